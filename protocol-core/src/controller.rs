@@ -1,0 +1,92 @@
+//! What the core asks of a CAN controller, and what it hears of the bus from one.
+//!
+//! The simulated controller and the board's share these types, so that what is tested on the host is what is flashed.
+
+use crate::frame::Frame;
+
+/// A CAN controller that a device can be pumped through.
+pub trait Controller: embedded_can::nb::Can<Frame = Frame> {
+    /// Whether every frame it took is on the bus: no mailbox is pending.
+    fn is_idle(&self) -> bool;
+}
+
+/// How far the error counters let a controller take part in the bus (ISO 11898-1, fault confinement).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BusErrorMode {
+    /// Takes part in full.
+    #[default]
+    ErrorActive,
+    /// A counter is above 127: takes part, but signals errors passively.
+    ErrorPassive,
+    /// The transmit counter is above 255: takes no part until it has recovered.
+    BusOff,
+}
+
+/// The bit rates of CiA 301, without 5 kbit/s and below, as the numbers by which LSS table 0 knows them (CiA 305).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(u8)]
+pub enum BitRate {
+    /// 1 Mbit/s
+    Kbit1000 = 0,
+    /// 800 kbit/s
+    Kbit800 = 1,
+    /// 500 kbit/s
+    Kbit500 = 2,
+    /// 250 kbit/s
+    Kbit250 = 3,
+    /// 125 kbit/s
+    Kbit125 = 4,
+    /// 50 kbit/s
+    Kbit50 = 6,
+    /// 20 kbit/s
+    Kbit20 = 7,
+    /// 10 kbit/s
+    Kbit10 = 8,
+}
+
+impl BitRate {
+    /// All of them, fastest first.
+    pub const ALL: [Self; 8] = [
+        Self::Kbit1000,
+        Self::Kbit800,
+        Self::Kbit500,
+        Self::Kbit250,
+        Self::Kbit125,
+        Self::Kbit50,
+        Self::Kbit20,
+        Self::Kbit10,
+    ];
+
+    /// In bits per second.
+    #[must_use]
+    pub const fn bits_per_second(self) -> u32 {
+        match self {
+            Self::Kbit1000 => 1_000_000,
+            Self::Kbit800 => 800_000,
+            Self::Kbit500 => 500_000,
+            Self::Kbit250 => 250_000,
+            Self::Kbit125 => 125_000,
+            Self::Kbit50 => 50_000,
+            Self::Kbit20 => 20_000,
+            Self::Kbit10 => 10_000,
+        }
+    }
+
+    /// The index in LSS bit timing table 0 (CiA 305).
+    #[must_use]
+    pub const fn table_index(self) -> u8 {
+        self as u8
+    }
+
+    /// The bit rate of an index in LSS bit timing table 0; 5 (reserved) and above 8 there are none.
+    #[must_use]
+    pub fn from_table_index(index: u8) -> Option<Self> {
+        Self::ALL.into_iter().find(|rate| rate.table_index() == index)
+    }
+
+    /// The bit rate of a number of bits per second.
+    #[must_use]
+    pub fn from_bits_per_second(bits: u32) -> Option<Self> {
+        Self::ALL.into_iter().find(|rate| rate.bits_per_second() == bits)
+    }
+}

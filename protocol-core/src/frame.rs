@@ -1,0 +1,243 @@
+//! A classic CAN frame: what goes over the bus, on the host and on the board alike.
+
+use core::fmt;
+
+pub use embedded_can::{ExtendedId, Id, StandardId};
+
+/// The most bytes that a classic CAN frame carries.
+pub const MAX_LEN: usize = 8;
+
+/// A classic CAN data or remote frame.
+///
+/// The length is 0–8 by construction: a raw DLC of 9–15, which CAN allows and which means 8, never gets in here.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Frame {
+    id: Id,
+    remote: bool,
+    len: u8,
+    data: [u8; MAX_LEN],
+}
+
+impl Frame {
+    /// A data frame of the first `len` bytes of `data`; a length above 8 counts as 8, as a DLC does.
+    #[inline]
+    #[must_use]
+    pub const fn with_len(id: Id, data: [u8; MAX_LEN], len: u8) -> Self {
+        let len = if len > 8 { 8 } else { len };
+        let mut frame = Self { id, remote: false, len, data };
+        frame.blank_rest();
+        frame
+    }
+
+    /// A data frame of eight bytes.
+    #[inline]
+    #[must_use]
+    pub const fn full(id: Id, data: [u8; MAX_LEN]) -> Self {
+        Self { id, remote: false, len: 8, data }
+    }
+
+    /// A data frame of the bytes of `data`; `None` when there are more than eight.
+    #[must_use]
+    pub fn of(id: Id, data: &[u8]) -> Option<Self> {
+        let mut bytes = [0; MAX_LEN];
+        bytes.get_mut(..data.len())?.copy_from_slice(data);
+        Some(Self { id, remote: false, len: u8::try_from(data.len()).ok()?, data: bytes })
+    }
+
+    /// A remote frame that asks for `len` bytes; a length above 8 counts as 8.
+    #[must_use]
+    pub const fn remote(id: Id, len: u8) -> Self {
+        let len = if len > 8 { 8 } else { len };
+        Self { id, remote: true, len, data: [0; MAX_LEN] }
+    }
+
+    /// The identifier.
+    #[inline]
+    #[must_use]
+    pub const fn id(&self) -> Id {
+        self.id
+    }
+
+    /// Whether this is a remote frame.
+    #[inline]
+    #[must_use]
+    pub const fn is_remote(&self) -> bool {
+        self.remote
+    }
+
+    /// The number of data bytes, 0–8: what a data frame carries, or what a remote frame asks for.
+    #[inline]
+    #[must_use]
+    pub const fn len(&self) -> u8 {
+        self.len
+    }
+
+    /// Whether there is no data byte.
+    #[inline]
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// The data bytes; none for a remote frame.
+    #[inline]
+    #[must_use]
+    pub fn data(&self) -> &[u8] {
+        let len = if self.remote { 0 } else { usize::from(self.len) };
+        self.data.get(..len).unwrap_or(&[])
+    }
+
+    /// All eight bytes of the buffer; those beyond the length are zero.
+    #[inline]
+    #[must_use]
+    pub const fn bytes(&self) -> &[u8; MAX_LEN] {
+        &self.data
+    }
+
+    /// The eight data bytes, `None` when the frame has fewer or is a remote frame: for the services that take no others.
+    #[inline]
+    #[must_use]
+    pub const fn eight(&self) -> Option<&[u8; MAX_LEN]> {
+        if self.len == 8 && !self.remote { Some(&self.data) } else { None }
+    }
+
+    /// What arbitration goes by: of two keys the lower one wins the bus.
+    ///
+    /// A standard frame wins against an extended one with the same eleven leading bits, a data frame against a remote
+    /// one with the same identifier (ISO 11898-1).
+    #[inline]
+    #[must_use]
+    pub fn arbitration(&self) -> u32 {
+        let remote = u32::from(self.remote);
+        match self.id {
+            // 11 bits, RTR, IDE = 0, then nothing that could still be compared
+            Id::Standard(id) => u32::from(id.as_raw()) << 21 | remote << 20,
+            // 11 bits, SRR = 1, IDE = 1, 18 bits, RTR
+            Id::Extended(id) => {
+                let raw = id.as_raw();
+                (raw >> 18) << 21 | 1 << 20 | 1 << 19 | (raw & 0x3_FFFF) << 1 | remote
+            }
+        }
+    }
+
+    const fn blank_rest(&mut self) {
+        let keep = u64::MAX.unbounded_shr(64_u32.saturating_sub((self.len as u32).saturating_mul(8)));
+        self.data = (u64::from_le_bytes(self.data) & keep).to_le_bytes();
+    }
+}
+
+impl embedded_can::Frame for Frame {
+    fn new(id: impl Into<Id>, data: &[u8]) -> Option<Self> {
+        Self::of(id.into(), data)
+    }
+
+    fn new_remote(id: impl Into<Id>, dlc: usize) -> Option<Self> {
+        let len = u8::try_from(dlc).ok().filter(|len| usize::from(*len) <= MAX_LEN)?;
+        Some(Self::remote(id.into(), len))
+    }
+
+    fn is_extended(&self) -> bool {
+        matches!(self.id, Id::Extended(_))
+    }
+
+    fn is_remote_frame(&self) -> bool {
+        self.remote
+    }
+
+    fn id(&self) -> Id {
+        self.id
+    }
+
+    fn dlc(&self) -> usize {
+        usize::from(self.len)
+    }
+
+    fn data(&self) -> &[u8] {
+        Frame::data(self)
+    }
+}
+
+/// As the manuals print a frame: `5A0: 43 18 10 01 19 00 00 01`, 29-bit identifiers in eight digits, `R` for a remote one.
+impl fmt::Display for Frame {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.id {
+            Id::Standard(id) => write!(f, "{:03X}:", id.as_raw())?,
+            Id::Extended(id) => write!(f, "{:08X}:", id.as_raw())?,
+        }
+        if self.remote {
+            return write!(f, " R{}", self.len);
+        }
+        self.data().iter().try_for_each(|byte| write!(f, " {byte:02X}"))
+    }
+}
+
+impl fmt::Debug for Frame {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+/// The standard identifier of the low eleven bits of `raw`.
+#[inline]
+#[must_use]
+pub const fn standard(raw: u16) -> StandardId {
+    match StandardId::new(raw & 0x7FF) {
+        Some(id) => id,
+        None => StandardId::MAX,
+    }
+}
+
+/// The extended identifier of the low 29 bits of `raw`.
+#[inline]
+#[must_use]
+pub const fn extended(raw: u32) -> ExtendedId {
+    match ExtendedId::new(raw & 0x1FFF_FFFF) {
+        Some(id) => id,
+        None => ExtendedId::MAX,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use std::format;
+
+    use super::*;
+
+    fn std_frame(id: u16, data: &[u8]) -> Frame {
+        Frame::of(standard(id).into(), data).unwrap()
+    }
+
+    #[test]
+    fn prints_as_the_manuals_do() {
+        assert_eq!(format!("{}", std_frame(0x700, &[0])), "700: 00");
+        assert_eq!(format!("{}", Frame::of(extended(0x1BC7_8805).into(), &[3, 0x22]).unwrap()), "1BC78805: 03 22");
+        assert_eq!(format!("{}", Frame::remote(standard(0x700).into(), 1)), "700: R1");
+    }
+
+    #[test]
+    fn a_length_above_eight_counts_as_eight() {
+        assert_eq!(Frame::with_len(standard(1).into(), [7; 8], 15).data(), [7; 8]);
+        assert_eq!(Frame::remote(standard(1).into(), 15).len(), 8);
+        assert_eq!(Frame::of(standard(1).into(), &[0; 9]), None);
+    }
+
+    #[test]
+    fn bytes_beyond_the_length_are_zero() {
+        let frame = Frame::with_len(standard(1).into(), [7; 8], 3);
+        assert_eq!(frame.data(), [7; 3]);
+        assert_eq!(frame.bytes(), &[7, 7, 7, 0, 0, 0, 0, 0]);
+        assert_eq!(Frame::with_len(standard(1).into(), [7; 8], 0).bytes(), &[0; 8]);
+    }
+
+    #[test]
+    fn arbitration_as_on_the_wire() {
+        let data = std_frame(0x123, &[]);
+        let remote = Frame::remote(standard(0x123).into(), 0);
+        let long = Frame::of(extended(0x123 << 18).into(), &[]).unwrap();
+        let next = std_frame(0x124, &[]);
+        assert!(data.arbitration() < remote.arbitration());
+        assert!(remote.arbitration() < long.arbitration());
+        assert!(long.arbitration() < next.arbitration());
+    }
+}

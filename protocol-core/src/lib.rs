@@ -1,0 +1,44 @@
+//! The stand-in devices without hardware: a sans-IO protocol core for CAN hydraulic valves.
+//!
+//! No allocator, no clock, no I/O, no `unsafe`; integers only; no input from the bus may panic it. Imports run one way:
+//!
+//! ```text
+//! wire/       bytes ↔ meaning: total functions, no state
+//! actuator/   the valve without a protocol
+//! canopen/    services that know no product        uds    the identifier server
+//! memory/     records and their encoding
+//! device/     the products, each a composition of the above, and `Device`, their common face
+//! pump        moves frames between a CAN controller and a device
+//! ```
+//!
+//! What the devices do, with every table, is in the repository's `docs/behaviour.md`; "SPEC 4.2" in a comment is its
+//! section 4.2.
+#![no_std]
+#![forbid(unsafe_code)]
+#![deny(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::indexing_slicing,
+    clippy::arithmetic_side_effects,
+    clippy::float_arithmetic,
+    clippy::unreachable
+)]
+#![cfg_attr(
+    test,
+    allow(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::panic,
+        clippy::indexing_slicing,
+        clippy::arithmetic_side_effects
+    )
+)]
+
+pub mod actuator;
+pub mod controller;
+pub mod device;
+pub mod frame;
+pub mod memory;
+pub mod pump;
+pub mod time;

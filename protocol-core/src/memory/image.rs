@@ -1,0 +1,114 @@
+//! What the platform found in the memory when the device starts.
+
+use super::record::{RECORD_MAX, Record, RecordKey, open};
+
+/// What lies under one key.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Content {
+    /// Never written.
+    #[default]
+    Absent,
+    /// The bytes as they were read, sealed, not yet checked.
+    Sealed(Record),
+    /// Something is there that could not be read, or is longer than any record.
+    Unreadable,
+}
+
+/// Everything stored, as read at a start, record by record, before any check.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Image {
+    contents: [Content; RecordKey::ALL.len()],
+    damaged: bool,
+}
+
+impl Image {
+    /// A memory that was never written.
+    #[must_use]
+    pub fn empty() -> Self {
+        Self::default()
+    }
+
+    /// Puts in what was read under `key`.
+    pub fn put(&mut self, key: RecordKey, bytes: &[u8]) {
+        self.set(key, Record::from_slice(bytes).map_or(Content::Unreadable, Content::Sealed));
+    }
+
+    /// Notes that `key` could not be read.
+    pub fn put_unreadable(&mut self, key: RecordKey) {
+        self.set(key, Content::Unreadable);
+    }
+
+    /// Notes that the memory as a whole was damaged: what could not be read is not known.
+    pub const fn set_damaged(&mut self) {
+        self.damaged = true;
+    }
+
+    /// Whether the memory as a whole was damaged.
+    #[must_use]
+    pub const fn is_damaged(&self) -> bool {
+        self.damaged
+    }
+
+    /// Whether nothing was ever written and nothing is damaged: a new board, a new state file.
+    #[must_use]
+    pub fn is_new(&self) -> bool {
+        !self.damaged && self.contents.iter().all(|content| *content == Content::Absent)
+    }
+
+    /// The payload of a record. `Ok(None)` when it was never written.
+    ///
+    /// # Errors
+    /// [`Corrupt`] when something is there that does not open as `version`.
+    pub fn payload(&self, key: RecordKey, version: u8) -> Result<Option<&[u8]>, Corrupt> {
+        match self.contents.get(key.position()) {
+            None | Some(Content::Absent) => Ok(None),
+            Some(Content::Sealed(record)) => open(version, record).map(Some).ok_or(Corrupt),
+            Some(Content::Unreadable) => Err(Corrupt),
+        }
+    }
+
+    fn set(&mut self, key: RecordKey, content: Content) {
+        if let Some(slot) = self.contents.get_mut(key.position()) {
+            *slot = content;
+        }
+    }
+}
+
+/// A record that fails its check: taken as absent, and raises the internal error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Corrupt;
+
+const _: () = assert!(RECORD_MAX <= 255);
+
+#[cfg(test)]
+mod tests {
+    use super::super::seal;
+    use super::*;
+
+    #[test]
+    fn a_new_memory_holds_nothing() {
+        let image = Image::empty();
+        assert!(image.is_new());
+        assert_eq!(image.payload(RecordKey::Parameters, 1), Ok(None));
+    }
+
+    #[test]
+    fn records_are_checked_when_they_are_opened() {
+        let mut image = Image::empty();
+        image.put(RecordKey::LocalLayer, &seal(1, b"\x20").unwrap());
+        image.put(RecordKey::Parameters, b"noise");
+        image.put(RecordKey::FaultLog, &[0; 200]);
+        assert!(!image.is_new());
+        assert_eq!(image.payload(RecordKey::LocalLayer, 1), Ok(Some(&b"\x20"[..])));
+        assert_eq!(image.payload(RecordKey::LocalLayer, 2), Err(Corrupt));
+        assert_eq!(image.payload(RecordKey::Parameters, 1), Err(Corrupt));
+        assert_eq!(image.payload(RecordKey::FaultLog, 1), Err(Corrupt));
+    }
+
+    #[test]
+    fn a_damaged_memory_is_not_a_new_one() {
+        let mut image = Image::empty();
+        image.set_damaged();
+        assert!(image.is_damaged() && !image.is_new());
+    }
+}

@@ -1,0 +1,112 @@
+//! One record: its key, and its encoding with version, length and CRC.
+//!
+//! A flash map keeps each record either old or new, but can hand out a flipped bit (SPEC 6): so every record is sealed,
+//! and one that does not open is taken as absent and raises the internal error.
+
+use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
+use heapless::Vec;
+
+/// The most bytes of a sealed record: the longest payload (the parameters) with some room, version, length and CRC.
+pub const RECORD_MAX: usize = 128;
+
+/// The bytes of a sealed record.
+pub type Record = Vec<u8, RECORD_MAX>;
+
+/// version, length
+const HEADER: usize = 2;
+const CRC_LEN: usize = 4;
+const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
+
+/// The key under which a record lies in the memory (SPEC 6).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(u8)]
+pub enum RecordKey {
+    /// Identity, NAME function instance, numbers and date: written once, never at run time.
+    Factory = 1,
+    /// Node ID or address, and bit rate.
+    LocalLayer = 2,
+    /// The parameters that "save" stores.
+    Parameters = 3,
+    /// Whether the next start restores the defaults.
+    RestoreFlag = 4,
+    /// Occurrence counters and previously active faults.
+    FaultLog = 5,
+}
+
+impl RecordKey {
+    /// All of them, in the order of their keys.
+    pub const ALL: [Self; 5] = [Self::Factory, Self::LocalLayer, Self::Parameters, Self::RestoreFlag, Self::FaultLog];
+
+    /// The position in [`ALL`](Self::ALL).
+    #[must_use]
+    pub const fn position(self) -> usize {
+        (self as usize).saturating_sub(1)
+    }
+}
+
+/// The memory could not be written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StoreError;
+
+/// Wraps a payload into version, length and CRC.
+///
+/// # Errors
+/// [`StoreError`] when the payload is longer than a record holds.
+pub fn seal(version: u8, payload: &[u8]) -> Result<Record, StoreError> {
+    let len = u8::try_from(payload.len()).map_err(|_| StoreError)?;
+    let mut record = Record::new();
+    record.extend_from_slice(&[version, len]).map_err(|_| StoreError)?;
+    record.extend_from_slice(payload).map_err(|_| StoreError)?;
+    let crc = CRC.checksum(&record).to_le_bytes();
+    record.extend_from_slice(&crc).map_err(|_| StoreError)?;
+    Ok(record)
+}
+
+/// The payload of a sealed record; `None` unless version, length and CRC are right.
+#[must_use]
+pub fn open(version: u8, record: &[u8]) -> Option<&[u8]> {
+    let (body, crc) = record.split_at_checked(record.len().checked_sub(CRC_LEN)?)?;
+    let (header, payload) = body.split_at_checked(HEADER)?;
+    let intact = CRC.checksum(body).to_le_bytes() == crc
+        && header.first() == Some(&version)
+        && header.last().map(|len| usize::from(*len)) == Some(payload.len());
+    intact.then_some(payload)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_sealed_opens() {
+        let record = seal(3, b"payload").unwrap();
+        assert_eq!(record.len(), HEADER + 7 + CRC_LEN);
+        assert_eq!(open(3, &record), Some(&b"payload"[..]));
+        assert_eq!(open(1, &seal(1, b"").unwrap()), Some(&b""[..]));
+    }
+
+    #[test]
+    fn another_version_or_a_cut_record_does_not_open() {
+        let record = seal(3, b"payload").unwrap();
+        assert_eq!(open(2, &record), None);
+        for len in 0..record.len() {
+            assert_eq!(open(3, &record[..len]), None);
+        }
+    }
+
+    #[test]
+    fn no_single_flipped_bit_opens() {
+        let record = seal(1, b"\x20\x03").unwrap();
+        for bit in 0..record.len() * 8 {
+            let mut rotten = record.clone();
+            rotten[bit / 8] ^= 1 << (bit % 8);
+            assert_eq!(open(1, &rotten), None, "bit {bit}");
+        }
+    }
+
+    #[test]
+    fn a_payload_that_is_too_long_is_refused() {
+        assert_eq!(seal(1, &[0; RECORD_MAX]), Err(StoreError));
+        assert_eq!(seal(1, &[0; 300]), Err(StoreError));
+    }
+}

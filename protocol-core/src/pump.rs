@@ -1,0 +1,46 @@
+//! The pump: moves frames between a controller and a device. The board and the simulator both run this one.
+
+use crate::controller::Controller;
+use crate::device::{Device, Effect};
+use crate::time::Instant;
+
+/// Hands the device what the controller received and the time, and the controller what the device has to send.
+///
+/// Returns an effect that the platform must carry out; call again until there is none. Call it when a frame was
+/// received or sent, when [`Device::deadline`] has come, and after every effect.
+///
+/// A frame that the controller cannot take goes back to the device and is offered again, after anything more urgent.
+pub fn pump<D, C>(device: &mut D, can: &mut C, now: Instant) -> Option<Effect>
+where
+    D: Device + ?Sized,
+    C: Controller,
+{
+    // An overrun is the controller's to count; what came after it can still be read.
+    while let Ok(frame) = can.receive() {
+        device.handle(&frame, now);
+    }
+    device.poll(now);
+    loop {
+        while let Some(frame) = device.next_frame() {
+            match can.transmit(&frame) {
+                Ok(None) => {}
+                Ok(Some(overtaken)) => device.give_back(overtaken),
+                Err(_) => {
+                    device.give_back(frame);
+                    return None;
+                }
+            }
+        }
+        if !can.is_idle() {
+            return None;
+        }
+        if let Some(effect) = device.next_effect() {
+            return Some(effect);
+        }
+        // Being told that all is sent can be what the device waited for: see whether it has more.
+        match device.next_frame() {
+            Some(frame) => device.give_back(frame),
+            None => return None,
+        }
+    }
+}

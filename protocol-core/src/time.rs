@@ -1,0 +1,41 @@
+//! Time as the core sees it: a parameter, never a clock.
+//!
+//! [`Instant`] and [`Duration`] are embassy-time's, at its 1 MHz tick, used as types only. Their operators panic on
+//! overflow; the helpers here saturate instead, so that no instant that a platform hands in can stop the device.
+
+pub use embassy_time::{Duration, Instant};
+
+/// The instant that never comes: what a timer that is off is due at.
+pub const NEVER: Instant = Instant::MAX;
+
+/// `duration` after `instant`; [`NEVER`] when that lies beyond the end of time.
+#[inline]
+#[must_use]
+pub const fn after(instant: Instant, duration: Duration) -> Instant {
+    Instant::from_ticks(instant.as_ticks().saturating_add(duration.as_ticks()))
+}
+
+/// The time that has passed from `earlier` to `later`; zero when `later` is not later.
+#[inline]
+#[must_use]
+pub const fn since(later: Instant, earlier: Instant) -> Duration {
+    Duration::from_ticks(later.as_ticks().saturating_sub(earlier.as_ticks()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_end_of_time_is_never_passed() {
+        assert_eq!(after(Instant::MAX, Duration::from_millis(1)), NEVER);
+        assert_eq!(after(Instant::from_millis(1), Duration::MAX), NEVER);
+        assert_eq!(after(Instant::from_millis(1), Duration::from_millis(2)), Instant::from_micros(3000));
+    }
+
+    #[test]
+    fn time_that_runs_backwards_counts_as_none() {
+        assert_eq!(since(Instant::from_millis(1), Instant::from_millis(5)), Duration::from_ticks(0));
+        assert_eq!(since(Instant::from_millis(5), Instant::from_millis(1)), Duration::from_millis(4));
+    }
+}
