@@ -36,6 +36,7 @@
 )]
 
 pub mod actuator;
+pub mod canopen;
 pub mod controller;
 pub mod device;
 pub mod frame;
