@@ -43,4 +43,5 @@ pub mod frame;
 pub mod memory;
 pub mod pump;
 pub mod time;
+pub mod uds;
 pub mod wire;

@@ -4,7 +4,6 @@
 //! What the objects hold lies with the product, behind [`Objects`].
 
 use crate::time::Instant;
-use crate::wire::cob_id::NodeId;
 use crate::wire::sdo::{AbortCode, Multiplexer};
 
 /// The type of an object.
@@ -146,16 +145,6 @@ impl Entry {
     #[must_use]
     pub const fn default(self, value: u32) -> Self {
         Self { default: Default::Number(value), ..self }
-    }
-
-    /// The default for a node ID; `None` when the product gives it.
-    #[must_use]
-    pub fn default_for(&self, node: NodeId) -> Option<u32> {
-        match self.default {
-            Default::Number(value) => Some(value),
-            Default::NodeIdPlus(base) => Some(base.wrapping_add(u32::from(node.get()))),
-            Default::Product => None,
-        }
     }
 
     const fn key(&self) -> u32 {

@@ -20,6 +20,12 @@ pub struct ErrorHistory {
 }
 
 impl ErrorHistory {
+    /// An empty history.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { fields: HistoryBuf::new() }
+    }
+
     /// The number of errors, sub-index 0.
     #[must_use]
     pub fn count(&self) -> u8 {
@@ -111,6 +117,11 @@ impl EmcyConsumer {
         }
         self.cob_id = cob_id;
         Ok(())
+    }
+
+    /// Takes a stored COB-ID, unchecked.
+    pub const fn load(&mut self, raw: u32) {
+        self.cob_id = CobId::new(raw);
     }
 
     /// Whether a frame with this identifier is the EMCY that it listens for.

@@ -3,24 +3,26 @@
 
 use heapless::Vec;
 
-use super::dictionary::{DataType, Entry, Objects, Table, Value};
+use super::dictionary::{DataType, Entry, Table, Value};
 
-/// The values of all stored objects, one after the other; a text is preceded by its length. `None` when they are more
-/// than `N` bytes.
-pub fn encode<const N: usize>(objects: &impl Objects) -> Option<Vec<u8, N>> {
+/// The values of all stored objects as `value_of` gives them, one after the other; a text is preceded by its length.
+/// `None` when one is missing, or when they are more than `N` bytes.
+pub fn encode<'a, const N: usize>(
+    table: Table,
+    value_of: impl Fn(&'static Entry) -> Option<Value<'a>>,
+) -> Option<Vec<u8, N>> {
     let mut payload = Vec::new();
-    for entry in objects.table().stored() {
-        match objects.read(entry.object) {
-            Ok(Value::Number(number)) => {
+    for entry in table.stored() {
+        match value_of(entry)? {
+            Value::Number(number) => {
                 let bytes = number.to_le_bytes();
                 let bytes = bytes.get(..usize::from(entry.data_type.size())).unwrap_or(&[]);
                 payload.extend_from_slice(bytes).ok()?;
             }
-            Ok(Value::Text(text)) => {
+            Value::Text(text) => {
                 payload.push(u8::try_from(text.len()).ok()?).ok()?;
                 payload.extend_from_slice(text).ok()?;
             }
-            Err(_) => return None,
         }
     }
     Some(payload)

@@ -39,6 +39,11 @@ impl SyncConsumer {
         Ok(())
     }
 
+    /// Takes a stored COB-ID, unchecked.
+    pub const fn load(&mut self, raw: u32) {
+        self.cob_id = CobId::new(raw);
+    }
+
     /// Whether a frame with this identifier is SYNC.
     #[inline]
     #[must_use]
