@@ -149,7 +149,7 @@ impl Rig {
     }
 
     /// The next frame that the device has sent.
-    pub fn next(&mut self) -> Option<Frame> {
+    pub fn take_next(&mut self) -> Option<Frame> {
         self.wire.sent.pop_front()
     }
 
@@ -161,7 +161,7 @@ impl Rig {
     /// The next frame that the device has sent must be this one.
     #[track_caller]
     pub fn expect(&mut self, text: &str) {
-        let sent = self.next().map(|frame| frame.to_string());
+        let sent = self.take_next().map(|frame| frame.to_string());
         assert_eq!(sent.as_deref(), Some(text), "at {} us", self.now.as_micros());
     }
 
@@ -260,7 +260,7 @@ impl Rig {
         self.send("000: 01 00");
         for status in ["09", "0B", "0F"] {
             self.send(&format!("{:03X}: 0F 00 00 00", 0x200 + node_id));
-            let sent = self.next().expect("a TPDO").to_string();
+            let sent = self.take_next().expect("a TPDO").to_string();
             assert!(sent.starts_with(&format!("{:03X}: {status} 00", 0x180 + node_id)), "{sent}");
         }
         self.expect_nothing();
@@ -315,7 +315,7 @@ impl Rig {
         let [a, b, c, d] = data.to_le_bytes();
         let id = protocol_core::frame::standard(0x600 | u16::from(node_id));
         self.send_frame(Frame::full(id.into(), [command, low, high, sub, a, b, c, d]));
-        let answer = self.next().expect("an SDO answer");
+        let answer = self.take_next().expect("an SDO answer");
         assert_eq!(answer.id(), protocol_core::frame::standard(0x580 | u16::from(node_id)).into(), "{answer}");
         answer
     }
