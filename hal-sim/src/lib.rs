@@ -1,1 +1,19 @@
-//! The host hardware.
+//! The host's hardware for the stand-in devices, as a library: a deterministic world in virtual time.
+//!
+//! ```text
+//! bus/      a CAN bus: frame lengths, arbitration, acknowledgement, error confinement; and the ports on it
+//! memory/   a NOR flash in RAM, the record store on it, and the file that keeps it
+//! world/    devices, bus and plant in virtual time, event by event
+//! ```
+//!
+//! Nothing in here waits, locks, prints or looks at a clock: whoever drives the [`World`](world::World) decides how
+//! virtual time passes. Two runs with one seed and the same calls are the same to the last bit.
+#![forbid(unsafe_code)]
+
+pub mod bus;
+pub mod memory;
+pub mod world;
+
+pub use bus::{BusError, Port};
+pub use memory::Memory;
+pub use world::{NodeId, TapId, TraceEvent, World};
