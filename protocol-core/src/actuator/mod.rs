@@ -35,3 +35,6 @@ pub use spool::{
     SpoolFault, SpoolSense,
 };
 pub use valve::{Drive, Regulation, SpoolMonitors, Valve, ValveConfig, ValveSenses};
+
+#[cfg(test)]
+mod tests;
