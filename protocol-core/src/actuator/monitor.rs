@@ -2,7 +2,7 @@
 
 use core::ops::RangeInclusive;
 
-use super::fault::{Fault, FaultRegister};
+use super::fault::{Fault, FaultRegister, FaultSet};
 use super::travel::Travel;
 use crate::time::{Duration, Instant, NEVER, after};
 
@@ -106,6 +106,13 @@ impl Monitor {
     /// Lets the delay begin anew.
     pub(super) const fn restart(&mut self) {
         self.due = NEVER;
+    }
+
+    /// The same if its fault is among those.
+    pub(super) const fn restart_after(&mut self, cleared: FaultSet) {
+        if cleared.contains(self.fault) {
+            self.restart();
+        }
     }
 
     /// When the fault activates if the value stays as it is.

@@ -169,8 +169,8 @@ impl Valve {
         let begins = matches!(drive, Drive::Regulate(_)) && !self.regulating();
         self.drive = drive;
         if begins {
+            // Monitor 2 runs in float alone and begins anew by itself.
             self.at_set_point.restart();
-            self.in_float.restart();
         }
         self.step(now);
     }
@@ -353,6 +353,10 @@ impl Valve {
                 break;
             }
         }
+        // What is gone and would come again if nobody acted counts from now: nobody could.
+        let cleared = self.faults.changes.cleared;
+        self.at_set_point.restart_after(cleared);
+        self.in_float.restart_after(cleared);
         self.step(now);
     }
 

@@ -47,6 +47,17 @@ fn a_spool_stuck_in_neutral_is_a_fault_that_is_gone_at_once() {
 }
 
 #[test]
+fn a_late_call_counts_a_spool_stuck_in_neutral_once() {
+    let mut rig = Rig::new(CANOPEN);
+    rig.spool(0, SpoolFault::Stuck);
+    rig.drive(0, to(16384));
+    rig.drive(3_600_000, Drive::Off);
+    let stuck = FaultSet::of(Fault::SpoolNotAtSetPoint);
+    assert_eq!(rig.valve.take_changes(), Changes { activated: stuck, cleared: stuck });
+    assert_eq!(rig.valve.counters().get(Fault::SpoolNotAtSetPoint), 1);
+}
+
+#[test]
 fn spool_faults_share_a_counter_where_they_do() {
     for (config, expected) in [(CANOPEN, (3, 3)), (ISOBUS, (2, 1))] {
         let mut rig = Rig::new(config);

@@ -177,6 +177,12 @@ fn monitors_of_the_spool_begin_anew_with_regulation_and_on_request() {
     rig.valve.restart_spool_monitors(ms(1000));
     rig.expect_activation(Fault::SpoolNotAtSetPoint, 1500);
 
+    let mut rig = Rig::new(CANOPEN);
+    rig.lever(0, 5000);
+    rig.drive(0, FLOAT);
+    rig.valve.restart_spool_monitors(ms(900));
+    rig.expect_activation(Fault::FloatNotReached, 1900);
+
     let mut rig = Rig::new(ISOBUS);
     rig.lever(0, 5000);
     rig.drive(300, to(16000));

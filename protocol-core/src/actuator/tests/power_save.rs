@@ -46,6 +46,8 @@ fn waits_for_a_spool_that_still_moves() {
     let mut rig = Rig::new(CANOPEN);
     rig.drive(0, to(16384));
     rig.drive(1000, BLOCKED);
+    rig.sense(1245, |senses| senses.temperature_c = 40);
+    assert!(rig.valve.in_neutral(ms(1245)) && rig.position(1245) != 0);
     rig.valve.poll(ms(1250) - MICROSECOND);
     assert!(rig.valve.solenoids());
     assert_eq!(rig.valve.deadline(), ms(1250));

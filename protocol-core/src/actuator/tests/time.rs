@@ -82,6 +82,7 @@ fn run(seed: u64, config: ValveConfig, polling: Polling) -> Story {
             if at > next {
                 break;
             }
+            assert!(at > now, "a deadline that has passed");
             now = at;
             valve.poll(now);
             note(&mut valve, now);
@@ -146,10 +147,12 @@ fn time_that_runs_backwards_counts_as_the_last_instant() {
     rig.valve.poll(ms(1000));
     rig.drive(0, to(16384));
     assert_eq!([0, 1000, 1125].map(|at| rig.position(at)), [0, 0, 8192]);
+    rig.valve.poll(ms(1125));
+    assert_eq!(rig.position(1050), 8192);
     rig.valve.start_guard(ms(5));
     rig.valve.poll(ms(700));
     assert_eq!(rig.valve.faults(), FaultSet::EMPTY);
-    rig.expect_activation(Fault::TimeGuarding, 1250);
+    rig.expect_activation(Fault::TimeGuarding, 1375);
 }
 
 #[test]
