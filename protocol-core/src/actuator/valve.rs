@@ -222,6 +222,13 @@ impl Valve {
         core::mem::take(&mut self.faults.changes)
     }
 
+    /// Whether [`take_changes`](Self::take_changes) has something to tell.
+    #[inline]
+    #[must_use]
+    pub const fn has_changes(&self) -> bool {
+        !self.faults.changes.is_empty()
+    }
+
     /// Whether a counter has changed since this was last called: there is something to be stored.
     pub fn take_counters_changed(&mut self) -> bool {
         core::mem::take(&mut self.faults.counters_changed)

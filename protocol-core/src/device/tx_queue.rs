@@ -18,6 +18,11 @@ pub(crate) struct TxQueue {
 impl TxQueue {
     /// Appends a frame. When there is no room, the least urgent one is dropped and counted.
     pub(crate) fn push(&mut self, frame: Frame) {
+        // Mostly nothing waits.
+        if self.frames.is_empty() {
+            let _ = self.frames.push(frame);
+            return;
+        }
         let key = frame.arbitration();
         let position = self.frames.iter().rposition(|waiting| waiting.arbitration() > key);
         self.insert(position.map_or(0, |position| position.saturating_add(1)), frame);
