@@ -96,7 +96,7 @@ fn sdo_upload(mut case: Box<Case>) -> (Box<Case>, Option<Frame>) {
 
 // SDO download of an UNSIGNED16 (701 in C).
 #[library_benchmark(config = budget(500))]
-#[bench::u16(idle("620: 2B 17 10 00 E8 03 00 00"))]
+#[bench::u16(idle("620: 2B 40 60 00 01 00 00 00"))]
 fn sdo_download(mut case: Box<Case>) -> (Box<Case>, Option<Frame>) {
     let answer = black_box(pass(&mut case));
     (case, answer)

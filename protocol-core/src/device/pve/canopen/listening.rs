@@ -54,6 +54,11 @@ impl Listening {
         }
     }
 
+    /// Whether an object holds one of the identifiers.
+    pub(super) const fn depends_on(index: u16) -> bool {
+        matches!(index, 0x1005 | 0x1028 | 0x1400)
+    }
+
     /// The service that a frame with this key is for.
     #[inline]
     pub(super) fn service(&self, key: u32) -> Option<Service> {

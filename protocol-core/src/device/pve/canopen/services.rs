@@ -125,7 +125,12 @@ impl PveCanopen {
         }
         let Some(bytes) = frame.eight() else { return };
         let answer = self.sdo.handle(bytes, &mut self.objects, now);
-        if matches!(answer, Some(Answer::DownloadDone(_) | Answer::DownloadSegmentDone { .. })) {
+        let cob_id_written = match answer {
+            Some(Answer::DownloadDone(object)) => Listening::depends_on(object.index),
+            Some(Answer::DownloadSegmentDone { .. }) => true,
+            _ => false,
+        };
+        if cob_id_written {
             self.listening = Listening::of(&self.objects);
         }
         if let Some(answer) = answer {

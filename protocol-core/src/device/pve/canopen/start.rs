@@ -138,7 +138,7 @@ impl PveCanopen {
             held_node_id: None,
             local_layer,
             storage: Storage::default(),
-            fault_log: FaultLogClock::default(),
+            fault_log: FaultLogClock::new(),
             ticket: 0,
             restarting: Restarting::No,
             deadline: NEVER,
@@ -172,7 +172,7 @@ impl PveCanopen {
         } else {
             self.bit_rate = found.local_layer.bit_rate;
             self.storage = Storage::default();
-            self.fault_log = FaultLogClock::default();
+            self.fault_log = FaultLogClock::new();
             self.objects.set_factory(found.factory);
             self.objects.history = ErrorHistory::default();
             self.objects.application.restart(found.counters, now);
