@@ -408,3 +408,17 @@ fn devices_are_found_by_name() {
     assert_eq!(bench.world.devices().collect::<Vec<_>>(), bench.nodes);
     assert_eq!(bench.world.device(bench.nodes[2]).and_then(|device| device.node_id()), Some(3));
 }
+
+#[test]
+fn a_power_cut_planned_for_a_word_takes_the_device_along() {
+    let mut bench = Bench::of(1);
+    bench.world.memory_mut(bench.nodes[0]).flash_mut().cut_power_after(2);
+    bench.command(Command::Store, 1, b"abc");
+    bench.run_for(100);
+    assert!(!bench.world.is_powered(bench.nodes[0]));
+    bench.world.power(bench.nodes[0], true);
+    assert_eq!((bench.probe(0).parameters.as_deref(), bench.probe(0).damaged), (None, false));
+    bench.command(Command::Store, 1, b"abc");
+    bench.run_for(100);
+    assert_eq!(bench.probe(0).stored.last().unwrap().1, Ok(()));
+}
