@@ -17,6 +17,8 @@ mod transmission;
 mod transmit;
 
 #[cfg(test)]
+mod bits_tests;
+#[cfg(test)]
 mod tests;
 
 use std::sync::Arc;

@@ -31,7 +31,7 @@ pub(super) struct Transmission {
     /// When the frame or the error frame ends.
     pub(super) end: Nanos,
     pub(super) error: Option<BusError>,
-    /// Whether a controller at another bit rate destroyed it.
+    /// Whether listeners at another bit rate than everybody else destroyed it.
     pub(super) by_other_rate: bool,
 }
 
@@ -110,7 +110,7 @@ impl Bus {
             }
         }
         let silence = Fate { error: BusError::Acknowledgement, bits: bits.to_ack_slot(), by_other_rate: false };
-        let other_rate = Fate { error: BusError::Stuff, bits: WRONG_RATE_SEEN, by_other_rate: true };
+        let other_rate = Fate { error: BusError::Stuff, bits: WRONG_RATE_SEEN, by_other_rate: heard };
         let injected =
             self.injectors.iter_mut().filter_map(|injector| injector.disturb(&first.name, &frame, on_wire)).min();
         let injected = injected.map(|bit| Fate { error: BusError::Bit, bits: bit + 1, by_other_rate: false });

@@ -14,6 +14,8 @@ mod trace;
 mod probe;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod throughput_tests;
 
 use std::sync::Arc;
 
