@@ -114,12 +114,7 @@ const EMPTY_HISTORY: (u16, std::ops::RangeInclusive<u8>) = (0x1003, 1..=8);
 
 /// The texts: index, `pvea-canopen`, `pveo-canopen`.
 const TEXTS: [(u16, Access, &str, &str); 3] = [
-    (
-        0x100A,
-        Ro,
-        "APP-_S6m1_M_R132_CANOPEN-_11149437_-000_ 180701",
-        "APP-_S6m1_M_R132_CANOPEN-_11149443_-000_ 180701",
-    ),
+    (0x100A, Ro, "APP-_S6m1_M_R132_CANOPEN-_11149437_-000_ 180701", "APP-_S6m1_M_R132_CANOPEN-_11149443_-000_ 180701"),
     (0x6052, Ro, "1529741568", "1529741568"),
     (0x6053, Rw, "PVEA-CI S6", "PVEO-CI S6"),
 ];
