@@ -59,6 +59,9 @@ struct Write {
     done: Instant,
 }
 
+/// The cycle in which the manual's controller sends.
+const CYCLE_MS: u64 = 100;
+
 /// A CANopen valve on a rig.
 pub struct Rig {
     setup: Setup,
@@ -158,6 +161,12 @@ impl Rig {
         self.wire.sent.drain(..).map(|frame| frame.to_string()).collect()
     }
 
+    /// Takes all frames that the device has sent, and returns those under this identifier.
+    pub fn take_under(&mut self, id: &str) -> Vec<String> {
+        let under = |frame: &String| frame.split_once(':').is_some_and(|(of_frame, _)| of_frame == id);
+        self.take().into_iter().filter(under).collect()
+    }
+
     /// The next frame that the device has sent must be this one.
     #[track_caller]
     pub fn expect(&mut self, text: &str) {
@@ -199,6 +208,15 @@ impl Rig {
         }
         self.now = end;
         self.pump();
+    }
+
+    /// Lets so many milliseconds pass, as a machine controller does: with this frame every 100 ms, the first after 100 ms.
+    pub fn advance_cyclic(&mut self, ms: u64, text: &str) {
+        for _ in 0..ms / CYCLE_MS {
+            self.advance(CYCLE_MS);
+            self.send(text);
+        }
+        self.advance(ms % CYCLE_MS);
     }
 
     /// Lets time pass in one leap: the device is polled at its end alone.
@@ -264,6 +282,12 @@ impl Rig {
             assert!(sent.starts_with(&format!("{:03X}: {status} 00", 0x180 + node_id)), "{sent}");
         }
         self.expect_nothing();
+    }
+
+    /// The status word, read over SDO.
+    #[track_caller]
+    pub fn status(&mut self) -> u32 {
+        self.read(0x6041, 0)
     }
 
     /// Reads a number over SDO, expedited.

@@ -113,7 +113,7 @@ impl Application {
         let disabled = !has_node_id || !self.valve.regulating();
         Led::of(Condition {
             faults: self.valve.faults(),
-            fault_hold: has_node_id && self.state() == DeviceState::FaultHold,
+            fault_hold: self.state() == DeviceState::FaultHold,
             disabled,
             power_save: self.valve.power_save(),
         })
