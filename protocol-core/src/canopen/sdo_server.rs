@@ -207,16 +207,17 @@ fn expedited(
     now: Instant,
 ) -> Result<Written, AbortCode> {
     let data_type = writable(object, objects)?;
+    if let Some(size) = size {
+        data_type.check_length(usize::from(size))?;
+    }
+    if !data_type.is_text() {
+        let unused = 32_u32.saturating_sub(u32::from(data_type.size()).saturating_mul(8));
+        return objects.write(object, Value::Number(data & u32::MAX.unbounded_shr(unused)), now);
+    }
     let bytes = data.to_le_bytes();
-    let len = match size {
-        Some(size) => usize::from(size),
-        None if data_type.is_text() => {
-            bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last.saturating_add(1))
-        }
-        None => usize::from(data_type.size()),
-    };
-    data_type.check_length(len)?;
-    objects.write(object, Value::of(data_type, bytes.get(..len).unwrap_or(&[])), now)
+    let end = || bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last.saturating_add(1));
+    let len = size.map_or_else(end, usize::from);
+    objects.write(object, Value::Text(bytes.get(..len).unwrap_or(&[])), now)
 }
 
 /// A text of one to four characters, as an expedited answer carries it.
