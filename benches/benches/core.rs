@@ -87,7 +87,7 @@ fn budget(instructions: u64) -> LibraryBenchmarkConfig {
 }
 
 // SDO upload of an UNSIGNED32 (755 in C).
-#[library_benchmark(config = budget(500))]
+#[library_benchmark(config = budget(499))]
 #[bench::u32(idle("620: 40 18 10 01 00 00 00 00"))]
 fn sdo_upload(mut case: Box<Case>) -> (Box<Case>, Option<Frame>) {
     let answer = black_box(pass(&mut case));
@@ -95,7 +95,7 @@ fn sdo_upload(mut case: Box<Case>) -> (Box<Case>, Option<Frame>) {
 }
 
 // SDO download of an UNSIGNED16 (701 in C).
-#[library_benchmark(config = budget(500))]
+#[library_benchmark(config = budget(499))]
 #[bench::u16(idle("620: 2B 40 60 00 01 00 00 00"))]
 fn sdo_download(mut case: Box<Case>) -> (Box<Case>, Option<Frame>) {
     let answer = black_box(pass(&mut case));
@@ -103,7 +103,7 @@ fn sdo_download(mut case: Box<Case>) -> (Box<Case>, Option<Frame>) {
 }
 
 // A segment of a string.
-#[library_benchmark(config = budget(500))]
+#[library_benchmark(config = budget(499))]
 #[bench::string(in_segmented_upload("620: 60 00 00 00 00 00 00 00"))]
 fn sdo_segment(mut case: Box<Case>) -> (Box<Case>, Option<Frame>) {
     let answer = black_box(pass(&mut case));
@@ -111,7 +111,7 @@ fn sdo_segment(mut case: Box<Case>) -> (Box<Case>, Option<Frame>) {
 }
 
 // RPDO of two objects → TPDO (658 in C): the master repeats its set-point, or changes it.
-#[library_benchmark(config = budget(450))]
+#[library_benchmark(config = budget(449))]
 #[bench::same_set_point(active("220: 0F 00 00 10"))]
 fn rpdo_to_tpdo(mut case: Box<Case>) -> (Box<Case>, Option<Frame>) {
     let answer = black_box(pass(&mut case));
@@ -127,7 +127,7 @@ fn rpdo_moves_spool(mut case: Box<Case>) -> (Box<Case>, Option<Frame>) {
 }
 
 // A frame for somebody else (57 in C).
-#[library_benchmark(config = budget(40))]
+#[library_benchmark(config = budget(39))]
 #[bench::standard(idle("1A1: 0F 00 00 00"))]
 #[bench::extended(idle("18FECA83: FF FF"))]
 fn foreign(mut case: Box<Case>) -> Box<Case> {
@@ -136,7 +136,7 @@ fn foreign(mut case: Box<Case>) -> Box<Case> {
 }
 
 // `poll` with nothing due (472 in C).
-#[library_benchmark(config = budget(30))]
+#[library_benchmark(config = budget(29))]
 #[bench::idle(idle("080:"))]
 fn nothing_due(mut case: Box<Case>) -> Box<Case> {
     case.valve.poll(case.now);
@@ -144,7 +144,7 @@ fn nothing_due(mut case: Box<Case>) -> Box<Case> {
 }
 
 // The last of the four numbers of LSS switch state selective.
-#[library_benchmark(config = budget(500))]
+#[library_benchmark(config = budget(499))]
 #[bench::last_number(in_selection("7E5: 43 00 01 2E 5B 00 00 00"))]
 fn lss_switch_selective(mut case: Box<Case>) -> (Box<Case>, Option<Frame>) {
     let answer = black_box(pass(&mut case));
