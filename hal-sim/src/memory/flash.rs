@@ -217,7 +217,10 @@ impl NorFlash for Flash {
     const WRITE_SIZE: usize = WORD;
     const ERASE_SIZE: usize = SECTOR;
 
-    /// A cut erase has erased the front of the sector, leaves noise in one word and the rest as it was.
+    /// A cut erase has erased the front of the sector, leaves noise in one word and the rest as it was (A).
+    ///
+    /// `sequential-storage` recovers from that. It would not from an erase that leaves the whole sector as noise or zeros:
+    /// with both of its marks set it passes for a full sector, whose copy is then thrown away to be made again.
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
         let len = to.checked_sub(from).ok_or(FlashError::OutOfBounds)? as usize;
         for start in Self::range(from, len, SECTOR)?.step_by(SECTOR) {

@@ -68,7 +68,7 @@ fn a_power_cut_at_any_word_leaves_each_record_old_or_new() {
         let operations = memory.flash().word_writes() - flash.word_writes() + erases;
         erasing += erases;
         // Every word of every store that begins or empties a sector, and of some others.
-        let cut_at = if operations > 28 || number % 30 == 1 { 0..operations } else { 0..0 };
+        let cut_at = if operations > 28 || number % 100 == 1 { 0..operations } else { 0..0 };
         for cut in cut_at {
             let mut flash = flash.clone();
             flash.seed_noise(cut);
@@ -79,14 +79,16 @@ fn a_power_cut_at_any_word_leaves_each_record_old_or_new() {
             memory.power_up();
             let found = held(&mut memory);
             assert!(found == before || found == after, "store {number} cut after {cut} of {operations}");
-            // It works again, whatever was left behind.
+            // It works again, whatever was left behind, and nothing else is lost by that.
             memory.store(key, &record(b"again")).unwrap();
-            assert_eq!(payload(&memory.read_image(), key).as_deref(), Some(&b"again"[..]));
+            let mut again = before.clone();
+            again[key.position()] = Some(b"again".to_vec());
+            assert!(held(&mut memory) == again, "store {number} cut after {cut} of {operations}, and stored again");
             cuts += 1;
         }
         before = after;
     }
-    assert!(cuts > 500 && erasing >= 1, "{cuts} cuts, {erasing} erases");
+    assert!(cuts > 250 && erasing >= 1, "{cuts} cuts, {erasing} erases");
 }
 
 #[test]
@@ -137,24 +139,21 @@ fn no_flipped_bit_gives_a_record_that_was_never_stored() {
     let (memory, _) = with_history(8);
     let used = memory.flash().words_in_use() * 32;
     let mut fallen_back = 0;
-    for bit in 0..used + 64 {
+    for bit in (0..used + 64).step_by(5) {
         let mut memory = Memory::with_flash(memory.flash().clone());
         memory.flash_mut().flip_bit(bit);
         let image = memory.read_image();
         for key in RecordKey::ALL {
-            match image.payload(key, VERSION) {
-                Ok(Some(found)) => {
-                    let number = u32::from_le_bytes(found[..4].try_into().unwrap());
-                    assert_eq!(found, numbered(number), "bit {bit}");
-                    fallen_back += u32::from(number < 4 && key != RecordKey::Factory);
-                }
-                Ok(None) | Err(Corrupt) => {}
+            if let Ok(Some(found)) = image.payload(key, VERSION) {
+                let number = u32::from_le_bytes(found[..4].try_into().unwrap());
+                assert_eq!(found, numbered(number), "bit {bit}");
+                fallen_back += u32::from(number < 4 && key != RecordKey::Factory);
             }
         }
         memory.store(RecordKey::Parameters, &record(b"again")).unwrap();
         assert_eq!(payload(&memory.read_image(), RecordKey::Parameters).as_deref(), Some(&b"again"[..]));
     }
-    assert!(fallen_back > 100, "a flipped bit in the newest record brings the one before back: {fallen_back}");
+    assert!(fallen_back > 20, "a flipped bit in the newest record brings the one before back: {fallen_back}");
 }
 
 #[test]

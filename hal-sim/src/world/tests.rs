@@ -134,6 +134,39 @@ fn clients_hear_each_other_but_not_themselves() {
 }
 
 #[test]
+fn clients_come_and_go_without_a_trace() {
+    let mut bench = Bench::of(1);
+    for round in 0..1000_u16 {
+        let visitor = bench.world.add_tap("visitor");
+        bench.world.send(visitor, std_frame(ECHO + 1, &round.to_le_bytes()));
+        bench.run_for(1);
+        let heard: Vec<_> = bench.world.take_received(visitor).map(|(_, frame)| frame).collect();
+        assert_eq!(heard, [std_frame(ECHO_ANSWER + 1, &round.to_le_bytes())]);
+        // Gone in the middle of a frame of its own.
+        bench.world.send(visitor, std_frame(0x123, &[]));
+        bench.world.step();
+        bench.world.remove_tap(visitor);
+    }
+    bench.run_for(10);
+    let broken = bench.trace.try_iter().filter(|event| event.frame().is_none() && event.from.as_ref() == "visitor");
+    assert_eq!(broken.count(), 1000);
+    assert_eq!(bench.world.owners.len(), 3, "one device, one client, one place for all the visitors");
+}
+
+#[test]
+fn a_gateway_without_a_client_acknowledges_and_keeps_nothing() {
+    let mut world = World::new(RATE, 0);
+    let gateway = world.add_gateway("gateway");
+    let node =
+        world.add_device("probe", Plan::new(1, RATE).beating(Duration::from_millis(10)).factory(), Memory::in_ram());
+    world.power(node, true);
+    world.run_until(millis(1005));
+    assert_eq!((world.port(node).mode(), world.port(node).pending()), (BusErrorMode::ErrorActive, 0));
+    assert_eq!(world.port(node).confinement().transmit_errors(), 0);
+    assert_eq!(world.take_received(gateway).count(), 0);
+}
+
+#[test]
 fn a_step_is_one_instant() {
     let mut bench = Bench::of(1);
     bench.world.send(bench.tap, std_frame(ECHO + 1, &[]));
