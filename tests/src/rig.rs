@@ -364,6 +364,24 @@ impl Rig {
         Ok(())
     }
 
+    /// Maps these objects into the PDO whose communication parameter this is, by the manual's procedure.
+    ///
+    /// # Panics
+    /// When a step is refused.
+    #[track_caller]
+    pub fn map(&mut self, communication: u16, entries: &[u32]) {
+        const OFF: u32 = 0x8000_0000;
+        let mapping = communication + 0x200;
+        let cob_id = self.read(communication, 1) & !OFF;
+        let count = u32::try_from(entries.len()).expect("a few entries");
+        let subs = (1..).zip(entries);
+        let steps = [(communication, 1, 4, cob_id | OFF), (mapping, 0, 1, 0), (mapping, 0, 1, count)];
+        let steps = steps.into_iter().chain(subs.map(|(sub, entry)| (mapping, sub, 4, *entry)));
+        for (index, sub, size, value) in steps.chain([(communication, 1, 4, cob_id)]) {
+            assert_eq!(self.write(index, sub, size, value), Ok(()), "{index:04X}:{sub} := {value:X}");
+        }
+    }
+
     /// Sends an SDO request; the answer.
     ///
     /// # Panics
