@@ -207,6 +207,12 @@ impl Rig {
         self.pump();
     }
 
+    /// Lets time pass in one leap, at whose end a frame comes before the device is polled.
+    pub fn leap_to(&mut self, duration: Duration, text: &str) {
+        self.now = after(self.now, duration);
+        self.send(text);
+    }
+
     /// Changes what the device senses.
     pub fn sense(&mut self, change: impl FnOnce(&mut Senses)) {
         change(&mut self.senses);

@@ -1,5 +1,6 @@
 //! RPDO 1 and TPDO 1: when they are taken and sent, and what the values of one frame do (SPEC 4.1, 4.2).
 
+use protocol_core::time::Duration;
 use tests::Rig;
 
 const RPDO: u16 = 0x1400;
@@ -236,12 +237,8 @@ fn a_pdo_that_is_off_is_not_there() {
 fn an_emcy_goes_before_the_tpdo_of_the_same_instant() {
     let mut rig = Rig::booted();
     rig.activate();
-    // To the instant of the time guard in one leap: the set-point of that instant comes too late.
-    rig.advance(249);
-    rig.hold_bus(true);
-    rig.advance(1);
-    rig.send("220: 0F 00 00 00");
-    rig.hold_bus(false);
+    // The set-point of the very instant at which the time guard falls due comes too late.
+    rig.leap_to(Duration::from_millis(250), "220: 0F 00 00 00");
     rig.expect("0A0: 03 80 91 01 00 00 00 00");
     rig.expect("0A0: 00 00 00 00 00 00 00 00");
     rig.expect("1A0: 03 00 00 00");
