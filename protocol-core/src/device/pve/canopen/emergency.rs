@@ -45,11 +45,9 @@ impl PveCanopen {
     /// After a reset of the communication: what is active all the same, not counted again.
     pub(super) fn repeat_faults(&mut self) {
         let active = self.objects.application.valve.faults();
-        let mut told = FaultSet::EMPTY;
         for fault in active {
-            told.insert(fault);
             let count = self.objects.application.valve.counters().get(fault);
-            self.send_emcy(fault_message(fault, told, count));
+            self.send_emcy(fault_message(fault, active, count));
         }
     }
 
