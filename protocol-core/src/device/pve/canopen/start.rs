@@ -133,6 +133,7 @@ impl PveCanopen {
             bit_rate: local_layer.bit_rate,
             switch_to: None,
             held_node_id: None,
+            held_bit_rate: None,
             local_layer,
             storage: Storage::default(),
             fault_log: FaultLogClock::default(),
@@ -172,6 +173,7 @@ impl PveCanopen {
             self.objects.load(found.parameters, true);
         } else {
             self.bit_rate = found.local_layer.bit_rate;
+            self.held_bit_rate = None;
             self.storage = Storage::default();
             self.fault_log = FaultLogClock::default();
             self.objects.set_factory(found.factory);
