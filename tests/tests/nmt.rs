@@ -100,7 +100,7 @@ fn reset_communication_with_active_faults() {
     valve.sense(|senses| senses.internal_fault = true);
     valve.take();
     for _ in 0..3 {
-        let sent = [BOOT[0], BOOT[1], "0A0: 00 10 01 01 00 00 00 00", TEMPERATURE];
+        let sent = [BOOT[0], BOOT[1], "0A0: 00 10 09 01 00 00 00 00", TEMPERATURE];
         valve.exchange("000: 82 00", &sent);
     }
     assert_eq!((valve.read(0x1003, 0), valve.read(0x2024, 0), valve.read(0x200F, 0)), (2, 1, 1));
