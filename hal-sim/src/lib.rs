@@ -1,1 +1,4 @@
 //! The host hardware.
+
+pub mod cli;
+pub mod kind;
