@@ -42,3 +42,4 @@ pub mod frame;
 pub mod memory;
 pub mod pump;
 pub mod time;
+pub mod wire;

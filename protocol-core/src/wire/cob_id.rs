@@ -1,0 +1,163 @@
+//! Node IDs and COB-IDs (CiA 301 7.3.3 and 7.5.2): the predefined connection set, and the objects that hold a COB-ID.
+
+use crate::frame::{Id, StandardId, extended, standard};
+
+/// A CANopen node ID, 1–127.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct NodeId(u8);
+
+impl NodeId {
+    /// A node ID of 1–127; `None` outside.
+    #[inline]
+    #[must_use]
+    pub const fn new(raw: u8) -> Option<Self> {
+        if raw >= 1 && raw <= 127 { Some(Self(raw)) } else { None }
+    }
+
+    /// The number.
+    #[inline]
+    #[must_use]
+    pub const fn get(self) -> u8 {
+        self.0
+    }
+
+    /// The identifier of one of this node's services in the predefined connection set.
+    #[inline]
+    #[must_use]
+    pub const fn id(self, function: Function) -> StandardId {
+        standard(function as u16 | self.0 as u16)
+    }
+}
+
+/// The functions of the predefined connection set that go by node: the identifier is the function plus the node ID.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u16)]
+pub enum Function {
+    /// Emergency, from the node.
+    Emcy = 0x080,
+    /// TPDO 1, from the node.
+    Tpdo1 = 0x180,
+    /// RPDO 1, to the node.
+    Rpdo1 = 0x200,
+    /// SDO, from the server.
+    SdoAnswer = 0x580,
+    /// SDO, to the server.
+    SdoRequest = 0x600,
+    /// Boot-up and heartbeat, from the node.
+    Heartbeat = 0x700,
+}
+
+/// NMT commands, to all.
+pub const NMT: StandardId = standard(0x000);
+/// SYNC, to all, by default.
+pub const SYNC: StandardId = standard(0x080);
+/// LSS, from the slaves.
+pub const LSS_ANSWER: StandardId = standard(0x7E4);
+/// LSS, to the slaves.
+pub const LSS_REQUEST: StandardId = standard(0x7E5);
+
+/// What an object of type COB-ID holds: an identifier, and three bits on its use (CiA 301 7.5.2.5, .15, .35).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CobId(u32);
+
+impl CobId {
+    /// Bit 31: the PDO or EMCY consumer is off.
+    pub const OFF: u32 = 1 << 31;
+    /// Bit 30: no remote request (PDO); this device produces (SYNC).
+    pub const BIT_30: u32 = 1 << 30;
+    /// Bit 29: a 29-bit identifier.
+    pub const EXTENDED: u32 = 1 << 29;
+    const IDENTIFIER: u32 = Self::EXTENDED - 1;
+
+    /// Takes any 32 bits.
+    #[inline]
+    #[must_use]
+    pub const fn new(raw: u32) -> Self {
+        Self(raw)
+    }
+
+    /// The COB-ID of a node's service in the predefined connection set, on.
+    #[must_use]
+    pub const fn predefined(node: NodeId, function: Function) -> Self {
+        Self(function as u32 | node.0 as u32)
+    }
+
+    /// All 32 bits.
+    #[inline]
+    #[must_use]
+    pub const fn raw(self) -> u32 {
+        self.0
+    }
+
+    /// Whether bit 31 says that the communication object is off.
+    #[inline]
+    #[must_use]
+    pub const fn is_off(self) -> bool {
+        self.0 & Self::OFF != 0
+    }
+
+    /// Whether bit 30 is set.
+    #[must_use]
+    pub const fn has_bit_30(self) -> bool {
+        self.0 & Self::BIT_30 != 0
+    }
+
+    /// Whether the identifier is a 29-bit one.
+    #[must_use]
+    pub const fn is_extended(self) -> bool {
+        self.0 & Self::EXTENDED != 0
+    }
+
+    /// Bits 0–28.
+    #[must_use]
+    pub const fn identifier(self) -> u32 {
+        self.0 & Self::IDENTIFIER
+    }
+
+    /// The CAN identifier that it stands for.
+    #[must_use]
+    pub const fn id(self) -> Id {
+        if self.is_extended() {
+            Id::Extended(extended(self.identifier()))
+        } else {
+            Id::Standard(standard((self.0 & 0x7FF) as u16))
+        }
+    }
+
+    /// Whether it names an 11-bit identifier that a PDO, SYNC or EMCY consumer may use: not one of those that CiA 301
+    /// (7.3.5) reserves for NMT, the default SDOs, the node's EMCY and error control, and LSS (SPEC 4.1).
+    #[must_use]
+    pub const fn is_usable_standard(self) -> bool {
+        !self.is_extended()
+            && !matches!(
+                self.identifier(),
+                0x000..=0x07F | 0x101..=0x180 | 0x581..=0x5FF | 0x601..=0x67F | 0x6E0..=0x6FF | 0x701..
+            )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn node_ids_are_1_to_127() {
+        assert_eq!(NodeId::new(0), None);
+        assert_eq!(NodeId::new(128), None);
+        assert_eq!(NodeId::new(1).map(NodeId::get), Some(1));
+        assert_eq!(NodeId::new(127).map(|id| id.id(Function::Heartbeat).as_raw()), Some(0x77F));
+    }
+
+    #[test]
+    fn the_reserved_identifiers_at_their_edges() {
+        for raw in [0x000, 0x07F, 0x101, 0x180, 0x581, 0x5FF, 0x601, 0x67F, 0x6E0, 0x6FF, 0x701, 0x7FF, 0x800] {
+            assert!(!CobId::new(raw).is_usable_standard(), "{raw:X}");
+        }
+        for raw in [0x080, 0x100, 0x181, 0x200, 0x580, 0x600, 0x680, 0x6DF, 0x700] {
+            assert!(CobId::new(raw).is_usable_standard(), "{raw:X}");
+            assert!(CobId::new(raw | CobId::OFF | CobId::BIT_30).is_usable_standard(), "{raw:X}");
+        }
+        assert!(!CobId::new(CobId::EXTENDED | 0x200).is_usable_standard());
+        assert!(!CobId::new(0x0001_0200).is_usable_standard());
+    }
+}

@@ -1,0 +1,208 @@
+//! LSS: the eight bytes of a request and of an answer (CiA 305 6.4).
+
+use super::u32_at;
+
+/// The four numbers that tell one slave from every other: the identity object, 0x1018.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Address {
+    /// Vendor ID.
+    pub vendor: u32,
+    /// Product code.
+    pub product: u32,
+    /// Revision number.
+    pub revision: u32,
+    /// Serial number.
+    pub serial: u32,
+}
+
+impl Address {
+    /// One of the four numbers; `None` for a part above 3.
+    #[must_use]
+    pub const fn part(&self, part: u8) -> Option<u32> {
+        match part {
+            0 => Some(self.vendor),
+            1 => Some(self.product),
+            2 => Some(self.revision),
+            3 => Some(self.serial),
+            _ => None,
+        }
+    }
+}
+
+/// Which numbers of a slave a service is about: 0 vendor, 1 product, 2 revision, 3 serial.
+pub type Part = u8;
+
+/// One question of the fast scan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FastScan {
+    /// The number that is compared.
+    pub number: u32,
+    /// The lowest bit that is compared, 0–31; 0x80 asks who is there.
+    pub bit_check: u8,
+    /// Which number it is about.
+    pub sub: u8,
+    /// Which number the master asks about next.
+    pub next: u8,
+}
+
+/// What a master asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Request {
+    /// 0x04: all to waiting (0) or configuration (1).
+    SwitchGlobal {
+        /// The mode; others than 0 and 1 are reserved.
+        mode: u8,
+    },
+    /// 0x40–0x43: one of the four numbers of the slave that is to go to configuration.
+    SwitchSelective(Part, u32),
+    /// 0x11: a pending node ID.
+    ConfigureNodeId(u8),
+    /// 0x13: a pending bit rate.
+    ConfigureBitTiming {
+        /// The table; 0 is that of CiA.
+        table: u8,
+        /// The entry of the table.
+        index: u8,
+    },
+    /// 0x15: switch to the pending bit rate.
+    ActivateBitTiming {
+        /// The delay in ms, before and after the switch.
+        delay_ms: u16,
+    },
+    /// 0x17: store node ID and bit rate.
+    Store,
+    /// 0x5A–0x5D: one of the four numbers.
+    InquireIdentity(Part),
+    /// 0x5E: the node ID.
+    InquireNodeId,
+    /// 0x4C: is there a slave without node ID?
+    IdentifyNonConfigured,
+    /// 0x51: fast scan.
+    FastScan(FastScan),
+    /// Any other command.
+    Unknown(u8),
+}
+
+impl Request {
+    /// What eight bytes on 0x7E5 ask for.
+    #[must_use]
+    pub fn parse(bytes: &[u8; 8]) -> Self {
+        let [command, first, second, _, _, bit_check, sub, next] = *bytes;
+        let number = u32_at(bytes, 1);
+        match command {
+            0x04 => Self::SwitchGlobal { mode: first },
+            0x40..=0x43 => Self::SwitchSelective(command & 0b11, number),
+            0x11 => Self::ConfigureNodeId(first),
+            0x13 => Self::ConfigureBitTiming { table: first, index: second },
+            0x15 => Self::ActivateBitTiming { delay_ms: u16::from_le_bytes([first, second]) },
+            0x17 => Self::Store,
+            0x5A..=0x5D => Self::InquireIdentity(command.wrapping_sub(0x5A)),
+            0x5E => Self::InquireNodeId,
+            0x4C => Self::IdentifyNonConfigured,
+            0x51 => Self::FastScan(FastScan { number, bit_check, sub, next }),
+            _ => Self::Unknown(command),
+        }
+    }
+}
+
+/// What a slave answers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Answer {
+    /// 0x44: it is the one whose four numbers were sent.
+    Selected,
+    /// 0x11: node ID taken, or why not.
+    NodeId(ConfigureError),
+    /// 0x13: bit rate taken, or why not.
+    BitTiming(ConfigureError),
+    /// 0x17: stored, or why not.
+    Stored(StoreError),
+    /// 0x5A–0x5D: one of the four numbers.
+    Identity(Part, u32),
+    /// 0x5E: the node ID; 255 for none.
+    InquiredNodeId(u8),
+    /// 0x50: it has no node ID.
+    NonConfigured,
+    /// 0x4F: the fast scan's question is answered with yes.
+    Identified,
+}
+
+/// The error code of an answer to a configuration service.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum ConfigureError {
+    /// Done.
+    None = 0,
+    /// Node ID out of range; bit rate not supported.
+    OutOfRange = 1,
+}
+
+/// The error code of an answer to the store service.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum StoreError {
+    /// Done.
+    None = 0,
+    /// The memory could not be written.
+    Access = 2,
+}
+
+/// The node ID that answers an inquiry when there is none.
+pub const NO_NODE_ID: u8 = 255;
+
+impl Answer {
+    /// The answer as it goes over the bus.
+    #[must_use]
+    pub const fn emit(self) -> [u8; 8] {
+        let (command, number) = match self {
+            Self::Selected => (0x44, 0),
+            Self::NodeId(error) => (0x11, error as u32),
+            Self::BitTiming(error) => (0x13, error as u32),
+            Self::Stored(error) => (0x17, error as u32),
+            Self::Identity(part, number) => (0x5A_u8.wrapping_add(part & 0b11), number),
+            Self::InquiredNodeId(node) => (0x5E, node as u32),
+            Self::NonConfigured => (0x50, 0),
+            Self::Identified => (0x4F, 0),
+        };
+        let [a, b, c, d] = number.to_le_bytes();
+        [command, a, b, c, d, 0, 0, 0]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(bytes: [u8; 8]) -> Request {
+        Request::parse(&bytes)
+    }
+
+    #[test]
+    fn requests_as_the_manual_prints_them() {
+        assert_eq!(parse([0x04, 0x01, 0, 0, 0, 0, 0, 0]), Request::SwitchGlobal { mode: 1 });
+        assert_eq!(parse([0x40, 0x19, 0, 0, 0x01, 0, 0, 0]), Request::SwitchSelective(0, 0x0100_0019));
+        assert_eq!(parse([0x43, 0x00, 0x01, 0x2E, 0x5B, 0, 0, 0]), Request::SwitchSelective(3, 0x5B2E_0100));
+        assert_eq!(parse([0x11, 0x17, 0, 0, 0, 0, 0, 0]), Request::ConfigureNodeId(0x17));
+        assert_eq!(parse([0x13, 0, 2, 0, 0, 0, 0, 0]), Request::ConfigureBitTiming { table: 0, index: 2 });
+        assert_eq!(parse([0x15, 0xE8, 0x03, 0, 0, 0, 0, 0]), Request::ActivateBitTiming { delay_ms: 1000 });
+        assert_eq!(parse([0x17, 0, 0, 0, 0, 0, 0, 0]), Request::Store);
+        assert_eq!(parse([0x4C, 0, 0, 0, 0, 0, 0, 0]), Request::IdentifyNonConfigured);
+        assert_eq!(parse([0x5D, 0, 0, 0, 0, 0, 0, 0]), Request::InquireIdentity(3));
+        assert_eq!(
+            parse([0x51, 0x00, 0x00, 0x36, 0x53, 0x00, 0x01, 0x02]),
+            Request::FastScan(FastScan { number: 0x5336_0000, bit_check: 0, sub: 1, next: 2 })
+        );
+        assert_eq!(parse([0x44, 0, 0, 0, 0, 0, 0, 0]), Request::Unknown(0x44));
+    }
+
+    #[test]
+    fn answers_as_the_manual_prints_them() {
+        assert_eq!(Answer::Selected.emit(), [0x44, 0, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(Answer::NodeId(ConfigureError::OutOfRange).emit(), [0x11, 1, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(Answer::BitTiming(ConfigureError::None).emit(), [0x13, 0, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(Answer::Stored(StoreError::Access).emit(), [0x17, 2, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(Answer::Identity(3, 0x5B2E_0100).emit(), [0x5D, 0x00, 0x01, 0x2E, 0x5B, 0, 0, 0]);
+        assert_eq!(Answer::InquiredNodeId(0x20).emit(), [0x5E, 0x20, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(Answer::NonConfigured.emit(), [0x50, 0, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(Answer::Identified.emit(), [0x4F, 0, 0, 0, 0, 0, 0, 0]);
+    }
+}

@@ -1,0 +1,18 @@
+//! Bytes ↔ meaning: one file a message, total functions, no state.
+//!
+//! Whatever bytes come in, parsing answers; codes that no standard knows are kept as values or answered with `None`.
+
+pub mod cob_id;
+pub mod emcy;
+pub mod lss;
+pub mod nmt;
+pub mod pdo_mapping;
+pub mod sdo;
+pub mod uds;
+
+/// The little-endian number in `bytes[at..at + 4]`.
+#[inline]
+pub(crate) const fn u32_at(bytes: &[u8; 8], at: u32) -> u32 {
+    let word = u64::from_le_bytes(*bytes).unbounded_shr(at.saturating_mul(8)) & 0xFFFF_FFFF;
+    word as u32
+}

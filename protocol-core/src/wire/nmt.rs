@@ -1,0 +1,120 @@
+//! NMT commands, boot-up and heartbeat (CiA 301 7.2.8).
+
+use super::cob_id::{Function, NodeId};
+use crate::frame::Frame;
+
+/// What an NMT master orders.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Command {
+    /// Enter operational.
+    Start = 0x01,
+    /// Enter stopped.
+    Stop = 0x02,
+    /// Enter pre-operational.
+    EnterPreOperational = 0x80,
+    /// Restart the whole device.
+    ResetApplication = 0x81,
+    /// Restart the communication.
+    ResetCommunication = 0x82,
+}
+
+impl Command {
+    /// All of them.
+    pub const ALL: [Self; 5] =
+        [Self::Start, Self::Stop, Self::EnterPreOperational, Self::ResetApplication, Self::ResetCommunication];
+}
+
+/// Whom an NMT command is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Target {
+    /// Every node.
+    All,
+    /// One node.
+    Node(NodeId),
+}
+
+/// The command in an NMT frame and whom it is for; `None` for another length, an unknown command, or a node ID above 127.
+#[must_use]
+pub fn parse(data: &[u8]) -> Option<(Command, Target)> {
+    let &[specifier, node] = data else { return None };
+    let command = Command::ALL.into_iter().find(|command| *command as u8 == specifier)?;
+    let target = if node == 0 { Target::All } else { Target::Node(NodeId::new(node)?) };
+    Some((command, target))
+}
+
+/// The NMT states.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum State {
+    /// Not on the bus yet.
+    #[default]
+    Initialising,
+    /// Configuration: no PDOs.
+    PreOperational,
+    /// Everything.
+    Operational,
+    /// Nothing but NMT and heartbeat.
+    Stopped,
+}
+
+impl State {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Initialising, Self::PreOperational, Self::Operational, Self::Stopped];
+
+    /// The state as a heartbeat carries it; that of initialising is the boot-up.
+    #[inline]
+    #[must_use]
+    pub const fn code(self) -> u8 {
+        match self {
+            Self::Initialising => 0x00,
+            Self::Stopped => 0x04,
+            Self::Operational => 0x05,
+            Self::PreOperational => 0x7F,
+        }
+    }
+
+    /// The state that a heartbeat carries; `None` for a code that no standard knows.
+    #[must_use]
+    pub fn from_code(code: u8) -> Option<Self> {
+        Self::ALL.into_iter().find(|state| state.code() == code)
+    }
+}
+
+/// A heartbeat, or in [`State::Initialising`] the boot-up: `700+ID: state`.
+#[must_use]
+pub fn heartbeat(node: NodeId, state: State) -> Frame {
+    Frame::with_len(node.id(Function::Heartbeat).into(), [state.code(), 0, 0, 0, 0, 0, 0, 0], 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commands_as_the_manual_prints_them() {
+        let node = NodeId::new(0x10).unwrap();
+        assert_eq!(parse(&[0x01, 0x00]), Some((Command::Start, Target::All)));
+        assert_eq!(parse(&[0x02, 0x10]), Some((Command::Stop, Target::Node(node))));
+        assert_eq!(parse(&[0x80, 0x10]), Some((Command::EnterPreOperational, Target::Node(node))));
+        assert_eq!(parse(&[0x81, 0x00]), Some((Command::ResetApplication, Target::All)));
+        assert_eq!(parse(&[0x82, 0x00]), Some((Command::ResetCommunication, Target::All)));
+    }
+
+    #[test]
+    fn other_lengths_commands_and_nodes_are_none() {
+        for data in [&[][..], &[1], &[1, 0, 0], &[3, 0], &[0x83, 0], &[1, 0x80]] {
+            assert_eq!(parse(data), None, "{data:02X?}");
+        }
+    }
+
+    #[test]
+    fn heartbeats_as_the_manual_prints_them() {
+        let node = NodeId::new(0x20).unwrap();
+        assert_eq!(heartbeat(node, State::Initialising), Frame::of(node.id(Function::Heartbeat).into(), &[0]).unwrap());
+        assert_eq!(heartbeat(node, State::PreOperational).data(), [0x7F]);
+        for state in State::ALL {
+            assert_eq!(State::from_code(state.code()), Some(state));
+        }
+        assert_eq!(State::from_code(1), None);
+    }
+}

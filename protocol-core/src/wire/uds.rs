@@ -1,0 +1,177 @@
+//! UDS lite: single frames in 29-bit identifiers (SPEC 7; ISO 14229-1 for the services, ISO 15765-2 for the first byte).
+
+use crate::frame::{ExtendedId, Frame, Id, extended};
+
+/// A node on a net, as the identifiers carry it: three bits of net, eight bits of node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Address(u16);
+
+impl Address {
+    /// The low eleven bits of `raw`: net and node.
+    #[must_use]
+    pub const fn new(raw: u16) -> Self {
+        Self(raw & 0x7FF)
+    }
+
+    /// A node on net 0.
+    #[must_use]
+    pub const fn node(node: u8) -> Self {
+        Self(node as u16)
+    }
+
+    /// Net and node in eleven bits.
+    #[must_use]
+    pub const fn raw(self) -> u16 {
+        self.0
+    }
+}
+
+/// priority 110, extended data page 1, data page 1, type of service 11
+const BASE: u32 = 0x1BC0_0000;
+
+/// The identifier of a message from `source` to `destination`.
+#[must_use]
+pub const fn id(source: Address, destination: Address) -> ExtendedId {
+    extended(BASE | (source.0 as u32) << 11 | destination.0 as u32)
+}
+
+/// Source and destination of a message; `None` for an identifier that is not one of UDS.
+#[inline]
+#[must_use]
+pub const fn parse_id(raw: u32) -> Option<(Address, Address)> {
+    if raw & !0x003F_FFFF == BASE { Some((Address::new((raw >> 11) as u16), Address::new(raw as u16))) } else { None }
+}
+
+/// Service 0x22, read data by identifier.
+pub const READ: u8 = 0x22;
+/// Service 0x2E, write data by identifier.
+pub const WRITE: u8 = 0x2E;
+/// What a positive answer adds to the service.
+const POSITIVE: u8 = 0x40;
+/// What a negative answer has in the place of the service.
+const NEGATIVE: u8 = 0x7F;
+
+/// A data identifier.
+pub type Identifier = u16;
+
+/// Why a request was refused (ISO 14229-1, negative response codes).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum NegativeCode {
+    /// The service is not known.
+    ServiceNotSupported = 0x11,
+    /// The length is wrong.
+    IncorrectLength = 0x13,
+    /// Not now.
+    ConditionsNotCorrect = 0x22,
+    /// The identifier is not known, or the value out of range.
+    RequestOutOfRange = 0x31,
+    /// Factory data.
+    SecurityAccessDenied = 0x33,
+    /// The memory could not be written.
+    ProgrammingFailure = 0x72,
+}
+
+impl NegativeCode {
+    /// What the code means, in a few words.
+    #[must_use]
+    pub const fn meaning(self) -> &'static str {
+        match self {
+            Self::ServiceNotSupported => "service not supported",
+            Self::IncorrectLength => "incorrect length",
+            Self::ConditionsNotCorrect => "conditions not correct",
+            Self::RequestOutOfRange => "request out of range",
+            Self::SecurityAccessDenied => "security access denied",
+            Self::ProgrammingFailure => "programming failure",
+        }
+    }
+}
+
+/// The bytes of a single frame after its length byte: service, then what belongs to it. `None` for an empty frame and
+/// for a first byte that is no length of a single frame (0, or above 7).
+///
+/// The second value tells whether the length byte agrees with the frame's own length; where it does not, the bytes that
+/// are there are handed out.
+#[must_use]
+pub fn single_frame(data: &[u8]) -> Option<(&[u8], bool)> {
+    let (&len, bytes) = data.split_first()?;
+    matches!(len, 1..=7).then_some((bytes, bytes.len() == usize::from(len)))
+}
+
+/// An answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Answer<'a> {
+    /// `n 62 hi lo data…`, up to four bytes of data.
+    Read(Identifier, &'a [u8]),
+    /// `03 6E hi lo`.
+    Written(Identifier),
+    /// `03 7F sid code`.
+    Negative(u8, NegativeCode),
+}
+
+impl Answer<'_> {
+    /// The answer as it goes over the bus under `id`; data beyond four bytes is cut.
+    #[must_use]
+    pub fn frame(self, id: Id) -> Frame {
+        let mut bytes = [0; 8];
+        let len = match self {
+            Self::Read(identifier, data) => {
+                let [high, low] = identifier.to_be_bytes();
+                let room = bytes.iter_mut().skip(4);
+                let count = room.zip(data).map(|(byte, value)| *byte = *value).count();
+                let len = u8::try_from(count).unwrap_or(0).saturating_add(3);
+                (bytes[0], bytes[1], bytes[2], bytes[3]) = (len, READ | POSITIVE, high, low);
+                len
+            }
+            Self::Written(identifier) => {
+                let [high, low] = identifier.to_be_bytes();
+                bytes = [3, WRITE | POSITIVE, high, low, 0, 0, 0, 0];
+                3
+            }
+            Self::Negative(service, code) => {
+                bytes = [3, NEGATIVE, service, code as u8, 0, 0, 0, 0];
+                3
+            }
+        };
+        Frame::with_len(id, bytes, len.saturating_add(1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use std::string::ToString;
+
+    use super::*;
+
+    const TOOL: Address = Address::node(0xF1);
+    const NODE: Address = Address::node(0x05);
+
+    #[test]
+    fn identifiers_from_the_bit_table() {
+        assert_eq!(id(TOOL, NODE).as_raw(), 0x1BC7_8805);
+        assert_eq!(id(NODE, TOOL).as_raw(), 0x1BC0_28F1);
+        assert_eq!(parse_id(0x1BC7_8805), Some((TOOL, NODE)));
+        assert_eq!(parse_id(0x18EA_FFF1), None);
+        assert_eq!(parse_id(0x1B87_8805), None);
+    }
+
+    #[test]
+    fn answers_as_the_manual_prints_them() {
+        let id = Id::from(id(Address::node(0x81), TOOL));
+        assert_eq!(Answer::Written(0x1001).frame(id).to_string(), "1BC408F1: 03 6E 10 01");
+        let negative = Answer::Negative(WRITE, NegativeCode::RequestOutOfRange).frame(id);
+        assert_eq!(negative.to_string(), "1BC408F1: 03 7F 2E 31");
+        assert_eq!(Answer::Read(0xF010, &[0xA5]).frame(id).to_string(), "1BC408F1: 04 62 F0 10 A5");
+        assert_eq!(Answer::Read(0xF193, b"A1  ").frame(id).to_string(), "1BC408F1: 07 62 F1 93 41 31 20 20");
+    }
+
+    #[test]
+    fn single_frames() {
+        assert_eq!(single_frame(&[]), None);
+        assert_eq!(single_frame(&[0, 1]), None);
+        assert_eq!(single_frame(&[8, 1]), None);
+        assert_eq!(single_frame(&[2, 0x22, 0x10]), Some((&[0x22, 0x10][..], true)));
+        assert_eq!(single_frame(&[3, 0x22]), Some((&[0x22][..], false)));
+    }
+}
