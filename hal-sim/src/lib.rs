@@ -1,4 +1,6 @@
 //! The host hardware.
 
 pub mod cli;
+pub mod gateway;
 pub mod kind;
+pub mod trace;

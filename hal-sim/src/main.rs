@@ -1,1 +1,2 @@
+//! `pve-sim`: the stand-in devices on the host.
 fn main() {}
