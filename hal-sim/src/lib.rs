@@ -1,6 +1,33 @@
-//! The host hardware.
+//! The host's hardware for the stand-in devices, as a library: a deterministic world in virtual time.
+//!
+//! ```text
+//! bus/      a CAN bus: frame lengths, arbitration, acknowledgement, error confinement; and the ports on it
+//! memory/   a NOR flash in RAM, the record store on it, and the file that keeps it
+//! world/    devices, bus and plant in virtual time, event by event
+//! ```
+//!
+//! Nothing in those waits, locks, prints or looks at a clock: whoever drives the [`World`](world::World) decides how
+//! virtual time passes. Two runs with one seed and the same calls are the same to the last bit. Around them lies what
+//! `pve-sim` makes of it:
+//!
+//! ```text
+//! kind      the products, by name
+//! trace/    what happened on the bus, as other tools read it
+//! explain/  what a frame means, in words
+//! gateway/  clients of the bus that live outside: socketcand
+//! run/      the world paced by the wall clock, with its clients, its trace and its memory
+//! cli/      the command line
+//! ```
+#![forbid(unsafe_code)]
 
+pub mod bus;
 pub mod cli;
 pub mod gateway;
 pub mod kind;
+pub mod memory;
 pub mod trace;
+pub mod world;
+
+pub use bus::{BusError, Port};
+pub use memory::Memory;
+pub use world::{NodeId, TapId, TraceEvent, World};

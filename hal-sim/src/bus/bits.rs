@@ -1,0 +1,113 @@
+//! The bits of a classic CAN frame (ISO 11898-1): how many there are on the wire, and where two frames first differ.
+
+use crc::{CRC_15_CAN, Crc};
+use protocol_core::frame::{Frame, Id};
+
+const CRC: Crc<u16> = Crc::<u16>::new(&CRC_15_CAN);
+const CRC_BITS: u32 = 15;
+
+/// CRC delimiter, ACK slot, ACK delimiter and end of frame: what follows the CRC sequence, never stuffed.
+const TRAILER: u32 = 1 + 1 + 1 + 7;
+/// From the end of the ACK slot to the end of the frame: ACK delimiter and end of frame.
+const AFTER_ACK_SLOT: u32 = 1 + 7;
+/// The recessive bits between two frames.
+pub const INTERMISSION: u32 = 3;
+/// How many recessive bits in a row tell a controller that the bus is idle.
+pub const BUS_IDLE: u32 = 11;
+/// What an error-passive sender waits beyond the intermission before it sends again.
+pub(super) const SUSPEND: u32 = 8;
+/// An error flag.
+pub(super) const ERROR_FLAG: u32 = 6;
+/// The recessive bits after an error flag.
+pub(super) const ERROR_DELIMITER: u32 = 8;
+/// After this many equal bits a stuff bit follows.
+const STUFF_AFTER: u32 = 5;
+
+/// A frame from its start to the end of the CRC sequence, before stuffing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameBits {
+    /// The first bit on the wire is the highest of the lowest `len` bits. 0 is dominant.
+    value: u128,
+    len: u32,
+}
+
+impl FrameBits {
+    /// The bits of `frame`.
+    #[must_use]
+    pub fn of(frame: &Frame) -> Self {
+        let rtr = u128::from(frame.is_remote());
+        let mut bits = match frame.id() {
+            // start of frame, 11 bits of identifier, RTR, IDE and r0 (dominant)
+            Id::Standard(id) => Self { value: u128::from(id.as_raw()) << 3 | rtr << 2, len: 1 + 11 + 3 },
+            // start of frame, 11 bits, SRR and IDE (recessive), 18 bits, RTR, r1 and r0 (dominant)
+            Id::Extended(id) => {
+                let raw = u128::from(id.as_raw());
+                let (base, extension) = (raw >> 18, raw & 0x3_FFFF);
+                Self { value: base << 23 | 0b11 << 21 | extension << 3 | rtr << 2, len: 1 + 11 + 2 + 18 + 3 }
+            }
+        };
+        bits.push(u128::from(frame.len()), 4);
+        for byte in frame.data() {
+            bits.push(u128::from(*byte), 8);
+        }
+        // The CRC starts from 0, so that the zeros in front of the start of frame do not count.
+        bits.push(u128::from(CRC.checksum(&bits.value.to_be_bytes())), CRC_BITS);
+        bits
+    }
+
+    /// The bits on the wire, stuff bits included, from the start to the end of frame; without the intermission.
+    #[must_use]
+    pub fn on_wire(self) -> u32 {
+        self.len + self.stuff_bits(self.len) + TRAILER
+    }
+
+    /// The bits on the wire up to and with the ACK slot.
+    #[must_use]
+    pub fn to_ack_slot(self) -> u32 {
+        self.on_wire() - AFTER_ACK_SLOT
+    }
+
+    /// The first bit in which this frame differs from `other`, counted from 0; `None` for equal frames.
+    #[must_use]
+    pub fn first_difference(self, other: Self) -> Option<Difference> {
+        let common = self.len.min(other.len);
+        let different = self.value >> (self.len - common) ^ other.value >> (other.len - common);
+        let from_end = different.checked_ilog2()?;
+        let bit = common - 1 - from_end;
+        let dominant = self.value >> (self.len - 1 - bit) & 1 == 0;
+        Some(Difference { bit: bit + self.stuff_bits(bit), dominant })
+    }
+
+    fn push(&mut self, value: u128, len: u32) {
+        self.value = self.value << len | value;
+        self.len += len;
+    }
+
+    /// The stuff bits among the first `len` bits.
+    fn stuff_bits(self, len: u32) -> u32 {
+        let mut count = 0;
+        let mut run = 0;
+        let mut last = None;
+        for position in 0..len {
+            let bit = self.value >> (self.len - 1 - position) & 1;
+            run = if last == Some(bit) { run + 1 } else { 1 };
+            last = Some(bit);
+            if run == STUFF_AFTER {
+                // The stuff bit has the other value and is itself the first of a new run.
+                count += 1;
+                last = Some(1 - bit);
+                run = 1;
+            }
+        }
+        count
+    }
+}
+
+/// Where two frames that are sent at once part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Difference {
+    /// The bit on the wire, counted from 0 at the start of frame.
+    pub bit: u32,
+    /// Whether this frame, not the other one, is dominant there.
+    pub dominant: bool,
+}

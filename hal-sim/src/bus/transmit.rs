@@ -1,0 +1,142 @@
+//! What a port has to send: three mailboxes as a CAN controller has them, or the queue of a client.
+
+use std::collections::VecDeque;
+
+use protocol_core::frame::Frame;
+
+/// How many mailboxes a device's controller has, as bxCAN.
+const MAILBOXES: usize = 3;
+
+/// Frames that wait for the bus.
+#[derive(Debug)]
+pub(super) enum Transmit {
+    /// A device's controller: the most urgent frame goes first, equal identifiers in the order they came in.
+    Mailboxes(Mailboxes),
+    /// A client: everything in the order it came in, however much.
+    Queue(VecDeque<Frame>),
+}
+
+impl Transmit {
+    pub(super) fn mailboxes() -> Self {
+        Self::Mailboxes(Mailboxes::default())
+    }
+
+    pub(super) const fn queue() -> Self {
+        Self::Queue(VecDeque::new())
+    }
+
+    /// Takes a frame, perhaps giving back a less urgent one.
+    ///
+    /// # Errors
+    /// When there is no room and nothing less urgent.
+    pub(super) fn put(&mut self, frame: Frame) -> Result<Option<Frame>, Full> {
+        match self {
+            Self::Mailboxes(mailboxes) => mailboxes.put(frame),
+            Self::Queue(queue) => {
+                queue.push_back(frame);
+                Ok(None)
+            }
+        }
+    }
+
+    /// The frame that takes part in the next arbitration.
+    pub(super) fn head(&self) -> Option<&Frame> {
+        match self {
+            Self::Mailboxes(mailboxes) => mailboxes.head().and_then(|slot| mailboxes.slots[slot].frame.as_ref()),
+            Self::Queue(queue) => queue.front(),
+        }
+    }
+
+    /// The head is on the wire now and cannot be given back.
+    pub(super) fn sending(&mut self) {
+        if let Self::Mailboxes(mailboxes) = self {
+            mailboxes.on_wire = mailboxes.head();
+        }
+    }
+
+    /// The frame on the wire was sent, or has to be tried again.
+    pub(super) fn sent(&mut self, success: bool) {
+        match self {
+            Self::Mailboxes(mailboxes) => {
+                if let (Some(slot), true) = (mailboxes.on_wire.take(), success) {
+                    mailboxes.slots[slot].frame = None;
+                }
+            }
+            Self::Queue(queue) => {
+                if success {
+                    queue.pop_front();
+                }
+            }
+        }
+    }
+
+    pub(super) fn clear(&mut self) {
+        match self {
+            Self::Mailboxes(mailboxes) => *mailboxes = Mailboxes::default(),
+            Self::Queue(queue) => queue.clear(),
+        }
+    }
+
+    #[inline]
+    pub(super) fn len(&self) -> usize {
+        match self {
+            Self::Mailboxes(mailboxes) => mailboxes.slots.iter().filter(|slot| slot.frame.is_some()).count(),
+            Self::Queue(queue) => queue.len(),
+        }
+    }
+
+    #[inline]
+    pub(super) fn is_empty(&self) -> bool {
+        match self {
+            Self::Mailboxes(mailboxes) => mailboxes.slots.iter().all(|slot| slot.frame.is_none()),
+            Self::Queue(queue) => queue.is_empty(),
+        }
+    }
+}
+
+/// There is no room for a frame that is no more urgent than those that wait.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Full;
+
+#[derive(Debug, Default)]
+pub(super) struct Mailboxes {
+    slots: [Mailbox; MAILBOXES],
+    on_wire: Option<usize>,
+    /// Numbers the frames in the order they came in.
+    taken: u64,
+}
+
+#[derive(Debug, Default)]
+struct Mailbox {
+    frame: Option<Frame>,
+    order: u64,
+}
+
+impl Mailboxes {
+    fn put(&mut self, frame: Frame) -> Result<Option<Frame>, Full> {
+        let slot = match self.slots.iter().position(|slot| slot.frame.is_none()) {
+            Some(free) => free,
+            None => self.overtaken_by(&frame).ok_or(Full)?,
+        };
+        self.taken += 1;
+        let overtaken = self.slots[slot].frame.replace(frame);
+        self.slots[slot].order = self.taken;
+        Ok(overtaken)
+    }
+
+    /// The most urgent frame; of equal identifiers the oldest.
+    fn head(&self) -> Option<usize> {
+        self.urgencies().min().map(|(_, _, slot)| slot)
+    }
+
+    /// The least urgent frame, of equal identifiers the youngest, if it is not on the wire and less urgent than `frame`.
+    fn overtaken_by(&self, frame: &Frame) -> Option<usize> {
+        let waiting = self.urgencies().filter(|(_, _, slot)| self.on_wire != Some(*slot));
+        waiting.max().filter(|(arbitration, ..)| frame.arbitration() < *arbitration).map(|(_, _, slot)| slot)
+    }
+
+    fn urgencies(&self) -> impl Iterator<Item = (u32, u64, usize)> {
+        let filled = |(slot, mailbox): (usize, &Mailbox)| Some((mailbox.frame?.arbitration(), mailbox.order, slot));
+        self.slots.iter().enumerate().filter_map(filled)
+    }
+}

@@ -1,0 +1,169 @@
+//! The non-volatile memory of one device: a flash with a record store on it, in RAM alone or kept in a file.
+
+mod flash;
+mod state_file;
+mod store;
+
+#[cfg(test)]
+mod tests;
+
+use std::path::Path;
+
+use protocol_core::memory::{Image, Record, RecordKey, StoreError};
+
+pub use flash::{ERASED, Flash, FlashError, SECTOR, SIZE, WORD};
+pub use state_file::StateFileError;
+
+use state_file::{Content, StateFile};
+
+/// The non-volatile memory of one device.
+#[derive(Debug, Default)]
+pub struct Memory {
+    flash: Flash,
+    file: Option<StateFile>,
+    /// What was there could not be read and was put aside: to be told with the next image.
+    damaged: bool,
+    /// What was in the flash before it was erased because it could not be read; a file keeps it in a file.
+    put_aside: Option<Vec<u8>>,
+    warnings: Vec<String>,
+}
+
+impl Memory {
+    /// A new memory that is lost with the process.
+    #[must_use]
+    pub fn in_ram() -> Self {
+        Self::default()
+    }
+
+    /// A memory with this flash.
+    #[must_use]
+    pub fn with_flash(flash: Flash) -> Self {
+        Self { flash, ..Self::default() }
+    }
+
+    /// The memory that is kept in `dir/name.nvm`, for a device of this kind; a new one when there is no such file.
+    ///
+    /// A file that is damaged is put aside as `name.nvm.bad`, and the memory starts empty and damaged: see
+    /// [`take_warnings`](Self::take_warnings).
+    ///
+    /// # Errors
+    /// When the file belongs to a device of another kind, or cannot be read, written or put aside. Nothing is changed then.
+    pub fn in_file(dir: &Path, name: &str, kind: u32) -> Result<Self, StateFileError> {
+        let (file, content) = StateFile::open(dir, name, kind)?;
+        let mut memory = Self { file: Some(file), ..Self::default() };
+        match content {
+            Content::New => {}
+            Content::Image(flash) => memory.flash = flash,
+            Content::Damaged => memory.put_file_aside()?,
+        }
+        // A copy is looked at: reading may finish what a power cut left half done.
+        if store::read(&mut memory.flash.clone()).is_none() {
+            memory.put_file_aside()?;
+            memory.flash = Flash::new();
+        }
+        memory.persist()?;
+        Ok(memory)
+    }
+
+    /// Everything stored, as a device finds it when it starts.
+    ///
+    /// A memory that cannot be read as a whole is put aside and erased, so that it can be written again; the image says
+    /// that it was damaged, once.
+    pub fn read_image(&mut self) -> Image {
+        self.flash.restore_power();
+        let image = store::read(&mut self.flash).unwrap_or_else(|| {
+            self.give_up();
+            Image::empty()
+        });
+        let mut image = image;
+        if std::mem::take(&mut self.damaged) {
+            image.set_damaged();
+        }
+        image
+    }
+
+    /// Writes a record.
+    ///
+    /// # Errors
+    /// [`StoreError`] when the flash or the file cannot be written.
+    pub fn store(&mut self, key: RecordKey, record: &Record) -> Result<(), StoreError> {
+        let stored = store::store(&mut self.flash, key, record);
+        self.persist().map_err(|error| {
+            self.warnings.push(error.to_string());
+            StoreError
+        })?;
+        stored
+    }
+
+    /// Writes a record, of which the power cut leaves the part `numerator / denominator`, in words.
+    pub fn store_cut(&mut self, key: RecordKey, record: &Record, numerator: u64, denominator: u64) {
+        let mut trial = self.flash.clone();
+        let before = trial.word_writes() + trial.erases();
+        // How it would have ended does not matter, only how many operations it takes.
+        let _ = store::store(&mut trial, key, record);
+        let operations = trial.word_writes() + trial.erases() - before;
+        let reached = u128::from(operations) * u128::from(numerator) / u128::from(denominator.max(1));
+        self.flash.cut_power_after(u64::try_from(reached).unwrap_or(u64::MAX));
+        // The device that waits for the answer is without power, too.
+        let _ = self.store(key, record);
+        self.flash.restore_power();
+    }
+
+    /// The flash.
+    #[must_use]
+    pub const fn flash(&self) -> &Flash {
+        &self.flash
+    }
+
+    /// The flash, to inject faults into.
+    pub const fn flash_mut(&mut self) -> &mut Flash {
+        &mut self.flash
+    }
+
+    /// From now on writes fail, or do so no longer.
+    pub const fn set_write_fails(&mut self, fails: bool) {
+        self.flash.set_write_fails(fails);
+    }
+
+    /// What the user should know, a line each: once.
+    pub fn take_warnings(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.warnings)
+    }
+
+    /// The flash image that could not be read and was erased, of a memory without a file.
+    #[must_use]
+    pub fn put_aside(&self) -> Option<&[u8]> {
+        self.put_aside.as_deref()
+    }
+
+    /// The flash cannot be read: keeps what is in it aside, and erases it.
+    fn give_up(&mut self) {
+        let unreadable = std::mem::take(&mut self.flash);
+        self.put_aside = Some(unreadable.image().to_vec());
+        self.damaged = true;
+        self.flash = unreadable.erased();
+        let kept = self.persist_aside().and_then(|()| self.persist());
+        if let Err(error) = kept {
+            self.warnings.push(error.to_string());
+        }
+    }
+
+    fn persist_aside(&mut self) -> Result<(), StateFileError> {
+        let (Some(file), Some(image)) = (&self.file, &self.put_aside) else { return Ok(()) };
+        file.write(image)?;
+        self.put_file_aside()
+    }
+
+    fn put_file_aside(&mut self) -> Result<(), StateFileError> {
+        if let Some(file) = &self.file {
+            let warning = file.put_aside()?;
+            self.warnings.push(warning);
+        }
+        self.damaged = true;
+        Ok(())
+    }
+
+    fn persist(&self) -> Result<(), StateFileError> {
+        self.file.as_ref().map_or(Ok(()), |file| file.write(self.flash.image()))
+    }
+}

@@ -1,0 +1,131 @@
+//! A memory kept in a file: a header of 16 bytes and the raw flash image.
+//!
+//! Every change writes the whole file anew beside the old one, syncs it and renames it over the old one: whatever
+//! instant the process is killed at, or the machine loses its power, the file is the old one or the new one. Writing
+//! only the changed words would be faster, but could leave half a store behind that the *simulated* flash never saw; at
+//! 32 KiB and a handful of stores a second the whole file costs nothing.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, ErrorKind, Write};
+use std::path::{Path, PathBuf};
+
+use super::flash::{Flash, SIZE};
+
+const MAGIC: [u8; 4] = *b"PNVM";
+const VERSION: u32 = 1;
+const HEADER: usize = 16;
+
+/// A state file cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum StateFileError {
+    /// It keeps the memory of a device of another kind.
+    #[error("{}: the memory of another kind of device ({found}, not {expected})", path.display())]
+    OtherKind {
+        /// The file.
+        path: PathBuf,
+        /// The kind that it belongs to.
+        found: u32,
+        /// The kind that it was opened for.
+        expected: u32,
+    },
+    /// The file system refuses.
+    #[error("{}: cannot {action}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What could not be done.
+        action: &'static str,
+        /// Why.
+        source: io::Error,
+    },
+}
+
+/// What a state file held when it was opened.
+#[derive(Debug)]
+pub(super) enum Content {
+    /// There was none.
+    New,
+    /// A flash image.
+    Image(Flash),
+    /// Something else.
+    Damaged,
+}
+
+/// The file that keeps a memory.
+#[derive(Debug)]
+pub(super) struct StateFile {
+    path: PathBuf,
+    kind: u32,
+}
+
+impl StateFile {
+    /// Looks at `dir/name.nvm` and changes nothing.
+    pub(super) fn open(dir: &Path, name: &str, kind: u32) -> Result<(Self, Content), StateFileError> {
+        let file = Self { path: dir.join(format!("{name}.nvm")), kind };
+        let content = match fs::read(&file.path) {
+            Ok(bytes) => file.parse(bytes)?,
+            Err(error) if error.kind() == ErrorKind::NotFound => Content::New,
+            Err(error) => return Err(file.error("read", error)),
+        };
+        Ok((file, content))
+    }
+
+    fn parse(&self, bytes: Vec<u8>) -> Result<Content, StateFileError> {
+        let Some((header, image)) = bytes.split_first_chunk::<HEADER>() else { return Ok(Content::Damaged) };
+        let word = |at: usize| u32::from_le_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]]);
+        let (version, found, size) = (word(4), word(8), word(12));
+        if !header.starts_with(&MAGIC) || version != VERSION || size as usize != SIZE {
+            return Ok(Content::Damaged);
+        }
+        if found != self.kind {
+            return Err(StateFileError::OtherKind { path: self.path.clone(), found, expected: self.kind });
+        }
+        Ok(Flash::from_image(image.to_vec()).map_or(Content::Damaged, Content::Image))
+    }
+
+    /// Replaces the file by one with this flash image.
+    pub(super) fn write(&self, image: &[u8]) -> Result<(), StateFileError> {
+        let beside = self.path.with_extension("nvm.new");
+        let written = File::create(&beside).and_then(|mut file| {
+            let size = u32::try_from(image.len()).unwrap_or(u32::MAX);
+            let mut header = Vec::with_capacity(HEADER);
+            header.extend_from_slice(&MAGIC);
+            for word in [VERSION, self.kind, size] {
+                header.extend_from_slice(&word.to_le_bytes());
+            }
+            file.write_all(&header)?;
+            file.write_all(image)?;
+            file.sync_all()
+        });
+        written.and_then(|()| fs::rename(&beside, &self.path)).map_err(|error| self.error("write", error))
+    }
+
+    /// Renames the file to the first free one of `name.nvm.bad`, `name.nvm.bad.2` and so on; a line about it.
+    pub(super) fn put_aside(&self) -> Result<String, StateFileError> {
+        let name = |number: u32| match number {
+            1 => self.path.with_extension("nvm.bad"),
+            _ => self.path.with_extension(format!("nvm.bad.{number}")),
+        };
+        for aside in (1..).map(name) {
+            // Making the name first, and only if nobody has it, so that nothing is ever overwritten.
+            match OpenOptions::new().write(true).create_new(true).open(&aside) {
+                Ok(_) => {}
+                Err(error) if error.kind() == ErrorKind::AlreadyExists => continue,
+                Err(error) => return Err(self.error("put the damaged file aside", error)),
+            }
+            return match fs::rename(&self.path, &aside) {
+                Ok(()) => Ok(format!(
+                    "{} is damaged: kept as {}, starting with defaults",
+                    self.path.display(),
+                    aside.display()
+                )),
+                Err(error) => Err(self.error("put the damaged file aside", error)),
+            };
+        }
+        unreachable!("there are more numbers than files")
+    }
+
+    fn error(&self, action: &'static str, source: io::Error) -> StateFileError {
+        StateFileError::Io { path: self.path.clone(), action, source }
+    }
+}

@@ -1,0 +1,282 @@
+//! The world: devices, their plant and their memory on one bus, in virtual time, event by event.
+//!
+//! At each instant the order is fixed: first what ends on the bus and those who hear it, then the devices that are due,
+//! both in the order of their numbers, and at last the next frame starts. So a run depends on nothing but the calls and
+//! the seed.
+
+mod agenda;
+mod node;
+mod power;
+mod run;
+mod trace;
+
+#[cfg(test)]
+mod probe;
+#[cfg(test)]
+mod tests;
+
+use std::sync::Arc;
+
+use protocol_core::controller::BitRate;
+use protocol_core::device::{Device, Outputs, Senses, StartCause};
+use protocol_core::frame::Frame;
+use protocol_core::memory::Image;
+use protocol_core::time::{Duration, Instant};
+
+pub use node::{FAULT_LOG_WRITE_TIME, Factory, SimDevice, WRITE_TIME};
+pub use power::SUPPLY_JITTER;
+pub use run::FLUSH_PATIENCE;
+pub use trace::{Observer, OnBus, TraceEvent};
+
+use crate::bus::{Bus, Injector, Port, PortId};
+use crate::memory::Memory;
+
+use agenda::Agenda;
+use node::{Node, Power};
+
+/// A device of a world, by its number in the order of [`World::add_device`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct NodeId(usize);
+
+/// A client of a world's bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct TapId(PortId);
+
+/// Devices, their plant and their memory on one bus, in virtual time.
+pub struct World {
+    now: Instant,
+    bit_rate: BitRate,
+    bus: Bus,
+    nodes: Vec<Node>,
+    agenda: Agenda,
+    /// Which device a port belongs to, by the port's number; `None` for a tap.
+    owners: Vec<Option<NodeId>>,
+    random: fastrand::Rng,
+    observer: Option<Observer>,
+    /// The list of ports that are being looked at, to be used again.
+    touched: Vec<PortId>,
+}
+
+impl World {
+    /// An empty world at instant 0.
+    #[must_use]
+    pub fn new(bit_rate: BitRate, seed: u64) -> Self {
+        Self {
+            now: Instant::from_ticks(0),
+            bit_rate,
+            bus: Bus::default(),
+            nodes: Vec::new(),
+            agenda: Agenda::default(),
+            owners: Vec::new(),
+            random: fastrand::Rng::with_seed(seed),
+            observer: None,
+            touched: Vec::new(),
+        }
+    }
+
+    /// The virtual time.
+    #[must_use]
+    pub const fn now(&self) -> Instant {
+        self.now
+    }
+
+    /// Adds a device, not yet powered. `factory` builds it from its memory each time it is powered up.
+    pub fn add_device(
+        &mut self,
+        name: &str,
+        factory: impl FnMut(&Image, StartCause, Instant) -> Box<dyn SimDevice> + Send + 'static,
+        memory: Memory,
+    ) -> NodeId {
+        let name: Arc<str> = name.into();
+        let id = NodeId(self.nodes.len());
+        let port = self.bus.add_device(name.clone(), self.bit_rate);
+        self.own(port, Some(id));
+        self.agenda.add();
+        self.nodes.push(Node {
+            name,
+            port,
+            factory: Box::new(factory),
+            memory,
+            senses: Senses::default(),
+            power: Power::Off,
+            write: None,
+            forced_bus_off: false,
+        });
+        id
+    }
+
+    /// All devices.
+    pub fn devices(&self) -> impl Iterator<Item = NodeId> + use<> {
+        (0..self.nodes.len()).map(NodeId)
+    }
+
+    /// The name of a device.
+    #[must_use]
+    pub fn name(&self, node: NodeId) -> &str {
+        &self.nodes[node.0].name
+    }
+
+    /// The device of that name.
+    #[must_use]
+    pub fn find(&self, name: &str) -> Option<NodeId> {
+        self.devices().find(|node| self.name(*node) == name)
+    }
+
+    /// A device, while it is powered.
+    #[must_use]
+    pub fn device(&self, node: NodeId) -> Option<&dyn Device> {
+        match &self.nodes[node.0].power {
+            Power::On(device) => Some(&**device),
+            _ => None,
+        }
+    }
+
+    /// A device as what it is, while it is powered and a `T`.
+    #[must_use]
+    pub fn device_as<T: Device + 'static>(&self, node: NodeId) -> Option<&T> {
+        match &self.nodes[node.0].power {
+            Power::On(device) => (&**device as &dyn std::any::Any).downcast_ref(),
+            _ => None,
+        }
+    }
+
+    /// What a device drives, while it is powered.
+    #[must_use]
+    pub fn outputs(&self, node: NodeId) -> Option<Outputs> {
+        self.device(node).map(Device::outputs)
+    }
+
+    /// What a device senses. The bus mode in it is its controller's.
+    #[must_use]
+    pub fn senses(&self, node: NodeId) -> &Senses {
+        &self.nodes[node.0].senses
+    }
+
+    /// Changes what a device senses. The bus mode in it is not looked at: see [`force_bus_off`](Self::force_bus_off).
+    pub fn set_senses(&mut self, node: NodeId, senses: Senses) {
+        let now = self.now;
+        let Node { senses: sensed, power, .. } = &mut self.nodes[node.0];
+        *sensed = Senses { bus: sensed.bus, ..senses };
+        if let Power::On(device) = power {
+            device.sense(sensed, now);
+            self.service(node);
+        }
+    }
+
+    /// The memory of a device.
+    #[must_use]
+    pub fn memory(&self, node: NodeId) -> &Memory {
+        &self.nodes[node.0].memory
+    }
+
+    /// The memory of a device, to inject faults into.
+    pub fn memory_mut(&mut self, node: NodeId) -> &mut Memory {
+        &mut self.nodes[node.0].memory
+    }
+
+    /// The CAN controller of a device: its error counters and what waits in it.
+    #[must_use]
+    pub fn port(&self, node: NodeId) -> &Port {
+        self.bus.port(self.nodes[node.0].port)
+    }
+
+    /// Keeps the controller of a device bus-off, or lets it recover: after 128 sequences of 11 recessive bits.
+    pub fn force_bus_off(&mut self, node: NodeId, on: bool) {
+        let Node { port, power, forced_bus_off, .. } = &mut self.nodes[node.0];
+        let port = *port;
+        if std::mem::replace(forced_bus_off, on) == on || !matches!(power, Power::On(_)) {
+            return;
+        }
+        self.bus.force_bus_off(port, on, self.now);
+        self.service(node);
+    }
+
+    /// Whether the controller of a device is kept bus-off.
+    #[must_use]
+    pub fn is_bus_off_forced(&self, node: NodeId) -> bool {
+        self.nodes[node.0].forced_bus_off
+    }
+
+    /// Adds a client: it sends in the order it is told to, hears everything but its own frames, and acknowledges.
+    pub fn add_tap(&mut self, name: &str) -> TapId {
+        let port = self.bus.add_tap(name.into(), self.bit_rate, self.now);
+        self.own(port, None);
+        TapId(port)
+    }
+
+    /// Takes a client away, with all that it had to send.
+    pub fn remove_tap(&mut self, tap: TapId) {
+        self.bus.disconnect(tap.0, self.now);
+    }
+
+    /// Gives a client's frame to the bus.
+    pub fn send(&mut self, tap: TapId, frame: Frame) {
+        // A client's queue takes everything.
+        let _ = embedded_can::nb::Can::transmit(self.bus.port_mut(tap.0), &frame);
+        self.bus.refresh(tap.0, self.now);
+    }
+
+    /// How many frames of a client are not sent yet, the one on the wire included.
+    #[must_use]
+    pub fn pending(&self, tap: TapId) -> usize {
+        self.bus.port(tap.0).pending()
+    }
+
+    /// What a client has heard since this was last asked, oldest first, each with the end of the frame.
+    pub fn take_received(&mut self, tap: TapId) -> std::collections::vec_deque::Drain<'_, (Instant, Frame)> {
+        self.bus.port_mut(tap.0).take_received()
+    }
+
+    /// The controller of a client.
+    #[must_use]
+    pub fn tap_port(&self, tap: TapId) -> &Port {
+        self.bus.port(tap.0)
+    }
+
+    /// The bit rate of the bus: that of its clients, and the one that a new device's controller starts with.
+    #[must_use]
+    pub const fn bit_rate(&self) -> BitRate {
+        self.bit_rate
+    }
+
+    /// Changes the bit rate of the bus and of all its clients: the master that changes its rate.
+    pub fn set_bit_rate(&mut self, bit_rate: BitRate) {
+        self.bit_rate = bit_rate;
+        for (number, owner) in self.owners.iter().enumerate() {
+            if owner.is_none() {
+                self.bus.set_bit_rate(PortId(number), bit_rate, self.now);
+            }
+        }
+    }
+
+    /// How busy the bus was in the last second, in percent.
+    #[must_use]
+    pub fn load(&self) -> u8 {
+        self.bus.load(self.now)
+    }
+
+    /// Adds something that disturbs the bus.
+    pub fn inject(&mut self, injector: impl Injector + 'static) {
+        self.bus.inject(Box::new(injector));
+    }
+
+    /// Takes away all that disturbs the bus.
+    pub fn clear_injectors(&mut self) {
+        self.bus.clear_injectors();
+    }
+
+    /// Shows everything that was on the bus to `observer`, in the place of the one before.
+    pub fn set_observer(&mut self, observer: Observer) {
+        self.observer = Some(observer);
+    }
+
+    fn own(&mut self, port: PortId, owner: Option<NodeId>) {
+        debug_assert_eq!(self.owners.len(), port.0);
+        self.owners.push(owner);
+    }
+
+    /// A random time up to `limit`, the same in each run with one seed.
+    fn jitter(&mut self, limit: Duration) -> Duration {
+        Duration::from_ticks(self.random.u64(..=limit.as_ticks()))
+    }
+}

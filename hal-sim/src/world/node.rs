@@ -1,0 +1,74 @@
+//! One device with its hardware: power, memory, plant, and a port on the bus.
+
+use std::any::Any;
+use std::sync::Arc;
+
+use protocol_core::device::{Device, Senses, StartCause};
+use protocol_core::memory::{Image, Record, RecordKey};
+use protocol_core::time::{Duration, Instant, NEVER};
+
+use crate::bus::PortId;
+use crate::memory::Memory;
+
+/// How long a record takes to be written (A).
+pub const WRITE_TIME: Duration = Duration::from_millis(10);
+/// How long the fault log takes to be written: the real device takes at least so long to clear its counters (A).
+pub const FAULT_LOG_WRITE_TIME: Duration = Duration::from_millis(50);
+
+/// A [`Device`] that can be moved to the thread of the world, and looked at as what it is.
+pub trait SimDevice: Device + Any + Send {}
+
+impl<T: Device + Any + Send> SimDevice for T {}
+
+/// Builds a device from what its memory holds, why it starts, and when.
+pub type Factory = Box<dyn FnMut(&Image, StartCause, Instant) -> Box<dyn SimDevice> + Send>;
+
+/// One device with its hardware.
+pub(super) struct Node {
+    pub(super) name: Arc<str>,
+    pub(super) port: PortId,
+    pub(super) factory: Factory,
+    pub(super) memory: Memory,
+    pub(super) senses: Senses,
+    pub(super) power: Power,
+    /// The record that is being written.
+    pub(super) write: Option<Write>,
+    pub(super) forced_bus_off: bool,
+}
+
+/// Whether a device has power.
+pub(super) enum Power {
+    Off,
+    /// It starts then, for this reason.
+    Coming(Instant, StartCause),
+    On(Box<dyn SimDevice>),
+}
+
+/// A record on its way into the memory.
+pub(super) struct Write {
+    pub(super) key: RecordKey,
+    pub(super) record: Record,
+    pub(super) began: Instant,
+    pub(super) done: Instant,
+}
+
+impl Node {
+    /// When something is next due for it, other than from the bus.
+    #[inline]
+    pub(super) fn due(&self) -> Instant {
+        let written = self.write.as_ref().map_or(NEVER, |write| write.done);
+        match &self.power {
+            Power::Off => NEVER,
+            Power::Coming(at, _) => *at,
+            Power::On(device) => device.deadline().min(written),
+        }
+    }
+}
+
+/// How long writing the record under `key` takes.
+pub(super) const fn write_time(key: RecordKey) -> Duration {
+    match key {
+        RecordKey::FaultLog => FAULT_LOG_WRITE_TIME,
+        _ => WRITE_TIME,
+    }
+}

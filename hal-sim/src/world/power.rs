@@ -1,0 +1,96 @@
+//! Power on, power off, and what a start and a restart do to a device's hardware.
+
+use protocol_core::device::{Restart, StartCause};
+use protocol_core::time::{Duration, after, since};
+
+use super::node::{Node, Power};
+use super::{NodeId, World};
+
+/// Devices on one supply start within this time of each other (A).
+pub const SUPPLY_JITTER: Duration = Duration::from_millis(5);
+
+impl World {
+    /// Switches a device on, if it is off, or cuts its power at this instant: a write under way is torn.
+    pub fn power(&mut self, node: NodeId, on: bool) {
+        if on {
+            self.power_with(node, StartCause::PowerOn);
+        } else {
+            self.cut_power(node);
+        }
+    }
+
+    /// Switches a device on for a reason; one that is on starts anew, as after a reset of its processor.
+    pub fn power_with(&mut self, node: NodeId, cause: StartCause) {
+        if self.is_powered(node) {
+            if cause == StartCause::PowerOn {
+                return;
+            }
+            self.cut_power(node);
+        }
+        self.boot(node, cause);
+    }
+
+    /// Switches on the supply of all devices that are off: each starts at its own random moment within `jitter`
+    /// ([`SUPPLY_JITTER`] for real ones, zero for all at once).
+    pub fn power_all(&mut self, jitter: Duration) {
+        for node in self.devices() {
+            if let Power::Off = self.nodes[node.0].power {
+                let start = after(self.now, self.jitter(jitter));
+                self.nodes[node.0].power = Power::Coming(start, StartCause::PowerOn);
+                self.agenda.set(node.0, start);
+            }
+        }
+    }
+
+    /// Whether a device is running.
+    #[must_use]
+    pub fn is_powered(&self, node: NodeId) -> bool {
+        matches!(self.nodes[node.0].power, Power::On(_))
+    }
+
+    /// Reads the memory, builds the device and connects it.
+    pub(super) fn boot(&mut self, id: NodeId, cause: StartCause) {
+        let now = self.now;
+        let node = &mut self.nodes[id.0];
+        let image = node.memory.read_image();
+        let device = (node.factory)(&image, cause, now);
+        let rate = device.bit_rate();
+        node.power = Power::On(device);
+        let (port, forced) = (node.port, node.forced_bus_off);
+        self.bus.set_bit_rate(port, rate, now);
+        self.bus.connect(port, now);
+        if forced {
+            self.bus.force_bus_off(port, true, now);
+        }
+        let mode = self.bus.port(port).mode();
+        let Node { power, senses, .. } = &mut self.nodes[id.0];
+        senses.bus = mode;
+        if let Power::On(device) = power {
+            device.sense(senses, now);
+        }
+        self.service(id);
+    }
+
+    fn cut_power(&mut self, id: NodeId) {
+        let now = self.now;
+        let node = &mut self.nodes[id.0];
+        node.power = Power::Off;
+        if let Some(write) = node.write.take() {
+            let (passed, whole) = (since(now, write.began), since(write.done, write.began));
+            node.memory.store_cut(write.key, &write.record, passed.as_ticks(), whole.as_ticks());
+        }
+        self.bus.disconnect(node.port, now);
+        self.agenda.set(id.0, node.due());
+    }
+
+    /// Carries out what a device asked for by [`Effect::Restart`](protocol_core::device::Effect::Restart).
+    pub(super) fn restart(&mut self, id: NodeId, scope: Restart) {
+        let now = self.now;
+        let Node { port, memory, power, .. } = &mut self.nodes[id.0];
+        let Power::On(device) = power else { return };
+        let image = memory.read_image();
+        self.bus.drop_pending(*port, now);
+        device.restart(scope, &image, now);
+        self.bus.set_bit_rate(*port, device.bit_rate(), now);
+    }
+}

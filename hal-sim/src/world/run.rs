@@ -1,0 +1,171 @@
+//! Time passes: from event to event, and what each one sets going.
+
+use protocol_core::device::Effect;
+use protocol_core::memory::{Record, RecordKey};
+use protocol_core::pump::pump;
+use protocol_core::time::{Duration, Instant, NEVER, after};
+
+use super::node::{Node, Power, Write, write_time};
+use super::trace::{OnBus, TraceEvent};
+use super::{NodeId, World};
+use crate::bus::Ended;
+
+/// How long an orderly shutdown waits for the bus to take what devices have to send before they store (A).
+pub const FLUSH_PATIENCE: Duration = Duration::from_secs(1);
+
+const TICK: Duration = Duration::from_ticks(1);
+
+impl World {
+    /// When something is next due: now or later; [`NEVER`] when nothing is.
+    #[must_use]
+    pub fn next_event(&self) -> Instant {
+        self.bus.next_event().min(self.agenda.next()).max(self.now)
+    }
+
+    /// Goes to the next event and lets everything happen that is due then. Nothing happens when nothing is due.
+    pub fn step(&mut self) {
+        let next = self.next_event();
+        if next != NEVER {
+            self.now = next;
+            self.happen();
+        }
+    }
+
+    /// Lets everything happen that is due until `end`, and goes there.
+    pub fn run_until(&mut self, end: Instant) {
+        while self.next_event() <= end {
+            self.step();
+        }
+        self.now = self.now.max(end);
+    }
+
+    /// Asks all devices to store what waits to be stored, and runs until they have: for an orderly shutdown.
+    ///
+    /// A device stores only when all that it has to send is on the bus. On a bus that takes nothing its frames are
+    /// dropped after [`FLUSH_PATIENCE`].
+    pub fn flush_all(&mut self) {
+        let now = self.now;
+        for id in self.devices() {
+            if let Power::On(device) = &mut self.nodes[id.0].power {
+                device.flush(now);
+                self.service(id);
+            }
+        }
+        let patience = after(now, FLUSH_PATIENCE);
+        while !self.devices().all(|id| self.is_settled(id)) && self.next_event() <= patience {
+            self.step();
+        }
+        for id in self.devices() {
+            self.settle(id);
+        }
+    }
+
+    /// Everything that is due now.
+    fn happen(&mut self) {
+        let now = self.now;
+        if let Some(ended) = self.bus.finish(now) {
+            self.show(ended);
+        }
+        self.service_touched();
+        while let Some(number) = self.agenda.due_by(now) {
+            self.attend(NodeId(number));
+        }
+        self.bus.begin(now);
+        self.service_touched();
+    }
+
+    fn service_touched(&mut self) {
+        let mut touched = std::mem::take(&mut self.touched);
+        self.bus.swap_touched(&mut touched);
+        for port in touched.drain(..) {
+            if let Some(id) = self.owners[port.0] {
+                self.service(id);
+            }
+        }
+        self.touched = touched;
+    }
+
+    /// Does what is due for a device, other than from the bus.
+    fn attend(&mut self, id: NodeId) {
+        let now = self.now;
+        if let Power::Coming(_, cause) = self.nodes[id.0].power {
+            self.boot(id, cause);
+            return;
+        }
+        self.finish_write(id, now);
+        self.service(id);
+    }
+
+    fn finish_write(&mut self, id: NodeId, by: Instant) {
+        let now = self.now;
+        let Node { write, memory, power, .. } = &mut self.nodes[id.0];
+        if let Some(Write { key, record, .. }) = write.take_if(|write| write.done <= by) {
+            let result = memory.store(key, &record);
+            if let Power::On(device) = power {
+                device.stored(key, result, now);
+            }
+        }
+    }
+
+    /// Tells a device what is new on its port, and does what it asks for.
+    pub(super) fn service(&mut self, id: NodeId) {
+        let now = self.now;
+        loop {
+            let Node { port, power, senses, .. } = &mut self.nodes[id.0];
+            let (port_id, Power::On(device)) = (*port, power) else { return };
+            let port = self.bus.port_mut(port_id);
+            if port.mode() != senses.bus {
+                senses.bus = port.mode();
+                device.sense(senses, now);
+            }
+            let Some(effect) = pump(&mut **device, port, now) else { break };
+            self.carry_out(id, effect);
+        }
+        let node = &self.nodes[id.0];
+        self.bus.refresh(node.port, now);
+        // A device that wants to be polled at once again gets a tick later, or time would stand still.
+        let due = node.due();
+        self.agenda.set(id.0, if due <= now { after(now, TICK) } else { due });
+    }
+
+    fn carry_out(&mut self, id: NodeId, effect: Effect) {
+        let now = self.now;
+        match effect {
+            Effect::Store(key, record) => self.begin_write(id, key, record),
+            Effect::SetBitRate(rate) => self.bus.set_bit_rate(self.nodes[id.0].port, rate, now),
+            Effect::Restart(scope) => self.restart(id, scope),
+        }
+    }
+
+    fn begin_write(&mut self, id: NodeId, key: RecordKey, record: Record) {
+        // The core asks for one at a time; if it ever did not, the first one must not be lost.
+        self.finish_write(id, NEVER);
+        let began = self.now;
+        self.nodes[id.0].write = Some(Write { key, record, began, done: after(began, write_time(key)) });
+    }
+
+    fn show(&mut self, ended: Ended) {
+        let Some(observer) = &mut self.observer else { return };
+        let Ended { from, frame, error } = ended;
+        let what = error.map_or(OnBus::Frame(frame), |error| OnBus::Error { frame, error });
+        observer(&TraceEvent { at: self.now, from, what });
+    }
+
+    /// Whether a device has sent and stored everything.
+    fn is_settled(&self, id: NodeId) -> bool {
+        let node = &self.nodes[id.0];
+        !matches!(node.power, Power::On(_)) || (node.write.is_none() && self.bus.port(node.port).pending() == 0)
+    }
+
+    /// Lets a device store what it has to, whatever it has to send.
+    fn settle(&mut self, id: NodeId) {
+        while !self.is_settled(id) {
+            self.bus.drop_pending(self.nodes[id.0].port, self.now);
+            if let Some(write) = &self.nodes[id.0].write {
+                let done = write.done;
+                self.run_until(done);
+            }
+            self.service(id);
+        }
+    }
+}
