@@ -171,6 +171,44 @@ impl fmt::Display for Frame {
     }
 }
 
+/// Reads what [`Display`](fmt::Display) prints; identifiers have three or eight digits, bytes one or two.
+impl core::str::FromStr for Frame {
+    type Err = ParseFrameError;
+
+    fn from_str(text: &str) -> Result<Self, ParseFrameError> {
+        let (id, rest) = text.trim().split_once(':').ok_or(ParseFrameError)?;
+        let raw = u32::from_str_radix(id, 16).map_err(|_| ParseFrameError)?;
+        let id = match id.len() {
+            3 => u16::try_from(raw).ok().and_then(StandardId::new).map(Id::Standard),
+            8 => ExtendedId::new(raw).map(Id::Extended),
+            _ => None,
+        };
+        let id = id.ok_or(ParseFrameError)?;
+        if let Some(len) = rest.trim().strip_prefix('R') {
+            let len = len.parse().ok().filter(|len| *len <= 8).ok_or(ParseFrameError)?;
+            return Ok(Self::remote(id, len));
+        }
+        let mut data = heapless::Vec::<u8, MAX_LEN>::new();
+        for byte in rest.split_whitespace() {
+            let byte = u8::from_str_radix(byte, 16).map_err(|_| ParseFrameError)?;
+            data.push(byte).map_err(|_| ParseFrameError)?;
+        }
+        Self::of(id, &data).ok_or(ParseFrameError)
+    }
+}
+
+/// A text that is no frame as the manuals print one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ParseFrameError;
+
+impl fmt::Display for ParseFrameError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("not a frame: expected an identifier of 3 or 8 hex digits, a colon, and up to 8 bytes")
+    }
+}
+
+impl core::error::Error for ParseFrameError {}
+
 impl fmt::Debug for Frame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         fmt::Display::fmt(self, f)
@@ -201,6 +239,7 @@ pub const fn extended(raw: u32) -> ExtendedId {
 mod tests {
     extern crate std;
     use std::format;
+    use std::string::ToString;
 
     use super::*;
 
@@ -213,6 +252,16 @@ mod tests {
         assert_eq!(format!("{}", std_frame(0x700, &[0])), "700: 00");
         assert_eq!(format!("{}", Frame::of(extended(0x1BC7_8805).into(), &[3, 0x22]).unwrap()), "1BC78805: 03 22");
         assert_eq!(format!("{}", Frame::remote(standard(0x700).into(), 1)), "700: R1");
+    }
+
+    #[test]
+    fn reads_what_it_prints() {
+        for text in ["700: 00", "080: 12 34 05 0F 00 00 00 00", "1BC78805: 03 22", "080:", "700: R1"] {
+            assert_eq!(text.parse::<Frame>().unwrap().to_string(), text);
+        }
+        for text in ["", "700", "70: 00", "800: 00", "20000000: 00", "700: 100", "700: 0 1 2 3 4 5 6 7 8", "700: R9"] {
+            assert_eq!(text.parse::<Frame>(), Err(ParseFrameError), "{text}");
+        }
     }
 
     #[test]

@@ -36,10 +36,12 @@
 )]
 
 pub mod actuator;
+pub mod canopen;
 pub mod controller;
 pub mod device;
 pub mod frame;
 pub mod memory;
 pub mod pump;
 pub mod time;
+pub mod uds;
 pub mod wire;

@@ -1,1 +1,5 @@
 //! What the tests share.
+
+mod rig;
+
+pub use rig::{Rig, frame};

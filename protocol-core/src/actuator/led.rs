@@ -1,5 +1,7 @@
 //! What the LED shows (SPEC 2).
 
+use super::fault::{Fault, FaultSet};
+
 /// A colour of the LED.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Color {
@@ -18,4 +20,84 @@ pub struct Led {
     pub color: Color,
     /// Whether it flashes.
     pub flashing: bool,
+}
+
+/// What the LED is to tell.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Condition {
+    /// The active faults.
+    pub faults: FaultSet,
+    /// The device waits to be let out of a shutdown.
+    pub fault_hold: bool,
+    /// The device does not regulate because it was not told to, or must not: no node ID, not enabled, hand operation,
+    /// emergency stop, no address.
+    pub disabled: bool,
+    /// The solenoids rest.
+    pub power_save: bool,
+}
+
+impl Led {
+    /// Healthy and at work.
+    pub const GREEN: Self = Self { color: Color::Green, flashing: false };
+    /// Power save.
+    pub const GREEN_FLASHING: Self = Self { color: Color::Green, flashing: true };
+    /// Disabled.
+    pub const YELLOW: Self = Self { color: Color::Yellow, flashing: false };
+    /// Bus-off, or an internal error.
+    pub const RED: Self = Self { color: Color::Red, flashing: false };
+    /// Any other fault.
+    pub const RED_FLASHING: Self = Self { color: Color::Red, flashing: true };
+    /// A shutdown whose cause is gone (A).
+    pub const FAULT_HOLD: Self = Self::RED_FLASHING;
+
+    /// What the LED shows: the first that applies.
+    #[must_use]
+    pub fn of(condition: Condition) -> Self {
+        let Condition { faults, fault_hold, disabled, power_save } = condition;
+        if faults.contains(Fault::CanBus) {
+            return Self::RED;
+        }
+        match faults.highest() {
+            Some(Fault::Internal) => Self::RED,
+            Some(_) => Self::RED_FLASHING,
+            None if fault_hold => Self::FAULT_HOLD,
+            None if disabled => Self::YELLOW,
+            None if power_save => Self::GREEN_FLASHING,
+            None => Self::GREEN,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn with(faults: &[Fault]) -> Condition {
+        // All that is lower in the order is set too: none of it may show through.
+        Condition { faults: faults.iter().copied().collect(), fault_hold: true, disabled: true, power_save: true }
+    }
+
+    #[test]
+    fn the_first_that_applies_shows() {
+        let healthy = Condition::default();
+        let table = [
+            (with(&[Fault::SpoolNotAtSetPoint, Fault::CanBus]), Color::Red, false),
+            (with(&[Fault::CanBus]), Color::Red, false),
+            (with(&[Fault::Internal]), Color::Red, false),
+            (with(&[Fault::Internal, Fault::Temperature]), Color::Red, false),
+            (with(&[Fault::SpoolNotAtSetPoint, Fault::Internal]), Color::Red, true),
+            (with(&[Fault::FloatNotReached]), Color::Red, true),
+            (with(&[Fault::Temperature]), Color::Red, true),
+            (with(&[Fault::SupplyHigh]), Color::Red, true),
+            (with(&[Fault::SupplyLow]), Color::Red, true),
+            (with(&[Fault::TimeGuarding]), Color::Red, true),
+            (with(&[]), Color::Red, true),
+            (Condition { disabled: true, power_save: true, ..healthy }, Color::Yellow, false),
+            (Condition { power_save: true, ..healthy }, Color::Green, true),
+            (healthy, Color::Green, false),
+        ];
+        for (condition, color, flashing) in table {
+            assert_eq!(Led::of(condition), Led { color, flashing }, "{condition:?}");
+        }
+    }
 }

@@ -2,11 +2,36 @@
 //!
 //! Nothing here knows a CAN identifier, an object dictionary or a diagnostic code: the protocols present what the
 //! [`Valve`] says.
+//!
+//! ```text
+//! set_point    what is asked for, and the scales in which protocols write it
+//! travel       where the spool is at any instant: whole numbers, no rounding
+//! spool        what solenoids, springs, lever and faults of the spool make of it
+//! power_save   when the solenoids rest
+//! monitor      limits, hysteresis, delays
+//! fault        the faults, by priority        counters   how often each occurred
+//! led          what the LED shows
+//! valve        ties them together
+//! ```
 
+mod counters;
+mod fault;
 mod led;
+mod monitor;
+mod power_save;
 mod set_point;
 mod spool;
+mod travel;
+mod valve;
 
-pub use led::{Color, Led};
+pub use counters::{COUNTER_MAX, Counters};
+pub use fault::{Changes, Fault, FaultIter, FaultSet, InternalCause};
+pub use led::{Color, Condition, Led};
+pub use monitor::{FLOAT_DELAY, GUARD_TIME, SET_POINT_DELAY, SET_POINT_PERCENT, SUPPLY_DELAY, TEMPERATURE_DELAY};
+pub use power_save::POWER_SAVE_DELAY;
 pub use set_point::{Position, Scale, SetPoint};
-pub use spool::{SpoolFault, SpoolSense};
+pub use spool::{
+    DRIFT_PERCENT, DRIFT_STROKE, END_BAND_PERCENT, NO_FLOAT_PERCENT, SLOWNESS, SOLENOID_STROKE, SPRING_STROKE,
+    SpoolFault, SpoolSense,
+};
+pub use valve::{Drive, Regulation, SpoolMonitors, Valve, ValveConfig, ValveSenses};

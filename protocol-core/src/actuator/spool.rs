@@ -1,6 +1,34 @@
 //! The spool: a model of the real one, or a measured position (SPEC 2).
+//!
+//! Two solenoids move it at a bounded rate, springs bring it back to neutral, the hand lever wins over both.
 
 use super::Position;
+use super::travel::{Band, Path, Rate, Travel};
+use crate::time::{Duration, Instant};
+
+/// How long the solenoids take from neutral to full stroke (A).
+pub const SOLENOID_STROKE: Duration = Duration::from_millis(250);
+/// How long the springs take from full stroke to neutral (A).
+pub const SPRING_STROKE: Duration = Duration::from_millis(150);
+/// How many times slower a [`SpoolFault::Slow`] spool moves (A).
+pub const SLOWNESS: i32 = 8;
+/// How long a [`SpoolFault::Drifting`] spool would take to creep over the full stroke (A).
+pub const DRIFT_STROKE: Duration = Duration::from_secs(8);
+/// How far a [`SpoolFault::Drifting`] spool creeps away, in percent of the full stroke: further than monitor 1 allows (A).
+pub const DRIFT_PERCENT: i32 = 20;
+/// Where a [`SpoolFault::NoFloat`] spool stops in float, in percent of the full stroke: short of the float band (A).
+pub const NO_FLOAT_PERCENT: i32 = 80;
+/// The spool is in neutral, or has reached float, when it is so many percent of the full stroke away at most (A).
+pub const END_BAND_PERCENT: i32 = 5;
+
+const SOLENOIDS: Rate = Rate::of_full_stroke(SOLENOID_STROKE);
+const SPRINGS: Rate = Rate::of_full_stroke(SPRING_STROKE);
+const DRIFT: Rate = Rate::of_full_stroke(DRIFT_STROKE);
+
+/// Where the spool counts as in neutral.
+pub(super) const IN_NEUTRAL: Band = Band::around(Travel::NEUTRAL, Travel::percent(END_BAND_PERCENT));
+/// Where the spool counts as in float.
+pub(super) const IN_FLOAT: Band = Band::around(Travel::FULL_B, Travel::percent(END_BAND_PERCENT));
 
 /// What can be wrong with a spool.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -8,11 +36,11 @@ pub enum SpoolFault {
     /// Nothing.
     #[default]
     None,
-    /// Stuck where it is.
+    /// Jammed: stays where it is, whoever pushes.
     Stuck,
-    /// Moves at a fraction of its rate.
+    /// Moves at a fraction of its rate, by solenoids and springs alike.
     Slow,
-    /// Does not stay where it is told to be.
+    /// Does not stay where the solenoids put it: creeps on towards B, or towards A when there is no room.
     Drifting,
     /// Does not reach the float position.
     NoFloat,
@@ -27,4 +55,96 @@ pub struct SpoolSense {
     pub lever: Option<Position>,
     /// The position that a sensor reads, on a board that has one: takes the model's place.
     pub measured: Option<Position>,
+}
+
+/// What the device does to the spool.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Action {
+    /// Leaves it to the springs: the solenoids are off.
+    Release,
+    /// Moves it there and holds it.
+    Move(Travel),
+    /// Moves it to the float position and holds it.
+    Float,
+}
+
+/// The spool and what acts on it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Spool {
+    path: Path,
+    action: Action,
+    sense: SpoolSense,
+}
+
+impl Spool {
+    /// At rest in neutral.
+    pub(super) fn new(now: Instant) -> Self {
+        Self { path: Path::rest(Travel::NEUTRAL, now), action: Action::Release, sense: SpoolSense::default() }
+    }
+
+    pub(super) fn sense(&mut self, sense: SpoolSense, now: Instant) {
+        if sense != self.sense {
+            self.sense = sense;
+            self.plan(now);
+        }
+    }
+
+    pub(super) fn act(&mut self, action: Action, now: Instant) {
+        if action != self.action {
+            self.action = action;
+            self.plan(now);
+        }
+    }
+
+    #[inline]
+    pub(super) fn at(&self, now: Instant) -> Travel {
+        self.path.at(now)
+    }
+
+    /// Where and since when it rests, or will, if nothing else happens to it.
+    pub(super) const fn rests(&self) -> (Travel, Instant) {
+        self.path.rests()
+    }
+
+    /// When it next enters or leaves the band, after `now`.
+    pub(super) fn crosses(&self, band: Band, now: Instant) -> Instant {
+        self.path.crosses(band, now)
+    }
+
+    /// Plans its way from where it is now.
+    fn plan(&mut self, now: Instant) {
+        let here = self.path.at(now);
+        self.path = match self.sense {
+            SpoolSense { measured: Some(position), .. } => Path::rest(position.into(), now),
+            SpoolSense { fault: SpoolFault::Stuck, .. } => Path::rest(here, now),
+            SpoolSense { lever: Some(position), .. } => Path::rest(position.into(), now),
+            SpoolSense { fault, .. } => self.action.path(here, fault, now),
+        };
+    }
+}
+
+impl Action {
+    /// The way from `here` of a spool that is free to move.
+    fn path(self, here: Travel, fault: SpoolFault, now: Instant) -> Path {
+        let (to, rate) = match self {
+            Self::Release => (Travel::NEUTRAL, const { (SPRINGS, SPRINGS.slowed(SLOWNESS)) }),
+            Self::Move(target) => (target, SOLENOID_RATES),
+            Self::Float if fault == SpoolFault::NoFloat => (NO_FLOAT, SOLENOID_RATES),
+            Self::Float => (Travel::FULL_B, SOLENOID_RATES),
+        };
+        let path = Path::new(here, to, if fault == SpoolFault::Slow { rate.1 } else { rate.0 }, now);
+        if fault == SpoolFault::Drifting && self != Self::Release { path.then(drifted(to), DRIFT) } else { path }
+    }
+}
+
+/// The solenoids' rate, healthy and slow.
+const SOLENOID_RATES: (Rate, Rate) = (SOLENOIDS, SOLENOIDS.slowed(SLOWNESS));
+
+const NO_FLOAT: Travel = Travel::new(Travel::percent(NO_FLOAT_PERCENT));
+
+/// Where a spool that drifts away from `target` ends.
+fn drifted(target: Travel) -> Travel {
+    let offset = Travel::percent(DRIFT_PERCENT);
+    let towards_b = target.shifted(offset);
+    if towards_b <= Travel::FULL_B { towards_b } else { target.shifted(offset.saturating_neg()) }
 }

@@ -3,7 +3,9 @@
 //! A device is sans-IO: frames, time and what it senses go in; frames, effects and outputs come out. It never blocks,
 //! reads no clock and touches no hardware. [`pump`](crate::pump::pump) connects one with a controller.
 
+pub mod pve;
 mod senses;
+mod tx_queue;
 
 pub use senses::{Outputs, Senses};
 

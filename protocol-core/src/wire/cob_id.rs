@@ -49,8 +49,6 @@ pub enum Function {
 
 /// NMT commands, to all.
 pub const NMT: StandardId = standard(0x000);
-/// SYNC, to all, by default.
-pub const SYNC: StandardId = standard(0x080);
 /// LSS, from the slaves.
 pub const LSS_ANSWER: StandardId = standard(0x7E4);
 /// LSS, to the slaves.

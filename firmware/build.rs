@@ -1,0 +1,17 @@
+//! Linker arguments of the image. They stand here and not in `.cargo/config.toml`, where a set RUSTFLAGS drops them
+//! without a word: the build then succeeds with an image of a few bytes.
+
+use std::env;
+use std::path::PathBuf;
+
+fn main() {
+    if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
+        return;
+    }
+    let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..");
+    println!("cargo:rerun-if-changed={}", root.join("memory.x").display());
+    println!("cargo:rustc-link-search={}", root.display());
+    for argument in ["--nmagic", "-Tlink.x"] {
+        println!("cargo:rustc-link-arg-bins={argument}");
+    }
+}

@@ -1,0 +1,44 @@
+//! How often each fault has occurred (SPEC 2, occurrence counter).
+
+use super::fault::{Fault, FaultSet};
+
+/// Where a counter stops.
+pub const COUNTER_MAX: u8 = 127;
+
+/// The occurrence counters of all faults, each 0–127.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters([u8; Fault::ALL.len()]);
+
+impl Counters {
+    /// From stored bytes, by priority; a byte above 127 counts as 127.
+    #[must_use]
+    pub fn from_bytes(bytes: [u8; Fault::ALL.len()]) -> Self {
+        Self(bytes.map(|count| count.min(COUNTER_MAX)))
+    }
+
+    /// As bytes to be stored, by priority.
+    #[must_use]
+    pub const fn to_bytes(self) -> [u8; Fault::ALL.len()] {
+        self.0
+    }
+
+    /// How often the fault has occurred, the present time included.
+    #[must_use]
+    pub fn get(&self, fault: Fault) -> u8 {
+        self.0.get(usize::from(fault.index())).copied().unwrap_or(0)
+    }
+
+    /// Sets the counters of these faults to 0. Returns whether any changed.
+    pub(super) fn clear(&mut self, faults: FaultSet) -> bool {
+        faults.into_iter().fold(false, |changed, fault| self.set(fault, 0) | changed)
+    }
+
+    /// Counts one more. Returns whether the counter changed: it stops at 127.
+    pub(super) fn count(&mut self, fault: Fault) -> bool {
+        self.set(fault, self.get(fault).saturating_add(1).min(COUNTER_MAX))
+    }
+
+    fn set(&mut self, fault: Fault, count: u8) -> bool {
+        self.0.get_mut(usize::from(fault.index())).is_some_and(|slot| core::mem::replace(slot, count) != count)
+    }
+}

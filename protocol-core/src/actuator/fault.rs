@@ -1,0 +1,301 @@
+//! The faults of the valve, sets of them, and the register of those that are active (SPEC 2).
+
+use super::counters::Counters;
+
+/// A fault, in the order of priority (SPEC 2, table of the monitors).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(u8)]
+pub enum Fault {
+    /// The spool is not at its set-point.
+    SpoolNotAtSetPoint = 1,
+    /// The spool does not reach the float position.
+    FloatNotReached = 2,
+    /// Something inside: see [`InternalCause`].
+    Internal = 3,
+    /// The CAN controller is bus-off.
+    CanBus = 4,
+    /// Too hot, or too cold.
+    Temperature = 5,
+    /// The supply voltage is too high.
+    SupplyHigh = 6,
+    /// The supply voltage is too low.
+    SupplyLow = 7,
+    /// No valid set-point in time.
+    TimeGuarding = 8,
+}
+
+impl Fault {
+    /// All of them, highest priority first.
+    pub const ALL: [Self; 8] = [
+        Self::SpoolNotAtSetPoint,
+        Self::FloatNotReached,
+        Self::Internal,
+        Self::CanBus,
+        Self::Temperature,
+        Self::SupplyHigh,
+        Self::SupplyLow,
+        Self::TimeGuarding,
+    ];
+
+    /// 1, the highest, … 8.
+    #[inline]
+    #[must_use]
+    pub const fn priority(self) -> u8 {
+        self as u8
+    }
+
+    /// Whether it is one of the two faults of the spool's position.
+    #[must_use]
+    pub const fn is_of_spool(self) -> bool {
+        matches!(self, Self::SpoolNotAtSetPoint | Self::FloatNotReached)
+    }
+
+    /// The place in [`ALL`](Self::ALL).
+    pub(super) const fn index(self) -> u8 {
+        self.priority().wrapping_sub(1)
+    }
+}
+
+/// A set of faults.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct FaultSet(u8);
+
+impl FaultSet {
+    /// None.
+    pub const EMPTY: Self = Self(0);
+    /// All eight.
+    pub const ALL: Self = Self(0xFF);
+
+    /// This fault alone.
+    #[must_use]
+    pub const fn of(fault: Fault) -> Self {
+        Self(1_u8.wrapping_shl(fault.index() as u32))
+    }
+
+    /// The set of these bits: bit 0 is the fault of priority 1, bit 7 that of priority 8.
+    #[must_use]
+    pub const fn from_bits(bits: u8) -> Self {
+        Self(bits)
+    }
+
+    /// As bits, for [`from_bits`](Self::from_bits).
+    #[must_use]
+    pub const fn bits(self) -> u8 {
+        self.0
+    }
+
+    /// Whether it has none.
+    #[inline]
+    #[must_use]
+    pub const fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// How many it has.
+    #[must_use]
+    pub const fn len(self) -> u32 {
+        self.0.count_ones()
+    }
+
+    /// Whether it has this fault.
+    #[inline]
+    #[must_use]
+    pub const fn contains(self, fault: Fault) -> bool {
+        self.0 & Self::of(fault).0 != 0
+    }
+
+    /// This set and `other`.
+    #[must_use]
+    pub const fn union(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
+    /// This set without what is in `other`.
+    #[must_use]
+    pub const fn difference(self, other: Self) -> Self {
+        Self(self.0 & !other.0)
+    }
+
+    /// Puts a fault in.
+    pub const fn insert(&mut self, fault: Fault) {
+        *self = self.union(Self::of(fault));
+    }
+
+    /// Takes a fault out.
+    pub const fn remove(&mut self, fault: Fault) {
+        *self = self.difference(Self::of(fault));
+    }
+
+    /// The fault of highest priority.
+    #[must_use]
+    pub fn highest(self) -> Option<Fault> {
+        self.into_iter().next()
+    }
+}
+
+impl IntoIterator for FaultSet {
+    type Item = Fault;
+    type IntoIter = FaultIter;
+
+    fn into_iter(self) -> FaultIter {
+        FaultIter(self)
+    }
+}
+
+impl FromIterator<Fault> for FaultSet {
+    fn from_iter<I: IntoIterator<Item = Fault>>(faults: I) -> Self {
+        faults.into_iter().fold(Self::EMPTY, |set, fault| set.union(Self::of(fault)))
+    }
+}
+
+/// The faults of a set, highest priority first.
+#[derive(Clone, Debug)]
+pub struct FaultIter(FaultSet);
+
+impl Iterator for FaultIter {
+    type Item = Fault;
+
+    fn next(&mut self) -> Option<Fault> {
+        let fault = *Fault::ALL.get(usize::try_from(self.0.0.trailing_zeros()).ok()?)?;
+        self.0.remove(fault);
+        Some(fault)
+    }
+}
+
+/// What became of the faults since this was last asked for.
+///
+/// To be told by priority: first what was activated, then what was cleared. A fault can be in both: it was activated and
+/// is gone again. Whatever was activated last is not in `cleared`, so the end of the tale is what is active.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Changes {
+    /// Became active.
+    pub activated: FaultSet,
+    /// Are gone.
+    pub cleared: FaultSet,
+}
+
+impl Changes {
+    /// Whether nothing has changed.
+    #[inline]
+    #[must_use]
+    pub const fn is_empty(self) -> bool {
+        self.activated.is_empty() && self.cleared.is_empty()
+    }
+}
+
+/// Why there is an internal error (SPEC 2, a fault's life; SPEC 6).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InternalCause {
+    /// Injected from outside.
+    Injected,
+    /// The watchdog reset the processor. To be taken back once it has been reported.
+    Watchdog,
+    /// The memory as a whole was found damaged. Lasts until the next start.
+    Memory,
+    /// A record is corrupt or could not be written: which one, 0–7; numbers above count as 7. Lasts until the record is
+    /// written.
+    Record(u8),
+}
+
+/// A set of causes of the internal error.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct InternalCauses(u16);
+
+impl InternalCauses {
+    pub(super) fn set(&mut self, cause: InternalCause, present: bool) {
+        let bit = match cause {
+            InternalCause::Injected => 0x0001,
+            InternalCause::Watchdog => 0x0002,
+            InternalCause::Memory => 0x0004,
+            InternalCause::Record(record) => 0x0100_u16.wrapping_shl(u32::from(record.min(7))),
+        };
+        self.0 = if present { self.0 | bit } else { self.0 & !bit };
+    }
+
+    pub(super) const fn any(self) -> bool {
+        self.0 != 0
+    }
+}
+
+/// Which faults are active, what has changed, and how often each has occurred.
+#[derive(Clone, Debug)]
+pub(super) struct FaultRegister {
+    pub(super) active: FaultSet,
+    pub(super) changes: Changes,
+    pub(super) counters: Counters,
+    pub(super) counters_changed: bool,
+    shared_spool_counter: bool,
+}
+
+impl FaultRegister {
+    pub(super) const fn new(counters: Counters, shared_spool_counter: bool) -> Self {
+        let changes = Changes { activated: FaultSet::EMPTY, cleared: FaultSet::EMPTY };
+        Self { active: FaultSet::EMPTY, changes, counters, counters_changed: false, shared_spool_counter }
+    }
+
+    pub(super) fn set(&mut self, fault: Fault, active: bool) {
+        if active {
+            self.activate(fault);
+        } else {
+            self.clear(fault);
+        }
+    }
+
+    /// Counts it, unless it is active already.
+    pub(super) fn activate(&mut self, fault: Fault) {
+        if self.active.contains(fault) {
+            return;
+        }
+        self.active.insert(fault);
+        self.changes.activated.insert(fault);
+        self.changes.cleared.remove(fault);
+        let together =
+            if self.shared_spool_counter && fault.is_of_spool() { SPOOL_FAULTS } else { FaultSet::of(fault) };
+        for counted in together {
+            self.counters_changed |= self.counters.count(counted);
+        }
+    }
+
+    pub(super) fn clear(&mut self, fault: Fault) {
+        if self.active.contains(fault) {
+            self.active.remove(fault);
+            self.changes.cleared.insert(fault);
+        }
+    }
+}
+
+/// Those that share a counter where they do: both counts are kept equal.
+const SPOOL_FAULTS: FaultSet = FaultSet::of(Fault::SpoolNotAtSetPoint).union(FaultSet::of(Fault::FloatNotReached));
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_set_is_told_by_priority() {
+        let set: FaultSet = [Fault::TimeGuarding, Fault::Internal, Fault::SpoolNotAtSetPoint].into_iter().collect();
+        assert!(set.into_iter().eq([Fault::SpoolNotAtSetPoint, Fault::Internal, Fault::TimeGuarding]));
+        assert_eq!(set.highest(), Some(Fault::SpoolNotAtSetPoint));
+        assert_eq!(set.bits(), 0b1000_0101);
+        assert_eq!(set.len(), 3);
+        assert_eq!(FaultSet::EMPTY.highest(), None);
+        assert!(FaultSet::ALL.into_iter().eq(Fault::ALL));
+        assert!(Fault::ALL.into_iter().map(Fault::priority).eq(1..=8));
+    }
+
+    #[test]
+    fn every_internal_cause_is_its_own() {
+        let causes = (0..8).map(InternalCause::Record).chain([
+            InternalCause::Injected,
+            InternalCause::Watchdog,
+            InternalCause::Memory,
+        ]);
+        let mut all = InternalCauses::default();
+        causes.clone().for_each(|cause| all.set(cause, true));
+        for cause in causes {
+            assert!(all.any());
+            all.set(cause, false);
+        }
+        assert!(!all.any());
+    }
+}

@@ -1,0 +1,250 @@
+//! Where the spool is at any instant: straight lines in time, in whole numbers.
+//!
+//! Travel is counted in steps so fine that every rate of the model is a whole number of them in a microsecond. So no
+//! position is ever rounded on the way, and none depends on how often it was asked for.
+
+use super::Position;
+use crate::time::{Duration, Instant, NEVER, after, since};
+
+/// Travel from neutral towards the B-port, in steps of 1/[`FULL`](Self::FULL) of the full stroke.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Travel(i32);
+
+impl Travel {
+    /// Steps of the full stroke: the least multiple of the 16384 of a [`Position`] that 250 000 and 150 000 µs, eight
+    /// times as much, and whole percents divide.
+    pub(super) const FULL: i32 = 768_000_000;
+    /// Steps of one unit of a [`Position`].
+    const UNIT: i32 = Self::FULL / Position::FULL as i32;
+
+    pub(super) const NEUTRAL: Self = Self(0);
+    pub(super) const FULL_B: Self = Self(Self::FULL);
+    pub(super) const FULL_A: Self = Self(-Self::FULL);
+
+    /// So many percent of the full stroke, in steps.
+    pub(super) const fn percent(percent: i32) -> i32 {
+        (Self::FULL / 100).saturating_mul(percent)
+    }
+
+    pub(super) const fn new(steps: i32) -> Self {
+        Self(steps)
+    }
+
+    /// `steps` further towards B, negative towards A.
+    pub(super) const fn shifted(self, steps: i32) -> Self {
+        Self(self.0.saturating_add(steps))
+    }
+
+    /// The unit of a position is complete only when all its steps are: full stroke is not shown before it is reached.
+    pub(super) fn position(self) -> Position {
+        Position::clamped(self.0 / Self::UNIT)
+    }
+}
+
+const _: () = assert!(Travel::UNIT * Position::FULL as i32 == Travel::FULL);
+
+impl From<Position> for Travel {
+    fn from(position: Position) -> Self {
+        Self(i32::from(position.raw()).saturating_mul(Self::UNIT))
+    }
+}
+
+/// A range of travel, both ends included.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Band {
+    low: i32,
+    high: i32,
+}
+
+impl Band {
+    /// Up to `steps` away from `centre`.
+    pub(super) const fn around(centre: Travel, steps: i32) -> Self {
+        Self { low: centre.0.saturating_sub(steps), high: centre.0.saturating_add(steps) }
+    }
+
+    pub(super) const fn contains(self, travel: Travel) -> bool {
+        self.low <= travel.0 && travel.0 <= self.high
+    }
+}
+
+/// How fast the spool moves, in steps a microsecond.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Rate(i32);
+
+impl Rate {
+    /// The rate that takes `full_stroke` from neutral to full stroke. To be called for constants only: that the rate
+    /// comes out whole is checked when they are made.
+    pub(super) const fn of_full_stroke(full_stroke: Duration) -> Self {
+        let micros = full_stroke.as_micros();
+        assert!(micros <= Travel::FULL as u64);
+        Self(divide(Travel::FULL, micros as i32))
+    }
+
+    /// `1/divisor` of the rate, for constants as well.
+    pub(super) const fn slowed(self, divisor: i32) -> Self {
+        Self(divide(self.0, divisor))
+    }
+}
+
+/// A quotient that must come out even.
+const fn divide(dividend: i32, divisor: i32) -> i32 {
+    let quotient = match dividend.checked_div(divisor) {
+        Some(quotient) => quotient,
+        None => 0,
+    };
+    assert!(quotient > 0 && quotient.saturating_mul(divisor) == dividend);
+    quotient
+}
+
+/// A straight line in time from one place to another.
+#[derive(Clone, Copy, Debug)]
+struct Leg {
+    from: Travel,
+    to: Travel,
+    start: Instant,
+    /// The first microsecond at `to`.
+    end: Instant,
+    rate: Rate,
+}
+
+impl Leg {
+    fn new(from: Travel, to: Travel, rate: Rate, start: Instant) -> Self {
+        let mut leg = Self { from, to, start, end: start, rate };
+        if from != to {
+            leg.end = leg.reaches(to.0);
+        }
+        leg
+    }
+
+    fn at(&self, now: Instant) -> Travel {
+        if now >= self.end {
+            return self.to;
+        }
+        // Before the end this is less than the way from one end of the stroke to the other, which an i32 holds.
+        let micros = i32::try_from(since(now, self.start).as_micros()).unwrap_or(i32::MAX);
+        let way = micros.saturating_mul(self.rate.0);
+        self.from.shifted(if self.to > self.from { way } else { way.saturating_neg() })
+    }
+
+    /// The first microsecond at which the line has come as far as `level`, which lies on it.
+    fn reaches(&self, level: i32) -> Instant {
+        let way = level.abs_diff(self.from.0);
+        let rate = self.rate.0.unsigned_abs();
+        let micros = way.saturating_add(rate.saturating_sub(1)).checked_div(rate).unwrap_or(u32::MAX);
+        after(self.start, Duration::from_micros(u64::from(micros)))
+    }
+
+    /// When, after `now`, the line next enters or leaves the band.
+    fn crosses(&self, band: Band, now: Instant) -> Option<Instant> {
+        if now >= self.end {
+            return None;
+        }
+        let here = self.at(now);
+        let rising = self.to > self.from;
+        let level = match (rising, band.contains(here)) {
+            (true, true) => band.high.saturating_add(1),
+            (false, true) => band.low.saturating_sub(1),
+            (true, false) if here.0 < band.low => band.low,
+            (false, false) if here.0 > band.high => band.high,
+            _ => return None,
+        };
+        let on_the_way = if rising { level <= self.to.0 } else { level >= self.to.0 };
+        on_the_way.then(|| self.reaches(level))
+    }
+}
+
+/// Where the spool goes: to a place, and from there, when it does not stay, slowly on to another.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Path {
+    approach: Leg,
+    creep: Leg,
+}
+
+impl Path {
+    /// Rests at `place`.
+    pub(super) const fn rest(place: Travel, now: Instant) -> Self {
+        let leg = Leg { from: place, to: place, start: now, end: now, rate: Rate(1) };
+        Self { approach: leg, creep: leg }
+    }
+
+    /// Goes from `from` to `to` and stays.
+    pub(super) fn new(from: Travel, to: Travel, rate: Rate, now: Instant) -> Self {
+        let approach = Leg::new(from, to, rate, now);
+        Self { approach, creep: Leg::new(to, to, rate, approach.end) }
+    }
+
+    /// Once arrived, goes on to `to`.
+    pub(super) fn then(self, to: Travel, rate: Rate) -> Self {
+        let Self { approach, .. } = self;
+        Self { approach, creep: Leg::new(approach.to, to, rate, approach.end) }
+    }
+
+    pub(super) fn at(&self, now: Instant) -> Travel {
+        if now < self.approach.end { self.approach.at(now) } else { self.creep.at(now) }
+    }
+
+    /// Where and since when the spool rests, or will.
+    pub(super) const fn rests(&self) -> (Travel, Instant) {
+        (self.creep.to, self.creep.end)
+    }
+
+    /// The first microsecond after `now` at which the spool enters or leaves the band; [`NEVER`] if it does not.
+    pub(super) fn crosses(&self, band: Band, now: Instant) -> Instant {
+        self.approach.crosses(band, now).or_else(|| self.creep.crosses(band, now)).unwrap_or(NEVER)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const QUARTER_SECOND: Rate = Rate::of_full_stroke(Duration::from_millis(250));
+
+    fn at_us(micros: u64) -> Instant {
+        Instant::from_micros(micros)
+    }
+
+    #[test]
+    fn positions_come_back_as_they_went_in() {
+        for raw in -Position::FULL..=Position::FULL {
+            let position = Position::new(raw).unwrap();
+            assert_eq!(Travel::from(position).position(), position);
+        }
+    }
+
+    #[test]
+    fn arrives_in_the_microsecond_of_its_rate() {
+        let path = Path::new(Travel::FULL_A, Travel::FULL_B, QUARTER_SECOND, at_us(7));
+        assert_eq!(path.at(at_us(0)), Travel::FULL_A);
+        assert_eq!(path.at(at_us(7 + 250_000)), Travel::NEUTRAL);
+        assert!(path.at(at_us(7 + 499_999)) < Travel::FULL_B);
+        assert_eq!(path.at(at_us(7 + 500_000)), Travel::FULL_B);
+        assert_eq!(path.rests(), (Travel::FULL_B, at_us(7 + 500_000)));
+    }
+
+    #[test]
+    fn crossings_are_the_first_microsecond_on_the_other_side() {
+        let neutral = Band::around(Travel::NEUTRAL, Travel::percent(5));
+        let to_b = Path::new(Travel::FULL_A, Travel::FULL_B, QUARTER_SECOND, at_us(0));
+        let and_back = Path::new(Travel::FULL_B, Travel::FULL_A, QUARTER_SECOND.slowed(8), at_us(0));
+        let creeping = Path::new(Travel::FULL_A, Travel::new(-Travel::percent(50)), QUARTER_SECOND, at_us(0))
+            .then(Travel::FULL_B, QUARTER_SECOND.slowed(3));
+        for path in [to_b, and_back, creeping] {
+            let enters = path.crosses(neutral, at_us(0));
+            assert!(!neutral.contains(path.at(enters - Duration::from_micros(1))) && neutral.contains(path.at(enters)));
+            let leaves = path.crosses(neutral, enters);
+            assert!(neutral.contains(path.at(leaves - Duration::from_micros(1))) && !neutral.contains(path.at(leaves)));
+            assert_eq!(path.crosses(neutral, leaves), NEVER);
+        }
+        assert_eq!(to_b.crosses(neutral, at_us(0)), at_us(237_500));
+        assert_eq!(to_b.crosses(neutral, at_us(237_500)), at_us(262_501));
+    }
+
+    #[test]
+    fn what_rests_or_stops_short_crosses_nothing() {
+        let neutral = Band::around(Travel::NEUTRAL, Travel::percent(5));
+        assert_eq!(Path::rest(Travel::FULL_B, at_us(0)).crosses(neutral, at_us(0)), NEVER);
+        let short = Path::new(Travel::FULL_B, Travel::new(Travel::percent(5) + 1), QUARTER_SECOND, at_us(0));
+        assert_eq!(short.crosses(neutral, at_us(0)), NEVER);
+    }
+}

@@ -1,0 +1,432 @@
+//! The valve: ties spool, power save, monitors and faults together (SPEC 2).
+
+use super::counters::Counters;
+use super::fault::{Changes, Fault, FaultRegister, FaultSet, InternalCause, InternalCauses};
+use super::monitor::{
+    FLOAT_DELAY, Limits, Monitor, Reading, SET_POINT_DELAY, SET_POINT_TOLERANCE, SUPPLY_DELAY, TEMPERATURE_DELAY,
+    TimeGuard,
+};
+use super::power_save::PowerSave;
+use super::set_point::{Position, SetPoint};
+use super::spool::{Action, IN_FLOAT, IN_NEUTRAL, Spool, SpoolSense};
+use super::travel::{Band, Travel};
+use crate::time::{Instant, NEVER};
+
+/// How a set-point moves the spool (SPEC 1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Regulation {
+    /// PVEA: to the set-point.
+    Proportional,
+    /// PVEO: to full stroke in the direction of any set-point that is not neutral (A).
+    OnOff,
+}
+
+/// When the two monitors of the spool's position run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SpoolMonitors {
+    /// Only in [`Drive::Regulate`].
+    WhileRegulating,
+    /// Always but in [`Drive::Hand`] and [`Drive::EmergencyStop`]; with the drive off the spool has to be in neutral.
+    ExceptHandAndStop,
+}
+
+/// In what the valves differ.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ValveConfig {
+    /// Proportional or on/off.
+    pub regulation: Regulation,
+    /// Whether the temperature has a lower limit as well.
+    pub low_temperature: bool,
+    /// Whether both faults of the spool share one occurrence counter: either activation counts for both.
+    pub shared_spool_counter: bool,
+    /// When the monitors of the spool run.
+    pub spool_monitors: SpoolMonitors,
+}
+
+/// What the valve senses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ValveSenses {
+    /// Supply voltage, mV.
+    pub supply_mv: u32,
+    /// Temperature, °C.
+    pub temperature_c: i16,
+    /// What acts on the spool.
+    pub spool: SpoolSense,
+}
+
+impl Default for ValveSenses {
+    /// A healthy valve on a 24 V supply at room temperature.
+    fn default() -> Self {
+        Self { supply_mv: 24_000, temperature_c: 25, spool: SpoolSense::default() }
+    }
+}
+
+/// What the protocol lets the valve do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Drive {
+    /// Nothing: solenoids off.
+    Off,
+    /// Hand operation: solenoids off, the faults of the spool's position are not looked for.
+    Hand,
+    /// Emergency stop: solenoids off, the faults of the spool's position are not looked for.
+    EmergencyStop,
+    /// Follow the set-point; a neutral one is *blocked*.
+    Regulate(SetPoint),
+}
+
+/// A valve without a protocol.
+///
+/// The protocol tells it what it senses ([`sense`](Self::sense)), what it may do ([`drive`](Self::drive)) and that
+/// set-points come ([`feed_guard`](Self::feed_guard)), and after every call tells the bus what
+/// [`take_changes`](Self::take_changes) says. **A fault does not switch the drive**: that every fault shuts the
+/// regulation down is the protocol's to do, by `drive(Drive::Off, now)`.
+///
+/// Whatever was due before an instant, and at it, happens before what is done at that instant, polled for or not; so it
+/// does not matter how often [`poll`](Self::poll) is called, or whether it is called before or after the frames of an
+/// instant. An instant earlier than the last counts as the last. When a call comes so late that more than one thing was
+/// due, all happens up to the first change of a fault as it would have in time, and the rest in that call.
+#[derive(Clone, Debug)]
+pub struct Valve {
+    /// The earliest of all that is due.
+    deadline: Instant,
+    /// The earliest of what is due, the time guard aside, which is wound up with every set-point.
+    deadline_unguarded: Instant,
+    now: Instant,
+    config: ValveConfig,
+    drive: Drive,
+    senses: ValveSenses,
+    spool: Spool,
+    power_save: PowerSave,
+    faults: FaultRegister,
+    internal: InternalCauses,
+    at_set_point: Monitor,
+    in_float: Monitor,
+    temperature: Monitor,
+    supply_high: Monitor,
+    supply_low: Monitor,
+    guard: TimeGuard,
+}
+
+impl Valve {
+    /// A valve that is powered up: off, its spool in neutral, all well until [`sense`](Self::sense) says otherwise.
+    #[must_use]
+    pub fn new(config: ValveConfig, counters: Counters, now: Instant) -> Self {
+        Self {
+            deadline: NEVER,
+            deadline_unguarded: NEVER,
+            now,
+            config,
+            drive: Drive::Off,
+            senses: ValveSenses::default(),
+            spool: Spool::new(now),
+            power_save: PowerSave::Off,
+            faults: FaultRegister::new(counters, config.shared_spool_counter),
+            internal: InternalCauses::default(),
+            at_set_point: Monitor::new(Fault::SpoolNotAtSetPoint, SET_POINT_DELAY),
+            in_float: Monitor::new(Fault::FloatNotReached, FLOAT_DELAY),
+            temperature: Monitor::new(Fault::Temperature, TEMPERATURE_DELAY),
+            supply_high: Monitor::new(Fault::SupplyHigh, SUPPLY_DELAY),
+            supply_low: Monitor::new(Fault::SupplyLow, SUPPLY_DELAY),
+            guard: TimeGuard::STOPPED,
+        }
+    }
+
+    /// The device starts anew without losing its supply: as [`new`](Self::new), but the spool is where it is and what
+    /// was sensed still holds. Faults are forgotten, and found again after their delay where their causes last; those
+    /// without delay have to be set again.
+    pub fn restart(&mut self, counters: Counters, now: Instant) {
+        let now = self.catch_up(now);
+        let Self { senses, spool, .. } = *self;
+        *self = Self { senses, spool, ..Self::new(self.config, counters, now) };
+        self.step(now);
+    }
+
+    /// Takes what the valve senses; costs next to nothing when nothing has changed.
+    pub fn sense(&mut self, senses: &ValveSenses, now: Instant) {
+        let now = self.catch_up(now);
+        if *senses != self.senses {
+            self.senses = *senses;
+            self.spool.sense(senses.spool, now);
+            self.step(now);
+        }
+    }
+
+    /// Lets what is due act; returns after one comparison when nothing is.
+    #[inline]
+    pub fn poll(&mut self, now: Instant) {
+        self.catch_up(now);
+    }
+
+    /// Tells the valve what it may do from now on.
+    ///
+    /// The same drive again changes nothing and restarts no timer. Another set-point moves the spool, and monitor 1 goes
+    /// on counting as long as the spool is away. Coming from another drive, regulation begins with fresh monitors 1 and 2.
+    pub fn drive(&mut self, drive: Drive, now: Instant) {
+        let now = self.catch_up(now);
+        if drive == self.drive {
+            return;
+        }
+        let begins = matches!(drive, Drive::Regulate(_)) && !self.regulating();
+        self.drive = drive;
+        if begins {
+            self.at_set_point.restart();
+            self.in_float.restart();
+        }
+        self.step(now);
+    }
+
+    /// Lets monitors 1 and 2 begin anew, as a change of the device mode does.
+    pub fn restart_spool_monitors(&mut self, now: Instant) {
+        let now = self.catch_up(now);
+        self.at_set_point.restart();
+        self.in_float.restart();
+        self.step(now);
+    }
+
+    /// Begins to guard that set-points come, or begins anew.
+    pub fn start_guard(&mut self, now: Instant) {
+        let now = self.catch_up(now);
+        self.guard.start(now);
+        self.schedule_guard();
+    }
+
+    /// No longer guards. An active fault 8 stays until [`feed_guard`](Self::feed_guard).
+    pub fn stop_guard(&mut self, now: Instant) {
+        self.catch_up(now);
+        self.guard = TimeGuard::STOPPED;
+        self.schedule_guard();
+    }
+
+    /// A valid set-point came, acting or not: winds up the guard if it runs, and ends fault 8 in any case.
+    pub fn feed_guard(&mut self, now: Instant) {
+        let now = self.catch_up(now);
+        self.guard.feed(&mut self.faults, now);
+        self.schedule_guard();
+    }
+
+    /// A cause of the internal error is there, or gone. The fault is active while any is.
+    pub fn set_internal(&mut self, cause: InternalCause, present: bool, now: Instant) {
+        self.catch_up(now);
+        self.internal.set(cause, present);
+        self.faults.set(Fault::Internal, self.internal.any());
+    }
+
+    /// The CAN controller is bus-off, or has recovered.
+    pub fn set_bus_off(&mut self, bus_off: bool, now: Instant) {
+        self.catch_up(now);
+        self.faults.set(Fault::CanBus, bus_off);
+    }
+
+    /// Sets the occurrence counters of these faults to 0.
+    pub fn clear_counters(&mut self, faults: FaultSet) {
+        self.faults.counters_changed |= self.faults.counters.clear(faults);
+    }
+
+    /// What became of the faults since this was last called; to be asked after every call that takes a time.
+    #[inline]
+    pub fn take_changes(&mut self) -> Changes {
+        core::mem::take(&mut self.faults.changes)
+    }
+
+    /// Whether a counter has changed since this was last called: there is something to be stored.
+    pub fn take_counters_changed(&mut self) -> bool {
+        core::mem::take(&mut self.faults.counters_changed)
+    }
+
+    /// The active faults.
+    #[inline]
+    #[must_use]
+    pub const fn faults(&self) -> FaultSet {
+        self.faults.active
+    }
+
+    /// Whether the fault is active.
+    #[inline]
+    #[must_use]
+    pub const fn is_active(&self, fault: Fault) -> bool {
+        self.faults.active.contains(fault)
+    }
+
+    /// How often the faults have occurred.
+    #[must_use]
+    pub const fn counters(&self) -> Counters {
+        self.faults.counters
+    }
+
+    /// What the valve may do at present.
+    #[must_use]
+    pub const fn drive_in_force(&self) -> Drive {
+        self.drive
+    }
+
+    /// Whether the valve follows set-points.
+    #[inline]
+    #[must_use]
+    pub const fn regulating(&self) -> bool {
+        matches!(self.drive, Drive::Regulate(_))
+    }
+
+    /// Where the spool is.
+    #[must_use]
+    pub fn position(&self, now: Instant) -> Position {
+        self.travel(now).position()
+    }
+
+    /// Whether the spool is in neutral: within 5 % (A).
+    #[must_use]
+    pub fn in_neutral(&self, now: Instant) -> bool {
+        IN_NEUTRAL.contains(self.travel(now))
+    }
+
+    /// Whether float acts and the spool has reached it, within 5 % (A).
+    #[must_use]
+    pub fn float_reached(&self, now: Instant) -> bool {
+        self.floats() && IN_FLOAT.contains(self.travel(now))
+    }
+
+    /// Whether the solenoids are energised.
+    #[inline]
+    #[must_use]
+    pub fn solenoids(&self) -> bool {
+        self.regulating() && !self.power_save()
+    }
+
+    /// Whether the valve is blocked and spares its solenoids.
+    #[inline]
+    #[must_use]
+    pub fn power_save(&self) -> bool {
+        self.power_save == PowerSave::On
+    }
+
+    /// When [`poll`](Self::poll) is next due, to the microsecond; [`NEVER`] when only a call can change anything.
+    #[inline]
+    #[must_use]
+    pub const fn deadline(&self) -> Instant {
+        self.deadline
+    }
+
+    fn travel(&self, now: Instant) -> Travel {
+        self.spool.at(now.max(self.now))
+    }
+
+    fn floats(&self) -> bool {
+        self.drive == Drive::Regulate(SetPoint::Float)
+    }
+
+    /// Where a set-point moves the spool.
+    fn target(&self, position: Position) -> Travel {
+        match self.config.regulation {
+            Regulation::OnOff if position > Position::NEUTRAL => Travel::FULL_B,
+            Regulation::OnOff if position < Position::NEUTRAL => Travel::FULL_A,
+            Regulation::OnOff | Regulation::Proportional => position.into(),
+        }
+    }
+
+    /// Where monitor 1 wants the spool; `None` while it does not run.
+    fn wanted(&self) -> Option<Band> {
+        let target = match self.drive {
+            Drive::Regulate(SetPoint::Position(position)) => self.target(position),
+            Drive::Off if self.config.spool_monitors == SpoolMonitors::ExceptHandAndStop => Travel::NEUTRAL,
+            Drive::Regulate(SetPoint::Float) | Drive::Off | Drive::Hand | Drive::EmergencyStop => return None,
+        };
+        Some(Band::around(target, SET_POINT_TOLERANCE))
+    }
+
+    /// Lets everything due up to `now` happen, in time where that is possible, and returns the instant to go on with.
+    #[inline]
+    fn catch_up(&mut self, now: Instant) -> Instant {
+        self.now = self.now.max(now);
+        if self.now >= self.deadline {
+            self.run(self.now);
+        }
+        self.now
+    }
+
+    /// Steps from deadline to deadline. A change of a fault ends that: the protocol has to act on it first.
+    fn run(&mut self, now: Instant) {
+        for _ in 0..CATCH_UP_STEPS {
+            self.step(self.deadline.min(now));
+            if self.deadline > now {
+                return;
+            }
+            if !self.faults.changes.is_empty() {
+                break;
+            }
+        }
+        self.step(now);
+    }
+
+    /// Looks at everything as it is at `now`, which is not before anything that was due.
+    fn step(&mut self, now: Instant) {
+        self.energise(now);
+        self.monitor_spool(now);
+        let temperature = if self.config.low_temperature { Limits::TEMPERATURE_BOTH } else { Limits::TEMPERATURE_HIGH };
+        self.temperature.observe(temperature.read(self.senses.temperature_c.into()), &mut self.faults, now);
+        let supply_mv = i32::try_from(self.senses.supply_mv).unwrap_or(i32::MAX);
+        self.supply_high.observe(Limits::SUPPLY_HIGH.read(supply_mv), &mut self.faults, now);
+        self.supply_low.observe(Limits::SUPPLY_LOW.read(supply_mv), &mut self.faults, now);
+        self.guard.observe(&mut self.faults, now);
+        self.schedule(now);
+    }
+
+    /// Decides on power save and lets the solenoids act.
+    fn energise(&mut self, now: Instant) {
+        let blocked = self.drive == Drive::Regulate(SetPoint::NEUTRAL);
+        self.power_save.update(blocked, IN_NEUTRAL.contains(self.spool.at(now)), self.spool.rests().1, now);
+        let action = match self.drive {
+            Drive::Regulate(_) if self.power_save() => Action::Release,
+            Drive::Regulate(SetPoint::Position(position)) => Action::Move(self.target(position)),
+            Drive::Regulate(SetPoint::Float) => Action::Float,
+            Drive::Off | Drive::Hand | Drive::EmergencyStop => Action::Release,
+        };
+        self.spool.act(action, now);
+    }
+
+    fn monitor_spool(&mut self, now: Instant) {
+        let travel = self.spool.at(now);
+        let clears = IN_NEUTRAL.contains(travel);
+        let away = self.wanted().is_some_and(|band| !band.contains(travel));
+        self.at_set_point.observe(Reading { trips: away, clears }, &mut self.faults, now);
+        let short = self.floats() && !IN_FLOAT.contains(travel);
+        self.in_float.observe(Reading { trips: short, clears }, &mut self.faults, now);
+    }
+
+    /// Finds out when something can happen next.
+    fn schedule(&mut self, now: Instant) {
+        let monitors = [self.at_set_point, self.in_float, self.temperature, self.supply_high, self.supply_low];
+        let mut due = monitors.iter().fold(NEVER, |due, monitor| due.min(monitor.due()));
+        let (resting_place, rests) = self.spool.rests();
+        if IN_NEUTRAL.contains(resting_place) {
+            due = due.min(self.power_save.due(rests));
+        }
+        if now < rests {
+            due = due.min(self.next_crossing(now));
+        }
+        self.deadline_unguarded = due;
+        self.schedule_guard();
+    }
+
+    /// When the moving spool next crosses a level that a monitor looks at.
+    fn next_crossing(&self, now: Instant) -> Instant {
+        let mut due = NEVER;
+        let mut watch = |band| due = due.min(self.spool.crosses(band, now));
+        if let Some(band) = self.wanted() {
+            watch(band);
+        }
+        if self.floats() {
+            watch(IN_FLOAT);
+        }
+        if self.is_active(Fault::SpoolNotAtSetPoint) || self.is_active(Fault::FloatNotReached) {
+            watch(IN_NEUTRAL);
+        }
+        due
+    }
+
+    fn schedule_guard(&mut self) {
+        self.deadline = self.deadline_unguarded.min(self.guard.due());
+    }
+}
+
+/// How many deadlines a late call makes up for. Between two changes of faults there are fewer: the spool moves and stops
+/// once by solenoids and once by springs, and each way crosses each band at most twice.
+const CATCH_UP_STEPS: u32 = 16;

@@ -1,0 +1,85 @@
+//! Heartbeat producer (CiA 301 7.2.8.3.2, object 0x1017).
+
+use crate::time::{Duration, Instant, NEVER, after};
+use crate::wire::sdo::AbortCode;
+
+/// The unit of object 0x1017 (R): the manual's example reads as 10 ms, three other sentences and CiA 301 say 1 ms.
+pub const UNIT: Duration = Duration::from_millis(1);
+
+/// The longest time that can be set, in units.
+pub const MAX: u16 = 0x7FFF;
+
+/// Sends the NMT state from time to time.
+#[derive(Debug)]
+pub struct HeartbeatProducer {
+    /// As written, in units; 0 is off.
+    time: u16,
+    /// Periods are rounded up to a multiple of it.
+    resolution: Duration,
+    next: Instant,
+}
+
+impl HeartbeatProducer {
+    /// A producer that is off, whose period is rounded up to a multiple of `resolution` (a whole number of units).
+    #[must_use]
+    pub const fn new(resolution: Duration) -> Self {
+        Self { time: 0, resolution, next: NEVER }
+    }
+
+    /// The time as written, in units.
+    #[must_use]
+    pub const fn time(&self) -> u16 {
+        self.time
+    }
+
+    /// Object 0x1017 is written: the first heartbeat is due at once.
+    ///
+    /// # Errors
+    /// [`AbortCode::TOO_HIGH`] above [`MAX`].
+    pub fn write(&mut self, time: u16, now: Instant) -> Result<(), AbortCode> {
+        if time > MAX {
+            return Err(AbortCode::TOO_HIGH);
+        }
+        self.time = time;
+        self.next = if time == 0 { NEVER } else { now };
+        Ok(())
+    }
+
+    /// Takes a stored time; due from the next [`boot`](Self::boot).
+    pub const fn load(&mut self, time: u16) {
+        self.time = time;
+        self.next = NEVER;
+    }
+
+    /// The boot-up goes out: it counts as the first heartbeat.
+    pub fn boot(&mut self, now: Instant) {
+        self.next = self.following(now);
+    }
+
+    /// Whether a heartbeat is due; the next one is a period after this one was.
+    pub fn poll(&mut self, now: Instant) -> bool {
+        let due = now >= self.next;
+        if due {
+            let planned = self.following(self.next);
+            // After a pause longer than a period there is no burst of what was missed.
+            self.next = if planned > now { planned } else { self.following(now) };
+        }
+        due
+    }
+
+    /// When [`poll`](Self::poll) is next due.
+    #[inline]
+    #[must_use]
+    pub const fn deadline(&self) -> Instant {
+        self.next
+    }
+
+    fn following(&self, instant: Instant) -> Instant {
+        if self.time == 0 {
+            return NEVER;
+        }
+        let ticks = u64::from(self.time).saturating_mul(UNIT.as_ticks());
+        let period = ticks.checked_next_multiple_of(self.resolution.as_ticks()).unwrap_or(ticks);
+        after(instant, Duration::from_ticks(period))
+    }
+}

@@ -1,0 +1,18 @@
+//! CANopen services that know no product (CiA 301, CiA 305).
+//!
+//! A product brings its object dictionary as a table and answers for the objects in it; the services here look up, check,
+//! transfer, time and count. They know COB-IDs and states, never what an object of a device profile means.
+
+pub mod dictionary;
+pub mod emcy;
+mod fast_scan;
+pub mod heartbeat;
+pub mod lss;
+pub mod nmt;
+pub mod parameters;
+pub mod pdo;
+pub mod sdo_server;
+pub mod sync;
+
+mod sdo_download;
+mod sdo_upload;

@@ -1,0 +1,69 @@
+//! What "save" stores, as one record: the values of the dictionary's stored objects in the order of the table
+//! (CiA 301 7.5.2.13; SPEC 6).
+
+use heapless::Vec;
+
+use super::dictionary::{DataType, Entry, Table, Value};
+
+/// The values of all stored objects as `value_of` gives them, one after the other; a text is preceded by its length.
+/// `None` when one is missing, or when they are more than `N` bytes.
+pub fn encode<'a, const N: usize>(
+    table: Table,
+    value_of: impl Fn(&'static Entry) -> Option<Value<'a>>,
+) -> Option<Vec<u8, N>> {
+    let mut payload = Vec::new();
+    for entry in table.stored() {
+        match value_of(entry)? {
+            Value::Number(number) => {
+                let bytes = number.to_le_bytes();
+                let bytes = bytes.get(..usize::from(entry.data_type.size())).unwrap_or(&[]);
+                payload.extend_from_slice(bytes).ok()?;
+            }
+            Value::Text(text) => {
+                payload.push(u8::try_from(text.len()).ok()?).ok()?;
+                payload.extend_from_slice(text).ok()?;
+            }
+        }
+    }
+    Some(payload)
+}
+
+/// The stored values, object by object.
+#[derive(Clone, Copy, Debug)]
+pub struct Stored<'a> {
+    table: Table,
+    payload: &'a [u8],
+}
+
+impl<'a> Stored<'a> {
+    /// Takes a payload; `None` unless it has a value for every stored object and nothing else.
+    #[must_use]
+    pub fn decode(table: Table, payload: &'a [u8]) -> Option<Self> {
+        let mut rest = payload;
+        for entry in table.stored() {
+            take(entry, &mut rest)?;
+        }
+        rest.is_empty().then_some(Self { table, payload })
+    }
+
+    /// The objects and their values.
+    pub fn values(self) -> impl Iterator<Item = (&'static Entry, Value<'a>)> {
+        let mut rest = self.payload;
+        self.table.stored().map_while(move |entry| Some((entry, take(entry, &mut rest)?)))
+    }
+}
+
+/// Takes one value off the front.
+fn take<'a>(entry: &Entry, rest: &mut &'a [u8]) -> Option<Value<'a>> {
+    let size = match entry.data_type {
+        DataType::Text(max) => {
+            let (&len, behind) = rest.split_first()?;
+            *rest = behind;
+            usize::from((len <= max).then_some(len)?)
+        }
+        number => usize::from(number.size()),
+    };
+    let (bytes, behind) = rest.split_at_checked(size)?;
+    *rest = behind;
+    Some(Value::of(entry.data_type, bytes))
+}

@@ -1,0 +1,299 @@
+//! PDO: communication and mapping parameters, and the way of objects into and out of a frame (CiA 301 7.2.2, 7.5.2.35–38).
+//!
+//! A mapping is checked and resolved when the PDO is switched on, not for every frame.
+
+use heapless::Vec;
+
+use super::dictionary::{Mappable, Table};
+use crate::frame::{Frame, Id};
+use crate::wire::cob_id::CobId;
+use crate::wire::pdo_mapping::MappingEntry;
+use crate::wire::sdo::{AbortCode, Multiplexer};
+
+/// How many objects a PDO of these devices can carry (SPEC 4.1).
+pub const ENTRIES: usize = 8;
+
+/// How many bits a PDO can carry.
+const MAX_BITS: u8 = 64;
+
+/// The transmission type that sends, or acts, at once.
+pub const EVENT_DRIVEN: u8 = 0xFF;
+
+/// What a product allows of a PDO.
+#[derive(Clone, Copy, Debug)]
+pub struct Rules {
+    /// The direction: which objects can be mapped.
+    pub direction: Mappable,
+    /// Which transmission types can be set.
+    pub transmission_type: fn(u8) -> bool,
+}
+
+/// One PDO.
+#[derive(Debug)]
+pub struct Pdo {
+    rules: Rules,
+    cob_id: CobId,
+    transmission_type: u8,
+    count: u8,
+    entries: [MappingEntry; ENTRIES],
+    running: Option<Running>,
+    /// SYNCs since the last one that sent.
+    syncs: u8,
+}
+
+/// A PDO that is on.
+#[derive(Debug)]
+struct Running {
+    id: Id,
+    slots: Vec<Slot, ENTRIES>,
+    len: u8,
+}
+
+/// Where an object lies in the frame; the gaps of dummies have no slot.
+#[derive(Clone, Copy, Debug)]
+struct Slot {
+    object: Multiplexer,
+    shift: u8,
+    mask: u32,
+}
+
+impl Pdo {
+    /// A PDO that is off and maps nothing, to be loaded.
+    #[must_use]
+    pub const fn new(rules: Rules) -> Self {
+        Self {
+            rules,
+            cob_id: CobId::new(CobId::OFF),
+            transmission_type: EVENT_DRIVEN,
+            count: 0,
+            entries: [MappingEntry::parse(0); ENTRIES],
+            running: None,
+            syncs: 0,
+        }
+    }
+
+    /// The COB-ID as written, sub-index 1 of the communication parameter.
+    #[must_use]
+    pub const fn cob_id(&self) -> CobId {
+        self.cob_id
+    }
+
+    /// The transmission type, sub-index 2.
+    #[must_use]
+    pub const fn transmission_type(&self) -> u8 {
+        self.transmission_type
+    }
+
+    /// The number of mapped objects, sub-index 0 of the mapping parameter.
+    #[must_use]
+    pub const fn count(&self) -> u8 {
+        self.count
+    }
+
+    /// A mapping entry, sub-index 1–8.
+    ///
+    /// # Errors
+    /// [`AbortCode::NO_SUB`] for another one.
+    pub fn entry(&self, sub: u8) -> Result<u32, AbortCode> {
+        let position = usize::from(sub).checked_sub(1);
+        let entry = position.and_then(|position| self.entries.get(position));
+        entry.map(|entry| entry.emit()).ok_or(AbortCode::NO_SUB)
+    }
+
+    /// The COB-ID is written. While the PDO is on, only bits 30 and 31 may change.
+    ///
+    /// # Errors
+    /// [`AbortCode::INVALID_VALUE`] for a 29-bit or a reserved identifier, [`AbortCode::DEVICE_STATE`] while the PDO is
+    /// on, [`AbortCode::PDO_TOO_LONG`] when it would be switched on with more than 64 bits.
+    pub fn write_cob_id(&mut self, raw: u32, table: Table) -> Result<(), AbortCode> {
+        let cob_id = CobId::new(raw);
+        if cob_id == self.cob_id {
+            return Ok(());
+        }
+        if !cob_id.is_usable_standard() {
+            return Err(AbortCode::INVALID_VALUE);
+        }
+        if self.is_on() && cob_id.identifier() != self.cob_id.identifier() {
+            return Err(AbortCode::DEVICE_STATE);
+        }
+        self.running = if cob_id.is_off() { None } else { Some(self.resolve(cob_id.id(), table)?) };
+        self.cob_id = cob_id;
+        self.syncs = 0;
+        Ok(())
+    }
+
+    /// The transmission type is written: in force at once, the SYNC count starts anew.
+    ///
+    /// # Errors
+    /// [`AbortCode::INVALID_VALUE`] for a type that the product does not allow.
+    pub fn write_transmission_type(&mut self, value: u8) -> Result<(), AbortCode> {
+        if !(self.rules.transmission_type)(value) {
+            return Err(AbortCode::INVALID_VALUE);
+        }
+        self.transmission_type = value;
+        self.syncs = 0;
+        Ok(())
+    }
+
+    /// The number of mapped objects is written.
+    ///
+    /// # Errors
+    /// [`AbortCode::PDO_TOO_LONG`] above 8 or when the entries then there are more than 64 bits,
+    /// [`AbortCode::DEVICE_STATE`] while the PDO is on.
+    pub fn write_count(&mut self, count: u8) -> Result<(), AbortCode> {
+        if count == self.count {
+            return Ok(());
+        }
+        let entries = self.entries.get(..usize::from(count)).ok_or(AbortCode::PDO_TOO_LONG)?;
+        if self.is_on() {
+            return Err(AbortCode::DEVICE_STATE);
+        }
+        bits(entries)?;
+        self.count = count;
+        Ok(())
+    }
+
+    /// A mapping entry, sub-index 1–8, is written: also while sub-index 0 is not 0 (R).
+    ///
+    /// # Errors
+    /// [`AbortCode::NOT_MAPPABLE`] for an object that does not exist, goes the other way or has another length,
+    /// [`AbortCode::DEVICE_STATE`] while the PDO is on, [`AbortCode::NO_SUB`] for another sub-index.
+    pub fn write_entry(&mut self, sub: u8, raw: u32, table: Table) -> Result<(), AbortCode> {
+        if self.entry(sub)? == raw {
+            return Ok(());
+        }
+        let entry = MappingEntry::parse(raw);
+        if !self.is_mappable(entry, table) {
+            return Err(AbortCode::NOT_MAPPABLE);
+        }
+        if self.is_on() {
+            return Err(AbortCode::DEVICE_STATE);
+        }
+        self.put_entry(sub, entry);
+        Ok(())
+    }
+
+    /// Takes a stored COB-ID; in force from [`start`](Self::start).
+    pub const fn load_cob_id(&mut self, raw: u32) {
+        self.cob_id = CobId::new(raw);
+    }
+
+    /// Takes a stored transmission type.
+    pub const fn load_transmission_type(&mut self, value: u8) {
+        self.transmission_type = value;
+    }
+
+    /// Takes a stored number of mapped objects.
+    pub const fn load_count(&mut self, count: u8) {
+        self.count = count;
+    }
+
+    /// Takes a stored mapping entry, sub-index 1–8.
+    pub fn load_entry(&mut self, sub: u8, raw: u32) {
+        self.put_entry(sub, MappingEntry::parse(raw));
+    }
+
+    /// Switches on, after everything was loaded, what is to be on; off what was stored and cannot be.
+    pub fn start(&mut self, table: Table) {
+        self.running = if self.cob_id.is_off() { None } else { self.resolve(self.cob_id.id(), table).ok() };
+        if self.running.is_none() {
+            self.cob_id = CobId::new(self.cob_id.raw() | CobId::OFF);
+        }
+        self.syncs = 0;
+    }
+
+    /// Whether the PDO is on and goes by this identifier.
+    #[inline]
+    #[must_use]
+    pub fn listens_to(&self, id: Id) -> bool {
+        self.running.as_ref().is_some_and(|running| running.id == id)
+    }
+
+    /// What a received frame holds, object by object in the order of the mapping; `None` when it is shorter than that.
+    pub fn unpack(&self, frame: &Frame) -> Option<impl Iterator<Item = (Multiplexer, u32)>> {
+        let running = self.running.as_ref().filter(|running| frame.len() >= running.len)?;
+        let bits = u64::from_le_bytes(*frame.bytes());
+        Some(running.slots.iter().map(move |slot| {
+            let value = bits.unbounded_shr(u32::from(slot.shift)) as u32 & slot.mask;
+            (slot.object, value)
+        }))
+    }
+
+    /// The frame that carries the mapped objects as `read` gives them; `None` when the PDO is off.
+    pub fn pack(&self, mut read: impl FnMut(Multiplexer) -> u32) -> Option<Frame> {
+        let running = self.running.as_ref()?;
+        let bits = running.slots.iter().fold(0_u64, |bits, slot| {
+            bits | u64::from(read(slot.object) & slot.mask).unbounded_shl(u32::from(slot.shift))
+        });
+        Some(Frame::with_len(running.id, bits.to_le_bytes(), running.len))
+    }
+
+    /// Whether a SYNC makes the PDO due: every n-th one for the transmission types 1–240.
+    pub fn sync(&mut self) -> bool {
+        if !self.is_on() || !matches!(self.transmission_type, 1..=240) {
+            return false;
+        }
+        self.syncs = self.syncs.saturating_add(1);
+        let due = self.syncs >= self.transmission_type;
+        if due {
+            self.syncs = 0;
+        }
+        due
+    }
+
+    /// Counts SYNCs from here: on entering operational.
+    pub const fn restart_sync_count(&mut self) {
+        self.syncs = 0;
+    }
+
+    /// Whether the PDO is on and sends, or acts, at once.
+    #[must_use]
+    pub const fn is_event_driven(&self) -> bool {
+        self.is_on() && self.transmission_type == EVENT_DRIVEN
+    }
+
+    const fn is_on(&self) -> bool {
+        self.running.is_some()
+    }
+
+    fn put_entry(&mut self, sub: u8, entry: MappingEntry) {
+        let position = usize::from(sub).checked_sub(1);
+        if let Some(slot) = position.and_then(|position| self.entries.get_mut(position)) {
+            *slot = entry;
+        }
+    }
+
+    fn is_mappable(&self, entry: MappingEntry, table: Table) -> bool {
+        if entry.is_dummy() {
+            return entry.is_valid_dummy();
+        }
+        table.find(Multiplexer::new(entry.index, entry.sub)).is_ok_and(|object| {
+            object.mappable == self.rules.direction && object.data_type.size().saturating_mul(8) == entry.bits
+        })
+    }
+
+    fn resolve(&self, id: Id, table: Table) -> Result<Running, AbortCode> {
+        let entries = self.entries.get(..usize::from(self.count)).ok_or(AbortCode::PDO_TOO_LONG)?;
+        let len = bits(entries)?.div_ceil(8);
+        let mut slots = Vec::new();
+        let mut shift: u8 = 0;
+        for entry in entries {
+            if !self.is_mappable(*entry, table) {
+                return Err(AbortCode::NOT_MAPPABLE);
+            }
+            if !entry.is_dummy() {
+                let object = Multiplexer::new(entry.index, entry.sub);
+                let mask = u32::MAX.unbounded_shr(32_u32.saturating_sub(u32::from(entry.bits)));
+                slots.push(Slot { object, shift, mask }).map_err(|_| AbortCode::PDO_TOO_LONG)?;
+            }
+            shift = shift.saturating_add(entry.bits);
+        }
+        Ok(Running { id, slots, len })
+    }
+}
+
+/// The sum of the bits of a mapping, at most 64.
+fn bits(entries: &[MappingEntry]) -> Result<u8, AbortCode> {
+    let sum = entries.iter().fold(0_u8, |sum, entry| sum.saturating_add(entry.bits));
+    if sum <= MAX_BITS { Ok(sum) } else { Err(AbortCode::PDO_TOO_LONG) }
+}

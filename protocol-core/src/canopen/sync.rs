@@ -1,0 +1,59 @@
+//! SYNC consumer (CiA 301 7.2.5, object 0x1005).
+
+use crate::frame::Id;
+use crate::wire::cob_id::CobId;
+use crate::wire::sdo::AbortCode;
+
+/// Listens for SYNC.
+#[derive(Debug)]
+pub struct SyncConsumer {
+    cob_id: CobId,
+}
+
+impl SyncConsumer {
+    /// The default of object 0x1005.
+    pub const DEFAULT: u32 = 0x80;
+
+    /// Listens on the default identifier.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { cob_id: CobId::new(Self::DEFAULT) }
+    }
+
+    /// The COB-ID as written.
+    #[must_use]
+    pub const fn cob_id(&self) -> CobId {
+        self.cob_id
+    }
+
+    /// Object 0x1005 is written: in force at once.
+    ///
+    /// # Errors
+    /// [`AbortCode::INVALID_VALUE`] for a producer (bit 30), a 29-bit or a reserved identifier.
+    pub fn write(&mut self, raw: u32) -> Result<(), AbortCode> {
+        let cob_id = CobId::new(raw);
+        if cob_id != self.cob_id && (cob_id.has_bit_30() || !cob_id.is_usable_standard()) {
+            return Err(AbortCode::INVALID_VALUE);
+        }
+        self.cob_id = cob_id;
+        Ok(())
+    }
+
+    /// Takes a stored COB-ID, unchecked.
+    pub const fn load(&mut self, raw: u32) {
+        self.cob_id = CobId::new(raw);
+    }
+
+    /// Whether a frame with this identifier is SYNC.
+    #[inline]
+    #[must_use]
+    pub fn listens_to(&self, id: Id) -> bool {
+        self.cob_id.id() == id
+    }
+}
+
+impl Default for SyncConsumer {
+    fn default() -> Self {
+        Self::new()
+    }
+}

@@ -1,0 +1,170 @@
+//! The valve under the device state machine: control word, device mode and set-point (SPEC 4.1, 4.3).
+
+use super::kind::Kind;
+use super::state_machine::{DeviceMode, DeviceState, StateMachine};
+use crate::actuator::{
+    Changes, Condition, Counters, Drive, Led, Position, Scale, SetPoint, SpoolMonitors, Valve, ValveConfig,
+};
+use crate::time::Instant;
+
+/// What 0x6300 and 0x6301 hold for float.
+pub(super) const FLOAT: i16 = 32767;
+
+/// The application: what a set-point or a control word does to the valve, whatever service brought it.
+#[derive(Debug)]
+pub(super) struct Application {
+    pub(super) valve: Valve,
+    machine: StateMachine,
+    mode: DeviceMode,
+    control_word: u16,
+    /// The last one that was accepted, as it reads back.
+    set_point: SetPoint,
+    /// The one that acts.
+    in_force: SetPoint,
+}
+
+impl Application {
+    pub(super) fn new(kind: Kind, counters: Counters, now: Instant) -> Self {
+        let config = ValveConfig {
+            regulation: kind.regulation(),
+            low_temperature: true,
+            shared_spool_counter: true,
+            spool_monitors: SpoolMonitors::WhileRegulating,
+        };
+        Self {
+            valve: Valve::new(config, counters, now),
+            machine: StateMachine::default(),
+            mode: DeviceMode::default(),
+            control_word: 0,
+            set_point: SetPoint::NEUTRAL,
+            in_force: SetPoint::NEUTRAL,
+        }
+    }
+
+    /// Reset application: everything anew but the spool, which is where it is.
+    pub(super) fn restart(&mut self, counters: Counters, now: Instant) {
+        self.valve.restart(counters, now);
+        self.machine = StateMachine::default();
+        self.mode = DeviceMode::default();
+        self.control_word = 0;
+        self.set_point = SetPoint::NEUTRAL;
+        self.in_force = SetPoint::NEUTRAL;
+    }
+
+    pub(super) const fn state(&self) -> DeviceState {
+        self.machine.state()
+    }
+
+    pub(super) const fn mode(&self) -> DeviceMode {
+        self.mode
+    }
+
+    pub(super) const fn control_word(&self) -> u16 {
+        self.control_word
+    }
+
+    /// A control word was received.
+    pub(super) fn control(&mut self, word: u16, now: Instant) {
+        self.control_word = word;
+        self.machine.control(word, !self.valve.faults().is_empty());
+        self.apply(now);
+    }
+
+    /// A device mode was received.
+    pub(super) fn set_mode(&mut self, mode: DeviceMode, now: Instant) {
+        self.mode = mode;
+        self.apply(now);
+    }
+
+    /// A valid set-point was received: it feeds the time guard in any state, and acts where it may.
+    pub(super) fn accept(&mut self, set_point: SetPoint, now: Instant) {
+        self.set_point = set_point;
+        self.valve.feed_guard(now);
+        if self.valve.regulating() {
+            self.in_force = set_point;
+            self.apply(now);
+        }
+    }
+
+    /// The device goes to FAULT_HOLD.
+    pub(super) fn shut_down(&mut self, now: Instant) {
+        self.machine.shut_down();
+        self.apply(now);
+    }
+
+    /// What became of the faults; every one that was activated has shut the device down (D8).
+    pub(super) fn take_changes(&mut self, now: Instant) -> Changes {
+        let mut changes = self.valve.take_changes();
+        if !changes.activated.is_empty() {
+            self.shut_down(now);
+            // Switching the drive off can clear what was just activated, never activate.
+            let more = self.valve.take_changes();
+            changes.activated = changes.activated.union(more.activated);
+            changes.cleared = changes.cleared.union(more.cleared);
+        }
+        changes
+    }
+
+    pub(super) fn led(&self, has_node_id: bool) -> Led {
+        let disabled = !has_node_id || !self.valve.regulating();
+        Led::of(Condition {
+            faults: self.valve.faults(),
+            fault_hold: has_node_id && self.state() == DeviceState::FaultHold,
+            disabled,
+            power_save: self.valve.power_save(),
+        })
+    }
+
+    /// The set-point on a scale of ±N; N for float.
+    pub(super) fn set_point_on(&self, scale: Scale) -> i16 {
+        match self.set_point {
+            SetPoint::Position(position) => scale.of_position(position),
+            SetPoint::Float => scale.full(),
+        }
+    }
+
+    /// The set-point as 0x6300 holds it.
+    pub(super) const fn set_point_raw(&self) -> i16 {
+        match self.set_point {
+            SetPoint::Position(position) => position.raw(),
+            SetPoint::Float => FLOAT,
+        }
+    }
+
+    /// The actual value on a scale of ±N; N when float is reached.
+    pub(super) fn actual_on(&self, scale: Scale, now: Instant) -> i16 {
+        if self.valve.float_reached(now) { scale.full() } else { scale.of_position(self.position(now)) }
+    }
+
+    /// The actual value as 0x6301 holds it.
+    pub(super) fn actual_raw(&self, now: Instant) -> i16 {
+        if self.valve.float_reached(now) { FLOAT } else { self.position(now).raw() }
+    }
+
+    fn position(&self, now: Instant) -> Position {
+        self.valve.position(now)
+    }
+
+    fn drive(&self) -> Drive {
+        match (self.machine.state(), self.mode) {
+            (DeviceState::Active, DeviceMode::FullOperational) => Drive::Regulate(self.in_force),
+            (DeviceState::Active, DeviceMode::HandOperation) => Drive::Hand,
+            _ => Drive::Off,
+        }
+    }
+
+    /// Lets the valve do what state, mode and set-point say. Regulation begins with a neutral set-point in force.
+    fn apply(&mut self, now: Instant) {
+        let regulated = self.valve.regulating();
+        if !regulated {
+            self.in_force = SetPoint::NEUTRAL;
+        }
+        let drive = self.drive();
+        self.valve.drive(drive, now);
+        match (regulated, self.valve.regulating()) {
+            (false, true) => self.valve.start_guard(now),
+            (true, false) => self.valve.stop_guard(now),
+            _ => {}
+        }
+    }
+}

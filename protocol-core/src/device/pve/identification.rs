@@ -1,0 +1,55 @@
+//! The identifiers that UDS lite reads (SPEC 7).
+
+use heapless::Vec;
+
+use super::kind::Kind;
+use super::records::{Factory, LocalLayer};
+use crate::uds::{DATA_MAX, Identifiers, NODE_ID};
+use crate::wire::cob_id::NodeId;
+use crate::wire::lss::NO_NODE_ID;
+use crate::wire::uds::Identifier;
+
+/// Identifier 0xF010 holds this: the address format.
+const ADDRESS_FORMAT: u8 = 0xA5;
+
+/// What UDS sees of the device.
+pub(super) struct Identification<'a> {
+    pub(super) kind: Kind,
+    pub(super) factory: &'a Factory,
+    /// As stored.
+    pub(super) local_layer: LocalLayer,
+    /// Whether the memory is being written.
+    pub(super) busy: bool,
+}
+
+impl Identifiers for Identification<'_> {
+    /// Numbers are big-endian (A).
+    fn read(&self, identifier: Identifier) -> Option<Vec<u8, DATA_MAX>> {
+        let factory = self.factory;
+        let number = |number: u32| Vec::from_array(number.to_be_bytes());
+        Some(match identifier {
+            NODE_ID => {
+                let node_id = self.local_layer.node_id.map_or(NO_NODE_ID, NodeId::get);
+                core::iter::once(node_id).collect()
+            }
+            0xF010 => core::iter::once(ADDRESS_FORMAT).collect(),
+            // the diagnostic file identifier: the part number (A)
+            0xF1FA..=0xF1FD => number(self.kind.part_number()),
+            0xF192 => number(factory.hardware_number),
+            0xF193 => Vec::from_array(factory.hardware_version),
+            0xF194 => number(factory.software_number),
+            0xF195 => Vec::from_array(factory.software_version),
+            0xF18C => number(factory.identity.serial),
+            0xF18B => factory.manufactured.into_iter().collect(),
+            _ => return None,
+        })
+    }
+
+    fn accepts_node_id(&self, node_id: u8) -> bool {
+        NodeId::new(node_id).is_some()
+    }
+
+    fn is_busy(&self) -> bool {
+        self.busy
+    }
+}

@@ -1,0 +1,28 @@
+//! The proportional and on/off valve actuators PVEA and PVEO, Series 6 (SPEC 1–4, 6, 7).
+//!
+//! ```text
+//! kind            the products and what they differ in
+//! fault_codes     how the faults are told: SPEC 3
+//! dictionary      the object dictionary, one table          objects    what lies behind it
+//! state_machine   the device state machine of CiA 408       application    the valve under it
+//! records         what is kept in the memory                storage    what waits to be written
+//! identification  the identifiers of UDS lite
+//! canopen/        the composition: a valve on CANopen
+//! ```
+
+mod application;
+mod canopen;
+mod dictionary;
+mod fault_codes;
+mod identification;
+mod kind;
+mod objects;
+mod records;
+mod state_machine;
+mod storage;
+
+pub use canopen::{PveCanopen, Setup};
+pub use dictionary::TABLE;
+pub use fault_codes::{FAULT_CODES, FaultCodes};
+pub use kind::Kind;
+pub use state_machine::{DeviceMode, DeviceState};

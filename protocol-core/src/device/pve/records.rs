@@ -1,0 +1,180 @@
+//! What a valve keeps in its memory beside the parameters (SPEC 6): the payloads of the records.
+
+use heapless::Vec;
+
+use super::kind::{BIT_RATES, DEFAULT_NODE_ID, Kind};
+use crate::actuator::Counters;
+use crate::controller::BitRate;
+use crate::memory::RecordKey;
+use crate::wire::cob_id::NodeId;
+use crate::wire::lss;
+
+/// The version of a record's payload.
+pub(super) const fn version(key: RecordKey) -> u8 {
+    match key {
+        RecordKey::Factory
+        | RecordKey::LocalLayer
+        | RecordKey::Parameters
+        | RecordKey::RestoreFlag
+        | RecordKey::FaultLog => 1,
+    }
+}
+
+/// Factory data: never written after the first start, never changed by restore.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Factory {
+    /// The identity object, which is the LSS address.
+    pub(super) identity: lss::Address,
+    /// The function instance of the NAME, which only the ISOBUS kinds tell.
+    pub(super) function_instance: u8,
+    pub(super) hardware_number: u32,
+    /// Four characters, left adjusted, padded with blanks.
+    pub(super) hardware_version: [u8; 4],
+    pub(super) software_number: u32,
+    /// Four characters, left adjusted, padded with blanks.
+    pub(super) software_version: [u8; 4],
+    /// Year, month, day, BCD.
+    pub(super) manufactured: [u8; 3],
+}
+
+/// Vendor ID.
+const VENDOR: u32 = 0x0100_0019;
+/// Product code.
+const PRODUCT: u32 = 0x5336_0000;
+/// Revision R1.32: major number in the high word, minor in the low one (R: the manual calls it BCD, its example is not).
+const REVISION: u32 = 0x0001_0020;
+/// The serial number of the manual's example.
+const SERIAL: u32 = 0x5B2E_0100;
+/// The hardware version (A).
+const HARDWARE_VERSION: [u8; 4] = *b"1.00";
+/// The software version (A): that of the revision.
+const SOFTWARE_VERSION: [u8; 4] = *b"1.32";
+/// The manufacturing date (A): that of the firmware in 0x100A.
+const MANUFACTURED: [u8; 3] = [0x18, 0x07, 0x01];
+
+impl Factory {
+    /// What a new memory is filled with.
+    pub(super) fn new(kind: Kind, serial: Option<u32>) -> Self {
+        Self {
+            identity: lss::Address {
+                vendor: VENDOR,
+                product: PRODUCT,
+                revision: REVISION,
+                serial: serial.unwrap_or(SERIAL),
+            },
+            function_instance: 1,
+            hardware_number: kind.part_number(),
+            hardware_version: HARDWARE_VERSION,
+            software_number: kind.part_number(),
+            software_version: SOFTWARE_VERSION,
+            manufactured: MANUFACTURED,
+        }
+    }
+
+    pub(super) fn encode(&self) -> Vec<u8, 36> {
+        let identity = self.identity;
+        let numbers = [identity.vendor, identity.product, identity.revision, identity.serial];
+        let mut payload = Vec::new();
+        let fields = numbers.into_iter().chain([self.hardware_number, self.software_number]).flat_map(u32::to_le_bytes);
+        payload.extend(
+            fields
+                .chain(self.hardware_version)
+                .chain(self.software_version)
+                .chain(self.manufactured)
+                .chain([self.function_instance]),
+        );
+        payload
+    }
+
+    pub(super) fn decode(payload: &[u8]) -> Option<Self> {
+        let (numbers, rest) = payload.split_at_checked(24)?;
+        let &[h0, h1, h2, h3, s0, s1, s2, s3, year, month, day, function_instance] = rest else { return None };
+        let mut numbers = numbers.as_chunks().0.iter().map(|bytes| u32::from_le_bytes(*bytes));
+        let mut next = || numbers.next();
+        Some(Self {
+            identity: lss::Address { vendor: next()?, product: next()?, revision: next()?, serial: next()? },
+            hardware_number: next()?,
+            software_number: next()?,
+            hardware_version: [h0, h1, h2, h3],
+            software_version: [s0, s1, s2, s3],
+            manufactured: [year, month, day],
+            function_instance,
+        })
+    }
+}
+
+/// Node ID and bit rate, as they are in force after the next start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct LocalLayer {
+    /// `None` only in a memory that was blank from the factory.
+    pub(super) node_id: Option<NodeId>,
+    pub(super) bit_rate: BitRate,
+}
+
+impl LocalLayer {
+    pub(super) fn default_node_id() -> Option<NodeId> {
+        NodeId::new(DEFAULT_NODE_ID)
+    }
+
+    pub(super) fn new(node_id: Option<NodeId>) -> Self {
+        let [default, ..] = BIT_RATES else { return Self { node_id, bit_rate: BitRate::Kbit250 } };
+        Self { node_id, bit_rate: *default }
+    }
+
+    pub(super) fn encode(self) -> [u8; 2] {
+        [self.node_id.map_or(lss::NO_NODE_ID, NodeId::get), self.bit_rate.table_index()]
+    }
+
+    pub(super) fn decode(payload: &[u8]) -> Option<Self> {
+        let &[node, index] = payload else { return None };
+        let node_id = if node == lss::NO_NODE_ID { None } else { Some(NodeId::new(node)?) };
+        let bit_rate = BitRate::from_table_index(index).filter(|rate| BIT_RATES.contains(rate))?;
+        Some(Self { node_id, bit_rate })
+    }
+}
+
+/// The restore flag.
+pub(super) const fn encode_flag(set: bool) -> [u8; 1] {
+    [set as u8]
+}
+
+pub(super) fn decode_flag(payload: &[u8]) -> Option<bool> {
+    match payload {
+        [0] => Some(false),
+        [1] => Some(true),
+        _ => None,
+    }
+}
+
+/// The fault log: the occurrence counters by priority.
+pub(super) const fn encode_fault_log(counters: Counters) -> [u8; 8] {
+    counters.to_bytes()
+}
+
+pub(super) fn decode_fault_log(payload: &[u8]) -> Option<Counters> {
+    payload.try_into().ok().map(Counters::from_bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn records_come_back_as_they_were() {
+        let factory = Factory::new(Kind::PveoCanopen, Some(7));
+        assert_eq!(Factory::decode(&factory.encode()), Some(factory));
+        assert_eq!(Factory::decode(&[0; 35]), None);
+        for node_id in [None, NodeId::new(1), NodeId::new(127)] {
+            for bit_rate in BIT_RATES {
+                let layer = LocalLayer { node_id, bit_rate: *bit_rate };
+                assert_eq!(LocalLayer::decode(&layer.encode()), Some(layer));
+            }
+        }
+        assert_eq!(LocalLayer::decode(&[0, 3]), None);
+        assert_eq!(LocalLayer::decode(&[0x20, 0]), None, "1 Mbit/s is not for this product");
+        let counters = Counters::from_bytes([1, 2, 3, 4, 5, 6, 7, 127]);
+        assert_eq!(decode_fault_log(&encode_fault_log(counters)), Some(counters));
+        assert_eq!(decode_flag(&encode_flag(true)), Some(true));
+        assert_eq!(decode_flag(&[2]), None);
+    }
+}

@@ -1,0 +1,145 @@
+//! What waits to be written to the memory, one record at a time, and when the fault log is due (SPEC 4.5, 6).
+
+use heapless::Deque;
+
+use super::records::LocalLayer;
+use crate::actuator::FaultSet;
+use crate::memory::RecordKey;
+use crate::time::{Duration, Instant, NEVER, after};
+
+/// A change of the fault log waits so long for more of its kind (A): it is written within one second.
+pub(super) const FAULT_LOG_DELAY: Duration = Duration::from_millis(500);
+
+/// Between two writes of the fault log lies at least so much (A).
+pub(super) const FAULT_LOG_INTERVAL: Duration = Duration::from_secs(10);
+
+/// More jobs than can wait at once: one of each kind, and those of clients that gave up and asked again.
+const JOBS: usize = 16;
+
+/// Tells an SDO client's request from the ones it has given up.
+pub(super) type Ticket = u8;
+
+/// Who waits for the local layer to be stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum LayerFor {
+    /// Nobody: the first start.
+    Nobody,
+    /// LSS store.
+    Lss,
+    /// UDS, write of the node ID.
+    Uds,
+}
+
+/// One write.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Job {
+    /// The factory data of a new memory.
+    Factory,
+    /// Node ID and bit rate.
+    LocalLayer(LocalLayer, LayerFor),
+    /// "save": the parameters as they are.
+    Save(Ticket),
+    /// The defaults, at the start that executes "load"; clears the flag when they are stored.
+    Restore,
+    /// "load": sets the flag.
+    SetRestoreFlag(Ticket),
+    /// "load" has been executed.
+    ClearRestoreFlag,
+    /// Zeros into the fault log, for all but the faults that occur meanwhile.
+    ClearCounters(Ticket, FaultSet),
+    /// The fault log as it is.
+    FaultLog,
+}
+
+impl Job {
+    /// The record that is written.
+    pub(super) const fn key(self) -> RecordKey {
+        match self {
+            Self::Factory => RecordKey::Factory,
+            Self::LocalLayer(..) => RecordKey::LocalLayer,
+            Self::Save(_) | Self::Restore => RecordKey::Parameters,
+            Self::SetRestoreFlag(_) | Self::ClearRestoreFlag => RecordKey::RestoreFlag,
+            Self::ClearCounters(..) | Self::FaultLog => RecordKey::FaultLog,
+        }
+    }
+}
+
+/// The jobs, in order.
+#[derive(Debug, Default)]
+pub(super) struct Storage {
+    waiting: Deque<Job, JOBS>,
+    in_flight: Option<Job>,
+}
+
+impl Storage {
+    /// Appends a job; `false` when there are too many.
+    #[must_use]
+    pub(super) fn ask(&mut self, job: Job) -> bool {
+        self.waiting.iter().any(|waiting| *waiting == job) || self.waiting.push_back(job).is_ok()
+    }
+
+    /// The next job to begin; none while one is in flight.
+    pub(super) fn begin(&mut self) -> Option<Job> {
+        if self.in_flight.is_some() {
+            return None;
+        }
+        self.in_flight = self.waiting.pop_front();
+        self.in_flight
+    }
+
+    /// The job in flight has ended.
+    pub(super) fn end(&mut self, key: RecordKey) -> Option<Job> {
+        self.in_flight.take_if(|job| job.key() == key)
+    }
+
+    /// Whether nothing waits and nothing is in flight.
+    pub(super) fn is_idle(&self) -> bool {
+        self.in_flight.is_none() && self.waiting.is_empty()
+    }
+
+    /// Faults that occur while the counters are being cleared are spared.
+    pub(super) fn spare(&mut self, activated: FaultSet) {
+        if let Some(Job::ClearCounters(_, spared)) = &mut self.in_flight {
+            *spared = spared.union(activated);
+        }
+    }
+}
+
+/// When the fault log is to be written.
+#[derive(Debug, Default)]
+pub(super) struct FaultLogClock {
+    first_change: Option<Instant>,
+    last_write: Option<Instant>,
+}
+
+impl FaultLogClock {
+    /// A counter has changed.
+    pub(super) fn changed(&mut self, now: Instant) {
+        self.first_change.get_or_insert(now);
+    }
+
+    /// When the log is due.
+    pub(super) fn due(&self) -> Instant {
+        let Some(change) = self.first_change else { return NEVER };
+        let soon = after(change, FAULT_LOG_DELAY);
+        self.last_write.map_or(soon, |last| soon.max(after(last, FAULT_LOG_INTERVAL)))
+    }
+
+    /// Whether the memory lags behind.
+    pub(super) const fn is_dirty(&self) -> bool {
+        self.first_change.is_some()
+    }
+
+    /// The log is being written as it is now.
+    pub(super) const fn begun(&mut self) {
+        self.first_change = None;
+    }
+
+    /// The write has ended.
+    pub(super) fn ended(&mut self, stored: bool, now: Instant) {
+        self.last_write = Some(now);
+        if !stored {
+            self.changed(now);
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! What waits to be sent: bounded, most urgent first.
+
+use heapless::Vec;
+
+use crate::frame::Frame;
+
+/// How many frames can wait: an answer or two of every service, and PDOs for a bus that is busy for some milliseconds.
+const CAPACITY: usize = 16;
+
+/// Frames in the order of arbitration, first come first served among equals.
+#[derive(Debug, Default)]
+pub(crate) struct TxQueue {
+    /// The most urgent one last.
+    frames: Vec<Frame, CAPACITY>,
+    dropped: u32,
+}
+
+impl TxQueue {
+    /// Appends a frame. When there is no room, the least urgent one is dropped and counted.
+    pub(crate) fn push(&mut self, frame: Frame) {
+        let key = frame.arbitration();
+        let position = self.frames.iter().rposition(|waiting| waiting.arbitration() > key);
+        self.insert(position.map_or(0, |position| position.saturating_add(1)), frame);
+    }
+
+    /// Takes back a frame that was handed out: it goes before its equals.
+    pub(crate) fn give_back(&mut self, frame: Frame) {
+        let key = frame.arbitration();
+        let position = self.frames.iter().rposition(|waiting| waiting.arbitration() >= key);
+        self.insert(position.map_or(0, |position| position.saturating_add(1)), frame);
+    }
+
+    /// The most urgent frame.
+    pub(crate) fn pop(&mut self) -> Option<Frame> {
+        self.frames.pop()
+    }
+
+    /// Forgets all: the bus cannot be used.
+    pub(crate) fn clear(&mut self) {
+        self.frames.clear();
+    }
+
+    /// A frame was lost elsewhere for want of room.
+    pub(crate) const fn count_dropped(&mut self) {
+        self.dropped = self.dropped.saturating_add(1);
+    }
+
+    /// How many frames were dropped for want of room.
+    pub(crate) const fn dropped(&self) -> u32 {
+        self.dropped
+    }
+
+    fn insert(&mut self, position: usize, frame: Frame) {
+        let mut position = position;
+        if self.frames.is_full() {
+            self.dropped = self.dropped.saturating_add(1);
+            if position == 0 {
+                return;
+            }
+            self.frames.remove(0);
+            position = position.saturating_sub(1);
+        }
+        // There is room, and the position lies within: this cannot fail.
+        if self.frames.insert(position, frame).is_err() {
+            self.dropped = self.dropped.saturating_add(1);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::standard;
+
+    fn frame(id: u16, tag: u8) -> Frame {
+        Frame::of(standard(id).into(), &[tag]).unwrap()
+    }
+
+    #[test]
+    fn urgent_frames_first_and_equals_in_order() {
+        let mut queue = TxQueue::default();
+        for (id, tag) in [(0x5A0, 1), (0x1A0, 2), (0x5A0, 3), (0x1A0, 4)] {
+            queue.push(frame(id, tag));
+        }
+        let first = queue.pop().unwrap();
+        assert_eq!(first, frame(0x1A0, 2));
+        queue.give_back(first);
+        for (id, tag) in [(0x1A0, 2), (0x1A0, 4), (0x5A0, 1), (0x5A0, 3)] {
+            assert_eq!(queue.pop(), Some(frame(id, tag)));
+        }
+        assert_eq!(queue.pop(), None);
+    }
+
+    #[test]
+    fn a_full_queue_drops_the_least_urgent_and_counts() {
+        let mut queue = TxQueue::default();
+        for id in 1..=CAPACITY as u16 {
+            queue.push(frame(id * 2, 0));
+        }
+        queue.push(frame(0x7FF, 0));
+        assert_eq!(queue.dropped(), 1);
+        queue.push(frame(1, 0));
+        assert_eq!(queue.dropped(), 2);
+        assert_eq!(queue.pop(), Some(frame(1, 0)));
+        assert_eq!(std::iter::from_fn(|| queue.pop()).last(), Some(frame(CAPACITY as u16 * 2 - 2, 0)));
+    }
+
+    extern crate std;
+}

@@ -1,0 +1,102 @@
+//! UDS lite: the identifier server that both families share (SPEC 7). It knows no identifier but that of the node ID.
+
+use heapless::Vec;
+
+use crate::frame::{Frame, Id, extended};
+use crate::wire::uds::{Address, Answer, Identifier, NegativeCode, READ, WRITE, id, single_frame};
+
+/// The identifier of the node ID, the only one that can be written.
+pub const NODE_ID: Identifier = 0x1001;
+
+/// Every answer to a write of the node ID goes out under this identifier, whatever the node (SPEC 7).
+pub const NODE_ID_ANSWER: u32 = 0x1BC4_08F1;
+
+/// The most bytes that an identifier holds: what a single frame leaves.
+pub const DATA_MAX: usize = 4;
+
+/// What is behind the identifiers.
+pub trait Identifiers {
+    /// What an identifier holds; `None` when there is no such identifier.
+    fn read(&self, identifier: Identifier) -> Option<Vec<u8, DATA_MAX>>;
+
+    /// Whether the device may have this node ID or address.
+    fn accepts_node_id(&self, node_id: u8) -> bool;
+
+    /// Whether the memory is being written.
+    fn is_busy(&self) -> bool;
+}
+
+/// What a request comes to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reaction {
+    /// No answer.
+    Nothing,
+    /// This answer.
+    Answer(Frame),
+    /// Store this node ID, then answer with [`node_id_written`].
+    StoreNodeId(u8),
+}
+
+/// Serves a frame from `source` to this node, `own`.
+#[must_use]
+pub fn serve(own: Address, source: Address, data: &[u8], identifiers: &impl Identifiers) -> Reaction {
+    let Some((request, length_agrees)) = single_frame(data) else { return Reaction::Nothing };
+    let service = request.first().copied().unwrap_or(0);
+    let answer_id = match request {
+        [WRITE, high, low, ..] if Identifier::from_be_bytes([*high, *low]) == NODE_ID => node_id_answer(),
+        _ => id(own, source).into(),
+    };
+    let result = if length_agrees { act(request, identifiers) } else { Err(NegativeCode::IncorrectLength) };
+    match result {
+        Ok(Action::Read(identifier, data)) => Reaction::Answer(Answer::Read(identifier, &data).frame(answer_id)),
+        Ok(Action::StoreNodeId(node_id)) => Reaction::StoreNodeId(node_id),
+        Err(code) => Reaction::Answer(Answer::Negative(service, code).frame(answer_id)),
+    }
+}
+
+/// The answer to a write of the node ID, when the memory has answered.
+#[must_use]
+pub fn node_id_written(stored: bool) -> Frame {
+    let answer =
+        if stored { Answer::Written(NODE_ID) } else { Answer::Negative(WRITE, NegativeCode::ProgrammingFailure) };
+    answer.frame(node_id_answer())
+}
+
+enum Action {
+    Read(Identifier, Vec<u8, DATA_MAX>),
+    StoreNodeId(u8),
+}
+
+/// The checks in the order of SPEC 7: service, length, identifier, factory data, range, memory.
+fn act(request: &[u8], identifiers: &impl Identifiers) -> Result<Action, NegativeCode> {
+    match request {
+        &[READ, high, low] => {
+            let identifier = Identifier::from_be_bytes([high, low]);
+            let data = identifiers.read(identifier).ok_or(NegativeCode::RequestOutOfRange)?;
+            Ok(Action::Read(identifier, data))
+        }
+        &[WRITE, high, low, ref data @ ..] => {
+            let identifier = Identifier::from_be_bytes([high, low]);
+            match data {
+                &[node_id] if identifier == NODE_ID => {
+                    if !identifiers.accepts_node_id(node_id) {
+                        Err(NegativeCode::RequestOutOfRange)
+                    } else if identifiers.is_busy() {
+                        Err(NegativeCode::ConditionsNotCorrect)
+                    } else {
+                        Ok(Action::StoreNodeId(node_id))
+                    }
+                }
+                _ if identifier == NODE_ID => Err(NegativeCode::IncorrectLength),
+                _ if identifiers.read(identifier).is_none() => Err(NegativeCode::RequestOutOfRange),
+                _ => Err(NegativeCode::SecurityAccessDenied),
+            }
+        }
+        [READ | WRITE, ..] => Err(NegativeCode::IncorrectLength),
+        _ => Err(NegativeCode::ServiceNotSupported),
+    }
+}
+
+const fn node_id_answer() -> Id {
+    Id::Extended(extended(NODE_ID_ANSWER))
+}
