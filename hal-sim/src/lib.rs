@@ -25,6 +25,7 @@ pub mod cli;
 pub mod gateway;
 pub mod kind;
 pub mod memory;
+pub mod run;
 pub mod trace;
 pub mod world;
 

@@ -2,49 +2,27 @@
 
 use std::str::FromStr;
 
-use crate::kind::Kind;
+use crate::kind::{Birth, Kind};
 
 /// The longest name of a device, in characters.
 const NAME_MAX: usize = 32;
-
-/// What a device's new memory is filled with; an existing memory decides for itself.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Identity {
-    /// No node ID: blank from the factory, to be found by LSS.
-    Blank,
-    /// This node ID.
-    NodeId(u8),
-}
-
-impl Identity {
-    /// The node ID, if it has one.
-    #[must_use]
-    pub const fn node_id(self) -> Option<u8> {
-        match self {
-            Self::Blank => None,
-            Self::NodeId(id) => Some(id),
-        }
-    }
-}
 
 /// A device as it was asked for.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DeviceSpec {
     /// What it is.
     pub kind: Kind,
-    /// The node ID of a new memory.
-    pub identity: Identity,
+    /// What a new memory is filled with.
+    pub birth: Birth,
     /// The name that was given; `None`: it gets one after its kind.
     pub name: Option<String>,
-    /// The serial number of a new memory; `None`: the kind's.
-    pub serial: Option<u32>,
 }
 
 impl DeviceSpec {
     /// A device of this kind as it leaves the factory.
     #[must_use]
-    pub const fn new(kind: Kind) -> Self {
-        Self { kind, identity: Identity::NodeId(kind.default_node_id()), name: None, serial: None }
+    pub fn new(kind: Kind) -> Self {
+        Self { kind, birth: kind.default_birth(), name: None }
     }
 }
 
@@ -64,7 +42,7 @@ impl FromStr for DeviceSpec {
         })?;
         let mut spec = Self::new(kind);
         if let Some(id) = id {
-            spec.identity = Identity::NodeId(node_id(kind, id)?);
+            spec.birth.node_id = Some(node_id(kind, id)?);
         }
         let mut seen = Vec::new();
         for part in parts {
@@ -78,11 +56,11 @@ impl FromStr for DeviceSpec {
             seen.push(key);
             match (key, value) {
                 ("name", Some(name)) => spec.name = Some(device_name(name)?),
-                ("serial", Some(serial)) => spec.serial = Some(serial_number(serial)?),
+                ("serial", Some(serial)) => spec.birth.serial = Some(serial_number(serial)?),
                 ("blank", None) if id.is_some() => {
                     return Err("a blank device has no node ID; accepted: @ID or blank, not both".to_owned());
                 }
-                ("blank", None) => spec.identity = Identity::Blank,
+                ("blank", None) => spec.birth.node_id = None,
                 ("blank", Some(_)) => return Err("'blank' takes no value".to_owned()),
                 ("name" | "serial", None) => return Err(format!("'{key}' needs a value, as in {key}=…")),
                 _ => return Err(format!("unknown key '{key}'; accepted: name=, serial=, blank")),

@@ -5,8 +5,8 @@ mod device;
 mod options;
 
 pub use bus::BusUrl;
-pub use device::{DeviceSpec, Identity};
-pub use options::{RunArgs, RunOptions};
+pub use device::DeviceSpec;
+pub use options::{NamedDevice, RunArgs, RunOptions};
 
 use std::ffi::OsString;
 

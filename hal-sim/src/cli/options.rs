@@ -4,14 +4,18 @@ use std::path::PathBuf;
 
 use clap::Args;
 use protocol_core::controller::BitRate;
+use protocol_core::device::pve;
 
 use super::UsageError;
 use super::bus::BusUrl;
-use super::device::{DeviceSpec, Identity};
-use crate::kind::Kind;
+use super::device::DeviceSpec;
+use crate::kind::{Birth, Kind};
 
 /// The seed of a run that was given none: two runs with the same seed and the same input are the same.
 const DEFAULT_SEED: u64 = 1;
+
+/// What runs when no device is given.
+const DEFAULT_KIND: Kind = Kind::PveCanopen(pve::Kind::PveaCanopen);
 
 /// The options of `run`, as they were written.
 #[derive(Args, Debug)]
@@ -89,10 +93,8 @@ pub struct NamedDevice {
     pub name: String,
     /// What it is.
     pub kind: Kind,
-    /// The node ID of a new memory.
-    pub identity: Identity,
-    /// The serial number of a new memory; `None`: the kind's.
-    pub serial: Option<u32>,
+    /// What a new memory is filled with.
+    pub birth: Birth,
 }
 
 impl TryFrom<RunArgs> for RunOptions {
@@ -104,7 +106,7 @@ impl TryFrom<RunArgs> for RunOptions {
                 "--http {address}: the control interface is not there yet; accepted: --no-http"
             )));
         }
-        let specs = if args.device.is_empty() { vec![DeviceSpec::new(Kind::PveaCanopen)] } else { args.device };
+        let specs = if args.device.is_empty() { vec![DeviceSpec::new(DEFAULT_KIND)] } else { args.device };
         let devices = named(specs)?;
         if !args.allow_clash {
             refuse_clashes(&devices)?;
@@ -145,15 +147,15 @@ fn named(specs: Vec<DeviceSpec>) -> Result<Vec<NamedDevice>, UsageError> {
             taken.push(name.clone());
             name
         });
-        NamedDevice { name, kind: spec.kind, identity: spec.identity, serial: spec.serial }
+        NamedDevice { name, kind: spec.kind, birth: spec.birth }
     });
     Ok(devices.collect())
 }
 
 fn refuse_clashes(devices: &[NamedDevice]) -> Result<(), UsageError> {
     for (position, device) in devices.iter().enumerate() {
-        let Some(id) = device.identity.node_id() else { continue };
-        let earlier = devices.iter().take(position).find(|other| other.identity.node_id() == Some(id));
+        let Some(id) = device.birth.node_id else { continue };
+        let earlier = devices.iter().take(position).find(|other| other.birth.node_id == Some(id));
         if let Some(earlier) = earlier {
             return Err(UsageError(format!(
                 "--device: {} and {} both have node ID 0x{id:02X}; give each its own with @ID, or --allow-clash",

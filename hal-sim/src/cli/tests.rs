@@ -3,10 +3,14 @@
 use std::path::PathBuf;
 
 use protocol_core::controller::BitRate;
+use protocol_core::device::pve;
 
 use super::options::NamedDevice;
 use super::*;
-use crate::kind::Kind;
+use crate::kind::{Birth, Kind};
+
+const PVEA: Kind = Kind::PveCanopen(pve::Kind::PveaCanopen);
+const PVEO: Kind = Kind::PveCanopen(pve::Kind::PveoCanopen);
 
 fn args(line: &str) -> Vec<String> {
     std::iter::once("pve-sim").chain(line.split_whitespace()).map(str::to_owned).collect()
@@ -41,9 +45,8 @@ fn defaults() {
         RunOptions {
             devices: vec![NamedDevice {
                 name: "pvea-canopen".to_owned(),
-                kind: Kind::PveaCanopen,
-                identity: Identity::NodeId(0x20),
-                serial: None,
+                kind: PVEA,
+                birth: Birth { node_id: Some(0x20), serial: None },
             }],
             buses: vec!["socketcand://127.0.0.1:29536/pve0".parse().unwrap()],
             bit_rate: None,
@@ -65,13 +68,13 @@ fn options_with_and_without_the_word_run() {
     let options = run(line);
     assert_eq!(run(&format!("run {line}")), options);
     let devices: Vec<_> =
-        options.devices.iter().map(|d| (d.name.as_str(), d.kind, d.identity.node_id(), d.serial)).collect();
+        options.devices.iter().map(|d| (d.name.as_str(), d.kind, d.birth.node_id, d.birth.serial)).collect();
     assert_eq!(
         devices,
         [
-            ("rear", Kind::PveoCanopen, Some(0x21), Some(0x5B2E_0101)),
-            ("pvea-canopen", Kind::PveaCanopen, Some(33), None),
-            ("pvea-canopen-2", Kind::PveaCanopen, None, None),
+            ("rear", PVEO, Some(0x21), Some(0x5B2E_0101)),
+            ("pvea-canopen", PVEA, Some(33), None),
+            ("pvea-canopen-2", PVEA, None, None),
         ]
     );
     let buses: Vec<_> = options.buses.iter().map(ToString::to_string).collect();
