@@ -22,6 +22,7 @@
 
 pub mod bus;
 pub mod cli;
+pub mod explain;
 pub mod gateway;
 pub mod kind;
 pub mod memory;

@@ -1,15 +1,16 @@
 //! The thread of the world: lets time pass, takes what clients want, and shows what was on the bus.
 
-use std::fmt::Write;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 
 use protocol_core::controller::BitRate;
+use protocol_core::device::Device;
 use protocol_core::time::{Duration, Instant, after};
 
 use super::clients::{Clients, class};
 use super::log::Log;
 use super::pace::Pace;
 use super::printer::Printer;
+use crate::explain::Explainer;
 use crate::gateway::ToWorld;
 use crate::trace::{Timestamp, write_error, write_frame};
 use crate::world::{OnBus, SUPPLY_JITTER, TraceEvent, World};
@@ -26,6 +27,7 @@ pub struct Driver {
     pace: Pace,
     /// The wall time of virtual instant 0.
     start: Timestamp,
+    explainer: Explainer,
     /// The name of the bus in traces.
     bus: String,
     printer: Printer,
@@ -35,8 +37,10 @@ pub struct Driver {
 }
 
 impl Driver {
+    /// A world whose devices are those that the explainer knows, in the same order.
     pub(super) fn new(
         mut world: World,
+        explainer: Explainer,
         bus: &str,
         pace: Pace,
         start: Timestamp,
@@ -49,7 +53,7 @@ impl Driver {
             let _ = sender.send(event.clone());
         }));
         let clients = Clients::new(&mut world);
-        Self { world, events, clients, pace, start, bus: bus.to_owned(), printer, log, line: String::new() }
+        Self { world, events, clients, pace, start, explainer, bus: bus.to_owned(), printer, log, line: String::new() }
     }
 
     /// Powers the devices and runs until it is told to stop; then lets them store what they have to.
@@ -145,8 +149,15 @@ impl Driver {
         }
     }
 
+    /// By the node IDs before the event: it may be what changes them.
     fn explain(&mut self, event: &TraceEvent) {
-        let _ = write!(self.line, "{}", event.from);
+        self.line.push_str(&match &event.what {
+            OnBus::Frame(frame) => self.explainer.explain(frame, Some(&event.from)),
+            OnBus::Error { frame, error } => self.explainer.explain_error(*error, frame, &event.from),
+        });
+        for (node, device) in self.explainer.nodes_mut().iter_mut().zip(self.world.devices()) {
+            node.node_id = self.world.device(device).and_then(Device::node_id);
+        }
     }
 
     /// Before the thread sleeps: what readers wait for.

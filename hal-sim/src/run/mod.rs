@@ -105,7 +105,15 @@ pub fn run(options: &RunOptions) -> Result<(), RunError> {
             printer.warn(warning);
         }
         let bus = options.buses.first().map_or("can0", |url| url.name.as_str());
-        let driver = Driver::new(world, bus, Pace::start(options.speed), Timestamp::now(), printer, log);
+        let driver = Driver::new(
+            world,
+            setup::explainer(options),
+            bus,
+            Pace::start(options.speed),
+            Timestamp::now(),
+            printer,
+            log,
+        );
         let (alive, ended) = oneshot::channel::<()>();
         let bit_rate = options.bit_rate;
         let world = thread::Builder::new().name("world".to_owned()).spawn(move || {

@@ -7,6 +7,7 @@ use protocol_core::controller::BitRate;
 
 use super::RunError;
 use crate::cli::{NamedDevice, RunOptions};
+use crate::explain::{Explainer, Node};
 use crate::kind::Kind;
 use crate::memory::{Memory, StateFileError};
 use crate::world::World;
@@ -28,6 +29,12 @@ pub(super) fn world(options: &RunOptions) -> Result<(World, Vec<String>), RunErr
         world.add_device(&device.name, device.kind.factory(device.birth), memory);
     }
     Ok((world, warnings))
+}
+
+/// What explains the frames of the world of the options.
+pub(super) fn explainer(options: &RunOptions) -> Explainer {
+    let node = |device: &NamedDevice| Node { name: device.name.clone(), kind: device.kind, node_id: None };
+    Explainer::new(options.devices.iter().map(node).collect())
 }
 
 fn stored(dir: &Path, device: &NamedDevice) -> Result<Memory, RunError> {
