@@ -3,6 +3,7 @@
 //! ```text
 //! bus/      a CAN bus: frame lengths, arbitration, acknowledgement, error confinement; and the ports on it
 //! memory/   a NOR flash in RAM, the record store on it, and the file that keeps it
+//! use_case/ the use cases of the manuals, frame by frame
 //! world/    devices, bus and plant in virtual time, event by event
 //! ```
 //!
@@ -28,6 +29,7 @@ pub mod kind;
 pub mod memory;
 pub mod run;
 pub mod trace;
+pub mod use_case;
 pub mod world;
 
 pub use bus::{BusError, Port};

@@ -1,10 +1,12 @@
 //! `pve-sim`: the stand-in devices on the host. What it does is in the library; here are the exit codes.
 
+use std::fmt::Display;
 use std::io::Write;
 use std::process::ExitCode;
 
 use hal_sim::cli::{self, Request};
 use hal_sim::run;
+use hal_sim::use_case::{self, SimulatedBench, UseCase};
 
 /// Something is in the way: a port in use, a file that cannot be opened.
 const FAILURE: u8 = 1;
@@ -17,6 +19,7 @@ fn main() -> ExitCode {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => fail(FAILURE, &error),
         },
+        Ok(Request::UseCases(cases)) => play(&cases),
         Ok(Request::Print(text)) => {
             let mut stdout = std::io::stdout().lock();
             let _ = write!(stdout, "{text}").and_then(|()| stdout.flush());
@@ -26,7 +29,22 @@ fn main() -> ExitCode {
     }
 }
 
-fn fail(code: u8, error: &dyn std::error::Error) -> ExitCode {
+/// Plays the use cases and stops at the first frame that differs.
+fn play(cases: &[&'static UseCase]) -> ExitCode {
+    let mut stdout = std::io::stdout().lock();
+    for case in cases {
+        let mut print = |line: &str| {
+            let _ = writeln!(stdout, "{line}");
+        };
+        if let Err(deviation) = use_case::play(case, &mut SimulatedBench::new(case), &mut print) {
+            return fail(FAILURE, &format_args!("use case {}: {deviation}", case.name));
+        }
+        print("");
+    }
+    ExitCode::SUCCESS
+}
+
+fn fail(code: u8, error: &dyn Display) -> ExitCode {
     let _ = writeln!(std::io::stderr(), "pve-sim: {error}");
     ExitCode::from(code)
 }

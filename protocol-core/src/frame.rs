@@ -7,12 +7,25 @@ pub use embedded_can::{ExtendedId, Id, StandardId};
 /// The most bytes that a classic CAN frame carries.
 pub const MAX_LEN: usize = 8;
 
+/// What tells an extended identifier in a key: the same bit as in an object of type COB-ID.
+const EXTENDED: u32 = 1 << 29;
+
+/// An identifier as one number: its bits, and bit 29 for an extended one, as in an object of type COB-ID.
+#[inline]
+#[must_use]
+pub fn key(id: Id) -> u32 {
+    match id {
+        Id::Standard(id) => id.as_raw().into(),
+        Id::Extended(id) => id.as_raw() | EXTENDED,
+    }
+}
+
 /// A classic CAN data or remote frame.
 ///
 /// The length is 0–8 by construction: a raw DLC of 9–15, which CAN allows and which means 8, never gets in here.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Frame {
-    id: Id,
+    key: u32,
     remote: bool,
     len: u8,
     data: [u8; MAX_LEN],
@@ -22,9 +35,9 @@ impl Frame {
     /// A data frame of the first `len` bytes of `data`; a length above 8 counts as 8, as a DLC does.
     #[inline]
     #[must_use]
-    pub const fn with_len(id: Id, data: [u8; MAX_LEN], len: u8) -> Self {
+    pub fn with_len(id: Id, data: [u8; MAX_LEN], len: u8) -> Self {
         let len = if len > 8 { 8 } else { len };
-        let mut frame = Self { id, remote: false, len, data };
+        let mut frame = Self { key: key(id), remote: false, len, data };
         frame.blank_rest();
         frame
     }
@@ -32,8 +45,8 @@ impl Frame {
     /// A data frame of eight bytes.
     #[inline]
     #[must_use]
-    pub const fn full(id: Id, data: [u8; MAX_LEN]) -> Self {
-        Self { id, remote: false, len: 8, data }
+    pub fn full(id: Id, data: [u8; MAX_LEN]) -> Self {
+        Self { key: key(id), remote: false, len: 8, data }
     }
 
     /// A data frame of the bytes of `data`; `None` when there are more than eight.
@@ -41,21 +54,32 @@ impl Frame {
     pub fn of(id: Id, data: &[u8]) -> Option<Self> {
         let mut bytes = [0; MAX_LEN];
         bytes.get_mut(..data.len())?.copy_from_slice(data);
-        Some(Self { id, remote: false, len: u8::try_from(data.len()).ok()?, data: bytes })
+        Some(Self { key: key(id), remote: false, len: u8::try_from(data.len()).ok()?, data: bytes })
     }
 
     /// A remote frame that asks for `len` bytes; a length above 8 counts as 8.
     #[must_use]
-    pub const fn remote(id: Id, len: u8) -> Self {
+    pub fn remote(id: Id, len: u8) -> Self {
         let len = if len > 8 { 8 } else { len };
-        Self { id, remote: true, len, data: [0; MAX_LEN] }
+        Self { key: key(id), remote: true, len, data: [0; MAX_LEN] }
     }
 
     /// The identifier.
     #[inline]
     #[must_use]
     pub const fn id(&self) -> Id {
-        self.id
+        if self.key & EXTENDED == 0 {
+            Id::Standard(standard((self.key & 0x7FF) as u16))
+        } else {
+            Id::Extended(extended(self.key))
+        }
+    }
+
+    /// The identifier as one number to compare by, as [`key`] makes it.
+    #[inline]
+    #[must_use]
+    pub const fn key(&self) -> u32 {
+        self.key
     }
 
     /// Whether this is a remote frame.
@@ -107,16 +131,15 @@ impl Frame {
     /// one with the same identifier (ISO 11898-1).
     #[inline]
     #[must_use]
-    pub fn arbitration(&self) -> u32 {
-        let remote = u32::from(self.remote);
-        match self.id {
+    pub const fn arbitration(&self) -> u32 {
+        let remote = self.remote as u32;
+        if self.key & EXTENDED == 0 {
             // 11 bits, RTR, IDE = 0, then nothing that could still be compared
-            Id::Standard(id) => u32::from(id.as_raw()) << 21 | remote << 20,
+            self.key << 21 | remote << 20
+        } else {
             // 11 bits, SRR = 1, IDE = 1, 18 bits, RTR
-            Id::Extended(id) => {
-                let raw = id.as_raw();
-                (raw >> 18) << 21 | 1 << 20 | 1 << 19 | (raw & 0x3_FFFF) << 1 | remote
-            }
+            let raw = self.key & !EXTENDED;
+            (raw >> 18) << 21 | 1 << 20 | 1 << 19 | (raw & 0x3_FFFF) << 1 | remote
         }
     }
 
@@ -137,7 +160,7 @@ impl embedded_can::Frame for Frame {
     }
 
     fn is_extended(&self) -> bool {
-        matches!(self.id, Id::Extended(_))
+        self.key & EXTENDED != 0
     }
 
     fn is_remote_frame(&self) -> bool {
@@ -145,7 +168,7 @@ impl embedded_can::Frame for Frame {
     }
 
     fn id(&self) -> Id {
-        self.id
+        Frame::id(self)
     }
 
     fn dlc(&self) -> usize {
@@ -160,7 +183,7 @@ impl embedded_can::Frame for Frame {
 /// As the manuals print a frame: `5A0: 43 18 10 01 19 00 00 01`, 29-bit identifiers in eight digits, `R` for a remote one.
 impl fmt::Display for Frame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.id {
+        match self.id() {
             Id::Standard(id) => write!(f, "{:03X}:", id.as_raw())?,
             Id::Extended(id) => write!(f, "{:08X}:", id.as_raw())?,
         }

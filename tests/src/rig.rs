@@ -59,6 +59,9 @@ struct Write {
     done: Instant,
 }
 
+/// The cycle in which the manual's controller sends.
+const CYCLE_MS: u64 = 100;
+
 /// A CANopen valve on a rig.
 pub struct Rig {
     setup: Setup,
@@ -158,6 +161,12 @@ impl Rig {
         self.wire.sent.drain(..).map(|frame| frame.to_string()).collect()
     }
 
+    /// Takes all frames that the device has sent, and returns those under this identifier.
+    pub fn take_under(&mut self, id: &str) -> Vec<String> {
+        let under = |frame: &String| frame.split_once(':').is_some_and(|(of_frame, _)| of_frame == id);
+        self.take().into_iter().filter(under).collect()
+    }
+
     /// The next frame that the device has sent must be this one.
     #[track_caller]
     pub fn expect(&mut self, text: &str) {
@@ -199,6 +208,15 @@ impl Rig {
         }
         self.now = end;
         self.pump();
+    }
+
+    /// Lets so many milliseconds pass, as a machine controller does: with this frame every 100 ms, the first after 100 ms.
+    pub fn advance_cyclic(&mut self, ms: u64, text: &str) {
+        for _ in 0..ms / CYCLE_MS {
+            self.advance(CYCLE_MS);
+            self.send(text);
+        }
+        self.advance(ms % CYCLE_MS);
     }
 
     /// Lets time pass in one leap: the device is polled at its end alone.
@@ -266,6 +284,12 @@ impl Rig {
         self.expect_nothing();
     }
 
+    /// The status word, read over SDO.
+    #[track_caller]
+    pub fn status(&mut self) -> u32 {
+        self.read(0x6041, 0)
+    }
+
     /// Reads a number over SDO, expedited.
     ///
     /// # Panics
@@ -308,13 +332,78 @@ impl Rig {
         u32::from_le_bytes([bytes[4], bytes[5], bytes[6], bytes[7]])
     }
 
+    /// Reads an object in segments, whatever its length: its bytes.
+    ///
+    /// # Errors
+    /// The abort code.
+    ///
+    /// # Panics
+    /// When an answer is none of an upload.
     #[track_caller]
-    fn sdo(&mut self, command: u8, index: u16, sub: u8, data: u32) -> Frame {
-        let node_id = self.node_id().expect("a node ID");
+    pub fn read_segmented(&mut self, index: u16, sub: u8) -> Result<Vec<u8>, u32> {
+        let answer = self.sdo(0x40, index, sub, 0);
+        match answer.bytes() {
+            [0x80, _, _, _, code @ ..] => return Err(u32::from_le_bytes(*code)),
+            [0x41, ..] => {}
+            _ => panic!("no segmented upload: {answer}"),
+        }
+        let mut data = Vec::new();
+        for toggle in [0x00, 0x10].into_iter().cycle() {
+            let answer = self.sdo(0x60 | toggle, 0, 0, 0);
+            let [command, segment @ ..] = answer.bytes();
+            assert_eq!(command & 0xF0, toggle, "no segment with this toggle bit: {answer}");
+            data.extend(&segment[..7 - usize::from(command >> 1 & 7)]);
+            if command & 1 != 0 {
+                break;
+            }
+        }
+        Ok(data)
+    }
+
+    /// Writes an object in segments, its size announced.
+    ///
+    /// # Errors
+    /// The abort code.
+    ///
+    /// # Panics
+    /// When an answer is none to a download.
+    #[track_caller]
+    pub fn write_segmented(&mut self, index: u16, sub: u8, data: &[u8]) -> Result<(), u32> {
+        let accepted = |answer: Frame| match answer.bytes() {
+            [0x60 | 0x20 | 0x30, ..] => Ok(()),
+            [0x80, _, _, _, code @ ..] => Err(u32::from_le_bytes(*code)),
+            _ => panic!("no answer to a download: {answer}"),
+        };
+        accepted(self.sdo(0x21, index, sub, u32::try_from(data.len()).expect("a short object")))?;
+        let count = data.len().div_ceil(7).max(1);
+        for number in 0..count {
+            let rest = &data[number * 7..];
+            let mut segment = [0; 8];
+            let len = rest.len().min(7);
+            segment[1..=len].copy_from_slice(&rest[..len]);
+            let last = number + 1 == count;
+            segment[0] = u8::try_from((number & 1) << 4 | (7 - len) << 1 | usize::from(last)).expect("a byte");
+            accepted(self.sdo_bytes(segment))?;
+        }
+        Ok(())
+    }
+
+    /// Sends an SDO request; the answer.
+    ///
+    /// # Panics
+    /// When there is none.
+    #[track_caller]
+    pub fn sdo(&mut self, command: u8, index: u16, sub: u8, data: u32) -> Frame {
         let [low, high] = index.to_le_bytes();
         let [a, b, c, d] = data.to_le_bytes();
+        self.sdo_bytes([command, low, high, sub, a, b, c, d])
+    }
+
+    #[track_caller]
+    fn sdo_bytes(&mut self, request: [u8; 8]) -> Frame {
+        let node_id = self.node_id().expect("a node ID");
         let id = protocol_core::frame::standard(0x600 | u16::from(node_id));
-        self.send_frame(Frame::full(id.into(), [command, low, high, sub, a, b, c, d]));
+        self.send_frame(Frame::full(id.into(), request));
         let answer = self.take_next().expect("an SDO answer");
         assert_eq!(answer.id(), protocol_core::frame::standard(0x580 | u16::from(node_id)).into(), "{answer}");
         answer
@@ -340,6 +429,11 @@ impl Rig {
     }
 
     fn pump(&mut self) {
+        self.pump_all();
+        assert!(self.device.deadline() > self.now, "what was due by {} us is due still", self.now.as_micros());
+    }
+
+    fn pump_all(&mut self) {
         loop {
             if let Some(write) = self.write.take_if(|write| write.done <= self.now) {
                 let result = if self.writes_fail { Err(StoreError) } else { Ok(()) };

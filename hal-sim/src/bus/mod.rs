@@ -17,6 +17,8 @@ mod transmission;
 mod transmit;
 
 #[cfg(test)]
+mod bits_tests;
+#[cfg(test)]
 mod tests;
 
 use std::sync::Arc;
@@ -66,6 +68,8 @@ pub struct Ended {
 #[derive(Default)]
 pub struct Bus {
     ports: Vec<Port>,
+    /// The ports of clients that are gone: clients come and go, and everything looks at all ports.
+    vacant: Vec<PortId>,
     /// The ports that have something to send, in the order of their numbers.
     contenders: Vec<PortId>,
     /// The ports that are bus-off and on their way back.
@@ -92,10 +96,20 @@ impl Bus {
 
     /// A new client, connected at once: its adapter has long been on the bus.
     pub fn add_tap(&mut self, name: Arc<str>, rate: BitRate, now: Instant) -> PortId {
-        let mut port = Port::of_tap(name, rate);
-        port.connected = true;
-        port.joined_at = nanos(now);
-        self.add(port)
+        self.add_connected(Port::of_tap(name, rate), now)
+    }
+
+    /// A gateway without a client, connected at once: it acknowledges, and keeps nothing of what it hears.
+    pub fn add_gateway(&mut self, name: Arc<str>, rate: BitRate, now: Instant) -> PortId {
+        self.add_connected(Port::of_gateway(name, rate), now)
+    }
+
+    /// Takes a client away for good. Its number may be given to another one.
+    pub fn remove(&mut self, id: PortId, now: Instant) {
+        self.disconnect(id, now);
+        if !self.vacant.contains(&id) {
+            self.vacant.push(id);
+        }
     }
 
     /// A port.
@@ -127,7 +141,7 @@ impl Bus {
         port.transmit.clear();
         port.received.clear();
         port.recovery = None;
-        self.contenders.retain(|other| *other != id);
+        self.refresh(id, now);
         self.recovering.retain(|other| *other != id);
     }
 
@@ -135,7 +149,7 @@ impl Bus {
     pub fn drop_pending(&mut self, id: PortId, now: Instant) {
         self.fall_silent(id, now);
         self.ports[id.0].transmit.clear();
-        self.contenders.retain(|other| *other != id);
+        self.refresh(id, now);
     }
 
     /// Sets a port to a bit rate. A new rate starts its controller anew, error counters aside.
@@ -175,18 +189,16 @@ impl Bus {
     pub fn refresh(&mut self, id: PortId, now: Instant) {
         let port = &mut self.ports[id.0];
         let pending = !port.transmit.is_empty();
-        if !pending && self.contenders.is_empty() {
+        if pending == port.contends {
             return;
         }
+        port.contends = pending;
+        port.ready_at = port.ready_at.max(nanos(now));
         match self.contenders.binary_search(&id) {
-            Ok(place) if !pending => {
+            Ok(place) => {
                 self.contenders.remove(place);
             }
-            Err(place) if pending => {
-                port.ready_at = port.ready_at.max(nanos(now));
-                self.contenders.insert(place, id);
-            }
-            _ => {}
+            Err(place) => self.contenders.insert(place, id),
         }
     }
 
@@ -213,9 +225,20 @@ impl Bus {
     }
 
     fn add(&mut self, port: Port) -> PortId {
-        // A port that was removed is not used again: its number may still be known somewhere.
         self.ports.push(port);
         PortId(self.ports.len() - 1)
+    }
+
+    fn add_connected(&mut self, mut port: Port, now: Instant) -> PortId {
+        port.connected = true;
+        port.joined_at = nanos(now);
+        match self.vacant.pop() {
+            Some(id) => {
+                self.ports[id.0] = port;
+                id
+            }
+            None => self.add(port),
+        }
     }
 
     /// The controller synchronises: after 11 recessive bits it takes part.

@@ -38,14 +38,10 @@ impl Bus {
             self.after_sending(*id, &transmission);
             self.refresh(*id, instant(transmission.end));
         }
-        let ended = Ended {
-            from: self.ports[transmission.from.0].name.clone(),
-            frame: transmission.frame,
-            error: transmission.error,
-        };
-        transmission.senders.clear();
-        self.spare = transmission.senders;
-        ended
+        let Transmission { from, frame, error, mut senders, .. } = transmission;
+        senders.clear();
+        self.spare = senders;
+        Ended { from, frame, error }
     }
 
     fn is_heard(&self, transmission: &Transmission) -> bool {

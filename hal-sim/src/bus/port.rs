@@ -33,6 +33,8 @@ pub struct Port {
     /// It sends from then on.
     pub(super) ready_at: Nanos,
     pub(super) recovery: Option<Recovery>,
+    /// Whether the bus knows that it has something to send.
+    pub(super) contends: bool,
 }
 
 /// How far a controller has got on its way back from bus-off.
@@ -55,6 +57,11 @@ impl Port {
         Self::new(name, rate, Transmit::queue(), usize::MAX)
     }
 
+    /// The place of a gateway without a client, not yet connected.
+    pub(super) fn of_gateway(name: Arc<str>, rate: BitRate) -> Self {
+        Self::new(name, rate, Transmit::queue(), 0)
+    }
+
     fn new(name: Arc<str>, rate: BitRate, transmit: Transmit, room: usize) -> Self {
         Self {
             name,
@@ -68,6 +75,7 @@ impl Port {
             joined_at: 0,
             ready_at: 0,
             recovery: None,
+            contends: false,
         }
     }
 

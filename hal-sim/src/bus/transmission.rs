@@ -1,5 +1,7 @@
 //! The start of a frame: who wins the bus, and how the attempt will end.
 
+use std::sync::Arc;
+
 use protocol_core::controller::{BitRate, BusErrorMode};
 use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
@@ -25,13 +27,13 @@ pub(super) struct Transmission {
     pub(super) rate: BitRate,
     /// Who sends it; several when they send the same, or when none of them has noticed the others yet.
     pub(super) senders: Vec<PortId>,
-    /// The first of the senders: kept when that one loses its power.
-    pub(super) from: PortId,
+    /// The name of the first of the senders: it may be gone when the frame ends.
+    pub(super) from: Arc<str>,
     pub(super) start: Nanos,
     /// When the frame or the error frame ends.
     pub(super) end: Nanos,
     pub(super) error: Option<BusError>,
-    /// Whether a controller at another bit rate destroyed it.
+    /// Whether listeners at another bit rate than everybody else destroyed it.
     pub(super) by_other_rate: bool,
 }
 
@@ -89,7 +91,7 @@ impl Bus {
     }
 
     fn transmit(&mut self, start: Nanos, mut senders: Vec<PortId>) -> Transmission {
-        let from = senders[0];
+        let from = self.ports[senders[0].0].name.clone();
         let collision = self.resolve(&mut senders);
         let first = &self.ports[senders[0].0];
         let frame = *first.transmit.head().expect("a sender has something to send");
@@ -110,9 +112,8 @@ impl Bus {
             }
         }
         let silence = Fate { error: BusError::Acknowledgement, bits: bits.to_ack_slot(), by_other_rate: false };
-        let other_rate = Fate { error: BusError::Stuff, bits: WRONG_RATE_SEEN, by_other_rate: true };
-        let injected =
-            self.injectors.iter_mut().filter_map(|injector| injector.disturb(&first.name, &frame, on_wire)).min();
+        let other_rate = Fate { error: BusError::Stuff, bits: WRONG_RATE_SEEN, by_other_rate: heard };
+        let injected = self.injectors.iter_mut().filter_map(|injector| injector.disturb(&from, &frame, on_wire)).min();
         let injected = injected.map(|bit| Fate { error: BusError::Bit, bits: bit + 1, by_other_rate: false });
         let fates = [collision, injected, disturbed.then_some(other_rate), (!heard).then_some(silence)];
         let fate = fates.into_iter().flatten().min_by_key(|fate| fate.bits);

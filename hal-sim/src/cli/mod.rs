@@ -13,14 +13,29 @@ use std::ffi::OsString;
 use clap::error::{ContextKind, ErrorKind};
 use clap::{CommandFactory, Parser, Subcommand};
 
+use crate::use_case::{self, UseCase};
+
 /// What the user asked for.
-#[derive(Debug, PartialEq)]
+#[derive(Debug)]
 pub enum Request {
     /// Put devices on a bus.
     Run(RunOptions),
+    /// Play these use cases.
+    UseCases(Vec<&'static UseCase>),
     /// Print this on stdout: the help, or the version.
     Print(String),
 }
+
+const AFTER_HELP: &str = "\
+Examples:
+  pve-sim
+  pve-sim --device pvea-canopen@0x20 --device pveo-canopen@0x21,name=boom --bit-rate 250k
+  pve-sim --device pvea-canopen,blank --state memory --log frames.log
+  pve-sim use-case all
+
+SIGINT and SIGTERM end it; everything stored, exit 0.
+Exit codes: 1 a port in use, a file that cannot be opened, a state file of another kind, a use case that differs;
+2 wrong usage.";
 
 /// Wrong usage: one line that says what is wrong and what is accepted.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -31,7 +46,13 @@ pub struct UsageError(pub String);
 ///
 /// Without a command it runs: the options of `run` can be given right away.
 #[derive(Debug, Parser)]
-#[command(name = "pve-sim", version, args_conflicts_with_subcommands = true)]
+#[command(
+    name = "pve-sim",
+    version,
+    args_conflicts_with_subcommands = true,
+    disable_help_subcommand = true,
+    after_long_help = AFTER_HELP
+)]
 struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
@@ -43,6 +64,28 @@ struct Cli {
 enum Command {
     /// A stand-in device, or several, on a bus (the default command)
     Run(Box<RunArgs>),
+    /// Plays the manual's use cases in virtual time, each frame with what it means; exit 1 if any frame differs
+    UseCase {
+        /// Which one, or all
+        #[arg(value_name = "1-6|all", value_parser = use_cases)]
+        which: UseCases,
+    },
+}
+
+/// The use cases that a word on the command line stands for.
+#[derive(Clone, Debug)]
+struct UseCases(Vec<&'static UseCase>);
+
+fn use_cases(word: &str) -> Result<UseCases, String> {
+    let cases = match word {
+        "all" => use_case::all(),
+        name => use_case::find(name).into_iter().collect(),
+    };
+    if cases.is_empty() {
+        let known: Vec<&str> = use_case::all().iter().map(|case| case.name).collect();
+        return Err(format!("no such use case; accepted: {}, all", known.join(", ")));
+    }
+    Ok(UseCases(cases))
 }
 
 /// Reads the arguments, the program's name first.
@@ -56,6 +99,7 @@ where
 {
     match Cli::try_parse_from(args) {
         Ok(Cli { command: Some(Command::Run(run)), .. }) => RunOptions::try_from(*run).map(Request::Run),
+        Ok(Cli { command: Some(Command::UseCase { which }), .. }) => Ok(Request::UseCases(which.0)),
         Ok(Cli { command: None, run }) => RunOptions::try_from(run).map(Request::Run),
         Err(error) if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => {
             Ok(Request::Print(error.to_string()))

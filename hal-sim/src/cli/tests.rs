@@ -164,8 +164,10 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ("--seed -1", "'-1' found; accepted: --device"),
         ("--colour red", "unexpected argument '--colour' found; accepted: --device, --allow-clash, --state, --bus,"),
         ("run --colour", "unexpected argument '--colour' found; accepted: --device"),
-        ("walk", "unrecognized subcommand 'walk'; accepted: run"),
+        ("walk", "unrecognized subcommand 'walk'; accepted: run, use-case"),
         ("run walk", "unexpected argument 'walk' found; accepted: run"),
+        ("use-case 7", "no such use case; accepted: 1, 2, 3, 4, 5, 6, all"),
+        ("use-case", "the following required arguments were not provided: <1-6|all>"),
         ("--seed 3 run", "give the options after the command"),
     ];
     for (line, expected) in cases {
@@ -173,6 +175,16 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         assert!(text.contains(expected), "{line}\n  said     {text}\n  expected {expected}");
         assert!(!text.contains('\n') && !text.starts_with("error"), "{line}: {text}");
     }
+}
+
+#[test]
+fn use_cases_one_or_all() {
+    let names = |line: &str| match parse(args(line)) {
+        Ok(Request::UseCases(cases)) => cases.iter().map(|case| case.name).collect::<Vec<_>>(),
+        other => panic!("{line}: {other:?}"),
+    };
+    assert_eq!(names("use-case 3"), ["3"]);
+    assert_eq!(names("use-case all"), ["1", "2", "3", "4", "5", "6"]);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Frames and what is said of them.
 
 use protocol_core::device::pve;
-use protocol_core::frame::{extended, standard};
+use protocol_core::frame::standard;
 
 use super::*;
 
@@ -15,13 +15,9 @@ fn explainer() -> Explainer {
     ])
 }
 
-/// A frame in the manual's notation, `5A0: 43 18 …`; eight digits are a 29-bit identifier.
+/// A frame in the manual's notation.
 fn frame(text: &str) -> Frame {
-    let (id, data) = text.split_once(':').unwrap();
-    let raw = u32::from_str_radix(id, 16).unwrap();
-    let id = if id.len() == 8 { Id::from(extended(raw)) } else { Id::from(standard(u16::try_from(raw).unwrap())) };
-    let data: Vec<u8> = data.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect();
-    Frame::of(id, &data).unwrap()
+    text.parse().unwrap_or_else(|error| panic!("{text}: {error}"))
 }
 
 fn check(cases: &[(&str, &str)]) {

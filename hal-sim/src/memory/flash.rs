@@ -85,12 +85,6 @@ impl Flash {
         Self { cells, word_writes: 0, erases: 0, faults: Faults::default(), noise: fastrand::Rng::with_seed(0) }
     }
 
-    /// The same one, erased from outside; the faults that were injected stay.
-    pub(super) fn erased(mut self) -> Self {
-        self.cells.fill(ERASED);
-        self
-    }
-
     /// Everything in it.
     #[must_use]
     pub fn image(&self) -> &[u8] {
@@ -130,6 +124,17 @@ impl Flash {
     pub const fn restore_power(&mut self) {
         self.faults.power_for = None;
         self.faults.dead = false;
+    }
+
+    /// Whether a planned power cut has happened.
+    #[must_use]
+    pub const fn is_dead(&self) -> bool {
+        self.faults.dead
+    }
+
+    /// Whether writes and erases have a chance.
+    pub(super) const fn can_be_written(&self) -> bool {
+        !self.faults.dead && !self.faults.write_fails
     }
 
     /// Other noise in what a power cut tears.
@@ -212,7 +217,10 @@ impl NorFlash for Flash {
     const WRITE_SIZE: usize = WORD;
     const ERASE_SIZE: usize = SECTOR;
 
-    /// A cut erase has erased the front of the sector, leaves noise in one word and the rest as it was.
+    /// A cut erase has erased the front of the sector, leaves noise in one word and the rest as it was (A).
+    ///
+    /// `sequential-storage` recovers from that. It would not from an erase that leaves the whole sector as noise or zeros:
+    /// with both of its marks set it passes for a full sector, whose copy is then thrown away to be made again.
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
         let len = to.checked_sub(from).ok_or(FlashError::OutOfBounds)? as usize;
         for start in Self::range(from, len, SECTOR)?.step_by(SECTOR) {

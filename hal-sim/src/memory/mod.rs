@@ -5,6 +5,8 @@ mod state_file;
 mod store;
 
 #[cfg(test)]
+mod state_file_tests;
+#[cfg(test)]
 mod tests;
 
 use std::path::Path;
@@ -15,6 +17,7 @@ pub use flash::{ERASED, Flash, FlashError, SECTOR, SIZE, WORD};
 pub use state_file::StateFileError;
 
 use state_file::{Content, StateFile};
+use store::Unreadable;
 
 /// The non-volatile memory of one device.
 #[derive(Debug, Default)]
@@ -53,14 +56,11 @@ impl Memory {
         let mut memory = Self { file: Some(file), ..Self::default() };
         match content {
             Content::New => {}
-            Content::Image(flash) => memory.flash = flash,
-            Content::Damaged => memory.put_file_aside()?,
+            // A copy is looked at: reading may finish what a power cut left half done.
+            Content::Image(flash) if store::read(&mut flash.clone()).is_ok() => memory.flash = flash,
+            Content::Image(_) | Content::Damaged => memory.put_file_aside()?,
         }
-        // A copy is looked at: reading may finish what a power cut left half done.
-        if store::read(&mut memory.flash.clone()).is_none() {
-            memory.put_file_aside()?;
-            memory.flash = Flash::new();
-        }
+        // A directory that cannot be written to is found out now.
         memory.persist()?;
         Ok(memory)
     }
@@ -70,12 +70,12 @@ impl Memory {
     /// A memory that cannot be read as a whole is put aside and erased, so that it can be written again; the image says
     /// that it was damaged, once.
     pub fn read_image(&mut self) -> Image {
-        self.flash.restore_power();
-        let image = store::read(&mut self.flash).unwrap_or_else(|| {
-            self.give_up();
+        // Reading may finish what a power cut left half done, and that must not spoil what is to be put aside.
+        let found = self.flash.image().to_vec();
+        let mut image = store::read(&mut self.flash).unwrap_or_else(|Unreadable| {
+            self.give_up(found);
             Image::empty()
         });
-        let mut image = image;
         if std::mem::take(&mut self.damaged) {
             image.set_damaged();
         }
@@ -109,6 +109,13 @@ impl Memory {
         self.flash.restore_power();
     }
 
+    /// The power came back: a flash that lost it in the middle of a write works again.
+    pub fn power_up(&mut self) {
+        if self.flash.is_dead() {
+            self.flash.restore_power();
+        }
+    }
+
     /// The flash.
     #[must_use]
     pub const fn flash(&self) -> &Flash {
@@ -136,14 +143,15 @@ impl Memory {
         self.put_aside.as_deref()
     }
 
-    /// The flash cannot be read: keeps what is in it aside, and erases it.
-    fn give_up(&mut self) {
-        let unreadable = std::mem::take(&mut self.flash);
-        self.put_aside = Some(unreadable.image().to_vec());
+    /// The flash cannot be read: keeps what is in it aside, and erases it. One that cannot be erased stays as it is.
+    fn give_up(&mut self, found: Vec<u8>) {
         self.damaged = true;
-        self.flash = unreadable.erased();
-        let kept = self.persist_aside().and_then(|()| self.persist());
-        if let Err(error) = kept {
+        if !self.flash.can_be_written() {
+            return;
+        }
+        self.put_aside = Some(found);
+        self.flash.fill(|_| ERASED);
+        if let Err(error) = self.persist_aside().and_then(|()| self.persist()) {
             self.warnings.push(error.to_string());
         }
     }

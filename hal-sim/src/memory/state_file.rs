@@ -59,9 +59,10 @@ pub(super) struct StateFile {
 }
 
 impl StateFile {
-    /// Looks at `dir/name.nvm` and changes nothing.
+    /// Looks at `dir/name.nvm` and changes nothing; the directory is made if there is none.
     pub(super) fn open(dir: &Path, name: &str, kind: u32) -> Result<(Self, Content), StateFileError> {
         let file = Self { path: dir.join(format!("{name}.nvm")), kind };
+        fs::create_dir_all(dir).map_err(|error| file.error("make the directory", error))?;
         let content = match fs::read(&file.path) {
             Ok(bytes) => file.parse(bytes)?,
             Err(error) if error.kind() == ErrorKind::NotFound => Content::New,

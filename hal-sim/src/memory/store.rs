@@ -4,6 +4,7 @@ use std::pin::pin;
 use std::task::{Context, Poll, Waker};
 
 use protocol_core::memory::{Image, Record, RecordKey, StoreError};
+use sequential_storage::Error;
 use sequential_storage::cache::Cache;
 use sequential_storage::cache::key_pointers::ArrayKeyPointers;
 use sequential_storage::cache::page_pointers::ArrayPagePointers;
@@ -35,23 +36,33 @@ pub(super) fn store(flash: &mut Flash, key: RecordKey, record: &Record) -> Resul
     ready(map(flash).store_item(&mut buffer, &(key as u8), &bytes)).map_err(|_| StoreError)
 }
 
-/// Reads everything; `None` when the map as a whole cannot be read. Finishes what a power cut left half done.
-pub(super) fn read(flash: &mut Flash) -> Option<Image> {
+/// Reads everything, and finishes what a power cut left half done. A record that the flash itself does not give is
+/// unreadable in the image.
+///
+/// # Errors
+/// [`Unreadable`] when the map as a whole makes no sense.
+pub(super) fn read(flash: &mut Flash) -> Result<Image, Unreadable> {
     let mut image = Image::empty();
-    let mut empty = true;
+    let mut found = false;
+    let in_use = flash.words_in_use();
     let mut buffer = vec![0; SECTOR];
     let mut map = map(flash);
     for key in RecordKey::ALL {
         match ready(map.fetch_item::<&[u8]>(&mut buffer, &(key as u8))) {
             Ok(Some(bytes)) => image.put(key, bytes),
             Ok(None) => continue,
-            Err(_) => return None,
+            Err(Error::Storage { .. }) => image.put_unreadable(key),
+            Err(_) => return Err(Unreadable),
         }
-        empty = false;
+        found = true;
     }
     // Noise mostly reads as a map without items: more of it than a first store leaves behind was something else once.
-    if empty && flash.words_in_use() > FIRST_STORE_WORDS { None } else { Some(image) }
+    if !found && in_use > FIRST_STORE_WORDS { Err(Unreadable) } else { Ok(image) }
 }
+
+/// The map in the flash makes no sense.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Unreadable;
 
 /// A map without a memory of its own: the flash may have been changed behind its back.
 fn map(flash: &mut Flash) -> Map<'_> {
@@ -61,7 +72,7 @@ fn map(flash: &mut Flash) -> Map<'_> {
 }
 
 /// The result of a future that never waits, as those over RAM don't.
-fn ready<F: Future>(future: F) -> F::Output {
+pub(super) fn ready<F: Future>(future: F) -> F::Output {
     match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
         Poll::Ready(output) => output,
         Poll::Pending => unreachable!("a flash in RAM never waits"),

@@ -82,8 +82,6 @@ pub enum RunError {
 /// # Errors
 /// [`RunError`] when it cannot start. Nothing is on stdout then.
 pub fn run(options: &RunOptions) -> Result<(), RunError> {
-    let log = options.log.as_deref().map(Log::create).transpose()?;
-    let (world, warnings) = setup::world(options)?;
     let runtime = runtime::Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(async {
         let mut end = Signal::listen()?;
@@ -96,6 +94,9 @@ pub fn run(options: &RunOptions) -> Result<(), RunError> {
             bound.push((server.address().map_err(bind)?, url));
             servers.push(server);
         }
+        // Only now: a second simulator that finds the port taken must not touch the files of the first.
+        let (world, warnings) = setup::world(options)?;
+        let log = options.log.as_deref().map(Log::create).transpose()?;
         announce(&bound);
         for server in servers {
             tokio::spawn(server.run(inbox.clone()));

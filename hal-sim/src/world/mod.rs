@@ -14,6 +14,8 @@ mod trace;
 mod probe;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod throughput_tests;
 
 use std::sync::Arc;
 
@@ -197,16 +199,25 @@ impl World {
         self.nodes[node.0].forced_bus_off
     }
 
-    /// Adds a client: it sends in the order it is told to, hears everything but its own frames, and acknowledges.
+    /// Adds a client: it sends in the order it is told to, hears everything but its own frames, and acknowledges. What
+    /// it hears is kept until it is [taken](Self::take_received), however much.
     pub fn add_tap(&mut self, name: &str) -> TapId {
         let port = self.bus.add_tap(name.into(), self.bit_rate, self.now);
         self.own(port, None);
         TapId(port)
     }
 
-    /// Takes a client away, with all that it had to send.
+    /// Adds a gateway that no client is connected to: it acknowledges, so that a lone device does not go
+    /// error-passive, and keeps nothing of what it hears.
+    pub fn add_gateway(&mut self, name: &str) -> TapId {
+        let port = self.bus.add_gateway(name.into(), self.bit_rate, self.now);
+        self.own(port, None);
+        TapId(port)
+    }
+
+    /// Takes a client away, with all that it had to send. Its [`TapId`] may be given to another client.
     pub fn remove_tap(&mut self, tap: TapId) {
-        self.bus.disconnect(tap.0, self.now);
+        self.bus.remove(tap.0, self.now);
     }
 
     /// Gives a client's frame to the bus.
@@ -271,8 +282,9 @@ impl World {
     }
 
     fn own(&mut self, port: PortId, owner: Option<NodeId>) {
-        debug_assert_eq!(self.owners.len(), port.0);
-        self.owners.push(owner);
+        if port.0 == self.owners.len() {
+            self.owners.push(owner);
+        }
     }
 
     /// A random time up to `limit`, the same in each run with one seed.

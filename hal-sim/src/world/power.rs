@@ -52,7 +52,13 @@ impl World {
     pub(super) fn boot(&mut self, id: NodeId, cause: StartCause) {
         let now = self.now;
         let node = &mut self.nodes[id.0];
+        node.memory.power_up();
         let image = node.memory.read_image();
+        if node.memory.flash().is_dead() {
+            // A planned power cut, while the memory finished what the last one left half done.
+            self.cut_power(id);
+            return;
+        }
         let device = (node.factory)(&image, cause, now);
         let rate = device.bit_rate();
         node.power = Power::On(device);
@@ -71,7 +77,7 @@ impl World {
         self.service(id);
     }
 
-    fn cut_power(&mut self, id: NodeId) {
+    pub(super) fn cut_power(&mut self, id: NodeId) {
         let now = self.now;
         let node = &mut self.nodes[id.0];
         node.power = Power::Off;

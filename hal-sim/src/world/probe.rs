@@ -1,5 +1,4 @@
 //! A small device for the tests: a heartbeat, an echo, and commands that ask for each effect.
-#![allow(dead_code)]
 
 use protocol_core::actuator::{Color, Led};
 use protocol_core::controller::BitRate;

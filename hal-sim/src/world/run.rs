@@ -101,7 +101,10 @@ impl World {
         let Node { write, memory, power, .. } = &mut self.nodes[id.0];
         if let Some(Write { key, record, .. }) = write.take_if(|write| write.done <= by) {
             let result = memory.store(key, &record);
-            if let Power::On(device) = power {
+            if memory.flash().is_dead() {
+                // A power cut that was planned for this word takes the device along.
+                self.cut_power(id);
+            } else if let Power::On(device) = power {
                 device.stored(key, result, now);
             }
         }

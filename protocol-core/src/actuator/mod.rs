@@ -8,13 +8,15 @@
 //! travel       where the spool is at any instant: whole numbers, no rounding
 //! spool        what solenoids, springs, lever and faults of the spool make of it
 //! power_save   when the solenoids rest
-//! monitor      limits, hysteresis, delays
+//! environment  supply and temperature
+//! monitor      what all monitors are made of, and the guard of set-points
 //! fault        the faults, by priority        counters   how often each occurred
 //! led          what the LED shows
 //! valve        ties them together
 //! ```
 
 mod counters;
+mod environment;
 mod fault;
 mod led;
 mod monitor;
@@ -25,9 +27,10 @@ mod travel;
 mod valve;
 
 pub use counters::{COUNTER_MAX, Counters};
+pub use environment::{SUPPLY_DELAY, TEMPERATURE_DELAY};
 pub use fault::{Changes, Fault, FaultIter, FaultSet, InternalCause};
 pub use led::{Color, Condition, Led};
-pub use monitor::{FLOAT_DELAY, GUARD_TIME, SET_POINT_DELAY, SET_POINT_PERCENT, SUPPLY_DELAY, TEMPERATURE_DELAY};
+pub use monitor::{FLOAT_DELAY, GUARD_TIME, SET_POINT_DELAY, SET_POINT_PERCENT};
 pub use power_save::POWER_SAVE_DELAY;
 pub use set_point::{Position, Scale, SetPoint};
 pub use spool::{
@@ -35,3 +38,6 @@ pub use spool::{
     SpoolFault, SpoolSense,
 };
 pub use valve::{Drive, Regulation, SpoolMonitors, Valve, ValveConfig, ValveSenses};
+
+#[cfg(test)]
+mod tests;

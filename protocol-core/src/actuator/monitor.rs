@@ -1,8 +1,7 @@
-//! What is watched, and for how long it must be wrong: limits, hysteresis and delay (SPEC 2, table of the monitors).
+//! For how long something must be wrong before it is a fault, and what guards the set-points (SPEC 2, table of the
+//! monitors).
 
-use core::ops::RangeInclusive;
-
-use super::fault::{Fault, FaultRegister};
+use super::fault::{Fault, FaultRegister, FaultSet};
 use super::travel::Travel;
 use crate::time::{Duration, Instant, NEVER, after};
 
@@ -12,22 +11,11 @@ pub const SET_POINT_PERCENT: i32 = 15;
 pub const SET_POINT_DELAY: Duration = Duration::from_millis(500);
 /// How long the spool may take to reach float (A).
 pub const FLOAT_DELAY: Duration = Duration::from_millis(1000);
-/// How long the temperature may be out of its limits.
-pub const TEMPERATURE_DELAY: Duration = Duration::from_millis(250);
-/// How long the supply may be out of its limits.
-pub const SUPPLY_DELAY: Duration = Duration::from_millis(2000);
 /// How long there may be no valid set-point.
 pub const GUARD_TIME: Duration = Duration::from_millis(250);
 
 /// [`SET_POINT_PERCENT`] in steps of travel.
 pub(super) const SET_POINT_TOLERANCE: i32 = Travel::percent(SET_POINT_PERCENT);
-
-/// Highest temperature, °C.
-const TEMPERATURE_MAX: i32 = 120;
-/// Lowest temperature where there is one, °C.
-const TEMPERATURE_MIN: i32 = -40;
-/// How far inside its limits the temperature is well again, K (A).
-const TEMPERATURE_HYSTERESIS: i32 = 5;
 
 /// What a monitored value says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,32 +24,6 @@ pub(super) struct Reading {
     pub(super) trips: bool,
     /// It is so good that an active fault is gone.
     pub(super) clears: bool,
-}
-
-/// The limits of a value, and those within which it must come back.
-#[derive(Clone, Debug)]
-pub(super) struct Limits {
-    allowed: RangeInclusive<i32>,
-    safe: RangeInclusive<i32>,
-}
-
-impl Limits {
-    /// Supply, mV: trips above 36 V, clears below 32 V (R).
-    pub(super) const SUPPLY_HIGH: Self = Self { allowed: i32::MIN..=36_000, safe: i32::MIN..=31_999 };
-    /// Supply, mV: trips below 9 V, clears above 11 V (R).
-    pub(super) const SUPPLY_LOW: Self = Self { allowed: 9_000..=i32::MAX, safe: 11_001..=i32::MAX };
-    /// °C.
-    pub(super) const TEMPERATURE_HIGH: Self =
-        Self { allowed: i32::MIN..=TEMPERATURE_MAX, safe: i32::MIN..=TEMPERATURE_MAX - TEMPERATURE_HYSTERESIS };
-    /// °C, for the kinds that watch the cold too.
-    pub(super) const TEMPERATURE_BOTH: Self = Self {
-        allowed: TEMPERATURE_MIN..=TEMPERATURE_MAX,
-        safe: TEMPERATURE_MIN + TEMPERATURE_HYSTERESIS..=TEMPERATURE_MAX - TEMPERATURE_HYSTERESIS,
-    };
-
-    pub(super) fn read(&self, value: i32) -> Reading {
-        Reading { trips: !self.allowed.contains(&value), clears: self.safe.contains(&value) }
-    }
 }
 
 /// Watches for one fault: the cause must last for the whole delay, its end counts at once.
@@ -106,6 +68,13 @@ impl Monitor {
     /// Lets the delay begin anew.
     pub(super) const fn restart(&mut self) {
         self.due = NEVER;
+    }
+
+    /// The same if its fault is among those.
+    pub(super) const fn restart_after(&mut self, cleared: FaultSet) {
+        if cleared.contains(self.fault) {
+            self.restart();
+        }
     }
 
     /// When the fault activates if the value stays as it is.

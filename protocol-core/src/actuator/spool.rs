@@ -85,14 +85,15 @@ impl Spool {
     pub(super) fn sense(&mut self, sense: SpoolSense, now: Instant) {
         if sense != self.sense {
             self.sense = sense;
-            self.plan(now);
+            self.plan(self.at(now), now);
         }
     }
 
-    pub(super) fn act(&mut self, action: Action, now: Instant) {
+    /// `here` is where it is `now`.
+    pub(super) fn act(&mut self, action: Action, here: Travel, now: Instant) {
         if action != self.action {
             self.action = action;
-            self.plan(now);
+            self.plan(here, now);
         }
     }
 
@@ -111,9 +112,8 @@ impl Spool {
         self.path.crosses(band, now)
     }
 
-    /// Plans its way from where it is now.
-    fn plan(&mut self, now: Instant) {
-        let here = self.path.at(now);
+    /// Plans its way from `here`.
+    fn plan(&mut self, here: Travel, now: Instant) {
         self.path = match self.sense {
             SpoolSense { measured: Some(position), .. } => Path::rest(position.into(), now),
             SpoolSense { fault: SpoolFault::Stuck, .. } => Path::rest(here, now),

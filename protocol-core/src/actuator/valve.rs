@@ -1,11 +1,9 @@
 //! The valve: ties spool, power save, monitors and faults together (SPEC 2).
 
 use super::counters::Counters;
+use super::environment::Environment;
 use super::fault::{Changes, Fault, FaultRegister, FaultSet, InternalCause, InternalCauses};
-use super::monitor::{
-    FLOAT_DELAY, Limits, Monitor, Reading, SET_POINT_DELAY, SET_POINT_TOLERANCE, SUPPLY_DELAY, TEMPERATURE_DELAY,
-    TimeGuard,
-};
+use super::monitor::{FLOAT_DELAY, Monitor, Reading, SET_POINT_DELAY, SET_POINT_TOLERANCE, TimeGuard};
 use super::power_save::PowerSave;
 use super::set_point::{Position, SetPoint};
 use super::spool::{Action, IN_FLOAT, IN_NEUTRAL, Spool, SpoolSense};
@@ -89,8 +87,8 @@ pub enum Drive {
 pub struct Valve {
     /// The earliest of all that is due.
     deadline: Instant,
-    /// The earliest of what is due, the time guard aside, which is wound up with every set-point.
-    deadline_unguarded: Instant,
+    /// The earliest of what is due with the spool: a monitor, a level that it crosses, power save.
+    spool_due: Instant,
     now: Instant,
     config: ValveConfig,
     drive: Drive,
@@ -101,9 +99,7 @@ pub struct Valve {
     internal: InternalCauses,
     at_set_point: Monitor,
     in_float: Monitor,
-    temperature: Monitor,
-    supply_high: Monitor,
-    supply_low: Monitor,
+    environment: Environment,
     guard: TimeGuard,
 }
 
@@ -113,7 +109,7 @@ impl Valve {
     pub fn new(config: ValveConfig, counters: Counters, now: Instant) -> Self {
         Self {
             deadline: NEVER,
-            deadline_unguarded: NEVER,
+            spool_due: NEVER,
             now,
             config,
             drive: Drive::Off,
@@ -124,9 +120,7 @@ impl Valve {
             internal: InternalCauses::default(),
             at_set_point: Monitor::new(Fault::SpoolNotAtSetPoint, SET_POINT_DELAY),
             in_float: Monitor::new(Fault::FloatNotReached, FLOAT_DELAY),
-            temperature: Monitor::new(Fault::Temperature, TEMPERATURE_DELAY),
-            supply_high: Monitor::new(Fault::SupplyHigh, SUPPLY_DELAY),
-            supply_low: Monitor::new(Fault::SupplyLow, SUPPLY_DELAY),
+            environment: Environment::new(config.low_temperature),
             guard: TimeGuard::STOPPED,
         }
     }
@@ -169,10 +163,10 @@ impl Valve {
         let begins = matches!(drive, Drive::Regulate(_)) && !self.regulating();
         self.drive = drive;
         if begins {
+            // Monitor 2 runs in float alone and begins anew by itself.
             self.at_set_point.restart();
-            self.in_float.restart();
         }
-        self.step(now);
+        self.step_spool(now);
     }
 
     /// Lets monitors 1 and 2 begin anew, as a change of the device mode does.
@@ -180,28 +174,28 @@ impl Valve {
         let now = self.catch_up(now);
         self.at_set_point.restart();
         self.in_float.restart();
-        self.step(now);
+        self.step_spool(now);
     }
 
     /// Begins to guard that set-points come, or begins anew.
     pub fn start_guard(&mut self, now: Instant) {
         let now = self.catch_up(now);
         self.guard.start(now);
-        self.schedule_guard();
+        self.schedule();
     }
 
     /// No longer guards. An active fault 8 stays until [`feed_guard`](Self::feed_guard).
     pub fn stop_guard(&mut self, now: Instant) {
         self.catch_up(now);
         self.guard = TimeGuard::STOPPED;
-        self.schedule_guard();
+        self.schedule();
     }
 
     /// A valid set-point came, acting or not: winds up the guard if it runs, and ends fault 8 in any case.
     pub fn feed_guard(&mut self, now: Instant) {
         let now = self.catch_up(now);
         self.guard.feed(&mut self.faults, now);
-        self.schedule_guard();
+        self.schedule();
     }
 
     /// A cause of the internal error is there, or gone. The fault is active while any is.
@@ -226,6 +220,13 @@ impl Valve {
     #[inline]
     pub fn take_changes(&mut self) -> Changes {
         core::mem::take(&mut self.faults.changes)
+    }
+
+    /// Whether [`take_changes`](Self::take_changes) has something to tell.
+    #[inline]
+    #[must_use]
+    pub const fn has_changes(&self) -> bool {
+        !self.faults.changes.is_empty()
     }
 
     /// Whether a counter has changed since this was last called: there is something to be stored.
@@ -353,64 +354,61 @@ impl Valve {
                 break;
             }
         }
+        // What is gone and would come again if nobody acted counts from now: nobody could.
+        let cleared = self.faults.changes.cleared;
+        self.at_set_point.restart_after(cleared);
+        self.in_float.restart_after(cleared);
         self.step(now);
     }
 
     /// Looks at everything as it is at `now`, which is not before anything that was due.
     fn step(&mut self, now: Instant) {
-        self.energise(now);
-        self.monitor_spool(now);
-        let temperature = if self.config.low_temperature { Limits::TEMPERATURE_BOTH } else { Limits::TEMPERATURE_HIGH };
-        self.temperature.observe(temperature.read(self.senses.temperature_c.into()), &mut self.faults, now);
-        let supply_mv = i32::try_from(self.senses.supply_mv).unwrap_or(i32::MAX);
-        self.supply_high.observe(Limits::SUPPLY_HIGH.read(supply_mv), &mut self.faults, now);
-        self.supply_low.observe(Limits::SUPPLY_LOW.read(supply_mv), &mut self.faults, now);
+        self.environment.observe(self.senses.supply_mv, self.senses.temperature_c, &mut self.faults, now);
         self.guard.observe(&mut self.faults, now);
-        self.schedule(now);
+        self.step_spool(now);
     }
 
-    /// Decides on power save and lets the solenoids act.
-    fn energise(&mut self, now: Instant) {
+    /// Looks at the spool alone.
+    fn step_spool(&mut self, now: Instant) {
+        let here = self.spool.at(now);
+        let neutral = IN_NEUTRAL.contains(here);
+        self.energise(here, neutral, now);
+
+        let wanted = self.wanted();
+        let away = wanted.is_some_and(|band| !band.contains(here));
+        self.at_set_point.observe(Reading { trips: away, clears: neutral }, &mut self.faults, now);
+        let short = self.floats() && !IN_FLOAT.contains(here);
+        self.in_float.observe(Reading { trips: short, clears: neutral }, &mut self.faults, now);
+
+        self.spool_due = self.at_set_point.due().min(self.in_float.due());
+        let (resting_place, rests) = self.spool.rests();
+        if IN_NEUTRAL.contains(resting_place) {
+            self.spool_due = self.spool_due.min(self.power_save.due(rests));
+        }
+        if now < rests {
+            self.spool_due = self.spool_due.min(self.next_crossing(wanted, now));
+        }
+        self.schedule();
+    }
+
+    /// Decides on power save and lets the solenoids act on the spool, which is `here`.
+    fn energise(&mut self, here: Travel, neutral: bool, now: Instant) {
         let blocked = self.drive == Drive::Regulate(SetPoint::NEUTRAL);
-        self.power_save.update(blocked, IN_NEUTRAL.contains(self.spool.at(now)), self.spool.rests().1, now);
+        self.power_save.update(blocked, neutral, self.spool.rests().1, now);
         let action = match self.drive {
             Drive::Regulate(_) if self.power_save() => Action::Release,
             Drive::Regulate(SetPoint::Position(position)) => Action::Move(self.target(position)),
             Drive::Regulate(SetPoint::Float) => Action::Float,
             Drive::Off | Drive::Hand | Drive::EmergencyStop => Action::Release,
         };
-        self.spool.act(action, now);
-    }
-
-    fn monitor_spool(&mut self, now: Instant) {
-        let travel = self.spool.at(now);
-        let clears = IN_NEUTRAL.contains(travel);
-        let away = self.wanted().is_some_and(|band| !band.contains(travel));
-        self.at_set_point.observe(Reading { trips: away, clears }, &mut self.faults, now);
-        let short = self.floats() && !IN_FLOAT.contains(travel);
-        self.in_float.observe(Reading { trips: short, clears }, &mut self.faults, now);
-    }
-
-    /// Finds out when something can happen next.
-    fn schedule(&mut self, now: Instant) {
-        let monitors = [self.at_set_point, self.in_float, self.temperature, self.supply_high, self.supply_low];
-        let mut due = monitors.iter().fold(NEVER, |due, monitor| due.min(monitor.due()));
-        let (resting_place, rests) = self.spool.rests();
-        if IN_NEUTRAL.contains(resting_place) {
-            due = due.min(self.power_save.due(rests));
-        }
-        if now < rests {
-            due = due.min(self.next_crossing(now));
-        }
-        self.deadline_unguarded = due;
-        self.schedule_guard();
+        self.spool.act(action, here, now);
     }
 
     /// When the moving spool next crosses a level that a monitor looks at.
-    fn next_crossing(&self, now: Instant) -> Instant {
+    fn next_crossing(&self, wanted: Option<Band>, now: Instant) -> Instant {
         let mut due = NEVER;
         let mut watch = |band| due = due.min(self.spool.crosses(band, now));
-        if let Some(band) = self.wanted() {
+        if let Some(band) = wanted {
             watch(band);
         }
         if self.floats() {
@@ -422,8 +420,8 @@ impl Valve {
         due
     }
 
-    fn schedule_guard(&mut self) {
-        self.deadline = self.deadline_unguarded.min(self.guard.due());
+    fn schedule(&mut self) {
+        self.deadline = self.spool_due.min(self.environment.due()).min(self.guard.due());
     }
 }
 

@@ -95,6 +95,8 @@ pub enum Default {
 /// One row of an object dictionary.
 #[derive(Clone, Copy, Debug)]
 pub struct Entry {
+    /// What the rows are sorted by; kept, because looking a row up compares seven of them.
+    key: u32,
     /// Where it lies.
     pub object: Multiplexer,
     /// Its type.
@@ -117,8 +119,10 @@ impl Entry {
     #[must_use]
     #[cfg_attr(not(feature = "names"), allow(unused_variables))]
     pub const fn new(index: u16, sub: u8, data_type: DataType, access: Access, name: &'static str) -> Self {
+        let object = Multiplexer::new(index, sub);
         Self {
-            object: Multiplexer::new(index, sub),
+            key: key(object),
+            object,
             data_type,
             access,
             mappable: Mappable::No,
@@ -148,7 +152,7 @@ impl Entry {
     }
 
     const fn key(&self) -> u32 {
-        key(self.object)
+        self.key
     }
 }
 

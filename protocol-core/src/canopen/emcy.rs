@@ -2,7 +2,6 @@
 
 use heapless::{Deque, HistoryBuf};
 
-use crate::frame::Id;
 use crate::wire::cob_id::CobId;
 use crate::wire::emcy::Emcy;
 use crate::wire::sdo::AbortCode;
@@ -124,11 +123,10 @@ impl EmcyConsumer {
         self.cob_id = CobId::new(raw);
     }
 
-    /// Whether a frame with this identifier is the EMCY that it listens for.
-    #[inline]
+    /// The [key](crate::frame::key) of the EMCY that it listens for; `None` while it is off.
     #[must_use]
-    pub fn listens_to(&self, id: Id) -> bool {
-        !self.cob_id.is_off() && self.cob_id.id() == id
+    pub fn key(&self) -> Option<u32> {
+        (!self.cob_id.is_off()).then(|| self.cob_id.key())
     }
 }
 

@@ -202,11 +202,10 @@ impl Pdo {
         self.syncs = 0;
     }
 
-    /// Whether the PDO is on and goes by this identifier.
-    #[inline]
+    /// The [key](crate::frame::key) of its frames; `None` while it is off.
     #[must_use]
-    pub fn listens_to(&self, id: Id) -> bool {
-        self.running.as_ref().is_some_and(|running| running.id == id)
+    pub fn key(&self) -> Option<u32> {
+        self.is_on().then(|| self.cob_id.key())
     }
 
     /// What a received frame holds, object by object in the order of the mapping; `None` when it is shorter than that.

@@ -30,8 +30,8 @@ enum Transfer {
     Upload(Upload, Instant),
     /// The client sends segments until `timeout`.
     Download(Download, Instant),
-    /// The client waits for the non-volatile memory.
-    Storing(Multiplexer),
+    /// The client waits for the non-volatile memory, and for this answer when it holds the data.
+    Storing(Multiplexer, Answer),
 }
 
 impl SdoServer {
@@ -42,7 +42,7 @@ impl SdoServer {
             Request::DownloadExpedited { object, size, data } => {
                 self.transfer = Transfer::Idle;
                 let written = expedited(object, size, data, objects, now);
-                self.written(object, written)
+                self.written(object, written, Answer::DownloadDone(object))
             }
             Request::InitiateDownload { object, size } => Some(self.initiate_download(object, size, objects, now)),
             Request::UploadSegment { toggle } => Some(self.upload_segment(toggle, now)),
@@ -52,20 +52,15 @@ impl SdoServer {
                 };
                 let object = download.object();
                 let data_type = download.data_type();
+                let done = Answer::DownloadSegmentDone { toggle: segment.toggle };
                 match download.segment(&segment) {
                     Ok(None) => {
                         *timeout = after(now, SEGMENT_TIMEOUT);
-                        Some(Answer::DownloadSegmentDone { toggle: segment.toggle })
+                        Some(done)
                     }
                     Ok(Some(data)) => {
                         let written = objects.write(object, Value::of(data_type, data), now);
-                        match written {
-                            Ok(Written::Now) => {
-                                self.transfer = Transfer::Idle;
-                                Some(Answer::DownloadSegmentDone { toggle: segment.toggle })
-                            }
-                            other => self.written(object, other),
-                        }
+                        self.written(object, written, done)
                     }
                     Err(code) => Some(self.break_off(code)),
                 }
@@ -83,10 +78,10 @@ impl SdoServer {
 
     /// The non-volatile memory has answered what a write waited for.
     pub fn stored(&mut self, result: Result<(), AbortCode>) -> Option<Answer> {
-        let Transfer::Storing(object) = self.transfer else { return None };
+        let Transfer::Storing(object, done) = self.transfer else { return None };
         self.transfer = Transfer::Idle;
         Some(match result {
-            Ok(()) => Answer::DownloadDone(object),
+            Ok(()) => done,
             Err(code) => Answer::Abort(object, code),
         })
     }
@@ -102,7 +97,7 @@ impl SdoServer {
     pub const fn deadline(&self) -> Instant {
         match self.transfer {
             Transfer::Upload(_, timeout) | Transfer::Download(_, timeout) => timeout,
-            Transfer::Idle | Transfer::Storing(_) => NEVER,
+            Transfer::Idle | Transfer::Storing(..) => NEVER,
         }
     }
 
@@ -167,13 +162,13 @@ impl SdoServer {
         }
     }
 
-    /// The answer to an expedited write, or to the last segment of one that has to wait or failed.
-    fn written(&mut self, object: Multiplexer, written: Result<Written, AbortCode>) -> Option<Answer> {
+    /// The answer to the end of a download: `done` when it was written, at once or when the memory holds it.
+    fn written(&mut self, object: Multiplexer, written: Result<Written, AbortCode>, done: Answer) -> Option<Answer> {
         self.transfer = Transfer::Idle;
         match written {
-            Ok(Written::Now) => Some(Answer::DownloadDone(object)),
+            Ok(Written::Now) => Some(done),
             Ok(Written::WhenStored) => {
-                self.transfer = Transfer::Storing(object);
+                self.transfer = Transfer::Storing(object, done);
                 None
             }
             Err(code) => Some(Answer::Abort(object, code)),
@@ -185,7 +180,7 @@ impl SdoServer {
         let object = match &self.transfer {
             Transfer::Upload(upload, _) => upload.object(),
             Transfer::Download(download, _) => download.object(),
-            Transfer::Storing(object) => *object,
+            Transfer::Storing(object, _) => *object,
             Transfer::Idle => NO_TRANSFER,
         };
         self.transfer = Transfer::Idle;
@@ -212,16 +207,17 @@ fn expedited(
     now: Instant,
 ) -> Result<Written, AbortCode> {
     let data_type = writable(object, objects)?;
+    if let Some(size) = size {
+        data_type.check_length(usize::from(size))?;
+    }
+    if !data_type.is_text() {
+        let unused = 32_u32.saturating_sub(u32::from(data_type.size()).saturating_mul(8));
+        return objects.write(object, Value::Number(data & u32::MAX.unbounded_shr(unused)), now);
+    }
     let bytes = data.to_le_bytes();
-    let len = match size {
-        Some(size) => usize::from(size),
-        None if data_type.is_text() => {
-            bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last.saturating_add(1))
-        }
-        None => usize::from(data_type.size()),
-    };
-    data_type.check_length(len)?;
-    objects.write(object, Value::of(data_type, bytes.get(..len).unwrap_or(&[])), now)
+    let end = || bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last.saturating_add(1));
+    let len = size.map_or_else(end, usize::from);
+    objects.write(object, Value::Text(bytes.get(..len).unwrap_or(&[])), now)
 }
 
 /// A text of one to four characters, as an expedited answer carries it.

@@ -1,6 +1,5 @@
 //! SYNC consumer (CiA 301 7.2.5, object 0x1005).
 
-use crate::frame::Id;
 use crate::wire::cob_id::CobId;
 use crate::wire::sdo::AbortCode;
 
@@ -44,11 +43,10 @@ impl SyncConsumer {
         self.cob_id = CobId::new(raw);
     }
 
-    /// Whether a frame with this identifier is SYNC.
-    #[inline]
+    /// The [key](crate::frame::key) of a SYNC.
     #[must_use]
-    pub fn listens_to(&self, id: Id) -> bool {
-        self.cob_id.id() == id
+    pub const fn key(&self) -> u32 {
+        self.cob_id.key()
     }
 }
 

@@ -17,7 +17,16 @@ pub(crate) struct TxQueue {
 
 impl TxQueue {
     /// Appends a frame. When there is no room, the least urgent one is dropped and counted.
+    #[inline]
     pub(crate) fn push(&mut self, frame: Frame) {
+        // Mostly nothing waits, and there is room.
+        if !self.frames.is_empty() || self.frames.push(frame).is_err() {
+            self.sort_in(frame);
+        }
+    }
+
+    #[inline(never)]
+    fn sort_in(&mut self, frame: Frame) {
         let key = frame.arbitration();
         let position = self.frames.iter().rposition(|waiting| waiting.arbitration() > key);
         self.insert(position.map_or(0, |position| position.saturating_add(1)), frame);

@@ -25,7 +25,14 @@ impl NodeId {
     #[inline]
     #[must_use]
     pub const fn id(self, function: Function) -> StandardId {
-        standard(function as u16 | self.0 as u16)
+        standard(self.raw_id(function))
+    }
+
+    /// The same as a number.
+    #[inline]
+    #[must_use]
+    pub const fn raw_id(self, function: Function) -> u16 {
+        function as u16 | self.0 as u16
     }
 }
 
@@ -48,11 +55,11 @@ pub enum Function {
 }
 
 /// NMT commands, to all.
-pub const NMT: StandardId = standard(0x000);
+pub const NMT: u16 = 0x000;
 /// LSS, from the slaves.
-pub const LSS_ANSWER: StandardId = standard(0x7E4);
+pub const LSS_ANSWER: u16 = 0x7E4;
 /// LSS, to the slaves.
-pub const LSS_REQUEST: StandardId = standard(0x7E5);
+pub const LSS_REQUEST: u16 = 0x7E5;
 
 /// What an object of type COB-ID holds: an identifier, and three bits on its use (CiA 301 7.5.2.5, .15, .35).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -120,6 +127,13 @@ impl CobId {
         } else {
             Id::Standard(standard((self.0 & 0x7FF) as u16))
         }
+    }
+
+    /// The identifier as a frame's [key](crate::frame::key).
+    #[inline]
+    #[must_use]
+    pub const fn key(self) -> u32 {
+        self.0 & (Self::EXTENDED | Self::IDENTIFIER)
     }
 
     /// Whether it names an 11-bit identifier that a PDO, SYNC or EMCY consumer may use: not one of those that CiA 301

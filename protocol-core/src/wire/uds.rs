@@ -1,6 +1,6 @@
 //! UDS lite: single frames in 29-bit identifiers (SPEC 7; ISO 14229-1 for the services, ISO 15765-2 for the first byte).
 
-use crate::frame::{ExtendedId, Frame, Id, extended};
+use crate::frame::{ExtendedId, Frame, Id, extended, key};
 
 /// A node on a net, as the identifiers carry it: three bits of net, eight bits of node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,6 +40,15 @@ pub const fn id(source: Address, destination: Address) -> ExtendedId {
 #[must_use]
 pub const fn parse_id(raw: u32) -> Option<(Address, Address)> {
     if raw & !0x003F_FFFF == BASE { Some((Address::new((raw >> 11) as u16), Address::new(raw as u16))) } else { None }
+}
+
+/// What a [key](crate::frame::key) keeps of itself when the source does not count.
+pub const ANY_SOURCE: u32 = !(0x7FF << 11);
+
+/// The [key](crate::frame::key) of messages to `destination`, without their source.
+#[must_use]
+pub fn key_to(destination: Address) -> u32 {
+    key(id(Address::new(0), destination).into()) & ANY_SOURCE
 }
 
 /// Service 0x22, read data by identifier.

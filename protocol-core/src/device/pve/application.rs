@@ -64,10 +64,14 @@ impl Application {
     }
 
     /// A control word was received.
+    #[inline]
     pub(super) fn control(&mut self, word: u16, now: Instant) {
         self.control_word = word;
+        let before = self.state();
         self.machine.control(word, !self.valve.faults().is_empty());
-        self.apply(now);
+        if self.state() != before {
+            self.apply(now);
+        }
     }
 
     /// A device mode was received.
@@ -80,7 +84,7 @@ impl Application {
     pub(super) fn accept(&mut self, set_point: SetPoint, now: Instant) {
         self.set_point = set_point;
         self.valve.feed_guard(now);
-        if self.valve.regulating() {
+        if self.valve.regulating() && set_point != self.in_force {
             self.in_force = set_point;
             self.apply(now);
         }
@@ -109,7 +113,7 @@ impl Application {
         let disabled = !has_node_id || !self.valve.regulating();
         Led::of(Condition {
             faults: self.valve.faults(),
-            fault_hold: has_node_id && self.state() == DeviceState::FaultHold,
+            fault_hold: self.state() == DeviceState::FaultHold,
             disabled,
             power_save: self.valve.power_save(),
         })
@@ -137,6 +141,7 @@ impl Application {
     }
 
     /// The actual value as 0x6301 holds it.
+    #[inline]
     pub(super) fn actual_raw(&self, now: Instant) -> i16 {
         if self.valve.float_reached(now) { FLOAT } else { self.position(now).raw() }
     }

@@ -140,6 +140,7 @@ impl PveObjects {
     /// The set-point, or mode, that a value of one of the objects that take them means.
     ///
     /// Over SDO and in a PDO alike: what is out of range here is refused there and dropped here.
+    #[inline]
     pub(super) fn command(object: Multiplexer, raw: u32) -> Result<Command, AbortCode> {
         let scaled = |scale: Scale, value: i16| match scale.to_position(value) {
             Some(position) => Ok(Command::SetPoint(SetPoint::Position(position))),
@@ -164,11 +165,26 @@ impl PveObjects {
     }
 
     /// Obeys a command.
+    #[inline]
     pub(super) fn obey(&mut self, command: Command, now: Instant) {
         match command {
             Command::SetPoint(set_point) => self.application.accept(set_point, now),
             Command::Mode(mode) => self.application.set_mode(mode, now),
             Command::Control(word) => self.application.control(word, now),
+        }
+    }
+
+    /// What can be mapped into the TPDO: the status word and the actual values, by index.
+    #[inline]
+    pub(super) fn feedback(&self, index: u16) -> u32 {
+        let application = &self.application;
+        match index {
+            0x6041 => application.state().status_word().into(),
+            0x6301 => low_bits_16(application.actual_raw(self.now)),
+            0x3301 => low_bits_8(application.actual_on(Scale::Per127, self.now)),
+            0x3302 => low_bits_8(application.actual_on(Scale::Per127, self.now).saturating_neg()),
+            0x3304 => low_bits_16(application.actual_on(Scale::Per1000, self.now)),
+            _ => 0,
         }
     }
 
@@ -231,17 +247,13 @@ impl Objects for PveObjects {
             (0x1A00, 0) => self.tpdo.count().into(),
             (0x1A00, sub) => self.tpdo.entry(sub)?,
             (0x3300, 0) => low_bits_8(application.set_point_on(Scale::Per127)),
-            (0x3301, 0) => low_bits_8(application.actual_on(Scale::Per127, self.now)),
-            (0x3302, 0) => low_bits_8(application.actual_on(Scale::Per127, self.now).saturating_neg()),
             (0x3303, 0) => low_bits_16(application.set_point_on(Scale::Per1000)),
-            (0x3304, 0) => low_bits_16(application.actual_on(Scale::Per1000, self.now)),
             (0x6040, 0) => application.control_word().into(),
-            (0x6041, 0) => application.state().status_word().into(),
             (0x6042, 0) => application.mode() as u32,
             (0x6052, 0) => return Ok(Value::Text(&self.serial_text)),
             (0x6053, 0) => return Ok(Value::Text(&self.description)),
             (0x6300, 1) => low_bits_16(application.set_point_raw()),
-            (0x6301, 1) => low_bits_16(application.actual_raw(self.now)),
+            (0x3301 | 0x3302 | 0x3304 | 0x6041, 0) | (0x6301, 1) => self.feedback(object.index),
             (0x2000..0x3000, 0) => fault_of(object.index)
                 .map(|fault| application.valve.counters().get(fault).into())
                 .ok_or(AbortCode::NO_OBJECT)?,

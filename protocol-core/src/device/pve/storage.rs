@@ -106,39 +106,47 @@ impl Storage {
 }
 
 /// When the fault log is to be written.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct FaultLogClock {
-    first_change: Option<Instant>,
+    /// [`NEVER`] while the memory holds what there is.
+    due: Instant,
     last_write: Option<Instant>,
 }
 
 impl FaultLogClock {
+    pub(super) const fn new() -> Self {
+        Self { due: NEVER, last_write: None }
+    }
+
     /// A counter has changed.
     pub(super) fn changed(&mut self, now: Instant) {
-        self.first_change.get_or_insert(now);
+        if !self.is_dirty() {
+            let soon = after(now, FAULT_LOG_DELAY);
+            self.due = self.last_write.map_or(soon, |last| soon.max(after(last, FAULT_LOG_INTERVAL)));
+        }
     }
 
     /// When the log is due.
-    pub(super) fn due(&self) -> Instant {
-        let Some(change) = self.first_change else { return NEVER };
-        let soon = after(change, FAULT_LOG_DELAY);
-        self.last_write.map_or(soon, |last| soon.max(after(last, FAULT_LOG_INTERVAL)))
+    #[inline]
+    pub(super) const fn due(&self) -> Instant {
+        self.due
     }
 
     /// Whether the memory lags behind.
-    pub(super) const fn is_dirty(&self) -> bool {
-        self.first_change.is_some()
+    pub(super) fn is_dirty(&self) -> bool {
+        self.due != NEVER
     }
 
     /// The log is being written as it is now.
     pub(super) const fn begun(&mut self) {
-        self.first_change = None;
+        self.due = NEVER;
     }
 
     /// The write has ended.
     pub(super) fn ended(&mut self, stored: bool, now: Instant) {
         self.last_write = Some(now);
-        if !stored {
+        if self.is_dirty() || !stored {
+            self.due = NEVER;
             self.changed(now);
         }
     }

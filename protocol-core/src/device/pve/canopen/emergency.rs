@@ -10,11 +10,16 @@ use crate::wire::emcy::Emcy;
 
 impl PveCanopen {
     /// Tells what became of the faults since last time: each activation by priority, then the end of the last one.
+    #[inline]
     pub(super) fn report_faults(&mut self, now: Instant) {
-        let changes = self.objects.application.take_changes(now);
-        if changes.is_empty() {
-            return;
+        if self.objects.application.valve.has_changes() {
+            self.report_changes(now);
         }
+    }
+
+    #[inline(never)]
+    fn report_changes(&mut self, now: Instant) {
+        let changes = self.objects.application.take_changes(now);
         let after = self.objects.application.valve.faults();
         let mut active = after.union(changes.cleared).difference(changes.activated);
         for fault in changes.activated {

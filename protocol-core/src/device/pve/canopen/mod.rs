@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! mod        the device: what goes in and comes out
+//! listening  which frames are for the device
 //! services   what each service does with a frame
 //! emergency  faults become EMCYs, and the error history
 //! start      power-up, reset application, reset communication
@@ -9,11 +10,14 @@
 //! ```
 
 mod emergency;
+mod listening;
 mod services;
 mod start;
 mod storing;
 
 pub use start::Setup;
+
+use listening::{Listening, Service};
 
 use super::objects::PveObjects;
 use super::records::LocalLayer;
@@ -42,6 +46,7 @@ pub struct PveCanopen {
     lss: LssSlave,
     emcys: WaitingEmcys,
     tx: TxQueue,
+    listening: Listening,
     boot_up: BootUp,
     senses: Senses,
     /// In force on the bus.
@@ -82,6 +87,17 @@ enum Restarting {
 }
 
 impl PveCanopen {
+    /// Takes a frame that is for the device. Kept apart from the look at the identifier, which most frames end with.
+    #[inline(never)]
+    fn take(&mut self, service: Service, frame: &Frame, now: Instant) {
+        if frame.is_remote() || self.restarting != Restarting::No {
+            return;
+        }
+        let now = self.advance(now);
+        self.serve(service, frame, now);
+        self.settle(now);
+    }
+
     /// Goes to `now`, or stays at the last instant, and lets what is due by then act first.
     fn advance(&mut self, now: Instant) -> Instant {
         let now = now.max(self.objects.now);
@@ -159,11 +175,11 @@ impl PveCanopen {
 }
 
 impl Device for PveCanopen {
+    #[inline]
     fn handle(&mut self, frame: &Frame, now: Instant) {
-        let Some(service) = self.service_of(frame) else { return };
-        let now = self.advance(now);
-        self.serve(service, frame, now);
-        self.settle(now);
+        if let Some(service) = self.listening.service(frame.key()) {
+            self.take(service, frame, now);
+        }
     }
 
     fn sense(&mut self, senses: &Senses, now: Instant) {

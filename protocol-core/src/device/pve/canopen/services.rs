@@ -7,68 +7,20 @@ use super::super::records::LocalLayer;
 use super::super::state_machine::DeviceState;
 use super::super::storage::{Job, LayerFor};
 use super::PveCanopen;
-use crate::canopen::dictionary::{Objects, Value};
+use super::listening::{Listening, Service};
 use crate::canopen::lss::{Identity, Outcome};
 use crate::canopen::nmt::Order;
 use crate::device::Restart;
-use crate::frame::{Frame, Id};
+use crate::frame::{Frame, Id, standard};
 use crate::time::Instant;
 use crate::uds::{Reaction, node_id_written, serve};
-use crate::wire::cob_id::{Function, LSS_ANSWER, LSS_REQUEST, NMT, NodeId};
+use crate::wire::cob_id::{Function, LSS_ANSWER, NodeId};
 use crate::wire::emcy::{Emcy, GENERIC_ERROR};
 use crate::wire::nmt::{self, Command as NmtCommand, State, Target};
 use crate::wire::sdo::{AbortCode, Answer};
 use crate::wire::{lss, uds};
 
-/// The service that a frame is for.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Service {
-    Nmt,
-    Sync,
-    EmcyConsumer,
-    Rpdo,
-    Sdo,
-    Lss,
-    /// From this source, to this node.
-    Uds(uds::Address, NodeId),
-}
-
 impl PveCanopen {
-    /// The service that a frame is for; `None` for most frames on a bus, at the cost of a few comparisons.
-    #[inline]
-    pub(super) fn service_of(&self, frame: &Frame) -> Option<Service> {
-        let id = frame.id();
-        let service = match id {
-            Id::Standard(LSS_REQUEST) => Service::Lss,
-            Id::Standard(standard) => {
-                let node_id = self.objects.node_id?;
-                if standard == node_id.id(Function::SdoRequest) {
-                    Service::Sdo
-                } else if self.objects.rpdo.listens_to(id) {
-                    Service::Rpdo
-                } else if standard == NMT {
-                    Service::Nmt
-                } else if self.objects.sync.listens_to(id) {
-                    Service::Sync
-                } else if self.objects.emcy_consumer.listens_to(id) {
-                    Service::EmcyConsumer
-                } else {
-                    return None;
-                }
-            }
-            Id::Extended(extended) => {
-                let (source, destination) = uds::parse_id(extended.as_raw())?;
-                let node_id = self.objects.node_id?;
-                if destination != uds::Address::node(node_id.get()) {
-                    return None;
-                }
-                Service::Uds(source, node_id)
-            }
-        };
-        let deaf = frame.is_remote() || self.restarting != super::Restarting::No;
-        (!deaf).then_some(service)
-    }
-
     pub(super) fn serve(&mut self, service: Service, frame: &Frame, now: Instant) {
         match service {
             Service::Nmt => self.serve_nmt(frame, now),
@@ -77,7 +29,7 @@ impl PveCanopen {
             Service::Rpdo => self.serve_rpdo(frame, now),
             Service::Sdo => self.serve_sdo(frame, now),
             Service::Lss => self.serve_lss(frame, now),
-            Service::Uds(source, node_id) => self.serve_uds(source, node_id, frame.data()),
+            Service::Uds => self.serve_uds(frame),
         }
     }
 
@@ -88,7 +40,7 @@ impl PveCanopen {
     }
 
     pub(super) fn send_lss(&mut self, answer: lss::Answer) {
-        self.send(Frame::full(LSS_ANSWER.into(), answer.emit()));
+        self.send(Frame::full(standard(LSS_ANSWER).into(), answer.emit()));
     }
 
     fn serve_nmt(&mut self, frame: &Frame, now: Instant) {
@@ -137,14 +89,21 @@ impl PveCanopen {
         let (mut mode, mut control, mut set_point) = (None, None, None);
         for (object, raw) in values {
             match PveObjects::command(object, raw) {
-                Ok(command @ Command::Mode(_)) => mode = Some(command),
-                Ok(command @ Command::Control(_)) => control = Some(command),
-                Ok(command @ Command::SetPoint(_)) => set_point = Some(command),
+                Ok(Command::Mode(value)) => mode = Some(value),
+                Ok(Command::Control(value)) => control = Some(value),
+                Ok(Command::SetPoint(value)) => set_point = Some(value),
                 Err(_) => {}
             }
         }
-        for command in [mode, control, set_point].into_iter().flatten() {
-            self.objects.obey(command, now);
+        let application = &mut self.objects.application;
+        if let Some(mode) = mode {
+            application.set_mode(mode, now);
+        }
+        if let Some(word) = control {
+            application.control(word, now);
+        }
+        if let Some(set_point) = set_point {
+            application.accept(set_point, now);
         }
         self.report_faults(now);
         if self.objects.tpdo.is_event_driven() {
@@ -154,7 +113,7 @@ impl PveCanopen {
 
     fn send_tpdo(&mut self) {
         let objects = &self.objects;
-        let frame = objects.tpdo.pack(|object| objects.read(object).ok().and_then(Value::number).unwrap_or(0));
+        let frame = objects.tpdo.pack(|object| objects.feedback(object.index));
         if let Some(frame) = frame {
             self.send(frame);
         }
@@ -166,6 +125,14 @@ impl PveCanopen {
         }
         let Some(bytes) = frame.eight() else { return };
         let answer = self.sdo.handle(bytes, &mut self.objects, now);
+        let cob_id_written = match answer {
+            Some(Answer::DownloadDone(object)) => Listening::depends_on(object.index),
+            Some(Answer::DownloadSegmentDone { .. }) => true,
+            _ => false,
+        };
+        if cob_id_written {
+            self.listening = Listening::of(&self.objects);
+        }
         if let Some(answer) = answer {
             self.send_sdo(answer);
         }
@@ -213,14 +180,16 @@ impl PveCanopen {
         }
     }
 
-    fn serve_uds(&mut self, source: uds::Address, node_id: NodeId, data: &[u8]) {
+    fn serve_uds(&mut self, frame: &Frame) {
+        let (Id::Extended(id), Some(node_id)) = (frame.id(), self.objects.node_id) else { return };
+        let Some((source, _)) = uds::parse_id(id.as_raw()) else { return };
         let identification = Identification {
             kind: self.objects.kind,
             factory: &self.objects.factory,
             local_layer: self.local_layer,
             busy: !self.storage.is_idle(),
         };
-        match serve(uds::Address::node(node_id.get()), source, data, &identification) {
+        match serve(uds::Address::node(node_id.get()), source, frame.data(), &identification) {
             Reaction::Nothing => {}
             Reaction::Answer(frame) => self.send(frame),
             Reaction::StoreNodeId(raw) => {

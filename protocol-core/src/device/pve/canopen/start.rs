@@ -6,6 +6,7 @@ use super::super::kind::Kind;
 use super::super::objects::PveObjects;
 use super::super::records::{Factory, LocalLayer, decode_fault_log, decode_flag, version};
 use super::super::storage::{FaultLogClock, Job, LayerFor, Storage};
+use super::listening::Listening;
 use super::{BootUp, PveCanopen, Restarting};
 use crate::actuator::{Counters, InternalCause};
 use crate::canopen::emcy::{ErrorHistory, WaitingEmcys};
@@ -120,9 +121,11 @@ impl PveCanopen {
         let factory = Factory::new(setup.kind, setup.serial);
         let application = Application::new(setup.kind, Counters::default(), now);
         let local_layer = LocalLayer::new(setup.node_id);
+        let objects = PveObjects::new(setup.kind, factory, application, now);
         let mut device = Self {
             setup,
-            objects: PveObjects::new(setup.kind, factory, application, now),
+            listening: Listening::of(&objects),
+            objects,
             nmt: NmtSlave::default(),
             sdo: SdoServer::default(),
             lss: LssSlave::default(),
@@ -135,7 +138,7 @@ impl PveCanopen {
             held_node_id: None,
             local_layer,
             storage: Storage::default(),
-            fault_log: FaultLogClock::default(),
+            fault_log: FaultLogClock::new(),
             ticket: 0,
             restarting: Restarting::No,
             deadline: NEVER,
@@ -169,7 +172,7 @@ impl PveCanopen {
         } else {
             self.bit_rate = found.local_layer.bit_rate;
             self.storage = Storage::default();
-            self.fault_log = FaultLogClock::default();
+            self.fault_log = FaultLogClock::new();
             self.objects.set_factory(found.factory);
             self.objects.history = ErrorHistory::default();
             self.objects.application.restart(found.counters, now);
@@ -180,6 +183,7 @@ impl PveCanopen {
             valve.set_internal(InternalCause::Injected, self.senses.internal_fault, now);
             valve.set_bus_off(self.senses.bus == BusErrorMode::BusOff, now);
         }
+        self.listening = Listening::of(&self.objects);
         self.boot_up = BootUp::Done;
         // Without a node ID the device stays in initialisation: LSS alone.
         if self.objects.node_id.is_some() {

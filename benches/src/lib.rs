@@ -1,0 +1,1 @@
+//! What a frame costs, in instructions: see `benches/core.rs`.

@@ -1,0 +1,88 @@
+//! Frame lengths against values worked out by hand and by an independent script, and against the worst case.
+
+use proptest::prelude::*;
+use protocol_core::frame::{Frame, Id, extended, standard};
+
+use super::bits::FrameBits;
+
+fn data(id: impl Into<Id>, bytes: &[u8]) -> FrameBits {
+    FrameBits::of(&Frame::of(id.into(), bytes).unwrap())
+}
+
+#[test]
+fn zeros_have_a_stuff_bit_after_every_fifth() {
+    // Start of frame, identifier, control field and CRC are all zero: 34 bits, 6 stuff bits, 10 bits of trailer.
+    assert_eq!(data(standard(0), &[]).on_wire(), 34 + 6 + 10);
+}
+
+#[test]
+fn standard_frames() {
+    for (id, bytes, raw, stuff) in [
+        (0x123, &[][..], 34, 1),
+        (0x720, &[5], 42, 3),
+        (0x1A0, &[9, 0, 0, 0], 66, 7),
+        (0x7FF, &[0xFF; 8], 98, 15),
+        (0x555, &[0x55; 8], 98, 1),
+        (0x078, &[0x3C; 8], 98, 20),
+        // the worst one that a search found; 24 would be the limit
+        (0x07C, &[0x3C, 0x3C, 0x3C, 0x3C, 0x3C, 0x3C, 0x3C, 0x3F], 98, 21),
+    ] {
+        assert_eq!(data(standard(id), bytes).on_wire(), raw + stuff + 10, "{id:03X} {bytes:X?}");
+    }
+}
+
+#[test]
+fn extended_frames() {
+    for (id, bytes, raw, stuff) in [
+        (0x18FE_EF00, &[0; 8][..], 118, 16),
+        (0x0CFE_3080, &[0xFF; 8], 118, 16),
+        (0x1555_5555, &[0x55; 8], 118, 0),
+        (0x000E_4180, &[0x3C; 8], 118, 25),
+        (0x1BC7_8805, &[0x03, 0x22, 0x10, 0x01], 86, 5),
+    ] {
+        assert_eq!(data(extended(id), bytes).on_wire(), raw + stuff + 10, "{id:08X} {bytes:X?}");
+    }
+}
+
+#[test]
+fn remote_frames_have_a_length_and_no_data() {
+    assert_eq!(FrameBits::of(&Frame::remote(standard(0x700).into(), 1)).on_wire(), 34 + 3 + 10);
+    assert_eq!(FrameBits::of(&Frame::remote(extended(0x1FFF_FFFF).into(), 0)).on_wire(), 54 + 7 + 10);
+}
+
+#[test]
+fn the_acknowledgement_comes_eight_bits_before_the_end() {
+    let bits = data(standard(0x123), &[]);
+    // CRC delimiter and ACK slot
+    assert_eq!(bits.to_ack_slot(), 34 + 1 + 2);
+    assert_eq!(bits.on_wire() - bits.to_ack_slot(), 8);
+}
+
+#[test]
+fn two_frames_part_where_the_first_bit_differs() {
+    let (a, b) = (data(standard(0x700), &[0x7F]), data(standard(0x700), &[0x05]));
+    // 19 bits up to the data, among them two stuff bits (8 zeros of the identifier, the zeros up to the length), and
+    // the first data bit; the second one is 1 in 7F, 0 in 05.
+    let parting = a.first_difference(b).unwrap();
+    assert!(!parting.dominant);
+    let other = b.first_difference(a).unwrap();
+    assert!(other.dominant);
+    assert_eq!(parting.bit, other.bit);
+    assert_eq!(parting.bit, 19 + 1 + 2);
+    assert_eq!(a.first_difference(a), None);
+    // Different lengths part in the length code.
+    let longer = data(standard(0x700), &[0x7F, 0]).first_difference(a).unwrap();
+    assert_eq!(longer.bit, 1 + 11 + 3 + 2 + 2);
+}
+
+proptest! {
+    /// ISO 11898-1: after the first five bits at most every fourth one is followed by a stuff bit.
+    #[test]
+    fn no_frame_is_longer_than_the_worst_case(raw in 0..=0x1FFF_FFFF_u32, long: bool, bytes: [u8; 8], len in 0..=8_usize) {
+        let id: Id = if long { extended(raw).into() } else { standard(raw as u16).into() };
+        let bits = data(id, &bytes[..len]);
+        let unstuffed = if long { 39 } else { 19 } + 8 * len as u32 + 15;
+        prop_assert!(bits.on_wire() >= unstuffed + 10);
+        prop_assert!(bits.on_wire() <= unstuffed + (unstuffed - 1) / 4 + 10);
+    }
+}

@@ -1,0 +1,62 @@
+//! What a use case is: a list of steps, in the manuals' notation.
+
+use protocol_core::controller::BitRate;
+use protocol_core::device::pve::Kind;
+
+/// A use case.
+#[derive(Clone, Copy, Debug)]
+pub struct UseCase {
+    /// How it is called for on the command line.
+    pub name: &'static str,
+    /// What it shows.
+    pub title: &'static str,
+    /// What is on the bus, besides the master.
+    pub valves: &'static [Valve],
+    /// What happens.
+    pub steps: &'static [Step],
+}
+
+/// A valve on the bus, with a memory that was never written.
+#[derive(Clone, Copy, Debug)]
+pub struct Valve {
+    /// The product.
+    pub kind: Kind,
+    /// Its node ID.
+    pub node_id: u8,
+    /// Its serial number; `None` for the manual's.
+    pub serial: Option<u32>,
+}
+
+/// One step. Frames are written as the manual prints them; every one has its meaning beside it.
+#[derive(Clone, Copy, Debug)]
+pub enum Step {
+    /// Explains what follows.
+    Note(&'static str),
+    /// The valves are switched on; the first time, or again.
+    PowerCycle,
+    /// The master sends this frame.
+    Send(&'static str, &'static str),
+    /// The next frame of a valve must be this one.
+    Expect(&'static str, &'static str),
+    /// The next frame of a valve must begin like this and go on with this position of the spool.
+    ExpectPosition(&'static str, Position, &'static str),
+    /// So many milliseconds after the last frame of the master: its cycle.
+    Cycle(u64),
+    /// So many milliseconds pass.
+    Wait(u64),
+    /// So many times, in a cycle of so many milliseconds: the first frame is sent and answered by the second.
+    Cyclic(u32, u64, &'static str, &'static str, &'static str),
+    /// The supply of all valves changes, in millivolt.
+    Supply(u32),
+    /// The master changes its bit rate.
+    MasterBitRate(BitRate),
+}
+
+/// A position of the spool, which the bench's own delays may move a little.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Position(pub i16);
+
+impl Position {
+    /// How far off it may be: a quarter of a millisecond on the spool's way.
+    pub const TOLERANCE: i16 = 16;
+}

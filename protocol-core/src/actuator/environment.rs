@@ -1,0 +1,80 @@
+//! Supply and temperature: limits, hysteresis, and the monitors that watch them (SPEC 2, table of the monitors).
+
+use core::ops::RangeInclusive;
+
+use super::fault::{Fault, FaultRegister};
+use super::monitor::{Monitor, Reading};
+use crate::time::{Duration, Instant, NEVER};
+
+/// How long the temperature may be out of its limits.
+pub const TEMPERATURE_DELAY: Duration = Duration::from_millis(250);
+/// How long the supply may be out of its limits.
+pub const SUPPLY_DELAY: Duration = Duration::from_millis(2000);
+/// Highest temperature, °C.
+const TEMPERATURE_MAX: i32 = 120;
+/// Lowest temperature where there is one, °C.
+const TEMPERATURE_MIN: i32 = -40;
+/// How far inside its limits the temperature is well again, K (A).
+const TEMPERATURE_HYSTERESIS: i32 = 5;
+
+/// The limits of a value, and those within which it must come back.
+#[derive(Clone, Debug)]
+struct Limits {
+    allowed: RangeInclusive<i32>,
+    safe: RangeInclusive<i32>,
+}
+
+impl Limits {
+    /// Supply, mV: trips above 36 V, clears below 32 V (R).
+    const SUPPLY_HIGH: Self = Self { allowed: i32::MIN..=36_000, safe: i32::MIN..=31_999 };
+    /// Supply, mV: trips below 9 V, clears above 11 V (R).
+    const SUPPLY_LOW: Self = Self { allowed: 9_000..=i32::MAX, safe: 11_001..=i32::MAX };
+    /// °C.
+    const TEMPERATURE_HIGH: Self =
+        Self { allowed: i32::MIN..=TEMPERATURE_MAX, safe: i32::MIN..=TEMPERATURE_MAX - TEMPERATURE_HYSTERESIS };
+    /// °C, for the kinds that watch the cold too.
+    const TEMPERATURE_BOTH: Self = Self {
+        allowed: TEMPERATURE_MIN..=TEMPERATURE_MAX,
+        safe: TEMPERATURE_MIN + TEMPERATURE_HYSTERESIS..=TEMPERATURE_MAX - TEMPERATURE_HYSTERESIS,
+    };
+
+    fn read(&self, value: i32) -> Reading {
+        Reading { trips: !self.allowed.contains(&value), clears: self.safe.contains(&value) }
+    }
+}
+
+/// Watches supply and temperature.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Environment {
+    low_temperature: bool,
+    temperature: Monitor,
+    supply_high: Monitor,
+    supply_low: Monitor,
+    due: Instant,
+}
+
+impl Environment {
+    pub(super) const fn new(low_temperature: bool) -> Self {
+        Self {
+            low_temperature,
+            temperature: Monitor::new(Fault::Temperature, TEMPERATURE_DELAY),
+            supply_high: Monitor::new(Fault::SupplyHigh, SUPPLY_DELAY),
+            supply_low: Monitor::new(Fault::SupplyLow, SUPPLY_DELAY),
+            due: NEVER,
+        }
+    }
+
+    pub(super) fn observe(&mut self, supply_mv: u32, temperature_c: i16, faults: &mut FaultRegister, now: Instant) {
+        let temperature = if self.low_temperature { Limits::TEMPERATURE_BOTH } else { Limits::TEMPERATURE_HIGH };
+        self.temperature.observe(temperature.read(temperature_c.into()), faults, now);
+        let supply_mv = i32::try_from(supply_mv).unwrap_or(i32::MAX);
+        self.supply_high.observe(Limits::SUPPLY_HIGH.read(supply_mv), faults, now);
+        self.supply_low.observe(Limits::SUPPLY_LOW.read(supply_mv), faults, now);
+        self.due = self.temperature.due().min(self.supply_high.due()).min(self.supply_low.due());
+    }
+
+    /// When a fault activates if all stays as it is.
+    pub(super) const fn due(&self) -> Instant {
+        self.due
+    }
+}

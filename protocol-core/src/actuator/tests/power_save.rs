@@ -1,0 +1,112 @@
+//! Power save: when it begins, and what ends it.
+
+use super::*;
+use crate::time::NEVER;
+
+/// A valve that has been in power save since 200 ms.
+fn saving() -> Rig {
+    let mut rig = Rig::new(CANOPEN);
+    rig.drive(0, BLOCKED);
+    rig.valve.poll(ms(200));
+    assert!(rig.valve.power_save());
+    rig
+}
+
+#[test]
+fn begins_after_200_ms_in_blocked() {
+    let mut rig = Rig::new(CANOPEN);
+    assert!(!rig.valve.solenoids());
+    rig.drive(0, BLOCKED);
+    assert!(rig.valve.solenoids());
+    assert_eq!(rig.valve.deadline(), ms(200));
+    rig.drive(100, BLOCKED);
+    rig.valve.poll(ms(200) - MICROSECOND);
+    assert!(rig.valve.solenoids() && !rig.valve.power_save());
+    rig.valve.poll(ms(200));
+    assert!(!rig.valve.solenoids() && rig.valve.power_save() && rig.valve.regulating());
+    assert_eq!(rig.valve.deadline(), NEVER);
+}
+
+#[test]
+fn a_set_point_that_is_not_neutral_ends_it_at_once() {
+    for drive in [to(1), to(-16384), FLOAT] {
+        let mut rig = saving();
+        rig.drive(1000, drive);
+        assert!(rig.valve.solenoids() && !rig.valve.power_save());
+        rig.drive(1001, BLOCKED);
+        rig.valve.poll(ms(1201) - MICROSECOND);
+        assert!(rig.valve.solenoids(), "200 ms count anew");
+        rig.valve.poll(ms(1201));
+        assert!(rig.valve.power_save());
+    }
+}
+
+#[test]
+fn waits_for_a_spool_that_still_moves() {
+    let mut rig = Rig::new(CANOPEN);
+    rig.drive(0, to(16384));
+    rig.drive(1000, BLOCKED);
+    rig.sense(1245, |senses| senses.temperature_c = 40);
+    assert!(rig.valve.in_neutral(ms(1245)) && rig.position(1245) != 0);
+    rig.valve.poll(ms(1250) - MICROSECOND);
+    assert!(rig.valve.solenoids());
+    assert_eq!(rig.valve.deadline(), ms(1250));
+    rig.valve.poll(ms(1250));
+    assert!(rig.valve.power_save());
+}
+
+#[test]
+fn a_spool_that_is_pushed_out_of_neutral_ends_it() {
+    let mut rig = saving();
+    rig.lever(1000, 819);
+    assert!(rig.valve.power_save(), "still in neutral");
+    rig.lever(2000, 820);
+    assert!(rig.valve.solenoids() && !rig.valve.power_save());
+    rig.valve.poll(ms(3000));
+    assert!(rig.valve.solenoids(), "no rest out of neutral");
+    assert_eq!(rig.valve.deadline(), NEVER);
+    rig.lever(3000, 0);
+    assert!(rig.valve.power_save(), "the 200 ms are over long since");
+}
+
+#[test]
+fn a_short_push_counts_200_ms_anew() {
+    let mut rig = saving();
+    rig.lever(1000, 820);
+    rig.lever(1010, 0);
+    assert!(rig.valve.solenoids());
+    assert_eq!(rig.valve.deadline(), ms(1200));
+    rig.valve.poll(ms(1200));
+    assert!(rig.valve.power_save());
+}
+
+#[test]
+fn a_drifting_spool_is_not_left_alone() {
+    let mut rig = Rig::new(CANOPEN);
+    rig.spool(0, SpoolFault::Drifting);
+    rig.drive(0, BLOCKED);
+    rig.valve.poll(ms(1000));
+    assert!(rig.valve.solenoids());
+}
+
+#[test]
+fn is_not_for_a_valve_that_does_not_regulate() {
+    for drive in [Drive::Off, Drive::Hand, Drive::EmergencyStop] {
+        let mut rig = saving();
+        rig.drive(1000, drive);
+        assert!(!rig.valve.power_save() && !rig.valve.solenoids());
+        rig.valve.poll(ms(5000));
+        assert!(!rig.valve.power_save());
+    }
+}
+
+#[test]
+fn monitors_go_on_meanwhile() {
+    let mut rig = saving();
+    rig.spool(1000, SpoolFault::Stuck);
+    rig.valve.start_guard(ms(1000));
+    rig.expect_activation(Fault::TimeGuarding, 1250);
+    rig.spool(2000, SpoolFault::None);
+    rig.lever(2000, 5000);
+    rig.expect_activation(Fault::SpoolNotAtSetPoint, 2500);
+}

@@ -1,0 +1,71 @@
+//! Which frames the device listens to: found once, when something changes, not for every frame on the bus.
+
+use super::super::objects::PveObjects;
+use crate::wire::cob_id::{Function, LSS_REQUEST, NMT};
+use crate::wire::uds;
+
+/// The service that a frame is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Service {
+    Lss,
+    Sdo,
+    Rpdo,
+    Nmt,
+    Sync,
+    EmcyConsumer,
+    Uds,
+}
+
+/// The services that go by an 11-bit identifier; where two were given the same one, the first is served.
+const BY_STANDARD: [Service; 6] =
+    [Service::Lss, Service::Sdo, Service::Rpdo, Service::Nmt, Service::Sync, Service::EmcyConsumer];
+
+/// The highest key of a standard frame.
+const MAX_STANDARD: u32 = 0x7FF;
+
+/// The key of no frame.
+const NONE: u32 = u32::MAX;
+
+/// The [keys](crate::frame::key) of the frames that the device listens to.
+#[derive(Debug)]
+pub(super) struct Listening {
+    standard: [u32; BY_STANDARD.len()],
+    /// From any source.
+    uds: u32,
+}
+
+impl Listening {
+    /// What a device listens to; without a node ID that is LSS alone.
+    pub(super) fn of(objects: &PveObjects) -> Self {
+        let lss = u32::from(LSS_REQUEST);
+        let Some(node_id) = objects.node_id else {
+            return Self { standard: [lss, NONE, NONE, NONE, NONE, NONE], uds: NONE };
+        };
+        Self {
+            standard: [
+                lss,
+                node_id.raw_id(Function::SdoRequest).into(),
+                objects.rpdo.key().unwrap_or(NONE),
+                NMT.into(),
+                objects.sync.key(),
+                objects.emcy_consumer.key().unwrap_or(NONE),
+            ],
+            uds: uds::key_to(uds::Address::node(node_id.get())),
+        }
+    }
+
+    /// Whether an object holds one of the identifiers.
+    pub(super) const fn depends_on(index: u16) -> bool {
+        matches!(index, 0x1005 | 0x1028 | 0x1400)
+    }
+
+    /// The service that a frame with this key is for.
+    #[inline]
+    pub(super) fn service(&self, key: u32) -> Option<Service> {
+        if key > MAX_STANDARD {
+            return (key & uds::ANY_SOURCE == self.uds).then_some(Service::Uds);
+        }
+        let position = self.standard.iter().position(|listened| *listened == key)?;
+        BY_STANDARD.get(position).copied()
+    }
+}

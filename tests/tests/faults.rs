@@ -1,0 +1,654 @@
+//! The faults (SPEC 2 and 3): limits, delays, what each is told by, and how it ends.
+
+use protocol_core::actuator::{Position, SpoolFault};
+use protocol_core::controller::BusErrorMode;
+use protocol_core::device::Senses;
+use tests::Rig;
+
+const CLEARED: &str = "0A0: 00 00 00 00 00 00 00 00";
+
+/// A cause that is sensed: what brings the fault, what is just not enough, and what ends it.
+struct Row {
+    name: &'static str,
+    trips: fn(&mut Senses),
+    tolerated: fn(&mut Senses),
+    delay_ms: u64,
+    code: u16,
+    register: u8,
+    counters: &'static [u16],
+    /// Within the limit, but not within the hysteresis.
+    not_clear_yet: fn(&mut Senses),
+    clears: fn(&mut Senses),
+}
+
+const ROWS: [Row; 6] = [
+    Row {
+        name: "internal error",
+        trips: |senses| senses.internal_fault = true,
+        tolerated: |_| {},
+        delay_ms: 0,
+        code: 0x1000,
+        register: 0x01,
+        counters: &[0x2024, 0x2040],
+        not_clear_yet: |_| {},
+        clears: |senses| senses.internal_fault = false,
+    },
+    Row {
+        name: "CAN bus error",
+        trips: |senses| senses.bus = BusErrorMode::BusOff,
+        tolerated: |senses| senses.bus = BusErrorMode::ErrorPassive,
+        delay_ms: 0,
+        code: 0x8140,
+        register: 0x11,
+        counters: &[0x2019],
+        not_clear_yet: |_| {},
+        clears: |senses| senses.bus = BusErrorMode::ErrorActive,
+    },
+    Row {
+        name: "temperature, hot",
+        trips: |senses| senses.temperature_c = 121,
+        tolerated: |senses| senses.temperature_c = 120,
+        delay_ms: 250,
+        code: 0x8301,
+        register: 0x09,
+        counters: &[0x200F],
+        not_clear_yet: |senses| senses.temperature_c = 116,
+        clears: |senses| senses.temperature_c = 115,
+    },
+    Row {
+        name: "temperature, cold",
+        trips: |senses| senses.temperature_c = -41,
+        tolerated: |senses| senses.temperature_c = -40,
+        delay_ms: 250,
+        code: 0x8301,
+        register: 0x09,
+        counters: &[0x200F],
+        not_clear_yet: |senses| senses.temperature_c = -36,
+        clears: |senses| senses.temperature_c = -35,
+    },
+    Row {
+        name: "supply too high",
+        trips: |senses| senses.supply_mv = 36_001,
+        tolerated: |senses| senses.supply_mv = 36_000,
+        delay_ms: 2000,
+        code: 0x3411,
+        register: 0x05,
+        counters: &[0x2001],
+        not_clear_yet: |senses| senses.supply_mv = 32_000,
+        clears: |senses| senses.supply_mv = 31_999,
+    },
+    Row {
+        name: "supply too low",
+        trips: |senses| senses.supply_mv = 8_999,
+        tolerated: |senses| senses.supply_mv = 9_000,
+        delay_ms: 2000,
+        code: 0x3412,
+        register: 0x05,
+        counters: &[0x2002],
+        not_clear_yet: |senses| senses.supply_mv = 11_000,
+        clears: |senses| senses.supply_mv = 11_001,
+    },
+];
+
+fn emcy(code: u16, register: u8, count: u32) -> String {
+    format!("0A0: {:02X} {:02X} {register:02X} {count:02X} 00 00 00 00", code & 0xFF, code >> 8)
+}
+
+impl Row {
+    fn emcy(&self, count: u32) -> String {
+        emcy(self.code, self.register, count)
+    }
+
+    fn is_bus_off(&self) -> bool {
+        self.code == 0x8140
+    }
+}
+
+#[test]
+fn each_is_told_after_its_delay_and_ends_at_once() {
+    for row in ROWS {
+        let name = row.name;
+        let mut valve = Rig::booted();
+        valve.sense(row.tolerated);
+        valve.advance(10_000);
+        valve.expect_nothing();
+        valve.sense(row.trips);
+        if row.delay_ms > 0 {
+            valve.advance(row.delay_ms - 1);
+            valve.expect_nothing();
+            assert_eq!((valve.read(0x1001, 0), valve.status()), (0, 0x08), "{name}: not yet");
+            valve.advance(1);
+        }
+        if row.is_bus_off() {
+            valve.expect_nothing();
+            valve.sense(row.clears);
+        } else {
+            assert_eq!(valve.take(), [row.emcy(1)], "{name}");
+            assert_eq!(valve.read(0x1001, 0), u32::from(row.register), "{name}");
+            valve.sense(row.not_clear_yet);
+            valve.expect_nothing();
+            valve.sense(row.clears);
+            valve.send("620: 40 01 10 00 00 00 00 00");
+            assert_eq!(valve.take(), [CLEARED, "5A0: 4F 01 10 00 00 00 00 00"], "{name}");
+        }
+        valve.take();
+        assert_eq!(valve.read(0x1001, 0), 0, "{name}");
+        assert_eq!(valve.status(), 0x03, "{name}: it stays shut down");
+        assert_eq!((valve.read(0x1003, 0), valve.read(0x1003, 1)), (1, 0x0001_0000 | u32::from(row.code)), "{name}");
+        for index in [0x2001, 0x2002, 0x200F, 0x2019, 0x201D, 0x2023, 0x2024, 0x2040] {
+            assert_eq!(valve.read(index, 0), u32::from(row.counters.contains(&index)), "{name}: {index:04X}");
+        }
+    }
+}
+
+#[test]
+fn a_cause_that_ends_a_moment_before_its_delay_begins_anew() {
+    for row in ROWS.into_iter().filter(|row| row.delay_ms > 0) {
+        let mut valve = Rig::booted();
+        valve.sense(row.trips);
+        valve.advance(row.delay_ms - 1);
+        valve.sense(row.tolerated);
+        valve.sense(row.trips);
+        valve.advance(row.delay_ms - 1);
+        valve.expect_nothing();
+        valve.advance(1);
+        assert_eq!(valve.take(), [row.emcy(1)], "{}", row.name);
+    }
+}
+
+#[test]
+fn a_cause_at_power_up_activates_after_its_normal_delay() {
+    for row in ROWS.into_iter().filter(|row| !row.is_bus_off()) {
+        let mut valve = Rig::booted();
+        valve.sense(row.trips);
+        valve.advance(5_000);
+        valve.take();
+        valve.power_cycle();
+        valve.expect("720: 00");
+        valve.expect(CLEARED);
+        if row.delay_ms > 0 {
+            valve.advance(row.delay_ms - 1);
+            valve.expect_nothing();
+            assert_eq!(valve.status(), 0x08, "{}: from INIT", row.name);
+            valve.advance(1);
+        }
+        assert_eq!(valve.take(), [row.emcy(2)], "{}", row.name);
+        assert_eq!(valve.status(), 0x03);
+    }
+}
+
+#[test]
+fn every_fault_shuts_the_regulation_down() {
+    for row in ROWS.into_iter().filter(|row| !row.is_bus_off()) {
+        let mut valve = Rig::booted();
+        valve.activate();
+        valve.send("220: 0F 00 00 40");
+        valve.advance_cyclic(1000, "220: 0F 00 00 40");
+        valve.take();
+        valve.sense(row.trips);
+        valve.advance_cyclic(row.delay_ms, "220: 0F 00 00 40");
+        assert_eq!(valve.take_under("0A0"), [row.emcy(1)], "{}", row.name);
+        assert_eq!((valve.status(), valve.device().outputs().solenoids), (0x03, false), "{}", row.name);
+        assert_eq!(valve.read(0x6301, 1), 16384, "from where the springs take it");
+        valve.advance(75);
+        assert_eq!(valve.read(0x6301, 1), 8192);
+        valve.advance(75);
+        assert_eq!(valve.read(0x6301, 1), 0, "{}", row.name);
+    }
+}
+
+#[test]
+fn counters_stop_at_127_and_go_on_being_told() {
+    let mut valve = Rig::booted();
+    for count in 1..=130 {
+        valve.sense(|senses| senses.internal_fault = true);
+        let count = count.min(127);
+        assert_eq!(valve.take(), [emcy(0x1000, 0x01, count)]);
+        assert_eq!((valve.read(0x2024, 0), valve.read(0x2040, 0)), (count, count));
+        assert_eq!(valve.read(0x1003, 1), count << 16 | 0x1000);
+        valve.sense(|senses| senses.internal_fault = false);
+        assert_eq!(valve.take(), [CLEARED]);
+    }
+}
+
+/// Three that fall due at the same instant: one EMCY each, by priority; only the end of the last is told.
+#[test]
+fn several_at_once() {
+    let mut valve = Rig::booted();
+    valve.sense(|senses| senses.supply_mv = 8_000);
+    valve.advance(1750);
+    valve.sense(|senses| senses.temperature_c = 130);
+    valve.advance(249);
+    valve.expect_nothing();
+    valve.advance(1);
+    assert_eq!(valve.take(), [emcy(0x8301, 0x09, 1), emcy(0x3412, 0x0D, 1)]);
+    valve.sense(|senses| senses.internal_fault = true);
+    assert_eq!(valve.take(), [emcy(0x1000, 0x0D, 1)]);
+    assert_eq!(valve.read(0x1003, 0), 3);
+    assert_eq!([1, 2, 3].map(|sub| valve.read(0x1003, sub)), [0x0001_1000, 0x0001_3412, 0x0001_8301]);
+
+    valve.sense(|senses| senses.temperature_c = 25);
+    valve.expect_nothing();
+    assert_eq!(valve.read(0x1001, 0), 0x05);
+    valve.sense(|senses| senses.supply_mv = 24_000);
+    valve.expect_nothing();
+    valve.sense(|senses| senses.internal_fault = false);
+    assert_eq!(valve.take(), [CLEARED]);
+}
+
+/// The time guard and a temperature at the instant of an RPDO: the EMCYs first, then the TPDO, which shows FAULT_HOLD.
+#[test]
+fn an_emcy_goes_before_the_tpdo_of_the_same_instant() {
+    let mut valve = Rig::booted();
+    valve.activate();
+    valve.sense(|senses| senses.temperature_c = 130);
+    valve.leap(protocol_core::time::Duration::from_millis(250));
+    let told = [emcy(0x8301, 0x09, 1), emcy(0x8003, 0x99, 1)];
+    assert_eq!(valve.take(), told);
+
+    let mut valve = Rig::booted();
+    valve.activate();
+    valve.sense(|senses| senses.temperature_c = 130);
+    valve.hold_bus(true);
+    valve.advance(250);
+    // the set-point ends the time guard's fault, and the temperature's goes on
+    valve.send("220: 0F 00 00 00");
+    valve.hold_bus(false);
+    assert_eq!(valve.take(), [&told[..], &["1A0: 03 00 00 00".to_owned()]].concat());
+}
+
+mod time_guarding {
+    use super::*;
+
+    const TIMED_OUT: &str = "0A0: 03 80 91 01 00 00 00 00";
+
+    #[test]
+    fn after_250_ms_without_a_set_point() {
+        let mut valve = Rig::booted();
+        valve.activate();
+        valve.advance(249);
+        valve.expect_nothing();
+        valve.send("220: 0F 00 00 00");
+        valve.take();
+        valve.advance(249);
+        valve.expect_nothing();
+        valve.advance(1);
+        assert_eq!(valve.take(), [TIMED_OUT]);
+        assert_eq!((valve.status(), valve.read(0x1001, 0), valve.read(0x2023, 0)), (0x03, 0x91, 1));
+        assert_eq!(valve.read(0x1003, 1), 0x0001_8003);
+        // once: it waits for the next set-point
+        valve.advance(10_000);
+        valve.expect_nothing();
+    }
+
+    #[test]
+    fn a_set_point_by_any_object_feeds_it_and_nothing_else_does() {
+        let feeds = [
+            (0x6300, 1, 2, 0, true),
+            (0x3300, 0, 1, 0, true),
+            (0x3303, 0, 2, 0, true),
+            (0x6040, 0, 2, 0x0F, false),
+            (0x6042, 0, 1, 1, false),
+            (0x6300, 1, 2, 16385, false),
+            (0x3300, 0, 1, 0x80, false),
+            (0x3303, 0, 2, 1001, false),
+        ];
+        for (index, sub, size, value, feeds) in feeds {
+            let mut valve = Rig::booted();
+            valve.activate();
+            valve.advance(200);
+            let _ = valve.write(index, sub, size, value);
+            valve.advance(50);
+            assert_eq!(valve.take().is_empty(), feeds, "{index:04X} = {value}");
+        }
+    }
+
+    /// With the next valid set-point in any state, acting or not.
+    #[test]
+    fn the_next_valid_set_point_ends_it() {
+        let fault_hold: fn(&mut Rig) = |_| {};
+        let pre_operational: fn(&mut Rig) = |valve| valve.send("000: 80 00");
+        let hand: fn(&mut Rig) = |valve| valve.write(0x6042, 0, 1, 2).unwrap();
+        for prepare in [fault_hold, pre_operational, hand] {
+            let mut valve = Rig::booted();
+            valve.activate();
+            valve.advance(250);
+            valve.expect(TIMED_OUT);
+            prepare(&mut valve);
+            assert_eq!(valve.write(0x6300, 1, 2, 20_000), Err(0x0609_0031), "an invalid one does not count");
+            valve.expect_nothing();
+            valve.exchange("620: 2B 00 63 01 00 10 00 00", &[CLEARED, "5A0: 60 00 63 01 00 00 00 00"]);
+            assert_eq!(valve.read(0x1001, 0), 0);
+            valve.advance(10_000);
+            valve.expect_nothing();
+        }
+    }
+
+    /// A set-point of an RPDO ends it too, and then the way out of FAULT_HOLD is open.
+    #[test]
+    fn use_case_2_with_the_time_guard() {
+        let mut valve = Rig::booted();
+        valve.activate();
+        valve.advance(250);
+        valve.expect(TIMED_OUT);
+        valve.exchange("220: 03 00 00 00", &[CLEARED, "1A0: 03 00 00 00"]);
+        valve.exchange("220: 0B 00 00 00", &["1A0: 0B 00 00 00"]);
+        valve.exchange("220: 0F 00 00 00", &["1A0: 0F 00 00 00"]);
+    }
+
+    #[test]
+    fn it_begins_with_entering_active_by_whatever_way() {
+        let mut valve = Rig::booted();
+        valve.activate();
+        valve.write(0x6042, 0, 1, 2).unwrap();
+        valve.advance(10_000);
+        valve.expect_nothing();
+        valve.write(0x6042, 0, 1, 1).unwrap();
+        valve.advance(249);
+        valve.expect_nothing();
+        valve.advance(1);
+        valve.expect(TIMED_OUT);
+    }
+
+    /// NMT start and pre-operational change nothing: without RPDOs the guard acts by itself.
+    #[test]
+    fn pre_operational_lets_it_act() {
+        let mut valve = Rig::booted();
+        valve.activate();
+        valve.exchange("000: 80 00", &[]);
+        valve.exchange("220: 0F 00 00 00", &[]);
+        valve.advance(250);
+        valve.expect(TIMED_OUT);
+    }
+}
+
+mod spool {
+    use super::*;
+
+    const AWAY: &str = "0A0: 05 83 21 01 00 00 00 00";
+
+    fn regulate(valve: &mut Rig, ms: u64, set_point: &str) -> Vec<String> {
+        valve.advance_cyclic(ms, &format!("220: 0F 00 {set_point}"));
+        valve.take_under("0A0")
+    }
+
+    /// In ACTIVE, with this set-point just sent.
+    fn commanded(set_point: &str) -> Rig {
+        let mut valve = Rig::booted();
+        valve.activate();
+        valve.send(&format!("220: 0F 00 {set_point}"));
+        valve.take();
+        valve
+    }
+
+    fn lever(valve: &mut Rig, position: i16) {
+        valve.sense(|senses| senses.spool.lever = Position::new(position));
+    }
+
+    /// 15 % of 16384 are 2457.6.
+    #[test]
+    fn more_than_15_percent_away_for_500_ms() {
+        for (position, away) in [(2457, false), (2458, true), (-2457, false), (-2458, true)] {
+            let mut valve = commanded("00 00");
+            lever(&mut valve, position);
+            assert!(regulate(&mut valve, 499, "00 00").is_empty(), "{position}");
+            assert_eq!(regulate(&mut valve, 1, "00 00").len(), usize::from(away), "{position}");
+            assert!(regulate(&mut valve, 9500, "00 00").is_empty(), "{position}");
+        }
+    }
+
+    /// Its timer restarts only when the deviation falls to the limit: not with another set-point that is as far away.
+    #[test]
+    fn another_set_point_does_not_restart_the_delay() {
+        let mut valve = commanded("00 40");
+        valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
+        assert!(regulate(&mut valve, 300, "00 40").is_empty());
+        valve.send("220: 0F 00 00 C0");
+        assert!(regulate(&mut valve, 199, "00 C0").is_empty());
+        assert_eq!(regulate(&mut valve, 1, "00 C0")[0], AWAY);
+
+        let mut valve = commanded("00 40");
+        valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
+        assert!(regulate(&mut valve, 300, "00 40").is_empty());
+        valve.send("220: 0F 00 00 00");
+        valve.send("220: 0F 00 00 40");
+        assert!(regulate(&mut valve, 499, "00 40").is_empty());
+        assert_eq!(regulate(&mut valve, 1, "00 40")[0], AWAY);
+    }
+
+    #[test]
+    fn a_healthy_spool_follows_in_time() {
+        for set_point in ["00 40", "00 C0", "FF 7F", "00 20"] {
+            let mut valve = commanded(set_point);
+            assert!(regulate(&mut valve, 3000, set_point).is_empty(), "{set_point}");
+            assert!(regulate(&mut valve, 3000, "00 00").is_empty(), "{set_point} and back");
+        }
+    }
+
+    /// Gone as soon as it is there, on purpose; the shutdown lasts.
+    #[test]
+    fn stuck_in_neutral() {
+        let mut valve = Rig::booted();
+        valve.activate();
+        valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
+        valve.send("220: 0F 00 00 40");
+        valve.take();
+        assert!(regulate(&mut valve, 499, "00 40").is_empty());
+        assert_eq!(regulate(&mut valve, 1, "00 40"), [AWAY, CLEARED]);
+        assert_eq!((valve.status(), valve.read(0x1001, 0), valve.read(0x201D, 0)), (0x03, 0, 1));
+        assert!(regulate(&mut valve, 5000, "00 40").is_empty());
+    }
+
+    /// Stuck elsewhere: it lasts until the springs have brought the spool to neutral, within 5 %.
+    #[test]
+    fn stuck_away_from_neutral() {
+        let mut valve = commanded("00 40");
+        assert!(regulate(&mut valve, 1000, "00 40").is_empty());
+        valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
+        valve.send("220: 0F 00 00 00");
+        valve.take();
+        assert!(regulate(&mut valve, 499, "00 00").is_empty());
+        assert_eq!(regulate(&mut valve, 1, "00 00"), [AWAY]);
+        assert_eq!((valve.status(), valve.read(0x1001, 0)), (0x03, 0x21));
+        assert!(regulate(&mut valve, 2000, "00 00").is_empty());
+        valve.sense(|senses| senses.spool.fault = SpoolFault::None);
+        // 95 % of the 150 ms from full stroke
+        valve.advance(142);
+        valve.expect_nothing();
+        valve.advance(1);
+        assert_eq!(valve.take(), [CLEARED]);
+    }
+
+    #[test]
+    fn float_not_reached_within_1000_ms() {
+        let mut valve = Rig::booted();
+        valve.activate();
+        valve.sense(|senses| senses.spool.fault = SpoolFault::NoFloat);
+        valve.send("220: 0F 00 FF 7F");
+        valve.take();
+        assert!(regulate(&mut valve, 999, "FF 7F").is_empty());
+        assert_ne!(valve.read(0x6301, 1), 32767);
+        assert_eq!(regulate(&mut valve, 1, "FF 7F"), [AWAY]);
+        assert_eq!(valve.status(), 0x03);
+        // shut down, the springs take it to neutral, and it is gone
+        assert_eq!(regulate(&mut valve, 150, "FF 7F"), [CLEARED]);
+    }
+
+    /// Monitor 1 is off in float: a spool stuck short of it is monitor 2's alone.
+    #[test]
+    fn in_float_only_float_is_looked_at() {
+        let mut valve = commanded("FF 7F");
+        valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
+        assert!(regulate(&mut valve, 999, "FF 7F").is_empty());
+        assert_eq!(regulate(&mut valve, 1, "FF 7F"), [AWAY, CLEARED]);
+    }
+
+    #[test]
+    fn both_share_counter_code_and_history() {
+        let mut valve = Rig::booted();
+        valve.activate();
+        valve.sense(|senses| senses.spool.fault = SpoolFault::NoFloat);
+        valve.send("220: 0F 00 FF 7F");
+        assert_eq!(regulate(&mut valve, 2000, "FF 7F"), [AWAY, CLEARED]);
+        for word in ["03", "0B", "0F"] {
+            valve.send(&format!("220: {word} 00 00 00"));
+        }
+        valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
+        valve.send("220: 0F 00 00 40");
+        valve.take();
+        assert_eq!(regulate(&mut valve, 1000, "00 40"), [&AWAY.replace("21 01", "21 02"), CLEARED]);
+        assert_eq!(valve.read(0x201D, 0), 2);
+        assert_eq!([1, 2].map(|sub| valve.read(0x1003, sub)), [0x0002_8305, 0x0001_8305]);
+    }
+
+    /// In hand operation neither reported nor logged; all other faults act as always.
+    #[test]
+    fn not_in_hand_operation() {
+        let mut valve = Rig::booted();
+        valve.activate();
+        valve.write(0x6042, 0, 1, 2).unwrap();
+        lever(&mut valve, 16384);
+        valve.advance(10_000);
+        valve.expect_nothing();
+        assert_eq!((valve.status(), valve.read(0x201D, 0), valve.read(0x6301, 1)), (0x0F, 0, 16384));
+        valve.sense(|senses| senses.supply_mv = 40_000);
+        valve.advance(2000);
+        assert_eq!(valve.take(), [emcy(0x3411, 0x05, 1)]);
+        assert_eq!(valve.status(), 0x03);
+    }
+}
+
+mod bus_off {
+    use super::*;
+
+    fn set(valve: &mut Rig, bus: BusErrorMode) {
+        valve.sense(|senses| senses.bus = bus);
+    }
+
+    #[test]
+    fn nothing_is_sent_until_the_bus_is_back_then_8140_and_its_end() {
+        let mut valve = Rig::booted();
+        valve.write(0x1017, 0, 2, 100).unwrap();
+        valve.take();
+        valve.activate();
+        set(&mut valve, BusErrorMode::BusOff);
+        valve.expect_nothing();
+        assert!(!valve.device().outputs().solenoids);
+        valve.advance(250);
+        valve.expect_nothing();
+        set(&mut valve, BusErrorMode::ErrorActive);
+        assert_eq!(valve.take(), [emcy(0x8140, 0x11, 1), CLEARED.to_owned()]);
+        assert_eq!((valve.status(), valve.read(0x1001, 0), valve.read(0x2019, 0)), (0x03, 0, 1));
+        assert_eq!(valve.read(0x1003, 1), 0x0001_8140);
+        // the NMT state is what it was, and the heartbeat goes on in its old rhythm
+        valve.advance(50);
+        assert_eq!(valve.take(), ["720: 05"]);
+    }
+
+    /// Error passive is no recovery from bus-off to be waited for, nor a fault.
+    #[test]
+    fn error_passive_is_no_fault() {
+        let mut valve = Rig::booted();
+        set(&mut valve, BusErrorMode::ErrorPassive);
+        valve.expect_nothing();
+        assert_eq!((valve.status(), valve.read(0x1001, 0)), (0x08, 0));
+    }
+
+    #[test]
+    fn with_another_fault_active_its_end_is_not_told() {
+        let mut valve = Rig::booted();
+        valve.sense(|senses| senses.internal_fault = true);
+        valve.take();
+        set(&mut valve, BusErrorMode::BusOff);
+        set(&mut valve, BusErrorMode::ErrorActive);
+        assert_eq!(valve.take(), [emcy(0x8140, 0x11, 1)]);
+        valve.sense(|senses| senses.internal_fault = false);
+        assert_eq!(valve.take(), [CLEARED]);
+    }
+
+    /// EMCYs are told all the same, each activation in its turn: they are how the master learns what happened.
+    #[test]
+    fn another_fault_meanwhile_is_told_after_it() {
+        let mut valve = Rig::booted();
+        set(&mut valve, BusErrorMode::BusOff);
+        valve.sense(|senses| senses.temperature_c = 130);
+        valve.advance(250);
+        set(&mut valve, BusErrorMode::ErrorActive);
+        assert_eq!(valve.take(), [emcy(0x8140, 0x11, 1), emcy(0x8301, 0x19, 1)]);
+        valve.sense(|senses| senses.temperature_c = 25);
+        assert_eq!(valve.take(), [CLEARED]);
+    }
+
+    /// An answer that waits for a busy bus is lost with it.
+    #[test]
+    fn what_was_queued_is_not_sent() {
+        let mut valve = Rig::booted();
+        valve.hold_bus(true);
+        valve.send("620: 40 00 10 00 00 00 00 00");
+        set(&mut valve, BusErrorMode::BusOff);
+        valve.hold_bus(false);
+        valve.expect_nothing();
+        set(&mut valve, BusErrorMode::ErrorActive);
+        assert_eq!(valve.take(), [emcy(0x8140, 0x11, 1), CLEARED.to_owned()]);
+    }
+
+    /// The boot-up of a valve whose bus is off goes out when it is back, before anything else.
+    #[test]
+    fn at_power_up() {
+        let mut valve = Rig::booted();
+        set(&mut valve, BusErrorMode::BusOff);
+        valve.advance(1000);
+        valve.power_cycle();
+        valve.advance(1000);
+        valve.expect_nothing();
+        set(&mut valve, BusErrorMode::ErrorActive);
+        let sent = valve.take();
+        assert_eq!(sent, ["720: 00", CLEARED, "0A0: 40 81 11 02 00 00 00 00", CLEARED]);
+    }
+}
+
+mod memory {
+    use super::*;
+
+    #[test]
+    fn a_watchdog_reset_is_told_counted_and_over() {
+        let mut valve = Rig::booted();
+        valve.watchdog_reset();
+        assert_eq!(valve.take(), ["720: 00", CLEARED, "0A0: 00 10 01 01 00 00 00 00", CLEARED]);
+        assert_eq!((valve.status(), valve.read(0x1001, 0), valve.read(0x2024, 0)), (0x03, 0, 1));
+        valve.send("000: 81 00");
+        assert_eq!(valve.take(), ["720: 00", CLEARED], "it is reported once");
+        assert_eq!((valve.status(), valve.read(0x2024, 0)), (0x08, 1));
+    }
+
+    #[test]
+    fn a_damaged_memory_lasts_until_the_next_start() {
+        let mut valve = Rig::booted();
+        valve.memory_damaged = true;
+        valve.power_cycle();
+        assert_eq!(valve.take(), ["720: 00", CLEARED, "0A0: 00 10 01 01 00 00 00 00"]);
+        valve.write(0x1010, 1, 4, 0x6576_6173).unwrap();
+        valve.advance(20_000);
+        assert_eq!((valve.read(0x1001, 0), valve.take().len()), (1, 0));
+        valve.memory_damaged = false;
+        valve.send("000: 81 00");
+        assert_eq!(valve.take(), ["720: 00", CLEARED]);
+        assert_eq!(valve.read(0x1001, 0), 0);
+    }
+
+    /// Two causes of the internal error are one fault: told once, gone with the last.
+    #[test]
+    fn causes_of_one_fault_do_not_add_up() {
+        let mut valve = Rig::booted();
+        valve.sense(|senses| senses.internal_fault = true);
+        valve.take();
+        valve.writes_fail = true;
+        assert_eq!(valve.write(0x1010, 1, 4, 0x6576_6173), Err(0x0606_0000));
+        valve.writes_fail = false;
+        valve.expect_nothing();
+        valve.sense(|senses| senses.internal_fault = false);
+        valve.expect_nothing();
+        valve.exchange("620: 23 10 10 01 73 61 76 65", &[CLEARED, "5A0: 60 10 10 01 00 00 00 00"]);
+        assert_eq!(valve.read(0x2024, 0), 1);
+    }
+}

@@ -1,0 +1,171 @@
+//! LED, power save and the on/off kind (SPEC 1, 2).
+
+use protocol_core::actuator::{Color, Led, Position, SpoolFault};
+use protocol_core::controller::BusErrorMode;
+use protocol_core::device::pve::{Kind, Setup};
+use tests::Rig;
+
+const GREEN: (Color, bool) = (Color::Green, false);
+const GREEN_FLASHING: (Color, bool) = (Color::Green, true);
+const YELLOW: (Color, bool) = (Color::Yellow, false);
+const RED: (Color, bool) = (Color::Red, false);
+const RED_FLASHING: (Color, bool) = (Color::Red, true);
+
+fn led(valve: &Rig) -> (Color, bool) {
+    let Led { color, flashing } = valve.device().outputs().led;
+    (color, flashing)
+}
+
+fn solenoids(valve: &Rig) -> bool {
+    valve.device().outputs().solenoids
+}
+
+fn blank() -> Rig {
+    Rig::power_on(Setup { node_id: None, ..Setup::new(Kind::PveaCanopen) })
+}
+
+#[test]
+fn yellow_while_disabled() {
+    let mut valve = Rig::booted();
+    assert_eq!(led(&valve), YELLOW, "INIT");
+    valve.write(0x6040, 0, 2, 0x1).unwrap();
+    assert_eq!(led(&valve), YELLOW, "DISABLED");
+    valve.write(0x6040, 0, 2, 0x3).unwrap();
+    assert_eq!(led(&valve), YELLOW, "HOLD");
+    valve.write(0x6040, 0, 2, 0x7).unwrap();
+    assert_eq!(led(&valve), GREEN, "ACTIVE");
+    valve.write(0x6042, 0, 1, 2).unwrap();
+    assert_eq!(led(&valve), YELLOW, "hand operation");
+    assert_eq!(led(&blank()), YELLOW, "no node ID");
+}
+
+#[test]
+fn red_in_fault_hold_without_a_fault() {
+    let mut valve = Rig::booted();
+    valve.send("000: 82 00");
+    valve.take();
+    assert_eq!((valve.read(0x1001, 0), led(&valve)), (0, RED_FLASHING));
+}
+
+/// FAULT_HOLD comes before the missing node ID in the order.
+#[test]
+fn red_in_fault_hold_without_a_node_id() {
+    let mut valve = blank();
+    valve.sense(|senses| senses.internal_fault = true);
+    assert_eq!(led(&valve), RED);
+    valve.sense(|senses| senses.internal_fault = false);
+    assert_eq!(led(&valve), RED_FLASHING);
+}
+
+/// Each fault alone, then with the internal error, then with bus-off, which wins over all.
+#[test]
+fn the_order_of_the_faults() {
+    let mut valve = Rig::booted();
+    valve.sense(|senses| senses.temperature_c = 130);
+    valve.advance(250);
+    assert_eq!(led(&valve), RED_FLASHING, "temperature");
+    valve.sense(|senses| senses.internal_fault = true);
+    assert_eq!(led(&valve), RED, "the internal error is of higher priority");
+    valve.sense(|senses| senses.internal_fault = false);
+    valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+    assert_eq!(led(&valve), RED, "bus-off");
+    valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
+    assert_eq!(led(&valve), RED_FLASHING);
+
+    // a fault of the spool is of higher priority than the internal error, and bus-off wins over it
+    let mut valve = Rig::booted();
+    valve.activate();
+    valve.send("220: 0F 00 00 40");
+    valve.advance_cyclic(300, "220: 0F 00 00 40");
+    valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
+    valve.advance_cyclic(600, "220: 0F 00 00 00");
+    valve.take();
+    assert_eq!((valve.read(0x1001, 0), led(&valve)), (0x21, RED_FLASHING));
+    valve.sense(|senses| senses.internal_fault = true);
+    assert_eq!(led(&valve), RED_FLASHING);
+    valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+    assert_eq!(led(&valve), RED);
+}
+
+/// De-energised after 200 ms of ACTIVE with set-point 0.
+#[test]
+fn power_save() {
+    let mut valve = Rig::booted();
+    valve.activate();
+    assert_eq!((led(&valve), solenoids(&valve)), (GREEN, true));
+    valve.advance(199);
+    assert_eq!((led(&valve), solenoids(&valve)), (GREEN, true));
+    valve.advance(1);
+    assert_eq!((led(&valve), solenoids(&valve)), (GREEN_FLASHING, false));
+    valve.advance_cyclic(1000, "220: 0F 00 00 00");
+}
+
+#[test]
+fn a_set_point_ends_power_save_at_once() {
+    for set_point in ["01 00", "FF FF", "FF 7F", "00 40"] {
+        let mut valve = saving();
+        valve.send(&format!("220: 0F 00 {set_point}"));
+        assert_eq!((led(&valve), solenoids(&valve)), (GREEN, true), "{set_point}");
+        // blocked again: another 200 ms
+        valve.send("220: 0F 00 00 00");
+        valve.advance(100);
+        valve.send("220: 0F 00 00 00");
+        assert_eq!((led(&valve), solenoids(&valve)), (GREEN, true), "{set_point}");
+    }
+}
+
+#[test]
+fn a_spool_that_moves_ends_power_save_at_once() {
+    let mut valve = saving();
+    valve.sense(|senses| senses.spool.lever = Position::new(4000));
+    assert_eq!((led(&valve), solenoids(&valve)), (GREEN, true));
+    valve.sense(|senses| senses.spool.lever = None);
+    valve.advance_cyclic(400, "220: 0F 00 00 00");
+    assert_eq!((led(&valve), solenoids(&valve)), (GREEN_FLASHING, false), "and it begins again");
+}
+
+/// In power save.
+fn saving() -> Rig {
+    let mut valve = Rig::booted();
+    valve.activate();
+    valve.advance(200);
+    valve.send("220: 0F 00 00 00");
+    assert_eq!((led(&valve), solenoids(&valve)), (GREEN_FLASHING, false));
+    valve
+}
+
+#[test]
+fn outside_active_the_solenoids_are_off_at_once() {
+    let ways: [fn(&mut Rig); 5] = [
+        |valve| valve.send("220: 03 00 00 40"),
+        |valve| valve.send("000: 02 00"),
+        |valve| valve.write(0x6042, 0, 1, 2).unwrap(),
+        |valve| valve.sense(|senses| senses.internal_fault = true),
+        |valve| valve.send("000: 81 00"),
+    ];
+    for way in ways {
+        let mut valve = Rig::booted();
+        valve.activate();
+        valve.send("220: 0F 00 00 40");
+        valve.take();
+        assert!(solenoids(&valve));
+        way(&mut valve);
+        assert!(!solenoids(&valve));
+    }
+}
+
+/// PVEO: any set-point but 0 is full stroke, for the spool and for monitor 1; objects read back what was written.
+#[test]
+fn the_on_off_kind() {
+    for (set_point, raw, full) in [("01 00", 1, 0x4000), ("00 20", 0x2000, 0x4000), ("FF FF", 0xFFFF, 0xC000)] {
+        let mut valve = Rig::booted_pveo();
+        valve.activate();
+        valve.send(&format!("220: 0F 00 {set_point}"));
+        valve.advance_cyclic(2000, &format!("220: 0F 00 {set_point}"));
+        assert_eq!(valve.take_under("0A0"), [""; 0], "monitor 1 knows");
+        assert_eq!((valve.read(0x6300, 1), valve.read(0x6301, 1)), (raw, full), "{set_point}");
+        valve.advance_cyclic(2000, "220: 0F 00 00 00");
+        assert_eq!(valve.take_under("0A0"), [""; 0]);
+        assert_eq!(valve.read(0x6301, 1), 0);
+    }
+}

@@ -1,0 +1,444 @@
+//! The SDO server (SPEC 4.2; CiA 301 7.2.4): expedited and segmented transfers, and every way in which they end early.
+
+use protocol_core::time::Duration;
+use tests::{Rig, frame};
+
+/// A segmented transfer is aborted after so long without a segment.
+const TIMEOUT_MS: u64 = 5000;
+
+const TOGGLE: &str = "00 00 03 05";
+const TIMEOUT: &str = "00 00 04 05";
+const UNKNOWN_COMMAND: &str = "01 00 04 05";
+
+/// Starts a segmented upload of 0x100A and fetches one segment.
+fn begin_upload(rig: &mut Rig) {
+    rig.exchange("620: 40 0A 10 00 00 00 00 00", &["5A0: 41 0A 10 00 2F 00 00 00"]);
+    rig.exchange("620: 60 00 00 00 00 00 00 00", &["5A0: 00 41 50 50 2D 5F 53 36"]);
+}
+
+/// Starts a segmented download of 0x6053 and sends one segment.
+fn begin_download(rig: &mut Rig) {
+    rig.exchange("620: 21 53 60 00 09 00 00 00", &["5A0: 60 53 60 00 00 00 00 00"]);
+    rig.exchange("620: 00 62 6F 6F 6D 20 6C 65", &["5A0: 20 00 00 00 00 00 00 00"]);
+}
+
+/// The next segment of either transfer finds none in progress.
+#[track_caller]
+fn assert_no_transfer(rig: &mut Rig) {
+    for segment in ["620: 70 00 00 00 00 00 00 00", "620: 1B 66 74 00 00 00 00 00"] {
+        rig.send(segment);
+        let answer = rig.take_next().expect("an abort").to_string();
+        assert!(answer.starts_with("5A0: 80") && answer.ends_with(UNKNOWN_COMMAND), "{segment}: {answer}");
+        rig.expect_nothing();
+    }
+}
+
+/// The description is the default: no download has come to its end.
+#[track_caller]
+fn assert_not_written(rig: &mut Rig) {
+    assert_eq!(rig.read_segmented(0x6053, 0).as_deref(), Ok(&b"PVEA-CI S6"[..]));
+}
+
+type Begin = fn(&mut Rig);
+
+/// Both ways, and the object as an abort names it.
+const TRANSFERS: [(Begin, &str); 2] = [(begin_upload, "0A 10 00"), (begin_download, "53 60 00")];
+
+#[test]
+fn the_identity_as_the_manual_prints_it() {
+    let mut rig = Rig::booted();
+    rig.exchange("620: 40 18 10 01 00 00 00 00", &["5A0: 43 18 10 01 19 00 00 01"]);
+    rig.exchange("620: 40 18 10 02 00 00 00 00", &["5A0: 43 18 10 02 00 00 36 53"]);
+    rig.exchange("620: 40 18 10 03 00 00 00 00", &["5A0: 43 18 10 03 20 00 01 00"]);
+    rig.exchange("620: 40 18 10 04 00 00 00 00", &["5A0: 43 18 10 04 00 01 2E 5B"]);
+}
+
+#[test]
+fn expedited_with_a_size() {
+    let mut rig = Rig::booted();
+    rig.exchange("620: 2F 42 60 00 02 00 00 00", &["5A0: 60 42 60 00 00 00 00 00"]);
+    rig.exchange("620: 40 42 60 00 00 00 00 00", &["5A0: 4F 42 60 00 02 00 00 00"]);
+    rig.exchange("620: 2B 00 63 01 00 C0 00 00", &["5A0: 60 00 63 01 00 00 00 00"]);
+    rig.exchange("620: 40 00 63 01 00 00 00 00", &["5A0: 4B 00 63 01 00 C0 00 00"]);
+    rig.exchange("620: 23 28 10 01 A1 00 00 00", &["5A0: 60 28 10 01 00 00 00 00"]);
+    rig.exchange("620: 40 28 10 01 00 00 00 00", &["5A0: 43 28 10 01 A1 00 00 00"]);
+}
+
+/// The object's length is taken from the front, whatever follows.
+#[test]
+fn expedited_without_a_size() {
+    let mut rig = Rig::booted();
+    rig.exchange("620: 22 42 60 00 02 FF FF FF", &["5A0: 60 42 60 00 00 00 00 00"]);
+    rig.exchange("620: 40 42 60 00 00 00 00 00", &["5A0: 4F 42 60 00 02 00 00 00"]);
+    rig.exchange("620: 22 00 63 01 00 C0 34 12", &["5A0: 60 00 63 01 00 00 00 00"]);
+    rig.exchange("620: 40 00 63 01 00 00 00 00", &["5A0: 4B 00 63 01 00 C0 00 00"]);
+    rig.exchange("620: 22 28 10 01 A1 00 00 00", &["5A0: 60 28 10 01 00 00 00 00"]);
+    rig.exchange("620: 40 28 10 01 00 00 00 00", &["5A0: 43 28 10 01 A1 00 00 00"]);
+}
+
+#[test]
+fn a_segmented_upload_frame_by_frame() {
+    let mut rig = Rig::booted();
+    rig.exchange("620: 40 0A 10 00 00 00 00 00", &["5A0: 41 0A 10 00 2F 00 00 00"]);
+    rig.exchange("620: 60 00 00 00 00 00 00 00", &["5A0: 00 41 50 50 2D 5F 53 36"]);
+    rig.exchange("620: 70 00 00 00 00 00 00 00", &["5A0: 10 6D 31 5F 4D 5F 52 31"]);
+    rig.exchange("620: 60 00 00 00 00 00 00 00", &["5A0: 00 33 32 5F 43 41 4E 4F"]);
+    rig.exchange("620: 70 00 00 00 00 00 00 00", &["5A0: 10 50 45 4E 2D 5F 31 31"]);
+    rig.exchange("620: 60 00 00 00 00 00 00 00", &["5A0: 00 31 34 39 34 33 37 5F"]);
+    rig.exchange("620: 70 00 00 00 00 00 00 00", &["5A0: 10 2D 30 30 30 5F 20 31"]);
+    // Five bytes, and no more.
+    rig.exchange("620: 60 00 00 00 00 00 00 00", &["5A0: 05 38 30 37 30 31 00 00"]);
+    assert_no_transfer(&mut rig);
+}
+
+#[test]
+fn an_empty_text_is_a_segment_of_nothing() {
+    let mut rig = Rig::booted();
+    assert_eq!(rig.write_segmented(0x6053, 0, b""), Ok(()));
+    rig.exchange("620: 40 53 60 00 00 00 00 00", &["5A0: 41 53 60 00 00 00 00 00"]);
+    rig.exchange("620: 60 00 00 00 00 00 00 00", &["5A0: 0F 00 00 00 00 00 00 00"]);
+}
+
+#[test]
+fn segmented_downloads_with_and_without_a_size() {
+    for initiate in ["620: 21 53 60 00 09 00 00 00", "620: 20 53 60 00 00 00 00 00", "620: 20 53 60 00 FF FF FF FF"] {
+        let mut rig = Rig::booted();
+        rig.exchange(initiate, &["5A0: 60 53 60 00 00 00 00 00"]);
+        rig.exchange("620: 00 62 6F 6F 6D 20 6C 65", &["5A0: 20 00 00 00 00 00 00 00"]);
+        rig.exchange("620: 1B 66 74 00 00 00 00 00", &["5A0: 30 00 00 00 00 00 00 00"]);
+        assert_eq!(rig.read_segmented(0x6053, 0).as_deref(), Ok(&b"boom left"[..]));
+        assert_no_transfer(&mut rig);
+    }
+}
+
+#[test]
+fn numbers_can_be_written_in_segments() {
+    let mut rig = Rig::booted();
+    rig.exchange("620: 21 00 63 01 02 00 00 00", &["5A0: 60 00 63 01 00 00 00 00"]);
+    rig.exchange("620: 0B 00 40 00 00 00 00 00", &["5A0: 20 00 00 00 00 00 00 00"]);
+    assert_eq!(rig.read(0x6300, 1), 0x4000);
+    // Byte by byte, with no size given.
+    rig.exchange("620: 20 00 63 01 00 00 00 00", &["5A0: 60 00 63 01 00 00 00 00"]);
+    rig.exchange("620: 0C 34 FF FF FF FF FF FF", &["5A0: 20 00 00 00 00 00 00 00"]);
+    rig.exchange("620: 1D 12 FF FF FF FF FF FF", &["5A0: 30 00 00 00 00 00 00 00"]);
+    assert_eq!(rig.read(0x6300, 1), 0x1234);
+    // Its range is looked at as in an expedited one.
+    rig.exchange("620: 21 00 63 01 02 00 00 00", &["5A0: 60 00 63 01 00 00 00 00"]);
+    rig.exchange("620: 0B FE 7F 00 00 00 00 00", &["5A0: 80 00 63 01 31 00 09 06"]);
+    assert_eq!(rig.read(0x6300, 1), 0x1234);
+}
+
+#[test]
+fn an_announced_size_must_fit_the_object() {
+    let mut rig = Rig::booted();
+    for (request, answer) in [
+        ("620: 21 00 63 01 03 00 00 00", "5A0: 80 00 63 01 12 00 07 06"),
+        ("620: 21 00 63 01 01 00 00 00", "5A0: 80 00 63 01 13 00 07 06"),
+        ("620: 21 00 63 01 00 00 00 00", "5A0: 80 00 63 01 13 00 07 06"),
+        ("620: 21 53 60 00 0B 00 00 00", "5A0: 80 53 60 00 12 00 07 06"),
+        ("620: 21 53 60 00 FF FF FF FF", "5A0: 80 53 60 00 12 00 07 06"),
+        ("620: 21 02 00 01 04 00 00 00", "5A0: 80 02 00 01 00 00 02 06"),
+        ("620: 21 28 10 02 04 00 00 00", "5A0: 80 28 10 02 11 00 09 06"),
+        ("620: 21 00 10 00 04 00 00 00", "5A0: 80 00 10 00 02 00 01 06"),
+    ] {
+        rig.exchange(request, &[answer]);
+        assert_no_transfer(&mut rig);
+    }
+}
+
+#[test]
+fn data_of_another_length_than_announced_is_refused() {
+    let table = [
+        // fewer bytes than announced
+        ("620: 21 53 60 00 09 00 00 00", &["620: 05 61 61 61 61 61 00 00"][..], "5A0: 80 53 60 00 10 00 07 06"),
+        ("620: 21 00 63 01 02 00 00 00", &["620: 0D 01 00 00 00 00 00 00"], "5A0: 80 00 63 01 10 00 07 06"),
+        // more
+        ("620: 21 53 60 00 05 00 00 00", &["620: 01 61 61 61 61 61 61 61"], "5A0: 80 53 60 00 10 00 07 06"),
+        // more than the object holds, announced or not, and before the end is reached
+        (
+            "620: 20 53 60 00 00 00 00 00",
+            &["620: 00 61 61 61 61 61 61 61", "620: 10 61 61 61 61 61 61 61"],
+            "5A0: 80 53 60 00 12 00 07 06",
+        ),
+        ("620: 20 00 63 01 00 00 00 00", &["620: 08 00 00 00 00 00 00 00"], "5A0: 80 00 63 01 12 00 07 06"),
+        // fewer than a number needs
+        ("620: 20 00 63 01 00 00 00 00", &["620: 0D 01 00 00 00 00 00 00"], "5A0: 80 00 63 01 13 00 07 06"),
+    ];
+    for (initiate, segments, abort) in table {
+        let mut rig = Rig::booted();
+        rig.send(initiate);
+        segments.iter().for_each(|segment| rig.send(segment));
+        let answers = rig.take();
+        assert_eq!(answers.last().map(String::as_str), Some(abort), "{initiate}: {answers:?}");
+        assert_eq!(answers.len(), 1 + segments.len());
+        assert_no_transfer(&mut rig);
+        assert_not_written(&mut rig);
+        assert_eq!(rig.read(0x6300, 1), 0);
+    }
+}
+
+#[test]
+fn a_toggle_bit_that_does_not_alternate_ends_the_transfer() {
+    let abort = |object: &str| format!("5A0: 80 {object} {TOGGLE}");
+    let mut rig = Rig::booted();
+    // in the first segment
+    rig.exchange("620: 40 0A 10 00 00 00 00 00", &["5A0: 41 0A 10 00 2F 00 00 00"]);
+    rig.exchange("620: 70 00 00 00 00 00 00 00", &[&abort("0A 10 00")]);
+    assert_no_transfer(&mut rig);
+    rig.exchange("620: 21 53 60 00 09 00 00 00", &["5A0: 60 53 60 00 00 00 00 00"]);
+    rig.exchange("620: 10 62 6F 6F 6D 20 6C 65", &[&abort("53 60 00")]);
+    assert_no_transfer(&mut rig);
+    // in a later one
+    begin_upload(&mut rig);
+    rig.exchange("620: 60 00 00 00 00 00 00 00", &[&abort("0A 10 00")]);
+    assert_no_transfer(&mut rig);
+    begin_download(&mut rig);
+    rig.exchange("620: 0B 66 74 00 00 00 00 00", &[&abort("53 60 00")]);
+    assert_no_transfer(&mut rig);
+    assert_not_written(&mut rig);
+}
+
+#[test]
+fn a_client_that_falls_silent_is_told_after_five_seconds() {
+    for (begin, object) in TRANSFERS {
+        let mut rig = Rig::booted();
+        begin(&mut rig);
+        rig.advance_by(Duration::from_micros(TIMEOUT_MS * 1000 - 1));
+        rig.expect_nothing();
+        rig.advance_by(Duration::from_micros(1));
+        rig.expect(&format!("5A0: 80 {object} {TIMEOUT}"));
+        rig.advance(2 * TIMEOUT_MS);
+        rig.expect_nothing();
+        assert_no_transfer(&mut rig);
+        assert_not_written(&mut rig);
+    }
+}
+
+#[test]
+fn every_segment_gives_another_five_seconds() {
+    let mut rig = Rig::booted();
+    begin_upload(&mut rig);
+    rig.advance(TIMEOUT_MS - 1);
+    rig.exchange("620: 70 00 00 00 00 00 00 00", &["5A0: 10 6D 31 5F 4D 5F 52 31"]);
+    rig.advance(TIMEOUT_MS - 1);
+    rig.expect_nothing();
+    // What is no SDO request does not count.
+    rig.send("620: 60 00 00 00 00 00 00");
+    rig.send("080:");
+    rig.advance(1);
+    rig.expect(&format!("5A0: 80 0A 10 00 {TIMEOUT}"));
+    // The last segment ends it: nothing is left to time out.
+    assert!(rig.read_segmented(0x100A, 0).is_ok());
+    rig.advance(2 * TIMEOUT_MS);
+    rig.expect_nothing();
+}
+
+#[test]
+fn a_client_that_aborts_gets_no_answer() {
+    for (begin, object) in TRANSFERS {
+        let mut rig = Rig::booted();
+        begin(&mut rig);
+        rig.exchange(&format!("620: 80 {object} 00 00 00 08"), &[]);
+        rig.advance(2 * TIMEOUT_MS);
+        rig.expect_nothing();
+        assert_no_transfer(&mut rig);
+        assert_not_written(&mut rig);
+        // nor without a transfer
+        rig.exchange("620: 80 00 00 00 00 00 00 08", &[]);
+    }
+}
+
+#[test]
+fn a_new_initiate_starts_anew() {
+    for (begin, _) in TRANSFERS {
+        let mut rig = Rig::booted();
+        begin(&mut rig);
+        rig.exchange("620: 40 18 10 01 00 00 00 00", &["5A0: 43 18 10 01 19 00 00 01"]);
+        assert_no_transfer(&mut rig);
+        begin(&mut rig);
+        rig.exchange("620: 2B 00 63 01 01 00 00 00", &["5A0: 60 00 63 01 00 00 00 00"]);
+        assert_no_transfer(&mut rig);
+        // one that fails, too
+        begin(&mut rig);
+        rig.exchange("620: 40 00 00 00 00 00 00 00", &["5A0: 80 00 00 00 00 00 02 06"]);
+        assert_no_transfer(&mut rig);
+        begin(&mut rig);
+        begin_download(&mut rig);
+        begin(&mut rig);
+        begin_upload(&mut rig);
+        rig.exchange("620: 70 00 00 00 00 00 00 00", &["5A0: 10 6D 31 5F 4D 5F 52 31"]);
+        assert_not_written(&mut rig);
+    }
+}
+
+#[test]
+fn a_segment_of_the_other_kind_ends_the_transfer() {
+    let mut rig = Rig::booted();
+    begin_upload(&mut rig);
+    rig.exchange("620: 1B 66 74 00 00 00 00 00", &["5A0: 80 0A 10 00 01 00 04 05"]);
+    assert_no_transfer(&mut rig);
+    begin_download(&mut rig);
+    rig.exchange("620: 70 00 00 00 00 00 00 00", &["5A0: 80 53 60 00 01 00 04 05"]);
+    assert_no_transfer(&mut rig);
+    assert_not_written(&mut rig);
+}
+
+/// Block transfer (A0 upload, C0 download) and what CiA 301 reserves (E0).
+#[test]
+fn unknown_commands_and_block_transfer_are_refused() {
+    let mut rig = Rig::booted();
+    for command in 0xA0..=0xFF {
+        let answer = format!("5A0: 80 53 60 00 {UNKNOWN_COMMAND}");
+        rig.exchange(&format!("620: {command:02X} 53 60 00 0A 00 00 00"), &[&answer]);
+    }
+    for (begin, _) in TRANSFERS {
+        begin(&mut rig);
+        rig.exchange("620: A0 0A 10 00 7F 00 00 00", &[&format!("5A0: 80 0A 10 00 {UNKNOWN_COMMAND}")]);
+        assert_no_transfer(&mut rig);
+    }
+    assert_not_written(&mut rig);
+}
+
+#[test]
+fn other_frames_are_ignored() {
+    let mut rig = Rig::booted();
+    for other in [
+        "620:",
+        "620: 40",
+        "620: 40 18 10 01",
+        "620: 40 18 10 01 00 00 00",
+        "620: R8",
+        "620: R0",
+        "621: 40 18 10 01 00 00 00 00",
+        "61F: 40 18 10 01 00 00 00 00",
+        "600: 40 18 10 01 00 00 00 00",
+        "5A0: 40 18 10 01 00 00 00 00",
+        "00000620: 40 18 10 01 00 00 00 00",
+        "18800000: 40 18 10 01 00 00 00 00",
+    ] {
+        rig.exchange(other, &[]);
+    }
+    // In mid-transfer, too.
+    begin_upload(&mut rig);
+    rig.exchange("620: 70 00 00 00 00 00 00", &[]);
+    rig.exchange("620: 40 18 10 01", &[]);
+    rig.exchange("620: 70 00 00 00 00 00 00 00", &["5A0: 10 6D 31 5F 4D 5F 52 31"]);
+}
+
+#[test]
+fn answered_in_pre_operational_and_operational_alone() {
+    let mut rig = Rig::booted();
+    let request = "620: 40 18 10 01 00 00 00 00";
+    for (command, answers) in [
+        ("000: 01 00", &["5A0: 43 18 10 01 19 00 00 01"][..]),
+        ("000: 02 00", &[]),
+        ("000: 80 00", &["5A0: 43 18 10 01 19 00 00 01"]),
+        ("000: 02 20", &[]),
+        ("000: 01 20", &["5A0: 43 18 10 01 19 00 00 01"]),
+    ] {
+        rig.send(command);
+        rig.exchange(request, answers);
+        rig.advance(2 * TIMEOUT_MS);
+        rig.expect_nothing();
+    }
+}
+
+#[test]
+fn stop_and_resets_end_a_transfer_silently() {
+    let boot = &["720: 00", "0A0: 00 00 00 00 00 00 00 00"][..];
+    for (begin, _) in TRANSFERS {
+        for (command, sent) in [("000: 02 00", &[][..]), ("000: 81 00", boot), ("000: 82 00", boot)] {
+            let mut rig = Rig::booted();
+            begin(&mut rig);
+            rig.exchange(command, sent);
+            rig.advance(TIMEOUT_MS);
+            rig.expect_nothing();
+            rig.send("000: 80 00");
+            assert_no_transfer(&mut rig);
+            assert_not_written(&mut rig);
+        }
+    }
+}
+
+#[test]
+fn start_and_pre_operational_do_not_end_a_transfer() {
+    let mut rig = Rig::booted();
+    begin_download(&mut rig);
+    rig.send("000: 01 00");
+    rig.send("000: 80 00");
+    rig.exchange("620: 1B 66 74 00 00 00 00 00", &["5A0: 30 00 00 00 00 00 00 00"]);
+}
+
+/// "save", in one frame and in segments: each kind of download has its own answer.
+const SAVE: [(&[&str], &str); 3] = [
+    (&["620: 23 10 10 01 73 61 76 65"], "5A0: 60 10 10 01 00 00 00 00"),
+    (&["620: 21 10 10 01 04 00 00 00", "620: 07 73 61 76 65 00 00 00"], "5A0: 20 00 00 00 00 00 00 00"),
+    (
+        &["620: 20 10 10 01 00 00 00 00", "620: 08 73 61 76 00 00 00 00", "620: 1D 65 00 00 00 00 00 00"],
+        "5A0: 30 00 00 00 00 00 00 00",
+    ),
+];
+
+#[test]
+fn a_write_to_the_memory_is_answered_when_it_is_done() {
+    for (requests, done) in SAVE {
+        let mut rig = Rig::booted();
+        rig.write_time = Duration::from_millis(80);
+        requests.iter().for_each(|request| rig.send(request));
+        let answers = rig.take();
+        assert_eq!(answers.len(), requests.len() - 1, "{answers:?}");
+        rig.advance(79);
+        rig.expect_nothing();
+        rig.advance(1);
+        rig.expect(done);
+        // However long it takes: a memory that writes is no client that is silent.
+        rig.write_time = Duration::from_millis(2 * TIMEOUT_MS);
+        requests.iter().for_each(|request| rig.send(request));
+        rig.take();
+        rig.advance(2 * TIMEOUT_MS - 1);
+        rig.expect_nothing();
+        rig.advance(1);
+        rig.expect(done);
+    }
+}
+
+#[test]
+fn a_write_to_a_memory_that_fails_is_aborted() {
+    for (requests, _) in SAVE {
+        let mut rig = Rig::booted();
+        rig.writes_fail = true;
+        requests.iter().for_each(|request| rig.send(request));
+        let answers = rig.take();
+        assert!(answers.contains(&"5A0: 80 10 10 01 00 00 06 06".to_owned()), "{answers:?}");
+        assert_eq!(answers.len(), requests.len() + 1, "the answers, and the EMCY of the internal error: {answers:?}");
+    }
+}
+
+#[test]
+fn a_client_that_goes_on_gets_no_late_answer() {
+    for (request, answer) in
+        [("620: 40 18 10 01 00 00 00 00", &["5A0: 43 18 10 01 19 00 00 01"][..]), ("620: 80 10 10 01 00 00 00 08", &[])]
+    {
+        let mut rig = Rig::booted();
+        rig.write_time = Duration::from_millis(80);
+        rig.exchange("620: 23 10 10 01 73 61 76 65", &[]);
+        rig.advance(40);
+        rig.exchange(request, answer);
+        rig.advance(1000);
+        rig.expect_nothing();
+    }
+}
+
+#[test]
+fn the_answer_goes_to_the_id_in_force() {
+    let mut rig = Rig::booted();
+    rig.send_frame(frame("620: 40 00 10 00 00 00 00 00"));
+    rig.expect("5A0: 43 00 10 00 98 01 00 00");
+    rig.send("000: 02 00");
+    for request in ["04 01", "11 17", "04 00"] {
+        rig.send(&format!("7E5: {request} 00 00 00 00 00 00"));
+    }
+    rig.take();
+    rig.exchange("620: 40 00 10 00 00 00 00 00", &[]);
+    rig.exchange("617: 40 00 10 00 00 00 00 00", &["597: 43 00 10 00 98 01 00 00"]);
+}
