@@ -7,12 +7,28 @@
 //! world/    devices, bus and plant in virtual time, event by event
 //! ```
 //!
-//! Nothing in here waits, locks, prints or looks at a clock: whoever drives the [`World`] decides how
-//! virtual time passes. Two runs with one seed and the same calls are the same to the last bit.
+//! Nothing in those waits, locks, prints or looks at a clock: whoever drives the [`World`] decides how
+//! virtual time passes. Two runs with one seed and the same calls are the same to the last bit. Around them lies what
+//! `pve-sim` makes of it:
+//!
+//! ```text
+//! kind      the products, by name
+//! trace/    what happened on the bus, as other tools read it
+//! explain/  what a frame means, in words
+//! gateway/  clients of the bus that live outside: socketcand
+//! run/      the world paced by the wall clock, with its clients, its trace and its memory
+//! cli/      the command line
+//! ```
 #![forbid(unsafe_code)]
 
 pub mod bus;
+pub mod cli;
+pub mod explain;
+pub mod gateway;
+pub mod kind;
 pub mod memory;
+pub mod run;
+pub mod trace;
 pub mod use_case;
 pub mod world;
 

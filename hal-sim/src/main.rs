@@ -1,1 +1,50 @@
-fn main() {}
+//! `pve-sim`: the stand-in devices on the host. What it does is in the library; here are the exit codes.
+
+use std::fmt::Display;
+use std::io::Write;
+use std::process::ExitCode;
+
+use hal_sim::cli::{self, Request};
+use hal_sim::run;
+use hal_sim::use_case::{self, SimulatedBench, UseCase};
+
+/// Something is in the way: a port in use, a file that cannot be opened.
+const FAILURE: u8 = 1;
+/// Wrong usage.
+const USAGE: u8 = 2;
+
+fn main() -> ExitCode {
+    match cli::parse(std::env::args_os()) {
+        Ok(Request::Run(options)) => match run::run(&options) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(error) => fail(FAILURE, &error),
+        },
+        Ok(Request::UseCases(cases)) => play(&cases),
+        Ok(Request::Print(text)) => {
+            let mut stdout = std::io::stdout().lock();
+            let _ = write!(stdout, "{text}").and_then(|()| stdout.flush());
+            ExitCode::SUCCESS
+        }
+        Err(error) => fail(USAGE, &error),
+    }
+}
+
+/// Plays the use cases and stops at the first frame that differs.
+fn play(cases: &[&'static UseCase]) -> ExitCode {
+    let mut stdout = std::io::stdout().lock();
+    for case in cases {
+        let mut print = |line: &str| {
+            let _ = writeln!(stdout, "{line}");
+        };
+        if let Err(deviation) = use_case::play(case, &mut SimulatedBench::new(case), &mut print) {
+            return fail(FAILURE, &format_args!("use case {}: {deviation}", case.name));
+        }
+        print("");
+    }
+    ExitCode::SUCCESS
+}
+
+fn fail(code: u8, error: &dyn Display) -> ExitCode {
+    let _ = writeln!(std::io::stderr(), "pve-sim: {error}");
+    ExitCode::from(code)
+}

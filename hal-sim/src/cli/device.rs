@@ -1,0 +1,103 @@
+//! One device on the bus: the value of `--device`, `KIND[@ID][,key=value…]`.
+
+use std::str::FromStr;
+
+use crate::kind::{Birth, Kind};
+
+/// The longest name of a device, in characters.
+const NAME_MAX: usize = 32;
+
+/// A device as it was asked for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DeviceSpec {
+    /// What it is.
+    pub kind: Kind,
+    /// What a new memory is filled with.
+    pub birth: Birth,
+    /// The name that was given; `None`: it gets one after its kind.
+    pub name: Option<String>,
+}
+
+impl DeviceSpec {
+    /// A device of this kind as it leaves the factory.
+    #[must_use]
+    pub fn new(kind: Kind) -> Self {
+        Self { kind, birth: kind.default_birth(), name: None }
+    }
+}
+
+impl FromStr for DeviceSpec {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let mut parts = text.split(',');
+        let head = parts.next().unwrap_or_default();
+        let (kind, id) = match head.split_once('@') {
+            Some((kind, id)) => (kind, Some(id)),
+            None => (head, None),
+        };
+        let kind = Kind::from_name(kind).ok_or_else(|| {
+            let known: Vec<&str> = Kind::ALL.into_iter().map(Kind::name).collect();
+            format!("unknown kind '{kind}'; accepted: {}", known.join(", "))
+        })?;
+        let mut spec = Self::new(kind);
+        if let Some(id) = id {
+            spec.birth.node_id = Some(node_id(kind, id)?);
+        }
+        let mut seen = Vec::new();
+        for part in parts {
+            let (key, value) = match part.split_once('=') {
+                Some((key, value)) => (key, Some(value)),
+                None => (part, None),
+            };
+            if seen.contains(&key) {
+                return Err(format!("'{key}' is given twice"));
+            }
+            seen.push(key);
+            match (key, value) {
+                ("name", Some(name)) => spec.name = Some(device_name(name)?),
+                ("serial", Some(serial)) => spec.birth.serial = Some(serial_number(serial)?),
+                ("blank", None) if id.is_some() => {
+                    return Err("a blank device has no node ID; accepted: @ID or blank, not both".to_owned());
+                }
+                ("blank", None) => spec.birth.node_id = None,
+                ("blank", Some(_)) => return Err("'blank' takes no value".to_owned()),
+                ("name" | "serial", None) => return Err(format!("'{key}' needs a value, as in {key}=…")),
+                _ => return Err(format!("unknown key '{key}'; accepted: name=, serial=, blank")),
+            }
+        }
+        Ok(spec)
+    }
+}
+
+fn node_id(kind: Kind, text: &str) -> Result<u8, String> {
+    let range = kind.node_ids();
+    number(text).and_then(|id| u8::try_from(id).ok()).filter(|id| range.contains(id)).ok_or_else(|| {
+        let (low, high) = (range.start(), range.end());
+        format!("'{text}' is no node ID of {kind}; accepted: {low}–{high}, or 0x{low:02X}–0x{high:02X}")
+    })
+}
+
+fn serial_number(text: &str) -> Result<u32, String> {
+    number(text).ok_or_else(|| format!("'{text}' is no serial number; accepted: 0–{}, or 0x0–0xFFFFFFFF", u32::MAX))
+}
+
+fn device_name(text: &str) -> Result<String, String> {
+    let allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+    if text.is_empty() || text.len() > NAME_MAX || !text.chars().all(allowed) {
+        return Err(format!("'{text}' is no name of a device; accepted: 1–{NAME_MAX} characters of a–z, 0–9 and '-'"));
+    }
+    Ok(text.to_owned())
+}
+
+/// A number in decimal, or in hex after `0x`; no sign, no blanks.
+fn number(text: &str) -> Option<u32> {
+    let (digits, radix) = match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
+        Some(hex) => (hex, 16),
+        None => (text, 10),
+    };
+    if !digits.chars().all(|c| c.is_digit(radix)) {
+        return None;
+    }
+    u32::from_str_radix(digits, radix).ok()
+}

@@ -1,0 +1,144 @@
+//! The command line of `pve-sim`: what is accepted, and the one line that says why something is not.
+
+mod bus;
+mod device;
+mod options;
+
+pub use bus::BusUrl;
+pub use device::DeviceSpec;
+pub use options::{NamedDevice, RunArgs, RunOptions};
+
+use std::ffi::OsString;
+
+use clap::error::{ContextKind, ErrorKind};
+use clap::{CommandFactory, Parser, Subcommand};
+
+use crate::use_case::{self, UseCase};
+
+/// What the user asked for.
+#[derive(Debug)]
+pub enum Request {
+    /// Put devices on a bus.
+    Run(RunOptions),
+    /// Play these use cases.
+    UseCases(Vec<&'static UseCase>),
+    /// Print this on stdout: the help, or the version.
+    Print(String),
+}
+
+const AFTER_HELP: &str = "\
+Examples:
+  pve-sim
+  pve-sim --device pvea-canopen@0x20 --device pveo-canopen@0x21,name=boom --bit-rate 250k
+  pve-sim --device pvea-canopen,blank --state memory --log frames.log
+  pve-sim use-case all
+
+SIGINT and SIGTERM end it; everything stored, exit 0.
+Exit codes: 1 a port in use, a file that cannot be opened, a state file of another kind, a use case that differs;
+2 wrong usage.";
+
+/// Wrong usage: one line that says what is wrong and what is accepted.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct UsageError(pub String);
+
+/// A stand-in for CAN hydraulic valves on a virtual bus that any tool can join.
+///
+/// Without a command it runs: the options of `run` can be given right away.
+#[derive(Debug, Parser)]
+#[command(
+    name = "pve-sim",
+    version,
+    args_conflicts_with_subcommands = true,
+    disable_help_subcommand = true,
+    after_long_help = AFTER_HELP
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    run: RunArgs,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// A stand-in device, or several, on a bus (the default command)
+    Run(Box<RunArgs>),
+    /// Plays the manual's use cases in virtual time, each frame with what it means; exit 1 if any frame differs
+    UseCase {
+        /// Which one, or all
+        #[arg(value_name = "1-6|all", value_parser = use_cases)]
+        which: UseCases,
+    },
+}
+
+/// The use cases that a word on the command line stands for.
+#[derive(Clone, Debug)]
+struct UseCases(Vec<&'static UseCase>);
+
+fn use_cases(word: &str) -> Result<UseCases, String> {
+    let cases = match word {
+        "all" => use_case::all(),
+        name => use_case::find(name).into_iter().collect(),
+    };
+    if cases.is_empty() {
+        let known: Vec<&str> = use_case::all().iter().map(|case| case.name).collect();
+        return Err(format!("no such use case; accepted: {}, all", known.join(", ")));
+    }
+    Ok(UseCases(cases))
+}
+
+/// Reads the arguments, the program's name first.
+///
+/// # Errors
+/// [`UsageError`] for anything that is not accepted.
+pub fn parse<I, T>(args: I) -> Result<Request, UsageError>
+where
+    I: IntoIterator<Item = T>,
+    T: Into<OsString> + Clone,
+{
+    match Cli::try_parse_from(args) {
+        Ok(Cli { command: Some(Command::Run(run)), .. }) => RunOptions::try_from(*run).map(Request::Run),
+        Ok(Cli { command: Some(Command::UseCase { which }), .. }) => Ok(Request::UseCases(which.0)),
+        Ok(Cli { command: None, run }) => RunOptions::try_from(run).map(Request::Run),
+        Err(error) if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => {
+            Ok(Request::Print(error.to_string()))
+        }
+        Err(error) => Err(UsageError(one_line(&error))),
+    }
+}
+
+/// Clap's message without its paragraphs of usage, and with what is accepted where clap leaves that out.
+fn one_line(error: &clap::Error) -> String {
+    let text = error.to_string();
+    let first: Vec<&str> = text.lines().take_while(|line| !line.is_empty()).map(str::trim).collect();
+    let what = first.join(" ");
+    let what = what.strip_prefix("error: ").unwrap_or(&what);
+    let accepted = match error.kind() {
+        ErrorKind::UnknownArgument => {
+            let given = error.get(ContextKind::InvalidArg).map(ToString::to_string).unwrap_or_default();
+            if given.starts_with('-') { names(option_names()) } else { names(command_names()) }
+        }
+        ErrorKind::InvalidSubcommand => names(command_names()),
+        ErrorKind::ArgumentConflict => "; give the options after the command".to_owned(),
+        _ => String::new(),
+    };
+    format!("{what}{accepted}")
+}
+
+fn names(names: Vec<String>) -> String {
+    format!("; accepted: {}", names.join(", "))
+}
+
+fn option_names() -> Vec<String> {
+    let mut command = Cli::command();
+    command.build();
+    command.get_arguments().filter_map(|arg| arg.get_long()).map(|long| format!("--{long}")).collect()
+}
+
+fn command_names() -> Vec<String> {
+    Cli::command().get_subcommands().map(|command| command.get_name().to_owned()).collect()
+}
+
+#[cfg(test)]
+mod tests;

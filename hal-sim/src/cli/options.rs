@@ -1,0 +1,188 @@
+//! The options of `run`: as clap reads them, and as the simulator uses them, checked against each other.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use protocol_core::controller::BitRate;
+use protocol_core::device::pve;
+
+use super::UsageError;
+use super::bus::BusUrl;
+use super::device::DeviceSpec;
+use crate::kind::{Birth, Kind};
+
+/// The seed of a run that was given none: two runs with the same seed and the same input are the same.
+const DEFAULT_SEED: u64 = 1;
+
+/// What runs when no device is given.
+const DEFAULT_KIND: Kind = Kind::PveCanopen(pve::Kind::PveaCanopen);
+
+/// The options of `run`, as they were written.
+#[derive(Args, Debug)]
+pub struct RunArgs {
+    /// A device on the bus; repeatable
+    ///
+    /// KIND: pvea-canopen or pveo-canopen. ID: the node ID, 1–127, decimal or 0x, 0x20 when left out.
+    /// Keys: name=NAME (a–z, 0–9 and '-', up to 32 characters; when left out the kind, then kind-2 …),
+    /// serial=N (decimal or 0x), blank (no node ID: waits for LSS).
+    /// With --state a memory that exists decides; ID and serial fill a new one only.
+    #[arg(long, value_name = "KIND[@ID][,KEY=VALUE…]", help_heading = "Devices")]
+    device: Vec<DeviceSpec>,
+
+    /// Accept devices with the same node ID
+    #[arg(long, help_heading = "Devices")]
+    allow_clash: bool,
+
+    /// Keep each device's memory in DIR/NAME.nvm; without it the memory is lost at exit
+    #[arg(long, value_name = "DIR", help_heading = "Devices")]
+    state: Option<PathBuf>,
+
+    /// Where the bus is reachable: socketcand://HOST:PORT/NAME, port 0 takes a free one; repeatable
+    /// [default: socketcand://127.0.0.1:29536/pve0]
+    #[arg(long, value_name = "URL", help_heading = "Bus")]
+    bus: Vec<BusUrl>,
+
+    /// The rate of the bus, in bit/s, or as in 250k [default: the rate of the first device]
+    #[arg(long, value_name = "N", value_parser = bit_rate, help_heading = "Bus")]
+    bit_rate: Option<BitRate>,
+
+    /// Virtual time against wall time
+    #[arg(long, value_name = "FACTOR", value_parser = speed, default_value = "1", help_heading = "Time")]
+    speed: f64,
+
+    /// The seed of everything random
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_SEED, help_heading = "Time")]
+    seed: u64,
+
+    /// Write every frame to FILE, in the format of candump -L
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    log: Option<PathBuf>,
+
+    /// Not there yet: the control interface
+    #[arg(long, value_name = "ADDR:PORT", conflicts_with = "no_http", help_heading = "Control interface")]
+    http: Option<String>,
+
+    /// Run without the control interface
+    #[arg(long, help_heading = "Control interface")]
+    no_http: bool,
+}
+
+/// What to run, complete and free of contradictions.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RunOptions {
+    /// The devices, each with a name of its own.
+    pub devices: Vec<NamedDevice>,
+    /// Where the bus is reachable; at least one.
+    pub buses: Vec<BusUrl>,
+    /// The rate of the bus; `None`: that of the first device.
+    pub bit_rate: Option<BitRate>,
+    /// Where the devices' memories are kept; `None`: nowhere.
+    pub state: Option<PathBuf>,
+    /// Virtual seconds to a second, finite and above 0.
+    pub speed: f64,
+    /// Where every frame is logged; `None`: nowhere.
+    pub log: Option<PathBuf>,
+    /// The seed of everything random.
+    pub seed: u64,
+}
+
+/// A device with the name by which everything calls it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NamedDevice {
+    /// Its name; no other device has it.
+    pub name: String,
+    /// What it is.
+    pub kind: Kind,
+    /// What a new memory is filled with.
+    pub birth: Birth,
+}
+
+impl TryFrom<RunArgs> for RunOptions {
+    type Error = UsageError;
+
+    fn try_from(args: RunArgs) -> Result<Self, UsageError> {
+        if let Some(address) = args.http {
+            return Err(UsageError(format!(
+                "--http {address}: the control interface is not there yet; accepted: --no-http"
+            )));
+        }
+        let specs = if args.device.is_empty() { vec![DeviceSpec::new(DEFAULT_KIND)] } else { args.device };
+        let devices = named(specs)?;
+        if !args.allow_clash {
+            refuse_clashes(&devices)?;
+        }
+        let buses = if args.bus.is_empty() { vec![BusUrl::default_server()] } else { args.bus };
+        Ok(Self {
+            devices,
+            buses,
+            bit_rate: args.bit_rate,
+            state: args.state,
+            speed: args.speed,
+            log: args.log,
+            seed: args.seed,
+        })
+    }
+}
+
+/// Gives a name to each device that has none: its kind, then kind-2, kind-3 …, as far as they are free.
+fn named(specs: Vec<DeviceSpec>) -> Result<Vec<NamedDevice>, UsageError> {
+    let mut taken: Vec<String> = Vec::new();
+    for name in specs.iter().filter_map(|spec| spec.name.as_ref()) {
+        if taken.contains(name) {
+            return Err(UsageError(format!(
+                "--device: the name '{name}' is given twice; give each device its own name="
+            )));
+        }
+        taken.push(name.clone());
+    }
+    let free = |kind: Kind, taken: &[String]| {
+        (1_u32..)
+            .map(|n| if n == 1 { kind.name().to_owned() } else { format!("{kind}-{n}") })
+            .find(|name| !taken.contains(name))
+            .unwrap_or_default()
+    };
+    let devices = specs.into_iter().map(|spec| {
+        let name = spec.name.unwrap_or_else(|| {
+            let name = free(spec.kind, &taken);
+            taken.push(name.clone());
+            name
+        });
+        NamedDevice { name, kind: spec.kind, birth: spec.birth }
+    });
+    Ok(devices.collect())
+}
+
+fn refuse_clashes(devices: &[NamedDevice]) -> Result<(), UsageError> {
+    for (position, device) in devices.iter().enumerate() {
+        let Some(id) = device.birth.node_id else { continue };
+        let earlier = devices.iter().take(position).find(|other| other.birth.node_id == Some(id));
+        if let Some(earlier) = earlier {
+            return Err(UsageError(format!(
+                "--device: {} and {} both have node ID 0x{id:02X}; give each its own with @ID, or --allow-clash",
+                earlier.name, device.name
+            )));
+        }
+    }
+    Ok(())
+}
+
+fn bit_rate(text: &str) -> Result<BitRate, String> {
+    let bits = match text.strip_suffix(['k', 'K']) {
+        Some(thousands) => thousands.parse::<u32>().ok().and_then(|thousands| thousands.checked_mul(1000)),
+        None => text.parse().ok(),
+    };
+    bits.and_then(BitRate::from_bits_per_second).ok_or_else(|| {
+        let rates: Vec<String> = BitRate::ALL.iter().rev().map(|rate| rate.bits_per_second().to_string()).collect();
+        format!("no bit rate of CiA 301; accepted: {}", rates.join(", "))
+    })
+}
+
+fn speed(text: &str) -> Result<f64, String> {
+    if text == "step" {
+        return Err(
+            "stepping needs the control interface, which is not there yet; accepted: a number above 0".to_owned()
+        );
+    }
+    let factor = text.parse::<f64>().ok().filter(|factor| factor.is_finite() && *factor > 0.0);
+    factor.ok_or_else(|| "accepted: a number above 0, as in 1, 0.5 or 100".to_owned())
+}

@@ -1,0 +1,199 @@
+//! Every usage that is accepted, and every one that is not, with the line that it gets.
+
+use std::path::PathBuf;
+
+use protocol_core::controller::BitRate;
+use protocol_core::device::pve;
+
+use super::options::NamedDevice;
+use super::*;
+use crate::kind::{Birth, Kind};
+
+const PVEA: Kind = Kind::PveCanopen(pve::Kind::PveaCanopen);
+const PVEO: Kind = Kind::PveCanopen(pve::Kind::PveoCanopen);
+
+fn args(line: &str) -> Vec<String> {
+    std::iter::once("pve-sim").chain(line.split_whitespace()).map(str::to_owned).collect()
+}
+
+fn run(line: &str) -> RunOptions {
+    match parse(args(line)) {
+        Ok(Request::Run(options)) => options,
+        other => panic!("{line}: {other:?}"),
+    }
+}
+
+fn refused(line: &str) -> String {
+    match parse(args(line)) {
+        Err(UsageError(text)) => text,
+        other => panic!("{line}: {other:?}"),
+    }
+}
+
+fn printed(line: &str) -> String {
+    match parse(args(line)) {
+        Ok(Request::Print(text)) => text,
+        other => panic!("{line}: {other:?}"),
+    }
+}
+
+#[test]
+fn defaults() {
+    let options = run("");
+    assert_eq!(
+        options,
+        RunOptions {
+            devices: vec![NamedDevice {
+                name: "pvea-canopen".to_owned(),
+                kind: PVEA,
+                birth: Birth { node_id: Some(0x20), serial: None },
+            }],
+            buses: vec!["socketcand://127.0.0.1:29536/pve0".parse().unwrap()],
+            bit_rate: None,
+            state: None,
+            speed: 1.0,
+            log: None,
+            seed: 1,
+        }
+    );
+    assert_eq!(run("run"), options);
+    assert_eq!(run("--no-http"), options);
+}
+
+#[test]
+fn options_with_and_without_the_word_run() {
+    let line = "--device pveo-canopen@0x21,name=rear,serial=0x5B2E0101 --device pvea-canopen@33 --device pvea-canopen,blank \
+                --bus socketcand://[::1]:0/can1 --bus socketcand://localhost:1234/pve0 --bit-rate 125000 --state memory \
+                --speed 2.5 --log frames.log --seed 18446744073709551615 --allow-clash";
+    let options = run(line);
+    assert_eq!(run(&format!("run {line}")), options);
+    let devices: Vec<_> =
+        options.devices.iter().map(|d| (d.name.as_str(), d.kind, d.birth.node_id, d.birth.serial)).collect();
+    assert_eq!(
+        devices,
+        [
+            ("rear", PVEO, Some(0x21), Some(0x5B2E_0101)),
+            ("pvea-canopen", PVEA, Some(33), None),
+            ("pvea-canopen-2", PVEA, None, None),
+        ]
+    );
+    let buses: Vec<_> = options.buses.iter().map(ToString::to_string).collect();
+    assert_eq!(buses, ["socketcand://[::1]:0/can1", "socketcand://localhost:1234/pve0"]);
+    assert_eq!(options.bit_rate, Some(BitRate::Kbit125));
+    assert_eq!(options.state, Some(PathBuf::from("memory")));
+    assert_eq!(options.speed, 2.5);
+    assert_eq!(options.log, Some(PathBuf::from("frames.log")));
+    assert_eq!(options.seed, u64::MAX);
+}
+
+#[test]
+fn bit_rates_in_both_notations() {
+    assert_eq!(run("--bit-rate 250k").bit_rate, Some(BitRate::Kbit250));
+    assert_eq!(run("--bit-rate 1000k").bit_rate, Some(BitRate::Kbit1000));
+    for rate in BitRate::ALL {
+        assert_eq!(run(&format!("--bit-rate {}", rate.bits_per_second())).bit_rate, Some(rate));
+    }
+}
+
+#[test]
+fn default_names_avoid_those_that_were_given() {
+    let options = run("--device pvea-canopen@1 --device pvea-canopen@2 --device pvea-canopen@3,name=pvea-canopen-2");
+    let names: Vec<_> = options.devices.iter().map(|device| device.name.as_str()).collect();
+    assert_eq!(names, ["pvea-canopen", "pvea-canopen-3", "pvea-canopen-2"]);
+}
+
+#[test]
+fn one_node_id_for_two_devices_only_when_it_is_meant() {
+    assert_eq!(
+        refused("--device pvea-canopen --device pveo-canopen@32"),
+        "--device: pvea-canopen and pveo-canopen both have node ID 0x20; give each its own with @ID, or --allow-clash"
+    );
+    assert_eq!(run("--device pvea-canopen --device pveo-canopen --allow-clash").devices.len(), 2);
+    assert_eq!(run("--device pvea-canopen,blank --device pveo-canopen,blank").devices.len(), 2);
+}
+
+#[test]
+fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
+    const DEVICE: &str = "for '--device <KIND[@ID][,KEY=VALUE…]>': ";
+    let long = "n".repeat(33);
+    let cases: &[(&str, &str)] = &[
+        ("--device pvea", &format!("{DEVICE}unknown kind 'pvea'; accepted: pvea-canopen, pveo-canopen")),
+        ("--device @5", &format!("{DEVICE}unknown kind ''; accepted: pvea-canopen, pveo-canopen")),
+        ("--device pvea-canopen@0", "'0' is no node ID of pvea-canopen; accepted: 1–127, or 0x01–0x7F"),
+        ("--device pvea-canopen@128", "'128' is no node ID of pvea-canopen"),
+        ("--device pvea-canopen@0x80", "'0x80' is no node ID"),
+        ("--device pvea-canopen@", "'' is no node ID"),
+        ("--device pvea-canopen@+5", "'+5' is no node ID"),
+        ("--device pvea-canopen@0x", "'0x' is no node ID"),
+        ("--device pvea-canopen@300", "'300' is no node ID"),
+        ("--device pvea-canopen@5,blank", "a blank device has no node ID; accepted: @ID or blank, not both"),
+        ("--device pvea-canopen,blank=1", "'blank' takes no value"),
+        ("--device pvea-canopen,blank,blank", "'blank' is given twice"),
+        ("--device pvea-canopen,colour=red", "unknown key 'colour'; accepted: name=, serial=, blank"),
+        ("--device pvea-canopen,", "unknown key ''; accepted: name=, serial=, blank"),
+        ("--device pvea-canopen,name", "'name' needs a value, as in name=…"),
+        ("--device pvea-canopen,name=", "'' is no name of a device; accepted: 1–32 characters of a–z, 0–9 and '-'"),
+        ("--device pvea-canopen,name=Rear", "'Rear' is no name of a device"),
+        ("--device pvea-canopen,name=../x", "'../x' is no name of a device"),
+        (&format!("--device pvea-canopen,name={long}"), "is no name of a device"),
+        ("--device pvea-canopen,serial=-1", "'-1' is no serial number; accepted: 0–4294967295, or 0x0–0xFFFFFFFF"),
+        ("--device pvea-canopen,serial=0x100000000", "'0x100000000' is no serial number"),
+        ("--device pvea-canopen@1,name=a --device pvea-canopen@2,name=a", "the name 'a' is given twice"),
+        ("--device", "a value is required for '--device <KIND[@ID][,KEY=VALUE…]>' but none was supplied"),
+        ("--bus socketcan:vcan0", "socketcan interfaces are not served yet; accepted: socketcand://HOST:PORT/NAME"),
+        ("--bus slcan://x", "not a bus that can be served; accepted: socketcand://HOST:PORT/NAME"),
+        ("--bus socketcand://127.0.0.1:29536", "the bus has no name; accepted: socketcand://HOST:PORT/NAME"),
+        ("--bus socketcand://127.0.0.1/pve0", "the port is missing"),
+        ("--bus socketcand://:29536/pve0", "'' is no host"),
+        ("--bus socketcand://::1:29536/pve0", "'::1' is no host"),
+        ("--bus socketcand://127.0.0.1:65536/pve0", "'65536' is no port; accepted: 0–65535, 0 takes a free one"),
+        ("--bus socketcand://127.0.0.1:0/a>b", "'a>b' is no name of a bus; accepted: 1–32 letters, digits"),
+        (
+            "--bit-rate 300000",
+            "no bit rate of CiA 301; accepted: 10000, 20000, 50000, 125000, 250000, 500000, 800000, 1000000",
+        ),
+        ("--bit-rate fast", "no bit rate of CiA 301"),
+        ("--bit-rate 99999999k", "no bit rate of CiA 301"),
+        ("--speed 0", "accepted: a number above 0, as in 1, 0.5 or 100"),
+        ("--speed=-1", "accepted: a number above 0"),
+        ("--speed inf", "accepted: a number above 0"),
+        ("--speed NaN", "accepted: a number above 0"),
+        ("--speed step", "stepping needs the control interface, which is not there yet; accepted: a number above 0"),
+        ("--speed 1 --speed 2", "'--speed <FACTOR>' cannot be used multiple times"),
+        ("--http 127.0.0.1:8408", "--http 127.0.0.1:8408: the control interface is not there yet; accepted: --no-http"),
+        ("--seed -1", "'-1' found; accepted: --device"),
+        ("--colour red", "unexpected argument '--colour' found; accepted: --device, --allow-clash, --state, --bus,"),
+        ("run --colour", "unexpected argument '--colour' found; accepted: --device"),
+        ("walk", "unrecognized subcommand 'walk'; accepted: run, use-case"),
+        ("run walk", "unexpected argument 'walk' found; accepted: run"),
+        ("use-case 7", "no such use case; accepted: 1, 2, 3, 4, 5, 6, all"),
+        ("use-case", "the following required arguments were not provided: <1-6|all>"),
+        ("--seed 3 run", "give the options after the command"),
+    ];
+    for (line, expected) in cases {
+        let text = refused(line);
+        assert!(text.contains(expected), "{line}\n  said     {text}\n  expected {expected}");
+        assert!(!text.contains('\n') && !text.starts_with("error"), "{line}: {text}");
+    }
+}
+
+#[test]
+fn use_cases_one_or_all() {
+    let names = |line: &str| match parse(args(line)) {
+        Ok(Request::UseCases(cases)) => cases.iter().map(|case| case.name).collect::<Vec<_>>(),
+        other => panic!("{line}: {other:?}"),
+    };
+    assert_eq!(names("use-case 3"), ["3"]);
+    assert_eq!(names("use-case all"), ["1", "2", "3", "4", "5", "6"]);
+}
+
+#[test]
+fn the_help_names_every_option_and_its_default() {
+    let help = printed("--help");
+    for option in option_names() {
+        assert!(help.contains(&option), "{option} in\n{help}");
+    }
+    assert!(help.contains("socketcand://127.0.0.1:29536/pve0"));
+    assert!(printed("run --help").contains("--device"));
+    assert!(printed("--version").starts_with("pve-sim "));
+}

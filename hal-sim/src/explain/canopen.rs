@@ -1,0 +1,145 @@
+//! CANopen by the predefined connection set (CiA 301 7.3.3): NMT, SYNC, EMCY, the first PDOs, heartbeat; SDO and LSS by
+//! their own files.
+
+use protocol_core::actuator::Fault;
+use protocol_core::device::pve::{DeviceState, FAULT_CODES};
+use protocol_core::frame::Frame;
+use protocol_core::wire::emcy::{Emcy, NO_ERROR};
+use protocol_core::wire::nmt::{self, Command, State, Target};
+
+use super::{Context, hex, lss, sdo};
+
+/// The scale of set-points and positions: ±100 %.
+const FULL: i16 = 16_384;
+/// The set-point and position of float.
+const FLOAT: i16 = 32_767;
+
+pub(super) fn explain(id: u16, frame: &Frame, context: &Context<'_>) -> Option<String> {
+    let node = (id & 0x7F) as u8;
+    let from_device = |text: String| format!("{}: {text}", context.sender(node));
+    let to_device = |text: String| format!("master → {}: {text}", context.name(node));
+    let data = frame.data();
+    match id {
+        0x000 => Some(format!("master: {}", network(data, context)?)),
+        0x080 => Some("SYNC".to_owned()),
+        0x7E4 => lss::answer(frame.eight()?).map(|text| match context.sender {
+            Some(sender) => format!("{}: {text}", sender.name),
+            None => text,
+        }),
+        0x7E5 => Some(format!("master: {}", lss::request(frame.eight()?))),
+        0x081..=0x0FF => emergency(frame).map(from_device),
+        0x181..=0x1FF => Some(from_device(tpdo(data))),
+        0x201..=0x27F => Some(to_device(rpdo(data))),
+        0x581..=0x5FF => sdo::answer(frame.eight()?, context.kind(node)).map(from_device),
+        0x601..=0x67F => {
+            let kind = context.node(node).map(|node| node.kind);
+            Some(to_device(sdo::request(frame.eight()?, kind)))
+        }
+        0x701..=0x77F => heartbeat(data).map(from_device),
+        _ => None,
+    }
+}
+
+fn network(data: &[u8], context: &Context<'_>) -> Option<String> {
+    let (command, target) = nmt::parse(data)?;
+    let command = match command {
+        Command::Start => "start",
+        Command::Stop => "stop",
+        Command::EnterPreOperational => "enter pre-operational",
+        Command::ResetApplication => "reset application",
+        Command::ResetCommunication => "reset communication",
+    };
+    let target = match target {
+        Target::All => "all nodes".to_owned(),
+        Target::Node(node) => context.name(node.get()),
+    };
+    Some(format!("NMT {command}, {target}"))
+}
+
+fn heartbeat(data: &[u8]) -> Option<String> {
+    let &[code] = data else { return None };
+    let state = match State::from_code(code)? {
+        State::Initialising => return Some("boot-up".to_owned()),
+        State::PreOperational => "pre-operational",
+        State::Operational => "operational",
+        State::Stopped => "stopped",
+    };
+    Some(format!("NMT state {state}"))
+}
+
+fn emergency(frame: &Frame) -> Option<String> {
+    let Emcy { code, register, manufacturer: [count, ..] } = Emcy::parse(frame.eight()?);
+    if code == NO_ERROR {
+        return Some(if register == 0 {
+            "EMCY: no error".to_owned()
+        } else {
+            format!("EMCY: no error, register 0x{register:02X}")
+        });
+    }
+    let faults: Vec<&str> =
+        FAULT_CODES.iter().filter(|codes| codes.emcy == code).map(|codes| fault(codes.fault)).collect();
+    let what = if faults.is_empty() { format!("code 0x{code:04X}") } else { faults.join(" or ") };
+    Some(format!("EMCY: {what}, register 0x{register:02X}, count {count}"))
+}
+
+/// A fault in words.
+const fn fault(fault: Fault) -> &'static str {
+    match fault {
+        Fault::SpoolNotAtSetPoint => "spool not at set-point",
+        Fault::FloatNotReached => "float not reached",
+        Fault::Internal => "internal error",
+        Fault::CanBus => "CAN bus error",
+        Fault::Temperature => "temperature",
+        Fault::SupplyHigh => "supply too high",
+        Fault::SupplyLow => "supply too low",
+        Fault::TimeGuarding => "time guarding",
+    }
+}
+
+/// By the default mapping: control word and set-point.
+fn rpdo(data: &[u8]) -> String {
+    let &[a, b, c, d] = data else { return format!("RPDO {}", hex(data)) };
+    let word = u16::from_le_bytes([a, b]);
+    format!("RPDO control word 0x{word:04X} ({}), set-point {}", command(word), stroke(i16::from_le_bytes([c, d])))
+}
+
+/// By the default mapping: status word and position.
+fn tpdo(data: &[u8]) -> String {
+    let &[a, b, c, d] = data else { return format!("TPDO {}", hex(data)) };
+    let word = u16::from_le_bytes([a, b]);
+    format!("TPDO status word 0x{word:04X} ({}), position {}", state(word), stroke(i16::from_le_bytes([c, d])))
+}
+
+/// What the low bits of a control word ask for (SPEC 4.3): reset, mode active, hold, disabled.
+pub(super) const fn command(word: u16) -> &'static str {
+    match word & 0x0F {
+        0b0000 | 0b1000 => "initialise",
+        0b0001 | 0b1001 => "disable",
+        0b0011 => "hold, fault reset 1 of 2",
+        0b1011 => "hold, fault reset 2 of 2",
+        0b0111 | 0b1111 => "activate",
+        _ => "unusual",
+    }
+}
+
+/// The state that a status word tells.
+pub(super) fn state(word: u16) -> &'static str {
+    match DeviceState::ALL.into_iter().find(|state| state.status_word() == word) {
+        Some(DeviceState::Init) => "INIT",
+        Some(DeviceState::Disabled) => "DISABLED",
+        Some(DeviceState::Hold) => "HOLD",
+        Some(DeviceState::Active) => "ACTIVE",
+        Some(DeviceState::FaultHold) => "FAULT_HOLD",
+        None => "unknown state",
+    }
+}
+
+/// A set-point or a position.
+pub(super) fn stroke(raw: i16) -> String {
+    match raw {
+        FLOAT => "float".to_owned(),
+        0 => "neutral".to_owned(),
+        raw if (-FULL..=FULL).contains(&raw) => format!("{:+.1} %", f64::from(raw) * 100.0 / f64::from(FULL)),
+        raw => format!("{raw}, out of range"),
+    }
+}

@@ -1,0 +1,121 @@
+//! What a frame means, in one short line: for the trace.
+//!
+//! A frame is explained by itself and the table of the devices on the bus, nothing else: no state is kept, so a line is
+//! right wherever the trace begins. PDOs are read by the default mapping and the default identifiers (SPEC 4.1).
+//!
+//! ```text
+//! canopen   NMT, SYNC, EMCY, PDOs, boot-up and heartbeat        object   objects and their values
+//! sdo       SDO requests and answers                            lss      LSS requests and answers
+//! uds       UDS lite
+//! ```
+
+mod canopen;
+mod lss;
+mod object;
+mod sdo;
+mod uds;
+
+use protocol_core::frame::{Frame, Id};
+
+use crate::bus::BusError;
+use crate::kind::Kind;
+
+/// A device as the explanations know it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Node {
+    /// Its name.
+    pub name: String,
+    /// What it is.
+    pub kind: Kind,
+    /// Its node ID now.
+    pub node_id: Option<u8>,
+}
+
+/// Explains frames by the devices that are on the bus.
+#[derive(Clone, Debug, Default)]
+pub struct Explainer {
+    nodes: Vec<Node>,
+}
+
+impl Explainer {
+    /// For these devices.
+    #[must_use]
+    pub const fn new(nodes: Vec<Node>) -> Self {
+        Self { nodes }
+    }
+
+    /// The devices; their node IDs change.
+    pub fn nodes_mut(&mut self) -> &mut [Node] {
+        &mut self.nodes
+    }
+
+    /// What a frame means. `from` is the name of its sender, where that is known: a device is then called by its name
+    /// whatever identifier it sends under.
+    #[must_use]
+    pub fn explain(&self, frame: &Frame, from: Option<&str>) -> String {
+        let sender = from.and_then(|name| self.nodes.iter().find(|node| node.name == name));
+        let context = Context { nodes: &self.nodes, sender };
+        let meaning = if frame.is_remote() {
+            Some(format!("remote frame, length {}", frame.len()))
+        } else {
+            match frame.id() {
+                Id::Standard(id) => canopen::explain(id.as_raw(), frame, &context),
+                Id::Extended(id) => uds::explain(id.as_raw(), frame.data(), &context),
+            }
+        };
+        meaning.unwrap_or_else(|| "unknown".to_owned())
+    }
+
+    /// What an error frame means that destroyed `frame`.
+    #[must_use]
+    pub fn explain_error(&self, error: BusError, frame: &Frame, from: &str) -> String {
+        let why = match error {
+            BusError::Acknowledgement => "nobody acknowledged",
+            BusError::Bit => "bit error in",
+            BusError::Stuff => "stuff error in",
+        };
+        format!("error frame: {why} {frame} of {from}")
+    }
+}
+
+/// What an explanation may look at beside the frame.
+struct Context<'a> {
+    nodes: &'a [Node],
+    sender: Option<&'a Node>,
+}
+
+impl Context<'_> {
+    /// The device of a node ID.
+    fn node(&self, id: u8) -> Option<&Node> {
+        self.nodes.iter().find(|node| node.node_id == Some(id))
+    }
+
+    /// The name of the device of a node ID, or what to call one that is not known.
+    fn name(&self, id: u8) -> String {
+        self.node(id).map_or_else(|| format!("node 0x{id:02X}"), |node| node.name.clone())
+    }
+
+    /// The name of the sender of a frame that belongs to a node ID.
+    fn sender(&self, id: u8) -> String {
+        self.sender.map_or_else(|| self.name(id), |sender| sender.name.clone())
+    }
+
+    /// The kind of the device that a frame of a node ID is about.
+    fn kind(&self, id: u8) -> Option<Kind> {
+        self.sender.or_else(|| self.node(id)).map(|node| node.kind)
+    }
+}
+
+/// Bytes in hex, with blanks between them.
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" ")
+}
+
+/// Bytes as a quoted text when they are one, else in hex.
+fn text_or_hex(bytes: &[u8]) -> String {
+    let printable = !bytes.is_empty() && bytes.iter().all(|byte| (b' '..=b'~').contains(byte));
+    if printable { format!("\"{}\"", String::from_utf8_lossy(bytes)) } else { hex(bytes) }
+}
+
+#[cfg(test)]
+mod tests;

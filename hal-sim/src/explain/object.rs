@@ -1,0 +1,59 @@
+//! Objects of a device's dictionary, and their values.
+
+use protocol_core::canopen::dictionary::{DataType, Entry, Table, Value};
+use protocol_core::device::pve;
+use protocol_core::wire::sdo::Multiplexer;
+
+use super::canopen::{command, state, stroke};
+use super::{hex, text_or_hex};
+use crate::kind::Kind;
+
+const fn table(kind: Kind) -> Table {
+    match kind {
+        Kind::PveCanopen(_) => pve::TABLE,
+    }
+}
+
+fn entry(object: Multiplexer, kind: Option<Kind>) -> Option<&'static Entry> {
+    table(kind?).find(object).ok()
+}
+
+/// Index, sub-index where there is one or it is not 0, and the name where it is known.
+pub(super) fn object(object: Multiplexer, kind: Option<Kind>) -> String {
+    let Multiplexer { index, sub } = object;
+    let number = format!("0x{index:04X}:{sub}");
+    entry(object, kind).map_or(number.clone(), |entry| format!("{number} ({})", entry.name))
+}
+
+/// What an object holds, of the type that the dictionary gives it.
+pub(super) fn value(object: Multiplexer, bytes: &[u8], kind: Option<Kind>) -> String {
+    let Some(entry) = entry(object, kind) else { return raw(bytes) };
+    let Value::Number(number) = Value::of(entry.data_type, bytes) else { return text_or_hex(bytes) };
+    match (object.index, object.sub) {
+        // signatures are texts: "save", "load"
+        (0x1010 | 0x1011, 1..) => text_or_hex(bytes),
+        (0x6040, _) => format!("0x{number:04X} ({})", command(number as u16)),
+        (0x6041, _) => format!("0x{number:04X} ({})", state(number as u16)),
+        (0x6300 | 0x6301, 1) => format!("{} ({})", number as u16 as i16, stroke(number as u16 as i16)),
+        (0x6042, _) if number == 1 => "1 (full operational)".to_owned(),
+        (0x6042, _) if number == 2 => "2 (hand operation)".to_owned(),
+        _ => match entry.data_type {
+            DataType::I8 => (number as u8 as i8).to_string(),
+            DataType::I16 => (number as u16 as i16).to_string(),
+            DataType::I32 => (number as i32).to_string(),
+            DataType::U8 | DataType::U16 => number.to_string(),
+            DataType::U32 | DataType::Text(_) => format!("0x{number:08X}"),
+        },
+    }
+}
+
+/// Of an object that is not known: up to four bytes as a number.
+fn raw(bytes: &[u8]) -> String {
+    match bytes {
+        [_] | [_, _] | [_, _, _, _] => {
+            let digits: String = bytes.iter().rev().map(|byte| format!("{byte:02X}")).collect();
+            format!("0x{digits}")
+        }
+        _ => hex(bytes),
+    }
+}

@@ -1,0 +1,223 @@
+//! Frames and what is said of them.
+
+use protocol_core::device::pve;
+use protocol_core::frame::standard;
+
+use super::*;
+
+const PVEA: Kind = Kind::PveCanopen(pve::Kind::PveaCanopen);
+const PVEO: Kind = Kind::PveCanopen(pve::Kind::PveoCanopen);
+
+fn explainer() -> Explainer {
+    Explainer::new(vec![
+        Node { name: "valve".to_owned(), kind: PVEA, node_id: Some(0x20) },
+        Node { name: "rear".to_owned(), kind: PVEO, node_id: None },
+    ])
+}
+
+/// A frame in the manual's notation.
+fn frame(text: &str) -> Frame {
+    text.parse().unwrap_or_else(|error| panic!("{text}: {error}"))
+}
+
+fn check(cases: &[(&str, &str)]) {
+    for (text, meaning) in cases {
+        assert_eq!(explainer().explain(&frame(text), None), *meaning, "{text}");
+    }
+}
+
+#[test]
+fn network_management() {
+    check(&[
+        ("000: 01 00", "master: NMT start, all nodes"),
+        ("000: 02 20", "master: NMT stop, valve"),
+        ("000: 80 21", "master: NMT enter pre-operational, node 0x21"),
+        ("000: 81 00", "master: NMT reset application, all nodes"),
+        ("000: 82 00", "master: NMT reset communication, all nodes"),
+        ("000: 03 00", "unknown"),
+        ("000: 01", "unknown"),
+        ("720: 00", "valve: boot-up"),
+        ("720: 7F", "valve: NMT state pre-operational"),
+        ("720: 05", "valve: NMT state operational"),
+        ("705: 04", "node 0x05: NMT state stopped"),
+        ("720: 33", "unknown"),
+        ("720:", "unknown"),
+        ("080:", "SYNC"),
+    ]);
+}
+
+#[test]
+fn process_data() {
+    check(&[
+        ("220: 0F 00 00 20", "master → valve: RPDO control word 0x000F (activate), set-point +50.0 %"),
+        ("220: 0F 00 00 00", "master → valve: RPDO control word 0x000F (activate), set-point neutral"),
+        ("220: 03 00 00 C0", "master → valve: RPDO control word 0x0003 (hold, fault reset 1 of 2), set-point -100.0 %"),
+        ("220: 0B 00 FF 7F", "master → valve: RPDO control word 0x000B (hold, fault reset 2 of 2), set-point float"),
+        ("220: 01 00 01 40", "master → valve: RPDO control word 0x0001 (disable), set-point 16385, out of range"),
+        ("220: 00 00 00 00", "master → valve: RPDO control word 0x0000 (initialise), set-point neutral"),
+        ("220: 0E 00 00 00", "master → valve: RPDO control word 0x000E (unusual), set-point neutral"),
+        ("220: 0F", "master → valve: RPDO 0F"),
+        ("1A0: 08 00 00 00", "valve: TPDO status word 0x0008 (INIT), position neutral"),
+        ("1A0: 09 00 00 00", "valve: TPDO status word 0x0009 (DISABLED), position neutral"),
+        ("1A0: 0B 00 00 00", "valve: TPDO status word 0x000B (HOLD), position neutral"),
+        ("1A0: 0F 00 00 10", "valve: TPDO status word 0x000F (ACTIVE), position +25.0 %"),
+        ("1A0: 03 00 FF 7F", "valve: TPDO status word 0x0003 (FAULT_HOLD), position float"),
+        ("1A0: 55 00 00 00", "valve: TPDO status word 0x0055 (unknown state), position neutral"),
+        ("1A0: 0F 00 01", "valve: TPDO 0F 00 01"),
+    ]);
+}
+
+#[test]
+fn emergencies() {
+    check(&[
+        ("0A0: 12 34 05 0F 00 00 00 00", "valve: EMCY: supply too low, register 0x05, count 15"),
+        ("0A0: 11 34 05 01 00 00 00 00", "valve: EMCY: supply too high, register 0x05, count 1"),
+        (
+            "0A0: 05 83 21 02 00 00 00 00",
+            "valve: EMCY: spool not at set-point or float not reached, register 0x21, count 2",
+        ),
+        ("0A0: 00 10 01 01 00 00 00 00", "valve: EMCY: internal error, register 0x01, count 1"),
+        ("0A0: 40 81 11 01 00 00 00 00", "valve: EMCY: CAN bus error, register 0x11, count 1"),
+        ("0A0: 01 83 09 01 00 00 00 00", "valve: EMCY: temperature, register 0x09, count 1"),
+        ("0A0: 03 80 91 7F 00 00 00 00", "valve: EMCY: time guarding, register 0x91, count 127"),
+        ("0A0: 34 12 01 00 00 00 00 00", "valve: EMCY: code 0x1234, register 0x01, count 0"),
+        ("0A0: 00 00 00 00 00 00 00 00", "valve: EMCY: no error"),
+        ("0A0: 00 00 05 00 00 00 00 00", "valve: EMCY: no error, register 0x05"),
+        ("0A0: 12 34 05", "unknown"),
+    ]);
+}
+
+#[test]
+fn service_data() {
+    check(&[
+        ("620: 40 18 10 01 00 00 00 00", "master → valve: SDO read 0x1018:1 (Vendor ID)"),
+        ("621: 40 18 10 01 00 00 00 00", "master → node 0x21: SDO read 0x1018:1"),
+        ("620: 40 00 20 00 00 00 00 00", "master → valve: SDO read 0x2000:0"),
+        ("5A0: 43 18 10 01 19 00 00 01", "valve: SDO answer 0x1018:1 (Vendor ID) = 0x01000019"),
+        ("5A0: 4F 01 10 00 05 00 00 00", "valve: SDO answer 0x1001:0 (Error register) = 5"),
+        ("5A1: 43 18 10 01 19 00 00 01", "node 0x21: SDO answer 0x1018:1 = 0x01000019"),
+        ("5A0: 4F 00 33 00 81 00 00 00", "valve: SDO answer 0x3300:0 (Set-point, 8 bit) = -127"),
+        ("5A0: 4B 01 63 01 00 E0 00 00", "valve: SDO answer 0x6301:1 (VPOC actual value) = -8192 (-50.0 %)"),
+        ("5A0: 4B 41 60 00 0F 00 00 00", "valve: SDO answer 0x6041:0 (Device status word) = 0x000F (ACTIVE)"),
+        (
+            "620: 2B 40 60 00 0F 00 00 00",
+            "master → valve: SDO write 0x6040:0 (Device control word) = 0x000F (activate)",
+        ),
+        ("620: 2F 42 60 00 02 00 00 00", "master → valve: SDO write 0x6042:0 (Device mode) = 2 (hand operation)"),
+        ("620: 22 10 10 01 73 61 76 65", "master → valve: SDO write 0x1010:1 (Store all parameters) = \"save\""),
+        ("620: 2B 17 10 00 E8 03 00 00", "master → valve: SDO write 0x1017:0 (Producer heartbeat time) = 1000"),
+        ("5A0: 60 17 10 00 00 00 00 00", "valve: SDO written 0x1017:0 (Producer heartbeat time)"),
+        (
+            "5A0: 41 0A 10 00 2F 00 00 00",
+            "valve: SDO answer 0x100A:0 (Manufacturer software version), 47 bytes in segments",
+        ),
+        ("620: 60 00 00 00 00 00 00 00", "master → valve: SDO read, next segment, toggle 0"),
+        ("5A0: 00 41 50 50 2D 5F 53 36", "valve: SDO answer, segment \"APP-_S6\", toggle 0"),
+        ("5A0: 1B 30 31 00 00 00 00 00", "valve: SDO answer, last segment \"01\", toggle 1"),
+        (
+            "620: 21 53 60 00 0A 00 00 00",
+            "master → valve: SDO write 0x6053:0 (Device description), 10 bytes in segments",
+        ),
+        ("620: 20 53 60 00 00 00 00 00", "master → valve: SDO write 0x6053:0 (Device description), in segments"),
+        ("620: 00 00 01 02 03 04 05 06", "master → valve: SDO write, segment 00 01 02 03 04 05 06, toggle 0"),
+        ("5A0: 30 00 00 00 00 00 00 00", "valve: SDO written, segment, toggle 1"),
+        (
+            "5A0: 80 17 10 00 12 00 07 06",
+            "valve: SDO abort 0x1017:0 (Producer heartbeat time): length too high (0x06070012)",
+        ),
+        ("620: 80 00 20 00 00 00 02 06", "master → valve: SDO abort 0x2000:0: object does not exist (0x06020000)"),
+        ("620: A0 18 10 01 00 00 00 00", "master → valve: SDO unknown command 0xA0"),
+        ("5A0: A0 18 10 01 00 00 00 00", "unknown"),
+        ("620: 40 18 10 01", "unknown"),
+    ]);
+}
+
+#[test]
+fn layer_setting() {
+    check(&[
+        ("7E5: 04 01 00 00 00 00 00 00", "master: LSS all to configuration"),
+        ("7E5: 04 00 00 00 00 00 00 00", "master: LSS all to waiting"),
+        ("7E5: 04 07 00 00 00 00 00 00", "master: LSS all to mode 7, which is reserved"),
+        ("7E5: 40 19 00 00 01 00 00 00", "master: LSS select by vendor ID 0x01000019"),
+        ("7E5: 43 00 01 2E 5B 00 00 00", "master: LSS select by serial number 0x5B2E0100"),
+        ("7E4: 44 00 00 00 00 00 00 00", "LSS selected"),
+        ("7E5: 11 17 00 00 00 00 00 00", "master: LSS configure node ID 0x17"),
+        ("7E5: 11 FF 00 00 00 00 00 00", "master: LSS configure no node ID"),
+        ("7E4: 11 00 00 00 00 00 00 00", "LSS node ID: done"),
+        ("7E4: 11 01 00 00 00 00 00 00", "LSS node ID: error 1 (out of range)"),
+        ("7E5: 13 00 02 00 00 00 00 00", "master: LSS configure bit timing, table 0, index 2 (500 kbit/s)"),
+        ("7E5: 13 00 05 00 00 00 00 00", "master: LSS configure bit timing, table 0, index 5"),
+        ("7E4: 13 00 00 00 00 00 00 00", "LSS bit timing: done"),
+        ("7E5: 15 E8 03 00 00 00 00 00", "master: LSS activate bit timing, switch after 1000 ms"),
+        ("7E5: 17 00 00 00 00 00 00 00", "master: LSS store"),
+        ("7E4: 17 02 00 00 00 00 00 00", "LSS store: error 2 (memory access)"),
+        ("7E5: 5C 00 00 00 00 00 00 00", "master: LSS inquire revision"),
+        ("7E4: 5C 20 00 01 00 00 00 00", "LSS revision 0x00010020"),
+        ("7E5: 5E 00 00 00 00 00 00 00", "master: LSS inquire node ID"),
+        ("7E4: 5E 20 00 00 00 00 00 00", "LSS node ID 0x20"),
+        ("7E4: 5E FF 00 00 00 00 00 00", "LSS no node ID"),
+        ("7E5: 4C 00 00 00 00 00 00 00", "master: LSS who has no node ID?"),
+        ("7E4: 50 00 00 00 00 00 00 00", "LSS has no node ID"),
+        ("7E5: 51 00 00 00 00 80 00 00", "master: LSS fast scan, who is there?"),
+        ("7E5: 51 00 00 36 53 1F 01 02", "master: LSS fast scan, product code 0x53360000 from bit 31, then revision"),
+        ("7E4: 4F 00 00 00 00 00 00 00", "LSS identified"),
+        ("7E5: 99 00 00 00 00 00 00 00", "master: LSS unknown command 0x99"),
+        ("7E4: 99 00 00 00 00 00 00 00", "unknown"),
+        ("7E5: 04 01", "unknown"),
+    ]);
+}
+
+#[test]
+fn diagnostics() {
+    check(&[
+        ("1BC78820: 03 22 10 01", "tool 0xF1 → valve: UDS read 0x1001 (node ID)"),
+        ("1BC100F1: 04 62 10 01 20", "valve → tool 0xF1: UDS answer 0x1001 (node ID) = 20"),
+        ("1BC100F1: 07 62 F1 95 31 2E 33 32", "valve → tool 0xF1: UDS answer 0xF195 (software version) = \"1.32\""),
+        ("1BC78805: 04 2E 10 01 06", "tool 0xF1 → node 0x05: UDS write 0x1001 (node ID) = 06"),
+        ("1BC028F1: 03 6E 10 01", "node 0x05 → tool 0xF1: UDS written 0x1001 (node ID)"),
+        ("1BC100F1: 03 7F 22 31", "valve → tool 0xF1: UDS read refused, request out of range (0x31)"),
+        ("1BC100F1: 03 7F 2E 33", "valve → tool 0xF1: UDS write refused, security access denied (0x33)"),
+        ("1BC100F1: 03 7F 10 11", "valve → tool 0xF1: UDS service 0x10 refused, service not supported (0x11)"),
+        ("1BC78820: 04 22 10 01", "tool 0xF1 → valve: UDS read 0x1001 (node ID), wrong length"),
+        ("1BC78820: 02 10 03", "tool 0xF1 → valve: UDS service 0x10"),
+        ("1BC78820: 00", "unknown"),
+        ("1BC78820:", "unknown"),
+        ("18FECA80: 00 FF 00 00 00 00 FF FF", "unknown"),
+    ]);
+}
+
+#[test]
+fn the_rest_is_unknown() {
+    check(&[
+        ("123: FF", "unknown"),
+        ("2A0: 00", "unknown"),
+        ("7FF:", "unknown"),
+        ("580:", "unknown"),
+        ("100:", "unknown"),
+    ]);
+    let remote = Frame::remote(standard(0x720).into(), 1);
+    assert_eq!(explainer().explain(&remote, None), "remote frame, length 1");
+}
+
+#[test]
+fn a_known_sender_is_called_by_its_name_whatever_it_sends_under() {
+    let explainer = explainer();
+    assert_eq!(explainer.explain(&frame("711: 00"), Some("valve")), "valve: boot-up");
+    assert_eq!(explainer.explain(&frame("7E4: 44 00 00 00 00 00 00 00"), Some("rear")), "rear: LSS selected");
+    assert_eq!(explainer.explain(&frame("711: 00"), Some("client 1")), "node 0x11: boot-up");
+}
+
+#[test]
+fn node_ids_change() {
+    let mut explainer = explainer();
+    explainer.nodes_mut()[1].node_id = Some(0x11);
+    assert_eq!(explainer.explain(&frame("000: 01 11"), None), "master: NMT start, rear");
+}
+
+#[test]
+fn error_frames() {
+    let error = |error| explainer().explain_error(error, &frame("720: 05"), "valve");
+    assert_eq!(error(BusError::Acknowledgement), "error frame: nobody acknowledged 720: 05 of valve");
+    assert_eq!(error(BusError::Bit), "error frame: bit error in 720: 05 of valve");
+    assert_eq!(error(BusError::Stuff), "error frame: stuff error in 720: 05 of valve");
+}

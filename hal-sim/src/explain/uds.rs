@@ -1,0 +1,80 @@
+//! UDS lite in its 29-bit identifiers (SPEC 7).
+
+use protocol_core::wire::uds::{Address, Identifier, NegativeCode, READ, WRITE, parse_id, single_frame};
+
+use super::{Context, hex, text_or_hex};
+
+/// What a positive answer adds to the service, and what a negative one has in its place (ISO 14229-1).
+const POSITIVE: u8 = 0x40;
+const NEGATIVE: u8 = 0x7F;
+
+pub(super) fn explain(id: u32, data: &[u8], context: &Context<'_>) -> Option<String> {
+    let (source, destination) = parse_id(id)?;
+    let (message, complete) = single_frame(data)?;
+    let &[service, ref rest @ ..] = message else { return None };
+    let parties = format!("{} → {}", party(source, context), party(destination, context));
+    let meaning = match service {
+        READ => format!("read {}", identifier(rest)),
+        WRITE => {
+            let (id, value) = rest.split_at_checked(2).unwrap_or((rest, &[]));
+            format!("write {} = {}", identifier(id), hex(value))
+        }
+        _ if service == READ | POSITIVE => {
+            let (id, value) = rest.split_at_checked(2).unwrap_or((rest, &[]));
+            format!("answer {} = {}", identifier(id), content(id, value))
+        }
+        _ if service == WRITE | POSITIVE => format!("written {}", identifier(rest)),
+        NEGATIVE => match rest {
+            [READ, code, ..] => format!("read refused, {}", reason(*code)),
+            [WRITE, code, ..] => format!("write refused, {}", reason(*code)),
+            [service, code, ..] => format!("service 0x{service:02X} refused, {}", reason(*code)),
+            _ => "refused".to_owned(),
+        },
+        service => format!("service 0x{service:02X}"),
+    };
+    let length = if complete { "" } else { ", wrong length" };
+    Some(format!("{parties}: UDS {meaning}{length}"))
+}
+
+/// A device by its name, a tool by its address.
+fn party(address: Address, context: &Context<'_>) -> String {
+    let device = u8::try_from(address.raw()).ok().filter(|id| (1..=0x7F).contains(id));
+    device.map_or_else(|| format!("tool 0x{:02X}", address.raw()), |id| context.name(id))
+}
+
+fn identifier(bytes: &[u8]) -> String {
+    let &[high, low, ..] = bytes else { return "without identifier".to_owned() };
+    let id: Identifier = u16::from_be_bytes([high, low]);
+    let name = match id {
+        0x1001 => " (node ID)",
+        0xF010 => " (address format)",
+        0xF18B => " (manufacturing date)",
+        0xF18C => " (serial number)",
+        0xF192 => " (hardware part number)",
+        0xF193 => " (hardware version)",
+        0xF194 => " (software number)",
+        0xF195 => " (software version)",
+        0xF1FA..=0xF1FD => " (diagnostic file)",
+        _ => "",
+    };
+    format!("0x{id:04X}{name}")
+}
+
+/// The versions are texts.
+fn content(identifier: &[u8], value: &[u8]) -> String {
+    if matches!(identifier, [0xF1, 0x93 | 0x95]) { text_or_hex(value) } else { hex(value) }
+}
+
+fn reason(code: u8) -> String {
+    use NegativeCode as Code;
+    const ALL: [NegativeCode; 6] = [
+        Code::ServiceNotSupported,
+        Code::IncorrectLength,
+        Code::ConditionsNotCorrect,
+        Code::RequestOutOfRange,
+        Code::SecurityAccessDenied,
+        Code::ProgrammingFailure,
+    ];
+    let meaning = ALL.into_iter().find(|known| *known as u8 == code).map_or("unknown code", NegativeCode::meaning);
+    format!("{meaning} (0x{code:02X})")
+}

@@ -1,0 +1,82 @@
+//! Gateways: clients of the bus that live outside of the world, and the messages between the two.
+//!
+//! The world runs on a thread of its own and never waits for a client. What a client wants comes to it as
+//! [`ToWorld`] messages over one channel; what the client is to see goes into the client's own bounded queue, its
+//! [`Outbox`], and a client whose queue is full is disconnected.
+//!
+//! ```text
+//! socketcand/protocol   bytes ↔ requests and replies, no I/O
+//! socketcand/session    one client, over any stream
+//! socketcand/server     the listening socket
+//! ```
+
+mod outbox;
+pub mod socketcand;
+
+pub use outbox::{CREDIT, Leash, Mailbox, Outbox, Overrun, QUEUE};
+
+use std::borrow::Cow;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use protocol_core::frame::Frame;
+
+use crate::trace::{ErrorClass, Timestamp};
+
+/// A client, for as long as it is connected; the number is not used again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ClientId(u64);
+
+impl ClientId {
+    /// A number that no other client has.
+    #[must_use]
+    pub fn next() -> Self {
+        static COUNT: AtomicU64 = AtomicU64::new(1);
+        Self(COUNT.fetch_add(1, Ordering::Relaxed))
+    }
+}
+
+/// What a client wants of the world. Messages of one client take effect in their order.
+#[derive(Debug)]
+pub enum ToWorld {
+    /// It is there, and hears nothing yet.
+    Join(ClientId, Outbox),
+    /// It gets what is on the bus from now on, after this reply.
+    Listen(ClientId, Reply),
+    /// It sends a frame.
+    Send(ClientId, Frame),
+    /// It is to get this reply when everything before has taken effect.
+    Reply(ClientId, Reply),
+    /// It is gone; what it sent before is still sent.
+    Leave(ClientId),
+    /// The simulator is to end.
+    Stop,
+}
+
+/// What a client gets.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ToClient {
+    /// A frame that somebody else sent.
+    Frame(Timestamp, Frame),
+    /// An error frame.
+    Error(Timestamp, ErrorClass),
+    /// A reply in the client's own protocol.
+    Reply(Reply),
+}
+
+/// A reply in the client's own protocol, which only its gateway understands.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Reply {
+    /// The bytes that go to the client.
+    pub text: Cow<'static, str>,
+    /// How long nothing else goes to the client after it.
+    pub pause: Duration,
+}
+
+impl Reply {
+    /// A reply that anything may follow at once.
+    #[must_use]
+    pub fn new(text: impl Into<Cow<'static, str>>) -> Self {
+        Self { text: text.into(), pause: Duration::ZERO }
+    }
+}

@@ -1,0 +1,85 @@
+//! What ties one client to the world: a bounded queue towards it, and the credit that bounds what it may send.
+
+use std::sync::Arc;
+
+use tokio::sync::{Notify, Semaphore, mpsc};
+
+use super::ToClient;
+
+/// How much may wait for a client that reads slowly: some three seconds of a bus at 500 kbit/s under full load.
+pub const QUEUE: usize = 16_384;
+
+/// How many messages of one client may wait for the world and the bus; beyond that its socket is not read.
+pub const CREDIT: usize = 1024;
+
+/// The world's end of one client.
+#[derive(Clone, Debug)]
+pub struct Outbox {
+    queue: mpsc::Sender<ToClient>,
+    leash: Leash,
+}
+
+/// The client's end of an [`Outbox`]. When the world drops the outbox, the queue ends.
+#[derive(Debug)]
+pub struct Mailbox {
+    /// What the client is to get.
+    pub queue: mpsc::Receiver<ToClient>,
+    /// What the client may do, and whether it still may.
+    pub leash: Leash,
+}
+
+/// What the client may do, and whether it still may.
+#[derive(Clone, Debug)]
+pub struct Leash {
+    dismissed: Arc<Notify>,
+    credit: Arc<Semaphore>,
+}
+
+/// The client did not keep up, and is being disconnected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Overrun;
+
+impl Outbox {
+    /// An outbox, and the client's end of it.
+    #[must_use]
+    pub fn new() -> (Self, Mailbox) {
+        let (sender, queue) = mpsc::channel(QUEUE);
+        let leash = Leash { dismissed: Arc::default(), credit: Arc::new(Semaphore::new(CREDIT)) };
+        (Self { queue: sender, leash: leash.clone() }, Mailbox { queue, leash })
+    }
+
+    /// Puts something into the queue, never waiting.
+    ///
+    /// # Errors
+    /// [`Overrun`] when the queue is full: the client is told to go, and nothing more will reach it.
+    pub fn post(&self, message: ToClient) -> Result<(), Overrun> {
+        match self.queue.try_send(message) {
+            Ok(()) => Ok(()),
+            // The session has ended by itself, and says so on its own.
+            Err(mpsc::error::TrySendError::Closed(_)) => Ok(()),
+            Err(mpsc::error::TrySendError::Full(_)) => {
+                self.leash.dismissed.notify_one();
+                Err(Overrun)
+            }
+        }
+    }
+
+    /// Gives credit back for messages that are done: replied to, or sent on the bus.
+    pub fn refund(&self, messages: usize) {
+        self.leash.credit.add_permits(messages);
+    }
+}
+
+impl Leash {
+    /// Waits until one more message may be sent to the world.
+    pub async fn spend(&self) {
+        if let Ok(permit) = self.credit.acquire().await {
+            permit.forget();
+        }
+    }
+
+    /// Waits until the world tells the client to go.
+    pub async fn dismissed(&self) {
+        self.dismissed.notified().await;
+    }
+}

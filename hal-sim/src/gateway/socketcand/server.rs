@@ -1,0 +1,79 @@
+//! The listening socket of a bus, and the options of the connections that it accepts.
+
+use std::io;
+use std::net::SocketAddr;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::mpsc::Sender;
+use std::task::{Context, Poll};
+use std::time::Duration;
+
+use tokio::io::{AsyncRead, ReadBuf};
+use tokio::net::tcp::OwnedReadHalf;
+use tokio::net::{TcpListener, TcpStream};
+
+use super::session;
+use crate::gateway::ToWorld;
+
+/// How long to wait before the next try when no connection can be accepted, as when the process has no descriptor left.
+const RETRY: Duration = Duration::from_millis(50);
+
+/// A bus that is served at an address.
+#[derive(Debug)]
+pub struct Server {
+    listener: TcpListener,
+    bus: Arc<str>,
+}
+
+impl Server {
+    /// Binds the address, `HOST:PORT`; port 0 takes a free one.
+    ///
+    /// # Errors
+    /// When it cannot be resolved or is in use.
+    pub async fn bind(authority: &str, bus: &str) -> io::Result<Self> {
+        Ok(Self { listener: TcpListener::bind(authority).await?, bus: bus.into() })
+    }
+
+    /// The address that was bound.
+    ///
+    /// # Errors
+    /// When the system does not tell.
+    pub fn address(&self) -> io::Result<SocketAddr> {
+        self.listener.local_addr()
+    }
+
+    /// Serves any number of clients, for ever.
+    pub async fn run(self, world: Sender<ToWorld>) {
+        loop {
+            match self.listener.accept().await {
+                Ok((stream, _)) => {
+                    tokio::spawn(connection(stream, Arc::clone(&self.bus), world.clone()));
+                }
+                Err(_) => tokio::time::sleep(RETRY).await,
+            }
+        }
+    }
+}
+
+async fn connection(stream: TcpStream, bus: Arc<str>, world: Sender<ToWorld>) {
+    // Without it, frames would wait for the client's acknowledgement of those before; with a socket that refuses it the
+    // client is served all the same, only later.
+    let _ = stream.set_nodelay(true);
+    let (reader, writer) = stream.into_split();
+    session::serve(Prompt(reader), writer, &bus, world).await;
+}
+
+/// A connection whose reads are acknowledged at once: a client that has not set TCP_NODELAY holds its next frame back
+/// until then. Linux forgets the option, so it is set again after each read.
+struct Prompt(OwnedReadHalf);
+
+impl AsyncRead for Prompt {
+    fn poll_read(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
+        let poll = Pin::new(&mut self.0).poll_read(cx, buf);
+        #[cfg(target_os = "linux")]
+        if poll.is_ready() {
+            let _ = self.0.as_ref().set_quickack(true);
+        }
+        poll
+    }
+}

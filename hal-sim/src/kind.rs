@@ -1,0 +1,100 @@
+//! The kinds of devices that can be put on the bus, by the name that is used everywhere (SPEC 1), and how each is built.
+
+use std::fmt;
+use std::ops::RangeInclusive;
+
+use protocol_core::device::StartCause;
+use protocol_core::device::pve::{self, PveCanopen, Setup};
+use protocol_core::memory::Image;
+use protocol_core::time::Instant;
+use protocol_core::wire::cob_id;
+
+use crate::world::SimDevice;
+
+/// A product that the simulator stands in for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Kind {
+    /// A valve actuator on CANopen.
+    PveCanopen(pve::Kind),
+}
+
+/// What a new memory is filled with; an existing one decides for itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Birth {
+    /// The node ID; `None`: blank from the factory, to be found by LSS.
+    pub node_id: Option<u8>,
+    /// The serial number; `None`: the kind's.
+    pub serial: Option<u32>,
+}
+
+impl Kind {
+    /// Every kind there is, in the order in which they are listed to the user.
+    pub const ALL: [Self; 2] = [Self::PveCanopen(pve::Kind::PveaCanopen), Self::PveCanopen(pve::Kind::PveoCanopen)];
+
+    /// The name: in options, in traces, as default name of a device.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::PveCanopen(kind) => kind.name(),
+        }
+    }
+
+    /// The kind of a name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+
+    /// The number that state files carry.
+    #[must_use]
+    pub const fn number(self) -> u32 {
+        match self {
+            Self::PveCanopen(pve::Kind::PveaCanopen) => 1,
+            Self::PveCanopen(pve::Kind::PveoCanopen) => 2,
+        }
+    }
+
+    /// The kind of a number in a state file.
+    #[must_use]
+    pub fn from_number(number: u32) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.number() == number)
+    }
+
+    /// The node IDs that a device of this kind can have.
+    #[must_use]
+    pub const fn node_ids(self) -> RangeInclusive<u8> {
+        match self {
+            Self::PveCanopen(_) => 0x01..=0x7F,
+        }
+    }
+
+    /// As it leaves the factory.
+    #[must_use]
+    pub fn default_birth(self) -> Birth {
+        match self {
+            Self::PveCanopen(kind) => {
+                let Setup { node_id, serial, .. } = Setup::new(kind);
+                Birth { node_id: node_id.map(cob_id::NodeId::get), serial }
+            }
+        }
+    }
+
+    /// What builds such a device from its memory at each start.
+    pub fn factory(
+        self,
+        birth: Birth,
+    ) -> impl FnMut(&Image, StartCause, Instant) -> Box<dyn SimDevice> + Send + 'static {
+        move |image, cause, now| match self {
+            Self::PveCanopen(kind) => {
+                let node_id = birth.node_id.and_then(cob_id::NodeId::new);
+                Box::new(PveCanopen::power_on(Setup { kind, node_id, serial: birth.serial }, image, cause, now))
+            }
+        }
+    }
+}
+
+impl fmt::Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}

@@ -1,0 +1,184 @@
+//! stdout and stderr, on a thread of their own: somebody who starts the simulator through a pipe and does not read it,
+//! or closes it, must not hold the world up.
+
+use std::io::{self, Write};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, channel, sync_channel};
+use std::thread;
+use std::time::Duration;
+
+/// How many texts may wait for a reader before lines of the trace are left out.
+const QUEUE: usize = 4096;
+
+/// How much is written at once, at most by a line more, in bytes.
+const BATCH: usize = 64 * 1024;
+
+/// How long the end waits for a reader.
+const PATIENCE: Duration = Duration::from_millis(500);
+
+enum Text {
+    /// Lines of the trace, each with its end.
+    Trace(String),
+    /// A line for the user.
+    Warning(String),
+}
+
+/// The writer of stdout and stderr.
+#[derive(Debug)]
+pub(super) struct Printer {
+    queue: SyncSender<Text>,
+    lost: Arc<AtomicU64>,
+    ended: Receiver<()>,
+}
+
+impl Printer {
+    pub(super) fn start() -> io::Result<Self> {
+        Self::start_with(io::stdout(), io::stderr())
+    }
+
+    fn start_with(stdout: impl Write + Send + 'static, stderr: impl Write + Send + 'static) -> io::Result<Self> {
+        let (queue, texts) = sync_channel(QUEUE);
+        let (alive, ended) = channel();
+        let lost = Arc::new(AtomicU64::new(0));
+        let writer = Writer { stdout: Some(stdout), stderr, lost: lost.clone() };
+        thread::Builder::new().name("printer".to_owned()).spawn(move || {
+            writer.run(&texts);
+            drop(alive);
+        })?;
+        Ok(Self { queue, lost, ended })
+    }
+
+    /// Prints lines of the trace, or leaves them out when nobody reads.
+    pub(super) fn trace(&self, lines: String) {
+        if let Err(TrySendError::Full(Text::Trace(lines))) = self.queue.try_send(Text::Trace(lines)) {
+            let count = lines.bytes().filter(|byte| *byte == b'\n').count();
+            self.lost.fetch_add(count as u64, Ordering::Relaxed);
+        }
+    }
+
+    /// Prints a line on stderr.
+    pub(super) fn warn(&self, line: String) {
+        // When not even a warning finds room, nobody reads.
+        let _ = self.queue.try_send(Text::Warning(line));
+    }
+
+    /// Waits until everything is printed, or nobody reads it.
+    pub(super) fn finish(self) {
+        drop(self.queue);
+        let end = self.ended.recv_timeout(PATIENCE);
+        debug_assert!(matches!(end, Err(RecvTimeoutError::Disconnected | RecvTimeoutError::Timeout)));
+    }
+}
+
+struct Writer<O, E> {
+    /// `None` when its reader is gone.
+    stdout: Option<O>,
+    stderr: E,
+    lost: Arc<AtomicU64>,
+}
+
+impl<O: Write, E: Write> Writer<O, E> {
+    fn run(mut self, texts: &Receiver<Text>) {
+        let mut batch = String::new();
+        while let Ok(text) = texts.recv() {
+            self.take(text, &mut batch);
+            while batch.len() < BATCH
+                && let Ok(text) = texts.try_recv()
+            {
+                self.take(text, &mut batch);
+            }
+            if let Some(stdout) = &mut self.stdout {
+                let written = stdout.write_all(batch.as_bytes()).and_then(|()| stdout.flush());
+                if written.is_err() {
+                    self.stdout = None;
+                }
+            }
+            batch.clear();
+            let lost = self.lost.swap(0, Ordering::Relaxed);
+            if lost > 0 && self.stdout.is_some() {
+                self.warn(&format!("stdout was not read: {lost} lines of the trace are missing"));
+            }
+        }
+    }
+
+    fn take(&mut self, text: Text, batch: &mut String) {
+        match text {
+            Text::Trace(lines) => batch.push_str(&lines),
+            Text::Warning(line) => self.warn(&line),
+        }
+    }
+
+    fn warn(&mut self, line: &str) {
+        let _ = writeln!(self.stderr, "pve-sim: {line}").and_then(|()| self.stderr.flush());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc::Sender;
+
+    use super::*;
+
+    /// Hands on what is written to it; a write waits until the one before was taken.
+    struct Pipe(SyncSender<String>);
+
+    impl Write for Pipe {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            let text = String::from_utf8_lossy(bytes).into_owned();
+            self.0.send(text).map(|()| bytes.len()).map_err(|_| io::ErrorKind::BrokenPipe.into())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    struct Collect(Sender<u8>);
+
+    impl Write for Collect {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            bytes.iter().try_for_each(|byte| self.0.send(*byte)).map_err(|_| io::ErrorKind::BrokenPipe)?;
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    fn text(bytes: &Receiver<u8>) -> String {
+        String::from_utf8(bytes.iter().collect()).expect("text")
+    }
+
+    #[test]
+    fn a_closed_stdout_ends_the_trace_and_nothing_else() {
+        let (stdout, closed) = sync_channel(1);
+        drop(closed);
+        let (stderr, said) = channel();
+        let printer = Printer::start_with(Pipe(stdout), Collect(stderr)).unwrap();
+        printer.trace("one\n".to_owned());
+        printer.trace("two\n".to_owned());
+        printer.warn("still here".to_owned());
+        printer.finish();
+        assert_eq!(text(&said), "pve-sim: still here\n");
+    }
+
+    #[test]
+    fn a_stdout_that_nobody_reads_loses_lines_and_says_so() {
+        let (stdout, pipe) = sync_channel(0);
+        let (stderr, said) = channel();
+        let printer = Printer::start_with(Pipe(stdout), Collect(stderr)).unwrap();
+        // One batch is taken out and waits for the reader, the queue fills up, and the rest has no room.
+        let lines = 4 * QUEUE;
+        for _ in 0..lines {
+            printer.trace("line\n".to_owned());
+        }
+        let lost = printer.lost.load(Ordering::Relaxed) as usize;
+        assert!(lost > 0);
+        let reader = thread::spawn(move || pipe.iter().collect::<String>().lines().count());
+        printer.finish();
+        assert_eq!(reader.join().unwrap() + lost, lines);
+        assert_eq!(text(&said), format!("pve-sim: stdout was not read: {lost} lines of the trace are missing\n"));
+    }
+}

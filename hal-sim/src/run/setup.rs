@@ -1,0 +1,49 @@
+//! Devices with their memories, put into a world and not yet powered.
+
+use std::fs;
+use std::path::Path;
+
+use protocol_core::controller::BitRate;
+
+use super::RunError;
+use crate::cli::{NamedDevice, RunOptions};
+use crate::explain::{Explainer, Node};
+use crate::kind::Kind;
+use crate::memory::{Memory, StateFileError};
+use crate::world::World;
+
+/// The world of the options, and what the user should know about the memories, a line each.
+pub(super) fn world(options: &RunOptions) -> Result<(World, Vec<String>), RunError> {
+    // Which rate it is in the end can depend on what the first device remembers.
+    let mut world = World::new(options.bit_rate.unwrap_or(BitRate::Kbit250), options.seed);
+    let mut warnings = Vec::new();
+    if let Some(dir) = &options.state {
+        fs::create_dir_all(dir).map_err(|source| RunError::File { path: dir.clone(), source })?;
+    }
+    for device in &options.devices {
+        let mut memory = match &options.state {
+            Some(dir) => stored(dir, device)?,
+            None => Memory::in_ram(),
+        };
+        warnings.extend(memory.take_warnings());
+        world.add_device(&device.name, device.kind.factory(device.birth), memory);
+    }
+    Ok((world, warnings))
+}
+
+/// What explains the frames of the world of the options.
+pub(super) fn explainer(options: &RunOptions) -> Explainer {
+    let node = |device: &NamedDevice| Node { name: device.name.clone(), kind: device.kind, node_id: None };
+    Explainer::new(options.devices.iter().map(node).collect())
+}
+
+fn stored(dir: &Path, device: &NamedDevice) -> Result<Memory, RunError> {
+    Memory::in_file(dir, &device.name, device.kind.number()).map_err(|error| match error {
+        StateFileError::OtherKind { path, found, .. } => RunError::OtherKind {
+            path,
+            found: Kind::from_number(found).map_or("an unknown kind".to_owned(), |kind| format!("a {kind}")),
+            expected: device.kind.name(),
+        },
+        error => error.into(),
+    })
+}

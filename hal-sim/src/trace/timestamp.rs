@@ -1,0 +1,37 @@
+//! The time of a frame as traces and clients see it.
+
+use std::fmt;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use protocol_core::time::Instant;
+
+/// Microseconds since 1970, printed as seconds with six digits after the point.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Timestamp(u64);
+
+impl Timestamp {
+    /// So many microseconds since 1970.
+    #[must_use]
+    pub const fn from_micros(micros: u64) -> Self {
+        Self(micros)
+    }
+
+    /// The wall time now; a clock that is set before 1970 counts as 1970.
+    #[must_use]
+    pub fn now() -> Self {
+        let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        Self(u64::try_from(since.as_micros()).unwrap_or(u64::MAX))
+    }
+
+    /// The time at a virtual instant of a world that was started at this time.
+    #[must_use]
+    pub const fn at(self, instant: Instant) -> Self {
+        Self(self.0.saturating_add(instant.as_micros()))
+    }
+}
+
+impl fmt::Display for Timestamp {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}.{:06}", self.0 / 1_000_000, self.0 % 1_000_000)
+    }
+}
