@@ -225,6 +225,12 @@ impl Rig {
         self.pump();
     }
 
+    /// Turns the platform's clock back: for a device, time must stand still until it has caught up.
+    pub fn turn_back(&mut self, duration: Duration) {
+        self.now = Instant::from_ticks(self.now.as_ticks().saturating_sub(duration.as_ticks()));
+        self.pump();
+    }
+
     /// Lets time pass in one leap, at whose end a frame comes before the device is polled.
     pub fn leap_to(&mut self, duration: Duration, text: &str) {
         self.now = after(self.now, duration);
