@@ -132,8 +132,11 @@ fn who_is_there() {
     }
 }
 
-/// Steps of a scan: which of the four numbers is sent, bit check, sub, next; whether each is answered.
-const SCANS: [(&str, &[(usize, u8, u8, u8, bool)]); 9] = [
+/// A question: which of the four numbers is sent, bit check, sub, next; whether it is answered.
+type Step = (usize, u8, u8, u8, bool);
+
+/// Scans that show how the position moves.
+const SCANS: [(&str, &[Step]); 9] = [
     ("only with bit check 0 the position becomes next", &[(0, 1, 0, 1, true), (1, 0, 1, 2, false)]),
     ("a sub that is not the position", &[(1, 0, 1, 2, false), (3, 0, 3, 0, false), (0, 0, 0, 1, true)]),
     ("sub 0 sets the position to 0", &[(0, 0, 0, 1, true), (0, 0, 0, 1, true), (1, 0, 1, 2, true)]),
