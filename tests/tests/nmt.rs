@@ -38,6 +38,19 @@ fn nothing_overtakes_the_boot_up() {
     assert_eq!(sent, [BOOT[0], BOOT[1], "0A0: 00 10 01 02 00 00 00 00"].map(str::to_owned));
 }
 
+/// An answer that waits for the bus goes out before the device restarts.
+#[test]
+fn a_reset_does_not_swallow_an_answer() {
+    for reset in ["000: 81 00", "000: 82 00"] {
+        let mut valve = Rig::booted();
+        valve.hold_bus(true);
+        valve.send("620: 40 00 10 00 00 00 00 00");
+        valve.send(reset);
+        valve.hold_bus(false);
+        assert_eq!(valve.take(), ["5A0: 43 00 10 00 98 01 00 00", BOOT[0], BOOT[1]], "{reset}");
+    }
+}
+
 #[test]
 fn orders_for_others_and_what_is_none() {
     for order in
