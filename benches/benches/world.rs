@@ -16,7 +16,7 @@ use protocol_core::wire::cob_id::NodeId;
 fn valves(count: u8, bit_rate: BitRate) -> World {
     let mut world = World::new(bit_rate, 0);
     for node_id in 1..=count {
-        let setup = Setup { kind: Kind::PveaCanopen, node_id: NodeId::new(node_id), serial: Some(node_id.into()) };
+        let setup = Setup { kind: Kind::PveaCanopen, node_id: Some(node_id), serial: Some(node_id.into()) };
         let memory = Memory::in_ram();
         world.add_device(
             &format!("valve-{node_id}"),

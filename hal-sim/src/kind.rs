@@ -7,15 +7,14 @@ use protocol_core::device::StartCause;
 use protocol_core::device::pve::{self, PveCanopen, Setup};
 use protocol_core::memory::Image;
 use protocol_core::time::Instant;
-use protocol_core::wire::cob_id;
 
 use crate::world::SimDevice;
 
 /// A product that the simulator stands in for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Kind {
-    /// A valve actuator on CANopen.
-    PveCanopen(pve::Kind),
+    /// A valve actuator.
+    Pve(pve::Kind),
 }
 
 /// What a new memory is filled with; an existing one decides for itself.
@@ -29,13 +28,13 @@ pub struct Birth {
 
 impl Kind {
     /// Every kind there is, in the order in which they are listed to the user.
-    pub const ALL: [Self; 2] = [Self::PveCanopen(pve::Kind::PveaCanopen), Self::PveCanopen(pve::Kind::PveoCanopen)];
+    pub const ALL: [Self; 2] = [Self::Pve(pve::Kind::PveaCanopen), Self::Pve(pve::Kind::PveoCanopen)];
 
     /// The name: in options, in traces, as default name of a device.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
-            Self::PveCanopen(kind) => kind.name(),
+            Self::Pve(kind) => kind.name(),
         }
     }
 
@@ -49,8 +48,10 @@ impl Kind {
     #[must_use]
     pub const fn number(self) -> u32 {
         match self {
-            Self::PveCanopen(pve::Kind::PveaCanopen) => 1,
-            Self::PveCanopen(pve::Kind::PveoCanopen) => 2,
+            Self::Pve(pve::Kind::PveaCanopen) => 1,
+            Self::Pve(pve::Kind::PveoCanopen) => 2,
+            Self::Pve(pve::Kind::PveaIsobus) => 3,
+            Self::Pve(pve::Kind::PveoIsobus) => 4,
         }
     }
 
@@ -64,7 +65,7 @@ impl Kind {
     #[must_use]
     pub const fn node_ids(self) -> RangeInclusive<u8> {
         match self {
-            Self::PveCanopen(_) => 0x01..=0x7F,
+            Self::Pve(kind) => kind.node_ids(),
         }
     }
 
@@ -72,9 +73,9 @@ impl Kind {
     #[must_use]
     pub fn default_birth(self) -> Birth {
         match self {
-            Self::PveCanopen(kind) => {
+            Self::Pve(kind) => {
                 let Setup { node_id, serial, .. } = Setup::new(kind);
-                Birth { node_id: node_id.map(cob_id::NodeId::get), serial }
+                Birth { node_id, serial }
             }
         }
     }
@@ -85,9 +86,9 @@ impl Kind {
         birth: Birth,
     ) -> impl FnMut(&Image, StartCause, Instant) -> Box<dyn SimDevice> + Send + 'static {
         move |image, cause, now| match self {
-            Self::PveCanopen(kind) => {
-                let node_id = birth.node_id.and_then(cob_id::NodeId::new);
-                Box::new(PveCanopen::power_on(Setup { kind, node_id, serial: birth.serial }, image, cause, now))
+            Self::Pve(kind) => {
+                let setup = Setup { kind, node_id: birth.node_id, serial: birth.serial };
+                Box::new(PveCanopen::power_on(setup, image, cause, now))
             }
         }
     }

@@ -1,7 +1,6 @@
 //! The node ID and the COB-IDs: use cases 3, 4 and 6, and what follows a change and what does not (SPEC 4.5, 8).
 
 use protocol_core::device::pve::{Kind, Setup};
-use protocol_core::wire::cob_id::NodeId;
 use tests::Rig;
 
 /// How a node ID is changed: by LSS, or by UDS and a start.
@@ -35,7 +34,7 @@ fn cob_ids(valve: &mut Rig) -> [u32; 3] {
 }
 
 fn at(node_id: u8) -> Rig {
-    Rig::booted_as(Setup { node_id: NodeId::new(node_id), ..Setup::new(Kind::PveaCanopen) })
+    Rig::booted_as(Setup { node_id: Some(node_id), ..Setup::new(Kind::PveaCanopen) })
 }
 
 #[test]

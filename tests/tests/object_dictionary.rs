@@ -311,11 +311,7 @@ fn a_description_takes_up_to_ten_characters() {
 #[test]
 fn the_numbers_that_follow_the_node_id_and_the_serial_number() {
     for (node_id, serial) in [(0x01, 0), (0x7F, u32::MAX), (0x10, 42)] {
-        let setup = Setup {
-            node_id: protocol_core::wire::cob_id::NodeId::new(node_id),
-            serial: Some(serial),
-            ..Setup::new(Kind::PveaCanopen)
-        };
+        let setup = Setup { node_id: Some(node_id), serial: Some(serial), ..Setup::new(Kind::PveaCanopen) };
         let mut rig = Rig::booted_as(setup);
         let node_id = u32::from(node_id);
         assert_eq!(rig.read(0x1014, 0), 0x80 + node_id);

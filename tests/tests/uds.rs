@@ -2,7 +2,6 @@
 
 use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::time::Duration;
-use protocol_core::wire::cob_id::NodeId;
 use tests::Rig;
 
 /// From tool 0xF1 to node 0x20, and back.
@@ -246,7 +245,7 @@ fn other_identifiers_are_none() {
 #[test]
 fn every_node() {
     for node in 1..=127_u8 {
-        let mut valve = Rig::booted_as(Setup { node_id: NodeId::new(node), ..Setup::new(Kind::PveaCanopen) });
+        let mut valve = Rig::booted_as(Setup { node_id: Some(node), ..Setup::new(Kind::PveaCanopen) });
         let request = format!("{:08X}", 0x1BC7_8800 | u32::from(node));
         let answer = format!("{:08X}: 04 62 F0 10 A5", 0x1BC0_00F1 | u32::from(node) << 11);
         valve.exchange(&format!("{request}: 03 22 F0 10"), &[&answer]);

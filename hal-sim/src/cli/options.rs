@@ -15,7 +15,7 @@ use crate::kind::{Birth, Kind};
 const DEFAULT_SEED: u64 = 1;
 
 /// What runs when no device is given.
-const DEFAULT_KIND: Kind = Kind::PveCanopen(pve::Kind::PveaCanopen);
+const DEFAULT_KIND: Kind = Kind::Pve(pve::Kind::PveaCanopen);
 
 /// The options of `run`, as they were written.
 #[derive(Args, Debug)]

@@ -9,8 +9,8 @@ use super::options::NamedDevice;
 use super::*;
 use crate::kind::{Birth, Kind};
 
-const PVEA: Kind = Kind::PveCanopen(pve::Kind::PveaCanopen);
-const PVEO: Kind = Kind::PveCanopen(pve::Kind::PveoCanopen);
+const PVEA: Kind = Kind::Pve(pve::Kind::PveaCanopen);
+const PVEO: Kind = Kind::Pve(pve::Kind::PveoCanopen);
 
 fn args(line: &str) -> Vec<String> {
     std::iter::once("pve-sim").chain(line.split_whitespace()).map(str::to_owned).collect()

@@ -10,7 +10,7 @@ use crate::kind::Kind;
 
 const fn table(kind: Kind) -> Table {
     match kind {
-        Kind::PveCanopen(_) => pve::TABLE,
+        Kind::Pve(_) => pve::TABLE,
     }
 }
 

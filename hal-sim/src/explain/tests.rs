@@ -5,8 +5,8 @@ use protocol_core::frame::standard;
 
 use super::*;
 
-const PVEA: Kind = Kind::PveCanopen(pve::Kind::PveaCanopen);
-const PVEO: Kind = Kind::PveCanopen(pve::Kind::PveoCanopen);
+const PVEA: Kind = Kind::Pve(pve::Kind::PveaCanopen);
+const PVEO: Kind = Kind::Pve(pve::Kind::PveoCanopen);
 
 fn explainer() -> Explainer {
     Explainer::new(vec![

@@ -7,7 +7,6 @@ use protocol_core::device::Senses;
 use protocol_core::device::pve::{PveCanopen, Setup};
 use protocol_core::frame::Frame;
 use protocol_core::time::{Instant, NEVER};
-use protocol_core::wire::cob_id::NodeId;
 
 use super::play::Bench;
 use super::script::UseCase;
@@ -28,7 +27,7 @@ impl SimulatedBench {
         let mut world = World::new(BitRate::Kbit250, 0);
         let master = world.add_tap("master");
         for valve in case.valves {
-            let setup = Setup { kind: valve.kind, node_id: NodeId::new(valve.node_id), serial: valve.serial };
+            let setup = Setup { kind: valve.kind, node_id: Some(valve.node_id), serial: valve.serial };
             world.add_device(
                 valve.kind.name(),
                 move |image, cause, now| Box::new(PveCanopen::power_on(setup, image, cause, now)),

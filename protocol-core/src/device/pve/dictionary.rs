@@ -1,6 +1,5 @@
 //! The object dictionary of the CANopen kinds (SPEC 4.1), as one table.
 
-use super::kind::Kind;
 use crate::canopen::dictionary::Access::{Ro, Rw};
 use crate::canopen::dictionary::DataType::{I8, I16, Text, U8, U16, U32};
 use crate::canopen::dictionary::Default::{NodeIdPlus, Number, Product};
@@ -19,7 +18,8 @@ pub(super) const SERIAL_MAX: usize = 10;
 /// A mapping entry that stands for a gap of one bit.
 const DUMMY: u32 = 0x0001_0001;
 
-const SOFTWARE_VERSION_LEN: u8 = Kind::PveaCanopen.software_version().len() as u8;
+/// How many characters the software version has.
+const SOFTWARE_VERSION_LEN: u8 = 47;
 
 /// Every object of a valve on CANopen, and no other.
 pub const TABLE: Table = Table::new(&[

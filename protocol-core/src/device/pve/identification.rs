@@ -5,7 +5,6 @@ use heapless::Vec;
 use super::kind::Kind;
 use super::records::{Factory, LocalLayer};
 use crate::uds::{DATA_MAX, Identifiers, NODE_ID};
-use crate::wire::cob_id::NodeId;
 use crate::wire::lss::NO_NODE_ID;
 use crate::wire::uds::Identifier;
 
@@ -29,7 +28,7 @@ impl Identifiers for Identification<'_> {
         let number = |number: u32| Vec::from_array(number.to_be_bytes());
         Some(match identifier {
             NODE_ID => {
-                let node_id = self.local_layer.node_id.map_or(NO_NODE_ID, NodeId::get);
+                let node_id = self.local_layer.node_id.unwrap_or(NO_NODE_ID);
                 core::iter::once(node_id).collect()
             }
             0xF010 => core::iter::once(ADDRESS_FORMAT).collect(),
@@ -46,7 +45,7 @@ impl Identifiers for Identification<'_> {
     }
 
     fn accepts_node_id(&self, node_id: u8) -> bool {
-        NodeId::new(node_id).is_some()
+        self.kind.node_ids().contains(&node_id)
     }
 
     fn is_busy(&self) -> bool {

@@ -1,26 +1,35 @@
 //! The products (SPEC 1).
 
+use core::ops::RangeInclusive;
+
 use crate::actuator::Regulation;
 use crate::controller::BitRate;
 
-/// A valve on CANopen.
+/// A valve actuator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Kind {
-    /// PVEA-CI: proportional.
+    /// PVEA-CI on CANopen: proportional.
     PveaCanopen,
-    /// PVEO-CI: on/off.
+    /// PVEO-CI on CANopen: on/off.
     PveoCanopen,
+    /// PVEA-CI on ISOBUS: proportional.
+    PveaIsobus,
+    /// PVEO-CI on ISOBUS: on/off.
+    PveoIsobus,
 }
 
-/// The bit rates of the CANopen kinds, the default first.
-pub(super) const BIT_RATES: &[BitRate] = &[BitRate::Kbit250, BitRate::Kbit125, BitRate::Kbit500];
-
-/// The default node ID of the CANopen kinds.
-pub(super) const DEFAULT_NODE_ID: u8 = 0x20;
+/// The protocol that a product speaks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Protocol {
+    /// CiA 301, 305, 408.
+    Canopen,
+    /// ISO 11783-7, J1939.
+    Isobus,
+}
 
 impl Kind {
-    /// Both.
-    pub const ALL: [Self; 2] = [Self::PveaCanopen, Self::PveoCanopen];
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::PveaCanopen, Self::PveoCanopen, Self::PveaIsobus, Self::PveoIsobus];
 
     /// The name used everywhere.
     #[must_use]
@@ -28,6 +37,8 @@ impl Kind {
         match self {
             Self::PveaCanopen => "pvea-canopen",
             Self::PveoCanopen => "pveo-canopen",
+            Self::PveaIsobus => "pvea-isobus",
+            Self::PveoIsobus => "pveo-isobus",
         }
     }
 
@@ -43,31 +54,53 @@ impl Kind {
         match self {
             Self::PveaCanopen => 11_149_437,
             Self::PveoCanopen => 11_149_443,
+            Self::PveaIsobus => 11_121_945,
+            Self::PveoIsobus => 11_124_002,
         }
     }
 
-    /// Object 0x100A: version 132, the part number, release 000 (A), firmware date 180701 (A).
+    /// The protocol.
     #[must_use]
-    pub const fn software_version(self) -> &'static str {
+    pub const fn protocol(self) -> Protocol {
         match self {
-            Self::PveaCanopen => "APP-_S6m1_M_R132_CANOPEN-_11149437_-000_ 180701",
-            Self::PveoCanopen => "APP-_S6m1_M_R132_CANOPEN-_11149443_-000_ 180701",
+            Self::PveaCanopen | Self::PveoCanopen => Protocol::Canopen,
+            Self::PveaIsobus | Self::PveoIsobus => Protocol::Isobus,
         }
     }
 
-    /// The default of object 0x6053.
+    /// The node IDs, on ISOBUS addresses, that it can have.
     #[must_use]
-    pub const fn description(self) -> &'static str {
-        match self {
-            Self::PveaCanopen => "PVEA-CI S6",
-            Self::PveoCanopen => "PVEO-CI S6",
+    pub const fn node_ids(self) -> RangeInclusive<u8> {
+        match self.protocol() {
+            Protocol::Canopen => 0x01..=0x7F,
+            Protocol::Isobus => 0x80..=0x8F,
         }
     }
 
-    pub(super) const fn regulation(self) -> Regulation {
+    /// The node ID that it leaves the factory with; for ISOBUS an assumption (A).
+    #[must_use]
+    pub const fn default_node_id(self) -> u8 {
+        match self.protocol() {
+            Protocol::Canopen => 0x20,
+            Protocol::Isobus => 0x80,
+        }
+    }
+
+    /// The bit rates that it can run at, the default first.
+    #[must_use]
+    pub const fn bit_rates(self) -> &'static [BitRate] {
+        match self.protocol() {
+            Protocol::Canopen => &[BitRate::Kbit250, BitRate::Kbit125, BitRate::Kbit500],
+            Protocol::Isobus => &[BitRate::Kbit250],
+        }
+    }
+
+    /// How a set-point moves the spool.
+    #[must_use]
+    pub const fn regulation(self) -> Regulation {
         match self {
-            Self::PveaCanopen => Regulation::Proportional,
-            Self::PveoCanopen => Regulation::OnOff,
+            Self::PveaCanopen | Self::PveaIsobus => Regulation::Proportional,
+            Self::PveoCanopen | Self::PveoIsobus => Regulation::OnOff,
         }
     }
 }

@@ -5,6 +5,7 @@
 //! fault_codes     how the faults are told: SPEC 3
 //! dictionary      the object dictionary, one table          objects    what lies behind it
 //! state_machine   the device state machine of CiA 408       application    the valve under it
+//! setup           what a valve is made as                   found      what a start finds in the memory
 //! records         what is kept in the memory                storage    what waits to be written
 //! identification  the identifiers of UDS lite
 //! canopen/        the composition: a valve on CANopen
@@ -14,15 +15,18 @@ mod application;
 mod canopen;
 mod dictionary;
 mod fault_codes;
+mod found;
 mod identification;
 mod kind;
 mod objects;
 mod records;
+mod setup;
 mod state_machine;
 mod storage;
 
-pub use canopen::{PveCanopen, Setup};
+pub use canopen::PveCanopen;
 pub use dictionary::TABLE;
 pub use fault_codes::{FAULT_CODES, FaultCodes};
-pub use kind::Kind;
+pub use kind::{Kind, Protocol};
+pub use setup::Setup;
 pub use state_machine::{DeviceMode, DeviceState};

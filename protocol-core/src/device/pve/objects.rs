@@ -8,7 +8,7 @@ use super::fault_codes::{fault_of, register};
 use super::kind::Kind;
 use super::records::Factory;
 use super::state_machine::DeviceMode;
-use crate::actuator::{Position, Scale, SetPoint};
+use crate::actuator::{Position, Regulation, Scale, SetPoint};
 use crate::canopen::dictionary::{Default, Entry, Mappable, Objects, Table, Value, Written};
 use crate::canopen::emcy::{EmcyConsumer, ErrorHistory};
 use crate::canopen::heartbeat::HeartbeatProducer;
@@ -28,6 +28,22 @@ const SAVE: u32 = u32::from_le_bytes(*b"save");
 const LOAD: u32 = u32::from_le_bytes(*b"load");
 /// What 0x1011:5 takes to clear the occurrence counters: "pkds".
 const CLEAR_COUNTERS: u32 = 0x7364_6B70;
+
+/// Object 0x100A: version 132, the part number, release 000 (A), firmware date 180701 (A).
+const fn software_version(kind: Kind) -> &'static str {
+    match kind.regulation() {
+        Regulation::Proportional => "APP-_S6m1_M_R132_CANOPEN-_11149437_-000_ 180701",
+        Regulation::OnOff => "APP-_S6m1_M_R132_CANOPEN-_11149443_-000_ 180701",
+    }
+}
+
+/// The default of object 0x6053.
+const fn description(kind: Kind) -> &'static str {
+    match kind.regulation() {
+        Regulation::Proportional => "PVEA-CI S6",
+        Regulation::OnOff => "PVEO-CI S6",
+    }
+}
 
 /// The first index that is not about communication (CiA 301 7.4.1).
 const FIRST_APPLICATION_INDEX: u16 = 0x2000;
@@ -202,7 +218,7 @@ pub(super) fn default_value(entry: &Entry, kind: Kind, node_id: Option<NodeId>) 
     match entry.default {
         Default::Number(number) => Some(Value::Number(number)),
         Default::NodeIdPlus(base) => node_id.map(|id| Value::Number(base.wrapping_add(u32::from(id.get())))),
-        Default::Product => Some(Value::Text(kind.description().as_bytes())),
+        Default::Product => Some(Value::Text(description(kind).as_bytes())),
     }
 }
 
@@ -230,7 +246,7 @@ impl Objects for PveObjects {
             (0x1003, 0) => self.history.count().into(),
             (0x1003, sub) => self.history.field(sub)?,
             (0x1005, 0) => self.sync.cob_id().raw(),
-            (0x100A, 0) => return Ok(Value::Text(self.kind.software_version().as_bytes())),
+            (0x100A, 0) => return Ok(Value::Text(software_version(self.kind).as_bytes())),
             (0x1014, 0) => self.node_id.map_or(0, |node_id| node_id.id(Function::Emcy).as_raw()).into(),
             (0x1017, 0) => self.heartbeat.time().into(),
             (0x1018, 1) => identity.vendor,

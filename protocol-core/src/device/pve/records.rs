@@ -2,11 +2,10 @@
 
 use heapless::Vec;
 
-use super::kind::{BIT_RATES, DEFAULT_NODE_ID, Kind};
-use crate::actuator::Counters;
+use super::kind::{Kind, Protocol};
+use crate::actuator::{Counters, FaultSet};
 use crate::controller::BitRate;
 use crate::memory::RecordKey;
-use crate::wire::cob_id::NodeId;
 use crate::wire::lss;
 
 /// The version of a record's payload.
@@ -43,8 +42,9 @@ const VENDOR: u32 = 0x0100_0019;
 const PRODUCT: u32 = 0x5336_0000;
 /// Revision R1.32: major number in the high word, minor in the low one (R: the manual calls it BCD, its example is not).
 const REVISION: u32 = 0x0001_0020;
-/// The serial number of the manual's example.
-const SERIAL: u32 = 0x5B2E_0100;
+/// The serial number of the manual's examples: the identity object's, and on ISOBUS the NAME's.
+const SERIAL_CANOPEN: u32 = 0x5B2E_0100;
+const SERIAL_ISOBUS: u32 = 1;
 /// The hardware version (A).
 const HARDWARE_VERSION: [u8; 4] = *b"1.00";
 /// The software version (A): that of the revision.
@@ -55,12 +55,16 @@ const MANUFACTURED: [u8; 3] = [0x18, 0x07, 0x01];
 impl Factory {
     /// What a new memory is filled with.
     pub(super) fn new(kind: Kind, serial: Option<u32>) -> Self {
+        let default_serial = match kind.protocol() {
+            Protocol::Canopen => SERIAL_CANOPEN,
+            Protocol::Isobus => SERIAL_ISOBUS,
+        };
         Self {
             identity: lss::Address {
                 vendor: VENDOR,
                 product: PRODUCT,
                 revision: REVISION,
-                serial: serial.unwrap_or(SERIAL),
+                serial: serial.unwrap_or(default_serial),
             },
             function_instance: 1,
             hardware_number: kind.part_number(),
@@ -103,32 +107,33 @@ impl Factory {
     }
 }
 
-/// Node ID and bit rate, as they are in force after the next start.
+/// Node ID, on ISOBUS the address, and bit rate, as they are in force after the next start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct LocalLayer {
     /// `None` only in a memory that was blank from the factory.
-    pub(super) node_id: Option<NodeId>,
+    pub(super) node_id: Option<u8>,
     pub(super) bit_rate: BitRate,
 }
 
 impl LocalLayer {
-    pub(super) fn default_node_id() -> Option<NodeId> {
-        NodeId::new(DEFAULT_NODE_ID)
-    }
-
-    pub(super) fn new(node_id: Option<NodeId>) -> Self {
-        let [default, ..] = BIT_RATES else { return Self { node_id, bit_rate: BitRate::Kbit250 } };
-        Self { node_id, bit_rate: *default }
+    /// What a new memory is filled with.
+    pub(super) fn new(kind: Kind, node_id: Option<u8>) -> Self {
+        let bit_rate = kind.bit_rates().first().copied().unwrap_or(BitRate::Kbit250);
+        Self { node_id: node_id.filter(|node_id| kind.node_ids().contains(node_id)), bit_rate }
     }
 
     pub(super) fn encode(self) -> [u8; 2] {
-        [self.node_id.map_or(lss::NO_NODE_ID, NodeId::get), self.bit_rate.table_index()]
+        [self.node_id.unwrap_or(lss::NO_NODE_ID), self.bit_rate.table_index()]
     }
 
-    pub(super) fn decode(payload: &[u8]) -> Option<Self> {
-        let &[node, index] = payload else { return None };
-        let node_id = if node == lss::NO_NODE_ID { None } else { Some(NodeId::new(node)?) };
-        let bit_rate = BitRate::from_table_index(index).filter(|rate| BIT_RATES.contains(rate))?;
+    pub(super) fn decode(kind: Kind, payload: &[u8]) -> Option<Self> {
+        let &[node_id, index] = payload else { return None };
+        let node_id = if node_id == lss::NO_NODE_ID {
+            None
+        } else {
+            Some(node_id).filter(|node_id| kind.node_ids().contains(node_id)).map(Some)?
+        };
+        let bit_rate = BitRate::from_table_index(index).filter(|rate| kind.bit_rates().contains(rate))?;
         Some(Self { node_id, bit_rate })
     }
 }
@@ -146,13 +151,26 @@ pub(super) fn decode_flag(payload: &[u8]) -> Option<bool> {
     }
 }
 
-/// The fault log: the occurrence counters by priority.
-pub(super) const fn encode_fault_log(counters: Counters) -> [u8; 8] {
-    counters.to_bytes()
+/// The fault log: how often each fault has occurred, and which were active before. CANopen has no use for the latter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct FaultLog {
+    pub(super) counters: Counters,
+    pub(super) previously_active: FaultSet,
 }
 
-pub(super) fn decode_fault_log(payload: &[u8]) -> Option<Counters> {
-    payload.try_into().ok().map(Counters::from_bytes)
+impl FaultLog {
+    pub(super) fn encode(self) -> [u8; 9] {
+        let [a, b, c, d, e, f, g, h] = self.counters.to_bytes();
+        [a, b, c, d, e, f, g, h, self.previously_active.bits()]
+    }
+
+    pub(super) fn decode(payload: &[u8]) -> Option<Self> {
+        let (counters, &[previously_active]) = payload.split_first_chunk()? else { return None };
+        Some(Self {
+            counters: Counters::from_bytes(*counters),
+            previously_active: FaultSet::from_bits(previously_active),
+        })
+    }
 }
 
 #[cfg(test)]
@@ -164,16 +182,20 @@ mod tests {
         let factory = Factory::new(Kind::PveoCanopen, Some(7));
         assert_eq!(Factory::decode(&factory.encode()), Some(factory));
         assert_eq!(Factory::decode(&[0; 35]), None);
-        for node_id in [None, NodeId::new(1), NodeId::new(127)] {
-            for bit_rate in BIT_RATES {
+        let kind = Kind::PveaCanopen;
+        for node_id in [None, Some(1), Some(127)] {
+            for bit_rate in kind.bit_rates() {
                 let layer = LocalLayer { node_id, bit_rate: *bit_rate };
-                assert_eq!(LocalLayer::decode(&layer.encode()), Some(layer));
+                assert_eq!(LocalLayer::decode(kind, &layer.encode()), Some(layer));
             }
         }
-        assert_eq!(LocalLayer::decode(&[0, 3]), None);
-        assert_eq!(LocalLayer::decode(&[0x20, 0]), None, "1 Mbit/s is not for this product");
+        assert_eq!(LocalLayer::decode(kind, &[0, 3]), None);
+        assert_eq!(LocalLayer::decode(kind, &[0x80, 3]), None);
+        assert_eq!(LocalLayer::decode(Kind::PveaIsobus, &[0x20, 3]), None);
+        assert_eq!(LocalLayer::decode(kind, &[0x20, 0]), None, "1 Mbit/s is not for this product");
         let counters = Counters::from_bytes([1, 2, 3, 4, 5, 6, 7, 127]);
-        assert_eq!(decode_fault_log(&encode_fault_log(counters)), Some(counters));
+        let log = FaultLog { counters, previously_active: FaultSet::from_bits(0x81) };
+        assert_eq!(FaultLog::decode(&log.encode()), Some(log));
         assert_eq!(decode_flag(&encode_flag(true)), Some(true));
         assert_eq!(decode_flag(&[2]), None);
     }

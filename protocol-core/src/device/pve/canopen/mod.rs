@@ -15,12 +15,11 @@ mod services;
 mod start;
 mod storing;
 
-pub use start::Setup;
-
 use listening::{Listening, Service};
 
 use super::objects::PveObjects;
 use super::records::LocalLayer;
+use super::setup::Setup;
 use super::storage::{FaultLogClock, Storage, Ticket};
 use crate::actuator::{InternalCause, ValveSenses};
 use crate::canopen::emcy::WaitingEmcys;

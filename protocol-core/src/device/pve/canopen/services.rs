@@ -1,7 +1,6 @@
 //! What each service does with a frame (SPEC 4.2, 4.4, 7).
 
 use super::super::identification::Identification;
-use super::super::kind::BIT_RATES;
 use super::super::objects::{Command, PveObjects, StoreRequest};
 use super::super::records::LocalLayer;
 use super::super::state_machine::DeviceState;
@@ -161,14 +160,14 @@ impl PveCanopen {
             address: &self.objects.factory.identity,
             node_id: self.objects.node_id,
             bit_rate: self.bit_rate,
-            bit_rates: BIT_RATES,
+            bit_rates: self.objects.kind.bit_rates(),
         };
         match self.lss.handle(lss::Request::parse(bytes), identity, now) {
             Outcome::Nothing => {}
             Outcome::Answer(answer) => self.send_lss(answer),
             Outcome::Store { node_id, bit_rate } => {
                 let layer = LocalLayer {
-                    node_id: node_id.or(self.held_node_id).or(self.local_layer.node_id),
+                    node_id: node_id.or(self.held_node_id).map(NodeId::get).or(self.local_layer.node_id),
                     bit_rate: bit_rate.or(self.held_bit_rate).unwrap_or(self.local_layer.bit_rate),
                 };
                 let job = Job::LocalLayer(layer, LayerFor::Lss);
@@ -194,7 +193,7 @@ impl PveCanopen {
             Reaction::Nothing => {}
             Reaction::Answer(frame) => self.send(frame),
             Reaction::StoreNodeId(raw) => {
-                let layer = LocalLayer { node_id: NodeId::new(raw), ..self.local_layer };
+                let layer = LocalLayer { node_id: Some(raw), ..self.local_layer };
                 if !self.storage.ask(Job::LocalLayer(layer, LayerFor::Uds)) {
                     self.send(node_id_written(false));
                 }

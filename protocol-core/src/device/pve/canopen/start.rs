@@ -2,9 +2,10 @@
 
 use super::super::application::Application;
 use super::super::dictionary::TABLE;
-use super::super::kind::Kind;
+use super::super::found::Found;
 use super::super::objects::PveObjects;
-use super::super::records::{Factory, LocalLayer, decode_fault_log, decode_flag, version};
+use super::super::records::{Factory, LocalLayer, decode_flag};
+use super::super::setup::Setup;
 use super::super::storage::{FaultLogClock, Job, LayerFor, Storage};
 use super::listening::Listening;
 use super::{BootUp, PveCanopen, Restarting};
@@ -22,105 +23,13 @@ use crate::time::{Instant, NEVER};
 use crate::wire::cob_id::NodeId;
 use crate::wire::emcy::Emcy;
 
-/// What a valve is made as. Node ID and serial number fill a new memory; one that holds them decides by itself.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Setup {
-    /// The product.
-    pub kind: Kind,
-    /// The node ID of a new memory; `None` for a valve that leaves the factory blank.
-    pub node_id: Option<NodeId>,
-    /// The serial number of a new memory; `None` for the manual's.
-    pub serial: Option<u32>,
-}
-
-impl Setup {
-    /// A valve of this kind with the default node ID and serial number.
-    #[must_use]
-    pub fn new(kind: Kind) -> Self {
-        Self { kind, node_id: LocalLayer::default_node_id(), serial: None }
-    }
-}
-
-/// The records as they were found: checked, and with the defaults in the place of what is not there.
-struct Found<'a> {
-    factory: Factory,
-    local_layer: LocalLayer,
-    parameters: Option<Stored<'a>>,
-    restore: bool,
-    counters: Counters,
-    absent: [bool; RecordKey::ALL.len()],
-    corrupt: [bool; RecordKey::ALL.len()],
-}
-
-impl<'a> Found<'a> {
-    fn look(setup: &Setup, image: &'a Image) -> Self {
-        let mut absent = [false; RecordKey::ALL.len()];
-        let mut corrupt = [false; RecordKey::ALL.len()];
-        let mut payload = |key: RecordKey| {
-            let found = image.payload(key, version(key));
-            mark(&mut absent, key, found == Ok(None));
-            mark(&mut corrupt, key, found.is_err());
-            found.ok().flatten()
-        };
-        let factory = payload(RecordKey::Factory);
-        let local_layer = payload(RecordKey::LocalLayer);
-        let parameters = payload(RecordKey::Parameters);
-        let restore = payload(RecordKey::RestoreFlag);
-        let fault_log = payload(RecordKey::FaultLog);
-        let factory = check(factory, Factory::decode, &mut corrupt, RecordKey::Factory);
-        let local_layer = check(local_layer, LocalLayer::decode, &mut corrupt, RecordKey::LocalLayer);
-        // A layer that was damaged had a node ID: only one that was never written can be blank.
-        let node_id = if corrupt.get(RecordKey::LocalLayer.position()) == Some(&true) {
-            setup.node_id.or_else(LocalLayer::default_node_id)
-        } else {
-            setup.node_id
-        };
-        Self {
-            factory: factory.unwrap_or_else(|| Factory::new(setup.kind, setup.serial)),
-            local_layer: local_layer.unwrap_or_else(|| LocalLayer::new(node_id)),
-            parameters: check(
-                parameters,
-                |payload| Stored::decode(TABLE, payload),
-                &mut corrupt,
-                RecordKey::Parameters,
-            ),
-            restore: check(restore, decode_flag, &mut corrupt, RecordKey::RestoreFlag).unwrap_or(false),
-            counters: check(fault_log, decode_fault_log, &mut corrupt, RecordKey::FaultLog).unwrap_or_default(),
-            absent,
-            corrupt,
-        }
-    }
-
-    fn is_absent(&self, key: RecordKey) -> bool {
-        self.absent.get(key.position()) == Some(&true)
-    }
-}
-
-fn mark(flags: &mut [bool], key: RecordKey, value: bool) {
-    if let Some(flag) = flags.get_mut(key.position()) {
-        *flag |= value;
-    }
-}
-
-/// The meaning of a payload; one that has none is corrupt.
-fn check<'a, T>(
-    payload: Option<&'a [u8]>,
-    decode: impl FnOnce(&'a [u8]) -> Option<T>,
-    corrupt: &mut [bool],
-    key: RecordKey,
-) -> Option<T> {
-    let decoded = decode(payload?);
-    mark(corrupt, key, decoded.is_none());
-    decoded
-}
-
 impl PveCanopen {
     /// Power-up, with what the memory holds.
     #[must_use]
     pub fn power_on(setup: Setup, image: &Image, cause: StartCause, now: Instant) -> Self {
         let factory = Factory::new(setup.kind, setup.serial);
         let application = Application::new(setup.kind, Counters::default(), now);
-        let local_layer = LocalLayer::new(setup.node_id);
+        let local_layer = LocalLayer::new(setup.kind, setup.node_id);
         let objects = PveObjects::new(setup.kind, factory, application, now);
         let mut device = Self {
             setup,
@@ -155,7 +64,9 @@ impl PveCanopen {
     /// Starts anew with what the memory holds now.
     pub(super) fn start(&mut self, scope: Restart, image: &Image, now: Instant) {
         let setup = self.setup;
-        let found = Found::look(&setup, image);
+        let mut found = Found::look(&setup, image);
+        let parameters = found.payload(RecordKey::Parameters, |payload| Stored::decode(TABLE, payload));
+        let restore = found.payload(RecordKey::RestoreFlag, decode_flag).unwrap_or(false);
         let communication_only = scope == Restart::Communication;
         if communication_only {
             self.objects.application.shut_down(now);
@@ -163,7 +74,7 @@ impl PveCanopen {
             self.report_faults(now);
         }
         self.local_layer = found.local_layer;
-        self.objects.node_id = self.held_node_id.or(found.local_layer.node_id);
+        self.objects.node_id = self.held_node_id.or(found.local_layer.node_id.and_then(NodeId::new));
         self.restarting = Restarting::No;
         self.nmt = NmtSlave::default();
         self.sdo = SdoServer::default();
@@ -173,7 +84,7 @@ impl PveCanopen {
         self.switch_to = None;
 
         if communication_only {
-            self.objects.load(found.parameters, true);
+            self.objects.load(parameters, true);
         } else {
             self.bit_rate = found.local_layer.bit_rate;
             self.held_bit_rate = None;
@@ -181,11 +92,11 @@ impl PveCanopen {
             self.fault_log = FaultLogClock::new();
             self.objects.set_factory(found.factory);
             self.objects.history = ErrorHistory::default();
-            self.objects.application.restart(found.counters, now);
-            self.objects.load(found.parameters.filter(|_| !found.restore), false);
-            self.fill(&found);
-            self.set_memory_faults(image, &found, now);
+            self.objects.application.restart(found.fault_log.counters, now);
+            self.objects.load(parameters.filter(|_| !restore), false);
+            self.fill(&found, restore);
             let valve = &mut self.objects.application.valve;
+            found.tell_faults(valve, now);
             valve.set_internal(InternalCause::Injected, self.senses.internal_fault, now);
             valve.set_bus_off(self.senses.bus == BusErrorMode::BusOff, now);
         }
@@ -204,24 +115,16 @@ impl PveCanopen {
     }
 
     /// Writes what a new memory lacks, and the defaults where "load" asked for them.
-    fn fill(&mut self, found: &Found<'_>) {
+    fn fill(&mut self, found: &Found<'_>, restore: bool) {
         let layer = Job::LocalLayer(found.local_layer, LayerFor::Nobody);
         let jobs = [
             (found.is_absent(RecordKey::Factory), Job::Factory),
             (found.is_absent(RecordKey::LocalLayer), layer),
-            (found.restore, Job::Restore),
+            (restore, Job::Restore),
         ];
         for (needed, job) in jobs {
             // An empty queue has room for three.
             let _ = needed && self.storage.ask(job);
-        }
-    }
-
-    fn set_memory_faults(&mut self, image: &Image, found: &Found<'_>, now: Instant) {
-        let valve = &mut self.objects.application.valve;
-        valve.set_internal(InternalCause::Memory, image.is_damaged(), now);
-        for (record, corrupt) in (0..).zip(found.corrupt) {
-            valve.set_internal(InternalCause::Record(record), corrupt, now);
         }
     }
 }

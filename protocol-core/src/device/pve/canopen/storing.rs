@@ -2,10 +2,10 @@
 
 use super::super::dictionary::TABLE;
 use super::super::objects::default_value;
-use super::super::records::{encode_fault_log, encode_flag, version};
+use super::super::records::{FaultLog, encode_flag, version};
 use super::super::storage::{Job, LayerFor, Ticket};
 use super::PveCanopen;
-use crate::actuator::{Counters, FaultSet, InternalCause};
+use crate::actuator::{FaultSet, InternalCause};
 use crate::canopen::dictionary::Objects as _;
 use crate::canopen::parameters;
 use crate::device::Effect;
@@ -109,8 +109,8 @@ impl PveCanopen {
             }
             Job::SetRestoreFlag(_) => seal(version, &encode_flag(true)),
             Job::ClearRestoreFlag => seal(version, &encode_flag(false)),
-            Job::ClearCounters(..) => seal(version, &encode_fault_log(Counters::default())),
-            Job::FaultLog => seal(version, &encode_fault_log(counters)),
+            Job::ClearCounters(..) => seal(version, &FaultLog::default().encode()),
+            Job::FaultLog => seal(version, &FaultLog { counters, ..FaultLog::default() }.encode()),
         }
     }
 }
