@@ -7,7 +7,7 @@
 //! world/    devices, bus and plant in virtual time, event by event
 //! ```
 //!
-//! Nothing in those waits, locks, prints or looks at a clock: whoever drives the [`World`](world::World) decides how
+//! Nothing in those waits, locks, prints or looks at a clock: whoever drives the [`World`] decides how
 //! virtual time passes. Two runs with one seed and the same calls are the same to the last bit. Around them lies what
 //! `pve-sim` makes of it:
 //!
