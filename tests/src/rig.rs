@@ -225,6 +225,18 @@ impl Rig {
         self.pump();
     }
 
+    /// Turns the platform's clock back: for a device, time must stand still until it has caught up.
+    pub fn turn_back(&mut self, duration: Duration) {
+        self.now = Instant::from_ticks(self.now.as_ticks().saturating_sub(duration.as_ticks()));
+        self.pump();
+    }
+
+    /// Lets time pass in one leap, at whose end a frame comes before the device is polled.
+    pub fn leap_to(&mut self, duration: Duration, text: &str) {
+        self.now = after(self.now, duration);
+        self.send(text);
+    }
+
     /// Changes what the device senses.
     pub fn sense(&mut self, change: impl FnOnce(&mut Senses)) {
         change(&mut self.senses);
@@ -386,6 +398,24 @@ impl Rig {
             accepted(self.sdo_bytes(segment))?;
         }
         Ok(())
+    }
+
+    /// Maps these objects into the PDO whose communication parameter this is, by the manual's procedure.
+    ///
+    /// # Panics
+    /// When a step is refused.
+    #[track_caller]
+    pub fn map(&mut self, communication: u16, entries: &[u32]) {
+        const OFF: u32 = 0x8000_0000;
+        let mapping = communication + 0x200;
+        let cob_id = self.read(communication, 1) & !OFF;
+        let count = u32::try_from(entries.len()).expect("a few entries");
+        let subs = (1..).zip(entries);
+        let steps = [(communication, 1, 4, cob_id | OFF), (mapping, 0, 1, 0), (mapping, 0, 1, count)];
+        let steps = steps.into_iter().chain(subs.map(|(sub, entry)| (mapping, sub, 4, *entry)));
+        for (index, sub, size, value) in steps.chain([(communication, 1, 4, cob_id)]) {
+            assert_eq!(self.write(index, sub, size, value), Ok(()), "{index:04X}:{sub} := {value:X}");
+        }
     }
 
     /// Sends an SDO request; the answer.

@@ -28,7 +28,7 @@ fn every_frame_of_the_scripts_is_one() {
         for step in case.steps {
             let texts = match *step {
                 Step::Send(text, _) | Step::Expect(text, _) | Step::ExpectPosition(text, ..) => vec![text],
-                Step::Cyclic(_, _, request, answer, _) => vec![request, answer],
+                Step::Cyclic(_, _, request, answer) => vec![request.0, answer.0],
                 _ => vec![],
             };
             for text in texts {

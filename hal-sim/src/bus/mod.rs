@@ -1,7 +1,7 @@
 //! A CAN bus in virtual time (ISO 11898-1): arbitration, acknowledgement, errors and their confinement.
 //!
-//! One frame or error frame is on the wire at a time. How it ends is known when it starts ([`transmission`]); what the
-//! end means for each port is worked out then ([`outcome`]). Between the two the bus costs nothing.
+//! One frame or error frame is on the wire at a time. How it ends is known when it starts (`transmission`); what the
+//! end means for each port is worked out then (`outcome`). Between the two the bus costs nothing.
 //!
 //! What is simplified: an attempt that fails is cut at the bit where the first error is seen, and all controllers see
 //! the error frame at once. Oscillator tolerance, resynchronisation and overload frames are left out.

@@ -85,9 +85,8 @@ const FAULT_AND_BACK: &[Step] = &[
     Cyclic(
         20,
         100,
-        "220: 0F 00 00 10",
-        "1A0: 0F 00 00 10",
-        "control word 0x000F, set-point 4096 (25 %): ACTIVE, spool at 25 %",
+        ("220: 0F 00 00 10", "control word 0x000F, set-point 4096 (25 %)"),
+        ("1A0: 0F 00 00 10", "ACTIVE, spool at 25 %"),
     ),
     Expect("0A0: 12 34 05 01 00 00 00 00", "EMCY: supply too low, error register 0x05, for the first time"),
     Cycle(100),

@@ -92,15 +92,15 @@ impl<B: Bench> Player<'_, B> {
             Step::Send(text, meaning) => self.send(text, meaning),
             Step::Expect(text, meaning) => self.expect(text, meaning)?,
             Step::ExpectPosition(text, position, meaning) => self.expect_position(text, position, meaning)?,
-            Step::Cycle(ms) => self.wait_until(after(self.last_sent, Duration::from_millis(ms))),
-            Step::Wait(ms) => self.wait_until(after(self.bench.now(), Duration::from_millis(ms))),
-            Step::Cyclic(count, period, request, answer, meaning) => {
+            Step::Cycle(ms) => self.bench.wait(after(self.last_sent, Duration::from_millis(ms))),
+            Step::Wait(ms) => self.bench.wait(after(self.bench.now(), Duration::from_millis(ms))),
+            Step::Cyclic(count, period, request, answer) => {
                 for cycle in 0..count {
                     if cycle > 0 {
-                        self.wait_until(after(self.last_sent, Duration::from_millis(period)));
+                        self.bench.wait(after(self.last_sent, Duration::from_millis(period)));
                     }
-                    self.send(request, meaning);
-                    self.expect(answer, meaning)?;
+                    self.send(request.0, request.1);
+                    self.expect(answer.0, answer.1)?;
                 }
             }
             Step::Supply(millivolt) => {
@@ -113,11 +113,6 @@ impl<B: Bench> Player<'_, B> {
             }
         }
         Ok(())
-    }
-
-    /// Waits, unless a valve has something to say: that is for the next step.
-    fn wait_until(&mut self, until: Instant) {
-        self.bench.wait(until);
     }
 
     fn send(&mut self, text: &str, meaning: &str) {

@@ -45,7 +45,7 @@ pub enum Step {
     /// So many milliseconds pass.
     Wait(u64),
     /// So many times, in a cycle of so many milliseconds: the first frame is sent and answered by the second.
-    Cyclic(u32, u64, &'static str, &'static str, &'static str),
+    Cyclic(u32, u64, (&'static str, &'static str), (&'static str, &'static str)),
     /// The supply of all valves changes, in millivolt.
     Supply(u32),
     /// The master changes its bit rate.

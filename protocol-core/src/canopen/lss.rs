@@ -29,12 +29,12 @@ pub enum Outcome {
     Nothing,
     /// An answer.
     Answer(Answer),
-    /// Store these, then answer with [`Answer::Stored`].
+    /// Store what is pending, then answer with [`Answer::Stored`]. What is not leaves the memory as it is.
     Store {
-        /// The node ID, pending or in force.
+        /// The pending node ID.
         node_id: Option<NodeId>,
-        /// The bit rate, pending or in force.
-        bit_rate: BitRate,
+        /// The pending bit rate.
+        bit_rate: Option<BitRate>,
     },
     /// Restart as after reset application, under this node ID.
     Restart(NodeId),
@@ -175,10 +175,7 @@ impl LssSlave {
                 return Outcome::Silence;
             }
             Request::Store => {
-                return Outcome::Store {
-                    node_id: self.pending_node_id.or(identity.node_id),
-                    bit_rate: self.pending_bit_rate.unwrap_or(identity.bit_rate),
-                };
+                return Outcome::Store { node_id: self.pending_node_id, bit_rate: self.pending_bit_rate };
             }
             Request::InquireIdentity(part) => Answer::Identity(part, identity.address.part(part).unwrap_or(0)),
             Request::InquireNodeId => Answer::InquiredNodeId(identity.node_id.map_or(NO_NODE_ID, NodeId::get)),

@@ -1,7 +1,7 @@
 //! Faults become EMCYs, and entries of the error history (SPEC 3, 4.2).
 
 use super::super::fault_codes::{codes, register};
-use super::{BootUp, PveCanopen};
+use super::{BootUp, PveCanopen, Restarting};
 use crate::actuator::{Fault, FaultSet, InternalCause};
 use crate::frame::Frame;
 use crate::time::Instant;
@@ -45,11 +45,9 @@ impl PveCanopen {
     /// After a reset of the communication: what is active all the same, not counted again.
     pub(super) fn repeat_faults(&mut self) {
         let active = self.objects.application.valve.faults();
-        let mut told = FaultSet::EMPTY;
         for fault in active {
-            told.insert(fault);
             let count = self.objects.application.valve.counters().get(fault);
-            self.send_emcy(fault_message(fault, told, count));
+            self.send_emcy(fault_message(fault, active, count));
         }
     }
 
@@ -64,9 +62,10 @@ impl PveCanopen {
         }
     }
 
-    /// EMCYs are sent in pre-operational and operational; while the bus cannot be used they wait.
+    /// EMCYs are sent in pre-operational and operational, not while a restart is due; while the bus cannot be used they
+    /// wait.
     pub(super) fn send_emcy(&mut self, message: Emcy) {
-        if !self.nmt.serves() {
+        if !self.nmt.serves() || self.restarting != Restarting::No {
             return;
         }
         if !self.emcys.push(message) {

@@ -55,6 +55,8 @@ pub struct PveCanopen {
     switch_to: Option<BitRate>,
     /// A node ID that was configured and not stored: in force until power-off.
     held_node_id: Option<NodeId>,
+    /// A bit rate that was activated and not stored: in force until the next start.
+    held_bit_rate: Option<BitRate>,
     /// As stored.
     local_layer: LocalLayer,
     storage: Storage,
@@ -80,8 +82,8 @@ enum BootUp {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Restarting {
     No,
-    /// To be handed out when nothing is being written.
-    Due(Restart),
+    /// To be handed out when nothing is being written; under this node ID, if LSS has configured one.
+    Due(Restart, Option<NodeId>),
     /// In the platform's hands.
     HandedOut,
 }
@@ -113,6 +115,7 @@ impl PveCanopen {
         self.report_faults(now);
         if let Some(bit_rate) = self.lss.poll(now) {
             self.switch_to = Some(bit_rate);
+            self.held_bit_rate = Some(bit_rate);
         }
         self.release_emcys();
         if let Some(abort) = self.sdo.poll(now) {
@@ -165,9 +168,9 @@ impl PveCanopen {
         }
     }
 
-    fn request_restart(&mut self, scope: Restart) {
+    fn request_restart(&mut self, scope: Restart, node_id: Option<NodeId>) {
         self.sdo.cancel();
-        self.restarting = Restarting::Due(scope);
+        self.restarting = Restarting::Due(scope, node_id);
         if self.fault_log.is_dirty() {
             self.store_fault_log();
         }
@@ -239,8 +242,9 @@ impl Device for PveCanopen {
             return Some(effect);
         }
         match self.restarting {
-            Restarting::Due(scope) if self.storage.is_idle() => {
+            Restarting::Due(scope, node_id) if self.storage.is_idle() => {
                 self.restarting = Restarting::HandedOut;
+                self.held_node_id = node_id.or(self.held_node_id);
                 Some(Effect::Restart(scope))
             }
             _ => None,

@@ -49,8 +49,8 @@ impl PveCanopen {
             return;
         }
         match self.nmt.obey(command) {
-            Order::ResetApplication => self.request_restart(Restart::Application),
-            Order::ResetCommunication => self.request_restart(Restart::Communication),
+            Order::ResetApplication => self.request_restart(Restart::Application, None),
+            Order::ResetCommunication => self.request_restart(Restart::Communication, None),
             Order::Entered { to: State::Operational, .. } => self.objects.tpdo.restart_sync_count(),
             Order::Entered { to: State::Stopped, .. } => {
                 self.sdo.cancel();
@@ -167,15 +167,16 @@ impl PveCanopen {
             Outcome::Nothing => {}
             Outcome::Answer(answer) => self.send_lss(answer),
             Outcome::Store { node_id, bit_rate } => {
-                let job = Job::LocalLayer(LocalLayer { node_id, bit_rate }, LayerFor::Lss);
+                let layer = LocalLayer {
+                    node_id: node_id.or(self.held_node_id).or(self.local_layer.node_id),
+                    bit_rate: bit_rate.or(self.held_bit_rate).unwrap_or(self.local_layer.bit_rate),
+                };
+                let job = Job::LocalLayer(layer, LayerFor::Lss);
                 if !self.storage.ask(job) {
                     self.send_lss(lss::Answer::Stored(lss::StoreError::Access));
                 }
             }
-            Outcome::Restart(node_id) => {
-                self.held_node_id = Some(node_id);
-                self.request_restart(Restart::Application);
-            }
+            Outcome::Restart(node_id) => self.request_restart(Restart::Application, Some(node_id)),
             Outcome::Silence => self.tx.clear(),
         }
     }

@@ -136,6 +136,7 @@ impl PveCanopen {
             bit_rate: local_layer.bit_rate,
             switch_to: None,
             held_node_id: None,
+            held_bit_rate: None,
             local_layer,
             storage: Storage::default(),
             fault_log: FaultLogClock::new(),
@@ -155,6 +156,12 @@ impl PveCanopen {
     pub(super) fn start(&mut self, scope: Restart, image: &Image, now: Instant) {
         let setup = self.setup;
         let found = Found::look(&setup, image);
+        let communication_only = scope == Restart::Communication;
+        if communication_only {
+            self.objects.application.shut_down(now);
+            // What fell due while the restart waited is counted and entered now, and told below with all that is active.
+            self.report_faults(now);
+        }
         self.local_layer = found.local_layer;
         self.objects.node_id = self.held_node_id.or(found.local_layer.node_id);
         self.restarting = Restarting::No;
@@ -165,12 +172,11 @@ impl PveCanopen {
         self.tx.clear();
         self.switch_to = None;
 
-        let communication_only = scope == Restart::Communication;
         if communication_only {
-            self.objects.application.shut_down(now);
             self.objects.load(found.parameters, true);
         } else {
             self.bit_rate = found.local_layer.bit_rate;
+            self.held_bit_rate = None;
             self.storage = Storage::default();
             self.fault_log = FaultLogClock::new();
             self.objects.set_factory(found.factory);

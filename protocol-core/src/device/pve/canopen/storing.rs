@@ -52,6 +52,7 @@ impl PveCanopen {
                 if stored {
                     self.local_layer = layer;
                     self.held_node_id = None;
+                    self.held_bit_rate = self.held_bit_rate.filter(|held| *held != layer.bit_rate);
                 }
                 self.answer_layer(asked_by, stored);
             }

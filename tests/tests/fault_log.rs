@@ -1,0 +1,143 @@
+//! The fault log: when the occurrence counters are written, and how they are cleared (SPEC 2, 4.5, 6).
+
+use protocol_core::memory::RecordKey;
+use protocol_core::time::Duration;
+use tests::Rig;
+
+const CLEAR: &str = "620: 23 11 10 05 70 6B 64 73";
+const COUNTERS_CLEARED: &str = "5A0: 60 11 10 05 00 00 00 00";
+
+fn fault(valve: &mut Rig) {
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|senses| senses.internal_fault = false);
+    valve.take();
+}
+
+fn log_writes(valve: &Rig) -> usize {
+    valve.writes.iter().filter(|key| **key == RecordKey::FaultLog).count()
+}
+
+/// Within 1 s of the first change, then at most once in 10 s.
+#[test]
+fn its_rhythm() {
+    let mut valve = Rig::booted();
+    let mut written_at = Vec::new();
+    for ms in 0..60_000_u64 {
+        if ms % 300 == 0 && (1000..50_000).contains(&ms) {
+            fault(&mut valve);
+        }
+        let before = log_writes(&valve);
+        valve.advance(1);
+        if log_writes(&valve) > before {
+            written_at.push(ms + 1);
+        }
+    }
+    assert!((1200..=2200).contains(&written_at[0]), "within 1 s of the first change: {written_at:?}");
+    assert!(written_at.windows(2).all(|pair| pair[1] - pair[0] >= 10_000), "{written_at:?}");
+    assert!(written_at.len() >= 5, "but not seldomer than that: {written_at:?}");
+    let count = valve.read(0x2024, 0);
+    valve.power_cycle();
+    valve.take();
+    assert_eq!((valve.read(0x2024, 0), count), (count, 127));
+}
+
+#[test]
+fn nothing_is_written_without_a_change() {
+    let mut valve = Rig::booted();
+    valve.writes.clear();
+    valve.advance(3_600_000);
+    assert_eq!(valve.writes, []);
+}
+
+#[test]
+fn before_a_restart_on_command() {
+    let by_nmt: fn(&mut Rig) = |valve| valve.send("000: 81 00");
+    let by_lss: fn(&mut Rig) = |valve| {
+        valve.send("7E5: 04 01 00 00 00 00 00 00");
+        valve.send("7E5: 11 21 00 00 00 00 00 00");
+        valve.send("7E5: 04 00 00 00 00 00 00 00");
+    };
+    let by_communication: fn(&mut Rig) = |valve| {
+        valve.send("000: 82 00");
+        valve.power_cycle();
+    };
+    let by_flush: fn(&mut Rig) = |valve| {
+        valve.flush();
+        valve.power_cycle();
+    };
+    for restart in [by_nmt, by_lss, by_communication, by_flush] {
+        let mut valve = Rig::booted();
+        fault(&mut valve);
+        restart(&mut valve);
+        valve.take();
+        assert_eq!(valve.read(0x2024, 0), 1);
+        valve.power_cycle();
+        valve.take();
+        assert_eq!(valve.read(0x2024, 0), 1);
+    }
+}
+
+/// A cut before it was written loses what was counted since: no more.
+#[test]
+fn a_power_cut_before_it_is_written() {
+    let mut valve = Rig::booted();
+    fault(&mut valve);
+    valve.advance(1000);
+    fault(&mut valve);
+    valve.power_cycle();
+    valve.take();
+    assert_eq!(valve.read(0x2024, 0), 1);
+}
+
+#[test]
+fn clearing_clears_all_of_them() {
+    let mut valve = Rig::booted();
+    fault(&mut valve);
+    valve.sense(|senses| senses.temperature_c = 130);
+    valve.advance(250);
+    valve.take();
+    valve.exchange(CLEAR, &[COUNTERS_CLEARED]);
+    for index in [0x2001, 0x2002, 0x200F, 0x2019, 0x201D, 0x2023, 0x2024, 0x2040] {
+        assert_eq!(valve.read(index, 0), 0, "{index:04X}");
+    }
+    assert_eq!((valve.read(0x1001, 0), valve.read(0x1003, 0)), (0x09, 2), "faults and history stay");
+    valve.power_cycle();
+    valve.take();
+    assert_eq!(valve.read(0x2024, 0), 0);
+    fault(&mut valve);
+    assert_eq!(valve.read(0x2024, 0), 1);
+}
+
+/// When the memory fails the counters are what they were.
+#[test]
+fn clearing_fails() {
+    let mut valve = Rig::booted();
+    fault(&mut valve);
+    valve.advance(1000);
+    valve.writes_fail = true;
+    valve.exchange(CLEAR, &["0A0: 00 10 01 02 00 00 00 00", "5A0: 80 11 10 05 00 00 06 06"]);
+    assert_eq!(valve.read(0x2024, 0), 2);
+    valve.power_cycle();
+    valve.take();
+    assert_eq!(valve.read(0x2024, 0), 1);
+}
+
+/// A fault while the counters are being cleared is not lost.
+#[test]
+fn a_fault_during_the_clearing() {
+    let mut valve = Rig::booted();
+    valve.sense(|senses| senses.temperature_c = 130);
+    valve.advance(1250);
+    valve.take();
+    valve.write_time = Duration::from_millis(50);
+    valve.exchange(CLEAR, &[]);
+    valve.advance(25);
+    fault(&mut valve);
+    valve.advance(25);
+    assert_eq!(valve.take(), [COUNTERS_CLEARED]);
+    assert_eq!((valve.read(0x200F, 0), valve.read(0x2024, 0)), (0, 1));
+    valve.advance(20_000);
+    valve.power_cycle();
+    valve.take();
+    assert_eq!((valve.read(0x200F, 0), valve.read(0x2024, 0)), (0, 1));
+}

@@ -1,0 +1,153 @@
+//! Heartbeat producer, and the boot-up that counts as its first (SPEC 4.1 row 0x1017, 4.2).
+
+use protocol_core::time::Duration;
+use tests::Rig;
+
+const TIME: (u16, u8) = (0x1017, 0);
+
+fn set(rig: &mut Rig, ms: u32) {
+    assert_eq!(rig.write(TIME.0, TIME.1, 2, ms), Ok(()));
+}
+
+/// The next heartbeat comes after exactly this time, and nothing before it.
+#[track_caller]
+fn expect_after(rig: &mut Rig, ms: u64, heartbeat: &str) {
+    rig.advance_by(Duration::from_micros(ms * 1000 - 1));
+    rig.expect_nothing();
+    rig.advance_by(Duration::from_micros(1));
+    rig.expect(heartbeat);
+    rig.expect_nothing();
+}
+
+#[test]
+fn off_by_default() {
+    let mut rig = Rig::booted();
+    rig.advance(100_000);
+    rig.expect_nothing();
+}
+
+/// (R) the manual's example, which calls it 1000 ms: the unit is 1 ms.
+#[test]
+fn the_manuals_example() {
+    let mut rig = Rig::booted();
+    rig.exchange("620: 2B 17 10 00 64 00 00 00", &["5A0: 60 17 10 00 00 00 00 00", "720: 7F"]);
+    for _ in 0..20 {
+        expect_after(&mut rig, 100, "720: 7F");
+    }
+}
+
+#[test]
+fn the_period_is_rounded_up_to_10_ms_and_reads_back_as_written() {
+    for (written, period) in
+        [(1, 10), (9, 10), (10, 10), (11, 20), (99, 100), (105, 110), (1000, 1000), (1001, 1010), (0x7FFF, 32_770)]
+    {
+        let mut rig = Rig::booted();
+        set(&mut rig, written);
+        rig.expect("720: 7F");
+        for _ in 0..3 {
+            expect_after(&mut rig, period, "720: 7F");
+        }
+        assert_eq!(rig.read(TIME.0, TIME.1), written);
+    }
+}
+
+#[test]
+fn every_write_of_a_time_begins_at_once_and_0_ends_it() {
+    let mut rig = Rig::booted();
+    set(&mut rig, 100);
+    rig.expect("720: 7F");
+    rig.advance(30);
+    set(&mut rig, 50);
+    rig.expect("720: 7F");
+    expect_after(&mut rig, 50, "720: 7F");
+    rig.advance(30);
+    set(&mut rig, 50);
+    rig.expect("720: 7F");
+    expect_after(&mut rig, 50, "720: 7F");
+    // A time that is refused changes nothing.
+    rig.advance(20);
+    assert_eq!(rig.write(TIME.0, TIME.1, 2, 0x8000), Err(0x0609_0031));
+    expect_after(&mut rig, 30, "720: 7F");
+    set(&mut rig, 0);
+    rig.advance(100_000);
+    rig.expect_nothing();
+}
+
+#[test]
+fn it_tells_the_nmt_state_and_keeps_its_pace() {
+    let mut rig = Rig::booted();
+    set(&mut rig, 100);
+    rig.expect("720: 7F");
+    for (command, state) in [
+        ("000: 01 00", "05"),
+        ("000: 02 00", "04"),
+        ("000: 02 00", "04"),
+        ("000: 80 00", "7F"),
+        ("000: 01 20", "05"),
+        ("000: 80 20", "7F"),
+        ("000: 02 20", "04"),
+        ("000: 01 21", "04"),
+    ] {
+        rig.advance(60);
+        rig.exchange(command, &[]);
+        expect_after(&mut rig, 40, &format!("720: {state}"));
+    }
+}
+
+#[test]
+fn the_boot_up_counts_as_the_first() {
+    let boot = ["720: 00", "0A0: 00 00 00 00 00 00 00 00"];
+    let mut rig = Rig::booted();
+    set(&mut rig, 195);
+    rig.expect("720: 7F");
+    rig.exchange("620: 23 10 10 01 73 61 76 65", &["5A0: 60 10 10 01 00 00 00 00"]);
+    for reset in ["000: 81 00", "000: 82 00"] {
+        rig.advance(70);
+        rig.exchange(reset, &boot);
+        for _ in 0..3 {
+            expect_after(&mut rig, 200, "720: 7F");
+        }
+        assert_eq!(rig.read(TIME.0, TIME.1), 195);
+    }
+    rig.advance(70);
+    rig.power_cycle();
+    assert_eq!(rig.take(), boot);
+    expect_after(&mut rig, 200, "720: 7F");
+}
+
+#[test]
+fn a_time_that_was_not_stored_is_gone_with_a_reset() {
+    for reset in ["000: 81 00", "000: 82 00"] {
+        let mut rig = Rig::booted();
+        set(&mut rig, 100);
+        rig.expect("720: 7F");
+        rig.exchange(reset, &["720: 00", "0A0: 00 00 00 00 00 00 00 00"]);
+        assert_eq!(rig.read(TIME.0, TIME.1), 0);
+        rig.advance(10_000);
+        rig.expect_nothing();
+    }
+}
+
+#[test]
+fn what_falls_into_bus_off_is_not_sent_afterwards() {
+    use protocol_core::controller::BusErrorMode::{BusOff, ErrorActive};
+    let mut rig = Rig::booted();
+    set(&mut rig, 100);
+    rig.expect("720: 7F");
+    rig.sense(|senses| senses.bus = BusOff);
+    rig.advance(350);
+    rig.sense(|senses| senses.bus = ErrorActive);
+    assert_eq!(rig.take(), ["0A0: 40 81 11 01 00 00 00 00", "0A0: 00 00 00 00 00 00 00 00"]);
+    expect_after(&mut rig, 50, "720: 7F");
+}
+
+/// No node guarding, and no consumer.
+#[test]
+fn nobody_is_guarded() {
+    let mut rig = Rig::booted();
+    for request in ["720: R1", "720: R0", "720: R8", "721: 05", "720: 05", "701: 00"] {
+        rig.exchange(request, &[]);
+    }
+    rig.advance(10_000);
+    rig.expect_nothing();
+}

@@ -1,0 +1,298 @@
+//! NMT: boot-up, what an order does, what survives which reset, and what a state lets through (SPEC 4.2, 4.3).
+
+use protocol_core::controller::BusErrorMode;
+use protocol_core::device::pve::{Kind, Setup};
+use protocol_core::time::Duration;
+use tests::Rig;
+
+const BOOT: [&str; 2] = ["720: 00", CLEARED];
+const CLEARED: &str = "0A0: 00 00 00 00 00 00 00 00";
+const TEMPERATURE: &str = "0A0: 01 83 09 01 00 00 00 00";
+
+#[test]
+fn boot_up_then_reset_emcy_then_pre_operational() {
+    let mut valve = Rig::power_on(Setup::new(Kind::PveaCanopen));
+    assert_eq!(valve.take(), BOOT);
+    valve.write(0x1017, 0, 2, 1000).unwrap();
+    assert_eq!(valve.take(), ["720: 7F"]);
+    for reset in ["81", "82"] {
+        valve.exchange(&format!("000: {reset} 00"), &BOOT);
+        valve.exchange(&format!("000: {reset} 20"), &BOOT);
+        valve.write(0x1017, 0, 2, 1000).unwrap();
+        assert_eq!(valve.take(), ["720: 7F"], "pre-operational after {reset}");
+    }
+}
+
+/// The boot-up goes out before the EMCY although the EMCY would win the arbitration.
+#[test]
+fn nothing_overtakes_the_boot_up() {
+    let mut valve = Rig::booted();
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.advance(1000);
+    valve.take();
+    valve.hold_bus(true);
+    valve.power_cycle();
+    valve.advance(1000);
+    valve.hold_bus(false);
+    let sent = valve.take();
+    assert_eq!(sent, [BOOT[0], BOOT[1], "0A0: 00 10 01 02 00 00 00 00"].map(str::to_owned));
+}
+
+/// An answer that waits for the bus goes out before the device restarts.
+#[test]
+fn a_reset_does_not_swallow_an_answer() {
+    for reset in ["000: 81 00", "000: 82 00"] {
+        let mut valve = Rig::booted();
+        valve.hold_bus(true);
+        valve.send("620: 40 00 10 00 00 00 00 00");
+        valve.send(reset);
+        valve.hold_bus(false);
+        assert_eq!(valve.take(), ["5A0: 43 00 10 00 98 01 00 00", BOOT[0], BOOT[1]], "{reset}");
+    }
+}
+
+#[test]
+fn orders_for_others_and_what_is_none() {
+    for order in
+        ["000: 81 21", "000: 81 80", "000: 81 A0", "000: 83 00", "000: 00 00", "000: 81", "000: 81 00 00", "000: R2"]
+    {
+        let mut valve = Rig::booted();
+        valve.write(0x6040, 0, 2, 1).unwrap();
+        valve.exchange(order, &[]);
+        assert_eq!(valve.status(), 0x09, "{order}");
+    }
+}
+
+/// What survives a reset: object, what is written before, what is read after reset communication and application.
+#[test]
+fn what_survives() {
+    const NODE: u32 = 0x20;
+    let table: [(u16, u8, u8, u32, u32, u32); 12] = [
+        (0x1005, 0, 4, 0x81, 0x80, 0x80),
+        (0x1017, 0, 2, 5000, 0, 0),
+        (0x1028, 1, 4, 0xA1, 0x8000_0000, 0x8000_0000),
+        (0x1400, 1, 4, 0x8000_0220, 0x200 + NODE, 0x200 + NODE),
+        (0x1600, 0, 1, 1, 2, 2),
+        (0x1600, 1, 4, 0x6300_0110, 0x6040_0010, 0x6040_0010),
+        (0x1800, 2, 1, 7, 0xFF, 0xFF),
+        (0x6042, 0, 1, 2, 2, 1),
+        (0x6040, 0, 2, 0x1234, 0x1234, 0),
+        (0x6300, 1, 2, 0x4000, 0x4000, 0),
+        (0x3300, 0, 1, 127, 127, 0),
+        (0x6053, 0, 4, u32::from_le_bytes(*b"abcd"), u32::from_le_bytes(*b"abcd"), 0),
+    ];
+    for communication in [true, false] {
+        let mut valve = Rig::booted();
+        valve.sense(|senses| senses.internal_fault = true);
+        valve.sense(|senses| senses.internal_fault = false);
+        for (index, sub, size, value, ..) in table {
+            valve.take();
+            valve.write(index, sub, size, value).unwrap();
+        }
+        valve.take();
+        valve.exchange(if communication { "000: 82 00" } else { "000: 81 00" }, &BOOT);
+        for (index, sub, .., after_communication, after_application) in table {
+            let expected = if communication { after_communication } else { after_application };
+            if index == 0x6053 && !communication {
+                assert_eq!(valve.read_segmented(0x6053, 0).unwrap(), b"PVEA-CI S6");
+            } else {
+                assert_eq!(valve.read(index, sub), expected, "{index:04X}:{sub}, communication: {communication}");
+            }
+        }
+        assert_eq!(valve.read(0x1003, 0), u32::from(communication), "the history");
+        assert_eq!(valve.read(0x2024, 0), 1, "the counters");
+    }
+}
+
+/// Reset communication: the faults that are active are told again by priority, not counted, not entered again.
+#[test]
+fn reset_communication_with_active_faults() {
+    let mut valve = Rig::booted();
+    valve.sense(|senses| senses.temperature_c = 130);
+    valve.advance(250);
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.take();
+    for _ in 0..3 {
+        let sent = [BOOT[0], BOOT[1], "0A0: 00 10 09 01 00 00 00 00", TEMPERATURE];
+        valve.exchange("000: 82 00", &sent);
+    }
+    assert_eq!((valve.read(0x1003, 0), valve.read(0x2024, 0), valve.read(0x200F, 0)), (2, 1, 1));
+    assert_eq!((valve.read(0x1001, 0), valve.status()), (0x09, 0x03));
+    valve.sense(|senses| senses.internal_fault = false);
+    valve.expect_nothing();
+    valve.sense(|senses| senses.temperature_c = 25);
+    valve.expect(CLEARED);
+}
+
+/// Reset application forgets them: causes that last are found anew after their delay, and counted.
+#[test]
+fn reset_application_with_active_faults() {
+    let mut valve = Rig::booted();
+    valve.sense(|senses| senses.temperature_c = 130);
+    valve.advance(250);
+    valve.expect(TEMPERATURE);
+    valve.exchange("000: 81 00", &BOOT);
+    assert_eq!((valve.read(0x1001, 0), valve.status(), valve.read(0x1003, 0)), (0, 0x08, 0));
+    valve.advance(249);
+    valve.expect_nothing();
+    valve.advance(1);
+    valve.expect("0A0: 01 83 09 02 00 00 00 00");
+    // those without delay at once
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.take();
+    valve.exchange("000: 81 00", &[BOOT[0], BOOT[1], "0A0: 00 10 01 02 00 00 00 00"]);
+}
+
+/// A delay that runs when the communication is reset goes on: the application is not restarted.
+#[test]
+fn reset_communication_does_not_restart_a_delay() {
+    let mut valve = Rig::booted();
+    valve.sense(|senses| senses.temperature_c = 130);
+    valve.advance(200);
+    valve.exchange("000: 82 00", &BOOT);
+    valve.advance(49);
+    valve.expect_nothing();
+    valve.advance(1);
+    valve.expect(TEMPERATURE);
+}
+
+/// A fault that falls due while the reset waits for the memory is told once, behind the reset EMCY.
+#[test]
+fn a_fault_that_falls_due_during_a_reset_is_told_once() {
+    for save_ms in [100, 50] {
+        let mut valve = Rig::booted();
+        valve.write_time = Duration::from_millis(save_ms);
+        valve.sense(|senses| senses.temperature_c = 130);
+        valve.advance(200);
+        valve.send("620: 23 10 10 01 73 61 76 65");
+        valve.exchange("000: 82 00", &[]);
+        valve.advance(save_ms);
+        assert_eq!(valve.take(), [BOOT[0], BOOT[1], TEMPERATURE], "the memory takes {save_ms} ms");
+        assert_eq!((valve.read(0x1003, 0), valve.read(0x200F, 0)), (1, 1));
+        valve.sense(|senses| senses.temperature_c = 25);
+        valve.expect(CLEARED);
+    }
+}
+
+#[test]
+fn stopped_lets_only_nmt_heartbeat_lss_and_uds_through() {
+    let mut valve = Rig::booted();
+    valve.write(0x1028, 1, 4, 0xA1).unwrap();
+    valve.write(0x1017, 0, 2, 100).unwrap();
+    valve.take();
+    valve.activate();
+    valve.exchange("000: 02 00", &[]);
+    for silent in [
+        "620: 40 00 10 00 00 00 00 00",
+        "220: 0F 00 00 40",
+        "080:",
+        "0A1: 00 10 01 00 00 00 00 00",
+        "620: 2F 42 60 00 02 00 00 00",
+    ] {
+        valve.exchange(silent, &[]);
+    }
+    valve.advance(100);
+    assert_eq!(valve.take(), ["720: 04"]);
+    valve.exchange("1BC78820: 03 22 F0 10", &["1BC100F1: 04 62 F0 10 A5"]);
+    valve.exchange("7E5: 04 01 00 00 00 00 00 00", &[]);
+    valve.exchange("7E5: 5E 00 00 00 00 00 00 00", &["7E4: 5E 20 00 00 00 00 00 00"]);
+    valve.exchange("000: 80 00", &[]);
+    assert_eq!((valve.read(0x6042, 0), valve.read(0x6300, 1), valve.status()), (1, 0, 0x03));
+}
+
+/// An EMCY that falls due while stopped is logged and counted, and not sent later; nor is an end.
+#[test]
+fn emcys_of_stopped_are_not_sent_later() {
+    for (leave, sent) in [("000: 01 00", &[][..]), ("000: 80 00", &[]), ("000: 81 00", &BOOT)] {
+        let mut valve = Rig::booted();
+        valve.exchange("000: 02 00", &[]);
+        valve.sense(|senses| senses.internal_fault = true);
+        valve.sense(|senses| senses.internal_fault = false);
+        valve.expect_nothing();
+        valve.exchange(leave, sent);
+        assert_eq!(valve.read(0x2024, 0), 1, "{leave}");
+        if leave != "000: 81 00" {
+            assert_eq!((valve.read(0x1003, 0), valve.read(0x1003, 1)), (1, 0x0001_1000), "{leave}");
+        }
+    }
+    // one that lasts: its end is told when SDOs are served again
+    let mut valve = Rig::booted();
+    valve.exchange("000: 02 00", &[]);
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.exchange("000: 80 00", &[]);
+    valve.sense(|senses| senses.internal_fault = false);
+    valve.expect(CLEARED);
+    // bus-off and back while stopped
+    valve.exchange("000: 02 00", &[]);
+    valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+    valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
+    valve.expect_nothing();
+    valve.exchange("000: 80 00", &[]);
+    assert_eq!(valve.read(0x2019, 0), 1);
+}
+
+/// No EMCY for the shutdown that a stop is; the second one does nothing.
+#[test]
+fn a_stop_is_no_fault() {
+    let mut valve = Rig::booted();
+    valve.activate();
+    valve.send("220: 0F 00 00 40");
+    valve.advance(200);
+    valve.take();
+    valve.exchange("000: 02 00", &[]);
+    assert!(!valve.device().outputs().solenoids);
+    valve.exchange("000: 02 00", &[]);
+    valve.advance(10_000);
+    valve.expect_nothing();
+    valve.exchange("000: 01 00", &[]);
+    assert_eq!((valve.read(0x1001, 0), valve.read(0x1003, 0), valve.read(0x6301, 1)), (0, 0, 0));
+    // D11 leaves it at once
+    valve.exchange("220: 03 00 00 00", &["1A0: 03 00 00 00"]);
+    valve.exchange("220: 0B 00 00 00", &["1A0: 0B 00 00 00"]);
+}
+
+/// PDOs in operational alone, none on entering it.
+#[test]
+fn pdos_in_operational_alone() {
+    let mut valve = Rig::booted();
+    valve.exchange("220: 0F 00 00 00", &[]);
+    valve.exchange("000: 01 00", &[]);
+    valve.exchange("220: 0F 00 00 00", &["1A0: 09 00 00 00"]);
+    valve.exchange("000: 80 00", &[]);
+    valve.exchange("220: 0F 00 00 00", &[]);
+    assert_eq!(valve.status(), 0x09);
+}
+
+/// A valve without a node ID: NMT initialisation, LSS alone.
+#[test]
+fn without_a_node_id() {
+    let mut valve = Rig::power_on(Setup { node_id: None, ..Setup::new(Kind::PveaCanopen) });
+    valve.expect_nothing();
+    for frame in [
+        "000: 01 00",
+        "000: 81 00",
+        "000: 82 00",
+        "000: 02 00",
+        "620: 40 00 10 00 00 00 00 00",
+        "600: 40 00 10 00 00 00 00 00",
+        "67F: 40 00 10 00 00 00 00 00",
+        "220: 0F 00 00 00",
+        "200: 0F 00 00 00",
+        "080:",
+        "1BC78820: 03 22 F0 10",
+        "1BC78800: 03 22 F0 10",
+        "1BC788FF: 03 22 F0 10",
+    ] {
+        valve.exchange(frame, &[]);
+    }
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|senses| senses.internal_fault = false);
+    valve.advance(10_000);
+    valve.expect_nothing();
+    valve.power_cycle();
+    valve.expect_nothing();
+    assert_eq!(valve.node_id(), None, "and it stays so");
+    valve.exchange("7E5: 04 01 00 00 00 00 00 00", &[]);
+    valve.exchange("7E5: 5E 00 00 00 00 00 00 00", &["7E4: 5E FF 00 00 00 00 00 00"]);
+    assert_eq!(valve.node_id(), None);
+}

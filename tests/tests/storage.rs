@@ -1,0 +1,522 @@
+//! The memory: what is stored when, who is told, and what a start makes of it (SPEC 4.5, 6).
+
+use std::collections::BTreeMap;
+
+use protocol_core::device::pve::{Kind, Setup};
+use protocol_core::memory::RecordKey;
+use protocol_core::time::Duration;
+use tests::Rig;
+
+const BOOT: [&str; 2] = ["720: 00", CLEARED];
+const CLEARED: &str = "0A0: 00 00 00 00 00 00 00 00";
+const INTERNAL_ERROR: &str = "0A0: 00 10 01 01 00 00 00 00";
+
+const SAVE: &str = "620: 23 10 10 01 73 61 76 65";
+const SAVED: &str = "5A0: 60 10 10 01 00 00 00 00";
+const LOAD: &str = "620: 23 11 10 01 6C 6F 61 64";
+const LOADED: &str = "5A0: 60 11 10 01 00 00 00 00";
+const CLEAR: &str = "620: 23 11 10 05 70 6B 64 73";
+const COUNTERS_CLEARED: &str = "5A0: 60 11 10 05 00 00 00 00";
+
+/// What asks for a write: the request, its answer, the answer when the memory fails, and the record.
+const REQUESTS: [(&str, &str, &str, RecordKey); 5] = [
+    (SAVE, SAVED, "5A0: 80 10 10 01 00 00 06 06", RecordKey::Parameters),
+    (LOAD, LOADED, "5A0: 80 11 10 01 00 00 06 06", RecordKey::RestoreFlag),
+    (CLEAR, COUNTERS_CLEARED, "5A0: 80 11 10 05 00 00 06 06", RecordKey::FaultLog),
+    (LSS_STORE, "7E4: 17 00 00 00 00 00 00 00", "7E4: 17 02 00 00 00 00 00 00", RecordKey::LocalLayer),
+    ("1BC78820: 04 2E 10 01 21", "1BC408F1: 03 6E 10 01", "1BC408F1: 03 7F 2E 72", RecordKey::LocalLayer),
+];
+const LSS_STORE: &str = "7E5: 17 00 00 00 00 00 00 00";
+
+/// Parameters of one's own: an object, its size, what is written.
+const OWN: [(u16, u8, u8, u32); 5] = [
+    (0x1005, 0, 4, 0x83),
+    (0x1017, 0, 2, 5000),
+    (0x1028, 1, 4, 0xA5),
+    (0x1800, 2, 1, 9),
+    (0x6053, 0, 4, u32::from_le_bytes(*b"mine")),
+];
+const DEFAULTS: [u32; 4] = [0x80, 0, 0x8000_0000, 0xFF];
+
+fn configuring() -> Rig {
+    let mut valve = Rig::booted();
+    valve.exchange("7E5: 04 01 00 00 00 00 00 00", &[]);
+    valve
+}
+
+fn slow(ms: u64) -> Rig {
+    let mut valve = configuring();
+    valve.write_time = Duration::from_millis(ms);
+    valve
+}
+
+fn write_own(valve: &mut Rig) {
+    for (index, sub, size, value) in OWN {
+        valve.write(index, sub, size, value).unwrap();
+        valve.take();
+    }
+}
+
+#[track_caller]
+fn has_own(valve: &mut Rig) -> bool {
+    let values: Vec<u32> = OWN[..4].iter().map(|(index, sub, ..)| valve.read(*index, *sub)).collect();
+    let own: Vec<u32> = OWN[..4].iter().map(|(.., value)| *value).collect();
+    assert!(values == own || values == DEFAULTS, "neither one nor the other: {values:X?}");
+    let text = valve.sdo(0x40, 0x6053, 0, 0);
+    assert_eq!(&text.bytes()[4..] == b"mine", values == own, "{text}");
+    values == own
+}
+
+/// The frames of an instant without their order, which is that of arbitration.
+fn sorted(valve: &mut Rig) -> Vec<String> {
+    let mut sent = valve.take();
+    sent.sort();
+    sent
+}
+
+#[test]
+fn each_write_is_answered_when_the_memory_holds_it() {
+    for (request, answer, _, key) in REQUESTS {
+        let mut valve = slow(50);
+        valve.writes.clear();
+        valve.exchange(request, &[]);
+        valve.advance(49);
+        valve.expect_nothing();
+        assert_eq!(valve.writes, []);
+        valve.advance(1);
+        assert_eq!((valve.take(), valve.writes.as_slice()), (vec![answer.to_owned()], &[key][..]), "{request}");
+        assert!(valve.records.contains_key(&key));
+    }
+}
+
+/// 0x06060000, LSS error 2, UDS 0x72; and the internal error until a write of that record succeeds.
+#[test]
+fn each_failed_write_is_told() {
+    for (request, answer, failed, _) in REQUESTS {
+        let mut valve = slow(50);
+        valve.writes_fail = true;
+        valve.exchange(request, &[]);
+        valve.advance(50);
+        let mut expected = [failed, INTERNAL_ERROR];
+        expected.sort_unstable();
+        assert_eq!(sorted(&mut valve), expected, "{request}");
+        assert_eq!((valve.status(), valve.read(0x1001, 0)), (0x03, 1));
+
+        // a write of another record does not help
+        let other = if request == SAVE { LOAD } else { SAVE };
+        valve.writes_fail = false;
+        valve.exchange(other, &[]);
+        valve.advance(50);
+        assert_eq!(valve.take(), [if request == SAVE { LOADED } else { SAVED }], "{request}");
+        assert_eq!(valve.read(0x1001, 0), 1, "{request}");
+
+        valve.exchange(request, &[]);
+        valve.advance(50);
+        let mut expected = [answer, CLEARED];
+        expected.sort_unstable();
+        assert_eq!(sorted(&mut valve), expected, "{request}");
+        assert_eq!(valve.read(0x1001, 0), 0);
+    }
+}
+
+/// A power cut while a record is written leaves the old one.
+#[test]
+fn a_power_cut_during_a_write() {
+    for (request, .., key) in REQUESTS {
+        let mut valve = slow(50);
+        write_own(&mut valve);
+        let before = valve.records.clone();
+        valve.exchange(request, &[]);
+        valve.advance(49);
+        valve.power_cycle();
+        assert_eq!(valve.take(), BOOT, "{request}");
+        assert_eq!(valve.records, before, "{request}, {key:?}");
+        assert!(!has_own(&mut valve));
+        assert_eq!(valve.node_id(), Some(0x20));
+    }
+}
+
+/// A reset command waits for the write: nothing is lost. LSS and UDS still have their answer, an SDO client has not.
+#[test]
+fn a_reset_during_a_write_waits() {
+    for (request, answer, _, key) in REQUESTS {
+        for reset in ["000: 81 00", "000: 82 00"] {
+            let mut valve = slow(50);
+            valve.writes.clear();
+            valve.exchange(request, &[]);
+            valve.exchange(reset, &[]);
+            // it takes no part in the bus meanwhile
+            valve.exchange("620: 40 00 10 00 00 00 00 00", &[]);
+            valve.exchange("000: 82 00", &[]);
+            valve.advance(49);
+            valve.expect_nothing();
+            valve.advance(1);
+            let moved = request.contains("2E 10 01 21");
+            let boot = if moved { ["721: 00", "0A1: 00 00 00 00 00 00 00 00"] } else { BOOT };
+            let answers: Vec<String> = valve.take();
+            if request.starts_with("620") {
+                assert_eq!(answers, boot, "{request}, {reset}");
+            } else {
+                assert_eq!(answers, [&[answer][..], &boot].concat(), "{request}, {reset}");
+            }
+            assert_eq!(valve.writes[0], key);
+        }
+    }
+}
+
+#[test]
+fn wrong_signatures_store_nothing() {
+    let mut valve = Rig::booted();
+    valve.writes.clear();
+    for (index, sub) in [(0x1010, 1), (0x1011, 1), (0x1011, 5)] {
+        for value in [0, 1, 0x7361_7665, 0x6C6F_6164, 0x706B_6473, u32::MAX] {
+            assert_eq!(valve.write(index, sub, 4, value), Err(0x0800_0020), "{index:04X}:{sub} {value:08X}");
+        }
+    }
+    assert_eq!(valve.write(0x1011, 1, 4, 0x6576_6173), Err(0x0800_0020));
+    assert_eq!(valve.write(0x1011, 5, 4, 0x6461_6F6C), Err(0x0800_0020));
+    assert_eq!(valve.write(0x1010, 1, 4, 0x7364_6B70), Err(0x0800_0020));
+    assert_eq!(valve.writes, []);
+}
+
+#[test]
+fn saved_parameters_come_back_at_every_start() {
+    for restart in ["000: 81 00", "000: 82 00", ""] {
+        let mut valve = Rig::booted();
+        write_own(&mut valve);
+        valve.exchange(SAVE, &[SAVED]);
+        valve.write(0x1005, 0, 4, 0x90).unwrap();
+        if restart.is_empty() {
+            valve.power_cycle();
+        } else {
+            valve.send(restart);
+        }
+        assert_eq!(valve.take(), BOOT);
+        assert!(has_own(&mut valve), "{restart}");
+    }
+}
+
+/// One record: every object of the list, and none but those.
+#[test]
+fn what_is_saved() {
+    let mut valve = Rig::booted();
+    valve.write(0x1400, 1, 4, 0x8000_0220).unwrap();
+    valve.write(0x1800, 1, 4, 0x8000_01A0).unwrap();
+    for sub in 1..=8 {
+        valve.write(0x1600, sub, 4, 0x6300_0110).unwrap();
+        valve.write(0x1A00, sub, 4, 0x6301_0110).unwrap();
+    }
+    valve.write(0x1600, 0, 1, 4).unwrap();
+    valve.write(0x1A00, 0, 1, 3).unwrap();
+    valve.write(0x1400, 1, 4, 0x333).unwrap();
+    valve.write(0x1800, 1, 4, 0xC000_0334).unwrap();
+    for (index, sub, size, value) in [(0x6042, 0, 1, 2), (0x6040, 0, 2, 1), (0x6300, 1, 2, 99)] {
+        valve.write(index, sub, size, value).unwrap();
+    }
+    valve.exchange(SAVE, &[SAVED]);
+    valve.power_cycle();
+    valve.take();
+    let stored = [(0x1400, 1, 0x333), (0x1400, 2, 0xFF), (0x1600, 0, 4), (0x1800, 1, 0xC000_0334), (0x1A00, 0, 3)];
+    for (index, sub, value) in stored.into_iter().chain([(0x6042, 0, 1), (0x6040, 0, 0), (0x6300, 1, 0)]) {
+        assert_eq!(valve.read(index, sub), value, "{index:04X}:{sub}");
+    }
+    for sub in 1..=8 {
+        assert_eq!((valve.read(0x1600, sub), valve.read(0x1A00, sub)), (0x6300_0110, 0x6301_0110));
+    }
+}
+
+mod load {
+    use super::*;
+
+    /// The next start uses, and stores, the defaults: first they are stored, then the flag is cleared.
+    #[test]
+    fn is_executed_by_the_next_start() {
+        for restart in ["000: 81 00", ""] {
+            let mut valve = Rig::booted();
+            write_own(&mut valve);
+            valve.exchange(SAVE, &[SAVED]);
+            valve.exchange(LOAD, &[LOADED]);
+            assert!(has_own(&mut valve), "not before");
+            valve.writes.clear();
+            if restart.is_empty() {
+                valve.power_cycle();
+            } else {
+                valve.send(restart);
+            }
+            assert_eq!(valve.take(), BOOT);
+            assert!(!has_own(&mut valve));
+            assert_eq!(valve.writes, [RecordKey::Parameters, RecordKey::RestoreFlag]);
+            // once only
+            write_own(&mut valve);
+            valve.exchange(SAVE, &[SAVED]);
+            valve.power_cycle();
+            valve.take();
+            assert!(has_own(&mut valve));
+        }
+    }
+
+    /// A save in between does not take the flag away (R).
+    #[test]
+    fn a_save_does_not_take_the_flag_away() {
+        let mut valve = Rig::booted();
+        valve.exchange(LOAD, &[LOADED]);
+        write_own(&mut valve);
+        valve.exchange(SAVE, &[SAVED]);
+        valve.power_cycle();
+        valve.take();
+        assert!(!has_own(&mut valve));
+    }
+
+    #[test]
+    fn a_reset_of_the_communication_does_not_execute_it() {
+        let mut valve = Rig::booted();
+        write_own(&mut valve);
+        valve.exchange(SAVE, &[SAVED]);
+        valve.exchange(LOAD, &[LOADED]);
+        valve.exchange("000: 82 00", &BOOT);
+        assert!(has_own(&mut valve));
+        valve.exchange("000: 81 00", &BOOT);
+        assert!(!has_own(&mut valve));
+    }
+
+    /// Cut between the two writes, or before the first: the next start does it again.
+    #[test]
+    fn a_power_cut_during_its_execution() {
+        for ms in [0, 25, 75, 100] {
+            let mut valve = Rig::booted();
+            write_own(&mut valve);
+            valve.exchange(SAVE, &[SAVED]);
+            valve.exchange(LOAD, &[LOADED]);
+            valve.write_time = Duration::from_millis(50);
+            valve.power_cycle();
+            valve.take();
+            assert!(!has_own(&mut valve), "cut after {ms} ms");
+            valve.advance(ms);
+            valve.power_cycle();
+            valve.take();
+            assert!(!has_own(&mut valve), "cut after {ms} ms");
+            valve.advance(100);
+            valve.write_time = Duration::from_ticks(0);
+            write_own(&mut valve);
+            valve.exchange(SAVE, &[SAVED]);
+            valve.power_cycle();
+            valve.take();
+            assert!(has_own(&mut valve), "cut after {ms} ms: executed in the end");
+        }
+    }
+
+    /// The memory fails while the defaults are stored: they are used, the error is told, the flag stays.
+    #[test]
+    fn its_execution_fails() {
+        let mut valve = Rig::booted();
+        write_own(&mut valve);
+        valve.exchange(SAVE, &[SAVED]);
+        valve.exchange(LOAD, &[LOADED]);
+        valve.writes_fail = true;
+        valve.power_cycle();
+        assert_eq!(valve.take(), [BOOT[0], BOOT[1], INTERNAL_ERROR]);
+        assert!(!has_own(&mut valve));
+        valve.writes_fail = false;
+        valve.power_cycle();
+        assert_eq!(valve.take(), BOOT);
+        assert!(!has_own(&mut valve));
+    }
+
+    /// Identity and numbers are factory data: never touched by it; nor are node ID, bit rate and counters.
+    #[test]
+    fn what_it_does_not_touch() {
+        let mut valve = configuring();
+        valve.sense(|senses| senses.internal_fault = true);
+        valve.sense(|senses| senses.internal_fault = false);
+        valve.advance(1000);
+        valve.take();
+        valve.exchange("1BC78820: 04 2E 10 01 21", &["1BC408F1: 03 6E 10 01"]);
+        let before = valve.records.clone();
+        valve.exchange(LOAD, &[LOADED]);
+        valve.power_cycle();
+        assert_eq!(valve.take(), ["721: 00", "0A1: 00 00 00 00 00 00 00 00"]);
+        for key in [RecordKey::Factory, RecordKey::LocalLayer, RecordKey::FaultLog] {
+            assert_eq!(valve.records[&key], before[&key], "{key:?}");
+        }
+        assert_eq!((valve.read(0x1018, 4), valve.read(0x2024, 0)), (0x5B2E_0100, 1));
+    }
+}
+
+mod at_start {
+    use super::*;
+
+    /// A memory that was never written: the factory record and the default node ID.
+    #[test]
+    fn a_new_memory_is_filled() {
+        let valve = Rig::booted();
+        assert_eq!(valve.writes, [RecordKey::Factory, RecordKey::LocalLayer]);
+        let mut again = Rig::booted();
+        again.writes.clear();
+        again.power_cycle();
+        assert_eq!((again.take(), again.writes.len()), (BOOT.map(str::to_owned).to_vec(), 0), "once");
+    }
+
+    #[test]
+    fn a_blank_valve_stays_blank() {
+        let mut valve = Rig::power_on(Setup { node_id: None, ..Setup::new(Kind::PveaCanopen) });
+        assert_eq!(valve.writes, [RecordKey::Factory, RecordKey::LocalLayer]);
+        valve.power_cycle();
+        assert_eq!((valve.node_id(), valve.take().len()), (None, 0));
+    }
+
+    /// A memory decides; what the device is made as only fills a new one.
+    #[test]
+    fn the_memory_decides() {
+        let mut valve = Rig::booted_as(Setup { serial: Some(7), ..Setup::new(Kind::PveaCanopen) });
+        let records = valve.records.clone();
+        assert_eq!(valve.read(0x1018, 4), 7);
+        let mut other = Rig::booted();
+        other.records = records;
+        other.power_cycle();
+        other.take();
+        assert_eq!(other.read(0x1018, 4), 7);
+    }
+
+    /// Everything stored, then one record spoilt in every way that a memory can.
+    fn full() -> Rig {
+        let mut valve = configuring();
+        write_own(&mut valve);
+        valve.exchange(SAVE, &[SAVED]);
+        valve.exchange("7E5: 13 00 02 00 00 00 00 00", &["7E4: 13 00 00 00 00 00 00 00"]);
+        valve.exchange(LSS_STORE, &["7E4: 17 00 00 00 00 00 00 00"]);
+        valve.sense(|senses| senses.temperature_c = 130);
+        valve.advance(250);
+        valve.sense(|senses| senses.temperature_c = 25);
+        valve.advance(1000);
+        valve.take();
+        valve.exchange(LOAD, &[LOADED]);
+        valve
+    }
+
+    fn spoilt(record: &[u8]) -> Vec<Vec<u8>> {
+        let mut flipped = record.to_vec();
+        *flipped.last_mut().unwrap() ^= 0x10;
+        let mut version = record.to_vec();
+        version[0] ^= 0x40;
+        vec![flipped, version, record[..record.len() - 1].to_vec(), vec![], vec![0xFF; 127], vec![0; 300]]
+    }
+
+    /// A record that fails is taken as absent, and raises the internal error.
+    #[test]
+    fn a_corrupt_record() {
+        for key in RecordKey::ALL {
+            let mut valve = full_records();
+            for bytes in spoilt(&valve[&key].clone()) {
+                valve.insert(key, bytes.clone());
+                let mut rig = Rig::booted();
+                rig.records = valve.clone();
+                // what asks for the defaults at start would hide the parameters
+                if key != RecordKey::RestoreFlag {
+                    rig.records.remove(&RecordKey::RestoreFlag);
+                }
+                rig.power_cycle();
+                let what = format!("{key:?} {bytes:02X?}");
+                let sent = rig.take();
+                let intact_log = key != RecordKey::FaultLog;
+                assert_eq!(sent, [BOOT[0], BOOT[1], INTERNAL_ERROR], "{what}");
+                assert_eq!((rig.status(), rig.read(0x1001, 0)), (0x03, 1), "{what}");
+                assert_eq!(has_own(&mut rig), key != RecordKey::Parameters, "{what}");
+                assert_eq!(rig.read(0x200F, 0), u32::from(intact_log), "{what}");
+                let rate = if key == RecordKey::LocalLayer { 250_000 } else { 500_000 };
+                assert_eq!(rig.device().bit_rate().bits_per_second(), rate, "{what}");
+                assert_eq!(rig.read(0x1018, 4), 0x5B2E_0100, "{what}");
+            }
+        }
+    }
+
+    fn full_records() -> BTreeMap<RecordKey, Vec<u8>> {
+        full().records
+    }
+
+    /// The error of a record ends with its next successful write: the fault log is written by itself.
+    #[test]
+    fn a_corrupt_record_is_well_with_its_next_write() {
+        let mends: [(RecordKey, &str, &str); 3] = [
+            (RecordKey::LocalLayer, LSS_STORE, "7E4: 17 00 00 00 00 00 00 00"),
+            (RecordKey::Parameters, SAVE, SAVED),
+            (RecordKey::RestoreFlag, LOAD, LOADED),
+        ];
+        for (key, request, answer) in mends {
+            let mut valve = Rig::booted();
+            valve.records.insert(key, vec![0; 8]);
+            valve.power_cycle();
+            assert_eq!(valve.take(), [BOOT[0], BOOT[1], INTERNAL_ERROR], "{key:?}");
+            valve.advance(20_000);
+            valve.exchange("7E5: 04 01 00 00 00 00 00 00", &[]);
+            valve.send(request);
+            let mut expected = [answer, CLEARED];
+            expected.sort_unstable();
+            assert_eq!(sorted(&mut valve), expected, "{key:?}");
+        }
+        let mut valve = Rig::booted();
+        valve.records.insert(RecordKey::FaultLog, vec![0; 8]);
+        valve.power_cycle();
+        assert_eq!(valve.take(), [BOOT[0], BOOT[1], INTERNAL_ERROR]);
+        valve.advance(1000);
+        assert_eq!(valve.take(), [CLEARED]);
+    }
+
+    /// A corrupt record at a reset application is found and counted again.
+    #[test]
+    fn a_corrupt_record_is_found_by_every_start() {
+        let mut valve = Rig::booted();
+        valve.records.insert(RecordKey::Parameters, vec![0; 8]);
+        valve.power_cycle();
+        valve.take();
+        valve.exchange("000: 81 00", &[BOOT[0], BOOT[1], "0A0: 00 10 01 02 00 00 00 00"]);
+        valve.exchange("000: 82 00", &[BOOT[0], BOOT[1], "0A0: 00 10 01 02 00 00 00 00"]);
+    }
+
+    /// A blank valve whose node ID was damaged is not blank: it had one.
+    #[test]
+    fn a_damaged_node_id_is_the_default_one() {
+        let mut valve = Rig::power_on(Setup { node_id: None, ..Setup::new(Kind::PveaCanopen) });
+        valve.records.insert(RecordKey::LocalLayer, vec![1, 2, 3]);
+        valve.power_cycle();
+        assert_eq!(valve.take(), [BOOT[0], BOOT[1], INTERNAL_ERROR]);
+    }
+}
+
+/// A client that asks again gives up its first request: one answer, to the last.
+#[test]
+fn a_save_that_is_asked_for_again() {
+    let mut valve = slow(50);
+    valve.exchange(SAVE, &[]);
+    valve.advance(10);
+    valve.exchange(SAVE, &[]);
+    valve.advance(100);
+    assert_eq!(valve.take(), [SAVED]);
+}
+
+/// Another request in the middle starts anew: it is answered, the save is not, and is stored all the same.
+#[test]
+fn a_read_in_the_middle_of_a_save() {
+    let mut valve = slow(50);
+    write_own(&mut valve);
+    valve.exchange(SAVE, &[]);
+    assert_eq!(valve.read(0x1000, 0), 0x198);
+    valve.advance(100);
+    valve.expect_nothing();
+    valve.power_cycle();
+    valve.take();
+    assert!(has_own(&mut valve));
+}
+
+/// What is written while another write is under way waits its turn.
+#[test]
+fn writes_one_after_the_other() {
+    let mut valve = slow(50);
+    valve.writes.clear();
+    valve.exchange(SAVE, &[]);
+    valve.exchange(LSS_STORE, &[]);
+    valve.advance(50);
+    assert_eq!(valve.take(), [SAVED]);
+    valve.advance(50);
+    assert_eq!(valve.take(), ["7E4: 17 00 00 00 00 00 00 00"]);
+    assert_eq!(valve.writes, [RecordKey::Parameters, RecordKey::LocalLayer]);
+}
