@@ -126,6 +126,18 @@ fn an_emcy_waits() {
     assert_eq!(valve.take(), ["0A0: 00 10 01 01 00 00 00 00"]);
 }
 
+/// But not beyond a stop: in stopped it cannot be sent, and later it is not.
+#[test]
+fn an_emcy_does_not_wait_for_the_end_of_stopped() {
+    let mut valve = configured();
+    valve.exchange("7E5: 15 64 00 00 00 00 00 00", &[]);
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.exchange("000: 02 00", &[]);
+    valve.advance(200);
+    valve.exchange("000: 80 00", &[]);
+    assert_eq!(valve.read(0x1003, 1), 0x0001_1000);
+}
+
 /// Orders are obeyed meanwhile; a start drops nothing that is on its way.
 #[test]
 fn a_start_during_the_silence() {

@@ -1,5 +1,6 @@
 //! The device state machine (SPEC 4.3): every event in every state, against the tables of that section.
 
+use proptest::prelude::*;
 use tests::Rig;
 
 const INIT: u32 = 0x08;
@@ -347,3 +348,106 @@ fn the_emergency_stop_and_what_is_none() {
         assert_eq!(valve.read(0x2024, 0), 0);
     }
 }
+
+/// One event of a walk.
+#[derive(Clone, Copy, Debug)]
+enum Step {
+    Word { command: u32, by_rpdo: bool },
+    Fault(bool),
+    Order(u8),
+    EmergencyStop,
+}
+
+fn step() -> impl Strategy<Value = Step> {
+    // the commands that lead somewhere more often than the others
+    let command = prop_oneof![0..16_u32, Just(0x1), Just(0x3), Just(0x7), Just(0xB), Just(0xF)];
+    prop_oneof![
+        10 => (command, any::<bool>()).prop_map(|(command, by_rpdo)| Step::Word { command, by_rpdo }),
+        2 => any::<bool>().prop_map(Step::Fault),
+        2 => prop::sample::select(vec![0x01, 0x02, 0x80, 0x81, 0x82]).prop_map(Step::Order),
+        1 => Just(Step::EmergencyStop),
+    ]
+}
+
+/// The tables above as a machine, with the NMT states as far as they decide what is served.
+struct Model {
+    state: u32,
+    /// The last control word was 0011.
+    reset_begun: bool,
+    fault: bool,
+    nmt: u8,
+}
+
+impl Model {
+    fn take(&mut self, step: Step) {
+        match step {
+            Step::Word { by_rpdo: true, .. } if self.nmt != 0x01 => {}
+            Step::Word { by_rpdo: false, .. } | Step::EmergencyStop if self.nmt == 0x02 => {}
+            Step::Word { command, .. } => {
+                let out = self.state == FAULT_HOLD && self.reset_begun && command == 0xB && !self.fault;
+                self.reset_begun = self.state == FAULT_HOLD && command == 0x3;
+                self.state = if out { HOLD } else { next(self.state, command) };
+            }
+            Step::Fault(active) => {
+                if active && !self.fault {
+                    self.shut_down();
+                }
+                self.fault = active;
+            }
+            Step::Order(0x81) => {
+                *self = Self { state: INIT, reset_begun: false, fault: false, nmt: 0x80 };
+            }
+            Step::Order(0x82) => {
+                self.shut_down();
+                self.nmt = 0x80;
+            }
+            Step::Order(order) => {
+                if order == 0x02 && self.nmt != 0x02 {
+                    self.shut_down();
+                }
+                self.nmt = order;
+            }
+            Step::EmergencyStop if self.state == ACTIVE => self.shut_down(),
+            Step::EmergencyStop => {}
+        }
+    }
+
+    /// What was begun in FAULT_HOLD is begun still.
+    fn shut_down(&mut self) {
+        self.reset_begun &= self.state == FAULT_HOLD;
+        self.state = FAULT_HOLD;
+    }
+}
+
+proptest! {
+    #[test]
+    fn any_walk_through_the_states(steps in prop::collection::vec(step(), 1..60)) {
+        let mut valve = Rig::booted();
+        valve.write(0x1028, 1, 4, 0xA1).unwrap();
+        valve.exchange(SAVE, &["5A0: 60 10 10 01 00 00 00 00"]);
+        let mut model = Model { state: INIT, reset_begun: false, fault: false, nmt: 0x80 };
+        for step in steps {
+            model.take(step);
+            match step {
+                Step::Word { command, by_rpdo: true } => valve.send(&format!("220: {command:02X} 00 00 00")),
+                Step::Word { command, by_rpdo: false } => {
+                    valve.send(&format!("620: 2B 40 60 00 {command:02X} 00 00 00"));
+                }
+                Step::Fault(active) => valve.sense(|senses| senses.internal_fault = active),
+                Step::Order(0x81) => {
+                    valve.sense(|senses| senses.internal_fault = false);
+                    valve.send("000: 81 00");
+                }
+                Step::Order(order) => valve.send(&format!("000: {order:02X} 20")),
+                Step::EmergencyStop => valve.send("0A1: 00 10 01 00 00 00 00 00"),
+            }
+            valve.take();
+            if model.nmt != 0x02 {
+                prop_assert_eq!(valve.status(), model.state);
+                prop_assert_eq!(valve.read(0x1001, 0), u32::from(model.fault));
+            }
+        }
+    }
+}
+
+const SAVE: &str = "620: 23 10 10 01 73 61 76 65";

@@ -98,6 +98,41 @@ mod time_guarding {
         valve.expect(TIMED_OUT);
     }
 
+    /// Outside ACTIVE full operational nothing is guarded.
+    #[test]
+    fn it_ends_with_leaving_active_by_whatever_way() {
+        let ways: [fn(&mut Rig); 5] = [
+            |valve| valve.send("220: 03 00 00 00"),
+            |valve| valve.send("0A1: 00 10 01 00 00 00 00 00"),
+            |valve| valve.send("000: 02 00"),
+            |valve| valve.send("000: 82 00"),
+            |valve| valve.write(0x6042, 0, 1, 2).unwrap(),
+        ];
+        for way in ways {
+            let mut valve = Rig::booted();
+            valve.write(0x1028, 1, 4, 0xA1).unwrap();
+            valve.activate();
+            valve.advance(200);
+            way(&mut valve);
+            valve.take();
+            valve.advance(10_000);
+            valve.expect_nothing();
+        }
+    }
+
+    /// Reset communication tells it again until a set-point ends it; reset application forgets it.
+    #[test]
+    fn over_the_resets() {
+        let mut valve = Rig::booted();
+        valve.activate();
+        valve.advance(250);
+        valve.expect(TIMED_OUT);
+        valve.exchange("000: 82 00", &["720: 00", CLEARED, TIMED_OUT]);
+        valve.exchange("000: 81 00", &["720: 00", CLEARED]);
+        valve.advance(10_000);
+        valve.expect_nothing();
+    }
+
     /// NMT start and pre-operational change nothing: without RPDOs the guard acts by itself.
     #[test]
     fn pre_operational_lets_it_act() {

@@ -174,6 +174,24 @@ fn a_fault_that_falls_due_during_a_reset_is_told_once() {
     }
 }
 
+/// A bus-off that begins while the reset waits for the memory is found anew, as all causes are that last.
+#[test]
+fn a_bus_off_that_begins_during_a_reset() {
+    for reset in ["000: 81 00", "000: 82 00"] {
+        let mut valve = Rig::booted();
+        valve.write_time = Duration::from_millis(50);
+        valve.send("620: 23 10 10 01 73 61 76 65");
+        valve.send(reset);
+        valve.advance(25);
+        valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+        valve.advance(1000);
+        valve.expect_nothing();
+        valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
+        assert_eq!(valve.take(), [BOOT[0], BOOT[1], "0A0: 40 81 11 01 00 00 00 00", CLEARED], "{reset}");
+        assert_eq!((valve.read(0x2019, 0), valve.status()), (1, 0x03));
+    }
+}
+
 #[test]
 fn stopped_lets_only_nmt_heartbeat_lss_and_uds_through() {
     let mut valve = Rig::booted();

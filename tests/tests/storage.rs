@@ -507,6 +507,20 @@ fn a_read_in_the_middle_of_a_save() {
     assert!(has_own(&mut valve));
 }
 
+/// NMT stop ends the transfer silently; what was begun is stored all the same.
+#[test]
+fn a_stop_during_a_save() {
+    let mut valve = slow(50);
+    write_own(&mut valve);
+    valve.exchange(SAVE, &[]);
+    valve.exchange("000: 02 00", &[]);
+    valve.advance(100);
+    valve.exchange("000: 80 00", &[]);
+    valve.power_cycle();
+    valve.take();
+    assert!(has_own(&mut valve));
+}
+
 /// What is written while another write is under way waits its turn.
 #[test]
 fn writes_one_after_the_other() {

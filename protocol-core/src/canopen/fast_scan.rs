@@ -4,12 +4,11 @@ use crate::wire::lss::{Address, FastScan, Part};
 
 /// The bit check that asks who is there.
 const WHO_IS_THERE: u8 = 0x80;
-/// The last of the four numbers: the serial number.
-const LAST_PART: Part = 3;
-/// What the manual's sequence names as next after the last number; a standard master names 0.
-const MANUALS_END: u8 = 4;
 
-/// How far a scan has come.
+/// How far a scan has come: the number that is asked for next.
+///
+/// After the serial number a standard master names 0 as next, the manual's sequence 4, which is no number: either way the
+/// next scan begins with part 0.
 #[derive(Debug, Default)]
 pub(super) struct ScanPosition {
     part: Part,
@@ -31,8 +30,7 @@ impl ScanPosition {
         let Some(own) = address.part(self.part).filter(|_| scan.sub == self.part) else { return false };
         let agrees = (own ^ scan.number).unbounded_shr(u32::from(scan.bit_check)) == 0;
         if agrees && scan.bit_check == 0 {
-            let ends = self.part == LAST_PART && scan.next == MANUALS_END;
-            self.part = if ends { 0 } else { scan.next };
+            self.part = scan.next;
         }
         agrees
     }
