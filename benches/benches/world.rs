@@ -10,7 +10,6 @@ use protocol_core::controller::BitRate;
 use protocol_core::device::pve::{Kind, PveCanopen, Setup};
 use protocol_core::frame::{Frame, standard};
 use protocol_core::time::{Duration, Instant, after};
-use protocol_core::wire::cob_id::NodeId;
 
 /// A world of so many valves at node IDs 1, 2, 3 …, all at this bit rate, powered.
 fn valves(count: u8, bit_rate: BitRate) -> World {

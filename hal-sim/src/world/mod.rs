@@ -14,8 +14,6 @@ mod trace;
 mod probe;
 #[cfg(test)]
 mod tests;
-#[cfg(test)]
-mod throughput_tests;
 
 use std::sync::Arc;
 
