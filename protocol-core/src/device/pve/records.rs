@@ -111,7 +111,19 @@ pub(super) struct LocalLayer {
     pub(super) bit_rate: BitRate,
 }
 
+/// What is to become different of a [`LocalLayer`]; the rest stays as it is stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct LayerChange {
+    pub(super) node_id: Option<NodeId>,
+    pub(super) bit_rate: Option<BitRate>,
+}
+
 impl LocalLayer {
+    /// This layer after a change.
+    pub(super) fn with(self, change: LayerChange) -> Self {
+        Self { node_id: change.node_id.or(self.node_id), bit_rate: change.bit_rate.unwrap_or(self.bit_rate) }
+    }
+
     pub(super) fn default_node_id() -> Option<NodeId> {
         NodeId::new(DEFAULT_NODE_ID)
     }
