@@ -420,6 +420,8 @@ impl Model {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
     #[test]
     fn any_walk_through_the_states(steps in prop::collection::vec(step(), 1..60)) {
         let mut valve = Rig::booted();

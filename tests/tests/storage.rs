@@ -521,6 +521,19 @@ fn a_stop_during_a_save() {
     assert!(has_own(&mut valve));
 }
 
+/// Node ID and bit rate lie in one record: a store of the one does not undo that of the other.
+#[test]
+fn a_bit_rate_while_a_node_id_is_stored() {
+    let mut valve = slow(50);
+    valve.exchange("1BC78820: 04 2E 10 01 21", &[]);
+    valve.exchange("7E5: 13 00 02 00 00 00 00 00", &["7E4: 13 00 00 00 00 00 00 00"]);
+    valve.exchange(LSS_STORE, &[]);
+    valve.advance(100);
+    assert_eq!(valve.take(), ["1BC408F1: 03 6E 10 01", "7E4: 17 00 00 00 00 00 00 00"]);
+    valve.power_cycle();
+    assert_eq!((valve.node_id(), valve.device().bit_rate().bits_per_second()), (Some(0x21), 500_000));
+}
+
 /// What is written while another write is under way waits its turn.
 #[test]
 fn writes_one_after_the_other() {

@@ -1,6 +1,6 @@
 //! EMCY: the error history (0x1003), what waits to be sent, and the consumer (0x1028) (CiA 301 7.2.7).
 
-use heapless::{Deque, HistoryBuf};
+use heapless::Deque;
 
 use crate::wire::cob_id::CobId;
 use crate::wire::emcy::Emcy;
@@ -15,25 +15,30 @@ const WAITING: usize = 24;
 /// The error history, object 0x1003.
 #[derive(Debug, Default)]
 pub struct ErrorHistory {
-    fields: HistoryBuf<u32, HISTORY>,
+    /// The newest first.
+    fields: [u32; HISTORY],
+    count: u8,
 }
 
 impl ErrorHistory {
     /// An empty history.
     #[must_use]
     pub const fn new() -> Self {
-        Self { fields: HistoryBuf::new() }
+        Self { fields: [0; HISTORY], count: 0 }
     }
 
     /// The number of errors, sub-index 0.
     #[must_use]
-    pub fn count(&self) -> u8 {
-        u8::try_from(self.fields.len()).unwrap_or(u8::MAX)
+    pub const fn count(&self) -> u8 {
+        self.count
     }
 
     /// Enters an error: the EMCY code, and what the manufacturer adds in the upper half. The oldest of nine is lost.
     pub fn enter(&mut self, code: u16, manufacturer: u16) {
-        self.fields.write(u32::from(manufacturer) << 16 | u32::from(code));
+        let newest = u32::from(manufacturer) << 16 | u32::from(code);
+        let [a, b, c, d, e, f, g, _] = self.fields;
+        self.fields = [newest, a, b, c, d, e, f, g];
+        self.count = self.count.saturating_add(1).min(HISTORY as u8);
     }
 
     /// An error, sub-index 1 being the newest.
@@ -41,9 +46,8 @@ impl ErrorHistory {
     /// # Errors
     /// [`AbortCode::NO_DATA`] beyond the number of errors.
     pub fn field(&self, sub: u8) -> Result<u32, AbortCode> {
-        let age = usize::from(sub).checked_sub(1).ok_or(AbortCode::NO_DATA)?;
-        let position = self.fields.len().checked_sub(age.saturating_add(1)).ok_or(AbortCode::NO_DATA)?;
-        self.fields.oldest_ordered().nth(position).copied().ok_or(AbortCode::NO_DATA)
+        let age = sub.checked_sub(1).filter(|age| *age < self.count).ok_or(AbortCode::NO_DATA)?;
+        self.fields.get(usize::from(age)).copied().ok_or(AbortCode::NO_DATA)
     }
 
     /// Sub-index 0 is written.
@@ -54,7 +58,7 @@ impl ErrorHistory {
         if count != 0 {
             return Err(AbortCode::INVALID_VALUE);
         }
-        self.fields.clear();
+        *self = Self::new();
         Ok(())
     }
 }

@@ -59,19 +59,21 @@ impl TxQueue {
         self.dropped
     }
 
+    /// Puts a frame at a position; what is more urgent moves up, or, when there is no room, what is less urgent down and
+    /// out.
     fn insert(&mut self, position: usize, frame: Frame) {
-        let mut position = position;
+        let mut carried = frame;
         if self.frames.is_full() {
-            self.dropped = self.dropped.saturating_add(1);
-            if position == 0 {
-                return;
+            self.count_dropped();
+            for slot in self.frames.iter_mut().take(position).rev() {
+                core::mem::swap(slot, &mut carried);
             }
-            self.frames.remove(0);
-            position = position.saturating_sub(1);
-        }
-        // There is room, and the position lies within: this cannot fail.
-        if self.frames.insert(position, frame).is_err() {
-            self.dropped = self.dropped.saturating_add(1);
+        } else {
+            for slot in self.frames.iter_mut().skip(position) {
+                core::mem::swap(slot, &mut carried);
+            }
+            // There is room.
+            let _ = self.frames.push(carried);
         }
     }
 }

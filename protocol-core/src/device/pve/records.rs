@@ -115,11 +115,23 @@ pub(super) struct LocalLayer {
     pub(super) bit_rate: BitRate,
 }
 
+/// What is to become different of a [`LocalLayer`]; the rest stays as it is stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct LayerChange {
+    pub(super) node_id: Option<u8>,
+    pub(super) bit_rate: Option<BitRate>,
+}
+
 impl LocalLayer {
     /// What a new memory is filled with.
     pub(super) fn new(kind: Kind, node_id: Option<u8>) -> Self {
         let bit_rate = kind.bit_rates().first().copied().unwrap_or(BitRate::Kbit250);
         Self { node_id: node_id.filter(|node_id| kind.node_ids().contains(node_id)), bit_rate }
+    }
+
+    /// This layer after a change.
+    pub(super) fn with(self, change: LayerChange) -> Self {
+        Self { node_id: change.node_id.or(self.node_id), bit_rate: change.bit_rate.unwrap_or(self.bit_rate) }
     }
 
     pub(super) fn encode(self) -> [u8; 2] {

@@ -2,7 +2,7 @@
 
 use heapless::Deque;
 
-use super::records::LocalLayer;
+use super::records::LayerChange;
 use crate::actuator::FaultSet;
 use crate::memory::RecordKey;
 use crate::time::{Duration, Instant, NEVER, after};
@@ -36,7 +36,7 @@ pub(super) enum Job {
     /// The factory data of a new memory.
     Factory,
     /// Node ID and bit rate.
-    LocalLayer(LocalLayer, LayerFor),
+    LocalLayer(LayerChange, LayerFor),
     /// "save": the parameters as they are.
     Save(Ticket),
     /// The defaults, at the start that executes "load"; clears the flag when they are stored.

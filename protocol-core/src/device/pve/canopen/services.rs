@@ -2,7 +2,7 @@
 
 use super::super::identification::Identification;
 use super::super::objects::{Command, PveObjects, StoreRequest};
-use super::super::records::LocalLayer;
+use super::super::records::LayerChange;
 use super::super::state_machine::DeviceState;
 use super::super::storage::{Job, LayerFor};
 use super::PveCanopen;
@@ -166,11 +166,11 @@ impl PveCanopen {
             Outcome::Nothing => {}
             Outcome::Answer(answer) => self.send_lss(answer),
             Outcome::Store { node_id, bit_rate } => {
-                let layer = LocalLayer {
-                    node_id: node_id.or(self.held_node_id).map(NodeId::get).or(self.local_layer.node_id),
-                    bit_rate: bit_rate.or(self.held_bit_rate).unwrap_or(self.local_layer.bit_rate),
+                let change = LayerChange {
+                    node_id: node_id.or(self.held_node_id).map(NodeId::get),
+                    bit_rate: bit_rate.or(self.held_bit_rate),
                 };
-                let job = Job::LocalLayer(layer, LayerFor::Lss);
+                let job = Job::LocalLayer(change, LayerFor::Lss);
                 if !self.storage.ask(job) {
                     self.send_lss(lss::Answer::Stored(lss::StoreError::Access));
                 }
@@ -193,8 +193,8 @@ impl PveCanopen {
             Reaction::Nothing => {}
             Reaction::Answer(frame) => self.send(frame),
             Reaction::StoreNodeId(raw) => {
-                let layer = LocalLayer { node_id: Some(raw), ..self.local_layer };
-                if !self.storage.ask(Job::LocalLayer(layer, LayerFor::Uds)) {
+                let change = LayerChange { node_id: Some(raw), bit_rate: None };
+                if !self.storage.ask(Job::LocalLayer(change, LayerFor::Uds)) {
                     self.send(node_id_written(false));
                 }
             }

@@ -4,7 +4,7 @@ use super::super::application::Application;
 use super::super::dictionary::TABLE;
 use super::super::found::Found;
 use super::super::objects::PveObjects;
-use super::super::records::{Factory, LocalLayer, decode_flag};
+use super::super::records::{Factory, LayerChange, LocalLayer, decode_flag};
 use super::super::setup::Setup;
 use super::super::storage::{FaultLogClock, Job, LayerFor, Storage};
 use super::listening::Listening;
@@ -116,7 +116,7 @@ impl PveCanopen {
 
     /// Writes what a new memory lacks, and the defaults where "load" asked for them.
     fn fill(&mut self, found: &Found<'_>, restore: bool) {
-        let layer = Job::LocalLayer(found.local_layer, LayerFor::Nobody);
+        let layer = Job::LocalLayer(LayerChange::default(), LayerFor::Nobody);
         let jobs = [
             (found.is_absent(RecordKey::Factory), Job::Factory),
             (found.is_absent(RecordKey::LocalLayer), layer),

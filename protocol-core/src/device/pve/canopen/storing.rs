@@ -48,11 +48,11 @@ impl PveCanopen {
                     let _ = self.storage.ask(Job::ClearRestoreFlag);
                 }
             }
-            Job::LocalLayer(layer, asked_by) => {
+            Job::LocalLayer(change, asked_by) => {
                 if stored {
-                    self.local_layer = layer;
+                    self.local_layer = self.local_layer.with(change);
                     self.held_node_id = None;
-                    self.held_bit_rate = self.held_bit_rate.filter(|held| *held != layer.bit_rate);
+                    self.held_bit_rate = self.held_bit_rate.filter(|held| *held != self.local_layer.bit_rate);
                 }
                 self.answer_layer(asked_by, stored);
             }
@@ -97,7 +97,7 @@ impl PveCanopen {
         let counters = self.objects.application.valve.counters();
         match job {
             Job::Factory => seal(version, &self.objects.factory.encode()),
-            Job::LocalLayer(layer, _) => seal(version, &layer.encode()),
+            Job::LocalLayer(change, _) => seal(version, &self.local_layer.with(change).encode()),
             Job::Save(_) => {
                 let payload = parameters::encode::<RECORD_MAX>(TABLE, |entry| self.objects.read(entry.object).ok());
                 seal(version, &payload.ok_or(StoreError)?)
