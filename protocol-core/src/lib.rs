@@ -5,7 +5,8 @@
 //! ```text
 //! wire/       bytes ↔ meaning: total functions, no state
 //! actuator/   the valve without a protocol
-//! canopen/    services that know no product        uds    the identifier server
+//! canopen/    services that know no product: CANopen     uds    the identifier server
+//! isobus/     the same: J1939 and ISO 11783
 //! memory/     records and their encoding
 //! device/     the products, each a composition of the above, and `Device`, their common face
 //! pump        moves frames between a CAN controller and a device
@@ -40,6 +41,7 @@ pub mod canopen;
 pub mod controller;
 pub mod device;
 pub mod frame;
+pub mod isobus;
 pub mod memory;
 pub mod pump;
 pub mod time;

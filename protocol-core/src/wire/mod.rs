@@ -8,6 +8,15 @@ pub mod lss;
 pub mod nmt;
 pub mod pdo_mapping;
 pub mod sdo;
+
+pub mod dm;
+pub mod dtc;
+pub mod j1939_id;
+pub mod name;
+pub mod request;
+pub mod tp;
+pub mod valve;
+
 pub mod uds;
 
 /// The little-endian number in `bytes[at..at + 4]`.

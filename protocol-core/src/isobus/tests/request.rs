@@ -1,0 +1,64 @@
+use super::*;
+use crate::isobus::request::Request;
+use crate::wire::j1939_id::{J1939Id, Pgn};
+
+fn request(text: &str, own: Option<Address>) -> Option<Request> {
+    let frame = frame(text);
+    Request::of(J1939Id::of(&frame)?, &frame, own)
+}
+
+#[test]
+fn one_to_this_controller_and_one_to_all() {
+    let addressed = Request { pgn: Pgn::DM3, asker: TOOL, addressed: true };
+    assert_eq!(request("18EA8327: CC FE 00", Some(OWN)), Some(addressed));
+    assert_eq!(request("18EAFF27: CC FE 00", Some(OWN)), Some(Request { addressed: false, ..addressed }));
+}
+
+#[test]
+fn the_priority_does_not_count() {
+    assert!(request("00EA8327: CC FE 00", Some(OWN)).is_some());
+    assert!(request("1CEA8327: CC FE 00", Some(OWN)).is_some());
+}
+
+#[test]
+fn what_is_no_request_for_this_controller() {
+    for other in [
+        "18EA8427: CC FE 00",
+        "18EAFE27: CC FE 00",
+        "18EA8327: CC FE",
+        "18EA8327:",
+        "18EA8327: R3",
+        "18EB8327: CC FE 00",
+        "19EA8327: CC FE 00",
+        "1AEA8327: CC FE 00",
+        "123: CC FE 00",
+    ] {
+        assert_eq!(request(other, Some(OWN)), None, "{other}");
+    }
+}
+
+#[test]
+fn without_an_address_only_requests_to_all_count() {
+    assert_eq!(request("18EA8327: 00 EE 00", None), None);
+    assert_eq!(request("18EAFE27: 00 EE 00", None), None);
+    assert!(request("18EAFF27: 00 EE 00", None).is_some());
+}
+
+#[test]
+fn an_order_is_acknowledged_when_it_was_addressed() {
+    let addressed = request("18EA8327: CC FE 00", Some(OWN)).unwrap();
+    assert_eq!(text(addressed.acknowledge(OWN)), "18E8FF83: 00 FF FF FF 27 CC FE 00");
+    let global = request("18EAFF27: CC FE 00", Some(OWN)).unwrap();
+    assert_eq!(global.acknowledge(OWN), None);
+}
+
+#[test]
+fn an_unsupported_group_is_refused_when_it_was_addressed() {
+    let addressed = request("18EA8327: EB FE 00", Some(OWN)).unwrap();
+    assert_eq!(text(addressed.refuse(OWN)), "18E8FF83: 01 FF FF FF 27 EB FE 00");
+    let strange = request("18EA8327: CC FE FC", Some(OWN)).unwrap();
+    assert_ne!(strange.pgn, Pgn::DM3);
+    assert_eq!(text(strange.refuse(OWN)), "18E8FF83: 01 FF FF FF 27 CC FE FC");
+    let global = request("18EAFF27: EB FE 00", Some(OWN)).unwrap();
+    assert_eq!(global.refuse(OWN), None);
+}

@@ -1,0 +1,220 @@
+//! Messages of more than eight bytes, broadcast: a BAM, then its packets (SAE J1939-21 5.10; SPEC 5).
+
+use heapless::Vec;
+
+use crate::frame::Frame;
+use crate::time::{Duration, Instant, NEVER, after, since};
+use crate::wire::j1939_id::{Address, J1939Id, Pgn};
+use crate::wire::tp::{Announcement, PACKET_LEN, Packet};
+
+/// The time from one packet to the next (A): between the 50 ms and 200 ms that the standard allows, far enough from both
+/// that a packet which waits for a busy bus stays within them.
+pub const PACKET_SPACING: Duration = Duration::from_millis(100);
+
+/// The longest time from one packet to the next that a receiver bears (T1).
+pub const MAX_GAP: Duration = Duration::from_millis(750);
+
+/// Why a message cannot be sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refused {
+    /// Another one is being sent.
+    Busy,
+    /// It has fewer bytes than are sent this way, or more.
+    Size,
+}
+
+#[derive(Clone, Debug)]
+struct Sending<const SIZE: usize> {
+    announcement: Announcement,
+    payload: Vec<u8, SIZE>,
+    /// The next packet; 0 is the announcement.
+    sequence: u8,
+    due: Instant,
+}
+
+/// Sends messages of up to `SIZE` bytes to all, one at a time.
+#[derive(Debug, Default)]
+pub struct BamSender<const SIZE: usize> {
+    sending: Option<Sending<SIZE>>,
+}
+
+impl<const SIZE: usize> BamSender<SIZE> {
+    /// A sender that has nothing to send.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { sending: None }
+    }
+
+    /// Begins a message: its announcement is due at once.
+    ///
+    /// # Errors
+    /// [`Refused::Busy`] while another one is under way, [`Refused::Size`] below 9 bytes and above 1785.
+    pub fn start(&mut self, pgn: Pgn, payload: Vec<u8, SIZE>, now: Instant) -> Result<(), Refused> {
+        if self.is_busy() {
+            return Err(Refused::Busy);
+        }
+        let size = u16::try_from(payload.len()).map_err(|_| Refused::Size)?;
+        let announcement = Announcement::new(pgn, size).ok_or(Refused::Size)?;
+        self.sending = Some(Sending { announcement, payload, sequence: 0, due: now });
+        Ok(())
+    }
+
+    /// Whether a message is under way.
+    #[must_use]
+    pub const fn is_busy(&self) -> bool {
+        self.sending.is_some()
+    }
+
+    /// Leaves off: the bus cannot be used, or the address is lost.
+    pub fn cancel(&mut self) {
+        self.sending = None;
+    }
+
+    /// The frame that is due, from `source`. The next one is due [`PACKET_SPACING`] after this one was handed out.
+    #[must_use]
+    pub fn poll(&mut self, source: Address, now: Instant) -> Option<Frame> {
+        let sending = self.sending.as_mut().filter(|sending| now >= sending.due)?;
+        let sequence = sending.sequence;
+        let frame = match sequence.checked_sub(1) {
+            None => sending.announcement.frame(source),
+            Some(index) => {
+                let rest = sending.payload.chunks(PACKET_LEN).nth(index.into()).unwrap_or_default();
+                Packet::new(sequence, rest).frame(source)
+            }
+        };
+        if sequence == sending.announcement.packets {
+            self.sending = None;
+        } else {
+            sending.sequence = sequence.saturating_add(1);
+            sending.due = after(now, PACKET_SPACING);
+        }
+        Some(frame)
+    }
+
+    /// When [`poll`](Self::poll) is next due.
+    #[inline]
+    #[must_use]
+    pub const fn deadline(&self) -> Instant {
+        match &self.sending {
+            Some(sending) => sending.due,
+            None => NEVER,
+        }
+    }
+}
+
+/// A message that was received whole.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Message<const SIZE: usize> {
+    /// The group.
+    pub pgn: Pgn,
+    /// Who sent it.
+    pub source: Address,
+    /// Its bytes.
+    pub payload: Vec<u8, SIZE>,
+}
+
+#[derive(Debug)]
+struct Receiving<const SIZE: usize> {
+    message: Message<SIZE>,
+    size: usize,
+    /// The packet that must come next.
+    sequence: u8,
+    /// When the sender was last heard.
+    heard: Instant,
+}
+
+/// Receives broadcast messages of up to `SIZE` bytes from up to `SENDERS` senders at once.
+///
+/// It only listens, so it has no deadline: a message that stopped keeps its place until its sender is heard again, or
+/// another one needs the place. A sender for whom there is none is not heard; nobody else's message suffers for it.
+#[derive(Debug)]
+pub struct BamReceiver<const SENDERS: usize, const SIZE: usize> {
+    wanted: &'static [Pgn],
+    receiving: Vec<Receiving<SIZE>, SENDERS>,
+}
+
+impl<const SENDERS: usize, const SIZE: usize> BamReceiver<SENDERS, SIZE> {
+    /// A receiver of these groups; all others are let pass.
+    #[must_use]
+    pub const fn new(wanted: &'static [Pgn]) -> Self {
+        Self { wanted, receiving: Vec::new() }
+    }
+
+    /// How many messages are under way.
+    #[must_use]
+    pub fn under_way(&self) -> usize {
+        self.receiving.len()
+    }
+
+    /// Takes a frame of this identifier; the message when it was the last of one.
+    #[inline]
+    #[must_use]
+    pub fn handle(&mut self, id: J1939Id, frame: &Frame, now: Instant) -> Option<Message<SIZE>> {
+        if id.destination() != Address::GLOBAL {
+            return None;
+        }
+        match id.pgn() {
+            Pgn::TP_CONNECTION => {
+                let announcement = Announcement::parse(frame.eight()?)?;
+                self.announced(id.source(), announcement, now);
+                None
+            }
+            Pgn::TP_DATA if !self.receiving.is_empty() => {
+                self.continued(id.source(), frame.eight().map(Packet::parse), now)
+            }
+            _ => None,
+        }
+    }
+
+    /// A message begins. Whatever its sender sent before is over, even when this one is not wanted.
+    fn announced(&mut self, source: Address, announcement: Announcement, now: Instant) {
+        if let Some(place) = self.place_of(source) {
+            self.receiving.swap_remove(place);
+        }
+        let size = usize::from(announcement.size);
+        if size > SIZE || !announcement.is_sound() || !self.wanted.contains(&announcement.pgn) {
+            return;
+        }
+        if self.receiving.is_full() {
+            let Some(place) = self.receiving.iter().position(|receiving| receiving.is_late(now)) else { return };
+            self.receiving.swap_remove(place);
+        }
+        let message = Message { pgn: announcement.pgn, source, payload: Vec::new() };
+        // There is a place: this cannot fail.
+        _ = self.receiving.push(Receiving { message, size, sequence: 1, heard: now });
+    }
+
+    /// A packet comes; `None` for a frame that is none. One that is out of order, late or malformed ends its message.
+    fn continued(&mut self, source: Address, packet: Option<Packet>, now: Instant) -> Option<Message<SIZE>> {
+        let place = self.place_of(source)?;
+        let whole = self.receiving.get_mut(place)?.take(packet, now);
+        if whole == Some(false) {
+            return None;
+        }
+        let ended = self.receiving.swap_remove(place);
+        whole.map(|_| ended.message)
+    }
+
+    fn place_of(&self, source: Address) -> Option<usize> {
+        self.receiving.iter().position(|receiving| receiving.message.source == source)
+    }
+}
+
+impl<const SIZE: usize> Receiving<SIZE> {
+    /// Whether its sender was silent for too long.
+    fn is_late(&self, now: Instant) -> bool {
+        since(now, self.heard) > MAX_GAP
+    }
+
+    /// Whether the message is whole with this packet; `None` when the message is spoilt.
+    fn take(&mut self, packet: Option<Packet>, now: Instant) -> Option<bool> {
+        let packet = packet.filter(|packet| packet.sequence == self.sequence && !self.is_late(now))?;
+        let payload = &mut self.message.payload;
+        let missing = self.size.saturating_sub(payload.len());
+        let share = packet.data.get(..missing).unwrap_or(&packet.data);
+        payload.extend_from_slice(share).ok()?;
+        self.sequence = self.sequence.saturating_add(1);
+        self.heard = now;
+        Some(self.message.payload.len() == self.size)
+    }
+}

@@ -1,0 +1,285 @@
+//! J1939 identifiers: priority, parameter group number, destination or group extension, source (SAE J1939-21 5.2;
+//! ISO 11783-3).
+
+use crate::frame::{Frame, Id, extended};
+
+/// An address on the bus. 0–253 are those of controllers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Address(u8);
+
+impl Address {
+    /// The source of one that has no address: of a cannot-claim.
+    pub const NULL: Self = Self(0xFE);
+    /// The destination of what is for all.
+    pub const GLOBAL: Self = Self(0xFF);
+
+    /// Takes any byte.
+    #[inline]
+    #[must_use]
+    pub const fn new(raw: u8) -> Self {
+        Self(raw)
+    }
+
+    /// The number.
+    #[inline]
+    #[must_use]
+    pub const fn get(self) -> u8 {
+        self.0
+    }
+}
+
+/// A parameter group number, as three bytes carry it.
+///
+/// One that an identifier carries has 18 bits, and its low byte is 0 in the format PDU1. A request can ask for any 24
+/// bits: they are kept, so that a refusal can repeat them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Pgn(u32);
+
+impl Pgn {
+    /// Acknowledgement, PDU1.
+    pub const ACKNOWLEDGEMENT: Self = Self(0x00_E800);
+    /// Request, PDU1.
+    pub const REQUEST: Self = Self(0x00_EA00);
+    /// Transport protocol, data transfer (TP.DT), PDU1.
+    pub const TP_DATA: Self = Self(0x00_EB00);
+    /// Transport protocol, connection management (TP.CM), PDU1.
+    pub const TP_CONNECTION: Self = Self(0x00_EC00);
+    /// Address claimed, and cannot claim, PDU1.
+    pub const ADDRESS_CLAIMED: Self = Self(0x00_EE00);
+    /// DM1, active diagnostic trouble codes.
+    pub const DM1: Self = Self(0x00_FECA);
+    /// DM2, previously active diagnostic trouble codes.
+    pub const DM2: Self = Self(0x00_FECB);
+    /// DM3, clearing of the previously active ones.
+    pub const DM3: Self = Self(0x00_FECC);
+    /// Commanded address.
+    pub const COMMANDED_ADDRESS: Self = Self(0x00_FED8);
+
+    /// The low 24 bits of `raw`.
+    #[inline]
+    #[must_use]
+    pub const fn new(raw: u32) -> Self {
+        Self(raw & 0xFF_FFFF)
+    }
+
+    /// Auxiliary valve command of valve `number`, of which the low four bits count.
+    #[inline]
+    #[must_use]
+    pub const fn avc(number: u8) -> Self {
+        Self(0x00_FE30 | (number & 0xF) as u32)
+    }
+
+    /// Auxiliary valve estimated flow of valve `number`, of which the low four bits count.
+    #[inline]
+    #[must_use]
+    pub const fn avef(number: u8) -> Self {
+        Self(0x00_FE10 | (number & 0xF) as u32)
+    }
+
+    /// From three bytes, the least significant first.
+    #[inline]
+    #[must_use]
+    pub const fn from_bytes([low, middle, high]: [u8; 3]) -> Self {
+        Self(u32::from_le_bytes([low, middle, high, 0]))
+    }
+
+    /// As three bytes, the least significant first.
+    #[inline]
+    #[must_use]
+    pub const fn to_bytes(self) -> [u8; 3] {
+        let [low, middle, high, _] = self.0.to_le_bytes();
+        [low, middle, high]
+    }
+
+    /// The number.
+    #[inline]
+    #[must_use]
+    pub const fn raw(self) -> u32 {
+        self.0
+    }
+
+    /// Whether it is of the format PDU1: its frames have a destination.
+    #[inline]
+    #[must_use]
+    pub const fn is_pdu1(self) -> bool {
+        self.0 & 0xFF00 < FIRST_PDU2
+    }
+}
+
+/// The lowest PDU format, in its place in an identifier, of the groups that are for all.
+const FIRST_PDU2: u32 = 240 << 8;
+
+/// How urgent a message is, 0–7, the lowest being the most urgent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Priority(u8);
+
+impl Priority {
+    /// 3, of control messages: AVC and AVEF.
+    pub const CONTROL: Self = Self(3);
+    /// 6, of all others.
+    pub const DEFAULT: Self = Self(6);
+    /// 7, of the transport protocol.
+    pub const TRANSPORT: Self = Self(7);
+
+    /// The low three bits of `raw`.
+    #[must_use]
+    pub const fn new(raw: u8) -> Self {
+        Self(raw & 7)
+    }
+
+    /// The number.
+    #[must_use]
+    pub const fn get(self) -> u8 {
+        self.0
+    }
+}
+
+/// A 29-bit identifier.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct J1939Id(u32);
+
+impl J1939Id {
+    /// The identifier of a message. The destination counts in the format PDU1 alone.
+    #[inline]
+    #[must_use]
+    pub const fn new(priority: Priority, pgn: Pgn, destination: Address, source: Address) -> Self {
+        let specific = if pgn.is_pdu1() { destination.0 } else { 0 };
+        let group = pgn.0 & if pgn.is_pdu1() { 0x3_FF00 } else { 0x3_FFFF };
+        Self((priority.0 as u32) << 26 | (group | specific as u32) << 8 | source.0 as u32)
+    }
+
+    /// The identifier of a message to all.
+    #[inline]
+    #[must_use]
+    pub const fn global(priority: Priority, pgn: Pgn, source: Address) -> Self {
+        Self::new(priority, pgn, Address::GLOBAL, source)
+    }
+
+    /// The low 29 bits of `raw`.
+    #[inline]
+    #[must_use]
+    pub const fn from_raw(raw: u32) -> Self {
+        Self(raw & 0x1FFF_FFFF)
+    }
+
+    /// The identifier of a frame; `None` for a standard one.
+    #[inline]
+    #[must_use]
+    pub fn of(frame: &Frame) -> Option<Self> {
+        match frame.id() {
+            Id::Extended(id) => Some(Self(id.as_raw())),
+            Id::Standard(_) => None,
+        }
+    }
+
+    /// The 29 bits.
+    #[inline]
+    #[must_use]
+    pub const fn raw(self) -> u32 {
+        self.0
+    }
+
+    /// The identifier for a frame.
+    #[inline]
+    #[must_use]
+    pub const fn id(self) -> Id {
+        Id::Extended(extended(self.0))
+    }
+
+    /// The priority.
+    #[must_use]
+    pub const fn priority(self) -> Priority {
+        Priority::new((self.0 >> 26) as u8)
+    }
+
+    /// The parameter group number.
+    #[inline]
+    #[must_use]
+    pub const fn pgn(self) -> Pgn {
+        let pgn = Pgn(self.0 >> 8 & 0x3_FFFF);
+        if pgn.is_pdu1() { Pgn(pgn.0 & 0x3_FF00) } else { pgn }
+    }
+
+    /// The destination: [`Address::GLOBAL`] in the format PDU2.
+    #[inline]
+    #[must_use]
+    pub const fn destination(self) -> Address {
+        if Pgn(self.0 >> 8).is_pdu1() { Address((self.0 >> 8) as u8) } else { Address::GLOBAL }
+    }
+
+    /// The source.
+    #[inline]
+    #[must_use]
+    pub const fn source(self) -> Address {
+        Address(self.0 as u8)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::standard;
+
+    fn parts(raw: u32) -> (u8, Pgn, u8, u8) {
+        let id = J1939Id::from_raw(raw);
+        (id.priority().get(), id.pgn(), id.destination().get(), id.source().get())
+    }
+
+    #[test]
+    fn identifiers_as_the_manual_prints_them() {
+        for (raw, priority, pgn, destination, source) in [
+            (0x18EA_8327, 6, Pgn::REQUEST, 0x83, 0x27),
+            (0x18E8_FF83, 6, Pgn::ACKNOWLEDGEMENT, 0xFF, 0x83),
+            (0x18EE_FF83, 6, Pgn::ADDRESS_CLAIMED, 0xFF, 0x83),
+            (0x1CEC_FF83, 7, Pgn::TP_CONNECTION, 0xFF, 0x83),
+            (0x1CEB_FF83, 7, Pgn::TP_DATA, 0xFF, 0x83),
+            (0x18FE_CA83, 6, Pgn::DM1, 0xFF, 0x83),
+            (0x18FE_CB83, 6, Pgn::DM2, 0xFF, 0x83),
+            (0x18FE_CC83, 6, Pgn::DM3, 0xFF, 0x83),
+            (0x18FE_D827, 6, Pgn::COMMANDED_ADDRESS, 0xFF, 0x27),
+            (0x0CFE_3327, 3, Pgn::avc(3), 0xFF, 0x27),
+            (0x0CFE_1383, 3, Pgn::avef(0x83), 0xFF, 0x83),
+        ] {
+            assert_eq!(parts(raw), (priority, pgn, destination, source), "{raw:08X}");
+            let id = J1939Id::new(Priority::new(priority), pgn, Address::new(destination), Address::new(source));
+            assert_eq!(id.raw(), raw, "{raw:08X}");
+        }
+    }
+
+    #[test]
+    fn both_pages_are_part_of_the_number() {
+        // The identifiers of UDS have both page bits set: they are none of the groups of page 0.
+        assert_eq!(parts(0x1BC7_8805), (6, Pgn::new(0x3_C700), 0x88, 0x05));
+        assert_eq!(parts(0x19FE_CA00), (6, Pgn::new(0x1_FECA), 0xFF, 0x00));
+        assert_eq!(J1939Id::global(Priority::DEFAULT, Pgn::new(0x1_FECA), Address::new(0)).raw(), 0x19FE_CA00);
+    }
+
+    #[test]
+    fn the_formats_part_at_240() {
+        assert_eq!(parts(0x18EF_1234), (6, Pgn::new(0xEF00), 0x12, 0x34));
+        assert_eq!(parts(0x18F0_1234), (6, Pgn::new(0xF012), 0xFF, 0x34));
+    }
+
+    #[test]
+    fn every_identifier_is_put_together_as_it_was() {
+        for step in 0..0x1_0000 {
+            let id = J1939Id::from_raw(step * 0x2011);
+            assert_eq!(J1939Id::new(id.priority(), id.pgn(), id.destination(), id.source()), id);
+        }
+    }
+
+    #[test]
+    fn a_pgn_of_three_bytes_keeps_all_24_bits() {
+        assert_eq!(Pgn::from_bytes([0xCC, 0xFE, 0x00]), Pgn::DM3);
+        assert_eq!(Pgn::from_bytes([0xCC, 0xFE, 0xFC]).to_bytes(), [0xCC, 0xFE, 0xFC]);
+        assert_ne!(Pgn::from_bytes([0xCC, 0xFE, 0xFC]), Pgn::DM3);
+        assert_eq!(Pgn::avc(0x8F).raw(), 0xFE3F);
+    }
+
+    #[test]
+    fn a_standard_frame_has_none() {
+        assert_eq!(J1939Id::of(&Frame::full(standard(0x123).into(), [0; 8])), None);
+        let id = J1939Id::from_raw(0x18EE_FF83);
+        assert_eq!(J1939Id::of(&Frame::full(id.id(), [0; 8])), Some(id));
+    }
+}

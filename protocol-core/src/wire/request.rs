@@ -1,0 +1,116 @@
+//! Request for a parameter group, and the acknowledgement (SAE J1939-21 5.4.2 and 5.4.4).
+
+use super::j1939_id::{Address, J1939Id, Pgn, Priority};
+use crate::frame::Frame;
+
+/// The group that a request asks for; `None` for fewer than three bytes. Longer ones are taken: some tools pad every
+/// frame to eight bytes.
+#[inline]
+#[must_use]
+pub fn parse(data: &[u8]) -> Option<Pgn> {
+    data.first_chunk().copied().map(Pgn::from_bytes)
+}
+
+/// `18EAddyy: pgn`: `source` asks `destination`.
+#[must_use]
+pub fn frame(pgn: Pgn, destination: Address, source: Address) -> Frame {
+    let [low, middle, high] = pgn.to_bytes();
+    let id = J1939Id::new(Priority::DEFAULT, Pgn::REQUEST, destination, source);
+    Frame::with_len(id.id(), [low, middle, high, 0, 0, 0, 0, 0], 3)
+}
+
+/// What an acknowledgement says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Control {
+    /// Done.
+    Positive = 0,
+    /// Not supported.
+    Negative = 1,
+    /// Supported, but not for this asker.
+    AccessDenied = 2,
+    /// Supported, but not now.
+    CannotRespond = 3,
+}
+
+impl Control {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Positive, Self::Negative, Self::AccessDenied, Self::CannotRespond];
+}
+
+/// An acknowledgement, which goes to all and names whom it is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Acknowledgement {
+    /// What it says.
+    pub control: Control,
+    /// Whose request it answers.
+    pub asker: Address,
+    /// What was asked for.
+    pub pgn: Pgn,
+}
+
+impl Acknowledgement {
+    /// The acknowledgement in eight bytes; `None` for a control byte that the standard does not know.
+    #[must_use]
+    pub fn parse(bytes: &[u8; 8]) -> Option<Self> {
+        let &[control, _, _, _, asker, low, middle, high] = bytes;
+        Some(Self {
+            control: Control::ALL.into_iter().find(|known| *known as u8 == control)?,
+            asker: Address::new(asker),
+            pgn: Pgn::from_bytes([low, middle, high]),
+        })
+    }
+
+    /// The acknowledgement in eight bytes.
+    #[must_use]
+    pub const fn emit(self) -> [u8; 8] {
+        let [low, middle, high] = self.pgn.to_bytes();
+        [self.control as u8, 0xFF, 0xFF, 0xFF, self.asker.get(), low, middle, high]
+    }
+
+    /// `18E8FFyy: control FF FF FF asker pgn`.
+    #[must_use]
+    pub fn frame(self, source: Address) -> Frame {
+        Frame::full(J1939Id::global(Priority::DEFAULT, Pgn::ACKNOWLEDGEMENT, source).id(), self.emit())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use std::string::ToString;
+
+    use super::*;
+
+    const TOOL: Address = Address::new(0x27);
+    const VALVE: Address = Address::new(0x83);
+
+    #[test]
+    fn requests_as_the_manual_prints_them() {
+        assert_eq!(parse(&[0x00, 0xEE, 0x00]), Some(Pgn::ADDRESS_CLAIMED));
+        assert_eq!(parse(&[0xCC, 0xFE, 0x00]), Some(Pgn::DM3));
+        assert_eq!(frame(Pgn::DM3, VALVE, TOOL).to_string(), "18EA8327: CC FE 00");
+        assert_eq!(frame(Pgn::ADDRESS_CLAIMED, Address::GLOBAL, TOOL).to_string(), "18EAFF27: 00 EE 00");
+    }
+
+    #[test]
+    fn a_padded_request_is_taken_and_a_short_one_is_none() {
+        assert_eq!(parse(&[0xCB, 0xFE, 0x00, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF]), Some(Pgn::DM2));
+        for short in [&[][..], &[0xCB], &[0xCB, 0xFE]] {
+            assert_eq!(parse(short), None);
+        }
+    }
+
+    #[test]
+    fn acknowledgements_as_the_manual_prints_them() {
+        let done = Acknowledgement { control: Control::Positive, asker: TOOL, pgn: Pgn::DM3 };
+        assert_eq!(done.frame(VALVE).to_string(), "18E8FF83: 00 FF FF FF 27 CC FE 00");
+        let refused = Acknowledgement { control: Control::Negative, asker: TOOL, pgn: Pgn::new(0xFF_1234) };
+        assert_eq!(refused.frame(VALVE).to_string(), "18E8FF83: 01 FF FF FF 27 34 12 FF");
+        for control in Control::ALL {
+            let answer = Acknowledgement { control, ..done };
+            assert_eq!(Acknowledgement::parse(&answer.emit()), Some(answer));
+        }
+        assert_eq!(Acknowledgement::parse(&[4, 0xFF, 0xFF, 0xFF, 0x27, 0xCC, 0xFE, 0]), None);
+    }
+}

@@ -1,0 +1,164 @@
+//! Transport protocol: the broadcast announce message (BAM) and its data packets (SAE J1939-21 5.10).
+
+use super::j1939_id::{Address, J1939Id, Pgn, Priority};
+use crate::frame::Frame;
+
+/// The bytes of payload in a packet.
+pub const PACKET_LEN: usize = 7;
+
+/// The fewest bytes that are sent this way: fewer fit a frame of their own.
+pub const MIN_SIZE: u16 = 9;
+
+/// The most bytes: 255 packets.
+pub const MAX_SIZE: u16 = 1785;
+
+/// The control byte of a BAM; the others of TP.CM belong to connections between two nodes.
+const BAM: u8 = 0x20;
+
+/// What fills a packet behind the payload, and reserved bytes.
+const FILL: u8 = 0xFF;
+
+/// A broadcast announce message: what the packets that follow will carry.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Announcement {
+    /// The number of bytes.
+    pub size: u16,
+    /// The number of packets.
+    pub packets: u8,
+    /// The group that the bytes belong to.
+    pub pgn: Pgn,
+}
+
+impl Announcement {
+    /// The announcement of `size` bytes; `None` outside [`MIN_SIZE`]–[`MAX_SIZE`].
+    #[must_use]
+    pub fn new(pgn: Pgn, size: u16) -> Option<Self> {
+        let packets = u8::try_from(size.div_ceil(PACKET_LEN as u16)).ok()?;
+        (size >= MIN_SIZE).then_some(Self { size, packets, pgn })
+    }
+
+    /// Whether size and packets agree, and a message of that size may be sent this way.
+    #[must_use]
+    pub fn is_sound(&self) -> bool {
+        Self::new(self.pgn, self.size) == Some(*self)
+    }
+
+    /// The announcement in the eight bytes of a TP.CM, as it stands; `None` for another control byte.
+    #[must_use]
+    pub const fn parse(bytes: &[u8; 8]) -> Option<Self> {
+        match *bytes {
+            [BAM, size_low, size_high, packets, _, low, middle, high] => Some(Self {
+                size: u16::from_le_bytes([size_low, size_high]),
+                packets,
+                pgn: Pgn::from_bytes([low, middle, high]),
+            }),
+            _ => None,
+        }
+    }
+
+    /// The announcement in eight bytes.
+    #[must_use]
+    pub const fn emit(self) -> [u8; 8] {
+        let [size_low, size_high] = self.size.to_le_bytes();
+        let [low, middle, high] = self.pgn.to_bytes();
+        [BAM, size_low, size_high, self.packets, FILL, low, middle, high]
+    }
+
+    /// `1CECFFyy: 20 size packets FF pgn`.
+    #[must_use]
+    pub fn frame(self, source: Address) -> Frame {
+        Frame::full(J1939Id::global(Priority::TRANSPORT, Pgn::TP_CONNECTION, source).id(), self.emit())
+    }
+}
+
+/// A data packet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Packet {
+    /// Its number, from 1.
+    pub sequence: u8,
+    /// Its share of the payload.
+    pub data: [u8; PACKET_LEN],
+}
+
+impl Packet {
+    /// The packet of these bytes; what is missing of seven is filled with 0xFF, what is beyond them left out.
+    #[must_use]
+    pub fn new(sequence: u8, payload: &[u8]) -> Self {
+        let mut data = [FILL; PACKET_LEN];
+        data.iter_mut().zip(payload).for_each(|(byte, value)| *byte = *value);
+        Self { sequence, data }
+    }
+
+    /// The packet in the eight bytes of a TP.DT.
+    #[must_use]
+    pub const fn parse(bytes: &[u8; 8]) -> Self {
+        let &[sequence, a, b, c, d, e, f, g] = bytes;
+        Self { sequence, data: [a, b, c, d, e, f, g] }
+    }
+
+    /// The packet in eight bytes.
+    #[must_use]
+    pub const fn emit(self) -> [u8; 8] {
+        let [a, b, c, d, e, f, g] = self.data;
+        [self.sequence, a, b, c, d, e, f, g]
+    }
+
+    /// `1CEBFFyy: sequence, seven bytes`.
+    #[must_use]
+    pub fn frame(self, source: Address) -> Frame {
+        Frame::full(J1939Id::global(Priority::TRANSPORT, Pgn::TP_DATA, source).id(), self.emit())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use std::string::ToString;
+
+    use super::*;
+
+    const TOOL: Address = Address::new(0x27);
+
+    #[test]
+    fn the_commanded_address_of_the_manual() {
+        let announcement = Announcement::new(Pgn::COMMANDED_ADDRESS, 9).unwrap();
+        assert_eq!(announcement.frame(TOOL).to_string(), "1CECFF27: 20 09 00 02 FF D8 FE 00");
+        let payload = [0x01, 0x00, 0x20, 0x07, 0x08, 0xFF, 0x02, 0x20, 0x81];
+        let packets: [Packet; 2] = [Packet::new(1, &payload), Packet::new(2, &payload[7..])];
+        assert_eq!(packets[0].frame(TOOL).to_string(), "1CEBFF27: 01 01 00 20 07 08 FF 02");
+        assert_eq!(packets[1].frame(TOOL).to_string(), "1CEBFF27: 02 20 81 FF FF FF FF FF");
+        assert_eq!(Announcement::parse(&announcement.emit()), Some(announcement));
+        for packet in packets {
+            assert_eq!(Packet::parse(&packet.emit()), packet);
+        }
+    }
+
+    #[test]
+    fn sizes_and_packets() {
+        for (size, packets) in [(9, Some(2)), (14, Some(2)), (15, Some(3)), (1785, Some(255)), (8, None), (1786, None)]
+        {
+            assert_eq!(Announcement::new(Pgn::DM2, size).map(|bam| bam.packets), packets, "{size}");
+        }
+        assert_eq!(Announcement::new(Pgn::DM2, 0), None);
+        assert_eq!(Announcement::new(Pgn::DM2, u16::MAX), None);
+    }
+
+    #[test]
+    fn an_announcement_that_contradicts_itself_is_seen() {
+        let sound = Announcement { size: 18, packets: 3, pgn: Pgn::DM2 };
+        assert!(sound.is_sound());
+        for (size, packets) in [(18, 2), (18, 4), (8, 2), (0, 0), (1786, 0), (0xFFFF, 255)] {
+            let bytes = Announcement { size, packets, ..sound }.emit();
+            let parsed = Announcement::parse(&bytes).unwrap();
+            assert_eq!((parsed.size, parsed.packets), (size, packets));
+            assert!(!parsed.is_sound(), "{size} {packets}");
+        }
+    }
+
+    #[test]
+    fn other_control_bytes_are_no_announcement() {
+        for control in (0..=0xFF).filter(|control| *control != BAM) {
+            assert_eq!(Announcement::parse(&[control, 9, 0, 2, 0xFF, 0xD8, 0xFE, 0]), None);
+        }
+    }
+}

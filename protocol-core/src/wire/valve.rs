@@ -1,0 +1,299 @@
+//! Auxiliary valve command (AVC) and auxiliary valve estimated flow (AVEF) (ISO 11783-7; SPEC 5).
+
+use super::j1939_id::{Address, J1939Id, Pgn, Priority};
+use crate::frame::Frame;
+
+/// The highest port flow command: 100 % in steps of 0.4 %.
+pub const MAX_FLOW: u8 = 250;
+
+/// The reserved bits 6–5 of the third byte: sent as 1.
+const RESERVED: u8 = 0b0011_0000;
+
+/// What reserved bytes are sent as.
+const FILL: u8 = 0xFF;
+
+/// The state of a valve: bits 4–1 of the third byte.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum State {
+    /// Closed: neutral.
+    Blocked = 0,
+    /// Flow out of the extend port.
+    Extend = 1,
+    /// Flow out of the retract port.
+    Retract = 2,
+    /// Both ports open.
+    Float = 3,
+    /// Moved by hand.
+    HandOperation = 10,
+    /// Stopped.
+    EmergencyStop = 14,
+}
+
+impl State {
+    /// All of them.
+    pub const ALL: [Self; 6] =
+        [Self::Blocked, Self::Extend, Self::Retract, Self::Float, Self::HandOperation, Self::EmergencyStop];
+
+    /// The state of the low four bits; `None` for one that the manual does not know.
+    #[inline]
+    #[must_use]
+    pub const fn from_bits(bits: u8) -> Option<Self> {
+        match bits & 0xF {
+            0 => Some(Self::Blocked),
+            1 => Some(Self::Extend),
+            2 => Some(Self::Retract),
+            3 => Some(Self::Float),
+            10 => Some(Self::HandOperation),
+            14 => Some(Self::EmergencyStop),
+            _ => None,
+        }
+    }
+}
+
+/// What an AVC orders. A flow is one of 0–[`MAX_FLOW`]; where there is none, the port flow command is not looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Command {
+    /// Close.
+    Block,
+    /// Let flow out of the extend port.
+    Extend(u8),
+    /// Let flow out of the retract port.
+    Retract(u8),
+    /// Open both ports.
+    Float,
+    /// Leave the spool to the hand lever.
+    HandOperation,
+    /// Stop.
+    EmergencyStop,
+}
+
+/// Why an AVC is ignored as a whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ignored {
+    /// Not eight bytes.
+    Length,
+    /// A fail-safe mode (bits 8–7 of the third byte, here 1 or 2) other than blocked or "not available".
+    FailSafeMode(u8),
+    /// A state that is not known.
+    State(u8),
+    /// Extend or retract with a port flow command above [`MAX_FLOW`].
+    Flow(u8),
+}
+
+/// The fail-safe modes that a command may have (A): 00, blocked, and 11, which says nothing.
+const FAIL_SAFE_MODES: [u8; 2] = [0b00, 0b11];
+
+impl Command {
+    /// The order in the data of an AVC.
+    ///
+    /// # Errors
+    /// Why it is to be ignored.
+    #[inline]
+    pub fn parse(data: &[u8]) -> Result<Self, Ignored> {
+        let &[flow, _, state, _, _, _, _, _] = data else { return Err(Ignored::Length) };
+        let fail_safe_mode = state >> 6;
+        if !FAIL_SAFE_MODES.contains(&fail_safe_mode) {
+            return Err(Ignored::FailSafeMode(fail_safe_mode));
+        }
+        match State::from_bits(state).ok_or(Ignored::State(state & 0xF))? {
+            State::Extend | State::Retract if flow > MAX_FLOW => Err(Ignored::Flow(flow)),
+            State::Blocked => Ok(Self::Block),
+            State::Extend => Ok(Self::Extend(flow)),
+            State::Retract => Ok(Self::Retract(flow)),
+            State::Float => Ok(Self::Float),
+            State::HandOperation => Ok(Self::HandOperation),
+            State::EmergencyStop => Ok(Self::EmergencyStop),
+        }
+    }
+
+    /// The eight bytes of an AVC that orders this; a flow that is none is sent as 0.
+    #[must_use]
+    pub const fn emit(self) -> [u8; 8] {
+        let flow = match self {
+            Self::Extend(flow) | Self::Retract(flow) => flow,
+            _ => 0,
+        };
+        [flow, FILL, RESERVED | self.state() as u8, FILL, FILL, FILL, FILL, FILL]
+    }
+
+    /// `0CFE3xyy`, where x is the low four bits of the valve's address.
+    #[must_use]
+    pub fn frame(self, valve: Address, source: Address) -> Frame {
+        Frame::full(J1939Id::global(Priority::CONTROL, Pgn::avc(valve.get()), source).id(), self.emit())
+    }
+
+    /// The state that it asks for.
+    #[inline]
+    #[must_use]
+    pub const fn state(self) -> State {
+        match self {
+            Self::Block => State::Blocked,
+            Self::Extend(_) => State::Extend,
+            Self::Retract(_) => State::Retract,
+            Self::Float => State::Float,
+            Self::HandOperation => State::HandOperation,
+            Self::EmergencyStop => State::EmergencyStop,
+        }
+    }
+
+    /// Whether it asks for neutral: blocked, or no flow.
+    #[inline]
+    #[must_use]
+    pub const fn is_neutral(self) -> bool {
+        matches!(self, Self::Block | Self::Extend(0) | Self::Retract(0))
+    }
+}
+
+/// What a flow of 0 % is sent as.
+const FLOW_OFFSET: u8 = 125;
+
+/// The highest estimated flow, in percent.
+pub const MAX_PERCENT: u8 = 100;
+
+/// What an AVEF tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EstimatedFlow {
+    /// Flow out of the extend port, in percent; above [`MAX_PERCENT`] it counts as that.
+    pub extend: u8,
+    /// Flow out of the retract port, likewise.
+    pub retract: u8,
+    /// The state in force.
+    pub state: State,
+}
+
+impl EstimatedFlow {
+    /// What the data of an AVEF tells; `None` for another length, a flow outside 0–100 % or an unknown state.
+    #[must_use]
+    pub fn parse(data: &[u8]) -> Option<Self> {
+        let &[extend, retract, state, _, _, _, _, _] = data else { return None };
+        let percent = |flow: u8| flow.checked_sub(FLOW_OFFSET).filter(|percent| *percent <= MAX_PERCENT);
+        Some(Self { extend: percent(extend)?, retract: percent(retract)?, state: State::from_bits(state)? })
+    }
+
+    /// The eight bytes of an AVEF; the fail-safe mode, bits 8–7 of the third, is 00: blocked.
+    #[inline]
+    #[must_use]
+    pub const fn emit(self) -> [u8; 8] {
+        let state = RESERVED | self.state as u8;
+        [flow(self.extend), flow(self.retract), state, FILL, FILL, FILL, FILL, FILL]
+    }
+
+    /// `0CFE1xyy`, where x is the low four bits of the valve's own address.
+    #[inline]
+    #[must_use]
+    pub fn frame(self, valve: Address) -> Frame {
+        Frame::full(J1939Id::global(Priority::CONTROL, Pgn::avef(valve.get()), valve).id(), self.emit())
+    }
+}
+
+/// A flow in percent as it is sent.
+const fn flow(percent: u8) -> u8 {
+    FLOW_OFFSET.saturating_add(if percent > MAX_PERCENT { MAX_PERCENT } else { percent })
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use std::string::ToString;
+
+    use super::*;
+
+    const MASTER: Address = Address::new(0x27);
+    const VALVE: Address = Address::new(0x83);
+
+    #[test]
+    fn commands_by_the_bit_tables() {
+        for (command, text) in [
+            (Command::Block, "0CFE3327: 00 FF 30 FF FF FF FF FF"),
+            (Command::Extend(125), "0CFE3327: 7D FF 31 FF FF FF FF FF"),
+            (Command::Retract(250), "0CFE3327: FA FF 32 FF FF FF FF FF"),
+            (Command::Float, "0CFE3327: 00 FF 33 FF FF FF FF FF"),
+            (Command::HandOperation, "0CFE3327: 00 FF 3A FF FF FF FF FF"),
+            (Command::EmergencyStop, "0CFE3327: 00 FF 3E FF FF FF FF FF"),
+        ] {
+            assert_eq!(command.frame(VALVE, MASTER).to_string(), text);
+            assert_eq!(Command::parse(&command.emit()), Ok(command));
+        }
+    }
+
+    /// Every first and third byte, against the rule of SPEC 5 written the other way round.
+    #[test]
+    fn every_reason_to_ignore_a_command() {
+        for flow in 0..=u8::MAX {
+            for state in 0..=u8::MAX {
+                let expected = match (state >> 6, state & 0xF, flow) {
+                    (mode @ (1 | 2), _, _) => Err(Ignored::FailSafeMode(mode)),
+                    (_, 0, _) => Ok(Command::Block),
+                    (_, 1 | 2, 251..) => Err(Ignored::Flow(flow)),
+                    (_, 1, _) => Ok(Command::Extend(flow)),
+                    (_, 2, _) => Ok(Command::Retract(flow)),
+                    (_, 3, _) => Ok(Command::Float),
+                    (_, 10, _) => Ok(Command::HandOperation),
+                    (_, 14, _) => Ok(Command::EmergencyStop),
+                    (_, unknown, _) => Err(Ignored::State(unknown)),
+                };
+                for rest in [0x00, 0x5A, 0xFF] {
+                    let data = [flow, rest, state, rest, rest, rest, rest, rest];
+                    assert_eq!(Command::parse(&data), expected, "{data:02X?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn another_length_is_ignored() {
+        let data = Command::Extend(10).emit();
+        for len in 0..8 {
+            assert_eq!(Command::parse(&data[..len]), Err(Ignored::Length));
+        }
+    }
+
+    #[test]
+    fn neutral_is_blocked_or_no_flow() {
+        for command in [Command::Block, Command::Extend(0), Command::Retract(0)] {
+            assert!(command.is_neutral(), "{command:?}");
+        }
+        for command in
+            [Command::Extend(1), Command::Retract(1), Command::Float, Command::HandOperation, Command::EmergencyStop]
+        {
+            assert!(!command.is_neutral(), "{command:?}");
+        }
+    }
+
+    #[test]
+    fn flows_by_the_bit_tables() {
+        for (extend, retract, state, text) in [
+            (0, 0, State::Blocked, "0CFE1383: 7D 7D 30 FF FF FF FF FF"),
+            (100, 0, State::Extend, "0CFE1383: E1 7D 31 FF FF FF FF FF"),
+            (0, 50, State::Retract, "0CFE1383: 7D AF 32 FF FF FF FF FF"),
+            (100, 0, State::Float, "0CFE1383: E1 7D 33 FF FF FF FF FF"),
+            (0, 0, State::HandOperation, "0CFE1383: 7D 7D 3A FF FF FF FF FF"),
+            (0, 0, State::EmergencyStop, "0CFE1383: 7D 7D 3E FF FF FF FF FF"),
+        ] {
+            let flow = EstimatedFlow { extend, retract, state };
+            assert_eq!(flow.frame(VALVE).to_string(), text);
+            assert_eq!(EstimatedFlow::parse(&flow.emit()), Some(flow));
+        }
+    }
+
+    #[test]
+    fn a_flow_stays_within_100_percent() {
+        let flow = EstimatedFlow { extend: 101, retract: 255, state: State::Blocked };
+        assert_eq!(flow.emit()[..2], [0xE1, 0xE1]);
+        for byte in (0..125).chain(226..=255) {
+            assert_eq!(EstimatedFlow::parse(&[byte, 0x7D, 0x30, 0, 0, 0, 0, 0]), None);
+            assert_eq!(EstimatedFlow::parse(&[0x7D, byte, 0x30, 0, 0, 0, 0, 0]), None);
+        }
+        assert_eq!(EstimatedFlow::parse(&[0x7D, 0x7D, 0x34, 0, 0, 0, 0, 0]), None);
+        assert_eq!(EstimatedFlow::parse(&[0x7D; 7]), None);
+    }
+
+    #[test]
+    fn every_state_has_its_bits() {
+        for state in State::ALL {
+            assert_eq!(State::from_bits(0xF0 | state as u8), Some(state));
+        }
+        assert_eq!((0..16).filter_map(State::from_bits).count(), State::ALL.len());
+    }
+}
