@@ -7,7 +7,7 @@
 //! | not supported | negative acknowledgement | silence |
 
 use crate::frame::Frame;
-use crate::wire::j1939_id::{Address, J1939Id, Pgn};
+use crate::wire::j1939_id::{Address, Format, J1939Id, Pgn};
 use crate::wire::request::{self, Acknowledgement, Control};
 
 /// A request that is for this controller.
@@ -26,7 +26,7 @@ impl Request {
     #[inline]
     #[must_use]
     pub fn of(id: J1939Id, frame: &Frame, own: Option<Address>) -> Option<Self> {
-        if id.pgn() != Pgn::REQUEST {
+        if id.format() != Format::REQUEST {
             return None;
         }
         let destination = id.destination();
@@ -34,7 +34,7 @@ impl Request {
         if addressed && own != Some(destination) {
             return None;
         }
-        Some(Self { pgn: request::parse(frame.data())?, asker: id.source(), addressed })
+        Some(Self { pgn: request::parse(frame)?, asker: id.source(), addressed })
     }
 
     /// What tells the asker that its order was carried out; nothing for one to all.

@@ -4,7 +4,7 @@ use heapless::Vec;
 
 use crate::frame::Frame;
 use crate::time::{Duration, Instant, NEVER, after, since};
-use crate::wire::j1939_id::{Address, J1939Id, Pgn};
+use crate::wire::j1939_id::{Address, Format, J1939Id, Pgn};
 use crate::wire::tp::{Announcement, PACKET_LEN, Packet};
 
 /// The time from one packet to the next (A): between the 50 ms and 200 ms that the standard allows, far enough from both
@@ -150,24 +150,25 @@ impl<const SENDERS: usize, const SIZE: usize> BamReceiver<SENDERS, SIZE> {
     #[inline]
     #[must_use]
     pub fn handle(&mut self, id: J1939Id, frame: &Frame, now: Instant) -> Option<Message<SIZE>> {
-        if id.destination() != Address::GLOBAL {
-            return None;
-        }
-        match id.pgn() {
-            Pgn::TP_CONNECTION => {
-                let announcement = Announcement::parse(frame.eight()?)?;
-                self.announced(id.source(), announcement, now);
+        match id.format() {
+            Format::TP_CONNECTION => {
+                self.announced(id, frame, now);
                 None
             }
-            Pgn::TP_DATA if !self.receiving.is_empty() => {
-                self.continued(id.source(), frame.eight().map(Packet::parse), now)
-            }
+            // Most packets on a bus are of messages that nobody here wants.
+            Format::TP_DATA if !self.receiving.is_empty() => self.continued(id, frame, now),
             _ => None,
         }
     }
 
     /// A message begins. Whatever its sender sent before is over, even when this one is not wanted.
-    fn announced(&mut self, source: Address, announcement: Announcement, now: Instant) {
+    #[inline(never)]
+    fn announced(&mut self, id: J1939Id, frame: &Frame, now: Instant) {
+        let Some(announcement) = frame.eight().and_then(Announcement::parse) else { return };
+        if id.destination() != Address::GLOBAL {
+            return;
+        }
+        let source = id.source();
         if let Some(place) = self.place_of(source) {
             self.receiving.swap_remove(place);
         }
@@ -184,10 +185,14 @@ impl<const SENDERS: usize, const SIZE: usize> BamReceiver<SENDERS, SIZE> {
         _ = self.receiving.push(Receiving { message, size, sequence: 1, heard: now });
     }
 
-    /// A packet comes; `None` for a frame that is none. One that is out of order, late or malformed ends its message.
-    fn continued(&mut self, source: Address, packet: Option<Packet>, now: Instant) -> Option<Message<SIZE>> {
-        let place = self.place_of(source)?;
-        let whole = self.receiving.get_mut(place)?.take(packet, now);
+    /// A packet comes. One that is out of order, late or malformed ends its message.
+    #[inline(never)]
+    fn continued(&mut self, id: J1939Id, frame: &Frame, now: Instant) -> Option<Message<SIZE>> {
+        if id.destination() != Address::GLOBAL {
+            return None;
+        }
+        let place = self.place_of(id.source())?;
+        let whole = self.receiving.get_mut(place)?.take(frame.eight().map(Packet::parse), now);
         if whole == Some(false) {
             return None;
         }
@@ -206,7 +211,8 @@ impl<const SIZE: usize> Receiving<SIZE> {
         since(now, self.heard) > MAX_GAP
     }
 
-    /// Whether the message is whole with this packet; `None` when the message is spoilt.
+    /// Whether the message is whole with this packet; `None` when the message is spoilt, as it is by a frame that is no
+    /// packet.
     fn take(&mut self, packet: Option<Packet>, now: Instant) -> Option<bool> {
         let packet = packet.filter(|packet| packet.sequence == self.sequence && !self.is_late(now))?;
         let payload = &mut self.message.payload;

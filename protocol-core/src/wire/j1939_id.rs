@@ -98,16 +98,39 @@ impl Pgn {
         self.0
     }
 
-    /// Whether it is of the format PDU1: its frames have a destination.
+    /// Pages and PDU format, as [`J1939Id::format`] tells them; bits above are left out.
     #[inline]
     #[must_use]
-    pub const fn is_pdu1(self) -> bool {
-        self.0 & 0xFF00 < FIRST_PDU2
+    pub const fn format(self) -> Format {
+        Format((self.0 >> 8) as u16 & 0x3FF)
     }
 }
 
-/// The lowest PDU format, in its place in an identifier, of the groups that are for all.
-const FIRST_PDU2: u32 = 240 << 8;
+/// The two page bits and the eight bits of PDU format: what to look at first, for in PDU1 it is the whole group.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Format(u16);
+
+impl Format {
+    /// Acknowledgement.
+    pub const ACKNOWLEDGEMENT: Self = Pgn::ACKNOWLEDGEMENT.format();
+    /// Request.
+    pub const REQUEST: Self = Pgn::REQUEST.format();
+    /// Transport protocol, data transfer.
+    pub const TP_DATA: Self = Pgn::TP_DATA.format();
+    /// Transport protocol, connection management.
+    pub const TP_CONNECTION: Self = Pgn::TP_CONNECTION.format();
+    /// Address claimed, and cannot claim.
+    pub const ADDRESS_CLAIMED: Self = Pgn::ADDRESS_CLAIMED.format();
+    /// The groups 0xFE00–0xFEFF, which the identifier's next byte tells apart: AVC, AVEF, the DMs and many others.
+    pub const GROUPS_FE: Self = Pgn(0x00_FE00).format();
+
+    /// Whether it is PDU1: its frames have a destination.
+    #[inline]
+    #[must_use]
+    pub const fn is_pdu1(self) -> bool {
+        self.0 & 0xFF < 240
+    }
+}
 
 /// How urgent a message is, 0–7, the lowest being the most urgent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -143,9 +166,8 @@ impl J1939Id {
     #[inline]
     #[must_use]
     pub const fn new(priority: Priority, pgn: Pgn, destination: Address, source: Address) -> Self {
-        let specific = if pgn.is_pdu1() { destination.0 } else { 0 };
-        let group = pgn.0 & if pgn.is_pdu1() { 0x3_FF00 } else { 0x3_FFFF };
-        Self((priority.0 as u32) << 26 | (group | specific as u32) << 8 | source.0 as u32)
+        let group = if pgn.format().is_pdu1() { pgn.0 & 0x3_FF00 | destination.0 as u32 } else { pgn.0 & 0x3_FFFF };
+        Self((priority.0 as u32) << 26 | group << 8 | source.0 as u32)
     }
 
     /// The identifier of a message to all.
@@ -192,19 +214,25 @@ impl J1939Id {
         Priority::new((self.0 >> 26) as u8)
     }
 
+    /// Pages and PDU format.
+    #[inline]
+    #[must_use]
+    pub const fn format(self) -> Format {
+        Format((self.0 >> 16) as u16 & 0x3FF)
+    }
+
     /// The parameter group number.
     #[inline]
     #[must_use]
     pub const fn pgn(self) -> Pgn {
-        let pgn = Pgn(self.0 >> 8 & 0x3_FFFF);
-        if pgn.is_pdu1() { Pgn(pgn.0 & 0x3_FF00) } else { pgn }
+        Pgn(self.0 >> 8 & if self.format().is_pdu1() { 0x3_FF00 } else { 0x3_FFFF })
     }
 
     /// The destination: [`Address::GLOBAL`] in the format PDU2.
     #[inline]
     #[must_use]
     pub const fn destination(self) -> Address {
-        if Pgn(self.0 >> 8).is_pdu1() { Address((self.0 >> 8) as u8) } else { Address::GLOBAL }
+        if self.format().is_pdu1() { Address((self.0 >> 8) as u8) } else { Address::GLOBAL }
     }
 
     /// The source.
@@ -258,6 +286,25 @@ mod tests {
     fn the_formats_part_at_240() {
         assert_eq!(parts(0x18EF_1234), (6, Pgn::new(0xEF00), 0x12, 0x34));
         assert_eq!(parts(0x18F0_1234), (6, Pgn::new(0xF012), 0xFF, 0x34));
+    }
+
+    #[test]
+    fn a_format_is_that_of_its_group() {
+        for (raw, format) in [
+            (0x18E8_FF83, Format::ACKNOWLEDGEMENT),
+            (0x18EA_8327, Format::REQUEST),
+            (0x1CEB_FF83, Format::TP_DATA),
+            (0x1CEC_FF83, Format::TP_CONNECTION),
+            (0x18EE_FF83, Format::ADDRESS_CLAIMED),
+            (0x0CFE_3327, Format::GROUPS_FE),
+        ] {
+            let id = J1939Id::from_raw(raw);
+            assert_eq!((id.format(), id.pgn().format()), (format, format), "{raw:08X}");
+            // The other pages are other groups.
+            for page in [1 << 24, 1 << 25] {
+                assert_ne!(J1939Id::from_raw(raw | page).format(), format, "{raw:08X}");
+            }
+        }
     }
 
     #[test]

@@ -3,12 +3,19 @@
 use super::j1939_id::{Address, J1939Id, Pgn, Priority};
 use crate::frame::Frame;
 
-/// The group that a request asks for; `None` for fewer than three bytes. Longer ones are taken: some tools pad every
-/// frame to eight bytes.
+/// The bytes of a request.
+const LEN: u8 = 3;
+
+/// The group that a request asks for; `None` for fewer than three bytes and for a remote frame. Longer ones are taken:
+/// some tools pad every frame to eight bytes.
 #[inline]
 #[must_use]
-pub fn parse(data: &[u8]) -> Option<Pgn> {
-    data.first_chunk().copied().map(Pgn::from_bytes)
+pub const fn parse(frame: &Frame) -> Option<Pgn> {
+    if frame.is_remote() || frame.len() < LEN {
+        return None;
+    }
+    let &[low, middle, high, ..] = frame.bytes();
+    Some(Pgn::from_bytes([low, middle, high]))
 }
 
 /// `18EAddyy: pgn`: `source` asks `destination`.
@@ -16,7 +23,7 @@ pub fn parse(data: &[u8]) -> Option<Pgn> {
 pub fn frame(pgn: Pgn, destination: Address, source: Address) -> Frame {
     let [low, middle, high] = pgn.to_bytes();
     let id = J1939Id::new(Priority::DEFAULT, Pgn::REQUEST, destination, source);
-    Frame::with_len(id.id(), [low, middle, high, 0, 0, 0, 0, 0], 3)
+    Frame::with_len(id.id(), [low, middle, high, 0, 0, 0, 0, 0], LEN)
 }
 
 /// What an acknowledgement says.
@@ -87,17 +94,18 @@ mod tests {
 
     #[test]
     fn requests_as_the_manual_prints_them() {
-        assert_eq!(parse(&[0x00, 0xEE, 0x00]), Some(Pgn::ADDRESS_CLAIMED));
-        assert_eq!(parse(&[0xCC, 0xFE, 0x00]), Some(Pgn::DM3));
+        for (text, pgn) in [("18EA8327: 00 EE 00", Pgn::ADDRESS_CLAIMED), ("18EA8327: CC FE 00", Pgn::DM3)] {
+            assert_eq!(parse(&text.parse().unwrap()), Some(pgn));
+        }
         assert_eq!(frame(Pgn::DM3, VALVE, TOOL).to_string(), "18EA8327: CC FE 00");
         assert_eq!(frame(Pgn::ADDRESS_CLAIMED, Address::GLOBAL, TOOL).to_string(), "18EAFF27: 00 EE 00");
     }
 
     #[test]
     fn a_padded_request_is_taken_and_a_short_one_is_none() {
-        assert_eq!(parse(&[0xCB, 0xFE, 0x00, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF]), Some(Pgn::DM2));
-        for short in [&[][..], &[0xCB], &[0xCB, 0xFE]] {
-            assert_eq!(parse(short), None);
+        assert_eq!(parse(&"18EA8327: CB FE 00 FF FF FF FF FF".parse().unwrap()), Some(Pgn::DM2));
+        for short in ["18EA8327:", "18EA8327: CB", "18EA8327: CB FE", "18EA8327: R3", "18EA8327: R8"] {
+            assert_eq!(parse(&short.parse().unwrap()), None, "{short}");
         }
     }
 
