@@ -45,7 +45,7 @@ fn after_frames(texts: &[&str], next: &str) -> Box<Case> {
 fn settle(valve: &mut PveCanopen, now: Instant) {
     for _ in 0..8 {
         while valve.next_frame().is_some() {}
-        if let Some(Effect::Store(key, _)) = valve.next_effect() {
+        if let Some(Effect::Store(key, _)) = valve.next_effect(now) {
             valve.stored(key, Ok(()), now);
         }
     }

@@ -4,7 +4,7 @@ use std::fmt;
 use std::ops::RangeInclusive;
 
 use protocol_core::device::StartCause;
-use protocol_core::device::pve::{self, PveCanopen, Setup};
+use protocol_core::device::pve::{self, Protocol, PveCanopen, PveIsobus, Setup};
 use protocol_core::memory::Image;
 use protocol_core::time::Instant;
 
@@ -28,7 +28,12 @@ pub struct Birth {
 
 impl Kind {
     /// Every kind there is, in the order in which they are listed to the user.
-    pub const ALL: [Self; 2] = [Self::Pve(pve::Kind::PveaCanopen), Self::Pve(pve::Kind::PveoCanopen)];
+    pub const ALL: [Self; 4] = [
+        Self::Pve(pve::Kind::PveaCanopen),
+        Self::Pve(pve::Kind::PveoCanopen),
+        Self::Pve(pve::Kind::PveaIsobus),
+        Self::Pve(pve::Kind::PveoIsobus),
+    ];
 
     /// The name: in options, in traces, as default name of a device.
     #[must_use]
@@ -88,7 +93,10 @@ impl Kind {
         move |image, cause, now| match self {
             Self::Pve(kind) => {
                 let setup = Setup { kind, node_id: birth.node_id, serial: birth.serial };
-                Box::new(PveCanopen::power_on(setup, image, cause, now))
+                match kind.protocol() {
+                    Protocol::Canopen => Box::new(PveCanopen::power_on(setup, image, cause, now)),
+                    Protocol::Isobus => Box::new(PveIsobus::power_on(setup, image, cause, now)),
+                }
             }
         }
     }

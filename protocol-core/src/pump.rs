@@ -34,7 +34,7 @@ where
         if !can.is_idle() {
             return None;
         }
-        if let Some(effect) = device.next_effect() {
+        if let Some(effect) = device.next_effect(now) {
             return Some(effect);
         }
         // Being told that all is sent can be what the device waited for: see whether it has more.

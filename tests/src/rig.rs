@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use protocol_core::controller::{BitRate, Controller};
-use protocol_core::device::pve::{Kind, PveCanopen, Setup};
+use protocol_core::device::pve::{Kind, Protocol, PveCanopen, PveIsobus, Setup};
 use protocol_core::device::{Device, Effect, Senses, StartCause};
 use protocol_core::frame::Frame;
 use protocol_core::memory::{Image, Record, RecordKey, StoreError};
@@ -62,10 +62,18 @@ struct Write {
 /// The cycle in which the manual's controller sends.
 const CYCLE_MS: u64 = 100;
 
-/// A CANopen valve on a rig.
+/// The device of a setup.
+fn power_on(setup: Setup, image: &Image, cause: StartCause, now: Instant) -> Box<dyn Device> {
+    match setup.kind.protocol() {
+        Protocol::Canopen => Box::new(PveCanopen::power_on(setup, image, cause, now)),
+        Protocol::Isobus => Box::new(PveIsobus::power_on(setup, image, cause, now)),
+    }
+}
+
+/// A valve on a rig.
 pub struct Rig {
     setup: Setup,
-    device: PveCanopen,
+    device: Box<dyn Device>,
     wire: Wire,
     now: Instant,
     senses: Senses,
@@ -110,7 +118,7 @@ impl Rig {
     #[must_use]
     pub fn power_on(setup: Setup) -> Self {
         let now = Instant::from_secs(1);
-        let device = PveCanopen::power_on(setup, &Image::empty(), StartCause::PowerOn, now);
+        let device = power_on(setup, &Image::empty(), StartCause::PowerOn, now);
         let mut rig = Self {
             setup,
             device,
@@ -259,7 +267,7 @@ impl Rig {
     /// The device.
     #[must_use]
     pub fn device(&self) -> &dyn Device {
-        &self.device
+        &*self.device
     }
 
     /// The node ID in force.
@@ -442,7 +450,7 @@ impl Rig {
     fn restart_by(&mut self, cause: StartCause) {
         self.write = None;
         self.wire.sent.clear();
-        self.device = PveCanopen::power_on(self.setup, &self.image(), cause, self.now);
+        self.device = power_on(self.setup, &self.image(), cause, self.now);
         self.device.sense(&self.senses, self.now);
         self.pump();
     }
@@ -473,7 +481,7 @@ impl Rig {
                 }
                 self.device.stored(write.key, result, self.now);
             }
-            match pump(&mut self.device, &mut self.wire, self.now) {
+            match pump(&mut *self.device, &mut self.wire, self.now) {
                 None if self.write.as_ref().is_some_and(|write| write.done <= self.now) => {}
                 None => return,
                 Some(Effect::Store(key, record)) => {

@@ -155,7 +155,7 @@ impl Device for Probe {
         self.out.insert(0, frame);
     }
 
-    fn next_effect(&mut self) -> Option<Effect> {
+    fn next_effect(&mut self, _now: Instant) -> Option<Effect> {
         (!self.effects.is_empty()).then(|| self.effects.remove(0))
     }
 

@@ -28,6 +28,13 @@ impl Counters {
         self.0.get(usize::from(fault.index())).copied().unwrap_or(0)
     }
 
+    /// The same with those of these faults at 0.
+    #[must_use]
+    pub fn without(mut self, faults: FaultSet) -> Self {
+        self.clear(faults);
+        self
+    }
+
     /// Sets the counters of these faults to 0. Returns whether any changed.
     pub(super) fn clear(&mut self, faults: FaultSet) -> bool {
         faults.into_iter().fold(false, |changed, fault| self.set(fault, 0) | changed)

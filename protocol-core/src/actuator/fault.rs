@@ -110,6 +110,12 @@ impl FaultSet {
         Self(self.0 | other.0)
     }
 
+    /// What is in both.
+    #[must_use]
+    pub const fn intersection(self, other: Self) -> Self {
+        Self(self.0 & other.0)
+    }
+
     /// This set without what is in `other`.
     #[must_use]
     pub const fn difference(self, other: Self) -> Self {

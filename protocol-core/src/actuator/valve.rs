@@ -160,7 +160,11 @@ impl Valve {
         if drive == self.drive {
             return;
         }
-        let begins = matches!(drive, Drive::Regulate(_)) && !self.regulating();
+        // Where the monitors also run while the drive is off, the end of that is no beginning for them.
+        let begins = match self.config.spool_monitors {
+            SpoolMonitors::WhileRegulating => matches!(drive, Drive::Regulate(_)) && !self.regulating(),
+            SpoolMonitors::ExceptHandAndStop => matches!(self.drive, Drive::Hand | Drive::EmergencyStop),
+        };
         self.drive = drive;
         if begins {
             // Monitor 2 runs in float alone and begins anew by itself.

@@ -65,8 +65,8 @@ pub trait Device {
 
     /// The next thing to be done. To be asked only when [`next_frame`](Self::next_frame) has nothing and the controller
     /// has sent everything: a restart must not swallow the answer sent before it. The device takes the question itself
-    /// as the message that all is on the bus.
-    fn next_effect(&mut self) -> Option<Effect>;
+    /// as the message that all is on the bus by `now`.
+    fn next_effect(&mut self, now: Instant) -> Option<Effect>;
 
     /// Answers [`Effect::Store`].
     fn stored(&mut self, key: RecordKey, result: Result<(), StoreError>, now: Instant);

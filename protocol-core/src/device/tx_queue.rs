@@ -32,6 +32,15 @@ impl TxQueue {
         self.insert(position.map_or(0, |position| position.saturating_add(1)), frame);
     }
 
+    /// Puts a frame in the place of one with the same identifier that still waits, or appends it: of what is sent in a
+    /// cycle, a bus that was blocked for a while gets the latest, not everything.
+    pub(crate) fn push_latest(&mut self, frame: Frame) {
+        match self.frames.iter_mut().find(|waiting| waiting.key() == frame.key()) {
+            Some(waiting) => *waiting = frame,
+            None => self.push(frame),
+        }
+    }
+
     /// Takes back a frame that was handed out: it goes before its equals.
     pub(crate) fn give_back(&mut self, frame: Frame) {
         let key = frame.arbitration();
@@ -98,6 +107,18 @@ mod tests {
         queue.give_back(first);
         for (id, tag) in [(0x1A0, 2), (0x1A0, 4), (0x5A0, 1), (0x5A0, 3)] {
             assert_eq!(queue.pop(), Some(frame(id, tag)));
+        }
+        assert_eq!(queue.pop(), None);
+    }
+
+    #[test]
+    fn the_latest_takes_the_place_of_one_that_waits() {
+        let mut queue = TxQueue::default();
+        queue.push_latest(frame(0x720, 1));
+        queue.push(frame(0x5A0, 2));
+        queue.push_latest(frame(0x720, 3));
+        for expected in [frame(0x5A0, 2), frame(0x720, 3)] {
+            assert_eq!(queue.pop(), Some(expected));
         }
         assert_eq!(queue.pop(), None);
     }

@@ -183,10 +183,17 @@ fn monitors_of_the_spool_begin_anew_with_regulation_and_on_request() {
     rig.valve.restart_spool_monitors(ms(900));
     rig.expect_activation(Fault::FloatNotReached, 1900);
 
+    // Where monitor 1 runs while the drive is off too, the beginning of regulation is none for it; the end of hand
+    // operation is.
     let mut rig = Rig::new(ISOBUS);
     rig.lever(0, 5000);
     rig.drive(300, to(16000));
-    rig.expect_activation(Fault::SpoolNotAtSetPoint, 800);
+    rig.expect_activation(Fault::SpoolNotAtSetPoint, 500);
+    let mut rig = Rig::new(ISOBUS);
+    rig.lever(0, 5000);
+    rig.drive(100, Drive::Hand);
+    rig.drive(600, to(16000));
+    rig.expect_activation(Fault::SpoolNotAtSetPoint, 1100);
 }
 
 #[test]

@@ -1,6 +1,8 @@
 //! How the faults are told on the wire: one table (SPEC 3).
 
 use crate::actuator::{Fault, FaultSet};
+use crate::wire::dm::Lamp;
+use crate::wire::dtc::Dtc;
 
 /// How one fault is told.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,20 +15,29 @@ pub struct FaultCodes {
     pub emcy: u16,
     /// What it contributes to the error register, 0x1001.
     pub register: u8,
+    /// The trouble code, as the manual prints it (R: the three bytes on the wire, read from the last to the first).
+    pub dtc: Dtc,
+    /// The lamp of DM1 and DM2.
+    pub lamp: Lamp,
+}
+
+const fn row(fault: Fault, object: u16, emcy: u16, register: u8, dtc: u32, lamp: Lamp) -> FaultCodes {
+    FaultCodes { fault, object, emcy, register, dtc: Dtc::from_printed(dtc), lamp }
 }
 
 /// All faults, by priority.
 pub const FAULT_CODES: [FaultCodes; 8] = [
-    // (R) 0x21, not 0x81: the bit table has no bit 7 there
-    FaultCodes { fault: Fault::SpoolNotAtSetPoint, object: 0x201D, emcy: 0x8305, register: 0x21 },
-    FaultCodes { fault: Fault::FloatNotReached, object: 0x201D, emcy: 0x8305, register: 0x21 },
-    FaultCodes { fault: Fault::Internal, object: 0x2024, emcy: 0x1000, register: 0x01 },
-    FaultCodes { fault: Fault::CanBus, object: 0x2019, emcy: 0x8140, register: 0x11 },
-    FaultCodes { fault: Fault::Temperature, object: 0x200F, emcy: 0x8301, register: 0x09 },
-    FaultCodes { fault: Fault::SupplyHigh, object: 0x2001, emcy: 0x3411, register: 0x05 },
-    FaultCodes { fault: Fault::SupplyLow, object: 0x2002, emcy: 0x3412, register: 0x05 },
-    // (R) 0x91: the bit table has no generic bit there, the object table and CiA 301 have
-    FaultCodes { fault: Fault::TimeGuarding, object: 0x2023, emcy: 0x8003, register: 0x91 },
+    // (R) register 0x21, not 0x81: the bit table has no bit 7 there
+    row(Fault::SpoolNotAtSetPoint, 0x201D, 0x8305, 0x21, 0x87_8FEC, Lamp::RED),
+    row(Fault::FloatNotReached, 0x201D, 0x8305, 0x21, 0x87_8FEE, Lamp::RED),
+    row(Fault::Internal, 0x2024, 0x1000, 0x01, 0x8B_8FFA, Lamp::RED),
+    row(Fault::CanBus, 0x2019, 0x8140, 0x11, 0x93_8FD7, Lamp::AMBER),
+    // (R) 0x908FF1: one table of the older manual prints 0xE0F185
+    row(Fault::Temperature, 0x200F, 0x8301, 0x09, 0x90_8FF1, Lamp::AMBER),
+    row(Fault::SupplyHigh, 0x2001, 0x3411, 0x05, 0x03_0273, Lamp::AMBER),
+    row(Fault::SupplyLow, 0x2002, 0x3412, 0x05, 0x04_0273, Lamp::AMBER),
+    // (R) register 0x91: the bit table has no generic bit there, the object table and CiA 301 have
+    row(Fault::TimeGuarding, 0x2023, 0x8003, 0x91, 0x93_8FE9, Lamp::AMBER),
 ];
 
 /// The second index of the internal error's counter (R): the EDS list says 0x2040, the object table 0x2024.

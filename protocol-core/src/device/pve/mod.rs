@@ -8,7 +8,7 @@
 //! setup           what a valve is made as                   found      what a start finds in the memory
 //! records         what is kept in the memory                storage    what waits to be written
 //! identification  the identifiers of UDS lite
-//! canopen/        the composition: a valve on CANopen
+//! canopen/        the composition: a valve on CANopen       isobus/    on ISOBUS
 //! ```
 
 mod application;
@@ -17,6 +17,7 @@ mod dictionary;
 mod fault_codes;
 mod found;
 mod identification;
+mod isobus;
 mod kind;
 mod objects;
 mod records;
@@ -27,6 +28,7 @@ mod storage;
 pub use canopen::PveCanopen;
 pub use dictionary::TABLE;
 pub use fault_codes::{FAULT_CODES, FaultCodes};
+pub use isobus::PveIsobus;
 pub use kind::{Kind, Protocol};
 pub use setup::Setup;
 pub use state_machine::{DeviceMode, DeviceState};

@@ -2,8 +2,6 @@
 
 use heapless::Deque;
 
-use super::records::LayerChange;
-use crate::actuator::FaultSet;
 use crate::memory::RecordKey;
 use crate::time::{Duration, Instant, NEVER, after};
 
@@ -16,70 +14,33 @@ pub(super) const FAULT_LOG_INTERVAL: Duration = Duration::from_secs(10);
 /// More jobs than can wait at once: one of each kind, and those of clients that gave up and asked again.
 const JOBS: usize = 16;
 
-/// Tells an SDO client's request from the ones it has given up.
-pub(super) type Ticket = u8;
-
-/// Who waits for the local layer to be stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum LayerFor {
-    /// Nobody: the first start.
-    Nobody,
-    /// LSS store.
-    Lss,
-    /// UDS, write of the node ID.
-    Uds,
-}
-
 /// One write.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Job {
-    /// The factory data of a new memory.
-    Factory,
-    /// Node ID and bit rate.
-    LocalLayer(LayerChange, LayerFor),
-    /// "save": the parameters as they are.
-    Save(Ticket),
-    /// The defaults, at the start that executes "load"; clears the flag when they are stored.
-    Restore,
-    /// "load": sets the flag.
-    SetRestoreFlag(Ticket),
-    /// "load" has been executed.
-    ClearRestoreFlag,
-    /// Zeros into the fault log, for all but the faults that occur meanwhile.
-    ClearCounters(Ticket, FaultSet),
-    /// The fault log as it is.
-    FaultLog,
-}
-
-impl Job {
+pub(super) trait Job: Copy + PartialEq {
     /// The record that is written.
-    pub(super) const fn key(self) -> RecordKey {
-        match self {
-            Self::Factory => RecordKey::Factory,
-            Self::LocalLayer(..) => RecordKey::LocalLayer,
-            Self::Save(_) | Self::Restore => RecordKey::Parameters,
-            Self::SetRestoreFlag(_) | Self::ClearRestoreFlag => RecordKey::RestoreFlag,
-            Self::ClearCounters(..) | Self::FaultLog => RecordKey::FaultLog,
-        }
-    }
+    fn key(self) -> RecordKey;
 }
 
 /// The jobs, in order.
-#[derive(Debug, Default)]
-pub(super) struct Storage {
-    waiting: Deque<Job, JOBS>,
-    in_flight: Option<Job>,
+#[derive(Debug)]
+pub(super) struct Storage<J> {
+    waiting: Deque<J, JOBS>,
+    in_flight: Option<J>,
 }
 
-impl Storage {
+impl<J: Job> Storage<J> {
+    /// Nothing to be written.
+    pub(super) const fn new() -> Self {
+        Self { waiting: Deque::new(), in_flight: None }
+    }
+
     /// Appends a job; `false` when there are too many.
     #[must_use]
-    pub(super) fn ask(&mut self, job: Job) -> bool {
+    pub(super) fn ask(&mut self, job: J) -> bool {
         self.waiting.iter().any(|waiting| *waiting == job) || self.waiting.push_back(job).is_ok()
     }
 
     /// The next job to begin; none while one is in flight.
-    pub(super) fn begin(&mut self) -> Option<Job> {
+    pub(super) fn begin(&mut self) -> Option<J> {
         if self.in_flight.is_some() {
             return None;
         }
@@ -87,21 +48,19 @@ impl Storage {
         self.in_flight
     }
 
+    /// The job in flight.
+    pub(super) const fn in_flight_mut(&mut self) -> Option<&mut J> {
+        self.in_flight.as_mut()
+    }
+
     /// The job in flight has ended.
-    pub(super) fn end(&mut self, key: RecordKey) -> Option<Job> {
+    pub(super) fn end(&mut self, key: RecordKey) -> Option<J> {
         self.in_flight.take_if(|job| job.key() == key)
     }
 
     /// Whether nothing waits and nothing is in flight.
     pub(super) fn is_idle(&self) -> bool {
         self.in_flight.is_none() && self.waiting.is_empty()
-    }
-
-    /// Faults that occur while the counters are being cleared are spared.
-    pub(super) fn spare(&mut self, activated: FaultSet) {
-        if let Some(Job::ClearCounters(_, spared)) = &mut self.in_flight {
-            *spared = spared.union(activated);
-        }
     }
 }
 

@@ -32,7 +32,7 @@ impl PveCanopen {
             self.send_emcy(Emcy::default());
         }
         if self.objects.application.valve.take_counters_changed() {
-            self.storage.spare(changes.activated);
+            self.spare_counters(changes.activated);
             self.fault_log.changed(now);
         }
         if changes.activated.contains(Fault::Internal) {

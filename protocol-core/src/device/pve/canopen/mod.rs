@@ -16,11 +16,12 @@ mod start;
 mod storing;
 
 use listening::{Listening, Service};
+use storing::{Job, Ticket};
 
 use super::objects::PveObjects;
 use super::records::LocalLayer;
 use super::setup::Setup;
-use super::storage::{FaultLogClock, Storage, Ticket};
+use super::storage::{FaultLogClock, Storage};
 use crate::actuator::{InternalCause, ValveSenses};
 use crate::canopen::emcy::WaitingEmcys;
 use crate::canopen::lss::LssSlave;
@@ -58,7 +59,7 @@ pub struct PveCanopen {
     held_bit_rate: Option<BitRate>,
     /// As stored.
     local_layer: LocalLayer,
-    storage: Storage,
+    storage: Storage<Job>,
     fault_log: FaultLogClock,
     /// The last request of the SDO client that waits for the memory.
     ticket: Ticket,
@@ -123,7 +124,7 @@ impl PveCanopen {
         if self.objects.heartbeat.poll(now)
             && let Some(node_id) = self.objects.node_id
         {
-            self.send(nmt::heartbeat(node_id, self.nmt.state()));
+            self.send_latest(nmt::heartbeat(node_id, self.nmt.state()));
         }
         if now >= self.fault_log.due() {
             self.store_fault_log();
@@ -164,6 +165,13 @@ impl PveCanopen {
     fn send(&mut self, frame: Frame) {
         if !self.is_mute() {
             self.tx.push(frame);
+        }
+    }
+
+    /// Sends a frame of which only the latest is of use to anybody.
+    fn send_latest(&mut self, frame: Frame) {
+        if !self.is_mute() {
+            self.tx.push_latest(frame);
         }
     }
 
@@ -227,7 +235,7 @@ impl Device for PveCanopen {
         }
     }
 
-    fn next_effect(&mut self) -> Option<Effect> {
+    fn next_effect(&mut self, _now: Instant) -> Option<Effect> {
         if self.boot_up == BootUp::HandedOut {
             self.boot_up = BootUp::Done;
             self.release_emcys();

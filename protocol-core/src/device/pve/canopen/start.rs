@@ -6,8 +6,9 @@ use super::super::found::Found;
 use super::super::objects::PveObjects;
 use super::super::records::{Factory, LayerChange, LocalLayer, decode_flag};
 use super::super::setup::Setup;
-use super::super::storage::{FaultLogClock, Job, LayerFor, Storage};
+use super::super::storage::{FaultLogClock, Storage};
 use super::listening::Listening;
+use super::storing::{Job, LayerFor};
 use super::{BootUp, PveCanopen, Restarting};
 use crate::actuator::{Counters, InternalCause};
 use crate::canopen::emcy::{ErrorHistory, WaitingEmcys};
@@ -47,7 +48,7 @@ impl PveCanopen {
             held_node_id: None,
             held_bit_rate: None,
             local_layer,
-            storage: Storage::default(),
+            storage: Storage::new(),
             fault_log: FaultLogClock::new(),
             ticket: 0,
             restarting: Restarting::No,
@@ -88,7 +89,7 @@ impl PveCanopen {
         } else {
             self.bit_rate = found.local_layer.bit_rate;
             self.held_bit_rate = None;
-            self.storage = Storage::default();
+            self.storage = Storage::new();
             self.fault_log = FaultLogClock::new();
             self.objects.set_factory(found.factory);
             self.objects.history = ErrorHistory::default();

@@ -2,8 +2,8 @@
 
 use super::super::dictionary::TABLE;
 use super::super::objects::default_value;
-use super::super::records::{FaultLog, encode_flag, version};
-use super::super::storage::{Job, LayerFor, Ticket};
+use super::super::records::{FaultLog, LayerChange, encode_flag, version};
+use super::super::storage::{self, Job as _};
 use super::PveCanopen;
 use crate::actuator::{FaultSet, InternalCause};
 use crate::canopen::dictionary::Objects as _;
@@ -14,6 +14,53 @@ use crate::time::Instant;
 use crate::uds::node_id_written;
 use crate::wire::lss;
 use crate::wire::sdo::AbortCode;
+
+/// Tells an SDO client's request from the ones it has given up.
+pub(super) type Ticket = u8;
+
+/// Who waits for the local layer to be stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum LayerFor {
+    /// Nobody: the first start.
+    Nobody,
+    /// LSS store.
+    Lss,
+    /// UDS, write of the node ID.
+    Uds,
+}
+
+/// One write.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Job {
+    /// The factory data of a new memory.
+    Factory,
+    /// Node ID and bit rate.
+    LocalLayer(LayerChange, LayerFor),
+    /// "save": the parameters as they are.
+    Save(Ticket),
+    /// The defaults, at the start that executes "load"; clears the flag when they are stored.
+    Restore,
+    /// "load": sets the flag.
+    SetRestoreFlag(Ticket),
+    /// "load" has been executed.
+    ClearRestoreFlag,
+    /// Zeros into the fault log, for all but the faults that occur meanwhile.
+    ClearCounters(Ticket, FaultSet),
+    /// The fault log as it is.
+    FaultLog,
+}
+
+impl storage::Job for Job {
+    fn key(self) -> RecordKey {
+        match self {
+            Self::Factory => RecordKey::Factory,
+            Self::LocalLayer(..) => RecordKey::LocalLayer,
+            Self::Save(_) | Self::Restore => RecordKey::Parameters,
+            Self::SetRestoreFlag(_) | Self::ClearRestoreFlag => RecordKey::RestoreFlag,
+            Self::ClearCounters(..) | Self::FaultLog => RecordKey::FaultLog,
+        }
+    }
+}
 
 impl PveCanopen {
     /// The next record to be written, encoded as things are now.
@@ -32,6 +79,13 @@ impl PveCanopen {
     pub(super) fn store_fault_log(&mut self) {
         if self.storage.ask(Job::FaultLog) {
             self.fault_log.begun();
+        }
+    }
+
+    /// Faults that occur while the counters are being cleared are spared.
+    pub(super) fn spare_counters(&mut self, activated: FaultSet) {
+        if let Some(Job::ClearCounters(_, spared)) = self.storage.in_flight_mut() {
+            *spared = spared.union(activated);
         }
     }
 
