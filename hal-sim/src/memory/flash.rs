@@ -1,5 +1,8 @@
 //! A NOR flash in RAM, with the board's geometry, that can fail as a real one does.
 
+use std::pin::pin;
+use std::task::{Context, Poll, Waker};
+
 use embedded_storage_async::nor_flash::{
     ErrorType, MultiwriteNorFlash, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
@@ -20,8 +23,56 @@ pub struct Flash {
     word_writes: u64,
     erases: u64,
     faults: Faults,
-    /// The bits that a write or an erase leaves behind that the power cut.
+    torn_erase: TornErase,
+    /// The bits that a torn write or erase leaves behind.
     noise: fastrand::Rng,
+}
+
+/// What an erase leaves behind that was torn by a power cut or a failure: a real flash may leave every cell anywhere
+/// between what it held and erased; these are the extremes (A).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TornErase {
+    /// The front of the sector is erased, then comes a word of noise, the rest is as it was.
+    #[default]
+    Front,
+    /// The same from the end of the sector.
+    Back,
+    /// All bits are 0: they are programmed before they are erased.
+    Zeros,
+    /// Every bit is anything.
+    Noise,
+    /// Every bit that was 0 is anything: erasing had hardly begun.
+    Faded,
+}
+
+impl TornErase {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Front, Self::Back, Self::Zeros, Self::Noise, Self::Faded];
+
+    fn tear(self, sector: &mut [u8], noise: &mut fastrand::Rng) {
+        let reached = noise.usize(..SECTOR / WORD) * WORD;
+        let (erased, torn) = match self {
+            Self::Front => (0..reached, reached..reached + WORD),
+            Self::Back => (reached + WORD..SECTOR, reached..reached + WORD),
+            Self::Zeros | Self::Noise => (0..0, 0..SECTOR),
+            Self::Faded => (0..0, 0..0),
+        };
+        sector[erased].fill(ERASED);
+        for cell in &mut sector[torn] {
+            *cell = match self {
+                Self::Zeros => 0,
+                Self::Noise => noise.u8(..),
+                _ => *cell | noise.u8(..),
+            };
+        }
+        if self == Self::Faded {
+            // A bit in two to one in 256 are erased.
+            let halvings = noise.u32(1..=8);
+            for cell in sector {
+                *cell |= (0..halvings).fold(ERASED, |bits, _| bits & noise.u8(..));
+            }
+        }
+    }
 }
 
 /// What is wrong with a flash.
@@ -31,6 +82,8 @@ struct Faults {
     write_fails: bool,
     /// How many more word writes and erases succeed before the power is cut.
     power_for: Option<u64>,
+    /// How many more word writes and erases succeed before one fails.
+    fails_after: Option<u64>,
     /// The power was cut.
     dead: bool,
 }
@@ -82,7 +135,8 @@ impl Flash {
     }
 
     fn of(cells: Vec<u8>) -> Self {
-        Self { cells, word_writes: 0, erases: 0, faults: Faults::default(), noise: fastrand::Rng::with_seed(0) }
+        let (torn_erase, noise) = (TornErase::default(), fastrand::Rng::with_seed(0));
+        Self { cells, word_writes: 0, erases: 0, faults: Faults::default(), torn_erase, noise }
     }
 
     /// Everything in it.
@@ -120,6 +174,16 @@ impl Flash {
         self.faults.power_for = Some(operations);
     }
 
+    /// Lets one operation fail, after `operations` more word writes and sector erases: it is torn, and those after it work.
+    pub const fn fail_once_after(&mut self, operations: u64) {
+        self.faults.fails_after = Some(operations);
+    }
+
+    /// What a torn erase leaves behind from now on.
+    pub const fn set_torn_erase(&mut self, torn_erase: TornErase) {
+        self.torn_erase = torn_erase;
+    }
+
     /// The power is back, and no cut is planned.
     pub const fn restore_power(&mut self) {
         self.faults.power_for = None;
@@ -137,7 +201,7 @@ impl Flash {
         !self.faults.dead && !self.faults.write_fails
     }
 
-    /// Other noise in what a power cut tears.
+    /// Other noise in what is torn.
     pub fn seed_noise(&mut self, seed: u64) {
         self.noise = fastrand::Rng::with_seed(seed);
     }
@@ -164,33 +228,45 @@ impl Flash {
         }
     }
 
-    /// Whether there is power for one more operation.
-    fn power(&mut self) -> Result<Power, FlashError> {
+    /// What becomes of one more operation.
+    fn attempt(&mut self) -> Result<Attempt, FlashError> {
         if self.faults.dead {
             return Err(FlashError::PowerCut);
         }
         if self.faults.write_fails {
             return Err(FlashError::WriteFailed);
         }
-        match &mut self.faults.power_for {
-            None => Ok(Power::On),
-            Some(0) => {
-                self.faults.dead = true;
-                Ok(Power::Cut)
-            }
-            Some(left) => {
-                *left -= 1;
-                Ok(Power::On)
-            }
+        if count_down(&mut self.faults.power_for) {
+            self.faults.dead = true;
+            return Ok(Attempt::Torn(FlashError::PowerCut));
+        }
+        if count_down(&mut self.faults.fails_after) {
+            return Ok(Attempt::Torn(FlashError::WriteFailed));
+        }
+        Ok(Attempt::Done)
+    }
+}
+
+/// Whether what was to happen after so many operations happens at this one; it is not to happen again then.
+fn count_down(left: &mut Option<u64>) -> bool {
+    match left {
+        None => false,
+        Some(0) => {
+            *left = None;
+            true
+        }
+        Some(count) => {
+            *count -= 1;
+            false
         }
     }
 }
 
-/// Whether an operation is completed.
-#[derive(PartialEq, Eq)]
-enum Power {
-    On,
-    Cut,
+/// What becomes of an operation.
+enum Attempt {
+    Done,
+    /// It has done part of its work, with this error.
+    Torn(FlashError),
 }
 
 impl ErrorType for Flash {
@@ -217,38 +293,34 @@ impl NorFlash for Flash {
     const WRITE_SIZE: usize = WORD;
     const ERASE_SIZE: usize = SECTOR;
 
-    /// A cut erase has erased the front of the sector, leaves noise in one word and the rest as it was (A).
-    ///
-    /// `sequential-storage` recovers from that. It would not from an erase that leaves the whole sector as noise or zeros:
-    /// with both of its marks set it passes for a full sector, whose copy is then thrown away to be made again.
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
         let len = to.checked_sub(from).ok_or(FlashError::OutOfBounds)? as usize;
         for start in Self::range(from, len, SECTOR)?.step_by(SECTOR) {
-            if self.power()? == Power::On {
-                self.erases += 1;
-                self.cells[start..start + SECTOR].fill(ERASED);
-                continue;
+            let attempt = self.attempt()?;
+            let sector = &mut self.cells[start..start + SECTOR];
+            match attempt {
+                Attempt::Done => sector.fill(ERASED),
+                Attempt::Torn(error) => {
+                    self.torn_erase.tear(sector, &mut self.noise);
+                    return Err(error);
+                }
             }
-            let reached = start + self.noise.usize(..SECTOR / WORD) * WORD;
-            self.cells[start..reached].fill(ERASED);
-            for cell in &mut self.cells[reached..reached + WORD] {
-                *cell |= self.noise.u8(..);
-            }
-            return Err(FlashError::PowerCut);
+            self.erases += 1;
         }
         Ok(())
     }
 
-    /// A cut write has cleared some of the bits of its word.
+    /// A torn write has cleared some of the bits of its word.
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
         let range = Self::range(offset, bytes.len(), WORD)?;
         for (start, word) in range.step_by(WORD).zip(bytes.chunks_exact(WORD)) {
-            let power = self.power()?;
+            let attempt = self.attempt()?;
+            let done = matches!(attempt, Attempt::Done);
             for (cell, byte) in self.cells[start..start + WORD].iter_mut().zip(word) {
-                *cell &= if power == Power::On { *byte } else { *byte | self.noise.u8(..) };
+                *cell &= if done { *byte } else { *byte | self.noise.u8(..) };
             }
-            if power == Power::Cut {
-                return Err(FlashError::PowerCut);
+            if let Attempt::Torn(error) = attempt {
+                return Err(error);
             }
             self.word_writes += 1;
         }
@@ -258,3 +330,11 @@ impl NorFlash for Flash {
 
 /// The STM32F4's flash has no error correction: a word may be written again, which clears more bits.
 impl MultiwriteNorFlash for Flash {}
+
+/// The result of a future that never waits, as those over RAM don't.
+pub(super) fn ready<F: Future>(future: F) -> F::Output {
+    match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
+        Poll::Ready(output) => output,
+        Poll::Pending => unreachable!("a flash in RAM never waits"),
+    }
+}

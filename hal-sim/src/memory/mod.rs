@@ -3,7 +3,10 @@
 mod flash;
 mod state_file;
 mod store;
+mod sure_erase;
 
+#[cfg(test)]
+mod power_cut_tests;
 #[cfg(test)]
 mod state_file_tests;
 #[cfg(test)]
@@ -13,12 +16,12 @@ use std::path::Path;
 
 use protocol_core::memory::{Image, Record, RecordKey, StoreError};
 
-pub use flash::{ERASED, Flash, FlashError, SECTOR, SIZE, WORD};
+pub use flash::{ERASED, Flash, FlashError, SECTOR, SIZE, TornErase, WORD};
 pub use state_file::StateFileError;
 
+use flash::ready;
 use state_file::{Content, StateFile};
-use store::Unreadable;
-
+use store::{Records, Unreadable};
 /// The non-volatile memory of one device.
 #[derive(Debug, Default)]
 pub struct Memory {
@@ -57,7 +60,7 @@ impl Memory {
         match content {
             Content::New => {}
             // A copy is looked at: reading may finish what a power cut left half done.
-            Content::Image(flash) if store::read(&mut flash.clone()).is_ok() => memory.flash = flash,
+            Content::Image(flash) if read(&mut flash.clone()).is_ok() => memory.flash = flash,
             Content::Image(_) | Content::Damaged => memory.put_file_aside()?,
         }
         // A directory that cannot be written to is found out now.
@@ -72,7 +75,7 @@ impl Memory {
     pub fn read_image(&mut self) -> Image {
         // Reading may finish what a power cut left half done, and that must not spoil what is to be put aside.
         let found = self.flash.image().to_vec();
-        let mut image = store::read(&mut self.flash).unwrap_or_else(|Unreadable| {
+        let mut image = read(&mut self.flash).unwrap_or_else(|Unreadable| {
             self.give_up(found);
             Image::empty()
         });
@@ -87,7 +90,7 @@ impl Memory {
     /// # Errors
     /// [`StoreError`] when the flash or the file cannot be written.
     pub fn store(&mut self, key: RecordKey, record: &Record) -> Result<(), StoreError> {
-        let stored = store::store(&mut self.flash, key, record);
+        let stored = store(&mut self.flash, key, record);
         self.persist().map_err(|error| {
             self.warnings.push(error.to_string());
             StoreError
@@ -100,7 +103,7 @@ impl Memory {
         let mut trial = self.flash.clone();
         let before = trial.word_writes() + trial.erases();
         // How it would have ended does not matter, only how many operations it takes.
-        let _ = store::store(&mut trial, key, record);
+        let _ = store(&mut trial, key, record);
         let operations = trial.word_writes() + trial.erases() - before;
         let reached = u128::from(operations) * u128::from(numerator) / u128::from(denominator.max(1));
         self.flash.cut_power_after(u64::try_from(reached).unwrap_or(u64::MAX));
@@ -174,4 +177,16 @@ impl Memory {
     fn persist(&self) -> Result<(), StateFileError> {
         self.file.as_ref().map_or(Ok(()), |file| file.write(self.flash.image()))
     }
+}
+
+fn read(flash: &mut Flash) -> Result<Image, Unreadable> {
+    let mut buffer = vec![0; SECTOR];
+    let mut records = ready(Records::open(flash, &mut buffer)).map_err(|_| Unreadable)?;
+    ready(records.read())
+}
+
+fn store(flash: &mut Flash, key: RecordKey, record: &Record) -> Result<(), StoreError> {
+    let mut buffer = vec![0; SECTOR];
+    let mut records = ready(Records::open(flash, &mut buffer)).map_err(|_| StoreError)?;
+    ready(records.store(key, record))
 }

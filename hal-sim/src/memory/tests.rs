@@ -55,62 +55,6 @@ fn records_outlive_many_rewrites() {
 }
 
 #[test]
-fn a_power_cut_at_any_word_leaves_each_record_old_or_new() {
-    let (mut memory, mut before) = with_history(1);
-    let (mut cuts, mut erasing) = (0, 0);
-    for number in 1..320 {
-        let key = RecordKey::ALL[1 + number as usize % 4];
-        let mut after = before.clone();
-        after[key.position()] = Some(numbered(number));
-        let flash = memory.flash().clone();
-        memory.store(key, &record(&numbered(number))).unwrap();
-        let erases = memory.flash().erases() - flash.erases();
-        let operations = memory.flash().word_writes() - flash.word_writes() + erases;
-        erasing += erases;
-        // Every word of every store that begins or empties a sector, and of some others.
-        let cut_at = if operations > 28 || number % 100 == 1 { 0..operations } else { 0..0 };
-        for cut in cut_at {
-            let mut flash = flash.clone();
-            flash.seed_noise(cut);
-            flash.cut_power_after(cut);
-            let mut memory = Memory::with_flash(flash);
-            assert_eq!(memory.store(key, &record(&numbered(number))), Err(StoreError));
-            assert!(memory.flash().is_dead());
-            memory.power_up();
-            let found = held(&mut memory);
-            assert!(found == before || found == after, "store {number} cut after {cut} of {operations}");
-            // It works again, whatever was left behind, and nothing else is lost by that.
-            memory.store(key, &record(b"again")).unwrap();
-            let mut again = before.clone();
-            again[key.position()] = Some(b"again".to_vec());
-            assert!(held(&mut memory) == again, "store {number} cut after {cut} of {operations}, and stored again");
-            cuts += 1;
-        }
-        before = after;
-    }
-    assert!(cuts > 250 && erasing >= 1, "{cuts} cuts, {erasing} erases");
-}
-
-#[test]
-fn a_cut_first_store_leaves_a_new_memory() {
-    let whole = {
-        let mut memory = Memory::in_ram();
-        memory.store(RecordKey::Factory, &record(&[7; 120])).unwrap();
-        memory.flash().word_writes()
-    };
-    for cut in 0..whole {
-        let mut memory = Memory::in_ram();
-        memory.flash_mut().seed_noise(cut);
-        memory.flash_mut().cut_power_after(cut);
-        memory.store(RecordKey::Factory, &record(&[7; 120])).unwrap_err();
-        memory.power_up();
-        assert!(memory.read_image().is_new(), "cut after {cut} words");
-        memory.store(RecordKey::Factory, &record(&[7; 120])).unwrap();
-        assert_eq!(payload(&memory.read_image(), RecordKey::Factory), Some(vec![7; 120]));
-    }
-}
-
-#[test]
 fn a_cut_in_proportion_cuts_at_that_word() {
     let mut memory = Memory::in_ram();
     memory.store(RecordKey::Parameters, &record(&[1; 90])).unwrap();
@@ -192,7 +136,7 @@ fn a_damaged_memory_that_cannot_be_erased_stays() {
 mod flash {
     use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
 
-    use super::super::store::ready;
+    use super::super::flash::ready;
     use super::*;
 
     #[test]
