@@ -6,7 +6,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::path::Path;
 use std::process::{Child, ChildStdout, Command, Output, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 
@@ -135,7 +135,10 @@ fn frame(client: &mut TcpStream) -> String {
 }
 
 fn await_frame(client: &mut TcpStream, expected: &str) {
-    while frame(client) != expected {}
+    let start = Instant::now();
+    while frame(client) != expected {
+        assert!(start.elapsed() < PATIENCE, "no {expected}");
+    }
 }
 
 const READ_VENDOR: &str = "< send 620 8 40 18 10 1 0 0 0 0 >";
@@ -259,12 +262,12 @@ fn both_protocols_on_one_bus() {
     let devices = ["--device", "pvea-isobus@0x83,name=boom", "--device", "pveo-canopen@0x20", "--state", state];
     let simulator = Simulator::serve(&devices);
     let mut client = simulator.join();
+    // 250 ms after its claim; by then the other one has booted.
+    await_frame(&mut client, "0CFE1383#7D7D30FFFFFFFFFF");
     say(&mut client, READ_VENDOR);
     await_frame(&mut client, VENDOR);
     say(&mut client, "< send 18EA8327 3 0 ee 0 >");
     await_frame(&mut client, "18EEFF83#0100200708FF0220");
-    // Within 250 ms of its claim it answers nothing else.
-    await_frame(&mut client, "0CFE1383#7D7D30FFFFFFFFFF");
     say(&mut client, "< send 1bc78883 5 4 2e 10 1 86 >");
     await_frame(&mut client, "1BC408F1#036E1001");
     let (trace, _) = simulator.end(Signal::TERM);
@@ -279,6 +282,7 @@ fn both_protocols_on_one_bus() {
     // The address was stored.
     let simulator = Simulator::serve(&devices);
     let mut client = simulator.join();
+    await_frame(&mut client, "0CFE1686#7D7D30FFFFFFFFFF");
     say(&mut client, "< send 18EAFFFE 3 0 ee 0 >");
     await_frame(&mut client, "18EEFF86#0100200708FF0220");
 }
