@@ -133,7 +133,7 @@ fn rpdo_to_tpdo(mut case: Box<Case<PveCanopen>>) -> Box<Case<PveCanopen>> {
 }
 
 // RPDO with a new set-point: the spool sets out, and the monitors reckon when to look next.
-#[library_benchmark(config = budget(900))]
+#[library_benchmark(config = budget(649))]
 #[bench::new_set_point(active("220: 0F 00 00 20"))]
 fn rpdo_moves_spool(mut case: Box<Case<PveCanopen>>) -> Box<Case<PveCanopen>> {
     pass(&mut case);
@@ -215,7 +215,7 @@ fn avc(mut case: Box<Case<PveIsobus>>) -> Box<Case<PveIsobus>> {
 }
 
 // An AVC with another flow: the spool sets out, and the monitors reckon when to look next.
-#[library_benchmark(config = budget(699))]
+#[library_benchmark(config = budget(349))]
 #[bench::new_flow(driven("0CFE3327: 80 FF 31 FF FF FF FF FF"))]
 fn avc_moves_spool(mut case: Box<Case<PveIsobus>>) -> Box<Case<PveIsobus>> {
     case.valve.handle(&case.frame, case.now);
