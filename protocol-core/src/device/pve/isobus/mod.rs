@@ -56,8 +56,6 @@ pub struct PveIsobus {
     claim: AddressClaim,
     /// The claim as it goes out, made once: requests for it come often, from everybody who joins the bus.
     claim_frame: Frame,
-    /// The first claim is not on the bus yet.
-    claiming: bool,
     commander: Commander,
     dm1: Dm1,
     bam: BamSender<DM2_MAX>,
@@ -160,6 +158,10 @@ impl PveIsobus {
         self.senses.bus == BusErrorMode::BusOff
     }
 
+    fn answers_for_its_claim(&self) -> bool {
+        self.claim.address().is_some() && !self.is_mute() && self.restarting == Restarting::No
+    }
+
     fn send(&mut self, frame: Frame) {
         if !self.is_mute() {
             self.tx.push(frame);
@@ -192,11 +194,9 @@ impl Device for PveIsobus {
     fn handle(&mut self, frame: &Frame, now: Instant) {
         match self.listening.service(frame) {
             None => {}
-            Some(Service::ClaimRequest) if self.claim.address().is_some() && !frame.is_remote() => {
-                // No time has to pass for this answer, and it is asked for often.
-                if !self.is_mute() && self.restarting == Restarting::No {
-                    self.tx.push(self.claim_frame);
-                }
+            // No time has to pass for this answer, and it is asked for often.
+            Some(Service::ClaimRequest) if self.answers_for_its_claim() && !frame.is_remote() => {
+                self.tx.push(self.claim_frame);
             }
             Some(service) => self.take(service, frame, now),
         }
@@ -214,7 +214,7 @@ impl Device for PveIsobus {
         valve.set_bus_off(senses.bus == BusErrorMode::BusOff, now);
         if self.is_mute() {
             self.fall_silent();
-        } else if was_mute && self.claiming {
+        } else if was_mute && self.claim.is_begun() {
             // The claim that could not be sent.
             self.tx.push(self.claim_frame);
         }
@@ -240,9 +240,8 @@ impl Device for PveIsobus {
     }
 
     fn next_effect(&mut self, now: Instant) -> Option<Effect> {
-        if self.claiming && !self.is_mute() {
+        if self.claim.is_begun() && !self.is_mute() {
             // The claim is on the bus: the wait for objections counts from here.
-            self.claiming = false;
             self.claim.sent(now.max(self.now));
             self.schedule();
         }

@@ -37,7 +37,6 @@ impl PveIsobus {
             listening: Listening::at(address(setup, local_layer)),
             claim_frame: claim.name().claim(address(setup, local_layer)),
             claim,
-            claiming: true,
             commander: Commander::new(setup.kind.regulation(), Counters::default(), now),
             dm1: Dm1::new(),
             bam: BamSender::new(),
@@ -85,8 +84,7 @@ impl PveIsobus {
         let own = address(self.setup, self.local_layer);
         self.listening = Listening::at(own);
         self.claim = AddressClaim::new(name(&self.factory), own);
-        self.claim_frame = self.claim.start(now);
-        self.claiming = true;
+        self.claim_frame = self.claim.start();
         self.send(self.claim_frame);
     }
 
