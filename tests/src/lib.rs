@@ -1,5 +1,6 @@
 //! What the tests share.
 
+pub mod isobus;
 mod rig;
 
 pub use rig::{Rig, frame};
