@@ -36,6 +36,7 @@ impl Travel {
     }
 
     /// The unit of a position is complete only when all its steps are: full stroke is not shown before it is reached.
+    #[inline]
     pub(super) fn position(self) -> Position {
         Position::clamped(self.0 / Self::UNIT)
     }
@@ -116,6 +117,7 @@ impl Leg {
         leg
     }
 
+    #[inline]
     fn at(&self, now: Instant) -> Travel {
         if now >= self.end {
             return self.to;
@@ -179,6 +181,7 @@ impl Path {
         Self { approach, creep: Leg::new(approach.to, to, rate, approach.end) }
     }
 
+    #[inline]
     pub(super) fn at(&self, now: Instant) -> Travel {
         if now < self.approach.end { self.approach.at(now) } else { self.creep.at(now) }
     }
