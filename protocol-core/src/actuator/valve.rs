@@ -182,9 +182,22 @@ impl Valve {
         self.step_spool(now);
     }
 
-    /// One set-point after another, neither neutral, a sound spool and none of its faults: what most calls are about. The
-    /// same as a [step](Self::step_spool) of the whole, without what cannot be then: power save, float, springs, and
+    /// Whether one set-point comes after another, neither neutral, with a sound spool and none of its faults: what most
+    /// calls are about.
+    #[inline]
+    fn follows(&self, drive: Drive) -> Option<Position> {
+        match (self.drive, drive) {
+            (Drive::Regulate(SetPoint::Position(from)), Drive::Regulate(SetPoint::Position(to))) => {
+                let plain = !from.is_neutral() && !to.is_neutral();
+                (plain && !self.faults.active.any_of_spool() && self.spool.is_free()).then_some(to)
+            }
+            _ => None,
+        }
+    }
+
+    /// The same as a [step](Self::step_spool) of the whole, without what cannot be then: power save, float, springs, and
     /// levels to be watched on the way, for a spool on its way to its target enters the tolerance and stays there.
+    #[inline]
     fn follow(&mut self, to: Position, now: Instant) {
         let here = self.spool.at(now);
         self.note_arrival_at(here);
@@ -193,7 +206,6 @@ impl Valve {
         self.spool.retarget(target, here, now);
         self.at_set_point.watch(!Band::around(target, SET_POINT_TOLERANCE).contains(here), now);
         self.spool_due = self.at_set_point.due();
-        self.schedule();
     }
 
     /// Before anything becomes different: a spool that has come within the tolerance since it was last looked at has
@@ -238,6 +250,21 @@ impl Valve {
         let now = self.catch_up(now);
         self.guard.feed(&mut self.faults, now);
         self.schedule();
+    }
+
+    /// [`feed_guard`](Self::feed_guard) and [`drive`](Self::drive) in one: a set-point came that acts.
+    #[inline]
+    pub fn command(&mut self, drive: Drive, now: Instant) {
+        let now = self.catch_up(now);
+        self.guard.feed(&mut self.faults, now);
+        if drive == self.drive {
+            self.schedule();
+        } else if let Some(to) = self.follows(drive) {
+            self.follow(to, now);
+            self.schedule();
+        } else {
+            self.drive(drive, now);
+        }
     }
 
     /// A cause of the internal error is there, or gone. The fault is active while any is.

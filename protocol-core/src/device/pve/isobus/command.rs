@@ -63,16 +63,17 @@ impl Commander {
     /// A valid AVC was received. The faults that were active in a shutdown which it ends, if it does.
     #[inline]
     pub(super) fn obey(&mut self, command: Command, now: Instant) -> FaultSet {
-        if self.guarded {
-            self.valve.feed_guard(now);
-        } else {
+        if !self.guarded {
             self.guarded = true;
             self.valve.start_guard(now);
         }
-        if command == self.command && self.shutdown.is_none() {
+        self.command = command;
+        if self.shutdown.is_none() {
+            self.state = command.state();
+            self.valve.command(drive(command), now);
             return FaultSet::EMPTY;
         }
-        self.command = command;
+        self.valve.feed_guard(now);
         let ended = self.recover(command, now);
         self.apply(now);
         ended
@@ -139,20 +140,29 @@ impl Commander {
     /// stop still keep the faults of the spool from being looked for.
     fn apply(&mut self, now: Instant) {
         self.state = if self.shutdown.is_some() { State::Blocked } else { self.command.state() };
-        let drive = match self.command {
-            Command::HandOperation => Drive::Hand,
-            Command::EmergencyStop => Drive::EmergencyStop,
-            _ if self.shutdown.is_some() => Drive::Off,
-            Command::Block => Drive::Regulate(SetPoint::NEUTRAL),
-            Command::Extend(flow) => Drive::Regulate(SetPoint::Position(position(flow))),
-            Command::Retract(flow) => Drive::Regulate(SetPoint::Position(position(flow).mirrored())),
-            Command::Float => Drive::Regulate(SetPoint::Float),
+        let drive = match drive(self.command) {
+            Drive::Regulate(_) if self.shutdown.is_some() => Drive::Off,
+            drive => drive,
         };
         self.valve.drive(drive, now);
     }
 }
 
+/// What a command lets the valve do when nothing keeps it from it.
+#[inline]
+fn drive(command: Command) -> Drive {
+    match command {
+        Command::HandOperation => Drive::Hand,
+        Command::EmergencyStop => Drive::EmergencyStop,
+        Command::Block => Drive::Regulate(SetPoint::NEUTRAL),
+        Command::Extend(flow) => Drive::Regulate(SetPoint::Position(position(flow))),
+        Command::Retract(flow) => Drive::Regulate(SetPoint::Position(position(flow).mirrored())),
+        Command::Float => Drive::Regulate(SetPoint::Float),
+    }
+}
+
 /// The position of a port flow command, 0–250.
+#[inline]
 fn position(flow: u8) -> Position {
     Scale::Per250.to_position(flow.into()).unwrap_or(Position::NEUTRAL)
 }

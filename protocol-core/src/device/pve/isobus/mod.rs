@@ -272,8 +272,8 @@ impl Device for PveIsobus {
             return;
         }
         if now < self.due_besides_avef {
-            // Nothing but AVEF, ten times a second.
-            self.now = self.now.max(now);
+            // Nothing but AVEF, ten times a second. What is due is not before the last instant.
+            self.now = now;
             self.send_avef(now);
             self.deadline = self.due_besides_avef.min(self.next_avef);
         } else {
