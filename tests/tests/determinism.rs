@@ -56,8 +56,7 @@ fn trace(seed: u64, jitter: Duration) -> String {
         }
         bench.run_for(20);
     }
-    let trace = trace.lock().unwrap().clone();
-    trace
+    trace.lock().unwrap().clone()
 }
 
 #[test]
