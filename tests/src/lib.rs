@@ -6,6 +6,7 @@
 //! ```
 
 mod bench;
+pub mod isobus;
 mod rig;
 
 pub use bench::Bench;

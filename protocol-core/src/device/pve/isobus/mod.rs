@@ -59,8 +59,6 @@ pub struct PveIsobus {
     claim_frame: Frame,
     /// Whether it goes out when it is asked for: the address is held, and the bus can be used.
     answers_claims: bool,
-    /// The first claim is not on the bus yet.
-    claiming: bool,
     commander: Commander,
     dm1: Dm1,
     bam: BamSender<DM2_MAX>,
@@ -261,7 +259,7 @@ impl Device for PveIsobus {
         valve.set_bus_off(senses.bus == BusErrorMode::BusOff, now);
         if self.is_mute() {
             self.fall_silent();
-        } else if was_mute && self.claiming {
+        } else if was_mute && self.claim.is_begun() {
             // The claim that could not be sent.
             self.tx.push(self.claim_frame);
         }
@@ -295,9 +293,8 @@ impl Device for PveIsobus {
     }
 
     fn next_effect(&mut self, now: Instant) -> Option<Effect> {
-        if self.claiming && !self.is_mute() {
+        if self.claim.is_begun() && !self.is_mute() {
             // The claim is on the bus: the wait for objections counts from here.
-            self.claiming = false;
             self.claim.sent(now.max(self.now));
             self.schedule();
         }

@@ -32,7 +32,6 @@ impl PveIsobus {
         match self.claim.contend(id.source(), name, now) {
             Outcome::Send(frame) => self.send(frame),
             Outcome::Lost => {
-                self.claiming = false;
                 self.next_avef = NEVER;
                 self.fall_silent();
                 self.commander.block(now);

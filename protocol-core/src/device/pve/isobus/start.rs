@@ -39,7 +39,6 @@ impl PveIsobus {
             listening: Listening::at(address(setup, local_layer)),
             claim_frame: claim.name().claim(address(setup, local_layer)),
             claim,
-            claiming: true,
             answers_claims: false,
             commander: Commander::new(setup.kind.regulation(), Counters::default(), now),
             dm1: Dm1::new(),
@@ -92,8 +91,7 @@ impl PveIsobus {
         self.listening = Listening::at(own);
         self.avef = avef(own);
         self.claim = AddressClaim::new(name(&self.factory), own);
-        self.claim_frame = self.claim.start(now);
-        self.claiming = true;
+        self.claim_frame = self.claim.start();
         self.send(self.claim_frame);
     }
 
