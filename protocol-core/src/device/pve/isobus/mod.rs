@@ -293,9 +293,11 @@ impl Device for PveIsobus {
     }
 
     fn next_effect(&mut self, now: Instant) -> Option<Effect> {
-        if self.claim.is_begun() && !self.is_mute() {
-            // The claim is on the bus: the wait for objections counts from here.
-            self.claim.sent(now.max(self.now));
+        if (self.claim.is_begun() || self.bam.is_handed_out()) && !self.is_mute() {
+            // All is on the bus: the wait for objections and the distance of packets count from here.
+            let now = now.max(self.now);
+            self.claim.sent(now);
+            self.bam.sent(now);
             self.schedule();
         }
         if let Some(effect) = self.next_write() {
