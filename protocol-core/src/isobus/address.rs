@@ -1,9 +1,9 @@
 //! Address claim of a controller that cannot take another address by itself (SAE J1939-81; SPEC 5).
 //!
 //! ```text
-//!           start            250 ms           a lower NAME claims the address
-//! idle ───────────▶ waiting ───────▶ claimed ────────────────────────────────▶ lost
-//!                      └──────────────────────────────────────────────────────▶
+//!        start          sent           250 ms           a lower NAME claims the address
+//! idle ────────▶ begun ────────▶ waiting ───────▶ claimed ────────────────────────────────▶ lost
+//!                  └────────────────┴─────────────────────────────────────────────────────▶
 //! ```
 
 use super::request::Request;
@@ -35,6 +35,8 @@ pub enum Outcome {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     Idle,
+    /// The first claim is not on the bus yet.
+    Begun,
     Waiting {
         until: Instant,
     },
@@ -60,21 +62,28 @@ impl AddressClaim {
         Self { name, address, state: State::Idle }
     }
 
-    /// Claims the address; to be called when the bus can be used. The claim that is returned is to be sent.
-    ///
-    /// An address of 128–247 may be another's by its own choice: the wait that follows lets that one object. Outside
-    /// there is no wait.
+    /// Claims the address. The claim that is returned is to be sent, and [`sent`](Self::sent) to be called when it is on
+    /// the bus, however long that takes: nothing else may go out before.
     #[must_use]
-    pub fn start(&mut self, now: Instant) -> Frame {
-        self.state = State::Waiting { until: after(now, self.wait()) };
+    pub fn start(&mut self) -> Frame {
+        self.state = State::Begun;
         self.claim()
     }
 
-    /// The first claim is on the bus: the wait counts from here. Without this call it counts from the start.
+    /// The first claim is on the bus: the wait begins. For any later claim nothing is waited for.
+    ///
+    /// An address of 128–247 may be another's by its own choice: the wait lets that one object. Outside there is none.
     pub const fn sent(&mut self, now: Instant) {
-        if let State::Waiting { .. } = self.state {
+        if self.is_begun() {
             self.state = State::Waiting { until: after(now, self.wait()) };
         }
+    }
+
+    /// Whether the first claim is not on the bus yet.
+    #[inline]
+    #[must_use]
+    pub const fn is_begun(&self) -> bool {
+        matches!(self.state, State::Begun)
     }
 
     /// The NAME.
@@ -88,7 +97,7 @@ impl AddressClaim {
     #[must_use]
     pub const fn address(&self) -> Option<Address> {
         match self.state {
-            State::Waiting { .. } | State::Claimed => Some(self.address),
+            State::Begun | State::Waiting { .. } | State::Claimed => Some(self.address),
             State::Idle | State::Lost { .. } => None,
         }
     }
@@ -131,7 +140,7 @@ impl AddressClaim {
             return Outcome::Nothing;
         }
         match self.state {
-            State::Waiting { .. } | State::Claimed => return Outcome::Send(self.claim()),
+            State::Begun | State::Waiting { .. } | State::Claimed => return Outcome::Send(self.claim()),
             State::Lost { answer_at: NEVER } if !request.addressed => {
                 self.state = State::Lost { answer_at: self.cannot_claim_at(now) };
             }
@@ -170,7 +179,7 @@ impl AddressClaim {
         match self.state {
             State::Waiting { until } => until,
             State::Lost { answer_at } => answer_at,
-            State::Idle | State::Claimed => NEVER,
+            State::Idle | State::Begun | State::Claimed => NEVER,
         }
     }
 

@@ -29,6 +29,7 @@ struct Sending<const SIZE: usize> {
     payload: Vec<u8, SIZE>,
     /// The next packet; 0 is the announcement.
     sequence: u8,
+    /// [`NEVER`] until the frame that was handed out is on the bus.
     due: Instant,
 }
 
@@ -70,7 +71,8 @@ impl<const SIZE: usize> BamSender<SIZE> {
         self.sending = None;
     }
 
-    /// The frame that is due, from `source`. The next one is due [`PACKET_SPACING`] after this one was handed out.
+    /// The frame that is due, from `source`. The next one is due [`PACKET_SPACING`] after this one was [`sent`](Self::sent):
+    /// on a bus that is busy for longer than that, packets must not follow each other at once.
     #[must_use]
     pub fn poll(&mut self, source: Address, now: Instant) -> Option<Frame> {
         let sending = self.sending.as_mut().filter(|sending| now >= sending.due)?;
@@ -86,9 +88,23 @@ impl<const SIZE: usize> BamSender<SIZE> {
             self.sending = None;
         } else {
             sending.sequence = sequence.saturating_add(1);
-            sending.due = after(now, PACKET_SPACING);
+            sending.due = NEVER;
         }
         Some(frame)
+    }
+
+    /// Whether a frame was handed out of which is not known yet that it is on the bus.
+    #[inline]
+    #[must_use]
+    pub fn is_handed_out(&self) -> bool {
+        self.sending.as_ref().is_some_and(|sending| sending.due == NEVER)
+    }
+
+    /// What was handed out is on the bus: the distance to the next packet counts from here.
+    pub fn sent(&mut self, now: Instant) {
+        if let Some(sending) = self.sending.as_mut().filter(|sending| sending.due == NEVER) {
+            sending.due = after(now, PACKET_SPACING);
+        }
     }
 
     /// When [`poll`](Self::poll) is next due.

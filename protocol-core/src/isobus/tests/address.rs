@@ -19,7 +19,8 @@ const LONGEST: Duration = Duration::from_millis(153);
 
 fn claimed() -> AddressClaim {
     let mut claim = AddressClaim::new(NAME, OWN);
-    _ = claim.start(ms(0));
+    _ = claim.start();
+    claim.sent(ms(0));
     assert_eq!(claim.poll(ms(250)), Outcome::Claimed);
     claim
 }
@@ -36,7 +37,8 @@ fn lost(now: Instant) -> AddressClaim {
 fn a_claim_then_250_ms_of_silence() {
     let mut claim = AddressClaim::new(NAME, OWN);
     assert_eq!((claim.address(), claim.deadline()), (None, NEVER));
-    assert_eq!(claim.start(ms(5)), frame(CLAIM));
+    assert_eq!(claim.start(), frame(CLAIM));
+    claim.sent(ms(5));
     assert_eq!((claim.address(), claim.may_send(), claim.deadline()), (Some(OWN), false, ms(255)));
     assert_eq!(claim.poll(us(254_999)), Outcome::Nothing);
     assert!(!claim.may_send());
@@ -48,11 +50,14 @@ fn a_claim_then_250_ms_of_silence() {
 #[test]
 fn the_silence_counts_from_the_claim_on_the_bus() {
     let mut claim = AddressClaim::new(NAME, OWN);
-    _ = claim.start(ms(0));
-    claim.sent(us(1_250));
-    assert_eq!(claim.poll(us(251_249)), Outcome::Nothing);
-    assert_eq!(claim.poll(us(251_250)), Outcome::Claimed);
-    claim.sent(ms(300));
+    _ = claim.start();
+    assert_eq!((claim.address(), claim.may_send(), claim.deadline()), (Some(OWN), false, NEVER));
+    assert_eq!(claim.poll(ms(10_000)), Outcome::Nothing);
+    claim.sent(us(10_001_250));
+    claim.sent(us(10_002_000));
+    assert_eq!(claim.poll(us(10_251_249)), Outcome::Nothing);
+    assert_eq!(claim.poll(us(10_251_250)), Outcome::Claimed);
+    claim.sent(ms(10_300));
     assert!(claim.may_send());
 }
 
@@ -60,7 +65,8 @@ fn the_silence_counts_from_the_claim_on_the_bus() {
 fn only_addresses_of_128_to_247_wait() {
     for (address, waits) in [(0, false), (127, false), (128, true), (247, true), (248, false), (253, false)] {
         let mut claim = AddressClaim::new(NAME, Address::new(address));
-        _ = claim.start(ms(0));
+        _ = claim.start();
+        claim.sent(ms(0));
         assert_eq!(claim.poll(ms(0)) == Outcome::Nothing, waits, "{address}");
     }
 }
@@ -71,7 +77,7 @@ fn before_its_start_it_takes_part_in_nothing() {
     assert_eq!(claim.contend(OWN, LOWER, ms(0)), Outcome::Nothing);
     assert_eq!(claim.requested(&TO_ALL, ms(0)), Outcome::Nothing);
     assert_eq!(claim.poll(ms(1_000)), Outcome::Nothing);
-    assert_eq!(claim.start(ms(1_000)), frame(CLAIM));
+    assert_eq!(claim.start(), frame(CLAIM));
 }
 
 #[test]
@@ -86,7 +92,8 @@ fn a_higher_name_is_answered_with_the_claim() {
 #[test]
 fn defending_it_does_not_prolong_the_wait() {
     let mut claim = AddressClaim::new(NAME, OWN);
-    _ = claim.start(ms(0));
+    _ = claim.start();
+    claim.sent(ms(0));
     assert_eq!(claim.contend(OWN, HIGHER, ms(249)), Outcome::Send(frame(CLAIM)));
     assert_eq!(claim.poll(us(249_999)), Outcome::Nothing);
     assert_eq!(claim.poll(ms(250)), Outcome::Claimed);
@@ -105,7 +112,8 @@ fn claims_of_other_addresses_and_the_own_name_are_ignored() {
 fn a_lower_name_takes_the_address_at_once() {
     for during_wait in [true, false] {
         let mut claim = AddressClaim::new(NAME, OWN);
-        _ = claim.start(ms(0));
+        _ = claim.start();
+        claim.sent(ms(0));
         if !during_wait {
             assert_eq!(claim.poll(ms(250)), Outcome::Claimed);
         }
@@ -144,7 +152,8 @@ fn without_an_address_it_is_silent_but_for_requests_to_all() {
 #[test]
 fn requests_are_answered_in_the_wait_and_after_it() {
     let mut claim = AddressClaim::new(NAME, OWN);
-    _ = claim.start(ms(0));
+    _ = claim.start();
+    claim.sent(ms(0));
     for request in [TO_ALL, TO_OWN] {
         assert_eq!(claim.requested(&request, ms(100)), Outcome::Send(frame(CLAIM)));
     }
@@ -159,7 +168,8 @@ fn requests_are_answered_in_the_wait_and_after_it() {
 fn the_delays_differ_by_time_and_by_name() {
     let delay = |name: u64, now: u64| {
         let mut claim = AddressClaim::new(Name::from_bytes(name.to_le_bytes()), OWN);
-        _ = claim.start(us(now));
+        _ = claim.start();
+        claim.sent(us(now));
         assert_eq!(claim.contend(OWN, Name::from_bytes([0; 8]), us(now)), Outcome::Lost);
         since(claim.deadline(), us(now))
     };
@@ -226,7 +236,8 @@ proptest! {
         }
         order.sort_unstable();
         for (start, at) in order {
-            let frame = bus.claims[at].start(ms(start));
+            let frame = bus.claims[at].start();
+            bus.claims[at].sent(ms(start));
             bus.run(at, frame, ms(start));
         }
         prop_assert!(bus.sent <= 3 * names.len(), "{} claims", bus.sent);
@@ -245,7 +256,8 @@ proptest! {
         events in prop::collection::vec((0_u8..5, any::<u8>(), any::<u64>(), any::<u32>()), 0..60),
     ) {
         let mut claim = AddressClaim::new(NAME, OWN);
-        _ = claim.start(ms(0));
+        _ = claim.start();
+        claim.sent(ms(0));
         let mut now = ms(0);
         for (kind, source, name, step) in events {
             now = us(now.as_micros() + u64::from(step % 300_000));

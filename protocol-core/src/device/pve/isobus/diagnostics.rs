@@ -26,12 +26,14 @@ impl PveIsobus {
         let changes = self.commander.take_changes(now);
         let after = self.commander.valve.faults();
         // A fault that is active again is no longer one that was.
-        self.previously_active = self.previously_active.difference(changes.activated);
+        let listed = self.previously_active;
+        self.previously_active = listed.difference(changes.activated);
         if !changes.activated.is_empty() {
             self.show(after.union(changes.cleared), now);
         }
         self.show(after, now);
-        if self.commander.valve.take_counters_changed() {
+        // A counter that has come to its end does not change, the list does.
+        if self.commander.valve.take_counters_changed() || self.previously_active != listed {
             self.fault_log.changed(now);
         }
     }

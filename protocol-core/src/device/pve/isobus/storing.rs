@@ -75,6 +75,8 @@ impl PveIsobus {
                     self.local_layer = self.local_layer.with(change);
                 }
                 match asked_by {
+                    // One that has lost its address meanwhile may tell nobody.
+                    LayerFor::Uds if self.claim.is_lost() => {}
                     LayerFor::Uds => self.send(node_id_written(stored)),
                     LayerFor::CommandedAddress if stored => self.request_restart(),
                     LayerFor::CommandedAddress | LayerFor::Nobody => {}

@@ -1,0 +1,94 @@
+//! A valve on ISOBUS on the rig: at 0x83, where the manual's examples have it, and its master at 0x27.
+
+use protocol_core::device::pve::{Kind, Setup};
+
+use crate::Rig;
+
+/// Block.
+pub const BLOCK: &str = "0CFE3327: 00 FF 30 FF FF FF FF FF";
+/// Extend, full flow.
+pub const EXTEND: &str = "0CFE3327: FA FF 31 FF FF FF FF FF";
+/// Retract, full flow.
+pub const RETRACT: &str = "0CFE3327: FA FF 32 FF FF FF FF FF";
+/// Float.
+pub const FLOAT: &str = "0CFE3327: 00 FF 33 FF FF FF FF FF";
+/// Hand operation.
+pub const HAND: &str = "0CFE3327: 00 FF 3A FF FF FF FF FF";
+/// Emergency stop.
+pub const STOP: &str = "0CFE3327: 00 FF 3E FF FF FF FF FF";
+
+/// The claim of the manual's valve.
+pub const CLAIM: &str = "18EEFF83: 01 00 20 07 08 FF 02 20";
+/// Its cannot-claim.
+pub const CANNOT_CLAIM: &str = "18EEFFFE: 01 00 20 07 08 FF 02 20";
+/// A claim of its address that wins.
+pub const LOWER_NAME: &str = "18EEFF83: 00 00 20 07 08 FF 02 20";
+/// A claim of its address that loses.
+pub const HIGHER_NAME: &str = "18EEFF83: 02 00 20 07 08 FF 02 20";
+
+/// Estimated flow: blocked and in neutral.
+pub const AVEF_BLOCKED: &str = "0CFE1383: 7D 7D 30 FF FF FF FF FF";
+
+/// DM1 when the last fault has cleared.
+pub const DM1_CLEAR: &str = "18FECA83: 00 FF 00 00 00 00 FF FF";
+
+impl Rig {
+    /// A `pvea-isobus` at 0x83, fresh from the factory, whose wait after the claim is over; claim and first AVEF are taken.
+    #[must_use]
+    pub fn claimed() -> Self {
+        Self::claimed_as(Setup { node_id: Some(0x83), ..Setup::new(Kind::PveaIsobus) })
+    }
+
+    /// The same of another setup.
+    #[must_use]
+    pub fn claimed_as(setup: Setup) -> Self {
+        let mut rig = Self::power_on(setup);
+        rig.take_claim();
+        rig
+    }
+
+    /// Takes the claim, lets the wait pass and takes the first AVEF, blocked and in neutral.
+    ///
+    /// # Panics
+    /// When these are not what is sent.
+    #[track_caller]
+    pub fn take_claim(&mut self) {
+        let address = self.node_id().expect("an address");
+        let claim = self.take_next().expect("a claim").to_string();
+        assert!(claim.starts_with(&format!("18EEFF{address:02X}: ")), "{claim}");
+        self.expect_nothing();
+        self.advance(250);
+        self.expect(&format!("0CFE1{:X}{address:02X}: 7D 7D 30 FF FF FF FF FF", address & 0xF));
+    }
+
+    /// Takes all frames that the valve has sent, without its estimated flow.
+    pub fn take_news(&mut self) -> Vec<String> {
+        self.take().into_iter().filter(|frame| !frame.starts_with("0CFE1")).collect()
+    }
+
+    /// The valve must have sent these, beside its estimated flow, and nothing more.
+    #[track_caller]
+    pub fn expect_news(&mut self, frames: &[&str]) {
+        let at = self.now().as_micros();
+        assert_eq!(self.take_news(), frames, "at {at} us");
+    }
+
+    /// The estimated flow, as an answer to a request for it: its first three bytes.
+    ///
+    /// # Panics
+    /// When there is no answer.
+    #[track_caller]
+    pub fn flow(&mut self) -> [u8; 3] {
+        let address = self.node_id().expect("an address");
+        self.send(&format!("18EA{address:02X}27: {:02X} FE 00", 0x10 | address & 0xF));
+        let under = format!("0CFE1{:X}{address:02X}", address & 0xF);
+        let flow = self.take_under(&under).pop().expect("an AVEF");
+        let byte = |at: usize| u8::from_str_radix(&flow[10 + 3 * at..12 + 3 * at], 16).expect("a byte");
+        [byte(0), byte(1), byte(2)]
+    }
+
+    /// Commands block twice, as recovery wants it, 100 ms apart, the first after 100 ms.
+    pub fn recover(&mut self) {
+        self.advance_cyclic(200, BLOCK);
+    }
+}

@@ -1,0 +1,263 @@
+//! The actuator under ISOBUS: power save, hand operation, emergency stop, float, LED, the on/off kind (SPEC 1, 2, 5).
+
+use protocol_core::actuator::{Led, Position, SpoolFault};
+use protocol_core::controller::BusErrorMode;
+use protocol_core::device::pve::{Kind, Setup};
+use protocol_core::time::Duration;
+use tests::Rig;
+use tests::isobus::{BLOCK, DM1_CLEAR, EXTEND, FLOAT, HAND, LOWER_NAME, RETRACT, STOP};
+
+const ONE: Duration = Duration::from_micros(1);
+const NOTHING: &str = "0CFE3327: 00 FF 31 FF FF FF FF FF";
+
+fn solenoids(valve: &Rig) -> bool {
+    valve.device().outputs().solenoids
+}
+
+fn led(valve: &Rig) -> Led {
+    valve.device().outputs().led
+}
+
+fn on_off() -> Rig {
+    Rig::claimed_as(Setup { node_id: Some(0x83), ..Setup::new(Kind::PveoIsobus) })
+}
+
+/// 200 ms after power-up, before any command: the valve is blocked from the beginning.
+#[test]
+fn power_save_from_the_beginning() {
+    let mut valve = Rig::power_on(Setup::new(Kind::PveaIsobus));
+    assert!(solenoids(&valve));
+    assert_eq!(led(&valve), Led::GREEN);
+    valve.advance_by(Duration::from_micros(199_999));
+    assert!(solenoids(&valve));
+    valve.advance_by(ONE);
+    assert!(!solenoids(&valve));
+    assert_eq!(led(&valve), Led::GREEN_FLASHING);
+}
+
+/// Any command that is not neutral ends it at once; another neutral one does not.
+#[test]
+fn what_ends_power_save() {
+    for (command, energised) in [
+        (BLOCK, false),
+        (NOTHING, false),
+        ("0CFE3327: 00 FF 32 FF FF FF FF FF", false),
+        ("0CFE3327: 01 FF 31 FF FF FF FF FF", true),
+        ("0CFE3327: 01 FF 32 FF FF FF FF FF", true),
+        (FLOAT, true),
+        (HAND, false),
+        (STOP, false),
+    ] {
+        let mut valve = Rig::claimed();
+        assert!(!solenoids(&valve));
+        valve.send(command);
+        assert_eq!(solenoids(&valve), energised, "{command}");
+        assert_eq!(led(&valve) == Led::GREEN, energised, "{command}");
+    }
+    // a spool that is moved
+    let mut valve = Rig::claimed();
+    valve.sense(|senses| senses.spool.lever = Position::new(5000));
+    assert!(solenoids(&valve));
+    valve.sense(|senses| senses.spool.lever = None);
+    valve.advance(199);
+    assert!(solenoids(&valve));
+    valve.advance(300);
+    assert!(!solenoids(&valve));
+    valve.expect_news(&[]);
+}
+
+/// Block again: after 200 ms and with the spool in neutral.
+#[test]
+fn power_save_comes_back() {
+    for neutral in [BLOCK, NOTHING] {
+        let mut valve = Rig::claimed();
+        valve.send("0CFE3327: 32 FF 31 FF FF FF FF FF");
+        valve.advance_cyclic(200, "0CFE3327: 32 FF 31 FF FF FF FF FF");
+        valve.send(neutral);
+        valve.advance(199);
+        assert!(solenoids(&valve), "{neutral}");
+        valve.advance(1);
+        assert!(!solenoids(&valve), "{neutral}");
+        assert_eq!(led(&valve), Led::GREEN_FLASHING);
+    }
+}
+
+#[test]
+fn hand_operation() {
+    let mut valve = Rig::claimed();
+    valve.send(EXTEND);
+    valve.advance_cyclic(300, EXTEND);
+    assert!(solenoids(&valve));
+    valve.send(HAND);
+    assert!(!solenoids(&valve));
+    assert_eq!(led(&valve), Led::YELLOW);
+    // the springs bring it back
+    assert_eq!(valve.flow(), [0xE1, 0x7D, 0x3A]);
+    valve.advance_cyclic(150, HAND);
+    assert_eq!(valve.flow(), [0x7D, 0x7D, 0x3A]);
+    // a lever, a stuck spool: for as long as it likes
+    for position in [16384, -16384, 3000] {
+        valve.sense(|senses| senses.spool.lever = Position::new(position));
+        valve.advance_cyclic(3000, HAND);
+    }
+    valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
+    valve.advance_cyclic(3000, HAND);
+    valve.expect_news(&[]);
+    valve.send("18EA8327: CB FE 00");
+    valve.expect_news(&["18FECB83: 00 FF 00 00 00 00 FF FF"]);
+}
+
+/// They end with the next valid command of another state, and the monitors begin anew then.
+#[test]
+fn the_end_of_hand_operation_and_emergency_stop() {
+    for command in [HAND, STOP] {
+        let mut valve = Rig::claimed();
+        valve.send(command);
+        valve.sense(|senses| senses.spool.lever = Position::new(8192));
+        valve.advance_cyclic(2000, command);
+        // what is ignored ends nothing
+        valve.send("0CFE3327: FB FF 31 FF FF FF FF FF");
+        valve.send("0CFE3327: 00 FF 34 FF FF FF FF FF");
+        assert_eq!(valve.flow()[2], if command == HAND { 0x3A } else { 0x3E });
+        valve.send(BLOCK);
+        assert_eq!(valve.flow(), [0xAF, 0x7D, 0x30]);
+        valve.advance_cyclic(499, BLOCK);
+        valve.expect_news(&[]);
+        valve.advance(1);
+        valve.expect_news(&["18FECA83: 10 FF EC 8F 87 01 FF FF"]);
+
+        for (next, state) in [(EXTEND, 0x31), (RETRACT, 0x32), (FLOAT, 0x33), (HAND, 0x3A), (STOP, 0x3E)] {
+            let mut valve = Rig::claimed();
+            valve.send(command);
+            valve.advance(100);
+            valve.send(next);
+            assert_eq!(valve.flow()[2], state);
+            assert_eq!(solenoids(&valve), state <= 0x33);
+        }
+    }
+}
+
+#[test]
+fn emergency_stop() {
+    let mut valve = Rig::claimed();
+    valve.send(RETRACT);
+    valve.advance_cyclic(300, RETRACT);
+    valve.send(STOP);
+    assert!(!solenoids(&valve));
+    assert_eq!(led(&valve), Led::YELLOW);
+    assert_eq!(valve.flow(), [0x7D, 0xE1, 0x3E]);
+    valve.advance_cyclic(150, STOP);
+    assert_eq!(valve.flow(), [0x7D, 0x7D, 0x3E]);
+    valve.advance_cyclic(5000, STOP);
+    valve.expect_news(&[]);
+    // straight back to work
+    valve.send(EXTEND);
+    assert!(solenoids(&valve));
+    assert_eq!(led(&valve), Led::GREEN);
+}
+
+/// To the B side at the solenoids' rate; monitor 1 is off, monitor 2 gives it one second.
+#[test]
+fn float() {
+    for mut valve in [Rig::claimed(), on_off()] {
+        valve.send(FLOAT);
+        for flow in ["A5", "CD", "E1", "E1"] {
+            valve.advance(100);
+            valve.expect(&format!("0CFE1383: {flow} 7D 33 FF FF FF FF FF"));
+            valve.send(FLOAT);
+        }
+        valve.advance_cyclic(5000, FLOAT);
+        valve.expect_news(&[]);
+        // pulled out of it: 5 % are near enough
+        valve.sense(|senses| senses.spool.lever = Position::new(16384 - 819));
+        valve.advance_cyclic(3000, FLOAT);
+        valve.expect_news(&[]);
+        valve.sense(|senses| senses.spool.lever = Position::new(16384 - 821));
+        valve.advance_cyclic(999, FLOAT);
+        valve.expect_news(&[]);
+        valve.advance(1);
+        valve.expect_news(&["18FECA83: 10 FF EE 8F 87 01 FF FF"]);
+        // until the spool is in neutral
+        valve.advance_cyclic(300, FLOAT);
+        valve.expect_news(&[]);
+        valve.sense(|senses| senses.spool.lever = Position::new(819));
+        valve.expect_news(&[DM1_CLEAR]);
+    }
+}
+
+/// The lever wins over the solenoids.
+#[test]
+fn the_hand_lever_wins() {
+    let mut valve = Rig::claimed();
+    valve.sense(|senses| senses.spool.lever = Position::new(-8192));
+    for (command, state) in [(EXTEND, 0x31), (FLOAT, 0x33), (BLOCK, 0x30), (HAND, 0x3A)] {
+        valve.send(command);
+        assert_eq!(valve.flow(), [0x7D, 0xAF, state]);
+    }
+}
+
+/// Retract and extend, the smallest and the largest flow: full stroke, and as fast as the solenoids are.
+#[test]
+fn an_on_off_valve() {
+    for flow in [1, 250] {
+        let mut valve = on_off();
+        let command = format!("0CFE3327: {flow:02X} FF 32 FF FF FF FF FF");
+        valve.send(&command);
+        valve.advance(125);
+        assert_eq!(valve.flow(), [0x7D, 0xAF, 0x32]);
+        valve.advance(125 - 50);
+        valve.send(&command);
+        valve.advance(50);
+        assert_eq!(valve.flow(), [0x7D, 0xE1, 0x32]);
+    }
+    // 86 % is too little for a valve that knows full stroke alone
+    let mut valve = on_off();
+    valve.sense(|senses| senses.spool.lever = Position::new(8192));
+    let half = "0CFE3327: 7D FF 31 FF FF FF FF FF";
+    valve.send(half);
+    valve.advance_cyclic(500, half);
+    valve.expect_news(&["18FECA83: 10 FF EC 8F 87 01 FF FF"]);
+}
+
+#[test]
+fn the_led() {
+    let mut valve = Rig::claimed();
+    assert_eq!(led(&valve), Led::GREEN_FLASHING, "power save");
+    valve.send(EXTEND);
+    assert_eq!(led(&valve), Led::GREEN);
+    valve.advance(250);
+    assert_eq!(led(&valve), Led::RED_FLASHING, "time guarding");
+    valve.sense(|senses| senses.internal_fault = true);
+    assert_eq!(led(&valve), Led::RED, "internal error");
+    valve.sense(|senses| senses.internal_fault = false);
+    assert_eq!(led(&valve), Led::RED_FLASHING);
+    valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+    assert_eq!(led(&valve), Led::RED, "bus-off");
+    valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
+    valve.advance_cyclic(200, EXTEND);
+    assert_eq!(led(&valve), Led::RED_FLASHING, "shut down without an active fault");
+    valve.recover();
+    assert_ne!(led(&valve), Led::RED_FLASHING);
+    valve.advance_cyclic(300, BLOCK);
+    assert_eq!(led(&valve), Led::GREEN_FLASHING);
+    valve.send(LOWER_NAME);
+    assert_eq!(led(&valve), Led::YELLOW, "cannot claim");
+    valve.sense(|senses| senses.internal_fault = true);
+    assert_eq!(led(&valve), Led::RED, "a fault comes first");
+}
+
+/// Solenoids off at once, whatever the fault.
+#[test]
+fn a_shutdown_de_energises() {
+    let mut valve = Rig::claimed();
+    valve.send(FLOAT);
+    valve.advance_cyclic(400, FLOAT);
+    valve.sense(|senses| senses.internal_fault = true);
+    assert!(!solenoids(&valve));
+    assert_eq!(valve.flow(), [0xE1, 0x7D, 0x30]);
+    valve.advance(150);
+    assert_eq!(valve.flow(), [0x7D, 0x7D, 0x30]);
+    // a spool that is moved does not energise them
+    valve.sense(|senses| senses.spool.lever = Position::new(4000));
+    assert!(!solenoids(&valve));
+}

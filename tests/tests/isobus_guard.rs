@@ -1,0 +1,150 @@
+//! Time guarding: when it begins, what feeds it, when it trips (SPEC 2, 5).
+
+use protocol_core::device::pve::{Kind, Setup};
+use protocol_core::time::Duration;
+use tests::Rig;
+use tests::isobus::{AVEF_BLOCKED, BLOCK, DM1_CLEAR, EXTEND, FLOAT, HAND, RETRACT, STOP};
+
+const FAULT: &str = "18FECA83: 04 FF E9 8F 93 01 FF FF";
+/// One microsecond short of the guard time.
+const ALMOST: Duration = Duration::from_micros(249_999);
+const ONE: Duration = Duration::from_micros(1);
+
+const COMMANDS: [&str; 6] = [BLOCK, EXTEND, RETRACT, FLOAT, HAND, STOP];
+
+#[test]
+fn every_249_ms_is_often_enough() {
+    for command in COMMANDS {
+        let mut valve = Rig::claimed();
+        for _ in 0..100 {
+            valve.send(command);
+            valve.advance(249);
+        }
+        valve.expect_news(&[]);
+    }
+}
+
+#[test]
+fn a_gap_of_251_ms_is_a_fault() {
+    for command in COMMANDS {
+        let mut valve = Rig::claimed();
+        for _ in 0..10 {
+            valve.send(command);
+            valve.advance(100);
+        }
+        valve.send(command);
+        valve.advance(251);
+        assert_eq!(valve.take_news(), [FAULT], "{command}");
+        valve.send(command);
+        assert_eq!(valve.take_news(), [DM1_CLEAR], "{command}");
+    }
+}
+
+/// After the whole of the 250 ms, counted from the last command to the microsecond.
+#[test]
+fn the_fault_comes_after_250_ms() {
+    let mut valve = Rig::claimed();
+    valve.advance_by(Duration::from_micros(12_345));
+    valve.send(EXTEND);
+    valve.advance_by(ALMOST);
+    valve.send(EXTEND);
+    valve.advance_by(ALMOST);
+    valve.expect_news(&[]);
+    valve.advance_by(ONE);
+    valve.expect_news(&[FAULT]);
+}
+
+#[test]
+fn it_begins_with_the_first_valid_command() {
+    for nothing in [None, Some("0CFE3327: FB FF 31 FF FF FF FF FF"), Some("0CFE3427: 00 FF 30 FF FF FF FF FF")] {
+        let mut valve = Rig::claimed();
+        for _ in 0..100 {
+            valve.advance(100);
+            if let Some(frame) = nothing {
+                valve.send(frame);
+            }
+        }
+        valve.expect_news(&[]);
+        valve.send(BLOCK);
+        valve.advance_by(ALMOST);
+        valve.expect_news(&[]);
+        valve.advance_by(ONE);
+        valve.expect_news(&[FAULT]);
+    }
+}
+
+/// A restart is a power-up for it: it begins with the next command.
+#[test]
+fn it_begins_anew_after_a_restart() {
+    let mut valve = Rig::claimed();
+    valve.send(BLOCK);
+    valve.advance(200);
+    valve.power_cycle();
+    valve.take_claim();
+    valve.advance(1000);
+    valve.expect_news(&[]);
+
+    valve.send(BLOCK);
+    valve.take();
+    valve.send("1CECFF27: 20 09 00 02 FF D8 FE 00");
+    valve.send("1CEBFF27: 01 01 00 20 07 08 FF 02");
+    valve.send("1CEBFF27: 02 20 83 FF FF FF FF FF");
+    valve.take_claim();
+    valve.advance(1000);
+    valve.expect_news(&[]);
+}
+
+#[test]
+fn the_fault_shuts_down() {
+    for kind in [Kind::PveaIsobus, Kind::PveoIsobus] {
+        let mut valve = Rig::claimed_as(Setup { node_id: Some(0x83), ..Setup::new(kind) });
+        valve.send(EXTEND);
+        valve.advance_cyclic(400, EXTEND);
+        assert!(valve.device().outputs().solenoids);
+        valve.advance_by(ALMOST);
+        assert_eq!(valve.flow(), [0xE1, 0x7D, 0x31]);
+        assert!(valve.device().outputs().solenoids);
+        valve.advance_by(ONE);
+        assert!(!valve.device().outputs().solenoids);
+        assert_eq!(valve.flow(), [0xE1, 0x7D, 0x30]);
+        // the springs take 150 ms
+        valve.advance(75);
+        assert_eq!(valve.flow(), [0xAF, 0x7D, 0x30]);
+        valve.advance(75);
+        assert_eq!(valve.flow(), [0x7D, 0x7D, 0x30]);
+    }
+}
+
+/// It runs on in a shutdown: one that stops sending is told of again and again, each time counted.
+#[test]
+fn it_runs_in_every_state() {
+    let mut valve = Rig::claimed();
+    valve.send(EXTEND);
+    for (count, command) in (1..).zip(COMMANDS.into_iter().cycle().take(12)) {
+        valve.advance(250);
+        valve.expect_news(&[&format!("18FECA83: 04 FF E9 8F 93 {count:02X} FF FF")]);
+        valve.advance(300);
+        valve.expect_news(&[]);
+        // shut down since the first, and still
+        valve.send(command);
+        valve.expect_news(&[DM1_CLEAR]);
+        assert_eq!(valve.flow()[2], 0x30);
+        valve.take();
+    }
+}
+
+/// The one fault, told every second while nobody commands; it is not counted again.
+#[test]
+fn silence_is_one_fault() {
+    let mut valve = Rig::claimed();
+    valve.send(BLOCK);
+    valve.advance(250);
+    valve.expect_news(&[FAULT]);
+    for _ in 0..20 {
+        valve.advance(999);
+        valve.expect_news(&[]);
+        valve.advance(1);
+        valve.expect_news(&[FAULT]);
+    }
+    valve.exchange("18EA8327: 13 FE 00", &[AVEF_BLOCKED]);
+}

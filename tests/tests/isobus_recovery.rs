@@ -1,0 +1,431 @@
+//! Shutdown by a fault, and the way out of it: all causes gone, then two neutral commands in a row, each with the spool in
+//! neutral (SPEC 2, 5).
+
+use protocol_core::actuator::{Position, SpoolFault};
+use protocol_core::controller::BusErrorMode;
+use protocol_core::device::Senses;
+use tests::Rig;
+use tests::isobus::{BLOCK, DM1_CLEAR, EXTEND, FLOAT, HAND, RETRACT, STOP};
+
+/// Neutral without block: no flow.
+const EXTEND_NOTHING: &str = "0CFE3327: 00 FF 31 FF FF FF FF FF";
+const RETRACT_NOTHING: &str = "0CFE3327: 00 FF 32 FF FF FF FF FF";
+
+const NEUTRAL: [&str; 3] = [BLOCK, EXTEND_NOTHING, RETRACT_NOTHING];
+const NOT_NEUTRAL: [&str; 5] = [EXTEND, RETRACT, FLOAT, HAND, STOP];
+
+/// The estimated flow of a valve that is shut down, or has not been commanded since, in neutral.
+const BLOCKED: [u8; 3] = [0x7D, 0x7D, 0x30];
+
+/// A valve that an internal error has shut down while it extended; the error is gone, the spool is in neutral.
+fn shut_down() -> Rig {
+    let mut valve = Rig::claimed();
+    valve.send(EXTEND);
+    valve.advance_cyclic(400, EXTEND);
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.advance_cyclic(200, EXTEND);
+    valve.expect_news(&["18FECA83: 10 FF FA 8F 8B 01 FF FF"]);
+    valve.sense(|senses| senses.internal_fault = false);
+    valve.expect_news(&[DM1_CLEAR]);
+    assert_eq!(valve.flow(), BLOCKED);
+    valve
+}
+
+/// Whether the valve does as told: extends.
+fn acts(valve: &mut Rig) -> bool {
+    valve.send(EXTEND);
+    valve.flow()[2] == 0x31
+}
+
+#[test]
+fn two_neutral_commands() {
+    for first in NEUTRAL {
+        for second in NEUTRAL {
+            let mut valve = shut_down();
+            valve.send(first);
+            valve.advance(100);
+            valve.send(second);
+            assert_eq!(valve.flow(), BLOCKED, "the second ends it, and does not act itself");
+            valve.advance(100);
+            assert!(acts(&mut valve), "{first} {second}");
+        }
+    }
+}
+
+#[test]
+fn one_is_not_enough() {
+    for command in NEUTRAL {
+        let mut valve = shut_down();
+        valve.send(command);
+        assert!(!acts(&mut valve), "{command}");
+        // and that one broke the row
+        valve.send(command);
+        assert!(!acts(&mut valve), "{command}");
+        valve.send(command);
+        valve.send(command);
+        assert!(acts(&mut valve), "{command}");
+    }
+}
+
+#[test]
+fn without_them_it_never_ends() {
+    for command in NOT_NEUTRAL {
+        let mut valve = shut_down();
+        for _ in 0..50 {
+            valve.advance(100);
+            valve.send(command);
+        }
+        assert_eq!(valve.flow(), BLOCKED, "{command}");
+        valve.send(BLOCK);
+        valve.send(command);
+        valve.send(BLOCK);
+        assert!(!acts(&mut valve), "{command} between them");
+    }
+}
+
+/// Commands that are ignored do not come between.
+#[test]
+fn what_is_ignored_breaks_no_row() {
+    let mut valve = shut_down();
+    valve.send(BLOCK);
+    for ignored in [
+        "0CFE3327: FB FF 31 FF FF FF FF FF",
+        "0CFE3327: 00 FF 34 FF FF FF FF FF",
+        "0CFE3327: 00 FF 70 FF FF FF FF FF",
+        "0CFE3427: FA FF 31 FF FF FF FF FF",
+        "0CFE3327: FA FF 31 FF FF FF FF",
+    ] {
+        valve.send(ignored);
+    }
+    valve.send(BLOCK);
+    assert!(acts(&mut valve));
+    // nor do they count
+    let mut valve = shut_down();
+    valve.send(BLOCK);
+    valve.send("0CFE3327: 00 FF 70 FF FF FF FF FF");
+    valve.send("0CFE3427: 00 FF 30 FF FF FF FF FF");
+    assert!(!acts(&mut valve));
+}
+
+/// Two together, and two of two masters.
+#[test]
+fn no_time_need_pass_between_them() {
+    let mut valve = shut_down();
+    valve.send(BLOCK);
+    valve.send("0CFE3328: 00 FF 30 FF FF FF FF FF");
+    assert!(acts(&mut valve));
+}
+
+/// Within 5 % of the full stroke, both ways, at both commands.
+#[test]
+fn the_spool_must_be_in_neutral() {
+    let at = |valve: &mut Rig, position: i16| valve.sense(|senses| senses.spool.lever = Position::new(position));
+    for (first, second, ends) in [
+        (0, 0, true),
+        (819, -819, true),
+        (-819, 819, true),
+        (821, 0, false),
+        (0, 821, false),
+        (-821, 0, false),
+        (0, -821, false),
+        (2000, 2000, false),
+        (16384, 0, false),
+        (0, -16384, false),
+    ] {
+        let mut valve = shut_down();
+        at(&mut valve, first);
+        valve.send(BLOCK);
+        at(&mut valve, second);
+        valve.send(BLOCK);
+        at(&mut valve, 0);
+        assert_eq!(acts(&mut valve), ends, "{first} {second}");
+    }
+}
+
+/// Neutral commands that come while the springs still work do not count.
+#[test]
+fn the_way_back_of_the_spool() {
+    let mut valve = Rig::claimed();
+    valve.send(EXTEND);
+    valve.advance_cyclic(400, EXTEND);
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|senses| senses.internal_fault = false);
+    for _ in 0..14 {
+        valve.send(BLOCK);
+        valve.advance(10);
+    }
+    // 140 of 150 ms: 6.7 % away
+    valve.send(BLOCK);
+    assert!(!acts(&mut valve));
+    valve.advance(10);
+    valve.send(BLOCK);
+    valve.send(BLOCK);
+    assert!(acts(&mut valve));
+}
+
+/// Commands while a cause lasts do not count; every fault, with what is changed to bring it about and how long it takes.
+#[test]
+fn all_causes_must_be_gone() {
+    type Change = fn(&mut Senses);
+    let causes: [(Change, u64); 5] = [
+        (|senses| senses.internal_fault = true, 0),
+        (|senses| senses.bus = BusErrorMode::BusOff, 0),
+        (|senses| senses.temperature_c = 121, 250),
+        (|senses| senses.supply_mv = 36_001, 2000),
+        (|senses| senses.supply_mv = 8_999, 2000),
+    ];
+    for (change, delay) in causes {
+        let mut valve = Rig::claimed();
+        valve.send(EXTEND);
+        valve.sense(change);
+        valve.advance_cyclic(delay, EXTEND);
+        valve.advance_cyclic(1000, BLOCK);
+        assert!(!valve.device().outputs().solenoids);
+        valve.sense(|senses| *senses = Senses::default());
+        assert!(!acts(&mut valve));
+        valve.send(BLOCK);
+        assert!(!acts(&mut valve), "one");
+        valve.send(BLOCK);
+        valve.send(BLOCK);
+        assert!(acts(&mut valve), "two");
+    }
+}
+
+/// A fault between the two neutral commands: its shutdown needs two of its own, even when it is gone at once.
+#[test]
+fn a_fault_breaks_the_row() {
+    let mut valve = shut_down();
+    valve.send(BLOCK);
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|senses| senses.internal_fault = false);
+    valve.send(BLOCK);
+    assert!(!acts(&mut valve));
+    valve.send(BLOCK);
+    valve.send(BLOCK);
+    assert!(acts(&mut valve));
+}
+
+/// The command that ends fault 8 counts as the first when it is neutral, and only then.
+#[test]
+fn the_end_of_time_guarding_counts() {
+    for (command, counts) in NEUTRAL
+        .into_iter()
+        .map(|command| (command, true))
+        .chain(NOT_NEUTRAL.into_iter().map(|command| (command, false)))
+    {
+        let mut valve = Rig::claimed();
+        valve.send(EXTEND);
+        valve.advance(500);
+        valve.take();
+        valve.send(command);
+        valve.expect_news(&[DM1_CLEAR]);
+        valve.send(BLOCK);
+        assert_eq!(acts(&mut valve), counts, "{command}");
+    }
+    // with the spool in neutral, that is
+    let mut valve = Rig::claimed();
+    valve.send(EXTEND);
+    valve.advance_cyclic(400, EXTEND);
+    valve.advance(260);
+    valve.send(BLOCK);
+    valve.advance(200);
+    valve.send(BLOCK);
+    assert!(!acts(&mut valve));
+    valve.send(BLOCK);
+    valve.send(BLOCK);
+    assert!(acts(&mut valve));
+}
+
+/// A row that time guarding breaks: two neutral commands more than 250 ms apart. The second ends fault 8, so it is the
+/// first again.
+#[test]
+fn neutral_commands_too_far_apart() {
+    let mut valve = shut_down();
+    valve.send(BLOCK);
+    valve.advance(300);
+    valve.send(BLOCK);
+    assert!(!acts(&mut valve));
+    let mut valve = shut_down();
+    valve.send(BLOCK);
+    valve.advance(300);
+    valve.send(BLOCK);
+    valve.send(BLOCK);
+    assert!(acts(&mut valve));
+}
+
+/// Of two faults both must be gone, whichever goes first; one recovery ends both, and both are previously active.
+#[test]
+fn two_faults() {
+    for internal_first in [true, false] {
+        let mut valve = Rig::claimed();
+        valve.send(EXTEND);
+        valve.sense(|senses| senses.internal_fault = true);
+        valve.sense(|senses| senses.temperature_c = 130);
+        valve.advance_cyclic(300, EXTEND);
+        valve.sense(|senses| if internal_first { senses.internal_fault = false } else { senses.temperature_c = 25 });
+        valve.recover();
+        assert!(!acts(&mut valve));
+        valve.sense(|senses| *senses = Senses::default());
+        valve.take();
+        valve.exchange("18EA8327: CB FE 00", &["18FECB83: 00 FF 00 00 00 00 FF FF"]);
+        valve.recover();
+        assert!(acts(&mut valve));
+        valve.take();
+        valve.send("18EA8327: CB FE 00");
+        valve.advance_cyclic(200, BLOCK);
+        valve.expect_news(&[
+            "1CECFF83: 20 0A 00 02 FF CB FE 00",
+            "1CEBFF83: 01 10 FF FA 8F 8B 01 F1",
+            "1CEBFF83: 02 8F 90 01 FF FF FF FF",
+        ]);
+    }
+}
+
+/// Spool faults: stuck in neutral, on its way and short of float.
+#[test]
+fn a_spool_that_does_not_follow() {
+    let fault = "18FECA83: 10 FF EC 8F 87 01 FF FF";
+    // in neutral: gone at once
+    let mut valve = Rig::claimed();
+    valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
+    valve.send(EXTEND);
+    valve.advance_cyclic(499, EXTEND);
+    valve.expect_news(&[]);
+    valve.advance(1);
+    valve.expect_news(&[fault, DM1_CLEAR]);
+    assert_eq!(valve.flow(), BLOCKED);
+    valve.advance_cyclic(1000, EXTEND);
+    valve.expect_news(&[]);
+    valve.recover();
+    assert!(acts(&mut valve));
+
+    // at full stroke: until it is in neutral
+    let mut valve = Rig::claimed();
+    valve.send(EXTEND);
+    valve.advance_cyclic(400, EXTEND);
+    valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
+    valve.send(BLOCK);
+    valve.advance_cyclic(499, BLOCK);
+    valve.expect_news(&[]);
+    valve.advance(1);
+    valve.expect_news(&[fault]);
+    assert_eq!(valve.flow(), [0xE1, 0x7D, 0x30]);
+    valve.advance_cyclic(999, BLOCK);
+    valve.advance(1);
+    valve.expect_news(&[fault]);
+    valve.sense(|senses| senses.spool.fault = SpoolFault::None);
+    valve.advance_cyclic(142, BLOCK);
+    valve.expect_news(&[]);
+    // within 5 % after 142.5 ms
+    valve.advance(1);
+    valve.expect_news(&[DM1_CLEAR]);
+    valve.recover();
+    assert!(acts(&mut valve));
+}
+
+#[test]
+fn a_spool_that_does_not_reach_float() {
+    let mut valve = Rig::claimed();
+    valve.sense(|senses| senses.spool.fault = SpoolFault::NoFloat);
+    valve.send(FLOAT);
+    valve.advance_cyclic(999, FLOAT);
+    assert_eq!(valve.flow(), [0xCD, 0x7D, 0x33]);
+    valve.expect_news(&[]);
+    valve.advance(1);
+    valve.expect_news(&["18FECA83: 10 FF EE 8F 87 01 FF FF"]);
+    // 80 % to 5 % by springs that take 150 ms for 100 %
+    valve.advance_cyclic(112, FLOAT);
+    valve.expect_news(&[]);
+    valve.advance(1);
+    valve.expect_news(&[DM1_CLEAR]);
+    valve.advance_cyclic(1500, FLOAT);
+    valve.expect_news(&[]);
+    valve.recover();
+    valve.take();
+    valve.exchange("18EA8327: CB FE 00", &["18FECB83: 10 FF EE 8F 87 01 FF FF"]);
+}
+
+/// Monitor 1 runs in blocked too, before the first command as well, and in a shutdown; not in hand operation and emergency
+/// stop.
+#[test]
+fn where_the_spool_is_looked_at() {
+    let fault = "18FECA83: 10 FF EC 8F 87 01 FF FF";
+    for command in [None, Some(BLOCK), Some(HAND), Some(STOP)] {
+        for shuts_down in [false, true] {
+            let mut valve = if shuts_down { shut_down() } else { Rig::claimed() };
+            let cyclic = |valve: &mut Rig, ms| match command.or(shuts_down.then_some(EXTEND)) {
+                Some(command) => valve.advance_cyclic(ms, command),
+                None => valve.advance(ms),
+            };
+            if let Some(command) = command {
+                valve.send(command);
+            }
+            valve.take();
+            valve.sense(|senses| senses.spool.lever = Position::new(2458));
+            cyclic(&mut valve, 499);
+            valve.expect_news(&[]);
+            cyclic(&mut valve, 1);
+            match command {
+                Some(HAND | STOP) => {
+                    cyclic(&mut valve, 5000);
+                    valve.expect_news(&[]);
+                }
+                _ => {
+                    valve.expect_news(&[fault]);
+                    valve.sense(|senses| senses.spool.lever = None);
+                    cyclic(&mut valve, 100);
+                    valve.expect_news(&[DM1_CLEAR]);
+                }
+            }
+        }
+    }
+}
+
+/// 15 % away is near enough; the time counts on while the set-point changes and the spool stays away.
+#[test]
+fn the_limit_of_monitor_1() {
+    for (position, trips) in [(2457, false), (-2457, false), (2459, true), (-2459, true)] {
+        let mut valve = Rig::claimed();
+        valve.sense(|senses| senses.spool.lever = Position::new(position));
+        valve.advance(499);
+        valve.expect_news(&[]);
+        valve.advance(1);
+        assert_eq!(valve.take_news().len(), usize::from(trips), "{position}");
+    }
+    let mut valve = Rig::claimed();
+    valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
+    for command in [EXTEND, RETRACT, EXTEND, RETRACT, EXTEND] {
+        valve.send(command);
+        valve.expect_news(&[]);
+        valve.advance(100);
+    }
+    valve.expect_news(&["18FECA83: 10 FF EC 8F 87 01 FF FF", DM1_CLEAR]);
+}
+
+/// A fault is counted and shuts down in hand operation and emergency stop as anywhere; the spool stays the lever's.
+#[test]
+fn everything_works_the_same_in_hand_operation_and_emergency_stop() {
+    for command in [HAND, STOP] {
+        let mut valve = Rig::claimed();
+        valve.send(command);
+        valve.sense(|senses| senses.spool.lever = Position::new(10_000));
+        valve.sense(|senses| senses.supply_mv = 8_000);
+        valve.advance_cyclic(2000, command);
+        valve.expect_news(&["18FECA83: 04 FF 73 02 04 01 FF FF"]);
+        assert_eq!(valve.flow()[2], 0x30, "shut down");
+        valve.sense(|senses| senses.supply_mv = 24_000);
+        valve.expect_news(&[DM1_CLEAR]);
+        valve.advance_cyclic(2000, command);
+        valve.expect_news(&[]);
+        valve.sense(|senses| senses.spool.lever = None);
+        valve.advance_cyclic(200, command);
+        valve.recover();
+        valve.send(command);
+        assert_eq!(valve.flow()[2], if command == HAND { 0x3A } else { 0x3E });
+        valve.take();
+        valve.exchange("18EA8327: CB FE 00", &["18FECB83: 04 FF 73 02 04 01 FF FF"]);
+        // time guarding as well
+        valve.advance(250);
+        valve.expect_news(&["18FECA83: 04 FF E9 8F 93 01 FF FF"]);
+    }
+}
