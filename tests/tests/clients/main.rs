@@ -1,8 +1,10 @@
-//! Unmodified python-canopen, over python-can's socketcand interface, against the `pve-sim` process that users run.
+//! Unmodified clients, over python-can's socketcand interface, against the `pve-sim` process that users run: python-canopen
+//! here, can-j1939 in `isobus`.
 //!
 //! `./test` makes the virtual environment `.venv` with the clients; the scripts are in `tests/clients/`, one subject each.
 
 mod command_line;
+mod isobus;
 mod simulator;
 
 use std::ffi::OsStr;

@@ -1,0 +1,188 @@
+"""What the scripts of the valve on ISOBUS share: a tractor's controller by can-j1939, and an ear on the bus.
+
+The ear is a connection of its own, python-can and nothing else: it hears what the tractor sends as well as the valve.
+Nothing sleeps: every wait is for a frame, a message or a state, with a time limit.
+"""
+
+import contextlib
+import faulthandler
+import pathlib
+import queue
+import sys
+import time
+
+import can
+import cantools
+import j1939
+
+#: Longest wait for anything, seconds. Generous: a busy machine is not a fault of the valve.
+PATIENCE = 20
+#: After this a script that hangs says where, and ends.
+LIFE = 90
+#: How often a state of can-j1939 is looked at, by its own timer, seconds.
+LOOK = 0.005
+#: Period of AVC, seconds: well inside the time guard of 250 ms.
+CYCLE = 0.05
+
+VALVE, TRACTOR = 0x83, 0x27
+NULL, ALL = 0xFE, 0xFF
+#: NAME of the valve, as the manual prints it.
+VALVE_NAME = bytes.fromhex("0100200708FF0220")
+#: Parameter groups.
+ACKNOWLEDGEMENT, CLAIM, DM1, DM2, DM3, UNSUPPORTED = 0xE800, 0xEE00, 0xFECA, 0xFECB, 0xFECC, 0xFEEB
+#: Agriculture in the NAME, as the valve has it; the on-highway group is lower.
+AGRICULTURE, ON_HIGHWAY, MARINE = 2, 1, 4
+
+DBC = cantools.database.load_file(pathlib.Path(__file__).with_name("isobus_valve.dbc"))
+AVEF, AVC = DBC.get_message_by_name("AVEF3"), DBC.get_message_by_name("AVC3")
+
+
+def take(source, what):
+    """The next of a queue for which `what` is true, and those before it."""
+    deadline = time.monotonic() + PATIENCE
+    before = []
+    while True:
+        try:
+            item = source.get(timeout=max(0, deadline - time.monotonic()))
+        except queue.Empty:
+            raise AssertionError(f"not what was waited for; last: {before[-8:]}") from None
+        if what(item):
+            return item, before
+        before.append(item)
+
+
+class Ear(can.Listener):
+    """Every frame on the bus, in order, with the simulator's time."""
+
+    def __init__(self, **bus):
+        self.frames = queue.SimpleQueue()
+        self.bus = can.Bus(**bus)
+        self.notifier = can.Notifier(self.bus, [self])
+
+    def on_message_received(self, message):
+        self.frames.put(message)
+
+    def close(self):
+        self.notifier.stop()
+        self.bus.shutdown()
+
+    def forget(self):
+        while not self.frames.empty():
+            self.frames.get()
+
+    def expect(self, identifier, wanted=lambda data: True, without=()):
+        """The next frame with this identifier whose data are `wanted`, or satisfy it. Nothing of `without` before it."""
+        matches = wanted if callable(wanted) else lambda data: data == wanted
+
+        def is_it(frame):
+            return frame.arbitration_id == identifier and matches(bytes(frame.data))
+
+        frame, before = take(self.frames, is_it)
+        bad = [str(other) for other in before if other.arbitration_id in without]
+        assert not bad, f"before {identifier:08X}: {bad}"
+        return frame
+
+    def expect_flow(self, state, extend=0, retract=0):
+        """Waits for an AVEF that tells this, as cantools reads it."""
+        told = {"State": state, "ExtendFlow": extend, "RetractFlow": retract, "FailSafeMode": "blocked"}
+        return self.expect(AVEF.frame_id, lambda data: AVEF.decode(data) == told)
+
+
+class Tractor:
+    """A controller application of can-j1939 that claims an address of its own, and what it receives."""
+
+    def __init__(self, address=TRACTOR, industry_group=AGRICULTURE, arbitrary=False, **bus):
+        self.name = j1939.Name(
+            arbitrary_address_capable=arbitrary,
+            industry_group=industry_group,
+            vehicle_system=1,
+            function=130,
+            manufacturer_code=666,
+            identity_number=1234,
+        )
+        self.received = queue.SimpleQueue()
+        self.command = dict(State="blocked", PortFlow=0)
+        self.ecu = j1939.ElectronicControlUnit()
+        self.ecu.connect(**bus)
+        self.ca = self.ecu.add_ca(name=self.name, device_address=address)
+        self.ca.subscribe(lambda priority, pgn, source, timestamp, data: self.received.put((pgn, source, bytes(data))))
+        self.ca.start()
+
+    def close(self):
+        self.ecu.stop()
+        self.ecu.disconnect()
+
+    def wait_for_state(self, state):
+        """Waits until can-j1939's address claim is in this state."""
+        reached = queue.SimpleQueue()
+
+        def look(_):
+            if self.ca.state == state:
+                reached.put(state)
+            return self.ca.state != state
+
+        self.ecu.add_timer(LOOK, look)
+        take(reached, lambda _: True)
+
+    def wait_until_claimed(self):
+        self.wait_for_state(j1939.ControllerApplication.State.NORMAL)
+
+    def request(self, pgn, destination=VALVE):
+        self.ca.send_request(0, pgn, destination)
+
+    def expect(self, pgn, source=VALVE):
+        """The data of the next message of this group, put together from its packets if it came in several."""
+        return take(self.received, lambda message: message[:2] == (pgn, source))[0][2]
+
+    def ask(self, pgn):
+        """Requests a group of the valve."""
+        self.request(pgn)
+        return self.expect(pgn)
+
+    def send_command(self, _=None):
+        """Sends an AVC, as cantools writes it."""
+        data = AVC.encode({"FailSafeMode": "not available", **self.command})
+        self.ca.send_pgn(0, 0xFE, 0x30 | VALVE & 0xF, 3, list(data))
+        return True
+
+    def drive(self, state, flow=0):
+        """What the next AVCs say."""
+        self.command = dict(State=state, PortFlow=flow)
+
+    def start_commands(self):
+        self.ca.add_timer(CYCLE, self.send_command)
+
+    def stop_commands(self):
+        self.ca.remove_timer(self.send_command)
+
+
+def bus():
+    """The bus at HOST PORT CHANNEL of the command line, as python-can wants it."""
+    host, port, channel = sys.argv[1:4]
+    return dict(interface="socketcand", host=host, port=int(port), channel=channel)
+
+
+@contextlib.contextmanager
+def connected(**options):
+    """An ear on the bus, and a tractor on it that has its address."""
+    faulthandler.dump_traceback_later(LIFE, exit=True)
+    ear = Ear(**bus())
+    tractor = Tractor(**options, **bus())
+    try:
+        yield tractor, ear
+    finally:
+        tractor.close()
+        ear.close()
+
+
+def claimed(source):
+    """The identifier of address claimed, from this address."""
+    return 0x18EEFF00 | source
+
+
+def name_bytes(name):
+    return bytes(name.bytes)
+
+
+def equal(what, seen, wanted):
+    assert seen == wanted, f"{what}: {seen!r}, not {wanted!r}"
