@@ -6,7 +6,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::path::Path;
 use std::process::{Child, ChildStdout, Command, Output, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 
@@ -134,8 +134,18 @@ fn frame(client: &mut TcpStream) -> String {
     }
 }
 
+/// Reads until the frame comes; what else is on the bus all the time must not keep it up for ever.
 fn await_frame(client: &mut TcpStream, expected: &str) {
-    while frame(client) != expected {}
+    let start = Instant::now();
+    let mut others = Vec::new();
+    loop {
+        let frame = frame(client);
+        if frame == expected {
+            return;
+        }
+        others.push(frame);
+        assert!(start.elapsed() < PATIENCE, "{expected} did not come, but {others:?}");
+    }
 }
 
 const READ_VENDOR: &str = "< send 620 8 40 18 10 1 0 0 0 0 >";
