@@ -5,44 +5,49 @@
 
 #![allow(missing_docs, reason = "the macros of gungraun make modules without any")]
 
-use std::hint::black_box;
-
 use gungraun::prelude::*;
 use gungraun::{Callgrind, EventKind};
-use protocol_core::device::pve::{Kind, PveCanopen, Setup};
+use protocol_core::device::pve::{Kind, PveCanopen, PveIsobus, Setup};
 use protocol_core::device::{Device, Effect, Senses, StartCause};
 use protocol_core::frame::Frame;
 use protocol_core::memory::Image;
 use protocol_core::time::{Duration, Instant, after};
 
 /// A valve and the frame that it is about to receive.
-struct Case {
-    valve: PveCanopen,
+struct Case<D> {
+    valve: D,
     frame: Frame,
     now: Instant,
+    answer: Option<Frame>,
 }
 
 fn frame(text: &str) -> Frame {
     text.parse().expect("a frame")
 }
 
-/// A booted valve at node 0x20 that has received these frames, a millisecond apart, and has nothing to send.
-fn after_frames(texts: &[&str], next: &str) -> Box<Case> {
+/// A valve that was booted half a second ago, has then received these frames, a millisecond apart, and has nothing to
+/// send.
+fn after_frames<D: Device>(power_on: impl FnOnce(Instant) -> D, texts: &[&str], next: &str) -> Box<Case<D>> {
     let mut now = Instant::from_secs(1);
-    let setup = Setup::new(Kind::PveaCanopen);
-    let mut valve = PveCanopen::power_on(setup, &Image::empty(), StartCause::PowerOn, now);
+    let mut valve = power_on(now);
     valve.sense(&Senses::default(), now);
     settle(&mut valve, now);
-    for text in texts {
-        now = after(now, Duration::from_millis(1));
-        valve.handle(&frame(text), now);
+    let booted = after(now, Duration::from_millis(510));
+    while valve.deadline() <= booted {
+        now = valve.deadline();
+        valve.poll(now);
         settle(&mut valve, now);
     }
-    now = after(now, Duration::from_millis(1));
-    Box::new(Case { valve, frame: frame(next), now })
+    now = booted;
+    for text in texts {
+        valve.handle(&frame(text), now);
+        settle(&mut valve, now);
+        now = after(now, Duration::from_millis(1));
+    }
+    Box::new(Case { valve, frame: frame(next), now, answer: None })
 }
 
-fn settle(valve: &mut PveCanopen, now: Instant) {
+fn settle(valve: &mut impl Device, now: Instant) {
     for _ in 0..8 {
         while valve.next_frame().is_some() {}
         if let Some(Effect::Store(key, _)) = valve.next_effect(now) {
@@ -51,31 +56,40 @@ fn settle(valve: &mut PveCanopen, now: Instant) {
     }
 }
 
-fn idle(next: &str) -> Box<Case> {
-    after_frames(&[], next)
+fn canopen(now: Instant) -> PveCanopen {
+    PveCanopen::power_on(Setup::new(Kind::PveaCanopen), &Image::empty(), StartCause::PowerOn, now)
 }
 
-fn active(next: &str) -> Box<Case> {
+fn isobus(now: Instant) -> PveIsobus {
+    let setup = Setup { node_id: Some(0x83), ..Setup::new(Kind::PveaIsobus) };
+    PveIsobus::power_on(setup, &Image::empty(), StartCause::PowerOn, now)
+}
+
+fn idle(next: &str) -> Box<Case<PveCanopen>> {
+    after_frames(canopen, &[], next)
+}
+
+fn active(next: &str) -> Box<Case<PveCanopen>> {
     let start = "000: 01 00";
     let cycle = "220: 0F 00 00 10";
-    after_frames(&[start, cycle, cycle, cycle, cycle], next)
+    after_frames(canopen, &[start, cycle, cycle, cycle, cycle], next)
 }
 
-fn in_segmented_upload(next: &str) -> Box<Case> {
-    after_frames(&["620: 40 0A 10 00 00 00 00 00"], next)
+fn in_segmented_upload(next: &str) -> Box<Case<PveCanopen>> {
+    after_frames(canopen, &["620: 40 0A 10 00 00 00 00 00"], next)
 }
 
-fn in_selection(next: &str) -> Box<Case> {
+fn in_selection(next: &str) -> Box<Case<PveCanopen>> {
     let parts = ["7E5: 40 19 00 00 01 00 00 00", "7E5: 41 00 00 36 53 00 00 00", "7E5: 42 20 00 01 00 00 00 00"];
-    after_frames(&parts, next)
+    after_frames(canopen, &parts, next)
 }
 
 /// The path of a frame through the device: handled, everything due done, the answer handed out.
 #[inline(always)]
-fn pass(case: &mut Case) -> Option<Frame> {
+fn pass<D: Device>(case: &mut Case<D>) {
     case.valve.handle(&case.frame, case.now);
     case.valve.poll(case.now);
-    case.valve.next_frame()
+    case.answer = case.valve.next_frame();
 }
 
 fn budget(instructions: u64) -> LibraryBenchmarkConfig {
@@ -89,48 +103,48 @@ fn budget(instructions: u64) -> LibraryBenchmarkConfig {
 // SDO upload of an UNSIGNED32 (755 in C).
 #[library_benchmark(config = budget(499))]
 #[bench::u32(idle("620: 40 18 10 01 00 00 00 00"))]
-fn sdo_upload(mut case: Box<Case>) -> (Box<Case>, Option<Frame>) {
-    let answer = black_box(pass(&mut case));
-    (case, answer)
+fn sdo_upload(mut case: Box<Case<PveCanopen>>) -> Box<Case<PveCanopen>> {
+    pass(&mut case);
+    case
 }
 
 // SDO download of an UNSIGNED16 (701 in C).
 #[library_benchmark(config = budget(499))]
 #[bench::u16(idle("620: 2B 40 60 00 01 00 00 00"))]
-fn sdo_download(mut case: Box<Case>) -> (Box<Case>, Option<Frame>) {
-    let answer = black_box(pass(&mut case));
-    (case, answer)
+fn sdo_download(mut case: Box<Case<PveCanopen>>) -> Box<Case<PveCanopen>> {
+    pass(&mut case);
+    case
 }
 
 // A segment of a string.
 #[library_benchmark(config = budget(499))]
 #[bench::string(in_segmented_upload("620: 60 00 00 00 00 00 00 00"))]
-fn sdo_segment(mut case: Box<Case>) -> (Box<Case>, Option<Frame>) {
-    let answer = black_box(pass(&mut case));
-    (case, answer)
+fn sdo_segment(mut case: Box<Case<PveCanopen>>) -> Box<Case<PveCanopen>> {
+    pass(&mut case);
+    case
 }
 
 // RPDO of two objects → TPDO (658 in C): the master repeats its set-point, or changes it.
 #[library_benchmark(config = budget(449))]
 #[bench::same_set_point(active("220: 0F 00 00 10"))]
-fn rpdo_to_tpdo(mut case: Box<Case>) -> (Box<Case>, Option<Frame>) {
-    let answer = black_box(pass(&mut case));
-    (case, answer)
+fn rpdo_to_tpdo(mut case: Box<Case<PveCanopen>>) -> Box<Case<PveCanopen>> {
+    pass(&mut case);
+    case
 }
 
 // RPDO with a new set-point: the spool sets out, and the monitors reckon when to look next.
-#[library_benchmark(config = budget(900))]
+#[library_benchmark(config = budget(649))]
 #[bench::new_set_point(active("220: 0F 00 00 20"))]
-fn rpdo_moves_spool(mut case: Box<Case>) -> (Box<Case>, Option<Frame>) {
-    let answer = black_box(pass(&mut case));
-    (case, answer)
+fn rpdo_moves_spool(mut case: Box<Case<PveCanopen>>) -> Box<Case<PveCanopen>> {
+    pass(&mut case);
+    case
 }
 
 // A frame for somebody else (57 in C).
 #[library_benchmark(config = budget(39))]
 #[bench::standard(idle("1A1: 0F 00 00 00"))]
 #[bench::extended(idle("18FECA83: FF FF"))]
-fn foreign(mut case: Box<Case>) -> Box<Case> {
+fn foreign(mut case: Box<Case<PveCanopen>>) -> Box<Case<PveCanopen>> {
     case.valve.handle(&case.frame, case.now);
     case
 }
@@ -138,7 +152,7 @@ fn foreign(mut case: Box<Case>) -> Box<Case> {
 // `poll` with nothing due (472 in C).
 #[library_benchmark(config = budget(29))]
 #[bench::idle(idle("080:"))]
-fn nothing_due(mut case: Box<Case>) -> Box<Case> {
+fn nothing_due(mut case: Box<Case<PveCanopen>>) -> Box<Case<PveCanopen>> {
     case.valve.poll(case.now);
     case
 }
@@ -146,13 +160,80 @@ fn nothing_due(mut case: Box<Case>) -> Box<Case> {
 // The last of the four numbers of LSS switch state selective.
 #[library_benchmark(config = budget(499))]
 #[bench::last_number(in_selection("7E5: 43 00 01 2E 5B 00 00 00"))]
-fn lss_switch_selective(mut case: Box<Case>) -> (Box<Case>, Option<Frame>) {
-    let answer = black_box(pass(&mut case));
-    (case, answer)
+fn lss_switch_selective(mut case: Box<Case<PveCanopen>>) -> Box<Case<PveCanopen>> {
+    pass(&mut case);
+    case
+}
+
+fn claimed(next: &str) -> Box<Case<PveIsobus>> {
+    after_frames(isobus, &[], next)
+}
+
+fn driven(next: &str) -> Box<Case<PveIsobus>> {
+    after_frames(isobus, &["0CFE3327: 40 FF 31 FF FF FF FF FF"], next)
+}
+
+/// A driven valve whose spool has arrived, and whose next AVEF is due.
+fn avef_due() -> Box<Case<PveIsobus>> {
+    let mut case = after_frames(isobus, &["0CFE3327: 40 FF 31 FF FF FF FF FF"], "080:");
+    let arrived = after(case.now, Duration::from_millis(100));
+    while case.valve.deadline() <= arrived {
+        case.now = case.valve.deadline();
+        case.valve.poll(case.now);
+        settle(&mut case.valve, case.now);
+    }
+    case.now = case.valve.deadline();
+    case
+}
+
+// A request to all → the claim of the address (83 in sae-j1939-rs).
+#[library_benchmark(config = budget(79))]
+#[bench::to_all(claimed("18EAFF27: 00 EE 00"))]
+fn claim_request(mut case: Box<Case<PveIsobus>>) -> Box<Case<PveIsobus>> {
+    pass(&mut case);
+    case
+}
+
+// A frame for somebody else (41 in sae-j1939-rs).
+#[library_benchmark(config = budget(39))]
+#[bench::standard(claimed("1A1: 0F 00 00 00"))]
+#[bench::avc_of_another(claimed("0CFE3427: 40 FF 31 FF FF FF FF FF"))]
+#[bench::request_of_another(claimed("18EA8427: 00 EE 00"))]
+#[bench::proprietary(claimed("18EF8427: 00 EE 00"))]
+fn isobus_foreign(mut case: Box<Case<PveIsobus>>) -> Box<Case<PveIsobus>> {
+    case.valve.handle(&case.frame, case.now);
+    case
+}
+
+// An AVC, which winds up the time guard and moves the spool, or lets it be.
+#[library_benchmark(config = budget(199))]
+#[bench::same_flow(driven("0CFE3327: 40 FF 31 FF FF FF FF FF"))]
+fn avc(mut case: Box<Case<PveIsobus>>) -> Box<Case<PveIsobus>> {
+    case.valve.handle(&case.frame, case.now);
+    case.valve.poll(case.now);
+    case
+}
+
+// An AVC with another flow: the spool sets out, and the monitors reckon when to look next.
+#[library_benchmark(config = budget(349))]
+#[bench::new_flow(driven("0CFE3327: 80 FF 31 FF FF FF FF FF"))]
+fn avc_moves_spool(mut case: Box<Case<PveIsobus>>) -> Box<Case<PveIsobus>> {
+    case.valve.handle(&case.frame, case.now);
+    case.valve.poll(case.now);
+    case
+}
+
+// An AVEF that is due.
+#[library_benchmark(config = budget(119))]
+#[bench::due(avef_due())]
+fn avef(mut case: Box<Case<PveIsobus>>) -> Box<Case<PveIsobus>> {
+    case.valve.poll(case.now);
+    case.answer = case.valve.next_frame();
+    case
 }
 
 library_benchmark_group!(
-    name = canopen,
+    name = canopen_valve,
     benchmarks = [
         sdo_upload,
         sdo_download,
@@ -165,4 +246,6 @@ library_benchmark_group!(
     ]
 );
 
-main!(library_benchmark_groups = canopen);
+library_benchmark_group!(name = isobus_valve, benchmarks = [claim_request, isobus_foreign, avc, avc_moves_spool, avef]);
+
+main!(library_benchmark_groups = [canopen_valve, isobus_valve]);

@@ -74,6 +74,14 @@ impl Kind {
         }
     }
 
+    /// Whether it can be without a node ID. One on ISOBUS always has an address.
+    #[must_use]
+    pub const fn can_be_blank(self) -> bool {
+        match self {
+            Self::Pve(kind) => matches!(kind.protocol(), Protocol::Canopen),
+        }
+    }
+
     /// As it leaves the factory.
     #[must_use]
     pub fn default_birth(self) -> Birth {

@@ -144,7 +144,11 @@ const VENDOR: &str = "5A0#4318100119000001";
 #[test]
 fn wrong_usage_is_exit_2_with_one_line() {
     let text = refusal(&["--device", "pvea"], 2);
-    assert!(text.starts_with("pve-sim: ") && text.contains("accepted: pvea-canopen, pveo-canopen"), "{text}");
+    assert!(
+        text.starts_with("pve-sim: ")
+            && text.contains("accepted: pvea-canopen, pveo-canopen, pvea-isobus, pveo-isobus"),
+        "{text}"
+    );
     refusal(&["--colour"], 2);
     refusal(&["walk"], 2);
     refusal(&["use-case", "9"], 2);
@@ -246,6 +250,37 @@ fn a_valve_answers_and_the_trace_says_what_that_means() {
     assert_eq!(meaning(VENDOR), "pvea-canopen: SDO answer 0x1018:1 (Vendor ID) = 0x01000019");
     let logged: String = lines.iter().map(|(logged, _)| format!("{logged}\n")).collect();
     assert_eq!(fs::read_to_string(log).expect("the log"), logged);
+}
+
+#[test]
+fn both_protocols_on_one_bus() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let state = dir.path().to_str().expect("text");
+    let devices = ["--device", "pvea-isobus@0x83,name=boom", "--device", "pveo-canopen@0x20", "--state", state];
+    let simulator = Simulator::serve(&devices);
+    let mut client = simulator.join();
+    say(&mut client, READ_VENDOR);
+    await_frame(&mut client, VENDOR);
+    say(&mut client, "< send 18EA8327 3 0 ee 0 >");
+    await_frame(&mut client, "18EEFF83#0100200708FF0220");
+    // Within 250 ms of its claim it answers nothing else.
+    await_frame(&mut client, "0CFE1383#7D7D30FFFFFFFFFF");
+    say(&mut client, "< send 1bc78883 5 4 2e 10 1 86 >");
+    await_frame(&mut client, "1BC408F1#036E1001");
+    let (trace, _) = simulator.end(Signal::TERM);
+    for line in [
+        "18EA8327#00EE00  0x27 → boom: request address claim",
+        "18EEFF83#0100200708FF0220  boom: claims address 0x83, NAME 0x2002FF0807200001",
+        "5A0#4318100119000001  pveo-canopen: SDO answer",
+        "1BC408F1#036E1001  boom → tool 0xF1: UDS written 0x1001 (node ID)",
+    ] {
+        assert!(trace.contains(line), "{line} in\n{trace}");
+    }
+    // The address was stored.
+    let simulator = Simulator::serve(&devices);
+    let mut client = simulator.join();
+    say(&mut client, "< send 18EAFFFE 3 0 ee 0 >");
+    await_frame(&mut client, "18EEFF86#0100200708FF0220");
 }
 
 #[test]

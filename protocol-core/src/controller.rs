@@ -18,7 +18,8 @@ pub enum BusErrorMode {
     ErrorActive,
     /// A counter is above 127: takes part, but signals errors passively.
     ErrorPassive,
-    /// The transmit counter is above 255: takes no part until it has recovered.
+    /// The transmit counter is above 255: takes no part until it has recovered. What waits in the controller is to be
+    /// dropped then, before the device is told: it would be out of date when the bus is back.
     BusOff,
 }
 

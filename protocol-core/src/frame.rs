@@ -57,6 +57,13 @@ impl Frame {
         Some(Self { key: key(id), remote: false, len: u8::try_from(data.len()).ok()?, data: bytes })
     }
 
+    /// A data frame of eight bytes under the same identifier.
+    #[inline]
+    #[must_use]
+    pub const fn with_data(&self, data: [u8; MAX_LEN]) -> Self {
+        Self { key: self.key, remote: false, len: 8, data }
+    }
+
     /// A remote frame that asks for `len` bytes; a length above 8 counts as 8.
     #[must_use]
     pub fn remote(id: Id, len: u8) -> Self {
@@ -80,6 +87,13 @@ impl Frame {
     #[must_use]
     pub const fn key(&self) -> u32 {
         self.key
+    }
+
+    /// Whether the identifier is an extended one.
+    #[inline]
+    #[must_use]
+    pub const fn is_extended(&self) -> bool {
+        self.key & EXTENDED != 0
     }
 
     /// Whether this is a remote frame.
@@ -160,7 +174,7 @@ impl embedded_can::Frame for Frame {
     }
 
     fn is_extended(&self) -> bool {
-        self.key & EXTENDED != 0
+        Frame::is_extended(self)
     }
 
     fn is_remote_frame(&self) -> bool {

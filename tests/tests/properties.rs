@@ -204,7 +204,7 @@ fn event() -> impl Strategy<Value = Event> {
 }
 
 fn setup() -> impl Strategy<Value = Setup> {
-    (select(&Kind::ALL[..]), prop::bool::weighted(0.9)).prop_map(|(kind, has_node_id)| {
+    (select(&[Kind::PveaCanopen, Kind::PveoCanopen][..]), prop::bool::weighted(0.9)).prop_map(|(kind, has_node_id)| {
         let setup = Setup::new(kind);
         Setup { node_id: setup.node_id.filter(|_| has_node_id), ..setup }
     })

@@ -57,6 +57,9 @@ impl FromStr for DeviceSpec {
             match (key, value) {
                 ("name", Some(name)) => spec.name = Some(device_name(name)?),
                 ("serial", Some(serial)) => spec.birth.serial = Some(serial_number(serial)?),
+                ("blank", None) if !kind.can_be_blank() => {
+                    return Err(format!("a {kind} always has an address; accepted: @ID, or neither for the default"));
+                }
                 ("blank", None) if id.is_some() => {
                     return Err("a blank device has no node ID; accepted: @ID or blank, not both".to_owned());
                 }

@@ -30,6 +30,7 @@ const AFTER_HELP: &str = "\
 Examples:
   pve-sim
   pve-sim --device pvea-canopen@0x20 --device pveo-canopen@0x21,name=boom --bit-rate 250k
+  pve-sim --device pvea-isobus@0x83 --device pvea-canopen@0x20
   pve-sim --device pvea-canopen,blank --state memory --log frames.log
   pve-sim use-case all
 

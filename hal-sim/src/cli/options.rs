@@ -22,9 +22,10 @@ const DEFAULT_KIND: Kind = Kind::Pve(pve::Kind::PveaCanopen);
 pub struct RunArgs {
     /// A device on the bus; repeatable
     ///
-    /// KIND: pvea-canopen or pveo-canopen. ID: the node ID, 1–127, decimal or 0x, 0x20 when left out.
+    /// KIND: pvea-canopen, pveo-canopen, pvea-isobus or pveo-isobus.
+    /// ID: the node ID, 1–127, 0x20 when left out; on ISOBUS the address, 0x80–0x8F, 0x80 when left out. Decimal or 0x.
     /// Keys: name=NAME (a–z, 0–9 and '-', up to 32 characters; when left out the kind, then kind-2 …),
-    /// serial=N (decimal or 0x), blank (no node ID: waits for LSS).
+    /// serial=N (decimal or 0x; part of the NAME on ISOBUS), blank (CANopen: no node ID, waits for LSS).
     /// With --state a memory that exists decides; ID and serial fill a new one only.
     #[arg(long, value_name = "KIND[@ID][,KEY=VALUE…]", help_heading = "Devices")]
     device: Vec<DeviceSpec>,

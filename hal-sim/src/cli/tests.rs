@@ -113,12 +113,39 @@ fn one_node_id_for_two_devices_only_when_it_is_meant() {
 }
 
 #[test]
+fn isobus_kinds_beside_canopen_ones() {
+    let options = run("--device pvea-isobus --device pvea-isobus@0x83,serial=2 --device pveo-isobus@143 \
+                       --device pveo-canopen --bit-rate 250k");
+    let devices: Vec<_> = options.devices.iter().map(|d| (d.name.as_str(), d.kind.name(), d.birth.node_id)).collect();
+    assert_eq!(
+        devices,
+        [
+            ("pvea-isobus", "pvea-isobus", Some(0x80)),
+            ("pvea-isobus-2", "pvea-isobus", Some(0x83)),
+            ("pveo-isobus", "pveo-isobus", Some(0x8F)),
+            ("pveo-canopen", "pveo-canopen", Some(0x20)),
+        ]
+    );
+    assert_eq!(
+        refused("--device pvea-isobus --device pveo-isobus"),
+        "--device: pvea-isobus and pveo-isobus both have node ID 0x80; give each its own with @ID, or --allow-clash"
+    );
+    assert_eq!(run("--device pvea-isobus --device pveo-isobus --allow-clash").devices.len(), 2);
+}
+
+#[test]
 fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
     const DEVICE: &str = "for '--device <KIND[@ID][,KEY=VALUE…]>': ";
     let long = "n".repeat(33);
     let cases: &[(&str, &str)] = &[
-        ("--device pvea", &format!("{DEVICE}unknown kind 'pvea'; accepted: pvea-canopen, pveo-canopen")),
-        ("--device @5", &format!("{DEVICE}unknown kind ''; accepted: pvea-canopen, pveo-canopen")),
+        (
+            "--device pvea",
+            &format!("{DEVICE}unknown kind 'pvea'; accepted: pvea-canopen, pveo-canopen, pvea-isobus, pveo-isobus"),
+        ),
+        (
+            "--device @5",
+            &format!("{DEVICE}unknown kind ''; accepted: pvea-canopen, pveo-canopen, pvea-isobus, pveo-isobus"),
+        ),
         ("--device pvea-canopen@0", "'0' is no node ID of pvea-canopen; accepted: 1–127, or 0x01–0x7F"),
         ("--device pvea-canopen@128", "'128' is no node ID of pvea-canopen"),
         ("--device pvea-canopen@0x80", "'0x80' is no node ID"),
@@ -127,6 +154,13 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ("--device pvea-canopen@0x", "'0x' is no node ID"),
         ("--device pvea-canopen@300", "'300' is no node ID"),
         ("--device pvea-canopen@5,blank", "a blank device has no node ID; accepted: @ID or blank, not both"),
+        ("--device pvea-isobus@0x7F", "'0x7F' is no node ID of pvea-isobus; accepted: 128–143, or 0x80–0x8F"),
+        ("--device pveo-isobus@144", "'144' is no node ID of pveo-isobus; accepted: 128–143, or 0x80–0x8F"),
+        (
+            "--device pvea-isobus,blank",
+            "a pvea-isobus always has an address; accepted: @ID, or neither for the default",
+        ),
+        ("--device pveo-isobus@0x81,blank", "a pveo-isobus always has an address"),
         ("--device pvea-canopen,blank=1", "'blank' takes no value"),
         ("--device pvea-canopen,blank,blank", "'blank' is given twice"),
         ("--device pvea-canopen,colour=red", "unknown key 'colour'; accepted: name=, serial=, blank"),

@@ -1,12 +1,12 @@
 //! CANopen by the predefined connection set (CiA 301 7.3.3): NMT, SYNC, EMCY, the first PDOs, heartbeat; SDO and LSS by
 //! their own files.
 
-use protocol_core::actuator::Fault;
 use protocol_core::device::pve::{DeviceState, FAULT_CODES};
 use protocol_core::frame::Frame;
 use protocol_core::wire::emcy::{Emcy, NO_ERROR};
 use protocol_core::wire::nmt::{self, Command, State, Target};
 
+use super::diagnostics::fault;
 use super::{Context, hex, lss, sdo};
 
 /// The scale of set-points and positions: ±100 %.
@@ -80,20 +80,6 @@ fn emergency(frame: &Frame) -> Option<String> {
         FAULT_CODES.iter().filter(|codes| codes.emcy == code).map(|codes| fault(codes.fault)).collect();
     let what = if faults.is_empty() { format!("code 0x{code:04X}") } else { faults.join(" or ") };
     Some(format!("EMCY: {what}, register 0x{register:02X}, count {count}"))
-}
-
-/// A fault in words.
-const fn fault(fault: Fault) -> &'static str {
-    match fault {
-        Fault::SpoolNotAtSetPoint => "spool not at set-point",
-        Fault::FloatNotReached => "float not reached",
-        Fault::Internal => "internal error",
-        Fault::CanBus => "CAN bus error",
-        Fault::Temperature => "temperature",
-        Fault::SupplyHigh => "supply too high",
-        Fault::SupplyLow => "supply too low",
-        Fault::TimeGuarding => "time guarding",
-    }
 }
 
 /// By the default mapping: control word and set-point.

@@ -6,10 +6,13 @@
 //! ```text
 //! canopen   NMT, SYNC, EMCY, PDOs, boot-up and heartbeat        object   objects and their values
 //! sdo       SDO requests and answers                            lss      LSS requests and answers
+//! isobus    address claim, requests, transport, AVC, AVEF       diagnostics   faults, DM1, DM2
 //! uds       UDS lite
 //! ```
 
 mod canopen;
+mod diagnostics;
+mod isobus;
 mod lss;
 mod object;
 mod sdo;
@@ -27,7 +30,7 @@ pub struct Node {
     pub name: String,
     /// What it is.
     pub kind: Kind,
-    /// Its node ID now.
+    /// Its node ID, or its address, now.
     pub node_id: Option<u8>,
 }
 
@@ -60,7 +63,8 @@ impl Explainer {
         } else {
             match frame.id() {
                 Id::Standard(id) => canopen::explain(id.as_raw(), frame, &context),
-                Id::Extended(id) => uds::explain(id.as_raw(), frame.data(), &context),
+                Id::Extended(id) => uds::explain(id.as_raw(), frame.data(), &context)
+                    .or_else(|| isobus::explain(id.as_raw(), frame, &context)),
             }
         };
         meaning.unwrap_or_else(|| "unknown".to_owned())

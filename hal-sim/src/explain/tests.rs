@@ -7,11 +7,13 @@ use super::*;
 
 const PVEA: Kind = Kind::Pve(pve::Kind::PveaCanopen);
 const PVEO: Kind = Kind::Pve(pve::Kind::PveoCanopen);
+const ISOBUS: Kind = Kind::Pve(pve::Kind::PveaIsobus);
 
 fn explainer() -> Explainer {
     Explainer::new(vec![
         Node { name: "valve".to_owned(), kind: PVEA, node_id: Some(0x20) },
         Node { name: "rear".to_owned(), kind: PVEO, node_id: None },
+        Node { name: "boom".to_owned(), kind: ISOBUS, node_id: Some(0x83) },
     ])
 }
 
@@ -182,7 +184,112 @@ fn diagnostics() {
         ("1BC78820: 02 10 03", "tool 0xF1 → valve: UDS service 0x10"),
         ("1BC78820: 00", "unknown"),
         ("1BC78820:", "unknown"),
-        ("18FECA80: 00 FF 00 00 00 00 FF FF", "unknown"),
+        ("1BC78883: 04 2E 10 01 86", "tool 0xF1 → boom: UDS write 0x1001 (node ID) = 86"),
+        ("1BC418F1: 04 62 10 01 83", "boom → tool 0xF1: UDS answer 0x1001 (node ID) = 83"),
+        ("1BC408F1: 03 6E 10 01", "node 0x81 → tool 0xF1: UDS written 0x1001 (node ID)"),
+    ]);
+    let written = explainer().explain(&frame("1BC408F1: 03 6E 10 01"), Some("boom"));
+    assert_eq!(written, "boom → tool 0xF1: UDS written 0x1001 (node ID)");
+}
+
+#[test]
+fn addresses_and_requests() {
+    check(&[
+        (
+            "18EEFF83: 01 00 20 07 08 FF 02 20",
+            "boom: claims address 0x83, NAME 0x2002FF0807200001 (manufacturer 57, function 255, instance 1, identity 1)",
+        ),
+        (
+            "18EEFF27: 02 00 00 00 00 00 00 A0",
+            "0x27: claims address 0x27, NAME 0xA000000000000002 (manufacturer 0, function 0, instance 0, identity 2)",
+        ),
+        (
+            "18EEFFFE: 01 00 20 07 08 FF 02 20",
+            "no address: cannot claim an address, \
+             NAME 0x2002FF0807200001 (manufacturer 57, function 255, instance 1, identity 1)",
+        ),
+        ("18EEFF83: 01 00", "unknown"),
+        ("18EA8327: 00 EE 00", "0x27 → boom: request address claim"),
+        ("18EAFF27: CA FE 00", "0x27 → all: request DM1"),
+        ("18EA8427: CB FE 00 FF FF FF FF FF", "0x27 → 0x84: request DM2"),
+        ("18EA8327: CC FE 00", "0x27 → boom: request DM3 (clear previously active faults)"),
+        ("18EA8327: 13 FE 00", "0x27 → boom: request AVEF 3"),
+        ("18EAFFFE: 00 EE 00", "no address → all: request address claim"),
+        ("18EA8327: EB FE 00", "0x27 → boom: request PGN 0xFEEB"),
+        ("18EA8327: CB FE", "unknown"),
+        ("18E8FF83: 00 FF FF FF 27 CC FE 00", "boom → 0x27: done, DM3 (clear previously active faults)"),
+        ("18E8FF83: 01 FF FF FF 27 EB FE 00", "boom → 0x27: not supported, PGN 0xFEEB"),
+        ("18E8FF27: 02 FF FF FF 83 CA FE 00", "0x27 → boom: access denied, DM1"),
+        ("18E8FF27: 03 FF FF FF 83 CA FE 00", "0x27 → boom: not now, DM1"),
+        ("18E8FF27: 04 FF FF FF 83 CA FE 00", "unknown"),
+    ]);
+    let cannot = explainer().explain(&frame("18EEFFFE: 01 00 20 07 08 FF 02 20"), Some("boom"));
+    assert!(cannot.starts_with("boom: cannot claim an address, NAME 0x2002FF0807200001"), "{cannot}");
+}
+
+#[test]
+fn valve_commands_and_estimated_flow() {
+    check(&[
+        ("0CFE3327: 00 FF 30 FF FF FF FF FF", "0x27 → boom: AVC blocked"),
+        ("0CFE3327: 7D FF 31 FF FF FF FF FF", "0x27 → boom: AVC extend 50.0 %"),
+        ("0CFE3427: FA FF 32 FF FF FF FF FF", "0x27 → 0x84: AVC retract 100.0 %"),
+        ("0CFE3327: 00 FF F3 FF FF FF FF FF", "0x27 → boom: AVC float"),
+        ("0CFE3327: 00 FF 3A FF FF FF FF FF", "0x27 → boom: AVC hand operation"),
+        ("0CFE3327: 00 FF 3E FF FF FF FF FF", "0x27 → boom: AVC emergency stop"),
+        ("0CFE3327: FB FF 31 FF FF FF FF FF", "0x27 → boom: AVC ignored, port flow command 251 is above 250"),
+        ("0CFE3327: 00 FF 34 FF FF FF FF FF", "0x27 → boom: AVC ignored, unknown state 4"),
+        ("0CFE3327: 00 FF 70 FF FF FF FF FF", "0x27 → boom: AVC ignored, fail-safe mode 01"),
+        ("0CFE3327: 00 FF 30", "0x27 → boom: AVC ignored, 3 bytes instead of 8"),
+        ("0CFE1383: 7D 7D 30 FF FF FF FF FF", "boom: AVEF blocked, no flow"),
+        ("0CFE1383: AF 7D 31 FF FF FF FF FF", "boom: AVEF extend, extend flow 50 %"),
+        ("0CFE1383: 7D E1 32 FF FF FF FF FF", "boom: AVEF retract, retract flow 100 %"),
+        ("0CFE1383: 7E 7F 33 FF FF FF FF FF", "boom: AVEF float, extend flow 1 %, retract flow 2 %"),
+        ("0CFE1484: 00 7D 30 FF FF FF FF FF", "0x84: AVEF 00 7D 30 FF FF FF FF FF"),
+    ]);
+}
+
+#[test]
+fn diagnostic_messages() {
+    check(&[
+        ("18FECA83: 00 FF 00 00 00 00 FF FF", "boom: DM1 no active fault, lamp off"),
+        ("18FECA83: 04 FF 73 02 04 01 FF FF", "boom: DM1 supply too low (SPN 627 FMI 4), count 1, amber lamp"),
+        (
+            "18FECA83: 10 FF EC 8F 87 7F FF FF",
+            "boom: DM1 spool not at set-point (SPN 298988 FMI 7), count 127, red lamp",
+        ),
+        ("18FECA00: 40 FF 64 00 03 02 FF FF", "0x00: DM1 SPN 100 FMI 3, count 2, lamps 0x40"),
+        ("18FECB83: 00 FF 00 00 00 00 FF FF", "boom: DM2 no previously active fault, lamp off"),
+        ("18FECB83: 04 FF E9 8F 93 02 FF FF", "boom: DM2 time guarding (SPN 298985 FMI 19), count 2, amber lamp"),
+        ("18FECB83: 04 FF", "unknown"),
+    ]);
+}
+
+#[test]
+fn messages_in_packets() {
+    check(&[
+        ("1CECFF83: 20 12 00 03 FF CB FE 00", "boom: BAM, DM2 follows, 18 bytes in 3 packets"),
+        ("1CECFF27: 20 09 00 02 FF D8 FE 00", "0x27: BAM, commanded address follows, 9 bytes in 2 packets"),
+        (
+            "1CECFF27: 20 09 00 03 FF D8 FE 00",
+            "0x27: BAM, commanded address follows, 9 bytes in 3 packets, which do not agree",
+        ),
+        ("1CEBFF83: 01 10 FF EC 8F 87 01 73", "boom → all: packet 1: 10 FF EC 8F 87 01 73"),
+        ("1CEC8327: 10 09 00 02 FF D8 FE 00", "0x27 → boom: transport, request to send, commanded address"),
+        ("1CEC2783: 11 02 01 FF FF D8 FE 00", "boom → 0x27: transport, clear to send, commanded address"),
+        ("1CEC2783: 13 09 00 02 FF D8 FE 00", "boom → 0x27: transport, end of message, commanded address"),
+        ("1CEC2783: FF 03 FF FF FF CB FE 00", "boom → 0x27: transport, abort, DM2"),
+        ("1CEC2783: 55 03 FF FF FF CB FE 00", "boom → 0x27: transport, unknown control byte 85"),
+        ("1CECFF27: 20", "unknown"),
+    ]);
+}
+
+#[test]
+fn other_groups_by_their_number() {
+    check(&[
+        ("18FEF127: FF FF FF FF FF FF FF FF", "0x27 → all: PGN 0xFEF1"),
+        ("18EF8327: 01", "0x27 → boom: PGN 0xEF00"),
+        ("19FECA83: 00 FF 00 00 00 00 FF FF", "unknown"),
+        ("1AFECA83: 00 FF 00 00 00 00 FF FF", "unknown"),
     ]);
 }
 

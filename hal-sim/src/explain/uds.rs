@@ -12,7 +12,9 @@ pub(super) fn explain(id: u32, data: &[u8], context: &Context<'_>) -> Option<Str
     let (source, destination) = parse_id(id)?;
     let (message, complete) = single_frame(data)?;
     let &[service, ref rest @ ..] = message else { return None };
-    let parties = format!("{} → {}", party(source, context), party(destination, context));
+    // The answer to a write of the node ID has a source of its own, whoever sends it.
+    let sender = context.sender.map_or_else(|| party(source, context), |sender| sender.name.clone());
+    let parties = format!("{sender} → {}", party(destination, context));
     let meaning = match service {
         READ => format!("read {}", identifier(rest)),
         WRITE => {
@@ -36,9 +38,12 @@ pub(super) fn explain(id: u32, data: &[u8], context: &Context<'_>) -> Option<Str
     Some(format!("{parties}: UDS {meaning}{length}"))
 }
 
+/// The highest number of a device: an address on ISOBUS.
+const LAST_DEVICE: u8 = 0x8F;
+
 /// A device by its name, a tool by its address.
 fn party(address: Address, context: &Context<'_>) -> String {
-    let device = u8::try_from(address.raw()).ok().filter(|id| (1..=0x7F).contains(id));
+    let device = u8::try_from(address.raw()).ok().filter(|id| (1..=LAST_DEVICE).contains(id));
     device.map_or_else(|| format!("tool 0x{:02X}", address.raw()), |id| context.name(id))
 }
 

@@ -1,54 +1,72 @@
 //! The world's end of every gateway: who is there, what they send, and what they get.
+//!
+//! Clients share one controller, as the programs on a machine share its adapter: what two of them send at once goes out
+//! one after the other. With a controller each, equal frames would become one on the wire, and frames of one identifier
+//! with different data, as when two masters read from one valve, would destroy each other.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
+
+use protocol_core::frame::Frame;
 
 use crate::bus::BusError;
 use crate::gateway::{ClientId, Outbox, Overrun, ToClient, ToWorld};
 use crate::trace::{ErrorClass, Timestamp};
 use crate::world::{OnBus, TapId, TraceEvent, World};
 
+/// The name of their controller in traces. No device's name has a blank.
+const NAME: &str = "the gateway";
+
 /// Everybody who is connected, by any gateway.
 pub(super) struct Clients {
     clients: BTreeMap<ClientId, Client>,
-    /// Places on the bus of clients that have left but whose last frames are not yet sent.
-    leaving: Vec<TapId>,
-    /// How many there were.
+    /// Their controller. It keeps nothing of what it hears: that comes to the clients by the events, in which frames and
+    /// error frames are in their order.
+    tap: TapId,
+    /// Whose frame the controller has.
+    sending: Option<ClientId>,
+    /// What else waits for the bus, also of clients that have left. No queue is empty.
+    waiting: BTreeMap<ClientId, VecDeque<Waiting>>,
+    /// How many frames there were.
     count: u64,
 }
 
 struct Client {
-    /// Its place on the bus. It keeps nothing of what it hears: that comes to the client by the events, in which frames
-    /// and error frames are in their order.
-    tap: TapId,
-    /// The name by which events know it. No device's name has a blank.
-    name: String,
     outbox: Outbox,
     listening: bool,
-    /// How many of its frames wait for the bus.
-    waiting: usize,
+}
+
+/// A frame, and the number that it came in as.
+struct Waiting {
+    frame: Frame,
+    number: u64,
 }
 
 impl Clients {
     /// A gateway is on the bus with no client, too, or a lone device would have nobody to acknowledge what it sends.
     pub(super) fn new(world: &mut World) -> Self {
-        world.add_gateway("the gateway");
-        Self { clients: BTreeMap::new(), leaving: Vec::new(), count: 0 }
+        Self {
+            clients: BTreeMap::new(),
+            tap: world.add_gateway(NAME),
+            sending: None,
+            waiting: BTreeMap::new(),
+            count: 0,
+        }
     }
 
     /// Lets a message take effect; an error tells that the client was dismissed.
     pub(super) fn apply(&mut self, message: ToWorld, world: &mut World) -> Result<(), Overrun> {
         match message {
             ToWorld::Join(id, outbox) => {
-                self.count += 1;
-                let name = format!("client {}", self.count);
-                let tap = world.add_gateway(&name);
-                self.clients.insert(id, Client { tap, name, outbox, listening: false, waiting: 0 });
+                self.clients.insert(id, Client { outbox, listening: false });
             }
-            ToWorld::Leave(id) => self.leaving.extend(self.clients.remove(&id).map(|client| client.tap)),
+            ToWorld::Leave(id) => {
+                self.clients.remove(&id);
+            }
             ToWorld::Send(id, frame) => {
-                if let Some(client) = self.clients.get_mut(&id) {
-                    world.send(client.tap, frame);
-                    client.waiting += 1;
+                if self.clients.contains_key(&id) {
+                    self.count += 1;
+                    self.waiting.entry(id).or_default().push_back(Waiting { frame, number: self.count });
+                    self.send(world);
                 }
             }
             ToWorld::Reply(id, reply) | ToWorld::Listen(id, reply) if !self.clients.contains_key(&id) => drop(reply),
@@ -70,28 +88,36 @@ impl Clients {
             OnBus::Frame(frame) => ToClient::Frame(at, *frame),
             OnBus::Error { error, .. } => ToClient::Error(at, class(*error)),
         };
-        let own = |client: &Client| event.frame().is_some() && *client.name == *event.from;
-        let listeners = self.clients.iter().filter(|(_, client)| client.listening && !own(client));
+        let sender = self.sending.filter(|_| event.frame().is_some() && *event.from == *NAME);
+        let listeners = self.clients.iter().filter(|(id, client)| client.listening && Some(**id) != sender);
         let overrun: Vec<ClientId> =
             listeners.filter_map(|(id, client)| client.outbox.post(message.clone()).is_err().then_some(*id)).collect();
-        self.leaving.extend(overrun.iter().filter_map(|id| self.clients.remove(id)).map(|client| client.tap));
+        overrun.iter().for_each(|id| drop(self.clients.remove(id)));
         overrun.len()
     }
 
-    /// Gives credit back for frames that the bus has taken, and takes away those whose last frame is sent.
-    pub(super) fn settle(&mut self, world: &mut World) {
-        for client in self.clients.values_mut() {
-            let waiting = world.pending(client.tap);
-            client.outbox.refund(client.waiting.saturating_sub(waiting));
-            client.waiting = waiting;
+    /// Gives the controller its next frame once it has sent the last one, and credit back for that: to be called after
+    /// every event, before the next frame starts.
+    pub(super) fn send(&mut self, world: &mut World) {
+        if world.pending(self.tap) > 0 {
+            return;
         }
-        self.leaving.retain(|tap| {
-            let sending = world.pending(*tap) > 0;
-            if !sending {
-                world.remove_tap(*tap);
+        if let Some(client) = self.sending.take().and_then(|sender| self.clients.get(&sender)) {
+            client.outbox.refund(1);
+        }
+        // The most urgent frame of those that are next for their clients; of equals the one that waits longest.
+        let heads = self.waiting.iter().filter_map(|(id, queue)| Some((*id, queue.front()?)));
+        let next = heads.min_by_key(|(_, head)| (head.frame.arbitration(), head.number));
+        let Some(id) = next.map(|(id, _)| id) else { return };
+        if let Some(queue) = self.waiting.get_mut(&id) {
+            if let Some(Waiting { frame, .. }) = queue.pop_front() {
+                world.send(self.tap, frame);
+                self.sending = Some(id);
             }
-            sending
-        });
+            if queue.is_empty() {
+                self.waiting.remove(&id);
+            }
+        }
     }
 
     fn post(&mut self, id: ClientId, message: ToClient) -> Result<(), Overrun> {
@@ -99,7 +125,7 @@ impl Clients {
         client.outbox.refund(1);
         let posted = client.outbox.post(message);
         if posted.is_err() {
-            self.leaving.extend(self.clients.remove(&id).map(|client| client.tap));
+            self.clients.remove(&id);
         }
         posted
     }
@@ -112,3 +138,7 @@ pub(super) const fn class(error: BusError) -> ErrorClass {
         BusError::Bit | BusError::Stuff => ErrorClass::BusError,
     }
 }
+
+#[cfg(test)]
+#[path = "clients_tests.rs"]
+mod tests;

@@ -103,9 +103,9 @@ impl Driver {
         while self.world.next_event() <= end {
             self.world.step();
             self.show();
+            self.clients.send(&mut self.world);
         }
         self.world.run_until(end);
-        self.clients.settle(&mut self.world);
     }
 
     /// Waits for a message, or until something is due.

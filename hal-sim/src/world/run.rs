@@ -1,5 +1,6 @@
 //! Time passes: from event to event, and what each one sets going.
 
+use protocol_core::controller::BusErrorMode;
 use protocol_core::device::Effect;
 use protocol_core::memory::{Record, RecordKey};
 use protocol_core::pump::pump;
@@ -119,8 +120,12 @@ impl World {
             let port = self.bus.port_mut(port_id);
             if port.mode() != senses.bus {
                 senses.bus = port.mode();
+                if senses.bus == BusErrorMode::BusOff {
+                    self.bus.drop_pending(port_id, now);
+                }
                 device.sense(senses, now);
             }
+            let port = self.bus.port_mut(port_id);
             let Some(effect) = pump(&mut **device, port, now) else { break };
             self.carry_out(id, effect);
         }

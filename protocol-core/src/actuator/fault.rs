@@ -110,6 +110,13 @@ impl FaultSet {
         Self(self.0 | other.0)
     }
 
+    /// Whether one of the spool's faults is in it.
+    #[inline]
+    #[must_use]
+    pub const fn any_of_spool(self) -> bool {
+        !self.intersection(SPOOL_FAULTS).is_empty()
+    }
+
     /// What is in both.
     #[must_use]
     pub const fn intersection(self, other: Self) -> Self {

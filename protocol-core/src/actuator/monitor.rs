@@ -65,6 +65,16 @@ impl Monitor {
         }
     }
 
+    /// [`observe`](Self::observe) for a fault that is not active and cannot become so now.
+    #[inline]
+    pub(super) fn watch(&mut self, trips: bool, now: Instant) {
+        if !trips {
+            self.due = NEVER;
+        } else if self.due == NEVER {
+            self.due = after(now, self.delay);
+        }
+    }
+
     /// Lets the delay begin anew.
     pub(super) const fn restart(&mut self) {
         self.due = NEVER;

@@ -23,9 +23,10 @@ impl Position {
 
     /// The nearest position to `raw`.
     #[must_use]
+    #[inline]
     pub fn clamped(raw: i32) -> Self {
-        let limited = raw.clamp(i32::from(Self::MIN.0), i32::from(Self::MAX.0));
-        Self(i16::try_from(limited).unwrap_or(0))
+        // Within an i16 by then.
+        Self(raw.clamp(Self::MIN.0 as i32, Self::MAX.0 as i32) as i16)
     }
 
     /// In 1/16384 of the full stroke.
@@ -83,9 +84,10 @@ impl Scale {
 
     /// The value of a position on this scale.
     #[must_use]
+    #[inline]
     pub fn of_position(self, position: Position) -> i16 {
-        let value = rescale(i32::from(position.0), i32::from(self.full()), i32::from(Position::FULL));
-        i16::try_from(value).unwrap_or(0)
+        // Not beyond ±N.
+        rescale(i32::from(position.0), i32::from(self.full()), i32::from(Position::FULL)) as i16
     }
 }
 
@@ -110,6 +112,7 @@ impl Default for SetPoint {
 }
 
 /// `value × to / from`, rounded half away from zero. The factors here keep every product within 25 bits.
+#[inline]
 fn rescale(value: i32, to: i32, from: i32) -> i32 {
     let half = from.wrapping_div(2);
     let product = value.saturating_mul(to);

@@ -97,6 +97,19 @@ impl Spool {
         }
     }
 
+    /// Whether nothing but the device acts on it, and it is sound.
+    #[inline]
+    pub(super) fn is_free(&self) -> bool {
+        matches!(self.sense, SpoolSense { fault: SpoolFault::None, lever: None, measured: None })
+    }
+
+    /// [`act`](Self::act) for a spool that [is free](Self::is_free) and has another target now: straight there.
+    #[inline]
+    pub(super) fn retarget(&mut self, target: Travel, here: Travel, now: Instant) {
+        self.action = Action::Move(target);
+        self.path = Path::new(here, target, SOLENOIDS, now);
+    }
+
     #[inline]
     pub(super) fn at(&self, now: Instant) -> Travel {
         self.path.at(now)

@@ -36,6 +36,7 @@ impl Travel {
     }
 
     /// The unit of a position is complete only when all its steps are: full stroke is not shown before it is reached.
+    #[inline]
     pub(super) fn position(self) -> Position {
         Position::clamped(self.0 / Self::UNIT)
     }
@@ -116,6 +117,7 @@ impl Leg {
         leg
     }
 
+    #[inline]
     fn at(&self, now: Instant) -> Travel {
         if now >= self.end {
             return self.to;
@@ -157,40 +159,52 @@ impl Leg {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Path {
     approach: Leg,
-    creep: Leg,
+    /// The way on, for a spool that does not stay.
+    creep: Option<Leg>,
 }
 
 impl Path {
     /// Rests at `place`.
     pub(super) const fn rest(place: Travel, now: Instant) -> Self {
         let leg = Leg { from: place, to: place, start: now, end: now, rate: Rate(1) };
-        Self { approach: leg, creep: leg }
+        Self { approach: leg, creep: None }
     }
 
     /// Goes from `from` to `to` and stays.
     pub(super) fn new(from: Travel, to: Travel, rate: Rate, now: Instant) -> Self {
-        let approach = Leg::new(from, to, rate, now);
-        Self { approach, creep: Leg::new(to, to, rate, approach.end) }
+        Self { approach: Leg::new(from, to, rate, now), creep: None }
     }
 
     /// Once arrived, goes on to `to`.
     pub(super) fn then(self, to: Travel, rate: Rate) -> Self {
         let Self { approach, .. } = self;
-        Self { approach, creep: Leg::new(approach.to, to, rate, approach.end) }
+        Self { approach, creep: Some(Leg::new(approach.to, to, rate, approach.end)) }
     }
 
+    #[inline]
     pub(super) fn at(&self, now: Instant) -> Travel {
-        if now < self.approach.end { self.approach.at(now) } else { self.creep.at(now) }
+        if now < self.approach.end {
+            return self.approach.at(now);
+        }
+        match &self.creep {
+            Some(creep) => creep.at(now),
+            None => self.approach.to,
+        }
     }
 
     /// Where and since when the spool rests, or will.
     pub(super) const fn rests(&self) -> (Travel, Instant) {
-        (self.creep.to, self.creep.end)
+        let last = match &self.creep {
+            Some(creep) => creep,
+            None => &self.approach,
+        };
+        (last.to, last.end)
     }
 
     /// The first microsecond after `now` at which the spool enters or leaves the band; [`NEVER`] if it does not.
     pub(super) fn crosses(&self, band: Band, now: Instant) -> Instant {
-        self.approach.crosses(band, now).or_else(|| self.creep.crosses(band, now)).unwrap_or(NEVER)
+        let creeps = || self.creep.and_then(|creep| creep.crosses(band, now));
+        self.approach.crosses(band, now).or_else(creeps).unwrap_or(NEVER)
     }
 }
 

@@ -140,6 +140,7 @@ impl Valve {
         let now = self.catch_up(now);
         if *senses != self.senses {
             self.senses = *senses;
+            self.note_arrival(now);
             self.spool.sense(senses.spool, now);
             self.step(now);
         }
@@ -160,6 +161,14 @@ impl Valve {
         if drive == self.drive {
             return;
         }
+        if let (Drive::Regulate(SetPoint::Position(from)), Drive::Regulate(SetPoint::Position(to))) =
+            (self.drive, drive)
+            && !(from.is_neutral() || to.is_neutral() || self.faults.active.any_of_spool())
+            && self.spool.is_free()
+        {
+            return self.follow(to, now);
+        }
+        self.note_arrival(now);
         // Where the monitors also run while the drive is off, the end of that is no beginning for them.
         let begins = match self.config.spool_monitors {
             SpoolMonitors::WhileRegulating => matches!(drive, Drive::Regulate(_)) && !self.regulating(),
@@ -171,6 +180,47 @@ impl Valve {
             self.at_set_point.restart();
         }
         self.step_spool(now);
+    }
+
+    /// Whether one set-point comes after another, neither neutral, with a sound spool and none of its faults: what most
+    /// calls are about.
+    #[inline]
+    fn follows(&self, drive: Drive) -> Option<Position> {
+        match (self.drive, drive) {
+            (Drive::Regulate(SetPoint::Position(from)), Drive::Regulate(SetPoint::Position(to))) => {
+                let plain = !from.is_neutral() && !to.is_neutral();
+                (plain && !self.faults.active.any_of_spool() && self.spool.is_free()).then_some(to)
+            }
+            _ => None,
+        }
+    }
+
+    /// The same as a [step](Self::step_spool) of the whole, without what cannot be then: power save, float, springs, and
+    /// levels to be watched on the way, for a spool on its way to its target enters the tolerance and stays there.
+    #[inline]
+    fn follow(&mut self, to: Position, now: Instant) {
+        let here = self.spool.at(now);
+        self.note_arrival_at(here);
+        self.drive = Drive::Regulate(SetPoint::Position(to));
+        let target = self.target(to);
+        self.spool.retarget(target, here, now);
+        self.at_set_point.watch(!Band::around(target, SET_POINT_TOLERANCE).contains(here), now);
+        self.spool_due = self.at_set_point.due();
+    }
+
+    /// Before anything becomes different: a spool that has come within the tolerance since it was last looked at has
+    /// ended the time of monitor 1.
+    fn note_arrival(&mut self, now: Instant) {
+        if self.at_set_point.due() != NEVER {
+            self.note_arrival_at(self.spool.at(now));
+        }
+    }
+
+    #[inline]
+    fn note_arrival_at(&mut self, here: Travel) {
+        if self.at_set_point.due() != NEVER && self.wanted().is_some_and(|band| band.contains(here)) {
+            self.at_set_point.restart();
+        }
     }
 
     /// Lets monitors 1 and 2 begin anew, as a change of the device mode does.
@@ -200,6 +250,21 @@ impl Valve {
         let now = self.catch_up(now);
         self.guard.feed(&mut self.faults, now);
         self.schedule();
+    }
+
+    /// [`feed_guard`](Self::feed_guard) and [`drive`](Self::drive) in one: a set-point came that acts.
+    #[inline]
+    pub fn command(&mut self, drive: Drive, now: Instant) {
+        let now = self.catch_up(now);
+        self.guard.feed(&mut self.faults, now);
+        if drive == self.drive {
+            self.schedule();
+        } else if let Some(to) = self.follows(drive) {
+            self.follow(to, now);
+            self.schedule();
+        } else {
+            self.drive(drive, now);
+        }
     }
 
     /// A cause of the internal error is there, or gone. The fault is active while any is.
@@ -273,6 +338,7 @@ impl Valve {
 
     /// Where the spool is.
     #[must_use]
+    #[inline]
     pub fn position(&self, now: Instant) -> Position {
         self.travel(now).position()
     }
@@ -310,6 +376,7 @@ impl Valve {
         self.deadline
     }
 
+    #[inline]
     fn travel(&self, now: Instant) -> Travel {
         self.spool.at(now.max(self.now))
     }

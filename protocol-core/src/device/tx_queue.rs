@@ -34,11 +34,17 @@ impl TxQueue {
 
     /// Puts a frame in the place of one with the same identifier that still waits, or appends it: of what is sent in a
     /// cycle, a bus that was blocked for a while gets the latest, not everything.
+    #[inline]
     pub(crate) fn push_latest(&mut self, frame: Frame) {
-        match self.frames.iter_mut().find(|waiting| waiting.key() == frame.key()) {
-            Some(waiting) => *waiting = frame,
-            None => self.push(frame),
+        if self.frames.is_empty() || !self.replace(frame) {
+            self.push(frame);
         }
+    }
+
+    #[inline(never)]
+    fn replace(&mut self, frame: Frame) -> bool {
+        let waiting = self.frames.iter_mut().find(|waiting| waiting.key() == frame.key());
+        waiting.map(|waiting| *waiting = frame).is_some()
     }
 
     /// Takes back a frame that was handed out: it goes before its equals.

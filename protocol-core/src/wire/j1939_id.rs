@@ -188,10 +188,7 @@ impl J1939Id {
     #[inline]
     #[must_use]
     pub fn of(frame: &Frame) -> Option<Self> {
-        match frame.id() {
-            Id::Extended(id) => Some(Self(id.as_raw())),
-            Id::Standard(_) => None,
-        }
+        frame.is_extended().then(|| Self::from_raw(frame.key()))
     }
 
     /// The 29 bits.

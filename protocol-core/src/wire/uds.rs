@@ -42,10 +42,10 @@ pub const fn parse_id(raw: u32) -> Option<(Address, Address)> {
     if raw & !0x003F_FFFF == BASE { Some((Address::new((raw >> 11) as u16), Address::new(raw as u16))) } else { None }
 }
 
-/// What a [key](crate::frame::key) keeps of itself when the source does not count.
+/// What a [key] keeps of itself when the source does not count.
 pub const ANY_SOURCE: u32 = !(0x7FF << 11);
 
-/// The [key](crate::frame::key) of messages to `destination`, without their source.
+/// The [key] of messages to `destination`, without their source.
 #[must_use]
 pub fn key_to(destination: Address) -> u32 {
     key(id(Address::new(0), destination).into()) & ANY_SOURCE

@@ -82,7 +82,9 @@ pub enum Ignored {
 }
 
 /// The fail-safe modes that a command may have (A): 00, blocked, and 11, which says nothing.
-const FAIL_SAFE_MODES: [u8; 2] = [0b00, 0b11];
+const fn is_fail_safe_mode(mode: u8) -> bool {
+    matches!(mode, 0b00 | 0b11)
+}
 
 impl Command {
     /// The order in the data of an AVC.
@@ -93,7 +95,7 @@ impl Command {
     pub fn parse(data: &[u8]) -> Result<Self, Ignored> {
         let &[flow, _, state, _, _, _, _, _] = data else { return Err(Ignored::Length) };
         let fail_safe_mode = state >> 6;
-        if !FAIL_SAFE_MODES.contains(&fail_safe_mode) {
+        if !is_fail_safe_mode(fail_safe_mode) {
             return Err(Ignored::FailSafeMode(fail_safe_mode));
         }
         match State::from_bits(state).ok_or(Ignored::State(state & 0xF))? {

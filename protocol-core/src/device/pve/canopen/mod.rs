@@ -205,6 +205,10 @@ impl Device for PveCanopen {
         if !was_mute && self.is_mute() {
             self.tx.clear();
         }
+        if senses.bus == BusErrorMode::BusOff && self.boot_up == BootUp::HandedOut {
+            // It was dropped with all that waited in the controller.
+            self.boot_up = BootUp::Due;
+        }
         self.release_emcys();
         self.settle(now);
     }

@@ -28,6 +28,8 @@ pub(super) struct Commander {
     /// The time guard runs: from the first valid set-point on (A).
     guarded: bool,
     shutdown: Option<Shutdown>,
+    /// What AVEF tells: that of the command, blocked in a shutdown.
+    state: State,
 }
 
 impl Commander {
@@ -38,8 +40,13 @@ impl Commander {
             shared_spool_counter: false,
             spool_monitors: SpoolMonitors::ExceptHandAndStop,
         };
-        let mut commander =
-            Self { valve: Valve::new(config, counters, now), command: Command::Block, guarded: false, shutdown: None };
+        let mut commander = Self {
+            valve: Valve::new(config, counters, now),
+            command: Command::Block,
+            guarded: false,
+            shutdown: None,
+            state: State::Blocked,
+        };
         commander.apply(now);
         commander
     }
@@ -54,14 +61,19 @@ impl Commander {
     }
 
     /// A valid AVC was received. The faults that were active in a shutdown which it ends, if it does.
+    #[inline]
     pub(super) fn obey(&mut self, command: Command, now: Instant) -> FaultSet {
-        self.command = command;
-        if self.guarded {
-            self.valve.feed_guard(now);
-        } else {
+        if !self.guarded {
             self.guarded = true;
             self.valve.start_guard(now);
         }
+        self.command = command;
+        if self.shutdown.is_none() {
+            self.state = command.state();
+            self.valve.command(drive(command), now);
+            return FaultSet::EMPTY;
+        }
+        self.valve.feed_guard(now);
         let ended = self.recover(command, now);
         self.apply(now);
         ended
@@ -91,13 +103,13 @@ impl Commander {
     }
 
     /// What the valve tells of itself: its state and where the spool lets the oil flow.
+    #[inline]
     pub(super) fn estimated_flow(&self, now: Instant) -> EstimatedFlow {
-        let position = self.valve.position(now);
-        let percent = |position: Position| u8::try_from(Scale::Percent.of_position(position)).unwrap_or(0);
+        let percent = Scale::Percent.of_position(self.valve.position(now));
         EstimatedFlow {
-            extend: percent(position),
-            retract: percent(position.mirrored()),
-            state: if self.shutdown.is_some() { State::Blocked } else { self.command.state() },
+            extend: percent.max(0) as u8,
+            retract: percent.saturating_neg().max(0) as u8,
+            state: self.state,
         }
     }
 
@@ -127,20 +139,30 @@ impl Commander {
     /// Lets the valve do what the command says. In a shutdown the solenoids are off, and hand operation and emergency
     /// stop still keep the faults of the spool from being looked for.
     fn apply(&mut self, now: Instant) {
-        let drive = match self.command {
-            Command::HandOperation => Drive::Hand,
-            Command::EmergencyStop => Drive::EmergencyStop,
-            _ if self.shutdown.is_some() => Drive::Off,
-            Command::Block => Drive::Regulate(SetPoint::NEUTRAL),
-            Command::Extend(flow) => Drive::Regulate(SetPoint::Position(position(flow))),
-            Command::Retract(flow) => Drive::Regulate(SetPoint::Position(position(flow).mirrored())),
-            Command::Float => Drive::Regulate(SetPoint::Float),
+        self.state = if self.shutdown.is_some() { State::Blocked } else { self.command.state() };
+        let drive = match drive(self.command) {
+            Drive::Regulate(_) if self.shutdown.is_some() => Drive::Off,
+            drive => drive,
         };
         self.valve.drive(drive, now);
     }
 }
 
+/// What a command lets the valve do when nothing keeps it from it.
+#[inline]
+fn drive(command: Command) -> Drive {
+    match command {
+        Command::HandOperation => Drive::Hand,
+        Command::EmergencyStop => Drive::EmergencyStop,
+        Command::Block => Drive::Regulate(SetPoint::NEUTRAL),
+        Command::Extend(flow) => Drive::Regulate(SetPoint::Position(position(flow))),
+        Command::Retract(flow) => Drive::Regulate(SetPoint::Position(position(flow).mirrored())),
+        Command::Float => Drive::Regulate(SetPoint::Float),
+    }
+}
+
 /// The position of a port flow command, 0–250.
+#[inline]
 fn position(flow: u8) -> Position {
     Scale::Per250.to_position(flow.into()).unwrap_or(Position::NEUTRAL)
 }

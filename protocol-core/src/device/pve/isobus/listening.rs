@@ -1,6 +1,6 @@
 //! Which frames the device listens to (SPEC 5, 7): told by the identifier alone, for most frames on a bus are not for it.
 
-use crate::frame::{Frame, Id};
+use crate::frame::Frame;
 use crate::wire::j1939_id::{Address, Format, J1939Id, Pgn};
 use crate::wire::{request, uds};
 
@@ -21,11 +21,18 @@ pub(super) enum Service {
     Uds,
 }
 
+/// Bits 8–25 of an identifier: the group, and in the format PDU1 the destination.
+type Group = u32;
+
+/// A request to all.
+const REQUEST_TO_ALL: Group = Pgn::REQUEST.raw() | Address::GLOBAL.get() as u32;
+
 /// What to look for.
 #[derive(Debug)]
 pub(super) struct Listening {
     own: Address,
-    avc: Pgn,
+    avc: Group,
+    request: Group,
     /// UDS requests from any source.
     uds: u32,
 }
@@ -33,29 +40,37 @@ pub(super) struct Listening {
 impl Listening {
     /// What the valve at this address listens to.
     pub(super) fn at(own: Address) -> Self {
-        Self { own, avc: Pgn::avc(own.get()), uds: uds::key_to(uds::Address::node(own.get())) }
+        Self {
+            own,
+            avc: Pgn::avc(own.get()).raw(),
+            request: Pgn::REQUEST.raw() | u32::from(own.get()),
+            uds: uds::key_to(uds::Address::node(own.get())),
+        }
     }
 
-    /// The service that a frame is for.
+    /// The service that a frame is for. A standard identifier has no bits of a group, and is for none.
     #[inline]
     pub(super) fn service(&self, frame: &Frame) -> Option<Service> {
-        let Id::Extended(id) = frame.id() else { return None };
-        let id = J1939Id::from_raw(id.as_raw());
-        match id.format() {
-            Format::GROUPS_FE => (id.pgn() == self.avc).then_some(Service::Avc),
+        let group: Group = frame.key() >> 8 & 0x3_FFFF;
+        if group == self.avc {
+            return Some(Service::Avc);
+        }
+        if group == REQUEST_TO_ALL || group == self.request {
+            let claim = request::parse(frame)? == Pgn::ADDRESS_CLAIMED;
+            return Some(if claim { Service::ClaimRequest } else { Service::Request });
+        }
+        let id = J1939Id::from_raw(frame.key());
+        let format = id.format();
+        // The groups of the data link and of network management are neighbours: most frames are none of them.
+        if !(Format::TP_DATA..=Format::ADDRESS_CLAIMED).contains(&format) {
+            return (frame.key() & uds::ANY_SOURCE == self.uds).then_some(Service::Uds);
+        }
+        match format {
             Format::ADDRESS_CLAIMED => (id.source() == self.own).then_some(Service::Claim),
-            Format::REQUEST => {
-                let destination = id.destination();
-                if destination != Address::GLOBAL && destination != self.own {
-                    return None;
-                }
-                let claim = request::parse(frame)? == Pgn::ADDRESS_CLAIMED;
-                Some(if claim { Service::ClaimRequest } else { Service::Request })
-            }
             Format::TP_CONNECTION | Format::TP_DATA => {
                 (id.destination() == Address::GLOBAL).then_some(Service::Transport)
             }
-            _ => (frame.key() & uds::ANY_SOURCE == self.uds).then_some(Service::Uds),
+            _ => None,
         }
     }
 }

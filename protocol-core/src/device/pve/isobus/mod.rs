@@ -36,6 +36,7 @@ use crate::memory::{Image, RecordKey, StoreError};
 use crate::time::{Duration, Instant, NEVER, after};
 use crate::wire::dm::payload_len;
 use crate::wire::name::COMMANDED_ADDRESS_LEN;
+use crate::wire::valve::Command;
 
 /// AVEF goes out so often.
 const AVEF_PERIOD: Duration = Duration::from_millis(100);
@@ -56,11 +57,19 @@ pub struct PveIsobus {
     claim: AddressClaim,
     /// The claim as it goes out, made once: requests for it come often, from everybody who joins the bus.
     claim_frame: Frame,
+    /// Whether it goes out when it is asked for: the address is held, and the bus can be used.
+    answers_claims: bool,
     commander: Commander,
     dm1: Dm1,
     bam: BamSender<DM2_MAX>,
     receiver: BamReceiver<SENDERS, COMMANDED_ADDRESS_LEN>,
     next_avef: Instant,
+    /// The last AVEF, or one like it: for its identifier.
+    avef: Frame,
+    /// When anything but the valve and AVEF is due.
+    due_services: Instant,
+    /// When anything but AVEF is due.
+    due_besides_avef: Instant,
     previously_active: FaultSet,
     tx: TxQueue,
     senses: Senses,
@@ -83,6 +92,28 @@ enum Restarting {
 }
 
 impl PveIsobus {
+    /// Takes an AVC: most of what is for the device. A remote frame is none, for want of data.
+    #[inline(never)]
+    fn take_avc(&mut self, frame: &Frame, now: Instant) {
+        if self.restarting != Restarting::No {
+            return;
+        }
+        let now = self.advance(now);
+        if self.claim.is_lost() {
+            return;
+        }
+        let Ok(command) = Command::parse(frame.data()) else { return };
+        let ended = self.commander.obey(command, now);
+        if !ended.is_empty() {
+            self.log_as_previously_active(ended, now);
+            self.settle(now);
+        } else if self.commander.valve.has_changes() {
+            self.settle(now);
+        } else {
+            self.schedule_valve();
+        }
+    }
+
     /// Takes a frame that is for the device. Kept apart from the look at the identifier, which most frames end with.
     #[inline(never)]
     fn take(&mut self, service: Service, frame: &Frame, now: Instant) {
@@ -121,14 +152,27 @@ impl PveIsobus {
         self.schedule();
     }
 
+    /// Sends AVEF, which is due.
+    #[inline]
+    fn send_avef(&mut self, now: Instant) {
+        if !self.is_mute() {
+            self.tx.push_latest(self.avef(now));
+        }
+        let planned = after(self.next_avef, AVEF_PERIOD);
+        // After a pause longer than a period there is no burst of what was missed.
+        self.next_avef = if planned > now { planned } else { after(now, AVEF_PERIOD) };
+    }
+
+    #[inline]
+    fn avef(&self, now: Instant) -> Frame {
+        self.avef.with_data(self.commander.estimated_flow(now).emit())
+    }
+
     /// What is sent in a cycle, and goes out only under an address.
     fn send_cyclic(&mut self, now: Instant) {
         let Some(own) = self.claim.address() else { return };
         if now >= self.next_avef {
-            self.send_latest(self.commander.estimated_flow(now).frame(own));
-            let planned = after(self.next_avef, AVEF_PERIOD);
-            // After a pause longer than a period there is no burst of what was missed.
-            self.next_avef = if planned > now { planned } else { after(now, AVEF_PERIOD) };
+            self.send_avef(now);
         }
         self.send_dm1(now);
         if let Some(frame) = self.bam.poll(own, now) {
@@ -146,11 +190,24 @@ impl PveIsobus {
     }
 
     fn schedule(&mut self) {
-        let mut due = self.commander.valve.deadline().min(self.claim.deadline()).min(self.fault_log.due());
-        if self.claim.may_send() {
-            due = due.min(self.next_avef).min(self.dm1.deadline()).min(self.bam.deadline());
+        let running = self.restarting == Restarting::No;
+        self.answers_claims = running && self.claim.address().is_some() && !self.is_mute();
+        if !running {
+            (self.due_services, self.due_besides_avef, self.deadline) = (NEVER, NEVER, NEVER);
+            return;
         }
-        self.deadline = if self.restarting == Restarting::No { due } else { NEVER };
+        self.due_services = self.claim.deadline().min(self.fault_log.due());
+        if self.claim.may_send() {
+            self.due_services = self.due_services.min(self.dm1.deadline()).min(self.bam.deadline());
+        }
+        self.schedule_valve();
+    }
+
+    /// The same when the valve alone can be due at another time than before.
+    #[inline]
+    fn schedule_valve(&mut self) {
+        self.due_besides_avef = self.due_services.min(self.commander.valve.deadline());
+        self.deadline = self.due_besides_avef.min(self.next_avef);
     }
 
     /// Whether the bus cannot be used: what would have been sent is lost.
@@ -158,20 +215,9 @@ impl PveIsobus {
         self.senses.bus == BusErrorMode::BusOff
     }
 
-    fn answers_for_its_claim(&self) -> bool {
-        self.claim.address().is_some() && !self.is_mute() && self.restarting == Restarting::No
-    }
-
     fn send(&mut self, frame: Frame) {
         if !self.is_mute() {
             self.tx.push(frame);
-        }
-    }
-
-    /// Sends a frame of which only the latest is of use to anybody.
-    fn send_latest(&mut self, frame: Frame) {
-        if !self.is_mute() {
-            self.tx.push_latest(frame);
         }
     }
 
@@ -194,10 +240,9 @@ impl Device for PveIsobus {
     fn handle(&mut self, frame: &Frame, now: Instant) {
         match self.listening.service(frame) {
             None => {}
+            Some(Service::Avc) => self.take_avc(frame, now),
             // No time has to pass for this answer, and it is asked for often.
-            Some(Service::ClaimRequest) if self.answers_for_its_claim() && !frame.is_remote() => {
-                self.tx.push(self.claim_frame);
-            }
+            Some(Service::ClaimRequest) if self.answers_claims => self.tx.push(self.claim_frame),
             Some(service) => self.take(service, frame, now),
         }
     }
@@ -223,7 +268,15 @@ impl Device for PveIsobus {
 
     #[inline]
     fn poll(&mut self, now: Instant) {
-        if now >= self.deadline {
+        if now < self.deadline {
+            return;
+        }
+        if now < self.due_besides_avef {
+            // Nothing but AVEF, ten times a second. What is due is not before the last instant.
+            self.now = now;
+            self.send_avef(now);
+            self.deadline = self.due_besides_avef.min(self.next_avef);
+        } else {
             self.advance(now);
         }
     }

@@ -8,34 +8,22 @@ use super::storing::{Job, LayerFor};
 use crate::frame::{Frame, Id};
 use crate::isobus::address::Outcome;
 use crate::isobus::request::Request;
-use crate::time::Instant;
+use crate::time::{Instant, NEVER};
 use crate::uds::{Reaction, node_id_written, serve};
 use crate::wire::j1939_id::{Address, J1939Id, Pgn};
 use crate::wire::name::Name;
 use crate::wire::uds;
-use crate::wire::valve::Command;
 
 impl PveIsobus {
     pub(super) fn serve(&mut self, service: Service, frame: &Frame, now: Instant) {
         let Some(id) = J1939Id::of(frame) else { return };
         match service {
-            Service::Avc => self.serve_avc(frame, now),
+            // Taken on a way of its own.
+            Service::Avc => {}
             Service::Claim => self.serve_claim(id, frame, now),
             Service::ClaimRequest | Service::Request => self.serve_request(id, frame, now),
             Service::Transport => self.serve_transport(id, frame, now),
             Service::Uds => self.serve_uds(frame),
-        }
-    }
-
-    fn serve_avc(&mut self, frame: &Frame, now: Instant) {
-        if self.claim.is_lost() {
-            return;
-        }
-        let Ok(command) = Command::parse(frame.data()) else { return };
-        let ended = self.commander.obey(command, now);
-        self.report_faults(now);
-        if !ended.is_empty() {
-            self.log_as_previously_active(ended, now);
         }
     }
 
@@ -44,6 +32,7 @@ impl PveIsobus {
         match self.claim.contend(id.source(), name, now) {
             Outcome::Send(frame) => self.send(frame),
             Outcome::Lost => {
+                self.next_avef = NEVER;
                 self.fall_silent();
                 self.commander.block(now);
             }
@@ -65,7 +54,7 @@ impl PveIsobus {
             Pgn::DM1 => self.send(self.dm1.frame(own)),
             Pgn::DM2 => self.send_dm2(own, now),
             Pgn::DM3 => self.clear_previously_active(&request, own),
-            pgn if pgn == Pgn::avef(own.get()) => self.send(self.commander.estimated_flow(now).frame(own)),
+            pgn if pgn == Pgn::avef(own.get()) => self.send(self.avef(now)),
             _ => {
                 if let Some(refusal) = request.refuse(own) {
                     self.send(refusal);

@@ -12,6 +12,7 @@ use crate::actuator::{Counters, FaultSet, InternalCause};
 use crate::controller::BusErrorMode;
 use crate::device::tx_queue::TxQueue;
 use crate::device::{Senses, StartCause};
+use crate::frame::Frame;
 use crate::isobus::address::AddressClaim;
 use crate::isobus::diagnostics::Dm1;
 use crate::isobus::transport::{BamReceiver, BamSender};
@@ -19,6 +20,7 @@ use crate::memory::{Image, RecordKey};
 use crate::time::{Instant, NEVER};
 use crate::wire::j1939_id::{Address, Pgn};
 use crate::wire::name::{Fields, Name};
+use crate::wire::valve::{EstimatedFlow, State};
 
 /// What is received in packets.
 const BROADCASTS: &[Pgn] = &[Pgn::COMMANDED_ADDRESS];
@@ -37,11 +39,15 @@ impl PveIsobus {
             listening: Listening::at(address(setup, local_layer)),
             claim_frame: claim.name().claim(address(setup, local_layer)),
             claim,
+            answers_claims: false,
             commander: Commander::new(setup.kind.regulation(), Counters::default(), now),
             dm1: Dm1::new(),
             bam: BamSender::new(),
             receiver: BamReceiver::new(BROADCASTS),
             next_avef: NEVER,
+            avef: avef(address(setup, local_layer)),
+            due_services: NEVER,
+            due_besides_avef: NEVER,
             previously_active: FaultSet::EMPTY,
             tx: TxQueue::default(),
             senses: Senses::default(),
@@ -83,6 +89,7 @@ impl PveIsobus {
 
         let own = address(self.setup, self.local_layer);
         self.listening = Listening::at(own);
+        self.avef = avef(own);
         self.claim = AddressClaim::new(name(&self.factory), own);
         self.claim_frame = self.claim.start();
         self.send(self.claim_frame);
@@ -101,6 +108,11 @@ impl PveIsobus {
 /// The address of a local layer: on ISOBUS there is always one.
 fn address(setup: Setup, layer: LocalLayer) -> Address {
     Address::new(layer.node_id.unwrap_or(setup.kind.default_node_id()))
+}
+
+/// An AVEF of a valve that stands in neutral.
+fn avef(own: Address) -> Frame {
+    EstimatedFlow { extend: 0, retract: 0, state: State::Blocked }.frame(own)
 }
 
 /// Manufacturer code in the NAME.

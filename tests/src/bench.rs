@@ -1,0 +1,165 @@
+//! Valves and a master on a simulated bus, with real memories: for what needs bus errors or a flash.
+
+use hal_sim::bus::Confinement;
+use hal_sim::memory::Flash;
+use hal_sim::{Memory, NodeId, TapId, World};
+use protocol_core::controller::{BitRate, BusErrorMode};
+use protocol_core::device::pve::{Kind, PveCanopen, Setup};
+use protocol_core::device::{Outputs, Senses};
+use protocol_core::frame::Frame;
+use protocol_core::time::{Duration, Instant, after};
+
+use super::frame;
+
+/// How long the master waits for an answer.
+const PATIENCE: Duration = Duration::from_millis(500);
+
+/// Valves and a master on a bus of 250 kbit/s, in virtual time.
+pub struct Bench {
+    /// The world that they are in.
+    pub world: World,
+    /// The master.
+    pub master: TapId,
+}
+
+impl Default for Bench {
+    fn default() -> Self {
+        Self::with_seed(0)
+    }
+}
+
+impl Bench {
+    /// A bus with a master alone.
+    #[must_use]
+    pub fn with_seed(seed: u64) -> Self {
+        let mut world = World::new(BitRate::Kbit250, seed);
+        let master = world.add_tap("master");
+        Self { world, master }
+    }
+
+    /// A bus with a master and one `pvea-canopen` with this memory, switched off; of a new memory it becomes node 0x20.
+    #[must_use]
+    pub fn with_flash(flash: Flash) -> (Self, NodeId) {
+        let mut bench = Self::default();
+        let valve = bench.add(Setup::new(Kind::PveaCanopen), Memory::with_flash(flash));
+        (bench, valve)
+    }
+
+    /// A bus with a master and one `pvea-canopen` at node 0x20, fresh from the factory, booted; its frames are taken.
+    #[must_use]
+    pub fn booted() -> (Self, NodeId) {
+        let (mut bench, valve) = Self::with_flash(Flash::new());
+        bench.boot(valve);
+        (bench, valve)
+    }
+
+    /// Adds a valve, switched off.
+    pub fn add(&mut self, setup: Setup, memory: Memory) -> NodeId {
+        let name = format!("valve-{}", self.world.devices().count() + 1);
+        let factory = move |image: &_, cause, now| Box::new(PveCanopen::power_on(setup, image, cause, now)) as _;
+        self.world.add_device(&name, factory, memory)
+    }
+
+    /// Adds a new valve with this node ID, boots it and takes its frames.
+    pub fn add_booted(&mut self, node_id: u8) -> NodeId {
+        let setup = Setup { node_id: Some(node_id), ..Setup::new(Kind::PveaCanopen) };
+        let valve = self.add(setup, Memory::in_ram());
+        self.boot(valve);
+        valve
+    }
+
+    /// Switches a valve on and gives it 50 ms; what was on the bus.
+    pub fn boot(&mut self, valve: NodeId) -> Vec<String> {
+        self.world.power(valve, true);
+        self.run_for(50);
+        self.take()
+    }
+
+    /// Lets so many milliseconds pass.
+    pub fn run_for(&mut self, ms: u64) {
+        let end = after(self.world.now(), Duration::from_millis(ms));
+        self.world.run_until(end);
+    }
+
+    /// The master sends a frame.
+    pub fn send(&mut self, text: &str) {
+        self.world.send(self.master, frame(text));
+    }
+
+    /// Takes what the master has heard.
+    pub fn take(&mut self) -> Vec<String> {
+        self.world.take_received(self.master).map(|(_, frame)| frame.to_string()).collect()
+    }
+
+    /// Runs until the master hears a frame, and takes it; `None` when it waited in vain.
+    pub fn hear(&mut self) -> Option<(Instant, Frame)> {
+        let end = after(self.world.now(), PATIENCE);
+        loop {
+            let first = self.world.take_received(self.master).next();
+            if first.is_some() || self.world.next_event() > end {
+                return first;
+            }
+            self.world.step();
+        }
+    }
+
+    /// Sends a frame; the next frame that the master hears, as the manuals print it.
+    pub fn ask(&mut self, request: &str) -> Option<String> {
+        self.send(request);
+        self.hear().map(|(_, frame)| frame.to_string())
+    }
+
+    /// Sends a frame; the next frame that the master hears must be this one.
+    #[track_caller]
+    pub fn exchange(&mut self, request: &str, answer: &str) {
+        assert_eq!(self.ask(request).as_deref(), Some(answer), "answer to {request}");
+    }
+
+    /// Reads a number over SDO; `None` without an answer that gives it.
+    pub fn read(&mut self, node_id: u8, index: u16, sub: u8) -> Option<u32> {
+        let [low, high] = index.to_le_bytes();
+        self.send(&format!("{:03X}: 40 {low:02X} {high:02X} {sub:02X} 00 00 00 00", 0x600 + u16::from(node_id)));
+        match *self.hear()?.1.data() {
+            [0x43 | 0x47 | 0x4B | 0x4F, .., a, b, c, d] => Some(u32::from_le_bytes([a, b, c, d])),
+            _ => None,
+        }
+    }
+
+    /// Writes a number of so many bytes over SDO: whether that was confirmed.
+    pub fn write(&mut self, node_id: u8, (index, sub, size, value): (u16, u8, u8, u32)) -> bool {
+        let [low, high] = index.to_le_bytes();
+        let [a, b, c, d] = value.to_le_bytes();
+        let command = 0x23 | (4 - size) << 2;
+        let id = 0x600 + u16::from(node_id);
+        self.send(&format!("{id:03X}: {command:02X} {low:02X} {high:02X} {sub:02X} {a:02X} {b:02X} {c:02X} {d:02X}"));
+        self.hear().is_some_and(|(_, answer)| answer.data()[0] == 0x60)
+    }
+
+    /// Changes what a valve senses.
+    pub fn sense(&mut self, valve: NodeId, change: impl FnOnce(&mut Senses)) {
+        let mut senses = *self.world.senses(valve);
+        change(&mut senses);
+        self.world.set_senses(valve, senses);
+    }
+
+    /// What a valve drives.
+    ///
+    /// # Panics
+    /// When it is off.
+    #[must_use]
+    pub fn outputs(&self, valve: NodeId) -> Outputs {
+        self.world.outputs(valve).expect("powered")
+    }
+
+    /// The mode of a valve's CAN controller.
+    #[must_use]
+    pub fn mode(&self, valve: NodeId) -> BusErrorMode {
+        self.world.port(valve).mode()
+    }
+
+    /// The error counters of a valve's CAN controller.
+    #[must_use]
+    pub fn errors(&self, valve: NodeId) -> Confinement {
+        self.world.port(valve).confinement()
+    }
+}

@@ -1,0 +1,316 @@
+//! The bus as physics, with real valves on it: bit rates that differ, bus-off and the way back, a valve alone, valves that
+//! share a node ID, noise (SPEC 2, 4.2; ISO 11898-1).
+
+use std::sync::{Arc, Mutex};
+
+use hal_sim::bus::{BitErrors, DestroyNext};
+use hal_sim::world::{OnBus, TraceEvent};
+use hal_sim::{Memory, NodeId};
+use protocol_core::actuator::Color;
+use protocol_core::controller::{BitRate, BusErrorMode};
+use protocol_core::device::pve::{Kind, Setup};
+use protocol_core::time::{Duration, Instant, after, since};
+use tests::Bench;
+
+const CLEARED: &str = "0A0: 00 00 00 00 00 00 00 00";
+
+/// Brings the valve at node 0x20 to ACTIVE.
+fn activate(bench: &mut Bench) {
+    bench.send("000: 01 00");
+    for status in ["09", "0B", "0F"] {
+        bench.exchange("220: 0F 00 00 00", &format!("1A0: {status} 00 00 00"));
+    }
+}
+
+/// Everything that is on the bus from now on.
+fn watch(bench: &mut Bench) -> Arc<Mutex<Vec<TraceEvent>>> {
+    let seen = Arc::new(Mutex::new(Vec::new()));
+    let sink = seen.clone();
+    bench.world.set_observer(Box::new(move |event| sink.lock().unwrap().push(event.clone())));
+    seen
+}
+
+/// The errors among them.
+fn errors(seen: &Arc<Mutex<Vec<TraceEvent>>>) -> usize {
+    seen.lock().unwrap().iter().filter(|event| matches!(event.what, OnBus::Error { .. })).count()
+}
+
+fn bits(count: u64, rate: BitRate) -> Duration {
+    Duration::from_nanos(count * 1_000_000_000 / u64::from(rate.bits_per_second()))
+}
+
+/// Steps until `reached`.
+#[track_caller]
+fn run_to(bench: &mut Bench, reached: impl Fn(&Bench) -> bool) -> Instant {
+    let end = after(bench.world.now(), Duration::from_secs(10));
+    while !reached(bench) {
+        assert!(bench.world.next_event() <= end, "it never comes to that");
+        bench.world.step();
+    }
+    bench.world.now()
+}
+
+#[test]
+fn bus_off_and_the_way_back() {
+    let (mut bench, valve) = Bench::booted();
+    activate(&mut bench);
+    bench.send("220: 0F 00 00 20");
+    bench.run_for(100);
+    bench.take();
+    // Whatever the valve sends is destroyed 32 times: that is 8 for each, and 256 is too many.
+    bench.world.inject(DestroyNext::frames_of("valve-1", 32));
+    let seen = watch(&mut bench);
+    bench.send("220: 0F 00 00 20");
+    let passive = run_to(&mut bench, |bench| bench.mode(valve) == BusErrorMode::ErrorPassive);
+    assert_eq!((bench.errors(valve).transmit_errors(), errors(&seen)), (128, 16));
+    assert!(bench.outputs(valve).solenoids, "error-passive is no fault");
+    let off = run_to(&mut bench, |bench| bench.mode(valve) == BusErrorMode::BusOff);
+    assert!(off > passive && errors(&seen) == 32);
+    // The CAN error, at once: solenoids off, LED red, and neither frame nor acknowledgement.
+    assert!(!bench.outputs(valve).solenoids);
+    let led = bench.outputs(valve).led;
+    assert_eq!((led.color, led.flashing), (Color::Red, false));
+    assert_eq!(bench.take(), [""; 0]);
+    // Back after 128 times 11 recessive bits, not a bit earlier.
+    let back = run_to(&mut bench, |bench| bench.mode(valve) != BusErrorMode::BusOff);
+    assert_eq!(since(back, off), bits(128 * 11, BitRate::Kbit250));
+    assert_eq!((bench.mode(valve), bench.errors(valve).transmit_errors()), (BusErrorMode::ErrorActive, 0));
+    bench.run_for(10);
+    // The TPDO that it could not send would say that the valve is active: it is not sent any more.
+    assert_eq!(bench.take(), ["0A0: 40 81 11 01 00 00 00 00", CLEARED]);
+    assert!(bench.outputs(valve).led.flashing, "FAULT_HOLD without a fault");
+    assert_eq!(bench.read(0x20, 0x2019, 0), Some(1));
+    // It is operational still, and is let out of FAULT_HOLD as after any fault.
+    for (control, status) in [("0F", "03"), ("03", "03"), ("0B", "0B"), ("0F", "0F")] {
+        let answer = bench.ask(&format!("220: {control} 00 00 00")).expect("a TPDO");
+        assert!(answer.starts_with(&format!("1A0: {status} 00")), "{answer}");
+    }
+}
+
+#[test]
+fn the_way_back_on_a_busy_bus() {
+    let (mut bench, valve) = Bench::booted();
+    let other = bench.add_booted(0x21);
+    bench.world.inject(DestroyNext::frames_of("valve-1", 32));
+    bench.send("620: 40 00 10 00 00 00 00 00");
+    let off = run_to(&mut bench, |bench| bench.mode(valve) == BusErrorMode::BusOff);
+    // A frame breaks the recessive bits off, and counts with what follows it for one sequence, however long it is.
+    for _ in 0..1000 {
+        bench.send("7FF: 00 00 00 00 00 00 00 00");
+    }
+    let back = run_to(&mut bench, |bench| bench.mode(valve) != BusErrorMode::BusOff);
+    let frame = bits(114, BitRate::Kbit250);
+    let counted = since(back, off).as_ticks() / frame.as_ticks();
+    assert!((110..=150).contains(&counted), "{counted} frames");
+    assert_eq!(bench.mode(other), BusErrorMode::ErrorActive);
+}
+
+#[test]
+fn bus_off_before_the_boot_up_is_out() {
+    let (mut bench, valve) = Bench::with_flash(hal_sim::memory::Flash::new());
+    bench.world.inject(DestroyNext::frames_of("valve-1", 32));
+    let frames = bench.boot(valve);
+    assert_eq!(frames, ["720: 00", CLEARED, "0A0: 40 81 11 01 00 00 00 00", CLEARED]);
+}
+
+#[test]
+fn bus_off_again_and_again() {
+    let (mut bench, valve) = Bench::booted();
+    for count in 1..=3 {
+        bench.world.inject(DestroyNext::frames_of("valve-1", 32));
+        bench.send("620: 40 00 10 00 00 00 00 00");
+        bench.run_for(100);
+        assert_eq!(bench.take(), [format!("0A0: 40 81 11 {count:02X} 00 00 00 00"), CLEARED.to_owned()]);
+        assert_eq!(bench.mode(valve), BusErrorMode::ErrorActive);
+    }
+}
+
+#[test]
+fn a_valve_alone_waits_for_company() {
+    let (mut bench, valve) = Bench::with_flash(hal_sim::memory::Flash::new());
+    bench.world.remove_tap(bench.master);
+    bench.world.power(valve, true);
+    bench.run_for(60_000);
+    // Nobody acknowledges its boot-up: error-passive, never bus-off, and no fault.
+    assert_eq!((bench.mode(valve), bench.errors(valve).transmit_errors()), (BusErrorMode::ErrorPassive, 128));
+    assert_eq!(bench.outputs(valve).led.color, Color::Yellow);
+    bench.master = bench.world.add_tap("late master");
+    bench.run_for(10);
+    assert_eq!(bench.take(), ["720: 00", CLEARED]);
+    assert_eq!(bench.mode(valve), BusErrorMode::ErrorActive);
+    activate(&mut bench);
+    assert_eq!(bench.read(0x20, 0x2019, 0), Some(0), "no CAN error was counted");
+}
+
+#[test]
+fn a_second_valve_is_company_enough() {
+    let mut bench = Bench::default();
+    bench.world.remove_tap(bench.master);
+    let valves = [0x20, 0x21].map(|node_id| {
+        let setup = Setup { node_id: Some(node_id), ..Setup::new(Kind::PveaCanopen) };
+        bench.add(setup, Memory::in_ram())
+    });
+    for valve in valves {
+        bench.world.power(valve, true);
+        bench.run_for(10);
+    }
+    for valve in valves {
+        assert_eq!((bench.mode(valve), bench.world.port(valve).pending()), (BusErrorMode::ErrorActive, 0));
+    }
+}
+
+#[test]
+fn use_case_5_with_a_master_that_is_late() {
+    let (mut bench, valve) = Bench::booted();
+    // It has something to say: a heartbeat every 100 ms.
+    assert!(bench.write(0x20, (0x1017, 0, 2, 100)));
+    bench.send("7E5: 04 01 00 00 00 00 00 00");
+    bench.run_for(5);
+    bench.take();
+    bench.exchange("7E5: 13 00 02 00 00 00 00 00", "7E4: 13 00 00 00 00 00 00 00");
+    // 20 ms until it switches, 20 ms more until it speaks; the master takes a second.
+    bench.send("7E5: 15 14 00 00 00 00 00 00");
+    bench.run_for(15);
+    assert_eq!(bench.world.port(valve).bit_rate(), BitRate::Kbit250);
+    bench.run_for(10);
+    assert_eq!(bench.world.port(valve).bit_rate(), BitRate::Kbit500);
+    bench.take();
+    let seen = watch(&mut bench);
+    for _ in 0..10 {
+        bench.send("080:");
+        bench.run_for(100);
+    }
+    // Each disturbs the other until it is error-passive, and no further.
+    assert!(errors(&seen) > 20, "{}", errors(&seen));
+    assert_eq!(bench.take(), [""; 0], "nothing is heard");
+    assert_eq!(bench.mode(valve), BusErrorMode::ErrorPassive);
+    assert_eq!(bench.world.tap_port(bench.master).mode(), BusErrorMode::ErrorPassive);
+    assert_eq!(bench.outputs(valve).led.color, Color::Yellow, "no fault");
+    bench.world.set_bit_rate(BitRate::Kbit500);
+    bench.run_for(300);
+    let heard = bench.take();
+    assert!(heard.len() >= 2 && heard.iter().all(|frame| frame == "720: 7F"), "{heard:?}");
+    bench.run_for(5000);
+    assert_eq!(bench.mode(valve), BusErrorMode::ErrorActive, "{:?}", bench.errors(valve));
+    bench.take();
+    bench.exchange("7E5: 17 00 00 00 00 00 00 00", "7E4: 17 00 00 00 00 00 00 00");
+    bench.world.power(valve, false);
+    assert_eq!(bench.boot(valve), ["720: 00", CLEARED]);
+    assert_eq!(bench.world.port(valve).bit_rate(), BitRate::Kbit500);
+    assert_eq!(bench.read(0x20, 0x2019, 0), Some(0), "it never was bus-off");
+}
+
+#[test]
+fn a_master_that_never_changes_its_rate_gets_the_valve_back() {
+    let (mut bench, valve) = Bench::booted();
+    bench.send("7E5: 04 01 00 00 00 00 00 00");
+    bench.exchange("7E5: 13 00 04 00 00 00 00 00", "7E4: 13 00 00 00 00 00 00 00");
+    bench.send("7E5: 15 00 00 00 00 00 00 00");
+    bench.run_for(100);
+    assert_eq!(bench.world.port(valve).bit_rate(), BitRate::Kbit125);
+    assert_eq!(bench.read(0x20, 0x1000, 0), None);
+    // Not stored: the next start is at 250 kbit/s. The request, which the master has tried ever since, is answered now.
+    bench.world.power(valve, false);
+    assert_eq!(bench.boot(valve), ["720: 00", CLEARED, "5A0: 43 00 10 00 98 01 00 00"]);
+}
+
+#[test]
+fn a_valve_with_the_wrong_bit_rate_harms_nobody_for_long() {
+    let (mut bench, intruder) = Bench::booted();
+    bench.send("7E5: 04 01 00 00 00 00 00 00");
+    for (request, answer) in [("13 00 04", "13 00 00"), ("17 00 00", "17 00 00")] {
+        bench.exchange(&format!("7E5: {request} 00 00 00 00 00"), &format!("7E4: {answer} 00 00 00 00 00"));
+    }
+    bench.world.power(intruder, false);
+    let valve = bench.add_booted(0x21);
+    bench.send("000: 01 00");
+    let cycle = |bench: &mut Bench, cycles: u32| {
+        let mut answered = 0;
+        for _ in 0..cycles {
+            bench.send("221: 0F 00 00 00");
+            bench.run_for(100);
+            answered += bench.take().iter().filter(|frame| frame.starts_with("1A1: ")).count();
+        }
+        answered
+    };
+    assert_eq!(cycle(&mut bench, 5), 5);
+    assert_eq!(bench.read(0x21, 0x6041, 0), Some(0x0F));
+    let seen = watch(&mut bench);
+    bench.world.power(intruder, true);
+    assert_eq!(cycle(&mut bench, 50), 50, "no cycle is lost, and none is late enough for the time guarding");
+    assert!(errors(&seen) > 32);
+    assert!(seen.lock().unwrap().iter().all(|event| event.frame().is_none() || event.from.as_ref() != "valve-1"));
+    assert_eq!(bench.read(0x21, 0x6041, 0), Some(0x0F));
+    assert_ne!(bench.mode(valve), BusErrorMode::BusOff);
+    assert_ne!(bench.mode(intruder), BusErrorMode::ErrorActive);
+    // It is gone: all is as before.
+    bench.world.power(intruder, false);
+    assert_eq!(cycle(&mut bench, 150), 150);
+    assert_eq!((bench.mode(valve), bench.errors(valve).receive_errors()), (BusErrorMode::ErrorActive, 0));
+    // And heard by a master that knows its bit rate.
+    bench.world.power(valve, false);
+    bench.world.set_bit_rate(BitRate::Kbit125);
+    let heard = bench.boot(intruder);
+    assert_eq!(heard[..2], ["720: 00", CLEARED], "{heard:?}");
+}
+
+#[test]
+fn valves_that_share_a_node_id() {
+    let mut bench = Bench::default();
+    let valves: Vec<NodeId> = (0..3)
+        .map(|number| {
+            let setup = Setup { serial: Some(0x1111_1111 << number), ..Setup::new(Kind::PveaCanopen) };
+            bench.add(setup, Memory::in_ram())
+        })
+        .collect();
+    let seen = watch(&mut bench);
+    bench.world.power_all(Duration::from_ticks(0));
+    bench.run_for(50);
+    // What they say is the same to the last bit: one frame.
+    assert_eq!((bench.take(), errors(&seen)), (vec!["720: 00".to_owned(), CLEARED.to_owned()], 0));
+    bench.exchange("620: 40 00 10 00 00 00 00 00", "5A0: 43 00 10 00 98 01 00 00");
+    assert_eq!(errors(&seen), 0);
+    // Here they differ. They collide until they are error-passive; then one after the other gets through, by its bits.
+    bench.send("620: 40 18 10 04 00 00 00 00");
+    bench.run_for(100);
+    let mut answers = bench.take();
+    answers.sort();
+    let expected = ["11 11 11 11", "22 22 22 22", "44 44 44 44"].map(|serial| format!("5A0: 43 18 10 04 {serial}"));
+    assert_eq!(answers, expected);
+    assert!((16..50).contains(&errors(&seen)), "{}", errors(&seen));
+    assert!(valves.iter().all(|valve| bench.mode(*valve) != BusErrorMode::BusOff));
+    // LSS tells them apart by their serial numbers.
+    for (number, serial) in [(1_u8, "22 22 22 22"), (2, "44 44 44 44")] {
+        bench.send("7E5: 04 00 00 00 00 00 00 00");
+        for select in ["40 19 00 00 01", "41 00 00 36 53", "42 20 00 01 00"] {
+            bench.send(&format!("7E5: {select} 00 00 00"));
+        }
+        bench.exchange(&format!("7E5: 43 {serial} 00 00 00"), "7E4: 44 00 00 00 00 00 00 00");
+        bench.exchange(&format!("7E5: 11 {:02X} 00 00 00 00 00 00", 0x20 + number), "7E4: 11 00 00 00 00 00 00 00");
+        bench.exchange("7E5: 17 00 00 00 00 00 00 00", "7E4: 17 00 00 00 00 00 00 00");
+        bench.exchange("7E5: 04 00 00 00 00 00 00 00", &format!("{:03X}: 00", 0x720 + u16::from(number)));
+        bench.run_for(10);
+        bench.take();
+    }
+    for number in 0..3 {
+        assert_eq!(bench.read(0x20 + number, 0x1018, 4), Some(0x1111_1111 << number));
+    }
+}
+
+#[test]
+fn noise_delays_frames_and_loses_none() {
+    let (mut bench, valve) = Bench::booted();
+    activate(&mut bench);
+    let seen = watch(&mut bench);
+    // A bit in 1000 is wrong: every tenth frame is destroyed.
+    bench.world.inject(BitErrors::one_in(1000, 7).expect("not zero"));
+    for cycle in 0..500 {
+        bench.send("220: 0F 00 00 00");
+        bench.run_for(20);
+        assert_eq!(bench.take(), ["1A0: 0F 00 00 00"], "cycle {cycle}");
+    }
+    assert!((60..140).contains(&errors(&seen)), "{}", errors(&seen));
+    bench.world.clear_injectors();
+    assert_eq!(bench.mode(valve), BusErrorMode::ErrorActive);
+    assert_eq!(bench.read(0x20, 0x1001, 0), Some(0));
+}

@@ -1,0 +1,188 @@
+//! The flash fails at any one word write or erase of an operation that stores (SPEC 4.2, 4.4, 6, 7): the client is told,
+//! the internal error is raised, the old values stay; or it went well in spite of it.
+
+use hal_sim::memory::{Flash, SECTOR, TornErase, WORD};
+use hal_sim::{Memory, NodeId};
+use protocol_core::actuator::Color;
+use protocol_core::memory::{RecordKey, seal};
+use tests::Bench;
+
+const VERSION: u8 = 1;
+
+/// A request, what it is answered with, and what when the memory fails; the record.
+const REQUESTS: [(&str, &str, &str, RecordKey); 5] = [
+    (
+        "620: 23 10 10 01 73 61 76 65",
+        "5A0: 60 10 10 01 00 00 00 00",
+        "5A0: 80 10 10 01 00 00 06 06",
+        RecordKey::Parameters,
+    ),
+    (
+        "620: 23 11 10 01 6C 6F 61 64",
+        "5A0: 60 11 10 01 00 00 00 00",
+        "5A0: 80 11 10 01 00 00 06 06",
+        RecordKey::RestoreFlag,
+    ),
+    (
+        "620: 23 11 10 05 70 6B 64 73",
+        "5A0: 60 11 10 05 00 00 00 00",
+        "5A0: 80 11 10 05 00 00 06 06",
+        RecordKey::FaultLog,
+    ),
+    (
+        "7E5: 17 00 00 00 00 00 00 00",
+        "7E4: 17 00 00 00 00 00 00 00",
+        "7E4: 17 02 00 00 00 00 00 00",
+        RecordKey::LocalLayer,
+    ),
+    ("1BC78820: 04 2E 10 01 22", "1BC408F1: 03 6E 10 01", "1BC408F1: 03 7F 2E 72", RecordKey::LocalLayer),
+];
+
+type Records = [Option<Vec<u8>>; RecordKey::ALL.len()];
+
+fn records(flash: &Flash) -> Records {
+    let image = Memory::with_flash(flash.clone()).read_image();
+    assert!(!image.is_damaged());
+    RecordKey::ALL.map(|key| image.payload(key, VERSION).expect("intact").map(<[u8]>::to_vec))
+}
+
+/// A valve that has something else to store than its memory holds: a parameter, a counter, an LSS node ID.
+fn prepared(flash: &Flash) -> (Bench, NodeId) {
+    let (mut bench, valve) = Bench::with_flash(flash.clone());
+    bench.boot(valve);
+    assert!(bench.write(0x20, (0x1800, 2, 1, 99)));
+    bench.send("7E5: 04 01 00 00 00 00 00 00");
+    bench.exchange("7E5: 11 21 00 00 00 00 00 00", "7E4: 11 00 00 00 00 00 00 00");
+    (bench, valve)
+}
+
+/// A valve with "save" done and a fault logged.
+fn stored() -> Flash {
+    let (mut bench, valve) = Bench::booted();
+    assert!(bench.write(0x20, (0x1010, 1, 4, u32::from_le_bytes(*b"save"))));
+    for internal_fault in [true, false] {
+        bench.sense(valve, |senses| senses.internal_fault = internal_fault);
+    }
+    bench.run_for(1000);
+    bench.world.memory(valve).flash().clone()
+}
+
+/// A flash so full that whatever is stored has to empty a sector.
+fn full() -> Flash {
+    let mut memory = Memory::with_flash(stored());
+    let kept = |memory: &Memory, key: RecordKey| {
+        seal(VERSION, records(memory.flash())[key.position()].as_ref().unwrap()).unwrap()
+    };
+    let (factory, layer) = (kept(&memory, RecordKey::Factory), kept(&memory, RecordKey::LocalLayer));
+    while memory.flash().words_in_use() < SECTOR / WORD - 150 {
+        memory.store(RecordKey::Factory, &factory).unwrap();
+    }
+    // Records of two lengths leave any rest.
+    for longer in 0..5 {
+        let mut memory = Memory::with_flash(memory.flash().clone());
+        for _ in 0..longer {
+            memory.store(RecordKey::Factory, &factory).unwrap();
+        }
+        loop {
+            let before = memory.flash().clone();
+            memory.store(RecordKey::LocalLayer, &layer).unwrap();
+            if memory.flash().erases() > 0 {
+                let mut shortest = Memory::with_flash(before.clone());
+                shortest.store(RecordKey::RestoreFlag, &seal(VERSION, &[1]).unwrap()).unwrap();
+                if shortest.flash().erases() > 0 {
+                    return before;
+                }
+                break;
+            }
+        }
+    }
+    panic!("no such flash");
+}
+
+/// Every failure of one request; how many were told, and how many did no harm.
+fn fail_everywhere(flash: &Flash, (request, done, failed, key): (&str, &str, &str, RecordKey)) -> (u32, u32) {
+    let before = records(flash);
+    let (mut told, mut harmless) = (0, 0);
+    for failure in 0.. {
+        let (mut bench, valve) = prepared(flash);
+        let flash = bench.world.memory_mut(valve).flash_mut();
+        flash.set_torn_erase(TornErase::ALL[failure as usize % 5]);
+        flash.seed_noise(failure);
+        flash.fail_once_after(failure);
+        let operations = flash.word_writes() + flash.erases();
+        bench.send(request);
+        bench.run_for(100);
+        let heard = bench.take();
+        let found = records(bench.world.memory(valve).flash());
+        let what = format!("{request}, failure {failure}: {heard:?}");
+        if heard == [done] {
+            let others = |records: &Records| {
+                let mut others = records.clone();
+                others[key.position()] = None;
+                others
+            };
+            assert!(found[key.position()] != before[key.position()] && others(&found) == others(&before), "{what}");
+            let flash = bench.world.memory(valve).flash();
+            if flash.word_writes() + flash.erases() - operations < failure {
+                return (told, harmless);
+            }
+            harmless += 1;
+            continue;
+        }
+        assert!(heard.len() == 2 && heard.contains(&failed.to_owned()), "{what}");
+        assert!(heard.iter().any(|frame| frame.starts_with("0A0: 00 10 01 02")), "{what}");
+        assert!(found == before, "{what}");
+        assert_eq!(bench.outputs(valve).led.color, Color::Red, "{what}");
+        told += 1;
+        // Asked again, all is well.
+        bench.send(request);
+        bench.run_for(100);
+        let heard = bench.take();
+        assert!(heard.contains(&done.to_owned()), "{what}, then {heard:?}");
+        assert!(heard.contains(&"0A0: 00 00 00 00 00 00 00 00".to_owned()), "{what}, then {heard:?}");
+        let found = records(bench.world.memory(valve).flash());
+        assert!(found[key.position()] != before[key.position()], "{what}");
+    }
+    unreachable!("it ends when nothing fails")
+}
+
+#[test]
+fn a_failure_at_any_write_of_a_request() {
+    let flash = stored();
+    for request in REQUESTS {
+        let (told, harmless) = fail_everywhere(&flash, request);
+        assert!(told >= 4, "{told} told, {harmless} harmless, {request:?}");
+    }
+}
+
+#[test]
+fn a_failure_at_any_write_or_erase_of_a_request_that_empties_a_sector() {
+    let flash = full();
+    for request in REQUESTS {
+        let (told, harmless) = fail_everywhere(&flash, request);
+        assert!(told >= 50, "{told} told, {harmless} harmless, {request:?}");
+    }
+}
+
+#[test]
+fn a_memory_that_takes_nothing() {
+    for (request, done, failed, _) in REQUESTS {
+        let (mut bench, valve) = prepared(&stored());
+        let image = bench.world.memory(valve).flash().image().to_vec();
+        bench.world.memory_mut(valve).set_write_fails(true);
+        bench.send(request);
+        bench.run_for(100);
+        assert!(bench.take().contains(&failed.to_owned()), "{request}");
+        assert!(bench.world.memory(valve).flash().image() == image, "{request}");
+        // The fault itself cannot be logged either, and is told once for all that.
+        bench.run_for(30_000);
+        assert_eq!(bench.take(), [""; 0], "{request}");
+        // A start finds the old values, and no fault: nothing is damaged.
+        bench.world.power(valve, false);
+        assert_eq!(bench.boot(valve), ["720: 00", "0A0: 00 00 00 00 00 00 00 00"], "{request}");
+        assert_eq!(bench.read(0x20, 0x1800, 2), Some(0xFF), "{request}");
+        bench.world.memory_mut(valve).set_write_fails(false);
+        bench.send("7E5: 04 01 00 00 00 00 00 00");
+        bench.exchange(request, done);
+    }
+}
