@@ -5,6 +5,7 @@ Nothing sleeps: every wait is for a frame, with a time limit.
 
 import contextlib
 import faulthandler
+import logging
 import queue
 import struct
 import sys
@@ -20,59 +21,91 @@ PATIENCE = 10
 LIFE = 90
 
 NODE_ID = 0x20
+#: The address that a UDS tester has.
+TESTER = 0xF1
 BOOT_UP = bytes([0])
 NO_ERROR = bytes(8)
 INIT, DISABLED, HOLD, ACTIVE, FAULT_HOLD = 0x08, 0x09, 0x0B, 0x0F, 0x03
 FLOAT = 32767
+#: SDO abort codes.
+UNKNOWN_COMMAND, READ_ONLY, NO_OBJECT, NO_SUB = 0x05040001, 0x06010002, 0x06020000, 0x06090011
+NOT_MAPPABLE, MAPPING_TOO_LONG = 0x06040041, 0x06040042
+TOO_LONG, TOO_SHORT = 0x06070012, 0x06070013
+INVALID, TOO_HIGH, TOO_LOW = 0x06090030, 0x06090031, 0x06090032
+CANNOT_STORE, WRONG_STATE, NO_DATA = 0x08000020, 0x08000022, 0x08000024
 #: Period of the cyclic set-point, seconds: well inside the time guard of 250 ms.
 CYCLE = 0.05
 
 U8, U16, U32 = datatypes.UNSIGNED8, datatypes.UNSIGNED16, datatypes.UNSIGNED32
 I8, I16, TEXT = datatypes.INTEGER8, datatypes.INTEGER16, datatypes.VISIBLE_STRING
 
-#: Objects of the valve: index, name, and its type, or the types of its sub-indices from 0 on (docs/behaviour.md, 4.1).
-OBJECTS = [
-    (0x1000, "device type", U32),
-    (0x1001, "error register", U8),
-    (0x1003, "error history", [U8] + 8 * [U32]),
-    (0x1005, "COB-ID SYNC", U32),
-    (0x100A, "software version", TEXT),
-    (0x1017, "heartbeat time", U16),
-    (0x1018, "identity", [U8] + 4 * [U32]),
-    (0x1400, "RPDO parameter", [U8, U32, U8]),
-    (0x1600, "RPDO mapping", [U8] + 8 * [U32]),
-    (0x1800, "TPDO parameter", [U8, U32, U8]),
-    (0x1A00, "TPDO mapping", [U8] + 8 * [U32]),
-    (0x2023, "time guarding", U8),
-    (0x3300, "set-point 8", I8),
-    (0x3301, "actual value 8", I8),
-    (0x3302, "actual value inverted", I8),
-    (0x3303, "set-point 16", I16),
-    (0x3304, "actual value 16", I16),
-    (0x6040, "control word", U16),
-    (0x6041, "status word", U16),
-    (0x6042, "device mode", I8),
-    (0x6053, "description", TEXT),
-    (0x6300, "set-point", [U8, I16]),
-    (0x6301, "actual value", [U8, I16]),
-]
+TYPES = {
+    "u8": datatypes.UNSIGNED8,
+    "u16": datatypes.UNSIGNED16,
+    "u32": datatypes.UNSIGNED32,
+    "i8": datatypes.INTEGER8,
+    "i16": datatypes.INTEGER16,
+    "text": datatypes.VISIBLE_STRING,
+}
+MAPPING = ["u8 rw"] + 8 * ["u32 rw"]
+
+#: Objects of the valve: name, and type and access; for a record those of its sub-indices (docs/behaviour.md, 4.1).
+OBJECTS = {
+    0x1000: ("device type", "u32 ro"),
+    0x1001: ("error register", "u8 ro"),
+    0x1003: ("error history", ["u8 rw"] + 8 * ["u32 ro"]),
+    0x1005: ("COB-ID SYNC", "u32 rw"),
+    0x100A: ("software version", "text ro"),
+    0x1010: ("store", ["u8 ro", "u32 rw"]),
+    0x1011: ("restore", {0: "u8 ro", 1: "u32 rw", 5: "u32 rw"}),
+    0x1014: ("COB-ID EMCY", "u32 ro"),
+    0x1017: ("heartbeat time", "u16 rw"),
+    0x1018: ("identity", ["u8 ro"] + 4 * ["u32 ro"]),
+    0x1028: ("emergency consumer", ["u8 ro", "u32 rw"]),
+    0x1400: ("RPDO parameter", ["u8 ro", "u32 rw", "u8 rw"]),
+    0x1600: ("RPDO mapping", MAPPING),
+    0x1800: ("TPDO parameter", ["u8 ro", "u32 rw", "u8 rw"]),
+    0x1A00: ("TPDO mapping", MAPPING),
+    0x2001: ("supply too high", "u8 ro"),
+    0x2002: ("supply too low", "u8 ro"),
+    0x200F: ("temperature", "u8 ro"),
+    0x2019: ("CAN bus", "u8 ro"),
+    0x201D: ("spool", "u8 ro"),
+    0x2023: ("time guarding", "u8 ro"),
+    0x2024: ("internal error", "u8 ro"),
+    0x2040: ("internal error, again", "u8 ro"),
+    0x3300: ("set-point 8", "i8 rw"),
+    0x3301: ("actual value 8", "i8 ro"),
+    0x3302: ("actual value inverted", "i8 ro"),
+    0x3303: ("set-point 16", "i16 rw"),
+    0x3304: ("actual value 16", "i16 ro"),
+    0x6040: ("control word", "u16 rw"),
+    0x6041: ("status word", "u16 ro"),
+    0x6042: ("device mode", "i8 rw"),
+    0x6052: ("serial number", "text ro"),
+    0x6053: ("description", "text rw"),
+    0x605F: ("capability", "u32 ro"),
+    0x6300: ("set-point", ["u8 ro", "i16 rw"]),
+    0x6301: ("actual value", ["u8 ro", "i16 ro"]),
+}
 
 
 def object_dictionary():
-    def variable(name, index, sub, data_type):
+    def variable(name, index, sub, kind):
         entry = ODVariable(name, index, sub)
-        entry.data_type = data_type
+        data_type, entry.access_type = kind.split()
+        entry.data_type = TYPES[data_type]
         return entry
 
     dictionary = ObjectDictionary()
-    for index, name, types in OBJECTS:
-        if isinstance(types, list):
-            record = ODRecord(name, index)
-            for sub, data_type in enumerate(types):
-                record.add_member(variable(f"{name} {sub}", index, sub, data_type))
-            dictionary.add_object(record)
-        else:
-            dictionary.add_object(variable(name, index, 0, types))
+    for index, (name, kinds) in OBJECTS.items():
+        if isinstance(kinds, str):
+            dictionary.add_object(variable(name, index, 0, kinds))
+            continue
+        record = ODRecord(name, index)
+        for sub, kind in kinds.items() if isinstance(kinds, dict) else enumerate(kinds):
+            record.add_member(variable(f"{name} {sub}", index, sub, kind))
+        dictionary.add_object(record)
     return dictionary
 
 
@@ -85,13 +118,22 @@ class Heard(can.Listener):
     def on_message_received(self, message):
         self.frames.put(message)
 
+    def all(self):
+        """What was heard so far."""
+        heard = []
+        while not self.frames.empty():
+            heard.append(self.frames.get())
+        return heard
+
     def forget(self):
         """Drops what was heard so far."""
-        while not self.frames.empty():
-            self.frames.get()
+        self.all()
 
-    def expect(self, cob_id, wanted):
-        """The next frame with this identifier whose data are `wanted`, or satisfy it; drops what comes before."""
+    def expect(self, cob_id, wanted, without=()):
+        """The next frame with this identifier whose data are `wanted`, or satisfy it; drops what comes before.
+
+        Nothing with an identifier of `without` may come before.
+        """
         matches = wanted if callable(wanted) else lambda data: data == wanted
         deadline = time.monotonic() + PATIENCE
         missed = []
@@ -101,8 +143,9 @@ class Heard(can.Listener):
             except queue.Empty:
                 raise AssertionError(f"no {cob_id:03X} as wanted ({wanted}); last heard: {missed[-8:]}") from None
             data = bytes(frame.data)
-            if frame.arbitration_id == cob_id and not frame.is_extended_id and matches(data):
+            if frame.arbitration_id == cob_id and frame.is_extended_id == (cob_id > 0x7FF) and matches(data):
                 return frame
+            assert frame.arbitration_id not in without, f"{frame} before {cob_id:03X}"
             missed.append(f"{frame.arbitration_id:03X}#{data.hex()}")
 
 
@@ -110,10 +153,13 @@ class Valve:
     """A network at the valve's bus."""
 
     def __init__(self, host, port, channel):
+        self.address = {"interface": "socketcand", "host": host, "port": int(port), "channel": channel}
         self.heard = Heard()
         self.network = canopen.Network()
+        # how long the end of the connection waits for its reader
+        self.network.NOTIFIER_CYCLE = 0.1
         self.network.listeners.append(self.heard)
-        self.network.connect(interface="socketcand", host=host, port=int(port), channel=channel)
+        self.network.connect(**self.address)
         self.network.lss.RESPONSE_TIMEOUT = PATIENCE
         self.node = self.at(NODE_ID)
 
@@ -134,6 +180,19 @@ class Valve:
         self.heard.expect(0x700 + node.id, BOOT_UP)
         self.heard.expect(0x080 + node.id, NO_ERROR)
 
+    def until_now(self):
+        """All that the valve has had to say to what was sent before: identifiers of the frames heard since `forget`.
+
+        UDS is answered in every NMT state. Twice, as heartbeats and LSS let the first answer go before them.
+        """
+        answer = 0x1BC00000 | self.node.id << 11 | TESTER
+        heard = []
+        for times in (1, 2):
+            self.network.send_message(0x1BC00000 | TESTER << 11 | self.node.id, bytes.fromhex("03 22 F0 10"))
+            while heard.count(answer) < times:
+                heard.append(self.heard.frames.get(timeout=PATIENCE).arbitration_id)
+        return [cob_id for cob_id in heard if cob_id != answer]
+
     def command(self, control_word, set_point=0):
         """Sends one RPDO."""
         rpdo = self.node.rpdo[1]
@@ -141,13 +200,15 @@ class Valve:
         rpdo[0x6300].raw = set_point
         rpdo.transmit()
 
-    def expect_status(self, status, position=None):
+    def expect_status(self, status, position=None, node=None):
         """Waits for a TPDO with this status word, and this position."""
+        node = node or self.node
+
         def as_wanted(data):
             seen = struct.unpack("<Hh", data)
             return seen[0] == status and position in (None, seen[1])
 
-        return self.heard.expect(0x180 + self.node.id, as_wanted)
+        return self.heard.expect(0x180 + node.id, as_wanted)
 
     def boot_to_active(self):
         """Use case 1 of the manual; leaves the cyclic set-point 0 running."""
@@ -162,15 +223,41 @@ class Valve:
         self.node.rpdo[1].start(CYCLE)
 
 
+class Complaints(logging.Handler):
+    """What python-can finds wrong with what it gets. A message that comes in two reads is in order."""
+
+    def __init__(self):
+        super().__init__(logging.WARNING)
+        self.texts = []
+        self.addFilter(lambda record: not record.getMessage().startswith("Got incomplete message"))
+
+    def emit(self, record):
+        self.texts.append(record.getMessage())
+
+
 @contextlib.contextmanager
 def connected():
     """The valve at HOST PORT CHANNEL of the command line."""
     faulthandler.dump_traceback_later(LIFE, exit=True)
+    complaints = Complaints()
+    logging.getLogger("can").addHandler(complaints)
     valve = Valve(*sys.argv[1:4])
     try:
         yield valve
     finally:
         valve.network.disconnect()
+    equal("complaints of python-can", complaints.texts, [])
+
+
+@contextlib.contextmanager
+def aborted(code):
+    """What is done in here is answered with this abort code."""
+    try:
+        yield
+    except canopen.SdoAbortedError as abort:
+        equal("abort code", f"{abort.code:08X}", f"{code:08X}")
+    else:
+        raise AssertionError(f"not aborted with {code:08X}")
 
 
 def equal(what, seen, wanted):

@@ -68,6 +68,14 @@ impl Memory {
         Ok(memory)
     }
 
+    /// Whether [`in_file`](Self::in_file) would take `dir/name.nvm` for this kind; changes nothing.
+    ///
+    /// # Errors
+    /// When the file belongs to a device of another kind, or cannot be read.
+    pub fn check_file(dir: &Path, name: &str, kind: u32) -> Result<(), StateFileError> {
+        StateFile::open(dir, name, kind).map(drop)
+    }
+
     /// Everything stored, as a device finds it when it starts.
     ///
     /// A memory that cannot be read as a whole is put aside and erased, so that it can be written again; the image says

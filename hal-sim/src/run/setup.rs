@@ -19,6 +19,10 @@ pub(super) fn world(options: &RunOptions) -> Result<(World, Vec<String>), RunErr
     let mut warnings = Vec::new();
     if let Some(dir) = &options.state {
         fs::create_dir_all(dir).map_err(|source| RunError::File { path: dir.clone(), source })?;
+        // All of them before any is made or put aside: what is refused leaves nothing behind.
+        for device in &options.devices {
+            Memory::check_file(dir, &device.name, device.kind.number()).map_err(|error| refusal(error, device))?;
+        }
     }
     for device in &options.devices {
         let mut memory = match &options.state {
@@ -38,12 +42,16 @@ pub(super) fn explainer(options: &RunOptions) -> Explainer {
 }
 
 fn stored(dir: &Path, device: &NamedDevice) -> Result<Memory, RunError> {
-    Memory::in_file(dir, &device.name, device.kind.number()).map_err(|error| match error {
+    Memory::in_file(dir, &device.name, device.kind.number()).map_err(|error| refusal(error, device))
+}
+
+fn refusal(error: StateFileError, device: &NamedDevice) -> RunError {
+    match error {
         StateFileError::OtherKind { path, found, .. } => RunError::OtherKind {
             path,
             found: Kind::from_number(found).map_or("an unknown kind".to_owned(), |kind| format!("a {kind}")),
             expected: device.kind.name(),
         },
         error => error.into(),
-    })
+    }
 }

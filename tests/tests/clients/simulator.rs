@@ -1,6 +1,4 @@
-//! Unmodified python-canopen, over python-can's socketcand interface, against the `pve-sim` process that users run.
-//!
-//! `./test` makes the virtual environment `.venv` with the clients; the scripts are in `tests/clients/`.
+//! The `pve-sim` process that users run, and the scripts that are run against it.
 
 use std::env;
 use std::ffi::OsStr;
@@ -18,7 +16,7 @@ use rustix::process::{Pid, Signal, kill_process};
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// The binary beside this test's own, built afresh: a test of a stale one would say nothing.
-static PVE_SIM: LazyLock<PathBuf> = LazyLock::new(|| {
+pub(crate) static PVE_SIM: LazyLock<PathBuf> = LazyLock::new(|| {
     let test = env::current_exe().expect("the test knows its own path");
     let profile = test.parent().and_then(Path::parent).expect("tests lie in target/<profile>/deps");
     let mut build = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
@@ -35,7 +33,7 @@ fn root() -> PathBuf {
 }
 
 /// A running `pve-sim` on a port of its own.
-struct Simulator {
+pub(crate) struct Simulator {
     process: Child,
     address: [String; 3],
     output: Arc<Mutex<String>>,
@@ -43,8 +41,19 @@ struct Simulator {
 }
 
 impl Simulator {
-    fn start<S: AsRef<OsStr>>(arguments: &[S]) -> Self {
-        let mut process = Command::new(&*PVE_SIM)
+    pub(crate) fn start<S: AsRef<OsStr>>(arguments: &[S]) -> Self {
+        Self::spawn(Command::new(&*PVE_SIM), arguments)
+    }
+
+    /// One that has fewer file descriptors than impolite clients take.
+    pub(crate) fn start_with_few_descriptors() -> Self {
+        let mut shell = Command::new("sh");
+        shell.args(["-c", "ulimit -n 64 && exec \"$0\" \"$@\""]).arg(&*PVE_SIM);
+        Self::spawn::<&str>(shell, &[])
+    }
+
+    fn spawn<S: AsRef<OsStr>>(mut command: Command, arguments: &[S]) -> Self {
+        let mut process = command
             .args(["run", "--bus", "socketcand://127.0.0.1:0/pve0", "--no-http"])
             .args(arguments)
             .stdin(Stdio::null())
@@ -70,13 +79,13 @@ impl Simulator {
         let mut simulator = Self { process, address: Default::default(), output, ended };
         let line = first_line.recv_timeout(PATIENCE).expect("pve-sim says that it is ready");
         simulator.address = address(&line).unwrap_or_else(|| {
-            panic!("the first line is no ready line: {line:?}\n{}", simulator.output.lock().unwrap());
+            panic!("the first line is no ready line: {line:?}\n{}", simulator.said());
         });
         simulator
     }
 
     /// Runs a script against it, and shows all there is to see when it fails.
-    fn serve(&self, script: &str, arguments: &[&str]) {
+    pub(crate) fn serve(&self, script: &str, arguments: &[&str]) {
         let python = env::var_os("CLIENTS_PYTHON").map_or_else(|| root().join(".venv/bin/python"), PathBuf::from);
         let run = Command::new(&python)
             .arg(root().join("tests/clients").join(script))
@@ -91,17 +100,22 @@ impl Simulator {
             run.status,
             String::from_utf8_lossy(&run.stdout),
             String::from_utf8_lossy(&run.stderr),
-            self.output.lock().unwrap(),
+            self.said(),
         );
     }
 
     /// Ends it as a user does, and sees it end well.
-    fn terminate(mut self) {
+    pub(crate) fn terminate(mut self) {
         let pid = Pid::from_child(&self.process);
         kill_process(pid, Signal::TERM).expect("it still runs");
         self.ended.recv_timeout(PATIENCE).expect("SIGTERM ends it");
         let status = self.process.wait().expect("it is our child");
-        assert!(status.success(), "SIGTERM: {status}\n{}", self.output.lock().unwrap());
+        assert!(status.success(), "SIGTERM: {status}\n{}", self.said());
+    }
+
+    /// Its trace, and what it wrote to stderr.
+    fn said(&self) -> String {
+        self.output.lock().unwrap().clone()
     }
 }
 
@@ -134,44 +148,4 @@ fn collect(source: impl Read + Send + 'static, output: &Arc<Mutex<String>>) {
             append(&output, &line);
         }
     });
-}
-
-const NO_ARGUMENTS: [&str; 0] = [];
-
-#[test]
-fn boots_goes_active_and_moves_the_spool() {
-    let simulator = Simulator::start(&NO_ARGUMENTS);
-    simulator.serve("boot.py", &["11149437"]);
-    simulator.terminate();
-}
-
-#[test]
-fn falls_into_fault_hold_without_set_points_and_comes_back() {
-    let simulator = Simulator::start(&NO_ARGUMENTS);
-    simulator.serve("fault.py", &[]);
-    simulator.terminate();
-}
-
-#[test]
-fn what_was_stored_outlives_the_process() {
-    let state = tempfile::tempdir().expect("a directory for the state");
-    for phase in ["store", "found", "restored"] {
-        let simulator = Simulator::start(&[OsStr::new("--state"), state.path().as_os_str()]);
-        simulator.serve("store.py", &[phase]);
-        simulator.terminate();
-    }
-}
-
-#[test]
-fn takes_another_node_id_by_lss() {
-    let simulator = Simulator::start(&NO_ARGUMENTS);
-    simulator.serve("lss.py", &[]);
-    simulator.terminate();
-}
-
-#[test]
-fn a_blank_valve_is_found_by_fast_scan() {
-    let simulator = Simulator::start(&["--device", "pvea-canopen,blank"]);
-    simulator.serve("scan.py", &[]);
-    simulator.terminate();
 }

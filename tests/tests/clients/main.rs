@@ -1,0 +1,130 @@
+//! Unmodified python-canopen, over python-can's socketcand interface, against the `pve-sim` process that users run.
+//!
+//! `./test` makes the virtual environment `.venv` with the clients; the scripts are in `tests/clients/`, one subject each.
+
+mod command_line;
+mod simulator;
+
+use std::ffi::OsStr;
+
+use simulator::Simulator;
+
+/// A quarter of the speed of the wall clock, for valves that are kept active: a client that the machine does not let run
+/// for a while is not to be taken for one that has stopped.
+const UNHURRIED: [&str; 2] = ["--speed", "0.25"];
+
+/// Runs a script against a simulator of its own, and sees that end well.
+fn serve(script: &str, options: &[&str]) {
+    let simulator = Simulator::start(options);
+    simulator.serve(script, &[]);
+    simulator.terminate();
+}
+
+#[test]
+fn boots_goes_active_and_moves_the_spool() {
+    let simulator = Simulator::start(&UNHURRIED);
+    simulator.serve("boot.py", &["11149437"]);
+    simulator.terminate();
+}
+
+#[test]
+fn falls_into_fault_hold_without_set_points_and_comes_back() {
+    serve("fault.py", &UNHURRIED);
+}
+
+#[test]
+fn every_object_is_read_and_written() {
+    serve("objects.py", &[]);
+}
+
+#[test]
+fn pdos_are_remapped_in_both_orders() {
+    serve("mapping.py", &[]);
+}
+
+#[test]
+fn pdos_follow_sync() {
+    serve("sync.py", &[]);
+}
+
+#[test]
+fn emergencies_are_logged_and_consumed() {
+    serve("emcy.py", &UNHURRIED);
+}
+
+#[test]
+fn every_nmt_command() {
+    serve("nmt.py", &[]);
+}
+
+#[test]
+fn heartbeats() {
+    serve("heartbeat.py", &[]);
+}
+
+#[test]
+fn what_was_stored_outlives_the_process() {
+    let state = tempfile::tempdir().expect("a directory for the state");
+    for phase in ["store", "found", "restored"] {
+        let simulator = Simulator::start(&[OsStr::new("--state"), state.path().as_os_str()]);
+        simulator.serve("store.py", &[phase]);
+        simulator.terminate();
+    }
+}
+
+#[test]
+fn takes_another_node_id_by_lss() {
+    serve("lss.py", &[]);
+}
+
+#[test]
+fn takes_another_bit_rate_by_lss() {
+    let state = tempfile::tempdir().expect("a directory for the state");
+    let state = state.path().to_str().expect("text");
+    // Without an option the bus has the rate of the valve, as if the master had found it out.
+    for (phase, rate) in
+        [("activate", None), ("forgotten", None), ("deaf", Some("250k")), ("found", Some("500k")), ("found", None)]
+    {
+        let rate = rate.map_or_else(Vec::new, |rate| vec!["--bit-rate", rate]);
+        let simulator = Simulator::start(&[&["--state", state], &rate[..]].concat());
+        simulator.serve("bit_timing.py", &[phase]);
+        simulator.terminate();
+    }
+}
+
+#[test]
+fn a_blank_valve_is_found_by_fast_scan() {
+    serve("scan.py", &["--device", "pvea-canopen,blank"]);
+}
+
+#[test]
+fn several_valves_on_one_bus() {
+    let devices = [
+        "--device",
+        "pvea-canopen@0x05,serial=0x101",
+        "--device",
+        "pvea-canopen@0x20,serial=0x102,name=boom",
+        "--device",
+        "pveo-canopen@0x7F,serial=0x103",
+        "--device",
+        "pvea-canopen,blank,serial=0x104",
+    ];
+    serve("several.py", &[&devices[..], &UNHURRIED].concat());
+}
+
+#[test]
+fn many_clients_at_once() {
+    serve("crowd.py", &[]);
+}
+
+#[test]
+fn clients_that_die_disturb_nobody() {
+    let simulator = Simulator::start_with_few_descriptors();
+    simulator.serve("dying.py", &[]);
+    simulator.terminate();
+}
+
+#[test]
+fn a_logger_only_listens() {
+    serve("logger.py", &[]);
+}
