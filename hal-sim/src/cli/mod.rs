@@ -32,7 +32,7 @@ Examples:
   pve-sim --device pvea-canopen@0x20 --device pveo-canopen@0x21,name=boom --bit-rate 250k
   pve-sim --device pvea-isobus@0x83 --device pvea-canopen@0x20
   pve-sim --device pvea-canopen,blank --state memory --log frames.log
-  pve-sim use-case all
+  pve-sim use-case isobus
 
 SIGINT and SIGTERM end it; everything stored, exit 0.
 Exit codes: 1 a port in use, a file that cannot be opened, a state file of another kind, a use case that differs;
@@ -65,10 +65,11 @@ struct Cli {
 enum Command {
     /// A stand-in device, or several, on a bus (the default command)
     Run(Box<RunArgs>),
-    /// Plays the manual's use cases in virtual time, each frame with what it means; exit 1 if any frame differs
+    /// Plays the manual's use cases, or a valve on ISOBUS, in virtual time, each frame with what it means; exit 1 if any
+    /// frame differs
     UseCase {
         /// Which one, or all
-        #[arg(value_name = "1-6|all", value_parser = use_cases)]
+        #[arg(value_name = "1-6|isobus|all", value_parser = use_cases)]
         which: UseCases,
     },
 }

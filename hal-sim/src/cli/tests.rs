@@ -200,8 +200,8 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ("run --colour", "unexpected argument '--colour' found; accepted: --device"),
         ("walk", "unrecognized subcommand 'walk'; accepted: run, use-case"),
         ("run walk", "unexpected argument 'walk' found; accepted: run"),
-        ("use-case 7", "no such use case; accepted: 1, 2, 3, 4, 5, 6, all"),
-        ("use-case", "the following required arguments were not provided: <1-6|all>"),
+        ("use-case 7", "no such use case; accepted: 1, 2, 3, 4, 5, 6, isobus, all"),
+        ("use-case", "the following required arguments were not provided: <1-6|isobus|all>"),
         ("--seed 3 run", "give the options after the command"),
     ];
     for (line, expected) in cases {
@@ -218,7 +218,8 @@ fn use_cases_one_or_all() {
         other => panic!("{line}: {other:?}"),
     };
     assert_eq!(names("use-case 3"), ["3"]);
-    assert_eq!(names("use-case all"), ["1", "2", "3", "4", "5", "6"]);
+    assert_eq!(names("use-case all"), ["1", "2", "3", "4", "5", "6", "isobus"]);
+    assert_eq!(names("use-case isobus"), ["isobus"]);
 }
 
 #[test]

@@ -3,7 +3,8 @@
 use protocol_core::controller::BitRate;
 use protocol_core::device::pve::Kind;
 
-use super::script::Step::{Cycle, Cyclic, Expect, ExpectPosition, MasterBitRate, Note, PowerCycle, Send, Supply, Wait};
+use super::plant::Plant;
+use super::script::Step::{Cycle, Cyclic, Expect, ExpectPosition, MasterBitRate, Note, PowerCycle, Send, Wait};
 use super::script::{Position, Step, UseCase, Valve};
 
 const fn valve(node_id: u8) -> Valve {
@@ -80,7 +81,7 @@ const FAULT_AND_BACK: &[Step] = &[
     Expect("1A0: 0F 00 00 10", "ACTIVE, spool at 25 %"),
     Cycle(50),
     Note("The supply drops to 8.5 V and stays there for 2 s"),
-    Supply(8_500),
+    Step::Plant(Plant::SupplyMv(8_500)),
     Cycle(100),
     Cyclic(
         20,
@@ -93,7 +94,7 @@ const FAULT_AND_BACK: &[Step] = &[
     Send("220: 0F 00 00 10", "control word 0x000F, set-point 4096 (25 %)"),
     Expect("1A0: 03 00 00 00", "FAULT_HOLD, the springs have returned the spool to neutral"),
     Note("1. The supply is good again"),
-    Supply(24_000),
+    Step::Plant(Plant::SupplyMv(24_000)),
     Expect("0A0: 00 00 00 00 00 00 00 00", "EMCY: no error"),
     Note("2. The two reset messages"),
     Cycle(100),

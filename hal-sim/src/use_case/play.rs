@@ -6,6 +6,7 @@ use protocol_core::controller::BitRate;
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, after, since};
 
+use super::plant::Plant;
 use super::script::{Position, Step, UseCase};
 
 /// Where a use case can be played: valves on a bus, and a master that is told what to send.
@@ -16,10 +17,8 @@ pub trait Bench {
     fn send(&mut self, frame: Frame);
     /// The next frame of a valve, as soon as it comes, at the latest at `until`.
     fn receive(&mut self, until: Instant) -> Option<Frame>;
-    /// Lets time pass until `until`.
-    fn wait(&mut self, until: Instant);
-    /// Changes the supply of all valves.
-    fn set_supply(&mut self, millivolt: u32);
+    /// Changes what acts on all valves from outside.
+    fn set_plant(&mut self, plant: Plant);
     /// The master changes its bit rate.
     fn set_bit_rate(&mut self, bit_rate: BitRate);
     /// The present instant.
@@ -47,7 +46,7 @@ impl fmt::Display for Deviation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.expected {
             Some(expected) => write!(f, "expected {expected} ({})", self.meaning)?,
-            None => write!(f, "expected no more frames")?,
+            None => write!(f, "expected no frame")?,
         }
         match &self.received {
             Some(frame) => write!(f, ", received {frame}"),
@@ -63,22 +62,36 @@ impl std::error::Error for Deviation {}
 /// # Errors
 /// [`Deviation`] at the first frame that differs from the manual's.
 pub fn play(case: &UseCase, bench: &mut impl Bench, print: &mut dyn FnMut(&str)) -> Result<(), Deviation> {
-    let mut player = Player { bench, print, last_sent: Instant::from_ticks(0) };
-    (player.print)(&format!("use case {}: {}", case.name, case.title));
+    let last_sent = bench.now();
+    let mut player = Player { bench, print, last_sent, cyclic: None, steady: None, again: Vec::new() };
+    player.line(&format!("use case {}: {}", case.name, case.title));
     for step in case.steps {
         player.step(step)?;
     }
-    let end = after(player.bench.now(), QUIET);
-    match player.bench.receive(end) {
-        None => Ok(()),
-        Some(frame) => Err(Deviation { expected: None, received: Some(frame), meaning: "" }),
-    }
+    player.wait(after(player.bench.now(), QUIET))
+}
+
+/// The frame that the master sends in a cycle.
+#[derive(Clone, Copy, Debug)]
+struct Cyclic {
+    frame: Frame,
+    meaning: &'static str,
+    period: Duration,
+    /// When it is its turn.
+    due: Instant,
+    /// How often it was sent, since it is this frame.
+    sent: u32,
 }
 
 struct Player<'a, B> {
     bench: &'a mut B,
     print: &'a mut dyn FnMut(&str),
     last_sent: Instant,
+    cyclic: Option<Cyclic>,
+    /// The frame that may come again at any time.
+    steady: Option<Frame>,
+    /// Cyclic frames that went or came once more, and how often: not printed yet.
+    again: Vec<(Frame, u32)>,
 }
 
 impl<B: Bench> Player<'_, B> {
@@ -87,25 +100,43 @@ impl<B: Bench> Player<'_, B> {
             Step::Note(text) => self.line(&format!("-- {text}")),
             Step::PowerCycle => {
                 self.line("-- power-up");
+                self.steady = None;
                 self.bench.power_cycle();
             }
             Step::Send(text, meaning) => self.send(text, meaning),
             Step::Expect(text, meaning) => self.expect(text, meaning)?,
             Step::ExpectPosition(text, position, meaning) => self.expect_position(text, position, meaning)?,
-            Step::Cycle(ms) => self.bench.wait(after(self.last_sent, Duration::from_millis(ms))),
-            Step::Wait(ms) => self.bench.wait(after(self.bench.now(), Duration::from_millis(ms))),
+            Step::Steady(text, meaning) => {
+                self.expect(text, meaning)?;
+                self.steady = Some(parse(text));
+            }
+            Step::Unsteady => self.steady = None,
+            Step::Cycle(ms) => self.wait(after(self.last_sent, Duration::from_millis(ms)))?,
+            Step::Wait(ms) => self.wait(after(self.bench.now(), Duration::from_millis(ms)))?,
             Step::Cyclic(count, period, request, answer) => {
                 for cycle in 0..count {
                     if cycle > 0 {
-                        self.bench.wait(after(self.last_sent, Duration::from_millis(period)));
+                        self.wait(after(self.last_sent, Duration::from_millis(period)))?;
                     }
                     self.send(request.0, request.1);
                     self.expect(answer.0, answer.1)?;
                 }
             }
-            Step::Supply(millivolt) => {
-                self.line(&format!("-- supply {}.{} V", millivolt / 1000, millivolt % 1000 / 100));
-                self.bench.set_supply(millivolt);
+            Step::Repeat(period, text, meaning) => {
+                let due = self.cyclic.map_or(self.bench.now(), |cyclic| cyclic.due);
+                let period = Duration::from_millis(period);
+                self.cyclic = Some(Cyclic { frame: parse(text), meaning, period, due, sent: 0 });
+            }
+            Step::Cycles(count) => {
+                for _ in 0..count {
+                    let due = self.cyclic.map_or(self.bench.now(), |cyclic| cyclic.due);
+                    self.wait(due)?;
+                }
+            }
+            Step::Pause => self.cyclic = None,
+            Step::Plant(plant) => {
+                self.line(&format!("-- plant: {plant}"));
+                self.bench.set_plant(plant);
             }
             Step::MasterBitRate(bit_rate) => {
                 self.line(&format!("-- the master goes to {} kbit/s", bit_rate.bits_per_second() / 1000));
@@ -122,11 +153,27 @@ impl<B: Bench> Player<'_, B> {
         self.bench.send(frame);
     }
 
+    /// It is the turn of the master's cyclic frame.
+    fn send_cyclic(&mut self) {
+        let Some(cyclic) = &mut self.cyclic else { return };
+        cyclic.due = after(cyclic.due, cyclic.period);
+        cyclic.sent += 1;
+        let Cyclic { frame, meaning, period, sent, .. } = *cyclic;
+        if sent == 1 {
+            self.frame("->", &frame, &format!("{meaning}; every {} ms", period.as_millis()));
+        } else {
+            self.count(frame);
+        }
+        self.last_sent = self.bench.now();
+        self.bench.send(frame);
+    }
+
     fn expect(&mut self, text: &str, meaning: &'static str) -> Result<(), Deviation> {
         let expected = parse(text);
-        let received = self.receive();
+        let received = self.receive(Some(expected), self.patience());
         if received == Some(expected) {
             self.frame("<-", &expected, meaning);
+            self.steady.take_if(|steady| steady.id() == expected.id());
             return Ok(());
         }
         Err(Deviation { expected: Some(expected.to_string()), received, meaning })
@@ -139,7 +186,7 @@ impl<B: Bench> Player<'_, B> {
         meaning: &'static str,
     ) -> Result<(), Deviation> {
         let head = parse(text);
-        let received = self.receive();
+        let received = self.receive(None, self.patience());
         let near = received.is_some_and(|frame| {
             let (start, rest) = frame.data().split_at(frame.data().len().min(head.data().len()));
             let reached = rest.try_into().map(i16::from_le_bytes);
@@ -156,17 +203,53 @@ impl<B: Bench> Player<'_, B> {
         }
     }
 
-    fn receive(&mut self) -> Option<Frame> {
-        let until = after(self.bench.now(), PATIENCE);
-        self.bench.receive(until)
+    /// Lets time pass; nothing but what is steady may come.
+    fn wait(&mut self, until: Instant) -> Result<(), Deviation> {
+        match self.receive(None, until) {
+            None => Ok(()),
+            received => {
+                let expected = self.steady.map(|steady| steady.to_string());
+                Err(Deviation { expected, received, meaning: "and nothing else" })
+            }
+        }
+    }
+
+    fn patience(&self) -> Instant {
+        after(self.bench.now(), PATIENCE)
+    }
+
+    /// The next frame of a valve that is the one wanted or not the steady one. The master's cyclic frame goes on.
+    fn receive(&mut self, wanted: Option<Frame>, until: Instant) -> Option<Frame> {
+        loop {
+            let turn = self.cyclic.map(|cyclic| cyclic.due).filter(|due| *due <= until);
+            match self.bench.receive(turn.unwrap_or(until)) {
+                Some(frame) if Some(frame) == self.steady && wanted != Some(frame) => self.count(frame),
+                Some(frame) => return Some(frame),
+                None if turn.is_some() => self.send_cyclic(),
+                None => return None,
+            }
+        }
+    }
+
+    /// A frame came or went as it did before.
+    fn count(&mut self, frame: Frame) {
+        match self.again.iter_mut().find(|(counted, _)| *counted == frame) {
+            Some((_, count)) => *count += 1,
+            None => self.again.push((frame, 1)),
+        }
     }
 
     fn frame(&mut self, direction: &str, frame: &Frame, meaning: &str) {
         let ms = since(self.bench.now(), Instant::from_ticks(0)).as_micros();
-        self.line(&format!("{:>6}.{:03} ms  {direction}  {:<30}  {meaning}", ms / 1000, ms % 1000, frame.to_string()));
+        self.line(&format!("{:>6}.{:03} ms  {direction}  {:<35}  {meaning}", ms / 1000, ms % 1000, frame.to_string()));
     }
 
     fn line(&mut self, text: &str) {
+        let again = std::mem::take(&mut self.again);
+        for (frame, count) in again {
+            let times = if count == 1 { "once".to_owned() } else { format!("{count} times") };
+            (self.print)(&format!("{:>17}{:<35}  {times} more", "", frame.to_string()));
+        }
         (self.print)(text);
     }
 }

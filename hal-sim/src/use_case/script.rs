@@ -3,6 +3,8 @@
 use protocol_core::controller::BitRate;
 use protocol_core::device::pve::Kind;
 
+use super::plant::Plant;
+
 /// A use case.
 #[derive(Clone, Copy, Debug)]
 pub struct UseCase {
@@ -40,14 +42,26 @@ pub enum Step {
     Expect(&'static str, &'static str),
     /// The next frame of a valve must begin like this and go on with this position of the spool.
     ExpectPosition(&'static str, Position, &'static str),
-    /// So many milliseconds after the last frame of the master: its cycle.
+    /// As [`Wait`](Self::Wait), so many milliseconds from the last frame of the master: its cycle.
     Cycle(u64),
-    /// So many milliseconds pass.
+    /// So many milliseconds pass, in which the valves send nothing but what is steady.
     Wait(u64),
     /// So many times, in a cycle of so many milliseconds: the first frame is sent and answered by the second.
     Cyclic(u32, u64, (&'static str, &'static str), (&'static str, &'static str)),
-    /// The supply of all valves changes, in millivolt.
-    Supply(u32),
+    /// What acts on all valves from outside changes.
+    Plant(Plant),
+    /// In a cycle of so many milliseconds the master sends this frame, at once and from then on, whatever else happens;
+    /// in the place of the one before, from its next turn on, in its cycle.
+    Repeat(u64, &'static str, &'static str),
+    /// The master sends its cyclic frame so many times more.
+    Cycles(u32),
+    /// The master sends its cyclic frame no more.
+    Pause,
+    /// As [`Expect`](Self::Expect); and from then on the same frame may come again at any time, until a frame with its
+    /// identifier is expected.
+    Steady(&'static str, &'static str),
+    /// No frame comes again that was steady.
+    Unsteady,
     /// The master changes its bit rate.
     MasterBitRate(BitRate),
 }

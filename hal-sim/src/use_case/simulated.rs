@@ -2,14 +2,15 @@
 
 use std::collections::VecDeque;
 
+use protocol_core::actuator::Position;
 use protocol_core::controller::BitRate;
-use protocol_core::device::Senses;
-use protocol_core::device::pve::{PveCanopen, Setup};
 use protocol_core::frame::Frame;
 use protocol_core::time::{Instant, NEVER};
 
+use super::plant::Plant;
 use super::play::Bench;
 use super::script::UseCase;
+use crate::kind::{Birth, Kind};
 use crate::memory::Memory;
 use crate::world::{TapId, World};
 
@@ -27,12 +28,8 @@ impl SimulatedBench {
         let mut world = World::new(BitRate::Kbit250, 0);
         let master = world.add_tap("master");
         for valve in case.valves {
-            let setup = Setup { kind: valve.kind, node_id: Some(valve.node_id), serial: valve.serial };
-            world.add_device(
-                valve.kind.name(),
-                move |image, cause, now| Box::new(PveCanopen::power_on(setup, image, cause, now)),
-                Memory::in_ram(),
-            );
+            let birth = Birth { node_id: Some(valve.node_id), serial: valve.serial };
+            world.add_device(valve.kind.name(), Kind::Pve(valve.kind).factory(birth), Memory::in_ram());
         }
         Self { world, master, received: VecDeque::new() }
     }
@@ -71,13 +68,17 @@ impl Bench for SimulatedBench {
         }
     }
 
-    fn wait(&mut self, until: Instant) {
-        self.world.run_until(until);
-    }
-
-    fn set_supply(&mut self, millivolt: u32) {
+    fn set_plant(&mut self, plant: Plant) {
         for device in self.world.devices() {
-            let senses = Senses { supply_mv: millivolt, ..*self.world.senses(device) };
+            let mut senses = *self.world.senses(device);
+            match plant {
+                Plant::SupplyMv(millivolt) => senses.supply_mv = millivolt,
+                Plant::TemperatureC(celsius) => senses.temperature_c = celsius,
+                Plant::Spool(fault) => senses.spool.fault = fault,
+                Plant::Lever(pushed) => senses.spool.lever = pushed.map(|raw| Position::clamped(raw.into())),
+                Plant::InternalFault(there) => senses.internal_fault = there,
+                Plant::BusOff(there) => self.world.force_bus_off(device, there),
+            }
             self.world.set_senses(device, senses);
         }
     }
