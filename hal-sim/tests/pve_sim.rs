@@ -134,10 +134,17 @@ fn frame(client: &mut TcpStream) -> String {
     }
 }
 
+/// Reads until the frame comes; what else is on the bus all the time must not keep it up for ever.
 fn await_frame(client: &mut TcpStream, expected: &str) {
     let start = Instant::now();
-    while frame(client) != expected {
-        assert!(start.elapsed() < PATIENCE, "no {expected}");
+    let mut others = Vec::new();
+    loop {
+        let frame = frame(client);
+        if frame == expected {
+            return;
+        }
+        others.push(frame);
+        assert!(start.elapsed() < PATIENCE, "{expected} did not come, but {others:?}");
     }
 }
 

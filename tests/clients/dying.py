@@ -85,9 +85,10 @@ class Witness:
         equal("strays", seen, strays)
 
     def heard_every_heartbeat(self):
+        """None is missing. More urgent frames, of which several can come at once, may put one off by some ms."""
         for before, after in zip(self.heartbeats, self.heartbeats[1:]):
             period = (after - before) * 1000
-            assert abs(period - PERIOD_MS) < 1.2, f"{period} ms between heartbeats"
+            assert abs(period - PERIOD_MS) < PERIOD_MS / 4, f"{period} ms between heartbeats"
         assert len(self.heartbeats) > 10, f"{len(self.heartbeats)} heartbeats"
 
 

@@ -354,6 +354,19 @@ fn a_lost_valve_answers_requests_to_all_for_its_claim() {
     valve.expect_nothing();
 }
 
+/// One request more does not put the answer off.
+#[test]
+fn many_requests_to_a_lost_valve() {
+    let mut valve = lost();
+    for round in 0..20 {
+        for _ in 0..=CANNOT_CLAIM_MAX {
+            valve.send("18EAFF27: 00 EE 00");
+            valve.advance(1);
+        }
+        assert!(valve.take().contains(&CANNOT_CLAIM.to_string()), "round {round}");
+    }
+}
+
 #[test]
 fn a_lost_valve_is_blocked_and_takes_no_command() {
     let mut valve = Rig::claimed();

@@ -1,5 +1,7 @@
 //! Commanded address: the BAM that gives the valve an address, and all that spoils it (SPEC 5).
 
+use protocol_core::actuator::Led;
+use protocol_core::controller::BusErrorMode;
 use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::time::Duration;
 use tests::Rig;
@@ -329,6 +331,28 @@ fn the_memory_fails() {
     valve.exchange("18EA8127: CA FE 00", &["18FECA81: 00 FF 00 00 00 00 FF FF"]);
     valve.sense(|senses| senses.internal_fault = true);
     valve.expect_news(&["18FECA81: 10 FF FA 8F 8B 02 FF FF"]);
+}
+
+/// A cause that lasts over the restart is found again by it, and counted again.
+#[test]
+fn causes_last_over_the_restart() {
+    let mut valve = Rig::claimed();
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.take();
+    command(&mut valve, 0x81, 0x27);
+    valve.take_claim();
+    valve.expect_news(&["18FECA81: 10 FF FA 8F 8B 02 FF FF"]);
+
+    // bus-off that comes while the address is stored: the claim waits for its end
+    let mut valve = Rig::claimed();
+    valve.write_time = Duration::from_millis(50);
+    command(&mut valve, 0x81, 0x27);
+    valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+    valve.advance(500);
+    valve.expect_nothing();
+    assert_eq!((valve.node_id(), valve.device().outputs().led), (Some(0x81), Led::RED));
+    valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
+    valve.take_claim();
 }
 
 /// What was counted before a restart on command is not lost by it.

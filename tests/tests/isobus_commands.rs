@@ -215,6 +215,20 @@ fn estimated_flow_exactly_every_100_ms() {
     }
 }
 
+/// A platform that is late does not shift the cycle.
+#[test]
+fn estimated_flow_by_a_late_platform() {
+    let mut valve = Rig::claimed();
+    for late in [1, 7, 99] {
+        valve.leap(Duration::from_millis(100 + late));
+        valve.expect(AVEF_BLOCKED);
+        valve.advance(99 - late);
+        valve.expect_nothing();
+        valve.advance(1);
+        valve.expect(AVEF_BLOCKED);
+    }
+}
+
 /// Nothing is made up for: the state of now, once, then the cycle.
 #[test]
 fn estimated_flow_after_a_pause_of_the_platform() {

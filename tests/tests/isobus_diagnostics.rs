@@ -453,6 +453,19 @@ fn requests_during_a_running_bam() {
     valve.expect_news(&DM2_FOUR[..1]);
 }
 
+/// The list is cleared meanwhile: the packets under way are those of the list as it was, and a request is dropped still.
+#[test]
+fn the_list_changes_during_a_running_bam() {
+    let mut valve = four_previously_active();
+    valve.send(DM2_REQUEST);
+    valve.expect_news(&DM2_FOUR[..1]);
+    valve.exchange_news(DM3_REQUEST, &[DM3_DONE]);
+    valve.exchange_news(DM2_REQUEST, &[]);
+    valve.advance_cyclic(1000, BLOCK);
+    valve.expect_news(&DM2_FOUR[1..]);
+    expect_dm2(&mut valve, &[DM2_NONE]);
+}
+
 /// A bus that is held in the middle delays packets; they do not follow each other faster for it.
 #[test]
 fn packets_keep_their_distance_on_a_busy_bus() {

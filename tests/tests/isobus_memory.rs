@@ -266,6 +266,18 @@ fn dm3_with_a_memory_that_fails() {
     expect_dm2(&mut valve, DM2_NONE);
 }
 
+/// An empty list needs no memory: acknowledged at once, whether that is slow or fails.
+#[test]
+fn dm3_of_an_empty_list_needs_no_memory() {
+    let mut valve = Rig::claimed();
+    valve.write_time = Duration::from_millis(50);
+    valve.exchange(DM3_REQUEST, &[DM3_DONE]);
+    valve.writes_fail = true;
+    valve.exchange(DM3_REQUEST, &[DM3_DONE]);
+    valve.advance(1000);
+    valve.expect_news(&[]);
+}
+
 /// It is tried again, ten seconds apart, and the error ends with the first success.
 #[test]
 fn a_fault_log_that_cannot_be_written() {

@@ -61,6 +61,7 @@ impl Driver {
     /// Without a bit rate the bus gets that of the first device.
     pub(super) fn run(mut self, bit_rate: Option<BitRate>, inbox: &Receiver<ToWorld>) {
         self.power_on(bit_rate);
+        self.start_up();
         loop {
             let behind = self.catch_up();
             match self.next_message(inbox, behind) {
@@ -89,6 +90,21 @@ impl Driver {
             }
         }
         self.world.power_all(SUPPLY_JITTER);
+    }
+
+    /// Lets all devices start before anything of a client reaches the bus: whoever has read the ready line may send.
+    fn start_up(&mut self) {
+        let end = after(self.world.now(), SUPPLY_JITTER);
+        loop {
+            let behind = self.catch_up();
+            if self.world.now() >= end {
+                return;
+            }
+            if !behind && let Some(wait) = self.pace.until(self.world.next_event().min(end)) {
+                self.hand_out();
+                std::thread::sleep(wait);
+            }
+        }
     }
 
     /// Lets happen what is due by now, but no more than a slice; whether more is due.

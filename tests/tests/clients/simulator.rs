@@ -79,7 +79,7 @@ impl Simulator {
         let mut simulator = Self { process, address: Default::default(), output, ended };
         let line = first_line.recv_timeout(PATIENCE).expect("pve-sim says that it is ready");
         simulator.address = address(&line).unwrap_or_else(|| {
-            panic!("the first line is no ready line: {line:?}\n{}", simulator.output.lock().unwrap());
+            panic!("the first line is no ready line: {line:?}\n{}", simulator.said());
         });
         simulator
     }
@@ -100,7 +100,7 @@ impl Simulator {
             run.status,
             String::from_utf8_lossy(&run.stdout),
             String::from_utf8_lossy(&run.stderr),
-            self.output.lock().unwrap(),
+            self.said(),
         );
     }
 
@@ -110,7 +110,12 @@ impl Simulator {
         kill_process(pid, Signal::TERM).expect("it still runs");
         self.ended.recv_timeout(PATIENCE).expect("SIGTERM ends it");
         let status = self.process.wait().expect("it is our child");
-        assert!(status.success(), "SIGTERM: {status}\n{}", self.output.lock().unwrap());
+        assert!(status.success(), "SIGTERM: {status}\n{}", self.said());
+    }
+
+    /// Its trace, and what it wrote to stderr.
+    fn said(&self) -> String {
+        self.output.lock().unwrap().clone()
     }
 }
 
