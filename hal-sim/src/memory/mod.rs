@@ -2,8 +2,6 @@
 
 mod flash;
 mod state_file;
-mod store;
-mod sure_erase;
 
 #[cfg(test)]
 mod power_cut_tests;
@@ -20,8 +18,8 @@ pub use flash::{ERASED, Flash, FlashError, SECTOR, SIZE, TornErase, WORD};
 pub use state_file::StateFileError;
 
 use flash::ready;
+use nvm::{Records, Unreadable};
 use state_file::{Content, StateFile};
-use store::{Records, Unreadable};
 /// The non-volatile memory of one device.
 #[derive(Debug, Default)]
 pub struct Memory {

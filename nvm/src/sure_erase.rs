@@ -17,14 +17,14 @@ const ANNOUNCEMENTS: usize = 16;
 const ANNOUNCED: u8 = 0x5A;
 const DONE: u8 = 0;
 /// What an erased byte reads.
-pub(super) const ERASED: u8 = 0xFF;
+pub const ERASED: u8 = 0xFF;
 
 /// The longest word that there is room for.
 const WORD_MAX: usize = 32;
 
 /// A flash of two sectors that finishes every erase. Its sectors are shorter by the place for the announcements.
 #[derive(Debug)]
-pub(super) struct SureErase<F> {
+pub struct SureErase<F> {
     flash: F,
 }
 
@@ -32,13 +32,13 @@ impl<F: NorFlash> SureErase<F> {
     /// An announcement is two words: that an erase begins, and that it is done.
     const ANNOUNCEMENT: usize = 2 * F::WRITE_SIZE;
     /// The bytes of a sector that are left.
-    pub(super) const SECTOR: usize = F::ERASE_SIZE - ANNOUNCEMENTS * Self::ANNOUNCEMENT;
+    pub const SECTOR: usize = F::ERASE_SIZE - ANNOUNCEMENTS * Self::ANNOUNCEMENT;
 
     /// Finishes what was announced and not done. To be done anew after every error.
     ///
     /// # Errors
     /// Those of the flash.
-    pub(super) async fn open(flash: F) -> Result<Self, F::Error> {
+    pub async fn open(flash: F) -> Result<Self, F::Error> {
         const { assert!(F::WRITE_SIZE <= WORD_MAX && F::WRITE_SIZE.is_multiple_of(F::READ_SIZE)) }
         let mut opened = Self { flash };
         for sector in 0..2 {

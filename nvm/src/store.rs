@@ -13,7 +13,7 @@ use sequential_storage::cache::page_pointers::ArrayPagePointers;
 use sequential_storage::cache::page_states::ArrayPageStates;
 use sequential_storage::map::{MapConfig, MapStorage};
 
-use super::sure_erase::{ERASED, SureErase};
+use crate::sure_erase::{ERASED, SureErase};
 
 const SECTORS: usize = 2;
 const KEYS: usize = RecordKey::ALL.len() + 1;
@@ -38,10 +38,10 @@ type Map<'flash, F> = MapStorage<
 
 /// The map in the flash makes no sense.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) struct Unreadable;
+pub struct Unreadable;
 
 /// The records in a flash of two sectors.
-pub(super) struct Records<'buffer, F: NorFlash> {
+pub struct Records<'buffer, F: NorFlash> {
     flash: SureErase<F>,
     /// As long as a sector: damage can pass for an item of any length.
     buffer: &'buffer mut [u8],
@@ -52,7 +52,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
     ///
     /// # Errors
     /// Those of the flash.
-    pub(super) async fn open(flash: F, buffer: &'buffer mut [u8]) -> Result<Self, F::Error> {
+    pub async fn open(flash: F, buffer: &'buffer mut [u8]) -> Result<Self, F::Error> {
         Ok(Self { flash: SureErase::open(flash).await?, buffer })
     }
 
@@ -60,7 +60,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
     ///
     /// # Errors
     /// [`StoreError`] when the flash fails or cannot hold it.
-    pub(super) async fn store(&mut self, key: RecordKey, record: &Record) -> Result<(), StoreError> {
+    pub async fn store(&mut self, key: RecordKey, record: &Record) -> Result<(), StoreError> {
         self.put(key as u8, record).await?;
         let inventory = self.inventory().await;
         if inventory & bit(key) == 0 {
@@ -82,7 +82,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
     ///
     /// # Errors
     /// [`Unreadable`] when the map as a whole makes no sense.
-    pub(super) async fn read(&mut self) -> Result<Image, Unreadable> {
+    pub async fn read(&mut self) -> Result<Image, Unreadable> {
         let mut image = Image::empty();
         // Looked at first: reading can erase a sector that makes no sense.
         let in_use = self.in_use().await.map_err(|_| Unreadable)?;

@@ -1,0 +1,73 @@
+//! Bit timings of the CAN controller, for its clock of 40 MHz: every bit rate divides exactly.
+
+use protocol_core::controller::BitRate;
+
+/// The clock of the controller, APB1.
+pub const CLOCK: u32 = 40_000_000;
+
+/// One bit: prescaler and time quanta.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BitTiming {
+    /// Clocks a time quantum.
+    pub prescaler: u32,
+    /// Time quanta before the sample point, behind the one of synchronisation.
+    pub segment_1: u32,
+    /// Time quanta behind the sample point.
+    pub segment_2: u32,
+}
+
+impl BitTiming {
+    /// The timing of a bit rate: sampled at 87.5 %, at 800 kbit/s at 90 %.
+    #[must_use]
+    pub const fn of(bit_rate: BitRate) -> Self {
+        let (prescaler, segment_1, segment_2) = match bit_rate {
+            BitRate::Kbit10 => (250, 13, 2),
+            BitRate::Kbit20 => (125, 13, 2),
+            BitRate::Kbit50 => (50, 13, 2),
+            BitRate::Kbit125 => (20, 13, 2),
+            BitRate::Kbit250 => (10, 13, 2),
+            BitRate::Kbit500 => (5, 13, 2),
+            BitRate::Kbit800 => (5, 8, 1),
+            BitRate::Kbit1000 => (5, 6, 1),
+        };
+        Self { prescaler, segment_1, segment_2 }
+    }
+
+    /// Bits a second.
+    #[must_use]
+    pub const fn bits_per_second(self) -> u32 {
+        CLOCK / (self.prescaler * self.quanta())
+    }
+
+    /// The register BTR, with a synchronisation jump width of one quantum.
+    #[must_use]
+    pub const fn register(self) -> u32 {
+        (self.segment_2 - 1) << 20 | (self.segment_1 - 1) << 16 | (self.prescaler - 1)
+    }
+
+    const fn quanta(self) -> u32 {
+        1 + self.segment_1 + self.segment_2
+    }
+}
+
+const _: () = {
+    let mut i = 0;
+    while i < BitRate::ALL.len() {
+        let timing = BitTiming::of(BitRate::ALL[i]);
+        assert!(timing.bits_per_second() == BitRate::ALL[i].bits_per_second());
+        assert!(CLOCK.is_multiple_of(timing.prescaler * timing.quanta()));
+        i += 1;
+    }
+};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn registers_as_the_reference_manual_lays_them_out() {
+        assert_eq!(BitTiming::of(BitRate::Kbit250).register(), 0x001C_0009);
+        assert_eq!(BitTiming::of(BitRate::Kbit800).register(), 0x0007_0004);
+        assert_eq!(BitTiming::of(BitRate::Kbit10).register(), 0x001C_00F9);
+    }
+}

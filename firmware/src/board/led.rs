@@ -1,0 +1,39 @@
+//! The LEDs of the board: red and green; both are yellow.
+
+use core::sync::atomic::{AtomicU8, Ordering};
+
+use embassy_stm32::gpio::{Level, Output};
+use embassy_time::{Duration, Timer};
+use protocol_core::actuator::{Color, Led};
+
+/// 1.5 Hz: 333 ms on, 333 ms off.
+const HALF_PERIOD: Duration = Duration::from_millis(333);
+
+const RED: u8 = 0b001;
+const GREEN: u8 = 0b010;
+const FLASHING: u8 = 0b100;
+
+static SHOWN: AtomicU8 = AtomicU8::new(0);
+
+/// Shows this from the next half period on.
+pub(super) fn show(led: Led) {
+    let color = match led.color {
+        Color::Red => RED,
+        Color::Green => GREEN,
+        Color::Yellow => RED | GREEN,
+    };
+    SHOWN.store(if led.flashing { color | FLASHING } else { color }, Ordering::Relaxed);
+}
+
+#[embassy_executor::task]
+pub(super) async fn run(mut red: Output<'static>, mut green: Output<'static>) {
+    let mut lit = false;
+    loop {
+        lit = !lit;
+        let shown = SHOWN.load(Ordering::Relaxed);
+        let on = lit || shown & FLASHING == 0;
+        red.set_level(Level::from(on && shown & RED != 0));
+        green.set_level(Level::from(on && shown & GREEN != 0));
+        Timer::after(HALF_PERIOD).await;
+    }
+}

@@ -1,0 +1,6 @@
+//! What of the firmware needs no board: tested on the host.
+#![no_std]
+#![forbid(unsafe_code)]
+
+pub mod bit_timing;
+pub mod console;

@@ -1,0 +1,10 @@
+//! The non-volatile memory of the devices: records in a NOR flash of two sectors. The host runs it over a simulated
+//! flash, the board over its own: what a power cut cannot break there, it cannot break here.
+#![no_std]
+#![forbid(unsafe_code)]
+
+mod store;
+mod sure_erase;
+
+pub use store::{Records, Unreadable};
+pub use sure_erase::{ERASED, SureErase};
