@@ -31,10 +31,8 @@ async fn main(spawner: Spawner) {
     let green = Output::new(peripherals.PB0, Level::Low, Speed::Low);
     let console = console::open(peripherals.USART3, peripherals.PD9, peripherals.PD8);
     // Each task is spawned once: there is room for it.
-    for task in [led::run(red, green)] {
-        if let Ok(task) = task {
-            spawner.spawn(task);
-        }
+    if let Ok(task) = led::run(red, green) {
+        spawner.spawn(task);
     }
     if let Ok(task) = console::run(console) {
         spawner.spawn(task);
