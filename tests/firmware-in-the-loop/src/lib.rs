@@ -1,0 +1,4 @@
+//! The stand-in's firmware image, unmodified, in an emulated NUCLEO-F429ZI on the simulated bus.
+#![forbid(unsafe_code)]
+
+pub mod bxcan;
