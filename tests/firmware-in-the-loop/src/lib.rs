@@ -3,3 +3,7 @@
 
 pub mod bxcan;
 pub mod flash;
+pub mod image;
+pub mod machine;
+pub mod part;
+pub mod rig;

@@ -53,6 +53,11 @@ pub struct Interrupts {
 pub enum Presence {
     /// It neither listens nor sends.
     Off,
+    /// It waits for a start of frame.
+    Asleep {
+        /// The bit timing that it would have.
+        timing: BitTiming,
+    },
     /// It listens, and may send.
     On {
         /// Its bit timing.
@@ -257,8 +262,7 @@ impl BxCan {
         match self.mode {
             _ if self.is_loopback() => Presence::Off,
             Mode::Initialization => Presence::Off,
-            // It only waits for a start of frame.
-            Mode::Sleep => Presence::On { timing, silent: true },
+            Mode::Sleep => Presence::Asleep { timing },
             Mode::Synchronising { .. } | Mode::Normal => {
                 Presence::On { timing, silent: timing::is_silent(self.timing) }
             }
