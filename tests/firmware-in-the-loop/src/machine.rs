@@ -131,7 +131,7 @@ impl Machine {
         }
     }
 
-    /// Writes RAM.
+    /// Writes RAM, or breaks the image in bank 1.
     pub fn write(&self, address: u64, bytes: &[u8]) {
         self.ask(Order::Write(address, bytes.to_vec()));
     }
@@ -264,7 +264,8 @@ impl Conductor {
             }
             Order::Write(address, bytes) => {
                 for (address, byte) in (address..).zip(bytes) {
-                    host.write(address, Width::W8, byte.into()).expect("RAM can be written");
+                    let written = host.write(address, Width::W8, byte.into());
+                    written.or_else(|_| host.program(address, Width::W8, byte.into())).expect("there is memory");
                 }
                 Answer::Done
             }

@@ -39,6 +39,10 @@ struct Board {
     on_bus: Option<(u64, bool)>,
     /// The length code that the next frames come with, in the place of their own.
     length_code: Option<u8>,
+    /// When its frame on the wire began.
+    sending_since: Instant,
+    /// How long its last frame took.
+    last_sent: Option<Duration>,
     resets: Vec<Reset>,
     power_cuts: u64,
 }
@@ -61,6 +65,8 @@ impl Rig {
             since: self.world.now(),
             on_bus: None,
             length_code: None,
+            sending_since: self.world.now(),
+            last_sent: None,
             resets: Vec::new(),
             power_cuts: 0,
         });
@@ -125,6 +131,12 @@ impl Rig {
     #[must_use]
     pub fn bits_per_second(&self, id: BoardId) -> Option<u64> {
         self.boards[id.0].on_bus.map(|(rate, _)| rate)
+    }
+
+    /// How long the last frame of a board was on the wire, from its start to its end, to the microsecond.
+    #[must_use]
+    pub fn last_sent(&self, id: BoardId) -> Option<Duration> {
+        self.boards[id.0].last_sent
     }
 
     /// The frames that come to a board from now on have this length code in the place of their own.
@@ -227,8 +239,12 @@ impl Board {
             world.reset_controller(self.controller);
             self.on_bus = None;
         }
-        let events: Vec<_> = world.take_events(self.controller).into_iter().flatten().map(|(_, event)| event).collect();
-        for event in events {
+        for (at, event) in world.take_events(self.controller).into_iter().flatten() {
+            match event {
+                WireEvent::Begins { own: true } => self.sending_since = at,
+                WireEvent::Sent => self.last_sent = Some(since(at, self.sending_since)),
+                _ => {}
+            }
             match (event, self.length_code) {
                 (WireEvent::Received(frame), Some(dlc)) => shared.can.receive(Message { frame: full(&frame), dlc }),
                 _ => shared.can.hear(event),

@@ -35,7 +35,8 @@ const INTERRUPT_LINES: u16 = 91;
 const CPU: Cpu = Cpu::new("STM32F429", true, INTERRUPT_LINES, Endian::Little);
 
 static MEMORY: [Region; 4] = [
-    Region::flash("bank 1", 0x0800_0000, 1 << 20),
+    // Programmed by nobody but tests that break the image.
+    Region::flash("bank 1", 0x0800_0000, 1 << 20).programmed_by("FLASH"),
     Region::ram("ccm", 0x1000_0000, 64 << 10),
     Region::system("system", 0x1FFF_0000, 32 << 10),
     Region::ram("sram", 0x2000_0000, 192 << 10),
