@@ -32,6 +32,6 @@ pub mod trace;
 pub mod use_case;
 pub mod world;
 
-pub use bus::{BusError, Port};
+pub use bus::{BusError, Port, WireEvent};
 pub use memory::Memory;
-pub use world::{NodeId, TapId, TraceEvent, World};
+pub use world::{ControllerId, NodeId, TapId, TraceEvent, World};

@@ -9,6 +9,7 @@
 mod bits;
 mod clock;
 mod confinement;
+mod external;
 mod injector;
 mod load;
 mod outcome;
@@ -18,6 +19,8 @@ mod transmit;
 
 #[cfg(test)]
 mod bits_tests;
+#[cfg(test)]
+mod external_tests;
 #[cfg(test)]
 mod tests;
 
@@ -29,6 +32,7 @@ use protocol_core::time::{Instant, NEVER};
 
 pub use bits::{BUS_IDLE, Difference, FrameBits, INTERMISSION};
 pub use confinement::Confinement;
+pub use external::WireEvent;
 pub use injector::{BitErrors, DestroyNext, Injector};
 pub use port::{Port, RECEIVE_QUEUE};
 
@@ -72,6 +76,8 @@ pub struct Bus {
     vacant: Vec<PortId>,
     /// The ports that have something to send, in the order of their numbers.
     contenders: Vec<PortId>,
+    /// The ports whose controllers live elsewhere.
+    externals: Vec<PortId>,
     /// The ports that are bus-off and on their way back.
     recovering: Vec<PortId>,
     /// Whether a port waits for the end of the frame on the wire to join.
@@ -206,9 +212,9 @@ impl Bus {
     #[must_use]
     pub fn next_event(&self) -> Instant {
         match &self.current {
-            Some(transmission) => instant(transmission.end),
-            None if self.contenders.is_empty() && self.recovering.is_empty() => NEVER,
-            None => instant(self.next_start().min(self.next_recovery())),
+            Some(transmission) => instant(transmission.end.min(self.next_joining())),
+            None if self.contenders.is_empty() && self.recovering.is_empty() && self.externals.is_empty() => NEVER,
+            None => instant(self.next_start().min(self.next_recovery()).min(self.next_joining())),
         }
     }
 

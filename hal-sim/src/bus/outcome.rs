@@ -5,6 +5,8 @@ use protocol_core::time::Instant;
 
 use super::bits::{BUS_IDLE, INTERMISSION, SUSPEND};
 use super::clock::{Nanos, bit_times, instant, nanos};
+use super::external::WireEvent;
+use super::port::Port;
 use super::transmission::Transmission;
 use super::{Bus, BusError, Ended, PortId};
 
@@ -19,6 +21,7 @@ impl Bus {
             }
         };
         self.recover(nanos(now));
+        self.tell_joined(nanos(now));
         ended
     }
 
@@ -38,6 +41,7 @@ impl Bus {
             self.after_sending(*id, &transmission);
             self.refresh(*id, instant(transmission.end));
         }
+        self.tell_all(transmission.end, |_| WireEvent::Ends);
         let Transmission { from, frame, error, mut senders, .. } = transmission;
         senders.clear();
         self.spare = senders;
@@ -45,8 +49,8 @@ impl Bus {
     }
 
     fn is_heard(&self, transmission: &Transmission) -> bool {
-        let hears = |(number, _): &(usize, _)| self.hears(transmission, PortId(*number));
-        self.ports.iter().enumerate().any(|port| hears(&port))
+        let hears = |(number, port): (usize, &Port)| !port.is_silent() && self.hears(transmission, PortId(number));
+        self.ports.iter().enumerate().any(hears)
     }
 
     #[inline]
@@ -86,7 +90,9 @@ impl Bus {
             }
             let before = port.mode();
             let first = transmission.by_other_rate && port.rate != transmission.rate;
-            port.confinement.receive_error(first && before == BusErrorMode::ErrorActive);
+            let first = first && before == BusErrorMode::ErrorActive;
+            port.confinement.receive_error(first);
+            port.tell(transmission.end, WireEvent::NotReceived { first });
             if port.mode() != before {
                 self.touched.push(id);
             }
@@ -101,10 +107,12 @@ impl Bus {
             Some(BusError::Acknowledgement) => port.confinement.no_acknowledgement(),
             Some(_) => port.confinement.transmit_error(),
         }
+        port.tell(transmission.end, transmission.error.map_or(WireEvent::Sent, WireEvent::NotSent));
         if port.mode() == BusErrorMode::ErrorPassive {
             port.ready_at = self.free_at + bit_times(SUSPEND, port.rate);
         }
-        if port.mode() == BusErrorMode::BusOff {
+        // Whether a controller that lives elsewhere comes back is its own decision.
+        if port.mode() == BusErrorMode::BusOff && port.external.is_none() {
             self.begin_recovery(id, transmission.end);
         }
     }
@@ -152,6 +160,7 @@ impl Bus {
                     port.confinement.recover();
                     port.joined_at = due;
                     port.ready_at = due;
+                    port.tell(due, WireEvent::Recovered);
                     self.touched.push(id);
                 }
                 _ => self.recovering.push(id),

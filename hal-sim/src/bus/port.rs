@@ -11,6 +11,7 @@ use protocol_core::time::Instant;
 
 use super::clock::Nanos;
 use super::confinement::Confinement;
+use super::external::{External, WireEvent};
 use super::transmit::Transmit;
 
 /// How many received frames a device's controller holds, as the firmware's queue does.
@@ -35,6 +36,8 @@ pub struct Port {
     pub(super) recovery: Option<Recovery>,
     /// Whether the bus knows that it has something to send.
     pub(super) contends: bool,
+    /// What it has beyond the others when its controller lives elsewhere.
+    pub(super) external: Option<Box<External>>,
 }
 
 /// How far a controller has got on its way back from bus-off.
@@ -76,6 +79,7 @@ impl Port {
             ready_at: 0,
             recovery: None,
             contends: false,
+            external: None,
         }
     }
 
@@ -124,7 +128,9 @@ impl Port {
     #[inline]
     pub(super) fn deliver(&mut self, frame: &Frame, at: Instant) {
         self.confinement.received();
-        if self.received.len() < self.room {
+        if let Some(external) = &mut self.external {
+            external.tell(at, WireEvent::Received(*frame));
+        } else if self.received.len() < self.room {
             self.received.push_back((at, *frame));
         } else {
             self.overruns = self.overruns.saturating_add(1);

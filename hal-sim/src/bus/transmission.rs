@@ -8,6 +8,7 @@ use protocol_core::time::Instant;
 
 use super::bits::{ERROR_DELIMITER, ERROR_FLAG, FrameBits};
 use super::clock::{Nanos, bit_times, nanos};
+use super::external::WireEvent;
 use super::port::Port;
 use super::{Bus, BusError, PortId};
 
@@ -58,9 +59,11 @@ impl Bus {
         let mut senders = std::mem::take(&mut self.spare);
         self.arbitrate(start, &mut senders);
         let transmission = self.transmit(start, senders);
+        self.tell_losers(start, &transmission.senders);
         for id in &transmission.senders {
             self.ports[id.0].transmit.sending();
         }
+        self.tell_all(start, |id| WireEvent::Begins { own: transmission.senders.contains(&id) });
         self.pass_recovery_time(start);
         self.current = Some(transmission);
     }
@@ -102,7 +105,7 @@ impl Bus {
         let mut heard = false;
         let mut disturbed = false;
         for (number, port) in self.ports.iter().enumerate() {
-            if !port.takes_part() || port.joined_at > start || senders.contains(&PortId(number)) {
+            if !port.takes_part() || port.joined_at > start || port.is_silent() || senders.contains(&PortId(number)) {
                 continue;
             }
             if port.rate == rate {

@@ -14,6 +14,8 @@ pub(super) enum Transmit {
     Mailboxes(Mailboxes),
     /// A client: everything in the order it came in, however much.
     Queue(VecDeque<Frame>),
+    /// A controller that lives elsewhere: its most urgent frame, and whether that is on the wire.
+    Offer(Option<Frame>, bool),
 }
 
 impl Transmit {
@@ -23,6 +25,17 @@ impl Transmit {
 
     pub(super) const fn queue() -> Self {
         Self::Queue(VecDeque::new())
+    }
+
+    pub(super) const fn offer() -> Self {
+        Self::Offer(None, false)
+    }
+
+    /// What a controller that lives elsewhere would send next; one whose frame is on the wire is not asked.
+    pub(super) const fn set_offer(&mut self, frame: Option<Frame>) {
+        if let Self::Offer(offer, false) = self {
+            *offer = frame;
+        }
     }
 
     /// Takes a frame, perhaps giving back a less urgent one.
@@ -36,6 +49,7 @@ impl Transmit {
                 queue.push_back(frame);
                 Ok(None)
             }
+            Self::Offer(..) => Err(Full),
         }
     }
 
@@ -44,13 +58,16 @@ impl Transmit {
         match self {
             Self::Mailboxes(mailboxes) => mailboxes.head().and_then(|slot| mailboxes.slots[slot].frame.as_ref()),
             Self::Queue(queue) => queue.front(),
+            Self::Offer(offer, _) => offer.as_ref(),
         }
     }
 
     /// The head is on the wire now and cannot be given back.
     pub(super) fn sending(&mut self) {
-        if let Self::Mailboxes(mailboxes) = self {
-            mailboxes.on_wire = mailboxes.head();
+        match self {
+            Self::Mailboxes(mailboxes) => mailboxes.on_wire = mailboxes.head(),
+            Self::Queue(_) => {}
+            Self::Offer(_, on_wire) => *on_wire = true,
         }
     }
 
@@ -67,6 +84,7 @@ impl Transmit {
                     queue.pop_front();
                 }
             }
+            Self::Offer(..) => *self = Self::offer(),
         }
     }
 
@@ -74,6 +92,7 @@ impl Transmit {
         match self {
             Self::Mailboxes(mailboxes) => *mailboxes = Mailboxes::default(),
             Self::Queue(queue) => queue.clear(),
+            Self::Offer(..) => *self = Self::offer(),
         }
     }
 
@@ -82,6 +101,7 @@ impl Transmit {
         match self {
             Self::Mailboxes(mailboxes) => mailboxes.slots.iter().filter(|slot| slot.frame.is_some()).count(),
             Self::Queue(queue) => queue.len(),
+            Self::Offer(offer, _) => usize::from(offer.is_some()),
         }
     }
 
@@ -90,6 +110,7 @@ impl Transmit {
         match self {
             Self::Mailboxes(mailboxes) => mailboxes.slots.iter().all(|slot| slot.frame.is_none()),
             Self::Queue(queue) => queue.is_empty(),
+            Self::Offer(offer, _) => offer.is_none(),
         }
     }
 }

@@ -5,6 +5,7 @@
 //! the seed.
 
 mod agenda;
+mod controller;
 mod node;
 mod power;
 mod run;
@@ -23,6 +24,7 @@ use protocol_core::frame::Frame;
 use protocol_core::memory::Image;
 use protocol_core::time::{Duration, Instant};
 
+pub use controller::ControllerId;
 pub use node::{FAULT_LOG_WRITE_TIME, Factory, SimDevice, WRITE_TIME};
 pub use power::SUPPLY_JITTER;
 pub use run::FLUSH_PATIENCE;
@@ -252,7 +254,7 @@ impl World {
     pub fn set_bit_rate(&mut self, bit_rate: BitRate) {
         self.bit_rate = bit_rate;
         for (number, owner) in self.owners.iter().enumerate() {
-            if owner.is_none() {
+            if owner.is_none() && !self.bus.is_external(PortId(number)) {
                 self.bus.set_bit_rate(PortId(number), bit_rate, self.now);
             }
         }

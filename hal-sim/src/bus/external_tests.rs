@@ -1,0 +1,138 @@
+//! A controller that lives elsewhere, on the bus with ordinary ones.
+
+use protocol_core::controller::{BitRate, BusErrorMode};
+use protocol_core::frame::{Frame, standard};
+use protocol_core::time::Instant;
+
+use super::external::WireEvent::{
+    self, Begins, Ends, Joined, LostArbitration, NotReceived, NotSent, Received, Recovered, Sent,
+};
+use super::{Bus, BusError, DestroyNext, FrameBits, PortId};
+
+const RATE: BitRate = BitRate::Kbit250;
+const BIT_US: u64 = 4;
+
+struct Bench {
+    bus: Bus,
+    controller: PortId,
+    client: PortId,
+    now: Instant,
+}
+
+impl Bench {
+    /// A controller and a client, at 250 kbit/s; the controller begins to listen at 0.
+    fn new(silent: bool) -> Self {
+        let start = Instant::from_micros(0);
+        let mut bus = Bus::default();
+        let client = bus.add_tap("client".into(), RATE, start);
+        let controller = bus.add_external("controller".into(), RATE);
+        bus.attach(controller, RATE, silent, start);
+        Self { bus, controller, client, now: start }
+    }
+
+    fn run(&mut self, until_us: u64) {
+        let until = Instant::from_micros(until_us);
+        self.bus.begin(self.now);
+        while self.bus.next_event() <= until {
+            self.now = self.now.max(self.bus.next_event());
+            self.bus.finish(self.now);
+            self.bus.begin(self.now);
+        }
+        self.now = until;
+    }
+
+    fn send(&mut self, frame: Frame) {
+        embedded_can::nb::Can::transmit(self.bus.port_mut(self.client), &frame).expect("a client's queue has room");
+        self.bus.refresh(self.client, self.now);
+    }
+
+    fn offer(&mut self, frame: Frame) {
+        self.bus.offer(self.controller, Some(frame), self.now);
+    }
+
+    fn events(&mut self) -> Vec<(u64, WireEvent)> {
+        let events = self.bus.take_events(self.controller).expect("it is external");
+        events.map(|(at, event)| (at.as_micros(), event)).collect()
+    }
+
+    fn happened(&mut self) -> Vec<WireEvent> {
+        self.events().into_iter().map(|(_, event)| event).collect()
+    }
+}
+
+fn frame(id: u16, data: &[u8]) -> Frame {
+    Frame::of(standard(id).into(), data).unwrap()
+}
+
+fn length_us(frame: &Frame) -> u64 {
+    u64::from(FrameBits::of(frame).on_wire()) * BIT_US
+}
+
+#[test]
+fn it_takes_part_after_eleven_recessive_bits() {
+    let mut bench = Bench::new(false);
+    bench.offer(frame(0x123, &[1]));
+    bench.run(1000);
+    let joined = 11 * BIT_US;
+    let end = joined + length_us(&frame(0x123, &[1]));
+    assert_eq!(bench.events(), [(joined, Joined), (joined, Begins { own: true }), (end, Sent), (end, Ends)]);
+}
+
+#[test]
+fn the_less_urgent_frame_loses_and_the_winner_is_received() {
+    let mut bench = Bench::new(false);
+    bench.run(100);
+    bench.send(frame(0x100, &[7]));
+    bench.offer(frame(0x101, &[]));
+    let won = frame(0x100, &[7]);
+    bench.run(100 + length_us(&won));
+    assert_eq!(bench.happened(), [Joined, LostArbitration, Begins { own: false }, Received(won), Ends]);
+    bench.run(1000);
+    assert_eq!(bench.happened(), [Begins { own: true }, Sent, Ends], "the offer stands");
+}
+
+#[test]
+fn a_destroyed_frame_is_told_to_sender_and_listener() {
+    let mut bench = Bench::new(false);
+    bench.run(100);
+    bench.bus.inject(Box::new(DestroyNext::frames(1)));
+    bench.offer(frame(0x101, &[]));
+    bench.run(400);
+    assert_eq!(bench.happened(), [Joined, Begins { own: true }, NotSent(BusError::Bit), Ends]);
+    bench.bus.inject(Box::new(DestroyNext::frames(1)));
+    bench.send(frame(0x102, &[]));
+    bench.run(600);
+    let happened = bench.happened();
+    assert_eq!(happened[..3], [Begins { own: false }, NotReceived { first: false }, Ends]);
+}
+
+#[test]
+fn a_silent_one_hears_but_acknowledges_and_sends_nothing() {
+    let mut bench = Bench::new(true);
+    bench.run(100);
+    bench.offer(frame(0x101, &[]));
+    bench.send(frame(0x102, &[]));
+    bench.run(400);
+    assert_eq!(bench.bus.port(bench.client).confinement().transmit_errors(), 8, "nobody acknowledged");
+    assert!(!bench.happened().contains(&Begins { own: true }));
+}
+
+#[test]
+fn it_comes_back_from_bus_off_only_when_it_wants_to() {
+    let mut bench = Bench::new(false);
+    bench.run(100);
+    bench.bus.inject(Box::new(DestroyNext::frames_of("controller", 32)));
+    while bench.bus.port(bench.controller).mode() != BusErrorMode::BusOff {
+        bench.offer(frame(0x101, &[]));
+        let next = bench.bus.next_event().as_micros();
+        bench.run(next);
+    }
+    bench.happened();
+    let idle = bench.now.as_micros() + 10_000_000;
+    bench.run(idle);
+    assert_eq!(bench.happened(), [], "it waits");
+    bench.bus.start_recovery(bench.controller, bench.now);
+    bench.run(idle + 10_000_000);
+    assert_eq!(bench.events(), [(idle + 128 * 11 * BIT_US, Recovered)]);
+    assert_eq!(bench.bus.port(bench.controller).mode(), BusErrorMode::ErrorActive);
+}

@@ -1,0 +1,60 @@
+//! Controllers that live elsewhere, on the bus of this world: see [`WireEvent`].
+
+use std::collections::vec_deque::Drain;
+
+use protocol_core::controller::BitRate;
+use protocol_core::frame::Frame;
+use protocol_core::time::Instant;
+
+use super::World;
+use crate::bus::{Port, PortId, WireEvent};
+
+/// A controller on a world's bus that lives elsewhere.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ControllerId(PortId);
+
+impl World {
+    /// Adds a controller that lives elsewhere, off the bus.
+    pub fn add_controller(&mut self, name: &str) -> ControllerId {
+        let port = self.bus.add_external(name.into(), self.bit_rate);
+        self.own(port, None);
+        ControllerId(port)
+    }
+
+    /// The controller begins to listen for 11 recessive bits at a bit rate, and then takes part; a silent one hears but
+    /// is not heard.
+    pub fn attach(&mut self, controller: ControllerId, rate: BitRate, silent: bool) {
+        self.bus.attach(controller.0, rate, silent, self.now);
+    }
+
+    /// The controller leaves the bus; its error counters stay.
+    pub fn detach(&mut self, controller: ControllerId) {
+        self.bus.detach(controller.0, false, self.now);
+    }
+
+    /// The controller leaves the bus and is as new: its chip was reset or lost its supply.
+    pub fn reset_controller(&mut self, controller: ControllerId) {
+        self.bus.detach(controller.0, true, self.now);
+    }
+
+    /// What the controller would send next; to be said again after each of its events.
+    pub fn offer(&mut self, controller: ControllerId, frame: Option<Frame>) {
+        self.bus.offer(controller.0, frame, self.now);
+    }
+
+    /// The controller, bus-off, begins to count 128 sequences of 11 recessive bits.
+    pub fn start_recovery(&mut self, controller: ControllerId) {
+        self.bus.start_recovery(controller.0, self.now);
+    }
+
+    /// What the controller has noticed since this was last asked, each with its instant.
+    pub fn take_events(&mut self, controller: ControllerId) -> Option<Drain<'_, (Instant, WireEvent)>> {
+        self.bus.take_events(controller.0)
+    }
+
+    /// The port of the controller: its error mode as the bus sees it.
+    #[must_use]
+    pub fn controller_port(&self, controller: ControllerId) -> &Port {
+        self.bus.port(controller.0)
+    }
+}

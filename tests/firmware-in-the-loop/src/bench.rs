@@ -1,0 +1,131 @@
+//! The bench of the use cases with the flashed image in the place of the first valve.
+//!
+//! The image is not told what it is: its flash holds what a host device of that node ID and serial number has stored in
+//! its own. Further valves of a use case are host devices.
+
+use std::collections::VecDeque;
+
+use hal_sim::use_case::{Bench, Plant, UseCase, Valve};
+use hal_sim::world::SUPPLY_JITTER;
+use hal_sim::{Memory, NodeId, TapId, World};
+use protocol_core::controller::BitRate;
+use protocol_core::device::Senses;
+use protocol_core::device::pve::{PveCanopen, Setup};
+use protocol_core::frame::Frame;
+use protocol_core::time::{Duration, Instant};
+
+use crate::flash::Flash;
+use crate::rig::{BoardId, Rig};
+
+/// How long a new device takes at most to have stored what it was made with.
+const FIRST_STORE: Duration = Duration::from_secs(2);
+
+/// One emulated board, host devices and a master.
+pub struct ImageBench {
+    /// The board and its world.
+    pub rig: Rig,
+    /// The board.
+    pub board: BoardId,
+    /// The master.
+    pub master: TapId,
+    others: Vec<NodeId>,
+    received: VecDeque<Frame>,
+}
+
+impl ImageBench {
+    /// What a use case wants: its valves, switched off, at 250 kbit/s.
+    ///
+    /// # Panics
+    /// When the use case has no valve.
+    #[must_use]
+    pub fn new(case: &UseCase) -> Self {
+        let (first, others) = case.valves.split_first().expect("a use case has a valve");
+        Self::with_valves(BitRate::Kbit250, first, others)
+    }
+
+    /// The image as the valve `first`, and host devices, switched off.
+    #[must_use]
+    pub fn with_valves(bit_rate: BitRate, first: &Valve, others: &[Valve]) -> Self {
+        let mut rig = Rig::new(bit_rate);
+        let master = rig.world.add_tap("master");
+        let board = rig.add_board("board", Flash::with_content(&stored_by(first)));
+        let others = others.iter().map(|valve| add_host_device(&mut rig.world, valve)).collect();
+        Self { rig, board, master, others, received: VecDeque::new() }
+    }
+
+    fn collect(&mut self) {
+        self.received.extend(self.rig.world.take_received(self.master).map(|(_, frame)| frame));
+    }
+}
+
+/// The flash of a host device that was switched on once.
+#[must_use]
+pub fn stored_by(valve: &Valve) -> Vec<u8> {
+    let mut world = World::new(BitRate::Kbit250, 0);
+    world.add_gateway("listener");
+    let node = add_host_device(&mut world, valve);
+    world.power(node, true);
+    world.run_until(protocol_core::time::after(world.now(), FIRST_STORE));
+    world.memory(node).flash().image().to_vec()
+}
+
+fn add_host_device(world: &mut World, valve: &Valve) -> NodeId {
+    let setup = Setup { kind: valve.kind, node_id: Some(valve.node_id), serial: valve.serial };
+    world.add_device(
+        valve.kind.name(),
+        move |image, cause, now| Box::new(PveCanopen::power_on(setup, image, cause, now)),
+        Memory::in_ram(),
+    )
+}
+
+impl Bench for ImageBench {
+    fn power_cycle(&mut self) {
+        self.rig.power(self.board, false);
+        for other in &self.others {
+            self.rig.world.power(*other, false);
+        }
+        self.rig.power(self.board, true);
+        if !self.others.is_empty() {
+            // A host device boots in no time. The use cases want the first valve first, and the supply lets them start so.
+            self.rig.run_for(SUPPLY_JITTER);
+        }
+        for other in &self.others {
+            self.rig.world.power(*other, true);
+        }
+    }
+
+    fn send(&mut self, frame: Frame) {
+        self.rig.world.send(self.master, frame);
+    }
+
+    fn receive(&mut self, until: Instant) -> Option<Frame> {
+        loop {
+            self.collect();
+            if let Some(frame) = self.received.pop_front() {
+                return Some(frame);
+            }
+            if self.rig.world.now() >= until {
+                return None;
+            }
+            self.rig.step(until);
+        }
+    }
+
+    fn set_plant(&mut self, plant: Plant) {
+        self.rig.type_line(self.board, &plant.to_string());
+        for other in &self.others {
+            if let Plant::SupplyMv(millivolt) = plant {
+                let senses = Senses { supply_mv: millivolt, ..*self.rig.world.senses(*other) };
+                self.rig.world.set_senses(*other, senses);
+            }
+        }
+    }
+
+    fn set_bit_rate(&mut self, bit_rate: BitRate) {
+        self.rig.world.set_bit_rate(bit_rate);
+    }
+
+    fn now(&self) -> Instant {
+        self.rig.world.now()
+    }
+}

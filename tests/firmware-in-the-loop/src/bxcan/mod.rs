@@ -1,0 +1,395 @@
+//! bxCAN, the CAN controller of the STM32F4 (RM0090 chapter 32), as software and bus see it: registers on one side, what
+//! the wire does on the other. No clock and no bus in here.
+//!
+//! ```text
+//! registers   addresses and bits
+//! timing      bit timing
+//! mailboxes   transmit mailboxes
+//! fifo        receive FIFOs
+//! filters     filter banks
+//! errors      error counters and codes
+//! message     a frame in registers
+//! ```
+//!
+//! Left out: time-triggered communication (TTCM, time stamps), debug freeze (DBF), the filters of CAN2, the state of the
+//! pins (SAMP and RX read recessive), and how long a release of a FIFO takes.
+
+mod errors;
+mod fifo;
+mod filters;
+mod mailboxes;
+mod message;
+pub mod registers;
+mod timing;
+
+#[cfg(test)]
+mod tests;
+
+use hal_sim::{BusError, WireEvent};
+
+pub use errors::LastError;
+pub use message::Message;
+pub use timing::BitTiming;
+
+use errors::Errors;
+use fifo::Fifo;
+use filters::Filters;
+use mailboxes::{Attempt, Mailboxes};
+use registers::*;
+
+/// Its interrupts, in the order of their lines.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Interrupts {
+    /// A mailbox was emptied.
+    pub transmit: bool,
+    /// FIFO 0 and FIFO 1 have something, are full, or overrun.
+    pub fifo: [bool; 2],
+    /// Status change and error.
+    pub status: bool,
+}
+
+/// What it is to the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Presence {
+    /// It neither listens nor sends.
+    Off,
+    /// It waits for a start of frame.
+    Asleep {
+        /// The bit timing that it would have.
+        timing: BitTiming,
+    },
+    /// It listens, and may send.
+    On {
+        /// Its bit timing.
+        timing: BitTiming,
+        /// It sends nothing dominant.
+        silent: bool,
+    },
+}
+
+/// Operating modes (RM0090 32.4).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Mode {
+    Sleep,
+    Initialization,
+    /// On the way to [`Normal`](Self::Normal): it waits for 11 recessive bits, and still acknowledges the mode before.
+    Synchronising {
+        from_sleep: bool,
+    },
+    Normal,
+}
+
+/// The controller.
+#[derive(Clone, Debug)]
+pub struct BxCan {
+    mode: Mode,
+    control: u32,
+    /// ERRI, WKUI and SLAKI.
+    noted: u32,
+    enabled: u32,
+    timing: u32,
+    /// A frame of whomever is on the wire.
+    busy: bool,
+    recovery: Recovery,
+    mailboxes: Mailboxes,
+    fifos: [Fifo; 2],
+    filters: Filters,
+    errors: Errors,
+}
+
+/// Whether it is on its way back from bus-off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Recovery {
+    /// Software has to enter and leave initialization mode.
+    Wanted,
+    /// It has been in initialization mode since.
+    Running,
+}
+
+impl Default for BxCan {
+    fn default() -> Self {
+        Self {
+            mode: Mode::Sleep,
+            control: mcr::AT_RESET,
+            noted: 0,
+            enabled: 0,
+            timing: btr::AT_RESET,
+            busy: false,
+            recovery: Recovery::Wanted,
+            mailboxes: Mailboxes::default(),
+            fifos: Default::default(),
+            filters: Filters::default(),
+            errors: Errors::default(),
+        }
+    }
+}
+
+/// The registers that software sees.
+impl BxCan {
+    /// Reads the register at an offset.
+    #[must_use]
+    pub fn read(&self, offset: u32) -> u32 {
+        match offset {
+            MCR => self.control,
+            MSR => self.status(),
+            TSR => self.mailboxes.status(self.control & mcr::TXFP != 0),
+            RF0R => self.fifos[0].read(),
+            RF1R => self.fifos[1].read(),
+            IER => self.enabled,
+            ESR => self.errors.read(),
+            BTR => self.timing,
+            TI0R..RI0R => {
+                let place = (offset - TI0R) as usize / 4;
+                self.mailboxes.read(place / 4, place % 4)
+            }
+            RI0R..FMR => {
+                let place = (offset - RI0R) as usize / 4;
+                self.fifos.get(place / 4).map_or(0, |fifo| fifo.output(place % 4))
+            }
+            _ => self.filters.read(offset),
+        }
+    }
+
+    /// Writes the register at an offset.
+    pub fn write(&mut self, offset: u32, value: u32) {
+        match offset {
+            MCR if value & mcr::RESET != 0 => self.master_reset(),
+            MCR => {
+                self.control = value & mcr::ALL;
+                self.follow_requests();
+            }
+            MSR => self.noted &= !value,
+            TSR => self.mailboxes.write_status(value),
+            RF0R => self.fifos[0].write(value),
+            RF1R => self.fifos[1].write(value),
+            IER => self.enabled = value,
+            ESR => self.errors.write(value),
+            BTR if self.mode == Mode::Initialization => self.timing = value & btr::ALL,
+            TI0R..RI0R => {
+                let place = (offset - TI0R) as usize / 4;
+                self.mailboxes.write(place / 4, place % 4, value);
+            }
+            _ => self.filters.write(offset, value),
+        }
+    }
+
+    /// The levels of its interrupt lines (RM0090 32.8).
+    #[must_use]
+    pub fn interrupts(&self) -> Interrupts {
+        let enabled = |bit: u32| self.enabled & bit != 0;
+        let noted = |bit: u32| self.noted & bit != 0;
+        let fifo = |number: usize| {
+            let enabled = |bit: u32| enabled(bit << (ier::NEXT_FIFO * number as u32));
+            let fifo = &self.fifos[number];
+            let holds = |bit: u32| fifo.read() & bit != 0;
+            enabled(ier::FMPIE) && fifo.is_pending()
+                || enabled(ier::FFIE) && holds(rfr::FULL)
+                || enabled(ier::FOVIE) && holds(rfr::FOVR)
+        };
+        Interrupts {
+            transmit: enabled(ier::TMEIE) && self.mailboxes.is_completed(),
+            fifo: [fifo(0), fifo(1)],
+            status: enabled(ier::ERRIE) && noted(msr::ERRI)
+                || enabled(ier::WKUIE) && noted(msr::WKUI)
+                || enabled(ier::SLKIE) && noted(msr::SLAKI),
+        }
+    }
+
+    /// How many messages the two FIFOs have lost.
+    #[must_use]
+    pub fn lost(&self) -> [u32; 2] {
+        [self.fifos[0].lost, self.fifos[1].lost]
+    }
+
+    fn status(&self) -> u32 {
+        let acknowledged = match self.mode {
+            Mode::Sleep | Mode::Synchronising { from_sleep: true } => msr::SLAK,
+            Mode::Initialization | Mode::Synchronising { from_sleep: false } => msr::INAK,
+            Mode::Normal => 0,
+        };
+        let activity = match (self.mailboxes.is_sending(), self.busy) {
+            (true, _) => msr::TXM,
+            (false, true) => msr::RXM,
+            (false, false) => 0,
+        };
+        msr::RECESSIVE | activity | self.noted | acknowledged
+    }
+
+    fn master_reset(&mut self) {
+        let (enabled, timing) = (self.enabled, self.timing);
+        let Self { filters, mut fifos, .. } = std::mem::take(self);
+        fifos.iter_mut().for_each(Fifo::clear);
+        *self = Self { enabled, timing, filters, fifos, ..Self::default() };
+    }
+
+    /// Takes the mode that MCR asks for, unless a frame is on the wire: then at its end.
+    fn follow_requests(&mut self) {
+        if self.busy && self.mode == Mode::Normal {
+            return;
+        }
+        let asked = |bit: u32| self.control & bit != 0;
+        let before = self.mode;
+        self.mode = match before {
+            _ if asked(mcr::SLEEP) => Mode::Sleep,
+            _ if asked(mcr::INRQ) => Mode::Initialization,
+            Mode::Sleep => Mode::Synchronising { from_sleep: true },
+            Mode::Initialization => Mode::Synchronising { from_sleep: false },
+            Mode::Synchronising { .. } | Mode::Normal => before,
+        };
+        if self.mode == Mode::Sleep && before != Mode::Sleep && self.enabled & ier::SLKIE != 0 {
+            self.noted |= msr::SLAKI;
+        }
+        if self.mode != Mode::Sleep {
+            self.noted &= !msr::SLAKI;
+        }
+        if self.mode == Mode::Initialization {
+            self.busy = false;
+            self.recovery = Recovery::Running;
+        }
+        // Out of the sight of the bus there is nothing to hear the own messages by.
+        if self.is_loopback() && matches!(self.mode, Mode::Synchronising { .. }) {
+            self.mode = Mode::Normal;
+        }
+    }
+}
+
+/// What the bus sees of it, and tells it.
+impl BxCan {
+    /// What it is to the bus.
+    #[must_use]
+    pub fn presence(&self) -> Presence {
+        let timing = BitTiming::of(self.timing);
+        match self.mode {
+            _ if self.is_loopback() => Presence::Off,
+            Mode::Initialization => Presence::Off,
+            Mode::Sleep => Presence::Asleep { timing },
+            Mode::Synchronising { .. } | Mode::Normal => {
+                Presence::On { timing, silent: timing::is_silent(self.timing) }
+            }
+        }
+    }
+
+    /// Whether it hears itself instead of the bus.
+    #[must_use]
+    pub const fn is_loopback(&self) -> bool {
+        timing::is_loopback(self.timing)
+    }
+
+    /// The message that takes part in the next arbitration.
+    pub fn offer(&mut self) -> Option<Message> {
+        let may = self.mode == Mode::Normal
+            && !self.errors.is_bus_off()
+            && (self.is_loopback() || !timing::is_silent(self.timing));
+        if may { self.mailboxes.offer(self.control & mcr::TXFP != 0) } else { None }
+    }
+
+    /// Whether it is bus-off and counts sequences of 11 recessive bits.
+    #[must_use]
+    pub fn is_recovering(&self) -> bool {
+        let automatic = self.control & mcr::ABOM != 0;
+        self.errors.is_bus_off()
+            && matches!(self.mode, Mode::Normal | Mode::Synchronising { .. })
+            && (automatic || self.recovery == Recovery::Running)
+    }
+
+    /// The bus tells what happened. A frame that was received is given as it is on the wire.
+    pub fn hear(&mut self, event: WireEvent) {
+        match event {
+            WireEvent::Received(frame) => self.receive(frame.into()),
+            WireEvent::Joined => self.joined(),
+            WireEvent::Recovered => {
+                self.errors.recovered();
+                self.recovery = Recovery::Wanted;
+            }
+            WireEvent::Begins { .. } if self.mode == Mode::Sleep => self.start_of_frame_in_sleep(),
+            WireEvent::Ends => {
+                self.busy = false;
+                self.follow_requests();
+            }
+            _ if self.mode != Mode::Normal => {}
+            WireEvent::Begins { own } => {
+                self.busy = true;
+                if own {
+                    self.mailboxes.begin();
+                }
+            }
+            WireEvent::LostArbitration => self.end_attempt(Attempt::LostArbitration),
+            WireEvent::Sent => {
+                self.errors.sent();
+                self.end_attempt(Attempt::Sent);
+            }
+            WireEvent::NotSent(error) => {
+                let error = match error {
+                    BusError::Acknowledgement => LastError::Acknowledgement,
+                    BusError::Bit => LastError::BitRecessive,
+                    BusError::Stuff => LastError::Stuff,
+                };
+                self.not_sent(error);
+            }
+            WireEvent::NotReceived { first } => self.not_received(LastError::Stuff, first),
+        }
+    }
+
+    /// An attempt to send the offered message failed.
+    pub fn not_sent(&mut self, error: LastError) {
+        let was_on = !self.errors.is_bus_off();
+        let noted = self.errors.not_sent(error, self.enabled);
+        if was_on && self.errors.is_bus_off() {
+            self.recovery = Recovery::Wanted;
+        }
+        self.note_error(noted);
+        self.end_attempt(Attempt::Failed);
+    }
+
+    /// A frame of somebody else was destroyed.
+    pub fn not_received(&mut self, error: LastError, first: bool) {
+        let noted = self.errors.not_received(error, first, self.enabled);
+        self.note_error(noted);
+    }
+
+    /// A frame was received without an error.
+    pub fn receive(&mut self, message: Message) {
+        if self.mode != Mode::Normal || self.errors.is_bus_off() {
+            return;
+        }
+        self.errors.received();
+        if let Some(found) = self.filters.find(message.identifier()) {
+            self.fifos[found.fifo].store(message, found.index, self.control & mcr::RFLM != 0);
+        }
+    }
+
+    /// In loop back mode: the offered message has gone once around.
+    pub fn loop_back(&mut self) {
+        if let Some(message) = self.offer() {
+            self.hear(WireEvent::Begins { own: true });
+            self.hear(WireEvent::Sent);
+            self.receive(message);
+            self.hear(WireEvent::Ends);
+        }
+    }
+
+    fn end_attempt(&mut self, attempt: Attempt) {
+        self.mailboxes.end(attempt, self.control & mcr::NART != 0);
+    }
+
+    fn note_error(&mut self, noted: bool) {
+        if noted {
+            self.noted |= msr::ERRI;
+        }
+    }
+
+    fn joined(&mut self) {
+        if let Mode::Synchronising { .. } = self.mode {
+            self.mode = Mode::Normal;
+            self.follow_requests();
+        }
+    }
+
+    fn start_of_frame_in_sleep(&mut self) {
+        self.noted |= msr::WKUI;
+        if self.control & mcr::AWUM != 0 {
+            self.control &= !mcr::SLEEP;
+            self.follow_requests();
+        }
+    }
+}

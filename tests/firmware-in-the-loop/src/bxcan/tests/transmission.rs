@@ -1,0 +1,227 @@
+//! 32.7.1 and 32.7.2: mailboxes, priority, abort, retransmission.
+
+use hal_sim::BusError;
+use hal_sim::WireEvent::{Begins, Ends, LostArbitration, NotSent, Sent};
+
+use super::*;
+
+const EMPTY: u32 = 0x1C00_0000;
+
+fn code(can: &BxCan) -> u32 {
+    can.read(TSR) >> 24 & 3
+}
+
+fn lowest(can: &BxCan) -> u32 {
+    can.read(TSR) >> 29
+}
+
+fn empty(can: &BxCan) -> u32 {
+    can.read(TSR) >> 26 & 7
+}
+
+fn begin(can: &mut BxCan) {
+    can.offer().expect("something to send");
+    can.hear(Begins { own: true });
+}
+
+#[test]
+fn a_request_goes_from_pending_to_empty_and_reports() {
+    let mut can = on_bus(0);
+    can.write(IER, ier::TMEIE);
+    request(&mut can, 0, &std(0x123, &[1, 2]));
+    assert_eq!(can.read(TI0R), 0x123 << 21 | 1, "TXRQ stands while it is pending");
+    assert_eq!((empty(&can), code(&can)), (0b110, 1));
+    assert!(!can.interrupts().transmit);
+    assert_eq!(send(&mut can), std(0x123, &[1, 2]));
+    assert_eq!(can.read(TSR), EMPTY | tsr::RQCP | tsr::TXOK);
+    assert_eq!(can.read(TI0R), 0x123 << 21);
+    assert!(can.interrupts().transmit);
+    can.write(TSR, tsr::RQCP);
+    assert_eq!(can.read(TSR), EMPTY, "RQCP takes the others along");
+    assert!(!can.interrupts().transmit);
+}
+
+#[test]
+fn a_new_request_clears_what_the_last_one_reported() {
+    let mut can = on_bus(0);
+    request(&mut can, 2, &std(1, &[]));
+    send(&mut can);
+    assert_eq!(can.read(TSR) >> 16 & 0xFF, tsr::RQCP | tsr::TXOK);
+    request(&mut can, 2, &std(1, &[]));
+    assert_eq!(can.read(TSR) >> 16 & 0xFF, 0);
+}
+
+#[test]
+fn a_pending_mailbox_cannot_be_written() {
+    let mut can = on_bus(0);
+    request(&mut can, 0, &std(0x123, &[1]));
+    request(&mut can, 0, &std(0x456, &[2]));
+    assert_eq!(send(&mut can), std(0x123, &[1]));
+}
+
+#[test]
+fn frames_of_every_sort_go_out_as_they_were_written() {
+    let mut can = on_bus(0);
+    for frame in [
+        std(0x7FF, &[]),
+        std(0, &[1, 2, 3, 4, 5, 6, 7, 8]),
+        ext(0x1FFF_FFFF, &[9]),
+        ext(0, &[0xFF; 5]),
+        Frame::remote(standard(0x321).into(), 4),
+    ] {
+        request(&mut can, 1, &frame);
+        assert_eq!(send(&mut can), frame);
+    }
+}
+
+#[test]
+fn a_length_code_above_eight_stands_for_eight() {
+    let mut can = on_bus(0);
+    can.write(TI0R + 4, 0xC);
+    can.write(TI0R, 1);
+    let message = can.offer().unwrap();
+    assert_eq!((message.dlc, message.frame.len()), (12, 8));
+}
+
+#[test]
+fn the_lowest_identifier_goes_first_and_of_equal_ones_the_lowest_mailbox() {
+    let mut can = on_bus(0);
+    request(&mut can, 0, &std(0x300, &[0]));
+    assert_eq!(lowest(&can), 0, "alone, none has the lowest priority");
+    request(&mut can, 1, &std(0x200, &[1]));
+    assert_eq!(lowest(&can), 0b001);
+    request(&mut can, 2, &std(0x200, &[2]));
+    assert_eq!((empty(&can), code(&can), lowest(&can)), (0, 0, 0b001), "full: CODE is the one to overtake");
+    assert_eq!(
+        [send(&mut can), send(&mut can), send(&mut can)],
+        [std(0x200, &[1]), std(0x200, &[2]), std(0x300, &[0])]
+    );
+}
+
+#[test]
+fn a_standard_frame_goes_before_an_extended_one_with_the_same_start() {
+    let mut can = on_bus(0);
+    request(&mut can, 0, &ext(0x100 << 18, &[]));
+    request(&mut can, 1, &std(0x100, &[]));
+    request(&mut can, 2, &ext(0xFF << 18 | 0x3_FFFF, &[]));
+    assert_eq!(
+        [send(&mut can), send(&mut can), send(&mut can)],
+        [ext(0xFF << 18 | 0x3_FFFF, &[]), std(0x100, &[]), ext(0x100 << 18, &[])]
+    );
+}
+
+#[test]
+fn with_txfp_the_order_of_the_requests_decides() {
+    let mut can = on_bus(mcr::TXFP);
+    request(&mut can, 2, &std(0x300, &[]));
+    request(&mut can, 0, &std(0x200, &[]));
+    request(&mut can, 1, &std(0x100, &[]));
+    assert_eq!(lowest(&can), 0b010);
+    assert_eq!([send(&mut can), send(&mut can), send(&mut can)], [std(0x300, &[]), std(0x200, &[]), std(0x100, &[])]);
+}
+
+#[test]
+fn a_more_urgent_frame_overtakes_the_waiting_but_not_the_one_on_the_wire() {
+    let mut can = on_bus(0);
+    request(&mut can, 0, &std(0x300, &[]));
+    begin(&mut can);
+    request(&mut can, 1, &std(0x100, &[]));
+    assert_eq!(can.offer().unwrap().frame, std(0x300, &[]));
+    can.hear(NotSent(BusError::Bit));
+    can.hear(Ends);
+    assert_eq!(can.offer().unwrap().frame, std(0x100, &[]), "what failed has to wait for it");
+}
+
+#[test]
+fn what_is_only_pending_is_aborted_at_once() {
+    let mut can = on_bus(0);
+    request(&mut can, 0, &std(0x100, &[]));
+    request(&mut can, 1, &std(0x200, &[]));
+    can.write(TSR, tsr::ABRQ << 8);
+    assert_eq!(can.read(TSR) & 0xFFFF, tsr::RQCP << 8);
+    assert_eq!(empty(&can), 0b110);
+    assert_eq!(send(&mut can), std(0x100, &[]));
+    assert_eq!(can.offer(), None);
+}
+
+#[test]
+fn an_abort_of_an_empty_mailbox_does_nothing() {
+    let mut can = on_bus(0);
+    can.write(TSR, tsr::ABRQ);
+    assert_eq!(can.read(TSR), EMPTY);
+}
+
+#[test]
+fn an_abort_of_what_is_on_the_wire_lets_it_succeed_or_ends_with_its_failure() {
+    for (end, status) in [
+        (Sent, tsr::RQCP | tsr::TXOK),
+        (NotSent(BusError::Bit), tsr::RQCP | tsr::TERR),
+        (LostArbitration, tsr::RQCP | tsr::ALST),
+    ] {
+        let mut can = on_bus(0);
+        request(&mut can, 0, &std(0x100, &[]));
+        begin(&mut can);
+        can.write(TSR, tsr::ABRQ);
+        assert_eq!((can.read(TSR) & 0xFF, empty(&can)), (tsr::ABRQ, 0b110), "not yet");
+        can.hear(end);
+        can.hear(Ends);
+        assert_eq!((can.read(TSR) & 0xFF, empty(&can)), (status, 0b111));
+        assert_eq!(can.offer(), None);
+    }
+}
+
+#[test]
+fn a_failed_attempt_is_repeated_by_itself() {
+    let mut can = on_bus(0);
+    request(&mut can, 0, &std(0x100, &[]));
+    for (failure, status) in [(NotSent(BusError::Bit), tsr::TERR), (LostArbitration, tsr::ALST)] {
+        begin(&mut can);
+        can.hear(failure);
+        can.hear(Ends);
+        assert_eq!((can.read(TSR) & 0xFF, empty(&can)), (status, 0b110));
+        assert!(can.offer().is_some());
+    }
+    send(&mut can);
+    assert_eq!(can.read(TSR) & 0xFF, tsr::RQCP | tsr::TXOK);
+}
+
+#[test]
+fn with_nart_there_is_one_attempt() {
+    for (end, status) in [
+        (NotSent(BusError::Acknowledgement), tsr::RQCP | tsr::TERR),
+        (LostArbitration, tsr::RQCP | tsr::ALST),
+        (Sent, tsr::RQCP | tsr::TXOK),
+    ] {
+        let mut can = on_bus(mcr::NART);
+        request(&mut can, 0, &std(0x100, &[]));
+        begin(&mut can);
+        can.hear(end);
+        can.hear(Ends);
+        assert_eq!(can.read(TSR), EMPTY | status);
+        assert_eq!(can.offer(), None);
+    }
+}
+
+#[test]
+fn arbitration_is_lost_without_having_been_on_the_wire() {
+    let mut can = on_bus(mcr::NART);
+    request(&mut can, 1, &std(0x100, &[]));
+    can.offer();
+    can.hear(LostArbitration);
+    can.hear(Begins { own: false });
+    assert_eq!(can.read(TSR) >> 8 & 0xFF, tsr::RQCP | tsr::ALST);
+}
+
+#[test]
+fn single_flags_are_cleared_by_ones() {
+    let mut can = on_bus(0);
+    request(&mut can, 0, &std(0x100, &[]));
+    begin(&mut can);
+    can.hear(NotSent(BusError::Bit));
+    can.hear(Ends);
+    can.write(TSR, tsr::ALST);
+    assert_eq!(can.read(TSR) & 0xFF, tsr::TERR);
+    can.write(TSR, tsr::TERR);
+    assert_eq!(can.read(TSR) & 0xFF, 0);
+    assert!(can.offer().is_some(), "the request stands");
+}

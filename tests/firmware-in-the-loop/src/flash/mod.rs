@@ -1,0 +1,266 @@
+//! The flash interface and bank 2 of an STM32F429ZI (RM0090 chapter 3, DS9405 for the times): really programs and erases.
+//!
+//! Bank 1 holds the image and is plain memory to the emulator; whoever programs or erases it is complained of. So is what
+//! would stall the processor on silicon: an access to bank 2 or to the control register during an operation there. The
+//! harness fails on any complaint.
+//!
+//! Left out: option bytes, protection, read and write of bank 2 by an instruction fetch, times beyond the typical ones.
+
+mod array;
+pub mod registers;
+
+#[cfg(test)]
+mod tests;
+
+pub use array::{BANK2, BANK2_SIZE, ERASED, SECTOR_SIZE};
+
+use array::Array;
+use registers::*;
+
+/// Nanoseconds since the power came.
+pub type Nanos = u64;
+
+/// How long programming takes, whatever the width (DS9405, typical).
+pub const PROGRAM_TIME: Nanos = 16_000;
+
+/// What is under way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Operation {
+    what: What,
+    until: Nanos,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum What {
+    Program { offset: usize, bytes: usize, value: u64 },
+    Erase { from: usize, size: usize },
+}
+
+/// The flash interface with bank 2 behind it. What bank 2 holds outlives resets and power cuts.
+#[derive(Clone, Debug)]
+pub struct Flash {
+    array: Array,
+    keys: Keys,
+    control: u32,
+    status: u32,
+    operation: Option<Operation>,
+    fails: bool,
+    complaints: Vec<String>,
+    programs: u64,
+    erases: u64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Keys {
+    None,
+    First,
+    /// A wrong key: locked until the next reset.
+    Wrong,
+}
+
+impl Default for Flash {
+    fn default() -> Self {
+        Self {
+            array: Array::default(),
+            keys: Keys::None,
+            control: cr::LOCK,
+            status: 0,
+            operation: None,
+            fails: false,
+            complaints: Vec::new(),
+            programs: 0,
+            erases: 0,
+        }
+    }
+}
+
+/// What a test does with it.
+impl Flash {
+    /// With these bytes from the start of bank 2 on.
+    #[must_use]
+    pub fn with_content(content: &[u8]) -> Self {
+        let mut flash = Self::default();
+        flash.array.fill(0, content);
+        flash
+    }
+
+    /// The first `size` bytes of bank 2.
+    #[must_use]
+    pub fn content(&self, size: usize) -> &[u8] {
+        self.array.bytes(0, size)
+    }
+
+    /// From now on programming and erasing fail as on protected sectors, or do so no longer.
+    pub const fn set_fails(&mut self, fails: bool) {
+        self.fails = fails;
+    }
+
+    /// What no firmware may do, told once.
+    pub fn take_complaints(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.complaints)
+    }
+
+    /// How many times it was programmed, and how many sectors were erased.
+    #[must_use]
+    pub const fn wear(&self) -> (u64, u64) {
+        (self.programs, self.erases)
+    }
+
+    /// The end of the operation that is under way.
+    #[must_use]
+    pub fn due(&self) -> Option<Nanos> {
+        self.operation.map(|operation| operation.until)
+    }
+
+    /// The chip is reset or loses its supply: an operation under way is torn, in a way that depends on the seed.
+    pub fn reset(&mut self, now: Nanos, seed: u64) {
+        self.settle(now);
+        let mut random = fastrand::Rng::with_seed(seed ^ now);
+        match self.operation.take().map(|operation| operation.what) {
+            None => {}
+            // Some of the bits have changed.
+            Some(What::Program { offset, bytes, value }) => {
+                let value = value | random.u64(..);
+                self.array.program(offset, bytes, value);
+            }
+            Some(What::Erase { from, size }) => self.array.erase_partly(from, size, &mut random),
+        }
+        let Self { array, fails, complaints, programs, erases, .. } = std::mem::take(self);
+        *self = Self { array, fails, complaints, programs, erases, ..Self::default() };
+    }
+}
+
+/// What the processor does with it.
+impl Flash {
+    /// Reads the register at an offset of the interface; `None` for one that only stores what is written.
+    pub fn read_register(&mut self, offset: u32, now: Nanos) -> Option<u32> {
+        self.settle(now);
+        match offset {
+            KEYR | OPTKEYR => Some(0),
+            SR => Some(self.status | if self.operation.is_some() { sr::BSY } else { 0 }),
+            CR => Some(self.control),
+            _ => None,
+        }
+    }
+
+    /// Writes the register at an offset of the interface.
+    pub fn write_register(&mut self, offset: u32, value: u32, now: Nanos) {
+        self.settle(now);
+        match offset {
+            KEYR => self.unlock(value),
+            SR => self.status &= !value,
+            CR if self.operation.is_some() => {
+                self.complain(now, "CR is written while BSY: silicon stalls the processor");
+            }
+            CR if self.control & cr::LOCK == 0 => {
+                self.control = value & cr::ALL;
+                if value & cr::LOCK != 0 {
+                    self.keys = Keys::None;
+                } else if value & cr::STRT != 0 {
+                    self.erase(now);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Reads at an offset into bank 2.
+    pub fn read(&mut self, offset: usize, bytes: usize, now: Nanos) -> u64 {
+        self.settle(now);
+        if self.operation.is_some() {
+            self.complain(
+                now,
+                &format!("bank 2 is read at {offset:#x} while it is busy: silicon stalls the processor"),
+            );
+        }
+        self.array.read(offset, bytes)
+    }
+
+    /// Writes at an offset into bank 2.
+    pub fn write(&mut self, offset: usize, bytes: usize, value: u64, now: Nanos) {
+        self.settle(now);
+        if self.operation.is_some() {
+            self.complain(now, "bank 2 is written while it is busy: silicon stalls the processor");
+            return;
+        }
+        let width = 1 << (self.control >> cr::PSIZE & 3);
+        if self.control & (cr::LOCK | cr::PG) != cr::PG {
+            self.fail(sr::PGSERR);
+        } else if bytes != width {
+            self.fail(sr::PGPERR);
+        } else if self.fails {
+            self.fail(sr::WRPERR);
+        } else {
+            let what = What::Program { offset, bytes, value };
+            self.operation = Some(Operation { what, until: now + PROGRAM_TIME });
+        }
+    }
+
+    /// The level of its interrupt line.
+    #[must_use]
+    pub const fn interrupt(&self) -> bool {
+        self.status & sr::EOP != 0 || self.status & sr::OPERR != 0
+    }
+
+    /// Ends what ends by `now`.
+    pub fn settle(&mut self, now: Nanos) {
+        let Some(Operation { what, .. }) = self.operation.take_if(|operation| operation.until <= now) else { return };
+        match what {
+            What::Program { offset, bytes, value } => {
+                self.array.program(offset, bytes, value);
+                self.programs += 1;
+            }
+            What::Erase { from, size } => {
+                self.array.erase(from, size);
+                self.erases += 1;
+                self.control &= !cr::STRT;
+            }
+        }
+        if self.control & cr::EOPIE != 0 {
+            self.status |= sr::EOP;
+        }
+    }
+
+    fn unlock(&mut self, key: u32) {
+        self.keys = match (self.keys, key) {
+            (Keys::None, KEY1) => Keys::First,
+            (Keys::First, KEY2) => {
+                self.control &= !cr::LOCK;
+                Keys::None
+            }
+            _ => Keys::Wrong,
+        };
+    }
+
+    fn erase(&mut self, now: Nanos) {
+        let parallelism = self.control >> cr::PSIZE & 3;
+        let sector = self.control >> cr::SNB & 0x1F;
+        if self.control & (cr::MER | cr::MER1) != 0 || self.control & cr::SER == 0 {
+            self.complain(now, "an erase other than that of a sector of bank 2 is started");
+        } else if let Some((from, size)) = array::sector(sector) {
+            if self.fails {
+                self.control &= !cr::STRT;
+                self.fail(sr::WRPERR);
+                return;
+            }
+            let until = now + array::erase_time(size, parallelism);
+            self.operation = Some(Operation { what: What::Erase { from, size }, until });
+            return;
+        } else {
+            self.complain(now, &format!("SNB {sector:#x} is erased, which is no sector of bank 2"));
+        }
+        self.control &= !cr::STRT;
+        self.fail(sr::WRPERR);
+    }
+
+    fn fail(&mut self, error: u32) {
+        self.status |= error;
+        if self.control & cr::ERRIE != 0 {
+            self.status |= sr::OPERR;
+        }
+    }
+
+    fn complain(&mut self, now: Nanos, what: &str) {
+        self.complaints.push(format!("flash, {} us after power-up: {what}", now / 1000));
+    }
+}

@@ -1,0 +1,156 @@
+//! The flash interface against RM0090 chapter 3.
+
+use super::*;
+
+const WORD: u32 = 2 << cr::PSIZE;
+const MS: Nanos = 1_000_000;
+
+fn unlocked() -> Flash {
+    let mut flash = Flash::default();
+    flash.write_register(KEYR, KEY1, 0);
+    flash.write_register(KEYR, KEY2, 0);
+    flash
+}
+
+fn programmed(flash: &mut Flash, offset: usize, value: u32, now: Nanos) -> Nanos {
+    flash.write_register(CR, cr::PG | WORD, now);
+    flash.write(offset, 4, value.into(), now);
+    now + PROGRAM_TIME
+}
+
+fn status(flash: &mut Flash, now: Nanos) -> u32 {
+    flash.read_register(SR, now).unwrap()
+}
+
+#[test]
+fn two_keys_unlock_and_a_wrong_one_locks_for_good() {
+    let mut flash = Flash::default();
+    flash.write_register(CR, cr::PG, 0);
+    assert_eq!(flash.read_register(CR, 0), Some(cr::LOCK));
+    flash.write_register(KEYR, KEY1, 0);
+    flash.write_register(KEYR, KEY2, 0);
+    assert_eq!(flash.read_register(CR, 0), Some(0));
+    flash.write_register(CR, cr::LOCK, 0);
+    flash.write_register(KEYR, 7, 0);
+    flash.write_register(KEYR, KEY1, 0);
+    flash.write_register(KEYR, KEY2, 0);
+    assert_eq!(flash.read_register(CR, 0), Some(cr::LOCK));
+    flash.reset(0, 0);
+    flash.write_register(KEYR, KEY1, 0);
+    flash.write_register(KEYR, KEY2, 0);
+    assert_eq!(flash.read_register(CR, 0), Some(0));
+}
+
+#[test]
+fn programming_takes_its_time_and_clears_bits_only() {
+    let mut flash = unlocked();
+    let done = programmed(&mut flash, 8, 0xFFFF_1234, 100);
+    assert_eq!(status(&mut flash, done - 1), sr::BSY);
+    assert_eq!(status(&mut flash, done), 0);
+    assert_eq!(flash.read(8, 4, done), 0xFFFF_1234);
+    let done = programmed(&mut flash, 8, 0x0F0F_FFFF, done);
+    assert_eq!(flash.read(8, 4, done), 0x0F0F_1234);
+    assert_eq!((flash.wear(), flash.take_complaints()), ((2, 0), vec![]));
+}
+
+#[test]
+fn the_width_has_to_be_that_of_psize_and_pg_has_to_be_set() {
+    let mut flash = unlocked();
+    flash.write_register(CR, cr::PG | WORD, 0);
+    flash.write(0, 1, 0, 0);
+    assert_eq!(status(&mut flash, 0), sr::PGPERR);
+    flash.write_register(SR, sr::PGPERR, 0);
+    flash.write_register(CR, WORD, 0);
+    flash.write(0, 4, 0, 0);
+    assert_eq!(status(&mut flash, 0), sr::PGSERR);
+    assert_eq!(flash.content(4), [ERASED; 4]);
+}
+
+#[test]
+fn a_sector_is_erased_in_the_time_of_its_size_and_parallelism() {
+    let small = |snb: u32| (snb, [400, 300, 250]);
+    for (snb, times) in [small(0x10), small(0x13), (0x14, [1200, 700, 550]), (0x15, [2000, 1300, 1000])] {
+        for (psize, time) in (0..).zip(times) {
+            let mut flash = unlocked();
+            let start = programmed(&mut flash, 0, 0, 0);
+            flash.write_register(CR, cr::SER | cr::STRT | snb << cr::SNB | psize << cr::PSIZE, start);
+            assert_eq!(flash.due(), Some(start + time * MS), "{snb:#x} {psize}");
+            assert_eq!(status(&mut flash, start + time * MS - 1), sr::BSY);
+            assert_eq!(status(&mut flash, start + time * MS), 0);
+            let expected = if snb == 0x10 { ERASED } else { 0 };
+            assert_eq!(flash.content(4), [expected; 4]);
+        }
+    }
+}
+
+#[test]
+fn the_end_and_errors_interrupt_when_that_is_enabled() {
+    let mut flash = unlocked();
+    flash.write_register(CR, cr::PG | WORD | cr::EOPIE, 0);
+    flash.write(0, 4, 0, 0);
+    flash.settle(PROGRAM_TIME - 1);
+    assert!(!flash.interrupt());
+    flash.settle(PROGRAM_TIME);
+    assert!(flash.interrupt());
+    flash.write_register(SR, sr::EOP, PROGRAM_TIME);
+    assert!(!flash.interrupt());
+    flash.set_fails(true);
+    flash.write_register(CR, cr::PG | WORD | cr::ERRIE, PROGRAM_TIME);
+    flash.write(0, 4, 0, PROGRAM_TIME);
+    assert_eq!(status(&mut flash, PROGRAM_TIME), sr::WRPERR | sr::OPERR);
+    assert!(flash.interrupt());
+}
+
+#[test]
+fn what_would_stall_the_processor_is_complained_of() {
+    let mut flash = unlocked();
+    flash.write_register(CR, cr::SER | cr::STRT | 0x10 << cr::SNB | WORD, 0);
+    flash.read(SECTOR_SIZE, 4, 1000);
+    flash.write(0, 4, 0, 2000);
+    flash.write_register(CR, 0, 3000);
+    assert_eq!(flash.take_complaints().len(), 3);
+    flash.settle(250 * MS);
+    flash.read(0, 4, 250 * MS);
+    assert_eq!(flash.take_complaints(), Vec::<String>::new());
+}
+
+#[test]
+fn bank_1_is_not_to_be_erased() {
+    for control in [cr::SER | 0 << cr::SNB, cr::SER | 0xB << cr::SNB, cr::MER, cr::MER1, cr::SER | 0x1C << cr::SNB] {
+        let mut flash = unlocked();
+        flash.write_register(CR, control | cr::STRT, 0);
+        assert_eq!(flash.take_complaints().len(), 1, "{control:#x}");
+        assert_eq!(flash.due(), None);
+    }
+}
+
+#[test]
+fn a_cut_tears_only_what_is_under_way() {
+    let mut torn = 0;
+    for seed in 0..50 {
+        let mut flash = unlocked();
+        let done = programmed(&mut flash, 0, 0x5555_5555, 0);
+        programmed(&mut flash, 4, 0, done);
+        flash.reset(done + PROGRAM_TIME / 2, seed);
+        assert_eq!(flash.content(4), [0x55; 4]);
+        torn += u32::from(flash.content(8)[4..] != [0; 4] && flash.content(8)[4..] != [ERASED; 4]);
+        assert_eq!(flash.content(12)[8..], [ERASED; 4]);
+    }
+    assert!(torn > 40, "{torn} of 50 words are neither old nor new");
+    let mut flash = unlocked();
+    let done = programmed(&mut flash, 0, 0x5555_5555, 0);
+    flash.reset(done, 0);
+    assert_eq!(flash.content(4), [0x55; 4], "it was complete");
+}
+
+#[test]
+fn a_cut_erase_leaves_a_mixture() {
+    let mut flash = Flash::with_content(&[0; SECTOR_SIZE]);
+    flash.write_register(KEYR, KEY1, 0);
+    flash.write_register(KEYR, KEY2, 0);
+    flash.write_register(CR, cr::SER | cr::STRT | 0x10 << cr::SNB | WORD, 0);
+    flash.reset(100 * MS, 3);
+    let erased = flash.content(SECTOR_SIZE).iter().filter(|byte| **byte == ERASED).count();
+    assert!((1..SECTOR_SIZE).contains(&erased), "{erased}");
+    assert_eq!(flash.read_register(CR, 0), Some(cr::LOCK));
+}

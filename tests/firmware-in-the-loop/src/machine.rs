@@ -1,0 +1,319 @@
+//! An emulated board under power: the emulator on a thread of its own, told how far to run and waited for.
+//!
+//! One of the two threads runs at a time. The emulator stops at the instant that it was told, or right after an access by
+//! which the firmware changes what the bus sees of its CAN controller.
+
+use std::num::{NonZeroU32, NonZeroU64};
+use std::ops::Range;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::JoinHandle;
+
+use rigless::cpu::armv7m::windows;
+use rigless::emulator::{self, Driver, Finished, Host, Settled, Start, Stop, StopReason};
+use rigless::machine::{Board, Target, armv7m};
+use rigless::mcu::{Mcu, Operate};
+use rigless::session::Session;
+use rigless::snapshot::Store;
+use rigless::soc::Width;
+use rigless::time::VirtualNanos;
+
+use crate::image::Image;
+use crate::part::{BOOT, Can1, Connections, Port, Stm32f429};
+
+/// The processor's clock.
+const CORE_HZ: u64 = 160_000_000;
+/// Instructions in a second: one and a half cycles each, with the flash accelerator on (A).
+const INSTRUCTIONS_PER_SECOND: u64 = CORE_HZ * 2 / 3;
+/// Where CAN1 is.
+const CAN1: Range<u64> = 0x4000_6400..0x4000_6800;
+
+/// Nanoseconds since the power came.
+pub type Nanos = u64;
+
+/// Where the emulator has stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reached {
+    /// When.
+    pub at: Nanos,
+    /// How many instructions were executed until then.
+    pub instructions: u64,
+    /// How many had been when the processor was first seen asleep since the last stop.
+    pub asleep: Option<u64>,
+    /// How many resets there were.
+    pub resets: usize,
+}
+
+/// A reset of the part.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Reset {
+    /// When.
+    pub at: Nanos,
+    /// By what, in the emulator's words.
+    pub cause: String,
+}
+
+/// What a run leaves behind.
+#[derive(Clone, Debug, Default)]
+pub struct Summary {
+    /// All resets.
+    pub resets: Vec<Reset>,
+    /// What the firmware did that the part does not have or does not allow.
+    pub complaints: Vec<String>,
+}
+
+/// An emulated board under power.
+pub struct Machine {
+    orders: Sender<Order>,
+    answers: Receiver<Answer>,
+    thread: Option<JoinHandle<Summary>>,
+    reached: Reached,
+}
+
+enum Order {
+    RunUntil(Nanos),
+    Read(Range<u64>),
+    Write(u64, Vec<u8>),
+    Drive(Port, u8, bool),
+    IsHigh(Port, u8),
+    PowerOff,
+}
+
+enum Answer {
+    Reached(Reached),
+    Bytes(Vec<u8>),
+    Level(bool),
+    Done,
+}
+
+impl Machine {
+    /// Switches a board on: it stands before its first instruction.
+    ///
+    /// # Panics
+    /// When the image cannot be loaded into the part.
+    #[must_use]
+    pub fn power_on(image: &'static Image, connections: Connections) -> Self {
+        let (orders, received) = channel();
+        let (answer, answers) = channel();
+        let thread = std::thread::spawn(move || run(image, connections, received, answer));
+        let mut machine = Self {
+            orders,
+            answers,
+            thread: Some(thread),
+            reached: Reached { at: 0, instructions: 0, asleep: None, resets: 0 },
+        };
+        machine.reached = machine.wait_for_stop();
+        machine
+    }
+
+    /// Where it stands.
+    #[must_use]
+    pub const fn reached(&self) -> Reached {
+        self.reached
+    }
+
+    /// Lets it run until an instant; to be followed by [`wait`](Self::wait).
+    pub fn start(&self, until: Nanos) {
+        self.order(Order::RunUntil(until));
+    }
+
+    /// Waits until it has stopped.
+    pub fn wait(&mut self) -> Reached {
+        self.reached = self.wait_for_stop();
+        self.reached
+    }
+
+    /// Reads memory as the processor sees it; not bank 2.
+    #[must_use]
+    pub fn read(&self, range: Range<u64>) -> Vec<u8> {
+        match self.ask(Order::Read(range)) {
+            Answer::Bytes(bytes) => bytes,
+            _ => unreachable!("a read is answered by bytes"),
+        }
+    }
+
+    /// Writes RAM, or breaks the image in bank 1.
+    pub fn write(&self, address: u64, bytes: &[u8]) {
+        self.ask(Order::Write(address, bytes.to_vec()));
+    }
+
+    /// Drives a pin from outside.
+    pub fn drive(&self, port: Port, pin: u8, high: bool) {
+        self.ask(Order::Drive(port, pin, high));
+    }
+
+    /// Whether the firmware drives a pin high.
+    #[must_use]
+    pub fn is_high(&self, port: Port, pin: u8) -> bool {
+        matches!(self.ask(Order::IsHigh(port, pin)), Answer::Level(true))
+    }
+
+    /// Cuts its power.
+    ///
+    /// # Panics
+    /// When the emulator did.
+    pub fn power_off(mut self) -> Summary {
+        self.order(Order::PowerOff);
+        let thread = self.thread.take().expect("it runs until it is switched off");
+        thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    }
+
+    fn order(&self, order: Order) {
+        // Should the emulator be gone, whoever waits for the answer finds out why.
+        let _ = self.orders.send(order);
+    }
+
+    fn ask(&self, order: Order) -> Answer {
+        self.order(order);
+        self.answers.recv().expect("the emulator has ended by itself: see its thread's message")
+    }
+
+    fn wait_for_stop(&mut self) -> Reached {
+        match self.answers.recv() {
+            Ok(Answer::Reached(reached)) => reached,
+            Ok(_) => unreachable!("nothing was asked"),
+            Err(_) => {
+                let thread = self.thread.take().expect("it runs until it is switched off");
+                match thread.join() {
+                    Ok(summary) => panic!("the emulator has ended by itself: {summary:?}"),
+                    Err(panic) => std::panic::resume_unwind(panic),
+                }
+            }
+        }
+    }
+}
+
+impl Drop for Machine {
+    fn drop(&mut self) {
+        if let Some(thread) = self.thread.take() {
+            self.order(Order::PowerOff);
+            let _ = thread.join();
+        }
+    }
+}
+
+fn run(image: &Image, connections: Connections, orders: Receiver<Order>, answers: Sender<Answer>) -> Summary {
+    let can = connections.can.clone();
+    let part = Stm32f429::new(connections).expect("the part is described without contradiction");
+    let session = Session::new(Box::new(Nucleo { part }), 0, VirtualNanos(0)).expect("the board has one part");
+    let conductor = Conductor { orders, answers, can, asleep: None };
+    let start = Start::new(image.for_emulator());
+    let Finished { session, .. } = emulator::run(session, &start, conductor).expect("the image fits the part");
+    let reset = |reset: &rigless::session::Reset| Reset { at: reset.at.0, cause: format!("{:?}", reset.cause) };
+    Summary { resets: session.resets().iter().map(reset).collect(), complaints: complaints(&session) }
+}
+
+/// What the firmware did that the part does not have or does not allow.
+fn complaints(session: &Session<Nucleo>) -> Vec<String> {
+    let unmapped = session.unmapped().into_iter().map(|gap| format!("nothing is there: {gap}"));
+    let refused = session.refused().iter().map(|(address, fault)| format!("refused: {address:#x}, {fault}"));
+    let unrouted = session.unrouted().iter().map(|line| format!("an interrupt that goes nowhere: {line:?}"));
+    let told = session.told().map(|told| format!("{} {}: {}", told.instance, told.register, told.reason));
+    unmapped.chain(refused).chain(unrouted).chain(told).collect()
+}
+
+/// The board as the emulator wants it.
+#[derive(Debug)]
+struct Nucleo {
+    part: Stm32f429,
+}
+
+impl Store for Nucleo {}
+
+impl Board for Nucleo {
+    fn name(&self) -> &'static str {
+        "NUCLEO-F429ZI"
+    }
+
+    fn target_names(&self) -> Vec<&'static str> {
+        vec!["STM32F429ZI"]
+    }
+
+    fn mcu(&mut self, target: usize) -> Option<&mut dyn Mcu> {
+        (target == 0).then_some(&mut self.part)
+    }
+
+    fn targets(&mut self) -> Vec<Target<'_>> {
+        let core = armv7m::Core {
+            variant: armv7m::Variant::M4,
+            clock_hz: NonZeroU64::new(CORE_HZ).expect("it runs"),
+            interrupt_lines: NonZeroU32::new(u32::from(self.part.cpu().interrupt_lines)).expect("it has some"),
+            priority_bits: 4,
+            refclk_divider: NonZeroU32::new(8).expect("PM0214 4.5"),
+            instructions_per_second: NonZeroU64::new(INSTRUCTIONS_PER_SECOND).expect("it runs"),
+            boot: BOOT,
+        }
+        .spec_with_parts(&windows(self.part.bus()), armv7m::Fpu::FpV4Sp, armv7m::MpuRegions::Eight);
+        vec![Target::new("STM32F429ZI", &mut self.part, core)]
+    }
+}
+
+/// Carries out orders while the emulator stands.
+struct Conductor {
+    orders: Receiver<Order>,
+    answers: Sender<Answer>,
+    can: Can1,
+    asleep: Option<u64>,
+}
+
+impl Conductor {
+    fn carry_out(&self, order: Order, session: &mut Session<Nucleo>, now: VirtualNanos, host: &mut dyn Host) -> Answer {
+        match order {
+            Order::Read(range) => {
+                let byte = |address| host.read(address, Width::W8).map_or(0, |value| value as u8);
+                Answer::Bytes(range.map(byte).collect())
+            }
+            Order::Write(address, bytes) => {
+                for (address, byte) in (address..).zip(bytes) {
+                    let written = host.write(address, Width::W8, byte.into());
+                    written.or_else(|_| host.program(address, Width::W8, byte.into())).expect("there is memory");
+                }
+                Answer::Done
+            }
+            Order::Drive(port, pin, high) => {
+                session.board_mut().part.drive(port, pin, high, now);
+                Answer::Done
+            }
+            Order::IsHigh(port, pin) => Answer::Level(session.board().part.is_high(port, pin)),
+            Order::RunUntil(_) | Order::PowerOff => unreachable!("these end the stop"),
+        }
+    }
+}
+
+impl Driver<Nucleo> for Conductor {
+    fn on_settled(&mut self, session: &mut Session<Nucleo>, _: &mut dyn Host, settled: Settled) {
+        match settled {
+            Settled::Access { access, .. } if CAN1.contains(&access.address) && self.can.lock().changed => {
+                session.run_until(access.virtual_time);
+            }
+            Settled::Stop(stop) => {
+                if stop.reason == StopReason::Idle {
+                    self.asleep.get_or_insert(stop.instruction_count);
+                }
+                if self.can.lock().changed {
+                    session.run_until(stop.at);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn on_stop(&mut self, session: &mut Session<Nucleo>, stop: Stop, host: &mut dyn Host) -> Option<VirtualNanos> {
+        let reached = Reached {
+            at: stop.at.0,
+            instructions: stop.instruction_count,
+            asleep: self.asleep.take(),
+            resets: session.resets().len(),
+        };
+        self.answers.send(Answer::Reached(reached)).ok()?;
+        loop {
+            match self.orders.recv().ok()? {
+                Order::RunUntil(until) => return Some(VirtualNanos(until)),
+                Order::PowerOff => return None,
+                order => {
+                    let answer = self.carry_out(order, session, stop.at, host);
+                    self.answers.send(answer).ok()?;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! The flash in the emulated part: the interface's registers, and bank 2 as a window that is read and written byte by byte.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use rigless::device::{Device, DeviceContext, ErasedDevice, Level, RegisterFile, RequestChange};
+use rigless::soc::stm32f427::generated::flash::Register;
+use rigless::soc::{Layout, RegisterSpec, Width};
+use rigless::time::{EventId, VirtualNanos};
+
+use crate::flash::Flash;
+
+/// The flash, shared with whoever looks at it from outside.
+#[derive(Clone, Debug, Default)]
+pub struct SharedFlash(Arc<Mutex<Flash>>);
+
+impl SharedFlash {
+    /// Shares a flash.
+    #[must_use]
+    pub fn new(flash: Flash) -> Self {
+        Self(Arc::new(Mutex::new(flash)))
+    }
+
+    /// Looks at it.
+    pub fn lock(&self) -> MutexGuard<'_, Flash> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The interface.
+#[derive(Debug)]
+pub(super) struct FlashInterface {
+    pub(super) shared: SharedFlash,
+    line: bool,
+}
+
+impl FlashInterface {
+    pub(super) fn new(shared: SharedFlash) -> Self {
+        Self { shared, line: false }
+    }
+
+    fn drive_line(&mut self, context: &mut DeviceContext<'_>) {
+        let mut flash = self.shared.lock();
+        flash.settle(context.now().0);
+        let wanted = flash.interrupt();
+        if std::mem::replace(&mut self.line, wanted) != wanted {
+            context.interrupt(0, Level::from(wanted));
+        }
+        if let Some(due) = flash.due() {
+            context.schedule(VirtualNanos(due));
+        }
+    }
+}
+
+impl Device for FlashInterface {
+    type Register = Register;
+
+    fn read(&mut self, register: Register, _: &mut RegisterFile, context: &mut DeviceContext<'_>) -> Option<u64> {
+        let value = self.shared.lock().read_register(register.spec().offset, context.now().0);
+        value.map(u64::from)
+    }
+
+    fn write(&mut self, register: Register, value: u64, _: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        self.shared.lock().write_register(register.spec().offset, value as u32, context.now().0);
+        self.drive_line(context);
+    }
+
+    fn on_event(&mut self, _: EventId, _: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        self.drive_line(context);
+    }
+
+    /// Bank 2 may have started or ended something.
+    fn poll(&mut self, _: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        self.drive_line(context);
+    }
+}
+
+/// Bank 2.
+#[derive(Debug)]
+pub(super) struct Bank2 {
+    shared: SharedFlash,
+    /// The register table of a window, which is empty: the emulator knows it by where it is.
+    table: &'static [RegisterSpec],
+}
+
+impl Bank2 {
+    pub(super) fn new(shared: SharedFlash, table: &'static [RegisterSpec]) -> Self {
+        Self { shared, table }
+    }
+}
+
+impl ErasedDevice for Bank2 {
+    fn layout(&self) -> &'static [RegisterSpec] {
+        self.table
+    }
+
+    fn read(&mut self, _: usize, _: &mut RegisterFile, _: &mut DeviceContext<'_>) -> Option<u64> {
+        None
+    }
+
+    fn write(&mut self, _: usize, _: u64, _: &mut RegisterFile, _: &mut DeviceContext<'_>) {}
+
+    fn on_event(&mut self, _: EventId, _: &mut RegisterFile, _: &mut DeviceContext<'_>) {}
+
+    fn on_request(&mut self, _: RequestChange, _: &mut RegisterFile, _: &mut DeviceContext<'_>) {}
+
+    fn on_clock(&mut self, _: u64, _: &mut RegisterFile, _: &mut DeviceContext<'_>) {}
+
+    fn poll(&mut self, _: &mut RegisterFile, _: &mut DeviceContext<'_>) {}
+
+    fn reset(&mut self) {}
+
+    fn on_access(&mut self, _: u64, _: u64, _: &mut RegisterFile, _: &mut DeviceContext<'_>) {}
+
+    fn on_refused(&mut self, _: u64, _: &mut RegisterFile, _: &mut DeviceContext<'_>) {}
+
+    fn read_window(&mut self, offset: u64, width: Width, context: &mut DeviceContext<'_>) -> u64 {
+        self.shared.lock().read(offset as usize, bytes(width), context.now().0)
+    }
+
+    fn write_window(&mut self, offset: u64, width: Width, value: u64, context: &mut DeviceContext<'_>) {
+        let mut flash = self.shared.lock();
+        flash.write(offset as usize, bytes(width), value, context.now().0);
+        // The end of the operation is an event of the part, at which the interface looks for its interrupt.
+        if let Some(due) = flash.due() {
+            context.schedule(VirtualNanos(due));
+        }
+    }
+}
+
+fn bytes(width: Width) -> usize {
+    width.bits() as usize / 8
+}

@@ -1,0 +1,286 @@
+//! Emulated boards on the bus of a world, in its virtual time.
+//!
+//! The world goes from event to event, and the boards run up to the next one, unless a board changes what the bus sees of
+//! its controller before: then everything stops there. With one board this is exact to the microsecond that the world
+//! counts in. Several boards run in slices shorter than any frame, within which they do not see each other.
+
+use hal_sim::{ControllerId, WireEvent, World};
+use protocol_core::controller::BitRate;
+use protocol_core::frame::Frame;
+use protocol_core::time::{Duration, Instant, after, since};
+
+use crate::bxcan::Message;
+use crate::flash::Flash;
+use crate::image::Image;
+use crate::machine::{Machine, Reset, Summary};
+use crate::part::{Connections, SharedFlash};
+
+/// How long several boards run without seeing each other: shorter than the shortest frame at the highest bit rate.
+const SLICE: Duration = Duration::from_micros(20);
+
+/// A board of a [`Rig`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BoardId(usize);
+
+/// A world with emulated boards.
+pub struct Rig {
+    /// The world; whoever lets time pass does it by [`Rig::run_until`].
+    pub world: World,
+    boards: Vec<Board>,
+}
+
+struct Board {
+    controller: ControllerId,
+    connections: Connections,
+    machine: Option<Machine>,
+    /// When it was switched on.
+    since: Instant,
+    /// What the world was told: at how many bits per second it is on the bus, and whether silent.
+    on_bus: Option<(u64, bool)>,
+    /// The length code that the next frames come with, in the place of their own.
+    length_code: Option<u8>,
+    /// When its frame on the wire began.
+    sending_since: Instant,
+    /// How long its last frame took.
+    last_sent: Option<Duration>,
+    resets: Vec<Reset>,
+    power_cuts: u64,
+}
+
+impl Rig {
+    /// An empty world at this bit rate.
+    #[must_use]
+    pub fn new(bit_rate: BitRate) -> Self {
+        Self { world: World::new(bit_rate, 0), boards: Vec::new() }
+    }
+
+    /// Adds a board with this flash, switched off.
+    pub fn add_board(&mut self, name: &str, flash: Flash) -> BoardId {
+        let controller = self.world.add_controller(name);
+        let connections = Connections { flash: SharedFlash::new(flash), ..Connections::default() };
+        self.boards.push(Board {
+            controller,
+            connections,
+            machine: None,
+            since: self.world.now(),
+            on_bus: None,
+            length_code: None,
+            sending_since: self.world.now(),
+            last_sent: None,
+            resets: Vec::new(),
+            power_cuts: 0,
+        });
+        BoardId(self.boards.len() - 1)
+    }
+
+    /// All boards.
+    pub fn boards(&self) -> impl Iterator<Item = BoardId> + use<> {
+        (0..self.boards.len()).map(BoardId)
+    }
+
+    /// Switches a board on, or cuts its power at this instant.
+    ///
+    /// # Panics
+    /// When the firmware did something that the part does not have or does not allow.
+    pub fn power(&mut self, id: BoardId, on: bool) {
+        let now = self.world.now();
+        let board = &mut self.boards[id.0];
+        match board.machine.take() {
+            None if on => {
+                board.since = now;
+                board.machine = Some(Machine::power_on(Image::get(), board.connections.clone()));
+            }
+            Some(machine) if !on => {
+                let at = machine.reached().at;
+                let Summary { resets, mut complaints } = machine.power_off();
+                board.resets.extend(resets);
+                board.power_cuts += 1;
+                let mut flash = board.connections.flash.lock();
+                flash.reset(at, board.power_cuts);
+                complaints.extend(flash.take_complaints());
+                drop(flash);
+                *board.connections.can.lock() = Default::default();
+                *board.connections.terminal.lock() = Default::default();
+                board.on_bus = None;
+                self.world.reset_controller(board.controller);
+                assert!(complaints.is_empty(), "{}", complaints.join("\n"));
+            }
+            machine => board.machine = machine,
+        }
+    }
+
+    /// The emulated board itself, while it is powered.
+    #[must_use]
+    pub fn machine(&self, id: BoardId) -> Option<&Machine> {
+        self.boards[id.0].machine.as_ref()
+    }
+
+    /// What is connected to a board.
+    #[must_use]
+    pub fn connections(&self, id: BoardId) -> &Connections {
+        &self.boards[id.0].connections
+    }
+
+    /// The controller of a board on the world's bus.
+    #[must_use]
+    pub fn controller(&self, id: BoardId) -> ControllerId {
+        self.boards[id.0].controller
+    }
+
+    /// At how many bits per second the controller of a board is on the bus.
+    #[must_use]
+    pub fn bits_per_second(&self, id: BoardId) -> Option<u64> {
+        self.boards[id.0].on_bus.map(|(rate, _)| rate)
+    }
+
+    /// How long the last frame of a board was on the wire, from its start to its end, to the microsecond.
+    #[must_use]
+    pub fn last_sent(&self, id: BoardId) -> Option<Duration> {
+        self.boards[id.0].last_sent
+    }
+
+    /// The frames that come to a board from now on have this length code in the place of their own.
+    pub fn set_length_code(&mut self, id: BoardId, code: Option<u8>) {
+        self.boards[id.0].length_code = code;
+    }
+
+    /// The resets of a board in the runs that have ended.
+    #[must_use]
+    pub fn resets(&self, id: BoardId) -> &[Reset] {
+        &self.boards[id.0].resets
+    }
+
+    /// Types a line at the console of a board.
+    pub fn type_line(&mut self, id: BoardId, line: &str) {
+        let mut terminal = self.boards[id.0].connections.terminal.lock();
+        terminal.typed.extend(line.bytes().chain([b'\n']));
+    }
+
+    /// What the console of a board has printed since this was last asked.
+    pub fn printed(&mut self, id: BoardId) -> String {
+        let printed = std::mem::take(&mut self.boards[id.0].connections.terminal.lock().printed);
+        String::from_utf8_lossy(&printed).into_owned()
+    }
+
+    /// Lets time pass.
+    pub fn run_until(&mut self, until: Instant) {
+        while self.world.now() < until {
+            self.step(until);
+        }
+    }
+
+    /// Lets time pass.
+    pub fn run_for(&mut self, time: Duration) {
+        self.run_until(after(self.world.now(), time));
+    }
+
+    /// Goes to the next instant at which something happens, at the latest to `until`.
+    pub fn step(&mut self, until: Instant) {
+        self.exchange();
+        let now = self.world.now();
+        let several = self.boards.iter().filter(|board| board.machine.is_some()).count() > 1;
+        let limit = if several { until.min(after(now, SLICE)) } else { until };
+        let horizon = self.world.next_event().clamp(now, limit.max(now));
+        let reached = self.run_boards(horizon);
+        self.world.run_until(reached);
+        self.exchange();
+    }
+
+    /// Lets the boards run to `horizon`; says how far all of them have come.
+    fn run_boards(&mut self, horizon: Instant) -> Instant {
+        let running = |board: &mut &mut Board| board.machine.is_some() && board.reached() < horizon;
+        let mut started: Vec<&mut Board> =
+            self.boards.iter_mut().filter_map(|mut board| running(&mut board).then_some(board)).collect();
+        for board in &mut started {
+            let until = nanos(since(horizon, board.since));
+            if let Some(machine) = &board.machine {
+                machine.start(until);
+            }
+        }
+        for board in &mut started {
+            if let Some(machine) = &mut board.machine {
+                machine.wait();
+            }
+        }
+        let reached = self.boards.iter().filter(|board| board.machine.is_some()).map(Board::reached);
+        reached.min().unwrap_or(horizon).min(horizon)
+    }
+
+    /// Tells the boards what happened on the bus, and the bus what the boards want.
+    fn exchange(&mut self) {
+        let now = self.world.now();
+        for board in &mut self.boards {
+            // One that has run ahead is looked at when the others have caught up.
+            if board.machine.is_some() && board.passed() <= now {
+                board.exchange(&mut self.world);
+            }
+        }
+    }
+}
+
+impl Board {
+    /// The first instant of the world's time that it has not passed.
+    fn reached(&self) -> Instant {
+        after(self.since, Duration::from_micros(self.at().div_ceil(1000)))
+    }
+
+    /// The last instant of the world's time that it has come to. It stops between two instructions, a little late.
+    fn passed(&self) -> Instant {
+        after(self.since, Duration::from_micros(self.at() / 1000))
+    }
+
+    fn at(&self) -> u64 {
+        self.machine.as_ref().map_or(0, |machine| machine.reached().at)
+    }
+
+    fn exchange(&mut self, world: &mut World) {
+        let mut shared = self.connections.can.lock();
+        if std::mem::take(&mut shared.was_reset) {
+            world.reset_controller(self.controller);
+            self.on_bus = None;
+        }
+        for (at, event) in world.take_events(self.controller).into_iter().flatten() {
+            match event {
+                WireEvent::Begins { own: true } => self.sending_since = at,
+                WireEvent::Sent => self.last_sent = Some(since(at, self.sending_since)),
+                _ => {}
+            }
+            match (event, self.length_code) {
+                (WireEvent::Received(frame), Some(dlc)) => shared.can.receive(Message { frame: full(&frame), dlc }),
+                _ => shared.can.hear(event),
+            }
+        }
+        shared.changed = false;
+        let on_bus = shared.on_bus();
+        if on_bus != self.on_bus {
+            self.on_bus = on_bus;
+            match on_bus {
+                Some((rate, silent)) => world.attach(self.controller, bit_rate(rate), silent),
+                None => world.detach(self.controller),
+            }
+        }
+        world.offer(self.controller, shared.can.offer().map(|message| message.frame));
+        if shared.can.is_recovering() {
+            world.start_recovery(self.controller);
+        }
+    }
+}
+
+/// The frame with eight bytes, as a length code above 8 means.
+fn full(frame: &Frame) -> Frame {
+    if frame.is_remote() { Frame::remote(frame.id(), 8) } else { Frame::full(frame.id(), *frame.bytes()) }
+}
+
+/// The bit rate of a bit timing.
+///
+/// # Panics
+/// When it is none of those that a bus of the world can have.
+fn bit_rate(bits_per_second: u64) -> BitRate {
+    let bits = u32::try_from(bits_per_second).ok();
+    bits.and_then(BitRate::from_bits_per_second)
+        .unwrap_or_else(|| panic!("the firmware's bit timing gives {bits_per_second} bit/s, which no bus has"))
+}
+
+fn nanos(time: Duration) -> u64 {
+    time.as_micros() * 1000
+}

@@ -1,0 +1,60 @@
+//! All bit rates of SPEC 1, as the firmware sets the controller and as the bus measures it.
+
+use firmware_in_the_loop::bench::ImageBench;
+use firmware_in_the_loop::bxcan::{BitTiming, registers::BTR};
+use hal_sim::bus::FrameBits;
+use hal_sim::use_case::Bench;
+use protocol_core::controller::BitRate;
+
+use super::client::{Client, VALVE, frame};
+
+#[test]
+fn each_bit_rate_is_exact_and_samples_where_cia_says() {
+    for rate in VALVE.kind.bit_rates().iter().copied() {
+        let mut client = Client::powered(ImageBench::with_valves(BitRate::Kbit250, &VALVE, &[]));
+        client.send("7E5: 04 01 00 00 00 00 00 00");
+        client.send(&format!("7E5: 13 00 {:02X} 00 00 00 00 00", rate.table_index()));
+        client.expect("7E4: 13 00 00 00 00 00 00 00");
+        client.send("7E5: 17 00 00 00 00 00 00 00");
+        client.expect("7E4: 17 00 00 00 00 00 00 00");
+        client.wait_ms(20);
+        client.bench.set_bit_rate(rate);
+        client.bench.power_cycle();
+        for text in ["720: 00", "0A0: 00 00 00 00 00 00 00 00"] {
+            client.expect(text);
+            let took = client.bench.rig.last_sent(client.bench.board).expect("it was sent").as_micros();
+            let bits = FrameBits::of(&frame(text)).on_wire();
+            let expected = u64::from(bits) * 1_000_000 / u64::from(rate.bits_per_second());
+            assert!(took.abs_diff(expected) <= 1, "{rate:?}: {text} took {took} us instead of {expected} us");
+        }
+
+        let (rig, board) = (&client.bench.rig, client.bench.board);
+        let shared = rig.connections(board).can.lock();
+        let timing = BitTiming::of(shared.can.read(BTR));
+        assert_eq!(timing.bits_per_second(shared.clock_hz), Some(rate.bits_per_second().into()));
+        let sample_point = if rate == BitRate::Kbit800 { 900 } else { 875 };
+        assert_eq!(timing.sample_point(), sample_point, "{rate:?}");
+    }
+}
+
+#[test]
+fn a_bit_rate_is_changed_at_run_time_with_both_delays() {
+    let mut client = super::client::ImageClient::booted();
+    client.send("000: 02 00");
+    client.send("7E5: 04 01 00 00 00 00 00 00");
+    client.send("7E5: 13 00 02 00 00 00 00 00");
+    client.expect("7E4: 13 00 00 00 00 00 00 00");
+    client.send("7E5: 15 32 00 00 00 00 00 00");
+    let board = client.bench.board;
+    let rate = |client: &super::client::ImageClient| client.bench.rig.bits_per_second(board);
+    client.wait_ms(45);
+    assert_eq!(rate(&client), Some(250_000));
+    client.wait_ms(10);
+    assert_eq!(rate(&client), Some(500_000));
+    client.bench.set_bit_rate(BitRate::Kbit500);
+    client.send("7E5: 5E 00 00 00 00 00 00 00");
+    assert_eq!(client.receive_for(protocol_core::time::Duration::from_millis(30)), None, "silent for the second delay");
+    client.wait_ms(30);
+    client.send("7E5: 5E 00 00 00 00 00 00 00");
+    client.expect("7E4: 5E 20 00 00 00 00 00 00");
+}
