@@ -6,7 +6,7 @@ with connected() as valve:
     lss = valve.network.lss
     lss.send_switch_state_global(lss.CONFIGURATION_STATE)
     # a bit that is set is one that nobody answers for: this long each
-    lss.RESPONSE_TIMEOUT = 0.3
+    lss.RESPONSE_TIMEOUT = 1.0
     found, identity = lss.fast_scan()
     assert found, "no blank valve found"
     equal("identity", [hex(number) for number in identity], ["0x1000019", "0x53360000", "0x10020", "0x5b2e0100"])
@@ -21,5 +21,5 @@ with connected() as valve:
 
     # it has an ID now: a scan finds nobody
     lss.send_switch_state_global(lss.CONFIGURATION_STATE)
-    lss.RESPONSE_TIMEOUT = 0.3
+    lss.RESPONSE_TIMEOUT = 1.0
     equal("second scan", lss.fast_scan(), (False, None))

@@ -12,7 +12,7 @@ ON_OFF = 0x7F
 BLANK_ID, BLANK_SERIAL = 0x40, 0x104
 PRODUCT = 0x01000019, 0x53360000, 0x00010020
 #: For LSS requests that nobody may answer, in seconds; a valve takes 1 ms.
-SILENCE = 0.3
+SILENCE = 1.0
 
 
 def serials(nodes):
