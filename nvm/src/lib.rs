@@ -3,8 +3,9 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod item_lengths;
 mod store;
 mod sure_erase;
 
-pub use store::{Records, Unreadable};
+pub use store::{BUFFER, Records, Unreadable};
 pub use sure_erase::{ERASED, SureErase};
