@@ -6,9 +6,12 @@
 //!
 //! Nothing is kept between two operations, nor from a write to its being read back: what counts is what a start would find,
 //! and a start goes through the items once, from the oldest to the newest.
+//!
+//! Beside the records of the device the map keeps a setting of the platform, such as which device it is.
 
-use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash as _};
-use protocol_core::memory::{Image, RECORD_MAX, Record, RecordKey, StoreError};
+use embedded_storage_async::nor_flash::{MultiwriteNorFlash, NorFlash, ReadNorFlash as _};
+use heapless::Vec;
+use protocol_core::memory::{Image, RECORD_MAX, Record, RecordKey, StoreError, open, seal};
 use sequential_storage::Error;
 use sequential_storage::cache::Cache;
 use sequential_storage::cache::key_pointers::ArrayKeyPointers;
@@ -16,7 +19,9 @@ use sequential_storage::cache::page_pointers::ArrayPagePointers;
 use sequential_storage::cache::page_states::ArrayPageStates;
 use sequential_storage::map::{MapConfig, MapStorage};
 
+use crate::SECTORS;
 use crate::item_lengths::ItemLengths;
+use crate::preview::Preview;
 use crate::sure_erase::{ERASED, SureErase, WORD_MAX};
 
 /// The bytes of the longest item: its key and a record.
@@ -25,13 +30,21 @@ const ITEM_MAX: usize = 1 + RECORD_MAX;
 /// The bytes that [`Records`] works in: the longest item, in whole words of whatever length.
 pub const BUFFER: usize = ITEM_MAX.next_multiple_of(WORD_MAX);
 
-const SECTORS: usize = 2;
-const KEYS: usize = RecordKey::ALL.len() + 1;
+/// The most bytes of a setting.
+pub const SETTING_MAX: usize = 8;
+
+/// The records, the inventory and the setting.
+const KEYS: usize = RecordKey::ALL.len() + 2;
 
 /// The key of the inventory: a byte with a bit for each record, set once that was stored for the first time.
 const INVENTORY: u8 = 0;
 /// The inventory of a memory without records.
 const NOTHING: u8 = 0;
+
+/// The key of the setting: as far from those of the records as can be.
+const SETTING: u8 = 0xFF;
+/// How the setting is encoded.
+const SETTING_VERSION: u8 = 1;
 
 /// A store that does not read back is tried again behind what was in its way, say a bit that had flipped there: so often.
 const ATTEMPTS: usize = 3;
@@ -42,9 +55,9 @@ const fn first_store<F: NorFlash>() -> usize {
     3 * F::WRITE_SIZE + ITEM_MAX.next_multiple_of(F::WRITE_SIZE)
 }
 
-type Map<'flash, F> = MapStorage<
+type Map<S> = MapStorage<
     u8,
-    ItemLengths<&'flash mut SureErase<F>, ITEM_MAX>,
+    ItemLengths<S, ITEM_MAX>,
     Cache<ArrayPageStates<SECTORS>, ArrayPagePointers<SECTORS>, ArrayKeyPointers<u8, KEYS>, u8>,
 >;
 
@@ -115,13 +128,11 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         Ok(())
     }
 
-    /// Reads everything. A record that the flash does not give, although it was stored once, is unreadable in the image.
+    /// Reads everything and changes nothing. A record that the flash does not give, although it was stored once, is unreadable in the image.
     ///
     /// # Errors
     /// [`Unreadable`] when the map as a whole makes no sense.
     pub async fn read(&mut self) -> Result<Image, Unreadable> {
-        // Looked at first: reading can erase a sector that makes no sense.
-        let in_use = self.in_use().await.map_err(|_| Unreadable)?;
         let mut image = Image::empty();
         let mut found = Survey::default();
         let scanned = self.scan(|key, bytes| {
@@ -131,8 +142,13 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
             }
         });
         match scanned.await {
-            // Noise mostly reads as a map without items: more of it than first stores leave behind was something else once.
-            Ok(()) if !found.any && in_use > first_store::<F>() => return Err(Unreadable),
+            Ok(()) if !found.any => {
+                // Noise mostly reads so: more of it than first stores leave behind was something else once.
+                let in_use = self.in_use().await.map_err(|_| Unreadable)?;
+                if in_use > first_store::<F>() {
+                    return Err(Unreadable);
+                }
+            }
             Ok(()) => {
                 RecordKey::ALL.into_iter().filter(|key| found.misses(*key)).for_each(|key| image.put_unreadable(key))
             }
@@ -140,6 +156,26 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
             Err(_) => return Err(Unreadable),
         }
         Ok(image)
+    }
+
+    /// The setting of the platform, if there is one that is intact. Changes nothing.
+    pub async fn setting(&mut self) -> Option<Vec<u8, SETTING_MAX>> {
+        let mut setting = None;
+        let scanned = self.scan(|key, bytes| {
+            if key == SETTING {
+                setting = open(SETTING_VERSION, bytes).and_then(|bytes| Vec::from_slice(bytes).ok());
+            }
+        });
+        scanned.await.ok().and(setting)
+    }
+
+    /// Writes the setting of the platform; the one before stays until the new one is complete.
+    ///
+    /// # Errors
+    /// [`StoreError`] when it is longer than [`SETTING_MAX`], or the flash fails.
+    pub async fn store_setting(&mut self, setting: &[u8]) -> Result<(), StoreError> {
+        let setting = Vec::<u8, SETTING_MAX>::from_slice(setting).map_err(|_| StoreError)?;
+        self.put(SETTING, &seal(SETTING_VERSION, &setting)?).await.map(drop)
     }
 
     /// Writes an item, and begins the map with an inventory if there is none: a first item so short that power cuts
@@ -183,7 +219,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
 
     /// Goes through all items that are intact, from the oldest to the newest.
     async fn scan(&mut self, mut visit: impl FnMut(u8, &[u8])) -> Result<(), Error<F::Error>> {
-        let mut map = map(&mut self.flash);
+        let mut map = map(Preview::new(&mut self.flash));
         let mut items = map.fetch_all_items(self.buffer).await?;
         while let Some((key, bytes)) = items.next::<&[u8]>(self.buffer).await? {
             visit(key, bytes);
@@ -208,6 +244,39 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
     }
 }
 
+impl<F: MultiwriteNorFlash> Records<'_, F> {
+    /// Removes all records, old versions too: none comes back, whatever bit flips. The setting stays.
+    ///
+    /// A power cut leaves each record as it was or absent; clearing anew finishes that. What is clear is not written to.
+    ///
+    /// # Errors
+    /// [`StoreError`] when the flash fails.
+    pub async fn clear(&mut self) -> Result<(), StoreError> {
+        for _ in 0..ATTEMPTS {
+            let mut found = Survey::default();
+            self.scan(|key, bytes| found.note(key, bytes)).await.map_err(|_| StoreError)?;
+            if found.stored == 0 && found.inventory() == NOTHING {
+                return Ok(());
+            }
+            // First of all no record is missed any more. An inventory without records stays to the end, so that there
+            // is an item at any time, and so that it is seen that older ones are gone.
+            if found.inventory != Some(NOTHING) {
+                self.remove(INVENTORY).await?;
+                self.write(INVENTORY, &[NOTHING], false).await?;
+            }
+            for key in RecordKey::ALL {
+                self.remove(key as u8).await?;
+            }
+        }
+        Err(StoreError)
+    }
+
+    /// Makes all items of a key unreadable, the newest last.
+    async fn remove(&mut self, key: u8) -> Result<(), StoreError> {
+        map(&mut self.flash).remove_item(self.buffer, &key).await.map_err(|_| StoreError)
+    }
+}
+
 fn record_key(key: u8) -> Option<RecordKey> {
     RecordKey::ALL.into_iter().find(|record| *record as u8 == key)
 }
@@ -217,8 +286,8 @@ const fn bit(key: RecordKey) -> u8 {
 }
 
 /// A map without a memory of its own: nothing but what is in the flash counts.
-fn map<F: NorFlash>(flash: &mut SureErase<F>) -> Map<'_, F> {
-    let config = MapConfig::new(0..(SECTORS * SureErase::<F>::SECTOR) as u32);
+fn map<S: NorFlash>(flash: S) -> Map<S> {
+    let config = MapConfig::new(0..(SECTORS * S::ERASE_SIZE) as u32);
     let cache = Cache::new(ArrayPageStates::new(), ArrayPagePointers::new(), ArrayKeyPointers::new());
     MapStorage::new(ItemLengths::new(flash), config, cache)
 }

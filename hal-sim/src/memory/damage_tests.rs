@@ -50,6 +50,7 @@ fn lives_on(memory: &mut Memory, factory: &Option<Vec<u8>>, what: &str) {
         let key = RecordKey::ALL[1 + number as usize % 4];
         memory.store(key, &record(&numbered(number))).unwrap();
         expected[key.position()] = Some(numbered(number));
+        assert_eq!(payload(&memory.read_image(), key), expected[key.position()], "{key:?} {what}");
         if number % 59 == 0 {
             let image = memory.read_image();
             for key in &RecordKey::ALL[1..] {

@@ -10,6 +10,8 @@ mod power_cut_tests;
 #[cfg(test)]
 mod read_tests;
 #[cfg(test)]
+mod setting_tests;
+#[cfg(test)]
 mod state_file_tests;
 #[cfg(test)]
 mod tests;
