@@ -128,12 +128,13 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         Ok(())
     }
 
-    /// Reads everything and changes nothing. A record that the flash does not give, although it was stored once, is unreadable in the image.
+    /// Reads everything into an image, and changes nothing. A record that the flash does not give, although it was stored
+    /// once, is unreadable in the image.
     ///
     /// # Errors
-    /// [`Unreadable`] when the map as a whole makes no sense.
-    pub async fn read(&mut self) -> Result<Image, Unreadable> {
-        let mut image = Image::empty();
+    /// [`Unreadable`] when the map as a whole makes no sense; what is in the image then is of no use.
+    pub async fn read(&mut self, image: &mut Image) -> Result<(), Unreadable> {
+        *image = Image::empty();
         let mut found = Survey::default();
         let scanned = self.scan(|key, bytes| {
             found.note(key, bytes);
@@ -155,7 +156,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
             Err(Error::Storage { .. }) => RecordKey::ALL.into_iter().for_each(|key| image.put_unreadable(key)),
             Err(_) => return Err(Unreadable),
         }
-        Ok(image)
+        Ok(())
     }
 
     /// The setting of the platform, if there is one that is intact. Changes nothing.

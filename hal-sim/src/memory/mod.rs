@@ -195,7 +195,8 @@ impl Memory {
 fn read(flash: &mut Flash) -> Result<Image, Unreadable> {
     let mut buffer = [0; BUFFER];
     let mut records = ready(Records::open(flash, &mut buffer)).map_err(|_| Unreadable)?;
-    ready(records.read())
+    let mut image = Image::empty();
+    ready(records.read(&mut image)).map(|()| image)
 }
 
 fn store(flash: &mut Flash, key: RecordKey, record: &Record) -> Result<(), StoreError> {

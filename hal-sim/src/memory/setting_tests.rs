@@ -152,7 +152,7 @@ fn asking_for_the_setting_hides_no_damage() {
         let mut buffer = [0; BUFFER];
         let mut records = ready(Records::open(&mut flash, &mut buffer)).unwrap();
         assert_eq!(ready(records.setting()), None);
-        assert_eq!(ready(records.read()), Err(Unreadable), "seed {seed}");
+        assert_eq!(ready(records.read(&mut Image::empty())), Err(Unreadable), "seed {seed}");
     }
 }
 
