@@ -52,20 +52,23 @@ impl State {
 }
 
 /// What an AVC orders. A flow is one of 0–[`MAX_FLOW`]; where there is none, the port flow command is not looked at.
+///
+/// Numbered as on the wire, like the states: which state one asks for need not be looked up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
 pub enum Command {
     /// Close.
-    Block,
+    Block = State::Blocked as u8,
     /// Let flow out of the extend port.
-    Extend(u8),
+    Extend(u8) = State::Extend as u8,
     /// Let flow out of the retract port.
-    Retract(u8),
+    Retract(u8) = State::Retract as u8,
     /// Open both ports.
-    Float,
+    Float = State::Float as u8,
     /// Leave the spool to the hand lever.
-    HandOperation,
+    HandOperation = State::HandOperation as u8,
     /// Stop.
-    EmergencyStop,
+    EmergencyStop = State::EmergencyStop as u8,
 }
 
 /// Why an AVC is ignored as a whole.
