@@ -221,6 +221,10 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
     /// Goes through all items that are intact, from the oldest to the newest.
     async fn scan(&mut self, mut visit: impl FnMut(u8, &[u8])) -> Result<(), Error<F::Error>> {
         let mut map = map(Preview::new(&mut self.flash));
+        // A sector that makes no sense is given up by a fetch, as it has to be, but not by a walk through the items.
+        if matches!(map.fetch_all_items(self.buffer).await, Err(Error::Corrupted {})) {
+            map.fetch_item::<&[u8]>(self.buffer, &INVENTORY).await?;
+        }
         let mut items = map.fetch_all_items(self.buffer).await?;
         while let Some((key, bytes)) = items.next::<&[u8]>(self.buffer).await? {
             visit(key, bytes);
