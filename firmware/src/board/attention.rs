@@ -50,7 +50,14 @@ pub(super) struct Attention {
 }
 
 impl Attention {
-    pub(super) const fn new() -> Self {
+    /// The one of the task that this is called in.
+    pub(super) async fn new() -> Self {
+        poll_fn(|context| {
+            // Once: a task's waker stays the same.
+            WAKER.register(context.waker());
+            Poll::Ready(())
+        })
+        .await;
         Self { armed: Instant::MIN }
     }
 
@@ -58,7 +65,6 @@ impl Attention {
     pub(super) async fn wait(&mut self, due: Instant, now: Instant) -> Calls {
         let mut waited = false;
         poll_fn(|context| {
-            WAKER.register(context.waker());
             let called = CALLED.swap(0, Ordering::Acquire);
             if called != 0 || waited {
                 return Poll::Ready(Calls(called));

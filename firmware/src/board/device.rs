@@ -40,7 +40,7 @@ const RECOVERY_BITS: u64 = 128 * 11;
 #[embassy_executor::task]
 pub(super) async fn run(can: Can1, mut watchdog: IndependentWatchdog<'static, IWDG>, cause: StartCause) {
     watchdog.unleash();
-    let mut attention = Attention::new();
+    let mut attention = Attention::new().await;
     let settings = loop {
         watchdog.pet();
         if let Some(settings) = FOUND.try_take() {

@@ -14,6 +14,11 @@ use super::super::attention::{Caller, call};
 
 const COUNT: usize = 3;
 
+/// The flags of the transmit status register that say that a mailbox is empty, all three.
+const ALL_EMPTY: u32 = 0b111 << 26;
+/// These, and the flags that say that a request was carried out and nobody took note of it.
+const PENDING_OR_COMPLETED: u32 = ALL_EMPTY | 1 << 16 | 1 << 8 | 1;
+
 /// The mailboxes that were emptied without their frame having been sent: bits by number.
 static ABORTED: AtomicU8 = AtomicU8::new(0);
 
@@ -94,7 +99,9 @@ impl Mailboxes {
 
     /// Whether all that was put in was sent, or handed back.
     pub(super) fn are_empty(&self) -> bool {
-        (0..COUNT).all(is_empty) && self.recalled.is_none() && ABORTED.load(Ordering::Relaxed) == 0
+        CAN1.tsr().read().0 & PENDING_OR_COMPLETED == ALL_EMPTY
+            && self.recalled.is_none()
+            && ABORTED.load(Ordering::Relaxed) == 0
     }
 
     /// Forgets everything but what is on the wire.
