@@ -64,6 +64,15 @@ impl Frame {
         Self { key: self.key, remote: false, len: 8, data }
     }
 
+    /// A data frame of the same length under the same identifier; bytes beyond it are left out.
+    #[inline]
+    #[must_use]
+    pub const fn refilled(&self, data: [u8; MAX_LEN]) -> Self {
+        let mut frame = Self { key: self.key, remote: false, len: self.len, data };
+        frame.blank_rest();
+        frame
+    }
+
     /// A remote frame that asks for `len` bytes; a length above 8 counts as 8.
     #[must_use]
     pub fn remote(id: Id, len: u8) -> Self {
@@ -313,6 +322,7 @@ mod tests {
         let frame = Frame::with_len(standard(1).into(), [7; 8], 3);
         assert_eq!(frame.data(), [7; 3]);
         assert_eq!(frame.bytes(), &[7, 7, 7, 0, 0, 0, 0, 0]);
+        assert_eq!(frame.refilled([9; 8]).bytes(), &[9, 9, 9, 0, 0, 0, 0, 0]);
         assert_eq!(Frame::with_len(standard(1).into(), [7; 8], 0).bytes(), &[0; 8]);
     }
 
