@@ -52,23 +52,20 @@ impl State {
 }
 
 /// What an AVC orders. A flow is one of 0–[`MAX_FLOW`]; where there is none, the port flow command is not looked at.
-///
-/// Numbered as on the wire, like the states: which state one asks for need not be looked up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
 pub enum Command {
     /// Close.
-    Block = State::Blocked as u8,
+    Block,
     /// Let flow out of the extend port.
-    Extend(u8) = State::Extend as u8,
+    Extend(u8),
     /// Let flow out of the retract port.
-    Retract(u8) = State::Retract as u8,
+    Retract(u8),
     /// Open both ports.
-    Float = State::Float as u8,
+    Float,
     /// Leave the spool to the hand lever.
-    HandOperation = State::HandOperation as u8,
+    HandOperation,
     /// Stop.
-    EmergencyStop = State::EmergencyStop as u8,
+    EmergencyStop,
 }
 
 /// Why an AVC is ignored as a whole.
