@@ -1,7 +1,5 @@
 //! What acts on a board that has no valve: its plant, changed by hand at the console and by the button.
 
-use core::fmt;
-
 use protocol_core::actuator::{Position, SpoolFault};
 use protocol_core::device::Senses;
 
@@ -43,21 +41,32 @@ impl Plant {
     }
 }
 
-/// A line for each word, with the value that it has.
-impl fmt::Display for Plant {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let switch = |on: bool| if on { "on" } else { "off" };
+/// What a word stands at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Value {
+    /// A number.
+    Number(i32),
+    /// Another word.
+    Word(&'static str),
+}
+
+impl Plant {
+    /// Every word with the value that it stands at, as both can be typed.
+    #[must_use]
+    pub fn words(&self) -> [(&'static str, Value); 7] {
+        let switch = |on| Value::Word(if on { "on" } else { "off" });
         let Self { senses, memory_fails, bus_off } = self;
         let spool = SPOOL_FAULTS.iter().find(|(_, fault)| *fault == senses.spool.fault).map_or("", |(name, _)| name);
-        write!(f, "supply_mv {}\r\ntemperature_c {}\r\n", senses.supply_mv, senses.temperature_c)?;
-        write!(f, "spool {spool}\r\nlever ")?;
-        match senses.spool.lever {
-            Some(position) => write!(f, "{}\r\n", position.raw())?,
-            None => f.write_str("off\r\n")?,
-        }
-        write!(f, "internal_fault {}\r\n", switch(senses.internal_fault))?;
-        write!(f, "memory {}\r\n", if *memory_fails { "write-fails" } else { "ok" })?;
-        write!(f, "bus_off {}\r\n", switch(*bus_off))
+        let lever = senses.spool.lever.map_or(Value::Word("off"), |lever| Value::Number(lever.raw().into()));
+        [
+            ("supply_mv", Value::Number(i32::try_from(senses.supply_mv).unwrap_or(i32::MAX))),
+            ("temperature_c", Value::Number(senses.temperature_c.into())),
+            ("spool", Value::Word(spool)),
+            ("lever", lever),
+            ("internal_fault", switch(senses.internal_fault)),
+            ("memory", Value::Word(if *memory_fails { "write-fails" } else { "ok" })),
+            ("bus_off", switch(*bus_off)),
+        ]
     }
 }
 
@@ -137,7 +146,8 @@ impl Injection {
 
 #[cfg(test)]
 mod tests {
-    use core::fmt::Write as _;
+    extern crate std;
+    use std::string::ToString as _;
 
     use super::*;
 
@@ -158,17 +168,25 @@ mod tests {
     }
 
     #[test]
-    fn what_it_prints_can_be_typed() {
-        let lines = "supply_mv 8500\r\ntemperature_c -41\r\nspool stuck\r\nlever -4000\r\n\
-                     internal_fault on\r\nmemory write-fails\r\nbus_off on\r\n";
-        let typed = |plant: Plant, line: &str| line.split_once(' ').and_then(|(word, value)| plant.with(word, value));
-        let plant = lines.lines().try_fold(Plant::default(), typed).unwrap();
-        let mut printed = heapless::String::<256>::new();
-        write!(printed, "{plant}").unwrap();
-        assert_eq!(printed, lines);
-        printed.clear();
-        write!(printed, "{}", Plant::default()).unwrap();
-        assert_eq!(printed.lines().try_fold(plant, typed), Some(Plant::default()));
+    fn every_word_stands_at_what_was_typed() {
+        let typed = [
+            ("supply_mv", "8500"),
+            ("temperature_c", "-41"),
+            ("spool", "stuck"),
+            ("lever", "-4000"),
+            ("internal_fault", "on"),
+            ("memory", "write-fails"),
+            ("bus_off", "on"),
+        ];
+        let plant = typed.iter().try_fold(Plant::default(), |plant, (word, value)| plant.with(word, value)).unwrap();
+        for (told, typed) in plant.words().into_iter().zip(typed) {
+            let value = match told.1 {
+                Value::Number(number) => number.to_string(),
+                Value::Word(word) => word.to_string(),
+            };
+            assert_eq!((told.0, value.as_str()), typed);
+        }
+        assert_eq!(Plant::default().words()[3], ("lever", Value::Word("off")));
     }
 
     #[test]

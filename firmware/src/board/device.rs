@@ -1,14 +1,12 @@
 //! The device's task, above all others: it alone feeds the watchdog.
 
-use core::fmt::Write as _;
-
 use embassy_stm32::peripherals::IWDG;
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant};
 use firmware::console::Command;
-use firmware::plant::{Injection, Plant};
+use firmware::plant::{Injection, Plant, Value};
 use firmware::settings::Settings;
 use heapless::String;
 use protocol_core::controller::{BitRate, BusErrorMode};
@@ -23,7 +21,7 @@ use super::attention::{Attention, Caller, Calls};
 use super::can::Can1;
 use super::console::{ANSWER, Answer, STATUS, TYPED};
 use super::led;
-use super::storage::{BECOMES, FOUND, IMAGE, REQUESTS, Request, STORED};
+use super::storage::{BECOMES, CONTENTS, FOUND, REQUESTS, Request, STORED};
 
 /// What the button injects.
 pub(super) static INJECTION: Signal<CriticalSectionRawMutex, Injection> = Signal::new();
@@ -51,10 +49,10 @@ pub(super) async fn run(can: Can1, mut watchdog: IndependentWatchdog<'static, IW
     };
     defmt::info!("{}", settings.kind.name());
     let device = {
-        let image = IMAGE.lock().await;
+        let image = &CONTENTS.lock().await.image;
         match settings.kind.protocol() {
-            Protocol::Canopen => canopen(settings.setup(), &image, cause),
-            Protocol::Isobus => isobus(settings.setup(), &image, cause),
+            Protocol::Canopen => canopen(settings.setup(), image, cause),
+            Protocol::Isobus => isobus(settings.setup(), image, cause),
         }
     };
     Board::new(settings, can, watchdog, attention).serve(device).await;
@@ -190,7 +188,7 @@ impl Board {
             && FOUND.try_take().is_some()
         {
             self.restarting = None;
-            device.restart(scope, &*IMAGE.lock().await, Instant::now());
+            device.restart(scope, &CONTENTS.lock().await.image, Instant::now());
             self.set_bit_rate(device.bit_rate()).await;
         }
         if let Some(result) = BECOMES.try_take() {
@@ -235,22 +233,33 @@ impl Board {
         }
     }
 
+    /// A line for each thing that can be told; what does not fit is left out.
     fn status(&self, device: &AnyDevice) -> String<STATUS> {
-        let mut status = String::new();
-        // What does not fit is left out.
-        let _ = write!(status, "kind {}\r\nnode_id ", self.settings.kind.name());
-        let _ = match device.node_id() {
-            Some(node_id) => write!(status, "{node_id:#04x}\r\n"),
-            None => write!(status, "none\r\n"),
-        };
+        let number = |number: u32| Value::Number(i32::try_from(number).unwrap_or(i32::MAX));
         let bus = match self.plant.senses.bus {
             BusErrorMode::ErrorActive => "error-active",
             BusErrorMode::ErrorPassive => "error-passive",
             BusErrorMode::BusOff => "bus-off",
         };
-        let _ = write!(status, "bit_rate {}\r\nbus {bus}\r\n", self.bit_rate.bits_per_second());
-        let _ =
-            write!(status, "overruns {}\r\ndropped {}\r\n{}", self.can.overruns(), device.frames_dropped(), self.plant);
+        let own = [
+            ("kind", Value::Word(self.settings.kind.name())),
+            ("node_id", device.node_id().map_or(Value::Word("none"), |node_id| Value::Number(node_id.into()))),
+            ("bit_rate", number(self.bit_rate.bits_per_second())),
+            ("bus", Value::Word(bus)),
+            ("overruns", number(self.can.overruns())),
+            ("dropped", number(device.frames_dropped())),
+        ];
+        let mut status = String::new();
+        for (word, value) in own.into_iter().chain(self.plant.words()) {
+            let mut digits = itoa::Buffer::new();
+            let value = match value {
+                Value::Number(number) => digits.format(number),
+                Value::Word(word) => word,
+            };
+            for part in [word, " ", value, "\r\n"] {
+                let _ = status.push_str(part);
+            }
+        }
         status
     }
 

@@ -42,7 +42,9 @@ pub(super) fn power_cycle() -> ! {
 
 #[panic_handler]
 fn panic(info: &PanicInfo<'_>) -> ! {
-    defmt::error!("{}", defmt::Display2Format(info));
+    // Texts that are put together are left out: the code for that would take more flash than many a service.
+    let (file, line) = info.location().map_or(("", 0), |location| (location.file(), location.line()));
+    defmt::error!("panic at {}:{}: {}", file, line, info.message().as_str().unwrap_or(""));
     reset(Marker::Panic)
 }
 

@@ -5,7 +5,7 @@ use embassy_sync::channel::Channel;
 use embassy_sync::mutex::Mutex;
 use embassy_sync::signal::Signal;
 use firmware::settings::Settings;
-use nvm::{BUFFER, Records, Unreadable};
+use nvm::{BUFFER, Contents, Records, Unreadable};
 use protocol_core::memory::{Image, Record, RecordKey, StoreError};
 
 use super::attention::{Caller, call};
@@ -25,10 +25,10 @@ pub(super) enum Request {
 pub(super) static REQUESTS: Channel<CriticalSectionRawMutex, Request, 3> = Channel::new();
 /// Answers [`Request::Store`].
 pub(super) static STORED: Signal<CriticalSectionRawMutex, (RecordKey, Result<(), StoreError>)> = Signal::new();
-/// Answers [`Request::Read`]; without one at the start. What was read is in [`IMAGE`].
+/// Answers [`Request::Read`]; without one at the start. What was read is in [`CONTENTS`].
 pub(super) static FOUND: Signal<CriticalSectionRawMutex, Settings> = Signal::new();
 /// Everything stored, as it was last read: in a place of its own, because it is too large to be handed round.
-pub(super) static IMAGE: Mutex<CriticalSectionRawMutex, Image> = Mutex::new(Image::empty());
+pub(super) static CONTENTS: Mutex<CriticalSectionRawMutex, Contents> = Mutex::new(Contents::empty());
 /// Answers [`Request::Become`].
 pub(super) static BECOMES: Signal<CriticalSectionRawMutex, Result<(), StoreError>> = Signal::new();
 
@@ -64,35 +64,33 @@ impl Memory {
             self.set(settled).await
         };
         let cleared = cleared.await;
-        *IMAGE.lock().await = Image::empty();
+        CONTENTS.lock().await.image = Image::empty();
         // One that failed is tried again at the next start.
         if cleared.is_ok() { settled } else { settings }
     }
 
     async fn read(&mut self) -> Settings {
-        let mut image = IMAGE.lock().await;
-        let mut setting = None;
+        let mut contents = CONTENTS.lock().await;
         let read = async {
             let mut records = self.records().await.map_err(|_| Unreadable)?;
-            setting = records.setting().await;
-            records.read(&mut image).await
+            records.read(&mut contents).await
         };
         if let Err(Unreadable) = read.await {
-            self.begin_anew(setting.as_deref()).await;
-            *image = Image::empty();
-            image.set_damaged();
+            self.begin_anew(&mut contents).await;
         }
-        setting.as_deref().and_then(Settings::decode).unwrap_or(Settings::DEFAULT)
+        contents.setting.as_deref().and_then(Settings::decode).unwrap_or(Settings::DEFAULT)
     }
 
     /// Nothing in the memory makes sense: erases it, but for the setting, and tells.
-    async fn begin_anew(&mut self, setting: Option<&[u8]>) {
+    async fn begin_anew(&mut self, contents: &mut Contents) {
         let erased = self.sectors.erase_all().await.is_ok();
         defmt::error!("the memory was damaged; erased: {}", erased);
-        if let (Some(setting), Ok(mut records)) = (setting, self.records().await) {
+        if let (Some(setting), Ok(mut records)) = (&contents.setting, self.records().await) {
             // Without it the board would be the kind that the image was built for.
             let _ = records.store_setting(setting).await;
         }
+        contents.image = Image::empty();
+        contents.image.set_damaged();
     }
 
     async fn store(&mut self, key: RecordKey, record: &Record) -> Result<(), StoreError> {

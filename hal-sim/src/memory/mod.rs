@@ -24,7 +24,7 @@ pub use flash::{ERASED, Flash, FlashError, SECTOR, SIZE, TornErase, WORD};
 pub use state_file::StateFileError;
 
 use flash::ready;
-use nvm::{BUFFER, Records, Unreadable};
+use nvm::{BUFFER, Contents, Records, Unreadable};
 use state_file::{Content, StateFile};
 
 /// The non-volatile memory of one device.
@@ -195,8 +195,8 @@ impl Memory {
 fn read(flash: &mut Flash) -> Result<Image, Unreadable> {
     let mut buffer = [0; BUFFER];
     let mut records = ready(Records::open(flash, &mut buffer)).map_err(|_| Unreadable)?;
-    let mut image = Image::empty();
-    ready(records.read(&mut image)).map(|()| image)
+    let mut contents = Contents::empty();
+    ready(records.read(&mut contents)).map(|()| contents.image)
 }
 
 fn store(flash: &mut Flash, key: RecordKey, record: &Record) -> Result<(), StoreError> {
