@@ -4,6 +4,21 @@ use crate::controller::Controller;
 use crate::device::{Device, Effect};
 use crate::time::Instant;
 
+/// Hands the device what the controller received. Says whether any of it was for the device; when nothing was, there is no
+/// need to [pump].
+pub fn receive<D, C>(device: &mut D, can: &mut C, now: Instant) -> bool
+where
+    D: Device + ?Sized,
+    C: Controller,
+{
+    let mut any = false;
+    // An overrun is the controller's to count; what came after it can still be read.
+    while let Ok(frame) = can.receive() {
+        any |= device.handle(&frame, now);
+    }
+    any
+}
+
 /// Hands the device what the controller received and the time, and the controller what the device has to send.
 ///
 /// Returns an effect that the platform must carry out; call again until there is none. Call it when a frame was
@@ -15,10 +30,7 @@ where
     D: Device + ?Sized,
     C: Controller,
 {
-    // An overrun is the controller's to count; what came after it can still be read.
-    while let Ok(frame) = can.receive() {
-        device.handle(&frame, now);
-    }
+    receive(device, can, now);
     device.poll(now);
     // Before the answer to the request that changed them goes out: whoever waits for it can rely on them.
     if let Some(filters) = device.take_filters() {

@@ -1,19 +1,23 @@
 //! What the device's task waits for: somebody wants something of it, or its time has come.
 
+use core::cell::Cell;
 use core::future::{Future as _, poll_fn};
 use core::pin::pin;
 use core::sync::atomic::{AtomicU8, Ordering};
 use core::task::{Context, Poll};
 
-use embassy_sync::waitqueue::AtomicWaker;
+use critical_section::Mutex;
+use embassy_executor::raw::{TaskRef, task_from_waker, wake_task};
 use embassy_time::{Duration, Instant, Timer};
 
 /// Who wants something.
 #[derive(Clone, Copy)]
 #[repr(u8)]
 pub(super) enum Caller {
-    /// The CAN controller: a frame was received or sent.
-    Frames = 1 << 0,
+    /// The CAN controller: a frame was received.
+    Received = 1 << 0,
+    /// The CAN controller: a frame was sent, or taken back.
+    Sent = 1 << 5,
     /// The CAN controller: its error mode has changed.
     Errors = 1 << 1,
     /// The memory has an answer.
@@ -25,12 +29,15 @@ pub(super) enum Caller {
 }
 
 static CALLED: AtomicU8 = AtomicU8::new(0);
-static WAKER: AtomicWaker = AtomicWaker::new();
+/// The device's task. Not a waker: that costs twice as much to wake.
+static TASK: Mutex<Cell<Option<TaskRef>>> = Mutex::new(Cell::new(None));
 
 /// Calls the device's task.
 pub(super) fn call(caller: Caller) {
     CALLED.fetch_or(caller as u8, Ordering::Release);
-    WAKER.wake();
+    if let Some(task) = critical_section::with(|cs| TASK.borrow(cs).get()) {
+        wake_task(task);
+    }
 }
 
 /// Who has called since this was last asked.
@@ -40,6 +47,11 @@ pub(super) struct Calls(u8);
 impl Calls {
     pub(super) const fn include(self, caller: Caller) -> bool {
         self.0 & caller as u8 != 0
+    }
+
+    /// Whether nobody else has called.
+    pub(super) const fn are_only(self, caller: Caller) -> bool {
+        self.0 == caller as u8
     }
 }
 
@@ -53,8 +65,8 @@ impl Attention {
     /// The one of the task that this is called in.
     pub(super) async fn new() -> Self {
         poll_fn(|context| {
-            // Once: a task's waker stays the same.
-            WAKER.register(context.waker());
+            let task = task_from_waker(context.waker());
+            critical_section::with(|cs| TASK.borrow(cs).set(Some(task)));
             Poll::Ready(())
         })
         .await;

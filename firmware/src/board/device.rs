@@ -13,7 +13,7 @@ use protocol_core::controller::{BitRate, BusErrorMode};
 use protocol_core::device::pve::{Protocol, PveCanopen, PveIsobus, Setup};
 use protocol_core::device::{Device, Effect, Restart, StartCause};
 use protocol_core::memory::{Image, StoreError};
-use protocol_core::pump::pump;
+use protocol_core::pump::{pump, receive};
 use protocol_core::time::NEVER;
 use static_cell::StaticCell;
 
@@ -115,19 +115,17 @@ impl Board {
     async fn serve(mut self, device: &mut AnyDevice) {
         device.sense(&self.plant.senses, Instant::now());
         self.set_bit_rate(device.bit_rate()).await;
-        let mut calls = Calls::default();
+        let (mut now, mut due) = (Instant::now(), Instant::MIN);
         loop {
+            let calls = self.attention.wait(due, now).await;
             self.watchdog.pet();
-            if calls.include(Caller::Errors) || self.plant.senses.bus != BusErrorMode::ErrorActive {
-                self.look_at_bus(device).await;
+            now = Instant::now();
+            // Most frames that pass the filters are for nobody: nothing is asked of the device then.
+            let only_received = calls.are_only(Caller::Received) && self.restarting.is_none() && now < due;
+            if only_received && !receive(device, &mut self.can, now) {
+                continue;
             }
-            if calls.include(Caller::Memory) {
-                self.look_at_memory(device).await;
-            }
-            if calls.include(Caller::Front) {
-                self.look_at_front(device).await;
-            }
-            let now = Instant::now();
+            self.look(calls, device).await;
             while self.restarting.is_none()
                 && let Some(effect) = pump(device, &mut self.can, now)
             {
@@ -137,7 +135,20 @@ impl Board {
             if calls.include(Caller::Leds) {
                 led::show(device.outputs().led);
             }
-            calls = self.attention.wait(self.next_look(device, now), now).await;
+            due = self.next_look(device, now);
+        }
+    }
+
+    /// Looks at what the device does not see by itself.
+    async fn look(&mut self, calls: Calls, device: &mut AnyDevice) {
+        if calls.include(Caller::Errors) || self.plant.senses.bus != BusErrorMode::ErrorActive {
+            self.look_at_bus(device).await;
+        }
+        if calls.include(Caller::Memory) {
+            self.look_at_memory(device).await;
+        }
+        if calls.include(Caller::Front) {
+            self.look_at_front(device).await;
         }
     }
 

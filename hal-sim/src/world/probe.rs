@@ -119,17 +119,18 @@ pub(crate) fn command(command: Command, id: u8, data: &[u8]) -> Frame {
 }
 
 impl Device for Probe {
-    fn handle(&mut self, frame: &Frame, _: Instant) {
+    fn handle(&mut self, frame: &Frame, _: Instant) -> bool {
         self.heard += 1;
         let id = match frame.id() {
             embedded_can::Id::Standard(id) => id.as_raw(),
-            embedded_can::Id::Extended(_) => return,
+            embedded_can::Id::Extended(_) => return true,
         };
         if id == ECHO + u16::from(self.id) {
             self.out.push(Frame::of(standard(ECHO_ANSWER + u16::from(self.id)).into(), frame.data()).unwrap());
         } else if id == COMMAND && frame.data()[1] == self.id {
             self.command(frame.data()[0], &frame.data()[2..]);
         }
+        true
     }
 
     /// It never says, and so hears everything.

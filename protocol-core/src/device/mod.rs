@@ -48,8 +48,8 @@ pub enum StartCause {
 ///
 /// `now` never runs backwards for a device: an instant earlier than the last one counts as the last one.
 pub trait Device {
-    /// Takes a frame from the bus.
-    fn handle(&mut self, frame: &Frame, now: Instant);
+    /// Takes a frame from the bus. Says whether it was for the device; when it was not, all is as it was.
+    fn handle(&mut self, frame: &Frame, now: Instant) -> bool;
 
     /// Which frames the device listens to, at first and whenever that has changed since this was last asked. Every frame
     /// that means something to it passes one of the filters; many that mean nothing to it pass as well.

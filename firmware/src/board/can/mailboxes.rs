@@ -25,7 +25,7 @@ static ABORTED: AtomicU8 = AtomicU8::new(0);
 #[interrupt]
 fn CAN1_TX() {
     note_completed();
-    call(Caller::Frames);
+    call(Caller::Sent);
 }
 
 /// Takes note of what became of the mailboxes whose request was carried out.

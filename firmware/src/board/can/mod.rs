@@ -22,6 +22,7 @@ use embassy_stm32::{Peri, interrupt};
 use embassy_time::Duration;
 use firmware::bit_timing::BitTiming;
 use firmware::filter_bank::{BANKS, Bank};
+use heapless::spsc::Consumer;
 use protocol_core::controller::{BitRate, BusErrorMode, Controller, Filters};
 use protocol_core::frame::Frame;
 
@@ -42,6 +43,7 @@ fn CAN1_SCE() {
 
 /// CAN 1.
 pub(super) struct Can1 {
+    received: Consumer<'static, Frame>,
     mailboxes: Mailboxes,
 }
 
@@ -67,13 +69,14 @@ impl Can1 {
             ier.set_bofie(true);
             ier.set_errie(true);
         });
+        let received = receive::queue();
         for line in [Interrupt::CAN1_RX0, Interrupt::CAN1_RX1, Interrupt::CAN1_TX, Interrupt::CAN1_SCE] {
             use embassy_stm32::interrupt::InterruptExt as _;
             line.set_priority(priority);
-            // SAFETY: the handlers share nothing with what runs now but through critical sections and atomics.
+            // SAFETY: what the handlers use is there, and shared by queues and atomics only.
             unsafe { line.enable() };
         }
-        Self { mailboxes: Mailboxes::new() }
+        Self { received, mailboxes: Mailboxes::new() }
     }
 
     /// Takes part in the bus at a bit rate, from the next 11 recessive bits on. Recovers from bus-off by itself.
@@ -133,7 +136,7 @@ impl embedded_can::nb::Can for Can1 {
     }
 
     fn receive(&mut self) -> nb::Result<Frame, Infallible> {
-        receive::take().ok_or(nb::Error::WouldBlock)
+        self.received.dequeue().ok_or(nb::Error::WouldBlock)
     }
 }
 

@@ -1,21 +1,34 @@
 //! Reception: by interrupt into a queue (RM0090 32.7.3).
 
-use core::cell::RefCell;
+use core::mem::MaybeUninit;
+use core::ptr::addr_of_mut;
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use critical_section::Mutex;
 use embassy_stm32::interrupt;
 use embassy_stm32::pac::CAN1;
-use heapless::Deque;
+use heapless::spsc::{Consumer, Producer, Queue};
 use protocol_core::frame::{Frame, Id, extended, standard};
+use static_cell::ConstStaticCell;
 
 use super::super::attention::{Caller, call};
 
 /// How many frames wait for the device's task: those of 12 ms at 1 Mbit/s, were they all for the device.
 const QUEUE: usize = 256;
 
-static RECEIVED: Mutex<RefCell<Deque<Frame, QUEUE>>> = Mutex::new(RefCell::new(Deque::new()));
 static OVERRUNS: AtomicU32 = AtomicU32::new(0);
+
+/// The end of the queue that the interrupts fill.
+static mut RECEIVED: MaybeUninit<Producer<'static, Frame>> = MaybeUninit::uninit();
+
+/// The end of the queue that the device's task empties. To be called before the interrupts are enabled.
+pub(super) fn queue() -> Consumer<'static, Frame> {
+    // A queue has room for one frame less than its length.
+    static STORAGE: ConstStaticCell<Queue<Frame, { QUEUE + 1 }>> = ConstStaticCell::new(Queue::new());
+    let (received, waiting) = STORAGE.take().split();
+    // SAFETY: no interrupt looks at it yet, and the storage is handed out once.
+    unsafe { addr_of_mut!(RECEIVED).write(MaybeUninit::new(received)) };
+    waiting
+}
 
 #[interrupt]
 fn CAN1_RX0() {
@@ -27,11 +40,6 @@ fn CAN1_RX1() {
     empty(1);
 }
 
-/// The oldest frame that waits.
-pub(super) fn take() -> Option<Frame> {
-    critical_section::with(|cs| RECEIVED.borrow_ref_mut(cs).pop_front())
-}
-
 /// How many frames were lost, in the controller or here, because nobody took them.
 pub(super) fn overruns() -> u32 {
     OVERRUNS.load(Ordering::Relaxed)
@@ -39,23 +47,28 @@ pub(super) fn overruns() -> u32 {
 
 /// Empties a FIFO.
 fn empty(fifo: usize) {
-    loop {
-        let status = CAN1.rfr(fifo).read();
-        if status.fovr() {
-            OVERRUNS.fetch_add(1, Ordering::Relaxed);
-            CAN1.rfr(fifo).write(|rfr| rfr.set_fovr(true));
-        }
-        if status.fmp() == 0 {
-            break;
-        }
+    // SAFETY: written before the interrupts were enabled; these have one priority, so none comes in between.
+    let received = unsafe { (*addr_of_mut!(RECEIVED)).assume_init_mut() };
+    let register = CAN1.rfr(fifo);
+    let mut lost = 0;
+    let mut status = register.read();
+    while status.fmp() != 0 {
         let frame = output(fifo);
-        CAN1.rfr(fifo).write(|rfr| rfr.set_rfom(true));
-        if critical_section::with(|cs| RECEIVED.borrow_ref_mut(cs).push_back(frame)).is_err() {
-            OVERRUNS.fetch_add(1, Ordering::Relaxed);
+        register.write(|rfr| rfr.set_rfom(true));
+        lost += u32::from(received.enqueue(frame).is_err());
+        status = register.read();
+        while status.rfom() {
+            status = register.read();
         }
-        while CAN1.rfr(fifo).read().rfom() {}
     }
-    call(Caller::Frames);
+    if status.fovr() {
+        register.write(|rfr| rfr.set_fovr(true));
+        lost += 1;
+    }
+    if lost != 0 {
+        OVERRUNS.fetch_add(lost, Ordering::Relaxed);
+    }
+    call(Caller::Received);
 }
 
 /// The frame at the output of a FIFO. A DLC of 9–15, which CAN allows, means eight bytes.

@@ -329,9 +329,6 @@ fn low_bits_16(value: i16) -> u32 {
 
 /// A number in decimal, for 0x6052 (A).
 fn decimal(number: u32) -> Vec<u8, SERIAL_MAX> {
-    use core::fmt::Write as _;
-    let mut text = heapless::String::<SERIAL_MAX>::new();
     // Ten characters hold every u32.
-    let _ = write!(text, "{number}");
-    text.into_bytes()
+    Vec::from_slice(itoa::Buffer::new().format(number).as_bytes()).unwrap_or_default()
 }

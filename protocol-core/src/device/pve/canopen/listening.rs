@@ -18,9 +18,10 @@ pub(super) enum Service {
     Uds,
 }
 
-/// The services that go by an 11-bit identifier; where two were given the same one, the first is served.
+/// The services that go by an 11-bit identifier, what comes most first; where two were given the same one, the first is
+/// served.
 const BY_STANDARD: [Service; 6] =
-    [Service::Lss, Service::Sdo, Service::Rpdo, Service::Nmt, Service::Sync, Service::EmcyConsumer];
+    [Service::Rpdo, Service::Nmt, Service::Sync, Service::Sdo, Service::EmcyConsumer, Service::Lss];
 
 /// The highest key of a standard frame.
 const MAX_STANDARD: u32 = 0x7FF;
@@ -48,16 +49,16 @@ impl Listening {
     pub(super) fn of(objects: &PveObjects) -> Self {
         let lss = u32::from(LSS_REQUEST);
         let Some(node_id) = objects.node_id else {
-            return Self { standard: [lss, NONE, NONE, NONE, NONE, NONE], uds: NONE, node: 0, told: false };
+            return Self { standard: [NONE, NONE, NONE, NONE, NONE, lss], uds: NONE, node: 0, told: false };
         };
         Self {
             standard: [
-                lss,
-                node_id.raw_id(Function::SdoRequest).into(),
                 objects.rpdo.key().unwrap_or(NONE),
                 NMT.into(),
                 objects.sync.key(),
+                node_id.raw_id(Function::SdoRequest).into(),
                 objects.emcy_consumer.key().unwrap_or(NONE),
+                lss,
             ],
             uds: uds::key_to(uds::Address::node(node_id.get())),
             node: node_id.get(),

@@ -186,10 +186,10 @@ impl PveCanopen {
 
 impl Device for PveCanopen {
     #[inline]
-    fn handle(&mut self, frame: &Frame, now: Instant) {
-        if let Some(service) = self.listening.service(frame) {
-            self.take(service, frame, now);
-        }
+    fn handle(&mut self, frame: &Frame, now: Instant) -> bool {
+        let Some(service) = self.listening.service(frame) else { return false };
+        self.take(service, frame, now);
+        true
     }
 
     #[inline]

@@ -237,14 +237,15 @@ impl PveIsobus {
 
 impl Device for PveIsobus {
     #[inline]
-    fn handle(&mut self, frame: &Frame, now: Instant) {
+    fn handle(&mut self, frame: &Frame, now: Instant) -> bool {
         match self.listening.service(frame) {
-            None => {}
+            None => return false,
             Some(Service::Avc) => self.take_avc(frame, now),
             // No time has to pass for this answer, and it is asked for often.
             Some(Service::ClaimRequest) if self.answers_claims => self.tx.push(self.claim_frame),
             Some(service) => self.take(service, frame, now),
         }
+        true
     }
 
     #[inline]
