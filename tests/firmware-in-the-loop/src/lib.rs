@@ -1,10 +1,15 @@
 //! The stand-in's firmware image, unmodified, in an emulated NUCLEO-F429ZI on the simulated bus.
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 pub mod bench;
+pub mod broken;
 pub mod bxcan;
+pub mod content;
 pub mod flash;
 pub mod image;
 pub mod machine;
 pub mod part;
 pub mod rig;
+pub mod stack;
+pub mod symbols;
+mod warm;

@@ -201,6 +201,12 @@ impl BxCan {
         [self.fifos[0].lost, self.fifos[1].lost]
     }
 
+    /// How many messages the filters have let into the two FIFOs.
+    #[must_use]
+    pub fn came(&self) -> [u64; 2] {
+        [self.fifos[0].came, self.fifos[1].came]
+    }
+
     fn status(&self) -> u32 {
         let acknowledged = match self.mode {
             Mode::Sleep | Mode::Synchronising { from_sleep: true } => msr::SLAK,
