@@ -4,3 +4,4 @@
 
 pub mod bit_timing;
 pub mod console;
+pub mod filter_bank;

@@ -3,8 +3,13 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod item_lengths;
+mod preview;
 mod store;
 mod sure_erase;
 
-pub use store::{Records, Unreadable};
+pub use store::{BUFFER, Records, SETTING_MAX, Unreadable};
 pub use sure_erase::{ERASED, SureErase};
+
+/// The sectors of a memory: one holds it, the other is where it goes when that is full.
+const SECTORS: usize = 2;

@@ -1,11 +1,17 @@
 //! Records under their keys in a flash: `sequential-storage`'s map, as on the board.
 //!
-//! What the map does not do by itself is added here: an erase that was cut is finished ([`SureErase`]), a store counts
-//! only when it reads back, and an inventory of the keys ever stored tells a record that was lost from one that was
-//! never written.
+//! What the map does not do by itself is added here: an erase that was cut is finished ([`SureErase`]), damage that
+//! passes for an item of any length is stepped over (`ItemLengths`), a store counts only when it reads back, and an
+//! inventory of the keys ever stored tells a record that was lost from one that was never written.
+//!
+//! Nothing is kept between two operations, nor from a write to its being read back: what counts is what a start would find,
+//! and a start goes through the items once, from the oldest to the newest.
+//!
+//! Beside the records of the device the map keeps a setting of the platform, such as which device it is.
 
-use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash as _};
-use protocol_core::memory::{Image, RECORD_MAX, Record, RecordKey, StoreError};
+use embedded_storage_async::nor_flash::{MultiwriteNorFlash, NorFlash, ReadNorFlash as _};
+use heapless::Vec;
+use protocol_core::memory::{Image, RECORD_MAX, Record, RecordKey, StoreError, open, seal};
 use sequential_storage::Error;
 use sequential_storage::cache::Cache;
 use sequential_storage::cache::key_pointers::ArrayKeyPointers;
@@ -13,26 +19,45 @@ use sequential_storage::cache::page_pointers::ArrayPagePointers;
 use sequential_storage::cache::page_states::ArrayPageStates;
 use sequential_storage::map::{MapConfig, MapStorage};
 
-use crate::sure_erase::{ERASED, SureErase};
+use crate::SECTORS;
+use crate::item_lengths::ItemLengths;
+use crate::preview::Preview;
+use crate::sure_erase::{ERASED, SureErase, WORD_MAX};
 
-const SECTORS: usize = 2;
-const KEYS: usize = RecordKey::ALL.len() + 1;
+/// The bytes of the longest item: its key and a record.
+const ITEM_MAX: usize = 1 + RECORD_MAX;
+
+/// The bytes that [`Records`] works in: the longest item, in whole words of whatever length.
+pub const BUFFER: usize = ITEM_MAX.next_multiple_of(WORD_MAX);
+
+/// The most bytes of a setting.
+pub const SETTING_MAX: usize = 8;
+
+/// The records, the inventory and the setting.
+const KEYS: usize = RecordKey::ALL.len() + 2;
 
 /// The key of the inventory: a byte with a bit for each record, set once that was stored for the first time.
 const INVENTORY: u8 = 0;
+/// The inventory of a memory without records.
+const NOTHING: u8 = 0;
+
+/// The key of the setting: as far from those of the records as can be.
+const SETTING: u8 = 0xFF;
+/// How the setting is encoded.
+const SETTING_VERSION: u8 = 1;
 
 /// A store that does not read back is tried again behind what was in its way, say a bit that had flipped there: so often.
 const ATTEMPTS: usize = 3;
 
-/// The most bytes that the very first store leaves behind when the power cuts it: the mark of its sector, a header of two
-/// words, key and record.
+/// The most bytes in use that can be all that power cuts have left of the first stores: the mark of the sector, a header
+/// of two words, key and record.
 const fn first_store<F: NorFlash>() -> usize {
-    3 * F::WRITE_SIZE + (1 + RECORD_MAX).next_multiple_of(F::WRITE_SIZE)
+    3 * F::WRITE_SIZE + ITEM_MAX.next_multiple_of(F::WRITE_SIZE)
 }
 
-type Map<'flash, F> = MapStorage<
+type Map<S> = MapStorage<
     u8,
-    &'flash mut SureErase<F>,
+    ItemLengths<S, ITEM_MAX>,
     Cache<ArrayPageStates<SECTORS>, ArrayPagePointers<SECTORS>, ArrayKeyPointers<u8, KEYS>, u8>,
 >;
 
@@ -40,19 +65,51 @@ type Map<'flash, F> = MapStorage<
 #[derive(Debug, PartialEq, Eq)]
 pub struct Unreadable;
 
+/// What a start would find, in short.
+#[derive(Default)]
+struct Survey {
+    /// Any item at all.
+    any: bool,
+    /// The bits of the records that there are.
+    stored: u8,
+    /// The bits of the records that were stored once, as far as that is known.
+    inventory: Option<u8>,
+}
+
+impl Survey {
+    /// One more item; what came before under its key is replaced.
+    fn note(&mut self, key: u8, bytes: &[u8]) {
+        self.any = true;
+        match (record_key(key), bytes) {
+            (Some(key), _) => self.stored |= bit(key),
+            (None, [inventory]) if key == INVENTORY => self.inventory = Some(*inventory),
+            (None, _) => {}
+        }
+    }
+
+    fn inventory(&self) -> u8 {
+        self.inventory.unwrap_or(NOTHING)
+    }
+
+    /// Whether this record was stored once and is not there.
+    fn misses(&self, key: RecordKey) -> bool {
+        self.inventory() & !self.stored & bit(key) != 0
+    }
+}
+
 /// The records in a flash of two sectors.
 pub struct Records<'buffer, F: NorFlash> {
     flash: SureErase<F>,
-    /// As long as a sector: damage can pass for an item of any length.
-    buffer: &'buffer mut [u8],
+    buffer: &'buffer mut [u8; BUFFER],
 }
 
 impl<'buffer, F: NorFlash> Records<'buffer, F> {
-    /// Finishes an erase that was cut. To be done anew after every error.
+    /// Finishes an erase that was cut. To be done anew after every error, and after an operation that was not awaited to
+    /// its end.
     ///
     /// # Errors
     /// Those of the flash.
-    pub async fn open(flash: F, buffer: &'buffer mut [u8]) -> Result<Self, F::Error> {
+    pub async fn open(flash: F, buffer: &'buffer mut [u8; BUFFER]) -> Result<Self, F::Error> {
         Ok(Self { flash: SureErase::open(flash).await?, buffer })
     }
 
@@ -61,90 +118,167 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
     /// # Errors
     /// [`StoreError`] when the flash fails or cannot hold it.
     pub async fn store(&mut self, key: RecordKey, record: &Record) -> Result<(), StoreError> {
-        self.put(key as u8, record).await?;
-        let inventory = self.inventory().await;
-        if inventory & bit(key) == 0 {
-            // Which records there are is seen anew: the inventory itself may be what was lost.
-            let mut found = inventory;
-            for key in RecordKey::ALL {
-                if matches!(self.get(key as u8).await, Ok(Some(_))) {
-                    found |= bit(key);
-                }
-            }
+        let found = self.put(key as u8, record).await?;
+        if found.inventory() & bit(key) == 0 {
+            // Which records there are was seen anew: the inventory itself may be what was lost.
+            let inventory = found.inventory() | found.stored;
             // The record is stored, whatever becomes of this; the next store of it tries again.
-            let _ = self.put(INVENTORY, &[found]).await;
+            let _ = self.write(INVENTORY, &[inventory], false).await;
         }
         Ok(())
     }
 
-    /// Reads everything, and finishes what a power cut left half done. A record that the flash does not give, although it
-    /// was stored once, is unreadable in the image.
+    /// Reads everything and changes nothing. A record that the flash does not give, although it was stored once, is unreadable in the image.
     ///
     /// # Errors
     /// [`Unreadable`] when the map as a whole makes no sense.
     pub async fn read(&mut self) -> Result<Image, Unreadable> {
         let mut image = Image::empty();
-        // Looked at first: reading can erase a sector that makes no sense.
-        let in_use = self.in_use().await.map_err(|_| Unreadable)?;
-        let inventory = self.inventory().await;
-        let mut found = inventory != 0;
-        for key in RecordKey::ALL {
-            match self.get(key as u8).await {
-                Ok(Some(bytes)) => image.put(key, bytes),
-                Ok(None) if inventory & bit(key) == 0 => continue,
-                Ok(None) | Err(Error::Storage { .. }) => image.put_unreadable(key),
-                Err(_) => return Err(Unreadable),
+        let mut found = Survey::default();
+        let scanned = self.scan(|key, bytes| {
+            found.note(key, bytes);
+            if let Some(key) = record_key(key) {
+                image.put(key, bytes);
             }
-            found = true;
+        });
+        match scanned.await {
+            Ok(()) if !found.any => {
+                // Noise mostly reads so: more of it than first stores leave behind was something else once.
+                let in_use = self.in_use().await.map_err(|_| Unreadable)?;
+                if in_use > first_store::<F>() {
+                    return Err(Unreadable);
+                }
+            }
+            Ok(()) => {
+                RecordKey::ALL.into_iter().filter(|key| found.misses(*key)).for_each(|key| image.put_unreadable(key))
+            }
+            Err(Error::Storage { .. }) => RecordKey::ALL.into_iter().for_each(|key| image.put_unreadable(key)),
+            Err(_) => return Err(Unreadable),
         }
-        // Noise mostly reads as a map without items: more of it than a first store leaves behind was something else once.
-        if !found && in_use > first_store::<F>() { Err(Unreadable) } else { Ok(image) }
+        Ok(image)
     }
 
-    /// The bits of the keys that were stored once; none when that is not known.
-    async fn inventory(&mut self) -> u8 {
-        match self.get(INVENTORY).await {
-            Ok(Some([inventory])) => *inventory,
-            _ => 0,
-        }
+    /// The setting of the platform, if there is one that is intact. Changes nothing.
+    pub async fn setting(&mut self) -> Option<Vec<u8, SETTING_MAX>> {
+        let mut setting = None;
+        let scanned = self.scan(|key, bytes| {
+            if key == SETTING {
+                setting = open(SETTING_VERSION, bytes).and_then(|bytes| Vec::from_slice(bytes).ok());
+            }
+        });
+        scanned.await.ok().and(setting)
     }
 
-    async fn put(&mut self, key: u8, bytes: &[u8]) -> Result<(), StoreError> {
-        let held_before = self.holds(key, bytes).await;
+    /// Writes the setting of the platform; the one before stays until the new one is complete.
+    ///
+    /// # Errors
+    /// [`StoreError`] when it is longer than [`SETTING_MAX`], or the flash fails.
+    pub async fn store_setting(&mut self, setting: &[u8]) -> Result<(), StoreError> {
+        let setting = Vec::<u8, SETTING_MAX>::from_slice(setting).map_err(|_| StoreError)?;
+        self.put(SETTING, &seal(SETTING_VERSION, &setting)?).await.map(drop)
+    }
+
+    /// Writes an item, and begins the map with an inventory if there is none: a first item so short that power cuts
+    /// leave little behind of it, and once it is there, nothing that they leave passes for the noise of a damaged map.
+    async fn put(&mut self, key: u8, bytes: &[u8]) -> Result<Survey, StoreError> {
+        let before = self.survey(key, bytes).await;
+        if let Ok((Survey { any: false, .. }, _)) = before {
+            self.write(INVENTORY, &[NOTHING], false).await?;
+        }
+        self.write(key, bytes, before.is_ok_and(|(_, holds)| holds)).await
+    }
+
+    /// Writes an item, which was there before or not; what is found then.
+    async fn write(&mut self, key: u8, bytes: &[u8], held_before: bool) -> Result<Survey, StoreError> {
         for _ in 0..ATTEMPTS {
             let stored = map(&mut self.flash).store_item(self.buffer, &key, &bytes).await;
             // A failure may have come so late that all is there: what counts is what a start would find.
-            let holds = self.holds(key, bytes).await;
-            match stored {
-                Ok(()) if holds => return Ok(()),
-                Err(_) if holds && !held_before => return Ok(()),
-                Ok(()) => {}
-                Err(_) => break,
+            match (stored, self.survey(key, bytes).await) {
+                (Ok(()), Ok((found, true))) => return Ok(found),
+                (Err(_), Ok((found, true))) if !held_before => return Ok(found),
+                (Ok(()), _) => {}
+                (Err(_), _) => break,
             }
         }
         Err(StoreError)
     }
 
-    /// Whether a start would find these bytes.
-    async fn holds(&mut self, key: u8, bytes: &[u8]) -> bool {
-        matches!(self.get(key).await, Ok(Some(found)) if found == bytes)
+    /// What a start would find, and whether these bytes are under this key.
+    async fn survey(&mut self, key: u8, bytes: &[u8]) -> Result<(Survey, bool), Error<F::Error>> {
+        let mut survey = Survey::default();
+        let mut holds = false;
+        self.scan(|found, content| {
+            survey.note(found, content);
+            if found == key {
+                holds = content == bytes;
+            }
+        })
+        .await?;
+        Ok((survey, holds))
     }
 
-    async fn get(&mut self, key: u8) -> Result<Option<&[u8]>, Error<F::Error>> {
-        map(&mut self.flash).fetch_item(self.buffer, &key).await
+    /// Goes through all items that are intact, from the oldest to the newest.
+    async fn scan(&mut self, mut visit: impl FnMut(u8, &[u8])) -> Result<(), Error<F::Error>> {
+        let mut map = map(Preview::new(&mut self.flash));
+        let mut items = map.fetch_all_items(self.buffer).await?;
+        while let Some((key, bytes)) = items.next::<&[u8]>(self.buffer).await? {
+            visit(key, bytes);
+        }
+        Ok(())
     }
 
     /// How many bytes are not erased, in whole words.
     async fn in_use(&mut self) -> Result<usize, F::Error> {
-        let sector_len = SureErase::<F>::SECTOR;
+        let len = SECTORS * SureErase::<F>::SECTOR;
         let mut words = 0;
-        for sector in 0..SECTORS {
-            let bytes = &mut self.buffer[..sector_len];
-            self.flash.read((sector * sector_len) as u32, bytes).await?;
-            words += bytes.chunks_exact(F::WRITE_SIZE).filter(|word| word.iter().any(|byte| *byte != ERASED)).count();
+        for sector in (0..len).step_by(SureErase::<F>::SECTOR) {
+            let end = sector + SureErase::<F>::SECTOR;
+            for start in (sector..end).step_by(BUFFER) {
+                let bytes = &mut self.buffer[..(end - start).min(BUFFER)];
+                self.flash.read(start as u32, bytes).await?;
+                words +=
+                    bytes.chunks_exact(F::WRITE_SIZE).filter(|word| word.iter().any(|byte| *byte != ERASED)).count();
+            }
         }
         Ok(words * F::WRITE_SIZE)
     }
+}
+
+impl<F: MultiwriteNorFlash> Records<'_, F> {
+    /// Removes all records, old versions too: none comes back, whatever bit flips. The setting stays.
+    ///
+    /// A power cut leaves each record as it was or absent; clearing anew finishes that. What is clear is not written to.
+    ///
+    /// # Errors
+    /// [`StoreError`] when the flash fails.
+    pub async fn clear(&mut self) -> Result<(), StoreError> {
+        for _ in 0..ATTEMPTS {
+            let mut found = Survey::default();
+            self.scan(|key, bytes| found.note(key, bytes)).await.map_err(|_| StoreError)?;
+            if found.stored == 0 && found.inventory() == NOTHING {
+                return Ok(());
+            }
+            // First of all no record is missed any more. An inventory without records stays to the end, so that there
+            // is an item at any time, and so that it is seen that older ones are gone.
+            if found.inventory != Some(NOTHING) {
+                self.remove(INVENTORY).await?;
+                self.write(INVENTORY, &[NOTHING], false).await?;
+            }
+            for key in RecordKey::ALL {
+                self.remove(key as u8).await?;
+            }
+        }
+        Err(StoreError)
+    }
+
+    /// Makes all items of a key unreadable, the newest last.
+    async fn remove(&mut self, key: u8) -> Result<(), StoreError> {
+        map(&mut self.flash).remove_item(self.buffer, &key).await.map_err(|_| StoreError)
+    }
+}
+
+fn record_key(key: u8) -> Option<RecordKey> {
+    RecordKey::ALL.into_iter().find(|record| *record as u8 == key)
 }
 
 const fn bit(key: RecordKey) -> u8 {
@@ -152,8 +286,8 @@ const fn bit(key: RecordKey) -> u8 {
 }
 
 /// A map without a memory of its own: nothing but what is in the flash counts.
-fn map<F: NorFlash>(flash: &mut SureErase<F>) -> Map<'_, F> {
-    let config = MapConfig::new(0..(SECTORS * SureErase::<F>::SECTOR) as u32);
+fn map<S: NorFlash>(flash: S) -> Map<S> {
+    let config = MapConfig::new(0..(SECTORS * S::ERASE_SIZE) as u32);
     let cache = Cache::new(ArrayPageStates::new(), ArrayPagePointers::new(), ArrayKeyPointers::new());
-    MapStorage::new(flash, config, cache)
+    MapStorage::new(ItemLengths::new(flash), config, cache)
 }

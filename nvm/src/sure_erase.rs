@@ -6,8 +6,12 @@
 //!
 //! So no erase is left unfinished for it to see. Each is announced in the *other* sector before it begins, and that it
 //! is done is noted there too; one that was announced and is not done is done again before anything is read.
+//!
+//! An erased sector does not stay erased for sure: bits flip in it, too. The records that are moved there are written
+//! without a look at what is in their way, and then what they were copied from is erased. So a sector is looked at before
+//! that, and erased again if it has to be.
 
-use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
+use embedded_storage_async::nor_flash::{ErrorType, MultiwriteNorFlash, NorFlash, ReadNorFlash};
 
 /// How many erases of the other sector a sector has room for: one in normal operation, and one more for each time that
 /// the power is cut while records are being moved. Erases beyond that are not protected.
@@ -20,7 +24,7 @@ const DONE: u8 = 0;
 pub const ERASED: u8 = 0xFF;
 
 /// The longest word that there is room for.
-const WORD_MAX: usize = 32;
+pub(crate) const WORD_MAX: usize = 32;
 
 /// A flash of two sectors that finishes every erase. Its sectors are shorter by the place for the announcements.
 #[derive(Debug)]
@@ -68,6 +72,30 @@ impl<F: NorFlash> SureErase<F> {
         self.erase_physical(sector).await?;
         let address = Self::address_of(sector, number) + F::WRITE_SIZE as u32;
         self.flash.write(address, &[DONE; WORD_MAX][..F::WRITE_SIZE]).await
+    }
+
+    /// Erases a sector that begins to take what is in the other one, full sector, if anything is in the way.
+    async fn make_room(&mut self, sector: usize) -> Result<(), F::Error> {
+        let other_end = (1 - sector) * F::ERASE_SIZE + Self::SECTOR;
+        let start = sector * F::ERASE_SIZE;
+        // Its end is marked when it is full. Else nothing is moved, and what is there may be all there is.
+        let full = !self.is_erased(other_end - F::WRITE_SIZE, other_end).await?;
+        if full && !self.is_erased(start, start + Self::SECTOR).await? {
+            self.erase_sector(sector).await?;
+        }
+        Ok(())
+    }
+
+    async fn is_erased(&mut self, start: usize, end: usize) -> Result<bool, F::Error> {
+        let mut bytes = [0; 4 * WORD_MAX];
+        for start in (start..end).step_by(bytes.len()) {
+            let bytes = &mut bytes[..(end - start).min(4 * WORD_MAX)];
+            self.flash.read(start as u32, bytes).await?;
+            if bytes.iter().any(|byte| *byte != ERASED) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     async fn erase_physical(&mut self, sector: usize) -> Result<(), F::Error> {
@@ -125,6 +153,12 @@ impl<F: NorFlash> NorFlash for SureErase<F> {
     }
 
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), F::Error> {
+        // The mark at the front of a sector is what it begins with.
+        if (offset as usize).is_multiple_of(Self::SECTOR) {
+            self.make_room(offset as usize / Self::SECTOR).await?;
+        }
         self.flash.write(Self::physical(offset).1, bytes).await
     }
 }
+
+impl<F: MultiwriteNorFlash> MultiwriteNorFlash for SureErase<F> {}

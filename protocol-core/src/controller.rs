@@ -2,13 +2,49 @@
 //!
 //! The simulated controller and the board's share these types, so that what is tested on the host is what is flashed.
 
+use heapless::Vec;
+
 use crate::frame::Frame;
 
 /// A CAN controller that a device can be pumped through.
 pub trait Controller: embedded_can::nb::Can<Frame = Frame> {
     /// Whether every frame it took is on the bus: no mailbox is pending.
     fn is_idle(&self) -> bool;
+
+    /// Receives from now on the data frames that one of these filters lets through, and may keep others away. What was
+    /// received before stays.
+    fn set_filters(&mut self, filters: &Filters);
 }
+
+/// What a controller may let through: every frame whose identifier is `key` in the bits of `mask`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Filter {
+    /// An identifier as one number, as [`frame::key`](crate::frame::key) makes it.
+    pub key: u32,
+    /// The bits of it that count; that of an extended identifier always does.
+    pub mask: u32,
+}
+
+impl Filter {
+    /// Lets one identifier through.
+    #[must_use]
+    pub const fn exactly(key: u32) -> Self {
+        Self { key, mask: u32::MAX }
+    }
+
+    /// Whether it lets a frame through.
+    #[inline]
+    #[must_use]
+    pub const fn passes(&self, frame: &Frame) -> bool {
+        (frame.key() ^ self.key) & self.mask == 0
+    }
+}
+
+/// How many filters a device needs at most: one for each service that goes by an identifier of its own.
+pub const FILTERS: usize = 8;
+
+/// All that a device listens to.
+pub type Filters = Vec<Filter, FILTERS>;
 
 /// How far the error counters let a controller take part in the bus (ISO 11898-1, fault confinement).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -20,6 +20,10 @@ where
         device.handle(&frame, now);
     }
     device.poll(now);
+    // Before the answer to the request that changed them goes out: whoever waits for it can rely on them.
+    if let Some(filters) = device.take_filters() {
+        can.set_filters(&filters);
+    }
     loop {
         while let Some(frame) = device.next_frame() {
             match can.transmit(&frame) {

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use protocol_core::controller::{BitRate, Controller};
+use protocol_core::controller::{BitRate, Controller, Filters};
 use protocol_core::device::pve::{Kind, Protocol, PveCanopen, PveIsobus, Setup};
 use protocol_core::device::{Device, Effect, Senses, StartCause};
 use protocol_core::frame::Frame;
@@ -26,6 +26,8 @@ struct Wire {
     sent: VecDeque<Frame>,
     /// The bus is busy: nothing can be transmitted.
     held: bool,
+    /// What the device listens to: nothing else gets to it.
+    filters: Filters,
 }
 
 impl embedded_can::nb::Can for Wire {
@@ -48,6 +50,10 @@ impl embedded_can::nb::Can for Wire {
 impl Controller for Wire {
     fn is_idle(&self) -> bool {
         !self.held
+    }
+
+    fn set_filters(&mut self, filters: &Filters) {
+        self.filters.clone_from(filters);
     }
 }
 
@@ -153,10 +159,23 @@ impl Rig {
         self.send_frame(frame(text));
     }
 
-    /// Sends a frame to the device.
+    /// Sends a frame to the device, whether its filters let it through or not: the core does not rely on them.
+    ///
+    /// # Panics
+    /// When a frame that the filters keep away means something to the device.
+    #[track_caller]
     pub fn send_frame(&mut self, frame: Frame) {
+        let passes = !frame.is_remote() && self.filters().iter().any(|filter| filter.passes(&frame));
+        let sent = self.wire.sent.len();
         self.wire.received.push_back(frame);
         self.pump();
+        assert!(passes || self.wire.sent.len() == sent, "{frame} is answered, but passes no filter");
+    }
+
+    /// What the device listens to.
+    #[must_use]
+    pub fn filters(&self) -> &Filters {
+        &self.wire.filters
     }
 
     /// The next frame that the device has sent.

@@ -13,8 +13,9 @@ use embassy_stm32::{Peri, interrupt};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use firmware::bit_timing::BitTiming;
+use firmware::filter_bank::{BANKS, Bank};
 use heapless::Deque;
-use protocol_core::controller::{BitRate, BusErrorMode, Controller};
+use protocol_core::controller::{BitRate, BusErrorMode, Controller, Filters};
 use protocol_core::frame::{Frame, Id, extended, standard};
 
 /// How many frames wait for the device's task: those of 25 ms at 1 Mbit/s.
@@ -101,10 +102,9 @@ impl Can1 {
         });
         while !CAN1.msr().read().inak() {}
         CAN1.btr().write_value(regs::Btr(BitTiming::of(bit_rate).register()));
-        // One filter of 32 bits whose mask is 0 lets everything through.
+        // All banks hold one filter of 32 bits with a mask, for FIFO 0: what comes in keeps its order.
         CAN1.fmr().modify(|fmr| fmr.set_finit(true));
-        CAN1.fs1r().write_value(regs::Fs1r(1));
-        CAN1.fa1r().write_value(regs::Fa1r(1));
+        CAN1.fs1r().write_value(regs::Fs1r((1 << BANKS) - 1));
         CAN1.fmr().modify(|fmr| fmr.set_finit(false));
         CAN1.ier().write(|ier| {
             ier.set_fmpie(0, true);
@@ -166,5 +166,18 @@ impl embedded_can::nb::Can for Can1 {
 impl Controller for Can1 {
     fn is_idle(&self) -> bool {
         CAN1.tsr().read().tme(0)
+    }
+
+    fn set_filters(&mut self, filters: &Filters) {
+        for number in 0..BANKS {
+            let bank = filters.get(number).map(Bank::of);
+            // A bank is changed while it is inactive; the others go on meanwhile.
+            CAN1.fa1r().modify(|active| active.set_fact(number, false));
+            if let Some(Bank { identifier, mask }) = bank {
+                CAN1.fb(number).fr1().write_value(regs::Fr1(identifier));
+                CAN1.fb(number).fr2().write_value(regs::Fr2(mask));
+                CAN1.fa1r().modify(|active| active.set_fact(number, true));
+            }
+        }
     }
 }

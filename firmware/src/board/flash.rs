@@ -6,7 +6,7 @@ use core::task::{Context, Poll, Waker};
 
 use embassy_stm32::flash::{Bank2Region1, Blocking, Error};
 use embedded_storage_async::nor_flash::{ErrorType, MultiwriteNorFlash, NorFlash, ReadNorFlash};
-use nvm::Records;
+use nvm::{BUFFER, Records};
 use protocol_core::memory::{Image, Record, RecordKey, StoreError};
 
 /// The sectors of the bank's first region are so long.
@@ -15,12 +15,12 @@ const SECTOR: usize = 16 * 1024;
 /// The two sectors.
 pub(super) struct Bank {
     region: Bank2Region1<'static, Blocking>,
-    buffer: &'static mut [u8; SECTOR],
+    buffer: &'static mut [u8; BUFFER],
 }
 
 impl Bank {
     pub(super) fn new(region: Bank2Region1<'static, Blocking>) -> Self {
-        let buffer = cortex_m::singleton!(: [u8; SECTOR] = [0; SECTOR]);
+        let buffer = cortex_m::singleton!(: [u8; BUFFER] = [0; BUFFER]);
         // There is one bank, so this runs once.
         Self { region, buffer: buffer.unwrap_or_else(|| cortex_m::peripheral::SCB::sys_reset()) }
     }
@@ -29,7 +29,7 @@ impl Bank {
     pub(super) fn image(&mut self) -> Image {
         let Self { region, buffer } = self;
         let mut image = ready(async {
-            let mut records = Records::open(Region(region), &mut buffer[..]).await.ok()?;
+            let mut records = Records::open(Region(region), buffer).await.ok()?;
             records.read().await.ok()
         });
         if image.is_none() {
@@ -47,7 +47,7 @@ impl Bank {
     pub(super) fn store(&mut self, key: RecordKey, record: &Record) -> Result<(), StoreError> {
         let Self { region, buffer } = self;
         ready(async {
-            let mut records = Records::open(Region(region), &mut buffer[..]).await.map_err(|_| StoreError)?;
+            let mut records = Records::open(Region(region), buffer).await.map_err(|_| StoreError)?;
             records.store(key, record).await
         })
     }

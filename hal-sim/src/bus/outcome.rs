@@ -67,8 +67,9 @@ impl Bus {
         for number in 0..self.ports.len() {
             let id = PortId(number);
             if self.hears(transmission, id) {
-                self.ports[number].deliver(&transmission.frame, at);
-                self.touched.push(id);
+                if self.ports[number].deliver(&transmission.frame, at) {
+                    self.touched.push(id);
+                }
             } else if transmission.senders.contains(&id) {
                 self.touched.push(id);
             }

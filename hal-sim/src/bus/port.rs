@@ -5,7 +5,7 @@ use std::collections::vec_deque::Drain;
 use std::convert::Infallible;
 use std::sync::Arc;
 
-use protocol_core::controller::{BitRate, BusErrorMode, Controller};
+use protocol_core::controller::{BitRate, BusErrorMode, Controller, Filters};
 use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
 
@@ -26,6 +26,8 @@ pub struct Port {
     pub(super) confinement: Confinement,
     pub(super) transmit: Transmit,
     pub(super) received: VecDeque<(Instant, Frame)>,
+    /// What a device's controller lets through; everything where there are none.
+    filters: Option<Filters>,
     /// How many received frames there is room for.
     room: usize,
     overruns: u32,
@@ -73,6 +75,7 @@ impl Port {
             confinement: Confinement::default(),
             transmit,
             received: VecDeque::new(),
+            filters: None,
             room,
             overruns: 0,
             joined_at: 0,
@@ -125,9 +128,14 @@ impl Port {
         self.connected && !matches!(self.confinement.mode(), BusErrorMode::BusOff)
     }
 
+    /// A frame was on the bus; whether it means anything to whoever is behind the port.
     #[inline]
-    pub(super) fn deliver(&mut self, frame: &Frame, at: Instant) {
+    pub(super) fn deliver(&mut self, frame: &Frame, at: Instant) -> bool {
+        let before = self.mode();
         self.confinement.received();
+        if !self.lets_through(frame) {
+            return self.mode() != before;
+        }
         if let Some(external) = &mut self.external {
             external.tell(at, WireEvent::Received(*frame));
         } else if self.received.len() < self.room {
@@ -135,6 +143,13 @@ impl Port {
         } else {
             self.overruns = self.overruns.saturating_add(1);
         }
+        true
+    }
+
+    #[inline]
+    fn lets_through(&self, frame: &Frame) -> bool {
+        let Some(filters) = &self.filters else { return true };
+        !frame.is_remote() && filters.iter().any(|filter| filter.passes(frame))
     }
 }
 
@@ -156,5 +171,9 @@ impl Controller for Port {
     #[inline]
     fn is_idle(&self) -> bool {
         self.transmit.is_empty()
+    }
+
+    fn set_filters(&mut self, filters: &Filters) {
+        self.filters = Some(filters.clone());
     }
 }

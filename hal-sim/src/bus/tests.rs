@@ -1,6 +1,7 @@
 //! The bus alone, without devices: timing, arbitration, errors, bus-off.
 
 use embedded_can::nb::Can;
+use protocol_core::controller::{Controller, Filter, Filters};
 use protocol_core::frame::{extended, standard};
 use protocol_core::time::Duration;
 
@@ -423,6 +424,22 @@ mod port {
             left.push(head);
         }
         assert_eq!(left, [frame(0x100, &[]), frame(0x200, &[1]), frame(0x200, &[2])]);
+    }
+
+    #[test]
+    fn filters_keep_frames_away_and_not_the_error_counters() {
+        let mut port = device();
+        assert!(port.deliver(&frame(1, &[]), micros(0)), "everything passes where there are none");
+        port.set_filters(&Filters::from_iter([Filter { key: 0x100, mask: !0xF }]));
+        for (sent, passes) in [
+            (frame(0x10F, &[]), true),
+            (frame(0x110, &[]), false),
+            (Frame::remote(standard(0x100).into(), 0), false),
+            (Frame::of(extended(0x100).into(), &[]).unwrap(), false),
+        ] {
+            assert_eq!(port.deliver(&sent, micros(0)), passes, "{sent}");
+        }
+        assert_eq!(std::iter::from_fn(|| port.receive().ok()).count(), 2);
     }
 
     #[test]

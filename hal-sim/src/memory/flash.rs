@@ -20,6 +20,7 @@ pub const ERASED: u8 = 0xFF;
 #[derive(Clone, Debug)]
 pub struct Flash {
     cells: Vec<u8>,
+    reads: u64,
     word_writes: u64,
     erases: u64,
     faults: Faults,
@@ -136,13 +137,19 @@ impl Flash {
 
     fn of(cells: Vec<u8>) -> Self {
         let (torn_erase, noise) = (TornErase::default(), fastrand::Rng::with_seed(0));
-        Self { cells, word_writes: 0, erases: 0, faults: Faults::default(), torn_erase, noise }
+        Self { cells, reads: 0, word_writes: 0, erases: 0, faults: Faults::default(), torn_erase, noise }
     }
 
     /// Everything in it.
     #[must_use]
     pub fn image(&self) -> &[u8] {
         &self.cells
+    }
+
+    /// How often it was read since it was made.
+    #[must_use]
+    pub const fn reads(&self) -> u64 {
+        self.reads
     }
 
     /// How many words were written since it was made.
@@ -281,6 +288,7 @@ impl ReadNorFlash for Flash {
             return Err(FlashError::PowerCut);
         }
         bytes.copy_from_slice(&self.cells[Self::range(offset, bytes.len(), 1)?]);
+        self.reads += 1;
         Ok(())
     }
 

@@ -4,7 +4,13 @@ mod flash;
 mod state_file;
 
 #[cfg(test)]
+mod damage_tests;
+#[cfg(test)]
 mod power_cut_tests;
+#[cfg(test)]
+mod read_tests;
+#[cfg(test)]
+mod setting_tests;
 #[cfg(test)]
 mod state_file_tests;
 #[cfg(test)]
@@ -18,8 +24,9 @@ pub use flash::{ERASED, Flash, FlashError, SECTOR, SIZE, TornErase, WORD};
 pub use state_file::StateFileError;
 
 use flash::ready;
-use nvm::{Records, Unreadable};
+use nvm::{BUFFER, Records, Unreadable};
 use state_file::{Content, StateFile};
+
 /// The non-volatile memory of one device.
 #[derive(Debug, Default)]
 pub struct Memory {
@@ -186,13 +193,13 @@ impl Memory {
 }
 
 fn read(flash: &mut Flash) -> Result<Image, Unreadable> {
-    let mut buffer = vec![0; SECTOR];
+    let mut buffer = [0; BUFFER];
     let mut records = ready(Records::open(flash, &mut buffer)).map_err(|_| Unreadable)?;
     ready(records.read())
 }
 
 fn store(flash: &mut Flash, key: RecordKey, record: &Record) -> Result<(), StoreError> {
-    let mut buffer = vec![0; SECTOR];
+    let mut buffer = [0; BUFFER];
     let mut records = ready(Records::open(flash, &mut buffer)).map_err(|_| StoreError)?;
     ready(records.store(key, record))
 }

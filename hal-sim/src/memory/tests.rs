@@ -6,23 +6,23 @@ use super::*;
 
 const VERSION: u8 = 1;
 
-fn record(payload: &[u8]) -> Record {
+pub(super) fn record(payload: &[u8]) -> Record {
     seal(VERSION, payload).unwrap()
 }
 
-fn payload(image: &Image, key: RecordKey) -> Option<Vec<u8>> {
+pub(super) fn payload(image: &Image, key: RecordKey) -> Option<Vec<u8>> {
     image.payload(key, VERSION).unwrap().map(<[u8]>::to_vec)
 }
 
 /// A payload of 90 bytes, so that a sector is full after some 150 stores.
-fn numbered(number: u32) -> Vec<u8> {
+pub(super) fn numbered(number: u32) -> Vec<u8> {
     let mut bytes = vec![number as u8; 90];
     bytes[..4].copy_from_slice(&number.to_le_bytes());
     bytes
 }
 
 /// A memory with `count` stores to changing keys; what each key holds.
-fn with_history(count: u32) -> (Memory, Vec<Option<Vec<u8>>>) {
+pub(super) fn with_history(count: u32) -> (Memory, Vec<Option<Vec<u8>>>) {
     let mut memory = Memory::in_ram();
     let mut held = vec![None; RecordKey::ALL.len()];
     for number in 0..count {
@@ -34,7 +34,7 @@ fn with_history(count: u32) -> (Memory, Vec<Option<Vec<u8>>>) {
     (memory, held)
 }
 
-fn held(memory: &mut Memory) -> Vec<Option<Vec<u8>>> {
+pub(super) fn held(memory: &mut Memory) -> Vec<Option<Vec<u8>>> {
     let image = memory.read_image();
     assert!(!image.is_damaged());
     RecordKey::ALL.map(|key| payload(&image, key)).to_vec()

@@ -1,7 +1,7 @@
 //! A small device for the tests: a heartbeat, an echo, and commands that ask for each effect.
 
 use protocol_core::actuator::{Color, Led};
-use protocol_core::controller::BitRate;
+use protocol_core::controller::{BitRate, Filters};
 use protocol_core::device::{Device, Effect, Outputs, Restart, Senses, StartCause};
 use protocol_core::frame::{Frame, standard};
 use protocol_core::memory::{Image, RecordKey, StoreError, seal};
@@ -130,6 +130,11 @@ impl Device for Probe {
         } else if id == COMMAND && frame.data()[1] == self.id {
             self.command(frame.data()[0], &frame.data()[2..]);
         }
+    }
+
+    /// It never says, and so hears everything.
+    fn take_filters(&mut self) -> Option<Filters> {
+        None
     }
 
     fn sense(&mut self, senses: &Senses, _: Instant) {

@@ -9,7 +9,7 @@ mod tx_queue;
 
 pub use senses::{Outputs, Senses};
 
-use crate::controller::BitRate;
+use crate::controller::{BitRate, Filters};
 use crate::frame::Frame;
 use crate::memory::{Image, Record, RecordKey, StoreError};
 use crate::time::Instant;
@@ -50,6 +50,10 @@ pub enum StartCause {
 pub trait Device {
     /// Takes a frame from the bus.
     fn handle(&mut self, frame: &Frame, now: Instant);
+
+    /// Which frames the device listens to, at first and whenever that has changed since this was last asked. Every frame
+    /// that means something to it passes one of the filters; many that mean nothing to it pass as well.
+    fn take_filters(&mut self) -> Option<Filters>;
 
     /// Takes what the device senses; to be called when any of it has changed, and once after the start.
     fn sense(&mut self, senses: &Senses, now: Instant);

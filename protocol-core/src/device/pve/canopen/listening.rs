@@ -1,6 +1,7 @@
 //! Which frames the device listens to: found once, when something changes, not for every frame on the bus.
 
 use super::super::objects::PveObjects;
+use crate::controller::{FILTERS, Filter, Filters};
 use crate::wire::cob_id::{Function, LSS_REQUEST, NMT};
 use crate::wire::uds;
 
@@ -26,12 +27,17 @@ const MAX_STANDARD: u32 = 0x7FF;
 /// The key of no frame.
 const NONE: u32 = u32::MAX;
 
+// One for each service, and one for UDS.
+const _: () = assert!(BY_STANDARD.len() < FILTERS);
+
 /// The [keys](crate::frame::key) of the frames that the device listens to.
 #[derive(Debug)]
 pub(super) struct Listening {
     standard: [u32; BY_STANDARD.len()],
     /// From any source.
     uds: u32,
+    /// Whether the controller has been told.
+    told: bool,
 }
 
 impl Listening {
@@ -39,7 +45,7 @@ impl Listening {
     pub(super) fn of(objects: &PveObjects) -> Self {
         let lss = u32::from(LSS_REQUEST);
         let Some(node_id) = objects.node_id else {
-            return Self { standard: [lss, NONE, NONE, NONE, NONE, NONE], uds: NONE };
+            return Self { standard: [lss, NONE, NONE, NONE, NONE, NONE], uds: NONE, told: false };
         };
         Self {
             standard: [
@@ -51,7 +57,24 @@ impl Listening {
                 objects.emcy_consumer.key().unwrap_or(NONE),
             ],
             uds: uds::key_to(uds::Address::node(node_id.get())),
+            told: false,
         }
+    }
+
+    /// The same for the controller, once.
+    #[inline]
+    pub(super) fn take_filters(&mut self) -> Option<Filters> {
+        if self.told {
+            return None;
+        }
+        self.told = true;
+        Some(self.filters())
+    }
+
+    fn filters(&self) -> Filters {
+        let standard = self.standard.iter().filter(|key| **key != NONE).map(|key| Filter::exactly(*key));
+        let uds = (self.uds != NONE).then_some(Filter { key: self.uds, mask: uds::ANY_SOURCE });
+        standard.chain(uds).collect()
     }
 
     /// Whether an object holds one of the identifiers.

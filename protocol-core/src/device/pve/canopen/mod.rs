@@ -27,7 +27,7 @@ use crate::canopen::emcy::WaitingEmcys;
 use crate::canopen::lss::LssSlave;
 use crate::canopen::nmt::NmtSlave;
 use crate::canopen::sdo_server::SdoServer;
-use crate::controller::{BitRate, BusErrorMode};
+use crate::controller::{BitRate, BusErrorMode, Filters};
 use crate::device::tx_queue::TxQueue;
 use crate::device::{Device, Effect, Outputs, Restart, Senses};
 use crate::frame::Frame;
@@ -190,6 +190,11 @@ impl Device for PveCanopen {
         if let Some(service) = self.listening.service(frame.key()) {
             self.take(service, frame, now);
         }
+    }
+
+    #[inline]
+    fn take_filters(&mut self) -> Option<Filters> {
+        self.listening.take_filters()
     }
 
     fn sense(&mut self, senses: &Senses, now: Instant) {

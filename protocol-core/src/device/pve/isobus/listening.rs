@@ -1,6 +1,7 @@
 //! Which frames the device listens to (SPEC 5, 7): told by the identifier alone, for most frames on a bus are not for it.
 
-use crate::frame::Frame;
+use crate::controller::{Filter, Filters};
+use crate::frame::{Frame, extended, key};
 use crate::wire::j1939_id::{Address, Format, J1939Id, Pgn};
 use crate::wire::{request, uds};
 
@@ -35,7 +36,18 @@ pub(super) struct Listening {
     request: Group,
     /// UDS requests from any source.
     uds: u32,
+    /// Whether the controller has been told.
+    told: bool,
 }
+
+/// The bits of a key that hold a [`Group`].
+const GROUP: u32 = 0x3_FFFF << 8;
+/// The bits of a key that hold pages and PDU format.
+const FORMAT: u32 = 0x3_FF00 << 8;
+/// The bits of a key that hold the source.
+const SOURCE: u32 = 0xFF;
+/// The bits of a key above those of an identifier: what tells an extended one.
+const EXTENDED: u32 = !0x1FFF_FFFF;
 
 impl Listening {
     /// What the valve at this address listens to.
@@ -45,7 +57,27 @@ impl Listening {
             avc: Pgn::avc(own.get()).raw(),
             request: Pgn::REQUEST.raw() | u32::from(own.get()),
             uds: uds::key_to(uds::Address::node(own.get())),
+            told: false,
         }
+    }
+
+    /// The same for the controller, once.
+    #[inline]
+    pub(super) fn take_filters(&mut self) -> Option<Filters> {
+        if self.told {
+            return None;
+        }
+        self.told = true;
+        Some(self.filters())
+    }
+
+    fn filters(&self) -> Filters {
+        let of = |raw: u32, mask: u32| Filter { key: key(extended(raw).into()), mask: EXTENDED | mask };
+        let to_all = |pgn: Pgn| pgn.raw() | u32::from(Address::GLOBAL.get());
+        let groups = [self.avc, self.request, REQUEST_TO_ALL, to_all(Pgn::TP_CONNECTION), to_all(Pgn::TP_DATA)];
+        let claim = of(Pgn::ADDRESS_CLAIMED.raw() << 8 | u32::from(self.own.get()), FORMAT | SOURCE);
+        let uds = Filter { key: self.uds, mask: uds::ANY_SOURCE };
+        groups.map(|group| of(group << 8, GROUP)).into_iter().chain([claim, uds]).collect()
     }
 
     /// The service that a frame is for. A standard identifier has no bits of a group, and is for none.

@@ -25,7 +25,7 @@ use super::records::{Factory, LocalLayer};
 use super::setup::Setup;
 use super::storage::{FaultLogClock, Storage};
 use crate::actuator::{FaultSet, InternalCause, ValveSenses};
-use crate::controller::{BitRate, BusErrorMode};
+use crate::controller::{BitRate, BusErrorMode, Filters};
 use crate::device::tx_queue::TxQueue;
 use crate::device::{Device, Effect, Outputs, Restart, Senses};
 use crate::frame::Frame;
@@ -245,6 +245,11 @@ impl Device for PveIsobus {
             Some(Service::ClaimRequest) if self.answers_claims => self.tx.push(self.claim_frame),
             Some(service) => self.take(service, frame, now),
         }
+    }
+
+    #[inline]
+    fn take_filters(&mut self) -> Option<Filters> {
+        self.listening.take_filters()
     }
 
     fn sense(&mut self, senses: &Senses, now: Instant) {

@@ -1,0 +1,140 @@
+//! Damage that passes for an item, of a length that no item has (SPEC 6): what lies behind it is found, and the memory
+//! can be written as before.
+
+use super::tests::{held, numbered, payload, record, with_history};
+use super::*;
+
+/// An item begins with the checksum of its data, its length and the checksum of that.
+const HEADER: usize = 8;
+
+/// Lengths that no item has: none, longer than key and record, up to the end of the sector and beyond.
+const LENGTHS: [u16; 10] = [0, 130, 132, 133, 160, 161, 1000, 8000, 16000, 0xFFFE];
+
+/// The checksum that the map gives to a length: CRC-16 with the reversed polynomial 0x1A2E.
+fn checksum(length: u16) -> u16 {
+    let crc = length.to_le_bytes().iter().fold(0xFFFF_u16, |crc, byte| {
+        (0..8).fold(crc ^ u16::from(*byte), |crc, _| (crc >> 1) ^ if crc & 1 == 1 { 0x1A2E } else { 0 })
+    });
+    !crc
+}
+
+/// Where the items of the first sector begin, and where the next one would.
+fn items(flash: &Flash) -> Vec<usize> {
+    let mut starts = vec![WORD];
+    loop {
+        let start = starts[starts.len() - 1];
+        let header = &flash.image()[start..start + HEADER];
+        if header == [ERASED; HEADER] {
+            return starts;
+        }
+        let length = u16::from_le_bytes([header[4], header[5]]);
+        assert_eq!(u16::from_le_bytes([header[6], header[7]]), checksum(length), "as the map computes it");
+        starts.push(start + HEADER + usize::from(length).next_multiple_of(WORD));
+    }
+}
+
+/// Puts the header of an item of this length there; what checks the data is right for one without any.
+fn with_header(flash: &Flash, at: usize, length: u16) -> Flash {
+    let mut image = flash.image().to_vec();
+    image[at..at + 4].fill(0x11);
+    image[at + 4..at + 6].copy_from_slice(&length.to_le_bytes());
+    image[at + 6..at + 8].copy_from_slice(&checksum(length).to_le_bytes());
+    Flash::from_image(image).unwrap()
+}
+
+/// Stores each record but the factory's, until the sector was changed; nothing is lost.
+#[track_caller]
+fn lives_on(memory: &mut Memory, factory: &Option<Vec<u8>>, what: &str) {
+    let mut expected = [const { None }; RecordKey::ALL.len()];
+    for number in 1000..1180 {
+        let key = RecordKey::ALL[1 + number as usize % 4];
+        memory.store(key, &record(&numbered(number))).unwrap();
+        expected[key.position()] = Some(numbered(number));
+        assert_eq!(payload(&memory.read_image(), key), expected[key.position()], "{key:?} {what}");
+        if number % 59 == 0 {
+            let image = memory.read_image();
+            for key in &RecordKey::ALL[1..] {
+                let found = payload(&image, *key);
+                assert!(expected[key.position()].is_none() || found == expected[key.position()], "{key:?} {what}");
+            }
+            let found = image.payload(RecordKey::Factory, 1).ok().flatten().map(<[u8]>::to_vec);
+            assert_eq!(found, *factory, "{what}");
+        }
+    }
+    assert!(memory.flash().erases() >= 1);
+}
+
+#[test]
+fn an_item_of_any_length_hides_only_itself() {
+    let (memory, newest) = with_history(10);
+    let items = items(memory.flash());
+    for (item, at) in items.iter().enumerate() {
+        for length in LENGTHS {
+            let what = format!("item {item} of {}, length {length}", items.len());
+            let mut memory = Memory::with_flash(with_header(memory.flash(), *at, length));
+            let image = memory.read_image();
+            assert!(!image.is_damaged(), "{what}");
+            let mut older = 0;
+            for key in RecordKey::ALL {
+                match image.payload(key, 1) {
+                    Ok(Some(found)) if newest[key.position()].as_deref() == Some(found) => {}
+                    // The factory record has no older one, and the inventory says that it is missing.
+                    Ok(Some(found)) => {
+                        assert!(key != RecordKey::Factory && found == numbered(u32::from(found[0])), "{what}");
+                        older += 1;
+                    }
+                    Ok(None) => panic!("{key:?} is lost and nobody knows, {what}"),
+                    Err(_) => {
+                        assert_eq!(key, RecordKey::Factory, "{what}");
+                        older += 1;
+                    }
+                }
+            }
+            assert!(older <= 1, "{what}: {older}");
+        }
+    }
+}
+
+#[test]
+fn a_memory_with_an_item_of_any_length_lives_on() {
+    let (memory, newest) = with_history(6);
+    let items = items(memory.flash());
+    for (item, at) in items.iter().enumerate() {
+        for length in [0, 130, 8000, 16000] {
+            let mut memory = Memory::with_flash(with_header(memory.flash(), *at, length));
+            let factory = memory.read_image().payload(RecordKey::Factory, 1).ok().flatten().map(<[u8]>::to_vec);
+            assert!(factory.is_none() || factory == newest[0]);
+            lives_on(&mut memory, &factory, &format!("item {item}, length {length}"));
+        }
+    }
+}
+
+#[test]
+fn an_item_of_any_length_in_a_sector_that_is_not_used_yet() {
+    let (memory, newest) = with_history(6);
+    for at in [SECTOR / 2, SECTOR + WORD, SECTOR + WORD + 24, SECTOR + 5000] {
+        for length in LENGTHS {
+            let mut memory = Memory::with_flash(with_header(memory.flash(), at, length));
+            assert_eq!(held(&mut memory), newest, "{at}, length {length}");
+            lives_on(&mut memory, &newest[0], &format!("{at}, length {length}"));
+        }
+    }
+}
+
+#[test]
+fn noise_full_of_items_does_no_harm() {
+    for seed in 0..40 {
+        let mut random = fastrand::Rng::with_seed(seed);
+        let mut memory = Memory::in_ram();
+        let zeros = random.usize(1..20);
+        memory.flash_mut().fill(|_| if random.usize(..20) < zeros { 0 } else { random.u8(..) });
+        for _ in 0..random.usize(..400) {
+            let (at, length) = (random.usize(..SIZE / WORD - 2) * WORD, random.u16(..) >> random.u32(..16));
+            let flash = with_header(memory.flash(), at, length);
+            *memory.flash_mut() = flash;
+        }
+        memory.read_image();
+        memory.store(RecordKey::Parameters, &record(b"new")).unwrap();
+        assert_eq!(payload(&memory.read_image(), RecordKey::Parameters).as_deref(), Some(&b"new"[..]), "seed {seed}");
+    }
+}

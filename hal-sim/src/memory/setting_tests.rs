@@ -1,0 +1,340 @@
+//! The setting of the platform beside the records, and clearing the records without it: what `nvm` offers the board,
+//! after every kind of accident (SPEC 6).
+
+use std::pin::pin;
+use std::task::{Context, Poll, Waker};
+
+use embedded_storage_async::nor_flash::{ErrorType, MultiwriteNorFlash, NorFlash, ReadNorFlash};
+
+use super::tests::{numbered, payload, record};
+use super::*;
+
+type Held = [Option<Vec<u8>>; RecordKey::ALL.len()];
+
+const OLD: &[u8] = b"old";
+const NEW: &[u8] = b"new kind";
+
+fn setting(flash: &Flash) -> Option<Vec<u8>> {
+    let mut flash = flash.clone();
+    let mut buffer = [0; BUFFER];
+    let mut records = ready(Records::open(&mut flash, &mut buffer)).unwrap();
+    ready(records.setting()).map(|setting| setting.to_vec())
+}
+
+fn store_setting(flash: &mut Flash, setting: &[u8]) -> Result<(), StoreError> {
+    let mut buffer = [0; BUFFER];
+    let mut records = ready(Records::open(flash, &mut buffer)).map_err(|_| StoreError)?;
+    ready(records.store_setting(setting))
+}
+
+fn clear(flash: &mut Flash) -> Result<(), StoreError> {
+    let mut buffer = [0; BUFFER];
+    let mut records = ready(Records::open(flash, &mut buffer)).map_err(|_| StoreError)?;
+    ready(records.clear())
+}
+
+fn image(flash: &Flash) -> Image {
+    read(&mut flash.clone()).unwrap()
+}
+
+#[track_caller]
+fn held(flash: &Flash) -> Held {
+    let image = image(flash);
+    RecordKey::ALL.map(|key| payload(&image, key))
+}
+
+fn operations(flash: &Flash) -> u64 {
+    flash.word_writes() + flash.erases()
+}
+
+/// A flash with a setting or none and so many stores.
+fn with_stores(setting: Option<&[u8]>, count: u32) -> Flash {
+    let mut flash = Flash::new();
+    if let Some(setting) = setting {
+        store_setting(&mut flash, setting).unwrap();
+    }
+    for number in 0..count {
+        store(&mut flash, RecordKey::ALL[number as usize % 5], &record(&numbered(number))).unwrap();
+    }
+    flash
+}
+
+/// A flash in which a sector's records have just begun to be moved.
+fn in_a_move(setting: Option<&[u8]>) -> Flash {
+    for count in 140.. {
+        let mut flash = with_stores(setting, count);
+        let before = flash.clone();
+        store(&mut flash, RecordKey::RestoreFlag, &record(&numbered(0))).unwrap();
+        if flash.erases() > 0 {
+            let mut flash = before;
+            flash.cut_power_after(60);
+            store(&mut flash, RecordKey::RestoreFlag, &record(&numbered(0))).unwrap_err();
+            flash.restore_power();
+            return flash;
+        }
+    }
+    unreachable!("it is full some time")
+}
+
+#[test]
+fn a_setting_is_kept_beside_the_records() {
+    let mut flash = Flash::new();
+    assert_eq!(setting(&flash), None);
+    assert_eq!(store_setting(&mut flash, b"ninebytes"), Err(StoreError));
+    for bytes in [&b""[..], b"a", b"12345678"] {
+        store_setting(&mut flash, bytes).unwrap();
+        assert_eq!(setting(&flash).as_deref(), Some(bytes));
+        assert!(image(&flash).is_new(), "it is not the device's");
+    }
+    for number in 0..400 {
+        store(&mut flash, RecordKey::Parameters, &record(&numbered(number))).unwrap();
+    }
+    assert!(flash.erases() >= 2);
+    assert_eq!(setting(&flash).as_deref(), Some(&b"12345678"[..]));
+}
+
+#[test]
+fn a_cut_at_any_word_leaves_the_setting_old_or_new() {
+    let full = (140..).map(|count| with_stores(Some(OLD), count)).find(|flash| {
+        let mut flash = flash.clone();
+        store_setting(&mut flash, NEW).unwrap();
+        flash.erases() > 0
+    });
+    for flash in
+        [Flash::new(), with_stores(Some(OLD), 0), with_stores(None, 7), with_stores(Some(OLD), 7), full.unwrap()]
+    {
+        let (old, records) = (setting(&flash), held(&flash));
+        let mut done = flash.clone();
+        store_setting(&mut done, NEW).unwrap();
+        for cut in 0..operations(&done) - operations(&flash) {
+            let mut flash = flash.clone();
+            flash.set_torn_erase(TornErase::ALL[cut as usize % 5]);
+            flash.seed_noise(cut);
+            flash.cut_power_after(cut);
+            let stored = store_setting(&mut flash, NEW);
+            flash.restore_power();
+            let found = setting(&flash);
+            assert!(found.as_deref() == Some(NEW) || (stored.is_err() && found == old), "cut after {cut}: {found:?}");
+            assert_eq!(held(&flash), records, "cut after {cut}");
+            store_setting(&mut flash, NEW).unwrap();
+            assert!(setting(&flash).as_deref() == Some(NEW) && held(&flash) == records, "cut after {cut}");
+        }
+    }
+}
+
+#[test]
+fn no_flipped_bit_gives_a_setting_that_was_never_stored() {
+    let mut flash = with_stores(Some(OLD), 2);
+    store_setting(&mut flash, NEW).unwrap();
+    let mut fallen_back = 0;
+    for bit in 0..(flash.words_in_use() + 2) * WORD * 8 {
+        let mut flash = flash.clone();
+        flash.flip_bit(bit);
+        let found = setting(&flash);
+        assert!([OLD, NEW].contains(&found.as_deref().unwrap()), "bit {bit}: {found:?}");
+        fallen_back += u32::from(found.as_deref() == Some(OLD));
+    }
+    assert!(fallen_back > 100, "{fallen_back}");
+    let mut flash = with_stores(Some(NEW), 0);
+    flash.flip_bit((4 + 12 + 8 + 3) * 8);
+    assert_eq!(setting(&flash), None);
+}
+
+#[test]
+fn asking_for_the_setting_hides_no_damage() {
+    for seed in 0..40 {
+        let mut random = fastrand::Rng::with_seed(seed as u64);
+        let mut flash = Flash::new();
+        // The marks of a sector that makes no sense, its front erased and its end not; and nothing in the other one.
+        let front = seed % 2 * SECTOR;
+        let noise = front + 1..front + SECTOR;
+        flash.fill(|cell| if noise.contains(&cell) { random.u8(..) & random.u8(..) } else { ERASED });
+        let mut buffer = [0; BUFFER];
+        let mut records = ready(Records::open(&mut flash, &mut buffer)).unwrap();
+        assert_eq!(ready(records.setting()), None);
+        assert_eq!(ready(records.read()), Err(Unreadable), "seed {seed}");
+    }
+}
+
+#[test]
+fn a_cleared_memory_is_new_and_keeps_the_setting() {
+    for kept in [None, Some(NEW)] {
+        let mut flash = Flash::new();
+        clear(&mut flash).unwrap();
+        assert_eq!(operations(&flash), 0, "there is nothing to clear");
+        for flash in [with_stores(kept, 1), with_stores(kept, 7), with_stores(kept, 130), in_a_move(kept)] {
+            let mut flash = flash;
+            clear(&mut flash).unwrap();
+            assert!(image(&flash).is_new());
+            assert_eq!(setting(&flash).as_deref(), kept);
+            let before = operations(&flash);
+            clear(&mut flash).unwrap();
+            assert_eq!(operations(&flash), before, "what is clear is not written to");
+            for number in 0..400 {
+                store(&mut flash, RecordKey::Parameters, &record(&numbered(number))).unwrap();
+            }
+            assert_eq!(held(&flash), [None, None, Some(numbered(399)), None, None]);
+            assert_eq!(setting(&flash).as_deref(), kept);
+        }
+    }
+}
+
+#[test]
+fn no_flipped_bit_brings_back_what_was_cleared() {
+    let mut flash = with_stores(Some(NEW), 12);
+    clear(&mut flash).unwrap();
+    for bit in 0..(flash.words_in_use() + 2) * WORD * 8 {
+        let mut flash = flash.clone();
+        flash.flip_bit(bit);
+        assert!(image(&flash).is_new(), "bit {bit}");
+    }
+}
+
+/// What a power cut or a failure in the middle of clearing leaves, and that clearing anew finishes it.
+#[track_caller]
+fn check_cut(mut flash: Flash, before: &Held, kept: Option<&[u8]>, what: &str) {
+    for (found, before) in held(&flash).iter().zip(before) {
+        assert!(found.is_none() || found == before, "{what}: as before, or absent");
+    }
+    assert_eq!(setting(&flash).as_deref(), kept, "{what}");
+    clear(&mut flash).unwrap();
+    assert!(image(&flash).is_new(), "{what}");
+    assert_eq!(setting(&flash).as_deref(), kept, "{what}");
+    store(&mut flash, RecordKey::FaultLog, &record(b"again")).unwrap();
+    assert_eq!(held(&flash), [None, None, None, None, Some(b"again".to_vec())], "{what}");
+}
+
+/// The flash with a cut or a failure after so many operations of clearing it.
+fn disturbed(flash: &Flash, disturb: fn(&mut Flash, u64), after: u64) -> Flash {
+    let mut flash = flash.clone();
+    flash.set_torn_erase(TornErase::ALL[after as usize % 5]);
+    flash.seed_noise(after);
+    disturb(&mut flash, after);
+    let _ = clear(&mut flash);
+    flash.restore_power();
+    flash
+}
+
+#[test]
+fn a_cut_or_failure_at_any_word_of_clearing() {
+    for kept in [None, Some(NEW)] {
+        for flash in [with_stores(kept, 1), with_stores(kept, 7), with_stores(kept, 23), in_a_move(kept)] {
+            let before = held(&flash);
+            let mut done = flash.clone();
+            clear(&mut done).unwrap();
+            let total = operations(&done) - operations(&flash);
+            assert!(total >= 8);
+            for after in 0..total {
+                for disturb in [Flash::cut_power_after, Flash::fail_once_after] {
+                    check_cut(
+                        disturbed(&flash, disturb, after),
+                        &before,
+                        kept,
+                        &format!("{after} of {total}, {kept:?}"),
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn one_cut_of_clearing_after_the_other() {
+    for kept in [None, Some(NEW)] {
+        let flash = with_stores(kept, 9);
+        let before = held(&flash);
+        for first in 0..40 {
+            let once = disturbed(&flash, Flash::cut_power_after, first);
+            for second in 0..40 {
+                let twice = disturbed(&once, Flash::cut_power_after, second);
+                check_cut(twice, &before, kept, &format!("{first}, then {second}, {kept:?}"));
+            }
+        }
+    }
+}
+
+/// A flash that waits before and after whatever it does.
+struct Waiting<'a>(&'a mut Flash);
+
+async fn wait() {
+    let mut waited = false;
+    std::future::poll_fn(|_| if std::mem::replace(&mut waited, true) { Poll::Ready(()) } else { Poll::Pending }).await;
+}
+
+impl ErrorType for Waiting<'_> {
+    type Error = FlashError;
+}
+
+impl ReadNorFlash for Waiting<'_> {
+    const READ_SIZE: usize = 1;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
+        self.0.read(offset, bytes).await
+    }
+
+    fn capacity(&self) -> usize {
+        SIZE
+    }
+}
+
+impl NorFlash for Waiting<'_> {
+    const WRITE_SIZE: usize = WORD;
+    const ERASE_SIZE: usize = SECTOR;
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
+        wait().await;
+        self.0.erase(from, to).await?;
+        wait().await;
+        Ok(())
+    }
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
+        for (at, word) in bytes.chunks(WORD).enumerate() {
+            wait().await;
+            self.0.write(offset + (at * WORD) as u32, word).await?;
+            wait().await;
+        }
+        Ok(())
+    }
+}
+
+impl MultiwriteNorFlash for Waiting<'_> {}
+
+/// Polls so often; whether it was done by then.
+fn polled<F: Future>(times: usize, future: F) -> bool {
+    let mut future = pin!(future);
+    (0..times).any(|_| future.as_mut().poll(&mut Context::from_waker(Waker::noop())).is_ready())
+}
+
+#[test]
+fn an_operation_that_is_dropped_does_no_harm() {
+    for flash in [Flash::new(), with_stores(Some(OLD), 6), in_a_move(Some(OLD))] {
+        let (before, old) = (held(&flash), setting(&flash));
+        for operation in 0..3 {
+            for polls in 1.. {
+                let mut flash = flash.clone();
+                let mut buffer = [0; BUFFER];
+                let mut records = ready(Records::open(Waiting(&mut flash), &mut buffer)).unwrap();
+                let done = match operation {
+                    0 => polled(polls, records.store(RecordKey::Parameters, &record(b"new"))),
+                    1 => polled(polls, records.store_setting(NEW)),
+                    _ => polled(polls, records.clear()),
+                };
+                let what = format!("operation {operation} dropped at poll {polls}");
+                let found = setting(&flash);
+                assert!(found == old || (operation == 1 && found.as_deref() == Some(NEW)), "{what}: {found:?}");
+                for (key, (found, before)) in RecordKey::ALL.iter().zip(held(&flash).iter().zip(&before)) {
+                    let new = operation == 0 && *key == RecordKey::Parameters && found.as_deref() == Some(b"new");
+                    assert!(found == before || new || (operation == 2 && found.is_none()), "{what}: {key:?}");
+                }
+                store_setting(&mut flash, NEW).unwrap();
+                store(&mut flash, RecordKey::Parameters, &record(b"newer")).unwrap();
+                assert_eq!(held(&flash)[2].as_deref(), Some(&b"newer"[..]), "{what}");
+                assert_eq!(setting(&flash).as_deref(), Some(NEW), "{what}");
+                if done {
+                    break;
+                }
+            }
+        }
+    }
+}
