@@ -19,8 +19,8 @@ use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 
 use crate::image::Image;
-use crate::warm;
 use crate::part::{BOOT, Can1, Connections, Port, RAM, Stm32f429};
+use crate::warm;
 
 /// The processor's clock.
 const CORE_HZ: u64 = 160_000_000;

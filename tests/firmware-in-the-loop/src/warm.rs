@@ -130,13 +130,7 @@ impl Processor for Warm {
         self.inner.set_gdb_register(number, bytes)
     }
 
-    fn debugger_access(
-        &mut self,
-        write: Option<u64>,
-        address: u64,
-        width: Width,
-        now: VirtualNanos,
-    ) -> Option<u64> {
+    fn debugger_access(&mut self, write: Option<u64>, address: u64, width: Width, now: VirtualNanos) -> Option<u64> {
         self.inner.debugger_access(write, address, width, now)
     }
 

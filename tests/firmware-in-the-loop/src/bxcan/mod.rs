@@ -207,6 +207,13 @@ impl BxCan {
         [self.fifos[0].came, self.fifos[1].came]
     }
 
+    /// How often a filter was off in between that was the same before and after, or all were: silicon receives nothing
+    /// by it meanwhile.
+    #[must_use]
+    pub const fn filter_gaps(&self) -> u32 {
+        self.filters.gaps
+    }
+
     fn status(&self) -> u32 {
         let acknowledged = match self.mode {
             Mode::Sleep | Mode::Synchronising { from_sleep: true } => msr::SLAK,

@@ -42,7 +42,14 @@ fn flash_by_crate() {
     }
     let total = symbols.total();
     let sum = symbols.by_crate().iter().map(|(_, size)| size.flash).sum::<u64>();
-    print(&format!("\n{table}{:<28} {:>8} {:>8}\nflash: {} of {}", "all", total.flash, total.ram, kib(total.flash), kib(FLASH)));
+    print(&format!(
+        "\n{table}{:<28} {:>8} {:>8}\nflash: {} of {}",
+        "all",
+        total.flash,
+        total.ram,
+        kib(total.flash),
+        kib(FLASH)
+    ));
     assert_eq!(sum, total.flash, "the table is not complete");
     // One without code or variables has lost its linker script.
     assert!((16 * KIB..=FLASH).contains(&total.flash), "{} bytes of flash", total.flash);
@@ -91,10 +98,13 @@ fn heavy_mix(client: &mut ImageClient) {
             client.send(text);
         }
         client.send(&format!("620: 23 28 10 01 {id:02X} 00 00 00"));
-        for text in ["220: 0F 00 00 20", "080:", "1BC78820: 03 22 F1 8C", "7E5: 5A 00 00 00 00 00 00 00", "220: 0F 00 00 40"] {
+        for text in
+            ["220: 0F 00 00 20", "080:", "1BC78820: 03 22 F1 8C", "7E5: 5A 00 00 00 00 00 00 00", "220: 0F 00 00 40"]
+        {
             client.send(text);
         }
-        let words = ["internal_fault on", "status", "internal_fault off", "nonsense", "supply_mv 8500", "supply_mv 24000"];
+        let words =
+            ["internal_fault on", "status", "internal_fault off", "nonsense", "supply_mv 8500", "supply_mv 24000"];
         client.bench.rig.type_line(client.bench.board, words[round as usize % words.len()]);
         if round % 10 == 5 {
             client.bench.send(Frame::full(frame("620: 00").id(), download(0x1010, 1, 4, SAVE)));
@@ -128,7 +138,10 @@ fn instructions(client: &mut ImageClient, text: &str) -> u64 {
     });
     let counts: Vec<u64> = counts.collect();
     let least = *counts.iter().min().expect("there are some");
-    print(&format!("{text:<36} {least:>6} instructions (at the most {})", counts.iter().max().expect("there are some")));
+    print(&format!(
+        "{text:<36} {least:>6} instructions (at the most {})",
+        counts.iter().max().expect("there are some")
+    ));
     least
 }
 

@@ -43,7 +43,9 @@ fn each_press_is_the_next_fault_and_the_sixth_is_none() {
 #[test]
 fn a_press_that_bounces_is_one() {
     let mut client = ImageClient::booted();
-    for (pressed, ms) in [(true, 1), (false, 1), (true, 2), (false, 1), (true, 100), (false, 1), (true, 1), (false, 100)] {
+    for (pressed, ms) in
+        [(true, 1), (false, 1), (true, 2), (false, 1), (true, 100), (false, 1), (true, 1), (false, 100)]
+    {
         client.drive_button(pressed);
         client.wait_ms(ms);
     }

@@ -36,7 +36,6 @@ fn what_it_does_not_know_changes_nothing_and_is_answered_by_the_words() {
     let mut client = ImageClient::booted();
     let before = client.status();
     for line in [
-        "",
         "help",
         "supply_mv",
         "supply_mv x",

@@ -126,7 +126,10 @@ impl ImageClient {
             (levels_seen, Some(on)) if levels_seen.iter().all(|level| *level == on || *level == (false, false)) => {
                 // The first and the last are cut by the time of watching.
                 let whole = &levels[1..levels.len() - 1];
-                assert!(!whole.is_empty() && whole.iter().all(|(_, ms)| ms.abs_diff(HALF_PERIOD) <= 2 * LOOK), "{levels:?}");
+                assert!(
+                    !whole.is_empty() && whole.iter().all(|(_, ms)| ms.abs_diff(HALF_PERIOD) <= 2 * LOOK),
+                    "{levels:?}"
+                );
                 match steady(on) {
                     Shown::Red => Shown::RedFlashing,
                     Shown::Green => Shown::GreenFlashing,
