@@ -78,6 +78,8 @@ enum Order {
     Drive(Port, u8, bool),
     IsHigh(Port, u8),
     Power(bool),
+    /// RAM without a supply holds anything.
+    Forget,
     Sum,
     End,
 }
@@ -107,6 +109,7 @@ impl Machine {
             reached: Reached { at: 0, instructions: 0, asleep: None, resets: 0 },
         };
         machine.reached = machine.wait_for_stop();
+        machine.ask(Order::Forget);
         machine
     }
 
@@ -155,6 +158,7 @@ impl Machine {
     /// Cuts its power: it stands as long as that is off. What its RAM held is lost.
     pub fn cut_power(&mut self) -> Reached {
         self.ask(Order::Power(false));
+        self.ask(Order::Forget);
         self.start(self.reached.at + 1);
         self.wait()
     }
@@ -235,7 +239,7 @@ fn complaints(session: &Session<Nucleo>) -> Vec<String> {
     unmapped.chain(refused).chain(unrouted).chain(told).collect()
 }
 
-/// RAM that has lost its supply holds anything.
+/// Fills RAM with noise.
 fn forget(host: &mut dyn Host) {
     let mut random = fastrand::Rng::with_seed(0);
     for range in &RAM {
@@ -311,9 +315,10 @@ impl Conductor {
             Order::IsHigh(port, pin) => Answer::Level(session.board().part.is_high(port, pin)),
             Order::Power(on) => {
                 session.board_mut().part.power(on, now);
-                if !on {
-                    forget(host);
-                }
+                Answer::Done
+            }
+            Order::Forget => {
+                forget(host);
                 Answer::Done
             }
             Order::Sum => Answer::Summary(summary(session)),

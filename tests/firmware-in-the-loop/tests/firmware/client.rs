@@ -13,6 +13,8 @@ use protocol_core::time::{Duration, after};
 
 /// The valve of these tests.
 pub const VALVE: Valve = Valve { kind: Kind::PveaCanopen, node_id: 0x20, serial: None };
+/// The valve of those on ISOBUS.
+pub const ON_ISOBUS: Valve = Valve { kind: Kind::PveaIsobus, node_id: 0x83, serial: None };
 /// How long an answer may take.
 const PATIENCE: Duration = Duration::from_millis(1500);
 
@@ -36,6 +38,17 @@ impl ImageClient {
     /// The valve, booted at 250 kbit/s.
     pub fn booted() -> Self {
         Self::powered(ImageBench::with_valves(BitRate::Kbit250, &VALVE, &[]))
+    }
+
+    /// The valve on ISOBUS, after the wait that follows its claim.
+    pub fn on_isobus() -> Self {
+        let bench = ImageBench::with_valves(BitRate::Kbit250, &ON_ISOBUS, &[]);
+        let mut client = Self { bench, aside: VecDeque::new() };
+        client.bench.power_cycle();
+        client.expect("18EEFF83: 01 00 20 07 08 FF 02 20");
+        client.wait_ms(260);
+        client.aside.clear();
+        client
     }
 
     /// The valve with this flash, booted at 250 kbit/s.

@@ -1,12 +1,7 @@
 //! The hardware filters: what is for nobody costs the processor nothing, and what the device listens to gets through,
 //! also after it was told to listen to something else.
 
-use firmware_in_the_loop::bench::ImageBench;
-use hal_sim::use_case::{Bench, Valve};
-use protocol_core::controller::BitRate;
-use protocol_core::device::pve::Kind;
-
-use super::client::{Client, ImageClient, frame};
+use super::client::{ImageClient, frame};
 
 /// What a valve on CANopen does not listen to, whatever it is set to here: PDOs, SDO, emergencies, heartbeats of others,
 /// answers of LSS, its own identifiers, extended frames of other protocols.
@@ -173,22 +168,9 @@ fn filters_are_changed_without_losing_a_frame() {
     assert_eq!(gaps(&client), before, "filters were off that are the same afterwards");
 }
 
-/// The valve of ISOBUS.
-const ON_ISOBUS: Valve = Valve { kind: Kind::PveaIsobus, node_id: 0x83, serial: None };
-
-fn isobus() -> ImageClient {
-    let bench = ImageBench::with_valves(BitRate::Kbit250, &ON_ISOBUS, &[]);
-    let mut client = Client { bench, aside: Default::default() };
-    client.bench.power_cycle();
-    client.expect("18EEFF83: 01 00 20 07 08 FF 02 20");
-    client.wait_ms(260);
-    client.aside.clear();
-    client
-}
-
 #[test]
 fn on_isobus_what_is_for_nobody_does_not_reach_the_processor() {
-    let mut client = isobus();
+    let mut client = ImageClient::on_isobus();
     let for_nobody = [
         "0CFE3427: 32 FF 31 FF FF FF FF FF",
         "0CFE1327: 7D 7D 30 FF FF FF FF FF",
@@ -208,7 +190,7 @@ fn on_isobus_what_is_for_nobody_does_not_reach_the_processor() {
 
 #[test]
 fn on_isobus_what_the_device_listens_to_gets_through() {
-    let mut client = isobus();
+    let mut client = ImageClient::on_isobus();
     for heard in [
         "0CFE3327: 00 FF 30 FF FF FF FF FF",
         "0CFE3301: 00 FF 30 FF FF FF FF FF",
@@ -226,7 +208,7 @@ fn on_isobus_what_the_device_listens_to_gets_through() {
 
 #[test]
 fn on_isobus_a_commanded_address_moves_them() {
-    let mut client = isobus();
+    let mut client = ImageClient::on_isobus();
     for text in
         ["1CECFF27: 20 09 00 02 FF D8 FE 00", "1CEBFF27: 01 01 00 20 07 08 FF 02", "1CEBFF27: 02 20 85 FF FF FF FF FF"]
     {

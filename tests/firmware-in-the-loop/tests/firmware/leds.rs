@@ -73,3 +73,26 @@ fn red_in_bus_off() {
     client.obeyed("bus_off off");
     assert_eq!(client.leds(), Shown::RedFlashing, "FAULT_HOLD without a fault");
 }
+
+#[test]
+fn yellow_without_a_node_id() {
+    let mut client = ImageClient::booted();
+    client.bench.rig.type_line(client.bench.board, "blank");
+    client.wait_ms(300);
+    assert_eq!(client.leds(), Shown::Yellow);
+}
+
+#[test]
+fn on_isobus_green_for_a_set_point_and_yellow_by_hand_in_an_emergency_stop_and_without_an_address() {
+    let mut client = ImageClient::on_isobus();
+    assert_eq!(client.leds(), Shown::GreenFlashing, "blocked: power save");
+    for (state, shown) in [("31", Shown::Green), ("3A", Shown::Yellow), ("31", Shown::Green), ("3E", Shown::Yellow)] {
+        let command = format!("0CFE3327: 32 FF {state} FF FF FF FF FF");
+        assert_eq!(client.leds_while_sending(Some(&command)), shown, "state {state}");
+        // On in the cycle, for the time guard.
+        client.wait_ms(50);
+    }
+    client.send("18EEFF83: 00 00 20 07 08 FF 02 20");
+    assert_eq!(client.leds_while_sending(Some("18EAFF27: 00 EE 00")), Shown::Yellow, "cannot claim");
+    assert!(client.aside.iter().any(|sent| sent.to_string().starts_with("18EEFFFE: ")), "{:?}", client.aside);
+}
