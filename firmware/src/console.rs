@@ -1,71 +1,74 @@
-//! The words of the console: what the device senses, changed by hand.
+//! The lines of the console.
 
-use protocol_core::actuator::{Position, SpoolFault};
-use protocol_core::device::Senses;
+use protocol_core::device::pve::Kind;
 
-/// Why a line was not understood.
-pub const USAGE: &str =
-    "supply_mv N | temperature_c N | spool ok|stuck|slow|no-float | lever N|off | internal_fault on|off";
+use crate::plant::Plant;
 
-/// Obeys a line. `None` when it is not understood, and nothing has changed.
-#[must_use]
-pub fn obey(line: &str, senses: &Senses) -> Option<Senses> {
-    let mut words = line.split_ascii_whitespace();
-    let (word, value) = (words.next()?, words.next()?);
-    if words.next().is_some() {
-        return None;
-    }
-    let mut senses = *senses;
-    match word {
-        "supply_mv" => senses.supply_mv = value.parse().ok()?,
-        "temperature_c" => senses.temperature_c = value.parse().ok()?,
-        "spool" => {
-            senses.spool.fault = match value {
-                "ok" => SpoolFault::None,
-                "stuck" => SpoolFault::Stuck,
-                "slow" => SpoolFault::Slow,
-                "no-float" => SpoolFault::NoFloat,
-                _ => return None,
-            }
+/// What can be said.
+pub const USAGE: &str = "\
+supply_mv N | temperature_c N | spool ok|stuck|slow|drifting|no-float | lever N|off | internal_fault on|off\r\n\
+memory ok|write-fails | bus_off on|off | status | kind KIND | blank | power-cycle";
+
+/// A line that was understood.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Command {
+    /// What acts on the device changes to this.
+    Plant(Plant),
+    /// Tell how the device is.
+    Status,
+    /// Become a new device of this kind.
+    Kind(Kind),
+    /// Become a new device of the present kind, without a node ID.
+    Blank,
+    /// Start as if power had come back.
+    PowerCycle,
+}
+
+impl Command {
+    /// Reads a line. `None` when it is not understood.
+    #[must_use]
+    pub fn parse(line: &str, plant: &Plant) -> Option<Self> {
+        let mut words = line.split_ascii_whitespace();
+        let word = words.next()?;
+        let value = words.next();
+        if words.next().is_some() {
+            return None;
         }
-        "lever" if value == "off" => senses.spool.lever = None,
-        "lever" => senses.spool.lever = Some(Position::new(value.parse().ok()?)?),
-        "internal_fault" => {
-            senses.internal_fault = match value {
-                "on" => true,
-                "off" => false,
-                _ => return None,
-            }
+        match (word, value) {
+            ("status", None) => Some(Self::Status),
+            ("blank", None) => Some(Self::Blank),
+            ("power-cycle", None) => Some(Self::PowerCycle),
+            ("kind", Some(name)) => Kind::from_name(name).map(Self::Kind),
+            (word, Some(value)) => plant.with(word, value).map(Self::Plant),
+            _ => None,
         }
-        _ => return None,
     }
-    Some(senses)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn after(line: &str) -> Option<Senses> {
-        obey(line, &Senses::default())
+    fn parse(line: &str) -> Option<Command> {
+        Command::parse(line, &Plant::default())
     }
 
     #[test]
-    fn every_word() {
-        assert_eq!(after("supply_mv 8500").unwrap().supply_mv, 8500);
-        assert_eq!(after(" temperature_c  -41 ").unwrap().temperature_c, -41);
-        assert_eq!(after("spool stuck").unwrap().spool.fault, SpoolFault::Stuck);
-        assert_eq!(after("lever 4000").unwrap().spool.lever, Position::new(4000));
-        assert_eq!(after("lever off").unwrap().spool.lever, None);
-        assert!(after("internal_fault on").unwrap().internal_fault);
+    fn every_command() {
+        assert_eq!(parse(" status "), Some(Command::Status));
+        assert_eq!(parse("blank"), Some(Command::Blank));
+        assert_eq!(parse("power-cycle"), Some(Command::PowerCycle));
+        assert_eq!(parse("kind pveo-isobus"), Some(Command::Kind(Kind::PveoIsobus)));
+        let plant = Plant::default().with("supply_mv", "8500").unwrap();
+        assert_eq!(parse(" supply_mv  8500"), Some(Command::Plant(plant)));
     }
 
     #[test]
-    fn anything_else_changes_nothing() {
+    fn anything_else_is_not_understood() {
         for line in
-            ["", "supply_mv", "supply_mv x", "supply_mv 1 2", "spool bent", "lever 16385", "internal_fault 1", "kind"]
+            ["", "supply_mv", "supply_mv 1 2", "status now", "kind", "kind pvea", "kind pvea-isobus 1", "blank 1"]
         {
-            assert_eq!(after(line), None, "{line}");
+            assert_eq!(parse(line), None, "{line}");
         }
     }
 }

@@ -4,6 +4,7 @@
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 use std::process::{Child, ChildStdout, Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -25,10 +26,13 @@ fn output(arguments: &[&str]) -> Output {
 
 /// The one line with which it refuses to start.
 fn refusal(arguments: &[&str], code: i32) -> String {
-    let output = output(arguments);
-    let stderr = String::from_utf8(output.stderr).expect("text");
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {stderr}");
-    assert!(output.stdout.is_empty(), "{arguments:?}");
+    // One that does start does not end by itself, but says that it is ready.
+    let mut simulator = Simulator::start(arguments);
+    assert_eq!(simulator.ready, "", "{arguments:?}");
+    let mut stderr = String::new();
+    simulator.process.stderr.take().expect("a pipe").read_to_string(&mut stderr).expect("text");
+    let status = simulator.process.wait().expect("it ends");
+    assert_eq!(status.code(), Some(code), "{arguments:?}: {stderr}");
     assert_eq!(stderr.lines().count(), 1, "{arguments:?}: {stderr}");
     stderr.trim_end().to_owned()
 }
@@ -159,6 +163,22 @@ fn wrong_usage_is_exit_2_with_one_line() {
             && text.contains("accepted: pvea-canopen, pveo-canopen, pvea-isobus, pveo-isobus"),
         "{text}"
     );
+    for (devices, line) in [
+        (&["pvex-canopen"][..], "unknown kind 'pvex-canopen'"),
+        (&["pvea-canopen@0"], "'0' is no node ID"),
+        (&["pvea-canopen@128"], "accepted: 1–127"),
+        (&["pvea-isobus@0x90"], "0x80–0x8F"),
+        (&["pvea-canopen@5", "pveo-canopen@5"], "both have node ID 0x05"),
+        (&["pvea-canopen@5,name=a", "pveo-canopen@6,name=a"], "the name 'a' is given twice"),
+    ] {
+        let dir = tempfile::tempdir().expect("a folder");
+        let state = dir.path().join("state");
+        let mut arguments = vec!["--bus", "socketcand://127.0.0.1:0/pve0", "--state", state.to_str().expect("text")];
+        arguments.extend(devices.iter().flat_map(|device| ["--device", device]));
+        let text = refusal(&arguments, 2);
+        assert!(text.starts_with("pve-sim: ") && text.contains(line), "{text}");
+        assert!(!state.exists(), "{text}");
+    }
     refusal(&["--colour"], 2);
     refusal(&["walk"], 2);
     refusal(&["use-case", "9"], 2);
@@ -207,16 +227,87 @@ fn a_state_file_of_another_kind_is_exit_1_and_not_touched() {
 }
 
 #[test]
+fn a_state_file_has_one_simulator() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let state = dir.path().to_str().expect("text");
+    let two = ["--device", "pvea-canopen@5,name=boom", "--device", "pvea-canopen@6,name=arm"];
+    let second = [&["--bus", "socketcand://127.0.0.1:0/pve0", "--state", state][..], &two].concat();
+    // When its file is new, and when it was there before.
+    for _ in 0..2 {
+        let first = Simulator::serve(&["--state", state, "--device", "pvea-canopen,name=arm"]);
+        let file = dir.path().join("arm.nvm");
+        let before = fs::read(&file).expect("a state file");
+        let text = refusal(&second, 1);
+        assert_eq!(text, format!("pve-sim: {} is in use by another pve-sim", file.display()));
+        assert_eq!(fs::read(&file).expect("a state file"), before);
+        assert!(!dir.path().join("boom.nvm").exists(), "not even what it could have had");
+        // Another name is another file.
+        Simulator::serve(&["--state", state, "--device", "pvea-canopen,name=boom"]).end(Signal::TERM);
+        fs::remove_file(dir.path().join("boom.nvm")).expect("a state file");
+        // Its end, of whatever kind, is the end of that.
+        drop(first);
+    }
+    Simulator::serve(&[&["--state", state][..], &two].concat()).end(Signal::TERM);
+}
+
+#[test]
+fn a_state_file_that_cannot_be_read_is_exit_1_and_not_touched() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let (state, file) = (dir.path().to_str().expect("text"), dir.path().join("valve.nvm"));
+    let refused = |why: &str| {
+        let bus = "socketcand://127.0.0.1:0/pve0";
+        let text = refusal(&["--bus", bus, "--state", state, "--device", "pvea-canopen,name=valve"], 1);
+        assert!(text.contains("valve.nvm: cannot") && text.contains(why), "{text}");
+    };
+    fs::create_dir(&file).expect("a folder");
+    refused("not a file");
+    fs::remove_dir(&file).expect("still there, and empty");
+
+    let nowhere = dir.path().join("nowhere");
+    std::os::unix::fs::symlink(&nowhere, &file).expect("a link");
+    refused("follow the link");
+    assert!(!nowhere.exists());
+    assert_eq!(fs::read_link(&file).expect("still a link"), nowhere);
+    fs::remove_file(&file).expect("a link");
+
+    fs::write(&file, "of somebody else").expect("a file");
+    fs::set_permissions(&file, fs::Permissions::from_mode(0o000)).expect("permissions");
+    if fs::File::open(&file).is_err() {
+        refused("read");
+        fs::set_permissions(&file, fs::Permissions::from_mode(0o600)).expect("permissions");
+        assert_eq!(fs::read_to_string(&file).expect("a file"), "of somebody else");
+    } else {
+        // Root reads everything: it is damaged, and kept.
+        Simulator::serve(&["--state", state, "--device", "pvea-canopen,name=valve"]).end(Signal::TERM);
+        let aside = dir.path().join("valve.nvm.bad");
+        assert_eq!(fs::read_to_string(aside).expect("a file"), "of somebody else");
+    }
+}
+
+#[test]
 fn a_damaged_state_file_is_one_warning() {
     let dir = tempfile::tempdir().expect("a folder");
-    fs::write(dir.path().join("valve.nvm"), "noise").expect("a file");
     let state = dir.path().to_str().expect("text");
-    let simulator = Simulator::serve(&["--state", state, "--device", "pvea-canopen,name=valve"]);
-    let (_, stderr) = simulator.end(Signal::TERM);
-    let warnings: Vec<&str> = stderr.lines().filter(|line| line.starts_with("pve-sim: ")).collect();
-    assert_eq!(warnings.len(), 1, "{stderr}");
-    assert!(warnings[0].contains("valve.nvm is damaged"), "{stderr}");
-    assert!(dir.path().join("valve.nvm.bad").exists());
+    let start = || Simulator::serve(&["--state", state, "--device", "pvea-canopen,name=valve"]);
+    start().end(Signal::TERM);
+    let file = dir.path().join("valve.nvm");
+    let good = fs::read(&file).expect("a state file");
+    let contents = [b"noise".to_vec(), Vec::new(), good[..good.len() / 2].to_vec(), [&good[..], b"more"].concat()];
+    for (number, content) in contents.iter().enumerate() {
+        fs::write(&file, content).expect("a file");
+        let (_, stderr) = start().end(Signal::TERM);
+        let warnings: Vec<&str> = stderr.lines().filter(|line| line.starts_with("pve-sim: ")).collect();
+        assert_eq!(warnings.len(), 1, "{stderr}");
+        assert!(warnings[0].contains("valve.nvm is damaged"), "{stderr}");
+        let (_, stderr) = start().end(Signal::TERM);
+        assert!(!stderr.contains("damaged"), "told once: {stderr}");
+        // What was put aside before stays as it is.
+        for (earlier, content) in contents[..=number].iter().enumerate() {
+            let ending = if earlier == 0 { "bad".to_owned() } else { format!("bad.{}", earlier + 1) };
+            let aside = dir.path().join(format!("valve.nvm.{ending}"));
+            assert!(fs::read(aside).expect("what was put aside") == *content, "{ending}");
+        }
+    }
 }
 
 #[test]

@@ -8,7 +8,7 @@ mod preview;
 mod store;
 mod sure_erase;
 
-pub use store::{BUFFER, Records, SETTING_MAX, Unreadable};
+pub use store::{BUFFER, Contents, Records, SETTING_MAX, Setting, Unreadable};
 pub use sure_erase::{ERASED, SureErase};
 
 /// The sectors of a memory: one holds it, the other is where it goes when that is full.

@@ -1,22 +1,30 @@
-//! Looking at a flash without touching it.
+//! Looking at a flash without touching it, or touching it as well.
 //!
 //! `sequential-storage` erases a sector that makes no sense to it even when it is only asked what is there. Then nobody
 //! could tell afterwards that something had been, and been damaged. Here such an erase only seems to happen.
 
-use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
+use embedded_storage_async::nor_flash::{ErrorType, MultiwriteNorFlash, NorFlash, ReadNorFlash};
 
 use crate::SECTORS;
 use crate::sure_erase::ERASED;
 
-/// A flash that is read only: what was to be erased reads so, and is not.
+/// A flash that is looked at only, or written to: one type for both, so that there is one map over it on the board.
 pub(crate) struct Preview<S> {
     flash: S,
+    /// Whether it is looked at only: what was to be erased reads so, and is not.
+    looking: bool,
     erased: [bool; SECTORS],
 }
 
 impl<S: NorFlash> Preview<S> {
-    pub(crate) const fn new(flash: S) -> Self {
-        Self { flash, erased: [false; SECTORS] }
+    /// Lets everything read and nothing change.
+    pub(crate) const fn looking(flash: S) -> Self {
+        Self { flash, looking: true, erased: [false; SECTORS] }
+    }
+
+    /// Lets everything through.
+    pub(crate) const fn writing(flash: S) -> Self {
+        Self { flash, looking: false, erased: [false; SECTORS] }
     }
 }
 
@@ -45,13 +53,18 @@ impl<S: NorFlash> NorFlash for Preview<S> {
     const ERASE_SIZE: usize = S::ERASE_SIZE;
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), S::Error> {
+        if !self.looking {
+            return self.flash.erase(from, to).await;
+        }
         let sectors = from as usize / S::ERASE_SIZE..to as usize / S::ERASE_SIZE;
         self.erased.iter_mut().take(sectors.end).skip(sectors.start).for_each(|erased| *erased = true);
         Ok(())
     }
 
     /// Looking writes nothing but to sectors that it has erased.
-    async fn write(&mut self, _: u32, _: &[u8]) -> Result<(), S::Error> {
-        Ok(())
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), S::Error> {
+        if self.looking { Ok(()) } else { self.flash.write(offset, bytes).await }
     }
 }
+
+impl<S: MultiwriteNorFlash> MultiwriteNorFlash for Preview<S> {}

@@ -57,9 +57,29 @@ const fn first_store<F: NorFlash>() -> usize {
 
 type Map<S> = MapStorage<
     u8,
-    ItemLengths<S, ITEM_MAX>,
+    ItemLengths<Preview<S>, ITEM_MAX>,
     Cache<ArrayPageStates<SECTORS>, ArrayPagePointers<SECTORS>, ArrayKeyPointers<u8, KEYS>, u8>,
 >;
+
+/// The setting of a platform.
+pub type Setting = Vec<u8, SETTING_MAX>;
+
+/// Everything that is kept.
+#[derive(Debug)]
+pub struct Contents {
+    /// The records of the device.
+    pub image: Image,
+    /// The setting of the platform, if there is one that is intact.
+    pub setting: Option<Setting>,
+}
+
+impl Contents {
+    /// Of a memory that was never written.
+    #[must_use]
+    pub const fn empty() -> Self {
+        Self { image: Image::empty(), setting: None }
+    }
+}
 
 /// The map in the flash makes no sense.
 #[derive(Debug, PartialEq, Eq)]
@@ -128,20 +148,24 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         Ok(())
     }
 
-    /// Reads everything and changes nothing. A record that the flash does not give, although it was stored once, is unreadable in the image.
+    /// Reads everything, and changes nothing. A record that the flash does not give, although it was stored once, is
+    /// unreadable in the image.
     ///
     /// # Errors
-    /// [`Unreadable`] when the map as a whole makes no sense.
-    pub async fn read(&mut self) -> Result<Image, Unreadable> {
-        let mut image = Image::empty();
+    /// [`Unreadable`] when the map as a whole makes no sense; of the contents the setting is of use then, if there is one.
+    pub async fn read(&mut self, contents: &mut Contents) -> Result<(), Unreadable> {
+        *contents = Contents::empty();
+        let Contents { image, setting } = contents;
         let mut found = Survey::default();
-        let scanned = self.scan(|key, bytes| {
+        let mut visit = |key, bytes: &[u8]| {
             found.note(key, bytes);
-            if let Some(key) = record_key(key) {
+            if key == SETTING {
+                *setting = open(SETTING_VERSION, bytes).and_then(|bytes| Vec::from_slice(bytes).ok());
+            } else if let Some(key) = record_key(key) {
                 image.put(key, bytes);
             }
-        });
-        match scanned.await {
+        };
+        match self.scan(&mut visit).await {
             Ok(()) if !found.any => {
                 // Noise mostly reads so: more of it than first stores leave behind was something else once.
                 let in_use = self.in_use().await.map_err(|_| Unreadable)?;
@@ -155,18 +179,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
             Err(Error::Storage { .. }) => RecordKey::ALL.into_iter().for_each(|key| image.put_unreadable(key)),
             Err(_) => return Err(Unreadable),
         }
-        Ok(image)
-    }
-
-    /// The setting of the platform, if there is one that is intact. Changes nothing.
-    pub async fn setting(&mut self) -> Option<Vec<u8, SETTING_MAX>> {
-        let mut setting = None;
-        let scanned = self.scan(|key, bytes| {
-            if key == SETTING {
-                setting = open(SETTING_VERSION, bytes).and_then(|bytes| Vec::from_slice(bytes).ok());
-            }
-        });
-        scanned.await.ok().and(setting)
+        Ok(())
     }
 
     /// Writes the setting of the platform; the one before stays until the new one is complete.
@@ -191,7 +204,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
     /// Writes an item, which was there before or not; what is found then.
     async fn write(&mut self, key: u8, bytes: &[u8], held_before: bool) -> Result<Survey, StoreError> {
         for _ in 0..ATTEMPTS {
-            let stored = map(&mut self.flash).store_item(self.buffer, &key, &bytes).await;
+            let stored = map(Preview::writing(&mut self.flash)).store_item(self.buffer, &key, &bytes).await;
             // A failure may have come so late that all is there: what counts is what a start would find.
             match (stored, self.survey(key, bytes).await) {
                 (Ok(()), Ok((found, true))) => return Ok(found),
@@ -207,7 +220,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
     async fn survey(&mut self, key: u8, bytes: &[u8]) -> Result<(Survey, bool), Error<F::Error>> {
         let mut survey = Survey::default();
         let mut holds = false;
-        self.scan(|found, content| {
+        self.scan(&mut |found, content| {
             survey.note(found, content);
             if found == key {
                 holds = content == bytes;
@@ -218,8 +231,12 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
     }
 
     /// Goes through all items that are intact, from the oldest to the newest.
-    async fn scan(&mut self, mut visit: impl FnMut(u8, &[u8])) -> Result<(), Error<F::Error>> {
-        let mut map = map(Preview::new(&mut self.flash));
+    async fn scan(&mut self, visit: &mut dyn FnMut(u8, &[u8])) -> Result<(), Error<F::Error>> {
+        let mut map = map(Preview::looking(&mut self.flash));
+        // A sector that makes no sense is given up by a fetch, as it has to be, but not by a walk through the items.
+        if matches!(map.fetch_all_items(self.buffer).await, Err(Error::Corrupted {})) {
+            map.fetch_item::<&[u8]>(self.buffer, &INVENTORY).await?;
+        }
         let mut items = map.fetch_all_items(self.buffer).await?;
         while let Some((key, bytes)) = items.next::<&[u8]>(self.buffer).await? {
             visit(key, bytes);
@@ -254,7 +271,7 @@ impl<F: MultiwriteNorFlash> Records<'_, F> {
     pub async fn clear(&mut self) -> Result<(), StoreError> {
         for _ in 0..ATTEMPTS {
             let mut found = Survey::default();
-            self.scan(|key, bytes| found.note(key, bytes)).await.map_err(|_| StoreError)?;
+            self.scan(&mut |key, bytes| found.note(key, bytes)).await.map_err(|_| StoreError)?;
             if found.stored == 0 && found.inventory() == NOTHING {
                 return Ok(());
             }
@@ -273,7 +290,7 @@ impl<F: MultiwriteNorFlash> Records<'_, F> {
 
     /// Makes all items of a key unreadable, the newest last.
     async fn remove(&mut self, key: u8) -> Result<(), StoreError> {
-        map(&mut self.flash).remove_item(self.buffer, &key).await.map_err(|_| StoreError)
+        map(Preview::writing(&mut self.flash)).remove_item(self.buffer, &key).await.map_err(|_| StoreError)
     }
 }
 
@@ -286,7 +303,7 @@ const fn bit(key: RecordKey) -> u8 {
 }
 
 /// A map without a memory of its own: nothing but what is in the flash counts.
-fn map<S: NorFlash>(flash: S) -> Map<S> {
+fn map<S: NorFlash>(flash: Preview<S>) -> Map<S> {
     let config = MapConfig::new(0..(SECTORS * S::ERASE_SIZE) as u32);
     let cache = Cache::new(ArrayPageStates::new(), ArrayPagePointers::new(), ArrayKeyPointers::new());
     MapStorage::new(ItemLengths::new(flash), config, cache)

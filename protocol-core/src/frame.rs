@@ -10,6 +10,10 @@ pub const MAX_LEN: usize = 8;
 /// What tells an extended identifier in a key: the same bit as in an object of type COB-ID.
 const EXTENDED: u32 = 1 << 29;
 
+/// The bits of the first so many bytes: a shift of 64 bits is a call on the board.
+const KEPT: [u64; MAX_LEN] =
+    [0, 0xFF, 0xFFFF, 0xFF_FFFF, 0xFFFF_FFFF, 0xFF_FFFF_FFFF, 0xFFFF_FFFF_FFFF, 0xFF_FFFF_FFFF_FFFF];
+
 /// An identifier as one number: its bits, and bit 29 for an extended one, as in an object of type COB-ID.
 #[inline]
 #[must_use]
@@ -62,6 +66,15 @@ impl Frame {
     #[must_use]
     pub const fn with_data(&self, data: [u8; MAX_LEN]) -> Self {
         Self { key: self.key, remote: false, len: 8, data }
+    }
+
+    /// A data frame of the same length under the same identifier; bytes beyond it are left out.
+    #[inline]
+    #[must_use]
+    pub fn refilled(&self, data: [u8; MAX_LEN]) -> Self {
+        let mut frame = Self { key: self.key, remote: false, len: self.len, data };
+        frame.blank_rest();
+        frame
     }
 
     /// A remote frame that asks for `len` bytes; a length above 8 counts as 8.
@@ -157,9 +170,10 @@ impl Frame {
         }
     }
 
-    const fn blank_rest(&mut self) {
-        let keep = u64::MAX.unbounded_shr(64_u32.saturating_sub((self.len as u32).saturating_mul(8)));
-        self.data = (u64::from_le_bytes(self.data) & keep).to_le_bytes();
+    fn blank_rest(&mut self) {
+        if let Some(keep) = KEPT.get(usize::from(self.len)) {
+            self.data = (u64::from_le_bytes(self.data) & keep).to_le_bytes();
+        }
     }
 }
 
@@ -313,6 +327,7 @@ mod tests {
         let frame = Frame::with_len(standard(1).into(), [7; 8], 3);
         assert_eq!(frame.data(), [7; 3]);
         assert_eq!(frame.bytes(), &[7, 7, 7, 0, 0, 0, 0, 0]);
+        assert_eq!(frame.refilled([9; 8]).bytes(), &[9, 9, 9, 0, 0, 0, 0, 0]);
         assert_eq!(Frame::with_len(standard(1).into(), [7; 8], 0).bytes(), &[0; 8]);
     }
 

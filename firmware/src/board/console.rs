@@ -1,22 +1,41 @@
-//! The console on USART3, the ST-LINK's virtual COM port: 115200 baud, a line a change.
+//! The console on USART3, the ST-LINK's virtual COM port: 115200 baud, a line a command.
 
 use embassy_stm32::peripherals::{PD8, PD9, USART3};
 use embassy_stm32::usart::{BufferedInterruptHandler, BufferedUart, Config};
 use embassy_stm32::{Peri, bind_interrupts};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_sync::channel::Channel;
+use embassy_sync::signal::Signal;
 use embedded_io_async::{Read as _, Write as _};
 use firmware::console::USAGE;
 use heapless::String;
 
+use super::attention::{Caller, call};
+use super::reset;
+
 /// The longest line.
 pub(super) const LINE: usize = 48;
+/// The longest answer about how the device is.
+pub(super) const STATUS: usize = 320;
 
-/// Lines for the device's task.
-pub(super) static LINES: Channel<CriticalSectionRawMutex, String<LINE>, 4> = Channel::new();
+/// A line for the device's task.
+pub(super) static TYPED: Signal<CriticalSectionRawMutex, String<LINE>> = Signal::new();
+/// What it says to that.
+pub(super) static ANSWER: Signal<CriticalSectionRawMutex, Answer> = Signal::new();
 
-/// Whether it understood one.
-pub(super) static UNDERSTOOD: Channel<CriticalSectionRawMutex, bool, 4> = Channel::new();
+/// What the device's task says to a line.
+#[expect(clippy::large_enum_variant, reason = "there is one, and nowhere to put a box")]
+pub(super) enum Answer {
+    /// It is done.
+    Done,
+    /// It is done, and the processor is to start anew.
+    Restart,
+    /// How the device is.
+    Status(String<STATUS>),
+    /// Not understood.
+    Usage,
+    /// Understood, and impossible, for this reason.
+    Refused(&'static str),
+}
 
 bind_interrupts!(struct Interrupts {
     USART3 => BufferedInterruptHandler<USART3>;
@@ -47,19 +66,36 @@ pub(super) async fn run(uart: Option<BufferedUart<'static>>) {
         match byte[0] {
             b'\r' => {}
             b'\n' => {
-                let understood = !too_long && {
-                    LINES.send(core::mem::take(&mut line)).await;
-                    super::can::ATTENTION.signal(());
-                    UNDERSTOOD.receive().await
-                };
-                line.clear();
-                too_long = false;
-                let answer = if understood { "ok" } else { USAGE };
-                for part in [answer, "\r\n"] {
-                    let _ = uart.write_all(part.as_bytes()).await;
+                let line = core::mem::take(&mut line);
+                let answer = if core::mem::take(&mut too_long) { Answer::Usage } else { ask(line).await };
+                tell(&mut uart, &answer).await;
+                if let Answer::Restart = answer {
+                    reset::power_cycle();
                 }
             }
             byte => too_long |= line.push(char::from(byte)).is_err(),
+        }
+    }
+}
+
+async fn ask(line: String<LINE>) -> Answer {
+    TYPED.signal(line);
+    call(Caller::Front);
+    ANSWER.wait().await
+}
+
+async fn tell(uart: &mut BufferedUart<'static>, answer: &Answer) {
+    let (before, last) = match answer {
+        Answer::Done | Answer::Restart => ("", "ok"),
+        Answer::Status(status) => (status.as_str(), "ok"),
+        Answer::Usage => ("", USAGE),
+        Answer::Refused(why) => ("", *why),
+    };
+    for part in [before, last, "\r\n"] {
+        // The driver takes no more at once than it has room for, and never wakes one who waits for room.
+        for chunk in part.as_bytes().chunks(BUFFER) {
+            let _ = uart.write_all(chunk).await;
+            let _ = uart.flush().await;
         }
     }
 }

@@ -6,6 +6,8 @@ use embassy_stm32::gpio::{Level, Output};
 use embassy_time::{Duration, Timer};
 use protocol_core::actuator::{Color, Led};
 
+use super::attention::{Caller, call};
+
 /// 1.5 Hz: 333 ms on, 333 ms off.
 const HALF_PERIOD: Duration = Duration::from_millis(333);
 
@@ -29,6 +31,8 @@ pub(super) fn show(led: Led) {
 pub(super) async fn run(mut red: Output<'static>, mut green: Output<'static>) {
     let mut lit = false;
     loop {
+        // The device's task is above this one: it has answered when this is done.
+        call(Caller::Leds);
         lit = !lit;
         let shown = SHOWN.load(Ordering::Relaxed);
         let on = lit || shown & FLASHING == 0;

@@ -122,6 +122,26 @@ fn an_item_of_any_length_in_a_sector_that_is_not_used_yet() {
 }
 
 #[test]
+fn a_sector_that_makes_no_sense_beside_one_that_does() {
+    for count in [8, 160] {
+        let (memory, newest) = with_history(count);
+        let used = if memory.flash().erases() == 0 { 0 } else { SECTOR };
+        let marks = [(ERASED, 0), (ERASED, ERASED)];
+        for (seed, (front, end)) in marks.into_iter().cycle().take(4).enumerate() {
+            let mut random = fastrand::Rng::with_seed(seed as u64);
+            let mut image = memory.flash().image().to_vec();
+            let other = &mut image[SECTOR - used..][..SECTOR - 128];
+            other.fill_with(|| random.u8(..));
+            (other[0], other[SECTOR - 128 - 1]) = (front, end);
+            let mut memory = Memory::with_flash(Flash::from_image(image).unwrap());
+            let what = format!("{count} stores, seed {seed}");
+            assert_eq!(held(&mut memory), newest, "{what}");
+            lives_on(&mut memory, &newest[0], &what);
+        }
+    }
+}
+
+#[test]
 fn noise_full_of_items_does_no_harm() {
     for seed in 0..40 {
         let mut random = fastrand::Rng::with_seed(seed);

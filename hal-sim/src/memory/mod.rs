@@ -24,7 +24,7 @@ pub use flash::{ERASED, Flash, FlashError, SECTOR, SIZE, TornErase, WORD};
 pub use state_file::StateFileError;
 
 use flash::ready;
-use nvm::{BUFFER, Records, Unreadable};
+use nvm::{BUFFER, Contents, Records, Unreadable};
 use state_file::{Content, StateFile};
 
 /// The non-volatile memory of one device.
@@ -52,33 +52,13 @@ impl Memory {
         Self { flash, ..Self::default() }
     }
 
-    /// The memory that is kept in `dir/name.nvm`, for a device of this kind; a new one when there is no such file.
-    ///
-    /// A file that is damaged is put aside as `name.nvm.bad`, and the memory starts empty and damaged: see
-    /// [`take_warnings`](Self::take_warnings).
+    /// The memory that is kept in `dir/name.nvm`, for a device of this kind: see [`MemoryFile`].
     ///
     /// # Errors
-    /// When the file belongs to a device of another kind, or cannot be read, written or put aside. Nothing is changed then.
+    /// When the file belongs to a device of another kind or is in use, or cannot be read, written or put aside. It is not
+    /// changed then.
     pub fn in_file(dir: &Path, name: &str, kind: u32) -> Result<Self, StateFileError> {
-        let (file, content) = StateFile::open(dir, name, kind)?;
-        let mut memory = Self { file: Some(file), ..Self::default() };
-        match content {
-            Content::New => {}
-            // A copy is looked at: reading may finish what a power cut left half done.
-            Content::Image(flash) if read(&mut flash.clone()).is_ok() => memory.flash = flash,
-            Content::Image(_) | Content::Damaged => memory.put_file_aside()?,
-        }
-        // A directory that cannot be written to is found out now.
-        memory.persist()?;
-        Ok(memory)
-    }
-
-    /// Whether [`in_file`](Self::in_file) would take `dir/name.nvm` for this kind; changes nothing.
-    ///
-    /// # Errors
-    /// When the file belongs to a device of another kind, or cannot be read.
-    pub fn check_file(dir: &Path, name: &str, kind: u32) -> Result<(), StateFileError> {
-        StateFile::open(dir, name, kind).map(drop)
+        MemoryFile::take(dir, name, kind)?.open()
     }
 
     /// Everything stored, as a device finds it when it starts.
@@ -86,7 +66,7 @@ impl Memory {
     /// A memory that cannot be read as a whole is put aside and erased, so that it can be written again; the image says
     /// that it was damaged, once.
     pub fn read_image(&mut self) -> Image {
-        // Reading may finish what a power cut left half done, and that must not spoil what is to be put aside.
+        // Opening it may finish what a power cut left half done, and that must not spoil what is to be put aside.
         let found = self.flash.image().to_vec();
         let mut image = read(&mut self.flash).unwrap_or_else(|Unreadable| {
             self.give_up(found);
@@ -192,10 +172,48 @@ impl Memory {
     }
 }
 
+/// The file of a memory, taken and looked at, not yet changed. Nobody else gets it while this lives, or its memory.
+#[derive(Debug)]
+pub struct MemoryFile {
+    file: StateFile,
+    content: Content,
+}
+
+impl MemoryFile {
+    /// Takes `dir/name.nvm` for a device of this kind; there may be no such file yet.
+    ///
+    /// # Errors
+    /// When the file belongs to a device of another kind or is in use, or cannot be read.
+    pub fn take(dir: &Path, name: &str, kind: u32) -> Result<Self, StateFileError> {
+        StateFile::open(dir, name, kind).map(|(file, content)| Self { file, content })
+    }
+
+    /// The memory in it; a new one when there is none.
+    ///
+    /// A file that is damaged is put aside as `name.nvm.bad`, and the memory starts empty and damaged: see
+    /// [`take_warnings`](Memory::take_warnings).
+    ///
+    /// # Errors
+    /// When it cannot be written or put aside. It is not changed then.
+    pub fn open(self) -> Result<Memory, StateFileError> {
+        let mut memory = Memory { file: Some(self.file), ..Memory::default() };
+        match self.content {
+            Content::New => {}
+            // A copy is looked at: opening it may finish what a power cut left half done.
+            Content::Image(flash) if read(&mut flash.clone()).is_ok() => memory.flash = flash,
+            Content::Image(_) | Content::Damaged => memory.put_file_aside()?,
+        }
+        // A directory that cannot be written to is found out now.
+        memory.persist()?;
+        Ok(memory)
+    }
+}
+
 fn read(flash: &mut Flash) -> Result<Image, Unreadable> {
     let mut buffer = [0; BUFFER];
     let mut records = ready(Records::open(flash, &mut buffer)).map_err(|_| Unreadable)?;
-    ready(records.read())
+    let mut contents = Contents::empty();
+    ready(records.read(&mut contents)).map(|()| contents.image)
 }
 
 fn store(flash: &mut Flash, key: RecordKey, record: &Record) -> Result<(), StoreError> {

@@ -4,9 +4,14 @@
 //! instant the process is killed at, or the machine loses its power, the file is the old one or the new one. Writing
 //! only the changed words would be faster, but could leave half a store behind that the *simulated* flash never saw; at
 //! 32 KiB and a handful of stores a second the whole file costs nothing.
+//!
+//! Only one simulator may have it: another one would not see what this one stores, and overwrite it. What is locked is a
+//! file beside it, for the file itself is another one after each write, and there is none before the first. The lock goes
+//! with the process, its file stays: to remove it would let two others lock two different ones.
 
-use std::fs::{self, File, OpenOptions};
-use std::io::{self, ErrorKind, Write};
+use std::ffi::OsString;
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
 use super::flash::{Flash, SIZE};
@@ -27,6 +32,12 @@ pub enum StateFileError {
         found: u32,
         /// The kind that it was opened for.
         expected: u32,
+    },
+    /// Another simulator has it.
+    #[error("{} is in use by another pve-sim", path.display())]
+    InUse {
+        /// The file.
+        path: PathBuf,
     },
     /// The file system refuses.
     #[error("{}: cannot {action}: {source}", path.display())]
@@ -51,24 +62,61 @@ pub(super) enum Content {
     Damaged,
 }
 
-/// The file that keeps a memory.
+/// The file that keeps a memory. Nobody else has it for as long as this lives.
 #[derive(Debug)]
 pub(super) struct StateFile {
     path: PathBuf,
     kind: u32,
+    /// None where the file system has no locks.
+    _lock: Option<File>,
 }
 
 impl StateFile {
-    /// Looks at `dir/name.nvm` and changes nothing; the directory is made if there is none.
+    /// Takes `dir/name.nvm` and looks at it, but does not change it; the directory is made if there is none.
     pub(super) fn open(dir: &Path, name: &str, kind: u32) -> Result<(Self, Content), StateFileError> {
-        let file = Self { path: dir.join(format!("{name}.nvm")), kind };
+        let mut file = Self { path: dir.join(format!("{name}.nvm")), kind, _lock: None };
         fs::create_dir_all(dir).map_err(|error| file.error("make the directory", error))?;
-        let content = match fs::read(&file.path) {
+        // What a link leads to is replaced there, and two names of one file are one file.
+        if file.path.is_symlink() {
+            file.path = fs::canonicalize(&file.path).map_err(|error| file.error("follow the link", error))?;
+        }
+        // Before anything is opened or made: opening a pipe waits for somebody to write into it.
+        if fs::metadata(&file.path).is_ok_and(|found| !found.is_file()) {
+            return Err(file.error("read", io::Error::other("not a file")));
+        }
+        file._lock = file.lock()?;
+        let content = match file.read() {
             Ok(bytes) => file.parse(bytes)?,
             Err(error) if error.kind() == ErrorKind::NotFound => Content::New,
             Err(error) => return Err(file.error("read", error)),
         };
         Ok((file, content))
+    }
+
+    fn lock(&self) -> Result<Option<File>, StateFileError> {
+        let lock = OpenOptions::new().write(true).create(true).truncate(false).open(self.beside("lock"));
+        let lock = lock.map_err(|error| self.error("lock", error))?;
+        match lock.try_lock() {
+            Ok(()) => Ok(Some(lock)),
+            Err(TryLockError::WouldBlock) => Err(StateFileError::InUse { path: self.path.clone() }),
+            Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => Ok(None),
+            Err(TryLockError::Error(error)) => Err(self.error("lock", error)),
+        }
+    }
+
+    /// What is in it, up to the byte with which it is too long.
+    fn read(&self) -> io::Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        File::open(&self.path)?.take((HEADER + SIZE + 1) as u64).read_to_end(&mut bytes)?;
+        Ok(bytes)
+    }
+
+    /// The name of the file with one more ending.
+    fn beside(&self, ending: &str) -> PathBuf {
+        let mut name = OsString::from(&self.path);
+        name.push(".");
+        name.push(ending);
+        name.into()
     }
 
     fn parse(&self, bytes: Vec<u8>) -> Result<Content, StateFileError> {
@@ -86,7 +134,7 @@ impl StateFile {
 
     /// Replaces the file by one with this flash image.
     pub(super) fn write(&self, image: &[u8]) -> Result<(), StateFileError> {
-        let beside = self.path.with_extension("nvm.new");
+        let beside = self.beside("new");
         let written = File::create(&beside).and_then(|mut file| {
             let size = u32::try_from(image.len()).unwrap_or(u32::MAX);
             let mut header = Vec::with_capacity(HEADER);
@@ -104,8 +152,8 @@ impl StateFile {
     /// Renames the file to the first free one of `name.nvm.bad`, `name.nvm.bad.2` and so on; a line about it.
     pub(super) fn put_aside(&self) -> Result<String, StateFileError> {
         let name = |number: u32| match number {
-            1 => self.path.with_extension("nvm.bad"),
-            _ => self.path.with_extension(format!("nvm.bad.{number}")),
+            1 => self.beside("bad"),
+            _ => self.beside(&format!("bad.{number}")),
         };
         for aside in (1..).map(name) {
             // Making the name first, and only if nobody has it, so that nothing is ever overwritten.
@@ -120,7 +168,11 @@ impl StateFile {
                     self.path.display(),
                     aside.display()
                 )),
-                Err(error) => Err(self.error("put the damaged file aside", error)),
+                Err(error) => {
+                    // The name is taken for nothing, and is still as empty as it was made.
+                    let _ = fs::remove_file(&aside);
+                    Err(self.error("put the damaged file aside", error))
+                }
             };
         }
         unreachable!("there are more numbers than files")

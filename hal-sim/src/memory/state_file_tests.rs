@@ -32,9 +32,11 @@ fn path(dir: &TempDir) -> PathBuf {
     dir.path().join("valve.nvm")
 }
 
+/// What is in the directory, but for the locks.
 fn names(dir: &Path) -> Vec<String> {
     let mut names: Vec<_> =
         fs::read_dir(dir).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.retain(|name| !name.ends_with(".lock"));
     names.sort();
     names
 }
@@ -118,6 +120,7 @@ fn a_damaged_header_is_put_aside() {
         assert!(memory.read_image().is_damaged());
         assert!(!memory.read_image().is_damaged(), "told once");
         memory.store(RecordKey::Parameters, &record(b"new")).unwrap();
+        drop(memory);
         assert_eq!(parameters(&open(&dir).read_image()), Some(&b"new"[..]));
     }
 }
@@ -159,6 +162,7 @@ fn damage_while_running_is_put_aside_at_the_next_start() {
     assert!(memory.read_image().is_damaged());
     assert_eq!(memory.take_warnings().len(), 1);
     assert!(fs::read(dir.path().join("valve.nvm.bad")).unwrap()[HEADER..] == damaged);
+    drop(memory);
     assert!(open(&dir).read_image().is_new());
 }
 
@@ -169,6 +173,7 @@ fn a_cut_write_is_cut_in_the_file_too() {
     memory.store(RecordKey::Parameters, &record(b"old")).unwrap();
     memory.store_cut(RecordKey::Parameters, &record(b"new"), 1, 2);
     assert!(fs::read(path(&dir)).unwrap()[HEADER..] == *memory.flash().image());
+    drop(memory);
     let mut memory = open(&dir);
     assert_eq!(parameters(&memory.read_image()), Some(&b"old"[..]));
     assert_eq!(memory.take_warnings(), [""; 0]);
@@ -212,6 +217,57 @@ fn a_store_that_the_file_does_not_take_has_failed() {
     assert_eq!(memory.store(RecordKey::Parameters, &record(b"new")), Err(StoreError));
     let warnings = memory.take_warnings();
     assert!(warnings.len() == 1 && warnings[0].contains("cannot write"), "{warnings:?}");
+}
+
+#[test]
+fn a_file_is_taken_by_one_at_a_time() {
+    let dir = directory();
+    // Before there is one, too.
+    let mut memory = open(&dir);
+    for stored in [b"first", b"other"] {
+        let error = Memory::in_file(dir.path(), "valve", KIND).unwrap_err();
+        assert!(matches!(error, StateFileError::InUse { .. }));
+        let line = error.to_string();
+        assert!(line.contains("valve.nvm is in use by another pve-sim"), "{line}");
+        // Each write makes a new file.
+        memory.store(RecordKey::Parameters, &record(stored)).unwrap();
+    }
+    Memory::in_file(dir.path(), "lever", KIND).unwrap();
+    drop(memory);
+    assert_eq!(parameters(&open(&dir).read_image()), Some(&b"other"[..]));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_link_is_followed_and_kept() {
+    let (dir, elsewhere) = (directory(), directory());
+    let target = elsewhere.path().join("memory");
+    std::os::unix::fs::symlink(&target, path(&dir)).unwrap();
+    // What it leads to may be on a disk that is not there at the moment.
+    let error = Memory::in_file(dir.path(), "valve", KIND).unwrap_err();
+    assert!(error.to_string().contains("valve.nvm: cannot follow the link"), "{error}");
+    assert!(!target.exists());
+
+    fs::write(&target, "noise").unwrap();
+    let mut memory = open(&dir);
+    memory.store(RecordKey::Parameters, &record(b"kept")).unwrap();
+    assert!(Memory::in_file(elsewhere.path(), "memory", KIND).is_ok(), "another file");
+    drop(memory);
+    assert!(path(&dir).is_symlink());
+    assert_eq!(fs::read_to_string(elsewhere.path().join("memory.bad")).unwrap(), "noise");
+    assert_eq!(parameters(&open(&dir).read_image()), Some(&b"kept"[..]));
+}
+
+#[cfg(unix)]
+#[test]
+fn what_is_no_file_is_not_read() {
+    for target in ["/dev/zero", "/dev/null", "/"] {
+        let dir = directory();
+        std::os::unix::fs::symlink(target, path(&dir)).unwrap();
+        let error = Memory::in_file(dir.path(), "valve", KIND).unwrap_err();
+        assert_eq!(error.to_string(), format!("{target}: cannot read: not a file"));
+        assert!(path(&dir).is_symlink());
+    }
 }
 
 #[test]

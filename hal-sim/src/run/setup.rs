@@ -1,7 +1,6 @@
 //! Devices with their memories, put into a world and not yet powered.
 
 use std::fs;
-use std::path::Path;
 
 use protocol_core::controller::BitRate;
 
@@ -9,7 +8,7 @@ use super::RunError;
 use crate::cli::{NamedDevice, RunOptions};
 use crate::explain::{Explainer, Node};
 use crate::kind::Kind;
-use crate::memory::{Memory, StateFileError};
+use crate::memory::{Memory, MemoryFile, StateFileError};
 use crate::world::World;
 
 /// The world of the options, and what the user should know about the memories, a line each.
@@ -17,16 +16,19 @@ pub(super) fn world(options: &RunOptions) -> Result<(World, Vec<String>), RunErr
     // Which rate it is in the end can depend on what the first device remembers.
     let mut world = World::new(options.bit_rate.unwrap_or(BitRate::Kbit250), options.seed);
     let mut warnings = Vec::new();
+    let mut files = Vec::new();
     if let Some(dir) = &options.state {
         fs::create_dir_all(dir).map_err(|source| RunError::File { path: dir.clone(), source })?;
-        // All of them before any is made or put aside: what is refused leaves nothing behind.
+        // All of them before any is made or put aside: what is refused changes nothing that is stored.
         for device in &options.devices {
-            Memory::check_file(dir, &device.name, device.kind.number()).map_err(|error| refusal(error, device))?;
+            let file = MemoryFile::take(dir, &device.name, device.kind.number());
+            files.push(file.map_err(|error| refusal(error, device))?);
         }
     }
+    let mut files = files.into_iter();
     for device in &options.devices {
-        let mut memory = match &options.state {
-            Some(dir) => stored(dir, device)?,
+        let mut memory = match files.next() {
+            Some(file) => file.open()?,
             None => Memory::in_ram(),
         };
         warnings.extend(memory.take_warnings());
@@ -39,10 +41,6 @@ pub(super) fn world(options: &RunOptions) -> Result<(World, Vec<String>), RunErr
 pub(super) fn explainer(options: &RunOptions) -> Explainer {
     let node = |device: &NamedDevice| Node { name: device.name.clone(), kind: device.kind, node_id: None };
     Explainer::new(options.devices.iter().map(node).collect())
-}
-
-fn stored(dir: &Path, device: &NamedDevice) -> Result<Memory, RunError> {
-    Memory::in_file(dir, &device.name, device.kind.number()).map_err(|error| refusal(error, device))
 }
 
 fn refusal(error: StateFileError, device: &NamedDevice) -> RunError {

@@ -2,7 +2,7 @@
 //! monitors).
 
 use super::fault::{Fault, FaultRegister, FaultSet};
-use super::travel::Travel;
+use super::travel::{Band, Travel};
 use crate::time::{Duration, Instant, NEVER, after};
 
 /// How far the spool may be away from its set-point, in percent of the full stroke (A).
@@ -14,8 +14,11 @@ pub const FLOAT_DELAY: Duration = Duration::from_millis(1000);
 /// How long there may be no valid set-point.
 pub const GUARD_TIME: Duration = Duration::from_millis(250);
 
-/// [`SET_POINT_PERCENT`] in steps of travel.
-pub(super) const SET_POINT_TOLERANCE: i32 = Travel::percent(SET_POINT_PERCENT);
+/// Where monitor 1 lets the spool be: within [`SET_POINT_PERCENT`] of its target.
+#[inline]
+pub(super) const fn tolerance(target: Travel) -> Band {
+    Band::around(target, Travel::percent(SET_POINT_PERCENT))
+}
 
 /// What a monitored value says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -109,10 +112,16 @@ impl TimeGuard {
 
     /// A valid set-point came.
     pub(super) fn feed(&mut self, faults: &mut FaultRegister, now: Instant) {
-        if self.running {
-            self.start(now);
-        }
+        self.wind_up(now);
         faults.clear(Fault::TimeGuarding);
+    }
+
+    /// [`feed`](Self::feed) while fault 8 is not active.
+    #[inline]
+    pub(super) fn wind_up(&mut self, now: Instant) {
+        if self.running {
+            self.due = after(now, GUARD_TIME);
+        }
     }
 
     /// The time without a set-point may be over. It then waits for the next one.

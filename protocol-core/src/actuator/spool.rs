@@ -97,8 +97,8 @@ impl Spool {
         }
     }
 
-    /// Whether nothing but the device acts on it, and it is sound.
-    #[inline]
+    /// Whether nothing but the device acts on it, and it is sound: it then comes closer to where it is sent all the time,
+    /// and stays there.
     pub(super) fn is_free(&self) -> bool {
         matches!(self.sense, SpoolSense { fault: SpoolFault::None, lever: None, measured: None })
     }
@@ -113,6 +113,11 @@ impl Spool {
     #[inline]
     pub(super) fn at(&self, now: Instant) -> Travel {
         self.path.at(now)
+    }
+
+    /// Where it is sent.
+    pub(super) const fn destination(&self) -> Travel {
+        self.path.destination()
     }
 
     /// Where and since when it rests, or will, if nothing else happens to it.

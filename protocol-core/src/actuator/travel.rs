@@ -30,9 +30,9 @@ impl Travel {
         Self(steps)
     }
 
-    /// `steps` further towards B, negative towards A.
+    /// `steps` further towards B, negative towards A. An i32 holds more than two full strokes: no sum here wraps.
     pub(super) const fn shifted(self, steps: i32) -> Self {
-        Self(self.0.saturating_add(steps))
+        Self(self.0.wrapping_add(steps))
     }
 
     /// The unit of a position is complete only when all its steps are: full stroke is not shown before it is reached.
@@ -60,11 +60,13 @@ pub(super) struct Band {
 impl Band {
     /// Up to `steps` away from `centre`.
     pub(super) const fn around(centre: Travel, steps: i32) -> Self {
-        Self { low: centre.0.saturating_sub(steps), high: centre.0.saturating_add(steps) }
+        Self { low: centre.shifted(steps.wrapping_neg()).0, high: centre.shifted(steps).0 }
     }
 
+    /// One comparison: what lies below the band wraps around to far above it.
     pub(super) const fn contains(self, travel: Travel) -> bool {
-        self.low <= travel.0 && travel.0 <= self.high
+        let width = self.high.wrapping_sub(self.low) as u32;
+        travel.0.wrapping_sub(self.low) as u32 <= width
     }
 }
 
@@ -105,16 +107,15 @@ struct Leg {
     start: Instant,
     /// The first microsecond at `to`.
     end: Instant,
-    rate: Rate,
+    /// In steps a microsecond, negative towards A.
+    velocity: i32,
 }
 
 impl Leg {
     fn new(from: Travel, to: Travel, rate: Rate, start: Instant) -> Self {
-        let mut leg = Self { from, to, start, end: start, rate };
-        if from != to {
-            leg.end = leg.reaches(to.0);
-        }
-        leg
+        let velocity = if to < from { rate.0.wrapping_neg() } else { rate.0 };
+        let leg = Self { from, to, start, end: start, velocity };
+        Self { end: leg.reaches(to.0), ..leg }
     }
 
     #[inline]
@@ -123,16 +124,16 @@ impl Leg {
             return self.to;
         }
         // Before the end this is less than the way from one end of the stroke to the other, which an i32 holds.
-        let micros = i32::try_from(since(now, self.start).as_micros()).unwrap_or(i32::MAX);
-        let way = micros.saturating_mul(self.rate.0);
-        self.from.shifted(if self.to > self.from { way } else { way.saturating_neg() })
+        let micros = since(now, self.start).as_micros() as i32;
+        self.from.shifted(micros.wrapping_mul(self.velocity))
     }
 
     /// The first microsecond at which the line has come as far as `level`, which lies on it.
+    #[inline]
     fn reaches(&self, level: i32) -> Instant {
         let way = level.abs_diff(self.from.0);
-        let rate = self.rate.0.unsigned_abs();
-        let micros = way.saturating_add(rate.saturating_sub(1)).checked_div(rate).unwrap_or(u32::MAX);
+        let rate = self.velocity.unsigned_abs();
+        let micros = way.wrapping_add(rate.wrapping_sub(1)).checked_div(rate).unwrap_or(u32::MAX);
         after(self.start, Duration::from_micros(u64::from(micros)))
     }
 
@@ -166,7 +167,7 @@ pub(super) struct Path {
 impl Path {
     /// Rests at `place`.
     pub(super) const fn rest(place: Travel, now: Instant) -> Self {
-        let leg = Leg { from: place, to: place, start: now, end: now, rate: Rate(1) };
+        let leg = Leg { from: place, to: place, start: now, end: now, velocity: 1 };
         Self { approach: leg, creep: None }
     }
 
@@ -183,13 +184,15 @@ impl Path {
 
     #[inline]
     pub(super) fn at(&self, now: Instant) -> Travel {
-        if now < self.approach.end {
-            return self.approach.at(now);
-        }
         match &self.creep {
-            Some(creep) => creep.at(now),
-            None => self.approach.to,
+            Some(creep) if now >= creep.start => creep.at(now),
+            _ => self.approach.at(now),
         }
+    }
+
+    /// Where it goes first, and stays if it does not creep on.
+    pub(super) const fn destination(&self) -> Travel {
+        self.approach.to
     }
 
     /// Where and since when the spool rests, or will.

@@ -3,7 +3,7 @@
 use super::counters::Counters;
 use super::environment::Environment;
 use super::fault::{Changes, Fault, FaultRegister, FaultSet, InternalCause, InternalCauses};
-use super::monitor::{FLOAT_DELAY, Monitor, Reading, SET_POINT_DELAY, SET_POINT_TOLERANCE, TimeGuard};
+use super::monitor::{FLOAT_DELAY, Monitor, Reading, SET_POINT_DELAY, TimeGuard, tolerance};
 use super::power_save::PowerSave;
 use super::set_point::{Position, SetPoint};
 use super::spool::{Action, IN_FLOAT, IN_NEUTRAL, Spool, SpoolSense};
@@ -89,6 +89,9 @@ pub struct Valve {
     deadline: Instant,
     /// The earliest of what is due with the spool: a monitor, a level that it crosses, power save.
     spool_due: Instant,
+    /// A sound spool follows set-points, the last not neutral, and as of the last step no fault is active. Then power save,
+    /// float and springs are out of it, and all that can become due with the spool is monitor 1.
+    follows: bool,
     now: Instant,
     config: ValveConfig,
     drive: Drive,
@@ -110,6 +113,7 @@ impl Valve {
         Self {
             deadline: NEVER,
             spool_due: NEVER,
+            follows: false,
             now,
             config,
             drive: Drive::Off,
@@ -161,13 +165,6 @@ impl Valve {
         if drive == self.drive {
             return;
         }
-        if let (Drive::Regulate(SetPoint::Position(from)), Drive::Regulate(SetPoint::Position(to))) =
-            (self.drive, drive)
-            && !(from.is_neutral() || to.is_neutral() || self.faults.active.any_of_spool())
-            && self.spool.is_free()
-        {
-            return self.follow(to, now);
-        }
         self.note_arrival(now);
         // Where the monitors also run while the drive is off, the end of that is no beginning for them.
         let begins = match self.config.spool_monitors {
@@ -180,45 +177,13 @@ impl Valve {
             self.at_set_point.restart();
         }
         self.step_spool(now);
-    }
-
-    /// Whether one set-point comes after another, neither neutral, with a sound spool and none of its faults: what most
-    /// calls are about.
-    #[inline]
-    fn follows(&self, drive: Drive) -> Option<Position> {
-        match (self.drive, drive) {
-            (Drive::Regulate(SetPoint::Position(from)), Drive::Regulate(SetPoint::Position(to))) => {
-                let plain = !from.is_neutral() && !to.is_neutral();
-                (plain && !self.faults.active.any_of_spool() && self.spool.is_free()).then_some(to)
-            }
-            _ => None,
-        }
-    }
-
-    /// The same as a [step](Self::step_spool) of the whole, without what cannot be then: power save, float, springs, and
-    /// levels to be watched on the way, for a spool on its way to its target enters the tolerance and stays there.
-    #[inline]
-    fn follow(&mut self, to: Position, now: Instant) {
-        let here = self.spool.at(now);
-        self.note_arrival_at(here);
-        self.drive = Drive::Regulate(SetPoint::Position(to));
-        let target = self.target(to);
-        self.spool.retarget(target, here, now);
-        self.at_set_point.watch(!Band::around(target, SET_POINT_TOLERANCE).contains(here), now);
-        self.spool_due = self.at_set_point.due();
+        self.schedule();
     }
 
     /// Before anything becomes different: a spool that has come within the tolerance since it was last looked at has
     /// ended the time of monitor 1.
     fn note_arrival(&mut self, now: Instant) {
-        if self.at_set_point.due() != NEVER {
-            self.note_arrival_at(self.spool.at(now));
-        }
-    }
-
-    #[inline]
-    fn note_arrival_at(&mut self, here: Travel) {
-        if self.at_set_point.due() != NEVER && self.wanted().is_some_and(|band| band.contains(here)) {
+        if self.wanted().is_some_and(|band| band.contains(self.spool.at(now))) {
             self.at_set_point.restart();
         }
     }
@@ -229,6 +194,7 @@ impl Valve {
         self.at_set_point.restart();
         self.in_float.restart();
         self.step_spool(now);
+        self.schedule();
     }
 
     /// Begins to guard that set-points come, or begins anew.
@@ -252,19 +218,45 @@ impl Valve {
         self.schedule();
     }
 
-    /// [`feed_guard`](Self::feed_guard) and [`drive`](Self::drive) in one: a set-point came that acts.
-    #[inline]
+    /// [`feed_guard`](Self::feed_guard) and [`drive`](Self::drive) in one: a set-point came that acts. That is most of what
+    /// a valve hears, so the usual case is kept apart: it follows already, and nothing is due.
+    #[inline(always)]
     pub fn command(&mut self, drive: Drive, now: Instant) {
-        let now = self.catch_up(now);
-        self.guard.feed(&mut self.faults, now);
-        if drive == self.drive {
-            self.schedule();
-        } else if let Some(to) = self.follows(drive) {
-            self.follow(to, now);
-            self.schedule();
-        } else {
-            self.drive(drive, now);
+        let now = now.max(self.now);
+        match drive {
+            Drive::Regulate(SetPoint::Position(to)) if self.follows && !to.is_neutral() && now < self.deadline => {
+                self.now = now;
+                self.guard.wind_up(now);
+                if drive != self.drive {
+                    self.follow(to, now);
+                }
+                self.schedule();
+            }
+            _ => self.command_in_general(drive, now),
         }
+    }
+
+    #[inline(never)]
+    fn command_in_general(&mut self, drive: Drive, now: Instant) {
+        self.feed_guard(now);
+        self.drive(drive, now);
+    }
+
+    /// The same as [`drive`](Self::drive) for a valve that [follows](Self::follows).
+    ///
+    /// No crossing is reckoned ahead: the spool comes closer to its target all the time, and stays there. So whether it has
+    /// come within the tolerance is seen when something else happens to it, or when monitor 1 is due.
+    #[inline]
+    fn follow(&mut self, to: Position, now: Instant) {
+        let here = self.spool.at(now);
+        if tolerance(self.spool.destination()).contains(here) {
+            self.at_set_point.restart();
+        }
+        let target = self.target(to);
+        self.drive = Drive::Regulate(SetPoint::Position(to));
+        self.spool.retarget(target, here, now);
+        self.at_set_point.watch(!tolerance(target).contains(here), now);
+        self.spool_due = self.at_set_point.due();
     }
 
     /// A cause of the internal error is there, or gone. The fault is active while any is.
@@ -401,7 +393,7 @@ impl Valve {
             Drive::Off if self.config.spool_monitors == SpoolMonitors::ExceptHandAndStop => Travel::NEUTRAL,
             Drive::Regulate(SetPoint::Float) | Drive::Off | Drive::Hand | Drive::EmergencyStop => return None,
         };
-        Some(Band::around(target, SET_POINT_TOLERANCE))
+        Some(tolerance(target))
     }
 
     /// Lets everything due up to `now` happen, in time where that is possible, and returns the instant to go on with.
@@ -415,6 +407,7 @@ impl Valve {
     }
 
     /// Steps from deadline to deadline. A change of a fault ends that: the protocol has to act on it first.
+    #[inline(never)]
     fn run(&mut self, now: Instant) {
         for _ in 0..CATCH_UP_STEPS {
             self.step(self.deadline.min(now));
@@ -437,6 +430,7 @@ impl Valve {
         self.environment.observe(self.senses.supply_mv, self.senses.temperature_c, &mut self.faults, now);
         self.guard.observe(&mut self.faults, now);
         self.step_spool(now);
+        self.schedule();
     }
 
     /// Looks at the spool alone.
@@ -456,10 +450,12 @@ impl Valve {
         if IN_NEUTRAL.contains(resting_place) {
             self.spool_due = self.spool_due.min(self.power_save.due(rests));
         }
+        self.follows = matches!(self.drive, Drive::Regulate(SetPoint::Position(position)) if !position.is_neutral())
+            && self.faults.active.is_empty()
+            && self.spool.is_free();
         if now < rests {
             self.spool_due = self.spool_due.min(self.next_crossing(wanted, now));
         }
-        self.schedule();
     }
 
     /// Decides on power save and lets the solenoids act on the spool, which is `here`.

@@ -5,7 +5,7 @@
 use heapless::Vec;
 
 use super::dictionary::{Mappable, Table};
-use crate::frame::{Frame, Id};
+use crate::frame::{Frame, Id, MAX_LEN};
 use crate::wire::cob_id::CobId;
 use crate::wire::pdo_mapping::MappingEntry;
 use crate::wire::sdo::{AbortCode, Multiplexer};
@@ -44,15 +44,16 @@ pub struct Pdo {
 /// A PDO that is on.
 #[derive(Debug)]
 struct Running {
-    id: Id,
+    /// Its frame, with nothing in it yet.
+    blank: Frame,
     slots: Vec<Slot, ENTRIES>,
-    len: u8,
 }
 
 /// Where an object lies in the frame; the gaps of dummies have no slot.
 #[derive(Clone, Copy, Debug)]
 struct Slot {
     object: Multiplexer,
+    /// Below 64: there is room for the object behind it.
     shift: u8,
     mask: u32,
 }
@@ -210,10 +211,10 @@ impl Pdo {
 
     /// What a received frame holds, object by object in the order of the mapping; `None` when it is shorter than that.
     pub fn unpack(&self, frame: &Frame) -> Option<impl Iterator<Item = (Multiplexer, u32)>> {
-        let running = self.running.as_ref().filter(|running| frame.len() >= running.len)?;
+        let running = self.running.as_ref().filter(|running| frame.len() >= running.blank.len())?;
         let bits = u64::from_le_bytes(*frame.bytes());
         Some(running.slots.iter().map(move |slot| {
-            let value = bits.unbounded_shr(u32::from(slot.shift)) as u32 & slot.mask;
+            let value = bits.wrapping_shr(u32::from(slot.shift)) as u32 & slot.mask;
             (slot.object, value)
         }))
     }
@@ -222,9 +223,9 @@ impl Pdo {
     pub fn pack(&self, mut read: impl FnMut(Multiplexer) -> u32) -> Option<Frame> {
         let running = self.running.as_ref()?;
         let bits = running.slots.iter().fold(0_u64, |bits, slot| {
-            bits | u64::from(read(slot.object) & slot.mask).unbounded_shl(u32::from(slot.shift))
+            bits | u64::from(read(slot.object) & slot.mask).wrapping_shl(u32::from(slot.shift))
         });
-        Some(Frame::with_len(running.id, bits.to_le_bytes(), running.len))
+        Some(running.blank.refilled(bits.to_le_bytes()))
     }
 
     /// Whether a SYNC makes the PDO due: every n-th one for the transmission types 1–240.
@@ -287,7 +288,7 @@ impl Pdo {
             }
             shift = shift.saturating_add(entry.bits);
         }
-        Ok(Running { id, slots, len })
+        Ok(Running { blank: Frame::with_len(id, [0; MAX_LEN], len), slots })
     }
 }
 

@@ -24,8 +24,8 @@ pub struct Image {
 impl Image {
     /// A memory that was never written.
     #[must_use]
-    pub fn empty() -> Self {
-        Self::default()
+    pub const fn empty() -> Self {
+        Self { contents: [const { Content::Absent }; RecordKey::ALL.len()], damaged: false }
     }
 
     /// Puts in what was read under `key`.

@@ -1,6 +1,7 @@
 //! Tests of the valve through its public face, in virtual time.
 
 mod faults;
+mod model;
 mod monitors;
 mod power_save;
 mod spool;

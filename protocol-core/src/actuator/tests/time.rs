@@ -8,17 +8,21 @@ use super::*;
 use crate::time::{NEVER, after};
 
 /// Numbers that look random and are the same every time (xorshift).
-struct Numbers(u64);
+pub(super) struct Numbers(u64);
 
 impl Numbers {
-    fn next(&mut self, below: u64) -> u64 {
+    pub(super) const fn new(seed: u64) -> Self {
+        Self(seed)
+    }
+
+    pub(super) fn next(&mut self, below: u64) -> u64 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
         self.0 ^= self.0 << 17;
         self.0 % below
     }
 
-    fn position(&mut self) -> i16 {
+    pub(super) fn position(&mut self) -> i16 {
         i16::try_from(self.next(32769)).map_or(Position::FULL, |raw| raw - Position::FULL)
     }
 }
@@ -41,14 +45,23 @@ struct Story {
     changes: Vec<(Instant, Changes)>,
 }
 
+/// How a set-point is handed over.
+type Order = fn(&mut Valve, Drive, Instant);
+
+/// The guard and the drive one by one, which is what a command is made of.
+fn one_by_one(valve: &mut Valve, drive: Drive, now: Instant) {
+    valve.feed_guard(now);
+    valve.drive(drive, now);
+}
+
 /// Something that happens to the valve.
-fn happen(valve: &mut Valve, senses: &mut ValveSenses, numbers: &mut Numbers, now: Instant) {
+fn happen(valve: &mut Valve, senses: &mut ValveSenses, numbers: &mut Numbers, order: Order, now: Instant) {
     match numbers.next(12) {
         0 => valve.drive(Drive::Off, now),
         1 => valve.drive(Drive::Hand, now),
-        2 => valve.drive(BLOCKED, now),
-        3 => valve.drive(FLOAT, now),
-        4..=6 => valve.drive(to(numbers.position()), now),
+        2 => order(valve, BLOCKED, now),
+        3 => order(valve, FLOAT, now),
+        4..=6 => order(valve, to(numbers.position()), now),
         7 => senses.spool.lever = (numbers.next(3) == 0).then(|| Position::new(numbers.position()).unwrap()),
         8 => {
             use SpoolFault::{Drifting, NoFloat, None, Slow, Stuck};
@@ -63,8 +76,8 @@ fn happen(valve: &mut Valve, senses: &mut ValveSenses, numbers: &mut Numbers, no
 }
 
 /// Lets the same things happen, at whole milliseconds, to a valve that is polled in one way or another.
-fn run(seed: u64, config: ValveConfig, polling: Polling) -> Story {
-    let (mut numbers, mut story) = (Numbers(seed), Story::default());
+fn run(seed: u64, config: ValveConfig, polling: Polling, order: Order) -> Story {
+    let (mut numbers, mut story) = (Numbers::new(seed), Story::default());
     let (mut valve, mut senses) = (Valve::new(config, Counters::default(), ms(0)), ValveSenses::default());
     let mut now = ms(0);
     for _ in 0..60 {
@@ -88,9 +101,11 @@ fn run(seed: u64, config: ValveConfig, polling: Polling) -> Story {
             note(&mut valve, now);
         }
         now = next;
-        valve.poll(now);
-        note(&mut valve, now);
-        happen(&mut valve, &mut senses, &mut numbers, now);
+        if !matches!(polling, Polling::Never) {
+            valve.poll(now);
+            note(&mut valve, now);
+        }
+        happen(&mut valve, &mut senses, &mut numbers, order, now);
         note(&mut valve, now);
         story.positions.push((valve.position(now).raw(), valve.solenoids()));
     }
@@ -101,8 +116,8 @@ fn run(seed: u64, config: ValveConfig, polling: Polling) -> Story {
 fn polling_at_deadlines_alone_finds_every_fault_when_polling_all_the_time_does() {
     for seed in 1..=150 {
         for config in [CANOPEN, ISOBUS] {
-            let exact = run(seed, config, Polling::Deadlines);
-            let often = run(seed, config, Polling::Every(1000));
+            let exact = run(seed, config, Polling::Deadlines, Valve::command);
+            let often = run(seed, config, Polling::Every(1000), Valve::command);
             assert!(!exact.changes.is_empty());
             assert_eq!(exact.positions, often.positions, "seed {seed}");
             let whole = |at: Instant| Instant::from_millis(at.as_micros().div_ceil(1000));
@@ -115,16 +130,32 @@ fn polling_at_deadlines_alone_finds_every_fault_when_polling_all_the_time_does()
 #[test]
 fn positions_do_not_depend_on_polls() {
     for seed in 1..=150 {
-        let polled = run(seed, CANOPEN, Polling::Deadlines);
+        let polled = run(seed, CANOPEN, Polling::Deadlines, Valve::command);
         for polling in [Polling::Every(777), Polling::Every(123_456), Polling::Never] {
-            assert_eq!(run(seed, CANOPEN, polling).positions, polled.positions, "seed {seed}, {polling:?}");
+            assert_eq!(
+                run(seed, CANOPEN, polling, Valve::command).positions,
+                polled.positions,
+                "seed {seed}, {polling:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_command_is_the_guard_and_the_drive_in_one() {
+    for seed in 1..=300 {
+        for config in [CANOPEN, ISOBUS] {
+            for polling in [Polling::Deadlines, Polling::Never] {
+                let [one, other] = [Valve::command, one_by_one].map(|order| run(seed, config, polling, order));
+                assert_eq!(one, other, "seed {seed}, {polling:?}");
+            }
         }
     }
 }
 
 #[test]
 fn a_deadline_is_always_ahead_and_nothing_happens_before_it() {
-    let (mut numbers, mut senses) = (Numbers(99), ValveSenses::default());
+    let (mut numbers, mut senses) = (Numbers::new(99), ValveSenses::default());
     let mut valve = Valve::new(ISOBUS, Counters::default(), ms(0));
     let mut now = ms(0);
     for _ in 0..20_000 {
@@ -136,7 +167,7 @@ fn a_deadline_is_always_ahead_and_nothing_happens_before_it() {
         assert_eq!((valve.faults(), valve.power_save(), valve.solenoids()), before);
         assert_eq!(valve.deadline(), deadline);
         now = next;
-        happen(&mut valve, &mut senses, &mut numbers, now);
+        happen(&mut valve, &mut senses, &mut numbers, Valve::command, now);
         valve.take_changes();
     }
 }

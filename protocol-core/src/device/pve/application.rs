@@ -83,10 +83,11 @@ impl Application {
     /// A valid set-point was received: it feeds the time guard in any state, and acts where it may.
     pub(super) fn accept(&mut self, set_point: SetPoint, now: Instant) {
         self.set_point = set_point;
-        self.valve.feed_guard(now);
-        if self.valve.regulating() && set_point != self.in_force {
+        if self.valve.regulating() {
             self.in_force = set_point;
-            self.apply(now);
+            self.valve.command(Drive::Regulate(set_point), now);
+        } else {
+            self.valve.feed_guard(now);
         }
     }
 

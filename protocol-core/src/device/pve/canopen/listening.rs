@@ -2,6 +2,7 @@
 
 use super::super::objects::PveObjects;
 use crate::controller::{FILTERS, Filter, Filters};
+use crate::frame::Frame;
 use crate::wire::cob_id::{Function, LSS_REQUEST, NMT};
 use crate::wire::uds;
 
@@ -36,6 +37,8 @@ pub(super) struct Listening {
     standard: [u32; BY_STANDARD.len()],
     /// From any source.
     uds: u32,
+    /// The node ID; 0 without one.
+    node: u8,
     /// Whether the controller has been told.
     told: bool,
 }
@@ -45,7 +48,7 @@ impl Listening {
     pub(super) fn of(objects: &PveObjects) -> Self {
         let lss = u32::from(LSS_REQUEST);
         let Some(node_id) = objects.node_id else {
-            return Self { standard: [lss, NONE, NONE, NONE, NONE, NONE], uds: NONE, told: false };
+            return Self { standard: [lss, NONE, NONE, NONE, NONE, NONE], uds: NONE, node: 0, told: false };
         };
         Self {
             standard: [
@@ -57,6 +60,7 @@ impl Listening {
                 objects.emcy_consumer.key().unwrap_or(NONE),
             ],
             uds: uds::key_to(uds::Address::node(node_id.get())),
+            node: node_id.get(),
             told: false,
         }
     }
@@ -82,13 +86,21 @@ impl Listening {
         matches!(index, 0x1005 | 0x1028 | 0x1400)
     }
 
-    /// The service that a frame with this key is for.
+    /// The service that a frame is for.
     #[inline]
-    pub(super) fn service(&self, key: u32) -> Option<Service> {
+    pub(super) fn service(&self, frame: &Frame) -> Option<Service> {
+        let key = frame.key();
         if key > MAX_STANDARD {
             return (key & uds::ANY_SOURCE == self.uds).then_some(Service::Uds);
         }
         let position = self.standard.iter().position(|listened| *listened == key)?;
-        BY_STANDARD.get(position).copied()
+        let service = *BY_STANDARD.get(position)?;
+        (service != Service::Nmt || self.is_addressed(frame)).then_some(service)
+    }
+
+    /// Whether an NMT command is for this node or for all: most are for one of many.
+    fn is_addressed(&self, frame: &Frame) -> bool {
+        let [_, node, ..] = frame.bytes();
+        *node == 0 || *node == self.node
     }
 }

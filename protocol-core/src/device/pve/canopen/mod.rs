@@ -187,7 +187,7 @@ impl PveCanopen {
 impl Device for PveCanopen {
     #[inline]
     fn handle(&mut self, frame: &Frame, now: Instant) {
-        if let Some(service) = self.listening.service(frame.key()) {
+        if let Some(service) = self.listening.service(frame) {
             self.take(service, frame, now);
         }
     }

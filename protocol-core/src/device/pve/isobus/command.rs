@@ -63,16 +63,23 @@ impl Commander {
     /// A valid AVC was received. The faults that were active in a shutdown which it ends, if it does.
     #[inline]
     pub(super) fn obey(&mut self, command: Command, now: Instant) -> FaultSet {
+        if !self.guarded || self.shutdown.is_some() {
+            return self.obey_first_or_shut_down(command, now);
+        }
+        self.command = command;
+        self.state = command.state();
+        self.valve.command(drive(command), now);
+        FaultSet::EMPTY
+    }
+
+    /// The same for the first AVC, and in a shutdown.
+    #[inline(never)]
+    fn obey_first_or_shut_down(&mut self, command: Command, now: Instant) -> FaultSet {
         if !self.guarded {
             self.guarded = true;
             self.valve.start_guard(now);
         }
         self.command = command;
-        if self.shutdown.is_none() {
-            self.state = command.state();
-            self.valve.command(drive(command), now);
-            return FaultSet::EMPTY;
-        }
         self.valve.feed_guard(now);
         let ended = self.recover(command, now);
         self.apply(now);

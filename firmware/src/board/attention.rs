@@ -1,0 +1,101 @@
+//! What the device's task waits for: somebody wants something of it, or its time has come.
+
+use core::future::{Future as _, poll_fn};
+use core::pin::pin;
+use core::sync::atomic::{AtomicU8, Ordering};
+use core::task::{Context, Poll};
+
+use embassy_sync::waitqueue::AtomicWaker;
+use embassy_time::{Duration, Instant, Timer};
+
+/// Who wants something.
+#[derive(Clone, Copy)]
+#[repr(u8)]
+pub(super) enum Caller {
+    /// The CAN controller: a frame was received or sent.
+    Frames = 1 << 0,
+    /// The CAN controller: its error mode has changed.
+    Errors = 1 << 1,
+    /// The memory has an answer.
+    Memory = 1 << 2,
+    /// Something was typed, or the button was pressed.
+    Front = 1 << 3,
+    /// The LEDs want to know what to show.
+    Leds = 1 << 4,
+}
+
+static CALLED: AtomicU8 = AtomicU8::new(0);
+static WAKER: AtomicWaker = AtomicWaker::new();
+
+/// Calls the device's task.
+pub(super) fn call(caller: Caller) {
+    CALLED.fetch_or(caller as u8, Ordering::Release);
+    WAKER.wake();
+}
+
+/// Who has called since this was last asked.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Calls(u8);
+
+impl Calls {
+    pub(super) const fn include(self, caller: Caller) -> bool {
+        self.0 & caller as u8 != 0
+    }
+}
+
+/// Waits for calls, and for nothing else: the task has one timer, and it is known here when that rings.
+pub(super) struct Attention {
+    /// When the timer rings at the latest.
+    armed: Instant,
+}
+
+impl Attention {
+    /// The one of the task that this is called in.
+    pub(super) async fn new() -> Self {
+        poll_fn(|context| {
+            // Once: a task's waker stays the same.
+            WAKER.register(context.waker());
+            Poll::Ready(())
+        })
+        .await;
+        Self { armed: Instant::MIN }
+    }
+
+    /// Waits until somebody calls, or until `due`; it can be woken earlier, for nothing. `now` is not long ago.
+    pub(super) async fn wait(&mut self, due: Instant, now: Instant) -> Calls {
+        let mut waited = false;
+        poll_fn(|context| {
+            let called = CALLED.swap(0, Ordering::Acquire);
+            if called != 0 || waited {
+                return Poll::Ready(Calls(called));
+            }
+            waited = true;
+            self.arm(due, now, context);
+            Poll::Pending
+        })
+        .await
+    }
+
+    /// Lets a time pass; calls are kept for the next [`wait`](Self::wait).
+    pub(super) async fn pause(&mut self, time: Duration) {
+        let end = Instant::now() + time;
+        poll_fn(|context| {
+            let now = Instant::now();
+            if now >= end {
+                return Poll::Ready(());
+            }
+            self.arm(end, now, context);
+            Poll::Pending
+        })
+        .await;
+    }
+
+    /// A timer that rings earlier is left alone: to set it again for each frame costs more than to be woken for nothing.
+    fn arm(&mut self, due: Instant, now: Instant, context: &mut Context<'_>) {
+        if self.armed <= now || due < self.armed {
+            self.armed = due;
+            // The timer's queue remembers the task, and the timer is not needed any more.
+            let _ = pin!(Timer::at(due)).poll(context);
+        }
+    }
+}

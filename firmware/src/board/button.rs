@@ -1,0 +1,32 @@
+//! The user button: each press injects the next fault.
+
+use embassy_stm32::gpio::Input;
+use embassy_time::{Duration, Timer};
+use firmware::plant::Injection;
+
+use super::attention::{Caller, call};
+use super::device::INJECTION;
+
+/// The button is looked at so often.
+const LOOK: Duration = Duration::from_millis(10);
+/// It counts as pressed or released when so many looks in a row say so.
+const STEADY: u8 = 3;
+
+#[embassy_executor::task]
+pub(super) async fn run(button: Input<'static>) {
+    let mut injection = Injection::None;
+    let (mut pressed, mut looks) = (false, 0);
+    loop {
+        Timer::after(LOOK).await;
+        looks = if button.is_high() == pressed { 0 } else { looks + 1 };
+        if looks < STEADY {
+            continue;
+        }
+        (pressed, looks) = (!pressed, 0);
+        if pressed {
+            injection = injection.next();
+            INJECTION.signal(injection);
+            call(Caller::Front);
+        }
+    }
+}

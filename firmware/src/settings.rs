@@ -1,0 +1,131 @@
+//! What the board is: a setting of its own in the memory, beside the records of the device.
+
+use protocol_core::device::pve::{Kind, Protocol, Setup};
+
+/// How many bytes a setting takes.
+pub const LEN: usize = 3;
+
+/// The layout of the bytes.
+const VERSION: u8 = 1;
+
+const BLANK: u8 = 1;
+const FRESH: u8 = 2;
+
+/// What the board is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Which device.
+    pub kind: Kind,
+    /// A new memory gets no node ID. On ISOBUS, where there is always an address, it does all the same.
+    pub blank: bool,
+    /// The memory is still that of the device before, and to be cleared first.
+    pub fresh: bool,
+}
+
+impl Settings {
+    /// A board that nothing was said to: of the kind that the image was built for.
+    pub const DEFAULT: Self = Self { kind: DEFAULT_KIND, blank: false, fresh: false };
+
+    /// A new device of this kind.
+    #[must_use]
+    pub const fn new(kind: Kind) -> Self {
+        Self { kind, blank: false, fresh: true }
+    }
+
+    /// The same without a node ID; `None` for a kind that always has one.
+    #[must_use]
+    pub const fn new_blank(kind: Kind) -> Option<Self> {
+        match kind.protocol() {
+            Protocol::Canopen => Some(Self { kind, blank: true, fresh: true }),
+            Protocol::Isobus => None,
+        }
+    }
+
+    /// What a new memory of the device is filled with.
+    #[must_use]
+    pub const fn setup(&self) -> Setup {
+        let setup = Setup::new(self.kind);
+        if self.blank { Setup { node_id: None, ..setup } } else { setup }
+    }
+
+    /// As bytes.
+    #[must_use]
+    pub const fn encode(&self) -> [u8; LEN] {
+        let flags = if self.blank { BLANK } else { 0 } | if self.fresh { FRESH } else { 0 };
+        [VERSION, number(self.kind), flags]
+    }
+
+    /// From bytes; `None` for those of another layout.
+    #[must_use]
+    pub fn decode(bytes: &[u8]) -> Option<Self> {
+        let &[VERSION, kind, flags] = bytes else { return None };
+        let kind = Kind::ALL.into_iter().find(|known| number(*known) == kind)?;
+        (flags & !(BLANK | FRESH) == 0).then_some(Self { kind, blank: flags & BLANK != 0, fresh: flags & FRESH != 0 })
+    }
+}
+
+/// What a kind is stored as: never changed.
+const fn number(kind: Kind) -> u8 {
+    match kind {
+        Kind::PveaCanopen => 0,
+        Kind::PveoCanopen => 1,
+        Kind::PveaIsobus => 2,
+        Kind::PveoIsobus => 3,
+    }
+}
+
+/// `PVE_KIND` at the time of the build.
+const DEFAULT_KIND: Kind = match option_env!("PVE_KIND") {
+    None => Kind::PveaCanopen,
+    Some(name) => named(name),
+};
+
+/// The kind of that name, at the time of the build.
+const fn named(name: &str) -> Kind {
+    let mut i = 0;
+    while i < Kind::ALL.len() {
+        if is_equal(Kind::ALL[i].name().as_bytes(), name.as_bytes()) {
+            return Kind::ALL[i];
+        }
+        i += 1;
+    }
+    panic!("PVE_KIND is none of pvea-canopen, pveo-canopen, pvea-isobus, pveo-isobus");
+}
+
+const fn is_equal(left: &[u8], right: &[u8]) -> bool {
+    let mut i = 0;
+    while i < left.len() && i < right.len() && left[i] == right[i] {
+        i += 1;
+    }
+    i == left.len() && i == right.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_encoded_decodes() {
+        for kind in Kind::ALL {
+            assert_eq!(named(kind.name()), kind);
+            for (blank, fresh) in [(false, false), (false, true), (true, false), (true, true)] {
+                let settings = Settings { kind, blank, fresh };
+                assert_eq!(Settings::decode(&settings.encode()), Some(settings));
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_none_does_not() {
+        for bytes in [&[][..], &[1, 0], &[2, 0, 0], &[1, 4, 0], &[1, 0, 4], &[1, 0, 0, 0]] {
+            assert_eq!(Settings::decode(bytes), None, "{bytes:?}");
+        }
+    }
+
+    #[test]
+    fn a_blank_valve_has_no_node_id() {
+        assert_eq!(Settings::new_blank(Kind::PveoCanopen).unwrap().setup().node_id, None);
+        assert_eq!(Settings::new_blank(Kind::PveaIsobus), None);
+        assert_eq!(Settings::DEFAULT.setup(), Setup::new(Settings::DEFAULT.kind));
+    }
+}
