@@ -1,9 +1,14 @@
 //! What a board's flash holds when it is switched on: what a host device of the same sort has stored in its own, for both
 //! keep their records in the same way.
 
+use std::pin::pin;
+use std::task::{Context, Poll, Waker};
+
+use firmware::settings::Settings;
 use hal_sim::memory;
 use hal_sim::use_case::Valve;
 use hal_sim::{Memory, World};
+use nvm::Records;
 use protocol_core::controller::BitRate;
 use protocol_core::device::pve::Kind;
 use protocol_core::frame::Frame;
@@ -58,9 +63,24 @@ pub fn worn(content: &[u8]) -> Vec<u8> {
     panic!("the flash takes {MANY} stores without an erase");
 }
 
-/// Makes the image this kind of device. It has its kind from the build as yet, and no setting.
-fn with_setting(content: Vec<u8>, _: Kind) -> Vec<u8> {
-    content
+/// Makes the image this kind of device: its setting lies beside the records.
+fn with_setting(content: Vec<u8>, kind: Kind) -> Vec<u8> {
+    let mut flash = memory::Flash::from_image(content).expect("it is as long as a flash");
+    let mut buffer = [0; nvm::BUFFER];
+    let setting = Settings { kind, blank: false, fresh: false }.encode();
+    ready(async {
+        let mut records = Records::open(&mut flash, &mut buffer).await.expect("this flash does not fail");
+        records.store_setting(&setting).await.expect("this flash does not fail");
+    });
+    flash.image().to_vec()
+}
+
+/// What a future gives that waits for nothing, as those of a flash in RAM.
+fn ready<F: Future>(future: F) -> F::Output {
+    match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
+        Poll::Ready(output) => output,
+        Poll::Pending => unreachable!("a flash in RAM keeps nobody waiting"),
+    }
 }
 
 /// The parameters that are stored there.

@@ -61,7 +61,8 @@ fn what_is_for_nobody_does_not_reach_the_processor() {
     client.aside.clear();
     let idle = instructions(&mut client, &[]);
     let crowded = instructions(&mut client, &FOR_NOBODY.repeat(10));
-    assert!(crowded.abs_diff(idle) <= idle / 50 + 100, "{crowded} instructions in a crowd, {idle} alone");
+    // What the device does by itself falls into the one time or the other.
+    assert!(crowded.abs_diff(idle) <= 3000, "{crowded} instructions in a crowd, {idle} alone");
 }
 
 #[test]

@@ -48,7 +48,10 @@ impl ImageClient {
             let mut lines: Vec<String> = complete.split("\r\n").map(str::to_owned).collect();
             match lines.pop() {
                 Some(last) if last == "ok" => return Ok(lines),
-                Some(last) if last.contains(" | ") => return Err(last),
+                Some(last) if last.contains(" | ") => {
+                    lines.push(last);
+                    return Err(lines.join("\n"));
+                }
                 _ => {}
             }
         }
