@@ -5,20 +5,18 @@
 
 use std::collections::VecDeque;
 
+use hal_sim::kind::{Birth, Kind};
 use hal_sim::use_case::{Bench, Plant, UseCase, Valve};
 use hal_sim::world::SUPPLY_JITTER;
 use hal_sim::{Memory, NodeId, TapId, World};
 use protocol_core::controller::BitRate;
 use protocol_core::device::Senses;
-use protocol_core::device::pve::{PveCanopen, Setup};
 use protocol_core::frame::Frame;
-use protocol_core::time::{Duration, Instant};
+use protocol_core::time::Instant;
 
+use crate::content;
 use crate::flash::Flash;
 use crate::rig::{BoardId, Rig};
-
-/// How long a new device takes at most to have stored what it was made with.
-const FIRST_STORE: Duration = Duration::from_secs(2);
 
 /// One emulated board, host devices and a master.
 pub struct ImageBench {
@@ -46,9 +44,15 @@ impl ImageBench {
     /// The image as the valve `first`, and host devices, switched off.
     #[must_use]
     pub fn with_valves(bit_rate: BitRate, first: &Valve, others: &[Valve]) -> Self {
+        Self::with_flash(bit_rate, Flash::with_content(&content::stored_by(first)), others)
+    }
+
+    /// The image with this flash, and host devices, switched off.
+    #[must_use]
+    pub fn with_flash(bit_rate: BitRate, flash: Flash, others: &[Valve]) -> Self {
         let mut rig = Rig::new(bit_rate);
         let master = rig.world.add_tap("master");
-        let board = rig.add_board("board", Flash::with_content(&stored_by(first)));
+        let board = rig.add_board("board", flash);
         let others = others.iter().map(|valve| add_host_device(&mut rig.world, valve)).collect();
         Self { rig, board, master, others, received: VecDeque::new() }
     }
@@ -58,24 +62,19 @@ impl ImageBench {
     }
 }
 
-/// The flash of a host device that was switched on once.
-#[must_use]
-pub fn stored_by(valve: &Valve) -> Vec<u8> {
-    let mut world = World::new(BitRate::Kbit250, 0);
-    world.add_gateway("listener");
-    let node = add_host_device(&mut world, valve);
-    world.power(node, true);
-    world.run_until(protocol_core::time::after(world.now(), FIRST_STORE));
-    world.memory(node).flash().image().to_vec()
+pub(crate) fn add_host_device(world: &mut World, valve: &Valve) -> NodeId {
+    let birth = Birth { node_id: Some(valve.node_id), serial: valve.serial };
+    world.add_device(valve.kind.name(), Kind::Pve(valve.kind).factory(birth), Memory::in_ram())
 }
 
-fn add_host_device(world: &mut World, valve: &Valve) -> NodeId {
-    let setup = Setup { kind: valve.kind, node_id: Some(valve.node_id), serial: valve.serial };
-    world.add_device(
-        valve.kind.name(),
-        move |image, cause, now| Box::new(PveCanopen::power_on(setup, image, cause, now)),
-        Memory::in_ram(),
-    )
+/// The line of the console that does it.
+fn word(plant: Plant) -> String {
+    let on = |there: bool| if there { "on" } else { "off" };
+    match plant {
+        Plant::InternalFault(there) => format!("internal_fault {}", on(there)),
+        Plant::BusOff(there) => format!("bus_off {}", on(there)),
+        plant => plant.to_string(),
+    }
 }
 
 impl Bench for ImageBench {
@@ -112,7 +111,7 @@ impl Bench for ImageBench {
     }
 
     fn set_plant(&mut self, plant: Plant) {
-        self.rig.type_line(self.board, &plant.to_string());
+        self.rig.type_line(self.board, &word(plant));
         for other in &self.others {
             if let Plant::SupplyMv(millivolt) = plant {
                 let senses = Senses { supply_mv: millivolt, ..*self.rig.world.senses(*other) };

@@ -3,12 +3,15 @@
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
+use crate::symbols::Symbols;
+
 /// Names the ELF file; `./run` sets it.
 pub const VARIABLE: &str = "FIRMWARE_ELF";
 
 /// An image of the firmware.
 pub struct Image {
     path: PathBuf,
+    symbols: Symbols,
     loaded: Vec<rigless::image::Image>,
 }
 
@@ -29,7 +32,15 @@ impl Image {
     fn load(path: &Path) -> Self {
         let image = rigless::image::Image::read(path, None)
             .unwrap_or_else(|error| panic!("{}: {error} (`./run` builds it)", path.display()));
-        Self { path: path.to_owned(), loaded: vec![image] }
+        let symbols = std::fs::read(path).map(|elf| Symbols::read(&elf));
+        let symbols = symbols.expect("it was just read").expect("what is loaded is an ELF file");
+        Self { path: path.to_owned(), symbols, loaded: vec![image] }
+    }
+
+    /// What is in it.
+    #[must_use]
+    pub const fn symbols(&self) -> &Symbols {
+        &self.symbols
     }
 
     /// The ELF file.

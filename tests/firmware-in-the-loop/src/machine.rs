@@ -9,7 +9,8 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
 use rigless::cpu::armv7m::windows;
-use rigless::emulator::{self, Driver, Finished, Host, Settled, Start, Stop, StopReason};
+use rigless::device::ResetCause;
+use rigless::emulator::{self, Driver, Host, Settled, Start, Stop, StopReason};
 use rigless::machine::{Board, Target, armv7m};
 use rigless::mcu::{Mcu, Operate};
 use rigless::session::Session;
@@ -18,7 +19,8 @@ use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 
 use crate::image::Image;
-use crate::part::{BOOT, Can1, Connections, Port, Stm32f429};
+use crate::part::{BOOT, Can1, Connections, Port, RAM, Stm32f429};
+use crate::warm;
 
 /// The processor's clock.
 const CORE_HZ: u64 = 160_000_000;
@@ -27,7 +29,7 @@ const INSTRUCTIONS_PER_SECOND: u64 = CORE_HZ * 2 / 3;
 /// Where CAN1 is.
 const CAN1: Range<u64> = 0x4000_6400..0x4000_6800;
 
-/// Nanoseconds since the power came.
+/// Nanoseconds under power, since it came for the first time.
 pub type Nanos = u64;
 
 /// Where the emulator has stopped.
@@ -65,7 +67,7 @@ pub struct Summary {
 pub struct Machine {
     orders: Sender<Order>,
     answers: Receiver<Answer>,
-    thread: Option<JoinHandle<Summary>>,
+    thread: Option<JoinHandle<()>>,
     reached: Reached,
 }
 
@@ -75,18 +77,23 @@ enum Order {
     Write(u64, Vec<u8>),
     Drive(Port, u8, bool),
     IsHigh(Port, u8),
-    PowerOff,
+    Power(bool),
+    /// RAM without a supply holds anything.
+    Forget,
+    Sum,
+    End,
 }
 
 enum Answer {
     Reached(Reached),
     Bytes(Vec<u8>),
     Level(bool),
+    Summary(Summary),
     Done,
 }
 
 impl Machine {
-    /// Switches a board on: it stands before its first instruction.
+    /// A board that is switched on: it stands before its first instruction.
     ///
     /// # Panics
     /// When the image cannot be loaded into the part.
@@ -102,6 +109,7 @@ impl Machine {
             reached: Reached { at: 0, instructions: 0, asleep: None, resets: 0 },
         };
         machine.reached = machine.wait_for_stop();
+        machine.ask(Order::Forget);
         machine
     }
 
@@ -147,14 +155,26 @@ impl Machine {
         matches!(self.ask(Order::IsHigh(port, pin)), Answer::Level(true))
     }
 
-    /// Cuts its power.
-    ///
-    /// # Panics
-    /// When the emulator did.
-    pub fn power_off(mut self) -> Summary {
-        self.order(Order::PowerOff);
-        let thread = self.thread.take().expect("it runs until it is switched off");
-        thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    /// Cuts its power: it stands as long as that is off. What its RAM held is lost.
+    pub fn cut_power(&mut self) -> Reached {
+        self.ask(Order::Power(false));
+        self.ask(Order::Forget);
+        self.start(self.reached.at + 1);
+        self.wait()
+    }
+
+    /// Gives the power back: it stands before its first instruction.
+    pub fn give_power(&self) {
+        self.ask(Order::Power(true));
+    }
+
+    /// What the runs until now have left behind.
+    #[must_use]
+    pub fn summary(&self) -> Summary {
+        match self.ask(Order::Sum) {
+            Answer::Summary(summary) => summary,
+            _ => unreachable!("a sum is answered by one"),
+        }
     }
 
     fn order(&self, order: Order) {
@@ -174,7 +194,7 @@ impl Machine {
             Err(_) => {
                 let thread = self.thread.take().expect("it runs until it is switched off");
                 match thread.join() {
-                    Ok(summary) => panic!("the emulator has ended by itself: {summary:?}"),
+                    Ok(()) => panic!("the emulator has ended by itself"),
                     Err(panic) => std::panic::resume_unwind(panic),
                 }
             }
@@ -185,21 +205,29 @@ impl Machine {
 impl Drop for Machine {
     fn drop(&mut self) {
         if let Some(thread) = self.thread.take() {
-            self.order(Order::PowerOff);
+            self.order(Order::End);
             let _ = thread.join();
         }
     }
 }
 
-fn run(image: &Image, connections: Connections, orders: Receiver<Order>, answers: Sender<Answer>) -> Summary {
+fn run(image: &Image, connections: Connections, orders: Receiver<Order>, answers: Sender<Answer>) {
     let can = connections.can.clone();
     let part = Stm32f429::new(connections).expect("the part is described without contradiction");
     let session = Session::new(Box::new(Nucleo { part }), 0, VirtualNanos(0)).expect("the board has one part");
     let conductor = Conductor { orders, answers, can, asleep: None };
     let start = Start::new(image.for_emulator());
-    let Finished { session, .. } = emulator::run(session, &start, conductor).expect("the image fits the part");
+    emulator::run(session, &start, conductor).expect("the image fits the part");
+}
+
+/// All resets but those that come with the power.
+fn resets(session: &Session<Nucleo>) -> impl Iterator<Item = &rigless::session::Reset> {
+    session.resets().iter().filter(|reset| reset.cause != ResetCause::PowerOn)
+}
+
+fn summary(session: &Session<Nucleo>) -> Summary {
     let reset = |reset: &rigless::session::Reset| Reset { at: reset.at.0, cause: format!("{:?}", reset.cause) };
-    Summary { resets: session.resets().iter().map(reset).collect(), complaints: complaints(&session) }
+    Summary { resets: resets(session).map(reset).collect(), complaints: complaints(session) }
 }
 
 /// What the firmware did that the part does not have or does not allow.
@@ -209,6 +237,16 @@ fn complaints(session: &Session<Nucleo>) -> Vec<String> {
     let unrouted = session.unrouted().iter().map(|line| format!("an interrupt that goes nowhere: {line:?}"));
     let told = session.told().map(|told| format!("{} {}: {}", told.instance, told.register, told.reason));
     unmapped.chain(refused).chain(unrouted).chain(told).collect()
+}
+
+/// Fills RAM with noise.
+fn forget(host: &mut dyn Host) {
+    let mut random = fastrand::Rng::with_seed(0);
+    for range in &RAM {
+        for address in range.clone().step_by(4) {
+            host.write(address, Width::W32, random.u32(..).into()).expect("there is memory");
+        }
+    }
 }
 
 /// The board as the emulator wants it.
@@ -233,7 +271,7 @@ impl Board for Nucleo {
     }
 
     fn targets(&mut self) -> Vec<Target<'_>> {
-        let core = armv7m::Core {
+        let mut core = armv7m::Core {
             variant: armv7m::Variant::M4,
             clock_hz: NonZeroU64::new(CORE_HZ).expect("it runs"),
             interrupt_lines: NonZeroU32::new(u32::from(self.part.cpu().interrupt_lines)).expect("it has some"),
@@ -243,6 +281,7 @@ impl Board for Nucleo {
             boot: BOOT,
         }
         .spec_with_parts(&windows(self.part.bus()), armv7m::Fpu::FpV4Sp, armv7m::MpuRegions::Eight);
+        core.processor = warm::kept(core.processor);
         vec![Target::new("STM32F429ZI", &mut self.part, core)]
     }
 }
@@ -274,7 +313,16 @@ impl Conductor {
                 Answer::Done
             }
             Order::IsHigh(port, pin) => Answer::Level(session.board().part.is_high(port, pin)),
-            Order::RunUntil(_) | Order::PowerOff => unreachable!("these end the stop"),
+            Order::Power(on) => {
+                session.board_mut().part.power(on, now);
+                Answer::Done
+            }
+            Order::Forget => {
+                forget(host);
+                Answer::Done
+            }
+            Order::Sum => Answer::Summary(summary(session)),
+            Order::RunUntil(_) | Order::End => unreachable!("these end the stop"),
         }
     }
 }
@@ -302,13 +350,13 @@ impl Driver<Nucleo> for Conductor {
             at: stop.at.0,
             instructions: stop.instruction_count,
             asleep: self.asleep.take(),
-            resets: session.resets().len(),
+            resets: resets(session).count(),
         };
         self.answers.send(Answer::Reached(reached)).ok()?;
         loop {
             match self.orders.recv().ok()? {
                 Order::RunUntil(until) => return Some(VirtualNanos(until)),
-                Order::PowerOff => return None,
+                Order::End => return None,
                 order => {
                     let answer = self.carry_out(order, session, stop.at, host);
                     self.answers.send(answer).ok()?;

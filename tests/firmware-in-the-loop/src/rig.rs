@@ -12,8 +12,9 @@ use protocol_core::time::{Duration, Instant, after, since};
 use crate::bxcan::Message;
 use crate::flash::Flash;
 use crate::image::Image;
-use crate::machine::{Machine, Reset, Summary};
+use crate::machine::{Machine, Nanos, Reset};
 use crate::part::{Connections, SharedFlash};
+use crate::stack;
 
 /// How long several boards run without seeing each other: shorter than the shortest frame at the highest bit rate.
 const SLICE: Duration = Duration::from_micros(20);
@@ -32,9 +33,11 @@ pub struct Rig {
 struct Board {
     controller: ControllerId,
     connections: Connections,
+    /// Once it was switched on; it stays when the power goes, for what the emulator has compiled of the image.
     machine: Option<Machine>,
-    /// When it was switched on.
-    since: Instant,
+    powered: bool,
+    /// The world's time, in nanoseconds, at which the time of the machine began, if there had been no time without power.
+    began: u64,
     /// What the world was told: at how many bits per second it is on the bus, and whether silent.
     on_bus: Option<(u64, bool)>,
     /// The length code that the next frames come with, in the place of their own.
@@ -43,8 +46,9 @@ struct Board {
     sending_since: Instant,
     /// How long its last frame took.
     last_sent: Option<Duration>,
-    resets: Vec<Reset>,
     power_cuts: u64,
+    /// How many bytes of the stack were used at the most before the last power cut, if that is watched.
+    stack: Option<u64>,
 }
 
 impl Rig {
@@ -62,13 +66,14 @@ impl Rig {
             controller,
             connections,
             machine: None,
-            since: self.world.now(),
+            powered: false,
+            began: 0,
             on_bus: None,
             length_code: None,
             sending_since: self.world.now(),
             last_sent: None,
-            resets: Vec::new(),
             power_cuts: 0,
+            stack: None,
         });
         BoardId(self.boards.len() - 1)
     }
@@ -85,34 +90,40 @@ impl Rig {
     pub fn power(&mut self, id: BoardId, on: bool) {
         let now = self.world.now();
         let board = &mut self.boards[id.0];
-        match board.machine.take() {
-            None if on => {
-                board.since = now;
-                board.machine = Some(Machine::power_on(Image::get(), board.connections.clone()));
+        if std::mem::replace(&mut board.powered, on) == on {
+            return;
+        }
+        if on {
+            match &mut board.machine {
+                None => board.machine = Some(Machine::power_on(Image::get(), board.connections.clone())),
+                Some(machine) => machine.give_power(),
             }
-            Some(machine) if !on => {
-                let at = machine.reached().at;
-                let Summary { resets, mut complaints } = machine.power_off();
-                board.resets.extend(resets);
-                board.power_cuts += 1;
-                let mut flash = board.connections.flash.lock();
-                flash.reset(at, board.power_cuts);
-                complaints.extend(flash.take_complaints());
-                drop(flash);
-                *board.connections.can.lock() = Default::default();
-                *board.connections.terminal.lock() = Default::default();
-                board.on_bus = None;
-                self.world.reset_controller(board.controller);
-                assert!(complaints.is_empty(), "{}", complaints.join("\n"));
+            if let (Some(_), Some(machine)) = (board.stack, &board.machine) {
+                stack::paint(machine);
             }
-            machine => board.machine = machine,
+            // It may have gone a few nanoseconds beyond the cut.
+            board.began = (now.as_micros() * 1000).saturating_sub(board.at());
+        } else if let Some(machine) = &mut board.machine {
+            let at = machine.reached().at;
+            board.power_cuts += 1;
+            board.stack = board.stack.map(|deepest| deepest.max(stack::used(machine)));
+            // What was under way in the flash is torn by the cut, before the part is made anew.
+            board.connections.flash.lock().reset(at, board.power_cuts);
+            machine.cut_power();
+            let mut complaints = machine.summary().complaints;
+            complaints.extend(board.connections.flash.lock().take_complaints());
+            *board.connections.terminal.lock() = Default::default();
+            board.connections.can.lock().was_reset = false;
+            board.on_bus = None;
+            self.world.reset_controller(board.controller);
+            assert!(complaints.is_empty(), "{}", complaints.join("\n"));
         }
     }
 
     /// The emulated board itself, while it is powered.
     #[must_use]
     pub fn machine(&self, id: BoardId) -> Option<&Machine> {
-        self.boards[id.0].machine.as_ref()
+        self.boards[id.0].running()
     }
 
     /// What is connected to a board.
@@ -125,6 +136,12 @@ impl Rig {
     #[must_use]
     pub fn controller(&self, id: BoardId) -> ControllerId {
         self.boards[id.0].controller
+    }
+
+    /// The world's time at a time of a board under power.
+    #[must_use]
+    pub fn instant(&self, id: BoardId, nanos: Nanos) -> Instant {
+        Instant::from_micros((self.boards[id.0].began + nanos) / 1000)
     }
 
     /// At how many bits per second the controller of a board is on the bus.
@@ -144,10 +161,26 @@ impl Rig {
         self.boards[id.0].length_code = code;
     }
 
-    /// The resets of a board in the runs that have ended.
+    /// The resets of a board but for those that came with the power.
     #[must_use]
-    pub fn resets(&self, id: BoardId) -> &[Reset] {
-        &self.boards[id.0].resets
+    pub fn resets(&self, id: BoardId) -> Vec<Reset> {
+        self.boards[id.0].machine.as_ref().map(|machine| machine.summary().resets).unwrap_or_default()
+    }
+
+    /// From the next power-up on, it is watched how much of its stack a board uses.
+    pub fn watch_stack(&mut self, id: BoardId) {
+        self.boards[id.0].stack = Some(0);
+    }
+
+    /// How many bytes of its stack a board has used at the most.
+    ///
+    /// # Panics
+    /// When that is not watched.
+    #[must_use]
+    pub fn stack(&self, id: BoardId) -> u64 {
+        let board = &self.boards[id.0];
+        let before = board.stack.expect("it is watched");
+        board.running().map_or(before, |machine| before.max(stack::used(machine)))
     }
 
     /// Types a line at the console of a board.
@@ -178,21 +211,35 @@ impl Rig {
     pub fn step(&mut self, until: Instant) {
         self.exchange();
         let now = self.world.now();
-        let several = self.boards.iter().filter(|board| board.machine.is_some()).count() > 1;
+        let several = self.boards.iter().filter(|board| board.powered).count() > 1;
         let limit = if several { until.min(after(now, SLICE)) } else { until };
         let horizon = self.world.next_event().clamp(now, limit.max(now));
         let reached = self.run_boards(horizon);
+        self.offer_anew(reached);
         self.world.run_until(reached);
         self.exchange();
     }
 
+    /// What a board has changed by `reached` counts for a frame that starts there: told later, the bus would send a frame
+    /// that its controller has taken back, and the controller would think of another one that it was sent.
+    fn offer_anew(&mut self, reached: Instant) {
+        let before = Instant::from_ticks(reached.as_ticks().saturating_sub(1));
+        for board in &mut self.boards {
+            let changed = board.powered && board.reached() <= reached && board.connections.can.lock().changed;
+            if changed {
+                self.world.run_until(before.max(self.world.now()));
+                board.offer(&mut self.world);
+            }
+        }
+    }
+
     /// Lets the boards run to `horizon`; says how far all of them have come.
     fn run_boards(&mut self, horizon: Instant) -> Instant {
-        let running = |board: &mut &mut Board| board.machine.is_some() && board.reached() < horizon;
+        let running = |board: &mut &mut Board| board.powered && board.reached() < horizon;
         let mut started: Vec<&mut Board> =
             self.boards.iter_mut().filter_map(|mut board| running(&mut board).then_some(board)).collect();
         for board in &mut started {
-            let until = nanos(since(horizon, board.since));
+            let until = horizon.as_micros() * 1000 - board.began;
             if let Some(machine) = &board.machine {
                 machine.start(until);
             }
@@ -202,7 +249,7 @@ impl Rig {
                 machine.wait();
             }
         }
-        let reached = self.boards.iter().filter(|board| board.machine.is_some()).map(Board::reached);
+        let reached = self.boards.iter().filter(|board| board.powered).map(Board::reached);
         reached.min().unwrap_or(horizon).min(horizon)
     }
 
@@ -211,7 +258,7 @@ impl Rig {
         let now = self.world.now();
         for board in &mut self.boards {
             // One that has run ahead is looked at when the others have caught up.
-            if board.machine.is_some() && board.passed() <= now {
+            if board.powered && board.passed() <= now {
                 board.exchange(&mut self.world);
             }
         }
@@ -221,12 +268,17 @@ impl Rig {
 impl Board {
     /// The first instant of the world's time that it has not passed.
     fn reached(&self) -> Instant {
-        after(self.since, Duration::from_micros(self.at().div_ceil(1000)))
+        Instant::from_micros((self.began + self.at()).div_ceil(1000))
     }
 
     /// The last instant of the world's time that it has come to. It stops between two instructions, a little late.
     fn passed(&self) -> Instant {
-        after(self.since, Duration::from_micros(self.at() / 1000))
+        Instant::from_micros((self.began + self.at()) / 1000)
+    }
+
+    /// The machine, while it is powered.
+    fn running(&self) -> Option<&Machine> {
+        self.machine.as_ref().filter(|_| self.powered)
     }
 
     fn at(&self) -> u64 {
@@ -234,11 +286,8 @@ impl Board {
     }
 
     fn exchange(&mut self, world: &mut World) {
+        self.follow_reset(world);
         let mut shared = self.connections.can.lock();
-        if std::mem::take(&mut shared.was_reset) {
-            world.reset_controller(self.controller);
-            self.on_bus = None;
-        }
         for (at, event) in world.take_events(self.controller).into_iter().flatten() {
             match event {
                 WireEvent::Begins { own: true } => self.sending_since = at,
@@ -250,6 +299,22 @@ impl Board {
                 _ => shared.can.hear(event),
             }
         }
+        drop(shared);
+        self.offer(world);
+    }
+
+    /// Tells the bus of a reset of the part.
+    fn follow_reset(&mut self, world: &mut World) {
+        if std::mem::take(&mut self.connections.can.lock().was_reset) {
+            world.reset_controller(self.controller);
+            self.on_bus = None;
+        }
+    }
+
+    /// Tells the bus what the controller is to it and would send next.
+    fn offer(&mut self, world: &mut World) {
+        self.follow_reset(world);
+        let mut shared = self.connections.can.lock();
         shared.changed = false;
         let on_bus = shared.on_bus();
         if on_bus != self.on_bus {
@@ -279,8 +344,4 @@ fn bit_rate(bits_per_second: u64) -> BitRate {
     let bits = u32::try_from(bits_per_second).ok();
     bits.and_then(BitRate::from_bits_per_second)
         .unwrap_or_else(|| panic!("the firmware's bit timing gives {bits_per_second} bit/s, which no bus has"))
-}
-
-fn nanos(time: Duration) -> u64 {
-    time.as_micros() * 1000
 }

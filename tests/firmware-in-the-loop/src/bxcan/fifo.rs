@@ -15,13 +15,16 @@ pub(super) struct Fifo {
     messages: VecDeque<(Message, u8)>,
     full: bool,
     overrun: bool,
-    /// How many messages were lost, for tests.
+    /// How many messages came, for tests.
+    pub(super) came: u64,
+    /// How many of them were lost, for tests.
     pub(super) lost: u32,
 }
 
 impl Fifo {
     /// Stores a message; in a full FIFO it takes the place of the last one, or is lost when that is `locked`.
     pub(super) fn store(&mut self, message: Message, filter: u8, locked: bool) {
+        self.came += 1;
         if self.messages.len() == DEPTH {
             self.overrun = true;
             self.lost += 1;
@@ -63,6 +66,6 @@ impl Fifo {
     }
 
     pub(super) fn clear(&mut self) {
-        *self = Self { lost: self.lost, ..Self::default() };
+        *self = Self { came: self.came, lost: self.lost, ..Self::default() };
     }
 }

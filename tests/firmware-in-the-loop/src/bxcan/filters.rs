@@ -21,6 +21,10 @@ pub(super) struct Filters {
     fifo: u32,
     active: u32,
     banks: [[u32; 2]; BANKS],
+    /// What a bank held when it was deactivated.
+    before: [Option<[u32; 2]>; BANKS],
+    /// How often frames that were wanted before and after could have been lost, for tests.
+    pub(super) gaps: u32,
 }
 
 /// Where a message goes.
@@ -33,7 +37,16 @@ pub(super) struct Match {
 
 impl Default for Filters {
     fn default() -> Self {
-        Self { master: FMR_AT_RESET, list: 0, wide: 0, fifo: 0, active: 0, banks: [[0; 2]; BANKS] }
+        Self {
+            master: FMR_AT_RESET,
+            list: 0,
+            wide: 0,
+            fifo: 0,
+            active: 0,
+            banks: [[0; 2]; BANKS],
+            before: [None; BANKS],
+            gaps: 0,
+        }
     }
 }
 
@@ -52,17 +65,34 @@ impl Filters {
     pub(super) fn write(&mut self, offset: u32, value: u32) {
         let initializing = self.master & FINIT != 0;
         match offset {
-            FMR => self.master = self.master & !FMR_WRITABLE | value & FMR_WRITABLE,
+            FMR => {
+                self.gaps += u32::from(!initializing && value & FINIT != 0 && self.active != 0);
+                self.master = self.master & !FMR_WRITABLE | value & FMR_WRITABLE;
+            }
             FM1R if initializing => self.list = value & ALL_BANKS,
             FS1R if initializing => self.wide = value & ALL_BANKS,
             FFA1R if initializing => self.fifo = value & ALL_BANKS,
-            FA1R => self.active = value & ALL_BANKS,
+            FA1R => {
+                self.note_gaps(value);
+                self.active = value & ALL_BANKS;
+            }
             _ => {
                 if let Some((bank, register)) = bank_register(offset)
                     && (initializing || self.active >> bank & 1 == 0)
                 {
                     self.banks[bank][register] = value;
                 }
+            }
+        }
+    }
+
+    /// A bank that is deactivated and activated again as it was has let frames go by.
+    fn note_gaps(&mut self, active: u32) {
+        for (bank, registers) in self.banks.iter().enumerate() {
+            match (self.active >> bank & 1, active >> bank & 1) {
+                (1, 0) => self.before[bank] = Some(*registers),
+                (0, 1) => self.gaps += u32::from(self.before[bank].take() == Some(*registers)),
+                _ => {}
             }
         }
     }

@@ -83,7 +83,9 @@ impl Mailboxes {
                 if self.on_wire == Some(number) {
                     target.aborting = true;
                 } else {
-                    (target.pending, target.status) = (false, tsr::RQCP);
+                    // How an earlier attempt failed stands on.
+                    target.pending = false;
+                    target.status |= tsr::RQCP;
                 }
             }
         }

@@ -201,6 +201,19 @@ impl BxCan {
         [self.fifos[0].lost, self.fifos[1].lost]
     }
 
+    /// How many messages the filters have let into the two FIFOs.
+    #[must_use]
+    pub fn came(&self) -> [u64; 2] {
+        [self.fifos[0].came, self.fifos[1].came]
+    }
+
+    /// How often a filter was off in between that was the same before and after, or all were: silicon receives nothing
+    /// by it meanwhile.
+    #[must_use]
+    pub const fn filter_gaps(&self) -> u32 {
+        self.filters.gaps
+    }
+
     fn status(&self) -> u32 {
         let acknowledged = match self.mode {
             Mode::Sleep | Mode::Synchronising { from_sleep: true } => msr::SLAK,

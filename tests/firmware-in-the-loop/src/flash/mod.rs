@@ -23,11 +23,22 @@ pub type Nanos = u64;
 /// How long programming takes, whatever the width (DS9405, typical).
 pub const PROGRAM_TIME: Nanos = 16_000;
 
-/// What is under way.
+/// An operation that has begun.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Operation {
+pub struct Operation {
     what: What,
-    until: Nanos,
+    /// When it began.
+    pub from: Nanos,
+    /// When it ends, unless it is cut.
+    pub until: Nanos,
+}
+
+impl Operation {
+    /// Whether a sector is erased, not a word written.
+    #[must_use]
+    pub const fn is_erase(&self) -> bool {
+        matches!(self.what, What::Erase { .. })
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,6 +59,7 @@ pub struct Flash {
     complaints: Vec<String>,
     programs: u64,
     erases: u64,
+    journal: Vec<Operation>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,6 +82,7 @@ impl Default for Flash {
             complaints: Vec::new(),
             programs: 0,
             erases: 0,
+            journal: Vec::new(),
         }
     }
 }
@@ -82,6 +95,12 @@ impl Flash {
         let mut flash = Self::default();
         flash.array.fill(0, content);
         flash
+    }
+
+    /// Bank 2 holds these bytes from its start on, as an adapter writes them: the rest of it is erased.
+    pub fn restore(&mut self, content: &[u8]) {
+        self.array = Array::default();
+        self.array.fill(0, content);
     }
 
     /// The first `size` bytes of bank 2.
@@ -104,6 +123,12 @@ impl Flash {
     #[must_use]
     pub const fn wear(&self) -> (u64, u64) {
         (self.programs, self.erases)
+    }
+
+    /// All that began since the power came, or the last reset.
+    #[must_use]
+    pub fn journal(&self) -> &[Operation] {
+        &self.journal
     }
 
     /// The end of the operation that is under way.
@@ -184,7 +209,7 @@ impl Flash {
             return;
         }
         let width = 1 << (self.control >> cr::PSIZE & 3);
-        if self.control & (cr::LOCK | cr::PG) != cr::PG {
+        if self.control & (cr::LOCK | cr::PG | cr::SER | cr::MER | cr::MER1) != cr::PG {
             self.fail(sr::PGSERR);
         } else if bytes != width {
             self.fail(sr::PGPERR);
@@ -192,14 +217,15 @@ impl Flash {
             self.fail(sr::WRPERR);
         } else {
             let what = What::Program { offset, bytes, value };
-            self.operation = Some(Operation { what, until: now + PROGRAM_TIME });
+            self.begin(Operation { what, from: now, until: now + PROGRAM_TIME });
         }
     }
 
     /// The level of its interrupt line.
     #[must_use]
     pub const fn interrupt(&self) -> bool {
-        self.status & sr::EOP != 0 || self.status & sr::OPERR != 0
+        self.status & sr::EOP != 0 && self.control & cr::EOPIE != 0
+            || self.status & sr::OPERR != 0 && self.control & cr::ERRIE != 0
     }
 
     /// Ends what ends by `now`.
@@ -219,6 +245,11 @@ impl Flash {
         if self.control & cr::EOPIE != 0 {
             self.status |= sr::EOP;
         }
+    }
+
+    fn begin(&mut self, operation: Operation) {
+        self.operation = Some(operation);
+        self.journal.push(operation);
     }
 
     fn unlock(&mut self, key: u32) {
@@ -244,7 +275,7 @@ impl Flash {
                 return;
             }
             let until = now + array::erase_time(size, parallelism);
-            self.operation = Some(Operation { what: What::Erase { from, size }, until });
+            self.begin(Operation { what: What::Erase { from, size }, from: now, until });
             return;
         } else {
             self.complain(now, &format!("SNB {sector:#x} is erased, which is no sector of bank 2"));

@@ -60,9 +60,12 @@ fn the_width_has_to_be_that_of_psize_and_pg_has_to_be_set() {
     flash.write(0, 1, 0, 0);
     assert_eq!(status(&mut flash, 0), sr::PGPERR);
     flash.write_register(SR, sr::PGPERR, 0);
-    flash.write_register(CR, WORD, 0);
-    flash.write(0, 4, 0, 0);
-    assert_eq!(status(&mut flash, 0), sr::PGSERR);
+    for control in [WORD, WORD | cr::PG | cr::SER] {
+        flash.write_register(SR, sr::PGSERR, 0);
+        flash.write_register(CR, control, 0);
+        flash.write(0, 4, 0, 0);
+        assert_eq!(status(&mut flash, 0), sr::PGSERR, "{control:#x}");
+    }
     assert_eq!(flash.content(4), [ERASED; 4]);
 }
 
@@ -99,6 +102,69 @@ fn the_end_and_errors_interrupt_when_that_is_enabled() {
     flash.write(0, 4, 0, PROGRAM_TIME);
     assert_eq!(status(&mut flash, PROGRAM_TIME), sr::WRPERR | sr::OPERR);
     assert!(flash.interrupt());
+}
+
+#[test]
+fn an_erase_tells_of_its_end_by_interrupt_and_keeps_its_settings() {
+    let control = cr::SER | 0x10 << cr::SNB | WORD | cr::EOPIE | cr::ERRIE;
+    let mut flash = unlocked();
+    flash.write_register(CR, control, 0);
+    flash.write_register(CR, control | cr::STRT, 0);
+    flash.settle(250 * MS - 1);
+    assert!(!flash.interrupt());
+    assert_eq!(flash.read_register(CR, 250 * MS - 1), Some(control | cr::STRT), "STRT stands until the end");
+    flash.settle(250 * MS);
+    assert!(flash.interrupt());
+    assert_eq!((status(&mut flash, 250 * MS), flash.read_register(CR, 250 * MS)), (sr::EOP, Some(control)));
+    flash.write_register(SR, sr::EOP | sr::OPERR, 250 * MS);
+    assert!(!flash.interrupt());
+    assert_eq!((flash.due(), flash.wear()), (None, (0, 1)));
+}
+
+#[test]
+fn an_erase_that_fails_tells_so_by_interrupt_at_once() {
+    let mut flash = unlocked();
+    flash.set_fails(true);
+    flash.write_register(CR, cr::SER | cr::STRT | 0x10 << cr::SNB | WORD | cr::EOPIE | cr::ERRIE, 0);
+    assert_eq!((status(&mut flash, 0), flash.due()), (sr::WRPERR | sr::OPERR, None));
+    assert!(flash.interrupt());
+    flash.write_register(SR, sr::OPERR, 0);
+    assert!(!flash.interrupt());
+    assert_eq!(status(&mut flash, 0), sr::WRPERR, "each flag is cleared by itself");
+    flash.set_fails(false);
+    flash.write_register(CR, cr::SER | cr::STRT | 0x10 << cr::SNB | WORD | cr::EOPIE | cr::ERRIE, 0);
+    assert_eq!(flash.due(), Some(250 * MS), "it works again");
+}
+
+#[test]
+fn an_interrupt_that_is_disabled_again_does_not_stand() {
+    let mut flash = unlocked();
+    flash.write_register(CR, cr::PG | WORD | cr::EOPIE, 0);
+    flash.write(0, 4, 0, 0);
+    flash.settle(PROGRAM_TIME);
+    flash.write_register(CR, cr::PG | WORD, PROGRAM_TIME);
+    assert!(!flash.interrupt());
+    assert_eq!(status(&mut flash, PROGRAM_TIME), sr::EOP, "the flag does");
+}
+
+#[test]
+fn the_status_and_bank_1_may_be_read_during_an_operation() {
+    let mut flash = unlocked();
+    flash.write_register(CR, cr::SER | cr::STRT | 0x10 << cr::SNB | WORD, 0);
+    assert_eq!(status(&mut flash, 1000), sr::BSY);
+    assert_eq!(flash.read_register(CR, 1000).map(|control| control & cr::STRT), Some(cr::STRT));
+    assert_eq!(flash.take_complaints(), Vec::<String>::new());
+}
+
+#[test]
+fn the_journal_tells_when_what_began_since_the_power_came() {
+    let mut flash = unlocked();
+    let done = programmed(&mut flash, 0, 0, 100);
+    flash.write_register(CR, cr::SER | cr::STRT | 0x11 << cr::SNB | WORD, done);
+    let times: Vec<_> = flash.journal().iter().map(|entry| (entry.is_erase(), entry.from, entry.until)).collect();
+    assert_eq!(times, [(false, 100, done), (true, done, done + 250 * MS)]);
+    flash.reset(done, 0);
+    assert_eq!(flash.journal(), []);
 }
 
 #[test]

@@ -41,6 +41,8 @@ static MEMORY: [Region; 4] = [
     Region::system("system", 0x1FFF_0000, 32 << 10),
     Region::ram("sram", 0x2000_0000, 192 << 10),
 ];
+/// What of it forgets without a supply.
+pub const RAM: [std::ops::Range<u64>; 2] = [0x1000_0000..0x1001_0000, 0x2000_0000..0x2003_0000];
 /// The region that the processor boots from.
 pub const BOOT: &str = "bank 1";
 
@@ -187,6 +189,11 @@ impl Stm32f429 {
         self.gpio[port as usize].drive(number, Some(high.into()), registers, &mut context);
     }
 
+    /// Cuts the supply, or gives it back: with the next thing that happens.
+    pub fn power(&mut self, on: bool, now: VirtualNanos) {
+        self.bus.drive(now, self.slots.pwr).1.request_power(on);
+    }
+
     /// Whether the firmware drives a pin high.
     #[must_use]
     pub fn is_high(&self, port: Port, pin: u8) -> bool {
@@ -289,8 +296,11 @@ impl Mcu for Stm32f429 {
         self.connections.flash.lock().reset(at.0, self.resets);
         Device::reset(&mut self.can);
         let mut fresh = Self::new(self.connections.clone()).expect("a part that was assembled once");
-        let Self { rcc, bus, slots, .. } = &mut fresh;
-        rcc.restarted(cause, flags, bus.slot_mut(slots.rcc).registers_mut());
+        // What comes with the power is as new, its flags of the last reset included.
+        if cause != ResetCause::PowerOn {
+            let Self { rcc, bus, slots, .. } = &mut fresh;
+            rcc.restarted(cause, flags, bus.slot_mut(slots.rcc).registers_mut());
+        }
         for (port, pin, high) in &self.driven {
             fresh.drive(*port, *pin, *high, at);
         }

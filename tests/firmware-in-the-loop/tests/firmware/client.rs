@@ -1,9 +1,11 @@
-//! A master on the bus of an emulated valve, and the same on that of a host device to compare with.
+//! A master on the bus of an emulated valve.
 
 use std::collections::VecDeque;
 
 use firmware_in_the_loop::bench::ImageBench;
-use hal_sim::use_case::{Bench, SimulatedBench, UseCase, Valve};
+use firmware_in_the_loop::flash::Flash;
+use firmware_in_the_loop::machine::Machine;
+use hal_sim::use_case::{Bench, Valve};
 use protocol_core::controller::BitRate;
 use protocol_core::device::pve::Kind;
 use protocol_core::frame::Frame;
@@ -11,6 +13,8 @@ use protocol_core::time::{Duration, after};
 
 /// The valve of these tests.
 pub const VALVE: Valve = Valve { kind: Kind::PveaCanopen, node_id: 0x20, serial: None };
+/// The valve of those on ISOBUS.
+pub const ON_ISOBUS: Valve = Valve { kind: Kind::PveaIsobus, node_id: 0x83, serial: None };
 /// How long an answer may take.
 const PATIENCE: Duration = Duration::from_millis(1500);
 
@@ -36,18 +40,38 @@ impl ImageClient {
         Self::powered(ImageBench::with_valves(BitRate::Kbit250, &VALVE, &[]))
     }
 
+    /// The valve on ISOBUS, after the wait that follows its claim.
+    pub fn on_isobus() -> Self {
+        let bench = ImageBench::with_valves(BitRate::Kbit250, &ON_ISOBUS, &[]);
+        let mut client = Self { bench, aside: VecDeque::new() };
+        client.bench.power_cycle();
+        client.expect("18EEFF83: 01 00 20 07 08 FF 02 20");
+        client.wait_ms(260);
+        client.aside.clear();
+        client
+    }
+
+    /// The valve with this flash, booted at 250 kbit/s.
+    pub fn with_flash(content: &[u8]) -> Self {
+        Self::powered(ImageBench::with_flash(BitRate::Kbit250, Flash::with_content(content), &[]))
+    }
+
+    /// The emulated board.
+    pub fn machine(&self) -> &Machine {
+        self.bench.rig.machine(self.bench.board).expect("it is under power")
+    }
+
+    /// Cuts the power and looks whether the part was ever reset; there was no reset unless a test wanted one.
+    pub fn end_without_reset(mut self) {
+        let board = self.bench.board;
+        self.bench.rig.power(board, false);
+        assert_eq!(self.bench.rig.resets(board), []);
+    }
+
     /// Goes on until something happens, or a while.
     pub fn step(&mut self) {
         let limit = after(self.bench.now(), Duration::from_millis(10));
         self.bench.rig.step(limit);
-    }
-}
-
-impl Client<SimulatedBench> {
-    /// The host device, booted at 250 kbit/s.
-    pub fn booted_on_host() -> Self {
-        let case = UseCase { name: "", title: "", valves: &[VALVE], steps: &[] };
-        Self::powered(SimulatedBench::new(&case))
     }
 }
 

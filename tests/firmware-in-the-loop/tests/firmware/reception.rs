@@ -26,8 +26,13 @@ fn length_codes_from_9_to_15_do_no_harm_in_either_fifo() {
                 client.bench.rig.world.send(client.bench.master, Frame::full(standard(id).into(), [0xFF; 8]));
                 client.bench.rig.world.send(client.bench.master, Frame::remote(standard(id).into(), 8));
             }
-            client.bench.rig.world.send(client.bench.master, Frame::full(extended(0x18EA_FFFE).into(), [0; 8]));
+            for id in [0x18EA_FFFE, 0x1BC7_8820] {
+                client.bench.rig.world.send(client.bench.master, Frame::full(extended(id).into(), [0; 8]));
+            }
+            let before = client.bench.rig.connections(board).can.lock().can.came();
             client.listen_ms(20);
+            let came = client.bench.rig.connections(board).can.lock().can.came();
+            assert!(came[fifo as usize] >= before[fifo as usize] + 5, "hardly anything reached FIFO {fifo}");
             // An SDO request is eight bytes long, and a length code above 8 means 8.
             assert_eq!(client.read(0x1018, 1), 0x0100_0019, "FIFO {fifo}, length code {code}");
             client.bench.rig.set_length_code(board, None);

@@ -17,10 +17,9 @@ macro_rules! use_cases {
             passes($name);
         })*
 
-        /// Of those that the image's default kind can play.
         #[test]
         fn none_is_left_out() {
-            let known: Vec<_> = hal_sim::use_case::CANOPEN.iter().map(|case| case.name).collect();
+            let known: Vec<_> = hal_sim::use_case::all().iter().map(|case| case.name).collect();
             assert_eq!(known, [$($name),*]);
         }
     };
@@ -33,4 +32,5 @@ use_cases! {
     use_case_4: "4",
     use_case_5: "5",
     use_case_6: "6",
+    use_case_isobus: "isobus",
 }

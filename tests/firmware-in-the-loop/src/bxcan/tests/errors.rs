@@ -211,3 +211,54 @@ fn an_error_whose_interrupt_is_not_enabled_is_not_noted() {
     }
     assert_eq!(can.read(MSR) & msr::ERRI, 0);
 }
+
+#[test]
+fn the_way_back_raises_no_interrupt() {
+    let mut can = on_bus(mcr::ABOM);
+    can.write(IER, ier::EWGIE | ier::EPVIE | ier::BOFIE | ier::ERRIE);
+    request(&mut can, 0, &std(0x100, &[]));
+    for _ in 0..32 {
+        fail(&mut can, BusError::Bit);
+    }
+    assert!(can.interrupts().status);
+    can.write(MSR, msr::ERRI);
+    can.hear(Recovered);
+    assert_eq!(flags(&can), 0);
+    assert!(!can.interrupts().status, "who wants to know has to look");
+}
+
+#[test]
+fn back_below_a_limit_its_flag_goes_and_can_rise_again() {
+    let mut can = on_bus(0);
+    can.write(IER, ier::EPVIE | ier::ERRIE);
+    (0..128).for_each(|_| disturb(&mut can, false));
+    assert!(can.interrupts().status);
+    can.write(MSR, msr::ERRI);
+    receive(&mut can, std(1, &[]));
+    assert_eq!(flags(&can), esr::EWGF);
+    (0..8).for_each(|_| disturb(&mut can, false));
+    assert!(can.interrupts().status, "a second time");
+}
+
+#[test]
+fn an_abort_in_bus_off_empties_the_mailbox() {
+    let mut can = failing(mcr::ABOM, 32);
+    can.write(TSR, tsr::ABRQ);
+    assert_eq!(can.read(TSR) >> 26 & 7, 0b111);
+    can.hear(Recovered);
+    assert_eq!(can.offer(), None);
+}
+
+#[test]
+fn an_overrun_flag_stands_until_it_is_cleared() {
+    let mut can = on_bus(0);
+    can.write(IER, ier::FOVIE);
+    (0..4).for_each(|_| receive(&mut can, std(1, &[])));
+    can.write(RF0R, rfr::RFOM);
+    can.write(RF0R, rfr::RFOM);
+    assert_eq!(can.read(RF0R), 1 | rfr::FULL | rfr::FOVR, "releasing messages does not clear it");
+    assert!(can.interrupts().fifo[0]);
+    can.write(RF0R, rfr::FOVR);
+    assert!(!can.interrupts().fifo[0]);
+    assert_eq!(can.read(RF0R), 1 | rfr::FULL);
+}

@@ -185,3 +185,56 @@ fn mode_scale_and_assignment_are_written_in_filter_initialization_only() {
     can.write(F0R1 + 8, 7);
     assert_eq!(can.read(F0R1 + 8), 7, "a bank that is not active");
 }
+
+#[test]
+fn a_bank_is_changed_while_the_others_go_on() {
+    let exact = |number, id: u32| bank(number, true, false, 0, [id << 21, u32::MAX << 21]);
+    let mut can = with(&[exact(0, 0x100), exact(1, 0x200)]);
+    let set_up = can.filter_gaps();
+    can.write(FA1R, 0b10);
+    assert_eq!(way(&mut can, std(0x100, &[])), None, "inactive");
+    assert_eq!(way(&mut can, std(0x200, &[])), Some((0, 1)), "the other one goes on, under its number");
+    can.write(F0R1, 0x300 << 21);
+    assert_eq!(way(&mut can, std(0x300, &[])), None, "not yet");
+    can.write(FA1R, 0b11);
+    assert_eq!(way(&mut can, std(0x300, &[])), Some((0, 0)));
+    assert_eq!(way(&mut can, std(0x100, &[])), None);
+    assert_eq!(can.filter_gaps(), set_up, "what it let through before, it does no longer");
+}
+
+#[test]
+fn a_bank_that_is_off_for_nothing_is_a_gap() {
+    let mut can = with(&[bank(0, true, false, 0, [1 << 21, u32::MAX])]);
+    let set_up = can.filter_gaps();
+    can.write(FA1R, 0);
+    can.write(F0R1, 1 << 21);
+    can.write(FA1R, 1);
+    assert_eq!(can.filter_gaps(), set_up + 1);
+    can.write(FMR, can.read(FMR) | 1);
+    assert_eq!(can.filter_gaps(), set_up + 2, "so is an initialization of all");
+    can.write(FMR, can.read(FMR) & !1);
+    assert_eq!(can.filter_gaps(), set_up + 2);
+}
+
+#[test]
+fn all_28_banks_can_be_those_of_can1() {
+    let exact = |number, id: u32| bank(number, true, false, 0, [id << 21, u32::MAX << 21]);
+    let mut can = with(&[exact(0, 0x100), exact(13, 0x200), exact(14, 0x300), exact(27, 0x400)]);
+    let numbers = [0x100, 0x200, 0x300, 0x400].map(|id| way(&mut can, std(id, &[])).map(|(_, index)| index));
+    assert_eq!(numbers[1..], [numbers[1], None, None], "14 are for CAN2");
+    can.write(FMR, 28 << 8);
+    for id in [0x100, 0x200, 0x300, 0x400] {
+        assert!(way(&mut can, std(id, &[])).is_some(), "{id:#x}");
+    }
+    can.write(FMR, 0);
+    assert_eq!(way(&mut can, std(0x100, &[])), None, "0: all are for CAN2");
+}
+
+#[test]
+fn a_filter_without_rtr_in_its_mask_lets_remote_frames_through() {
+    let remote = Frame::remote(standard(0x100).into(), 0);
+    let mut can = with(&[bank(0, true, false, 0, [0x100 << 21, 0x7FF << 21 | ir::IDE])]);
+    assert!(way(&mut can, remote).is_some());
+    let mut can = with(&[bank(0, true, false, 0, [0x100 << 21, 0x7FF << 21 | ir::IDE | ir::RTR])]);
+    assert_eq!(way(&mut can, remote), None);
+}

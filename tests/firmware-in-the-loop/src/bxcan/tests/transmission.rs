@@ -225,3 +225,81 @@ fn single_flags_are_cleared_by_ones() {
     assert_eq!(can.read(TSR) & 0xFF, 0);
     assert!(can.offer().is_some(), "the request stands");
 }
+
+#[test]
+fn three_waiting_and_a_more_urgent_one_takes_the_place_of_the_least_urgent() {
+    let mut can = on_bus(0);
+    can.write(IER, ier::TMEIE);
+    for (mailbox, id) in [(0, 0x100), (1, 0x300), (2, 0x200)] {
+        request(&mut can, mailbox, &std(id, &[]));
+    }
+    begin(&mut can);
+    assert_eq!((empty(&can), code(&can), lowest(&can)), (0, 1, 0b010));
+    assert!(!can.interrupts().transmit);
+    can.write(TSR, tsr::ABRQ << 8);
+    assert!(can.interrupts().transmit, "an abort is a request carried out");
+    assert_eq!(can.read(TSR) >> 8 & 0xFF, tsr::RQCP, "not sent");
+    can.write(TSR, tsr::RQCP << 8);
+    assert!(!can.interrupts().transmit);
+    request(&mut can, 1, &std(0x080, &[]));
+    can.hear(Sent);
+    can.hear(Ends);
+    assert_eq!([send(&mut can), send(&mut can)], [std(0x080, &[]), std(0x200, &[])]);
+    assert_eq!(can.offer(), None);
+}
+
+#[test]
+fn one_that_lost_arbitration_waits_and_can_be_taken_back_at_once() {
+    let mut can = on_bus(0);
+    request(&mut can, 0, &std(0x300, &[]));
+    can.offer();
+    can.hear(LostArbitration);
+    can.hear(Begins { own: false });
+    can.write(TSR, tsr::ABRQ);
+    assert_eq!((can.read(TSR) & 0xFF, empty(&can)), (tsr::RQCP | tsr::ALST, 0b111), "during the other's frame");
+    assert_eq!(can.offer(), None);
+}
+
+#[test]
+fn an_abort_does_not_touch_the_other_mailboxes() {
+    let mut can = on_bus(0);
+    request(&mut can, 0, &std(0x100, &[]));
+    send(&mut can);
+    request(&mut can, 1, &std(0x200, &[]));
+    request(&mut can, 2, &std(0x300, &[]));
+    can.write(TSR, tsr::ABRQ << 16);
+    assert_eq!(can.read(TSR) & 0xFF_FFFF, (tsr::RQCP << 16) | tsr::RQCP | tsr::TXOK);
+    assert_eq!(send(&mut can), std(0x200, &[]));
+}
+
+#[test]
+fn what_comes_in_the_middle_of_a_frame_takes_part_in_the_next_arbitration() {
+    let mut can = on_bus(0);
+    request(&mut can, 1, &std(0x300, &[]));
+    begin(&mut can);
+    request(&mut can, 0, &std(0x200, &[0]));
+    request(&mut can, 2, &std(0x200, &[2]));
+    assert_eq!(can.offer().unwrap().frame, std(0x300, &[]), "what is on the wire is not exchanged");
+    can.hear(Sent);
+    can.hear(Ends);
+    // Of equal identifiers the lower mailbox goes first, whichever was asked for first.
+    assert_eq!([send(&mut can), send(&mut can)], [std(0x200, &[0]), std(0x200, &[2])]);
+    request(&mut can, 2, &std(0x200, &[3]));
+    request(&mut can, 0, &std(0x200, &[4]));
+    assert_eq!([send(&mut can), send(&mut can)], [std(0x200, &[4]), std(0x200, &[3])]);
+}
+
+#[test]
+fn the_interrupt_stands_until_the_last_report_was_taken() {
+    let mut can = on_bus(0);
+    can.write(IER, ier::TMEIE);
+    request(&mut can, 0, &std(0x100, &[]));
+    request(&mut can, 1, &std(0x200, &[]));
+    send(&mut can);
+    send(&mut can);
+    can.write(TSR, tsr::RQCP);
+    assert!(can.interrupts().transmit);
+    can.write(TSR, tsr::RQCP << 8);
+    assert!(!can.interrupts().transmit);
+    assert_eq!(can.read(TSR), EMPTY);
+}

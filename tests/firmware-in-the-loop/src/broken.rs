@@ -1,0 +1,123 @@
+//! The image broken in flash while it runs: a function that hangs, panics or faults when it is next called.
+//!
+//! What is written stays over a reset, as in a flash: it has to be taken back before the restarted image comes there.
+
+use crate::image::Image;
+use crate::machine::Machine;
+use crate::symbols::FLASH;
+
+/// How a function is broken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Break {
+    /// It never returns: a jump to itself.
+    Hang,
+    /// It calls the panic of an `assert!`.
+    Panic,
+    /// An undefined instruction.
+    Fault,
+}
+
+/// What was in the place of the break.
+#[derive(Clone, Debug)]
+pub struct Mended {
+    address: u64,
+    bytes: Vec<u8>,
+}
+
+/// Functions that panic, with what they are given in r0 to r2: a message, its length and the place in the source; or the
+/// place alone, in the first of them.
+const WITH_MESSAGE: [&str; 2] = ["core::panicking::panic", "core::option::expect_failed"];
+const WITH_PLACE: [&str; 2] = ["core::option::unwrap_failed", "core::panicking::panic_const::"];
+
+/// Where what is given to a panic is put: the end of bank 1, where no image is.
+const NOTES: u64 = FLASH.end - 64;
+const MESSAGE: &[u8; 20] = b"broken on purpose\0\0\0";
+
+impl Break {
+    /// Breaks the first function of the image whose path holds one of `names`.
+    ///
+    /// # Panics
+    /// When there is none, or when the image has no panic to call.
+    #[must_use]
+    pub fn apply(self, machine: &Machine, names: &[&str]) -> Mended {
+        let symbols = Image::get().symbols();
+        let found = symbols.functions(names);
+        let address = found.first().unwrap_or_else(|| panic!("the image has none of {names:?}")).address;
+        let code = match self {
+            Self::Hang => 0xE7FE_u16.to_le_bytes().to_vec(),
+            Self::Fault => 0xDE00_u16.to_le_bytes().to_vec(),
+            Self::Panic => call_of_panic(machine, address),
+        };
+        let bytes = machine.read(address..address + code.len() as u64);
+        machine.write(address, &code);
+        Mended { address, bytes }
+    }
+}
+
+impl Mended {
+    /// Puts the image right again.
+    pub fn mend(self, machine: &Machine) {
+        machine.write(self.address, &self.bytes);
+    }
+}
+
+/// Code at `address` that calls a panic, what it is given being laid down elsewhere.
+fn call_of_panic(machine: &Machine, address: u64) -> Vec<u8> {
+    let symbols = Image::get().symbols();
+    // A name in full, or, if it ends so, the beginning of one.
+    let find = |names: &[&str]| {
+        let is = |found: &str, name: &str| found == name || name.ends_with("::") && found.starts_with(name);
+        names.iter().find_map(|name| symbols.functions(&[name]).into_iter().find(|symbol| is(&symbol.name, name)))
+    };
+    let place = NOTES + MESSAGE.len() as u64;
+    machine.write(NOTES, MESSAGE);
+    // A place in the source: file, its length, line, column.
+    let words = [NOTES as u32, 6, 7, 8].map(u32::to_le_bytes).concat();
+    machine.write(place, &words);
+    let (target, given) = match (find(&WITH_MESSAGE), find(&WITH_PLACE)) {
+        (Some(panic), _) => (panic.address, [NOTES as u32, 17, place as u32]),
+        (None, Some(panic)) => (panic.address, [place as u32, 0, 0]),
+        (None, None) => panic!("nothing in the image panics"),
+    };
+    let mut code: Vec<u8> = (0..).zip(given).flat_map(|(register, value)| load(register, value)).collect();
+    code.extend(branch(address + code.len() as u64, target));
+    code
+}
+
+/// `movw` and `movt` of a value into a register (ARMv7-M, A7.7.76 and A7.7.79).
+fn load(register: u32, value: u32) -> Vec<u8> {
+    let half = |opcode: u32, value: u32| {
+        let (imm4, i, imm3, imm8) = (value >> 12 & 0xF, value >> 11 & 1, value >> 8 & 7, value & 0xFF);
+        thumb(opcode | i << 26 | imm4 << 16 | imm3 << 12 | register << 8 | imm8)
+    };
+    [half(0xF240_0000, value & 0xFFFF), half(0xF2C0_0000, value >> 16)].concat()
+}
+
+/// `b.w` (ARMv7-M, A7.7.12, T4).
+fn branch(from: u64, to: u64) -> Vec<u8> {
+    let offset = (to as i64 - (from as i64 + 4)) as u32;
+    let sign = offset >> 24 & 1;
+    let (j1, j2) = ((offset >> 23 & 1 ^ 1) ^ sign, (offset >> 22 & 1 ^ 1) ^ sign);
+    let (imm10, imm11) = (offset >> 12 & 0x3FF, offset >> 1 & 0x7FF);
+    thumb(0xF000_9000 | sign << 26 | imm10 << 16 | j1 << 13 | j2 << 11 | imm11)
+}
+
+/// An instruction of two halves as it lies in memory: the upper one first.
+fn thumb(instruction: u32) -> Vec<u8> {
+    [((instruction >> 16) as u16).to_le_bytes(), (instruction as u16).to_le_bytes()].concat()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn instructions_as_an_assembler_writes_them() {
+        // movw r2, #0x1234; movt r2, #0x0800
+        assert_eq!(load(2, 0x0800_1234), [0x41, 0xF2, 0x34, 0x22, 0xC0, 0xF6, 0x00, 0x02]);
+        // b.w to the next instruction, to itself, and a megabyte back
+        assert_eq!(branch(0x100, 0x104), [0x00, 0xF0, 0x00, 0xB8]);
+        assert_eq!(branch(0x100, 0x100), [0xFF, 0xF7, 0xFE, 0xBF]);
+        assert_eq!(branch(0x10_0000, 0), [0xFF, 0xF6, 0xFE, 0xBF]);
+    }
+}

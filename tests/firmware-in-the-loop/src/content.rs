@@ -1,0 +1,95 @@
+//! What a board's flash holds when it is switched on: what a host device of the same sort has stored in its own, for both
+//! keep their records in the same way.
+
+use std::pin::pin;
+use std::task::{Context, Poll, Waker};
+
+use firmware::settings::Settings;
+use hal_sim::memory;
+use hal_sim::use_case::Valve;
+use hal_sim::{Memory, World};
+use nvm::Records;
+use protocol_core::controller::BitRate;
+use protocol_core::device::pve::Kind;
+use protocol_core::frame::Frame;
+use protocol_core::memory::{Record, RecordKey, seal};
+use protocol_core::time::{Duration, after};
+
+use crate::bench::add_host_device;
+
+/// How long a new device takes at most to have stored what it was made with, or a record.
+const STORE: Duration = Duration::from_secs(2);
+/// The version of the record of parameters.
+const PARAMETERS: u8 = 1;
+/// More stores than the flash has room for.
+const MANY: usize = 1000;
+
+/// The flash of a host device that was switched on once, with the setting that makes the image the same kind.
+#[must_use]
+pub fn stored_by(valve: &Valve) -> Vec<u8> {
+    stored_after(valve, &[])
+}
+
+/// The same, and then it was sent these frames, with time to store after each.
+#[must_use]
+pub fn stored_after(valve: &Valve, frames: &[Frame]) -> Vec<u8> {
+    let mut world = World::new(BitRate::Kbit250, 0);
+    let client = world.add_tap("client");
+    let node = add_host_device(&mut world, valve);
+    world.power(node, true);
+    world.run_until(after(world.now(), STORE));
+    for frame in frames {
+        world.send(client, *frame);
+        world.run_until(after(world.now(), STORE));
+    }
+    with_setting(world.memory(node).flash().image().to_vec(), valve.kind)
+}
+
+/// The same content, but the parameters were saved so often that saving them once more erases a sector.
+///
+/// # Panics
+/// When no parameters are stored there.
+#[must_use]
+pub fn worn(content: &[u8]) -> Vec<u8> {
+    let mut memory = of(content);
+    let record = parameters(&mut memory);
+    for _ in 0..MANY {
+        let (before, erases) = (memory.flash().image().to_vec(), memory.flash().erases());
+        memory.store(RecordKey::Parameters, &record).expect("this flash does not fail");
+        if memory.flash().erases() > erases {
+            return before;
+        }
+    }
+    panic!("the flash takes {MANY} stores without an erase");
+}
+
+/// Makes the image this kind of device: its setting lies beside the records.
+fn with_setting(content: Vec<u8>, kind: Kind) -> Vec<u8> {
+    let mut flash = memory::Flash::from_image(content).expect("it is as long as a flash");
+    let mut buffer = [0; nvm::BUFFER];
+    let setting = Settings { kind, blank: false, fresh: false }.encode();
+    ready(async {
+        let mut records = Records::open(&mut flash, &mut buffer).await.expect("this flash does not fail");
+        records.store_setting(&setting).await.expect("this flash does not fail");
+    });
+    flash.image().to_vec()
+}
+
+/// What a future gives that waits for nothing, as those of a flash in RAM.
+fn ready<F: Future>(future: F) -> F::Output {
+    match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
+        Poll::Ready(output) => output,
+        Poll::Pending => unreachable!("a flash in RAM keeps nobody waiting"),
+    }
+}
+
+/// The parameters that are stored there.
+fn parameters(memory: &mut Memory) -> Record {
+    let image = memory.read_image();
+    let payload = image.payload(RecordKey::Parameters, PARAMETERS).expect("they are intact").expect("there are some");
+    seal(PARAMETERS, payload).expect("they were sealed before")
+}
+
+fn of(content: &[u8]) -> Memory {
+    Memory::with_flash(memory::Flash::from_image(content.to_vec()).expect("it is as long as a flash"))
+}

@@ -1,0 +1,49 @@
+//! How deep the stack was: RAM that no variable lies in is painted before the first instruction, and looked at later.
+
+use std::ops::Range;
+
+use crate::image::Image;
+use crate::machine::Machine;
+use crate::symbols::RAM;
+
+const PAINT: u8 = 0xA5;
+/// So many painted bytes in a row were never used: more than any local variable that is never written.
+const UNUSED: usize = 4096;
+
+/// The RAM between the last variable and the top of the stack.
+///
+/// # Panics
+/// When the image has no stack where one is expected.
+#[must_use]
+pub fn room() -> Range<u64> {
+    let symbols = Image::get().symbols();
+    let top = symbols.address("_stack_start").expect("the image has a stack");
+    let ends = ["__ebss", "__euninit", "__edata"].iter().filter_map(|name| symbols.address(name));
+    let end = ends.filter(|end| RAM.contains(end)).max().expect("the image has variables");
+    assert!(end < top && top <= RAM.end, "the stack is between {end:#x} and {top:#x}");
+    end..top
+}
+
+/// Paints the stack of a board that stands before its first instruction.
+pub fn paint(machine: &Machine) {
+    let room = room();
+    machine.write(room.start, &vec![PAINT; (room.end - room.start) as usize]);
+}
+
+/// How many bytes of the stack were in use at the most since it was painted.
+///
+/// # Panics
+/// When it was used to its end.
+#[must_use]
+pub fn used(machine: &Machine) -> u64 {
+    let bytes = machine.read(room());
+    let mut painted = 0;
+    // From the top down: what is left out between two used places is used, too.
+    for (below, byte) in bytes.iter().rev().enumerate() {
+        painted = if *byte == PAINT { painted + 1 } else { 0 };
+        if painted == UNUSED {
+            return (below + 1 - UNUSED) as u64;
+        }
+    }
+    panic!("the stack was used to its end");
+}

@@ -1,0 +1,192 @@
+//! A processor that keeps, over a reset, what the emulator has compiled of the image.
+//!
+//! The emulator compiles the image while it runs, and drops all of that at a reset, which then takes as long as some
+//! seconds of virtual time. The image in flash is the same afterwards; who writes to it has the emulator forget that
+//! part by itself. So here a reset loads the state that the processor was made with, and nothing is dropped.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use rigless::emulator::{
+    BitAlias, CoreBus, DataModel, Error, Exit, HaltReason, HostCall, Processor, ProcessorConstructor, Queued,
+};
+use rigless::soc::{Endian, Width};
+use rigless::time::VirtualNanos;
+
+/// Makes processors that stay warm.
+pub(crate) fn kept(cold: ProcessorConstructor) -> ProcessorConstructor {
+    Arc::new(move |endian| {
+        let inner = cold(endian)?;
+        let made = inner.save();
+        Ok(Box::new(Warm { inner, made }))
+    })
+}
+
+#[derive(Debug)]
+struct Warm {
+    inner: Box<dyn Processor>,
+    /// The state that it was made with; at the end the number of instructions, which is 0 and one byte.
+    made: Vec<u8>,
+}
+
+impl Warm {
+    /// The state that it was made with, but the instructions go on being counted.
+    fn as_made(&self) -> Vec<u8> {
+        let (_, state) = self.made.split_last().expect("a state is not empty");
+        let mut state = state.to_vec();
+        let mut left = self.inner.retired();
+        while left >= 0x80 {
+            state.push(left as u8 | 0x80);
+            left >>= 7;
+        }
+        state.push(left as u8);
+        state
+    }
+}
+
+impl Processor for Warm {
+    fn reset(&mut self) {
+        let retired = self.inner.retired();
+        if self.inner.load(&self.as_made()).is_err() || self.inner.retired() != retired {
+            self.inner.reset();
+        }
+    }
+
+    fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
+        self.inner.run(budget, bus)
+    }
+
+    fn retired(&self) -> u64 {
+        self.inner.retired()
+    }
+
+    fn ask(&mut self, queued: Queued) {
+        self.inner.ask(queued);
+    }
+
+    fn maps(&self, start: u64, length: u64) -> bool {
+        self.inner.maps(start, length)
+    }
+
+    fn page_size(&self) -> u64 {
+        self.inner.page_size()
+    }
+
+    #[allow(unsafe_code, reason = "the trait's, handed on as it comes")]
+    unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
+        // SAFETY: the caller's promise is the one that is asked for.
+        unsafe { self.inner.map(start, length, host, writable) };
+    }
+
+    fn boot(&mut self, table: u64, read: &dyn Fn(u64, Width) -> Option<u64>) {
+        self.inner.boot(table, read);
+    }
+
+    fn take_reset_request(&mut self) -> bool {
+        self.inner.take_reset_request()
+    }
+
+    fn next_event(&self) -> Option<VirtualNanos> {
+        self.inner.next_event()
+    }
+
+    fn on_event(&mut self, now: VirtualNanos) {
+        self.inner.on_event(now);
+    }
+
+    fn waiting(&self) -> bool {
+        self.inner.waiting()
+    }
+
+    fn pc(&self) -> u64 {
+        self.inner.pc()
+    }
+
+    fn add_breakpoint(&mut self, address: u64) -> bool {
+        self.inner.add_breakpoint(address)
+    }
+
+    fn remove_breakpoint(&mut self, address: u64) {
+        self.inner.remove_breakpoint(address);
+    }
+
+    fn pass_breakpoint(&mut self, address: u64) {
+        self.inner.pass_breakpoint(address);
+    }
+
+    fn attach_debugger(&mut self, attached: bool) {
+        self.inner.attach_debugger(attached);
+    }
+
+    fn hold_interrupts(&mut self, held: bool) {
+        self.inner.hold_interrupts(held);
+    }
+
+    fn gdb_register(&self, number: usize) -> Option<Vec<u8>> {
+        self.inner.gdb_register(number)
+    }
+
+    fn set_gdb_register(&mut self, number: usize, bytes: &[u8]) -> bool {
+        self.inner.set_gdb_register(number, bytes)
+    }
+
+    fn debugger_access(&mut self, write: Option<u64>, address: u64, width: Width, now: VirtualNanos) -> Option<u64> {
+        self.inner.debugger_access(write, address, width, now)
+    }
+
+    fn take_debugger_trace(&mut self) -> Vec<u8> {
+        self.inner.take_debugger_trace()
+    }
+
+    fn target_xml(&self) -> &'static str {
+        self.inner.target_xml()
+    }
+
+    fn data_model(&self) -> DataModel {
+        self.inner.data_model()
+    }
+
+    fn byte_order(&self, address: u64) -> Endian {
+        self.inner.byte_order(address)
+    }
+
+    fn save(&self) -> Vec<u8> {
+        self.inner.save()
+    }
+
+    fn load(&mut self, bytes: &[u8]) -> Result<(), Error> {
+        self.inner.load(bytes)
+    }
+
+    fn monitor_command(&mut self, command: &str) -> Option<String> {
+        self.inner.monitor_command(command)
+    }
+
+    fn debugger_halted(&mut self, why: HaltReason) -> bool {
+        self.inner.debugger_halted(why)
+    }
+
+    fn bit_alias(&self, address: u64, width: Width) -> Option<BitAlias> {
+        self.inner.bit_alias(address, width)
+    }
+
+    fn own_ranges(&self) -> Vec<Range<u64>> {
+        self.inner.own_ranges()
+    }
+
+    fn check_reads(&mut self, every: bool) {
+        self.inner.check_reads(every);
+    }
+
+    fn check_words(&mut self, words: &[u64]) {
+        self.inner.check_words(words);
+    }
+
+    fn host_call(&self, read: &mut dyn FnMut(u64, Width) -> Option<u64>) -> Option<HostCall> {
+        self.inner.host_call(read)
+    }
+
+    fn answer_host_call(&mut self, answer: Option<u64>) {
+        self.inner.answer_host_call(answer);
+    }
+}

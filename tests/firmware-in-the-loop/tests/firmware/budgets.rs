@@ -1,0 +1,187 @@
+//! What the image takes of the processor: flash, RAM, stack, and instructions for a frame. Counted, not timed; printed for
+//! who reads the log of a run.
+
+use std::io::Write as _;
+
+use firmware_in_the_loop::bench::ImageBench;
+use firmware_in_the_loop::content;
+use firmware_in_the_loop::flash::Flash;
+use firmware_in_the_loop::image::Image;
+use hal_sim::use_case::{Bench, all, play};
+use protocol_core::controller::BitRate;
+use protocol_core::frame::Frame;
+
+use super::client::{Client, ImageClient, SAVE, VALVE, download, frame};
+
+const KIB: u64 = 1024;
+/// The image with all kinds, in flash.
+const FLASH: u64 = 96 * KIB;
+/// Variables and stack.
+const RAM: u64 = 24 * KIB;
+/// Instructions from the receive interrupt to sleep, for a frame that comes through the filters and is for nobody.
+const FOR_NOBODY: u64 = 500;
+/// The same for an SDO upload, or an RPDO that a TPDO answers: the answer lies in a mailbox then.
+const ANSWERED: u64 = 2500;
+
+/// Prints past the test's capture: whoever runs all tests is to see the figures.
+fn print(line: &str) {
+    // A log that cannot be written to is no failure of the image.
+    let _ = writeln!(std::io::stdout().lock(), "{line}");
+}
+
+fn kib(bytes: u64) -> String {
+    format!("{}.{} KiB", bytes / KIB, bytes % KIB * 10 / KIB)
+}
+
+#[test]
+fn flash_by_crate() {
+    let symbols = Image::get().symbols();
+    let mut table = format!("{:<28} {:>8} {:>8}\n", "crate", "flash", "RAM");
+    for (name, size) in symbols.by_crate() {
+        table += &format!("{name:<28} {:>8} {:>8}\n", size.flash, size.ram);
+    }
+    let total = symbols.total();
+    let sum = symbols.by_crate().iter().map(|(_, size)| size.flash).sum::<u64>();
+    print(&format!(
+        "\n{table}{:<28} {:>8} {:>8}\nflash: {} of {}",
+        "all",
+        total.flash,
+        total.ram,
+        kib(total.flash),
+        kib(FLASH)
+    ));
+    assert_eq!(sum, total.flash, "the table is not complete");
+    // One without code or variables has lost its linker script.
+    assert!((16 * KIB..=FLASH).contains(&total.flash), "{} bytes of flash", total.flash);
+}
+
+#[test]
+fn ram_with_the_stack_at_its_deepest() {
+    let symbols = Image::get().symbols();
+    let saved = content::stored_after(&VALVE, &[frame("620: 23 10 10 01 73 61 76 65")]);
+    let mut deepest = 0;
+    // A new memory, one that stores with an erase, and one that makes no sense: the ways through the record store.
+    let noise: Vec<u8> = (0..32 * KIB).map(|place| (place * 31 % 251) as u8).collect();
+    for (name, content) in [("new", vec![0xFF; 32 * 1024]), ("worn", content::worn(&saved)), ("damaged", noise)] {
+        let bench = ImageBench::with_flash(BitRate::Kbit250, Flash::with_content(&content), &[]);
+        let mut client = Client { bench, aside: Default::default() };
+        client.bench.rig.watch_stack(client.bench.board);
+        client.bench.power_cycle();
+        heavy_mix(&mut client);
+        deepest = deepest.max(print_stack(&client.bench, &format!("with a {name} memory")));
+    }
+    for case in all() {
+        let mut bench = ImageBench::new(case);
+        bench.rig.watch_stack(bench.board);
+        // Whether the valve does what it has to is for the use cases' own tests.
+        let _ = play(case, &mut bench, &mut |_| {});
+        deepest = deepest.max(print_stack(&bench, &format!("in use case {}", case.name)));
+    }
+    let ram = symbols.total().ram + deepest;
+    print(&format!("RAM: {} variables, {} stack, together {} of {}", symbols.total().ram, deepest, kib(ram), kib(RAM)));
+    assert!(ram <= RAM, "{ram} bytes of RAM");
+}
+
+fn print_stack(bench: &ImageBench, when: &str) -> u64 {
+    let used = bench.rig.stack(bench.board);
+    print(&format!("stack {when}: {used} bytes"));
+    used
+}
+
+/// Everything at once: services, faults, console, storing.
+fn heavy_mix(client: &mut ImageClient) {
+    client.wait_ms(50);
+    client.send("000: 01 00");
+    for round in 0..30_u32 {
+        let id = 0xA1 + round % 3;
+        for text in ["620: 40 08 10 00 00 00 00 00", "620: 40 0A 10 00 00 00 00 00", "620: 60 00 00 00 00 00 00 00"] {
+            client.send(text);
+        }
+        client.send(&format!("620: 23 28 10 01 {id:02X} 00 00 00"));
+        for text in
+            ["220: 0F 00 00 20", "080:", "1BC78820: 03 22 F1 8C", "7E5: 5A 00 00 00 00 00 00 00", "220: 0F 00 00 40"]
+        {
+            client.send(text);
+        }
+        let words =
+            ["internal_fault on", "status", "internal_fault off", "nonsense", "supply_mv 8500", "supply_mv 24000"];
+        client.bench.rig.type_line(client.bench.board, words[round as usize % words.len()]);
+        if round % 10 == 5 {
+            client.bench.send(Frame::full(frame("620: 00").id(), download(0x1010, 1, 4, SAVE)));
+        }
+        client.wait_ms(20);
+    }
+    client.press_button();
+    client.send("000: 82 00");
+    client.wait_ms(700);
+}
+
+/// How many instructions the processor executes for a frame, from its interrupt to sleep.
+fn instructions(client: &mut ImageClient, text: &str) -> u64 {
+    client.wait_ms(7);
+    client.aside.clear();
+    // What the device does by itself now and then is not the frame's: the least of some is without it.
+    let counts = (0..9).map(|_| {
+        client.send(text);
+        while client.bench.rig.world.pending(client.bench.master) > 0 {
+            client.step();
+        }
+        let before = client.machine().reached().instructions;
+        let asleep = loop {
+            client.step();
+            if let Some(asleep) = client.machine().reached().asleep {
+                break asleep;
+            }
+        };
+        client.wait_ms(3);
+        asleep - before
+    });
+    let counts: Vec<u64> = counts.collect();
+    let least = *counts.iter().min().expect("there are some");
+    print(&format!(
+        "{text:<36} {least:>6} instructions (at the most {})",
+        counts.iter().max().expect("there are some")
+    ));
+    least
+}
+
+fn operational() -> ImageClient {
+    let mut client = ImageClient::booted();
+    client.send("000: 01 00");
+    for status in ["09", "0B", "0F"] {
+        client.send("220: 0F 00 00 20");
+        client.expect(&format!("1A0: {status} 00 00 00"));
+    }
+    client
+}
+
+#[test]
+fn a_frame_for_nobody_costs_little() {
+    let mut client = operational();
+    for (text, why) in [
+        ("000: 01 21", "NMT for another node"),
+        ("080:", "a SYNC that no PDO waits for"),
+        ("220: 0F", "an RPDO that is too short"),
+        ("620: 40 18 10 01", "an SDO request that is too short"),
+        ("7E5: 04 01 00 00 00 00 00 00", "LSS while operational"),
+    ] {
+        let count = instructions(&mut client, text);
+        assert!(count <= FOR_NOBODY, "{why}: {count} instructions");
+        assert_eq!(client.aside, [], "{why}");
+    }
+}
+
+#[test]
+fn an_answer_costs_no_more_than_it_may() {
+    let mut client = operational();
+    for (text, answer, why) in [
+        ("620: 40 18 10 01 00 00 00 00", "5A0: 43 18 10 01 19 00 00 01", "an SDO upload"),
+        ("620: 40 41 60 00 00 00 00 00", "5A0: 4B 41 60 00 0F 00 00 00", "an SDO upload of the status word"),
+        ("220: 0F 00 00 20", "1A0: 0F", "an RPDO and its TPDO"),
+    ] {
+        let count = instructions(&mut client, text);
+        assert!(count <= ANSWERED, "{why}: {count} instructions");
+        assert!(client.aside.iter().all(|frame| frame.to_string().starts_with(answer)), "{why}: {:?}", client.aside);
+        assert_eq!(client.aside.len(), 9, "{why}");
+    }
+}

@@ -1,0 +1,189 @@
+//! The words of the console (docs/behaviour.md, firmware): what acts on the valve, what it is, and its power.
+
+use hal_sim::use_case::Bench;
+use protocol_core::time::Duration;
+
+use super::client::{ImageClient, SAVE, download};
+
+const NO_ERROR: &str = "0A0: 00 00 00 00 00 00 00 00";
+const INTERNAL_ERROR: &str = "0A0: 00 10 01 01 00 00 00 00";
+/// The claim of a new valve on ISOBUS.
+const CLAIM: &str = "18EEFF80: 01 00 20 07 08 FF 02 20";
+
+#[test]
+fn each_word_is_seen_in_the_status() {
+    let mut client = ImageClient::booted();
+    for (name, values) in [
+        ("supply_mv", &["8500", "0", "24000"][..]),
+        ("temperature_c", &["130", "-41", "25"]),
+        ("spool", &["stuck", "slow", "drifting", "no-float", "ok"]),
+        ("lever", &["4000", "-16384", "off"]),
+        ("internal_fault", &["on", "off"]),
+        ("memory", &["write-fails", "ok"]),
+        ("bus_off", &["on", "off"]),
+    ] {
+        for value in values {
+            assert_eq!(client.obeyed(&format!("{name} {value}")), Vec::<String>::new());
+            assert_eq!(client.status_of(name), *value, "{name}");
+        }
+    }
+    assert_eq!(client.status_of("kind"), "pvea-canopen");
+    client.end_without_reset();
+}
+
+#[test]
+fn what_it_does_not_know_changes_nothing_and_is_answered_by_the_words() {
+    let mut client = ImageClient::booted();
+    let before = client.status();
+    for line in [
+        "help",
+        "supply_mv",
+        "supply_mv x",
+        "supply_mv 1 2",
+        "temperature_c 99999",
+        "spool bent",
+        "lever 16385",
+        "internal_fault",
+        "memory bad",
+        "bus_off 1",
+        "kind",
+        "kind pvea",
+        "status now",
+        &"x".repeat(300),
+    ] {
+        let usage = client.console(line).expect_err(line);
+        for word in ["supply_mv", "temperature_c", "spool", "lever", "internal_fault", "memory", "bus_off", "kind"] {
+            assert!(usage.contains(word), "{word} is missing in {usage:?}");
+        }
+        assert_eq!(client.status(), before, "{line:?}");
+    }
+    assert_eq!(client.read(0x1018, 1), 0x0100_0019);
+    client.end_without_reset();
+}
+
+#[test]
+fn what_acts_on_the_valve_shows_on_the_bus() {
+    let mut client = ImageClient::booted();
+    client.obeyed("supply_mv 8500");
+    client.wait_ms(2100);
+    client.expect("0A0: 12 34 05 01 00 00 00 00");
+    client.obeyed("supply_mv 24000");
+    client.expect(NO_ERROR);
+    client.obeyed("temperature_c -41");
+    client.expect("0A0: 01 83 09 01 00 00 00 00");
+    client.obeyed("temperature_c 25");
+    client.expect(NO_ERROR);
+    client.obeyed("lever 8192");
+    client.wait_ms(400);
+    assert_eq!(client.read(0x6301, 1), 8192, "the lever moves the spool");
+    client.obeyed("lever off");
+    client.wait_ms(400);
+    assert_eq!(client.read(0x6301, 1), 0, "and the springs return it");
+}
+
+#[test]
+fn a_memory_that_fails_refuses_to_save_and_is_an_internal_error() {
+    let mut client = ImageClient::booted();
+    client.obeyed("memory write-fails");
+    let refused = client.sdo(download(0x1010, 1, 4, SAVE));
+    assert_eq!(refused, [0x80, 0x10, 0x10, 0x01, 0x00, 0x00, 0x06, 0x06], "0x06060000");
+    client.expect(INTERNAL_ERROR);
+    client.obeyed("memory ok");
+    client.write(0x1010, 1, 4, SAVE);
+    client.expect(NO_ERROR);
+    assert_eq!(client.read(0x2024, 0), 1);
+    client.end_without_reset();
+}
+
+#[test]
+fn kept_bus_off_it_is_silent_until_it_may_recover() {
+    let mut client = ImageClient::booted();
+    // Somebody else acknowledges the request, or it would be repeated until the valve is back.
+    client.bench.rig.world.add_gateway("listener");
+    client.obeyed("bus_off on");
+    assert_eq!(client.try_sdo([0x40, 0x18, 0x10, 1, 0, 0, 0, 0]), None);
+    client.obeyed("bus_off off");
+    client.expect("0A0: 40 81 11 01 00 00 00 00");
+    client.expect(NO_ERROR);
+    assert_eq!(client.read(0x1018, 1), 0x0100_0019);
+    assert_eq!(client.read(0x2019, 0), 1);
+}
+
+#[test]
+fn a_power_cycle_starts_it_as_power_would() {
+    let mut client = ImageClient::booted();
+    client.write(0x1800, 2, 1, 5);
+    client.bench.rig.type_line(client.bench.board, "power-cycle");
+    client.expect("720: 00");
+    client.expect(NO_ERROR);
+    assert_eq!(client.read(0x1800, 2), 0xFF, "it was not stored");
+    assert_eq!(client.read(0x2024, 0), 0, "it is not a fault");
+    assert_eq!(client.listen_ms(700), []);
+}
+
+#[test]
+fn a_power_cycle_stores_nothing_but_loses_nothing_stored() {
+    let mut client = ImageClient::booted();
+    client.write(0x1800, 2, 1, 5);
+    client.write(0x1010, 1, 4, SAVE);
+    client.bench.rig.type_line(client.bench.board, "power-cycle");
+    client.expect("720: 00");
+    client.expect(NO_ERROR);
+    assert_eq!(client.read(0x1800, 2), 5);
+}
+
+#[test]
+fn another_kind_is_a_new_device_and_back_again() {
+    let mut client = ImageClient::booted();
+    client.write(0x6053, 0, 4, u32::from_le_bytes(*b"MINE"));
+    client.write(0x1010, 1, 4, SAVE);
+    let board = client.bench.board;
+    client.bench.rig.type_line(board, "kind pvea-isobus");
+    client.expect(CLAIM);
+    assert_eq!(client.status_of("kind"), "pvea-isobus");
+    client.aside.clear();
+    client.bench.power_cycle();
+    client.expect(CLAIM);
+    client.wait_ms(300);
+    client.aside.clear();
+    client.bench.rig.type_line(board, "kind pveo-canopen");
+    loop {
+        // It may send another message before it starts anew.
+        let frame = client.receive().expect("a boot-up").to_string();
+        if frame == "720: 00" {
+            break;
+        }
+        assert!(frame.starts_with("0CFE10"), "{frame}");
+    }
+    client.expect(NO_ERROR);
+    let name = client.sdo([0x40, 0x53, 0x60, 0, 0, 0, 0, 0]);
+    assert_eq!(name, [0x41, 0x53, 0x60, 0, 10, 0, 0, 0], "the name of a new device has ten characters");
+    assert_eq!(client.sdo([0x60, 0, 0, 0, 0, 0, 0, 0])[1..8], *b"PVEO-CI");
+}
+
+#[test]
+fn a_blank_one_waits_for_lss() {
+    let mut client = ImageClient::booted();
+    let board = client.bench.board;
+    for _ in 0..2 {
+        client.bench.rig.type_line(board, "blank");
+        assert_eq!(client.receive_for(Duration::from_millis(500)), None, "no boot-up");
+        client.bench.power_cycle();
+        assert_eq!(client.receive_for(Duration::from_millis(500)), None, "no boot-up, it stays blank");
+    }
+    assert_eq!(client.try_sdo([0x40, 0x18, 0x10, 1, 0, 0, 0, 0]), None);
+    client.send("7E5: 04 01 00 00 00 00 00 00");
+    client.send("7E5: 4C 00 00 00 00 00 00 00");
+    client.expect("7E4: 50 00 00 00 00 00 00 00");
+    client.send("7E5: 51 00 00 00 00 80 00 00");
+    client.expect("7E4: 4F 00 00 00 00 00 00 00");
+    client.send("7E5: 11 21 00 00 00 00 00 00");
+    client.expect("7E4: 11 00 00 00 00 00 00 00");
+    client.send("7E5: 17 00 00 00 00 00 00 00");
+    client.expect("7E4: 17 00 00 00 00 00 00 00");
+    client.send("7E5: 04 00 00 00 00 00 00 00");
+    client.expect("721: 00");
+    client.expect("0A1: 00 00 00 00 00 00 00 00");
+    client.bench.power_cycle();
+    client.expect("721: 00");
+}

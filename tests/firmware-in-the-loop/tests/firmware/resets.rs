@@ -1,0 +1,105 @@
+//! What goes wrong in the image ends in a reset, and the next start raises the internal error (SPEC 2).
+
+use firmware_in_the_loop::broken::Break;
+use hal_sim::use_case::Bench;
+use protocol_core::time::{Duration, after};
+
+use super::client::ImageClient;
+
+/// What the device's task calls for an SDO request, and nobody else: each after what it is inlined into, should it be.
+const HANDLES_SDO: [&str; 3] =
+    ["SdoServer::handle", "pve::canopen::PveCanopen::take", "PveCanopen as protocol_core::device::Device>::handle"];
+/// The watchdog's time, with some room.
+const WATCHDOG: Duration = Duration::from_millis(2500);
+/// A panic resets by itself: long before the watchdog does.
+const AT_ONCE: Duration = Duration::from_millis(20);
+
+const NO_ERROR: &str = "0A0: 00 00 00 00 00 00 00 00";
+
+/// The device's task is broken as it handles an SDO request: waits for the reset, at most so long, and mends it.
+fn break_and_wait(client: &mut ImageClient, how: Break, patience: Duration) -> Duration {
+    let mended = how.apply(client.machine(), &HANDLES_SDO);
+    let before = client.machine().reached().resets;
+    client.send("620: 40 18 10 01 00 00 00 00");
+    let start = client.bench.now();
+    while client.machine().reached().resets == before {
+        assert!(client.bench.now() < after(start, patience), "{how:?}: no reset within {patience}");
+        client.step();
+    }
+    mended.mend(client.machine());
+    Duration::from_micros(client.now_us() - start.as_micros())
+}
+
+/// Boot-up, and then the internal error, for the `count`th time; it is gone as soon as it was told.
+fn expect_internal_error(client: &mut ImageClient, count: u8) {
+    client.expect("720: 00");
+    client.expect(NO_ERROR);
+    client.expect(&format!("0A0: 00 10 01 {count:02X} 00 00 00 00"));
+    client.expect(NO_ERROR);
+    assert_eq!(client.read(0x1003, 1), 0x1000 | u32::from(count) << 16, "the history");
+    assert_eq!(client.read(0x2024, 0), count.into(), "the counter");
+    assert_eq!(client.read(0x1001, 0), 0);
+}
+
+fn resets_by(how: Break, patience: Duration, cause: &str) {
+    let mut client = ImageClient::booted();
+    client.wait_ms(200);
+    for count in 1..=2 {
+        let took = break_and_wait(&mut client, how, patience);
+        println!("{how:?}: reset after {took}");
+        expect_internal_error(&mut client, count);
+        assert_eq!(client.read(0x1018, 1), 0x0100_0019, "it works");
+        // Meanwhile the counter is stored.
+        client.wait_ms(11_000);
+        assert_eq!(client.listen_ms(1), []);
+    }
+    let resets = client.bench.rig.resets(client.bench.board);
+    assert!(resets.len() == 2 && resets.iter().all(|reset| reset.cause.contains(cause)), "{resets:?}");
+    client.bench.power_cycle();
+    client.expect("720: 00");
+    client.expect(NO_ERROR);
+    assert_eq!(client.listen_ms(100), [], "power that comes is no internal error");
+    assert_eq!(client.read(0x2024, 0), 2, "but its counter was kept");
+}
+
+#[test]
+fn a_device_task_that_hangs_is_ended_by_the_watchdog() {
+    resets_by(Break::Hang, WATCHDOG, "IWDG");
+}
+
+#[test]
+fn a_panic_resets_at_once() {
+    resets_by(Break::Panic, AT_ONCE, "Core");
+}
+
+#[test]
+fn a_fault_of_the_processor_resets() {
+    let mut client = ImageClient::booted();
+    break_and_wait(&mut client, Break::Fault, WATCHDOG);
+    expect_internal_error(&mut client, 1);
+}
+
+#[test]
+fn a_reset_in_the_middle_of_an_erase_loses_nothing() {
+    let saved = firmware_in_the_loop::content::stored_after(
+        &super::client::VALVE,
+        &[super::client::frame("620: 23 10 10 01 73 61 76 65")],
+    );
+    let mut client = ImageClient::with_flash(&firmware_in_the_loop::content::worn(&saved));
+    client.write(0x1028, 1, 4, 0xA1);
+    client.send("620: 23 10 10 01 73 61 76 65");
+    let board = client.bench.board;
+    while client.bench.rig.connections(board).flash.lock().journal().last().is_none_or(|last| !last.is_erase()) {
+        client.step();
+    }
+    break_and_wait(&mut client, Break::Panic, AT_ONCE);
+    expect_internal_error(&mut client, 1);
+    let kept = client.read(0x1028, 1);
+    assert!(kept == 0xA1 || kept == 0x8000_0000, "{kept:#x}");
+    client.write(0x1028, 1, 4, 0xA2);
+    client.write(0x1010, 1, 4, super::client::SAVE);
+    client.bench.power_cycle();
+    client.expect("720: 00");
+    client.expect(NO_ERROR);
+    assert_eq!(client.read(0x1028, 1), 0xA2);
+}

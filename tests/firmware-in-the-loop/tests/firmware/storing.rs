@@ -1,0 +1,167 @@
+//! The bus goes on while the memory is written and erased: nothing is lost, and every answer is on time.
+
+use std::sync::{Arc, Mutex};
+
+use firmware_in_the_loop::bench::ImageBench;
+use firmware_in_the_loop::content;
+use firmware_in_the_loop::flash::Flash;
+use hal_sim::TraceEvent;
+use protocol_core::controller::BitRate;
+use protocol_core::frame::Frame;
+use protocol_core::time::{Duration, Instant, after, since};
+
+use super::client::{Client, ImageClient, SAVE, VALVE, download, frame};
+
+/// How long the traffic lasts.
+const WINDOW: Duration = Duration::from_secs(2);
+/// How many frames wait in the master at least.
+const WAITING: usize = 4;
+/// How many frames of somebody else may pass between an RPDO and its TPDO: the one that begins while the RPDO is handled.
+const BETWEEN: usize = 1;
+/// From the end of an RPDO to the end of its TPDO: such a frame, the TPDO, and the intermissions.
+const ON_TIME: Duration = Duration::from_micros(480);
+/// What the device is called afterwards.
+const NAME: u32 = u32::from_le_bytes(*b"MINE");
+/// How many RPDOs pass from one SDO request to the next.
+const REQUEST_EVERY: usize = 100;
+
+/// What is not for the valve, between two RPDOs: SDO to others, PDOs of others, a proprietary frame.
+const FOR_OTHERS: [&str; 3] =
+    ["1A1: 0F 00 00 20 00 00 00 00", "5A1: 43 18 10 01 19 00 00 01", "18FF1234: FF FF FF FF FF FF FF FF"];
+
+/// The frames that were on the bus, each with its end.
+type Trace = Arc<Mutex<Vec<TraceEvent>>>;
+
+/// The valve at 500 kbit/s, its memory so full that to save the parameters erases a sector; ACTIVE.
+fn active() -> ImageClient {
+    let lss = ["7E5: 04 01 00 00 00 00 00 00", "7E5: 13 00 02 00 00 00 00 00", "7E5: 17 00 00 00 00 00 00 00"];
+    let mut frames: Vec<Frame> = lss.map(frame).to_vec();
+    frames.push(frame("620: 23 10 10 01 73 61 76 65"));
+    let content = content::worn(&content::stored_after(&VALVE, &frames));
+    let mut client = Client::powered(ImageBench::with_flash(BitRate::Kbit500, Flash::with_content(&content), &[]));
+    client.send("000: 01 00");
+    for status in ["09", "0B", "0F"] {
+        client.send("220: 0F 00 00 00");
+        client.expect(&format!("1A0: {status} 00 00 00"));
+    }
+    client
+}
+
+/// The RPDO of a number: each has another set-point.
+fn rpdo(number: usize) -> Frame {
+    let [low, high] = (number as u16 % 0x4000).to_le_bytes();
+    frame(&format!("220: 0F 00 {low:02X} {high:02X}"))
+}
+
+fn watch(client: &mut ImageClient) -> Trace {
+    let trace = Trace::default();
+    let observed = trace.clone();
+    client.bench.rig.world.set_observer(Box::new(move |event| observed.lock().unwrap().push(event.clone())));
+    trace
+}
+
+/// Keeps the bus full for the window; the requests go out one after the other, each when the last one was answered.
+fn fill(client: &mut ImageClient, requests: &[[u8; 8]]) -> usize {
+    let start = client.bench.rig.world.now();
+    let (rig, master) = (&mut client.bench.rig, client.bench.master);
+    let mut requests = requests.iter();
+    let mut rpdos = 0;
+    let mut answered = true;
+    while since(rig.world.now(), start) < WINDOW {
+        while rig.world.pending(master) < 2 * WAITING {
+            rig.world.send(master, rpdo(rpdos));
+            FOR_OTHERS.iter().for_each(|text| rig.world.send(master, frame(text)));
+            rpdos += 1;
+            if rpdos % REQUEST_EVERY == 0 && std::mem::take(&mut answered) {
+                match requests.next() {
+                    Some(request) => rig.world.send(master, Frame::full(frame("620: 00").id(), *request)),
+                    None => answered = true,
+                }
+            }
+        }
+        rig.step(after(start, WINDOW));
+        assert!(rig.world.pending(master) >= WAITING, "the bus ran dry");
+        answered |= rig.world.take_received(master).any(|(_, frame)| frame.to_string().starts_with("5A0:"));
+    }
+    assert_eq!(requests.len(), 0, "there was no time for all requests");
+    rpdos
+}
+
+/// Each RPDO is answered by one TPDO, on time; gives the longest time that one took, and how many there are.
+fn check_answers(trace: &[TraceEvent]) -> (Duration, usize) {
+    let (rpdo, tpdo) = (frame("220: 00").id(), frame("1A0: 00").id());
+    let mut open: Option<(Instant, usize)> = None;
+    let mut longest = Duration::from_ticks(0);
+    let mut answers = 0;
+    for event in trace {
+        let sent = event.frame().unwrap_or_else(|| panic!("{event:?}"));
+        if sent.id() == rpdo {
+            assert!(open.is_none(), "the RPDO before the one at {:?} was not answered", event.at);
+            open = Some((event.at, 0));
+        } else if sent.id() == tpdo {
+            let (at, between) = open.take().unwrap_or_else(|| panic!("two answers at {:?}", event.at));
+            let took = since(event.at, at);
+            assert!(between <= BETWEEN && took <= ON_TIME, "{took} and {between} frames, at {:?}", event.at);
+            assert_eq!(sent.data()[0], 0x0F, "it stays ACTIVE");
+            longest = longest.max(took);
+            answers += 1;
+        } else if let Some((_, between)) = &mut open {
+            *between += 1;
+        }
+    }
+    assert!(open.is_none(), "the last RPDO was not answered");
+    (longest, answers)
+}
+
+#[test]
+fn in_full_traffic_nothing_is_lost_while_it_stores_and_erases() {
+    let mut client = active();
+    let board = client.bench.board;
+    let erased = |client: &ImageClient| client.bench.rig.connections(board).flash.lock().wear();
+    let before = erased(&client);
+    let trace = watch(&mut client);
+    let requests = [
+        download(0x1010, 1, 4, SAVE),
+        download(0x1028, 1, 4, 0xA1),
+        download(0x6053, 0, 4, NAME),
+        download(0x1010, 1, 4, SAVE),
+        download(0x1011, 5, 4, 0x7364_6B70),
+        [0x40, 0x18, 0x10, 1, 0, 0, 0, 0],
+    ];
+    let rpdos = fill(&mut client, &requests);
+    let busy = client.bench.rig.world.load();
+    client.wait_ms(20);
+    let after = erased(&client);
+    assert!(after.1 > before.1, "no sector was erased in the window");
+    assert!(after.0 > before.0 + 40, "hardly a word was written in the window");
+    assert!(busy >= 99, "the bus was busy for {busy} %");
+
+    let trace = std::mem::take(&mut *trace.lock().unwrap());
+    let (longest, answers) = check_answers(&trace);
+    assert_eq!(answers, rpdos);
+    let sdo: Vec<String> = trace.iter().filter_map(TraceEvent::frame).map(Frame::to_string).collect();
+    let sdo: Vec<&str> = sdo.iter().filter(|text| text.starts_with("5A0:")).map(String::as_str).collect();
+    assert_eq!(
+        sdo,
+        [
+            "5A0: 60 10 10 01 00 00 00 00",
+            "5A0: 60 28 10 01 00 00 00 00",
+            "5A0: 60 53 60 00 00 00 00 00",
+            "5A0: 60 10 10 01 00 00 00 00",
+            "5A0: 60 11 10 05 00 00 00 00",
+            "5A0: 43 18 10 01 19 00 00 01",
+        ]
+    );
+    assert_eq!(client.bench.rig.connections(board).can.lock().can.lost(), [0, 0]);
+    for (name, value) in client.status().iter().filter(|(name, _)| name.contains("lost") || name.contains("dropped")) {
+        assert_eq!(value, "0", "{name}");
+    }
+    println!("{answers} TPDOs, the latest {} us after its RPDO", longest.as_micros());
+
+    // What was saved is there after a start.
+    hal_sim::use_case::Bench::power_cycle(&mut client.bench);
+    client.aside.clear();
+    client.expect("720: 00");
+    assert_eq!((client.read(0x1028, 1), client.read(0x6053, 0)), (0xA1, NAME));
+    client.end_without_reset();
+}
