@@ -110,15 +110,16 @@ impl Mailboxes {
         self.frames = [None; COUNT];
         self.recalled = None;
         ABORTED.store(0, Ordering::Relaxed);
+        // What becomes of a frame on the wire is found out later.
+        self.recalling = true;
     }
 
     /// Finds out what became of the frames whose mailbox is empty.
     fn collect(&mut self) {
-        let aborted = if ABORTED.load(Ordering::Relaxed) == 0 { 0 } else { ABORTED.swap(0, Ordering::Relaxed) };
-        for number in 0..COUNT {
-            if !is_empty(number) {
-                continue;
-            }
+        // In this order: what is empty now was taken note of before.
+        let empty = (0..COUNT).filter(|number| is_empty(*number)).fold(0, |empty, number| empty | 1 << number);
+        let aborted = ABORTED.fetch_and(!empty, Ordering::Relaxed) & empty;
+        for number in (0..COUNT).filter(|number| empty & 1 << number != 0) {
             if let Some(frame) = self.frames[number].take()
                 && aborted & 1 << number != 0
                 && let Some(earlier) = self.recalled.replace(frame)

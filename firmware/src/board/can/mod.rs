@@ -147,11 +147,18 @@ impl Controller for Can1 {
 
     fn set_filters(&mut self, filters: &Filters) {
         for number in 0..BANKS {
+            let bank = CAN1.fb(number);
+            let held = CAN1.fa1r().read().fact(number);
+            let held = held.then(|| Bank { identifier: bank.fr1().read().0, mask: bank.fr2().read().0 });
+            let wanted = filters.get(number).map(Bank::of);
+            if wanted == held {
+                continue;
+            }
             // A bank is changed while it is inactive; the others go on meanwhile.
             CAN1.fa1r().modify(|active| active.set_fact(number, false));
-            if let Some(Bank { identifier, mask }) = filters.get(number).map(Bank::of) {
-                CAN1.fb(number).fr1().write_value(regs::Fr1(identifier));
-                CAN1.fb(number).fr2().write_value(regs::Fr2(mask));
+            if let Some(Bank { identifier, mask }) = wanted {
+                bank.fr1().write_value(regs::Fr1(identifier));
+                bank.fr2().write_value(regs::Fr2(mask));
                 CAN1.fa1r().modify(|active| active.set_fact(number, true));
             }
         }

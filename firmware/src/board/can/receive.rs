@@ -71,11 +71,11 @@ fn empty(fifo: usize) {
     call(Caller::Received);
 }
 
-/// The frame at the output of a FIFO. A DLC of 9–15, which CAN allows, means eight bytes.
+/// The frame at the output of a FIFO. A DLC of 9–15, which CAN allows, means eight bytes: [`Frame`] sees to that.
 fn output(fifo: usize) -> Frame {
     let mailbox = CAN1.rx(fifo);
     let identifier = mailbox.rir().read().0;
-    let len = (mailbox.rdtr().read().0 & 0xF).min(8) as u8;
+    let len = (mailbox.rdtr().read().0 & 0xF) as u8;
     let [a, b, c, d] = mailbox.rdlr().read().0.to_le_bytes();
     let [e, f, g, h] = mailbox.rdhr().read().0.to_le_bytes();
     let id: Id = if identifier & 1 << 2 == 0 {

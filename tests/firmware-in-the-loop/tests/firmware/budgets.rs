@@ -22,6 +22,8 @@ const RAM: u64 = 24 * KIB;
 const FOR_NOBODY: u64 = 500;
 /// The same for an SDO upload, or an RPDO that a TPDO answers: the answer lies in a mailbox then.
 const ANSWERED: u64 = 2500;
+/// The most instructions for a frame that a service of the device takes, and that changes nothing.
+const IN_VAIN: u64 = 1200;
 
 /// Prints past the test's capture: whoever runs all tests is to see the figures.
 fn print(line: &str) {
@@ -158,16 +160,19 @@ fn operational() -> ImageClient {
 #[test]
 fn a_frame_for_nobody_costs_little() {
     let mut client = operational();
+    let mut measure = |text, limit, why| {
+        let count = instructions(&mut client, text);
+        assert!(count <= limit, "{why}: {count} instructions");
+        assert_eq!(client.aside, [], "{why}");
+    };
+    measure("000: 01 21", FOR_NOBODY, "NMT for another node");
     for (text, why) in [
-        ("000: 01 21", "NMT for another node"),
         ("080:", "a SYNC that no PDO waits for"),
         ("220: 0F", "an RPDO that is too short"),
         ("620: 40 18 10 01", "an SDO request that is too short"),
         ("7E5: 04 01 00 00 00 00 00 00", "LSS while operational"),
     ] {
-        let count = instructions(&mut client, text);
-        assert!(count <= FOR_NOBODY, "{why}: {count} instructions");
-        assert_eq!(client.aside, [], "{why}");
+        measure(text, IN_VAIN, why);
     }
 }
 
