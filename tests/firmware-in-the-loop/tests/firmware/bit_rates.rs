@@ -1,7 +1,8 @@
-//! All bit rates of SPEC 1, as the firmware sets the controller and as the bus measures it.
+//! All bit rates of SPEC 1, as the firmware sets the controller and as the bus measures them.
 
 use firmware_in_the_loop::bench::ImageBench;
-use firmware_in_the_loop::bxcan::{BitTiming, registers::BTR};
+use firmware_in_the_loop::bxcan::BitTiming;
+use firmware_in_the_loop::bxcan::registers::{BTR, MCR, mcr};
 use hal_sim::bus::FrameBits;
 use hal_sim::use_case::Bench;
 use protocol_core::controller::BitRate;
@@ -57,4 +58,29 @@ fn a_bit_rate_is_changed_at_run_time_with_both_delays() {
     client.wait_ms(30);
     client.send("7E5: 5E 00 00 00 00 00 00 00");
     client.expect("7E4: 5E 20 00 00 00 00 00 00");
+}
+
+/// The valves of this release run at three of them. The timings of the others are those of the firmware's table, on the
+/// clock that the image has set up, and the bus measures what the controller makes of them.
+#[test]
+fn each_timing_of_the_firmwares_table_is_exact_on_the_boards_clock() {
+    let mut client = super::client::ImageClient::booted();
+    let board = client.bench.board;
+    for rate in BitRate::ALL {
+        {
+            let mut shared = client.bench.rig.connections(board).can.lock();
+            let control = shared.can.read(MCR);
+            shared.can.write(MCR, control | mcr::INRQ);
+            shared.can.write(BTR, firmware::bit_timing::BitTiming::of(rate).register());
+            shared.can.write(MCR, control);
+        }
+        client.bench.set_bit_rate(rate);
+        client.wait_ms(10);
+        assert_eq!(client.bench.rig.bits_per_second(board), Some(rate.bits_per_second().into()));
+        assert_eq!(client.read(0x1018, 1), 0x0100_0019, "{rate:?}");
+        let took = client.bench.rig.last_sent(board).expect("it was sent").as_micros();
+        let bits = FrameBits::of(&frame("5A0: 43 18 10 01 19 00 00 01")).on_wire();
+        let expected = u64::from(bits) * 1_000_000 / u64::from(rate.bits_per_second());
+        assert!(took.abs_diff(expected) <= 1, "{rate:?}: {took} us instead of {expected} us");
+    }
 }
