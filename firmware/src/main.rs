@@ -1,10 +1,11 @@
 //! The stand-in device on an STM32 board (NUCLEO-F429ZI, any 3.3 V CAN transceiver on PD0 and PD1).
 //!
 //! ```text
-//! board/clock    the clock tree          board/can      the CAN controller
-//! board/device   the device's task       board/flash    its memory
-//! board/led      red and green           board/console  USART3: what the device senses, changed by hand
-//! board/reset    why the processor starts, and what a panic does
+//! board/device     the device's task, above all others      board/attention  what it waits for
+//! board/can        the CAN controller                       board/storage    the memory's task
+//! board/console    USART3: lines that are obeyed            board/flash      the sectors it has
+//! board/led        red and green                            board/button     faults by hand
+//! board/clock      the clock tree                           board/reset      why the processor starts
 //! ```
 #![cfg_attr(target_os = "none", no_std, no_main)]
 

@@ -17,15 +17,15 @@ pub(super) enum Caller {
     /// The CAN controller: a frame was received.
     Received = 1 << 0,
     /// The CAN controller: a frame was sent, or taken back.
-    Sent = 1 << 5,
+    Sent = 1 << 1,
     /// The CAN controller: its error mode has changed.
-    Errors = 1 << 1,
+    Errors = 1 << 2,
     /// The memory has an answer.
-    Memory = 1 << 2,
+    Memory = 1 << 3,
     /// Something was typed, or the button was pressed.
-    Front = 1 << 3,
+    Front = 1 << 4,
     /// The LEDs want to know what to show.
-    Leds = 1 << 4,
+    Leds = 1 << 5,
 }
 
 static CALLED: AtomicU8 = AtomicU8::new(0);

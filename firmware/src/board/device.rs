@@ -130,6 +130,7 @@ impl Board {
                 && let Some(effect) = pump(device, &mut self.can, now)
             {
                 self.carry_out(effect, device).await;
+                now = Instant::now();
             }
             self.can.resume();
             if calls.include(Caller::Leds) {

@@ -35,6 +35,9 @@ const AF_CAN: u8 = 9;
 /// How often it is looked whether the controller has left the bus: it waits for the end of a frame.
 const LEAVING: Duration = Duration::from_micros(50);
 
+/// No frame takes longer: 160 bits at 10 kbit/s, with the error frame that may end it.
+const LONGEST_FRAME: Duration = Duration::from_millis(20);
+
 #[interrupt]
 fn CAN1_SCE() {
     CAN1.msr().write(|msr| msr.set_erri(true));
@@ -89,13 +92,10 @@ impl Can1 {
     /// Takes no part in the bus, from the end of the frame on it on. What waits to be sent is dropped.
     pub(super) async fn leave(&mut self, attention: &mut Attention) {
         self.drop_waiting();
-        CAN1.mcr().modify(|mcr| {
-            mcr.set_sleep(false);
-            mcr.set_inrq(true);
-            mcr.set_abom(true);
-        });
-        while !CAN1.msr().read().inak() {
-            attention.pause(LEAVING).await;
+        if !initialised(attention).await {
+            // On a bus that is stuck no frame ever ends.
+            CAN1.mcr().write(|mcr| mcr.set_reset(true));
+            initialised(attention).await;
         }
     }
 
@@ -125,6 +125,22 @@ impl Can1 {
     pub(super) fn overruns(&self) -> u32 {
         receive::overruns()
     }
+}
+
+/// Asks for initialisation mode, and waits for it for as long as a frame can take. Whether it has come.
+async fn initialised(attention: &mut Attention) -> bool {
+    CAN1.mcr().modify(|mcr| {
+        mcr.set_sleep(false);
+        mcr.set_inrq(true);
+        mcr.set_abom(true);
+    });
+    for _ in 0..LONGEST_FRAME.as_micros() / LEAVING.as_micros() {
+        if CAN1.msr().read().inak() {
+            return true;
+        }
+        attention.pause(LEAVING).await;
+    }
+    false
 }
 
 impl embedded_can::nb::Can for Can1 {
