@@ -43,12 +43,12 @@ where
                 Ok(Some(overtaken)) => device.give_back(overtaken),
                 Err(_) => {
                     device.give_back(frame);
-                    return None;
+                    return device.next_store();
                 }
             }
         }
         if !can.is_idle() {
-            return None;
+            return device.next_store();
         }
         if let Some(effect) = device.next_effect(now) {
             return Some(effect);

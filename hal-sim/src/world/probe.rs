@@ -161,6 +161,11 @@ impl Device for Probe {
         self.out.insert(0, frame);
     }
 
+    /// It hands out everything in its order.
+    fn next_store(&mut self) -> Option<Effect> {
+        None
+    }
+
     fn next_effect(&mut self, _now: Instant) -> Option<Effect> {
         (!self.effects.is_empty()).then(|| self.effects.remove(0))
     }

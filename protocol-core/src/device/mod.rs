@@ -67,6 +67,10 @@ pub trait Device {
     /// Takes back a frame that the controller could not take, or gave back for a more urgent one.
     fn give_back(&mut self, frame: Frame);
 
+    /// The next record to be stored, as [`Effect::Store`], whether the bus has taken all that there is to send or not: a bus
+    /// that is busy, or that nobody else is on, keeps nothing from being stored.
+    fn next_store(&mut self) -> Option<Effect>;
+
     /// The next thing to be done. To be asked only when [`next_frame`](Self::next_frame) has nothing and the controller
     /// has sent everything: a restart must not swallow the answer sent before it. The device takes the question itself
     /// as the message that all is on the bus by `now`.

@@ -121,6 +121,8 @@ fn in_full_traffic_nothing_is_lost_while_it_stores_and_erases() {
     let before = erased(&client);
     let trace = watch(&mut client);
     let requests = [
+        // Its heartbeat never wins this bus.
+        download(0x1017, 0, 2, 100),
         download(0x1010, 1, 4, SAVE),
         download(0x1028, 1, 4, 0xA1),
         download(0x6053, 0, 4, NAME),
@@ -144,6 +146,7 @@ fn in_full_traffic_nothing_is_lost_while_it_stores_and_erases() {
     assert_eq!(
         sdo,
         [
+            "5A0: 60 17 10 00 00 00 00 00",
             "5A0: 60 10 10 01 00 00 00 00",
             "5A0: 60 28 10 01 00 00 00 00",
             "5A0: 60 53 60 00 00 00 00 00",

@@ -244,6 +244,10 @@ impl Device for PveCanopen {
         }
     }
 
+    fn next_store(&mut self) -> Option<Effect> {
+        self.next_write()
+    }
+
     fn next_effect(&mut self, _now: Instant) -> Option<Effect> {
         if self.boot_up == BootUp::HandedOut {
             self.boot_up = BootUp::Done;

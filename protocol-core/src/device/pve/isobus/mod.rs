@@ -298,6 +298,10 @@ impl Device for PveIsobus {
         }
     }
 
+    fn next_store(&mut self) -> Option<Effect> {
+        self.next_write()
+    }
+
     fn next_effect(&mut self, now: Instant) -> Option<Effect> {
         if (self.claim.is_begun() || self.bam.is_handed_out()) && !self.is_mute() {
             // All is on the bus: the wait for objections and the distance of packets count from here.
