@@ -10,6 +10,7 @@ const VERSION: u8 = 1;
 
 const BLANK: u8 = 1;
 const FRESH: u8 = 2;
+const CHOSEN: u8 = 4;
 
 /// What the board is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,23 +21,36 @@ pub struct Settings {
     pub blank: bool,
     /// The memory is still that of the device before, and to be cleared first.
     pub fresh: bool,
+    /// Somebody chose the kind at the console; else it is that of the image, also of the next one.
+    pub chosen: bool,
 }
 
 impl Settings {
     /// A board that nothing was said to: of the kind that the image was built for.
-    pub const DEFAULT: Self = Self { kind: DEFAULT_KIND, blank: false, fresh: false };
+    pub const DEFAULT: Self = Self { kind: DEFAULT_KIND, blank: false, fresh: false, chosen: false };
 
-    /// A new device of this kind.
+    /// What a board is that starts with this setting. An image built for another kind than the one before makes it a new
+    /// device, unless the kind was chosen.
+    #[must_use]
+    pub fn at_start(stored: Option<Self>) -> Self {
+        match stored {
+            None => Self::DEFAULT,
+            Some(stored) if stored.chosen || stored.kind == DEFAULT_KIND => stored,
+            Some(_) => Self { fresh: true, ..Self::DEFAULT },
+        }
+    }
+
+    /// A new device of this kind, chosen at the console.
     #[must_use]
     pub const fn new(kind: Kind) -> Self {
-        Self { kind, blank: false, fresh: true }
+        Self { kind, blank: false, fresh: true, chosen: true }
     }
 
     /// The same without a node ID; `None` for a kind that always has one.
     #[must_use]
     pub const fn new_blank(kind: Kind) -> Option<Self> {
         match kind.protocol() {
-            Protocol::Canopen => Some(Self { kind, blank: true, fresh: true }),
+            Protocol::Canopen => Some(Self { blank: true, ..Self::new(kind) }),
             Protocol::Isobus => None,
         }
     }
@@ -50,9 +64,9 @@ impl Settings {
 
     /// As bytes.
     #[must_use]
-    pub const fn encode(&self) -> [u8; LEN] {
-        let flags = if self.blank { BLANK } else { 0 } | if self.fresh { FRESH } else { 0 };
-        [VERSION, number(self.kind), flags]
+    pub fn encode(&self) -> [u8; LEN] {
+        let flag = |set: bool, bit: u8| if set { bit } else { 0 };
+        [VERSION, number(self.kind), flag(self.blank, BLANK) | flag(self.fresh, FRESH) | flag(self.chosen, CHOSEN)]
     }
 
     /// From bytes; `None` for those of another layout.
@@ -60,7 +74,9 @@ impl Settings {
     pub fn decode(bytes: &[u8]) -> Option<Self> {
         let &[VERSION, kind, flags] = bytes else { return None };
         let kind = Kind::ALL.into_iter().find(|known| number(*known) == kind)?;
-        (flags & !(BLANK | FRESH) == 0).then_some(Self { kind, blank: flags & BLANK != 0, fresh: flags & FRESH != 0 })
+        let is_set = |bit: u8| flags & bit != 0;
+        let settings = Self { kind, blank: is_set(BLANK), fresh: is_set(FRESH), chosen: is_set(CHOSEN) };
+        (!is_set(!(BLANK | FRESH | CHOSEN))).then_some(settings)
     }
 }
 
@@ -108,8 +124,9 @@ mod tests {
     fn what_was_encoded_decodes() {
         for kind in Kind::ALL {
             assert_eq!(named(kind.name()), kind);
-            for (blank, fresh) in [(false, false), (false, true), (true, false), (true, true)] {
-                let settings = Settings { kind, blank, fresh };
+            for flags in 0..8 {
+                let [blank, fresh, chosen] = [1, 2, 4].map(|flag| flags & flag != 0);
+                let settings = Settings { kind, blank, fresh, chosen };
                 assert_eq!(Settings::decode(&settings.encode()), Some(settings));
             }
         }
@@ -117,9 +134,20 @@ mod tests {
 
     #[test]
     fn what_is_none_does_not() {
-        for bytes in [&[][..], &[1, 0], &[2, 0, 0], &[1, 4, 0], &[1, 0, 4], &[1, 0, 0, 0]] {
+        for bytes in [&[][..], &[1, 0], &[2, 0, 0], &[1, 4, 0], &[1, 0, 8], &[1, 0, 0, 0]] {
             assert_eq!(Settings::decode(bytes), None, "{bytes:?}");
         }
+    }
+
+    #[test]
+    fn another_image_makes_a_new_device_unless_the_kind_was_chosen() {
+        let other = Kind::ALL.into_iter().find(|kind| *kind != DEFAULT_KIND).unwrap();
+        assert_eq!(Settings::at_start(None), Settings::DEFAULT);
+        for stored in [Settings::DEFAULT, Settings::new(other), Settings::new_blank(Kind::PveoCanopen).unwrap()] {
+            assert_eq!(Settings::at_start(Some(stored)), stored);
+        }
+        let of_another_image = Settings { kind: other, ..Settings::DEFAULT };
+        assert_eq!(Settings::at_start(Some(of_another_image)), Settings { fresh: true, ..Settings::DEFAULT });
     }
 
     #[test]

@@ -43,6 +43,10 @@ bind_interrupts!(struct Interrupts {
 
 const BUFFER: usize = 64;
 
+const BACKSPACE: u8 = 0x08;
+/// What many terminals send in its place.
+const DELETE: u8 = 0x7F;
+
 /// Opens the port.
 pub(super) fn open(
     uart: Peri<'static, USART3>,
@@ -59,13 +63,16 @@ pub(super) async fn run(uart: Option<BufferedUart<'static>>) {
     let Some(mut uart) = uart else { return };
     let mut line = String::new();
     let mut too_long = false;
+    let mut last = 0;
     loop {
         let mut byte = [0];
         // What was garbled on its way makes a line that is not understood.
         let Ok(1) = uart.read(&mut byte).await else { continue };
-        match byte[0] {
-            b'\r' => {}
-            b'\n' => {
+        let [byte] = byte;
+        match byte {
+            // Of CR LF the line ends with the first.
+            b'\n' if last == b'\r' => {}
+            b'\r' | b'\n' => {
                 let line = core::mem::take(&mut line);
                 let answer = if core::mem::take(&mut too_long) { Answer::Usage } else { ask(line).await };
                 tell(&mut uart, &answer).await;
@@ -73,8 +80,10 @@ pub(super) async fn run(uart: Option<BufferedUart<'static>>) {
                     reset::power_cycle();
                 }
             }
+            BACKSPACE | DELETE => drop(line.pop()),
             byte => too_long |= line.push(char::from(byte)).is_err(),
         }
+        last = byte;
     }
 }
 

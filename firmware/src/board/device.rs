@@ -21,7 +21,7 @@ use super::attention::{Attention, Caller, Calls};
 use super::can::Can1;
 use super::console::{ANSWER, Answer, STATUS, TYPED};
 use super::led;
-use super::storage::{BECOMES, CONTENTS, FOUND, REQUESTS, Request, STORED};
+use super::storage::{BECOMES, CONTENTS, FOUND, READ, REQUESTS, Request, STORED};
 
 /// What the button injects.
 pub(super) static INJECTION: Signal<CriticalSectionRawMutex, Injection> = Signal::new();
@@ -197,7 +197,7 @@ impl Board {
             device.stored(key, result, Instant::now());
         }
         if let Some(scope) = self.restarting
-            && FOUND.try_take().is_some()
+            && READ.try_take().is_some()
         {
             self.restarting = None;
             device.restart(scope, &CONTENTS.lock().await.image, Instant::now());

@@ -15,7 +15,7 @@ use super::flash::Sectors;
 pub(super) enum Request {
     /// To write a record; answered by [`STORED`].
     Store(RecordKey, Record),
-    /// To read everything; answered by [`FOUND`].
+    /// To read everything; answered by [`READ`].
     Read,
     /// To make the board another device at the next start; answered by [`BECOMES`].
     Become(Settings),
@@ -25,7 +25,9 @@ pub(super) enum Request {
 pub(super) static REQUESTS: Channel<CriticalSectionRawMutex, Request, 3> = Channel::new();
 /// Answers [`Request::Store`].
 pub(super) static STORED: Signal<CriticalSectionRawMutex, (RecordKey, Result<(), StoreError>)> = Signal::new();
-/// Answers [`Request::Read`]; without one at the start. What was read is in [`CONTENTS`].
+/// Answers [`Request::Read`]: it is in [`CONTENTS`].
+pub(super) static READ: Signal<CriticalSectionRawMutex, ()> = Signal::new();
+/// What the board is, at the start; what its device is to begin with is in [`CONTENTS`].
 pub(super) static FOUND: Signal<CriticalSectionRawMutex, Settings> = Signal::new();
 /// Everything stored, as it was last read: in a place of its own, because it is too large to be handed round.
 pub(super) static CONTENTS: Mutex<CriticalSectionRawMutex, Contents> = Mutex::new(Contents::empty());
@@ -40,7 +42,10 @@ pub(super) async fn run(sectors: Sectors) {
         call(Caller::Memory);
         match REQUESTS.receive().await {
             Request::Store(key, record) => STORED.signal((key, memory.store(key, &record).await)),
-            Request::Read => FOUND.signal(memory.read().await),
+            Request::Read => {
+                memory.read().await;
+                READ.signal(());
+            }
             Request::Become(settings) => BECOMES.signal(memory.set(settings).await),
         }
     }
@@ -54,22 +59,22 @@ struct Memory {
 impl Memory {
     /// Reads everything, as after power-up: what a new device is to forget is forgotten first.
     async fn start(&mut self) -> Settings {
-        let settings = self.read().await;
-        if !settings.fresh {
-            return settings;
+        let stored = self.read().await;
+        let mut settings = Settings::at_start(stored);
+        if settings.fresh {
+            // One that fails is tried again at the next start.
+            settings.fresh = self.clear().await.is_err();
+            CONTENTS.lock().await.image = Image::empty();
         }
-        let settled = Settings { fresh: false, ..settings };
-        let cleared = async {
-            self.records().await?.clear().await?;
-            self.set(settled).await
-        };
-        let cleared = cleared.await;
-        CONTENTS.lock().await.image = Image::empty();
-        // One that failed is tried again at the next start.
-        if cleared.is_ok() { settled } else { settings }
+        if stored != Some(settings) {
+            // One that fails is stored at the next start.
+            let _ = self.set(settings).await;
+        }
+        settings
     }
 
-    async fn read(&mut self) -> Settings {
+    /// Reads everything; the setting, if there is one.
+    async fn read(&mut self) -> Option<Settings> {
         let mut contents = CONTENTS.lock().await;
         let read = async {
             let mut records = self.records().await.map_err(|_| Unreadable)?;
@@ -78,7 +83,7 @@ impl Memory {
         if let Err(Unreadable) = read.await {
             self.begin_anew(&mut contents).await;
         }
-        contents.setting.as_deref().and_then(Settings::decode).unwrap_or(Settings::DEFAULT)
+        contents.setting.as_deref().and_then(Settings::decode)
     }
 
     /// Nothing in the memory makes sense: erases it, but for the setting, and tells.
@@ -95,6 +100,10 @@ impl Memory {
 
     async fn store(&mut self, key: RecordKey, record: &Record) -> Result<(), StoreError> {
         self.records().await?.store(key, record).await
+    }
+
+    async fn clear(&mut self) -> Result<(), StoreError> {
+        self.records().await?.clear().await
     }
 
     async fn set(&mut self, settings: Settings) -> Result<(), StoreError> {

@@ -1,4 +1,4 @@
-//! The words of the console (docs/behaviour.md, firmware): what acts on the valve, what it is, and its power.
+//! The words of the console (docs/board.md): what acts on the valve, what it is, and its power.
 
 use hal_sim::use_case::Bench;
 use protocol_core::time::Duration;
@@ -29,6 +29,24 @@ fn each_word_is_seen_in_the_status() {
     }
     assert_eq!(client.status_of("kind"), "pvea-canopen");
     client.end_without_reset();
+}
+
+#[test]
+fn a_terminal_ends_lines_as_it_likes_and_takes_characters_back() {
+    let mut client = ImageClient::booted();
+    let board = client.bench.board;
+    for (typed, answers) in [
+        ("supply_mv 850\u{7F}\u{8}4500\r", "ok\r\n"),
+        ("temperature_c 99\r\n", "ok\r\n"),
+        ("lever 4000\nlever off\r\n", "ok\r\nok\r\n"),
+    ] {
+        client.bench.rig.connections(board).terminal.lock().typed.extend(typed.bytes());
+        client.wait_ms(50);
+        assert_eq!(client.bench.rig.printed(board), answers, "{typed:?}");
+    }
+    for (name, value) in [("supply_mv", "84500"), ("temperature_c", "99"), ("lever", "off")] {
+        assert_eq!(client.status_of(name), value, "{name}");
+    }
 }
 
 #[test]
