@@ -22,6 +22,8 @@ const RAM: u64 = 24 * KIB;
 const FOR_NOBODY: u64 = 500;
 /// The same for an SDO upload, or an RPDO that a TPDO answers: the answer lies in a mailbox then.
 const ANSWERED: u64 = 2500;
+/// After so many steps a processor that is still awake will never sleep.
+const STEPS: usize = 1000;
 /// The most instructions for a frame that a service of the device takes, and that changes nothing.
 const IN_VAIN: u64 = 1200;
 
@@ -129,12 +131,11 @@ fn instructions(client: &mut ImageClient, text: &str) -> u64 {
             client.step();
         }
         let before = client.machine().reached().instructions;
-        let asleep = loop {
+        let asleep = (0..STEPS).find_map(|_| {
             client.step();
-            if let Some(asleep) = client.machine().reached().asleep {
-                break asleep;
-            }
-        };
+            client.machine().reached().asleep
+        });
+        let asleep = asleep.expect("it goes to sleep");
         client.wait_ms(3);
         asleep - before
     });
