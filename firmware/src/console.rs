@@ -7,7 +7,7 @@ use crate::plant::Plant;
 /// What can be said.
 pub const USAGE: &str = "\
 supply_mv N | temperature_c N | spool ok|stuck|slow|drifting|no-float | lever N|off | internal_fault on|off\r\n\
-memory ok|write-fails | bus_off on|off | status | kind KIND | blank | power-cycle";
+memory ok|write-fails | bus_off on|off | status | kind KIND [SERIAL] | blank [SERIAL] | power-cycle";
 
 /// A line that was understood.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,10 +16,10 @@ pub enum Command {
     Plant(Plant),
     /// Tell how the device is.
     Status,
-    /// Become a new device of this kind.
-    Kind(Kind),
+    /// Become a new device of this kind, perhaps with a serial number of its own.
+    Kind(Kind, Option<u32>),
     /// Become a new device of the present kind, without a node ID.
-    Blank,
+    Blank(Option<u32>),
     /// Start as if power had come back.
     PowerCycle,
 }
@@ -29,20 +29,26 @@ impl Command {
     #[must_use]
     pub fn parse(line: &str, plant: &Plant) -> Option<Self> {
         let mut words = line.split_ascii_whitespace();
-        let word = words.next()?;
-        let value = words.next();
-        if words.next().is_some() {
-            return None;
-        }
-        match (word, value) {
-            ("status", None) => Some(Self::Status),
-            ("blank", None) => Some(Self::Blank),
-            ("power-cycle", None) => Some(Self::PowerCycle),
-            ("kind", Some(name)) => Kind::from_name(name).map(Self::Kind),
-            (word, Some(value)) => plant.with(word, value).map(Self::Plant),
-            _ => None,
-        }
+        let command = match (words.next()?, words.next()) {
+            ("status", None) => Self::Status,
+            ("power-cycle", None) => Self::PowerCycle,
+            ("kind", Some(name)) => Self::Kind(Kind::from_name(name)?, serial(words.next())?),
+            ("blank", value) => Self::Blank(serial(value)?),
+            (word, Some(value)) => Self::Plant(plant.with(word, value)?),
+            _ => return None,
+        };
+        words.next().is_none().then_some(command)
     }
+}
+
+/// A serial number, decimal or with 0x, if there is one; `None` for what is none.
+fn serial(word: Option<&str>) -> Option<Option<u32>> {
+    let Some(word) = word else { return Some(None) };
+    let number = match word.strip_prefix("0x") {
+        Some(digits) => u32::from_str_radix(digits, 16),
+        None => word.parse(),
+    };
+    number.ok().map(Some)
 }
 
 #[cfg(test)]
@@ -56,18 +62,30 @@ mod tests {
     #[test]
     fn every_command() {
         assert_eq!(parse(" status "), Some(Command::Status));
-        assert_eq!(parse("blank"), Some(Command::Blank));
+        assert_eq!(parse("blank"), Some(Command::Blank(None)));
+        assert_eq!(parse("blank 7"), Some(Command::Blank(Some(7))));
         assert_eq!(parse("power-cycle"), Some(Command::PowerCycle));
-        assert_eq!(parse("kind pveo-isobus"), Some(Command::Kind(Kind::PveoIsobus)));
+        assert_eq!(parse("kind pveo-isobus"), Some(Command::Kind(Kind::PveoIsobus, None)));
+        assert_eq!(parse("kind pveo-isobus 0x1F"), Some(Command::Kind(Kind::PveoIsobus, Some(31))));
         let plant = Plant::default().with("supply_mv", "8500").unwrap();
         assert_eq!(parse(" supply_mv  8500"), Some(Command::Plant(plant)));
     }
 
     #[test]
     fn anything_else_is_not_understood() {
-        for line in
-            ["", "supply_mv", "supply_mv 1 2", "status now", "kind", "kind pvea", "kind pvea-isobus 1", "blank 1"]
-        {
+        for line in [
+            "",
+            "supply_mv",
+            "supply_mv 1 2",
+            "status now",
+            "kind",
+            "kind pvea",
+            "kind pvea-isobus x",
+            "kind pvea-isobus 1 2",
+            "blank x",
+            "blank 1 2",
+            "blank 4294967296",
+        ] {
             assert_eq!(parse(line), None, "{line}");
         }
     }

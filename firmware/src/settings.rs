@@ -3,7 +3,7 @@
 use protocol_core::device::pve::{Kind, Protocol, Setup};
 
 /// How many bytes a setting takes.
-pub const LEN: usize = 3;
+pub const LEN: usize = 7;
 
 /// The layout of the bytes.
 const VERSION: u8 = 1;
@@ -11,6 +11,7 @@ const VERSION: u8 = 1;
 const BLANK: u8 = 1;
 const FRESH: u8 = 2;
 const CHOSEN: u8 = 4;
+const SERIAL: u8 = 8;
 
 /// What the board is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,11 +24,13 @@ pub struct Settings {
     pub fresh: bool,
     /// Somebody chose the kind at the console; else it is that of the image, also of the next one.
     pub chosen: bool,
+    /// The serial number of a new memory; without one that of all boards.
+    pub serial: Option<u32>,
 }
 
 impl Settings {
     /// A board that nothing was said to: of the kind that the image was built for.
-    pub const DEFAULT: Self = Self { kind: DEFAULT_KIND, blank: false, fresh: false, chosen: false };
+    pub const DEFAULT: Self = Self { kind: DEFAULT_KIND, blank: false, fresh: false, chosen: false, serial: None };
 
     /// What a board is that starts with this setting. An image built for another kind than the one before makes it a new
     /// device, unless the kind was chosen.
@@ -40,17 +43,17 @@ impl Settings {
         }
     }
 
-    /// A new device of this kind, chosen at the console.
+    /// A new device of this kind, chosen at the console, perhaps with a serial number of its own.
     #[must_use]
-    pub const fn new(kind: Kind) -> Self {
-        Self { kind, blank: false, fresh: true, chosen: true }
+    pub const fn new(kind: Kind, serial: Option<u32>) -> Self {
+        Self { kind, blank: false, fresh: true, chosen: true, serial }
     }
 
     /// The same without a node ID; `None` for a kind that always has one.
     #[must_use]
-    pub const fn new_blank(kind: Kind) -> Option<Self> {
+    pub const fn new_blank(kind: Kind, serial: Option<u32>) -> Option<Self> {
         match kind.protocol() {
-            Protocol::Canopen => Some(Self { blank: true, ..Self::new(kind) }),
+            Protocol::Canopen => Some(Self { blank: true, ..Self::new(kind, serial) }),
             Protocol::Isobus => None,
         }
     }
@@ -58,7 +61,7 @@ impl Settings {
     /// What a new memory of the device is filled with.
     #[must_use]
     pub const fn setup(&self) -> Setup {
-        let setup = Setup::new(self.kind);
+        let setup = Setup { serial: self.serial, ..Setup::new(self.kind) };
         if self.blank { Setup { node_id: None, ..setup } } else { setup }
     }
 
@@ -66,17 +69,23 @@ impl Settings {
     #[must_use]
     pub fn encode(&self) -> [u8; LEN] {
         let flag = |set: bool, bit: u8| if set { bit } else { 0 };
-        [VERSION, number(self.kind), flag(self.blank, BLANK) | flag(self.fresh, FRESH) | flag(self.chosen, CHOSEN)]
+        let flags = flag(self.blank, BLANK)
+            | flag(self.fresh, FRESH)
+            | flag(self.chosen, CHOSEN)
+            | flag(self.serial.is_some(), SERIAL);
+        let [a, b, c, d] = self.serial.unwrap_or(0).to_le_bytes();
+        [VERSION, number(self.kind), flags, a, b, c, d]
     }
 
     /// From bytes; `None` for those of another layout.
     #[must_use]
     pub fn decode(bytes: &[u8]) -> Option<Self> {
-        let &[VERSION, kind, flags] = bytes else { return None };
+        let &[VERSION, kind, flags, a, b, c, d] = bytes else { return None };
         let kind = Kind::ALL.into_iter().find(|known| number(*known) == kind)?;
         let is_set = |bit: u8| flags & bit != 0;
-        let settings = Self { kind, blank: is_set(BLANK), fresh: is_set(FRESH), chosen: is_set(CHOSEN) };
-        (!is_set(!(BLANK | FRESH | CHOSEN))).then_some(settings)
+        let serial = is_set(SERIAL).then_some(u32::from_le_bytes([a, b, c, d]));
+        let settings = Self { kind, blank: is_set(BLANK), fresh: is_set(FRESH), chosen: is_set(CHOSEN), serial };
+        (!is_set(!(BLANK | FRESH | CHOSEN | SERIAL))).then_some(settings)
     }
 }
 
@@ -124,9 +133,9 @@ mod tests {
     fn what_was_encoded_decodes() {
         for kind in Kind::ALL {
             assert_eq!(named(kind.name()), kind);
-            for flags in 0..8 {
-                let [blank, fresh, chosen] = [1, 2, 4].map(|flag| flags & flag != 0);
-                let settings = Settings { kind, blank, fresh, chosen };
+            for flags in 0..16 {
+                let [blank, fresh, chosen, numbered] = [1, 2, 4, 8].map(|flag| flags & flag != 0);
+                let settings = Settings { kind, blank, fresh, chosen, serial: numbered.then_some(0x1234_5678) };
                 assert_eq!(Settings::decode(&settings.encode()), Some(settings));
             }
         }
@@ -134,7 +143,9 @@ mod tests {
 
     #[test]
     fn what_is_none_does_not() {
-        for bytes in [&[][..], &[1, 0], &[2, 0, 0], &[1, 4, 0], &[1, 0, 8], &[1, 0, 0, 0]] {
+        for bytes in
+            [&[][..], &[1, 0, 0], &[2, 0, 0, 0, 0, 0, 0], &[1, 4, 0, 0, 0, 0, 0], &[1, 0, 16, 0, 0, 0, 0], &[0; 8]]
+        {
             assert_eq!(Settings::decode(bytes), None, "{bytes:?}");
         }
     }
@@ -143,7 +154,9 @@ mod tests {
     fn another_image_makes_a_new_device_unless_the_kind_was_chosen() {
         let other = Kind::ALL.into_iter().find(|kind| *kind != DEFAULT_KIND).unwrap();
         assert_eq!(Settings::at_start(None), Settings::DEFAULT);
-        for stored in [Settings::DEFAULT, Settings::new(other), Settings::new_blank(Kind::PveoCanopen).unwrap()] {
+        for stored in
+            [Settings::DEFAULT, Settings::new(other, Some(7)), Settings::new_blank(Kind::PveoCanopen, None).unwrap()]
+        {
             assert_eq!(Settings::at_start(Some(stored)), stored);
         }
         let of_another_image = Settings { kind: other, ..Settings::DEFAULT };
@@ -152,8 +165,9 @@ mod tests {
 
     #[test]
     fn a_blank_valve_has_no_node_id() {
-        assert_eq!(Settings::new_blank(Kind::PveoCanopen).unwrap().setup().node_id, None);
-        assert_eq!(Settings::new_blank(Kind::PveaIsobus), None);
+        assert_eq!(Settings::new_blank(Kind::PveoCanopen, None).unwrap().setup().node_id, None);
+        assert_eq!(Settings::new_blank(Kind::PveaIsobus, None), None);
+        assert_eq!(Settings::new(Kind::PveaIsobus, Some(7)).setup().serial, Some(7));
         assert_eq!(Settings::DEFAULT.setup(), Setup::new(Settings::DEFAULT.kind));
     }
 }

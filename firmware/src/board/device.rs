@@ -220,8 +220,8 @@ impl Board {
                     ANSWER.signal(Answer::Done);
                 }
                 Some(Command::Status) => ANSWER.signal(Answer::Status(self.status(device))),
-                Some(Command::Kind(kind)) => self.become_new(Some(Settings::new(kind))),
-                Some(Command::Blank) => self.become_new(Settings::new_blank(self.settings.kind)),
+                Some(Command::Kind(kind, serial)) => self.become_new(Some(Settings::new(kind, serial))),
+                Some(Command::Blank(serial)) => self.become_new(Settings::new_blank(self.settings.kind, serial)),
                 Some(Command::PowerCycle) => ANSWER.signal(Answer::Restart),
                 None => ANSWER.signal(Answer::Usage),
             }

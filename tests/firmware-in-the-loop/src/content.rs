@@ -67,7 +67,7 @@ pub fn worn(content: &[u8]) -> Vec<u8> {
 fn with_setting(content: Vec<u8>, kind: Kind) -> Vec<u8> {
     let mut flash = memory::Flash::from_image(content).expect("it is as long as a flash");
     let mut buffer = [0; nvm::BUFFER];
-    let setting = Settings { fresh: false, ..Settings::new(kind) }.encode();
+    let setting = Settings { fresh: false, ..Settings::new(kind, None) }.encode();
     ready(async {
         let mut records = Records::open(&mut flash, &mut buffer).await.expect("this flash does not fail");
         records.store_setting(&setting).await.expect("this flash does not fail");

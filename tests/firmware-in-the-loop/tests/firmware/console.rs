@@ -180,6 +180,18 @@ fn another_kind_is_a_new_device_and_back_again() {
 }
 
 #[test]
+fn a_new_device_can_have_a_serial_number_of_its_own() {
+    let mut client = ImageClient::booted();
+    client.bench.rig.type_line(client.bench.board, "kind pvea-isobus 0x107");
+    for _ in 0..2 {
+        client.expect("18EEFF80: 07 01 20 07 08 FF 02 20");
+        client.wait_ms(300);
+        client.aside.clear();
+        client.bench.power_cycle();
+    }
+}
+
+#[test]
 fn a_blank_one_waits_for_lss() {
     let mut client = ImageClient::booted();
     let board = client.bench.board;
