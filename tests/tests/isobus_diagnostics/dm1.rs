@@ -1,0 +1,232 @@
+//! DM1: the active fault of the highest priority, when it changes and every second.
+
+use super::*;
+
+#[test]
+fn every_fault_in_its_bytes() {
+    for ((change, delay), dm1) in SENSED {
+        let mut valve = Rig::claimed();
+        valve.sense(change);
+        if let Some(almost) = delay.checked_sub(1) {
+            valve.advance(almost);
+            valve.expect_news(&[]);
+            valve.advance_by(Duration::from_micros(999));
+            valve.expect_news(&[]);
+            valve.advance_by(ONE);
+        }
+        valve.expect_news(&[dm1]);
+        valve.sense(|senses| *senses = Senses::default());
+        valve.expect_news(&[DM1_CLEAR]);
+        valve.advance(5000);
+        valve.expect_news(&[]);
+    }
+}
+
+/// No lower limit of the temperature on ISOBUS; the limits themselves are no fault; hysteresis.
+#[test]
+fn limits() {
+    for change in [
+        (|senses| senses.temperature_c = -50) as fn(&mut Senses),
+        |senses| senses.temperature_c = i16::MIN,
+        |senses| senses.temperature_c = 120,
+        |senses| senses.supply_mv = 36_000,
+        |senses| senses.supply_mv = 9_000,
+    ] {
+        let mut valve = Rig::claimed();
+        valve.sense(change);
+        valve.advance(10_000);
+        valve.expect_news(&[]);
+    }
+    type Change = fn(&mut Senses);
+    let hysteresis: [(Cause, Change, Change); 3] = [
+        (CAUSES_TEMPERATURE, |senses| senses.temperature_c = 116, |senses| senses.temperature_c = 114),
+        (CAUSES_SUPPLY_HIGH, |senses| senses.supply_mv = 32_000, |senses| senses.supply_mv = 31_999),
+        (CAUSES_SUPPLY_LOW, |senses| senses.supply_mv = 11_000, |senses| senses.supply_mv = 11_001),
+    ];
+    for ((change, delay), stays, clears) in hysteresis {
+        let mut valve = Rig::claimed();
+        valve.sense(change);
+        valve.advance(delay);
+        valve.take();
+        valve.sense(stays);
+        valve.expect_news(&[]);
+        valve.sense(clears);
+        valve.expect_news(&[DM1_CLEAR]);
+    }
+}
+
+/// In DM1, DM2, the counters and the memory.
+#[test]
+fn a_fault_that_comes_and_goes_within_its_delay_leaves_no_trace() {
+    for ((change, delay), dm1) in SENSED.into_iter().filter(|((_, delay), _)| *delay > 0) {
+        let mut valve = Rig::claimed();
+        let writes = valve.writes.len();
+        for _ in 0..5 {
+            valve.sense(change);
+            valve.advance_by(Duration::from_micros(delay * 1000 - 1));
+            valve.sense(|senses| *senses = Senses::default());
+            valve.advance(10);
+        }
+        valve.send(EXTEND);
+        assert_eq!(valve.flow()[2], 0x31, "not shut down");
+        valve.expect_news(&[]);
+        expect_dm2(&mut valve, &[DM2_NONE]);
+        valve.advance_cyclic(20_000, BLOCK);
+        assert_eq!(valve.writes.len(), writes, "nothing to be stored");
+        valve.take();
+        // the first real one is the first
+        valve.sense(change);
+        valve.advance_cyclic(delay, BLOCK);
+        valve.expect_news(&[dm1]);
+    }
+}
+
+/// One at a time, the most important; a less important one neither shows nor restarts the second.
+#[test]
+fn the_highest_priority_alone() {
+    let mut valve = Rig::claimed();
+    valve.sense(|senses| senses.supply_mv = 8_000);
+    valve.advance(2000);
+    valve.expect_news(&[SUPPLY_LOW]);
+    valve.sense(|senses| senses.temperature_c = 130);
+    valve.advance(250);
+    valve.expect_news(&[TEMPERATURE]);
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.expect_news(&[INTERNAL]);
+    // going in another order: those that do not show make no difference
+    valve.sense(|senses| senses.temperature_c = 25);
+    valve.expect_news(&[]);
+    valve.sense(|senses| senses.internal_fault = false);
+    valve.expect_news(&[SUPPLY_LOW]);
+    valve.sense(|senses| senses.supply_mv = 24_000);
+    valve.expect_news(&[DM1_CLEAR]);
+
+    let mut valve = Rig::claimed();
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.expect_news(&[INTERNAL]);
+    valve.advance(400);
+    valve.sense(|senses| senses.temperature_c = 130);
+    valve.advance(300);
+    valve.expect_news(&[]);
+    valve.advance_by(Duration::from_micros(299_999));
+    valve.expect_news(&[]);
+    valve.advance_by(ONE);
+    valve.expect_news(&[INTERNAL]);
+    // it was counted all the same, once
+    valve.sense(|senses| senses.internal_fault = false);
+    valve.expect_news(&[TEMPERATURE]);
+}
+
+#[test]
+fn every_second_while_active() {
+    let mut valve = Rig::claimed();
+    valve.advance_by(Duration::from_micros(33_333));
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.expect_news(&[INTERNAL]);
+    for _ in 0..20 {
+        valve.advance_by(Duration::from_micros(999_999));
+        valve.expect_news(&[]);
+        valve.advance_by(ONE);
+        valve.expect_news(&[INTERNAL]);
+    }
+    valve.sense(|senses| senses.internal_fault = false);
+    valve.expect_news(&[DM1_CLEAR]);
+    valve.advance(10_000);
+    valve.expect_news(&[]);
+}
+
+/// A change restarts the second; a request is answered and does not.
+#[test]
+fn what_restarts_the_second() {
+    let mut valve = Rig::claimed();
+    valve.sense(|senses| senses.temperature_c = 130);
+    valve.advance(250);
+    valve.expect_news(&[TEMPERATURE]);
+    valve.advance(700);
+    valve.exchange_news(DM1_REQUEST, &[TEMPERATURE]);
+    valve.exchange_news("18EAFF27: CA FE 00", &[TEMPERATURE]);
+    valve.advance(299);
+    valve.expect_news(&[]);
+    valve.advance(1);
+    valve.expect_news(&[TEMPERATURE]);
+    valve.advance(700);
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.expect_news(&[INTERNAL]);
+    valve.advance(999);
+    valve.expect_news(&[]);
+    valve.advance(1);
+    valve.expect_news(&[INTERNAL]);
+    valve.advance(300);
+    valve.sense(|senses| senses.internal_fault = false);
+    valve.expect_news(&[TEMPERATURE]);
+    valve.advance(999);
+    valve.expect_news(&[]);
+    valve.advance(1);
+    valve.expect_news(&[TEMPERATURE]);
+}
+
+/// Asked for when nothing is active, and when something was.
+#[test]
+fn dm1_without_a_fault() {
+    let mut valve = Rig::claimed();
+    valve.exchange_news(DM1_REQUEST, &[DM1_CLEAR]);
+    undergo(&mut valve, CAUSES_INTERNAL);
+    valve.exchange_news(DM1_REQUEST, &[DM1_CLEAR]);
+    valve.advance(5000);
+    valve.expect_news(&[TIME_GUARDING; 5]);
+}
+
+/// Bus-off outshines what is below it, is told only in the counters, and ends with its recovery.
+#[test]
+fn bus_off() {
+    let mut valve = Rig::claimed();
+    valve.send(EXTEND);
+    valve.advance_cyclic(300, EXTEND);
+    valve.take();
+    valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+    assert!(!valve.device().outputs().solenoids);
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|senses| senses.internal_fault = false);
+    valve.advance(10_050);
+    valve.expect_nothing();
+    valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
+    // time guarding has been active for long: with bus-off gone, that is what shows
+    valve.expect(TIME_GUARDING);
+    valve.expect_nothing();
+    valve.advance(50);
+    valve.expect("0CFE1383: 7D 7D 30 FF FF FF FF FF");
+    valve.expect_nothing();
+    valve.recover();
+    expect_dm2(
+        &mut valve,
+        &[
+            "1CECFF83: 20 0E 00 02 FF CB FE 00",
+            "1CEBFF83: 01 10 FF FA 8F 8B 01 D7",
+            "1CEBFF83: 02 8F 93 01 E9 8F 93 01",
+        ],
+    );
+    // alone, without anybody who commands
+    let mut valve = Rig::claimed();
+    valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+    valve.advance(10);
+    valve.sense(|senses| senses.bus = BusErrorMode::ErrorPassive);
+    valve.expect_news(&[DM1_CLEAR]);
+}
+
+/// Whatever was on its way when the bus went off is not sent afterwards.
+#[test]
+fn bus_off_empties_the_queue() {
+    let mut valve = Rig::claimed();
+    valve.hold_bus(true);
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.send(DM1_REQUEST);
+    valve.send(DM2_REQUEST);
+    valve.advance(500);
+    valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+    valve.send("18EA8327: 00 EE 00");
+    valve.hold_bus(false);
+    valve.expect_nothing();
+    valve.sense(|senses| senses.internal_fault = false);
+    valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
+    valve.expect_news(&[DM1_CLEAR]);
+}

@@ -1,0 +1,91 @@
+//! DM3 clears the previously active faults and their counters; the counters themselves.
+
+use super::*;
+
+#[test]
+fn dm3_clears_the_list_and_its_counters() {
+    for (request, acknowledgement) in [
+        (DM3_REQUEST, Some(DM3_DONE)),
+        ("18EA83F9: CC FE 00", Some("18E8FF83: 00 FF FF FF F9 CC FE 00")),
+        ("18EAFF27: CC FE 00", None),
+    ] {
+        for empty in [false, true] {
+            let mut valve = if empty { Rig::claimed() } else { four_previously_active() };
+            valve.take();
+            valve.exchange_news(request, acknowledgement.as_slice());
+            expect_dm2(&mut valve, &[DM2_NONE]);
+            valve.sense(|senses| senses.internal_fault = true);
+            valve.expect_news(&[INTERNAL]);
+        }
+    }
+}
+
+/// What is active, and what the shutdown still holds, stays; so does what was counted of it.
+#[test]
+fn dm3_leaves_what_is_not_previously_active() {
+    let mut valve = Rig::claimed();
+    undergo(&mut valve, CAUSES_TEMPERATURE);
+    undergo(&mut valve, CAUSES_SUPPLY_HIGH);
+    valve.sense(|senses| senses.temperature_c = 130);
+    valve.advance_cyclic(300, BLOCK);
+    valve.expect_news(&["18FECA83: 04 FF F1 8F 90 02 FF FF"]);
+    valve.exchange_news(DM3_REQUEST, &[DM3_DONE]);
+    valve.exchange_news(DM1_REQUEST, &["18FECA83: 04 FF F1 8F 90 02 FF FF"]);
+    valve.sense(|senses| senses.temperature_c = 25);
+    valve.expect_news(&[DM1_CLEAR]);
+    valve.exchange_news(DM3_REQUEST, &[DM3_DONE]);
+    valve.recover();
+    expect_dm2(&mut valve, &["18FECB83: 04 FF F1 8F 90 02 FF FF"]);
+    undergo(&mut valve, CAUSES_SUPPLY_HIGH);
+    expect_dm2(
+        &mut valve,
+        &[
+            "1CECFF83: 20 0A 00 02 FF CB FE 00",
+            "1CEBFF83: 01 04 FF F1 8F 90 02 73",
+            "1CEBFF83: 02 02 03 01 FF FF FF FF",
+        ],
+    );
+}
+
+/// Each trouble code has a counter of its own, those of the spool too; it stops at 127 and DM1 still comes.
+#[test]
+fn counters_stop_at_127() {
+    let mut valve = Rig::claimed();
+    for count in 1..=300 {
+        valve.sense(|senses| senses.internal_fault = true);
+        valve.expect_news(&[&format!("18FECA83: 10 FF FA 8F 8B {:02X} FF FF", count.min(127))]);
+        valve.sense(|senses| senses.internal_fault = false);
+        valve.expect_news(&[DM1_CLEAR]);
+    }
+    valve.sense(|senses| senses.temperature_c = 130);
+    valve.advance(250);
+    valve.expect_news(&[TEMPERATURE]);
+    valve.sense(|senses| senses.temperature_c = 25);
+    valve.recover();
+    expect_dm2(
+        &mut valve,
+        &[
+            "1CECFF83: 20 0A 00 02 FF CB FE 00",
+            "1CEBFF83: 01 10 FF FA 8F 8B 7F F1",
+            "1CEBFF83: 02 8F 90 01 FF FF FF FF",
+        ],
+    );
+}
+
+#[test]
+fn both_faults_of_the_spool_count_for_themselves() {
+    let mut valve = Rig::claimed();
+    for count in 1..=3 {
+        valve.sense(|senses| senses.spool.lever = Position::new(8192));
+        valve.advance(500);
+        valve.expect_news(&[&format!("18FECA83: 10 FF EC 8F 87 {count:02X} FF FF")]);
+        valve.sense(|senses| senses.spool.lever = None);
+        valve.advance(150);
+        valve.expect_news(&[DM1_CLEAR]);
+    }
+    valve.recover();
+    valve.sense(|senses| senses.spool.fault = SpoolFault::NoFloat);
+    valve.send(FLOAT);
+    valve.advance_cyclic(1000, FLOAT);
+    valve.expect_news(&["18FECA83: 10 FF EE 8F 87 01 FF FF"]);
+}

@@ -1,0 +1,83 @@
+//! DM1, DM2 and DM3: what is told of the faults, when, in which order, and what is cleared (SPEC 2, 3, 5).
+
+mod dm1;
+mod dm2;
+mod dm3;
+
+use protocol_core::actuator::{Position, SpoolFault};
+use protocol_core::controller::BusErrorMode;
+use protocol_core::device::Senses;
+use protocol_core::time::Duration;
+use tests::Rig;
+use tests::isobus::{BLOCK, DM1_CLEAR, EXTEND, FLOAT};
+
+const ONE: Duration = Duration::from_micros(1);
+
+const DM1_REQUEST: &str = "18EA8327: CA FE 00";
+const DM2_REQUEST: &str = "18EA8327: CB FE 00";
+const DM2_NONE: &str = "18FECB83: 00 FF 00 00 00 00 FF FF";
+const DM3_REQUEST: &str = "18EA8327: CC FE 00";
+const DM3_DONE: &str = "18E8FF83: 00 FF FF FF 27 CC FE 00";
+
+const INTERNAL: &str = "18FECA83: 10 FF FA 8F 8B 01 FF FF";
+const TEMPERATURE: &str = "18FECA83: 04 FF F1 8F 90 01 FF FF";
+const SUPPLY_HIGH: &str = "18FECA83: 04 FF 73 02 03 01 FF FF";
+const SUPPLY_LOW: &str = "18FECA83: 04 FF 73 02 04 01 FF FF";
+const TIME_GUARDING: &str = "18FECA83: 04 FF E9 8F 93 01 FF FF";
+
+/// A change of the senses that causes a fault, and the fault's delay in milliseconds.
+type Cause = (fn(&mut Senses), u64);
+
+const CAUSES_INTERNAL: Cause = (|senses| senses.internal_fault = true, 0);
+const CAUSES_TEMPERATURE: Cause = (|senses| senses.temperature_c = 121, 250);
+const CAUSES_SUPPLY_HIGH: Cause = (|senses| senses.supply_mv = 36_001, 2000);
+const CAUSES_SUPPLY_LOW: Cause = (|senses| senses.supply_mv = 8_999, 2000);
+
+/// The faults that come from outside, and their DM1.
+const SENSED: [(Cause, &str); 4] = [
+    (CAUSES_INTERNAL, INTERNAL),
+    (CAUSES_TEMPERATURE, TEMPERATURE),
+    (CAUSES_SUPPLY_HIGH, SUPPLY_HIGH),
+    (CAUSES_SUPPLY_LOW, SUPPLY_LOW),
+];
+
+/// Brings a fault about, and ends it and its shutdown; what was sent is taken.
+fn undergo(valve: &mut Rig, (change, delay): Cause) {
+    valve.sense(change);
+    valve.advance_cyclic(delay, BLOCK);
+    valve.sense(|senses| *senses = Senses::default());
+    valve.recover();
+    valve.take();
+}
+
+/// Has this answer to a request for DM2, packets included.
+#[track_caller]
+fn expect_dm2(valve: &mut Rig, frames: &[&str]) {
+    valve.take();
+    valve.send(DM2_REQUEST);
+    valve.advance_cyclic(1000, BLOCK);
+    valve.expect_news(frames);
+}
+
+/// Internal error, temperature, supply high and low, brought about in another order.
+fn four_previously_active() -> Rig {
+    let mut valve = Rig::claimed();
+    for cause in [CAUSES_SUPPLY_LOW, CAUSES_INTERNAL, CAUSES_SUPPLY_HIGH, CAUSES_TEMPERATURE] {
+        undergo(&mut valve, cause);
+    }
+    valve
+}
+
+trait ExchangeNews {
+    fn exchange_news(&mut self, request: &str, answers: &[&str]);
+}
+
+impl ExchangeNews for Rig {
+    /// Sends a frame; the valve must send these, beside its estimated flow, and nothing more.
+    #[track_caller]
+    fn exchange_news(&mut self, request: &str, answers: &[&str]) {
+        self.expect_news(&[]);
+        self.send(request);
+        assert_eq!(self.take_news(), answers, "answers to {request}");
+    }
+}
