@@ -70,6 +70,11 @@ class Ear(can.Listener):
         while not self.frames.empty():
             self.frames.get()
 
+    def ask_for_claims(self):
+        """Asks all who is there, as one without an address may."""
+        data = CLAIM.to_bytes(3, "little")
+        self.bus.send(can.Message(arbitration_id=0x18EA0000 | ALL << 8 | NULL, data=data))
+
     def expect(self, identifier, wanted=lambda data: True, without=()):
         """The next frame with this identifier whose data are `wanted`, or satisfy it. Nothing of `without` before it."""
         matches = wanted if callable(wanted) else lambda data: data == wanted
@@ -112,17 +117,27 @@ class Tractor:
         self.ecu.stop()
         self.ecu.disconnect()
 
-    def wait_for_state(self, state):
-        """Waits until can-j1939's address claim is in this state."""
+    def wait_for_state(self, *states):
+        """Waits until can-j1939's address claim is in one of these states."""
         reached = queue.SimpleQueue()
 
         def look(_):
-            if self.ca.state == state:
-                reached.put(state)
-            return self.ca.state != state
+            if self.ca.state in states:
+                reached.put(self.ca.state)
+            return self.ca.state not in states
 
         self.ecu.add_timer(LOOK, look)
-        take(reached, lambda _: True)
+        return take(reached, lambda _: True)[0]
+
+    def give_way(self, ear):
+        """Sees that can-j1939 notices that somebody else defends the address that it claims.
+
+        It begins to listen for that after its claim was sent, and overlooks a valve that is quicker than the machine lets
+        it: then it takes the address, until it hears the next claim.
+        """
+        states = j1939.ControllerApplication.State
+        if self.wait_for_state(states.NORMAL, states.CANNOT_CLAIM) == states.NORMAL and self.ca.device_address == VALVE:
+            ear.ask_for_claims()
 
     def wait_until_claimed(self):
         self.wait_for_state(j1939.ControllerApplication.State.NORMAL)
