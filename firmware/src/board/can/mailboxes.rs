@@ -169,6 +169,10 @@ fn is_empty(number: usize) -> bool {
 /// attempt fails.
 fn abort(number: usize) -> bool {
     critical_section::with(|_| {
+        if CAN1.tsr().read().tme(number) {
+            // It ended since it was last looked at, and the interrupt has cleared what says how.
+            return false;
+        }
         CAN1.tsr().write(|tsr| tsr.set_abrq(number, true));
         let status = CAN1.tsr().read();
         // It may have been sent a moment ago: that is the interrupt's to find out.
