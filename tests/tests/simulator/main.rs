@@ -1,0 +1,9 @@
+//! What needs the whole simulator: physics of the bus, power cuts at any write, determinism, use cases.
+
+mod bit_rot;
+mod bus_physics;
+mod busy_bus;
+mod determinism;
+mod power_cuts;
+mod use_cases;
+mod write_failures;
