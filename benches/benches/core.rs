@@ -49,8 +49,9 @@ fn after_frames<D: Device>(power_on: impl FnOnce(Instant) -> D, texts: &[&str], 
 
 fn settle(valve: &mut impl Device, now: Instant) {
     for _ in 0..8 {
-        while valve.next_frame().is_some() {}
-        if let Some(Effect::Store(key, _)) = valve.next_effect(now) {
+        while valve.next_frame(now).is_some() {}
+        valve.all_sent(now);
+        if let Some(Effect::Store(key, _)) = valve.next_effect(true) {
             valve.stored(key, Ok(()), now);
         }
     }
@@ -89,7 +90,7 @@ fn in_selection(next: &str) -> Box<Case<PveCanopen>> {
 fn pass<D: Device>(case: &mut Case<D>) {
     case.valve.handle(&case.frame, case.now);
     case.valve.poll(case.now);
-    case.answer = case.valve.next_frame();
+    case.answer = case.valve.next_frame(case.now);
 }
 
 fn budget(instructions: u64) -> LibraryBenchmarkConfig {
@@ -213,7 +214,7 @@ fn avc(mut case: Box<Case<PveIsobus>>) -> Box<Case<PveIsobus>> {
 #[bench::due(avef_due())]
 fn avef(mut case: Box<Case<PveIsobus>>) -> Box<Case<PveIsobus>> {
     case.valve.poll(case.now);
-    case.answer = case.valve.next_frame();
+    case.answer = case.valve.next_frame(case.now);
     case
 }
 

@@ -11,6 +11,10 @@ pub trait Controller: embedded_can::nb::Can<Frame = Frame> {
     /// Whether every frame it took is on the bus: no mailbox is pending.
     fn is_idle(&self) -> bool;
 
+    /// Drops the frames under the identifiers of `which` that wait for the bus. A frame on the wire goes on, and is not
+    /// repeated when that attempt fails.
+    fn abort(&mut self, which: Filter);
+
     /// Receives from now on the data frames that one of these filters lets through, and may keep others away. What was
     /// received before stays.
     fn set_filters(&mut self, filters: &Filters);
@@ -26,6 +30,9 @@ pub struct Filter {
 }
 
 impl Filter {
+    /// Passes every identifier.
+    pub const ALL: Self = Self { key: 0, mask: 0 };
+
     /// Lets one identifier through.
     #[must_use]
     pub const fn exactly(key: u32) -> Self {

@@ -37,26 +37,24 @@ where
         can.set_filters(&filters);
     }
     loop {
-        while let Some(frame) = device.next_frame() {
+        while let Some(which) = device.take_abort() {
+            can.abort(which);
+        }
+        while let Some(frame) = device.next_frame(now) {
             match can.transmit(&frame) {
                 Ok(None) => {}
                 Ok(Some(overtaken)) => device.give_back(overtaken),
                 Err(_) => {
                     device.give_back(frame);
-                    return device.next_store();
+                    return device.next_effect(false);
                 }
             }
         }
         if !can.is_idle() {
-            return device.next_store();
+            return device.next_effect(false);
         }
-        if let Some(effect) = device.next_effect(now) {
-            return Some(effect);
-        }
-        // Being told that all is sent can be what the device waited for: see whether it has more.
-        match device.next_frame() {
-            Some(frame) => device.give_back(frame),
-            None => return None,
+        if !device.all_sent(now) {
+            return device.next_effect(true);
         }
     }
 }

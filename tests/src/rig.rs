@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use protocol_core::controller::{BitRate, Controller, Filters};
+use protocol_core::controller::{BitRate, Controller, Filter, Filters};
 use protocol_core::device::pve::{Kind, Protocol, PveCanopen, PveIsobus, Setup};
 use protocol_core::device::{Device, Effect, Senses, StartCause};
 use protocol_core::frame::Frame;
@@ -51,6 +51,9 @@ impl Controller for Wire {
     fn is_idle(&self) -> bool {
         !self.held
     }
+
+    /// What was transmitted is on the bus.
+    fn abort(&mut self, _: Filter) {}
 
     fn set_filters(&mut self, filters: &Filters) {
         self.filters.clone_from(filters);

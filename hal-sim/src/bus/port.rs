@@ -5,7 +5,7 @@ use std::collections::vec_deque::Drain;
 use std::convert::Infallible;
 use std::sync::Arc;
 
-use protocol_core::controller::{BitRate, BusErrorMode, Controller, Filters};
+use protocol_core::controller::{BitRate, BusErrorMode, Controller, Filter, Filters};
 use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
 
@@ -171,6 +171,10 @@ impl Controller for Port {
     #[inline]
     fn is_idle(&self) -> bool {
         self.transmit.is_empty()
+    }
+
+    fn abort(&mut self, which: Filter) {
+        self.transmit.abort(which);
     }
 
     fn set_filters(&mut self, filters: &Filters) {

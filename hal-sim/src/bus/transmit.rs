@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use protocol_core::controller::Filter;
 use protocol_core::frame::Frame;
 
 /// How many mailboxes a device's controller has, as bxCAN.
@@ -75,8 +76,10 @@ impl Transmit {
     pub(super) fn sent(&mut self, success: bool) {
         match self {
             Self::Mailboxes(mailboxes) => {
-                if let (Some(slot), true) = (mailboxes.on_wire.take(), success) {
-                    mailboxes.slots[slot].frame = None;
+                if let Some(slot) = mailboxes.on_wire.take()
+                    && (success || mailboxes.slots[slot].aborted)
+                {
+                    mailboxes.slots[slot] = Mailbox::default();
                 }
             }
             Self::Queue(queue) => {
@@ -85,6 +88,15 @@ impl Transmit {
                 }
             }
             Self::Offer(..) => *self = Self::offer(),
+        }
+    }
+
+    /// Drops the frames of these identifiers that wait; one on the wire is not repeated.
+    pub(super) fn abort(&mut self, which: Filter) {
+        match self {
+            Self::Mailboxes(mailboxes) => mailboxes.abort(which),
+            Self::Queue(queue) => queue.retain(|frame| !which.passes(frame)),
+            Self::Offer(..) => {}
         }
     }
 
@@ -131,9 +143,24 @@ pub(super) struct Mailboxes {
 struct Mailbox {
     frame: Option<Frame>,
     order: u64,
+    /// The frame is on the wire, and goes no other time.
+    aborted: bool,
 }
 
 impl Mailboxes {
+    fn abort(&mut self, which: Filter) {
+        for (number, slot) in self.slots.iter_mut().enumerate() {
+            if slot.frame.is_none_or(|frame| !which.passes(&frame)) {
+                continue;
+            }
+            if self.on_wire == Some(number) {
+                slot.aborted = true;
+            } else {
+                *slot = Mailbox::default();
+            }
+        }
+    }
+
     fn put(&mut self, frame: Frame) -> Result<Option<Frame>, Full> {
         let slot = match self.slots.iter().position(|slot| slot.frame.is_none()) {
             Some(free) => free,

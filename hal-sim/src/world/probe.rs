@@ -1,7 +1,7 @@
 //! A small device for the tests: a heartbeat, an echo, and commands that ask for each effect.
 
 use protocol_core::actuator::{Color, Led};
-use protocol_core::controller::{BitRate, Filters};
+use protocol_core::controller::{BitRate, Filter, Filters};
 use protocol_core::device::{Device, Effect, Outputs, Restart, Senses, StartCause};
 use protocol_core::frame::{Frame, standard};
 use protocol_core::memory::{Image, RecordKey, StoreError, seal};
@@ -151,7 +151,11 @@ impl Device for Probe {
         }
     }
 
-    fn next_frame(&mut self) -> Option<Frame> {
+    fn take_abort(&mut self) -> Option<Filter> {
+        None
+    }
+
+    fn next_frame(&mut self, _: Instant) -> Option<Frame> {
         let urgent =
             self.out.iter().enumerate().min_by_key(|(_, frame)| frame.arbitration()).map(|(place, _)| place)?;
         Some(self.out.remove(urgent))
@@ -161,13 +165,13 @@ impl Device for Probe {
         self.out.insert(0, frame);
     }
 
-    /// It hands out everything in its order.
-    fn next_store(&mut self) -> Option<Effect> {
-        None
+    fn all_sent(&mut self, _: Instant) -> bool {
+        !self.out.is_empty()
     }
 
-    fn next_effect(&mut self, _now: Instant) -> Option<Effect> {
-        (!self.effects.is_empty()).then(|| self.effects.remove(0))
+    /// It hands out everything in its order, when all is sent.
+    fn next_effect(&mut self, all_sent: bool) -> Option<Effect> {
+        (all_sent && !self.effects.is_empty()).then(|| self.effects.remove(0))
     }
 
     fn stored(&mut self, key: RecordKey, result: Result<(), StoreError>, now: Instant) {

@@ -9,7 +9,7 @@ mod tx_queue;
 
 pub use senses::{Outputs, Senses};
 
-use crate::controller::{BitRate, Filters};
+use crate::controller::{BitRate, Filter, Filters};
 use crate::frame::Frame;
 use crate::memory::{Image, Record, RecordKey, StoreError};
 use crate::time::Instant;
@@ -19,7 +19,7 @@ use crate::time::Instant;
 pub enum Effect {
     /// Write this record; answer with [`Device::stored`]. One at a time: the next is handed out after the answer.
     Store(RecordKey, Record),
-    /// Run the bus at this bit rate from now on.
+    /// Run the bus at this bit rate from now on; what the controller took and has not sent is dropped.
     SetBitRate(BitRate),
     /// Read the memory again and call [`Device::restart`], then set the controller to [`Device::bit_rate`].
     Restart(Restart),
@@ -61,20 +61,26 @@ pub trait Device {
     /// Lets the timers that are due act; costs next to nothing before [`deadline`](Self::deadline).
     fn poll(&mut self, now: Instant);
 
-    /// The most urgent frame that wants to go out, in the order of arbitration, first come first served among equals.
-    fn next_frame(&mut self) -> Option<Frame>;
+    /// Returns the identifiers of frames that the controller took and that must not go out any more: [`Controller::abort`]
+    /// them, and ask again until there are none.
+    ///
+    /// [`Controller::abort`]: crate::controller::Controller::abort
+    fn take_abort(&mut self) -> Option<Filter>;
 
-    /// Takes back a frame that the controller could not take, or gave back for a more urgent one.
+    /// Makes the most urgent frame that is owed, as things are at `now`: in the order of arbitration, first come first
+    /// served among equals. The frame counts as the controller's until it is [given back](Self::give_back).
+    fn next_frame(&mut self, now: Instant) -> Option<Frame>;
+
+    /// Takes back a frame that the controller could not take, or gave back for a more urgent one: it is owed again.
     fn give_back(&mut self, frame: Frame);
 
-    /// The next record to be stored, as [`Effect::Store`], whether the bus has taken all that there is to send or not: a bus
-    /// that is busy, or that nobody else is on, keeps nothing from being stored.
-    fn next_store(&mut self) -> Option<Effect>;
+    /// Takes note that every frame which the controller took is on the bus by `now`. Returns whether that makes another
+    /// one ready to be sent.
+    fn all_sent(&mut self, now: Instant) -> bool;
 
-    /// The next thing to be done. To be asked only when [`next_frame`](Self::next_frame) has nothing and the controller
-    /// has sent everything: a restart must not swallow the answer sent before it. The device takes the question itself
-    /// as the message that all is on the bus by `now`.
-    fn next_effect(&mut self, now: Instant) -> Option<Effect>;
+    /// Returns the next thing to be done. A store and a new bit rate are handed out at any time: a bus that takes nothing
+    /// keeps neither waiting. A restart is handed out only when `all_sent`: it must not swallow the answer before it.
+    fn next_effect(&mut self, all_sent: bool) -> Option<Effect>;
 
     /// Answers [`Effect::Store`].
     fn stored(&mut self, key: RecordKey, result: Result<(), StoreError>, now: Instant);

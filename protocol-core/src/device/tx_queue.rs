@@ -59,6 +59,11 @@ impl TxQueue {
         self.frames.pop()
     }
 
+    /// Whether nothing waits.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.frames.is_empty()
+    }
+
     /// Forgets all: the bus cannot be used.
     pub(crate) fn clear(&mut self) {
         self.frames.clear();

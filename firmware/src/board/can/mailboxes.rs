@@ -8,6 +8,7 @@ use core::sync::atomic::{AtomicU8, Ordering};
 use embassy_stm32::interrupt;
 use embassy_stm32::pac::CAN1;
 use embassy_stm32::pac::can::regs;
+use protocol_core::controller::Filter;
 use protocol_core::frame::{Frame, Id};
 
 use super::super::attention::{Caller, call};
@@ -102,6 +103,18 @@ impl Mailboxes {
         CAN1.tsr().read().0 & PENDING_OR_COMPLETED == ALL_EMPTY
             && self.recalled.is_none()
             && ABORTED.load(Ordering::Relaxed) == 0
+    }
+
+    /// Drops the frames of these identifiers; one on the wire is not repeated when that attempt fails.
+    pub(super) fn abort(&mut self, which: Filter) {
+        self.collect();
+        self.recalled.take_if(|frame| which.passes(frame));
+        for number in 0..COUNT {
+            if self.frames[number].take_if(|frame| which.passes(frame)).is_some() {
+                // What becomes of one on the wire is nobody's concern any more.
+                abort(number);
+            }
+        }
     }
 
     /// Forgets everything but what is on the wire.

@@ -23,7 +23,7 @@ use embassy_time::Duration;
 use firmware::bit_timing::BitTiming;
 use firmware::filter_bank::{BANKS, Bank};
 use heapless::spsc::Consumer;
-use protocol_core::controller::{BitRate, BusErrorMode, Controller, Filters};
+use protocol_core::controller::{BitRate, BusErrorMode, Controller, Filter, Filters};
 use protocol_core::frame::Frame;
 
 use super::attention::{Attention, Caller, call};
@@ -159,6 +159,10 @@ impl embedded_can::nb::Can for Can1 {
 impl Controller for Can1 {
     fn is_idle(&self) -> bool {
         self.mailboxes.are_empty()
+    }
+
+    fn abort(&mut self, which: Filter) {
+        self.mailboxes.abort(which);
     }
 
     fn set_filters(&mut self, filters: &Filters) {

@@ -27,7 +27,7 @@ use crate::canopen::emcy::WaitingEmcys;
 use crate::canopen::lss::LssSlave;
 use crate::canopen::nmt::NmtSlave;
 use crate::canopen::sdo_server::SdoServer;
-use crate::controller::{BitRate, BusErrorMode, Filters};
+use crate::controller::{BitRate, BusErrorMode, Filter, Filters};
 use crate::device::tx_queue::TxQueue;
 use crate::device::{Device, Effect, Outputs, Restart, Senses};
 use crate::frame::Frame;
@@ -225,7 +225,7 @@ impl Device for PveCanopen {
         }
     }
 
-    fn next_frame(&mut self) -> Option<Frame> {
+    fn next_frame(&mut self, _now: Instant) -> Option<Frame> {
         match self.boot_up {
             BootUp::Done => self.tx.pop(),
             BootUp::Due if !self.is_mute() => {
@@ -244,16 +244,19 @@ impl Device for PveCanopen {
         }
     }
 
-    fn next_store(&mut self) -> Option<Effect> {
-        self.next_write()
+    fn take_abort(&mut self) -> Option<Filter> {
+        None
     }
 
-    fn next_effect(&mut self, _now: Instant) -> Option<Effect> {
+    fn all_sent(&mut self, _now: Instant) -> bool {
         if self.boot_up == BootUp::HandedOut {
             self.boot_up = BootUp::Done;
             self.release_emcys();
-            return None;
         }
+        !self.tx.is_empty()
+    }
+
+    fn next_effect(&mut self, all_sent: bool) -> Option<Effect> {
         if let Some(bit_rate) = self.switch_to.take() {
             self.bit_rate = bit_rate;
             return Some(Effect::SetBitRate(bit_rate));
@@ -262,7 +265,7 @@ impl Device for PveCanopen {
             return Some(effect);
         }
         match self.restarting {
-            Restarting::Due(scope, node_id) if self.storage.is_idle() => {
+            Restarting::Due(scope, node_id) if all_sent && self.storage.is_idle() => {
                 self.restarting = Restarting::HandedOut;
                 self.held_node_id = node_id.or(self.held_node_id);
                 Some(Effect::Restart(scope))

@@ -25,7 +25,7 @@ use super::records::{Factory, LocalLayer};
 use super::setup::Setup;
 use super::storage::{FaultLogClock, Storage};
 use crate::actuator::{FaultSet, InternalCause, ValveSenses};
-use crate::controller::{BitRate, BusErrorMode, Filters};
+use crate::controller::{BitRate, BusErrorMode, Filter, Filters};
 use crate::device::tx_queue::TxQueue;
 use crate::device::{Device, Effect, Outputs, Restart, Senses};
 use crate::frame::Frame;
@@ -288,7 +288,7 @@ impl Device for PveIsobus {
     }
 
     #[inline]
-    fn next_frame(&mut self) -> Option<Frame> {
+    fn next_frame(&mut self, _now: Instant) -> Option<Frame> {
         self.tx.pop()
     }
 
@@ -298,22 +298,26 @@ impl Device for PveIsobus {
         }
     }
 
-    fn next_store(&mut self) -> Option<Effect> {
-        self.next_write()
+    fn take_abort(&mut self) -> Option<Filter> {
+        None
     }
 
-    fn next_effect(&mut self, now: Instant) -> Option<Effect> {
+    fn all_sent(&mut self, now: Instant) -> bool {
         if (self.claim.is_begun() || self.bam.is_handed_out()) && !self.is_mute() {
-            // All is on the bus: the wait for objections and the distance of packets count from here.
+            // The wait for objections and the distance of packets count from here.
             let now = now.max(self.now);
             self.claim.sent(now);
             self.bam.sent(now);
             self.schedule();
         }
+        !self.tx.is_empty()
+    }
+
+    fn next_effect(&mut self, all_sent: bool) -> Option<Effect> {
         if let Some(effect) = self.next_write() {
             return Some(effect);
         }
-        if self.restarting == Restarting::Due && self.storage.is_idle() {
+        if all_sent && self.restarting == Restarting::Due && self.storage.is_idle() {
             self.restarting = Restarting::HandedOut;
             return Some(Effect::Restart(Restart::Application));
         }
