@@ -1,6 +1,7 @@
 use super::*;
 use crate::isobus::request::Request;
 use crate::wire::j1939_id::{J1939Id, Pgn};
+use crate::wire::request::Control;
 
 fn request(text: &str, own: Option<Address>) -> Option<Request> {
     let frame = frame(text);
@@ -47,18 +48,29 @@ fn without_an_address_only_requests_to_all_count() {
 #[test]
 fn an_order_is_acknowledged_when_it_was_addressed() {
     let addressed = request("18EA8327: CC FE 00", Some(OWN)).unwrap();
-    assert_eq!(text(addressed.acknowledge(OWN)), "18E8FF83: 00 FF FF FF 27 CC FE 00");
+    assert_eq!(text(addressed.acknowledgement(Control::Positive, OWN)), "18E8FF83: 00 FF FF FF 27 CC FE 00");
     let global = request("18EAFF27: CC FE 00", Some(OWN)).unwrap();
-    assert_eq!(global.acknowledge(OWN), None);
+    assert_eq!(global.acknowledgement(Control::Positive, OWN), None);
 }
 
 #[test]
 fn an_unsupported_group_is_refused_when_it_was_addressed() {
     let addressed = request("18EA8327: EB FE 00", Some(OWN)).unwrap();
-    assert_eq!(text(addressed.refuse(OWN)), "18E8FF83: 01 FF FF FF 27 EB FE 00");
+    assert_eq!(text(addressed.acknowledgement(Control::Negative, OWN)), "18E8FF83: 01 FF FF FF 27 EB FE 00");
     let strange = request("18EA8327: CC FE FC", Some(OWN)).unwrap();
     assert_ne!(strange.pgn, Pgn::DM3);
-    assert_eq!(text(strange.refuse(OWN)), "18E8FF83: 01 FF FF FF 27 CC FE FC");
+    assert_eq!(text(strange.acknowledgement(Control::Negative, OWN)), "18E8FF83: 01 FF FF FF 27 CC FE FC");
     let global = request("18EAFF27: EB FE 00", Some(OWN)).unwrap();
-    assert_eq!(global.refuse(OWN), None);
+    assert_eq!(global.acknowledgement(Control::Negative, OWN), None);
+}
+
+/// 0xFE is the source of a controller without an address, 0xFF of none.
+#[test]
+fn an_asker_without_an_address_is_not_acknowledged() {
+    for text in ["18EA83FE: CC FE 00", "18EA83FF: CC FE 00"] {
+        let request = request(text, Some(OWN)).unwrap();
+        for control in Control::ALL {
+            assert_eq!(request.acknowledgement(control, OWN), None, "{text}");
+        }
+    }
 }
