@@ -10,6 +10,10 @@ use super::spool::{Action, IN_FLOAT, IN_NEUTRAL, Spool, SpoolSense};
 use super::travel::{Band, Travel};
 use crate::time::{Instant, NEVER};
 
+/// Where monitor 1 lets the spool be in a shutdown, where it runs then (A): within the neutral that ends the shutdown. A
+/// spool held a little further out would keep the valve down without a word.
+const SHUTDOWN_BAND: Band = IN_NEUTRAL;
+
 /// How a set-point moves the spool (SPEC 1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Regulation {
@@ -388,12 +392,11 @@ impl Valve {
 
     /// Where monitor 1 wants the spool; `None` while it does not run.
     fn wanted(&self) -> Option<Band> {
-        let target = match self.drive {
-            Drive::Regulate(SetPoint::Position(position)) => self.target(position),
-            Drive::Off if self.config.spool_monitors == SpoolMonitors::ExceptHandAndStop => Travel::NEUTRAL,
-            Drive::Regulate(SetPoint::Float) | Drive::Off | Drive::Hand | Drive::EmergencyStop => return None,
-        };
-        Some(tolerance(target))
+        match self.drive {
+            Drive::Regulate(SetPoint::Position(position)) => Some(tolerance(self.target(position))),
+            Drive::Off if self.config.spool_monitors == SpoolMonitors::ExceptHandAndStop => Some(SHUTDOWN_BAND),
+            Drive::Regulate(SetPoint::Float) | Drive::Off | Drive::Hand | Drive::EmergencyStop => None,
+        }
     }
 
     /// Lets everything due up to `now` happen, in time where that is possible, and returns the instant to go on with.

@@ -7,7 +7,7 @@
 //! | not supported | negative acknowledgement | silence |
 
 use crate::frame::Frame;
-use crate::wire::j1939_id::{Address, Format, J1939Id, Pgn};
+use crate::wire::j1939_id::{Address, J1939Id, Pgn};
 use crate::wire::request::{self, Acknowledgement, Control};
 
 /// A request that is for this controller.
@@ -22,18 +22,12 @@ pub struct Request {
 }
 
 impl Request {
-    /// Returns the request in a frame of this identifier, when it is for the controller at `own` or for all.
+    /// Returns the request in a frame of this identifier, which is one of a request to this controller or to all; `None` for
+    /// a malformed one.
     #[inline]
     #[must_use]
-    pub fn of(id: J1939Id, frame: &Frame, own: Option<Address>) -> Option<Self> {
-        if id.format() != Format::REQUEST {
-            return None;
-        }
-        let destination = id.destination();
-        let addressed = destination != Address::GLOBAL;
-        if addressed && own != Some(destination) {
-            return None;
-        }
+    pub fn of(id: J1939Id, frame: &Frame) -> Option<Self> {
+        let addressed = id.destination() != Address::GLOBAL;
         Some(Self { pgn: request::parse(frame)?, asker: id.source(), addressed })
     }
 

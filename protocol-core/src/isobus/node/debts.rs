@@ -4,7 +4,8 @@ use heapless::Vec;
 
 use crate::frame::Frame;
 
-/// A frame that tells a state. It is rendered when the controller can take it, so it tells the state of that instant.
+/// A frame that tells a state, the most urgent in arbitration first. It is rendered when the controller can take it, so it
+/// tells the state of that instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(super) enum News {
@@ -52,15 +53,16 @@ impl NewsSet {
         self.0 &= !(news as u8);
     }
 
+    /// Returns the most urgent of them.
+    #[inline]
+    pub(super) fn first(self) -> Option<News> {
+        News::ALL.into_iter().find(|news| self.contains(*news))
+    }
+
     /// Returns this set without all but one kind.
     #[inline]
     pub(super) const fn only(self, news: News) -> Self {
         Self(self.0 & news as u8)
-    }
-
-    #[inline]
-    pub(super) fn iter(self) -> impl Iterator<Item = News> {
-        News::ALL.into_iter().filter(move |news| self.contains(*news))
     }
 }
 

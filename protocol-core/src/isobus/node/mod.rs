@@ -44,9 +44,8 @@ pub struct Rules {
     pub command: fn(Address) -> Pgn,
     /// The group of the cyclic report of a node at this address.
     pub report: fn(Address) -> Pgn,
-    /// The priority of the report.
-    pub report_priority: Priority,
-    /// The period of the report. The first one goes out at the end of the wait after the claim.
+    /// The period of the report, which is a control message: more urgent than all else that a node sends. The first one goes
+    /// out at the end of the wait after the claim.
     pub report_period: Duration,
 }
 
@@ -94,7 +93,7 @@ impl<const DM2: usize> Node<DM2> {
             dm1: Dm1::new(),
             bam: BamSender::new(),
             receiver: BamReceiver::new(BROADCASTS),
-            report: J1939Id::global(rules.report_priority, (rules.report)(own), own),
+            report: J1939Id::global(Priority::CONTROL, (rules.report)(own), own),
             next_report: NEVER,
             bus_off: false,
             owed,
@@ -172,7 +171,9 @@ impl<const DM2: usize> Node<DM2> {
         }
         let outcome = self.dm1.poll(now);
         self.note(outcome, News::Dm1);
-        self.continue_broadcast(now);
+        if now >= self.bam.deadline() {
+            self.continue_broadcast(now);
+        }
         self.schedule();
     }
 
@@ -258,13 +259,13 @@ impl<const DM2: usize> Node<DM2> {
         !self.sendable().is_empty() || !self.answers.is_empty()
     }
 
-    /// Picks what is most urgent by its identifier: that is the order of arbitration among extended data frames.
+    #[inline(never)]
+    /// Picks by identifier: its order is that of arbitration, for every frame here is an extended data frame.
     fn render_first(&mut self, now: Instant, product: &impl Product) -> Option<Frame> {
-        let news = self.sendable().iter().map(|news| (self.key_of(news), news)).min_by_key(|(key, _)| *key);
-        let answer = self.answers.first().map(Frame::key);
-        match news {
-            Some((key, news)) if answer.is_none_or(|answer| key <= answer) => self.render(news, now, product),
-            _ => self.answers.pop(),
+        let before_answers = |news: &News| self.answers.first().is_none_or(|answer| self.key_of(*news) < answer.key());
+        match self.sendable().first().filter(before_answers) {
+            Some(news) => self.render(news, now, product),
+            None => self.answers.pop(),
         }
     }
 

@@ -1,8 +1,8 @@
 //! The reception of a frame: what each service makes of it, and what the product learns.
 
+use super::Node;
 use super::debts::{News, NewsSet};
 use super::groups::Service;
-use super::Node;
 use crate::controller::Filter;
 use crate::frame::Frame;
 use crate::isobus::Outcome;
@@ -48,9 +48,7 @@ impl<const DM2: usize> Node<DM2> {
         if service == Service::Command {
             return if self.claim.is_lost() { Indication::Nothing } else { Indication::Command };
         }
-        let indication = self.serve(service, frame, now);
-        self.schedule();
-        indication
+        self.serve(service, frame, now)
     }
 
     /// Answers an order that was carried out or could not be: nothing for one to all.
@@ -64,23 +62,26 @@ impl<const DM2: usize> Node<DM2> {
             Service::Request => self.serve_request(id, frame, now),
             Service::Claim => self.serve_claim(id, frame, now),
             Service::Broadcast => self.serve_broadcast(id, frame, now),
-            Service::Connection => {
-                if let Some(abort) = self.voice().and_then(|own| refuse_connection(id, frame, own)) {
-                    self.answer(abort);
-                }
-                Indication::Nothing
-            }
+            Service::Connection => self.serve_connection(id, frame),
             Service::Command | Service::Objection => Indication::Nothing,
         }
     }
 
     fn serve_request(&mut self, id: J1939Id, frame: &Frame, now: Instant) -> Indication {
-        let Some(request) = Request::of(id, frame, self.address()) else { return Indication::Nothing };
-        if request.pgn == Pgn::ADDRESS_CLAIMED {
-            let outcome = self.claim.requested(&request, now);
-            self.note(outcome, News::Claim);
-            return Indication::Nothing;
+        let Some(request) = Request::of(id, frame) else { return Indication::Nothing };
+        if request.pgn != Pgn::ADDRESS_CLAIMED {
+            return self.serve_other_request(request);
         }
+        let outcome = self.claim.requested(&request, now);
+        self.note(outcome, News::Claim);
+        if self.claim.is_lost() {
+            self.schedule();
+        }
+        Indication::Nothing
+    }
+
+    #[inline(never)]
+    fn serve_other_request(&mut self, request: Request) -> Indication {
         if self.voice().is_none() {
             return Indication::Nothing;
         }
@@ -96,6 +97,7 @@ impl<const DM2: usize> Node<DM2> {
         Indication::Nothing
     }
 
+    #[inline(never)]
     fn serve_claim(&mut self, id: J1939Id, frame: &Frame, now: Instant) -> Indication {
         let Some(name) = frame.eight().map(|bytes| Name::from_bytes(*bytes)) else { return Indication::Nothing };
         match self.claim.contend(id.source(), name, now) {
@@ -104,6 +106,7 @@ impl<const DM2: usize> Node<DM2> {
                 // One place is enough: the list was cleared.
                 let _ = self.aborts.push(Filter::ALL);
                 self.next_report = NEVER;
+                self.schedule();
                 Indication::AddressLost
             }
             outcome => {
@@ -113,12 +116,22 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
+    #[inline(never)]
     fn serve_broadcast(&mut self, id: J1939Id, frame: &Frame, now: Instant) -> Indication {
         let message = self.receiver.handle(id, frame, now);
         let commanded = message.and_then(|message| self.claim.commanded(&message.payload));
         commanded.map_or(Indication::Nothing, Indication::CommandedAddress)
     }
 
+    #[inline(never)]
+    fn serve_connection(&mut self, id: J1939Id, frame: &Frame) -> Indication {
+        if let Some(abort) = self.voice().and_then(|own| refuse_connection(id, frame, own)) {
+            self.answer(abort);
+        }
+        Indication::Nothing
+    }
+
+    #[inline(never)]
     fn respond(&mut self, request: &Request, control: Control) {
         if let Some(frame) = self.voice().and_then(|own| request.acknowledgement(control, own)) {
             self.answer(frame);
@@ -148,6 +161,7 @@ impl<const DM2: usize> Node<DM2> {
     }
 
     /// Lets the controller abort the frame of these news that may wait there.
+    #[inline]
     fn abort(&mut self, news: News) {
         if self.in_controller.contains(news) {
             self.in_controller.remove(news);
@@ -156,10 +170,11 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    /// Owes the frame of the running broadcast that is due, or gives the broadcast up.
+    /// Owes the frame of the running broadcast that is due, or gives up a broadcast that the bus kept waiting.
     pub(super) fn continue_broadcast(&mut self, now: Instant) {
         // The identifier of the frame in the controller, which is forgotten with the broadcast.
         let key = self.key_of(News::Packet);
+        let announced = self.bam.pgn() == Pgn::TP_DATA;
         match self.bam.poll(now) {
             Outcome::GivenUp => {
                 self.owed.remove(News::Packet);
@@ -167,7 +182,12 @@ impl<const DM2: usize> Node<DM2> {
                     self.in_controller.remove(News::Packet);
                     let _ = self.aborts.push(Filter::exactly(key));
                 }
-                self.count_dropped(1);
+                if announced {
+                    self.count_dropped(1);
+                } else {
+                    // The bus has heard nothing of it: the list as it is now takes its place.
+                    self.owe(News::Dm2);
+                }
             }
             outcome => self.note(outcome, News::Packet),
         }

@@ -68,7 +68,10 @@ fn another_fault_is_told_at_once_and_restarts_the_period() {
 fn the_counter_alone_is_an_event() {
     let mut dm1 = Dm1::new();
     assert_eq!(text(event(&mut dm1, Some(SUPPLY_LOW), ms(0))), LOW);
-    assert_eq!(text(event(&mut dm1, Some(Trouble { count: 2, ..SUPPLY_LOW }), ms(1))), "18FECA83: 04 FF 73 02 04 02 FF FF");
+    assert_eq!(
+        text(event(&mut dm1, Some(Trouble { count: 2, ..SUPPLY_LOW }), ms(1))),
+        "18FECA83: 04 FF 73 02 04 02 FF FF"
+    );
 }
 
 #[test]

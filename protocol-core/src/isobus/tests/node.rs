@@ -9,20 +9,16 @@ use crate::isobus::node::{Indication, Product, Rules};
 use crate::time::{Duration, NEVER, after};
 use crate::wire::dm::{Lamp, Trouble, payload_len};
 use crate::wire::dtc::Dtc;
-use crate::wire::j1939_id::{Pgn, Priority};
+use crate::wire::j1939_id::Pgn;
 
-const RULES: Rules = Rules {
-    command: |_| Pgn::new(0xFF10),
-    report: |_| Pgn::new(0xFF20),
-    report_priority: Priority::new(4),
-    report_period: Duration::from_millis(500),
-};
+const RULES: Rules =
+    Rules { command: |_| Pgn::new(0xFF10), report: |_| Pgn::new(0xFF20), report_period: Duration::from_millis(500) };
 
 const CLAIM: &str = "18EEFF83: 01 00 20 07 08 FF 02 20";
 const CANNOT_CLAIM: &str = "18EEFFFE: 01 00 20 07 08 FF 02 20";
 const LOSE: &str = "18EEFF83: 00 00 20 07 08 FF 02 20";
 const CLEAR: &str = "18FECA83: 00 FF 00 00 00 00 FF FF";
-const EMPTY: &str = "10FF2083: 00 00 00 00 00 00 00 00";
+const EMPTY: &str = "0CFF2083: 00 00 00 00 00 00 00 00";
 const LEAK: Trouble = Trouble { lamp: Lamp::RED, dtc: Dtc::new(520_192, 1), count: 1 };
 const DRY: Trouble = Trouble { lamp: Lamp::AMBER, dtc: Dtc::new(520_193, 1), count: 3 };
 
@@ -140,7 +136,7 @@ fn a_claim_then_reports() {
     rig.expect(&[EMPTY]);
     rig.product.level = 7;
     rig.advance(500);
-    rig.expect(&["10FF2083: 07 00 00 00 00 00 00 00"]);
+    rig.expect(&["0CFF2083: 07 00 00 00 00 00 00 00"]);
 }
 
 #[test]
@@ -197,7 +193,7 @@ fn a_blocked_bus_is_followed_by_the_present_state() {
     rig.set_active(None);
     assert!(rig.mailboxes.len() <= 2, "{:?}", rig.mailboxes);
     rig.block(false);
-    rig.expect(&["10FF2083: 0E 00 00 00 00 00 00 00", CLEAR]);
+    rig.expect(&["0CFF2083: 0E 00 00 00 00 00 00 00", CLEAR]);
 }
 
 #[test]
@@ -276,6 +272,22 @@ fn a_broadcast_that_the_bus_keeps_waiting_is_given_up() {
     rig.advance(200);
     rig.sent.retain(|frame| frame.key() >> 24 & 0x1F == 0x1C);
     assert_eq!(rig.sent.len(), 3);
+}
+
+/// One that has not begun is not given up: after the blocked bus it tells the list of that time.
+#[test]
+fn a_broadcast_that_has_not_begun_waits() {
+    let mut rig = Rig::claimed();
+    rig.product.previously_active = std::vec![LEAK, DRY];
+    rig.block(true);
+    rig.send("18EA8327: CB FE 00");
+    assert_eq!(rig.mailboxes, [frame("1CECFF83: 20 0A 00 02 FF CB FE 00")]);
+    rig.advance(450);
+    rig.product.previously_active = std::vec![DRY];
+    rig.advance(450);
+    rig.mailboxes.retain(|frame| frame.key() & 0xFF_FFFF != 0xFF_2083);
+    assert_eq!(rig.mailboxes, [frame("18FECB83: 04 FF 01 F0 E1 03 FF FF")]);
+    assert_eq!(rig.node.dropped(), 0);
 }
 
 /// Not in the wait after the claim; then once, and again after five seconds.

@@ -60,9 +60,13 @@ impl AuxiliaryValve {
             self.valve.start_guard(now);
         }
         self.command = command;
-        self.valve.feed_guard(now);
-        self.recover(now);
-        self.apply(now);
+        if self.shutdown.is_some() {
+            self.valve.feed_guard(now);
+            self.recover(now);
+            self.apply(now);
+        } else {
+            self.valve.command(drive(command), now);
+        }
     }
 
     /// Blocks the valve until the next command, for which nobody waits: it lost its address, or starts. Fault 8 is gone.

@@ -91,6 +91,7 @@ impl IsobusValve {
     }
 
     /// Tells what became of the faults: DM1, the fault log, and the counters that DM3 may still clear.
+    #[inline(never)]
     fn report_changes(&mut self, base: &mut Base<Job>) {
         let now = base.now();
         let changes = self.auxiliary.take_changes(now);
@@ -113,6 +114,7 @@ impl IsobusValve {
         }
     }
 
+    #[inline(never)]
     fn serve_uds(&mut self, frame: &Frame, base: &mut Base<Job>) {
         let (Id::Extended(id), Some(own)) = (frame.id(), self.node.voice()) else { return };
         let Some((source, _)) = uds::parse_id(id.as_raw()) else { return };

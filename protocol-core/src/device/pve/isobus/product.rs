@@ -4,14 +4,13 @@ use super::super::records::{Factory, LocalLayer};
 use super::super::setup::Setup;
 use crate::isobus::node::Rules;
 use crate::time::Duration;
-use crate::wire::j1939_id::{Address, Pgn, Priority};
+use crate::wire::j1939_id::{Address, Pgn};
 use crate::wire::name::{Fields, Name};
 
 /// Commanded by AVC, reports AVEF.
 pub(super) const RULES: Rules = Rules {
     command: |own| Pgn::avc(own.get()),
     report: |own| Pgn::avef(own.get()),
-    report_priority: Priority::CONTROL,
     report_period: Duration::from_millis(100),
 };
 
