@@ -1,5 +1,6 @@
 //! What a master sees of the CANopen valves: objects, services, faults and memory (SPEC 2–4, 6, 7).
 
+mod acknowledged;
 mod actuator;
 mod bit_rate;
 mod cob_id;
