@@ -3,6 +3,7 @@
 mod acknowledged;
 mod actuator;
 mod bit_rate;
+mod blocked_bus;
 mod cob_id;
 mod device_state_machine;
 mod emcy;
