@@ -3,6 +3,7 @@
 mod acknowledged;
 mod actuator;
 mod bit_rate;
+mod bit_rate_blocked;
 mod blocked_bus;
 mod cob_id;
 mod device_state_machine;
@@ -22,7 +23,9 @@ mod node_id;
 mod object_dictionary;
 mod pdo;
 mod pdo_mapping;
+mod pdo_switch;
 mod properties;
+mod restart_scope;
 mod sdo;
 mod set_point;
 mod storage;
