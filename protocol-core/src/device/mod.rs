@@ -3,9 +3,13 @@
 //! A device is sans-IO: frames, time and what it senses go in; frames, effects and outputs come out. It never blocks,
 //! reads no clock and touches no hardware. [`pump`](crate::pump::pump) connects one with a controller.
 
+pub mod fault_log;
+pub mod host;
 pub mod pve;
+pub mod reading;
 mod senses;
 mod tx_queue;
+pub mod writes;
 
 pub use senses::{Outputs, Senses};
 
@@ -25,8 +29,8 @@ pub enum Effect {
     Restart(Restart),
 }
 
-/// How much of the device starts anew (CiA 301, NMT).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// How much of the device starts anew (CiA 301, NMT), the narrower scope first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Restart {
     /// Reset communication: the communication objects alone.
     Communication,

@@ -1,0 +1,66 @@
+//! When the fault log is written (SPEC 6): within a second of the first change, then at most once in ten seconds.
+
+use crate::time::{Duration, Instant, NEVER, after};
+
+/// The time for which a change of the fault log waits for more changes (A): the log is written within one second.
+pub const FAULT_LOG_DELAY: Duration = Duration::from_millis(500);
+
+/// The least time between two writes of the fault log (A).
+pub const FAULT_LOG_INTERVAL: Duration = Duration::from_secs(10);
+
+/// The time at which the fault log is due.
+#[derive(Debug)]
+pub struct FaultLogClock {
+    /// [`NEVER`] while the memory holds the present counters, or is being given them.
+    due: Instant,
+    last_write: Option<Instant>,
+}
+
+impl FaultLogClock {
+    /// Returns the clock of a log that the memory holds.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { due: NEVER, last_write: None }
+    }
+
+    /// Notes that a counter has changed.
+    pub fn changed(&mut self, now: Instant) {
+        if !self.is_dirty() {
+            let soon = after(now, FAULT_LOG_DELAY);
+            self.due = self.last_write.map_or(soon, |last| soon.max(after(last, FAULT_LOG_INTERVAL)));
+        }
+    }
+
+    /// Returns when the log is due; [`NEVER`] when the memory holds it.
+    #[inline]
+    #[must_use]
+    pub const fn due(&self) -> Instant {
+        self.due
+    }
+
+    /// Returns whether a counter has changed since the last write began.
+    #[must_use]
+    pub fn is_dirty(&self) -> bool {
+        self.due != NEVER
+    }
+
+    /// Notes that the log is being written as it is now.
+    pub const fn begun(&mut self) {
+        self.due = NEVER;
+    }
+
+    /// Notes that the write has ended; a failed one is due again.
+    pub fn ended(&mut self, stored: bool, now: Instant) {
+        self.last_write = Some(now);
+        if self.is_dirty() || !stored {
+            self.due = NEVER;
+            self.changed(now);
+        }
+    }
+}
+
+impl Default for FaultLogClock {
+    fn default() -> Self {
+        Self::new()
+    }
+}

@@ -1,0 +1,364 @@
+//! The host of a device: what every device has, whatever its protocol and product, and [`Device`], implemented once.
+//!
+//! A [`Body`] is a protocol's node with a product in it. The host gives it a time that never runs back, wakes it when
+//! something is due, hands out its writes one at a time, and carries it through restarts.
+
+use super::fault_log::FaultLogClock;
+use super::writes::{Job, Writes};
+use super::{Device, Effect, Outputs, Restart, Senses, StartCause};
+use crate::controller::{BitRate, Filter, Filters};
+use crate::frame::Frame;
+use crate::memory::{Image, Record, RecordKey, StoreError};
+use crate::time::{Instant, NEVER};
+
+/// A protocol's node with a product in it.
+///
+/// Each call happens at [`Base::now`], after everything that was due before then has acted.
+pub trait Body {
+    /// The kinds of write of this device.
+    type Job: Job;
+
+    /// The write of the fault log as it is; `None` for a device that keeps none.
+    const FAULT_LOG: Option<Self::Job>;
+
+    /// Returns whether a frame is for the device, by its identifier and as few bytes as tell: most frames are not.
+    fn listens(&self, frame: &Frame) -> bool;
+
+    /// Takes a frame that is for the device.
+    fn handle(&mut self, frame: &Frame, base: &mut Base<Self::Job>);
+
+    /// Returns the restart that a frame demands, of one that comes while another restart waits for the memory.
+    fn restart_demanded(&self, frame: &Frame) -> Option<Restart>;
+
+    /// Lets the timers that are due act.
+    fn poll(&mut self, base: &mut Base<Self::Job>);
+
+    /// Acts on what the last call has changed: called after each of the others, before the next deadline is asked for.
+    fn settle(&mut self, base: &mut Base<Self::Job>);
+
+    /// Returns when [`poll`](Self::poll) is next due.
+    fn deadline(&self) -> Instant;
+
+    /// Takes what the device senses.
+    fn sense(&mut self, senses: &Senses, base: &mut Base<Self::Job>);
+
+    /// See [`Device::take_filters`].
+    fn take_filters(&mut self) -> Option<Filters>;
+
+    /// See [`Device::take_abort`].
+    fn take_abort(&mut self) -> Option<Filter>;
+
+    /// See [`Device::next_frame`].
+    fn next_frame(&mut self, now: Instant) -> Option<Frame>;
+
+    /// See [`Device::give_back`].
+    fn give_back(&mut self, frame: Frame);
+
+    /// Notes that every frame which the controller took is on the bus by now.
+    fn all_sent(&mut self, base: &mut Base<Self::Job>);
+
+    /// Returns whether a frame is owed that may be sent now.
+    fn has_frame(&self) -> bool;
+
+    /// Returns a bit rate to be in force from now on.
+    fn take_bit_rate(&mut self) -> Option<BitRate>;
+
+    /// Encodes a write as things are now.
+    ///
+    /// # Errors
+    /// [`StoreError`] when it is longer than a record holds.
+    fn encode(&self, job: Self::Job) -> Result<Record, StoreError>;
+
+    /// Takes what became of a write.
+    fn written(&mut self, job: Self::Job, stored: bool, base: &mut Base<Self::Job>);
+
+    /// Starts with what the memory holds: power-up, or a restart of this scope. Of power-up and reset application the queue
+    /// of writes is empty.
+    fn start(&mut self, scope: Restart, image: &Image, base: &mut Base<Self::Job>);
+
+    /// Notes that the watchdog, or a panic, has reset the processor.
+    fn watchdog_reset(&mut self, base: &mut Base<Self::Job>);
+
+    /// See [`Device::outputs`].
+    fn outputs(&self) -> Outputs;
+
+    /// See [`Device::bit_rate`].
+    fn bit_rate(&self) -> BitRate;
+
+    /// See [`Device::node_id`].
+    fn node_id(&self) -> Option<u8>;
+
+    /// See [`Device::frames_dropped`].
+    fn frames_dropped(&self) -> u32;
+}
+
+/// What every device has.
+#[derive(Debug)]
+pub struct Base<J> {
+    now: Instant,
+    /// The writes to the memory.
+    pub writes: Writes<J>,
+    /// When the fault log is to be written.
+    pub fault_log: FaultLogClock,
+    restart: Pending,
+}
+
+/// The restarts under way.
+#[derive(Debug, Default)]
+struct Pending {
+    /// Waits until nothing is being written and all is sent.
+    wanted: Option<Restart>,
+    /// In the platform's hands.
+    handed_out: bool,
+    /// The fault log could not be written before it: it is not tried again.
+    log_failed: bool,
+}
+
+impl<J> Base<J> {
+    /// Returns the present instant.
+    #[inline]
+    #[must_use]
+    pub const fn now(&self) -> Instant {
+        self.now
+    }
+
+    /// Asks for a restart. Until it is carried out the device takes no part in the bus; of two the wider one counts.
+    pub fn request_restart(&mut self, scope: Restart) {
+        self.restart.wanted = self.restart.wanted.max(Some(scope));
+        self.restart.log_failed = false;
+    }
+
+    /// Returns whether a restart is under way.
+    #[inline]
+    #[must_use]
+    pub const fn is_restarting(&self) -> bool {
+        self.restart.wanted.is_some() || self.restart.handed_out
+    }
+}
+
+/// A device: a body, and what every device has.
+#[derive(Debug)]
+pub struct Host<B: Body> {
+    body: B,
+    base: Base<B::Job>,
+    /// When the body or the fault log is next due; [`NEVER`] while a restart is under way.
+    deadline: Instant,
+}
+
+impl<B: Body> Host<B> {
+    /// Returns a device that has no power yet: cheap, so that it can be built where it is to stay.
+    pub const fn new(body: B) -> Self {
+        let restart = Pending { wanted: None, handed_out: false, log_failed: false };
+        let base = Base { now: Instant::MIN, writes: Writes::new(), fault_log: FaultLogClock::new(), restart };
+        Self { body, base, deadline: NEVER }
+    }
+
+    /// Starts it with what the memory holds.
+    pub fn start_up(&mut self, image: &Image, cause: StartCause, now: Instant) {
+        self.base.now = now;
+        self.body.start(Restart::Application, image, &mut self.base);
+        if cause == StartCause::Watchdog {
+            self.body.watchdog_reset(&mut self.base);
+        }
+        self.settle();
+    }
+
+    /// The product and its node.
+    pub const fn body(&self) -> &B {
+        &self.body
+    }
+
+    /// Takes a frame that is for the device. Kept apart from the look at the identifier, which most frames end with.
+    #[inline(never)]
+    fn take(&mut self, frame: &Frame, now: Instant) {
+        if self.base.is_restarting() {
+            if let Some(scope) = self.body.restart_demanded(frame) {
+                self.base.request_restart(scope);
+            }
+            return;
+        }
+        self.advance(now);
+        self.body.handle(frame, &mut self.base);
+        self.settle();
+    }
+
+    /// Goes to `now`, or stays at the last instant, and lets what is due by then act first.
+    fn advance(&mut self, now: Instant) {
+        self.base.now = self.base.now.max(now);
+        if self.base.now >= self.deadline {
+            self.run_timers();
+        }
+    }
+
+    #[inline(never)]
+    fn run_timers(&mut self) {
+        self.body.poll(&mut self.base);
+        if self.base.now >= self.base.fault_log.due() {
+            self.store_fault_log();
+        }
+        self.body.settle(&mut self.base);
+        self.schedule();
+    }
+
+    /// Finds out when something is next due, after anything was done.
+    fn settle(&mut self) {
+        self.body.settle(&mut self.base);
+        self.schedule();
+        // What was just begun can be due at once.
+        if self.base.now >= self.deadline {
+            self.run_timers();
+        }
+    }
+
+    fn schedule(&mut self) {
+        let running = !self.base.is_restarting();
+        self.deadline = if running { self.body.deadline().min(self.base.fault_log.due()) } else { NEVER };
+    }
+
+    fn store_fault_log(&mut self) {
+        if let Some(job) = B::FAULT_LOG {
+            self.base.writes.ask(job);
+            self.base.fault_log.begun();
+        }
+    }
+
+    /// Ends a write that the memory has answered.
+    fn end_write(&mut self, key: RecordKey, stored: bool) {
+        let Some(job) = self.base.writes.end(key) else { return };
+        if key == RecordKey::FaultLog {
+            self.base.restart.log_failed |= !stored;
+            self.base.fault_log.ended(stored, self.base.now);
+        }
+        self.body.written(job, stored, &mut self.base);
+    }
+
+    fn next_store(&mut self) -> Option<Effect> {
+        loop {
+            let job = self.base.writes.begin()?;
+            match self.body.encode(job) {
+                Ok(record) => return Some(Effect::Store(job.key(), record)),
+                // No record of these devices is too long; one that were has failed.
+                Err(StoreError) => self.end_write(job.key(), false),
+            }
+        }
+    }
+}
+
+impl<B: Body> Device for Host<B> {
+    #[inline]
+    fn handle(&mut self, frame: &Frame, now: Instant) -> bool {
+        let listens = self.body.listens(frame);
+        if listens {
+            self.take(frame, now);
+        }
+        listens
+    }
+
+    #[inline]
+    fn take_filters(&mut self) -> Option<Filters> {
+        self.body.take_filters()
+    }
+
+    #[inline]
+    fn take_abort(&mut self) -> Option<Filter> {
+        self.body.take_abort()
+    }
+
+    fn sense(&mut self, senses: &Senses, now: Instant) {
+        self.advance(now);
+        self.body.sense(senses, &mut self.base);
+        self.settle();
+    }
+
+    #[inline]
+    fn poll(&mut self, now: Instant) {
+        if now >= self.deadline {
+            self.advance(now);
+        }
+    }
+
+    #[inline]
+    fn next_frame(&mut self, now: Instant) -> Option<Frame> {
+        self.body.next_frame(self.base.now.max(now))
+    }
+
+    fn give_back(&mut self, frame: Frame) {
+        self.body.give_back(frame);
+    }
+
+    #[inline]
+    fn all_sent(&mut self, now: Instant) -> bool {
+        self.base.now = self.base.now.max(now);
+        self.body.all_sent(&mut self.base);
+        self.settle();
+        self.body.has_frame()
+    }
+
+    fn next_effect(&mut self, all_sent: bool) -> Option<Effect> {
+        if let Some(bit_rate) = self.body.take_bit_rate() {
+            return Some(Effect::SetBitRate(bit_rate));
+        }
+        let restart = &self.base.restart;
+        let due = restart.wanted.filter(|_| !restart.handed_out);
+        if due.is_some() && self.base.fault_log.is_dirty() && !restart.log_failed && self.base.writes.is_idle() {
+            // What was counted is not lost with the restart.
+            self.store_fault_log();
+        }
+        if let Some(effect) = self.next_store() {
+            return Some(effect);
+        }
+        let scope = due.filter(|_| all_sent && self.base.writes.is_idle())?;
+        self.base.restart = Pending { wanted: None, handed_out: true, log_failed: false };
+        Some(Effect::Restart(scope))
+    }
+
+    fn stored(&mut self, key: RecordKey, result: Result<(), StoreError>, now: Instant) {
+        self.advance(now);
+        self.end_write(key, result.is_ok());
+        self.settle();
+    }
+
+    fn restart(&mut self, scope: Restart, image: &Image, now: Instant) {
+        self.base.now = self.base.now.max(now);
+        self.base.restart.handed_out = false;
+        if scope == Restart::Application {
+            self.base.writes = Writes::new();
+            self.base.fault_log = FaultLogClock::new();
+        }
+        self.body.start(scope, image, &mut self.base);
+        self.settle();
+    }
+
+    fn flush(&mut self, now: Instant) {
+        self.advance(now);
+        if self.base.fault_log.is_dirty() {
+            self.store_fault_log();
+            self.schedule();
+        }
+    }
+
+    #[inline]
+    fn deadline(&self) -> Instant {
+        self.deadline
+    }
+
+    fn outputs(&self) -> Outputs {
+        self.body.outputs()
+    }
+
+    fn bit_rate(&self) -> BitRate {
+        self.body.bit_rate()
+    }
+
+    fn node_id(&self) -> Option<u8> {
+        self.body.node_id()
+    }
+
+    fn frames_dropped(&self) -> u32 {
+        self.body.frames_dropped()
+    }
+}
+
+#[cfg(test)]
+#[path = "host_tests.rs"]
+mod tests;

@@ -1,0 +1,282 @@
+//! The host with a body that has one timer, one fault log and one answer.
+
+use super::*;
+use crate::actuator::{Color, Led};
+use crate::memory::seal;
+use crate::time::{Duration, after};
+
+const MS: Duration = Duration::from_millis(1);
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Write {
+    Save,
+    Log,
+}
+
+impl Job for Write {
+    fn key(self) -> RecordKey {
+        match self {
+            Self::Save => RecordKey::Parameters,
+            Self::Log => RecordKey::FaultLog,
+        }
+    }
+
+    fn merged(self, newer: Self) -> Option<Self> {
+        (self == newer).then_some(newer)
+    }
+}
+
+/// Obeys the first byte of a frame: 1 saves, 2 counts a fault, 0x81 and 0x82 reset.
+struct Obedient {
+    beat: Instant,
+    polled: heapless::Vec<Instant, 8>,
+    owed: bool,
+    starts: heapless::Vec<Restart, 8>,
+    saved: Option<bool>,
+    senses: Senses,
+}
+
+const fn demanded(frame: &Frame) -> Option<Restart> {
+    match frame.bytes()[0] {
+        0x81 => Some(Restart::Application),
+        0x82 => Some(Restart::Communication),
+        _ => None,
+    }
+}
+
+impl Body for Obedient {
+    type Job = Write;
+
+    const FAULT_LOG: Option<Write> = Some(Write::Log);
+
+    fn listens(&self, frame: &Frame) -> bool {
+        frame.key() == 0
+    }
+
+    fn handle(&mut self, frame: &Frame, base: &mut Base<Write>) {
+        match frame.bytes()[0] {
+            1 => base.writes.ask(Write::Save),
+            2 => base.fault_log.changed(base.now()),
+            _ => {}
+        }
+        if let Some(scope) = demanded(frame) {
+            base.request_restart(scope);
+        }
+    }
+
+    fn restart_demanded(&self, frame: &Frame) -> Option<Restart> {
+        demanded(frame)
+    }
+
+    fn poll(&mut self, base: &mut Base<Write>) {
+        if base.now() >= self.beat {
+            self.polled.push(base.now()).unwrap();
+            self.beat = after(self.beat, Duration::from_millis(100));
+        }
+    }
+
+    fn settle(&mut self, _: &mut Base<Write>) {}
+
+    fn deadline(&self) -> Instant {
+        self.beat
+    }
+
+    fn sense(&mut self, senses: &Senses, _: &mut Base<Write>) {
+        self.senses = *senses;
+    }
+
+    fn take_filters(&mut self) -> Option<Filters> {
+        None
+    }
+
+    fn take_abort(&mut self) -> Option<Filter> {
+        None
+    }
+
+    fn next_frame(&mut self, _: Instant) -> Option<Frame> {
+        core::mem::take(&mut self.owed).then(|| "701: 05".parse().unwrap())
+    }
+
+    fn give_back(&mut self, _: Frame) {
+        self.owed = true;
+    }
+
+    fn all_sent(&mut self, _: &mut Base<Write>) {}
+
+    fn has_frame(&self) -> bool {
+        self.owed
+    }
+
+    fn take_bit_rate(&mut self) -> Option<BitRate> {
+        None
+    }
+
+    fn encode(&self, _: Write) -> Result<Record, StoreError> {
+        seal(1, &[])
+    }
+
+    fn written(&mut self, job: Write, stored: bool, _: &mut Base<Write>) {
+        if job == Write::Save {
+            self.saved = Some(stored);
+        }
+    }
+
+    fn start(&mut self, scope: Restart, _: &Image, base: &mut Base<Write>) {
+        self.starts.push(scope).unwrap();
+        self.beat = after(base.now(), Duration::from_millis(100));
+    }
+
+    fn watchdog_reset(&mut self, _: &mut Base<Write>) {}
+
+    fn outputs(&self) -> Outputs {
+        Outputs { solenoids: false, led: Led { color: Color::Green, flashing: false } }
+    }
+
+    fn bit_rate(&self) -> BitRate {
+        BitRate::Kbit250
+    }
+
+    fn node_id(&self) -> Option<u8> {
+        None
+    }
+
+    fn frames_dropped(&self) -> u32 {
+        0
+    }
+}
+
+const START: Instant = Instant::from_secs(1);
+
+fn started() -> Host<Obedient> {
+    let mut host = Host::new(Obedient {
+        beat: NEVER,
+        polled: heapless::Vec::new(),
+        owed: false,
+        starts: heapless::Vec::new(),
+        saved: None,
+        senses: Senses::default(),
+    });
+    host.start_up(&Image::empty(), StartCause::PowerOn, START);
+    host
+}
+
+fn tell(host: &mut Host<Obedient>, byte: &str, now: Instant) {
+    assert!(host.handle(&format_frame(byte), now));
+}
+
+fn format_frame(byte: &str) -> Frame {
+    let mut text = heapless::String::<8>::new();
+    text.push_str("000: ").unwrap();
+    text.push_str(byte).unwrap();
+    text.parse().unwrap()
+}
+
+fn store(key: RecordKey) -> Option<Effect> {
+    Some(Effect::Store(key, seal(1, &[]).unwrap()))
+}
+
+#[test]
+fn time_never_runs_back() {
+    let mut host = started();
+    host.poll(after(START, Duration::from_millis(100)));
+    tell(&mut host, "2", START);
+    assert_eq!(host.base.now(), after(START, Duration::from_millis(100)));
+    // A fault counted at the earlier instant counts from the later one.
+    assert_eq!(host.base.fault_log.due(), after(START, Duration::from_millis(600)));
+}
+
+#[test]
+fn what_is_due_acts_before_a_frame_that_comes_later() {
+    let mut host = started();
+    tell(&mut host, "1", after(START, Duration::from_millis(150)));
+    assert_eq!(host.body().polled, [after(START, Duration::from_millis(150))]);
+    assert_eq!(host.deadline(), after(START, Duration::from_millis(200)));
+}
+
+#[test]
+fn a_restart_waits_for_writes_and_for_the_bus() {
+    let mut host = started();
+    tell(&mut host, "1", START);
+    tell(&mut host, "82", START);
+    assert_eq!(host.deadline(), NEVER, "it takes no part in the bus any more");
+    assert_eq!(host.next_effect(true), store(RecordKey::Parameters));
+    assert_eq!(host.next_effect(true), None);
+    host.stored(RecordKey::Parameters, Ok(()), START);
+    assert_eq!(host.body().saved, Some(true));
+    assert_eq!(host.next_effect(false), None);
+    assert_eq!(host.next_effect(true), Some(Effect::Restart(Restart::Communication)));
+    assert_eq!(host.next_effect(true), None, "handed out once");
+    host.restart(Restart::Communication, &Image::empty(), START);
+    assert_eq!(host.body().starts, [Restart::Application, Restart::Communication]);
+    assert!(!host.base.is_restarting());
+}
+
+#[test]
+fn the_wider_of_two_restarts_counts() {
+    for orders in [["82", "81"], ["81", "82"]] {
+        let mut host = started();
+        for order in orders {
+            tell(&mut host, order, START);
+        }
+        assert_eq!(host.next_effect(true), Some(Effect::Restart(Restart::Application)), "{orders:?}");
+    }
+}
+
+#[test]
+fn a_restart_that_is_demanded_while_one_is_carried_out_follows_it() {
+    let mut host = started();
+    tell(&mut host, "82", START);
+    assert_eq!(host.next_effect(true), Some(Effect::Restart(Restart::Communication)));
+    tell(&mut host, "81", START);
+    host.restart(Restart::Communication, &Image::empty(), START);
+    assert_eq!(host.next_effect(true), Some(Effect::Restart(Restart::Application)));
+    host.restart(Restart::Application, &Image::empty(), START);
+    assert_eq!(host.next_effect(true), None);
+}
+
+#[test]
+fn the_fault_log_is_written_before_a_restart_and_tried_once() {
+    for works in [true, false] {
+        let mut host = started();
+        tell(&mut host, "2", START);
+        tell(&mut host, "81", START);
+        assert_eq!(host.next_effect(true), store(RecordKey::FaultLog));
+        host.stored(RecordKey::FaultLog, if works { Ok(()) } else { Err(StoreError) }, START);
+        assert_eq!(host.next_effect(true), Some(Effect::Restart(Restart::Application)));
+    }
+}
+
+/// A count that falls while the write before a restart is under way is written as well.
+#[test]
+fn a_count_during_the_last_write_is_not_lost() {
+    let mut host = started();
+    tell(&mut host, "1", START);
+    assert_eq!(host.next_effect(true), store(RecordKey::Parameters));
+    tell(&mut host, "81", START);
+    host.base.fault_log.changed(START);
+    host.stored(RecordKey::Parameters, Ok(()), START);
+    assert_eq!(host.next_effect(true), store(RecordKey::FaultLog));
+    host.stored(RecordKey::FaultLog, Ok(()), START);
+    assert_eq!(host.next_effect(true), Some(Effect::Restart(Restart::Application)));
+}
+
+#[test]
+fn a_flush_writes_the_log_at_once() {
+    let mut host = started();
+    tell(&mut host, "2", START);
+    assert_eq!(host.next_effect(true), None);
+    host.flush(after(START, MS));
+    assert_eq!(host.next_effect(true), store(RecordKey::FaultLog));
+    assert_eq!(host.deadline(), after(START, Duration::from_millis(100)));
+}
+
+#[test]
+fn a_failed_log_is_tried_again_after_the_interval() {
+    let mut host = started();
+    tell(&mut host, "2", START);
+    host.poll(after(START, Duration::from_millis(500)));
+    assert_eq!(host.next_effect(true), store(RecordKey::FaultLog));
+    let failed = after(START, Duration::from_millis(520));
+    host.stored(RecordKey::FaultLog, Err(StoreError), failed);
+    assert_eq!(host.base.fault_log.due(), after(failed, super::super::fault_log::FAULT_LOG_INTERVAL));
+}
