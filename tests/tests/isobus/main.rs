@@ -1,5 +1,6 @@
 //! What a tractor sees of the ISOBUS valves: claim, commands, diagnostics and memory (SPEC 2, 3, 5–7).
 
+mod acknowledged_orders;
 mod actuator;
 mod blocked_bus;
 mod bus_time;
