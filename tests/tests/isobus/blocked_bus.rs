@@ -1,6 +1,7 @@
 //! After a blocked bus a valve tells the state as it is then, answers what it was asked, and a BAM is whole or given up
 //! (SPEC 5).
 
+use protocol_core::controller::BusErrorMode;
 use protocol_core::device::Senses;
 use tests::Rig;
 use tests::isobus::{AVEF_BLOCKED, BLOCK, CLAIM, DM1_CLEAR};
@@ -164,6 +165,27 @@ fn a_bam_survives_a_short_block() {
     valve.hold_bus(false);
     valve.advance_cyclic(500, BLOCK);
     assert_eq!(valve.take_news(), DM2_TWO[1..]);
+}
+
+/// One that was asked for in bus-off, or was under way when the bus was lost, is given up, the announcement included.
+#[test]
+#[ignore = "the packets are sent without their announcement"]
+fn a_bam_and_bus_off() {
+    for under_way in [false, true] {
+        let mut valve = two_previously_active();
+        if under_way {
+            valve.exchange(DM2_REQUEST, &DM2_TWO[..1]);
+        }
+        valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+        if !under_way {
+            valve.exchange(DM2_REQUEST, &[]);
+        }
+        valve.advance_cyclic(50, BLOCK);
+        valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
+        valve.advance_cyclic(1000, BLOCK);
+        let sent = valve.take_news();
+        assert!(!sent.iter().any(|frame| frame.starts_with("1CE")), "{sent:?}");
+    }
 }
 
 /// An announcement that the bus has not taken yet begins no gap.
