@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use protocol_core::controller::BusErrorMode;
 use protocol_core::time::Duration;
-use tests::Rig;
+use tests::{Rig, unanswered};
 
 const CLEARED: &str = "0A0: 00 00 00 00 00 00 00 00";
 
@@ -204,11 +204,7 @@ proptest! {
         }
         free_the_bus(&mut valve);
         sent.extend(valve.take());
-        let answers = REQUESTS.map(|(_, answer)| sent.iter().filter(|frame| *frame == answer).count());
-        for ((request, _), (asked, answered)) in REQUESTS.iter().zip(asked.into_iter().zip(answers)) {
-            prop_assert!(answered <= asked, "{} was asked {} times, answered {} times", request, asked, answered);
-        }
-        let missing = asked.iter().sum::<usize>() - answers.iter().sum::<usize>();
+        let missing = unanswered(&REQUESTS, &asked, &sent);
         let dropped = usize::try_from(valve.device().frames_dropped()).unwrap();
         prop_assert!(missing <= dropped, "{} answers are missing, {} frames dropped", missing, dropped);
     }

@@ -7,8 +7,8 @@ use proptest::sample::select;
 use protocol_core::controller::BusErrorMode;
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, since};
-use tests::Rig;
 use tests::isobus::{BLOCK, CANNOT_CLAIM, CLAIM, EXTEND, HIGHER_NAME, LOWER_NAME};
+use tests::{Rig, unanswered};
 
 const DM1_REQUEST: &str = "18EA8327: CA FE 00";
 
@@ -139,21 +139,6 @@ impl Receiver {
     }
 }
 
-/// A valve that has three previously active faults.
-fn with_a_list() -> Rig {
-    let mut valve = Rig::claimed();
-    valve.sense(|senses| {
-        senses.internal_fault = true;
-        senses.temperature_c = 130;
-        senses.supply_mv = 8_000;
-    });
-    valve.advance_cyclic(2100, BLOCK);
-    valve.sense(|senses| *senses = protocol_core::device::Senses::default());
-    valve.recover();
-    valve.take();
-    valve
-}
-
 /// Requests that are answered one by one, and their answers.
 const REQUESTS: [(&str, &str); 5] = [
     ("18EA8327: 00 FF 00", "18E8FF83: 01 FF FF FF 27 00 FF 00"),
@@ -208,7 +193,7 @@ proptest! {
         ],
         1..120,
     )) {
-        let mut valve = with_a_list();
+        let mut valve = Rig::with_two_previously_active();
         let mut receiver = Receiver::default();
         for event in events {
             act(&mut valve, event);
@@ -252,11 +237,7 @@ proptest! {
         free_the_bus(&mut valve);
         valve.advance(1000);
         sent.extend(valve.take());
-        let answers = REQUESTS.map(|(_, answer)| sent.iter().filter(|frame| *frame == answer).count());
-        for ((request, _), (asked, answered)) in REQUESTS.iter().zip(asked.into_iter().zip(answers)) {
-            prop_assert!(answered <= asked, "{} was asked {} times, answered {} times", request, asked, answered);
-        }
-        let missing = asked.iter().sum::<usize>() - answers.iter().sum::<usize>();
+        let missing = unanswered(&REQUESTS, &asked, &sent);
         let dropped = usize::try_from(valve.device().frames_dropped()).unwrap();
         prop_assert!(missing <= dropped, "{} answers are missing, {} frames dropped", missing, dropped);
         valve.exchange("18EAFF27: 00 EE 00", &[CLAIM]);
@@ -270,7 +251,7 @@ proptest! {
         after in vec(prop_oneof![4 => time(), 3 => faults(), 8 => request(), 4 => blocks(), 1 => memory()], 0..60),
         starting in any::<bool>(),
     ) {
-        let mut valve = with_a_list();
+        let mut valve = Rig::with_two_previously_active();
         if starting {
             valve.hold_bus(true);
             valve.power_cycle();
