@@ -25,6 +25,7 @@ mod object_dictionary;
 mod pdo;
 mod pdo_mapping;
 mod pdo_switch;
+mod promises;
 mod properties;
 mod restart_scope;
 mod sdo;

@@ -14,6 +14,7 @@ mod lost_address;
 mod memory;
 mod nobody_to_answer;
 mod own_address;
+mod promises;
 mod properties;
 mod recovery;
 mod requests;
