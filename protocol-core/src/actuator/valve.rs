@@ -2,9 +2,10 @@
 
 use super::counters::Counters;
 use super::environment::Environment;
-use super::fault::{Changes, Fault, FaultRegister, FaultSet, InternalCause, InternalCauses};
+use super::fault::{Fault, FaultSet, InternalCause, InternalCauses};
 use super::monitor::{FLOAT_DELAY, Monitor, Reading, SET_POINT_DELAY, TimeGuard, tolerance};
 use super::power_save::PowerSave;
+use super::register::{Changes, FaultRegister};
 use super::set_point::{Position, SetPoint};
 use super::spool::{Action, IN_FLOAT, IN_NEUTRAL, Spool, SpoolSense};
 use super::travel::{Band, Travel};

@@ -13,10 +13,10 @@ pub const PERIOD: Duration = Duration::from_millis(1000);
 #[derive(Debug)]
 pub struct Dm1 {
     active: Option<Trouble>,
-    /// A trouble code that was gone at the instant of its activation, and that instant.
-    passing: Option<(Trouble, Instant)>,
-    /// Whether the active code has changed since the last DM1. The next DM1 then restarts the period.
-    changed: bool,
+    /// The last change since a DM1 was rendered. The next DM1 then restarts the period.
+    changed: Option<Instant>,
+    /// A code that was active at the instant of that change alone.
+    passing: Option<Trouble>,
     /// When the next repetition is due.
     next: Instant,
     /// The code in the DM1 that was rendered last.
@@ -27,21 +27,21 @@ impl Dm1 {
     /// Returns a DM1 without an active code, which is not to be sent.
     #[must_use]
     pub const fn new() -> Self {
-        Self { active: None, passing: None, changed: false, next: NEVER, rendered: None }
+        Self { active: None, changed: None, passing: None, next: NEVER, rendered: None }
     }
 
     /// Takes the active code. A change is to be told at once, be it of the counter alone.
     ///
-    /// `passing` is a code that was activated and is gone again at `now`. The bus hears of it when the frame can be made
-    /// at that instant; later, DM1 tells the present state alone.
+    /// `at` is the instant at which the bus can hear of it, [`NEVER`] in bus-off. It hears of a code that comes and goes at
+    /// one instant when the frame can be made at that instant; later, DM1 tells the present state alone.
     #[must_use]
-    pub fn set(&mut self, active: Option<Trouble>, passing: Option<Trouble>, now: Instant) -> Outcome {
-        if active == self.active && passing.is_none() {
+    pub fn set(&mut self, active: Option<Trouble>, at: Instant) -> Outcome {
+        if active == self.active {
             return Outcome::Nothing;
         }
+        self.passing = self.active.filter(|_| self.changed == Some(at));
         self.active = active;
-        self.passing = passing.map(|trouble| (trouble, now)).or(self.passing);
-        self.changed = true;
+        self.changed = Some(at);
         self.next = NEVER;
         Outcome::Owed
     }
@@ -60,11 +60,11 @@ impl Dm1 {
     /// code that only passed.
     #[must_use]
     pub fn render(&mut self, source: Address, now: Instant) -> (Frame, Outcome) {
-        if let Some((trouble, _)) = self.passing.take().filter(|(_, at)| *at == now) {
-            self.rendered = Some(trouble);
-            return (single(Pgn::DM1, Some(trouble), source), Outcome::Owed);
+        if let Some(passing) = self.passing.take().filter(|_| self.changed == Some(now)) {
+            self.rendered = Some(passing);
+            return (single(Pgn::DM1, Some(passing), source), Outcome::Owed);
         }
-        if core::mem::take(&mut self.changed) {
+        if self.changed.take().is_some() {
             self.next = if self.active.is_some() { after(now, PERIOD) } else { NEVER };
         }
         self.rendered = self.active;

@@ -149,7 +149,6 @@ fn a_bam_survives_a_short_block() {
 
 /// One that was asked for in bus-off, or was under way when the bus was lost, is given up, the announcement included.
 #[test]
-#[ignore = "the packets are sent without their announcement"]
 fn a_bam_and_bus_off() {
     for under_way in [false, true] {
         let mut valve = Rig::with_two_previously_active();

@@ -193,7 +193,6 @@ fn a_count_that_falls_while_the_memory_writes() {
 
 /// Three requests that one write serves, or two: each has its acknowledgement.
 #[test]
-#[ignore = "of three requests for one write the third is taken for the second"]
 fn each_dm3_is_acknowledged() {
     let mut valve = shut_down();
     valve.recover();

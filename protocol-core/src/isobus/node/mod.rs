@@ -144,10 +144,9 @@ impl<const DM2: usize> Node<DM2> {
         self.schedule();
     }
 
-    /// Takes the active trouble code of highest priority, and one that was activated and is gone again at `now`. DM1 is
-    /// owed when they are a change.
-    pub fn set_active(&mut self, active: Option<Trouble>, passing: Option<Trouble>, now: Instant) {
-        let outcome = self.dm1.set(active, passing, now);
+    /// Takes the active trouble code that DM1 shows. DM1 is owed when that is a change.
+    pub fn set_active(&mut self, active: Option<Trouble>, now: Instant) {
+        let outcome = self.dm1.set(active, if self.bus_off { NEVER } else { now });
         self.note(outcome, News::Dm1);
         self.schedule();
     }

@@ -6,9 +6,7 @@ use crate::wire::dm::{Lamp, Trouble};
 use crate::wire::dtc::Dtc;
 
 const SUPPLY_LOW: Trouble = Trouble { lamp: Lamp::AMBER, dtc: Dtc::from_printed(0x04_0273), count: 1 };
-const SUPPLY_HIGH: Trouble = Trouble { lamp: Lamp::AMBER, dtc: Dtc::from_printed(0x03_0273), count: 2 };
 const SPOOL: Trouble = Trouble { lamp: Lamp::RED, dtc: Dtc::from_printed(0x87_8FEC), count: 1 };
-const INTERNAL: Trouble = Trouble { lamp: Lamp::RED, dtc: Dtc::from_printed(0x8B_8FFA), count: 127 };
 
 const LOW: &str = "18FECA83: 04 FF 73 02 04 01 FF FF";
 const AT_SPOOL: &str = "18FECA83: 10 FF EC 8F 87 01 FF FF";
@@ -21,7 +19,7 @@ fn due(dm1: &mut Dm1, now: Instant) -> Option<Frame> {
 
 /// The message of an event.
 fn event(dm1: &mut Dm1, active: Option<Trouble>, now: Instant) -> Option<Frame> {
-    (dm1.set(active, None, now) == Outcome::Owed).then(|| dm1.render(OWN, now).0)
+    (dm1.set(active, now) == Outcome::Owed).then(|| dm1.render(OWN, now).0)
 }
 
 #[test]
@@ -94,7 +92,7 @@ fn a_request_leaves_the_period_alone() {
 #[test]
 fn the_period_begins_when_a_change_goes_out() {
     let mut dm1 = Dm1::new();
-    assert_eq!(dm1.set(Some(SUPPLY_LOW), None, ms(10)), Outcome::Owed);
+    assert_eq!(dm1.set(Some(SUPPLY_LOW), ms(10)), Outcome::Owed);
     assert_eq!((dm1.deadline(), dm1.poll(ms(5_000))), (NEVER, Outcome::Nothing));
     assert_eq!(text(Some(dm1.render(OWN, ms(5_250)).0)), LOW);
     assert_eq!(dm1.deadline(), ms(6_250));
@@ -104,15 +102,23 @@ fn the_period_begins_when_a_change_goes_out() {
 #[test]
 fn a_passing_code() {
     let mut dm1 = Dm1::new();
-    assert_eq!(dm1.set(None, Some(SPOOL), ms(40)), Outcome::Owed);
+    assert_eq!(dm1.set(Some(SPOOL), ms(40)), Outcome::Owed);
+    assert_eq!(dm1.set(None, ms(40)), Outcome::Owed);
     let (frame, more) = dm1.render(OWN, ms(40));
     assert_eq!((text(Some(frame)).as_str(), more), (AT_SPOOL, Outcome::Owed));
     let (frame, more) = dm1.render(OWN, ms(40));
     assert_eq!((text(Some(frame)).as_str(), more), (NOTHING, Outcome::Nothing));
 
-    assert_eq!(dm1.set(Some(SUPPLY_LOW), Some(SPOOL), ms(100)), Outcome::Owed);
+    assert_eq!(dm1.set(Some(SPOOL), ms(100)), Outcome::Owed);
+    assert_eq!(dm1.set(Some(SUPPLY_LOW), ms(100)), Outcome::Owed);
     let (frame, more) = dm1.render(OWN, us(100_001));
     assert_eq!((text(Some(frame)).as_str(), more), (LOW, Outcome::Nothing));
+
+    // One that was not told before it was gone is not told later.
+    assert_eq!(dm1.set(Some(SPOOL), ms(200)), Outcome::Owed);
+    assert_eq!(dm1.set(None, ms(201)), Outcome::Owed);
+    let (frame, more) = dm1.render(OWN, ms(201));
+    assert_eq!((text(Some(frame)).as_str(), more), (NOTHING, Outcome::Nothing));
 }
 
 #[test]

@@ -114,7 +114,7 @@ impl Rig {
     }
 
     fn set_active(&mut self, active: Option<Trouble>) {
-        self.node.set_active(active, None, self.now);
+        self.node.set_active(active, self.now);
         self.pump();
     }
 

@@ -97,10 +97,12 @@ impl IsobusValve {
         let changes = self.auxiliary.take_changes(now);
         self.clearable = self.clearable.difference(changes.activated);
         let active = self.auxiliary.valve.faults();
-        let passed = changes.activated.intersection(changes.cleared);
-        let passing = active.union(passed).highest().filter(|fault| passed.contains(*fault));
         let trouble = |fault| self.auxiliary.trouble(fault);
-        self.node.set_active(active.highest().map(trouble), passing.map(trouble), now);
+        if !changes.activated.is_empty() {
+            // A fault can be gone at the instant of its activation.
+            self.node.set_active(active.union(changes.cleared).highest().map(trouble), now);
+        }
+        self.node.set_active(active.highest().map(trouble), now);
         if self.auxiliary.valve.take_counters_changed() {
             base.fault_log.changed(now);
         }
