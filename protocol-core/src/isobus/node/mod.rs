@@ -3,27 +3,28 @@
 //! ```text
 //! mod      what goes in and comes out: frames, time, the state of the bus
 //! groups   which frames are for the node, and its filters
-//! debts    what is owed to the bus
+//! news     the frames that tell a state
 //! serve    what each service makes of a frame
 //! ```
 //!
 //! The services keep what is owed, the node renders the most urgent of it when the controller can take a frame. A frame
 //! that waits in the controller when newer news of its kind is owed is aborted first.
 
-mod debts;
 mod groups;
+mod news;
 mod serve;
 
 pub use serve::Indication;
 
-use debts::{Answers, News, NewsSet};
 use groups::Groups;
 use heapless::Vec;
+use news::{News, NewsSet};
 
 use super::Outcome;
 use super::address::AddressClaim;
 use super::diagnostics::{Dm1, next_in_grid, single};
 use super::transport::{BamReceiver, BamSender};
+use crate::answers::Answers;
 use crate::controller::{Filter, Filters};
 use crate::frame::Frame;
 use crate::time::{Duration, Instant, NEVER};
@@ -232,6 +233,7 @@ impl<const DM2: usize> Node<DM2> {
             self.bam.sent(now);
         }
         self.in_controller = NewsSet::EMPTY;
+        self.answers.sent();
         self.schedule();
     }
 

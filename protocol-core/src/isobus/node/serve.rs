@@ -1,8 +1,8 @@
 //! The reception of a frame: what each service makes of it, and what the product learns.
 
 use super::Node;
-use super::debts::{News, NewsSet};
 use super::groups::Service;
+use super::news::{News, NewsSet};
 use crate::controller::Filter;
 use crate::frame::Frame;
 use crate::isobus::Outcome;

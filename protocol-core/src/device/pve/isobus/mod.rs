@@ -26,11 +26,11 @@ use crate::actuator::{Fault, FaultSet, InternalCause, ValveSenses};
 use crate::controller::{BitRate, BusErrorMode, Filter, Filters};
 use crate::device::host::{Base, Body, Host};
 use crate::device::{Outputs, Restart, Senses, StartCause};
-use crate::frame::{Frame, Id};
+use crate::frame::Frame;
 use crate::isobus::node::{Indication, Node};
 use crate::memory::{Image, Record, RecordKey, StoreError};
 use crate::time::Instant;
-use crate::uds::{Reaction, serve};
+use crate::uds::Reaction;
 use crate::wire::dm::payload_len;
 use crate::wire::j1939_id::Address;
 use crate::wire::uds;
@@ -118,15 +118,14 @@ impl IsobusValve {
 
     #[inline(never)]
     fn serve_uds(&mut self, frame: &Frame, base: &mut Base<Job>) {
-        let (Id::Extended(id), Some(own)) = (frame.id(), self.node.voice()) else { return };
-        let Some((source, _)) = uds::parse_id(id.as_raw()) else { return };
+        let Some(own) = self.node.voice() else { return };
         let identification = Identification {
             kind: self.setup.kind,
             factory: &self.factory,
             local_layer: self.local_layer,
             busy: base.writes.iter().any(|job| matches!(job, Job::LocalLayer(_, LayerFor::Uds))),
         };
-        match serve(uds::Address::node(own.get()), source, frame.data(), &identification) {
+        match identification.serve_node(own.get(), frame) {
             Reaction::Nothing => {}
             Reaction::Answer(frame) => self.node.answer(frame),
             Reaction::StoreNodeId(address) => {
