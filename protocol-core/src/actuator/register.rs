@@ -3,20 +3,20 @@
 use super::counters::Counters;
 use super::fault::{Fault, FaultSet, SPOOL_FAULTS};
 
-/// What became of the faults since this was last asked for.
+/// The changes of the faults since they were last taken.
 ///
-/// To be told by priority: first what was activated, then what was cleared. A fault can be in both: it was activated and
-/// is gone again. Whatever was activated last is not in `cleared`, so the end of the tale is what is active.
+/// They are told by priority, activations first. A fault in both sets was activated and is gone again; one that was
+/// activated last is not in `cleared`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Changes {
-    /// Became active.
+    /// The faults that became active.
     pub activated: FaultSet,
-    /// Are gone.
+    /// The faults that are gone.
     pub cleared: FaultSet,
 }
 
 impl Changes {
-    /// Whether nothing has changed.
+    /// Returns whether nothing has changed.
     #[inline]
     #[must_use]
     pub const fn is_empty(self) -> bool {
@@ -24,7 +24,7 @@ impl Changes {
     }
 }
 
-/// Which faults are active, what has changed, and how often each has occurred.
+/// The active faults, their changes, and the occurrence counters.
 #[derive(Clone, Debug)]
 pub(super) struct FaultRegister {
     pub(super) active: FaultSet,
@@ -48,7 +48,7 @@ impl FaultRegister {
         }
     }
 
-    /// Counts it, unless it is active already.
+    /// Activates a fault and counts it, unless it is active already.
     pub(super) fn activate(&mut self, fault: Fault) {
         if self.active.contains(fault) {
             return;

@@ -1,5 +1,7 @@
 //! The frames that a node listens to, told by the identifier alone: most frames on a bus are not for it.
 
+use core::ops::RangeInclusive;
+
 use super::Rules;
 use crate::controller::{Filter, Filters};
 use crate::frame::{Frame, extended, key};
@@ -39,6 +41,11 @@ pub(super) struct Groups {
 /// A request to all.
 const REQUEST_TO_ALL: Group = group(Pgn::REQUEST, Address::GLOBAL);
 
+/// The groups from the data packets of the transport protocol to the claim, with their destinations: neighbours, and most
+/// frames are none of them.
+const TRANSPORT_AND_CLAIMS: RangeInclusive<Group> =
+    group(Pgn::TP_DATA, Address::new(0))..=group(Pgn::ADDRESS_CLAIMED, Address::GLOBAL);
+
 /// The bits of a key that hold a [`Group`].
 const GROUP: u32 = 0x3_FFFF << 8;
 /// The bits of a key that hold the source.
@@ -66,7 +73,6 @@ impl Groups {
     #[inline]
     pub(super) fn service(&self, frame: &Frame) -> Option<Service> {
         // A standard identifier has no bits of a group, and is for none.
-        let id = J1939Id::from_raw(frame.key());
         let group: Group = frame.key() >> 8 & 0x3_FFFF;
         if group == self.command {
             return Some(Service::Command);
@@ -74,19 +80,21 @@ impl Groups {
         if group == REQUEST_TO_ALL || group == self.request {
             return Some(Service::Request);
         }
-        let format = id.format();
-        // The groups of the data link and of network management are neighbours: most frames are none of them.
-        if (Format::TP_DATA..=Format::ADDRESS_CLAIMED).contains(&format) {
-            match format {
-                Format::ADDRESS_CLAIMED => return (id.source() == self.own).then_some(Service::Claim),
-                Format::TP_CONNECTION | Format::TP_DATA if id.destination() == Address::GLOBAL => {
-                    return Some(Service::Broadcast);
-                }
-                Format::TP_CONNECTION if group == self.connection => return Some(Service::Connection),
-                _ => {}
-            }
+        if TRANSPORT_AND_CLAIMS.contains(&group) {
+            return self.neighbour(frame, group);
         }
         self.is_foreign_use(frame).then_some(Service::Objection)
+    }
+
+    /// The same for a group of the data link or of network management.
+    fn neighbour(&self, frame: &Frame, group: Group) -> Option<Service> {
+        let id = J1939Id::from_raw(frame.key());
+        match id.format() {
+            Format::ADDRESS_CLAIMED => (id.source() == self.own).then_some(Service::Claim),
+            Format::TP_CONNECTION | Format::TP_DATA if id.destination() == Address::GLOBAL => Some(Service::Broadcast),
+            Format::TP_CONNECTION if group == self.connection => Some(Service::Connection),
+            _ => self.is_foreign_use(frame).then_some(Service::Objection),
+        }
     }
 
     /// Returns whether a frame that is no claim uses the own address. Both page bits are set in other protocols, UDS

@@ -71,6 +71,8 @@ pub struct Node<const DM2: usize> {
     report: J1939Id,
     next_report: Instant,
     bus_off: bool,
+    /// The news that may be sent as things are with bus and claim.
+    permitted: NewsSet,
     owed: NewsSet,
     /// The news of which a frame may wait in the controller.
     in_controller: NewsSet,
@@ -85,8 +87,6 @@ impl<const DM2: usize> Node<DM2> {
     /// Returns a node that begins to claim this address.
     #[must_use]
     pub fn new(rules: &'static Rules, name: Name, own: Address) -> Self {
-        let mut owed = NewsSet::EMPTY;
-        owed.insert(News::Claim);
         Self {
             rules,
             groups: Groups::at(own, rules),
@@ -97,7 +97,8 @@ impl<const DM2: usize> Node<DM2> {
             report: J1939Id::global(Priority::CONTROL, (rules.report)(own), own),
             next_report: NEVER,
             bus_off: false,
-            owed,
+            permitted: NewsSet::CLAIM,
+            owed: NewsSet::CLAIM,
             in_controller: NewsSet::EMPTY,
             aborts: Vec::new(),
             answers: Answers::default(),
@@ -110,6 +111,7 @@ impl<const DM2: usize> Node<DM2> {
     pub fn restart(&mut self, name: Name, own: Address) {
         let fresh = Self::new(self.rules, name, own);
         *self = Self { bus_off: self.bus_off, dropped: self.dropped, ..fresh };
+        self.permit();
     }
 
     /// Returns the address from its claim on; `None` once it is lost.
@@ -142,6 +144,7 @@ impl<const DM2: usize> Node<DM2> {
             }
         }
         self.bus_off = bus_off;
+        self.permit();
         self.schedule();
     }
 
@@ -162,7 +165,10 @@ impl<const DM2: usize> Node<DM2> {
     /// Lets the timers that are due act.
     pub fn run_timers(&mut self, now: Instant) {
         match self.claim.poll(now) {
-            Outcome::Claimed => self.next_report = now,
+            Outcome::Claimed => {
+                self.next_report = now;
+                self.permit();
+            }
             outcome => self.note(outcome, News::Claim),
         }
         if now >= self.next_report {
@@ -243,14 +249,19 @@ impl<const DM2: usize> Node<DM2> {
         self.dm1.rendered().filter(|_| !self.in_controller.contains(News::Dm1))
     }
 
+    /// Notes what may be sent, after a change of the bus or of the claim.
+    fn permit(&mut self) {
+        self.permitted = match self.bus_off {
+            true => NewsSet::EMPTY,
+            false if self.claim.may_send() => NewsSet::ALL,
+            false => NewsSet::CLAIM,
+        };
+    }
+
     /// Returns what is owed and may be sent.
     #[inline]
-    fn sendable(&self) -> NewsSet {
-        match self.bus_off {
-            true => NewsSet::EMPTY,
-            false if self.claim.may_send() => self.owed,
-            false => self.owed.only(News::Claim),
-        }
+    const fn sendable(&self) -> NewsSet {
+        self.owed.intersection(self.permitted)
     }
 
     /// Returns whether a frame is owed that may be sent now.

@@ -28,6 +28,8 @@ pub(super) struct NewsSet(u8);
 
 impl NewsSet {
     pub(super) const EMPTY: Self = Self(0);
+    pub(super) const CLAIM: Self = Self(News::Claim as u8);
+    pub(super) const ALL: Self = Self(0xFF);
 
     #[inline]
     pub(super) const fn is_empty(self) -> bool {
@@ -52,12 +54,12 @@ impl NewsSet {
     /// Returns the most urgent of them.
     #[inline]
     pub(super) fn first(self) -> Option<News> {
-        News::ALL.into_iter().find(|news| self.contains(*news))
+        News::ALL.get(usize::try_from(self.0.trailing_zeros()).ok()?).copied()
     }
 
-    /// Returns this set without all but one kind.
+    /// Returns the news that are in both sets.
     #[inline]
-    pub(super) const fn only(self, news: News) -> Self {
-        Self(self.0 & news as u8)
+    pub(super) const fn intersection(self, other: Self) -> Self {
+        Self(self.0 & other.0)
     }
 }

@@ -38,9 +38,10 @@ impl<const DM2: usize> Node<DM2> {
 
     /// Takes a frame. A remote frame means nothing on ISOBUS.
     pub fn handle(&mut self, frame: &Frame, now: Instant) -> Indication {
-        let Some(service) = self.groups.service(frame).filter(|_| !frame.is_remote()) else {
+        if frame.is_remote() {
             return Indication::Nothing;
-        };
+        }
+        let Some(service) = self.groups.service(frame) else { return Indication::Nothing };
         if service != Service::Claim && self.groups.is_foreign_use(frame) {
             let outcome = self.claim.object(now);
             self.note(outcome, News::Claim);
@@ -106,6 +107,7 @@ impl<const DM2: usize> Node<DM2> {
                 // One place is enough: the list was cleared.
                 let _ = self.aborts.push(Filter::ALL);
                 self.next_report = NEVER;
+                self.permit();
                 self.schedule();
                 Indication::AddressLost
             }
