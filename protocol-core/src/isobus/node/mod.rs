@@ -243,10 +243,11 @@ impl<const DM2: usize> Node<DM2> {
         self.schedule();
     }
 
-    /// Returns the trouble code of the last DM1, unless that may still wait in the controller.
+    /// Returns the trouble code of the last DM1, unless that is not on the bus yet.
     #[must_use]
     pub fn told(&self) -> Option<Trouble> {
-        self.dm1.rendered().filter(|_| !self.in_controller.contains(News::Dm1))
+        let on_the_bus = !self.in_controller.contains(News::Dm1) && !self.owed.contains(News::Dm1);
+        self.dm1.rendered().filter(|_| on_the_bus)
     }
 
     /// Notes what may be sent, after a change of the bus or of the claim.

@@ -290,6 +290,26 @@ fn a_broadcast_that_has_not_begun_waits() {
     assert_eq!(rig.node.dropped(), 0);
 }
 
+/// Neither while it waits in the controller, nor when the controller gave it back or lost it in bus-off.
+#[test]
+fn a_code_is_told_when_its_dm1_is_on_the_bus() {
+    let mut rig = Rig::claimed();
+    assert_eq!(rig.node.told(), None);
+    rig.block(true);
+    rig.set_active(Some(LEAK));
+    assert_eq!(rig.node.told(), None);
+    rig.node.give_back(rig.mailboxes.remove(0));
+    assert_eq!(rig.node.told(), None);
+    rig.pump();
+    rig.mailboxes.clear();
+    rig.node.set_bus_off(true);
+    rig.block(false);
+    assert_eq!(rig.node.told(), None);
+    rig.node.set_bus_off(false);
+    rig.pump();
+    assert_eq!(rig.node.told(), Some(LEAK));
+}
+
 /// Not in the wait after the claim; then once, and again after five seconds.
 #[test]
 fn another_controller_under_the_own_address() {
