@@ -1,6 +1,7 @@
 //! What a master sees of the CANopen valves: objects, services, faults and memory (SPEC 2–4, 6, 7).
 
 mod acknowledged;
+mod acknowledged_lives;
 mod acknowledged_orders;
 mod actuator;
 mod bit_rate;

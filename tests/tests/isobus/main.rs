@@ -21,3 +21,4 @@ mod requests;
 mod told;
 mod transport;
 mod uds;
+mod writes;
