@@ -107,8 +107,10 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    /// Begins anew with this NAME and address, as after a power-up; the bus and the count of dropped frames stay.
+    /// Begins anew with this NAME and address, as after a power-up. The bus and the count of dropped frames stay; a
+    /// broadcast under way is given up.
     pub fn restart(&mut self, name: Name, own: Address) {
+        self.give_up_all();
         let fresh = Self::new(self.rules, name, own);
         *self = Self { bus_off: self.bus_off, dropped: self.dropped, ..fresh };
         self.permit();
@@ -272,8 +274,8 @@ impl<const DM2: usize> Node<DM2> {
         !self.sendable().is_empty() || !self.answers.is_empty()
     }
 
-    #[inline(never)]
     /// Picks by identifier: its order is that of arbitration, for every frame here is an extended data frame.
+    #[inline(never)]
     fn render_first(&mut self, now: Instant, product: &impl Product) -> Option<Frame> {
         let before_answers = |news: &News| self.answers.first().is_none_or(|answer| self.key_of(*news) < answer.key());
         match self.sendable().first().filter(before_answers) {

@@ -274,6 +274,20 @@ fn a_broadcast_that_the_bus_keeps_waiting_is_given_up() {
     assert_eq!(rig.sent.len(), 3);
 }
 
+#[test]
+fn a_restart_gives_a_broadcast_up() {
+    let mut rig = Rig::claimed();
+    rig.product.previously_active = std::vec![LEAK, DRY];
+    rig.send("18EA8327: CB FE 00");
+    rig.expect(&["1CECFF83: 20 0A 00 02 FF CB FE 00"]);
+    rig.node.restart(NAME, Address::new(0x81));
+    rig.pump();
+    assert_eq!(rig.node.dropped(), 1);
+    rig.advance(1000);
+    rig.sent.retain(|frame| frame.key() >> 24 & 0x1F != 0x0C);
+    rig.expect(&["18EEFF81: 01 00 20 07 08 FF 02 20"]);
+}
+
 /// One that has not begun is not given up: after the blocked bus it tells the list of that time.
 #[test]
 fn a_broadcast_that_has_not_begun_waits() {
