@@ -40,7 +40,7 @@ pub use spool::{
     DRIFT_PERCENT, DRIFT_STROKE, END_BAND_PERCENT, NO_FLOAT_PERCENT, SLOWNESS, SOLENOID_STROKE, SPRING_STROKE,
     SpoolFault, SpoolSense,
 };
-pub use valve::{Drive, Regulation, SpoolMonitors, Valve, ValveConfig, ValveSenses};
+pub use valve::{ActuatorType, Drive, SpoolMonitors, Valve, ValveConfig, ValveSenses};
 
 #[cfg(test)]
 mod tests;

@@ -15,9 +15,9 @@ use crate::time::{Instant, NEVER};
 /// spool held a little further out would keep the valve down without a word.
 const SHUTDOWN_BAND: Band = IN_NEUTRAL;
 
-/// How a set-point moves the spool (SPEC 1).
+/// The type of actuator: how a set-point moves the spool (SPEC 1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Regulation {
+pub enum ActuatorType {
     /// PVEA: to the set-point.
     Proportional,
     /// PVEO: to full stroke in the direction of any set-point that is not neutral (A).
@@ -37,7 +37,7 @@ pub enum SpoolMonitors {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ValveConfig {
     /// Proportional or on/off.
-    pub regulation: Regulation,
+    pub actuator_type: ActuatorType,
     /// Whether the temperature has a lower limit as well.
     pub low_temperature: bool,
     /// Whether both faults of the spool share one occurrence counter: either activation counts for both.
@@ -384,10 +384,10 @@ impl Valve {
 
     /// Where a set-point moves the spool.
     fn target(&self, position: Position) -> Travel {
-        match self.config.regulation {
-            Regulation::OnOff if position > Position::NEUTRAL => Travel::FULL_B,
-            Regulation::OnOff if position < Position::NEUTRAL => Travel::FULL_A,
-            Regulation::OnOff | Regulation::Proportional => position.into(),
+        match self.config.actuator_type {
+            ActuatorType::OnOff if position > Position::NEUTRAL => Travel::FULL_B,
+            ActuatorType::OnOff if position < Position::NEUTRAL => Travel::FULL_A,
+            ActuatorType::OnOff | ActuatorType::Proportional => position.into(),
         }
     }
 

@@ -3,7 +3,7 @@
 
 use super::super::fault_codes::codes;
 use crate::actuator::{
-    Changes, Condition, Counters, Drive, Fault, FaultSet, Led, Position, Regulation, Scale, SetPoint, SpoolMonitors,
+    ActuatorType, Changes, Condition, Counters, Drive, Fault, FaultSet, Led, Position, Scale, SetPoint, SpoolMonitors,
     Valve, ValveConfig,
 };
 use crate::isobus::node::Product;
@@ -35,9 +35,9 @@ pub(super) struct AuxiliaryValve {
 }
 
 impl AuxiliaryValve {
-    pub(super) fn new(regulation: Regulation, now: Instant) -> Self {
+    pub(super) fn new(actuator_type: ActuatorType, now: Instant) -> Self {
         let config = ValveConfig {
-            regulation,
+            actuator_type,
             low_temperature: false,
             shared_spool_counter: false,
             spool_monitors: SpoolMonitors::ExceptHandAndStop,

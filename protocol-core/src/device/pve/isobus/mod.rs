@@ -82,7 +82,7 @@ impl IsobusValve {
             factory,
             local_layer,
             node: Node::new(&RULES, name(&factory), own),
-            auxiliary: AuxiliaryValve::new(setup.kind.regulation(), Instant::MIN),
+            auxiliary: AuxiliaryValve::new(setup.kind.actuator_type(), Instant::MIN),
             uds: uds::key_to(uds::Address::node(own.get())),
             clearing: Vec::new(),
             clearable: FaultSet::EMPTY,
