@@ -4,6 +4,7 @@ use super::product::Product;
 use crate::canopen::dictionary::{DefaultValue, Dictionary, Row, Value};
 use crate::canopen::emcy::{EmcyConsumer, ErrorHistory};
 use crate::canopen::heartbeat::HeartbeatProducer;
+use crate::canopen::nmt::Reset;
 use crate::canopen::parameters::Stored;
 use crate::canopen::pdo::{self, Pdo};
 use crate::canopen::sdo_server;
@@ -89,19 +90,19 @@ impl<P: Product> Communication<P> {
         }
     }
 
-    /// Takes the stored communication parameters, or the defaults where there are none, and switches the PDOs on.
-    pub(super) fn load(&mut self, stored: Option<Stored<'_, ObjectOf<P>>>) {
-        match stored {
-            Some(stored) => {
-                for (row, value) in stored.values() {
-                    self.put(row.behind, value);
-                }
+    /// Takes the stored parameters, or the defaults where there are none, and switches the PDOs on. Reset communication
+    /// leaves the product's own objects alone.
+    pub(super) fn load(&mut self, scope: Reset, stored: Option<Stored<'_, ObjectOf<P>>>, product: &mut P) {
+        let concerned =
+            |row: &Row<ObjectOf<P>>| scope == Reset::Application || !matches!(row.behind, Object::Product(_));
+        if let Some(stored) = stored {
+            for (row, value) in stored.values().filter(|(row, _)| concerned(row)) {
+                self.put(row.behind, value, product);
             }
-            None => {
-                for row in P::DICTIONARY.stored() {
-                    if let Some(value) = default_number(row.entry.default, self.node_id) {
-                        self.put(row.behind, Value::Number(value));
-                    }
+        } else {
+            for row in P::DICTIONARY.stored().filter(|row| concerned(row)) {
+                if let Some(value) = self.default(row, product) {
+                    self.put(row.behind, value, product);
                 }
             }
         }
@@ -109,17 +110,30 @@ impl<P: Product> Communication<P> {
         self.tpdo.start(&P::RULES.tpdo, P::DICTIONARY);
     }
 
+    /// Returns the default of a stored object; `None` for one that needs a node ID when there is none.
+    pub(super) fn default(&self, row: &Row<ObjectOf<P>>, product: &P) -> Option<Value<'static>> {
+        match (row.entry.default, row.behind) {
+            (DefaultValue::Number(number), _) => Some(Value::Number(number)),
+            (DefaultValue::NodeIdPlus(base), _) => {
+                self.node_id.map(|id| Value::Number(base.wrapping_add(u32::from(id.get()))))
+            }
+            (DefaultValue::Product, Object::Product(object)) => Some(product.default(object)),
+            (DefaultValue::Product, _) => None,
+        }
+    }
+
     /// Puts in a stored value, unchecked: it was checked when it was written. No other objects are stored.
-    fn put(&mut self, object: ObjectOf<P>, value: Value<'_>) {
-        let Value::Number(number) = value else { return };
+    fn put(&mut self, object: ObjectOf<P>, value: Value<'_>, product: &mut P) {
+        // Of the node's own objects none holds a text.
+        let number = value.number().unwrap_or(0);
         match object {
+            Object::Product(object) => product.load(object, value),
             Object::SyncCobId => self.sync.load(number),
             Object::HeartbeatTime => self.heartbeat.load(number as u16),
             Object::EmcyConsumer => self.emcy_consumer.load(number),
             Object::Rpdo(parameter) => put_pdo(&mut self.rpdo, parameter, number),
             Object::Tpdo(parameter) => put_pdo(&mut self.tpdo, parameter, number),
-            Object::Product(_)
-            | Object::Constant(_)
+            Object::Constant(_)
             | Object::ErrorRegister
             | Object::ErrorCount
             | Object::ErrorField(_)
@@ -162,15 +176,6 @@ impl<P: Product> Communication<P> {
             Object::Tpdo(parameter) => read_pdo(&self.tpdo, parameter)?,
         };
         Ok(Value::Number(number))
-    }
-}
-
-/// Returns a default that is a number; `None` for the product's own, and for one that needs a node ID when there is none.
-pub(crate) fn default_number(default: DefaultValue, node_id: Option<NodeId>) -> Option<u32> {
-    match default {
-        DefaultValue::Number(number) => Some(number),
-        DefaultValue::NodeIdPlus(base) => node_id.map(|id| base.wrapping_add(u32::from(id.get()))),
-        DefaultValue::Product => None,
     }
 }
 

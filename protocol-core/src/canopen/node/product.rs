@@ -55,6 +55,12 @@ pub(crate) trait Product: Sized {
     /// An abort code, with nothing changed, when the value or the state forbids it.
     fn write(&mut self, object: Self::Object, value: Value<'_>, now: Instant) -> Result<(), AbortCode>;
 
+    /// Takes the stored value of an object, or its default, unchecked: it was checked when it was written.
+    fn load(&mut self, object: Self::Object, value: Value<'_>);
+
+    /// Returns the default of a stored object whose row gives none.
+    fn default(&self, object: Self::Object) -> Value<'static>;
+
     /// Takes the values of an RPDO in the order of the mapping; what is invalid is dropped.
     fn receive(&mut self, values: impl Iterator<Item = (Self::Object, u32)>, now: Instant);
 

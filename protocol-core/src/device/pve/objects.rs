@@ -26,7 +26,7 @@ const fn software_version(kind: Kind) -> &'static str {
 }
 
 /// The default of object 0x6053.
-pub(super) const fn description(kind: Kind) -> &'static str {
+const fn description(kind: Kind) -> &'static str {
     match kind.actuator_type() {
         ActuatorType::Proportional => "PVEA-CI S6",
         ActuatorType::OnOff => "PVEO-CI S6",
@@ -157,13 +157,6 @@ impl ValveObjects {
         self.serial_text = decimal(factory.identity.serial);
     }
 
-    /// Takes a stored object, or its default; other objects are not stored.
-    pub(super) fn load(&mut self, object: ValveObject, value: Value<'_>) {
-        if let (ValveObject::Description, Value::Text(text)) = (object, value) {
-            self.description = Vec::from_slice(text).unwrap_or_default();
-        }
-    }
-
     /// Returns the command that a value of an object means: out of range it is refused over SDO and dropped in a PDO.
     #[inline]
     fn command(object: ValveObject, raw: u32) -> Result<Command, AbortCode> {
@@ -255,6 +248,17 @@ impl Product for ValveObjects {
             Command::Control(word) => self.application.control(word, now),
         }
         Ok(())
+    }
+
+    /// The description is the only one that is stored.
+    fn load(&mut self, object: ValveObject, value: Value<'_>) {
+        if let (ValveObject::Description, Value::Text(text)) = (object, value) {
+            self.description = Vec::from_slice(text).unwrap_or_default();
+        }
+    }
+
+    fn default(&self, _: ValveObject) -> Value<'static> {
+        Value::Text(description(self.kind).as_bytes())
     }
 
     /// Of one RPDO: mode first, then control word, then set-point, whatever the mapping's order; what is invalid is
