@@ -17,3 +17,6 @@ pub mod sync;
 
 mod sdo_download;
 mod sdo_upload;
+
+#[cfg(test)]
+mod tests;
