@@ -13,6 +13,7 @@ use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
 
 use super::clock::{Nanos, instant, nanos};
+use super::confinement::Confinement;
 use super::port::Port;
 use super::{Bus, BusError, PortId};
 
@@ -114,10 +115,10 @@ impl Bus {
     /// Takes a controller off the bus; its error counters stay, unless it is `reset`.
     pub fn detach(&mut self, id: PortId, reset: bool, now: Instant) {
         self.disconnect(id, now);
-        let port = &mut self.ports[id.0];
         if reset {
-            port.confinement.recover();
+            self.change(id, now, Confinement::recover);
         }
+        let port = &mut self.ports[id.0];
         if let Some(external) = &mut port.external {
             external.joining = false;
             external.events.clear();
@@ -141,7 +142,7 @@ impl Bus {
     }
 
     /// What a controller has noticed since this was last asked.
-    pub(crate) fn take_events(&mut self, id: PortId) -> Option<Drain<'_, (Instant, WireEvent)>> {
+    pub(crate) fn take_wire_events(&mut self, id: PortId) -> Option<Drain<'_, (Instant, WireEvent)>> {
         self.ports[id.0].external.as_mut().map(|external| external.events.drain(..))
     }
 

@@ -51,7 +51,7 @@ impl Bench {
     }
 
     fn events(&mut self) -> Vec<(u64, WireEvent)> {
-        let events = self.bus.take_events(self.controller).expect("it is external");
+        let events = self.bus.take_wire_events(self.controller).expect("it is external");
         events.map(|(at, event)| (at.as_micros(), event)).collect()
     }
 

@@ -9,6 +9,7 @@
 mod bits;
 mod clock;
 mod confinement;
+mod event;
 mod external;
 mod injector;
 mod load;
@@ -25,19 +26,21 @@ mod external_tests;
 mod tests;
 
 use std::sync::Arc;
+use std::vec::Drain;
 
 use protocol_core::controller::{BitRate, BusErrorMode};
-use protocol_core::frame::Frame;
 use protocol_core::time::{Instant, NEVER};
 
 pub use bits::{BUS_IDLE, Difference, FrameBits, INTERMISSION};
 pub use confinement::Confinement;
+pub use event::{Event, EventKind};
 pub use external::WireEvent;
 pub use injector::{BitErrors, DestroyNext, Injector};
 pub use port::{Port, RECEIVE_QUEUE};
 
 use clock::{Nanos, bit_times, instant, nanos};
 use confinement::RECOVERY_SEQUENCES;
+use event::Journal;
 use load::Load;
 use port::Recovery;
 use transmission::Transmission;
@@ -55,17 +58,6 @@ pub enum BusError {
     Stuff,
     /// Nobody acknowledged.
     Acknowledgement,
-}
-
-/// What was on the wire until now.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Ended {
-    /// Who sent it; the first of several that sent the same.
-    pub from: Arc<str>,
-    /// The frame that was sent or tried.
-    pub frame: Frame,
-    /// Why it is not a frame but an error frame.
-    pub error: Option<BusError>,
 }
 
 /// The bus and everything that is connected to it.
@@ -92,6 +84,7 @@ pub struct Bus {
     touched: Vec<PortId>,
     injectors: Vec<Box<dyn Injector>>,
     load: Load,
+    journal: Journal,
 }
 
 impl Bus {
@@ -133,9 +126,8 @@ impl Bus {
 
     /// Connects a controller. It takes part once it has seen the bus idle.
     pub fn connect(&mut self, id: PortId, now: Instant) {
-        let port = &mut self.ports[id.0];
-        port.connected = true;
-        port.confinement.recover();
+        self.ports[id.0].connected = true;
+        self.change(id, now, Confinement::recover);
         self.join(id, nanos(now));
     }
 
@@ -172,7 +164,7 @@ impl Bus {
     pub fn force_bus_off(&mut self, id: PortId, on: bool, now: Instant) {
         if on {
             self.fall_silent(id, now);
-            self.ports[id.0].confinement.force_bus_off();
+            self.change(id, now, Confinement::force_bus_off);
             self.ports[id.0].recovery = None;
             self.recovering.retain(|other| *other != id);
         } else if self.ports[id.0].mode() == BusErrorMode::BusOff && self.ports[id.0].recovery.is_none() {
@@ -218,6 +210,22 @@ impl Bus {
         }
     }
 
+    /// Records from now on what happens, to be taken with [`take_events`](Self::take_events); or does so no longer.
+    pub fn record_events(&mut self, on: bool) {
+        self.journal.record(on);
+    }
+
+    /// Takes what happened since this was last called, oldest first.
+    pub fn take_events(&mut self) -> Drain<'_, Event> {
+        self.journal.take()
+    }
+
+    /// Notes that the device behind a port dropped frames.
+    pub(crate) fn note_dropped(&mut self, id: PortId, count: u32, now: Instant) {
+        let who = &self.ports[id.0].name;
+        self.journal.note(|| Event { at: now, who: who.clone(), what: EventKind::FramesDropped { count } });
+    }
+
     /// How much of the second before `now` the bus was busy, in percent.
     #[must_use]
     pub fn load(&self, now: Instant) -> u8 {
@@ -255,6 +263,19 @@ impl Bus {
         // While a frame is on the wire: not before its end, whenever that is.
         port.joined_at = if busy { Nanos::MAX } else { now + bit_times(BUS_IDLE, port.rate) };
         port.ready_at = port.joined_at;
+    }
+
+    /// Changes the error counters of a port. Returns whether its error mode is another one now.
+    fn change(&mut self, id: PortId, at: Instant, change: impl FnOnce(&mut Confinement)) -> bool {
+        let port = &mut self.ports[id.0];
+        let from = port.mode();
+        change(&mut port.confinement);
+        let to = port.mode();
+        if from != to {
+            let what = EventKind::ErrorMode { from, to };
+            self.journal.note(|| Event { at, who: port.name.clone(), what });
+        }
+        from != to
     }
 
     fn begin_recovery(&mut self, id: PortId, since: Nanos) {

@@ -8,30 +8,27 @@ use super::clock::{Nanos, bit_times, instant, nanos};
 use super::external::WireEvent;
 use super::port::Port;
 use super::transmission::Transmission;
-use super::{Bus, BusError, Ended, PortId};
+use super::{Bus, BusError, Confinement, Event, EventKind, PortId};
 
 impl Bus {
-    /// Ends what is due to end by `now`; says what was on the wire.
-    pub fn finish(&mut self, now: Instant) -> Option<Ended> {
-        let ended = match self.current.take() {
-            Some(transmission) if transmission.end <= nanos(now) => Some(self.end(transmission)),
-            running => {
-                self.current = running;
-                None
-            }
-        };
+    /// Ends what is due to end by `now`.
+    pub fn finish(&mut self, now: Instant) {
+        match self.current.take() {
+            Some(transmission) if transmission.end <= nanos(now) => self.end(transmission),
+            running => self.current = running,
+        }
         self.recover(nanos(now));
         self.tell_joined(nanos(now));
-        ended
     }
 
-    fn end(&mut self, mut transmission: Transmission) -> Ended {
+    fn end(&mut self, mut transmission: Transmission) {
         // Whoever acknowledged it may have been switched off while the frame was on the wire.
         if transmission.error.is_none() && !self.is_heard(&transmission) {
             transmission.error = Some(BusError::Acknowledgement);
         }
         self.free_at = transmission.end + bit_times(INTERMISSION, transmission.rate);
         self.load.add(self.free_at - transmission.start, transmission.end);
+        self.note(&transmission);
         match transmission.error {
             None => self.deliver(&transmission),
             Some(error) => self.count_errors(&transmission, error),
@@ -42,10 +39,26 @@ impl Bus {
             self.refresh(*id, instant(transmission.end));
         }
         self.tell_all(transmission.end, |_| WireEvent::Ends);
-        let Transmission { from, frame, error, mut senders, .. } = transmission;
-        senders.clear();
-        self.spare = senders;
-        Ended { from, frame, error }
+        transmission.senders.clear();
+        self.spare = transmission.senders;
+    }
+
+    /// Notes what was on the wire.
+    fn note(&mut self, transmission: &Transmission) {
+        let Transmission { frame, error, from, .. } = transmission;
+        let (frame, start, at) = (*frame, instant(transmission.start), instant(transmission.end));
+        self.journal.note(|| {
+            let what = match error {
+                None => EventKind::Frame { frame, start },
+                Some(error) => EventKind::ErrorFrame {
+                    frame,
+                    start,
+                    error: *error,
+                    signalled_by: transmission.signalled_by.clone(),
+                },
+            };
+            Event { at, who: from.clone(), what }
+        });
     }
 
     fn is_heard(&self, transmission: &Transmission) -> bool {
@@ -67,7 +80,8 @@ impl Bus {
         for number in 0..self.ports.len() {
             let id = PortId(number);
             if self.hears(transmission, id) {
-                if self.ports[number].deliver(&transmission.frame, at) {
+                let changed = self.change(id, at, Confinement::received);
+                if self.ports[number].deliver(&transmission.frame, at) || changed {
                     self.touched.push(id);
                 }
             } else if transmission.senders.contains(&id) {
@@ -79,35 +93,33 @@ impl Bus {
     fn count_errors(&mut self, transmission: &Transmission, error: BusError) {
         for number in 0..self.ports.len() {
             let id = PortId(number);
-            let port = &mut self.ports[number];
             if transmission.senders.contains(&id) {
                 self.touched.push(id);
                 continue;
             }
             // A missing acknowledgement is seen by nobody else: there is nobody else.
+            let port = &mut self.ports[number];
             let listens = port.takes_part() && port.joined_at <= transmission.start;
             if !listens || error == BusError::Acknowledgement {
                 continue;
             }
-            let before = port.mode();
             let first = transmission.by_other_rate && port.rate != transmission.rate;
-            let first = first && before == BusErrorMode::ErrorActive;
-            port.confinement.receive_error(first);
+            let first = first && port.mode() == BusErrorMode::ErrorActive;
             port.tell(transmission.end, WireEvent::NotReceived { first });
-            if port.mode() != before {
+            if self.change(id, instant(transmission.end), |confinement| confinement.receive_error(first)) {
                 self.touched.push(id);
             }
         }
     }
 
     fn after_sending(&mut self, id: PortId, transmission: &Transmission) {
+        self.ports[id.0].transmit.sent(transmission.error.is_none());
+        self.change(id, instant(transmission.end), |confinement| match transmission.error {
+            None => confinement.sent(),
+            Some(BusError::Acknowledgement) => confinement.no_acknowledgement(),
+            Some(_) => confinement.transmit_error(),
+        });
         let port = &mut self.ports[id.0];
-        port.transmit.sent(transmission.error.is_none());
-        match transmission.error {
-            None => port.confinement.sent(),
-            Some(BusError::Acknowledgement) => port.confinement.no_acknowledgement(),
-            Some(_) => port.confinement.transmit_error(),
-        }
         port.tell(transmission.end, transmission.error.map_or(WireEvent::Sent, WireEvent::NotSent));
         if port.mode() == BusErrorMode::ErrorPassive {
             port.ready_at = self.free_at + bit_times(SUSPEND, port.rate);
@@ -154,11 +166,11 @@ impl Bus {
         }
         let recovering = std::mem::take(&mut self.recovering);
         for id in recovering {
-            let port = &mut self.ports[id.0];
-            match port.recovered_at() {
+            match self.ports[id.0].recovered_at() {
                 Some(due) if due <= now => {
+                    self.change(id, instant(due), Confinement::recover);
+                    let port = &mut self.ports[id.0];
                     port.recovery = None;
-                    port.confinement.recover();
                     port.joined_at = due;
                     port.ready_at = due;
                     port.tell(due, WireEvent::Recovered);

@@ -128,13 +128,11 @@ impl Port {
         self.connected && !matches!(self.confinement.mode(), BusErrorMode::BusOff)
     }
 
-    /// A frame was on the bus; whether it means anything to whoever is behind the port.
+    /// Takes a frame that was on the bus. Returns whether the filters let it through.
     #[inline]
     pub(super) fn deliver(&mut self, frame: &Frame, at: Instant) -> bool {
-        let before = self.mode();
-        self.confinement.received();
         if !self.lets_through(frame) {
-            return self.mode() != before;
+            return false;
         }
         if let Some(external) = &mut self.external {
             external.tell(at, WireEvent::Received(*frame));

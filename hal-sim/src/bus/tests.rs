@@ -2,7 +2,7 @@
 
 use embedded_can::nb::Can;
 use protocol_core::controller::{Controller, Filter, Filters};
-use protocol_core::frame::{extended, standard};
+use protocol_core::frame::{Frame, extended, standard};
 use protocol_core::time::Duration;
 
 use super::*;
@@ -22,6 +22,16 @@ fn bits(count: u32) -> Duration {
     Duration::from_nanos(bit_times(count, RATE))
 }
 
+/// What was on the wire.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Ended {
+    /// Who sent it; the first of several that sent the same.
+    from: Arc<str>,
+    frame: Frame,
+    /// Why it is not a frame but an error frame.
+    error: Option<BusError>,
+}
+
 /// A bus with device ports `a`, `b`, `c` …, connected and ready at instant 1 ms.
 struct Bench {
     bus: Bus,
@@ -36,6 +46,7 @@ impl Bench {
 
     fn at(rate: BitRate, count: u8) -> Self {
         let mut bus = Bus::default();
+        bus.record_events(true);
         for name in (b'a'..).take(usize::from(count)) {
             let id = bus.add_device(char::from(name).to_string().into(), rate);
             bus.connect(id, micros(0));
@@ -52,8 +63,14 @@ impl Bench {
         self.bus.begin(self.now);
         while self.bus.next_event() <= until {
             self.now = self.now.max(self.bus.next_event());
-            if let Some(ended) = self.bus.finish(self.now) {
-                self.ended.push((self.now, ended));
+            self.bus.finish(self.now);
+            for Event { at, who: from, what } in self.bus.take_events() {
+                let (frame, error) = match what {
+                    EventKind::Frame { frame, .. } => (frame, None),
+                    EventKind::ErrorFrame { frame, error, .. } => (frame, Some(error)),
+                    _ => continue,
+                };
+                self.ended.push((at, Ended { from, frame, error }));
             }
             self.bus.begin(self.now);
         }

@@ -7,7 +7,8 @@ use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
 
 use super::bits::{ERROR_DELIMITER, ERROR_FLAG, FrameBits};
-use super::clock::{Nanos, bit_times, nanos};
+use super::clock::{Nanos, bit_times, instant, nanos};
+use super::confinement::Confinement;
 use super::external::WireEvent;
 use super::port::Port;
 use super::{Bus, BusError, PortId};
@@ -36,6 +37,8 @@ pub(super) struct Transmission {
     pub(super) error: Option<BusError>,
     /// Whether listeners at another bit rate than everybody else destroyed it.
     pub(super) by_other_rate: bool,
+    /// The name of the controller whose error flag is the first, where there is an error.
+    pub(super) signalled_by: Arc<str>,
 }
 
 /// The earliest thing that goes wrong.
@@ -44,6 +47,8 @@ struct Fate {
     /// From the start of frame to the first bit of the error flag.
     bits: u32,
     by_other_rate: bool,
+    /// Whose error flag is the first; the sender's where there is none.
+    by: Option<PortId>,
 }
 
 impl Bus {
@@ -95,7 +100,7 @@ impl Bus {
 
     fn transmit(&mut self, start: Nanos, mut senders: Vec<PortId>) -> Transmission {
         let from = self.ports[senders[0].0].name.clone();
-        let collision = self.resolve(&mut senders);
+        let collision = self.resolve(start, &mut senders);
         let first = &self.ports[senders[0].0];
         let frame = *first.transmit.head().expect("a sender has something to send");
         let rate = first.rate;
@@ -103,7 +108,7 @@ impl Bus {
         let on_wire = bits.on_wire();
 
         let mut heard = false;
-        let mut disturbed = false;
+        let mut disturbed = None;
         for (number, port) in self.ports.iter().enumerate() {
             if !port.takes_part() || port.joined_at > start || port.is_silent() || senders.contains(&PortId(number)) {
                 continue;
@@ -111,42 +116,46 @@ impl Bus {
             if port.rate == rate {
                 heard = true;
             } else if port.mode() == BusErrorMode::ErrorActive {
-                disturbed = true;
+                disturbed = disturbed.or(Some(PortId(number)));
             }
         }
-        let silence = Fate { error: BusError::Acknowledgement, bits: bits.to_ack_slot(), by_other_rate: false };
-        let other_rate = Fate { error: BusError::Stuff, bits: WRONG_RATE_SEEN, by_other_rate: heard };
+        let silence =
+            Fate { error: BusError::Acknowledgement, bits: bits.to_ack_slot(), by_other_rate: false, by: None };
+        let other_rate =
+            |by| Fate { error: BusError::Stuff, bits: WRONG_RATE_SEEN, by_other_rate: heard, by: Some(by) };
         let injected = self.injectors.iter_mut().filter_map(|injector| injector.disturb(&from, &frame, on_wire)).min();
-        let injected = injected.map(|bit| Fate { error: BusError::Bit, bits: bit + 1, by_other_rate: false });
-        let fates = [collision, injected, disturbed.then_some(other_rate), (!heard).then_some(silence)];
+        let injected = injected.map(|bit| Fate { error: BusError::Bit, bits: bit + 1, by_other_rate: false, by: None });
+        let fates = [collision, injected, disturbed.map(other_rate), (!heard).then_some(silence)];
         let fate = fates.into_iter().flatten().min_by_key(|fate| fate.bits);
 
         let length = match &fate {
             None => on_wire,
-            Some(fate) if heard || disturbed => fate.bits + ERROR_FRAME,
+            Some(fate) if heard || disturbed.is_some() => fate.bits + ERROR_FRAME,
             Some(fate) => fate.bits + LONE_ERROR_FRAME,
         };
+        let signaller = fate.as_ref().and_then(|fate| fate.by).map(|id| self.ports[id.0].name.clone());
         Transmission {
             frame,
             rate,
             senders,
-            from,
             start,
             end: start + bit_times(length, rate),
             by_other_rate: fate.as_ref().is_some_and(|fate| fate.by_other_rate),
             error: fate.map(|fate| fate.error),
+            signalled_by: signaller.unwrap_or_else(|| from.clone()),
+            from,
         }
     }
 
     /// What comes of several senders that are still at it after the identifier: equal frames go out as one, different
     /// ones collide at the first different bit. There the recessive sender sees the error; if it is error-passive,
     /// nobody hears it complain, and the dominant frame goes on.
-    fn resolve(&mut self, senders: &mut Vec<PortId>) -> Option<Fate> {
+    fn resolve(&mut self, start: Nanos, senders: &mut Vec<PortId>) -> Option<Fate> {
         while senders.len() > 1 {
             let first = self.head_of(senders[0]);
             let rate = self.ports[senders[0].0].rate;
             if senders.iter().any(|id| self.ports[id.0].rate != rate) {
-                return Some(Fate { error: BusError::Bit, bits: MIXED_RATES_SEEN, by_other_rate: false });
+                return Some(Fate { error: BusError::Bit, bits: MIXED_RATES_SEEN, by_other_rate: false, by: None });
             }
             let differences = senders[1..].iter().filter_map(|id| first.first_difference(self.head_of(*id)));
             let parting = differences.min_by_key(|difference| difference.bit)?;
@@ -155,12 +164,13 @@ impl Bus {
                 difference.is_some() == parting.dominant
             };
             let losers: Vec<PortId> = senders.iter().copied().filter(recessive).collect();
-            if losers.iter().any(|id| self.ports[id.0].mode() == BusErrorMode::ErrorActive) {
-                return Some(Fate { error: BusError::Bit, bits: parting.bit + 1, by_other_rate: false });
+            let by = losers.iter().find(|id| self.ports[id.0].mode() == BusErrorMode::ErrorActive).copied();
+            if by.is_some() {
+                return Some(Fate { error: BusError::Bit, bits: parting.bit + 1, by_other_rate: false, by });
             }
             senders.retain(|id| !losers.contains(id));
             for id in losers {
-                self.ports[id.0].confinement.transmit_error();
+                self.change(id, instant(start), Confinement::transmit_error);
                 self.touched.push(id);
             }
         }

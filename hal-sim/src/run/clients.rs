@@ -11,7 +11,7 @@ use protocol_core::frame::Frame;
 use crate::bus::BusError;
 use crate::gateway::{ClientId, Outbox, Overrun, ToClient, ToWorld};
 use crate::trace::{ErrorClass, Timestamp};
-use crate::world::{OnBus, TapId, TraceEvent, World};
+use crate::world::{Event, EventKind, TapId, World};
 
 /// The name of their controller in traces. No device's name has a blank.
 const NAME: &str = "the gateway";
@@ -82,13 +82,14 @@ impl Clients {
         Ok(())
     }
 
-    /// Shows an event to everybody who listens, but for its sender; returns how many were dismissed.
-    pub(super) fn show(&mut self, event: &TraceEvent, at: Timestamp) -> usize {
+    /// Shows a frame or an error frame to everybody who listens, but for its sender; returns how many were dismissed.
+    pub(super) fn show(&mut self, event: &Event, at: Timestamp) -> usize {
         let message = match &event.what {
-            OnBus::Frame(frame) => ToClient::Frame(at, *frame),
-            OnBus::Error { error, .. } => ToClient::Error(at, class(*error)),
+            EventKind::Frame { frame, .. } => ToClient::Frame(at, *frame),
+            EventKind::ErrorFrame { error, .. } => ToClient::Error(at, class(*error)),
+            EventKind::ErrorMode { .. } | EventKind::FramesDropped { .. } => return 0,
         };
-        let sender = self.sending.filter(|_| event.frame().is_some() && *event.from == *NAME);
+        let sender = self.sending.filter(|_| event.frame().is_some() && *event.who == *NAME);
         let listeners = self.clients.iter().filter(|(id, client)| client.listening && Some(**id) != sender);
         let overrun: Vec<ClientId> =
             listeners.filter_map(|(id, client)| client.outbox.post(message.clone()).is_err().then_some(*id)).collect();

@@ -1,6 +1,5 @@
 //! Clients of a world without devices: what each of them gets, and in which order frames go out.
 
-use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration as WallDuration;
 
 use protocol_core::controller::BitRate;
@@ -13,7 +12,6 @@ use crate::gateway::{CREDIT, Mailbox, Reply};
 struct Bench {
     world: World,
     clients: Clients,
-    events: Receiver<TraceEvent>,
     mailboxes: Vec<(ClientId, Mailbox)>,
 }
 
@@ -27,10 +25,9 @@ impl Bench {
         let mut world = World::new(BitRate::Kbit250, 1);
         // somebody who acknowledges
         world.add_gateway("somebody");
-        let (sender, events) = channel();
-        world.set_observer(Box::new(move |event| drop(sender.send(event.clone()))));
+        world.record_events(true);
         let clients = Clients::new(&mut world);
-        let mut bench = Self { world, clients, events, mailboxes: Vec::new() };
+        let mut bench = Self { world, clients, mailboxes: Vec::new() };
         for _ in 0..count {
             let (id, (outbox, mut mailbox)) = (ClientId::next(), Outbox::new());
             bench.apply(ToWorld::Join(id, outbox));
@@ -55,7 +52,7 @@ impl Bench {
         let mut sent = Vec::new();
         while self.world.next_event() <= end {
             self.world.step();
-            for event in self.events.try_iter() {
+            for event in self.world.take_events() {
                 sent.push(*event.frame().expect("no error frame"));
                 assert_eq!(self.clients.show(&event, Timestamp::from_micros(0)), 0);
             }

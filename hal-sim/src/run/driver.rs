@@ -1,6 +1,6 @@
 //! The thread of the world: lets time pass, takes what clients want, and shows what was on the bus.
 
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
 
 use protocol_core::controller::BitRate;
 use protocol_core::device::Device;
@@ -13,7 +13,7 @@ use super::printer::Printer;
 use crate::explain::Explainer;
 use crate::gateway::ToWorld;
 use crate::trace::{Timestamp, write_error, write_frame};
-use crate::world::{OnBus, SUPPLY_JITTER, TraceEvent, World};
+use crate::world::{Event, EventKind, SUPPLY_JITTER, World};
 
 /// How much virtual time passes at the most before clients are looked at again, when the world cannot keep up with the
 /// pace.
@@ -22,7 +22,8 @@ const SLICE: Duration = Duration::from_millis(100);
 /// A world with everything that is connected to it.
 pub struct Driver {
     world: World,
-    events: Receiver<TraceEvent>,
+    /// The events that are being shown, to be used again.
+    events: Vec<Event>,
     clients: Clients,
     pace: Pace,
     /// The wall time of virtual instant 0.
@@ -47,13 +48,10 @@ impl Driver {
         printer: Printer,
         log: Option<Log>,
     ) -> Self {
-        let (sender, events) = channel();
-        world.set_observer(Box::new(move |event| {
-            // The receiver lives as long as the world.
-            let _ = sender.send(event.clone());
-        }));
+        world.record_events(true);
         let clients = Clients::new(&mut world);
-        Self { world, events, clients, pace, start, explainer, bus: bus.to_owned(), printer, log, line: String::new() }
+        let (bus, events, line) = (bus.to_owned(), Vec::new(), String::new());
+        Self { world, events, clients, pace, start, explainer, bus, printer, log, line }
     }
 
     /// Powers the devices and runs until it is told to stop; then lets them store what they have to.
@@ -147,15 +145,18 @@ impl Driver {
 
     /// Shows what was on the bus to the clients, on stdout and in the log.
     fn show(&mut self) {
-        while let Ok(event) = self.events.try_recv() {
+        let mut events = std::mem::take(&mut self.events);
+        events.extend(self.world.take_events());
+        for event in events.drain(..) {
             let at = self.start.at(event.at);
             for _ in 0..self.clients.show(&event, at) {
                 self.report_overrun();
             }
             self.line.clear();
             match &event.what {
-                OnBus::Frame(frame) => write_frame(&mut self.line, at, &self.bus, frame),
-                OnBus::Error { error, .. } => write_error(&mut self.line, at, &self.bus, class(*error)),
+                EventKind::Frame { frame, .. } => write_frame(&mut self.line, at, &self.bus, frame),
+                EventKind::ErrorFrame { error, .. } => write_error(&mut self.line, at, &self.bus, class(*error)),
+                EventKind::ErrorMode { .. } | EventKind::FramesDropped { .. } => continue,
             }
             self.log(|log, line| log.write(line));
             self.line.push_str("  ");
@@ -163,13 +164,15 @@ impl Driver {
             self.line.push('\n');
             self.printer.trace(self.line.clone());
         }
+        self.events = events;
     }
 
     /// By the node IDs before the event: it may be what changes them.
-    fn explain(&mut self, event: &TraceEvent) {
+    fn explain(&mut self, event: &Event) {
         self.line.push_str(&match &event.what {
-            OnBus::Frame(frame) => self.explainer.explain(frame, Some(&event.from)),
-            OnBus::Error { frame, error } => self.explainer.explain_error(*error, frame, &event.from),
+            EventKind::Frame { frame, .. } => self.explainer.explain(frame, Some(&event.who)),
+            EventKind::ErrorFrame { frame, error, .. } => self.explainer.explain_error(*error, frame, &event.who),
+            EventKind::ErrorMode { .. } | EventKind::FramesDropped { .. } => return,
         });
         for (node, device) in self.explainer.nodes_mut().iter_mut().zip(self.world.devices()) {
             node.node_id = self.world.device(device).and_then(Device::node_id);

@@ -7,9 +7,7 @@ use protocol_core::pump::pump;
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
 use super::node::{Node, Power, Write, write_time};
-use super::trace::{OnBus, TraceEvent};
 use super::{NodeId, World};
-use crate::bus::Ended;
 
 /// How long an orderly shutdown waits for the bus to take what devices have to send before they store (A).
 pub const FLUSH_PATIENCE: Duration = Duration::from_secs(1);
@@ -64,9 +62,7 @@ impl World {
     /// Everything that is due now.
     fn happen(&mut self) {
         let now = self.now;
-        if let Some(ended) = self.bus.finish(now) {
-            self.show(ended);
-        }
+        self.bus.finish(now);
         self.service_touched();
         while let Some(number) = self.agenda.due_by(now) {
             self.attend(NodeId(number));
@@ -129,11 +125,23 @@ impl World {
             let Some(effect) = pump(&mut **device, port, now) else { break };
             self.carry_out(id, effect);
         }
+        self.note_dropped(id);
         let node = &self.nodes[id.0];
         self.bus.refresh(node.port, now);
         // A device that wants to be polled at once again gets a tick later, or time would stand still.
         let due = node.due();
         self.agenda.set(id.0, if due <= now { after(now, TICK) } else { due });
+    }
+
+    /// Tells of the frames that a device dropped since this was last looked at.
+    fn note_dropped(&mut self, id: NodeId) {
+        let Node { port, power, frames_dropped, .. } = &mut self.nodes[id.0];
+        let Power::On(device) = power else { return };
+        let dropped = device.frames_dropped();
+        let before = std::mem::replace(frames_dropped, dropped);
+        if dropped > before {
+            self.bus.note_dropped(*port, dropped - before, self.now);
+        }
     }
 
     fn carry_out(&mut self, id: NodeId, effect: Effect) {
@@ -150,13 +158,6 @@ impl World {
         self.finish_write(id, NEVER);
         let began = self.now;
         self.nodes[id.0].write = Some(Write { key, record, began, done: after(began, write_time(key)) });
-    }
-
-    fn show(&mut self, ended: Ended) {
-        let Some(observer) = &mut self.observer else { return };
-        let Ended { from, frame, error } = ended;
-        let what = error.map_or(OnBus::Frame(frame), |error| OnBus::Error { frame, error });
-        observer(&TraceEvent { at: self.now, from, what });
     }
 
     /// Whether a device has sent and stored everything.
