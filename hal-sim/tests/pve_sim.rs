@@ -46,7 +46,11 @@ struct Simulator {
 
 impl Simulator {
     fn start(arguments: &[&str]) -> Self {
-        let mut process = pve_sim(arguments).spawn().expect("pve-sim starts");
+        Self::spawn(&mut pve_sim(arguments))
+    }
+
+    fn spawn(command: &mut Command) -> Self {
+        let mut process = command.spawn().expect("pve-sim starts");
         let mut stdout = BufReader::new(process.stdout.take().expect("a pipe"));
         let mut ready = String::new();
         stdout.read_line(&mut ready).expect("the ready line");
@@ -55,6 +59,14 @@ impl Simulator {
 
     fn serve(arguments: &[&str]) -> Self {
         Self::start(&[&["--bus", "socketcand://127.0.0.1:0/pve0"], arguments].concat())
+    }
+
+    /// The next line of its trace.
+    fn line(&mut self) -> String {
+        let mut line = String::new();
+        self.stdout.as_mut().expect("a pipe").read_line(&mut line).expect("a line");
+        assert!(!line.is_empty(), "it has ended");
+        line
     }
 
     /// The ports of the ready line, in order.
@@ -429,15 +441,152 @@ fn what_was_sent_before_the_end_of_a_connection_reaches_the_bus() {
     assert_eq!(answers, "< hi >< ok >");
 }
 
+/// As in `pve-sim | head`, with a bus on which nothing happens any more.
 #[test]
-fn a_closed_stdout_does_not_end_it() {
-    let mut simulator = Simulator::serve(&[]);
-    drop(simulator.stdout.take());
-    let mut client = simulator.join();
-    for _ in 0..3 {
-        say(&mut client, READ_VENDOR);
-        await_frame(&mut client, VENDOR);
+fn a_closed_stdout_ends_it() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let state = dir.path().to_str().expect("text");
+    for speed in ["0.0001", "1", "1e9"] {
+        let mut simulator = Simulator::serve(&["--state", state, "--speed", speed]);
+        drop(simulator.stdout.take());
+        assert_eq!(simulator.process.wait().expect("it ends").code(), Some(0), "{speed}");
     }
+    assert!(dir.path().join("pvea-canopen.nvm").exists());
+}
+
+#[test]
+fn a_signal_ends_it_at_any_speed_and_while_devices_start() {
+    for speed in ["0.000001", "1", "1e12"] {
+        for signal in [Signal::INT, Signal::TERM, Signal::HUP] {
+            Simulator::serve(&["--speed", speed]).end(signal);
+        }
+    }
+}
+
+/// The fault log of a valve is written some time after the fault: at the end, it is written at once.
+#[test]
+fn what_waits_to_be_stored_is_stored_at_the_end() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let arguments = ["--state", dir.path().to_str().expect("text")];
+    for count in 1..=2 {
+        let simulator = Simulator::serve(&arguments);
+        let mut client = simulator.join();
+        say(&mut client, "< send 0 2 1 0 >");
+        for _ in 0..3 {
+            say(&mut client, "< send 220 4 f 0 0 0 >");
+        }
+        // No further set-point: time guarding.
+        await_frame(&mut client, &format!("0A0#0380910{count}00000000"));
+        simulator.end(Signal::HUP);
+    }
+}
+
+#[test]
+fn a_hangup_that_is_ignored_does_not_end_it() {
+    let mut shell = Command::new("sh");
+    let script = "trap '' HUP; exec \"$0\" --bus socketcand://127.0.0.1:0/pve0";
+    shell.args(["-c", script, env!("CARGO_BIN_EXE_pve-sim")]);
+    let simulator = Simulator::spawn(shell.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()));
+    let mut client = simulator.join();
+    kill_process(Pid::from_child(&simulator.process), Signal::HUP).expect("it runs");
+    say(&mut client, READ_VENDOR);
+    await_frame(&mut client, VENDOR);
+    simulator.end(Signal::TERM);
+}
+
+#[test]
+fn a_log_replaces_nothing_that_is_not_meant() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let (state, log) = (dir.path().join("state"), dir.path().join("frames.log"));
+    let state_name = state.to_str().expect("text");
+    let refused = |path: &Path, more: &[&str], why: &str| {
+        let bus = "socketcand://127.0.0.1:0/pve0";
+        let path = path.to_str().expect("text");
+        let text = refusal(&[&["--bus", bus, "--state", state_name, "--log", path], more].concat(), 1);
+        assert!(text.contains(path) && text.contains(why), "{text}");
+    };
+    fs::write(&log, "of yesterday").expect("a file");
+    refused(&log, &[], "--log-overwrite");
+    refused(Path::new("/dev/null"), &["--log-overwrite"], "regular file");
+    let pipe = dir.path().join("pipe");
+    assert!(Command::new("mkfifo").arg(&pipe).status().expect("mkfifo runs").success());
+    refused(&pipe, &[], "regular file");
+    refused(&state.join("frames.log"), &[], "--state");
+    assert!(!state.exists(), "nothing is made for a log that is refused");
+    assert_eq!(fs::read_to_string(&log).expect("the log"), "of yesterday");
+
+    let overwrite = ["--state", state_name, "--log", log.to_str().expect("text"), "--log-overwrite"];
+    let simulator = Simulator::serve(&overwrite);
+    let mut client = simulator.join();
+    say(&mut client, READ_VENDOR);
+    await_frame(&mut client, VENDOR);
+    simulator.end(Signal::TERM);
+    assert!(fs::read_to_string(&log).expect("the log").starts_with('('));
+    refused(&state.join("pvea-canopen.nvm"), &["--log-overwrite"], "--state");
+}
+
+/// A valve at another bit rate destroys the frame of a client, thousands of times a second.
+#[test]
+fn error_frames_are_told_and_not_poured() {
+    for (options, wanted) in [(&[][..], false), (&["--error-frames"][..], true)] {
+        let mut simulator =
+            Simulator::serve(&[&["--bit-rate", "125k", "--device", "pvea-canopen,blank"], options].concat());
+        let mut witness = simulator.join();
+        let mut client = simulator.join();
+        say(&mut client, "< send 123 1 1 >< echo >");
+        expect(&mut client, "< echo >");
+        if wanted {
+            let first = message(&mut witness);
+            assert!(first.starts_with("< error 080 "), "{first}");
+            let second = message(&mut witness);
+            assert!(second.starts_with("< error 004 "), "{second}");
+        }
+        // The client leaves, and its frame with it: the bus is free for others.
+        drop(client);
+        let mut other = simulator.join();
+        say(&mut other, "< send 7F0 0 >");
+        let mut trace = Vec::new();
+        while !trace.last().is_some_and(|line: &String| line.contains("7F0")) {
+            trace.push(simulator.line());
+        }
+        assert!(trace[0].contains("20000080#0000000000000000  error frame: stuff error in 123: 01 of the gateway"));
+        assert!(trace[1].contains("20000004#0030000000000000  the gateway: error-passive after error frames ×16"));
+        assert!(trace.len() < 50, "{trace:?}");
+        say(&mut witness, "< echo >");
+        loop {
+            match message(&mut witness) {
+                text if text == "< echo >" => break,
+                text => assert!(text.starts_with("< frame 7F0") || (wanted && text.starts_with("< error ")), "{text}"),
+            }
+        }
+        simulator.end(Signal::TERM);
+    }
+}
+
+/// With the descriptors that a shell gives it, and more clients than those: devices still store.
+#[test]
+fn clients_leave_enough_descriptors_to_store() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let mut shell = Command::new("sh");
+    let script = "ulimit -n 64 && exec \"$0\" --bus socketcand://127.0.0.1:0/pve0 --state \"$1\"";
+    shell.args(["-c", script, env!("CARGO_BIN_EXE_pve-sim")]).arg(dir.path());
+    let simulator = Simulator::spawn(shell.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()));
+    let mut client = simulator.join();
+    let mut crowd: Vec<TcpStream> = Vec::new();
+    loop {
+        let mut one = simulator.connect();
+        match message(&mut one).as_str() {
+            "< hi >" => crowd.push(one),
+            text => break assert_eq!(text, "< error too many clients >"),
+        }
+        assert!(crowd.len() < 64);
+    }
+    assert!(crowd.len() >= 20, "{}", crowd.len());
+    say(&mut client, "< send 620 8 22 10 10 1 73 61 76 65 >");
+    await_frame(&mut client, "5A0#6010100100000000");
+    // There is room again for those who come later.
+    drop(crowd);
+    simulator.join();
     simulator.end(Signal::TERM);
 }
 

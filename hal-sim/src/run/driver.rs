@@ -1,80 +1,107 @@
-//! The thread of the world: lets time pass, takes what clients want, and shows what was on the bus.
+//! The thread of the world: keeps its time, takes what clients want, and shows what was on the bus.
+//!
+//! A message of a client takes effect at the virtual time of its arrival: until then the world has caught up completely.
+//! How long it works before it looks at the clock again is bounded by a number of events, so a world that is behind
+//! neither skips anything nor keeps anybody waiting for long.
+//!
+//! Time can be lost in two ways, and then goes on from where the world is. A **process that stood still**, at a speed up
+//! to 1: masters are on the wall clock, and no valve is to take the pause for one of theirs. A **speed that cannot be
+//! reached**: the world would fall behind for ever.
 
-use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::collections::VecDeque;
+use std::time::{Duration as WallDuration, Instant as WallInstant};
 
 use protocol_core::controller::BitRate;
-use protocol_core::device::Device;
-use protocol_core::time::{Duration, Instant, after};
+use protocol_core::time::{Instant, after};
 
-use super::clients::{Clients, class};
-use super::log::Log;
+use super::clients::Clients;
+use super::outside::Outside;
 use super::pace::Pace;
-use super::printer::Printer;
-use crate::explain::Explainer;
-use crate::gateway::ToWorld;
-use crate::trace::{Timestamp, write_error, write_frame};
-use crate::world::{Event, EventKind, SUPPLY_JITTER, World};
+use super::trace::Trace;
+use crate::gateway::Arrival;
+use crate::world::{Event, SUPPLY_JITTER, World};
 
-/// How much virtual time passes at the most before clients are looked at again, when the world cannot keep up with the
-/// pace.
-const SLICE: Duration = Duration::from_millis(100);
+/// How many events may happen before the clock is looked at: some milliseconds of work.
+const GO: usize = 1000;
+
+/// A process that did not look at the clock for so long stood still. A master may be late by as much as its valves allow:
+/// at most 250 ms between set-points of which it takes 200.
+const STALL: WallDuration = WallDuration::from_millis(50);
+
+/// How long the thread sleeps at most, to notice that it stood still: what is left of [`STALL`] is room for a system that
+/// wakes it up late.
+const NAP: WallDuration = WallDuration::from_millis(20);
+
+/// How long the world may be behind before its speed is out of reach.
+const BEHIND: WallDuration = WallDuration::from_secs(1);
+
+/// How often the user is told of lost time.
+const REMINDER: WallDuration = WallDuration::from_secs(60);
 
 /// A world with everything that is connected to it.
-pub struct Driver {
+pub(super) struct Driver<O> {
     world: World,
+    clients: Clients,
+    outside: O,
+    pace: Pace,
+    trace: Trace,
+    /// What has arrived and has not taken effect, oldest first.
+    arrivals: VecDeque<Arrival>,
     /// The events that are being shown, to be used again.
     events: Vec<Event>,
-    clients: Clients,
-    pace: Pace,
-    /// The wall time of virtual instant 0.
-    start: Timestamp,
-    explainer: Explainer,
-    /// The name of the bus in traces.
-    bus: String,
-    printer: Printer,
-    log: Option<Log>,
-    /// The line that is being written, to be used again.
-    line: String,
+    /// From when on messages take effect: all devices have started then.
+    open: Instant,
+    /// When the clock was last looked at.
+    looked: WallInstant,
+    /// Since when the world is behind the pace.
+    behind: Option<WallInstant>,
+    /// Whether the user knows that the speed is out of reach.
+    out_of_reach: bool,
+    lost: Lost,
 }
 
-impl Driver {
-    /// A world whose devices are those that the explainer knows, in the same order.
-    pub(super) fn new(
-        mut world: World,
-        explainer: Explainer,
-        bus: &str,
-        pace: Pace,
-        start: Timestamp,
-        printer: Printer,
-        log: Option<Log>,
-    ) -> Self {
+/// Time that was lost by a process that stood still, and is not told yet.
+#[derive(Debug, Default)]
+struct Lost {
+    stalls: u32,
+    time: WallDuration,
+    told: Option<WallInstant>,
+}
+
+impl<O: Outside> Driver<O> {
+    /// A world whose devices are not powered yet, at a speed that is finite and above 0.
+    pub(super) fn new(mut world: World, mut outside: O, speed: f64, error_frames: bool, trace: Trace) -> Self {
         world.record_events(true);
-        let clients = Clients::new(&mut world);
-        let (bus, events, line) = (bus.to_owned(), Vec::new(), String::new());
-        Self { world, events, clients, pace, start, explainer, bus, printer, log, line }
+        let clients = Clients::new(&mut world, error_frames);
+        let looked = outside.now();
+        Self {
+            world,
+            clients,
+            pace: Pace::start(speed, looked),
+            outside,
+            trace,
+            arrivals: VecDeque::new(),
+            events: Vec::new(),
+            open: Instant::MAX,
+            looked,
+            behind: None,
+            out_of_reach: false,
+            lost: Lost::default(),
+        }
     }
 
-    /// Powers the devices and runs until it is told to stop; then lets them store what they have to.
+    /// Powers the devices and runs until it is told to end; then lets them store what they have to.
     ///
     /// Without a bit rate the bus gets that of the first device.
-    pub(super) fn run(mut self, bit_rate: Option<BitRate>, inbox: &Receiver<ToWorld>) {
+    pub(super) fn run(mut self, bit_rate: Option<BitRate>) {
         self.power_on(bit_rate);
-        self.start_up();
-        loop {
-            let behind = self.catch_up();
-            match self.next_message(inbox, behind) {
-                Ok(ToWorld::Stop) | Err(RecvTimeoutError::Disconnected) => break,
-                Ok(message) => {
-                    self.catch_up();
-                    self.apply(message);
-                }
-                Err(RecvTimeoutError::Timeout) => {}
-            }
+        while !self.outside.is_ending() {
+            self.turn();
         }
         self.world.flush_all();
         self.show();
-        self.hand_out();
-        self.printer.finish();
+        self.warn_of_memories();
+        self.trace.finish();
     }
 
     fn power_on(&mut self, bit_rate: Option<BitRate>) {
@@ -88,56 +115,83 @@ impl Driver {
             }
         }
         self.world.power_all(SUPPLY_JITTER);
+        self.open = after(self.world.now(), SUPPLY_JITTER);
+        self.trace.learn(&self.world);
     }
 
-    /// Lets all devices start before anything of a client reaches the bus: whoever has read the ready line may send.
-    fn start_up(&mut self) {
-        let end = after(self.world.now(), SUPPLY_JITTER);
-        loop {
-            let behind = self.catch_up();
-            if self.world.now() >= end {
-                return;
-            }
-            if !behind && let Some(wait) = self.pace.until(self.world.next_event().min(end)) {
-                self.hand_out();
-                std::thread::sleep(wait);
-            }
+    /// Lets happen what is due, up to the next message; then that one takes effect, or the thread waits for another.
+    fn turn(&mut self) {
+        let now = self.look_at_clock();
+        if self.arrivals.is_empty() {
+            self.arrivals.extend(self.outside.take());
+        }
+        let due = self.arrivals.front().map_or(Instant::MAX, |next| self.pace.at(next.at).max(self.open));
+        if !self.catch_up(self.pace.at(now).min(due)) {
+            self.fall_behind(now);
+            self.hand_out();
+            return;
+        }
+        self.behind = None;
+        if self.world.now() >= due {
+            self.take_effect();
+        } else {
+            self.hand_out();
+            let nap = (self.pace.speed() <= 1.0).then(|| self.looked + NAP);
+            let next = self.pace.when(self.world.next_event().min(due));
+            let arrival = self.outside.wait(nap.into_iter().chain(next).min());
+            self.arrivals.extend(arrival);
         }
     }
 
-    /// Lets happen what is due by now, but no more than a slice; whether more is due.
-    fn catch_up(&mut self) -> bool {
-        let now = self.pace.now();
-        let end = now.min(after(self.world.now(), SLICE));
-        self.run_until(end);
-        end < now
+    /// The wall time now. At a speed up to 1 the world's time does not go on for a process that stood still.
+    fn look_at_clock(&mut self) -> WallInstant {
+        let now = self.outside.now();
+        let passed = now.saturating_duration_since(std::mem::replace(&mut self.looked, now));
+        if passed > STALL && self.pace.speed() <= 1.0 {
+            self.pace.anchor(now, self.world.now());
+            self.lost.stalls += 1;
+            self.lost.time += passed;
+            if self.lost.told.is_none_or(|told| now.saturating_duration_since(told) >= REMINDER) {
+                let Lost { stalls, time, .. } =
+                    std::mem::replace(&mut self.lost, Lost { told: Some(now), ..Lost::default() });
+                let times = if stalls == 1 { String::new() } else { format!(" ({stalls} times)") };
+                self.trace.warn(format!(
+                    "stood still for {:.3} s{times}: that time did not happen on the bus",
+                    time.as_secs_f64()
+                ));
+            }
+        }
+        now
     }
 
-    fn run_until(&mut self, end: Instant) {
-        while self.world.next_event() <= end {
+    /// Lets happen what is due until `end`, and goes there, unless there is too much to do in one go; whether it got there.
+    fn catch_up(&mut self, end: Instant) -> bool {
+        for _ in 0..GO {
+            if self.world.next_event() > end {
+                self.world.run_until(end);
+                return true;
+            }
             self.world.step();
             self.show();
             self.clients.send(&mut self.world);
         }
-        self.world.run_until(end);
+        false
     }
 
-    /// Waits for a message, or until something is due.
-    fn next_message(&mut self, inbox: &Receiver<ToWorld>, behind: bool) -> Result<ToWorld, RecvTimeoutError> {
-        if let Ok(message) = inbox.try_recv() {
-            return Ok(message);
-        }
-        if behind {
-            return Err(RecvTimeoutError::Timeout);
-        }
-        self.hand_out();
-        match self.pace.until(self.world.next_event()) {
-            Some(wait) => inbox.recv_timeout(wait),
-            None => inbox.recv().map_err(|_| RecvTimeoutError::Disconnected),
+    /// The world has not caught up. When that lasts, its time goes on from where it is, as fast as it can.
+    fn fall_behind(&mut self, now: WallInstant) {
+        let since = *self.behind.get_or_insert(now);
+        if self.out_of_reach || now.saturating_duration_since(since) >= BEHIND {
+            self.pace.anchor(now, self.world.now());
+            if !std::mem::replace(&mut self.out_of_reach, true) {
+                let speed = self.pace.speed();
+                self.trace.warn(format!("--speed {speed} is out of reach: time runs as fast as this machine can"));
+            }
         }
     }
 
-    fn apply(&mut self, message: ToWorld) {
+    fn take_effect(&mut self) {
+        let Some(Arrival { message, .. }) = self.arrivals.pop_front() else { return };
         if self.clients.apply(message, &mut self.world).is_err() {
             self.report_overrun();
         }
@@ -148,57 +202,39 @@ impl Driver {
         let mut events = std::mem::take(&mut self.events);
         events.extend(self.world.take_events());
         for event in events.drain(..) {
-            let at = self.start.at(event.at);
-            for _ in 0..self.clients.show(&event, at) {
+            let told = self.trace.tell(&event, &self.world);
+            for _ in 0..self.clients.show(&event, self.trace.time(&event), told) {
                 self.report_overrun();
             }
-            self.line.clear();
-            match &event.what {
-                EventKind::Frame { frame, .. } => write_frame(&mut self.line, at, &self.bus, frame),
-                EventKind::ErrorFrame { error, .. } => write_error(&mut self.line, at, &self.bus, class(*error)),
-                EventKind::ErrorMode { .. } | EventKind::FramesDropped { .. } => continue,
-            }
-            self.log(|log, line| log.write(line));
-            self.line.push_str("  ");
-            self.explain(&event);
-            self.line.push('\n');
-            self.printer.trace(self.line.clone());
+            self.clients.give_up(&event, &mut self.world);
         }
         self.events = events;
     }
 
-    /// By the node IDs before the event: it may be what changes them.
-    fn explain(&mut self, event: &Event) {
-        self.line.push_str(&match &event.what {
-            EventKind::Frame { frame, .. } => self.explainer.explain(frame, Some(&event.who)),
-            EventKind::ErrorFrame { frame, error, .. } => self.explainer.explain_error(*error, frame, &event.who),
-            EventKind::ErrorMode { .. } | EventKind::FramesDropped { .. } => return,
-        });
-        for (node, device) in self.explainer.nodes_mut().iter_mut().zip(self.world.devices()) {
-            node.node_id = self.world.device(device).and_then(Device::node_id);
+    /// Before the thread sleeps: what readers wait for.
+    fn hand_out(&mut self) {
+        self.trace.hand_out();
+        self.warn_of_memories();
+        let dropped = self.clients.take_dropped();
+        if dropped > 0 {
+            self.trace
+                .warn(format!("clients left more frames behind than the bus takes: {dropped} of them were dropped"));
         }
     }
 
-    /// Before the thread sleeps: what readers wait for.
-    fn hand_out(&mut self) {
-        self.log(|log, _| log.flush());
+    fn warn_of_memories(&mut self) {
         for node in self.world.devices() {
             for warning in self.world.memory_mut(node).take_warnings() {
-                self.printer.warn(warning);
+                self.trace.warn(warning);
             }
         }
     }
 
-    fn log(&mut self, act: impl FnOnce(&mut Log, &str) -> Result<(), String>) {
-        if let Some(log) = &mut self.log
-            && let Err(complaint) = act(log, &self.line)
-        {
-            self.printer.warn(complaint);
-            self.log = None;
-        }
-    }
-
     fn report_overrun(&self) {
-        self.printer.warn("a client that did not read was disconnected".to_owned());
+        self.trace.warn("a client that did not read was disconnected".to_owned());
     }
 }
+
+#[cfg(test)]
+#[path = "driver_tests.rs"]
+mod tests;

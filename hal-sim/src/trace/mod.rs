@@ -11,10 +11,18 @@ pub use timestamp::Timestamp;
 pub enum ErrorClass {
     /// Nobody acknowledged a frame.
     NoAcknowledge,
-    /// A node has left the bus.
-    BusOff,
     /// A frame was destroyed.
     BusError,
+    /// A controller has become error-passive.
+    ErrorPassive,
+    /// A controller is error-active again.
+    ErrorActive,
+    /// A controller has left the bus.
+    BusOff,
+    /// A controller was bus-off and takes part again.
+    Restarted,
+    /// A device dropped frames that it had to send.
+    TransmitOverflow,
 }
 
 impl ErrorClass {
@@ -22,9 +30,24 @@ impl ErrorClass {
     #[must_use]
     pub const fn code(self) -> u32 {
         match self {
+            Self::ErrorPassive | Self::ErrorActive | Self::TransmitOverflow => 0x004,
             Self::NoAcknowledge => 0x020,
             Self::BusOff => 0x040,
             Self::BusError => 0x080,
+            Self::Restarted => 0x100,
         }
+    }
+
+    /// The data bytes of the error frame: of what the class leaves open, byte 1 has what the controller tells.
+    #[must_use]
+    pub const fn data(self) -> [u8; 8] {
+        let controller = match self {
+            // receive or transmit counter: one bit for each
+            Self::ErrorPassive => 0x30,
+            Self::ErrorActive => 0x40,
+            Self::TransmitOverflow => 0x02,
+            Self::NoAcknowledge | Self::BusError | Self::BusOff | Self::Restarted => 0,
+        };
+        [0, controller, 0, 0, 0, 0, 0, 0]
     }
 }

@@ -227,6 +227,11 @@ impl World {
         self.bus.refresh(tap.0, self.now);
     }
 
+    /// Takes back what a client has given to the bus; a frame on the wire is cut off.
+    pub fn withdraw(&mut self, tap: TapId) {
+        self.bus.drop_pending(tap.0, self.now);
+    }
+
     /// How many frames of a client are not sent yet, the one on the wire included.
     #[must_use]
     pub fn pending(&self, tap: TapId) -> usize {

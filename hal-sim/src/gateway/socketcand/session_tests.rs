@@ -1,14 +1,12 @@
 //! One client over a stream in memory, with a stand-in for the world that replies in order and keeps what is sent.
 
-use std::sync::mpsc::{Receiver as Inbox, channel};
-
 use protocol_core::frame::{Frame, standard};
 use tokio::io::{DuplexStream, duplex, split};
 use tokio::sync::oneshot;
 use tokio::time::Instant;
 
 use super::*;
-use crate::gateway::QUEUE;
+use crate::gateway::{Arrival, Inbox, QUEUE};
 use crate::trace::{ErrorClass, Timestamp};
 
 /// How many bytes the stream takes in before somebody reads them.
@@ -32,7 +30,7 @@ struct Setup {
 /// Serves a client. The world posts `on_listen` as soon as the client listens.
 fn setup(on_listen: Vec<ToClient>) -> Setup {
     let (client, server) = duplex(STREAM);
-    let (sender, inbox) = channel();
+    let (sender, inbox) = Entrance::new();
     let (reader, writer) = split(server);
     tokio::spawn(async move { serve(reader, writer, "pve0", sender).await });
     let (result, sent) = oneshot::channel();
@@ -40,14 +38,14 @@ fn setup(on_listen: Vec<ToClient>) -> Setup {
     Setup { client, sent }
 }
 
-fn world(inbox: &Inbox<ToWorld>, on_listen: &[ToClient]) -> Vec<Frame> {
+fn world(inbox: &Inbox, on_listen: &[ToClient]) -> Vec<Frame> {
     let mut sent = Vec::new();
     let mut outbox = None;
-    for message in inbox {
+    for Arrival { message, .. } in &inbox.messages {
         match message {
             ToWorld::Join(_, joined) => outbox = Some(joined),
             ToWorld::Leave(_) => outbox = None,
-            ToWorld::Stop => break,
+            ToWorld::End => break,
             other => {
                 let outbox = outbox.as_ref().expect("a client that is there");
                 outbox.refund(1);
@@ -152,7 +150,7 @@ async fn a_client_that_does_not_keep_up_is_disconnected() {
 #[tokio::test]
 async fn a_client_that_floods_is_not_read_beyond_its_credit() {
     let (client, server) = duplex(64);
-    let (sender, inbox) = channel();
+    let (sender, inbox) = Entrance::new();
     let (reader, writer) = split(server);
     tokio::spawn(async move { serve(reader, writer, "pve0", sender).await });
     let (_reader, mut writer) = split(client);
@@ -167,6 +165,6 @@ async fn a_client_that_floods_is_not_read_beyond_its_credit() {
         tokio::task::yield_now().await;
     }
     flood.abort();
-    let sends = inbox.try_iter().filter(|message| matches!(message, ToWorld::Send(..))).count();
+    let sends = inbox.messages.try_iter().filter(|arrival| matches!(arrival.message, ToWorld::Send(..))).count();
     assert_eq!(sends, crate::gateway::CREDIT - 2);
 }

@@ -1,0 +1,60 @@
+//! What the driver sees of the outside: the wall clock, and what clients want.
+
+use std::sync::mpsc::{RecvTimeoutError, TryRecvError};
+use std::time::Instant as WallInstant;
+
+use crate::gateway::{Arrival, Inbox};
+
+/// The wall clock, and what clients want. In tests time passes only when the driver waits.
+pub(super) trait Outside {
+    /// The wall time now.
+    fn now(&mut self) -> WallInstant;
+
+    /// Whether the simulator is to end.
+    fn is_ending(&self) -> bool;
+
+    /// The next message, if there is one.
+    fn take(&mut self) -> Option<Arrival>;
+
+    /// Waits for the next message, until an instant or for ever; `None` when the time is up.
+    fn wait(&mut self, until: Option<WallInstant>) -> Option<Arrival>;
+}
+
+/// The system's clock, and the clients of the gateways.
+#[derive(Debug)]
+pub(super) struct Clients {
+    inbox: Inbox,
+    /// Whether all gateways are gone.
+    deserted: bool,
+}
+
+impl Clients {
+    pub(super) const fn new(inbox: Inbox) -> Self {
+        Self { inbox, deserted: false }
+    }
+}
+
+impl Outside for Clients {
+    fn now(&mut self) -> WallInstant {
+        WallInstant::now()
+    }
+
+    fn is_ending(&self) -> bool {
+        self.deserted || self.inbox.is_ending()
+    }
+
+    fn take(&mut self) -> Option<Arrival> {
+        let taken = self.inbox.messages.try_recv();
+        self.deserted |= matches!(taken, Err(TryRecvError::Disconnected));
+        taken.ok()
+    }
+
+    fn wait(&mut self, until: Option<WallInstant>) -> Option<Arrival> {
+        let waited = match until {
+            Some(until) => self.inbox.messages.recv_timeout(until.saturating_duration_since(WallInstant::now())),
+            None => self.inbox.messages.recv().map_err(|_| RecvTimeoutError::Disconnected),
+        };
+        self.deserted |= matches!(waited, Err(RecvTimeoutError::Disconnected));
+        waited.ok()
+    }
+}
