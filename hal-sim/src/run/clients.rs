@@ -91,6 +91,11 @@ impl Clients {
         Ok(())
     }
 
+    /// Whether somebody listens.
+    pub(super) fn is_heard(&self) -> bool {
+        self.clients.values().any(|client| client.listening)
+    }
+
     /// Shows a frame to everybody who listens, but for its sender, and what is told of errors to those who want it;
     /// returns how many were dismissed.
     pub(super) fn show(&mut self, event: &Event, at: Timestamp, told: Option<ErrorClass>) -> usize {

@@ -15,10 +15,12 @@ use protocol_core::controller::BitRate;
 use protocol_core::time::{Instant, after};
 
 use super::clients::Clients;
+use super::errors::Errors;
 use super::outside::Outside;
 use super::pace::Pace;
 use super::trace::Trace;
 use crate::gateway::Arrival;
+use crate::trace::Timestamp;
 use crate::world::{Event, SUPPLY_JITTER, World};
 
 /// How many events may happen before the clock is looked at: some milliseconds of work.
@@ -35,6 +37,9 @@ const NAP: WallDuration = WallDuration::from_millis(20);
 /// How long the world may be behind before its speed is out of reach.
 const BEHIND: WallDuration = WallDuration::from_secs(1);
 
+/// What is longer than this is time enough to hand the trace out.
+const LULL: WallDuration = WallDuration::from_millis(1);
+
 /// How often the user is told of lost time.
 const REMINDER: WallDuration = WallDuration::from_secs(60);
 
@@ -44,6 +49,9 @@ pub(super) struct Driver<O> {
     clients: Clients,
     outside: O,
     pace: Pace,
+    /// The wall time of virtual instant 0, as traces and clients are told.
+    start: Timestamp,
+    errors: Errors,
     trace: Trace,
     /// What has arrived and has not taken effect, oldest first.
     arrivals: VecDeque<Arrival>,
@@ -53,6 +61,8 @@ pub(super) struct Driver<O> {
     open: Instant,
     /// When the clock was last looked at.
     looked: WallInstant,
+    /// When the trace was last handed out.
+    handed_out: WallInstant,
     /// Since when the world is behind the pace.
     behind: Option<WallInstant>,
     /// Whether the user knows that the speed is out of reach.
@@ -70,20 +80,30 @@ struct Lost {
 
 impl<O: Outside> Driver<O> {
     /// A world whose devices are not powered yet, at a speed that is finite and above 0.
-    pub(super) fn new(mut world: World, mut outside: O, speed: f64, error_frames: bool, trace: Trace) -> Self {
+    /// Its instant 0 is told as `start`.
+    pub(super) fn new(
+        mut world: World,
+        clients: Clients,
+        mut outside: O,
+        speed: f64,
+        start: Timestamp,
+        trace: Trace,
+    ) -> Self {
         world.record_events(true);
-        let clients = Clients::new(&mut world, error_frames);
         let looked = outside.now();
         Self {
             world,
             clients,
             pace: Pace::start(speed, looked),
             outside,
+            start,
+            errors: Errors::default(),
             trace,
             arrivals: VecDeque::new(),
             events: Vec::new(),
             open: Instant::MAX,
             looked,
+            handed_out: looked,
             behind: None,
             out_of_reach: false,
             lost: Lost::default(),
@@ -135,12 +155,27 @@ impl<O: Outside> Driver<O> {
         if self.world.now() >= due {
             self.take_effect();
         } else {
-            self.hand_out();
-            let nap = (self.pace.speed() <= 1.0).then(|| self.looked + NAP);
-            let next = self.pace.when(self.world.next_event().min(due));
-            let arrival = self.outside.wait(nap.into_iter().chain(next).min());
-            self.arrivals.extend(arrival);
+            self.wait(due);
         }
+    }
+
+    /// Waits for a message, or until something is due; readers of traces get what they wait for before that, unless
+    /// a client would have to wait instead.
+    fn wait(&mut self, due: Instant) {
+        let now = self.looked;
+        let next = self.pace.when(self.world.next_event().min(due));
+        if next.is_none_or(|next| next > now + LULL) || now.saturating_duration_since(self.handed_out) >= NAP {
+            self.hand_out();
+            self.handed_out = now;
+        }
+        let nap = (self.pace.speed() <= 1.0).then(|| now + NAP);
+        let arrival = match (next, nap) {
+            (Some(next), nap) if nap.is_none_or(|nap| next <= nap) && self.clients.is_heard() => {
+                self.outside.wait_punctually(next)
+            }
+            (next, nap) => self.outside.wait(nap.into_iter().chain(next).min()),
+        };
+        self.arrivals.extend(arrival);
     }
 
     /// The wall time now. At a speed up to 1 the world's time does not go on for a process that stood still.
@@ -202,10 +237,13 @@ impl<O: Outside> Driver<O> {
         let mut events = std::mem::take(&mut self.events);
         events.extend(self.world.take_events());
         for event in events.drain(..) {
-            let told = self.trace.tell(&event, &self.world);
-            for _ in 0..self.clients.show(&event, self.trace.time(&event), told) {
+            let at = self.start.at(event.at);
+            let told = self.errors.note(&event, at);
+            // Clients first: they may answer.
+            for _ in 0..self.clients.show(&event, at, told.as_ref().map(|(class, _)| *class)) {
                 self.report_overrun();
             }
+            self.trace.tell(&event, at, told, &self.world);
             self.clients.give_up(&event, &mut self.world);
         }
         self.events = events;

@@ -14,7 +14,6 @@ use crate::gateway::{ClientId, Mailbox, Outbox, Reply, ToClient, ToWorld};
 use crate::kind::Kind;
 use crate::memory::Memory;
 use crate::run::printer::Printer;
-use crate::trace::Timestamp;
 
 /// What happens outside, in the order of time.
 enum Happening {
@@ -61,6 +60,10 @@ impl Outside for Script {
         self.now = self.now.max(until.min(self.end));
         self.take()
     }
+
+    fn wait_punctually(&mut self, until: WallInstant) -> Option<Arrival> {
+        self.wait(Some(until))
+    }
 }
 
 /// What is written to stderr.
@@ -99,11 +102,12 @@ impl Rig {
         world.add_device("valve", kind.factory(kind.default_birth()), Memory::in_ram());
         let said = Said::default();
         let printer = Printer::start_with(io::sink(), said.clone(), watch::Sender::new(false)).unwrap();
-        let trace = Trace::new("pve0", Timestamp::from_micros(0), Explainer::default(), printer, None);
+        let trace = Trace::new("pve0", Explainer::default(), printer, None);
         let start = WallInstant::now();
         let plan = VecDeque::new();
         let script = Script { now: start, work: WallDuration::ZERO, end: start, plan, waits: 0 };
-        let driver = Driver::new(world, script, speed, false, trace);
+        let clients = Clients::new(&mut world, false);
+        let driver = Driver::new(world, clients, script, speed, Timestamp::from_micros(0), trace);
         let (sender, listener) = (ClientId::next(), ClientId::next());
         let (outbox, mailbox) = Outbox::new();
         let (sender_outbox, _sender_mailbox) = Outbox::new();

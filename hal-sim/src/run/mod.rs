@@ -45,10 +45,11 @@ use crate::gateway::socketcand::Server;
 use crate::gateway::{BusUrl, Entrance};
 use crate::memory::StateFileError;
 use crate::trace::Timestamp;
+use clients::Clients;
 use driver::Driver;
 use end::End;
 use log::Log;
-use outside::Clients;
+use outside::System;
 use printer::Printer;
 use trace::Trace;
 
@@ -149,7 +150,7 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     if let Some(log) = &options.log {
         Log::check(log, options.state.as_deref())?;
     }
-    let (world, warnings) = setup::world(options)?;
+    let (mut world, warnings) = setup::world(options)?;
     let log = options.log.as_ref().map(Log::create).transpose()?;
     announce(&bound);
     let (entrance, inbox) = Entrance::new();
@@ -162,8 +163,9 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
         printer.warn(warning);
     }
     let bus = options.buses.first().map_or("can0", |url| url.name.as_str());
-    let trace = Trace::new(bus, Timestamp::now(), setup::explainer(options), printer, log);
-    let driver = Driver::new(world, Clients::new(inbox), options.speed, options.error_frames, trace);
+    let trace = Trace::new(bus, setup::explainer(options), printer, log);
+    let clients = Clients::new(&mut world, options.error_frames);
+    let driver = Driver::new(world, clients, System::new(inbox), options.speed, Timestamp::now(), trace);
     let (alive, ended) = oneshot::channel::<()>();
     let bit_rate = options.bit_rate;
     let world = thread::Builder::new().name("world".to_owned()).spawn(move || {

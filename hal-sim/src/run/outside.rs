@@ -1,7 +1,7 @@
 //! What the driver sees of the outside: the wall clock, and what clients want.
 
 use std::sync::mpsc::{RecvTimeoutError, TryRecvError};
-use std::time::Instant as WallInstant;
+use std::time::{Duration, Instant as WallInstant};
 
 use crate::gateway::{Arrival, Inbox};
 
@@ -18,23 +18,29 @@ pub(super) trait Outside {
 
     /// Waits for the next message, until an instant or for ever; `None` when the time is up.
     fn wait(&mut self, until: Option<WallInstant>) -> Option<Arrival>;
+
+    /// Waits as [`wait`](Self::wait) does, and loses no time in waking up.
+    fn wait_punctually(&mut self, until: WallInstant) -> Option<Arrival>;
 }
+
+/// How long a system takes to wake a thread up, mostly.
+const WAKE_UP: Duration = Duration::from_micros(50);
 
 /// The system's clock, and the clients of the gateways.
 #[derive(Debug)]
-pub(super) struct Clients {
+pub(super) struct System {
     inbox: Inbox,
     /// Whether all gateways are gone.
     deserted: bool,
 }
 
-impl Clients {
+impl System {
     pub(super) const fn new(inbox: Inbox) -> Self {
         Self { inbox, deserted: false }
     }
 }
 
-impl Outside for Clients {
+impl Outside for System {
     fn now(&mut self) -> WallInstant {
         WallInstant::now()
     }
@@ -56,5 +62,24 @@ impl Outside for Clients {
         };
         self.deserted |= matches!(waited, Err(RecvTimeoutError::Disconnected));
         waited.ok()
+    }
+
+    /// Does not sleep for the last of the time.
+    fn wait_punctually(&mut self, until: WallInstant) -> Option<Arrival> {
+        let sleep = until.checked_sub(WAKE_UP).filter(|until| *until > WallInstant::now());
+        let arrival = sleep.and_then(|until| self.wait(Some(until)));
+        if arrival.is_some() {
+            return arrival;
+        }
+        while !self.is_ending() {
+            if let Some(arrival) = self.take() {
+                return Some(arrival);
+            }
+            if WallInstant::now() >= until {
+                break;
+            }
+            std::hint::spin_loop();
+        }
+        None
     }
 }

@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use protocol_core::device::Device;
 
-use super::errors::Errors;
 use super::log::Log;
 use super::printer::Printer;
 use crate::explain::Explainer;
@@ -19,12 +18,9 @@ const BATCH: usize = 32 * 1024;
 pub(super) struct Trace {
     /// The name of the bus in it.
     bus: String,
-    /// The wall time of virtual instant 0.
-    start: Timestamp,
     explainer: Explainer,
     /// The place of each device in the explainer.
     places: HashMap<Arc<str>, (NodeId, usize)>,
-    errors: Errors,
     printer: Printer,
     log: Option<Log>,
     /// The line that is being written, to be used again.
@@ -34,24 +30,17 @@ pub(super) struct Trace {
 }
 
 impl Trace {
-    /// A trace of the devices that the explainer knows, in a world that starts at this wall time.
-    pub(super) fn new(bus: &str, start: Timestamp, explainer: Explainer, printer: Printer, log: Option<Log>) -> Self {
+    /// A trace of the devices that the explainer knows.
+    pub(super) fn new(bus: &str, explainer: Explainer, printer: Printer, log: Option<Log>) -> Self {
         Self {
             bus: bus.to_owned(),
-            start,
             explainer,
             places: HashMap::new(),
-            errors: Errors::default(),
             printer,
             log,
             line: String::new(),
             lines: String::new(),
         }
-    }
-
-    /// The time of an event, as it is told everywhere.
-    pub(super) fn time(&self, event: &Event) -> Timestamp {
-        self.start.at(event.at)
     }
 
     /// Learns the node IDs that the devices have now. They are the explainer's devices, in the same order.
@@ -62,22 +51,20 @@ impl Trace {
         }
     }
 
-    /// Tells of an event; returns what of errors was told.
-    pub(super) fn tell(&mut self, event: &Event, world: &World) -> Option<ErrorClass> {
-        let at = self.time(event);
-        let told = self.errors.note(event, at);
+    /// Tells of a frame, or what is told of an error.
+    pub(super) fn tell(&mut self, event: &Event, at: Timestamp, error: Option<(ErrorClass, String)>, world: &World) {
         self.line.clear();
-        let meaning = match (&event.what, &told) {
+        let meaning = match (&event.what, error) {
             (EventKind::Frame { frame, .. }, _) => {
                 write_frame(&mut self.line, at, &self.bus, frame);
                 // By the node IDs before the frame: it may be what changes them.
                 self.explainer.explain(frame, Some(&event.who))
             }
             (_, Some((class, text))) => {
-                write_error(&mut self.line, at, &self.bus, *class);
-                text.clone()
+                write_error(&mut self.line, at, &self.bus, class);
+                text
             }
-            (_, None) => return None,
+            (_, None) => return,
         };
         self.log(Log::write);
         self.lines.push_str(&self.line);
@@ -91,7 +78,6 @@ impl Trace {
         if let Some((id, place)) = self.places.get(&event.who).copied() {
             self.look_at(id, place, world);
         }
-        told.map(|(class, _)| class)
     }
 
     /// Hands everything to those who read it.
