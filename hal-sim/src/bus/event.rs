@@ -7,7 +7,7 @@ use protocol_core::controller::BusErrorMode;
 use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
 
-use super::BusError;
+use super::error::BusError;
 
 /// Something that happened on the bus.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -90,9 +90,9 @@ impl Journal {
 
     /// Notes an event, if somebody wants to know.
     #[inline]
-    pub(super) fn note(&mut self, event: impl FnOnce() -> Event) {
+    pub(super) fn note(&mut self, event: impl FnOnce() -> Option<Event>) {
         if self.recording {
-            self.events.push(event());
+            self.events.extend(event());
         }
     }
 

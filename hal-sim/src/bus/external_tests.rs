@@ -4,9 +4,7 @@ use protocol_core::controller::{BitRate, BusErrorMode};
 use protocol_core::frame::{Frame, standard};
 use protocol_core::time::Instant;
 
-use super::external::WireEvent::{
-    self, Begins, Ends, Joined, LostArbitration, NotReceived, NotSent, Received, Recovered, Sent,
-};
+use super::WireEvent::{self, Begins, Ends, Joined, LostArbitration, NotReceived, NotSent, Received, Recovered, Sent};
 use super::{Bus, BusError, DestroyNext, FrameBits, PortId};
 
 const RATE: BitRate = BitRate::Kbit250;

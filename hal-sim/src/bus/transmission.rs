@@ -6,11 +6,9 @@ use protocol_core::controller::{BitRate, BusErrorMode};
 use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
 
-use super::bits::{ERROR_DELIMITER, ERROR_FLAG, FrameBits};
+use super::bits::{AFTER_ACK_SLOT, ERROR_DELIMITER, ERROR_FLAG, FrameBits};
 use super::clock::{Nanos, bit_times, instant, nanos};
-use super::confinement::Confinement;
-use super::external::WireEvent;
-use super::port::Port;
+use super::wire_event::WireEvent;
 use super::{Bus, BusError, PortId};
 
 /// After so many bits a controller at another bit rate has seen something impossible (A).
@@ -37,8 +35,8 @@ pub(super) struct Transmission {
     pub(super) error: Option<BusError>,
     /// Whether listeners at another bit rate than everybody else destroyed it.
     pub(super) by_other_rate: bool,
-    /// The name of the controller whose error flag is the first, where there is an error.
-    pub(super) signalled_by: Arc<str>,
+    /// The name of the controller whose error flag is the first; none where nobody signals an error.
+    pub(super) signalled_by: Option<Arc<str>>,
 }
 
 /// The earliest thing that goes wrong.
@@ -61,41 +59,33 @@ impl Bus {
         if start > nanos(now) {
             return;
         }
+        self.admit(start);
+        let ports = &mut self.ports;
+        self.contenders.promote(|id| {
+            let port = &mut ports[id.0];
+            let key = port.transmit.head().filter(|_| port.ready_at <= start)?.arbitration();
+            port.contends = super::Contends::Ready(key);
+            Some(key)
+        });
         let mut senders = std::mem::take(&mut self.spare);
-        self.arbitrate(start, &mut senders);
+        self.contenders.winners(&mut senders);
+        self.tell_losers(start, &senders);
+        self.tell_begin(start, &senders);
         let transmission = self.transmit(start, senders);
-        self.tell_losers(start, &transmission.senders);
         for id in &transmission.senders {
             self.ports[id.0].transmit.sending();
         }
-        self.tell_all(start, |id| WireEvent::Begins { own: transmission.senders.contains(&id) });
         self.pass_recovery_time(start);
         self.current = Some(transmission);
     }
 
     /// When the next frame may start.
     pub(super) fn next_start(&self) -> Nanos {
-        let ready = self.contenders.iter().map(|id| &self.ports[id.0]).filter(|port| port.takes_part());
-        ready.map(|port| port.ready_at.max(self.free_at)).min().unwrap_or(Nanos::MAX)
-    }
-
-    /// Those who are still sending when the identifiers are through: one, as a rule.
-    fn arbitrate(&self, start: Nanos, senders: &mut Vec<PortId>) {
-        let mut winning = u32::MAX;
-        for id in &self.contenders {
-            let port = &self.ports[id.0];
-            let Some(head) = port.transmit.head().filter(|_| port.takes_part() && port.ready_at <= start) else {
-                continue;
-            };
-            let arbitration = head.arbitration();
-            if arbitration < winning || senders.is_empty() {
-                winning = arbitration;
-                senders.clear();
-            }
-            if arbitration == winning {
-                senders.push(*id);
-            }
+        if self.contenders.is_any_ready() {
+            return self.free_at;
         }
+        let ready = self.contenders.waiting().iter().map(|id| self.ports[id.0].ready_at);
+        ready.min().map_or(Nanos::MAX, |ready| ready.max(self.free_at))
     }
 
     fn transmit(&mut self, start: Nanos, mut senders: Vec<PortId>) -> Transmission {
@@ -104,36 +94,26 @@ impl Bus {
         let first = &self.ports[senders[0].0];
         let frame = *first.transmit.head().expect("a sender has something to send");
         let rate = first.rate;
-        let bits = FrameBits::of(&frame);
-        let on_wire = bits.on_wire();
+        let on_wire = FrameBits::of(&frame).on_wire();
 
-        let mut heard = false;
-        let mut disturbed = None;
-        for (number, port) in self.ports.iter().enumerate() {
-            if !port.takes_part() || port.joined_at > start || port.is_silent() || senders.contains(&PortId(number)) {
-                continue;
-            }
-            if port.rate == rate {
-                heard = true;
-            } else if port.mode() == BusErrorMode::ErrorActive {
-                disturbed = disturbed.or(Some(PortId(number)));
-            }
-        }
-        let silence =
-            Fate { error: BusError::Acknowledgement, bits: bits.to_ack_slot(), by_other_rate: false, by: None };
-        let other_rate =
-            |by| Fate { error: BusError::Stuff, bits: WRONG_RATE_SEEN, by_other_rate: heard, by: Some(by) };
+        let heard = self.is_heard(rate, &senders);
+        let disturber = self.disturber(rate, &senders);
+        let fate = |error, bits, by| Fate { error, bits, by_other_rate: false, by };
         let injected = self.injectors.iter_mut().filter_map(|injector| injector.disturb(&from, &frame, on_wire)).min();
-        let injected = injected.map(|bit| Fate { error: BusError::Bit, bits: bit + 1, by_other_rate: false, by: None });
-        let fates = [collision, injected, disturbed.map(other_rate), (!heard).then_some(silence)];
+        let fates = [
+            collision,
+            injected.map(|bit| fate(BusError::Bit, bit + 1, None)),
+            disturber.map(|by| Fate { by_other_rate: heard, ..fate(BusError::Stuff, WRONG_RATE_SEEN, Some(by)) }),
+            (!heard).then(|| fate(BusError::Acknowledgement, on_wire - AFTER_ACK_SLOT, None)),
+        ];
         let fate = fates.into_iter().flatten().min_by_key(|fate| fate.bits);
 
         let length = match &fate {
             None => on_wire,
-            Some(fate) if heard || disturbed.is_some() => fate.bits + ERROR_FRAME,
+            Some(fate) if heard || disturber.is_some() => fate.bits + ERROR_FRAME,
             Some(fate) => fate.bits + LONE_ERROR_FRAME,
         };
-        let signaller = fate.as_ref().and_then(|fate| fate.by).map(|id| self.ports[id.0].name.clone());
+        let signaller = |fate: &Fate| fate.by.map_or_else(|| from.clone(), |id| self.ports[id.0].name.clone());
         Transmission {
             frame,
             rate,
@@ -141,15 +121,32 @@ impl Bus {
             start,
             end: start + bit_times(length, rate),
             by_other_rate: fate.as_ref().is_some_and(|fate| fate.by_other_rate),
+            signalled_by: fate.as_ref().map(signaller),
             error: fate.map(|fate| fate.error),
-            signalled_by: signaller.unwrap_or_else(|| from.clone()),
             from,
         }
     }
 
+    /// Whether somebody acknowledges what these ports send at a bit rate.
+    pub(super) fn is_heard(&self, rate: BitRate, senders: &[PortId]) -> bool {
+        let listeners = self.groups.iter().find(|group| group.rate == rate).map_or(0, |group| group.audible);
+        // Senders take part themselves.
+        listeners > senders.iter().filter(|id| self.ports[id.0].rate == rate).count()
+    }
+
+    /// The first error-active listener at another bit rate: its error flag destroys the frame.
+    fn disturber(&self, rate: BitRate, senders: &[PortId]) -> Option<PortId> {
+        let others = self.groups.iter().filter(|group| group.rate != rate && group.active > 0);
+        let disturbs = |id: &&PortId| {
+            let port = &self.ports[id.0];
+            port.mode() == BusErrorMode::ErrorActive && !port.is_silent() && !senders.contains(id)
+        };
+        others.filter_map(|group| group.members.iter().find(disturbs)).min().copied()
+    }
+
     /// What comes of several senders that are still at it after the identifier: equal frames go out as one, different
     /// ones collide at the first different bit. There the recessive sender sees the error; if it is error-passive,
-    /// nobody hears it complain, and the dominant frame goes on.
+    /// nobody hears it complain, and the dominant frame goes on without it.
     fn resolve(&mut self, start: Nanos, senders: &mut Vec<PortId>) -> Option<Fate> {
         while senders.len() > 1 {
             let first = self.head_of(senders[0]);
@@ -169,12 +166,21 @@ impl Bus {
                 return Some(Fate { error: BusError::Bit, bits: parting.bit + 1, by_other_rate: false, by });
             }
             senders.retain(|id| !losers.contains(id));
+            let at = start + bit_times(parting.bit + 1, rate);
             for id in losers {
-                self.change(id, instant(start), Confinement::transmit_error);
-                self.touched.push(id);
+                self.beaten(id, at);
             }
         }
         None
+    }
+
+    /// An error-passive sender lost a bit.
+    fn beaten(&mut self, id: PortId, at: Nanos) {
+        let port = &mut self.ports[id.0];
+        port.tell(at, WireEvent::NotSent(BusError::Bit));
+        port.transmit.sent(false);
+        self.touched.push(id);
+        self.fall_out_of_step(id, instant(at));
     }
 
     fn head_of(&self, id: PortId) -> FrameBits {
@@ -192,14 +198,9 @@ impl Bus {
         if transmission.senders.is_empty() && transmission.error.is_none() {
             transmission.error = Some(BusError::Stuff);
             transmission.end = nanos(now).max(transmission.start) + bit_times(ERROR_FRAME, transmission.rate);
+            let group = self.groups.iter().find(|group| group.rate == transmission.rate);
+            let witness = group.and_then(|group| group.members.iter().find(|other| **other != id));
+            transmission.signalled_by = witness.map(|id| self.ports[id.0].name.clone());
         }
-    }
-}
-
-impl Port {
-    /// When it is back on the bus, if that stays idle.
-    pub(super) fn recovered_at(&self) -> Option<Nanos> {
-        let recovery = self.recovery?;
-        Some(recovery.since + bit_times(recovery.left * super::BUS_IDLE, self.rate))
     }
 }

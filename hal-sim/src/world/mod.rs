@@ -207,11 +207,14 @@ impl World {
         TapId(port)
     }
 
-    /// Adds a gateway that no client is connected to: it acknowledges, so that a lone device does not go
-    /// error-passive, and keeps nothing of what it hears.
+    /// Adds a gateway: a client that keeps nothing of what it hears. It has a second controller that sends nothing and so
+    /// acknowledges whatever its clients send, even when a device sends the very same frame at the same moment; and a
+    /// lone device does not go error-passive.
     pub fn add_gateway(&mut self, name: &str) -> TapId {
-        let port = self.bus.add_gateway(name.into(), self.bit_rate, self.now);
+        let listener = format!("{name}, listening");
+        let [port, listener] = [name, &listener].map(|name| self.bus.add_gateway(name.into(), self.bit_rate, self.now));
         self.own(port, None);
+        self.own(listener, None);
         TapId(port)
     }
 

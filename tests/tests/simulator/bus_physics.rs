@@ -2,7 +2,7 @@
 //! share a node ID, noise (SPEC 2, 4.2; ISO 11898-1).
 
 use hal_sim::bus::{BitErrors, DestroyNext};
-use hal_sim::{Event, Memory, NodeId};
+use hal_sim::{Event, EventKind, Memory, NodeId};
 use protocol_core::actuator::Color;
 use protocol_core::controller::{BitRate, BusErrorMode};
 use protocol_core::device::pve::{Kind, Setup};
@@ -28,6 +28,9 @@ fn watch(bench: &mut Bench) {
 fn errors(bench: &mut Bench) -> usize {
     bench.world.take_events().filter(Event::is_error_frame).count()
 }
+
+/// A controller goes bus-off.
+const BUS_OFF: EventKind = EventKind::ErrorMode { from: BusErrorMode::ErrorPassive, to: BusErrorMode::BusOff };
 
 fn bits(count: u64, rate: BitRate) -> Duration {
     Duration::from_nanos(count * 1_000_000_000 / u64::from(rate.bits_per_second()))
@@ -311,4 +314,64 @@ fn noise_delays_frames_and_loses_none() {
     bench.world.clear_injectors();
     assert_eq!(bench.mode(valve), BusErrorMode::ErrorActive);
     assert_eq!(bench.read(0x20, 0x1001, 0), Some(0));
+}
+
+#[test]
+fn valves_on_one_node_id_drive_each_other_bus_off_and_recover() {
+    let mut bench = Bench::default();
+    let valves = [0x1111_1111, 0x2222_2222].map(|serial| {
+        let setup = Setup { serial: Some(serial), ..Setup::new(Kind::PveaCanopen) };
+        bench.add(setup, Memory::in_ram())
+    });
+    bench.world.power_all(Duration::from_ticks(0));
+    bench.run_for(50);
+    bench.take();
+    // Their serial numbers differ: the second one loses the third bit, each time.
+    let mut requests = 0;
+    let seen = |bench: &mut Bench| bench.world.take_events().any(|event| event.what == BUS_OFF);
+    watch(&mut bench);
+    while !seen(&mut bench) {
+        requests += 1;
+        assert!(requests < 40, "{:?}", bench.errors(valves[1]));
+        bench.send("620: 40 18 10 04 00 00 00 00");
+        bench.run_for(5);
+    }
+    bench.run_for(100);
+    assert_eq!((bench.mode(valves[1]), bench.errors(valves[1]).transmit_errors()), (BusErrorMode::ErrorActive, 0));
+    assert!(requests > 15, "{requests} requests");
+    assert!(bench.take().contains(&"0A0: 40 81 11 01 00 00 00 00".to_owned()), "it tells that it was bus-off");
+    // Both answer again.
+    bench.send("620: 40 00 10 00 00 00 00 00");
+    bench.run_for(50);
+    assert!(bench.take().contains(&"5A0: 43 00 10 00 98 01 00 00".to_owned()));
+    assert!(valves.iter().all(|valve| bench.mode(*valve) == BusErrorMode::ErrorActive));
+}
+
+#[test]
+fn a_client_that_sends_what_the_valve_sends_does_not_jam_the_bus() {
+    let (mut bench, valve) = Bench::booted();
+    assert!(bench.write(0x20, (0x1017, 0, 2, 100)));
+    bench.world.remove_tap(bench.master);
+    bench.master = bench.world.add_gateway("gateway");
+    while bench.world.port(valve).pending() == 0 {
+        bench.world.step();
+    }
+    // A frame that is on the wire while the next heartbeat falls due: that and the client's own start at the same bit.
+    let due_soon = after(bench.world.now(), Duration::from_micros(99_800));
+    bench.world.run_until(due_soon);
+    bench.send("7FF: 00 00 00 00 00 00 00 00");
+    bench.send("720: 7F");
+    watch(&mut bench);
+    bench.run_for(10);
+    let seen: Vec<Event> = bench.world.take_events().collect();
+    assert_eq!(seen.iter().filter(|event| event.is_error_frame()).count(), 0, "{seen:?}");
+    let frames: Vec<String> = seen.iter().filter_map(Event::frame).map(ToString::to_string).collect();
+    assert_eq!(frames, ["7FF: 00 00 00 00 00 00 00 00", "720: 7F"], "two senders, one frame");
+    assert_eq!((bench.world.pending(bench.master), bench.world.port(valve).pending()), (0, 0));
+    // The bus goes on.
+    bench.send("000: 81 20");
+    bench.run_for(50);
+    let frames: Vec<String> =
+        bench.world.take_events().filter_map(|event| event.frame().map(ToString::to_string)).collect();
+    assert_eq!(frames, ["000: 81 20", "720: 00", CLEARED]);
 }
