@@ -19,7 +19,7 @@ use super::errors::Errors;
 use super::outside::Outside;
 use super::pace::Pace;
 use super::trace::Trace;
-use crate::gateway::Arrival;
+use crate::gateway::{Arrival, ToWorld};
 use crate::trace::Timestamp;
 use crate::world::{Event, SUPPLY_JITTER, World};
 
@@ -57,7 +57,7 @@ pub(super) struct Driver<O> {
     arrivals: VecDeque<Arrival>,
     /// The events that are being shown, to be used again.
     events: Vec<Event>,
-    /// From when on messages take effect: all devices have started then.
+    /// From when on clients may send: all devices have started then.
     open: Instant,
     /// When the clock was last looked at.
     looked: WallInstant,
@@ -145,7 +145,7 @@ impl<O: Outside> Driver<O> {
         if self.arrivals.is_empty() {
             self.arrivals.extend(self.outside.take());
         }
-        let due = self.arrivals.front().map_or(Instant::MAX, |next| self.pace.at(next.at).max(self.open));
+        let due = self.arrivals.front().map_or(Instant::MAX, |next| self.due(next));
         if !self.catch_up(self.pace.at(now).min(due)) {
             self.fall_behind(now);
             self.hand_out();
@@ -156,6 +156,15 @@ impl<O: Outside> Driver<O> {
             self.take_effect();
         } else {
             self.wait(due);
+        }
+    }
+
+    /// When a message takes effect.
+    fn due(&self, arrival: &Arrival) -> Instant {
+        let arrived = self.pace.at(arrival.at);
+        match arrival.message {
+            ToWorld::Send(..) => arrived.max(self.open),
+            _ => arrived,
         }
     }
 

@@ -10,7 +10,7 @@ use tokio::sync::watch;
 
 use super::*;
 use crate::explain::Explainer;
-use crate::gateway::{ClientId, Mailbox, Outbox, Reply, ToClient, ToWorld};
+use crate::gateway::{ClientId, Mailbox, Outbox, Reply, ToClient};
 use crate::kind::Kind;
 use crate::memory::Memory;
 use crate::run::printer::Printer;
@@ -338,8 +338,18 @@ fn a_speed_that_is_reached_is_not_complained_about() {
     assert_eq!(rig.end(), [""; 0]);
 }
 
+/// Supplies come up within 5 ms: at a thousandth of the speed a frame waits for seconds, the handshake does not.
 #[test]
-fn messages_wait_until_all_devices_have_started() {
+fn a_client_is_greeted_while_devices_start() {
+    let mut rig = Rig::new(0.001);
+    rig.send(millis(0), READ);
+    rig.run_until(millis(1));
+    assert!(rig.driver.clients.is_heard());
+    assert_eq!(rig.driver.arrivals.len(), 1);
+}
+
+#[test]
+fn frames_wait_until_all_devices_have_started() {
     for speed in [0.001, 1.0, 1000.0] {
         let mut rig = Rig::new(speed);
         rig.send(millis(0), READ);

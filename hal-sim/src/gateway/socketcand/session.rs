@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::sync::mpsc::Receiver;
+use tokio::time::{Instant, timeout_at};
 
 use super::protocol::{ECHO, HI, OK, Parser, Request, RequestError, emit_error, emit_frame, emit_refusal};
 use crate::gateway::{ClientId, Entrance, Leash, Mailbox, Outbox, Reply, ToClient, ToWorld};
@@ -11,6 +12,9 @@ use crate::gateway::{ClientId, Entrance, Leash, Mailbox, Outbox, Reply, ToClient
 /// How long frames are held back after raw mode was answered: python-can takes what comes in one read with the answer for
 /// a wrong answer.
 const HOLD_BACK: Duration = Duration::from_millis(20);
+
+/// How long a client may take to open the bus; places are few.
+const HANDSHAKE: Duration = Duration::from_secs(60);
 
 /// How many messages to the client go out in one write, at most.
 const BATCH: usize = 256;
@@ -50,8 +54,14 @@ impl Client<'_> {
         let mut parser = Parser::default();
         let mut stage = Stage::Greeted;
         let mut bytes = [0; 4096];
+        let patience = Instant::now() + HANDSHAKE;
         loop {
-            let len = match reader.read(&mut bytes).await {
+            let read = reader.read(&mut bytes);
+            let read = match stage {
+                Stage::Greeted => timeout_at(patience, read).await.unwrap_or(Ok(0)),
+                Stage::Open => read.await,
+            };
+            let len = match read {
                 Ok(0) | Err(_) => break,
                 Ok(len) => len,
             };

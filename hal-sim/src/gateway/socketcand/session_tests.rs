@@ -3,7 +3,6 @@
 use protocol_core::frame::{Frame, standard};
 use tokio::io::{DuplexStream, duplex, split};
 use tokio::sync::oneshot;
-use tokio::time::Instant;
 
 use super::*;
 use crate::gateway::{Arrival, Inbox, QUEUE};
@@ -80,11 +79,8 @@ async fn say(client: &mut (impl AsyncWrite + Unpin), text: &str) {
 async fn frames_are_held_back_after_raw_mode_was_answered() {
     let mut setup =
         setup(vec![seen(&[1, 2]), ToClient::Error(Timestamp::from_micros(2), ErrorClass::BusOff), seen(&[])]);
-    expect(&mut setup.client, "< hi >").await;
-    say(&mut setup.client, "< open pve0 >").await;
-    expect(&mut setup.client, "< ok >").await;
-    say(&mut setup.client, "< rawmode >").await;
-    expect(&mut setup.client, "< ok >").await;
+    say(&mut setup.client, "< open pve0 >< rawmode >").await;
+    expect(&mut setup.client, "< hi >< ok >< ok >").await;
     let answered = Instant::now();
     expect(&mut setup.client, "< frame 18A 1.000000 0102 >").await;
     assert!(answered.elapsed() >= HOLD_BACK, "after {:?}", answered.elapsed());
@@ -114,6 +110,27 @@ async fn the_handshake_in_its_order_and_out_of_it() {
     }
     drop(setup.client);
     assert_eq!(setup.sent.await.expect("the world"), [frame(&[1, 15])]);
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_client_that_never_opens_the_bus_is_let_go() {
+    let mut setup = setup(Vec::new());
+    let start = Instant::now();
+    say(&mut setup.client, "< echo >").await;
+    let mut answers = String::new();
+    setup.client.read_to_string(&mut answers).await.expect("the end");
+    assert!(start.elapsed() >= HANDSHAKE, "after {:?}", start.elapsed());
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_client_that_has_opened_the_bus_may_be_quiet() {
+    let Setup { mut client, sent } = setup(Vec::new());
+    say(&mut client, "< open pve0 >").await;
+    tokio::task::yield_now().await;
+    tokio::time::advance(10 * HANDSHAKE).await;
+    say(&mut client, "< send 18A 1 7 >").await;
+    drop(client);
+    assert_eq!(sent.await.expect("the world"), [frame(&[7])]);
 }
 
 #[tokio::test]
