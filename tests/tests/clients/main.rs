@@ -91,7 +91,7 @@ fn takes_another_bit_rate_by_lss() {
         [("activate", None), ("forgotten", None), ("deaf", Some("250k")), ("found", Some("500k")), ("found", None)]
     {
         let rate = rate.map_or_else(Vec::new, |rate| vec!["--bit-rate", rate]);
-        let simulator = Simulator::start(&[&["--state", state], &rate[..]].concat());
+        let simulator = Simulator::start(&[&["--error-frames", "--state", state], &rate[..]].concat());
         simulator.serve("bit_timing.py", &[phase]);
         simulator.terminate();
     }
