@@ -21,7 +21,7 @@ pub(super) const ERROR_FLAG: u32 = 6;
 /// The recessive bits after an error flag.
 pub(super) const ERROR_DELIMITER: u32 = 8;
 /// After this many equal bits a stuff bit follows.
-const STUFF_AFTER: u32 = 5;
+const STUFF_AFTER: u8 = 5;
 
 /// A frame from its start to the end of the CRC sequence, before stuffing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -94,9 +94,9 @@ impl FrameBits {
         let mut state = 0;
         let mut count = 0;
         for byte in &bits.to_be_bytes()[unused..] {
-            let step = STUFF[usize::from(state)][usize::from(*byte)];
-            state = step.state;
-            count += u32::from(step.stuffed);
+            let step = STUFF[usize::from(state & (STATES - 1)) << 8 | usize::from(*byte)];
+            state = step % STATES;
+            count += u32::from(step / STATES);
         }
         count
     }
@@ -105,23 +105,18 @@ impl FrameBits {
 /// Dominant and recessive bits in turn, the last one recessive: no run of equal bits.
 const ALTERNATING: u128 = 0x5555_5555_5555_5555_5555_5555_5555_5555;
 
-/// What a byte does to a run of equal bits.
-#[derive(Clone, Copy)]
-struct Step {
-    /// The last bit and the length of its run after the byte: see [`run`].
-    state: u8,
-    /// How many stuff bits were inserted.
-    stuffed: u8,
-}
+/// How many states are counted: those of [`run`], up to a power of two.
+const STATES: u8 = 16;
 
-/// The steps by state before the byte, and byte.
-static STUFF: [[Step; 256]; 2 * STUFF_AFTER as usize] = {
-    let mut table = [[Step { state: 0, stuffed: 0 }; 256]; 2 * STUFF_AFTER as usize];
+/// What a byte does to a run of equal bits, by the state before the byte, and the byte: the state after it, and the stuff
+/// bits in it times [`STATES`].
+static STUFF: [u8; STATES as usize * 256] = {
+    let mut table = [0; STATES as usize * 256];
     let mut state = 0;
-    while state < table.len() {
+    while state < 2 * STUFF_AFTER {
         let mut byte = 0;
         while byte < 256 {
-            table[state][byte] = step(state as u8, byte as u8);
+            table[(state as usize) << 8 | byte] = step(state, byte as u8);
             byte += 1;
         }
         state += 1;
@@ -129,13 +124,13 @@ static STUFF: [[Step; 256]; 2 * STUFF_AFTER as usize] = {
     table
 };
 
-/// The state in which `run` bits (1 to 4; 0 before the first bit) were equal to `last`.
+/// The state in which `length` bits (1 to 4; 0 before the first bit) were equal to `last`.
 const fn run(last: u8, length: u8) -> u8 {
-    last * STUFF_AFTER as u8 + length
+    last * STUFF_AFTER + length
 }
 
-const fn step(state: u8, byte: u8) -> Step {
-    let (mut last, mut length) = (state / STUFF_AFTER as u8, state % STUFF_AFTER as u8);
+const fn step(state: u8, byte: u8) -> u8 {
+    let (mut last, mut length) = (state / STUFF_AFTER, state % STUFF_AFTER);
     let mut stuffed = 0;
     let mut place = 8;
     while place > 0 {
@@ -143,14 +138,14 @@ const fn step(state: u8, byte: u8) -> Step {
         let bit = byte >> place & 1;
         length = if bit == last { length + 1 } else { 1 };
         last = bit;
-        if length == STUFF_AFTER as u8 {
+        if length == STUFF_AFTER {
             // The stuff bit has the other value and is itself the first of a new run.
             stuffed += 1;
             last = 1 - bit;
             length = 1;
         }
     }
-    Step { state: run(last, length), stuffed }
+    run(last, length) + stuffed * STATES
 }
 
 /// Where two frames that are sent at once part.

@@ -43,18 +43,14 @@ impl Contenders {
         match from {
             Contends::No => {}
             Contends::Waiting => self.waiting.retain(|other| *other != id),
-            Contends::Ready(key) => {
-                let place = self.place_of(key, id);
-                self.ready.remove(place);
-            }
+            // The winner of the bus, as a rule.
+            Contends::Ready(key) if self.ready.last() == Some(&(key, id)) => drop(self.ready.pop()),
+            Contends::Ready(key) => drop(self.ready.remove(self.place_of(key, id))),
         }
         match to {
             Contends::No => {}
             Contends::Waiting => self.waiting.push(id),
-            Contends::Ready(key) => {
-                let place = self.place_of(key, id);
-                self.ready.insert(place, (key, id));
-            }
+            Contends::Ready(key) => self.ready.insert(self.place_of(key, id), (key, id)),
         }
     }
 

@@ -1,5 +1,8 @@
 //! Who listens at one bit rate, and to what: a frame costs those whose filters let it through.
 
+use std::collections::HashMap;
+use std::hash::{BuildHasherDefault, Hasher};
+
 use protocol_core::controller::{BitRate, Filters};
 use protocol_core::frame::Frame;
 
@@ -27,8 +30,29 @@ pub(super) struct Group {
 #[derive(Debug)]
 struct Mask {
     bits: u32,
-    /// What they want to find there, and who; in order.
-    wanted: Vec<(u32, PortId)>,
+    /// Who wants to find what there.
+    wanted: HashMap<u32, Vec<PortId>, BuildHasherDefault<Multiply>>,
+}
+
+/// A hasher for identifiers: a multiplication.
+#[derive(Default)]
+struct Multiply(u64);
+
+impl Hasher for Multiply {
+    fn finish(&self) -> u64 {
+        self.0
+    }
+
+    fn write(&mut self, bytes: &[u8]) {
+        bytes.iter().for_each(|byte| self.write_u32((*byte).into()));
+    }
+
+    #[inline]
+    fn write_u32(&mut self, number: u32) {
+        // 2 to the power of 64 by the golden ratio: neighbours go far from each other.
+        self.0 = (self.0 ^ u64::from(number)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        self.0 ^= self.0 >> 32;
+    }
 }
 
 /// What a port is to hear.
@@ -60,9 +84,9 @@ impl Group {
         into.extend_from_slice(&self.open);
         if !frame.is_remote() {
             for Mask { bits, wanted } in &self.masks {
-                let key = frame.key() & bits;
-                let first = wanted.partition_point(|(other, _)| *other < key);
-                into.extend(wanted[first..].iter().take_while(|(other, _)| *other == key).map(|(_, id)| *id));
+                if let Some(ports) = wanted.get(&(frame.key() & bits)) {
+                    into.extend_from_slice(ports);
+                }
             }
         }
         if into.len() > 1 {
@@ -78,10 +102,7 @@ impl Group {
             Hears::Everything => self.open.push(id),
             Hears::Filtered(filters) => {
                 for filter in filters {
-                    let mask = self.mask(filter.mask);
-                    let entry = (filter.key & filter.mask, id);
-                    let place = mask.wanted.partition_point(|other| *other < entry);
-                    mask.wanted.insert(place, entry);
+                    self.mask(filter.mask).wanted.entry(filter.key & filter.mask).or_default().push(id);
                 }
             }
         }
@@ -95,8 +116,8 @@ impl Group {
             Hears::Filtered(filters) => {
                 for filter in filters {
                     let wanted = &mut self.mask(filter.mask).wanted;
-                    if let Ok(place) = wanted.binary_search(&(filter.key & filter.mask, id)) {
-                        wanted.remove(place);
+                    if let Some(ports) = wanted.get_mut(&(filter.key & filter.mask)) {
+                        ports.retain(|other| *other != id);
                     }
                 }
             }
@@ -105,7 +126,7 @@ impl Group {
 
     fn mask(&mut self, bits: u32) -> &mut Mask {
         let place = self.masks.iter().position(|mask| mask.bits == bits).unwrap_or_else(|| {
-            self.masks.push(Mask { bits, wanted: Vec::new() });
+            self.masks.push(Mask { bits, wanted: HashMap::default() });
             self.masks.len() - 1
         });
         &mut self.masks[place]

@@ -111,7 +111,9 @@ impl Bus {
     fn change_mode(&mut self, id: PortId, from: BusErrorMode, at: Instant) {
         let port = &mut self.ports[id.0];
         let to = port.mode();
-        self.touched.push(id);
+        if port.is_device {
+            self.touched.push(id);
+        }
         self.journal.note(|| Some(Event { at, who: port.name.clone(), what: EventKind::ErrorMode { from, to } }));
         if port.member && !port.is_silent() {
             let group = group_of(&mut self.groups, port);
@@ -186,7 +188,7 @@ impl Bus {
 
     /// Brings those back whose time has come.
     pub(super) fn recover(&mut self, now: Nanos) {
-        if self.current.is_some() || self.recovering.is_empty() {
+        if self.current.is_some() {
             return;
         }
         let mut recovered = std::mem::take(&mut self.recovering);

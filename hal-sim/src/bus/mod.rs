@@ -11,6 +11,7 @@
 //! What is simplified: an attempt that fails is cut at the bit where the first error is seen, and all controllers see
 //! the error frame at once. Oscillator tolerance, resynchronisation and overload frames are left out.
 
+mod alone;
 mod bits;
 mod clock;
 mod confinement;
@@ -86,7 +87,7 @@ pub struct Bus {
     spare: Vec<PortId>,
     /// From when on the next frame may start.
     free_at: Nanos,
-    /// The ports for which something changed since they were last asked for.
+    /// The ports of devices for which something changed since they were last asked for.
     touched: Vec<PortId>,
     /// The list of those that hear the last frame, to be used again.
     hearers: Vec<PortId>,
@@ -251,8 +252,14 @@ impl Bus {
         self.load.percent(nanos(now))
     }
 
-    /// The ports that received something, sent something or changed their error mode, in the order of their numbers,
-    /// into an empty `ports`.
+    /// Whether there are ports to be [taken](Self::swap_touched).
+    #[inline]
+    pub(crate) const fn is_any_touched(&self) -> bool {
+        !self.touched.is_empty()
+    }
+
+    /// The devices' ports that received something, sent something or changed their error mode, in the order of their
+    /// numbers, into an empty `ports`.
     #[inline]
     pub(crate) fn swap_touched(&mut self, ports: &mut Vec<PortId>) {
         std::mem::swap(&mut self.touched, ports);

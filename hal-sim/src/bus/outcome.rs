@@ -16,15 +16,19 @@ impl Bus {
         if let Some(transmission) = self.current.take_if(|transmission| transmission.end <= nanos(now)) {
             self.end(transmission);
         }
-        self.recover(nanos(now));
-        self.tell_joined(nanos(now));
+        if !self.recovering.is_empty() {
+            self.recover(nanos(now));
+        }
+        if !self.externals.is_empty() {
+            self.tell_joined(nanos(now));
+        }
     }
 
     fn end(&mut self, mut transmission: Transmission) {
         // Whoever acknowledged it may have been switched off while the frame was on the wire.
         if transmission.error.is_none() && !self.is_heard(transmission.rate, &transmission.senders) {
             transmission.error = Some(BusError::Acknowledgement);
-            transmission.signalled_by = Some(transmission.from.clone());
+            transmission.signalled_by = transmission.senders.first().map(|id| self.ports[id.0].name.clone());
         }
         self.free_at = transmission.end + bit_times(INTERMISSION, transmission.rate);
         self.load.add(self.free_at - transmission.start, transmission.end);
@@ -46,8 +50,9 @@ impl Bus {
 
     /// Notes what was on the wire.
     fn note(&mut self, transmission: &Transmission) {
-        let Transmission { frame, start, end, error, from, signalled_by, .. } = transmission;
+        let Transmission { frame, start, end, error, senders, gone, signalled_by, .. } = transmission;
         let (frame, start) = (*frame, instant(*start));
+        let ports = &self.ports;
         let what = || match (error, signalled_by) {
             (None, _) => Some(EventKind::Frame { frame, start }),
             (Some(error), Some(by)) => {
@@ -56,19 +61,25 @@ impl Bus {
             // A sender fell silent, and nobody listened.
             (Some(_), None) => None,
         };
-        self.journal.note(|| Some(Event { at: instant(*end), who: from.clone(), what: what()? }));
+        let from = || senders.first().map_or_else(|| gone.clone(), |id| Some(ports[id.0].name.clone()));
+        self.journal.note(|| Some(Event { at: instant(*end), who: from()?, what: what()? }));
     }
 
     fn deliver(&mut self, transmission: &Transmission) {
         let at = instant(transmission.end);
         let Some(place) = self.groups.iter().position(|group| group.rate == transmission.rate) else { return };
-        self.count_received(place, transmission, at);
+        if !self.groups[place].counting.is_empty() {
+            self.count_received(place, transmission, at);
+        }
         let mut hearers = std::mem::take(&mut self.hearers);
         self.groups[place].hearers(&transmission.frame, &mut hearers);
         for id in hearers.drain(..) {
             if !transmission.senders.contains(&id) {
-                self.ports[id.0].deliver(&transmission.frame, at);
-                self.touched.push(id);
+                let port = &mut self.ports[id.0];
+                port.deliver(&transmission.frame, at);
+                if port.is_device {
+                    self.touched.push(id);
+                }
             }
         }
         self.hearers = hearers;
@@ -76,9 +87,6 @@ impl Bus {
 
     /// Counts a received frame for those whom it matters to: a counter that is 0 stays so.
     fn count_received(&mut self, place: usize, transmission: &Transmission, at: Instant) {
-        if self.groups[place].counting.is_empty() {
-            return;
-        }
         let mut counting = std::mem::take(&mut self.groups[place].counting);
         counting.retain(|id| {
             if !transmission.senders.contains(id) {
@@ -125,7 +133,9 @@ impl Bus {
         if port.mode() == BusErrorMode::ErrorPassive {
             port.ready_at = self.free_at + bit_times(SUSPEND, port.rate);
         }
-        self.touched.push(id);
+        if port.is_device {
+            self.touched.push(id);
+        }
         self.refresh(id, at);
     }
 }

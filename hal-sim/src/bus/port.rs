@@ -24,6 +24,8 @@ pub const RECEIVE_QUEUE: usize = 256;
 #[derive(Debug)]
 pub struct Port {
     pub(super) name: Arc<str>,
+    /// Whether a device is behind it, to be told what happens.
+    pub(super) is_device: bool,
     pub(super) rate: BitRate,
     pub(super) connected: bool,
     pub(super) confinement: Confinement,
@@ -65,7 +67,9 @@ pub(super) struct Recovery {
 impl Port {
     /// The controller of a device, not yet connected.
     pub(super) fn of_device(name: Arc<str>, rate: BitRate) -> Self {
-        Self::new(name, rate, Transmit::mailboxes(), RECEIVE_QUEUE)
+        let mut port = Self::new(name, rate, Transmit::mailboxes(), RECEIVE_QUEUE);
+        port.is_device = true;
+        port
     }
 
     /// A client's place on the bus, not yet connected.
@@ -88,6 +92,7 @@ impl Port {
     fn new(name: Arc<str>, rate: BitRate, transmit: Transmit, room: usize) -> Self {
         Self {
             name,
+            is_device: false,
             rate,
             connected: false,
             confinement: Confinement::default(),
@@ -137,6 +142,12 @@ impl Port {
     #[must_use]
     pub const fn overruns(&self) -> u32 {
         self.overruns
+    }
+
+    /// The frames that it lets through; `None` before the device has said: every frame.
+    #[must_use]
+    pub const fn filters(&self) -> Option<&Filters> {
+        self.filters.as_ref()
     }
 
     /// What it has heard since this was last asked, oldest first.

@@ -27,8 +27,8 @@ pub(super) struct Transmission {
     pub(super) rate: BitRate,
     /// Who sends it; several when they send the same, or when none of them has noticed the others yet.
     pub(super) senders: Vec<PortId>,
-    /// The name of the first of the senders: it may be gone when the frame ends.
-    pub(super) from: Arc<str>,
+    /// The name of the last sender, once all of them have fallen silent.
+    pub(super) gone: Option<Arc<str>>,
     pub(super) start: Nanos,
     /// When the frame or the error frame ends.
     pub(super) end: Nanos,
@@ -89,42 +89,45 @@ impl Bus {
     }
 
     fn transmit(&mut self, start: Nanos, mut senders: Vec<PortId>) -> Transmission {
-        let from = self.ports[senders[0].0].name.clone();
         let collision = self.resolve(start, &mut senders);
         let first = &self.ports[senders[0].0];
         let frame = *first.transmit.head().expect("a sender has something to send");
         let rate = first.rate;
         let on_wire = FrameBits::of(&frame).on_wire();
-
+        let injectors = self.injectors.iter_mut();
+        let injected = injectors.filter_map(|injector| injector.disturb(&first.name, &frame, on_wire)).min();
         let heard = self.is_heard(rate, &senders);
         let disturber = self.disturber(rate, &senders);
+        let mut transmission = Transmission {
+            frame,
+            rate,
+            senders,
+            start,
+            end: start + bit_times(on_wire, rate),
+            error: None,
+            by_other_rate: false,
+            signalled_by: None,
+            gone: None,
+        };
+        if collision.is_none() && injected.is_none() && disturber.is_none() && heard {
+            return transmission;
+        }
         let fate = |error, bits, by| Fate { error, bits, by_other_rate: false, by };
-        let injected = self.injectors.iter_mut().filter_map(|injector| injector.disturb(&from, &frame, on_wire)).min();
         let fates = [
             collision,
             injected.map(|bit| fate(BusError::Bit, bit + 1, None)),
             disturber.map(|by| Fate { by_other_rate: heard, ..fate(BusError::Stuff, WRONG_RATE_SEEN, Some(by)) }),
             (!heard).then(|| fate(BusError::Acknowledgement, on_wire - AFTER_ACK_SLOT, None)),
         ];
-        let fate = fates.into_iter().flatten().min_by_key(|fate| fate.bits);
-
-        let length = match &fate {
-            None => on_wire,
-            Some(fate) if heard || disturber.is_some() => fate.bits + ERROR_FRAME,
-            Some(fate) => fate.bits + LONE_ERROR_FRAME,
-        };
-        let signaller = |fate: &Fate| fate.by.map_or_else(|| from.clone(), |id| self.ports[id.0].name.clone());
-        Transmission {
-            frame,
-            rate,
-            senders,
-            start,
-            end: start + bit_times(length, rate),
-            by_other_rate: fate.as_ref().is_some_and(|fate| fate.by_other_rate),
-            signalled_by: fate.as_ref().map(signaller),
-            error: fate.map(|fate| fate.error),
-            from,
+        if let Some(fate) = fates.into_iter().flatten().min_by_key(|fate| fate.bits) {
+            let error_frame = if heard || disturber.is_some() { ERROR_FRAME } else { LONE_ERROR_FRAME };
+            let by = fate.by.unwrap_or(transmission.senders[0]);
+            transmission.end = start + bit_times(fate.bits + error_frame, rate);
+            transmission.error = Some(fate.error);
+            transmission.by_other_rate = fate.by_other_rate;
+            transmission.signalled_by = Some(self.ports[by.0].name.clone());
         }
+        transmission
     }
 
     /// Whether somebody acknowledges what these ports send at a bit rate.
@@ -179,7 +182,9 @@ impl Bus {
         let port = &mut self.ports[id.0];
         port.tell(at, WireEvent::NotSent(BusError::Bit));
         port.transmit.sent(false);
-        self.touched.push(id);
+        if port.is_device {
+            self.touched.push(id);
+        }
         self.fall_out_of_step(id, instant(at));
     }
 
@@ -195,7 +200,11 @@ impl Bus {
         }
         self.ports[id.0].transmit.sent(false);
         transmission.senders.retain(|sender| *sender != id);
-        if transmission.senders.is_empty() && transmission.error.is_none() {
+        if !transmission.senders.is_empty() {
+            return;
+        }
+        transmission.gone = Some(self.ports[id.0].name.clone());
+        if transmission.error.is_none() {
             transmission.error = Some(BusError::Stuff);
             transmission.end = nanos(now).max(transmission.start) + bit_times(ERROR_FRAME, transmission.rate);
             let group = self.groups.iter().find(|group| group.rate == transmission.rate);

@@ -158,7 +158,7 @@ fn damage_while_running_is_put_aside_at_the_next_start() {
     let dir = directory();
     let mut memory = open(&dir);
     memory.flash_mut().fill(|cell| cell as u8);
-    let damaged = memory.flash().image().to_vec();
+    let damaged = memory.flash().image();
     assert!(memory.read_image().is_damaged());
     assert_eq!(memory.take_warnings().len(), 1);
     assert!(fs::read(dir.path().join("valve.nvm.bad")).unwrap()[HEADER..] == damaged);

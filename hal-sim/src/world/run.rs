@@ -25,15 +25,18 @@ impl World {
     pub fn step(&mut self) {
         let next = self.next_event();
         if next != NEVER {
-            self.now = next;
-            self.happen();
+            self.happen(next);
         }
     }
 
     /// Lets everything happen that is due until `end`, and goes there.
     pub fn run_until(&mut self, end: Instant) {
-        while self.next_event() <= end {
-            self.step();
+        loop {
+            let next = self.next_event();
+            if next > end || next == NEVER {
+                break;
+            }
+            self.happen(next);
         }
         self.now = self.now.max(end);
     }
@@ -59,9 +62,9 @@ impl World {
         }
     }
 
-    /// Everything that is due now.
-    fn happen(&mut self) {
-        let now = self.now;
+    /// Goes to an instant and lets everything happen that is due then.
+    fn happen(&mut self, now: Instant) {
+        self.now = now;
         self.bus.finish(now);
         self.service_touched();
         while let Some(number) = self.agenda.due_by(now) {
@@ -71,7 +74,14 @@ impl World {
         self.service_touched();
     }
 
+    #[inline]
     fn service_touched(&mut self) {
+        if self.bus.is_any_touched() {
+            self.service_all_touched();
+        }
+    }
+
+    fn service_all_touched(&mut self) {
         let mut touched = std::mem::take(&mut self.touched);
         self.bus.swap_touched(&mut touched);
         for port in touched.drain(..) {
@@ -156,8 +166,7 @@ impl World {
     fn begin_write(&mut self, id: NodeId, key: RecordKey, record: Record) {
         // The core asks for one at a time; if it ever did not, the first one must not be lost.
         self.finish_write(id, NEVER);
-        let began = self.now;
-        self.nodes[id.0].write = Some(Write { key, record, began, done: after(began, write_time(key)) });
+        self.nodes[id.0].write = Some(Write::begin(key, record, self.now, write_time(key)));
     }
 
     /// Whether a device has sent and stored everything.
