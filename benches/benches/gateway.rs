@@ -36,38 +36,33 @@ fn budget(instructions: u64) -> LibraryBenchmarkConfig {
     config
 }
 
-#[library_benchmark(config = budget(REQUEST))]
+#[library_benchmark(config = budget(5_000))]
 #[bench::send("< send 605 8 40 18 10 1 0 0 0 0 >")]
 fn request(text: &str) -> Option<Request> {
     let mut parser = Parser::default();
     text.bytes().find_map(|byte| parser.push(byte)).and_then(Result::ok)
 }
 
-#[library_benchmark(config = budget(TO_CLIENT))]
+#[library_benchmark(config = budget(1_500))]
 #[bench::frame(frame("585: 43 18 10 01 19 00 00 01"), String::with_capacity(256))]
 fn to_client(frame: Frame, mut out: String) -> String {
     emit_frame(&mut out, AT, &frame);
     out
 }
 
-#[library_benchmark(config = budget(LOGGED))]
+#[library_benchmark(config = budget(1_700))]
 #[bench::frame(frame("585: 43 18 10 01 19 00 00 01"), String::with_capacity(256))]
 fn logged(frame: Frame, mut out: String) -> String {
     write_frame(&mut out, AT, "pve0", &frame);
     out
 }
 
-#[library_benchmark(config = budget(EXPLAINED))]
+#[library_benchmark(config = budget(7_400))]
 #[bench::sdo_answer(explainer(), frame("585: 43 18 10 01 19 00 00 01"))]
 fn explained(explainer: Explainer, frame: Frame) -> (Explainer, String) {
     let meaning = explainer.explain(&frame, Some("valve-5"));
     (explainer, meaning)
 }
-
-const REQUEST: u64 = 100_000;
-const TO_CLIENT: u64 = 100_000;
-const LOGGED: u64 = 100_000;
-const EXPLAINED: u64 = 100_000;
 
 library_benchmark_group!(name = gateway, benchmarks = [request, to_client, logged, explained]);
 

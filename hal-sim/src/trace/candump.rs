@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use protocol_core::frame::{Frame, Id};
 
-use super::{ErrorClass, Timestamp};
+use super::{ErrorClass, Timestamp, write_hex};
 
 /// Linux's mark of an error frame in an identifier.
 const ERROR_FLAG: u32 = 0x2000_0000;
@@ -23,9 +23,7 @@ pub fn write_frame(out: &mut String, at: Timestamp, bus: &str, frame: &Frame) {
             let _ = write!(out, "{}", frame.len());
         }
     }
-    for byte in frame.data() {
-        let _ = write!(out, "{byte:02X}");
-    }
+    write_hex(out, frame.data());
 }
 
 /// An error frame, without the end of the line: the class with its mark, and the eight bytes of detail.

@@ -6,6 +6,15 @@ mod timestamp;
 pub use candump::{write_error, write_frame};
 pub use timestamp::Timestamp;
 
+/// Bytes in hex, two digits each, without blanks.
+pub(crate) fn write_hex(out: &mut String, bytes: &[u8]) {
+    const DIGITS: [char; 16] = ['0', '1', '2', '3', '4', '5', '6', '7', '8', '9', 'A', 'B', 'C', 'D', 'E', 'F'];
+    for byte in bytes {
+        out.push(DIGITS[usize::from(byte >> 4)]);
+        out.push(DIGITS[usize::from(byte & 0xF)]);
+    }
+}
+
 /// What an error frame tells, in the classes of Linux (`linux/can/error.h`), which traces and gateways share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ErrorClass {

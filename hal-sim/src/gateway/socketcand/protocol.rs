@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use protocol_core::frame::{Frame, Id, MAX_LEN, extended, standard};
 
-use crate::trace::{ErrorClass, Timestamp};
+use crate::trace::{ErrorClass, Timestamp, write_hex};
 
 /// The longest message, in bytes between `<` and `>`: that of a client that sends every number in 64 bits has 160.
 pub const MESSAGE_MAX: usize = 256;
@@ -186,9 +186,7 @@ pub fn emit_frame(out: &mut String, at: Timestamp, frame: &Frame) {
         Id::Standard(id) => write!(out, "< frame {:03X} {at} ", id.as_raw()),
         Id::Extended(id) => write!(out, "< frame {:08X} {at} ", id.as_raw()),
     };
-    for byte in frame.data() {
-        let _ = write!(out, "{byte:02X}");
-    }
+    write_hex(out, frame.data());
     out.push_str(" >");
 }
 
