@@ -146,8 +146,8 @@ impl Port {
 
     /// The frames that it lets through; `None` before the device has said: every frame.
     #[must_use]
-    pub const fn filters(&self) -> Option<&Filters> {
-        self.filters.as_ref()
+    pub fn filters(&self) -> Option<&Filters> {
+        self.new_filters.as_ref().or(self.filters.as_ref())
     }
 
     /// What it has heard since this was last asked, oldest first.

@@ -104,10 +104,10 @@ impl Stored {
     }
 
     /// The bits of all words that are written.
-    fn bits_in_use(&self) -> Vec<usize> {
+    fn bits_in_use(&self) -> impl Iterator<Item = usize> {
         let image = self.flash.image();
         let words = image.chunks_exact(WORD).enumerate().filter(|(_, word)| *word != [0xFF; WORD]);
-        words.flat_map(|(at, _)| at * WORD * 8..(at + 1) * WORD * 8).collect()
+        words.flat_map(|(at, _)| at * WORD * 8..(at + 1) * WORD * 8).collect::<Vec<_>>().into_iter()
     }
 }
 
