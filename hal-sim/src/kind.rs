@@ -82,7 +82,7 @@ impl Kind {
         }
     }
 
-    /// The serial number that it has when none is given (SPEC 1).
+    /// Returns the default serial number (SPEC 1).
     #[must_use]
     pub const fn default_serial(self) -> u32 {
         match self {
@@ -90,8 +90,8 @@ impl Kind {
         }
     }
 
-    /// What tells a device with this serial number from all others on the bus: on CANopen the whole number, as part of
-    /// the LSS address; on ISOBUS the low 21 bits, as identity number of the NAME (SPEC 1).
+    /// Returns the number that distinguishes a device on the bus: on CANopen the whole serial number, a part of the LSS
+    /// address; on ISOBUS its low 21 bits, the identity number of the NAME (SPEC 1).
     #[must_use]
     pub const fn known_by(self, serial: u32) -> (Protocol, u32) {
         const IDENTITY_NUMBER: u32 = 0x001F_FFFF;

@@ -134,8 +134,8 @@ fn named(specs: Vec<DeviceSpec>) -> Result<Vec<NamedDevice>, UsageError> {
     Ok(devices.collect())
 }
 
-/// Gives a serial number to each device that has none: the next one from its kind's on by which no other device of the
-/// bus is known. Numbers that were asked for are taken first.
+/// Gives each device without a serial number the next free one, from the kind's default on. Explicit numbers are taken
+/// first.
 fn number(devices: &mut [NamedDevice]) {
     let mut taken: Vec<_> =
         devices.iter().filter_map(|device| Some(device.kind.known_by(device.birth.serial?))).collect();

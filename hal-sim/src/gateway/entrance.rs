@@ -1,4 +1,4 @@
-//! The way from the clients into the world: one channel, on which each message has the wall instant of its arrival.
+//! The way from clients into the world: one channel, on which each message carries the wall instant of its arrival.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -7,32 +7,32 @@ use std::time::Instant as WallInstant;
 
 use super::ToWorld;
 
-/// The clients' end. Every gateway has one, and whoever ends the simulator.
+/// The clients' end of the channel: for gateways, and for the end of the simulator.
 #[derive(Clone, Debug)]
 pub struct Entrance {
     messages: Sender<Arrival>,
     ending: Arc<AtomicBool>,
 }
 
-/// The world's end.
+/// The world's end of the channel.
 #[derive(Debug)]
 pub struct Inbox {
-    /// What the clients want, in the order in which it arrived.
+    /// Messages in the order of their arrival.
     pub messages: Receiver<Arrival>,
     ending: Arc<AtomicBool>,
 }
 
-/// A message with the instant at which it takes effect.
+/// A message with its arrival.
 #[derive(Debug)]
 pub struct Arrival {
-    /// When it arrived.
+    /// The wall instant of the arrival.
     pub at: WallInstant,
-    /// What is wanted.
+    /// The message.
     pub message: ToWorld,
 }
 
 impl Entrance {
-    /// Both ends.
+    /// Returns both ends.
     #[must_use]
     pub fn new() -> (Self, Inbox) {
         let (sender, messages) = channel();
@@ -40,12 +40,12 @@ impl Entrance {
         (Self { messages: sender, ending: Arc::clone(&ending) }, Inbox { messages, ending })
     }
 
-    /// Sends a message that arrives now. A world that has ended needs to hear nothing: the whole simulator ends with it.
+    /// Sends a message that arrives now. A world that has ended drops it: the simulator ends with the world.
     pub fn tell(&self, message: ToWorld) {
         let _ = self.messages.send(Arrival { at: WallInstant::now(), message });
     }
 
-    /// Lets the simulator end, whatever else waits for the world.
+    /// Ends the simulator, before messages that still wait for the world.
     pub fn end(&self) {
         self.ending.store(true, Ordering::Release);
         // Wakes up a world that waits.

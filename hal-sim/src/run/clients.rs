@@ -15,13 +15,13 @@ use crate::world::{Event, EventKind, TapId, World};
 /// The name of their controller in traces. No device's name has a blank.
 const NAME: &str = "the gateway";
 
-/// How many frames may wait of clients that have left, all of them together: half a second of a bus at 250 kbit/s.
+/// The most frames that wait for the bus after their clients have left: half a second of a bus at 250 kbit/s.
 pub(super) const LEFT_BEHIND: usize = 1024;
 
 /// Everybody who is connected, by any gateway.
 pub(super) struct Clients {
     clients: BTreeMap<ClientId, Client>,
-    /// Whether they get error frames.
+    /// Whether clients get error frames.
     error_frames: bool,
     /// Their controller. It keeps nothing of what it hears: that comes to the clients by the events, in which frames and
     /// error frames are in their order.
@@ -30,9 +30,9 @@ pub(super) struct Clients {
     sending: Option<ClientId>,
     /// What else waits for the bus, also of clients that have left. No queue is empty.
     waiting: BTreeMap<ClientId, VecDeque<Waiting>>,
-    /// How many of those are of clients that have left.
+    /// The number of waiting frames whose clients have left.
     left_behind: usize,
-    /// How many of those were dropped.
+    /// The number of such frames that were dropped.
     dropped: usize,
     /// How many frames there were.
     count: u64,
@@ -91,13 +91,13 @@ impl Clients {
         Ok(())
     }
 
-    /// Whether somebody listens.
+    /// Whether a client listens.
     pub(super) fn is_heard(&self) -> bool {
         self.clients.values().any(|client| client.listening)
     }
 
-    /// Shows a frame to everybody who listens, but for its sender, and what is told of errors to those who want it;
-    /// returns how many were dismissed.
+    /// Sends a frame to all listening clients but its sender, and an error that is told to all of them, if they want it.
+    /// Returns the number of clients that were dismissed.
     pub(super) fn show(&mut self, event: &Event, at: Timestamp, told: Option<ErrorClass>) -> usize {
         let own = *event.who == *NAME;
         let (message, sender) = match (&event.what, told) {
@@ -112,8 +112,8 @@ impl Clients {
         overrun.len()
     }
 
-    /// Takes back a frame that was destroyed, when its client is not there any more: nobody waits for it, and it may be
-    /// destroyed for ever. To be called after every event, before [`send`](Self::send).
+    /// Withdraws a frame that was destroyed and whose client has left: it could be destroyed for ever. To be called after
+    /// every event, before [`send`](Self::send).
     pub(super) fn give_up(&mut self, event: &Event, world: &mut World) {
         let left = self.sending.is_some_and(|sender| !self.clients.contains_key(&sender));
         if event.is_error_frame() && *event.who == *NAME && left {
@@ -158,13 +158,13 @@ impl Clients {
         posted
     }
 
-    /// How many frames of clients that have left were dropped since this was last asked.
+    /// Returns the number of dropped frames of departed clients since the last call.
     pub(super) fn take_dropped(&mut self) -> usize {
         std::mem::take(&mut self.dropped)
     }
 
-    /// The client is gone. Its frames still go out, as far as there is room for them; where there is not, those who left
-    /// most behind lose their last ones.
+    /// Lets a client go. Its frames still go out; beyond [`LEFT_BEHIND`], the departed client with the most frames loses
+    /// the later half of them.
     fn let_go(&mut self, id: ClientId) {
         if self.clients.remove(&id).is_none() {
             return;

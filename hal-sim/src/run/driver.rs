@@ -1,12 +1,8 @@
-//! The thread of the world: keeps its time, takes what clients want, and shows what was on the bus.
+//! The thread of the world: keeps its time, lets messages of clients take effect, and shows what was on the bus.
 //!
-//! A message of a client takes effect at the virtual time of its arrival: until then the world has caught up completely.
-//! How long it works before it looks at the clock again is bounded by a number of events, so a world that is behind
-//! neither skips anything nor keeps anybody waiting for long.
-//!
-//! Time can be lost in two ways, and then goes on from where the world is. A **process that stood still**, at a speed up
-//! to 1: masters are on the wall clock, and no valve is to take the pause for one of theirs. A **speed that cannot be
-//! reached**: the world would fall behind for ever.
+//! A message takes effect at the virtual time of its arrival, after the world has caught up with that completely. The
+//! work between two looks at the clock is bounded by a number of events, so a world that is behind skips nothing and keeps
+//! nobody waiting for long.
 
 use std::collections::VecDeque;
 use std::time::{Duration as WallDuration, Instant as WallInstant};
@@ -17,70 +13,44 @@ use protocol_core::time::{Instant, after};
 use super::clients::Clients;
 use super::errors::Errors;
 use super::outside::Outside;
-use super::pace::Pace;
+use super::timekeeper::{NAP, Timekeeper};
 use super::trace::Trace;
 use crate::gateway::{Arrival, ToWorld};
 use crate::trace::Timestamp;
 use crate::world::{Event, SUPPLY_JITTER, World};
 
-/// How many events may happen before the clock is looked at: some milliseconds of work.
+/// The most events between two looks at the clock: some milliseconds of work.
 const GO: usize = 1000;
 
-/// A process that did not look at the clock for so long stood still. A master may be late by as much as its valves allow:
-/// at most 250 ms between set-points of which it takes 200.
-const STALL: WallDuration = WallDuration::from_millis(50);
-
-/// How long the thread sleeps at most, to notice that it stood still: what is left of [`STALL`] is room for a system that
-/// wakes it up late.
-const NAP: WallDuration = WallDuration::from_millis(20);
-
-/// How long the world may be behind before its speed is out of reach.
-const BEHIND: WallDuration = WallDuration::from_secs(1);
-
-/// What is longer than this is time enough to hand the trace out.
+/// A wait longer than this has room for handing out the trace.
 const LULL: WallDuration = WallDuration::from_millis(1);
 
-/// How often the user is told of lost time.
-const REMINDER: WallDuration = WallDuration::from_secs(60);
+/// The trace is handed out so often, even if there is no lull.
+const HAND_OUT: WallDuration = WallDuration::from_millis(20);
 
 /// A world with everything that is connected to it.
 pub(super) struct Driver<O> {
     world: World,
     clients: Clients,
     outside: O,
-    pace: Pace,
-    /// The wall time of virtual instant 0, as traces and clients are told.
+    time: Timekeeper,
+    /// The wall time of virtual instant 0, for traces and clients.
     start: Timestamp,
     errors: Errors,
     trace: Trace,
-    /// What has arrived and has not taken effect, oldest first.
+    /// Messages that have not taken effect, oldest first.
     arrivals: VecDeque<Arrival>,
-    /// The events that are being shown, to be used again.
+    /// The events that are being shown; the allocation is used again.
     events: Vec<Event>,
-    /// From when on clients may send: all devices have started then.
+    /// The end of the start-up: clients may send from this instant on.
     open: Instant,
-    /// When the clock was last looked at.
-    looked: WallInstant,
-    /// When the trace was last handed out.
+    /// The last time that the trace was handed out.
     handed_out: WallInstant,
-    /// Since when the world is behind the pace.
-    behind: Option<WallInstant>,
-    /// Whether the user knows that the speed is out of reach.
-    out_of_reach: bool,
-    lost: Lost,
-}
-
-/// Time that was lost by a process that stood still, and is not told yet.
-#[derive(Debug, Default)]
-struct Lost {
-    stalls: u32,
-    time: WallDuration,
-    told: Option<WallInstant>,
 }
 
 impl<O: Outside> Driver<O> {
-    /// A world whose devices are not powered yet, at a speed that is finite and above 0.
-    /// Its instant 0 is told as `start`.
+    /// A driver of a world whose devices are not powered yet, at a speed that is finite and above 0. `start` is the wall
+    /// time of virtual instant 0.
     pub(super) fn new(
         mut world: World,
         clients: Clients,
@@ -90,27 +60,23 @@ impl<O: Outside> Driver<O> {
         trace: Trace,
     ) -> Self {
         world.record_events(true);
-        let looked = outside.now();
+        let now = outside.now();
         Self {
             world,
             clients,
-            pace: Pace::start(speed, looked),
             outside,
+            time: Timekeeper::start(speed, now),
             start,
             errors: Errors::default(),
             trace,
             arrivals: VecDeque::new(),
             events: Vec::new(),
             open: Instant::MAX,
-            looked,
-            handed_out: looked,
-            behind: None,
-            out_of_reach: false,
-            lost: Lost::default(),
+            handed_out: now,
         }
     }
 
-    /// Powers the devices and runs until it is told to end; then lets them store what they have to.
+    /// Powers the devices and runs until the end comes; then lets the devices store what they have to.
     ///
     /// Without a bit rate the bus gets that of the first device.
     pub(super) fn run(mut self, bit_rate: Option<BitRate>) {
@@ -139,19 +105,22 @@ impl<O: Outside> Driver<O> {
         self.trace.learn(&self.world);
     }
 
-    /// Lets happen what is due, up to the next message; then that one takes effect, or the thread waits for another.
+    /// Lets the world catch up with the next message, which then takes effect, or with the clock, and waits.
     fn turn(&mut self) {
-        let now = self.look_at_clock();
+        let now = self.outside.now();
+        let warning = self.time.look(now, self.world.now());
+        self.warn(warning);
         if self.arrivals.is_empty() {
             self.arrivals.extend(self.outside.take());
         }
         let due = self.arrivals.front().map_or(Instant::MAX, |next| self.due(next));
-        if !self.catch_up(self.pace.at(now).min(due)) {
-            self.fall_behind(now);
+        if !self.catch_up(self.time.pace().at(now).min(due)) {
+            let warning = self.time.fell_behind(self.world.now());
+            self.warn(warning);
             self.hand_out();
             return;
         }
-        self.behind = None;
+        self.time.caught_up();
         if self.world.now() >= due {
             self.take_effect();
         } else {
@@ -159,25 +128,24 @@ impl<O: Outside> Driver<O> {
         }
     }
 
-    /// When a message takes effect.
+    /// The instant at which a message takes effect.
     fn due(&self, arrival: &Arrival) -> Instant {
-        let arrived = self.pace.at(arrival.at);
+        let arrived = self.time.pace().at(arrival.at);
         match arrival.message {
             ToWorld::Send(..) => arrived.max(self.open),
             _ => arrived,
         }
     }
 
-    /// Waits for a message, or until something is due; readers of traces get what they wait for before that, unless
-    /// a client would have to wait instead.
+    /// Waits for a message, or for the next event. Hands out the trace before, unless a client would wait for that.
     fn wait(&mut self, due: Instant) {
-        let now = self.looked;
-        let next = self.pace.when(self.world.next_event().min(due));
-        if next.is_none_or(|next| next > now + LULL) || now.saturating_duration_since(self.handed_out) >= NAP {
+        let now = self.time.looked();
+        let next = self.time.pace().when(self.world.next_event().min(due));
+        if next.is_none_or(|next| next > now + LULL) || now.saturating_duration_since(self.handed_out) >= HAND_OUT {
             self.hand_out();
             self.handed_out = now;
         }
-        let nap = (self.pace.speed() <= 1.0).then(|| now + NAP);
+        let nap = self.time.minds_stalls().then(|| now + NAP);
         let arrival = match (next, nap) {
             (Some(next), nap) if nap.is_none_or(|nap| next <= nap) && self.clients.is_heard() => {
                 self.outside.wait_punctually(next)
@@ -187,28 +155,7 @@ impl<O: Outside> Driver<O> {
         self.arrivals.extend(arrival);
     }
 
-    /// The wall time now. At a speed up to 1 the world's time does not go on for a process that stood still.
-    fn look_at_clock(&mut self) -> WallInstant {
-        let now = self.outside.now();
-        let passed = now.saturating_duration_since(std::mem::replace(&mut self.looked, now));
-        if passed > STALL && self.pace.speed() <= 1.0 {
-            self.pace.anchor(now, self.world.now());
-            self.lost.stalls += 1;
-            self.lost.time += passed;
-            if self.lost.told.is_none_or(|told| now.saturating_duration_since(told) >= REMINDER) {
-                let Lost { stalls, time, .. } =
-                    std::mem::replace(&mut self.lost, Lost { told: Some(now), ..Lost::default() });
-                let times = if stalls == 1 { String::new() } else { format!(" ({stalls} times)") };
-                self.trace.warn(format!(
-                    "stood still for {:.3} s{times}: that time did not happen on the bus",
-                    time.as_secs_f64()
-                ));
-            }
-        }
-        now
-    }
-
-    /// Lets happen what is due until `end`, and goes there, unless there is too much to do in one go; whether it got there.
+    /// Goes to `end` through all events until then, or through [`GO`] of them; returns whether it got there.
     fn catch_up(&mut self, end: Instant) -> bool {
         for _ in 0..GO {
             if self.world.next_event() > end {
@@ -222,18 +169,6 @@ impl<O: Outside> Driver<O> {
         false
     }
 
-    /// The world has not caught up. When that lasts, its time goes on from where it is, as fast as it can.
-    fn fall_behind(&mut self, now: WallInstant) {
-        let since = *self.behind.get_or_insert(now);
-        if self.out_of_reach || now.saturating_duration_since(since) >= BEHIND {
-            self.pace.anchor(now, self.world.now());
-            if !std::mem::replace(&mut self.out_of_reach, true) {
-                let speed = self.pace.speed();
-                self.trace.warn(format!("--speed {speed} is out of reach: time runs as fast as this machine can"));
-            }
-        }
-    }
-
     fn take_effect(&mut self) {
         let Some(Arrival { message, .. }) = self.arrivals.pop_front() else { return };
         if self.clients.apply(message, &mut self.world).is_err() {
@@ -241,7 +176,7 @@ impl<O: Outside> Driver<O> {
         }
     }
 
-    /// Shows what was on the bus to the clients, on stdout and in the log.
+    /// Shows new events to the clients, on stdout and in the log.
     fn show(&mut self) {
         let mut events = std::mem::take(&mut self.events);
         events.extend(self.world.take_events());
@@ -258,7 +193,7 @@ impl<O: Outside> Driver<O> {
         self.events = events;
     }
 
-    /// Before the thread sleeps: what readers wait for.
+    /// Hands everything to the readers of stdout, stderr and the log.
     fn hand_out(&mut self) {
         self.trace.hand_out();
         self.warn_of_memories();
@@ -274,6 +209,12 @@ impl<O: Outside> Driver<O> {
             for warning in self.world.memory_mut(node).take_warnings() {
                 self.trace.warn(warning);
             }
+        }
+    }
+
+    fn warn(&self, warning: Option<String>) {
+        if let Some(line) = warning {
+            self.trace.warn(line);
         }
     }
 

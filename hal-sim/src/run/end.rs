@@ -1,10 +1,10 @@
-//! What ends the simulator: a signal, or nobody who reads its stdout any more.
+//! The end of a run: a signal, or a stdout that nobody reads any more.
 
 use std::io;
 
 use tokio::sync::watch;
 
-/// Waits for the end. Made as the very first thing, so that nothing is half done when a signal comes.
+/// The signals and the watch on stdout. A run makes them first, so that no signal finds it half started.
 pub(super) struct End {
     #[cfg(unix)]
     signals: Vec<tokio::signal::unix::Signal>,
@@ -13,7 +13,7 @@ pub(super) struct End {
 }
 
 impl End {
-    /// Listens to SIGINT, SIGTERM and SIGHUP, unless that is ignored, as under `nohup`; and to the end of stdout.
+    /// Listens to SIGINT, SIGTERM and SIGHUP, which may be ignored as under `nohup`, and watches stdout.
     pub(super) fn listen() -> io::Result<Self> {
         let (teller, reader_gone) = watch::channel(false);
         watch_stdout(teller.clone());
@@ -25,12 +25,12 @@ impl End {
         })
     }
 
-    /// To be told when stdout has no reader: by whoever writes to it.
+    /// Returns the place where a writer of stdout tells that nobody reads it.
     pub(super) fn teller(&self) -> watch::Sender<bool> {
         self.teller.clone()
     }
 
-    /// Waits until the simulator is to end.
+    /// Waits for the end.
     pub(super) async fn come(&mut self) {
         let Self { reader_gone, .. } = self;
         tokio::select! {
@@ -70,32 +70,32 @@ async fn any() {
     }
 }
 
-/// Whether whoever started this process has SIGHUP ignored. Only Linux says so to safe code; elsewhere it counts as not.
+/// Whether this process was started with SIGHUP ignored. Only Linux tells that to safe code.
 #[cfg(unix)]
 fn hangup_is_ignored() -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     ignores_hangup(&status)
 }
 
-/// The signals that are ignored are one hex number, in which SIGHUP, the first of all, is the lowest bit.
+/// Reads the mask of ignored signals, a hex number; SIGHUP is its lowest bit.
 #[cfg(unix)]
 fn ignores_hangup(status: &str) -> bool {
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).is_some_and(|mask| mask & 1 != 0)
 }
 
-/// A quiet bus writes nothing, and only who writes learns that nobody reads: a thread of its own waits for that.
+/// Watches stdout from a thread of its own: on a quiet bus no write would fail.
 #[cfg(unix)]
 fn watch_stdout(teller: watch::Sender<bool>) {
     use rustix::event::{PollFd, PollFlags, poll};
     use rustix::io::Errno;
     use std::os::fd::AsFd as _;
 
-    // Without the thread it is noticed with the next line.
+    // Without the thread, the next line of the trace notices.
     let _ = std::thread::Builder::new().name("stdout".to_owned()).spawn(move || {
         let stdout = io::stdout();
         loop {
-            // No event is asked for, so what comes is an error or the end; a file never has either.
+            // With no event asked for, poll returns for an error or a hang-up only; a file has neither.
             let mut polled = [PollFd::from_borrowed_fd(stdout.as_fd(), PollFlags::empty())];
             match poll(&mut polled, None) {
                 Err(Errno::INTR) => {}

@@ -1,5 +1,5 @@
-//! What is told of error frames: the first one of a frame that is being destroyed, and each change of an error mode. A
-//! frame that nobody takes is tried thousands of times a second, and nobody reads thousands of lines.
+//! The errors of the bus that users are told of: the first error frame of a frame that is being destroyed, and each change
+//! of an error mode. A controller repeats a destroyed frame thousands of times a second.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -13,24 +13,24 @@ use crate::explain::explain_error;
 use crate::trace::{ErrorClass, Timestamp};
 use crate::world::{Event, EventKind};
 
-/// After so long without an error frame, the next one is the first of others.
+/// An error frame after a pause longer than this is a first one again.
 const OVER: Duration = Duration::from_secs(1);
 
-/// What has gone wrong on the bus, and what of it was told.
+/// The errors of the bus, and those that were told.
 #[derive(Debug, Default)]
 pub(super) struct Errors {
-    /// How many error frames there were since the trouble began.
+    /// The number of error frames since the trouble began.
     count: u64,
-    /// The last of them.
+    /// The last error frame.
     last: Option<Instant>,
-    /// The frame of each sender that is being destroyed, and when it was last.
+    /// The frame of each sender that is being destroyed, with its last error frame.
     failing: HashMap<Arc<str>, (Frame, Instant)>,
-    /// The controllers that are not error-active: their mode, and since when.
+    /// The controllers that are not error-active: mode and its begin.
     troubled: HashMap<Arc<str>, (BusErrorMode, Timestamp)>,
 }
 
 impl Errors {
-    /// Takes note of an event; returns what is told of it, and in which words.
+    /// Takes note of an event; returns the class and the words of an error that is told.
     pub(super) fn note(&mut self, event: &Event, at: Timestamp) -> Option<(ErrorClass, String)> {
         match &event.what {
             EventKind::Frame { .. } => {
@@ -76,7 +76,7 @@ impl Errors {
     }
 }
 
-/// The class of an error frame, as logs and clients tell it.
+/// Returns the class of an error frame in logs and for clients.
 const fn class(error: BusError) -> ErrorClass {
     match error {
         BusError::Acknowledgement => ErrorClass::NoAcknowledge,

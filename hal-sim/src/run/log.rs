@@ -14,7 +14,7 @@ pub(super) struct Log {
 }
 
 impl Log {
-    /// Refuses a file that a log must not replace. Changes nothing: to be called before anything is made.
+    /// Refuses a file that a log must not replace; changes nothing. To be called before any file is made.
     ///
     /// # Errors
     /// [`RunError::Log`] for what is no regular file, for anything in the folder of the state files or a state file under
@@ -62,7 +62,7 @@ impl Log {
 /// Whether a path leads into a folder, or is another name of a file in it.
 fn is_kept_in(path: &Path, folder: &Path) -> bool {
     let Ok(folder) = fs::canonicalize(folder) else {
-        // The folder is made later: the path is in it by its own words.
+        // The folder does not exist yet: the paths decide.
         return std::path::absolute(path)
             .ok()
             .zip(std::path::absolute(folder).ok())

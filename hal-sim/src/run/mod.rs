@@ -1,18 +1,19 @@
 //! `pve-sim run`: the world paced by the wall clock, with its clients, its trace and its memory.
 //!
 //! ```text
-//! mod       from the options to a running simulator, and to its end
-//! options   what it is asked to do
-//! setup     devices with their memories, put into a world
-//! end       what ends it: signals, a stdout that nobody reads
-//! driver    the thread of the world: its time, its clients, its trace
-//! pace      wall time ↔ virtual time
-//! outside   what the driver sees of the outside: the wall clock, and messages of clients
-//! clients   the world's end of every gateway
-//! trace     what was on the bus, told on stdout and in the log
-//! errors    what is told of error frames
-//! printer   stdout and stderr, on a thread of their own: neither may hold the world up
-//! log       the file of --log
+//! mod         from the options to a running simulator, and to its end
+//! options     what the user asks for
+//! setup       devices with their memories, put into a world
+//! end         signals, and a stdout that nobody reads
+//! driver      the thread of the world: its time, its clients, its trace
+//! timekeeper  the virtual time of a run, and time that gets lost
+//! pace        wall time ↔ virtual time
+//! outside     the wall clock and the messages of clients, as the driver sees them
+//! clients     the world's end of every gateway
+//! trace       the bus on stdout and in the log
+//! errors      the error frames and error modes that are told
+//! printer     stdout and stderr, on a thread of their own: neither may hold the world up
+//! log         the file of --log
 //! ```
 //!
 //! The world has one thread and shares nothing. The gateways run on another, which is also the one that waits for the
@@ -28,6 +29,7 @@ mod outside;
 mod pace;
 mod printer;
 mod setup;
+mod timekeeper;
 mod trace;
 
 pub use options::{LogOptions, NamedDevice, RunOptions};
@@ -98,11 +100,11 @@ pub enum RunError {
     System(#[from] io::Error),
 }
 
-/// How many clients there may be, on all buses together.
+/// The most clients, on all buses together.
 const CLIENTS: usize = 128;
 
-/// How many file descriptors are kept for everything but clients and devices: what is open anyway, and state files while
-/// they are written.
+/// The file descriptors beside those of clients, buses and devices: what is open anyway, and state files while they are
+/// written.
 const DESCRIPTORS: usize = 32;
 
 /// Runs until SIGINT, SIGTERM or SIGHUP, or until nobody reads stdout; everything that devices had to store is stored
@@ -177,7 +179,7 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
 }
 
 impl Running {
-    /// Runs until the end comes, or the world's thread is gone, and waits until all is stored.
+    /// Waits for the end, or for the end of the world's thread; then until all is stored.
     async fn until(self, end: &mut End) {
         tokio::select! {
             () = end.come() => {}
@@ -191,7 +193,7 @@ impl Running {
     }
 }
 
-/// How many clients there may be: as many as leave enough file descriptors for devices to store.
+/// The number of clients that leaves enough file descriptors for devices to store.
 fn places(options: &RunOptions) -> usize {
     #[cfg(unix)]
     let limit = rustix::process::getrlimit(rustix::process::Resource::Nofile).current;
@@ -202,7 +204,7 @@ fn places(options: &RunOptions) -> usize {
     left.clamp(1, CLIENTS)
 }
 
-/// Lets this thread wake up when it asked for: Linux would put it off by 50 µs to wake several threads at once.
+/// Takes the timer slack from this thread: Linux would delay each wake-up by 50 µs to wake several threads at once.
 fn be_punctual() {
     #[cfg(target_os = "linux")]
     let _ = rustix::thread::set_current_timer_slack(std::num::NonZeroU64::new(1));

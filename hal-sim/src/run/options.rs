@@ -1,4 +1,4 @@
-//! What `run` is asked to do: its options, checked against each other by whoever made them.
+//! The options of `run`. The caller has checked them against each other.
 
 use std::path::PathBuf;
 

@@ -1,36 +1,36 @@
-//! What the driver sees of the outside: the wall clock, and what clients want.
+//! The outside of the world, as the driver sees it: the wall clock, and messages of clients.
 
 use std::sync::mpsc::{RecvTimeoutError, TryRecvError};
 use std::time::{Duration, Instant as WallInstant};
 
 use crate::gateway::{Arrival, Inbox};
 
-/// The wall clock, and what clients want. In tests time passes only when the driver waits.
+/// The wall clock, and messages of clients. In tests the clock runs only while the driver waits.
 pub(super) trait Outside {
-    /// The wall time now.
+    /// Returns the wall time.
     fn now(&mut self) -> WallInstant;
 
     /// Whether the simulator is to end.
     fn is_ending(&self) -> bool;
 
-    /// The next message, if there is one.
+    /// Takes the next message, if there is one.
     fn take(&mut self) -> Option<Arrival>;
 
     /// Waits for the next message, until an instant or for ever; `None` when the time is up.
     fn wait(&mut self, until: Option<WallInstant>) -> Option<Arrival>;
 
-    /// Waits as [`wait`](Self::wait) does, and loses no time in waking up.
+    /// Waits as [`wait`](Self::wait) does, and returns without the delay of waking up.
     fn wait_punctually(&mut self, until: WallInstant) -> Option<Arrival>;
 }
 
-/// How long a system takes to wake a thread up, mostly.
+/// The time that a system mostly takes to wake a thread up.
 const WAKE_UP: Duration = Duration::from_micros(50);
 
 /// The system's clock, and the clients of the gateways.
 #[derive(Debug)]
 pub(super) struct System {
     inbox: Inbox,
-    /// Whether all gateways are gone.
+    /// Whether all gateways have ended.
     deserted: bool,
 }
 
@@ -64,7 +64,7 @@ impl Outside for System {
         waited.ok()
     }
 
-    /// Does not sleep for the last of the time.
+    /// Stays awake for the last [`WAKE_UP`].
     fn wait_punctually(&mut self, until: WallInstant) -> Option<Arrival> {
         let sleep = until.checked_sub(WAKE_UP).filter(|until| *until > WallInstant::now());
         let arrival = sleep.and_then(|until| self.wait(Some(until)));

@@ -4,7 +4,7 @@ use std::time::{Duration as WallDuration, Instant as WallInstant};
 
 use protocol_core::time::{Duration, Instant, NEVER, after, since};
 
-/// The last instant that a pace reaches: at [`NEVER`] nothing ever happens.
+/// The last instant of a pace: [`NEVER`] does not come.
 const LAST: Instant = Instant::from_ticks(NEVER.as_ticks() - 1);
 
 /// Virtual time that runs a factor as fast as wall time, from an anchor on that both times have in common.
@@ -28,13 +28,13 @@ impl Pace {
         self.speed
     }
 
-    /// Goes on from here: what has passed until then, in either time, counts no longer.
+    /// Makes these two instants the common ones: time before them, wall or virtual, counts no longer.
     pub(super) const fn anchor(&mut self, wall: WallInstant, instant: Instant) {
         self.wall = wall;
         self.instant = instant;
     }
 
-    /// The virtual time at a wall instant; one before the anchor counts as the anchor.
+    /// Returns the virtual time at a wall instant; a wall instant before the anchor counts as the anchor.
     ///
     /// A tick is a microsecond. A conversion from floating point saturates, and a factor loses a microsecond only after centuries.
     #[must_use]
@@ -43,7 +43,7 @@ impl Pace {
         after(self.instant, Duration::from_ticks((passed * self.speed * 1e6) as u64)).min(LAST)
     }
 
-    /// The wall instant at which a virtual instant has come; `None`: it never comes.
+    /// Returns the wall instant at which a virtual instant has come; `None` when it never comes.
     #[must_use]
     pub(super) fn when(&self, instant: Instant) -> Option<WallInstant> {
         if instant > LAST {

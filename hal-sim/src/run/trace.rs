@@ -1,4 +1,4 @@
-//! What was on the bus, told on stdout and in the log.
+//! The trace of a run, on stdout and in the log.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -11,21 +11,21 @@ use crate::explain::Explainer;
 use crate::trace::{ErrorClass, Timestamp, write_error, write_frame};
 use crate::world::{Event, EventKind, NodeId, World};
 
-/// How many bytes of lines are kept before they are printed in any case.
+/// Lines are printed at the latest when they have so many bytes.
 const BATCH: usize = 32 * 1024;
 
 /// The trace of a run.
 pub(super) struct Trace {
-    /// The name of the bus in it.
+    /// The name of the bus.
     bus: String,
     explainer: Explainer,
     /// The place of each device in the explainer.
     places: HashMap<Arc<str>, (NodeId, usize)>,
     printer: Printer,
     log: Option<Log>,
-    /// The line that is being written, to be used again.
+    /// The current line; the allocation is used again.
     line: String,
-    /// The lines that are not printed yet.
+    /// Lines that are not printed yet.
     lines: String,
 }
 
@@ -43,7 +43,7 @@ impl Trace {
         }
     }
 
-    /// Learns the node IDs that the devices have now. They are the explainer's devices, in the same order.
+    /// Learns the present node IDs of all devices: those of the explainer, in the same order.
     pub(super) fn learn(&mut self, world: &World) {
         for (place, id) in world.devices().enumerate() {
             self.places.insert(world.name(id).into(), (id, place));
@@ -51,13 +51,13 @@ impl Trace {
         }
     }
 
-    /// Tells of a frame, or what is told of an error.
+    /// Writes the line of a frame, or of an error that is told.
     pub(super) fn tell(&mut self, event: &Event, at: Timestamp, error: Option<(ErrorClass, String)>, world: &World) {
         self.line.clear();
         let meaning = match (&event.what, error) {
             (EventKind::Frame { frame, .. }, _) => {
                 write_frame(&mut self.line, at, &self.bus, frame);
-                // By the node IDs before the frame: it may be what changes them.
+                // With the node IDs before the frame: the frame may change them.
                 self.explainer.explain(frame, Some(&event.who))
             }
             (_, Some((class, text))) => {
@@ -74,13 +74,13 @@ impl Trace {
         if self.lines.len() >= BATCH {
             self.print();
         }
-        // A device that has another node ID tells so by a frame of its own: boot-up, or a claim.
+        // A device with a new node ID sends a frame of its own: boot-up, or a claim.
         if let Some((id, place)) = self.places.get(&event.who).copied() {
             self.look_at(id, place, world);
         }
     }
 
-    /// Hands everything to those who read it.
+    /// Hands all lines to their readers.
     pub(super) fn hand_out(&mut self) {
         self.log(|log, _| log.flush());
         if !self.lines.is_empty() {
@@ -93,7 +93,7 @@ impl Trace {
         self.printer.warn(line);
     }
 
-    /// Hands everything out, and waits until it is printed, or nobody reads it.
+    /// Hands all lines out, and waits until they are printed or nobody reads them.
     pub(super) fn finish(mut self) {
         self.hand_out();
         self.printer.finish();

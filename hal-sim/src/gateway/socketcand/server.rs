@@ -19,10 +19,10 @@ use crate::gateway::Entrance;
 /// How long to wait before the next try when no connection can be accepted, as when the process has no descriptor left.
 const RETRY: Duration = Duration::from_millis(50);
 
-/// How long a client that finds no place waits for one: those that have just left may not have been missed yet.
+/// A client without a place waits so long for one: the departure of another may not be noticed yet.
 const WAIT_FOR_PLACE: Duration = Duration::from_secs(1);
 
-/// What a client is told that finds no place.
+/// The answer to a client that finds no place.
 const NO_PLACE: &[u8] = b"< error too many clients >";
 
 /// A bus that is served at an address.
@@ -49,7 +49,7 @@ impl Server {
         self.listener.local_addr()
     }
 
-    /// Serves clients, for ever; each takes one of the places. One that finds none is told so and let go.
+    /// Serves clients for ever; each takes one of the places. A client that finds none is told so and let go.
     pub async fn run(self, world: Entrance, places: Arc<Semaphore>) {
         loop {
             match self.listener.accept().await {

@@ -13,7 +13,7 @@ use crate::gateway::{ClientId, Entrance, Leash, Mailbox, Outbox, Reply, ToClient
 /// a wrong answer.
 const HOLD_BACK: Duration = Duration::from_millis(20);
 
-/// How long a client may take to open the bus; places are few.
+/// The time that a client has to open the bus: places are few.
 const HANDSHAKE: Duration = Duration::from_secs(60);
 
 /// How many messages to the client go out in one write, at most.
