@@ -10,6 +10,7 @@ import selectors
 import socket
 import subprocess
 import sys
+import threading
 import time
 
 import canopen
@@ -79,7 +80,7 @@ def local_node(port, there):
     with network(port) as bus:
         bus.create_node(NODE_ID, dictionary())
         there.set()
-        time.sleep(1e6)
+        threading.Event().wait()
 
 
 def reads_in_a_second(read):
