@@ -48,3 +48,26 @@ impl Cells {
         self.sectors[start / SECTOR] = Vec::new();
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn held(cells: &Cells) -> usize {
+        cells.sectors.iter().map(Vec::capacity).sum()
+    }
+
+    #[test]
+    fn only_what_was_written_takes_room() {
+        let mut cells = Cells::default();
+        assert_eq!(held(&cells), 0);
+        cells.change(SECTOR + 8, 4).copy_from_slice(&[1, 2, 3, 4]);
+        assert!(held(&cells) < 64, "{}", held(&cells));
+        let mut bytes = [0; 16];
+        cells.read(SECTOR - 2, &mut bytes);
+        assert_eq!(bytes, [[ERASED; 10].as_slice(), &[1, 2, 3, 4], &[ERASED; 2]].concat()[..]);
+        cells.erase(SECTOR);
+        assert_eq!(held(&cells), 0);
+        assert_eq!(held(&Cells::of(&[ERASED; SIZE])), 0);
+    }
+}

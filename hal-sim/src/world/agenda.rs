@@ -70,3 +70,32 @@ impl Agenda {
         self.due.get(node).copied().unwrap_or(NEVER)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        /// Whatever is set in whatever order: the earliest is next, of equals the one with the lowest number.
+        #[test]
+        fn the_earliest_is_next(sets in prop::collection::vec((0..40_usize, 0..20_u64), 0..200)) {
+            let mut agenda = Agenda::default();
+            prop_assert_eq!((agenda.next(), agenda.due_by(NEVER)), (NEVER, None));
+            let mut due: Vec<Instant> = Vec::new();
+            for (node, ticks) in sets {
+                while due.len() <= node {
+                    agenda.add();
+                    due.push(NEVER);
+                }
+                due[node] = if ticks == 0 { NEVER } else { Instant::from_ticks(ticks) };
+                agenda.set(node, due[node]);
+                let earliest = due.iter().copied().min().unwrap_or(NEVER);
+                prop_assert_eq!(agenda.next(), earliest);
+                let first = due.iter().position(|other| *other == earliest).filter(|_| earliest != NEVER);
+                prop_assert_eq!(agenda.due_by(Instant::from_ticks(20)), first);
+            }
+        }
+    }
+}

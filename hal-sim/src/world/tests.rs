@@ -10,6 +10,8 @@ use super::probe::{Command, DONE, ECHO, ECHO_ANSWER, HEARTBEAT, Plan, Probe, com
 use super::*;
 use crate::bus::{BusError, DestroyNext, FrameBits};
 
+mod events;
+
 const RATE: BitRate = BitRate::Kbit250;
 
 fn std_frame(id: u16, data: &[u8]) -> Frame {
