@@ -2,7 +2,7 @@
 
 use core::ops::RangeInclusive;
 
-use crate::actuator::Regulation;
+use crate::actuator::ActuatorType;
 use crate::controller::BitRate;
 
 /// A valve actuator.
@@ -104,12 +104,12 @@ impl Kind {
         }
     }
 
-    /// How a set-point moves the spool.
+    /// Returns the type of actuator.
     #[must_use]
-    pub const fn regulation(self) -> Regulation {
+    pub const fn actuator_type(self) -> ActuatorType {
         match self {
-            Self::PveaCanopen | Self::PveaIsobus => Regulation::Proportional,
-            Self::PveoCanopen | Self::PveoIsobus => Regulation::OnOff,
+            Self::PveaCanopen | Self::PveaIsobus => ActuatorType::Proportional,
+            Self::PveoCanopen | Self::PveoIsobus => ActuatorType::OnOff,
         }
     }
 }

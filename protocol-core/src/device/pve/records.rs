@@ -3,7 +3,7 @@
 use heapless::Vec;
 
 use super::kind::Kind;
-use crate::actuator::{Counters, FaultSet};
+use crate::actuator::Counters;
 use crate::controller::BitRate;
 use crate::memory::RecordKey;
 use crate::wire::lss;
@@ -110,7 +110,7 @@ pub(super) struct LocalLayer {
 
 /// What is to become different of a [`LocalLayer`]; the rest stays as it is stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct LayerChange {
+pub struct LayerChange {
     pub(super) node_id: Option<u8>,
     pub(super) bit_rate: Option<BitRate>,
 }
@@ -156,25 +156,24 @@ pub(super) fn decode_flag(payload: &[u8]) -> Option<bool> {
     }
 }
 
-/// The fault log: how often each fault has occurred, and which were active before. CANopen has no use for the latter.
+/// The fault log: how often each fault has occurred.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct FaultLog {
     pub(super) counters: Counters,
-    pub(super) previously_active: FaultSet,
 }
+
+/// The last byte of a fault log. Earlier versions kept the previously active faults there; they follow from the counters.
+const RESERVED: u8 = 0;
 
 impl FaultLog {
     pub(super) fn encode(self) -> [u8; 9] {
         let [a, b, c, d, e, f, g, h] = self.counters.to_bytes();
-        [a, b, c, d, e, f, g, h, self.previously_active.bits()]
+        [a, b, c, d, e, f, g, h, RESERVED]
     }
 
     pub(super) fn decode(payload: &[u8]) -> Option<Self> {
-        let (counters, &[previously_active]) = payload.split_first_chunk()? else { return None };
-        Some(Self {
-            counters: Counters::from_bytes(*counters),
-            previously_active: FaultSet::from_bits(previously_active),
-        })
+        let (counters, &[_]) = payload.split_first_chunk()? else { return None };
+        Some(Self { counters: Counters::from_bytes(*counters) })
     }
 }
 
@@ -199,8 +198,9 @@ mod tests {
         assert_eq!(LocalLayer::decode(Kind::PveaIsobus, &[0x20, 3]), None);
         assert_eq!(LocalLayer::decode(kind, &[0x20, 0]), None, "1 Mbit/s is not for this product");
         let counters = Counters::from_bytes([1, 2, 3, 4, 5, 6, 7, 127]);
-        let log = FaultLog { counters, previously_active: FaultSet::from_bits(0x81) };
+        let log = FaultLog { counters };
         assert_eq!(FaultLog::decode(&log.encode()), Some(log));
+        assert_eq!(FaultLog::decode(&[1, 2, 3, 4, 5, 6, 7, 127, 0x81]), Some(log), "of an earlier version");
         assert_eq!(decode_flag(&encode_flag(true)), Some(true));
         assert_eq!(decode_flag(&[2]), None);
     }
