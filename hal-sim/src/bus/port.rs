@@ -144,12 +144,6 @@ impl Port {
         self.overruns
     }
 
-    /// The frames that it lets through; `None` before the device has said: every frame.
-    #[must_use]
-    pub fn filters(&self) -> Option<&Filters> {
-        self.new_filters.as_ref().or(self.filters.as_ref())
-    }
-
     /// What it has heard since this was last asked, oldest first.
     pub(crate) fn take_received(&mut self) -> Drain<'_, (Instant, Frame)> {
         self.received.drain(..)

@@ -113,7 +113,7 @@ impl Rig {
     /// What the device listens to.
     #[must_use]
     pub fn filters(&self) -> &Filters {
-        self.wire.filters()
+        &self.wire.filters
     }
 
     /// Changes what the device senses. A controller that goes bus-off drops what is in its mailboxes, and sends nothing

@@ -1,6 +1,7 @@
 //! What a master sees of the CANopen valves: objects, services, faults and memory (SPEC 2–4, 6, 7).
 
 mod acknowledged;
+mod acknowledged_lives;
 mod acknowledged_orders;
 mod actuator;
 mod bit_rate;
@@ -25,6 +26,7 @@ mod object_dictionary;
 mod pdo;
 mod pdo_mapping;
 mod pdo_switch;
+mod promises;
 mod properties;
 mod restart_scope;
 mod sdo;

@@ -1,7 +1,6 @@
 //! No frame leaves under an address that was lost, wherever it waits (SPEC 5).
 
 use protocol_core::actuator::Led;
-use protocol_core::device::Senses;
 use protocol_core::time::Duration;
 use tests::Rig;
 use tests::isobus::{BLOCK, CANNOT_CLAIM, EXTEND, LOWER_NAME};
@@ -16,17 +15,6 @@ const REQUESTS: [&str; 6] = [
     "18EA8327: 13 FE 00",
 ];
 
-fn two_previously_active() -> Rig {
-    let mut valve = Rig::claimed();
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.sense(|senses| senses.temperature_c = 130);
-    valve.advance_cyclic(300, BLOCK);
-    valve.sense(|senses| *senses = Senses::default());
-    valve.recover();
-    valve.take();
-    valve
-}
-
 #[track_caller]
 fn falls_silent(valve: &mut Rig, what: &str) {
     valve.send(LOWER_NAME);
@@ -39,7 +27,7 @@ fn falls_silent(valve: &mut Rig, what: &str) {
 #[ignore = "the frame in the mailbox is sent"]
 fn what_waits_in_the_controller() {
     for request in REQUESTS {
-        let mut valve = two_previously_active();
+        let mut valve = Rig::with_two_previously_active();
         valve.hold_bus(true);
         valve.send(request);
         assert_eq!(valve.pending(), 1, "{request}");
@@ -51,7 +39,7 @@ fn what_waits_in_the_controller() {
 #[test]
 #[ignore = "the frames in the mailboxes are sent, and those that they displaced"]
 fn what_was_displaced_in_the_controller() {
-    let mut valve = two_previously_active();
+    let mut valve = Rig::with_two_previously_active();
     valve.hold_bus(true);
     for request in REQUESTS {
         valve.send(request);
@@ -64,7 +52,7 @@ fn what_was_displaced_in_the_controller() {
 #[test]
 #[ignore = "the packet in the mailbox is sent"]
 fn a_bam_under_way() {
-    let mut valve = two_previously_active();
+    let mut valve = Rig::with_two_previously_active();
     // The packet falls due between two estimated flows.
     while valve.take_under("0CFE1383").is_empty() {
         valve.advance(1);
@@ -96,7 +84,7 @@ fn a_claim_that_waits() {
 #[test]
 fn what_waits_for_the_memory() {
     for request in ["18EA8327: CC FE 00", "1BC78883: 04 2E 10 01 84"] {
-        let mut valve = two_previously_active();
+        let mut valve = Rig::with_two_previously_active();
         valve.write_time = Duration::from_millis(100);
         valve.send(request);
         falls_silent(&mut valve, request);
