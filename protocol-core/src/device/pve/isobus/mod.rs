@@ -1,22 +1,20 @@
 //! A valve on ISOBUS: the node of `isobus/` with an auxiliary valve in it (SPEC 5, 7).
 //!
 //! ```text
-//! mod              the body of the device: what the node and the valve tell each other
-//! product          groups, NAME and address
-//! auxiliary_valve  what an AVC does; shutdown and recovery
-//! storing          writes to the memory, and who waits for them
+//! mod      the body of the device: what the node and the valve tell each other
+//! product  groups, NAME and address
+//! storing  writes to the memory, and who waits for them
 //! ```
 
-mod auxiliary_valve;
 mod product;
 mod storing;
 
 use heapless::Vec;
 
-use auxiliary_valve::AuxiliaryValve;
 use product::{RULES, address, name};
 use storing::{Clearing, Job, LayerFor};
 
+use super::auxiliary_valve::AuxiliaryValve;
 use super::fault_codes::codes;
 use super::found::Found;
 use super::identification::Identification;

@@ -1,7 +1,7 @@
 //! The valve as the bus commands it: what an AVC does, shutdown by a fault, recovery by two neutral commands, and what is
 //! told of it in AVEF and DM2 (SPEC 5).
 
-use super::super::fault_codes::codes;
+use super::fault_codes::codes;
 use crate::actuator::{
     ActuatorType, Changes, Condition, Counters, Drive, Fault, FaultSet, Led, Position, Scale, SetPoint, SpoolMonitors,
     Valve, ValveConfig,
