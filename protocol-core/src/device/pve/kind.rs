@@ -86,6 +86,15 @@ impl Kind {
         }
     }
 
+    /// The serial number of the manual's examples: the identity object's, and on ISOBUS the NAME's identity number.
+    #[must_use]
+    pub const fn default_serial(self) -> u32 {
+        match self.protocol() {
+            Protocol::Canopen => 0x5B2E_0100,
+            Protocol::Isobus => 1,
+        }
+    }
+
     /// The bit rates that it can run at, the default first.
     #[must_use]
     pub const fn bit_rates(self) -> &'static [BitRate] {

@@ -2,7 +2,7 @@
 
 use heapless::Vec;
 
-use super::kind::{Kind, Protocol};
+use super::kind::Kind;
 use crate::actuator::Counters;
 use crate::controller::BitRate;
 use crate::memory::RecordKey;
@@ -42,9 +42,6 @@ const VENDOR: u32 = 0x0100_0019;
 const PRODUCT: u32 = 0x5336_0000;
 /// Revision R1.32: major number in the high word, minor in the low one (R: the manual calls it BCD, its example is not).
 const REVISION: u32 = 0x0001_0020;
-/// The serial number of the manual's examples: the identity object's, and on ISOBUS the NAME's.
-const SERIAL_CANOPEN: u32 = 0x5B2E_0100;
-const SERIAL_ISOBUS: u32 = 1;
 /// The hardware version (A).
 const HARDWARE_VERSION: [u8; 4] = *b"1.00";
 /// The software version (A): that of the revision.
@@ -55,16 +52,12 @@ const MANUFACTURED: [u8; 3] = [0x18, 0x07, 0x01];
 impl Factory {
     /// What a new memory is filled with.
     pub(super) fn new(kind: Kind, serial: Option<u32>) -> Self {
-        let default_serial = match kind.protocol() {
-            Protocol::Canopen => SERIAL_CANOPEN,
-            Protocol::Isobus => SERIAL_ISOBUS,
-        };
         Self {
             identity: lss::Address {
                 vendor: VENDOR,
                 product: PRODUCT,
                 revision: REVISION,
-                serial: serial.unwrap_or(default_serial),
+                serial: serial.unwrap_or(kind.default_serial()),
             },
             function_instance: 1,
             hardware_number: kind.part_number(),
