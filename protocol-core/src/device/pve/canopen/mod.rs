@@ -14,10 +14,10 @@ mod storing;
 use load::Load;
 use storing::Job;
 
-use super::dictionary::DICTIONARY;
+use super::dictionary::{DICTIONARY, Task};
 use super::found::Found;
 use super::identification::Identification;
-use super::objects::{Task, ValveObjects};
+use super::objects::ValveObjects;
 use super::records::{Factory, LocalLayer, decode_flag};
 use super::sensing::sense;
 use super::setup::Setup;
