@@ -15,7 +15,7 @@ use super::reset;
 /// The longest line.
 pub(super) const LINE: usize = 48;
 /// The longest answer about how the device is.
-pub(super) const STATUS: usize = 320;
+pub(super) const STATUS: usize = 352;
 
 /// A line for the device's task.
 pub(super) static TYPED: Signal<CriticalSectionRawMutex, String<LINE>> = Signal::new();

@@ -9,7 +9,7 @@ use firmware::console::Command;
 use firmware::plant::{Injection, Plant, Value};
 use firmware::settings::Settings;
 use heapless::String;
-use protocol_core::controller::{BitRate, BusErrorMode};
+use protocol_core::controller::BusErrorMode;
 use protocol_core::device::pve::{Protocol, PveCanopen, PveIsobus, Setup};
 use protocol_core::device::{Device, Effect, Restart, StartCause};
 use protocol_core::memory::{Image, StoreError};
@@ -21,6 +21,7 @@ use super::attention::{Attention, Caller, Calls};
 use super::can::Can1;
 use super::console::{ANSWER, Answer, STATUS, TYPED};
 use super::led;
+use super::link::Link;
 use super::storage::{BECOMES, CONTENTS, FOUND, READ, REQUESTS, Request, STORED};
 
 /// What the button injects.
@@ -29,11 +30,8 @@ pub(super) static INJECTION: Signal<CriticalSectionRawMutex, Injection> = Signal
 /// The watchdog is fed at least so often.
 const FEED: Duration = Duration::from_millis(100);
 
-/// The error mode is looked at so often while it is not error-active: no interrupt tells of the way back.
+/// The controller is looked at so often while it is not error-active, or blocked: no interrupt tells of the way back.
 const LOOK: Duration = Duration::from_millis(1);
-
-/// So many bits does the way back from bus-off take (ISO 11898-1): 128 sequences of 11.
-const RECOVERY_BITS: u64 = 128 * 11;
 
 #[embassy_executor::task]
 pub(super) async fn run(can: Can1, mut watchdog: IndependentWatchdog<'static, IWDG>, cause: StartCause) {
@@ -77,44 +75,23 @@ fn isobus(setup: Setup, image: &Image, cause: StartCause) -> &'static mut AnyDev
 /// What stands between the device and the world.
 struct Board {
     settings: Settings,
-    can: Can1,
+    link: Link,
     watchdog: IndependentWatchdog<'static, IWDG>,
     attention: Attention,
     plant: Plant,
-    link: Link,
-    bit_rate: BitRate,
     /// The device waits for what the memory holds.
     restarting: Option<Restart>,
 }
 
-/// Whether the plant lets the controller take part in the bus.
-#[derive(Clone, Copy)]
-enum Link {
-    Up,
-    /// It is kept off.
-    Cut,
-    /// It is on its way back until then.
-    Recovering(Instant),
-}
-
 impl Board {
     fn new(settings: Settings, can: Can1, watchdog: IndependentWatchdog<'static, IWDG>, attention: Attention) -> Self {
-        Self {
-            settings,
-            can,
-            watchdog,
-            attention,
-            plant: Plant::default(),
-            link: Link::Up,
-            bit_rate: BitRate::Kbit250,
-            restarting: None,
-        }
+        Self { settings, link: Link::new(can), watchdog, attention, plant: Plant::default(), restarting: None }
     }
 
     /// Runs the device for ever.
     async fn serve(mut self, device: &mut AnyDevice) {
         device.sense(&self.plant.senses, Instant::now());
-        self.set_bit_rate(device.bit_rate()).await;
+        self.link.set_bit_rate(device.bit_rate(), &mut self.attention).await;
         let (mut now, mut due) = (Instant::now(), Instant::MIN);
         loop {
             let calls = self.attention.wait(due, now).await;
@@ -122,17 +99,19 @@ impl Board {
             now = Instant::now();
             // Most frames that pass the filters are for nobody: nothing is asked of the device then.
             let only_received = calls.are_only(Caller::Received) && self.restarting.is_none() && now < due;
-            if only_received && !receive(device, &mut self.can, now) {
+            if only_received && !receive(device, &mut self.link.can, now) {
                 continue;
             }
             self.look(calls, device).await;
             while self.restarting.is_none()
-                && let Some(effect) = pump(device, &mut self.can, now)
+                && let Some(effect) = pump(device, &mut self.link.can, now)
             {
                 self.carry_out(effect, device).await;
                 now = Instant::now();
             }
-            self.can.resume();
+            if self.link.can.is_blocked() {
+                self.link.can.retry();
+            }
             if calls.include(Caller::Leds) {
                 led::show(device.outputs().led);
             }
@@ -156,36 +135,15 @@ impl Board {
     /// When there is something to do although nobody calls.
     fn next_look(&self, device: &AnyDevice, now: Instant) -> Instant {
         let due = if self.restarting.is_some() { NEVER } else { device.deadline() };
-        let look = if self.plant.senses.bus == BusErrorMode::ErrorActive { FEED } else { LOOK };
+        let is_calm = self.plant.senses.bus == BusErrorMode::ErrorActive && !self.link.can.is_blocked();
+        let look = if is_calm { FEED } else { LOOK };
         due.min(now + look)
     }
 
     /// Tells the device how its controller stands to the bus.
     async fn look_at_bus(&mut self, device: &mut AnyDevice) {
-        match self.link {
-            Link::Up if self.plant.bus_off => {
-                self.can.leave(&mut self.attention).await;
-                self.link = Link::Cut;
-            }
-            Link::Cut if !self.plant.bus_off => {
-                let bits_per_second = u64::from(self.bit_rate.bits_per_second());
-                let recovery = Duration::from_micros(RECOVERY_BITS * 1_000_000 / bits_per_second);
-                self.link = Link::Recovering(Instant::now() + recovery);
-            }
-            Link::Recovering(until) if until <= Instant::now() => {
-                self.can.join(self.bit_rate, &mut self.attention).await;
-                self.link = Link::Up;
-            }
-            _ => {}
-        }
-        let mode = match self.link {
-            Link::Up => self.can.mode(),
-            Link::Cut | Link::Recovering(_) => BusErrorMode::BusOff,
-        };
+        let mode = self.link.follow(self.plant.bus_off, &mut self.attention).await;
         if mode != self.plant.senses.bus {
-            if mode == BusErrorMode::BusOff {
-                self.can.drop_waiting();
-            }
             self.plant.senses.bus = mode;
             device.sense(&self.plant.senses, Instant::now());
         }
@@ -201,7 +159,7 @@ impl Board {
         {
             self.restarting = None;
             device.restart(scope, &CONTENTS.lock().await.image, Instant::now());
-            self.set_bit_rate(device.bit_rate()).await;
+            self.link.set_bit_rate(device.bit_rate(), &mut self.attention).await;
         }
         if let Some(result) = BECOMES.try_take() {
             ANSWER.signal(result.map_or(Answer::Refused("the memory failed"), |()| Answer::Restart));
@@ -256,9 +214,10 @@ impl Board {
         let own = [
             ("kind", Value::Word(self.settings.kind.name())),
             ("node_id", device.node_id().map_or(Value::Word("none"), |node_id| Value::Number(node_id.into()))),
-            ("bit_rate", number(self.bit_rate.bits_per_second())),
+            ("bit_rate", number(self.link.bit_rate().bits_per_second())),
             ("bus", Value::Word(bus)),
-            ("overruns", number(self.can.overruns())),
+            ("error_interrupts", number(self.link.can.error_interrupts())),
+            ("overruns", number(self.link.can.overruns())),
             ("dropped", number(device.frames_dropped())),
         ];
         let mut status = String::new();
@@ -284,18 +243,11 @@ impl Board {
                     device.stored(key, Err(StoreError), Instant::now());
                 }
             }
-            Effect::SetBitRate(bit_rate) => self.set_bit_rate(bit_rate).await,
+            Effect::SetBitRate(bit_rate) => self.link.set_bit_rate(bit_rate, &mut self.attention).await,
             Effect::Restart(scope) => {
                 let _ = REQUESTS.try_send(Request::Read);
                 self.restarting = Some(scope);
             }
-        }
-    }
-
-    async fn set_bit_rate(&mut self, bit_rate: BitRate) {
-        self.bit_rate = bit_rate;
-        if let Link::Up = self.link {
-            self.can.join(bit_rate, &mut self.attention).await;
         }
     }
 }

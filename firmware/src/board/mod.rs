@@ -14,6 +14,7 @@ mod console;
 mod device;
 mod flash;
 mod led;
+mod link;
 mod reset;
 mod storage;
 

@@ -17,9 +17,9 @@ const KIB: u64 = 1024;
 /// The image with all kinds, in flash.
 const FLASH: u64 = 96 * KIB;
 /// Variables and stack.
-const RAM: u64 = 24 * KIB;
+const RAM: u64 = 20 * KIB;
 /// Instructions from the receive interrupt to sleep, for a frame that comes through the filters and is for nobody.
-const FOR_NOBODY: u64 = 500;
+const FOR_NOBODY: u64 = 530;
 /// The same for an SDO upload, or an RPDO that a TPDO answers: the answer lies in a mailbox then.
 const ANSWERED: u64 = 2500;
 /// After so many steps a processor that is still awake will never sleep.
