@@ -77,6 +77,9 @@ enum Order {
     Write(u64, Vec<u8>),
     Drive(Port, u8, bool),
     IsHigh(Port, u8),
+    /// Of a peripheral, or of the core.
+    Register(u64),
+    Supply(u32),
     Power(bool),
     /// RAM without a supply holds anything.
     Forget,
@@ -88,6 +91,7 @@ enum Answer {
     Reached(Reached),
     Bytes(Vec<u8>),
     Level(bool),
+    Register(u32),
     Summary(Summary),
     Done,
 }
@@ -153,6 +157,23 @@ impl Machine {
     #[must_use]
     pub fn is_high(&self, port: Port, pin: u8) -> bool {
         matches!(self.ask(Order::IsHigh(port, pin)), Answer::Level(true))
+    }
+
+    /// Reads a register of a peripheral, as a debugger does: nothing changes by it.
+    ///
+    /// # Panics
+    /// When there is none.
+    #[must_use]
+    pub fn register(&self, address: u64) -> u32 {
+        match self.ask(Order::Register(address)) {
+            Answer::Register(value) => value,
+            _ => unreachable!("a register is answered by its value"),
+        }
+    }
+
+    /// Sets the supply voltage of the part.
+    pub fn supply(&self, millivolts: u32) {
+        self.ask(Order::Supply(millivolts));
     }
 
     /// Cuts its power: it stands as long as that is off. What its RAM held is lost.
@@ -313,6 +334,15 @@ impl Conductor {
                 Answer::Done
             }
             Order::IsHigh(port, pin) => Answer::Level(session.board().part.is_high(port, pin)),
+            Order::Register(address) => {
+                let part = &mut session.board_mut().part;
+                let value = part.peek(now, address, Width::W32).or_else(|_| host.read(address, Width::W32));
+                Answer::Register(value.unwrap_or_else(|_| panic!("there is no register at {address:#x}")) as u32)
+            }
+            Order::Supply(millivolts) => {
+                session.board_mut().part.supply(millivolts);
+                Answer::Done
+            }
             Order::Power(on) => {
                 session.board_mut().part.power(on, now);
                 Answer::Done

@@ -96,13 +96,13 @@ impl Errors {
         (self.transmit, self.receive, self.bus_off) = (0, 0, false);
     }
 
-    /// Whether something that was not set before is, with its interrupt enabled.
+    /// Whether a flag is set whose interrupt is enabled. The manual does not say whether a flag that stands is noted again at
+    /// a further error: here it is (A), and software that is interrupted by each of them is seen to be.
     fn note(&mut self, error: LastError, enabled: u32, count: impl FnOnce(&mut Self)) -> bool {
-        let before = self.flags();
         count(self);
         self.last = error as u32;
-        let risen = self.flags() & !before;
-        let raises = |flag: u32, enable: u32| risen & flag != 0 && enabled & enable != 0;
+        let set = self.flags();
+        let raises = |flag: u32, enable: u32| set & flag != 0 && enabled & enable != 0;
         enabled & ier::LECIE != 0
             || raises(esr::EWGF, ier::EWGIE)
             || raises(esr::EPVF, ier::EPVIE)
