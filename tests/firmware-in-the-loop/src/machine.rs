@@ -20,7 +20,7 @@ use rigless::time::VirtualNanos;
 
 use crate::image::Image;
 use crate::part::{BOOT, Can1, Connections, Port, RAM, Stm32f429};
-use crate::warm;
+use crate::warm::{self, CoreView};
 
 /// The processor's clock.
 const CORE_HZ: u64 = 160_000_000;
@@ -77,7 +77,7 @@ enum Order {
     Write(u64, Vec<u8>),
     Drive(Port, u8, bool),
     IsHigh(Port, u8),
-    /// Of a peripheral, or of the core.
+    /// Of a peripheral.
     Register(u64),
     Supply(u32),
     Power(bool),
@@ -234,8 +234,9 @@ impl Drop for Machine {
 
 fn run(image: &Image, connections: Connections, orders: Receiver<Order>, answers: Sender<Answer>) {
     let can = connections.can.clone();
+    let core = connections.core.clone();
     let part = Stm32f429::new(connections).expect("the part is described without contradiction");
-    let session = Session::new(Box::new(Nucleo { part }), 0, VirtualNanos(0)).expect("the board has one part");
+    let session = Session::new(Box::new(Nucleo { part, core }), 0, VirtualNanos(0)).expect("the board has one part");
     let conductor = Conductor { orders, answers, can, asleep: None };
     let start = Start::new(image.for_emulator());
     emulator::run(session, &start, conductor).expect("the image fits the part");
@@ -274,6 +275,7 @@ fn forget(host: &mut dyn Host) {
 #[derive(Debug)]
 struct Nucleo {
     part: Stm32f429,
+    core: CoreView,
 }
 
 impl Store for Nucleo {}
@@ -302,7 +304,7 @@ impl Board for Nucleo {
             boot: BOOT,
         }
         .spec_with_parts(&windows(self.part.bus()), armv7m::Fpu::FpV4Sp, armv7m::MpuRegions::Eight);
-        core.processor = warm::kept(core.processor);
+        core.processor = warm::kept(core.processor, self.core.clone());
         vec![Target::new("STM32F429ZI", &mut self.part, core)]
     }
 }
@@ -336,7 +338,7 @@ impl Conductor {
             Order::IsHigh(port, pin) => Answer::Level(session.board().part.is_high(port, pin)),
             Order::Register(address) => {
                 let part = &mut session.board_mut().part;
-                let value = part.peek(now, address, Width::W32).or_else(|_| host.read(address, Width::W32));
+                let value = part.peek(now, address, Width::W32);
                 Answer::Register(value.unwrap_or_else(|_| panic!("there is no register at {address:#x}")) as u32)
             }
             Order::Supply(millivolts) => {

@@ -28,6 +28,7 @@ pub use console::{Lines, Terminal};
 pub use flash::SharedFlash;
 
 use crate::flash::{BANK2, BANK2_SIZE};
+use crate::warm::CoreView;
 use can::CanDevice;
 use flash::{Bank2, FlashInterface};
 use rcc::Clocks;
@@ -89,6 +90,8 @@ pub struct Connections {
     pub flash: SharedFlash,
     /// The console on USART3.
     pub terminal: Terminal,
+    /// A debugger's look at the core.
+    pub core: CoreView,
 }
 
 /// The part.

@@ -7,7 +7,7 @@ use hal_sim::bus::FrameBits;
 use hal_sim::use_case::Bench;
 use protocol_core::controller::BitRate;
 
-use super::client::{Client, VALVE, frame};
+use super::client::{Client, ImageClient, VALVE, frame};
 
 #[test]
 fn each_bit_rate_is_exact_and_samples_where_cia_says() {
@@ -40,14 +40,14 @@ fn each_bit_rate_is_exact_and_samples_where_cia_says() {
 
 #[test]
 fn a_bit_rate_is_changed_at_run_time_with_both_delays() {
-    let mut client = super::client::ImageClient::booted();
+    let mut client = ImageClient::booted();
     client.send("000: 02 00");
     client.send("7E5: 04 01 00 00 00 00 00 00");
     client.send("7E5: 13 00 02 00 00 00 00 00");
     client.expect("7E4: 13 00 00 00 00 00 00 00");
     client.send("7E5: 15 32 00 00 00 00 00 00");
     let board = client.bench.board;
-    let rate = |client: &super::client::ImageClient| client.bench.rig.bits_per_second(board);
+    let rate = |client: &ImageClient| client.bench.rig.bits_per_second(board);
     client.wait_ms(45);
     assert_eq!(rate(&client), Some(250_000));
     client.wait_ms(10);
@@ -64,18 +64,10 @@ fn a_bit_rate_is_changed_at_run_time_with_both_delays() {
 /// clock that the image has set up, and the bus measures what the controller makes of them.
 #[test]
 fn each_timing_of_the_firmwares_table_is_exact_on_the_boards_clock() {
-    let mut client = super::client::ImageClient::booted();
+    let mut client = ImageClient::booted();
     let board = client.bench.board;
     for rate in BitRate::ALL {
-        {
-            let mut shared = client.bench.rig.connections(board).can.lock();
-            let control = shared.can.read(MCR);
-            shared.can.write(MCR, control | mcr::INRQ);
-            shared.can.write(BTR, firmware::bit_timing::BitTiming::of(rate).register());
-            shared.can.write(MCR, control);
-        }
-        client.bench.set_bit_rate(rate);
-        client.wait_ms(10);
+        set_timing(&mut client, rate);
         assert_eq!(client.bench.rig.bits_per_second(board), Some(rate.bits_per_second().into()));
         assert_eq!(client.read(0x1018, 1), 0x0100_0019, "{rate:?}");
         let took = client.bench.rig.last_sent(board).expect("it was sent").as_micros();
@@ -83,4 +75,17 @@ fn each_timing_of_the_firmwares_table_is_exact_on_the_boards_clock() {
         let expected = u64::from(bits) * 1_000_000 / u64::from(rate.bits_per_second());
         assert!(took.abs_diff(expected) <= 1, "{rate:?}: {took} us instead of {expected} us");
     }
+}
+
+/// Runs bus and controller at a bit rate, behind the firmware's back.
+pub fn set_timing(client: &mut ImageClient, rate: BitRate) {
+    {
+        let mut shared = client.bench.rig.connections(client.bench.board).can.lock();
+        let control = shared.can.read(MCR);
+        shared.can.write(MCR, control | mcr::INRQ);
+        shared.can.write(BTR, firmware::bit_timing::BitTiming::of(rate).register());
+        shared.can.write(MCR, control);
+    }
+    client.bench.set_bit_rate(rate);
+    client.wait_ms(10);
 }

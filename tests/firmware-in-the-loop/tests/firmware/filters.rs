@@ -5,7 +5,7 @@ use super::client::{ImageClient, frame};
 
 /// What a valve on CANopen does not listen to, whatever it is set to here: PDOs, SDO, emergencies, heartbeats of others,
 /// answers of LSS, its own identifiers, extended frames of other protocols.
-const FOR_NOBODY: [&str; 16] = [
+const FOR_NOBODY: [&str; 23] = [
     "001: 01",
     "0A0: 00 00 00 00 00 00 00 00",
     "100: 00",
@@ -22,6 +22,14 @@ const FOR_NOBODY: [&str; 16] = [
     "18FF1234: FF FF FF FF",
     "18EAFF27: 00 EE 00",
     "1BC78823: 03 22 10 01",
+    // Extended identifiers that begin as standard ones which it listens to, and the other way round.
+    "00000000: 01 00",
+    "02000000: 00",
+    "08800000: 0F 00 00 00",
+    "18800000: 40 18 10 01 00 00 00 00",
+    "1F940000: 04 01 00 00 00 00 00 00",
+    "6F0: 03 22 10 01",
+    "6F1: 03 22 10 01",
 ];
 
 /// How many messages the filters have let through.
