@@ -1,5 +1,7 @@
 //! What the board is told by hand: the lines of the console, the presses of the button.
 
+use core::sync::atomic::Ordering;
+
 use firmware::console::Command;
 use firmware::plant::{Plant, Value};
 use firmware::settings::Settings;
@@ -8,6 +10,7 @@ use protocol_core::controller::BusErrorMode;
 use protocol_core::device::Device;
 
 use super::button::Presses;
+use super::can::{ERROR_INTERRUPTS, OVERRUNS};
 use super::console::{Answer, Answers, Lines, STATUS};
 use super::link::Link;
 use super::storage::{Client, Request};
@@ -68,8 +71,8 @@ pub(super) fn status(settings: &Settings, device: &dyn Device, link: &Link, plan
         ("node_id", device.node_id().map_or(Value::Word("none"), |node_id| Value::Number(node_id.into()))),
         ("bit_rate", number(link.bit_rate().bits_per_second())),
         ("bus", Value::Word(bus)),
-        ("error_interrupts", number(link.can.error_interrupts())),
-        ("overruns", number(link.can.overruns())),
+        ("error_interrupts", number(ERROR_INTERRUPTS.load(Ordering::Relaxed))),
+        ("overruns", number(OVERRUNS.load(Ordering::Relaxed))),
         ("dropped", number(device.frames_dropped())),
     ];
     let mut status = String::new();

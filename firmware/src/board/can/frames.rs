@@ -1,7 +1,6 @@
 //! Frames of the core as frames of `bxcan`, and back.
 
 use embassy_stm32::pac::CAN1;
-use embassy_stm32::pac::can::vals::Ide;
 use protocol_core::frame::{Frame, Id, extended, standard};
 
 /// Converts a frame of the core for `bxcan`, or one of `bxcan`, which was made of such a frame, for the core; it always can.
@@ -37,9 +36,7 @@ impl Payload {
 
 /// Returns the identifier that a transmit mailbox holds.
 pub(super) fn identifier(mailbox: usize) -> Id {
-    let register = CAN1.tx(mailbox).tir().read();
-    match register.ide() {
-        Ide::STANDARD => standard((register.0 >> 21) as u16).into(),
-        Ide::EXTENDED => extended(register.0 >> 3).into(),
-    }
+    let register = CAN1.tx(mailbox).tir().read().0;
+    let is_extended = register & 1 << 2 != 0;
+    if is_extended { extended(register >> 3).into() } else { standard((register >> 21) as u16).into() }
 }

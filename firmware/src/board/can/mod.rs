@@ -32,11 +32,14 @@ use protocol_core::controller::{BitRate, BusErrorMode, Controller, Filter, Filte
 use protocol_core::frame::Frame;
 
 use super::attention::{Caller, call};
+pub(super) use receive::OVERRUNS;
+pub(super) use transmit::retry;
 
 /// The alternate function that connects the pins with CAN 1.
 const AF_CAN: u8 = 9;
 
-static ERROR_INTERRUPTS: AtomicU32 = AtomicU32::new(0);
+/// How many error interrupts there were.
+pub(super) static ERROR_INTERRUPTS: AtomicU32 = AtomicU32::new(0);
 
 /// The registers of CAN 1, as `bxcan` wants them.
 struct Registers;
@@ -45,7 +48,7 @@ struct Registers;
 // registers; beside it this module and its children access
 // - MCR, while `bxcan` is not called: the one task that configures the controller does both;
 // - MSR, ESR and TSR, reading, or writing ones to flags, which is one access;
-// - IER, in critical sections, after `bxcan` has written it for the last time;
+// - IER, in the error interrupt or with interrupts off, after `bxcan` has written it for the last time;
 // - the outputs of the FIFOs and the mailboxes' identifiers, reading;
 // - single filter banks, after `bxcan` has set them up for the last time.
 // Of `bxcan`'s own halves each has one user: the receive interrupts, the transmit interrupt with the device's task under
@@ -62,14 +65,19 @@ unsafe impl FilterOwner for Registers {
 #[interrupt]
 fn CAN1_SCE() {
     ERROR_INTERRUPTS.fetch_add(1, Ordering::Relaxed);
-    let errors = CAN1.esr().read();
-    // A mode that has been reached could interrupt again at each further error: the device's task looks for the way back.
-    CAN1.ier().modify(|ier| {
-        ier.set_epvie(ier.epvie() && !errors.epvf());
-        ier.set_bofie(ier.bofie() && !errors.boff());
-    });
+    interrupt_unless_reached();
     CAN1.msr().write(|msr| msr.set_erri(true));
     call(Caller::Errors);
+}
+
+/// Has the error modes interrupt that are not reached. One that is could interrupt again at each further error: the
+/// device's task looks for the way back.
+fn interrupt_unless_reached() {
+    let reached = CAN1.esr().read();
+    CAN1.ier().modify(|ier| {
+        ier.set_epvie(!reached.epvf());
+        ier.set_bofie(!reached.boff());
+    });
 }
 
 /// CAN 1.
@@ -101,10 +109,7 @@ impl Can1 {
                 | Interrupts::FIFO1_MESSAGE_PENDING
                 | Interrupts::ERROR,
         );
-        CAN1.ier().modify(|ier| {
-            ier.set_epvie(true);
-            ier.set_bofie(true);
-        });
+        interrupt_unless_reached();
         let (tx, rx0, rx1) = bxcan::Can::builder(Registers).leave_disabled().split();
         transmit::start(tx);
         let received = receive::start(rx0, rx1);
@@ -147,42 +152,13 @@ impl Can1 {
 
     /// Returns how the controller stands to the bus, and has it interrupt when that gets worse.
     pub(super) fn mode(&mut self) -> BusErrorMode {
-        let reached = CAN1.esr().read();
-        critical_section::with(|_| {
-            CAN1.ier().modify(|ier| {
-                ier.set_epvie(!reached.epvf());
-                ier.set_bofie(!reached.boff());
-            });
-        });
+        critical_section::with(|_| interrupt_unless_reached());
         // After that: what was reached before the interrupt was on is seen here.
-        let errors = CAN1.esr().read();
-        if errors.boff() {
-            BusErrorMode::BusOff
-        } else if errors.epvf() {
-            BusErrorMode::ErrorPassive
-        } else {
-            BusErrorMode::ErrorActive
+        match CAN1.esr().read() {
+            errors if errors.boff() => BusErrorMode::BusOff,
+            errors if errors.epvf() => BusErrorMode::ErrorPassive,
+            _ => BusErrorMode::ErrorActive,
         }
-    }
-
-    /// Whether a frame waits for a mailbox without an interrupt that would tell of one: [`retry`](Self::retry) in a while.
-    pub(super) fn is_blocked(&self) -> bool {
-        transmit::is_blocked()
-    }
-
-    /// Tries once more to load the frame that [waits](Self::is_blocked).
-    pub(super) fn retry(&mut self) {
-        transmit::retry();
-    }
-
-    /// Returns how many frames were lost because the processor did not keep up.
-    pub(super) fn overruns(&self) -> u32 {
-        receive::overruns()
-    }
-
-    /// Returns how many error interrupts there were.
-    pub(super) fn error_interrupts(&self) -> u32 {
-        ERROR_INTERRUPTS.load(Ordering::Relaxed)
     }
 }
 
@@ -191,7 +167,7 @@ impl embedded_can::nb::Can for Can1 {
     type Error = Infallible;
 
     fn transmit(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, Infallible> {
-        transmit::put(frame)
+        transmit::with(|transmission| transmission.put(frame)).unwrap_or(Err(nb::Error::WouldBlock))
     }
 
     fn receive(&mut self) -> nb::Result<Frame, Infallible> {
@@ -201,11 +177,11 @@ impl embedded_can::nb::Can for Can1 {
 
 impl Controller for Can1 {
     fn is_idle(&self) -> bool {
-        transmit::is_idle()
+        transmit::with(|transmission| transmission.is_idle()).unwrap_or(true)
     }
 
     fn abort(&mut self, which: Filter) {
-        transmit::abort(which);
+        transmit::with(|transmission| transmission.abort(which));
     }
 
     /// One bank after the other, as `bxcan` would stop reception for each change.

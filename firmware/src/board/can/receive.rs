@@ -18,7 +18,9 @@ use crate::board::attention::{Caller, call};
 /// How many frames wait for the device's task: those of 12 ms at 1 Mbit/s, were they all for the device.
 const QUEUE: usize = 256;
 
-static OVERRUNS: AtomicU32 = AtomicU32::new(0);
+/// How many frames were lost, in the controller or in the queue, because nobody took them. An overrun of the controller
+/// counts as one frame.
+pub(in crate::board) static OVERRUNS: AtomicU32 = AtomicU32::new(0);
 
 /// What the receive interrupts work with.
 struct Reception {
@@ -42,39 +44,23 @@ pub(super) fn start(rx0: Rx0<Registers>, rx1: Rx1<Registers>) -> Consumer<'stati
 
 #[interrupt]
 fn CAN1_RX0() {
-    let Reception { rx0, received, .. } = reception();
-    empty(0, received, || rx0.receive());
+    empty(0, |reception| reception.rx0.receive());
 }
 
 #[interrupt]
 fn CAN1_RX1() {
-    let Reception { rx1, received, .. } = reception();
-    empty(1, received, || rx1.receive());
+    empty(1, |reception| reception.rx1.receive());
 }
 
-/// Returns how many frames were lost, in the controller or in the queue, because nobody took them. An overrun of the
-/// controller counts as one frame.
-pub(super) fn overruns() -> u32 {
-    OVERRUNS.load(Ordering::Relaxed)
-}
-
-/// For the receive interrupts alone.
-fn reception() -> &'static mut Reception {
+/// Moves what a FIFO holds into the queue. For the receive interrupts alone.
+fn empty(fifo: usize, receive: impl Fn(&mut Reception) -> nb::Result<bxcan::Frame, OverrunError>) {
     // SAFETY: written before the interrupts were enabled; they have one priority, so neither interrupts the other.
-    unsafe { (*addr_of_mut!(RECEPTION)).assume_init_mut() }
-}
-
-/// Moves what a FIFO holds into the queue.
-fn empty(
-    fifo: usize,
-    received: &mut Producer<'static, Frame>,
-    mut receive: impl FnMut() -> nb::Result<bxcan::Frame, OverrunError>,
-) {
+    let reception = unsafe { (*addr_of_mut!(RECEPTION)).assume_init_mut() };
     let mut lost = 0;
     while CAN1.rfr(fifo).read().fmp() != 0 {
         let payload = Payload::peek(fifo);
-        match receive() {
-            Ok(frame) => lost += u32::from(received.enqueue(payload.of(&frame)).is_err()),
+        match receive(reception) {
+            Ok(frame) => lost += u32::from(reception.received.enqueue(payload.of(&frame)).is_err()),
             Err(nb::Error::Other(_)) => lost += 1,
             Err(nb::Error::WouldBlock) => {}
         }

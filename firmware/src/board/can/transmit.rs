@@ -19,8 +19,6 @@ use super::Registers;
 use super::frames::{convert, identifier};
 use crate::board::attention::{Caller, call};
 
-const MAILBOXES: usize = 3;
-
 /// The flags of the transmit status register that say that a mailbox is empty, all three.
 const ALL_EMPTY: u32 = 0b111 << 26;
 
@@ -28,10 +26,11 @@ const ALL_EMPTY: u32 = 0b111 << 26;
 /// the interrupt clears: only a critical section keeps it from sending a frame twice.
 static TRANSMISSION: Mutex<RefCell<Option<Transmission>>> = Mutex::new(RefCell::new(None));
 
-/// A frame waits for a mailbox, and perhaps no interrupt will tell of one.
+/// The staged frame waits for a mailbox, and perhaps no interrupt will tell of one.
 static BLOCKED: AtomicBool = AtomicBool::new(false);
 
-struct Transmission {
+/// The transmit half of the controller.
+pub(super) struct Transmission {
     tx: Tx<Registers>,
     /// The next frame to be loaded: it has to wait for a more urgent one, or for an equal one.
     staged: Option<Frame>,
@@ -51,40 +50,30 @@ pub(super) fn start(tx: Tx<Registers>) {
     critical_section::with(|cs| TRANSMISSION.replace(cs, Some(Transmission { tx, staged: None })));
 }
 
-/// Takes a frame, perhaps handing back a less urgent one.
-///
-/// # Errors
-/// [`nb::Error::WouldBlock`] when it has to wait: the staged frame is at least as urgent.
-pub(super) fn put(frame: &Frame) -> nb::Result<Option<Frame>, Infallible> {
-    with(|transmission| transmission.put(frame)).unwrap_or(Err(nb::Error::WouldBlock))
-}
-
-/// Drops the frames that a filter passes; one on the wire is not repeated when that attempt fails.
-pub(super) fn abort(which: Filter) {
-    with(|transmission| transmission.abort(which));
-}
-
-/// Whether everything was sent, or handed back.
-pub(super) fn is_idle() -> bool {
-    with(|transmission| transmission.tx.is_idle() && transmission.staged.is_none()).unwrap_or(true)
-}
-
-/// Whether [`retry`] is to be called in a while.
-pub(super) fn is_blocked() -> bool {
-    BLOCKED.load(Ordering::Relaxed)
-}
-
-/// Tries once more to load the staged frame.
-pub(super) fn retry() {
-    with(Transmission::load);
-}
-
-fn with<R>(act: impl FnOnce(&mut Transmission) -> R) -> Option<R> {
+/// Does something that the transmit interrupt does not interrupt; `None` before the [`start`].
+pub(super) fn with<R>(act: impl FnOnce(&mut Transmission) -> R) -> Option<R> {
     critical_section::with(|cs| TRANSMISSION.borrow_ref_mut(cs).as_mut().map(act))
 }
 
+/// Tries to load a frame of which no interrupt would tell. Returns whether it still waits: to be called again in a while.
+pub(in crate::board) fn retry() -> bool {
+    if BLOCKED.load(Ordering::Relaxed) {
+        with(Transmission::load);
+    }
+    BLOCKED.load(Ordering::Relaxed)
+}
+
 impl Transmission {
-    fn put(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, Infallible> {
+    /// Whether everything was sent, or handed back.
+    pub(super) fn is_idle(&self) -> bool {
+        self.tx.is_idle() && self.staged.is_none()
+    }
+
+    /// Takes a frame, perhaps handing back a less urgent one.
+    ///
+    /// # Errors
+    /// [`nb::Error::WouldBlock`] when it has to wait: the staged frame is at least as urgent.
+    pub(super) fn put(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, Infallible> {
         // A frame that ended just now has made room for the staged one, which is earlier than an equal one.
         self.load();
         if self.staged.is_some_and(|staged| staged.arbitration() <= frame.arbitration()) {
@@ -98,6 +87,18 @@ impl Transmission {
                 _ => Ok(self.staged.replace(displaced)),
             },
             Err(_) => Ok(self.staged.replace(*frame)),
+        }
+    }
+
+    /// Drops the frames that a filter passes; one on the wire is not repeated when that attempt fails.
+    pub(super) fn abort(&mut self, which: Filter) {
+        self.staged.take_if(|frame| which.passes(frame));
+        let status = CAN1.tsr().read();
+        for mailbox in (0..3).filter(|mailbox| !status.tme(*mailbox)) {
+            if which.passes(&Frame::remote(identifier(mailbox), 0)) {
+                // Not by `bxcan`, which spins to the end of a frame on the wire.
+                CAN1.tsr().write(|tsr| tsr.set_abrq(mailbox, true));
+            }
         }
     }
 
@@ -122,16 +123,5 @@ impl Transmission {
         let Some(frame) = convert(frame) else { return Ok(None) };
         let status = self.tx.transmit(&frame)?;
         Ok(status.dequeued_frame().and_then(convert))
-    }
-
-    fn abort(&mut self, which: Filter) {
-        self.staged.take_if(|frame| which.passes(frame));
-        let status = CAN1.tsr().read();
-        for mailbox in (0..MAILBOXES).filter(|mailbox| !status.tme(*mailbox)) {
-            if which.passes(&Frame::remote(identifier(mailbox), 0)) {
-                // Not by `bxcan`, which spins to the end of a frame on the wire.
-                CAN1.tsr().write(|tsr| tsr.set_abrq(mailbox, true));
-            }
-        }
     }
 }
