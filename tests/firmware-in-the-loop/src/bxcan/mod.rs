@@ -167,7 +167,10 @@ impl BxCan {
                 self.control = value & mcr::ALL;
                 self.follow_requests();
             }
-            MSR => self.noted &= !value,
+            MSR => {
+                self.noted &= !value;
+                self.note_error(self.errors.stands(self.enabled));
+            }
             TSR => self.mailboxes.write_status(value),
             RF0R => self.fifos[0].write(value),
             RF1R => self.fifos[1].write(value),
