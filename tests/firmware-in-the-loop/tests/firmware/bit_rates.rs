@@ -2,12 +2,13 @@
 
 use firmware_in_the_loop::bench::ImageBench;
 use firmware_in_the_loop::bxcan::BitTiming;
-use firmware_in_the_loop::bxcan::registers::{BTR, MCR, mcr};
+use firmware_in_the_loop::bxcan::registers::{BTR, MCR, TSR, mcr};
 use hal_sim::bus::FrameBits;
 use hal_sim::use_case::Bench;
 use protocol_core::controller::BitRate;
 
 use super::client::{Client, ImageClient, VALVE, frame};
+use super::overtaking::fill;
 
 #[test]
 fn each_bit_rate_is_exact_and_samples_where_cia_says() {
@@ -58,6 +59,30 @@ fn a_bit_rate_is_changed_at_run_time_with_both_delays() {
     client.wait_ms(30);
     client.send("7E5: 5E 00 00 00 00 00 00 00");
     client.expect("7E4: 5E 20 00 00 00 00 00 00");
+}
+
+#[test]
+fn what_waits_is_dropped_when_the_bit_rate_changes() {
+    let mut client = ImageClient::booted();
+    let board = client.bench.board;
+    client.send("7E5: 04 01 00 00 00 00 00 00");
+    client.send("7E5: 13 00 02 00 00 00 00 00");
+    client.send("7E5: 15 32 00 00 00 00 00 00");
+    client.wait_ms(5);
+    // Nobody acknowledges what is sent now.
+    let master = client.bench.master;
+    client.bench.rig.world.remove_tap(master);
+    fill(&mut client, 0, "7FF:");
+    let empty = |client: &ImageClient| client.bench.rig.connections(board).can.lock().can.read(TSR) >> 26 & 0b111;
+    let start = client.now_us();
+    while client.bench.rig.bits_per_second(board) != Some(500_000) {
+        if client.bench.rig.bits_per_second(board) == Some(250_000) {
+            assert_eq!(empty(&client), 0b110, "it waits");
+        }
+        client.step();
+        assert!(client.now_us() < start + 60_000, "the bit rate has not changed");
+    }
+    assert_eq!(empty(&client), 0b111, "it is dropped");
 }
 
 /// The valves of this release run at three of them. The timings of the others are those of the firmware's table, on the

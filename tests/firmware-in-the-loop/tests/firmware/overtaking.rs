@@ -197,7 +197,7 @@ fn frames_leave_back_to_back_at_1_mbit() {
 }
 
 /// Fills a mailbox behind the firmware's back.
-fn fill(client: &mut ImageClient, mailbox: u32, text: &str) {
+pub fn fill(client: &mut ImageClient, mailbox: u32, text: &str) {
     let frame = frame(text);
     let Id::Standard(id) = frame.id() else { panic!("{text}: only standard identifiers here") };
     let mut shared = client.bench.rig.connections(client.bench.board).can.lock();
