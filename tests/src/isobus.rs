@@ -1,5 +1,6 @@
 //! A valve on ISOBUS on the rig: at 0x83, where the manual's examples have it, and its master at 0x27.
 
+use protocol_core::device::Senses;
 use protocol_core::device::pve::{Kind, Setup};
 
 use crate::Rig;
@@ -44,6 +45,19 @@ impl Rig {
     pub fn claimed_as(setup: Setup) -> Self {
         let mut rig = Self::power_on(setup);
         rig.take_claim();
+        rig
+    }
+
+    /// The same, whose internal error and temperature fault are previously active: two packets of DM2.
+    #[must_use]
+    pub fn with_two_previously_active() -> Self {
+        let mut rig = Self::claimed();
+        rig.sense(|senses| senses.internal_fault = true);
+        rig.sense(|senses| senses.temperature_c = 130);
+        rig.advance_cyclic(300, BLOCK);
+        rig.sense(|senses| *senses = Senses::default());
+        rig.recover();
+        rig.take();
         rig
     }
 

@@ -1,13 +1,16 @@
 //! What the tests share.
 //!
 //! ```text
-//! rig    one device on a bus of its own: for what a device says and does
-//! bench  valves and a master in a simulated world: for bus errors, flashes, several devices
+//! answers  which requests have had none
+//! rig      one device on a bus of its own: for what a device says and does
+//! bench    valves and a master in a simulated world: for bus errors, flashes, several devices
 //! ```
 
+mod answers;
 mod bench;
 pub mod isobus;
 mod rig;
 
+pub use answers::unanswered;
 pub use bench::Bench;
 pub use rig::{Rig, frame};

@@ -6,6 +6,7 @@
 //! What is simplified: an attempt that fails is cut at the bit where the first error is seen, and all controllers see
 //! the error frame at once. Oscillator tolerance, resynchronisation and overload frames are left out.
 
+mod alone;
 mod bits;
 mod clock;
 mod confinement;

@@ -25,7 +25,7 @@ use protocol_core::memory::Image;
 use protocol_core::time::{Duration, Instant};
 
 pub use controller::ControllerId;
-pub use node::{FAULT_LOG_WRITE_TIME, Factory, SimDevice, WRITE_TIME};
+pub use node::{FAULT_LOG_WRITE_TIME, Factory, SimDevice, WRITE_TIME, Write, write_time};
 pub use power::SUPPLY_JITTER;
 pub use run::FLUSH_PATIENCE;
 pub use trace::{Observer, OnBus, TraceEvent};

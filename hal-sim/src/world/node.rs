@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use protocol_core::device::{Device, Senses, StartCause};
 use protocol_core::memory::{Image, Record, RecordKey};
-use protocol_core::time::{Duration, Instant, NEVER};
+use protocol_core::time::{Duration, Instant, NEVER, after};
 
 use crate::bus::PortId;
 use crate::memory::Memory;
@@ -45,11 +45,24 @@ pub(super) enum Power {
 }
 
 /// A record on its way into the memory.
-pub(super) struct Write {
-    pub(super) key: RecordKey,
-    pub(super) record: Record,
-    pub(super) began: Instant,
-    pub(super) done: Instant,
+#[derive(Debug)]
+pub struct Write {
+    /// The key that it is written under.
+    pub key: RecordKey,
+    /// Its bytes, sealed.
+    pub record: Record,
+    /// The instant at which the write began.
+    pub began: Instant,
+    /// The instant at which the memory holds it, unless the write fails.
+    pub done: Instant,
+}
+
+impl Write {
+    /// Begins to write a record, which takes so long: [`write_time`] as a rule.
+    #[must_use]
+    pub fn begin(key: RecordKey, record: Record, now: Instant, takes: Duration) -> Self {
+        Self { key, record, began: now, done: after(now, takes) }
+    }
 }
 
 impl Node {
@@ -65,8 +78,9 @@ impl Node {
     }
 }
 
-/// How long writing the record under `key` takes.
-pub(super) const fn write_time(key: RecordKey) -> Duration {
+/// Returns how long the memory takes to write the record under `key`.
+#[must_use]
+pub const fn write_time(key: RecordKey) -> Duration {
     match key {
         RecordKey::FaultLog => FAULT_LOG_WRITE_TIME,
         _ => WRITE_TIME,

@@ -148,8 +148,7 @@ impl World {
     fn begin_write(&mut self, id: NodeId, key: RecordKey, record: Record) {
         // The core asks for one at a time; if it ever did not, the first one must not be lost.
         self.finish_write(id, NEVER);
-        let began = self.now;
-        self.nodes[id.0].write = Some(Write { key, record, began, done: after(began, write_time(key)) });
+        self.nodes[id.0].write = Some(Write::begin(key, record, self.now, write_time(key)));
     }
 
     fn show(&mut self, ended: Ended) {

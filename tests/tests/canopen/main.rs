@@ -1,7 +1,12 @@
 //! What a master sees of the CANopen valves: objects, services, faults and memory (SPEC 2–4, 6, 7).
 
+mod acknowledged;
+mod acknowledged_lives;
+mod acknowledged_orders;
 mod actuator;
 mod bit_rate;
+mod bit_rate_blocked;
+mod blocked_bus;
 mod cob_id;
 mod device_state_machine;
 mod emcy;
@@ -20,7 +25,10 @@ mod node_id;
 mod object_dictionary;
 mod pdo;
 mod pdo_mapping;
+mod pdo_switch;
+mod promises;
 mod properties;
+mod restart_scope;
 mod sdo;
 mod set_point;
 mod storage;

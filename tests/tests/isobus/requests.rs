@@ -15,7 +15,7 @@ const SUPPORTED: [(&str, &str); 4] =
 fn what_is_supported() {
     let mut valve = Rig::claimed();
     for (group, answer) in SUPPORTED {
-        for source in ["00", "27", "83", "F9", "FD", "FE", "FF"] {
+        for source in ["00", "27", "F9", "FD", "FE", "FF"] {
             valve.exchange(&format!("18EA83{source}: {group}"), &[answer]);
             valve.exchange(&format!("18EAFF{source}: {group}"), &[answer]);
         }

@@ -4,6 +4,7 @@ mod bit_rot;
 mod bus_physics;
 mod busy_bus;
 mod determinism;
+mod held_bus;
 mod power_cuts;
 mod use_cases;
 mod write_failures;

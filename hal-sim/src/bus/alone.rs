@@ -1,0 +1,35 @@
+//! The CAN controller of a device without a bus around it: its owner takes the frames out of its mailboxes.
+
+use std::sync::Arc;
+
+use protocol_core::controller::BitRate;
+use protocol_core::frame::Frame;
+
+use super::port::Port;
+
+impl Port {
+    /// Returns a device's controller that is on no bus, with empty mailboxes. It receives nothing.
+    #[must_use]
+    pub fn alone(name: &str, rate: BitRate) -> Self {
+        Self::of_device(Arc::from(name), rate)
+    }
+
+    /// Sends the most urgent pending frame at this instant, as a controller on a free bus does.
+    pub fn send_head(&mut self) -> Option<Frame> {
+        let frame = *self.transmit.head()?;
+        self.transmit.sending();
+        self.transmit.sent(true);
+        Some(frame)
+    }
+
+    /// Returns the frame that the controller sends next.
+    #[must_use]
+    pub fn head(&self) -> Option<&Frame> {
+        self.transmit.head()
+    }
+
+    /// Drops all pending frames, as bus-off does.
+    pub fn clear(&mut self) {
+        self.transmit.clear();
+    }
+}

@@ -1,0 +1,95 @@
+//! What the rig's master sends and hears, as the manuals print it.
+
+use protocol_core::frame::Frame;
+use protocol_core::time::Instant;
+
+use super::Rig;
+
+/// The frame of a text in the manuals' notation, `5A0: 43 18 10 01 19 00 00 01`.
+///
+/// # Panics
+/// When it is none.
+#[must_use]
+pub fn frame(text: &str) -> Frame {
+    text.parse().unwrap_or_else(|error| panic!("{text:?}: {error}"))
+}
+
+impl Rig {
+    /// Sends a frame to the device.
+    pub fn send(&mut self, text: &str) {
+        self.send_frame(frame(text));
+    }
+
+    /// Sends a frame to the device, whether its filters let it through or not: the core does not rely on them.
+    ///
+    /// # Panics
+    /// When a frame that the filters keep away means something to the device.
+    #[track_caller]
+    pub fn send_frame(&mut self, frame: Frame) {
+        let passes = !frame.is_remote() && self.filters().iter().any(|filter| filter.passes(&frame));
+        let sent = self.wire.sent.len();
+        self.finish_write();
+        self.device.handle(&frame, self.now);
+        self.pump();
+        assert!(passes || self.wire.sent.len() == sent, "{frame} is answered, but passes no filter");
+    }
+
+    /// The next frame that the device has sent.
+    pub fn take_next(&mut self) -> Option<Frame> {
+        self.wire.sent.pop_front().map(|(_, frame)| frame)
+    }
+
+    /// Takes all frames that the device has sent, as the manuals print them.
+    pub fn take(&mut self) -> Vec<String> {
+        self.take_timed().into_iter().map(|(_, frame)| frame.to_string()).collect()
+    }
+
+    /// Takes all frames that the device has sent, each with its instant.
+    pub fn take_timed(&mut self) -> Vec<(Instant, Frame)> {
+        self.wire.sent.drain(..).collect()
+    }
+
+    /// Takes all frames that the device has sent, and returns those under this identifier.
+    pub fn take_under(&mut self, id: &str) -> Vec<String> {
+        let under = |frame: &String| frame.split_once(':').is_some_and(|(of_frame, _)| of_frame == id);
+        self.take().into_iter().filter(under).collect()
+    }
+
+    /// The next frame that the device has sent must be this one.
+    #[track_caller]
+    pub fn expect(&mut self, text: &str) {
+        let sent = self.take_next().map(|frame| frame.to_string());
+        assert_eq!(sent.as_deref(), Some(text), "at {} us", self.now.as_micros());
+    }
+
+    /// The device must have sent nothing more.
+    #[track_caller]
+    pub fn expect_nothing(&mut self) {
+        let sent = self.take();
+        assert!(sent.is_empty(), "at {} us: {sent:?}", self.now.as_micros());
+    }
+
+    /// Sends a frame; the device must send these, and nothing more.
+    #[track_caller]
+    pub fn exchange(&mut self, request: &str, answers: &[&str]) {
+        self.send(request);
+        let sent = self.take();
+        assert_eq!(sent, answers, "answers to {request}");
+    }
+
+    /// Brings the device to ACTIVE by use case 1, with set-point 0, at this instant; its TPDOs are taken.
+    ///
+    /// # Panics
+    /// When it does not get there.
+    #[track_caller]
+    pub fn activate(&mut self) {
+        let node_id = u16::from(self.node_id().expect("a node ID"));
+        self.send("000: 01 00");
+        for status in ["09", "0B", "0F"] {
+            self.send(&format!("{:03X}: 0F 00 00 00", 0x200 + node_id));
+            let sent = self.take_next().expect("a TPDO").to_string();
+            assert!(sent.starts_with(&format!("{:03X}: {status} 00", 0x180 + node_id)), "{sent}");
+        }
+        self.expect_nothing();
+    }
+}

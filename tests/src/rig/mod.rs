@@ -1,0 +1,215 @@
+//! A device on a bus of its own, in virtual time: what it sends is on a free bus at once, its memory is a map of records.
+//!
+//! Controller, mailboxes and the course of a write are hal-sim's; the pump is the one that all platforms run.
+
+mod frames;
+mod memory;
+mod sdo;
+mod time;
+mod wire;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use hal_sim::world::Write;
+use protocol_core::controller::{BitRate, BusErrorMode, Filters};
+use protocol_core::device::pve::{Kind, Protocol, PveCanopen, PveIsobus, Setup};
+use protocol_core::device::{Device, Effect, Senses, StartCause};
+use protocol_core::memory::{Image, RecordKey};
+use protocol_core::pump::pump;
+use protocol_core::time::{Duration, Instant};
+
+pub use frames::frame;
+use wire::Wire;
+
+/// The device of a setup.
+fn power_on(setup: Setup, image: &Image, cause: StartCause, now: Instant) -> Box<dyn Device> {
+    match setup.kind.protocol() {
+        Protocol::Canopen => Box::new(PveCanopen::power_on(setup, image, cause, now)),
+        Protocol::Isobus => Box::new(PveIsobus::power_on(setup, image, cause, now)),
+    }
+}
+
+/// A valve on a rig.
+pub struct Rig {
+    setup: Setup,
+    device: Box<dyn Device>,
+    wire: Wire,
+    now: Instant,
+    senses: Senses,
+    /// The memory: records by key. What is put in here is found at the next start.
+    pub records: BTreeMap<RecordKey, Vec<u8>>,
+    /// The next start finds the memory damaged as a whole.
+    pub memory_damaged: bool,
+    /// Every write fails.
+    pub writes_fail: bool,
+    /// The writes that fail, by number: 0 is the next one. Each is counted down as writes end.
+    pub failing_writes: BTreeSet<usize>,
+    /// How long a write takes.
+    pub write_time: Duration,
+    /// Every record that was written, in order.
+    pub writes: Vec<RecordKey>,
+    write: Option<Write>,
+    bit_rates: Vec<BitRate>,
+}
+
+impl Rig {
+    /// A `pvea-canopen` at node 0x20, fresh from the factory, booted; its two frames are taken.
+    #[must_use]
+    pub fn booted() -> Self {
+        Self::booted_as(Setup::new(Kind::PveaCanopen))
+    }
+
+    /// The same of another kind.
+    #[must_use]
+    pub fn booted_pveo() -> Self {
+        Self::booted_as(Setup::new(Kind::PveoCanopen))
+    }
+
+    /// A valve with a node ID, booted; its two frames are taken.
+    #[must_use]
+    pub fn booted_as(setup: Setup) -> Self {
+        let mut rig = Self::power_on(setup);
+        let node_id = rig.node_id().expect("a node ID");
+        rig.expect(&format!("{:03X}: 00", 0x700 + u16::from(node_id)));
+        rig.expect(&format!("{:03X}: 00 00 00 00 00 00 00 00", 0x080 + u16::from(node_id)));
+        rig
+    }
+
+    /// A valve that was just powered up, with a memory that was never written.
+    #[must_use]
+    pub fn power_on(setup: Setup) -> Self {
+        let now = Instant::from_secs(1);
+        let device = power_on(setup, &Image::empty(), StartCause::PowerOn, now);
+        let mut rig = Self {
+            setup,
+            device,
+            wire: Wire::new(now),
+            now,
+            senses: Senses::default(),
+            records: BTreeMap::new(),
+            memory_damaged: false,
+            writes_fail: false,
+            failing_writes: BTreeSet::new(),
+            write_time: Duration::from_ticks(0),
+            writes: Vec::new(),
+            write: None,
+            bit_rates: Vec::new(),
+        };
+        rig.device.sense(&rig.senses, now);
+        rig.pump();
+        rig
+    }
+
+    /// Takes the power away and gives it back: what was being written is lost.
+    pub fn power_cycle(&mut self) {
+        self.restart_by(StartCause::PowerOn);
+    }
+
+    /// The watchdog resets the processor.
+    pub fn watchdog_reset(&mut self) {
+        self.restart_by(StartCause::Watchdog);
+    }
+
+    /// What the device listens to.
+    #[must_use]
+    pub fn filters(&self) -> &Filters {
+        &self.wire.filters
+    }
+
+    /// Changes what the device senses. A controller that goes bus-off drops what is in its mailboxes, and sends nothing
+    /// until it is back.
+    pub fn sense(&mut self, change: impl FnOnce(&mut Senses)) {
+        change(&mut self.senses);
+        let bus_off = self.senses.bus == BusErrorMode::BusOff;
+        if bus_off && !self.wire.bus_off {
+            self.wire.clear();
+        }
+        self.wire.bus_off = bus_off;
+        self.device.sense(&self.senses, self.now);
+        self.pump();
+        self.drain();
+    }
+
+    /// Holds the bus, as if the cable were unplugged: what is in the mailboxes stays there until the bus is released.
+    pub fn hold_bus(&mut self, held: bool) {
+        self.wire.held = held;
+        self.drain();
+        self.pump();
+    }
+
+    /// How many frames wait in the mailboxes of the controller.
+    #[must_use]
+    pub fn pending(&self) -> usize {
+        self.wire.pending()
+    }
+
+    /// Asks for everything to be stored.
+    pub fn flush(&mut self) {
+        self.device.flush(self.now);
+        self.pump();
+    }
+
+    /// The device.
+    #[must_use]
+    pub fn device(&self) -> &dyn Device {
+        &*self.device
+    }
+
+    /// The node ID in force.
+    #[must_use]
+    pub fn node_id(&self) -> Option<u8> {
+        self.device.node_id()
+    }
+
+    /// The present instant.
+    #[must_use]
+    pub fn now(&self) -> Instant {
+        self.now
+    }
+
+    /// The bit rates that the device has switched to, oldest first.
+    #[must_use]
+    pub fn bit_rates(&self) -> &[BitRate] {
+        &self.bit_rates
+    }
+
+    fn restart_by(&mut self, cause: StartCause) {
+        self.write = None;
+        self.wire.power_cycle();
+        self.device = power_on(self.setup, &self.image(), cause, self.now);
+        self.device.sense(&self.senses, self.now);
+        self.pump();
+    }
+
+    /// The bus takes what is in the mailboxes, most urgent first; after each frame the device is pumped.
+    fn drain(&mut self) {
+        while self.wire.send_one() {
+            self.pump();
+        }
+    }
+
+    fn pump(&mut self) {
+        self.wire.now = self.now;
+        self.pump_all();
+        assert!(self.device.deadline() > self.now, "what was due by {} us is due still", self.now.as_micros());
+    }
+
+    fn pump_all(&mut self) {
+        loop {
+            self.finish_write();
+            match pump(&mut *self.device, &mut self.wire, self.now) {
+                None => return,
+                Some(Effect::Store(key, record)) => self.begin_write(key, record),
+                Some(Effect::SetBitRate(bit_rate)) => {
+                    self.wire.clear();
+                    self.bit_rates.push(bit_rate);
+                }
+                Some(Effect::Restart(scope)) => {
+                    self.wire.clear();
+                    let image = self.image();
+                    self.device.restart(scope, &image, self.now);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,150 @@
+//! The rig's SDO client.
+
+use protocol_core::frame::Frame;
+
+use super::Rig;
+
+impl Rig {
+    /// The status word, read over SDO.
+    #[track_caller]
+    pub fn status(&mut self) -> u32 {
+        self.read(0x6041, 0)
+    }
+
+    /// Reads a number over SDO, expedited.
+    ///
+    /// # Panics
+    /// When there is no such answer.
+    #[track_caller]
+    pub fn read(&mut self, index: u16, sub: u8) -> u32 {
+        let answer = self.sdo(0x40, index, sub, 0);
+        let bytes = answer.bytes();
+        assert!(matches!(bytes[0], 0x43 | 0x47 | 0x4B | 0x4F), "no number: {answer}");
+        let [a, b, c, d] = [bytes[4], bytes[5], bytes[6], bytes[7]];
+        u32::from_le_bytes([a, b, c, d])
+    }
+
+    /// Writes a number of so many bytes over SDO, expedited: `Err` with the abort code.
+    ///
+    /// # Errors
+    /// The abort code.
+    ///
+    /// # Panics
+    /// When there is no answer.
+    #[track_caller]
+    pub fn write(&mut self, index: u16, sub: u8, size: u8, value: u32) -> Result<(), u32> {
+        let answer = self.sdo(0x23 | (4 - size) << 2, index, sub, value);
+        match answer.bytes() {
+            [0x60, ..] => Ok(()),
+            [0x80, _, _, _, code @ ..] => Err(u32::from_le_bytes(*code)),
+            _ => panic!("no answer to a download: {answer}"),
+        }
+    }
+
+    /// The abort code that a read is answered with.
+    ///
+    /// # Panics
+    /// When the read succeeds.
+    #[track_caller]
+    pub fn read_abort(&mut self, index: u16, sub: u8) -> u32 {
+        let answer = self.sdo(0x40, index, sub, 0);
+        let bytes = answer.bytes();
+        assert_eq!(bytes[0], 0x80, "no abort: {answer}");
+        u32::from_le_bytes([bytes[4], bytes[5], bytes[6], bytes[7]])
+    }
+
+    /// Reads an object in segments, whatever its length: its bytes.
+    ///
+    /// # Errors
+    /// The abort code.
+    ///
+    /// # Panics
+    /// When an answer is none of an upload.
+    #[track_caller]
+    pub fn read_segmented(&mut self, index: u16, sub: u8) -> Result<Vec<u8>, u32> {
+        let answer = self.sdo(0x40, index, sub, 0);
+        match answer.bytes() {
+            [0x80, _, _, _, code @ ..] => return Err(u32::from_le_bytes(*code)),
+            [0x41, ..] => {}
+            _ => panic!("no segmented upload: {answer}"),
+        }
+        let mut data = Vec::new();
+        for toggle in [0x00, 0x10].into_iter().cycle() {
+            let answer = self.sdo(0x60 | toggle, 0, 0, 0);
+            let [command, segment @ ..] = answer.bytes();
+            assert_eq!(command & 0xF0, toggle, "no segment with this toggle bit: {answer}");
+            data.extend(&segment[..7 - usize::from(command >> 1 & 7)]);
+            if command & 1 != 0 {
+                break;
+            }
+        }
+        Ok(data)
+    }
+
+    /// Writes an object in segments, its size announced.
+    ///
+    /// # Errors
+    /// The abort code.
+    ///
+    /// # Panics
+    /// When an answer is none to a download.
+    #[track_caller]
+    pub fn write_segmented(&mut self, index: u16, sub: u8, data: &[u8]) -> Result<(), u32> {
+        let accepted = |answer: Frame| match answer.bytes() {
+            [0x60 | 0x20 | 0x30, ..] => Ok(()),
+            [0x80, _, _, _, code @ ..] => Err(u32::from_le_bytes(*code)),
+            _ => panic!("no answer to a download: {answer}"),
+        };
+        accepted(self.sdo(0x21, index, sub, u32::try_from(data.len()).expect("a short object")))?;
+        let count = data.len().div_ceil(7).max(1);
+        for number in 0..count {
+            let rest = &data[number * 7..];
+            let mut segment = [0; 8];
+            let len = rest.len().min(7);
+            segment[1..=len].copy_from_slice(&rest[..len]);
+            let last = number + 1 == count;
+            segment[0] = u8::try_from((number & 1) << 4 | (7 - len) << 1 | usize::from(last)).expect("a byte");
+            accepted(self.sdo_bytes(segment))?;
+        }
+        Ok(())
+    }
+
+    /// Maps these objects into the PDO whose communication parameter this is, by the manual's procedure.
+    ///
+    /// # Panics
+    /// When a step is refused.
+    #[track_caller]
+    pub fn map(&mut self, communication: u16, entries: &[u32]) {
+        const OFF: u32 = 0x8000_0000;
+        let mapping = communication + 0x200;
+        let cob_id = self.read(communication, 1) & !OFF;
+        let count = u32::try_from(entries.len()).expect("a few entries");
+        let subs = (1..).zip(entries);
+        let steps = [(communication, 1, 4, cob_id | OFF), (mapping, 0, 1, 0), (mapping, 0, 1, count)];
+        let steps = steps.into_iter().chain(subs.map(|(sub, entry)| (mapping, sub, 4, *entry)));
+        for (index, sub, size, value) in steps.chain([(communication, 1, 4, cob_id)]) {
+            assert_eq!(self.write(index, sub, size, value), Ok(()), "{index:04X}:{sub} := {value:X}");
+        }
+    }
+
+    /// Sends an SDO request; the answer.
+    ///
+    /// # Panics
+    /// When there is none.
+    #[track_caller]
+    pub fn sdo(&mut self, command: u8, index: u16, sub: u8, data: u32) -> Frame {
+        let [low, high] = index.to_le_bytes();
+        let [a, b, c, d] = data.to_le_bytes();
+        self.sdo_bytes([command, low, high, sub, a, b, c, d])
+    }
+
+    #[track_caller]
+    fn sdo_bytes(&mut self, request: [u8; 8]) -> Frame {
+        let node_id = self.node_id().expect("a node ID");
+        let id = protocol_core::frame::standard(0x600 | u16::from(node_id));
+        self.send_frame(Frame::full(id.into(), request));
+        let answer = self.take_next().expect("an SDO answer");
+        assert_eq!(answer.id(), protocol_core::frame::standard(0x580 | u16::from(node_id)).into(), "{answer}");
+        answer
+    }
+}

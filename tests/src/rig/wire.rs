@@ -1,0 +1,88 @@
+//! The rig's bus: hal-sim's controller with its three mailboxes, on a bus that is free or held.
+
+use std::collections::VecDeque;
+use std::convert::Infallible;
+
+use hal_sim::Port;
+use protocol_core::controller::{BitRate, Controller, Filter, Filters};
+use protocol_core::frame::Frame;
+use protocol_core::time::Instant;
+
+/// A controller on a bus of its own. A free bus takes every frame at once; on a held one frames stay in the mailboxes.
+#[derive(Debug)]
+pub(super) struct Wire {
+    port: Port,
+    pub(super) filters: Filters,
+    pub(super) held: bool,
+    /// The controller is bus-off: it sends nothing, held or not.
+    pub(super) bus_off: bool,
+    pub(super) now: Instant,
+    pub(super) sent: VecDeque<(Instant, Frame)>,
+}
+
+impl Wire {
+    pub(super) fn new(now: Instant) -> Self {
+        let port = Port::alone("rig", BitRate::Kbit250);
+        Self { port, filters: Filters::new(), held: false, bus_off: false, now, sent: VecDeque::new() }
+    }
+
+    /// The controller is powered up anew, on the same bus.
+    pub(super) fn power_cycle(&mut self) {
+        self.port = Port::alone("rig", BitRate::Kbit250);
+        self.sent.clear();
+    }
+
+    /// How many frames are in the mailboxes.
+    pub(super) fn pending(&self) -> usize {
+        self.port.pending()
+    }
+
+    /// Drops what is in the mailboxes.
+    pub(super) fn clear(&mut self) {
+        self.port.clear();
+    }
+
+    /// Sends the most urgent frame of the mailboxes, if the bus takes it: whether there was one.
+    pub(super) fn send_one(&mut self) -> bool {
+        if self.held || self.bus_off {
+            return false;
+        }
+        let sent = self.port.send_head().map(|frame| (self.now, frame));
+        self.sent.extend(sent);
+        sent.is_some()
+    }
+}
+
+impl embedded_can::nb::Can for Wire {
+    type Frame = Frame;
+    type Error = Infallible;
+
+    /// Beside a pending frame the controller takes only a strictly more urgent one, as the board's driver does.
+    fn transmit(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, Infallible> {
+        if self.port.head().is_some_and(|head| frame.arbitration() >= head.arbitration()) {
+            return Err(nb::Error::WouldBlock);
+        }
+        let overtaken = self.port.transmit(frame)?;
+        while self.send_one() {}
+        Ok(overtaken)
+    }
+
+    /// What the device receives is handed to it by the rig.
+    fn receive(&mut self) -> nb::Result<Frame, Infallible> {
+        Err(nb::Error::WouldBlock)
+    }
+}
+
+impl Controller for Wire {
+    fn is_idle(&self) -> bool {
+        self.port.is_idle()
+    }
+
+    fn abort(&mut self, which: Filter) {
+        self.port.abort(which);
+    }
+
+    fn set_filters(&mut self, filters: &Filters) {
+        self.filters.clone_from(filters);
+    }
+}

@@ -1,0 +1,225 @@
+//! After a blocked bus a valve tells the state as it is then, answers what it was asked, and a BAM is whole or given up
+//! (SPEC 5).
+
+use protocol_core::controller::BusErrorMode;
+use tests::Rig;
+use tests::isobus::{AVEF_BLOCKED, BLOCK, CLAIM, DM1_CLEAR};
+
+const DM1: &str = "18FECA83";
+const INTERNAL: &str = "18FECA83: 10 FF FA 8F 8B 01 FF FF";
+const TEMPERATURE: &str = "18FECA83: 04 FF F1 8F 90 01 FF FF";
+const DM1_REQUEST: &str = "18EA8327: CA FE 00";
+const DM2_REQUEST: &str = "18EA8327: CB FE 00";
+const CLAIM_REQUEST: &str = "18EAFF27: 00 EE 00";
+
+/// Internal error and temperature: two packets of DM2.
+const DM2_TWO: [&str; 3] =
+    ["1CECFF83: 20 0A 00 02 FF CB FE 00", "1CEBFF83: 01 10 FF FA 8F 8B 01 F1", "1CEBFF83: 02 8F 90 01 FF FF FF FF"];
+
+/// The tool is unplugged for 15 s: of all that changed meanwhile the present state alone is told.
+#[test]
+#[ignore = "15 stale DM1s are sent, and the clear never is"]
+fn dm1_tells_the_present_state() {
+    let mut valve = Rig::claimed();
+    valve.hold_bus(true);
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.advance_cyclic(15_000, BLOCK);
+    valve.sense(|senses| senses.internal_fault = false);
+    valve.advance_cyclic(500, BLOCK);
+    valve.hold_bus(false);
+    assert_eq!(valve.take_under(DM1), [DM1_CLEAR]);
+    valve.advance_cyclic(2000, BLOCK);
+    assert_eq!(valve.take_under(DM1), [""; 0]);
+}
+
+#[test]
+#[ignore = "the DM1 of each second is sent"]
+fn dm1_of_a_fault_that_lasts() {
+    let mut valve = Rig::claimed();
+    valve.hold_bus(true);
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.advance_cyclic(5_500, BLOCK);
+    valve.hold_bus(false);
+    assert_eq!(valve.take_under(DM1), [INTERNAL]);
+    valve.advance_cyclic(1000, BLOCK);
+    assert_eq!(valve.take_under(DM1), [INTERNAL]);
+}
+
+#[test]
+#[ignore = "the fault before is told, too"]
+fn dm1_of_another_fault() {
+    let mut valve = Rig::claimed();
+    valve.hold_bus(true);
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|senses| senses.temperature_c = 130);
+    valve.advance_cyclic(300, BLOCK);
+    valve.sense(|senses| senses.internal_fault = false);
+    valve.hold_bus(false);
+    assert_eq!(valve.take_under(DM1), [TEMPERATURE]);
+}
+
+/// An answer to a request tells the state as it is sent, too.
+#[test]
+#[ignore = "the answer in the mailbox tells the state before"]
+fn a_requested_dm1_tells_the_present_state() {
+    let mut valve = Rig::claimed();
+    valve.hold_bus(true);
+    valve.send(DM1_REQUEST);
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.hold_bus(false);
+    assert_eq!(valve.take_under(DM1), [INTERNAL]);
+}
+
+/// A burst of requests for the claim pushes nothing else out.
+#[test]
+#[ignore = "the claims push DM1, DM2 and packets out"]
+fn a_burst_of_requests_for_the_claim() {
+    let mut valve = Rig::with_two_previously_active();
+    valve.hold_bus(true);
+    valve.send(DM1_REQUEST);
+    valve.send(DM2_REQUEST);
+    valve.send("18EA8328: 00 FF 00");
+    for _ in 0..600 {
+        valve.send(CLAIM_REQUEST);
+    }
+    valve.hold_bus(false);
+    let mut sent = valve.take_news();
+    valve.advance_cyclic(1000, BLOCK);
+    sent.extend(valve.take_news());
+    let claims = sent.iter().filter(|frame| *frame == CLAIM).count();
+    assert!((1..=3).contains(&claims), "{claims} claims");
+    sent.retain(|frame| frame != CLAIM);
+    let mut expected = vec!["18E8FF83: 01 FF FF FF 28 00 FF 00", DM1_CLEAR];
+    expected.extend(DM2_TWO);
+    assert_eq!(sent, expected);
+}
+
+/// The burst falls between two packets.
+#[test]
+#[ignore = "packet 2 is sent without packet 1"]
+fn a_burst_in_a_bam() {
+    let mut valve = Rig::with_two_previously_active();
+    valve.exchange(DM2_REQUEST, &DM2_TWO[..1]);
+    valve.advance(40);
+    valve.hold_bus(true);
+    for _ in 0..600 {
+        valve.send(CLAIM_REQUEST);
+    }
+    // The packet is due now.
+    valve.advance(80);
+    for _ in 0..600 {
+        valve.send(CLAIM_REQUEST);
+    }
+    valve.hold_bus(false);
+    let mut sent = valve.take_news();
+    valve.advance_cyclic(1000, BLOCK);
+    sent.extend(valve.take_news());
+    sent.retain(|frame| frame != CLAIM);
+    assert_eq!(sent, DM2_TWO[1..]);
+}
+
+/// The gap between two packets has passed 200 ms: the BAM is given up, the packet in the controller included.
+#[test]
+#[ignore = "the packets are sent after the gap"]
+fn a_bam_is_given_up() {
+    for packets in [0, 1] {
+        let mut valve = Rig::with_two_previously_active();
+        valve.exchange(DM2_REQUEST, &DM2_TWO[..1]);
+        if packets == 1 {
+            valve.advance_cyclic(150, BLOCK);
+            assert!(valve.take().contains(&DM2_TWO[1].to_owned()));
+        }
+        valve.hold_bus(true);
+        valve.advance_cyclic(300, BLOCK);
+        valve.hold_bus(false);
+        valve.advance_cyclic(1000, BLOCK);
+        assert_eq!(valve.take_news(), [""; 0], "after {packets} packets");
+        // The next request is answered whole.
+        valve.send(DM2_REQUEST);
+        valve.advance_cyclic(1000, BLOCK);
+        assert_eq!(valve.take_news(), DM2_TWO);
+    }
+}
+
+/// A shorter one delays it.
+#[test]
+fn a_bam_survives_a_short_block() {
+    let mut valve = Rig::with_two_previously_active();
+    valve.exchange(DM2_REQUEST, &DM2_TWO[..1]);
+    valve.hold_bus(true);
+    valve.advance(150);
+    valve.send(BLOCK);
+    valve.hold_bus(false);
+    valve.advance_cyclic(500, BLOCK);
+    assert_eq!(valve.take_news(), DM2_TWO[1..]);
+}
+
+/// One that was asked for in bus-off, or was under way when the bus was lost, is given up, the announcement included.
+#[test]
+#[ignore = "the packets are sent without their announcement"]
+fn a_bam_and_bus_off() {
+    for under_way in [false, true] {
+        let mut valve = Rig::with_two_previously_active();
+        if under_way {
+            valve.exchange(DM2_REQUEST, &DM2_TWO[..1]);
+        }
+        valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+        if !under_way {
+            valve.exchange(DM2_REQUEST, &[]);
+        }
+        valve.advance_cyclic(50, BLOCK);
+        valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
+        valve.advance_cyclic(1000, BLOCK);
+        let sent = valve.take_news();
+        assert!(!sent.iter().any(|frame| frame.starts_with("1CE")), "{sent:?}");
+    }
+}
+
+/// An announcement that the bus has not taken yet begins no gap.
+#[test]
+fn a_bam_that_has_not_begun() {
+    let mut valve = Rig::with_two_previously_active();
+    valve.hold_bus(true);
+    valve.send(DM2_REQUEST);
+    valve.advance_cyclic(5000, BLOCK);
+    valve.hold_bus(false);
+    valve.advance_cyclic(500, BLOCK);
+    assert_eq!(valve.take_news(), DM2_TWO);
+}
+
+/// Refusals, acknowledgements and UDS answers do not go stale: each is sent, or counted as dropped.
+#[test]
+fn every_request_is_answered_or_counted() {
+    let mut valve = Rig::claimed();
+    valve.hold_bus(true);
+    let mut asked = Vec::new();
+    for source in 0..40_u32 {
+        valve.send(&format!("18EA83{source:02X}: 00 FF 00"));
+        asked.push(format!("18E8FF83: 01 FF FF FF {source:02X} 00 FF 00"));
+        valve.send(&format!("{:08X}: 03 22 F0 10", 0x1BC0_0083 | source << 11));
+        asked.push(format!("{:08X}: 04 62 F0 10 A5", 0x1BC4_1800 | source));
+        valve.send(&format!("18EA83{source:02X}: CC FE 00"));
+        asked.push(format!("18E8FF83: 00 FF FF FF {source:02X} CC FE 00"));
+    }
+    valve.hold_bus(false);
+    let sent = valve.take_news();
+    let answered = asked.iter().filter(|answer| sent.contains(answer)).count();
+    let dropped = usize::try_from(valve.device().frames_dropped()).unwrap();
+    assert_eq!(asked.len(), answered + dropped, "{sent:#?}");
+}
+
+/// The wait after the claim begins when the claim is on the bus: DM1 of what happened meanwhile comes after it.
+#[test]
+fn the_first_dm1_after_a_held_claim() {
+    let mut valve = Rig::claimed();
+    valve.hold_bus(true);
+    valve.power_cycle();
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.advance(3000);
+    valve.hold_bus(false);
+    valve.expect(CLAIM);
+    valve.advance(249);
+    valve.expect_nothing();
+    valve.advance(1);
+    assert_eq!(valve.take(), [AVEF_BLOCKED, INTERNAL]);
+}
