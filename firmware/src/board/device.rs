@@ -15,7 +15,7 @@ use protocol_core::time::NEVER;
 use static_cell::StaticCell;
 
 use super::attention::{Attention, Caller, Calls};
-use super::can::{Can1, retry};
+use super::can::{self, Can1};
 use super::console::Answer;
 use super::front::{Front, status};
 use super::led::Lights;
@@ -149,7 +149,7 @@ impl Board {
     /// When there is something to do although nobody calls.
     fn next_look(&self, device: &AnyDevice, now: Instant) -> Instant {
         let due = if self.restarting.is_some() { NEVER } else { device.deadline() };
-        let is_calm = self.plant.senses.bus == BusErrorMode::ErrorActive && !retry();
+        let is_calm = self.plant.senses.bus == BusErrorMode::ErrorActive && !can::retry();
         due.min(now + if is_calm { FEED } else { LOOK })
     }
 

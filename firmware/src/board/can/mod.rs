@@ -110,6 +110,7 @@ impl Can1 {
                 | Interrupts::ERROR,
         );
         interrupt_unless_reached();
+        // Once more: who is split configures no more.
         let (tx, rx0, rx1) = bxcan::Can::builder(Registers).leave_disabled().split();
         transmit::start(tx);
         let received = receive::start(rx0, rx1);

@@ -21,9 +21,9 @@ const RAM: u64 = 20 * KIB;
 /// Instructions from the receive interrupt to sleep, for a frame that comes through the filters and is for nobody.
 const FOR_NOBODY: u64 = 530;
 /// The same for an SDO upload: the answer lies in a mailbox then.
-const UPLOAD: u64 = 1500;
+const UPLOAD: u64 = 1450;
 /// The same for an RPDO that a TPDO answers.
-const SET_POINT: u64 = 1700;
+const SET_POINT: u64 = 1600;
 /// After so many steps a processor that is still awake will never sleep.
 const STEPS: usize = 1000;
 /// The most instructions for a frame that a service of the device takes, and that changes nothing.
