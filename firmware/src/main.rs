@@ -14,6 +14,11 @@
 #[cfg(target_os = "none")]
 mod board;
 
-/// The host builds, lints and tests the whole workspace: there the image is an empty program.
 #[cfg(not(target_os = "none"))]
-fn main() {}
+mod flash_board;
+
+/// On the host, where the whole workspace is built, this program flashes the image.
+#[cfg(not(target_os = "none"))]
+fn main() -> std::process::ExitCode {
+    flash_board::run()
+}
