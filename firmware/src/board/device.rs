@@ -1,4 +1,4 @@
-//! The device's task, above all others. It alone feeds the watchdog, and only while what it waits for answers.
+//! The device's task, above all others. It alone feeds the watchdog, and only while the memory answers its requests.
 
 use embassy_stm32::peripherals::IWDG;
 use embassy_stm32::wdg::IndependentWatchdog;
@@ -79,7 +79,7 @@ fn power_on(settings: &Settings, image: &Image, cause: StartCause) -> &'static m
     }
 }
 
-/// Resets the processor when the device's task does not run, or when the memory hangs that it waits for.
+/// Resets the processor when the device's task does not run, or when a request to the memory is overdue.
 struct Watchdog(IndependentWatchdog<'static, IWDG>);
 
 impl Watchdog {

@@ -70,7 +70,7 @@ fn erase_by_words() {
     FLASH.cr().modify(|control| control.set_psize(Psize::PSIZE32));
 }
 
-/// The data cache is off while this lives, and empty afterwards.
+/// Keeps the data cache off while it lives, and leaves it empty.
 ///
 /// A read of one bank while the other one is written can corrupt what is cached (ES0206), and what was read before an erase
 /// or a write is out of date (RM0090 3.6.4). The driver means to do the same, and takes this part for one of a single bank.

@@ -1,4 +1,4 @@
-//! What the board is told by hand: the lines of the console, the presses of the button.
+//! The controls of the board: the lines of its console, the presses of its button.
 
 use core::sync::atomic::Ordering;
 
@@ -48,7 +48,8 @@ impl Front {
         self.answers.signal(answer);
     }
 
-    /// Makes the board a new device at the next start; `None` for what there is not. Answers now, or when the memory has.
+    /// Makes the board a new device at the next start; `None` is a device that does not exist. A refusal is answered here, the
+    /// rest when the memory has answered.
     pub(super) fn become_new(&self, settings: Option<Settings>, memory: &mut Client) {
         match settings.map(|settings| memory.ask(Request::Become(settings))) {
             Some(Ok(())) => {}

@@ -29,7 +29,7 @@ pub(super) enum Request {
 
 /// The answer to a [`Request`].
 pub(super) enum Done {
-    /// What the board is. Comes first, without a request.
+    /// The settings of the board. Comes first, without a request.
     Started(Settings),
     /// A record was written, or not.
     Stored(RecordKey, Result<(), StoreError>),
@@ -67,10 +67,10 @@ impl Client {
         Self { requests, results, contents, awaited: 1, overdue: Instant::now() + LONGEST }
     }
 
-    /// Asks for something; the answer comes by [`take`](Self::take).
+    /// Sends a request; [`take`](Self::take) returns the answer.
     ///
     /// # Errors
-    /// When as many requests wait as there are kinds.
+    /// When the queue of requests is full.
     pub(super) fn ask(&mut self, request: Request) -> Result<(), StoreError> {
         self.requests.try_send(request).map_err(|_| StoreError)?;
         self.overdue = if self.awaited == 0 { Instant::now() + LONGEST } else { self.overdue };

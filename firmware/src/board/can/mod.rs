@@ -70,8 +70,8 @@ fn CAN1_SCE() {
     call(Caller::Errors);
 }
 
-/// Has the error modes interrupt that are not reached. One that is could interrupt again at each further error: the
-/// device's task looks for the way back.
+/// Enables the interrupts of the error modes that are not reached, and masks the others: a mode that stands could interrupt
+/// again at each further error. The device's task polls for the way back.
 fn interrupt_unless_reached() {
     let reached = CAN1.esr().read();
     CAN1.ier().modify(|ier| {
@@ -110,19 +110,19 @@ impl Can1 {
                 | Interrupts::ERROR,
         );
         interrupt_unless_reached();
-        // Once more: who is split configures no more.
+        // A `Can` that is split cannot be configured any more: hence two.
         let (tx, rx0, rx1) = bxcan::Can::builder(Registers).leave_disabled().split();
         transmit::start(tx);
         let received = receive::start(rx0, rx1);
         for line in [Interrupt::CAN1_RX0, Interrupt::CAN1_RX1, Interrupt::CAN1_TX, Interrupt::CAN1_SCE] {
             line.set_priority(priority);
-            // SAFETY: the handlers have what they use.
+            // SAFETY: the halves that the handlers use are in their places.
             unsafe { line.enable() };
         }
         Self { config, received }
     }
 
-    /// Drops what waits to be sent, and asks to take no part in the bus from the end of the current frame on.
+    /// Drops the frames that wait to be sent, and asks to take no part in the bus from the end of the current frame.
     pub(super) fn leave(&mut self) {
         self.abort(Filter::ALL);
         // `bxcan` would spin to the end of the frame.
@@ -147,14 +147,14 @@ impl Can1 {
     /// called when the controller [has left](Self::has_left).
     pub(super) fn join(&mut self, bit_rate: BitRate) {
         self.config.modify_config().set_bit_timing(BitTiming::of(bit_rate).register()).leave_disabled();
-        // It wakes up by itself.
+        // The controller wakes up in the background.
         let _ = self.config.enable_non_blocking();
     }
 
-    /// Returns how the controller stands to the bus, and has it interrupt when that gets worse.
+    /// Returns the error mode, and has the controller interrupt when a worse one is reached.
     pub(super) fn mode(&mut self) -> BusErrorMode {
         critical_section::with(|_| interrupt_unless_reached());
-        // After that: what was reached before the interrupt was on is seen here.
+        // Read after the interrupts were enabled: neither misses a mode that is reached in between.
         match CAN1.esr().read() {
             errors if errors.boff() => BusErrorMode::BusOff,
             errors if errors.epvf() => BusErrorMode::ErrorPassive,
@@ -185,7 +185,7 @@ impl Controller for Can1 {
         transmit::with(|transmission| transmission.abort(which));
     }
 
-    /// One bank after the other, as `bxcan` would stop reception for each change.
+    /// Changes one bank after the other: `bxcan` would stop all reception meanwhile.
     fn set_filters(&mut self, filters: &Filters) {
         while let Some((number, wanted)) = next_change(&core::array::from_fn(bank), filters) {
             CAN1.fa1r().modify(|active| active.set_fact(number, false));

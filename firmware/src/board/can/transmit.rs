@@ -1,8 +1,8 @@
 //! Transmission: the most urgent frame first, frames back to back (RM0090 32.7.1).
 //!
-//! `bxcan` takes one frame and, while that waits, only strictly more urgent ones: up to three, and a fourth one in the
-//! place of the least urgent. The next frame in the order of arbitration is *staged* here, and loaded in the transmit
-//! interrupt, within the intermission.
+//! `bxcan` takes one frame and, while that waits, only strictly more urgent ones: up to three, and a fourth in the place of
+//! the least urgent, which it hands back. The next frame in the order of arbitration is *staged* here. The transmit
+//! interrupt loads it within the intermission.
 
 use core::cell::RefCell;
 use core::convert::Infallible;
