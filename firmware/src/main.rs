@@ -4,7 +4,7 @@
 //! board            the wiring: what is connected, and which task has it
 //! board/device     the device's task, above all others      board/attention  what it waits for
 //! board/link       on the bus and off it                    board/can        the CAN controller
-//! board/front      console and button, seen from it            board/console    USART3: lines that are obeyed
+//! board/front      console and button, seen from it          board/console    USART3: lines that are obeyed
 //! board/storage    the memory's task                        board/flash      the sectors it has
 //! board/led        red and green                            board/button     faults by hand
 //! board/clock      the clock tree                           board/reset      why the processor starts

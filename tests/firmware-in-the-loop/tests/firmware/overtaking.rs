@@ -1,10 +1,8 @@
 //! What waits for a bus that is full of more urgent frames goes out in the order of arbitration, whatever the order it
 //! was made in: three mailboxes, and a queue behind them.
 
-use std::sync::{Arc, Mutex};
-
 use firmware_in_the_loop::bxcan::registers::TI0R;
-use hal_sim::TraceEvent;
+use hal_sim::TapId;
 use hal_sim::bus::{DestroyNext, FrameBits};
 use protocol_core::controller::BitRate;
 use protocol_core::frame::{Frame, Id};
@@ -164,14 +162,14 @@ fn a_frame_that_is_destroyed_is_sent_once_in_the_end() {
     client.end_without_reset();
 }
 
-/// The frames that were on the bus from now on, each with its end.
-fn watch(client: &mut ImageClient) -> Arc<Mutex<Vec<(Instant, Frame)>>> {
-    let seen = Arc::<Mutex<Vec<_>>>::default();
-    let observed = seen.clone();
-    client.bench.rig.world.set_observer(Box::new(move |event: &TraceEvent| {
-        observed.lock().unwrap().extend(event.frame().map(|frame| (event.at, *frame)));
-    }));
-    seen
+/// Listens to all frames from now on.
+fn listen(client: &mut ImageClient) -> TapId {
+    client.bench.rig.world.add_tap("listener")
+}
+
+/// The frames that a listener has heard, each with its end.
+fn heard(client: &mut ImageClient, listener: TapId) -> Vec<(Instant, Frame)> {
+    client.bench.rig.world.take_received(listener).collect()
 }
 
 #[test]
@@ -183,9 +181,9 @@ fn frames_leave_back_to_back_at_1_mbit() {
     client.bench.rig.type_line(client.bench.board, "internal_fault on");
     in_flood(&mut client, None, 35);
     in_flood(&mut client, Some("090: 0F 00 00 00"), 200);
-    let seen = watch(&mut client);
+    let listener = listen(&mut client);
     client.listen_ms(5);
-    let seen = seen.lock().unwrap().clone();
+    let seen = heard(&mut client, listener);
     let own: Vec<_> = seen.iter().filter(|(_, sent)| *sent != frame(FLOOD)).collect();
     let order: Vec<String> = own.iter().map(|(_, frame)| frame.to_string()[..4].to_owned()).collect();
     assert_eq!(order, ["0A0:", "1A0:", "720:"]);
@@ -213,7 +211,7 @@ fn emergency_while_an_answer_is_on_the_wire(client: &mut ImageClient, txm: Optio
     let board = client.bench.board;
     client.bench.rig.connections(board).terminal.lock().typed.extend(b"internal_fault on");
     client.wait_ms(10);
-    let seen = watch(client);
+    let listener = listen(client);
     client.send("620: 40 18 10 01 00 00 00 00");
     let is_sending = |client: &ImageClient| {
         let shared = client.bench.rig.connections(board).can.lock();
@@ -227,8 +225,7 @@ fn emergency_while_an_answer_is_on_the_wire(client: &mut ImageClient, txm: Optio
     fill(client, 2, "1A2:");
     client.bench.rig.connections(board).terminal.lock().typed.push_back(b'\n');
     client.listen_ms(20);
-    let seen = seen.lock().unwrap();
-    seen.iter().skip(1).map(|(_, frame)| frame.to_string()).collect()
+    heard(client, listener).iter().skip(1).map(|(_, frame)| frame.to_string()).collect()
 }
 
 const EMERGENCY: &str = "0A0: 00 10 01 01 00 00 00 00";
