@@ -3,6 +3,8 @@
 //! The emulator compiles the image while it runs, and drops all of that at a reset, which then takes as long as some
 //! seconds of virtual time. The image in flash is the same afterwards; who writes to it has the emulator forget that
 //! part by itself. So here a reset loads the state that the processor was made with, and nothing is dropped.
+//!
+//! It also shows the registers of the core itself, which only a debugger's processor model can read: [`CoreView`].
 
 use std::collections::BTreeMap;
 use std::ops::Range;
