@@ -82,6 +82,27 @@ impl Kind {
         }
     }
 
+    /// Returns the default serial number (SPEC 1).
+    #[must_use]
+    pub const fn default_serial(self) -> u32 {
+        match self {
+            Self::Pve(kind) => kind.default_serial(),
+        }
+    }
+
+    /// Returns the number that distinguishes a device on the bus: on CANopen the whole serial number, a part of the LSS
+    /// address; on ISOBUS its low 21 bits, the identity number of the NAME (SPEC 1).
+    #[must_use]
+    pub const fn known_by(self, serial: u32) -> (Protocol, u32) {
+        const IDENTITY_NUMBER: u32 = 0x001F_FFFF;
+        match self {
+            Self::Pve(kind) => match kind.protocol() {
+                Protocol::Canopen => (Protocol::Canopen, serial),
+                Protocol::Isobus => (Protocol::Isobus, serial & IDENTITY_NUMBER),
+            },
+        }
+    }
+
     /// As it leaves the factory.
     #[must_use]
     pub fn default_birth(self) -> Birth {

@@ -34,4 +34,4 @@ pub mod world;
 
 pub use bus::{BusError, Port, WireEvent};
 pub use memory::Memory;
-pub use world::{ControllerId, NodeId, TapId, TraceEvent, World};
+pub use world::{ControllerId, Event, EventKind, NodeId, TapId, World};

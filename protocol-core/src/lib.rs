@@ -7,7 +7,7 @@
 //! actuator/   the valve without a protocol
 //! canopen/    services that know no product: CANopen     uds    the identifier server
 //! isobus/     the same: J1939 and ISO 11783
-//! memory/     records and their encoding
+//! memory/     records and their encoding              answers  what a node still owes to its clients
 //! device/     the products, each a composition of the above, and `Device`, their common face
 //! pump        moves frames between a CAN controller and a device
 //! ```
@@ -37,6 +37,7 @@
 )]
 
 pub mod actuator;
+mod answers;
 pub mod canopen;
 pub mod controller;
 pub mod device;

@@ -22,7 +22,7 @@ pub trait Identifiers {
     /// Whether the device may have this node ID or address.
     fn accepts_node_id(&self, node_id: u8) -> bool;
 
-    /// Whether the memory is being written.
+    /// Whether a client's write of the node ID is under way.
     fn is_busy(&self) -> bool;
 }
 

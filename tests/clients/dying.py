@@ -147,7 +147,7 @@ def nonsense(valve, witness):
         b"< send 800 1 1 >",
         b"< send 20000000 1 1 >",
         b"< send xyz 1 1 >",
-        b"< send 123 1 -1 >",
+        b"< send 123 1 -81 >",
         b"< send \xff\xfe 1 1 >",
         b"< filter 0 0 123 7FF >",
         b"<" + 1000 * b" 1" + b" >",

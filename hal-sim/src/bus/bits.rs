@@ -9,7 +9,7 @@ const CRC_BITS: u32 = 15;
 /// CRC delimiter, ACK slot, ACK delimiter and end of frame: what follows the CRC sequence, never stuffed.
 const TRAILER: u32 = 1 + 1 + 1 + 7;
 /// From the end of the ACK slot to the end of the frame: ACK delimiter and end of frame.
-const AFTER_ACK_SLOT: u32 = 1 + 7;
+pub(super) const AFTER_ACK_SLOT: u32 = 1 + 7;
 /// The recessive bits between two frames.
 pub const INTERMISSION: u32 = 3;
 /// How many recessive bits in a row tell a controller that the bus is idle.
@@ -21,14 +21,14 @@ pub(super) const ERROR_FLAG: u32 = 6;
 /// The recessive bits after an error flag.
 pub(super) const ERROR_DELIMITER: u32 = 8;
 /// After this many equal bits a stuff bit follows.
-const STUFF_AFTER: u32 = 5;
+const STUFF_AFTER: u8 = 5;
 
 /// A frame from its start to the end of the CRC sequence, before stuffing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameBits {
     /// The first bit on the wire is the highest of the lowest `len` bits. 0 is dominant.
-    value: u128,
-    len: u32,
+    pub(super) value: u128,
+    pub(super) len: u32,
 }
 
 impl FrameBits {
@@ -47,11 +47,14 @@ impl FrameBits {
             }
         };
         bits.push(u128::from(frame.len()), 4);
-        for byte in frame.data() {
-            bits.push(u128::from(*byte), 8);
+        if !frame.is_remote() {
+            let len = u32::from(frame.len()) * 8;
+            let data = u64::from_be_bytes(*frame.bytes());
+            bits.push(u128::from(data.checked_shr(u64::BITS - len).unwrap_or(0)), len);
         }
         // The CRC starts from 0, so that the zeros in front of the start of frame do not count.
-        bits.push(u128::from(CRC.checksum(&bits.value.to_be_bytes())), CRC_BITS);
+        let unused = (u128::BITS - bits.len) as usize / 8;
+        bits.push(u128::from(CRC.checksum(&bits.value.to_be_bytes()[unused..])), CRC_BITS);
         bits
     }
 
@@ -84,23 +87,65 @@ impl FrameBits {
     }
 
     /// The stuff bits among the first `len` bits.
-    fn stuff_bits(self, len: u32) -> u32 {
+    pub(super) fn stuff_bits(self, len: u32) -> u32 {
+        // Whole bytes: in front of the start of frame as many bits, in turn recessive and dominant, as there is room for.
+        let bits = ALTERNATING << len | self.value >> (self.len - len);
+        let unused = (u128::BITS - len) as usize / 8;
+        let mut state = 0;
         let mut count = 0;
-        let mut run = 0;
-        let mut last = None;
-        for position in 0..len {
-            let bit = self.value >> (self.len - 1 - position) & 1;
-            run = if last == Some(bit) { run + 1 } else { 1 };
-            last = Some(bit);
-            if run == STUFF_AFTER {
-                // The stuff bit has the other value and is itself the first of a new run.
-                count += 1;
-                last = Some(1 - bit);
-                run = 1;
-            }
+        for byte in &bits.to_be_bytes()[unused..] {
+            let step = STUFF[usize::from(state & (STATES - 1)) << 8 | usize::from(*byte)];
+            state = step % STATES;
+            count += u32::from(step / STATES);
         }
         count
     }
+}
+
+/// Dominant and recessive bits in turn, the last one recessive: no run of equal bits.
+const ALTERNATING: u128 = 0x5555_5555_5555_5555_5555_5555_5555_5555;
+
+/// How many states are counted: those of [`run`], up to a power of two.
+const STATES: u8 = 16;
+
+/// What a byte does to a run of equal bits, by the state before the byte, and the byte: the state after it, and the stuff
+/// bits in it times [`STATES`].
+static STUFF: [u8; STATES as usize * 256] = {
+    let mut table = [0; STATES as usize * 256];
+    let mut state = 0;
+    while state < 2 * STUFF_AFTER {
+        let mut byte = 0;
+        while byte < 256 {
+            table[(state as usize) << 8 | byte] = step(state, byte as u8);
+            byte += 1;
+        }
+        state += 1;
+    }
+    table
+};
+
+/// The state in which `length` bits (1 to 4; 0 before the first bit) were equal to `last`.
+const fn run(last: u8, length: u8) -> u8 {
+    last * STUFF_AFTER + length
+}
+
+const fn step(state: u8, byte: u8) -> u8 {
+    let (mut last, mut length) = (state / STUFF_AFTER, state % STUFF_AFTER);
+    let mut stuffed = 0;
+    let mut place = 8;
+    while place > 0 {
+        place -= 1;
+        let bit = byte >> place & 1;
+        length = if bit == last { length + 1 } else { 1 };
+        last = bit;
+        if length == STUFF_AFTER {
+            // The stuff bit has the other value and is itself the first of a new run.
+            stuffed += 1;
+            last = 1 - bit;
+            length = 1;
+        }
+    }
+    run(last, length) + stuffed * STATES
 }
 
 /// Where two frames that are sent at once part.

@@ -75,7 +75,31 @@ fn two_frames_part_where_the_first_bit_differs() {
     assert_eq!(longer.bit, 1 + 11 + 3 + 2 + 2);
 }
 
+/// The stuff bits of a frame, bit by bit, as ISO 11898-1, 10.5 puts it.
+fn stuffed_bit_by_bit(bits: &[bool]) -> u32 {
+    let (mut count, mut run, mut last) = (0, 0, None);
+    for bit in bits {
+        run = if last == Some(*bit) { run + 1 } else { 1 };
+        last = Some(*bit);
+        if run == 5 {
+            (count, run, last) = (count + 1, 1, Some(!bit));
+        }
+    }
+    count
+}
+
 proptest! {
+    /// The table counts what the rule says, also up to a bit in the middle of a frame.
+    #[test]
+    fn the_table_counts_as_the_rule_says(value: u128, len in 1..=118_u32, part in 1..=118_u32) {
+        // A start of frame is dominant.
+        let value = value & ((1 << (len - 1)) - 1);
+        let bits: Vec<bool> = (0..len).rev().map(|place| value >> place & 1 == 1).collect();
+        let part = part.min(len);
+        let expected = stuffed_bit_by_bit(&bits[..part as usize]);
+        prop_assert_eq!(FrameBits { value, len }.stuff_bits(part), expected);
+    }
+
     /// ISO 11898-1: after the first five bits at most every fourth one is followed by a stuff bit.
     #[test]
     fn no_frame_is_longer_than_the_worst_case(raw in 0..=0x1FFF_FFFF_u32, long: bool, bytes: [u8; 8], len in 0..=8_usize) {

@@ -6,6 +6,18 @@ use protocol_core::time::{Instant, NEVER};
 /// Nanoseconds since the start of the world.
 pub(super) type Nanos = u64;
 
+/// The length of a bit at each bit rate, by its table index.
+const BIT: [Nanos; 9] = {
+    let mut lengths = [0; 9];
+    let mut number = 0;
+    while number < BitRate::ALL.len() {
+        let rate = BitRate::ALL[number];
+        lengths[rate.table_index() as usize] = 1_000_000_000 / rate.bits_per_second() as Nanos;
+        number += 1;
+    }
+    lengths
+};
+
 /// The time of an instant.
 pub(super) const fn nanos(instant: Instant) -> Nanos {
     instant.as_ticks().saturating_mul(1000)
@@ -17,6 +29,7 @@ pub(super) const fn instant(nanos: Nanos) -> Instant {
 }
 
 /// How long `bits` take.
+#[inline]
 pub(super) const fn bit_times(bits: u32, rate: BitRate) -> Nanos {
-    bits as Nanos * (1_000_000_000 / rate.bits_per_second() as Nanos)
+    bits as Nanos * BIT[rate.table_index() as usize]
 }

@@ -1,10 +1,9 @@
-//! A port whose controller lives elsewhere: the emulated one of a firmware image.
+//! Ports whose controller lives elsewhere: the emulated one of a firmware image.
 //!
 //! The bus does for it what the wire does, and tells it what happened; mailboxes, filters, counters that software reads
 //! and the decision to recover from bus-off are the controller's own. It offers one frame at a time, its most urgent one,
 //! and offers anew whenever something happened.
 
-use std::collections::VecDeque;
 use std::collections::vec_deque::Drain;
 use std::sync::Arc;
 
@@ -13,77 +12,10 @@ use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
 
 use super::clock::{Nanos, instant, nanos};
+use super::confinement::Confinement;
 use super::port::Port;
-use super::{Bus, BusError, PortId};
-
-/// What a controller notices of the bus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum WireEvent {
-    /// It has seen 11 recessive bits and takes part.
-    Joined,
-    /// A frame begins; `own` when the one that it offered is among the contenders and has won.
-    Begins {
-        /// Whether this controller sends it.
-        own: bool,
-    },
-    /// A more urgent frame of somebody else has won against the one that it offered.
-    LostArbitration,
-    /// Its frame was sent and acknowledged.
-    Sent,
-    /// Its frame was destroyed, or not acknowledged.
-    NotSent(BusError),
-    /// It received a frame.
-    Received(Frame),
-    /// A frame of somebody else was destroyed; `first` when this controller's error flag was the first.
-    NotReceived {
-        /// Whether it was the first to see the error.
-        first: bool,
-    },
-    /// What was on the wire has ended.
-    Ends,
-    /// It was bus-off, and has seen 128 sequences of 11 recessive bits.
-    Recovered,
-}
-
-/// What a port with a controller elsewhere has beyond the others.
-#[derive(Debug, Default)]
-pub(super) struct External {
-    events: VecDeque<(Instant, WireEvent)>,
-    /// Whether it has to be told that it has joined.
-    joining: bool,
-    /// It sends no dominant bit: neither frames nor acknowledgements nor error flags.
-    pub(super) silent: bool,
-}
-
-impl External {
-    pub(super) fn tell(&mut self, at: Instant, event: WireEvent) {
-        self.events.push_back((at, event));
-    }
-}
-
-impl Port {
-    /// The place of a controller that lives elsewhere, not yet connected.
-    fn of_external(name: Arc<str>, rate: BitRate) -> Self {
-        let mut port = Self::of_gateway(name, rate);
-        port.transmit = super::transmit::Transmit::offer();
-        port.external = Some(Box::default());
-        port
-    }
-
-    /// Whether others notice that it listens.
-    #[inline]
-    pub(super) fn is_silent(&self) -> bool {
-        self.external.as_ref().is_some_and(|external| external.silent)
-    }
-
-    /// Tells a controller that lives elsewhere.
-    #[inline]
-    pub(super) fn tell(&mut self, at: Nanos, event: WireEvent) {
-        if let Some(external) = &mut self.external {
-            external.tell(instant(at), event);
-        }
-    }
-}
+use super::wire_event::WireEvent;
+use super::{Bus, PortId};
 
 impl Bus {
     /// A controller that lives elsewhere, not connected yet.
@@ -101,6 +33,7 @@ impl Bus {
 
     /// Connects a controller with what its error counters hold. It takes part once it has seen the bus idle.
     pub fn attach(&mut self, id: PortId, rate: BitRate, silent: bool, now: Instant) {
+        self.leave(id);
         let port = &mut self.ports[id.0];
         port.connected = true;
         port.rate = rate;
@@ -108,19 +41,17 @@ impl Bus {
             external.joining = true;
             external.silent = silent;
         }
-        self.join(id, nanos(now));
+        self.join(id, now);
     }
 
     /// Takes a controller off the bus; its error counters stay, unless it is `reset`.
     pub fn detach(&mut self, id: PortId, reset: bool, now: Instant) {
         self.disconnect(id, now);
-        let port = &mut self.ports[id.0];
         if reset {
-            port.confinement.recover();
+            self.change(id, now, Confinement::recover);
         }
-        if let Some(external) = &mut port.external {
-            external.joining = false;
-            external.events.clear();
+        if let Some(external) = &mut self.ports[id.0].external {
+            external.leave();
         }
     }
 
@@ -141,8 +72,8 @@ impl Bus {
     }
 
     /// What a controller has noticed since this was last asked.
-    pub(crate) fn take_events(&mut self, id: PortId) -> Option<Drain<'_, (Instant, WireEvent)>> {
-        self.ports[id.0].external.as_mut().map(|external| external.events.drain(..))
+    pub(crate) fn take_wire_events(&mut self, id: PortId) -> Option<Drain<'_, (Instant, WireEvent)>> {
+        self.ports[id.0].external.as_mut().map(|external| external.take())
     }
 
     /// When the next controller has to be told that it has joined.
@@ -168,22 +99,36 @@ impl Bus {
         }
     }
 
-    /// Tells everybody who takes part that a frame begins or has ended.
-    pub(super) fn tell_all(&mut self, at: Nanos, event: impl Fn(PortId) -> WireEvent) {
+    /// Tells those who contended and lost the arbitration, before the frame itself begins.
+    pub(super) fn tell_losers(&mut self, start: Nanos, winners: &[PortId]) {
         for id in &self.externals {
             let port = &mut self.ports[id.0];
-            if port.connected && port.joined_at <= at {
-                port.tell(at, event(*id));
+            if !winners.contains(id) && port.ready_at <= start && port.transmit.head().is_some() {
+                port.tell(start, WireEvent::LostArbitration);
             }
         }
     }
 
-    /// Tells those who contended and lost.
-    pub(super) fn tell_losers(&mut self, start: Nanos, senders: &[PortId]) {
+    /// Tells everybody who was on the bus by the start of a frame that it begins.
+    pub(super) fn tell_begin(&mut self, start: Nanos, winners: &[PortId]) {
         for id in &self.externals {
             let port = &mut self.ports[id.0];
-            if !senders.contains(id) && port.takes_part() && port.ready_at <= start && port.transmit.head().is_some() {
-                port.tell(start, WireEvent::LostArbitration);
+            let on_bus = port.connected && port.joined_at <= start;
+            let own = winners.contains(id);
+            if let Some(external) = port.external.as_mut().filter(|_| on_bus || own) {
+                external.in_frame = true;
+                external.tell(instant(start), WireEvent::Begins { own });
+            }
+        }
+    }
+
+    /// Tells everybody who was told of its begin that a frame has ended.
+    pub(super) fn tell_end(&mut self, end: Nanos) {
+        for id in &self.externals {
+            if let Some(external) = &mut self.ports[id.0].external
+                && std::mem::take(&mut external.in_frame)
+            {
+                external.tell(instant(end), WireEvent::Ends);
             }
         }
     }

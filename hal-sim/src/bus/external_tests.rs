@@ -4,9 +4,7 @@ use protocol_core::controller::{BitRate, BusErrorMode};
 use protocol_core::frame::{Frame, standard};
 use protocol_core::time::Instant;
 
-use super::external::WireEvent::{
-    self, Begins, Ends, Joined, LostArbitration, NotReceived, NotSent, Received, Recovered, Sent,
-};
+use super::WireEvent::{self, Begins, Ends, Joined, LostArbitration, NotReceived, NotSent, Received, Recovered, Sent};
 use super::{Bus, BusError, DestroyNext, FrameBits, PortId};
 
 const RATE: BitRate = BitRate::Kbit250;
@@ -51,7 +49,7 @@ impl Bench {
     }
 
     fn events(&mut self) -> Vec<(u64, WireEvent)> {
-        let events = self.bus.take_events(self.controller).expect("it is external");
+        let events = self.bus.take_wire_events(self.controller).expect("it is external");
         events.map(|(at, event)| (at.as_micros(), event)).collect()
     }
 

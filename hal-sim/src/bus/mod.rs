@@ -1,7 +1,12 @@
 //! A CAN bus in virtual time (ISO 11898-1): arbitration, acknowledgement, errors and their confinement.
 //!
 //! One frame or error frame is on the wire at a time. How it ends is known when it starts (`transmission`); what the
-//! end means for each port is worked out then (`outcome`). Between the two the bus costs nothing.
+//! end means for each port is worked out then (`outcome`). Between the two the bus costs nothing, and a frame costs those
+//! who care for it: contenders are kept in the order of arbitration (`contenders`), listeners by bit rate and filter
+//! (`listeners`), and only error counters that can change are looked at.
+//!
+//! A port becomes a member of its bit rate's group once it is in step, and is one until it leaves, loses a bit or goes
+//! bus-off (`membership`). A port that is no member neither hears nor acknowledges.
 //!
 //! What is simplified: an attempt that fails is cut at the bit where the first error is seen, and all controllers see
 //! the error frame at once. Oscillator tolerance, resynchronisation and overload frames are left out.
@@ -10,89 +15,85 @@ mod alone;
 mod bits;
 mod clock;
 mod confinement;
+mod contenders;
+mod error;
+mod event;
 mod external;
 mod injector;
+mod listeners;
 mod load;
+mod mailboxes;
+mod membership;
 mod outcome;
 mod port;
 mod transmission;
 mod transmit;
+mod wire_event;
 
 #[cfg(test)]
+mod bench;
+#[cfg(test)]
 mod bits_tests;
+#[cfg(test)]
+mod collision_tests;
 #[cfg(test)]
 mod external_tests;
 #[cfg(test)]
 mod tests;
 
 use std::sync::Arc;
+use std::vec::Drain;
 
 use protocol_core::controller::{BitRate, BusErrorMode};
-use protocol_core::frame::Frame;
 use protocol_core::time::{Instant, NEVER};
 
 pub use bits::{BUS_IDLE, Difference, FrameBits, INTERMISSION};
 pub use confinement::Confinement;
-pub use external::WireEvent;
+pub use error::BusError;
+pub use event::{Event, EventKind};
 pub use injector::{BitErrors, DestroyNext, Injector};
 pub use port::{Port, RECEIVE_QUEUE};
+pub use wire_event::WireEvent;
 
-use clock::{Nanos, bit_times, instant, nanos};
-use confinement::RECOVERY_SEQUENCES;
+use clock::{Nanos, instant, nanos};
+use contenders::{Contenders, Contends};
+use event::Journal;
+use listeners::Group;
 use load::Load;
-use port::Recovery;
 use transmission::Transmission;
 
 /// A port of the bus, by its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct PortId(pub(crate) usize);
 
-/// Why a frame was destroyed (ISO 11898-1, error types).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BusError {
-    /// A sender read back another bit than it sent.
-    Bit,
-    /// A listener could not make sense of the bits: another bit rate, or a sender that fell silent.
-    Stuff,
-    /// Nobody acknowledged.
-    Acknowledgement,
-}
-
-/// What was on the wire until now.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Ended {
-    /// Who sent it; the first of several that sent the same.
-    pub from: Arc<str>,
-    /// The frame that was sent or tried.
-    pub frame: Frame,
-    /// Why it is not a frame but an error frame.
-    pub error: Option<BusError>,
-}
-
 /// The bus and everything that is connected to it.
 #[derive(Default)]
 pub struct Bus {
     ports: Vec<Port>,
-    /// The ports of clients that are gone: clients come and go, and everything looks at all ports.
+    /// The ports of clients that are gone, to be used again.
     vacant: Vec<PortId>,
-    /// The ports that have something to send, in the order of their numbers.
-    contenders: Vec<PortId>,
+    contenders: Contenders,
+    /// The ports that take part, by bit rate.
+    groups: Vec<Group>,
+    /// The ports that are about to take part: they wait for recessive bits.
+    joining: Vec<PortId>,
     /// The ports whose controllers live elsewhere.
     externals: Vec<PortId>,
     /// The ports that are bus-off and on their way back.
     recovering: Vec<PortId>,
-    /// Whether a port waits for the end of the frame on the wire to join.
-    joining: bool,
     /// The frame on the wire.
     current: Option<Transmission>,
     /// The list of senders of the last frame, to be used again.
     spare: Vec<PortId>,
     /// From when on the next frame may start.
     free_at: Nanos,
-    /// The ports for which something changed since they were last asked for.
+    /// The ports of devices for which something changed since they were last asked for.
     touched: Vec<PortId>,
+    /// The list of those that hear the last frame, to be used again.
+    hearers: Vec<PortId>,
     injectors: Vec<Box<dyn Injector>>,
     load: Load,
+    journal: Journal,
 }
 
 impl Bus {
@@ -106,7 +107,7 @@ impl Bus {
         self.add_connected(Port::of_tap(name, rate), now)
     }
 
-    /// A gateway without a client, connected at once: it acknowledges, and keeps nothing of what it hears.
+    /// A client that keeps nothing of what it hears, connected at once.
     pub fn add_gateway(&mut self, name: Arc<str>, rate: BitRate, now: Instant) -> PortId {
         self.add_connected(Port::of_gateway(name, rate), now)
     }
@@ -134,22 +135,26 @@ impl Bus {
 
     /// Connects a controller. It takes part once it has seen the bus idle.
     pub fn connect(&mut self, id: PortId, now: Instant) {
+        self.leave(id);
+        self.stop_recovery(id);
         let port = &mut self.ports[id.0];
         port.connected = true;
-        port.confinement.recover();
-        self.join(id, nanos(now));
+        port.held = false;
+        self.change(id, now, Confinement::recover);
+        self.join(id, now);
     }
 
     /// Takes a controller off the bus, with all that it had to send or to read. A frame that it is sending breaks off.
     pub fn disconnect(&mut self, id: PortId, now: Instant) {
         self.fall_silent(id, now);
+        self.leave(id);
+        self.stop_recovery(id);
         let port = &mut self.ports[id.0];
         port.connected = false;
+        port.ready_at = Nanos::MAX;
         port.transmit.clear();
         port.received.clear();
-        port.recovery = None;
         self.refresh(id, now);
-        self.recovering.retain(|other| *other != id);
     }
 
     /// Drops what a port has to send.
@@ -165,17 +170,18 @@ impl Bus {
             return;
         }
         self.fall_silent(id, now);
+        self.leave(id);
         self.ports[id.0].rate = rate;
-        self.join(id, nanos(now));
+        self.join(id, now);
     }
 
     /// Takes a port off the bus as if its transmit error counter had overrun, or lets it recover from that.
     pub fn force_bus_off(&mut self, id: PortId, on: bool, now: Instant) {
+        self.ports[id.0].held = on;
         if on {
             self.fall_silent(id, now);
-            self.ports[id.0].confinement.force_bus_off();
-            self.ports[id.0].recovery = None;
-            self.recovering.retain(|other| *other != id);
+            self.change(id, now, Confinement::force_bus_off);
+            self.stop_recovery(id);
         } else if self.ports[id.0].mode() == BusErrorMode::BusOff && self.ports[id.0].recovery.is_none() {
             self.begin_recovery(id, nanos(now));
         }
@@ -191,21 +197,26 @@ impl Bus {
         self.injectors.clear();
     }
 
-    /// Notes that a port has, or has no longer, something to send.
+    /// Looks at what a port has to send and to hear now.
     #[inline]
     pub fn refresh(&mut self, id: PortId, now: Instant) {
         let port = &mut self.ports[id.0];
-        let pending = !port.transmit.is_empty();
-        if pending == port.contends {
-            return;
+        if port.new_filters.is_some() {
+            self.refilter(id);
         }
-        port.contends = pending;
-        port.ready_at = port.ready_at.max(nanos(now));
-        match self.contenders.binary_search(&id) {
-            Ok(place) => {
-                self.contenders.remove(place);
+        let port = &mut self.ports[id.0];
+        let contends = match port.transmit.head() {
+            None => Contends::No,
+            Some(head) => {
+                if port.contends == Contends::No {
+                    port.ready_at = port.ready_at.max(nanos(now));
+                }
+                if port.ready_at <= self.free_at { Contends::Ready(head.arbitration()) } else { Contends::Waiting }
             }
-            Err(place) => self.contenders.insert(place, id),
+        };
+        if contends != port.contends {
+            let before = std::mem::replace(&mut port.contends, contends);
+            self.contenders.place(id, before, contends);
         }
     }
 
@@ -219,16 +230,43 @@ impl Bus {
         }
     }
 
+    /// Records from now on what happens, to be taken with [`take_events`](Self::take_events); or does so no longer.
+    pub fn record_events(&mut self, on: bool) {
+        self.journal.record(on);
+    }
+
+    /// Takes what happened since this was last called, oldest first.
+    pub fn take_events(&mut self) -> Drain<'_, Event> {
+        self.journal.take()
+    }
+
+    /// Notes that the device behind a port dropped frames.
+    pub(crate) fn note_dropped(&mut self, id: PortId, count: u32, now: Instant) {
+        let who = &self.ports[id.0].name;
+        self.journal.note(|| Some(Event { at: now, who: who.clone(), what: EventKind::FramesDropped { count } }));
+    }
+
     /// How much of the second before `now` the bus was busy, in percent.
     #[must_use]
     pub fn load(&self, now: Instant) -> u8 {
         self.load.percent(nanos(now))
     }
 
-    /// The ports that received something, sent something or changed their error mode, in the order of their numbers,
-    /// into an empty `ports`.
+    /// Whether there are ports to be [taken](Self::swap_touched).
+    #[inline]
+    pub(crate) const fn is_any_touched(&self) -> bool {
+        !self.touched.is_empty()
+    }
+
+    /// The devices' ports that received something, sent something or changed their error mode, in the order of their
+    /// numbers, into an empty `ports`.
+    #[inline]
     pub(crate) fn swap_touched(&mut self, ports: &mut Vec<PortId>) {
         std::mem::swap(&mut self.touched, ports);
+        if ports.len() > 1 {
+            ports.sort_unstable();
+            ports.dedup();
+        }
     }
 
     fn add(&mut self, port: Port) -> PortId {
@@ -239,34 +277,15 @@ impl Bus {
     fn add_connected(&mut self, mut port: Port, now: Instant) -> PortId {
         port.connected = true;
         port.joined_at = nanos(now);
-        match self.vacant.pop() {
+        port.ready_at = nanos(now);
+        let id = match self.vacant.pop() {
             Some(id) => {
                 self.ports[id.0] = port;
                 id
             }
             None => self.add(port),
-        }
-    }
-
-    /// The controller synchronises: after 11 recessive bits it takes part.
-    fn join(&mut self, id: PortId, now: Nanos) {
-        let port = &mut self.ports[id.0];
-        let busy = self.current.is_some();
-        self.joining |= busy;
-        // While a frame is on the wire: not before its end, whenever that is.
-        port.joined_at = if busy { Nanos::MAX } else { now + bit_times(BUS_IDLE, port.rate) };
-        port.ready_at = port.joined_at;
-    }
-
-    fn begin_recovery(&mut self, id: PortId, since: Nanos) {
-        self.ports[id.0].recovery = Some(Recovery { left: RECOVERY_SEQUENCES, since });
-        if let Err(place) = self.recovering.binary_search(&id) {
-            self.recovering.insert(place, id);
-        }
-    }
-
-    fn next_recovery(&self) -> Nanos {
-        let due = |id: &PortId| self.ports[id.0].recovered_at();
-        self.recovering.iter().filter_map(due).min().unwrap_or(Nanos::MAX)
+        };
+        self.joining.push(id);
+        id
     }
 }

@@ -1,171 +1,141 @@
-//! The end of a frame or an error frame: deliveries, error counters, bus-off and the way back.
+//! The end of a frame or an error frame: deliveries and error counters.
 
 use protocol_core::controller::BusErrorMode;
 use protocol_core::time::Instant;
 
-use super::bits::{BUS_IDLE, INTERMISSION, SUSPEND};
-use super::clock::{Nanos, bit_times, instant, nanos};
-use super::external::WireEvent;
-use super::port::Port;
+use super::bits::{INTERMISSION, SUSPEND};
+use super::clock::{bit_times, instant, nanos};
+use super::confinement::Confinement;
 use super::transmission::Transmission;
-use super::{Bus, BusError, Ended, PortId};
+use super::wire_event::WireEvent;
+use super::{Bus, BusError, Event, EventKind, PortId};
 
 impl Bus {
-    /// Ends what is due to end by `now`; says what was on the wire.
-    pub fn finish(&mut self, now: Instant) -> Option<Ended> {
-        let ended = match self.current.take() {
-            Some(transmission) if transmission.end <= nanos(now) => Some(self.end(transmission)),
-            running => {
-                self.current = running;
-                None
-            }
-        };
-        self.recover(nanos(now));
-        self.tell_joined(nanos(now));
-        ended
+    /// Ends what is due to end by `now`.
+    pub fn finish(&mut self, now: Instant) {
+        if let Some(transmission) = self.current.take_if(|transmission| transmission.end <= nanos(now)) {
+            self.end(transmission);
+        }
+        if !self.recovering.is_empty() {
+            self.recover(nanos(now));
+        }
+        if !self.externals.is_empty() {
+            self.tell_joined(nanos(now));
+        }
     }
 
-    fn end(&mut self, mut transmission: Transmission) -> Ended {
+    fn end(&mut self, mut transmission: Transmission) {
         // Whoever acknowledged it may have been switched off while the frame was on the wire.
-        if transmission.error.is_none() && !self.is_heard(&transmission) {
+        if transmission.error.is_none() && !self.is_heard(transmission.rate, &transmission.senders) {
             transmission.error = Some(BusError::Acknowledgement);
+            transmission.signalled_by = transmission.senders.first().map(|id| self.ports[id.0].name.clone());
         }
         self.free_at = transmission.end + bit_times(INTERMISSION, transmission.rate);
         self.load.add(self.free_at - transmission.start, transmission.end);
+        self.note(&transmission);
         match transmission.error {
             None => self.deliver(&transmission),
-            Some(error) => self.count_errors(&transmission, error),
+            // A missing acknowledgement is seen by nobody else: there is nobody else.
+            Some(BusError::Acknowledgement) => {}
+            Some(_) => self.count_errors(&transmission),
         }
         self.count_idle_sequence();
         for id in &transmission.senders {
             self.after_sending(*id, &transmission);
-            self.refresh(*id, instant(transmission.end));
         }
-        self.tell_all(transmission.end, |_| WireEvent::Ends);
-        let Transmission { from, frame, error, mut senders, .. } = transmission;
-        senders.clear();
-        self.spare = senders;
-        Ended { from, frame, error }
+        self.tell_end(transmission.end);
+        transmission.senders.clear();
+        self.spare = transmission.senders;
     }
 
-    fn is_heard(&self, transmission: &Transmission) -> bool {
-        let hears = |(number, port): (usize, &Port)| !port.is_silent() && self.hears(transmission, PortId(number));
-        self.ports.iter().enumerate().any(hears)
-    }
-
-    #[inline]
-    fn hears(&self, transmission: &Transmission, id: PortId) -> bool {
-        let port = &self.ports[id.0];
-        port.takes_part()
-            && port.joined_at <= transmission.start
-            && port.rate == transmission.rate
-            && !transmission.senders.contains(&id)
+    /// Notes what was on the wire.
+    fn note(&mut self, transmission: &Transmission) {
+        let Transmission { frame, start, end, error, senders, gone, signalled_by, .. } = transmission;
+        let (frame, start) = (*frame, instant(*start));
+        let ports = &self.ports;
+        let what = || match (error, signalled_by) {
+            (None, _) => Some(EventKind::Frame { frame, start }),
+            (Some(error), Some(by)) => {
+                Some(EventKind::ErrorFrame { frame, start, error: *error, signalled_by: by.clone() })
+            }
+            // A sender fell silent, and nobody listened.
+            (Some(_), None) => None,
+        };
+        let from = || senders.first().map_or_else(|| gone.clone(), |id| Some(ports[id.0].name.clone()));
+        self.journal.note(|| Some(Event { at: instant(*end), who: from()?, what: what()? }));
     }
 
     fn deliver(&mut self, transmission: &Transmission) {
         let at = instant(transmission.end);
-        for number in 0..self.ports.len() {
-            let id = PortId(number);
-            if self.hears(transmission, id) {
-                if self.ports[number].deliver(&transmission.frame, at) {
+        let Some(place) = self.groups.iter().position(|group| group.rate == transmission.rate) else { return };
+        if !self.groups[place].counting.is_empty() {
+            self.count_received(place, transmission, at);
+        }
+        let mut hearers = std::mem::take(&mut self.hearers);
+        self.groups[place].hearers(&transmission.frame, &mut hearers);
+        for id in hearers.drain(..) {
+            if !transmission.senders.contains(&id) {
+                let port = &mut self.ports[id.0];
+                port.deliver(&transmission.frame, at);
+                if port.is_device {
                     self.touched.push(id);
                 }
-            } else if transmission.senders.contains(&id) {
-                self.touched.push(id);
             }
         }
+        self.hearers = hearers;
     }
 
-    fn count_errors(&mut self, transmission: &Transmission, error: BusError) {
-        for number in 0..self.ports.len() {
-            let id = PortId(number);
-            let port = &mut self.ports[number];
-            if transmission.senders.contains(&id) {
-                self.touched.push(id);
-                continue;
+    /// Counts a received frame for those whom it matters to: a counter that is 0 stays so.
+    fn count_received(&mut self, place: usize, transmission: &Transmission, at: Instant) {
+        let mut counting = std::mem::take(&mut self.groups[place].counting);
+        counting.retain(|id| {
+            if !transmission.senders.contains(id) {
+                self.change(*id, at, Confinement::received);
             }
-            // A missing acknowledgement is seen by nobody else: there is nobody else.
-            let listens = port.takes_part() && port.joined_at <= transmission.start;
-            if !listens || error == BusError::Acknowledgement {
-                continue;
-            }
-            let before = port.mode();
-            let first = transmission.by_other_rate && port.rate != transmission.rate;
-            let first = first && before == BusErrorMode::ErrorActive;
-            port.confinement.receive_error(first);
-            port.tell(transmission.end, WireEvent::NotReceived { first });
-            if port.mode() != before {
-                self.touched.push(id);
+            self.ports[id.0].confinement.receive_errors() > 0
+        });
+        self.groups[place].counting = counting;
+    }
+
+    /// Counts an error for everybody who saw it.
+    fn count_errors(&mut self, transmission: &Transmission) {
+        let at = instant(transmission.end);
+        for group in 0..self.groups.len() {
+            let other_rate = transmission.by_other_rate && self.groups[group].rate != transmission.rate;
+            // Receive errors take nobody off the bus: the members stay what they are.
+            for place in 0..self.groups[group].members.len() {
+                let id = self.groups[group].members[place];
+                if transmission.senders.contains(&id) {
+                    continue;
+                }
+                let port = &mut self.ports[id.0];
+                if port.confinement.receive_errors() == 0 {
+                    self.groups[group].counting.push(id);
+                }
+                let first = other_rate && port.mode() == BusErrorMode::ErrorActive;
+                port.tell(transmission.end, WireEvent::NotReceived { first });
+                self.change(id, at, |confinement| confinement.receive_error(first));
             }
         }
     }
 
     fn after_sending(&mut self, id: PortId, transmission: &Transmission) {
+        let at = instant(transmission.end);
         let port = &mut self.ports[id.0];
         port.transmit.sent(transmission.error.is_none());
-        match transmission.error {
-            None => port.confinement.sent(),
-            Some(BusError::Acknowledgement) => port.confinement.no_acknowledgement(),
-            Some(_) => port.confinement.transmit_error(),
-        }
         port.tell(transmission.end, transmission.error.map_or(WireEvent::Sent, WireEvent::NotSent));
+        self.change(id, at, |confinement| match transmission.error {
+            None => confinement.sent(),
+            Some(BusError::Acknowledgement) => confinement.no_acknowledgement(),
+            Some(_) => confinement.transmit_error(),
+        });
+        let port = &mut self.ports[id.0];
         if port.mode() == BusErrorMode::ErrorPassive {
             port.ready_at = self.free_at + bit_times(SUSPEND, port.rate);
         }
-        // Whether a controller that lives elsewhere comes back is its own decision.
-        if port.mode() == BusErrorMode::BusOff && port.external.is_none() {
-            self.begin_recovery(id, transmission.end);
+        if port.is_device {
+            self.touched.push(id);
         }
-    }
-
-    /// The end of a frame, or of an error frame, and the intermission are 11 recessive bits: one sequence for those on
-    /// their way back from bus-off, and what controllers that joined in the meantime waited for.
-    fn count_idle_sequence(&mut self) {
-        if std::mem::take(&mut self.joining) {
-            for port in self.ports.iter_mut().filter(|port| port.joined_at == Nanos::MAX) {
-                port.joined_at = self.free_at;
-                port.ready_at = self.free_at;
-            }
-        }
-        for id in &self.recovering {
-            if let Some(recovery) = &mut self.ports[id.0].recovery {
-                recovery.left = recovery.left.saturating_sub(1);
-                recovery.since = recovery.since.max(self.free_at);
-            }
-        }
-    }
-
-    /// Counts the recessive bits of the idle time that ends at `start`.
-    pub(super) fn pass_recovery_time(&mut self, start: Nanos) {
-        for id in &self.recovering {
-            let port = &mut self.ports[id.0];
-            let sequence = bit_times(BUS_IDLE, port.rate);
-            if let Some(recovery) = &mut port.recovery {
-                let seen = start.saturating_sub(recovery.since) / sequence;
-                recovery.left = recovery.left.saturating_sub(u32::try_from(seen).unwrap_or(u32::MAX));
-                recovery.since = start;
-            }
-        }
-    }
-
-    fn recover(&mut self, now: Nanos) {
-        if self.current.is_some() || self.recovering.is_empty() {
-            return;
-        }
-        let recovering = std::mem::take(&mut self.recovering);
-        for id in recovering {
-            let port = &mut self.ports[id.0];
-            match port.recovered_at() {
-                Some(due) if due <= now => {
-                    port.recovery = None;
-                    port.confinement.recover();
-                    port.joined_at = due;
-                    port.ready_at = due;
-                    port.tell(due, WireEvent::Recovered);
-                    self.touched.push(id);
-                }
-                _ => self.recovering.push(id),
-            }
-        }
+        self.refresh(id, at);
     }
 }

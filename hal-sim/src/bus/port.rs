@@ -9,10 +9,13 @@ use protocol_core::controller::{BitRate, BusErrorMode, Controller, Filter, Filte
 use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
 
-use super::clock::Nanos;
+use super::BUS_IDLE;
+use super::clock::{Nanos, bit_times, instant};
 use super::confinement::Confinement;
-use super::external::{External, WireEvent};
+use super::contenders::Contends;
+use super::listeners::Hears;
 use super::transmit::Transmit;
+use super::wire_event::{External, WireEvent};
 
 /// How many received frames a device's controller holds, as the firmware's queue does.
 pub const RECEIVE_QUEUE: usize = 256;
@@ -21,23 +24,33 @@ pub const RECEIVE_QUEUE: usize = 256;
 #[derive(Debug)]
 pub struct Port {
     pub(super) name: Arc<str>,
+    /// Whether a device is behind it, to be told what happens.
+    pub(super) is_device: bool,
     pub(super) rate: BitRate,
     pub(super) connected: bool,
     pub(super) confinement: Confinement,
     pub(super) transmit: Transmit,
     pub(super) received: VecDeque<(Instant, Frame)>,
     /// What a device's controller lets through; everything where there are none.
-    filters: Option<Filters>,
+    pub(super) filters: Option<Filters>,
+    /// The filters that take their place as soon as the bus looks at the port.
+    pub(super) new_filters: Option<Filters>,
     /// How many received frames there is room for.
     room: usize,
     overruns: u32,
-    /// It hears frames that start from then on.
+    /// It takes part from then on; the end of time while that waits for the end of a frame.
     pub(super) joined_at: Nanos,
-    /// It sends from then on.
+    /// It sends from then on; the end of time while it may not.
     pub(super) ready_at: Nanos,
+    /// Whether it takes part: the bus lists it among the listeners at its bit rate.
+    pub(super) member: bool,
+    /// It lost a bit while it was error-passive, and suspends its transmission when it is in step again.
+    pub(super) suspended: bool,
+    /// It is kept bus-off.
+    pub(super) held: bool,
     pub(super) recovery: Option<Recovery>,
-    /// Whether the bus knows that it has something to send.
-    pub(super) contends: bool,
+    /// Where it is among the contenders.
+    pub(super) contends: Contends,
     /// What it has beyond the others when its controller lives elsewhere.
     pub(super) external: Option<Box<External>>,
 }
@@ -54,7 +67,9 @@ pub(super) struct Recovery {
 impl Port {
     /// The controller of a device, not yet connected.
     pub(super) fn of_device(name: Arc<str>, rate: BitRate) -> Self {
-        Self::new(name, rate, Transmit::mailboxes(), RECEIVE_QUEUE)
+        let mut port = Self::new(name, rate, Transmit::mailboxes(), RECEIVE_QUEUE);
+        port.is_device = true;
+        port
     }
 
     /// A client's place on the bus, not yet connected.
@@ -67,21 +82,33 @@ impl Port {
         Self::new(name, rate, Transmit::queue(), 0)
     }
 
+    /// The place of a controller that lives elsewhere, not yet connected.
+    pub(super) fn of_external(name: Arc<str>, rate: BitRate) -> Self {
+        let mut port = Self::new(name, rate, Transmit::offer(), usize::MAX);
+        port.external = Some(Box::default());
+        port
+    }
+
     fn new(name: Arc<str>, rate: BitRate, transmit: Transmit, room: usize) -> Self {
         Self {
             name,
+            is_device: false,
             rate,
             connected: false,
             confinement: Confinement::default(),
             transmit,
             received: VecDeque::new(),
             filters: None,
+            new_filters: None,
             room,
             overruns: 0,
-            joined_at: 0,
-            ready_at: 0,
+            joined_at: Nanos::MAX,
+            ready_at: Nanos::MAX,
+            member: false,
+            suspended: false,
+            held: false,
             recovery: None,
-            contends: false,
+            contends: Contends::No,
             external: None,
         }
     }
@@ -122,20 +149,36 @@ impl Port {
         self.received.drain(..)
     }
 
-    /// Whether it takes part in what happens on the bus.
+    /// Whether it may take part in what happens on the bus.
     #[inline]
     pub(super) const fn takes_part(&self) -> bool {
         self.connected && !matches!(self.confinement.mode(), BusErrorMode::BusOff)
     }
 
-    /// A frame was on the bus; whether it means anything to whoever is behind the port.
+    /// Whether nobody notices that it listens.
     #[inline]
-    pub(super) fn deliver(&mut self, frame: &Frame, at: Instant) -> bool {
-        let before = self.mode();
-        self.confinement.received();
-        if !self.lets_through(frame) {
-            return self.mode() != before;
+    pub(super) fn is_silent(&self) -> bool {
+        self.external.as_ref().is_some_and(|external| external.silent)
+    }
+
+    /// What it is to hear.
+    pub(super) const fn hears(&self) -> Hears<'_> {
+        match &self.filters {
+            _ if self.room == 0 => Hears::Nothing,
+            None => Hears::Everything,
+            Some(filters) => Hears::Filtered(filters),
         }
+    }
+
+    /// When it is back on the bus, if that stays idle.
+    pub(super) fn recovered_at(&self) -> Option<Nanos> {
+        let recovery = self.recovery?;
+        Some(recovery.since + bit_times(recovery.left * BUS_IDLE, self.rate))
+    }
+
+    /// Takes a frame that its filters let through.
+    #[inline]
+    pub(super) fn deliver(&mut self, frame: &Frame, at: Instant) {
         if let Some(external) = &mut self.external {
             external.tell(at, WireEvent::Received(*frame));
         } else if self.received.len() < self.room {
@@ -143,13 +186,14 @@ impl Port {
         } else {
             self.overruns = self.overruns.saturating_add(1);
         }
-        true
     }
 
+    /// Tells a controller that lives elsewhere.
     #[inline]
-    fn lets_through(&self, frame: &Frame) -> bool {
-        let Some(filters) = &self.filters else { return true };
-        !frame.is_remote() && filters.iter().any(|filter| filter.passes(frame))
+    pub(super) fn tell(&mut self, at: Nanos, event: WireEvent) {
+        if let Some(external) = &mut self.external {
+            external.tell(instant(at), event);
+        }
     }
 }
 
@@ -178,6 +222,6 @@ impl Controller for Port {
     }
 
     fn set_filters(&mut self, filters: &Filters) {
-        self.filters = Some(filters.clone());
+        self.new_filters = Some(filters.clone());
     }
 }

@@ -2,97 +2,11 @@
 
 use embedded_can::nb::Can;
 use protocol_core::controller::{Controller, Filter, Filters};
-use protocol_core::frame::{extended, standard};
+use protocol_core::frame::{Frame, extended, standard};
 use protocol_core::time::Duration;
 
+use super::bench::{Bench, EMPTY, RATE, bits, frame, micros};
 use super::*;
-
-const RATE: BitRate = BitRate::Kbit250;
-const EMPTY: u16 = 0x123;
-
-fn frame(id: u16, data: &[u8]) -> Frame {
-    Frame::of(standard(id).into(), data).unwrap()
-}
-
-fn micros(us: u64) -> Instant {
-    Instant::from_micros(us)
-}
-
-fn bits(count: u32) -> Duration {
-    Duration::from_nanos(bit_times(count, RATE))
-}
-
-/// A bus with device ports `a`, `b`, `c` …, connected and ready at instant 1 ms.
-struct Bench {
-    bus: Bus,
-    now: Instant,
-    ended: Vec<(Instant, Ended)>,
-}
-
-impl Bench {
-    fn of(count: u8) -> Self {
-        Self::at(RATE, count)
-    }
-
-    fn at(rate: BitRate, count: u8) -> Self {
-        let mut bus = Bus::default();
-        for name in (b'a'..).take(usize::from(count)) {
-            let id = bus.add_device(char::from(name).to_string().into(), rate);
-            bus.connect(id, micros(0));
-        }
-        Self { bus, now: micros(10_000), ended: Vec::new() }
-    }
-
-    fn send(&mut self, port: usize, frame: Frame) {
-        assert_eq!(self.bus.port_mut(PortId(port)).transmit(&frame), Ok(None));
-        self.bus.refresh(PortId(port), self.now);
-    }
-
-    fn run(&mut self, until: Instant) {
-        self.bus.begin(self.now);
-        while self.bus.next_event() <= until {
-            self.now = self.now.max(self.bus.next_event());
-            if let Some(ended) = self.bus.finish(self.now) {
-                self.ended.push((self.now, ended));
-            }
-            self.bus.begin(self.now);
-        }
-        self.now = until;
-    }
-
-    fn run_for(&mut self, time: Duration) {
-        self.run(self.now + time);
-    }
-
-    /// Runs until something ended.
-    fn next(&mut self) -> (Instant, Ended) {
-        let known = self.ended.len();
-        self.bus.begin(self.now);
-        while self.ended.len() == known {
-            let next = self.bus.next_event();
-            assert_ne!(next, NEVER, "nothing will ever happen");
-            self.run(next);
-        }
-        self.ended.last().unwrap().clone()
-    }
-
-    fn receive(&mut self, port: usize) -> Option<Frame> {
-        self.bus.port_mut(PortId(port)).receive().ok()
-    }
-
-    fn counters(&self, port: usize) -> (u16, u16) {
-        let confinement = self.bus.port(PortId(port)).confinement();
-        (confinement.transmit_errors(), confinement.receive_errors())
-    }
-
-    fn mode(&self, port: usize) -> BusErrorMode {
-        self.bus.port(PortId(port)).mode()
-    }
-
-    fn frames(&self) -> Vec<Frame> {
-        self.ended.iter().filter(|(_, ended)| ended.error.is_none()).map(|(_, ended)| ended.frame).collect()
-    }
-}
 
 #[test]
 fn a_frame_takes_its_bits_at_every_bit_rate() {
@@ -104,18 +18,18 @@ fn a_frame_takes_its_bits_at_every_bit_rate() {
         (BitRate::Kbit125, 8_000),
         (BitRate::Kbit10, 100_000),
     ] {
-        let mut bench = Bench::at(rate, 2);
+        let mut bench = Bench::at(rate, 3);
         let start = bench.now.as_micros() * 1000;
-        let sent = frame(EMPTY, &[]);
-        let length = u64::from(FrameBits::of(&sent).on_wire());
-        bench.send(0, sent);
-        bench.send(0, sent);
+        let sent = [frame(EMPTY, &[]), frame(EMPTY + 1, &[])];
+        let [one, two] = sent.map(|frame| u64::from(FrameBits::of(&frame).on_wire()));
+        bench.send(0, sent[0]);
+        bench.send(2, sent[1]);
         // The second one follows after three bits of intermission, to the nanosecond.
-        let first = start + length * bit_ns;
+        let first = start + one * bit_ns;
         assert_eq!(bench.next().0, micros(first.div_ceil(1000)), "{rate:?}");
-        assert_eq!(bench.next().0, micros((first + (3 + length) * bit_ns).div_ceil(1000)), "{rate:?}");
-        assert_eq!((bench.receive(1), bench.receive(1), bench.receive(1)), (Some(sent), Some(sent), None));
-        assert_eq!(bench.receive(0), None);
+        assert_eq!(bench.next().0, micros((first + (3 + two) * bit_ns).div_ceil(1000)), "{rate:?}");
+        assert_eq!((bench.receive(1), bench.receive(1), bench.receive(1)), (Some(sent[0]), Some(sent[1]), None));
+        assert_eq!(bench.receive(0), Some(sent[1]));
     }
 }
 
@@ -379,24 +293,88 @@ fn the_load_is_that_of_the_last_second() {
     assert_eq!(bench.bus.load(busy + Duration::from_secs(1000)), 0);
 }
 
-mod port {
+#[test]
+fn filters_keep_frames_away_and_not_the_error_counters() {
+    let mut bench = Bench::of(3);
+    bench.bus.inject(Box::new(DestroyNext::frames(3)));
+    bench.send(0, frame(1, &[]));
+    bench.run_for(Duration::from_millis(10));
+    assert_eq!(bench.receive(1), Some(frame(1, &[])), "everything passes where there are none");
+    assert_eq!((bench.counters(1), bench.counters(2)), ((0, 2), (0, 2)));
+    let one = Filters::from_iter([Filter { key: 0x100, mask: !0xF }, Filter::exactly(0x10F), Filter::exactly(0x200)]);
+    for (filters, passing) in
+        [(one, [true, true, false]), (Filters::from_iter([Filter::exactly(0x110)]), [false, false, true])]
+    {
+        bench.bus.port_mut(PortId(1)).set_filters(&filters);
+        bench.bus.refresh(PortId(1), bench.now);
+        for (sent, passes) in [
+            (frame(0x10F, &[]), passing[0]),
+            (frame(0x200, &[]), passing[1]),
+            (frame(0x110, &[]), passing[2]),
+            (frame(0x120, &[]), false),
+            (Frame::remote(standard(0x100).into(), 0), false),
+            (Frame::of(extended(0x100).into(), &[]).unwrap(), false),
+        ] {
+            bench.send(0, sent);
+            bench.run_for(Duration::from_millis(10));
+            assert_eq!(bench.receive(1), passes.then_some(sent), "{sent}");
+            assert_eq!(bench.receive(1), None, "{sent} once");
+        }
+    }
+    assert_eq!((bench.counters(1), bench.counters(2)), ((0, 0), (0, 0)));
+}
+
+#[test]
+fn overruns_are_counted() {
+    let mut port = Port::of_device("a".into(), RATE);
+    for _ in 0..RECEIVE_QUEUE + 3 {
+        port.deliver(&frame(1, &[]), micros(0));
+    }
+    assert_eq!(port.overruns(), 3);
+    assert_eq!(std::iter::from_fn(|| port.receive().ok()).count(), RECEIVE_QUEUE);
+}
+
+mod mailboxes {
     use super::*;
+
+    const WAIT: nb::Result<Option<Frame>, std::convert::Infallible> = Err(nb::Error::WouldBlock);
 
     fn device() -> Port {
         Port::of_device("a".into(), RATE)
     }
 
+    fn pending(port: &mut Port) -> Vec<Frame> {
+        let mut left = Vec::new();
+        while let Some(head) = port.transmit.head().copied() {
+            port.transmit.sending();
+            port.transmit.sent(true);
+            left.push(head);
+        }
+        left
+    }
+
+    #[test]
+    fn beyond_the_first_frame_only_a_more_urgent_one_is_taken() {
+        let mut port = device();
+        assert_eq!(port.transmit(&frame(0x200, &[1])), Ok(None));
+        assert_eq!(port.transmit(&frame(0x200, &[2])), WAIT, "equal identifiers keep their order");
+        assert_eq!(port.transmit(&frame(0x300, &[])), WAIT);
+        assert_eq!(port.transmit(&frame(0x100, &[])), Ok(None));
+        assert_eq!(port.transmit(&frame(0x180, &[])), WAIT, "more urgent than one of them is not enough");
+        assert_eq!(pending(&mut port), [frame(0x100, &[]), frame(0x200, &[1])]);
+        assert_eq!(port.transmit(&frame(0x300, &[])), Ok(None));
+    }
+
     #[test]
     fn a_full_controller_gives_back_the_least_urgent_frame() {
         let mut port = device();
-        for id in [0x300, 0x100, 0x200] {
+        for id in [0x300, 0x200, 0x100] {
             assert_eq!(port.transmit(&frame(id, &[])), Ok(None));
         }
-        assert_eq!(port.transmit(&frame(0x300, &[1])), Err(nb::Error::WouldBlock), "not more urgent");
-        assert_eq!(port.transmit(&frame(0x400, &[])), Err(nb::Error::WouldBlock));
+        assert_eq!(port.transmit(&frame(0x250, &[])), WAIT);
         assert_eq!(port.transmit(&frame(0x080, &[])), Ok(Some(frame(0x300, &[]))));
         assert_eq!(port.pending(), 3);
-        assert_eq!(port.transmit.head(), Some(&frame(0x080, &[])));
+        assert_eq!(pending(&mut port), [0x080, 0x100, 0x200].map(|id| frame(id, &[])));
     }
 
     #[test]
@@ -407,48 +385,32 @@ mod port {
         port.transmit(&frame(0x200, &[])).unwrap();
         port.transmit(&frame(0x100, &[])).unwrap();
         assert_eq!(port.transmit(&frame(0x080, &[])), Ok(Some(frame(0x200, &[]))));
-        assert_eq!(port.transmit(&frame(0x150, &[])), Err(nb::Error::WouldBlock));
+        assert_eq!(port.transmit(&frame(0x150, &[])), WAIT);
     }
 
     #[test]
-    fn equal_identifiers_leave_in_the_order_they_came() {
-        let mut port = device();
-        for byte in 1..=3 {
-            port.transmit(&frame(0x200, &[byte])).unwrap();
-        }
-        assert_eq!(port.transmit(&frame(0x100, &[])), Ok(Some(frame(0x200, &[3]))), "the youngest one goes back");
-        let mut left = Vec::new();
-        while let Some(head) = port.transmit.head().copied() {
+    fn an_abort_drops_what_waits_and_does_not_repeat_what_is_on_the_wire() {
+        for success in [true, false] {
+            let mut port = device();
+            port.transmit(&frame(0x300, &[])).unwrap();
             port.transmit.sending();
-            port.transmit.sent(true);
-            left.push(head);
+            port.transmit(&frame(0x200, &[])).unwrap();
+            port.transmit(&frame(0x100, &[])).unwrap();
+            port.abort(Filter::exactly(0x200));
+            port.abort(Filter::exactly(0x300));
+            assert_eq!(port.pending(), 2, "one is on the wire");
+            port.transmit.sent(success);
+            assert_eq!(pending(&mut port), [frame(0x100, &[])]);
         }
-        assert_eq!(left, [frame(0x100, &[]), frame(0x200, &[1]), frame(0x200, &[2])]);
     }
 
     #[test]
-    fn filters_keep_frames_away_and_not_the_error_counters() {
+    fn a_failed_attempt_is_repeated_after_what_has_become_more_urgent() {
         let mut port = device();
-        assert!(port.deliver(&frame(1, &[]), micros(0)), "everything passes where there are none");
-        port.set_filters(&Filters::from_iter([Filter { key: 0x100, mask: !0xF }]));
-        for (sent, passes) in [
-            (frame(0x10F, &[]), true),
-            (frame(0x110, &[]), false),
-            (Frame::remote(standard(0x100).into(), 0), false),
-            (Frame::of(extended(0x100).into(), &[]).unwrap(), false),
-        ] {
-            assert_eq!(port.deliver(&sent, micros(0)), passes, "{sent}");
-        }
-        assert_eq!(std::iter::from_fn(|| port.receive().ok()).count(), 2);
-    }
-
-    #[test]
-    fn overruns_are_counted() {
-        let mut port = device();
-        for _ in 0..RECEIVE_QUEUE + 3 {
-            port.deliver(&frame(1, &[]), micros(0));
-        }
-        assert_eq!(port.overruns(), 3);
-        assert_eq!(std::iter::from_fn(|| port.receive().ok()).count(), RECEIVE_QUEUE);
+        port.transmit(&frame(0x300, &[])).unwrap();
+        port.transmit.sending();
+        port.transmit(&frame(0x200, &[])).unwrap();
+        port.transmit.sent(false);
+        assert_eq!(pending(&mut port), [frame(0x200, &[]), frame(0x300, &[])]);
     }
 }

@@ -6,10 +6,9 @@ use protocol_core::controller::{BitRate, BusErrorMode};
 use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
 
-use super::bits::{ERROR_DELIMITER, ERROR_FLAG, FrameBits};
-use super::clock::{Nanos, bit_times, nanos};
-use super::external::WireEvent;
-use super::port::Port;
+use super::bits::{AFTER_ACK_SLOT, ERROR_DELIMITER, ERROR_FLAG, FrameBits};
+use super::clock::{Nanos, bit_times, instant, nanos};
+use super::wire_event::WireEvent;
 use super::{Bus, BusError, PortId};
 
 /// After so many bits a controller at another bit rate has seen something impossible (A).
@@ -28,14 +27,16 @@ pub(super) struct Transmission {
     pub(super) rate: BitRate,
     /// Who sends it; several when they send the same, or when none of them has noticed the others yet.
     pub(super) senders: Vec<PortId>,
-    /// The name of the first of the senders: it may be gone when the frame ends.
-    pub(super) from: Arc<str>,
+    /// The name of the last sender, once all of them have fallen silent.
+    pub(super) gone: Option<Arc<str>>,
     pub(super) start: Nanos,
     /// When the frame or the error frame ends.
     pub(super) end: Nanos,
     pub(super) error: Option<BusError>,
     /// Whether listeners at another bit rate than everybody else destroyed it.
     pub(super) by_other_rate: bool,
+    /// The name of the controller whose error flag is the first; none where nobody signals an error.
+    pub(super) signalled_by: Option<Arc<str>>,
 }
 
 /// The earliest thing that goes wrong.
@@ -44,6 +45,8 @@ struct Fate {
     /// From the start of frame to the first bit of the error flag.
     bits: u32,
     by_other_rate: bool,
+    /// Whose error flag is the first; the sender's where there is none.
+    by: Option<PortId>,
 }
 
 impl Bus {
@@ -56,97 +59,103 @@ impl Bus {
         if start > nanos(now) {
             return;
         }
+        self.admit(start);
+        let ports = &mut self.ports;
+        self.contenders.promote(|id| {
+            let port = &mut ports[id.0];
+            let key = port.transmit.head().filter(|_| port.ready_at <= start)?.arbitration();
+            port.contends = super::Contends::Ready(key);
+            Some(key)
+        });
         let mut senders = std::mem::take(&mut self.spare);
-        self.arbitrate(start, &mut senders);
+        self.contenders.winners(&mut senders);
+        self.tell_losers(start, &senders);
+        self.tell_begin(start, &senders);
         let transmission = self.transmit(start, senders);
-        self.tell_losers(start, &transmission.senders);
         for id in &transmission.senders {
             self.ports[id.0].transmit.sending();
         }
-        self.tell_all(start, |id| WireEvent::Begins { own: transmission.senders.contains(&id) });
         self.pass_recovery_time(start);
         self.current = Some(transmission);
     }
 
     /// When the next frame may start.
     pub(super) fn next_start(&self) -> Nanos {
-        let ready = self.contenders.iter().map(|id| &self.ports[id.0]).filter(|port| port.takes_part());
-        ready.map(|port| port.ready_at.max(self.free_at)).min().unwrap_or(Nanos::MAX)
-    }
-
-    /// Those who are still sending when the identifiers are through: one, as a rule.
-    fn arbitrate(&self, start: Nanos, senders: &mut Vec<PortId>) {
-        let mut winning = u32::MAX;
-        for id in &self.contenders {
-            let port = &self.ports[id.0];
-            let Some(head) = port.transmit.head().filter(|_| port.takes_part() && port.ready_at <= start) else {
-                continue;
-            };
-            let arbitration = head.arbitration();
-            if arbitration < winning || senders.is_empty() {
-                winning = arbitration;
-                senders.clear();
-            }
-            if arbitration == winning {
-                senders.push(*id);
-            }
+        if self.contenders.is_any_ready() {
+            return self.free_at;
         }
+        let ready = self.contenders.waiting().iter().map(|id| self.ports[id.0].ready_at);
+        ready.min().map_or(Nanos::MAX, |ready| ready.max(self.free_at))
     }
 
     fn transmit(&mut self, start: Nanos, mut senders: Vec<PortId>) -> Transmission {
-        let from = self.ports[senders[0].0].name.clone();
-        let collision = self.resolve(&mut senders);
+        let collision = self.resolve(start, &mut senders);
         let first = &self.ports[senders[0].0];
         let frame = *first.transmit.head().expect("a sender has something to send");
         let rate = first.rate;
-        let bits = FrameBits::of(&frame);
-        let on_wire = bits.on_wire();
-
-        let mut heard = false;
-        let mut disturbed = false;
-        for (number, port) in self.ports.iter().enumerate() {
-            if !port.takes_part() || port.joined_at > start || port.is_silent() || senders.contains(&PortId(number)) {
-                continue;
-            }
-            if port.rate == rate {
-                heard = true;
-            } else if port.mode() == BusErrorMode::ErrorActive {
-                disturbed = true;
-            }
-        }
-        let silence = Fate { error: BusError::Acknowledgement, bits: bits.to_ack_slot(), by_other_rate: false };
-        let other_rate = Fate { error: BusError::Stuff, bits: WRONG_RATE_SEEN, by_other_rate: heard };
-        let injected = self.injectors.iter_mut().filter_map(|injector| injector.disturb(&from, &frame, on_wire)).min();
-        let injected = injected.map(|bit| Fate { error: BusError::Bit, bits: bit + 1, by_other_rate: false });
-        let fates = [collision, injected, disturbed.then_some(other_rate), (!heard).then_some(silence)];
-        let fate = fates.into_iter().flatten().min_by_key(|fate| fate.bits);
-
-        let length = match &fate {
-            None => on_wire,
-            Some(fate) if heard || disturbed => fate.bits + ERROR_FRAME,
-            Some(fate) => fate.bits + LONE_ERROR_FRAME,
-        };
-        Transmission {
+        let on_wire = FrameBits::of(&frame).on_wire();
+        let injectors = self.injectors.iter_mut();
+        let injected = injectors.filter_map(|injector| injector.disturb(&first.name, &frame, on_wire)).min();
+        let heard = self.is_heard(rate, &senders);
+        let disturber = self.disturber(rate, &senders);
+        let mut transmission = Transmission {
             frame,
             rate,
             senders,
-            from,
             start,
-            end: start + bit_times(length, rate),
-            by_other_rate: fate.as_ref().is_some_and(|fate| fate.by_other_rate),
-            error: fate.map(|fate| fate.error),
+            end: start + bit_times(on_wire, rate),
+            error: None,
+            by_other_rate: false,
+            signalled_by: None,
+            gone: None,
+        };
+        if collision.is_none() && injected.is_none() && disturber.is_none() && heard {
+            return transmission;
         }
+        let fate = |error, bits, by| Fate { error, bits, by_other_rate: false, by };
+        let fates = [
+            collision,
+            injected.map(|bit| fate(BusError::Bit, bit + 1, None)),
+            disturber.map(|by| Fate { by_other_rate: heard, ..fate(BusError::Stuff, WRONG_RATE_SEEN, Some(by)) }),
+            (!heard).then(|| fate(BusError::Acknowledgement, on_wire - AFTER_ACK_SLOT, None)),
+        ];
+        if let Some(fate) = fates.into_iter().flatten().min_by_key(|fate| fate.bits) {
+            let error_frame = if heard || disturber.is_some() { ERROR_FRAME } else { LONE_ERROR_FRAME };
+            let by = fate.by.unwrap_or(transmission.senders[0]);
+            transmission.end = start + bit_times(fate.bits + error_frame, rate);
+            transmission.error = Some(fate.error);
+            transmission.by_other_rate = fate.by_other_rate;
+            transmission.signalled_by = Some(self.ports[by.0].name.clone());
+        }
+        transmission
+    }
+
+    /// Whether somebody acknowledges what these ports send at a bit rate.
+    pub(super) fn is_heard(&self, rate: BitRate, senders: &[PortId]) -> bool {
+        let listeners = self.groups.iter().find(|group| group.rate == rate).map_or(0, |group| group.audible);
+        // Senders take part themselves.
+        listeners > senders.iter().filter(|id| self.ports[id.0].rate == rate).count()
+    }
+
+    /// The first error-active listener at another bit rate: its error flag destroys the frame.
+    fn disturber(&self, rate: BitRate, senders: &[PortId]) -> Option<PortId> {
+        let others = self.groups.iter().filter(|group| group.rate != rate && group.active > 0);
+        let disturbs = |id: &&PortId| {
+            let port = &self.ports[id.0];
+            port.mode() == BusErrorMode::ErrorActive && !port.is_silent() && !senders.contains(id)
+        };
+        others.filter_map(|group| group.members.iter().find(disturbs)).min().copied()
     }
 
     /// What comes of several senders that are still at it after the identifier: equal frames go out as one, different
     /// ones collide at the first different bit. There the recessive sender sees the error; if it is error-passive,
-    /// nobody hears it complain, and the dominant frame goes on.
-    fn resolve(&mut self, senders: &mut Vec<PortId>) -> Option<Fate> {
+    /// nobody hears it complain, and the dominant frame goes on without it.
+    fn resolve(&mut self, start: Nanos, senders: &mut Vec<PortId>) -> Option<Fate> {
         while senders.len() > 1 {
             let first = self.head_of(senders[0]);
             let rate = self.ports[senders[0].0].rate;
             if senders.iter().any(|id| self.ports[id.0].rate != rate) {
-                return Some(Fate { error: BusError::Bit, bits: MIXED_RATES_SEEN, by_other_rate: false });
+                return Some(Fate { error: BusError::Bit, bits: MIXED_RATES_SEEN, by_other_rate: false, by: None });
             }
             let differences = senders[1..].iter().filter_map(|id| first.first_difference(self.head_of(*id)));
             let parting = differences.min_by_key(|difference| difference.bit)?;
@@ -155,16 +164,28 @@ impl Bus {
                 difference.is_some() == parting.dominant
             };
             let losers: Vec<PortId> = senders.iter().copied().filter(recessive).collect();
-            if losers.iter().any(|id| self.ports[id.0].mode() == BusErrorMode::ErrorActive) {
-                return Some(Fate { error: BusError::Bit, bits: parting.bit + 1, by_other_rate: false });
+            let by = losers.iter().find(|id| self.ports[id.0].mode() == BusErrorMode::ErrorActive).copied();
+            if by.is_some() {
+                return Some(Fate { error: BusError::Bit, bits: parting.bit + 1, by_other_rate: false, by });
             }
             senders.retain(|id| !losers.contains(id));
+            let at = start + bit_times(parting.bit + 1, rate);
             for id in losers {
-                self.ports[id.0].confinement.transmit_error();
-                self.touched.push(id);
+                self.beaten(id, at);
             }
         }
         None
+    }
+
+    /// An error-passive sender lost a bit.
+    fn beaten(&mut self, id: PortId, at: Nanos) {
+        let port = &mut self.ports[id.0];
+        port.tell(at, WireEvent::NotSent(BusError::Bit));
+        port.transmit.sent(false);
+        if port.is_device {
+            self.touched.push(id);
+        }
+        self.fall_out_of_step(id, instant(at));
     }
 
     fn head_of(&self, id: PortId) -> FrameBits {
@@ -179,17 +200,16 @@ impl Bus {
         }
         self.ports[id.0].transmit.sent(false);
         transmission.senders.retain(|sender| *sender != id);
-        if transmission.senders.is_empty() && transmission.error.is_none() {
+        if !transmission.senders.is_empty() {
+            return;
+        }
+        transmission.gone = Some(self.ports[id.0].name.clone());
+        if transmission.error.is_none() {
             transmission.error = Some(BusError::Stuff);
             transmission.end = nanos(now).max(transmission.start) + bit_times(ERROR_FRAME, transmission.rate);
+            let group = self.groups.iter().find(|group| group.rate == transmission.rate);
+            let witness = group.and_then(|group| group.members.iter().find(|other| **other != id));
+            transmission.signalled_by = witness.map(|id| self.ports[id.0].name.clone());
         }
-    }
-}
-
-impl Port {
-    /// When it is back on the bus, if that stays idle.
-    pub(super) fn recovered_at(&self) -> Option<Nanos> {
-        let recovery = self.recovery?;
-        Some(recovery.since + bit_times(recovery.left * super::BUS_IDLE, self.rate))
     }
 }

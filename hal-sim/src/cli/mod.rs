@@ -1,18 +1,17 @@
 //! The command line of `pve-sim`: what is accepted, and the one line that says why something is not.
 
-mod bus;
 mod device;
 mod options;
 
-pub use bus::BusUrl;
 pub use device::DeviceSpec;
-pub use options::{NamedDevice, RunArgs, RunOptions};
+pub use options::RunArgs;
 
 use std::ffi::OsString;
 
 use clap::error::{ContextKind, ErrorKind};
 use clap::{CommandFactory, Parser, Subcommand};
 
+use crate::run::RunOptions;
 use crate::use_case::{self, UseCase};
 
 /// What the user asked for.
@@ -34,9 +33,9 @@ Examples:
   pve-sim --device pvea-canopen,blank --state memory --log frames.log
   pve-sim use-case isobus
 
-SIGINT and SIGTERM end it; everything stored, exit 0.
-Exit codes: 1 a port in use, a file that cannot be opened, a state file of another kind, a use case that differs;
-2 wrong usage.";
+SIGINT, SIGTERM, SIGHUP and a reader of stdout that is gone end it; everything stored, exit 0.
+Exit codes: 1 a port in use, a file that cannot be opened or must not be replaced, a state file of another kind, a use
+case that differs; 2 wrong usage.";
 
 /// Wrong usage: one line that says what is wrong and what is accepted.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

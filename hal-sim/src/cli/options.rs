@@ -7,9 +7,10 @@ use protocol_core::controller::BitRate;
 use protocol_core::device::pve;
 
 use super::UsageError;
-use super::bus::BusUrl;
 use super::device::DeviceSpec;
-use crate::kind::{Birth, Kind};
+use crate::gateway::BusUrl;
+use crate::kind::Kind;
+use crate::run::{LogOptions, NamedDevice, RunOptions};
 
 /// The seed of a run that was given none: two runs with the same seed and the same input are the same.
 const DEFAULT_SEED: u64 = 1;
@@ -25,7 +26,7 @@ pub struct RunArgs {
     /// KIND: pvea-canopen, pveo-canopen, pvea-isobus or pveo-isobus.
     /// ID: the node ID, 1–127, 0x20 when left out; on ISOBUS the address, 0x80–0x8F, 0x80 when left out. Decimal or 0x.
     /// Keys: name=NAME (a–z, 0–9 and '-', up to 32 characters; when left out the kind, then kind-2 …),
-    /// serial=N (decimal or 0x; part of the NAME on ISOBUS), blank (CANopen: no node ID, waits for LSS).
+    /// serial=N (decimal or 0x; part of the NAME on ISOBUS; when left out the next free one), blank (CANopen: no node ID, waits for LSS).
     /// With --state a memory that exists decides; ID and serial fill a new one only.
     #[arg(long, value_name = "KIND[@ID][,KEY=VALUE…]", help_heading = "Devices")]
     device: Vec<DeviceSpec>,
@@ -59,6 +60,14 @@ pub struct RunArgs {
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     log: Option<PathBuf>,
 
+    /// Write to the file of --log even if it has something in it, which is lost
+    #[arg(long, requires = "log", help_heading = "Output")]
+    log_overwrite: bool,
+
+    /// Send error frames to clients, too: the first one, and each change of an error mode
+    #[arg(long, help_heading = "Output")]
+    error_frames: bool,
+
     /// Not there yet: the control interface
     #[arg(long, value_name = "ADDR:PORT", conflicts_with = "no_http", help_heading = "Control interface")]
     http: Option<String>,
@@ -66,36 +75,6 @@ pub struct RunArgs {
     /// Run without the control interface
     #[arg(long, help_heading = "Control interface")]
     no_http: bool,
-}
-
-/// What to run, complete and free of contradictions.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RunOptions {
-    /// The devices, each with a name of its own.
-    pub devices: Vec<NamedDevice>,
-    /// Where the bus is reachable; at least one.
-    pub buses: Vec<BusUrl>,
-    /// The rate of the bus; `None`: that of the first device.
-    pub bit_rate: Option<BitRate>,
-    /// Where the devices' memories are kept; `None`: nowhere.
-    pub state: Option<PathBuf>,
-    /// Virtual seconds to a second, finite and above 0.
-    pub speed: f64,
-    /// Where every frame is logged; `None`: nowhere.
-    pub log: Option<PathBuf>,
-    /// The seed of everything random.
-    pub seed: u64,
-}
-
-/// A device with the name by which everything calls it.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct NamedDevice {
-    /// Its name; no other device has it.
-    pub name: String,
-    /// What it is.
-    pub kind: Kind,
-    /// What a new memory is filled with.
-    pub birth: Birth,
 }
 
 impl TryFrom<RunArgs> for RunOptions {
@@ -108,7 +87,8 @@ impl TryFrom<RunArgs> for RunOptions {
             )));
         }
         let specs = if args.device.is_empty() { vec![DeviceSpec::new(DEFAULT_KIND)] } else { args.device };
-        let devices = named(specs)?;
+        let mut devices = named(specs)?;
+        number(&mut devices);
         if !args.allow_clash {
             refuse_clashes(&devices)?;
         }
@@ -119,7 +99,8 @@ impl TryFrom<RunArgs> for RunOptions {
             bit_rate: args.bit_rate,
             state: args.state,
             speed: args.speed,
-            log: args.log,
+            log: args.log.map(|path| LogOptions { path, overwrite: args.log_overwrite }),
+            error_frames: args.error_frames,
             seed: args.seed,
         })
     }
@@ -151,6 +132,20 @@ fn named(specs: Vec<DeviceSpec>) -> Result<Vec<NamedDevice>, UsageError> {
         NamedDevice { name, kind: spec.kind, birth: spec.birth }
     });
     Ok(devices.collect())
+}
+
+/// Gives each device without a serial number the next free one, from the kind's default on. Explicit numbers are taken
+/// first.
+fn number(devices: &mut [NamedDevice]) {
+    let mut taken: Vec<_> =
+        devices.iter().filter_map(|device| Some(device.kind.known_by(device.birth.serial?))).collect();
+    for NamedDevice { kind, birth, .. } in devices {
+        let first = kind.default_serial();
+        let candidates = || (first..=u32::MAX).chain(0..first);
+        let serial = birth.serial.or_else(|| candidates().find(|serial| !taken.contains(&kind.known_by(*serial))));
+        taken.extend(serial.map(|serial| kind.known_by(serial)));
+        birth.serial = serial;
+    }
 }
 
 fn refuse_clashes(devices: &[NamedDevice]) -> Result<(), UsageError> {

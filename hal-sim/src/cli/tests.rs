@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use protocol_core::controller::BitRate;
 use protocol_core::device::pve;
 
-use super::options::NamedDevice;
 use super::*;
 use crate::kind::{Birth, Kind};
+use crate::run::{LogOptions, NamedDevice};
 
 const PVEA: Kind = Kind::Pve(pve::Kind::PveaCanopen);
 const PVEO: Kind = Kind::Pve(pve::Kind::PveoCanopen);
@@ -46,13 +46,14 @@ fn defaults() {
             devices: vec![NamedDevice {
                 name: "pvea-canopen".to_owned(),
                 kind: PVEA,
-                birth: Birth { node_id: Some(0x20), serial: None },
+                birth: Birth { node_id: Some(0x20), serial: Some(0x5B2E_0100) },
             }],
             buses: vec!["socketcand://127.0.0.1:29536/pve0".parse().unwrap()],
             bit_rate: None,
             state: None,
             speed: 1.0,
             log: None,
+            error_frames: false,
             seed: 1,
         }
     );
@@ -64,7 +65,7 @@ fn defaults() {
 fn options_with_and_without_the_word_run() {
     let line = "--device pveo-canopen@0x21,name=rear,serial=0x5B2E0101 --device pvea-canopen@33 --device pvea-canopen,blank \
                 --bus socketcand://[::1]:0/can1 --bus socketcand://localhost:1234/pve0 --bit-rate 125000 --state memory \
-                --speed 2.5 --log frames.log --seed 18446744073709551615 --allow-clash";
+                --speed 2.5 --log frames.log --log-overwrite --error-frames --seed 18446744073709551615 --allow-clash";
     let options = run(line);
     assert_eq!(run(&format!("run {line}")), options);
     let devices: Vec<_> =
@@ -73,8 +74,8 @@ fn options_with_and_without_the_word_run() {
         devices,
         [
             ("rear", PVEO, Some(0x21), Some(0x5B2E_0101)),
-            ("pvea-canopen", PVEA, Some(33), None),
-            ("pvea-canopen-2", PVEA, None, None),
+            ("pvea-canopen", PVEA, Some(33), Some(0x5B2E_0100)),
+            ("pvea-canopen-2", PVEA, None, Some(0x5B2E_0102)),
         ]
     );
     let buses: Vec<_> = options.buses.iter().map(ToString::to_string).collect();
@@ -82,7 +83,8 @@ fn options_with_and_without_the_word_run() {
     assert_eq!(options.bit_rate, Some(BitRate::Kbit125));
     assert_eq!(options.state, Some(PathBuf::from("memory")));
     assert_eq!(options.speed, 2.5);
-    assert_eq!(options.log, Some(PathBuf::from("frames.log")));
+    assert_eq!(options.log, Some(LogOptions { path: PathBuf::from("frames.log"), overwrite: true }));
+    assert!(options.error_frames);
     assert_eq!(options.seed, u64::MAX);
 }
 
@@ -100,6 +102,24 @@ fn default_names_avoid_those_that_were_given() {
     let options = run("--device pvea-canopen@1 --device pvea-canopen@2 --device pvea-canopen@3,name=pvea-canopen-2");
     let names: Vec<_> = options.devices.iter().map(|device| device.name.as_str()).collect();
     assert_eq!(names, ["pvea-canopen", "pvea-canopen-3", "pvea-canopen-2"]);
+}
+
+/// Each device is told apart: by its LSS address on CANopen, by its NAME on ISOBUS.
+#[test]
+fn default_serial_numbers_are_the_next_free_ones() {
+    let serials = |line: &str| -> Vec<u32> {
+        run(line).devices.iter().map(|device| device.birth.serial.expect("a number")).collect()
+    };
+    // One product code for both kinds: numbers of one do for the other.
+    let three = "--device pvea-canopen@1 --device pveo-canopen@2 --device pvea-canopen,blank";
+    assert_eq!(serials(three), [0x5B2E_0100, 0x5B2E_0101, 0x5B2E_0102]);
+    let isobus = "--device pvea-isobus@128 --device pvea-canopen@2 --device pveo-isobus@129";
+    assert_eq!(serials(isobus), [1, 0x5B2E_0100, 2]);
+    // Numbers that were asked for come first, wherever they stand.
+    let asked = "--device pvea-canopen@1 --device pvea-canopen@2 --device pvea-canopen@3,serial=0x5B2E0100";
+    assert_eq!(serials(asked), [0x5B2E_0101, 0x5B2E_0102, 0x5B2E_0100]);
+    // A NAME has 21 bits of it.
+    assert_eq!(serials("--device pvea-isobus@128 --device pvea-isobus@129,serial=0x200001"), [2, 0x0020_0001]);
 }
 
 #[test]
@@ -195,6 +215,7 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ("--speed step", "stepping needs the control interface, which is not there yet; accepted: a number above 0"),
         ("--speed 1 --speed 2", "'--speed <FACTOR>' cannot be used multiple times"),
         ("--http 127.0.0.1:8408", "--http 127.0.0.1:8408: the control interface is not there yet; accepted: --no-http"),
+        ("--log-overwrite", "the following required arguments were not provided: --log <FILE>"),
         ("--seed -1", "'-1' found; accepted: --device"),
         ("--colour red", "unexpected argument '--colour' found; accepted: --device, --allow-clash, --state, --bus,"),
         ("run --colour", "unexpected argument '--colour' found; accepted: --device"),

@@ -1,18 +1,14 @@
 //! CANopen by the predefined connection set (CiA 301 7.3.3): NMT, SYNC, EMCY, the first PDOs, heartbeat; SDO and LSS by
 //! their own files.
 
-use protocol_core::device::pve::{DeviceState, FAULT_CODES};
+use protocol_core::device::pve::FAULT_CODES;
 use protocol_core::frame::Frame;
 use protocol_core::wire::emcy::{Emcy, NO_ERROR};
 use protocol_core::wire::nmt::{self, Command, State, Target};
 
 use super::diagnostics::fault;
+use super::valve::{command, state, stroke};
 use super::{Context, hex, lss, sdo};
-
-/// The scale of set-points and positions: ±100 %.
-const FULL: i16 = 16_384;
-/// The set-point and position of float.
-const FLOAT: i16 = 32_767;
 
 pub(super) fn explain(id: u16, frame: &Frame, context: &Context<'_>) -> Option<String> {
     let node = (id & 0x7F) as u8;
@@ -94,38 +90,4 @@ fn tpdo(data: &[u8]) -> String {
     let &[a, b, c, d] = data else { return format!("TPDO {}", hex(data)) };
     let word = u16::from_le_bytes([a, b]);
     format!("TPDO status word 0x{word:04X} ({}), position {}", state(word), stroke(i16::from_le_bytes([c, d])))
-}
-
-/// What the low bits of a control word ask for (SPEC 4.3): reset, mode active, hold, disabled.
-pub(super) const fn command(word: u16) -> &'static str {
-    match word & 0x0F {
-        0b0000 | 0b1000 => "initialise",
-        0b0001 | 0b1001 => "disable",
-        0b0011 => "hold, fault reset 1 of 2",
-        0b1011 => "hold, fault reset 2 of 2",
-        0b0111 | 0b1111 => "activate",
-        _ => "unusual",
-    }
-}
-
-/// The state that a status word tells.
-pub(super) fn state(word: u16) -> &'static str {
-    match DeviceState::ALL.into_iter().find(|state| state.status_word() == word) {
-        Some(DeviceState::Init) => "INIT",
-        Some(DeviceState::Disabled) => "DISABLED",
-        Some(DeviceState::Hold) => "HOLD",
-        Some(DeviceState::Active) => "ACTIVE",
-        Some(DeviceState::FaultHold) => "FAULT_HOLD",
-        None => "unknown state",
-    }
-}
-
-/// A set-point or a position.
-pub(super) fn stroke(raw: i16) -> String {
-    match raw {
-        FLOAT => "float".to_owned(),
-        0 => "neutral".to_owned(),
-        raw if (-FULL..=FULL).contains(&raw) => format!("{:+.1} %", f64::from(raw) * 100.0 / f64::from(FULL)),
-        raw => format!("{raw}, out of range"),
-    }
 }

@@ -7,8 +7,10 @@
 //! canopen   NMT, SYNC, EMCY, PDOs, boot-up and heartbeat        object   objects and their values
 //! sdo       SDO requests and answers                            lss      LSS requests and answers
 //! isobus    address claim, requests, transport, AVC, AVEF       diagnostics   faults, DM1, DM2
-//! uds       UDS lite
+//! uds       UDS lite                                            valve    control word, status word, stroke
 //! ```
+//!
+//! Imports run one way: `canopen` → `sdo` → `object` → `valve`.
 
 mod canopen;
 mod diagnostics;
@@ -17,6 +19,7 @@ mod lss;
 mod object;
 mod sdo;
 mod uds;
+mod valve;
 
 use protocol_core::frame::{Frame, Id};
 
@@ -69,17 +72,17 @@ impl Explainer {
         };
         meaning.unwrap_or_else(|| "unknown".to_owned())
     }
+}
 
-    /// What an error frame means that destroyed `frame`.
-    #[must_use]
-    pub fn explain_error(&self, error: BusError, frame: &Frame, from: &str) -> String {
-        let why = match error {
-            BusError::Acknowledgement => "nobody acknowledged",
-            BusError::Bit => "bit error in",
-            BusError::Stuff => "stuff error in",
-        };
-        format!("error frame: {why} {frame} of {from}")
-    }
+/// What an error frame means that destroyed `frame`.
+#[must_use]
+pub fn explain_error(error: BusError, frame: &Frame, from: &str) -> String {
+    let why = match error {
+        BusError::Acknowledgement => "nobody acknowledged",
+        BusError::Bit => "bit error in",
+        BusError::Stuff => "stuff error in",
+    };
+    format!("error frame: {why} {frame} of {from}")
 }
 
 /// What an explanation may look at beside the frame.

@@ -4,7 +4,7 @@ use protocol_core::canopen::dictionary::{DataType, Entry, Table, Value};
 use protocol_core::device::pve;
 use protocol_core::wire::sdo::Multiplexer;
 
-use super::canopen::{command, state, stroke};
+use super::valve::{command, state, stroke};
 use super::{hex, text_or_hex};
 use crate::kind::Kind;
 

@@ -323,7 +323,7 @@ fn node_ids_change() {
 
 #[test]
 fn error_frames() {
-    let error = |error| explainer().explain_error(error, &frame("720: 05"), "valve");
+    let error = |error| explain_error(error, &frame("720: 05"), "valve");
     assert_eq!(error(BusError::Acknowledgement), "error frame: nobody acknowledged 720: 05 of valve");
     assert_eq!(error(BusError::Bit), "error frame: bit error in 720: 05 of valve");
     assert_eq!(error(BusError::Stuff), "error frame: stuff error in 720: 05 of valve");

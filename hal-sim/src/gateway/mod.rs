@@ -1,7 +1,7 @@
 //! Gateways: clients of the bus that live outside of the world, and the messages between the two.
 //!
 //! The world runs on a thread of its own and never waits for a client. What a client wants comes to it as
-//! [`ToWorld`] messages over one channel; what the client is to see goes into the client's own bounded queue, its
+//! [`ToWorld`] messages over one channel, the [`Entrance`], each with the wall instant of its arrival; what the client is to see goes into the client's own bounded queue, its
 //! [`Outbox`], and a client whose queue is full is disconnected.
 //!
 //! ```text
@@ -10,9 +10,13 @@
 //! socketcand/server     the listening socket
 //! ```
 
+mod bus_url;
+mod entrance;
 mod outbox;
 pub mod socketcand;
 
+pub use bus_url::BusUrl;
+pub use entrance::{Arrival, Entrance, Inbox};
 pub use outbox::{CREDIT, Leash, Mailbox, Outbox, Overrun, QUEUE};
 
 use std::borrow::Cow;
@@ -47,10 +51,10 @@ pub enum ToWorld {
     Send(ClientId, Frame),
     /// It is to get this reply when everything before has taken effect.
     Reply(ClientId, Reply),
-    /// It is gone; what it sent before is still sent.
+    /// It is gone; what it sent before is still sent, but no frame twice.
     Leave(ClientId),
-    /// The simulator is to end.
-    Stop,
+    /// The simulator is to end: see [`Entrance::end`].
+    End,
 }
 
 /// What a client gets.
@@ -58,7 +62,7 @@ pub enum ToWorld {
 pub enum ToClient {
     /// A frame that somebody else sent.
     Frame(Timestamp, Frame),
-    /// An error frame.
+    /// An error frame, or a change of a controller's error mode.
     Error(Timestamp, ErrorClass),
     /// A reply in the client's own protocol.
     Reply(Reply),

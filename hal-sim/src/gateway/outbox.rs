@@ -6,8 +6,9 @@ use tokio::sync::{Notify, Semaphore, mpsc};
 
 use super::ToClient;
 
-/// How much may wait for a client that reads slowly: some three seconds of a bus at 500 kbit/s under full load.
-pub const QUEUE: usize = 16_384;
+/// How much may wait for a client that reads slowly: more than a second of a bus at 500 kbit/s under full load, beside what
+/// the system's buffers hold.
+pub const QUEUE: usize = 8192;
 
 /// How many messages of one client may wait for the world and the bus; beyond that its socket is not read.
 pub const CREDIT: usize = 1024;

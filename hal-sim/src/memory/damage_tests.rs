@@ -35,7 +35,7 @@ fn items(flash: &Flash) -> Vec<usize> {
 
 /// Puts the header of an item of this length there; what checks the data is right for one without any.
 fn with_header(flash: &Flash, at: usize, length: u16) -> Flash {
-    let mut image = flash.image().to_vec();
+    let mut image = flash.image();
     image[at..at + 4].fill(0x11);
     image[at + 4..at + 6].copy_from_slice(&length.to_le_bytes());
     image[at + 6..at + 8].copy_from_slice(&checksum(length).to_le_bytes());
@@ -129,7 +129,7 @@ fn a_sector_that_makes_no_sense_beside_one_that_does() {
         let marks = [(ERASED, 0), (ERASED, ERASED)];
         for (seed, (front, end)) in marks.into_iter().cycle().take(4).enumerate() {
             let mut random = fastrand::Rng::with_seed(seed as u64);
-            let mut image = memory.flash().image().to_vec();
+            let mut image = memory.flash().image();
             let other = &mut image[SECTOR - used..][..SECTOR - 128];
             other.fill_with(|| random.u8(..));
             (other[0], other[SECTOR - 128 - 1]) = (front, end);

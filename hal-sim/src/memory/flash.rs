@@ -7,6 +7,8 @@ use embedded_storage_async::nor_flash::{
     ErrorType, MultiwriteNorFlash, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 
+use super::cells::Cells;
+
 /// The bytes of a sector: what is erased at once. Sectors 12 and 13 of the board's STM32F429.
 pub const SECTOR: usize = 16 * 1024;
 /// The bytes of the whole flash.
@@ -19,7 +21,7 @@ pub const ERASED: u8 = 0xFF;
 /// A NOR flash in RAM: two sectors, words of four bytes, bits that writing only clears.
 #[derive(Clone, Debug)]
 pub struct Flash {
-    cells: Vec<u8>,
+    cells: Cells,
     reads: u64,
     word_writes: u64,
     erases: u64,
@@ -126,24 +128,26 @@ impl Flash {
     /// An erased flash.
     #[must_use]
     pub fn new() -> Self {
-        Self::of(vec![ERASED; SIZE])
+        Self::of(Cells::default())
     }
 
     /// A flash that holds `image`; `None` unless that has the right size.
     #[must_use]
     pub fn from_image(image: Vec<u8>) -> Option<Self> {
-        (image.len() == SIZE).then(|| Self::of(image))
+        (image.len() == SIZE).then(|| Self::of(Cells::of(&image)))
     }
 
-    fn of(cells: Vec<u8>) -> Self {
+    fn of(cells: Cells) -> Self {
         let (torn_erase, noise) = (TornErase::default(), fastrand::Rng::with_seed(0));
         Self { cells, reads: 0, word_writes: 0, erases: 0, faults: Faults::default(), torn_erase, noise }
     }
 
-    /// Everything in it.
+    /// A copy of everything in it.
     #[must_use]
-    pub fn image(&self) -> &[u8] {
-        &self.cells
+    pub fn image(&self) -> Vec<u8> {
+        let mut image = vec![ERASED; SIZE];
+        self.cells.read(0, &mut image);
+        image
     }
 
     /// How often it was read since it was made.
@@ -167,7 +171,7 @@ impl Flash {
     /// How many words are not erased.
     #[must_use]
     pub fn words_in_use(&self) -> usize {
-        self.cells.chunks_exact(WORD).filter(|word| *word != [ERASED; WORD]).count()
+        self.image().chunks_exact(WORD).filter(|word| *word != [ERASED; WORD]).count()
     }
 
     /// From now on writes and erases fail, or do so no longer.
@@ -215,14 +219,14 @@ impl Flash {
 
     /// Turns a bit over, counted from 0; beyond the end nothing happens.
     pub fn flip_bit(&mut self, bit: usize) {
-        if let Some(cell) = self.cells.get_mut(bit / 8) {
-            *cell ^= 1 << (bit % 8);
+        if bit / 8 < SIZE {
+            self.cells.change(bit / 8, 1)[0] ^= 1 << (bit % 8);
         }
     }
 
     /// Overwrites everything, as a hand with a programmer would.
     pub fn fill(&mut self, content: impl FnMut(usize) -> u8) {
-        self.cells = (0..SIZE).map(content).collect();
+        self.cells = Cells::of(&(0..SIZE).map(content).collect::<Vec<u8>>());
     }
 
     fn range(offset: u32, len: usize, unit: usize) -> Result<std::ops::Range<usize>, FlashError> {
@@ -287,7 +291,7 @@ impl ReadNorFlash for Flash {
         if self.faults.dead {
             return Err(FlashError::PowerCut);
         }
-        bytes.copy_from_slice(&self.cells[Self::range(offset, bytes.len(), 1)?]);
+        self.cells.read(Self::range(offset, bytes.len(), 1)?.start, bytes);
         self.reads += 1;
         Ok(())
     }
@@ -305,11 +309,10 @@ impl NorFlash for Flash {
         let len = to.checked_sub(from).ok_or(FlashError::OutOfBounds)? as usize;
         for start in Self::range(from, len, SECTOR)?.step_by(SECTOR) {
             let attempt = self.attempt()?;
-            let sector = &mut self.cells[start..start + SECTOR];
             match attempt {
-                Attempt::Done => sector.fill(ERASED),
+                Attempt::Done => self.cells.erase(start),
                 Attempt::Torn(error) => {
-                    self.torn_erase.tear(sector, &mut self.noise);
+                    self.torn_erase.tear(self.cells.change(start, SECTOR), &mut self.noise);
                     return Err(error);
                 }
             }
@@ -324,7 +327,7 @@ impl NorFlash for Flash {
         for (start, word) in range.step_by(WORD).zip(bytes.chunks_exact(WORD)) {
             let attempt = self.attempt()?;
             let done = matches!(attempt, Attempt::Done);
-            for (cell, byte) in self.cells[start..start + WORD].iter_mut().zip(word) {
+            for (cell, byte) in self.cells.change(start, WORD).iter_mut().zip(word) {
                 *cell &= if done { *byte } else { *byte | self.noise.u8(..) };
             }
             if let Attempt::Torn(error) = attempt {

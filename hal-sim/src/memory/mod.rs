@@ -1,5 +1,6 @@
 //! The non-volatile memory of one device: a flash with a record store on it, in RAM alone or kept in a file.
 
+mod cells;
 mod flash;
 mod state_file;
 
@@ -67,9 +68,9 @@ impl Memory {
     /// that it was damaged, once.
     pub fn read_image(&mut self) -> Image {
         // Opening it may finish what a power cut left half done, and that must not spoil what is to be put aside.
-        let found = self.flash.image().to_vec();
+        let found = self.flash.clone();
         let mut image = read(&mut self.flash).unwrap_or_else(|Unreadable| {
-            self.give_up(found);
+            self.give_up(&found);
             Image::empty()
         });
         if std::mem::take(&mut self.damaged) {
@@ -140,12 +141,12 @@ impl Memory {
     }
 
     /// The flash cannot be read: keeps what is in it aside, and erases it. One that cannot be erased stays as it is.
-    fn give_up(&mut self, found: Vec<u8>) {
+    fn give_up(&mut self, found: &Flash) {
         self.damaged = true;
         if !self.flash.can_be_written() {
             return;
         }
-        self.put_aside = Some(found);
+        self.put_aside = Some(found.image());
         self.flash.fill(|_| ERASED);
         if let Err(error) = self.persist_aside().and_then(|()| self.persist()) {
             self.warnings.push(error.to_string());
@@ -168,7 +169,7 @@ impl Memory {
     }
 
     fn persist(&self) -> Result<(), StateFileError> {
-        self.file.as_ref().map_or(Ok(()), |file| file.write(self.flash.image()))
+        self.file.as_ref().map_or(Ok(()), |file| file.write(&self.flash.image()))
     }
 }
 

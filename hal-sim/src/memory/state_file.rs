@@ -1,8 +1,8 @@
 //! A memory kept in a file: a header of 16 bytes and the raw flash image.
 //!
-//! Every change writes the whole file anew beside the old one, syncs it and renames it over the old one: whatever
-//! instant the process is killed at, or the machine loses its power, the file is the old one or the new one. Writing
-//! only the changed words would be faster, but could leave half a store behind that the *simulated* flash never saw; at
+//! Every change writes the whole file anew, under a name that nobody else has, syncs it, renames it over the old one and
+//! syncs the folder: whatever instant the process is killed at, or the machine loses its power, the file is the old one or
+//! the new one, and it is the new one from the moment that the write has returned. Writing only the changed words would be faster, but could leave half a store behind that the *simulated* flash never saw; at
 //! 32 KiB and a handful of stores a second the whole file costs nothing.
 //!
 //! Only one simulator may have it: another one would not see what this one stores, and overwrite it. What is locked is a
@@ -13,6 +13,8 @@ use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
+
+use atomic_write_file::AtomicWriteFile;
 
 use super::flash::{Flash, SIZE};
 
@@ -132,24 +134,24 @@ impl StateFile {
         Ok(Flash::from_image(image.to_vec()).map_or(Content::Damaged, Content::Image))
     }
 
-    /// Replaces the file by one with this flash image.
+    /// Replaces the file by one with this flash image; on disk when this returns.
     pub(super) fn write(&self, image: &[u8]) -> Result<(), StateFileError> {
-        let beside = self.beside("new");
-        let written = File::create(&beside).and_then(|mut file| {
-            let size = u32::try_from(image.len()).unwrap_or(u32::MAX);
-            let mut header = Vec::with_capacity(HEADER);
-            header.extend_from_slice(&MAGIC);
-            for word in [VERSION, self.kind, size] {
-                header.extend_from_slice(&word.to_le_bytes());
-            }
+        let size = u32::try_from(image.len()).unwrap_or(u32::MAX);
+        let mut header = Vec::with_capacity(HEADER);
+        header.extend_from_slice(&MAGIC);
+        for word in [VERSION, self.kind, size] {
+            header.extend_from_slice(&word.to_le_bytes());
+        }
+        let written = AtomicWriteFile::open(&self.path).and_then(|mut file| {
             file.write_all(&header)?;
             file.write_all(image)?;
-            file.sync_all()
+            file.commit()
         });
-        written.and_then(|()| fs::rename(&beside, &self.path)).map_err(|error| self.error("write", error))
+        written.map_err(|error| self.error("write", error))
     }
 
-    /// Renames the file to the first free one of `name.nvm.bad`, `name.nvm.bad.2` and so on; a line about it.
+    /// Renames the file to the first free one of `name.nvm.bad`, `name.nvm.bad.2` and so on; a line about it. The
+    /// folder is synced by the write that follows.
     pub(super) fn put_aside(&self) -> Result<String, StateFileError> {
         let name = |number: u32| match number {
             1 => self.beside("bad"),

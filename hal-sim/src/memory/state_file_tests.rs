@@ -158,7 +158,7 @@ fn damage_while_running_is_put_aside_at_the_next_start() {
     let dir = directory();
     let mut memory = open(&dir);
     memory.flash_mut().fill(|cell| cell as u8);
-    let damaged = memory.flash().image().to_vec();
+    let damaged = memory.flash().image();
     assert!(memory.read_image().is_damaged());
     assert_eq!(memory.take_warnings().len(), 1);
     assert!(fs::read(dir.path().join("valve.nvm.bad")).unwrap()[HEADER..] == damaged);
@@ -179,16 +179,23 @@ fn a_cut_write_is_cut_in_the_file_too() {
     assert_eq!(memory.take_warnings(), [""; 0]);
 }
 
+/// Whatever else stands in the folder: nothing of it is read, and nothing is written through it.
+#[cfg(unix)]
 #[test]
-fn a_file_that_was_left_half_written_does_not_count() {
-    let dir = directory();
+fn other_names_in_the_folder_are_left_alone() {
+    let (dir, elsewhere) = (directory(), directory());
     open(&dir).store(RecordKey::Parameters, &record(b"kept")).unwrap();
-    // The process was killed before it renamed the new file.
-    fs::write(dir.path().join("valve.nvm.new"), "half").unwrap();
+    let victim = elsewhere.path().join("victim");
+    fs::write(&victim, "of somebody else").unwrap();
+    let others = ["valve.nvm.new", "valve.nvm.tmp", ".valve.nvm"];
+    for name in others {
+        std::os::unix::fs::symlink(&victim, dir.path().join(name)).unwrap();
+    }
     let mut memory = open(&dir);
     assert_eq!(parameters(&memory.read_image()), Some(&b"kept"[..]));
     memory.store(RecordKey::Parameters, &record(b"later")).unwrap();
-    assert_eq!(names(dir.path()), ["valve.nvm"]);
+    assert_eq!(fs::read_to_string(&victim).unwrap(), "of somebody else");
+    assert_eq!(names(dir.path()), [".valve.nvm", "valve.nvm", "valve.nvm.new", "valve.nvm.tmp"]);
 }
 
 #[test]

@@ -70,7 +70,7 @@ fn a_cut_in_proportion_cuts_at_that_word() {
 fn writes_that_fail_change_nothing() {
     let (mut memory, expected) = with_history(3);
     memory.set_write_fails(true);
-    let image = memory.flash().image().to_vec();
+    let image = memory.flash().image();
     assert_eq!(memory.store(RecordKey::Parameters, &record(b"x")), Err(StoreError));
     assert!(memory.flash().image() == image);
     assert_eq!(held(&mut memory), expected);
@@ -110,7 +110,7 @@ fn noise_is_a_damaged_memory_that_can_be_written_again() {
             1 => memory.flash_mut().fill(|_| 0x55),
             _ => memory.flash_mut().fill(|_| noise.u8(..)),
         }
-        let unreadable = memory.flash().image().to_vec();
+        let unreadable = memory.flash().image();
         let image = memory.read_image();
         assert!(image.is_damaged(), "seed {seed}");
         assert!(memory.put_aside() == Some(&unreadable[..]), "seed {seed}: kept as it was");

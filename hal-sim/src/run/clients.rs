@@ -8,17 +8,21 @@ use std::collections::{BTreeMap, VecDeque};
 
 use protocol_core::frame::Frame;
 
-use crate::bus::BusError;
 use crate::gateway::{ClientId, Outbox, Overrun, ToClient, ToWorld};
 use crate::trace::{ErrorClass, Timestamp};
-use crate::world::{OnBus, TapId, TraceEvent, World};
+use crate::world::{Event, EventKind, TapId, World};
 
 /// The name of their controller in traces. No device's name has a blank.
 const NAME: &str = "the gateway";
 
+/// The most frames that wait for the bus after their clients have left: half a second of a bus at 250 kbit/s.
+pub(super) const LEFT_BEHIND: usize = 1024;
+
 /// Everybody who is connected, by any gateway.
 pub(super) struct Clients {
     clients: BTreeMap<ClientId, Client>,
+    /// Whether clients get error frames.
+    error_frames: bool,
     /// Their controller. It keeps nothing of what it hears: that comes to the clients by the events, in which frames and
     /// error frames are in their order.
     tap: TapId,
@@ -26,6 +30,10 @@ pub(super) struct Clients {
     sending: Option<ClientId>,
     /// What else waits for the bus, also of clients that have left. No queue is empty.
     waiting: BTreeMap<ClientId, VecDeque<Waiting>>,
+    /// The number of waiting frames whose clients have left.
+    left_behind: usize,
+    /// The number of such frames that were dropped.
+    dropped: usize,
     /// How many frames there were.
     count: u64,
 }
@@ -43,12 +51,15 @@ struct Waiting {
 
 impl Clients {
     /// A gateway is on the bus with no client, too, or a lone device would have nobody to acknowledge what it sends.
-    pub(super) fn new(world: &mut World) -> Self {
+    pub(super) fn new(world: &mut World, error_frames: bool) -> Self {
         Self {
             clients: BTreeMap::new(),
+            error_frames,
             tap: world.add_gateway(NAME),
             sending: None,
             waiting: BTreeMap::new(),
+            left_behind: 0,
+            dropped: 0,
             count: 0,
         }
     }
@@ -59,9 +70,7 @@ impl Clients {
             ToWorld::Join(id, outbox) => {
                 self.clients.insert(id, Client { outbox, listening: false });
             }
-            ToWorld::Leave(id) => {
-                self.clients.remove(&id);
-            }
+            ToWorld::Leave(id) => self.let_go(id),
             ToWorld::Send(id, frame) => {
                 if self.clients.contains_key(&id) {
                     self.count += 1;
@@ -77,23 +86,39 @@ impl Clients {
                     client.listening = true;
                 }
             }
-            ToWorld::Stop => {}
+            ToWorld::End => {}
         }
         Ok(())
     }
 
-    /// Shows an event to everybody who listens, but for its sender; returns how many were dismissed.
-    pub(super) fn show(&mut self, event: &TraceEvent, at: Timestamp) -> usize {
-        let message = match &event.what {
-            OnBus::Frame(frame) => ToClient::Frame(at, *frame),
-            OnBus::Error { error, .. } => ToClient::Error(at, class(*error)),
+    /// Whether a client listens.
+    pub(super) fn is_heard(&self) -> bool {
+        self.clients.values().any(|client| client.listening)
+    }
+
+    /// Sends a frame to all listening clients but its sender, and an error that is told to all of them, if they want it.
+    /// Returns the number of clients that were dismissed.
+    pub(super) fn show(&mut self, event: &Event, at: Timestamp, told: Option<ErrorClass>) -> usize {
+        let own = *event.who == *NAME;
+        let (message, sender) = match (&event.what, told) {
+            (EventKind::Frame { frame, .. }, _) => (ToClient::Frame(at, *frame), self.sending.filter(|_| own)),
+            (_, Some(class)) if self.error_frames => (ToClient::Error(at, class), None),
+            _ => return 0,
         };
-        let sender = self.sending.filter(|_| event.frame().is_some() && *event.from == *NAME);
         let listeners = self.clients.iter().filter(|(id, client)| client.listening && Some(**id) != sender);
         let overrun: Vec<ClientId> =
             listeners.filter_map(|(id, client)| client.outbox.post(message.clone()).is_err().then_some(*id)).collect();
-        overrun.iter().for_each(|id| drop(self.clients.remove(id)));
+        overrun.iter().for_each(|id| self.let_go(*id));
         overrun.len()
+    }
+
+    /// Withdraws a frame that was destroyed and whose client has left: it could be destroyed for ever. To be called after
+    /// every event, before [`send`](Self::send).
+    pub(super) fn give_up(&mut self, event: &Event, world: &mut World) {
+        let left = self.sending.is_some_and(|sender| !self.clients.contains_key(&sender));
+        if event.is_error_frame() && *event.who == *NAME && left {
+            world.withdraw(self.tap);
+        }
     }
 
     /// Gives the controller its next frame once it has sent the last one, and credit back for that: to be called after
@@ -113,6 +138,9 @@ impl Clients {
             if let Some(Waiting { frame, .. }) = queue.pop_front() {
                 world.send(self.tap, frame);
                 self.sending = Some(id);
+                if !self.clients.contains_key(&id) {
+                    self.left_behind -= 1;
+                }
             }
             if queue.is_empty() {
                 self.waiting.remove(&id);
@@ -125,17 +153,38 @@ impl Clients {
         client.outbox.refund(1);
         let posted = client.outbox.post(message);
         if posted.is_err() {
-            self.clients.remove(&id);
+            self.let_go(id);
         }
         posted
     }
-}
 
-/// The class of an error frame, as clients and logs tell it.
-pub(super) const fn class(error: BusError) -> ErrorClass {
-    match error {
-        BusError::Acknowledgement => ErrorClass::NoAcknowledge,
-        BusError::Bit | BusError::Stuff => ErrorClass::BusError,
+    /// Returns the number of dropped frames of departed clients since the last call.
+    pub(super) fn take_dropped(&mut self) -> usize {
+        std::mem::take(&mut self.dropped)
+    }
+
+    /// Lets a client go. Its frames still go out; beyond [`LEFT_BEHIND`], the departed client with the most frames loses
+    /// the later half of them.
+    fn let_go(&mut self, id: ClientId) {
+        if self.clients.remove(&id).is_none() {
+            return;
+        }
+        self.left_behind += self.waiting.get(&id).map_or(0, VecDeque::len);
+        while self.left_behind > LEFT_BEHIND {
+            let departed = self.waiting.iter().filter(|(id, _)| !self.clients.contains_key(id));
+            let Some((most, length)) =
+                departed.map(|(id, queue)| (*id, queue.len())).max_by_key(|(id, len)| (*len, *id))
+            else {
+                return;
+            };
+            let kept = length / 2;
+            self.left_behind -= length - kept;
+            self.dropped += length - kept;
+            match self.waiting.get_mut(&most) {
+                Some(queue) if kept > 0 => queue.truncate(kept),
+                _ => drop(self.waiting.remove(&most)),
+            }
+        }
     }
 }
 

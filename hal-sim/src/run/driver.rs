@@ -1,82 +1,93 @@
-//! The thread of the world: lets time pass, takes what clients want, and shows what was on the bus.
+//! The thread of the world: keeps its time, lets messages of clients take effect, and shows what was on the bus.
+//!
+//! A message takes effect at the virtual time of its arrival, after the world has caught up with that completely. The
+//! work between two looks at the clock is bounded by a number of events, so a world that is behind skips nothing and keeps
+//! nobody waiting for long.
 
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::collections::VecDeque;
+use std::time::{Duration as WallDuration, Instant as WallInstant};
 
 use protocol_core::controller::BitRate;
-use protocol_core::device::Device;
-use protocol_core::time::{Duration, Instant, after};
+use protocol_core::time::{Instant, after};
 
-use super::clients::{Clients, class};
-use super::log::Log;
-use super::pace::Pace;
-use super::printer::Printer;
-use crate::explain::Explainer;
-use crate::gateway::ToWorld;
-use crate::trace::{Timestamp, write_error, write_frame};
-use crate::world::{OnBus, SUPPLY_JITTER, TraceEvent, World};
+use super::clients::Clients;
+use super::errors::Errors;
+use super::outside::Outside;
+use super::timekeeper::{NAP, Timekeeper};
+use super::trace::Trace;
+use crate::gateway::{Arrival, ToWorld};
+use crate::trace::Timestamp;
+use crate::world::{Event, SUPPLY_JITTER, World};
 
-/// How much virtual time passes at the most before clients are looked at again, when the world cannot keep up with the
-/// pace.
-const SLICE: Duration = Duration::from_millis(100);
+/// The most events between two looks at the clock: some milliseconds of work.
+const GO: usize = 1000;
+
+/// A wait longer than this has room for handing out the trace.
+const LULL: WallDuration = WallDuration::from_millis(1);
+
+/// The trace is handed out so often, even if there is no lull.
+const HAND_OUT: WallDuration = WallDuration::from_millis(20);
 
 /// A world with everything that is connected to it.
-pub struct Driver {
+pub(super) struct Driver<O> {
     world: World,
-    events: Receiver<TraceEvent>,
     clients: Clients,
-    pace: Pace,
-    /// The wall time of virtual instant 0.
+    outside: O,
+    time: Timekeeper,
+    /// The wall time of virtual instant 0, for traces and clients.
     start: Timestamp,
-    explainer: Explainer,
-    /// The name of the bus in traces.
-    bus: String,
-    printer: Printer,
-    log: Option<Log>,
-    /// The line that is being written, to be used again.
-    line: String,
+    errors: Errors,
+    trace: Trace,
+    /// Messages that have not taken effect, oldest first.
+    arrivals: VecDeque<Arrival>,
+    /// The events that are being shown; the allocation is used again.
+    events: Vec<Event>,
+    /// The end of the start-up: clients may send from this instant on.
+    open: Instant,
+    /// The last time that the trace was handed out.
+    handed_out: WallInstant,
 }
 
-impl Driver {
-    /// A world whose devices are those that the explainer knows, in the same order.
+impl<O: Outside> Driver<O> {
+    /// A driver of a world whose devices are not powered yet, at a speed that is finite and above 0. `start` is the wall
+    /// time of virtual instant 0.
     pub(super) fn new(
         mut world: World,
-        explainer: Explainer,
-        bus: &str,
-        pace: Pace,
+        clients: Clients,
+        mut outside: O,
+        speed: f64,
         start: Timestamp,
-        printer: Printer,
-        log: Option<Log>,
+        trace: Trace,
     ) -> Self {
-        let (sender, events) = channel();
-        world.set_observer(Box::new(move |event| {
-            // The receiver lives as long as the world.
-            let _ = sender.send(event.clone());
-        }));
-        let clients = Clients::new(&mut world);
-        Self { world, events, clients, pace, start, explainer, bus: bus.to_owned(), printer, log, line: String::new() }
+        world.record_events(true);
+        let now = outside.now();
+        Self {
+            world,
+            clients,
+            outside,
+            time: Timekeeper::start(speed, now),
+            start,
+            errors: Errors::default(),
+            trace,
+            arrivals: VecDeque::new(),
+            events: Vec::new(),
+            open: Instant::MAX,
+            handed_out: now,
+        }
     }
 
-    /// Powers the devices and runs until it is told to stop; then lets them store what they have to.
+    /// Powers the devices and runs until the end comes; then lets the devices store what they have to.
     ///
     /// Without a bit rate the bus gets that of the first device.
-    pub(super) fn run(mut self, bit_rate: Option<BitRate>, inbox: &Receiver<ToWorld>) {
+    pub(super) fn run(mut self, bit_rate: Option<BitRate>) {
         self.power_on(bit_rate);
-        self.start_up();
-        loop {
-            let behind = self.catch_up();
-            match self.next_message(inbox, behind) {
-                Ok(ToWorld::Stop) | Err(RecvTimeoutError::Disconnected) => break,
-                Ok(message) => {
-                    self.catch_up();
-                    self.apply(message);
-                }
-                Err(RecvTimeoutError::Timeout) => {}
-            }
+        while !self.outside.is_ending() {
+            self.turn();
         }
         self.world.flush_all();
         self.show();
-        self.hand_out();
-        self.printer.finish();
+        self.warn_of_memories();
+        self.trace.finish();
     }
 
     fn power_on(&mut self, bit_rate: Option<BitRate>) {
@@ -90,112 +101,128 @@ impl Driver {
             }
         }
         self.world.power_all(SUPPLY_JITTER);
+        self.open = after(self.world.now(), SUPPLY_JITTER);
+        self.trace.learn(&self.world);
     }
 
-    /// Lets all devices start before anything of a client reaches the bus: whoever has read the ready line may send.
-    fn start_up(&mut self) {
-        let end = after(self.world.now(), SUPPLY_JITTER);
-        loop {
-            let behind = self.catch_up();
-            if self.world.now() >= end {
-                return;
-            }
-            if !behind && let Some(wait) = self.pace.until(self.world.next_event().min(end)) {
-                self.hand_out();
-                std::thread::sleep(wait);
-            }
+    /// Lets the world catch up with the next message, which then takes effect, or with the clock, and waits.
+    fn turn(&mut self) {
+        let now = self.outside.now();
+        let warning = self.time.look(now, self.world.now());
+        self.warn(warning);
+        if self.arrivals.is_empty() {
+            self.arrivals.extend(self.outside.take());
+        }
+        let due = self.arrivals.front().map_or(Instant::MAX, |next| self.due(next));
+        if !self.catch_up(self.time.pace().at(now).min(due)) {
+            let warning = self.time.fell_behind(self.world.now());
+            self.warn(warning);
+            self.hand_out();
+            return;
+        }
+        self.time.caught_up();
+        if self.world.now() >= due {
+            self.take_effect();
+        } else {
+            self.wait(due);
         }
     }
 
-    /// Lets happen what is due by now, but no more than a slice; whether more is due.
-    fn catch_up(&mut self) -> bool {
-        let now = self.pace.now();
-        let end = now.min(after(self.world.now(), SLICE));
-        self.run_until(end);
-        end < now
+    /// The instant at which a message takes effect.
+    fn due(&self, arrival: &Arrival) -> Instant {
+        let arrived = self.time.pace().at(arrival.at);
+        match arrival.message {
+            ToWorld::Send(..) => arrived.max(self.open),
+            _ => arrived,
+        }
     }
 
-    fn run_until(&mut self, end: Instant) {
-        while self.world.next_event() <= end {
+    /// Waits for a message, or for the next event. Hands out the trace before, unless a client would wait for that.
+    fn wait(&mut self, due: Instant) {
+        let now = self.time.looked();
+        let next = self.time.pace().when(self.world.next_event().min(due));
+        if next.is_none_or(|next| next > now + LULL) || now.saturating_duration_since(self.handed_out) >= HAND_OUT {
+            self.hand_out();
+            self.handed_out = now;
+        }
+        let nap = self.time.minds_stalls().then(|| now + NAP);
+        let arrival = match (next, nap) {
+            (Some(next), nap) if nap.is_none_or(|nap| next <= nap) && self.clients.is_heard() => {
+                self.outside.wait_punctually(next)
+            }
+            (next, nap) => self.outside.wait(nap.into_iter().chain(next).min()),
+        };
+        self.arrivals.extend(arrival);
+    }
+
+    /// Goes to `end` through all events until then, or through [`GO`] of them; returns whether it got there.
+    fn catch_up(&mut self, end: Instant) -> bool {
+        for _ in 0..GO {
+            if self.world.next_event() > end {
+                self.world.run_until(end);
+                return true;
+            }
             self.world.step();
             self.show();
             self.clients.send(&mut self.world);
         }
-        self.world.run_until(end);
+        false
     }
 
-    /// Waits for a message, or until something is due.
-    fn next_message(&mut self, inbox: &Receiver<ToWorld>, behind: bool) -> Result<ToWorld, RecvTimeoutError> {
-        if let Ok(message) = inbox.try_recv() {
-            return Ok(message);
-        }
-        if behind {
-            return Err(RecvTimeoutError::Timeout);
-        }
-        self.hand_out();
-        match self.pace.until(self.world.next_event()) {
-            Some(wait) => inbox.recv_timeout(wait),
-            None => inbox.recv().map_err(|_| RecvTimeoutError::Disconnected),
-        }
-    }
-
-    fn apply(&mut self, message: ToWorld) {
+    fn take_effect(&mut self) {
+        let Some(Arrival { message, .. }) = self.arrivals.pop_front() else { return };
         if self.clients.apply(message, &mut self.world).is_err() {
             self.report_overrun();
         }
     }
 
-    /// Shows what was on the bus to the clients, on stdout and in the log.
+    /// Shows new events to the clients, on stdout and in the log.
     fn show(&mut self) {
-        while let Ok(event) = self.events.try_recv() {
+        let mut events = std::mem::take(&mut self.events);
+        events.extend(self.world.take_events());
+        for event in events.drain(..) {
             let at = self.start.at(event.at);
-            for _ in 0..self.clients.show(&event, at) {
+            let told = self.errors.note(&event, at);
+            // Clients first: they may answer.
+            for _ in 0..self.clients.show(&event, at, told.as_ref().map(|(class, _)| *class)) {
                 self.report_overrun();
             }
-            self.line.clear();
-            match &event.what {
-                OnBus::Frame(frame) => write_frame(&mut self.line, at, &self.bus, frame),
-                OnBus::Error { error, .. } => write_error(&mut self.line, at, &self.bus, class(*error)),
-            }
-            self.log(|log, line| log.write(line));
-            self.line.push_str("  ");
-            self.explain(&event);
-            self.line.push('\n');
-            self.printer.trace(self.line.clone());
+            self.trace.tell(&event, at, told, &self.world);
+            self.clients.give_up(&event, &mut self.world);
         }
+        self.events = events;
     }
 
-    /// By the node IDs before the event: it may be what changes them.
-    fn explain(&mut self, event: &TraceEvent) {
-        self.line.push_str(&match &event.what {
-            OnBus::Frame(frame) => self.explainer.explain(frame, Some(&event.from)),
-            OnBus::Error { frame, error } => self.explainer.explain_error(*error, frame, &event.from),
-        });
-        for (node, device) in self.explainer.nodes_mut().iter_mut().zip(self.world.devices()) {
-            node.node_id = self.world.device(device).and_then(Device::node_id);
-        }
-    }
-
-    /// Before the thread sleeps: what readers wait for.
+    /// Hands everything to the readers of stdout, stderr and the log.
     fn hand_out(&mut self) {
-        self.log(|log, _| log.flush());
+        self.trace.hand_out();
+        self.warn_of_memories();
+        let dropped = self.clients.take_dropped();
+        if dropped > 0 {
+            self.trace
+                .warn(format!("clients left more frames behind than the bus takes: {dropped} of them were dropped"));
+        }
+    }
+
+    fn warn_of_memories(&mut self) {
         for node in self.world.devices() {
             for warning in self.world.memory_mut(node).take_warnings() {
-                self.printer.warn(warning);
+                self.trace.warn(warning);
             }
         }
     }
 
-    fn log(&mut self, act: impl FnOnce(&mut Log, &str) -> Result<(), String>) {
-        if let Some(log) = &mut self.log
-            && let Err(complaint) = act(log, &self.line)
-        {
-            self.printer.warn(complaint);
-            self.log = None;
+    fn warn(&self, warning: Option<String>) {
+        if let Some(line) = warning {
+            self.trace.warn(line);
         }
     }
 
     fn report_overrun(&self) {
-        self.printer.warn("a client that did not read was disconnected".to_owned());
+        self.trace.warn("a client that did not read was disconnected".to_owned());
     }
 }
+
+#[cfg(test)]
+#[path = "driver_tests.rs"]
+mod tests;

@@ -1,12 +1,12 @@
 //! The file of `--log`: every frame, in the format of `candump -L`.
 
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::fs::{self, File, Metadata, OpenOptions};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use super::RunError;
+use super::{LogOptions, RunError};
 
-/// The file of `--log`, a new one.
+/// The file of `--log`, with nothing in it.
 #[derive(Debug)]
 pub(super) struct Log {
     path: PathBuf,
@@ -14,10 +14,33 @@ pub(super) struct Log {
 }
 
 impl Log {
-    pub(super) fn create(path: &Path) -> Result<Self, RunError> {
-        match File::create(path) {
-            Ok(file) => Ok(Self { path: path.to_owned(), file: BufWriter::new(file) }),
-            Err(source) => Err(RunError::File { path: path.to_owned(), source }),
+    /// Refuses a file that a log must not replace; changes nothing. To be called before any file is made.
+    ///
+    /// # Errors
+    /// [`RunError::Log`] for what is no regular file, for anything in the folder of the state files or a state file under
+    /// another name, and for a file that has something in it, unless it may be overwritten.
+    pub(super) fn check(log: &LogOptions, state: Option<&Path>) -> Result<(), RunError> {
+        let refuse = |reason: &str| Err(RunError::Log { path: log.path.clone(), reason: reason.to_owned() });
+        if let Some(state) = state
+            && is_kept_in(&log.path, state)
+        {
+            return refuse("a log is not written into the folder of --state, nor over a state file");
+        }
+        match fs::metadata(&log.path) {
+            Ok(found) if !found.is_file() => refuse("a log is written to a regular file only"),
+            Ok(found) if found.len() > 0 && !log.overwrite => {
+                refuse("has something in it already; --log-overwrite replaces it")
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Opens the file after [`check`](Self::check), and empties it.
+    pub(super) fn create(log: &LogOptions) -> Result<Self, RunError> {
+        let file = OpenOptions::new().write(true).create(true).truncate(log.overwrite).open(&log.path);
+        match file {
+            Ok(file) => Ok(Self { path: log.path.clone(), file: BufWriter::new(file) }),
+            Err(source) => Err(RunError::File { path: log.path.clone(), source }),
         }
     }
 
@@ -31,7 +54,42 @@ impl Log {
         self.file.flush().map_err(|error| self.complaint(&error))
     }
 
-    fn complaint(&self, error: &std::io::Error) -> String {
+    fn complaint(&self, error: &io::Error) -> String {
         format!("{}: {error}; nothing more is logged", self.path.display())
     }
 }
+
+/// Whether a path leads into a folder, or is another name of a file in it.
+fn is_kept_in(path: &Path, folder: &Path) -> bool {
+    let Ok(folder) = fs::canonicalize(folder) else {
+        // The folder does not exist yet: the paths decide.
+        return std::path::absolute(path)
+            .ok()
+            .zip(std::path::absolute(folder).ok())
+            .is_some_and(|(p, f)| p.starts_with(f));
+    };
+    let within = fs::canonicalize(path).or_else(|_| {
+        let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        Ok::<_, io::Error>(fs::canonicalize(parent)?.join(path.file_name().unwrap_or_default()))
+    });
+    if within.is_ok_and(|path| path.starts_with(&folder)) {
+        return true;
+    }
+    let (Ok(found), Ok(files)) = (fs::metadata(path), fs::read_dir(&folder)) else { return false };
+    files.filter_map(|file| fs::metadata(file.ok()?.path()).ok()).any(|file| is_same(&file, &found))
+}
+
+#[cfg(unix)]
+fn is_same(one: &Metadata, other: &Metadata) -> bool {
+    use std::os::unix::fs::MetadataExt as _;
+    (one.dev(), one.ino()) == (other.dev(), other.ino())
+}
+
+#[cfg(not(unix))]
+fn is_same(_: &Metadata, _: &Metadata) -> bool {
+    false
+}
+
+#[cfg(test)]
+#[path = "log_tests.rs"]
+mod tests;

@@ -1,44 +1,59 @@
 //! `pve-sim run`: the world paced by the wall clock, with its clients, its trace and its memory.
 //!
 //! ```text
-//! mod       from the options to a running simulator, and to its end
-//! setup     devices with their memories, put into a world
-//! pace      wall time ↔ virtual time
-//! driver    the thread of the world: events, clients, traces
-//! clients   the world's end of every gateway
-//! printer   stdout and stderr, on a thread of their own: neither may hold the world up
-//! log       the file of --log
+//! mod         from the options to a running simulator, and to its end
+//! options     what the user asks for
+//! setup       devices with their memories, put into a world
+//! end         signals, and a stdout that nobody reads
+//! driver      the thread of the world: its time, its clients, its trace
+//! timekeeper  the virtual time of a run, and time that gets lost
+//! pace        wall time ↔ virtual time
+//! outside     the wall clock and the messages of clients, as the driver sees them
+//! clients     the world's end of every gateway
+//! trace       the bus on stdout and in the log
+//! errors      the error frames and error modes that are told
+//! printer     stdout and stderr, on a thread of their own: neither may hold the world up
+//! log         the file of --log
 //! ```
 //!
 //! The world has one thread and shares nothing. The gateways run on another, which is also the one that waits for the
-//! signal to end.
+//! end.
 
 mod clients;
 mod driver;
+mod end;
+mod errors;
 mod log;
+mod options;
+mod outside;
 mod pace;
 mod printer;
 mod setup;
+mod timekeeper;
+mod trace;
 
-pub use driver::Driver;
-pub use pace::Pace;
+pub use options::{LogOptions, NamedDevice, RunOptions};
 
 use std::io::{self, Write};
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use std::sync::mpsc::channel;
-use std::thread;
+use std::sync::Arc;
+use std::thread::{self, JoinHandle};
 
 use tokio::runtime;
-use tokio::sync::oneshot;
+use tokio::sync::{Semaphore, oneshot, watch};
 
-use crate::cli::{BusUrl, RunOptions};
-use crate::gateway::ToWorld;
 use crate::gateway::socketcand::Server;
+use crate::gateway::{BusUrl, Entrance};
 use crate::memory::StateFileError;
 use crate::trace::Timestamp;
+use clients::Clients;
+use driver::Driver;
+use end::End;
 use log::Log;
+use outside::System;
 use printer::Printer;
+use trace::Trace;
 
 /// Why the simulator could not start; one line that names what is in the way.
 #[derive(Debug, thiserror::Error)]
@@ -59,6 +74,14 @@ pub enum RunError {
         /// Why not.
         source: io::Error,
     },
+    /// A file that a log must not replace.
+    #[error("{}: {reason}", path.display())]
+    Log {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        reason: String,
+    },
     /// A state file that belongs to a device of another kind.
     #[error("{}: the memory of {found}, not of a {expected}", path.display())]
     OtherKind {
@@ -77,61 +100,114 @@ pub enum RunError {
     System(#[from] io::Error),
 }
 
-/// Runs until SIGINT or SIGTERM; everything that devices had to store is stored then.
+/// The most clients, on all buses together.
+const CLIENTS: usize = 128;
+
+/// The file descriptors beside those of clients, buses and devices: what is open anyway, and state files while they are
+/// written.
+const DESCRIPTORS: usize = 32;
+
+/// Runs until SIGINT, SIGTERM or SIGHUP, or until nobody reads stdout; everything that devices had to store is stored
+/// then.
 ///
 /// # Errors
 /// [`RunError`] when it cannot start. Nothing is on stdout then.
 pub fn run(options: &RunOptions) -> Result<(), RunError> {
     let runtime = runtime::Builder::new_current_thread().enable_all().build()?;
-    runtime.block_on(async {
-        let mut end = Signal::listen()?;
-        let (inbox, messages) = channel();
-        let mut bound = Vec::new();
-        let mut servers = Vec::new();
-        for url in &options.buses {
-            let bind = |source| RunError::Bind { url: url.to_string(), source };
-            let server = Server::bind(&url.authority(), &url.name).await.map_err(bind)?;
-            bound.push((server.address().map_err(bind)?, url));
-            servers.push(server);
-        }
-        // Only now: a second simulator that finds the port taken must not touch the files of the first.
-        let (world, warnings) = setup::world(options)?;
-        let log = options.log.as_deref().map(Log::create).transpose()?;
-        announce(&bound);
-        for server in servers {
-            tokio::spawn(server.run(inbox.clone()));
-        }
-        let printer = Printer::start()?;
-        for warning in warnings {
-            printer.warn(warning);
-        }
-        let bus = options.buses.first().map_or("can0", |url| url.name.as_str());
-        let driver = Driver::new(
-            world,
-            setup::explainer(options),
-            bus,
-            Pace::start(options.speed),
-            Timestamp::now(),
-            printer,
-            log,
-        );
-        let (alive, ended) = oneshot::channel::<()>();
-        let bit_rate = options.bit_rate;
-        let world = thread::Builder::new().name("world".to_owned()).spawn(move || {
-            let _alive = alive;
-            driver.run(bit_rate, &messages);
-        })?;
+    let result = runtime.block_on(async {
+        let mut end = End::listen()?;
+        let reader_gone = end.teller();
+        let running = tokio::select! {
+            running = start(options, reader_gone) => running?,
+            // No device has run, nothing waits to be stored.
+            () = end.come() => return Ok(()),
+        };
+        running.until(&mut end).await;
+        Ok(())
+    });
+    // Somebody may still be looking up a name: not waited for.
+    runtime.shutdown_background();
+    result
+}
+
+/// A simulator with all its sockets and its world.
+struct Running {
+    entrance: Entrance,
+    world: JoinHandle<()>,
+    /// Ends with the world's thread.
+    ended: oneshot::Receiver<()>,
+}
+
+async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result<Running, RunError> {
+    let mut bound = Vec::new();
+    let mut servers = Vec::new();
+    for url in &options.buses {
+        let bind = |source| RunError::Bind { url: url.to_string(), source };
+        let server = Server::bind(&url.authority(), &url.name).await.map_err(bind)?;
+        bound.push((server.address().map_err(bind)?, url));
+        servers.push(server);
+    }
+    // Only now: a second simulator that finds the port taken must not touch the files of the first. And nothing is made
+    // before the log was found to be in nobody's way.
+    if let Some(log) = &options.log {
+        Log::check(log, options.state.as_deref())?;
+    }
+    let (mut world, warnings) = setup::world(options)?;
+    let log = options.log.as_ref().map(Log::create).transpose()?;
+    announce(&bound);
+    let (entrance, inbox) = Entrance::new();
+    let places = Arc::new(Semaphore::new(places(options)));
+    for server in servers {
+        tokio::spawn(server.run(entrance.clone(), Arc::clone(&places)));
+    }
+    let printer = Printer::start(reader_gone)?;
+    for warning in warnings {
+        printer.warn(warning);
+    }
+    let bus = options.buses.first().map_or("can0", |url| url.name.as_str());
+    let trace = Trace::new(bus, setup::explainer(options), printer, log);
+    let clients = Clients::new(&mut world, options.error_frames);
+    let driver = Driver::new(world, clients, System::new(inbox), options.speed, Timestamp::now(), trace);
+    let (alive, ended) = oneshot::channel::<()>();
+    let bit_rate = options.bit_rate;
+    let world = thread::Builder::new().name("world".to_owned()).spawn(move || {
+        let _alive = alive;
+        be_punctual();
+        driver.run(bit_rate);
+    })?;
+    Ok(Running { entrance, world, ended })
+}
+
+impl Running {
+    /// Waits for the end, or for the end of the world's thread; then until all is stored.
+    async fn until(self, end: &mut End) {
         tokio::select! {
-            () = end.received() => {}
+            () = end.come() => {}
             // The sender is never used: the receiver wakes up when the thread is gone.
-            _ = ended => {}
+            _ = self.ended => {}
         }
-        let _ = inbox.send(ToWorld::Stop);
-        if let Err(panic) = world.join() {
+        self.entrance.end();
+        if let Err(panic) = self.world.join() {
             std::panic::resume_unwind(panic);
         }
-        Ok(())
-    })
+    }
+}
+
+/// The number of clients that leaves enough file descriptors for devices to store.
+fn places(options: &RunOptions) -> usize {
+    #[cfg(unix)]
+    let limit = rustix::process::getrlimit(rustix::process::Resource::Nofile).current;
+    #[cfg(not(unix))]
+    let limit: Option<u64> = None;
+    let taken = DESCRIPTORS + options.devices.len() + options.buses.len();
+    let left = limit.and_then(|limit| usize::try_from(limit).ok()).map_or(CLIENTS, |limit| limit.saturating_sub(taken));
+    left.clamp(1, CLIENTS)
+}
+
+/// Takes the timer slack from this thread: Linux would delay each wake-up by 50 µs to wake several threads at once.
+fn be_punctual() {
+    #[cfg(target_os = "linux")]
+    let _ = rustix::thread::set_current_timer_slack(std::num::NonZeroU64::new(1));
 }
 
 /// The ready line on stdout and the hint on stderr. Nobody has to read either.
@@ -148,44 +224,5 @@ fn announce(bound: &[(SocketAddr, &BusUrl)]) {
              can_logger -i socketcand -c {name} --bus-kwargs host={host} port={port}\n  \
              can.Bus(interface=\"socketcand\", host=\"{host}\", port={port}, channel=\"{name}\")"
         );
-    }
-}
-
-/// What ends the simulator.
-#[cfg(unix)]
-struct Signal {
-    interrupt: tokio::signal::unix::Signal,
-    terminate: tokio::signal::unix::Signal,
-}
-
-#[cfg(unix)]
-impl Signal {
-    fn listen() -> io::Result<Self> {
-        use tokio::signal::unix::{SignalKind, signal};
-        Ok(Self { interrupt: signal(SignalKind::interrupt())?, terminate: signal(SignalKind::terminate())? })
-    }
-
-    async fn received(&mut self) {
-        tokio::select! {
-            _ = self.interrupt.recv() => {}
-            _ = self.terminate.recv() => {}
-        }
-    }
-}
-
-/// What ends the simulator.
-#[cfg(not(unix))]
-struct Signal;
-
-#[cfg(not(unix))]
-impl Signal {
-    fn listen() -> io::Result<Self> {
-        Ok(Self)
-    }
-
-    async fn received(&mut self) {
-        if tokio::signal::ctrl_c().await.is_err() {
-            std::future::pending::<()>().await;
-        }
     }
 }

@@ -2,47 +2,57 @@
 
 use std::time::{Duration as WallDuration, Instant as WallInstant};
 
-use protocol_core::time::{Instant, NEVER};
+use protocol_core::time::{Duration, Instant, NEVER, after, since};
 
-/// Virtual time that runs a factor as fast as wall time, from instant 0 at its start.
+/// The last instant of a pace: [`NEVER`] does not come.
+const LAST: Instant = Instant::from_ticks(NEVER.as_ticks() - 1);
+
+/// Virtual time that runs a factor as fast as wall time, from an anchor on that both times have in common.
 #[derive(Clone, Copy, Debug)]
-pub struct Pace {
-    start: WallInstant,
+pub(super) struct Pace {
     speed: f64,
+    wall: WallInstant,
+    instant: Instant,
 }
 
 impl Pace {
-    /// Starts now; `speed` is finite and above 0.
+    /// Starts at virtual instant 0; `speed` is finite and above 0.
     #[must_use]
-    pub fn start(speed: f64) -> Self {
-        Self { start: WallInstant::now(), speed }
+    pub(super) const fn start(speed: f64, wall: WallInstant) -> Self {
+        Self { speed, wall, instant: Instant::from_ticks(0) }
     }
 
-    /// The virtual time now.
+    /// Virtual seconds to a wall second.
     #[must_use]
-    pub fn now(&self) -> Instant {
-        self.at(self.start.elapsed())
+    pub(super) const fn speed(&self) -> f64 {
+        self.speed
     }
 
-    /// How long it takes in wall time until a virtual instant; `None`: it never comes.
+    /// Makes these two instants the common ones: time before them, wall or virtual, counts no longer.
+    pub(super) const fn anchor(&mut self, wall: WallInstant, instant: Instant) {
+        self.wall = wall;
+        self.instant = instant;
+    }
+
+    /// Returns the virtual time at a wall instant; a wall instant before the anchor counts as the anchor.
+    ///
+    /// A tick is a microsecond. A conversion from floating point saturates, and a factor loses a microsecond only after centuries.
     #[must_use]
-    pub fn until(&self, instant: Instant) -> Option<WallDuration> {
-        if instant == NEVER {
+    pub(super) fn at(&self, wall: WallInstant) -> Instant {
+        let passed = wall.saturating_duration_since(self.wall).as_secs_f64();
+        after(self.instant, Duration::from_ticks((passed * self.speed * 1e6) as u64)).min(LAST)
+    }
+
+    /// Returns the wall instant at which a virtual instant has come; `None` when it never comes.
+    #[must_use]
+    pub(super) fn when(&self, instant: Instant) -> Option<WallInstant> {
+        if instant > LAST {
             return None;
         }
-        Some(self.wall(instant)?.saturating_sub(self.start.elapsed()))
-    }
-
-    /// The virtual time so long after the start. A conversion from floating point saturates, and a factor loses a
-    /// microsecond only after centuries.
-    fn at(&self, passed: WallDuration) -> Instant {
-        Instant::from_micros((passed.as_secs_f64() * self.speed * 1e6) as u64)
-    }
-
-    /// How long after the start a virtual instant comes, rounded up so that it has come by then.
-    fn wall(&self, instant: Instant) -> Option<WallDuration> {
-        let wall = WallDuration::try_from_secs_f64(instant.as_micros() as f64 / 1e6 / self.speed).ok()?;
-        wall.checked_add(WallDuration::from_nanos(1))
+        let passed = since(instant, self.instant).as_micros() as f64 / 1e6 / self.speed;
+        let passed = WallDuration::try_from_secs_f64(passed).ok()?;
+        // Rounded up, so that it has come by then.
+        self.wall.checked_add(passed)?.checked_add(WallDuration::from_nanos(1))
     }
 }
 
@@ -50,28 +60,39 @@ impl Pace {
 mod tests {
     use super::*;
 
-    fn pace(speed: f64) -> Pace {
-        Pace { start: WallInstant::now(), speed }
-    }
-
     #[test]
     fn virtual_time_is_wall_time_times_the_factor() {
-        assert_eq!(pace(1.0).at(WallDuration::from_micros(1500)), Instant::from_micros(1500));
-        assert_eq!(pace(100.0).at(WallDuration::from_micros(1500)), Instant::from_micros(150_000));
-        assert_eq!(pace(0.5).at(WallDuration::from_secs(3)), Instant::from_micros(1_500_000));
-        assert_eq!(pace(1e300).at(WallDuration::from_secs(1)), Instant::MAX);
+        let start = WallInstant::now();
+        let at = |speed, passed| Pace::start(speed, start).at(start + passed);
+        assert_eq!(at(1.0, WallDuration::from_micros(1500)), Instant::from_micros(1500));
+        assert_eq!(at(100.0, WallDuration::from_micros(1500)), Instant::from_micros(150_000));
+        assert_eq!(at(0.5, WallDuration::from_secs(3)), Instant::from_micros(1_500_000));
+        assert_eq!(at(1e300, WallDuration::from_secs(1)), LAST);
     }
 
     #[test]
     fn an_instant_has_come_when_its_wall_time_has() {
+        let start = WallInstant::now();
         for speed in [1.0, 0.3, 7.0, 1000.0] {
             for micros in [1, 999, 12_345_678, 86_400_000_000] {
-                let instant = Instant::from_micros(micros);
-                let pace = pace(speed);
-                assert!(pace.at(pace.wall(instant).unwrap()) >= instant, "{micros} µs at {speed}");
+                let (instant, pace) = (Instant::from_micros(micros), Pace::start(speed, start));
+                assert!(pace.at(pace.when(instant).unwrap()) >= instant, "{micros} µs at {speed}");
             }
         }
-        assert_eq!(pace(1.0).until(NEVER), None);
-        assert_eq!(pace(1.0).until(Instant::from_micros(0)), Some(WallDuration::ZERO));
+        let pace = Pace::start(1.0, start);
+        assert_eq!(pace.when(NEVER), None);
+        assert!(pace.when(Instant::from_micros(0)).unwrap() <= start + WallDuration::from_micros(1));
+    }
+
+    #[test]
+    fn time_goes_on_from_the_anchor() {
+        let start = WallInstant::now();
+        let mut pace = Pace::start(2.0, start);
+        let (wall, instant) = (start + WallDuration::from_secs(10), Instant::from_secs(3));
+        pace.anchor(wall, instant);
+        assert_eq!(pace.at(start), instant, "nothing runs back");
+        assert_eq!(pace.at(wall + WallDuration::from_millis(1)), Instant::from_micros(3_002_000));
+        let due = pace.when(Instant::from_micros(3_002_000)).unwrap();
+        assert!(due >= wall + WallDuration::from_millis(1) && due < wall + WallDuration::from_micros(1001));
     }
 }

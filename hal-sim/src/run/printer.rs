@@ -8,6 +8,8 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, chan
 use std::thread;
 use std::time::Duration;
 
+use tokio::sync::watch;
+
 /// How many texts may wait for a reader before lines of the trace are left out.
 const QUEUE: usize = 4096;
 
@@ -33,15 +35,20 @@ pub(super) struct Printer {
 }
 
 impl Printer {
-    pub(super) fn start() -> io::Result<Self> {
-        Self::start_with(io::stdout(), io::stderr())
+    /// Starts the thread. Who waits for the end is told when nobody reads stdout.
+    pub(super) fn start(reader_gone: watch::Sender<bool>) -> io::Result<Self> {
+        Self::start_with(io::stdout(), io::stderr(), reader_gone)
     }
 
-    fn start_with(stdout: impl Write + Send + 'static, stderr: impl Write + Send + 'static) -> io::Result<Self> {
+    pub(super) fn start_with(
+        stdout: impl Write + Send + 'static,
+        stderr: impl Write + Send + 'static,
+        reader_gone: watch::Sender<bool>,
+    ) -> io::Result<Self> {
         let (queue, texts) = sync_channel(QUEUE);
         let (alive, ended) = channel();
         let lost = Arc::new(AtomicU64::new(0));
-        let writer = Writer { stdout: Some(stdout), stderr, lost: lost.clone() };
+        let writer = Writer { stdout: Some(stdout), stderr, lost: lost.clone(), reader_gone };
         thread::Builder::new().name("printer".to_owned()).spawn(move || {
             writer.run(&texts);
             drop(alive);
@@ -72,10 +79,11 @@ impl Printer {
 }
 
 struct Writer<O, E> {
-    /// `None` when its reader is gone.
+    /// `None` when it can't be written any more.
     stdout: Option<O>,
     stderr: E,
     lost: Arc<AtomicU64>,
+    reader_gone: watch::Sender<bool>,
 }
 
 impl<O: Write, E: Write> Writer<O, E> {
@@ -90,8 +98,16 @@ impl<O: Write, E: Write> Writer<O, E> {
             }
             if let Some(stdout) = &mut self.stdout {
                 let written = stdout.write_all(batch.as_bytes()).and_then(|()| stdout.flush());
-                if written.is_err() {
-                    self.stdout = None;
+                match written {
+                    Ok(()) => {}
+                    Err(error) if error.kind() == io::ErrorKind::BrokenPipe => {
+                        self.stdout = None;
+                        self.reader_gone.send_replace(true);
+                    }
+                    Err(error) => {
+                        self.stdout = None;
+                        self.warn(&format!("stdout: {error}; the trace ends"));
+                    }
                 }
             }
             batch.clear();
@@ -152,23 +168,26 @@ mod tests {
     }
 
     #[test]
-    fn a_closed_stdout_ends_the_trace_and_nothing_else() {
+    fn a_closed_stdout_ends_the_trace_and_is_told() {
         let (stdout, closed) = sync_channel(1);
         drop(closed);
         let (stderr, said) = channel();
-        let printer = Printer::start_with(Pipe(stdout), Collect(stderr)).unwrap();
+        let (teller, gone) = watch::channel(false);
+        let printer = Printer::start_with(Pipe(stdout), Collect(stderr), teller).unwrap();
+        assert!(!*gone.borrow());
         printer.trace("one\n".to_owned());
         printer.trace("two\n".to_owned());
         printer.warn("still here".to_owned());
         printer.finish();
         assert_eq!(text(&said), "pve-sim: still here\n");
+        assert!(*gone.borrow());
     }
 
     #[test]
     fn a_stdout_that_nobody_reads_loses_lines_and_says_so() {
         let (stdout, pipe) = sync_channel(0);
         let (stderr, said) = channel();
-        let printer = Printer::start_with(Pipe(stdout), Collect(stderr)).unwrap();
+        let printer = Printer::start_with(Pipe(stdout), Collect(stderr), watch::Sender::new(false)).unwrap();
         // One batch is taken out and waits for the reader, the queue fills up, and the rest has no room.
         let lines = 4 * QUEUE;
         for _ in 0..lines {

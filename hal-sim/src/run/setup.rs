@@ -4,8 +4,7 @@ use std::fs;
 
 use protocol_core::controller::BitRate;
 
-use super::RunError;
-use crate::cli::{NamedDevice, RunOptions};
+use super::{NamedDevice, RunError, RunOptions};
 use crate::explain::{Explainer, Node};
 use crate::kind::Kind;
 use crate::memory::{Memory, MemoryFile, StateFileError};

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use protocol_core::frame::{Frame, Id};
 
-use super::{ErrorClass, Timestamp};
+use super::{ErrorClass, Timestamp, write_hex};
 
 /// Linux's mark of an error frame in an identifier.
 const ERROR_FLAG: u32 = 0x2000_0000;
@@ -23,15 +23,13 @@ pub fn write_frame(out: &mut String, at: Timestamp, bus: &str, frame: &Frame) {
             let _ = write!(out, "{}", frame.len());
         }
     }
-    for byte in frame.data() {
-        let _ = write!(out, "{byte:02X}");
-    }
+    write_hex(out, frame.data());
 }
 
-/// An error frame, without the end of the line: the class with its mark, and the eight bytes of detail, of which none
-/// is known.
+/// An error frame, without the end of the line: the class with its mark, and the eight bytes of detail.
 pub fn write_error(out: &mut String, at: Timestamp, bus: &str, class: ErrorClass) {
-    let _ = write!(out, "({at}) {bus} {:08X}#{:016X}", ERROR_FLAG | class.code(), 0);
+    let data = u64::from_be_bytes(class.data());
+    let _ = write!(out, "({at}) {bus} {:08X}#{data:016X}", ERROR_FLAG | class.code());
 }
 
 #[cfg(test)]
@@ -65,8 +63,15 @@ mod tests {
 
     #[test]
     fn error_frames_carry_linux_s_mark() {
-        let mut out = String::new();
-        write_error(&mut out, Timestamp::from_micros(5), "pve0", ErrorClass::BusOff);
-        assert_eq!(out, "(0.000005) pve0 20000040#0000000000000000");
+        let line = |class| {
+            let mut out = String::new();
+            write_error(&mut out, Timestamp::from_micros(5), "pve0", class);
+            out
+        };
+        assert_eq!(line(ErrorClass::BusOff), "(0.000005) pve0 20000040#0000000000000000");
+        assert_eq!(line(ErrorClass::BusError), "(0.000005) pve0 20000080#0000000000000000");
+        assert_eq!(line(ErrorClass::ErrorPassive), "(0.000005) pve0 20000004#0030000000000000");
+        assert_eq!(line(ErrorClass::ErrorActive), "(0.000005) pve0 20000004#0040000000000000");
+        assert_eq!(line(ErrorClass::Restarted), "(0.000005) pve0 20000100#0000000000000000");
     }
 }

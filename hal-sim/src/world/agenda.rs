@@ -1,47 +1,101 @@
 //! Which device is next due, and when.
 
-use std::collections::BTreeSet;
-
 use protocol_core::time::{Instant, NEVER};
 
-/// The due times of all devices, in the order of time, then of the devices' numbers.
+/// The due times of all devices, as a tournament: of two neighbours the one that is due earlier goes on to the next round,
+/// of equals the one with the lower number. A device that is due at another time replays its own rounds only.
 #[derive(Debug, Default)]
 pub(super) struct Agenda {
-    queue: BTreeSet<(Instant, usize)>,
     /// When each device is due, by its number.
     due: Vec<Instant>,
+    /// The winners: that of the final at 1, those of the matches before it at 2 and 3, and so on, as in a heap. In the
+    /// last places the devices themselves, [`NOBODY`] where there is none.
+    winners: Vec<usize>,
 }
+
+const NOBODY: usize = usize::MAX;
 
 impl Agenda {
     /// Room for one more device, which is not due.
     pub(super) fn add(&mut self) {
         self.due.push(NEVER);
+        let places = self.due.len().next_power_of_two();
+        if self.winners.len() < 2 * places {
+            self.winners = vec![NOBODY; 2 * places];
+            (0..self.due.len()).for_each(|node| self.enter(node));
+        } else {
+            self.enter(self.due.len() - 1);
+        }
     }
 
+    /// Sets when a device is due.
     #[inline]
     pub(super) fn set(&mut self, node: usize, due: Instant) {
         if self.due[node] != due {
-            self.reschedule(node, due);
-        }
-    }
-
-    fn reschedule(&mut self, node: usize, due: Instant) {
-        let before = std::mem::replace(&mut self.due[node], due);
-        if before != NEVER {
-            self.queue.remove(&(before, node));
-        }
-        if due != NEVER {
-            self.queue.insert((due, node));
+            self.due[node] = due;
+            self.play(node);
         }
     }
 
     /// When the next device is due.
+    #[inline]
     pub(super) fn next(&self) -> Instant {
-        self.queue.first().map_or(NEVER, |(due, _)| *due)
+        self.winners.get(1).map_or(NEVER, |first| self.due_of(*first))
     }
 
     /// The next device that is due by `now`.
+    #[inline]
     pub(super) fn due_by(&self, now: Instant) -> Option<usize> {
-        self.queue.first().filter(|(due, _)| *due <= now).map(|(_, node)| *node)
+        self.winners.get(1).copied().filter(|first| self.due_of(*first) <= now)
+    }
+
+    fn enter(&mut self, node: usize) {
+        let place = self.winners.len() / 2 + node;
+        self.winners[place] = node;
+        self.play(node);
+    }
+
+    /// Plays the matches of a device anew.
+    fn play(&mut self, node: usize) {
+        let mut place = (self.winners.len() / 2 + node) / 2;
+        while place > 0 {
+            let (left, right) = (self.winners[2 * place], self.winners[2 * place + 1]);
+            self.winners[place] = if self.due_of(right) < self.due_of(left) { right } else { left };
+            place /= 2;
+        }
+    }
+
+    #[inline]
+    fn due_of(&self, node: usize) -> Instant {
+        self.due.get(node).copied().unwrap_or(NEVER)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        /// Whatever is set in whatever order: the earliest is next, of equals the one with the lowest number.
+        #[test]
+        fn the_earliest_is_next(sets in prop::collection::vec((0..40_usize, 0..20_u64), 0..200)) {
+            let mut agenda = Agenda::default();
+            prop_assert_eq!((agenda.next(), agenda.due_by(NEVER)), (NEVER, None));
+            let mut due: Vec<Instant> = Vec::new();
+            for (node, ticks) in sets {
+                while due.len() <= node {
+                    agenda.add();
+                    due.push(NEVER);
+                }
+                due[node] = if ticks == 0 { NEVER } else { Instant::from_ticks(ticks) };
+                agenda.set(node, due[node]);
+                let earliest = due.iter().copied().min().unwrap_or(NEVER);
+                prop_assert_eq!(agenda.next(), earliest);
+                let first = due.iter().position(|other| *other == earliest).filter(|_| earliest != NEVER);
+                prop_assert_eq!(agenda.due_by(Instant::from_ticks(20)), first);
+            }
+        }
     }
 }

@@ -48,8 +48,8 @@ impl World {
     }
 
     /// What the controller has noticed since this was last asked, each with its instant.
-    pub fn take_events(&mut self, controller: ControllerId) -> Option<Drain<'_, (Instant, WireEvent)>> {
-        self.bus.take_events(controller.0)
+    pub fn take_wire_events(&mut self, controller: ControllerId) -> Option<Drain<'_, (Instant, WireEvent)>> {
+        self.bus.take_wire_events(controller.0)
     }
 
     /// The port of the controller: its error mode as the bus sees it.

@@ -9,7 +9,6 @@ mod controller;
 mod node;
 mod power;
 mod run;
-mod trace;
 
 #[cfg(test)]
 mod probe;
@@ -17,6 +16,7 @@ mod probe;
 mod tests;
 
 use std::sync::Arc;
+use std::vec::Drain;
 
 use protocol_core::controller::BitRate;
 use protocol_core::device::{Device, Outputs, Senses, StartCause};
@@ -28,7 +28,8 @@ pub use controller::ControllerId;
 pub use node::{FAULT_LOG_WRITE_TIME, Factory, SimDevice, WRITE_TIME, Write, write_time};
 pub use power::SUPPLY_JITTER;
 pub use run::FLUSH_PATIENCE;
-pub use trace::{Observer, OnBus, TraceEvent};
+
+pub use crate::bus::{Event, EventKind};
 
 use crate::bus::{Bus, Injector, Port, PortId};
 use crate::memory::Memory;
@@ -54,7 +55,6 @@ pub struct World {
     /// Which device a port belongs to, by the port's number; `None` for a tap.
     owners: Vec<Option<NodeId>>,
     random: fastrand::Rng,
-    observer: Option<Observer>,
     /// The list of ports that are being looked at, to be used again.
     touched: Vec<PortId>,
 }
@@ -71,7 +71,6 @@ impl World {
             agenda: Agenda::default(),
             owners: Vec::new(),
             random: fastrand::Rng::with_seed(seed),
-            observer: None,
             touched: Vec::new(),
         }
     }
@@ -103,6 +102,7 @@ impl World {
             power: Power::Off,
             write: None,
             forced_bus_off: false,
+            frames_dropped: 0,
         });
         id
     }
@@ -207,11 +207,14 @@ impl World {
         TapId(port)
     }
 
-    /// Adds a gateway that no client is connected to: it acknowledges, so that a lone device does not go
-    /// error-passive, and keeps nothing of what it hears.
+    /// Adds a gateway: a client that keeps nothing of what it hears. It has a second controller that sends nothing and so
+    /// acknowledges whatever its clients send, even when a device sends the very same frame at the same moment; and a
+    /// lone device does not go error-passive.
     pub fn add_gateway(&mut self, name: &str) -> TapId {
-        let port = self.bus.add_gateway(name.into(), self.bit_rate, self.now);
+        let listener = format!("{name}, listening");
+        let [port, listener] = [name, &listener].map(|name| self.bus.add_gateway(name.into(), self.bit_rate, self.now));
         self.own(port, None);
+        self.own(listener, None);
         TapId(port)
     }
 
@@ -225,6 +228,11 @@ impl World {
         // A client's queue takes everything.
         let _ = embedded_can::nb::Can::transmit(self.bus.port_mut(tap.0), &frame);
         self.bus.refresh(tap.0, self.now);
+    }
+
+    /// Takes back what a client has given to the bus; a frame on the wire is cut off.
+    pub fn withdraw(&mut self, tap: TapId) {
+        self.bus.drop_pending(tap.0, self.now);
     }
 
     /// How many frames of a client are not sent yet, the one on the wire included.
@@ -276,9 +284,15 @@ impl World {
         self.bus.clear_injectors();
     }
 
-    /// Shows everything that was on the bus to `observer`, in the place of the one before.
-    pub fn set_observer(&mut self, observer: Observer) {
-        self.observer = Some(observer);
+    /// Records from now on what happens, to be taken with [`take_events`](Self::take_events); or does so no longer.
+    /// A new world records nothing: events that nobody takes would fill the memory.
+    pub fn record_events(&mut self, on: bool) {
+        self.bus.record_events(on);
+    }
+
+    /// Takes what happened since this was last called, oldest first.
+    pub fn take_events(&mut self) -> Drain<'_, Event> {
+        self.bus.take_events()
     }
 
     fn own(&mut self, port: PortId, owner: Option<NodeId>) {

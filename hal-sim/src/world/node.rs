@@ -34,6 +34,8 @@ pub(super) struct Node {
     /// The record that is being written.
     pub(super) write: Option<Write>,
     pub(super) forced_bus_off: bool,
+    /// How many frames the device had dropped when it was last looked at.
+    pub(super) frames_dropped: u32,
 }
 
 /// Whether a device has power.

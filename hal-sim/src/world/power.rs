@@ -62,6 +62,7 @@ impl World {
         let device = (node.factory)(&image, cause, now);
         let rate = device.bit_rate();
         node.power = Power::On(device);
+        node.frames_dropped = 0;
         let (port, forced) = (node.port, node.forced_bus_off);
         self.bus.set_bit_rate(port, rate, now);
         self.bus.connect(port, now);

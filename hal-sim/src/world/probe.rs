@@ -32,6 +32,8 @@ pub(crate) enum Command {
     Restart = 4,
     /// Stores bytes 2… when flushed.
     Later = 5,
+    /// Drops as many frames as byte 2 says.
+    Drop = 6,
 }
 
 pub(crate) struct Probe {
@@ -49,6 +51,7 @@ pub(crate) struct Probe {
     pub(crate) parameters: Option<Vec<u8>>,
     pub(crate) damaged: bool,
     pub(crate) stored: Vec<(RecordKey, Result<(), StoreError>, Instant)>,
+    pub(crate) dropped: u32,
 }
 
 /// What [`Probe`] needs to be built.
@@ -91,6 +94,7 @@ impl Probe {
             parameters: parameters(image),
             damaged: image.is_damaged(),
             stored: Vec::new(),
+            dropped: 0,
         }
     }
 
@@ -101,6 +105,7 @@ impl Probe {
             2 => self.effects.push(store(RecordKey::FaultLog)),
             3 => self.effects.push(Effect::SetBitRate(BitRate::from_table_index(data[0]).unwrap())),
             4 => self.effects.push(Effect::Restart(Restart::Application)),
+            6 => self.dropped += u32::from(data[0]),
             5 => self.later = Some(store(RecordKey::Parameters)),
             _ => {}
         }
@@ -204,6 +209,6 @@ impl Device for Probe {
     }
 
     fn frames_dropped(&self) -> u32 {
-        0
+        self.dropped
     }
 }

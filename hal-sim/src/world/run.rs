@@ -7,9 +7,7 @@ use protocol_core::pump::pump;
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
 use super::node::{Node, Power, Write, write_time};
-use super::trace::{OnBus, TraceEvent};
 use super::{NodeId, World};
-use crate::bus::Ended;
 
 /// How long an orderly shutdown waits for the bus to take what devices have to send before they store (A).
 pub const FLUSH_PATIENCE: Duration = Duration::from_secs(1);
@@ -27,15 +25,18 @@ impl World {
     pub fn step(&mut self) {
         let next = self.next_event();
         if next != NEVER {
-            self.now = next;
-            self.happen();
+            self.happen(next);
         }
     }
 
     /// Lets everything happen that is due until `end`, and goes there.
     pub fn run_until(&mut self, end: Instant) {
-        while self.next_event() <= end {
-            self.step();
+        loop {
+            let next = self.next_event();
+            if next > end || next == NEVER {
+                break;
+            }
+            self.happen(next);
         }
         self.now = self.now.max(end);
     }
@@ -61,12 +62,10 @@ impl World {
         }
     }
 
-    /// Everything that is due now.
-    fn happen(&mut self) {
-        let now = self.now;
-        if let Some(ended) = self.bus.finish(now) {
-            self.show(ended);
-        }
+    /// Goes to an instant and lets everything happen that is due then.
+    fn happen(&mut self, now: Instant) {
+        self.now = now;
+        self.bus.finish(now);
         self.service_touched();
         while let Some(number) = self.agenda.due_by(now) {
             self.attend(NodeId(number));
@@ -75,7 +74,14 @@ impl World {
         self.service_touched();
     }
 
+    #[inline]
     fn service_touched(&mut self) {
+        if self.bus.is_any_touched() {
+            self.service_all_touched();
+        }
+    }
+
+    fn service_all_touched(&mut self) {
         let mut touched = std::mem::take(&mut self.touched);
         self.bus.swap_touched(&mut touched);
         for port in touched.drain(..) {
@@ -129,11 +135,23 @@ impl World {
             let Some(effect) = pump(&mut **device, port, now) else { break };
             self.carry_out(id, effect);
         }
+        self.note_dropped(id);
         let node = &self.nodes[id.0];
         self.bus.refresh(node.port, now);
         // A device that wants to be polled at once again gets a tick later, or time would stand still.
         let due = node.due();
         self.agenda.set(id.0, if due <= now { after(now, TICK) } else { due });
+    }
+
+    /// Tells of the frames that a device dropped since this was last looked at.
+    fn note_dropped(&mut self, id: NodeId) {
+        let Node { port, power, frames_dropped, .. } = &mut self.nodes[id.0];
+        let Power::On(device) = power else { return };
+        let dropped = device.frames_dropped();
+        let before = std::mem::replace(frames_dropped, dropped);
+        if dropped > before {
+            self.bus.note_dropped(*port, dropped - before, self.now);
+        }
     }
 
     fn carry_out(&mut self, id: NodeId, effect: Effect) {
@@ -149,13 +167,6 @@ impl World {
         // The core asks for one at a time; if it ever did not, the first one must not be lost.
         self.finish_write(id, NEVER);
         self.nodes[id.0].write = Some(Write::begin(key, record, self.now, write_time(key)));
-    }
-
-    fn show(&mut self, ended: Ended) {
-        let Some(observer) = &mut self.observer else { return };
-        let Ended { from, frame, error } = ended;
-        let what = error.map_or(OnBus::Frame(frame), |error| OnBus::Error { frame, error });
-        observer(&TraceEvent { at: self.now, from, what });
     }
 
     /// Whether a device has sent and stored everything.

@@ -1,7 +1,5 @@
 //! The world as its users see it: time, power, plant, effects, trace.
 
-use std::sync::mpsc::{Receiver, channel};
-
 use protocol_core::controller::{BitRate, BusErrorMode};
 use protocol_core::device::{Senses, StartCause};
 use protocol_core::frame::{Frame, standard};
@@ -11,6 +9,8 @@ use protocol_core::time::{Duration, Instant, NEVER, after, since};
 use super::probe::{Command, DONE, ECHO, ECHO_ANSWER, HEARTBEAT, Plan, Probe, command};
 use super::*;
 use crate::bus::{BusError, DestroyNext, FrameBits};
+
+mod events;
 
 const RATE: BitRate = BitRate::Kbit250;
 
@@ -31,7 +31,6 @@ struct Bench {
     world: World,
     tap: TapId,
     nodes: Vec<NodeId>,
-    trace: Receiver<TraceEvent>,
 }
 
 impl Bench {
@@ -41,14 +40,13 @@ impl Bench {
 
     fn with(count: u8, seed: u64, plan: impl Fn(u8) -> Plan) -> Self {
         let mut world = World::new(RATE, seed);
-        let (sender, trace) = channel();
-        world.set_observer(Box::new(move |event| sender.send(event.clone()).unwrap_or(())));
+        world.record_events(true);
         let add = |id| world.add_device(&format!("probe-{id}"), plan(id).factory(), Memory::in_ram());
         let nodes = (1..=count).map(add).collect();
         let tap = world.add_tap("client");
         world.power_all(Duration::from_ticks(0));
         world.run_until(millis(10));
-        Self { world, tap, nodes, trace }
+        Self { world, tap, nodes }
     }
 
     fn probe(&self, number: usize) -> &Probe {
@@ -62,6 +60,12 @@ impl Bench {
 
     fn command(&mut self, what: Command, id: u8, data: &[u8]) {
         self.world.send(self.tap, command(what, id, data));
+    }
+
+    /// The frames and error frames since this was last asked.
+    fn trace(&mut self) -> Vec<Event> {
+        let of_bus = |event: &Event| event.frame().is_some() || event.is_error_frame();
+        self.world.take_events().filter(of_bus).collect()
     }
 
     fn received(&mut self) -> Vec<Frame> {
@@ -83,7 +87,7 @@ fn nothing_happens_in_an_idle_world() {
     assert_eq!(bench.world.now(), millis(10));
     bench.run_for(1_000_000);
     assert_eq!(bench.world.now(), millis(1_000_010));
-    assert_eq!(bench.trace.try_iter().count(), 0);
+    assert_eq!(bench.world.take_events().count(), 0);
 }
 
 #[test]
@@ -95,12 +99,12 @@ fn a_device_answers_a_client() {
     bench.run_for(10);
     let first = after(millis(10), bits(FrameBits::of(&question).on_wire()));
     let second = after(first, bits(3 + FrameBits::of(&answer).on_wire()));
-    let trace: Vec<_> = bench.trace.try_iter().collect();
+    let answered = after(first, bits(3));
     assert_eq!(
-        trace,
+        bench.trace(),
         [
-            TraceEvent { at: first, from: "client".into(), what: OnBus::Frame(question) },
-            TraceEvent { at: second, from: "probe-1".into(), what: OnBus::Frame(answer) },
+            Event { at: first, who: "client".into(), what: EventKind::Frame { frame: question, start: millis(10) } },
+            Event { at: second, who: "probe-1".into(), what: EventKind::Frame { frame: answer, start: answered } },
         ]
     );
     assert_eq!(bench.world.pending(bench.tap), 0);
@@ -148,8 +152,8 @@ fn clients_come_and_go_without_a_trace() {
         bench.world.remove_tap(visitor);
     }
     bench.run_for(10);
-    let broken = bench.trace.try_iter().filter(|event| event.frame().is_none() && event.from.as_ref() == "visitor");
-    assert_eq!(broken.count(), 1000);
+    let broken = |event: &Event| event.is_error_frame() && event.who.as_ref() == "visitor";
+    assert_eq!(bench.trace().into_iter().filter(broken).count(), 1000);
     assert_eq!(bench.world.owners.len(), 3, "one device, one client, one place for all the visitors");
 }
 
@@ -353,9 +357,10 @@ fn a_sender_that_is_disturbed_goes_through_every_mode() {
     }
     use BusErrorMode::{BusOff, ErrorActive, ErrorPassive};
     assert_eq!(modes, [ErrorActive, ErrorPassive, BusOff, ErrorActive]);
-    let errors = bench.trace.try_iter().filter(|event| {
-        event.what == OnBus::Error { frame: std_frame(ECHO_ANSWER + 1, &[7]), error: BusError::Bit }
-            && event.from.as_ref() == "probe-1"
+    let answer = std_frame(ECHO_ANSWER + 1, &[7]);
+    let errors = bench.trace().into_iter().filter(|event| {
+        matches!(&event.what, EventKind::ErrorFrame { frame, error: BusError::Bit, .. } if *frame == answer)
+            && event.who.as_ref() == "probe-1"
     });
     assert_eq!(errors.count(), 32);
     assert_eq!(bench.received(), [], "what waited in the controller is out of date after the recovery");
@@ -370,11 +375,11 @@ fn the_master_follows_a_device_to_another_bit_rate() {
     assert_eq!(bench.world.port(bench.nodes[0]).bit_rate(), BitRate::Kbit500);
     bench.world.set_bit_rate(BitRate::Kbit500);
     assert_eq!(bench.world.bit_rate(), BitRate::Kbit500);
-    bench.trace.try_iter().for_each(drop);
+    bench.trace();
     bench.world.send(bench.tap, std_frame(ECHO + 1, &[]));
     bench.run_for(10);
     assert_eq!(bench.received(), [std_frame(ECHO_ANSWER + 1, &[])]);
-    assert!(bench.trace.try_iter().all(|event| event.frame().is_some()), "no error frame");
+    assert!(bench.trace().iter().all(|event| event.frame().is_some()), "no error frame");
 }
 
 #[test]
@@ -384,7 +389,7 @@ fn a_device_at_another_bit_rate_is_not_heard() {
     bench.run_for(100);
     assert_eq!((bench.received(), bench.probe(0).heard), (vec![], 0));
     // It has disturbed 15 attempts, then it is error-passive.
-    let errors = bench.trace.try_iter().filter(|event| event.frame().is_none()).count();
+    let errors = bench.trace().iter().filter(|event| event.is_error_frame()).count();
     assert_eq!((errors, bench.probe(0).senses.bus), (15, BusErrorMode::ErrorPassive));
     assert_eq!(bench.probe(1).heard, 1);
 }
@@ -401,7 +406,7 @@ fn two_runs_with_one_seed_are_the_same() {
             bench.command(Command::Store, byte % 5 + 1, &[byte]);
             bench.run_for(13);
         }
-        let text: Vec<_> = bench.trace.try_iter().map(|event| format!("{event:?}\n")).collect();
+        let text: Vec<_> = bench.world.take_events().map(|event| format!("{event:?}\n")).collect();
         assert!(text.len() > 100);
         text.concat()
     };

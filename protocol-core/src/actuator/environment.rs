@@ -2,8 +2,9 @@
 
 use core::ops::RangeInclusive;
 
-use super::fault::{Fault, FaultRegister};
+use super::fault::Fault;
 use super::monitor::{Monitor, Reading};
+use super::register::FaultRegister;
 use crate::time::{Duration, Instant, NEVER};
 
 /// How long the temperature may be out of its limits.

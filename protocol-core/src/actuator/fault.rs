@@ -1,6 +1,4 @@
-//! The faults of the valve, sets of them, and the register of those that are active (SPEC 2).
-
-use super::counters::Counters;
+//! The faults of the valve, and sets of them (SPEC 2).
 
 /// A fault, in the order of priority (SPEC 2, table of the monitors).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -175,27 +173,6 @@ impl Iterator for FaultIter {
     }
 }
 
-/// What became of the faults since this was last asked for.
-///
-/// To be told by priority: first what was activated, then what was cleared. A fault can be in both: it was activated and
-/// is gone again. Whatever was activated last is not in `cleared`, so the end of the tale is what is active.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Changes {
-    /// Became active.
-    pub activated: FaultSet,
-    /// Are gone.
-    pub cleared: FaultSet,
-}
-
-impl Changes {
-    /// Whether nothing has changed.
-    #[inline]
-    #[must_use]
-    pub const fn is_empty(self) -> bool {
-        self.activated.is_empty() && self.cleared.is_empty()
-    }
-}
-
 /// Why there is an internal error (SPEC 2, a fault's life; SPEC 6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InternalCause {
@@ -230,55 +207,9 @@ impl InternalCauses {
     }
 }
 
-/// Which faults are active, what has changed, and how often each has occurred.
-#[derive(Clone, Debug)]
-pub(super) struct FaultRegister {
-    pub(super) active: FaultSet,
-    pub(super) changes: Changes,
-    pub(super) counters: Counters,
-    pub(super) counters_changed: bool,
-    shared_spool_counter: bool,
-}
-
-impl FaultRegister {
-    pub(super) const fn new(counters: Counters, shared_spool_counter: bool) -> Self {
-        let changes = Changes { activated: FaultSet::EMPTY, cleared: FaultSet::EMPTY };
-        Self { active: FaultSet::EMPTY, changes, counters, counters_changed: false, shared_spool_counter }
-    }
-
-    pub(super) fn set(&mut self, fault: Fault, active: bool) {
-        if active {
-            self.activate(fault);
-        } else {
-            self.clear(fault);
-        }
-    }
-
-    /// Counts it, unless it is active already.
-    pub(super) fn activate(&mut self, fault: Fault) {
-        if self.active.contains(fault) {
-            return;
-        }
-        self.active.insert(fault);
-        self.changes.activated.insert(fault);
-        self.changes.cleared.remove(fault);
-        let together =
-            if self.shared_spool_counter && fault.is_of_spool() { SPOOL_FAULTS } else { FaultSet::of(fault) };
-        for counted in together {
-            self.counters_changed |= self.counters.count(counted);
-        }
-    }
-
-    pub(super) fn clear(&mut self, fault: Fault) {
-        if self.active.contains(fault) {
-            self.active.remove(fault);
-            self.changes.cleared.insert(fault);
-        }
-    }
-}
-
-/// Those that share a counter where they do: both counts are kept equal.
-const SPOOL_FAULTS: FaultSet = FaultSet::of(Fault::SpoolNotAtSetPoint).union(FaultSet::of(Fault::FloatNotReached));
+/// The faults of the spool's position.
+pub(super) const SPOOL_FAULTS: FaultSet =
+    FaultSet::of(Fault::SpoolNotAtSetPoint).union(FaultSet::of(Fault::FloatNotReached));
 
 #[cfg(test)]
 mod tests {

@@ -11,6 +11,7 @@
 //! environment  supply and temperature
 //! monitor      what all monitors are made of, and the guard of set-points
 //! fault        the faults, by priority        counters   how often each occurred
+//! register     which are active, and what has changed
 //! led          what the LED shows
 //! valve        ties them together
 //! ```
@@ -21,6 +22,7 @@ mod fault;
 mod led;
 mod monitor;
 mod power_save;
+mod register;
 mod set_point;
 mod spool;
 mod travel;
@@ -28,16 +30,17 @@ mod valve;
 
 pub use counters::{COUNTER_MAX, Counters};
 pub use environment::{SUPPLY_DELAY, TEMPERATURE_DELAY};
-pub use fault::{Changes, Fault, FaultIter, FaultSet, InternalCause};
+pub use fault::{Fault, FaultIter, FaultSet, InternalCause};
 pub use led::{Color, Condition, Led};
 pub use monitor::{FLOAT_DELAY, GUARD_TIME, SET_POINT_DELAY, SET_POINT_PERCENT};
 pub use power_save::POWER_SAVE_DELAY;
+pub use register::Changes;
 pub use set_point::{Position, Scale, SetPoint};
 pub use spool::{
     DRIFT_PERCENT, DRIFT_STROKE, END_BAND_PERCENT, NO_FLOAT_PERCENT, SLOWNESS, SOLENOID_STROKE, SPRING_STROKE,
     SpoolFault, SpoolSense,
 };
-pub use valve::{Drive, Regulation, SpoolMonitors, Valve, ValveConfig, ValveSenses};
+pub use valve::{ActuatorType, Drive, SpoolMonitors, Valve, ValveConfig, ValveSenses};
 
 #[cfg(test)]
 mod tests;

@@ -1,7 +1,8 @@
 //! For how long something must be wrong before it is a fault, and what guards the set-points (SPEC 2, table of the
 //! monitors).
 
-use super::fault::{Fault, FaultRegister, FaultSet};
+use super::fault::{Fault, FaultSet};
+use super::register::FaultRegister;
 use super::travel::{Band, Travel};
 use crate::time::{Duration, Instant, NEVER, after};
 

@@ -2,17 +2,22 @@
 
 use super::counters::Counters;
 use super::environment::Environment;
-use super::fault::{Changes, Fault, FaultRegister, FaultSet, InternalCause, InternalCauses};
+use super::fault::{Fault, FaultSet, InternalCause, InternalCauses};
 use super::monitor::{FLOAT_DELAY, Monitor, Reading, SET_POINT_DELAY, TimeGuard, tolerance};
 use super::power_save::PowerSave;
+use super::register::{Changes, FaultRegister};
 use super::set_point::{Position, SetPoint};
 use super::spool::{Action, IN_FLOAT, IN_NEUTRAL, Spool, SpoolSense};
 use super::travel::{Band, Travel};
 use crate::time::{Instant, NEVER};
 
-/// How a set-point moves the spool (SPEC 1).
+/// Where monitor 1 lets the spool be in a shutdown, where it runs then (A): within the neutral that ends the shutdown. A
+/// spool held a little further out would keep the valve down without a word.
+const SHUTDOWN_BAND: Band = IN_NEUTRAL;
+
+/// The type of actuator: how a set-point moves the spool (SPEC 1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Regulation {
+pub enum ActuatorType {
     /// PVEA: to the set-point.
     Proportional,
     /// PVEO: to full stroke in the direction of any set-point that is not neutral (A).
@@ -32,7 +37,7 @@ pub enum SpoolMonitors {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ValveConfig {
     /// Proportional or on/off.
-    pub regulation: Regulation,
+    pub actuator_type: ActuatorType,
     /// Whether the temperature has a lower limit as well.
     pub low_temperature: bool,
     /// Whether both faults of the spool share one occurrence counter: either activation counts for both.
@@ -379,21 +384,20 @@ impl Valve {
 
     /// Where a set-point moves the spool.
     fn target(&self, position: Position) -> Travel {
-        match self.config.regulation {
-            Regulation::OnOff if position > Position::NEUTRAL => Travel::FULL_B,
-            Regulation::OnOff if position < Position::NEUTRAL => Travel::FULL_A,
-            Regulation::OnOff | Regulation::Proportional => position.into(),
+        match self.config.actuator_type {
+            ActuatorType::OnOff if position > Position::NEUTRAL => Travel::FULL_B,
+            ActuatorType::OnOff if position < Position::NEUTRAL => Travel::FULL_A,
+            ActuatorType::OnOff | ActuatorType::Proportional => position.into(),
         }
     }
 
     /// Where monitor 1 wants the spool; `None` while it does not run.
     fn wanted(&self) -> Option<Band> {
-        let target = match self.drive {
-            Drive::Regulate(SetPoint::Position(position)) => self.target(position),
-            Drive::Off if self.config.spool_monitors == SpoolMonitors::ExceptHandAndStop => Travel::NEUTRAL,
-            Drive::Regulate(SetPoint::Float) | Drive::Off | Drive::Hand | Drive::EmergencyStop => return None,
-        };
-        Some(tolerance(target))
+        match self.drive {
+            Drive::Regulate(SetPoint::Position(position)) => Some(tolerance(self.target(position))),
+            Drive::Off if self.config.spool_monitors == SpoolMonitors::ExceptHandAndStop => Some(SHUTDOWN_BAND),
+            Drive::Regulate(SetPoint::Float) | Drive::Off | Drive::Hand | Drive::EmergencyStop => None,
+        }
     }
 
     /// Lets everything due up to `now` happen, in time where that is possible, and returns the instant to go on with.

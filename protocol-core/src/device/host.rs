@@ -242,6 +242,23 @@ impl<B: Body> Host<B> {
             }
         }
     }
+
+    /// Returns the next write, or the restart when there is none.
+    #[inline(never)]
+    fn next_of_memory(&mut self, all_sent: bool) -> Option<Effect> {
+        let restart = &self.base.restart;
+        let due = restart.wanted.filter(|_| !restart.handed_out);
+        if due.is_some() && self.base.fault_log.is_dirty() && !restart.log_failed && self.base.writes.is_idle() {
+            // What was counted is not lost with the restart.
+            self.store_fault_log();
+        }
+        if let Some(effect) = self.next_store() {
+            return Some(effect);
+        }
+        let scope = due.filter(|_| all_sent && self.base.writes.is_idle())?;
+        self.base.restart = Pending { wanted: None, handed_out: true, log_failed: false };
+        Some(Effect::Restart(scope))
+    }
 }
 
 impl<B: Body> Device for Host<B> {
@@ -294,22 +311,15 @@ impl<B: Body> Device for Host<B> {
         self.body.has_frame()
     }
 
+    #[inline]
     fn next_effect(&mut self, all_sent: bool) -> Option<Effect> {
         if let Some(bit_rate) = self.body.take_bit_rate() {
             return Some(Effect::SetBitRate(bit_rate));
         }
-        let restart = &self.base.restart;
-        let due = restart.wanted.filter(|_| !restart.handed_out);
-        if due.is_some() && self.base.fault_log.is_dirty() && !restart.log_failed && self.base.writes.is_idle() {
-            // What was counted is not lost with the restart.
-            self.store_fault_log();
+        if self.base.restart.wanted.is_none() && self.base.writes.is_idle() {
+            return None;
         }
-        if let Some(effect) = self.next_store() {
-            return Some(effect);
-        }
-        let scope = due.filter(|_| all_sent && self.base.writes.is_idle())?;
-        self.base.restart = Pending { wanted: None, handed_out: true, log_failed: false };
-        Some(Effect::Restart(scope))
+        self.next_of_memory(all_sent)
     }
 
     fn stored(&mut self, key: RecordKey, result: Result<(), StoreError>, now: Instant) {

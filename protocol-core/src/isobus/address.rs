@@ -1,40 +1,30 @@
-//! Address claim of a controller that cannot take another address by itself (SAE J1939-81; SPEC 5).
+//! Address claim of a controller that cannot take another address by itself (SAE J1939-81, ISO 11783-5; SPEC 5).
 //!
 //! ```text
-//!        start          sent           250 ms           a lower NAME claims the address
-//! idle ────────▶ begun ────────▶ waiting ───────▶ claimed ────────────────────────────────▶ lost
-//!                  └────────────────┴─────────────────────────────────────────────────────▶
+//!   start        sent           250 ms           a lower NAME claims the address
+//! ────────▶ begun ────▶ waiting ───────▶ claimed ────────────────────────────────▶ lost
+//!             └────────────┴─────────────────────────────────────────────────────▶
 //! ```
 
+use super::Outcome;
 use super::request::Request;
 use crate::frame::Frame;
 use crate::time::{Duration, Instant, NEVER, after};
 use crate::wire::j1939_id::{Address, Pgn};
 use crate::wire::name::{CommandedAddress, Name};
 
-/// How long a controller waits for objections to its first claim before it sends anything else.
+/// The time for which a controller waits for objections to its first claim before it sends anything else.
 pub const CLAIM_WAIT: Duration = Duration::from_millis(250);
 
-/// A cannot-claim is held back by so much, times 0–255, that those that lost at the same time do not meet: their
-/// identifiers are the same.
+/// The delay of a cannot-claim is 0–255 times this long, so that controllers which lose together do not collide: their
+/// cannot-claims have one identifier.
 pub const CANNOT_CLAIM_STEP: Duration = Duration::from_micros(600);
 
-/// What became of the claim.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outcome {
-    /// Nothing.
-    Nothing,
-    /// Send this: a claim, or a cannot-claim. It may be sent whatever [`AddressClaim::may_send`] says.
-    Send(Frame),
-    /// The wait is over: everything may be sent.
-    Claimed,
-    /// The address belongs to somebody else: nothing more may be sent, nor what waits to be.
-    Lost,
-}
+/// The least time between two claims that object to a foreign frame under the own address (ISO 11783-5).
+pub const OBJECTION_INTERVAL: Duration = Duration::from_secs(5);
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
-    Idle,
     /// The first claim is not on the bus yet.
     Begun,
     Waiting {
@@ -53,86 +43,96 @@ pub struct AddressClaim {
     name: Name,
     address: Address,
     state: State,
+    /// Before this instant no foreign frame is objected to.
+    next_objection: Instant,
 }
 
 impl AddressClaim {
-    /// A controller that has not claimed its address yet.
+    /// Begins to claim an address. The claim is owed, and nothing else may go out before it is [`sent`](Self::sent).
     #[must_use]
     pub const fn new(name: Name, address: Address) -> Self {
-        Self { name, address, state: State::Idle }
+        Self { name, address, state: State::Begun, next_objection: Instant::MIN }
     }
 
-    /// Claims the address. The claim that is returned is to be sent, and [`sent`](Self::sent) to be called when it is on
-    /// the bus, however long that takes: nothing else may go out before.
-    #[must_use]
-    pub fn start(&mut self) -> Frame {
-        self.state = State::Begun;
-        self.claim()
-    }
-
-    /// The first claim is on the bus: the wait begins. For any later claim nothing is waited for.
+    /// Notes that the claim is on the bus. The first one begins the wait.
     ///
-    /// An address of 128–247 may be another's by its own choice: the wait lets that one object. Outside there is none.
+    /// Another controller may have chosen an address of 128–247 by itself, and has the wait to object. Other addresses
+    /// need none.
     pub const fn sent(&mut self, now: Instant) {
         if self.is_begun() {
             self.state = State::Waiting { until: after(now, self.wait()) };
         }
     }
 
-    /// Whether the first claim is not on the bus yet.
+    /// Returns whether the first claim is not on the bus yet.
     #[inline]
     #[must_use]
     pub const fn is_begun(&self) -> bool {
         matches!(self.state, State::Begun)
     }
 
-    /// The NAME.
+    /// Returns the NAME.
     #[must_use]
     pub const fn name(&self) -> Name {
         self.name
     }
 
-    /// The address, from its claim on and until it is lost.
+    /// Returns the address until it is lost.
     #[inline]
     #[must_use]
     pub const fn address(&self) -> Option<Address> {
-        match self.state {
-            State::Begun | State::Waiting { .. } | State::Claimed => Some(self.address),
-            State::Idle | State::Lost { .. } => None,
-        }
+        if self.is_lost() { None } else { Some(self.address) }
     }
 
-    /// Whether more than claims may be sent.
+    /// Returns whether more than claims may be sent.
     #[inline]
     #[must_use]
     pub const fn may_send(&self) -> bool {
         matches!(self.state, State::Claimed)
     }
 
-    /// Whether the address belongs to somebody else.
+    /// Returns whether the address belongs to another controller.
+    #[inline]
     #[must_use]
     pub const fn is_lost(&self) -> bool {
         matches!(self.state, State::Lost { .. })
     }
 
-    /// Somebody claims `source`. A claim with the own NAME is ignored: two twins would claim for ever.
+    /// Returns the claim; the cannot-claim when the address is lost.
     #[inline]
     #[must_use]
+    pub fn frame(&self) -> Frame {
+        self.name.claim(self.address().unwrap_or(Address::NULL))
+    }
+
+    /// Takes another controller's claim of `source`. A claim with the own NAME is ignored: two twins would claim for ever.
+    #[must_use]
     pub fn contend(&mut self, source: Address, name: Name, now: Instant) -> Outcome {
-        if source != self.address || name == self.name || self.address().is_none() {
+        if source != self.address || name == self.name || self.is_lost() {
             return Outcome::Nothing;
         }
         if self.name < name {
-            return Outcome::Send(self.claim());
+            return Outcome::Owed;
         }
         self.state = State::Lost { answer_at: self.cannot_claim_at(now) };
         Outcome::Lost
     }
 
-    /// A request for [`Pgn::ADDRESS_CLAIMED`]; others are not the claim's.
+    /// Takes another controller's frame under the own address, which is no claim. The objection is a claim, at most one
+    /// in [`OBJECTION_INTERVAL`]; there is none before the wait is over.
+    #[must_use]
+    pub fn object(&mut self, now: Instant) -> Outcome {
+        if !self.may_send() || now < self.next_objection {
+            return Outcome::Nothing;
+        }
+        self.next_objection = after(now, OBJECTION_INTERVAL);
+        Outcome::Owed
+    }
+
+    /// Takes a request for [`Pgn::ADDRESS_CLAIMED`]; other requests are not the claim's.
     ///
-    /// One that lost its address answers a request to all with a cannot-claim, after its delay; while that is owed, one
-    /// request more changes nothing.
+    /// Without an address, a request to all is answered by a cannot-claim after its delay; while one is owed, another
+    /// request changes nothing.
     #[inline]
     #[must_use]
     pub fn requested(&mut self, request: &Request, now: Instant) -> Outcome {
@@ -140,23 +140,23 @@ impl AddressClaim {
             return Outcome::Nothing;
         }
         match self.state {
-            State::Begun | State::Waiting { .. } | State::Claimed => return Outcome::Send(self.claim()),
+            State::Begun | State::Waiting { .. } | State::Claimed => return Outcome::Owed,
             State::Lost { answer_at: NEVER } if !request.addressed => {
                 self.state = State::Lost { answer_at: self.cannot_claim_at(now) };
             }
-            State::Idle | State::Lost { .. } => {}
+            State::Lost { .. } => {}
         }
         Outcome::Nothing
     }
 
-    /// The address that a [commanded address](CommandedAddress) gives this controller, whether it has one or not; `None`
-    /// when it is for another NAME, or is no commanded address.
+    /// Returns the address that a [commanded address](CommandedAddress) gives this controller, whether it has one or not;
+    /// `None` when the command is for another NAME or malformed.
     #[must_use]
     pub fn commanded(&self, payload: &[u8]) -> Option<Address> {
         CommandedAddress::parse(payload).filter(|command| command.name == self.name).map(|command| command.address)
     }
 
-    /// Ends the wait, or sends a cannot-claim, when it is due.
+    /// Ends the wait, or owes a cannot-claim, when it is due.
     #[must_use]
     pub fn poll(&mut self, now: Instant) -> Outcome {
         match self.state {
@@ -166,25 +166,21 @@ impl AddressClaim {
             }
             State::Lost { answer_at } if now >= answer_at => {
                 self.state = State::Lost { answer_at: NEVER };
-                Outcome::Send(self.name.claim(Address::NULL))
+                Outcome::Owed
             }
             _ => Outcome::Nothing,
         }
     }
 
-    /// When [`poll`](Self::poll) is next due.
+    /// Returns when [`poll`](Self::poll) is next due.
     #[inline]
     #[must_use]
     pub const fn deadline(&self) -> Instant {
         match self.state {
             State::Waiting { until } => until,
             State::Lost { answer_at } => answer_at,
-            State::Idle | State::Begun | State::Claimed => NEVER,
+            State::Begun | State::Claimed => NEVER,
         }
-    }
-
-    fn claim(&self) -> Frame {
-        self.name.claim(self.address)
     }
 
     const fn wait(&self) -> Duration {
@@ -194,7 +190,8 @@ impl AddressClaim {
         }
     }
 
-    /// Pseudo-random by NAME and time: the top byte of a product with an odd number, which every bit below goes into.
+    /// Returns a pseudo-random instant: the top byte of a product with an odd number, which every bit of NAME and time
+    /// goes into.
     fn cannot_claim_at(&self, now: Instant) -> Instant {
         let mixed = (self.name.raw() ^ now.as_ticks()).wrapping_mul(0x9E37_79B9_7F4A_7C15);
         let steps = mixed >> 56;

@@ -1,66 +1,83 @@
 //! Diagnostic messages: DM1 by itself, DM2 on request (SAE J1939-73 5.7.1 and 5.7.2; SPEC 5).
 
-use super::transport::BamSender;
+use super::Outcome;
 use crate::frame::Frame;
 use crate::time::{Duration, Instant, NEVER, after};
 use crate::wire::dm::{self, Trouble};
 use crate::wire::j1939_id::{Address, J1939Id, Pgn, Priority};
 
-/// How often DM1 is repeated while anything is active.
+/// The period of DM1 while a trouble code is active.
 pub const PERIOD: Duration = Duration::from_millis(1000);
 
-/// Sends DM1: the one active trouble code that the product shows.
+/// DM1: the one active trouble code that the product shows.
 #[derive(Debug)]
 pub struct Dm1 {
     active: Option<Trouble>,
-    /// What is active has changed since it was last sent.
-    changed: bool,
+    /// The last change since a DM1 was rendered. The next DM1 then restarts the period.
+    changed: Option<Instant>,
+    /// A code that was active at the instant of that change alone.
+    passing: Option<Trouble>,
+    /// When the next repetition is due.
     next: Instant,
+    /// The code in the DM1 that was rendered last.
+    rendered: Option<Trouble>,
 }
 
 impl Dm1 {
-    /// Nothing is active, and nothing is to be sent.
+    /// Returns a DM1 without an active code, which is not to be sent.
     #[must_use]
     pub const fn new() -> Self {
-        Self { active: None, changed: false, next: NEVER }
+        Self { active: None, changed: None, passing: None, next: NEVER, rendered: None }
     }
 
-    /// Takes what is active now. A change, be it of the counter alone, is due to be sent at once.
-    pub fn set(&mut self, active: Option<Trouble>, now: Instant) {
-        if active != self.active {
-            self.active = active;
-            self.changed = true;
-            self.next = now;
-        }
-    }
-
-    /// The message when it is due: a change, which restarts the period, or a repetition. The end of all is told once.
+    /// Takes the active code. A change is to be told at once, be it of the counter alone.
     ///
-    /// While the claim of the address forbids to send, it is not to be called: what is due stays due. While the bus cannot
-    /// be used, it is, and the frame is dropped.
+    /// `at` is the instant at which the bus can hear of it, [`NEVER`] in bus-off. It hears of a code that comes and goes at
+    /// one instant when the frame can be made at that instant; later, DM1 tells the present state alone.
     #[must_use]
-    pub fn poll(&mut self, source: Address, now: Instant) -> Option<Frame> {
-        if now < self.next {
-            return None;
+    pub fn set(&mut self, active: Option<Trouble>, at: Instant) -> Outcome {
+        if active == self.active {
+            return Outcome::Nothing;
         }
-        let planned = after(self.next, PERIOD);
-        self.next = match self.active {
-            None => NEVER,
-            // After a pause longer than a period there is no burst of what was missed.
-            Some(_) if self.changed || planned <= now => after(now, PERIOD),
-            Some(_) => planned,
-        };
-        self.changed = false;
-        Some(self.frame(source))
+        self.passing = self.active.filter(|_| self.changed == Some(at));
+        self.active = active;
+        self.changed = Some(at);
+        self.next = NEVER;
+        Outcome::Owed
     }
 
-    /// The message as it stands, for a request: the period goes on.
+    /// Owes the repetition that is due.
     #[must_use]
-    pub fn frame(&self, source: Address) -> Frame {
-        single(Pgn::DM1, self.active, source)
+    pub fn poll(&mut self, now: Instant) -> Outcome {
+        if now < self.next {
+            return Outcome::Nothing;
+        }
+        self.next = next_in_grid(self.next, PERIOD, now);
+        Outcome::Owed
     }
 
-    /// When [`poll`](Self::poll) is next due.
+    /// Renders the message of the present state, and says whether another is owed: that of the present state after the
+    /// code that only passed.
+    #[must_use]
+    pub fn render(&mut self, source: Address, now: Instant) -> (Frame, Outcome) {
+        if let Some(passing) = self.passing.take().filter(|_| self.changed == Some(now)) {
+            self.rendered = Some(passing);
+            return (single(Pgn::DM1, Some(passing), source), Outcome::Owed);
+        }
+        if self.changed.take().is_some() {
+            self.next = if self.active.is_some() { after(now, PERIOD) } else { NEVER };
+        }
+        self.rendered = self.active;
+        (single(Pgn::DM1, self.active, source), Outcome::Nothing)
+    }
+
+    /// Returns the code in the DM1 that was rendered last.
+    #[must_use]
+    pub const fn rendered(&self) -> Option<Trouble> {
+        self.rendered
+    }
+
+    /// Returns when [`poll`](Self::poll) is next due.
     #[inline]
     #[must_use]
     pub const fn deadline(&self) -> Instant {
@@ -74,27 +91,20 @@ impl Default for Dm1 {
     }
 }
 
-/// Answers a request for DM2, always to all: `previously` active trouble codes in the order in which they are to stand.
-/// None or one is the frame that is returned, more are handed to `bam`. While that is busy, the request is dropped.
-#[must_use]
-pub fn answer_dm2<const SIZE: usize>(
-    previously: &[Trouble],
-    source: Address,
-    bam: &mut BamSender<SIZE>,
-    now: Instant,
-) -> Option<Frame> {
-    match previously {
-        _ if bam.is_busy() => None,
-        [] => Some(single(Pgn::DM2, None, source)),
-        [one] => Some(single(Pgn::DM2, Some(*one), source)),
-        several => {
-            // It is not busy, and two codes are more bytes than the fewest that go this way.
-            _ = bam.start(Pgn::DM2, dm::payload(several), now);
-            None
-        }
-    }
+/// Returns the next instant of a cycle after `due`. After a pause longer than a period the cycle begins anew at `now`: the
+/// bus gets no burst of what was missed.
+pub(super) fn next_in_grid(due: Instant, period: Duration, now: Instant) -> Instant {
+    let planned = after(due, period);
+    if planned > now { planned } else { after(now, period) }
 }
 
-fn single(pgn: Pgn, trouble: Option<Trouble>, source: Address) -> Frame {
-    Frame::full(J1939Id::global(Priority::DEFAULT, pgn, source).id(), dm::single(trouble))
+/// Returns the message of one trouble code, or of none, in a single frame.
+pub(super) fn single(pgn: Pgn, trouble: Option<Trouble>, source: Address) -> Frame {
+    Frame::full(id(pgn, source).id(), dm::single(trouble))
+}
+
+/// Returns the identifier of a diagnostic message.
+#[inline]
+pub(super) const fn id(pgn: Pgn, source: Address) -> J1939Id {
+    J1939Id::global(Priority::DEFAULT, pgn, source)
 }

@@ -7,50 +7,40 @@
 //! | not supported | negative acknowledgement | silence |
 
 use crate::frame::Frame;
-use crate::wire::j1939_id::{Address, Format, J1939Id, Pgn};
+use crate::wire::j1939_id::{Address, J1939Id, Pgn};
 use crate::wire::request::{self, Acknowledgement, Control};
 
 /// A request that is for this controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Request {
-    /// What is asked for.
+    /// The group asked for.
     pub pgn: Pgn,
-    /// Who asks.
+    /// The controller that asks.
     pub asker: Address,
     /// Whether this controller is asked, not all.
     pub addressed: bool,
 }
 
 impl Request {
-    /// The request in a frame of this identifier, when it is for the controller at `own` or for all.
+    /// Returns the request in a frame of this identifier, which is one of a request to this controller or to all; `None` for
+    /// a malformed one.
     #[inline]
     #[must_use]
-    pub fn of(id: J1939Id, frame: &Frame, own: Option<Address>) -> Option<Self> {
-        if id.format() != Format::REQUEST {
-            return None;
-        }
-        let destination = id.destination();
-        let addressed = destination != Address::GLOBAL;
-        if addressed && own != Some(destination) {
-            return None;
-        }
+    pub fn of(id: J1939Id, frame: &Frame) -> Option<Self> {
+        let addressed = id.destination() != Address::GLOBAL;
         Some(Self { pgn: request::parse(frame)?, asker: id.source(), addressed })
     }
 
-    /// What tells the asker that its order was carried out; nothing for one to all.
+    /// Returns the acknowledgement from the controller at `own`; `None` for a request to all, and for an asker without
+    /// an address, whom no answer can name.
     #[must_use]
-    pub fn acknowledge(&self, own: Address) -> Option<Frame> {
-        self.answer(Control::Positive, own)
-    }
-
-    /// What tells the asker that the group is not supported; nothing for a request to all.
-    #[must_use]
-    pub fn refuse(&self, own: Address) -> Option<Frame> {
-        self.answer(Control::Negative, own)
-    }
-
-    fn answer(&self, control: Control, own: Address) -> Option<Frame> {
+    pub fn acknowledgement(&self, control: Control, own: Address) -> Option<Frame> {
         let acknowledgement = Acknowledgement { control, asker: self.asker, pgn: self.pgn };
-        self.addressed.then(|| acknowledgement.frame(own))
+        (self.addressed && is_controller(self.asker)).then(|| acknowledgement.frame(own))
     }
+}
+
+/// Returns whether an address can be a controller's: 0xFE is nobody's, 0xFF everybody's.
+pub(super) const fn is_controller(address: Address) -> bool {
+    !matches!(address, Address::NULL | Address::GLOBAL)
 }

@@ -1,11 +1,14 @@
-//! Messages of more than eight bytes, broadcast: a BAM, then its packets (SAE J1939-21 5.10; SPEC 5).
+//! Messages of more than eight bytes, broadcast: a BAM, then its packets (SAE J1939-21 5.10; SPEC 5). Connections between
+//! two controllers are refused.
 
 use heapless::Vec;
 
+use super::Outcome;
+use super::request::is_controller;
 use crate::frame::Frame;
 use crate::time::{Duration, Instant, NEVER, after, since};
 use crate::wire::j1939_id::{Address, Format, J1939Id, Pgn};
-use crate::wire::tp::{Announcement, PACKET_LEN, Packet};
+use crate::wire::tp::{self, Abort, Announcement, PACKET_LEN, Packet};
 
 /// The time from one packet to the next (A): between the 50 ms and 200 ms that the standard allows, far enough from both
 /// that a packet which waits for a busy bus stays within them.
@@ -13,6 +16,22 @@ pub const PACKET_SPACING: Duration = Duration::from_millis(100);
 
 /// The longest time from one packet to the next that a receiver bears (T1).
 pub const MAX_GAP: Duration = Duration::from_millis(750);
+
+/// The longest time from one frame of a message to the next, and from its start to its announcement (J1939-21 5.13.3):
+/// a sender that the bus keeps waiting for longer gives the whole message up.
+pub const SEND_GAP: Duration = Duration::from_millis(200);
+
+/// The reason of a connection abort (A): the resources are needed for another task.
+const REFUSAL_REASON: u8 = 2;
+
+/// Returns the connection abort that answers a request to send (RTS) to `own`: only broadcasts are received. Other frames of
+/// connections are not answered, nor is a sender without an address.
+#[must_use]
+pub fn refuse_connection(id: J1939Id, frame: &Frame, own: Address) -> Option<Frame> {
+    let pgn = tp::request_to_send(frame.eight()?)?;
+    let sender = id.source();
+    is_controller(sender).then(|| Abort { reason: REFUSAL_REASON, pgn }.frame(sender, own))
+}
 
 /// Why a message cannot be sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,10 +46,13 @@ pub enum Refused {
 struct Sending<const SIZE: usize> {
     announcement: Announcement,
     payload: Vec<u8, SIZE>,
-    /// The next packet; 0 is the announcement.
+    /// The next frame, or the one in the controller; 0 is the announcement.
     sequence: u8,
-    /// [`NEVER`] until the frame that was handed out is on the bus.
+    in_controller: bool,
+    /// When that frame is owed; [`NEVER`] once it is.
     due: Instant,
+    /// When that frame has to be on the bus.
+    give_up: Instant,
 }
 
 /// Sends messages of up to `SIZE` bytes to all, one at a time.
@@ -40,7 +62,7 @@ pub struct BamSender<const SIZE: usize> {
 }
 
 impl<const SIZE: usize> BamSender<SIZE> {
-    /// A sender that has nothing to send.
+    /// Returns a sender without a message.
     #[must_use]
     pub const fn new() -> Self {
         Self { sending: None }
@@ -56,65 +78,88 @@ impl<const SIZE: usize> BamSender<SIZE> {
         }
         let size = u16::try_from(payload.len()).map_err(|_| Refused::Size)?;
         let announcement = Announcement::new(pgn, size).ok_or(Refused::Size)?;
-        self.sending = Some(Sending { announcement, payload, sequence: 0, due: now });
+        let give_up = after(now, SEND_GAP);
+        self.sending = Some(Sending { announcement, payload, sequence: 0, in_controller: false, due: now, give_up });
         Ok(())
     }
 
-    /// Whether a message is under way.
+    /// Returns whether a message is under way.
     #[must_use]
     pub const fn is_busy(&self) -> bool {
         self.sending.is_some()
     }
 
-    /// Leaves off: the bus cannot be used, or the address is lost.
-    pub fn cancel(&mut self) {
-        self.sending = None;
+    /// Gives the message up: the bus cannot be used, or the address is lost. Returns whether there was one.
+    pub fn cancel(&mut self) -> bool {
+        self.sending.take().is_some()
     }
 
-    /// The frame that is due, from `source`. The next one is due [`PACKET_SPACING`] after this one was [`sent`](Self::sent):
-    /// on a bus that is busy for longer than that, packets must not follow each other at once.
+    /// Owes the frame that is due, or gives the message up when the bus kept it waiting for longer than [`SEND_GAP`].
     #[must_use]
-    pub fn poll(&mut self, source: Address, now: Instant) -> Option<Frame> {
-        let sending = self.sending.as_mut().filter(|sending| now >= sending.due)?;
-        let sequence = sending.sequence;
-        let frame = match sequence.checked_sub(1) {
+    pub fn poll(&mut self, now: Instant) -> Outcome {
+        match &mut self.sending {
+            Some(sending) if now >= sending.give_up => {
+                self.sending = None;
+                Outcome::GivenUp
+            }
+            Some(sending) if now >= sending.due => {
+                sending.due = NEVER;
+                Outcome::Owed
+            }
+            _ => Outcome::Nothing,
+        }
+    }
+
+    /// Returns the group of the next frame, or of the one in the controller.
+    #[must_use]
+    pub fn pgn(&self) -> Pgn {
+        match &self.sending {
+            Some(Sending { sequence: 0, .. }) => Pgn::TP_CONNECTION,
+            _ => Pgn::TP_DATA,
+        }
+    }
+
+    /// Renders the next frame, which is the controller's until it is [`sent`](Self::sent) or
+    /// [taken back](Self::take_back).
+    #[must_use]
+    pub fn render(&mut self, source: Address) -> Option<Frame> {
+        let sending = self.sending.as_mut()?;
+        (sending.in_controller, sending.due) = (true, NEVER);
+        Some(match sending.sequence.checked_sub(1) {
             None => sending.announcement.frame(source),
             Some(index) => {
                 let rest = sending.payload.chunks(PACKET_LEN).nth(index.into()).unwrap_or_default();
-                Packet::new(sequence, rest).frame(source)
+                Packet::new(sending.sequence, rest).frame(source)
             }
-        };
-        if sequence == sending.announcement.packets {
+        })
+    }
+
+    /// Notes that the controller could not take the frame: it is owed still.
+    pub const fn take_back(&mut self) {
+        if let Some(sending) = &mut self.sending {
+            sending.in_controller = false;
+        }
+    }
+
+    /// Notes that the frame in the controller is on the bus. The next one is due [`PACKET_SPACING`] later: on a busy bus,
+    /// packets must not follow each other at once.
+    pub fn sent(&mut self, now: Instant) {
+        let Some(sending) = self.sending.as_mut().filter(|sending| sending.in_controller) else { return };
+        if sending.sequence == sending.announcement.packets {
             self.sending = None;
         } else {
-            sending.sequence = sequence.saturating_add(1);
-            sending.due = NEVER;
-        }
-        Some(frame)
-    }
-
-    /// Whether a frame was handed out of which is not known yet that it is on the bus.
-    #[inline]
-    #[must_use]
-    pub fn is_handed_out(&self) -> bool {
-        self.sending.as_ref().is_some_and(|sending| sending.due == NEVER)
-    }
-
-    /// What was handed out is on the bus: the distance to the next packet counts from here.
-    pub fn sent(&mut self, now: Instant) {
-        if let Some(sending) = self.sending.as_mut().filter(|sending| sending.due == NEVER) {
+            sending.sequence = sending.sequence.saturating_add(1);
+            sending.in_controller = false;
             sending.due = after(now, PACKET_SPACING);
+            sending.give_up = after(now, SEND_GAP);
         }
     }
 
-    /// When [`poll`](Self::poll) is next due.
+    /// Returns when [`poll`](Self::poll) is next due.
     #[inline]
     #[must_use]
-    pub const fn deadline(&self) -> Instant {
-        match &self.sending {
-            Some(sending) => sending.due,
-            None => NEVER,
-        }
+    pub fn deadline(&self) -> Instant {
+        self.sending.as_ref().map_or(NEVER, |sending| sending.due.min(sending.give_up))
     }
 }
 

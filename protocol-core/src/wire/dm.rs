@@ -85,8 +85,8 @@ pub const fn single(trouble: Option<Trouble>) -> [u8; 8] {
 /// The message of several, as the transport protocol carries it: the lamp is the most severe of them. What does not fit
 /// `N` bytes, see [`payload_len`], is left out.
 #[must_use]
-pub fn payload<const N: usize>(troubles: &[Trouble]) -> Vec<u8, N> {
-    let lamp = troubles.iter().map(|trouble| trouble.lamp).max().unwrap_or(Lamp::OFF);
+pub fn payload<const N: usize>(troubles: impl Iterator<Item = Trouble> + Clone) -> Vec<u8, N> {
+    let lamp = troubles.clone().map(|trouble| trouble.lamp).max().unwrap_or(Lamp::OFF);
     let mut payload = Vec::new();
     let mut room = payload.extend_from_slice(&[lamp.0, FLASH_STATUS]).is_ok();
     for trouble in troubles {
@@ -134,20 +134,20 @@ mod tests {
     #[test]
     fn payloads_as_the_manual_prints_them() {
         let bytes = [0x10, 0xFF, 0xEC, 0x8F, 0x87, 0x7F, 0x73, 0x02, 0x04, 0x01];
-        assert_eq!(payload::<{ payload_len(2) }>(&[NOT_AT_SET_POINT, SUPPLY_LOW]), bytes);
-        assert_eq!(payload::<34>(&[]), [0x00, 0xFF]);
+        assert_eq!(payload::<{ payload_len(2) }>([NOT_AT_SET_POINT, SUPPLY_LOW].into_iter()), bytes);
+        assert_eq!(payload::<34>(core::iter::empty()), [0x00, 0xFF]);
     }
 
     #[test]
     fn the_lamp_is_the_most_severe() {
-        assert_eq!(payload::<34>(&[SUPPLY_LOW, NOT_AT_SET_POINT, SUPPLY_LOW]).first(), Some(&0x10));
-        assert_eq!(payload::<34>(&[SUPPLY_LOW, SUPPLY_LOW]).first(), Some(&0x04));
+        assert_eq!(payload::<34>([SUPPLY_LOW, NOT_AT_SET_POINT, SUPPLY_LOW].into_iter()).first(), Some(&0x10));
+        assert_eq!(payload::<34>([SUPPLY_LOW, SUPPLY_LOW].into_iter()).first(), Some(&0x04));
     }
 
     #[test]
     fn whole_codes_or_none() {
-        assert_eq!(payload::<9>(&[SUPPLY_LOW, NOT_AT_SET_POINT]), [0x10, 0xFF, 0x73, 0x02, 0x04, 0x01]);
-        assert_eq!(payload::<1>(&[SUPPLY_LOW]), []);
+        assert_eq!(payload::<9>([SUPPLY_LOW, NOT_AT_SET_POINT].into_iter()), [0x10, 0xFF, 0x73, 0x02, 0x04, 0x01]);
+        assert_eq!(payload::<1>([SUPPLY_LOW].into_iter()), []);
     }
 
     #[test]
@@ -160,7 +160,7 @@ mod tests {
     fn both_forms_are_read_back() {
         assert_eq!(read(&single(Some(SUPPLY_LOW))), Some((0x04, vec![(0x040273, 1)])));
         assert_eq!(read(&single(None)), Some((0x00, vec![])));
-        let several = payload::<34>(&[NOT_AT_SET_POINT, SUPPLY_LOW]);
+        let several = payload::<34>([NOT_AT_SET_POINT, SUPPLY_LOW].into_iter());
         assert_eq!(read(&several), Some((0x10, vec![(0x878FEC, 127), (0x040273, 1)])));
         for short in 0..6 {
             assert_eq!(read(&NONE[..short]), None);

@@ -1,7 +1,7 @@
 //! J1939 identifiers: priority, parameter group number, destination or group extension, source (SAE J1939-21 5.2;
 //! ISO 11783-3).
 
-use crate::frame::{Frame, Id, extended};
+use crate::frame::{Frame, Id, extended, key};
 
 /// An address on the bus. 0–253 are those of controllers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -157,6 +157,9 @@ impl Priority {
     }
 }
 
+/// Extended data page and data page.
+const BOTH_PAGES: u32 = 3 << 24;
+
 /// A 29-bit identifier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct J1939Id(u32);
@@ -203,6 +206,20 @@ impl J1939Id {
     #[must_use]
     pub const fn id(self) -> Id {
         Id::Extended(extended(self.0))
+    }
+
+    /// The identifier as a frame's key.
+    #[inline]
+    #[must_use]
+    pub fn key(self) -> u32 {
+        key(self.id())
+    }
+
+    /// Whether this is an identifier of J1939: both page bits set are another protocol's (ISO 11783-3).
+    #[inline]
+    #[must_use]
+    pub const fn is_j1939(self) -> bool {
+        self.0 & BOTH_PAGES != BOTH_PAGES
     }
 
     /// The priority.

@@ -1,4 +1,5 @@
-//! Transport protocol: the broadcast announce message (BAM) and its data packets (SAE J1939-21 5.10).
+//! Transport protocol: the broadcast announce message (BAM) and its data packets; the request for a connection and its
+//! refusal (SAE J1939-21 5.10).
 
 use super::j1939_id::{Address, J1939Id, Pgn, Priority};
 use crate::frame::Frame;
@@ -12,8 +13,14 @@ pub const MIN_SIZE: u16 = 9;
 /// The most bytes: 255 packets.
 pub const MAX_SIZE: u16 = 1785;
 
-/// The control byte of a BAM; the others of TP.CM belong to connections between two nodes.
+/// The control byte of a BAM.
 const BAM: u8 = 0x20;
+
+/// The control byte of a request to send (RTS), which asks for a connection.
+const REQUEST_TO_SEND: u8 = 0x10;
+
+/// The control byte of a connection abort.
+const ABORT: u8 = 0xFF;
 
 /// What fills a packet behind the payload, and reserved bytes.
 const FILL: u8 = 0xFF;
@@ -68,6 +75,40 @@ impl Announcement {
     #[must_use]
     pub fn frame(self, source: Address) -> Frame {
         Frame::full(J1939Id::global(Priority::TRANSPORT, Pgn::TP_CONNECTION, source).id(), self.emit())
+    }
+}
+
+/// Returns the group that a request to send (RTS) announces; `None` for another control byte.
+#[must_use]
+pub const fn request_to_send(bytes: &[u8; 8]) -> Option<Pgn> {
+    match *bytes {
+        [REQUEST_TO_SEND, _, _, _, _, low, middle, high] => Some(Pgn::from_bytes([low, middle, high])),
+        _ => None,
+    }
+}
+
+/// A connection abort.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Abort {
+    /// The reason, by the table of the standard.
+    pub reason: u8,
+    /// The group of the connection.
+    pub pgn: Pgn,
+}
+
+impl Abort {
+    /// The abort in eight bytes.
+    #[must_use]
+    pub const fn emit(self) -> [u8; 8] {
+        let [low, middle, high] = self.pgn.to_bytes();
+        [ABORT, self.reason, FILL, FILL, FILL, low, middle, high]
+    }
+
+    /// `1CECssyy: FF reason FF FF FF pgn`, to the controller at `destination`.
+    #[must_use]
+    pub fn frame(self, destination: Address, source: Address) -> Frame {
+        let id = J1939Id::new(Priority::TRANSPORT, Pgn::TP_CONNECTION, destination, source);
+        Frame::full(id.id(), self.emit())
     }
 }
 
@@ -153,6 +194,17 @@ mod tests {
             assert_eq!((parsed.size, parsed.packets), (size, packets));
             assert!(!parsed.is_sound(), "{size} {packets}");
         }
+    }
+
+    #[test]
+    fn a_request_for_a_connection_and_its_abort() {
+        let pgn = Pgn::new(0x00_FED8);
+        assert_eq!(request_to_send(&[0x10, 9, 0, 2, 0xFF, 0xD8, 0xFE, 0]), Some(pgn));
+        for control in (0..=0xFF).filter(|control| *control != REQUEST_TO_SEND) {
+            assert_eq!(request_to_send(&[control, 9, 0, 2, 0xFF, 0xD8, 0xFE, 0]), None);
+        }
+        let abort = Abort { reason: 2, pgn }.frame(TOOL, Address::new(0x83));
+        assert_eq!(abort.to_string(), "1CEC2783: FF 02 FF FF FF D8 FE 00");
     }
 
     #[test]

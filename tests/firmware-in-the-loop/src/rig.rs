@@ -298,7 +298,7 @@ impl Board {
     fn exchange(&mut self, world: &mut World) {
         self.follow_reset(world);
         let mut shared = self.connections.can.lock();
-        for (at, event) in world.take_events(self.controller).into_iter().flatten() {
+        for (at, event) in world.take_wire_events(self.controller).into_iter().flatten() {
             match event {
                 WireEvent::Begins { own: true } => self.sending_since = at,
                 WireEvent::Sent => self.last_sent = Some(since(at, self.sending_since)),

@@ -76,16 +76,20 @@ fn a_valve_on_isobus_listens_to_its_groups() {
         "18EEFF83: 00",
         "18ECFF27: 20",
         "18EBFF27: 01",
+        "18EC8327: 10",
         "1BC78883: 03",
+        // whatever another sends under the valve's address
+        "18FECA83: 00",
+        "18EF2783: 00",
     ];
     let others = [
         "0CFE3427: 00",
         "0DFE3327: 00",
         "18EA8427: 00 EE 00",
         "18EEFF84: 00",
-        "18EC8327: 20",
+        "18EC8427: 10",
         "18EB8327: 01",
-        "18FECA83: 00",
+        "18FECA84: 00",
         "1BC78884: 03",
         "333: 00",
         "000: 01 00",

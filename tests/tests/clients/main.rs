@@ -1,11 +1,12 @@
 //! Unmodified clients, over python-can's socketcand interface, against the `pve-sim` process that users run: python-canopen
-//! here, can-j1939 in `isobus`.
+//! here, can-j1939 in `isobus`, others in `strangers`.
 //!
-//! `./test` makes the virtual environment `.venv` with the clients; the scripts are in `tests/clients/`, one subject each.
+//! `./test` makes the virtual environment `target/venv` with the clients; the scripts are in `tests/clients/`, one subject each.
 
 mod command_line;
 mod isobus;
 mod simulator;
+mod strangers;
 
 use std::ffi::OsStr;
 
@@ -24,9 +25,11 @@ fn serve(script: &str, options: &[&str]) {
 
 #[test]
 fn boots_goes_active_and_moves_the_spool() {
-    let simulator = Simulator::start(&UNHURRIED);
-    simulator.serve("boot.py", &["11149437"]);
-    simulator.terminate();
+    for speed in [&UNHURRIED[..], &[]] {
+        let simulator = Simulator::start(speed);
+        simulator.serve("boot.py", &["11149437"]);
+        simulator.terminate();
+    }
 }
 
 #[test]
@@ -88,7 +91,7 @@ fn takes_another_bit_rate_by_lss() {
         [("activate", None), ("forgotten", None), ("deaf", Some("250k")), ("found", Some("500k")), ("found", None)]
     {
         let rate = rate.map_or_else(Vec::new, |rate| vec!["--bit-rate", rate]);
-        let simulator = Simulator::start(&[&["--state", state], &rate[..]].concat());
+        let simulator = Simulator::start(&[&["--error-frames", "--state", state], &rate[..]].concat());
         simulator.serve("bit_timing.py", &[phase]);
         simulator.terminate();
     }

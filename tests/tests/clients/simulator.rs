@@ -17,8 +17,7 @@ const PATIENCE: Duration = Duration::from_secs(30);
 
 /// The binary beside this test's own, built afresh: a test of a stale one would say nothing.
 pub(crate) static PVE_SIM: LazyLock<PathBuf> = LazyLock::new(|| {
-    let test = env::current_exe().expect("the test knows its own path");
-    let profile = test.parent().and_then(Path::parent).expect("tests lie in target/<profile>/deps");
+    let profile = profile();
     let mut build = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     build.args(["build", "--quiet", "--package", "hal-sim", "--bin", "pve-sim"]).current_dir(root());
     if profile.file_name() == Some(OsStr::new("release")) {
@@ -27,6 +26,12 @@ pub(crate) static PVE_SIM: LazyLock<PathBuf> = LazyLock::new(|| {
     assert!(build.status().expect("cargo runs").success(), "pve-sim does not build");
     profile.join("pve-sim")
 });
+
+/// Where this test's profile is built: `target/<profile>`.
+fn profile() -> PathBuf {
+    let test = env::current_exe().expect("the test knows its own path");
+    test.parent().and_then(Path::parent).expect("tests lie in target/<profile>/deps").to_owned()
+}
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
@@ -84,9 +89,15 @@ impl Simulator {
         simulator
     }
 
-    /// Runs a script against it, and shows all there is to see when it fails.
-    pub(crate) fn serve(&self, script: &str, arguments: &[&str]) {
-        let python = env::var_os("CLIENTS_PYTHON").map_or_else(|| root().join(".venv/bin/python"), PathBuf::from);
+    /// Its process.
+    pub(crate) fn id(&self) -> u32 {
+        self.process.id()
+    }
+
+    /// Runs a script against it, and shows all there is to see when it fails; returns what the script printed.
+    pub(crate) fn serve(&self, script: &str, arguments: &[&str]) -> String {
+        let venv = || profile().with_file_name("venv").join("bin/python");
+        let python = env::var_os("CLIENTS_PYTHON").map_or_else(venv, PathBuf::from);
         let run = Command::new(&python)
             .arg(root().join("tests/clients").join(script))
             .args(&self.address)
@@ -102,6 +113,7 @@ impl Simulator {
             String::from_utf8_lossy(&run.stderr),
             self.said(),
         );
+        String::from_utf8_lossy(&run.stdout).into_owned()
     }
 
     /// Ends it as a user does, and sees it end well.

@@ -249,7 +249,6 @@ fn estimated_flow_after_a_pause_of_the_platform() {
 
 /// On a busy bus only the latest waits.
 #[test]
-#[ignore = "the stale flow in the mailbox is sent, and the present one after it"]
 fn a_held_bus_gets_the_latest_flow_alone() {
     let mut valve = Rig::claimed();
     valve.hold_bus(true);

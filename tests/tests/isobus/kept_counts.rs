@@ -34,7 +34,6 @@ fn shut_down() -> Rig {
 
 /// Key-off during a shutdown: a fault whose count was written is previously active then.
 #[test]
-#[ignore = "the fault is in no list after the start"]
 fn key_off_in_a_shutdown() {
     let mut valve = shut_down();
     valve.exchange(DM2_REQUEST, &[DM2_NONE]);
@@ -44,7 +43,6 @@ fn key_off_in_a_shutdown() {
 
 /// Key-off while the fault is active; at the next start its cause is gone.
 #[test]
-#[ignore = "the fault is in no list after the start"]
 fn key_off_with_an_active_fault() {
     let mut valve = Rig::claimed();
     valve.sense(|senses| senses.internal_fault = true);
@@ -65,7 +63,6 @@ fn key_off_with_an_active_fault() {
 
 /// What DM3 says is cleared, is: the next occurrence is the first.
 #[test]
-#[ignore = "DM3 says cleared, and the count goes on"]
 fn dm3_after_key_off_in_a_shutdown() {
     for again in [false, true] {
         let mut valve = shut_down();
@@ -82,7 +79,6 @@ fn dm3_after_key_off_in_a_shutdown() {
 
 /// Faults of the spool, which share a position and not a counter.
 #[test]
-#[ignore = "the fault is in no list after the start"]
 fn key_off_with_a_stuck_spool() {
     let mut valve = Rig::claimed();
     valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
@@ -102,7 +98,6 @@ fn key_off_with_a_stuck_spool() {
 
 /// Until the memory has refused: the acknowledgement is negative when it was asked for by one, and nothing is cleared.
 #[test]
-#[ignore = "no answer at all"]
 fn dm3_with_a_failing_memory() {
     for (request, answer) in
         [(DM3_REQUEST, Some(DM3_REFUSED)), ("18EA83F9: CC FE 00", Some("18E8FF83: 01 FF FF FF F9 CC FE 00"))]
@@ -157,7 +152,6 @@ fn a_power_cut_at_the_acknowledgement() {
 
 /// A fault between the store of a commanded address and the restart is written before it.
 #[test]
-#[ignore = "a count that falls while the restart waits for the bus is lost"]
 fn a_count_that_falls_while_a_restart_waits() {
     let mut valve = Rig::claimed();
     valve.hold_bus(true);
@@ -176,7 +170,6 @@ fn a_count_that_falls_while_a_restart_waits() {
 
 /// The same while it waits for the memory.
 #[test]
-#[ignore = "a count that falls while the fault log is written before the restart is lost"]
 fn a_count_that_falls_while_the_memory_writes() {
     for at in [10, 50, 60, 99, 110] {
         let mut valve = Rig::claimed();
@@ -200,7 +193,6 @@ fn a_count_that_falls_while_the_memory_writes() {
 
 /// Three requests that one write serves, or two: each has its acknowledgement.
 #[test]
-#[ignore = "of three requests for one write the third is taken for the second"]
 fn each_dm3_is_acknowledged() {
     let mut valve = shut_down();
     valve.recover();

@@ -24,7 +24,6 @@ fn falls_silent(valve: &mut Rig, what: &str) {
 }
 
 #[test]
-#[ignore = "the frame in the mailbox is sent"]
 fn what_waits_in_the_controller() {
     for request in REQUESTS {
         let mut valve = Rig::with_two_previously_active();
@@ -37,7 +36,6 @@ fn what_waits_in_the_controller() {
 
 /// Three frames in the mailboxes, and those that they displaced.
 #[test]
-#[ignore = "the frames in the mailboxes are sent, and those that they displaced"]
 fn what_was_displaced_in_the_controller() {
     let mut valve = Rig::with_two_previously_active();
     valve.hold_bus(true);
@@ -50,7 +48,6 @@ fn what_was_displaced_in_the_controller() {
 
 /// Between two packets.
 #[test]
-#[ignore = "the packet in the mailbox is sent"]
 fn a_bam_under_way() {
     let mut valve = Rig::with_two_previously_active();
     // The packet falls due between two estimated flows.
@@ -71,7 +68,6 @@ fn a_bam_under_way() {
 
 /// The claim itself has not left the controller.
 #[test]
-#[ignore = "the claim in the mailbox is sent after the address was lost"]
 fn a_claim_that_waits() {
     let mut valve = Rig::claimed();
     valve.hold_bus(true);
@@ -93,7 +89,6 @@ fn what_waits_for_the_memory() {
 
 /// A lost valve is commanded by nobody: fault 8, which no command can end, is not shown.
 #[test]
-#[ignore = "fault 8 stays active: the LED flashes red for ever"]
 fn no_time_guarding_without_an_address() {
     let mut valve = Rig::claimed();
     valve.send(EXTEND);

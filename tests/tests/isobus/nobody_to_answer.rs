@@ -7,7 +7,6 @@ use tests::isobus::BLOCK;
 const NOBODY: [&str; 2] = ["FE", "FF"];
 
 #[test]
-#[ignore = "a refusal to 0xFE or 0xFF is sent"]
 fn no_refusal() {
     for source in NOBODY {
         for group in ["00 FF 00", "10 FE 00", "D8 FE 00"] {
@@ -18,7 +17,6 @@ fn no_refusal() {
 
 /// DM3 is obeyed, and nobody is told, whatever the memory says.
 #[test]
-#[ignore = "an acknowledgement to 0xFE or 0xFF is sent"]
 fn no_acknowledgement() {
     for source in NOBODY {
         for fails in [false, true] {

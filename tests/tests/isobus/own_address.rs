@@ -28,7 +28,6 @@ const OTHER: [&str; 6] = [
 ];
 
 #[test]
-#[ignore = "nobody is told that the address is taken"]
 fn a_foreign_frame_is_answered_by_a_claim() {
     for frame in FOREIGN {
         let mut valve = Rig::claimed();
@@ -40,7 +39,6 @@ fn a_foreign_frame_is_answered_by_a_claim() {
 
 /// One claim in 5 s, whatever comes.
 #[test]
-#[ignore = "nobody is told that the address is taken"]
 fn not_again_for_five_seconds() {
     let mut valve = Rig::claimed();
     valve.exchange(FOREIGN[0], &[CLAIM]);
@@ -64,7 +62,6 @@ fn not_again_for_five_seconds() {
 
 /// A request under its own address is answered, and so is the one who took it; an AVC acts.
 #[test]
-#[ignore = "nobody is told that the address is taken"]
 fn it_is_served_all_the_same() {
     let mut valve = Rig::claimed();
     valve.send("18EA8383: CB FE 00");

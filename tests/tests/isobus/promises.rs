@@ -159,7 +159,6 @@ proptest! {
 
     /// One second after the bus is free the last DM1 tells the present state.
     #[test]
-    #[ignore = "of a long block the oldest DM1s are sent, and the last word is dropped"]
     fn the_last_dm1_is_true(
         events in vec(prop_oneof![6 => time(), 8 => faults(), 2 => request(), 3 => blocks(), 1 => memory()], 0..80),
         blocked in vec(prop_oneof![2 => time(), 8 => faults(), 1 => request()], 0..40),
@@ -181,7 +180,6 @@ proptest! {
 
     /// Every BAM is whole or given up: no packet without the one before it, none out of time.
     #[test]
-    #[ignore = "packets are pushed out of the queue, or sent after the gap"]
     fn every_bam_is_whole_or_given_up(events in vec(
         prop_oneof![
             8 => time(),
@@ -209,7 +207,6 @@ proptest! {
 
     /// However long the bus is blocked, each request is answered or counted as dropped; a claim that was asked for is sent.
     #[test]
-    #[ignore = "of three requests for one write the third is taken for the second"]
     fn each_request_is_answered_or_counted(events in vec(
         prop_oneof![
             12 => (0..REQUESTS.len()).prop_map(Asked::Request),
@@ -245,7 +242,6 @@ proptest! {
 
     /// From the loss of the address on nothing leaves but the cannot-claim, whatever waited where.
     #[test]
-    #[ignore = "frames in the mailboxes leave under the lost address"]
     fn nothing_leaves_under_a_lost_address(
         before in vec(prop_oneof![4 => time(), 3 => faults(), 8 => request(), 4 => blocks(), 1 => memory()], 0..60),
         after in vec(prop_oneof![4 => time(), 3 => faults(), 8 => request(), 4 => blocks(), 1 => memory()], 0..60),

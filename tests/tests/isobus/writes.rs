@@ -21,7 +21,6 @@ fn writes(valve: &mut Rig) {
 }
 
 #[test]
-#[ignore = "refused with conditions not correct, 0x22"]
 fn uds_waits_for_the_first_start() {
     let mut valve = Rig::claimed();
     valve.records.clear();
@@ -32,7 +31,6 @@ fn uds_waits_for_the_first_start() {
 }
 
 #[test]
-#[ignore = "refused with conditions not correct, 0x22"]
 fn uds_waits_for_the_fault_log() {
     let mut valve = Rig::claimed();
     valve.write_time = Duration::from_millis(500);
@@ -43,7 +41,6 @@ fn uds_waits_for_the_fault_log() {
 }
 
 #[test]
-#[ignore = "refused with conditions not correct, 0x22"]
 fn uds_waits_for_dm3() {
     let mut valve = Rig::with_two_previously_active();
     valve.write_time = Duration::from_millis(50);
@@ -64,7 +61,6 @@ fn uds_does_not_wait_for_another_client() {
 
 /// A client that repeats DM3 while it is carried out: one more write at the most.
 #[test]
-#[ignore = "of three requests for one write the third is taken for the second"]
 fn a_dm3_repeated_many_times() {
     let mut valve = Rig::with_two_previously_active();
     valve.advance_cyclic(20_000, BLOCK);

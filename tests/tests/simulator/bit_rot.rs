@@ -105,8 +105,9 @@ impl Stored {
 
     /// The bits of all words that are written.
     fn bits_in_use(&self) -> impl Iterator<Item = usize> {
-        let words = self.flash.image().chunks_exact(WORD).enumerate();
-        words.filter(|(_, word)| *word != [0xFF; WORD]).flat_map(|(at, _)| at * WORD * 8..(at + 1) * WORD * 8)
+        let image = self.flash.image();
+        let words = image.chunks_exact(WORD).enumerate().filter(|(_, word)| *word != [0xFF; WORD]);
+        words.flat_map(|(at, _)| at * WORD * 8..(at + 1) * WORD * 8).collect::<Vec<_>>().into_iter()
     }
 }
 

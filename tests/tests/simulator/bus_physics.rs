@@ -1,11 +1,8 @@
 //! The bus as physics, with real valves on it: bit rates that differ, bus-off and the way back, a valve alone, valves that
 //! share a node ID, noise (SPEC 2, 4.2; ISO 11898-1).
 
-use std::sync::{Arc, Mutex};
-
 use hal_sim::bus::{BitErrors, DestroyNext};
-use hal_sim::world::{OnBus, TraceEvent};
-use hal_sim::{Memory, NodeId};
+use hal_sim::{Event, EventKind, Memory, NodeId};
 use protocol_core::actuator::Color;
 use protocol_core::controller::{BitRate, BusErrorMode};
 use protocol_core::device::pve::{Kind, Setup};
@@ -22,18 +19,18 @@ fn activate(bench: &mut Bench) {
     }
 }
 
-/// Everything that is on the bus from now on.
-fn watch(bench: &mut Bench) -> Arc<Mutex<Vec<TraceEvent>>> {
-    let seen = Arc::new(Mutex::new(Vec::new()));
-    let sink = seen.clone();
-    bench.world.set_observer(Box::new(move |event| sink.lock().unwrap().push(event.clone())));
-    seen
+/// Records everything from now on.
+fn watch(bench: &mut Bench) {
+    bench.world.record_events(true);
 }
 
-/// The errors among them.
-fn errors(seen: &Arc<Mutex<Vec<TraceEvent>>>) -> usize {
-    seen.lock().unwrap().iter().filter(|event| matches!(event.what, OnBus::Error { .. })).count()
+/// The error frames since this was last asked.
+fn errors(bench: &mut Bench) -> usize {
+    bench.world.take_events().filter(Event::is_error_frame).count()
 }
+
+/// A controller goes bus-off.
+const BUS_OFF: EventKind = EventKind::ErrorMode { from: BusErrorMode::ErrorPassive, to: BusErrorMode::BusOff };
 
 fn bits(count: u64, rate: BitRate) -> Duration {
     Duration::from_nanos(count * 1_000_000_000 / u64::from(rate.bits_per_second()))
@@ -59,13 +56,13 @@ fn bus_off_and_the_way_back() {
     bench.take();
     // Whatever the valve sends is destroyed 32 times: that is 8 for each, and 256 is too many.
     bench.world.inject(DestroyNext::frames_of("valve-1", 32));
-    let seen = watch(&mut bench);
+    watch(&mut bench);
     bench.send("220: 0F 00 00 20");
     let passive = run_to(&mut bench, |bench| bench.mode(valve) == BusErrorMode::ErrorPassive);
-    assert_eq!((bench.errors(valve).transmit_errors(), errors(&seen)), (128, 16));
+    assert_eq!((bench.errors(valve).transmit_errors(), errors(&mut bench)), (128, 16));
     assert!(bench.outputs(valve).solenoids, "error-passive is no fault");
     let off = run_to(&mut bench, |bench| bench.mode(valve) == BusErrorMode::BusOff);
-    assert!(off > passive && errors(&seen) == 32);
+    assert!(off > passive && errors(&mut bench) == 16);
     // The CAN error, at once: solenoids off, LED red, and neither frame nor acknowledgement.
     assert!(!bench.outputs(valve).solenoids);
     let led = bench.outputs(valve).led;
@@ -175,13 +172,14 @@ fn use_case_5_with_a_master_that_is_late() {
     bench.run_for(10);
     assert_eq!(bench.world.port(valve).bit_rate(), BitRate::Kbit500);
     bench.take();
-    let seen = watch(&mut bench);
+    watch(&mut bench);
     for _ in 0..10 {
         bench.send("080:");
         bench.run_for(100);
     }
     // Each disturbs the other until it is error-passive, and no further.
-    assert!(errors(&seen) > 20, "{}", errors(&seen));
+    let seen = errors(&mut bench);
+    assert!(seen > 20, "{seen}");
     assert_eq!(bench.take(), [""; 0], "nothing is heard");
     assert_eq!(bench.mode(valve), BusErrorMode::ErrorPassive);
     assert_eq!(bench.world.tap_port(bench.master).mode(), BusErrorMode::ErrorPassive);
@@ -235,11 +233,12 @@ fn a_valve_with_the_wrong_bit_rate_harms_nobody_for_long() {
     };
     assert_eq!(cycle(&mut bench, 5), 5);
     assert_eq!(bench.read(0x21, 0x6041, 0), Some(0x0F));
-    let seen = watch(&mut bench);
+    watch(&mut bench);
     bench.world.power(intruder, true);
     assert_eq!(cycle(&mut bench, 50), 50, "no cycle is lost, and none is late enough for the time guarding");
-    assert!(errors(&seen) > 32);
-    assert!(seen.lock().unwrap().iter().all(|event| event.frame().is_none() || event.from.as_ref() != "valve-1"));
+    let seen: Vec<Event> = bench.world.take_events().collect();
+    assert!(seen.iter().filter(|event| event.is_error_frame()).count() > 32);
+    assert!(seen.iter().all(|event| event.frame().is_none() || event.who.as_ref() != "valve-1"));
     assert_eq!(bench.read(0x21, 0x6041, 0), Some(0x0F));
     assert_ne!(bench.mode(valve), BusErrorMode::BusOff);
     assert_ne!(bench.mode(intruder), BusErrorMode::ErrorActive);
@@ -263,13 +262,13 @@ fn valves_that_share_a_node_id() {
             bench.add(setup, Memory::in_ram())
         })
         .collect();
-    let seen = watch(&mut bench);
+    watch(&mut bench);
     bench.world.power_all(Duration::from_ticks(0));
     bench.run_for(50);
     // What they say is the same to the last bit: one frame.
-    assert_eq!((bench.take(), errors(&seen)), (vec!["720: 00".to_owned(), CLEARED.to_owned()], 0));
+    assert_eq!((bench.take(), errors(&mut bench)), (vec!["720: 00".to_owned(), CLEARED.to_owned()], 0));
     bench.exchange("620: 40 00 10 00 00 00 00 00", "5A0: 43 00 10 00 98 01 00 00");
-    assert_eq!(errors(&seen), 0);
+    assert_eq!(errors(&mut bench), 0);
     // Here they differ. They collide until they are error-passive; then one after the other gets through, by its bits.
     bench.send("620: 40 18 10 04 00 00 00 00");
     bench.run_for(100);
@@ -277,7 +276,8 @@ fn valves_that_share_a_node_id() {
     answers.sort();
     let expected = ["11 11 11 11", "22 22 22 22", "44 44 44 44"].map(|serial| format!("5A0: 43 18 10 04 {serial}"));
     assert_eq!(answers, expected);
-    assert!((16..50).contains(&errors(&seen)), "{}", errors(&seen));
+    let seen = errors(&mut bench);
+    assert!((16..50).contains(&seen), "{seen}");
     assert!(valves.iter().all(|valve| bench.mode(*valve) != BusErrorMode::BusOff));
     // LSS tells them apart by their serial numbers.
     for (number, serial) in [(1_u8, "22 22 22 22"), (2, "44 44 44 44")] {
@@ -301,7 +301,7 @@ fn valves_that_share_a_node_id() {
 fn noise_delays_frames_and_loses_none() {
     let (mut bench, valve) = Bench::booted();
     activate(&mut bench);
-    let seen = watch(&mut bench);
+    watch(&mut bench);
     // A bit in 1000 is wrong: every tenth frame is destroyed.
     bench.world.inject(BitErrors::one_in(1000, 7).expect("not zero"));
     for cycle in 0..500 {
@@ -309,8 +309,69 @@ fn noise_delays_frames_and_loses_none() {
         bench.run_for(20);
         assert_eq!(bench.take(), ["1A0: 0F 00 00 00"], "cycle {cycle}");
     }
-    assert!((60..140).contains(&errors(&seen)), "{}", errors(&seen));
+    let seen = errors(&mut bench);
+    assert!((60..140).contains(&seen), "{seen}");
     bench.world.clear_injectors();
     assert_eq!(bench.mode(valve), BusErrorMode::ErrorActive);
     assert_eq!(bench.read(0x20, 0x1001, 0), Some(0));
+}
+
+#[test]
+fn valves_on_one_node_id_drive_each_other_bus_off_and_recover() {
+    let mut bench = Bench::default();
+    let valves = [0x1111_1111, 0x2222_2222].map(|serial| {
+        let setup = Setup { serial: Some(serial), ..Setup::new(Kind::PveaCanopen) };
+        bench.add(setup, Memory::in_ram())
+    });
+    bench.world.power_all(Duration::from_ticks(0));
+    bench.run_for(50);
+    bench.take();
+    // Their serial numbers differ: the second one loses the third bit, each time.
+    let mut requests = 0;
+    let seen = |bench: &mut Bench| bench.world.take_events().any(|event| event.what == BUS_OFF);
+    watch(&mut bench);
+    while !seen(&mut bench) {
+        requests += 1;
+        assert!(requests < 40, "{:?}", bench.errors(valves[1]));
+        bench.send("620: 40 18 10 04 00 00 00 00");
+        bench.run_for(5);
+    }
+    bench.run_for(100);
+    assert_eq!((bench.mode(valves[1]), bench.errors(valves[1]).transmit_errors()), (BusErrorMode::ErrorActive, 0));
+    assert!(requests > 15, "{requests} requests");
+    assert!(bench.take().contains(&"0A0: 40 81 11 01 00 00 00 00".to_owned()), "it tells that it was bus-off");
+    // Both answer again.
+    bench.send("620: 40 00 10 00 00 00 00 00");
+    bench.run_for(50);
+    assert!(bench.take().contains(&"5A0: 43 00 10 00 98 01 00 00".to_owned()));
+    assert!(valves.iter().all(|valve| bench.mode(*valve) == BusErrorMode::ErrorActive));
+}
+
+#[test]
+fn a_client_that_sends_what_the_valve_sends_does_not_jam_the_bus() {
+    let (mut bench, valve) = Bench::booted();
+    assert!(bench.write(0x20, (0x1017, 0, 2, 100)));
+    bench.world.remove_tap(bench.master);
+    bench.master = bench.world.add_gateway("gateway");
+    while bench.world.port(valve).pending() == 0 {
+        bench.world.step();
+    }
+    // A frame that is on the wire while the next heartbeat falls due: that and the client's own start at the same bit.
+    let due_soon = after(bench.world.now(), Duration::from_micros(99_800));
+    bench.world.run_until(due_soon);
+    bench.send("7FF: 00 00 00 00 00 00 00 00");
+    bench.send("720: 7F");
+    watch(&mut bench);
+    bench.run_for(10);
+    let seen: Vec<Event> = bench.world.take_events().collect();
+    assert_eq!(seen.iter().filter(|event| event.is_error_frame()).count(), 0, "{seen:?}");
+    let frames: Vec<String> = seen.iter().filter_map(Event::frame).map(ToString::to_string).collect();
+    assert_eq!(frames, ["7FF: 00 00 00 00 00 00 00 00", "720: 7F"], "two senders, one frame");
+    assert_eq!((bench.world.pending(bench.master), bench.world.port(valve).pending()), (0, 0));
+    // The bus goes on.
+    bench.send("000: 81 20");
+    bench.run_for(50);
+    let frames: Vec<String> =
+        bench.world.take_events().filter_map(|event| event.frame().map(ToString::to_string)).collect();
+    assert_eq!(frames, ["000: 81 20", "720: 00", CLEARED]);
 }

@@ -1,11 +1,9 @@
 //! A run depends on nothing but what is done and the seed: the traces of two runs are equal to the last byte.
 
-use std::sync::{Arc, Mutex};
-
 use hal_sim::Memory;
 use hal_sim::bus::BitErrors;
 use hal_sim::trace::{ErrorClass, Timestamp, write_error, write_frame};
-use hal_sim::world::{OnBus, SUPPLY_JITTER};
+use hal_sim::world::{EventKind, SUPPLY_JITTER};
 use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::time::Duration;
 use tests::Bench;
@@ -23,17 +21,7 @@ fn trace(seed: u64, jitter: Duration) -> String {
             bench.add(setup, Memory::in_ram())
         })
         .collect();
-    let trace = Arc::new(Mutex::new(String::new()));
-    let sink = trace.clone();
-    let start = Timestamp::from_micros(1_700_000_000_000_000);
-    bench.world.set_observer(Box::new(move |event| {
-        let mut out = sink.lock().unwrap();
-        match &event.what {
-            OnBus::Frame(frame) => write_frame(&mut out, start.at(event.at), "pve0", frame),
-            OnBus::Error { .. } => write_error(&mut out, start.at(event.at), "pve0", ErrorClass::BusError),
-        }
-        out.push('\n');
-    }));
+    bench.world.record_events(true);
     bench.world.power_all(jitter);
     bench.run_for(100);
     bench.world.inject(BitErrors::one_in(20_000, 1).expect("not zero"));
@@ -56,7 +44,17 @@ fn trace(seed: u64, jitter: Duration) -> String {
         }
         bench.run_for(20);
     }
-    trace.lock().unwrap().clone()
+    let start = Timestamp::from_micros(1_700_000_000_000_000);
+    let mut trace = String::new();
+    for event in bench.world.take_events() {
+        match &event.what {
+            EventKind::Frame { frame, .. } => write_frame(&mut trace, start.at(event.at), "pve0", frame),
+            EventKind::ErrorFrame { .. } => write_error(&mut trace, start.at(event.at), "pve0", ErrorClass::BusError),
+            _ => continue,
+        }
+        trace.push('\n');
+    }
+    trace
 }
 
 #[test]

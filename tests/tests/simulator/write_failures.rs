@@ -168,7 +168,7 @@ fn a_failure_at_any_write_or_erase_of_a_request_that_empties_a_sector() {
 fn a_memory_that_takes_nothing() {
     for (request, done, failed, _) in REQUESTS {
         let (mut bench, valve) = prepared(&stored());
-        let image = bench.world.memory(valve).flash().image().to_vec();
+        let image = bench.world.memory(valve).flash().image();
         bench.world.memory_mut(valve).set_write_fails(true);
         bench.send(request);
         bench.run_for(100);

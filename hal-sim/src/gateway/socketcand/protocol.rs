@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use protocol_core::frame::{Frame, Id, MAX_LEN, extended, standard};
 
-use crate::trace::{ErrorClass, Timestamp};
+use crate::trace::{ErrorClass, Timestamp, write_hex};
 
 /// The longest message, in bytes between `<` and `>`: that of a client that sends every number in 64 bits has 160.
 pub const MESSAGE_MAX: usize = 256;
@@ -142,7 +142,8 @@ fn send(id: &str, len: &str, bytes: &[&str]) -> Result<Frame, RequestError> {
     Ok(Frame::with_len(id, data, len))
 }
 
-/// Eight digits make an extended identifier, and so does bit 31, the mark of clients that know SocketCAN's `can_id`.
+/// Eight digits make an extended identifier, and so does bit 31, the mark of clients that know SocketCAN's `can_id`: also
+/// as the sign of a number.
 fn identifier(word: &str) -> Result<Id, RequestError> {
     const EXTENDED: u32 = 1 << 31;
     const MAX: u32 = 0x1FFF_FFFF;
@@ -156,16 +157,20 @@ fn identifier(word: &str) -> Result<Id, RequestError> {
     }
 }
 
-/// A hex number of so many bits, written in up to 64: some clients widen everything to that, as signed numbers, so that
-/// 80 becomes ffffffffffffff80.
+/// A hex number of so many bits, as the reference daemon reads it: with or without `0x`, and with a sign or widened to 32
+/// or 64 bits by clients that take it for a signed one, so that 80 becomes -80 or ffffff80.
 fn hex(word: &str, bits: u32) -> Option<u32> {
-    if !word.bytes().all(|digit| digit.is_ascii_hexdigit()) {
+    let (negative, digits) = word.strip_prefix('-').map_or((false, word), |digits| (true, digits));
+    let digits = digits.strip_prefix("0x").or_else(|| digits.strip_prefix("0X")).unwrap_or(digits);
+    if !digits.bytes().all(|digit| digit.is_ascii_hexdigit()) {
         return None;
     }
-    let wide = u64::from_str_radix(word, 16).ok()?;
+    let number = u64::from_str_radix(digits, 16).ok()?;
+    let wide = if negative { number.wrapping_neg() } else { number };
     let narrow = wide & ((1 << bits) - 1);
+    // The highest bit is the sign, and fills all above it.
     let widened = narrow | u64::MAX << (bits - 1);
-    let fits = wide == narrow || wide == widened;
+    let fits = [narrow, widened, widened & u64::from(u32::MAX)].contains(&wide);
     u32::try_from(narrow).ok().filter(|_| fits)
 }
 
@@ -181,9 +186,7 @@ pub fn emit_frame(out: &mut String, at: Timestamp, frame: &Frame) {
         Id::Standard(id) => write!(out, "< frame {:03X} {at} ", id.as_raw()),
         Id::Extended(id) => write!(out, "< frame {:08X} {at} ", id.as_raw()),
     };
-    for byte in frame.data() {
-        let _ = write!(out, "{byte:02X}");
-    }
+    write_hex(out, frame.data());
     out.push_str(" >");
 }
 

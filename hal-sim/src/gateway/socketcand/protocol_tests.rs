@@ -109,6 +109,14 @@ fn frames_as_savvycan_sends_them() {
     assert_eq!(sent(&widest), long(0x1BC7_8805, &[0x80; 8]));
 }
 
+/// SavvyCAN built with Qt 6 has signs, other clients have 32 bits or `0x`; the reference daemon takes them all.
+#[test]
+fn frames_as_the_reference_daemon_reads_them() {
+    assert_eq!(sent("< send -643877e0 2 -20 ffffff80 >"), long(0x1BC7_8820, &[0xE0, 0x80]));
+    assert_eq!(sent("< send 0x123 0x2 0x1 0XfF >"), frame(0x123, &[1, 0xFF]));
+    assert_eq!(sent("< send 123 2 -1 -80 >"), frame(0x123, &[0xFF, 0x80]));
+}
+
 #[test]
 fn what_is_wrong_is_refused_and_nothing_is_sent() {
     let cases = [
@@ -133,8 +141,11 @@ fn what_is_wrong_is_refused_and_nothing_is_sent() {
         ("< send 18A 1 1g >", "< error bad data byte >"),
         ("< send 18A 1 100 >", "< error bad data byte >"),
         ("< send 18A 1 ffffffffffffff01 >", "< error bad data byte >"),
-        ("< send 18A 1 -1 >", "< error bad data byte >"),
-        ("< send 18A 1 0x1 >", "< error bad data byte >"),
+        ("< send 18A 1 -81 >", "< error bad data byte >"),
+        ("< send 18A 1 ffffff7f >", "< error bad data byte >"),
+        ("< send 18A 1 --1 >", "< error bad data byte >"),
+        ("< send 18A 1 0x >", "< error bad data byte >"),
+        ("< send 18A 1 - >", "< error bad data byte >"),
     ];
     for (text, refusal) in cases {
         match one(text) {

@@ -4,19 +4,26 @@ use std::io;
 use std::net::SocketAddr;
 use std::pin::Pin;
 use std::sync::Arc;
-use std::sync::mpsc::Sender;
 use std::task::{Context, Poll};
 use std::time::Duration;
 
 use tokio::io::{AsyncRead, ReadBuf};
 use tokio::net::tcp::OwnedReadHalf;
 use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::time::timeout;
 
 use super::session;
-use crate::gateway::ToWorld;
+use crate::gateway::Entrance;
 
 /// How long to wait before the next try when no connection can be accepted, as when the process has no descriptor left.
 const RETRY: Duration = Duration::from_millis(50);
+
+/// A client without a place waits so long for one: the departure of another may not be noticed yet.
+const WAIT_FOR_PLACE: Duration = Duration::from_secs(1);
+
+/// The answer to a client that finds no place.
+const NO_PLACE: &[u8] = b"< error too many clients >";
 
 /// A bus that is served at an address.
 #[derive(Debug)]
@@ -42,20 +49,23 @@ impl Server {
         self.listener.local_addr()
     }
 
-    /// Serves any number of clients, for ever.
-    pub async fn run(self, world: Sender<ToWorld>) {
+    /// Serves clients for ever; each takes one of the places. A client that finds none is told so and let go.
+    pub async fn run(self, world: Entrance, places: Arc<Semaphore>) {
         loop {
             match self.listener.accept().await {
-                Ok((stream, _)) => {
-                    tokio::spawn(connection(stream, Arc::clone(&self.bus), world.clone()));
-                }
+                Ok((stream, _)) => match timeout(WAIT_FOR_PLACE, Arc::clone(&places).acquire_owned()).await {
+                    Ok(Ok(place)) => {
+                        tokio::spawn(connection(stream, Arc::clone(&self.bus), world.clone(), place));
+                    }
+                    _ => drop(stream.try_write(NO_PLACE)),
+                },
                 Err(_) => tokio::time::sleep(RETRY).await,
             }
         }
     }
 }
 
-async fn connection(stream: TcpStream, bus: Arc<str>, world: Sender<ToWorld>) {
+async fn connection(stream: TcpStream, bus: Arc<str>, world: Entrance, _place: OwnedSemaphorePermit) {
     // Without it, frames would wait for the client's acknowledgement of those before; with a socket that refuses it the
     // client is served all the same, only later.
     let _ = stream.set_nodelay(true);

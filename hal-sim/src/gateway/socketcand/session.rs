@@ -1,40 +1,43 @@
 //! One client: reads its requests, hands them to the world, and writes what the world has for it.
 
-use std::sync::mpsc::Sender;
 use std::time::Duration;
 
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::sync::mpsc::Receiver;
+use tokio::time::{Instant, timeout_at};
 
 use super::protocol::{ECHO, HI, OK, Parser, Request, RequestError, emit_error, emit_frame, emit_refusal};
-use crate::gateway::{ClientId, Leash, Mailbox, Outbox, Reply, ToClient, ToWorld};
+use crate::gateway::{ClientId, Entrance, Leash, Mailbox, Outbox, Reply, ToClient, ToWorld};
 
 /// How long frames are held back after raw mode was answered: python-can takes what comes in one read with the answer for
 /// a wrong answer.
 const HOLD_BACK: Duration = Duration::from_millis(20);
 
+/// The time that a client has to open the bus: places are few.
+const HANDSHAKE: Duration = Duration::from_secs(60);
+
 /// How many messages to the client go out in one write, at most.
 const BATCH: usize = 256;
 
 /// Serves one client until it leaves, fails, or is told to go because it does not keep up.
-pub async fn serve(reader: impl AsyncRead + Unpin, writer: impl AsyncWrite + Unpin, bus: &str, world: Sender<ToWorld>) {
+pub async fn serve(reader: impl AsyncRead + Unpin, writer: impl AsyncWrite + Unpin, bus: &str, world: Entrance) {
     let (outbox, Mailbox { queue, leash }) = Outbox::new();
     let client = Client { id: ClientId::next(), bus, leash, world };
-    client.tell(ToWorld::Join(client.id, outbox));
+    client.world.tell(ToWorld::Join(client.id, outbox));
     tokio::select! {
         () = client.leash.dismissed() => {}
         // A client that has said its last word still gets the answers: the queue ends when the world has let it go.
         () = async { client.listen(reader).await; std::future::pending().await } => {}
         _ = write(writer, queue) => {}
     }
-    client.tell(ToWorld::Leave(client.id));
+    client.world.tell(ToWorld::Leave(client.id));
 }
 
 struct Client<'a> {
     id: ClientId,
     bus: &'a str,
     leash: Leash,
-    world: Sender<ToWorld>,
+    world: Entrance,
 }
 
 /// How far a client has got with the handshake.
@@ -45,28 +48,29 @@ enum Stage {
 }
 
 impl Client<'_> {
-    /// A world that has ended needs to hear nothing: the whole simulator ends with it.
-    fn tell(&self, message: ToWorld) {
-        let _ = self.world.send(message);
-    }
-
     async fn listen(&self, mut reader: impl AsyncRead + Unpin) {
         self.leash.spend().await;
-        self.tell(ToWorld::Reply(self.id, Reply::new(HI)));
+        self.world.tell(ToWorld::Reply(self.id, Reply::new(HI)));
         let mut parser = Parser::default();
         let mut stage = Stage::Greeted;
         let mut bytes = [0; 4096];
+        let patience = Instant::now() + HANDSHAKE;
         loop {
-            let len = match reader.read(&mut bytes).await {
+            let read = reader.read(&mut bytes);
+            let read = match stage {
+                Stage::Greeted => timeout_at(patience, read).await.unwrap_or(Ok(0)),
+                Stage::Open => read.await,
+            };
+            let len = match read {
                 Ok(0) | Err(_) => break,
                 Ok(len) => len,
             };
             for message in bytes.iter().take(len).filter_map(|byte| parser.push(*byte)) {
                 self.leash.spend().await;
-                self.tell(self.answer(message, &mut stage));
+                self.world.tell(self.answer(message, &mut stage));
             }
         }
-        self.tell(ToWorld::Leave(self.id));
+        self.world.tell(ToWorld::Leave(self.id));
     }
 
     fn answer(&self, message: Result<Request, RequestError>, stage: &mut Stage) -> ToWorld {

@@ -1,14 +1,11 @@
 //! One client over a stream in memory, with a stand-in for the world that replies in order and keeps what is sent.
 
-use std::sync::mpsc::{Receiver as Inbox, channel};
-
 use protocol_core::frame::{Frame, standard};
 use tokio::io::{DuplexStream, duplex, split};
 use tokio::sync::oneshot;
-use tokio::time::Instant;
 
 use super::*;
-use crate::gateway::QUEUE;
+use crate::gateway::{Arrival, Inbox, QUEUE};
 use crate::trace::{ErrorClass, Timestamp};
 
 /// How many bytes the stream takes in before somebody reads them.
@@ -32,7 +29,7 @@ struct Setup {
 /// Serves a client. The world posts `on_listen` as soon as the client listens.
 fn setup(on_listen: Vec<ToClient>) -> Setup {
     let (client, server) = duplex(STREAM);
-    let (sender, inbox) = channel();
+    let (sender, inbox) = Entrance::new();
     let (reader, writer) = split(server);
     tokio::spawn(async move { serve(reader, writer, "pve0", sender).await });
     let (result, sent) = oneshot::channel();
@@ -40,14 +37,14 @@ fn setup(on_listen: Vec<ToClient>) -> Setup {
     Setup { client, sent }
 }
 
-fn world(inbox: &Inbox<ToWorld>, on_listen: &[ToClient]) -> Vec<Frame> {
+fn world(inbox: &Inbox, on_listen: &[ToClient]) -> Vec<Frame> {
     let mut sent = Vec::new();
     let mut outbox = None;
-    for message in inbox {
+    for Arrival { message, .. } in &inbox.messages {
         match message {
             ToWorld::Join(_, joined) => outbox = Some(joined),
             ToWorld::Leave(_) => outbox = None,
-            ToWorld::Stop => break,
+            ToWorld::End => break,
             other => {
                 let outbox = outbox.as_ref().expect("a client that is there");
                 outbox.refund(1);
@@ -82,11 +79,8 @@ async fn say(client: &mut (impl AsyncWrite + Unpin), text: &str) {
 async fn frames_are_held_back_after_raw_mode_was_answered() {
     let mut setup =
         setup(vec![seen(&[1, 2]), ToClient::Error(Timestamp::from_micros(2), ErrorClass::BusOff), seen(&[])]);
-    expect(&mut setup.client, "< hi >").await;
-    say(&mut setup.client, "< open pve0 >").await;
-    expect(&mut setup.client, "< ok >").await;
-    say(&mut setup.client, "< rawmode >").await;
-    expect(&mut setup.client, "< ok >").await;
+    say(&mut setup.client, "< open pve0 >< rawmode >").await;
+    expect(&mut setup.client, "< hi >< ok >< ok >").await;
     let answered = Instant::now();
     expect(&mut setup.client, "< frame 18A 1.000000 0102 >").await;
     assert!(answered.elapsed() >= HOLD_BACK, "after {:?}", answered.elapsed());
@@ -116,6 +110,32 @@ async fn the_handshake_in_its_order_and_out_of_it() {
     }
     drop(setup.client);
     assert_eq!(setup.sent.await.expect("the world"), [frame(&[1, 15])]);
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_client_that_never_opens_the_bus_is_let_go() {
+    let mut setup = setup(Vec::new());
+    let start = Instant::now();
+    say(&mut setup.client, "< echo >").await;
+    let mut answers = String::new();
+    setup.client.read_to_string(&mut answers).await.expect("the end");
+    assert!(start.elapsed() >= HANDSHAKE, "after {:?}", start.elapsed());
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_client_that_has_opened_the_bus_may_be_quiet() {
+    let Setup { mut client, sent } = setup(Vec::new());
+    say(&mut client, "< open pve0 >").await;
+    // The session takes the request before the time passes, and would end after that.
+    for time in [0, 10] {
+        tokio::time::advance(time * HANDSHAKE).await;
+        for _ in 0..10 {
+            tokio::task::yield_now().await;
+        }
+    }
+    say(&mut client, "< send 18A 1 7 >").await;
+    drop(client);
+    assert_eq!(sent.await.expect("the world"), [frame(&[7])]);
 }
 
 #[tokio::test]
@@ -152,7 +172,7 @@ async fn a_client_that_does_not_keep_up_is_disconnected() {
 #[tokio::test]
 async fn a_client_that_floods_is_not_read_beyond_its_credit() {
     let (client, server) = duplex(64);
-    let (sender, inbox) = channel();
+    let (sender, inbox) = Entrance::new();
     let (reader, writer) = split(server);
     tokio::spawn(async move { serve(reader, writer, "pve0", sender).await });
     let (_reader, mut writer) = split(client);
@@ -167,6 +187,6 @@ async fn a_client_that_floods_is_not_read_beyond_its_credit() {
         tokio::task::yield_now().await;
     }
     flood.abort();
-    let sends = inbox.try_iter().filter(|message| matches!(message, ToWorld::Send(..))).count();
+    let sends = inbox.messages.try_iter().filter(|arrival| matches!(arrival.message, ToWorld::Send(..))).count();
     assert_eq!(sends, crate::gateway::CREDIT - 2);
 }

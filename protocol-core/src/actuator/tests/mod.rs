@@ -11,7 +11,7 @@ use super::*;
 use crate::time::{Duration, Instant};
 
 const CANOPEN: ValveConfig = ValveConfig {
-    regulation: Regulation::Proportional,
+    actuator_type: ActuatorType::Proportional,
     low_temperature: true,
     shared_spool_counter: true,
     spool_monitors: SpoolMonitors::WhileRegulating,

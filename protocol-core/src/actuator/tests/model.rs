@@ -71,7 +71,8 @@ impl Model {
             Drive::Off => self.config.spool_monitors == SpoolMonitors::ExceptHandAndStop,
             Drive::Hand | Drive::EmergencyStop => false,
         };
-        let away = (place - self.course().0).abs() > STROKE / 100 * 15;
+        let percent = if self.drive == Drive::Off { 5 } else { 15 };
+        let away = (place - self.course().0).abs() > STROKE / 100 * percent;
         let short = STROKE - place > STROKE / 100 * 5;
         [runs && away, self.drive == FLOAT && short]
     }

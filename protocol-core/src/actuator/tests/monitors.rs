@@ -196,22 +196,23 @@ fn monitors_of_the_spool_begin_anew_with_regulation_and_on_request() {
     rig.expect_activation(Fault::SpoolNotAtSetPoint, 1100);
 }
 
+/// With the drive off, as in a shutdown, within 5 %.
 #[test]
 fn monitor_1_wants_neutral_when_the_valve_is_off_if_it_runs_then() {
-    for (config, drive, fault) in [
-        (CANOPEN, Drive::Off, false),
-        (CANOPEN, Drive::Hand, false),
-        (CANOPEN, Drive::EmergencyStop, false),
-        (ISOBUS, Drive::Off, true),
-        (ISOBUS, Drive::Hand, false),
-        (ISOBUS, Drive::EmergencyStop, false),
-        (ISOBUS, BLOCKED, true),
+    for (config, drive, limit, fault) in [
+        (CANOPEN, Drive::Off, 16383, false),
+        (CANOPEN, Drive::Hand, 16383, false),
+        (CANOPEN, Drive::EmergencyStop, 16383, false),
+        (ISOBUS, Drive::Off, 819, true),
+        (ISOBUS, Drive::Hand, 16383, false),
+        (ISOBUS, Drive::EmergencyStop, 16383, false),
+        (ISOBUS, BLOCKED, 2457, true),
     ] {
         let mut rig = Rig::new(config);
         rig.drive(0, drive);
-        rig.lever(0, 2457);
+        rig.lever(0, limit);
         assert_eq!(rig.active(ms(5000)), FaultSet::EMPTY);
-        rig.lever(5000, 2458);
+        rig.lever(5000, limit + 1);
         if fault {
             rig.expect_activation(Fault::SpoolNotAtSetPoint, 5500);
         } else {

@@ -25,7 +25,7 @@ fn turns_round_where_it_is() {
 
 #[test]
 fn an_on_off_valve_knows_full_stroke_only() {
-    let mut rig = Rig::new(ValveConfig { regulation: Regulation::OnOff, ..CANOPEN });
+    let mut rig = Rig::new(ValveConfig { actuator_type: ActuatorType::OnOff, ..CANOPEN });
     rig.drive(0, to(1));
     assert_eq!(rig.position(250), 16384);
     rig.drive(300, to(-1));

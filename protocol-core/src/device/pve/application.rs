@@ -26,7 +26,7 @@ pub(super) struct Application {
 impl Application {
     pub(super) fn new(kind: Kind, counters: Counters, now: Instant) -> Self {
         let config = ValveConfig {
-            regulation: kind.regulation(),
+            actuator_type: kind.actuator_type(),
             low_temperature: true,
             shared_spool_counter: true,
             spool_monitors: SpoolMonitors::WhileRegulating,

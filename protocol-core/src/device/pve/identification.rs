@@ -4,9 +4,10 @@ use heapless::Vec;
 
 use super::kind::Kind;
 use super::records::{Factory, LocalLayer};
-use crate::uds::{DATA_MAX, Identifiers, NODE_ID};
+use crate::frame::{Frame, Id};
+use crate::uds::{DATA_MAX, Identifiers, NODE_ID, Reaction, serve};
 use crate::wire::lss::NO_NODE_ID;
-use crate::wire::uds::Identifier;
+use crate::wire::uds::{Address, Identifier, parse_id};
 
 /// Identifier 0xF010 holds this: the address format.
 const ADDRESS_FORMAT: u8 = 0xA5;
@@ -17,8 +18,22 @@ pub(super) struct Identification<'a> {
     pub(super) factory: &'a Factory,
     /// As stored.
     pub(super) local_layer: LocalLayer,
-    /// Whether the memory is being written.
+    /// Whether a client's write of the node ID is under way.
     pub(super) busy: bool,
+}
+
+impl Identification<'_> {
+    /// Serves a request to this node.
+    pub(super) fn serve_node(&self, node: u8, frame: &Frame) -> Reaction {
+        let Id::Extended(id) = frame.id() else { return Reaction::Nothing };
+        if frame.is_remote() {
+            return Reaction::Nothing;
+        }
+        match parse_id(id.as_raw()) {
+            Some((source, _)) => serve(Address::node(node), source, frame.data(), self),
+            None => Reaction::Nothing,
+        }
+    }
 }
 
 impl Identifiers for Identification<'_> {

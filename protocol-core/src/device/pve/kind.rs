@@ -2,7 +2,7 @@
 
 use core::ops::RangeInclusive;
 
-use crate::actuator::Regulation;
+use crate::actuator::ActuatorType;
 use crate::controller::BitRate;
 
 /// A valve actuator.
@@ -86,6 +86,15 @@ impl Kind {
         }
     }
 
+    /// The serial number of the manual's examples: the identity object's, and on ISOBUS the NAME's identity number.
+    #[must_use]
+    pub const fn default_serial(self) -> u32 {
+        match self.protocol() {
+            Protocol::Canopen => 0x5B2E_0100,
+            Protocol::Isobus => 1,
+        }
+    }
+
     /// The bit rates that it can run at, the default first.
     #[must_use]
     pub const fn bit_rates(self) -> &'static [BitRate] {
@@ -95,12 +104,12 @@ impl Kind {
         }
     }
 
-    /// How a set-point moves the spool.
+    /// Returns the type of actuator.
     #[must_use]
-    pub const fn regulation(self) -> Regulation {
+    pub const fn actuator_type(self) -> ActuatorType {
         match self {
-            Self::PveaCanopen | Self::PveaIsobus => Regulation::Proportional,
-            Self::PveoCanopen | Self::PveoIsobus => Regulation::OnOff,
+            Self::PveaCanopen | Self::PveaIsobus => ActuatorType::Proportional,
+            Self::PveoCanopen | Self::PveoIsobus => ActuatorType::OnOff,
         }
     }
 }

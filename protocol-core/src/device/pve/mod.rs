@@ -5,6 +5,7 @@
 //! fault_codes     how the faults are told: SPEC 3
 //! dictionary      the object dictionary, one table          objects    what lies behind it
 //! state_machine   the device state machine of CiA 408       application    the valve under it
+//! auxiliary_valve the valve under the commands of ISO 11783-7
 //! setup           what a valve is made as                   found      what a start finds in the memory
 //! records         what is kept in the memory                storage    what waits to be written
 //! identification  the identifiers of UDS lite
@@ -12,6 +13,7 @@
 //! ```
 
 mod application;
+mod auxiliary_valve;
 mod canopen;
 mod dictionary;
 mod fault_codes;

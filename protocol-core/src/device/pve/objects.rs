@@ -8,7 +8,7 @@ use super::fault_codes::{fault_of, register};
 use super::kind::Kind;
 use super::records::Factory;
 use super::state_machine::DeviceMode;
-use crate::actuator::{Position, Regulation, Scale, SetPoint};
+use crate::actuator::{ActuatorType, Position, Scale, SetPoint};
 use crate::canopen::dictionary::{Default, Entry, Mappable, Objects, Table, Value, Written};
 use crate::canopen::emcy::{EmcyConsumer, ErrorHistory};
 use crate::canopen::heartbeat::HeartbeatProducer;
@@ -31,17 +31,17 @@ const CLEAR_COUNTERS: u32 = 0x7364_6B70;
 
 /// Object 0x100A: version 132, the part number, release 000 (A), firmware date 180701 (A).
 const fn software_version(kind: Kind) -> &'static str {
-    match kind.regulation() {
-        Regulation::Proportional => "APP-_S6m1_M_R132_CANOPEN-_11149437_-000_ 180701",
-        Regulation::OnOff => "APP-_S6m1_M_R132_CANOPEN-_11149443_-000_ 180701",
+    match kind.actuator_type() {
+        ActuatorType::Proportional => "APP-_S6m1_M_R132_CANOPEN-_11149437_-000_ 180701",
+        ActuatorType::OnOff => "APP-_S6m1_M_R132_CANOPEN-_11149443_-000_ 180701",
     }
 }
 
 /// The default of object 0x6053.
 const fn description(kind: Kind) -> &'static str {
-    match kind.regulation() {
-        Regulation::Proportional => "PVEA-CI S6",
-        Regulation::OnOff => "PVEO-CI S6",
+    match kind.actuator_type() {
+        ActuatorType::Proportional => "PVEA-CI S6",
+        ActuatorType::OnOff => "PVEO-CI S6",
     }
 }
 

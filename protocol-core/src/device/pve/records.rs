@@ -2,8 +2,8 @@
 
 use heapless::Vec;
 
-use super::kind::{Kind, Protocol};
-use crate::actuator::{Counters, FaultSet};
+use super::kind::Kind;
+use crate::actuator::Counters;
 use crate::controller::BitRate;
 use crate::memory::RecordKey;
 use crate::wire::lss;
@@ -42,9 +42,6 @@ const VENDOR: u32 = 0x0100_0019;
 const PRODUCT: u32 = 0x5336_0000;
 /// Revision R1.32: major number in the high word, minor in the low one (R: the manual calls it BCD, its example is not).
 const REVISION: u32 = 0x0001_0020;
-/// The serial number of the manual's examples: the identity object's, and on ISOBUS the NAME's.
-const SERIAL_CANOPEN: u32 = 0x5B2E_0100;
-const SERIAL_ISOBUS: u32 = 1;
 /// The hardware version (A).
 const HARDWARE_VERSION: [u8; 4] = *b"1.00";
 /// The software version (A): that of the revision.
@@ -55,16 +52,12 @@ const MANUFACTURED: [u8; 3] = [0x18, 0x07, 0x01];
 impl Factory {
     /// What a new memory is filled with.
     pub(super) fn new(kind: Kind, serial: Option<u32>) -> Self {
-        let default_serial = match kind.protocol() {
-            Protocol::Canopen => SERIAL_CANOPEN,
-            Protocol::Isobus => SERIAL_ISOBUS,
-        };
         Self {
             identity: lss::Address {
                 vendor: VENDOR,
                 product: PRODUCT,
                 revision: REVISION,
-                serial: serial.unwrap_or(default_serial),
+                serial: serial.unwrap_or(kind.default_serial()),
             },
             function_instance: 1,
             hardware_number: kind.part_number(),
@@ -117,7 +110,7 @@ pub(super) struct LocalLayer {
 
 /// What is to become different of a [`LocalLayer`]; the rest stays as it is stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct LayerChange {
+pub struct LayerChange {
     pub(super) node_id: Option<u8>,
     pub(super) bit_rate: Option<BitRate>,
 }
@@ -163,25 +156,24 @@ pub(super) fn decode_flag(payload: &[u8]) -> Option<bool> {
     }
 }
 
-/// The fault log: how often each fault has occurred, and which were active before. CANopen has no use for the latter.
+/// The fault log: how often each fault has occurred.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct FaultLog {
     pub(super) counters: Counters,
-    pub(super) previously_active: FaultSet,
 }
+
+/// The last byte of a fault log. Earlier versions kept the previously active faults there; they follow from the counters.
+const RESERVED: u8 = 0;
 
 impl FaultLog {
     pub(super) fn encode(self) -> [u8; 9] {
         let [a, b, c, d, e, f, g, h] = self.counters.to_bytes();
-        [a, b, c, d, e, f, g, h, self.previously_active.bits()]
+        [a, b, c, d, e, f, g, h, RESERVED]
     }
 
     pub(super) fn decode(payload: &[u8]) -> Option<Self> {
-        let (counters, &[previously_active]) = payload.split_first_chunk()? else { return None };
-        Some(Self {
-            counters: Counters::from_bytes(*counters),
-            previously_active: FaultSet::from_bits(previously_active),
-        })
+        let (counters, &[_]) = payload.split_first_chunk()? else { return None };
+        Some(Self { counters: Counters::from_bytes(*counters) })
     }
 }
 
@@ -206,8 +198,9 @@ mod tests {
         assert_eq!(LocalLayer::decode(Kind::PveaIsobus, &[0x20, 3]), None);
         assert_eq!(LocalLayer::decode(kind, &[0x20, 0]), None, "1 Mbit/s is not for this product");
         let counters = Counters::from_bytes([1, 2, 3, 4, 5, 6, 7, 127]);
-        let log = FaultLog { counters, previously_active: FaultSet::from_bits(0x81) };
+        let log = FaultLog { counters };
         assert_eq!(FaultLog::decode(&log.encode()), Some(log));
+        assert_eq!(FaultLog::decode(&[1, 2, 3, 4, 5, 6, 7, 127, 0x81]), Some(log), "of an earlier version");
         assert_eq!(decode_flag(&encode_flag(true)), Some(true));
         assert_eq!(decode_flag(&[2]), None);
     }

@@ -3,7 +3,8 @@ use std::vec::Vec;
 use proptest::prelude::*;
 
 use super::*;
-use crate::isobus::address::{AddressClaim, CANNOT_CLAIM_STEP, Outcome};
+use crate::isobus::Outcome;
+use crate::isobus::address::{AddressClaim, CANNOT_CLAIM_STEP, OBJECTION_INTERVAL};
 use crate::isobus::request::Request;
 use crate::time::{Duration, NEVER, since};
 use crate::wire::j1939_id::{J1939Id, Pgn};
@@ -19,7 +20,6 @@ const LONGEST: Duration = Duration::from_millis(153);
 
 fn claimed() -> AddressClaim {
     let mut claim = AddressClaim::new(NAME, OWN);
-    _ = claim.start();
     claim.sent(ms(0));
     assert_eq!(claim.poll(ms(250)), Outcome::Claimed);
     claim
@@ -29,15 +29,15 @@ fn claimed() -> AddressClaim {
 fn lost(now: Instant) -> AddressClaim {
     let mut claim = claimed();
     assert_eq!(claim.contend(OWN, LOWER, now), Outcome::Lost);
-    assert_eq!(claim.poll(claim.deadline()), Outcome::Send(frame(CANNOT_CLAIM)));
+    assert_eq!(claim.poll(claim.deadline()), Outcome::Owed);
     claim
 }
 
 #[test]
 fn a_claim_then_250_ms_of_silence() {
     let mut claim = AddressClaim::new(NAME, OWN);
-    assert_eq!((claim.address(), claim.deadline()), (None, NEVER));
-    assert_eq!(claim.start(), frame(CLAIM));
+    assert_eq!((claim.address(), claim.may_send(), claim.deadline()), (Some(OWN), false, NEVER));
+    assert_eq!(claim.frame(), frame(CLAIM));
     claim.sent(ms(5));
     assert_eq!((claim.address(), claim.may_send(), claim.deadline()), (Some(OWN), false, ms(255)));
     assert_eq!(claim.poll(us(254_999)), Outcome::Nothing);
@@ -50,7 +50,6 @@ fn a_claim_then_250_ms_of_silence() {
 #[test]
 fn the_silence_counts_from_the_claim_on_the_bus() {
     let mut claim = AddressClaim::new(NAME, OWN);
-    _ = claim.start();
     assert_eq!((claim.address(), claim.may_send(), claim.deadline()), (Some(OWN), false, NEVER));
     assert_eq!(claim.poll(ms(10_000)), Outcome::Nothing);
     claim.sent(us(10_001_250));
@@ -65,26 +64,33 @@ fn the_silence_counts_from_the_claim_on_the_bus() {
 fn only_addresses_of_128_to_247_wait() {
     for (address, waits) in [(0, false), (127, false), (128, true), (247, true), (248, false), (253, false)] {
         let mut claim = AddressClaim::new(NAME, Address::new(address));
-        _ = claim.start();
         claim.sent(ms(0));
         assert_eq!(claim.poll(ms(0)) == Outcome::Nothing, waits, "{address}");
     }
 }
 
+/// After the wait, at most once in five seconds, and never without the address.
 #[test]
-fn before_its_start_it_takes_part_in_nothing() {
+fn a_foreign_frame_under_the_own_address_is_objected_to() {
     let mut claim = AddressClaim::new(NAME, OWN);
-    assert_eq!(claim.contend(OWN, LOWER, ms(0)), Outcome::Nothing);
-    assert_eq!(claim.requested(&TO_ALL, ms(0)), Outcome::Nothing);
-    assert_eq!(claim.poll(ms(1_000)), Outcome::Nothing);
-    assert_eq!(claim.start(), frame(CLAIM));
+    claim.sent(ms(0));
+    assert_eq!(claim.object(ms(100)), Outcome::Nothing);
+    assert_eq!(claim.poll(ms(250)), Outcome::Claimed);
+    let mut now = ms(300);
+    for _ in 0..3 {
+        assert_eq!(claim.object(now), Outcome::Owed);
+        now += OBJECTION_INTERVAL;
+        assert_eq!(claim.object(us(now.as_micros() - 1)), Outcome::Nothing);
+    }
+    assert_eq!(claim.contend(OWN, LOWER, now), Outcome::Lost);
+    assert_eq!(claim.object(now), Outcome::Nothing);
 }
 
 #[test]
 fn a_higher_name_is_answered_with_the_claim() {
     let mut claim = claimed();
     for time in 300..310 {
-        assert_eq!(claim.contend(OWN, HIGHER, ms(time)), Outcome::Send(frame(CLAIM)));
+        assert_eq!(claim.contend(OWN, HIGHER, ms(time)), Outcome::Owed);
     }
     assert_eq!((claim.may_send(), claim.deadline()), (true, NEVER));
 }
@@ -92,9 +98,8 @@ fn a_higher_name_is_answered_with_the_claim() {
 #[test]
 fn defending_it_does_not_prolong_the_wait() {
     let mut claim = AddressClaim::new(NAME, OWN);
-    _ = claim.start();
     claim.sent(ms(0));
-    assert_eq!(claim.contend(OWN, HIGHER, ms(249)), Outcome::Send(frame(CLAIM)));
+    assert_eq!(claim.contend(OWN, HIGHER, ms(249)), Outcome::Owed);
     assert_eq!(claim.poll(us(249_999)), Outcome::Nothing);
     assert_eq!(claim.poll(ms(250)), Outcome::Claimed);
 }
@@ -112,7 +117,6 @@ fn claims_of_other_addresses_and_the_own_name_are_ignored() {
 fn a_lower_name_takes_the_address_at_once() {
     for during_wait in [true, false] {
         let mut claim = AddressClaim::new(NAME, OWN);
-        _ = claim.start();
         claim.sent(ms(0));
         if !during_wait {
             assert_eq!(claim.poll(ms(250)), Outcome::Claimed);
@@ -124,7 +128,8 @@ fn a_lower_name_takes_the_address_at_once() {
         if due > ms(300) {
             assert_eq!(claim.poll(us(due.as_micros() - 1)), Outcome::Nothing);
         }
-        assert_eq!(claim.poll(due), Outcome::Send(frame(CANNOT_CLAIM)));
+        assert_eq!(claim.poll(due), Outcome::Owed);
+        assert_eq!(claim.frame(), frame(CANNOT_CLAIM));
         assert_eq!(claim.deadline(), NEVER);
         assert_eq!(claim.poll(ms(100_000)), Outcome::Nothing);
     }
@@ -145,21 +150,20 @@ fn without_an_address_it_is_silent_but_for_requests_to_all() {
     assert!(since(due, ms(1_000)) <= LONGEST);
     assert_eq!(claim.requested(&TO_ALL, ms(1_000)), Outcome::Nothing);
     assert_eq!(claim.deadline(), due, "one answer is owed");
-    assert_eq!(claim.poll(due), Outcome::Send(frame(CANNOT_CLAIM)));
+    assert_eq!(claim.poll(due), Outcome::Owed);
     assert_eq!(claim.deadline(), NEVER);
 }
 
 #[test]
 fn requests_are_answered_in_the_wait_and_after_it() {
     let mut claim = AddressClaim::new(NAME, OWN);
-    _ = claim.start();
     claim.sent(ms(0));
     for request in [TO_ALL, TO_OWN] {
-        assert_eq!(claim.requested(&request, ms(100)), Outcome::Send(frame(CLAIM)));
+        assert_eq!(claim.requested(&request, ms(100)), Outcome::Owed);
     }
     assert_eq!(claim.poll(ms(250)), Outcome::Claimed);
     for request in [TO_ALL, TO_OWN] {
-        assert_eq!(claim.requested(&request, ms(300)), Outcome::Send(frame(CLAIM)));
+        assert_eq!(claim.requested(&request, ms(300)), Outcome::Owed);
     }
     assert_eq!(claim.requested(&Request { pgn: Pgn::DM2, ..TO_OWN }, ms(300)), Outcome::Nothing);
 }
@@ -168,7 +172,6 @@ fn requests_are_answered_in_the_wait_and_after_it() {
 fn the_delays_differ_by_time_and_by_name() {
     let delay = |name: u64, now: u64| {
         let mut claim = AddressClaim::new(Name::from_bytes(name.to_le_bytes()), OWN);
-        _ = claim.start();
         claim.sent(us(now));
         assert_eq!(claim.contend(OWN, Name::from_bytes([0; 8]), us(now)), Outcome::Lost);
         since(claim.deadline(), us(now))
@@ -212,7 +215,8 @@ impl Bus {
         let id = J1939Id::of(&frame).unwrap();
         let name = Name::from_bytes(*frame.eight().unwrap());
         for at in (0..self.claims.len()).filter(|at| *at != from) {
-            if let Outcome::Send(answer) = self.claims[at].contend(id.source(), name, now) {
+            if self.claims[at].contend(id.source(), name, now) == Outcome::Owed {
+                let answer = self.claims[at].frame();
                 self.run(at, answer, now);
             }
         }
@@ -236,7 +240,10 @@ proptest! {
         }
         order.sort_unstable();
         for (start, at) in order {
-            let frame = bus.claims[at].start();
+            if bus.claims[at].address().is_none() {
+                continue;
+            }
+            let frame = bus.claims[at].frame();
             bus.claims[at].sent(ms(start));
             bus.run(at, frame, ms(start));
         }
@@ -256,7 +263,6 @@ proptest! {
         events in prop::collection::vec((0_u8..5, any::<u8>(), any::<u64>(), any::<u32>()), 0..60),
     ) {
         let mut claim = AddressClaim::new(NAME, OWN);
-        _ = claim.start();
         claim.sent(ms(0));
         let mut now = ms(0);
         for (kind, source, name, step) in events {
@@ -270,13 +276,14 @@ proptest! {
                 _ => claim.poll(now),
             };
             match outcome {
-                Outcome::Send(sent) if before.is_some() => prop_assert_eq!(sent, frame(CLAIM)),
-                Outcome::Send(sent) => {
-                    prop_assert_eq!(sent, frame(CANNOT_CLAIM));
+                Outcome::Owed if before.is_some() => prop_assert_eq!(claim.frame(), frame(CLAIM)),
+                Outcome::Owed => {
+                    prop_assert_eq!(claim.frame(), frame(CANNOT_CLAIM));
                     prop_assert!(kind > 3, "a cannot-claim waits for its delay");
                 }
                 Outcome::Lost => prop_assert!(before.is_some() && claim.is_lost()),
                 Outcome::Claimed | Outcome::Nothing => prop_assert_eq!(before, claim.address()),
+                Outcome::GivenUp => prop_assert!(false, "claims are not given up"),
             }
         }
     }

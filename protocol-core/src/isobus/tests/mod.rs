@@ -2,6 +2,7 @@
 
 mod address;
 mod diagnostics;
+mod node;
 mod request;
 mod transport;
 

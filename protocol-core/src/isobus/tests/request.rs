@@ -1,64 +1,59 @@
 use super::*;
 use crate::isobus::request::Request;
 use crate::wire::j1939_id::{J1939Id, Pgn};
+use crate::wire::request::Control;
 
-fn request(text: &str, own: Option<Address>) -> Option<Request> {
+fn request(text: &str) -> Option<Request> {
     let frame = frame(text);
-    Request::of(J1939Id::of(&frame)?, &frame, own)
+    Request::of(J1939Id::of(&frame)?, &frame)
 }
 
 #[test]
 fn one_to_this_controller_and_one_to_all() {
     let addressed = Request { pgn: Pgn::DM3, asker: TOOL, addressed: true };
-    assert_eq!(request("18EA8327: CC FE 00", Some(OWN)), Some(addressed));
-    assert_eq!(request("18EAFF27: CC FE 00", Some(OWN)), Some(Request { addressed: false, ..addressed }));
+    assert_eq!(request("18EA8327: CC FE 00"), Some(addressed));
+    assert_eq!(request("18EAFF27: CC FE 00"), Some(Request { addressed: false, ..addressed }));
 }
 
 #[test]
 fn the_priority_does_not_count() {
-    assert!(request("00EA8327: CC FE 00", Some(OWN)).is_some());
-    assert!(request("1CEA8327: CC FE 00", Some(OWN)).is_some());
+    assert!(request("00EA8327: CC FE 00").is_some());
+    assert!(request("1CEA8327: CC FE 00").is_some());
 }
 
 #[test]
-fn what_is_no_request_for_this_controller() {
-    for other in [
-        "18EA8427: CC FE 00",
-        "18EAFE27: CC FE 00",
-        "18EA8327: CC FE",
-        "18EA8327:",
-        "18EA8327: R3",
-        "18EB8327: CC FE 00",
-        "19EA8327: CC FE 00",
-        "1AEA8327: CC FE 00",
-        "123: CC FE 00",
-    ] {
-        assert_eq!(request(other, Some(OWN)), None, "{other}");
+fn a_malformed_request_is_none() {
+    for malformed in ["18EA8327: CC FE", "18EA8327:", "18EA8327: R3"] {
+        assert_eq!(request(malformed), None, "{malformed}");
     }
 }
 
 #[test]
-fn without_an_address_only_requests_to_all_count() {
-    assert_eq!(request("18EA8327: 00 EE 00", None), None);
-    assert_eq!(request("18EAFE27: 00 EE 00", None), None);
-    assert!(request("18EAFF27: 00 EE 00", None).is_some());
-}
-
-#[test]
 fn an_order_is_acknowledged_when_it_was_addressed() {
-    let addressed = request("18EA8327: CC FE 00", Some(OWN)).unwrap();
-    assert_eq!(text(addressed.acknowledge(OWN)), "18E8FF83: 00 FF FF FF 27 CC FE 00");
-    let global = request("18EAFF27: CC FE 00", Some(OWN)).unwrap();
-    assert_eq!(global.acknowledge(OWN), None);
+    let addressed = request("18EA8327: CC FE 00").unwrap();
+    assert_eq!(text(addressed.acknowledgement(Control::Positive, OWN)), "18E8FF83: 00 FF FF FF 27 CC FE 00");
+    let global = request("18EAFF27: CC FE 00").unwrap();
+    assert_eq!(global.acknowledgement(Control::Positive, OWN), None);
 }
 
 #[test]
 fn an_unsupported_group_is_refused_when_it_was_addressed() {
-    let addressed = request("18EA8327: EB FE 00", Some(OWN)).unwrap();
-    assert_eq!(text(addressed.refuse(OWN)), "18E8FF83: 01 FF FF FF 27 EB FE 00");
-    let strange = request("18EA8327: CC FE FC", Some(OWN)).unwrap();
+    let addressed = request("18EA8327: EB FE 00").unwrap();
+    assert_eq!(text(addressed.acknowledgement(Control::Negative, OWN)), "18E8FF83: 01 FF FF FF 27 EB FE 00");
+    let strange = request("18EA8327: CC FE FC").unwrap();
     assert_ne!(strange.pgn, Pgn::DM3);
-    assert_eq!(text(strange.refuse(OWN)), "18E8FF83: 01 FF FF FF 27 CC FE FC");
-    let global = request("18EAFF27: EB FE 00", Some(OWN)).unwrap();
-    assert_eq!(global.refuse(OWN), None);
+    assert_eq!(text(strange.acknowledgement(Control::Negative, OWN)), "18E8FF83: 01 FF FF FF 27 CC FE FC");
+    let global = request("18EAFF27: EB FE 00").unwrap();
+    assert_eq!(global.acknowledgement(Control::Negative, OWN), None);
+}
+
+/// 0xFE is the source of a controller without an address, 0xFF of none.
+#[test]
+fn an_asker_without_an_address_is_not_acknowledged() {
+    for text in ["18EA83FE: CC FE 00", "18EA83FF: CC FE 00"] {
+        let request = request(text).unwrap();
+        for control in Control::ALL {
+            assert_eq!(request.acknowledgement(control, OWN), None, "{text}");
+        }
+    }
 }

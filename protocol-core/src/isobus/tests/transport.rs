@@ -4,7 +4,10 @@ use std::vec::Vec;
 use proptest::prelude::*;
 
 use super::*;
-use crate::isobus::transport::{BamReceiver, BamSender, MAX_GAP, Message, PACKET_SPACING, Refused};
+use crate::isobus::Outcome;
+use crate::isobus::transport::{
+    BamReceiver, BamSender, MAX_GAP, Message, PACKET_SPACING, Refused, SEND_GAP, refuse_connection,
+};
 use crate::time::{Duration, NEVER, after, since};
 use crate::wire::j1939_id::{J1939Id, Pgn};
 use crate::wire::tp::{Announcement, Packet};
@@ -41,6 +44,11 @@ fn payload(bytes: &[u8]) -> heapless::Vec<u8, SIZE> {
     heapless::Vec::from_slice(bytes).unwrap()
 }
 
+/// The frame that is due now, if any, for the controller.
+fn next<const N: usize>(sender: &mut BamSender<N>, source: Address, now: Instant) -> Option<Frame> {
+    if sender.poll(now) == Outcome::Owed { sender.render(source) } else { None }
+}
+
 /// All frames of a message, at the times at which they are due.
 fn sent(source: Address, pgn: Pgn, bytes: &[u8]) -> Vec<(Instant, Frame)> {
     let mut sender = Sender::new();
@@ -48,7 +56,7 @@ fn sent(source: Address, pgn: Pgn, bytes: &[u8]) -> Vec<(Instant, Frame)> {
     let mut frames = Vec::new();
     while sender.deadline() != NEVER {
         let due = sender.deadline();
-        frames.push((due, sender.poll(source, due).unwrap()));
+        frames.push((due, next(&mut sender, source, due).unwrap()));
         sender.sent(due);
     }
     frames
@@ -77,12 +85,67 @@ fn packets_go_out_within_50_to_200_ms() {
     // One that is handed out late, and is on the bus later still, keeps its distance from the next.
     let mut sender = Sender::new();
     sender.start(Pgn::DM2, payload(&bytes(10)), ms(0)).unwrap();
-    assert_eq!(text(sender.poll(OWN, ms(70))), "1CECFF83: 20 0A 00 02 FF CB FE 00");
-    assert_eq!((sender.deadline(), sender.poll(OWN, ms(10_000))), (NEVER, None));
-    sender.sent(ms(10_000));
-    sender.sent(ms(10_001));
-    assert_eq!(sender.deadline(), after(ms(10_000), PACKET_SPACING));
-    assert_eq!(sender.poll(OWN, us(sender.deadline().as_micros() - 1)), None);
+    assert_eq!(text(next(&mut sender, OWN, ms(70))), "1CECFF83: 20 0A 00 02 FF CB FE 00");
+    assert_eq!(sender.poll(ms(199)), Outcome::Nothing);
+    sender.sent(ms(199));
+    sender.sent(ms(200));
+    assert_eq!(sender.deadline(), after(ms(199), PACKET_SPACING));
+    assert_eq!(sender.poll(us(sender.deadline().as_micros() - 1)), Outcome::Nothing);
+}
+
+/// From the start to the announcement and from one frame to the next: on the bus within 200 ms, or given up as a whole.
+#[test]
+fn a_message_whose_gap_is_too_long_is_given_up() {
+    for (frames, in_controller) in [(0, false), (0, true), (1, false), (1, true), (2, false), (2, true)] {
+        let mut sender = Sender::new();
+        sender.start(Pgn::DM2, payload(&bytes(10)), ms(0)).unwrap();
+        let mut now = ms(0);
+        for _ in 0..frames {
+            assert!(next(&mut sender, OWN, now).is_some());
+            sender.sent(now);
+            now += PACKET_SPACING;
+        }
+        assert_eq!(sender.poll(now), Outcome::Owed);
+        if in_controller {
+            assert!(sender.render(OWN).is_some());
+        }
+        let limit = if frames == 0 { after(now, SEND_GAP) } else { now + SEND_GAP - PACKET_SPACING };
+        assert_eq!(sender.deadline(), limit);
+        assert_eq!(sender.poll(us(limit.as_micros() - 1)), Outcome::Nothing);
+        assert_eq!(sender.poll(limit), Outcome::GivenUp);
+        assert_eq!((sender.is_busy(), sender.deadline()), (false, NEVER));
+    }
+}
+
+/// Two frames cross: the packet that the controller gives back is the next one again.
+#[test]
+fn a_frame_that_is_taken_back_is_rendered_again() {
+    let mut sender = Sender::new();
+    sender.start(Pgn::DM2, payload(&bytes(10)), ms(0)).unwrap();
+    let first = next(&mut sender, OWN, ms(0));
+    sender.take_back();
+    sender.sent(ms(1));
+    assert_eq!(sender.render(OWN), first);
+    sender.sent(ms(2));
+    assert_eq!(sender.pgn(), Pgn::TP_DATA);
+}
+
+#[test]
+fn a_connection_is_refused() {
+    let abort = |text: &str| refuse_connection(J1939Id::of(&frame(text)).unwrap(), &frame(text), OWN);
+    assert_eq!(text(abort("1CEC8327: 10 09 00 02 FF D8 FE 00")), "1CEC2783: FF 02 FF FF FF D8 FE 00");
+    for other in [
+        "1CEC83FE: 10 09 00 02 FF D8 FE 00",
+        "1CEC83FF: 10 09 00 02 FF D8 FE 00",
+        "1CEC8327: 11 09 00 02 FF D8 FE 00",
+        "1CEC8327: 13 09 00 02 FF D8 FE 00",
+        "1CEC8327: FF 02 FF FF FF D8 FE 00",
+        "1CEC8327: 20 09 00 02 FF D8 FE 00",
+        "1CEC8327: 10 09 00 02 FF D8 FE",
+        "1CEC8327: R8",
+    ] {
+        assert_eq!(abort(other), None, "{other}");
+    }
 }
 
 #[test]
@@ -92,8 +155,9 @@ fn one_message_at_a_time_of_9_bytes_or_more() {
     assert!(!sender.is_busy());
     assert_eq!(sender.start(Pgn::DM2, payload(&bytes(9)), ms(0)), Ok(()));
     assert_eq!(sender.start(Pgn::DM2, payload(&bytes(9)), ms(0)), Err(Refused::Busy));
-    sender.cancel();
-    assert_eq!((sender.deadline(), sender.poll(OWN, ms(1_000))), (NEVER, None));
+    assert!(sender.cancel());
+    assert!(!sender.cancel());
+    assert_eq!((sender.deadline(), sender.poll(ms(1_000))), (NEVER, Outcome::Nothing));
     assert_eq!(sender.start(Pgn::DM2, payload(&bytes(9)), ms(0)), Ok(()));
 }
 
@@ -106,7 +170,7 @@ fn the_longest_message_has_255_packets() {
     let mut message = None;
     while sender.deadline() != NEVER {
         let now = sender.deadline();
-        let frame = sender.poll(OWN, now).unwrap();
+        let frame = next(&mut sender, OWN, now).unwrap();
         sender.sent(now);
         message = receiver.handle(J1939Id::of(&frame).unwrap(), &frame, now);
     }

@@ -1,11 +1,9 @@
 //! The bus goes on while the memory is written and erased: nothing is lost, and every answer is on time.
 
-use std::sync::{Arc, Mutex};
-
 use firmware_in_the_loop::bench::ImageBench;
 use firmware_in_the_loop::content;
 use firmware_in_the_loop::flash::Flash;
-use hal_sim::TraceEvent;
+use hal_sim::Event;
 use protocol_core::controller::BitRate;
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, after, since};
@@ -29,9 +27,6 @@ const REQUEST_EVERY: usize = 100;
 const FOR_OTHERS: [&str; 3] =
     ["1A1: 0F 00 00 20 00 00 00 00", "5A1: 43 18 10 01 19 00 00 01", "18FF1234: FF FF FF FF FF FF FF FF"];
 
-/// The frames that were on the bus, each with its end.
-type Trace = Arc<Mutex<Vec<TraceEvent>>>;
-
 /// The valve at 500 kbit/s, its memory so full that to save the parameters erases a sector; ACTIVE.
 fn active() -> ImageClient {
     let lss = ["7E5: 04 01 00 00 00 00 00 00", "7E5: 13 00 02 00 00 00 00 00", "7E5: 17 00 00 00 00 00 00 00"];
@@ -51,13 +46,6 @@ fn active() -> ImageClient {
 fn rpdo(number: usize) -> Frame {
     let [low, high] = (number as u16 % 0x4000).to_le_bytes();
     frame(&format!("220: 0F 00 {low:02X} {high:02X}"))
-}
-
-fn watch(client: &mut ImageClient) -> Trace {
-    let trace = Trace::default();
-    let observed = trace.clone();
-    client.bench.rig.world.set_observer(Box::new(move |event| observed.lock().unwrap().push(event.clone())));
-    trace
 }
 
 /// Keeps the bus full for the window; the requests go out one after the other, each when the last one was answered.
@@ -88,7 +76,7 @@ fn fill(client: &mut ImageClient, requests: &[[u8; 8]]) -> usize {
 }
 
 /// Each RPDO is answered by one TPDO, on time; gives the longest time that one took, and how many there are.
-fn check_answers(trace: &[TraceEvent]) -> (Duration, usize) {
+fn check_answers(trace: &[Event]) -> (Duration, usize) {
     let (rpdo, tpdo) = (frame("220: 00").id(), frame("1A0: 00").id());
     let mut open: Option<(Instant, usize)> = None;
     let mut longest = Duration::from_ticks(0);
@@ -119,7 +107,7 @@ fn in_full_traffic_nothing_is_lost_while_it_stores_and_erases() {
     let board = client.bench.board;
     let erased = |client: &ImageClient| client.bench.rig.connections(board).flash.lock().wear();
     let before = erased(&client);
-    let trace = watch(&mut client);
+    client.bench.rig.world.record_events(true);
     let requests = [
         // Its heartbeat never wins this bus.
         download(0x1017, 0, 2, 100),
@@ -138,10 +126,10 @@ fn in_full_traffic_nothing_is_lost_while_it_stores_and_erases() {
     assert!(after.0 > before.0 + 40, "hardly a word was written in the window");
     assert!(busy >= 99, "the bus was busy for {busy} %");
 
-    let trace = std::mem::take(&mut *trace.lock().unwrap());
+    let trace: Vec<Event> = client.bench.rig.world.take_events().collect();
     let (longest, answers) = check_answers(&trace);
     assert_eq!(answers, rpdos);
-    let sdo: Vec<String> = trace.iter().filter_map(TraceEvent::frame).map(Frame::to_string).collect();
+    let sdo: Vec<String> = trace.iter().filter_map(Event::frame).map(Frame::to_string).collect();
     let sdo: Vec<&str> = sdo.iter().filter(|text| text.starts_with("5A0:")).map(String::as_str).collect();
     assert_eq!(
         sdo,

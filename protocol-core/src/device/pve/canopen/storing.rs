@@ -164,7 +164,7 @@ impl PveCanopen {
             Job::SetRestoreFlag(_) => seal(version, &encode_flag(true)),
             Job::ClearRestoreFlag => seal(version, &encode_flag(false)),
             Job::ClearCounters(..) => seal(version, &FaultLog::default().encode()),
-            Job::FaultLog => seal(version, &FaultLog { counters, ..FaultLog::default() }.encode()),
+            Job::FaultLog => seal(version, &FaultLog { counters }.encode()),
         }
     }
 }

@@ -1,369 +1,291 @@
-//! A valve on ISOBUS: the services of `isobus/` and `uds`, the valve and the memory, put together (SPEC 5, 7).
+//! A valve on ISOBUS: the node of `isobus/` with an auxiliary valve in it (SPEC 5, 7).
 //!
 //! ```text
-//! mod          the device: what goes in and comes out
-//! listening    which frames are for the device
-//! command      what an AVC does to the valve; shutdown and recovery
-//! services     what each service does with a frame
-//! diagnostics  faults become DM1 and DM2
-//! start        power-up, and restart
-//! storing      writes to the memory, and who waits for them
+//! mod      the body of the device: what the node and the valve tell each other
+//! product  groups, NAME and address
+//! storing  writes to the memory, and who waits for them
 //! ```
 
-mod command;
-mod diagnostics;
-mod listening;
-mod services;
-mod start;
+mod product;
 mod storing;
 
-use command::Commander;
-use listening::{Listening, Service};
-use storing::Job;
+use heapless::Vec;
 
-use super::records::{Factory, LocalLayer};
+use product::{RULES, address, name};
+use storing::{Clearing, Job, LayerFor};
+
+use super::auxiliary_valve::AuxiliaryValve;
+use super::fault_codes::codes;
+use super::found::Found;
+use super::identification::Identification;
+use super::records::{Factory, LayerChange, LocalLayer};
 use super::setup::Setup;
-use super::storage::{FaultLogClock, Storage};
-use crate::actuator::{FaultSet, InternalCause, ValveSenses};
+use crate::actuator::{Fault, FaultSet, InternalCause, ValveSenses};
 use crate::controller::{BitRate, BusErrorMode, Filter, Filters};
-use crate::device::tx_queue::TxQueue;
-use crate::device::{Device, Effect, Outputs, Restart, Senses};
+use crate::device::host::{Base, Body, Host};
+use crate::device::{Outputs, Restart, Senses, StartCause};
 use crate::frame::Frame;
-use crate::isobus::address::{AddressClaim, Outcome};
-use crate::isobus::diagnostics::Dm1;
-use crate::isobus::transport::{BamReceiver, BamSender};
-use crate::memory::{Image, RecordKey, StoreError};
-use crate::time::{Duration, Instant, NEVER, after};
+use crate::isobus::node::{Indication, Node};
+use crate::memory::{Image, Record, RecordKey, StoreError};
+use crate::time::Instant;
+use crate::uds::Reaction;
 use crate::wire::dm::payload_len;
-use crate::wire::name::COMMANDED_ADDRESS_LEN;
+use crate::wire::j1939_id::Address;
+use crate::wire::uds;
 use crate::wire::valve::Command;
 
-/// AVEF goes out so often.
-const AVEF_PERIOD: Duration = Duration::from_millis(100);
-
-/// How many senders of a commanded address are heard at once.
-const SENDERS: usize = 16;
-
 /// The longest DM2: every fault was active before.
-const DM2_MAX: usize = payload_len(crate::actuator::Fault::ALL.len());
+const DM2_MAX: usize = payload_len(Fault::ALL.len());
+
+/// The number of DM3s that can wait for the memory (A): one of each tool on a large bus.
+const CLEARINGS: usize = 8;
 
 /// A PVEA or PVEO on ISOBUS.
+pub type PveIsobus = Host<IsobusValve>;
+
+/// The body of a valve on ISOBUS.
 #[derive(Debug)]
-pub struct PveIsobus {
+pub struct IsobusValve {
     setup: Setup,
     factory: Factory,
-    now: Instant,
-    listening: Listening,
-    claim: AddressClaim,
-    /// The claim as it goes out, made once: requests for it come often, from everybody who joins the bus.
-    claim_frame: Frame,
-    /// Whether it goes out when it is asked for: the address is held, and the bus can be used.
-    answers_claims: bool,
-    commander: Commander,
-    dm1: Dm1,
-    bam: BamSender<DM2_MAX>,
-    receiver: BamReceiver<SENDERS, COMMANDED_ADDRESS_LEN>,
-    next_avef: Instant,
-    /// The last AVEF, or one like it: for its identifier.
-    avef: Frame,
-    /// When anything but the valve and AVEF is due.
-    due_services: Instant,
-    /// When anything but AVEF is due.
-    due_besides_avef: Instant,
-    previously_active: FaultSet,
-    tx: TxQueue,
-    senses: Senses,
     /// As stored.
     local_layer: LocalLayer,
-    storage: Storage<Job>,
-    fault_log: FaultLogClock,
-    restarting: Restarting,
-    deadline: Instant,
-}
-
-/// How far a restart has come. Until it is carried out the device takes no part in the bus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Restarting {
-    No,
-    /// To be handed out when nothing is being written.
-    Due,
-    /// In the platform's hands.
-    HandedOut,
+    node: Node<DM2_MAX>,
+    auxiliary: AuxiliaryValve,
+    /// The key of UDS requests, whatever their source.
+    uds: u32,
+    clearing: Vec<Clearing, CLEARINGS>,
+    /// The faults that DM3 asked to clear and that have not occurred since.
+    clearable: FaultSet,
+    senses: Senses,
 }
 
 impl PveIsobus {
-    /// Takes an AVC: most of what is for the device. A remote frame is none, for want of data.
+    /// Returns a valve that is powered up with what the memory holds.
+    #[must_use]
+    pub fn power_on(setup: Setup, image: &Image, cause: StartCause, now: Instant) -> Self {
+        let mut device = Self::new(IsobusValve::new(setup));
+        device.start_up(image, cause, now);
+        device
+    }
+}
+
+impl IsobusValve {
+    fn new(setup: Setup) -> Self {
+        let factory = Factory::new(setup.kind, setup.serial);
+        let local_layer = LocalLayer::new(setup.kind, setup.node_id);
+        let own = address(&setup, local_layer);
+        Self {
+            setup,
+            factory,
+            local_layer,
+            node: Node::new(&RULES, name(&factory), own),
+            auxiliary: AuxiliaryValve::new(setup.kind.actuator_type(), Instant::MIN),
+            uds: uds::key_to(uds::Address::node(own.get())),
+            clearing: Vec::new(),
+            clearable: FaultSet::EMPTY,
+            senses: Senses::default(),
+        }
+    }
+
+    /// Tells what became of the faults: DM1, the fault log, and the counters that DM3 may still clear.
     #[inline(never)]
-    fn take_avc(&mut self, frame: &Frame, now: Instant) {
-        if self.restarting != Restarting::No {
-            return;
+    fn report_changes(&mut self, base: &mut Base<Job>) {
+        let now = base.now();
+        let changes = self.auxiliary.take_changes(now);
+        self.clearable = self.clearable.difference(changes.activated);
+        let active = self.auxiliary.valve.faults();
+        let trouble = |fault| self.auxiliary.trouble(fault);
+        if !changes.activated.is_empty() {
+            // A fault can be gone at the instant of its activation.
+            self.node.set_active(active.union(changes.cleared).highest().map(trouble), now);
         }
-        let now = self.advance(now);
-        if self.claim.is_lost() {
-            return;
-        }
-        let Ok(command) = Command::parse(frame.data()) else { return };
-        let ended = self.commander.obey(command, now);
-        if !ended.is_empty() {
-            self.log_as_previously_active(ended, now);
-            self.settle(now);
-        } else if self.commander.valve.has_changes() {
-            self.settle(now);
-        } else {
-            self.schedule_valve();
+        self.node.set_active(active.highest().map(trouble), now);
+        if self.auxiliary.valve.take_counters_changed() {
+            base.fault_log.changed(now);
         }
     }
 
-    /// Takes a frame that is for the device. Kept apart from the look at the identifier, which most frames end with.
+    /// Stores a commanded address; the valve then restarts under it.
+    fn store_address(&self, address: Address, base: &mut Base<Job>) {
+        if self.setup.kind.node_ids().contains(&address.get()) {
+            let change = LayerChange { node_id: Some(address.get()), bit_rate: None };
+            base.writes.ask(Job::LocalLayer(change, LayerFor::CommandedAddress));
+        }
+    }
+
     #[inline(never)]
-    fn take(&mut self, service: Service, frame: &Frame, now: Instant) {
-        if frame.is_remote() || self.restarting != Restarting::No {
-            return;
-        }
-        let now = self.advance(now);
-        self.serve(service, frame, now);
-        self.settle(now);
-    }
-
-    /// Goes to `now`, or stays at the last instant, and lets what is due by then act first.
-    fn advance(&mut self, now: Instant) -> Instant {
-        let now = now.max(self.now);
-        self.now = now;
-        if now >= self.deadline {
-            self.run_timers(now);
-        }
-        now
-    }
-
-    fn run_timers(&mut self, now: Instant) {
-        self.commander.valve.poll(now);
-        self.report_faults(now);
-        match self.claim.poll(now) {
-            Outcome::Claimed => self.next_avef = now,
-            Outcome::Send(frame) => self.send(frame),
-            Outcome::Nothing | Outcome::Lost => {}
-        }
-        if self.claim.may_send() {
-            self.send_cyclic(now);
-        }
-        if now >= self.fault_log.due() {
-            self.store_fault_log();
-        }
-        self.schedule();
-    }
-
-    /// Sends AVEF, which is due.
-    #[inline]
-    fn send_avef(&mut self, now: Instant) {
-        if !self.is_mute() {
-            self.tx.push_latest(self.avef(now));
-        }
-        let planned = after(self.next_avef, AVEF_PERIOD);
-        // After a pause longer than a period there is no burst of what was missed.
-        self.next_avef = if planned > now { planned } else { after(now, AVEF_PERIOD) };
-    }
-
-    #[inline]
-    fn avef(&self, now: Instant) -> Frame {
-        self.avef.with_data(self.commander.estimated_flow(now).emit())
-    }
-
-    /// What is sent in a cycle, and goes out only under an address.
-    fn send_cyclic(&mut self, now: Instant) {
-        let Some(own) = self.claim.address() else { return };
-        if now >= self.next_avef {
-            self.send_avef(now);
-        }
-        self.send_dm1(now);
-        if let Some(frame) = self.bam.poll(own, now) {
-            self.send(frame);
-        }
-    }
-
-    /// After anything was done: tells what became of the faults, and finds out when something is next due.
-    fn settle(&mut self, now: Instant) {
-        self.report_faults(now);
-        self.schedule();
-        if now >= self.deadline {
-            self.run_timers(now);
-        }
-    }
-
-    fn schedule(&mut self) {
-        let running = self.restarting == Restarting::No;
-        self.answers_claims = running && self.claim.address().is_some() && !self.is_mute();
-        if !running {
-            (self.due_services, self.due_besides_avef, self.deadline) = (NEVER, NEVER, NEVER);
-            return;
-        }
-        self.due_services = self.claim.deadline().min(self.fault_log.due());
-        if self.claim.may_send() {
-            self.due_services = self.due_services.min(self.dm1.deadline()).min(self.bam.deadline());
-        }
-        self.schedule_valve();
-    }
-
-    /// The same when the valve alone can be due at another time than before.
-    #[inline]
-    fn schedule_valve(&mut self) {
-        self.due_besides_avef = self.due_services.min(self.commander.valve.deadline());
-        self.deadline = self.due_besides_avef.min(self.next_avef);
-    }
-
-    /// Whether the bus cannot be used: what would have been sent is lost.
-    fn is_mute(&self) -> bool {
-        self.senses.bus == BusErrorMode::BusOff
-    }
-
-    fn send(&mut self, frame: Frame) {
-        if !self.is_mute() {
-            self.tx.push(frame);
-        }
-    }
-
-    /// Nothing more goes out, nor what waits to.
-    fn fall_silent(&mut self) {
-        self.tx.clear();
-        self.bam.cancel();
-    }
-
-    fn request_restart(&mut self) {
-        self.restarting = Restarting::Due;
-        if self.fault_log.is_dirty() {
-            self.store_fault_log();
+    fn serve_uds(&mut self, frame: &Frame, base: &mut Base<Job>) {
+        let Some(own) = self.node.voice() else { return };
+        let identification = Identification {
+            kind: self.setup.kind,
+            factory: &self.factory,
+            local_layer: self.local_layer,
+            busy: base.writes.iter().any(|job| matches!(job, Job::LocalLayer(_, LayerFor::Uds))),
+        };
+        match identification.serve_node(own.get(), frame) {
+            Reaction::Nothing => {}
+            Reaction::Answer(frame) => self.node.answer(frame),
+            Reaction::StoreNodeId(address) => {
+                let change = LayerChange { node_id: Some(address), bit_rate: None };
+                base.writes.ask(Job::LocalLayer(change, LayerFor::Uds));
+            }
         }
     }
 }
 
-impl Device for PveIsobus {
+impl Body for IsobusValve {
+    type Job = Job;
+
+    const FAULT_LOG: Option<Job> = Some(Job::FaultLog);
+
     #[inline]
-    fn handle(&mut self, frame: &Frame, now: Instant) -> bool {
-        match self.listening.service(frame) {
-            None => return false,
-            Some(Service::Avc) => self.take_avc(frame, now),
-            // No time has to pass for this answer, and it is asked for often.
-            Some(Service::ClaimRequest) if self.answers_claims => self.tx.push(self.claim_frame),
-            Some(service) => self.take(service, frame, now),
+    fn listens(&self, frame: &Frame) -> bool {
+        self.node.listens(frame) || frame.key() & uds::ANY_SOURCE == self.uds
+    }
+
+    fn handle(&mut self, frame: &Frame, base: &mut Base<Job>) {
+        match self.node.handle(frame, base.now()) {
+            Indication::Nothing if frame.key() & uds::ANY_SOURCE == self.uds => self.serve_uds(frame, base),
+            Indication::Nothing => {}
+            Indication::Command => {
+                if let Ok(command) = Command::parse(frame.data()) {
+                    self.auxiliary.obey(command, base.now());
+                }
+            }
+            Indication::ClearPreviouslyActive(request) => self.clear_previously_active(request, base),
+            Indication::CommandedAddress(address) => self.store_address(address, base),
+            Indication::AddressLost => self.auxiliary.block(base.now()),
         }
-        true
+    }
+
+    fn restart_demanded(&self, _: &Frame) -> Option<Restart> {
+        // A commanded address that comes during a restart is lost like any broadcast.
+        None
+    }
+
+    fn poll(&mut self, base: &mut Base<Job>) {
+        self.auxiliary.valve.poll(base.now());
+        self.node.run_timers(base.now());
+    }
+
+    #[inline]
+    fn settle(&mut self, base: &mut Base<Job>) {
+        if self.auxiliary.valve.has_changes() {
+            self.report_changes(base);
+        }
+    }
+
+    #[inline]
+    fn deadline(&self) -> Instant {
+        self.node.deadline().min(self.auxiliary.valve.deadline())
+    }
+
+    fn sense(&mut self, senses: &Senses, base: &mut Base<Job>) {
+        let now = base.now();
+        self.senses = *senses;
+        let (supply_mv, temperature_c) = (senses.supply_mv, senses.temperature_c);
+        let bus_off = senses.bus == BusErrorMode::BusOff;
+        let valve = &mut self.auxiliary.valve;
+        valve.sense(&ValveSenses { supply_mv, temperature_c, spool: senses.spool }, now);
+        valve.set_internal(InternalCause::Injected, senses.internal_fault, now);
+        valve.set_bus_off(bus_off, now);
+        self.node.set_bus_off(bus_off);
     }
 
     #[inline]
     fn take_filters(&mut self) -> Option<Filters> {
-        self.listening.take_filters()
-    }
-
-    fn sense(&mut self, senses: &Senses, now: Instant) {
-        let now = self.advance(now);
-        let was_mute = self.is_mute();
-        self.senses = *senses;
-        let valve = &mut self.commander.valve;
-        let valve_senses =
-            ValveSenses { supply_mv: senses.supply_mv, temperature_c: senses.temperature_c, spool: senses.spool };
-        valve.sense(&valve_senses, now);
-        valve.set_internal(InternalCause::Injected, senses.internal_fault, now);
-        valve.set_bus_off(senses.bus == BusErrorMode::BusOff, now);
-        if self.is_mute() {
-            self.fall_silent();
-        } else if was_mute && self.claim.is_begun() {
-            // The claim that could not be sent.
-            self.tx.push(self.claim_frame);
-        }
-        self.settle(now);
+        let mut filters = self.node.take_filters()?;
+        // There is a place for each service.
+        let _ = filters.push(Filter { key: self.uds, mask: uds::ANY_SOURCE });
+        Some(filters)
     }
 
     #[inline]
-    fn poll(&mut self, now: Instant) {
-        if now < self.deadline {
-            return;
-        }
-        if now < self.due_besides_avef {
-            // Nothing but AVEF, ten times a second. What is due is not before the last instant.
-            self.now = now;
-            self.send_avef(now);
-            self.deadline = self.due_besides_avef.min(self.next_avef);
-        } else {
-            self.advance(now);
-        }
+    fn take_abort(&mut self) -> Option<Filter> {
+        self.node.take_abort()
     }
 
     #[inline]
-    fn next_frame(&mut self, _now: Instant) -> Option<Frame> {
-        self.tx.pop()
+    fn next_frame(&mut self, now: Instant) -> Option<Frame> {
+        self.node.next_frame(now, &self.auxiliary)
     }
 
     fn give_back(&mut self, frame: Frame) {
-        if !self.is_mute() {
-            self.tx.give_back(frame);
+        self.node.give_back(frame);
+    }
+
+    fn all_sent(&mut self, base: &mut Base<Job>) {
+        self.node.all_sent(base.now());
+        let valve = &mut self.auxiliary.valve;
+        // A watchdog reset does not last: it is gone once the bus has heard of it.
+        if valve.is_active(Fault::Internal)
+            && self.node.told().is_some_and(|told| told.dtc == codes(Fault::Internal).dtc)
+        {
+            valve.set_internal(InternalCause::Watchdog, false, base.now());
         }
     }
 
-    fn take_abort(&mut self) -> Option<Filter> {
+    #[inline]
+    fn has_frame(&self) -> bool {
+        self.node.owes()
+    }
+
+    fn take_bit_rate(&mut self) -> Option<BitRate> {
         None
     }
 
-    fn all_sent(&mut self, now: Instant) -> bool {
-        if (self.claim.is_begun() || self.bam.is_handed_out()) && !self.is_mute() {
-            // The wait for objections and the distance of packets count from here.
-            let now = now.max(self.now);
-            self.claim.sent(now);
-            self.bam.sent(now);
-            self.schedule();
-        }
-        !self.tx.is_empty()
+    fn encode(&self, job: Job) -> Result<Record, StoreError> {
+        self.encode_job(job)
     }
 
-    fn next_effect(&mut self, all_sent: bool) -> Option<Effect> {
-        if let Some(effect) = self.next_write() {
-            return Some(effect);
-        }
-        if all_sent && self.restarting == Restarting::Due && self.storage.is_idle() {
-            self.restarting = Restarting::HandedOut;
-            return Some(Effect::Restart(Restart::Application));
-        }
-        None
+    fn written(&mut self, job: Job, stored: bool, base: &mut Base<Job>) {
+        self.end_job(job, stored, base);
     }
 
-    fn stored(&mut self, key: RecordKey, result: Result<(), StoreError>, now: Instant) {
-        let now = self.advance(now);
-        self.written(key, result.is_ok(), now);
-        self.settle(now);
-    }
-
-    fn restart(&mut self, _scope: Restart, image: &Image, now: Instant) {
-        let now = now.max(self.now);
-        self.now = now;
-        self.start(image, now);
-        self.settle(now);
-    }
-
-    fn flush(&mut self, now: Instant) {
-        self.advance(now);
-        if self.fault_log.is_dirty() {
-            self.store_fault_log();
-            self.schedule();
+    /// Starts with what the memory holds: the address is claimed, and a new memory filled.
+    fn start(&mut self, _: Restart, image: &Image, base: &mut Base<Job>) {
+        let now = base.now();
+        let found = Found::look(&self.setup, image);
+        self.factory = found.factory;
+        self.local_layer = found.local_layer;
+        self.clearing.clear();
+        self.clearable = FaultSet::EMPTY;
+        self.auxiliary.restart(found.fault_log.counters, now);
+        let valve = &mut self.auxiliary.valve;
+        found.tell_faults(valve, now);
+        valve.set_internal(InternalCause::Injected, self.senses.internal_fault, now);
+        valve.set_bus_off(self.senses.bus == BusErrorMode::BusOff, now);
+        let own = address(&self.setup, self.local_layer);
+        self.node.restart(name(&self.factory), own);
+        self.uds = uds::key_to(uds::Address::node(own.get()));
+        let layer = Job::LocalLayer(LayerChange::default(), LayerFor::Nobody);
+        for (key, job) in [(RecordKey::Factory, Job::Factory), (RecordKey::LocalLayer, layer)] {
+            if found.is_absent(key) {
+                base.writes.ask(job);
+            }
         }
     }
 
-    fn deadline(&self) -> Instant {
-        self.deadline
+    fn watchdog_reset(&mut self, base: &mut Base<Job>) {
+        self.auxiliary.valve.set_internal(InternalCause::Watchdog, true, base.now());
     }
 
     fn outputs(&self) -> Outputs {
-        let solenoids = self.commander.valve.solenoids();
-        Outputs { solenoids, led: self.commander.led(self.claim.is_lost()) }
+        let led = self.auxiliary.led(self.node.address().is_none());
+        Outputs { solenoids: self.auxiliary.valve.solenoids(), led }
     }
 
     fn bit_rate(&self) -> BitRate {
         self.local_layer.bit_rate
     }
 
-    /// The address in force; `None` when it was lost.
+    /// Returns the address in force; `None` once it is lost.
     fn node_id(&self) -> Option<u8> {
-        self.claim.address().map(crate::wire::j1939_id::Address::get)
+        self.node.address().map(Address::get)
     }
 
     fn frames_dropped(&self) -> u32 {
-        self.tx.dropped()
+        self.node.dropped()
     }
 }

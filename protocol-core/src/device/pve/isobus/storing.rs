@@ -1,18 +1,18 @@
-//! Writes to the memory: what is handed out, and who is told when it is done (SPEC 5, 6).
+//! Writes to the memory, and who waits for them (SPEC 5, 6).
 
 use super::super::records::{FaultLog, LayerChange, version};
-use super::super::storage::{self, Job as _};
-use super::PveIsobus;
+use super::IsobusValve;
 use crate::actuator::{FaultSet, InternalCause};
-use crate::device::Effect;
+use crate::device::Restart;
+use crate::device::host::Base;
+use crate::device::writes;
 use crate::isobus::request::Request;
 use crate::memory::{Record, RecordKey, StoreError, seal};
-use crate::time::Instant;
 use crate::uds::node_id_written;
 
 /// Who waits for the local layer to be stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum LayerFor {
+pub enum LayerFor {
     /// Nobody: the first start.
     Nobody,
     /// UDS, write of the node ID.
@@ -23,7 +23,7 @@ pub(super) enum LayerFor {
 
 /// One write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Job {
+pub enum Job {
     /// The factory data of a new memory.
     Factory,
     /// The address.
@@ -31,10 +31,10 @@ pub(super) enum Job {
     /// The fault log as it is.
     FaultLog,
     /// DM3: the fault log without these, which were previously active when it came.
-    ClearPreviouslyActive(Request, FaultSet),
+    ClearPreviouslyActive(FaultSet),
 }
 
-impl storage::Job for Job {
+impl writes::Job for Job {
     fn key(self) -> RecordKey {
         match self {
             Self::Factory => RecordKey::Factory,
@@ -42,77 +42,88 @@ impl storage::Job for Job {
             Self::FaultLog | Self::ClearPreviouslyActive(..) => RecordKey::FaultLog,
         }
     }
+
+    fn merged(self, newer: Self) -> Option<Self> {
+        match (self, newer) {
+            (Self::ClearPreviouslyActive(old), Self::ClearPreviouslyActive(new)) => {
+                Some(Self::ClearPreviouslyActive(old.union(new)))
+            }
+            (Self::LocalLayer(_, old), Self::LocalLayer(_, new)) if old == new => Some(newer),
+            _ => (self == newer).then_some(newer),
+        }
+    }
 }
 
-impl PveIsobus {
-    /// The next record to be written, encoded as things are now.
-    pub(super) fn next_write(&mut self) -> Option<Effect> {
-        loop {
-            let job = self.storage.begin()?;
-            match self.encode(job) {
-                Ok(record) => return Some(Effect::Store(job.key(), record)),
-                // Cannot happen with the records of this device: none is longer than a record holds.
-                Err(StoreError) => self.written(job.key(), false, self.now),
+/// A DM3 that waits for the memory.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Clearing {
+    request: Request,
+    /// The previously active faults when it came.
+    asked: FaultSet,
+}
+
+impl IsobusValve {
+    /// Takes DM3. An empty list needs no memory.
+    pub(super) fn clear_previously_active(&mut self, request: Request, base: &mut Base<Job>) {
+        let asked = self.auxiliary.previously_active_faults();
+        if asked.is_empty() {
+            self.node.acknowledge(&request, true);
+        } else if self.clearing.push(Clearing { request, asked }).is_ok() {
+            self.clearable = self.clearable.union(asked);
+            base.writes.ask(Job::ClearPreviouslyActive(asked));
+        } else {
+            self.node.count_dropped(1);
+        }
+    }
+
+    pub(super) fn encode_job(&self, job: Job) -> Result<Record, StoreError> {
+        let counters = self.auxiliary.valve.counters();
+        let version = version(writes::Job::key(job));
+        match job {
+            Job::Factory => seal(version, &self.factory.encode()),
+            Job::LocalLayer(change, _) => seal(version, &self.local_layer.with(change).encode()),
+            Job::FaultLog => seal(version, &FaultLog { counters }.encode()),
+            Job::ClearPreviouslyActive(asked) => {
+                let counters = counters.without(asked.intersection(self.clearable));
+                seal(version, &FaultLog { counters }.encode())
             }
         }
     }
 
-    /// The fault log is due.
-    pub(super) fn store_fault_log(&mut self) {
-        if self.storage.ask(Job::FaultLog) {
-            self.fault_log.begun();
-        }
-    }
-
-    /// The memory has answered.
-    pub(super) fn written(&mut self, key: RecordKey, stored: bool, now: Instant) {
-        let Some(job) = self.storage.end(key) else { return };
-        let cause = InternalCause::Record(u8::try_from(key.position()).unwrap_or(u8::MAX));
-        self.commander.valve.set_internal(cause, !stored, now);
+    /// Takes the memory's answer to a write.
+    pub(super) fn end_job(&mut self, job: Job, stored: bool, base: &mut Base<Job>) {
+        let record = u8::try_from(writes::Job::key(job).position()).unwrap_or(u8::MAX);
+        self.auxiliary.valve.set_internal(InternalCause::Record(record), !stored, base.now());
         match job {
             Job::LocalLayer(change, asked_by) => {
                 if stored {
                     self.local_layer = self.local_layer.with(change);
                 }
                 match asked_by {
-                    // One that has lost its address meanwhile may tell nobody.
-                    LayerFor::Uds if self.claim.is_lost() => {}
-                    LayerFor::Uds => self.send(node_id_written(stored)),
-                    LayerFor::CommandedAddress if stored => self.request_restart(),
+                    LayerFor::Uds => self.node.answer(node_id_written(stored)),
+                    LayerFor::CommandedAddress if stored => base.request_restart(Restart::Application),
                     LayerFor::CommandedAddress | LayerFor::Nobody => {}
                 }
             }
-            Job::FaultLog => self.fault_log.ended(stored, now),
-            Job::ClearPreviouslyActive(request, asked) => {
-                self.fault_log.ended(stored, now);
-                if stored {
-                    // One that occurred meanwhile has left the list, and keeps its counter.
-                    let cleared = self.previously_active.intersection(asked);
-                    self.previously_active = self.previously_active.difference(cleared);
-                    self.commander.valve.clear_counters(cleared);
-                    // The memory holds the zeros already.
-                    self.commander.valve.take_counters_changed();
-                    if let Some(frame) = self.claim.address().and_then(|own| request.acknowledge(own)) {
-                        self.send(frame);
-                    }
-                }
-            }
-            Job::Factory => {}
+            Job::ClearPreviouslyActive(asked) => self.end_clearing(asked, stored),
+            Job::Factory | Job::FaultLog => {}
         }
     }
 
-    fn encode(&self, job: Job) -> Result<Record, StoreError> {
-        let version = version(job.key());
-        let counters = self.commander.valve.counters();
-        match job {
-            Job::Factory => seal(version, &self.factory.encode()),
-            Job::LocalLayer(change, _) => seal(version, &self.local_layer.with(change).encode()),
-            Job::FaultLog => seal(version, &FaultLog { counters, previously_active: self.previously_active }.encode()),
-            Job::ClearPreviouslyActive(_, asked) => {
-                let cleared = self.previously_active.intersection(asked);
-                let previously_active = self.previously_active.difference(cleared);
-                seal(version, &FaultLog { counters: counters.without(cleared), previously_active }.encode())
-            }
+    /// Clears the counters in force when the memory has them cleared, and answers every DM3 that asked for no more.
+    fn end_clearing(&mut self, asked: FaultSet, stored: bool) {
+        if stored {
+            self.auxiliary.valve.clear_counters(asked.intersection(self.clearable));
+            // The memory holds the zeros already.
+            self.auxiliary.valve.take_counters_changed();
         }
+        let node = &mut self.node;
+        self.clearing.retain(|clearing| {
+            let answered = clearing.asked.difference(asked).is_empty();
+            if answered {
+                node.acknowledge(&clearing.request, stored);
+            }
+            !answered
+        });
     }
 }

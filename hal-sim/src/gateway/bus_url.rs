@@ -1,4 +1,4 @@
-//! Where the bus is reachable: the URLs of `--bus`.
+//! Where a bus is reachable: the URLs of `--bus`.
 
 use std::fmt;
 use std::str::FromStr;

@@ -1,0 +1,220 @@
+//! Who takes part: joining and leaving, changes of the error mode, bus-off and the way back.
+
+use protocol_core::controller::BusErrorMode;
+use protocol_core::time::Instant;
+
+use super::bits::{BUS_IDLE, SUSPEND};
+use super::clock::{Nanos, bit_times, instant, nanos};
+use super::confinement::{Confinement, RECOVERY_SEQUENCES};
+use super::listeners::Group;
+use super::port::{Port, Recovery};
+use super::wire_event::WireEvent;
+use super::{Bus, Event, EventKind, PortId};
+
+impl Bus {
+    /// Lets a controller synchronise: after 11 recessive bits it takes part. One that is bus-off has to recover first.
+    pub(super) fn join(&mut self, id: PortId, now: Instant) {
+        let port = &mut self.ports[id.0];
+        // While a frame is on the wire: not before its end, whenever that is.
+        let busy = self.current.is_some();
+        port.joined_at = if busy { Nanos::MAX } else { nanos(now) + bit_times(BUS_IDLE, port.rate) };
+        port.ready_at = if port.takes_part() { port.joined_at } else { Nanos::MAX };
+        port.suspended = false;
+        self.joining.push(id);
+        self.refresh(id, now);
+    }
+
+    /// Takes a port from the list of those that take part, or are about to.
+    pub(super) fn leave(&mut self, id: PortId) {
+        self.joining.retain(|other| *other != id);
+        let port = &mut self.ports[id.0];
+        if !std::mem::take(&mut port.member) {
+            return;
+        }
+        let group = group_of(&mut self.groups, port);
+        group.members.retain(|other| *other != id);
+        group.counting.retain(|other| *other != id);
+        if !port.is_silent() {
+            group.audible -= 1;
+            group.active -= usize::from(port.mode() == BusErrorMode::ErrorActive);
+        }
+        group.unlist(id, port.hears());
+    }
+
+    /// Lets those take part from a start of frame on that have seen enough recessive bits by then.
+    pub(super) fn admit(&mut self, start: Nanos) {
+        let mut place = 0;
+        while let Some(id) = self.joining.get(place).copied() {
+            let port = &mut self.ports[id.0];
+            if port.joined_at > start {
+                place += 1;
+                continue;
+            }
+            self.joining.swap_remove(place);
+            if !port.takes_part() || std::mem::replace(&mut port.member, true) {
+                continue;
+            }
+            let group = group_of(&mut self.groups, port);
+            let place = group.members.partition_point(|other| *other < id);
+            group.members.insert(place, id);
+            if port.confinement.receive_errors() > 0 {
+                group.counting.push(id);
+            }
+            if !port.is_silent() {
+                group.audible += 1;
+                group.active += usize::from(port.mode() == BusErrorMode::ErrorActive);
+            }
+            group.list(id, port.hears());
+        }
+    }
+
+    /// Puts new filters in the place of the old ones.
+    pub(super) fn refilter(&mut self, id: PortId) {
+        let port = &mut self.ports[id.0];
+        let Some(filters) = port.new_filters.take() else { return };
+        if port.member {
+            group_of(&mut self.groups, port).unlist(id, port.hears());
+        }
+        port.filters = Some(filters);
+        if port.member {
+            group_of(&mut self.groups, port).list(id, port.hears());
+        }
+    }
+
+    /// A port that lost a bit while it was error-passive: nobody hears it complain, and the frame that won goes on
+    /// without it. Its error flag has no end before that frame has one.
+    pub(super) fn fall_out_of_step(&mut self, id: PortId, at: Instant) {
+        self.change(id, at, Confinement::transmit_error);
+        let port = &mut self.ports[id.0];
+        if port.takes_part() {
+            port.joined_at = Nanos::MAX;
+            port.ready_at = Nanos::MAX;
+            port.suspended = true;
+            self.leave(id);
+            self.joining.push(id);
+            self.refresh(id, at);
+        }
+    }
+
+    /// Changes the error counters of a port, and with them perhaps its error mode. The way into bus-off, for every port.
+    #[inline]
+    pub(super) fn change(&mut self, id: PortId, at: Instant, change: impl FnOnce(&mut Confinement)) {
+        let port = &mut self.ports[id.0];
+        let from = port.mode();
+        change(&mut port.confinement);
+        if port.mode() != from {
+            self.change_mode(id, from, at);
+        }
+    }
+
+    #[cold]
+    fn change_mode(&mut self, id: PortId, from: BusErrorMode, at: Instant) {
+        let port = &mut self.ports[id.0];
+        let to = port.mode();
+        if port.is_device {
+            self.touched.push(id);
+        }
+        self.journal.note(|| Some(Event { at, who: port.name.clone(), what: EventKind::ErrorMode { from, to } }));
+        if port.member && !port.is_silent() {
+            let group = group_of(&mut self.groups, port);
+            group.active += usize::from(to == BusErrorMode::ErrorActive);
+            group.active -= usize::from(from == BusErrorMode::ErrorActive);
+        }
+        if to == BusErrorMode::BusOff {
+            port.ready_at = Nanos::MAX;
+            // Whether a controller that lives elsewhere comes back is its own decision.
+            let recovers = port.external.is_none() && !port.held;
+            self.leave(id);
+            self.refresh(id, at);
+            if recovers {
+                self.begin_recovery(id, nanos(at));
+            }
+        }
+    }
+
+    pub(super) fn begin_recovery(&mut self, id: PortId, since: Nanos) {
+        self.ports[id.0].recovery = Some(Recovery { left: RECOVERY_SEQUENCES, since });
+        if let Err(place) = self.recovering.binary_search(&id) {
+            self.recovering.insert(place, id);
+        }
+    }
+
+    pub(super) fn stop_recovery(&mut self, id: PortId) {
+        if self.ports[id.0].recovery.take().is_some() {
+            self.recovering.retain(|other| *other != id);
+        }
+    }
+
+    pub(super) fn next_recovery(&self) -> Nanos {
+        let due = |id: &PortId| self.ports[id.0].recovered_at();
+        self.recovering.iter().filter_map(due).min().unwrap_or(Nanos::MAX)
+    }
+
+    /// The end of a frame, or of an error frame, and the intermission are 11 recessive bits: one sequence for those on
+    /// their way back from bus-off, and what controllers that joined in the meantime waited for.
+    pub(super) fn count_idle_sequence(&mut self) {
+        for place in 0..self.joining.len() {
+            let id = self.joining[place];
+            let port = &mut self.ports[id.0];
+            if port.joined_at < Nanos::MAX {
+                continue;
+            }
+            port.joined_at = self.free_at;
+            if port.takes_part() {
+                let suspended = std::mem::take(&mut port.suspended);
+                port.ready_at = self.free_at + if suspended { bit_times(SUSPEND, port.rate) } else { 0 };
+            }
+        }
+        for id in &self.recovering {
+            if let Some(recovery) = &mut self.ports[id.0].recovery {
+                recovery.left = recovery.left.saturating_sub(1);
+                recovery.since = recovery.since.max(self.free_at);
+            }
+        }
+    }
+
+    /// Counts the recessive bits of the idle time that ends at `start`.
+    pub(super) fn pass_recovery_time(&mut self, start: Nanos) {
+        for id in &self.recovering {
+            let port = &mut self.ports[id.0];
+            let sequence = bit_times(BUS_IDLE, port.rate);
+            if let Some(recovery) = &mut port.recovery {
+                let seen = start.saturating_sub(recovery.since) / sequence;
+                recovery.left = recovery.left.saturating_sub(u32::try_from(seen).unwrap_or(u32::MAX));
+                recovery.since = start;
+            }
+        }
+    }
+
+    /// Brings those back whose time has come.
+    pub(super) fn recover(&mut self, now: Nanos) {
+        if self.current.is_some() {
+            return;
+        }
+        let mut recovered = std::mem::take(&mut self.recovering);
+        let mut is_due = |id: &PortId| self.ports[id.0].recovered_at().is_some_and(|due| due <= now);
+        let due: Vec<PortId> = recovered.iter().copied().filter(&mut is_due).collect();
+        recovered.retain(|id| !due.contains(id));
+        self.recovering = recovered;
+        for id in due {
+            let port = &mut self.ports[id.0];
+            let at = port.recovered_at().unwrap_or(now);
+            port.recovery = None;
+            port.joined_at = at;
+            port.ready_at = at;
+            port.tell(at, WireEvent::Recovered);
+            self.change(id, instant(at), Confinement::recover);
+            self.joining.push(id);
+            self.refresh(id, instant(at));
+        }
+    }
+}
+
+/// The group of a port's bit rate.
+fn group_of<'a>(groups: &'a mut Vec<Group>, port: &Port) -> &'a mut Group {
+    let place = groups.iter().position(|group| group.rate == port.rate).unwrap_or_else(|| {
+        groups.push(Group::new(port.rate));
+        groups.len() - 1
+    });
+    &mut groups[place]
+}

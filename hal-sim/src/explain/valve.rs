@@ -1,0 +1,42 @@
+//! Words of the valve that PDOs and objects share: control word, status word, set-point and position (SPEC 4.3).
+
+use protocol_core::device::pve::DeviceState;
+
+/// The scale of set-points and positions: ±100 %.
+const FULL: i16 = 16_384;
+/// The set-point and position of float.
+const FLOAT: i16 = 32_767;
+
+/// What the low bits of a control word ask for (SPEC 4.3): reset, mode active, hold, disabled.
+pub(super) const fn command(word: u16) -> &'static str {
+    match word & 0x0F {
+        0b0000 | 0b1000 => "initialise",
+        0b0001 | 0b1001 => "disable",
+        0b0011 => "hold, fault reset 1 of 2",
+        0b1011 => "hold, fault reset 2 of 2",
+        0b0111 | 0b1111 => "activate",
+        _ => "unusual",
+    }
+}
+
+/// The state that a status word tells.
+pub(super) fn state(word: u16) -> &'static str {
+    match DeviceState::ALL.into_iter().find(|state| state.status_word() == word) {
+        Some(DeviceState::Init) => "INIT",
+        Some(DeviceState::Disabled) => "DISABLED",
+        Some(DeviceState::Hold) => "HOLD",
+        Some(DeviceState::Active) => "ACTIVE",
+        Some(DeviceState::FaultHold) => "FAULT_HOLD",
+        None => "unknown state",
+    }
+}
+
+/// A set-point or a position.
+pub(super) fn stroke(raw: i16) -> String {
+    match raw {
+        FLOAT => "float".to_owned(),
+        0 => "neutral".to_owned(),
+        raw if (-FULL..=FULL).contains(&raw) => format!("{:+.1} %", f64::from(raw) * 100.0 / f64::from(FULL)),
+        raw => format!("{raw}, out of range"),
+    }
+}

@@ -1,0 +1,62 @@
+//! The way from clients into the world: one channel, on which each message carries the wall instant of its arrival.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::Instant as WallInstant;
+
+use super::ToWorld;
+
+/// The clients' end of the channel: for gateways, and for the end of the simulator.
+#[derive(Clone, Debug)]
+pub struct Entrance {
+    messages: Sender<Arrival>,
+    ending: Arc<AtomicBool>,
+}
+
+/// The world's end of the channel.
+#[derive(Debug)]
+pub struct Inbox {
+    /// Messages in the order of their arrival.
+    pub messages: Receiver<Arrival>,
+    ending: Arc<AtomicBool>,
+}
+
+/// A message with its arrival.
+#[derive(Debug)]
+pub struct Arrival {
+    /// The wall instant of the arrival.
+    pub at: WallInstant,
+    /// The message.
+    pub message: ToWorld,
+}
+
+impl Entrance {
+    /// Returns both ends.
+    #[must_use]
+    pub fn new() -> (Self, Inbox) {
+        let (sender, messages) = channel();
+        let ending = Arc::<AtomicBool>::default();
+        (Self { messages: sender, ending: Arc::clone(&ending) }, Inbox { messages, ending })
+    }
+
+    /// Sends a message that arrives now. A world that has ended drops it: the simulator ends with the world.
+    pub fn tell(&self, message: ToWorld) {
+        let _ = self.messages.send(Arrival { at: WallInstant::now(), message });
+    }
+
+    /// Ends the simulator, before messages that still wait for the world.
+    pub fn end(&self) {
+        self.ending.store(true, Ordering::Release);
+        // Wakes up a world that waits.
+        self.tell(ToWorld::End);
+    }
+}
+
+impl Inbox {
+    /// Whether the simulator is to end.
+    #[must_use]
+    pub fn is_ending(&self) -> bool {
+        self.ending.load(Ordering::Acquire)
+    }
+}

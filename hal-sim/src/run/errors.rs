@@ -1,0 +1,97 @@
+//! The errors of the bus that users are told of: the first error frame of a frame that is being destroyed, and each change
+//! of an error mode. A controller repeats a destroyed frame thousands of times a second.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use protocol_core::controller::BusErrorMode;
+use protocol_core::frame::Frame;
+use protocol_core::time::{Duration, Instant, since};
+
+use crate::bus::BusError;
+use crate::explain::explain_error;
+use crate::trace::{ErrorClass, Timestamp};
+use crate::world::{Event, EventKind};
+
+/// An error frame after a pause longer than this is a first one again.
+const OVER: Duration = Duration::from_secs(1);
+
+/// The errors of the bus, and those that were told.
+#[derive(Debug, Default)]
+pub(super) struct Errors {
+    /// The number of error frames since the trouble began.
+    count: u64,
+    /// The last error frame.
+    last: Option<Instant>,
+    /// The frame of each sender that is being destroyed, with its last error frame.
+    failing: HashMap<Arc<str>, (Frame, Instant)>,
+    /// The controllers that are not error-active: mode and its begin.
+    troubled: HashMap<Arc<str>, (BusErrorMode, Timestamp)>,
+}
+
+impl Errors {
+    /// Takes note of an event; returns the class and the words of an error that is told.
+    pub(super) fn note(&mut self, event: &Event, at: Timestamp) -> Option<(ErrorClass, String)> {
+        match &event.what {
+            EventKind::Frame { .. } => {
+                if !self.failing.is_empty() {
+                    self.failing.remove(&event.who);
+                }
+                None
+            }
+            EventKind::ErrorFrame { frame, error, .. } => self.error_frame(event, frame, *error),
+            EventKind::ErrorMode { to, .. } => Some(self.change(event, *to, at)),
+            EventKind::FramesDropped { count } => {
+                let frames = if *count == 1 { "a frame" } else { "frames" };
+                let text = format!("{}: dropped {frames} that waited for the bus (×{count})", event.who);
+                Some((ErrorClass::TransmitOverflow, text))
+            }
+        }
+    }
+
+    fn error_frame(&mut self, event: &Event, frame: &Frame, error: BusError) -> Option<(ErrorClass, String)> {
+        if self.troubled.is_empty() && self.last.is_none_or(|last| since(event.at, last) > OVER) {
+            self.count = 0;
+        }
+        self.count += 1;
+        self.last = Some(event.at);
+        let before = self.failing.insert(Arc::clone(&event.who), (*frame, event.at));
+        let told = before.is_some_and(|(failed, when)| failed == *frame && since(event.at, when) <= OVER);
+        (!told).then(|| (class(error), explain_error(error, frame, &event.who)))
+    }
+
+    fn change(&mut self, event: &Event, to: BusErrorMode, at: Timestamp) -> (ErrorClass, String) {
+        let before = match to {
+            BusErrorMode::ErrorActive => self.troubled.remove(&event.who),
+            _ => self.troubled.insert(Arc::clone(&event.who), (to, at)),
+        };
+        let class = match (before, to) {
+            (_, BusErrorMode::ErrorPassive) => ErrorClass::ErrorPassive,
+            (_, BusErrorMode::BusOff) => ErrorClass::BusOff,
+            (Some((BusErrorMode::BusOff, _)), BusErrorMode::ErrorActive) => ErrorClass::Restarted,
+            (_, BusErrorMode::ErrorActive) => ErrorClass::ErrorActive,
+        };
+        let since = before.map_or_else(String::new, |(mode, since)| format!(", {} since {since}", name(mode)));
+        (class, format!("{}: {} after error frames ×{}{since}", event.who, name(to), self.count))
+    }
+}
+
+/// Returns the class of an error frame in logs and for clients.
+const fn class(error: BusError) -> ErrorClass {
+    match error {
+        BusError::Acknowledgement => ErrorClass::NoAcknowledge,
+        BusError::Bit | BusError::Stuff => ErrorClass::BusError,
+    }
+}
+
+const fn name(mode: BusErrorMode) -> &'static str {
+    match mode {
+        BusErrorMode::ErrorActive => "error-active",
+        BusErrorMode::ErrorPassive => "error-passive",
+        BusErrorMode::BusOff => "bus-off",
+    }
+}
+
+#[cfg(test)]
+#[path = "errors_tests.rs"]
+mod tests;

@@ -1,0 +1,67 @@
+//! Files that a log may replace, and those that it must not.
+
+use std::fs;
+
+use super::*;
+
+fn log(path: &Path, overwrite: bool) -> LogOptions {
+    LogOptions { path: path.to_owned(), overwrite }
+}
+
+/// Why the file is refused; empty when it is not.
+fn refusal(path: &Path, overwrite: bool, state: Option<&Path>) -> String {
+    Log::check(&log(path, overwrite), state).err().map(|error| error.to_string()).unwrap_or_default()
+}
+
+#[test]
+fn a_file_that_has_something_in_it_is_replaced_only_when_that_is_meant() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("frames.log");
+    assert_eq!(refusal(&path, false, None), "");
+    fs::write(&path, "").unwrap();
+    assert_eq!(refusal(&path, false, None), "");
+    fs::write(&path, "of yesterday").unwrap();
+    let line = refusal(&path, false, None);
+    assert!(line.contains("frames.log") && line.contains("--log-overwrite"), "{line}");
+    assert_eq!(fs::read_to_string(&path).unwrap(), "of yesterday");
+    assert_eq!(refusal(&path, true, None), "");
+    Log::create(&log(&path, true)).unwrap().write("of today").unwrap();
+    assert_eq!(fs::read_to_string(&path).unwrap(), "of today\n");
+}
+
+#[test]
+fn what_is_no_regular_file_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    for path in [dir.path(), Path::new("/dev/null"), Path::new("/dev/full")] {
+        for overwrite in [false, true] {
+            let line = refusal(path, overwrite, None);
+            assert!(line.contains("a regular file only"), "{line}");
+        }
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn nothing_in_the_folder_of_the_state_files_is_a_log() {
+    let dir = tempfile::tempdir().unwrap();
+    let state = dir.path().join("state");
+    // Before the folder is there, too.
+    assert!(refusal(&state.join("frames.log"), false, Some(&state)).contains("--state"));
+    fs::create_dir(&state).unwrap();
+    let memory = state.join("valve.nvm");
+    fs::write(&memory, "stored").unwrap();
+    let (soft, hard, round) = (dir.path().join("soft"), dir.path().join("hard"), dir.path().join("state/../state/new"));
+    std::os::unix::fs::symlink(&memory, &soft).unwrap();
+    fs::hard_link(&memory, &hard).unwrap();
+    for path in [&memory, &state.join("frames.log"), &soft, &hard, &round] {
+        let line = refusal(path, true, Some(&state));
+        assert!(line.contains("--state"), "{}: {line}", path.display());
+    }
+    // A link in the folder that leads to a memory elsewhere.
+    let elsewhere = dir.path().join("elsewhere");
+    fs::write(&elsewhere, "stored").unwrap();
+    assert_eq!(refusal(&elsewhere, true, Some(&state)), "");
+    std::os::unix::fs::symlink(&elsewhere, state.join("other.nvm")).unwrap();
+    assert!(refusal(&elsewhere, true, Some(&state)).contains("--state"));
+    assert_eq!(fs::read_to_string(&memory).unwrap(), "stored");
+}

@@ -1,0 +1,49 @@
+//! The options of `run`. The caller has checked them against each other.
+
+use std::path::PathBuf;
+
+use protocol_core::controller::BitRate;
+
+use crate::gateway::BusUrl;
+use crate::kind::{Birth, Kind};
+
+/// The options of `run`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RunOptions {
+    /// The devices, in their order on the bus. Each has another name.
+    pub devices: Vec<NamedDevice>,
+    /// Where the bus is served; at least one.
+    pub buses: Vec<BusUrl>,
+    /// The rate of the bus; `None`: that of the first device.
+    pub bit_rate: Option<BitRate>,
+    /// Where memories are kept; `None`: nowhere.
+    pub state: Option<PathBuf>,
+    /// Virtual time against wall time: finite and above 0.
+    pub speed: f64,
+    /// Where every frame is logged; `None`: nowhere.
+    pub log: Option<LogOptions>,
+    /// Whether clients get error frames.
+    pub error_frames: bool,
+    /// The seed of everything random.
+    pub seed: u64,
+}
+
+/// The log of `run`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LogOptions {
+    /// The file.
+    pub path: PathBuf,
+    /// Whether what is in it already may be lost.
+    pub overwrite: bool,
+}
+
+/// A device with the name by which everything calls it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NamedDevice {
+    /// Its name; no other device has it.
+    pub name: String,
+    /// What it is.
+    pub kind: Kind,
+    /// What a new memory is filled with.
+    pub birth: Birth,
+}

@@ -1,0 +1,108 @@
+//! The virtual time of a run: the pace of the wall clock, and the time that gets lost.
+//!
+//! Two events lose time, and the world goes on from its own instant after each:
+//! - **A stall**, at a speed up to 1: the process was stopped, the machine slept, or the host was overloaded. Masters live
+//!   on the wall clock, and a valve must not take the pause for a master that has failed.
+//! - **A speed out of reach**: the world would fall behind for ever.
+
+use std::time::{Duration as WallDuration, Instant as WallInstant};
+
+use protocol_core::time::Instant;
+
+use super::pace::Pace;
+
+/// The process stood still when it did not look at the clock for longer than this. A master that sends every 200 ms may
+/// be late by 50 ms before its valve faults.
+const STALL: WallDuration = WallDuration::from_millis(50);
+
+/// The longest sleep at a speed up to 1: a stall shows only to a thread that looks at the clock. The rest of [`STALL`] is
+/// for a system that wakes the thread up late.
+pub(super) const NAP: WallDuration = WallDuration::from_millis(20);
+
+/// A speed is out of reach when the world is behind for longer than this.
+const BEHIND: WallDuration = WallDuration::from_secs(1);
+
+/// The shortest time between two warnings of stalls.
+const REMINDER: WallDuration = WallDuration::from_secs(60);
+
+/// Keeps the virtual time of a run.
+#[derive(Debug)]
+pub(super) struct Timekeeper {
+    pace: Pace,
+    /// The last look at the clock.
+    looked: WallInstant,
+    /// The wall instant from which on the world is behind.
+    behind: Option<WallInstant>,
+    /// Whether the user knows that the speed is out of reach.
+    out_of_reach: bool,
+    stalls: Stalls,
+}
+
+/// Stalls that the user does not know of.
+#[derive(Debug, Default)]
+struct Stalls {
+    count: u32,
+    time: WallDuration,
+    /// The last warning.
+    told: Option<WallInstant>,
+}
+
+impl Timekeeper {
+    /// Starts virtual time now, at a speed that is finite and above 0.
+    pub(super) const fn start(speed: f64, now: WallInstant) -> Self {
+        let stalls = Stalls { count: 0, time: WallDuration::ZERO, told: None };
+        Self { pace: Pace::start(speed, now), looked: now, behind: None, out_of_reach: false, stalls }
+    }
+
+    /// The pace of virtual time.
+    pub(super) const fn pace(&self) -> &Pace {
+        &self.pace
+    }
+
+    /// The last look at the clock.
+    pub(super) const fn looked(&self) -> WallInstant {
+        self.looked
+    }
+
+    /// Whether stalls are lost time: up to the speed of the wall clock.
+    pub(super) const fn minds_stalls(&self) -> bool {
+        self.pace.speed() <= 1.0
+    }
+
+    /// Takes a look at the clock, with the world at `world`; returns a warning for the user.
+    pub(super) fn look(&mut self, now: WallInstant, world: Instant) -> Option<String> {
+        let passed = now.saturating_duration_since(std::mem::replace(&mut self.looked, now));
+        if passed <= STALL || !self.minds_stalls() {
+            return None;
+        }
+        self.pace.anchor(now, world);
+        self.stalls.count += 1;
+        self.stalls.time += passed;
+        if self.stalls.told.is_some_and(|told| now.saturating_duration_since(told) < REMINDER) {
+            return None;
+        }
+        let Stalls { count, time, .. } =
+            std::mem::replace(&mut self.stalls, Stalls { told: Some(now), ..Stalls::default() });
+        let times = if count == 1 { String::new() } else { format!(" ({count} times)") };
+        let seconds = time.as_secs_f64();
+        Some(format!("stood still for {seconds:.3} s{times}: that time did not happen on the bus"))
+    }
+
+    /// The world, at `world`, has done a go of work and is still behind; returns a warning for the user.
+    pub(super) fn fell_behind(&mut self, world: Instant) -> Option<String> {
+        let now = self.looked;
+        let since = *self.behind.get_or_insert(now);
+        if !self.out_of_reach && now.saturating_duration_since(since) < BEHIND {
+            return None;
+        }
+        self.pace.anchor(now, world);
+        let told = std::mem::replace(&mut self.out_of_reach, true);
+        let speed = self.pace.speed();
+        (!told).then(|| format!("--speed {speed} is out of reach: time runs as fast as this machine can"))
+    }
+
+    /// The world has caught up.
+    pub(super) const fn caught_up(&mut self) {
+        self.behind = None;
+    }
+}

@@ -1,0 +1,77 @@
+//! The ends of a run: signals, a closed stdout, and everything stored.
+
+use std::process::{Command, Stdio};
+
+use rustix::process::{Pid, Signal, kill_process};
+
+use super::simulator::*;
+
+/// As in `pve-sim | head`, with a bus on which nothing happens any more.
+#[test]
+fn a_closed_stdout_ends_it() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let state = dir.path().to_str().expect("text");
+    for speed in ["0.0001", "1", "1e9"] {
+        let mut simulator = Simulator::serve(&["--state", state, "--speed", speed]);
+        drop(simulator.stdout.take());
+        assert_eq!(simulator.process.wait().expect("it ends").code(), Some(0), "{speed}");
+    }
+    assert!(dir.path().join("pvea-canopen.nvm").exists());
+}
+
+#[test]
+fn a_signal_ends_it_at_any_speed_and_while_devices_start() {
+    for speed in ["0.000001", "1", "1e12"] {
+        for signal in [Signal::INT, Signal::TERM, Signal::HUP] {
+            Simulator::serve(&["--speed", speed]).end(signal);
+        }
+    }
+}
+
+/// The fault log of a valve is written some time after the fault: at the end, it is written at once.
+#[test]
+fn what_waits_to_be_stored_is_stored_at_the_end() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let arguments = ["--state", dir.path().to_str().expect("text")];
+    for count in 1..=2 {
+        let simulator = Simulator::serve(&arguments);
+        let mut client = simulator.join();
+        say(&mut client, "< send 0 2 1 0 >");
+        for _ in 0..3 {
+            say(&mut client, "< send 220 4 f 0 0 0 >");
+        }
+        // No further set-point: time guarding.
+        await_frame(&mut client, &format!("0A0#0380910{count}00000000"));
+        simulator.end(Signal::HUP);
+    }
+}
+
+#[test]
+fn a_hangup_that_is_ignored_does_not_end_it() {
+    let mut shell = Command::new("sh");
+    let script = "trap '' HUP; exec \"$0\" --bus socketcand://127.0.0.1:0/pve0";
+    shell.args(["-c", script, env!("CARGO_BIN_EXE_pve-sim")]);
+    let simulator = Simulator::spawn(shell.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()));
+    let mut client = simulator.join();
+    kill_process(Pid::from_child(&simulator.process), Signal::HUP).expect("it runs");
+    say(&mut client, READ_VENDOR);
+    await_frame(&mut client, VENDOR);
+    simulator.end(Signal::TERM);
+}
+
+#[test]
+fn a_stdout_that_nobody_reads_does_not_hold_it_up() {
+    let mut simulator = Simulator::serve(&["--speed", "100"]);
+    let unread = simulator.stdout.take();
+    let mut client = simulator.join();
+    // a heartbeat each 10 ms of virtual time: far more lines than a pipe takes
+    say(&mut client, "< send 620 8 2b 17 10 0 a 0 0 0 >");
+    for _ in 0..5000 {
+        frame(&mut client);
+    }
+    say(&mut client, READ_VENDOR);
+    await_frame(&mut client, VENDOR);
+    drop(client);
+    simulator.end(Signal::TERM);
+    drop(unread);
+}

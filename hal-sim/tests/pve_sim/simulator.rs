@@ -1,0 +1,164 @@
+//! The running program, and its clients on real sockets.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::process::{Child, ChildStdout, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process};
+
+/// How long anything may take that should come at once.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
+
+pub(crate) fn pve_sim(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pve-sim"));
+    command.args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+pub(crate) fn output(arguments: &[&str]) -> Output {
+    pve_sim(arguments).output().expect("pve-sim runs")
+}
+
+/// The one line with which it refuses to start.
+pub(crate) fn refusal(arguments: &[&str], code: i32) -> String {
+    // One that does start does not end by itself, but says that it is ready.
+    let mut simulator = Simulator::start(arguments);
+    assert_eq!(simulator.ready, "", "{arguments:?}");
+    let mut stderr = String::new();
+    simulator.process.stderr.take().expect("a pipe").read_to_string(&mut stderr).expect("text");
+    let status = simulator.process.wait().expect("it ends");
+    assert_eq!(status.code(), Some(code), "{arguments:?}: {stderr}");
+    assert_eq!(stderr.lines().count(), 1, "{arguments:?}: {stderr}");
+    stderr.trim_end().to_owned()
+}
+
+/// A simulator that is running.
+pub(crate) struct Simulator {
+    pub(crate) process: Child,
+    pub(crate) stdout: Option<BufReader<ChildStdout>>,
+    pub(crate) ready: String,
+}
+
+impl Simulator {
+    pub(crate) fn start(arguments: &[&str]) -> Self {
+        Self::spawn(&mut pve_sim(arguments))
+    }
+
+    pub(crate) fn spawn(command: &mut Command) -> Self {
+        let mut process = command.spawn().expect("pve-sim starts");
+        let mut stdout = BufReader::new(process.stdout.take().expect("a pipe"));
+        let mut ready = String::new();
+        stdout.read_line(&mut ready).expect("the ready line");
+        Self { process, stdout: Some(stdout), ready: ready.trim_end().to_owned() }
+    }
+
+    pub(crate) fn serve(arguments: &[&str]) -> Self {
+        Self::start(&[&["--bus", "socketcand://127.0.0.1:0/pve0"], arguments].concat())
+    }
+
+    /// The next line of its trace.
+    pub(crate) fn line(&mut self) -> String {
+        let mut line = String::new();
+        self.stdout.as_mut().expect("a pipe").read_line(&mut line).expect("a line");
+        assert!(!line.is_empty(), "it has ended");
+        line
+    }
+
+    /// The ports of the ready line, in order.
+    pub(crate) fn ports(&self) -> Vec<u16> {
+        let words = self.ready.strip_prefix("pve-sim ready ").expect("a ready line").split(' ');
+        let port = |word: &str| {
+            let address = word.strip_prefix("bus=socketcand://127.0.0.1:").expect("a bus");
+            address.split_once('/').expect("a name").0.parse().expect("a port")
+        };
+        words.map(port).collect()
+    }
+
+    pub(crate) fn connect(&self) -> TcpStream {
+        connect(self.ports()[0])
+    }
+
+    /// A client that gets what is on the bus.
+    pub(crate) fn join(&self) -> TcpStream {
+        let mut client = self.connect();
+        expect(&mut client, "< hi >");
+        say(&mut client, "< open pve0 >");
+        expect(&mut client, "< ok >");
+        say(&mut client, "< rawmode >");
+        expect(&mut client, "< ok >");
+        client
+    }
+
+    /// Ends it as a user does; what is left of stdout and stderr.
+    pub(crate) fn end(mut self, signal: Signal) -> (String, String) {
+        kill_process(Pid::from_child(&self.process), signal).expect("it still runs");
+        let (mut stdout, mut stderr) = (String::new(), String::new());
+        if let Some(mut pipe) = self.stdout.take() {
+            pipe.read_to_string(&mut stdout).expect("text");
+        }
+        self.process.stderr.take().expect("a pipe").read_to_string(&mut stderr).expect("text");
+        let status = self.process.wait().expect("it ends");
+        assert_eq!(status.code(), Some(0), "{stderr}");
+        (stdout, stderr)
+    }
+}
+
+impl Drop for Simulator {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+pub(crate) fn connect(port: u16) -> TcpStream {
+    let client = TcpStream::connect(("127.0.0.1", port)).expect("a connection");
+    client.set_read_timeout(Some(PATIENCE)).expect("a timeout");
+    client
+}
+
+pub(crate) fn say(client: &mut TcpStream, text: &str) {
+    client.write_all(text.as_bytes()).expect(text);
+}
+
+/// The next message.
+pub(crate) fn message(client: &mut TcpStream) -> String {
+    let mut message = Vec::new();
+    while message.last() != Some(&b'>') {
+        let mut byte = [0];
+        client.read_exact(&mut byte).unwrap_or_else(|error| panic!("{error} after {message:?}"));
+        message.push(byte[0]);
+    }
+    String::from_utf8(message).expect("text")
+}
+
+pub(crate) fn expect(client: &mut TcpStream, text: &str) {
+    assert_eq!(message(client), text);
+}
+
+/// Identifier and data of the next message, which is a frame.
+pub(crate) fn frame(client: &mut TcpStream) -> String {
+    let message = message(client);
+    let words: Vec<&str> = message.split(' ').collect();
+    match words.as_slice() {
+        ["<", "frame", id, _, data, ">"] => format!("{id}#{data}"),
+        _ => panic!("no frame: {message}"),
+    }
+}
+
+/// Reads until the frame comes; what else is on the bus all the time must not keep it up for ever.
+pub(crate) fn await_frame(client: &mut TcpStream, expected: &str) {
+    let start = Instant::now();
+    let mut others = Vec::new();
+    loop {
+        let frame = frame(client);
+        if frame == expected {
+            return;
+        }
+        others.push(frame);
+        assert!(start.elapsed() < PATIENCE, "{expected} did not come, but {others:?}");
+    }
+}
+
+pub(crate) const READ_VENDOR: &str = "< send 620 8 40 18 10 1 0 0 0 0 >";
+pub(crate) const VENDOR: &str = "5A0#4318100119000001";

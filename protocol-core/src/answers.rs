@@ -1,0 +1,112 @@
+//! The answers that a node owes: they do not go stale, so they wait in their order. Both protocols' nodes have one such queue.
+
+use heapless::Vec;
+
+use crate::frame::Frame;
+
+/// The number of answers that can wait: one of each service to each of two askers.
+const ANSWERS: usize = 8;
+
+/// The answers that wait. When there is no room, the newest is dropped; its owner counts it.
+#[derive(Debug, Default)]
+pub(crate) struct Answers {
+    waiting: Vec<Frame, ANSWERS>,
+    /// The number of answers that the controller took and may have still.
+    taken: u32,
+}
+
+impl Answers {
+    /// Appends an answer. Returns whether there was room.
+    #[must_use]
+    pub(crate) fn push(&mut self, frame: Frame) -> bool {
+        self.waiting.push(frame).is_ok()
+    }
+
+    /// Takes back the answer that was popped last. Returns whether there was still room for all.
+    #[must_use]
+    pub(crate) fn take_back(&mut self, frame: Frame) -> bool {
+        self.taken = self.taken.saturating_sub(1);
+        let had_room = !self.waiting.is_full();
+        if !had_room {
+            self.waiting.pop();
+        }
+        // There is room.
+        let _ = self.waiting.insert(0, frame);
+        had_room
+    }
+
+    /// Returns the most urgent answer, the oldest among equals.
+    #[inline]
+    pub(crate) fn first(&self) -> Option<&Frame> {
+        self.waiting.iter().min_by_key(|frame| frame.arbitration())
+    }
+
+    /// Takes the [first](Self::first) answer.
+    pub(crate) fn pop(&mut self) -> Option<Frame> {
+        let first = *self.first()?;
+        self.taken = self.taken.saturating_add(1);
+        let position = self.waiting.iter().position(|frame| *frame == first)?;
+        Some(self.waiting.remove(position))
+    }
+
+    #[inline]
+    pub(crate) fn is_empty(&self) -> bool {
+        self.waiting.is_empty()
+    }
+
+    /// Notes that the controller's answers are on the bus.
+    pub(crate) const fn sent(&mut self) {
+        self.taken = 0;
+    }
+
+    /// Forgets all, those in the controller too, and returns how many there were.
+    pub(crate) fn clear(&mut self) -> u32 {
+        let waiting = u32::try_from(self.waiting.len()).unwrap_or(u32::MAX);
+        self.waiting.clear();
+        core::mem::take(&mut self.taken).saturating_add(waiting)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::extended;
+
+    fn frame(id: u32, tag: u8) -> Frame {
+        Frame::of(extended(id).into(), &[tag]).unwrap()
+    }
+
+    #[test]
+    fn urgent_answers_first_and_equals_in_order() {
+        let mut answers = Answers::default();
+        for (id, tag) in [(0x1BC4_18F1, 1), (0x18E8_FF83, 2), (0x1BC4_18F1, 3), (0x18E8_FF83, 4)] {
+            assert!(answers.push(frame(id, tag)));
+        }
+        let first = answers.pop().unwrap();
+        assert!(answers.take_back(first));
+        for tag in [2, 4, 1, 3] {
+            assert_eq!(answers.pop().map(|answer| answer.bytes()[0]), Some(tag));
+        }
+        assert_eq!(answers.pop(), None);
+    }
+
+    #[test]
+    fn without_room_the_newest_is_dropped() {
+        let mut answers = Answers::default();
+        for tag in 0..8 {
+            assert!(answers.push(frame(0x18E8_FF83, tag)));
+        }
+        assert!(!answers.push(frame(0x18E8_FF83, 8)));
+        let first = answers.pop().unwrap();
+        assert!(answers.push(frame(0x18E8_FF83, 9)));
+        assert!(!answers.take_back(first));
+        for tag in 0..8 {
+            assert_eq!(answers.pop(), Some(frame(0x18E8_FF83, tag)));
+        }
+        assert_eq!(answers.clear(), 8, "those in the controller");
+        assert!(answers.push(frame(0x18E8_FF83, 0)));
+        assert!(answers.pop().is_some());
+        answers.sent();
+        assert_eq!(answers.clear(), 0);
+    }
+}

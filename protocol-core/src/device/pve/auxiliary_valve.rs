@@ -1,0 +1,177 @@
+//! The valve as the bus commands it: what an AVC does, shutdown by a fault, recovery by two neutral commands, and what is
+//! told of it in AVEF and DM2 (SPEC 5).
+
+use super::fault_codes::codes;
+use crate::actuator::{
+    ActuatorType, Changes, Condition, Counters, Drive, Fault, FaultSet, Led, Position, Scale, SetPoint, SpoolMonitors,
+    Valve, ValveConfig,
+};
+use crate::isobus::node::Product;
+use crate::time::Instant;
+use crate::wire::dm::Trouble;
+use crate::wire::valve::{Command, EstimatedFlow, State};
+
+/// The number of neutral commands in a row that end a shutdown.
+const NEUTRAL_COMMANDS: u8 = 2;
+
+/// The regulation is shut down by faults.
+#[derive(Clone, Copy, Debug, Default)]
+struct Shutdown {
+    /// The faults since it began.
+    faults: FaultSet,
+    /// The number of commands in a row that were neutral, with the spool in neutral and nothing active.
+    neutral: u8,
+}
+
+/// An auxiliary valve (ISO 11783-7).
+#[derive(Debug)]
+pub(super) struct AuxiliaryValve {
+    pub(super) valve: Valve,
+    /// The last valid command; block before the first.
+    command: Command,
+    /// The time guard runs: from the first valid command on (A).
+    guarded: bool,
+    shutdown: Option<Shutdown>,
+}
+
+impl AuxiliaryValve {
+    pub(super) fn new(actuator_type: ActuatorType, now: Instant) -> Self {
+        let config = ValveConfig {
+            actuator_type,
+            low_temperature: false,
+            shared_spool_counter: false,
+            spool_monitors: SpoolMonitors::ExceptHandAndStop,
+        };
+        let valve = Valve::new(config, Counters::default(), now);
+        Self { valve, command: Command::Block, guarded: false, shutdown: None }
+    }
+
+    /// Starts anew with these counters: everything but the spool, which is where it is.
+    pub(super) fn restart(&mut self, counters: Counters, now: Instant) {
+        self.valve.restart(counters, now);
+        self.shutdown = None;
+        self.block(now);
+    }
+
+    /// Obeys a valid AVC.
+    pub(super) fn obey(&mut self, command: Command, now: Instant) {
+        if !self.guarded {
+            self.guarded = true;
+            self.valve.start_guard(now);
+        }
+        self.command = command;
+        if self.shutdown.is_some() {
+            self.valve.feed_guard(now);
+            self.recover(now);
+            self.apply(now);
+        } else {
+            self.valve.command(drive(command), now);
+        }
+    }
+
+    /// Blocks the valve until the next command, for which nobody waits: it lost its address, or starts. Fault 8 is gone.
+    pub(super) fn block(&mut self, now: Instant) {
+        self.command = Command::Block;
+        self.guarded = false;
+        self.valve.stop_guard(now);
+        self.valve.feed_guard(now);
+        self.apply(now);
+    }
+
+    /// Returns what became of the faults. Every activated fault shuts the regulation down.
+    pub(super) fn take_changes(&mut self, now: Instant) -> Changes {
+        let mut changes = self.valve.take_changes();
+        if !changes.activated.is_empty() {
+            self.shutdown = Some(Shutdown { faults: self.in_shutdown().union(changes.activated), neutral: 0 });
+            self.apply(now);
+            // Switching the drive off can clear what was just activated, never activate.
+            let more = self.valve.take_changes();
+            changes.activated = changes.activated.union(more.activated);
+            changes.cleared = changes.cleared.union(more.cleared);
+        }
+        changes
+    }
+
+    /// Returns the faults that were active before: counted, and neither active nor part of the shutdown.
+    pub(super) fn previously_active_faults(&self) -> FaultSet {
+        let counters = self.valve.counters();
+        let counted: FaultSet = FaultSet::ALL.into_iter().filter(|fault| counters.get(*fault) > 0).collect();
+        counted.difference(self.valve.faults()).difference(self.in_shutdown())
+    }
+
+    /// Returns the trouble code of a fault.
+    pub(super) fn trouble(&self, fault: Fault) -> Trouble {
+        let codes = codes(fault);
+        Trouble { lamp: codes.lamp, dtc: codes.dtc, count: self.valve.counters().get(fault) }
+    }
+
+    /// Returns what the LED shows. Without an address nobody can end a shutdown, and it does not show.
+    pub(super) fn led(&self, address_lost: bool) -> Led {
+        Led::of(Condition {
+            faults: self.valve.faults(),
+            fault_hold: self.shutdown.is_some() && !address_lost,
+            disabled: address_lost || !self.valve.regulating(),
+            power_save: self.valve.power_save(),
+        })
+    }
+
+    fn in_shutdown(&self) -> FaultSet {
+        self.shutdown.map_or(FaultSet::EMPTY, |shutdown| shutdown.faults)
+    }
+
+    /// Counts neutral commands while nothing is active. The second ends the shutdown, and acts no more itself.
+    fn recover(&mut self, now: Instant) {
+        let Some(shutdown) = &mut self.shutdown else { return };
+        let counts = self.valve.faults().is_empty() && self.command.is_neutral() && self.valve.in_neutral(now);
+        shutdown.neutral = if counts { shutdown.neutral.saturating_add(1) } else { 0 };
+        if shutdown.neutral >= NEUTRAL_COMMANDS {
+            self.shutdown = None;
+            self.command = Command::Block;
+        }
+    }
+
+    /// Lets the valve do what the command says. In a shutdown the solenoids are off, and hand operation and emergency
+    /// stop still keep the monitors of the spool off.
+    fn apply(&mut self, now: Instant) {
+        let drive = match drive(self.command) {
+            Drive::Regulate(_) if self.shutdown.is_some() => Drive::Off,
+            drive => drive,
+        };
+        self.valve.drive(drive, now);
+    }
+}
+
+impl Product for AuxiliaryValve {
+    /// Returns the data of AVEF.
+    #[inline]
+    fn report(&self, now: Instant) -> [u8; 8] {
+        let percent = Scale::Percent.of_position(self.valve.position(now));
+        let flow = EstimatedFlow {
+            extend: percent.max(0) as u8,
+            retract: percent.saturating_neg().max(0) as u8,
+            state: if self.shutdown.is_some() { State::Blocked } else { self.command.state() },
+        };
+        flow.emit()
+    }
+
+    fn previously_active(&self) -> impl Iterator<Item = Trouble> + Clone {
+        self.previously_active_faults().into_iter().map(|fault| self.trouble(fault))
+    }
+}
+
+/// Returns what a command lets the valve do when nothing keeps it from it.
+fn drive(command: Command) -> Drive {
+    match command {
+        Command::HandOperation => Drive::Hand,
+        Command::EmergencyStop => Drive::EmergencyStop,
+        Command::Block => Drive::Regulate(SetPoint::NEUTRAL),
+        Command::Extend(flow) => Drive::Regulate(SetPoint::Position(position(flow))),
+        Command::Retract(flow) => Drive::Regulate(SetPoint::Position(position(flow).mirrored())),
+        Command::Float => Drive::Regulate(SetPoint::Float),
+    }
+}
+
+/// Returns the position of a port flow command, 0–250.
+fn position(flow: u8) -> Position {
+    Scale::Per250.to_position(flow.into()).unwrap_or(Position::NEUTRAL)
+}

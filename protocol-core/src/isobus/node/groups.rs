@@ -1,0 +1,127 @@
+//! The frames that a node listens to, told by the identifier alone: most frames on a bus are not for it.
+
+use core::ops::RangeInclusive;
+
+use super::Rules;
+use crate::controller::{Filter, Filters};
+use crate::frame::{Frame, extended, key};
+use crate::wire::j1939_id::{Address, Format, J1939Id, Pgn};
+
+/// The service that a frame is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Service {
+    /// The product's command group.
+    Command,
+    /// A request, to this node or to all.
+    Request,
+    /// A claim of the own address.
+    Claim,
+    /// A frame of a broadcast in packets.
+    Broadcast,
+    /// A frame of a connection with this node.
+    Connection,
+    /// None: a frame of another controller under the own address.
+    Objection,
+}
+
+/// Bits 8–25 of an identifier: the group, and in the format PDU1 the destination.
+type Group = u32;
+
+/// The identifiers of the services.
+#[derive(Debug)]
+pub(super) struct Groups {
+    own: Address,
+    command: Group,
+    request: Group,
+    connection: Group,
+    /// Whether the controller has its filters.
+    told: bool,
+}
+
+/// A request to all.
+const REQUEST_TO_ALL: Group = group(Pgn::REQUEST, Address::GLOBAL);
+
+/// The groups from the data packets of the transport protocol to the claim, with their destinations: neighbours, and most
+/// frames are none of them.
+const TRANSPORT_AND_CLAIMS: RangeInclusive<Group> =
+    group(Pgn::TP_DATA, Address::new(0))..=group(Pgn::ADDRESS_CLAIMED, Address::GLOBAL);
+
+/// The bits of a key that hold a [`Group`].
+const GROUP: u32 = 0x3_FFFF << 8;
+/// The bits of a key that hold the source.
+const SOURCE: u32 = 0xFF;
+/// The bits of a key above those of an identifier: what tells an extended one.
+const EXTENDED: u32 = !0x1FFF_FFFF;
+
+const fn group(pgn: Pgn, destination: Address) -> Group {
+    pgn.raw() | destination.get() as u32
+}
+
+impl Groups {
+    /// Returns the identifiers for a node at this address.
+    pub(super) fn at(own: Address, rules: &Rules) -> Self {
+        Self {
+            own,
+            command: (rules.command)(own).raw(),
+            request: group(Pgn::REQUEST, own),
+            connection: group(Pgn::TP_CONNECTION, own),
+            told: false,
+        }
+    }
+
+    /// Returns the service that a frame is for. A frame under the own address can be for another service too.
+    #[inline]
+    pub(super) fn service(&self, frame: &Frame) -> Option<Service> {
+        // A standard identifier has no bits of a group, and is for none.
+        let group: Group = frame.key() >> 8 & 0x3_FFFF;
+        if group == self.command {
+            return Some(Service::Command);
+        }
+        if group == REQUEST_TO_ALL || group == self.request {
+            return Some(Service::Request);
+        }
+        if TRANSPORT_AND_CLAIMS.contains(&group) {
+            return self.neighbour(frame, group);
+        }
+        self.is_foreign_use(frame).then_some(Service::Objection)
+    }
+
+    /// The same for a group of the data link or of network management.
+    fn neighbour(&self, frame: &Frame, group: Group) -> Option<Service> {
+        let id = J1939Id::from_raw(frame.key());
+        match id.format() {
+            Format::ADDRESS_CLAIMED => (id.source() == self.own).then_some(Service::Claim),
+            Format::TP_CONNECTION | Format::TP_DATA if id.destination() == Address::GLOBAL => Some(Service::Broadcast),
+            Format::TP_CONNECTION if group == self.connection => Some(Service::Connection),
+            _ => self.is_foreign_use(frame).then_some(Service::Objection),
+        }
+    }
+
+    /// Returns whether a frame that is no claim uses the own address. Both page bits are set in other protocols, UDS
+    /// among them, whose identifiers hold no source address there.
+    #[inline]
+    pub(super) fn is_foreign_use(&self, frame: &Frame) -> bool {
+        let id = J1939Id::from_raw(frame.key());
+        id.source() == self.own && frame.is_extended() && id.is_j1939()
+    }
+
+    /// Returns the filters for the controller, once.
+    #[inline]
+    pub(super) fn take_filters(&mut self) -> Option<Filters> {
+        if self.told {
+            return None;
+        }
+        self.told = true;
+        Some(self.filters())
+    }
+
+    fn filters(&self) -> Filters {
+        let of = |raw: u32, mask: u32| Filter { key: key(extended(raw).into()), mask: EXTENDED | mask };
+        let to_all = |pgn: Pgn| group(pgn, Address::GLOBAL);
+        let broadcasts = [to_all(Pgn::TP_CONNECTION), to_all(Pgn::TP_DATA)];
+        let groups = [self.command, self.request, REQUEST_TO_ALL, self.connection].into_iter().chain(broadcasts);
+        // Claims of the own address are among what is sent under it.
+        let under_own = of(self.own.get().into(), SOURCE);
+        groups.map(|group| of(group << 8, GROUP)).chain([under_own]).collect()
+    }
+}

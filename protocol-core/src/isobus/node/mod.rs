@@ -1,0 +1,358 @@
+//! The node: the services put together, without a product (SPEC 5).
+//!
+//! ```text
+//! mod      what goes in and comes out: frames, time, the state of the bus
+//! groups   which frames are for the node, and its filters
+//! news     the frames that tell a state
+//! serve    what each service makes of a frame
+//! ```
+//!
+//! The services keep what is owed, the node renders the most urgent of it when the controller can take a frame. A frame
+//! that waits in the controller when newer news of its kind is owed is aborted first.
+
+mod groups;
+mod news;
+mod serve;
+
+pub use serve::Indication;
+
+use groups::Groups;
+use heapless::Vec;
+use news::{News, NewsSet};
+
+use super::Outcome;
+use super::address::AddressClaim;
+use super::diagnostics::{Dm1, next_in_grid, single};
+use super::transport::{BamReceiver, BamSender};
+use crate::answers::Answers;
+use crate::controller::{Filter, Filters};
+use crate::frame::Frame;
+use crate::time::{Duration, Instant, NEVER};
+use crate::wire::dm::{self, Trouble};
+use crate::wire::j1939_id::{Address, J1939Id, Pgn, Priority};
+use crate::wire::name::{COMMANDED_ADDRESS_LEN, Name};
+
+/// The number of senders of a commanded address that are heard at once.
+const SENDERS: usize = 16;
+
+/// The broadcasts that are received in packets.
+const BROADCASTS: &[Pgn] = &[Pgn::COMMANDED_ADDRESS];
+
+/// The rules of a product that its node follows.
+#[derive(Debug)]
+pub struct Rules {
+    /// The group of the commands to a node at this address.
+    pub command: fn(Address) -> Pgn,
+    /// The group of the cyclic report of a node at this address.
+    pub report: fn(Address) -> Pgn,
+    /// The period of the report, which is a control message: more urgent than all else that a node sends. The first one goes
+    /// out at the end of the wait after the claim.
+    pub report_period: Duration,
+}
+
+/// What a product tells when a frame is rendered.
+pub trait Product {
+    /// Returns the data of the report, as things are at `now`.
+    fn report(&self, now: Instant) -> [u8; 8];
+
+    /// Returns the previously active trouble codes in the order of DM2.
+    fn previously_active(&self) -> impl Iterator<Item = Trouble> + Clone;
+}
+
+/// A node on ISOBUS, whose DM2 has up to `DM2` bytes.
+#[derive(Debug)]
+pub struct Node<const DM2: usize> {
+    rules: &'static Rules,
+    groups: Groups,
+    claim: AddressClaim,
+    dm1: Dm1,
+    bam: BamSender<DM2>,
+    receiver: BamReceiver<SENDERS, COMMANDED_ADDRESS_LEN>,
+    report: J1939Id,
+    next_report: Instant,
+    bus_off: bool,
+    /// The news that may be sent as things are with bus and claim.
+    permitted: NewsSet,
+    owed: NewsSet,
+    /// The news of which a frame may wait in the controller.
+    in_controller: NewsSet,
+    /// Identifiers of frames that the controller must not send any more.
+    aborts: Vec<Filter, { News::ALL.len() }>,
+    answers: Answers,
+    dropped: u32,
+    deadline: Instant,
+}
+
+impl<const DM2: usize> Node<DM2> {
+    /// Returns a node that begins to claim this address.
+    #[must_use]
+    pub fn new(rules: &'static Rules, name: Name, own: Address) -> Self {
+        Self {
+            rules,
+            groups: Groups::at(own, rules),
+            claim: AddressClaim::new(name, own),
+            dm1: Dm1::new(),
+            bam: BamSender::new(),
+            receiver: BamReceiver::new(BROADCASTS),
+            report: J1939Id::global(Priority::CONTROL, (rules.report)(own), own),
+            next_report: NEVER,
+            bus_off: false,
+            permitted: NewsSet::CLAIM,
+            owed: NewsSet::CLAIM,
+            in_controller: NewsSet::EMPTY,
+            aborts: Vec::new(),
+            answers: Answers::default(),
+            dropped: 0,
+            deadline: NEVER,
+        }
+    }
+
+    /// Begins anew with this NAME and address, as after a power-up. The bus and the count of dropped frames stay; a
+    /// broadcast under way is given up.
+    pub fn restart(&mut self, name: Name, own: Address) {
+        self.give_up_all();
+        let fresh = Self::new(self.rules, name, own);
+        *self = Self { bus_off: self.bus_off, dropped: self.dropped, ..fresh };
+        self.permit();
+    }
+
+    /// Returns the address from its claim on; `None` once it is lost.
+    #[inline]
+    #[must_use]
+    pub const fn address(&self) -> Option<Address> {
+        self.claim.address()
+    }
+
+    /// Returns the address if more than claims may be sent under it now.
+    #[inline]
+    #[must_use]
+    pub const fn voice(&self) -> Option<Address> {
+        if self.claim.may_send() && !self.bus_off { self.claim.address() } else { None }
+    }
+
+    /// Returns the number of answers and messages that were dropped or given up.
+    #[must_use]
+    pub const fn dropped(&self) -> u32 {
+        self.dropped
+    }
+
+    /// Takes whether the controller is bus-off. Whatever was to be sent is not sent afterwards, but for a first claim that
+    /// has not been on the bus, and for DM1, which then tells the state of that time.
+    pub fn set_bus_off(&mut self, bus_off: bool) {
+        if bus_off && !self.bus_off {
+            self.give_up_all();
+            if self.claim.is_begun() {
+                self.owed.insert(News::Claim);
+            }
+        }
+        self.bus_off = bus_off;
+        self.permit();
+        self.schedule();
+    }
+
+    /// Takes the active trouble code that DM1 shows. DM1 is owed when that is a change.
+    pub fn set_active(&mut self, active: Option<Trouble>, now: Instant) {
+        let outcome = self.dm1.set(active, if self.bus_off { NEVER } else { now });
+        self.note(outcome, News::Dm1);
+        self.schedule();
+    }
+
+    /// Owes an answer. Without a voice there is none; without room it is dropped and counted.
+    pub fn answer(&mut self, frame: Frame) {
+        if self.voice().is_some() && !self.answers.push(frame) {
+            self.count_dropped(1);
+        }
+    }
+
+    /// Lets the timers that are due act.
+    pub fn run_timers(&mut self, now: Instant) {
+        match self.claim.poll(now) {
+            Outcome::Claimed => {
+                self.next_report = now;
+                self.permit();
+            }
+            outcome => self.note(outcome, News::Claim),
+        }
+        if now >= self.next_report {
+            self.owe(News::Report);
+            self.next_report = next_in_grid(self.next_report, self.rules.report_period, now);
+        }
+        let outcome = self.dm1.poll(now);
+        self.note(outcome, News::Dm1);
+        if now >= self.bam.deadline() {
+            self.continue_broadcast(now);
+        }
+        self.schedule();
+    }
+
+    /// Returns when [`run_timers`](Self::run_timers) is next due.
+    #[inline]
+    #[must_use]
+    pub const fn deadline(&self) -> Instant {
+        self.deadline
+    }
+
+    /// Returns the filters of the controller, once after every start.
+    #[inline]
+    pub fn take_filters(&mut self) -> Option<Filters> {
+        self.groups.take_filters()
+    }
+
+    /// Returns the identifiers of frames in the controller that must not go out any more.
+    #[inline]
+    pub fn take_abort(&mut self) -> Option<Filter> {
+        self.aborts.pop()
+    }
+
+    /// Renders the most urgent frame that is owed.
+    #[inline]
+    pub fn next_frame(&mut self, now: Instant, product: &impl Product) -> Option<Frame> {
+        if !self.owes() {
+            return None;
+        }
+        self.render_first(now, product)
+    }
+
+    /// Takes a frame back from the controller: it is owed again, as far as it may still be sent.
+    pub fn give_back(&mut self, frame: Frame) {
+        match self.news_of(&frame) {
+            Some(news) if self.in_controller.contains(news) => {
+                self.in_controller.remove(news);
+                self.owed.insert(news);
+                if news == News::Packet {
+                    self.bam.take_back();
+                }
+            }
+            None if self.voice().is_some() => {
+                let had_room = self.answers.take_back(frame);
+                self.count_dropped(u32::from(!had_room));
+            }
+            // Out of date.
+            _ => {}
+        }
+    }
+
+    /// Notes that the controller's frames are on the bus by `now`.
+    pub fn all_sent(&mut self, now: Instant) {
+        if self.in_controller.contains(News::Claim) {
+            self.claim.sent(now);
+        }
+        if self.in_controller.contains(News::Packet) {
+            self.bam.sent(now);
+        }
+        self.in_controller = NewsSet::EMPTY;
+        self.answers.sent();
+        self.schedule();
+    }
+
+    /// Returns the trouble code of the last DM1, unless that is not on the bus yet.
+    #[must_use]
+    pub fn told(&self) -> Option<Trouble> {
+        let on_the_bus = !self.in_controller.contains(News::Dm1) && !self.owed.contains(News::Dm1);
+        self.dm1.rendered().filter(|_| on_the_bus)
+    }
+
+    /// Notes what may be sent, after a change of the bus or of the claim.
+    fn permit(&mut self) {
+        self.permitted = match self.bus_off {
+            true => NewsSet::EMPTY,
+            false if self.claim.may_send() => NewsSet::ALL,
+            false => NewsSet::CLAIM,
+        };
+    }
+
+    /// Returns what is owed and may be sent.
+    #[inline]
+    const fn sendable(&self) -> NewsSet {
+        self.owed.intersection(self.permitted)
+    }
+
+    /// Returns whether a frame is owed that may be sent now.
+    #[inline]
+    #[must_use]
+    pub fn owes(&self) -> bool {
+        !self.sendable().is_empty() || !self.answers.is_empty()
+    }
+
+    /// Picks by identifier: its order is that of arbitration, for every frame here is an extended data frame.
+    #[inline(never)]
+    fn render_first(&mut self, now: Instant, product: &impl Product) -> Option<Frame> {
+        let before_answers = |news: &News| self.answers.first().is_none_or(|answer| self.key_of(*news) < answer.key());
+        match self.sendable().first().filter(before_answers) {
+            Some(news) => self.render(news, now, product),
+            None => self.answers.pop(),
+        }
+    }
+
+    fn render(&mut self, news: News, now: Instant, product: &impl Product) -> Option<Frame> {
+        self.owed.remove(news);
+        self.in_controller.insert(news);
+        match news {
+            News::Report => Some(Frame::full(self.report.id(), product.report(now))),
+            News::Claim => Some(self.claim.frame()),
+            News::Dm1 => {
+                let (frame, outcome) = self.dm1.render(self.own(), now);
+                if outcome == Outcome::Owed {
+                    // After the one that was just rendered, not in its place.
+                    self.owed.insert(News::Dm1);
+                }
+                self.schedule();
+                Some(frame)
+            }
+            News::Dm2 => self.render_dm2(now, product),
+            News::Packet => self.render_packet(),
+        }
+    }
+
+    /// Renders DM2: one frame for none or one code, else the announcement of a broadcast.
+    fn render_dm2(&mut self, now: Instant, product: &impl Product) -> Option<Frame> {
+        let mut codes = product.previously_active();
+        let all = codes.clone();
+        match (codes.next(), codes.next()) {
+            (one, None) => Some(single(Pgn::DM2, one, self.own())),
+            _ => {
+                self.in_controller.remove(News::Dm2);
+                self.in_controller.insert(News::Packet);
+                // No other is under way, and two codes are more bytes than the fewest of a broadcast.
+                let _ = self.bam.start(Pgn::DM2, dm::payload(all), now);
+                self.render_packet()
+            }
+        }
+    }
+
+    fn render_packet(&mut self) -> Option<Frame> {
+        let frame = self.bam.render(self.own());
+        self.schedule();
+        frame
+    }
+
+    /// Returns the address under which the node sends: of a node that lost its address nobody's.
+    #[inline]
+    fn own(&self) -> Address {
+        self.claim.address().unwrap_or(Address::NULL)
+    }
+
+    /// Returns the identifier of news as a frame's key.
+    #[inline]
+    fn key_of(&self, news: News) -> u32 {
+        let global = |priority, pgn| J1939Id::global(priority, pgn, self.own()).key();
+        match news {
+            News::Report => self.report.key(),
+            News::Claim => global(Priority::DEFAULT, Pgn::ADDRESS_CLAIMED),
+            News::Dm1 => global(Priority::DEFAULT, Pgn::DM1),
+            News::Dm2 => global(Priority::DEFAULT, Pgn::DM2),
+            News::Packet => global(Priority::TRANSPORT, self.bam.pgn()),
+        }
+    }
+
+    /// Returns the news that a frame in the controller tells; `None` for an answer, and without an address for all but a
+    /// cannot-claim.
+    fn news_of(&self, frame: &Frame) -> Option<News> {
+        News::ALL.into_iter().find(|news| self.key_of(*news) == frame.key())
+    }
+
+    fn schedule(&mut self) {
+        let diagnostics = self.dm1.deadline().min(self.bam.deadline());
+        self.deadline = self.claim.deadline().min(self.next_report).min(diagnostics);
+    }
+}

@@ -1,0 +1,65 @@
+//! The news that a node owes to the bus: of each kind one frame at most.
+
+/// A frame that tells a state, the most urgent in arbitration first. It is rendered when the controller can take it, so it
+/// tells the state of that instant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub(super) enum News {
+    /// The product's report.
+    Report = 1,
+    /// The claim, or the cannot-claim.
+    Claim = 2,
+    /// DM1.
+    Dm1 = 4,
+    /// DM2.
+    Dm2 = 8,
+    /// The next frame of a broadcast in packets.
+    Packet = 16,
+}
+
+impl News {
+    /// All kinds.
+    pub(super) const ALL: [Self; 5] = [Self::Report, Self::Claim, Self::Dm1, Self::Dm2, Self::Packet];
+}
+
+/// A set of news.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct NewsSet(u8);
+
+impl NewsSet {
+    pub(super) const EMPTY: Self = Self(0);
+    pub(super) const CLAIM: Self = Self(News::Claim as u8);
+    pub(super) const ALL: Self = Self(0xFF);
+
+    #[inline]
+    pub(super) const fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    #[inline]
+    pub(super) const fn contains(self, news: News) -> bool {
+        self.0 & news as u8 != 0
+    }
+
+    #[inline]
+    pub(super) const fn insert(&mut self, news: News) {
+        self.0 |= news as u8;
+    }
+
+    #[inline]
+    pub(super) const fn remove(&mut self, news: News) {
+        self.0 &= !(news as u8);
+    }
+
+    /// Returns the most urgent of them.
+    #[inline]
+    pub(super) fn first(self) -> Option<News> {
+        News::ALL.get(usize::try_from(self.0.trailing_zeros()).ok()?).copied()
+    }
+
+    /// Returns the news that are in both sets.
+    #[inline]
+    pub(super) const fn intersection(self, other: Self) -> Self {
+        Self(self.0 & other.0)
+    }
+}

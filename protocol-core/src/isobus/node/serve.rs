@@ -1,0 +1,215 @@
+//! The reception of a frame: what each service makes of it, and what the product learns.
+
+use super::Node;
+use super::groups::Service;
+use super::news::{News, NewsSet};
+use crate::controller::Filter;
+use crate::frame::Frame;
+use crate::isobus::Outcome;
+use crate::isobus::request::Request;
+use crate::isobus::transport::refuse_connection;
+use crate::time::{Instant, NEVER};
+use crate::wire::j1939_id::{Address, J1939Id, Pgn};
+use crate::wire::name::Name;
+use crate::wire::request::Control;
+
+/// What the product learns from a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Indication {
+    /// Nothing: the frame was for the node, or for nobody here.
+    Nothing,
+    /// The frame is one of the product's command group.
+    Command,
+    /// DM3 asks to clear the previously active trouble codes; [`Node::acknowledge`] answers.
+    ClearPreviouslyActive(Request),
+    /// A commanded address is for the node's NAME.
+    CommandedAddress(Address),
+    /// The address is lost. The node sends nothing more but cannot-claims, and aborts every frame in the controller.
+    AddressLost,
+}
+
+impl<const DM2: usize> Node<DM2> {
+    /// Returns whether a frame means something to the node, by its identifier alone.
+    #[inline]
+    #[must_use]
+    pub fn listens(&self, frame: &Frame) -> bool {
+        self.groups.service(frame).is_some()
+    }
+
+    /// Takes a frame. A remote frame means nothing on ISOBUS.
+    pub fn handle(&mut self, frame: &Frame, now: Instant) -> Indication {
+        if frame.is_remote() {
+            return Indication::Nothing;
+        }
+        let Some(service) = self.groups.service(frame) else { return Indication::Nothing };
+        if service != Service::Claim && self.groups.is_foreign_use(frame) {
+            let outcome = self.claim.object(now);
+            self.note(outcome, News::Claim);
+        }
+        if service == Service::Command {
+            return if self.claim.is_lost() { Indication::Nothing } else { Indication::Command };
+        }
+        self.serve(service, frame, now)
+    }
+
+    /// Answers an order that was carried out or could not be: nothing for one to all.
+    pub fn acknowledge(&mut self, request: &Request, done: bool) {
+        self.respond(request, if done { Control::Positive } else { Control::Negative });
+    }
+
+    fn serve(&mut self, service: Service, frame: &Frame, now: Instant) -> Indication {
+        let id = J1939Id::from_raw(frame.key());
+        match service {
+            Service::Request => self.serve_request(id, frame, now),
+            Service::Claim => self.serve_claim(id, frame, now),
+            Service::Broadcast => self.serve_broadcast(id, frame, now),
+            Service::Connection => self.serve_connection(id, frame),
+            Service::Command | Service::Objection => Indication::Nothing,
+        }
+    }
+
+    fn serve_request(&mut self, id: J1939Id, frame: &Frame, now: Instant) -> Indication {
+        let Some(request) = Request::of(id, frame) else { return Indication::Nothing };
+        if request.pgn != Pgn::ADDRESS_CLAIMED {
+            return self.serve_other_request(request);
+        }
+        let outcome = self.claim.requested(&request, now);
+        self.note(outcome, News::Claim);
+        if self.claim.is_lost() {
+            self.schedule();
+        }
+        Indication::Nothing
+    }
+
+    #[inline(never)]
+    fn serve_other_request(&mut self, request: Request) -> Indication {
+        if self.voice().is_none() {
+            return Indication::Nothing;
+        }
+        match request.pgn {
+            Pgn::DM1 => self.owe(News::Dm1),
+            // Another one during a running broadcast is dropped: its asker hears that one.
+            Pgn::DM2 if self.bam.is_busy() => {}
+            Pgn::DM2 => self.owe(News::Dm2),
+            Pgn::DM3 => return Indication::ClearPreviouslyActive(request),
+            pgn if pgn == self.report.pgn() => self.owe(News::Report),
+            _ => self.respond(&request, Control::Negative),
+        }
+        Indication::Nothing
+    }
+
+    #[inline(never)]
+    fn serve_claim(&mut self, id: J1939Id, frame: &Frame, now: Instant) -> Indication {
+        let Some(name) = frame.eight().map(|bytes| Name::from_bytes(*bytes)) else { return Indication::Nothing };
+        match self.claim.contend(id.source(), name, now) {
+            Outcome::Lost => {
+                self.give_up_all();
+                // One place is enough: the list was cleared.
+                let _ = self.aborts.push(Filter::ALL);
+                self.next_report = NEVER;
+                self.permit();
+                self.schedule();
+                Indication::AddressLost
+            }
+            outcome => {
+                self.note(outcome, News::Claim);
+                Indication::Nothing
+            }
+        }
+    }
+
+    #[inline(never)]
+    fn serve_broadcast(&mut self, id: J1939Id, frame: &Frame, now: Instant) -> Indication {
+        let message = self.receiver.handle(id, frame, now);
+        let commanded = message.and_then(|message| self.claim.commanded(&message.payload));
+        commanded.map_or(Indication::Nothing, Indication::CommandedAddress)
+    }
+
+    #[inline(never)]
+    fn serve_connection(&mut self, id: J1939Id, frame: &Frame) -> Indication {
+        if let Some(abort) = self.voice().and_then(|own| refuse_connection(id, frame, own)) {
+            self.answer(abort);
+        }
+        Indication::Nothing
+    }
+
+    #[inline(never)]
+    fn respond(&mut self, request: &Request, control: Control) {
+        if let Some(frame) = self.voice().and_then(|own| request.acknowledgement(control, own)) {
+            self.answer(frame);
+        }
+    }
+}
+
+/// What is owed: the bookkeeping.
+impl<const DM2: usize> Node<DM2> {
+    /// Owes what a service says is owed.
+    #[inline]
+    pub(super) fn note(&mut self, outcome: Outcome, news: News) {
+        if outcome == Outcome::Owed {
+            self.owe(news);
+        }
+    }
+
+    /// Owes news. A frame of older news that waits in the controller must not go out any more.
+    ///
+    /// In bus-off nothing is owed but DM1, which tells the state of the time when the bus is back.
+    pub(super) fn owe(&mut self, news: News) {
+        if self.bus_off && news != News::Dm1 {
+            return;
+        }
+        self.abort(news);
+        self.owed.insert(news);
+    }
+
+    /// Lets the controller abort the frame of these news that may wait there.
+    #[inline]
+    fn abort(&mut self, news: News) {
+        if self.in_controller.contains(news) {
+            self.in_controller.remove(news);
+            // There is a place for each kind.
+            let _ = self.aborts.push(Filter::exactly(self.key_of(news)));
+        }
+    }
+
+    /// Owes the frame of the running broadcast that is due, or gives up a broadcast that the bus kept waiting.
+    pub(super) fn continue_broadcast(&mut self, now: Instant) {
+        // The identifier of the frame in the controller, which is forgotten with the broadcast.
+        let key = self.key_of(News::Packet);
+        let announced = self.bam.pgn() == Pgn::TP_DATA;
+        match self.bam.poll(now) {
+            Outcome::GivenUp => {
+                self.owed.remove(News::Packet);
+                if self.in_controller.contains(News::Packet) {
+                    self.in_controller.remove(News::Packet);
+                    let _ = self.aborts.push(Filter::exactly(key));
+                }
+                if announced {
+                    self.count_dropped(1);
+                } else {
+                    // The bus has heard nothing of it: the list as it is now takes its place.
+                    self.owe(News::Dm2);
+                }
+            }
+            outcome => self.note(outcome, News::Packet),
+        }
+    }
+
+    /// Forgets what is owed, but for DM1, and what the controller has.
+    pub(super) fn give_up_all(&mut self) {
+        let dm1 = self.owed.contains(News::Dm1) || self.in_controller.contains(News::Dm1);
+        self.owed = NewsSet::EMPTY;
+        self.in_controller = NewsSet::EMPTY;
+        if dm1 {
+            self.owed.insert(News::Dm1);
+        }
+        self.aborts.clear();
+        let dropped = self.answers.clear().saturating_add(u32::from(self.bam.cancel()));
+        self.count_dropped(dropped);
+    }
+
+    /// Counts answers and messages that were dropped or given up.
+    pub const fn count_dropped(&mut self, count: u32) {
+        self.dropped = self.dropped.saturating_add(count);
+    }
+}

@@ -1,0 +1,29 @@
+"""A master that polls all 127 valves of a bus in turn: each read is answered, and nothing else is on the bus.
+
+HOST PORT CHANNEL ROUNDS
+"""
+
+import faulthandler
+import sys
+
+import can
+
+from valve import LIFE, PATIENCE, equal
+
+HOST, PORT, CHANNEL, ROUNDS = sys.argv[1:5]
+VALVES = range(1, 128)
+READ = bytes.fromhex("40 00 10 00 00 00 00 00")
+DEVICE_TYPE = bytes.fromhex("43 00 10 00 98 01 00 00")
+#: Nothing is left to be said when the bus is quiet for so long, in seconds; heartbeats are off.
+QUIET = 0.5
+
+faulthandler.dump_traceback_later(LIFE, exit=True)
+with can.Bus(interface="socketcand", host=HOST, port=int(PORT), channel=CHANNEL) as bus:
+    while bus.recv(timeout=QUIET):
+        pass
+    for _ in range(int(ROUNDS)):
+        for valve in VALVES:
+            bus.send(can.Message(arbitration_id=0x600 + valve, is_extended_id=False, data=READ))
+            answer = bus.recv(timeout=PATIENCE)
+            assert answer, f"no answer from {valve:02X}"
+            equal("answer", (answer.arbitration_id, bytes(answer.data)), (0x580 + valve, DEVICE_TYPE))
