@@ -309,3 +309,21 @@ fn who_leaves_the_bus_drops_the_frame_on_the_wire_when_it_is_destroyed() {
     assert!(client.aside.iter().all(|frame| frame.to_string() != ANSWER), "{:?}", client.aside);
     assert_eq!(client.status_of("bus"), "error-active");
 }
+
+#[test]
+fn a_frame_that_is_out_of_date_is_taken_back_from_the_controller() {
+    let mut client = ImageClient::on_isobus();
+    // A message with the position waits in a mailbox when the spool is moved, and when the next one is due.
+    in_flood(&mut client, None, 150);
+    client.bench.rig.type_line(client.bench.board, "lever 16384");
+    in_flood(&mut client, None, 400);
+    client.aside.clear();
+    let position = |frames: Vec<String>| -> Vec<String> {
+        frames.into_iter().filter(|text| text.starts_with("0CFE1383:")).collect()
+    };
+    let first = position(client.listen_ms(3).iter().map(Frame::to_string).collect());
+    let later = position(client.listen_ms(250).iter().map(Frame::to_string).collect());
+    assert_eq!(first.len(), 1, "{first:?}");
+    assert_eq!(first[0], later[0], "the position as it is");
+    assert_ne!(first[0], "0CFE1383: 7D 7D 30 FF FF FF FF FF", "neutral is out of date");
+}
