@@ -16,6 +16,11 @@ pub(crate) struct Answers {
 }
 
 impl Answers {
+    /// Returns an empty queue.
+    pub(crate) const fn new() -> Self {
+        Self { waiting: Vec::new(), taken: 0 }
+    }
+
     /// Appends an answer. Returns whether there was room.
     #[must_use]
     pub(crate) fn push(&mut self, frame: Frame) -> bool {
@@ -42,10 +47,17 @@ impl Answers {
     }
 
     /// Takes the [first](Self::first) answer.
+    #[inline]
     pub(crate) fn pop(&mut self) -> Option<Frame> {
-        let first = *self.first()?;
+        // Mostly there is one.
+        let first = if self.waiting.len() == 1 { self.waiting.pop() } else { self.pop_first() }?;
         self.taken = self.taken.saturating_add(1);
-        let position = self.waiting.iter().position(|frame| *frame == first)?;
+        Some(first)
+    }
+
+    #[inline(never)]
+    fn pop_first(&mut self) -> Option<Frame> {
+        let (position, _) = self.waiting.iter().enumerate().min_by_key(|(_, frame)| frame.arbitration())?;
         Some(self.waiting.remove(position))
     }
 

@@ -24,6 +24,22 @@ pub fn key(id: Id) -> u32 {
     }
 }
 
+/// What arbitration goes by for a data frame with this [`key`]: the lower one wins the bus.
+///
+/// A standard frame wins against an extended one with the same eleven leading bits (ISO 11898-1).
+#[inline]
+#[must_use]
+pub const fn arbitration(key: u32) -> u32 {
+    if key & EXTENDED == 0 {
+        // 11 bits, RTR, IDE = 0, then nothing that could still be compared
+        key << 21
+    } else {
+        // 11 bits, SRR = 1, IDE = 1, 18 bits, RTR
+        let raw = key & !EXTENDED;
+        (raw >> 18) << 21 | 1 << 20 | 1 << 19 | (raw & 0x3_FFFF) << 1
+    }
+}
+
 /// A classic CAN data or remote frame.
 ///
 /// The length is 0–8 by construction: a raw DLC of 9–15, which CAN allows and which means 8, never gets in here.
@@ -154,20 +170,12 @@ impl Frame {
 
     /// What arbitration goes by: of two keys the lower one wins the bus.
     ///
-    /// A standard frame wins against an extended one with the same eleven leading bits, a data frame against a remote
-    /// one with the same identifier (ISO 11898-1).
+    /// A data frame wins against a remote one with the same identifier (ISO 11898-1); otherwise see [`arbitration`].
     #[inline]
     #[must_use]
     pub const fn arbitration(&self) -> u32 {
-        let remote = self.remote as u32;
-        if self.key & EXTENDED == 0 {
-            // 11 bits, RTR, IDE = 0, then nothing that could still be compared
-            self.key << 21 | remote << 20
-        } else {
-            // 11 bits, SRR = 1, IDE = 1, 18 bits, RTR
-            let raw = self.key & !EXTENDED;
-            (raw >> 18) << 21 | 1 << 20 | 1 << 19 | (raw & 0x3_FFFF) << 1 | remote
-        }
+        let remote = if self.key & EXTENDED == 0 { (self.remote as u32) << 20 } else { self.remote as u32 };
+        arbitration(self.key) | remote
     }
 
     fn blank_rest(&mut self) {

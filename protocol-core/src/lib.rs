@@ -44,6 +44,7 @@ pub mod device;
 pub mod frame;
 pub mod isobus;
 pub mod memory;
+pub mod outcome;
 pub mod pump;
 pub mod time;
 pub mod uds;

@@ -1,6 +1,6 @@
 //! Objects of a device's dictionary, and their values.
 
-use protocol_core::canopen::dictionary::{DataType, Entry, Table, Value};
+use protocol_core::canopen::dictionary::{DataType, Entry, Value};
 use protocol_core::device::pve;
 use protocol_core::wire::sdo::Multiplexer;
 
@@ -8,14 +8,10 @@ use super::valve::{command, state, stroke};
 use super::{hex, text_or_hex};
 use crate::kind::Kind;
 
-const fn table(kind: Kind) -> Table {
-    match kind {
-        Kind::Pve(_) => pve::TABLE,
-    }
-}
-
 fn entry(object: Multiplexer, kind: Option<Kind>) -> Option<&'static Entry> {
-    table(kind?).find(object).ok()
+    match kind? {
+        Kind::Pve(_) => pve::entry(object),
+    }
 }
 
 /// Index, sub-index where there is one or it is not 0, and the name where it is known.

@@ -35,6 +35,15 @@ impl Counters {
         self
     }
 
+    /// Returns the sums of two counts.
+    #[must_use]
+    pub fn plus(mut self, other: Self) -> Self {
+        for (count, more) in self.0.iter_mut().zip(other.0) {
+            *count = count.saturating_add(more).min(COUNTER_MAX);
+        }
+        self
+    }
+
     /// Sets the counters of these faults to 0. Returns whether any changed.
     pub(super) fn clear(&mut self, faults: FaultSet) -> bool {
         faults.into_iter().fold(false, |changed, fault| self.set(fault, 0) | changed)

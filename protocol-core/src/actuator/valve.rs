@@ -282,6 +282,12 @@ impl Valve {
         self.faults.counters_changed |= self.faults.counters.clear(faults);
     }
 
+    /// Adds to the occurrence counters: what was cleared and could not be stored so.
+    pub fn add_counters(&mut self, counters: Counters) {
+        self.faults.counters = self.faults.counters.plus(counters);
+        self.faults.counters_changed = true;
+    }
+
     /// What became of the faults since this was last called; to be asked after every call that takes a time.
     #[inline]
     pub fn take_changes(&mut self) -> Changes {

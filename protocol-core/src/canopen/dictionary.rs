@@ -1,10 +1,11 @@
 //! The object dictionary (CiA 301 7.4): one const table a product, the single source of truth.
 //!
 //! From the table come look-up, access checks and their aborts, what can be mapped, what "save" stores, and the defaults.
-//! What the objects hold lies with the product, behind [`Objects`].
 
-use crate::time::Instant;
 use crate::wire::sdo::{AbortCode, Multiplexer};
+
+/// The length of the longest text that an object can hold: a manufacturer software version has 47 characters.
+pub const TEXT_MAX: usize = 64;
 
 /// The type of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,9 +82,9 @@ pub enum Mappable {
     Tpdo,
 }
 
-/// What an object holds before anything was stored.
+/// The value of an object before anything was stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Default {
+pub enum DefaultValue {
     /// A number, in the raw bits of its type.
     Number(u32),
     /// A number plus the node ID, `$NODEID+…` of an EDS.
@@ -92,67 +93,84 @@ pub enum Default {
     Product,
 }
 
-/// One row of an object dictionary.
+/// The description of one object.
 #[derive(Clone, Copy, Debug)]
 pub struct Entry {
-    /// What the rows are sorted by; kept, because looking a row up compares seven of them.
+    /// The sort key of the rows; kept, because a look-up compares seven of them.
     key: u32,
-    /// Where it lies.
+    /// Index and sub-index.
     pub object: Multiplexer,
-    /// Its type.
+    /// The type.
     pub data_type: DataType,
-    /// Who may do what.
+    /// The access over SDO.
     pub access: Access,
-    /// Into which PDO it can be mapped.
+    /// The kind of PDO that it can be mapped into.
     pub mappable: Mappable,
     /// Whether "save" stores it.
     pub stored: bool,
-    /// What it holds at first.
-    pub default: Default,
-    /// What it is called in an EDS.
+    /// The value before anything was stored.
+    pub default: DefaultValue,
+    /// The name in an EDS.
     #[cfg(feature = "names")]
     pub name: &'static str,
 }
 
-impl Entry {
-    /// A row that is not mappable, not stored and given by the product. The name is dropped without the feature `names`.
+/// One row of an object dictionary: an object's description, and what lies behind it.
+///
+/// A service matches on `behind`, never on an index: a row that nothing serves does not compile, nor does code that serves
+/// no row.
+#[derive(Clone, Copy, Debug)]
+pub struct Row<B> {
+    /// The description.
+    pub entry: Entry,
+    /// What lies behind the object.
+    pub behind: B,
+}
+
+impl<B: Copy> Row<B> {
+    /// A read-only row: not mappable, not stored, its value given by the product.
     #[must_use]
+    pub const fn ro(index: u16, sub: u8, data_type: DataType, behind: B, name: &'static str) -> Self {
+        Self::new(Multiplexer::new(index, sub), data_type, Access::Ro, behind, name)
+    }
+
+    /// A row that can be read and written; otherwise as [`ro`](Self::ro).
+    #[must_use]
+    pub const fn rw(index: u16, sub: u8, data_type: DataType, behind: B, name: &'static str) -> Self {
+        Self::new(Multiplexer::new(index, sub), data_type, Access::Rw, behind, name)
+    }
+
+    /// The name is dropped without the feature `names`.
     #[cfg_attr(not(feature = "names"), allow(unused_variables))]
-    pub const fn new(index: u16, sub: u8, data_type: DataType, access: Access, name: &'static str) -> Self {
-        let object = Multiplexer::new(index, sub);
-        Self {
+    const fn new(object: Multiplexer, data_type: DataType, access: Access, behind: B, name: &'static str) -> Self {
+        let entry = Entry {
             key: key(object),
             object,
             data_type,
             access,
             mappable: Mappable::No,
             stored: false,
-            default: Default::Product,
+            default: DefaultValue::Product,
             #[cfg(feature = "names")]
             name,
-        }
+        };
+        Self { entry, behind }
     }
 
     /// The same row, mappable.
     #[must_use]
     pub const fn mappable(self, mappable: Mappable) -> Self {
-        Self { mappable, ..self }
+        Self { entry: Entry { mappable, ..self.entry }, ..self }
     }
 
     /// The same row, stored by "save", with this default.
     #[must_use]
-    pub const fn stored(self, default: Default) -> Self {
-        Self { stored: true, default, ..self }
-    }
-
-    /// The same row with this default.
-    #[must_use]
-    pub const fn default(self, value: u32) -> Self {
-        Self { default: Default::Number(value), ..self }
+    pub const fn stored(self, default: DefaultValue) -> Self {
+        Self { entry: Entry { stored: true, default, ..self.entry }, ..self }
     }
 
     const fn key(&self) -> u32 {
-        self.key
+        self.entry.key
     }
 }
 
@@ -162,9 +180,9 @@ const fn key(object: Multiplexer) -> u32 {
 
 /// An object dictionary: rows sorted by index and sub-index.
 #[derive(Clone, Copy, Debug)]
-pub struct Table(&'static [Entry]);
+pub struct Dictionary<B: 'static>(&'static [Row<B>]);
 
-impl Table {
+impl<B: Copy> Dictionary<B> {
     /// Takes sorted rows; in a const, rows that are not sorted do not compile.
     ///
     /// # Panics
@@ -176,41 +194,35 @@ impl Table {
         clippy::panic,
         reason = "runs in the compiler alone"
     )]
-    pub const fn new(entries: &'static [Entry]) -> Self {
+    pub const fn new(rows: &'static [Row<B>]) -> Self {
         let mut i = 1;
-        while i < entries.len() {
-            assert!(entries[i - 1].key() < entries[i].key(), "the rows must be sorted by index and sub-index");
+        while i < rows.len() {
+            assert!(rows[i - 1].key() < rows[i].key(), "the rows must be sorted by index and sub-index");
             i += 1;
         }
-        Self(entries)
+        Self(rows)
     }
 
-    /// All rows.
-    #[must_use]
-    pub const fn entries(self) -> &'static [Entry] {
-        self.0
+    /// Returns the rows that "save" stores.
+    pub fn stored(self) -> impl Iterator<Item = &'static Row<B>> {
+        self.0.iter().filter(|row| row.entry.stored)
     }
 
-    /// The rows that "save" stores.
-    pub fn stored(self) -> impl Iterator<Item = &'static Entry> {
-        self.0.iter().filter(|entry| entry.stored)
-    }
-
-    /// The row of an object.
+    /// Returns the row of an object.
     ///
     /// # Errors
     /// [`AbortCode::NO_OBJECT`] without such an index, [`AbortCode::NO_SUB`] without such a sub-index.
     #[inline]
-    pub fn find(self, object: Multiplexer) -> Result<&'static Entry, AbortCode> {
-        match self.0.binary_search_by_key(&key(object), Entry::key) {
+    pub fn find(self, object: Multiplexer) -> Result<&'static Row<B>, AbortCode> {
+        match self.0.binary_search_by_key(&key(object), Row::key) {
             Ok(position) => self.0.get(position).ok_or(AbortCode::NO_OBJECT),
-            Err(_) if self.0.iter().any(|entry| entry.object.index == object.index) => Err(AbortCode::NO_SUB),
+            Err(_) if self.0.iter().any(|row| row.entry.object.index == object.index) => Err(AbortCode::NO_SUB),
             Err(_) => Err(AbortCode::NO_OBJECT),
         }
     }
 }
 
-/// What an object holds.
+/// The value of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Value<'a> {
     /// A number, in the low bits of its type's size.
@@ -242,32 +254,4 @@ impl<'a> Value<'a> {
             Self::Text(_) => None,
         }
     }
-}
-
-/// When a write has taken effect.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Written {
-    /// It has.
-    Now,
-    /// When the non-volatile memory holds it: the answer waits for
-    /// [`SdoServer::stored`](super::sdo_server::SdoServer::stored).
-    WhenStored,
-}
-
-/// The objects of a product, behind its table.
-pub trait Objects {
-    /// The table.
-    fn table(&self) -> Table;
-
-    /// What an object of the table holds.
-    ///
-    /// # Errors
-    /// An abort code when there is nothing to be read now.
-    fn read(&self, object: Multiplexer) -> Result<Value<'_>, AbortCode>;
-
-    /// Writes an object of the table; the value has the object's type and length.
-    ///
-    /// # Errors
-    /// An abort code, with nothing changed, when the value or the state forbids it.
-    fn write(&mut self, object: Multiplexer, value: Value<'_>, now: Instant) -> Result<Written, AbortCode>;
 }

@@ -1,6 +1,6 @@
-//! EMCY: the error history (0x1003), what waits to be sent, and the consumer (0x1028) (CiA 301 7.2.7).
+//! EMCY: the error history (0x1003), the messages that wait for the bus, and the consumer (0x1028) (CiA 301 7.2.7).
 
-use heapless::Deque;
+use heapless::Vec;
 
 use crate::wire::cob_id::CobId;
 use crate::wire::emcy::Emcy;
@@ -9,8 +9,11 @@ use crate::wire::sdo::AbortCode;
 /// How many errors the history holds (SPEC 4.1).
 pub const HISTORY: usize = 8;
 
-/// How many messages can wait until the bus can be used: every fault of a device, and its end, with some room.
-const WAITING: usize = 24;
+/// The number of messages that can wait for the bus (SPEC 4.2): every fault of a device, and its end.
+const STORY: usize = 16;
+
+/// The number of messages that a controller holds at the most: older ones that it took are on the bus.
+const MAILBOXES: usize = 3;
 
 /// The error history, object 0x1003.
 #[derive(Debug, Default)]
@@ -31,6 +34,11 @@ impl ErrorHistory {
     #[must_use]
     pub const fn count(&self) -> u8 {
         self.count
+    }
+
+    /// Forgets all errors.
+    pub const fn clear(&mut self) {
+        *self = Self::new();
     }
 
     /// Enters an error: the EMCY code, and what the manufacturer adds in the upper half. The oldest of nine is lost.
@@ -58,32 +66,104 @@ impl ErrorHistory {
         if count != 0 {
             return Err(AbortCode::INVALID_VALUE);
         }
-        *self = Self::new();
+        self.clear();
         Ok(())
     }
 }
 
-/// Messages that wait until the device may send: behind the boot-up, or until the bus is back.
+/// The messages that are owed to the bus, in order: the newest 16, always the last word.
+///
+/// A message that the controller took stays here until it is known to be on the bus.
 #[derive(Debug, Default)]
-pub struct WaitingEmcys {
-    messages: Deque<Emcy, WAITING>,
+pub struct Story {
+    messages: Vec<Emcy, STORY>,
+    /// The number of messages at the front that the controller has.
+    taken: usize,
 }
 
-impl WaitingEmcys {
-    /// Appends a message; `false` when there is no room.
+impl Story {
+    /// Returns a story with nothing to tell.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { messages: Vec::new(), taken: 0 }
+    }
+
+    /// Appends a message. Returns `false` when the oldest one was dropped for it unsent.
     #[must_use]
     pub fn push(&mut self, message: Emcy) -> bool {
-        self.messages.push_back(message).is_ok()
+        let mut kept = true;
+        if self.messages.is_full() {
+            self.messages.remove(0);
+            kept = self.taken > 0;
+            self.taken = self.taken.saturating_sub(1);
+        }
+        // There is room.
+        let _ = self.messages.push(message);
+        kept
     }
 
-    /// The message that has waited longest.
-    pub fn pop(&mut self) -> Option<Emcy> {
-        self.messages.pop_front()
+    /// Returns whether a message is owed that the controller does not have.
+    #[inline]
+    #[must_use]
+    pub fn is_owed(&self) -> bool {
+        self.messages.len() > self.taken
     }
 
-    /// Forgets all.
+    /// Returns whether the controller may have a message.
+    #[must_use]
+    pub const fn is_taken(&self) -> bool {
+        self.taken > 0
+    }
+
+    /// Returns whether every message is known to be on the bus.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.messages.is_empty()
+    }
+
+    /// Hands the oldest message that is owed to the controller.
+    pub fn hand_out(&mut self) -> Option<Emcy> {
+        let message = *self.messages.get(self.taken)?;
+        if self.taken == MAILBOXES {
+            self.messages.remove(0);
+        } else {
+            self.taken = self.taken.saturating_add(1);
+        }
+        Some(message)
+    }
+
+    /// Takes a message back from the controller: it is owed again, before those that were not handed out. Returns `false`
+    /// when it was dropped, because newer ones have taken its place.
+    #[must_use]
+    pub fn give_back(&mut self, message: Emcy) -> bool {
+        let position = (0..self.taken).rev().find(|position| self.messages.get(*position) == Some(&message));
+        let Some(position) = position else { return false };
+        self.taken = self.taken.saturating_sub(1);
+        for later in position..self.taken {
+            self.messages.swap(later, later.saturating_add(1));
+        }
+        true
+    }
+
+    /// Notes that the controller has dropped what it had: it is owed again.
+    pub const fn take_back(&mut self) {
+        self.taken = 0;
+    }
+
+    /// Notes that everything which the controller had is on the bus.
+    #[inline]
+    pub fn sent(&mut self) {
+        if self.taken > 0 {
+            self.messages.rotate_left(self.taken);
+            self.messages.truncate(self.messages.len().saturating_sub(self.taken));
+            self.taken = 0;
+        }
+    }
+
+    /// Forgets all messages.
     pub fn clear(&mut self) {
         self.messages.clear();
+        self.taken = 0;
     }
 }
 
@@ -112,10 +192,10 @@ impl EmcyConsumer {
     /// Object 0x1028:1 is written: in force at once. When it is off, the identifier is not looked at.
     ///
     /// # Errors
-    /// [`AbortCode::INVALID_VALUE`] for a 29-bit or a reserved identifier.
-    pub fn write(&mut self, raw: u32) -> Result<(), AbortCode> {
+    /// [`AbortCode::INVALID_VALUE`] for an identifier that is reserved, or has 29 bits where those are not `extended_ids`.
+    pub fn write(&mut self, raw: u32, extended_ids: bool) -> Result<(), AbortCode> {
         let cob_id = CobId::new(raw);
-        if !cob_id.is_off() && cob_id != self.cob_id && !cob_id.is_usable_standard() {
+        if !cob_id.is_off() && cob_id != self.cob_id && !cob_id.is_usable(extended_ids) {
             return Err(AbortCode::INVALID_VALUE);
         }
         self.cob_id = cob_id;

@@ -15,6 +15,11 @@ pub(super) struct ScanPosition {
 }
 
 impl ScanPosition {
+    /// Returns the beginning of a scan.
+    pub(super) const fn new() -> Self {
+        Self { part: 0 }
+    }
+
     /// Whether the slave with this address answers the question.
     pub(super) fn answers(&mut self, scan: FastScan, address: &Address) -> bool {
         if scan.bit_check == WHO_IS_THERE {

@@ -6,24 +6,29 @@ use crate::wire::sdo::AbortCode;
 /// The unit of object 0x1017 (R): the manual's example reads as 10 ms, three other sentences and CiA 301 say 1 ms.
 pub const UNIT: Duration = Duration::from_millis(1);
 
-/// The longest time that can be set, in units.
-pub const MAX: u16 = 0x7FFF;
+/// The rules of a product for its heartbeat.
+#[derive(Clone, Copy, Debug)]
+pub struct Rules {
+    /// Periods are rounded up to a multiple of it.
+    pub resolution: Duration,
+    /// The longest time that can be set, in units.
+    pub max: u16,
+}
 
 /// Sends the NMT state from time to time.
 #[derive(Debug)]
 pub struct HeartbeatProducer {
+    rules: Rules,
     /// As written, in units; 0 is off.
     time: u16,
-    /// Periods are rounded up to a multiple of it.
-    resolution: Duration,
     next: Instant,
 }
 
 impl HeartbeatProducer {
-    /// A producer that is off, whose period is rounded up to a multiple of `resolution` (a whole number of units).
+    /// A producer that is off.
     #[must_use]
-    pub const fn new(resolution: Duration) -> Self {
-        Self { time: 0, resolution, next: NEVER }
+    pub const fn new(rules: Rules) -> Self {
+        Self { rules, time: 0, next: NEVER }
     }
 
     /// The time as written, in units.
@@ -35,9 +40,9 @@ impl HeartbeatProducer {
     /// Object 0x1017 is written: the first heartbeat is due at once.
     ///
     /// # Errors
-    /// [`AbortCode::TOO_HIGH`] above [`MAX`].
+    /// [`AbortCode::TOO_HIGH`] above the product's limit.
     pub fn write(&mut self, time: u16, now: Instant) -> Result<(), AbortCode> {
-        if time > MAX {
+        if time > self.rules.max {
             return Err(AbortCode::TOO_HIGH);
         }
         self.time = time;
@@ -79,7 +84,7 @@ impl HeartbeatProducer {
             return NEVER;
         }
         let ticks = u64::from(self.time).saturating_mul(UNIT.as_ticks());
-        let period = ticks.checked_next_multiple_of(self.resolution.as_ticks()).unwrap_or(ticks);
+        let period = ticks.checked_next_multiple_of(self.rules.resolution.as_ticks()).unwrap_or(ticks);
         after(instant, Duration::from_ticks(period))
     }
 }

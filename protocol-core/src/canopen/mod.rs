@@ -9,6 +9,7 @@ mod fast_scan;
 pub mod heartbeat;
 pub mod lss;
 pub mod nmt;
+pub(crate) mod node;
 pub mod parameters;
 pub mod pdo;
 pub mod sdo_server;

@@ -1,23 +1,27 @@
-//! NMT slave (CiA 301 7.3.2): the communication state, and what an order does to it.
+//! NMT slave (CiA 301 7.3.2): the communication state, and what a command does to it.
 
+use crate::outcome::Outcome;
 use crate::wire::nmt::{Command, State};
 
-/// What an order of the NMT master comes to.
+/// The scope of a reset that an NMT master demands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Order {
-    /// Nothing changes.
-    Nothing,
-    /// The state has changed.
-    Entered {
-        /// The state before.
-        from: State,
-        /// The state now.
-        to: State,
-    },
-    /// The device is to restart its communication.
-    ResetCommunication,
-    /// The device is to restart.
-    ResetApplication,
+pub enum Reset {
+    /// Reset communication.
+    Communication,
+    /// Reset application.
+    Application,
+}
+
+impl Reset {
+    /// Returns the reset that a command demands.
+    #[must_use]
+    pub const fn of(command: Command) -> Option<Self> {
+        match command {
+            Command::ResetCommunication => Some(Self::Communication),
+            Command::ResetApplication => Some(Self::Application),
+            Command::Start | Command::Stop | Command::EnterPreOperational => None,
+        }
+    }
 }
 
 /// The NMT state of a node.
@@ -27,6 +31,12 @@ pub struct NmtSlave {
 }
 
 impl NmtSlave {
+    /// Returns a node that initialises.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { state: State::Initialising }
+    }
+
     /// The state.
     #[inline]
     #[must_use]
@@ -39,21 +49,17 @@ impl NmtSlave {
         self.state = State::PreOperational;
     }
 
-    /// Obeys an order. A node that still initialises obeys none.
-    pub fn obey(&mut self, command: Command) -> Order {
-        let from = self.state;
-        if from == State::Initialising {
-            return Order::Nothing;
-        }
-        let to = match command {
+    /// Obeys a command: done is the state that was entered. A node that still initialises obeys none.
+    pub fn obey(&mut self, command: Command) -> Outcome<State, Reset> {
+        let entered = match command {
+            _ if self.state == State::Initialising => return Outcome::Nothing,
             Command::Start => State::Operational,
             Command::Stop => State::Stopped,
             Command::EnterPreOperational => State::PreOperational,
-            Command::ResetApplication => return Order::ResetApplication,
-            Command::ResetCommunication => return Order::ResetCommunication,
+            Command::ResetApplication => return Outcome::Demand(Reset::Application),
+            Command::ResetCommunication => return Outcome::Demand(Reset::Communication),
         };
-        self.state = to;
-        if from == to { Order::Nothing } else { Order::Entered { from, to } }
+        if core::mem::replace(&mut self.state, entered) == entered { Outcome::Nothing } else { Outcome::Done(entered) }
     }
 
     /// Whether SDOs and EMCYs are served: everywhere but in stopped and before the boot-up (CiA 301 table 38).

@@ -3,20 +3,20 @@
 
 use heapless::Vec;
 
-use super::dictionary::{DataType, Entry, Table, Value};
+use super::dictionary::{DataType, Dictionary, Entry, Row, Value};
 
 /// The values of all stored objects as `value_of` gives them, one after the other; a text is preceded by its length.
 /// `None` when one is missing, or when they are more than `N` bytes.
-pub fn encode<'a, const N: usize>(
-    table: Table,
-    value_of: impl Fn(&'static Entry) -> Option<Value<'a>>,
+pub fn encode<'a, B: Copy, const N: usize>(
+    dictionary: Dictionary<B>,
+    value_of: impl Fn(&'static Row<B>) -> Option<Value<'a>>,
 ) -> Option<Vec<u8, N>> {
     let mut payload = Vec::new();
-    for entry in table.stored() {
-        match value_of(entry)? {
+    for row in dictionary.stored() {
+        match value_of(row)? {
             Value::Number(number) => {
                 let bytes = number.to_le_bytes();
-                let bytes = bytes.get(..usize::from(entry.data_type.size())).unwrap_or(&[]);
+                let bytes = bytes.get(..usize::from(row.entry.data_type.size())).unwrap_or(&[]);
                 payload.extend_from_slice(bytes).ok()?;
             }
             Value::Text(text) => {
@@ -30,26 +30,26 @@ pub fn encode<'a, const N: usize>(
 
 /// The stored values, object by object.
 #[derive(Clone, Copy, Debug)]
-pub struct Stored<'a> {
-    table: Table,
+pub struct Stored<'a, B: 'static> {
+    dictionary: Dictionary<B>,
     payload: &'a [u8],
 }
 
-impl<'a> Stored<'a> {
+impl<'a, B: Copy> Stored<'a, B> {
     /// Takes a payload; `None` unless it has a value for every stored object and nothing else.
     #[must_use]
-    pub fn decode(table: Table, payload: &'a [u8]) -> Option<Self> {
+    pub fn decode(dictionary: Dictionary<B>, payload: &'a [u8]) -> Option<Self> {
         let mut rest = payload;
-        for entry in table.stored() {
-            take(entry, &mut rest)?;
+        for row in dictionary.stored() {
+            take(&row.entry, &mut rest)?;
         }
-        rest.is_empty().then_some(Self { table, payload })
+        rest.is_empty().then_some(Self { dictionary, payload })
     }
 
-    /// The objects and their values.
-    pub fn values(self) -> impl Iterator<Item = (&'static Entry, Value<'a>)> {
+    /// Returns the objects and their values.
+    pub fn values(self) -> impl Iterator<Item = (&'static Row<B>, Value<'a>)> {
         let mut rest = self.payload;
-        self.table.stored().map_while(move |entry| Some((entry, take(entry, &mut rest)?)))
+        self.dictionary.stored().map_while(move |row| Some((row, take(&row.entry, &mut rest)?)))
     }
 }
 

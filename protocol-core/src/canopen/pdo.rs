@@ -2,9 +2,11 @@
 //!
 //! A mapping is checked and resolved when the PDO is switched on, not for every frame.
 
+use core::ops::RangeInclusive;
+
 use heapless::Vec;
 
-use super::dictionary::{Mappable, Table};
+use super::dictionary::{Dictionary, Mappable, Row};
 use crate::frame::{Frame, Id, MAX_LEN};
 use crate::wire::cob_id::CobId;
 use crate::wire::pdo_mapping::MappingEntry;
@@ -19,51 +21,57 @@ const MAX_BITS: u8 = 64;
 /// The transmission type that sends, or acts, at once.
 pub const EVENT_DRIVEN: u8 = 0xFF;
 
-/// What a product allows of a PDO.
+/// The rules of a product for its PDOs of one direction.
 #[derive(Clone, Copy, Debug)]
 pub struct Rules {
-    /// The direction: which objects can be mapped.
+    /// Which objects can be mapped.
     pub direction: Mappable,
-    /// Which transmission types can be set.
-    pub transmission_type: fn(u8) -> bool,
+    /// The transmission types that can be set.
+    pub transmission_types: &'static [RangeInclusive<u8>],
+    /// Whether 29-bit identifiers can be set.
+    pub extended_ids: bool,
+    /// Whether a PDO that maps nothing can be switched on.
+    pub may_be_empty: bool,
+    /// Whether dummies can be mapped.
+    pub dummies: bool,
+    /// Whether mapping entries can be written while sub-index 0 is not 0.
+    pub entries_while_counted: bool,
 }
 
-/// One PDO.
+/// One PDO, whose objects are served by `B`.
 #[derive(Debug)]
-pub struct Pdo {
-    rules: Rules,
+pub struct Pdo<B> {
     cob_id: CobId,
     transmission_type: u8,
     count: u8,
     entries: [MappingEntry; ENTRIES],
-    running: Option<Running>,
+    running: Option<Running<B>>,
     /// SYNCs since the last one that sent.
     syncs: u8,
 }
 
 /// A PDO that is on.
 #[derive(Debug)]
-struct Running {
+struct Running<B> {
     /// Its frame, with nothing in it yet.
     blank: Frame,
-    slots: Vec<Slot, ENTRIES>,
+    slots: Vec<Slot<B>, ENTRIES>,
 }
 
 /// Where an object lies in the frame; the gaps of dummies have no slot.
 #[derive(Clone, Copy, Debug)]
-struct Slot {
-    object: Multiplexer,
+struct Slot<B> {
+    behind: B,
     /// Below 64: there is room for the object behind it.
     shift: u8,
     mask: u32,
 }
 
-impl Pdo {
+impl<B: Copy + 'static> Pdo<B> {
     /// A PDO that is off and maps nothing, to be loaded.
     #[must_use]
-    pub const fn new(rules: Rules) -> Self {
+    pub const fn new() -> Self {
         Self {
-            rules,
             cob_id: CobId::new(CobId::OFF),
             transmission_type: EVENT_DRIVEN,
             count: 0,
@@ -101,34 +109,39 @@ impl Pdo {
         entry.map(|entry| entry.emit()).ok_or(AbortCode::NO_SUB)
     }
 
-    /// The COB-ID is written. While the PDO is on, only bits 30 and 31 may change.
+    /// Writes the COB-ID. Bit 31 switches the PDO off in any state, whatever the other bits are; while the PDO is on, only
+    /// bits 30 and 31 may change.
     ///
     /// # Errors
-    /// [`AbortCode::INVALID_VALUE`] for a 29-bit or a reserved identifier, [`AbortCode::DEVICE_STATE`] while the PDO is
-    /// on, [`AbortCode::PDO_TOO_LONG`] when it would be switched on with more than 64 bits.
-    pub fn write_cob_id(&mut self, raw: u32, table: Table) -> Result<(), AbortCode> {
+    /// [`AbortCode::INVALID_VALUE`] for an identifier that cannot be used or when the PDO would be switched on with nothing
+    /// mapped, [`AbortCode::DEVICE_STATE`] while the PDO is on, [`AbortCode::PDO_TOO_LONG`] when it would be switched on
+    /// with more than 64 bits.
+    pub fn write_cob_id(&mut self, raw: u32, rules: &Rules, dictionary: Dictionary<B>) -> Result<(), AbortCode> {
         let cob_id = CobId::new(raw);
         if cob_id == self.cob_id {
             return Ok(());
         }
-        if !cob_id.is_usable_standard() {
+        let running = if cob_id.is_off() {
+            None
+        } else if !cob_id.is_usable(rules.extended_ids) {
             return Err(AbortCode::INVALID_VALUE);
-        }
-        if self.is_on() && cob_id.identifier() != self.cob_id.identifier() {
+        } else if self.is_on() && cob_id.identifier() != self.cob_id.identifier() {
             return Err(AbortCode::DEVICE_STATE);
-        }
-        self.running = if cob_id.is_off() { None } else { Some(self.resolve(cob_id.id(), table)?) };
+        } else {
+            Some(self.resolve(cob_id.id(), rules, dictionary)?)
+        };
+        self.running = running;
         self.cob_id = cob_id;
         self.syncs = 0;
         Ok(())
     }
 
-    /// The transmission type is written: in force at once, the SYNC count starts anew.
+    /// Writes the transmission type: in force at once, the SYNC count starts anew.
     ///
     /// # Errors
     /// [`AbortCode::INVALID_VALUE`] for a type that the product does not allow.
-    pub fn write_transmission_type(&mut self, value: u8) -> Result<(), AbortCode> {
-        if !(self.rules.transmission_type)(value) {
+    pub fn write_transmission_type(&mut self, value: u8, rules: &Rules) -> Result<(), AbortCode> {
+        if !rules.transmission_types.iter().any(|types| types.contains(&value)) {
             return Err(AbortCode::INVALID_VALUE);
         }
         self.transmission_type = value;
@@ -136,7 +149,7 @@ impl Pdo {
         Ok(())
     }
 
-    /// The number of mapped objects is written.
+    /// Writes the number of mapped objects.
     ///
     /// # Errors
     /// [`AbortCode::PDO_TOO_LONG`] above 8 or when the entries then there are more than 64 bits,
@@ -154,20 +167,24 @@ impl Pdo {
         Ok(())
     }
 
-    /// A mapping entry, sub-index 1–8, is written: also while sub-index 0 is not 0 (R).
+    /// Writes a mapping entry, sub-index 1–8.
     ///
     /// # Errors
     /// [`AbortCode::NOT_MAPPABLE`] for an object that does not exist, goes the other way or has another length,
-    /// [`AbortCode::DEVICE_STATE`] while the PDO is on, [`AbortCode::NO_SUB`] for another sub-index.
-    pub fn write_entry(&mut self, sub: u8, raw: u32, table: Table) -> Result<(), AbortCode> {
+    /// [`AbortCode::DEVICE_STATE`] while the PDO is on or counts its entries, [`AbortCode::NO_SUB`] for another sub-index.
+    pub fn write_entry(
+        &mut self,
+        sub: u8,
+        raw: u32,
+        rules: &Rules,
+        dictionary: Dictionary<B>,
+    ) -> Result<(), AbortCode> {
         if self.entry(sub)? == raw {
             return Ok(());
         }
         let entry = MappingEntry::parse(raw);
-        if !self.is_mappable(entry, table) {
-            return Err(AbortCode::NOT_MAPPABLE);
-        }
-        if self.is_on() {
+        mapped(entry, rules, dictionary)?;
+        if self.is_on() || self.count != 0 && !rules.entries_while_counted {
             return Err(AbortCode::DEVICE_STATE);
         }
         self.put_entry(sub, entry);
@@ -195,35 +212,36 @@ impl Pdo {
     }
 
     /// Switches on, after everything was loaded, what is to be on; off what was stored and cannot be.
-    pub fn start(&mut self, table: Table) {
-        self.running = if self.cob_id.is_off() { None } else { self.resolve(self.cob_id.id(), table).ok() };
+    pub fn start(&mut self, rules: &Rules, dictionary: Dictionary<B>) {
+        self.running = if self.cob_id.is_off() { None } else { self.resolve(self.cob_id.id(), rules, dictionary).ok() };
         if self.running.is_none() {
             self.cob_id = CobId::new(self.cob_id.raw() | CobId::OFF);
         }
         self.syncs = 0;
     }
 
-    /// The [key](crate::frame::key) of its frames; `None` while it is off.
+    /// Returns the [key](crate::frame::key) of its frames; `None` while it is off.
     #[must_use]
     pub fn key(&self) -> Option<u32> {
-        self.is_on().then(|| self.cob_id.key())
+        self.running.as_ref().map(|running| running.blank.key())
     }
 
-    /// What a received frame holds, object by object in the order of the mapping; `None` when it is shorter than that.
-    pub fn unpack(&self, frame: &Frame) -> Option<impl Iterator<Item = (Multiplexer, u32)>> {
+    /// Returns what a received frame holds, object by object in the order of the mapping; `None` when the frame is shorter
+    /// than the mapping.
+    pub fn unpack(&self, frame: &Frame) -> Option<impl Iterator<Item = (B, u32)>> {
         let running = self.running.as_ref().filter(|running| frame.len() >= running.blank.len())?;
         let bits = u64::from_le_bytes(*frame.bytes());
         Some(running.slots.iter().map(move |slot| {
             let value = bits.wrapping_shr(u32::from(slot.shift)) as u32 & slot.mask;
-            (slot.object, value)
+            (slot.behind, value)
         }))
     }
 
-    /// The frame that carries the mapped objects as `read` gives them; `None` when the PDO is off.
-    pub fn pack(&self, mut read: impl FnMut(Multiplexer) -> u32) -> Option<Frame> {
+    /// Returns the frame that carries the mapped objects as `read` gives them; `None` when the PDO is off.
+    pub fn pack(&self, mut read: impl FnMut(B) -> u32) -> Option<Frame> {
         let running = self.running.as_ref()?;
         let bits = running.slots.iter().fold(0_u64, |bits, slot| {
-            bits | u64::from(read(slot.object) & slot.mask).wrapping_shl(u32::from(slot.shift))
+            bits | u64::from(read(slot.behind) & slot.mask).wrapping_shl(u32::from(slot.shift))
         });
         Some(running.blank.refilled(bits.to_le_bytes()))
     }
@@ -263,32 +281,43 @@ impl Pdo {
         }
     }
 
-    fn is_mappable(&self, entry: MappingEntry, table: Table) -> bool {
-        if entry.is_dummy() {
-            return entry.is_valid_dummy();
-        }
-        table.find(Multiplexer::new(entry.index, entry.sub)).is_ok_and(|object| {
-            object.mappable == self.rules.direction && object.data_type.size().saturating_mul(8) == entry.bits
-        })
-    }
-
-    fn resolve(&self, id: Id, table: Table) -> Result<Running, AbortCode> {
+    fn resolve(&self, id: Id, rules: &Rules, dictionary: Dictionary<B>) -> Result<Running<B>, AbortCode> {
         let entries = self.entries.get(..usize::from(self.count)).ok_or(AbortCode::PDO_TOO_LONG)?;
+        if entries.is_empty() && !rules.may_be_empty {
+            return Err(AbortCode::INVALID_VALUE);
+        }
         let len = bits(entries)?.div_ceil(8);
         let mut slots = Vec::new();
         let mut shift: u8 = 0;
         for entry in entries {
-            if !self.is_mappable(*entry, table) {
-                return Err(AbortCode::NOT_MAPPABLE);
-            }
-            if !entry.is_dummy() {
-                let object = Multiplexer::new(entry.index, entry.sub);
+            if let Some(behind) = mapped(*entry, rules, dictionary)? {
                 let mask = u32::MAX.unbounded_shr(32_u32.saturating_sub(u32::from(entry.bits)));
-                slots.push(Slot { object, shift, mask }).map_err(|_| AbortCode::PDO_TOO_LONG)?;
+                slots.push(Slot { behind, shift, mask }).map_err(|_| AbortCode::PDO_TOO_LONG)?;
             }
             shift = shift.saturating_add(entry.bits);
         }
         Ok(Running { blank: Frame::with_len(id, [0; MAX_LEN], len), slots })
+    }
+}
+
+impl<B: Copy + 'static> Default for Pdo<B> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Returns what lies behind the object that an entry maps, `None` for a dummy.
+fn mapped<B: Copy>(entry: MappingEntry, rules: &Rules, dictionary: Dictionary<B>) -> Result<Option<B>, AbortCode> {
+    if rules.dummies && entry.is_valid_dummy() {
+        return Ok(None);
+    }
+    match dictionary.find(Multiplexer::new(entry.index, entry.sub)) {
+        Ok(Row { entry: object, behind })
+            if object.mappable == rules.direction && object.data_type.size().saturating_mul(8) == entry.bits =>
+        {
+            Ok(Some(*behind))
+        }
+        _ => Err(AbortCode::NOT_MAPPABLE),
     }
 }
 

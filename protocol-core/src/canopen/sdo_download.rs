@@ -2,8 +2,7 @@
 
 use heapless::Vec;
 
-use super::dictionary::DataType;
-use super::sdo_server::TRANSFER_MAX;
+use super::dictionary::{DataType, TEXT_MAX};
 use crate::wire::sdo::{AbortCode, Multiplexer, Segment};
 
 /// A segmented download in progress. Nothing is written before the last segment.
@@ -12,7 +11,7 @@ pub(super) struct Download {
     object: Multiplexer,
     data_type: DataType,
     announced: Option<u32>,
-    data: Vec<u8, TRANSFER_MAX>,
+    data: Vec<u8, TEXT_MAX>,
     toggle: bool,
 }
 
@@ -28,11 +27,6 @@ impl Download {
     /// The object that is written.
     pub(super) const fn object(&self) -> Multiplexer {
         self.object
-    }
-
-    /// The type of that object.
-    pub(super) const fn data_type(&self) -> DataType {
-        self.data_type
     }
 
     /// Takes a segment; the whole value after the last one.

@@ -2,14 +2,14 @@
 
 use heapless::Vec;
 
-use super::sdo_server::TRANSFER_MAX;
+use super::dictionary::TEXT_MAX;
 use crate::wire::sdo::{AbortCode, Multiplexer, Segment};
 
 /// A segmented upload in progress: a copy of the object, so that all segments are of one moment.
 #[derive(Debug)]
 pub(super) struct Upload {
     object: Multiplexer,
-    data: Vec<u8, TRANSFER_MAX>,
+    data: Vec<u8, TEXT_MAX>,
     sent: usize,
     toggle: bool,
 }

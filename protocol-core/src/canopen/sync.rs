@@ -28,10 +28,11 @@ impl SyncConsumer {
     /// Object 0x1005 is written: in force at once.
     ///
     /// # Errors
-    /// [`AbortCode::INVALID_VALUE`] for a producer (bit 30), a 29-bit or a reserved identifier.
-    pub fn write(&mut self, raw: u32) -> Result<(), AbortCode> {
+    /// [`AbortCode::INVALID_VALUE`] for a producer (bit 30), or for an identifier that is reserved or has 29 bits where
+    /// those are not `extended_ids`.
+    pub fn write(&mut self, raw: u32, extended_ids: bool) -> Result<(), AbortCode> {
         let cob_id = CobId::new(raw);
-        if cob_id != self.cob_id && (cob_id.has_bit_30() || !cob_id.is_usable_standard()) {
+        if cob_id != self.cob_id && (cob_id.has_bit_30() || !cob_id.is_usable(extended_ids)) {
             return Err(AbortCode::INVALID_VALUE);
         }
         self.cob_id = cob_id;

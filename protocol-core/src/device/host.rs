@@ -17,15 +17,17 @@ use crate::time::{Instant, NEVER};
 pub trait Body {
     /// The kinds of write of this device.
     type Job: Job;
+    /// The services that listen to frames.
+    type Service: Copy;
 
     /// The write of the fault log as it is; `None` for a device that keeps none.
     const FAULT_LOG: Option<Self::Job>;
 
-    /// Returns whether a frame is for the device, by its identifier and as few bytes as tell: most frames are not.
-    fn listens(&self, frame: &Frame) -> bool;
+    /// Returns the service that a frame is for, by its identifier and as few bytes as tell: most frames are for none.
+    fn service(&self, frame: &Frame) -> Option<Self::Service>;
 
-    /// Takes a frame that is for the device.
-    fn handle(&mut self, frame: &Frame, base: &mut Base<Self::Job>);
+    /// Takes a frame for one of the services.
+    fn handle(&mut self, service: Self::Service, frame: &Frame, base: &mut Base<Self::Job>);
 
     /// Returns the restart that a frame demands, of one that comes while another restart waits for the memory.
     fn restart_demanded(&self, frame: &Frame) -> Option<Restart>;
@@ -67,7 +69,7 @@ pub trait Body {
     ///
     /// # Errors
     /// [`StoreError`] when it is longer than a record holds.
-    fn encode(&self, job: Self::Job) -> Result<Record, StoreError>;
+    fn encode(&mut self, job: Self::Job) -> Result<Record, StoreError>;
 
     /// Takes what became of a write.
     fn written(&mut self, job: Self::Job, stored: bool, base: &mut Base<Self::Job>);
@@ -170,7 +172,7 @@ impl<B: Body> Host<B> {
 
     /// Takes a frame that is for the device. Kept apart from the look at the identifier, which most frames end with.
     #[inline(never)]
-    fn take(&mut self, frame: &Frame, now: Instant) {
+    fn take(&mut self, service: B::Service, frame: &Frame, now: Instant) {
         if self.base.is_restarting() {
             if let Some(scope) = self.body.restart_demanded(frame) {
                 self.base.request_restart(scope);
@@ -178,7 +180,7 @@ impl<B: Body> Host<B> {
             return;
         }
         self.advance(now);
-        self.body.handle(frame, &mut self.base);
+        self.body.handle(service, frame, &mut self.base);
         self.settle();
     }
 
@@ -264,11 +266,9 @@ impl<B: Body> Host<B> {
 impl<B: Body> Device for Host<B> {
     #[inline]
     fn handle(&mut self, frame: &Frame, now: Instant) -> bool {
-        let listens = self.body.listens(frame);
-        if listens {
-            self.take(frame, now);
-        }
-        listens
+        let Some(service) = self.body.service(frame) else { return false };
+        self.take(service, frame, now);
+        true
     }
 
     #[inline]

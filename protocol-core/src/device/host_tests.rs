@@ -46,14 +46,15 @@ const fn demanded(frame: &Frame) -> Option<Restart> {
 
 impl Body for Obedient {
     type Job = Write;
+    type Service = ();
 
     const FAULT_LOG: Option<Write> = Some(Write::Log);
 
-    fn listens(&self, frame: &Frame) -> bool {
-        frame.key() == 0
+    fn service(&self, frame: &Frame) -> Option<()> {
+        (frame.key() == 0).then_some(())
     }
 
-    fn handle(&mut self, frame: &Frame, base: &mut Base<Write>) {
+    fn handle(&mut self, (): (), frame: &Frame, base: &mut Base<Write>) {
         match frame.bytes()[0] {
             1 => base.writes.ask(Write::Save),
             2 => base.fault_log.changed(base.now()),
@@ -111,7 +112,7 @@ impl Body for Obedient {
         None
     }
 
-    fn encode(&self, _: Write) -> Result<Record, StoreError> {
+    fn encode(&mut self, _: Write) -> Result<Record, StoreError> {
         seal(1, &[])
     }
 

@@ -8,7 +8,6 @@ pub mod host;
 pub mod pve;
 pub mod reading;
 mod senses;
-mod tx_queue;
 pub mod writes;
 
 pub use senses::{Outputs, Senses};

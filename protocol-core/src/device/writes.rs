@@ -73,6 +73,7 @@ impl<J: Job> Writes<J> {
     }
 
     /// Returns whether nothing waits and nothing is in flight.
+    #[inline]
     #[must_use]
     pub fn is_idle(&self) -> bool {
         self.in_flight.is_none() && self.waiting.is_empty()

@@ -29,7 +29,7 @@ pub enum RecordKey {
     Parameters = 3,
     /// Whether the next start restores the defaults.
     RestoreFlag = 4,
-    /// Occurrence counters.
+    /// Occurrence counters and previously active faults.
     FaultLog = 5,
 }
 

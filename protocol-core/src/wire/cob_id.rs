@@ -81,12 +81,6 @@ impl CobId {
         Self(raw)
     }
 
-    /// The COB-ID of a node's service in the predefined connection set, on.
-    #[must_use]
-    pub const fn predefined(node: NodeId, function: Function) -> Self {
-        Self(function as u32 | node.0 as u32)
-    }
-
     /// All 32 bits.
     #[inline]
     #[must_use]
@@ -136,15 +130,17 @@ impl CobId {
         self.0 & (Self::EXTENDED | Self::IDENTIFIER)
     }
 
-    /// Whether it names an 11-bit identifier that a PDO, SYNC or EMCY consumer may use: not one of those that CiA 301
-    /// (7.3.5) reserves for NMT, the default SDOs, the node's EMCY and error control, and LSS (SPEC 4.1).
+    /// Whether a PDO, SYNC or EMCY consumer may use the identifier: a 29-bit one where those are `extended`, or an 11-bit
+    /// one that CiA 301 (7.3.5) does not reserve for NMT, the default SDOs, EMCY and error control, or LSS (SPEC 4.1).
     #[must_use]
-    pub const fn is_usable_standard(self) -> bool {
-        !self.is_extended()
-            && !matches!(
-                self.identifier(),
-                0x000..=0x07F | 0x101..=0x180 | 0x581..=0x5FF | 0x601..=0x67F | 0x6E0..=0x6FF | 0x701..
-            )
+    pub const fn is_usable(self, extended: bool) -> bool {
+        if self.is_extended() {
+            return extended;
+        }
+        !matches!(
+            self.identifier(),
+            0x000..=0x07F | 0x101..=0x180 | 0x581..=0x5FF | 0x601..=0x67F | 0x6E0..=0x6FF | 0x701..
+        )
     }
 }
 
@@ -163,13 +159,14 @@ mod tests {
     #[test]
     fn the_reserved_identifiers_at_their_edges() {
         for raw in [0x000, 0x07F, 0x101, 0x180, 0x581, 0x5FF, 0x601, 0x67F, 0x6E0, 0x6FF, 0x701, 0x7FF, 0x800] {
-            assert!(!CobId::new(raw).is_usable_standard(), "{raw:X}");
+            assert!(!CobId::new(raw).is_usable(false), "{raw:X}");
         }
         for raw in [0x080, 0x100, 0x181, 0x200, 0x580, 0x600, 0x680, 0x6DF, 0x700] {
-            assert!(CobId::new(raw).is_usable_standard(), "{raw:X}");
-            assert!(CobId::new(raw | CobId::OFF | CobId::BIT_30).is_usable_standard(), "{raw:X}");
+            assert!(CobId::new(raw).is_usable(false), "{raw:X}");
+            assert!(CobId::new(raw | CobId::OFF | CobId::BIT_30).is_usable(false), "{raw:X}");
         }
-        assert!(!CobId::new(CobId::EXTENDED | 0x200).is_usable_standard());
-        assert!(!CobId::new(0x0001_0200).is_usable_standard());
+        assert!(!CobId::new(CobId::EXTENDED | 0x200).is_usable(false));
+        assert!(CobId::new(CobId::EXTENDED | 0x200).is_usable(true));
+        assert!(!CobId::new(0x0001_0200).is_usable(true));
     }
 }

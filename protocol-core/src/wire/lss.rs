@@ -110,12 +110,12 @@ impl Request {
 pub enum Answer {
     /// 0x44: it is the one whose four numbers were sent.
     Selected,
-    /// 0x11: node ID taken, or why not.
-    NodeId(ConfigureError),
-    /// 0x13: bit rate taken, or why not.
-    BitTiming(ConfigureError),
-    /// 0x17: stored, or why not.
-    Stored(StoreError),
+    /// 0x11: node ID taken, or the error code.
+    NodeId(u8),
+    /// 0x13: bit rate taken, or the error code.
+    BitTiming(u8),
+    /// 0x17: stored, or the error code.
+    Stored(u8),
     /// 0x5A–0x5D: one of the four numbers.
     Identity(Part, u32),
     /// 0x5E: the node ID; 255 for none.
@@ -126,25 +126,8 @@ pub enum Answer {
     Identified,
 }
 
-/// The error code of an answer to a configuration service.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum ConfigureError {
-    /// Done.
-    None = 0,
-    /// Node ID out of range; bit rate not supported.
-    OutOfRange = 1,
-}
-
-/// The error code of an answer to the store service.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum StoreError {
-    /// Done.
-    None = 0,
-    /// The memory could not be written.
-    Access = 2,
-}
+/// The error code of an answer to a configuration or store service that succeeded; others are the product's.
+pub const SUCCESS: u8 = 0;
 
 /// The node ID that answers an inquiry when there is none.
 pub const NO_NODE_ID: u8 = 255;
@@ -197,9 +180,9 @@ mod tests {
     #[test]
     fn answers_as_the_manual_prints_them() {
         assert_eq!(Answer::Selected.emit(), [0x44, 0, 0, 0, 0, 0, 0, 0]);
-        assert_eq!(Answer::NodeId(ConfigureError::OutOfRange).emit(), [0x11, 1, 0, 0, 0, 0, 0, 0]);
-        assert_eq!(Answer::BitTiming(ConfigureError::None).emit(), [0x13, 0, 0, 0, 0, 0, 0, 0]);
-        assert_eq!(Answer::Stored(StoreError::Access).emit(), [0x17, 2, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(Answer::NodeId(1).emit(), [0x11, 1, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(Answer::BitTiming(SUCCESS).emit(), [0x13, 0, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(Answer::Stored(2).emit(), [0x17, 2, 0, 0, 0, 0, 0, 0]);
         assert_eq!(Answer::Identity(3, 0x5B2E_0100).emit(), [0x5D, 0x00, 0x01, 0x2E, 0x5B, 0, 0, 0]);
         assert_eq!(Answer::InquiredNodeId(0x20).emit(), [0x5E, 0x20, 0, 0, 0, 0, 0, 0]);
         assert_eq!(Answer::NonConfigured.emit(), [0x50, 0, 0, 0, 0, 0, 0, 0]);

@@ -24,14 +24,8 @@ impl MappingEntry {
         (self.index as u32) << 16 | (self.sub as u32) << 8 | self.bits as u32
     }
 
-    /// Whether it is a dummy: an index 0x0001–0x0007 stands for a data type, the entry for a gap of its length
+    /// Whether it is a dummy: an index 0x0001–0x0007 stands for a data type, the entry for a gap of that type's length
     /// (CiA 301 7.4.7.1).
-    #[must_use]
-    pub const fn is_dummy(self) -> bool {
-        matches!(self.index, 0x0001..=0x0007)
-    }
-
-    /// Whether it is a dummy of its data type's own length.
     #[must_use]
     pub const fn is_valid_dummy(self) -> bool {
         let bits = match self.index {
@@ -54,7 +48,7 @@ mod tests {
         let entry = MappingEntry::parse(0x6300_0110);
         assert_eq!(entry, MappingEntry { index: 0x6300, sub: 1, bits: 16 });
         assert_eq!(entry.emit(), 0x6300_0110);
-        assert!(!entry.is_dummy());
+        assert!(!entry.is_valid_dummy());
     }
 
     #[test]

@@ -147,7 +147,6 @@ proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    #[ignore = "the load that is executed clears the flag of the next one, or leaves its own behind an acknowledged save"]
     fn what_was_acknowledged_is_there(
         lives in vec(vec(event(), 0..20), 1..8),
         ms in 1..=20_u64,

@@ -194,7 +194,6 @@ fn every_order_of_two() {
 }
 
 #[test]
-#[ignore = "the flag is cleared only after the client's save: the next start restores the defaults again"]
 fn every_store_while_load_is_executed() {
     for store in Store::ALL {
         for failing in failures() {
@@ -204,7 +203,6 @@ fn every_store_while_load_is_executed() {
 }
 
 #[test]
-#[ignore = "the flag is cleared only after the client's save: the next start restores the defaults again"]
 fn every_order_of_two_while_load_is_executed() {
     for pair in pairs() {
         for gap in GAPS {

@@ -34,17 +34,19 @@ fn pdos_off() -> Rig {
 fn every_identifier() {
     let mut rig = pdos_off();
     for object in [SYNC, EMCY_CONSUMER, RPDO, TPDO] {
-        // A PDO's identifier is looked at though it is off.
-        let bits = if object == RPDO || object == TPDO { OFF } else { 0 };
         for id in 0..=0x7FF {
             let expected = if is_reserved(id) { Err(INVALID_VALUE) } else { Ok(()) };
-            assert_eq!(write(&mut rig, object, bits | id), expected, "{object:04X?} := {id:03X}");
+            assert_eq!(write(&mut rig, object, id), expected, "{object:04X?} := {id:03X}");
             if expected.is_ok() {
-                assert_eq!(rig.read(object.0, object.1), bits | id);
+                assert_eq!(rig.read(object.0, object.1), id);
+            }
+            // A PDO that is on keeps its identifier.
+            if object == RPDO || object == TPDO {
+                assert_eq!(write(&mut rig, object, OFF), Ok(()));
             }
         }
         for more in [0x800, 0x880, 0x1_0080, 0x1000_0080, 0x1FFF_FFFF] {
-            assert_eq!(write(&mut rig, object, bits | more), Err(INVALID_VALUE), "{object:04X?} := {more:X}");
+            assert_eq!(write(&mut rig, object, more), Err(INVALID_VALUE), "{object:04X?} := {more:X}");
         }
     }
 }
@@ -61,11 +63,11 @@ fn bits_29_to_31() {
         (RPDO, OFF | BIT_30, true),
         (RPDO, BIT_30, true),
         (RPDO, EXTENDED, false),
-        (RPDO, OFF | EXTENDED, false),
+        (RPDO, OFF | EXTENDED, true),
         (TPDO, OFF | BIT_30, true),
         (TPDO, BIT_30, true),
         (TPDO, EXTENDED, false),
-        (TPDO, OFF | EXTENDED, false),
+        (TPDO, OFF | EXTENDED, true),
     ];
     for (object, bits, taken) in table {
         let mut rig = pdos_off();
@@ -94,9 +96,8 @@ fn the_identifier_of_a_pdo_changes_while_it_is_off() {
         let mut rig = Rig::booted();
         assert_eq!(write(&mut rig, object, 0x190), Err(DEVICE_STATE));
         assert_eq!(rig.read(object.0, object.1), own);
-        // Off and another identifier in one: it is on still when that is written.
-        assert_eq!(write(&mut rig, object, OFF | 0x190), Err(DEVICE_STATE));
-        assert_eq!(write(&mut rig, object, OFF | own), Ok(()));
+        // Off and another identifier in one.
+        assert_eq!(write(&mut rig, object, OFF | 0x191), Ok(()));
         // On and another identifier in one.
         assert_eq!(write(&mut rig, object, 0x190), Ok(()));
         assert_eq!(rig.read(object.0, object.1), 0x190);

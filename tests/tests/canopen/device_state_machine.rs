@@ -141,7 +141,8 @@ const WAYS_OUT: [(&str, u32); 18] = [
     ("3 B F", ACTIVE),
     // a 0011 counts even if a fault was active then
     ("! 3 . B", HOLD),
-    ("3 ! . B", HOLD),
+    // a fault enters FAULT_HOLD anew
+    ("3 ! . B", FAULT_HOLD),
     // a 1011 while one is active is lost: 0011 must come again
     ("! 3 B . B", FAULT_HOLD),
     ("! 3 B . 3 B", HOLD),
@@ -412,9 +413,9 @@ impl Model {
         }
     }
 
-    /// What was begun in FAULT_HOLD is begun still.
+    /// FAULT_HOLD is entered anew.
     fn shut_down(&mut self) {
-        self.reset_begun &= self.state == FAULT_HOLD;
+        self.reset_begun = false;
         self.state = FAULT_HOLD;
     }
 }

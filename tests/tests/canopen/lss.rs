@@ -292,10 +292,13 @@ fn a_stored_node_id_is_taken_over_by_every_reset() {
         lss(&mut valve, "17", Some("17 00 00 00 00"));
         valve.exchange(reset, &BOOT_AS_17);
     }
-    // pending and not stored: dropped
-    let mut valve = configuring();
-    lss(&mut valve, "11 17", Some("11 00 00 00 00"));
-    valve.exchange("000: 82 00", &BOOT);
+    // pending and not stored
+    for (reset, boot) in [("000: 81 00", BOOT), ("000: 82 00", BOOT_AS_17)] {
+        let mut valve = configuring();
+        lss(&mut valve, "11 17", Some("11 00 00 00 00"));
+        valve.exchange(reset, &boot);
+        assert!(!is_configuring(&mut valve));
+    }
 }
 
 #[test]

@@ -166,7 +166,8 @@ fn a_fault_that_falls_due_during_a_reset_is_told_once() {
         valve.advance(200);
         valve.send("620: 23 10 10 01 73 61 76 65");
         valve.exchange("000: 82 00", &[]);
-        valve.advance(save_ms);
+        // The fault log is written before the restart when the fault falls due before it.
+        valve.advance(2 * save_ms);
         assert_eq!(valve.take(), [BOOT[0], BOOT[1], TEMPERATURE], "the memory takes {save_ms} ms");
         assert_eq!((valve.read(0x1003, 0), valve.read(0x200F, 0)), (1, 1));
         valve.sense(|senses| senses.temperature_c = 25);
@@ -177,7 +178,8 @@ fn a_fault_that_falls_due_during_a_reset_is_told_once() {
 /// A bus-off that begins while the reset waits for the memory is found anew, as all causes are that last.
 #[test]
 fn a_bus_off_that_begins_during_a_reset() {
-    for reset in ["000: 81 00", "000: 82 00"] {
+    // Reset application keeps the count of before and detects the cause anew.
+    for (reset, count) in [("000: 81 00", 2), ("000: 82 00", 1)] {
         let mut valve = Rig::booted();
         valve.write_time = Duration::from_millis(50);
         valve.send("620: 23 10 10 01 73 61 76 65");
@@ -187,8 +189,9 @@ fn a_bus_off_that_begins_during_a_reset() {
         valve.advance(1000);
         valve.expect_nothing();
         valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
-        assert_eq!(valve.take(), [BOOT[0], BOOT[1], "0A0: 40 81 11 01 00 00 00 00", CLEARED], "{reset}");
-        assert_eq!((valve.read(0x2019, 0), valve.status()), (1, 0x03));
+        let bus_off = format!("0A0: 40 81 11 {count:02X} 00 00 00 00");
+        assert_eq!(valve.take(), [BOOT[0], BOOT[1], &bus_off, CLEARED], "{reset}");
+        assert_eq!((valve.read(0x2019, 0), valve.status()), (count, 0x03));
     }
 }
 

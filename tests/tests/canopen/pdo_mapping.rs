@@ -247,9 +247,6 @@ fn as_many_bytes_as_the_bits_need() {
         rig.map(TPDO, &entries);
         rig.exchange("220: 0F 00 00 10", &[&format!("1A0: {data}")]);
     }
-    let mut rig = moved();
-    rig.map(TPDO, &[]);
-    rig.exchange("220: 0F 00 00 10", &["1A0:"]);
 }
 
 /// The default entries 3–8 are six gaps of one bit: all eight are 38 bits.

@@ -107,7 +107,6 @@ proptest! {
 
     /// One second after the bus is free the last EMCY tells whether there is an error.
     #[test]
-    #[ignore = "of a long story the newest messages are dropped, the last word among them"]
     fn the_last_emcy_is_true(
         events in vec(
             prop_oneof![
@@ -142,7 +141,6 @@ proptest! {
     /// What goes out on a bus that blocks and frees is true when it goes out; PDOs only in operational. A TPDO tells the
     /// state after the last RPDO, which time and faults may have changed since.
     #[test]
-    #[ignore = "heartbeats and TPDOs in the controller tell the state before"]
     fn what_goes_out_is_true_then(events in vec(
         prop_oneof![
             6 => (1..=300_u64).prop_map(Event::Advance),
@@ -218,7 +216,6 @@ proptest! {
 
     /// The node's services survive each other: after all of it the valve is where the last order has put it.
     #[test]
-    #[ignore = "a reset waits for one write for each repeated save"]
     fn resets_and_stops_on_a_blocked_bus(events in vec(
         prop_oneof![
             4 => time(),

@@ -27,7 +27,6 @@ fn resets(valve: &mut Rig, orders: [&str; 2]) {
 const ORDERS: [[&str; 2]; 4] = [["82", "81"], ["81", "82"], ["82", "82"], ["81", "81"]];
 
 #[test]
-#[ignore = "81 is swallowed while an 82 waits for the memory"]
 fn the_larger_of_two_that_wait_for_the_memory() {
     for orders in ORDERS {
         let mut valve = Rig::booted();
@@ -38,7 +37,6 @@ fn the_larger_of_two_that_wait_for_the_memory() {
 }
 
 #[test]
-#[ignore = "81 is swallowed while an 82 waits for the bus"]
 fn the_larger_of_two_that_wait_for_the_bus() {
     for orders in ORDERS {
         let mut valve = Rig::booted();
@@ -50,7 +48,6 @@ fn the_larger_of_two_that_wait_for_the_bus() {
 
 /// A new node ID that waits for the memory is in force after the larger reset, too.
 #[test]
-#[ignore = "81 is swallowed while an 82 waits for the memory"]
 fn a_stored_node_id_with_two_resets() {
     let mut valve = Rig::booted();
     valve.write_time = Duration::from_millis(300);
@@ -73,7 +70,6 @@ fn in_fault_hold() -> Rig {
 
 /// The fault reset, 0011 then 1011, is forgotten by a reset or a stop between the two.
 #[test]
-#[ignore = "1011 leads to HOLD: the 0011 before the reset or stop still counts"]
 fn a_reset_or_stop_forgets_half_a_fault_reset() {
     for orders in [&["000: 82 20"][..], &["000: 02 20"], &["000: 02 20", "000: 80 20"], &["000: 80 20", "000: 02 20"]] {
         for by_sdo in [false, true] {
@@ -114,7 +110,6 @@ fn pre_operational_forgets_nothing() {
 
 /// The fault log is written before a restart on command, with what falls while the reset waits.
 #[test]
-#[ignore = "a count that falls while the reset waits for the bus is lost"]
 fn a_count_that_falls_while_a_reset_waits() {
     for slow_memory in [false, true] {
         let mut valve = Rig::booted();

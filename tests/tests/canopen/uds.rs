@@ -182,14 +182,14 @@ fn while_the_memory_is_written() {
     let mut valve = Rig::booted();
     valve.write_time = Duration::from_millis(50);
     valve.exchange("620: 23 10 10 01 73 61 76 65", &[]);
-    ask(&mut valve, "04 2E 10 01 21", NODE_ID_ANSWER, "03 7F 2E 22");
+    // it waits for the memory, and is under way
+    ask(&mut valve, "04 2E 10 01 21", NODE_ID_ANSWER, "");
     ask(&mut valve, "04 2E 10 01 80", NODE_ID_ANSWER, "03 7F 2E 31");
     ask(&mut valve, "04 2E F0 10 00", ANSWER, "03 7F 2E 33");
     ask(&mut valve, "03 22 10 01", ANSWER, "04 62 10 01 20");
     valve.advance(50);
-    valve.take();
-    ask(&mut valve, "04 2E 10 01 21", NODE_ID_ANSWER, "");
-    // under way, and not stored yet
+    assert_eq!(valve.take(), ["5A0: 60 10 10 01 00 00 00 00"]);
+    // not stored yet
     ask(&mut valve, "03 22 10 01", ANSWER, "04 62 10 01 20");
     ask(&mut valve, "04 2E 10 01 22", NODE_ID_ANSWER, "03 7F 2E 22");
     valve.advance(50);

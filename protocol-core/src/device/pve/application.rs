@@ -24,7 +24,7 @@ pub(super) struct Application {
 }
 
 impl Application {
-    pub(super) fn new(kind: Kind, counters: Counters, now: Instant) -> Self {
+    pub(super) fn new(kind: Kind, now: Instant) -> Self {
         let config = ValveConfig {
             actuator_type: kind.actuator_type(),
             low_temperature: true,
@@ -32,7 +32,7 @@ impl Application {
             spool_monitors: SpoolMonitors::WhileRegulating,
         };
         Self {
-            valve: Valve::new(config, counters, now),
+            valve: Valve::new(config, Counters::default(), now),
             machine: StateMachine::default(),
             mode: DeviceMode::default(),
             control_word: 0,

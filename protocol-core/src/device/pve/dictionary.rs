@@ -1,13 +1,24 @@
 //! The object dictionary of the CANopen kinds (SPEC 4.1), as one table.
 
-use crate::canopen::dictionary::Access::{Ro, Rw};
+use super::objects::Task::{ClearCounters, Load, Save};
+use super::objects::ValveObject::{
+    Actual, ActualInverted, ActualPer127, ActualPer1000, ControlWord, Description, DeviceMode, FaultCount,
+    SerialNumber, SetPoint, SetPointPer127, SetPointPer1000, SoftwareVersion, StatusWord,
+};
+use super::objects::{Task, ValveObject};
+use crate::actuator::Fault;
 use crate::canopen::dictionary::DataType::{I8, I16, Text, U8, U16, U32};
-use crate::canopen::dictionary::Default::{NodeIdPlus, Number, Product};
-use crate::canopen::dictionary::Mappable::{Rpdo, Tpdo};
-use crate::canopen::dictionary::{Entry, Table};
+use crate::canopen::dictionary::DefaultValue::{self, NodeIdPlus, Number};
+use crate::canopen::dictionary::{Dictionary, Entry, Mappable, Row};
 use crate::canopen::emcy::EmcyConsumer;
+use crate::canopen::node::Object::{
+    self, Constant, EmcyCobId, ErrorCount, ErrorField, ErrorRegister, HeartbeatTime, Identity, Product, Rpdo,
+    Signature, SyncCobId, Tpdo,
+};
+use crate::canopen::node::PdoParameter::{CobId, Count, Entry as Mapped, TransmissionType};
 use crate::canopen::sync::SyncConsumer;
 use crate::wire::cob_id::Function;
+use crate::wire::sdo::Multiplexer;
 
 /// How many characters object 0x6053 takes.
 pub(super) const DESCRIPTION_MAX: usize = 10;
@@ -21,83 +32,104 @@ const DUMMY: u32 = 0x0001_0001;
 /// How many characters the software version has.
 const SOFTWARE_VERSION_LEN: u8 = 47;
 
+/// What 0x1010 takes: "save".
+const SAVE: u32 = u32::from_le_bytes(*b"save");
+/// What 0x1011:1 takes: "load".
+const LOAD: u32 = u32::from_le_bytes(*b"load");
+/// What 0x1011:5 takes to clear the occurrence counters: "pkds".
+const CLEAR_COUNTERS: u32 = 0x7364_6B70;
+
+/// Returns the description of an object; `None` when there is no such object.
+#[must_use]
+pub fn entry(object: Multiplexer) -> Option<&'static Entry> {
+    DICTIONARY.find(object).ok().map(|row| &row.entry)
+}
+
 /// Every object of a valve on CANopen, and no other.
-pub const TABLE: Table = Table::new(&[
-    Entry::new(0x1000, 0, U32, Ro, "Device type").default(0x0000_0198),
-    Entry::new(0x1001, 0, U8, Ro, "Error register"),
-    Entry::new(0x1003, 0, U8, Rw, "Pre-defined error field: number of errors"),
-    Entry::new(0x1003, 1, U32, Ro, "Pre-defined error field 1"),
-    Entry::new(0x1003, 2, U32, Ro, "Pre-defined error field 2"),
-    Entry::new(0x1003, 3, U32, Ro, "Pre-defined error field 3"),
-    Entry::new(0x1003, 4, U32, Ro, "Pre-defined error field 4"),
-    Entry::new(0x1003, 5, U32, Ro, "Pre-defined error field 5"),
-    Entry::new(0x1003, 6, U32, Ro, "Pre-defined error field 6"),
-    Entry::new(0x1003, 7, U32, Ro, "Pre-defined error field 7"),
-    Entry::new(0x1003, 8, U32, Ro, "Pre-defined error field 8"),
-    Entry::new(0x1005, 0, U32, Rw, "COB-ID SYNC").stored(Number(SyncConsumer::DEFAULT)),
-    Entry::new(0x100A, 0, Text(SOFTWARE_VERSION_LEN), Ro, "Manufacturer software version"),
-    Entry::new(0x1010, 0, U8, Ro, "Store parameters: highest sub-index").default(1),
-    Entry::new(0x1010, 1, U32, Rw, "Store all parameters").default(1),
-    Entry::new(0x1011, 0, U8, Ro, "Restore default parameters: highest sub-index").default(5),
-    Entry::new(0x1011, 1, U32, Rw, "Restore all default parameters").default(1),
-    Entry::new(0x1011, 5, U32, Rw, "Clear occurrence counters").default(1),
-    Entry::new(0x1014, 0, U32, Ro, "COB-ID EMCY"),
-    Entry::new(0x1017, 0, U16, Rw, "Producer heartbeat time").stored(Number(0)),
+pub(super) const DICTIONARY: Dictionary<Object<ValveObject, Task>> = Dictionary::new(&[
+    Row::ro(0x1000, 0, U32, Constant(0x0000_0198), "Device type"),
+    Row::ro(0x1001, 0, U8, ErrorRegister, "Error register"),
+    Row::rw(0x1003, 0, U8, ErrorCount, "Pre-defined error field: number of errors"),
+    Row::ro(0x1003, 1, U32, ErrorField(1), "Pre-defined error field 1"),
+    Row::ro(0x1003, 2, U32, ErrorField(2), "Pre-defined error field 2"),
+    Row::ro(0x1003, 3, U32, ErrorField(3), "Pre-defined error field 3"),
+    Row::ro(0x1003, 4, U32, ErrorField(4), "Pre-defined error field 4"),
+    Row::ro(0x1003, 5, U32, ErrorField(5), "Pre-defined error field 5"),
+    Row::ro(0x1003, 6, U32, ErrorField(6), "Pre-defined error field 6"),
+    Row::ro(0x1003, 7, U32, ErrorField(7), "Pre-defined error field 7"),
+    Row::ro(0x1003, 8, U32, ErrorField(8), "Pre-defined error field 8"),
+    Row::rw(0x1005, 0, U32, SyncCobId, "COB-ID SYNC").stored(Number(SyncConsumer::DEFAULT)),
+    Row::ro(0x100A, 0, Text(SOFTWARE_VERSION_LEN), Product(SoftwareVersion), "Manufacturer software version"),
+    Row::ro(0x1010, 0, U8, Constant(1), "Store parameters: highest sub-index"),
+    Row::rw(0x1010, 1, U32, Signature(SAVE, Save), "Store all parameters"),
+    Row::ro(0x1011, 0, U8, Constant(5), "Restore default parameters: highest sub-index"),
+    Row::rw(0x1011, 1, U32, Signature(LOAD, Load), "Restore all default parameters"),
+    Row::rw(0x1011, 5, U32, Signature(CLEAR_COUNTERS, ClearCounters), "Clear occurrence counters"),
+    Row::ro(0x1014, 0, U32, EmcyCobId, "COB-ID EMCY"),
+    Row::rw(0x1017, 0, U16, HeartbeatTime, "Producer heartbeat time").stored(Number(0)),
     // (R) sub-index 0 reads 3 although sub-index 4 can be read: the real device does so
-    Entry::new(0x1018, 0, U8, Ro, "Identity object: highest sub-index").default(3),
-    Entry::new(0x1018, 1, U32, Ro, "Vendor ID"),
-    Entry::new(0x1018, 2, U32, Ro, "Product code"),
-    Entry::new(0x1018, 3, U32, Ro, "Revision number"),
-    Entry::new(0x1018, 4, U32, Ro, "Serial number"),
-    Entry::new(0x1028, 0, U8, Ro, "Emergency consumer: highest sub-index").default(1),
-    Entry::new(0x1028, 1, U32, Rw, "Emergency consumer 1").stored(Number(EmcyConsumer::DEFAULT)),
-    Entry::new(0x1400, 0, U8, Ro, "RPDO 1 communication: highest sub-index").default(2),
-    Entry::new(0x1400, 1, U32, Rw, "RPDO 1 COB-ID").stored(NodeIdPlus(Function::Rpdo1 as u32)),
-    Entry::new(0x1400, 2, U8, Rw, "RPDO 1 transmission type").stored(Number(0xFF)),
-    Entry::new(0x1600, 0, U8, Rw, "RPDO 1 mapping: number of objects").stored(Number(2)),
-    Entry::new(0x1600, 1, U32, Rw, "RPDO 1 mapping 1").stored(Number(0x6040_0010)),
-    Entry::new(0x1600, 2, U32, Rw, "RPDO 1 mapping 2").stored(Number(0x6300_0110)),
-    Entry::new(0x1600, 3, U32, Rw, "RPDO 1 mapping 3").stored(Number(DUMMY)),
-    Entry::new(0x1600, 4, U32, Rw, "RPDO 1 mapping 4").stored(Number(DUMMY)),
-    Entry::new(0x1600, 5, U32, Rw, "RPDO 1 mapping 5").stored(Number(DUMMY)),
-    Entry::new(0x1600, 6, U32, Rw, "RPDO 1 mapping 6").stored(Number(DUMMY)),
-    Entry::new(0x1600, 7, U32, Rw, "RPDO 1 mapping 7").stored(Number(DUMMY)),
-    Entry::new(0x1600, 8, U32, Rw, "RPDO 1 mapping 8").stored(Number(DUMMY)),
-    Entry::new(0x1800, 0, U8, Ro, "TPDO 1 communication: highest sub-index").default(2),
-    Entry::new(0x1800, 1, U32, Rw, "TPDO 1 COB-ID").stored(NodeIdPlus(Function::Tpdo1 as u32)),
-    Entry::new(0x1800, 2, U8, Rw, "TPDO 1 transmission type").stored(Number(0xFF)),
-    Entry::new(0x1A00, 0, U8, Rw, "TPDO 1 mapping: number of objects").stored(Number(2)),
-    Entry::new(0x1A00, 1, U32, Rw, "TPDO 1 mapping 1").stored(Number(0x6041_0010)),
-    Entry::new(0x1A00, 2, U32, Rw, "TPDO 1 mapping 2").stored(Number(0x6301_0110)),
-    Entry::new(0x1A00, 3, U32, Rw, "TPDO 1 mapping 3").stored(Number(DUMMY)),
-    Entry::new(0x1A00, 4, U32, Rw, "TPDO 1 mapping 4").stored(Number(DUMMY)),
-    Entry::new(0x1A00, 5, U32, Rw, "TPDO 1 mapping 5").stored(Number(DUMMY)),
-    Entry::new(0x1A00, 6, U32, Rw, "TPDO 1 mapping 6").stored(Number(DUMMY)),
-    Entry::new(0x1A00, 7, U32, Rw, "TPDO 1 mapping 7").stored(Number(DUMMY)),
-    Entry::new(0x1A00, 8, U32, Rw, "TPDO 1 mapping 8").stored(Number(DUMMY)),
-    Entry::new(0x2001, 0, U8, Ro, "Error: supply voltage too high"),
-    Entry::new(0x2002, 0, U8, Ro, "Error: supply voltage too low"),
-    Entry::new(0x200F, 0, U8, Ro, "Error: temperature"),
-    Entry::new(0x2019, 0, U8, Ro, "Error: CAN bus"),
-    Entry::new(0x201D, 0, U8, Ro, "Error: spool not at set-point or float not reached"),
+    Row::ro(0x1018, 0, U8, Constant(3), "Identity object: highest sub-index"),
+    Row::ro(0x1018, 1, U32, Identity(0), "Vendor ID"),
+    Row::ro(0x1018, 2, U32, Identity(1), "Product code"),
+    Row::ro(0x1018, 3, U32, Identity(2), "Revision number"),
+    Row::ro(0x1018, 4, U32, Identity(3), "Serial number"),
+    Row::ro(0x1028, 0, U8, Constant(1), "Emergency consumer: highest sub-index"),
+    Row::rw(0x1028, 1, U32, Object::EmcyConsumer, "Emergency consumer 1").stored(Number(EmcyConsumer::DEFAULT)),
+    Row::ro(0x1400, 0, U8, Constant(2), "RPDO 1 communication: highest sub-index"),
+    Row::rw(0x1400, 1, U32, Rpdo(CobId), "RPDO 1 COB-ID").stored(NodeIdPlus(Function::Rpdo1 as u32)),
+    Row::rw(0x1400, 2, U8, Rpdo(TransmissionType), "RPDO 1 transmission type").stored(Number(0xFF)),
+    Row::rw(0x1600, 0, U8, Rpdo(Count), "RPDO 1 mapping: number of objects").stored(Number(2)),
+    Row::rw(0x1600, 1, U32, Rpdo(Mapped(1)), "RPDO 1 mapping 1").stored(Number(0x6040_0010)),
+    Row::rw(0x1600, 2, U32, Rpdo(Mapped(2)), "RPDO 1 mapping 2").stored(Number(0x6300_0110)),
+    Row::rw(0x1600, 3, U32, Rpdo(Mapped(3)), "RPDO 1 mapping 3").stored(Number(DUMMY)),
+    Row::rw(0x1600, 4, U32, Rpdo(Mapped(4)), "RPDO 1 mapping 4").stored(Number(DUMMY)),
+    Row::rw(0x1600, 5, U32, Rpdo(Mapped(5)), "RPDO 1 mapping 5").stored(Number(DUMMY)),
+    Row::rw(0x1600, 6, U32, Rpdo(Mapped(6)), "RPDO 1 mapping 6").stored(Number(DUMMY)),
+    Row::rw(0x1600, 7, U32, Rpdo(Mapped(7)), "RPDO 1 mapping 7").stored(Number(DUMMY)),
+    Row::rw(0x1600, 8, U32, Rpdo(Mapped(8)), "RPDO 1 mapping 8").stored(Number(DUMMY)),
+    Row::ro(0x1800, 0, U8, Constant(2), "TPDO 1 communication: highest sub-index"),
+    Row::rw(0x1800, 1, U32, Tpdo(CobId), "TPDO 1 COB-ID").stored(NodeIdPlus(Function::Tpdo1 as u32)),
+    Row::rw(0x1800, 2, U8, Tpdo(TransmissionType), "TPDO 1 transmission type").stored(Number(0xFF)),
+    Row::rw(0x1A00, 0, U8, Tpdo(Count), "TPDO 1 mapping: number of objects").stored(Number(2)),
+    Row::rw(0x1A00, 1, U32, Tpdo(Mapped(1)), "TPDO 1 mapping 1").stored(Number(0x6041_0010)),
+    Row::rw(0x1A00, 2, U32, Tpdo(Mapped(2)), "TPDO 1 mapping 2").stored(Number(0x6301_0110)),
+    Row::rw(0x1A00, 3, U32, Tpdo(Mapped(3)), "TPDO 1 mapping 3").stored(Number(DUMMY)),
+    Row::rw(0x1A00, 4, U32, Tpdo(Mapped(4)), "TPDO 1 mapping 4").stored(Number(DUMMY)),
+    Row::rw(0x1A00, 5, U32, Tpdo(Mapped(5)), "TPDO 1 mapping 5").stored(Number(DUMMY)),
+    Row::rw(0x1A00, 6, U32, Tpdo(Mapped(6)), "TPDO 1 mapping 6").stored(Number(DUMMY)),
+    Row::rw(0x1A00, 7, U32, Tpdo(Mapped(7)), "TPDO 1 mapping 7").stored(Number(DUMMY)),
+    Row::rw(0x1A00, 8, U32, Tpdo(Mapped(8)), "TPDO 1 mapping 8").stored(Number(DUMMY)),
+    Row::ro(0x2001, 0, U8, Product(FaultCount(Fault::SupplyHigh)), "Error: supply voltage too high"),
+    Row::ro(0x2002, 0, U8, Product(FaultCount(Fault::SupplyLow)), "Error: supply voltage too low"),
+    Row::ro(0x200F, 0, U8, Product(FaultCount(Fault::Temperature)), "Error: temperature"),
+    Row::ro(0x2019, 0, U8, Product(FaultCount(Fault::CanBus)), "Error: CAN bus"),
+    Row::ro(
+        0x201D,
+        0,
+        U8,
+        Product(FaultCount(Fault::SpoolNotAtSetPoint)),
+        "Error: spool not at set-point or float not reached",
+    ),
     // (R) the manual describes it as a spool position that is not reached; it is time guarding
-    Entry::new(0x2023, 0, U8, Ro, "Error: set-point timeout"),
-    Entry::new(0x2024, 0, U8, Ro, "Error: internal error"),
-    Entry::new(0x2040, 0, U8, Ro, "Error: internal error (second index)"),
-    Entry::new(0x3300, 0, I8, Rw, "Set-point, 8 bit").mappable(Rpdo),
-    Entry::new(0x3301, 0, I8, Ro, "Actual value, 8 bit").mappable(Tpdo),
-    Entry::new(0x3302, 0, I8, Ro, "Actual value, 8 bit, inverted").mappable(Tpdo),
-    Entry::new(0x3303, 0, I16, Rw, "Set-point, 16 bit").mappable(Rpdo),
+    Row::ro(0x2023, 0, U8, Product(FaultCount(Fault::TimeGuarding)), "Error: set-point timeout"),
+    // (R) the EDS list says 0x2040, the object table 0x2024
+    Row::ro(0x2024, 0, U8, Product(FaultCount(Fault::Internal)), "Error: internal error"),
+    Row::ro(0x2040, 0, U8, Product(FaultCount(Fault::Internal)), "Error: internal error (second index)"),
+    Row::rw(0x3300, 0, I8, Product(SetPointPer127), "Set-point, 8 bit").mappable(Mappable::Rpdo),
+    Row::ro(0x3301, 0, I8, Product(ActualPer127), "Actual value, 8 bit").mappable(Mappable::Tpdo),
+    Row::ro(0x3302, 0, I8, Product(ActualInverted), "Actual value, 8 bit, inverted").mappable(Mappable::Tpdo),
+    Row::rw(0x3303, 0, I16, Product(SetPointPer1000), "Set-point, 16 bit").mappable(Mappable::Rpdo),
     // (R) the manual's list of mappable objects calls it a status word
-    Entry::new(0x3304, 0, I16, Ro, "Actual value, 16 bit").mappable(Tpdo),
-    Entry::new(0x6040, 0, U16, Rw, "Device control word").mappable(Rpdo),
-    Entry::new(0x6041, 0, U16, Ro, "Device status word").mappable(Tpdo),
-    Entry::new(0x6042, 0, I8, Rw, "Device mode").mappable(Rpdo),
-    Entry::new(0x6052, 0, Text(SERIAL_MAX as u8), Ro, "Device serial number"),
-    Entry::new(0x6053, 0, Text(DESCRIPTION_MAX as u8), Rw, "Device description").stored(Product),
-    Entry::new(0x605F, 0, U32, Ro, "Device capability").default(0x0500_0000),
-    Entry::new(0x6300, 0, U8, Ro, "VPOC set-point: highest sub-index").default(1),
-    Entry::new(0x6300, 1, I16, Rw, "VPOC set-point").mappable(Rpdo),
-    Entry::new(0x6301, 0, U8, Ro, "VPOC actual value: highest sub-index").default(1),
-    Entry::new(0x6301, 1, I16, Ro, "VPOC actual value").mappable(Tpdo),
+    Row::ro(0x3304, 0, I16, Product(ActualPer1000), "Actual value, 16 bit").mappable(Mappable::Tpdo),
+    Row::rw(0x6040, 0, U16, Product(ControlWord), "Device control word").mappable(Mappable::Rpdo),
+    Row::ro(0x6041, 0, U16, Product(StatusWord), "Device status word").mappable(Mappable::Tpdo),
+    Row::rw(0x6042, 0, I8, Product(DeviceMode), "Device mode").mappable(Mappable::Rpdo),
+    Row::ro(0x6052, 0, Text(SERIAL_MAX as u8), Product(SerialNumber), "Device serial number"),
+    Row::rw(0x6053, 0, Text(DESCRIPTION_MAX as u8), Product(Description), "Device description")
+        .stored(DefaultValue::Product),
+    Row::ro(0x605F, 0, U32, Constant(0x0500_0000), "Device capability"),
+    Row::ro(0x6300, 0, U8, Constant(1), "VPOC set-point: highest sub-index"),
+    Row::rw(0x6300, 1, I16, Product(SetPoint), "VPOC set-point").mappable(Mappable::Rpdo),
+    Row::ro(0x6301, 0, U8, Constant(1), "VPOC actual value: highest sub-index"),
+    Row::ro(0x6301, 1, I16, Product(Actual), "VPOC actual value").mappable(Mappable::Tpdo),
 ]);

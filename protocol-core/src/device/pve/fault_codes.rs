@@ -9,8 +9,6 @@ use crate::wire::dtc::Dtc;
 pub struct FaultCodes {
     /// The fault.
     pub fault: Fault,
-    /// The object that holds its occurrence counter (A).
-    pub object: u16,
     /// The emergency error code.
     pub emcy: u16,
     /// What it contributes to the error register, 0x1001.
@@ -21,38 +19,29 @@ pub struct FaultCodes {
     pub lamp: Lamp,
 }
 
-const fn row(fault: Fault, object: u16, emcy: u16, register: u8, dtc: u32, lamp: Lamp) -> FaultCodes {
-    FaultCodes { fault, object, emcy, register, dtc: Dtc::from_printed(dtc), lamp }
+const fn row(fault: Fault, emcy: u16, register: u8, dtc: u32, lamp: Lamp) -> FaultCodes {
+    FaultCodes { fault, emcy, register, dtc: Dtc::from_printed(dtc), lamp }
 }
 
 /// All faults, by priority.
 pub const FAULT_CODES: [FaultCodes; 8] = [
     // (R) register 0x21, not 0x81: the bit table has no bit 7 there
-    row(Fault::SpoolNotAtSetPoint, 0x201D, 0x8305, 0x21, 0x87_8FEC, Lamp::RED),
-    row(Fault::FloatNotReached, 0x201D, 0x8305, 0x21, 0x87_8FEE, Lamp::RED),
-    row(Fault::Internal, 0x2024, 0x1000, 0x01, 0x8B_8FFA, Lamp::RED),
-    row(Fault::CanBus, 0x2019, 0x8140, 0x11, 0x93_8FD7, Lamp::AMBER),
+    row(Fault::SpoolNotAtSetPoint, 0x8305, 0x21, 0x87_8FEC, Lamp::RED),
+    row(Fault::FloatNotReached, 0x8305, 0x21, 0x87_8FEE, Lamp::RED),
+    row(Fault::Internal, 0x1000, 0x01, 0x8B_8FFA, Lamp::RED),
+    row(Fault::CanBus, 0x8140, 0x11, 0x93_8FD7, Lamp::AMBER),
     // (R) 0x908FF1: one table of the older manual prints 0xE0F185
-    row(Fault::Temperature, 0x200F, 0x8301, 0x09, 0x90_8FF1, Lamp::AMBER),
-    row(Fault::SupplyHigh, 0x2001, 0x3411, 0x05, 0x03_0273, Lamp::AMBER),
-    row(Fault::SupplyLow, 0x2002, 0x3412, 0x05, 0x04_0273, Lamp::AMBER),
+    row(Fault::Temperature, 0x8301, 0x09, 0x90_8FF1, Lamp::AMBER),
+    row(Fault::SupplyHigh, 0x3411, 0x05, 0x03_0273, Lamp::AMBER),
+    row(Fault::SupplyLow, 0x3412, 0x05, 0x04_0273, Lamp::AMBER),
     // (R) register 0x91: the bit table has no generic bit there, the object table and CiA 301 have
-    row(Fault::TimeGuarding, 0x2023, 0x8003, 0x91, 0x93_8FE9, Lamp::AMBER),
+    row(Fault::TimeGuarding, 0x8003, 0x91, 0x93_8FE9, Lamp::AMBER),
 ];
-
-/// The second index of the internal error's counter (R): the EDS list says 0x2040, the object table 0x2024.
-pub(super) const INTERNAL_ALIAS: u16 = 0x2040;
 
 /// The codes of a fault.
 pub(super) fn codes(fault: Fault) -> FaultCodes {
     let [first, ..] = FAULT_CODES;
     FAULT_CODES.into_iter().find(|codes| codes.fault == fault).unwrap_or(first)
-}
-
-/// The fault whose counter an object holds.
-pub(super) fn fault_of(object: u16) -> Option<Fault> {
-    let object = if object == INTERNAL_ALIAS { codes(Fault::Internal).object } else { object };
-    FAULT_CODES.iter().find(|codes| codes.object == object).map(|codes| codes.fault)
 }
 
 /// The error register: what the active faults contribute together.

@@ -57,9 +57,11 @@ impl<'a> Found<'a> {
 
     /// Raises the internal error for what is damaged.
     pub(super) fn tell_faults(&self, valve: &mut Valve, now: Instant) {
-        valve.set_internal(InternalCause::Memory, self.image.is_damaged(), now);
-        for (record, corrupt) in (0..).zip(self.corrupt) {
-            valve.set_internal(InternalCause::Record(record), corrupt, now);
+        if self.image.is_damaged() {
+            valve.set_internal(InternalCause::Memory, true, now);
+        }
+        for (record, _) in (0..).zip(self.corrupt).filter(|(_, corrupt)| *corrupt) {
+            valve.set_internal(InternalCause::Record(record), true, now);
         }
     }
 

@@ -7,7 +7,7 @@
 //! state_machine   the device state machine of CiA 408       application    the valve under it
 //! auxiliary_valve the valve under the commands of ISO 11783-7
 //! setup           what a valve is made as                   found      what a start finds in the memory
-//! records         what is kept in the memory                storage    what waits to be written
+//! records         what is kept in the memory
 //! identification  the identifiers of UDS lite
 //! canopen/        the composition: a valve on CANopen       isobus/    on ISOBUS
 //! ```
@@ -25,10 +25,9 @@ mod objects;
 mod records;
 mod setup;
 mod state_machine;
-mod storage;
 
 pub use canopen::PveCanopen;
-pub use dictionary::TABLE;
+pub use dictionary::entry;
 pub use fault_codes::{FAULT_CODES, FaultCodes};
 pub use isobus::PveIsobus;
 pub use kind::{Kind, Protocol};

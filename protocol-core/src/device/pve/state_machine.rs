@@ -98,11 +98,9 @@ impl StateMachine {
         };
     }
 
-    /// D8, and every event that shuts the device down.
+    /// Enters fault hold, anew if need be: D8, and every event that shuts the device down.
     pub(super) const fn shut_down(&mut self) {
-        if !matches!(self.state, DeviceState::FaultHold) {
-            *self = Self { state: DeviceState::FaultHold, reset_begun: false };
-        }
+        *self = Self { state: DeviceState::FaultHold, reset_begun: false };
     }
 }
 

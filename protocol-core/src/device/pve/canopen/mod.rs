@@ -1,318 +1,295 @@
-//! A valve on CANopen: the services of `canopen/` and `uds`, the application and the memory, put together (SPEC 4, 7).
+//! A valve on CANopen: the node of `canopen/` with the valve's objects in it (SPEC 4, 7).
 //!
 //! ```text
-//! mod        the device: what goes in and comes out
-//! listening  which frames are for the device
-//! services   what each service does with a frame
+//! mod        the body of the device: what the node and the valve tell each other
 //! emergency  faults become EMCYs, and the error history
-//! start      power-up, reset application, reset communication
 //! storing    writes to the memory, and who waits for them
+//! load       how far a "load" and its execution have come
 //! ```
 
 mod emergency;
-mod listening;
-mod services;
-mod start;
+mod load;
 mod storing;
 
-use listening::{Listening, Service};
-use storing::{Job, Ticket};
+use load::Load;
+use storing::Job;
 
-use super::objects::PveObjects;
-use super::records::LocalLayer;
+use super::dictionary::DICTIONARY;
+use super::found::Found;
+use super::identification::Identification;
+use super::objects::{Task, ValveObjects};
+use super::records::{Factory, LocalLayer, decode_flag};
 use super::setup::Setup;
-use super::storage::{FaultLogClock, Storage};
-use crate::actuator::{InternalCause, ValveSenses};
-use crate::canopen::emcy::WaitingEmcys;
-use crate::canopen::lss::LssSlave;
-use crate::canopen::nmt::NmtSlave;
-use crate::canopen::sdo_server::SdoServer;
+use crate::actuator::{Counters, InternalCause, ValveSenses};
+use crate::canopen::lss::Configuration;
+use crate::canopen::nmt::Reset;
+use crate::canopen::node::{self, Demand, Node};
+use crate::canopen::parameters::Stored;
 use crate::controller::{BitRate, BusErrorMode, Filter, Filters};
-use crate::device::tx_queue::TxQueue;
-use crate::device::{Device, Effect, Outputs, Restart, Senses};
+use crate::device::host::{Base, Body, Host};
+use crate::device::{Outputs, Restart, Senses, StartCause};
 use crate::frame::Frame;
-use crate::memory::{Image, RecordKey, StoreError};
-use crate::time::{Instant, NEVER};
+use crate::memory::{Image, Record, RecordKey, StoreError};
+use crate::time::Instant;
+use crate::uds::Reaction;
 use crate::wire::cob_id::NodeId;
-use crate::wire::nmt;
+use crate::wire::uds;
 
 /// A PVEA or PVEO on CANopen.
+pub type PveCanopen = Host<CanopenValve>;
+
+/// The body of a valve on CANopen.
 #[derive(Debug)]
-pub struct PveCanopen {
+pub struct CanopenValve {
     setup: Setup,
-    objects: PveObjects,
-    nmt: NmtSlave,
-    sdo: SdoServer,
-    lss: LssSlave,
-    emcys: WaitingEmcys,
-    tx: TxQueue,
-    listening: Listening,
-    boot_up: BootUp,
-    senses: Senses,
-    /// In force on the bus.
-    bit_rate: BitRate,
-    /// To be switched to when all is sent.
-    switch_to: Option<BitRate>,
-    /// A node ID that was configured and not stored: in force until power-off.
-    held_node_id: Option<NodeId>,
-    /// A bit rate that was activated and not stored: in force until the next start.
-    held_bit_rate: Option<BitRate>,
+    objects: ValveObjects,
+    node: Node<ValveObjects>,
     /// As stored.
     local_layer: LocalLayer,
-    storage: Storage<Job>,
-    fault_log: FaultLogClock,
-    /// The last request of the SDO client that waits for the memory.
-    ticket: Ticket,
-    restarting: Restarting,
-    deadline: Instant,
+    /// The key of UDS requests, whatever their source.
+    uds: u32,
+    load: Load,
+    /// The LSS stores that wait for the memory.
+    lss_stores: u32,
+    /// What the LSS store in flight writes.
+    lss_in_flight: Configuration,
+    /// The counts that the write in flight clears: they come back when it fails.
+    cleared: Counters,
+    senses: Senses,
 }
 
-/// How far the boot-up has come. It must be on the bus before anything else: an EMCY would overtake it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum BootUp {
-    /// To be handed out.
-    Due,
-    /// Handed out, not yet sent.
-    HandedOut,
-    /// Sent, or there is none because there is no node ID.
-    Done,
+/// The service that a frame is for.
+#[derive(Clone, Copy, Debug)]
+pub enum Service {
+    /// One of CANopen.
+    Node(node::Service),
+    /// UDS.
+    Uds,
 }
 
-/// How far a restart has come. Until it is carried out the device takes no part in the bus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Restarting {
-    No,
-    /// To be handed out when nothing is being written; under this node ID, if LSS has configured one.
-    Due(Restart, Option<NodeId>),
-    /// In the platform's hands.
-    HandedOut,
-}
+/// The key of no UDS request: a valve without node ID takes none.
+const NO_UDS: u32 = u32::MAX;
 
 impl PveCanopen {
-    /// Takes a frame that is for the device. Kept apart from the look at the identifier, which most frames end with.
-    #[inline(never)]
-    fn take(&mut self, service: Service, frame: &Frame, now: Instant) {
-        if frame.is_remote() || self.restarting != Restarting::No {
-            return;
-        }
-        let now = self.advance(now);
-        self.serve(service, frame, now);
-        self.settle(now);
+    /// Returns a valve that is powered up with what the memory holds.
+    #[must_use]
+    pub fn power_on(setup: Setup, image: &Image, cause: StartCause, now: Instant) -> Self {
+        let mut device = Self::new(CanopenValve::new(setup));
+        device.start_up(image, cause, now);
+        device
     }
+}
 
-    /// Goes to `now`, or stays at the last instant, and lets what is due by then act first.
-    fn advance(&mut self, now: Instant) -> Instant {
-        let now = now.max(self.objects.now);
-        self.objects.now = now;
-        if now >= self.deadline {
-            self.run_timers(now);
-        }
-        now
-    }
-
-    fn run_timers(&mut self, now: Instant) {
-        self.objects.application.valve.poll(now);
-        self.report_faults(now);
-        if let Some(bit_rate) = self.lss.poll(now) {
-            self.switch_to = Some(bit_rate);
-            self.held_bit_rate = Some(bit_rate);
-        }
-        self.release_emcys();
-        if let Some(abort) = self.sdo.poll(now) {
-            self.send_sdo(abort);
-        }
-        if self.objects.heartbeat.poll(now)
-            && let Some(node_id) = self.objects.node_id
-        {
-            self.send_latest(nmt::heartbeat(node_id, self.nmt.state()));
-        }
-        if now >= self.fault_log.due() {
-            self.store_fault_log();
-        }
-        self.schedule();
-    }
-
-    /// After anything was done: tells what became of the faults, and finds out when something is next due.
-    fn settle(&mut self, now: Instant) {
-        self.report_faults(now);
-        self.schedule();
-        // What was just set going can be due at once: a heartbeat, a change of the bit rate.
-        if now >= self.deadline {
-            self.run_timers(now);
+impl CanopenValve {
+    fn new(setup: Setup) -> Self {
+        let local_layer = LocalLayer::new(setup.kind, setup.node_id);
+        Self {
+            setup,
+            objects: ValveObjects::new(setup.kind, Factory::new(setup.kind, setup.serial)),
+            node: Node::new(local_layer.bit_rate),
+            local_layer,
+            uds: NO_UDS,
+            load: Load::new(),
+            lss_stores: 0,
+            lss_in_flight: Configuration::NONE,
+            cleared: Counters::default(),
+            senses: Senses::default(),
         }
     }
 
-    fn schedule(&mut self) {
-        self.deadline = if self.restarting == Restarting::No {
-            self.objects
-                .application
-                .valve
-                .deadline()
-                .min(self.objects.heartbeat.deadline())
-                .min(self.sdo.deadline())
-                .min(self.lss.deadline())
-                .min(self.fault_log.due())
-        } else {
-            NEVER
+    fn demanded(&mut self, demand: Demand<Task>, base: &mut Base<Job>) {
+        match demand {
+            Demand::Task(task) => self.begin_task(task, base),
+            Demand::StoreConfiguration => {
+                self.lss_stores = self.lss_stores.saturating_add(1);
+                base.writes.ask(Job::LssStore);
+            }
+            Demand::Reset(reset) => base.request_restart(restart_of(reset)),
+        }
+    }
+
+    fn serve_uds(&mut self, frame: &Frame, base: &mut Base<Job>) {
+        let Some(node_id) = self.node.node_id() else { return };
+        let identification = Identification {
+            kind: self.setup.kind,
+            factory: self.objects.factory(),
+            local_layer: self.local_layer,
+            busy: base.writes.iter().any(|job| matches!(job, Job::UdsNodeId(_))),
         };
-    }
-
-    /// Whether nothing may be sent now, and what would have been is lost.
-    const fn is_mute(&self) -> bool {
-        matches!(self.senses.bus, BusErrorMode::BusOff) || self.lss.is_silent()
-    }
-
-    fn send(&mut self, frame: Frame) {
-        if !self.is_mute() {
-            self.tx.push(frame);
-        }
-    }
-
-    /// Sends a frame of which only the latest is of use to anybody.
-    fn send_latest(&mut self, frame: Frame) {
-        if !self.is_mute() {
-            self.tx.push_latest(frame);
-        }
-    }
-
-    fn request_restart(&mut self, scope: Restart, node_id: Option<NodeId>) {
-        self.sdo.cancel();
-        self.restarting = Restarting::Due(scope, node_id);
-        if self.fault_log.is_dirty() {
-            self.store_fault_log();
+        match identification.serve_node(node_id.get(), frame) {
+            Reaction::Nothing => {}
+            Reaction::Answer(answer) => self.node.answer(answer),
+            Reaction::StoreNodeId(raw) => base.writes.ask(Job::UdsNodeId(raw)),
         }
     }
 }
 
-impl Device for PveCanopen {
+const fn restart_of(reset: Reset) -> Restart {
+    match reset {
+        Reset::Communication => Restart::Communication,
+        Reset::Application => Restart::Application,
+    }
+}
+
+impl Body for CanopenValve {
+    type Job = Job;
+    type Service = Service;
+
+    const FAULT_LOG: Option<Job> = Some(Job::FaultLog);
+
     #[inline]
-    fn handle(&mut self, frame: &Frame, now: Instant) -> bool {
-        let Some(service) = self.listening.service(frame) else { return false };
-        self.take(service, frame, now);
-        true
+    fn service(&self, frame: &Frame) -> Option<Service> {
+        match self.node.service(frame) {
+            Some(service) => Some(Service::Node(service)),
+            None => (frame.key() & uds::ANY_SOURCE == self.uds).then_some(Service::Uds),
+        }
+    }
+
+    fn handle(&mut self, service: Service, frame: &Frame, base: &mut Base<Job>) {
+        let Service::Node(service) = service else { return self.serve_uds(frame, base) };
+        if let Some(demand) = self.node.handle(service, frame, &mut self.objects, base.now()) {
+            self.demanded(demand, base);
+        }
+    }
+
+    fn restart_demanded(&self, frame: &Frame) -> Option<Restart> {
+        self.node.reset_demanded(frame).map(restart_of)
+    }
+
+    fn poll(&mut self, base: &mut Base<Job>) {
+        self.objects.application.valve.poll(base.now());
+        self.node.poll(base.now());
+        self.retry_load(base);
+    }
+
+    #[inline]
+    fn settle(&mut self, base: &mut Base<Job>) {
+        if self.objects.application.valve.has_changes() {
+            self.report_changes(base);
+        }
+    }
+
+    #[inline]
+    fn deadline(&self) -> Instant {
+        self.objects.application.valve.deadline().min(self.node.deadline()).min(self.load.retry_at())
+    }
+
+    fn sense(&mut self, senses: &Senses, base: &mut Base<Job>) {
+        let now = base.now();
+        self.senses = *senses;
+        let (supply_mv, temperature_c) = (senses.supply_mv, senses.temperature_c);
+        let bus_off = senses.bus == BusErrorMode::BusOff;
+        let valve = &mut self.objects.application.valve;
+        valve.sense(&ValveSenses { supply_mv, temperature_c, spool: senses.spool }, now);
+        valve.set_internal(InternalCause::Injected, senses.internal_fault, now);
+        valve.set_bus_off(bus_off, now);
+        self.node.set_bus_off(bus_off);
     }
 
     #[inline]
     fn take_filters(&mut self) -> Option<Filters> {
-        self.listening.take_filters()
-    }
-
-    fn sense(&mut self, senses: &Senses, now: Instant) {
-        let now = self.advance(now);
-        let was_mute = self.is_mute();
-        self.senses = *senses;
-        let valve = &mut self.objects.application.valve;
-        let valve_senses =
-            ValveSenses { supply_mv: senses.supply_mv, temperature_c: senses.temperature_c, spool: senses.spool };
-        valve.sense(&valve_senses, now);
-        valve.set_internal(InternalCause::Injected, senses.internal_fault, now);
-        valve.set_bus_off(senses.bus == BusErrorMode::BusOff, now);
-        if !was_mute && self.is_mute() {
-            self.tx.clear();
+        let mut filters = self.node.take_filters()?;
+        if self.uds != NO_UDS {
+            // There is a place for each service.
+            let _ = filters.push(Filter { key: self.uds, mask: uds::ANY_SOURCE });
         }
-        if senses.bus == BusErrorMode::BusOff && self.boot_up == BootUp::HandedOut {
-            // It was dropped with all that waited in the controller.
-            self.boot_up = BootUp::Due;
-        }
-        self.release_emcys();
-        self.settle(now);
+        Some(filters)
     }
 
     #[inline]
-    fn poll(&mut self, now: Instant) {
-        if now >= self.deadline {
-            self.advance(now);
-        }
+    fn take_abort(&mut self) -> Option<Filter> {
+        self.node.take_abort()
     }
 
-    fn next_frame(&mut self, _now: Instant) -> Option<Frame> {
-        match self.boot_up {
-            BootUp::Done => self.tx.pop(),
-            BootUp::Due if !self.is_mute() => {
-                self.boot_up = BootUp::HandedOut;
-                self.objects.node_id.map(|node_id| nmt::heartbeat(node_id, nmt::State::Initialising))
-            }
-            BootUp::Due | BootUp::HandedOut => None,
-        }
+    #[inline]
+    fn next_frame(&mut self, now: Instant) -> Option<Frame> {
+        self.node.next_frame(&self.objects, now)
     }
 
     fn give_back(&mut self, frame: Frame) {
-        if self.boot_up == BootUp::HandedOut {
-            self.boot_up = BootUp::Due;
-        } else if !self.is_mute() {
-            self.tx.give_back(frame);
-        }
+        self.node.give_back(frame);
     }
 
-    fn take_abort(&mut self) -> Option<Filter> {
-        None
+    #[inline]
+    fn all_sent(&mut self, _: &mut Base<Job>) {
+        self.node.all_sent();
     }
 
-    fn all_sent(&mut self, _now: Instant) -> bool {
-        if self.boot_up == BootUp::HandedOut {
-            self.boot_up = BootUp::Done;
-            self.release_emcys();
-        }
-        !self.tx.is_empty()
+    #[inline]
+    fn has_frame(&self) -> bool {
+        self.node.has_frame()
     }
 
-    fn next_effect(&mut self, all_sent: bool) -> Option<Effect> {
-        if let Some(bit_rate) = self.switch_to.take() {
-            self.bit_rate = bit_rate;
-            return Some(Effect::SetBitRate(bit_rate));
-        }
-        if let Some(effect) = self.next_write() {
-            return Some(effect);
-        }
-        match self.restarting {
-            Restarting::Due(scope, node_id) if all_sent && self.storage.is_idle() => {
-                self.restarting = Restarting::HandedOut;
-                self.held_node_id = node_id.or(self.held_node_id);
-                Some(Effect::Restart(scope))
+    #[inline]
+    fn take_bit_rate(&mut self) -> Option<BitRate> {
+        self.node.take_bit_rate()
+    }
+
+    fn encode(&mut self, job: Job) -> Result<Record, StoreError> {
+        self.encode_job(job)
+    }
+
+    fn written(&mut self, job: Job, stored: bool, base: &mut Base<Job>) {
+        self.end_job(job, stored, base);
+    }
+
+    /// Starts with what the memory holds (SPEC 4.3, 4.5, 6). Of reset communication the application goes to FAULT_HOLD and
+    /// keeps its parameters; faults that are active are told again.
+    fn start(&mut self, scope: Restart, image: &Image, base: &mut Base<Job>) {
+        let now = base.now();
+        let setup = self.setup;
+        let mut found = Found::look(&setup, image);
+        let parameters = found.payload(RecordKey::Parameters, |payload| Stored::decode(DICTIONARY, payload));
+        let load_is_set = found.payload(RecordKey::RestoreFlag, decode_flag).unwrap_or(false);
+        self.local_layer = found.local_layer;
+        let stored = Configuration {
+            node_id: found.local_layer.node_id.and_then(NodeId::new),
+            bit_rate: Some(found.local_layer.bit_rate),
+        };
+        match scope {
+            Restart::Communication => {
+                self.objects.application.shut_down(now);
+                // What fell due while the restart waited is counted and entered before it is told again.
+                self.settle(base);
+                self.node.reset(Reset::Communication, stored);
+                self.node.boot(parameters, now);
             }
-            _ => None,
+            Restart::Application => {
+                self.objects.set_factory(found.factory);
+                self.objects.application.restart(found.fault_log.counters, now);
+                let node_id = self.node.reset(Reset::Application, stored);
+                // The defaults follow the node ID: without one, the load waits for a start with one.
+                self.load = Load::found(load_is_set && node_id.is_some());
+                self.lss_stores = 0;
+                let parameters = parameters.filter(|_| !load_is_set);
+                self.load_application(parameters);
+                self.node.boot(parameters, now);
+            }
         }
+        self.uds = self.node.node_id().map_or(NO_UDS, |node_id| uds::key_to(uds::Address::node(node_id.get())));
+        self.tell_start(scope, base);
+        found.tell_faults(&mut self.objects.application.valve, now);
+        self.fill(&found, base);
     }
 
-    fn stored(&mut self, key: RecordKey, result: Result<(), StoreError>, now: Instant) {
-        let now = self.advance(now);
-        self.written(key, result.is_ok(), now);
-        self.settle(now);
-    }
-
-    fn restart(&mut self, scope: Restart, image: &Image, now: Instant) {
-        let now = now.max(self.objects.now);
-        self.objects.now = now;
-        self.start(scope, image, now);
-        self.settle(now);
-    }
-
-    fn flush(&mut self, now: Instant) {
-        self.advance(now);
-        if self.fault_log.is_dirty() {
-            self.store_fault_log();
-            self.schedule();
-        }
-    }
-
-    fn deadline(&self) -> Instant {
-        self.deadline
+    fn watchdog_reset(&mut self, base: &mut Base<Job>) {
+        self.objects.application.valve.set_internal(InternalCause::Watchdog, true, base.now());
     }
 
     fn outputs(&self) -> Outputs {
         let application = &self.objects.application;
-        Outputs { solenoids: application.valve.solenoids(), led: application.led(self.objects.node_id.is_some()) }
+        Outputs { solenoids: application.valve.solenoids(), led: application.led(self.node.node_id().is_some()) }
     }
 
     fn bit_rate(&self) -> BitRate {
-        self.bit_rate
+        self.node.bit_rate()
     }
 
     fn node_id(&self) -> Option<u8> {
-        self.objects.node_id.map(NodeId::get)
+        self.node.node_id().map(NodeId::get)
     }
 
     fn frames_dropped(&self) -> u32 {
-        self.tx.dropped()
+        self.node.frames_dropped()
     }
 }

@@ -1,170 +1,247 @@
-//! Writes to the memory: what is handed out, and who is told when it is done (SPEC 4.5, 6).
+//! Writes to the memory: what each holds, and who waits for it (SPEC 4.5, 6).
 
-use super::super::dictionary::TABLE;
-use super::super::objects::default_value;
+use core::mem::discriminant;
+
+use super::super::dictionary::DICTIONARY;
+use super::super::found::Found;
+use super::super::kind::Kind;
+use super::super::objects::{Task, ValveObjects, description};
 use super::super::records::{FaultLog, LayerChange, encode_flag, version};
-use super::super::storage::{self, Job as _};
-use super::PveCanopen;
+use super::CanopenValve;
+use super::load::Executed;
+use heapless::Vec;
+
 use crate::actuator::{FaultSet, InternalCause};
-use crate::canopen::dictionary::Objects as _;
-use crate::canopen::parameters;
-use crate::device::Effect;
+use crate::canopen::dictionary::{DefaultValue, Row, Value};
+use crate::canopen::lss::Configuration;
+use crate::canopen::node::{Object, ObjectOf, default_number};
+use crate::canopen::parameters::{self, Stored};
+use crate::device::host::Base;
+use crate::device::writes;
 use crate::memory::{RECORD_MAX, Record, RecordKey, StoreError, seal};
-use crate::time::Instant;
 use crate::uds::node_id_written;
-use crate::wire::lss;
-use crate::wire::sdo::AbortCode;
-
-/// Tells an SDO client's request from the ones it has given up.
-pub(super) type Ticket = u8;
-
-/// Who waits for the local layer to be stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum LayerFor {
-    /// Nobody: the first start.
-    Nobody,
-    /// LSS store.
-    Lss,
-    /// UDS, write of the node ID.
-    Uds,
-}
+use crate::wire::cob_id::NodeId;
 
 /// One write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Job {
+pub enum Job {
     /// The factory data of a new memory.
     Factory,
-    /// Node ID and bit rate.
-    LocalLayer(LayerChange, LayerFor),
+    /// Node ID and bit rate of a new memory.
+    LocalLayer,
+    /// LSS store: what LSS has configured by then.
+    LssStore,
+    /// UDS: a node ID.
+    UdsNodeId(u8),
     /// "save": the parameters as they are.
-    Save(Ticket),
-    /// The defaults, at the start that executes "load"; clears the flag when they are stored.
+    Save,
+    /// The defaults, at the start that executes "load".
     Restore,
-    /// "load": sets the flag.
-    SetRestoreFlag(Ticket),
-    /// "load" has been executed.
-    ClearRestoreFlag,
-    /// Zeros into the fault log, for all but the faults that occur meanwhile.
-    ClearCounters(Ticket, FaultSet),
-    /// The fault log as it is.
+    /// The restore flag as it is to be.
+    RestoreFlag,
+    /// The fault log with all counts cleared.
+    ClearCounters,
+    /// The fault log.
     FaultLog,
 }
 
-impl storage::Job for Job {
+impl writes::Job for Job {
     fn key(self) -> RecordKey {
         match self {
             Self::Factory => RecordKey::Factory,
-            Self::LocalLayer(..) => RecordKey::LocalLayer,
-            Self::Save(_) | Self::Restore => RecordKey::Parameters,
-            Self::SetRestoreFlag(_) | Self::ClearRestoreFlag => RecordKey::RestoreFlag,
-            Self::ClearCounters(..) | Self::FaultLog => RecordKey::FaultLog,
+            Self::LocalLayer | Self::LssStore | Self::UdsNodeId(_) => RecordKey::LocalLayer,
+            Self::Save | Self::Restore => RecordKey::Parameters,
+            Self::RestoreFlag => RecordKey::RestoreFlag,
+            Self::ClearCounters | Self::FaultLog => RecordKey::FaultLog,
+        }
+    }
+
+    fn merged(self, newer: Self) -> Option<Self> {
+        (self == newer).then_some(newer)
+    }
+}
+
+impl CanopenValve {
+    /// Begins what an SDO client waits for.
+    pub(super) fn begin_task(&mut self, task: Task, base: &mut Base<Job>) {
+        match task {
+            Task::Save => base.writes.ask(Job::Save),
+            Task::Load => {
+                self.load.asked = true;
+                base.writes.ask(Job::RestoreFlag);
+            }
+            Task::ClearCounters => base.writes.ask(Job::ClearCounters),
+        }
+    }
+
+    /// Asks for what a new memory lacks, and for the defaults where "load" is executed.
+    pub(super) fn fill(&mut self, found: &Found<'_>, base: &mut Base<Job>) {
+        for (key, job) in [(RecordKey::Factory, Job::Factory), (RecordKey::LocalLayer, Job::LocalLayer)] {
+            if found.is_absent(key) {
+                base.writes.ask(job);
+            }
+        }
+        self.continue_load(base);
+    }
+
+    /// Tries again what an executed "load" could not write.
+    pub(super) fn retry_load(&mut self, base: &mut Base<Job>) {
+        if self.load.retry(base.now(), !base.writes.is_idle()) {
+            self.continue_load(base);
+        }
+    }
+
+    fn continue_load(&mut self, base: &mut Base<Job>) {
+        match self.load.executed {
+            Executed::Done => {}
+            Executed::DefaultsUnstored => base.writes.ask(Job::Restore),
+            Executed::FlagUncleared => base.writes.ask(Job::RestoreFlag),
+        }
+    }
+
+    /// Loads the application's parameters, or their defaults.
+    pub(super) fn load_application(&mut self, stored: Option<Stored<'_, ObjectOf<ValveObjects>>>) {
+        match stored {
+            Some(stored) => {
+                for (row, value) in stored.values() {
+                    if let Object::Product(object) = row.behind {
+                        self.objects.load(object, value);
+                    }
+                }
+            }
+            None => {
+                let kind = self.setup.kind;
+                for row in DICTIONARY.stored() {
+                    if let (Object::Product(object), Some(value)) = (row.behind, default_value(row, kind, None)) {
+                        self.objects.load(object, value);
+                    }
+                }
+            }
+        }
+    }
+
+    pub(super) fn encode_job(&mut self, job: Job) -> Result<Record, StoreError> {
+        let version = version(writes::Job::key(job));
+        let layer = self.local_layer;
+        match job {
+            Job::Factory => seal(version, &self.objects.factory().encode()),
+            Job::LocalLayer => seal(version, &layer.encode()),
+            Job::LssStore => {
+                self.lss_in_flight = self.node.unstored();
+                seal(version, &layer.with(change_of(self.lss_in_flight)).encode())
+            }
+            Job::UdsNodeId(raw) => seal(version, &layer.with(change_of_node_id(raw)).encode()),
+            Job::Save => {
+                let payload: Option<Vec<u8, RECORD_MAX>> =
+                    parameters::encode(DICTIONARY, |row| self.node.stored_value(row.behind, &self.objects));
+                seal(version, &payload.ok_or(StoreError)?)
+            }
+            Job::Restore => {
+                let (kind, node_id) = (self.setup.kind, self.node.node_id());
+                let payload: Option<Vec<u8, RECORD_MAX>> =
+                    parameters::encode(DICTIONARY, |row| default_value(row, kind, node_id));
+                seal(version, &payload.ok_or(StoreError)?)
+            }
+            Job::RestoreFlag => seal(version, &encode_flag(self.load.asked)),
+            Job::ClearCounters => {
+                // A fault that activates from now on counts one.
+                let valve = &mut self.objects.application.valve;
+                self.cleared = valve.counters();
+                valve.clear_counters(FaultSet::ALL);
+                valve.take_counters_changed();
+                seal(version, &FaultLog::default().encode())
+            }
+            Job::FaultLog => {
+                let counters = self.objects.application.valve.counters();
+                seal(version, &FaultLog { counters }.encode())
+            }
+        }
+    }
+
+    /// Takes the memory's answer to a write. An SDO client is answered by the last of equal writes: its own.
+    pub(super) fn end_job(&mut self, job: Job, stored: bool, base: &mut Base<Job>) {
+        let now = base.now();
+        let record = u8::try_from(writes::Job::key(job).position()).unwrap_or(u8::MAX);
+        self.objects.application.valve.set_internal(InternalCause::Record(record), !stored, now);
+        let is_last =
+            |job: Job, base: &Base<Job>| !base.writes.iter().any(|waiting| discriminant(waiting) == discriminant(&job));
+        match job {
+            Job::Factory | Job::LocalLayer | Job::FaultLog => {}
+            Job::LssStore => {
+                let stored_now = self.lss_in_flight;
+                if stored {
+                    self.local_layer = self.local_layer.with(change_of(stored_now));
+                    self.node.configuration_stored(stored_now);
+                }
+                let answers = if is_last(job, base) { self.lss_stores } else { 1 };
+                self.lss_stores = self.lss_stores.saturating_sub(answers);
+                for _ in 0..answers {
+                    self.node.end_lss_store(stored);
+                }
+            }
+            Job::UdsNodeId(raw) => {
+                if stored {
+                    self.local_layer = self.local_layer.with(change_of_node_id(raw));
+                    self.node.configuration_stored(Configuration { node_id: NodeId::new(raw), bit_rate: None });
+                }
+                self.node.answer(node_id_written(stored));
+            }
+            Job::Save => {
+                if stored && self.load.parameters_stored() {
+                    self.load.save_waits = true;
+                    base.writes.ask_first(Job::RestoreFlag);
+                } else if is_last(job, base) {
+                    self.node.end_task(Task::Save, stored);
+                }
+            }
+            Job::Restore => {
+                if !stored {
+                    self.load.failed(now);
+                } else if self.load.parameters_stored() {
+                    base.writes.ask_first(Job::RestoreFlag);
+                }
+            }
+            Job::RestoreFlag => {
+                if stored {
+                    self.load.flag_stored();
+                } else {
+                    self.load.failed(now);
+                    // A newer "load" that waits is asked for still.
+                    self.load.asked &= !is_last(job, base);
+                }
+                if core::mem::take(&mut self.load.save_waits) && is_last(Job::Save, base) {
+                    self.node.end_task(Task::Save, stored);
+                }
+                if is_last(job, base) {
+                    self.node.end_task(Task::Load, stored);
+                }
+            }
+            Job::ClearCounters => {
+                if !stored {
+                    self.objects.application.valve.add_counters(self.cleared);
+                }
+                if is_last(job, base) {
+                    self.node.end_task(Task::ClearCounters, stored);
+                }
+            }
         }
     }
 }
 
-impl PveCanopen {
-    /// The next record to be written, encoded as things are now.
-    pub(super) fn next_write(&mut self) -> Option<Effect> {
-        loop {
-            let job = self.storage.begin()?;
-            match self.encode(job) {
-                Ok(record) => return Some(Effect::Store(job.key(), record)),
-                // Cannot happen with the records of this device: none is longer than a record holds.
-                Err(StoreError) => self.written(job.key(), false, self.objects.now),
-            }
-        }
+/// Returns the default of a stored object; `None` for one that needs a node ID when there is none.
+fn default_value(row: &Row<ObjectOf<ValveObjects>>, kind: Kind, node_id: Option<NodeId>) -> Option<Value<'static>> {
+    match row.entry.default {
+        DefaultValue::Product => Some(Value::Text(description(kind).as_bytes())),
+        number => default_number(number, node_id).map(Value::Number),
     }
+}
 
-    /// The fault log is due.
-    pub(super) fn store_fault_log(&mut self) {
-        if self.storage.ask(Job::FaultLog) {
-            self.fault_log.begun();
-        }
-    }
+/// What an LSS store changes of the local layer.
+fn change_of(configuration: Configuration) -> LayerChange {
+    LayerChange { node_id: configuration.node_id.map(NodeId::get), bit_rate: configuration.bit_rate }
+}
 
-    /// Faults that occur while the counters are being cleared are spared.
-    pub(super) fn spare_counters(&mut self, activated: FaultSet) {
-        if let Some(Job::ClearCounters(_, spared)) = self.storage.in_flight_mut() {
-            *spared = spared.union(activated);
-        }
-    }
-
-    /// The memory has answered.
-    pub(super) fn written(&mut self, key: RecordKey, stored: bool, now: Instant) {
-        let Some(job) = self.storage.end(key) else { return };
-        let cause = InternalCause::Record(u8::try_from(key.position()).unwrap_or(u8::MAX));
-        self.objects.application.valve.set_internal(cause, !stored, now);
-        match job {
-            Job::Factory | Job::ClearRestoreFlag => {}
-            Job::Restore => {
-                if stored {
-                    // The queue was begun with this job: there is room.
-                    let _ = self.storage.ask(Job::ClearRestoreFlag);
-                }
-            }
-            Job::LocalLayer(change, asked_by) => {
-                if stored {
-                    self.local_layer = self.local_layer.with(change);
-                    self.held_node_id = None;
-                    self.held_bit_rate = self.held_bit_rate.filter(|held| *held != self.local_layer.bit_rate);
-                }
-                self.answer_layer(asked_by, stored);
-            }
-            Job::Save(ticket) | Job::SetRestoreFlag(ticket) => self.answer_sdo(ticket, stored),
-            Job::ClearCounters(ticket, spared) => {
-                if stored {
-                    let valve = &mut self.objects.application.valve;
-                    valve.clear_counters(FaultSet::ALL.difference(spared));
-                    // The memory holds the zeros already; what was spared has made itself known.
-                    valve.take_counters_changed();
-                }
-                self.fault_log.ended(stored, now);
-                self.answer_sdo(ticket, stored);
-            }
-            Job::FaultLog => self.fault_log.ended(stored, now),
-        }
-    }
-
-    fn answer_sdo(&mut self, ticket: Ticket, stored: bool) {
-        if ticket != self.ticket {
-            return;
-        }
-        let result = if stored { Ok(()) } else { Err(AbortCode::HARDWARE) };
-        if let Some(answer) = self.sdo.stored(result) {
-            self.send_sdo(answer);
-        }
-    }
-
-    fn answer_layer(&mut self, asked_by: LayerFor, stored: bool) {
-        match asked_by {
-            LayerFor::Nobody => {}
-            LayerFor::Lss => {
-                let error = if stored { lss::StoreError::None } else { lss::StoreError::Access };
-                self.send_lss(lss::Answer::Stored(error));
-            }
-            LayerFor::Uds => self.send(node_id_written(stored)),
-        }
-    }
-
-    fn encode(&self, job: Job) -> Result<Record, StoreError> {
-        let version = version(job.key());
-        let counters = self.objects.application.valve.counters();
-        match job {
-            Job::Factory => seal(version, &self.objects.factory.encode()),
-            Job::LocalLayer(change, _) => seal(version, &self.local_layer.with(change).encode()),
-            Job::Save(_) => {
-                let payload = parameters::encode::<RECORD_MAX>(TABLE, |entry| self.objects.read(entry.object).ok());
-                seal(version, &payload.ok_or(StoreError)?)
-            }
-            Job::Restore => {
-                let (kind, node_id) = (self.objects.kind, self.objects.node_id);
-                let payload = parameters::encode::<RECORD_MAX>(TABLE, |entry| default_value(entry, kind, node_id));
-                seal(version, &payload.ok_or(StoreError)?)
-            }
-            Job::SetRestoreFlag(_) => seal(version, &encode_flag(true)),
-            Job::ClearRestoreFlag => seal(version, &encode_flag(false)),
-            Job::ClearCounters(..) => seal(version, &FaultLog::default().encode()),
-            Job::FaultLog => seal(version, &FaultLog { counters }.encode()),
-        }
-    }
+/// What a UDS write changes of it.
+const fn change_of_node_id(raw: u8) -> LayerChange {
+    LayerChange { node_id: Some(raw), bit_rate: None }
 }

@@ -136,15 +136,16 @@ impl IsobusValve {
 
 impl Body for IsobusValve {
     type Job = Job;
+    type Service = ();
 
     const FAULT_LOG: Option<Job> = Some(Job::FaultLog);
 
     #[inline]
-    fn listens(&self, frame: &Frame) -> bool {
-        self.node.listens(frame) || frame.key() & uds::ANY_SOURCE == self.uds
+    fn service(&self, frame: &Frame) -> Option<()> {
+        (self.node.listens(frame) || frame.key() & uds::ANY_SOURCE == self.uds).then_some(())
     }
 
-    fn handle(&mut self, frame: &Frame, base: &mut Base<Job>) {
+    fn handle(&mut self, (): (), frame: &Frame, base: &mut Base<Job>) {
         match self.node.handle(frame, base.now()) {
             Indication::Nothing if frame.key() & uds::ANY_SOURCE == self.uds => self.serve_uds(frame, base),
             Indication::Nothing => {}
@@ -235,7 +236,7 @@ impl Body for IsobusValve {
         None
     }
 
-    fn encode(&self, job: Job) -> Result<Record, StoreError> {
+    fn encode(&mut self, job: Job) -> Result<Record, StoreError> {
         self.encode_job(job)
     }
 

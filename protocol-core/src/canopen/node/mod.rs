@@ -1,0 +1,272 @@
+//! A CANopen node: the services put together, without a product (CiA 301, CiA 305).
+//!
+//! ```text
+//! mod        the node: what goes in, and what it demands of the device around it
+//! product    what a product brings
+//! objects    what lies behind the dictionary
+//! services   what each service does with a frame
+//! listening  which frames are for the node
+//! owed       what the node owes to the bus
+//! ```
+//!
+//! The node keeps no product: every call that needs it is given one.
+
+mod listening;
+mod objects;
+mod owed;
+mod product;
+mod services;
+
+pub(crate) use listening::Service;
+pub(crate) use objects::{Object, ObjectOf, PdoParameter, default_number};
+pub(crate) use product::{Product, Rules};
+
+use listening::Listening;
+use objects::Communication;
+use owed::Owed;
+
+use super::dictionary::Value;
+use super::lss::{Configuration, LssSlave};
+use super::nmt::{NmtSlave, Reset};
+use super::parameters::Stored;
+use super::sdo_server::{Bytes, SdoServer};
+use crate::controller::{BitRate, Filters};
+use crate::frame::{Frame, standard};
+use crate::time::Instant;
+use crate::wire::cob_id::{Function, LSS_ANSWER, NodeId};
+use crate::wire::emcy::Emcy;
+use crate::wire::lss;
+use crate::wire::sdo::AbortCode;
+
+/// What the node demands of the device around it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Demand<T> {
+    /// An SDO client waits for a task of the product: answer with [`Node::end_task`].
+    Task(T),
+    /// LSS waits for [`Node::unstored`] to be stored: answer with [`Node::end_lss_store`].
+    StoreConfiguration,
+    /// A restart.
+    Reset(Reset),
+}
+
+/// A node on the bus, with the services of CiA 301 and CiA 305.
+#[derive(Debug)]
+pub(crate) struct Node<P: Product> {
+    objects: Communication<P>,
+    nmt: NmtSlave,
+    sdo: SdoServer<P::Task>,
+    lss: LssSlave,
+    listening: Listening,
+    owed: Owed,
+    /// The controller is bus-off.
+    bus_off: bool,
+    /// In force on the bus.
+    bit_rate: BitRate,
+    /// Whether the platform has not been given `bit_rate` yet.
+    rate_is_new: bool,
+    /// Configured by LSS, in force from the restart that it has demanded.
+    activated: Option<NodeId>,
+    /// Configured by LSS, in force and not stored: the node ID until power-off, the bit rate until the next start.
+    held: Configuration,
+}
+
+impl<P: Product> Node<P> {
+    /// Returns a node that has not started.
+    pub(crate) const fn new(bit_rate: BitRate) -> Self {
+        Self {
+            objects: Communication::new(),
+            nmt: NmtSlave::new(),
+            sdo: SdoServer::new(),
+            lss: LssSlave::new(),
+            listening: Listening::NOTHING,
+            owed: Owed::new(),
+            bus_off: false,
+            bit_rate,
+            rate_is_new: false,
+            activated: None,
+            held: Configuration::NONE,
+        }
+    }
+
+    /// Takes the node ID and the bit rate from the memory and forgets the communication so far: the first half of a start.
+    /// Returns the node ID in force from now on.
+    ///
+    /// A start after reset application takes the stored bit rate and empties the error history as well. An activation of
+    /// a bit rate goes on over a reset of the communication.
+    pub(crate) fn reset(&mut self, scope: Reset, stored: Configuration) -> Option<NodeId> {
+        self.held.node_id = self.activated.take().or(self.held.node_id);
+        match scope {
+            Reset::Communication => {
+                self.held.node_id = self.lss.pending_node_id().or(self.held.node_id);
+                self.lss.end_configuration();
+            }
+            Reset::Application => {
+                self.lss.restart();
+                self.held.bit_rate = None;
+                self.rate_is_new = false;
+                self.bit_rate = stored.bit_rate.unwrap_or(self.bit_rate);
+                self.objects.history.clear();
+            }
+        }
+        self.held.node_id = self.held.node_id.filter(|held| Some(*held) != stored.node_id);
+        self.objects.node_id = self.held.node_id.or(stored.node_id);
+        self.nmt = NmtSlave::new();
+        self.sdo.cancel();
+        self.owed.clear();
+        self.objects.node_id
+    }
+
+    /// Loads the communication objects and boots up: the second half of a start. Without a node ID the node stays in
+    /// initialisation, with LSS alone.
+    pub(crate) fn boot(&mut self, stored: Option<Stored<'_, ObjectOf<P>>>, now: Instant) {
+        self.objects.load(stored);
+        self.listening = Listening::of(&self.objects);
+        if self.objects.node_id.is_some() {
+            self.nmt.boot();
+            self.objects.heartbeat.boot(now);
+            self.owed.owe_boot_up();
+        }
+    }
+
+    /// Lets the timers that are due act.
+    pub(crate) fn poll(&mut self, now: Instant) {
+        if let Some(switch) = self.lss.poll(now) {
+            self.bit_rate = switch.bit_rate;
+            self.rate_is_new = true;
+            if switch.unstored {
+                self.held.bit_rate = Some(switch.bit_rate);
+            }
+        }
+        if let Some(abort) = self.sdo.poll(now) {
+            self.answer_sdo(abort);
+        }
+        if self.objects.heartbeat.poll(now) && !self.is_mute() {
+            self.owed.owe_heartbeat();
+        }
+    }
+
+    /// Returns when [`poll`](Self::poll) is next due.
+    #[inline]
+    pub(crate) fn deadline(&self) -> Instant {
+        self.objects.heartbeat.deadline().min(self.sdo.deadline()).min(self.lss.deadline())
+    }
+
+    /// Notes whether the controller is bus-off. Its frames are lost then: answers are dropped and counted, the boot-up and
+    /// EMCYs are owed again.
+    pub(crate) fn set_bus_off(&mut self, bus_off: bool) {
+        if bus_off && !self.bus_off {
+            self.owed.bus_lost();
+        }
+        self.bus_off = bus_off;
+    }
+
+    /// Returns a bit rate that is in force since this was last called.
+    #[inline]
+    pub(crate) fn take_bit_rate(&mut self) -> Option<BitRate> {
+        if !self.rate_is_new {
+            return None;
+        }
+        self.rate_is_new = false;
+        Some(self.bit_rate)
+    }
+
+    /// Owes an EMCY, in pre-operational and operational alone.
+    pub(crate) fn send_emcy(&mut self, message: Emcy) {
+        if self.nmt.serves() {
+            self.owed.owe_emcy(message);
+        }
+    }
+
+    /// Notes that what the TPDO reports has changed: one that has not gone out yet tells it.
+    pub(crate) fn renew_tpdo(&mut self) {
+        self.owed.renew_tpdo();
+    }
+
+    /// Enters an error into the history: the EMCY code, and the manufacturer's upper half.
+    pub(crate) fn enter_error(&mut self, code: u16, manufacturer: u16) {
+        self.objects.history.enter(code, manufacturer);
+    }
+
+    /// Owes an answer of another service of the device.
+    pub(crate) fn answer(&mut self, answer: Frame) {
+        let mute = self.is_mute();
+        self.owed.owe_answer(answer, mute);
+    }
+
+    /// Answers an SDO client whose task has ended.
+    pub(crate) fn end_task(&mut self, task: P::Task, stored: bool) {
+        let result = if stored { Ok(()) } else { Err(AbortCode::HARDWARE) };
+        if let Some(answer) = self.sdo.end(task, result) {
+            self.answer_sdo(answer);
+        }
+    }
+
+    /// Answers an LSS store; once for each that was demanded.
+    pub(crate) fn end_lss_store(&mut self, stored: bool) {
+        let error = if stored { lss::SUCCESS } else { P::RULES.lss.store_error };
+        self.answer_lss(lss::Answer::Stored(error));
+    }
+
+    /// Returns what LSS has configured and the memory does not hold.
+    pub(crate) fn unstored(&self) -> Configuration {
+        let unstored = self.lss.unstored();
+        Configuration {
+            node_id: unstored.node_id.or(self.held.node_id),
+            bit_rate: unstored.bit_rate.or(self.held.bit_rate),
+        }
+    }
+
+    /// Notes what the memory holds now, whoever has stored it.
+    pub(crate) fn configuration_stored(&mut self, stored: Configuration) {
+        self.lss.stored(stored);
+        if stored.node_id.is_some() {
+            self.held.node_id = None;
+        }
+        if stored.bit_rate.is_some() {
+            self.held.bit_rate = None;
+        }
+    }
+
+    /// Returns the value of an object that "save" stores.
+    pub(crate) fn stored_value<'a>(&'a self, object: ObjectOf<P>, product: &'a P) -> Option<Value<'a>> {
+        // None of them changes with time.
+        self.objects.read(object, product, Instant::MIN).ok()
+    }
+
+    /// Returns the node ID in force.
+    #[inline]
+    pub(crate) const fn node_id(&self) -> Option<NodeId> {
+        self.objects.node_id
+    }
+
+    /// Returns the bit rate in force.
+    pub(crate) const fn bit_rate(&self) -> BitRate {
+        self.bit_rate
+    }
+
+    /// Returns the number of frames that were dropped.
+    pub(crate) const fn frames_dropped(&self) -> u32 {
+        self.owed.dropped()
+    }
+
+    /// Returns the identifiers that the node listens to, when they have changed.
+    #[inline]
+    pub(crate) fn take_filters(&mut self) -> Option<Filters> {
+        self.listening.take_filters()
+    }
+
+    /// Whether nothing may be sent now.
+    const fn is_mute(&self) -> bool {
+        self.bus_off || self.lss.is_silent()
+    }
+
+    fn answer_sdo(&mut self, answer: Bytes) {
+        if let Some(node_id) = self.objects.node_id {
+            self.answer(Frame::full(node_id.id(Function::SdoAnswer).into(), answer));
+        }
+    }
+
+    fn answer_lss(&mut self, answer: lss::Answer) {
+        self.answer(Frame::full(standard(LSS_ANSWER).into(), answer.emit()));
+    }
+}

@@ -1,0 +1,275 @@
+//! What lies behind the dictionary: the communication objects 0x1000–0x1FFF, and the way to the product's own.
+
+use super::product::Product;
+use crate::canopen::dictionary::{DefaultValue, Dictionary, Row, Value};
+use crate::canopen::emcy::{EmcyConsumer, ErrorHistory};
+use crate::canopen::heartbeat::HeartbeatProducer;
+use crate::canopen::parameters::Stored;
+use crate::canopen::pdo::{self, Pdo};
+use crate::canopen::sdo_server;
+use crate::canopen::sync::SyncConsumer;
+use crate::outcome::Outcome;
+use crate::time::Instant;
+use crate::wire::cob_id::{Function, NodeId};
+use crate::wire::lss::Part;
+use crate::wire::sdo::{AbortCode, Multiplexer};
+
+/// What lies behind an object: `A` are the product's own, `T` what signatures ask for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Object<A, T> {
+    /// A number that never changes.
+    Constant(u32),
+    /// A text that never changes while the device runs, or an object of the product.
+    Product(A),
+    /// 0x1001
+    ErrorRegister,
+    /// 0x1003:0
+    ErrorCount,
+    /// 0x1003:1–8
+    ErrorField(u8),
+    /// 0x1005
+    SyncCobId,
+    /// 0x1010 and 0x1011: reads 1; a write of the signature demands the task.
+    Signature(u32, T),
+    /// 0x1014, which follows the node ID
+    EmcyCobId,
+    /// 0x1017
+    HeartbeatTime,
+    /// 0x1018:1–4
+    Identity(Part),
+    /// 0x1028:1
+    EmcyConsumer,
+    /// 0x1400 and 0x1600
+    Rpdo(PdoParameter),
+    /// 0x1800 and 0x1A00
+    Tpdo(PdoParameter),
+}
+
+/// The parameters of a PDO.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum PdoParameter {
+    /// Sub-index 1 of the communication parameter.
+    CobId,
+    /// Sub-index 2 of the communication parameter.
+    TransmissionType,
+    /// Sub-index 0 of the mapping parameter.
+    Count,
+    /// Sub-index 1–8 of the mapping parameter.
+    Entry(u8),
+}
+
+/// What lies behind the objects of a product.
+pub(crate) type ObjectOf<P> = Object<<P as Product>::Object, <P as Product>::Task>;
+
+/// The value that an object of "save" and "load" reads: it stores on command (CiA 301 7.5.2.13).
+const STORES_ON_COMMAND: u32 = 1;
+
+/// The communication objects.
+#[derive(Debug)]
+pub(super) struct Communication<P: Product> {
+    pub(super) node_id: Option<NodeId>,
+    pub(super) history: ErrorHistory,
+    pub(super) heartbeat: HeartbeatProducer,
+    pub(super) sync: SyncConsumer,
+    pub(super) emcy_consumer: EmcyConsumer,
+    pub(super) rpdo: Pdo<ObjectOf<P>>,
+    pub(super) tpdo: Pdo<ObjectOf<P>>,
+}
+
+impl<P: Product> Communication<P> {
+    pub(super) const fn new() -> Self {
+        Self {
+            node_id: None,
+            history: ErrorHistory::new(),
+            heartbeat: HeartbeatProducer::new(P::RULES.heartbeat),
+            sync: SyncConsumer::new(),
+            emcy_consumer: EmcyConsumer::new(),
+            rpdo: Pdo::new(),
+            tpdo: Pdo::new(),
+        }
+    }
+
+    /// Takes the stored communication parameters, or the defaults where there are none, and switches the PDOs on.
+    pub(super) fn load(&mut self, stored: Option<Stored<'_, ObjectOf<P>>>) {
+        match stored {
+            Some(stored) => {
+                for (row, value) in stored.values() {
+                    self.put(row.behind, value);
+                }
+            }
+            None => {
+                for row in P::DICTIONARY.stored() {
+                    if let Some(value) = default_number(row.entry.default, self.node_id) {
+                        self.put(row.behind, Value::Number(value));
+                    }
+                }
+            }
+        }
+        self.rpdo.start(&P::RULES.rpdo, P::DICTIONARY);
+        self.tpdo.start(&P::RULES.tpdo, P::DICTIONARY);
+    }
+
+    /// Puts in a stored value, unchecked: it was checked when it was written. No other objects are stored.
+    fn put(&mut self, object: ObjectOf<P>, value: Value<'_>) {
+        let Value::Number(number) = value else { return };
+        match object {
+            Object::SyncCobId => self.sync.load(number),
+            Object::HeartbeatTime => self.heartbeat.load(number as u16),
+            Object::EmcyConsumer => self.emcy_consumer.load(number),
+            Object::Rpdo(parameter) => put_pdo(&mut self.rpdo, parameter, number),
+            Object::Tpdo(parameter) => put_pdo(&mut self.tpdo, parameter, number),
+            Object::Product(_)
+            | Object::Constant(_)
+            | Object::ErrorRegister
+            | Object::ErrorCount
+            | Object::ErrorField(_)
+            | Object::Signature(..)
+            | Object::EmcyCobId
+            | Object::Identity(_) => {}
+        }
+    }
+
+    /// Returns the number that a mapped object holds.
+    #[inline]
+    pub(super) fn sample(&self, object: ObjectOf<P>, product: &P, now: Instant) -> u32 {
+        match object {
+            Object::Product(object) => product.sample(object, now),
+            object => self.read(object, product, now).ok().and_then(Value::number).unwrap_or(0),
+        }
+    }
+
+    /// Reads an object.
+    #[inline(never)]
+    pub(super) fn read<'a>(
+        &'a self,
+        object: ObjectOf<P>,
+        product: &'a P,
+        now: Instant,
+    ) -> Result<Value<'a>, AbortCode> {
+        let number = match object {
+            Object::Constant(number) => number,
+            Object::Product(object) => return Ok(product.read(object, now)),
+            Object::ErrorRegister => product.error_register().into(),
+            Object::ErrorCount => self.history.count().into(),
+            Object::ErrorField(sub) => self.history.field(sub)?,
+            Object::SyncCobId => self.sync.cob_id().raw(),
+            Object::Signature(..) => STORES_ON_COMMAND,
+            Object::EmcyCobId => self.node_id.map_or(0, |node_id| node_id.raw_id(Function::Emcy)).into(),
+            Object::HeartbeatTime => self.heartbeat.time().into(),
+            Object::Identity(part) => product.identity().part(part).ok_or(AbortCode::NO_SUB)?,
+            Object::EmcyConsumer => self.emcy_consumer.cob_id().raw(),
+            Object::Rpdo(parameter) => read_pdo(&self.rpdo, parameter)?,
+            Object::Tpdo(parameter) => read_pdo(&self.tpdo, parameter)?,
+        };
+        Ok(Value::Number(number))
+    }
+}
+
+/// Returns a default that is a number; `None` for the product's own, and for one that needs a node ID when there is none.
+pub(crate) fn default_number(default: DefaultValue, node_id: Option<NodeId>) -> Option<u32> {
+    match default {
+        DefaultValue::Number(number) => Some(number),
+        DefaultValue::NodeIdPlus(base) => node_id.map(|id| base.wrapping_add(u32::from(id.get()))),
+        DefaultValue::Product => None,
+    }
+}
+
+fn read_pdo<B: Copy + 'static>(pdo: &Pdo<B>, parameter: PdoParameter) -> Result<u32, AbortCode> {
+    Ok(match parameter {
+        PdoParameter::CobId => pdo.cob_id().raw(),
+        PdoParameter::TransmissionType => pdo.transmission_type().into(),
+        PdoParameter::Count => pdo.count().into(),
+        PdoParameter::Entry(sub) => pdo.entry(sub)?,
+    })
+}
+
+fn put_pdo<B: Copy + 'static>(pdo: &mut Pdo<B>, parameter: PdoParameter, number: u32) {
+    match parameter {
+        PdoParameter::CobId => pdo.load_cob_id(number),
+        PdoParameter::TransmissionType => pdo.load_transmission_type(number as u8),
+        PdoParameter::Count => pdo.load_count(number as u8),
+        PdoParameter::Entry(sub) => pdo.load_entry(sub, number),
+    }
+}
+
+fn write_pdo<B: Copy + 'static>(
+    pdo: &mut Pdo<B>,
+    parameter: PdoParameter,
+    number: u32,
+    rules: &pdo::Rules,
+    dictionary: Dictionary<B>,
+) -> Result<(), AbortCode> {
+    match parameter {
+        PdoParameter::CobId => pdo.write_cob_id(number, rules, dictionary),
+        PdoParameter::TransmissionType => pdo.write_transmission_type(number as u8, rules),
+        PdoParameter::Count => pdo.write_count(number as u8),
+        PdoParameter::Entry(sub) => pdo.write_entry(sub, number, rules, dictionary),
+    }
+}
+
+/// The objects as an SDO client sees them at an instant.
+pub(super) struct View<'a, P: Product> {
+    pub(super) communication: &'a mut Communication<P>,
+    pub(super) product: &'a mut P,
+    pub(super) now: Instant,
+    /// An identifier or the heartbeat was written.
+    pub(super) rewired: bool,
+    /// An object of the product was written, on which others may depend.
+    pub(super) reports_changed: bool,
+}
+
+impl<P: Product> sdo_server::Objects for View<'_, P> {
+    type Behind = ObjectOf<P>;
+    type Demand = P::Task;
+
+    #[inline]
+    fn find(&self, object: Multiplexer) -> Result<&'static Row<ObjectOf<P>>, AbortCode> {
+        P::DICTIONARY.find(object)
+    }
+
+    fn read(&self, object: ObjectOf<P>) -> Result<Value<'_>, AbortCode> {
+        self.communication.read(object, self.product, self.now)
+    }
+
+    fn write(&mut self, object: ObjectOf<P>, value: Value<'_>) -> Result<Outcome<(), P::Task>, AbortCode> {
+        let own = &mut *self.communication;
+        // Of the node's own objects none holds a text.
+        let number = value.number().unwrap_or(0);
+        match object {
+            Object::Product(object) => {
+                self.product.write(object, value, self.now)?;
+                self.reports_changed = true;
+            }
+            Object::Signature(signature, task) => {
+                return if number == signature { Ok(Outcome::Demand(task)) } else { Err(AbortCode::CANNOT_STORE) };
+            }
+            Object::ErrorCount => own.history.write_count(number as u8)?,
+            Object::HeartbeatTime => {
+                own.heartbeat.write(number as u16, self.now)?;
+                self.rewired = true;
+            }
+            Object::SyncCobId => {
+                own.sync.write(number, P::RULES.extended_ids)?;
+                self.rewired = true;
+            }
+            Object::EmcyConsumer => {
+                own.emcy_consumer.write(number, P::RULES.extended_ids)?;
+                self.rewired = true;
+            }
+            Object::Rpdo(parameter) => {
+                write_pdo(&mut own.rpdo, parameter, number, &P::RULES.rpdo, P::DICTIONARY)?;
+                self.rewired = true;
+            }
+            Object::Tpdo(parameter) => {
+                write_pdo(&mut own.tpdo, parameter, number, &P::RULES.tpdo, P::DICTIONARY)?;
+                self.rewired = true;
+            }
+            Object::Constant(_)
+            | Object::ErrorRegister
+            | Object::ErrorField(_)
+            | Object::EmcyCobId
+            | Object::Identity(_) => return Err(AbortCode::READ_ONLY),
+        }
+        Ok(Outcome::Done(()))
+    }
+}

@@ -1,0 +1,330 @@
+//! What the node owes to the bus. A frame is made when the controller can take it, as things are then.
+//!
+//! Answers wait in order. The boot-up, a heartbeat and a TPDO are debts: of several only the latest is sent. EMCYs are a
+//! story that keeps its order and its last word.
+
+use heapless::Vec;
+
+use super::Node;
+use super::product::Product;
+use crate::answers::Answers;
+use crate::canopen::emcy::Story;
+use crate::controller::Filter;
+use crate::frame::{Frame, arbitration};
+use crate::time::Instant;
+use crate::wire::cob_id::{Function, NodeId};
+use crate::wire::emcy::Emcy;
+use crate::wire::nmt::{State, heartbeat};
+
+/// The number of identifiers to be aborted at once: heartbeat, TPDO and EMCY.
+const ABORTS: usize = 3;
+
+/// How far the boot-up has come. It must be on the bus before anything else: an EMCY would overtake it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum BootUp {
+    Owed,
+    /// In the controller.
+    Taken,
+    /// On the bus, or there is none because there is no node ID.
+    Done,
+}
+
+/// A debt of which only the latest news count.
+#[derive(Debug)]
+pub(super) struct News {
+    owed: bool,
+    /// The key of the frame that the controller took and may have still.
+    taken: Option<u32>,
+}
+
+impl News {
+    const NONE: Self = Self { owed: false, taken: None };
+
+    /// Owes nothing any more. Returns the key of the frame that the controller may have.
+    const fn settle(&mut self) -> Option<u32> {
+        self.owed = false;
+        self.taken.take()
+    }
+
+    const fn hand_out(&mut self, key: u32) {
+        self.owed = false;
+        self.taken = Some(key);
+    }
+
+    const fn give_back(&mut self) {
+        self.owed = true;
+        self.taken = None;
+    }
+}
+
+/// The debts of a node.
+#[derive(Debug)]
+pub(super) struct Owed {
+    boot_up: BootUp,
+    heartbeat: News,
+    tpdo: News,
+    emcys: Story,
+    answers: Answers,
+    /// The frames that the controller may have and that must not go out any more.
+    aborts: Vec<Filter, ABORTS>,
+    dropped: u32,
+}
+
+impl Owed {
+    pub(super) const fn new() -> Self {
+        Self {
+            boot_up: BootUp::Done,
+            heartbeat: News::NONE,
+            tpdo: News::NONE,
+            emcys: Story::new(),
+            answers: Answers::new(),
+            aborts: Vec::new(),
+            dropped: 0,
+        }
+    }
+
+    /// Forgets all: the node starts anew.
+    pub(super) fn clear(&mut self) {
+        self.boot_up = BootUp::Done;
+        self.heartbeat = News::NONE;
+        self.tpdo = News::NONE;
+        self.emcys.clear();
+        self.drop_answers();
+    }
+
+    pub(super) const fn owe_boot_up(&mut self) {
+        self.boot_up = BootUp::Owed;
+    }
+
+    /// Owes a heartbeat. An older one must not go out any more.
+    pub(super) fn owe_heartbeat(&mut self) {
+        self.settle_heartbeat();
+        self.heartbeat.owed = true;
+    }
+
+    /// Owes nothing of the heartbeat any more.
+    pub(super) fn settle_heartbeat(&mut self) {
+        let taken = self.heartbeat.settle();
+        self.abort(taken);
+    }
+
+    /// Owes a heartbeat in the place of one that still waits: it tells another state.
+    pub(super) fn renew_heartbeat(&mut self) {
+        if self.heartbeat.taken.is_some() {
+            self.owe_heartbeat();
+        }
+    }
+
+    /// Owes a TPDO. An older one must not go out any more.
+    #[inline]
+    pub(super) fn owe_tpdo(&mut self) {
+        self.settle_tpdo();
+        self.tpdo.owed = true;
+    }
+
+    /// Owes a TPDO in the place of one that still waits: it reports something else.
+    #[inline]
+    pub(super) fn renew_tpdo(&mut self) {
+        if self.tpdo.taken.is_some() {
+            self.owe_tpdo();
+        }
+    }
+
+    /// Owes nothing of the TPDO any more.
+    #[inline]
+    pub(super) fn settle_tpdo(&mut self) {
+        let taken = self.tpdo.settle();
+        self.abort(taken);
+    }
+
+    /// Owes nothing of a TPDO that is off or has another key now.
+    pub(super) fn rekey_tpdo(&mut self, key: Option<u32>) {
+        if key.is_none() || self.tpdo.taken.is_some_and(|taken| Some(taken) != key) {
+            self.settle_tpdo();
+        }
+    }
+
+    pub(super) fn owe_emcy(&mut self, message: Emcy) {
+        if !self.emcys.push(message) {
+            self.count_dropped(1);
+        }
+    }
+
+    /// Owes an answer. When it is the newest of too many, or the node must be `mute`, it is dropped and counted.
+    pub(super) fn owe_answer(&mut self, answer: Frame, mute: bool) {
+        if mute || !self.answers.push(answer) {
+            self.count_dropped(1);
+        }
+    }
+
+    /// Notes that the node was stopped: PDOs and EMCYs are not sent any more.
+    pub(super) fn stop(&mut self, emcys: Option<u32>) {
+        self.settle_tpdo();
+        self.abort(emcys.filter(|_| self.emcys.is_taken()));
+        self.emcys.clear();
+    }
+
+    /// Notes that the controller is bus-off and has dropped its frames.
+    pub(super) fn bus_lost(&mut self) {
+        self.heartbeat = News::NONE;
+        self.tpdo = News::NONE;
+        self.emcys.take_back();
+        self.drop_answers();
+        if self.boot_up == BootUp::Taken {
+            self.boot_up = BootUp::Owed;
+        }
+    }
+
+    /// Begins a time in which nothing may be sent, not even by the controller.
+    pub(super) fn silence(&mut self) {
+        self.bus_lost();
+        self.aborts.clear();
+        let _ = self.aborts.push(Filter::ALL);
+    }
+
+    pub(super) const fn dropped(&self) -> u32 {
+        self.dropped
+    }
+
+    #[inline]
+    fn is_anything(&self) -> bool {
+        match self.boot_up {
+            BootUp::Done => self.tpdo.owed || !self.answers.is_empty() || self.heartbeat.owed || self.emcys.is_owed(),
+            BootUp::Owed => true,
+            BootUp::Taken => false,
+        }
+    }
+
+    /// Returns whether the TPDO with this key is owed and may go out: an EMCY of the same instant goes first.
+    #[inline]
+    fn may_send_tpdo(&self, key: u32, node_id: NodeId) -> bool {
+        self.tpdo.owed && (self.emcys.is_empty() || key > node_id.raw_id(Function::Emcy).into())
+    }
+
+    #[inline]
+    fn abort(&mut self, key: Option<u32>) {
+        if let Some(key) = key
+            && self.aborts.push(Filter::exactly(key)).is_err()
+        {
+            // Cannot happen: they are taken after every call.
+            self.aborts.clear();
+            let _ = self.aborts.push(Filter::ALL);
+        }
+    }
+
+    /// Those that the controller has may be lost with it.
+    fn drop_answers(&mut self) {
+        let dropped = self.answers.clear();
+        self.count_dropped(dropped);
+    }
+
+    const fn count_dropped(&mut self, frames: u32) {
+        self.dropped = self.dropped.saturating_add(frames);
+    }
+}
+
+impl<P: Product> Node<P> {
+    /// Returns whether a frame is owed that may be sent now.
+    #[inline]
+    pub(crate) fn has_frame(&self) -> bool {
+        self.owed.is_anything() && !self.is_mute()
+    }
+
+    /// Makes the most urgent frame that is owed: in the order of arbitration, answers first come first served.
+    #[inline]
+    pub(crate) fn next_frame(&mut self, product: &P, now: Instant) -> Option<Frame> {
+        if self.has_frame() { self.render(product, now) } else { None }
+    }
+
+    /// Returns the identifiers of frames that the controller took and that must not go out any more.
+    #[inline]
+    pub(crate) fn take_abort(&mut self) -> Option<Filter> {
+        self.owed.aborts.pop()
+    }
+
+    /// Takes back a frame that the controller could not take, or gave back for a more urgent one.
+    pub(crate) fn give_back(&mut self, frame: Frame) {
+        let emcys = self.key_of(Function::Emcy);
+        let owed = &mut self.owed;
+        if owed.boot_up == BootUp::Taken {
+            owed.boot_up = BootUp::Owed;
+            return;
+        }
+        if self.bus_off || self.lss.is_silent() {
+            return;
+        }
+        let key = Some(frame.key());
+        if owed.heartbeat.taken == key {
+            owed.heartbeat.give_back();
+        } else if owed.tpdo.taken == key {
+            owed.tpdo.give_back();
+        } else if let Some(bytes) = frame.eight().filter(|_| key == emcys) {
+            if !owed.emcys.give_back(Emcy::parse(bytes)) {
+                owed.count_dropped(1);
+            }
+        } else if !owed.answers.take_back(frame) {
+            owed.count_dropped(1);
+        }
+    }
+
+    /// Notes that every frame which the controller took is on the bus.
+    #[inline]
+    pub(crate) fn all_sent(&mut self) {
+        let owed = &mut self.owed;
+        if owed.boot_up == BootUp::Taken {
+            owed.boot_up = BootUp::Done;
+        }
+        owed.heartbeat.taken = None;
+        owed.tpdo.taken = None;
+        owed.answers.sent();
+        owed.emcys.sent();
+    }
+
+    #[inline(never)]
+    fn render(&mut self, product: &P, now: Instant) -> Option<Frame> {
+        let node_id = self.objects.node_id;
+        let owed = &mut self.owed;
+        if owed.boot_up == BootUp::Owed {
+            owed.boot_up = BootUp::Taken;
+            return node_id.map(|node_id| heartbeat(node_id, State::Initialising));
+        }
+        let Some(node_id) = node_id else { return owed.answers.pop() };
+        if owed.emcys.is_owed() {
+            // No service of the node is more urgent, and it goes before the TPDO of the same instant in any case.
+            let id = node_id.id(Function::Emcy);
+            return owed.emcys.hand_out().map(|message| Frame::full(id.into(), message.emit()));
+        }
+        let tpdo = self.objects.tpdo.key().filter(|key| owed.may_send_tpdo(*key, node_id));
+        match (tpdo, owed.heartbeat.owed) {
+            (None, false) => owed.answers.pop(),
+            (Some(_), false) if owed.answers.is_empty() => self.sample_tpdo(product, now),
+            (tpdo, beat) => {
+                let tpdo = tpdo.map_or(u32::MAX, arbitration);
+                let beat = if beat { arbitration(node_id.raw_id(Function::Heartbeat).into()) } else { u32::MAX };
+                let answer = owed.answers.first().map_or(u32::MAX, Frame::arbitration);
+                if answer <= tpdo.min(beat) {
+                    owed.answers.pop()
+                } else if tpdo < beat {
+                    self.sample_tpdo(product, now)
+                } else {
+                    let frame = heartbeat(node_id, self.nmt.state());
+                    owed.heartbeat.hand_out(frame.key());
+                    Some(frame)
+                }
+            }
+        }
+    }
+
+    #[inline(never)]
+    fn sample_tpdo(&mut self, product: &P, now: Instant) -> Option<Frame> {
+        let objects = &self.objects;
+        let frame = objects.tpdo.pack(|object| objects.sample(object, product, now))?;
+        self.owed.tpdo.hand_out(frame.key());
+        Some(frame)
+    }
+
+    /// Returns the key of one of the node's own services.
+    pub(super) fn key_of(&self, function: Function) -> Option<u32> {
+        self.objects.node_id.map(|node_id| node_id.raw_id(function).into())
+    }
+}

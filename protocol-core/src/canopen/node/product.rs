@@ -1,0 +1,66 @@
+//! What a product brings to the node: its dictionary, what lies behind it, and its rules.
+
+use core::fmt::Debug;
+
+use super::objects::ObjectOf;
+use crate::canopen::dictionary::{Dictionary, Value};
+use crate::canopen::{heartbeat, lss, pdo};
+use crate::time::Instant;
+use crate::wire::emcy::Emcy;
+use crate::wire::lss::Address;
+use crate::wire::sdo::AbortCode;
+
+/// The rules that one maker has and another has not.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rules {
+    /// Whether SYNC and the EMCY consumer can have 29-bit identifiers.
+    pub(crate) extended_ids: bool,
+    /// The heartbeat.
+    pub(crate) heartbeat: heartbeat::Rules,
+    /// The RPDO.
+    pub(crate) rpdo: pdo::Rules,
+    /// The TPDO.
+    pub(crate) tpdo: pdo::Rules,
+    /// LSS.
+    pub(crate) lss: lss::Rules,
+}
+
+/// A product on CANopen.
+pub(crate) trait Product: Sized {
+    /// What lies behind the product's own objects.
+    type Object: Copy + Debug + 'static;
+    /// What the signatures of 0x1010 and 0x1011 ask for.
+    type Task: Copy + Debug + PartialEq + 'static;
+
+    /// Every object of the product, and no other.
+    const DICTIONARY: Dictionary<ObjectOf<Self>>;
+    /// The product's rules.
+    const RULES: Rules;
+
+    /// Returns the four numbers of the identity object.
+    fn identity(&self) -> &Address;
+
+    /// Returns the error register.
+    fn error_register(&self) -> u8;
+
+    /// Reads an object.
+    fn read(&self, object: Self::Object, now: Instant) -> Value<'_>;
+
+    /// Returns the number that an object holds which can be mapped; 0 for another.
+    fn sample(&self, object: Self::Object, now: Instant) -> u32;
+
+    /// Writes an object.
+    ///
+    /// # Errors
+    /// An abort code, with nothing changed, when the value or the state forbids it.
+    fn write(&mut self, object: Self::Object, value: Value<'_>, now: Instant) -> Result<(), AbortCode>;
+
+    /// Takes the values of an RPDO in the order of the mapping; what is invalid is dropped.
+    fn receive(&mut self, values: impl Iterator<Item = (Self::Object, u32)>, now: Instant);
+
+    /// Takes note that the node was stopped.
+    fn stopped(&mut self, now: Instant);
+
+    /// Takes the EMCY of the node that the product listens to.
+    fn hear_emcy(&mut self, message: Emcy, now: Instant);
+}

@@ -1,0 +1,173 @@
+//! What each service does with a frame.
+
+use super::listening::Service;
+use super::objects::{Object, View};
+use super::product::Product;
+use super::{Demand, Node};
+use crate::canopen::lss::{self, Identity};
+use crate::canopen::nmt::{NmtSlave, Reset};
+use crate::frame::Frame;
+use crate::outcome::Outcome;
+use crate::time::Instant;
+use crate::wire::cob_id::Function;
+use crate::wire::emcy::Emcy;
+use crate::wire::lss::Request;
+use crate::wire::nmt::{self, Command, State, Target};
+
+/// What a frame comes to.
+type Served<P> = Option<Demand<<P as Product>::Task>>;
+
+impl<P: Product> Node<P> {
+    /// Returns the service that a frame is for.
+    #[inline]
+    pub(crate) fn service(&self, frame: &Frame) -> Option<Service> {
+        self.listening.service(frame)
+    }
+
+    /// Takes a frame for one of the services; returns what it demands of the device.
+    #[inline]
+    pub(crate) fn handle(&mut self, service: Service, frame: &Frame, product: &mut P, now: Instant) -> Served<P> {
+        if frame.is_remote() {
+            return None;
+        }
+        match service {
+            Service::Rpdo => self.serve_rpdo(frame, product, now),
+            Service::Nmt => return self.serve_nmt(frame, product, now),
+            Service::Sync => self.serve_sync(),
+            Service::Sdo => return self.serve_sdo(frame, product, now),
+            Service::EmcyConsumer => self.serve_emcy(frame, product, now),
+            Service::Lss => return self.serve_lss(frame, product, now),
+        }
+        None
+    }
+
+    /// Returns the reset that an NMT command demands.
+    pub(crate) fn reset_demanded(&self, frame: &Frame) -> Option<Reset> {
+        if frame.is_remote() || self.listening.service(frame) != Some(Service::Nmt) {
+            return None;
+        }
+        nmt::parse(frame.data()).and_then(|(command, _)| Reset::of(command))
+    }
+
+    fn serve_nmt(&mut self, frame: &Frame, product: &mut P, now: Instant) -> Served<P> {
+        let (command, target) = nmt::parse(frame.data())?;
+        if target != Target::All && self.objects.node_id.map(Target::Node) != Some(target) {
+            return None;
+        }
+        match self.nmt.obey(command) {
+            Outcome::Demand(reset) => {
+                self.leave_bus();
+                return Some(Demand::Reset(reset));
+            }
+            Outcome::Done(entered) => {
+                // A heartbeat that still waits tells the state before.
+                self.owed.renew_heartbeat();
+                match entered {
+                    State::Operational => self.objects.tpdo.restart_sync_count(),
+                    State::Stopped => {
+                        self.sdo.cancel();
+                        self.owed.stop(self.key_of(Function::Emcy));
+                        product.stopped(now);
+                    }
+                    State::PreOperational | State::Initialising => self.owed.settle_tpdo(),
+                }
+            }
+            Outcome::Nothing => {}
+        }
+        if command == Command::Start {
+            self.lss.end_configuration();
+        }
+        None
+    }
+
+    /// Takes no part in the bus any more until the restart: answers and EMCYs that are owed still go out.
+    fn leave_bus(&mut self) {
+        self.nmt = NmtSlave::new();
+        self.sdo.cancel();
+        self.owed.settle_heartbeat();
+        self.owed.settle_tpdo();
+    }
+
+    fn serve_sync(&mut self) {
+        if self.nmt.is_operational() && self.objects.tpdo.sync() && !self.is_mute() {
+            self.owed.owe_tpdo();
+        }
+    }
+
+    fn serve_emcy(&mut self, frame: &Frame, product: &mut P, now: Instant) {
+        if let Some(bytes) = frame.eight()
+            && self.nmt.serves()
+        {
+            product.hear_emcy(Emcy::parse(bytes), now);
+        }
+    }
+
+    fn serve_rpdo(&mut self, frame: &Frame, product: &mut P, now: Instant) {
+        if !self.nmt.is_operational() {
+            return;
+        }
+        let Some(values) = self.objects.rpdo.unpack(frame) else { return };
+        let own = values.filter_map(|(object, raw)| match object {
+            Object::Product(object) => Some((object, raw)),
+            _ => None,
+        });
+        product.receive(own, now);
+        if self.objects.tpdo.is_event_driven() && !self.is_mute() {
+            self.owed.owe_tpdo();
+        }
+    }
+
+    fn serve_sdo(&mut self, frame: &Frame, product: &mut P, now: Instant) -> Served<P> {
+        let bytes = frame.eight().filter(|_| self.nmt.serves())?;
+        let mut view = View { communication: &mut self.objects, product, now, rewired: false, reports_changed: false };
+        let outcome = self.sdo.handle(bytes, &mut view, now);
+        let View { rewired, reports_changed, .. } = view;
+        if rewired {
+            self.rewire();
+        }
+        if reports_changed {
+            self.owed.renew_tpdo();
+        }
+        match outcome {
+            Outcome::Nothing => None,
+            Outcome::Done(answer) => {
+                self.answer_sdo(answer);
+                None
+            }
+            Outcome::Demand(task) => Some(Demand::Task(task)),
+        }
+    }
+
+    /// Acts on new identifiers, and on a heartbeat that is off.
+    fn rewire(&mut self) {
+        self.listening.update(&self.objects);
+        self.owed.rekey_tpdo(self.objects.tpdo.key());
+        if self.objects.heartbeat.time() == 0 {
+            self.owed.settle_heartbeat();
+        }
+    }
+
+    /// Serves LSS everywhere but in operational; without a node ID the NMT state is initialising.
+    fn serve_lss(&mut self, frame: &Frame, product: &P, now: Instant) -> Served<P> {
+        let bytes = frame.eight().filter(|_| !self.nmt.is_operational())?;
+        let identity = Identity { address: product.identity(), node_id: self.objects.node_id, bit_rate: self.bit_rate };
+        let outcome = self.lss.handle(Request::parse(bytes), identity, &P::RULES.lss, now);
+        if self.lss.is_silent() {
+            // Nothing is sent from here to the end of the second delay.
+            self.owed.silence();
+        }
+        match outcome {
+            Outcome::Nothing => None,
+            Outcome::Done(answer) => {
+                self.answer_lss(answer);
+                None
+            }
+            Outcome::Demand(lss::Demand::Store) => Some(Demand::StoreConfiguration),
+            Outcome::Demand(lss::Demand::Restart(node_id)) => {
+                self.activated = Some(node_id);
+                self.leave_bus();
+                Some(Demand::Reset(Reset::Application))
+            }
+        }
+    }
+}
