@@ -7,8 +7,7 @@ use protocol_core::time::{Duration, after};
 use super::client::ImageClient;
 
 /// What the device's task calls for an SDO request, and nobody else: each after what it is inlined into, should it be.
-pub const HANDLES_SDO: [&str; 3] =
-    ["SdoServer::handle", "pve::canopen::PveCanopen::take", "PveCanopen as protocol_core::device::Device>::handle"];
+pub const HANDLES_SDO: [&str; 2] = ["canopen::node::Node<P>::answer_sdo", "SdoServer<D>::handle"];
 /// The watchdog's time, with some room.
 const WATCHDOG: Duration = Duration::from_millis(2500);
 /// A panic resets by itself: long before the watchdog does.
