@@ -153,7 +153,7 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
         Log::check(log, options.state.as_deref())?;
     }
     let (mut world, warnings) = setup::world(options)?;
-    let log = options.log.as_ref().map(Log::create).transpose()?;
+    let log = options.log.as_ref().map(|log| Log::create(log, options.state.as_deref())).transpose()?;
     announce(&bound);
     let (entrance, inbox) = Entrance::new();
     let places = Arc::new(Semaphore::new(places(options)));
