@@ -120,7 +120,8 @@ impl<O: Outside> Driver<O> {
             self.hand_out();
             return;
         }
-        self.time.caught_up();
+        let warning = self.time.caught_up(self.world.now());
+        self.warn(warning);
         if self.world.now() >= due {
             self.take_effect();
         } else {

@@ -330,6 +330,21 @@ fn a_speed_that_cannot_be_reached_is_told_once_and_keeps_nobody_waiting() {
     assert_eq!(said, ["pve-sim: --speed 10000000 is out of reach: time runs as fast as this machine can"]);
 }
 
+/// The bus counts nanoseconds in 64 bits: a frame on the wire must not overrun them.
+#[test]
+fn the_end_of_virtual_time_is_told_once() {
+    for speed in [1e10, 1e300] {
+        let mut rig = Rig::new(speed);
+        for seconds in [1, 2, 3, 4] {
+            rig.send(WallDuration::from_secs(seconds), READ);
+        }
+        rig.run_until(WallDuration::from_secs(5));
+        let said = rig.end();
+        let told = "pve-sim: virtual time is at its end, after 584 years: nothing happens on the bus any more";
+        assert_eq!(said, [told], "{speed}");
+    }
+}
+
 #[test]
 fn a_speed_that_is_reached_is_not_complained_about() {
     let mut rig = Rig::new(1000.0);
