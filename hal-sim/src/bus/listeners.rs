@@ -115,9 +115,13 @@ impl Group {
             Hears::Everything => self.open.retain(|other| *other != id),
             Hears::Filtered(filters) => {
                 for filter in filters {
+                    let key = filter.key & filter.mask;
                     let wanted = &mut self.mask(filter.mask).wanted;
-                    if let Some(ports) = wanted.get_mut(&(filter.key & filter.mask)) {
+                    if let Some(ports) = wanted.get_mut(&key) {
                         ports.retain(|other| *other != id);
+                        if ports.is_empty() {
+                            wanted.remove(&key);
+                        }
                     }
                 }
             }
@@ -130,5 +134,25 @@ impl Group {
             self.masks.len() - 1
         });
         &mut self.masks[place]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use protocol_core::controller::Filter;
+
+    use super::*;
+
+    /// A master may give a valve one identifier after the other, for years.
+    #[test]
+    fn what_nobody_wants_any_more_takes_no_room() {
+        let mut group = Group::new(BitRate::Kbit250);
+        for key in 1..=100 {
+            let mut filters = Filters::new();
+            let _ = filters.push(Filter::exactly(key));
+            group.list(PortId(0), Hears::Filtered(&filters));
+            group.unlist(PortId(0), Hears::Filtered(&filters));
+        }
+        assert!(group.masks.iter().all(|mask| mask.wanted.is_empty()));
     }
 }

@@ -197,6 +197,7 @@ impl MemoryFile {
     /// # Errors
     /// When it cannot be written or put aside. It is not changed then.
     pub fn open(self) -> Result<Memory, StateFileError> {
+        self.file.sweep();
         let mut memory = Memory { file: Some(self.file), ..Memory::default() };
         match self.content {
             Content::New => {}

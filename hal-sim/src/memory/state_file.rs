@@ -10,7 +10,7 @@
 //! with the process, its file stays: to remove it would let two others lock two different ones.
 
 use std::ffi::OsString;
-use std::fs::{self, File, OpenOptions, TryLockError};
+use std::fs::{self, DirEntry, File, OpenOptions, TryLockError};
 use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
@@ -148,6 +148,25 @@ impl StateFile {
             file.commit()
         });
         written.map_err(|error| self.error("write", error))
+    }
+
+    /// Removes the unfinished files that killed processes left beside this one: `.name.nvm.` and six letters or digits. A
+    /// name that ends in a plain word is somebody's copy.
+    pub(super) fn sweep(&self) {
+        let (Some(folder), Some(name)) = (self.path.parent(), self.path.file_name()) else { return };
+        let begin = format!(".{}.", name.to_string_lossy());
+        let is_left_behind = |found: &DirEntry| {
+            let name = found.file_name();
+            let ending = name.to_str().and_then(|name| name.strip_prefix(&begin)).unwrap_or_default();
+            ending.len() == 6
+                && ending.bytes().all(|byte| byte.is_ascii_alphanumeric())
+                && !ending.bytes().all(|byte| byte.is_ascii_lowercase())
+                && found.file_type().is_ok_and(|kind| kind.is_file())
+        };
+        for found in fs::read_dir(folder).into_iter().flatten().flatten().filter(is_left_behind) {
+            // One that cannot be removed is in nobody's way.
+            let _ = fs::remove_file(found.path());
+        }
     }
 
     /// Renames the file to the first free one of `name.nvm.bad`, `name.nvm.bad.2` and so on; a line about it. The

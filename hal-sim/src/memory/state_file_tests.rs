@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use protocol_core::memory::{Image, Record, RecordKey, StoreError, seal};
 use tempfile::TempDir;
 
-use super::{Flash, Memory, SIZE, StateFileError};
+use super::{Flash, Memory, MemoryFile, SIZE, StateFileError};
 
 const KIND: u32 = 11_149_437;
 const OTHER_KIND: u32 = 925_010;
@@ -196,6 +196,24 @@ fn other_names_in_the_folder_are_left_alone() {
     memory.store(RecordKey::Parameters, &record(b"later")).unwrap();
     assert_eq!(fs::read_to_string(&victim).unwrap(), "of somebody else");
     assert_eq!(names(dir.path()), [".valve.nvm", "valve.nvm", "valve.nvm.new", "valve.nvm.tmp"]);
+}
+
+/// A process that is killed while it writes leaves an unfinished file; its name is another one each time.
+#[test]
+fn what_a_killed_process_left_unfinished_is_removed() {
+    let dir = directory();
+    for name in [".valve.nvm.zgllq4", ".valve.nvm.HUQWBg"] {
+        fs::write(dir.path().join(name), "PNVM").unwrap();
+    }
+    let kept = [".other.nvm.zgllq4", ".valve.nvm.2026-11", ".valve.nvm.backup", "valve.nvm.zgllq4"];
+    for name in kept {
+        fs::write(dir.path().join(name), "of somebody").unwrap();
+    }
+    // A memory that is only taken changes nothing.
+    let taken = MemoryFile::take(dir.path(), "valve", KIND).unwrap();
+    assert_eq!(names(dir.path()).len(), 6);
+    drop(taken.open().unwrap());
+    assert_eq!(names(dir.path()), [&kept[..3], &["valve.nvm", kept[3]]].concat());
 }
 
 #[test]

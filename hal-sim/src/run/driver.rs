@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 use std::time::{Duration as WallDuration, Instant as WallInstant};
 
 use protocol_core::controller::BitRate;
-use protocol_core::time::{Instant, after};
+use protocol_core::time::{Instant, NEVER, after};
 
 use super::clients::Clients;
 use super::errors::Errors;
@@ -120,7 +120,8 @@ impl<O: Outside> Driver<O> {
             self.hand_out();
             return;
         }
-        self.time.caught_up();
+        let warning = self.time.caught_up(self.world.now());
+        self.warn(warning);
         if self.world.now() >= due {
             self.take_effect();
         } else {
@@ -138,18 +139,20 @@ impl<O: Outside> Driver<O> {
     }
 
     /// Waits for a message, or for the next event. Hands out the trace before, unless a client would wait for that.
+    ///
+    /// When nobody listens, the naps do for the events: each still happens at its own virtual instant.
     fn wait(&mut self, due: Instant) {
         let now = self.time.looked();
-        let next = self.time.pace().when(self.world.next_event().min(due));
+        let (naps, is_heard) = (self.time.minds_stalls(), self.clients.is_heard());
+        let event = if naps && !is_heard { NEVER } else { self.world.next_event() };
+        let next = self.time.pace().when(event.min(due));
         if next.is_none_or(|next| next > now + LULL) || now.saturating_duration_since(self.handed_out) >= HAND_OUT {
             self.hand_out();
             self.handed_out = now;
         }
-        let nap = self.time.minds_stalls().then(|| now + NAP);
+        let nap = naps.then(|| now + NAP);
         let arrival = match (next, nap) {
-            (Some(next), nap) if nap.is_none_or(|nap| next <= nap) && self.clients.is_heard() => {
-                self.outside.wait_punctually(next)
-            }
+            (Some(next), nap) if nap.is_none_or(|nap| next <= nap) && is_heard => self.outside.wait_punctually(next),
             (next, nap) => self.outside.wait(nap.into_iter().chain(next).min()),
         };
         self.arrivals.extend(arrival);

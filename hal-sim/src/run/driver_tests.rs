@@ -85,6 +85,7 @@ struct Rig {
     driver: Driver<Script>,
     start: WallInstant,
     sender: ClientId,
+    listener: ClientId,
     mailbox: Mailbox,
     heard: Vec<(u64, Frame)>,
     _sender_mailbox: Mailbox,
@@ -111,7 +112,7 @@ impl Rig {
         let (sender, listener) = (ClientId::next(), ClientId::next());
         let (outbox, mailbox) = Outbox::new();
         let (sender_outbox, _sender_mailbox) = Outbox::new();
-        let mut rig = Self { driver, start, sender, mailbox, heard: Vec::new(), _sender_mailbox, said };
+        let mut rig = Self { driver, start, sender, listener, mailbox, heard: Vec::new(), _sender_mailbox, said };
         rig.plan(millis(0), Happening::Message(ToWorld::Join(sender, sender_outbox)));
         rig.plan(millis(0), Happening::Message(ToWorld::Join(listener, outbox)));
         rig.plan(millis(0), Happening::Message(ToWorld::Listen(listener, Reply::new(""))));
@@ -328,6 +329,36 @@ fn a_speed_that_cannot_be_reached_is_told_once_and_keeps_nobody_waiting() {
     assert_eq!(rig.times_of(READ).len(), 2);
     let said = rig.end();
     assert_eq!(said, ["pve-sim: --speed 10000000 is out of reach: time runs as fast as this machine can"]);
+}
+
+/// A controller at another bit rate than everybody else's repeats its frame thousands of times a second.
+#[test]
+fn a_busy_bus_that_nobody_listens_to_wakes_nobody_up() {
+    let mut rig = Rig::new(1.0);
+    rig.send(millis(10), "620: 2B 17 10 00 01 00 00 00");
+    rig.run_until(millis(20));
+    rig.plan(millis(20), Happening::Message(ToWorld::Leave(rig.listener)));
+    rig.run_until(millis(30));
+    let before = rig.driver.outside.waits;
+    rig.run_until(millis(10_030));
+    let waits = rig.driver.outside.waits - before;
+    assert!(waits < 600, "{waits} times in 10 s");
+    assert!(rig.driver.world.now() > Instant::from_secs(10), "{:?}", rig.driver.world.now());
+}
+
+/// The bus counts nanoseconds in 64 bits: a frame on the wire must not overrun them.
+#[test]
+fn the_end_of_virtual_time_is_told_once() {
+    for speed in [1e10, 1e300] {
+        let mut rig = Rig::new(speed);
+        for seconds in [1, 2, 3, 4] {
+            rig.send(WallDuration::from_secs(seconds), READ);
+        }
+        rig.run_until(WallDuration::from_secs(5));
+        let said = rig.end();
+        let told = "pve-sim: virtual time is at its end, after 584 years: nothing happens on the bus any more";
+        assert_eq!(said, [told], "{speed}");
+    }
 }
 
 #[test]

@@ -35,13 +35,18 @@ impl Log {
         }
     }
 
-    /// Opens the file after [`check`](Self::check), and empties it.
-    pub(super) fn create(log: &LogOptions) -> Result<Self, RunError> {
-        let file = OpenOptions::new().write(true).create(true).truncate(log.overwrite).open(&log.path);
-        match file {
-            Ok(file) => Ok(Self { path: log.path.clone(), file: BufWriter::new(file) }),
-            Err(source) => Err(RunError::File { path: log.path.clone(), source }),
-        }
+    /// Opens the file and empties it, once the state files are there.
+    ///
+    /// # Errors
+    /// [`RunError::File`] when the file cannot be opened, and the refusals of [`check`](Self::check), which is made again:
+    /// links and folders lead somewhere now that led nowhere before.
+    pub(super) fn create(log: &LogOptions, state: Option<&Path>) -> Result<Self, RunError> {
+        let failed = |source| RunError::File { path: log.path.clone(), source };
+        // Nothing is lost before the second check.
+        let file = OpenOptions::new().write(true).create(true).truncate(false).open(&log.path).map_err(failed)?;
+        Self::check(log, state)?;
+        file.set_len(0).map_err(failed)?;
+        Ok(Self { path: log.path.clone(), file: BufWriter::new(file) })
     }
 
     /// Adds a line; the error is the line for the user.

@@ -25,7 +25,7 @@ fn a_file_that_has_something_in_it_is_replaced_only_when_that_is_meant() {
     assert!(line.contains("frames.log") && line.contains("--log-overwrite"), "{line}");
     assert_eq!(fs::read_to_string(&path).unwrap(), "of yesterday");
     assert_eq!(refusal(&path, true, None), "");
-    Log::create(&log(&path, true)).unwrap().write("of today").unwrap();
+    Log::create(&log(&path, true), None).unwrap().write("of today").unwrap();
     assert_eq!(fs::read_to_string(&path).unwrap(), "of today\n");
 }
 
@@ -64,4 +64,27 @@ fn nothing_in_the_folder_of_the_state_files_is_a_log() {
     std::os::unix::fs::symlink(&elsewhere, state.join("other.nvm")).unwrap();
     assert!(refusal(&elsewhere, true, Some(&state)).contains("--state"));
     assert_eq!(fs::read_to_string(&memory).unwrap(), "stored");
+}
+
+/// Paths that lead into the folder only once that is made.
+#[cfg(unix)]
+#[test]
+fn a_state_file_that_was_not_there_before_the_log_is_safe_from_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let (state, link, dangling) = (dir.path().join("state"), dir.path().join("link"), dir.path().join("dangling"));
+    std::os::unix::fs::symlink(dir.path(), &link).unwrap();
+    std::os::unix::fs::symlink(state.join("valve.nvm"), &dangling).unwrap();
+    let logs = [link.join("state/valve.nvm"), dangling];
+    for path in &logs {
+        assert_eq!(refusal(path, true, Some(&state)), "", "the folder is not there yet");
+    }
+    fs::create_dir(&state).unwrap();
+    fs::write(state.join("valve.nvm"), "stored").unwrap();
+    for path in &logs {
+        for overwrite in [false, true] {
+            let line = Log::create(&log(path, overwrite), Some(&state)).unwrap_err().to_string();
+            assert!(line.contains("--state"), "{}: {line}", path.display());
+        }
+    }
+    assert_eq!(fs::read_to_string(state.join("valve.nvm")).unwrap(), "stored");
 }

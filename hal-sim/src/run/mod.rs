@@ -43,8 +43,8 @@ use std::thread::{self, JoinHandle};
 use tokio::runtime;
 use tokio::sync::{Semaphore, oneshot, watch};
 
+use crate::gateway::Entrance;
 use crate::gateway::socketcand::Server;
-use crate::gateway::{BusUrl, Entrance};
 use crate::memory::StateFileError;
 use crate::trace::Timestamp;
 use clients::Clients;
@@ -144,7 +144,7 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     for url in &options.buses {
         let bind = |source| RunError::Bind { url: url.to_string(), source };
         let server = Server::bind(&url.authority(), &url.name).await.map_err(bind)?;
-        bound.push((server.address().map_err(bind)?, url));
+        bound.push((server.address().map_err(bind)?, url.name.clone()));
         servers.push(server);
     }
     // Only now: a second simulator that finds the port taken must not touch the files of the first. And nothing is made
@@ -152,9 +152,13 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     if let Some(log) = &options.log {
         Log::check(log, options.state.as_deref())?;
     }
-    let (mut world, warnings) = setup::world(options)?;
-    let log = options.log.as_ref().map(Log::create).transpose()?;
-    announce(&bound);
+    let (mut world, warnings) = aside({
+        let options = options.clone();
+        move || setup::world(&options)
+    })
+    .await?;
+    let log = options.log.as_ref().map(|log| Log::create(log, options.state.as_deref())).transpose()?;
+    aside(move || announce(&bound)).await;
     let (entrance, inbox) = Entrance::new();
     let places = Arc::new(Semaphore::new(places(options)));
     for server in servers {
@@ -210,14 +214,22 @@ fn be_punctual() {
     let _ = rustix::thread::set_current_timer_slack(std::num::NonZeroU64::new(1));
 }
 
-/// The ready line on stdout and the hint on stderr. Nobody has to read either.
-fn announce(bound: &[(SocketAddr, &BusUrl)]) {
-    let urls: String = bound.iter().map(|(address, url)| format!(" bus=socketcand://{address}/{}", url.name)).collect();
+/// Does work that may block, on a thread of its own: a signal ends the wait for it, and the process does not wait.
+async fn aside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
+    match tokio::task::spawn_blocking(work).await {
+        Ok(done) => done,
+        Err(panic) => std::panic::resume_unwind(panic.into_panic()),
+    }
+}
+
+/// The ready line on stdout and the hint on stderr: a pipe that is full holds both up.
+fn announce(bound: &[(SocketAddr, String)]) {
+    let urls: String = bound.iter().map(|(address, name)| format!(" bus=socketcand://{address}/{name}")).collect();
     let mut stdout = io::stdout().lock();
     let _ = writeln!(stdout, "pve-sim ready{urls}").and_then(|()| stdout.flush());
     let mut stderr = io::stderr().lock();
-    for (address, url) in bound {
-        let (host, port, name) = (address.ip(), address.port(), &url.name);
+    for (address, name) in bound {
+        let (host, port) = (address.ip(), address.port());
         let _ = writeln!(
             stderr,
             "Join the bus with python-can:\n  \

@@ -9,7 +9,7 @@ use std::time::{Duration as WallDuration, Instant as WallInstant};
 
 use protocol_core::time::Instant;
 
-use super::pace::Pace;
+use super::pace::{LAST, Pace};
 
 /// The process stood still when it did not look at the clock for longer than this. A master that sends every 200 ms may
 /// be late by 50 ms before its valve faults.
@@ -35,6 +35,8 @@ pub(super) struct Timekeeper {
     behind: Option<WallInstant>,
     /// Whether the user knows that the speed is out of reach.
     out_of_reach: bool,
+    /// Whether virtual time is at its end, and the user knows.
+    over: bool,
     stalls: Stalls,
 }
 
@@ -51,7 +53,7 @@ impl Timekeeper {
     /// Starts virtual time now, at a speed that is finite and above 0.
     pub(super) const fn start(speed: f64, now: WallInstant) -> Self {
         let stalls = Stalls { count: 0, time: WallDuration::ZERO, told: None };
-        Self { pace: Pace::start(speed, now), looked: now, behind: None, out_of_reach: false, stalls }
+        Self { pace: Pace::start(speed, now), looked: now, behind: None, out_of_reach: false, over: false, stalls }
     }
 
     /// The pace of virtual time.
@@ -101,8 +103,10 @@ impl Timekeeper {
         (!told).then(|| format!("--speed {speed} is out of reach: time runs as fast as this machine can"))
     }
 
-    /// The world has caught up.
-    pub(super) const fn caught_up(&mut self) {
+    /// The world, at `world`, has caught up; returns a warning for the user.
+    pub(super) fn caught_up(&mut self, world: Instant) -> Option<String> {
         self.behind = None;
+        let over = world >= LAST && !std::mem::replace(&mut self.over, true);
+        over.then(|| "virtual time is at its end, after 584 years: nothing happens on the bus any more".to_owned())
     }
 }

@@ -28,6 +28,28 @@ fn a_signal_ends_it_at_any_speed_and_while_devices_start() {
     }
 }
 
+/// Somebody else has filled the pipe, and nobody reads it: not even the ready line gets through.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_signal_ends_it_while_its_ready_line_waits_for_a_reader() {
+    use std::io::Write as _;
+
+    let (reader, mut writer) = std::io::pipe().expect("a pipe");
+    let full = rustix::pipe::fcntl_getpipe_size(&writer).expect("a size");
+    writer.write_all(&vec![b'x'; full]).expect("room");
+    let state = tempfile::tempdir().expect("a folder");
+    let arguments = ["--bus", "socketcand://127.0.0.1:0/pve0", "--state", state.path().to_str().expect("text")];
+    let mut process = pve_sim(&arguments).stdout(writer).spawn().expect("pve-sim starts");
+    // The state file is made before the ready line, and signals are listened to before that.
+    while !state.path().join("pvea-canopen.nvm").exists() {
+        assert_eq!(process.try_wait().expect("a process"), None);
+        std::thread::yield_now();
+    }
+    kill_process(Pid::from_child(&process), Signal::TERM).expect("it still runs");
+    assert_eq!(process.wait().expect("it ends").code(), Some(0));
+    drop(reader);
+}
+
 /// The fault log of a valve is written some time after the fault: at the end, it is written at once.
 #[test]
 fn what_waits_to_be_stored_is_stored_at_the_end() {

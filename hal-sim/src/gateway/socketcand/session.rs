@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::sync::mpsc::Receiver;
-use tokio::time::{Instant, timeout_at};
+use tokio::time::{Instant, sleep, timeout_at};
 
 use super::protocol::{ECHO, HI, OK, Parser, Request, RequestError, emit_error, emit_frame, emit_refusal};
 use crate::gateway::{ClientId, Entrance, Leash, Mailbox, Outbox, Reply, ToClient, ToWorld};
@@ -15,6 +15,9 @@ const HOLD_BACK: Duration = Duration::from_millis(20);
 
 /// The time that a client has to open the bus: places are few.
 const HANDSHAKE: Duration = Duration::from_secs(60);
+
+/// The time that a client has to read its last answers after its own last word.
+const FAREWELL: Duration = Duration::from_secs(10);
 
 /// How many messages to the client go out in one write, at most.
 const BATCH: usize = 256;
@@ -27,7 +30,7 @@ pub async fn serve(reader: impl AsyncRead + Unpin, writer: impl AsyncWrite + Unp
     tokio::select! {
         () = client.leash.dismissed() => {}
         // A client that has said its last word still gets the answers: the queue ends when the world has let it go.
-        () = async { client.listen(reader).await; std::future::pending().await } => {}
+        () = async { client.listen(reader).await; sleep(FAREWELL).await } => {}
         _ = write(writer, queue) => {}
     }
     client.world.tell(ToWorld::Leave(client.id));
@@ -111,7 +114,7 @@ async fn write(mut writer: impl AsyncWrite + Unpin, mut queue: Receiver<ToClient
                         writer.write_all(out.as_bytes()).await?;
                         writer.flush().await?;
                         out.clear();
-                        tokio::time::sleep(pause).await;
+                        sleep(pause).await;
                     }
                 }
             }

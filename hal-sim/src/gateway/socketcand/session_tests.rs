@@ -149,6 +149,22 @@ async fn what_was_sent_before_the_end_counts_and_is_answered() {
     assert_eq!(sent.await.expect("the world"), [frame(&[7])]);
 }
 
+/// Places are few: a client that has hung up halfway and reads nothing must not keep one.
+#[tokio::test(start_paused = true)]
+async fn a_client_that_says_its_last_word_and_does_not_read_is_let_go() {
+    let (client, server) = duplex(64);
+    let (sender, inbox) = Entrance::new();
+    let (reader, writer) = split(server);
+    let session = tokio::spawn(async move { serve(reader, writer, "pve0", sender).await });
+    std::thread::spawn(move || world(&inbox, &[]));
+    let (_reader, mut writer) = split(client);
+    for _ in 0..100 {
+        say(&mut writer, "< echo >").await;
+    }
+    writer.shutdown().await.expect("the end");
+    tokio::time::timeout(2 * FAREWELL, session).await.expect("the place is free").expect("no panic");
+}
+
 #[tokio::test]
 async fn a_client_that_dies_in_mid_frame_sends_nothing_of_it() {
     let Setup { mut client, sent } = setup(Vec::new());
