@@ -252,7 +252,7 @@ impl Body for CanopenValve {
                 // What fell due while the restart waited is counted and entered before it is told again.
                 self.settle(base);
                 self.node.reset(Reset::Communication, stored);
-                self.node.boot(parameters, now);
+                self.node.boot(parameters.filter(|_| !self.load.replaces_stored()), now);
             }
             Restart::Application => {
                 self.objects.set_factory(found.factory);
