@@ -260,8 +260,7 @@ impl Body for CanopenValve {
                 let node_id = self.node.reset(Reset::Application, stored);
                 // The defaults follow the node ID: without one, the load waits for a start with one.
                 self.load = Load::found(load_is_set && node_id.is_some());
-                self.lss_stores = 0;
-                let parameters = parameters.filter(|_| !load_is_set);
+                let parameters = parameters.filter(|_| !self.load.replaces_stored());
                 self.load_application(parameters);
                 self.node.boot(parameters, now);
             }

@@ -130,7 +130,7 @@ impl CanopenValve {
                 self.lss_in_flight = self.node.unstored();
                 seal(version, &layer.with(change_of(self.lss_in_flight)).encode())
             }
-            Job::UdsNodeId(raw) => seal(version, &layer.with(change_of_node_id(raw)).encode()),
+            Job::UdsNodeId(raw) => seal(version, &layer.with(LayerChange::node_id(raw)).encode()),
             Job::Save => {
                 let payload: Option<Vec<u8, RECORD_MAX>> =
                     parameters::encode(DICTIONARY, |row| self.node.stored_value(row.behind, &self.objects));
@@ -181,7 +181,7 @@ impl CanopenValve {
             }
             Job::UdsNodeId(raw) => {
                 if stored {
-                    self.local_layer = self.local_layer.with(change_of_node_id(raw));
+                    self.local_layer = self.local_layer.with(LayerChange::node_id(raw));
                     self.node.configuration_stored(Configuration { node_id: NodeId::new(raw), bit_rate: None });
                 }
                 self.node.answer(node_id_written(stored));
@@ -239,9 +239,4 @@ fn default_value(row: &Row<ObjectOf<ValveObjects>>, kind: Kind, node_id: Option<
 /// What an LSS store changes of the local layer.
 fn change_of(configuration: Configuration) -> LayerChange {
     LayerChange { node_id: configuration.node_id.map(NodeId::get), bit_rate: configuration.bit_rate }
-}
-
-/// What a UDS write changes of it.
-const fn change_of_node_id(raw: u8) -> LayerChange {
-    LayerChange { node_id: Some(raw), bit_rate: None }
 }
