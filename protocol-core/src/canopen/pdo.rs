@@ -125,7 +125,7 @@ impl<B: Copy + 'static> Pdo<B> {
             None
         } else if !cob_id.is_usable(rules.extended_ids) {
             return Err(AbortCode::INVALID_VALUE);
-        } else if self.is_on() && cob_id.identifier() != self.cob_id.identifier() {
+        } else if self.is_on() && cob_id.key() != self.cob_id.key() {
             return Err(AbortCode::DEVICE_STATE);
         } else {
             Some(self.resolve(cob_id.id(), rules, dictionary)?)

@@ -3,7 +3,7 @@
 //! ```text
 //! mod        the node: what goes in, and what it demands of the device around it
 //! product    what a product brings
-//! objects    what lies behind the dictionary
+//! object     what lies behind a row of the dictionary          objects    the node's own objects
 //! services   what each service does with a frame
 //! listening  which frames are for the node
 //! owed       what the node owes to the bus
@@ -12,23 +12,25 @@
 //! The node keeps no product: every call that needs it is given one.
 
 mod listening;
+mod object;
 mod objects;
 mod owed;
 mod product;
 mod services;
 
 pub(crate) use listening::Service;
-pub(crate) use objects::{Object, ObjectOf, PdoParameter, default_number};
-pub(crate) use product::{Product, Rules};
+pub(crate) use object::{Object, PdoParameter};
+pub(crate) use product::{ObjectOf, Product, Rules};
+
+use heapless::Vec;
 
 use listening::Listening;
 use objects::Communication;
 use owed::Owed;
 
-use super::dictionary::Value;
 use super::lss::{Configuration, LssSlave};
 use super::nmt::{NmtSlave, Reset};
-use super::parameters::Stored;
+use super::parameters::{self, Stored};
 use super::sdo_server::{Bytes, SdoServer};
 use crate::controller::{BitRate, Filters};
 use crate::frame::{Frame, standard};
@@ -116,10 +118,16 @@ impl<P: Product> Node<P> {
         self.objects.node_id
     }
 
-    /// Loads the communication objects and boots up: the second half of a start. Without a node ID the node stays in
+    /// Loads the parameters and boots up: the second half of a start. Without a node ID the node stays in
     /// initialisation, with LSS alone.
-    pub(crate) fn boot(&mut self, stored: Option<Stored<'_, ObjectOf<P>>>, now: Instant) {
-        self.objects.load(stored);
+    pub(crate) fn boot(
+        &mut self,
+        scope: Reset,
+        stored: Option<Stored<'_, ObjectOf<P>>>,
+        product: &mut P,
+        now: Instant,
+    ) {
+        self.objects.load(scope, stored, product);
         self.listening = Listening::of(&self.objects);
         if self.objects.node_id.is_some() {
             self.nmt.boot();
@@ -227,10 +235,15 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Returns the value of an object that "save" stores.
-    pub(crate) fn stored_value<'a>(&'a self, object: ObjectOf<P>, product: &'a P) -> Option<Value<'a>> {
+    /// Encodes the parameters as they are; `None` when they are more than `N` bytes.
+    pub(crate) fn parameters<const N: usize>(&self, product: &P) -> Option<Vec<u8, N>> {
         // None of them changes with time.
-        self.objects.read(object, product, Instant::MIN).ok()
+        parameters::encode(P::DICTIONARY, |row| self.objects.read(row.behind, product, Instant::MIN).ok())
+    }
+
+    /// Encodes the defaults for the node ID in force; `None` without one, or when they are more than `N` bytes.
+    pub(crate) fn default_parameters<const N: usize>(&self, product: &P) -> Option<Vec<u8, N>> {
+        parameters::encode(P::DICTIONARY, |row| self.objects.default(row, product))
     }
 
     /// Returns the node ID in force.

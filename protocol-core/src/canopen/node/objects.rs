@@ -1,9 +1,11 @@
 //! What lies behind the dictionary: the communication objects 0x1000–0x1FFF, and the way to the product's own.
 
-use super::product::Product;
+use super::object::{Object, PdoParameter};
+use super::product::{ObjectOf, Product};
 use crate::canopen::dictionary::{DefaultValue, Dictionary, Row, Value};
 use crate::canopen::emcy::{EmcyConsumer, ErrorHistory};
 use crate::canopen::heartbeat::HeartbeatProducer;
+use crate::canopen::nmt::Reset;
 use crate::canopen::parameters::Stored;
 use crate::canopen::pdo::{self, Pdo};
 use crate::canopen::sdo_server;
@@ -11,55 +13,7 @@ use crate::canopen::sync::SyncConsumer;
 use crate::outcome::Outcome;
 use crate::time::Instant;
 use crate::wire::cob_id::{Function, NodeId};
-use crate::wire::lss::Part;
 use crate::wire::sdo::{AbortCode, Multiplexer};
-
-/// What lies behind an object: `A` are the product's own, `T` what signatures ask for.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Object<A, T> {
-    /// A number that never changes.
-    Constant(u32),
-    /// A text that never changes while the device runs, or an object of the product.
-    Product(A),
-    /// 0x1001
-    ErrorRegister,
-    /// 0x1003:0
-    ErrorCount,
-    /// 0x1003:1–8
-    ErrorField(u8),
-    /// 0x1005
-    SyncCobId,
-    /// 0x1010 and 0x1011: reads 1; a write of the signature demands the task.
-    Signature(u32, T),
-    /// 0x1014, which follows the node ID
-    EmcyCobId,
-    /// 0x1017
-    HeartbeatTime,
-    /// 0x1018:1–4
-    Identity(Part),
-    /// 0x1028:1
-    EmcyConsumer,
-    /// 0x1400 and 0x1600
-    Rpdo(PdoParameter),
-    /// 0x1800 and 0x1A00
-    Tpdo(PdoParameter),
-}
-
-/// The parameters of a PDO.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum PdoParameter {
-    /// Sub-index 1 of the communication parameter.
-    CobId,
-    /// Sub-index 2 of the communication parameter.
-    TransmissionType,
-    /// Sub-index 0 of the mapping parameter.
-    Count,
-    /// Sub-index 1–8 of the mapping parameter.
-    Entry(u8),
-}
-
-/// What lies behind the objects of a product.
-pub(crate) type ObjectOf<P> = Object<<P as Product>::Object, <P as Product>::Task>;
 
 /// The value that an object of "save" and "load" reads: it stores on command (CiA 301 7.5.2.13).
 const STORES_ON_COMMAND: u32 = 1;
@@ -89,19 +43,19 @@ impl<P: Product> Communication<P> {
         }
     }
 
-    /// Takes the stored communication parameters, or the defaults where there are none, and switches the PDOs on.
-    pub(super) fn load(&mut self, stored: Option<Stored<'_, ObjectOf<P>>>) {
-        match stored {
-            Some(stored) => {
-                for (row, value) in stored.values() {
-                    self.put(row.behind, value);
-                }
+    /// Takes the stored parameters, or the defaults where there are none, and switches the PDOs on. Reset communication
+    /// leaves the product's own objects alone.
+    pub(super) fn load(&mut self, scope: Reset, stored: Option<Stored<'_, ObjectOf<P>>>, product: &mut P) {
+        let concerned =
+            |row: &Row<ObjectOf<P>>| scope == Reset::Application || !matches!(row.behind, Object::Product(_));
+        if let Some(stored) = stored {
+            for (row, value) in stored.values().filter(|(row, _)| concerned(row)) {
+                self.put(row.behind, value, product);
             }
-            None => {
-                for row in P::DICTIONARY.stored() {
-                    if let Some(value) = default_number(row.entry.default, self.node_id) {
-                        self.put(row.behind, Value::Number(value));
-                    }
+        } else {
+            for row in P::DICTIONARY.stored().filter(|row| concerned(row)) {
+                if let Some(value) = self.default(row, product) {
+                    self.put(row.behind, value, product);
                 }
             }
         }
@@ -109,17 +63,30 @@ impl<P: Product> Communication<P> {
         self.tpdo.start(&P::RULES.tpdo, P::DICTIONARY);
     }
 
+    /// Returns the default of a stored object; `None` for one that needs a node ID when there is none.
+    pub(super) fn default(&self, row: &Row<ObjectOf<P>>, product: &P) -> Option<Value<'static>> {
+        match (row.entry.default, row.behind) {
+            (DefaultValue::Number(number), _) => Some(Value::Number(number)),
+            (DefaultValue::NodeIdPlus(base), _) => {
+                self.node_id.map(|id| Value::Number(base.wrapping_add(u32::from(id.get()))))
+            }
+            (DefaultValue::Product, Object::Product(object)) => Some(product.default(object)),
+            (DefaultValue::Product, _) => None,
+        }
+    }
+
     /// Puts in a stored value, unchecked: it was checked when it was written. No other objects are stored.
-    fn put(&mut self, object: ObjectOf<P>, value: Value<'_>) {
-        let Value::Number(number) = value else { return };
+    fn put(&mut self, object: ObjectOf<P>, value: Value<'_>, product: &mut P) {
+        // Of the node's own objects none holds a text.
+        let number = value.number().unwrap_or(0);
         match object {
+            Object::Product(object) => product.load(object, value),
             Object::SyncCobId => self.sync.load(number),
             Object::HeartbeatTime => self.heartbeat.load(number as u16),
             Object::EmcyConsumer => self.emcy_consumer.load(number),
             Object::Rpdo(parameter) => put_pdo(&mut self.rpdo, parameter, number),
             Object::Tpdo(parameter) => put_pdo(&mut self.tpdo, parameter, number),
-            Object::Product(_)
-            | Object::Constant(_)
+            Object::Constant(_)
             | Object::ErrorRegister
             | Object::ErrorCount
             | Object::ErrorField(_)
@@ -162,15 +129,6 @@ impl<P: Product> Communication<P> {
             Object::Tpdo(parameter) => read_pdo(&self.tpdo, parameter)?,
         };
         Ok(Value::Number(number))
-    }
-}
-
-/// Returns a default that is a number; `None` for the product's own, and for one that needs a node ID when there is none.
-pub(crate) fn default_number(default: DefaultValue, node_id: Option<NodeId>) -> Option<u32> {
-    match default {
-        DefaultValue::Number(number) => Some(number),
-        DefaultValue::NodeIdPlus(base) => node_id.map(|id| base.wrapping_add(u32::from(id.get()))),
-        DefaultValue::Product => None,
     }
 }
 

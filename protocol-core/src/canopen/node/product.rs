@@ -2,7 +2,7 @@
 
 use core::fmt::Debug;
 
-use super::objects::ObjectOf;
+use super::object::Object;
 use crate::canopen::dictionary::{Dictionary, Value};
 use crate::canopen::{heartbeat, lss, pdo};
 use crate::time::Instant;
@@ -24,6 +24,9 @@ pub(crate) struct Rules {
     /// LSS.
     pub(crate) lss: lss::Rules,
 }
+
+/// What lies behind the objects of a product.
+pub(crate) type ObjectOf<P> = Object<<P as Product>::Object, <P as Product>::Task>;
 
 /// A product on CANopen.
 pub(crate) trait Product: Sized {
@@ -54,6 +57,12 @@ pub(crate) trait Product: Sized {
     /// # Errors
     /// An abort code, with nothing changed, when the value or the state forbids it.
     fn write(&mut self, object: Self::Object, value: Value<'_>, now: Instant) -> Result<(), AbortCode>;
+
+    /// Takes the stored value of an object, or its default, unchecked: it was checked when it was written.
+    fn load(&mut self, object: Self::Object, value: Value<'_>);
+
+    /// Returns the default of a stored object whose row gives none.
+    fn default(&self, object: Self::Object) -> Value<'static>;
 
     /// Takes the values of an RPDO in the order of the mapping; what is invalid is dropped.
     fn receive(&mut self, values: impl Iterator<Item = (Self::Object, u32)>, now: Instant);

@@ -8,7 +8,7 @@
 //! auxiliary_valve the valve under the commands of ISO 11783-7
 //! setup           what a valve is made as                   found      what a start finds in the memory
 //! records         what is kept in the memory
-//! identification  the identifiers of UDS lite
+//! identification  the identifiers of UDS lite          sensing    what a valve makes of its senses
 //! canopen/        the composition: a valve on CANopen       isobus/    on ISOBUS
 //! ```
 
@@ -23,6 +23,7 @@ mod isobus;
 mod kind;
 mod objects;
 mod records;
+mod sensing;
 mod setup;
 mod state_machine;
 

@@ -3,12 +3,12 @@
 use heapless::Vec;
 
 use super::application::{Application, FLOAT};
-use super::dictionary::{DESCRIPTION_MAX, DICTIONARY, SERIAL_MAX};
+use super::dictionary::{DESCRIPTION_MAX, DICTIONARY, SERIAL_MAX, Task, ValveObject};
 use super::fault_codes::register;
 use super::kind::Kind;
 use super::records::Factory;
 use super::state_machine::{DeviceMode, DeviceState};
-use crate::actuator::{ActuatorType, Fault, Position, Scale, SetPoint};
+use crate::actuator::{ActuatorType, Position, Scale, SetPoint};
 use crate::canopen::dictionary::{Dictionary, Mappable, Value};
 use crate::canopen::node::{Object, Product, Rules};
 use crate::canopen::{heartbeat, lss, pdo};
@@ -26,7 +26,7 @@ const fn software_version(kind: Kind) -> &'static str {
 }
 
 /// The default of object 0x6053.
-pub(super) const fn description(kind: Kind) -> &'static str {
+const fn description(kind: Kind) -> &'static str {
     match kind.actuator_type() {
         ActuatorType::Proportional => "PVEA-CI S6",
         ActuatorType::OnOff => "PVEO-CI S6",
@@ -70,50 +70,6 @@ const PDO: pdo::Rules = pdo::Rules {
     entries_while_counted: true,
 };
 
-/// The product's own objects.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum ValveObject {
-    /// 0x100A
-    SoftwareVersion,
-    /// 0x2001–0x2040
-    FaultCount(Fault),
-    /// 0x3300
-    SetPointPer127,
-    /// 0x3301
-    ActualPer127,
-    /// 0x3302
-    ActualInverted,
-    /// 0x3303
-    SetPointPer1000,
-    /// 0x3304
-    ActualPer1000,
-    /// 0x6040
-    ControlWord,
-    /// 0x6041
-    StatusWord,
-    /// 0x6042
-    DeviceMode,
-    /// 0x6052
-    SerialNumber,
-    /// 0x6053
-    Description,
-    /// 0x6300:1
-    SetPoint,
-    /// 0x6301:1
-    Actual,
-}
-
-/// What the signatures of 0x1010 and 0x1011 ask for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Task {
-    /// "save"
-    Save,
-    /// "load"
-    Load,
-    /// Clear the occurrence counters.
-    ClearCounters,
-}
-
 /// The state behind the product's objects.
 #[derive(Debug)]
 pub(super) struct ValveObjects {
@@ -155,13 +111,6 @@ impl ValveObjects {
     pub(super) fn set_factory(&mut self, factory: Factory) {
         self.factory = factory;
         self.serial_text = decimal(factory.identity.serial);
-    }
-
-    /// Takes a stored object, or its default; other objects are not stored.
-    pub(super) fn load(&mut self, object: ValveObject, value: Value<'_>) {
-        if let (ValveObject::Description, Value::Text(text)) = (object, value) {
-            self.description = Vec::from_slice(text).unwrap_or_default();
-        }
     }
 
     /// Returns the command that a value of an object means: out of range it is refused over SDO and dropped in a PDO.
@@ -255,6 +204,17 @@ impl Product for ValveObjects {
             Command::Control(word) => self.application.control(word, now),
         }
         Ok(())
+    }
+
+    /// The description is the only one that is stored.
+    fn load(&mut self, object: ValveObject, value: Value<'_>) {
+        if let (ValveObject::Description, Value::Text(text)) = (object, value) {
+            self.description = Vec::from_slice(text).unwrap_or_default();
+        }
+    }
+
+    fn default(&self, _: ValveObject) -> Value<'static> {
+        Value::Text(description(self.kind).as_bytes())
     }
 
     /// Of one RPDO: mode first, then control word, then set-point, whatever the mapping's order; what is invalid is

@@ -1,10 +1,10 @@
 //! Faults become EMCYs, and entries of the error history (SPEC 3, 4.2).
 
 use super::super::fault_codes::{codes, register};
+use super::super::sensing::sense;
 use super::CanopenValve;
 use super::storing::Job;
 use crate::actuator::{Fault, FaultSet, InternalCause};
-use crate::controller::BusErrorMode;
 use crate::device::Restart;
 use crate::device::host::Base;
 use crate::wire::emcy::Emcy;
@@ -50,10 +50,7 @@ impl CanopenValve {
                     self.node.send_emcy(fault_message(fault, active, count));
                 }
             }
-            Restart::Application => {
-                valve.set_internal(InternalCause::Injected, self.senses.internal_fault, base.now());
-                valve.set_bus_off(self.senses.bus == BusErrorMode::BusOff, base.now());
-            }
+            Restart::Application => sense(valve, &self.senses, base.now()),
         }
     }
 }

@@ -14,13 +14,14 @@ mod storing;
 use load::Load;
 use storing::Job;
 
-use super::dictionary::DICTIONARY;
+use super::dictionary::{DICTIONARY, Task};
 use super::found::Found;
 use super::identification::Identification;
-use super::objects::{Task, ValveObjects};
+use super::objects::ValveObjects;
 use super::records::{Factory, LocalLayer, decode_flag};
+use super::sensing::sense;
 use super::setup::Setup;
-use crate::actuator::{Counters, InternalCause, ValveSenses};
+use crate::actuator::{Counters, InternalCause};
 use crate::canopen::lss::Configuration;
 use crate::canopen::nmt::Reset;
 use crate::canopen::node::{self, Demand, Node};
@@ -175,15 +176,9 @@ impl Body for CanopenValve {
     }
 
     fn sense(&mut self, senses: &Senses, base: &mut Base<Job>) {
-        let now = base.now();
         self.senses = *senses;
-        let (supply_mv, temperature_c) = (senses.supply_mv, senses.temperature_c);
-        let bus_off = senses.bus == BusErrorMode::BusOff;
-        let valve = &mut self.objects.application.valve;
-        valve.sense(&ValveSenses { supply_mv, temperature_c, spool: senses.spool }, now);
-        valve.set_internal(InternalCause::Injected, senses.internal_fault, now);
-        valve.set_bus_off(bus_off, now);
-        self.node.set_bus_off(bus_off);
+        sense(&mut self.objects.application.valve, senses, base.now());
+        self.node.set_bus_off(senses.bus == BusErrorMode::BusOff);
     }
 
     #[inline]
@@ -237,8 +232,7 @@ impl Body for CanopenValve {
     /// keeps its parameters; faults that are active are told again.
     fn start(&mut self, scope: Restart, image: &Image, base: &mut Base<Job>) {
         let now = base.now();
-        let setup = self.setup;
-        let mut found = Found::look(&setup, image);
+        let mut found = Found::look(&self.setup, image);
         let parameters = found.payload(RecordKey::Parameters, |payload| Stored::decode(DICTIONARY, payload));
         let load_is_set = found.payload(RecordKey::RestoreFlag, decode_flag).unwrap_or(false);
         self.local_layer = found.local_layer;
@@ -246,26 +240,27 @@ impl Body for CanopenValve {
             node_id: found.local_layer.node_id.and_then(NodeId::new),
             bit_rate: Some(found.local_layer.bit_rate),
         };
-        match scope {
+        let reset = match scope {
             Restart::Communication => {
                 self.objects.application.shut_down(now);
                 // What fell due while the restart waited is counted and entered before it is told again.
                 self.settle(base);
-                self.node.reset(Reset::Communication, stored);
-                self.node.boot(parameters.filter(|_| !self.load.replaces_stored()), now);
+                Reset::Communication
             }
             Restart::Application => {
                 self.objects.set_factory(found.factory);
                 self.objects.application.restart(found.fault_log.counters, now);
-                let node_id = self.node.reset(Reset::Application, stored);
-                // The defaults follow the node ID: without one, the load waits for a start with one.
-                self.load = Load::found(load_is_set && node_id.is_some());
-                let parameters = parameters.filter(|_| !self.load.replaces_stored());
-                self.load_application(parameters);
-                self.node.boot(parameters, now);
+                Reset::Application
             }
+        };
+        let node_id = self.node.reset(reset, stored);
+        if scope == Restart::Application {
+            // The defaults follow the node ID: without one, the load waits for a start with one.
+            self.load = Load::found(load_is_set && node_id.is_some());
         }
-        self.uds = self.node.node_id().map_or(NO_UDS, |node_id| uds::key_to(uds::Address::node(node_id.get())));
+        let parameters = parameters.filter(|_| !self.load.replaces_stored());
+        self.node.boot(reset, parameters, &mut self.objects, now);
+        self.uds = node_id.map_or(NO_UDS, |node_id| uds::key_to(uds::Address::node(node_id.get())));
         self.tell_start(scope, base);
         found.tell_faults(&mut self.objects.application.valve, now);
         self.fill(&found, base);

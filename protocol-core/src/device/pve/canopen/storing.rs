@@ -1,21 +1,12 @@
 //! Writes to the memory: what each holds, and who waits for it (SPEC 4.5, 6).
 
-use core::mem::discriminant;
-
-use super::super::dictionary::DICTIONARY;
+use super::super::dictionary::Task;
 use super::super::found::Found;
-use super::super::kind::Kind;
-use super::super::objects::{Task, ValveObjects, description};
 use super::super::records::{FaultLog, LayerChange, encode_flag, version};
 use super::CanopenValve;
 use super::load::Executed;
-use heapless::Vec;
-
 use crate::actuator::{FaultSet, InternalCause};
-use crate::canopen::dictionary::{DefaultValue, Row, Value};
 use crate::canopen::lss::Configuration;
-use crate::canopen::node::{Object, ObjectOf, default_number};
-use crate::canopen::parameters::{self, Stored};
 use crate::device::host::Base;
 use crate::device::writes;
 use crate::memory::{RECORD_MAX, Record, RecordKey, StoreError, seal};
@@ -99,27 +90,6 @@ impl CanopenValve {
         }
     }
 
-    /// Loads the application's parameters, or their defaults.
-    pub(super) fn load_application(&mut self, stored: Option<Stored<'_, ObjectOf<ValveObjects>>>) {
-        match stored {
-            Some(stored) => {
-                for (row, value) in stored.values() {
-                    if let Object::Product(object) = row.behind {
-                        self.objects.load(object, value);
-                    }
-                }
-            }
-            None => {
-                let kind = self.setup.kind;
-                for row in DICTIONARY.stored() {
-                    if let (Object::Product(object), Some(value)) = (row.behind, default_value(row, kind, None)) {
-                        self.objects.load(object, value);
-                    }
-                }
-            }
-        }
-    }
-
     pub(super) fn encode_job(&mut self, job: Job) -> Result<Record, StoreError> {
         let version = version(writes::Job::key(job));
         let layer = self.local_layer;
@@ -132,14 +102,11 @@ impl CanopenValve {
             }
             Job::UdsNodeId(raw) => seal(version, &layer.with(LayerChange::node_id(raw)).encode()),
             Job::Save => {
-                let payload: Option<Vec<u8, RECORD_MAX>> =
-                    parameters::encode(DICTIONARY, |row| self.node.stored_value(row.behind, &self.objects));
+                let payload = self.node.parameters::<RECORD_MAX>(&self.objects);
                 seal(version, &payload.ok_or(StoreError)?)
             }
             Job::Restore => {
-                let (kind, node_id) = (self.setup.kind, self.node.node_id());
-                let payload: Option<Vec<u8, RECORD_MAX>> =
-                    parameters::encode(DICTIONARY, |row| default_value(row, kind, node_id));
+                let payload = self.node.default_parameters::<RECORD_MAX>(&self.objects);
                 seal(version, &payload.ok_or(StoreError)?)
             }
             Job::RestoreFlag => seal(version, &encode_flag(self.load.asked)),
@@ -163,15 +130,13 @@ impl CanopenValve {
         let now = base.now();
         let record = u8::try_from(writes::Job::key(job).position()).unwrap_or(u8::MAX);
         self.objects.application.valve.set_internal(InternalCause::Record(record), !stored, now);
-        let is_last =
-            |job: Job, base: &Base<Job>| !base.writes.iter().any(|waiting| discriminant(waiting) == discriminant(&job));
+        let is_last = |job: Job, base: &Base<Job>| base.writes.iter().all(|waiting| *waiting != job);
         match job {
             Job::Factory | Job::LocalLayer | Job::FaultLog => {}
             Job::LssStore => {
-                let stored_now = self.lss_in_flight;
                 if stored {
-                    self.local_layer = self.local_layer.with(change_of(stored_now));
-                    self.node.configuration_stored(stored_now);
+                    self.local_layer = self.local_layer.with(change_of(self.lss_in_flight));
+                    self.node.configuration_stored(self.lss_in_flight);
                 }
                 let answers = if is_last(job, base) { self.lss_stores } else { 1 };
                 self.lss_stores = self.lss_stores.saturating_sub(answers);
@@ -225,14 +190,6 @@ impl CanopenValve {
                 }
             }
         }
-    }
-}
-
-/// Returns the default of a stored object; `None` for one that needs a node ID when there is none.
-fn default_value(row: &Row<ObjectOf<ValveObjects>>, kind: Kind, node_id: Option<NodeId>) -> Option<Value<'static>> {
-    match row.entry.default {
-        DefaultValue::Product => Some(Value::Text(description(kind).as_bytes())),
-        number => default_number(number, node_id).map(Value::Number),
     }
 }
 

@@ -19,8 +19,9 @@ use super::fault_codes::codes;
 use super::found::Found;
 use super::identification::Identification;
 use super::records::{Factory, LayerChange, LocalLayer};
+use super::sensing::sense;
 use super::setup::Setup;
-use crate::actuator::{Fault, FaultSet, InternalCause, ValveSenses};
+use crate::actuator::{Fault, FaultSet, InternalCause};
 use crate::controller::{BitRate, BusErrorMode, Filter, Filters};
 use crate::device::host::{Base, Body, Host};
 use crate::device::{Outputs, Restart, Senses, StartCause};
@@ -181,15 +182,9 @@ impl Body for IsobusValve {
     }
 
     fn sense(&mut self, senses: &Senses, base: &mut Base<Job>) {
-        let now = base.now();
         self.senses = *senses;
-        let (supply_mv, temperature_c) = (senses.supply_mv, senses.temperature_c);
-        let bus_off = senses.bus == BusErrorMode::BusOff;
-        let valve = &mut self.auxiliary.valve;
-        valve.sense(&ValveSenses { supply_mv, temperature_c, spool: senses.spool }, now);
-        valve.set_internal(InternalCause::Injected, senses.internal_fault, now);
-        valve.set_bus_off(bus_off, now);
-        self.node.set_bus_off(bus_off);
+        sense(&mut self.auxiliary.valve, senses, base.now());
+        self.node.set_bus_off(senses.bus == BusErrorMode::BusOff);
     }
 
     #[inline]
@@ -253,8 +248,7 @@ impl Body for IsobusValve {
         self.auxiliary.restart(found.fault_log.counters, now);
         let valve = &mut self.auxiliary.valve;
         found.tell_faults(valve, now);
-        valve.set_internal(InternalCause::Injected, self.senses.internal_fault, now);
-        valve.set_bus_off(self.senses.bus == BusErrorMode::BusOff, now);
+        sense(valve, &self.senses, now);
         let own = address(&self.setup, self.local_layer);
         self.node.restart(name(&self.factory), own);
         self.uds = uds::key_to(uds::Address::node(own.get()));

@@ -1,0 +1,70 @@
+//! The EMCY story and the error history.
+
+use super::super::emcy::{ErrorHistory, Story};
+use crate::wire::emcy::Emcy;
+use crate::wire::sdo::AbortCode;
+
+fn message(code: u16) -> Emcy {
+    Emcy { code, ..Emcy::default() }
+}
+
+fn told(story: &mut Story) -> std::vec::Vec<u16> {
+    core::iter::from_fn(|| story.hand_out()).map(|message| message.code).collect()
+}
+
+extern crate std;
+
+#[test]
+fn the_newest_sixteen_in_order() {
+    let mut story = Story::new();
+    let dropped = (0..20).filter(|code| !story.push(message(*code))).count();
+    assert_eq!(dropped, 4);
+    assert_eq!(told(&mut story), (4..20).collect::<std::vec::Vec<_>>());
+}
+
+#[test]
+fn a_message_in_the_controller_makes_room_and_is_not_dropped() {
+    let mut story = Story::new();
+    assert!(story.push(message(0)));
+    assert_eq!(story.hand_out(), Some(message(0)));
+    assert!((1..=16).all(|code| story.push(message(code))));
+    assert!(!story.push(message(17)));
+    assert_eq!(told(&mut story), (2..=17).collect::<std::vec::Vec<_>>());
+}
+
+#[test]
+fn a_message_that_is_given_back_goes_before_the_later_ones() {
+    let mut story = Story::new();
+    assert!((0..4).all(|code| story.push(message(code))));
+    assert_eq!([story.hand_out(), story.hand_out()], [Some(message(0)), Some(message(1))]);
+    assert!(story.give_back(message(0)));
+    assert!(!story.give_back(message(9)), "not in the controller");
+    assert_eq!(told(&mut story), [0, 2, 3]);
+}
+
+#[test]
+fn what_the_controller_has_dropped_is_told_again_and_what_was_sent_is_not() {
+    let mut story = Story::new();
+    assert!((0..3).all(|code| story.push(message(code))));
+    story.hand_out();
+    story.sent();
+    assert!(!story.is_taken());
+    story.hand_out();
+    story.take_back();
+    assert_eq!(told(&mut story), [1, 2]);
+    story.sent();
+    assert!(story.is_empty() && !story.is_owed());
+}
+
+#[test]
+fn the_history_has_the_newest_first() {
+    let mut history = ErrorHistory::new();
+    assert_eq!(history.field(1), Err(AbortCode::NO_DATA));
+    for code in 1..=9 {
+        history.enter(code, 0x100);
+    }
+    assert_eq!((history.count(), history.field(1), history.field(8)), (8, Ok(0x0100_0009), Ok(0x0100_0002)));
+    assert_eq!(history.write_count(1), Err(AbortCode::INVALID_VALUE));
+    assert_eq!(history.write_count(0), Ok(()));
+    assert_eq!(history.count(), 0);
+}
