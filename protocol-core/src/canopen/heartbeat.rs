@@ -53,6 +53,11 @@ impl HeartbeatProducer {
     /// Takes a stored time; due from the next [`boot`](Self::boot).
     pub const fn load(&mut self, time: u16) {
         self.time = time;
+        self.stop();
+    }
+
+    /// Sends nothing until the next [`boot`](Self::boot).
+    pub const fn stop(&mut self) {
         self.next = NEVER;
     }
 

@@ -124,7 +124,8 @@ impl<J> Base<J> {
         self.now
     }
 
-    /// Asks for a restart. Until it is carried out the device takes no part in the bus; of two the wider one counts.
+    /// Asks for a restart. Until it is carried out the device takes no frames, and its timers go on; of two the wider one
+    /// counts.
     pub fn request_restart(&mut self, scope: Restart) {
         self.restart.wanted = self.restart.wanted.max(Some(scope));
         self.restart.log_failed = false;
@@ -143,7 +144,7 @@ impl<J> Base<J> {
 pub struct Host<B: Body> {
     body: B,
     base: Base<B::Job>,
-    /// When the body or the fault log is next due; [`NEVER`] while a restart is under way.
+    /// When the body or the fault log is next due.
     deadline: Instant,
 }
 
@@ -213,8 +214,7 @@ impl<B: Body> Host<B> {
     }
 
     fn schedule(&mut self) {
-        let running = !self.base.is_restarting();
-        self.deadline = if running { self.body.deadline().min(self.base.fault_log.due()) } else { NEVER };
+        self.deadline = self.body.deadline().min(self.base.fault_log.due());
     }
 
     fn store_fault_log(&mut self) {

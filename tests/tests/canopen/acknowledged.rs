@@ -356,3 +356,21 @@ mod uds_waits {
         assert_eq!(valve.node_id(), Some(0x30));
     }
 }
+
+/// Reset communication reloads the parameters. Those from before an executed "load" are no longer the valve's, although
+/// the memory holds them still.
+#[test]
+fn a_reset_of_the_communication_while_the_defaults_are_unstored() {
+    let mut valve = Rig::booted();
+    change(&mut valve);
+    ask(&mut valve, SAVE, SAVED);
+    ask(&mut valve, LOAD, LOADED);
+    valve.writes_fail = true;
+    boots(&mut valve);
+    valve.advance(1000);
+    assert!(!has_own(&mut valve));
+    valve.send("000: 82 20");
+    valve.advance(1000);
+    valve.take();
+    assert!(!has_own(&mut valve));
+}

@@ -1,6 +1,7 @@
 //! The bit rate is switched at its instant, whatever the bus takes, and the silence around it is kept (SPEC 4.4).
 
 use protocol_core::controller::BitRate;
+use protocol_core::time::Duration;
 use tests::Rig;
 
 const BOOT: [&str; 2] = ["720: 00", "0A0: 00 00 00 00 00 00 00 00"];
@@ -133,5 +134,20 @@ fn reset_communication_in_the_silence() {
         valve.advance(1);
         assert_eq!(valve.take(), BOOT, "reset after {at} ms");
         assert_eq!(valve.device().bit_rate(), BitRate::Kbit500);
+    }
+}
+
+/// A platform that comes late, or delays of 0, let switch and end of the silence fall together: what is owed goes out at the
+/// new rate, not before it.
+#[test]
+fn nothing_is_sent_before_a_late_switch() {
+    for (delay, late) in [("00", 0), ("64", 5000)] {
+        let mut valve = held();
+        valve.sense(|senses| senses.internal_fault = true);
+        valve.send(&format!("7E5: 15 {delay} 00 00 00 00 00 00"));
+        valve.leap(Duration::from_millis(late));
+        assert_eq!(valve.bit_rates(), [BitRate::Kbit500]);
+        valve.hold_bus(false);
+        assert_eq!(valve.take(), [INTERNAL_ERROR], "delay {delay}");
     }
 }

@@ -31,6 +31,7 @@ mod properties;
 mod restart_scope;
 mod sdo;
 mod set_point;
+mod silence;
 mod storage;
 mod sync;
 mod uds;

@@ -131,3 +131,38 @@ fn a_count_that_falls_while_a_reset_waits() {
         assert_eq!(valve.read(0x2024, 0), 1);
     }
 }
+
+/// What ends a start while fault 8 is active, if the reset has left it.
+fn told_after(order: &str) -> Vec<String> {
+    let told: &[&str] = if order == "82" { &["0A0: 03 80 91 01 00 00 00 00"] } else { &[] };
+    BOOT.iter().chain(told).map(|frame| (*frame).to_owned()).collect()
+}
+
+/// A valve that waits for its reset hears no set-points any more: time guarding shuts it down.
+#[test]
+fn a_valve_that_waits_for_its_reset_is_guarded() {
+    for order in ["81", "82"] {
+        for slow_memory in [false, true] {
+            let mut valve = Rig::booted();
+            valve.activate();
+            valve.send("220: 0F 00 00 40");
+            if slow_memory {
+                valve.write_time = Duration::from_secs(5);
+                valve.send(SAVE);
+            } else {
+                valve.hold_bus(true);
+                valve.send("620: 40 00 10 00 00 00 00 00");
+            }
+            valve.send(&format!("000: {order} 20"));
+            valve.advance(249);
+            assert!(valve.device().outputs().solenoids, "{order}");
+            valve.advance(1);
+            assert!(!valve.device().outputs().solenoids, "{order}");
+            valve.hold_bus(false);
+            valve.advance(20_000);
+            let sent = valve.take();
+            assert!(sent.ends_with(&told_after(order)), "{order}: {sent:?}");
+            assert_eq!(valve.read(0x2023, 0), 1, "{order}");
+        }
+    }
+}

@@ -224,10 +224,10 @@ impl Owed {
 }
 
 impl<P: Product> Node<P> {
-    /// Returns whether a frame is owed that may be sent now.
+    /// Returns whether a frame is owed that may be sent now: not before the platform has been given a new bit rate.
     #[inline]
     pub(crate) fn has_frame(&self) -> bool {
-        self.owed.is_anything() && !self.is_mute()
+        self.owed.is_anything() && !self.is_mute() && !self.rate_is_new
     }
 
     /// Makes the most urgent frame that is owed: in the order of arbitration, answers first come first served.

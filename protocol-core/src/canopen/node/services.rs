@@ -85,6 +85,7 @@ impl<P: Product> Node<P> {
     fn leave_bus(&mut self) {
         self.nmt = NmtSlave::new();
         self.sdo.cancel();
+        self.objects.heartbeat.stop();
         self.owed.settle_heartbeat();
         self.owed.settle_tpdo();
     }

@@ -115,6 +115,13 @@ pub struct LayerChange {
     pub(super) bit_rate: Option<BitRate>,
 }
 
+impl LayerChange {
+    /// The node ID, or address, alone.
+    pub(super) const fn node_id(node_id: u8) -> Self {
+        Self { node_id: Some(node_id), bit_rate: None }
+    }
+}
+
 impl LocalLayer {
     /// What a new memory is filled with.
     pub(super) fn new(kind: Kind, node_id: Option<u8>) -> Self {

@@ -43,6 +43,11 @@ impl Load {
         Self { executed, ..Self::new() }
     }
 
+    /// Returns whether the defaults are in force, whatever parameters the memory holds.
+    pub(super) fn replaces_stored(&self) -> bool {
+        self.executed == Executed::DefaultsUnstored
+    }
+
     /// Notes that parameters are stored which are newer than the executed load. Returns whether the flag is still set.
     pub(super) fn parameters_stored(&mut self) -> bool {
         if self.executed == Executed::DefaultsUnstored {

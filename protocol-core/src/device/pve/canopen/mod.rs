@@ -232,8 +232,7 @@ impl Body for CanopenValve {
     /// keeps its parameters; faults that are active are told again.
     fn start(&mut self, scope: Restart, image: &Image, base: &mut Base<Job>) {
         let now = base.now();
-        let setup = self.setup;
-        let mut found = Found::look(&setup, image);
+        let mut found = Found::look(&self.setup, image);
         let parameters = found.payload(RecordKey::Parameters, |payload| Stored::decode(DICTIONARY, payload));
         let load_is_set = found.payload(RecordKey::RestoreFlag, decode_flag).unwrap_or(false);
         self.local_layer = found.local_layer;
@@ -255,14 +254,11 @@ impl Body for CanopenValve {
             }
         };
         let node_id = self.node.reset(reset, stored);
-        let parameters = if scope == Restart::Application {
+        if scope == Restart::Application {
             // The defaults follow the node ID: without one, the load waits for a start with one.
             self.load = Load::found(load_is_set && node_id.is_some());
-            self.lss_stores = 0;
-            parameters.filter(|_| !load_is_set)
-        } else {
-            parameters
-        };
+        }
+        let parameters = parameters.filter(|_| !self.load.replaces_stored());
         self.node.boot(reset, parameters, &mut self.objects, now);
         self.uds = node_id.map_or(NO_UDS, |node_id| uds::key_to(uds::Address::node(node_id.get())));
         self.tell_start(scope, base);

@@ -100,7 +100,7 @@ impl CanopenValve {
                 self.lss_in_flight = self.node.unstored();
                 seal(version, &layer.with(change_of(self.lss_in_flight)).encode())
             }
-            Job::UdsNodeId(raw) => seal(version, &layer.with(change_of_node_id(raw)).encode()),
+            Job::UdsNodeId(raw) => seal(version, &layer.with(LayerChange::node_id(raw)).encode()),
             Job::Save => {
                 let payload = self.node.parameters::<RECORD_MAX>(&self.objects);
                 seal(version, &payload.ok_or(StoreError)?)
@@ -146,7 +146,7 @@ impl CanopenValve {
             }
             Job::UdsNodeId(raw) => {
                 if stored {
-                    self.local_layer = self.local_layer.with(change_of_node_id(raw));
+                    self.local_layer = self.local_layer.with(LayerChange::node_id(raw));
                     self.node.configuration_stored(Configuration { node_id: NodeId::new(raw), bit_rate: None });
                 }
                 self.node.answer(node_id_written(stored));
@@ -196,9 +196,4 @@ impl CanopenValve {
 /// What an LSS store changes of the local layer.
 fn change_of(configuration: Configuration) -> LayerChange {
     LayerChange { node_id: configuration.node_id.map(NodeId::get), bit_rate: configuration.bit_rate }
-}
-
-/// What a UDS write changes of it.
-const fn change_of_node_id(raw: u8) -> LayerChange {
-    LayerChange { node_id: Some(raw), bit_rate: None }
 }

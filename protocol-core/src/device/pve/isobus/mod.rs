@@ -110,8 +110,7 @@ impl IsobusValve {
     /// Stores a commanded address; the valve then restarts under it.
     fn store_address(&self, address: Address, base: &mut Base<Job>) {
         if self.setup.kind.node_ids().contains(&address.get()) {
-            let change = LayerChange { node_id: Some(address.get()), bit_rate: None };
-            base.writes.ask(Job::LocalLayer(change, LayerFor::CommandedAddress));
+            base.writes.ask(Job::LocalLayer(LayerChange::node_id(address.get()), LayerFor::CommandedAddress));
         }
     }
 
@@ -128,8 +127,7 @@ impl IsobusValve {
             Reaction::Nothing => {}
             Reaction::Answer(frame) => self.node.answer(frame),
             Reaction::StoreNodeId(address) => {
-                let change = LayerChange { node_id: Some(address), bit_rate: None };
-                base.writes.ask(Job::LocalLayer(change, LayerFor::Uds));
+                base.writes.ask(Job::LocalLayer(LayerChange::node_id(address), LayerFor::Uds));
             }
         }
     }
