@@ -134,7 +134,9 @@ impl Board {
             }
             self.can.resume();
             if calls.include(Caller::Leds) {
-                led::show(device.outputs().led);
+                if let Some(outputs) = device.outputs().valve() {
+                    led::show(outputs.led);
+                }
             }
             due = self.next_look(device, now);
         }

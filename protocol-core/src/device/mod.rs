@@ -4,13 +4,14 @@
 //! reads no clock and touches no hardware. [`pump`](crate::pump::pump) connects one with a controller.
 
 pub mod fault_log;
+pub mod hat;
 pub mod host;
 pub mod pve;
 pub mod reading;
 mod senses;
 pub mod writes;
 
-pub use senses::{Outputs, Senses};
+pub use senses::{Outputs, ProductSenses, Senses, ValveOutputs};
 
 use crate::controller::{BitRate, Filter, Filters};
 use crate::frame::Frame;

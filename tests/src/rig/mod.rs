@@ -13,13 +13,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use hal_sim::world::Write;
 use protocol_core::controller::{BitRate, BusErrorMode, Filters};
 use protocol_core::device::pve::{Kind, Protocol, PveCanopen, PveIsobus, Setup};
-use protocol_core::device::{Device, Effect, Senses, StartCause};
+use protocol_core::device::{self, Device, Effect, StartCause, ValveOutputs};
 use protocol_core::memory::{Image, RecordKey};
 use protocol_core::pump::pump;
 use protocol_core::time::{Duration, Instant};
 
 pub use frames::frame;
 use wire::Wire;
+
+use crate::Senses;
 
 /// The device of a setup.
 fn power_on(setup: Setup, image: &Image, cause: StartCause, now: Instant) -> Box<dyn Device> {
@@ -35,7 +37,7 @@ pub struct Rig {
     device: Box<dyn Device>,
     wire: Wire,
     now: Instant,
-    senses: Senses,
+    senses: device::Senses,
     /// The memory: records by key. What is put in here is found at the next start.
     pub records: BTreeMap<RecordKey, Vec<u8>>,
     /// The next start finds the memory damaged as a whole.
@@ -85,7 +87,7 @@ impl Rig {
             device,
             wire: Wire::new(now),
             now,
-            senses: Senses::default(),
+            senses: device::Senses::default(),
             records: BTreeMap::new(),
             memory_damaged: false,
             writes_fail: false,
@@ -119,7 +121,13 @@ impl Rig {
     /// Changes what the device senses. A controller that goes bus-off drops what is in its mailboxes, and sends nothing
     /// until it is back.
     pub fn sense(&mut self, change: impl FnOnce(&mut Senses)) {
-        change(&mut self.senses);
+        let mut senses = Senses::from(self.senses);
+        change(&mut senses);
+        self.take_senses(senses.into());
+    }
+
+    fn take_senses(&mut self, senses: device::Senses) {
+        self.senses = senses;
         let bus_off = self.senses.bus == BusErrorMode::BusOff;
         if bus_off && !self.wire.bus_off {
             self.wire.clear();
@@ -153,6 +161,15 @@ impl Rig {
     #[must_use]
     pub fn device(&self) -> &dyn Device {
         &*self.device
+    }
+
+    /// What the valve drives.
+    ///
+    /// # Panics
+    /// When it is no valve.
+    #[must_use]
+    pub fn outputs(&self) -> ValveOutputs {
+        self.device.outputs().valve().expect("a valve")
     }
 
     /// The node ID in force.

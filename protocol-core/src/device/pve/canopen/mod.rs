@@ -28,7 +28,7 @@ use crate::canopen::node::{self, Demand, Node};
 use crate::canopen::parameters::Stored;
 use crate::controller::{BitRate, BusErrorMode, Filter, Filters};
 use crate::device::host::{Base, Body, Host};
-use crate::device::{Outputs, Restart, Senses, StartCause};
+use crate::device::{Outputs, Restart, Senses, StartCause, ValveOutputs};
 use crate::frame::Frame;
 use crate::memory::{Image, Record, RecordKey, StoreError};
 use crate::time::Instant;
@@ -276,7 +276,8 @@ impl Body for CanopenValve {
 
     fn outputs(&self) -> Outputs {
         let application = &self.objects.application;
-        Outputs { solenoids: application.valve.solenoids(), led: application.led(self.node.node_id().is_some()) }
+        let led = application.led(self.node.node_id().is_some());
+        Outputs::Valve(ValveOutputs { solenoids: application.valve.solenoids(), led })
     }
 
     fn bit_rate(&self) -> BitRate {
