@@ -6,11 +6,13 @@
 pub mod fault_log;
 pub mod hat;
 pub mod host;
+mod kind;
 pub mod pve;
 pub mod reading;
 mod senses;
 pub mod writes;
 
+pub use kind::{Kind, Protocol, Setup};
 pub use senses::{Outputs, ProductSenses, Senses, ValveOutputs};
 
 use crate::controller::{BitRate, Filter, Filters};

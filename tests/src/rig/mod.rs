@@ -12,8 +12,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use hal_sim::world::Write;
 use protocol_core::controller::{BitRate, BusErrorMode, Filters};
-use protocol_core::device::pve::{Kind, Protocol, PveCanopen, PveIsobus, Setup};
-use protocol_core::device::{self, Device, Effect, StartCause, ValveOutputs};
+use protocol_core::device::hat::{Hat, Shaft};
+use protocol_core::device::pve::{Kind, PveCanopen, PveIsobus, Setup};
+use protocol_core::device::{self, Device, Effect, Protocol, StartCause, ValveOutputs};
 use protocol_core::memory::{Image, RecordKey};
 use protocol_core::pump::pump;
 use protocol_core::time::{Duration, Instant};
@@ -24,16 +25,30 @@ use wire::Wire;
 use crate::Senses;
 
 /// The device of a setup.
-fn power_on(setup: Setup, image: &Image, cause: StartCause, now: Instant) -> Box<dyn Device> {
-    match setup.kind.protocol() {
-        Protocol::Canopen => Box::new(PveCanopen::power_on(setup, image, cause, now)),
-        Protocol::Isobus => Box::new(PveIsobus::power_on(setup, image, cause, now)),
+fn power_on(setup: device::Setup, image: &Image, cause: StartCause, now: Instant) -> Box<dyn Device> {
+    match setup.kind {
+        device::Kind::Hat(kind) => Box::new(Hat::power_on(setup.with_kind(kind), image, cause, now)),
+        device::Kind::Pve(kind) => {
+            let setup = setup.with_kind(kind);
+            match kind.protocol() {
+                Protocol::Canopen => Box::new(PveCanopen::power_on(setup, image, cause, now)),
+                Protocol::Isobus => Box::new(PveIsobus::power_on(setup, image, cause, now)),
+            }
+        }
     }
 }
 
-/// A valve on a rig.
+/// What a healthy device of a kind senses.
+fn healthy(kind: device::Kind) -> device::Senses {
+    match kind {
+        device::Kind::Pve(_) => device::Senses::default(),
+        device::Kind::Hat(_) => device::Senses::encoder(Shaft::default()),
+    }
+}
+
+/// A device on a rig.
 pub struct Rig {
-    setup: Setup,
+    setup: device::Setup,
     device: Box<dyn Device>,
     wire: Wire,
     now: Instant,
@@ -77,9 +92,10 @@ impl Rig {
         rig
     }
 
-    /// A valve that was just powered up, with a memory that was never written.
+    /// A device that was just powered up, with a memory that was never written.
     #[must_use]
-    pub fn power_on(setup: Setup) -> Self {
+    pub fn power_on(setup: impl Into<device::Setup>) -> Self {
+        let setup = setup.into();
         let now = Instant::from_secs(1);
         let device = power_on(setup, &Image::empty(), StartCause::PowerOn, now);
         let mut rig = Self {
@@ -87,7 +103,7 @@ impl Rig {
             device,
             wire: Wire::new(now),
             now,
-            senses: device::Senses::default(),
+            senses: healthy(setup.kind),
             records: BTreeMap::new(),
             memory_damaged: false,
             writes_fail: false,
@@ -124,6 +140,13 @@ impl Rig {
         let mut senses = Senses::from(self.senses);
         change(&mut senses);
         self.take_senses(senses.into());
+    }
+
+    /// Changes what a sensor senses.
+    pub fn sense_hat(&mut self, change: impl FnOnce(&mut device::Senses)) {
+        let mut senses = self.senses;
+        change(&mut senses);
+        self.take_senses(senses);
     }
 
     fn take_senses(&mut self, senses: device::Senses) {

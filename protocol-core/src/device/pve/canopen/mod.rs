@@ -14,14 +14,15 @@ mod storing;
 use load::Load;
 use storing::Job;
 
+use super::Setup;
 use super::dictionary::DICTIONARY;
 use super::found::Found;
 use super::identification::Identification;
 use super::objects::{Task, ValveObjects};
 use super::records::{Factory, LocalLayer, decode_flag};
 use super::sensing::sense;
-use super::setup::Setup;
 use crate::actuator::{Counters, InternalCause};
+use crate::canopen::dictionary::Group;
 use crate::canopen::lss::Configuration;
 use crate::canopen::nmt::Reset;
 use crate::canopen::node::{self, Demand, Node};
@@ -34,6 +35,7 @@ use crate::memory::{Image, Record, RecordKey, StoreError};
 use crate::time::Instant;
 use crate::uds::Reaction;
 use crate::wire::cob_id::NodeId;
+use crate::wire::lss::LssNodeId;
 use crate::wire::uds;
 
 /// A PVEA or PVEO on CANopen.
@@ -234,11 +236,12 @@ impl Body for CanopenValve {
         let now = base.now();
         let setup = self.setup;
         let mut found = Found::look(&setup, image);
-        let parameters = found.payload(RecordKey::Parameters, |payload| Stored::decode(DICTIONARY, payload));
+        let parameters =
+            found.payload(RecordKey::Parameters, |payload| Stored::decode(DICTIONARY, Group::All, payload));
         let load_is_set = found.payload(RecordKey::RestoreFlag, decode_flag).unwrap_or(false);
         self.local_layer = found.local_layer;
         let stored = Configuration {
-            node_id: found.local_layer.node_id.and_then(NodeId::new),
+            node_id: found.local_layer.node_id.and_then(LssNodeId::new),
             bit_rate: Some(found.local_layer.bit_rate),
         };
         let reset = match scope {
@@ -263,7 +266,7 @@ impl Body for CanopenValve {
         } else {
             parameters
         };
-        self.node.boot(reset, parameters, &mut self.objects, now);
+        self.node.boot(reset, [(Group::All, parameters)], &mut self.objects, now);
         self.uds = node_id.map_or(NO_UDS, |node_id| uds::key_to(uds::Address::node(node_id.get())));
         self.tell_start(scope, base);
         found.tell_faults(&mut self.objects.application.valve, now);

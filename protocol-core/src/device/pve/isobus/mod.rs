@@ -14,13 +14,13 @@ use heapless::Vec;
 use product::{RULES, address, name};
 use storing::{Clearing, Job, LayerFor};
 
+use super::Setup;
 use super::auxiliary_valve::AuxiliaryValve;
 use super::fault_codes::codes;
 use super::found::Found;
 use super::identification::Identification;
 use super::records::{Factory, LayerChange, LocalLayer};
 use super::sensing::sense;
-use super::setup::Setup;
 use crate::actuator::{Fault, FaultSet, InternalCause};
 use crate::controller::{BitRate, BusErrorMode, Filter, Filters};
 use crate::device::host::{Base, Body, Host};
