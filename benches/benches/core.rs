@@ -9,9 +9,10 @@
 use gungraun::prelude::*;
 use gungraun::{Callgrind, EventKind};
 use protocol_core::controller::{Controller, Filter, Filters};
-use protocol_core::device::hat::{self, Hat, Shaft};
+use protocol_core::device::hat::{self, Hat};
 use protocol_core::device::pve::{Kind, PveCanopen, PveIsobus, Setup};
 use protocol_core::device::{Device, Effect, Senses, StartCause};
+use protocol_core::encoder::Shaft;
 use protocol_core::frame::Frame;
 use protocol_core::memory::Image;
 use protocol_core::pump::{pump, receive};
@@ -212,7 +213,7 @@ fn sdo_download(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>
 }
 
 // A segment of a string.
-#[library_benchmark(config = budget(499))]
+#[library_benchmark(config = budget(439))]
 #[bench::string(in_segmented_upload("620: 60 00 00 00 00 00 00 00"))]
 fn sdo_segment(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
     exchange.run()
@@ -233,7 +234,7 @@ fn rpdo_to_tpdo_new(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCano
 }
 
 // A frame for somebody else (56 in C).
-#[library_benchmark(config = budget(43))]
+#[library_benchmark(config = budget(50))]
 #[bench::standard(operational("1A1: 0F 00 00 00"))]
 #[bench::extended(operational("18FECA83: FF FF"))]
 fn foreign(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
@@ -241,7 +242,7 @@ fn foreign(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
 }
 
 // `poll` with nothing due (472 in C).
-#[library_benchmark(config = budget(14))]
+#[library_benchmark(config = budget(9))]
 #[bench::idle(operational("080:"))]
 fn nothing_due(mut exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
     exchange.valve.poll(exchange.now);
@@ -249,7 +250,7 @@ fn nothing_due(mut exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanop
 }
 
 // The last of the four numbers of LSS switch state selective.
-#[library_benchmark(config = budget(499))]
+#[library_benchmark(config = budget(429))]
 #[bench::last_number(in_selection("7E5: 43 00 01 2E 5B 00 00 00"))]
 fn lss_switch_selective(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
     exchange.run()

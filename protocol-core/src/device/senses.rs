@@ -1,8 +1,8 @@
 //! What a device senses, and what it drives: what all have in common, and what is the product's.
 
-use super::hat::Shaft;
 use crate::actuator::{Led, ValveSenses};
 use crate::controller::BusErrorMode;
+use crate::encoder::Shaft;
 
 /// Everything that a device senses of the world around it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

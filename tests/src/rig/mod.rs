@@ -12,9 +12,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use hal_sim::world::Write;
 use protocol_core::controller::{BitRate, BusErrorMode, Filters};
-use protocol_core::device::hat::{Hat, Shaft};
+use protocol_core::device::hat::Hat;
 use protocol_core::device::pve::{Kind, PveCanopen, PveIsobus, Setup};
 use protocol_core::device::{self, Device, Effect, Protocol, StartCause, ValveOutputs};
+use protocol_core::encoder::Shaft;
 use protocol_core::memory::{Image, RecordKey};
 use protocol_core::pump::pump;
 use protocol_core::time::{Duration, Instant};

@@ -1,7 +1,7 @@
 //! TPDO 1 by SYNC, and what it carries (SPEC 9).
 
 use protocol_core::device::ProductSenses;
-use protocol_core::device::hat::Shaft;
+use protocol_core::encoder::Shaft;
 use tests::Rig;
 
 use super::booted;

@@ -1,7 +1,7 @@
 //! Event timer and inhibit time (SPEC 9).
 
 use protocol_core::device::ProductSenses;
-use protocol_core::device::hat::Shaft;
+use protocol_core::encoder::Shaft;
 use protocol_core::time::{Duration, Instant};
 use tests::Rig;
 

@@ -1,7 +1,7 @@
 //! The position against the angle: wrap, preset, offset, alarms (SPEC 9).
 
 use protocol_core::device::ProductSenses;
-use protocol_core::device::hat::Shaft;
+use protocol_core::encoder::Shaft;
 use tests::Rig;
 
 use super::{SAVE, booted};

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use protocol_core::device::ProductSenses;
-use protocol_core::device::hat::Shaft;
+use protocol_core::encoder::Shaft;
 use protocol_core::memory::RecordKey;
 use protocol_core::time::Duration;
 use tests::Rig;

@@ -3,7 +3,7 @@
 //! ```text
 //! mod        the node: what goes in, and what it demands of the device around it
 //! product    what a product brings
-//! objects    what lies behind the dictionary
+//! object     what lies behind a row of the dictionary          objects    the node's own objects
 //! services   what each service does with a frame
 //! listening  which frames are for the node
 //! owed       what the node owes to the bus
@@ -12,14 +12,15 @@
 //! The node keeps no product: every call that needs it is given one.
 
 mod listening;
+mod object;
 mod objects;
 mod owed;
 mod product;
 mod services;
 
 pub(crate) use listening::Service;
-pub(crate) use objects::{ErrorClass, Object, ObjectOf, PdoParameter};
-pub(crate) use product::{Product, Rules};
+pub(crate) use object::{ErrorClass, Object, PdoParameter};
+pub(crate) use product::{ObjectOf, Product, Rules};
 
 use heapless::Vec;
 

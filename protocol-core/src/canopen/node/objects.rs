@@ -1,6 +1,7 @@
 //! What lies behind the dictionary: the communication objects 0x1000–0x1FFF, and the way to the product's own.
 
-use super::product::Product;
+use super::object::{ErrorClass, Object, PdoParameter};
+use super::product::{ObjectOf, Product};
 use crate::canopen::dictionary::{DefaultValue, Dictionary, Group, Row, Value};
 use crate::canopen::emcy::{EmcyConsumer, EmcyProducer, ErrorHistory};
 use crate::canopen::heartbeat::HeartbeatProducer;
@@ -12,72 +13,7 @@ use crate::canopen::sync::SyncConsumer;
 use crate::outcome::Outcome;
 use crate::time::Instant;
 use crate::wire::cob_id::NodeId;
-use crate::wire::lss::Part;
 use crate::wire::sdo::{AbortCode, Multiplexer};
-
-/// What lies behind an object: `A` are the product's own, `T` what signatures ask for.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Object<A, T> {
-    /// A number that never changes.
-    Constant(u32),
-    /// A text that never changes while the device runs, or an object of the product.
-    Product(A),
-    /// 0x1001
-    ErrorRegister,
-    /// 0x1003:0
-    ErrorCount,
-    /// 0x1003:1–8
-    ErrorField(u8),
-    /// 0x1005
-    SyncCobId,
-    /// 0x1010 and 0x1011: reads 1; a write of the signature demands the task.
-    Signature(u32, T),
-    /// 0x1014: while it is not stored, it follows the node ID.
-    EmcyCobId,
-    /// 0x1017
-    HeartbeatTime,
-    /// 0x1018:1–4
-    Identity(Part),
-    /// 0x1028:1
-    EmcyConsumer,
-    /// 0x1029:1–2
-    ErrorBehaviour(ErrorClass),
-    /// 0x1400 and 0x1600
-    Rpdo(PdoParameter),
-    /// 0x1800 and 0x1A00
-    Tpdo(PdoParameter),
-    /// 0x1F80
-    NmtStartup,
-}
-
-/// The errors that can change the NMT state, 0x1029.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum ErrorClass {
-    /// Sub-index 1: an error of the communication.
-    Communication,
-    /// Sub-index 2: an error of the product.
-    Product,
-}
-
-/// The parameters of a PDO.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum PdoParameter {
-    /// Sub-index 1 of the communication parameter.
-    CobId,
-    /// Sub-index 2 of the communication parameter.
-    TransmissionType,
-    /// Sub-index 3 of the communication parameter.
-    InhibitTime,
-    /// Sub-index 5 of the communication parameter.
-    EventTimer,
-    /// Sub-index 0 of the mapping parameter.
-    Count,
-    /// Sub-index 1–8 of the mapping parameter.
-    Entry(u8),
-}
-
-/// What lies behind the objects of a product.
-pub(crate) type ObjectOf<P> = Object<<P as Product>::Object, <P as Product>::Task>;
 
 /// The value that an object of "save" and "load" reads: it stores on command (CiA 301 7.5.2.13).
 const STORES_ON_COMMAND: u32 = 1;

@@ -2,7 +2,7 @@
 
 use core::fmt::Debug;
 
-use super::objects::ObjectOf;
+use super::object::Object;
 use crate::canopen::dictionary::{Dictionary, Value};
 use crate::canopen::{heartbeat, lss, nmt, pdo};
 use crate::time::Instant;
@@ -26,6 +26,9 @@ pub(crate) struct Rules {
     /// LSS.
     pub(crate) lss: lss::Rules,
 }
+
+/// What lies behind the objects of a product.
+pub(crate) type ObjectOf<P> = Object<<P as Product>::Object, <P as Product>::Task>;
 
 /// A product on CANopen.
 pub(crate) trait Product: Sized {

@@ -1,7 +1,8 @@
 //! What each service does with a frame.
 
 use super::listening::Service;
-use super::objects::{Object, View};
+use super::object::Object;
+use super::objects::View;
 use super::product::Product;
 use super::{Demand, Node};
 use crate::canopen::lss::{self, Identity};

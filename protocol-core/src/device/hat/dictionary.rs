@@ -4,8 +4,7 @@ use super::objects::HatObject::{
     Alarms, BitRateDemanded, BitRateInForce, DeviceName, HardwareVersion, NodeIdDemanded, NodeIdInForce, Offset,
     Position, Preset, SerialNumber, SoftwareVersion,
 };
-use super::objects::{HatObject, PRESET_MAX, Part, Task};
-use super::shaft::STEPS;
+use super::objects::{HatObject, Part, Task};
 use crate::canopen::dictionary::DataType::{I32, Text, U8, U16, U32};
 use crate::canopen::dictionary::DefaultValue::{NodeIdPlus, Number};
 use crate::canopen::dictionary::Mappable::Tpdo as IntoTpdo;
@@ -18,6 +17,7 @@ use crate::canopen::node::PdoParameter::{CobId, Count, Entry as Mapped, EventTim
 use crate::canopen::node::{ErrorClass, Object};
 use crate::canopen::pdo;
 use crate::canopen::sync::SyncConsumer;
+use crate::encoder::{POSITION_MAX, STEPS};
 use crate::wire::cob_id::{self, Function};
 use crate::wire::sdo::Multiplexer;
 
@@ -125,6 +125,6 @@ pub(super) const DICTIONARY: Dictionary<Behind> = Dictionary::new(&[
     Row::ro(0x650A, 0, U8, Constant(3), "Module identification: highest sub-index"),
     Row::ro(0x650A, 1, I32, Constant(0), "Manufacturer offset value"),
     Row::ro(0x650A, 2, I32, Constant(0), "Manufacturer minimum position value"),
-    Row::ro(0x650A, 3, I32, Constant(PRESET_MAX), "Manufacturer maximum position value"),
+    Row::ro(0x650A, 3, I32, Constant(POSITION_MAX), "Manufacturer maximum position value"),
     Row::ro(0x650B, 0, U32, Product(SerialNumber), "Serial number"),
 ]);

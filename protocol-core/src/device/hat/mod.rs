@@ -5,7 +5,6 @@
 //! kind        the products, and what one is made as
 //! dictionary  the object dictionary, one table
 //! objects     what lies behind it, and the rules
-//! shaft       the angle as a function of time
 //! errors      what EMCYs tell of
 //! records     what is kept in the memory
 //! storing     writes to the memory, and who waits for them
@@ -16,13 +15,11 @@ mod errors;
 mod kind;
 mod objects;
 mod records;
-mod shaft;
 mod storing;
 
 pub use dictionary::entry;
 pub use errors::Error;
 pub use kind::{Kind, Setup};
-pub use shaft::{STEPS, Shaft, TURN_CDEG};
 
 use dictionary::DICTIONARY;
 use errors::Errors;

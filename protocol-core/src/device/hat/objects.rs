@@ -4,18 +4,15 @@ use super::dictionary::{DICTIONARY, STARTS_ITSELF, WAITS};
 use super::errors::Errors;
 use super::kind::Kind;
 use super::records::Layer;
-use super::shaft::{STEPS, Shaft};
 use crate::canopen::dictionary::{Dictionary, Mappable, Value};
 use crate::canopen::node::{Object, Product, Rules};
 use crate::canopen::{heartbeat, lss, nmt, pdo};
 use crate::controller::BitRate;
+use crate::encoder::{Preset, Shaft};
 use crate::time::{Duration, Instant};
 use crate::wire::emcy::Emcy;
 use crate::wire::lss::{Address, LssNodeId};
 use crate::wire::sdo::AbortCode;
-
-/// The highest position, and preset.
-pub(super) const PRESET_MAX: u32 = STEPS - 1;
 
 /// Object 0x1009.
 const HARDWARE_VERSION: &[u8] = b"01.01";
@@ -114,9 +111,7 @@ pub(super) struct HatObjects {
     pub(super) in_force: Layer,
     /// Node ID and bit rate as 0x2001:2 and 0x2002:2 demand them.
     pub(super) demanded: Layer,
-    preset: u32,
-    /// What the position is ahead of the raw one, below a turn.
-    offset: u32,
+    preset: Preset,
 }
 
 impl HatObjects {
@@ -128,18 +123,10 @@ impl HatObjects {
             shaft: Shaft::at(0),
             in_force: layer,
             demanded: layer,
-            preset: 0,
-            offset: 0,
+            preset: Preset::NONE,
         }
     }
-
-    fn position(&self, now: Instant) -> u32 {
-        self.shaft.position_at(now).wrapping_add(self.offset) & PRESET_MAX
-    }
 }
-
-// A position modulo a turn is the low bits of a number.
-const _: () = assert!(STEPS.is_power_of_two());
 
 impl Product for HatObjects {
     type Object = HatObject;
@@ -172,10 +159,10 @@ impl Product for HatObjects {
             HatObject::NodeIdDemanded => self.demanded.node_id.get().into(),
             HatObject::BitRateInForce => self.in_force.bit_rate.table_index().into(),
             HatObject::BitRateDemanded => self.demanded.bit_rate.table_index().into(),
-            HatObject::Preset => self.preset,
-            HatObject::Position => self.position(now),
+            HatObject::Preset => self.preset.value(),
+            HatObject::Position => self.preset.position(self.shaft.position_at(now)),
             HatObject::Alarms => self.shaft.measuring_error.into(),
-            HatObject::Offset => signed(self.offset),
+            HatObject::Offset => self.preset.offset(),
             HatObject::SerialNumber => self.identity.serial,
             HatObject::DeviceName | HatObject::HardwareVersion | HatObject::SoftwareVersion => 0,
         }
@@ -191,11 +178,8 @@ impl Product for HatObjects {
                 self.demanded.bit_rate = BitRate::from_table_index(number as u8).ok_or(AbortCode::INVALID_VALUE)?;
             }
             HatObject::Preset => {
-                if number > PRESET_MAX {
-                    return Err(AbortCode::TOO_HIGH);
-                }
-                self.preset = number;
-                self.offset = number.wrapping_sub(self.shaft.position_at(now)) & PRESET_MAX;
+                let raw = self.shaft.position_at(now);
+                self.preset = Preset::new(number, raw).ok_or(AbortCode::TOO_HIGH)?;
             }
             HatObject::DeviceName
             | HatObject::HardwareVersion
@@ -213,8 +197,8 @@ impl Product for HatObjects {
     /// Preset and offset alone are stored.
     fn load(&mut self, object: HatObject, value: Value<'_>) {
         match (object, value) {
-            (HatObject::Preset, Value::Number(preset)) => self.preset = preset,
-            (HatObject::Offset, Value::Number(offset)) => self.offset = offset & PRESET_MAX,
+            (HatObject::Preset, Value::Number(preset)) => self.preset.load_value(preset),
+            (HatObject::Offset, Value::Number(offset)) => self.preset.load_offset(offset),
             _ => {}
         }
     }
@@ -232,9 +216,4 @@ impl Product for HatObjects {
 
     /// There is no EMCY consumer.
     fn hear_emcy(&mut self, _: Emcy, _: Instant) {}
-}
-
-/// An offset below a turn as −8192 … 8191, in the bits of an INTEGER32.
-const fn signed(offset: u32) -> u32 {
-    if offset < STEPS / 2 { offset } else { offset.wrapping_sub(STEPS) }
 }

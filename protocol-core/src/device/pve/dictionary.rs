@@ -1,11 +1,5 @@
 //! The object dictionary of the CANopen kinds (SPEC 4.1), as one table.
 
-use super::objects::Task::{ClearCounters, Load, Save};
-use super::objects::ValveObject::{
-    Actual, ActualInverted, ActualPer127, ActualPer1000, ControlWord, Description, DeviceMode, FaultCount,
-    SerialNumber, SetPoint, SetPointPer127, SetPointPer1000, SoftwareVersion, StatusWord,
-};
-use super::objects::{Task, ValveObject};
 use crate::actuator::Fault;
 use crate::canopen::dictionary::DataType::{I8, I16, Text, U8, U16, U32};
 use crate::canopen::dictionary::DefaultValue::{self, NodeIdPlus, Number};
@@ -19,6 +13,56 @@ use crate::canopen::node::PdoParameter::{CobId, Count, Entry as Mapped, Transmis
 use crate::canopen::sync::SyncConsumer;
 use crate::wire::cob_id::Function;
 use crate::wire::sdo::Multiplexer;
+
+use Task::{ClearCounters, Load, Save};
+use ValveObject::{
+    Actual, ActualInverted, ActualPer127, ActualPer1000, ControlWord, Description, DeviceMode, FaultCount,
+    SerialNumber, SetPoint, SetPointPer127, SetPointPer1000, SoftwareVersion, StatusWord,
+};
+
+/// The product's own objects.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum ValveObject {
+    /// 0x100A
+    SoftwareVersion,
+    /// 0x2001–0x2040
+    FaultCount(Fault),
+    /// 0x3300
+    SetPointPer127,
+    /// 0x3301
+    ActualPer127,
+    /// 0x3302
+    ActualInverted,
+    /// 0x3303
+    SetPointPer1000,
+    /// 0x3304
+    ActualPer1000,
+    /// 0x6040
+    ControlWord,
+    /// 0x6041
+    StatusWord,
+    /// 0x6042
+    DeviceMode,
+    /// 0x6052
+    SerialNumber,
+    /// 0x6053
+    Description,
+    /// 0x6300:1
+    SetPoint,
+    /// 0x6301:1
+    Actual,
+}
+
+/// What the signatures of 0x1010 and 0x1011 ask for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Task {
+    /// "save"
+    Save,
+    /// "load"
+    Load,
+    /// Clear the occurrence counters.
+    ClearCounters,
+}
 
 /// How many characters object 0x6053 takes.
 pub(super) const DESCRIPTION_MAX: usize = 10;

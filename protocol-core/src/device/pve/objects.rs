@@ -3,12 +3,12 @@
 use heapless::Vec;
 
 use super::application::{Application, FLOAT};
-use super::dictionary::{DESCRIPTION_MAX, DICTIONARY, SERIAL_MAX};
+use super::dictionary::{DESCRIPTION_MAX, DICTIONARY, SERIAL_MAX, Task, ValveObject};
 use super::fault_codes::register;
 use super::kind::Kind;
 use super::records::Factory;
 use super::state_machine::{DeviceMode, DeviceState};
-use crate::actuator::{ActuatorType, Fault, Position, Scale, SetPoint};
+use crate::actuator::{ActuatorType, Position, Scale, SetPoint};
 use crate::canopen::dictionary::{Dictionary, Mappable, Value};
 use crate::canopen::node::{Object, Product, Rules};
 use crate::canopen::{heartbeat, lss, nmt, pdo};
@@ -77,50 +77,6 @@ const PDO: pdo::Rules = pdo::Rules {
     entries_while_counted: true,
     sampled_when_due: false,
 };
-
-/// The product's own objects.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum ValveObject {
-    /// 0x100A
-    SoftwareVersion,
-    /// 0x2001–0x2040
-    FaultCount(Fault),
-    /// 0x3300
-    SetPointPer127,
-    /// 0x3301
-    ActualPer127,
-    /// 0x3302
-    ActualInverted,
-    /// 0x3303
-    SetPointPer1000,
-    /// 0x3304
-    ActualPer1000,
-    /// 0x6040
-    ControlWord,
-    /// 0x6041
-    StatusWord,
-    /// 0x6042
-    DeviceMode,
-    /// 0x6052
-    SerialNumber,
-    /// 0x6053
-    Description,
-    /// 0x6300:1
-    SetPoint,
-    /// 0x6301:1
-    Actual,
-}
-
-/// What the signatures of 0x1010 and 0x1011 ask for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Task {
-    /// "save"
-    Save,
-    /// "load"
-    Load,
-    /// Clear the occurrence counters.
-    ClearCounters,
-}
 
 /// The state behind the product's objects.
 #[derive(Debug)]

@@ -8,7 +8,7 @@ use super::client::ImageClient;
 
 /// What the device's task calls for an SDO request, and nobody else: each after what it is inlined into, should it be.
 const HANDLES_SDO: [&str; 3] =
-    ["SdoServer::handle", "pve::canopen::PveCanopen::take", "PveCanopen as protocol_core::device::Device>::handle"];
+    ["SdoServer<D>::handle", "Node<P>>::serve_sdo", "CanopenValve as protocol_core::device::host::Body>::handle"];
 /// The watchdog's time, with some room.
 const WATCHDOG: Duration = Duration::from_millis(2500);
 /// A panic resets by itself: long before the watchdog does.

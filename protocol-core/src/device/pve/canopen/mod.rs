@@ -15,10 +15,10 @@ use load::Load;
 use storing::Job;
 
 use super::Setup;
-use super::dictionary::DICTIONARY;
+use super::dictionary::{DICTIONARY, Task};
 use super::found::Found;
 use super::identification::Identification;
-use super::objects::{Task, ValveObjects};
+use super::objects::ValveObjects;
 use super::records::{Factory, LocalLayer, decode_flag};
 use super::sensing::sense;
 use crate::actuator::{Counters, InternalCause};

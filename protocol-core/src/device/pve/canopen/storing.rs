@@ -1,7 +1,7 @@
 //! Writes to the memory: what each holds, and who waits for it (SPEC 4.5, 6).
 
+use super::super::dictionary::Task;
 use super::super::found::Found;
-use super::super::objects::Task;
 use super::super::records::{FaultLog, LayerChange, encode_flag, version};
 use super::CanopenValve;
 use super::load::Executed;

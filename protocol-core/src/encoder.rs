@@ -1,4 +1,4 @@
-//! The shaft: an angle as a function of time, exact at any speed (SPEC 9).
+//! The single-turn encoder without a protocol: the shaft as a function of time, exact at any speed, and the preset (SPEC 9).
 
 use crate::time::{Instant, since};
 
@@ -69,6 +69,61 @@ impl Default for Shaft {
     /// Rests at 0.
     fn default() -> Self {
         Self::at(0)
+    }
+}
+
+/// A position that a preset moves against the raw one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Preset {
+    value: u32,
+    /// What the position is ahead of the raw one, below a turn.
+    offset: u32,
+}
+
+/// The highest position, and preset.
+pub const POSITION_MAX: u32 = STEPS - 1;
+// A position modulo a turn is the low bits of a number.
+const _: () = assert!(STEPS.is_power_of_two());
+
+impl Preset {
+    /// No preset: the position is the raw one.
+    pub const NONE: Self = Self { value: 0, offset: 0 };
+
+    /// Returns the preset that makes the raw position `raw` read `value`; `None` above [`POSITION_MAX`].
+    #[must_use]
+    pub const fn new(value: u32, raw: u32) -> Option<Self> {
+        if value > POSITION_MAX {
+            return None;
+        }
+        Some(Self { value, offset: value.wrapping_sub(raw) & POSITION_MAX })
+    }
+
+    /// The value that was set.
+    #[must_use]
+    pub const fn value(self) -> u32 {
+        self.value
+    }
+
+    /// Returns the position of a raw one.
+    #[must_use]
+    pub const fn position(self, raw: u32) -> u32 {
+        raw.wrapping_add(self.offset) & POSITION_MAX
+    }
+
+    /// Returns the offset as −8192 … 8191, in the bits of an INTEGER32.
+    #[must_use]
+    pub const fn offset(self) -> u32 {
+        if self.offset < STEPS / 2 { self.offset } else { self.offset.wrapping_sub(STEPS) }
+    }
+
+    /// Takes a stored value.
+    pub const fn load_value(&mut self, value: u32) {
+        self.value = value;
+    }
+
+    /// Takes a stored offset, in the bits of an INTEGER32.
+    pub const fn load_offset(&mut self, offset: u32) {
+        self.offset = offset & POSITION_MAX;
     }
 }
 

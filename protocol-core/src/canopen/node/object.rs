@@ -1,0 +1,64 @@
+//! What lies behind a row of the dictionary: one of the node's own objects, or one of the product.
+
+use crate::wire::lss::Part;
+
+/// What lies behind an object: `A` are the product's own, `T` what signatures ask for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Object<A, T> {
+    /// A number that never changes.
+    Constant(u32),
+    /// One of the product's own objects.
+    Product(A),
+    /// 0x1001
+    ErrorRegister,
+    /// 0x1003:0
+    ErrorCount,
+    /// 0x1003:1–8
+    ErrorField(u8),
+    /// 0x1005
+    SyncCobId,
+    /// 0x1010 and 0x1011: reads 1; a write of the signature demands the task.
+    Signature(u32, T),
+    /// 0x1014: while it is not stored, it follows the node ID.
+    EmcyCobId,
+    /// 0x1017
+    HeartbeatTime,
+    /// 0x1018:1–4
+    Identity(Part),
+    /// 0x1028:1
+    EmcyConsumer,
+    /// 0x1029:1–2
+    ErrorBehaviour(ErrorClass),
+    /// 0x1400 and 0x1600
+    Rpdo(PdoParameter),
+    /// 0x1800 and 0x1A00
+    Tpdo(PdoParameter),
+    /// 0x1F80
+    NmtStartup,
+}
+
+/// The errors that can change the NMT state, 0x1029.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ErrorClass {
+    /// Sub-index 1: an error of the communication.
+    Communication,
+    /// Sub-index 2: an error of the product.
+    Product,
+}
+
+/// The parameters of a PDO.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum PdoParameter {
+    /// Sub-index 1 of the communication parameter.
+    CobId,
+    /// Sub-index 2 of the communication parameter.
+    TransmissionType,
+    /// Sub-index 3 of the communication parameter.
+    InhibitTime,
+    /// Sub-index 5 of the communication parameter.
+    EventTimer,
+    /// Sub-index 0 of the mapping parameter.
+    Count,
+    /// Sub-index 1–8 of the mapping parameter.
+    Entry(u8),
+}
