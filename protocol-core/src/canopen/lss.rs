@@ -92,6 +92,42 @@ impl Configuration {
     pub const NONE: Self = Self { node_id: None, bit_rate: None };
 }
 
+/// Node ID and bit rate together: as a device stores them, or has them in force.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Layer {
+    /// The node ID.
+    pub node_id: LssNodeId,
+    /// The bit rate.
+    pub bit_rate: BitRate,
+}
+
+impl Layer {
+    /// Returns the layer after a change.
+    #[must_use]
+    pub fn with(self, change: Configuration) -> Self {
+        Self { node_id: change.node_id.unwrap_or(self.node_id), bit_rate: change.bit_rate.unwrap_or(self.bit_rate) }
+    }
+
+    /// Returns the layer as a configuration of both.
+    #[must_use]
+    pub const fn configuration(self) -> Configuration {
+        Configuration { node_id: Some(self.node_id), bit_rate: Some(self.bit_rate) }
+    }
+
+    /// Encodes the layer: the node ID, 255 for none, and the index of the bit rate.
+    #[must_use]
+    pub fn encode(self) -> [u8; 2] {
+        [self.node_id.get(), self.bit_rate.table_index()]
+    }
+
+    /// Decodes a layer; `None` when it is none.
+    #[must_use]
+    pub fn decode(payload: &[u8]) -> Option<Self> {
+        let &[node_id, bit_rate] = payload else { return None };
+        Some(Self { node_id: LssNodeId::new(node_id)?, bit_rate: BitRate::from_table_index(bit_rate)? })
+    }
+}
+
 /// A change of the bit rate: the delay runs twice.
 #[derive(Clone, Copy, Debug)]
 struct Activation {

@@ -15,6 +15,7 @@ pub mod writes;
 pub use kind::{Kind, Protocol, Setup};
 pub use senses::{Outputs, ProductSenses, Senses, ValveOutputs};
 
+use crate::canopen::nmt::Reset;
 use crate::controller::{BitRate, Filter, Filters};
 use crate::frame::Frame;
 use crate::memory::{Image, Record, RecordKey, StoreError};
@@ -38,6 +39,15 @@ pub enum Restart {
     Communication,
     /// Reset application, and what restarts "as after" it.
     Application,
+}
+
+impl From<Reset> for Restart {
+    fn from(reset: Reset) -> Self {
+        match reset {
+            Reset::Communication => Self::Communication,
+            Reset::Application => Self::Application,
+        }
+    }
 }
 
 /// Why the device is powered up.

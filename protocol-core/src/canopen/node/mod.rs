@@ -72,6 +72,8 @@ pub(crate) struct Node<P: Product> {
     activated: Option<LssNodeId>,
     /// Configured by LSS, in force and not stored: the node ID until power-off, the bit rate until the next start.
     held: Configuration,
+    /// The LSS stores that wait for the memory.
+    lss_stores: u32,
     /// Enters operational by itself once boot-up and EMCYs are sent.
     starts_itself: bool,
 }
@@ -91,6 +93,7 @@ impl<P: Product> Node<P> {
             rate_is_new: false,
             activated: None,
             held: Configuration::NONE,
+            lss_stores: 0,
             starts_itself: false,
         }
     }
@@ -109,6 +112,7 @@ impl<P: Product> Node<P> {
             }
             Reset::Application => {
                 self.lss.restart();
+                self.lss_stores = 0;
                 self.held.bit_rate = None;
                 self.rate_is_new = false;
                 self.bit_rate = stored.bit_rate.unwrap_or(self.bit_rate);
@@ -255,10 +259,14 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Answers an LSS store; once for each that was demanded.
-    pub(crate) fn end_lss_store(&mut self, stored: bool) {
+    /// Answers an LSS store: the oldest, or all that were demanded when none `is_last` to be written.
+    pub(crate) fn end_lss_store(&mut self, stored: bool, is_last: bool) {
         let error = if stored { lss::SUCCESS } else { P::RULES.lss.store_error };
-        self.answer_lss(lss::Answer::Stored(error));
+        let answers = if is_last { self.lss_stores } else { self.lss_stores.min(1) };
+        self.lss_stores = self.lss_stores.saturating_sub(answers);
+        for _ in 0..answers {
+            self.answer_lss(lss::Answer::Stored(error));
+        }
     }
 
     /// Returns what LSS has configured and the memory does not hold.

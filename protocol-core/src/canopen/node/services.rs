@@ -190,7 +190,10 @@ impl<P: Product> Node<P> {
                 self.answer_lss(answer);
                 None
             }
-            Outcome::Demand(lss::Demand::Store) => Some(Demand::StoreConfiguration),
+            Outcome::Demand(lss::Demand::Store) => {
+                self.lss_stores = self.lss_stores.saturating_add(1);
+                Some(Demand::StoreConfiguration)
+            }
             Outcome::Demand(lss::Demand::Boot) => {
                 self.leave_bus();
                 Some(Demand::Reset(Reset::Communication))

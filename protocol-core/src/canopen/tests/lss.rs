@@ -30,7 +30,7 @@ fn the_products_error_codes() {
     assert_eq!(rig.exchange("7E5: 13 00 05 00 00 00 00 00"), ["7E4: 13 01 00 00 00 00 00 00"]);
     assert_eq!(rig.exchange("7E5: 13 00 08 00 00 00 00 00"), ["7E4: 13 00 00 00 00 00 00 00"], "10 kbit/s");
     assert_eq!(rig.take("7E5: 17 00 00 00 00 00 00 00"), Some(Demand::StoreConfiguration));
-    rig.node.end_lss_store(false);
+    rig.node.end_lss_store(false, true);
     assert_eq!(rig.sent(), ["7E4: 17 FF 00 00 00 00 00 00"]);
 }
 

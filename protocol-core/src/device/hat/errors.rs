@@ -20,32 +20,14 @@ impl Error {
     /// All of them, in the order in which they are told.
     pub const ALL: [Self; 4] = [Self::SetUp, Self::Controller, Self::Passive, Self::BusOff];
 
-    /// The emergency error code.
+    /// The emergency error code, the manufacturer-specific field, and the bits of the error register.
     #[must_use]
-    pub const fn code(self) -> u16 {
+    pub const fn codes(self) -> (u16, u16, u8) {
         match self {
-            Self::SetUp | Self::Controller => 0xFF00,
-            Self::Passive => 0x8120,
-            Self::BusOff => 0x8140,
-        }
-    }
-
-    /// The manufacturer-specific field.
-    #[must_use]
-    pub const fn field(self) -> u16 {
-        match self {
-            Self::SetUp => 1,
-            Self::Controller => 2,
-            Self::Passive => 3,
-            Self::BusOff => 4,
-        }
-    }
-
-    /// The bits of the error register: generic, and manufacturer or communication.
-    const fn register(self) -> u8 {
-        match self {
-            Self::SetUp | Self::Controller => 0x81,
-            Self::Passive | Self::BusOff => 0x11,
+            Self::SetUp => (0xFF00, 1, 0x81),
+            Self::Controller => (0xFF00, 2, 0x81),
+            Self::Passive => (0x8120, 3, 0x11),
+            Self::BusOff => (0x8140, 4, 0x11),
         }
     }
 }
@@ -72,13 +54,14 @@ impl Errors {
 
     /// Returns the error register.
     pub(super) fn register(self) -> u8 {
-        Error::ALL.into_iter().filter(|error| self.has(*error)).fold(0, |register, error| register | error.register())
+        Error::ALL.into_iter().filter(|error| self.has(*error)).fold(0, |register, error| register | error.codes().2)
     }
 
     /// Returns the EMCY of an error.
     pub(super) fn message(self, error: Error) -> Emcy {
-        let [low, high] = error.field().to_le_bytes();
-        Emcy { code: error.code(), register: self.register(), manufacturer: [low, high, 0, 0, 0] }
+        let (code, field, _) = error.codes();
+        let [low, high] = field.to_le_bytes();
+        Emcy { code, register: self.register(), manufacturer: [low, high, 0, 0, 0] }
     }
 
     /// Returns the EMCY that tells the end of an error: the register shows what remains.

@@ -2,7 +2,6 @@
 //!
 //! ```text
 //! mod         the body of the device: what the node and the sensor tell each other
-//! kind        the products, and what one is made as
 //! dictionary  the object dictionary, one table
 //! objects     what lies behind it, and the rules
 //! errors      what EMCYs tell of
@@ -12,26 +11,25 @@
 
 mod dictionary;
 mod errors;
-mod kind;
 mod objects;
 mod records;
 mod storing;
 
+pub use super::kind::hat::Kind;
 pub use dictionary::entry;
 pub use errors::Error;
-pub use kind::{Kind, Setup};
 
 use dictionary::DICTIONARY;
 use errors::Errors;
 use objects::{HatObjects, Task};
-use records::{Layer, VERSION, decode_serial, identity};
+use records::{LAYER, VERSION, decode_serial, identity, new_layer};
 use storing::Job;
 
 use super::host::{Base, Body, Host};
 use super::reading::Reading;
 use super::{Outputs, ProductSenses, Restart, Senses, StartCause};
 use crate::canopen::dictionary::Group;
-use crate::canopen::lss::Configuration;
+use crate::canopen::lss::{Configuration, Layer};
 use crate::canopen::nmt::Reset;
 use crate::canopen::node::{Demand, ErrorClass, Node, ObjectOf, Service};
 use crate::canopen::parameters::Stored;
@@ -40,6 +38,9 @@ use crate::frame::Frame;
 use crate::memory::{Image, Record, RecordKey, StoreError};
 use crate::time::Instant;
 use crate::wire::cob_id::NodeId;
+
+/// What a sensor is made as.
+pub type Setup = super::Setup<Kind>;
 
 /// A HAT 1000 or HAT 3000.
 pub type Hat = Host<HatSensor>;
@@ -56,8 +57,6 @@ pub struct HatSensor {
     layer_in_flight: Layer,
     /// What the LSS store in flight writes.
     lss_in_flight: Configuration,
-    /// The LSS stores that wait for the memory.
-    lss_stores: u32,
     /// The task of which a write has failed while others are still to come.
     failed: Option<Task>,
     /// The records that are damaged, by their position.
@@ -82,7 +81,7 @@ impl Hat {
 
 impl HatSensor {
     fn new(setup: Setup) -> Self {
-        let layer = Layer::new(&setup);
+        let layer = new_layer(&setup);
         Self {
             setup,
             objects: HatObjects::new(setup.kind, identity(setup.kind, setup.serial), layer),
@@ -90,7 +89,6 @@ impl HatSensor {
             layer,
             layer_in_flight: layer,
             lss_in_flight: Configuration::NONE,
-            lss_stores: 0,
             failed: None,
             damaged: 0,
             internal_fault: false,
@@ -115,7 +113,8 @@ impl HatSensor {
 
     /// Enters an error into the history and sends its EMCY.
     fn tell(&mut self, error: Error) {
-        self.node.enter_error(error.code(), error.field());
+        let (code, field, _) = error.codes();
+        self.node.enter_error(code, field);
         self.node.send_emcy(self.objects.errors.message(error));
     }
 
@@ -125,7 +124,7 @@ impl HatSensor {
         let bus_off = bus == BusErrorMode::BusOff;
         self.node.set_bus_off(bus_off);
         if bus_off {
-            self.node.withdraw_error(Error::Passive.code());
+            self.node.withdraw_error(Error::Passive.codes().0);
             self.objects.errors.set(Error::Passive, false);
             if self.objects.errors.set(Error::BusOff, true) {
                 self.node.behave(ErrorClass::Communication, &mut self.objects, base.now());
@@ -147,20 +146,17 @@ impl HatSensor {
     fn demanded(&mut self, demand: Demand<Task>, base: &mut Base<Job>) {
         match demand {
             Demand::Task(task) => self.begin_task(task, base),
-            Demand::StoreConfiguration => {
-                self.lss_stores = self.lss_stores.saturating_add(1);
-                base.writes.ask(Job::LssStore);
-            }
-            Demand::Reset(reset) => base.request_restart(restart_of(reset)),
+            Demand::StoreConfiguration => base.writes.ask(Job::LssStore),
+            Demand::Reset(reset) => base.request_restart(reset.into()),
         }
     }
 
     /// Node ID and bit rate of the memory. A damaged record had a node ID: a new one alone can be blank.
     fn layer_of(&self, reading: &mut Reading<'_>) -> Layer {
-        let new = Layer::new(&self.setup);
+        let new = new_layer(&self.setup);
         match reading.record(RecordKey::LocalLayer, VERSION, Layer::decode) {
             Some(layer) => layer,
-            None if reading.is_corrupt(RecordKey::LocalLayer) && new.node_id.0.is_none() => Layer::FACTORY,
+            None if reading.is_corrupt(RecordKey::LocalLayer) && new.node_id.0.is_none() => LAYER,
             None => new,
         }
     }
@@ -177,13 +173,6 @@ fn parameters<'a>(
         payload => Stored::decode(DICTIONARY, group, payload).map(Some),
     };
     (group, reading.record(key, VERSION, decode).flatten())
-}
-
-const fn restart_of(reset: Reset) -> Restart {
-    match reset {
-        Reset::Communication => Restart::Communication,
-        Reset::Application => Restart::Application,
-    }
 }
 
 impl Body for HatSensor {
@@ -204,7 +193,7 @@ impl Body for HatSensor {
     }
 
     fn restart_demanded(&self, frame: &Frame) -> Option<Restart> {
-        self.node.reset_demanded(frame).map(restart_of)
+        self.node.reset_demanded(frame).map(Restart::from)
     }
 
     fn poll(&mut self, base: &mut Base<Job>) {
@@ -285,7 +274,6 @@ impl Body for HatSensor {
             Restart::Communication => self.node.reset(Reset::Communication, stored),
             Restart::Application => {
                 self.objects.errors = Errors::NONE;
-                self.lss_stores = 0;
                 self.node.reset(Reset::Application, stored)
             }
         };

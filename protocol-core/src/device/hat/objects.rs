@@ -1,10 +1,10 @@
 //! The sensor as its object dictionary sees it (SPEC 9): what lies behind the product's own objects, and its rules.
 
+use super::Kind;
 use super::dictionary::{DICTIONARY, STARTS_ITSELF, WAITS};
 use super::errors::Errors;
-use super::kind::Kind;
-use super::records::Layer;
 use crate::canopen::dictionary::{Dictionary, Mappable, Value};
+use crate::canopen::lss::Layer;
 use crate::canopen::node::{Object, Product, Rules};
 use crate::canopen::{heartbeat, lss, nmt, pdo};
 use crate::controller::BitRate;
@@ -52,29 +52,17 @@ const RULES: Rules = Rules {
 /// The product's own objects.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum HatObject {
-    /// 0x1008
     DeviceName,
-    /// 0x1009
     HardwareVersion,
-    /// 0x100A
     SoftwareVersion,
-    /// 0x2001:1
     NodeIdInForce,
-    /// 0x2001:2
     NodeIdDemanded,
-    /// 0x2002:1
     BitRateInForce,
-    /// 0x2002:2
     BitRateDemanded,
-    /// 0x6003
     Preset,
-    /// 0x6004
     Position,
-    /// 0x6503
     Alarms,
-    /// 0x6509
     Offset,
-    /// 0x650B
     SerialNumber,
 }
 
@@ -181,15 +169,7 @@ impl Product for HatObjects {
                 let raw = self.shaft.position_at(now);
                 self.preset = Preset::new(number, raw).ok_or(AbortCode::TOO_HIGH)?;
             }
-            HatObject::DeviceName
-            | HatObject::HardwareVersion
-            | HatObject::SoftwareVersion
-            | HatObject::NodeIdInForce
-            | HatObject::BitRateInForce
-            | HatObject::Position
-            | HatObject::Alarms
-            | HatObject::Offset
-            | HatObject::SerialNumber => return Err(AbortCode::READ_ONLY),
+            _ => return Err(AbortCode::READ_ONLY),
         }
         Ok(())
     }

@@ -2,7 +2,7 @@
 
 use super::HatSensor;
 use super::objects::{Part, Task};
-use super::records::{Layer, VERSION};
+use super::records::{LAYER, VERSION};
 use crate::canopen::dictionary::Group;
 use crate::device::host::Base;
 use crate::device::writes;
@@ -76,7 +76,7 @@ impl HatSensor {
             Job::Part(RecordKey::LocalLayer, task) => {
                 self.layer_in_flight = match task {
                     Task::Save(_) => self.objects.demanded,
-                    Task::Load(_) => Layer::FACTORY,
+                    Task::Load(_) => LAYER,
                 };
                 seal(VERSION, &self.layer_in_flight.encode())
             }
@@ -104,12 +104,8 @@ impl HatSensor {
                     self.objects.demanded = self.objects.demanded.with(self.lss_in_flight);
                     self.node.configuration_stored(self.lss_in_flight);
                 }
-                let waits = base.writes.iter().any(|waiting| *waiting == Job::LssStore);
-                let answers = if waits { 1 } else { self.lss_stores };
-                self.lss_stores = self.lss_stores.saturating_sub(answers);
-                for _ in 0..answers {
-                    self.node.end_lss_store(stored);
-                }
+                let is_last = base.writes.iter().all(|waiting| *waiting != Job::LssStore);
+                self.node.end_lss_store(stored, is_last);
             }
             Job::Part(key, task) => {
                 if stored && key == RecordKey::LocalLayer {

@@ -1,7 +1,6 @@
 //! The proportional and on/off valve actuators PVEA and PVEO, Series 6 (SPEC 1–4, 6, 7).
 //!
 //! ```text
-//! kind            the products and what they differ in
 //! fault_codes     how the faults are told: SPEC 3
 //! dictionary      the object dictionary, one table          objects    what lies behind it
 //! state_machine   the device state machine of CiA 408       application    the valve under it
@@ -20,18 +19,17 @@ mod fault_codes;
 mod found;
 mod identification;
 mod isobus;
-mod kind;
 mod objects;
 mod records;
 mod sensing;
 mod state_machine;
 
 pub use super::Protocol;
+pub use super::kind::pve::Kind;
 pub use canopen::PveCanopen;
 pub use dictionary::entry;
 pub use fault_codes::{FAULT_CODES, FaultCodes};
 pub use isobus::PveIsobus;
-pub use kind::Kind;
 pub use state_machine::{DeviceMode, DeviceState};
 
 /// What a valve is made as.

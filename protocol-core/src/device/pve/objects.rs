@@ -2,10 +2,10 @@
 
 use heapless::Vec;
 
+use super::Kind;
 use super::application::{Application, FLOAT};
 use super::dictionary::{DESCRIPTION_MAX, DICTIONARY, SERIAL_MAX, Task, ValveObject};
 use super::fault_codes::register;
-use super::kind::Kind;
 use super::records::Factory;
 use super::state_machine::{DeviceMode, DeviceState};
 use crate::actuator::{ActuatorType, Position, Scale, SetPoint};

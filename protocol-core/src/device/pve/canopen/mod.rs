@@ -52,8 +52,6 @@ pub struct CanopenValve {
     /// The key of UDS requests, whatever their source.
     uds: u32,
     load: Load,
-    /// The LSS stores that wait for the memory.
-    lss_stores: u32,
     /// What the LSS store in flight writes.
     lss_in_flight: Configuration,
     /// The counts that the write in flight clears: they come back when it fails.
@@ -93,7 +91,6 @@ impl CanopenValve {
             local_layer,
             uds: NO_UDS,
             load: Load::new(),
-            lss_stores: 0,
             lss_in_flight: Configuration::NONE,
             cleared: Counters::default(),
             senses: Senses::default(),
@@ -103,11 +100,8 @@ impl CanopenValve {
     fn demanded(&mut self, demand: Demand<Task>, base: &mut Base<Job>) {
         match demand {
             Demand::Task(task) => self.begin_task(task, base),
-            Demand::StoreConfiguration => {
-                self.lss_stores = self.lss_stores.saturating_add(1);
-                base.writes.ask(Job::LssStore);
-            }
-            Demand::Reset(reset) => base.request_restart(restart_of(reset)),
+            Demand::StoreConfiguration => base.writes.ask(Job::LssStore),
+            Demand::Reset(reset) => base.request_restart(reset.into()),
         }
     }
 
@@ -124,13 +118,6 @@ impl CanopenValve {
             Reaction::Answer(answer) => self.node.answer(answer),
             Reaction::StoreNodeId(raw) => base.writes.ask(Job::UdsNodeId(raw)),
         }
-    }
-}
-
-const fn restart_of(reset: Reset) -> Restart {
-    match reset {
-        Reset::Communication => Restart::Communication,
-        Reset::Application => Restart::Application,
     }
 }
 
@@ -156,7 +143,7 @@ impl Body for CanopenValve {
     }
 
     fn restart_demanded(&self, frame: &Frame) -> Option<Restart> {
-        self.node.reset_demanded(frame).map(restart_of)
+        self.node.reset_demanded(frame).map(Restart::from)
     }
 
     fn poll(&mut self, base: &mut Base<Job>) {
@@ -261,7 +248,6 @@ impl Body for CanopenValve {
         let parameters = if scope == Restart::Application {
             // The defaults follow the node ID: without one, the load waits for a start with one.
             self.load = Load::found(load_is_set && node_id.is_some());
-            self.lss_stores = 0;
             parameters.filter(|_| !load_is_set)
         } else {
             parameters

@@ -139,11 +139,7 @@ impl CanopenValve {
                     self.local_layer = self.local_layer.with(change_of(self.lss_in_flight));
                     self.node.configuration_stored(self.lss_in_flight);
                 }
-                let answers = if is_last(job, base) { self.lss_stores } else { 1 };
-                self.lss_stores = self.lss_stores.saturating_sub(answers);
-                for _ in 0..answers {
-                    self.node.end_lss_store(stored);
-                }
+                self.node.end_lss_store(stored, is_last(job, base));
             }
             Job::UdsNodeId(raw) => {
                 if stored {

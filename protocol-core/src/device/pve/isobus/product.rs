@@ -47,7 +47,7 @@ pub(super) fn address(setup: &Setup, layer: LocalLayer) -> Address {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::kind::Kind;
+    use super::super::super::Kind;
     use super::*;
 
     #[test]

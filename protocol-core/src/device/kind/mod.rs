@@ -1,8 +1,10 @@
 //! Every product (SPEC 1), and what a device of one is made as.
 
+pub(super) mod hat;
+pub(super) mod pve;
+
 use core::ops::RangeInclusive;
 
-use super::{hat, pve};
 use crate::controller::BitRate;
 
 /// A product.

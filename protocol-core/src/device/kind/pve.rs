@@ -1,4 +1,4 @@
-//! The products (SPEC 1).
+//! The valve actuators (SPEC 1).
 
 use core::ops::RangeInclusive;
 

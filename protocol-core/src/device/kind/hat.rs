@@ -1,4 +1,4 @@
-//! The products, and what one is made as (SPEC 1, 9).
+//! The angle sensors (SPEC 1, 9).
 
 use core::ops::RangeInclusive;
 
@@ -63,6 +63,3 @@ impl Kind {
         &[Kbit500, Kbit10, Kbit20, Kbit50, Kbit125, Kbit250, Kbit800, Kbit1000]
     }
 }
-
-/// What a sensor is made as.
-pub type Setup = crate::device::Setup<Kind>;
