@@ -36,6 +36,8 @@ pub struct Rules {
     pub dummies: bool,
     /// Whether mapping entries can be written while sub-index 0 is not 0.
     pub entries_while_counted: bool,
+    /// Whether there are inhibit time and event timer.
+    pub timers: bool,
     /// Whether a TPDO that waits for the bus tells what was sampled when it became due; otherwise what is true when it is
     /// sent.
     pub sampled_when_due: bool,
@@ -50,6 +52,7 @@ impl Rules {
         may_be_empty: false,
         dummies: false,
         entries_while_counted: false,
+        timers: false,
         sampled_when_due: false,
     };
 }

@@ -185,7 +185,8 @@ impl<P: Product> Node<P> {
         if self.objects.heartbeat.poll(now) && !self.is_mute() {
             self.owed.owe_heartbeat();
         }
-        if self.nmt.is_operational()
+        if P::RULES.tpdo.timers
+            && self.nmt.is_operational()
             && let Some(at) = self.objects.tpdo.poll(now)
         {
             self.owe_tpdo(at);
@@ -195,7 +196,8 @@ impl<P: Product> Node<P> {
     /// Returns when [`poll`](Self::poll) is next due.
     #[inline]
     pub(crate) fn deadline(&self) -> Instant {
-        let tpdo = if self.nmt.is_operational() { self.objects.tpdo.deadline() } else { NEVER };
+        let runs = P::RULES.tpdo.timers && self.nmt.is_operational();
+        let tpdo = if runs { self.objects.tpdo.deadline() } else { NEVER };
         self.objects.heartbeat.deadline().min(self.sdo.deadline()).min(self.lss.deadline()).min(tpdo)
     }
 
@@ -326,7 +328,7 @@ impl<P: Product> Node<P> {
     #[inline]
     fn owe_tpdo(&mut self, at: Instant) {
         if !self.is_mute() {
-            self.owed.owe_tpdo(P::RULES.tpdo.sampled_when_due.then_some(at));
+            self.owed.owe_tpdo(at);
         }
     }
 

@@ -229,6 +229,8 @@ pub(super) struct View<'a, P: Product> {
     pub(super) now: Instant,
     /// An identifier or the heartbeat was written.
     pub(super) rewired: bool,
+    /// The key of EMCYs that are off, or have another key, since a write.
+    pub(super) outdated_emcys: Option<u32>,
     /// An object of the product was written, on which others may depend.
     pub(super) reports_changed: bool,
 }
@@ -268,7 +270,9 @@ impl<P: Product> sdo_server::Objects for View<'_, P> {
                 self.rewired = true;
             }
             Object::EmcyCobId => {
+                let key = own.emcy.key();
                 own.emcy.write(number, P::RULES.extended_ids)?;
+                self.outdated_emcys = key.filter(|key| own.emcy.key() != Some(*key));
                 self.rewired = true;
             }
             Object::ErrorBehaviour(class) => {

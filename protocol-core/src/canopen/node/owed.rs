@@ -8,7 +8,7 @@ use heapless::Vec;
 use super::Node;
 use super::product::Product;
 use crate::answers::Answers;
-use crate::canopen::emcy::Story;
+use crate::canopen::emcy::{EmcyProducer, Story};
 use crate::controller::Filter;
 use crate::frame::{Frame, arbitration};
 use crate::time::Instant;
@@ -63,8 +63,8 @@ pub(super) struct Owed {
     boot_up: BootUp,
     heartbeat: News,
     tpdo: News,
-    /// The instant of which the TPDO tells; `None`: that at which it is sent.
-    tpdo_of: Option<Instant>,
+    /// The instant at which the TPDO became due.
+    tpdo_of: Instant,
     emcys: Story,
     answers: Answers,
     /// The frames that the controller may have and that must not go out any more.
@@ -78,7 +78,7 @@ impl Owed {
             boot_up: BootUp::Done,
             heartbeat: News::NONE,
             tpdo: News::NONE,
-            tpdo_of: None,
+            tpdo_of: Instant::MIN,
             emcys: Story::new(),
             answers: Answers::new(),
             aborts: Vec::new(),
@@ -118,9 +118,9 @@ impl Owed {
         }
     }
 
-    /// Owes a TPDO that tells of an instant, or of that at which it is sent. An older one must not go out any more.
+    /// Owes a TPDO that has become due at an instant. An older one must not go out any more.
     #[inline]
-    pub(super) fn owe_tpdo(&mut self, of: Option<Instant>) {
+    pub(super) fn owe_tpdo(&mut self, of: Instant) {
         self.settle_tpdo();
         self.tpdo.owed = true;
         self.tpdo_of = of;
@@ -167,13 +167,6 @@ impl Owed {
         self.emcys.clear();
     }
 
-    /// Owes no EMCY under another key than this one any more.
-    pub(super) fn rekey_emcys(&mut self, before: Option<u32>, key: Option<u32>) {
-        if before != key {
-            self.drop_emcys(before);
-        }
-    }
-
     /// Drops the EMCYs of this code that the bus has not had. Returns whether there was one.
     pub(super) fn withdraw_emcy(&mut self, code: u16) -> bool {
         self.emcys.withdraw(code)
@@ -217,8 +210,9 @@ impl Owed {
 
     /// Returns whether the TPDO with this key is owed and may go out: an EMCY of the same instant goes first.
     #[inline]
-    fn may_send_tpdo(&self, key: u32, emcys: Option<u32>) -> bool {
-        self.tpdo.owed && (self.emcys.is_empty() || emcys.is_none_or(|emcys| arbitration(key) > arbitration(emcys)))
+    fn may_send_tpdo(&self, key: u32, emcys: &EmcyProducer) -> bool {
+        let goes_after = |emcys| arbitration(key) > arbitration(emcys);
+        self.tpdo.owed && (self.emcys.is_empty() || emcys.key().is_none_or(goes_after))
     }
 
     /// Returns whether a frame with this key goes before heartbeat and answers.
@@ -317,15 +311,14 @@ impl<P: Product> Node<P> {
             return node_id.map(|node_id| heartbeat(node_id, State::Initialising));
         }
         let Some(node_id) = node_id else { return owed.answers.pop() };
-        let emcys = self.objects.emcy.key();
         if owed.emcys.is_owed()
-            && let Some(key) = emcys
+            && let Some(key) = self.objects.emcy.key()
             && owed.is_most_urgent(key, node_id)
         {
             let id = self.objects.emcy.cob_id().id();
             return owed.emcys.hand_out().map(|message| Frame::full(id, message.emit()));
         }
-        let tpdo = self.objects.tpdo.key().filter(|key| owed.may_send_tpdo(*key, emcys));
+        let tpdo = self.objects.tpdo.key().filter(|key| owed.may_send_tpdo(*key, &self.objects.emcy));
         match (tpdo, owed.heartbeat.owed) {
             (None, false) => owed.answers.pop(),
             (Some(_), false) if owed.answers.is_empty() => self.sample_tpdo(product, now),
@@ -349,9 +342,11 @@ impl<P: Product> Node<P> {
     #[inline(never)]
     fn sample_tpdo(&mut self, product: &P, now: Instant) -> Option<Frame> {
         let objects = &self.objects;
-        let of = self.owed.tpdo_of.unwrap_or(now);
+        let of = if P::RULES.tpdo.sampled_when_due { self.owed.tpdo_of } else { now };
         let frame = objects.tpdo.pack(|object| objects.sample(object, product, of))?;
-        self.objects.tpdo.sent(&frame);
+        if P::RULES.tpdo.sampled_when_due {
+            self.objects.tpdo.sent(&frame);
+        }
         self.owed.tpdo.hand_out(frame.key());
         Some(frame)
     }

@@ -145,12 +145,18 @@ impl<P: Product> Node<P> {
 
     fn serve_sdo(&mut self, frame: &Frame, product: &mut P, now: Instant) -> Served<P> {
         let bytes = frame.eight().filter(|_| self.nmt.serves())?;
-        let emcys = self.objects.emcy.key();
-        let mut view = View { communication: &mut self.objects, product, now, rewired: false, reports_changed: false };
+        let mut view = View {
+            communication: &mut self.objects,
+            product,
+            now,
+            rewired: false,
+            reports_changed: false,
+            outdated_emcys: None,
+        };
         let outcome = self.sdo.handle(bytes, &mut view, now);
-        let View { rewired, reports_changed, .. } = view;
+        let View { rewired, reports_changed, outdated_emcys, .. } = view;
         if rewired {
-            self.rewire(emcys);
+            self.rewire(outdated_emcys);
         }
         if reports_changed {
             self.owed.renew_tpdo();
@@ -166,10 +172,12 @@ impl<P: Product> Node<P> {
     }
 
     /// Acts on new identifiers, and on a heartbeat that is off.
-    fn rewire(&mut self, emcys_before: Option<u32>) {
+    fn rewire(&mut self, outdated_emcys: Option<u32>) {
         self.listening.update(&self.objects);
         self.owed.rekey_tpdo(self.objects.tpdo.key());
-        self.owed.rekey_emcys(emcys_before, self.objects.emcy.key());
+        if outdated_emcys.is_some() {
+            self.owed.drop_emcys(outdated_emcys);
+        }
         if self.objects.heartbeat.time() == 0 {
             self.owed.settle_heartbeat();
         }

@@ -62,6 +62,7 @@ const PDO: pdo::Rules = pdo::Rules {
     may_be_empty: true,
     dummies: false,
     entries_while_counted: false,
+    timers: false,
     sampled_when_due: false,
 };
 

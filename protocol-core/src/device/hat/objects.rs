@@ -30,6 +30,7 @@ const RULES: Rules = Rules {
         transmission_types: &[pdo::ON_CHANGE..=240, pdo::MANUFACTURER..=pdo::EVENT_DRIVEN],
         extended_ids: true,
         may_be_empty: true,
+        timers: true,
         sampled_when_due: true,
         ..pdo::Rules::NONE
     },

@@ -75,6 +75,7 @@ const PDO: pdo::Rules = pdo::Rules {
     dummies: true,
     // (R) In CiA 301 only while sub-index 0 is 0.
     entries_while_counted: true,
+    timers: false,
     sampled_when_due: false,
 };
 
