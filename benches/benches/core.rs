@@ -9,8 +9,10 @@
 use gungraun::prelude::*;
 use gungraun::{Callgrind, EventKind};
 use protocol_core::controller::{Controller, Filter, Filters};
+use protocol_core::device::hat::{self, Hat};
 use protocol_core::device::pve::{Kind, PveCanopen, PveIsobus, Setup};
 use protocol_core::device::{Device, Effect, Senses, StartCause};
+use protocol_core::encoder::Shaft;
 use protocol_core::frame::Frame;
 use protocol_core::memory::Image;
 use protocol_core::pump::{pump, receive};
@@ -90,6 +92,30 @@ fn in_segmented_upload(next: &str) -> Box<Exchange<PveCanopen>> {
 fn in_selection(next: &str) -> Box<Exchange<PveCanopen>> {
     let parts = ["7E5: 40 19 00 00 01 00 00 00", "7E5: 41 00 00 36 53 00 00 00", "7E5: 42 20 00 01 00 00 00 00"];
     after_frames(canopen, &parts, next).into()
+}
+
+fn hat(now: Instant) -> Hat {
+    Hat::power_on(hat::Setup::new(hat::Kind::Hat1000), &Image::empty(), StartCause::PowerOn, now)
+}
+
+/// A sensor with a turning shaft in operational, with the heartbeat and a TPDO of this type on, every 100 ms when that is
+/// the event timer's.
+fn sensor(kind: u8, next: &str) -> Box<Case<Hat>> {
+    let kind = format!("601: 2F 00 18 02 {kind:02X} 00 00 00");
+    let (timer, on) = ("601: 2B 00 18 05 64 00 00 00", "601: 23 00 18 01 81 01 00 00");
+    let mut case = after_frames(hat, &["601: 2B 17 10 00 E8 03 00 00", &kind, timer, on, START], next);
+    let shaft = Shaft { speed_rpm: 33, since: case.now, ..Shaft::at(1_234) };
+    case.valve.sense(&Senses::encoder(shaft), case.now);
+    case
+}
+
+/// A sensor whose event timer has come to its end.
+fn pdo_due() -> Box<Exchange<Hat>> {
+    let mut case = sensor(254, "080:");
+    case.now = case.valve.deadline();
+    let mut exchange: Box<Exchange<Hat>> = case.into();
+    exchange.can.received = None;
+    exchange
 }
 
 /// A controller that has one frame to be read and takes every frame.
@@ -230,6 +256,34 @@ fn lss_switch_selective(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<Pve
     exchange.run()
 }
 
+// The same of a sensor.
+#[library_benchmark(config = budget(480))]
+#[bench::position(sensor(1, "601: 40 04 60 00 00 00 00 00").into())]
+fn hat_sdo_upload(exchange: Box<Exchange<Hat>>) -> Box<Exchange<Hat>> {
+    exchange.run()
+}
+
+#[library_benchmark(config = budget(540))]
+#[bench::preset(sensor(1, "601: 23 03 60 00 05 00 00 00").into())]
+fn hat_sdo_download(exchange: Box<Exchange<Hat>>) -> Box<Exchange<Hat>> {
+    exchange.run()
+}
+
+// A SYNC → the TPDO that it makes due, by its number or because the position has changed.
+#[library_benchmark(config = budget(300))]
+#[bench::every(sensor(1, "080:").into())]
+#[bench::on_change(sensor(0, "080:").into())]
+fn hat_sync_to_tpdo(exchange: Box<Exchange<Hat>>) -> Box<Exchange<Hat>> {
+    exchange.run()
+}
+
+// The event timer → its TPDO.
+#[library_benchmark(config = budget(300))]
+#[bench::due(pdo_due())]
+fn hat_timed_tpdo(exchange: Box<Exchange<Hat>>) -> Box<Exchange<Hat>> {
+    exchange.run()
+}
+
 fn claimed(next: &str) -> Box<Exchange<PveIsobus>> {
     after_frames(isobus, &[], next).into()
 }
@@ -320,4 +374,9 @@ library_benchmark_group!(
     benchmarks = [claim_request, isobus_foreign, isobus_nothing_due, avc, avc_and_avef, avef]
 );
 
-main!(library_benchmark_groups = [canopen_valve, isobus_valve]);
+library_benchmark_group!(
+    name = sensor_on_canopen,
+    benchmarks = [hat_sdo_upload, hat_sdo_download, hat_sync_to_tpdo, hat_timed_tpdo]
+);
+
+main!(library_benchmark_groups = [canopen_valve, sensor_on_canopen, isobus_valve]);

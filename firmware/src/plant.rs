@@ -1,6 +1,6 @@
 //! What acts on a board that has no valve: its plant, changed by hand at the console and by the button.
 
-use protocol_core::actuator::{Position, SpoolFault};
+use protocol_core::actuator::{Position, SpoolFault, ValveSenses};
 use protocol_core::device::Senses;
 
 /// The plant. Of the senses all but the error mode of the bus, which is the controller's to tell.
@@ -21,11 +21,11 @@ impl Plant {
     pub fn with(mut self, word: &str, value: &str) -> Option<Self> {
         let senses = &mut self.senses;
         match word {
-            "supply_mv" => senses.supply_mv = value.parse().ok()?,
-            "temperature_c" => senses.temperature_c = value.parse().ok()?,
-            "spool" => senses.spool.fault = spool_fault(value)?,
-            "lever" if value == "off" => senses.spool.lever = None,
-            "lever" => senses.spool.lever = Some(Position::new(value.parse().ok()?)?),
+            "supply_mv" => senses.valve_mut()?.supply_mv = value.parse().ok()?,
+            "temperature_c" => senses.valve_mut()?.temperature_c = value.parse().ok()?,
+            "spool" => senses.valve_mut()?.spool.fault = spool_fault(value)?,
+            "lever" if value == "off" => senses.valve_mut()?.spool.lever = None,
+            "lever" => senses.valve_mut()?.spool.lever = Some(Position::new(value.parse().ok()?)?),
             "internal_fault" => senses.internal_fault = switch(value)?,
             "memory" => {
                 self.memory_fails = match value {
@@ -56,11 +56,12 @@ impl Plant {
     pub fn words(&self) -> [(&'static str, Value); 7] {
         let switch = |on| Value::Word(if on { "on" } else { "off" });
         let Self { senses, memory_fails, bus_off } = self;
-        let spool = SPOOL_FAULTS.iter().find(|(_, fault)| *fault == senses.spool.fault).map_or("", |(name, _)| name);
-        let lever = senses.spool.lever.map_or(Value::Word("off"), |lever| Value::Number(lever.raw().into()));
+        let ValveSenses { supply_mv, temperature_c, spool } = senses.valve().copied().unwrap_or_default();
+        let lever = spool.lever.map_or(Value::Word("off"), |lever| Value::Number(lever.raw().into()));
+        let spool = SPOOL_FAULTS.iter().find(|(_, fault)| *fault == spool.fault).map_or("", |(name, _)| name);
         [
-            ("supply_mv", Value::Number(i32::try_from(senses.supply_mv).unwrap_or(i32::MAX))),
-            ("temperature_c", Value::Number(senses.temperature_c.into())),
+            ("supply_mv", Value::Number(i32::try_from(supply_mv).unwrap_or(i32::MAX))),
+            ("temperature_c", Value::Number(temperature_c.into())),
             ("spool", Value::Word(spool)),
             ("lever", lever),
             ("internal_fault", switch(senses.internal_fault)),
@@ -125,20 +126,18 @@ impl Injection {
     /// The plant with this fault in the place of the ones that the button can bring; the rest stays.
     #[must_use]
     pub fn applied_to(self, plant: Plant) -> Plant {
-        let healthy = Senses::default();
-        let mut senses = Senses {
-            supply_mv: healthy.supply_mv,
-            temperature_c: healthy.temperature_c,
-            internal_fault: self == Self::Internal,
-            ..plant.senses
-        };
-        senses.spool.fault = SpoolFault::None;
-        match self {
-            Self::SupplyLow => senses.supply_mv = 8_500,
-            Self::SupplyHigh => senses.supply_mv = 37_000,
-            Self::Temperature => senses.temperature_c = 130,
-            Self::SpoolStuck => senses.spool.fault = SpoolFault::Stuck,
-            Self::None | Self::Internal => {}
+        let mut senses = Senses { internal_fault: self == Self::Internal, ..plant.senses };
+        if let Some(valve) = senses.valve_mut() {
+            let ValveSenses { supply_mv, temperature_c, .. } = ValveSenses::default();
+            *valve = ValveSenses { supply_mv, temperature_c, ..*valve };
+            valve.spool.fault = SpoolFault::None;
+            match self {
+                Self::SupplyLow => valve.supply_mv = 8_500,
+                Self::SupplyHigh => valve.supply_mv = 37_000,
+                Self::Temperature => valve.temperature_c = 130,
+                Self::SpoolStuck => valve.spool.fault = SpoolFault::Stuck,
+                Self::None | Self::Internal => {}
+            }
         }
         Plant { senses, ..plant }
     }
@@ -157,11 +156,14 @@ mod tests {
 
     #[test]
     fn every_word() {
-        assert_eq!(after("supply_mv", "8500").unwrap().senses.supply_mv, 8500);
-        assert_eq!(after("temperature_c", "-41").unwrap().senses.temperature_c, -41);
-        assert_eq!(after("spool", "no-float").unwrap().senses.spool.fault, SpoolFault::NoFloat);
-        assert_eq!(after("lever", "-4000").unwrap().senses.spool.lever, Position::new(-4000));
-        assert_eq!(after("lever", "0").unwrap().with("lever", "off").unwrap().senses.spool.lever, None);
+        assert_eq!(after("supply_mv", "8500").unwrap().senses.valve().unwrap().supply_mv, 8500);
+        assert_eq!(after("temperature_c", "-41").unwrap().senses.valve().unwrap().temperature_c, -41);
+        assert_eq!(after("spool", "no-float").unwrap().senses.valve().unwrap().spool.fault, SpoolFault::NoFloat);
+        assert_eq!(after("lever", "-4000").unwrap().senses.valve().unwrap().spool.lever, Position::new(-4000));
+        assert_eq!(
+            after("lever", "0").unwrap().with("lever", "off").unwrap().senses.valve().unwrap().spool.lever,
+            None
+        );
         assert!(after("internal_fault", "on").unwrap().senses.internal_fault);
         assert!(after("memory", "write-fails").unwrap().memory_fails);
         assert!(after("bus_off", "on").unwrap().bus_off);
@@ -214,7 +216,7 @@ mod tests {
         loop {
             injection = injection.next();
             let plant = injection.applied_to(seen.last().copied().unwrap_or(lever));
-            assert_eq!(plant.senses.spool.lever, lever.senses.spool.lever);
+            assert_eq!(plant.senses.valve().unwrap().spool.lever, lever.senses.valve().unwrap().spool.lever);
             assert!(!seen.contains(&plant), "{injection:?}");
             seen.push(plant).unwrap();
             if injection == Injection::None {

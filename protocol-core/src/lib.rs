@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! wire/       bytes ↔ meaning: total functions, no state
-//! actuator/   the valve without a protocol
+//! actuator/   the valve without a protocol                encoder    the angle sensor without one
 //! canopen/    services that know no product: CANopen     uds    the identifier server
 //! isobus/     the same: J1939 and ISO 11783
 //! memory/     records and their encoding              answers  what a node still owes to its clients
@@ -41,6 +41,7 @@ mod answers;
 pub mod canopen;
 pub mod controller;
 pub mod device;
+pub mod encoder;
 pub mod frame;
 pub mod isobus;
 pub mod memory;

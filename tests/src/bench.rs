@@ -4,12 +4,12 @@ use hal_sim::bus::Confinement;
 use hal_sim::memory::Flash;
 use hal_sim::{Memory, NodeId, TapId, World};
 use protocol_core::controller::{BitRate, BusErrorMode};
+use protocol_core::device::ValveOutputs;
 use protocol_core::device::pve::{Kind, PveCanopen, Setup};
-use protocol_core::device::{Outputs, Senses};
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, after};
 
-use super::frame;
+use super::{Senses, frame};
 
 /// How long the master waits for an answer.
 const PATIENCE: Duration = Duration::from_millis(500);
@@ -137,9 +137,9 @@ impl Bench {
 
     /// Changes what a valve senses.
     pub fn sense(&mut self, valve: NodeId, change: impl FnOnce(&mut Senses)) {
-        let mut senses = *self.world.senses(valve);
+        let mut senses = Senses::from(*self.world.senses(valve));
         change(&mut senses);
-        self.world.set_senses(valve, senses);
+        self.world.set_senses(valve, senses.into());
     }
 
     /// What a valve drives.
@@ -147,8 +147,8 @@ impl Bench {
     /// # Panics
     /// When it is off.
     #[must_use]
-    pub fn outputs(&self, valve: NodeId) -> Outputs {
-        self.world.outputs(valve).expect("powered")
+    pub fn outputs(&self, valve: NodeId) -> ValveOutputs {
+        self.world.outputs(valve).expect("powered").valve().expect("a valve")
     }
 
     /// The mode of a valve's CAN controller.

@@ -1,9 +1,8 @@
 //! A valve on ISOBUS on the rig: at 0x83, where the manual's examples have it, and its master at 0x27.
 
-use protocol_core::device::Senses;
 use protocol_core::device::pve::{Kind, Setup};
 
-use crate::Rig;
+use crate::{Rig, Senses};
 
 /// Block.
 pub const BLOCK: &str = "0CFE3327: 00 FF 30 FF FF FF FF FF";

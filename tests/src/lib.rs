@@ -3,6 +3,7 @@
 //! ```text
 //! answers  which requests have had none
 //! rig      one device on a bus of its own: for what a device says and does
+//! senses   what a valve senses
 //! bench    valves and a master in a simulated world: for bus errors, flashes, several devices
 //! ```
 
@@ -10,7 +11,9 @@ mod answers;
 mod bench;
 pub mod isobus;
 mod rig;
+mod senses;
 
 pub use answers::unanswered;
 pub use bench::Bench;
 pub use rig::{Rig, frame};
+pub use senses::Senses;

@@ -126,8 +126,10 @@ impl Board {
                 self.carry_out(effect, device).await;
                 now = Instant::now();
             }
-            if calls.include(Caller::Leds) {
-                self.lights.show(device.outputs().led);
+            if calls.include(Caller::Leds)
+                && let Some(outputs) = device.outputs().valve()
+            {
+                self.lights.show(outputs.led);
             }
             due = self.next_look(device, now);
         }

@@ -1,7 +1,7 @@
 //! LSS requests and answers (CiA 305 6.4).
 
 use protocol_core::controller::BitRate;
-use protocol_core::wire::lss::{FastScan, NO_NODE_ID, Part, Request};
+use protocol_core::wire::lss::{Bound, FastScan, NO_NODE_ID, Part, Request};
 
 pub(super) fn request(bytes: &[u8; 8]) -> String {
     let text = match Request::parse(bytes) {
@@ -20,6 +20,14 @@ pub(super) fn request(bytes: &[u8; 8]) -> String {
         Request::Store => "store".to_owned(),
         Request::InquireIdentity(part) => format!("inquire {}", name(part)),
         Request::InquireNodeId => "inquire node ID".to_owned(),
+        Request::IdentifyRemote(bound, number) => {
+            let (part, word) = match bound {
+                Bound::Exactly(part) => (part, "="),
+                Bound::AtLeast(part) => (part, ">="),
+                Bound::AtMost(part) => (part, "<="),
+            };
+            format!("who has {} {word} 0x{number:08X}?", name(part))
+        }
         Request::IdentifyNonConfigured => "who has no node ID?".to_owned(),
         Request::FastScan(FastScan { bit_check: 0x80, .. }) => "fast scan, who is there?".to_owned(),
         Request::FastScan(FastScan { number, bit_check, sub, next }) => {

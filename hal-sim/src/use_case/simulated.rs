@@ -71,13 +71,16 @@ impl Bench for SimulatedBench {
     fn set_plant(&mut self, plant: Plant) {
         for device in self.world.devices() {
             let mut senses = *self.world.senses(device);
-            match plant {
-                Plant::SupplyMv(millivolt) => senses.supply_mv = millivolt,
-                Plant::TemperatureC(celsius) => senses.temperature_c = celsius,
-                Plant::Spool(fault) => senses.spool.fault = fault,
-                Plant::Lever(pushed) => senses.spool.lever = pushed.map(|raw| Position::clamped(raw.into())),
-                Plant::InternalFault(there) => senses.internal_fault = there,
-                Plant::BusOff(there) => self.world.force_bus_off(device, there),
+            match (plant, senses.valve_mut()) {
+                (Plant::InternalFault(there), _) => senses.internal_fault = there,
+                (Plant::BusOff(there), _) => self.world.force_bus_off(device, there),
+                (Plant::SupplyMv(millivolt), Some(valve)) => valve.supply_mv = millivolt,
+                (Plant::TemperatureC(celsius), Some(valve)) => valve.temperature_c = celsius,
+                (Plant::Spool(fault), Some(valve)) => valve.spool.fault = fault,
+                (Plant::Lever(pushed), Some(valve)) => {
+                    valve.spool.lever = pushed.map(|raw| Position::clamped(raw.into()));
+                }
+                (_, None) => {}
             }
             self.world.set_senses(device, senses);
         }

@@ -1,6 +1,5 @@
 //! A small device for the tests: a heartbeat, an echo, and commands that ask for each effect.
 
-use protocol_core::actuator::{Color, Led};
 use protocol_core::controller::{BitRate, Filter, Filters};
 use protocol_core::device::{Device, Effect, Outputs, Restart, Senses, StartCause};
 use protocol_core::frame::{Frame, standard};
@@ -197,7 +196,7 @@ impl Device for Probe {
     }
 
     fn outputs(&self) -> Outputs {
-        Outputs { solenoids: false, led: Led { color: Color::Green, flashing: false } }
+        Outputs::Encoder
     }
 
     fn bit_rate(&self) -> BitRate {

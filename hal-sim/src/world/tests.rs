@@ -303,7 +303,7 @@ fn a_restart_reads_the_memory_again() {
 fn the_plant_reaches_the_device_at_once() {
     let mut bench = Bench::of(1);
     let node = bench.nodes[0];
-    let low = Senses { supply_mv: 8500, bus: BusErrorMode::BusOff, ..*bench.world.senses(node) };
+    let low = Senses { internal_fault: true, bus: BusErrorMode::BusOff, ..*bench.world.senses(node) };
     bench.world.set_senses(node, low);
     let expected = Senses { bus: BusErrorMode::ErrorActive, ..low };
     assert_eq!(bench.probe(0).senses, expected);

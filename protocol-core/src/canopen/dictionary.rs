@@ -93,6 +93,27 @@ pub enum DefaultValue {
     Product,
 }
 
+/// A group of objects that "save" stores as one (CiA 301 7.5.2.13).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Group {
+    /// All that "save" stores.
+    All,
+    /// 0x1000–0x1FFF
+    Communication,
+    /// 0x6000–0x9FFF
+    Application,
+}
+
+impl Group {
+    const fn has(self, index: u16) -> bool {
+        match self {
+            Self::All => true,
+            Self::Communication => matches!(index, 0x1000..=0x1FFF),
+            Self::Application => matches!(index, 0x6000..=0x9FFF),
+        }
+    }
+}
+
 /// The description of one object.
 #[derive(Clone, Copy, Debug)]
 pub struct Entry {
@@ -203,9 +224,9 @@ impl<B: Copy> Dictionary<B> {
         Self(rows)
     }
 
-    /// Returns the rows that "save" stores.
-    pub fn stored(self) -> impl Iterator<Item = &'static Row<B>> {
-        self.0.iter().filter(|row| row.entry.stored)
+    /// Returns the rows of a group that "save" stores.
+    pub fn stored(self, group: Group) -> impl Iterator<Item = &'static Row<B>> {
+        self.0.iter().filter(move |row| row.entry.stored && group.has(row.entry.object.index))
     }
 
     /// Returns the row of an object.

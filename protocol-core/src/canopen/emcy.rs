@@ -1,7 +1,9 @@
-//! EMCY: the error history (0x1003), the messages that wait for the bus, and the consumer (0x1028) (CiA 301 7.2.7).
+//! EMCY: the error history (0x1003), the messages that wait for the bus, the producer (0x1014) and the consumer (0x1028)
+//! (CiA 301 7.2.7).
 
 use heapless::Vec;
 
+use crate::frame::Id;
 use crate::wire::cob_id::CobId;
 use crate::wire::emcy::Emcy;
 use crate::wire::sdo::AbortCode;
@@ -47,6 +49,16 @@ impl ErrorHistory {
         let [a, b, c, d, e, f, g, _] = self.fields;
         self.fields = [newest, a, b, c, d, e, f, g];
         self.count = self.count.saturating_add(1).min(HISTORY as u8);
+    }
+
+    /// Takes back the newest error of this code.
+    pub fn withdraw(&mut self, code: u16) {
+        let entered = self.fields.iter().take(self.count.into());
+        let Some(position) = entered.map(|field| *field as u16).position(|entered| entered == code) else { return };
+        if let Some(later) = self.fields.get_mut(position..) {
+            later.rotate_left(1);
+        }
+        self.count = self.count.saturating_sub(1);
     }
 
     /// An error, sub-index 1 being the newest.
@@ -145,6 +157,14 @@ impl Story {
         true
     }
 
+    /// Withdraws the messages of this code that are not known to be on the bus, when the controller has none. Returns
+    /// whether there was one.
+    pub fn withdraw(&mut self, code: u16) -> bool {
+        let before = self.messages.len();
+        self.messages.retain(|message| message.code != code);
+        self.messages.len() < before
+    }
+
     /// Notes that the controller has dropped what it had: it is owed again.
     pub const fn take_back(&mut self) {
         self.taken = 0;
@@ -164,6 +184,72 @@ impl Story {
     pub fn clear(&mut self) {
         self.messages.clear();
         self.taken = 0;
+    }
+}
+
+/// The identifier of the node's own EMCYs, object 0x1014.
+#[derive(Debug)]
+pub struct EmcyProducer {
+    cob_id: CobId,
+}
+
+impl EmcyProducer {
+    /// A producer that is off.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { cob_id: CobId::new(CobId::OFF) }
+    }
+
+    /// The COB-ID as written.
+    #[must_use]
+    pub const fn cob_id(&self) -> CobId {
+        self.cob_id
+    }
+
+    /// Object 0x1014 is written: in force at once. Bit 31 switches the EMCY off in any state, whatever the identifier is;
+    /// while it is on, the identifier stays.
+    ///
+    /// # Errors
+    /// [`AbortCode::INVALID_VALUE`] with bit 30, or for an identifier that is reserved, or has 29 bits where those are not
+    /// `extended_ids`; [`AbortCode::DEVICE_STATE`] for another identifier while the EMCY is on.
+    pub fn write(&mut self, raw: u32, extended_ids: bool) -> Result<(), AbortCode> {
+        let cob_id = CobId::new(raw);
+        if cob_id.has_bit_30() {
+            return Err(AbortCode::INVALID_VALUE);
+        }
+        if !cob_id.is_off() && cob_id != self.cob_id {
+            if !cob_id.is_usable(extended_ids) {
+                return Err(AbortCode::INVALID_VALUE);
+            }
+            if !self.cob_id.is_off() && cob_id.key() != self.cob_id.key() {
+                return Err(AbortCode::DEVICE_STATE);
+            }
+        }
+        self.cob_id = cob_id;
+        Ok(())
+    }
+
+    /// Takes a COB-ID, unchecked: a stored one, or the default.
+    pub const fn load(&mut self, raw: u32) {
+        self.cob_id = CobId::new(raw);
+    }
+
+    /// The identifier of an EMCY; `None` while it is off.
+    #[must_use]
+    pub fn id(&self) -> Option<Id> {
+        (!self.cob_id.is_off()).then(|| self.cob_id.id())
+    }
+
+    /// The same as a [key](crate::frame::key).
+    #[must_use]
+    pub fn key(&self) -> Option<u32> {
+        (!self.cob_id.is_off()).then(|| self.cob_id.key())
+    }
+}
+
+impl Default for EmcyProducer {
+    fn default() -> Self {
+        Self::new()
     }
 }
 

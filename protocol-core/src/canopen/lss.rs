@@ -5,7 +5,7 @@ use crate::controller::BitRate;
 use crate::outcome::Outcome;
 use crate::time::{Duration, Instant, NEVER, after};
 use crate::wire::cob_id::NodeId;
-use crate::wire::lss::{Address, Answer, NO_NODE_ID, Part, Request, SUCCESS};
+use crate::wire::lss::{Address, Answer, Bound, FastScan, LssNodeId, Part, Request, SUCCESS};
 
 /// The bit timing table of CiA 305, the only one that is supported.
 const CIA_TABLE: u8 = 0;
@@ -20,13 +20,34 @@ pub enum State {
     Configuration,
 }
 
+/// What switching to waiting does with a pending node ID.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OnWaiting {
+    /// Restarts the device under it, as after reset application.
+    Restart,
+    /// Boots a device without node ID under a stored one (CiA 305); otherwise it waits for reset communication.
+    Boot,
+}
+
 /// The rules of a product for LSS.
 #[derive(Clone, Copy, Debug)]
 pub struct Rules {
     /// The bit rates that can be configured.
     pub bit_rates: &'static [BitRate],
-    /// The states in which a slave without node ID answers identify non-configured and fast scan.
-    pub identified_in: &'static [State],
+    /// The states in which identify remote slave is answered.
+    pub remote_in: &'static [State],
+    /// The states in which a slave without node ID answers identify non-configured.
+    pub non_configured_in: &'static [State],
+    /// The states in which a slave without node ID answers fast scan.
+    pub fast_scan_in: &'static [State],
+    /// Whether the slave that a fast scan has found goes to configuration.
+    pub fast_scan_selects: bool,
+    /// Whether 255 takes the node ID away.
+    pub takes_node_id_away: bool,
+    /// What switching to waiting does with a pending node ID.
+    pub on_waiting: OnWaiting,
+    /// Whether NMT start drops what is pending.
+    pub start_drops_pending: bool,
     /// The error code for a node ID out of range.
     pub node_id_error: u8,
     /// The error code for a bit rate that is not supported.
@@ -52,14 +73,16 @@ pub enum Demand {
     /// Store [`LssSlave::unstored`], then answer with [`Answer::Stored`].
     Store,
     /// Restart as after reset application, under this node ID.
-    Restart(NodeId),
+    Restart(LssNodeId),
+    /// Boot under the pending node ID, as after reset communication.
+    Boot,
 }
 
 /// Node ID and bit rate, as far as LSS configured them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Configuration {
     /// The node ID.
-    pub node_id: Option<NodeId>,
+    pub node_id: Option<LssNodeId>,
     /// The bit rate.
     pub bit_rate: Option<BitRate>,
 }
@@ -67,6 +90,42 @@ pub struct Configuration {
 impl Configuration {
     /// Nothing configured.
     pub const NONE: Self = Self { node_id: None, bit_rate: None };
+}
+
+/// Node ID and bit rate together: as a device stores them, or has them in force.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Layer {
+    /// The node ID.
+    pub node_id: LssNodeId,
+    /// The bit rate.
+    pub bit_rate: BitRate,
+}
+
+impl Layer {
+    /// Returns the layer after a change.
+    #[must_use]
+    pub fn with(self, change: Configuration) -> Self {
+        Self { node_id: change.node_id.unwrap_or(self.node_id), bit_rate: change.bit_rate.unwrap_or(self.bit_rate) }
+    }
+
+    /// Returns the layer as a configuration of both.
+    #[must_use]
+    pub const fn configuration(self) -> Configuration {
+        Configuration { node_id: Some(self.node_id), bit_rate: Some(self.bit_rate) }
+    }
+
+    /// Encodes the layer: the node ID, 255 for none, and the index of the bit rate.
+    #[must_use]
+    pub fn encode(self) -> [u8; 2] {
+        [self.node_id.get(), self.bit_rate.table_index()]
+    }
+
+    /// Decodes a layer; `None` when it is none.
+    #[must_use]
+    pub fn decode(payload: &[u8]) -> Option<Self> {
+        let &[node_id, bit_rate] = payload else { return None };
+        Some(Self { node_id: LssNodeId::new(node_id)?, bit_rate: BitRate::from_table_index(bit_rate)? })
+    }
 }
 
 /// A change of the bit rate: the delay runs twice.
@@ -93,6 +152,8 @@ pub struct LssSlave {
     state: State,
     /// How many numbers of a switch selective have agreed so far.
     matched: Part,
+    /// How many bounds of an identify remote slave have held so far.
+    bounds: u8,
     scan: ScanPosition,
     /// Configured, and not in force.
     pending: Configuration,
@@ -108,6 +169,7 @@ impl LssSlave {
         Self {
             state: State::Waiting,
             matched: 0,
+            bounds: 0,
             scan: ScanPosition::new(),
             pending: Configuration::NONE,
             unstored: Configuration::NONE,
@@ -127,22 +189,39 @@ impl LssSlave {
             return Outcome::Nothing;
         }
         match (request, self.state) {
-            (Request::SwitchGlobal { mode: 0 }, _) => self.leave(identity),
+            (Request::SwitchGlobal { mode: 0 }, _) => self.leave(identity, rules.on_waiting),
             (Request::SwitchGlobal { mode: 1 }, _) => {
                 self.matched = 0;
                 self.state = State::Configuration;
                 Outcome::Nothing
             }
             (Request::SwitchSelective(part, number), State::Waiting) => self.select(part, number, identity.address),
-            (Request::IdentifyNonConfigured | Request::FastScan(_), state) if rules.identified_in.contains(&state) => {
-                self.identify(request, identity)
+            (Request::IdentifyRemote(bound, limit), state) if rules.remote_in.contains(&state) => {
+                self.identify_remote(bound, limit, identity.address)
+            }
+            (Request::IdentifyNonConfigured, state) if rules.non_configured_in.contains(&state) => {
+                if self.is_configured(identity) { Outcome::Nothing } else { Outcome::Done(Answer::NonConfigured) }
+            }
+            (Request::FastScan(scan), state) if rules.fast_scan_in.contains(&state) => {
+                self.scan(scan, identity, rules.fast_scan_selects)
             }
             (_, State::Waiting) => Outcome::Nothing,
             (request, State::Configuration) => self.configure(request, identity, rules, now),
         }
     }
 
-    /// Ends configuration at NMT start or reset communication: what is pending is dropped, an activation goes on.
+    /// Leaves configuration at NMT start.
+    pub fn start(&mut self, rules: &Rules) {
+        if rules.start_drops_pending {
+            self.end_configuration();
+        } else {
+            self.state = State::Waiting;
+            self.matched = 0;
+            self.bounds = 0;
+        }
+    }
+
+    /// Ends configuration at reset communication: what is pending is dropped, an activation goes on.
     pub fn end_configuration(&mut self) {
         let activation = self.activation;
         *self = Self { activation, ..Self::new() };
@@ -158,7 +237,7 @@ impl LssSlave {
 
     /// Returns the node ID that was configured and is not in force.
     #[must_use]
-    pub const fn pending_node_id(&self) -> Option<NodeId> {
+    pub const fn pending_node_id(&self) -> Option<LssNodeId> {
         self.pending.node_id
     }
 
@@ -202,12 +281,20 @@ impl LssSlave {
         self.activation.is_some()
     }
 
-    fn leave(&mut self, identity: Identity<'_>) -> Outcome<Answer, Demand> {
+    fn leave(&mut self, identity: Identity<'_>, on_waiting: OnWaiting) -> Outcome<Answer, Demand> {
         self.matched = 0;
+        self.bounds = 0;
         self.state = State::Waiting;
-        match self.pending.node_id.take().filter(|pending| Some(*pending) != identity.node_id) {
-            Some(pending) => Outcome::Demand(Demand::Restart(pending)),
-            None => Outcome::Nothing,
+        match on_waiting {
+            OnWaiting::Restart => match self.pending.node_id.take().filter(|pending| pending.0 != identity.node_id) {
+                Some(pending) => Outcome::Demand(Demand::Restart(pending)),
+                None => Outcome::Nothing,
+            },
+            OnWaiting::Boot => {
+                let stored = self.pending.node_id.filter(|_| self.unstored.node_id.is_none());
+                let boots = identity.node_id.is_none() && stored.is_some_and(|stored| stored.0.is_some());
+                if boots { Outcome::Demand(Demand::Boot) } else { Outcome::Nothing }
+            }
         }
     }
 
@@ -223,16 +310,38 @@ impl LssSlave {
         Outcome::Done(Answer::Selected)
     }
 
-    /// Answers for a slave without node ID, pending ones included.
-    fn identify(&mut self, request: Request, identity: Identity<'_>) -> Outcome<Answer, Demand> {
-        if identity.node_id.or(self.pending.node_id).is_some() {
+    /// Takes one bound of identify remote slave: the six come in order, one that does not hold starts over.
+    fn identify_remote(&mut self, bound: Bound, limit: u32, address: &Address) -> Outcome<Answer, Demand> {
+        let [first, .., last] = Bound::ALL;
+        let expected = bound == first || Bound::ALL.get(usize::from(self.bounds)) == Some(&bound);
+        let held = expected && bound.holds(limit, address);
+        self.bounds = match (held, bound == first) {
+            (false, _) => 0,
+            (true, true) => 1,
+            (true, false) => self.bounds.saturating_add(1),
+        };
+        if held && bound == last {
+            self.bounds = 0;
+            return Outcome::Done(Answer::Identified);
+        }
+        Outcome::Nothing
+    }
+
+    /// Takes a question of the fast scan to slaves without node ID.
+    fn scan(&mut self, scan: FastScan, identity: Identity<'_>, selects: bool) -> Outcome<Answer, Demand> {
+        if self.is_configured(identity) || !self.scan.answers(scan, identity.address) {
             return Outcome::Nothing;
         }
-        match request {
-            Request::IdentifyNonConfigured => Outcome::Done(Answer::NonConfigured),
-            Request::FastScan(scan) if self.scan.answers(scan, identity.address) => Outcome::Done(Answer::Identified),
-            _ => Outcome::Nothing,
+        if selects && scan.is_last() {
+            self.matched = 0;
+            self.state = State::Configuration;
         }
+        Outcome::Done(Answer::Identified)
+    }
+
+    /// Whether the slave has a node ID, be it a pending one.
+    fn is_configured(&self, identity: Identity<'_>) -> bool {
+        identity.node_id.or(self.pending.node_id.and_then(|pending| pending.0)).is_some()
     }
 
     fn configure(
@@ -243,14 +352,16 @@ impl LssSlave {
         now: Instant,
     ) -> Outcome<Answer, Demand> {
         Outcome::Done(match request {
-            Request::ConfigureNodeId(raw) => match NodeId::new(raw) {
-                Some(node_id) => {
-                    self.pending.node_id = Some(node_id);
-                    self.unstored.node_id = Some(node_id);
-                    Answer::NodeId(SUCCESS)
+            Request::ConfigureNodeId(raw) => {
+                match LssNodeId::new(raw).filter(|node_id| node_id.0.is_some() || rules.takes_node_id_away) {
+                    Some(node_id) => {
+                        self.pending.node_id = Some(node_id);
+                        self.unstored.node_id = Some(node_id);
+                        Answer::NodeId(SUCCESS)
+                    }
+                    None => Answer::NodeId(rules.node_id_error),
                 }
-                None => Answer::NodeId(rules.node_id_error),
-            },
+            }
             Request::ConfigureBitTiming { table, index } => {
                 let bit_rate = BitRate::from_table_index(index)
                     .filter(|bit_rate| table == CIA_TABLE && rules.bit_rates.contains(bit_rate));
@@ -275,7 +386,7 @@ impl LssSlave {
             }
             Request::Store => return Outcome::Demand(Demand::Store),
             Request::InquireIdentity(part) => Answer::Identity(part, identity.address.part(part).unwrap_or(0)),
-            Request::InquireNodeId => Answer::InquiredNodeId(identity.node_id.map_or(NO_NODE_ID, NodeId::get)),
+            Request::InquireNodeId => Answer::InquiredNodeId(LssNodeId(identity.node_id).get()),
             _ => return Outcome::Nothing,
         })
     }

@@ -15,6 +15,7 @@ pub mod parameters;
 pub mod pdo;
 pub mod sdo_server;
 pub mod sync;
+pub mod transmission;
 
 mod sdo_download;
 mod sdo_upload;

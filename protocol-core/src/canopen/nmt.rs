@@ -3,6 +3,56 @@
 use crate::outcome::Outcome;
 use crate::wire::nmt::{Command, State};
 
+/// The rules of a product for entering a state by itself.
+#[derive(Clone, Copy, Debug)]
+pub struct Rules {
+    /// The values that 0x1F80 takes.
+    pub startup: &'static [u32],
+    /// The one that starts the node after the boot-up.
+    pub starts_itself: Option<u32>,
+}
+
+impl Rules {
+    /// The rules of a product without such objects.
+    pub const NONE: Self = Self { startup: &[], starts_itself: None };
+}
+
+/// What an error does to the NMT state: object 0x1029.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+pub enum ErrorBehaviour {
+    /// Operational becomes pre-operational.
+    #[default]
+    PreOperational = 0,
+    /// Nothing.
+    NoChange = 1,
+    /// Operational becomes stopped.
+    Stopped = 2,
+}
+
+impl ErrorBehaviour {
+    /// The behaviour of a value; `None` for one that CiA 301 reserves.
+    #[must_use]
+    pub const fn new(raw: u8) -> Option<Self> {
+        match raw {
+            0 => Some(Self::PreOperational),
+            1 => Some(Self::NoChange),
+            2 => Some(Self::Stopped),
+            _ => None,
+        }
+    }
+
+    /// The state that an error in operational leads to.
+    #[must_use]
+    pub const fn state(self) -> Option<State> {
+        match self {
+            Self::PreOperational => Some(State::PreOperational),
+            Self::NoChange => None,
+            Self::Stopped => Some(State::Stopped),
+        }
+    }
+}
+
 /// The scope of a reset that an NMT master demands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reset {
@@ -49,6 +99,11 @@ impl NmtSlave {
         self.state = State::PreOperational;
     }
 
+    /// Enters a state by itself. Returns whether it was another one.
+    pub fn enter(&mut self, state: State) -> bool {
+        core::mem::replace(&mut self.state, state) != state
+    }
+
     /// Obeys a command: done is the state that was entered. A node that still initialises obeys none.
     pub fn obey(&mut self, command: Command) -> Outcome<State, Reset> {
         let entered = match command {
@@ -59,7 +114,7 @@ impl NmtSlave {
             Command::ResetApplication => return Outcome::Demand(Reset::Application),
             Command::ResetCommunication => return Outcome::Demand(Reset::Communication),
         };
-        if core::mem::replace(&mut self.state, entered) == entered { Outcome::Nothing } else { Outcome::Done(entered) }
+        if self.enter(entered) { Outcome::Done(entered) } else { Outcome::Nothing }
     }
 
     /// Whether SDOs and EMCYs are served: everywhere but in stopped and before the boot-up (CiA 301 table 38).

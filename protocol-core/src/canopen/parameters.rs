@@ -1,18 +1,19 @@
-//! What "save" stores, as one record: the values of the dictionary's stored objects in the order of the table
+//! What "save" stores, a record for each group: the values of the dictionary's stored objects in the order of the table
 //! (CiA 301 7.5.2.13; SPEC 6).
 
 use heapless::Vec;
 
-use super::dictionary::{DataType, Dictionary, Entry, Row, Value};
+use super::dictionary::{DataType, Dictionary, Entry, Group, Row, Value};
 
-/// The values of all stored objects as `value_of` gives them, one after the other; a text is preceded by its length.
+/// The values of a group's stored objects as `value_of` gives them, one after the other; a text is preceded by its length.
 /// `None` when one is missing, or when they are more than `N` bytes.
 pub fn encode<'a, B: Copy, const N: usize>(
     dictionary: Dictionary<B>,
+    group: Group,
     value_of: impl Fn(&'static Row<B>) -> Option<Value<'a>>,
 ) -> Option<Vec<u8, N>> {
     let mut payload = Vec::new();
-    for row in dictionary.stored() {
+    for row in dictionary.stored(group) {
         match value_of(row)? {
             Value::Number(number) => {
                 let bytes = number.to_le_bytes();
@@ -32,24 +33,25 @@ pub fn encode<'a, B: Copy, const N: usize>(
 #[derive(Clone, Copy, Debug)]
 pub struct Stored<'a, B: 'static> {
     dictionary: Dictionary<B>,
+    group: Group,
     payload: &'a [u8],
 }
 
 impl<'a, B: Copy> Stored<'a, B> {
     /// Takes a payload; `None` unless it has a value for every stored object and nothing else.
     #[must_use]
-    pub fn decode(dictionary: Dictionary<B>, payload: &'a [u8]) -> Option<Self> {
+    pub fn decode(dictionary: Dictionary<B>, group: Group, payload: &'a [u8]) -> Option<Self> {
         let mut rest = payload;
-        for row in dictionary.stored() {
+        for row in dictionary.stored(group) {
             take(&row.entry, &mut rest)?;
         }
-        rest.is_empty().then_some(Self { dictionary, payload })
+        rest.is_empty().then_some(Self { dictionary, group, payload })
     }
 
     /// Returns the objects and their values.
     pub fn values(self) -> impl Iterator<Item = (&'static Row<B>, Value<'a>)> {
         let mut rest = self.payload;
-        self.dictionary.stored().map_while(move |row| Some((row, take(&row.entry, &mut rest)?)))
+        self.dictionary.stored(self.group).map_while(move |row| Some((row, take(&row.entry, &mut rest)?)))
     }
 }
 

@@ -7,7 +7,10 @@ use core::ops::RangeInclusive;
 use heapless::Vec;
 
 use super::dictionary::{Dictionary, Mappable, Row};
+use super::transmission::Transmission;
+pub use super::transmission::{EVENT_DRIVEN, MANUFACTURER, ON_CHANGE};
 use crate::frame::{Frame, Id, MAX_LEN};
+use crate::time::{Instant, NEVER};
 use crate::wire::cob_id::CobId;
 use crate::wire::pdo_mapping::MappingEntry;
 use crate::wire::sdo::{AbortCode, Multiplexer};
@@ -17,9 +20,6 @@ pub const ENTRIES: usize = 8;
 
 /// How many bits a PDO can carry.
 const MAX_BITS: u8 = 64;
-
-/// The transmission type that sends, or acts, at once.
-pub const EVENT_DRIVEN: u8 = 0xFF;
 
 /// The rules of a product for its PDOs of one direction.
 #[derive(Clone, Copy, Debug)]
@@ -36,18 +36,37 @@ pub struct Rules {
     pub dummies: bool,
     /// Whether mapping entries can be written while sub-index 0 is not 0.
     pub entries_while_counted: bool,
+    /// Whether there are inhibit time and event timer.
+    pub timers: bool,
+    /// Whether a TPDO that waits for the bus tells what was sampled when it became due; otherwise what is true when it is
+    /// sent.
+    pub sampled_when_due: bool,
+}
+
+impl Rules {
+    /// The rules of a PDO that a product does not have.
+    pub const NONE: Self = Self {
+        direction: Mappable::No,
+        transmission_types: &[],
+        extended_ids: false,
+        may_be_empty: false,
+        dummies: false,
+        entries_while_counted: false,
+        timers: false,
+        sampled_when_due: false,
+    };
 }
 
 /// One PDO, whose objects are served by `B`.
 #[derive(Debug)]
 pub struct Pdo<B> {
     cob_id: CobId,
-    transmission_type: u8,
+    transmission: Transmission,
     count: u8,
     entries: [MappingEntry; ENTRIES],
     running: Option<Running<B>>,
-    /// SYNCs since the last one that sent.
-    syncs: u8,
+    /// The data last sent, of a type that sends when they change.
+    last: Option<[u8; MAX_LEN]>,
 }
 
 /// A PDO that is on.
@@ -73,11 +92,11 @@ impl<B: Copy + 'static> Pdo<B> {
     pub const fn new() -> Self {
         Self {
             cob_id: CobId::new(CobId::OFF),
-            transmission_type: EVENT_DRIVEN,
+            transmission: Transmission::new(),
             count: 0,
             entries: [MappingEntry::parse(0); ENTRIES],
             running: None,
-            syncs: 0,
+            last: None,
         }
     }
 
@@ -87,10 +106,10 @@ impl<B: Copy + 'static> Pdo<B> {
         self.cob_id
     }
 
-    /// The transmission type, sub-index 2.
+    /// The sub-indices of the communication parameter that tell when it is sent.
     #[must_use]
-    pub const fn transmission_type(&self) -> u8 {
-        self.transmission_type
+    pub const fn transmission(&self) -> &Transmission {
+        &self.transmission
     }
 
     /// The number of mapped objects, sub-index 0 of the mapping parameter.
@@ -116,7 +135,13 @@ impl<B: Copy + 'static> Pdo<B> {
     /// [`AbortCode::INVALID_VALUE`] for an identifier that cannot be used or when the PDO would be switched on with nothing
     /// mapped, [`AbortCode::DEVICE_STATE`] while the PDO is on, [`AbortCode::PDO_TOO_LONG`] when it would be switched on
     /// with more than 64 bits.
-    pub fn write_cob_id(&mut self, raw: u32, rules: &Rules, dictionary: Dictionary<B>) -> Result<(), AbortCode> {
+    pub fn write_cob_id(
+        &mut self,
+        raw: u32,
+        rules: &Rules,
+        dictionary: Dictionary<B>,
+        now: Instant,
+    ) -> Result<(), AbortCode> {
         let cob_id = CobId::new(raw);
         if cob_id == self.cob_id {
             return Ok(());
@@ -132,7 +157,7 @@ impl<B: Copy + 'static> Pdo<B> {
         };
         self.running = running;
         self.cob_id = cob_id;
-        self.syncs = 0;
+        self.restart(now);
         Ok(())
     }
 
@@ -140,21 +165,39 @@ impl<B: Copy + 'static> Pdo<B> {
     ///
     /// # Errors
     /// [`AbortCode::INVALID_VALUE`] for a type that the product does not allow.
-    pub fn write_transmission_type(&mut self, value: u8, rules: &Rules) -> Result<(), AbortCode> {
+    pub fn write_transmission_type(&mut self, value: u8, rules: &Rules, now: Instant) -> Result<(), AbortCode> {
         if !rules.transmission_types.iter().any(|types| types.contains(&value)) {
             return Err(AbortCode::INVALID_VALUE);
         }
-        self.transmission_type = value;
-        self.syncs = 0;
+        self.transmission.set_kind(value);
+        self.restart(now);
         Ok(())
+    }
+
+    /// Writes the inhibit time.
+    ///
+    /// # Errors
+    /// [`AbortCode::DEVICE_STATE`] while the PDO is on.
+    pub fn write_inhibit(&mut self, value: u16) -> Result<(), AbortCode> {
+        if value != self.transmission.inhibit() && self.is_on() {
+            return Err(AbortCode::DEVICE_STATE);
+        }
+        self.transmission.set_inhibit(value);
+        Ok(())
+    }
+
+    /// Writes the event timer: in force at once, the first period begins now.
+    pub fn write_event_timer(&mut self, value: u16, now: Instant) {
+        self.transmission.set_event_timer(value);
+        self.transmission.restart_timer(now);
     }
 
     /// Writes the number of mapped objects.
     ///
     /// # Errors
     /// [`AbortCode::PDO_TOO_LONG`] above 8 or when the entries then there are more than 64 bits,
-    /// [`AbortCode::DEVICE_STATE`] while the PDO is on.
-    pub fn write_count(&mut self, count: u8) -> Result<(), AbortCode> {
+    /// [`AbortCode::DEVICE_STATE`] while the PDO is on, [`AbortCode::NOT_MAPPABLE`] when one of them maps nothing.
+    pub fn write_count(&mut self, count: u8, rules: &Rules, dictionary: Dictionary<B>) -> Result<(), AbortCode> {
         if count == self.count {
             return Ok(());
         }
@@ -163,6 +206,7 @@ impl<B: Copy + 'static> Pdo<B> {
             return Err(AbortCode::DEVICE_STATE);
         }
         bits(entries)?;
+        entries.iter().try_for_each(|entry| mapped(*entry, rules, dictionary).map(drop))?;
         self.count = count;
         Ok(())
     }
@@ -198,7 +242,17 @@ impl<B: Copy + 'static> Pdo<B> {
 
     /// Takes a stored transmission type.
     pub const fn load_transmission_type(&mut self, value: u8) {
-        self.transmission_type = value;
+        self.transmission.set_kind(value);
+    }
+
+    /// Takes a stored inhibit time.
+    pub const fn load_inhibit(&mut self, value: u16) {
+        self.transmission.set_inhibit(value);
+    }
+
+    /// Takes a stored event timer.
+    pub const fn load_event_timer(&mut self, value: u16) {
+        self.transmission.set_event_timer(value);
     }
 
     /// Takes a stored number of mapped objects.
@@ -217,7 +271,6 @@ impl<B: Copy + 'static> Pdo<B> {
         if self.running.is_none() {
             self.cob_id = CobId::new(self.cob_id.raw() | CobId::OFF);
         }
-        self.syncs = 0;
     }
 
     /// Returns the [key](crate::frame::key) of its frames; `None` while it is off.
@@ -246,28 +299,58 @@ impl<B: Copy + 'static> Pdo<B> {
         Some(running.blank.refilled(bits.to_le_bytes()))
     }
 
-    /// Whether a SYNC makes the PDO due: every n-th one for the transmission types 1–240.
+    /// Counts a SYNC. Returns whether it is the n-th of a transmission type 1–240.
     pub fn sync(&mut self) -> bool {
-        if !self.is_on() || !matches!(self.transmission_type, 1..=240) {
-            return false;
-        }
-        self.syncs = self.syncs.saturating_add(1);
-        let due = self.syncs >= self.transmission_type;
-        if due {
-            self.syncs = 0;
-        }
-        due
+        self.sends() && self.transmission.sync()
     }
 
-    /// Counts SYNCs from here: on entering operational.
-    pub const fn restart_sync_count(&mut self) {
-        self.syncs = 0;
+    /// Returns whether a SYNC makes a PDO due whose objects, as `read` gives them, are not those last sent.
+    pub fn has_changed(&self, read: impl FnMut(B) -> u32) -> bool {
+        self.transmission.kind() == ON_CHANGE
+            && self.sends()
+            && self.pack(read).map(|frame| *frame.bytes()) != self.last
+    }
+
+    /// Notes that a frame is sent.
+    #[inline]
+    pub const fn sent(&mut self, frame: &Frame) {
+        if self.transmission.kind() == ON_CHANGE {
+            self.last = Some(*frame.bytes());
+        }
+    }
+
+    /// Notes that a frame was lost: it does not count as sent.
+    pub const fn lost(&mut self) {
+        self.last = None;
+    }
+
+    /// Starts to send anew, on entering operational: SYNCs count from here, and so does the event timer.
+    pub fn restart(&mut self, now: Instant) {
+        self.last = None;
+        self.transmission.restart(now);
+    }
+
+    /// Returns the instant at which the event timer has made the PDO due.
+    pub fn poll(&mut self, now: Instant) -> Option<Instant> {
+        self.transmission.poll(now).filter(|_| self.sends())
+    }
+
+    /// Returns when [`poll`](Self::poll) is next due.
+    #[inline]
+    #[must_use]
+    pub fn deadline(&self) -> Instant {
+        if self.sends() { self.transmission.deadline() } else { NEVER }
     }
 
     /// Whether the PDO is on and sends, or acts, at once.
     #[must_use]
     pub const fn is_event_driven(&self) -> bool {
-        self.is_on() && self.transmission_type == EVENT_DRIVEN
+        self.sends() && self.transmission.kind() == EVENT_DRIVEN
+    }
+
+    /// Whether it is on and maps anything: a PDO of nothing is not sent.
+    const fn sends(&self) -> bool {
+        self.is_on() && self.count != 0
     }
 
     const fn is_on(&self) -> bool {

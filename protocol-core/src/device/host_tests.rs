@@ -1,7 +1,6 @@
 //! The host with a body that has one timer, one fault log and one answer.
 
 use super::*;
-use crate::actuator::{Color, Led};
 use crate::memory::seal;
 use crate::time::{Duration, after};
 
@@ -130,7 +129,7 @@ impl Body for Obedient {
     fn watchdog_reset(&mut self, _: &mut Base<Write>) {}
 
     fn outputs(&self) -> Outputs {
-        Outputs { solenoids: false, led: Led { color: Color::Green, flashing: false } }
+        Outputs::Encoder
     }
 
     fn bit_rate(&self) -> BitRate {

@@ -4,14 +4,18 @@
 //! reads no clock and touches no hardware. [`pump`](crate::pump::pump) connects one with a controller.
 
 pub mod fault_log;
+pub mod hat;
 pub mod host;
+mod kind;
 pub mod pve;
 pub mod reading;
 mod senses;
 pub mod writes;
 
-pub use senses::{Outputs, Senses};
+pub use kind::{Kind, Protocol, Setup};
+pub use senses::{Outputs, ProductSenses, Senses, ValveOutputs};
 
+use crate::canopen::nmt::Reset;
 use crate::controller::{BitRate, Filter, Filters};
 use crate::frame::Frame;
 use crate::memory::{Image, Record, RecordKey, StoreError};
@@ -35,6 +39,15 @@ pub enum Restart {
     Communication,
     /// Reset application, and what restarts "as after" it.
     Application,
+}
+
+impl From<Reset> for Restart {
+    fn from(reset: Reset) -> Self {
+        match reset {
+            Reset::Communication => Self::Communication,
+            Reset::Application => Self::Application,
+        }
+    }
 }
 
 /// Why the device is powered up.

@@ -69,7 +69,7 @@ mod tests {
         assert_eq!(reading.record(RecordKey::Parameters, 1, Some), None);
         assert_eq!(reading.record(RecordKey::Factory, 1, Some), None);
         let of = |read: &dyn Fn(RecordKey) -> bool| RecordKey::ALL.map(read);
-        assert_eq!(of(&|key| reading.is_absent(key)), [true, false, false, true, false]);
-        assert_eq!(of(&|key| reading.is_corrupt(key)), [false, false, true, false, true]);
+        assert_eq!(of(&|key| reading.is_absent(key)), [true, false, false, true, false, true]);
+        assert_eq!(of(&|key| reading.is_corrupt(key)), [false, false, true, false, true, false]);
     }
 }

@@ -1,39 +1,103 @@
-//! What a device senses, and what it drives.
+//! What a device senses, and what it drives: what all have in common, and what is the product's.
 
-use crate::actuator::{Led, SpoolSense};
+use crate::actuator::{Led, ValveSenses};
 use crate::controller::BusErrorMode;
+use crate::encoder::Shaft;
 
 /// Everything that a device senses of the world around it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Senses {
-    /// Supply voltage, mV.
-    pub supply_mv: u32,
-    /// Temperature, °C.
-    pub temperature_c: i16,
     /// An internal fault that is injected from outside.
     pub internal_fault: bool,
     /// The CAN controller's error mode.
     pub bus: BusErrorMode,
-    /// What acts on the spool.
-    pub spool: SpoolSense,
+    /// What the product senses. A device keeps its last own senses when it is given those of another product.
+    pub product: ProductSenses,
 }
 
-impl Default for Senses {
-    /// A healthy valve on a 24 V supply at room temperature.
+/// What a product senses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ProductSenses {
+    /// A valve: its supply, its temperature and its spool.
+    Valve(ValveSenses),
+    /// An encoder: its shaft.
+    Encoder(Shaft),
+}
+
+impl Default for ProductSenses {
+    /// Those of a healthy valve.
     fn default() -> Self {
-        Self {
-            supply_mv: 24_000,
-            temperature_c: 25,
-            internal_fault: false,
-            bus: BusErrorMode::ErrorActive,
-            spool: SpoolSense::default(),
+        Self::Valve(ValveSenses::default())
+    }
+}
+
+impl Senses {
+    /// Returns what a healthy encoder with this shaft senses.
+    #[must_use]
+    pub const fn encoder(shaft: Shaft) -> Self {
+        Self { internal_fault: false, bus: BusErrorMode::ErrorActive, product: ProductSenses::Encoder(shaft) }
+    }
+
+    /// Returns what a valve senses; `None` for another product.
+    #[must_use]
+    pub const fn valve(&self) -> Option<&ValveSenses> {
+        match &self.product {
+            ProductSenses::Valve(valve) => Some(valve),
+            ProductSenses::Encoder(_) => None,
+        }
+    }
+
+    /// The same, to be changed.
+    #[must_use]
+    pub const fn valve_mut(&mut self) -> Option<&mut ValveSenses> {
+        match &mut self.product {
+            ProductSenses::Valve(valve) => Some(valve),
+            ProductSenses::Encoder(_) => None,
+        }
+    }
+
+    /// Returns the shaft of an encoder; `None` for another product.
+    #[must_use]
+    pub const fn shaft(&self) -> Option<&Shaft> {
+        match &self.product {
+            ProductSenses::Encoder(shaft) => Some(shaft),
+            ProductSenses::Valve(_) => None,
+        }
+    }
+
+    /// The same, to be changed.
+    #[must_use]
+    pub const fn shaft_mut(&mut self) -> Option<&mut Shaft> {
+        match &mut self.product {
+            ProductSenses::Encoder(shaft) => Some(shaft),
+            ProductSenses::Valve(_) => None,
         }
     }
 }
 
 /// What a device drives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Outputs {
+pub enum Outputs {
+    /// A valve: its solenoids and its LED.
+    Valve(ValveOutputs),
+    /// An encoder: nothing.
+    Encoder,
+}
+
+impl Outputs {
+    /// Returns what a valve drives; `None` for another product.
+    #[must_use]
+    pub const fn valve(self) -> Option<ValveOutputs> {
+        match self {
+            Self::Valve(outputs) => Some(outputs),
+            Self::Encoder => None,
+        }
+    }
+}
+
+/// What a valve drives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ValveOutputs {
     /// Whether the solenoids are energised.
     pub solenoids: bool,
     /// The LED.

@@ -25,17 +25,20 @@ pub enum RecordKey {
     Factory = 1,
     /// Node ID or address, and bit rate.
     LocalLayer = 2,
-    /// The parameters that "save" stores.
+    /// The parameters that "save" stores; of a device that stores them in groups, those of the communication.
     Parameters = 3,
     /// Whether the next start restores the defaults.
     RestoreFlag = 4,
     /// Occurrence counters and previously active faults.
     FaultLog = 5,
+    /// The parameters of the application, of a device that stores them in groups.
+    Application = 6,
 }
 
 impl RecordKey {
     /// All of them, in the order of their keys.
-    pub const ALL: [Self; 5] = [Self::Factory, Self::LocalLayer, Self::Parameters, Self::RestoreFlag, Self::FaultLog];
+    pub const ALL: [Self; 6] =
+        [Self::Factory, Self::LocalLayer, Self::Parameters, Self::RestoreFlag, Self::FaultLog, Self::Application];
 
     /// The position in [`ALL`](Self::ALL).
     #[must_use]

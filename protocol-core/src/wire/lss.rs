@@ -1,5 +1,6 @@
 //! LSS: the eight bytes of a request and of an answer (CiA 305 6.4).
 
+use super::cob_id::NodeId;
 use super::u32_at;
 
 /// The four numbers that tell one slave from every other: the identity object, 0x1018.
@@ -32,6 +33,51 @@ impl Address {
 /// Which numbers of a slave a service is about: 0 vendor, 1 product, 2 revision, 3 serial.
 pub type Part = u8;
 
+/// What identify remote slave asks of one of the four numbers, the limits included.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bound {
+    /// It is this number.
+    Exactly(Part),
+    /// It is not lower.
+    AtLeast(Part),
+    /// It is not higher.
+    AtMost(Part),
+}
+
+impl Bound {
+    /// All of them, in the order in which they are asked.
+    pub const ALL: [Self; 6] =
+        [Self::Exactly(0), Self::Exactly(1), Self::AtLeast(2), Self::AtMost(2), Self::AtLeast(3), Self::AtMost(3)];
+
+    /// Returns whether a slave is within the bound.
+    #[must_use]
+    pub fn holds(self, limit: u32, address: &Address) -> bool {
+        match self {
+            Self::Exactly(part) => address.part(part) == Some(limit),
+            Self::AtLeast(part) => address.part(part).is_some_and(|own| own >= limit),
+            Self::AtMost(part) => address.part(part).is_some_and(|own| own <= limit),
+        }
+    }
+}
+
+/// A node ID as LSS configures it: 1–127, or 255 for none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LssNodeId(pub Option<NodeId>);
+
+impl LssNodeId {
+    /// The node ID of a number; `None` for a reserved one.
+    #[must_use]
+    pub fn new(raw: u8) -> Option<Self> {
+        if raw == NO_NODE_ID { Some(Self(None)) } else { NodeId::new(raw).map(|node_id| Self(Some(node_id))) }
+    }
+
+    /// The number.
+    #[must_use]
+    pub fn get(self) -> u8 {
+        self.0.map_or(NO_NODE_ID, NodeId::get)
+    }
+}
+
 /// One question of the fast scan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FastScan {
@@ -43,6 +89,14 @@ pub struct FastScan {
     pub sub: u8,
     /// Which number the master asks about next.
     pub next: u8,
+}
+
+impl FastScan {
+    /// Returns whether this is the last question: all bits of the last number.
+    #[must_use]
+    pub const fn is_last(&self) -> bool {
+        self.bit_check == 0 && self.sub == 3
+    }
 }
 
 /// What a master asks for.
@@ -75,6 +129,8 @@ pub enum Request {
     InquireIdentity(Part),
     /// 0x5E: the node ID.
     InquireNodeId,
+    /// 0x46–0x4B: one of the bounds of identify remote slave.
+    IdentifyRemote(Bound, u32),
     /// 0x4C: is there a slave without node ID?
     IdentifyNonConfigured,
     /// 0x51: fast scan.
@@ -98,6 +154,12 @@ impl Request {
             0x17 => Self::Store,
             0x5A..=0x5D => Self::InquireIdentity(command.wrapping_sub(0x5A)),
             0x5E => Self::InquireNodeId,
+            0x46 => Self::IdentifyRemote(Bound::Exactly(0), number),
+            0x47 => Self::IdentifyRemote(Bound::Exactly(1), number),
+            0x48 => Self::IdentifyRemote(Bound::AtLeast(2), number),
+            0x49 => Self::IdentifyRemote(Bound::AtMost(2), number),
+            0x4A => Self::IdentifyRemote(Bound::AtLeast(3), number),
+            0x4B => Self::IdentifyRemote(Bound::AtMost(3), number),
             0x4C => Self::IdentifyNonConfigured,
             0x51 => Self::FastScan(FastScan { number, bit_check, sub, next }),
             _ => Self::Unknown(command),
@@ -122,7 +184,7 @@ pub enum Answer {
     InquiredNodeId(u8),
     /// 0x50: it has no node ID.
     NonConfigured,
-    /// 0x4F: the fast scan's question is answered with yes.
+    /// 0x4F: the question of identify remote slave or fast scan is answered with yes.
     Identified,
 }
 
@@ -170,6 +232,7 @@ mod tests {
         assert_eq!(parse([0x17, 0, 0, 0, 0, 0, 0, 0]), Request::Store);
         assert_eq!(parse([0x4C, 0, 0, 0, 0, 0, 0, 0]), Request::IdentifyNonConfigured);
         assert_eq!(parse([0x5D, 0, 0, 0, 0, 0, 0, 0]), Request::InquireIdentity(3));
+        assert_eq!(parse([0x49, 0x07, 0x00, 0x01, 0, 0, 0, 0]), Request::IdentifyRemote(Bound::AtMost(2), 0x0001_0007));
         assert_eq!(
             parse([0x51, 0x00, 0x00, 0x36, 0x53, 0x00, 0x01, 0x02]),
             Request::FastScan(FastScan { number: 0x5336_0000, bit_check: 0, sub: 1, next: 2 })

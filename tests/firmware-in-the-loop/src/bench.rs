@@ -10,7 +10,6 @@ use hal_sim::use_case::{Bench, Plant, UseCase, Valve};
 use hal_sim::world::SUPPLY_JITTER;
 use hal_sim::{Memory, NodeId, TapId, World};
 use protocol_core::controller::BitRate;
-use protocol_core::device::Senses;
 use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
 
@@ -114,7 +113,10 @@ impl Bench for ImageBench {
         self.rig.type_line(self.board, &word(plant));
         for other in &self.others {
             if let Plant::SupplyMv(millivolt) = plant {
-                let senses = Senses { supply_mv: millivolt, ..*self.rig.world.senses(*other) };
+                let mut senses = *self.rig.world.senses(*other);
+                if let Some(valve) = senses.valve_mut() {
+                    valve.supply_mv = millivolt;
+                }
                 self.rig.world.set_senses(*other, senses);
             }
         }

@@ -12,8 +12,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use hal_sim::world::Write;
 use protocol_core::controller::{BitRate, BusErrorMode, Filters};
-use protocol_core::device::pve::{Kind, Protocol, PveCanopen, PveIsobus, Setup};
-use protocol_core::device::{Device, Effect, Senses, StartCause};
+use protocol_core::device::hat::Hat;
+use protocol_core::device::pve::{Kind, PveCanopen, PveIsobus, Setup};
+use protocol_core::device::{self, Device, Effect, Protocol, StartCause, ValveOutputs};
+use protocol_core::encoder::Shaft;
 use protocol_core::memory::{Image, RecordKey};
 use protocol_core::pump::pump;
 use protocol_core::time::{Duration, Instant};
@@ -21,21 +23,37 @@ use protocol_core::time::{Duration, Instant};
 pub use frames::frame;
 use wire::Wire;
 
+use crate::Senses;
+
 /// The device of a setup.
-fn power_on(setup: Setup, image: &Image, cause: StartCause, now: Instant) -> Box<dyn Device> {
-    match setup.kind.protocol() {
-        Protocol::Canopen => Box::new(PveCanopen::power_on(setup, image, cause, now)),
-        Protocol::Isobus => Box::new(PveIsobus::power_on(setup, image, cause, now)),
+fn power_on(setup: device::Setup, image: &Image, cause: StartCause, now: Instant) -> Box<dyn Device> {
+    match setup.kind {
+        device::Kind::Hat(kind) => Box::new(Hat::power_on(setup.with_kind(kind), image, cause, now)),
+        device::Kind::Pve(kind) => {
+            let setup = setup.with_kind(kind);
+            match kind.protocol() {
+                Protocol::Canopen => Box::new(PveCanopen::power_on(setup, image, cause, now)),
+                Protocol::Isobus => Box::new(PveIsobus::power_on(setup, image, cause, now)),
+            }
+        }
     }
 }
 
-/// A valve on a rig.
+/// What a healthy device of a kind senses.
+fn healthy(kind: device::Kind) -> device::Senses {
+    match kind {
+        device::Kind::Pve(_) => device::Senses::default(),
+        device::Kind::Hat(_) => device::Senses::encoder(Shaft::default()),
+    }
+}
+
+/// A device on a rig.
 pub struct Rig {
-    setup: Setup,
+    setup: device::Setup,
     device: Box<dyn Device>,
     wire: Wire,
     now: Instant,
-    senses: Senses,
+    senses: device::Senses,
     /// The memory: records by key. What is put in here is found at the next start.
     pub records: BTreeMap<RecordKey, Vec<u8>>,
     /// The next start finds the memory damaged as a whole.
@@ -75,9 +93,10 @@ impl Rig {
         rig
     }
 
-    /// A valve that was just powered up, with a memory that was never written.
+    /// A device that was just powered up, with a memory that was never written.
     #[must_use]
-    pub fn power_on(setup: Setup) -> Self {
+    pub fn power_on(setup: impl Into<device::Setup>) -> Self {
+        let setup = setup.into();
         let now = Instant::from_secs(1);
         let device = power_on(setup, &Image::empty(), StartCause::PowerOn, now);
         let mut rig = Self {
@@ -85,7 +104,7 @@ impl Rig {
             device,
             wire: Wire::new(now),
             now,
-            senses: Senses::default(),
+            senses: healthy(setup.kind),
             records: BTreeMap::new(),
             memory_damaged: false,
             writes_fail: false,
@@ -119,7 +138,20 @@ impl Rig {
     /// Changes what the device senses. A controller that goes bus-off drops what is in its mailboxes, and sends nothing
     /// until it is back.
     pub fn sense(&mut self, change: impl FnOnce(&mut Senses)) {
-        change(&mut self.senses);
+        let mut senses = Senses::from(self.senses);
+        change(&mut senses);
+        self.take_senses(senses.into());
+    }
+
+    /// Changes what a sensor senses.
+    pub fn sense_hat(&mut self, change: impl FnOnce(&mut device::Senses)) {
+        let mut senses = self.senses;
+        change(&mut senses);
+        self.take_senses(senses);
+    }
+
+    fn take_senses(&mut self, senses: device::Senses) {
+        self.senses = senses;
         let bus_off = self.senses.bus == BusErrorMode::BusOff;
         if bus_off && !self.wire.bus_off {
             self.wire.clear();
@@ -153,6 +185,15 @@ impl Rig {
     #[must_use]
     pub fn device(&self) -> &dyn Device {
         &*self.device
+    }
+
+    /// What the valve drives.
+    ///
+    /// # Panics
+    /// When it is no valve.
+    #[must_use]
+    pub fn outputs(&self) -> ValveOutputs {
+        self.device.outputs().valve().expect("a valve")
     }
 
     /// The node ID in force.

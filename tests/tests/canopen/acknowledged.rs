@@ -165,7 +165,7 @@ fn load_of_a_blank_valve() {
     valve.power_cycle();
     valve.advance(1000);
     valve.expect_nothing();
-    let led = valve.device().outputs().led;
+    let led = valve.outputs().led;
     assert_eq!(led, blank_led(), "yellow: no node ID");
     assign(&mut valve, 0x22);
     valve.advance(1000);
@@ -174,7 +174,7 @@ fn load_of_a_blank_valve() {
 }
 
 fn blank_led() -> Led {
-    Rig::power_on(Setup { node_id: None, ..Setup::new(Kind::PveaCanopen) }).device().outputs().led
+    Rig::power_on(Setup { node_id: None, ..Setup::new(Kind::PveaCanopen) }).outputs().led
 }
 
 fn internal_errors(valve: &mut Rig) -> u32 {

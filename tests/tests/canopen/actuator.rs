@@ -105,7 +105,7 @@ fn the_lever() {
     for at in [16384, 1, -16384, 0] {
         lever(&mut valve, Some(at));
         assert_eq!(position(&mut valve), at, "hand operation");
-        assert!(!valve.device().outputs().solenoids);
+        assert!(!valve.outputs().solenoids);
     }
 
     let mut valve = active();

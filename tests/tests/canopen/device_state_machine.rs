@@ -230,7 +230,7 @@ fn what_acts_in_which_state() {
         assert_eq!(valve.read(0x6300, 1), 0x2000, "{what}: a set-point reads back in any state");
         valve.advance(100);
         assert_eq!(valve.read(0x6301, 1) != 0, acts, "{what}: spool control");
-        assert_eq!(valve.device().outputs().solenoids, acts, "{what}: solenoids");
+        assert_eq!(valve.outputs().solenoids, acts, "{what}: solenoids");
 
         let mut valve = valve_in(state, true, mode);
         valve.advance(1000);
@@ -273,7 +273,7 @@ fn a_change_of_mode_begins_with_a_neutral_set_point_too() {
     valve.write(0x6300, 1, 2, 0x4000).unwrap();
     valve.advance(100);
     valve.write(0x6042, 0, 1, 2).unwrap();
-    assert!(!valve.device().outputs().solenoids, "hand operation takes the solenoids away at once");
+    assert!(!valve.outputs().solenoids, "hand operation takes the solenoids away at once");
     valve.advance(150);
     assert_eq!(valve.read(0x6301, 1), 0, "sprung to neutral");
     valve.write(0x6042, 0, 1, 1).unwrap();

@@ -2,9 +2,8 @@
 
 use protocol_core::actuator::SpoolFault;
 use protocol_core::controller::BusErrorMode::{BusOff, ErrorActive};
-use protocol_core::device::Senses;
 use protocol_core::time::Duration;
-use tests::Rig;
+use tests::{Rig, Senses};
 
 const NO_ERROR: &str = "0A0: 00 00 00 00 00 00 00 00";
 const BOOT_UP: &str = "720: 00";
@@ -309,7 +308,7 @@ fn an_emergency_stop_from_another_node() {
     feed(&mut rig, "00 40", 300);
     rig.take();
     rig.exchange(EMERGENCY_STOP, &[]);
-    assert!(!rig.device().outputs().solenoids);
+    assert!(!rig.outputs().solenoids);
     // It is no fault of this device.
     assert_eq!((rig.read(0x1001, 0), rig.read(0x1003, 0)), (0, 0));
     for counter in [0x2001, 0x2002, 0x200F, 0x2019, 0x201D, 0x2023, 0x2024, 0x2040] {

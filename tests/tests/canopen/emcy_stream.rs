@@ -5,8 +5,7 @@ use std::collections::BTreeMap;
 use proptest::prelude::*;
 use protocol_core::actuator::{Position, SpoolFault};
 use protocol_core::controller::BusErrorMode;
-use protocol_core::device::Senses;
-use tests::Rig;
+use tests::{Rig, Senses};
 
 const CODES: [(u16, u16); 7] = [
     (0x8305, 0x201D),

@@ -1,8 +1,7 @@
 //! The faults (SPEC 2 and 3): limits, delays, what each is told by, and how it ends.
 
 use protocol_core::controller::BusErrorMode;
-use protocol_core::device::Senses;
-use tests::Rig;
+use tests::{Rig, Senses};
 
 const CLEARED: &str = "0A0: 00 00 00 00 00 00 00 00";
 
@@ -187,7 +186,7 @@ fn every_fault_shuts_the_regulation_down() {
         valve.sense(row.trips);
         valve.advance_cyclic(row.delay_ms, "220: 0F 00 00 40");
         assert_eq!(valve.take_under("0A0"), [row.emcy(1)], "{}", row.name);
-        assert_eq!((valve.status(), valve.device().outputs().solenoids), (0x03, false), "{}", row.name);
+        assert_eq!((valve.status(), valve.outputs().solenoids), (0x03, false), "{}", row.name);
         assert_eq!(valve.read(0x6301, 1), 16384, "from where the springs take it");
         valve.advance(75);
         assert_eq!(valve.read(0x6301, 1), 8192);
@@ -271,7 +270,7 @@ mod bus_off {
         valve.activate();
         set(&mut valve, BusErrorMode::BusOff);
         valve.expect_nothing();
-        assert!(!valve.device().outputs().solenoids);
+        assert!(!valve.outputs().solenoids);
         valve.advance(250);
         valve.expect_nothing();
         set(&mut valve, BusErrorMode::ErrorActive);

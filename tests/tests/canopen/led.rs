@@ -12,12 +12,12 @@ const RED: (Color, bool) = (Color::Red, false);
 const RED_FLASHING: (Color, bool) = (Color::Red, true);
 
 fn led(valve: &Rig) -> (Color, bool) {
-    let Led { color, flashing } = valve.device().outputs().led;
+    let Led { color, flashing } = valve.outputs().led;
     (color, flashing)
 }
 
 fn solenoids(valve: &Rig) -> bool {
-    valve.device().outputs().solenoids
+    valve.outputs().solenoids
 }
 
 fn blank() -> Rig {

@@ -261,7 +261,7 @@ fn a_stop_is_no_fault() {
     valve.advance(200);
     valve.take();
     valve.exchange("000: 02 00", &[]);
-    assert!(!valve.device().outputs().solenoids);
+    assert!(!valve.outputs().solenoids);
     valve.exchange("000: 02 00", &[]);
     valve.advance(10_000);
     valve.expect_nothing();

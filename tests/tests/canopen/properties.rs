@@ -9,12 +9,11 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use protocol_core::actuator::{Position, SpoolFault};
 use protocol_core::controller::BusErrorMode;
-use protocol_core::device::Senses;
 use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::frame::{ExtendedId, Frame, Id, StandardId, extended, standard};
 use protocol_core::memory::RecordKey;
 use protocol_core::time::Duration;
-use tests::Rig;
+use tests::{Rig, Senses};
 
 /// The shortest heartbeat period: nothing that the valve sends by itself comes more often.
 const SHORTEST_PERIOD_MS: u64 = 10;
@@ -252,7 +251,7 @@ fn look(rig: &mut Rig) {
     {
         assert_eq!(read(rig, 0x6041).unwrap_or(0x03), 0x03, "a fault shuts the device down");
     }
-    assert!(!rig.device().outputs().solenoids || read(rig, 0x6041).is_none_or(|status| status == 0x0F));
+    assert!(!rig.outputs().solenoids || read(rig, 0x6041).is_none_or(|status| status == 0x0F));
     assert!(read(rig, 0x6042).is_none_or(|mode| matches!(mode, 1 | 2)));
 }
 

@@ -155,9 +155,9 @@ fn a_valve_that_waits_for_its_reset_is_guarded() {
             }
             valve.send(&format!("000: {order} 20"));
             valve.advance(249);
-            assert!(valve.device().outputs().solenoids, "{order}");
+            assert!(valve.outputs().solenoids, "{order}");
             valve.advance(1);
-            assert!(!valve.device().outputs().solenoids, "{order}");
+            assert!(!valve.outputs().solenoids, "{order}");
             valve.hold_bus(false);
             valve.advance(20_000);
             let sent = valve.take();

@@ -11,11 +11,11 @@ const ONE: Duration = Duration::from_micros(1);
 const NOTHING: &str = "0CFE3327: 00 FF 31 FF FF FF FF FF";
 
 fn solenoids(valve: &Rig) -> bool {
-    valve.device().outputs().solenoids
+    valve.outputs().solenoids
 }
 
 fn led(valve: &Rig) -> Led {
-    valve.device().outputs().led
+    valve.outputs().led
 }
 
 fn on_off() -> Rig {

@@ -392,7 +392,7 @@ fn a_lost_valve_is_blocked_and_takes_no_command() {
         valve.send(RETRACT);
         valve.advance(100);
     }
-    let outputs = valve.device().outputs();
+    let outputs = valve.outputs();
     assert_eq!((outputs.solenoids, outputs.led), (false, Led::YELLOW));
     assert_eq!(valve.take_under("18EEFFFE").len(), 1);
     // under a new address it is in neutral, and no guard has missed anything

@@ -350,7 +350,7 @@ fn causes_last_over_the_restart() {
     valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
     valve.advance(500);
     valve.expect_nothing();
-    assert_eq!((valve.node_id(), valve.device().outputs().led), (Some(0x81), Led::RED));
+    assert_eq!((valve.node_id(), valve.outputs().led), (Some(0x81), Led::RED));
     valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
     valve.take_claim();
 }

@@ -100,12 +100,12 @@ fn the_fault_shuts_down() {
         let mut valve = Rig::claimed_as(Setup { node_id: Some(0x83), ..Setup::new(kind) });
         valve.send(EXTEND);
         valve.advance_cyclic(400, EXTEND);
-        assert!(valve.device().outputs().solenoids);
+        assert!(valve.outputs().solenoids);
         valve.advance_by(ALMOST);
         assert_eq!(valve.flow(), [0xE1, 0x7D, 0x31]);
-        assert!(valve.device().outputs().solenoids);
+        assert!(valve.outputs().solenoids);
         valve.advance_by(ONE);
-        assert!(!valve.device().outputs().solenoids);
+        assert!(!valve.outputs().solenoids);
         assert_eq!(valve.flow(), [0xE1, 0x7D, 0x30]);
         // the springs take 150 ms
         valve.advance(75);

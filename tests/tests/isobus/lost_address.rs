@@ -93,8 +93,8 @@ fn no_time_guarding_without_an_address() {
     let mut valve = Rig::claimed();
     valve.send(EXTEND);
     valve.advance(300);
-    assert_eq!(valve.device().outputs().led, Led::RED_FLASHING);
+    assert_eq!(valve.outputs().led, Led::RED_FLASHING);
     valve.send(LOWER_NAME);
     valve.advance(5000);
-    assert_eq!(valve.device().outputs().led, Led::YELLOW);
+    assert_eq!(valve.outputs().led, Led::YELLOW);
 }

@@ -330,7 +330,7 @@ fn corrupt_records() {
             let dm2 = if key == RecordKey::FaultLog { "00 FF 00 00 00 00" } else { "04 FF F1 8F 90 01" };
             valve.send(&format!("18EA{address:02X}27: CB FE 00"));
             valve.expect_news(&[&format!("18FECB{address:02X}: {dm2} FF FF")]);
-            assert!(!valve.device().outputs().solenoids);
+            assert!(!valve.outputs().solenoids);
             valve.records = intact;
         }
     }

@@ -12,13 +12,12 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use protocol_core::actuator::{Position, SpoolFault};
 use protocol_core::controller::BusErrorMode;
-use protocol_core::device::Senses;
 use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::frame::{Frame, Id, extended, standard};
 use protocol_core::memory::RecordKey;
 use protocol_core::time::Duration;
-use tests::Rig;
 use tests::isobus::{BLOCK, CANNOT_CLAIM, CLAIM, DM1_CLEAR, HAND, LOWER_NAME, STOP};
+use tests::{Rig, Senses};
 
 /// What can be set free by one event: all that can wait in the valve, and what it sends in the time that passes.
 const BURST: u64 = 40;

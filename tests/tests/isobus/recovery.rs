@@ -3,9 +3,8 @@
 
 use protocol_core::actuator::{Position, SpoolFault};
 use protocol_core::controller::BusErrorMode;
-use protocol_core::device::Senses;
-use tests::Rig;
 use tests::isobus::{BLOCK, DM1_CLEAR, EXTEND, FLOAT, HAND, RETRACT, STOP};
+use tests::{Rig, Senses};
 
 /// Neutral without block: no flow.
 const EXTEND_NOTHING: &str = "0CFE3327: 00 FF 31 FF FF FF FF FF";
@@ -180,7 +179,7 @@ fn all_causes_must_be_gone() {
         valve.sense(change);
         valve.advance_cyclic(delay, EXTEND);
         valve.advance_cyclic(1000, BLOCK);
-        assert!(!valve.device().outputs().solenoids);
+        assert!(!valve.outputs().solenoids);
         valve.sense(|senses| *senses = Senses::default());
         assert!(!acts(&mut valve));
         valve.send(BLOCK);

@@ -22,7 +22,7 @@ fn a_restart_that_waits_lets_the_spool_go() {
     valve.send(ADDRESS_85);
     valve.advance_cyclic(500, EXTEND);
     assert_eq!((valve.node_id(), valve.pending()), (Some(0x83), 1));
-    assert!(!valve.device().outputs().solenoids);
+    assert!(!valve.outputs().solenoids);
     valve.hold_bus(false);
     assert_eq!(valve.node_id(), Some(0x85));
 }

@@ -19,7 +19,7 @@ mod product;
 mod services;
 
 pub(crate) use listening::Service;
-pub(crate) use object::{Object, PdoParameter};
+pub(crate) use object::{ErrorClass, Object, PdoParameter};
 pub(crate) use product::{ObjectOf, Product, Rules};
 
 use heapless::Vec;
@@ -28,16 +28,18 @@ use listening::Listening;
 use objects::Communication;
 use owed::Owed;
 
+use super::dictionary::Group;
 use super::lss::{Configuration, LssSlave};
 use super::nmt::{NmtSlave, Reset};
 use super::parameters::{self, Stored};
 use super::sdo_server::{Bytes, SdoServer};
 use crate::controller::{BitRate, Filters};
 use crate::frame::{Frame, standard};
-use crate::time::Instant;
+use crate::time::{Instant, NEVER};
 use crate::wire::cob_id::{Function, LSS_ANSWER, NodeId};
 use crate::wire::emcy::Emcy;
-use crate::wire::lss;
+use crate::wire::lss::{self, LssNodeId};
+use crate::wire::nmt::State;
 use crate::wire::sdo::AbortCode;
 
 /// What the node demands of the device around it.
@@ -67,9 +69,13 @@ pub(crate) struct Node<P: Product> {
     /// Whether the platform has not been given `bit_rate` yet.
     rate_is_new: bool,
     /// Configured by LSS, in force from the restart that it has demanded.
-    activated: Option<NodeId>,
+    activated: Option<LssNodeId>,
     /// Configured by LSS, in force and not stored: the node ID until power-off, the bit rate until the next start.
     held: Configuration,
+    /// The LSS stores that wait for the memory.
+    lss_stores: u32,
+    /// Enters operational by itself once boot-up and EMCYs are sent.
+    starts_itself: bool,
 }
 
 impl<P: Product> Node<P> {
@@ -87,6 +93,8 @@ impl<P: Product> Node<P> {
             rate_is_new: false,
             activated: None,
             held: Configuration::NONE,
+            lss_stores: 0,
+            starts_itself: false,
         }
     }
 
@@ -104,6 +112,7 @@ impl<P: Product> Node<P> {
             }
             Reset::Application => {
                 self.lss.restart();
+                self.lss_stores = 0;
                 self.held.bit_rate = None;
                 self.rate_is_new = false;
                 self.bit_rate = stored.bit_rate.unwrap_or(self.bit_rate);
@@ -111,28 +120,53 @@ impl<P: Product> Node<P> {
             }
         }
         self.held.node_id = self.held.node_id.filter(|held| Some(*held) != stored.node_id);
-        self.objects.node_id = self.held.node_id.or(stored.node_id);
+        self.objects.node_id = self.held.node_id.or(stored.node_id).and_then(|node_id| node_id.0);
         self.nmt = NmtSlave::new();
+        self.starts_itself = false;
         self.sdo.cancel();
         self.owed.clear();
         self.objects.node_id
     }
 
-    /// Loads the parameters and boots up: the second half of a start. Without a node ID the node stays in
-    /// initialisation, with LSS alone.
-    pub(crate) fn boot(
+    /// Loads the parameters, group by group, and boots up: the second half of a start. Without a node ID the node stays in
+    /// initialisation, with LSS alone. Reset communication leaves the product's own objects alone.
+    pub(crate) fn boot<const GROUPS: usize>(
         &mut self,
         scope: Reset,
-        stored: Option<Stored<'_, ObjectOf<P>>>,
+        parameters: [(Group, Option<Stored<'_, ObjectOf<P>>>); GROUPS],
         product: &mut P,
         now: Instant,
     ) {
-        self.objects.load(scope, stored, product);
+        if let Some(node_id) = self.objects.node_id {
+            self.objects.emcy.load(node_id.raw_id(Function::Emcy).into());
+        }
+        for group in parameters {
+            self.objects.load(scope, group, product);
+        }
+        self.objects.start_pdos();
         self.listening = Listening::of(&self.objects);
         if self.objects.node_id.is_some() {
             self.nmt.boot();
             self.objects.heartbeat.boot(now);
             self.owed.owe_boot_up();
+            self.starts_itself = P::RULES.nmt.starts_itself == Some(self.objects.startup);
+        }
+    }
+
+    /// Enters operational by itself, where 0x1F80 says so, when boot-up and EMCYs are on the bus.
+    #[inline]
+    pub(crate) fn start_itself(&mut self, product: &mut P, now: Instant) {
+        if self.starts_itself && self.owed.has_told_start() {
+            self.enter_by_itself(State::Operational, product, now);
+        }
+    }
+
+    /// Does to the NMT state what 0x1029 says for an error, in operational alone. EMCYs that are owed still go out.
+    pub(crate) fn behave(&mut self, class: ErrorClass, product: &mut P, now: Instant) {
+        if self.nmt.is_operational()
+            && let Some(state) = self.objects.error_behaviour.of(class).state()
+        {
+            self.enter_by_itself(state, product, now);
         }
     }
 
@@ -151,12 +185,20 @@ impl<P: Product> Node<P> {
         if self.objects.heartbeat.poll(now) && !self.is_mute() {
             self.owed.owe_heartbeat();
         }
+        if P::RULES.tpdo.timers
+            && self.nmt.is_operational()
+            && let Some(at) = self.objects.tpdo.poll(now)
+        {
+            self.owe_tpdo(at);
+        }
     }
 
     /// Returns when [`poll`](Self::poll) is next due.
     #[inline]
     pub(crate) fn deadline(&self) -> Instant {
-        self.objects.heartbeat.deadline().min(self.sdo.deadline()).min(self.lss.deadline())
+        let runs = P::RULES.tpdo.timers && self.nmt.is_operational();
+        let tpdo = if runs { self.objects.tpdo.deadline() } else { NEVER };
+        self.objects.heartbeat.deadline().min(self.sdo.deadline()).min(self.lss.deadline()).min(tpdo)
     }
 
     /// Notes whether the controller is bus-off. Its frames are lost then: answers are dropped and counted, the boot-up and
@@ -164,6 +206,7 @@ impl<P: Product> Node<P> {
     pub(crate) fn set_bus_off(&mut self, bus_off: bool) {
         if bus_off && !self.bus_off {
             self.owed.bus_lost();
+            self.objects.tpdo.lost();
         }
         self.bus_off = bus_off;
     }
@@ -178,9 +221,9 @@ impl<P: Product> Node<P> {
         Some(self.bit_rate)
     }
 
-    /// Owes an EMCY, in pre-operational and operational alone.
+    /// Owes an EMCY, in pre-operational and operational alone, and only while EMCYs are on.
     pub(crate) fn send_emcy(&mut self, message: Emcy) {
-        if self.nmt.serves() {
+        if self.nmt.serves() && self.objects.emcy.id().is_some() {
             self.owed.owe_emcy(message);
         }
     }
@@ -190,9 +233,18 @@ impl<P: Product> Node<P> {
         self.owed.renew_tpdo();
     }
 
-    /// Enters an error into the history: the EMCY code, and the manufacturer's upper half.
+    /// Enters an error into the history while EMCYs are on: the EMCY code, and the manufacturer's upper half.
     pub(crate) fn enter_error(&mut self, code: u16, manufacturer: u16) {
-        self.objects.history.enter(code, manufacturer);
+        if self.objects.emcy.id().is_some() {
+            self.objects.history.enter(code, manufacturer);
+        }
+    }
+
+    /// Takes back an error that bus-off has kept from being told, and that is over: its EMCY, and its entry in the history.
+    pub(crate) fn withdraw_error(&mut self, code: u16) {
+        if self.owed.withdraw_emcy(code) {
+            self.objects.history.withdraw(code);
+        }
     }
 
     /// Owes an answer of another service of the device.
@@ -209,10 +261,14 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Answers an LSS store; once for each that was demanded.
-    pub(crate) fn end_lss_store(&mut self, stored: bool) {
+    /// Answers an LSS store: the oldest, or all that were demanded when none `is_last` to be written.
+    pub(crate) fn end_lss_store(&mut self, stored: bool, is_last: bool) {
         let error = if stored { lss::SUCCESS } else { P::RULES.lss.store_error };
-        self.answer_lss(lss::Answer::Stored(error));
+        let answers = if is_last { self.lss_stores } else { self.lss_stores.min(1) };
+        self.lss_stores = self.lss_stores.saturating_sub(answers);
+        for _ in 0..answers {
+            self.answer_lss(lss::Answer::Stored(error));
+        }
     }
 
     /// Returns what LSS has configured and the memory does not hold.
@@ -235,15 +291,15 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Encodes the parameters as they are; `None` when they are more than `N` bytes.
-    pub(crate) fn parameters<const N: usize>(&self, product: &P) -> Option<Vec<u8, N>> {
+    /// Encodes the parameters of a group as they are; `None` when they are more than `N` bytes.
+    pub(crate) fn parameters<const N: usize>(&self, group: Group, product: &P) -> Option<Vec<u8, N>> {
         // None of them changes with time.
-        parameters::encode(P::DICTIONARY, |row| self.objects.read(row.behind, product, Instant::MIN).ok())
+        parameters::encode(P::DICTIONARY, group, |row| self.objects.read(row.behind, product, Instant::MIN).ok())
     }
 
-    /// Encodes the defaults for the node ID in force; `None` without one, or when they are more than `N` bytes.
+    /// Encodes all defaults for the node ID in force; `None` without one, or when they are more than `N` bytes.
     pub(crate) fn default_parameters<const N: usize>(&self, product: &P) -> Option<Vec<u8, N>> {
-        parameters::encode(P::DICTIONARY, |row| self.objects.default(row, product))
+        parameters::encode(P::DICTIONARY, Group::All, |row| self.objects.default(row, product))
     }
 
     /// Returns the node ID in force.
@@ -266,6 +322,14 @@ impl<P: Product> Node<P> {
     #[inline]
     pub(crate) fn take_filters(&mut self) -> Option<Filters> {
         self.listening.take_filters()
+    }
+
+    /// Owes a TPDO that has become due at an instant.
+    #[inline]
+    fn owe_tpdo(&mut self, at: Instant) {
+        if !self.is_mute() {
+            self.owed.owe_tpdo(at);
+        }
     }
 
     /// Whether nothing may be sent now.

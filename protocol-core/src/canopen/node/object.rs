@@ -19,7 +19,7 @@ pub(crate) enum Object<A, T> {
     SyncCobId,
     /// 0x1010 and 0x1011: reads 1; a write of the signature demands the task.
     Signature(u32, T),
-    /// 0x1014, which follows the node ID
+    /// 0x1014: while it is not stored, it follows the node ID.
     EmcyCobId,
     /// 0x1017
     HeartbeatTime,
@@ -27,10 +27,23 @@ pub(crate) enum Object<A, T> {
     Identity(Part),
     /// 0x1028:1
     EmcyConsumer,
+    /// 0x1029:1–2
+    ErrorBehaviour(ErrorClass),
     /// 0x1400 and 0x1600
     Rpdo(PdoParameter),
     /// 0x1800 and 0x1A00
     Tpdo(PdoParameter),
+    /// 0x1F80
+    NmtStartup,
+}
+
+/// The errors that can change the NMT state, 0x1029.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ErrorClass {
+    /// Sub-index 1: an error of the communication.
+    Communication,
+    /// Sub-index 2: an error of the product.
+    Product,
 }
 
 /// The parameters of a PDO.
@@ -40,6 +53,10 @@ pub(crate) enum PdoParameter {
     CobId,
     /// Sub-index 2 of the communication parameter.
     TransmissionType,
+    /// Sub-index 3 of the communication parameter.
+    InhibitTime,
+    /// Sub-index 5 of the communication parameter.
+    EventTimer,
     /// Sub-index 0 of the mapping parameter.
     Count,
     /// Sub-index 1–8 of the mapping parameter.

@@ -8,7 +8,7 @@ use heapless::Vec;
 use super::Node;
 use super::product::Product;
 use crate::answers::Answers;
-use crate::canopen::emcy::Story;
+use crate::canopen::emcy::{EmcyProducer, Story};
 use crate::controller::Filter;
 use crate::frame::{Frame, arbitration};
 use crate::time::Instant;
@@ -63,6 +63,8 @@ pub(super) struct Owed {
     boot_up: BootUp,
     heartbeat: News,
     tpdo: News,
+    /// The instant at which the TPDO became due.
+    tpdo_of: Instant,
     emcys: Story,
     answers: Answers,
     /// The frames that the controller may have and that must not go out any more.
@@ -76,6 +78,7 @@ impl Owed {
             boot_up: BootUp::Done,
             heartbeat: News::NONE,
             tpdo: News::NONE,
+            tpdo_of: Instant::MIN,
             emcys: Story::new(),
             answers: Answers::new(),
             aborts: Vec::new(),
@@ -115,18 +118,19 @@ impl Owed {
         }
     }
 
-    /// Owes a TPDO. An older one must not go out any more.
+    /// Owes a TPDO that has become due at an instant. An older one must not go out any more.
     #[inline]
-    pub(super) fn owe_tpdo(&mut self) {
+    pub(super) fn owe_tpdo(&mut self, of: Instant) {
         self.settle_tpdo();
         self.tpdo.owed = true;
+        self.tpdo_of = of;
     }
 
     /// Owes a TPDO in the place of one that still waits: it reports something else.
     #[inline]
     pub(super) fn renew_tpdo(&mut self) {
         if self.tpdo.taken.is_some() {
-            self.owe_tpdo();
+            self.owe_tpdo(self.tpdo_of);
         }
     }
 
@@ -157,11 +161,20 @@ impl Owed {
         }
     }
 
-    /// Notes that the node was stopped: PDOs and EMCYs are not sent any more.
-    pub(super) fn stop(&mut self, emcys: Option<u32>) {
-        self.settle_tpdo();
-        self.abort(emcys.filter(|_| self.emcys.is_taken()));
+    /// Owes no EMCY any more; those that the controller may have are under this key.
+    pub(super) fn drop_emcys(&mut self, key: Option<u32>) {
+        self.abort(key.filter(|_| self.emcys.is_taken()));
         self.emcys.clear();
+    }
+
+    /// Drops the EMCYs of this code that the bus has not had. Returns whether there was one.
+    pub(super) fn withdraw_emcy(&mut self, code: u16) -> bool {
+        self.emcys.withdraw(code)
+    }
+
+    /// Returns whether boot-up and EMCYs are on the bus.
+    pub(super) fn has_told_start(&self) -> bool {
+        self.boot_up == BootUp::Done && self.emcys.is_empty()
     }
 
     /// Notes that the controller is bus-off and has dropped its frames.
@@ -197,8 +210,17 @@ impl Owed {
 
     /// Returns whether the TPDO with this key is owed and may go out: an EMCY of the same instant goes first.
     #[inline]
-    fn may_send_tpdo(&self, key: u32, node_id: NodeId) -> bool {
-        self.tpdo.owed && (self.emcys.is_empty() || key > node_id.raw_id(Function::Emcy).into())
+    fn may_send_tpdo(&self, key: u32, emcys: &EmcyProducer) -> bool {
+        let goes_after = |emcys| arbitration(key) > arbitration(emcys);
+        self.tpdo.owed && (self.emcys.is_empty() || emcys.key().is_none_or(goes_after))
+    }
+
+    /// Returns whether a frame with this key goes before heartbeat and answers.
+    fn is_most_urgent(&self, key: u32, node_id: NodeId) -> bool {
+        let beat = u32::from(node_id.raw_id(Function::Heartbeat));
+        let urgency = arbitration(key);
+        !(self.heartbeat.owed && arbitration(beat) < urgency)
+            && self.answers.first().is_none_or(|answer| urgency < answer.arbitration())
     }
 
     #[inline]
@@ -244,7 +266,7 @@ impl<P: Product> Node<P> {
 
     /// Takes back a frame that the controller could not take, or gave back for a more urgent one.
     pub(crate) fn give_back(&mut self, frame: Frame) {
-        let emcys = self.key_of(Function::Emcy);
+        let emcys = self.objects.emcy.key();
         let owed = &mut self.owed;
         if owed.boot_up == BootUp::Taken {
             owed.boot_up = BootUp::Owed;
@@ -289,12 +311,14 @@ impl<P: Product> Node<P> {
             return node_id.map(|node_id| heartbeat(node_id, State::Initialising));
         }
         let Some(node_id) = node_id else { return owed.answers.pop() };
-        if owed.emcys.is_owed() {
-            // No service of the node is more urgent, and it goes before the TPDO of the same instant in any case.
-            let id = node_id.id(Function::Emcy);
-            return owed.emcys.hand_out().map(|message| Frame::full(id.into(), message.emit()));
+        if owed.emcys.is_owed()
+            && let Some(key) = self.objects.emcy.key()
+            && owed.is_most_urgent(key, node_id)
+        {
+            let id = self.objects.emcy.cob_id().id();
+            return owed.emcys.hand_out().map(|message| Frame::full(id, message.emit()));
         }
-        let tpdo = self.objects.tpdo.key().filter(|key| owed.may_send_tpdo(*key, node_id));
+        let tpdo = self.objects.tpdo.key().filter(|key| owed.may_send_tpdo(*key, &self.objects.emcy));
         match (tpdo, owed.heartbeat.owed) {
             (None, false) => owed.answers.pop(),
             (Some(_), false) if owed.answers.is_empty() => self.sample_tpdo(product, now),
@@ -318,13 +342,12 @@ impl<P: Product> Node<P> {
     #[inline(never)]
     fn sample_tpdo(&mut self, product: &P, now: Instant) -> Option<Frame> {
         let objects = &self.objects;
-        let frame = objects.tpdo.pack(|object| objects.sample(object, product, now))?;
+        let of = if P::RULES.tpdo.sampled_when_due { self.owed.tpdo_of } else { now };
+        let frame = objects.tpdo.pack(|object| objects.sample(object, product, of))?;
+        if P::RULES.tpdo.sampled_when_due {
+            self.objects.tpdo.sent(&frame);
+        }
         self.owed.tpdo.hand_out(frame.key());
         Some(frame)
-    }
-
-    /// Returns the key of one of the node's own services.
-    pub(super) fn key_of(&self, function: Function) -> Option<u32> {
-        self.objects.node_id.map(|node_id| node_id.raw_id(function).into())
     }
 }

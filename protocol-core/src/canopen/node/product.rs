@@ -4,7 +4,7 @@ use core::fmt::Debug;
 
 use super::object::Object;
 use crate::canopen::dictionary::{Dictionary, Value};
-use crate::canopen::{heartbeat, lss, pdo};
+use crate::canopen::{heartbeat, lss, nmt, pdo};
 use crate::time::Instant;
 use crate::wire::emcy::Emcy;
 use crate::wire::lss::Address;
@@ -13,8 +13,10 @@ use crate::wire::sdo::AbortCode;
 /// The rules that one maker has and another has not.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rules {
-    /// Whether SYNC and the EMCY consumer can have 29-bit identifiers.
+    /// Whether SYNC, EMCY and the EMCY consumer can have 29-bit identifiers.
     pub(crate) extended_ids: bool,
+    /// The NMT state.
+    pub(crate) nmt: nmt::Rules,
     /// The heartbeat.
     pub(crate) heartbeat: heartbeat::Rules,
     /// The RPDO.

@@ -10,7 +10,6 @@ use crate::canopen::nmt::{NmtSlave, Reset};
 use crate::frame::Frame;
 use crate::outcome::Outcome;
 use crate::time::Instant;
-use crate::wire::cob_id::Function;
 use crate::wire::emcy::Emcy;
 use crate::wire::lss::Request;
 use crate::wire::nmt::{self, Command, State, Target};
@@ -34,7 +33,7 @@ impl<P: Product> Node<P> {
         match service {
             Service::Rpdo => self.serve_rpdo(frame, product, now),
             Service::Nmt => return self.serve_nmt(frame, product, now),
-            Service::Sync => self.serve_sync(),
+            Service::Sync => self.serve_sync(product, now),
             Service::Sdo => return self.serve_sdo(frame, product, now),
             Service::EmcyConsumer => self.serve_emcy(frame, product, now),
             Service::Lss => return self.serve_lss(frame, product, now),
@@ -61,38 +60,64 @@ impl<P: Product> Node<P> {
                 return Some(Demand::Reset(reset));
             }
             Outcome::Done(entered) => {
-                // A heartbeat that still waits tells the state before.
-                self.owed.renew_heartbeat();
-                match entered {
-                    State::Operational => self.objects.tpdo.restart_sync_count(),
-                    State::Stopped => {
-                        self.sdo.cancel();
-                        self.owed.stop(self.key_of(Function::Emcy));
-                        product.stopped(now);
-                    }
-                    State::PreOperational | State::Initialising => self.owed.settle_tpdo(),
+                self.entered(entered, product, now);
+                if entered == State::Stopped {
+                    self.owed.drop_emcys(self.objects.emcy.key());
                 }
             }
             Outcome::Nothing => {}
         }
+        self.starts_itself = false;
         if command == Command::Start {
-            self.lss.end_configuration();
+            self.lss.start(&P::RULES.lss);
         }
         None
+    }
+
+    /// Enters a state without a command.
+    pub(super) fn enter_by_itself(&mut self, state: State, product: &mut P, now: Instant) {
+        self.starts_itself = false;
+        if self.nmt.enter(state) {
+            self.entered(state, product, now);
+        }
+        if state == State::Operational {
+            self.lss.start(&P::RULES.lss);
+        }
+    }
+
+    /// Acts on a state that was entered.
+    fn entered(&mut self, state: State, product: &mut P, now: Instant) {
+        // A heartbeat that still waits tells the state before.
+        self.owed.renew_heartbeat();
+        match state {
+            State::Operational => self.objects.tpdo.restart(now),
+            State::Stopped => {
+                self.sdo.cancel();
+                self.owed.settle_tpdo();
+                product.stopped(now);
+            }
+            State::PreOperational | State::Initialising => self.owed.settle_tpdo(),
+        }
     }
 
     /// Takes no part in the bus any more until the restart: answers and EMCYs that are owed still go out.
     fn leave_bus(&mut self) {
         self.nmt = NmtSlave::new();
+        self.starts_itself = false;
         self.sdo.cancel();
         self.objects.heartbeat.stop();
         self.owed.settle_heartbeat();
         self.owed.settle_tpdo();
     }
 
-    fn serve_sync(&mut self) {
-        if self.nmt.is_operational() && self.objects.tpdo.sync() && !self.is_mute() {
-            self.owed.owe_tpdo();
+    fn serve_sync(&mut self, product: &P, now: Instant) {
+        if !self.nmt.is_operational() {
+            return;
+        }
+        let counted = self.objects.tpdo.sync();
+        let objects = &self.objects;
+        if counted || objects.tpdo.has_changed(|object| objects.sample(object, product, now)) {
+            self.owe_tpdo(now);
         }
     }
 
@@ -114,18 +139,25 @@ impl<P: Product> Node<P> {
             _ => None,
         });
         product.receive(own, now);
-        if self.objects.tpdo.is_event_driven() && !self.is_mute() {
-            self.owed.owe_tpdo();
+        if self.objects.tpdo.is_event_driven() {
+            self.owe_tpdo(now);
         }
     }
 
     fn serve_sdo(&mut self, frame: &Frame, product: &mut P, now: Instant) -> Served<P> {
         let bytes = frame.eight().filter(|_| self.nmt.serves())?;
-        let mut view = View { communication: &mut self.objects, product, now, rewired: false, reports_changed: false };
+        let mut view = View {
+            communication: &mut self.objects,
+            product,
+            now,
+            rewired: false,
+            reports_changed: false,
+            outdated_emcys: None,
+        };
         let outcome = self.sdo.handle(bytes, &mut view, now);
-        let View { rewired, reports_changed, .. } = view;
+        let View { rewired, reports_changed, outdated_emcys, .. } = view;
         if rewired {
-            self.rewire();
+            self.rewire(outdated_emcys);
         }
         if reports_changed {
             self.owed.renew_tpdo();
@@ -141,9 +173,12 @@ impl<P: Product> Node<P> {
     }
 
     /// Acts on new identifiers, and on a heartbeat that is off.
-    fn rewire(&mut self) {
+    fn rewire(&mut self, outdated_emcys: Option<u32>) {
         self.listening.update(&self.objects);
         self.owed.rekey_tpdo(self.objects.tpdo.key());
+        if outdated_emcys.is_some() {
+            self.owed.drop_emcys(outdated_emcys);
+        }
         if self.objects.heartbeat.time() == 0 {
             self.owed.settle_heartbeat();
         }
@@ -164,7 +199,14 @@ impl<P: Product> Node<P> {
                 self.answer_lss(answer);
                 None
             }
-            Outcome::Demand(lss::Demand::Store) => Some(Demand::StoreConfiguration),
+            Outcome::Demand(lss::Demand::Store) => {
+                self.lss_stores = self.lss_stores.saturating_add(1);
+                Some(Demand::StoreConfiguration)
+            }
+            Outcome::Demand(lss::Demand::Boot) => {
+                self.leave_bus();
+                Some(Demand::Reset(Reset::Communication))
+            }
             Outcome::Demand(lss::Demand::Restart(node_id)) => {
                 self.activated = Some(node_id);
                 self.leave_bus();

@@ -9,7 +9,7 @@ use crate::canopen::node::Object::{
 };
 use crate::canopen::node::PdoParameter::{CobId, Count, Entry, TransmissionType};
 use crate::canopen::node::{ObjectOf, Product, Rules};
-use crate::canopen::{heartbeat, lss, pdo};
+use crate::canopen::{heartbeat, lss, nmt, pdo};
 use crate::controller::BitRate;
 use crate::time::{Duration, Instant};
 use crate::wire::emcy::Emcy;
@@ -62,6 +62,8 @@ const PDO: pdo::Rules = pdo::Rules {
     may_be_empty: true,
     dummies: false,
     entries_while_counted: false,
+    timers: false,
+    sampled_when_due: false,
 };
 
 /// A lamp that cannot be brighter than 100.
@@ -81,12 +83,19 @@ impl Product for Lamp {
     const DICTIONARY: Dictionary<ObjectOf<Self>> = DICTIONARY;
     const RULES: Rules = Rules {
         extended_ids: true,
+        nmt: nmt::Rules::NONE,
         heartbeat: heartbeat::Rules { resolution: Duration::from_millis(1), max: 0xFFFF },
         rpdo: pdo::Rules { direction: Mappable::Rpdo, ..PDO },
         tpdo: pdo::Rules { direction: Mappable::Tpdo, ..PDO },
         lss: lss::Rules {
             bit_rates: &BitRate::ALL,
-            identified_in: &[lss::State::Waiting, lss::State::Configuration],
+            remote_in: &[],
+            non_configured_in: &[lss::State::Waiting, lss::State::Configuration],
+            fast_scan_in: &[lss::State::Waiting, lss::State::Configuration],
+            fast_scan_selects: false,
+            takes_node_id_away: false,
+            on_waiting: lss::OnWaiting::Restart,
+            start_drops_pending: true,
             node_id_error: 255,
             bit_rate_error: 1,
             store_error: 255,

@@ -6,6 +6,7 @@ use super::super::node::Demand;
 use super::Rig;
 use crate::controller::BitRate;
 use crate::wire::cob_id::NodeId;
+use crate::wire::lss::LssNodeId;
 
 fn configuring(rig: &mut Rig) {
     assert!(rig.exchange("7E5: 04 01 00 00 00 00 00 00").is_empty());
@@ -29,7 +30,7 @@ fn the_products_error_codes() {
     assert_eq!(rig.exchange("7E5: 13 00 05 00 00 00 00 00"), ["7E4: 13 01 00 00 00 00 00 00"]);
     assert_eq!(rig.exchange("7E5: 13 00 08 00 00 00 00 00"), ["7E4: 13 00 00 00 00 00 00 00"], "10 kbit/s");
     assert_eq!(rig.take("7E5: 17 00 00 00 00 00 00 00"), Some(Demand::StoreConfiguration));
-    rig.node.end_lss_store(false);
+    rig.node.end_lss_store(false, true);
     assert_eq!(rig.sent(), ["7E4: 17 FF 00 00 00 00 00 00"]);
 }
 
@@ -40,7 +41,7 @@ fn a_configuration_is_unstored_until_the_memory_holds_it() {
     assert_eq!(rig.node.unstored(), Configuration::NONE);
     rig.exchange("7E5: 11 09 00 00 00 00 00 00");
     rig.exchange("7E5: 13 00 02 00 00 00 00 00");
-    let both = Configuration { node_id: NodeId::new(9), bit_rate: Some(BitRate::Kbit500) };
+    let both = Configuration { node_id: LssNodeId::new(9), bit_rate: Some(BitRate::Kbit500) };
     assert_eq!(rig.node.unstored(), both);
     rig.node.configuration_stored(Configuration { node_id: None, ..both });
     assert_eq!(rig.node.unstored(), Configuration { bit_rate: None, ..both });
@@ -50,7 +51,7 @@ fn a_configuration_is_unstored_until_the_memory_holds_it() {
     rig.start(Reset::Application, Some(5), None);
     assert_eq!(rig.node.unstored(), Configuration { bit_rate: None, ..both });
     // Whoever stores another one: it is in force from the next start.
-    rig.node.configuration_stored(Configuration { node_id: NodeId::new(12), bit_rate: None });
+    rig.node.configuration_stored(Configuration { node_id: LssNodeId::new(12), bit_rate: None });
     rig.start(Reset::Communication, Some(12), None);
     assert_eq!(rig.node.node_id(), NodeId::new(12));
 }

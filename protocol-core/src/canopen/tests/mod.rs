@@ -15,6 +15,7 @@ use std::vec::Vec;
 
 use lamp::{Lamp, Task};
 
+use super::dictionary::Group;
 use super::lss::Configuration;
 use super::nmt::Reset;
 use super::node::{Demand, Node};
@@ -22,7 +23,7 @@ use super::parameters::Stored;
 use crate::controller::BitRate;
 use crate::frame::Frame;
 use crate::time::{Duration, Instant, after};
-use crate::wire::cob_id::NodeId;
+use crate::wire::lss::LssNodeId;
 
 /// A lamp on a bus that takes every frame unless it is held.
 struct Rig {
@@ -49,10 +50,10 @@ impl Rig {
     }
 
     fn start(&mut self, scope: Reset, node_id: Option<u8>, parameters: Option<&[u8]>) {
-        let stored = Configuration { node_id: node_id.and_then(NodeId::new), bit_rate: Some(BitRate::Kbit250) };
+        let stored = Configuration { node_id: node_id.and_then(LssNodeId::new), bit_rate: Some(BitRate::Kbit250) };
         self.node.reset(scope, stored);
-        let parameters = parameters.and_then(|payload| Stored::decode(lamp::DICTIONARY, payload));
-        self.node.boot(scope, parameters, &mut self.lamp, self.now);
+        let parameters = parameters.and_then(|payload| Stored::decode(lamp::DICTIONARY, Group::All, payload));
+        self.node.boot(scope, [(Group::All, parameters)], &mut self.lamp, self.now);
     }
 
     fn take(&mut self, text: &str) -> Option<Demand<Task>> {

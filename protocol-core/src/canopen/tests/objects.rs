@@ -4,6 +4,7 @@ use super::super::nmt::Reset;
 use super::super::node::Demand;
 use super::Rig;
 use super::lamp::{DICTIONARY, Task};
+use crate::canopen::dictionary::Group;
 use crate::wire::sdo::{AbortCode, Multiplexer};
 
 #[test]
@@ -64,9 +65,9 @@ fn parameters_come_back_and_defaults_follow_the_node_id() {
     let mut rig = Rig::booted();
     rig.exchange("605: 2B 17 10 00 F4 01 00 00");
     rig.exchange("605: 23 00 21 00 61 62 63 64");
-    let stored = rig.node.parameters::<64>(&rig.lamp).unwrap();
+    let stored = rig.node.parameters::<64>(Group::All, &rig.lamp).unwrap();
     let defaults = rig.node.default_parameters::<64>(&rig.lamp).unwrap();
-    assert!(rig.node.parameters::<8>(&rig.lamp).is_none(), "too many bytes");
+    assert!(rig.node.parameters::<8>(Group::All, &rig.lamp).is_none(), "too many bytes");
 
     let mut other = Rig::started(Some(6), Some(&stored));
     assert_eq!(other.sent(), ["706: 00"]);

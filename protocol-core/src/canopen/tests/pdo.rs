@@ -41,8 +41,12 @@ fn nothing_mapped_may_be_on_and_29_bits_are_identifiers() {
     write(&mut rig, "605: 2F 00 1A 00 00 00 00 00", None);
     write(&mut rig, "605: 23 00 18 01 85 01 00 20", None);
     rig.exchange("000: 01 00");
-    assert_eq!(rig.exchange("205: 07"), ["00000185:"]);
+    assert!(rig.exchange("205: 07").is_empty(), "a PDO of nothing is not sent");
     write(&mut rig, "605: 23 00 18 01 85 01 00 00", Some("22 00 00 08"));
+    write(&mut rig, OFF, None);
+    write(&mut rig, "605: 2F 00 1A 00 01 00 00 00", None);
+    write(&mut rig, "605: 23 00 18 01 85 01 00 20", None);
+    assert_eq!(rig.exchange("205: 07"), ["00000185: 07"]);
     write(&mut rig, OFF, None);
     assert!(rig.exchange("205: 08").is_empty());
 }

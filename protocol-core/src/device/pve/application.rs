@@ -1,6 +1,6 @@
 //! The valve under the device state machine: control word, device mode and set-point (SPEC 4.1, 4.3).
 
-use super::kind::Kind;
+use super::Kind;
 use super::state_machine::{DeviceMode, DeviceState, StateMachine};
 use crate::actuator::{
     Changes, Condition, Counters, Drive, Led, Position, Scale, SetPoint, SpoolMonitors, Valve, ValveConfig,

@@ -1,7 +1,7 @@
 //! What a start finds in the memory: each record checked, with the defaults in the place of what is not there (SPEC 6).
 
+use super::Setup;
 use super::records::{Factory, FaultLog, LocalLayer, version};
-use super::setup::Setup;
 use crate::actuator::{InternalCause, Valve};
 use crate::device::reading::Reading;
 use crate::memory::{Image, RecordKey};

@@ -2,7 +2,7 @@
 
 use heapless::Vec;
 
-use super::kind::Kind;
+use super::Kind;
 use super::records::{Factory, LocalLayer};
 use crate::frame::{Frame, Id};
 use crate::uds::{DATA_MAX, Identifiers, NODE_ID, Reaction, serve};

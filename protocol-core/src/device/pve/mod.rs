@@ -1,12 +1,11 @@
 //! The proportional and on/off valve actuators PVEA and PVEO, Series 6 (SPEC 1–4, 6, 7).
 //!
 //! ```text
-//! kind            the products and what they differ in
 //! fault_codes     how the faults are told: SPEC 3
 //! dictionary      the object dictionary, one table          objects    what lies behind it
 //! state_machine   the device state machine of CiA 408       application    the valve under it
 //! auxiliary_valve the valve under the commands of ISO 11783-7
-//! setup           what a valve is made as                   found      what a start finds in the memory
+//! found           what a start finds in the memory
 //! records         what is kept in the memory
 //! identification  the identifiers of UDS lite          sensing    what a valve makes of its senses
 //! canopen/        the composition: a valve on CANopen       isobus/    on ISOBUS
@@ -20,17 +19,18 @@ mod fault_codes;
 mod found;
 mod identification;
 mod isobus;
-mod kind;
 mod objects;
 mod records;
 mod sensing;
-mod setup;
 mod state_machine;
 
+pub use super::Protocol;
+pub use super::kind::pve::Kind;
 pub use canopen::PveCanopen;
 pub use dictionary::entry;
 pub use fault_codes::{FAULT_CODES, FaultCodes};
 pub use isobus::PveIsobus;
-pub use kind::{Kind, Protocol};
-pub use setup::Setup;
 pub use state_machine::{DeviceMode, DeviceState};
+
+/// What a valve is made as.
+pub type Setup = super::Setup<Kind>;

@@ -2,16 +2,16 @@
 
 use heapless::Vec;
 
+use super::Kind;
 use super::application::{Application, FLOAT};
 use super::dictionary::{DESCRIPTION_MAX, DICTIONARY, SERIAL_MAX, Task, ValveObject};
 use super::fault_codes::register;
-use super::kind::Kind;
 use super::records::Factory;
 use super::state_machine::{DeviceMode, DeviceState};
 use crate::actuator::{ActuatorType, Position, Scale, SetPoint};
 use crate::canopen::dictionary::{Dictionary, Mappable, Value};
 use crate::canopen::node::{Object, Product, Rules};
-use crate::canopen::{heartbeat, lss, pdo};
+use crate::canopen::{heartbeat, lss, nmt, pdo};
 use crate::time::{Duration, Instant};
 use crate::wire::emcy::{Emcy, GENERIC_ERROR};
 use crate::wire::lss::Address;
@@ -36,6 +36,7 @@ const fn description(kind: Kind) -> &'static str {
 /// The rules of both kinds (SPEC 4).
 const RULES: Rules = Rules {
     extended_ids: false,
+    nmt: nmt::Rules::NONE,
     heartbeat: heartbeat::Rules {
         // Periods are rounded up to it (A).
         resolution: Duration::from_millis(10),
@@ -51,7 +52,13 @@ const RULES: Rules = Rules {
     lss: lss::Rules {
         bit_rates: Kind::PveaCanopen.bit_rates(),
         // (R) In CiA 305 also in waiting.
-        identified_in: &[lss::State::Configuration],
+        non_configured_in: &[lss::State::Configuration],
+        fast_scan_in: &[lss::State::Configuration],
+        fast_scan_selects: false,
+        remote_in: &[],
+        takes_node_id_away: false,
+        on_waiting: lss::OnWaiting::Restart,
+        start_drops_pending: true,
         node_id_error: 1,
         bit_rate_error: 1,
         store_error: 2,
@@ -68,6 +75,8 @@ const PDO: pdo::Rules = pdo::Rules {
     dummies: true,
     // (R) In CiA 301 only while sub-index 0 is 0.
     entries_while_counted: true,
+    timers: false,
+    sampled_when_due: false,
 };
 
 /// The state behind the product's objects.

@@ -2,7 +2,7 @@
 
 use heapless::Vec;
 
-use super::kind::Kind;
+use super::Kind;
 use crate::actuator::Counters;
 use crate::controller::BitRate;
 use crate::memory::RecordKey;
@@ -15,7 +15,8 @@ pub(super) const fn version(key: RecordKey) -> u8 {
         | RecordKey::LocalLayer
         | RecordKey::Parameters
         | RecordKey::RestoreFlag
-        | RecordKey::FaultLog => 1,
+        | RecordKey::FaultLog
+        | RecordKey::Application => 1,
     }
 }
 

@@ -184,7 +184,7 @@ fn bus_off() {
     valve.advance_cyclic(300, EXTEND);
     valve.take();
     valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
-    assert!(!valve.device().outputs().solenoids);
+    assert!(!valve.outputs().solenoids);
     valve.sense(|senses| senses.internal_fault = true);
     valve.sense(|senses| senses.internal_fault = false);
     valve.advance(10_050);

@@ -6,10 +6,9 @@ mod dm3;
 
 use protocol_core::actuator::{Position, SpoolFault};
 use protocol_core::controller::BusErrorMode;
-use protocol_core::device::Senses;
 use protocol_core::time::Duration;
-use tests::Rig;
 use tests::isobus::{BLOCK, DM1_CLEAR, EXTEND, FLOAT};
+use tests::{Rig, Senses};
 
 const ONE: Duration = Duration::from_micros(1);
 

@@ -14,26 +14,28 @@ mod storing;
 use load::Load;
 use storing::Job;
 
+use super::Setup;
 use super::dictionary::{DICTIONARY, Task};
 use super::found::Found;
 use super::identification::Identification;
 use super::objects::ValveObjects;
 use super::records::{Factory, LocalLayer, decode_flag};
 use super::sensing::sense;
-use super::setup::Setup;
 use crate::actuator::{Counters, InternalCause};
+use crate::canopen::dictionary::Group;
 use crate::canopen::lss::Configuration;
 use crate::canopen::nmt::Reset;
 use crate::canopen::node::{self, Demand, Node};
 use crate::canopen::parameters::Stored;
 use crate::controller::{BitRate, BusErrorMode, Filter, Filters};
 use crate::device::host::{Base, Body, Host};
-use crate::device::{Outputs, Restart, Senses, StartCause};
+use crate::device::{Outputs, Restart, Senses, StartCause, ValveOutputs};
 use crate::frame::Frame;
 use crate::memory::{Image, Record, RecordKey, StoreError};
 use crate::time::Instant;
 use crate::uds::Reaction;
 use crate::wire::cob_id::NodeId;
+use crate::wire::lss::LssNodeId;
 use crate::wire::uds;
 
 /// A PVEA or PVEO on CANopen.
@@ -50,8 +52,6 @@ pub struct CanopenValve {
     /// The key of UDS requests, whatever their source.
     uds: u32,
     load: Load,
-    /// The LSS stores that wait for the memory.
-    lss_stores: u32,
     /// What the LSS store in flight writes.
     lss_in_flight: Configuration,
     /// The counts that the write in flight clears: they come back when it fails.
@@ -91,7 +91,6 @@ impl CanopenValve {
             local_layer,
             uds: NO_UDS,
             load: Load::new(),
-            lss_stores: 0,
             lss_in_flight: Configuration::NONE,
             cleared: Counters::default(),
             senses: Senses::default(),
@@ -101,11 +100,8 @@ impl CanopenValve {
     fn demanded(&mut self, demand: Demand<Task>, base: &mut Base<Job>) {
         match demand {
             Demand::Task(task) => self.begin_task(task, base),
-            Demand::StoreConfiguration => {
-                self.lss_stores = self.lss_stores.saturating_add(1);
-                base.writes.ask(Job::LssStore);
-            }
-            Demand::Reset(reset) => base.request_restart(restart_of(reset)),
+            Demand::StoreConfiguration => base.writes.ask(Job::LssStore),
+            Demand::Reset(reset) => base.request_restart(reset.into()),
         }
     }
 
@@ -122,13 +118,6 @@ impl CanopenValve {
             Reaction::Answer(answer) => self.node.answer(answer),
             Reaction::StoreNodeId(raw) => base.writes.ask(Job::UdsNodeId(raw)),
         }
-    }
-}
-
-const fn restart_of(reset: Reset) -> Restart {
-    match reset {
-        Reset::Communication => Restart::Communication,
-        Reset::Application => Restart::Application,
     }
 }
 
@@ -154,7 +143,7 @@ impl Body for CanopenValve {
     }
 
     fn restart_demanded(&self, frame: &Frame) -> Option<Restart> {
-        self.node.reset_demanded(frame).map(restart_of)
+        self.node.reset_demanded(frame).map(Restart::from)
     }
 
     fn poll(&mut self, base: &mut Base<Job>) {
@@ -233,11 +222,12 @@ impl Body for CanopenValve {
     fn start(&mut self, scope: Restart, image: &Image, base: &mut Base<Job>) {
         let now = base.now();
         let mut found = Found::look(&self.setup, image);
-        let parameters = found.payload(RecordKey::Parameters, |payload| Stored::decode(DICTIONARY, payload));
+        let parameters =
+            found.payload(RecordKey::Parameters, |payload| Stored::decode(DICTIONARY, Group::All, payload));
         let load_is_set = found.payload(RecordKey::RestoreFlag, decode_flag).unwrap_or(false);
         self.local_layer = found.local_layer;
         let stored = Configuration {
-            node_id: found.local_layer.node_id.and_then(NodeId::new),
+            node_id: found.local_layer.node_id.and_then(LssNodeId::new),
             bit_rate: Some(found.local_layer.bit_rate),
         };
         let reset = match scope {
@@ -259,7 +249,7 @@ impl Body for CanopenValve {
             self.load = Load::found(load_is_set && node_id.is_some());
         }
         let parameters = parameters.filter(|_| !self.load.replaces_stored());
-        self.node.boot(reset, parameters, &mut self.objects, now);
+        self.node.boot(reset, [(Group::All, parameters)], &mut self.objects, now);
         self.uds = node_id.map_or(NO_UDS, |node_id| uds::key_to(uds::Address::node(node_id.get())));
         self.tell_start(scope, base);
         found.tell_faults(&mut self.objects.application.valve, now);
@@ -272,7 +262,8 @@ impl Body for CanopenValve {
 
     fn outputs(&self) -> Outputs {
         let application = &self.objects.application;
-        Outputs { solenoids: application.valve.solenoids(), led: application.led(self.node.node_id().is_some()) }
+        let led = application.led(self.node.node_id().is_some());
+        Outputs::Valve(ValveOutputs { solenoids: application.valve.solenoids(), led })
     }
 
     fn bit_rate(&self) -> BitRate {

@@ -6,12 +6,13 @@ use super::super::records::{FaultLog, LayerChange, encode_flag, version};
 use super::CanopenValve;
 use super::load::Executed;
 use crate::actuator::{FaultSet, InternalCause};
+use crate::canopen::dictionary::Group;
 use crate::canopen::lss::Configuration;
 use crate::device::host::Base;
 use crate::device::writes;
 use crate::memory::{RECORD_MAX, Record, RecordKey, StoreError, seal};
 use crate::uds::node_id_written;
-use crate::wire::cob_id::NodeId;
+use crate::wire::lss::LssNodeId;
 
 /// One write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -102,7 +103,7 @@ impl CanopenValve {
             }
             Job::UdsNodeId(raw) => seal(version, &layer.with(LayerChange::node_id(raw)).encode()),
             Job::Save => {
-                let payload = self.node.parameters::<RECORD_MAX>(&self.objects);
+                let payload = self.node.parameters::<RECORD_MAX>(Group::All, &self.objects);
                 seal(version, &payload.ok_or(StoreError)?)
             }
             Job::Restore => {
@@ -138,16 +139,12 @@ impl CanopenValve {
                     self.local_layer = self.local_layer.with(change_of(self.lss_in_flight));
                     self.node.configuration_stored(self.lss_in_flight);
                 }
-                let answers = if is_last(job, base) { self.lss_stores } else { 1 };
-                self.lss_stores = self.lss_stores.saturating_sub(answers);
-                for _ in 0..answers {
-                    self.node.end_lss_store(stored);
-                }
+                self.node.end_lss_store(stored, is_last(job, base));
             }
             Job::UdsNodeId(raw) => {
                 if stored {
                     self.local_layer = self.local_layer.with(LayerChange::node_id(raw));
-                    self.node.configuration_stored(Configuration { node_id: NodeId::new(raw), bit_rate: None });
+                    self.node.configuration_stored(Configuration { node_id: LssNodeId::new(raw), bit_rate: None });
                 }
                 self.node.answer(node_id_written(stored));
             }
@@ -195,5 +192,5 @@ impl CanopenValve {
 
 /// What an LSS store changes of the local layer.
 fn change_of(configuration: Configuration) -> LayerChange {
-    LayerChange { node_id: configuration.node_id.map(NodeId::get), bit_rate: configuration.bit_rate }
+    LayerChange { node_id: configuration.node_id.map(LssNodeId::get), bit_rate: configuration.bit_rate }
 }

@@ -14,17 +14,17 @@ use heapless::Vec;
 use product::{RULES, address, name};
 use storing::{Clearing, Job, LayerFor};
 
+use super::Setup;
 use super::auxiliary_valve::AuxiliaryValve;
 use super::fault_codes::codes;
 use super::found::Found;
 use super::identification::Identification;
 use super::records::{Factory, LayerChange, LocalLayer};
 use super::sensing::sense;
-use super::setup::Setup;
 use crate::actuator::{Fault, FaultSet, InternalCause};
 use crate::controller::{BitRate, BusErrorMode, Filter, Filters};
 use crate::device::host::{Base, Body, Host};
-use crate::device::{Outputs, Restart, Senses, StartCause};
+use crate::device::{Outputs, Restart, Senses, StartCause, ValveOutputs};
 use crate::frame::Frame;
 use crate::isobus::node::{Indication, Node};
 use crate::memory::{Image, Record, RecordKey, StoreError};
@@ -266,7 +266,7 @@ impl Body for IsobusValve {
 
     fn outputs(&self) -> Outputs {
         let led = self.auxiliary.led(self.node.address().is_none());
-        Outputs { solenoids: self.auxiliary.valve.solenoids(), led }
+        Outputs::Valve(ValveOutputs { solenoids: self.auxiliary.valve.solenoids(), led })
     }
 
     fn bit_rate(&self) -> BitRate {

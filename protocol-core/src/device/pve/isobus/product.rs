@@ -1,7 +1,7 @@
 //! The product on ISOBUS: its groups, its NAME and its address (SPEC 1, 5).
 
+use super::super::Setup;
 use super::super::records::{Factory, LocalLayer};
-use super::super::setup::Setup;
 use crate::isobus::node::Rules;
 use crate::time::Duration;
 use crate::wire::j1939_id::{Address, Pgn};
@@ -47,7 +47,7 @@ pub(super) fn address(setup: &Setup, layer: LocalLayer) -> Address {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::kind::Kind;
+    use super::super::super::Kind;
     use super::*;
 
     #[test]

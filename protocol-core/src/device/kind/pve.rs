@@ -1,9 +1,10 @@
-//! The products (SPEC 1).
+//! The valve actuators (SPEC 1).
 
 use core::ops::RangeInclusive;
 
 use crate::actuator::ActuatorType;
 use crate::controller::BitRate;
+use crate::device::Protocol;
 
 /// A valve actuator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -16,15 +17,6 @@ pub enum Kind {
     PveaIsobus,
     /// PVEO-CI on ISOBUS: on/off.
     PveoIsobus,
-}
-
-/// The protocol that a product speaks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Protocol {
-    /// CiA 301, 305, 408.
-    Canopen,
-    /// ISO 11783-7, J1939.
-    Isobus,
 }
 
 impl Kind {

@@ -1,0 +1,227 @@
+//! When a TPDO is sent: transmission type, SYNC count, inhibit time and event timer (CiA 301 7.5.2.37).
+
+use crate::time::{Duration, Instant, NEVER, after, since};
+
+/// The transmission type of the device profile: sends, or acts, at once, and whenever the event timer ends.
+pub const EVENT_DRIVEN: u8 = 0xFF;
+
+/// The transmission type of the manufacturer: the event timer alone.
+pub const MANUFACTURER: u8 = 0xFE;
+
+/// The transmission type that sends at a SYNC when the data have changed.
+pub const ON_CHANGE: u8 = 0;
+
+/// The unit of the inhibit time.
+const INHIBIT_UNIT_US: u64 = 100;
+
+/// What makes a TPDO due.
+#[derive(Debug)]
+pub struct Transmission {
+    kind: u8,
+    /// In 100 µs; 0 is off.
+    inhibit: u16,
+    /// In ms; 0 is off.
+    event_timer: u16,
+    /// SYNCs since the last one that sent.
+    syncs: u8,
+    /// The next end of the event timer.
+    due: Instant,
+    /// The request that waits for the end of the inhibit time.
+    requested: Option<Instant>,
+    inhibited_until: Instant,
+}
+
+impl Transmission {
+    /// Returns an event-driven transmission without timers.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            kind: EVENT_DRIVEN,
+            inhibit: 0,
+            event_timer: 0,
+            syncs: 0,
+            due: NEVER,
+            requested: None,
+            inhibited_until: Instant::MIN,
+        }
+    }
+
+    /// The transmission type, sub-index 2.
+    #[must_use]
+    pub const fn kind(&self) -> u8 {
+        self.kind
+    }
+
+    /// The inhibit time in 100 µs, sub-index 3.
+    #[must_use]
+    pub const fn inhibit(&self) -> u16 {
+        self.inhibit
+    }
+
+    /// The event timer in ms, sub-index 5.
+    #[must_use]
+    pub const fn event_timer(&self) -> u16 {
+        self.event_timer
+    }
+
+    /// Sets the transmission type; in force from [`restart`](Self::restart).
+    pub const fn set_kind(&mut self, kind: u8) {
+        self.kind = kind;
+    }
+
+    /// Sets the inhibit time: it runs from the next request.
+    pub const fn set_inhibit(&mut self, inhibit: u16) {
+        self.inhibit = inhibit;
+        self.inhibited_until = Instant::MIN;
+    }
+
+    /// Sets the event timer; in force from [`restart_timer`](Self::restart_timer).
+    pub const fn set_event_timer(&mut self, event_timer: u16) {
+        self.event_timer = event_timer;
+    }
+
+    /// Starts anew: SYNCs count from here, and so does the event timer.
+    pub fn restart(&mut self, now: Instant) {
+        self.syncs = 0;
+        self.restart_timer(now);
+    }
+
+    /// Lets the event timer end a period from now and then at each period. An inhibit time runs on.
+    pub fn restart_timer(&mut self, now: Instant) {
+        self.requested = None;
+        self.due = NEVER;
+        if self.event_timer != 0 && matches!(self.kind, MANUFACTURER | EVENT_DRIVEN) {
+            self.due = after(now, self.period());
+        }
+    }
+
+    /// Counts a SYNC. Returns whether it is the n-th of a transmission type 1–240.
+    pub fn sync(&mut self) -> bool {
+        if !matches!(self.kind, 1..=240) {
+            return false;
+        }
+        self.syncs = self.syncs.saturating_add(1);
+        let due = self.syncs >= self.kind;
+        if due {
+            self.syncs = 0;
+        }
+        due
+    }
+
+    /// Returns the instant at which the event timer has made a TPDO due, the inhibit time being over. Of several periods
+    /// the last counts; the grid stays where it is.
+    pub fn poll(&mut self, now: Instant) -> Option<Instant> {
+        if now >= self.due {
+            let mut at = self.due;
+            let mut next = after(at, self.period());
+            if next <= now {
+                at = self.last_period(now);
+                next = after(at, self.period());
+            }
+            self.due = next;
+            self.requested = Some(at);
+        }
+        let at = self.requested?.max(self.inhibited_until);
+        if at > now {
+            return None;
+        }
+        self.requested = None;
+        self.inhibited_until =
+            after(at, Duration::from_micros(u64::from(self.inhibit).saturating_mul(INHIBIT_UNIT_US)));
+        Some(at)
+    }
+
+    /// Returns when [`poll`](Self::poll) is next due.
+    #[inline]
+    #[must_use]
+    pub fn deadline(&self) -> Instant {
+        match self.requested {
+            None => self.due,
+            Some(at) => self.due.min(at.max(self.inhibited_until)),
+        }
+    }
+
+    const fn period(&self) -> Duration {
+        Duration::from_millis(self.event_timer as u64)
+    }
+
+    /// The last instant of the grid up to now.
+    #[cold]
+    fn last_period(&self, now: Instant) -> Instant {
+        let period = self.period().as_ticks();
+        let over = since(now, self.due).as_ticks().checked_rem(period).unwrap_or(0);
+        Instant::from_ticks(now.as_ticks().saturating_sub(over))
+    }
+}
+
+impl Default for Transmission {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+
+    fn cyclic(event_timer: u16, inhibit: u16) -> Transmission {
+        let mut transmission = Transmission::new();
+        transmission.set_kind(MANUFACTURER);
+        transmission.set_inhibit(inhibit);
+        transmission.set_event_timer(event_timer);
+        transmission.restart(Instant::from_micros(7));
+        transmission
+    }
+
+    /// When it sends until an instant, polled at its deadlines alone.
+    fn sent(transmission: &mut Transmission, until_us: u64) -> std::vec::Vec<u64> {
+        let mut sent = std::vec::Vec::new();
+        while transmission.deadline().as_micros() <= until_us {
+            let now = transmission.deadline();
+            if let Some(at) = transmission.poll(now) {
+                assert_eq!(at, now);
+                sent.push(at.as_micros());
+            }
+            assert!(transmission.deadline() > now);
+        }
+        sent
+    }
+
+    #[test]
+    fn the_event_timer_keeps_its_grid_for_an_hour() {
+        let mut transmission = cyclic(1, 0);
+        let sent = sent(&mut transmission, 3_600_000_007);
+        assert_eq!(sent.len(), 3_600_000);
+        assert!(sent.iter().zip(1..).all(|(at, n)| *at == 7 + n * 1000));
+    }
+
+    #[test]
+    fn missed_periods_merge_and_the_grid_stays() {
+        let mut transmission = cyclic(10, 0);
+        assert_eq!(transmission.poll(Instant::from_micros(55_000)), Some(Instant::from_micros(50_007)));
+        assert_eq!(transmission.poll(Instant::from_micros(55_001)), None);
+        assert_eq!(transmission.deadline(), Instant::from_micros(60_007));
+    }
+
+    #[test]
+    fn the_inhibit_time_counts_from_the_last_request() {
+        // 2.5 ms
+        let mut transmission = cyclic(1, 25);
+        assert_eq!(sent(&mut transmission, 9_000), [1_007, 3_507, 6_007, 8_507]);
+        // Not longer than the period.
+        let mut transmission = cyclic(1, 10);
+        assert_eq!(sent(&mut transmission, 3_007), [1_007, 2_007, 3_007]);
+    }
+
+    #[test]
+    fn other_types_have_no_event_timer() {
+        for kind in [0, 1, 240] {
+            let mut transmission = cyclic(1, 0);
+            transmission.set_kind(kind);
+            transmission.restart(Instant::from_micros(7));
+            assert_eq!(transmission.deadline(), NEVER);
+        }
+    }
+}

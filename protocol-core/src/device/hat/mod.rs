@@ -1,0 +1,328 @@
+//! The angle sensors HAT 1000 and HAT 3000 (SPEC 9).
+//!
+//! ```text
+//! mod         the body of the device: what the node and the sensor tell each other
+//! dictionary  the object dictionary, one table
+//! objects     what lies behind it, and the rules
+//! errors      what EMCYs tell of
+//! records     what is kept in the memory
+//! storing     writes to the memory, and who waits for them
+//! ```
+
+mod dictionary;
+mod errors;
+mod objects;
+mod records;
+mod storing;
+
+pub use super::kind::hat::Kind;
+pub use dictionary::entry;
+pub use errors::Error;
+
+use dictionary::DICTIONARY;
+use errors::Errors;
+use objects::{HatObjects, Task};
+use records::{LAYER, VERSION, decode_serial, identity, new_layer};
+use storing::Job;
+
+use super::host::{Base, Body, Host};
+use super::reading::Reading;
+use super::{Outputs, ProductSenses, Restart, Senses, StartCause};
+use crate::canopen::dictionary::Group;
+use crate::canopen::lss::{Configuration, Layer};
+use crate::canopen::nmt::Reset;
+use crate::canopen::node::{Demand, ErrorClass, Node, ObjectOf, Service};
+use crate::canopen::parameters::Stored;
+use crate::controller::{BitRate, BusErrorMode, Filter, Filters};
+use crate::frame::Frame;
+use crate::memory::{Image, Record, RecordKey, StoreError};
+use crate::time::Instant;
+use crate::wire::cob_id::NodeId;
+
+/// What a sensor is made as.
+pub type Setup = super::Setup<Kind>;
+
+/// A HAT 1000 or HAT 3000.
+pub type Hat = Host<HatSensor>;
+
+/// The body of a sensor.
+#[derive(Debug)]
+pub struct HatSensor {
+    setup: Setup,
+    objects: HatObjects,
+    node: Node<HatObjects>,
+    /// Node ID and bit rate as stored.
+    layer: Layer,
+    /// What the write of node ID and bit rate in flight makes of them.
+    layer_in_flight: Layer,
+    /// What the LSS store in flight writes.
+    lss_in_flight: Configuration,
+    /// The task of which a write has failed while others are still to come.
+    failed: Option<Task>,
+    /// The records that are damaged, by their position.
+    damaged: u8,
+    internal_fault: bool,
+    bus: BusErrorMode,
+}
+
+/// The bit of [`HatSensor::damaged`] for the memory as a whole: it lasts to the next start.
+const WHOLE_MEMORY: u8 = 1 << 7;
+const _: () = assert!(RecordKey::ALL.len() <= 7);
+
+impl Hat {
+    /// Returns a sensor that is powered up with what the memory holds.
+    #[must_use]
+    pub fn power_on(setup: Setup, image: &Image, cause: StartCause, now: Instant) -> Self {
+        let mut device = Self::new(HatSensor::new(setup));
+        device.start_up(image, cause, now);
+        device
+    }
+}
+
+impl HatSensor {
+    fn new(setup: Setup) -> Self {
+        let layer = new_layer(&setup);
+        Self {
+            setup,
+            objects: HatObjects::new(setup.kind, identity(setup.kind, setup.serial), layer),
+            node: Node::new(layer.bit_rate),
+            layer,
+            layer_in_flight: layer,
+            lss_in_flight: Configuration::NONE,
+            failed: None,
+            damaged: 0,
+            internal_fault: false,
+            bus: BusErrorMode::ErrorActive,
+        }
+    }
+
+    /// Notes that an error has begun or ended, and tells it.
+    fn set_error(&mut self, error: Error, active: bool, base: &Base<Job>) {
+        if !self.objects.errors.set(error, active) {
+            return;
+        }
+        if !active {
+            self.node.send_emcy(self.objects.errors.end());
+            return;
+        }
+        self.tell(error);
+        if error == Error::Controller {
+            self.node.behave(ErrorClass::Product, &mut self.objects, base.now());
+        }
+    }
+
+    /// Enters an error into the history and sends its EMCY.
+    fn tell(&mut self, error: Error) {
+        let (code, field, _) = error.codes();
+        self.node.enter_error(code, field);
+        self.node.send_emcy(self.objects.errors.message(error));
+    }
+
+    /// Takes the mode of the CAN controller. Bus-off takes the place of error-passive; it is told when it is over.
+    fn set_bus(&mut self, bus: BusErrorMode, base: &Base<Job>) {
+        self.bus = bus;
+        let bus_off = bus == BusErrorMode::BusOff;
+        self.node.set_bus_off(bus_off);
+        if bus_off {
+            self.node.withdraw_error(Error::Passive.codes().0);
+            self.objects.errors.set(Error::Passive, false);
+            if self.objects.errors.set(Error::BusOff, true) {
+                self.node.behave(ErrorClass::Communication, &mut self.objects, base.now());
+            }
+            return;
+        }
+        if self.objects.errors.has(Error::BusOff) {
+            self.tell(Error::BusOff);
+            self.set_error(Error::BusOff, false, base);
+        }
+        self.set_error(Error::Passive, bus == BusErrorMode::ErrorPassive, base);
+    }
+
+    fn set_damaged(&mut self, damaged: u8, base: &Base<Job>) {
+        self.damaged = damaged;
+        self.set_error(Error::SetUp, damaged != 0, base);
+    }
+
+    fn demanded(&mut self, demand: Demand<Task>, base: &mut Base<Job>) {
+        match demand {
+            Demand::Task(task) => self.begin_task(task, base),
+            Demand::StoreConfiguration => base.writes.ask(Job::LssStore),
+            Demand::Reset(reset) => base.request_restart(reset.into()),
+        }
+    }
+
+    /// Node ID and bit rate of the memory. A damaged record had a node ID: a new one alone can be blank.
+    fn layer_of(&self, reading: &mut Reading<'_>) -> Layer {
+        let new = new_layer(&self.setup);
+        match reading.record(RecordKey::LocalLayer, VERSION, Layer::decode) {
+            Some(layer) => layer,
+            None if reading.is_corrupt(RecordKey::LocalLayer) && new.node_id.0.is_none() => LAYER,
+            None => new,
+        }
+    }
+}
+
+/// The parameters of a group; `None` for the defaults, which "load" stores as an empty record.
+fn parameters<'a>(
+    reading: &mut Reading<'a>,
+    key: RecordKey,
+    group: Group,
+) -> (Group, Option<Stored<'a, ObjectOf<HatObjects>>>) {
+    let decode = |payload: &'a [u8]| match payload {
+        [] => Some(None),
+        payload => Stored::decode(DICTIONARY, group, payload).map(Some),
+    };
+    (group, reading.record(key, VERSION, decode).flatten())
+}
+
+impl Body for HatSensor {
+    type Job = Job;
+    type Service = Service;
+
+    const FAULT_LOG: Option<Job> = None;
+
+    #[inline]
+    fn service(&self, frame: &Frame) -> Option<Service> {
+        self.node.service(frame)
+    }
+
+    fn handle(&mut self, service: Service, frame: &Frame, base: &mut Base<Job>) {
+        if let Some(demand) = self.node.handle(service, frame, &mut self.objects, base.now()) {
+            self.demanded(demand, base);
+        }
+    }
+
+    fn restart_demanded(&self, frame: &Frame) -> Option<Restart> {
+        self.node.reset_demanded(frame).map(Restart::from)
+    }
+
+    fn poll(&mut self, base: &mut Base<Job>) {
+        self.node.poll(base.now());
+    }
+
+    #[inline]
+    fn settle(&mut self, base: &mut Base<Job>) {
+        self.node.start_itself(&mut self.objects, base.now());
+        self.objects.in_force.bit_rate = self.node.bit_rate();
+    }
+
+    #[inline]
+    fn deadline(&self) -> Instant {
+        self.node.deadline()
+    }
+
+    fn sense(&mut self, senses: &Senses, base: &mut Base<Job>) {
+        if let ProductSenses::Encoder(shaft) = senses.product {
+            self.objects.shaft = shaft;
+        }
+        self.internal_fault = senses.internal_fault;
+        self.set_error(Error::Controller, senses.internal_fault, base);
+        self.set_bus(senses.bus, base);
+    }
+
+    #[inline]
+    fn take_filters(&mut self) -> Option<Filters> {
+        self.node.take_filters()
+    }
+
+    #[inline]
+    fn take_abort(&mut self) -> Option<Filter> {
+        self.node.take_abort()
+    }
+
+    #[inline]
+    fn next_frame(&mut self, now: Instant) -> Option<Frame> {
+        self.node.next_frame(&self.objects, now)
+    }
+
+    fn give_back(&mut self, frame: Frame) {
+        self.node.give_back(frame);
+    }
+
+    #[inline]
+    fn all_sent(&mut self, _: &mut Base<Job>) {
+        self.node.all_sent();
+    }
+
+    #[inline]
+    fn has_frame(&self) -> bool {
+        self.node.has_frame()
+    }
+
+    #[inline]
+    fn take_bit_rate(&mut self) -> Option<BitRate> {
+        self.node.take_bit_rate()
+    }
+
+    fn encode(&mut self, job: Job) -> Result<Record, StoreError> {
+        self.encode_job(job)
+    }
+
+    fn written(&mut self, job: Job, stored: bool, base: &mut Base<Job>) {
+        self.end_job(job, stored, base);
+    }
+
+    /// Starts with what the memory holds: either reset loads both groups, and reset node the bit rate too. Errors that a
+    /// reset of the communication has left are told again, and not entered again.
+    fn start(&mut self, scope: Restart, image: &Image, base: &mut Base<Job>) {
+        let mut reading = Reading::new(image);
+        self.layer = self.layer_of(&mut reading);
+        let stored = self.layer.configuration();
+        let serial = reading.record(RecordKey::Factory, VERSION, decode_serial);
+        self.objects.identity = identity(self.setup.kind, serial.or(self.setup.serial));
+        let node_id = match scope {
+            Restart::Communication => self.node.reset(Reset::Communication, stored),
+            Restart::Application => {
+                self.objects.errors = Errors::NONE;
+                self.node.reset(Reset::Application, stored)
+            }
+        };
+        self.objects.demanded = self.layer;
+        self.objects.in_force.node_id.0 = node_id;
+        let parameters = [
+            parameters(&mut reading, RecordKey::Parameters, Group::Communication),
+            parameters(&mut reading, RecordKey::Application, Group::Application),
+        ];
+        self.node.boot(Reset::Application, parameters, &mut self.objects, base.now());
+
+        for error in Error::ALL.into_iter().filter(|error| *error != Error::BusOff) {
+            if self.objects.errors.has(error) {
+                self.node.send_emcy(self.objects.errors.message(error));
+            }
+        }
+        let corrupt = RecordKey::ALL.into_iter().filter(|key| reading.is_corrupt(*key));
+        let whole = if reading.is_damaged() { WHOLE_MEMORY } else { 0 };
+        self.set_damaged(corrupt.fold(whole, |damaged, key| damaged | storing::bit(key)), base);
+        if scope == Restart::Application {
+            self.set_error(Error::Controller, self.internal_fault, base);
+            self.set_bus(self.bus, base);
+        }
+        for (key, job) in [(RecordKey::Factory, Job::Factory), (RecordKey::LocalLayer, Job::LocalLayer)] {
+            if reading.is_absent(key) {
+                base.writes.ask(job);
+            }
+        }
+    }
+
+    /// Tells a watchdog reset, and that it is over.
+    fn watchdog_reset(&mut self, base: &mut Base<Job>) {
+        self.set_error(Error::Controller, true, base);
+        self.set_error(Error::Controller, self.internal_fault, base);
+    }
+
+    fn outputs(&self) -> Outputs {
+        Outputs::Encoder
+    }
+
+    fn bit_rate(&self) -> BitRate {
+        self.node.bit_rate()
+    }
+
+    fn node_id(&self) -> Option<u8> {
+        self.node.node_id().map(NodeId::get)
+    }
+
+    fn frames_dropped(&self) -> u32 {
+        self.node.frames_dropped()
+    }
+}

@@ -1,0 +1,200 @@
+//! The sensor as its object dictionary sees it (SPEC 9): what lies behind the product's own objects, and its rules.
+
+use super::Kind;
+use super::dictionary::{DICTIONARY, STARTS_ITSELF, WAITS};
+use super::errors::Errors;
+use crate::canopen::dictionary::{Dictionary, Mappable, Value};
+use crate::canopen::lss::Layer;
+use crate::canopen::node::{Object, Product, Rules};
+use crate::canopen::{heartbeat, lss, nmt, pdo};
+use crate::controller::BitRate;
+use crate::encoder::{Preset, Shaft};
+use crate::time::{Duration, Instant};
+use crate::wire::emcy::Emcy;
+use crate::wire::lss::{Address, LssNodeId};
+use crate::wire::sdo::AbortCode;
+
+/// Object 0x1009.
+const HARDWARE_VERSION: &[u8] = b"01.01";
+/// Object 0x100A.
+const SOFTWARE_VERSION: &[u8] = b"01.07";
+
+/// The rules of both kinds.
+const RULES: Rules = Rules {
+    extended_ids: true,
+    nmt: nmt::Rules { startup: &[WAITS, STARTS_ITSELF], starts_itself: Some(STARTS_ITSELF) },
+    heartbeat: heartbeat::Rules { resolution: Duration::from_millis(1), max: u16::MAX },
+    rpdo: pdo::Rules::NONE,
+    tpdo: pdo::Rules {
+        direction: Mappable::Tpdo,
+        transmission_types: &[pdo::ON_CHANGE..=240, pdo::MANUFACTURER..=pdo::EVENT_DRIVEN],
+        extended_ids: true,
+        may_be_empty: true,
+        timers: true,
+        sampled_when_due: true,
+        ..pdo::Rules::NONE
+    },
+    lss: lss::Rules {
+        bit_rates: Kind::Hat1000.bit_rates(),
+        remote_in: &[lss::State::Waiting, lss::State::Configuration],
+        non_configured_in: &[lss::State::Waiting, lss::State::Configuration],
+        // The manual has no fast scan: that of CiA 305.
+        fast_scan_in: &[lss::State::Waiting],
+        fast_scan_selects: true,
+        takes_node_id_away: true,
+        on_waiting: lss::OnWaiting::Boot,
+        start_drops_pending: false,
+        node_id_error: 255,
+        bit_rate_error: 1,
+        store_error: 255,
+    },
+};
+
+/// The product's own objects.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum HatObject {
+    DeviceName,
+    HardwareVersion,
+    SoftwareVersion,
+    NodeIdInForce,
+    NodeIdDemanded,
+    BitRateInForce,
+    BitRateDemanded,
+    Preset,
+    Position,
+    Alarms,
+    Offset,
+    SerialNumber,
+}
+
+/// What the sub-indices of 0x1010 and 0x1011 are about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Communication and application.
+    All,
+    /// 0x1000–0x1FFF
+    Communication,
+    /// 0x6000–0x9FFF
+    Application,
+    /// 0x2001 and 0x2002
+    Lss,
+}
+
+/// What the signatures of 0x1010 and 0x1011 ask for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Task {
+    /// "save"
+    Save(Part),
+    /// "load"
+    Load(Part),
+}
+
+/// The state behind the objects.
+#[derive(Debug)]
+pub(super) struct HatObjects {
+    kind: Kind,
+    pub(super) identity: Address,
+    pub(super) errors: Errors,
+    pub(super) shaft: Shaft,
+    /// Node ID and bit rate in force.
+    pub(super) in_force: Layer,
+    /// Node ID and bit rate as 0x2001:2 and 0x2002:2 demand them.
+    pub(super) demanded: Layer,
+    preset: Preset,
+}
+
+impl HatObjects {
+    pub(super) const fn new(kind: Kind, identity: Address, layer: Layer) -> Self {
+        Self {
+            kind,
+            identity,
+            errors: Errors::NONE,
+            shaft: Shaft::at(0),
+            in_force: layer,
+            demanded: layer,
+            preset: Preset::NONE,
+        }
+    }
+}
+
+impl Product for HatObjects {
+    type Object = HatObject;
+    type Task = Task;
+
+    const DICTIONARY: Dictionary<Object<HatObject, Task>> = DICTIONARY;
+    const RULES: Rules = RULES;
+
+    fn identity(&self) -> &Address {
+        &self.identity
+    }
+
+    fn error_register(&self) -> u8 {
+        self.errors.register()
+    }
+
+    fn read(&self, object: HatObject, now: Instant) -> Value<'_> {
+        match object {
+            HatObject::DeviceName => Value::Text(self.kind.device_name().as_bytes()),
+            HatObject::HardwareVersion => Value::Text(HARDWARE_VERSION),
+            HatObject::SoftwareVersion => Value::Text(SOFTWARE_VERSION),
+            number => Value::Number(self.sample(number, now)),
+        }
+    }
+
+    #[inline]
+    fn sample(&self, object: HatObject, now: Instant) -> u32 {
+        match object {
+            HatObject::NodeIdInForce => self.in_force.node_id.get().into(),
+            HatObject::NodeIdDemanded => self.demanded.node_id.get().into(),
+            HatObject::BitRateInForce => self.in_force.bit_rate.table_index().into(),
+            HatObject::BitRateDemanded => self.demanded.bit_rate.table_index().into(),
+            HatObject::Preset => self.preset.value(),
+            HatObject::Position => self.preset.position(self.shaft.position_at(now)),
+            HatObject::Alarms => self.shaft.measuring_error.into(),
+            HatObject::Offset => self.preset.offset(),
+            HatObject::SerialNumber => self.identity.serial,
+            HatObject::DeviceName | HatObject::HardwareVersion | HatObject::SoftwareVersion => 0,
+        }
+    }
+
+    fn write(&mut self, object: HatObject, value: Value<'_>, now: Instant) -> Result<(), AbortCode> {
+        let Value::Number(number) = value else { return Err(AbortCode::READ_ONLY) };
+        match object {
+            HatObject::NodeIdDemanded => {
+                self.demanded.node_id = LssNodeId::new(number as u8).ok_or(AbortCode::INVALID_VALUE)?;
+            }
+            HatObject::BitRateDemanded => {
+                self.demanded.bit_rate = BitRate::from_table_index(number as u8).ok_or(AbortCode::INVALID_VALUE)?;
+            }
+            HatObject::Preset => {
+                let raw = self.shaft.position_at(now);
+                self.preset = Preset::new(number, raw).ok_or(AbortCode::TOO_HIGH)?;
+            }
+            _ => return Err(AbortCode::READ_ONLY),
+        }
+        Ok(())
+    }
+
+    /// Preset and offset alone are stored.
+    fn load(&mut self, object: HatObject, value: Value<'_>) {
+        match (object, value) {
+            (HatObject::Preset, Value::Number(preset)) => self.preset.load_value(preset),
+            (HatObject::Offset, Value::Number(offset)) => self.preset.load_offset(offset),
+            _ => {}
+        }
+    }
+
+    /// The rows give all defaults.
+    fn default(&self, _: HatObject) -> Value<'static> {
+        Value::Number(0)
+    }
+
+    /// There is no RPDO.
+    fn receive(&mut self, _: impl Iterator<Item = (HatObject, u32)>, _: Instant) {}
+
+    /// Nothing is driven that would have to stop.
+    fn stopped(&mut self, _: Instant) {}
+
+    /// There is no EMCY consumer.
+    fn hear_emcy(&mut self, _: Emcy, _: Instant) {}
+}

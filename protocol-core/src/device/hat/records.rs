@@ -1,0 +1,36 @@
+//! What a sensor keeps in its memory beside the parameters (SPEC 6, 9): the payloads of the records.
+
+use super::{Kind, Setup};
+use crate::canopen::lss::Layer;
+use crate::controller::BitRate;
+use crate::wire::cob_id::NodeId;
+use crate::wire::lss::{Address, LssNodeId};
+
+/// The version of every record's payload.
+pub(super) const VERSION: u8 = 1;
+
+/// Vendor ID: HYDAC.
+const VENDOR: u32 = 0xDA;
+/// Revision number (A).
+const REVISION: u32 = 0x0001_0007;
+/// The serial number that a sensor leaves the factory with (A).
+const SERIAL: u32 = 1;
+
+/// Returns the identity of a sensor with this serial number; `None` for the default.
+pub(super) fn identity(kind: Kind, serial: Option<u32>) -> Address {
+    Address { vendor: VENDOR, product: kind.product_code(), revision: REVISION, serial: serial.unwrap_or(SERIAL) }
+}
+
+/// Decodes the factory record: the serial number.
+pub(super) fn decode_serial(payload: &[u8]) -> Option<u32> {
+    payload.try_into().map(u32::from_le_bytes).ok()
+}
+
+/// The node ID and bit rate that "load" restores.
+pub(super) const LAYER: Layer =
+    Layer { node_id: LssNodeId(NodeId::new(Kind::Hat1000.default_node_id())), bit_rate: BitRate::Kbit500 };
+
+/// Returns those that a new memory is filled with.
+pub(super) fn new_layer(setup: &Setup) -> Layer {
+    Layer { node_id: LssNodeId(setup.node_id.and_then(NodeId::new)), ..LAYER }
+}

@@ -1,0 +1,65 @@
+//! The angle sensors (SPEC 1, 9).
+
+use core::ops::RangeInclusive;
+
+use crate::controller::BitRate;
+
+/// An angle sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Kind {
+    /// HAT 1000
+    Hat1000,
+    /// HAT 3000
+    Hat3000,
+}
+
+impl Kind {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Hat1000, Self::Hat3000];
+
+    /// The name used everywhere.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Hat1000 => "hat1000",
+            Self::Hat3000 => "hat3000",
+        }
+    }
+
+    /// Object 0x1008.
+    #[must_use]
+    pub const fn device_name(self) -> &'static str {
+        match self {
+            Self::Hat1000 => "HAT 1000",
+            Self::Hat3000 => "HAT 3000",
+        }
+    }
+
+    /// The product code, which is the part number; that of the HAT 3000 is an assumption (A).
+    #[must_use]
+    pub const fn product_code(self) -> u32 {
+        match self {
+            Self::Hat1000 => 925_010,
+            Self::Hat3000 => 925_011,
+        }
+    }
+
+    /// The node IDs that it can have.
+    #[must_use]
+    pub const fn node_ids(self) -> RangeInclusive<u8> {
+        1..=127
+    }
+
+    /// The node ID that it leaves the factory with.
+    #[must_use]
+    pub const fn default_node_id(self) -> u8 {
+        1
+    }
+
+    /// The bit rates that it can run at, the default first.
+    #[must_use]
+    pub const fn bit_rates(self) -> &'static [BitRate] {
+        use BitRate::{Kbit10, Kbit20, Kbit50, Kbit125, Kbit250, Kbit500, Kbit800, Kbit1000};
+        &[Kbit500, Kbit10, Kbit20, Kbit50, Kbit125, Kbit250, Kbit800, Kbit1000]
+    }
+}

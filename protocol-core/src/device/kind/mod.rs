@@ -1,0 +1,143 @@
+//! Every product (SPEC 1), and what a device of one is made as.
+
+pub(super) mod hat;
+pub(super) mod pve;
+
+use core::ops::RangeInclusive;
+
+use crate::controller::BitRate;
+
+/// A product.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Kind {
+    /// A valve actuator.
+    Pve(pve::Kind),
+    /// An angle sensor.
+    Hat(hat::Kind),
+}
+
+/// The protocol that a product speaks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Protocol {
+    /// CiA 301 and 305, with a device profile.
+    Canopen,
+    /// ISO 11783-7, J1939.
+    Isobus,
+}
+
+impl Kind {
+    /// All of them, in the order in which they are listed to the user.
+    pub const ALL: [Self; 6] = [
+        Self::Pve(pve::Kind::PveaCanopen),
+        Self::Pve(pve::Kind::PveoCanopen),
+        Self::Pve(pve::Kind::PveaIsobus),
+        Self::Pve(pve::Kind::PveoIsobus),
+        Self::Hat(hat::Kind::Hat1000),
+        Self::Hat(hat::Kind::Hat3000),
+    ];
+
+    /// The name used everywhere.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Pve(kind) => kind.name(),
+            Self::Hat(kind) => kind.name(),
+        }
+    }
+
+    /// The kind of that name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+
+    /// The protocol. A device on CANopen can be without a node ID.
+    #[must_use]
+    pub const fn protocol(self) -> Protocol {
+        match self {
+            Self::Pve(kind) => kind.protocol(),
+            Self::Hat(_) => Protocol::Canopen,
+        }
+    }
+
+    /// The node IDs, on ISOBUS addresses, that it can have.
+    #[must_use]
+    pub const fn node_ids(self) -> RangeInclusive<u8> {
+        match self {
+            Self::Pve(kind) => kind.node_ids(),
+            Self::Hat(kind) => kind.node_ids(),
+        }
+    }
+
+    /// The node ID that it leaves the factory with.
+    #[must_use]
+    pub const fn default_node_id(self) -> u8 {
+        match self {
+            Self::Pve(kind) => kind.default_node_id(),
+            Self::Hat(kind) => kind.default_node_id(),
+        }
+    }
+
+    /// The bit rates that it can run at, the default first.
+    #[must_use]
+    pub const fn bit_rates(self) -> &'static [BitRate] {
+        match self {
+            Self::Pve(kind) => kind.bit_rates(),
+            Self::Hat(kind) => kind.bit_rates(),
+        }
+    }
+}
+
+/// What a device is made as. Node ID and serial number fill a new memory; one that holds them decides by itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Setup<K = Kind> {
+    /// The product.
+    pub kind: K,
+    /// The node ID, on ISOBUS the address, of a new memory. One that the product cannot have counts as `None`: on CANopen
+    /// a device that leaves the factory blank, on ISOBUS the default.
+    pub node_id: Option<u8>,
+    /// The serial number of a new memory; `None` for the product's.
+    pub serial: Option<u32>,
+}
+
+impl Setup {
+    /// A device of this kind with the default node ID and serial number.
+    #[must_use]
+    pub const fn new(kind: Kind) -> Self {
+        Self { kind, node_id: Some(kind.default_node_id()), serial: None }
+    }
+
+    /// The same setup of another type of kind.
+    #[must_use]
+    pub fn with_kind<K>(self, kind: K) -> Setup<K> {
+        Setup { kind, node_id: self.node_id, serial: self.serial }
+    }
+}
+
+impl Setup<pve::Kind> {
+    /// A valve of this kind with the default node ID and serial number.
+    #[must_use]
+    pub const fn new(kind: pve::Kind) -> Self {
+        Self { kind, node_id: Some(kind.default_node_id()), serial: None }
+    }
+}
+
+impl Setup<hat::Kind> {
+    /// A sensor of this kind with the default node ID and serial number.
+    #[must_use]
+    pub const fn new(kind: hat::Kind) -> Self {
+        Self { kind, node_id: Some(kind.default_node_id()), serial: None }
+    }
+}
+
+impl From<Setup<pve::Kind>> for Setup {
+    fn from(setup: Setup<pve::Kind>) -> Self {
+        Self { kind: Kind::Pve(setup.kind), node_id: setup.node_id, serial: setup.serial }
+    }
+}
+
+impl From<Setup<hat::Kind>> for Setup {
+    fn from(setup: Setup<hat::Kind>) -> Self {
+        Self { kind: Kind::Hat(setup.kind), node_id: setup.node_id, serial: setup.serial }
+    }
+}

@@ -1,0 +1,238 @@
+//! Every EMCY with its register, its entry in 0x1003, and its end (SPEC 9).
+
+use protocol_core::controller::BusErrorMode;
+use protocol_core::memory::RecordKey;
+use tests::Rig;
+
+use super::{LOAD, SAVE, booted};
+
+const SET_UP: &str = "081: 00 FF 81 01 00 00 00 00";
+const CONTROLLER: &str = "081: 00 FF 81 02 00 00 00 00";
+const PASSIVE: &str = "081: 20 81 11 03 00 00 00 00";
+const RECOVERED: &str = "081: 40 81 11 04 00 00 00 00";
+const GONE: &str = "081: 00 00 00 00 00 00 00 00";
+const BOOT_UP: &str = "701: 00";
+
+fn internal_fault(rig: &mut Rig, there: bool) {
+    rig.sense_hat(|senses| senses.internal_fault = there);
+}
+
+fn bus(rig: &mut Rig, mode: BusErrorMode) {
+    rig.sense_hat(|senses| senses.bus = mode);
+}
+
+/// What 0x1003 holds, the newest first.
+fn history(rig: &mut Rig) -> Vec<u32> {
+    (1..=rig.read(0x1003, 0)).map(|sub| rig.read(0x1003, u8::try_from(sub).unwrap())).collect()
+}
+
+#[test]
+fn a_controller_error() {
+    let mut rig = booted();
+    internal_fault(&mut rig, true);
+    assert_eq!(rig.take(), [CONTROLLER]);
+    assert_eq!((rig.read(0x1001, 0), history(&mut rig)), (0x81, vec![0x0002_FF00]));
+    internal_fault(&mut rig, false);
+    assert_eq!(rig.take(), [GONE]);
+    assert_eq!((rig.read(0x1001, 0), history(&mut rig)), (0, vec![0x0002_FF00]), "no 0000");
+}
+
+#[test]
+fn error_passive() {
+    let mut rig = booted();
+    bus(&mut rig, BusErrorMode::ErrorPassive);
+    assert_eq!(rig.take(), [PASSIVE]);
+    assert_eq!((rig.read(0x1001, 0), history(&mut rig)), (0x11, vec![0x0003_8120]));
+    bus(&mut rig, BusErrorMode::ErrorActive);
+    assert_eq!(rig.take(), [GONE]);
+    assert_eq!(rig.read(0x1001, 0), 0);
+}
+
+#[test]
+fn bus_off_is_told_when_it_is_over() {
+    let mut rig = booted();
+    bus(&mut rig, BusErrorMode::BusOff);
+    rig.advance(100);
+    rig.expect_nothing();
+    bus(&mut rig, BusErrorMode::ErrorActive);
+    assert_eq!(rig.take(), [RECOVERED, GONE]);
+    assert_eq!((rig.read(0x1001, 0), history(&mut rig)), (0, vec![0x0004_8140]));
+}
+
+#[test]
+fn an_error_passive_that_was_not_told_before_bus_off_is_dropped() {
+    let mut rig = booted();
+    rig.hold_bus(true);
+    bus(&mut rig, BusErrorMode::ErrorPassive);
+    bus(&mut rig, BusErrorMode::BusOff);
+    rig.hold_bus(false);
+    bus(&mut rig, BusErrorMode::ErrorActive);
+    assert_eq!(rig.take(), [RECOVERED, GONE]);
+    assert_eq!(history(&mut rig), [0x0004_8140], "and not logged");
+    // One that was told stays.
+    bus(&mut rig, BusErrorMode::ErrorPassive);
+    bus(&mut rig, BusErrorMode::BusOff);
+    bus(&mut rig, BusErrorMode::ErrorPassive);
+    assert_eq!(rig.take(), [PASSIVE, RECOVERED, GONE, PASSIVE]);
+    assert_eq!(history(&mut rig), [0x0003_8120, 0x0004_8140, 0x0003_8120, 0x0004_8140]);
+}
+
+#[test]
+fn a_watchdog_reset() {
+    let mut rig = booted();
+    rig.watchdog_reset();
+    assert_eq!(rig.take(), [BOOT_UP, CONTROLLER, GONE]);
+    assert_eq!((rig.read(0x1001, 0), history(&mut rig)), (0, vec![0x0002_FF00]));
+    // With an injected fault that lasts.
+    internal_fault(&mut rig, true);
+    rig.take();
+    rig.watchdog_reset();
+    assert_eq!(rig.take(), [BOOT_UP, CONTROLLER, GONE, CONTROLLER]);
+}
+
+#[test]
+fn every_disappearance_is_told_with_what_remains() {
+    let mut rig = booted();
+    internal_fault(&mut rig, true);
+    bus(&mut rig, BusErrorMode::ErrorPassive);
+    assert_eq!(rig.take(), [CONTROLLER, "081: 20 81 91 03 00 00 00 00"]);
+    assert_eq!(rig.read(0x1001, 0), 0x91);
+    internal_fault(&mut rig, false);
+    assert_eq!(rig.take(), ["081: 00 00 11 00 00 00 00 00"]);
+    bus(&mut rig, BusErrorMode::ErrorActive);
+    assert_eq!(rig.take(), [GONE]);
+}
+
+#[test]
+fn a_damaged_record_is_told_after_the_boot_up_and_ends_when_it_is_written() {
+    for (key, save, load) in [
+        (RecordKey::LocalLayer, (0x1010, 4), (0x1011, 4)),
+        (RecordKey::Parameters, (0x1010, 2), (0x1011, 2)),
+        (RecordKey::Application, (0x1010, 3), (0x1011, 3)),
+    ] {
+        for ((index, sub), signature) in [(save, SAVE), (load, LOAD)] {
+            let mut rig = booted();
+            for sub in 2..=4 {
+                assert_eq!(rig.write(0x1010, sub, 4, SAVE), Ok(()));
+            }
+            rig.records.get_mut(&key).unwrap()[2] ^= 1;
+            for restart in 0..3 {
+                match restart {
+                    0 => rig.power_cycle(),
+                    1 => rig.send("000: 81 00"),
+                    _ => rig.send("000: 82 00"),
+                }
+                assert_eq!(rig.take(), [BOOT_UP, SET_UP], "{key:?}");
+                assert_eq!((rig.read(0x1001, 0), history(&mut rig)), (0x81, vec![0x0001_FF00]), "entered once");
+            }
+            rig.send(&format!("601: 23 {:02X} 10 {sub:02X} {}", index & 0xFF, bytes(signature)));
+            assert_eq!(rig.take(), [GONE, &format!("581: 60 {:02X} 10 {sub:02X} 00 00 00 00", index & 0xFF)]);
+            rig.power_cycle();
+            assert_eq!(rig.take(), [BOOT_UP]);
+        }
+    }
+}
+
+fn bytes(number: u32) -> String {
+    number.to_le_bytes().map(|byte| format!("{byte:02X}")).join(" ")
+}
+
+#[test]
+fn two_damaged_records_are_one_error() {
+    let mut rig = booted();
+    assert_eq!(rig.write(0x1010, 1, 4, SAVE), Ok(()));
+    for key in [RecordKey::Parameters, RecordKey::Application] {
+        rig.records.get_mut(&key).unwrap().truncate(3);
+    }
+    rig.power_cycle();
+    assert_eq!(rig.take(), [BOOT_UP, SET_UP]);
+    assert_eq!(rig.write(0x1010, 2, 4, SAVE), Ok(()));
+    assert_eq!(rig.read(0x1001, 0), 0x81);
+    rig.exchange("601: 23 10 10 03 73 61 76 65", &[GONE, "581: 60 10 10 03 00 00 00 00"]);
+}
+
+#[test]
+fn a_damaged_memory_lasts_to_the_next_start() {
+    let mut rig = booted();
+    rig.memory_damaged = true;
+    rig.power_cycle();
+    assert_eq!(rig.take(), [BOOT_UP, SET_UP]);
+    assert_eq!(rig.write(0x1010, 1, 4, SAVE), Ok(()));
+    assert_eq!(rig.read(0x1001, 0), 0x81);
+    rig.memory_damaged = false;
+    rig.power_cycle();
+    assert_eq!(rig.take(), [BOOT_UP]);
+}
+
+#[test]
+fn stopped_logs_and_does_not_send() {
+    let mut rig = booted();
+    rig.exchange("000: 02 00", &[]);
+    internal_fault(&mut rig, true);
+    bus(&mut rig, BusErrorMode::ErrorPassive);
+    bus(&mut rig, BusErrorMode::ErrorActive);
+    rig.exchange("000: 80 00", &[]);
+    assert_eq!((rig.read(0x1001, 0), history(&mut rig)), (0x81, vec![0x0003_8120, 0x0002_FF00]));
+}
+
+#[test]
+fn errors_that_reset_communication_leaves_are_told_again_and_not_entered_again() {
+    let mut rig = booted();
+    internal_fault(&mut rig, true);
+    bus(&mut rig, BusErrorMode::ErrorPassive);
+    rig.take();
+    rig.exchange("000: 82 00", &[BOOT_UP, "081: 00 FF 91 02 00 00 00 00", "081: 20 81 91 03 00 00 00 00"]);
+    assert_eq!(history(&mut rig), [0x0003_8120, 0x0002_FF00]);
+    // Reset node finds them anew.
+    rig.exchange("000: 81 00", &[BOOT_UP, CONTROLLER, "081: 20 81 91 03 00 00 00 00"]);
+    assert_eq!(history(&mut rig), [0x0003_8120, 0x0002_FF00]);
+}
+
+#[test]
+fn the_history_is_eight_deep_and_volatile() {
+    let mut rig = booted();
+    for _ in 0..9 {
+        internal_fault(&mut rig, true);
+        internal_fault(&mut rig, false);
+        rig.take();
+    }
+    bus(&mut rig, BusErrorMode::ErrorPassive);
+    bus(&mut rig, BusErrorMode::ErrorActive);
+    rig.take();
+    let full = [0x0003_8120, 0x0002_FF00, 0x0002_FF00, 0x0002_FF00, 0x0002_FF00, 0x0002_FF00, 0x0002_FF00, 0x0002_FF00];
+    assert_eq!(history(&mut rig), full);
+    rig.exchange("000: 82 00", &[BOOT_UP]);
+    assert_eq!(history(&mut rig), full);
+    rig.exchange("000: 81 00", &[BOOT_UP]);
+    assert_eq!(history(&mut rig), []);
+}
+
+#[test]
+fn under_a_changed_29_bit_cob_id() {
+    let mut rig = booted();
+    assert_eq!(rig.write(0x1014, 0, 4, 0x8000_0081), Ok(()));
+    internal_fault(&mut rig, true);
+    rig.expect_nothing();
+    assert_eq!((rig.read(0x1001, 0), rig.read(0x1003, 0)), (0x81, 0), "what no EMCY told is not entered");
+    assert_eq!(rig.write(0x1014, 0, 4, 0x2ABC_DEF0), Ok(()));
+    rig.expect_nothing();
+    internal_fault(&mut rig, false);
+    assert_eq!(rig.take(), ["0ABCDEF0: 00 00 00 00 00 00 00 00"]);
+    internal_fault(&mut rig, true);
+    assert_eq!(rig.take(), ["0ABCDEF0: 00 FF 81 02 00 00 00 00"]);
+    assert_eq!(rig.write(0x1010, 2, 4, SAVE), Ok(()));
+    rig.exchange("000: 82 00", &[BOOT_UP, "0ABCDEF0: 00 FF 81 02 00 00 00 00"]);
+    rig.power_cycle();
+    assert_eq!(rig.take(), [BOOT_UP, "0ABCDEF0: 00 FF 81 02 00 00 00 00"]);
+}
+
+#[test]
+fn an_emcy_that_waits_under_an_identifier_that_is_gone_is_not_sent() {
+    let mut rig = booted();
+    rig.hold_bus(true);
+    internal_fault(&mut rig, true);
+    assert_eq!(rig.pending(), 1);
+    rig.send("601: 23 14 10 00 81 00 00 80");
+    rig.hold_bus(false);
+    assert_eq!(rig.take(), ["581: 60 14 10 00 00 00 00 00"]);
+}

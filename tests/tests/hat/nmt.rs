@@ -1,0 +1,198 @@
+//! Boot-up, heartbeat, 0x1F80 and 0x1029 (SPEC 9).
+
+use protocol_core::controller::BusErrorMode;
+use protocol_core::memory::RecordKey;
+use tests::Rig;
+
+use super::{SAVE, booted};
+
+const STARTS_ITSELF: u32 = 0x0C;
+
+/// A sensor that starts itself, with TPDO 1 every 10 ms, stored.
+fn self_starting() -> Rig {
+    let mut rig = booted();
+    for (index, sub, size, value) in [(0x1F80, 0, 4, STARTS_ITSELF), (0x1800, 5, 2, 10), (0x1800, 1, 4, 0x181)] {
+        assert_eq!(rig.write(index, sub, size, value), Ok(()));
+    }
+    assert_eq!(rig.write(0x1010, 2, 4, SAVE), Ok(()));
+    rig
+}
+
+/// The NMT state, as the heartbeat tells it.
+fn state(rig: &mut Rig) -> u8 {
+    if rig.write_anyway(0x1017, 2, 1000).is_none() {
+        return 0x04;
+    }
+    let state = rig.take_next().expect("a heartbeat").data()[0];
+    assert_eq!(rig.write(0x1017, 0, 2, 0), Ok(()));
+    state
+}
+
+trait WriteAnyway {
+    fn write_anyway(&mut self, index: u16, size: u8, value: u32) -> Option<()>;
+}
+
+impl WriteAnyway for Rig {
+    /// Writes an object; `None` when that is not answered: stopped.
+    fn write_anyway(&mut self, index: u16, size: u8, value: u32) -> Option<()> {
+        let [low, high] = index.to_le_bytes();
+        let [a, b, ..] = value.to_le_bytes();
+        self.send(&format!("601: {:02X} {low:02X} {high:02X} 00 {a:02X} {b:02X} 00 00", 0x23 | (4 - size) << 2));
+        self.take_next().map(drop)
+    }
+}
+
+#[test]
+fn boots_into_pre_operational_and_obeys_all_five_commands() {
+    let mut rig = booted();
+    assert_eq!(state(&mut rig), 0x7F);
+    for (command, entered) in [("000: 01 01", 0x05), ("000: 02 01", 0x04), ("000: 80 00", 0x7F), ("000: 01 02", 0x7F)] {
+        rig.exchange(command, &[]);
+        assert_eq!(state(&mut rig), entered, "{command}");
+    }
+    rig.exchange("000: 81 01", &["701: 00"]);
+    rig.exchange("000: 82 01", &["701: 00"]);
+}
+
+#[test]
+fn the_heartbeat_has_no_step_of_10_ms() {
+    let mut rig = booted();
+    for time in [1, 7, 0xFFFF_u32] {
+        let start = rig.now();
+        assert_eq!(rig.write(0x1017, 0, 2, time), Ok(()));
+        rig.advance(u64::from(time) * 3);
+        let sent: Vec<_> = rig.take_timed().iter().map(|(at, _)| at.as_millis() - start.as_millis()).collect();
+        let time = u64::from(time);
+        assert_eq!(sent, [0, time, 2 * time, 3 * time]);
+        assert_eq!(rig.write(0x1017, 0, 2, 0), Ok(()));
+    }
+}
+
+#[test]
+fn it_starts_itself_after_every_boot_up_and_not_before() {
+    let mut rig = self_starting();
+    rig.advance(50);
+    rig.expect_nothing();
+    for restart in [Rig::power_cycle, |rig: &mut Rig| rig.send("000: 81 00"), |rig: &mut Rig| rig.send("000: 82 00")] {
+        restart(&mut rig);
+        rig.advance(20);
+        assert_eq!(rig.take(), ["701: 00", "181: 00 00 00 00", "181: 00 00 00 00"]);
+        assert_eq!(state(&mut rig), 0x05);
+        rig.take();
+    }
+    // 0x08 does not.
+    assert_eq!(rig.write(0x1F80, 0, 4, 0x08), Ok(()));
+    assert_eq!(state(&mut rig), 0x05, "acts at the next boot-up");
+    assert_eq!(rig.write(0x1010, 2, 4, SAVE), Ok(()));
+    rig.power_cycle();
+    assert_eq!(rig.take(), ["701: 00"]);
+    assert_eq!(state(&mut rig), 0x7F);
+}
+
+#[test]
+fn a_command_before_the_boot_up_is_out_has_the_last_word() {
+    let mut rig = self_starting();
+    rig.hold_bus(true);
+    rig.power_cycle();
+    rig.send("000: 80 00");
+    rig.hold_bus(false);
+    rig.advance(20);
+    assert_eq!(rig.take(), ["701: 00"]);
+}
+
+#[test]
+fn pending_emcys_come_before_operational_and_do_not_hold_it_back() {
+    let mut rig = self_starting();
+    assert_eq!(rig.write(0x1029, 2, 1, 2), Ok(()));
+    assert_eq!(rig.write(0x1010, 1, 4, SAVE), Ok(()));
+    rig.records.get_mut(&RecordKey::Application).unwrap()[3] ^= 1;
+    rig.sense_hat(|senses| senses.internal_fault = true);
+    rig.take();
+    rig.power_cycle();
+    assert_eq!(rig.take(), ["701: 00", "081: 00 FF 81 01 00 00 00 00", "081: 00 FF 81 02 00 00 00 00"]);
+    assert_eq!(state(&mut rig), 0x05);
+    rig.take();
+    // Nor does a watchdog reset.
+    rig.watchdog_reset();
+    rig.take();
+    assert_eq!(state(&mut rig), 0x05);
+}
+
+#[test]
+fn a_sensor_that_is_alone_starts_when_somebody_comes() {
+    let mut rig = self_starting();
+    rig.hold_bus(true);
+    rig.power_cycle();
+    rig.advance(100);
+    rig.sense_hat(|senses| senses.bus = BusErrorMode::ErrorPassive);
+    rig.advance(1_000);
+    rig.hold_bus(false);
+    rig.sense_hat(|senses| senses.bus = BusErrorMode::ErrorActive);
+    rig.advance(10);
+    let sent = rig.take();
+    let (told, pdo) = (["701: 00", "081: 20 81 11 03 00 00 00 00"], "181: 00 00 00 00");
+    assert_eq!(sent[..2], told, "{sent:?}");
+    assert_eq!(sent.last().map(String::as_str), Some(pdo));
+    assert_eq!(state(&mut rig), 0x05);
+}
+
+/// What a controller error, or bus-off, does in operational with this value in 0x1029.
+fn reaction(sub: u8, value: u32, cause: impl FnOnce(&mut Rig)) -> u8 {
+    let mut rig = booted();
+    assert_eq!(rig.write(0x1029, sub, 1, value), Ok(()));
+    assert_eq!(rig.write(0x1029, 3 - sub, 1, 1), Ok(()));
+    rig.exchange("000: 01 00", &[]);
+    cause(&mut rig);
+    rig.take();
+    state(&mut rig)
+}
+
+fn controller_error(rig: &mut Rig) {
+    rig.sense_hat(|senses| senses.internal_fault = true);
+    assert_eq!(rig.take(), ["081: 00 FF 81 02 00 00 00 00"], "told whatever state is entered");
+}
+
+fn bus_off(rig: &mut Rig) {
+    rig.sense_hat(|senses| senses.bus = BusErrorMode::BusOff);
+    rig.sense_hat(|senses| senses.bus = BusErrorMode::ErrorActive);
+}
+
+#[test]
+fn what_errors_do_in_operational() {
+    for (value, entered) in [(0, 0x7F), (1, 0x05), (2, 0x04)] {
+        assert_eq!(reaction(1, value, bus_off), entered, "bus-off, {value}");
+        assert_eq!(reaction(2, value, controller_error), entered, "controller error, {value}");
+    }
+    for value in [0, 2] {
+        let passive = |rig: &mut Rig| rig.sense_hat(|senses| senses.bus = BusErrorMode::ErrorPassive);
+        assert_eq!(reaction(1, value, passive), 0x05, "error-passive is no reason");
+    }
+}
+
+#[test]
+fn errors_do_nothing_in_pre_operational_and_stopped() {
+    for (command, stays) in [("000: 80 00", 0x7F), ("000: 02 00", 0x04)] {
+        for value in [0, 2] {
+            let mut rig = booted();
+            for sub in [1, 2] {
+                assert_eq!(rig.write(0x1029, sub, 1, value), Ok(()));
+            }
+            rig.exchange(command, &[]);
+            rig.sense_hat(|senses| senses.internal_fault = true);
+            bus_off(&mut rig);
+            rig.take();
+            assert_eq!(state(&mut rig), stays);
+        }
+    }
+}
+
+#[test]
+fn a_sensor_that_an_error_has_stopped_logs_the_recovery_and_does_not_send_it() {
+    let mut rig = booted();
+    assert_eq!(rig.write(0x1029, 1, 1, 2), Ok(()));
+    rig.exchange("000: 01 00", &[]);
+    bus_off(&mut rig);
+    rig.expect_nothing();
+    rig.exchange("000: 80 00", &[]);
+    assert_eq!((rig.read(0x1003, 0), rig.read(0x1003, 1)), (1, 0x0004_8140));
+}

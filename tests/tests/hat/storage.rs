@@ -1,0 +1,256 @@
+//! Store and restore by group, and power cuts (SPEC 6, 9).
+
+use std::collections::BTreeSet;
+
+use protocol_core::device::ProductSenses;
+use protocol_core::encoder::Shaft;
+use protocol_core::memory::RecordKey;
+use protocol_core::time::Duration;
+use tests::Rig;
+
+use super::{LOAD, SAVE, booted};
+
+/// The marker of each group: object, size, default, another value.
+const COMMUNICATION: (u16, u8, u8, u32, u32) = (0x1017, 0, 2, 0, 0xFFFF);
+const APPLICATION: (u16, u8, u8, u32, u32) = (0x6003, 0, 4, 0, 77);
+const BIT_RATE: (u16, u8, u8, u32, u32) = (0x2002, 2, 1, 2, 3);
+const NODE_ID: (u16, u8, u8, u32, u32) = (0x2001, 2, 1, 1, 9);
+const MARKERS: [(u16, u8, u8, u32, u32); 4] = [COMMUNICATION, APPLICATION, BIT_RATE, NODE_ID];
+
+/// Which groups a sub-index of 0x1010 and 0x1011 is about, by marker.
+const SUBS: [(u8, [bool; 4]); 4] = [
+    (1, [true, true, false, false]),
+    (2, [true, false, false, false]),
+    (3, [false, true, false, false]),
+    (4, [false, false, true, true]),
+];
+
+fn change_all(rig: &mut Rig) {
+    for (index, sub, size, _, other) in MARKERS {
+        assert_eq!(rig.write(index, sub, size, other), Ok(()));
+        rig.take();
+    }
+}
+
+/// Whether each marker differs from its default.
+fn changed(rig: &mut Rig) -> [bool; 4] {
+    MARKERS.map(|(index, sub, _, default, other)| {
+        let value = rig.read(index, sub);
+        assert!([default, other].contains(&value), "{index:04X}:{sub} = {value:X}");
+        value == other
+    })
+}
+
+#[test]
+fn save_touches_its_groups_and_no_other() {
+    for (sub, groups) in SUBS {
+        let mut rig = booted();
+        change_all(&mut rig);
+        rig.writes.clear();
+        assert_eq!(rig.write(0x1010, sub, 4, SAVE), Ok(()));
+        assert_eq!(rig.writes.len(), if sub == 1 { 2 } else { 1 });
+        assert_eq!(changed(&mut rig), [true; 4], "the running values stay");
+        rig.power_cycle();
+        rig.take();
+        assert_eq!(changed(&mut rig), groups, "1010:{sub}");
+    }
+}
+
+#[test]
+fn load_touches_its_groups_and_no_other_and_acts_at_the_next_reset() {
+    for (sub, groups) in SUBS {
+        for restart in
+            [Rig::power_cycle, |rig: &mut Rig| rig.send("000: 81 00"), |rig: &mut Rig| rig.send("000: 82 00")]
+        {
+            let mut rig = booted();
+            change_all(&mut rig);
+            assert_eq!(rig.write(0x1010, 1, 4, SAVE), Ok(()));
+            assert_eq!(rig.write(0x1010, 4, 4, SAVE), Ok(()));
+            rig.exchange("000: 81 00", &["709: 00"]);
+            assert_eq!(changed(&mut rig), [true; 4]);
+            assert_eq!(rig.write(0x1011, sub, 4, LOAD), Ok(()));
+            assert_eq!(changed(&mut rig), [true; 4], "the running values stay");
+            restart(&mut rig);
+            rig.take();
+            assert_eq!(changed(&mut rig), groups.map(|loaded| !loaded), "1011:{sub}");
+        }
+    }
+}
+
+#[test]
+fn a_save_after_a_load_stores_the_running_values() {
+    let mut rig = booted();
+    change_all(&mut rig);
+    for sub in 1..=4 {
+        assert_eq!(rig.write(0x1011, sub, 4, LOAD), Ok(()));
+        assert_eq!(rig.write(0x1010, sub, 4, SAVE), Ok(()));
+    }
+    rig.power_cycle();
+    rig.take();
+    assert_eq!(changed(&mut rig), [true; 4]);
+}
+
+#[test]
+fn restored_lss_parameters_are_in_force_by_their_resets() {
+    let mut rig = booted();
+    change_all(&mut rig);
+    assert_eq!(rig.write(0x1010, 4, 4, SAVE), Ok(()));
+    rig.exchange("000: 81 00", &["709: 00"]);
+    assert_eq!(rig.write(0x1011, 4, 4, LOAD), Ok(()));
+    rig.exchange("000: 82 00", &["701: 00"]);
+    assert_eq!((rig.read(0x2002, 1), rig.read(0x2002, 2)), (3, 2), "the rate waits for reset node");
+    rig.exchange("000: 81 00", &["701: 00"]);
+    assert_eq!(rig.read(0x2002, 1), 2);
+}
+
+#[test]
+fn saved_cob_ids_are_absolute_and_load_makes_them_follow() {
+    let mut rig = booted();
+    for (sub, value) in [(2, 9), (2, 17)] {
+        assert_eq!(rig.write(0x1010, 2, 4, SAVE), Ok(()));
+        assert_eq!(rig.write(0x2001, sub, 1, value), Ok(()));
+        assert_eq!(rig.write(0x1010, 4, 4, SAVE), Ok(()));
+        rig.send("000: 82 00");
+        rig.take();
+        assert_eq!((rig.read(0x1014, 0), rig.read(0x1800, 1)), (0x81, 0x8000_0181));
+    }
+    assert_eq!(rig.write(0x1011, 2, 4, LOAD), Ok(()));
+    rig.exchange("000: 82 00", &["711: 00"]);
+    assert_eq!((rig.read(0x1014, 0), rig.read(0x1800, 1)), (0x91, 0x8000_0191));
+}
+
+#[test]
+fn every_communication_object_is_kept() {
+    let mut rig = booted();
+    let objects = [
+        (0x1005, 0, 4, 0x2000_1234),
+        (0x1014, 0, 4, 0xA000_5678),
+        (0x1017, 0, 2, 7),
+        (0x1029, 1, 1, 2),
+        (0x1029, 2, 1, 1),
+        (0x1800, 1, 4, 0x8000_0200),
+        (0x1800, 2, 1, 17),
+        (0x1800, 3, 2, 3),
+        (0x1800, 5, 2, 5),
+        (0x1A00, 0, 1, 0),
+        (0x1A00, 1, 4, 0x6503_0010),
+        (0x1A00, 8, 4, 0x1001_0008),
+        (0x1F80, 0, 4, 0x0C),
+    ];
+    for (index, sub, size, value) in objects {
+        assert_eq!(rig.write(index, sub, size, value), Ok(()), "{index:04X}:{sub}");
+        rig.take();
+    }
+    assert_eq!(rig.write(0x1010, 2, 4, SAVE), Ok(()));
+    rig.power_cycle();
+    rig.take();
+    for (index, sub, _, value) in objects {
+        assert_eq!(rig.read(index, sub), value, "{index:04X}:{sub}");
+    }
+}
+
+#[test]
+fn a_failed_write_is_an_abort_and_no_emcy() {
+    for (sub, _) in SUBS {
+        for failing in 0..if sub == 1 { 2 } else { 1 } {
+            for (index, signature) in [(0x1010, SAVE), (0x1011, LOAD)] {
+                let mut rig = booted();
+                rig.failing_writes = BTreeSet::from([failing]);
+                assert_eq!(rig.write(index, sub, 4, signature), Err(0x0606_0000), "{index:X}:{sub}");
+                rig.expect_nothing();
+                assert_eq!((rig.read(0x1001, 0), rig.read(0x1003, 0)), (0, 0));
+                assert_eq!(rig.write(index, sub, 4, signature), Ok(()), "the next one succeeds");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_answer_comes_after_the_last_write() {
+    let mut rig = booted();
+    rig.write_time = Duration::from_millis(10);
+    rig.exchange("601: 23 10 10 01 73 61 76 65", &[]);
+    rig.advance(10);
+    rig.expect_nothing();
+    // Asked again during the second write: answered when both groups are stored anew.
+    rig.exchange("601: 23 10 10 01 73 61 76 65", &[]);
+    rig.advance(29);
+    rig.expect_nothing();
+    rig.advance(1);
+    assert_eq!(rig.take(), ["581: 60 10 10 01 00 00 00 00"]);
+    rig.advance(100);
+    rig.expect_nothing();
+}
+
+#[test]
+fn resets_wait_for_the_writes() {
+    let mut rig = booted();
+    rig.write_time = Duration::from_millis(10);
+    change_all(&mut rig);
+    rig.exchange("601: 23 10 10 01 73 61 76 65", &[]);
+    rig.exchange("000: 81 00", &[]);
+    rig.advance(19);
+    rig.expect_nothing();
+    rig.advance(1);
+    assert_eq!(rig.take(), ["701: 00"]);
+    assert_eq!(changed(&mut rig), [true, true, false, false]);
+}
+
+/// A power cut at any instant of any write leaves each group old or new, and what was acknowledged is kept.
+#[test]
+fn a_power_cut_at_any_write() {
+    for (sub, groups) in SUBS {
+        for (index, signature) in [(0x1010, "73 61 76 65"), (0x1011, "6C 6F 61 64")] {
+            for cut_ms in 0..25 {
+                let mut rig = booted();
+                if index == 0x1011 {
+                    change_all(&mut rig);
+                    assert_eq!(rig.write(0x1010, 1, 4, SAVE), Ok(()));
+                    assert_eq!(rig.write(0x1010, 4, 4, SAVE), Ok(()));
+                } else {
+                    change_all(&mut rig);
+                }
+                rig.write_time = Duration::from_millis(10);
+                rig.send(&format!("601: 23 {:02X} 10 {sub:02X} {signature}", index & 0xFF));
+                rig.advance(cut_ms);
+                let acknowledged = !rig.take().is_empty();
+                rig.write_time = Duration::from_ticks(0);
+                rig.power_cycle();
+                assert_eq!(rig.take().len(), 1, "no error");
+                let before = if index == 0x1010 { [false; 4] } else { [true; 4] };
+                let after = [0, 1, 2, 3].map(|marker| if groups[marker] { !before[marker] } else { before[marker] });
+                let found = changed(&mut rig);
+                for marker in 0..4 {
+                    assert!([before[marker], after[marker]].contains(&found[marker]));
+                }
+                if acknowledged {
+                    assert_eq!(found, after, "{index:X}:{sub} cut after {cut_ms} ms");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_new_memory_is_filled_with_factory_data_and_lss_parameters_alone() {
+    let mut rig = booted();
+    assert_eq!(rig.writes, [RecordKey::Factory, RecordKey::LocalLayer]);
+    rig.writes.clear();
+    rig.power_cycle();
+    assert_eq!(rig.writes, []);
+}
+
+#[test]
+fn the_offset_is_stored_as_it_is_not_as_the_preset() {
+    let mut rig = booted();
+    rig.sense_hat(|senses| senses.product = ProductSenses::Encoder(Shaft::at(9_000)));
+    assert_eq!(rig.write(0x6003, 0, 4, 16_383), Ok(()));
+    assert_eq!(rig.write(0x1010, 1, 4, SAVE), Ok(()));
+    rig.sense_hat(|senses| senses.product = ProductSenses::Encoder(Shaft::at(0)));
+    rig.power_cycle();
+    rig.take();
+    assert_eq!((rig.read(0x6003, 0), rig.read(0x6004, 0)), (16_383, 12_287));
+    assert_eq!(rig.write(0x1011, 3, 4, LOAD), Ok(()));
+    rig.exchange("000: 82 00", &["701: 00"]);
+    assert_eq!((rig.read(0x6003, 0), rig.read(0x6004, 0), rig.read(0x6509, 0)), (0, 0, 0));
+}
