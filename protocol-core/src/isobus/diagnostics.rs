@@ -56,19 +56,26 @@ impl Dm1 {
         Outcome::Owed
     }
 
-    /// Renders the message of the present state, and says whether another is owed: that of the present state after the
-    /// code that only passed.
+    /// Renders the message of the present state, or before it that of a code that only passed.
     #[must_use]
-    pub fn render(&mut self, source: Address, now: Instant) -> (Frame, Outcome) {
+    pub fn render(&mut self, source: Address, now: Instant) -> Frame {
         if let Some(passing) = self.passing.take().filter(|_| self.changed == Some(now)) {
             self.rendered = Some(passing);
-            return (single(Pgn::DM1, Some(passing), source), Outcome::Owed);
+            // On a bus that does not take this message the present state replaces it then.
+            self.next = after(now, PERIOD);
+        } else {
+            if self.changed.take().is_some() {
+                self.next = if self.active.is_some() { after(now, PERIOD) } else { NEVER };
+            }
+            self.rendered = self.active;
         }
-        if self.changed.take().is_some() {
-            self.next = if self.active.is_some() { after(now, PERIOD) } else { NEVER };
-        }
-        self.rendered = self.active;
-        (single(Pgn::DM1, self.active, source), Outcome::Nothing)
+        single(Pgn::DM1, self.rendered, source)
+    }
+
+    /// Notes that the message is on the bus. After a code that only passed, the present state is owed.
+    #[must_use]
+    pub const fn sent(&self) -> Outcome {
+        if self.changed.is_some() { Outcome::Owed } else { Outcome::Nothing }
     }
 
     /// Returns the code in the DM1 that was rendered last.

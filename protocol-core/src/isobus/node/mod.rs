@@ -157,9 +157,9 @@ impl<const DM2: usize> Node<DM2> {
         self.schedule();
     }
 
-    /// Owes an answer. Without a voice there is none; without room it is dropped and counted.
+    /// Owes an answer. Without a voice or without room it is dropped and counted.
     pub fn answer(&mut self, frame: Frame) {
-        if self.voice().is_some() && !self.answers.push(frame) {
+        if self.voice().is_none() || !self.answers.push(frame) {
             self.count_dropped(1);
         }
     }
@@ -240,6 +240,9 @@ impl<const DM2: usize> Node<DM2> {
         if self.in_controller.contains(News::Packet) {
             self.bam.sent(now);
         }
+        if self.in_controller.contains(News::Dm1) && self.dm1.sent() == Outcome::Owed {
+            self.owed.insert(News::Dm1);
+        }
         self.in_controller = NewsSet::EMPTY;
         self.answers.sent();
         self.schedule();
@@ -291,11 +294,7 @@ impl<const DM2: usize> Node<DM2> {
             News::Report => Some(Frame::full(self.report.id(), product.report(now))),
             News::Claim => Some(self.claim.frame()),
             News::Dm1 => {
-                let (frame, outcome) = self.dm1.render(self.own(), now);
-                if outcome == Outcome::Owed {
-                    // After the one that was just rendered, not in its place.
-                    self.owed.insert(News::Dm1);
-                }
+                let frame = self.dm1.render(self.own(), now);
                 self.schedule();
                 Some(frame)
             }

@@ -135,7 +135,7 @@ impl<const DM2: usize> Node<DM2> {
 
     #[inline(never)]
     fn respond(&mut self, request: &Request, control: Control) {
-        if let Some(frame) = self.voice().and_then(|own| request.acknowledgement(control, own)) {
+        if let Some(frame) = request.acknowledgement(control, self.own()) {
             self.answer(frame);
         }
     }
