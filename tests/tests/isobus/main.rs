@@ -21,4 +21,5 @@ mod requests;
 mod told;
 mod transport;
 mod uds;
+mod waiting;
 mod writes;

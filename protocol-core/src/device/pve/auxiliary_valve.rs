@@ -78,6 +78,13 @@ impl AuxiliaryValve {
         self.apply(now);
     }
 
+    /// Blocks the valve with the solenoids off, until it starts anew: the restart can wait for the bus and for the memory, and
+    /// neither commands nor the time guard act meanwhile.
+    pub(super) fn switch_off(&mut self, now: Instant) {
+        self.block(now);
+        self.valve.drive(Drive::Off, now);
+    }
+
     /// Returns what became of the faults. Every activated fault shuts the regulation down.
     pub(super) fn take_changes(&mut self, now: Instant) -> Changes {
         let mut changes = self.valve.take_changes();

@@ -4,7 +4,7 @@ use super::super::records::{FaultLog, LayerChange, version};
 use super::IsobusValve;
 use crate::actuator::{FaultSet, InternalCause};
 use crate::device::Restart;
-use crate::device::host::Base;
+use crate::device::host::{Base, Body};
 use crate::device::writes;
 use crate::isobus::request::Request;
 use crate::memory::{Record, RecordKey, StoreError, seal};
@@ -92,6 +92,9 @@ impl IsobusValve {
 
     /// Takes the memory's answer to a write.
     pub(super) fn end_job(&mut self, job: Job, stored: bool, base: &mut Base<Job>) {
+        // While a restart waits no timer runs: a fault that is due by now is counted before DM3 clears what it asked for.
+        self.auxiliary.valve.poll(base.now());
+        self.settle(base);
         let record = u8::try_from(writes::Job::key(job).position()).unwrap_or(u8::MAX);
         self.auxiliary.valve.set_internal(InternalCause::Record(record), !stored, base.now());
         match job {
@@ -101,7 +104,10 @@ impl IsobusValve {
                 }
                 match asked_by {
                     LayerFor::Uds => self.node.answer(node_id_written(stored)),
-                    LayerFor::CommandedAddress if stored => base.request_restart(Restart::Application),
+                    LayerFor::CommandedAddress if stored => {
+                        self.auxiliary.switch_off(base.now());
+                        base.request_restart(Restart::Application);
+                    }
                     LayerFor::CommandedAddress | LayerFor::Nobody => {}
                 }
             }
