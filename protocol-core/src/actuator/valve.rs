@@ -428,7 +428,7 @@ impl Valve {
                 break;
             }
         }
-        // What is gone and would come again if nobody acted counts from now: nobody could.
+        // A fault that cleared during catch-up restarts its delay now, because the caller could not act earlier.
         let cleared = self.faults.changes.cleared;
         self.at_set_point.restart_after(cleared);
         self.in_float.restart_after(cleared);
