@@ -4,10 +4,22 @@ use protocol_core::device::pve::Kind;
 
 use crate::plant::Plant;
 
-/// What can be said.
-pub const USAGE: &str = "\
-supply_mv N | temperature_c N | spool ok|stuck|slow|drifting|no-float | lever N|off | internal_fault on|off\r\n\
-memory ok|write-fails | bus_off on|off | status | kind KIND [SERIAL] | blank [SERIAL] | power-cycle";
+/// What can be said, a word a line.
+pub const HELP: &str = "\
+supply_mv N                       supply voltage in mV\r\n\
+temperature_c N                   temperature in degrees Celsius\r\n\
+spool ok|stuck|slow|drifting|no-float\r\n\
+lever N|off                       hand lever, 16384 is 100 %\r\n\
+internal_fault on|off\r\n\
+memory ok|write-fails\r\n\
+bus_off on|off                    keeps the controller off the bus\r\n\
+status                            what it is, and what acts on it\r\n\
+kind KIND [SERIAL]                becomes a new valve: pvea-canopen, pveo-canopen, pvea-isobus, pveo-isobus\r\n\
+blank [SERIAL]                    becomes a new valve without a node ID\r\n\
+power-cycle                       restarts\r\n";
+
+/// The answer to a line that is not understood.
+pub const USAGE: &str = "not understood: help tells all words";
 
 /// A line that was understood.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,6 +34,8 @@ pub enum Command {
     Blank(Option<u32>),
     /// Start as if power had come back.
     PowerCycle,
+    /// Tell all words.
+    Help,
 }
 
 impl Command {
@@ -32,6 +46,7 @@ impl Command {
         let command = match (words.next()?, words.next()) {
             ("status", None) => Self::Status,
             ("power-cycle", None) => Self::PowerCycle,
+            ("help", None) => Self::Help,
             ("kind", Some(name)) => Self::Kind(Kind::from_name(name)?, serial(words.next())?),
             ("blank", value) => Self::Blank(serial(value)?),
             (word, Some(value)) => Self::Plant(plant.with(word, value)?),
@@ -62,6 +77,7 @@ mod tests {
     #[test]
     fn every_command() {
         assert_eq!(parse(" status "), Some(Command::Status));
+        assert_eq!(parse("help"), Some(Command::Help));
         assert_eq!(parse("blank"), Some(Command::Blank(None)));
         assert_eq!(parse("blank 7"), Some(Command::Blank(Some(7))));
         assert_eq!(parse("power-cycle"), Some(Command::PowerCycle));

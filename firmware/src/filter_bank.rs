@@ -1,6 +1,6 @@
 //! A filter as a bank of the CAN controller holds it: one of 32 bits with a mask (RM0090 32.7.4).
 
-use protocol_core::controller::{FILTERS, Filter};
+use protocol_core::controller::{FILTERS, Filter, Filters};
 use protocol_core::frame::{extended, key, standard};
 
 /// How many banks CAN 1 has as long as nobody takes some for CAN 2.
@@ -42,9 +42,68 @@ impl Bank {
     }
 }
 
+/// Returns the next step towards these filters: the number of a bank, and what it is to hold, `None` for nothing.
+///
+/// A bank is inactive while it changes. So a filter that stays keeps its bank, and a new filter is active before an old one
+/// goes: no identifier that is wanted before and after is ever absent. Only when more filters change at once than there
+/// are free banks, a new filter takes the place of an old one.
+#[must_use]
+pub fn next_change(held: &[Option<Bank>; BANKS], wanted: &Filters) -> Option<(usize, Option<Bank>)> {
+    let is_held = |bank: &Bank| held.contains(&Some(*bank));
+    let is_old = |place: &Option<Bank>| place.is_some_and(|bank| wanted.iter().all(|filter| Bank::of(filter) != bank));
+    let position = |is: &dyn Fn(&Option<Bank>) -> bool| held.iter().position(is);
+    let old = position(&is_old);
+    match wanted.iter().map(Bank::of).find(|bank| !is_held(bank)) {
+        Some(new) => position(&Option::is_none).or(old).map(|place| (place, Some(new))),
+        None => old.map(|place| (place, None)),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Goes from what is held to these filters; each step is shown what is held then.
+    fn change(held: &mut [Option<Bank>; BANKS], wanted: &[u32], step: &mut dyn FnMut(&[Option<Bank>; BANKS])) {
+        let wanted: Filters = wanted.iter().map(|key| Filter::exactly(*key)).collect();
+        for _ in 0..2 * BANKS {
+            let Some((place, bank)) = next_change(held, &wanted) else {
+                let held = held.iter().flatten().count();
+                assert_eq!(held, wanted.len());
+                return;
+            };
+            held[place] = None;
+            step(held);
+            held[place] = bank;
+        }
+        panic!("there is no end");
+    }
+
+    #[test]
+    fn a_filter_that_stays_is_never_off() {
+        let mut held = [None; BANKS];
+        let sets: [&[u32]; 6] =
+            [&[1, 2, 3, 4, 5], &[1, 9, 2, 3, 4, 5], &[2, 3, 5], &[5, 3, 2, 1], &[1, 2, 3, 4, 5, 6, 7, 8], &[8]];
+        let mut before: &[u32] = &[];
+        for after in sets {
+            let stay = |key: &&u32| before.contains(key) && after.contains(key);
+            let stay: heapless::Vec<Bank, 8> =
+                after.iter().filter(stay).map(|key| Bank::of(&Filter::exactly(*key))).collect();
+            change(&mut held, after, &mut |held| {
+                assert!(stay.iter().all(|bank| held.contains(&Some(*bank))), "{before:?} to {after:?}");
+            });
+            before = after;
+        }
+    }
+
+    #[test]
+    fn all_filters_change_at_once() {
+        let mut held = [None; BANKS];
+        change(&mut held, &[1, 2, 3, 4, 5, 6, 7, 8], &mut |_| {});
+        change(&mut held, &[11, 12, 13, 14, 15, 16, 17, 18], &mut |_| {});
+        let wanted = [11, 12, 13, 14, 15, 16, 17, 18].map(|key| Bank::of(&Filter::exactly(key)));
+        assert!(wanted.iter().all(|bank| held.contains(&Some(*bank))));
+    }
 
     #[test]
     fn one_standard_identifier() {

@@ -1,9 +1,11 @@
 //! The stand-in device on an STM32 board (NUCLEO-F429ZI, any 3.3 V CAN transceiver on PD0 and PD1).
 //!
 //! ```text
+//! board            the wiring: what is connected, and which task has it
 //! board/device     the device's task, above all others      board/attention  what it waits for
-//! board/can        the CAN controller                       board/storage    the memory's task
-//! board/console    USART3: lines that are obeyed            board/flash      the sectors it has
+//! board/link       on the bus and off it                    board/can        the CAN controller
+//! board/front      console and button, seen from it          board/console    USART3: lines that are obeyed
+//! board/storage    the memory's task                        board/flash      the sectors it has
 //! board/led        red and green                            board/button     faults by hand
 //! board/clock      the clock tree                           board/reset      why the processor starts
 //! ```
@@ -12,6 +14,11 @@
 #[cfg(target_os = "none")]
 mod board;
 
-/// The host builds, lints and tests the whole workspace: there the image is an empty program.
 #[cfg(not(target_os = "none"))]
-fn main() {}
+mod flash_board;
+
+/// On the host, where the whole workspace is built, this program flashes the image.
+#[cfg(not(target_os = "none"))]
+fn main() -> std::process::ExitCode {
+    flash_board::run()
+}

@@ -1,11 +1,15 @@
 //! The user button: each press injects the next fault.
 
 use embassy_stm32::gpio::Input;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Timer};
 use firmware::plant::Injection;
 
 use super::attention::{Caller, call};
-use super::device::INJECTION;
+
+/// The fault that the last press injects.
+pub(super) type Presses = Signal<CriticalSectionRawMutex, Injection>;
 
 /// The button is looked at so often.
 const LOOK: Duration = Duration::from_millis(10);
@@ -13,7 +17,7 @@ const LOOK: Duration = Duration::from_millis(10);
 const STEADY: u8 = 3;
 
 #[embassy_executor::task]
-pub(super) async fn run(button: Input<'static>) {
+pub(super) async fn run(button: Input<'static>, presses: &'static Presses) {
     let mut injection = Injection::None;
     let (mut pressed, mut looks) = (false, 0);
     loop {
@@ -25,7 +29,7 @@ pub(super) async fn run(button: Input<'static>) {
         (pressed, looks) = (!pressed, 0);
         if pressed {
             injection = injection.next();
-            INJECTION.signal(injection);
+            presses.signal(injection);
             call(Caller::Front);
         }
     }

@@ -1,10 +1,15 @@
-//! The clock tree: 8 MHz from the ST-LINK, 160 MHz for the core, 40 MHz for CAN, so that every bit rate divides exactly.
+//! The clock tree: 8 MHz from the ST-LINK, 160 MHz for the core, 40 MHz for CAN, so that every bit rate divides exactly;
+//! and what goes with it: flash accelerator, supply detector, watchdog.
 
 use embassy_stm32::Config;
+use embassy_stm32::pac::{DBGMCU, FLASH, PWR};
 use embassy_stm32::rcc::{
     AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllMul, PllPDiv, PllPreDiv, PllSource, Sysclk,
 };
 use embassy_stm32::time::Hertz;
+
+/// 2.93 V falling, 3.03 V rising (DS9405 table 22).
+const SUPPLY_LIMIT: u8 = 6;
 
 /// What the processor runs at.
 pub(super) fn config() -> Config {
@@ -19,4 +24,25 @@ pub(super) fn config() -> Config {
     rcc.apb2_pre = APBPrescaler::DIV2;
     rcc.sys = Sysclk::PLL1_P;
     config
+}
+
+/// Does what `embassy_stm32::init` leaves out.
+pub(super) fn finish() {
+    FLASH.acr().modify(|acr| {
+        acr.set_prften(true);
+        acr.set_icen(true);
+        acr.set_dcen(true);
+    });
+    // Programming by words takes 2.7 V (DS9405): nothing is written below 2.9 V.
+    PWR.cr1().modify(|control| {
+        control.set_pls(SUPPLY_LIMIT);
+        control.set_pvde(true);
+    });
+    // Or it would reset the processor at a breakpoint.
+    DBGMCU.apb1fzr().modify(|frozen| frozen.set_iwdg(true));
+}
+
+/// Whether the supply is high enough to write the flash.
+pub(super) fn supply_is_good() -> bool {
+    !PWR.csr1().read().pvdo()
 }

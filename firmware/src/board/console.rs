@@ -6,7 +6,7 @@ use embassy_stm32::{Peri, bind_interrupts};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embedded_io_async::{Read as _, Write as _};
-use firmware::console::USAGE;
+use firmware::console::{HELP, USAGE};
 use heapless::String;
 
 use super::attention::{Caller, call};
@@ -15,12 +15,12 @@ use super::reset;
 /// The longest line.
 pub(super) const LINE: usize = 48;
 /// The longest answer about how the device is.
-pub(super) const STATUS: usize = 320;
+pub(super) const STATUS: usize = 352;
 
 /// A line for the device's task.
-pub(super) static TYPED: Signal<CriticalSectionRawMutex, String<LINE>> = Signal::new();
+pub(super) type Lines = Signal<CriticalSectionRawMutex, String<LINE>>;
 /// What it says to that.
-pub(super) static ANSWER: Signal<CriticalSectionRawMutex, Answer> = Signal::new();
+pub(super) type Answers = Signal<CriticalSectionRawMutex, Answer>;
 
 /// What the device's task says to a line.
 #[expect(clippy::large_enum_variant, reason = "there is one, and nowhere to put a box")]
@@ -31,6 +31,8 @@ pub(super) enum Answer {
     Restart,
     /// How the device is.
     Status(String<STATUS>),
+    /// All words.
+    Help,
     /// Not understood.
     Usage,
     /// Understood, and impossible, for this reason.
@@ -59,7 +61,7 @@ pub(super) fn open(
 }
 
 #[embassy_executor::task]
-pub(super) async fn run(uart: Option<BufferedUart<'static>>) {
+pub(super) async fn run(uart: Option<BufferedUart<'static>>, lines: &'static Lines, answers: &'static Answers) {
     let Some(mut uart) = uart else { return };
     let mut line = String::new();
     let mut too_long = false;
@@ -74,7 +76,8 @@ pub(super) async fn run(uart: Option<BufferedUart<'static>>) {
             b'\n' if last == b'\r' => {}
             b'\r' | b'\n' => {
                 let line = core::mem::take(&mut line);
-                let answer = if core::mem::take(&mut too_long) { Answer::Usage } else { ask(line).await };
+                let answer =
+                    if core::mem::take(&mut too_long) { Answer::Usage } else { ask(line, lines, answers).await };
                 tell(&mut uart, &answer).await;
                 if let Answer::Restart = answer {
                     reset::power_cycle();
@@ -87,16 +90,17 @@ pub(super) async fn run(uart: Option<BufferedUart<'static>>) {
     }
 }
 
-async fn ask(line: String<LINE>) -> Answer {
-    TYPED.signal(line);
+async fn ask(line: String<LINE>, lines: &Lines, answers: &Answers) -> Answer {
+    lines.signal(line);
     call(Caller::Front);
-    ANSWER.wait().await
+    answers.wait().await
 }
 
 async fn tell(uart: &mut BufferedUart<'static>, answer: &Answer) {
     let (before, last) = match answer {
         Answer::Done | Answer::Restart => ("", "ok"),
         Answer::Status(status) => (status.as_str(), "ok"),
+        Answer::Help => (HELP, "ok"),
         Answer::Usage => ("", USAGE),
         Answer::Refused(why) => ("", *why),
     };

@@ -1,16 +1,13 @@
-//! The device's task, above all others: it alone feeds the watchdog.
+//! The device's task, above all others. It alone feeds the watchdog, and only while the memory answers its requests.
 
 use embassy_stm32::peripherals::IWDG;
 use embassy_stm32::wdg::IndependentWatchdog;
-use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant};
 use firmware::console::Command;
-use firmware::plant::{Injection, Plant, Value};
+use firmware::plant::Plant;
 use firmware::settings::Settings;
-use heapless::String;
-use protocol_core::controller::{BitRate, BusErrorMode};
-use protocol_core::device::pve::{Protocol, PveCanopen, PveIsobus, Setup};
+use protocol_core::controller::BusErrorMode;
+use protocol_core::device::pve::{Protocol, PveCanopen, PveIsobus};
 use protocol_core::device::{Device, Effect, Restart, StartCause};
 use protocol_core::memory::{Image, StoreError};
 use protocol_core::pump::{pump, receive};
@@ -18,124 +15,120 @@ use protocol_core::time::NEVER;
 use static_cell::StaticCell;
 
 use super::attention::{Attention, Caller, Calls};
-use super::can::Can1;
-use super::console::{ANSWER, Answer, STATUS, TYPED};
-use super::led;
-use super::storage::{BECOMES, CONTENTS, FOUND, READ, REQUESTS, Request, STORED};
-
-/// What the button injects.
-pub(super) static INJECTION: Signal<CriticalSectionRawMutex, Injection> = Signal::new();
+use super::can::{self, Can1};
+use super::console::Answer;
+use super::front::{Front, status};
+use super::led::Lights;
+use super::link::Link;
+use super::storage::{Client, Done, Request};
 
 /// The watchdog is fed at least so often.
 const FEED: Duration = Duration::from_millis(100);
 
-/// The error mode is looked at so often while it is not error-active: no interrupt tells of the way back.
+/// The controller is looked at so often while it is not error-active, or blocked: no interrupt tells of the way back.
 const LOOK: Duration = Duration::from_millis(1);
 
-/// So many bits does the way back from bus-off take (ISO 11898-1): 128 sequences of 11.
-const RECOVERY_BITS: u64 = 128 * 11;
-
 #[embassy_executor::task]
-pub(super) async fn run(can: Can1, mut watchdog: IndependentWatchdog<'static, IWDG>, cause: StartCause) {
-    watchdog.unleash();
+pub(super) async fn run(
+    can: Can1,
+    watchdog: IndependentWatchdog<'static, IWDG>,
+    cause: StartCause,
+    mut memory: Client,
+    front: Front,
+    lights: &'static Lights,
+) {
+    let mut watchdog = Watchdog(watchdog);
+    watchdog.0.unleash();
     let mut attention = Attention::new().await;
     let settings = loop {
-        watchdog.pet();
-        if let Some(settings) = FOUND.try_take() {
+        let now = Instant::now();
+        watchdog.feed(&memory, now);
+        if let Some(Done::Started(settings)) = memory.take() {
             break settings;
         }
-        let now = Instant::now();
         attention.wait(now + FEED, now).await;
     };
     defmt::info!("{}", settings.kind.name());
-    let device = {
-        let image = &CONTENTS.lock().await.image;
-        match settings.kind.protocol() {
-            Protocol::Canopen => canopen(settings.setup(), image, cause),
-            Protocol::Isobus => isobus(settings.setup(), image, cause),
-        }
-    };
-    Board::new(settings, can, watchdog, attention).serve(device).await;
+    let device = power_on(&settings, &memory.contents().await.image, cause);
+    let link = Link::new(can);
+    let (plant, restarting) = (Plant::default(), None);
+    Board { settings, link, watchdog, attention, memory, front, lights, plant, restarting }.serve(device).await;
 }
 
 /// A device of any kind, which may be served by an executor of its own.
 type AnyDevice = dyn Device + Send;
 
-// Kept apart: each is as large as its device on the stack, and gone from there when that is in its place.
-#[inline(never)]
-fn canopen(setup: Setup, image: &Image, cause: StartCause) -> &'static mut AnyDevice {
-    static DEVICE: StaticCell<PveCanopen> = StaticCell::new();
-    DEVICE.init_with(|| PveCanopen::power_on(setup, image, cause, Instant::now()))
+/// The one device of the board, in place.
+enum Place {
+    Canopen(PveCanopen),
+    Isobus(PveIsobus),
 }
 
+// Kept apart: it is as large as a device on the stack, and gone from there when that is in its place.
 #[inline(never)]
-fn isobus(setup: Setup, image: &Image, cause: StartCause) -> &'static mut AnyDevice {
-    static DEVICE: StaticCell<PveIsobus> = StaticCell::new();
-    DEVICE.init_with(|| PveIsobus::power_on(setup, image, cause, Instant::now()))
+fn power_on(settings: &Settings, image: &Image, cause: StartCause) -> &'static mut AnyDevice {
+    static DEVICE: StaticCell<Place> = StaticCell::new();
+    let (setup, now) = (settings.setup(), Instant::now());
+    let place = DEVICE.init_with(|| match settings.kind.protocol() {
+        Protocol::Canopen => Place::Canopen(PveCanopen::power_on(setup, image, cause, now)),
+        Protocol::Isobus => Place::Isobus(PveIsobus::power_on(setup, image, cause, now)),
+    });
+    match place {
+        Place::Canopen(device) => device,
+        Place::Isobus(device) => device,
+    }
+}
+
+/// Resets the processor when the device's task does not run, or when a request to the memory is overdue.
+struct Watchdog(IndependentWatchdog<'static, IWDG>);
+
+impl Watchdog {
+    fn feed(&mut self, memory: &Client, now: Instant) {
+        if !memory.hangs(now) {
+            self.0.pet();
+        }
+    }
 }
 
 /// What stands between the device and the world.
 struct Board {
     settings: Settings,
-    can: Can1,
-    watchdog: IndependentWatchdog<'static, IWDG>,
-    attention: Attention,
-    plant: Plant,
     link: Link,
-    bit_rate: BitRate,
+    watchdog: Watchdog,
+    attention: Attention,
+    memory: Client,
+    front: Front,
+    lights: &'static Lights,
+    plant: Plant,
     /// The device waits for what the memory holds.
     restarting: Option<Restart>,
 }
 
-/// Whether the plant lets the controller take part in the bus.
-#[derive(Clone, Copy)]
-enum Link {
-    Up,
-    /// It is kept off.
-    Cut,
-    /// It is on its way back until then.
-    Recovering(Instant),
-}
-
 impl Board {
-    fn new(settings: Settings, can: Can1, watchdog: IndependentWatchdog<'static, IWDG>, attention: Attention) -> Self {
-        Self {
-            settings,
-            can,
-            watchdog,
-            attention,
-            plant: Plant::default(),
-            link: Link::Up,
-            bit_rate: BitRate::Kbit250,
-            restarting: None,
-        }
-    }
-
     /// Runs the device for ever.
     async fn serve(mut self, device: &mut AnyDevice) {
         device.sense(&self.plant.senses, Instant::now());
-        self.set_bit_rate(device.bit_rate()).await;
+        self.link.set_bit_rate(device.bit_rate(), &mut self.attention).await;
         let (mut now, mut due) = (Instant::now(), Instant::MIN);
         loop {
             let calls = self.attention.wait(due, now).await;
-            self.watchdog.pet();
             now = Instant::now();
+            self.watchdog.feed(&self.memory, now);
             // Most frames that pass the filters are for nobody: nothing is asked of the device then.
             let only_received = calls.are_only(Caller::Received) && self.restarting.is_none() && now < due;
-            if only_received && !receive(device, &mut self.can, now) {
+            if only_received && !receive(device, &mut self.link.can, now) {
                 continue;
             }
             self.look(calls, device).await;
             while self.restarting.is_none()
-                && let Some(effect) = pump(device, &mut self.can, now)
+                && let Some(effect) = pump(device, &mut self.link.can, now)
             {
                 self.carry_out(effect, device).await;
                 now = Instant::now();
             }
-            self.can.resume();
             if calls.include(Caller::Leds) {
                 if let Some(outputs) = device.outputs().valve() {
-                    led::show(outputs.led);
+                    self.lights.show(outputs.led);
                 }
             }
             due = self.next_look(device, now);
@@ -158,36 +151,14 @@ impl Board {
     /// When there is something to do although nobody calls.
     fn next_look(&self, device: &AnyDevice, now: Instant) -> Instant {
         let due = if self.restarting.is_some() { NEVER } else { device.deadline() };
-        let look = if self.plant.senses.bus == BusErrorMode::ErrorActive { FEED } else { LOOK };
-        due.min(now + look)
+        let is_calm = self.plant.senses.bus == BusErrorMode::ErrorActive && !can::retry();
+        due.min(now + if is_calm { FEED } else { LOOK })
     }
 
     /// Tells the device how its controller stands to the bus.
     async fn look_at_bus(&mut self, device: &mut AnyDevice) {
-        match self.link {
-            Link::Up if self.plant.bus_off => {
-                self.can.leave(&mut self.attention).await;
-                self.link = Link::Cut;
-            }
-            Link::Cut if !self.plant.bus_off => {
-                let bits_per_second = u64::from(self.bit_rate.bits_per_second());
-                let recovery = Duration::from_micros(RECOVERY_BITS * 1_000_000 / bits_per_second);
-                self.link = Link::Recovering(Instant::now() + recovery);
-            }
-            Link::Recovering(until) if until <= Instant::now() => {
-                self.can.join(self.bit_rate, &mut self.attention).await;
-                self.link = Link::Up;
-            }
-            _ => {}
-        }
-        let mode = match self.link {
-            Link::Up => self.can.mode(),
-            Link::Cut | Link::Recovering(_) => BusErrorMode::BusOff,
-        };
+        let mode = self.link.follow(self.plant.bus_off, &mut self.attention).await;
         if mode != self.plant.senses.bus {
-            if mode == BusErrorMode::BusOff {
-                self.can.drop_waiting();
-            }
             self.plant.senses.bus = mode;
             device.sense(&self.plant.senses, Instant::now());
         }
@@ -195,38 +166,44 @@ impl Board {
 
     /// Tells the device what has become of its requests to the memory.
     async fn look_at_memory(&mut self, device: &mut AnyDevice) {
-        if let Some((key, result)) = STORED.try_take() {
-            device.stored(key, result, Instant::now());
-        }
-        if let Some(scope) = self.restarting
-            && READ.try_take().is_some()
-        {
-            self.restarting = None;
-            device.restart(scope, &CONTENTS.lock().await.image, Instant::now());
-            self.set_bit_rate(device.bit_rate()).await;
-        }
-        if let Some(result) = BECOMES.try_take() {
-            ANSWER.signal(result.map_or(Answer::Refused("the memory failed"), |()| Answer::Restart));
+        while let Some(done) = self.memory.take() {
+            match done {
+                Done::Stored(key, result) => device.stored(key, result, Instant::now()),
+                Done::Read => {
+                    if let Some(scope) = self.restarting.take() {
+                        device.restart(scope, &self.memory.contents().await.image, Instant::now());
+                        self.link.set_bit_rate(device.bit_rate(), &mut self.attention).await;
+                    }
+                }
+                Done::Became(Ok(())) => self.front.answer(Answer::Restart),
+                Done::Became(Err(_)) => self.front.answer(Answer::Refused("the memory failed")),
+                Done::Started(_) => {}
+            }
         }
     }
 
     /// Obeys console and button.
     async fn look_at_front(&mut self, device: &mut AnyDevice) {
-        if let Some(injection) = INJECTION.try_take() {
-            self.set_plant(injection.applied_to(self.plant), device).await;
+        if let Some(plant) = self.front.pressed(&self.plant) {
+            self.set_plant(plant, device).await;
         }
-        if let Some(line) = TYPED.try_take() {
-            match Command::parse(&line, &self.plant) {
-                Some(Command::Plant(plant)) => {
-                    self.set_plant(plant, device).await;
-                    ANSWER.signal(Answer::Done);
-                }
-                Some(Command::Status) => ANSWER.signal(Answer::Status(self.status(device))),
-                Some(Command::Kind(kind, serial)) => self.become_new(Some(Settings::new(kind, serial))),
-                Some(Command::Blank(serial)) => self.become_new(Settings::new_blank(self.settings.kind, serial)),
-                Some(Command::PowerCycle) => ANSWER.signal(Answer::Restart),
-                None => ANSWER.signal(Answer::Usage),
+        match self.front.command(&self.plant) {
+            Some(Command::Plant(plant)) => {
+                self.set_plant(plant, device).await;
+                self.front.answer(Answer::Done);
             }
+            Some(Command::Status) => {
+                self.front.answer(Answer::Status(status(&self.settings, device, &self.link, &self.plant)));
+            }
+            Some(Command::Kind(kind, serial)) => {
+                self.front.become_new(Some(Settings::new(kind, serial)), &mut self.memory);
+            }
+            Some(Command::Blank(serial)) => {
+                self.front.become_new(Settings::new_blank(self.settings.kind, serial), &mut self.memory);
+            }
+            Some(Command::PowerCycle) => self.front.answer(Answer::Restart),
+            Some(Command::Help) => self.front.answer(Answer::Help),
+            None => {}
         }
     }
 
@@ -236,68 +213,24 @@ impl Board {
         self.look_at_bus(device).await;
     }
 
-    /// Makes the board a new device at the next start; `None` for what there is not.
-    fn become_new(&mut self, settings: Option<Settings>) {
-        let Some(settings) = settings else {
-            ANSWER.signal(Answer::Refused("on ISOBUS a valve always has an address"));
-            return;
-        };
-        if REQUESTS.try_send(Request::Become(settings)).is_err() {
-            ANSWER.signal(Answer::Refused("the memory is busy"));
-        }
-    }
-
-    /// A line for each thing that can be told; what does not fit is left out.
-    fn status(&self, device: &AnyDevice) -> String<STATUS> {
-        let number = |number: u32| Value::Number(i32::try_from(number).unwrap_or(i32::MAX));
-        let bus = match self.plant.senses.bus {
-            BusErrorMode::ErrorActive => "error-active",
-            BusErrorMode::ErrorPassive => "error-passive",
-            BusErrorMode::BusOff => "bus-off",
-        };
-        let own = [
-            ("kind", Value::Word(self.settings.kind.name())),
-            ("node_id", device.node_id().map_or(Value::Word("none"), |node_id| Value::Number(node_id.into()))),
-            ("bit_rate", number(self.bit_rate.bits_per_second())),
-            ("bus", Value::Word(bus)),
-            ("overruns", number(self.can.overruns())),
-            ("dropped", number(device.frames_dropped())),
-        ];
-        let mut status = String::new();
-        for (word, value) in own.into_iter().chain(self.plant.words()) {
-            let mut digits = itoa::Buffer::new();
-            let value = match value {
-                Value::Number(number) => digits.format(number),
-                Value::Word(word) => word,
-            };
-            for part in [word, " ", value, "\r\n"] {
-                let _ = status.push_str(part);
-            }
-        }
-        status
-    }
-
     async fn carry_out(&mut self, effect: Effect, device: &mut AnyDevice) {
         match effect {
             Effect::Store(key, record) => {
-                // There is room: the device asks for one at a time.
-                let refused = self.plant.memory_fails || REQUESTS.try_send(Request::Store(key, record)).is_err();
-                if refused {
+                let asked = if self.plant.memory_fails {
+                    Err(StoreError)
+                } else {
+                    self.memory.ask(Request::Store(key, record))
+                };
+                if asked.is_err() {
                     device.stored(key, Err(StoreError), Instant::now());
                 }
             }
-            Effect::SetBitRate(bit_rate) => self.set_bit_rate(bit_rate).await,
+            Effect::SetBitRate(bit_rate) => self.link.set_bit_rate(bit_rate, &mut self.attention).await,
             Effect::Restart(scope) => {
-                let _ = REQUESTS.try_send(Request::Read);
+                // There is room: nothing else is asked for by a device that restarts.
+                let _ = self.memory.ask(Request::Read);
                 self.restarting = Some(scope);
             }
-        }
-    }
-
-    async fn set_bit_rate(&mut self, bit_rate: BitRate) {
-        self.bit_rate = bit_rate;
-        if let Link::Up = self.link {
-            self.can.join(bit_rate, &mut self.attention).await;
         }
     }
 }

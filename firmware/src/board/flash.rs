@@ -5,6 +5,8 @@ use embassy_stm32::pac::FLASH;
 use embassy_stm32::pac::flash::vals::Psize;
 use embedded_storage_async::nor_flash::{ErrorType, MultiwriteNorFlash, NorFlash, ReadNorFlash};
 
+use super::clock::supply_is_good;
+
 /// The sectors of the bank's first region are so long.
 const SECTOR: usize = 16 * 1024;
 
@@ -42,6 +44,7 @@ impl NorFlash for Sectors {
     const ERASE_SIZE: usize = SECTOR;
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), Error> {
+        let _uncached = Uncached::new()?;
         for sector in (from..to).step_by(SECTOR) {
             erase_by_words();
             self.0.erase(sector, sector + SECTOR as u32).await?;
@@ -50,6 +53,7 @@ impl NorFlash for Sectors {
     }
 
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Error> {
+        let _uncached = Uncached::new()?;
         self.0.write(offset, bytes).await
     }
 }
@@ -64,4 +68,30 @@ fn erase_by_words() {
         KEYS.into_iter().for_each(|key| FLASH.keyr().write_value(key));
     }
     FLASH.cr().modify(|control| control.set_psize(Psize::PSIZE32));
+}
+
+/// Keeps the data cache off while it lives, and leaves it empty.
+///
+/// A read of one bank while the other one is written can corrupt what is cached (ES0206), and what was read before an erase
+/// or a write is out of date (RM0090 3.6.4). The driver means to do the same, and takes this part for one of a single bank.
+struct Uncached;
+
+impl Uncached {
+    /// # Errors
+    /// [`Error::Protected`] when the supply is too low to write.
+    fn new() -> Result<Self, Error> {
+        if !supply_is_good() {
+            return Err(Error::Protected);
+        }
+        FLASH.acr().modify(|acr| acr.set_dcen(false));
+        Ok(Self)
+    }
+}
+
+impl Drop for Uncached {
+    fn drop(&mut self) {
+        FLASH.acr().modify(|acr| acr.set_dcrst(true));
+        FLASH.acr().modify(|acr| acr.set_dcrst(false));
+        FLASH.acr().modify(|acr| acr.set_dcen(true));
+    }
 }

@@ -15,26 +15,34 @@ const RED: u8 = 0b001;
 const GREEN: u8 = 0b010;
 const FLASHING: u8 = 0b100;
 
-static SHOWN: AtomicU8 = AtomicU8::new(0);
+/// What the LEDs show.
+pub(super) struct Lights(AtomicU8);
 
-/// Shows this from the next half period on.
-pub(super) fn show(led: Led) {
-    let color = match led.color {
-        Color::Red => RED,
-        Color::Green => GREEN,
-        Color::Yellow => RED | GREEN,
-    };
-    SHOWN.store(if led.flashing { color | FLASHING } else { color }, Ordering::Relaxed);
+impl Lights {
+    /// Dark.
+    pub(super) const fn new() -> Self {
+        Self(AtomicU8::new(0))
+    }
+
+    /// Shows this from the next half period on.
+    pub(super) fn show(&self, led: Led) {
+        let color = match led.color {
+            Color::Red => RED,
+            Color::Green => GREEN,
+            Color::Yellow => RED | GREEN,
+        };
+        self.0.store(if led.flashing { color | FLASHING } else { color }, Ordering::Relaxed);
+    }
 }
 
 #[embassy_executor::task]
-pub(super) async fn run(mut red: Output<'static>, mut green: Output<'static>) {
+pub(super) async fn run(mut red: Output<'static>, mut green: Output<'static>, lights: &'static Lights) {
     let mut lit = false;
     loop {
         // The device's task is above this one: it has answered when this is done.
         call(Caller::Leds);
         lit = !lit;
-        let shown = SHOWN.load(Ordering::Relaxed);
+        let shown = lights.0.load(Ordering::Relaxed);
         let on = lit || shown & FLASHING == 0;
         red.set_level(Level::from(on && shown & RED != 0));
         green.set_level(Level::from(on && shown & GREEN != 0));

@@ -2,8 +2,10 @@
 //!
 //! | priority | what |
 //! | --- | --- |
-//! | [`CAN_PRIORITY`] | the interrupts of the CAN controller: frames into a queue |
+//! | [`CAN_PRIORITY`] | the interrupts of the CAN controller: frames into a queue, the next frame into a mailbox |
+//! | [`CLOCK_PRIORITY`] | the clock: timers that ring |
 //! | [`DEVICE_PRIORITY`] | the device's task, on an executor of its own |
+//! | [`SERVICE_PRIORITY`] | the interrupts of flash and console |
 //! | thread | memory, console, LEDs, button |
 
 mod attention;
@@ -13,7 +15,9 @@ mod clock;
 mod console;
 mod device;
 mod flash;
+mod front;
 mod led;
+mod link;
 mod reset;
 mod storage;
 
@@ -22,15 +26,23 @@ use embassy_executor::{InterruptExecutor, Spawner};
 use embassy_stm32::flash::{Flash, InterruptHandler};
 use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
 use embassy_stm32::interrupt::{InterruptExt as _, Priority};
-use embassy_stm32::pac::{self, Interrupt};
+use embassy_stm32::pac::Interrupt;
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{bind_interrupts, interrupt};
+use embassy_sync::channel::Channel;
+use embassy_sync::mutex::Mutex;
+use embassy_sync::signal::Signal;
+use nvm::Contents;
+
+use front::Front;
 
 /// The device's task has so long, in microseconds, before the watchdog resets the processor.
 const WATCHDOG_US: u32 = 500_000;
 
 const CAN_PRIORITY: Priority = Priority::P4;
+const CLOCK_PRIORITY: Priority = Priority::P6;
 const DEVICE_PRIORITY: Priority = Priority::P8;
+const SERVICE_PRIORITY: Priority = Priority::P12;
 
 /// Runs the device's task in the interrupt of a peripheral that is not used.
 static DEVICE: InterruptExecutor = InterruptExecutor::new();
@@ -47,37 +59,53 @@ bind_interrupts!(struct Interrupts {
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
-    let peripherals = embassy_stm32::init(clock::config());
-    pac::FLASH.acr().modify(|acr| {
-        acr.set_prften(true);
-        acr.set_icen(true);
-        acr.set_dcen(true);
-    });
+    // Between the device and the memory, the console, the button, the LEDs.
+    static REQUESTS: storage::Requests = Channel::new();
+    static RESULTS: storage::Results = Channel::new();
+    static CONTENTS: storage::SharedContents = Mutex::new(Contents::empty());
+    static LINES: console::Lines = Signal::new();
+    static ANSWERS: console::Answers = Signal::new();
+    static PRESSES: button::Presses = Signal::new();
+    static LIGHTS: led::Lights = led::Lights::new();
+
+    let board = embassy_stm32::init(clock::config());
+    clock::finish();
+    for (line, priority) in [
+        (Interrupt::TIM5, CLOCK_PRIORITY),
+        (Interrupt::UART5, DEVICE_PRIORITY),
+        (Interrupt::USART3, SERVICE_PRIORITY),
+        (Interrupt::FLASH, SERVICE_PRIORITY),
+    ] {
+        line.set_priority(priority);
+    }
     let cause = reset::cause();
-    // Silicon before revision 3 reads bank 2 wrongly while this pin toggles: hold it low.
-    core::mem::forget(Output::new(peripherals.PA12, Level::Low, Speed::Low));
-    let can = can::Can1::new(peripherals.PD0, peripherals.PD1, CAN_PRIORITY);
-    let watchdog = IndependentWatchdog::new(peripherals.IWDG, WATCHDOG_US);
-    let sectors = flash::Sectors(Flash::new(peripherals.FLASH, Interrupts).into_regions().bank2_region1);
-    let red = Output::new(peripherals.PB14, Level::Low, Speed::Low);
-    let green = Output::new(peripherals.PB0, Level::Low, Speed::Low);
-    let button = Input::new(peripherals.PC13, Pull::Down);
-    let console = console::open(peripherals.USART3, peripherals.PD9, peripherals.PD8);
-    Interrupt::UART5.set_priority(DEVICE_PRIORITY);
+    // Silicon before revision 3 reads bank 2 wrongly while this pin toggles (ES0206): held low.
+    core::mem::forget(Input::new(board.PA12, Pull::Down));
+
+    let can = can::Can1::new(board.PD0, board.PD1, CAN_PRIORITY);
+    let watchdog = IndependentWatchdog::new(board.IWDG, WATCHDOG_US);
+    let memory = storage::Client::new(REQUESTS.sender(), RESULTS.receiver(), &CONTENTS);
+    let front = Front::new(&LINES, &ANSWERS, &PRESSES);
+    let sectors = flash::Sectors(Flash::new(board.FLASH, Interrupts).into_regions().bank2_region1);
+    let console = console::open(board.USART3, board.PD9, board.PD8);
+    let button = Input::new(board.PC13, Pull::Down);
+    let red = Output::new(board.PB14, Level::Low, Speed::Low);
+    let green = Output::new(board.PB0, Level::Low, Speed::Low);
+
     // Each task is spawned once: there is room for it.
-    if let Ok(task) = device::run(can, watchdog, cause) {
+    if let Ok(task) = device::run(can, watchdog, cause, memory, front, &LIGHTS) {
         DEVICE.start(Interrupt::UART5).spawn(task);
     }
-    if let Ok(task) = storage::run(sectors) {
+    if let Ok(task) = storage::run(sectors, REQUESTS.receiver(), RESULTS.sender(), &CONTENTS) {
         spawner.spawn(task);
     }
-    if let Ok(task) = console::run(console) {
+    if let Ok(task) = console::run(console, &LINES, &ANSWERS) {
         spawner.spawn(task);
     }
-    if let Ok(task) = led::run(red, green) {
+    if let Ok(task) = led::run(red, green, &LIGHTS) {
         spawner.spawn(task);
     }
-    if let Ok(task) = button::run(button) {
+    if let Ok(task) = button::run(button, &PRESSES) {
         spawner.spawn(task);
     }
 }

@@ -1,9 +1,9 @@
 //! The memory's task: writes what the device wants to keep, while the bus goes on.
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_sync::channel::Channel;
-use embassy_sync::mutex::Mutex;
-use embassy_sync::signal::Signal;
+use embassy_sync::channel::{Channel, Receiver, Sender};
+use embassy_sync::mutex::{Mutex, MutexGuard};
+use embassy_time::{Duration, Instant};
 use firmware::settings::Settings;
 use nvm::{BUFFER, Contents, Records, Unreadable};
 use protocol_core::memory::{Image, Record, RecordKey, StoreError};
@@ -11,49 +11,119 @@ use protocol_core::memory::{Image, Record, RecordKey, StoreError};
 use super::attention::{Caller, call};
 use super::flash::Sectors;
 
+/// One request of each kind waits at the most.
+const REQUESTS: usize = 3;
+
+/// A request takes no longer: four erases of 0.5 s (DS9405, the longest), and what is written between them.
+const LONGEST: Duration = Duration::from_secs(3);
+
 /// What the device's task asks for.
 pub(super) enum Request {
-    /// To write a record; answered by [`STORED`].
+    /// To write a record.
     Store(RecordKey, Record),
-    /// To read everything; answered by [`READ`].
+    /// To read everything.
     Read,
-    /// To make the board another device at the next start; answered by [`BECOMES`].
+    /// To make the board another device at the next start.
     Become(Settings),
 }
 
-/// One of each at the most.
-pub(super) static REQUESTS: Channel<CriticalSectionRawMutex, Request, 3> = Channel::new();
-/// Answers [`Request::Store`].
-pub(super) static STORED: Signal<CriticalSectionRawMutex, (RecordKey, Result<(), StoreError>)> = Signal::new();
-/// Answers [`Request::Read`]: it is in [`CONTENTS`].
-pub(super) static READ: Signal<CriticalSectionRawMutex, ()> = Signal::new();
-/// What the board is, at the start; what its device is to begin with is in [`CONTENTS`].
-pub(super) static FOUND: Signal<CriticalSectionRawMutex, Settings> = Signal::new();
+/// The answer to a [`Request`].
+pub(super) enum Done {
+    /// The settings of the board. Comes first, without a request.
+    Started(Settings),
+    /// A record was written, or not.
+    Stored(RecordKey, Result<(), StoreError>),
+    /// Everything is in the [`SharedContents`].
+    Read,
+    /// The board is another device at the next start, or not.
+    Became(Result<(), StoreError>),
+}
+
+/// From the device's task to the memory's.
+pub(super) type Requests = Channel<CriticalSectionRawMutex, Request, REQUESTS>;
+/// From the memory's task to the device's.
+pub(super) type Results = Channel<CriticalSectionRawMutex, Done, REQUESTS>;
 /// Everything stored, as it was last read: in a place of its own, because it is too large to be handed round.
-pub(super) static CONTENTS: Mutex<CriticalSectionRawMutex, Contents> = Mutex::new(Contents::empty());
-/// Answers [`Request::Become`].
-pub(super) static BECOMES: Signal<CriticalSectionRawMutex, Result<(), StoreError>> = Signal::new();
+pub(super) type SharedContents = Mutex<CriticalSectionRawMutex, Contents>;
+
+/// The memory, as the device's task has it.
+pub(super) struct Client {
+    requests: Sender<'static, CriticalSectionRawMutex, Request, REQUESTS>,
+    results: Receiver<'static, CriticalSectionRawMutex, Done, REQUESTS>,
+    contents: &'static SharedContents,
+    /// How many results are to come.
+    awaited: u8,
+    /// When the next one is overdue.
+    overdue: Instant,
+}
+
+impl Client {
+    /// The memory of a board that starts: [`Done::Started`] is awaited.
+    pub(super) fn new(
+        requests: Sender<'static, CriticalSectionRawMutex, Request, REQUESTS>,
+        results: Receiver<'static, CriticalSectionRawMutex, Done, REQUESTS>,
+        contents: &'static SharedContents,
+    ) -> Self {
+        Self { requests, results, contents, awaited: 1, overdue: Instant::now() + LONGEST }
+    }
+
+    /// Sends a request; [`take`](Self::take) returns the answer.
+    ///
+    /// # Errors
+    /// When the queue of requests is full.
+    pub(super) fn ask(&mut self, request: Request) -> Result<(), StoreError> {
+        self.requests.try_send(request).map_err(|_| StoreError)?;
+        self.overdue = if self.awaited == 0 { Instant::now() + LONGEST } else { self.overdue };
+        self.awaited += 1;
+        Ok(())
+    }
+
+    /// Takes the next answer, if there is one.
+    pub(super) fn take(&mut self) -> Option<Done> {
+        let done = self.results.try_receive().ok()?;
+        self.awaited -= 1;
+        self.overdue = Instant::now() + LONGEST;
+        Some(done)
+    }
+
+    /// Everything stored, as it was last read.
+    pub(super) async fn contents(&self) -> MutexGuard<'static, CriticalSectionRawMutex, Contents> {
+        self.contents.lock().await
+    }
+
+    /// Whether an answer takes longer than any can.
+    pub(super) fn hangs(&self, now: Instant) -> bool {
+        self.awaited != 0 && now > self.overdue
+    }
+}
 
 #[embassy_executor::task]
-pub(super) async fn run(sectors: Sectors) {
-    let mut memory = Memory { sectors, buffer: [0; BUFFER] };
-    FOUND.signal(memory.start().await);
+pub(super) async fn run(
+    sectors: Sectors,
+    requests: Receiver<'static, CriticalSectionRawMutex, Request, REQUESTS>,
+    results: Sender<'static, CriticalSectionRawMutex, Done, REQUESTS>,
+    contents: &'static SharedContents,
+) {
+    let mut memory = Memory { sectors, buffer: [0; BUFFER], contents };
+    let mut done = Done::Started(memory.start().await);
     loop {
+        results.send(done).await;
         call(Caller::Memory);
-        match REQUESTS.receive().await {
-            Request::Store(key, record) => STORED.signal((key, memory.store(key, &record).await)),
+        done = match requests.receive().await {
+            Request::Store(key, record) => Done::Stored(key, memory.store(key, &record).await),
             Request::Read => {
                 memory.read().await;
-                READ.signal(());
+                Done::Read
             }
-            Request::Become(settings) => BECOMES.signal(memory.set(settings).await),
-        }
+            Request::Become(settings) => Done::Became(memory.set(settings).await),
+        };
     }
 }
 
 struct Memory {
     sectors: Sectors,
     buffer: [u8; BUFFER],
+    contents: &'static SharedContents,
 }
 
 impl Memory {
@@ -64,7 +134,7 @@ impl Memory {
         if settings.fresh {
             // One that fails is tried again at the next start.
             settings.fresh = self.clear().await.is_err();
-            CONTENTS.lock().await.image = Image::empty();
+            self.contents.lock().await.image = Image::empty();
         }
         if stored != Some(settings) {
             // One that fails is stored at the next start.
@@ -75,7 +145,7 @@ impl Memory {
 
     /// Reads everything; the setting, if there is one.
     async fn read(&mut self) -> Option<Settings> {
-        let mut contents = CONTENTS.lock().await;
+        let mut contents = self.contents.lock().await;
         let read = async {
             let mut records = self.records().await.map_err(|_| Unreadable)?;
             records.read(&mut contents).await

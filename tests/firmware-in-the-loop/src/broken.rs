@@ -11,6 +11,8 @@ use crate::symbols::FLASH;
 pub enum Break {
     /// It never returns: a jump to itself.
     Hang,
+    /// It returns at once.
+    Return,
     /// It calls the panic of an `assert!`.
     Panic,
     /// An undefined instruction.
@@ -45,6 +47,7 @@ impl Break {
         let address = found.first().unwrap_or_else(|| panic!("the image has none of {names:?}")).address;
         let code = match self {
             Self::Hang => 0xE7FE_u16.to_le_bytes().to_vec(),
+            Self::Return => 0x4770_u16.to_le_bytes().to_vec(),
             Self::Fault => 0xDE00_u16.to_le_bytes().to_vec(),
             Self::Panic => call_of_panic(machine, address),
         };

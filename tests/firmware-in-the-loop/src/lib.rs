@@ -22,4 +22,4 @@ pub mod part;
 pub mod rig;
 pub mod stack;
 pub mod symbols;
-mod warm;
+pub mod warm;

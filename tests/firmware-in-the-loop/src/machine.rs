@@ -20,7 +20,7 @@ use rigless::time::VirtualNanos;
 
 use crate::image::Image;
 use crate::part::{BOOT, Can1, Connections, Port, RAM, Stm32f429};
-use crate::warm;
+use crate::warm::{self, CoreView};
 
 /// The processor's clock.
 const CORE_HZ: u64 = 160_000_000;
@@ -77,6 +77,9 @@ enum Order {
     Write(u64, Vec<u8>),
     Drive(Port, u8, bool),
     IsHigh(Port, u8),
+    /// Of a peripheral.
+    Register(u64),
+    Supply(u32),
     Power(bool),
     /// RAM without a supply holds anything.
     Forget,
@@ -88,6 +91,7 @@ enum Answer {
     Reached(Reached),
     Bytes(Vec<u8>),
     Level(bool),
+    Register(u32),
     Summary(Summary),
     Done,
 }
@@ -155,6 +159,23 @@ impl Machine {
         matches!(self.ask(Order::IsHigh(port, pin)), Answer::Level(true))
     }
 
+    /// Reads a register of a peripheral, as a debugger does: nothing changes by it.
+    ///
+    /// # Panics
+    /// When there is none.
+    #[must_use]
+    pub fn register(&self, address: u64) -> u32 {
+        match self.ask(Order::Register(address)) {
+            Answer::Register(value) => value,
+            _ => unreachable!("a register is answered by its value"),
+        }
+    }
+
+    /// Sets the supply voltage of the part.
+    pub fn supply(&self, millivolts: u32) {
+        self.ask(Order::Supply(millivolts));
+    }
+
     /// Cuts its power: it stands as long as that is off. What its RAM held is lost.
     pub fn cut_power(&mut self) -> Reached {
         self.ask(Order::Power(false));
@@ -213,8 +234,9 @@ impl Drop for Machine {
 
 fn run(image: &Image, connections: Connections, orders: Receiver<Order>, answers: Sender<Answer>) {
     let can = connections.can.clone();
+    let core = connections.core.clone();
     let part = Stm32f429::new(connections).expect("the part is described without contradiction");
-    let session = Session::new(Box::new(Nucleo { part }), 0, VirtualNanos(0)).expect("the board has one part");
+    let session = Session::new(Box::new(Nucleo { part, core }), 0, VirtualNanos(0)).expect("the board has one part");
     let conductor = Conductor { orders, answers, can, asleep: None };
     let start = Start::new(image.for_emulator());
     emulator::run(session, &start, conductor).expect("the image fits the part");
@@ -253,6 +275,7 @@ fn forget(host: &mut dyn Host) {
 #[derive(Debug)]
 struct Nucleo {
     part: Stm32f429,
+    core: CoreView,
 }
 
 impl Store for Nucleo {}
@@ -281,7 +304,7 @@ impl Board for Nucleo {
             boot: BOOT,
         }
         .spec_with_parts(&windows(self.part.bus()), armv7m::Fpu::FpV4Sp, armv7m::MpuRegions::Eight);
-        core.processor = warm::kept(core.processor);
+        core.processor = warm::kept(core.processor, self.core.clone());
         vec![Target::new("STM32F429ZI", &mut self.part, core)]
     }
 }
@@ -313,6 +336,15 @@ impl Conductor {
                 Answer::Done
             }
             Order::IsHigh(port, pin) => Answer::Level(session.board().part.is_high(port, pin)),
+            Order::Register(address) => {
+                let part = &mut session.board_mut().part;
+                let value = part.peek(now, address, Width::W32);
+                Answer::Register(value.unwrap_or_else(|_| panic!("there is no register at {address:#x}")) as u32)
+            }
+            Order::Supply(millivolts) => {
+                session.board_mut().part.supply(millivolts);
+                Answer::Done
+            }
             Order::Power(on) => {
                 session.board_mut().part.power(on, now);
                 Answer::Done

@@ -112,6 +112,7 @@ impl Rig {
             machine.cut_power();
             let mut complaints = machine.summary().complaints;
             complaints.extend(board.connections.flash.lock().take_complaints());
+            complaints.extend(board.connections.can.lock().can.take_complaints());
             *board.connections.terminal.lock() = Default::default();
             board.connections.can.lock().was_reset = false;
             board.on_bus = None;
@@ -261,6 +262,15 @@ impl Rig {
             if board.powered && board.passed() <= now {
                 board.exchange(&mut self.world);
             }
+        }
+    }
+}
+
+/// What a board has done wrong is told at a power cut: that at the end is the last one.
+impl Drop for Rig {
+    fn drop(&mut self) {
+        if !std::thread::panicking() {
+            self.boards().for_each(|board| self.power(board, false));
         }
     }
 }

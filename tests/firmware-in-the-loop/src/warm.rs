@@ -3,9 +3,12 @@
 //! The emulator compiles the image while it runs, and drops all of that at a reset, which then takes as long as some
 //! seconds of virtual time. The image in flash is the same afterwards; who writes to it has the emulator forget that
 //! part by itself. So here a reset loads the state that the processor was made with, and nothing is dropped.
+//!
+//! It also shows the registers of the core itself, which only a debugger's processor model can read: [`CoreView`].
 
+use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use rigless::emulator::{
     BitAlias, CoreBus, DataModel, Error, Exit, HaltReason, HostCall, Processor, ProcessorConstructor, Queued,
@@ -13,12 +16,30 @@ use rigless::emulator::{
 use rigless::soc::{Endian, Width};
 use rigless::time::VirtualNanos;
 
+/// Registers of the core itself (interrupt controller, system control) that somebody wants to see. They are read by the
+/// processor's own model, whenever it has run.
+#[derive(Clone, Debug, Default)]
+pub struct CoreView(Arc<Mutex<BTreeMap<u64, u32>>>);
+
+impl CoreView {
+    /// Wants to see the register at an address, as it is when the processor has run next.
+    pub fn watch(&self, address: u64) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).insert(address, 0);
+    }
+
+    /// What a register held that is [watched](Self::watch).
+    #[must_use]
+    pub fn get(&self, address: u64) -> Option<u32> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).get(&address).copied()
+    }
+}
+
 /// Makes processors that stay warm.
-pub(crate) fn kept(cold: ProcessorConstructor) -> ProcessorConstructor {
+pub(crate) fn kept(cold: ProcessorConstructor, view: CoreView) -> ProcessorConstructor {
     Arc::new(move |endian| {
         let inner = cold(endian)?;
         let made = inner.save();
-        Ok(Box::new(Warm { inner, made }))
+        Ok(Box::new(Warm { inner, made, view: view.clone() }))
     })
 }
 
@@ -27,6 +48,7 @@ struct Warm {
     inner: Box<dyn Processor>,
     /// The state that it was made with; at the end the number of instructions, which is 0 and one byte.
     made: Vec<u8>,
+    view: CoreView,
 }
 
 impl Warm {
@@ -53,7 +75,12 @@ impl Processor for Warm {
     }
 
     fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
-        self.inner.run(budget, bus)
+        let ran = self.inner.run(budget, bus);
+        for (address, value) in self.view.0.lock().unwrap_or_else(PoisonError::into_inner).iter_mut() {
+            let seen = self.inner.debugger_access(None, *address, Width::W32, VirtualNanos(0));
+            *value = seen.unwrap_or_default() as u32;
+        }
+        ran
     }
 
     fn retired(&self) -> u64 {

@@ -1,53 +1,89 @@
-//! The CAN controller, bxCAN 1 (RM0090 chapter 32).
+//! The CAN controller, bxCAN 1 (RM0090 chapter 32), on the driver crate `bxcan`.
 //!
-//! Written on the registers: of the driver crates one panics at a DLC above 8 and both send from one mailbox.
+//! The registers are used directly only for what `bxcan` 0.8 does not offer: error modes and their interrupts, filters
+//! that change while the bus runs, initialisation without spinning, and what the modules say at their place.
 //!
 //! ```text
-//! mod        joining and leaving the bus, error modes, filters
-//! receive    by interrupt into a queue
-//! mailboxes  transmission in the order of arbitration
+//! mod       joining and leaving the bus, error modes, filters
+//! receive   by interrupt into a queue
+//! transmit  in the order of arbitration, back to back
+//! frames    frames of the core and of `bxcan`
 //! ```
 
-mod mailboxes;
+mod frames;
 mod receive;
+mod transmit;
 
 use core::convert::Infallible;
+use core::sync::atomic::{AtomicU32, Ordering};
 
+use bxcan::filter::Mask32;
+use bxcan::{Fifo, FilterOwner, Instance, Interrupts, RegisterBlock};
 use embassy_stm32::gpio::{AfType, Flex, OutputType, Pull, Speed};
-use embassy_stm32::interrupt::Priority;
+use embassy_stm32::interrupt::{InterruptExt as _, Priority};
 use embassy_stm32::pac::can::regs;
-use embassy_stm32::pac::{CAN1, Interrupt, RCC};
+use embassy_stm32::pac::{CAN1, Interrupt};
 use embassy_stm32::peripherals::{PD0, PD1};
-use embassy_stm32::{Peri, interrupt};
-use embassy_time::Duration;
+use embassy_stm32::{Peri, interrupt, peripherals, rcc};
 use firmware::bit_timing::BitTiming;
-use firmware::filter_bank::{BANKS, Bank};
+use firmware::filter_bank::{BANKS, Bank, next_change};
 use heapless::spsc::Consumer;
 use protocol_core::controller::{BitRate, BusErrorMode, Controller, Filter, Filters};
 use protocol_core::frame::Frame;
 
-use super::attention::{Attention, Caller, call};
-use mailboxes::Mailboxes;
+use super::attention::{Caller, call};
+pub(super) use receive::OVERRUNS;
+pub(super) use transmit::retry;
 
 /// The alternate function that connects the pins with CAN 1.
 const AF_CAN: u8 = 9;
 
-/// How often it is looked whether the controller has left the bus: it waits for the end of a frame.
-const LEAVING: Duration = Duration::from_micros(50);
+/// How many error interrupts there were.
+pub(super) static ERROR_INTERRUPTS: AtomicU32 = AtomicU32::new(0);
 
-/// No frame takes longer: 160 bits at 10 kbit/s, with the error frame that may end it.
-const LONGEST_FRAME: Duration = Duration::from_millis(20);
+/// The registers of CAN 1, as `bxcan` wants them.
+struct Registers;
+
+// SAFETY: the pointer is that of CAN 1, whose clock is on before a `Registers` exists. `bxcan` asks for all of the
+// registers; beside it this module and its children access
+// - MCR, while `bxcan` is not called: the one task that configures the controller does both;
+// - MSR, ESR and TSR, reading, or writing ones to flags, which is one access;
+// - IER, in the error interrupt or with interrupts off, after `bxcan` has written it for the last time;
+// - the outputs of the FIFOs and the mailboxes' identifiers, reading;
+// - single filter banks, after `bxcan` has set them up for the last time.
+// Of `bxcan`'s own halves each has one user: the receive interrupts, the transmit interrupt with the device's task under
+// a critical section, and `Can1` for the configuration.
+unsafe impl Instance for Registers {
+    const REGISTERS: *mut RegisterBlock = CAN1.as_ptr().cast();
+}
+
+// SAFETY: CAN 1 has all banks but those that are for CAN 2, which is not used.
+unsafe impl FilterOwner for Registers {
+    const NUM_FILTER_BANKS: u8 = BANKS as u8;
+}
 
 #[interrupt]
 fn CAN1_SCE() {
+    ERROR_INTERRUPTS.fetch_add(1, Ordering::Relaxed);
+    interrupt_unless_reached();
     CAN1.msr().write(|msr| msr.set_erri(true));
     call(Caller::Errors);
 }
 
+/// Enables the interrupts of the error modes that are not reached, and masks the others: a mode that stands could interrupt
+/// again at each further error. The device's task polls for the way back.
+fn interrupt_unless_reached() {
+    let reached = CAN1.esr().read();
+    CAN1.ier().modify(|ier| {
+        ier.set_epvie(!reached.epvf());
+        ier.set_bofie(!reached.boff());
+    });
+}
+
 /// CAN 1.
 pub(super) struct Can1 {
+    config: bxcan::Can<Registers>,
     received: Consumer<'static, Frame>,
-    mailboxes: Mailboxes,
 }
 
 impl Can1 {
@@ -59,88 +95,72 @@ impl Can1 {
         tx.set_as_af_unchecked(AF_CAN, AfType::output(OutputType::PushPull, Speed::VeryHigh));
         // Dropped, they would be pins again.
         core::mem::forget((rx, tx));
-        RCC.apb1enr().modify(|enable| enable.set_can1en(true));
-        // All banks hold one filter of 32 bits with a mask, for FIFO 0: what comes in keeps its order.
-        CAN1.fmr().modify(|fmr| fmr.set_finit(true));
-        CAN1.fs1r().write_value(regs::Fs1r((1 << BANKS) - 1));
-        CAN1.fmr().modify(|fmr| fmr.set_finit(false));
-        CAN1.ier().write(|ier| {
-            ier.set_fmpie(0, true);
-            ier.set_fmpie(1, true);
-            ier.set_tmeie(true);
-            ier.set_epvie(true);
-            ier.set_bofie(true);
-            ier.set_errie(true);
-        });
-        let received = receive::queue();
+        rcc::enable_and_reset::<peripherals::CAN1>();
+        let mut config = bxcan::Can::builder(Registers).leave_disabled();
+        let mut filters = config.modify_filters();
+        for bank in 0..Registers::NUM_FILTER_BANKS {
+            // One filter of 32 bits with a mask, for FIFO 0: what comes in keeps its order.
+            filters.enable_bank(bank, Fifo::Fifo0, Mask32::accept_all()).disable_bank(bank);
+        }
+        drop(filters);
+        config.enable_interrupts(
+            Interrupts::TRANSMIT_MAILBOX_EMPTY
+                | Interrupts::FIFO0_MESSAGE_PENDING
+                | Interrupts::FIFO1_MESSAGE_PENDING
+                | Interrupts::ERROR,
+        );
+        interrupt_unless_reached();
+        // A `Can` that is split cannot be configured any more: hence two.
+        let (tx, rx0, rx1) = bxcan::Can::builder(Registers).leave_disabled().split();
+        transmit::start(tx);
+        let received = receive::start(rx0, rx1);
         for line in [Interrupt::CAN1_RX0, Interrupt::CAN1_RX1, Interrupt::CAN1_TX, Interrupt::CAN1_SCE] {
-            use embassy_stm32::interrupt::InterruptExt as _;
             line.set_priority(priority);
-            // SAFETY: what the handlers use is there, and shared by queues and atomics only.
+            // SAFETY: the halves that the handlers use are in their places.
             unsafe { line.enable() };
         }
-        Self { received, mailboxes: Mailboxes::new() }
+        Self { config, received }
     }
 
-    /// Takes part in the bus at a bit rate, from the next 11 recessive bits on. Recovers from bus-off by itself.
-    pub(super) async fn join(&mut self, bit_rate: BitRate, attention: &mut Attention) {
-        self.leave(attention).await;
-        CAN1.btr().write_value(regs::Btr(BitTiming::of(bit_rate).register()));
-        CAN1.mcr().modify(|mcr| mcr.set_inrq(false));
+    /// Drops the frames that wait to be sent, and asks to take no part in the bus from the end of the current frame.
+    pub(super) fn leave(&mut self) {
+        self.abort(Filter::ALL);
+        // `bxcan` would spin to the end of the frame.
+        CAN1.mcr().modify(|mcr| {
+            mcr.set_sleep(false);
+            mcr.set_inrq(true);
+        });
     }
 
-    /// Takes no part in the bus, from the end of the frame on it on. What waits to be sent is dropped.
-    pub(super) async fn leave(&mut self, attention: &mut Attention) {
-        self.drop_waiting();
-        if !initialised(attention).await {
-            // On a bus that is stuck no frame ever ends.
-            CAN1.mcr().write(|mcr| mcr.set_reset(true));
-            initialised(attention).await;
+    /// Whether the controller takes no part in the bus.
+    pub(super) fn has_left(&self) -> bool {
+        CAN1.msr().read().inak()
+    }
+
+    /// Leaves a bus on which no frame ever ends.
+    pub(super) fn reset(&mut self) {
+        CAN1.mcr().write(|mcr| mcr.set_reset(true));
+        self.leave();
+    }
+
+    /// Takes part in the bus at a bit rate, from the next 11 recessive bits on; recovers from bus-off by itself. To be
+    /// called when the controller [has left](Self::has_left).
+    pub(super) fn join(&mut self, bit_rate: BitRate) {
+        self.config.modify_config().set_bit_timing(BitTiming::of(bit_rate).register()).leave_disabled();
+        // The controller wakes up in the background.
+        let _ = self.config.enable_non_blocking();
+    }
+
+    /// Returns the error mode, and has the controller interrupt when a worse one is reached.
+    pub(super) fn mode(&mut self) -> BusErrorMode {
+        critical_section::with(|_| interrupt_unless_reached());
+        // Read after the interrupts were enabled: neither misses a mode that is reached in between.
+        match CAN1.esr().read() {
+            errors if errors.boff() => BusErrorMode::BusOff,
+            errors if errors.epvf() => BusErrorMode::ErrorPassive,
+            _ => BusErrorMode::ErrorActive,
         }
     }
-
-    /// Drops what waits to be sent: after bus-off it would be out of date.
-    pub(super) fn drop_waiting(&mut self) {
-        self.mailboxes.clear();
-    }
-
-    /// To be called after each [pump](protocol_core::pump::pump).
-    pub(super) fn resume(&mut self) {
-        self.mailboxes.resume();
-    }
-
-    /// How the controller stands to the bus.
-    pub(super) fn mode(&self) -> BusErrorMode {
-        let errors = CAN1.esr().read();
-        if errors.boff() {
-            BusErrorMode::BusOff
-        } else if errors.epvf() {
-            BusErrorMode::ErrorPassive
-        } else {
-            BusErrorMode::ErrorActive
-        }
-    }
-
-    /// How many frames were lost because the device's task did not keep up.
-    pub(super) fn overruns(&self) -> u32 {
-        receive::overruns()
-    }
-}
-
-/// Asks for initialisation mode, and waits for it for as long as a frame can take. Whether it has come.
-async fn initialised(attention: &mut Attention) -> bool {
-    CAN1.mcr().modify(|mcr| {
-        mcr.set_sleep(false);
-        mcr.set_inrq(true);
-        mcr.set_abom(true);
-    });
-    for _ in 0..LONGEST_FRAME.as_micros() / LEAVING.as_micros() {
-        if CAN1.msr().read().inak() {
-            return true;
-        }
-        attention.pause(LEAVING).await;
-    }
-    false
 }
 
 impl embedded_can::nb::Can for Can1 {
@@ -148,7 +168,7 @@ impl embedded_can::nb::Can for Can1 {
     type Error = Infallible;
 
     fn transmit(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, Infallible> {
-        self.mailboxes.put(frame).map_err(|_| nb::Error::WouldBlock)
+        transmit::with(|transmission| transmission.put(frame)).unwrap_or(Err(nb::Error::WouldBlock))
     }
 
     fn receive(&mut self) -> nb::Result<Frame, Infallible> {
@@ -158,29 +178,29 @@ impl embedded_can::nb::Can for Can1 {
 
 impl Controller for Can1 {
     fn is_idle(&self) -> bool {
-        self.mailboxes.are_empty()
+        transmit::with(|transmission| transmission.is_idle()).unwrap_or(true)
     }
 
     fn abort(&mut self, which: Filter) {
-        self.mailboxes.abort(which);
+        transmit::with(|transmission| transmission.abort(which));
     }
 
+    /// Changes one bank after the other: `bxcan` would stop all reception meanwhile.
     fn set_filters(&mut self, filters: &Filters) {
-        for number in 0..BANKS {
-            let bank = CAN1.fb(number);
-            let held = CAN1.fa1r().read().fact(number);
-            let held = held.then(|| Bank { identifier: bank.fr1().read().0, mask: bank.fr2().read().0 });
-            let wanted = filters.get(number).map(Bank::of);
-            if wanted == held {
-                continue;
-            }
-            // A bank is changed while it is inactive; the others go on meanwhile.
+        while let Some((number, wanted)) = next_change(&core::array::from_fn(bank), filters) {
             CAN1.fa1r().modify(|active| active.set_fact(number, false));
             if let Some(Bank { identifier, mask }) = wanted {
-                bank.fr1().write_value(regs::Fr1(identifier));
-                bank.fr2().write_value(regs::Fr2(mask));
+                CAN1.fb(number).fr1().write_value(regs::Fr1(identifier));
+                CAN1.fb(number).fr2().write_value(regs::Fr2(mask));
                 CAN1.fa1r().modify(|active| active.set_fact(number, true));
             }
         }
     }
+}
+
+/// Returns what an active filter bank holds.
+fn bank(number: usize) -> Option<Bank> {
+    let registers = CAN1.fb(number);
+    let is_active = CAN1.fa1r().read().fact(number);
+    is_active.then(|| Bank { identifier: registers.fr1().read().0, mask: registers.fr2().read().0 })
 }

@@ -4,84 +4,71 @@ use core::mem::MaybeUninit;
 use core::ptr::addr_of_mut;
 use core::sync::atomic::{AtomicU32, Ordering};
 
+use bxcan::{OverrunError, Rx0, Rx1};
 use embassy_stm32::interrupt;
 use embassy_stm32::pac::CAN1;
 use heapless::spsc::{Consumer, Producer, Queue};
-use protocol_core::frame::{Frame, Id, extended, standard};
+use protocol_core::frame::Frame;
 use static_cell::ConstStaticCell;
 
-use super::super::attention::{Caller, call};
+use super::Registers;
+use super::frames::Payload;
+use crate::board::attention::{Caller, call};
 
 /// How many frames wait for the device's task: those of 12 ms at 1 Mbit/s, were they all for the device.
 const QUEUE: usize = 256;
 
-static OVERRUNS: AtomicU32 = AtomicU32::new(0);
+/// How many frames were lost, in the controller or in the queue, because nobody took them. An overrun of the controller
+/// counts as one frame.
+pub(in crate::board) static OVERRUNS: AtomicU32 = AtomicU32::new(0);
 
-/// The end of the queue that the interrupts fill.
-static mut RECEIVED: MaybeUninit<Producer<'static, Frame>> = MaybeUninit::uninit();
+/// What the receive interrupts work with.
+struct Reception {
+    rx0: Rx0<Registers>,
+    rx1: Rx1<Registers>,
+    received: Producer<'static, Frame>,
+}
 
-/// The end of the queue that the device's task empties. To be called before the interrupts are enabled.
-pub(super) fn queue() -> Consumer<'static, Frame> {
+static mut RECEPTION: MaybeUninit<Reception> = MaybeUninit::uninit();
+
+/// Gives the receive interrupts their half of the controller; returns the end of the queue that they fill. To be called
+/// once, before the interrupts are enabled.
+pub(super) fn start(rx0: Rx0<Registers>, rx1: Rx1<Registers>) -> Consumer<'static, Frame> {
     // A queue has room for one frame less than its length.
     static STORAGE: ConstStaticCell<Queue<Frame, { QUEUE + 1 }>> = ConstStaticCell::new(Queue::new());
     let (received, waiting) = STORAGE.take().split();
     // SAFETY: no interrupt looks at it yet, and the storage is handed out once.
-    unsafe { addr_of_mut!(RECEIVED).write(MaybeUninit::new(received)) };
+    unsafe { addr_of_mut!(RECEPTION).write(MaybeUninit::new(Reception { rx0, rx1, received })) };
     waiting
 }
 
 #[interrupt]
 fn CAN1_RX0() {
-    empty(0);
+    empty(0, |reception| reception.rx0.receive());
 }
 
 #[interrupt]
 fn CAN1_RX1() {
-    empty(1);
+    empty(1, |reception| reception.rx1.receive());
 }
 
-/// How many frames were lost, in the controller or here, because nobody took them.
-pub(super) fn overruns() -> u32 {
-    OVERRUNS.load(Ordering::Relaxed)
-}
-
-/// Empties a FIFO.
-fn empty(fifo: usize) {
-    // SAFETY: written before the interrupts were enabled; these have one priority, so none comes in between.
-    let received = unsafe { (*addr_of_mut!(RECEIVED)).assume_init_mut() };
-    let register = CAN1.rfr(fifo);
+/// Moves what a FIFO holds into the queue. For the receive interrupts alone.
+fn empty(fifo: usize, receive: impl Fn(&mut Reception) -> nb::Result<bxcan::Frame, OverrunError>) {
+    // SAFETY: written before the interrupts were enabled; they have one priority, so neither interrupts the other.
+    let reception = unsafe { (*addr_of_mut!(RECEPTION)).assume_init_mut() };
     let mut lost = 0;
-    let mut status = register.read();
-    while status.fmp() != 0 {
-        let frame = output(fifo);
-        register.write(|rfr| rfr.set_rfom(true));
-        lost += u32::from(received.enqueue(frame).is_err());
-        status = register.read();
-        while status.rfom() {
-            status = register.read();
+    while CAN1.rfr(fifo).read().fmp() != 0 {
+        let payload = Payload::peek(fifo);
+        match receive(reception) {
+            Ok(frame) => lost += u32::from(reception.received.enqueue(payload.of(&frame)).is_err()),
+            Err(nb::Error::Other(_)) => lost += 1,
+            Err(nb::Error::WouldBlock) => {}
         }
-    }
-    if status.fovr() {
-        register.write(|rfr| rfr.set_fovr(true));
-        lost += 1;
+        // `bxcan` does not wait for the release: until then the output holds the frame that was taken.
+        while CAN1.rfr(fifo).read().rfom() {}
     }
     if lost != 0 {
         OVERRUNS.fetch_add(lost, Ordering::Relaxed);
     }
     call(Caller::Received);
-}
-
-/// The frame at the output of a FIFO. A DLC of 9–15, which CAN allows, means eight bytes: [`Frame`] sees to that.
-fn output(fifo: usize) -> Frame {
-    let mailbox = CAN1.rx(fifo);
-    let identifier = mailbox.rir().read().0;
-    let len = (mailbox.rdtr().read().0 & 0xF) as u8;
-    let [a, b, c, d] = mailbox.rdlr().read().0.to_le_bytes();
-    let [e, f, g, h] = mailbox.rdhr().read().0.to_le_bytes();
-    let id: Id = if identifier & 1 << 2 == 0 {
-        standard((identifier >> 21) as u16).into()
-    } else {
-        extended(identifier >> 3).into()
-    };
-    if identifier & 1 << 1 == 0 { Frame::with_len(id, [a, b, c, d, e, f, g, h], len) } else { Frame::remote(id, len) }
 }

@@ -96,16 +96,18 @@ impl Errors {
         (self.transmit, self.receive, self.bus_off) = (0, 0, false);
     }
 
-    /// Whether something that was not set before is, with its interrupt enabled.
+    /// Counts, and says whether the error is noted.
     fn note(&mut self, error: LastError, enabled: u32, count: impl FnOnce(&mut Self)) -> bool {
-        let before = self.flags();
         count(self);
         self.last = error as u32;
-        let risen = self.flags() & !before;
-        let raises = |flag: u32, enable: u32| risen & flag != 0 && enabled & enable != 0;
-        enabled & ier::LECIE != 0
-            || raises(esr::EWGF, ier::EWGIE)
-            || raises(esr::EPVF, ier::EPVIE)
-            || raises(esr::BOFF, ier::BOFIE)
+        enabled & ier::LECIE != 0 || self.stands(enabled)
+    }
+
+    /// Whether a flag is set whose interrupt is enabled. The manual does not say whether a flag that stands is noted again,
+    /// at a further error or as soon as the note is cleared: here it is (A), and software that it floods is seen to be.
+    pub(super) fn stands(&self, enabled: u32) -> bool {
+        let set = self.flags();
+        let raises = |flag: u32, enable: u32| set & flag != 0 && enabled & enable != 0;
+        raises(esr::EWGF, ier::EWGIE) || raises(esr::EPVF, ier::EPVIE) || raises(esr::BOFF, ier::BOFIE)
     }
 }

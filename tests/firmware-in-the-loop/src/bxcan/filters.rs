@@ -62,7 +62,8 @@ impl Filters {
         }
     }
 
-    pub(super) fn write(&mut self, offset: u32, value: u32) {
+    /// Says whether it could be written.
+    pub(super) fn write(&mut self, offset: u32, value: u32) -> bool {
         let initializing = self.master & FINIT != 0;
         match offset {
             FMR => {
@@ -76,14 +77,16 @@ impl Filters {
                 self.note_gaps(value);
                 self.active = value & ALL_BANKS;
             }
-            _ => {
-                if let Some((bank, register)) = bank_register(offset)
-                    && (initializing || self.active >> bank & 1 == 0)
-                {
+            FM1R | FS1R | FFA1R => return false,
+            _ => match bank_register(offset) {
+                Some((bank, register)) if initializing || self.active >> bank & 1 == 0 => {
                     self.banks[bank][register] = value;
                 }
-            }
+                Some(_) => return false,
+                None => {}
+            },
         }
+        true
     }
 
     /// A bank that is deactivated and activated again as it was has let frames go by.

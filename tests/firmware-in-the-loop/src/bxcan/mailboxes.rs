@@ -43,17 +43,18 @@ impl Mailboxes {
         found.registers[register] | if register == 0 && found.pending { ir::TXRQ } else { 0 }
     }
 
-    /// Those of a mailbox that is not empty cannot be written.
-    pub(super) fn write(&mut self, mailbox: usize, register: usize, value: u32) {
+    /// Those of a mailbox that is not empty cannot be written. Says whether it was.
+    pub(super) fn write(&mut self, mailbox: usize, register: usize, value: u32) -> bool {
         let target = &mut self.boxes[mailbox];
         if target.pending {
-            return;
+            return false;
         }
         target.registers[register] = if register == 0 { value & !ir::TXRQ } else { value };
         if register == 0 && value & ir::TXRQ != 0 {
             self.requests += 1;
             (target.pending, target.aborting, target.request, target.status) = (true, false, self.requests, 0);
         }
+        true
     }
 
     /// The transmit status register; `by_request` when priority goes by the order of requests.

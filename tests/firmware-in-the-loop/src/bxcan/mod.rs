@@ -11,6 +11,8 @@
 //! message     a frame in registers
 //! ```
 //!
+//! Software that writes what cannot be written is complained of; the harness fails on any complaint.
+//!
 //! Left out: time-triggered communication (TTCM, time stamps), debug freeze (DBF), the filters of CAN2, the state of the
 //! pins (SAMP and RX read recessive), and how long a release of a FIFO takes.
 
@@ -95,6 +97,10 @@ pub struct BxCan {
     fifos: [Fifo; 2],
     filters: Filters,
     errors: Errors,
+    /// What MSR.TXM reads in the place of the truth, for tests.
+    sending_shown: Option<bool>,
+    error_interrupts: u32,
+    complaints: Vec<String>,
 }
 
 /// Whether it is on its way back from bus-off.
@@ -120,6 +126,9 @@ impl Default for BxCan {
             fifos: Default::default(),
             filters: Filters::default(),
             errors: Errors::default(),
+            sending_shown: None,
+            error_interrupts: 0,
+            complaints: Vec::new(),
         }
     }
 }
@@ -158,18 +167,28 @@ impl BxCan {
                 self.control = value & mcr::ALL;
                 self.follow_requests();
             }
-            MSR => self.noted &= !value,
+            MSR => {
+                self.noted &= !value;
+                self.note_error(self.errors.stands(self.enabled));
+            }
             TSR => self.mailboxes.write_status(value),
             RF0R => self.fifos[0].write(value),
             RF1R => self.fifos[1].write(value),
             IER => self.enabled = value,
             ESR => self.errors.write(value),
             BTR if self.mode == Mode::Initialization => self.timing = value & btr::ALL,
+            BTR => self.complain("BTR is written outside of initialization mode".into()),
             TI0R..RI0R => {
                 let place = (offset - TI0R) as usize / 4;
-                self.mailboxes.write(place / 4, place % 4, value);
+                if !self.mailboxes.write(place / 4, place % 4, value) {
+                    self.complain(format!("mailbox {} is written while it is pending", place / 4));
+                }
             }
-            _ => self.filters.write(offset, value),
+            _ => {
+                if !self.filters.write(offset, value) {
+                    self.complain(format!("the filter register at {offset:#x} is written while it is in use"));
+                }
+            }
         }
     }
 
@@ -214,13 +233,39 @@ impl BxCan {
         self.filters.gaps
     }
 
+    /// What no firmware may do, told once.
+    pub fn take_complaints(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.complaints)
+    }
+
+    pub(crate) fn complain(&mut self, what: String) {
+        self.complaints.push(what);
+    }
+
+    pub(crate) fn complain_of(&mut self, complaints: Vec<String>) {
+        self.complaints.extend(complaints);
+    }
+
+    /// From now on MSR.TXM reads this in the place of the truth: as if it had been read just before a frame began, or in
+    /// an arbitration that is lost then. In the world, arbitration takes no time.
+    pub const fn show_sending(&mut self, shown: Option<bool>) {
+        self.sending_shown = shown;
+    }
+
+    /// How often an error has interrupted.
+    #[must_use]
+    pub const fn error_interrupts(&self) -> u32 {
+        self.error_interrupts
+    }
+
     fn status(&self) -> u32 {
         let acknowledged = match self.mode {
             Mode::Sleep | Mode::Synchronising { from_sleep: true } => msr::SLAK,
             Mode::Initialization | Mode::Synchronising { from_sleep: false } => msr::INAK,
             Mode::Normal => 0,
         };
-        let activity = match (self.mailboxes.is_sending(), self.busy) {
+        let sending = self.sending_shown.unwrap_or(self.mailboxes.is_sending());
+        let activity = match (sending, self.busy) {
             (true, _) => msr::TXM,
             (false, true) => msr::RXM,
             (false, false) => 0,
@@ -229,10 +274,10 @@ impl BxCan {
     }
 
     fn master_reset(&mut self) {
-        let (enabled, timing) = (self.enabled, self.timing);
-        let Self { filters, mut fifos, .. } = std::mem::take(self);
+        let (enabled, timing, error_interrupts) = (self.enabled, self.timing, self.error_interrupts);
+        let Self { filters, mut fifos, complaints, .. } = std::mem::take(self);
         fifos.iter_mut().for_each(Fifo::clear);
-        *self = Self { enabled, timing, filters, fifos, ..Self::default() };
+        *self = Self { enabled, timing, filters, fifos, error_interrupts, complaints, ..Self::default() };
     }
 
     /// Takes the mode that MCR asks for, unless a frame is on the wire: then at its end.
@@ -387,6 +432,7 @@ impl BxCan {
 
     fn note_error(&mut self, noted: bool) {
         if noted {
+            self.error_interrupts += u32::from(self.noted & msr::ERRI == 0);
             self.noted |= msr::ERRI;
         }
     }

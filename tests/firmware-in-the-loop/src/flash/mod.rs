@@ -1,8 +1,9 @@
 //! The flash interface and bank 2 of an STM32F429ZI (RM0090 chapter 3, DS9405 for the times): really programs and erases.
 //!
 //! Bank 1 holds the image and is plain memory to the emulator; whoever programs or erases it is complained of. So is what
-//! would stall the processor on silicon: an access to bank 2 or to the control register during an operation there. The
-//! harness fails on any complaint.
+//! would stall the processor on silicon: an access to bank 2 or to the control register during an operation there; and what
+//! makes the data cache lie: an operation while it is on (ES0206), a read through it of what was changed since it was reset
+//! (RM0090 3.6.4). The harness fails on any complaint.
 //!
 //! Left out: option bytes, protection, read and write of bank 2 by an instruction fetch, times beyond the typical ones.
 
@@ -52,6 +53,9 @@ enum What {
 pub struct Flash {
     array: Array,
     keys: Keys,
+    access: u32,
+    /// The data cache may hold what has changed since.
+    stale: bool,
     control: u32,
     status: u32,
     operation: Option<Operation>,
@@ -75,6 +79,8 @@ impl Default for Flash {
         Self {
             array: Array::default(),
             keys: Keys::None,
+            access: 0,
+            stale: false,
             control: cr::LOCK,
             status: 0,
             operation: None,
@@ -161,6 +167,7 @@ impl Flash {
     pub fn read_register(&mut self, offset: u32, now: Nanos) -> Option<u32> {
         self.settle(now);
         match offset {
+            ACR => Some(self.access),
             KEYR | OPTKEYR => Some(0),
             SR => Some(self.status | if self.operation.is_some() { sr::BSY } else { 0 }),
             CR => Some(self.control),
@@ -172,6 +179,7 @@ impl Flash {
     pub fn write_register(&mut self, offset: u32, value: u32, now: Nanos) {
         self.settle(now);
         match offset {
+            ACR => self.set_access(value & acr::ALL, now),
             KEYR => self.unlock(value),
             SR => self.status &= !value,
             CR if self.operation.is_some() => {
@@ -197,6 +205,9 @@ impl Flash {
                 now,
                 &format!("bank 2 is read at {offset:#x} while it is busy: silicon stalls the processor"),
             );
+        }
+        if self.stale && self.access & acr::DCEN != 0 {
+            self.complain(now, "bank 2 is read through a data cache that was not reset since bank 2 was changed");
         }
         self.array.read(offset, bytes)
     }
@@ -231,6 +242,7 @@ impl Flash {
     /// Ends what ends by `now`.
     pub fn settle(&mut self, now: Nanos) {
         let Some(Operation { what, .. }) = self.operation.take_if(|operation| operation.until <= now) else { return };
+        self.stale = true;
         match what {
             What::Program { offset, bytes, value } => {
                 self.array.program(offset, bytes, value);
@@ -247,7 +259,24 @@ impl Flash {
         }
     }
 
+    fn set_access(&mut self, value: u32, now: Nanos) {
+        if value & acr::DCRST != 0 {
+            if self.access & acr::DCEN != 0 {
+                self.complain(now, "the data cache is reset while it is on");
+            } else {
+                self.stale = false;
+            }
+        }
+        self.access = value;
+    }
+
     fn begin(&mut self, operation: Operation) {
+        if self.access & acr::DCEN != 0 {
+            self.complain(
+                operation.from,
+                "bank 2 is changed while the data cache is on: reads may be corrupt (ES0206)",
+            );
+        }
         self.operation = Some(operation);
         self.journal.push(operation);
     }

@@ -1,5 +1,7 @@
 //! Where the registers are (RM0090 3.9, STM32F42xxx), and the bits in them.
 
+/// Access control.
+pub const ACR: u32 = 0x00;
 /// Key.
 pub const KEYR: u32 = 0x04;
 /// Option key.
@@ -13,6 +15,18 @@ pub const CR: u32 = 0x10;
 pub const KEY1: u32 = 0x4567_0123;
 /// The second one.
 pub const KEY2: u32 = 0xCDEF_89AB;
+
+/// Bits of [`ACR`].
+pub mod acr {
+    /// Data cache enable.
+    pub const DCEN: u32 = 1 << 10;
+    /// Instruction cache reset.
+    pub const ICRST: u32 = 1 << 11;
+    /// Data cache reset.
+    pub const DCRST: u32 = 1 << 12;
+    /// The bits there are.
+    pub const ALL: u32 = 0x1F0F;
+}
 
 /// Bits of [`SR`].
 pub mod sr {

@@ -220,3 +220,25 @@ fn a_cut_erase_leaves_a_mixture() {
     assert!((1..SECTOR_SIZE).contains(&erased), "{erased}");
     assert_eq!(flash.read_register(CR, 0), Some(cr::LOCK));
 }
+
+#[test]
+fn the_data_cache_has_to_be_off_while_bank_2_changes_and_reset_before_it_is_on_again() {
+    let mut flash = unlocked();
+    flash.write_register(ACR, acr::DCEN, 0);
+    let done = programmed(&mut flash, 0, 0, 0);
+    assert_eq!(flash.take_complaints().len(), 1, "it is on");
+    flash.write_register(ACR, 0, done);
+    let done = programmed(&mut flash, 4, 0, done);
+    assert_eq!(flash.read(4, 4, done), 0, "nothing is cached");
+    assert_eq!(flash.take_complaints(), Vec::<String>::new());
+    flash.write_register(ACR, acr::DCEN, done);
+    flash.read(4, 4, done);
+    assert_eq!(flash.take_complaints().len(), 1, "it was not reset");
+    flash.write_register(ACR, acr::DCEN | acr::DCRST, done);
+    assert_eq!(flash.take_complaints().len(), 1, "it is reset while it is on");
+    for access in [0, acr::DCRST, 0, acr::DCEN] {
+        flash.write_register(ACR, access, done);
+    }
+    flash.read(4, 4, done);
+    assert_eq!(flash.take_complaints(), Vec::<String>::new());
+}

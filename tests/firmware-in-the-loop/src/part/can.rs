@@ -26,6 +26,8 @@ pub struct Shared {
     pub changed: bool,
     /// The part was reset since the bus last looked.
     pub was_reset: bool,
+    /// Its clock was enabled, and is perhaps not there yet.
+    pub clock_starts: bool,
 }
 
 impl Can1 {
@@ -80,6 +82,7 @@ impl Device for CanDevice {
     type Register = Register;
 
     fn read(&mut self, register: Register, _: &mut RegisterFile, _: &mut DeviceContext<'_>) -> Option<u64> {
+        self.shared.lock().look_at_clock();
         Some(self.shared.lock().can.read(register.spec().offset).into())
     }
 
@@ -89,6 +92,7 @@ impl Device for CanDevice {
 
     fn write(&mut self, register: Register, value: u64, _: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         let mut shared = self.shared.lock();
+        shared.look_at_clock();
         let before = (shared.can.presence(), shared.can.is_recovering(), shared.can.offer());
         shared.can.write(register.spec().offset, value as u32);
         let after = (shared.can.presence(), shared.can.is_recovering(), shared.can.offer());
@@ -113,13 +117,27 @@ impl Device for CanDevice {
 
     fn reset(&mut self) {
         let mut shared = self.shared.lock();
-        *shared = Shared { clock_hz: shared.clock_hz, changed: true, was_reset: true, ..Shared::default() };
+        let complaints = shared.can.take_complaints();
+        *shared = Shared {
+            clock_hz: shared.clock_hz,
+            changed: true,
+            was_reset: true,
+            clock_starts: shared.clock_starts,
+            ..Shared::default()
+        };
+        shared.can.complain_of(complaints);
         drop(shared);
         *self = Self::new(self.shared.clone());
     }
 }
 
 impl Shared {
+    fn look_at_clock(&mut self) {
+        if std::mem::take(&mut self.clock_starts) {
+            self.can.complain("CAN1 is accessed right after its clock was enabled: it may be without a clock".into());
+        }
+    }
+
     /// What the bus sees of it, with the bit rate in bits per second, 0 for one that is no whole number; `None` when it is
     /// off the bus. One that sleeps before it was ever set up is.
     #[must_use]

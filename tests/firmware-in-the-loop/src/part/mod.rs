@@ -5,6 +5,7 @@
 mod can;
 mod console;
 mod flash;
+mod rcc;
 
 use std::num::NonZeroU64;
 
@@ -16,7 +17,7 @@ use rigless::soc::stm32f427::peripherals::dbg::Dbg;
 use rigless::soc::stm32f427::peripherals::gpio::{Gpio, Pin};
 use rigless::soc::stm32f427::peripherals::iwdg::Iwdg;
 use rigless::soc::stm32f427::peripherals::pwr::Pwr;
-use rigless::soc::stm32f427::peripherals::rcc::{self, Rcc};
+use rigless::soc::stm32f427::peripherals::rcc as stock;
 use rigless::soc::stm32f427::peripherals::tim::{Counter, General, Tim};
 use rigless::soc::stm32f427::peripherals::usart::{Kind, Usart};
 use rigless::soc::{Bus, Clock, Cpu, Endian, Error, Gate, Peripheral, Region, Window, WriteModify};
@@ -27,8 +28,10 @@ pub use console::{Lines, Terminal};
 pub use flash::SharedFlash;
 
 use crate::flash::{BANK2, BANK2_SIZE};
+use crate::warm::CoreView;
 use can::CanDevice;
 use flash::{Bank2, FlashInterface};
+use rcc::Clocks;
 
 /// Interrupt lines of the STM32F429 (RM0090 table 63).
 const INTERRUPT_LINES: u16 = 91;
@@ -87,12 +90,14 @@ pub struct Connections {
     pub flash: SharedFlash,
     /// The console on USART3.
     pub terminal: Terminal,
+    /// A debugger's look at the core.
+    pub core: CoreView,
 }
 
 /// The part.
 #[derive(Debug)]
 pub struct Stm32f429 {
-    rcc: Rcc,
+    rcc: Clocks,
     pwr: Pwr,
     gpio: [Gpio; PORTS.len()],
     tim5: Tim<General>,
@@ -133,7 +138,7 @@ impl Stm32f429 {
     /// # Errors
     /// When the description of the part contradicts itself.
     pub fn new(connections: Connections) -> Result<Self, Error> {
-        let tim5 = Tim::with_clock(rcc::HSI_HZ, Counter::Wide);
+        let tim5 = Tim::with_clock(stock::HSI_HZ, Counter::Wide);
         let mut bus = describe(&tim5)?;
         let size = NonZeroU64::new(BANK2_SIZE as u64).expect("bank 2 is not empty");
         let bank2 = bus.add_window(Window::new("bank 2", BANK2, size))?;
@@ -154,17 +159,17 @@ impl Stm32f429 {
             bank2,
             can: bus.slot("CAN1")?,
         };
-        let mut usart3 = Usart::with_clock(Kind::Usart, rcc::HSI_HZ);
+        let mut usart3 = Usart::with_clock(Kind::Usart, stock::HSI_HZ);
         usart3.attach(connections.terminal.clone());
         let mut part = Self {
-            rcc: Rcc::new(),
+            rcc: Clocks::new(connections.can.clone()),
             pwr: Pwr::new(),
             gpio: std::array::from_fn(|_| Gpio::default()),
             tim5,
             usart3,
             iwdg: Iwdg::new(),
             dbg: Dbg,
-            dwt: Dwt::with_clock(rcc::HSI_HZ),
+            dwt: Dwt::with_clock(stock::HSI_HZ),
             flash: FlashInterface::new(connections.flash.clone()),
             bank2: Bank2::new(connections.flash.clone(), bus.slots()[bank2].peripheral().registers),
             can: CanDevice::new(connections.can.clone()),
@@ -174,7 +179,7 @@ impl Stm32f429 {
             driven: Vec::new(),
             resets: 0,
         };
-        part.rcc.attach_crystals(HSE_HZ, NO_LSE);
+        part.rcc.rcc.attach_crystals(HSE_HZ, NO_LSE);
         part.pwr.set_supply(SUPPLY_MV, part.bus.slot_mut(slots.pwr).registers_mut());
         part.check()?;
         Ok(part)
@@ -187,6 +192,11 @@ impl Stm32f429 {
         self.driven.push((port, pin, high));
         let (registers, mut context) = self.bus.drive(now, self.slots.gpio[port as usize]);
         self.gpio[port as usize].drive(number, Some(high.into()), registers, &mut context);
+    }
+
+    /// Sets the supply voltage.
+    pub fn supply(&mut self, millivolts: u32) {
+        self.pwr.set_supply(millivolts, self.bus.slot_mut(self.slots.pwr).registers_mut());
     }
 
     /// Cuts the supply, or gives it back: with the next thing that happens.
@@ -228,14 +238,14 @@ fn describe(tim5: &Tim<General>) -> Result<Bus, Error> {
         .reset_by("CAN1", Gate::by("RCC", "APB1RSTR", "CAN1RST"))
         .gate("USART3", Gate::by("RCC", "APB1ENR", "USART3EN"))
         .reset_by("USART3", Gate::by("RCC", "APB1RSTR", "UART3RST"))
-        .clocked_by("USART3", Clock::output("RCC", rcc::PCLK1))
+        .clocked_by("USART3", Clock::output("RCC", stock::PCLK1))
         .gate("TIM5", Gate::by("RCC", "APB1ENR", "TIM5EN"))
         .reset_by("TIM5", Gate::by("RCC", "APB1RSTR", "TIM5RST"))
-        .clocked_by("TIM5", Clock::output("RCC", rcc::APB1_TIMERS))
+        .clocked_by("TIM5", Clock::output("RCC", stock::APB1_TIMERS))
         .gate_writes("RCC", &["BDCR"], Gate::by("PWR", "CR", "DBP"))
         .reads_requests("RCC")
-        .clocked_by(armv7m::DWT, Clock::output("RCC", rcc::HCLK))
-        .clocked_by("IWDG", Clock::output("RCC", rcc::IWDG_CLK));
+        .clocked_by(armv7m::DWT, Clock::output("RCC", stock::HCLK))
+        .clocked_by("IWDG", Clock::output("RCC", stock::IWDG_CLK));
     for (port, enable, reset, values) in &PORTS {
         bus = bus
             .gate(port.name, Gate::by("RCC", "AHB1ENR", enable))
@@ -259,7 +269,7 @@ impl Mcu for Stm32f429 {
     fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
         let slots = self.slots;
         if slot == slots.can {
-            self.connections.can.lock().clock_hz = self.rcc.pclk1(self.bus.slots()[slots.rcc].registers());
+            self.connections.can.lock().clock_hz = self.rcc.rcc.pclk1(self.bus.slots()[slots.rcc].registers());
         }
         if slot == slots.tim5 {
             // `rigless` 0.4.0 notes a compare match when EGR.UG finds the counter, stopped, equal to a compare register;
@@ -299,7 +309,7 @@ impl Mcu for Stm32f429 {
         // What comes with the power is as new, its flags of the last reset included.
         if cause != ResetCause::PowerOn {
             let Self { rcc, bus, slots, .. } = &mut fresh;
-            rcc.restarted(cause, flags, bus.slot_mut(slots.rcc).registers_mut());
+            rcc.rcc.restarted(cause, flags, bus.slot_mut(slots.rcc).registers_mut());
         }
         for (port, pin, high) in &self.driven {
             fresh.drive(*port, *pin, *high, at);

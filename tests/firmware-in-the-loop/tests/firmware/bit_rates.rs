@@ -2,12 +2,13 @@
 
 use firmware_in_the_loop::bench::ImageBench;
 use firmware_in_the_loop::bxcan::BitTiming;
-use firmware_in_the_loop::bxcan::registers::{BTR, MCR, mcr};
+use firmware_in_the_loop::bxcan::registers::{BTR, MCR, TSR, mcr};
 use hal_sim::bus::FrameBits;
 use hal_sim::use_case::Bench;
 use protocol_core::controller::BitRate;
 
-use super::client::{Client, VALVE, frame};
+use super::client::{Client, ImageClient, VALVE, frame};
+use super::overtaking::fill;
 
 #[test]
 fn each_bit_rate_is_exact_and_samples_where_cia_says() {
@@ -40,14 +41,14 @@ fn each_bit_rate_is_exact_and_samples_where_cia_says() {
 
 #[test]
 fn a_bit_rate_is_changed_at_run_time_with_both_delays() {
-    let mut client = super::client::ImageClient::booted();
+    let mut client = ImageClient::booted();
     client.send("000: 02 00");
     client.send("7E5: 04 01 00 00 00 00 00 00");
     client.send("7E5: 13 00 02 00 00 00 00 00");
     client.expect("7E4: 13 00 00 00 00 00 00 00");
     client.send("7E5: 15 32 00 00 00 00 00 00");
     let board = client.bench.board;
-    let rate = |client: &super::client::ImageClient| client.bench.rig.bits_per_second(board);
+    let rate = |client: &ImageClient| client.bench.rig.bits_per_second(board);
     client.wait_ms(45);
     assert_eq!(rate(&client), Some(250_000));
     client.wait_ms(10);
@@ -60,22 +61,38 @@ fn a_bit_rate_is_changed_at_run_time_with_both_delays() {
     client.expect("7E4: 5E 20 00 00 00 00 00 00");
 }
 
+#[test]
+fn what_waits_is_dropped_when_the_bit_rate_changes() {
+    let mut client = ImageClient::booted();
+    let board = client.bench.board;
+    client.send("7E5: 04 01 00 00 00 00 00 00");
+    client.send("7E5: 13 00 02 00 00 00 00 00");
+    client.send("7E5: 15 32 00 00 00 00 00 00");
+    client.wait_ms(5);
+    // Nobody acknowledges what is sent now.
+    let master = client.bench.master;
+    client.bench.rig.world.remove_tap(master);
+    fill(&mut client, 0, "7FF:");
+    let empty = |client: &ImageClient| client.bench.rig.connections(board).can.lock().can.read(TSR) >> 26 & 0b111;
+    let start = client.now_us();
+    while client.bench.rig.bits_per_second(board) != Some(500_000) {
+        if client.bench.rig.bits_per_second(board) == Some(250_000) {
+            assert_eq!(empty(&client), 0b110, "it waits");
+        }
+        client.step();
+        assert!(client.now_us() < start + 60_000, "the bit rate has not changed");
+    }
+    assert_eq!(empty(&client), 0b111, "it is dropped");
+}
+
 /// The valves of this release run at three of them. The timings of the others are those of the firmware's table, on the
 /// clock that the image has set up, and the bus measures what the controller makes of them.
 #[test]
 fn each_timing_of_the_firmwares_table_is_exact_on_the_boards_clock() {
-    let mut client = super::client::ImageClient::booted();
+    let mut client = ImageClient::booted();
     let board = client.bench.board;
     for rate in BitRate::ALL {
-        {
-            let mut shared = client.bench.rig.connections(board).can.lock();
-            let control = shared.can.read(MCR);
-            shared.can.write(MCR, control | mcr::INRQ);
-            shared.can.write(BTR, firmware::bit_timing::BitTiming::of(rate).register());
-            shared.can.write(MCR, control);
-        }
-        client.bench.set_bit_rate(rate);
-        client.wait_ms(10);
+        set_timing(&mut client, rate);
         assert_eq!(client.bench.rig.bits_per_second(board), Some(rate.bits_per_second().into()));
         assert_eq!(client.read(0x1018, 1), 0x0100_0019, "{rate:?}");
         let took = client.bench.rig.last_sent(board).expect("it was sent").as_micros();
@@ -83,4 +100,17 @@ fn each_timing_of_the_firmwares_table_is_exact_on_the_boards_clock() {
         let expected = u64::from(bits) * 1_000_000 / u64::from(rate.bits_per_second());
         assert!(took.abs_diff(expected) <= 1, "{rate:?}: {took} us instead of {expected} us");
     }
+}
+
+/// Runs bus and controller at a bit rate, behind the firmware's back.
+pub fn set_timing(client: &mut ImageClient, rate: BitRate) {
+    {
+        let mut shared = client.bench.rig.connections(client.bench.board).can.lock();
+        let control = shared.can.read(MCR);
+        shared.can.write(MCR, control | mcr::INRQ);
+        shared.can.write(BTR, firmware::bit_timing::BitTiming::of(rate).register());
+        shared.can.write(MCR, control);
+    }
+    client.bench.set_bit_rate(rate);
+    client.wait_ms(10);
 }

@@ -48,10 +48,7 @@ impl ImageClient {
             let mut lines: Vec<String> = complete.split("\r\n").map(str::to_owned).collect();
             match lines.pop() {
                 Some(last) if last == "ok" => return Ok(lines),
-                Some(last) if last.contains(" | ") => {
-                    lines.push(last);
-                    return Err(lines.join("\n"));
-                }
+                Some(last) if last.starts_with("not understood") => return Err(last),
                 _ => {}
             }
         }

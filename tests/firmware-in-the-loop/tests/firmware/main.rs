@@ -13,5 +13,6 @@ mod overtaking;
 mod power_cut;
 mod reception;
 mod resets;
+mod silicon;
 mod storing;
 mod use_cases;

@@ -1,9 +1,12 @@
 //! What comes in: length codes above 8, both FIFOs, frames for nobody.
 
+use firmware_in_the_loop::broken::Break;
+use firmware_in_the_loop::bxcan::Message;
 use firmware_in_the_loop::bxcan::registers::{FFA1R, FMR};
 use protocol_core::frame::{Frame, extended, standard};
 
-use super::client::ImageClient;
+use super::client::{ImageClient, frame};
+use super::resets::HANDLES_SDO;
 
 /// Puts all filters of the board's controller to a FIFO, behind the firmware's back.
 fn assign_filters(client: &ImageClient, fifo: u32) {
@@ -41,4 +44,52 @@ fn length_codes_from_9_to_15_do_no_harm_in_either_fifo() {
     }
     client.bench.rig.power(board, false);
     assert_eq!(client.bench.rig.resets(board), []);
+}
+
+/// Holds the device's task in an SDO request while so many set-points come, and lets it go.
+fn held_for(client: &mut ImageClient, frames: usize) {
+    let hold = Break::Hang.apply(client.machine(), &HANDLES_SDO);
+    client.send("620: 40 18 10 01 00 00 00 00");
+    for number in 0..frames {
+        client.send(&format!("220: 00 00 {:02X} 00", number & 0xFF));
+    }
+    while client.bench.rig.world.pending(client.bench.master) > 0 {
+        client.step();
+    }
+    hold.mend(client.machine());
+    client.expect("5A0: 43 18 10 01 19 00 00 01");
+    client.wait_ms(300);
+}
+
+#[test]
+fn a_burst_while_the_devices_task_is_held_loses_nothing() {
+    let mut client = ImageClient::booted();
+    held_for(&mut client, 250);
+    assert_eq!(client.bench.rig.connections(client.bench.board).can.lock().can.lost(), [0, 0], "in the controller");
+    assert_eq!(client.status_of("overruns"), "0");
+    // The queue holds 256, beside the request that the task is held in.
+    held_for(&mut client, 260);
+    assert_eq!(client.status_of("overruns"), "4");
+    assert_eq!(client.read(0x1018, 1), 0x0100_0019);
+    client.end_without_reset();
+}
+
+#[test]
+fn an_overrun_of_the_controller_is_counted_once_and_what_comes_after_it_is_received() {
+    let mut client = ImageClient::booted();
+    let board = client.bench.board;
+    for fifo in [0, 1] {
+        assign_filters(&client, fifo);
+        let before: u32 = client.status_of("overruns").parse().expect("a number");
+        {
+            let mut shared = client.bench.rig.connections(board).can.lock();
+            // More than a FIFO holds, before the processor gets to run.
+            (0..5).for_each(|_| shared.can.receive(Message::from(frame("220: 00 00 00 00"))));
+        }
+        client.wait_ms(5);
+        assert_eq!(client.status_of("overruns"), (before + 1).to_string(), "FIFO {fifo}");
+        assert_eq!(client.read(0x1018, 1), 0x0100_0019, "FIFO {fifo}");
+        assert_eq!(client.status_of("overruns"), (before + 1).to_string(), "FIFO {fifo}");
+    }
+    client.end_without_reset();
 }

@@ -7,20 +7,42 @@ use protocol_core::time::{Duration, after};
 use super::client::ImageClient;
 
 /// What the device's task calls for an SDO request, and nobody else: each after what it is inlined into, should it be.
-const HANDLES_SDO: [&str; 3] =
-    ["SdoServer<D>::handle", "Node<P>>::serve_sdo", "CanopenValve as protocol_core::device::host::Body>::handle"];
+pub const HANDLES_SDO: [&str; 4] = [
+    "SdoServer<D>::handle",
+    "Node<P>>::serve_sdo",
+    "canopen::node::Node<P>::answer_sdo",
+    "CanopenValve as protocol_core::device::host::Body>::handle",
+];
 /// The watchdog's time, with some room.
 const WATCHDOG: Duration = Duration::from_millis(2500);
 /// A panic resets by itself: long before the watchdog does.
-const AT_ONCE: Duration = Duration::from_millis(20);
+pub const AT_ONCE: Duration = Duration::from_millis(20);
+
+/// What writes a record, and nobody but the memory's task calls.
+const STORES: [&str; 1] = ["ItemLengths<S,_> as embedded_storage_async::nor_flash::NorFlash>::write"];
+/// What the handler runs that polls the device's task.
+const POLLS_DEVICE: [&str; 1] = ["UART5"];
+/// The longest that the memory may take, and the watchdog's time.
+const HANGING_MEMORY: std::ops::Range<u64> = 3_000_000..5_500_000;
 
 const NO_ERROR: &str = "0A0: 00 00 00 00 00 00 00 00";
 
 /// The device's task is broken as it handles an SDO request: waits for the reset, at most so long, and mends it.
-fn break_and_wait(client: &mut ImageClient, how: Break, patience: Duration) -> Duration {
-    let mended = how.apply(client.machine(), &HANDLES_SDO);
+pub fn break_and_wait(client: &mut ImageClient, how: Break, patience: Duration) -> Duration {
+    break_there_and_wait(client, how, &HANDLES_SDO, "620: 40 18 10 01 00 00 00 00", patience)
+}
+
+/// One of these functions is broken, and a frame is sent: waits for the reset, at most so long, and mends it.
+fn break_there_and_wait(
+    client: &mut ImageClient,
+    how: Break,
+    names: &[&str],
+    text: &str,
+    patience: Duration,
+) -> Duration {
+    let mended = how.apply(client.machine(), names);
     let before = client.machine().reached().resets;
-    client.send("620: 40 18 10 01 00 00 00 00");
+    client.send(text);
     let start = client.bench.now();
     while client.machine().reached().resets == before {
         assert!(client.bench.now() < after(start, patience), "{how:?}: no reset within {patience}");
@@ -102,4 +124,36 @@ fn a_reset_in_the_middle_of_an_erase_loses_nothing() {
     client.expect("720: 00");
     client.expect(NO_ERROR);
     assert_eq!(client.read(0x1028, 1), 0xA2);
+}
+
+#[test]
+fn a_memory_that_hangs_is_ended_by_the_watchdog() {
+    let mut client = ImageClient::booted();
+    client.wait_ms(200);
+    let patience = Duration::from_micros(HANGING_MEMORY.end);
+    let took = break_there_and_wait(&mut client, Break::Hang, &STORES, "620: 23 10 10 01 73 61 76 65", patience);
+    assert!(HANGING_MEMORY.contains(&took.as_micros()), "{took}");
+    expect_internal_error(&mut client, 1);
+    client.write(0x1010, 1, 4, super::client::SAVE);
+    let resets = client.bench.rig.resets(client.bench.board);
+    assert!(resets.len() == 1 && resets[0].cause.contains("IWDG"), "{resets:?}");
+}
+
+#[test]
+fn a_device_task_that_is_not_woken_is_ended_by_the_watchdog_though_all_others_run() {
+    let mut client = ImageClient::booted();
+    break_there_and_wait(&mut client, Break::Return, &POLLS_DEVICE, "080:", WATCHDOG);
+    expect_internal_error(&mut client, 1);
+}
+
+#[test]
+fn a_reset_that_was_wanted_is_none_of_the_watchdogs_before_it() {
+    let mut client = ImageClient::booted();
+    break_and_wait(&mut client, Break::Hang, WATCHDOG);
+    expect_internal_error(&mut client, 1);
+    client.wait_ms(200);
+    client.obeyed("power-cycle");
+    client.expect("720: 00");
+    client.expect(NO_ERROR);
+    assert_eq!(client.listen_ms(200), []);
 }

@@ -145,3 +145,30 @@ fn loop_back_receives_the_own_messages_off_the_bus() {
         assert_eq!(can.read(RF0R) & 3, 1, "once");
     }
 }
+
+#[test]
+fn what_cannot_be_written_now_is_complained_of() {
+    let mut can = on_bus(0);
+    let timing = can.read(BTR);
+    request(&mut can, 0, &std(0x100, &[]));
+    for (register, value) in [(BTR, 0), (TI0R, 0), (TI0R + 4, 8), (FM1R, 1), (FS1R, 0), (FFA1R, 1), (F0R1, 7)] {
+        let before = can.read(register);
+        can.write(register, value);
+        assert_eq!(can.take_complaints().len(), 1, "{register:#x}");
+        assert_eq!(can.read(register), before, "{register:#x}");
+    }
+    assert_eq!(can.read(BTR), timing);
+    // A bank that is off can be changed, and so can an empty mailbox.
+    can.write(F0R1 + 8, 7);
+    can.write(TI0R + 0x10, 0);
+    assert_eq!(can.take_complaints(), Vec::<String>::new());
+}
+
+#[test]
+fn whether_it_sends_can_be_shown_otherwise() {
+    let mut can = on_bus(0);
+    for (shown, reads) in [(None, 0), (Some(true), msr::TXM), (Some(false), 0)] {
+        can.show_sending(shown);
+        assert_eq!(can.read(MSR) & msr::TXM, reads);
+    }
+}

@@ -1,0 +1,42 @@
+//! Frames of the core as frames of `bxcan`, and back.
+
+use embassy_stm32::pac::CAN1;
+use protocol_core::frame::{Frame, Id, extended, standard};
+
+/// Converts a frame of the core for `bxcan`, or one of `bxcan`, which was made of such a frame, for the core; it always can.
+pub(super) fn convert<From: embedded_can::Frame, To: embedded_can::Frame>(frame: &From) -> Option<To> {
+    if frame.is_remote_frame() { To::new_remote(frame.id(), frame.dlc()) } else { To::new(frame.id(), frame.data()) }
+}
+
+/// Length code and data at the output of a receive FIFO.
+///
+/// `bxcan` keeps the length code as it was received, and panics when a frame with a code of 9–15, which CAN allows and
+/// which means 8, is asked for its length or its data. So both are read here, before `bxcan` releases the frame.
+pub(super) struct Payload {
+    len: u8,
+    data: [u8; 8],
+}
+
+impl Payload {
+    /// Reads the output of a FIFO.
+    pub(super) fn peek(fifo: usize) -> Self {
+        let output = CAN1.rx(fifo);
+        let len = output.rdtr().read().dlc();
+        let [a, b, c, d] = output.rdlr().read().0.to_le_bytes();
+        let [e, f, g, h] = output.rdhr().read().0.to_le_bytes();
+        Self { len, data: [a, b, c, d, e, f, g, h] }
+    }
+
+    /// Returns the frame that `bxcan` has taken, with this payload.
+    pub(super) fn of(self, frame: &bxcan::Frame) -> Frame {
+        let id = embedded_can::Frame::id(frame);
+        if frame.is_remote_frame() { Frame::remote(id, self.len) } else { Frame::with_len(id, self.data, self.len) }
+    }
+}
+
+/// Returns the identifier that a transmit mailbox holds.
+pub(super) fn identifier(mailbox: usize) -> Id {
+    let register = CAN1.tx(mailbox).tir().read().0;
+    let is_extended = register & 1 << 2 != 0;
+    if is_extended { extended(register >> 3).into() } else { standard((register >> 21) as u16).into() }
+}

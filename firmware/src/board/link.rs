@@ -1,0 +1,107 @@
+//! The way onto the bus and off it: bit rates, and bus-off as the plant wants it.
+
+use embassy_time::{Duration, Instant};
+use protocol_core::controller::{BitRate, BusErrorMode, Controller as _, Filter};
+
+use super::attention::Attention;
+use super::can::Can1;
+
+/// How often it is looked whether the controller has left the bus: it waits for the end of a frame.
+const LEAVING: Duration = Duration::from_micros(50);
+
+/// No frame takes longer: 160 bits at 10 kbit/s, with the error frame that may end it.
+const LONGEST_FRAME: Duration = Duration::from_millis(20);
+
+/// The way back from bus-off takes so many bits (ISO 11898-1): 128 sequences of 11.
+const RECOVERY_BITS: u64 = 128 * 11;
+
+/// The controller, and its standing on the bus.
+pub(super) struct Link {
+    /// The controller.
+    pub(super) can: Can1,
+    bit_rate: BitRate,
+    state: State,
+    mode: BusErrorMode,
+}
+
+/// Whether the plant lets the controller take part in the bus.
+#[derive(Clone, Copy)]
+enum State {
+    Up,
+    /// It is kept off.
+    Cut,
+    /// It is on its way back until then.
+    Recovering(Instant),
+}
+
+impl Link {
+    /// A controller that has not joined the bus yet.
+    pub(super) const fn new(can: Can1) -> Self {
+        Self { can, bit_rate: BitRate::Kbit250, state: State::Up, mode: BusErrorMode::ErrorActive }
+    }
+
+    /// Returns the bit rate in force.
+    pub(super) const fn bit_rate(&self) -> BitRate {
+        self.bit_rate
+    }
+
+    /// Runs the bus at a bit rate from now on; what waits to be sent is dropped.
+    pub(super) async fn set_bit_rate(&mut self, bit_rate: BitRate, attention: &mut Attention) {
+        self.bit_rate = bit_rate;
+        if let State::Up = self.state {
+            self.leave(attention).await;
+            self.can.join(bit_rate);
+        }
+    }
+
+    /// Follows the plant, which may cut the controller off, and the controller's own error mode. Returns that of the link,
+    /// as of now; on the way into bus-off what waits to be sent is dropped.
+    pub(super) async fn follow(&mut self, is_cut: bool, attention: &mut Attention) -> BusErrorMode {
+        match self.state {
+            State::Up if is_cut => {
+                self.leave(attention).await;
+                self.state = State::Cut;
+            }
+            State::Cut if !is_cut => {
+                let bits_per_second = u64::from(self.bit_rate.bits_per_second());
+                let recovery = Duration::from_micros(RECOVERY_BITS * 1_000_000 / bits_per_second);
+                self.state = State::Recovering(Instant::now() + recovery);
+            }
+            State::Recovering(until) if until <= Instant::now() => {
+                self.can.join(self.bit_rate);
+                self.state = State::Up;
+            }
+            _ => {}
+        }
+        let mode = match self.state {
+            State::Up => self.can.mode(),
+            State::Cut | State::Recovering(_) => BusErrorMode::BusOff,
+        };
+        if mode == BusErrorMode::BusOff && self.mode != BusErrorMode::BusOff {
+            self.can.abort(Filter::ALL);
+        }
+        self.mode = mode;
+        mode
+    }
+
+    /// Leaves the bus at the end of the current frame.
+    async fn leave(&mut self, attention: &mut Attention) {
+        self.can.leave();
+        if !self.has_left(attention).await {
+            // On a bus that is stuck no frame ever ends.
+            self.can.reset();
+            self.has_left(attention).await;
+        }
+    }
+
+    /// Waits until the controller has left the bus, for as long as a frame can take. Returns whether it has.
+    async fn has_left(&self, attention: &mut Attention) -> bool {
+        for _ in 0..LONGEST_FRAME.as_micros() / LEAVING.as_micros() {
+            if self.can.has_left() {
+                return true;
+            }
+            attention.pause(LEAVING).await;
+        }
+        false
+    }
+}

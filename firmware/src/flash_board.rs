@@ -1,0 +1,22 @@
+//! What `cargo flash-board` runs on the host, with the image as argument: probe-rs, which flashes it and shows its log.
+
+use std::env::args_os;
+use std::io::ErrorKind;
+use std::process::{Command, ExitCode};
+
+const MISSING: &str = "\
+probe-rs is missing: it is not installed, or not in PATH. docs/board.md, \"probe-rs\", says how to install it,
+and \"Flashing\" how to flash without it.";
+
+/// Runs probe-rs, or says what is missing.
+pub(crate) fn run() -> ExitCode {
+    let status = Command::new("probe-rs").args(["run", "--chip", "STM32F429ZITx"]).args(args_os().skip(1)).status();
+    match status {
+        Ok(status) if status.success() => return ExitCode::SUCCESS,
+        // It has said why.
+        Ok(_) => {}
+        Err(error) if error.kind() == ErrorKind::NotFound => eprintln!("{MISSING}"),
+        Err(error) => eprintln!("probe-rs: {error}"),
+    }
+    ExitCode::FAILURE
+}

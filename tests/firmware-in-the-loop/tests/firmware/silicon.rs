@@ -1,0 +1,145 @@
+//! What the emulator would let pass and silicon does not: how the processor is set up, and what it does at the edges of the
+//! manual and of the errata sheet.
+
+use firmware_in_the_loop::broken::Break;
+use firmware_in_the_loop::image::Image;
+use hal_sim::use_case::Bench as _;
+use protocol_core::frame::{Frame, standard};
+
+use super::client::{ImageClient, SAVE, download, frame};
+
+/// Registers (RM0090, PM0214).
+const RCC_CR: u64 = 0x4002_3800;
+const RCC_CFGR: u64 = 0x4002_3808;
+const FLASH_ACR: u64 = 0x4002_3C00;
+const PWR_CR: u64 = 0x4000_7000;
+const DBGMCU_APB1_FZ: u64 = 0xE004_2008;
+const GPIOA_MODER: u64 = 0x4002_0000;
+const GPIOA_PUPDR: u64 = 0x4002_000C;
+const NVIC_IPR: u64 = 0xE000_E400;
+
+/// Interrupts (RM0090 table 63), those of a line with one priority, the most urgent first.
+const PRIORITIES: [&[(&str, u64)]; 4] = [
+    &[("CAN1_TX", 19), ("CAN1_RX0", 20), ("CAN1_RX1", 21), ("CAN1_SCE", 22)],
+    &[("TIM5: the clock", 50)],
+    &[("UART5: the device's task", 53)],
+    &[("FLASH", 4), ("USART3", 39)],
+];
+
+/// Where flags, read and write index of the log's channel lie in the control block of RTT.
+const RTT_SIZE: u64 = 32;
+const RTT_WRITE: u64 = 36;
+const RTT_READ: u64 = 40;
+const RTT_FLAGS: u64 = 44;
+/// Whoever logs waits for room.
+const BLOCK_IF_FULL: u32 = 2;
+
+fn word(client: &ImageClient, address: u64) -> u32 {
+    let bytes = client.machine().read(address..address + 4);
+    u32::from_le_bytes(bytes.try_into().expect("four bytes"))
+}
+
+#[test]
+fn the_clock_comes_from_the_st_link_and_the_flash_is_as_fast_as_it_can_be() {
+    let client = ImageClient::booted();
+    let register = |address| client.machine().register(address);
+    assert_eq!(register(RCC_CR) >> 16 & 0b111, 0b111, "HSE is on, ready, and bypassed: no crystal is fitted");
+    assert_eq!(register(RCC_CFGR) >> 2 & 0b11, 0b10, "the PLL is the system clock");
+    assert_eq!(register(RCC_CFGR) >> 10 & 0b111, 0b101, "APB1 is a quarter of it");
+    assert_eq!(register(FLASH_ACR) >> 8 & 0b111, 0b111, "prefetch, instruction cache, data cache");
+    assert_eq!(register(FLASH_ACR) & 0xF, 5, "wait states at 160 MHz (RM0090 table 11)");
+}
+
+#[test]
+fn interrupts_have_the_priorities_of_the_table() {
+    let mut client = ImageClient::booted();
+    let core = client.bench.rig.connections(client.bench.board).core.clone();
+    (0..16).for_each(|word| core.watch(NVIC_IPR + 4 * word));
+    client.wait_ms(10);
+    let priority = |line: u64| core.get(NVIC_IPR + (line & !3)).expect("it is watched") >> (8 * (line & 3)) & 0xFF;
+    let mut above = 0;
+    for lines in PRIORITIES {
+        let (_, first) = lines[0];
+        for (name, line) in lines {
+            assert_eq!(priority(*line), priority(first), "{name}");
+        }
+        assert!(priority(first) > above, "{lines:?}: {} is not below {above}", priority(first));
+        above = priority(first);
+    }
+}
+
+#[test]
+fn errata_and_debugger() {
+    let client = ImageClient::booted();
+    let register = |address| client.machine().register(address);
+    assert_eq!(register(GPIOA_MODER) >> 24 & 0b11, 0, "PA12 is an input");
+    assert_eq!(
+        register(GPIOA_PUPDR) >> 24 & 0b11,
+        0b10,
+        "with a pull-down: early silicon reads bank 2 wrongly otherwise"
+    );
+    assert_eq!(register(DBGMCU_APB1_FZ) >> 12 & 1, 1, "the watchdog stands while a debugger halts the core");
+}
+
+#[test]
+fn nothing_is_written_while_the_supply_is_too_low() {
+    let mut client = ImageClient::booted();
+    let board = client.bench.board;
+    assert_eq!(client.machine().register(PWR_CR) >> 4 & 0b1111, 0b1101, "the detector is on, at 2.93 V");
+    let operations = |client: &ImageClient| client.bench.rig.connections(board).flash.lock().journal().len();
+    client.write(0x1028, 1, 4, 0xA1);
+    let before = operations(&client);
+    client.machine().supply(2850);
+    assert_eq!(client.sdo(download(0x1010, 1, 4, SAVE))[0], 0x80, "an abort");
+    assert_eq!(operations(&client), before);
+    client.machine().supply(3300);
+    client.write(0x1010, 1, 4, SAVE);
+    client.bench.power_cycle();
+    while client.receive() != Some(frame("720: 00")) {}
+    client.aside.clear();
+    assert_eq!(client.read(0x1028, 1), 0xA1);
+    client.end_without_reset();
+}
+
+#[test]
+fn errors_that_go_on_do_not_interrupt_again() {
+    let mut client = ImageClient::booted();
+    let board = client.bench.board;
+    let interrupts = |client: &ImageClient| client.bench.rig.connections(board).can.lock().can.error_interrupts();
+    let before = interrupts(&client);
+    let master = client.bench.master;
+    // Alone on the bus: the answer is tried again and again.
+    client.bench.send(Frame::full(standard(0x620).into(), [0x40, 0x18, 0x10, 1, 0, 0, 0, 0]));
+    while client.bench.rig.world.pending(master) > 0 {
+        client.step();
+    }
+    client.bench.rig.world.remove_tap(master);
+    client.wait_ms(1000);
+    assert_eq!(client.status_of("bus"), "error-passive");
+    assert_eq!(interrupts(&client) - before, 1);
+    assert_eq!(client.status_of("error_interrupts"), "1");
+    client.bench.master = client.bench.rig.world.add_tap("another master");
+    client.wait_ms(100);
+    client.aside.clear();
+    // Error-active again, and it would be told of the next time.
+    for _ in 0..20 {
+        client.read(0x1018, 1);
+    }
+    assert_eq!(client.status_of("bus"), "error-active");
+    client.bench.rig.world.inject(hal_sim::bus::DestroyNext::frames_of("board", 3));
+    client.read(0x1018, 1);
+    assert_eq!(client.status_of("error_interrupts"), "2");
+    client.end_without_reset();
+}
+
+#[test]
+fn a_log_that_nobody_reads_keeps_nobody_waiting() {
+    let mut client = ImageClient::booted();
+    let control = Image::get().symbols().address("_SEGGER_RTT").expect("there is a log");
+    // As a debugger leaves it that has detached: the buffer is full, and who logs is to wait.
+    client.machine().write(control + RTT_FLAGS, &BLOCK_IF_FULL.to_le_bytes());
+    let next = (word(&client, control + RTT_WRITE) + 1) % word(&client, control + RTT_SIZE);
+    client.machine().write(control + RTT_READ, &next.to_le_bytes());
+    super::resets::break_and_wait(&mut client, Break::Panic, super::resets::AT_ONCE);
+    client.expect("720: 00");
+}
