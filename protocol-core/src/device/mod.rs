@@ -5,6 +5,7 @@
 
 pub mod fault_log;
 pub mod host;
+pub mod plant;
 pub mod pve;
 pub mod reading;
 mod senses;
