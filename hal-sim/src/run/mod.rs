@@ -11,6 +11,8 @@
 //! outside     the wall clock and the messages of clients, as the driver sees them
 //! clients     the world's end of every gateway
 //! trace       the bus on stdout and in the log
+//! stdin       lines that the user types
+//! console     faults by hand: what such a line does
 //! layout      the trace as people read it on a terminal
 //! errors      the error frames and error modes that are told
 //! printer     stdout and stderr, on a thread of their own: neither may hold the world up
@@ -21,6 +23,7 @@
 //! end.
 
 mod clients;
+mod console;
 mod driver;
 mod end;
 mod errors;
@@ -31,6 +34,7 @@ mod outside;
 mod pace;
 mod printer;
 mod setup;
+mod stdin;
 mod timekeeper;
 mod trace;
 
@@ -173,6 +177,7 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     for server in servers {
         tokio::spawn(server.run(entrance.clone(), Arc::clone(&places)));
     }
+    stdin::listen(entrance.clone());
     let printer = Printer::start(reader_gone)?;
     for warning in warnings {
         printer.warn(warning);

@@ -138,6 +138,11 @@ impl Trace {
         }
     }
 
+    /// Prints the answer to what the user typed.
+    pub(super) fn answer(&self, text: String) {
+        self.printer.answer(text);
+    }
+
     /// Prints a line for the user.
     pub(super) fn warn(&self, line: String) {
         self.printer.warn(line);
