@@ -2,8 +2,7 @@
 //!
 //! ```text
 //! bit_timing    the bit rates       filter_bank  the filters of the CAN controller
-//! console       what can be typed   plant        what acts on the device
-//! settings      what the board is
+//! console       what can be typed   settings     what the board is
 //! ```
 #![no_std]
 #![forbid(unsafe_code)]
@@ -11,5 +10,6 @@
 pub mod bit_timing;
 pub mod console;
 pub mod filter_bank;
-pub mod plant;
 pub mod settings;
+
+pub use protocol_core::device::plant;

@@ -74,6 +74,23 @@ impl Kind {
         }
     }
 
+    /// Returns the protocol that it speaks.
+    #[must_use]
+    pub const fn protocol(self) -> Protocol {
+        match self {
+            Self::Pve(kind) => kind.protocol(),
+        }
+    }
+
+    /// Returns what its standard calls the number in its identifiers.
+    #[must_use]
+    pub const fn id_name(self) -> &'static str {
+        match self.protocol() {
+            Protocol::Canopen => "node ID",
+            Protocol::Isobus => "address",
+        }
+    }
+
     /// Whether it can be without a node ID. One on ISOBUS always has an address.
     #[must_use]
     pub const fn can_be_blank(self) -> bool {

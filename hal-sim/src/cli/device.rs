@@ -77,7 +77,7 @@ fn node_id(kind: Kind, text: &str) -> Result<u8, String> {
     let range = kind.node_ids();
     number(text).and_then(|id| u8::try_from(id).ok()).filter(|id| range.contains(id)).ok_or_else(|| {
         let (low, high) = (range.start(), range.end());
-        format!("'{text}' is no node ID of {kind}; accepted: {low}–{high}, or 0x{low:02X}–0x{high:02X}")
+        format!("'{text}' is no {} of {kind}; accepted: {low}–{high}, or 0x{low:02X}–0x{high:02X}", kind.id_name())
     })
 }
 

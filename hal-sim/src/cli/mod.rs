@@ -50,7 +50,7 @@ pub struct UsageError(pub String);
     name = "pve-sim",
     version,
     args_conflicts_with_subcommands = true,
-    disable_help_subcommand = true,
+    max_term_width = 120,
     after_long_help = AFTER_HELP
 )]
 struct Cli {
@@ -67,10 +67,16 @@ enum Command {
     /// Plays the manual's use cases, or a valve on ISOBUS, in virtual time, each frame with what it means; exit 1 if any
     /// frame differs
     UseCase {
-        /// Which one, or all
+        /// Which one, or all; without it the titles are listed
         #[arg(value_name = "1-6|isobus|all", value_parser = use_cases)]
-        which: UseCases,
+        which: Option<UseCases>,
     },
+}
+
+/// The use cases by name and title, a line each.
+fn titles() -> String {
+    let lines = use_case::all().into_iter().map(|case| format!("{:<8}{}\n", case.name, case.title));
+    lines.chain(["all     all of them, in this order\n".to_owned()]).collect()
 }
 
 /// The use cases that a word on the command line stands for.
@@ -89,7 +95,8 @@ fn use_cases(word: &str) -> Result<UseCases, String> {
     Ok(UseCases(cases))
 }
 
-/// Reads the arguments, the program's name first.
+/// Reads the arguments, the program's name first. A CR at the end of an argument, from a script with lines as Windows
+/// writes them, is not part of it.
 ///
 /// # Errors
 /// [`UsageError`] for anything that is not accepted.
@@ -98,9 +105,10 @@ where
     I: IntoIterator<Item = T>,
     T: Into<OsString> + Clone,
 {
-    match Cli::try_parse_from(args) {
+    match Cli::try_parse_from(args.into_iter().map(|arg| without_cr(arg.into()))) {
         Ok(Cli { command: Some(Command::Run(run)), .. }) => RunOptions::try_from(*run).map(Request::Run),
-        Ok(Cli { command: Some(Command::UseCase { which }), .. }) => Ok(Request::UseCases(which.0)),
+        Ok(Cli { command: Some(Command::UseCase { which: Some(which) }), .. }) => Ok(Request::UseCases(which.0)),
+        Ok(Cli { command: Some(Command::UseCase { which: None }), .. }) => Ok(Request::Print(titles())),
         Ok(Cli { command: None, run }) => RunOptions::try_from(run).map(Request::Run),
         Err(error) if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => {
             Ok(Request::Print(error.to_string()))
@@ -109,12 +117,21 @@ where
     }
 }
 
-/// Clap's message without its paragraphs of usage, and with what is accepted where clap leaves that out.
+fn without_cr(argument: OsString) -> OsString {
+    match argument.to_str().and_then(|text| text.strip_suffix('\r')) {
+        Some(text) => text.into(),
+        None => argument,
+    }
+}
+
+/// Clap's message without its paragraphs of usage, with its tip, and with what is accepted where clap leaves that out.
 fn one_line(error: &clap::Error) -> String {
     let text = error.to_string();
     let first: Vec<&str> = text.lines().take_while(|line| !line.is_empty()).map(str::trim).collect();
     let what = first.join(" ");
     let what = what.strip_prefix("error: ").unwrap_or(&what);
+    let tip = text.lines().find_map(|line| line.trim().strip_prefix("tip: "));
+    let tip = tip.map_or_else(String::new, |tip| format!("; {tip}"));
     let accepted = match error.kind() {
         ErrorKind::UnknownArgument => {
             let given = error.get(ContextKind::InvalidArg).map(ToString::to_string).unwrap_or_default();
@@ -124,21 +141,25 @@ fn one_line(error: &clap::Error) -> String {
         ErrorKind::ArgumentConflict => "; give the options after the command".to_owned(),
         _ => String::new(),
     };
-    format!("{what}{accepted}")
+    format!("{what}{tip}{accepted}")
 }
 
 fn names(names: Vec<String>) -> String {
     format!("; accepted: {}", names.join(", "))
 }
 
+/// The options of `run` that the help shows.
 fn option_names() -> Vec<String> {
     let mut command = Cli::command();
     command.build();
-    command.get_arguments().filter_map(|arg| arg.get_long()).map(|long| format!("--{long}")).collect()
+    let shown = command.get_arguments().filter(|arg| !arg.is_hide_set());
+    shown.filter_map(|arg| arg.get_long()).map(|long| format!("--{long}")).collect()
 }
 
 fn command_names() -> Vec<String> {
-    Cli::command().get_subcommands().map(|command| command.get_name().to_owned()).collect()
+    let mut command = Cli::command();
+    command.build();
+    command.get_subcommands().map(|command| command.get_name().to_owned()).collect()
 }
 
 #[cfg(test)]

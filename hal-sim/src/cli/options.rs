@@ -10,7 +10,7 @@ use super::UsageError;
 use super::device::DeviceSpec;
 use crate::gateway::BusUrl;
 use crate::kind::Kind;
-use crate::run::{LogOptions, NamedDevice, RunOptions};
+use crate::run::{ColorChoice, LogOptions, NamedDevice, RunOptions};
 
 /// The seed of a run that was given none: two runs with the same seed and the same input are the same.
 const DEFAULT_SEED: u64 = 1;
@@ -21,17 +21,28 @@ const DEFAULT_KIND: Kind = Kind::Pve(pve::Kind::PveaCanopen);
 /// The options of `run`, as they were written.
 #[derive(Args, Debug)]
 pub struct RunArgs {
-    /// A device on the bus; repeatable
+    /// A device on the bus; repeatable [default: pvea-canopen@0x20]
     ///
-    /// KIND: pvea-canopen, pveo-canopen, pvea-isobus or pveo-isobus.
-    /// ID: the node ID, 1–127, 0x20 when left out; on ISOBUS the address, 0x80–0x8F, 0x80 when left out. Decimal or 0x.
-    /// Keys: name=NAME (a–z, 0–9 and '-', up to 32 characters; when left out the kind, then kind-2 …),
-    /// serial=N (decimal or 0x; part of the NAME on ISOBUS; when left out the next free one), blank (CANopen: no node ID, waits for LSS).
+    /// KIND is one of
+    ///   pvea-canopen  proportional valve on CANopen
+    ///   pveo-canopen  on/off valve on CANopen
+    ///   pvea-isobus   proportional valve on ISOBUS
+    ///   pveo-isobus   on/off valve on ISOBUS
+    ///
+    /// ID, decimal or 0x, is
+    ///   on CANopen the node ID, 1–127, by default 0x20
+    ///   on ISOBUS the address, 0x80–0x8F, by default 0x80
+    ///
+    /// The keys:
+    ///   name=NAME  1–32 of a–z, 0–9 and '-'; by default the kind, then kind-2 …
+    ///   serial=N   decimal or 0x; by default the next free one; part of the NAME on ISOBUS
+    ///   blank      CANopen only: no node ID, waits for LSS
+    ///
     /// With --state a memory that exists decides; ID and serial fill a new one only.
-    #[arg(long, value_name = "KIND[@ID][,KEY=VALUE…]", help_heading = "Devices")]
+    #[arg(long, value_name = "KIND[@ID][,KEY=VALUE…]", help_heading = "Devices", verbatim_doc_comment)]
     device: Vec<DeviceSpec>,
 
-    /// Accept devices with the same node ID
+    /// Accept devices with the same node ID, or the same address
     #[arg(long, help_heading = "Devices")]
     allow_clash: bool,
 
@@ -44,16 +55,16 @@ pub struct RunArgs {
     #[arg(long, value_name = "URL", help_heading = "Bus")]
     bus: Vec<BusUrl>,
 
-    /// The rate of the bus, in bit/s, or as in 250k [default: the rate of the first device]
+    /// The rate of the bus, in bit/s, or as in 250k and 1M [default: the rate of the first device]
     #[arg(long, value_name = "N", value_parser = bit_rate, help_heading = "Bus")]
     bit_rate: Option<BitRate>,
 
-    /// Virtual time against wall time
+    /// Virtual time against wall time: a number above 0
     #[arg(long, value_name = "FACTOR", value_parser = speed, default_value = "1", help_heading = "Time")]
     speed: f64,
 
-    /// The seed of everything random
-    #[arg(long, value_name = "N", default_value_t = DEFAULT_SEED, help_heading = "Time")]
+    /// The seed of everything random: 0–18446744073709551615
+    #[arg(long, value_name = "N", value_parser = seed, default_value_t = DEFAULT_SEED, help_heading = "Time")]
     seed: u64,
 
     /// Write every frame to FILE, in the format of candump -L
@@ -68,12 +79,21 @@ pub struct RunArgs {
     #[arg(long, help_heading = "Output")]
     error_frames: bool,
 
+    /// Colour in the trace: auto, as the terminal and NO_COLOR have it; always, which lays the trace out as on a terminal
+    /// into a pipe, too; never
+    #[arg(long, value_name = "WHEN", default_value = "auto", hide_possible_values = true, help_heading = "Output")]
+    color: ColorChoice,
+
+    /// Show every cyclic frame on a terminal, also one that comes again as it was
+    #[arg(long, help_heading = "Output")]
+    verbose: bool,
+
     /// Not there yet: the control interface
-    #[arg(long, value_name = "ADDR:PORT", conflicts_with = "no_http", help_heading = "Control interface")]
+    #[arg(long, value_name = "ADDR:PORT", conflicts_with = "no_http", hide = true)]
     http: Option<String>,
 
-    /// Run without the control interface
-    #[arg(long, help_heading = "Control interface")]
+    /// Accepted, without effect as long as there is no control interface
+    #[arg(long, hide = true)]
     no_http: bool,
 }
 
@@ -101,6 +121,8 @@ impl TryFrom<RunArgs> for RunOptions {
             speed: args.speed,
             log: args.log.map(|path| LogOptions { path, overwrite: args.log_overwrite }),
             error_frames: args.error_frames,
+            color: args.color,
+            verbose: args.verbose,
             seed: args.seed,
         })
     }
@@ -154,8 +176,10 @@ fn refuse_clashes(devices: &[NamedDevice]) -> Result<(), UsageError> {
         let earlier = devices.iter().take(position).find(|other| other.birth.node_id == Some(id));
         if let Some(earlier) = earlier {
             return Err(UsageError(format!(
-                "--device: {} and {} both have node ID 0x{id:02X}; give each its own with @ID, or --allow-clash",
-                earlier.name, device.name
+                "--device: {} and {} both have {} 0x{id:02X}; give each its own with @ID, or --allow-clash",
+                earlier.name,
+                device.name,
+                device.kind.id_name()
             )));
         }
     }
@@ -163,14 +187,20 @@ fn refuse_clashes(devices: &[NamedDevice]) -> Result<(), UsageError> {
 }
 
 fn bit_rate(text: &str) -> Result<BitRate, String> {
-    let bits = match text.strip_suffix(['k', 'K']) {
-        Some(thousands) => thousands.parse::<u32>().ok().and_then(|thousands| thousands.checked_mul(1000)),
-        None => text.parse().ok(),
+    let (digits, unit) = match text.char_indices().next_back() {
+        Some((end, 'k' | 'K')) => (&text[..end], 1_000),
+        Some((end, 'm' | 'M')) => (&text[..end], 1_000_000),
+        _ => (text, 1),
     };
+    let bits = digits.parse::<u32>().ok().and_then(|number| number.checked_mul(unit));
     bits.and_then(BitRate::from_bits_per_second).ok_or_else(|| {
         let rates: Vec<String> = BitRate::ALL.iter().rev().map(|rate| rate.bits_per_second().to_string()).collect();
         format!("no bit rate of CiA 301; accepted: {}", rates.join(", "))
     })
+}
+
+fn seed(text: &str) -> Result<u64, String> {
+    text.parse().map_err(|_| format!("accepted: a whole number, 0–{}", u64::MAX))
 }
 
 fn speed(text: &str) -> Result<f64, String> {

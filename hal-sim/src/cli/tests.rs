@@ -7,7 +7,7 @@ use protocol_core::device::pve;
 
 use super::*;
 use crate::kind::{Birth, Kind};
-use crate::run::{LogOptions, NamedDevice};
+use crate::run::{ColorChoice, LogOptions, NamedDevice};
 
 const PVEA: Kind = Kind::Pve(pve::Kind::PveaCanopen);
 const PVEO: Kind = Kind::Pve(pve::Kind::PveoCanopen);
@@ -54,6 +54,8 @@ fn defaults() {
             speed: 1.0,
             log: None,
             error_frames: false,
+            color: ColorChoice::Auto,
+            verbose: false,
             seed: 1,
         }
     );
@@ -65,7 +67,7 @@ fn defaults() {
 fn options_with_and_without_the_word_run() {
     let line = "--device pveo-canopen@0x21,name=rear,serial=0x5B2E0101 --device pvea-canopen@33 --device pvea-canopen,blank \
                 --bus socketcand://[::1]:0/can1 --bus socketcand://localhost:1234/pve0 --bit-rate 125000 --state memory \
-                --speed 2.5 --log frames.log --log-overwrite --error-frames --seed 18446744073709551615 --allow-clash";
+                --speed 2.5 --log frames.log --log-overwrite --error-frames --seed 18446744073709551615 --allow-clash --color never --verbose";
     let options = run(line);
     assert_eq!(run(&format!("run {line}")), options);
     let devices: Vec<_> =
@@ -84,7 +86,8 @@ fn options_with_and_without_the_word_run() {
     assert_eq!(options.state, Some(PathBuf::from("memory")));
     assert_eq!(options.speed, 2.5);
     assert_eq!(options.log, Some(LogOptions { path: PathBuf::from("frames.log"), overwrite: true }));
-    assert!(options.error_frames);
+    assert!(options.error_frames && options.verbose);
+    assert_eq!(options.color, ColorChoice::Never);
     assert_eq!(options.seed, u64::MAX);
 }
 
@@ -92,6 +95,7 @@ fn options_with_and_without_the_word_run() {
 fn bit_rates_in_both_notations() {
     assert_eq!(run("--bit-rate 250k").bit_rate, Some(BitRate::Kbit250));
     assert_eq!(run("--bit-rate 1000k").bit_rate, Some(BitRate::Kbit1000));
+    assert_eq!(run("--bit-rate 1M").bit_rate, Some(BitRate::Kbit1000));
     for rate in BitRate::ALL {
         assert_eq!(run(&format!("--bit-rate {}", rate.bits_per_second())).bit_rate, Some(rate));
     }
@@ -148,7 +152,7 @@ fn isobus_kinds_beside_canopen_ones() {
     );
     assert_eq!(
         refused("--device pvea-isobus --device pveo-isobus"),
-        "--device: pvea-isobus and pveo-isobus both have node ID 0x80; give each its own with @ID, or --allow-clash"
+        "--device: pvea-isobus and pveo-isobus both have address 0x80; give each its own with @ID, or --allow-clash"
     );
     assert_eq!(run("--device pvea-isobus --device pveo-isobus --allow-clash").devices.len(), 2);
 }
@@ -174,8 +178,8 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ("--device pvea-canopen@0x", "'0x' is no node ID"),
         ("--device pvea-canopen@300", "'300' is no node ID"),
         ("--device pvea-canopen@5,blank", "a blank device has no node ID; accepted: @ID or blank, not both"),
-        ("--device pvea-isobus@0x7F", "'0x7F' is no node ID of pvea-isobus; accepted: 128–143, or 0x80–0x8F"),
-        ("--device pveo-isobus@144", "'144' is no node ID of pveo-isobus; accepted: 128–143, or 0x80–0x8F"),
+        ("--device pvea-isobus@0x7F", "'0x7F' is no address of pvea-isobus; accepted: 128–143, or 0x80–0x8F"),
+        ("--device pveo-isobus@144", "'144' is no address of pveo-isobus; accepted: 128–143, or 0x80–0x8F"),
         (
             "--device pvea-isobus,blank",
             "a pvea-isobus always has an address; accepted: @ID, or neither for the default",
@@ -217,12 +221,18 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ("--http 127.0.0.1:8408", "--http 127.0.0.1:8408: the control interface is not there yet; accepted: --no-http"),
         ("--log-overwrite", "the following required arguments were not provided: --log <FILE>"),
         ("--seed -1", "'-1' found; accepted: --device"),
-        ("--colour red", "unexpected argument '--colour' found; accepted: --device, --allow-clash, --state, --bus,"),
-        ("run --colour", "unexpected argument '--colour' found; accepted: --device"),
-        ("walk", "unrecognized subcommand 'walk'; accepted: run, use-case"),
+        (
+            "--colour red",
+            "unexpected argument '--colour' found; a similar argument exists: '--color'; accepted: --device,",
+        ),
+        ("run --wrong", "unexpected argument '--wrong' found; accepted: --device, --allow-clash, --state, --bus,"),
+        ("walk", "unrecognized subcommand 'walk'; accepted: run, use-case, help"),
         ("run walk", "unexpected argument 'walk' found; accepted: run"),
         ("use-case 7", "no such use case; accepted: 1, 2, 3, 4, 5, 6, isobus, all"),
-        ("use-case", "the following required arguments were not provided: <1-6|isobus|all>"),
+        ("--seed x", "accepted: a whole number, 0–18446744073709551615"),
+        ("--devce pvea-canopen", "a similar argument exists: '--device'; accepted: --device, --allow-clash"),
+        ("runn", "a similar subcommand exists: 'run'; accepted: run, use-case, help"),
+        ("--color red", "[possible values: auto, always, never]"),
         ("--seed 3 run", "give the options after the command"),
     ];
     for (line, expected) in cases {
@@ -241,6 +251,43 @@ fn use_cases_one_or_all() {
     assert_eq!(names("use-case 3"), ["3"]);
     assert_eq!(names("use-case all"), ["1", "2", "3", "4", "5", "6", "isobus"]);
     assert_eq!(names("use-case isobus"), ["isobus"]);
+}
+
+#[test]
+fn use_case_without_a_name_lists_the_titles() {
+    let titles = printed("use-case");
+    for case in use_case::all() {
+        assert!(titles.contains(&format!("{:<8}{}\n", case.name, case.title)), "{titles}");
+    }
+}
+
+#[test]
+fn a_carriage_return_at_the_end_of_an_argument_is_no_error() {
+    let words = ["pve-sim", "--device\r", "pvea-canopen@5\r", "--bit-rate", "250k\r"];
+    match parse(words.map(str::to_owned)) {
+        Ok(Request::Run(options)) => assert_eq!(options, run("--device pvea-canopen@5 --bit-rate 250k")),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn the_help_is_a_command_too_and_shows_no_option_that_is_not_there_yet() {
+    assert_eq!(printed("help"), printed("--help"));
+    assert!(printed("help use-case").contains("[1-6|isobus|all]"));
+    for text in [printed("--help"), printed("-h"), printed("run --help")] {
+        assert!(!text.contains("http"), "{text}");
+    }
+}
+
+#[test]
+fn the_help_lists_kinds_identifiers_and_keys_one_a_line() {
+    let help = printed("--help");
+    let lines: Vec<&str> = help.lines().map(str::trim).collect();
+    let kinds = Kind::ALL.map(Kind::name);
+    for word in kinds.into_iter().chain(["on CANopen", "on ISOBUS", "name=NAME", "serial=N", "blank"]) {
+        assert_eq!(lines.iter().filter(|line| line.starts_with(word)).count(), 1, "{word}: {help}");
+    }
+    assert!(help.lines().all(|line| line.chars().count() <= 120), "{help}");
 }
 
 #[test]

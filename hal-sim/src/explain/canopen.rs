@@ -1,5 +1,5 @@
-//! CANopen by the predefined connection set (CiA 301 7.3.3): NMT, SYNC, EMCY, the first PDOs, heartbeat; SDO and LSS by
-//! their own files.
+//! CANopen by the predefined connection set (CiA 301 7.3.3): NMT, SYNC, EMCY, TIME, the first PDOs, heartbeat; SDO and
+//! LSS by their own files.
 
 use protocol_core::device::pve::FAULT_CODES;
 use protocol_core::frame::Frame;
@@ -9,21 +9,23 @@ use protocol_core::wire::nmt::{self, Command, State, Target};
 use super::diagnostics::fault;
 use super::valve::{command, state, stroke};
 use super::{Context, hex, lss, sdo};
+use crate::kind::Kind;
 
 pub(super) fn explain(id: u16, frame: &Frame, context: &Context<'_>) -> Option<String> {
     let node = (id & 0x7F) as u8;
     let from_device = |text: String| format!("{}: {text}", context.sender(node));
-    let to_device = |text: String| format!("master → {}: {text}", context.name(node));
+    let to_device = |text: String| format!("{} → {}: {text}", context.commander(), context.name(node));
     let data = frame.data();
     match id {
         0x000 => Some(format!("master: {}", network(data, context)?)),
-        0x080 => Some("SYNC".to_owned()),
+        0x080 => sync(data),
+        0x100 => time(data),
         0x7E4 => lss::answer(frame.eight()?).map(|text| match context.sender {
             Some(sender) => format!("{}: {text}", sender.name),
             None => text,
         }),
         0x7E5 => Some(format!("master: {}", lss::request(frame.eight()?))),
-        0x081..=0x0FF => emergency(frame).map(from_device),
+        0x081..=0x0FF => emergency(frame, context.kind(node)).map(from_device),
         0x181..=0x1FF => Some(from_device(tpdo(data))),
         0x201..=0x27F => Some(to_device(rpdo(data))),
         0x581..=0x5FF => sdo::answer(frame.eight()?, context.kind(node)).map(from_device),
@@ -63,8 +65,27 @@ fn heartbeat(data: &[u8]) -> Option<String> {
     Some(format!("NMT state {state}"))
 }
 
-fn emergency(frame: &Frame) -> Option<String> {
-    let Emcy { code, register, manufacturer: [count, ..] } = Emcy::parse(frame.eight()?);
+/// SYNC, with its counter where 0x1019 is set (CiA 301 7.2.5).
+fn sync(data: &[u8]) -> Option<String> {
+    match data {
+        [] => Some("SYNC".to_owned()),
+        [counter] => Some(format!("SYNC, counter {counter}")),
+        _ => None,
+    }
+}
+
+/// TIME: milliseconds since midnight in 28 bits, and days since 1984-01-01 (CiA 301 7.1.6.5).
+fn time(data: &[u8]) -> Option<String> {
+    let &[a, b, c, d, low, high] = data else { return None };
+    let ms = u32::from_le_bytes([a, b, c, d]) & 0x0FFF_FFFF;
+    let (seconds, days) = (ms / 1000, u16::from_le_bytes([low, high]));
+    let (hours, minutes) = (seconds / 3600, seconds / 60 % 60);
+    Some(format!("TIME {hours:02}:{minutes:02}:{:02}.{:03}, day {days} since 1984-01-01", seconds % 60, ms % 1000))
+}
+
+fn emergency(frame: &Frame, kind: Option<Kind>) -> Option<String> {
+    let Emcy { code, register, manufacturer } = Emcy::parse(frame.eight()?);
+    let [count, ..] = manufacturer;
     if code == NO_ERROR {
         return Some(if register == 0 {
             "EMCY: no error".to_owned()
@@ -72,10 +93,35 @@ fn emergency(frame: &Frame) -> Option<String> {
             format!("EMCY: no error, register 0x{register:02X}")
         });
     }
+    // What follows the register is the manufacturer's own.
+    if kind.is_none() {
+        let what = error_class(code);
+        return Some(format!("EMCY: {what} (0x{code:04X}), register 0x{register:02X}, {}", hex(&manufacturer)));
+    }
     let faults: Vec<&str> =
         FAULT_CODES.iter().filter(|codes| codes.emcy == code).map(|codes| fault(codes.fault)).collect();
     let what = if faults.is_empty() { format!("code 0x{code:04X}") } else { faults.join(" or ") };
     Some(format!("EMCY: {what}, register 0x{register:02X}, count {count}"))
+}
+
+/// The class of an error code (CiA 301 7.2.7.1).
+const fn error_class(code: u16) -> &'static str {
+    match code >> 8 {
+        0x10 => "generic error",
+        0x20..=0x2F => "current",
+        0x30..=0x3F => "voltage",
+        0x40..=0x4F => "temperature",
+        0x50..=0x5F => "device hardware",
+        0x60..=0x6F => "device software",
+        0x70..=0x7F => "additional modules",
+        0x81 => "communication",
+        0x82 => "protocol error",
+        0x80 | 0x83..=0x8F => "monitoring",
+        0x90..=0x9F => "external error",
+        0xF0 => "additional functions",
+        0xFF => "device-specific error",
+        _ => "error",
+    }
 }
 
 /// By the default mapping: control word and set-point.

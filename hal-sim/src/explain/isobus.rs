@@ -25,7 +25,7 @@ const PAGE_END: u32 = 0xFFFF;
 pub(super) fn explain(id: u32, frame: &Frame, context: &Context<'_>) -> Option<String> {
     let id = J1939Id::from_raw(id);
     let (source, destination) = (id.source(), id.destination());
-    let sender = context.sender.map_or_else(|| party(source, context), |sender| sender.name.clone());
+    let sender = context.sender_or(source.get(), || party(source, context));
     let to_one = format!("{sender} → {}", party(destination, context));
     let data = frame.data();
     let text = match id.pgn() {

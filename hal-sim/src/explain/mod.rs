@@ -8,6 +8,7 @@
 //! sdo       SDO requests and answers                            lss      LSS requests and answers
 //! isobus    address claim, requests, transport, AVC, AVEF       diagnostics   faults, DM1, DM2
 //! uds       UDS lite                                            valve    control word, status word, stroke
+//! nature    whether a frame is of a cycle, is trouble, or comes from somebody else than it seems
 //! ```
 //!
 //! Imports run one way: `canopen` → `sdo` → `object` → `valve`.
@@ -16,10 +17,13 @@ mod canopen;
 mod diagnostics;
 mod isobus;
 mod lss;
+mod nature;
 mod object;
 mod sdo;
 mod uds;
 mod valve;
+
+pub use nature::{Mark, is_cyclic};
 
 use protocol_core::frame::{Frame, Id};
 
@@ -56,21 +60,37 @@ impl Explainer {
     }
 
     /// What a frame means. `from` is the name of its sender, where that is known: a device is then called by its name
-    /// whatever identifier it sends under.
+    /// whatever identifier it sends under, and a client that uses the identifier of a device is not taken for it.
     #[must_use]
     pub fn explain(&self, frame: &Frame, from: Option<&str>) -> String {
+        self.meaning(frame, &self.context(from)).unwrap_or_else(|| "unknown".to_owned())
+    }
+
+    /// What a frame means, as [`explain`](Self::explain), and what is remarkable about it.
+    #[must_use]
+    pub fn explain_and_mark(&self, frame: &Frame, from: Option<&str>) -> (String, Mark) {
+        let context = self.context(from);
+        match self.meaning(frame, &context) {
+            Some(text) => (text, nature::mark(frame, &context)),
+            None => ("unknown".to_owned(), Mark::Unknown),
+        }
+    }
+
+    fn context<'a>(&'a self, from: Option<&str>) -> Context<'a> {
         let sender = from.and_then(|name| self.nodes.iter().find(|node| node.name == name));
-        let context = Context { nodes: &self.nodes, sender };
-        let meaning = if frame.is_remote() {
+        Context { nodes: &self.nodes, sender, from_client: from.is_some() && sender.is_none() }
+    }
+
+    fn meaning(&self, frame: &Frame, context: &Context<'_>) -> Option<String> {
+        if frame.is_remote() {
             Some(format!("remote frame, length {}", frame.len()))
         } else {
             match frame.id() {
-                Id::Standard(id) => canopen::explain(id.as_raw(), frame, &context),
-                Id::Extended(id) => uds::explain(id.as_raw(), frame.data(), &context)
-                    .or_else(|| isobus::explain(id.as_raw(), frame, &context)),
+                Id::Standard(id) => canopen::explain(id.as_raw(), frame, context),
+                Id::Extended(id) => uds::explain(id.as_raw(), frame.data(), context)
+                    .or_else(|| isobus::explain(id.as_raw(), frame, context)),
             }
-        };
-        meaning.unwrap_or_else(|| "unknown".to_owned())
+        }
     }
 }
 
@@ -88,7 +108,10 @@ pub fn explain_error(error: BusError, frame: &Frame, from: &str) -> String {
 /// What an explanation may look at beside the frame.
 struct Context<'a> {
     nodes: &'a [Node],
+    /// The device that sent the frame.
     sender: Option<&'a Node>,
+    /// Whether a client sent it, and no device.
+    from_client: bool,
 }
 
 impl Context<'_> {
@@ -104,7 +127,26 @@ impl Context<'_> {
 
     /// The name of the sender of a frame that belongs to a node ID.
     fn sender(&self, id: u8) -> String {
-        self.sender.map_or_else(|| self.name(id), |sender| sender.name.clone())
+        self.sender_or(id, || self.name(id))
+    }
+
+    /// The name of the sender of a frame that belongs to a node ID; `otherwise` when no device has that.
+    fn sender_or(&self, id: u8, otherwise: impl FnOnce() -> String) -> String {
+        match (self.sender, self.impersonated(id)) {
+            (Some(sender), _) => sender.name.clone(),
+            (None, Some(node)) => format!("client as {}", node.name),
+            (None, None) => otherwise(),
+        }
+    }
+
+    /// The device whose node ID a client uses for a frame of its own.
+    fn impersonated(&self, id: u8) -> Option<&Node> {
+        self.node(id).filter(|_| self.from_client)
+    }
+
+    /// Who tells a device what to do: another device by its name, or the master.
+    fn commander(&self) -> &str {
+        self.sender.map_or("master", |sender| &sender.name)
     }
 
     /// The kind of the device that a frame of a node ID is about.

@@ -1,6 +1,6 @@
 //! SDO requests and answers (CiA 301 7.2.4).
 
-use protocol_core::wire::sdo::{AbortCode, Answer, Request, Segment};
+use protocol_core::wire::sdo::{AbortCode, Answer, Multiplexer, Request, Segment};
 
 use super::object::{object, value};
 use super::text_or_hex;
@@ -20,12 +20,15 @@ pub(super) fn request(bytes: &[u8; 8], kind: Option<Kind>) -> String {
         }
         Request::DownloadSegment(part) => format!("SDO write, {}", segment(&part)),
         Request::Abort(target, code) => abort(&object(target, kind), AbortCode(code)),
-        Request::Unknown(_) => format!("SDO unknown command 0x{:02X}", bytes[0]),
+        Request::Unknown(_) => {
+            block_request(bytes, kind).unwrap_or_else(|| format!("SDO unknown command 0x{:02X}", bytes[0]))
+        }
     }
 }
 
 pub(super) fn answer(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
-    Some(match Answer::parse(bytes)? {
+    let Some(answer) = Answer::parse(bytes) else { return block_answer(bytes, kind) };
+    Some(match answer {
         Answer::UploadExpedited { object: target, size, data } => {
             let bytes = data.to_le_bytes();
             let bytes = bytes.get(..usize::from(size)).unwrap_or(&bytes);
@@ -39,6 +42,46 @@ pub(super) fn answer(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
         Answer::DownloadSegmentDone { toggle } => format!("SDO written, segment, toggle {}", u8::from(toggle)),
         Answer::Abort(target, code) => abort(&object(target, kind), code),
     })
+}
+
+/// The requests of a block transfer (CiA 301 7.2.4.3.9 to 7.2.4.3.16), which the stand-ins refuse. Its segments have no
+/// mark that tells them from other segments.
+fn block_request(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
+    let &[command, a, b, ..] = bytes;
+    let target = || object(multiplexer(bytes), kind);
+    Some(match (command >> 5, command & 0b11) {
+        (5, 0) => format!("SDO block read {}, blocks of {}", target(), bytes[4]),
+        (5, 1) => "SDO block read, end".to_owned(),
+        (5, 2) => format!("SDO block read, received up to {a}, next block of {b}"),
+        (5, 3) => "SDO block read, start".to_owned(),
+        (6, 1 | 3) => "SDO block write, end".to_owned(),
+        (6, _) => format!("SDO block write {}{}", target(), block_size(bytes)),
+        _ => return None,
+    })
+}
+
+/// The answers of a block transfer.
+fn block_answer(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
+    let &[command, a, b, ..] = bytes;
+    let target = || object(multiplexer(bytes), kind);
+    Some(match (command >> 5, command & 0b11) {
+        (5, 0) => format!("SDO block write {}, blocks of {}", target(), bytes[4]),
+        (5, 1) => "SDO block written".to_owned(),
+        (5, 2) => format!("SDO block write, received up to {a}, next block of {b}"),
+        (6, 1 | 3) => "SDO block answer, end".to_owned(),
+        (6, _) => format!("SDO block answer {}{}", target(), block_size(bytes)),
+        _ => return None,
+    })
+}
+
+fn multiplexer(&[_, low, high, sub, ..]: &[u8; 8]) -> Multiplexer {
+    Multiplexer { index: u16::from_le_bytes([low, high]), sub }
+}
+
+/// The size of a block transfer, where bit 1 of the command says that it is told.
+fn block_size(&[command, .., a, b, c, d]: &[u8; 8]) -> String {
+    let told = command & 0b10 != 0;
+    if told { format!(", {} bytes", u32::from_le_bytes([a, b, c, d])) } else { String::new() }
 }
 
 fn in_segments(size: Option<u32>) -> String {

@@ -45,6 +45,10 @@ fn network_management() {
         ("720: 33", "unknown"),
         ("720:", "unknown"),
         ("080:", "SYNC"),
+        ("080: 07", "SYNC, counter 7"),
+        ("080: 07 00", "unknown"),
+        // 12:34:56.789 on the first day of 2026; the upper four bits are reserved
+        ("100: 95 2C B3 F2 ED 3B", "TIME 12:34:56.789, day 15341 since 1984-01-01"),
     ]);
 }
 
@@ -128,8 +132,8 @@ fn service_data() {
             "valve: SDO abort 0x1017:0 (Producer heartbeat time): length too high (0x06070012)",
         ),
         ("620: 80 00 20 00 00 00 02 06", "master → valve: SDO abort 0x2000:0: object does not exist (0x06020000)"),
-        ("620: A0 18 10 01 00 00 00 00", "master → valve: SDO unknown command 0xA0"),
-        ("5A0: A0 18 10 01 00 00 00 00", "unknown"),
+        ("620: A0 18 10 01 00 00 00 00", "master → valve: SDO block read 0x1018:1 (Vendor ID), blocks of 0"),
+        ("5A0: E0 18 10 01 00 00 00 00", "unknown"),
         ("620: 40 18 10 01", "unknown"),
     ]);
 }
@@ -327,4 +331,93 @@ fn error_frames() {
     assert_eq!(error(BusError::Acknowledgement), "error frame: nobody acknowledged 720: 05 of valve");
     assert_eq!(error(BusError::Bit), "error frame: bit error in 720: 05 of valve");
     assert_eq!(error(BusError::Stuff), "error frame: stuff error in 720: 05 of valve");
+}
+
+/// Block transfers that others make (CiA 301 7.2.4.3.9 on); their segments look like segments.
+#[test]
+fn service_data_in_blocks() {
+    check(&[
+        ("620: C6 00 20 01 64 00 00 00", "master → valve: SDO block write 0x2000:1, 100 bytes"),
+        ("620: C4 00 20 01 00 00 00 00", "master → valve: SDO block write 0x2000:1"),
+        ("620: C1 34 12 00 00 00 00 00", "master → valve: SDO block write, end"),
+        ("620: A4 08 10 00 7F 00 00 00", "master → valve: SDO block read 0x1008:0, blocks of 127"),
+        ("620: A3 00 00 00 00 00 00 00", "master → valve: SDO block read, start"),
+        ("620: A2 05 7F 00 00 00 00 00", "master → valve: SDO block read, received up to 5, next block of 127"),
+        ("620: A1 00 00 00 00 00 00 00", "master → valve: SDO block read, end"),
+        ("5A0: A4 00 20 01 7F 00 00 00", "valve: SDO block write 0x2000:1, blocks of 127"),
+        ("5A0: A2 05 7F 00 00 00 00 00", "valve: SDO block write, received up to 5, next block of 127"),
+        ("5A0: A1 00 00 00 00 00 00 00", "valve: SDO block written"),
+        ("585: C6 08 10 00 1A 00 00 00", "node 0x05: SDO block answer 0x1008:0, 26 bytes"),
+        ("585: C9 34 12 00 00 00 00 00", "node 0x05: SDO block answer, end"),
+    ]);
+}
+
+/// The bytes after the register are the manufacturer's own, and the stand-ins' codes are not everybody's.
+#[test]
+fn emergencies_of_foreign_nodes() {
+    check(&[
+        ("085: 30 81 11 01 02 03 04 05", "node 0x05: EMCY: communication (0x8130), register 0x11, 01 02 03 04 05"),
+        ("085: 20 31 04 00 00 00 00 00", "node 0x05: EMCY: voltage (0x3120), register 0x04, 00 00 00 00 00"),
+        ("085: 03 80 91 01 00 00 00 00", "node 0x05: EMCY: monitoring (0x8003), register 0x91, 01 00 00 00 00"),
+        ("085: 00 00 00 00 00 00 00 00", "node 0x05: EMCY: no error"),
+    ]);
+}
+
+#[test]
+fn who_sent_it_decides_whose_it_is() {
+    for (text, from, meaning, mark) in [
+        ("720: 05", "valve", "valve: NMT state operational", Mark::Plain),
+        ("720: 05", "the gateway", "client as valve: NMT state operational", Mark::Impersonation),
+        ("705: 05", "the gateway", "node 0x05: NMT state operational", Mark::Plain),
+        (
+            "1A0: 0F 00 00 00",
+            "the gateway",
+            "client as valve: TPDO status word 0x000F (ACTIVE), position neutral",
+            Mark::Impersonation,
+        ),
+        ("0A0: 03 80 91 01 00 00 00 00", "valve", "valve: EMCY: time guarding, register 0x91, count 1", Mark::Fault),
+        ("0A0: 00 00 00 00 00 00 00 00", "valve", "valve: EMCY: no error", Mark::Plain),
+        (
+            "18FECA83: 04 FF 73 02 04 01 FF FF",
+            "boom",
+            "boom: DM1 supply too low (SPN 627 FMI 4), count 1, amber lamp",
+            Mark::Fault,
+        ),
+        ("18FECA83: 00 FF 00 00 00 00 FF FF", "boom", "boom: DM1 no active fault, lamp off", Mark::Plain),
+        ("18EA8383: 00 EE 00", "the gateway", "client as boom → boom: request address claim", Mark::Impersonation),
+        ("18EA8327: 00 EE 00", "the gateway", "0x27 → boom: request address claim", Mark::Plain),
+        (
+            "220: 0F 00 00 00",
+            "valve",
+            "valve → valve: RPDO control word 0x000F (activate), set-point neutral",
+            Mark::Plain,
+        ),
+        ("123: FF", "the gateway", "unknown", Mark::Unknown),
+    ] {
+        assert_eq!(explainer().explain_and_mark(&frame(text), Some(from)), (meaning.to_owned(), mark), "{text}");
+    }
+    let asked = Frame::remote(standard(0x720).into(), 1);
+    assert_eq!(explainer().explain_and_mark(&asked, Some("the gateway")).1, Mark::Plain);
+}
+
+#[test]
+fn requests_and_answers_count_each_time_and_cyclic_frames_do_not() {
+    for cyclic in
+        ["080:", "100: 00", "1A0: 00", "220: 00", "720: 05", "123: 01", "0CFE3327: 00", "0CFE1383: 00", "18FECA83: 00"]
+    {
+        assert!(is_cyclic(&frame(cyclic)), "{cyclic}");
+    }
+    for once in [
+        "000: 01 00",
+        "0A0: 00",
+        "620: 40",
+        "5A0: 43",
+        "7E4: 44",
+        "7E5: 04",
+        "18EEFF83: 00",
+        "18EA8327: 00",
+        "1BC78820: 00",
+    ] {
+        assert!(!is_cyclic(&frame(once)), "{once}");
+    }
 }

@@ -13,7 +13,10 @@ pub(super) fn explain(id: u32, data: &[u8], context: &Context<'_>) -> Option<Str
     let (message, complete) = single_frame(data)?;
     let &[service, ref rest @ ..] = message else { return None };
     // The answer to a write of the node ID has a source of its own, whoever sends it.
-    let sender = context.sender.map_or_else(|| party(source, context), |sender| sender.name.clone());
+    let sender = match device(source) {
+        Some(id) => context.sender(id),
+        None => context.sender.map_or_else(|| party(source, context), |sender| sender.name.clone()),
+    };
     let parties = format!("{sender} → {}", party(destination, context));
     let meaning = match service {
         READ => format!("read {}", identifier(rest)),
@@ -43,8 +46,12 @@ const LAST_DEVICE: u8 = 0x8F;
 
 /// A device by its name, a tool by its address.
 fn party(address: Address, context: &Context<'_>) -> String {
-    let device = u8::try_from(address.raw()).ok().filter(|id| (1..=LAST_DEVICE).contains(id));
-    device.map_or_else(|| format!("tool 0x{:02X}", address.raw()), |id| context.name(id))
+    device(address).map_or_else(|| format!("tool 0x{:02X}", address.raw()), |id| context.name(id))
+}
+
+/// The device of an address.
+pub(super) fn device(address: Address) -> Option<u8> {
+    u8::try_from(address.raw()).ok().filter(|id| (1..=LAST_DEVICE).contains(id))
 }
 
 fn identifier(bytes: &[u8]) -> String {

@@ -53,6 +53,8 @@ pub enum ToWorld {
     Reply(ClientId, Reply),
     /// It is gone; what it sent before is still sent, but no frame twice.
     Leave(ClientId),
+    /// The user typed this line.
+    Typed(String),
     /// The simulator is to end: see [`Entrance::end`].
     End,
 }

@@ -86,7 +86,7 @@ impl Clients {
                     client.listening = true;
                 }
             }
-            ToWorld::End => {}
+            ToWorld::Typed(_) | ToWorld::End => {}
         }
         Ok(())
     }

@@ -8,9 +8,11 @@ use std::collections::VecDeque;
 use std::time::{Duration as WallDuration, Instant as WallInstant};
 
 use protocol_core::controller::BitRate;
+use protocol_core::device::Device;
 use protocol_core::time::{Instant, NEVER, after};
 
 use super::clients::Clients;
+use super::console::Console;
 use super::errors::Errors;
 use super::outside::Outside;
 use super::timekeeper::{NAP, Timekeeper};
@@ -38,6 +40,9 @@ pub(super) struct Driver<O> {
     start: Timestamp,
     errors: Errors,
     trace: Trace,
+    console: Console,
+    /// Whether the user knows which devices are set to another bit rate.
+    rates_told: bool,
     /// Messages that have not taken effect, oldest first.
     arrivals: VecDeque<Arrival>,
     /// The events that are being shown; the allocation is used again.
@@ -69,6 +74,8 @@ impl<O: Outside> Driver<O> {
             start,
             errors: Errors::default(),
             trace,
+            console: Console::default(),
+            rates_told: false,
             arrivals: VecDeque::new(),
             events: Vec::new(),
             open: Instant::MAX,
@@ -122,6 +129,10 @@ impl<O: Outside> Driver<O> {
         }
         let warning = self.time.caught_up(self.world.now());
         self.warn(warning);
+        if !self.rates_told && self.world.now() >= self.open {
+            self.rates_told = true;
+            self.warn_of_bit_rates();
+        }
         if self.world.now() >= due {
             self.take_effect();
         } else {
@@ -133,7 +144,7 @@ impl<O: Outside> Driver<O> {
     fn due(&self, arrival: &Arrival) -> Instant {
         let arrived = self.time.pace().at(arrival.at);
         match arrival.message {
-            ToWorld::Send(..) => arrived.max(self.open),
+            ToWorld::Send(..) | ToWorld::Typed(_) => arrived.max(self.open),
             _ => arrived,
         }
     }
@@ -174,6 +185,13 @@ impl<O: Outside> Driver<O> {
 
     fn take_effect(&mut self) {
         let Some(Arrival { message, .. }) = self.arrivals.pop_front() else { return };
+        if let ToWorld::Typed(line) = message {
+            match self.console.obey(&line, &mut self.world) {
+                Ok(answer) => answer.into_iter().for_each(|answer| self.trace.answer(answer)),
+                Err(refusal) => self.trace.warn(refusal),
+            }
+            return;
+        }
         if self.clients.apply(message, &mut self.world).is_err() {
             self.report_overrun();
         }
@@ -204,6 +222,22 @@ impl<O: Outside> Driver<O> {
         if dropped > 0 {
             self.trace
                 .warn(format!("clients left more frames behind than the bus takes: {dropped} of them were dropped"));
+        }
+    }
+
+    /// Tells which devices are set to another bit rate than the bus, once all of them have started.
+    fn warn_of_bit_rates(&self) {
+        let bus = self.world.bit_rate();
+        for id in self.world.devices() {
+            let rate = self.world.device(id).map(Device::bit_rate);
+            if let Some(rate) = rate.filter(|rate| *rate != bus) {
+                self.trace.warn(format!(
+                    "{} is set to {} bit/s, the bus runs at {} bit/s: it is not heard, and disturbs",
+                    self.world.name(id),
+                    rate.bits_per_second(),
+                    bus.bits_per_second()
+                ));
+            }
         }
     }
 

@@ -103,7 +103,7 @@ impl Rig {
         world.add_device("valve", kind.factory(kind.default_birth()), Memory::in_ram());
         let said = Said::default();
         let printer = Printer::start_with(io::sink(), said.clone(), watch::Sender::new(false)).unwrap();
-        let trace = Trace::new("pve0", Explainer::default(), printer, None);
+        let trace = Trace::new("pve0", Explainer::default(), printer, None, None);
         let start = WallInstant::now();
         let plan = VecDeque::new();
         let script = Script { now: start, work: WallDuration::ZERO, end: start, plan, waits: 0 };

@@ -11,6 +11,9 @@
 //! outside     the wall clock and the messages of clients, as the driver sees them
 //! clients     the world's end of every gateway
 //! trace       the bus on stdout and in the log
+//! stdin       lines that the user types
+//! console     faults by hand: what such a line does
+//! layout      the trace as people read it on a terminal
 //! errors      the error frames and error modes that are told
 //! printer     stdout and stderr, on a thread of their own: neither may hold the world up
 //! log         the file of --log
@@ -20,22 +23,25 @@
 //! end.
 
 mod clients;
+mod console;
 mod driver;
 mod end;
 mod errors;
+mod layout;
 mod log;
 mod options;
 mod outside;
 mod pace;
 mod printer;
 mod setup;
+mod stdin;
 mod timekeeper;
 mod trace;
 
-pub use options::{LogOptions, NamedDevice, RunOptions};
+pub use options::{ColorChoice, LogOptions, NamedDevice, RunOptions};
 
 use std::io::{self, Write};
-use std::net::SocketAddr;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
@@ -43,8 +49,8 @@ use std::thread::{self, JoinHandle};
 use tokio::runtime;
 use tokio::sync::{Semaphore, oneshot, watch};
 
-use crate::gateway::Entrance;
 use crate::gateway::socketcand::Server;
+use crate::gateway::{BusUrl, Entrance};
 use crate::memory::StateFileError;
 use crate::trace::Timestamp;
 use clients::Clients;
@@ -59,10 +65,10 @@ use trace::Trace;
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
     /// An address in use, or none of this machine.
-    #[error("{url}: {source}")]
+    #[error("{url}: {source}{}", way_out(url, source))]
     Bind {
         /// The bus that was to be served.
-        url: String,
+        url: BusUrl,
         /// Why not.
         source: io::Error,
     },
@@ -98,6 +104,17 @@ pub enum RunError {
     /// The system has no threads, signals or events to give.
     #[error("the system refuses: {0}")]
     System(#[from] io::Error),
+}
+
+/// What to do about a port in use.
+fn way_out(url: &BusUrl, error: &io::Error) -> String {
+    match error.kind() {
+        io::ErrorKind::AddrInUse => {
+            let free = BusUrl { port: 0, ..url.clone() };
+            format!("; does another pve-sim run? --bus {free} takes a free port")
+        }
+        _ => String::new(),
+    }
 }
 
 /// The most clients, on all buses together.
@@ -142,7 +159,7 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     let mut bound = Vec::new();
     let mut servers = Vec::new();
     for url in &options.buses {
-        let bind = |source| RunError::Bind { url: url.to_string(), source };
+        let bind = |source| RunError::Bind { url: url.clone(), source };
         let server = Server::bind(&url.authority(), &url.name).await.map_err(bind)?;
         bound.push((server.address().map_err(bind)?, url.name.clone()));
         servers.push(server);
@@ -164,12 +181,14 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     for server in servers {
         tokio::spawn(server.run(entrance.clone(), Arc::clone(&places)));
     }
+    stdin::listen(entrance.clone());
     let printer = Printer::start(reader_gone)?;
     for warning in warnings {
         printer.warn(warning);
     }
     let bus = options.buses.first().map_or("can0", |url| url.name.as_str());
-    let trace = Trace::new(bus, setup::explainer(options), printer, log);
+    let layout = trace::layout(options.color, options.verbose);
+    let trace = Trace::new(bus, setup::explainer(options), printer, log, layout);
     let clients = Clients::new(&mut world, options.error_frames);
     let driver = Driver::new(world, clients, System::new(inbox), options.speed, Timestamp::now(), trace);
     let (alive, ended) = oneshot::channel::<()>();
@@ -229,12 +248,58 @@ fn announce(bound: &[(SocketAddr, String)]) {
     let _ = writeln!(stdout, "pve-sim ready{urls}").and_then(|()| stdout.flush());
     let mut stderr = io::stderr().lock();
     for (address, name) in bound {
-        let (host, port) = (address.ip(), address.port());
-        let _ = writeln!(
-            stderr,
-            "Join the bus with python-can:\n  \
-             can_logger -i socketcand -c {name} --bus-kwargs host={host} port={port}\n  \
-             can.Bus(interface=\"socketcand\", host=\"{host}\", port={port}, channel=\"{name}\")"
-        );
+        let _ = writeln!(stderr, "{}", hint(*address, name));
+    }
+}
+
+/// What to type to join a bus, at an address that this machine reaches: nobody connects to 0.0.0.0.
+fn hint(address: SocketAddr, name: &str) -> String {
+    let port = address.port();
+    let host = match address.ip() {
+        IpAddr::V4(ip) if ip.is_unspecified() => Ipv4Addr::LOCALHOST.to_string(),
+        IpAddr::V4(ip) => ip.to_string(),
+        // A socket at [::] takes IPv4, too.
+        IpAddr::V6(ip) if ip.is_unspecified() => Ipv4Addr::LOCALHOST.to_string(),
+        IpAddr::V6(ip) => {
+            return format!(
+                "Join the bus at can://[{ip}]:{port}, name {name}. python-can knows IPv4 addresses only: for that, \
+                 --bus socketcand://127.0.0.1:{port}/{name}"
+            );
+        }
+    };
+    format!(
+        "Join the bus with python-can:\n  \
+         can_logger -i socketcand -c {name} --bus-kwargs host={host} port={port}\n  \
+         can.Bus(interface=\"socketcand\", host=\"{host}\", port={port}, channel=\"{name}\")\n\
+         or with SavvyCAN: {name}@(can://{host}:{port})"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn hint_at(address: &str) -> String {
+        hint(address.parse().expect(address), "pve0")
+    }
+
+    #[test]
+    fn the_hint_names_an_address_that_works() {
+        for (bound, host) in [("127.0.0.2:7", "127.0.0.2"), ("0.0.0.0:7", "127.0.0.1"), ("[::]:7", "127.0.0.1")] {
+            let text = hint_at(bound);
+            assert!(text.contains(&format!("host={host} port=7\n")), "{text}");
+            assert!(text.contains(&format!("host=\"{host}\", port=7, channel=\"pve0\"")), "{text}");
+            assert!(text.contains(&format!("pve0@(can://{host}:7)")), "{text}");
+        }
+        let text = hint_at("[::1]:7");
+        assert!(text.contains("can://[::1]:7") && text.contains("--bus socketcand://127.0.0.1:7/pve0"), "{text}");
+    }
+
+    #[test]
+    fn a_port_in_use_names_the_way_out() {
+        let url: BusUrl = "socketcand://127.0.0.1:29536/pve0".parse().expect("a bus");
+        let told = |kind: io::ErrorKind| RunError::Bind { url: url.clone(), source: kind.into() }.to_string();
+        assert!(told(io::ErrorKind::AddrInUse).ends_with("--bus socketcand://127.0.0.1:0/pve0 takes a free port"));
+        assert!(!told(io::ErrorKind::PermissionDenied).contains("--bus"));
     }
 }

@@ -24,8 +24,24 @@ pub struct RunOptions {
     pub log: Option<LogOptions>,
     /// Whether clients get error frames.
     pub error_frames: bool,
+    /// Whether the trace has colour.
+    pub color: ColorChoice,
+    /// Whether a trace for people shows every frame, repeats of cyclic frames among them.
+    pub verbose: bool,
     /// The seed of everything random.
     pub seed: u64,
+}
+
+/// Whether the trace has colour, and with it whether it is laid out for people.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum ColorChoice {
+    /// Laid out on a terminal, with colour unless the environment asks for none.
+    #[default]
+    Auto,
+    /// Laid out with colour, into a pipe, too.
+    Always,
+    /// Laid out on a terminal, without colour.
+    Never,
 }
 
 /// The log of `run`.

@@ -24,6 +24,8 @@ enum Text {
     Trace(String),
     /// A line for the user.
     Warning(String),
+    /// The answer to what the user typed.
+    Answer(String),
 }
 
 /// The writer of stdout and stderr.
@@ -68,6 +70,11 @@ impl Printer {
     pub(super) fn warn(&self, line: String) {
         // When not even a warning finds room, nobody reads.
         let _ = self.queue.try_send(Text::Warning(line));
+    }
+
+    /// Prints an answer on stderr, where it is not taken for a frame.
+    pub(super) fn answer(&self, text: String) {
+        let _ = self.queue.try_send(Text::Answer(text));
     }
 
     /// Waits until everything is printed, or nobody reads it.
@@ -122,6 +129,9 @@ impl<O: Write, E: Write> Writer<O, E> {
         match text {
             Text::Trace(lines) => batch.push_str(&lines),
             Text::Warning(line) => self.warn(&line),
+            Text::Answer(text) => {
+                let _ = writeln!(self.stderr, "{text}").and_then(|()| self.stderr.flush());
+            }
         }
     }
 

@@ -1,11 +1,17 @@
-//! The trace of a run, on stdout and in the log.
+//! The trace of a run, on stdout and in the log: there as `candump -L`, with what a frame means, and for people laid out.
 
 use std::collections::HashMap;
+use std::io::IsTerminal as _;
 use std::sync::Arc;
 
+use anstream::AutoStream;
 use protocol_core::device::Device;
+use protocol_core::device::pve::Protocol;
+use terminal_size::{Width, terminal_size};
 
+use super::layout::Layout;
 use super::log::Log;
+use super::options::ColorChoice;
 use super::printer::Printer;
 use crate::explain::Explainer;
 use crate::trace::{ErrorClass, Timestamp, write_error, write_frame};
@@ -13,6 +19,23 @@ use crate::world::{Event, EventKind, NodeId, World};
 
 /// Lines are printed at the latest when they have so many bytes.
 const BATCH: usize = 32 * 1024;
+
+/// The layout that stdout gets: none, unless it is a terminal or colour is asked for.
+pub(super) fn layout(color: ColorChoice, verbose: bool) -> Option<Layout> {
+    let stdout = std::io::stdout();
+    let wished = match color {
+        ColorChoice::Always => true,
+        ColorChoice::Never => false,
+        // Looks at NO_COLOR, CLICOLOR and TERM.
+        ColorChoice::Auto => AutoStream::choice(&stdout) != anstream::ColorChoice::Never,
+    };
+    let people = stdout.is_terminal() || color == ColorChoice::Always;
+    people.then(|| {
+        let mut layout = Layout::new(wished, verbose);
+        layout.fit(terminal_size().map(|(Width(columns), _)| columns.into()));
+        layout
+    })
+}
 
 /// The trace of a run.
 pub(super) struct Trace {
@@ -23,6 +46,8 @@ pub(super) struct Trace {
     places: HashMap<Arc<str>, (NodeId, usize)>,
     printer: Printer,
     log: Option<Log>,
+    /// The layout for people; `None`: lines as `candump -L` writes them.
+    layout: Option<Layout>,
     /// The current line; the allocation is used again.
     line: String,
     /// Lines that are not printed yet.
@@ -30,9 +55,16 @@ pub(super) struct Trace {
 }
 
 impl Trace {
-    /// A trace of the devices that the explainer knows.
-    pub(super) fn new(bus: &str, explainer: Explainer, printer: Printer, log: Option<Log>) -> Self {
+    /// A trace of the devices that the explainer knows, as `candump -L` or for people.
+    pub(super) fn new(
+        bus: &str,
+        explainer: Explainer,
+        printer: Printer,
+        log: Option<Log>,
+        layout: Option<Layout>,
+    ) -> Self {
         Self {
+            layout,
             bus: bus.to_owned(),
             explainer,
             places: HashMap::new(),
@@ -45,6 +77,11 @@ impl Trace {
 
     /// Learns the present node IDs of all devices: those of the explainer, in the same order.
     pub(super) fn learn(&mut self, world: &World) {
+        if let Some(layout) = &mut self.layout
+            && self.explainer.nodes_mut().iter().any(|node| node.kind.protocol() == Protocol::Isobus)
+        {
+            layout.expect_extended();
+        }
         for (place, id) in world.devices().enumerate() {
             self.places.insert(world.name(id).into(), (id, place));
             self.look_at(id, place, world);
@@ -54,23 +91,26 @@ impl Trace {
     /// Writes the line of a frame, or of an error that is told.
     pub(super) fn tell(&mut self, event: &Event, at: Timestamp, error: Option<(ErrorClass, String)>, world: &World) {
         self.line.clear();
-        let meaning = match (&event.what, error) {
-            (EventKind::Frame { frame, .. }, _) => {
-                write_frame(&mut self.line, at, &self.bus, frame);
-                // With the node IDs before the frame: the frame may change them.
-                self.explainer.explain(frame, Some(&event.who))
-            }
-            (_, Some((class, text))) => {
-                write_error(&mut self.line, at, &self.bus, class);
-                text
-            }
+        match (&event.what, &error) {
+            (EventKind::Frame { frame, .. }, _) => write_frame(&mut self.line, at, &self.bus, frame),
+            (_, Some((class, _))) => write_error(&mut self.line, at, &self.bus, *class),
             (_, None) => return,
-        };
+        }
         self.log(Log::write);
-        self.lines.push_str(&self.line);
-        self.lines.push_str("  ");
-        self.lines.push_str(&meaning);
-        self.lines.push('\n');
+        // With the node IDs before the frame: the frame may change them.
+        let from_device = self.places.contains_key(&event.who);
+        match (&event.what, error, &mut self.layout) {
+            (EventKind::Frame { frame, .. }, _, Some(layout)) => {
+                let meaning = || self.explainer.explain_and_mark(frame, Some(&event.who));
+                layout.frame(&mut self.lines, (event.at, &event.who, frame), from_device, meaning);
+            }
+            (EventKind::Frame { frame, .. }, _, None) => {
+                self.plain(&self.explainer.explain(frame, Some(&event.who)));
+            }
+            (_, Some((_, text)), Some(layout)) => layout.error(&mut self.lines, event.at, &text),
+            (_, Some((_, text)), None) => self.plain(&text),
+            (_, None, _) => {}
+        }
         if self.lines.len() >= BATCH {
             self.print();
         }
@@ -80,12 +120,27 @@ impl Trace {
         }
     }
 
+    /// Adds the line, with what it means.
+    fn plain(&mut self, meaning: &str) {
+        for part in [&self.line, "  ", meaning, "\n"] {
+            self.lines.push_str(part);
+        }
+    }
+
     /// Hands all lines to their readers.
     pub(super) fn hand_out(&mut self) {
+        if let Some(layout) = &mut self.layout {
+            layout.fit(terminal_size().map(|(Width(columns), _)| columns.into()));
+        }
         self.log(|log, _| log.flush());
         if !self.lines.is_empty() {
             self.print();
         }
+    }
+
+    /// Prints the answer to what the user typed.
+    pub(super) fn answer(&self, text: String) {
+        self.printer.answer(text);
     }
 
     /// Prints a line for the user.
@@ -95,6 +150,9 @@ impl Trace {
 
     /// Hands all lines out, and waits until they are printed or nobody reads them.
     pub(super) fn finish(mut self) {
+        if let Some(layout) = &mut self.layout {
+            layout.finish(&mut self.lines);
+        }
         self.hand_out();
         self.printer.finish();
     }

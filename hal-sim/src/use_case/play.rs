@@ -63,12 +63,24 @@ impl std::error::Error for Deviation {}
 /// [`Deviation`] at the first frame that differs from the manual's.
 pub fn play(case: &UseCase, bench: &mut impl Bench, print: &mut dyn FnMut(&str)) -> Result<(), Deviation> {
     let last_sent = bench.now();
-    let mut player = Player { bench, print, last_sent, cyclic: None, steady: None, again: Vec::new() };
+    let mut player = Player {
+        bench,
+        print,
+        last_sent,
+        cyclic: None,
+        steady: None,
+        frames: 0,
+        latest: Vec::new(),
+        again: Vec::new(),
+    };
     player.line(&format!("use case {}: {}", case.name, case.title));
     for step in case.steps {
         player.step(step)?;
     }
-    player.wait(after(player.bench.now(), QUIET))
+    player.wait(after(player.bench.now(), QUIET))?;
+    let frames = player.frames;
+    player.line(&format!("{frames} frames as expected"));
+    Ok(())
 }
 
 /// The frame that the master sends in a cycle.
@@ -90,7 +102,11 @@ struct Player<'a, B> {
     cyclic: Option<Cyclic>,
     /// The frame that may come again at any time.
     steady: Option<Frame>,
-    /// Cyclic frames that went or came once more, and how often: not printed yet.
+    /// How many frames of the valves were compared.
+    frames: u32,
+    /// The frame of each identifier that was printed last, with its meaning.
+    latest: Vec<(Frame, String)>,
+    /// Frames that went or came again as they were, and how often: not printed yet.
     again: Vec<(Frame, u32)>,
 }
 
@@ -172,6 +188,7 @@ impl<B: Bench> Player<'_, B> {
         let expected = parse(text);
         let received = self.receive(Some(expected), self.patience());
         if received == Some(expected) {
+            self.frames += 1;
             self.frame("<-", &expected, meaning);
             self.steady.take_if(|steady| steady.id() == expected.id());
             return Ok(());
@@ -196,6 +213,7 @@ impl<B: Bench> Player<'_, B> {
         });
         match received {
             Some(frame) if near => {
+                self.frames += 1;
                 self.frame("<-", &frame, meaning);
                 Ok(())
             }
@@ -223,7 +241,10 @@ impl<B: Bench> Player<'_, B> {
         loop {
             let turn = self.cyclic.map(|cyclic| cyclic.due).filter(|due| *due <= until);
             match self.bench.receive(turn.unwrap_or(until)) {
-                Some(frame) if Some(frame) == self.steady && wanted != Some(frame) => self.count(frame),
+                Some(frame) if Some(frame) == self.steady && wanted != Some(frame) => {
+                    self.frames += 1;
+                    self.count(frame);
+                }
                 Some(frame) => return Some(frame),
                 None if turn.is_some() => self.send_cyclic(),
                 None => return None,
@@ -239,18 +260,31 @@ impl<B: Bench> Player<'_, B> {
         }
     }
 
+    /// Prints a frame, or counts it when the one before of its identifier was the same.
     fn frame(&mut self, direction: &str, frame: &Frame, meaning: &str) {
+        match self.latest.iter_mut().find(|(latest, _)| latest.id() == frame.id()) {
+            Some((latest, meant)) if latest == frame && meant == meaning => return self.count(*frame),
+            Some(latest) => *latest = (*frame, meaning.to_owned()),
+            None => self.latest.push((*frame, meaning.to_owned())),
+        }
         let ms = since(self.bench.now(), Instant::from_ticks(0)).as_micros();
-        self.line(&format!("{:>6}.{:03} ms  {direction}  {:<35}  {meaning}", ms / 1000, ms % 1000, frame.to_string()));
+        let text = format!("{:>6}.{:03} ms  {direction}  {:<35}  {meaning}", ms / 1000, ms % 1000, frame.to_string());
+        self.tell_again(|again| again.id() == frame.id());
+        (self.print)(&text);
     }
 
+    /// Prints a line that is no frame; repeats are not counted beyond it.
     fn line(&mut self, text: &str) {
-        let again = std::mem::take(&mut self.again);
-        for (frame, count) in again {
+        self.tell_again(|_| true);
+        self.latest.clear();
+        (self.print)(text);
+    }
+
+    fn tell_again(&mut self, which: impl Fn(&Frame) -> bool) {
+        for (frame, count) in self.again.extract_if(.., |(frame, _)| which(frame)) {
             let times = if count == 1 { "once".to_owned() } else { format!("{count} times") };
             (self.print)(&format!("{:>17}{:<35}  {times} more", "", frame.to_string()));
         }
-        (self.print)(text);
     }
 }
 

@@ -2,6 +2,7 @@
 //! that give up, nothing sleeps.
 
 mod bus;
+mod console;
 mod ends;
 mod files;
 mod simulator;

@@ -7,6 +7,7 @@ pub mod fault_log;
 pub mod hat;
 pub mod host;
 mod kind;
+pub mod plant;
 pub mod pve;
 pub mod reading;
 mod senses;

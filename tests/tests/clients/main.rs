@@ -5,6 +5,7 @@
 
 mod command_line;
 mod isobus;
+mod readme;
 mod simulator;
 mod strangers;
 

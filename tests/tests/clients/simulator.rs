@@ -33,7 +33,13 @@ fn profile() -> PathBuf {
     test.parent().and_then(Path::parent).expect("tests lie in target/<profile>/deps").to_owned()
 }
 
-fn root() -> PathBuf {
+/// The interpreter that has the clients.
+pub(crate) fn python() -> PathBuf {
+    let venv = || profile().with_file_name("venv").join("bin/python");
+    env::var_os("CLIENTS_PYTHON").map_or_else(venv, PathBuf::from)
+}
+
+pub(crate) fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
@@ -94,10 +100,14 @@ impl Simulator {
         self.process.id()
     }
 
+    /// Host, port and name of the bus.
+    pub(crate) fn address(&self) -> &[String; 3] {
+        &self.address
+    }
+
     /// Runs a script against it, and shows all there is to see when it fails; returns what the script printed.
     pub(crate) fn serve(&self, script: &str, arguments: &[&str]) -> String {
-        let venv = || profile().with_file_name("venv").join("bin/python");
-        let python = env::var_os("CLIENTS_PYTHON").map_or_else(venv, PathBuf::from);
+        let python = python();
         let run = Command::new(&python)
             .arg(root().join("tests/clients").join(script))
             .args(&self.address)
@@ -126,7 +136,7 @@ impl Simulator {
     }
 
     /// Its trace, and what it wrote to stderr.
-    fn said(&self) -> String {
+    pub(crate) fn said(&self) -> String {
         self.output.lock().unwrap().clone()
     }
 }

@@ -1,7 +1,7 @@
-//! What acts on a board that has no valve: its plant, changed by hand at the console and by the button.
+//! What acts on a device that has no valve: its plant, by the words of a console, and by the button of a board.
 
-use protocol_core::actuator::{Position, SpoolFault, ValveSenses};
-use protocol_core::device::Senses;
+use super::Senses;
+use crate::actuator::{Position, SpoolFault, ValveSenses};
 
 /// The plant. Of the senses all but the error mode of the bus, which is the controller's to tell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

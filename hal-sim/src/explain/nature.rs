@@ -1,0 +1,85 @@
+//! What is remarkable about a frame beside its meaning: for colours, and for what a trace may leave out.
+
+use protocol_core::frame::{Frame, Id};
+use protocol_core::wire::dm;
+use protocol_core::wire::emcy::{Emcy, NO_ERROR};
+use protocol_core::wire::j1939_id::{J1939Id, Pgn};
+use protocol_core::wire::uds::parse_id;
+
+use super::{Context, uds};
+
+/// What is remarkable about a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mark {
+    /// Nothing.
+    Plain,
+    /// It tells of a fault: an EMCY with an error, a DM1 with a trouble code.
+    Fault,
+    /// A client sent it under an identifier of a device.
+    Impersonation,
+    /// Nobody knows what it means.
+    Unknown,
+}
+
+pub(super) fn mark(frame: &Frame, context: &Context<'_>) -> Mark {
+    if context.sender.is_none() && source(frame).is_some_and(|id| context.impersonated(id).is_some()) {
+        Mark::Impersonation
+    } else if tells_fault(frame) {
+        Mark::Fault
+    } else {
+        Mark::Plain
+    }
+}
+
+/// The node ID, or the address, that a frame names as its source.
+fn source(frame: &Frame) -> Option<u8> {
+    // Whoever asks by a remote frame uses the identifier of the answer.
+    if frame.is_remote() {
+        return None;
+    }
+    match frame.id() {
+        Id::Standard(id) => match id.as_raw() {
+            raw @ (0x081..=0x0FF | 0x181..=0x1FF | 0x581..=0x5FF | 0x701..=0x77F) => Some((raw & 0x7F) as u8),
+            _ => None,
+        },
+        Id::Extended(id) => match parse_id(id.as_raw()) {
+            Some((source, _)) => uds::device(source),
+            None => Some(J1939Id::from_raw(id.as_raw()).source().get()),
+        },
+    }
+}
+
+fn tells_fault(frame: &Frame) -> bool {
+    match frame.id() {
+        Id::Standard(id) if (0x081..=0x0FF).contains(&id.as_raw()) => {
+            frame.eight().is_some_and(|bytes| Emcy::parse(bytes).code != NO_ERROR)
+        }
+        Id::Extended(id) if J1939Id::from_raw(id.as_raw()).pgn() == Pgn::DM1 => {
+            dm::parse(frame.data()).is_some_and(|(_, mut troubles)| troubles.next().is_some())
+        }
+        _ => false,
+    }
+}
+
+/// Whether a frame is of a kind that is sent in a cycle, and not a request, an answer or a change that counts each time.
+#[must_use]
+pub fn is_cyclic(frame: &Frame) -> bool {
+    match frame.id() {
+        // NMT, EMCY, SDO, LSS
+        Id::Standard(id) => !matches!(id.as_raw(), 0x000 | 0x081..=0x0FF | 0x581..=0x67F | 0x7E4 | 0x7E5),
+        Id::Extended(id) => {
+            let pgn = J1939Id::from_raw(id.as_raw()).pgn();
+            let once = [
+                Pgn::ADDRESS_CLAIMED,
+                Pgn::REQUEST,
+                Pgn::ACKNOWLEDGEMENT,
+                Pgn::TP_CONNECTION,
+                Pgn::TP_DATA,
+                Pgn::DM2,
+                Pgn::DM3,
+                Pgn::COMMANDED_ADDRESS,
+            ];
+            parse_id(id.as_raw()).is_none() && !once.contains(&pgn)
+        }
+    }
+}

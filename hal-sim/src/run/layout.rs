@@ -1,0 +1,254 @@
+//! The trace for people: aligned columns, arrows, colours, and repeats of a cyclic frame as a count.
+//!
+//! ```text
+//!    300.768 ms  ->  220: 0F 00 00 20               master → pvea-canopen: RPDO …   a client sent it
+//!    301.424 ms  <-  1A0: 0F 00 99 19               pvea-canopen: TPDO …            a device sent it
+//!                    220: 0F 00 00 20               12 times more, every 100 ms
+//! ```
+
+use std::collections::HashMap;
+use std::fmt::Write;
+use std::sync::Arc;
+
+use anstyle::{AnsiColor, Style};
+use protocol_core::frame::{Frame, Id};
+use protocol_core::time::{Duration, Instant, since};
+
+use crate::explain::{Mark, is_cyclic};
+use crate::trace::write_hex;
+
+/// A frame that comes again as it was, and later than this, is news again.
+const CYCLE: Duration = Duration::from_secs(2);
+
+/// Repeats are told at the latest after this.
+const REMINDER: Duration = Duration::from_secs(5);
+
+/// How late a repeat may be before its cycle counts as over.
+const LATE: Duration = Duration::from_millis(20);
+
+/// The columns before the frame: time, unit, arrow.
+const MARGIN: usize = 19;
+
+/// With fewer columns the bytes of a frame stand together.
+const ROOMY: usize = 100;
+
+/// A meaning is not broken into lines shorter than this.
+const NARROWEST: usize = 20;
+
+const TIME: Style = Style::new().dimmed();
+const DEVICE: Style = AnsiColor::Cyan.on_default();
+const CLIENT: Style = AnsiColor::Green.on_default();
+const FAULT: Style = AnsiColor::Red.on_default();
+const WARNING: Style = AnsiColor::Yellow.on_default().bold();
+const MINOR: Style = Style::new().dimmed();
+
+/// Lays the trace out.
+pub(super) struct Layout {
+    color: bool,
+    /// Whether repeats are shown.
+    verbose: bool,
+    /// The columns of the terminal, where it tells them.
+    columns: Option<usize>,
+    /// Whether 29-bit identifiers need room.
+    extended: bool,
+    /// What was printed last, of each sender and identifier.
+    latest: HashMap<(Arc<str>, Id), Latest>,
+}
+
+/// A frame that was printed, and its repeats.
+struct Latest {
+    frame: Frame,
+    /// The last one.
+    at: Instant,
+    /// Repeats that are not told yet, and the time of the one before them.
+    again: u32,
+    told: Instant,
+}
+
+impl Layout {
+    pub(super) fn new(color: bool, verbose: bool) -> Self {
+        Self { color, verbose, columns: None, extended: false, latest: HashMap::new() }
+    }
+
+    /// Learns how many columns there are; `None`: lines are not broken.
+    pub(super) fn fit(&mut self, columns: Option<usize>) {
+        self.columns = columns;
+    }
+
+    /// Makes room for 29-bit identifiers from the first line on.
+    pub(super) fn expect_extended(&mut self) {
+        self.extended = true;
+    }
+
+    /// Writes a frame, or counts it as a repeat. `from_device`: whether a device sent it.
+    pub(super) fn frame(
+        &mut self,
+        out: &mut String,
+        (at, who, frame): (Instant, &Arc<str>, &Frame),
+        from_device: bool,
+        meaning: impl FnOnce() -> (String, Mark),
+    ) {
+        if !self.verbose && self.repeats(out, at, who, frame) {
+            return;
+        }
+        self.tell_ended(out, at);
+        self.extended |= matches!(frame.id(), Id::Extended(_));
+        let (text, mark) = meaning();
+        let sender = if from_device { DEVICE } else { CLIENT };
+        let style = match mark {
+            Mark::Plain => Style::new(),
+            Mark::Fault => FAULT,
+            Mark::Impersonation => WARNING,
+            Mark::Unknown => MINOR,
+        };
+        self.time(out, at);
+        let arrow = if from_device { "<-" } else { "->" };
+        self.styled(out, sender, &format!("{arrow}  {}", self.columns_of(frame)));
+        self.text(out, style, &text);
+    }
+
+    /// Writes the line of an error.
+    pub(super) fn error(&mut self, out: &mut String, at: Instant, text: &str) {
+        self.tell_ended(out, at);
+        self.time(out, at);
+        self.styled(out, FAULT, &format!("!!  {text}"));
+        out.push('\n');
+    }
+
+    /// Tells every repeat that was not told.
+    pub(super) fn finish(&mut self, out: &mut String) {
+        self.tell_repeats(out, |_| true);
+    }
+
+    /// Whether a frame is a repeat, which is counted.
+    fn repeats(&mut self, out: &mut String, at: Instant, who: &Arc<str>, frame: &Frame) -> bool {
+        if !is_cyclic(frame) {
+            return false;
+        }
+        let key = (Arc::clone(who), frame.id());
+        let Some(latest) = self.latest.get_mut(&key) else {
+            self.latest.insert(key, Latest::first(*frame, at));
+            return false;
+        };
+        if latest.frame == *frame && since(at, latest.at) <= CYCLE {
+            latest.at = at;
+            latest.again += 1;
+            if since(at, latest.told) >= REMINDER {
+                self.tell_repeats(out, |(other, _)| *other == key);
+            }
+            return true;
+        }
+        self.tell_repeats(out, |(other, _)| *other == key);
+        self.latest.insert(key, Latest::first(*frame, at));
+        false
+    }
+
+    /// Tells the repeats of cycles that are over.
+    fn tell_ended(&mut self, out: &mut String, now: Instant) {
+        self.tell_repeats(out, |(_, latest)| since(now, latest.at).as_micros() > latest.period_us() + LATE.as_micros());
+    }
+
+    fn tell_repeats(&mut self, out: &mut String, which: impl Fn((&(Arc<str>, Id), &Latest)) -> bool) {
+        let mut told: Vec<(Instant, Frame, String)> = Vec::new();
+        for (key, latest) in &mut self.latest {
+            if latest.again > 0 && which((key, latest)) {
+                let times = if latest.again == 1 { "once".to_owned() } else { format!("{} times", latest.again) };
+                let period = (latest.period_us() + 500) / 1000;
+                told.push((latest.at, latest.frame, format!("{times} more, every {period} ms")));
+                (latest.again, latest.told) = (0, latest.at);
+            }
+        }
+        // The map has no order of its own.
+        told.sort_by_key(|(at, frame, _)| (*at, frame.arbitration()));
+        for (_, frame, text) in told {
+            let blank = " ".repeat(MARGIN);
+            self.styled(out, MINOR, &format!("{blank}{}", self.columns_of(&frame)));
+            self.text(out, MINOR, &text);
+        }
+    }
+
+    fn time(&self, out: &mut String, at: Instant) {
+        let micros = since(at, Instant::from_ticks(0)).as_micros();
+        self.styled(out, TIME, &format!("{:>6}.{:03} ms", micros / 1000, micros % 1000));
+        out.push_str("  ");
+    }
+
+    /// A frame, as wide as the widest.
+    fn columns_of(&self, frame: &Frame) -> String {
+        let mut text = frame.to_string();
+        if !self.is_roomy() && !frame.is_remote() {
+            text.truncate(text.find(':').map_or(text.len(), |colon| colon + 1));
+            text.push(' ');
+            write_hex(&mut text, frame.data());
+        }
+        format!("{text:<width$}", width = self.frame_width())
+    }
+
+    /// The width of a frame of eight bytes: identifier, colon, blank, bytes.
+    fn frame_width(&self) -> usize {
+        let bytes = if self.is_roomy() { 23 } else { 16 };
+        let id = if self.extended { 8 } else { 3 };
+        id + 2 + bytes
+    }
+
+    fn is_roomy(&self) -> bool {
+        self.columns.is_none_or(|columns| columns >= ROOMY)
+    }
+
+    /// Writes the end of a line: a text, in lines below each other where it is too long.
+    fn text(&self, out: &mut String, style: Style, text: &str) {
+        let indent = MARGIN + self.frame_width() + 2;
+        let width = self.columns.map_or(usize::MAX, |columns| columns.saturating_sub(indent).max(NARROWEST));
+        for (number, line) in broken(text, width).into_iter().enumerate() {
+            if number > 0 {
+                let _ = write!(out, "\n{:indent$}", "");
+            } else {
+                out.push_str("  ");
+            }
+            self.styled(out, style, &line);
+        }
+        out.push('\n');
+    }
+
+    fn styled(&self, out: &mut String, style: Style, text: &str) {
+        // Writing to a string can't fail.
+        let _ = if self.color { write!(out, "{style}{text}{style:#}") } else { write!(out, "{text}") };
+    }
+}
+
+impl Latest {
+    const fn first(frame: Frame, at: Instant) -> Self {
+        Self { frame, at, again: 0, told: at }
+    }
+
+    /// The mean time between the repeats, in microseconds.
+    fn period_us(&self) -> u64 {
+        since(self.at, self.told).as_micros() / u64::from(self.again.max(1))
+    }
+}
+
+/// A text in lines of at most so many characters, broken between words.
+fn broken(text: &str, width: usize) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    let mut length = 0;
+    for word in text.split(' ') {
+        let chars = word.chars().count();
+        let Some(line) = lines.last_mut() else { break };
+        if length == 0 {
+            line.push_str(word);
+            length = chars;
+        } else if length + 1 + chars <= width {
+            line.push(' ');
+            line.push_str(word);
+            length += 1 + chars;
+        } else {
+            lines.push(word.to_owned());
+            length = chars;
+        }
+    }
+    lines
+}
+
+#[cfg(test)]
+#[path = "layout_tests.rs"]
+mod tests;

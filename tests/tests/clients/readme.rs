@@ -1,0 +1,157 @@
+//! The README as a visitor goes through it: its blocks run against the binary, and what it promises is what comes.
+
+use std::fs;
+use std::io::Write;
+use std::process::{Command, Stdio};
+
+use hal_sim::cli::{self, Request};
+
+use crate::simulator::{Simulator, python, root};
+
+/// The port that pages name; a test has one of its own.
+const PORT: &str = "29536";
+
+/// The fenced blocks of a page, each with its language.
+fn blocks(page: &str) -> Vec<(String, String)> {
+    let text = fs::read_to_string(root().join(page)).expect(page);
+    let mut blocks = Vec::new();
+    let mut open: Option<(String, String)> = None;
+    for line in text.lines() {
+        match (line.strip_prefix("```"), open.take()) {
+            (Some(_), Some(block)) => blocks.push(block),
+            (Some(language), None) => open = Some((language.to_owned(), String::new())),
+            (None, Some((language, block))) => open = Some((language, format!("{block}{line}\n"))),
+            (None, None) => {}
+        }
+    }
+    assert!(open.is_none(), "{page}: a block has no end");
+    blocks
+}
+
+fn block(page: &str, has: &str) -> String {
+    let found = blocks(page).into_iter().find(|(_, block)| block.contains(has));
+    found.unwrap_or_else(|| panic!("{page} has no block with {has:?}")).1
+}
+
+/// Runs a block of Python as a visitor does, who presses Enter once the spool is there; returns what it printed.
+fn paste(script: &str, simulator: &Simulator, until: &str) -> String {
+    let script = script.replace(PORT, &simulator.address()[1]);
+    let mut client = Command::new(python())
+        .args(["-u", "-c", &script])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("python runs");
+    let mut stdin = client.stdin.take().expect("a pipe");
+    let mut stdout = std::io::BufReader::new(client.stdout.take().expect("a pipe"));
+    let mut printed = String::new();
+    while !printed.contains(until) {
+        let read = std::io::BufRead::read_line(&mut stdout, &mut printed).expect("text");
+        assert!(read > 0, "it ended after {printed}");
+    }
+    stdin.write_all(b"\n").expect("it waits for Enter");
+    std::io::Read::read_to_string(&mut stdout, &mut printed).expect("text");
+    assert!(client.wait().expect("it ends").success(), "{printed}");
+    printed
+}
+
+#[test]
+fn the_first_drive_works_twice_in_a_row() {
+    let script = block("README.md", "canopen.Network()");
+    let file = fs::read_to_string(root().join("examples/drive.py")).expect("the example");
+    assert_eq!(script, file, "the README shows the example");
+    let promised = block("README.md", "status 0x0009");
+    let last = promised.lines().last().expect("a line");
+    let simulator = Simulator::start::<&str>(&[]);
+    for visit in 1..=2 {
+        let printed = paste(&script, &simulator, last);
+        let statuses: Vec<&str> = printed.lines().filter_map(|line| line.strip_prefix("status ")).collect();
+        let states = |lines: &[&str]| lines.iter().map(|line| line[..6].to_owned()).collect::<Vec<_>>();
+        // The first of a later visit is that of the fault that the end of the one before has left.
+        let promised: Vec<&str> = promised.lines().filter_map(|line| line.strip_prefix("status ")).collect();
+        assert_eq!(states(&statuses)[1..3], states(&promised)[1..3], "visit {visit}: {printed}");
+        assert!(statuses.contains(&"0x000f, spool 8192"), "visit {visit}: {printed}");
+        let mut different = statuses.clone();
+        different.dedup();
+        assert_eq!(different, statuses, "visit {visit}: a status is printed when it changes");
+    }
+    simulator.terminate();
+}
+
+/// Frame by frame, meanings included; the times are those of the README's run.
+#[test]
+fn the_trace_begins_as_the_readme_shows_it() {
+    let shown = block("README.md", "boot-up");
+    let simulator = Simulator::start(&["--color", "always"]);
+    // Who has joined has seen the boot-up go by.
+    simulator.serve("boot.py", &["11149437"]);
+    let told = simulator.said();
+    for line in shown.lines() {
+        let (_, frame) = line.split_once(" ms  ").expect("a time");
+        let plain: String =
+            told.split("\u{1b}[").map(|part| part.split_once('m').map_or(part, |(_, text)| text)).collect();
+        assert!(plain.contains(frame), "{frame}\n{plain}");
+    }
+    simulator.terminate();
+}
+
+/// What pip installs in the README are the clients that these tests run.
+#[test]
+fn the_readme_installs_what_is_tested() {
+    let tested = fs::read_to_string(root().join("tests/clients/requirements.txt")).expect("the list");
+    let block = block("README.md", "pip install");
+    let line = block.lines().find(|line| line.contains("pip install")).expect("a line");
+    let (_, packages) = line.split_once("pip install ").expect("packages");
+    for package in packages.split(' ') {
+        assert!(tested.lines().any(|line| line.starts_with(&format!("{package}=="))), "{package}");
+    }
+}
+
+/// Every logger, and every other line of a shell that calls a client, starts and joins.
+#[test]
+fn the_logger_joins_as_the_pages_say() {
+    let simulator = Simulator::start::<&str>(&[]);
+    for page in ["README.md", "docs/pve-sim.md"] {
+        let block = block(page, "can_logger ");
+        let line = block.lines().find(|line| line.contains("can_logger ")).expect("a line");
+        let arguments = line.split_once("can_logger ").expect("arguments").1.replace(PORT, &simulator.address()[1]);
+        let mut logger = Command::new(python().with_file_name("can_logger"))
+            .args(arguments.split(' '))
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("can_logger runs");
+        let mut printed = String::new();
+        let mut stdout = std::io::BufReader::new(logger.stdout.take().expect("a pipe"));
+        while !printed.contains("Can Logger (Started") {
+            let read = std::io::BufRead::read_line(&mut stdout, &mut printed).expect("text");
+            assert!(read > 0, "{page}: {line}: it ended after {printed}");
+        }
+        logger.kill().expect("it still runs");
+        logger.wait().expect("it ends");
+    }
+    simulator.terminate();
+}
+
+/// What follows `pve-sim` or `cargo run --` on a page is a command line that is accepted.
+#[test]
+fn every_command_line_of_the_pages_is_accepted() {
+    let mut seen = 0;
+    for page in ["README.md", "docs/pve-sim.md"] {
+        let text = fs::read_to_string(root().join(page)).expect(page);
+        for code in text.split('`').filter(|code| !code.contains(['<', '[', '…', '\n'])) {
+            let arguments = code.strip_prefix("cargo run -- ").or_else(|| code.strip_prefix("pve-sim "));
+            let Some(arguments) = arguments.filter(|arguments| !arguments.chars().any(char::is_uppercase)) else {
+                continue;
+            };
+            let words: Vec<String> = std::iter::once("pve-sim")
+                .chain(arguments.split_whitespace().take_while(|word| *word != "|"))
+                .map(str::to_owned)
+                .collect();
+            match cli::parse(words) {
+                Ok(Request::Run(_) | Request::UseCases(_) | Request::Print(_)) => seen += 1,
+                Err(error) => panic!("{page}: {code}: {error}"),
+            }
+        }
+    }
+    assert!(seen >= 2, "{seen}");
+}
