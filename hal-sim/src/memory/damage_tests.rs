@@ -47,11 +47,11 @@ fn with_header(flash: &Flash, at: usize, length: u16) -> Flash {
 fn lives_on(memory: &mut Memory, factory: &Option<Vec<u8>>, what: &str) {
     let mut expected = [const { None }; RecordKey::ALL.len()];
     for number in 1000..1180 {
-        let key = RecordKey::ALL[1 + number as usize % 4];
+        let key = RecordKey::ALL[1 + number as usize % 5];
         memory.store(key, &record(&numbered(number))).unwrap();
         expected[key.position()] = Some(numbered(number));
         assert_eq!(payload(&memory.read_image(), key), expected[key.position()], "{key:?} {what}");
-        if number % 59 == 0 {
+        if number % 61 == 0 {
             let image = memory.read_image();
             for key in &RecordKey::ALL[1..] {
                 let found = payload(&image, *key);
@@ -66,7 +66,7 @@ fn lives_on(memory: &mut Memory, factory: &Option<Vec<u8>>, what: &str) {
 
 #[test]
 fn an_item_of_any_length_hides_only_itself() {
-    let (memory, newest) = with_history(10);
+    let (memory, newest) = with_history(12);
     let items = items(memory.flash());
     for (item, at) in items.iter().enumerate() {
         for length in LENGTHS {

@@ -42,7 +42,7 @@ impl Moment {
         let mut moments = Vec::new();
         for number in 0.. {
             // The factory record is written once and has to survive all that follows.
-            let key = if number == 0 { RecordKey::Factory } else { RecordKey::ALL[1 + number as usize % 4] };
+            let key = if number == 0 { RecordKey::Factory } else { RecordKey::ALL[1 + number as usize % 5] };
             let flash = memory.flash().clone();
             memory.store(key, &record(number)).unwrap();
             let operations = operations(memory.flash()) - operations(&flash);
@@ -184,7 +184,7 @@ fn one_cut_after_the_other_loses_nothing() {
         memory.flash_mut().seed_noise(seed);
         let mut before = Held::default();
         for number in 0..250 {
-            let key = if number == 0 { RecordKey::Factory } else { RecordKey::ALL[1 + random.usize(..4)] };
+            let key = if number == 0 { RecordKey::Factory } else { RecordKey::ALL[1 + random.usize(..5)] };
             let mut after = before.clone();
             after[key.position()] = Some(record(number)[2..92].to_vec());
             memory.flash_mut().set_torn_erase(TornErase::ALL[random.usize(..5)]);

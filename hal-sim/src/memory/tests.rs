@@ -27,7 +27,7 @@ pub(super) fn with_history(count: u32) -> (Memory, Vec<Option<Vec<u8>>>) {
     let mut held = vec![None; RecordKey::ALL.len()];
     for number in 0..count {
         // The factory record is written once and has to survive all that follows.
-        let key = if number == 0 { 0 } else { 1 + number as usize % 4 };
+        let key = if number == 0 { 0 } else { 1 + number as usize % 5 };
         memory.store(RecordKey::ALL[key], &record(&numbered(number))).unwrap();
         held[key] = Some(numbered(number));
     }
