@@ -339,7 +339,7 @@ impl<P: Product> Node<P> {
         }
     }
 
-    #[inline(never)]
+    #[inline]
     fn sample_tpdo(&mut self, product: &P, now: Instant) -> Option<Frame> {
         let objects = &self.objects;
         let of = if P::RULES.tpdo.sampled_when_due { self.owed.tpdo_of } else { now };
