@@ -55,6 +55,10 @@ pub struct RunArgs {
     #[arg(long, value_name = "URL", help_heading = "Bus")]
     bus: Vec<BusUrl>,
 
+    /// Announce the bus by UDP to port 42000, so that python-can and SavvyCAN find it
+    #[arg(long, help_heading = "Bus")]
+    beacon: bool,
+
     /// The rate of the bus, in bit/s, or as in 250k and 1M [default: the rate of the first device]
     #[arg(long, value_name = "N", value_parser = bit_rate, help_heading = "Bus")]
     bit_rate: Option<BitRate>,
@@ -116,6 +120,7 @@ impl TryFrom<RunArgs> for RunOptions {
         Ok(Self {
             devices,
             buses,
+            beacon: args.beacon,
             bit_rate: args.bit_rate,
             state: args.state,
             speed: args.speed,

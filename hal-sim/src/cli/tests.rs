@@ -49,6 +49,7 @@ fn defaults() {
                 birth: Birth { node_id: Some(0x20), serial: Some(0x5B2E_0100) },
             }],
             buses: vec!["socketcand://127.0.0.1:29536/pve0".parse().unwrap()],
+            beacon: false,
             bit_rate: None,
             state: None,
             speed: 1.0,
@@ -67,7 +68,7 @@ fn defaults() {
 fn options_with_and_without_the_word_run() {
     let line = "--device pveo-canopen@0x21,name=rear,serial=0x5B2E0101 --device pvea-canopen@33 --device pvea-canopen,blank \
                 --bus socketcand://[::1]:0/can1 --bus socketcand://localhost:1234/pve0 --bit-rate 125000 --state memory \
-                --speed 2.5 --log frames.log --log-overwrite --error-frames --seed 18446744073709551615 --allow-clash --color never --verbose";
+                --speed 2.5 --log frames.log --log-overwrite --error-frames --seed 18446744073709551615 --allow-clash --color never --verbose --beacon";
     let options = run(line);
     assert_eq!(run(&format!("run {line}")), options);
     let devices: Vec<_> =
@@ -86,7 +87,7 @@ fn options_with_and_without_the_word_run() {
     assert_eq!(options.state, Some(PathBuf::from("memory")));
     assert_eq!(options.speed, 2.5);
     assert_eq!(options.log, Some(LogOptions { path: PathBuf::from("frames.log"), overwrite: true }));
-    assert!(options.error_frames && options.verbose);
+    assert!(options.error_frames && options.verbose && options.beacon);
     assert_eq!(options.color, ColorChoice::Never);
     assert_eq!(options.seed, u64::MAX);
 }
@@ -232,6 +233,8 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ("--seed x", "accepted: a whole number, 0–18446744073709551615"),
         ("--devce pvea-canopen", "a similar argument exists: '--device'; accepted: --device, --allow-clash"),
         ("runn", "a similar subcommand exists: 'run'; accepted: run, use-case, help"),
+        ("--beacon=loud", "unexpected value 'loud' for '--beacon' found"),
+        ("--verbose=2", "unexpected value '2' for '--verbose' found"),
         ("--color red", "[possible values: auto, always, never]"),
         ("--seed 3 run", "give the options after the command"),
     ];

@@ -6,8 +6,10 @@
 //!
 //! ```text
 //! socketcand/protocol   bytes ↔ requests and replies, no I/O
+//! socketcand/broadcast  subscriptions, filters and cyclic frames of one client, no I/O
 //! socketcand/session    one client, over any stream
 //! socketcand/server     the listening socket
+//! socketcand/beacon     by which clients find it
 //! ```
 
 mod bus_url;

@@ -49,7 +49,7 @@ use std::thread::{self, JoinHandle};
 use tokio::runtime;
 use tokio::sync::{Semaphore, oneshot, watch};
 
-use crate::gateway::socketcand::Server;
+use crate::gateway::socketcand::{Beacon, Server};
 use crate::gateway::{BusUrl, Entrance};
 use crate::memory::StateFileError;
 use crate::trace::Timestamp;
@@ -68,6 +68,14 @@ pub enum RunError {
     #[error("{url}: {source}{}", way_out(url, source))]
     Bind {
         /// The bus that was to be served.
+        url: BusUrl,
+        /// Why not.
+        source: io::Error,
+    },
+    /// A bus that cannot be announced.
+    #[error("{url}: --beacon: {source}")]
+    Beacon {
+        /// The bus.
         url: BusUrl,
         /// Why not.
         source: io::Error,
@@ -158,10 +166,16 @@ struct Running {
 async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result<Running, RunError> {
     let mut bound = Vec::new();
     let mut servers = Vec::new();
+    let mut beacons = Vec::new();
     for url in &options.buses {
         let bind = |source| RunError::Bind { url: url.clone(), source };
         let server = Server::bind(&url.authority(), &url.name).await.map_err(bind)?;
-        bound.push((server.address().map_err(bind)?, url.name.clone()));
+        let address = server.address().map_err(bind)?;
+        if options.beacon {
+            let refused = |source| RunError::Beacon { url: url.clone(), source };
+            beacons.push(Beacon::new(address, &url.name).await.map_err(refused)?);
+        }
+        bound.push((address, url.name.clone()));
         servers.push(server);
     }
     // Only now: a second simulator that finds the port taken must not touch the files of the first. And nothing is made
@@ -177,6 +191,9 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     let log = options.log.as_ref().map(|log| Log::create(log, options.state.as_deref())).transpose()?;
     aside(move || announce(&bound)).await;
     let (entrance, inbox) = Entrance::new();
+    for beacon in beacons {
+        tokio::spawn(beacon.run());
+    }
     let places = Arc::new(Semaphore::new(places(options)));
     for server in servers {
         tokio::spawn(server.run(entrance.clone(), Arc::clone(&places)));

@@ -14,6 +14,8 @@ pub struct RunOptions {
     pub devices: Vec<NamedDevice>,
     /// Where the bus is served; at least one.
     pub buses: Vec<BusUrl>,
+    /// Whether beacons announce the buses.
+    pub beacon: bool,
     /// The rate of the bus; `None`: that of the first device.
     pub bit_rate: Option<BitRate>,
     /// Where memories are kept; `None`: nowhere.
