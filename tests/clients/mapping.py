@@ -116,9 +116,8 @@ def what_does_not_fit(valve):
     for sub, value in ((0, 0), (1, 0x63010110)):
         with aborted(WRONG_STATE):
             node.sdo[0x1A00][sub].raw = value
-    tpdo.cob_id = 0x280 + NODE_ID
     with aborted(WRONG_STATE):
-        tpdo.save()
+        node.sdo[0x1800][1].raw = 0x280 + NODE_ID
     equal("1A00", entries(node.sdo[0x1A00]), before)
 
     # not there, not mappable, of the other direction, of another length
@@ -164,7 +163,7 @@ def another_identifier(valve):
     # one of those that are for other services is refused
     tpdo.enabled = False
     tpdo.save()
-    tpdo.cob_id = 0x580 + NODE_ID
+    tpdo.cob_id, tpdo.enabled = 0x580 + NODE_ID, True
     with aborted(INVALID):
         tpdo.save()
 

@@ -21,6 +21,7 @@ NODE, SERIAL, NEW = (int(text, 0) for text in sys.argv[4:])
 NODE_ID, DIAGNOSTICS, HARDWARE_VERSION, SERIAL_NUMBER, NOBODY = 0x1001, 0xF010, 0xF193, 0xF18C, 0xABCD
 #: The answer to a write of the node ID has this identifier, whatever the node ID is.
 NODE_ID_WRITTEN = 0x1BC408F1
+FIRST_ADDRESS = 0x80
 OUT_OF_RANGE, ACCESS_DENIED = 0x31, 0x33
 
 
@@ -68,6 +69,10 @@ def refused(code):
 
 faulthandler.dump_traceback_later(LIFE, exit=True)
 with can.Bus(interface="socketcand", host=HOST, port=int(PORT), channel=CHANNEL) as bus:
+    if NODE >= FIRST_ADDRESS:
+        # a valve on ISOBUS is silent until its claim has stood for 250 ms: then comes its first AVEF
+        while bus.recv(PATIENCE).arbitration_id != 0x0CFE1000 | (NODE & 0x0F) << 8 | NODE:
+            pass
     with tool(bus, 0x1BC00000 | NODE << 11 | TESTER) as client:
         read = lambda did: client.read_data_by_identifier_first(did)
         equal("F010", read(DIAGNOSTICS), b"\xa5")

@@ -189,7 +189,7 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     })
     .await?;
     let log = options.log.as_ref().map(|log| Log::create(log, options.state.as_deref())).transpose()?;
-    aside(move || announce(&bound)).await;
+    aside(move || announce(&bound, &warnings)).await;
     let (entrance, inbox) = Entrance::new();
     for beacon in beacons {
         tokio::spawn(beacon.run());
@@ -200,9 +200,6 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     }
     stdin::listen(entrance.clone());
     let printer = Printer::start(reader_gone)?;
-    for warning in warnings {
-        printer.warn(warning);
-    }
     let bus = options.buses.first().map_or("can0", |url| url.name.as_str());
     let layout = trace::layout(options.color, options.verbose);
     let trace = Trace::new(bus, setup::explainer(options), printer, log, layout);
@@ -258,8 +255,12 @@ async fn aside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> 
     }
 }
 
-/// The ready line on stdout and the hint on stderr: a pipe that is full holds both up.
-fn announce(bound: &[(SocketAddr, String)]) {
+/// The warnings of the start on stderr, the ready line on stdout and the hint on stderr: a pipe that is full holds them up.
+/// Whoever has seen the ready line finds the warnings there.
+fn announce(bound: &[(SocketAddr, String)], warnings: &[String]) {
+    for warning in warnings {
+        let _ = writeln!(io::stderr(), "pve-sim: {warning}");
+    }
     let urls: String = bound.iter().map(|(address, name)| format!(" bus=socketcand://{address}/{name}")).collect();
     let mut stdout = io::stdout().lock();
     let _ = writeln!(stdout, "pve-sim ready{urls}").and_then(|()| stdout.flush());
