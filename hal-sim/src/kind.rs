@@ -1,21 +1,15 @@
 //! The kinds of devices that can be put on the bus, by the name that is used everywhere (SPEC 1), and how each is built.
 
-use std::fmt;
-use std::ops::RangeInclusive;
-
-use protocol_core::device::StartCause;
-use protocol_core::device::pve::{self, Protocol, PveCanopen, PveIsobus, Setup};
+use protocol_core::controller::BitRate;
+pub use protocol_core::device::Kind;
+use protocol_core::device::hat::Hat;
+use protocol_core::device::pve::{self, PveCanopen, PveIsobus};
+use protocol_core::device::{Protocol, Senses, Setup, StartCause, hat};
+use protocol_core::encoder::Shaft;
 use protocol_core::memory::Image;
 use protocol_core::time::Instant;
 
 use crate::world::SimDevice;
-
-/// A product that the simulator stands in for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Kind {
-    /// A valve actuator.
-    Pve(pve::Kind),
-}
 
 /// What a new memory is filled with; an existing one decides for itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,132 +18,94 @@ pub struct Birth {
     pub node_id: Option<u8>,
     /// The serial number; `None`: the kind's.
     pub serial: Option<u32>,
+    /// The bit rate; `None`: the kind's.
+    pub bit_rate: Option<BitRate>,
 }
 
-impl Kind {
-    /// Every kind there is, in the order in which they are listed to the user.
-    pub const ALL: [Self; 4] = [
-        Self::Pve(pve::Kind::PveaCanopen),
-        Self::Pve(pve::Kind::PveoCanopen),
-        Self::Pve(pve::Kind::PveaIsobus),
-        Self::Pve(pve::Kind::PveoIsobus),
-    ];
+/// What the simulator knows of a [`Kind`].
+pub trait Simulated: Sized {
+    /// Returns the number that state files carry.
+    fn number(self) -> u32;
 
-    /// The name: in options, in traces, as default name of a device.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Pve(kind) => kind.name(),
-        }
-    }
+    /// Returns the kind of a number in a state file.
+    fn from_number(number: u32) -> Option<Self>;
 
-    /// The kind of a name.
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|kind| kind.name() == name)
-    }
+    /// Returns what its standard calls the number in its identifiers.
+    fn id_name(self) -> &'static str;
 
-    /// The number that state files carry.
-    #[must_use]
-    pub const fn number(self) -> u32 {
+    /// Returns whether it can be without a node ID. A device on ISOBUS always has an address.
+    fn can_be_blank(self) -> bool;
+
+    /// Returns the number that distinguishes a device on the bus: on CANopen the whole serial number, a part of the LSS
+    /// address; on ISOBUS its low 21 bits, the identity number of the NAME (SPEC 1).
+    fn known_by(self, serial: u32) -> (Protocol, u32);
+
+    /// Returns a device as it leaves the factory.
+    fn default_birth(self) -> Birth;
+
+    /// Returns what such a device senses when nothing is wrong: a shaft at 0, a valve with its supply.
+    fn default_senses(self) -> Senses;
+
+    /// Returns what builds such a device from its memory at each start.
+    fn factory(self, birth: Birth) -> impl FnMut(&Image, StartCause, Instant) -> Box<dyn SimDevice> + Send + 'static;
+}
+
+impl Simulated for Kind {
+    fn number(self) -> u32 {
         match self {
             Self::Pve(pve::Kind::PveaCanopen) => 1,
             Self::Pve(pve::Kind::PveoCanopen) => 2,
             Self::Pve(pve::Kind::PveaIsobus) => 3,
             Self::Pve(pve::Kind::PveoIsobus) => 4,
+            Self::Hat(hat::Kind::Hat1000) => 5,
+            Self::Hat(hat::Kind::Hat3000) => 6,
         }
     }
 
-    /// The kind of a number in a state file.
-    #[must_use]
-    pub fn from_number(number: u32) -> Option<Self> {
+    fn from_number(number: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.number() == number)
     }
 
-    /// The node IDs that a device of this kind can have.
-    #[must_use]
-    pub const fn node_ids(self) -> RangeInclusive<u8> {
-        match self {
-            Self::Pve(kind) => kind.node_ids(),
-        }
-    }
-
-    /// Returns the protocol that it speaks.
-    #[must_use]
-    pub const fn protocol(self) -> Protocol {
-        match self {
-            Self::Pve(kind) => kind.protocol(),
-        }
-    }
-
-    /// Returns what its standard calls the number in its identifiers.
-    #[must_use]
-    pub const fn id_name(self) -> &'static str {
+    fn id_name(self) -> &'static str {
         match self.protocol() {
             Protocol::Canopen => "node ID",
             Protocol::Isobus => "address",
         }
     }
 
-    /// Whether it can be without a node ID. One on ISOBUS always has an address.
-    #[must_use]
-    pub const fn can_be_blank(self) -> bool {
-        match self {
-            Self::Pve(kind) => matches!(kind.protocol(), Protocol::Canopen),
-        }
+    fn can_be_blank(self) -> bool {
+        self.protocol() == Protocol::Canopen
     }
 
-    /// Returns the default serial number (SPEC 1).
-    #[must_use]
-    pub const fn default_serial(self) -> u32 {
-        match self {
-            Self::Pve(kind) => kind.default_serial(),
-        }
-    }
-
-    /// Returns the number that distinguishes a device on the bus: on CANopen the whole serial number, a part of the LSS
-    /// address; on ISOBUS its low 21 bits, the identity number of the NAME (SPEC 1).
-    #[must_use]
-    pub const fn known_by(self, serial: u32) -> (Protocol, u32) {
+    fn known_by(self, serial: u32) -> (Protocol, u32) {
         const IDENTITY_NUMBER: u32 = 0x001F_FFFF;
-        match self {
-            Self::Pve(kind) => match kind.protocol() {
-                Protocol::Canopen => (Protocol::Canopen, serial),
-                Protocol::Isobus => (Protocol::Isobus, serial & IDENTITY_NUMBER),
-            },
+        match self.protocol() {
+            Protocol::Canopen => (Protocol::Canopen, serial),
+            Protocol::Isobus => (Protocol::Isobus, serial & IDENTITY_NUMBER),
         }
     }
 
-    /// As it leaves the factory.
-    #[must_use]
-    pub fn default_birth(self) -> Birth {
+    fn default_birth(self) -> Birth {
+        let Setup { node_id, serial, bit_rate, .. } = Setup::<Self>::new(self);
+        Birth { node_id, serial, bit_rate }
+    }
+
+    fn default_senses(self) -> Senses {
         match self {
-            Self::Pve(kind) => {
-                let Setup { node_id, serial, .. } = Setup::new(kind);
-                Birth { node_id, serial }
-            }
+            Self::Pve(_) => Senses::default(),
+            Self::Hat(_) => Senses::encoder(Shaft::default()),
         }
     }
 
-    /// What builds such a device from its memory at each start.
-    pub fn factory(
-        self,
-        birth: Birth,
-    ) -> impl FnMut(&Image, StartCause, Instant) -> Box<dyn SimDevice> + Send + 'static {
+    fn factory(self, birth: Birth) -> impl FnMut(&Image, StartCause, Instant) -> Box<dyn SimDevice> + Send + 'static {
+        let Birth { node_id, serial, bit_rate } = birth;
+        let setup = Setup { kind: self, node_id, serial, bit_rate };
         move |image, cause, now| match self {
-            Self::Pve(kind) => {
-                let setup = Setup { kind, node_id: birth.node_id, serial: birth.serial };
-                match kind.protocol() {
-                    Protocol::Canopen => Box::new(PveCanopen::power_on(setup, image, cause, now)),
-                    Protocol::Isobus => Box::new(PveIsobus::power_on(setup, image, cause, now)),
-                }
-            }
+            Self::Pve(kind) => match kind.protocol() {
+                Protocol::Canopen => Box::new(PveCanopen::power_on(setup.with_kind(kind), image, cause, now)),
+                Protocol::Isobus => Box::new(PveIsobus::power_on(setup.with_kind(kind), image, cause, now)),
+            },
+            Self::Hat(kind) => Box::new(Hat::power_on(setup.with_kind(kind), image, cause, now)),
         }
-    }
-}
-
-impl fmt::Display for Kind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
     }
 }

@@ -2,7 +2,9 @@
 
 use std::str::FromStr;
 
-use crate::kind::{Birth, Kind};
+use protocol_core::controller::BitRate;
+
+use crate::kind::{Birth, Kind, Simulated};
 
 /// The longest name of a device, in characters.
 const NAME_MAX: usize = 32;
@@ -56,6 +58,7 @@ impl FromStr for DeviceSpec {
             seen.push(key);
             match (key, value) {
                 ("name", Some(name)) => spec.name = Some(device_name(name)?),
+                ("bit-rate", Some(rate)) => spec.birth.bit_rate = Some(bit_rate_of(kind, rate)?),
                 ("serial", Some(serial)) => spec.birth.serial = Some(serial_number(serial)?),
                 ("blank", None) if !kind.can_be_blank() => {
                     return Err(format!("a {kind} always has an address; accepted: @ID, or neither for the default"));
@@ -65,8 +68,8 @@ impl FromStr for DeviceSpec {
                 }
                 ("blank", None) => spec.birth.node_id = None,
                 ("blank", Some(_)) => return Err("'blank' takes no value".to_owned()),
-                ("name" | "serial", None) => return Err(format!("'{key}' needs a value, as in {key}=…")),
-                _ => return Err(format!("unknown key '{key}'; accepted: name=, serial=, blank")),
+                ("name" | "serial" | "bit-rate", None) => return Err(format!("'{key}' needs a value, as in {key}=…")),
+                _ => return Err(format!("unknown key '{key}'; accepted: name=, serial=, bit-rate=, blank")),
             }
         }
         Ok(spec)
@@ -79,6 +82,28 @@ fn node_id(kind: Kind, text: &str) -> Result<u8, String> {
         let (low, high) = (range.start(), range.end());
         format!("'{text}' is no {} of {kind}; accepted: {low}–{high}, or 0x{low:02X}–0x{high:02X}", kind.id_name())
     })
+}
+
+/// A bit rate that a kind can run at, in bit/s, or as in `250k`.
+fn bit_rate_of(kind: Kind, text: &str) -> Result<BitRate, String> {
+    let rates = kind.bit_rates();
+    bit_rate(text).filter(|rate| rates.contains(rate)).ok_or_else(|| {
+        let mut rates: Vec<u32> = rates.iter().map(|rate| rate.bits_per_second()).collect();
+        rates.sort_unstable();
+        let rates: Vec<String> = rates.iter().map(ToString::to_string).collect();
+        format!("'{text}' is no bit rate of {kind}; accepted: {}", rates.join(", "))
+    })
+}
+
+/// A bit rate of CiA 301 in bit/s, or as in `250k` and `1M`.
+pub(super) fn bit_rate(text: &str) -> Option<BitRate> {
+    let (digits, unit) = match text.char_indices().next_back() {
+        Some((end, 'k' | 'K')) => (&text[..end], 1_000),
+        Some((end, 'm' | 'M')) => (&text[..end], 1_000_000),
+        _ => (text, 1),
+    };
+    let bits = digits.parse::<u32>().ok().and_then(|number| number.checked_mul(unit));
+    bits.and_then(BitRate::from_bits_per_second)
 }
 
 fn serial_number(text: &str) -> Result<u32, String> {

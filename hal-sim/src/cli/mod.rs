@@ -1,6 +1,7 @@
 //! The command line of `pve-sim`: what is accepted, and the one line that says why something is not.
 
 mod device;
+mod link;
 mod options;
 
 pub use device::DeviceSpec;
@@ -30,6 +31,7 @@ Examples:
   pve-sim
   pve-sim --device pvea-canopen@0x20 --device pveo-canopen@0x21,name=boom --bit-rate 250k
   pve-sim --device pvea-isobus@0x83 --device pvea-canopen@0x20
+  pve-sim --device pvea-canopen --device hat1000,bit-rate=250k --link pvea-canopen=hat1000
   pve-sim --device pvea-canopen,blank --state memory --log frames.log
   pve-sim use-case isobus
 
@@ -64,11 +66,11 @@ struct Cli {
 enum Command {
     /// A stand-in device, or several, on a bus (the default command)
     Run(Box<RunArgs>),
-    /// Plays the manual's use cases, or a valve on ISOBUS, in virtual time, each frame with what it means; exit 1 if any
+    /// Plays the manuals' use cases, a valve on ISOBUS or an angle sensor in virtual time, each frame with what it means; exit 1 if any
     /// frame differs
     UseCase {
         /// Which one, or all; without it the titles are listed
-        #[arg(value_name = "1-6|isobus|all", value_parser = use_cases)]
+        #[arg(value_name = "1-6|isobus|hat|all", value_parser = use_cases)]
         which: Option<UseCases>,
     },
 }

@@ -8,8 +8,9 @@ use protocol_core::device::pve;
 
 use super::UsageError;
 use super::device::DeviceSpec;
+use super::link::{self, LinkSpec};
 use crate::gateway::BusUrl;
-use crate::kind::Kind;
+use crate::kind::{Kind, Simulated};
 use crate::run::{ColorChoice, LogOptions, NamedDevice, RunOptions};
 
 /// The seed of a run that was given none: two runs with the same seed and the same input are the same.
@@ -28,19 +29,31 @@ pub struct RunArgs {
     ///   pveo-canopen  on/off valve on CANopen
     ///   pvea-isobus   proportional valve on ISOBUS
     ///   pveo-isobus   on/off valve on ISOBUS
+    ///   hat1000       angle sensor on CANopen
+    ///   hat3000       angle sensor on CANopen
     ///
     /// ID, decimal or 0x, is
-    ///   on CANopen the node ID, 1–127, by default 0x20
+    ///   on CANopen the node ID, 1–127, by default 0x20, of an angle sensor 1
     ///   on ISOBUS the address, 0x80–0x8F, by default 0x80
     ///
     /// The keys:
     ///   name=NAME  1–32 of a–z, 0–9 and '-'; by default the kind, then kind-2 …
     ///   serial=N   decimal or 0x; by default the next free one; part of the NAME on ISOBUS
+    ///   bit-rate=N as --bit-rate; by default 250k, of an angle sensor 500k
     ///   blank      CANopen only: no node ID, waits for LSS
     ///
-    /// With --state a memory that exists decides; ID and serial fill a new one only.
+    /// With --state a memory that exists decides; ID, serial and bit-rate fill a new one only.
     #[arg(long, value_name = "KIND[@ID][,KEY=VALUE…]", help_heading = "Devices", verbatim_doc_comment)]
     device: Vec<DeviceSpec>,
+
+    /// The shaft of SENSOR follows the spool of VALVE, as a boom that the valve moves; repeatable
+    ///
+    /// VALVE and SENSOR are names of devices. The keys:
+    ///   rate=N  1/100 degree a second at full stroke, signed, by default 3000
+    ///   min=N   the lower end stop, inclusive, 1/100 degree, by default 0
+    ///   max=N   the upper end stop, by default 9000
+    #[arg(long, value_name = "VALVE=SENSOR[,KEY=VALUE…]", help_heading = "Devices", verbatim_doc_comment)]
+    link: Vec<LinkSpec>,
 
     /// Accept devices with the same node ID, or the same address
     #[arg(long, help_heading = "Devices")]
@@ -116,9 +129,11 @@ impl TryFrom<RunArgs> for RunOptions {
         if !args.allow_clash {
             refuse_clashes(&devices)?;
         }
+        let links = link::between(&devices, args.link)?;
         let buses = if args.bus.is_empty() { vec![BusUrl::default_server()] } else { args.bus };
         Ok(Self {
             devices,
+            links,
             buses,
             beacon: args.beacon,
             bit_rate: args.bit_rate,
@@ -192,13 +207,7 @@ fn refuse_clashes(devices: &[NamedDevice]) -> Result<(), UsageError> {
 }
 
 fn bit_rate(text: &str) -> Result<BitRate, String> {
-    let (digits, unit) = match text.char_indices().next_back() {
-        Some((end, 'k' | 'K')) => (&text[..end], 1_000),
-        Some((end, 'm' | 'M')) => (&text[..end], 1_000_000),
-        _ => (text, 1),
-    };
-    let bits = digits.parse::<u32>().ok().and_then(|number| number.checked_mul(unit));
-    bits.and_then(BitRate::from_bits_per_second).ok_or_else(|| {
+    super::device::bit_rate(text).ok_or_else(|| {
         let rates: Vec<String> = BitRate::ALL.iter().rev().map(|rate| rate.bits_per_second().to_string()).collect();
         format!("no bit rate of CiA 301; accepted: {}", rates.join(", "))
     })

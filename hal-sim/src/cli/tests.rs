@@ -7,7 +7,8 @@ use protocol_core::device::pve;
 
 use super::*;
 use crate::kind::{Birth, Kind};
-use crate::run::{ColorChoice, LogOptions, NamedDevice};
+use crate::run::{ColorChoice, LogOptions, NamedDevice, NamedLink};
+use crate::world::Link;
 
 const PVEA: Kind = Kind::Pve(pve::Kind::PveaCanopen);
 const PVEO: Kind = Kind::Pve(pve::Kind::PveoCanopen);
@@ -46,8 +47,9 @@ fn defaults() {
             devices: vec![NamedDevice {
                 name: "pvea-canopen".to_owned(),
                 kind: PVEA,
-                birth: Birth { node_id: Some(0x20), serial: Some(0x5B2E_0100) },
+                birth: Birth { node_id: Some(0x20), serial: Some(0x5B2E_0100), bit_rate: None },
             }],
+            links: vec![],
             buses: vec!["socketcand://127.0.0.1:29536/pve0".parse().unwrap()],
             beacon: false,
             bit_rate: None,
@@ -165,11 +167,15 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
     let cases: &[(&str, &str)] = &[
         (
             "--device pvea",
-            &format!("{DEVICE}unknown kind 'pvea'; accepted: pvea-canopen, pveo-canopen, pvea-isobus, pveo-isobus"),
+            &format!(
+                "{DEVICE}unknown kind 'pvea'; accepted: pvea-canopen, pveo-canopen, pvea-isobus, pveo-isobus, hat1000, hat3000"
+            ),
         ),
         (
             "--device @5",
-            &format!("{DEVICE}unknown kind ''; accepted: pvea-canopen, pveo-canopen, pvea-isobus, pveo-isobus"),
+            &format!(
+                "{DEVICE}unknown kind ''; accepted: pvea-canopen, pveo-canopen, pvea-isobus, pveo-isobus, hat1000, hat3000"
+            ),
         ),
         ("--device pvea-canopen@0", "'0' is no node ID of pvea-canopen; accepted: 1–127, or 0x01–0x7F"),
         ("--device pvea-canopen@128", "'128' is no node ID of pvea-canopen"),
@@ -188,8 +194,8 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ("--device pveo-isobus@0x81,blank", "a pveo-isobus always has an address"),
         ("--device pvea-canopen,blank=1", "'blank' takes no value"),
         ("--device pvea-canopen,blank,blank", "'blank' is given twice"),
-        ("--device pvea-canopen,colour=red", "unknown key 'colour'; accepted: name=, serial=, blank"),
-        ("--device pvea-canopen,", "unknown key ''; accepted: name=, serial=, blank"),
+        ("--device pvea-canopen,colour=red", "unknown key 'colour'; accepted: name=, serial=, bit-rate=, blank"),
+        ("--device pvea-canopen,", "unknown key ''; accepted: name=, serial=, bit-rate=, blank"),
         ("--device pvea-canopen,name", "'name' needs a value, as in name=…"),
         ("--device pvea-canopen,name=", "'' is no name of a device; accepted: 1–32 characters of a–z, 0–9 and '-'"),
         ("--device pvea-canopen,name=Rear", "'Rear' is no name of a device"),
@@ -198,6 +204,33 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ("--device pvea-canopen,serial=-1", "'-1' is no serial number; accepted: 0–4294967295, or 0x0–0xFFFFFFFF"),
         ("--device pvea-canopen,serial=0x100000000", "'0x100000000' is no serial number"),
         ("--device pvea-canopen@1,name=a --device pvea-canopen@2,name=a", "the name 'a' is given twice"),
+        ("--device hat1000@0", "'0' is no node ID of hat1000; accepted: 1–127, or 0x01–0x7F"),
+        ("--device hat1000,bit-rate", "'bit-rate' needs a value, as in bit-rate=…"),
+        (
+            "--device hat3000,bit-rate=300k",
+            "'300k' is no bit rate of hat3000; accepted: 10000, 20000, 50000, 125000, 250000, 500000, 800000, 1000000",
+        ),
+        ("--device pvea-isobus,bit-rate=500k", "'500k' is no bit rate of pvea-isobus; accepted: 250000"),
+        (
+            "--device hat1000 --device hat3000",
+            "hat1000 and hat3000 both have node ID 0x01; give each its own with @ID, or --allow-clash",
+        ),
+        ("--link pvea-canopen", "'pvea-canopen' links nothing; accepted: VALVE=SENSOR"),
+        ("--link a=b,speed=1", "unknown key 'speed'; accepted: rate=, min=, max="),
+        ("--link a=b,min=1,min=2", "'min' is given twice"),
+        ("--link a=b,rate=fast", "'fast' is no rate; accepted: -3600000–3600000, in 1/100 degree a second"),
+        ("--link a=b,max=36000", "'36000' is no end stop; accepted: 0–35999, in 1/100 degree"),
+        ("--link a=b,min=9000", "min=9000 is not below max=9000"),
+        ("--link boom=hat1000", "--link: 'boom' is no valve on the bus; accepted: pvea-canopen"),
+        (
+            "--link pvea-canopen=pvea-canopen",
+            "'pvea-canopen' is no angle sensor on the bus; accepted: add one by --device: there is no angle sensor",
+        ),
+        (
+            "--device pvea-canopen --device pveo-canopen@2 --device hat1000 --link pvea-canopen=hat1000 \
+             --link pveo-canopen=hat1000",
+            "--link: hat1000 is linked twice; one valve moves it",
+        ),
         ("--device", "a value is required for '--device <KIND[@ID][,KEY=VALUE…]>' but none was supplied"),
         ("--bus socketcan:vcan0", "socketcan interfaces are not served yet; accepted: socketcand://HOST:PORT/NAME"),
         ("--bus slcan://x", "not a bus that can be served; accepted: socketcand://HOST:PORT/NAME"),
@@ -226,12 +259,15 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
             "--colour red",
             "unexpected argument '--colour' found; a similar argument exists: '--color'; accepted: --device,",
         ),
-        ("run --wrong", "unexpected argument '--wrong' found; accepted: --device, --allow-clash, --state, --bus,"),
+        (
+            "run --wrong",
+            "unexpected argument '--wrong' found; accepted: --device, --link, --allow-clash, --state, --bus,",
+        ),
         ("walk", "unrecognized subcommand 'walk'; accepted: run, use-case, help"),
         ("run walk", "unexpected argument 'walk' found; accepted: run"),
-        ("use-case 7", "no such use case; accepted: 1, 2, 3, 4, 5, 6, isobus, all"),
+        ("use-case 7", "no such use case; accepted: 1, 2, 3, 4, 5, 6, isobus, hat, all"),
         ("--seed x", "accepted: a whole number, 0–18446744073709551615"),
-        ("--devce pvea-canopen", "a similar argument exists: '--device'; accepted: --device, --allow-clash"),
+        ("--devce pvea-canopen", "a similar argument exists: '--device'; accepted: --device, --link, --allow-clash"),
         ("runn", "a similar subcommand exists: 'run'; accepted: run, use-case, help"),
         ("--beacon=loud", "unexpected value 'loud' for '--beacon' found"),
         ("--verbose=2", "unexpected value '2' for '--verbose' found"),
@@ -246,13 +282,54 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
 }
 
 #[test]
+fn angle_sensors_beside_valves() {
+    let options =
+        run("--device pvea-canopen,bit-rate=125k --device hat1000,bit-rate=125000 --device hat3000@5,name=boom \
+                       --device hat1000@6,serial=2");
+    let devices: Vec<_> = options
+        .devices
+        .iter()
+        .map(|NamedDevice { name, kind, birth }| {
+            (name.as_str(), kind.name(), birth.node_id, birth.serial, birth.bit_rate)
+        })
+        .collect();
+    let rate = Some(BitRate::Kbit125);
+    assert_eq!(
+        devices,
+        [
+            ("pvea-canopen", "pvea-canopen", Some(0x20), Some(0x5B2E_0100), rate),
+            ("hat1000", "hat1000", Some(1), Some(1), rate),
+            ("boom", "hat3000", Some(5), Some(3), None),
+            ("hat1000-2", "hat1000", Some(6), Some(2), None),
+        ]
+    );
+    assert_eq!(options.links, []);
+}
+
+#[test]
+fn links_with_and_without_keys() {
+    let devices = "--device pvea-canopen --device pvea-isobus --device hat1000 --device hat3000@2";
+    let links =
+        run(&format!("{devices} --link pvea-canopen=hat1000 --link pvea-isobus=hat3000,rate=-50,max=18000,min=10"));
+    let named =
+        |valve: &str, sensor: &str, link| NamedLink { valve: valve.to_owned(), sensor: sensor.to_owned(), link };
+    assert_eq!(
+        links.links,
+        [
+            named("pvea-canopen", "hat1000", Link { rate: 3_000, min: 0, max: 9_000 }),
+            named("pvea-isobus", "hat3000", Link { rate: -50, min: 10, max: 18_000 }),
+        ]
+    );
+}
+
+#[test]
 fn use_cases_one_or_all() {
     let names = |line: &str| match parse(args(line)) {
         Ok(Request::UseCases(cases)) => cases.iter().map(|case| case.name).collect::<Vec<_>>(),
         other => panic!("{line}: {other:?}"),
     };
     assert_eq!(names("use-case 3"), ["3"]);
-    assert_eq!(names("use-case all"), ["1", "2", "3", "4", "5", "6", "isobus"]);
+    assert_eq!(names("use-case all"), ["1", "2", "3", "4", "5", "6", "isobus", "hat"]);
     assert_eq!(names("use-case isobus"), ["isobus"]);
 }
 
@@ -276,7 +353,7 @@ fn a_carriage_return_at_the_end_of_an_argument_is_no_error() {
 #[test]
 fn the_help_is_a_command_too_and_shows_no_option_that_is_not_there_yet() {
     assert_eq!(printed("help"), printed("--help"));
-    assert!(printed("help use-case").contains("[1-6|isobus|all]"));
+    assert!(printed("help use-case").contains("[1-6|isobus|hat|all]"));
     for text in [printed("--help"), printed("-h"), printed("run --help")] {
         assert!(!text.contains("http"), "{text}");
     }

@@ -1,12 +1,14 @@
 //! CANopen by the predefined connection set (CiA 301 7.3.3): NMT, SYNC, EMCY, TIME, the first PDOs, heartbeat; SDO and
 //! LSS by their own files.
 
+use protocol_core::device::hat;
 use protocol_core::device::pve::FAULT_CODES;
 use protocol_core::frame::Frame;
 use protocol_core::wire::emcy::{Emcy, NO_ERROR};
 use protocol_core::wire::nmt::{self, Command, State, Target};
 
 use super::diagnostics::fault;
+use super::object::angle;
 use super::valve::{command, state, stroke};
 use super::{Context, hex, lss, sdo};
 use crate::kind::Kind;
@@ -26,7 +28,7 @@ pub(super) fn explain(id: u16, frame: &Frame, context: &Context<'_>) -> Option<S
         }),
         0x7E5 => Some(format!("master: {}", lss::request(frame.eight()?))),
         0x081..=0x0FF => emergency(frame, context.kind(node)).map(from_device),
-        0x181..=0x1FF => Some(from_device(tpdo(data))),
+        0x181..=0x1FF => Some(from_device(tpdo(data, context.kind(node)))),
         0x201..=0x27F => Some(to_device(rpdo(data))),
         0x581..=0x5FF => sdo::answer(frame.eight()?, context.kind(node)).map(from_device),
         0x601..=0x67F => {
@@ -85,13 +87,22 @@ fn time(data: &[u8]) -> Option<String> {
 
 fn emergency(frame: &Frame, kind: Option<Kind>) -> Option<String> {
     let Emcy { code, register, manufacturer } = Emcy::parse(frame.eight()?);
-    let [count, ..] = manufacturer;
+    let [low, high, ..] = manufacturer;
     if code == NO_ERROR {
         return Some(if register == 0 {
             "EMCY: no error".to_owned()
         } else {
             format!("EMCY: no error, register 0x{register:02X}")
         });
+    }
+    if let Some(Kind::Hat(_)) = kind {
+        let field = u16::from_le_bytes([low, high]);
+        let error = hat::Error::ALL
+            .into_iter()
+            .find(|error| matches!(error.codes(), (told, with, _) if (told, with) == (code, field)));
+        let what = error
+            .map_or_else(|| format!("code 0x{code:04X}, field 0x{field:04X}"), |error| angle_sensor(error).to_owned());
+        return Some(format!("EMCY: {what}, register 0x{register:02X}"));
     }
     // What follows the register is the manufacturer's own.
     if kind.is_none() {
@@ -101,7 +112,17 @@ fn emergency(frame: &Frame, kind: Option<Kind>) -> Option<String> {
     let faults: Vec<&str> =
         FAULT_CODES.iter().filter(|codes| codes.emcy == code).map(|codes| fault(codes.fault)).collect();
     let what = if faults.is_empty() { format!("code 0x{code:04X}") } else { faults.join(" or ") };
-    Some(format!("EMCY: {what}, register 0x{register:02X}, count {count}"))
+    Some(format!("EMCY: {what}, register 0x{register:02X}, count {low}"))
+}
+
+/// An error of an angle sensor (SPEC 9).
+const fn angle_sensor(error: hat::Error) -> &'static str {
+    match error {
+        hat::Error::SetUp => "set-up not loaded",
+        hat::Error::Controller => "controller error",
+        hat::Error::Passive => "error-passive",
+        hat::Error::BusOff => "recovered from bus-off",
+    }
 }
 
 /// The class of an error code (CiA 301 7.2.7.1).
@@ -131,9 +152,12 @@ fn rpdo(data: &[u8]) -> String {
     format!("RPDO control word 0x{word:04X} ({}), set-point {}", command(word), stroke(i16::from_le_bytes([c, d])))
 }
 
-/// By the default mapping: status word and position.
-fn tpdo(data: &[u8]) -> String {
+/// By the default mapping: of a valve status word and position, of an angle sensor the position.
+fn tpdo(data: &[u8], kind: Option<Kind>) -> String {
     let &[a, b, c, d] = data else { return format!("TPDO {}", hex(data)) };
+    if let Some(Kind::Hat(_)) = kind {
+        return format!("TPDO position {}", angle(u32::from_le_bytes([a, b, c, d])));
+    }
     let word = u16::from_le_bytes([a, b]);
     format!("TPDO status word 0x{word:04X} ({}), position {}", state(word), stroke(i16::from_le_bytes([c, d])))
 }

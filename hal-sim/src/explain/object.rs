@@ -1,7 +1,8 @@
 //! Objects of a device's dictionary, and their values.
 
 use protocol_core::canopen::dictionary::{DataType, Entry, Value};
-use protocol_core::device::pve;
+use protocol_core::device::{hat, pve};
+use protocol_core::encoder;
 use protocol_core::wire::sdo::Multiplexer;
 
 use super::valve::{command, state, stroke};
@@ -11,6 +12,7 @@ use crate::kind::Kind;
 fn entry(object: Multiplexer, kind: Option<Kind>) -> Option<&'static Entry> {
     match kind? {
         Kind::Pve(_) => pve::entry(object),
+        Kind::Hat(_) => hat::entry(object),
     }
 }
 
@@ -26,6 +28,7 @@ pub(super) fn value(object: Multiplexer, bytes: &[u8], kind: Option<Kind>) -> St
     let Some(entry) = entry(object, kind) else { return raw(bytes) };
     let Value::Number(number) = Value::of(entry.data_type, bytes) else { return text_or_hex(bytes) };
     match (object.index, object.sub) {
+        (0x6003 | 0x6004, _) if matches!(kind, Some(Kind::Hat(_))) => angle(number),
         // signatures are texts: "save", "load"
         (0x1010 | 0x1011, 1..) => text_or_hex(bytes),
         (0x6040, _) => format!("0x{number:04X} ({})", command(number as u16)),
@@ -41,6 +44,11 @@ pub(super) fn value(object: Multiplexer, bytes: &[u8], kind: Option<Kind>) -> St
             DataType::U32 | DataType::Text(_) => format!("0x{number:08X}"),
         },
     }
+}
+
+/// A position of an angle sensor.
+pub(super) fn angle(position: u32) -> String {
+    format!("{position} ({:.2}°)", f64::from(position) * 360.0 / f64::from(encoder::STEPS))
 }
 
 /// Of an object that is not known: up to four bytes as a number.

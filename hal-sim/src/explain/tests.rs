@@ -1,18 +1,20 @@
 //! Frames and what is said of them.
 
-use protocol_core::device::pve;
+use protocol_core::device::{hat, pve};
 use protocol_core::frame::standard;
 
 use super::*;
 
 const PVEA: Kind = Kind::Pve(pve::Kind::PveaCanopen);
 const PVEO: Kind = Kind::Pve(pve::Kind::PveoCanopen);
+const HAT: Kind = Kind::Hat(hat::Kind::Hat1000);
 const ISOBUS: Kind = Kind::Pve(pve::Kind::PveaIsobus);
 
 fn explainer() -> Explainer {
     Explainer::new(vec![
         Node { name: "valve".to_owned(), kind: PVEA, node_id: Some(0x20) },
         Node { name: "rear".to_owned(), kind: PVEO, node_id: None },
+        Node { name: "angle".to_owned(), kind: HAT, node_id: Some(1) },
         Node { name: "boom".to_owned(), kind: ISOBUS, node_id: Some(0x83) },
     ])
 }
@@ -70,12 +72,21 @@ fn process_data() {
         ("1A0: 03 00 FF 7F", "valve: TPDO status word 0x0003 (FAULT_HOLD), position float"),
         ("1A0: 55 00 00 00", "valve: TPDO status word 0x0055 (unknown state), position neutral"),
         ("1A0: 0F 00 01", "valve: TPDO 0F 00 01"),
+        ("181: 00 10 00 00", "angle: TPDO position 4096 (90.00°)"),
+        ("181: FF 3F 00 00", "angle: TPDO position 16383 (359.98°)"),
+        ("181: 81 00 10", "angle: TPDO 81 00 10"),
     ]);
 }
 
 #[test]
 fn emergencies() {
     check(&[
+        ("081: 00 FF 81 01 00 00 00 00", "angle: EMCY: set-up not loaded, register 0x81"),
+        ("081: 00 FF 81 02 00 00 00 00", "angle: EMCY: controller error, register 0x81"),
+        ("081: 20 81 11 03 00 00 00 00", "angle: EMCY: error-passive, register 0x11"),
+        ("081: 40 81 11 04 00 00 00 00", "angle: EMCY: recovered from bus-off, register 0x11"),
+        ("081: 00 00 81 00 00 00 00 00", "angle: EMCY: no error, register 0x81"),
+        ("081: 12 34 05 01 00 00 00 00", "angle: EMCY: code 0x3412, field 0x0001, register 0x05"),
         ("0A0: 12 34 05 0F 00 00 00 00", "valve: EMCY: supply too low, register 0x05, count 15"),
         ("0A0: 11 34 05 01 00 00 00 00", "valve: EMCY: supply too high, register 0x05, count 1"),
         (
@@ -96,6 +107,13 @@ fn emergencies() {
 #[test]
 fn service_data() {
     check(&[
+        ("601: 40 09 65 00 00 00 00 00", "master → angle: SDO read 0x6509:0 (Offset value)"),
+        ("581: 43 09 65 00 00 E0 FF FF", "angle: SDO answer 0x6509:0 (Offset value) = -8192"),
+        ("581: 43 04 60 00 00 20 00 00", "angle: SDO answer 0x6004:0 (Position value) = 8192 (180.00°)"),
+        (
+            "601: 22 10 10 03 73 61 76 65",
+            "master → angle: SDO write 0x1010:3 (Store application parameters) = \"save\"",
+        ),
         ("620: 40 18 10 01 00 00 00 00", "master → valve: SDO read 0x1018:1 (Vendor ID)"),
         ("621: 40 18 10 01 00 00 00 00", "master → node 0x21: SDO read 0x1018:1"),
         ("620: 40 00 20 00 00 00 00 00", "master → valve: SDO read 0x2000:0"),

@@ -64,13 +64,19 @@ impl Console {
     }
 
     fn change(&mut self, node: NodeId, word: &str, value: &str, world: &mut World) -> Result<(), String> {
-        let plant = self.plants.entry(node).or_default();
         let refusal = || format!("'{word} {value}' is not understood; {ACCEPTED}");
-        *plant = plant.with(word, value).ok_or_else(refusal)?;
+        // A shaft that a valve moves goes on from where it is, so the senses are those of now.
+        let plant = self.plant(node, world).with(word, value).ok_or_else(refusal)?;
+        self.plants.insert(node, plant);
         world.set_senses(node, plant.senses);
         world.memory_mut(node).set_write_fails(plant.memory_fails);
         world.force_bus_off(node, plant.bus_off);
         Ok(())
+    }
+
+    /// Returns what acts on a device now.
+    fn plant(&self, id: NodeId, world: &World) -> Plant {
+        Plant { senses: *world.senses(id), ..self.plants.get(&id).copied().unwrap_or_default() }
     }
 
     fn status(&self, id: NodeId, world: &World) -> String {
@@ -87,7 +93,9 @@ impl Console {
         let dropped = device.map_or(0, Device::frames_dropped);
         let mut text =
             format!("{}: node_id {node_id}, bit_rate {bit_rate}, bus {bus}, dropped {dropped}", world.name(id));
-        for (word, value) in self.plants.get(&id).copied().unwrap_or_default().words() {
+        let plant = self.plant(id, world);
+        let is_told = |word| plant.senses.valve().is_some() || matches!(word, "internal_fault" | "memory" | "bus_off");
+        for (word, value) in plant.words().into_iter().filter(|(word, _)| is_told(*word)) {
             // Writing to a string can't fail.
             let _ = match value {
                 Value::Number(number) => write!(text, ", {word} {number}"),
@@ -113,10 +121,12 @@ fn which(world: &World) -> String {
 mod tests {
     use protocol_core::actuator::{Position, SpoolFault};
     use protocol_core::controller::BitRate;
-    use protocol_core::device::pve;
+    use protocol_core::device::{ProductSenses, Senses, pve};
+    use protocol_core::encoder::Shaft;
+    use protocol_core::time::Instant;
 
     use super::*;
-    use crate::kind::Kind;
+    use crate::kind::{Kind, Simulated as _};
     use crate::memory::Memory;
 
     fn world(names: &[&str]) -> World {
@@ -132,6 +142,23 @@ mod tests {
 
     fn accepted(console: &mut Console, line: &str, world: &mut World) -> String {
         console.obey(line, world).unwrap_or_else(|refusal| panic!("{line}: {refusal}")).unwrap_or_default()
+    }
+
+    #[test]
+    fn an_angle_sensor_has_no_words_of_a_valve_and_keeps_its_shaft() {
+        let kind = Kind::from_name("hat1000").expect("a kind");
+        let mut world = World::new(BitRate::Kbit500, 1);
+        let sensor = world.add_device("sensor", kind.factory(kind.default_birth()), Memory::in_ram());
+        let shaft = Shaft { angle_cdeg: 9000, speed_rpm: 0, since: Instant::MIN, measuring_error: false };
+        let senses = Senses { product: ProductSenses::Encoder(shaft), ..Senses::default() };
+        world.set_senses(sensor, senses);
+        let mut console = Console::default();
+        let refusal = console.obey("supply_mv 8000", &mut world).expect_err("no valve");
+        assert!(refusal.starts_with("'supply_mv 8000' is not understood"), "{refusal}");
+        assert_eq!(accepted(&mut console, "internal_fault on", &mut world), "ok");
+        assert_eq!(*world.senses(sensor), Senses { internal_fault: true, ..senses });
+        let status = accepted(&mut console, "status", &mut world);
+        assert!(!status.contains("supply_mv") && status.ends_with("bus_off off"), "{status}");
     }
 
     #[test]

@@ -11,7 +11,7 @@ use tokio::sync::watch;
 use super::*;
 use crate::explain::Explainer;
 use crate::gateway::{ClientId, Mailbox, Outbox, Reply, ToClient};
-use crate::kind::Kind;
+use crate::kind::{Kind, Simulated};
 use crate::memory::Memory;
 use crate::run::printer::Printer;
 

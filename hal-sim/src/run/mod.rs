@@ -38,7 +38,7 @@ mod stdin;
 mod timekeeper;
 mod trace;
 
-pub use options::{ColorChoice, LogOptions, NamedDevice, RunOptions};
+pub use options::{ColorChoice, LogOptions, NamedDevice, NamedLink, RunOptions};
 
 use std::io::{self, Write};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};

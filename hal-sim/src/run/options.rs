@@ -6,12 +6,15 @@ use protocol_core::controller::BitRate;
 
 use crate::gateway::BusUrl;
 use crate::kind::{Birth, Kind};
+use crate::world::Link;
 
 /// The options of `run`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RunOptions {
     /// The devices, in their order on the bus. Each has another name.
     pub devices: Vec<NamedDevice>,
+    /// The shafts that follow a valve.
+    pub links: Vec<NamedLink>,
     /// Where the bus is served; at least one.
     pub buses: Vec<BusUrl>,
     /// Whether beacons announce the buses.
@@ -44,6 +47,17 @@ pub enum ColorChoice {
     Always,
     /// Laid out on a terminal, without colour.
     Never,
+}
+
+/// A shaft that follows a valve. Both are devices of the run, a valve and a sensor, and no sensor follows two valves.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NamedLink {
+    /// The name of the valve.
+    pub valve: String,
+    /// The name of the sensor.
+    pub sensor: String,
+    /// How the one follows the other.
+    pub link: Link,
 }
 
 /// The log of `run`.

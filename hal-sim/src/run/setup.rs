@@ -4,9 +4,9 @@ use std::fs;
 
 use protocol_core::controller::BitRate;
 
-use super::{NamedDevice, RunError, RunOptions};
+use super::{NamedDevice, NamedLink, RunError, RunOptions};
 use crate::explain::{Explainer, Node};
-use crate::kind::Kind;
+use crate::kind::{Kind, Simulated};
 use crate::memory::{Memory, MemoryFile, StateFileError};
 use crate::world::World;
 
@@ -31,7 +31,15 @@ pub(super) fn world(options: &RunOptions) -> Result<(World, Vec<String>), RunErr
             None => Memory::in_ram(),
         };
         warnings.extend(memory.take_warnings());
-        world.add_device(&device.name, device.kind.factory(device.birth), memory);
+        let node = world.add_device(&device.name, device.kind.factory(device.birth), memory);
+        world.set_senses(node, device.kind.default_senses());
+    }
+    for NamedLink { valve, sensor, link } in &options.links {
+        if let (Some(valve), Some(sensor)) = (world.find(valve), world.find(sensor)) {
+            // The options were checked: this is a valve and a free sensor.
+            let linked = world.link(valve, sensor, *link);
+            debug_assert_eq!(linked, Ok(()));
+        }
     }
     Ok((world, warnings))
 }

@@ -1,34 +1,43 @@
 //! The six use cases of the manual (SPEC 8). The master's cycle is 100 ms, as there.
 
 use protocol_core::controller::BitRate;
-use protocol_core::device::pve::Kind;
+use protocol_core::device::pve;
 
-use super::plant::Plant;
 use super::script::Step::{Cycle, Cyclic, Expect, ExpectPosition, MasterBitRate, Note, PowerCycle, Send, Wait};
-use super::script::{Position, Step, UseCase, Valve};
+use super::script::{Device, Position, Step, UseCase};
+use crate::kind::Kind;
+use crate::world::Plant;
 
-const fn valve(node_id: u8) -> Valve {
-    Valve { kind: Kind::PveaCanopen, node_id, serial: None }
+const fn valve(node_id: u8) -> Device {
+    Device { kind: Kind::Pve(pve::Kind::PveaCanopen), node_id, serial: None }
 }
 
 /// The six, in the manual's order.
 pub const CANOPEN: &[UseCase] = &[
-    UseCase { name: "1", title: "boot-up to operation mode", valves: &[valve(0x20)], steps: BOOT_TO_ACTIVE },
+    UseCase { name: "1", title: "boot-up to operation mode", devices: &[valve(0x20)], steps: BOOT_TO_ACTIVE },
     UseCase {
         name: "2",
         title: "operation mode, error, operation mode",
-        valves: &[valve(0x20)],
+        devices: &[valve(0x20)],
         steps: FAULT_AND_BACK,
     },
-    UseCase { name: "3", title: "change the node ID globally", valves: &[valve(0x20)], steps: NODE_ID_GLOBALLY },
+    UseCase { name: "3", title: "change the node ID globally", devices: &[valve(0x20)], steps: NODE_ID_GLOBALLY },
     UseCase {
         name: "4",
         title: "change the node ID of one of many",
-        valves: &[valve(0x10), Valve { kind: Kind::PveoCanopen, node_id: 0x20, serial: Some(0x5B2E_0101) }],
+        devices: &[
+            valve(0x10),
+            Device { kind: Kind::Pve(pve::Kind::PveoCanopen), node_id: 0x20, serial: Some(0x5B2E_0101) },
+        ],
         steps: NODE_ID_OF_ONE,
     },
-    UseCase { name: "5", title: "change the bit rate from 250 to 500 kbit/s", valves: &[valve(0x20)], steps: BIT_RATE },
-    UseCase { name: "6", title: "align the COB-IDs to a new node ID", valves: &[valve(0x20)], steps: ALIGN_COB_IDS },
+    UseCase {
+        name: "5",
+        title: "change the bit rate from 250 to 500 kbit/s",
+        devices: &[valve(0x20)],
+        steps: BIT_RATE,
+    },
+    UseCase { name: "6", title: "align the COB-IDs to a new node ID", devices: &[valve(0x20)], steps: ALIGN_COB_IDS },
 ];
 
 const BOOT_TO_ACTIVE: &[Step] = &[

@@ -5,17 +5,18 @@
 //! millisecond, so what the next AVEF tells does not depend on a few tenths of one.
 
 use protocol_core::actuator::SpoolFault;
-use protocol_core::device::pve::Kind;
+use protocol_core::device::pve;
 
-use super::plant::Plant::{BusOff, InternalFault, Lever, Spool, SupplyMv, TemperatureC};
 use super::script::Step::{Cycles, Expect, Note, Pause, Plant, PowerCycle, Repeat, Send, Steady, Unsteady, Wait};
-use super::script::{Step, UseCase, Valve};
+use super::script::{Device, Step, UseCase};
+use crate::kind::Kind;
+use crate::world::Plant::{BusOff, InternalFault, Lever, Spool, SupplyMv, TemperatureC};
 
 /// The valve on ISOBUS.
 pub const ISOBUS: UseCase = UseCase {
     name: "isobus",
     title: "a valve on ISOBUS: claim, commands, faults, diagnostics, addresses",
-    valves: &[Valve { kind: Kind::PveaIsobus, node_id: 0x83, serial: None }],
+    devices: &[Device { kind: Kind::Pve(pve::Kind::PveaIsobus), node_id: 0x83, serial: None }],
     steps: STEPS,
 };
 

@@ -6,18 +6,18 @@ use protocol_core::controller::BitRate;
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, after, since};
 
-use super::plant::Plant;
 use super::script::{Position, Step, UseCase};
+use crate::world::Plant;
 
-/// Where a use case can be played: valves on a bus, and a master that is told what to send.
+/// Where a use case can be played: devices on a bus, and a master that is told what to send.
 pub trait Bench {
-    /// Cuts the power of all valves and gives it back; the first time, switches them on.
+    /// Cuts the power of all devices and gives it back; the first time, switches them on.
     fn power_cycle(&mut self);
     /// The master sends a frame, as soon as the bus lets it.
     fn send(&mut self, frame: Frame);
-    /// The next frame of a valve, as soon as it comes, at the latest at `until`.
+    /// The next frame of a device, as soon as it comes, at the latest at `until`.
     fn receive(&mut self, until: Instant) -> Option<Frame>;
-    /// Changes what acts on all valves from outside.
+    /// Changes what acts on all devices from outside.
     fn set_plant(&mut self, plant: Plant);
     /// The master changes its bit rate.
     fn set_bit_rate(&mut self, bit_rate: BitRate);
@@ -31,7 +31,7 @@ const PATIENCE: Duration = Duration::from_millis(1000);
 /// How long the bus must be quiet at the end.
 const QUIET: Duration = Duration::from_millis(50);
 
-/// Where a valve did something else than the manual says.
+/// Where a device did something else than the manual says.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Deviation {
     /// What had to come; `None` when nothing had to.
@@ -236,7 +236,7 @@ impl<B: Bench> Player<'_, B> {
         after(self.bench.now(), PATIENCE)
     }
 
-    /// The next frame of a valve that is the one wanted or not the steady one. The master's cyclic frame goes on.
+    /// The next frame of a device that is the one wanted or not the steady one. The master's cyclic frame goes on.
     fn receive(&mut self, wanted: Option<Frame>, until: Instant) -> Option<Frame> {
         loop {
             let turn = self.cyclic.map(|cyclic| cyclic.due).filter(|due| *due <= until);

@@ -1,9 +1,9 @@
 //! What a use case is: a list of steps, in the manuals' notation.
 
 use protocol_core::controller::BitRate;
-use protocol_core::device::pve::Kind;
 
-use super::plant::Plant;
+use crate::kind::Kind;
+use crate::world::Plant;
 
 /// A use case.
 #[derive(Clone, Copy, Debug)]
@@ -13,20 +13,29 @@ pub struct UseCase {
     /// What it shows.
     pub title: &'static str,
     /// What is on the bus, besides the master.
-    pub valves: &'static [Valve],
+    pub devices: &'static [Device],
     /// What happens.
     pub steps: &'static [Step],
 }
 
-/// A valve on the bus, with a memory that was never written.
+/// A device on the bus, with a memory that was never written. All of one use case start at the same bit rate.
 #[derive(Clone, Copy, Debug)]
-pub struct Valve {
+pub struct Device {
     /// The product.
     pub kind: Kind,
     /// Its node ID.
     pub node_id: u8,
-    /// Its serial number; `None` for the manual's.
+    /// Its serial number; `None` for the kind's.
     pub serial: Option<u32>,
+}
+
+impl UseCase {
+    /// The bit rate that its devices start with: that of its master.
+    #[must_use]
+    pub fn bit_rate(&self) -> BitRate {
+        let first = self.devices.first().and_then(|device| device.kind.bit_rates().first());
+        first.copied().unwrap_or(BitRate::Kbit250)
+    }
 }
 
 /// One step. Frames are written as the manual prints them; every one has its meaning beside it.
@@ -34,21 +43,21 @@ pub struct Valve {
 pub enum Step {
     /// Explains what follows.
     Note(&'static str),
-    /// The valves are switched on; the first time, or again.
+    /// The devices are switched on; the first time, or again.
     PowerCycle,
     /// The master sends this frame.
     Send(&'static str, &'static str),
-    /// The next frame of a valve must be this one.
+    /// The next frame of a device must be this one.
     Expect(&'static str, &'static str),
-    /// The next frame of a valve must begin like this and go on with this position of the spool.
+    /// The next frame of a device must begin like this and go on with this position of the spool.
     ExpectPosition(&'static str, Position, &'static str),
     /// As [`Wait`](Self::Wait), so many milliseconds from the last frame of the master: its cycle.
     Cycle(u64),
-    /// So many milliseconds pass, in which the valves send nothing but what is steady.
+    /// So many milliseconds pass, in which the devices send nothing but what is steady.
     Wait(u64),
     /// So many times, in a cycle of so many milliseconds: the first frame is sent and answered by the second.
     Cyclic(u32, u64, (&'static str, &'static str), (&'static str, &'static str)),
-    /// What acts on all valves from outside changes.
+    /// What acts on all devices from outside changes.
     Plant(Plant),
     /// In a cycle of so many milliseconds the master sends this frame, at once and from then on, whatever else happens;
     /// in the place of the one before, from its next turn on, in its cycle.

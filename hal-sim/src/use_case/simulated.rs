@@ -2,19 +2,17 @@
 
 use std::collections::VecDeque;
 
-use protocol_core::actuator::Position;
 use protocol_core::controller::BitRate;
 use protocol_core::frame::Frame;
 use protocol_core::time::{Instant, NEVER};
 
-use super::plant::Plant;
 use super::play::Bench;
-use super::script::UseCase;
-use crate::kind::{Birth, Kind};
+use super::script::{Device, UseCase};
+use crate::kind::{Birth, Simulated};
 use crate::memory::Memory;
-use crate::world::{TapId, World};
+use crate::world::{Plant, TapId, World};
 
-/// Valves and a master in a world of their own.
+/// Devices and a master in a world of their own.
 pub struct SimulatedBench {
     world: World,
     master: TapId,
@@ -22,14 +20,15 @@ pub struct SimulatedBench {
 }
 
 impl SimulatedBench {
-    /// The bench that a use case wants: its valves, switched off, at 250 kbit/s.
+    /// The bench that a use case wants: its devices, switched off, at the bit rate that they start with.
     #[must_use]
     pub fn new(case: &UseCase) -> Self {
-        let mut world = World::new(BitRate::Kbit250, 0);
+        let mut world = World::new(case.bit_rate(), 0);
         let master = world.add_tap("master");
-        for valve in case.valves {
-            let birth = Birth { node_id: Some(valve.node_id), serial: valve.serial };
-            world.add_device(valve.kind.name(), Kind::Pve(valve.kind).factory(birth), Memory::in_ram());
+        for Device { kind, node_id, serial } in case.devices {
+            let birth = Birth { node_id: Some(*node_id), serial: *serial, bit_rate: None };
+            let device = world.add_device(kind.name(), kind.factory(birth), Memory::in_ram());
+            world.set_senses(device, kind.default_senses());
         }
         Self { world, master, received: VecDeque::new() }
     }
@@ -68,21 +67,13 @@ impl Bench for SimulatedBench {
         }
     }
 
+    /// # Panics
+    /// When a device has no such plant: scripts are part of the program.
     fn set_plant(&mut self, plant: Plant) {
         for device in self.world.devices() {
-            let mut senses = *self.world.senses(device);
-            match (plant, senses.valve_mut()) {
-                (Plant::InternalFault(there), _) => senses.internal_fault = there,
-                (Plant::BusOff(there), _) => self.world.force_bus_off(device, there),
-                (Plant::SupplyMv(millivolt), Some(valve)) => valve.supply_mv = millivolt,
-                (Plant::TemperatureC(celsius), Some(valve)) => valve.temperature_c = celsius,
-                (Plant::Spool(fault), Some(valve)) => valve.spool.fault = fault,
-                (Plant::Lever(pushed), Some(valve)) => {
-                    valve.spool.lever = pushed.map(|raw| Position::clamped(raw.into()));
-                }
-                (_, None) => {}
+            if let Err(error) = self.world.set_plant(device, plant) {
+                panic!("{}: {error}", self.world.name(device));
             }
-            self.world.set_senses(device, senses);
         }
     }
 

@@ -6,7 +6,9 @@
 
 mod agenda;
 mod controller;
+mod link;
 mod node;
+mod plant;
 mod power;
 mod run;
 
@@ -25,7 +27,9 @@ use protocol_core::memory::Image;
 use protocol_core::time::{Duration, Instant};
 
 pub use controller::ControllerId;
+pub use link::{Link, LinkError};
 pub use node::{FAULT_LOG_WRITE_TIME, Factory, SimDevice, WRITE_TIME, Write, write_time};
+pub use plant::{Plant, PlantError};
 pub use power::SUPPLY_JITTER;
 pub use run::FLUSH_PATIENCE;
 
@@ -35,6 +39,7 @@ use crate::bus::{Bus, Injector, Port, PortId};
 use crate::memory::Memory;
 
 use agenda::Agenda;
+use link::Coupling;
 use node::{Node, Power};
 
 /// A device of a world, by its number in the order of [`World::add_device`].
@@ -52,6 +57,8 @@ pub struct World {
     bus: Bus,
     nodes: Vec<Node>,
     agenda: Agenda,
+    /// The shafts that follow a valve.
+    couplings: Vec<Coupling>,
     /// Which device a port belongs to, by the port's number; `None` for a tap.
     owners: Vec<Option<NodeId>>,
     random: fastrand::Rng,
@@ -69,6 +76,7 @@ impl World {
             bus: Bus::default(),
             nodes: Vec::new(),
             agenda: Agenda::default(),
+            couplings: Vec::new(),
             owners: Vec::new(),
             random: fastrand::Rng::with_seed(seed),
             touched: Vec::new(),
@@ -148,15 +156,19 @@ impl World {
         self.device(node).map(Device::outputs)
     }
 
-    /// What a device senses. The bus mode in it is its controller's.
+    /// What a device senses. The bus mode in it is its controller's; the shaft in it, where it follows a valve, is as the
+    /// device last saw it.
     #[must_use]
     pub fn senses(&self, node: NodeId) -> &Senses {
         &self.nodes[node.0].senses
     }
 
-    /// Changes what a device senses. The bus mode in it is not looked at: see [`force_bus_off`](Self::force_bus_off).
+    /// Changes what a device senses. The bus mode in it is not looked at: see [`force_bus_off`](Self::force_bus_off); nor is
+    /// the angle of a shaft that follows a valve: see [`set_plant`](Self::set_plant).
     pub fn set_senses(&mut self, node: NodeId, senses: Senses) {
+        self.follow_links(node);
         let now = self.now;
+        let senses = self.as_linked(node, senses);
         let Node { senses: sensed, power, .. } = &mut self.nodes[node.0];
         *sensed = Senses { bus: sensed.bus, ..senses };
         if let Power::On(device) = power {

@@ -50,6 +50,7 @@ impl World {
 
     /// Reads the memory, builds the device and connects it.
     pub(super) fn boot(&mut self, id: NodeId, cause: StartCause) {
+        self.follow_links(id);
         let now = self.now;
         let node = &mut self.nodes[id.0];
         node.memory.power_up();
@@ -79,6 +80,7 @@ impl World {
     }
 
     pub(super) fn cut_power(&mut self, id: NodeId) {
+        self.follow_links(id);
         let now = self.now;
         let node = &mut self.nodes[id.0];
         node.power = Power::Off;

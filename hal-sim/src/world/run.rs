@@ -48,6 +48,7 @@ impl World {
     pub fn flush_all(&mut self) {
         let now = self.now;
         for id in self.devices() {
+            self.follow_links(id);
             if let Power::On(device) = &mut self.nodes[id.0].power {
                 device.flush(now);
                 self.service(id);
@@ -104,6 +105,7 @@ impl World {
     }
 
     fn finish_write(&mut self, id: NodeId, by: Instant) {
+        self.follow_links(id);
         let now = self.now;
         let Node { write, memory, power, .. } = &mut self.nodes[id.0];
         if let Some(Write { key, record, .. }) = write.take_if(|write| write.done <= by) {
@@ -119,6 +121,7 @@ impl World {
 
     /// Tells a device what is new on its port, and does what it asks for.
     pub(super) fn service(&mut self, id: NodeId) {
+        self.follow_links(id);
         let now = self.now;
         loop {
             let Node { port, power, senses, .. } = &mut self.nodes[id.0];

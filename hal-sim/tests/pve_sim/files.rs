@@ -37,6 +37,25 @@ fn a_state_file_of_another_kind_is_exit_1_and_not_touched() {
     assert!(fs::read(&file).expect("a state file") == before, "not touched");
 }
 
+/// The state of a sensor is kept, and belongs to its kind; its first bit rate is in it.
+#[test]
+fn a_sensor_has_a_state_file() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let state = dir.path().to_str().expect("text");
+    let sensor = |kind: &str| Simulator::serve(&["--state", state, "--device", kind]);
+    sensor("hat1000@5,name=angle,bit-rate=125k").end(Signal::TERM);
+    let second = sensor("hat1000,name=angle");
+    let mut client = second.join();
+    for (index, answer) in [("1", "5"), ("2", "4")] {
+        say(&mut client, &format!("< send 605 8 40 {index} 20 1 0 0 0 0 >"));
+        await_frame(&mut client, &format!("585#4F0{index}20010{answer}000000"));
+    }
+    second.end(Signal::TERM);
+    let bus = "socketcand://127.0.0.1:0/pve0";
+    let text = refusal(&["--bus", bus, "--state", state, "--device", "hat3000,name=angle"], 1);
+    assert!(text.contains("angle.nvm: the memory of a hat1000, not of a hat3000"), "{text}");
+}
+
 #[test]
 fn a_state_file_has_one_simulator() {
     let dir = tempfile::tempdir().expect("a folder");

@@ -60,7 +60,7 @@ fn the_use_cases_are_played_and_printed() {
     let output = output(&["use-case", "all"]);
     assert_eq!(output.status.code(), Some(0));
     let text = String::from_utf8(output.stdout).expect("text");
-    for name in ["1", "2", "3", "4", "5", "6", "isobus"] {
+    for name in ["1", "2", "3", "4", "5", "6", "isobus", "hat"] {
         assert!(text.contains(&format!("use case {name}: ")), "{text}");
     }
     assert!(text.contains("720: 00") && text.contains("boot-up"), "{text}");

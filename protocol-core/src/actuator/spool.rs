@@ -115,6 +115,11 @@ impl Spool {
         self.path.at(now)
     }
 
+    /// When it next may not go on as it goes now, after `now`.
+    pub(super) fn bends(&self, now: Instant) -> Instant {
+        self.path.bends(now)
+    }
+
     /// Where it is sent.
     pub(super) const fn destination(&self) -> Travel {
         self.path.destination()

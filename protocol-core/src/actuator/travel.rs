@@ -21,6 +21,11 @@ impl Travel {
     pub(super) const FULL_B: Self = Self(Self::FULL);
     pub(super) const FULL_A: Self = Self(-Self::FULL);
 
+    /// The travel in steps.
+    pub(super) const fn steps(self) -> i32 {
+        self.0
+    }
+
     /// So many percent of the full stroke, in steps.
     pub(super) const fn percent(percent: i32) -> i32 {
         (Self::FULL / 100).saturating_mul(percent)
@@ -188,6 +193,16 @@ impl Path {
             Some(creep) if now >= creep.start => creep.at(now),
             _ => self.approach.at(now),
         }
+    }
+
+    /// The next instant after `now` at which the spool may no longer go on as it goes now; [`NEVER`] once it rests. The last
+    /// microsecond of a line is shorter than the others: it counts for itself.
+    pub(super) fn bends(&self, now: Instant) -> Instant {
+        let ends = |leg: &Leg| {
+            let last = Instant::from_ticks(leg.end.as_ticks().saturating_sub(1));
+            [last, leg.end].into_iter().find(|bend| *bend > now)
+        };
+        ends(&self.approach).or_else(|| self.creep.as_ref().and_then(ends)).unwrap_or(NEVER)
     }
 
     /// Where it goes first, and stays if it does not creep on.

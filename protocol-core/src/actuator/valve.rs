@@ -112,6 +112,9 @@ pub struct Valve {
 }
 
 impl Valve {
+    /// The parts of the full stroke in which [`opening`](Self::opening) is told.
+    pub const STROKE: i32 = Travel::FULL;
+
     /// A valve that is powered up: off, its spool in neutral, all well until [`sense`](Self::sense) says otherwise.
     #[must_use]
     pub fn new(config: ValveConfig, counters: Counters, now: Instant) -> Self {
@@ -344,6 +347,20 @@ impl Valve {
     #[inline]
     pub fn position(&self, now: Instant) -> Position {
         self.travel(now).position()
+    }
+
+    /// Returns how far the spool is from neutral towards the B-port, in parts of the full stroke, of which there are
+    /// [`STROKE`](Self::STROKE): exact in each microsecond, for whoever reckons what flows through the valve.
+    #[must_use]
+    pub fn opening(&self, now: Instant) -> i32 {
+        self.travel(now).steps()
+    }
+
+    /// Returns the next instant after `now` at which the spool may no longer go on as it goes now, if nothing else happens
+    /// to it: until then [`opening`](Self::opening) is a straight line in time. [`NEVER`] for a spool that rests.
+    #[must_use]
+    pub fn bends(&self, now: Instant) -> Instant {
+        self.spool.bends(now)
     }
 
     /// Whether the spool is in neutral: within 5 % (A).

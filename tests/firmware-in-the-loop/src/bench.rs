@@ -5,8 +5,8 @@
 
 use std::collections::VecDeque;
 
-use hal_sim::kind::{Birth, Kind};
-use hal_sim::use_case::{Bench, Plant, UseCase, Valve};
+use hal_sim::kind::{Birth, Simulated};
+use hal_sim::use_case::{Bench, Device, Plant, UseCase};
 use hal_sim::world::SUPPLY_JITTER;
 use hal_sim::{Memory, NodeId, TapId, World};
 use protocol_core::controller::BitRate;
@@ -30,29 +30,29 @@ pub struct ImageBench {
 }
 
 impl ImageBench {
-    /// What a use case wants: its valves, switched off, at 250 kbit/s.
+    /// What a use case wants: its devices, switched off, at the bit rate that they start with.
     ///
     /// # Panics
-    /// When the use case has no valve.
+    /// When the use case has no device.
     #[must_use]
     pub fn new(case: &UseCase) -> Self {
-        let (first, others) = case.valves.split_first().expect("a use case has a valve");
-        Self::with_valves(BitRate::Kbit250, first, others)
+        let (first, others) = case.devices.split_first().expect("a use case has a device");
+        Self::with_devices(case.bit_rate(), first, others)
     }
 
-    /// The image as the valve `first`, and host devices, switched off.
+    /// The image as the device `first`, and host devices, switched off.
     #[must_use]
-    pub fn with_valves(bit_rate: BitRate, first: &Valve, others: &[Valve]) -> Self {
+    pub fn with_devices(bit_rate: BitRate, first: &Device, others: &[Device]) -> Self {
         Self::with_flash(bit_rate, Flash::with_content(&content::stored_by(first)), others)
     }
 
     /// The image with this flash, and host devices, switched off.
     #[must_use]
-    pub fn with_flash(bit_rate: BitRate, flash: Flash, others: &[Valve]) -> Self {
+    pub fn with_flash(bit_rate: BitRate, flash: Flash, others: &[Device]) -> Self {
         let mut rig = Rig::new(bit_rate);
         let master = rig.world.add_tap("master");
         let board = rig.add_board("board", flash);
-        let others = others.iter().map(|valve| add_host_device(&mut rig.world, valve)).collect();
+        let others = others.iter().map(|device| add_host_device(&mut rig.world, device)).collect();
         Self { rig, board, master, others, received: VecDeque::new() }
     }
 
@@ -61,9 +61,11 @@ impl ImageBench {
     }
 }
 
-pub(crate) fn add_host_device(world: &mut World, valve: &Valve) -> NodeId {
-    let birth = Birth { node_id: Some(valve.node_id), serial: valve.serial };
-    world.add_device(valve.kind.name(), Kind::Pve(valve.kind).factory(birth), Memory::in_ram())
+pub(crate) fn add_host_device(world: &mut World, device: &Device) -> NodeId {
+    let birth = Birth { node_id: Some(device.node_id), serial: device.serial, bit_rate: None };
+    let node = world.add_device(device.kind.name(), device.kind.factory(birth), Memory::in_ram());
+    world.set_senses(node, device.kind.default_senses());
+    node
 }
 
 /// The line of the console that does it.
@@ -71,6 +73,7 @@ fn word(plant: Plant) -> String {
     let on = |there: bool| if there { "on" } else { "off" };
     match plant {
         Plant::InternalFault(there) => format!("internal_fault {}", on(there)),
+        Plant::MeasuringError(there) => format!("measuring_error {}", on(there)),
         Plant::BusOff(there) => format!("bus_off {}", on(there)),
         plant => plant.to_string(),
     }

@@ -6,11 +6,11 @@ use std::task::{Context, Poll, Waker};
 
 use firmware::settings::Settings;
 use hal_sim::memory;
-use hal_sim::use_case::Valve;
+use hal_sim::use_case::Device;
 use hal_sim::{Memory, World};
 use nvm::Records;
 use protocol_core::controller::BitRate;
-use protocol_core::device::pve::Kind;
+use protocol_core::device::Kind;
 use protocol_core::frame::Frame;
 use protocol_core::memory::{Record, RecordKey, seal};
 use protocol_core::time::{Duration, after};
@@ -26,23 +26,23 @@ const MANY: usize = 1000;
 
 /// The flash of a host device that was switched on once, with the setting that makes the image the same kind.
 #[must_use]
-pub fn stored_by(valve: &Valve) -> Vec<u8> {
-    stored_after(valve, &[])
+pub fn stored_by(device: &Device) -> Vec<u8> {
+    stored_after(device, &[])
 }
 
 /// The same, and then it was sent these frames, with time to store after each.
 #[must_use]
-pub fn stored_after(valve: &Valve, frames: &[Frame]) -> Vec<u8> {
+pub fn stored_after(device: &Device, frames: &[Frame]) -> Vec<u8> {
     let mut world = World::new(BitRate::Kbit250, 0);
     let client = world.add_tap("client");
-    let node = add_host_device(&mut world, valve);
+    let node = add_host_device(&mut world, device);
     world.power(node, true);
     world.run_until(after(world.now(), STORE));
     for frame in frames {
         world.send(client, *frame);
         world.run_until(after(world.now(), STORE));
     }
-    with_setting(world.memory(node).flash().image().to_vec(), valve.kind)
+    with_setting(world.memory(node).flash().image().to_vec(), device.kind)
 }
 
 /// The same content, but the parameters were saved so often that saving them once more erases a sector.
@@ -67,6 +67,7 @@ pub fn worn(content: &[u8]) -> Vec<u8> {
 fn with_setting(content: Vec<u8>, kind: Kind) -> Vec<u8> {
     let mut flash = memory::Flash::from_image(content).expect("it is as long as a flash");
     let mut buffer = [0; nvm::BUFFER];
+    let Kind::Pve(kind) = kind else { panic!("the image has no {kind}") };
     let setting = Settings { fresh: false, ..Settings::new(kind, None) }.encode();
     ready(async {
         let mut records = Records::open(&mut flash, &mut buffer).await.expect("this flash does not fail");

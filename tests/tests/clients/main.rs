@@ -134,3 +134,31 @@ fn clients_that_die_disturb_nobody() {
 fn a_logger_only_listens() {
     serve("logger.py", &[]);
 }
+
+#[test]
+fn an_angle_sensor_and_its_master() {
+    serve("hat.py", &["--device", "hat1000"]);
+}
+
+#[test]
+fn several_angle_sensors_and_a_blank_valve_by_lss() {
+    let devices = ["hat1000,bit-rate=250k", "hat1000@2,bit-rate=250k", "pvea-canopen,blank"];
+    let blank = "hat1000,bit-rate=250k,serial=7,blank";
+    let options: Vec<&str> = devices.into_iter().chain([blank]).flat_map(|device| ["--device", device]).collect();
+    serve("hat_lss.py", &options);
+}
+
+/// The example of the documentation: closed loop through a valve and a sensor, beside a valve on ISOBUS.
+#[test]
+fn a_boom_is_moved_to_an_angle_and_held_there() {
+    let devices = ["pvea-canopen", "hat1000,bit-rate=250k", "pvea-isobus"].map(|device| ["--device", device]);
+    let link = ["--link", "pvea-canopen=hat1000"];
+    let simulator = Simulator::start(&[devices.as_flattened(), &link].concat());
+    for degrees in ["45", "80", "12.5"] {
+        let steps = simulator.serve("../../examples/boom.py", &[degrees]);
+        let (_, last) = steps.lines().last().and_then(|line| line.split_once(' ')).expect("an angle");
+        let (last, wanted): (f64, f64) = (last.parse().expect("an angle"), degrees.parse().expect("a number"));
+        assert!((last - wanted).abs() < 0.5, "at {last}, not {wanted}");
+    }
+    simulator.terminate();
+}

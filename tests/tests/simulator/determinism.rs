@@ -17,7 +17,7 @@ fn trace(seed: u64, jitter: Duration) -> String {
     let valves: Vec<_> = (1..=VALVES)
         .map(|number| {
             let kind = if number % 2 == 0 { Kind::PveaCanopen } else { Kind::PveoCanopen };
-            let setup = Setup { kind, node_id: Some(number), serial: Some(u32::from(number)) };
+            let setup = Setup { node_id: Some(number), serial: Some(u32::from(number)), ..Setup::new(kind) };
             bench.add(setup, Memory::in_ram())
         })
         .collect();

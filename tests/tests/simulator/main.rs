@@ -1,5 +1,6 @@
 //! What needs the whole simulator: physics of the bus, power cuts at any write, determinism, use cases.
 
+mod angle_sensor;
 mod bit_rot;
 mod bus_physics;
 mod busy_bus;

@@ -13,7 +13,7 @@ fn play_silently(case: &UseCase, bench: &mut impl Bench) -> Result<Vec<String>, 
 #[test]
 fn every_use_case_is_as_the_manual_prints_it() {
     let cases = all();
-    assert_eq!(cases.iter().map(|case| case.name).collect::<Vec<_>>(), ["1", "2", "3", "4", "5", "6", "isobus"]);
+    assert_eq!(cases.iter().map(|case| case.name).collect::<Vec<_>>(), ["1", "2", "3", "4", "5", "6", "isobus", "hat"]);
     for case in cases {
         let lines = play_silently(case, &mut SimulatedBench::new(case));
         let lines = lines.unwrap_or_else(|deviation| panic!("use case {}: {deviation}", case.name));

@@ -13,12 +13,11 @@ pub(super) const VERSION: u8 = 1;
 const VENDOR: u32 = 0xDA;
 /// Revision number (A).
 const REVISION: u32 = 0x0001_0007;
-/// The serial number that a sensor leaves the factory with (A).
-const SERIAL: u32 = 1;
 
 /// Returns the identity of a sensor with this serial number; `None` for the default.
 pub(super) fn identity(kind: Kind, serial: Option<u32>) -> Address {
-    Address { vendor: VENDOR, product: kind.product_code(), revision: REVISION, serial: serial.unwrap_or(SERIAL) }
+    let serial = serial.unwrap_or(kind.default_serial());
+    Address { vendor: VENDOR, product: kind.product_code(), revision: REVISION, serial }
 }
 
 /// Decodes the factory record: the serial number.
@@ -32,5 +31,6 @@ pub(super) const LAYER: Layer =
 
 /// Returns those that a new memory is filled with.
 pub(super) fn new_layer(setup: &Setup) -> Layer {
-    Layer { node_id: LssNodeId(setup.node_id.and_then(NodeId::new)), ..LAYER }
+    let bit_rate = setup.bit_rate.unwrap_or(LAYER.bit_rate);
+    Layer { node_id: LssNodeId(setup.node_id.and_then(NodeId::new)), bit_rate }
 }

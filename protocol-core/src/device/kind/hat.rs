@@ -56,6 +56,12 @@ impl Kind {
         1
     }
 
+    /// The serial number that it leaves the factory with (A).
+    #[must_use]
+    pub const fn default_serial(self) -> u32 {
+        1
+    }
+
     /// The bit rates that it can run at, the default first.
     #[must_use]
     pub const fn bit_rates(self) -> &'static [BitRate] {

@@ -3,6 +3,7 @@
 pub(super) mod hat;
 pub(super) mod pve;
 
+use core::fmt;
 use core::ops::RangeInclusive;
 
 use crate::controller::BitRate;
@@ -78,6 +79,15 @@ impl Kind {
         }
     }
 
+    /// The serial number that it leaves the factory with.
+    #[must_use]
+    pub const fn default_serial(self) -> u32 {
+        match self {
+            Self::Pve(kind) => kind.default_serial(),
+            Self::Hat(kind) => kind.default_serial(),
+        }
+    }
+
     /// The bit rates that it can run at, the default first.
     #[must_use]
     pub const fn bit_rates(self) -> &'static [BitRate] {
@@ -98,19 +108,27 @@ pub struct Setup<K = Kind> {
     pub node_id: Option<u8>,
     /// The serial number of a new memory; `None` for the product's.
     pub serial: Option<u32>,
+    /// The bit rate of a new memory; `None`, or one that the product cannot run at, for its default.
+    pub bit_rate: Option<BitRate>,
+}
+
+impl fmt::Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
 }
 
 impl Setup {
     /// A device of this kind with the default node ID and serial number.
     #[must_use]
     pub const fn new(kind: Kind) -> Self {
-        Self { kind, node_id: Some(kind.default_node_id()), serial: None }
+        Self { kind, node_id: Some(kind.default_node_id()), serial: None, bit_rate: None }
     }
 
     /// The same setup of another type of kind.
     #[must_use]
     pub fn with_kind<K>(self, kind: K) -> Setup<K> {
-        Setup { kind, node_id: self.node_id, serial: self.serial }
+        Setup { kind, node_id: self.node_id, serial: self.serial, bit_rate: self.bit_rate }
     }
 }
 
@@ -118,7 +136,7 @@ impl Setup<pve::Kind> {
     /// A valve of this kind with the default node ID and serial number.
     #[must_use]
     pub const fn new(kind: pve::Kind) -> Self {
-        Self { kind, node_id: Some(kind.default_node_id()), serial: None }
+        Self { kind, node_id: Some(kind.default_node_id()), serial: None, bit_rate: None }
     }
 }
 
@@ -126,18 +144,18 @@ impl Setup<hat::Kind> {
     /// A sensor of this kind with the default node ID and serial number.
     #[must_use]
     pub const fn new(kind: hat::Kind) -> Self {
-        Self { kind, node_id: Some(kind.default_node_id()), serial: None }
+        Self { kind, node_id: Some(kind.default_node_id()), serial: None, bit_rate: None }
     }
 }
 
 impl From<Setup<pve::Kind>> for Setup {
     fn from(setup: Setup<pve::Kind>) -> Self {
-        Self { kind: Kind::Pve(setup.kind), node_id: setup.node_id, serial: setup.serial }
+        Self { kind: Kind::Pve(setup.kind), node_id: setup.node_id, serial: setup.serial, bit_rate: setup.bit_rate }
     }
 }
 
 impl From<Setup<hat::Kind>> for Setup {
     fn from(setup: Setup<hat::Kind>) -> Self {
-        Self { kind: Kind::Hat(setup.kind), node_id: setup.node_id, serial: setup.serial }
+        Self { kind: Kind::Hat(setup.kind), node_id: setup.node_id, serial: setup.serial, bit_rate: setup.bit_rate }
     }
 }

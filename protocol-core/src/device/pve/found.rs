@@ -22,7 +22,7 @@ impl<'a> Found<'a> {
         let mut found = Self {
             reading: Reading::new(image),
             factory: Factory::new(kind, setup.serial),
-            local_layer: LocalLayer::new(kind, setup.node_id),
+            local_layer: LocalLayer::new(*setup),
             fault_log: FaultLog::default(),
         };
         if let Some(factory) = found.payload(RecordKey::Factory, Factory::decode) {
@@ -32,7 +32,7 @@ impl<'a> Found<'a> {
             found.local_layer = layer;
         } else if found.reading.is_corrupt(RecordKey::LocalLayer) && setup.node_id.is_none() {
             // It had a node ID: only a layer that was never written can be blank.
-            found.local_layer = LocalLayer::new(kind, Some(kind.default_node_id()));
+            found.local_layer = LocalLayer::new(Setup::new(kind));
         }
         if let Some(log) = found.payload(RecordKey::FaultLog, FaultLog::decode) {
             found.fault_log = log;

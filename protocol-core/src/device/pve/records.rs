@@ -2,7 +2,7 @@
 
 use heapless::Vec;
 
-use super::Kind;
+use super::{Kind, Setup};
 use crate::actuator::Counters;
 use crate::controller::BitRate;
 use crate::memory::RecordKey;
@@ -125,8 +125,9 @@ impl LayerChange {
 
 impl LocalLayer {
     /// What a new memory is filled with.
-    pub(super) fn new(kind: Kind, node_id: Option<u8>) -> Self {
-        let bit_rate = kind.bit_rates().first().copied().unwrap_or(BitRate::Kbit250);
+    pub(super) fn new(Setup { kind, node_id, bit_rate, .. }: Setup) -> Self {
+        let default = kind.bit_rates().first().copied().unwrap_or(BitRate::Kbit250);
+        let bit_rate = bit_rate.filter(|rate| kind.bit_rates().contains(rate)).unwrap_or(default);
         Self { node_id: node_id.filter(|node_id| kind.node_ids().contains(node_id)), bit_rate }
     }
 

@@ -13,7 +13,7 @@ use super::overtaking::fill;
 #[test]
 fn each_bit_rate_is_exact_and_samples_where_cia_says() {
     for rate in VALVE.kind.bit_rates().iter().copied() {
-        let mut client = Client::powered(ImageBench::with_valves(BitRate::Kbit250, &VALVE, &[]));
+        let mut client = Client::powered(ImageBench::with_devices(BitRate::Kbit250, &VALVE, &[]));
         client.send("7E5: 04 01 00 00 00 00 00 00");
         client.send(&format!("7E5: 13 00 {:02X} 00 00 00 00 00", rate.table_index()));
         client.expect("7E4: 13 00 00 00 00 00 00 00");

@@ -30,7 +30,7 @@ fn run_to(client: &mut ImageClient, wanted: BusErrorMode) -> Instant {
 
 #[test]
 fn it_is_silent_recovers_after_128_sequences_and_tells() {
-    let mut client = Client::powered(ImageBench::with_valves(BitRate::Kbit250, &VALVE, &[]));
+    let mut client = Client::powered(ImageBench::with_devices(BitRate::Kbit250, &VALVE, &[]));
     client.wait_ms(50);
     client.bench.rig.world.inject(DestroyNext::frames_of("board", FAILURES));
     client.send("620: 40 18 10 01 00 00 00 00");

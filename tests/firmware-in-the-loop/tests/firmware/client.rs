@@ -5,16 +5,16 @@ use std::collections::VecDeque;
 use firmware_in_the_loop::bench::ImageBench;
 use firmware_in_the_loop::flash::Flash;
 use firmware_in_the_loop::machine::Machine;
-use hal_sim::use_case::{Bench, Valve};
+use hal_sim::use_case::{Bench, Device};
 use protocol_core::controller::BitRate;
-use protocol_core::device::pve::Kind;
+use protocol_core::device::{Kind, pve};
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, after};
 
 /// The valve of these tests.
-pub const VALVE: Valve = Valve { kind: Kind::PveaCanopen, node_id: 0x20, serial: None };
+pub const VALVE: Device = Device { kind: Kind::Pve(pve::Kind::PveaCanopen), node_id: 0x20, serial: None };
 /// The valve of those on ISOBUS.
-pub const ON_ISOBUS: Valve = Valve { kind: Kind::PveaIsobus, node_id: 0x83, serial: None };
+pub const ON_ISOBUS: Device = Device { kind: Kind::Pve(pve::Kind::PveaIsobus), node_id: 0x83, serial: None };
 /// How long an answer may take.
 const PATIENCE: Duration = Duration::from_millis(1500);
 
@@ -37,12 +37,12 @@ pub type ImageClient = Client<ImageBench>;
 impl ImageClient {
     /// The valve, booted at 250 kbit/s.
     pub fn booted() -> Self {
-        Self::powered(ImageBench::with_valves(BitRate::Kbit250, &VALVE, &[]))
+        Self::powered(ImageBench::with_devices(BitRate::Kbit250, &VALVE, &[]))
     }
 
     /// The valve on ISOBUS, after the wait that follows its claim.
     pub fn on_isobus() -> Self {
-        let bench = ImageBench::with_valves(BitRate::Kbit250, &ON_ISOBUS, &[]);
+        let bench = ImageBench::with_devices(BitRate::Kbit250, &ON_ISOBUS, &[]);
         let mut client = Self { bench, aside: VecDeque::new() };
         client.bench.power_cycle();
         client.expect("18EEFF83: 01 00 20 07 08 FF 02 20");

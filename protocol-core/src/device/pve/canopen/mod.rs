@@ -21,7 +21,7 @@ use super::identification::Identification;
 use super::objects::ValveObjects;
 use super::records::{Factory, LocalLayer, decode_flag};
 use super::sensing::sense;
-use crate::actuator::{Counters, InternalCause};
+use crate::actuator::{Counters, InternalCause, Valve};
 use crate::canopen::dictionary::Group;
 use crate::canopen::lss::Configuration;
 use crate::canopen::nmt::Reset;
@@ -82,8 +82,14 @@ impl PveCanopen {
 }
 
 impl CanopenValve {
+    /// Returns the valve behind the protocol.
+    #[must_use]
+    pub const fn valve(&self) -> &Valve {
+        &self.objects.application.valve
+    }
+
     fn new(setup: Setup) -> Self {
-        let local_layer = LocalLayer::new(setup.kind, setup.node_id);
+        let local_layer = LocalLayer::new(setup);
         Self {
             setup,
             objects: ValveObjects::new(setup.kind, Factory::new(setup.kind, setup.serial)),

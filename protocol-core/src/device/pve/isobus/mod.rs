@@ -21,7 +21,7 @@ use super::found::Found;
 use super::identification::Identification;
 use super::records::{Factory, LayerChange, LocalLayer};
 use super::sensing::sense;
-use crate::actuator::{Fault, FaultSet, InternalCause};
+use crate::actuator::{Fault, FaultSet, InternalCause, Valve};
 use crate::controller::{BitRate, BusErrorMode, Filter, Filters};
 use crate::device::host::{Base, Body, Host};
 use crate::device::{Outputs, Restart, Senses, StartCause, ValveOutputs};
@@ -72,9 +72,15 @@ impl PveIsobus {
 }
 
 impl IsobusValve {
+    /// Returns the valve behind the protocol.
+    #[must_use]
+    pub const fn valve(&self) -> &Valve {
+        &self.auxiliary.valve
+    }
+
     fn new(setup: Setup) -> Self {
         let factory = Factory::new(setup.kind, setup.serial);
-        let local_layer = LocalLayer::new(setup.kind, setup.node_id);
+        let local_layer = LocalLayer::new(setup);
         let own = address(&setup, local_layer);
         Self {
             setup,

@@ -1,0 +1,85 @@
+//! A shaft that follows a valve: the value of `--link`, `VALVE=SENSOR[,key=value…]`.
+
+use std::ops::RangeInclusive;
+use std::str::FromStr;
+
+use protocol_core::encoder::TURN_CDEG;
+
+use super::UsageError;
+use crate::kind::Kind;
+use crate::run::{NamedDevice, NamedLink};
+use crate::world::Link;
+
+/// The most that a shaft can turn in a second at full stroke, in 1/100 degree: 6,000 turns a minute (A).
+const RATE_MAX: i32 = 3_600_000;
+
+const ANGLES: RangeInclusive<u32> = 0..=TURN_CDEG - 1;
+
+/// A link as it was asked for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct LinkSpec(NamedLink);
+
+impl FromStr for LinkSpec {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let mut parts = text.split(',');
+        let head = parts.next().unwrap_or_default();
+        let (valve, sensor) =
+            head.split_once('=').ok_or_else(|| format!("'{head}' links nothing; accepted: VALVE=SENSOR"))?;
+        let mut link = Link::default();
+        let mut seen = Vec::new();
+        for part in parts {
+            let (key, value) = part.split_once('=').unwrap_or((part, ""));
+            if seen.contains(&key) {
+                return Err(format!("'{key}' is given twice"));
+            }
+            seen.push(key);
+            match key {
+                "rate" => link.rate = rate(value)?,
+                "min" => link.min = angle(value)?,
+                "max" => link.max = angle(value)?,
+                _ => return Err(format!("unknown key '{key}'; accepted: rate=, min=, max=")),
+            }
+        }
+        if link.min >= link.max {
+            return Err(format!("min={} is not below max={}", link.min, link.max));
+        }
+        Ok(Self(NamedLink { valve: valve.to_owned(), sensor: sensor.to_owned(), link }))
+    }
+}
+
+fn rate(text: &str) -> Result<i32, String> {
+    let rate = text.parse().ok().filter(|rate: &i32| rate.unsigned_abs() <= RATE_MAX.unsigned_abs());
+    rate.ok_or_else(|| format!("'{text}' is no rate; accepted: -{RATE_MAX}–{RATE_MAX}, in 1/100 degree a second"))
+}
+
+fn angle(text: &str) -> Result<u32, String> {
+    text.parse().ok().filter(|angle| ANGLES.contains(angle)).ok_or_else(|| {
+        format!("'{text}' is no end stop; accepted: {}–{}, in 1/100 degree", ANGLES.start(), ANGLES.end())
+    })
+}
+
+/// The links between these devices.
+pub(super) fn between(devices: &[NamedDevice], specs: Vec<LinkSpec>) -> Result<Vec<NamedLink>, UsageError> {
+    let known = |name: &str, wanted: fn(Kind) -> bool, what: &str| {
+        let fits = |device: &&NamedDevice| wanted(device.kind);
+        if devices.iter().filter(fits).any(|device| device.name == name) {
+            return Ok(());
+        }
+        let names: Vec<&str> = devices.iter().filter(fits).map(|device| device.name.as_str()).collect();
+        let accepted =
+            if names.is_empty() { format!("add one by --device: there is no {what}") } else { names.join(", ") };
+        Err(UsageError(format!("--link: '{name}' is no {what} on the bus; accepted: {accepted}")))
+    };
+    let mut links: Vec<NamedLink> = Vec::new();
+    for LinkSpec(link) in specs {
+        known(&link.valve, |kind| matches!(kind, Kind::Pve(_)), "valve")?;
+        known(&link.sensor, |kind| matches!(kind, Kind::Hat(_)), "angle sensor")?;
+        if links.iter().any(|other| other.sensor == link.sensor) {
+            return Err(UsageError(format!("--link: {} is linked twice; one valve moves it", link.sensor)));
+        }
+        links.push(link);
+    }
+    Ok(links)
+}
