@@ -256,7 +256,7 @@ fn lss_switch_selective(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<Pve
     exchange.run()
 }
 
-// The same of a sensor.
+// The same of a sensor, whose shaft turns.
 #[library_benchmark(config = budget(480))]
 #[bench::position(sensor(1, "601: 40 04 60 00 00 00 00 00").into())]
 fn hat_sdo_upload(exchange: Box<Exchange<Hat>>) -> Box<Exchange<Hat>> {
@@ -269,16 +269,16 @@ fn hat_sdo_download(exchange: Box<Exchange<Hat>>) -> Box<Exchange<Hat>> {
     exchange.run()
 }
 
-// A SYNC → the TPDO that it makes due, by its number or because the position has changed. The aim is 300.
-#[library_benchmark(config = budget(520))]
+// A SYNC → the TPDO of the position, due by its number, or because the position has changed.
+#[library_benchmark(config = budget(299))]
 #[bench::every(sensor(1, "080:").into())]
 #[bench::on_change(sensor(0, "080:").into())]
 fn hat_sync_to_tpdo(exchange: Box<Exchange<Hat>>) -> Box<Exchange<Hat>> {
     exchange.run()
 }
 
-// The event timer → its TPDO. The aim is 300.
-#[library_benchmark(config = budget(390))]
+// The end of the event timer → the TPDO of the position.
+#[library_benchmark(config = budget(299))]
 #[bench::due(pdo_due())]
 fn hat_timed_tpdo(exchange: Box<Exchange<Hat>>) -> Box<Exchange<Hat>> {
     exchange.run()

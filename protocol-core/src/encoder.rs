@@ -31,6 +31,15 @@ const UNITS_PER_CDEG: u64 = 5_000;
 const UNITS_PER_PART: u64 = 3;
 const _: () = assert!(UNITS_PER_CDEG * TURN_CDEG as u64 == TURN && UNITS_PER_PART * MINUTE_US == TURN);
 
+/// The steps in so many units, in lowest terms.
+const STEPS_IN_UNITS: u64 = 64;
+const UNITS_IN_STEPS: u64 = 703_125;
+const _: () = assert!(STEPS_IN_UNITS * TURN == UNITS_IN_STEPS * STEPS as u64);
+
+/// The most units that [`Shaft::units_at`] returns: no product here reaches 64 bits.
+const UNITS_MAX: u64 = u32::MAX as u64 * UNITS_PER_CDEG + MINUTE_US * MINUTE_US * UNITS_PER_PART;
+const _: () = assert!(UNITS_MAX < u64::MAX / STEPS_IN_UNITS);
+
 impl Shaft {
     /// Returns a shaft that rests at an angle in 1/100 degree.
     #[must_use]
@@ -40,28 +49,26 @@ impl Shaft {
 
     /// Returns the angle at an instant in 1/100 degree, below a turn, rounded down.
     #[must_use]
-    pub fn angle_at(&self, now: Instant) -> u32 {
-        whole(self.units_at(now), UNITS_PER_CDEG)
+    pub const fn angle_at(&self, now: Instant) -> u32 {
+        (self.units_at(now) % TURN / UNITS_PER_CDEG) as u32
     }
 
     /// Returns the raw position at an instant: floor(angle × 16384 / 36000).
+    #[inline]
     #[must_use]
-    pub fn position_at(&self, now: Instant) -> u32 {
-        whole(self.units_at(now).saturating_mul(STEPS.into()), TURN)
+    pub const fn position_at(&self, now: Instant) -> u32 {
+        (self.units_at(now).wrapping_mul(STEPS_IN_UNITS) / UNITS_IN_STEPS) as u32 & POSITION_MAX
     }
 
-    /// The angle in units, below a turn. No product here comes near 64 bits.
-    fn units_at(&self, now: Instant) -> u64 {
-        let start = modulo(self.angle_cdeg.into(), TURN_CDEG.into()).saturating_mul(UNITS_PER_CDEG);
-        if self.speed_rpm == 0 {
-            return start;
-        }
-        // A shaft with a whole number of turns a minute is back where it was after each minute.
-        let elapsed = modulo(since(now, self.since).as_ticks(), MINUTE_US);
-        let parts = modulo(elapsed.saturating_mul(self.speed_rpm.unsigned_abs().into()), MINUTE_US);
-        let turned = parts.saturating_mul(UNITS_PER_PART);
-        let forward = if self.speed_rpm > 0 { turned } else { TURN.saturating_sub(turned) };
-        modulo(start.saturating_add(forward), TURN)
+    /// The angle in units, whole turns included.
+    #[inline]
+    const fn units_at(&self, now: Instant) -> u64 {
+        let start = (self.angle_cdeg as u64).wrapping_mul(UNITS_PER_CDEG);
+        // A shaft with a whole number of turns a minute is back where it was after each minute, and backwards by some parts
+        // of a turn is forwards by the others.
+        let elapsed = since(now, self.since).as_ticks() % MINUTE_US;
+        let parts = self.speed_rpm.rem_euclid(MINUTE_US as i32) as u64;
+        start.wrapping_add(elapsed.wrapping_mul(parts).wrapping_mul(UNITS_PER_PART))
     }
 }
 
@@ -125,15 +132,6 @@ impl Preset {
     pub const fn load_offset(&mut self, offset: u32) {
         self.offset = offset & POSITION_MAX;
     }
-}
-
-fn modulo(value: u64, modulus: u64) -> u64 {
-    value.checked_rem(modulus).unwrap_or(0)
-}
-
-/// floor(`value` / `divisor`), where that fits 32 bits.
-fn whole(value: u64, divisor: u64) -> u32 {
-    value.checked_div(divisor).and_then(|whole| u32::try_from(whole).ok()).unwrap_or(0)
 }
 
 #[cfg(test)]

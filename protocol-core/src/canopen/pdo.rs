@@ -8,9 +8,9 @@ use heapless::Vec;
 
 use super::dictionary::{Dictionary, Mappable, Row};
 use super::transmission::Transmission;
-pub use super::transmission::{EVENT_DRIVEN, MANUFACTURER, ON_CHANGE};
+pub use super::transmission::{AtSync, EVENT_DRIVEN, MANUFACTURER, ON_CHANGE};
 use crate::frame::{Frame, Id, MAX_LEN};
-use crate::time::{Instant, NEVER};
+use crate::time::Instant;
 use crate::wire::cob_id::CobId;
 use crate::wire::pdo_mapping::MappingEntry;
 use crate::wire::sdo::{AbortCode, Multiplexer};
@@ -65,8 +65,17 @@ pub struct Pdo<B> {
     count: u8,
     entries: [MappingEntry; ENTRIES],
     running: Option<Running<B>>,
-    /// The data last sent, of a type that sends when they change.
-    last: Option<[u8; MAX_LEN]>,
+    /// The data last sent.
+    last: Option<Sample>,
+}
+
+/// The data of a PDO: what the mapped objects hold at an instant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sample(u64);
+
+impl Sample {
+    /// All zeros.
+    pub const NOTHING: Self = Self(0);
 }
 
 /// A PDO that is on.
@@ -189,7 +198,7 @@ impl<B: Copy + 'static> Pdo<B> {
     /// Writes the event timer: in force at once, the first period begins now.
     pub fn write_event_timer(&mut self, value: u16, now: Instant) {
         self.transmission.set_event_timer(value);
-        self.transmission.restart_timer(now);
+        self.transmission.restart_timer(now, self.sends());
     }
 
     /// Writes the number of mapped objects.
@@ -290,33 +299,40 @@ impl<B: Copy + 'static> Pdo<B> {
         }))
     }
 
-    /// Returns the frame that carries the mapped objects as `read` gives them; `None` when the PDO is off.
-    pub fn pack(&self, mut read: impl FnMut(B) -> u32) -> Option<Frame> {
-        let running = self.running.as_ref()?;
-        let bits = running.slots.iter().fold(0_u64, |bits, slot| {
-            bits | u64::from(read(slot.behind) & slot.mask).wrapping_shl(u32::from(slot.shift))
-        });
-        Some(running.blank.refilled(bits.to_le_bytes()))
-    }
-
-    /// Counts a SYNC. Returns whether it is the n-th of a transmission type 1–240.
-    pub fn sync(&mut self) -> bool {
-        self.sends() && self.transmission.sync()
-    }
-
-    /// Returns whether a SYNC makes a PDO due whose objects, as `read` gives them, are not those last sent.
-    pub fn has_changed(&self, read: impl FnMut(B) -> u32) -> bool {
-        self.transmission.kind() == ON_CHANGE
-            && self.sends()
-            && self.pack(read).map(|frame| *frame.bytes()) != self.last
-    }
-
-    /// Notes that a frame is sent.
+    /// Returns the data that carry the mapped objects as `read` gives them.
     #[inline]
-    pub const fn sent(&mut self, frame: &Frame) {
-        if self.transmission.kind() == ON_CHANGE {
-            self.last = Some(*frame.bytes());
-        }
+    pub fn sample(&self, mut read: impl FnMut(B) -> u32) -> Sample {
+        let slots = self.running.as_ref().map_or(&[][..], |running| &running.slots);
+        Sample(
+            slots.iter().fold(0, |bits, slot| {
+                bits | u64::from(read(slot.behind) & slot.mask).wrapping_shl(u32::from(slot.shift))
+            }),
+        )
+    }
+
+    /// Returns the frame that carries a sample; `None` when the PDO is off.
+    #[inline]
+    pub fn frame(&self, sample: Sample) -> Option<Frame> {
+        let running = self.running.as_ref()?;
+        Some(running.blank.refilled(sample.0.to_le_bytes()))
+    }
+
+    /// Counts a SYNC.
+    #[inline]
+    pub const fn sync(&mut self) -> AtSync {
+        if self.sends() { self.transmission.sync() } else { AtSync::Nothing }
+    }
+
+    /// Returns whether a sample differs from the last one that was sent.
+    #[inline]
+    pub fn is_news(&self, sample: Sample) -> bool {
+        self.last != Some(sample)
+    }
+
+    /// Notes that a sample is sent.
+    #[inline]
+    pub const fn sent(&mut self, sample: Sample) {
+        self.last = Some(sample);
     }
 
     /// Notes that a frame was lost: it does not count as sent.
@@ -327,19 +343,20 @@ impl<B: Copy + 'static> Pdo<B> {
     /// Starts to send anew, on entering operational: SYNCs count from here, and so does the event timer.
     pub fn restart(&mut self, now: Instant) {
         self.last = None;
-        self.transmission.restart(now);
+        self.transmission.restart(now, self.sends());
     }
 
     /// Returns the instant at which the event timer has made the PDO due.
+    #[inline]
     pub fn poll(&mut self, now: Instant) -> Option<Instant> {
-        self.transmission.poll(now).filter(|_| self.sends())
+        self.transmission.poll(now)
     }
 
     /// Returns when [`poll`](Self::poll) is next due.
     #[inline]
     #[must_use]
     pub fn deadline(&self) -> Instant {
-        if self.sends() { self.transmission.deadline() } else { NEVER }
+        self.transmission.deadline()
     }
 
     /// Whether the PDO is on and sends, or acts, at once.

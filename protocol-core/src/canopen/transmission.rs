@@ -14,6 +14,17 @@ pub const ON_CHANGE: u8 = 0;
 /// The unit of the inhibit time.
 const INHIBIT_UNIT_US: u64 = 100;
 
+/// What a SYNC does to a TPDO.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AtSync {
+    /// It does not count, or is not the n-th of a transmission type 1–240.
+    Nothing,
+    /// The TPDO is due.
+    Due,
+    /// The TPDO is due when its data are not those last sent.
+    OnChange,
+}
+
 /// What makes a TPDO due.
 #[derive(Debug)]
 pub struct Transmission {
@@ -80,32 +91,35 @@ impl Transmission {
         self.event_timer = event_timer;
     }
 
-    /// Starts anew: SYNCs count from here, and so does the event timer.
-    pub fn restart(&mut self, now: Instant) {
+    /// Starts anew: SYNCs count from here, and so does the event timer of a PDO that `sends`.
+    pub fn restart(&mut self, now: Instant, sends: bool) {
         self.syncs = 0;
-        self.restart_timer(now);
+        self.restart_timer(now, sends);
     }
 
-    /// Lets the event timer end a period from now and then at each period. An inhibit time runs on.
-    pub fn restart_timer(&mut self, now: Instant) {
+    /// Lets the event timer of a PDO that `sends` end a period from now and then at each period. An inhibit time runs on.
+    pub fn restart_timer(&mut self, now: Instant, sends: bool) {
         self.requested = None;
         self.due = NEVER;
-        if self.event_timer != 0 && matches!(self.kind, MANUFACTURER | EVENT_DRIVEN) {
+        if sends && self.event_timer != 0 && matches!(self.kind, MANUFACTURER | EVENT_DRIVEN) {
             self.due = after(now, self.period());
         }
     }
 
-    /// Counts a SYNC. Returns whether it is the n-th of a transmission type 1–240.
-    pub fn sync(&mut self) -> bool {
-        if !matches!(self.kind, 1..=240) {
-            return false;
+    /// Counts a SYNC.
+    #[inline]
+    pub const fn sync(&mut self) -> AtSync {
+        match self.kind {
+            ON_CHANGE => return AtSync::OnChange,
+            1..=240 => {}
+            _ => return AtSync::Nothing,
         }
         self.syncs = self.syncs.saturating_add(1);
-        let due = self.syncs >= self.kind;
-        if due {
-            self.syncs = 0;
+        if self.syncs < self.kind {
+            return AtSync::Nothing;
         }
-        due
+        self.syncs = 0;
+        AtSync::Due
     }
 
     /// Returns the instant at which the event timer has made a TPDO due, the inhibit time being over. Of several periods
@@ -171,7 +185,7 @@ mod tests {
         transmission.set_kind(MANUFACTURER);
         transmission.set_inhibit(inhibit);
         transmission.set_event_timer(event_timer);
-        transmission.restart(Instant::from_micros(7));
+        transmission.restart(Instant::from_micros(7), true);
         transmission
     }
 
@@ -220,7 +234,7 @@ mod tests {
         for kind in [0, 1, 240] {
             let mut transmission = cyclic(1, 0);
             transmission.set_kind(kind);
-            transmission.restart(Instant::from_micros(7));
+            transmission.restart(Instant::from_micros(7), true);
             assert_eq!(transmission.deadline(), NEVER);
         }
     }

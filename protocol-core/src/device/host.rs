@@ -214,7 +214,10 @@ impl<B: Body> Host<B> {
     }
 
     fn schedule(&mut self) {
-        self.deadline = self.body.deadline().min(self.base.fault_log.due());
+        self.deadline = self.body.deadline();
+        if B::FAULT_LOG.is_some() {
+            self.deadline = self.deadline.min(self.base.fault_log.due());
+        }
     }
 
     fn store_fault_log(&mut self) {

@@ -32,6 +32,7 @@ use super::dictionary::Group;
 use super::lss::{Configuration, LssSlave};
 use super::nmt::{NmtSlave, Reset};
 use super::parameters::{self, Stored};
+use super::pdo::Sample;
 use super::sdo_server::{Bytes, SdoServer};
 use crate::controller::{BitRate, Filters};
 use crate::frame::{Frame, standard};
@@ -171,7 +172,7 @@ impl<P: Product> Node<P> {
     }
 
     /// Lets the timers that are due act.
-    pub(crate) fn poll(&mut self, now: Instant) {
+    pub(crate) fn poll(&mut self, product: &P, now: Instant) {
         if let Some(switch) = self.lss.poll(now) {
             self.bit_rate = switch.bit_rate;
             self.rate_is_new = true;
@@ -189,7 +190,7 @@ impl<P: Product> Node<P> {
             && self.nmt.is_operational()
             && let Some(at) = self.objects.tpdo.poll(now)
         {
-            self.owe_tpdo(at);
+            self.owe_tpdo(product, at);
         }
     }
 
@@ -228,9 +229,11 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Notes that what the TPDO reports has changed: one that has not gone out yet tells it.
+    /// Notes that what the TPDO reports has changed: one that is sampled when it is sent, and has not gone out yet, tells it.
     pub(crate) fn renew_tpdo(&mut self) {
-        self.owed.renew_tpdo();
+        if !P::RULES.tpdo.sampled_when_due {
+            self.owed.renew_tpdo();
+        }
     }
 
     /// Enters an error into the history while EMCYs are on: the EMCY code, and the manufacturer's upper half.
@@ -326,10 +329,24 @@ impl<P: Product> Node<P> {
 
     /// Owes a TPDO that has become due at an instant.
     #[inline]
-    fn owe_tpdo(&mut self, at: Instant) {
+    fn owe_tpdo(&mut self, product: &P, at: Instant) {
         if !self.is_mute() {
-            self.owed.owe_tpdo(at);
+            let sample = self.sample_when_due(product, at);
+            self.owed.owe_tpdo(sample);
         }
+    }
+
+    /// Samples what the TPDO carries that has become due, where that is not done when it is sent.
+    #[inline]
+    fn sample_when_due(&self, product: &P, at: Instant) -> Sample {
+        if P::RULES.tpdo.sampled_when_due { self.sample_tpdo(product, at) } else { Sample::NOTHING }
+    }
+
+    /// Samples what the TPDO carries.
+    #[inline]
+    fn sample_tpdo(&self, product: &P, at: Instant) -> Sample {
+        let objects = &self.objects;
+        objects.tpdo.sample(|object| objects.sample(object, product, at))
     }
 
     /// Whether nothing may be sent now.

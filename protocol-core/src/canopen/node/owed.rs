@@ -9,6 +9,7 @@ use super::Node;
 use super::product::Product;
 use crate::answers::Answers;
 use crate::canopen::emcy::{EmcyProducer, Story};
+use crate::canopen::pdo::Sample;
 use crate::controller::Filter;
 use crate::frame::{Frame, arbitration};
 use crate::time::Instant;
@@ -63,8 +64,8 @@ pub(super) struct Owed {
     boot_up: BootUp,
     heartbeat: News,
     tpdo: News,
-    /// The instant at which the TPDO became due.
-    tpdo_of: Instant,
+    /// What the TPDO carries, of a product that samples when it becomes due.
+    tpdo_sample: Sample,
     emcys: Story,
     answers: Answers,
     /// The frames that the controller may have and that must not go out any more.
@@ -78,7 +79,7 @@ impl Owed {
             boot_up: BootUp::Done,
             heartbeat: News::NONE,
             tpdo: News::NONE,
-            tpdo_of: Instant::MIN,
+            tpdo_sample: Sample::NOTHING,
             emcys: Story::new(),
             answers: Answers::new(),
             aborts: Vec::new(),
@@ -118,19 +119,19 @@ impl Owed {
         }
     }
 
-    /// Owes a TPDO that has become due at an instant. An older one must not go out any more.
+    /// Owes a TPDO. An older one must not go out any more.
     #[inline]
-    pub(super) fn owe_tpdo(&mut self, of: Instant) {
+    pub(super) fn owe_tpdo(&mut self, sample: Sample) {
         self.settle_tpdo();
         self.tpdo.owed = true;
-        self.tpdo_of = of;
+        self.tpdo_sample = sample;
     }
 
     /// Owes a TPDO in the place of one that still waits: it reports something else.
     #[inline]
     pub(super) fn renew_tpdo(&mut self) {
         if self.tpdo.taken.is_some() {
-            self.owe_tpdo(self.tpdo_of);
+            self.owe_tpdo(self.tpdo_sample);
         }
     }
 
@@ -208,6 +209,13 @@ impl Owed {
         }
     }
 
+    /// Returns whether the TPDO is all that is owed, and need not wait for an EMCY.
+    #[inline]
+    fn is_tpdo_alone(&self) -> bool {
+        let others = self.heartbeat.owed || !self.answers.is_empty() || !self.emcys.is_empty();
+        self.boot_up == BootUp::Done && self.tpdo.owed && !others
+    }
+
     /// Returns whether the TPDO with this key is owed and may go out: an EMCY of the same instant goes first.
     #[inline]
     fn may_send_tpdo(&self, key: u32, emcys: &EmcyProducer) -> bool {
@@ -255,7 +263,13 @@ impl<P: Product> Node<P> {
     /// Makes the most urgent frame that is owed: in the order of arbitration, answers first come first served.
     #[inline]
     pub(crate) fn next_frame(&mut self, product: &P, now: Instant) -> Option<Frame> {
-        if self.has_frame() { self.render(product, now) } else { None }
+        if !self.has_frame() {
+            None
+        } else if self.owed.is_tpdo_alone() {
+            self.hand_out_tpdo(product, now)
+        } else {
+            self.render(product, now)
+        }
     }
 
     /// Returns the identifiers of frames that the controller took and that must not go out any more.
@@ -321,7 +335,6 @@ impl<P: Product> Node<P> {
         let tpdo = self.objects.tpdo.key().filter(|key| owed.may_send_tpdo(*key, &self.objects.emcy));
         match (tpdo, owed.heartbeat.owed) {
             (None, false) => owed.answers.pop(),
-            (Some(_), false) if owed.answers.is_empty() => self.sample_tpdo(product, now),
             (tpdo, beat) => {
                 let tpdo = tpdo.map_or(u32::MAX, arbitration);
                 let beat = if beat { arbitration(node_id.raw_id(Function::Heartbeat).into()) } else { u32::MAX };
@@ -329,7 +342,7 @@ impl<P: Product> Node<P> {
                 if answer <= tpdo.min(beat) {
                     owed.answers.pop()
                 } else if tpdo < beat {
-                    self.sample_tpdo(product, now)
+                    self.hand_out_tpdo(product, now)
                 } else {
                     let frame = heartbeat(node_id, self.nmt.state());
                     owed.heartbeat.hand_out(frame.key());
@@ -339,14 +352,13 @@ impl<P: Product> Node<P> {
         }
     }
 
-    #[inline]
-    fn sample_tpdo(&mut self, product: &P, now: Instant) -> Option<Frame> {
-        let objects = &self.objects;
-        let of = if P::RULES.tpdo.sampled_when_due { self.owed.tpdo_of } else { now };
-        let frame = objects.tpdo.pack(|object| objects.sample(object, product, of))?;
-        if P::RULES.tpdo.sampled_when_due {
-            self.objects.tpdo.sent(&frame);
-        }
+    /// Hands out the TPDO, as it was sampled or as things are now.
+    #[inline(never)]
+    fn hand_out_tpdo(&mut self, product: &P, now: Instant) -> Option<Frame> {
+        let sample =
+            if P::RULES.tpdo.sampled_when_due { self.owed.tpdo_sample } else { self.sample_tpdo(product, now) };
+        let frame = self.objects.tpdo.frame(sample)?;
+        self.objects.tpdo.sent(sample);
         self.owed.tpdo.hand_out(frame.key());
         Some(frame)
     }

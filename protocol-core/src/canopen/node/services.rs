@@ -7,6 +7,7 @@ use super::product::Product;
 use super::{Demand, Node};
 use crate::canopen::lss::{self, Identity};
 use crate::canopen::nmt::{NmtSlave, Reset};
+use crate::canopen::pdo::AtSync;
 use crate::frame::Frame;
 use crate::outcome::Outcome;
 use crate::time::Instant;
@@ -114,10 +115,13 @@ impl<P: Product> Node<P> {
         if !self.nmt.is_operational() {
             return;
         }
-        let counted = self.objects.tpdo.sync();
-        let objects = &self.objects;
-        if counted || objects.tpdo.has_changed(|object| objects.sample(object, product, now)) {
-            self.owe_tpdo(now);
+        let at_sync = self.objects.tpdo.sync();
+        if at_sync == AtSync::Nothing || self.is_mute() {
+            return;
+        }
+        let sample = self.sample_when_due(product, now);
+        if at_sync == AtSync::Due || self.objects.tpdo.is_news(sample) {
+            self.owed.owe_tpdo(sample);
         }
     }
 
@@ -140,7 +144,7 @@ impl<P: Product> Node<P> {
         });
         product.receive(own, now);
         if self.objects.tpdo.is_event_driven() {
-            self.owe_tpdo(now);
+            self.owe_tpdo(product, now);
         }
     }
 
@@ -160,7 +164,7 @@ impl<P: Product> Node<P> {
             self.rewire(outdated_emcys);
         }
         if reports_changed {
-            self.owed.renew_tpdo();
+            self.renew_tpdo();
         }
         match outcome {
             Outcome::Nothing => None,

@@ -74,7 +74,7 @@ impl Rig {
         let mut sent = Vec::new();
         while self.node.deadline() <= end {
             self.now = self.node.deadline();
-            self.node.poll(self.now);
+            self.node.poll(&self.lamp, self.now);
             sent.extend(self.sent());
         }
         self.now = end;

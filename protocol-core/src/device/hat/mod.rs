@@ -197,7 +197,7 @@ impl Body for HatSensor {
     }
 
     fn poll(&mut self, base: &mut Base<Job>) {
-        self.node.poll(base.now());
+        self.node.poll(&self.objects, base.now());
     }
 
     #[inline]

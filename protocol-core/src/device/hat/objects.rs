@@ -141,7 +141,7 @@ impl Product for HatObjects {
         }
     }
 
-    #[inline]
+    #[inline(never)]
     fn sample(&self, object: HatObject, now: Instant) -> u32 {
         match object {
             HatObject::NodeIdInForce => self.in_force.node_id.get().into(),

@@ -154,7 +154,7 @@ impl Body for CanopenValve {
 
     fn poll(&mut self, base: &mut Base<Job>) {
         self.objects.application.valve.poll(base.now());
-        self.node.poll(base.now());
+        self.node.poll(&self.objects, base.now());
         self.retry_load(base);
     }
 
