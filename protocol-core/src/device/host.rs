@@ -14,7 +14,9 @@ use crate::time::{Instant, NEVER};
 /// A protocol's node with a product in it.
 ///
 /// Each call happens at [`Base::now`], after everything that was due before then has acted.
-pub trait Body {
+pub trait Body: Sized {
+    /// What a device is made as.
+    type Setup;
     /// The kinds of write of this device.
     type Job: Job;
     /// The services that listen to frames.
@@ -22,6 +24,9 @@ pub trait Body {
 
     /// The write of the fault log as it is; `None` for a device that keeps none.
     const FAULT_LOG: Option<Self::Job>;
+
+    /// Returns a body that has no power yet.
+    fn new(setup: Self::Setup) -> Self;
 
     /// Returns the service that a frame is for, by its identifier and as few bytes as tell: most frames are for none.
     fn service(&self, frame: &Frame) -> Option<Self::Service>;
@@ -149,14 +154,28 @@ pub struct Host<B: Body> {
 }
 
 impl<B: Body> Host<B> {
-    /// Returns a device that has no power yet: cheap, so that it can be built where it is to stay.
-    pub const fn new(body: B) -> Self {
-        let restart = Pending { wanted: None, handed_out: false, log_failed: false };
-        let base = Base { now: Instant::MIN, writes: Writes::new(), fault_log: FaultLogClock::new(), restart };
-        Self { body, base, deadline: NEVER }
+    /// Returns a device that is powered up with what the memory holds.
+    #[must_use]
+    pub fn power_on(setup: B::Setup, image: &Image, cause: StartCause, now: Instant) -> Self {
+        let mut device = Self::new(setup);
+        device.start_up(image, cause, now);
+        device
     }
 
-    /// Starts it with what the memory holds.
+    /// Returns a device without power, to be put where it is to stay and [started](Self::start_up) there: the stack then
+    /// carries no device while it starts.
+    #[must_use]
+    pub fn new(setup: B::Setup) -> Self {
+        let base = Base {
+            now: Instant::MIN,
+            writes: Writes::new(),
+            fault_log: FaultLogClock::new(),
+            restart: Pending::default(),
+        };
+        Self { body: B::new(setup), base, deadline: NEVER }
+    }
+
+    /// Powers a new device up with what the memory holds.
     pub fn start_up(&mut self, image: &Image, cause: StartCause, now: Instant) {
         self.base.now = now;
         self.body.start(Restart::Application, image, &mut self.base);

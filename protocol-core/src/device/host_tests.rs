@@ -44,10 +44,15 @@ const fn demanded(frame: &Frame) -> Option<Restart> {
 }
 
 impl Body for Obedient {
+    type Setup = Self;
     type Job = Write;
     type Service = ();
 
     const FAULT_LOG: Option<Write> = Some(Write::Log);
+
+    fn new(setup: Self) -> Self {
+        setup
+    }
 
     fn service(&self, frame: &Frame) -> Option<()> {
         (frame.key() == 0).then_some(())

@@ -27,7 +27,7 @@ use storing::Job;
 
 use super::host::{Base, Body, Host};
 use super::reading::Reading;
-use super::{Outputs, ProductSenses, Restart, Senses, StartCause};
+use super::{Outputs, ProductSenses, Restart, Senses};
 use crate::canopen::dictionary::Group;
 use crate::canopen::lss::{Configuration, Layer};
 use crate::canopen::nmt::Reset;
@@ -69,33 +69,7 @@ pub struct HatSensor {
 const WHOLE_MEMORY: u8 = 1 << 7;
 const _: () = assert!(RecordKey::ALL.len() <= 7);
 
-impl Hat {
-    /// Returns a sensor that is powered up with what the memory holds.
-    #[must_use]
-    pub fn power_on(setup: Setup, image: &Image, cause: StartCause, now: Instant) -> Self {
-        let mut device = Self::new(HatSensor::new(setup));
-        device.start_up(image, cause, now);
-        device
-    }
-}
-
 impl HatSensor {
-    fn new(setup: Setup) -> Self {
-        let layer = new_layer(&setup);
-        Self {
-            setup,
-            objects: HatObjects::new(setup.kind, identity(setup.kind, setup.serial), layer),
-            node: Node::new(layer.bit_rate),
-            layer,
-            layer_in_flight: layer,
-            lss_in_flight: Configuration::NONE,
-            failed: None,
-            damaged: 0,
-            internal_fault: false,
-            bus: BusErrorMode::ErrorActive,
-        }
-    }
-
     /// Notes that an error has begun or ended, and tells it.
     fn set_error(&mut self, error: Error, active: bool, base: &Base<Job>) {
         if !self.objects.errors.set(error, active) {
@@ -176,10 +150,27 @@ fn parameters<'a>(
 }
 
 impl Body for HatSensor {
+    type Setup = Setup;
     type Job = Job;
     type Service = Service;
 
     const FAULT_LOG: Option<Job> = None;
+
+    fn new(setup: Setup) -> Self {
+        let layer = new_layer(&setup);
+        Self {
+            setup,
+            objects: HatObjects::new(setup.kind, identity(setup.kind, setup.serial), layer),
+            node: Node::new(layer.bit_rate),
+            layer,
+            layer_in_flight: layer,
+            lss_in_flight: Configuration::NONE,
+            failed: None,
+            damaged: 0,
+            internal_fault: false,
+            bus: BusErrorMode::ErrorActive,
+        }
+    }
 
     #[inline]
     fn service(&self, frame: &Frame) -> Option<Service> {

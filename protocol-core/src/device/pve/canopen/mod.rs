@@ -29,7 +29,7 @@ use crate::canopen::node::{self, Demand, Node};
 use crate::canopen::parameters::Stored;
 use crate::controller::{BitRate, BusErrorMode, Filter, Filters};
 use crate::device::host::{Base, Body, Host};
-use crate::device::{Outputs, Restart, Senses, StartCause, ValveOutputs};
+use crate::device::{Outputs, Restart, Senses, ValveOutputs};
 use crate::frame::Frame;
 use crate::memory::{Image, Record, RecordKey, StoreError};
 use crate::time::Instant;
@@ -71,36 +71,11 @@ pub enum Service {
 /// The key of no UDS request: a valve without node ID takes none.
 const NO_UDS: u32 = u32::MAX;
 
-impl PveCanopen {
-    /// Returns a valve that is powered up with what the memory holds.
-    #[must_use]
-    pub fn power_on(setup: Setup, image: &Image, cause: StartCause, now: Instant) -> Self {
-        let mut device = Self::new(CanopenValve::new(setup));
-        device.start_up(image, cause, now);
-        device
-    }
-}
-
 impl CanopenValve {
     /// Returns the valve behind the protocol.
     #[must_use]
     pub const fn valve(&self) -> &Valve {
         &self.objects.application.valve
-    }
-
-    fn new(setup: Setup) -> Self {
-        let local_layer = LocalLayer::new(setup);
-        Self {
-            setup,
-            objects: ValveObjects::new(setup.kind, Factory::new(setup.kind, setup.serial)),
-            node: Node::new(local_layer.bit_rate),
-            local_layer,
-            uds: NO_UDS,
-            load: Load::new(),
-            lss_in_flight: Configuration::NONE,
-            cleared: Counters::default(),
-            senses: Senses::default(),
-        }
     }
 
     fn demanded(&mut self, demand: Demand<Task>, base: &mut Base<Job>) {
@@ -128,10 +103,26 @@ impl CanopenValve {
 }
 
 impl Body for CanopenValve {
+    type Setup = Setup;
     type Job = Job;
     type Service = Service;
 
     const FAULT_LOG: Option<Job> = Some(Job::FaultLog);
+
+    fn new(setup: Setup) -> Self {
+        let local_layer = LocalLayer::new(setup);
+        Self {
+            setup,
+            objects: ValveObjects::new(setup.kind, Factory::new(setup.kind, setup.serial)),
+            node: Node::new(local_layer.bit_rate),
+            local_layer,
+            uds: NO_UDS,
+            load: Load::new(),
+            lss_in_flight: Configuration::NONE,
+            cleared: Counters::default(),
+            senses: Senses::default(),
+        }
+    }
 
     #[inline]
     fn service(&self, frame: &Frame) -> Option<Service> {

@@ -24,7 +24,7 @@ use super::sensing::sense;
 use crate::actuator::{Fault, FaultSet, InternalCause, Valve};
 use crate::controller::{BitRate, BusErrorMode, Filter, Filters};
 use crate::device::host::{Base, Body, Host};
-use crate::device::{Outputs, Restart, Senses, StartCause, ValveOutputs};
+use crate::device::{Outputs, Restart, Senses, ValveOutputs};
 use crate::frame::Frame;
 use crate::isobus::node::{Indication, Node};
 use crate::memory::{Image, Record, RecordKey, StoreError};
@@ -61,38 +61,11 @@ pub struct IsobusValve {
     senses: Senses,
 }
 
-impl PveIsobus {
-    /// Returns a valve that is powered up with what the memory holds.
-    #[must_use]
-    pub fn power_on(setup: Setup, image: &Image, cause: StartCause, now: Instant) -> Self {
-        let mut device = Self::new(IsobusValve::new(setup));
-        device.start_up(image, cause, now);
-        device
-    }
-}
-
 impl IsobusValve {
     /// Returns the valve behind the protocol.
     #[must_use]
     pub const fn valve(&self) -> &Valve {
         &self.auxiliary.valve
-    }
-
-    fn new(setup: Setup) -> Self {
-        let factory = Factory::new(setup.kind, setup.serial);
-        let local_layer = LocalLayer::new(setup);
-        let own = address(&setup, local_layer);
-        Self {
-            setup,
-            factory,
-            local_layer,
-            node: Node::new(&RULES, name(&factory), own),
-            auxiliary: AuxiliaryValve::new(setup.kind.actuator_type(), Instant::MIN),
-            uds: uds::key_to(uds::Address::node(own.get())),
-            clearing: Vec::new(),
-            clearable: FaultSet::EMPTY,
-            senses: Senses::default(),
-        }
     }
 
     /// Tells what became of the faults: DM1, the fault log, and the counters that DM3 may still clear.
@@ -140,10 +113,28 @@ impl IsobusValve {
 }
 
 impl Body for IsobusValve {
+    type Setup = Setup;
     type Job = Job;
     type Service = ();
 
     const FAULT_LOG: Option<Job> = Some(Job::FaultLog);
+
+    fn new(setup: Setup) -> Self {
+        let factory = Factory::new(setup.kind, setup.serial);
+        let local_layer = LocalLayer::new(setup);
+        let own = address(&setup, local_layer);
+        Self {
+            setup,
+            factory,
+            local_layer,
+            node: Node::new(&RULES, name(&factory), own),
+            auxiliary: AuxiliaryValve::new(setup.kind.actuator_type(), Instant::MIN),
+            uds: uds::key_to(uds::Address::node(own.get())),
+            clearing: Vec::new(),
+            clearable: FaultSet::EMPTY,
+            senses: Senses::default(),
+        }
+    }
 
     #[inline]
     fn service(&self, frame: &Frame) -> Option<()> {
