@@ -374,3 +374,30 @@ fn a_reset_of_the_communication_while_the_defaults_are_unstored() {
     valve.take();
     assert!(!has_own(&mut valve));
 }
+
+/// Another "load" that is acknowledged meanwhile stores no defaults either: it sets a flag that is set.
+#[test]
+fn a_reset_of_the_communication_after_another_load_while_the_defaults_are_unstored() {
+    for later in [0, 1_000, 60_000] {
+        let mut valve = Rig::booted();
+        change(&mut valve);
+        ask(&mut valve, SAVE, SAVED);
+        ask(&mut valve, LOAD, LOADED);
+        valve.failing_writes = [0].into();
+        boots(&mut valve);
+        valve.advance(1000);
+        ask(&mut valve, LOAD, LOADED);
+        valve.advance(later);
+        valve.send("000: 82 20");
+        valve.advance(1000);
+        valve.take();
+        assert!(!has_own(&mut valve), "{later} ms after the answer");
+        boots(&mut valve);
+        assert!(!has_own(&mut valve), "{later} ms after the answer, and a start later");
+        valve.advance(60_000);
+        valve.writes.clear();
+        boots(&mut valve);
+        valve.advance(1000);
+        assert_eq!(valve.writes, [], "nothing is left to execute");
+    }
+}

@@ -2,7 +2,7 @@
 //!
 //! The start that finds the flag set works with the defaults. It stores them, and then clears the flag. A client's "save"
 //! takes the place of the defaults; it is acknowledged only when the flag is cleared, or the next start would wipe it. A
-//! client's "load" sets the flag for the next start, and with that the executed one has nothing left to clear.
+//! client's "load" sets the flag for the next start: once the defaults are stored, the executed one has nothing left to clear.
 
 use crate::time::{Duration, Instant, NEVER, after};
 
@@ -56,10 +56,12 @@ impl Load {
         self.executed == Executed::FlagUncleared
     }
 
-    /// Notes that the flag was written.
-    pub(super) const fn flag_stored(&mut self) {
-        self.executed = Executed::Done;
-        self.retry_at = NEVER;
+    /// Notes that the flag was written. While the defaults are not stored, it was set again for a client.
+    pub(super) fn flag_stored(&mut self) {
+        if self.executed == Executed::FlagUncleared {
+            self.executed = Executed::Done;
+            self.retry_at = NEVER;
+        }
     }
 
     /// Notes that a write of the executed load has failed: it is tried again.
