@@ -64,19 +64,30 @@ enum Place {
     Isobus(PveIsobus),
 }
 
+/// Starts the device in its place.
+fn power_on(settings: &Settings, image: &Image, cause: StartCause) -> &'static mut AnyDevice {
+    let now = Instant::now();
+    match place(settings) {
+        Place::Canopen(device) => {
+            device.start_up(image, cause, now);
+            device
+        }
+        Place::Isobus(device) => {
+            device.start_up(image, cause, now);
+            device
+        }
+    }
+}
+
 // Kept apart: it is as large as a device on the stack, and gone from there when that is in its place.
 #[inline(never)]
-fn power_on(settings: &Settings, image: &Image, cause: StartCause) -> &'static mut AnyDevice {
+fn place(settings: &Settings) -> &'static mut Place {
     static DEVICE: StaticCell<Place> = StaticCell::new();
-    let (setup, now) = (settings.setup(), Instant::now());
-    let place = DEVICE.init_with(|| match settings.kind.protocol() {
-        Protocol::Canopen => Place::Canopen(PveCanopen::power_on(setup, image, cause, now)),
-        Protocol::Isobus => Place::Isobus(PveIsobus::power_on(setup, image, cause, now)),
-    });
-    match place {
-        Place::Canopen(device) => device,
-        Place::Isobus(device) => device,
-    }
+    let setup = settings.setup();
+    DEVICE.init_with(|| match settings.kind.protocol() {
+        Protocol::Canopen => Place::Canopen(PveCanopen::new(setup)),
+        Protocol::Isobus => Place::Isobus(PveIsobus::new(setup)),
+    })
 }
 
 /// Resets the processor when the device's task does not run, or when a request to the memory is overdue.
