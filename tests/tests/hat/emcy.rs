@@ -236,3 +236,25 @@ fn an_emcy_that_waits_under_an_identifier_that_is_gone_is_not_sent() {
     rig.hold_bus(false);
     assert_eq!(rig.take(), ["581: 60 14 10 00 00 00 00 00"]);
 }
+
+/// CiA 301 reserves no identifier of an EMCY: one that waits under the TPDO's is told all the same.
+#[test]
+fn under_the_identifier_of_the_tpdo() {
+    let mut rig = booted();
+    for (sub, size, value) in [(2, 1, 1), (1, 4, 0x081)] {
+        assert_eq!(rig.write(0x1800, sub, size, value), Ok(()));
+    }
+    assert_eq!(rig.write(0x1029, 2, 1, 1), Ok(()));
+    rig.exchange("000: 01 00", &[]);
+    rig.hold_bus(true);
+    rig.send("080:");
+    rig.sense_hat(|senses| senses.internal_fault = true);
+    rig.send("080:");
+    rig.sense_hat(|senses| senses.internal_fault = false);
+    rig.send("080:");
+    rig.hold_bus(false);
+    rig.advance(1);
+    let sent = rig.take();
+    let told: Vec<_> = sent.iter().filter(|frame| *frame != "081: 00 00 00 00").collect();
+    assert_eq!(told, ["081: 00 FF 81 02 00 00 00 00", "081: 00 00 00 00 00 00 00 00"], "{sent:?}");
+}

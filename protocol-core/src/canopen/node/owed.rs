@@ -275,7 +275,18 @@ impl<P: Product> Node<P> {
     /// Returns the identifiers of frames that the controller took and that must not go out any more.
     #[inline]
     pub(crate) fn take_abort(&mut self) -> Option<Filter> {
-        self.owed.aborts.pop()
+        while let Some(abort) = self.owed.aborts.pop() {
+            if !self.is_of_emcys(abort) {
+                return Some(abort);
+            }
+        }
+        None
+    }
+
+    /// Returns whether an abort is for EMCYs that must go out: a TPDO can share their identifier, and an old one goes out
+    /// with them rather than that an EMCY is lost.
+    fn is_of_emcys(&self, abort: Filter) -> bool {
+        self.owed.emcys.is_taken() && self.objects.emcy.key().map(Filter::exactly) == Some(abort)
     }
 
     /// Takes back a frame that the controller could not take, or gave back for a more urgent one.
@@ -290,15 +301,19 @@ impl<P: Product> Node<P> {
             return;
         }
         let key = Some(frame.key());
-        if owed.heartbeat.taken == key {
+        let emcy = frame.eight().filter(|_| key == emcys).map(Emcy::parse);
+        let is_owed = if emcy.is_some_and(|message| owed.emcys.give_back(message)) {
+            true
+        } else if owed.heartbeat.taken == key {
             owed.heartbeat.give_back();
+            true
         } else if owed.tpdo.taken == key {
             owed.tpdo.give_back();
-        } else if let Some(bytes) = frame.eight().filter(|_| key == emcys) {
-            if !owed.emcys.give_back(Emcy::parse(bytes)) {
-                owed.count_dropped(1);
-            }
-        } else if !owed.answers.take_back(frame) {
+            true
+        } else {
+            emcy.is_none() && owed.answers.take_back(frame)
+        };
+        if !is_owed {
             owed.count_dropped(1);
         }
     }
