@@ -9,7 +9,7 @@ use crate::wire::emcy::Emcy;
 use crate::wire::sdo::AbortCode;
 
 /// How many errors the history holds (SPEC 4.1).
-pub const HISTORY: usize = 8;
+pub(crate) const HISTORY: usize = 8;
 
 /// The number of messages that can wait for the bus (SPEC 4.2): every fault of a device, and its end.
 const STORY: usize = 16;
@@ -18,8 +18,8 @@ const STORY: usize = 16;
 const MAILBOXES: usize = 3;
 
 /// The error history, object 0x1003.
-#[derive(Debug, Default)]
-pub struct ErrorHistory {
+#[derive(Debug)]
+pub(crate) struct ErrorHistory {
     /// The newest first.
     fields: [u32; HISTORY],
     count: u8,
@@ -28,23 +28,23 @@ pub struct ErrorHistory {
 impl ErrorHistory {
     /// An empty history.
     #[must_use]
-    pub const fn new() -> Self {
+    pub(crate) const fn new() -> Self {
         Self { fields: [0; HISTORY], count: 0 }
     }
 
     /// The number of errors, sub-index 0.
     #[must_use]
-    pub const fn count(&self) -> u8 {
+    pub(crate) const fn count(&self) -> u8 {
         self.count
     }
 
     /// Forgets all errors.
-    pub const fn clear(&mut self) {
+    pub(crate) const fn clear(&mut self) {
         *self = Self::new();
     }
 
     /// Enters an error: the EMCY code, and what the manufacturer adds in the upper half. The oldest of nine is lost.
-    pub fn enter(&mut self, code: u16, manufacturer: u16) {
+    pub(crate) fn enter(&mut self, code: u16, manufacturer: u16) {
         let newest = u32::from(manufacturer) << 16 | u32::from(code);
         let [a, b, c, d, e, f, g, _] = self.fields;
         self.fields = [newest, a, b, c, d, e, f, g];
@@ -52,7 +52,7 @@ impl ErrorHistory {
     }
 
     /// Takes back the newest error of this code.
-    pub fn withdraw(&mut self, code: u16) {
+    pub(crate) fn withdraw(&mut self, code: u16) {
         let entered = self.fields.iter().take(self.count.into());
         let Some(position) = entered.map(|field| *field as u16).position(|entered| entered == code) else { return };
         if let Some(later) = self.fields.get_mut(position..) {
@@ -65,7 +65,7 @@ impl ErrorHistory {
     ///
     /// # Errors
     /// [`AbortCode::NO_DATA`] beyond the number of errors.
-    pub fn field(&self, sub: u8) -> Result<u32, AbortCode> {
+    pub(crate) fn field(&self, sub: u8) -> Result<u32, AbortCode> {
         let age = sub.checked_sub(1).filter(|age| *age < self.count).ok_or(AbortCode::NO_DATA)?;
         self.fields.get(usize::from(age)).copied().ok_or(AbortCode::NO_DATA)
     }
@@ -74,7 +74,7 @@ impl ErrorHistory {
     ///
     /// # Errors
     /// [`AbortCode::INVALID_VALUE`] for anything but 0, which clears.
-    pub fn write_count(&mut self, count: u8) -> Result<(), AbortCode> {
+    pub(crate) fn write_count(&mut self, count: u8) -> Result<(), AbortCode> {
         if count != 0 {
             return Err(AbortCode::INVALID_VALUE);
         }
@@ -86,8 +86,8 @@ impl ErrorHistory {
 /// The messages that are owed to the bus, in order: the newest 16, always the last word.
 ///
 /// A message that the controller took stays here until it is known to be on the bus.
-#[derive(Debug, Default)]
-pub struct Story {
+#[derive(Debug)]
+pub(crate) struct Story {
     messages: Vec<Emcy, STORY>,
     /// The number of messages at the front that the controller has.
     taken: usize,
@@ -96,13 +96,13 @@ pub struct Story {
 impl Story {
     /// Returns a story with nothing to tell.
     #[must_use]
-    pub const fn new() -> Self {
+    pub(crate) const fn new() -> Self {
         Self { messages: Vec::new(), taken: 0 }
     }
 
     /// Appends a message. Returns `false` when the oldest one was dropped for it unsent.
     #[must_use]
-    pub fn push(&mut self, message: Emcy) -> bool {
+    pub(crate) fn push(&mut self, message: Emcy) -> bool {
         let mut kept = true;
         if self.messages.is_full() {
             self.messages.remove(0);
@@ -117,24 +117,24 @@ impl Story {
     /// Returns whether a message is owed that the controller does not have.
     #[inline]
     #[must_use]
-    pub fn is_owed(&self) -> bool {
+    pub(crate) fn is_owed(&self) -> bool {
         self.messages.len() > self.taken
     }
 
     /// Returns whether the controller may have a message.
     #[must_use]
-    pub const fn is_taken(&self) -> bool {
+    pub(crate) const fn is_taken(&self) -> bool {
         self.taken > 0
     }
 
     /// Returns whether every message is known to be on the bus.
     #[must_use]
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.messages.is_empty()
     }
 
     /// Hands the oldest message that is owed to the controller.
-    pub fn hand_out(&mut self) -> Option<Emcy> {
+    pub(crate) fn hand_out(&mut self) -> Option<Emcy> {
         let message = *self.messages.get(self.taken)?;
         if self.taken == MAILBOXES {
             self.messages.remove(0);
@@ -147,7 +147,7 @@ impl Story {
     /// Takes a message back from the controller: it is owed again, before those that were not handed out. Returns `false`
     /// when it was dropped, because newer ones have taken its place.
     #[must_use]
-    pub fn give_back(&mut self, message: Emcy) -> bool {
+    pub(crate) fn give_back(&mut self, message: Emcy) -> bool {
         let position = (0..self.taken).rev().find(|position| self.messages.get(*position) == Some(&message));
         let Some(position) = position else { return false };
         self.taken = self.taken.saturating_sub(1);
@@ -159,20 +159,20 @@ impl Story {
 
     /// Withdraws the messages of this code that are not known to be on the bus, when the controller has none. Returns
     /// whether there was one.
-    pub fn withdraw(&mut self, code: u16) -> bool {
+    pub(crate) fn withdraw(&mut self, code: u16) -> bool {
         let before = self.messages.len();
         self.messages.retain(|message| message.code != code);
         self.messages.len() < before
     }
 
     /// Notes that the controller has dropped what it had: it is owed again.
-    pub const fn take_back(&mut self) {
+    pub(crate) const fn take_back(&mut self) {
         self.taken = 0;
     }
 
     /// Notes that everything which the controller had is on the bus.
     #[inline]
-    pub fn sent(&mut self) {
+    pub(crate) fn sent(&mut self) {
         if self.taken > 0 {
             self.messages.rotate_left(self.taken);
             self.messages.truncate(self.messages.len().saturating_sub(self.taken));
@@ -181,7 +181,7 @@ impl Story {
     }
 
     /// Forgets all messages.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.messages.clear();
         self.taken = 0;
     }
@@ -189,20 +189,20 @@ impl Story {
 
 /// The identifier of the node's own EMCYs, object 0x1014.
 #[derive(Debug)]
-pub struct EmcyProducer {
+pub(crate) struct EmcyProducer {
     cob_id: CobId,
 }
 
 impl EmcyProducer {
     /// A producer that is off.
     #[must_use]
-    pub const fn new() -> Self {
+    pub(crate) const fn new() -> Self {
         Self { cob_id: CobId::new(CobId::OFF) }
     }
 
     /// The COB-ID as written.
     #[must_use]
-    pub const fn cob_id(&self) -> CobId {
+    pub(crate) const fn cob_id(&self) -> CobId {
         self.cob_id
     }
 
@@ -212,7 +212,7 @@ impl EmcyProducer {
     /// # Errors
     /// [`AbortCode::INVALID_VALUE`] with bit 30, or for an identifier that is reserved, or has 29 bits where those are not
     /// `extended_ids`; [`AbortCode::DEVICE_STATE`] for another identifier while the EMCY is on.
-    pub fn write(&mut self, raw: u32, extended_ids: bool) -> Result<(), AbortCode> {
+    pub(crate) fn write(&mut self, raw: u32, extended_ids: bool) -> Result<(), AbortCode> {
         let cob_id = CobId::new(raw);
         if cob_id.has_bit_30() {
             return Err(AbortCode::INVALID_VALUE);
@@ -230,48 +230,42 @@ impl EmcyProducer {
     }
 
     /// Takes a COB-ID, unchecked: a stored one, or the default.
-    pub const fn load(&mut self, raw: u32) {
+    pub(crate) const fn load(&mut self, raw: u32) {
         self.cob_id = CobId::new(raw);
     }
 
     /// The identifier of an EMCY; `None` while it is off.
     #[must_use]
-    pub fn id(&self) -> Option<Id> {
+    pub(crate) fn id(&self) -> Option<Id> {
         (!self.cob_id.is_off()).then(|| self.cob_id.id())
     }
 
     /// The same as a [key](crate::frame::key).
     #[must_use]
-    pub fn key(&self) -> Option<u32> {
+    pub(crate) fn key(&self) -> Option<u32> {
         (!self.cob_id.is_off()).then(|| self.cob_id.key())
-    }
-}
-
-impl Default for EmcyProducer {
-    fn default() -> Self {
-        Self::new()
     }
 }
 
 /// Listens for the EMCY of one other node, object 0x1028:1.
 #[derive(Debug)]
-pub struct EmcyConsumer {
+pub(crate) struct EmcyConsumer {
     cob_id: CobId,
 }
 
 impl EmcyConsumer {
     /// The default of object 0x1028:1: off.
-    pub const DEFAULT: u32 = CobId::OFF;
+    pub(crate) const DEFAULT: u32 = CobId::OFF;
 
     /// A consumer that is off.
     #[must_use]
-    pub const fn new() -> Self {
+    pub(crate) const fn new() -> Self {
         Self { cob_id: CobId::new(Self::DEFAULT) }
     }
 
     /// The COB-ID as written.
     #[must_use]
-    pub const fn cob_id(&self) -> CobId {
+    pub(crate) const fn cob_id(&self) -> CobId {
         self.cob_id
     }
 
@@ -279,7 +273,7 @@ impl EmcyConsumer {
     ///
     /// # Errors
     /// [`AbortCode::INVALID_VALUE`] for an identifier that is reserved, or has 29 bits where those are not `extended_ids`.
-    pub fn write(&mut self, raw: u32, extended_ids: bool) -> Result<(), AbortCode> {
+    pub(crate) fn write(&mut self, raw: u32, extended_ids: bool) -> Result<(), AbortCode> {
         let cob_id = CobId::new(raw);
         if !cob_id.is_off() && cob_id != self.cob_id && !cob_id.is_usable(extended_ids) {
             return Err(AbortCode::INVALID_VALUE);
@@ -289,19 +283,13 @@ impl EmcyConsumer {
     }
 
     /// Takes a stored COB-ID, unchecked.
-    pub const fn load(&mut self, raw: u32) {
+    pub(crate) const fn load(&mut self, raw: u32) {
         self.cob_id = CobId::new(raw);
     }
 
     /// The [key](crate::frame::key) of the EMCY that it listens for; `None` while it is off.
     #[must_use]
-    pub fn key(&self) -> Option<u32> {
+    pub(crate) fn key(&self) -> Option<u32> {
         (!self.cob_id.is_off()).then(|| self.cob_id.key())
-    }
-}
-
-impl Default for EmcyConsumer {
-    fn default() -> Self {
-        Self::new()
     }
 }

@@ -4,20 +4,20 @@ use crate::time::{Duration, Instant, NEVER, after};
 use crate::wire::sdo::AbortCode;
 
 /// The unit of object 0x1017 (R): the manual's example reads as 10 ms, three other sentences and CiA 301 say 1 ms.
-pub const UNIT: Duration = Duration::from_millis(1);
+pub(crate) const UNIT: Duration = Duration::from_millis(1);
 
 /// The rules of a product for its heartbeat.
 #[derive(Clone, Copy, Debug)]
-pub struct Rules {
+pub(crate) struct Rules {
     /// Periods are rounded up to a multiple of it.
-    pub resolution: Duration,
+    pub(crate) resolution: Duration,
     /// The longest time that can be set, in units.
-    pub max: u16,
+    pub(crate) max: u16,
 }
 
 /// Sends the NMT state from time to time.
 #[derive(Debug)]
-pub struct HeartbeatProducer {
+pub(crate) struct HeartbeatProducer {
     rules: Rules,
     /// As written, in units; 0 is off.
     time: u16,
@@ -27,13 +27,13 @@ pub struct HeartbeatProducer {
 impl HeartbeatProducer {
     /// A producer that is off.
     #[must_use]
-    pub const fn new(rules: Rules) -> Self {
+    pub(crate) const fn new(rules: Rules) -> Self {
         Self { rules, time: 0, next: NEVER }
     }
 
     /// The time as written, in units.
     #[must_use]
-    pub const fn time(&self) -> u16 {
+    pub(crate) const fn time(&self) -> u16 {
         self.time
     }
 
@@ -41,7 +41,7 @@ impl HeartbeatProducer {
     ///
     /// # Errors
     /// [`AbortCode::TOO_HIGH`] above the product's limit.
-    pub fn write(&mut self, time: u16, now: Instant) -> Result<(), AbortCode> {
+    pub(crate) fn write(&mut self, time: u16, now: Instant) -> Result<(), AbortCode> {
         if time > self.rules.max {
             return Err(AbortCode::TOO_HIGH);
         }
@@ -51,23 +51,23 @@ impl HeartbeatProducer {
     }
 
     /// Takes a stored time; due from the next [`boot`](Self::boot).
-    pub const fn load(&mut self, time: u16) {
+    pub(crate) const fn load(&mut self, time: u16) {
         self.time = time;
         self.stop();
     }
 
     /// Sends nothing until the next [`boot`](Self::boot).
-    pub const fn stop(&mut self) {
+    pub(crate) const fn stop(&mut self) {
         self.next = NEVER;
     }
 
     /// The boot-up goes out: it counts as the first heartbeat.
-    pub fn boot(&mut self, now: Instant) {
+    pub(crate) fn boot(&mut self, now: Instant) {
         self.next = self.following(now);
     }
 
     /// Whether a heartbeat is due; the next one is a period after this one was.
-    pub fn poll(&mut self, now: Instant) -> bool {
+    pub(crate) fn poll(&mut self, now: Instant) -> bool {
         let due = now >= self.next;
         if due {
             let planned = self.following(self.next);
@@ -80,7 +80,7 @@ impl HeartbeatProducer {
     /// When [`poll`](Self::poll) is next due.
     #[inline]
     #[must_use]
-    pub const fn deadline(&self) -> Instant {
+    pub(crate) const fn deadline(&self) -> Instant {
         self.next
     }
 

@@ -12,7 +12,7 @@ const CIA_TABLE: u8 = 0;
 
 /// The LSS states.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum State {
+pub(crate) enum State {
     /// Waits to be selected.
     #[default]
     Waiting,
@@ -22,7 +22,7 @@ pub enum State {
 
 /// What switching to waiting does with a pending node ID.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum OnWaiting {
+pub(crate) enum OnWaiting {
     /// Restarts the device under it, as after reset application.
     Restart,
     /// Boots a device without node ID under a stored one (CiA 305); otherwise it waits for reset communication.
@@ -31,45 +31,45 @@ pub enum OnWaiting {
 
 /// The rules of a product for LSS.
 #[derive(Clone, Copy, Debug)]
-pub struct Rules {
+pub(crate) struct Rules {
     /// The bit rates that can be configured.
-    pub bit_rates: &'static [BitRate],
+    pub(crate) bit_rates: &'static [BitRate],
     /// The states in which identify remote slave is answered.
-    pub remote_in: &'static [State],
+    pub(crate) remote_in: &'static [State],
     /// The states in which a slave without node ID answers identify non-configured.
-    pub non_configured_in: &'static [State],
+    pub(crate) non_configured_in: &'static [State],
     /// The states in which a slave without node ID answers fast scan.
-    pub fast_scan_in: &'static [State],
+    pub(crate) fast_scan_in: &'static [State],
     /// Whether the slave that a fast scan has found goes to configuration.
-    pub fast_scan_selects: bool,
+    pub(crate) fast_scan_selects: bool,
     /// Whether 255 takes the node ID away.
-    pub takes_node_id_away: bool,
+    pub(crate) takes_node_id_away: bool,
     /// What switching to waiting does with a pending node ID.
-    pub on_waiting: OnWaiting,
+    pub(crate) on_waiting: OnWaiting,
     /// Whether NMT start drops what is pending.
-    pub start_drops_pending: bool,
+    pub(crate) start_drops_pending: bool,
     /// The error code for a node ID out of range.
-    pub node_id_error: u8,
+    pub(crate) node_id_error: u8,
     /// The error code for a bit rate that is not supported.
-    pub bit_rate_error: u8,
+    pub(crate) bit_rate_error: u8,
     /// The error code for a memory that could not be written.
-    pub store_error: u8,
+    pub(crate) store_error: u8,
 }
 
 /// What the slave has to know of its device to answer a request.
 #[derive(Clone, Copy, Debug)]
-pub struct Identity<'a> {
+pub(crate) struct Identity<'a> {
     /// The four numbers.
-    pub address: &'a Address,
+    pub(crate) address: &'a Address,
     /// The node ID in force.
-    pub node_id: Option<NodeId>,
+    pub(crate) node_id: Option<NodeId>,
     /// The bit rate in force.
-    pub bit_rate: BitRate,
+    pub(crate) bit_rate: BitRate,
 }
 
 /// What a request demands of the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Demand {
+pub(crate) enum Demand {
     /// Store [`LssSlave::unstored`], then answer with [`Answer::Stored`].
     Store,
     /// Restart as after reset application, under this node ID.
@@ -80,49 +80,49 @@ pub enum Demand {
 
 /// Node ID and bit rate, as far as LSS configured them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Configuration {
+pub(crate) struct Configuration {
     /// The node ID.
-    pub node_id: Option<LssNodeId>,
+    pub(crate) node_id: Option<LssNodeId>,
     /// The bit rate.
-    pub bit_rate: Option<BitRate>,
+    pub(crate) bit_rate: Option<BitRate>,
 }
 
 impl Configuration {
     /// Nothing configured.
-    pub const NONE: Self = Self { node_id: None, bit_rate: None };
+    pub(crate) const NONE: Self = Self { node_id: None, bit_rate: None };
 }
 
 /// Node ID and bit rate together: as a device stores them, or has them in force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Layer {
+pub(crate) struct Layer {
     /// The node ID.
-    pub node_id: LssNodeId,
+    pub(crate) node_id: LssNodeId,
     /// The bit rate.
-    pub bit_rate: BitRate,
+    pub(crate) bit_rate: BitRate,
 }
 
 impl Layer {
     /// Returns the layer after a change.
     #[must_use]
-    pub fn with(self, change: Configuration) -> Self {
+    pub(crate) fn with(self, change: Configuration) -> Self {
         Self { node_id: change.node_id.unwrap_or(self.node_id), bit_rate: change.bit_rate.unwrap_or(self.bit_rate) }
     }
 
     /// Returns the layer as a configuration of both.
     #[must_use]
-    pub const fn configuration(self) -> Configuration {
+    pub(crate) const fn configuration(self) -> Configuration {
         Configuration { node_id: Some(self.node_id), bit_rate: Some(self.bit_rate) }
     }
 
     /// Encodes the layer: the node ID, 255 for none, and the index of the bit rate.
     #[must_use]
-    pub fn encode(self) -> [u8; 2] {
+    pub(crate) fn encode(self) -> [u8; 2] {
         [self.node_id.get(), self.bit_rate.table_index()]
     }
 
     /// Decodes a layer; `None` when it is none.
     #[must_use]
-    pub fn decode(payload: &[u8]) -> Option<Self> {
+    pub(crate) fn decode(payload: &[u8]) -> Option<Self> {
         let &[node_id, bit_rate] = payload else { return None };
         Some(Self { node_id: LssNodeId::new(node_id)?, bit_rate: BitRate::from_table_index(bit_rate)? })
     }
@@ -139,16 +139,16 @@ struct Activation {
 
 /// The bit rate that an activation puts in force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Switch {
+pub(crate) struct Switch {
     /// The bit rate.
-    pub bit_rate: BitRate,
+    pub(crate) bit_rate: BitRate,
     /// Whether LSS configured it and did not store it; without a configured one, the one in force stays.
-    pub unstored: bool,
+    pub(crate) unstored: bool,
 }
 
 /// The LSS slave of a node.
-#[derive(Debug, Default)]
-pub struct LssSlave {
+#[derive(Debug)]
+pub(crate) struct LssSlave {
     state: State,
     /// How many numbers of a switch selective have agreed so far.
     matched: Part,
@@ -165,7 +165,7 @@ pub struct LssSlave {
 impl LssSlave {
     /// Returns a slave that waits, with nothing configured.
     #[must_use]
-    pub const fn new() -> Self {
+    pub(crate) const fn new() -> Self {
         Self {
             state: State::Waiting,
             matched: 0,
@@ -178,7 +178,7 @@ impl LssSlave {
     }
 
     /// Takes a request. The caller sees to it that the NMT state allows LSS.
-    pub fn handle(
+    pub(crate) fn handle(
         &mut self,
         request: Request,
         identity: Identity<'_>,
@@ -211,7 +211,7 @@ impl LssSlave {
     }
 
     /// Leaves configuration at NMT start.
-    pub fn start(&mut self, rules: &Rules) {
+    pub(crate) fn start(&mut self, rules: &Rules) {
         if rules.start_drops_pending {
             self.end_configuration();
         } else {
@@ -222,13 +222,13 @@ impl LssSlave {
     }
 
     /// Ends configuration at reset communication: what is pending is dropped, an activation goes on.
-    pub fn end_configuration(&mut self) {
+    pub(crate) fn end_configuration(&mut self) {
         let activation = self.activation;
         *self = Self { activation, ..Self::new() };
     }
 
     /// Starts anew at reset application: of an activation only its silence goes on.
-    pub fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         self.end_configuration();
         if let Some(activation) = &mut self.activation {
             activation.switch_to = None;
@@ -237,24 +237,24 @@ impl LssSlave {
 
     /// Returns the node ID that was configured and is not in force.
     #[must_use]
-    pub const fn pending_node_id(&self) -> Option<LssNodeId> {
+    pub(crate) const fn pending_node_id(&self) -> Option<LssNodeId> {
         self.pending.node_id
     }
 
     /// Returns what was configured and is not stored.
     #[must_use]
-    pub const fn unstored(&self) -> Configuration {
+    pub(crate) const fn unstored(&self) -> Configuration {
         self.unstored
     }
 
     /// Notes that the memory holds this configuration.
-    pub fn stored(&mut self, stored: Configuration) {
+    pub(crate) fn stored(&mut self, stored: Configuration) {
         self.unstored.node_id = self.unstored.node_id.filter(|node_id| Some(*node_id) != stored.node_id);
         self.unstored.bit_rate = self.unstored.bit_rate.filter(|bit_rate| Some(*bit_rate) != stored.bit_rate);
     }
 
     /// Returns the bit rate to be put in force now, when its delay has passed.
-    pub fn poll(&mut self, now: Instant) -> Option<Switch> {
+    pub(crate) fn poll(&mut self, now: Instant) -> Option<Switch> {
         let activation = self.activation.as_mut()?;
         let switched = if now >= activation.switch_at { activation.switch_to.take() } else { None };
         if now >= activation.end_at {
@@ -266,7 +266,7 @@ impl LssSlave {
     /// Returns when [`poll`](Self::poll) is next due.
     #[inline]
     #[must_use]
-    pub const fn deadline(&self) -> Instant {
+    pub(crate) const fn deadline(&self) -> Instant {
         match &self.activation {
             None => NEVER,
             Some(Activation { switch_to: Some(_), switch_at, .. }) => *switch_at,
@@ -277,7 +277,7 @@ impl LssSlave {
     /// Returns whether nothing may be sent, because the bit rate is being changed.
     #[inline]
     #[must_use]
-    pub const fn is_silent(&self) -> bool {
+    pub(crate) const fn is_silent(&self) -> bool {
         self.activation.is_some()
     }
 

@@ -5,17 +5,17 @@
 //! device profile means.
 
 pub mod dictionary;
-pub mod emcy;
+pub(crate) mod emcy;
 mod fast_scan;
-pub mod heartbeat;
-pub mod lss;
-pub mod nmt;
+pub(crate) mod heartbeat;
+pub(crate) mod lss;
+pub(crate) mod nmt;
 pub(crate) mod node;
-pub mod parameters;
-pub mod pdo;
-pub mod sdo_server;
-pub mod sync;
-pub mod transmission;
+pub(crate) mod parameters;
+pub(crate) mod pdo;
+pub(crate) mod sdo_server;
+pub(crate) mod sync;
+pub(crate) mod transmission;
 
 mod sdo_download;
 mod sdo_upload;

@@ -5,22 +5,22 @@ use crate::wire::nmt::{Command, State};
 
 /// The rules of a product for entering a state by itself.
 #[derive(Clone, Copy, Debug)]
-pub struct Rules {
+pub(crate) struct Rules {
     /// The values that 0x1F80 takes.
-    pub startup: &'static [u32],
+    pub(crate) startup: &'static [u32],
     /// The one that starts the node after the boot-up.
-    pub starts_itself: Option<u32>,
+    pub(crate) starts_itself: Option<u32>,
 }
 
 impl Rules {
     /// The rules of a product without such objects.
-    pub const NONE: Self = Self { startup: &[], starts_itself: None };
+    pub(crate) const NONE: Self = Self { startup: &[], starts_itself: None };
 }
 
 /// What an error does to the NMT state: object 0x1029.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
-pub enum ErrorBehaviour {
+pub(crate) enum ErrorBehaviour {
     /// Operational becomes pre-operational.
     #[default]
     PreOperational = 0,
@@ -33,7 +33,7 @@ pub enum ErrorBehaviour {
 impl ErrorBehaviour {
     /// The behaviour of a value; `None` for one that CiA 301 reserves.
     #[must_use]
-    pub const fn new(raw: u8) -> Option<Self> {
+    pub(crate) const fn new(raw: u8) -> Option<Self> {
         match raw {
             0 => Some(Self::PreOperational),
             1 => Some(Self::NoChange),
@@ -44,7 +44,7 @@ impl ErrorBehaviour {
 
     /// The state that an error in operational leads to.
     #[must_use]
-    pub const fn state(self) -> Option<State> {
+    pub(crate) const fn state(self) -> Option<State> {
         match self {
             Self::PreOperational => Some(State::PreOperational),
             Self::NoChange => None,
@@ -55,7 +55,7 @@ impl ErrorBehaviour {
 
 /// The scope of a reset that an NMT master demands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Reset {
+pub(crate) enum Reset {
     /// Reset communication.
     Communication,
     /// Reset application.
@@ -65,7 +65,7 @@ pub enum Reset {
 impl Reset {
     /// Returns the reset that a command demands.
     #[must_use]
-    pub const fn of(command: Command) -> Option<Self> {
+    pub(crate) const fn of(command: Command) -> Option<Self> {
         match command {
             Command::ResetCommunication => Some(Self::Communication),
             Command::ResetApplication => Some(Self::Application),
@@ -75,37 +75,37 @@ impl Reset {
 }
 
 /// The NMT state of a node.
-#[derive(Debug, Default)]
-pub struct NmtSlave {
+#[derive(Debug)]
+pub(crate) struct NmtSlave {
     state: State,
 }
 
 impl NmtSlave {
     /// Returns a node that initialises.
     #[must_use]
-    pub const fn new() -> Self {
+    pub(crate) const fn new() -> Self {
         Self { state: State::Initialising }
     }
 
     /// The state.
     #[inline]
     #[must_use]
-    pub const fn state(&self) -> State {
+    pub(crate) const fn state(&self) -> State {
         self.state
     }
 
     /// Initialisation has ended: pre-operational.
-    pub const fn boot(&mut self) {
+    pub(crate) const fn boot(&mut self) {
         self.state = State::PreOperational;
     }
 
     /// Enters a state by itself. Returns whether it was another one.
-    pub fn enter(&mut self, state: State) -> bool {
+    pub(crate) fn enter(&mut self, state: State) -> bool {
         core::mem::replace(&mut self.state, state) != state
     }
 
     /// Obeys a command: done is the state that was entered. A node that still initialises obeys none.
-    pub fn obey(&mut self, command: Command) -> Outcome<State, Reset> {
+    pub(crate) fn obey(&mut self, command: Command) -> Outcome<State, Reset> {
         let entered = match command {
             _ if self.state == State::Initialising => return Outcome::Nothing,
             Command::Start => State::Operational,
@@ -120,14 +120,14 @@ impl NmtSlave {
     /// Whether SDOs and EMCYs are served: everywhere but in stopped and before the boot-up (CiA 301 table 38).
     #[inline]
     #[must_use]
-    pub const fn serves(&self) -> bool {
+    pub(crate) const fn serves(&self) -> bool {
         matches!(self.state, State::PreOperational | State::Operational)
     }
 
     /// Whether PDOs are exchanged.
     #[inline]
     #[must_use]
-    pub const fn is_operational(&self) -> bool {
+    pub(crate) const fn is_operational(&self) -> bool {
         matches!(self.state, State::Operational)
     }
 }

@@ -7,7 +7,7 @@ use super::dictionary::{DataType, Dictionary, Entry, Group, Row, Value};
 
 /// The values of a group's stored objects as `value_of` gives them, one after the other; a text is preceded by its length.
 /// `None` when one is missing, or when they are more than `N` bytes.
-pub fn encode<'a, B: Copy, const N: usize>(
+pub(crate) fn encode<'a, B: Copy, const N: usize>(
     dictionary: Dictionary<B>,
     group: Group,
     value_of: impl Fn(&'static Row<B>) -> Option<Value<'a>>,
@@ -31,7 +31,7 @@ pub fn encode<'a, B: Copy, const N: usize>(
 
 /// The stored values, object by object.
 #[derive(Clone, Copy, Debug)]
-pub struct Stored<'a, B: 'static> {
+pub(crate) struct Stored<'a, B: 'static> {
     dictionary: Dictionary<B>,
     group: Group,
     payload: &'a [u8],
@@ -40,7 +40,7 @@ pub struct Stored<'a, B: 'static> {
 impl<'a, B: Copy> Stored<'a, B> {
     /// Takes a payload; `None` unless it has a value for every stored object and nothing else.
     #[must_use]
-    pub fn decode(dictionary: Dictionary<B>, group: Group, payload: &'a [u8]) -> Option<Self> {
+    pub(crate) fn decode(dictionary: Dictionary<B>, group: Group, payload: &'a [u8]) -> Option<Self> {
         let mut rest = payload;
         for row in dictionary.stored(group) {
             take(&row.entry, &mut rest)?;
@@ -49,7 +49,7 @@ impl<'a, B: Copy> Stored<'a, B> {
     }
 
     /// Returns the objects and their values.
-    pub fn values(self) -> impl Iterator<Item = (&'static Row<B>, Value<'a>)> {
+    pub(crate) fn values(self) -> impl Iterator<Item = (&'static Row<B>, Value<'a>)> {
         let mut rest = self.payload;
         self.dictionary.stored(self.group).map_while(move |row| Some((row, take(&row.entry, &mut rest)?)))
     }

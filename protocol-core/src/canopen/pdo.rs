@@ -8,7 +8,7 @@ use heapless::Vec;
 
 use super::dictionary::{Dictionary, Mappable, Row};
 use super::transmission::Transmission;
-pub use super::transmission::{AtSync, EVENT_DRIVEN, MANUFACTURER, ON_CHANGE};
+pub(crate) use super::transmission::{AtSync, EVENT_DRIVEN, MANUFACTURER, ON_CHANGE};
 use crate::frame::{Frame, Id, MAX_LEN};
 use crate::time::Instant;
 use crate::wire::cob_id::CobId;
@@ -16,36 +16,36 @@ use crate::wire::pdo_mapping::MappingEntry;
 use crate::wire::sdo::{AbortCode, Multiplexer};
 
 /// How many objects a PDO of these devices can carry (SPEC 4.1).
-pub const ENTRIES: usize = 8;
+pub(crate) const ENTRIES: usize = 8;
 
 /// How many bits a PDO can carry.
 const MAX_BITS: u8 = 64;
 
 /// The rules of a product for its PDOs of one direction.
 #[derive(Clone, Copy, Debug)]
-pub struct Rules {
+pub(crate) struct Rules {
     /// Which objects can be mapped.
-    pub direction: Mappable,
+    pub(crate) direction: Mappable,
     /// The transmission types that can be set.
-    pub transmission_types: &'static [RangeInclusive<u8>],
+    pub(crate) transmission_types: &'static [RangeInclusive<u8>],
     /// Whether 29-bit identifiers can be set.
-    pub extended_ids: bool,
+    pub(crate) extended_ids: bool,
     /// Whether a PDO that maps nothing can be switched on.
-    pub may_be_empty: bool,
+    pub(crate) may_be_empty: bool,
     /// Whether dummies can be mapped.
-    pub dummies: bool,
+    pub(crate) dummies: bool,
     /// Whether mapping entries can be written while sub-index 0 is not 0.
-    pub entries_while_counted: bool,
+    pub(crate) entries_while_counted: bool,
     /// Whether there are inhibit time and event timer.
-    pub timers: bool,
+    pub(crate) timers: bool,
     /// Whether a TPDO that waits for the bus tells what was sampled when it became due; otherwise what is true when it is
     /// sent.
-    pub sampled_when_due: bool,
+    pub(crate) sampled_when_due: bool,
 }
 
 impl Rules {
     /// The rules of a PDO that a product does not have.
-    pub const NONE: Self = Self {
+    pub(crate) const NONE: Self = Self {
         direction: Mappable::No,
         transmission_types: &[],
         extended_ids: false,
@@ -59,7 +59,7 @@ impl Rules {
 
 /// One PDO, whose objects are served by `B`.
 #[derive(Debug)]
-pub struct Pdo<B> {
+pub(crate) struct Pdo<B> {
     cob_id: CobId,
     transmission: Transmission,
     count: u8,
@@ -71,11 +71,11 @@ pub struct Pdo<B> {
 
 /// The data of a PDO: what the mapped objects hold at an instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Sample(u64);
+pub(crate) struct Sample(u64);
 
 impl Sample {
     /// All zeros.
-    pub const NOTHING: Self = Self(0);
+    pub(crate) const NOTHING: Self = Self(0);
 }
 
 /// A PDO that is on.
@@ -98,7 +98,7 @@ struct Slot<B> {
 impl<B: Copy + 'static> Pdo<B> {
     /// A PDO that is off and maps nothing, to be loaded.
     #[must_use]
-    pub const fn new() -> Self {
+    pub(crate) const fn new() -> Self {
         Self {
             cob_id: CobId::new(CobId::OFF),
             transmission: Transmission::new(),
@@ -111,19 +111,19 @@ impl<B: Copy + 'static> Pdo<B> {
 
     /// The COB-ID as written, sub-index 1 of the communication parameter.
     #[must_use]
-    pub const fn cob_id(&self) -> CobId {
+    pub(crate) const fn cob_id(&self) -> CobId {
         self.cob_id
     }
 
     /// The sub-indices of the communication parameter that tell when it is sent.
     #[must_use]
-    pub const fn transmission(&self) -> &Transmission {
+    pub(crate) const fn transmission(&self) -> &Transmission {
         &self.transmission
     }
 
     /// The number of mapped objects, sub-index 0 of the mapping parameter.
     #[must_use]
-    pub const fn count(&self) -> u8 {
+    pub(crate) const fn count(&self) -> u8 {
         self.count
     }
 
@@ -131,7 +131,7 @@ impl<B: Copy + 'static> Pdo<B> {
     ///
     /// # Errors
     /// [`AbortCode::NO_SUB`] for another one.
-    pub fn entry(&self, sub: u8) -> Result<u32, AbortCode> {
+    pub(crate) fn entry(&self, sub: u8) -> Result<u32, AbortCode> {
         let position = usize::from(sub).checked_sub(1);
         let entry = position.and_then(|position| self.entries.get(position));
         entry.map(|entry| entry.emit()).ok_or(AbortCode::NO_SUB)
@@ -144,7 +144,7 @@ impl<B: Copy + 'static> Pdo<B> {
     /// [`AbortCode::INVALID_VALUE`] for an identifier that cannot be used or when the PDO would be switched on with nothing
     /// mapped, [`AbortCode::DEVICE_STATE`] while the PDO is on, [`AbortCode::PDO_TOO_LONG`] when it would be switched on
     /// with more than 64 bits.
-    pub fn write_cob_id(
+    pub(crate) fn write_cob_id(
         &mut self,
         raw: u32,
         rules: &Rules,
@@ -174,7 +174,7 @@ impl<B: Copy + 'static> Pdo<B> {
     ///
     /// # Errors
     /// [`AbortCode::INVALID_VALUE`] for a type that the product does not allow.
-    pub fn write_transmission_type(&mut self, value: u8, rules: &Rules, now: Instant) -> Result<(), AbortCode> {
+    pub(crate) fn write_transmission_type(&mut self, value: u8, rules: &Rules, now: Instant) -> Result<(), AbortCode> {
         if !rules.transmission_types.iter().any(|types| types.contains(&value)) {
             return Err(AbortCode::INVALID_VALUE);
         }
@@ -187,7 +187,7 @@ impl<B: Copy + 'static> Pdo<B> {
     ///
     /// # Errors
     /// [`AbortCode::DEVICE_STATE`] while the PDO is on.
-    pub fn write_inhibit(&mut self, value: u16) -> Result<(), AbortCode> {
+    pub(crate) fn write_inhibit(&mut self, value: u16) -> Result<(), AbortCode> {
         if value != self.transmission.inhibit() && self.is_on() {
             return Err(AbortCode::DEVICE_STATE);
         }
@@ -196,7 +196,7 @@ impl<B: Copy + 'static> Pdo<B> {
     }
 
     /// Writes the event timer: in force at once, the first period begins now.
-    pub fn write_event_timer(&mut self, value: u16, now: Instant) {
+    pub(crate) fn write_event_timer(&mut self, value: u16, now: Instant) {
         self.transmission.set_event_timer(value);
         self.transmission.restart_timer(now, self.sends());
     }
@@ -206,7 +206,7 @@ impl<B: Copy + 'static> Pdo<B> {
     /// # Errors
     /// [`AbortCode::PDO_TOO_LONG`] above 8 or when the entries then there are more than 64 bits,
     /// [`AbortCode::DEVICE_STATE`] while the PDO is on, [`AbortCode::NOT_MAPPABLE`] when one of them maps nothing.
-    pub fn write_count(&mut self, count: u8, rules: &Rules, dictionary: Dictionary<B>) -> Result<(), AbortCode> {
+    pub(crate) fn write_count(&mut self, count: u8, rules: &Rules, dictionary: Dictionary<B>) -> Result<(), AbortCode> {
         if count == self.count {
             return Ok(());
         }
@@ -225,7 +225,7 @@ impl<B: Copy + 'static> Pdo<B> {
     /// # Errors
     /// [`AbortCode::NOT_MAPPABLE`] for an object that does not exist, goes the other way or has another length,
     /// [`AbortCode::DEVICE_STATE`] while the PDO is on or counts its entries, [`AbortCode::NO_SUB`] for another sub-index.
-    pub fn write_entry(
+    pub(crate) fn write_entry(
         &mut self,
         sub: u8,
         raw: u32,
@@ -245,37 +245,37 @@ impl<B: Copy + 'static> Pdo<B> {
     }
 
     /// Takes a stored COB-ID; in force from [`start`](Self::start).
-    pub const fn load_cob_id(&mut self, raw: u32) {
+    pub(crate) const fn load_cob_id(&mut self, raw: u32) {
         self.cob_id = CobId::new(raw);
     }
 
     /// Takes a stored transmission type.
-    pub const fn load_transmission_type(&mut self, value: u8) {
+    pub(crate) const fn load_transmission_type(&mut self, value: u8) {
         self.transmission.set_kind(value);
     }
 
     /// Takes a stored inhibit time.
-    pub const fn load_inhibit(&mut self, value: u16) {
+    pub(crate) const fn load_inhibit(&mut self, value: u16) {
         self.transmission.set_inhibit(value);
     }
 
     /// Takes a stored event timer.
-    pub const fn load_event_timer(&mut self, value: u16) {
+    pub(crate) const fn load_event_timer(&mut self, value: u16) {
         self.transmission.set_event_timer(value);
     }
 
     /// Takes a stored number of mapped objects.
-    pub const fn load_count(&mut self, count: u8) {
+    pub(crate) const fn load_count(&mut self, count: u8) {
         self.count = count;
     }
 
     /// Takes a stored mapping entry, sub-index 1–8.
-    pub fn load_entry(&mut self, sub: u8, raw: u32) {
+    pub(crate) fn load_entry(&mut self, sub: u8, raw: u32) {
         self.put_entry(sub, MappingEntry::parse(raw));
     }
 
     /// Switches on, after everything was loaded, what is to be on; off what was stored and cannot be.
-    pub fn start(&mut self, rules: &Rules, dictionary: Dictionary<B>) {
+    pub(crate) fn start(&mut self, rules: &Rules, dictionary: Dictionary<B>) {
         self.running = if self.cob_id.is_off() { None } else { self.resolve(self.cob_id.id(), rules, dictionary).ok() };
         if self.running.is_none() {
             self.cob_id = CobId::new(self.cob_id.raw() | CobId::OFF);
@@ -284,13 +284,13 @@ impl<B: Copy + 'static> Pdo<B> {
 
     /// Returns the [key](crate::frame::key) of its frames; `None` while it is off.
     #[must_use]
-    pub fn key(&self) -> Option<u32> {
+    pub(crate) fn key(&self) -> Option<u32> {
         self.running.as_ref().map(|running| running.blank.key())
     }
 
     /// Returns what a received frame holds, object by object in the order of the mapping; `None` when the frame is shorter
     /// than the mapping.
-    pub fn unpack(&self, frame: &Frame) -> Option<impl Iterator<Item = (B, u32)>> {
+    pub(crate) fn unpack(&self, frame: &Frame) -> Option<impl Iterator<Item = (B, u32)>> {
         let running = self.running.as_ref().filter(|running| frame.len() >= running.blank.len())?;
         let bits = u64::from_le_bytes(*frame.bytes());
         Some(running.slots.iter().map(move |slot| {
@@ -301,7 +301,7 @@ impl<B: Copy + 'static> Pdo<B> {
 
     /// Returns the data that carry the mapped objects as `read` gives them.
     #[inline]
-    pub fn sample(&self, mut read: impl FnMut(B) -> u32) -> Sample {
+    pub(crate) fn sample(&self, mut read: impl FnMut(B) -> u32) -> Sample {
         let slots = self.running.as_ref().map_or(&[][..], |running| &running.slots);
         Sample(
             slots.iter().fold(0, |bits, slot| {
@@ -312,56 +312,56 @@ impl<B: Copy + 'static> Pdo<B> {
 
     /// Returns the frame that carries a sample; `None` when the PDO is off.
     #[inline]
-    pub fn frame(&self, sample: Sample) -> Option<Frame> {
+    pub(crate) fn frame(&self, sample: Sample) -> Option<Frame> {
         let running = self.running.as_ref()?;
         Some(running.blank.refilled(sample.0.to_le_bytes()))
     }
 
     /// Counts a SYNC.
     #[inline]
-    pub const fn sync(&mut self) -> AtSync {
+    pub(crate) const fn sync(&mut self) -> AtSync {
         if self.sends() { self.transmission.sync() } else { AtSync::Nothing }
     }
 
     /// Returns whether a sample differs from the last one that was sent.
     #[inline]
-    pub fn is_news(&self, sample: Sample) -> bool {
+    pub(crate) fn is_news(&self, sample: Sample) -> bool {
         self.last != Some(sample)
     }
 
     /// Notes that a sample is sent.
     #[inline]
-    pub const fn sent(&mut self, sample: Sample) {
+    pub(crate) const fn sent(&mut self, sample: Sample) {
         self.last = Some(sample);
     }
 
     /// Notes that a frame was lost: it does not count as sent.
-    pub const fn lost(&mut self) {
+    pub(crate) const fn lost(&mut self) {
         self.last = None;
     }
 
     /// Starts to send anew, on entering operational: SYNCs count from here, and so does the event timer.
-    pub fn restart(&mut self, now: Instant) {
+    pub(crate) fn restart(&mut self, now: Instant) {
         self.last = None;
         self.transmission.restart(now, self.sends());
     }
 
     /// Returns the instant at which the event timer has made the PDO due.
     #[inline]
-    pub fn poll(&mut self, now: Instant) -> Option<Instant> {
+    pub(crate) fn poll(&mut self, now: Instant) -> Option<Instant> {
         self.transmission.poll(now)
     }
 
     /// Returns when [`poll`](Self::poll) is next due.
     #[inline]
     #[must_use]
-    pub fn deadline(&self) -> Instant {
+    pub(crate) fn deadline(&self) -> Instant {
         self.transmission.deadline()
     }
 
     /// Whether the PDO is on and sends, or acts, at once.
     #[must_use]
-    pub const fn is_event_driven(&self) -> bool {
+    pub(crate) const fn is_event_driven(&self) -> bool {
         self.sends() && self.transmission.kind() == EVENT_DRIVEN
     }
 
@@ -397,12 +397,6 @@ impl<B: Copy + 'static> Pdo<B> {
             shift = shift.saturating_add(entry.bits);
         }
         Ok(Running { blank: Frame::with_len(id, [0; MAX_LEN], len), slots })
-    }
-}
-
-impl<B: Copy + 'static> Default for Pdo<B> {
-    fn default() -> Self {
-        Self::new()
     }
 }
 

@@ -8,16 +8,16 @@ use crate::time::{Duration, Instant, NEVER, after};
 use crate::wire::sdo::{AbortCode, Answer, Multiplexer, Request};
 
 /// After so long without the next segment a transfer is aborted (A).
-pub const SEGMENT_TIMEOUT: Duration = Duration::from_secs(5);
+pub(crate) const SEGMENT_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// The object that an abort names when no transfer was in progress.
 const NO_TRANSFER: Multiplexer = Multiplexer::new(0, 0);
 
 /// A request or an answer on the bus.
-pub type Bytes = [u8; 8];
+pub(crate) type Bytes = [u8; 8];
 
 /// The objects that a server gives access to.
-pub trait Objects {
+pub(crate) trait Objects {
     /// What lies behind an object.
     type Behind: Copy + 'static;
     /// What a write can demand of the device: the answer waits for [`SdoServer::end`].
@@ -44,7 +44,7 @@ pub trait Objects {
 
 /// A server for one client at a time.
 #[derive(Debug)]
-pub struct SdoServer<D> {
+pub(crate) struct SdoServer<D> {
     transfer: Transfer<D>,
     /// When the next segment is overdue; [`NEVER`] while none is expected.
     timeout: Instant,
@@ -71,12 +71,17 @@ impl<D: Copy + PartialEq> Default for SdoServer<D> {
 impl<D: Copy + PartialEq> SdoServer<D> {
     /// Returns a server with no transfer in progress.
     #[must_use]
-    pub const fn new() -> Self {
+    pub(crate) const fn new() -> Self {
         Self { transfer: Transfer::Idle, timeout: NEVER }
     }
 
     /// Takes a request.
-    pub fn handle(&mut self, bytes: &Bytes, objects: &mut impl Objects<Demand = D>, now: Instant) -> Outcome<Bytes, D> {
+    pub(crate) fn handle(
+        &mut self,
+        bytes: &Bytes,
+        objects: &mut impl Objects<Demand = D>,
+        now: Instant,
+    ) -> Outcome<Bytes, D> {
         Outcome::Done(match Request::parse(bytes) {
             Request::InitiateUpload(object) => self.initiate_upload(object, objects, now),
             Request::DownloadExpedited { object, size, data } => {
@@ -117,7 +122,7 @@ impl<D: Copy + PartialEq> SdoServer<D> {
     }
 
     /// Ends the write that waits for this demand; returns its answer.
-    pub fn end(&mut self, demand: D, result: Result<(), AbortCode>) -> Option<Bytes> {
+    pub(crate) fn end(&mut self, demand: D, result: Result<(), AbortCode>) -> Option<Bytes> {
         let (object, done) = match &self.transfer {
             Transfer::Waiting(object, done, waits_for) if *waits_for == demand => (*object, *done),
             _ => return None,
@@ -130,19 +135,19 @@ impl<D: Copy + PartialEq> SdoServer<D> {
     }
 
     /// Returns the abort of a transfer whose client has stopped sending.
-    pub fn poll(&mut self, now: Instant) -> Option<Bytes> {
+    pub(crate) fn poll(&mut self, now: Instant) -> Option<Bytes> {
         (now >= self.deadline()).then(|| self.break_off(AbortCode::TIMEOUT))
     }
 
     /// Returns when [`poll`](Self::poll) is next due.
     #[inline]
     #[must_use]
-    pub const fn deadline(&self) -> Instant {
+    pub(crate) const fn deadline(&self) -> Instant {
         self.timeout
     }
 
     /// Ends whatever is in progress, silently: NMT stop, a reset, or the client's own abort.
-    pub fn cancel(&mut self) {
+    pub(crate) fn cancel(&mut self) {
         self.transfer = Transfer::Idle;
         self.timeout = NEVER;
     }

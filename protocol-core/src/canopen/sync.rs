@@ -5,23 +5,23 @@ use crate::wire::sdo::AbortCode;
 
 /// Listens for SYNC.
 #[derive(Debug)]
-pub struct SyncConsumer {
+pub(crate) struct SyncConsumer {
     cob_id: CobId,
 }
 
 impl SyncConsumer {
     /// The default of object 0x1005.
-    pub const DEFAULT: u32 = 0x80;
+    pub(crate) const DEFAULT: u32 = 0x80;
 
     /// Listens on the default identifier.
     #[must_use]
-    pub const fn new() -> Self {
+    pub(crate) const fn new() -> Self {
         Self { cob_id: CobId::new(Self::DEFAULT) }
     }
 
     /// The COB-ID as written.
     #[must_use]
-    pub const fn cob_id(&self) -> CobId {
+    pub(crate) const fn cob_id(&self) -> CobId {
         self.cob_id
     }
 
@@ -30,7 +30,7 @@ impl SyncConsumer {
     /// # Errors
     /// [`AbortCode::INVALID_VALUE`] for a producer (bit 30), or for an identifier that is reserved or has 29 bits where
     /// those are not `extended_ids`.
-    pub fn write(&mut self, raw: u32, extended_ids: bool) -> Result<(), AbortCode> {
+    pub(crate) fn write(&mut self, raw: u32, extended_ids: bool) -> Result<(), AbortCode> {
         let cob_id = CobId::new(raw);
         if cob_id != self.cob_id && (cob_id.has_bit_30() || !cob_id.is_usable(extended_ids)) {
             return Err(AbortCode::INVALID_VALUE);
@@ -40,19 +40,13 @@ impl SyncConsumer {
     }
 
     /// Takes a stored COB-ID, unchecked.
-    pub const fn load(&mut self, raw: u32) {
+    pub(crate) const fn load(&mut self, raw: u32) {
         self.cob_id = CobId::new(raw);
     }
 
     /// The [key](crate::frame::key) of a SYNC.
     #[must_use]
-    pub const fn key(&self) -> u32 {
+    pub(crate) const fn key(&self) -> u32 {
         self.cob_id.key()
-    }
-}
-
-impl Default for SyncConsumer {
-    fn default() -> Self {
-        Self::new()
     }
 }

@@ -3,20 +3,20 @@
 use crate::time::{Duration, Instant, NEVER, after, since};
 
 /// The transmission type of the device profile: sends, or acts, at once, and whenever the event timer ends.
-pub const EVENT_DRIVEN: u8 = 0xFF;
+pub(crate) const EVENT_DRIVEN: u8 = 0xFF;
 
 /// The transmission type of the manufacturer: the event timer alone.
-pub const MANUFACTURER: u8 = 0xFE;
+pub(crate) const MANUFACTURER: u8 = 0xFE;
 
 /// The transmission type that sends at a SYNC when the data have changed.
-pub const ON_CHANGE: u8 = 0;
+pub(crate) const ON_CHANGE: u8 = 0;
 
 /// The unit of the inhibit time.
 const INHIBIT_UNIT_US: u64 = 100;
 
 /// What a SYNC does to a TPDO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum AtSync {
+pub(crate) enum AtSync {
     /// It does not count, or is not the n-th of a transmission type 1–240.
     Nothing,
     /// The TPDO is due.
@@ -27,7 +27,7 @@ pub enum AtSync {
 
 /// What makes a TPDO due.
 #[derive(Debug)]
-pub struct Transmission {
+pub(crate) struct Transmission {
     kind: u8,
     /// In 100 µs; 0 is off.
     inhibit: u16,
@@ -45,7 +45,7 @@ pub struct Transmission {
 impl Transmission {
     /// Returns an event-driven transmission without timers.
     #[must_use]
-    pub const fn new() -> Self {
+    pub(crate) const fn new() -> Self {
         Self {
             kind: EVENT_DRIVEN,
             inhibit: 0,
@@ -59,46 +59,46 @@ impl Transmission {
 
     /// The transmission type, sub-index 2.
     #[must_use]
-    pub const fn kind(&self) -> u8 {
+    pub(crate) const fn kind(&self) -> u8 {
         self.kind
     }
 
     /// The inhibit time in 100 µs, sub-index 3.
     #[must_use]
-    pub const fn inhibit(&self) -> u16 {
+    pub(crate) const fn inhibit(&self) -> u16 {
         self.inhibit
     }
 
     /// The event timer in ms, sub-index 5.
     #[must_use]
-    pub const fn event_timer(&self) -> u16 {
+    pub(crate) const fn event_timer(&self) -> u16 {
         self.event_timer
     }
 
     /// Sets the transmission type; in force from [`restart`](Self::restart).
-    pub const fn set_kind(&mut self, kind: u8) {
+    pub(crate) const fn set_kind(&mut self, kind: u8) {
         self.kind = kind;
     }
 
     /// Sets the inhibit time: it runs from the next request.
-    pub const fn set_inhibit(&mut self, inhibit: u16) {
+    pub(crate) const fn set_inhibit(&mut self, inhibit: u16) {
         self.inhibit = inhibit;
         self.inhibited_until = Instant::MIN;
     }
 
     /// Sets the event timer; in force from [`restart_timer`](Self::restart_timer).
-    pub const fn set_event_timer(&mut self, event_timer: u16) {
+    pub(crate) const fn set_event_timer(&mut self, event_timer: u16) {
         self.event_timer = event_timer;
     }
 
     /// Starts anew: SYNCs count from here, and so does the event timer of a PDO that `sends`.
-    pub fn restart(&mut self, now: Instant, sends: bool) {
+    pub(crate) fn restart(&mut self, now: Instant, sends: bool) {
         self.syncs = 0;
         self.restart_timer(now, sends);
     }
 
     /// Lets the event timer of a PDO that `sends` end a period from now and then at each period. An inhibit time runs on.
-    pub fn restart_timer(&mut self, now: Instant, sends: bool) {
+    pub(crate) fn restart_timer(&mut self, now: Instant, sends: bool) {
         self.requested = None;
         self.due = NEVER;
         if sends && self.event_timer != 0 && matches!(self.kind, MANUFACTURER | EVENT_DRIVEN) {
@@ -108,7 +108,7 @@ impl Transmission {
 
     /// Counts a SYNC.
     #[inline]
-    pub const fn sync(&mut self) -> AtSync {
+    pub(crate) const fn sync(&mut self) -> AtSync {
         match self.kind {
             ON_CHANGE => return AtSync::OnChange,
             1..=240 => {}
@@ -124,7 +124,7 @@ impl Transmission {
 
     /// Returns the instant at which the event timer has made a TPDO due, the inhibit time being over. Of several periods
     /// the last counts; the grid stays where it is.
-    pub fn poll(&mut self, now: Instant) -> Option<Instant> {
+    pub(crate) fn poll(&mut self, now: Instant) -> Option<Instant> {
         if now >= self.due {
             let mut at = self.due;
             let mut next = after(at, self.period());
@@ -148,7 +148,7 @@ impl Transmission {
     /// Returns when [`poll`](Self::poll) is next due.
     #[inline]
     #[must_use]
-    pub fn deadline(&self) -> Instant {
+    pub(crate) fn deadline(&self) -> Instant {
         match self.requested {
             None => self.due,
             Some(at) => self.due.min(at.max(self.inhibited_until)),
@@ -165,12 +165,6 @@ impl Transmission {
         let period = self.period().as_ticks();
         let over = since(now, self.due).as_ticks().checked_rem(period).unwrap_or(0);
         Instant::from_ticks(now.as_ticks().saturating_sub(over))
-    }
-}
-
-impl Default for Transmission {
-    fn default() -> Self {
-        Self::new()
     }
 }
 

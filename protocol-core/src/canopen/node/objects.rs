@@ -19,7 +19,7 @@ use crate::wire::sdo::{AbortCode, Multiplexer};
 const STORES_ON_COMMAND: u32 = 1;
 
 /// What errors do to the NMT state, by their class.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct ErrorBehaviours {
     communication: ErrorBehaviour,
     product: ErrorBehaviour,
