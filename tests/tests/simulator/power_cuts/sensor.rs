@@ -1,0 +1,104 @@
+//! What makes an angle sensor store.
+
+use hal_sim::memory::Flash;
+use hal_sim::{Memory, NodeId};
+use protocol_core::controller::BitRate;
+use protocol_core::device::Senses;
+use protocol_core::device::hat::{Hat, Kind, Setup};
+use protocol_core::encoder::Shaft;
+use protocol_core::memory::RecordKey::{Application, LocalLayer, Parameters};
+use tests::Bench;
+
+use super::{ACT, Operation, Product, store_by_lss, write_all};
+
+pub(super) const PRODUCT: Product = Product {
+    with_flash,
+    boots: |node_id| vec![format!("{:03X}: 00", 0x700 + node_id)],
+    objects: &[
+        "01 10 00", "18 10 04", "29 10 01", "14 10 00", "00 18 05", "03 60 00", "09 65 00", "01 20 02", "02 20 02",
+    ],
+    operations: &OPERATIONS,
+};
+
+const BOTH: &[protocol_core::memory::RecordKey] = &[Parameters, Application];
+
+const OPERATIONS: [Operation; 10] = [
+    Operation { name: "first save", act: save_all, writes: BOTH, ..ACT },
+    Operation { name: "save", before: save_others, act: save_all, writes: BOTH, ..ACT },
+    Operation {
+        name: "save of communication",
+        before: save_others,
+        act: |bench, sensor| save(bench, sensor, 2),
+        writes: &[Parameters],
+        ..ACT
+    },
+    Operation {
+        name: "save of application",
+        before: save_others,
+        act: |bench, sensor| save(bench, sensor, 3),
+        writes: &[Application],
+        ..ACT
+    },
+    Operation {
+        name: "save of LSS",
+        before: save_others,
+        act: |bench, sensor| save(bench, sensor, 4),
+        writes: &[LocalLayer],
+        ..ACT
+    },
+    Operation { name: "load", before: save_others, act: |bench, sensor| load(bench, sensor, 1), writes: BOTH, ..ACT },
+    Operation {
+        name: "load of communication",
+        before: save_others,
+        act: |bench, sensor| load(bench, sensor, 2),
+        writes: &[Parameters],
+        ..ACT
+    },
+    Operation {
+        name: "load of application",
+        before: save_others,
+        act: |bench, sensor| load(bench, sensor, 3),
+        writes: &[Application],
+        ..ACT
+    },
+    Operation {
+        name: "load of LSS",
+        before: save_others,
+        act: |bench, sensor| load(bench, sensor, 4),
+        writes: &[LocalLayer],
+        ..ACT
+    },
+    Operation { name: "LSS store", before: save_others, act: store_by_lss, writes: &[LocalLayer], ..ACT },
+];
+
+fn with_flash(flash: Flash) -> (Bench, NodeId) {
+    let mut bench = Bench::default();
+    let setup = Setup { bit_rate: Some(BitRate::Kbit250), ..Setup::new(Kind::Hat1000) };
+    let factory = move |image: &_, cause, now| Box::new(Hat::power_on(setup, image, cause, now)) as _;
+    let sensor = bench.world.add_device("sensor", factory, Memory::with_flash(flash));
+    bench.world.set_senses(sensor, Senses::encoder(Shaft::at(9_000)));
+    (bench, sensor)
+}
+
+/// Changes every group and stores one, or two.
+fn save(bench: &mut Bench, sensor: NodeId, sub: u8) {
+    let save = (0x1010, sub, 4, u32::from_le_bytes(*b"save"));
+    let values =
+        [(0x1029, 1, 1, 2), (0x1800, 5, 2, 222), (0x6003, 0, 4, 2222), (0x2001, 2, 1, 0x22), (0x2002, 2, 1, 4)];
+    write_all(bench, sensor, &[&values[..], &[save]].concat());
+}
+
+fn save_all(bench: &mut Bench, sensor: NodeId) {
+    save(bench, sensor, 1);
+}
+
+/// Stores other values of every group.
+fn save_others(bench: &mut Bench, sensor: NodeId) {
+    let save = |sub| (0x1010, sub, 4, u32::from_le_bytes(*b"save"));
+    let values = [(0x1029, 1, 1, 1), (0x1800, 5, 2, 111), (0x6003, 0, 4, 1111), (0x2001, 2, 1, 0x11), save(1), save(4)];
+    write_all(bench, sensor, &values);
+}
+
+fn load(bench: &mut Bench, sensor: NodeId, sub: u8) {
+    write_all(bench, sensor, &[(0x1011, sub, 4, u32::from_le_bytes(*b"load"))]);
+}
