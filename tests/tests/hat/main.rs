@@ -9,6 +9,7 @@ mod object_dictionary;
 mod pdo;
 mod pdo_timing;
 mod position;
+mod promises;
 mod properties;
 mod storage;
 
