@@ -308,14 +308,14 @@ fn avef_due(next: Option<&str>) -> Box<Exchange<PveIsobus>> {
 }
 
 // A request to all → the claim of the address (83 in sae-j1939-rs, without a pump).
-#[library_benchmark(config = budget(299))]
+#[library_benchmark(config = budget(200))]
 #[bench::to_all(claimed("18EAFF27: 00 EE 00"))]
 fn claim_request(exchange: Box<Exchange<PveIsobus>>) -> Box<Exchange<PveIsobus>> {
     exchange.run()
 }
 
 // A frame for somebody else (41 in sae-j1939-rs).
-#[library_benchmark(config = budget(55))]
+#[library_benchmark(config = budget(50))]
 #[bench::standard(claimed("1A1: 0F 00 00 00"))]
 #[bench::avc_of_another(claimed("0CFE3427: 40 FF 31 FF FF FF FF FF"))]
 #[bench::request_of_another(claimed("18EA8427: 00 EE 00"))]
@@ -333,7 +333,7 @@ fn isobus_nothing_due(mut exchange: Box<Exchange<PveIsobus>>) -> Box<Exchange<Pv
 }
 
 // An AVC, which winds up the time guard and moves the spool, or lets it be.
-#[library_benchmark(config = budget(399))]
+#[library_benchmark(config = budget(390))]
 #[bench::same_flow(driven("0CFE3327: 40 FF 31 FF FF FF FF FF"))]
 #[bench::new_flow(driven("0CFE3327: 80 FF 31 FF FF FF FF FF"))]
 fn avc(exchange: Box<Exchange<PveIsobus>>) -> Box<Exchange<PveIsobus>> {
@@ -341,7 +341,7 @@ fn avc(exchange: Box<Exchange<PveIsobus>>) -> Box<Exchange<PveIsobus>> {
 }
 
 // The same at the instant when an AVEF is due.
-#[library_benchmark(config = budget(499))]
+#[library_benchmark(config = budget(450))]
 #[bench::same_flow(avef_due(Some("0CFE3327: 40 FF 31 FF FF FF FF FF")))]
 #[bench::new_flow(avef_due(Some("0CFE3327: 80 FF 31 FF FF FF FF FF")))]
 fn avc_and_avef(exchange: Box<Exchange<PveIsobus>>) -> Box<Exchange<PveIsobus>> {
@@ -349,7 +349,7 @@ fn avc_and_avef(exchange: Box<Exchange<PveIsobus>>) -> Box<Exchange<PveIsobus>> 
 }
 
 // An AVEF that is due.
-#[library_benchmark(config = budget(299))]
+#[library_benchmark(config = budget(264))]
 #[bench::due(avef_due(None))]
 fn avef(exchange: Box<Exchange<PveIsobus>>) -> Box<Exchange<PveIsobus>> {
     exchange.run()

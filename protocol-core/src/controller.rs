@@ -20,6 +20,9 @@ pub trait Controller: embedded_can::nb::Can<Frame = Frame> {
     fn set_filters(&mut self, filters: &Filters);
 }
 
+/// The number of frames that a controller holds at the most: older ones that it took are on the bus.
+pub const MAILBOXES: usize = 3;
+
 /// What a controller may let through: every frame whose identifier is `key` in the bits of `mask`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Filter {

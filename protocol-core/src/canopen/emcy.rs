@@ -3,6 +3,7 @@
 
 use heapless::Vec;
 
+use crate::controller::MAILBOXES;
 use crate::frame::Id;
 use crate::wire::cob_id::CobId;
 use crate::wire::emcy::Emcy;
@@ -13,9 +14,6 @@ pub(crate) const HISTORY: usize = 8;
 
 /// The number of messages that can wait for the bus (SPEC 4.2): every fault of a device, and its end.
 const STORY: usize = 16;
-
-/// The number of messages that a controller holds at the most: older ones that it took are on the bus.
-const MAILBOXES: usize = 3;
 
 /// The error history, object 0x1003.
 #[derive(Debug)]

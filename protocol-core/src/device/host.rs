@@ -192,7 +192,7 @@ impl<B: Body> Host<B> {
 
     /// Takes a frame that is for the device. Kept apart from the look at the identifier, which most frames end with.
     #[inline(never)]
-    fn take(&mut self, service: B::Service, frame: &Frame, now: Instant) {
+    fn take(&mut self, frame: &Frame, now: Instant, service: B::Service) {
         if self.base.is_restarting() {
             if let Some(scope) = self.body.restart_demanded(frame) {
                 self.base.request_restart(scope);
@@ -289,7 +289,7 @@ impl<B: Body> Device for Host<B> {
     #[inline]
     fn handle(&mut self, frame: &Frame, now: Instant) -> bool {
         let Some(service) = self.body.service(frame) else { return false };
-        self.take(service, frame, now);
+        self.take(frame, now, service);
         true
     }
 

@@ -1,6 +1,6 @@
 //! The queue of writes to the memory: one record at a time, in the order in which they were asked for (SPEC 4.5, 6).
 
-use heapless::Deque;
+use heapless::Vec;
 
 use crate::memory::RecordKey;
 
@@ -19,7 +19,8 @@ pub trait Job: Copy {
 /// The writes that wait, and the one in flight.
 #[derive(Debug)]
 pub struct Writes<J> {
-    waiting: Deque<J, KINDS>,
+    /// The next one first.
+    waiting: Vec<J, KINDS>,
     in_flight: Option<J>,
 }
 
@@ -27,7 +28,7 @@ impl<J: Job> Writes<J> {
     /// Returns an empty queue.
     #[must_use]
     pub const fn new() -> Self {
-        Self { waiting: Deque::new(), in_flight: None }
+        Self { waiting: Vec::new(), in_flight: None }
     }
 
     /// Appends a write, or merges it into one of its kind that waits. The write in flight is not touched: its record was
@@ -40,20 +41,20 @@ impl<J: Job> Writes<J> {
             }
         }
         // There is a place for every kind.
-        let _ = self.waiting.push_back(job);
+        let _ = self.waiting.push(job);
     }
 
     /// Puts a write before all that wait: the second half of one that must not be parted.
     pub fn ask_first(&mut self, job: J) {
-        let _ = self.waiting.push_front(job);
+        let _ = self.waiting.insert(0, job);
     }
 
     /// Returns the next write and puts it in flight; `None` while one is.
     pub fn begin(&mut self) -> Option<J> {
-        if self.in_flight.is_some() {
+        if self.in_flight.is_some() || self.waiting.is_empty() {
             return None;
         }
-        self.in_flight = self.waiting.pop_front();
+        self.in_flight = Some(self.waiting.remove(0));
         self.in_flight
     }
 

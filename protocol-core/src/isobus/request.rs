@@ -27,7 +27,7 @@ impl Request {
     #[inline]
     #[must_use]
     pub fn of(id: J1939Id, frame: &Frame) -> Option<Self> {
-        let addressed = id.destination() != Address::GLOBAL;
+        let addressed = id.pdu_specific() != Address::GLOBAL.get();
         Some(Self { pgn: request::parse(frame)?, asker: id.source(), addressed })
     }
 

@@ -246,7 +246,14 @@ impl J1939Id {
     #[inline]
     #[must_use]
     pub const fn destination(self) -> Address {
-        if self.format().is_pdu1() { Address((self.0 >> 8) as u8) } else { Address::GLOBAL }
+        if self.format().is_pdu1() { Address(self.pdu_specific()) } else { Address::GLOBAL }
+    }
+
+    /// PDU specific: the destination in the format PDU1, the group extension in the format PDU2.
+    #[inline]
+    #[must_use]
+    pub const fn pdu_specific(self) -> u8 {
+        (self.0 >> 8) as u8
     }
 
     /// The source.

@@ -9,7 +9,7 @@ use crate::wire::j1939_id::{Address, Format, J1939Id, Pgn};
 
 /// The service that a frame is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Service {
+pub enum Service {
     /// The product's command group.
     Command,
     /// A request, to this node or to all.
@@ -22,9 +22,11 @@ pub(super) enum Service {
     Connection,
     /// None: a frame of another controller under the own address.
     Objection,
+    /// The product's protocol beside J1939.
+    OtherProtocol,
 }
 
-/// Bits 8–25 of an identifier: the group, and in the format PDU1 the destination.
+/// Bits 8–25 of an identifier, in their place: the group, and in the format PDU1 the destination.
 type Group = u32;
 
 /// The identifiers of the services.
@@ -34,6 +36,7 @@ pub(super) struct Groups {
     command: Group,
     request: Group,
     connection: Group,
+    other_protocol: Filter,
     /// Whether the controller has its filters.
     told: bool,
 }
@@ -48,13 +51,15 @@ const TRANSPORT_AND_CLAIMS: RangeInclusive<Group> =
 
 /// The bits of a key that hold a [`Group`].
 const GROUP: u32 = 0x3_FFFF << 8;
+/// The group of no frame.
+const NONE: Group = u32::MAX;
 /// The bits of a key that hold the source.
 const SOURCE: u32 = 0xFF;
 /// The bits of a key above those of an identifier: what tells an extended one.
 const EXTENDED: u32 = !0x1FFF_FFFF;
 
 const fn group(pgn: Pgn, destination: Address) -> Group {
-    pgn.raw() | destination.get() as u32
+    (pgn.raw() | destination.get() as u32) << 8
 }
 
 impl Groups {
@@ -62,18 +67,24 @@ impl Groups {
     pub(super) fn at(own: Address, rules: &Rules) -> Self {
         Self {
             own,
-            command: (rules.command)(own).raw(),
+            command: (rules.command)(own).raw() << 8,
             request: group(Pgn::REQUEST, own),
             connection: group(Pgn::TP_CONNECTION, own),
+            other_protocol: (rules.other_protocol)(own),
             told: false,
         }
+    }
+
+    /// Listens to no commands any more: the address is lost.
+    pub(super) const fn lose(&mut self) {
+        self.command = NONE;
     }
 
     /// Returns the service that a frame is for. A frame under the own address can be for another service too.
     #[inline]
     pub(super) fn service(&self, frame: &Frame) -> Option<Service> {
-        // A standard identifier has no bits of a group, and is for none.
-        let group: Group = frame.key() >> 8 & 0x3_FFFF;
+        // A standard identifier has hardly any bits of a group, and is for none.
+        let group: Group = frame.key() & GROUP;
         if group == self.command {
             return Some(Service::Command);
         }
@@ -83,7 +94,10 @@ impl Groups {
         if TRANSPORT_AND_CLAIMS.contains(&group) {
             return self.neighbour(frame, group);
         }
-        self.is_foreign_use(frame).then_some(Service::Objection)
+        if J1939Id::from_raw(frame.key()).source() == self.own {
+            return self.ends_in_own_address(frame);
+        }
+        None
     }
 
     /// The same for a group of the data link or of network management.
@@ -95,6 +109,15 @@ impl Groups {
             Format::TP_CONNECTION if group == self.connection => Some(Service::Connection),
             _ => self.is_foreign_use(frame).then_some(Service::Objection),
         }
+    }
+
+    /// The same for a frame of another group whose identifier ends in the own address.
+    #[inline]
+    fn ends_in_own_address(&self, frame: &Frame) -> Option<Service> {
+        if self.other_protocol.passes(frame) {
+            return Some(Service::OtherProtocol);
+        }
+        self.is_foreign_use(frame).then_some(Service::Objection)
     }
 
     /// Returns whether a frame that is no claim uses the own address. Both page bits are set in other protocols, UDS
@@ -122,6 +145,6 @@ impl Groups {
         let groups = [self.command, self.request, REQUEST_TO_ALL, self.connection].into_iter().chain(broadcasts);
         // Claims of the own address are among what is sent under it.
         let under_own = of(self.own.get().into(), SOURCE);
-        groups.map(|group| of(group << 8, GROUP)).chain([under_own]).collect()
+        groups.map(|group| of(group, GROUP)).chain([under_own]).collect()
     }
 }

@@ -14,6 +14,7 @@ mod groups;
 mod news;
 mod serve;
 
+pub use groups::Service;
 pub use serve::Indication;
 
 use groups::Groups;
@@ -43,6 +44,8 @@ const BROADCASTS: &[Pgn] = &[Pgn::COMMANDED_ADDRESS];
 pub struct Rules {
     /// The group of the commands to a node at this address.
     pub command: fn(Address) -> Pgn,
+    /// The identifiers of a protocol beside J1939 that the product speaks. Those for a node at this address end in it.
+    pub other_protocol: fn(Address) -> Filter,
     /// The group of the cyclic report of a node at this address.
     pub report: fn(Address) -> Pgn,
     /// The period of the report, which is a control message: more urgent than all else that a node sends. The first one goes
@@ -207,10 +210,7 @@ impl<const DM2: usize> Node<DM2> {
     /// Renders the most urgent frame that is owed.
     #[inline]
     pub fn next_frame(&mut self, now: Instant, product: &impl Product) -> Option<Frame> {
-        if !self.owes() {
-            return None;
-        }
-        self.render_first(now, product)
+        if self.owes() { self.render_first(now, product) } else { None }
     }
 
     /// Takes a frame back from the controller: it is owed again, as far as it may still be sent.
@@ -277,41 +277,62 @@ impl<const DM2: usize> Node<DM2> {
         !self.sendable().is_empty() || !self.answers.is_empty()
     }
 
-    /// Picks by identifier: its order is that of arbitration, for every frame here is an extended data frame.
     #[inline(never)]
     fn render_first(&mut self, now: Instant, product: &impl Product) -> Option<Frame> {
+        if !self.answers.is_empty() {
+            return self.render_among_answers(now, product);
+        }
+        let news = self.sendable().first()?;
+        self.render(now, product, news)
+    }
+
+    /// Picks by identifier: its order is that of arbitration, for every frame here is an extended data frame.
+    #[inline(never)]
+    fn render_among_answers(&mut self, now: Instant, product: &impl Product) -> Option<Frame> {
         let before_answers = |news: &News| self.answers.first().is_none_or(|answer| self.key_of(*news) < answer.key());
         match self.sendable().first().filter(before_answers) {
-            Some(news) => self.render(news, now, product),
+            Some(news) => self.render(now, product, news),
             None => self.answers.pop(),
         }
     }
 
-    fn render(&mut self, news: News, now: Instant, product: &impl Product) -> Option<Frame> {
-        self.owed.remove(news);
-        self.in_controller.insert(news);
+    #[inline(never)]
+    fn render(&mut self, now: Instant, product: &impl Product, news: News) -> Option<Frame> {
         match news {
-            News::Report => Some(Frame::full(self.report.id(), product.report(now))),
-            News::Claim => Some(self.claim.frame()),
-            News::Dm1 => {
-                let frame = self.dm1.render(self.own(), now);
-                self.schedule();
-                Some(frame)
+            News::Report => {
+                self.hand_out(News::Report);
+                Some(Frame::full(self.report.id(), product.report(now)))
             }
+            News::Claim => {
+                self.hand_out(News::Claim);
+                Some(self.claim.frame())
+            }
+            News::Dm1 => self.render_dm1(now),
             News::Dm2 => self.render_dm2(now, product),
             News::Packet => self.render_packet(),
         }
     }
 
+    #[inline(never)]
+    fn render_dm1(&mut self, now: Instant) -> Option<Frame> {
+        self.hand_out(News::Dm1);
+        let frame = self.dm1.render(self.own(), now);
+        self.schedule();
+        Some(frame)
+    }
+
     /// Renders DM2: one frame for none or one code, else the announcement of a broadcast.
+    #[inline(never)]
     fn render_dm2(&mut self, now: Instant, product: &impl Product) -> Option<Frame> {
         let mut codes = product.previously_active();
         let all = codes.clone();
         match (codes.next(), codes.next()) {
-            (one, None) => Some(single(Pgn::DM2, one, self.own())),
+            (one, None) => {
+                self.hand_out(News::Dm2);
+                Some(single(Pgn::DM2, one, self.own()))
+            }
             _ => {
-                self.in_controller.remove(News::Dm2);
-                self.in_controller.insert(News::Packet);
+                self.owed.remove(News::Dm2);
                 // No other is under way, and two codes are more bytes than the fewest of a broadcast.
                 let _ = self.bam.start(Pgn::DM2, dm::payload(all), now);
                 self.render_packet()
@@ -319,10 +340,17 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
+    #[inline(never)]
     fn render_packet(&mut self) -> Option<Frame> {
+        self.hand_out(News::Packet);
         let frame = self.bam.render(self.own());
         self.schedule();
         frame
+    }
+
+    const fn hand_out(&mut self, news: News) {
+        self.owed.remove(news);
+        self.in_controller.insert(news);
     }
 
     /// Returns the address under which the node sends: of a node that lost its address nobody's.

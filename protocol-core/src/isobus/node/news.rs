@@ -6,20 +6,24 @@
 #[repr(u8)]
 pub(super) enum News {
     /// The product's report.
-    Report = 1,
+    Report,
     /// The claim, or the cannot-claim.
-    Claim = 2,
+    Claim,
     /// DM1.
-    Dm1 = 4,
+    Dm1,
     /// DM2.
-    Dm2 = 8,
+    Dm2,
     /// The next frame of a broadcast in packets.
-    Packet = 16,
+    Packet,
 }
 
 impl News {
     /// All kinds.
     pub(super) const ALL: [Self; 5] = [Self::Report, Self::Claim, Self::Dm1, Self::Dm2, Self::Packet];
+
+    const fn bit(self) -> u8 {
+        1 << self as u8
+    }
 }
 
 /// A set of news.
@@ -28,7 +32,7 @@ pub(super) struct NewsSet(u8);
 
 impl NewsSet {
     pub(super) const EMPTY: Self = Self(0);
-    pub(super) const CLAIM: Self = Self(News::Claim as u8);
+    pub(super) const CLAIM: Self = Self(News::Claim.bit());
     pub(super) const ALL: Self = Self(0xFF);
 
     #[inline]
@@ -38,23 +42,23 @@ impl NewsSet {
 
     #[inline]
     pub(super) const fn contains(self, news: News) -> bool {
-        self.0 & news as u8 != 0
+        self.0 & news.bit() != 0
     }
 
     #[inline]
     pub(super) const fn insert(&mut self, news: News) {
-        self.0 |= news as u8;
+        self.0 |= news.bit();
     }
 
     #[inline]
     pub(super) const fn remove(&mut self, news: News) {
-        self.0 &= !(news as u8);
+        self.0 &= !news.bit();
     }
 
     /// Returns the most urgent of them.
     #[inline]
     pub(super) fn first(self) -> Option<News> {
-        News::ALL.get(usize::try_from(self.0.trailing_zeros()).ok()?).copied()
+        News::ALL.into_iter().find(|news| self.contains(*news))
     }
 
     /// Returns the news that are in both sets.

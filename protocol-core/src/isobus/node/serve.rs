@@ -20,6 +20,8 @@ pub enum Indication {
     Nothing,
     /// The frame is one of the product's command group.
     Command,
+    /// The frame is one of the product's protocol beside J1939.
+    OtherProtocol,
     /// DM3 asks to clear the previously active trouble codes; [`Node::acknowledge`] answers.
     ClearPreviouslyActive(Request),
     /// A commanded address is for the node's NAME.
@@ -29,27 +31,33 @@ pub enum Indication {
 }
 
 impl<const DM2: usize> Node<DM2> {
-    /// Returns whether a frame means something to the node, by its identifier alone.
+    /// Returns the service that a frame is for, by its identifier alone.
     #[inline]
     #[must_use]
-    pub fn listens(&self, frame: &Frame) -> bool {
-        self.groups.service(frame).is_some()
+    pub fn service(&self, frame: &Frame) -> Option<Service> {
+        self.groups.service(frame)
     }
 
-    /// Takes a frame. A remote frame means nothing on ISOBUS.
-    pub fn handle(&mut self, frame: &Frame, now: Instant) -> Indication {
+    /// Takes a frame for one of the services. A remote frame means nothing on ISOBUS.
+    #[inline]
+    pub fn handle(&mut self, service: Service, frame: &Frame, now: Instant) -> Indication {
         if frame.is_remote() {
             return Indication::Nothing;
         }
-        let Some(service) = self.groups.service(frame) else { return Indication::Nothing };
         if service != Service::Claim && self.groups.is_foreign_use(frame) {
             let outcome = self.claim.object(now);
             self.note(outcome, News::Claim);
         }
-        if service == Service::Command {
-            return if self.claim.is_lost() { Indication::Nothing } else { Indication::Command };
+        let id = J1939Id::from_raw(frame.key());
+        match service {
+            Service::Command => Indication::Command,
+            Service::OtherProtocol => Indication::OtherProtocol,
+            Service::Request => self.serve_request(id, frame, now),
+            Service::Claim => self.serve_claim(id, frame, now),
+            Service::Broadcast => self.serve_broadcast(id, frame, now),
+            Service::Connection => self.serve_connection(id, frame),
+            Service::Objection => Indication::Nothing,
         }
-        self.serve(service, frame, now)
     }
 
     /// Answers an order that was carried out or could not be: nothing for one to all.
@@ -57,17 +65,7 @@ impl<const DM2: usize> Node<DM2> {
         self.respond(request, if done { Control::Positive } else { Control::Negative });
     }
 
-    fn serve(&mut self, service: Service, frame: &Frame, now: Instant) -> Indication {
-        let id = J1939Id::from_raw(frame.key());
-        match service {
-            Service::Request => self.serve_request(id, frame, now),
-            Service::Claim => self.serve_claim(id, frame, now),
-            Service::Broadcast => self.serve_broadcast(id, frame, now),
-            Service::Connection => self.serve_connection(id, frame),
-            Service::Command | Service::Objection => Indication::Nothing,
-        }
-    }
-
+    #[inline]
     fn serve_request(&mut self, id: J1939Id, frame: &Frame, now: Instant) -> Indication {
         let Some(request) = Request::of(id, frame) else { return Indication::Nothing };
         if request.pgn != Pgn::ADDRESS_CLAIMED {
@@ -104,6 +102,7 @@ impl<const DM2: usize> Node<DM2> {
         match self.claim.contend(id.source(), name, now) {
             Outcome::Lost => {
                 self.give_up_all();
+                self.groups.lose();
                 // One place is enough: the list was cleared.
                 let _ = self.aborts.push(Filter::ALL);
                 self.next_report = NEVER;

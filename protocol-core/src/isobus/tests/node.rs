@@ -5,14 +5,18 @@ use std::vec::Vec;
 use super::*;
 use crate::controller::Filter;
 use crate::isobus::diagnostics::PERIOD;
-use crate::isobus::node::{Indication, Product, Rules};
+use crate::isobus::node::{Indication, Product, Rules, Service};
 use crate::time::{Duration, NEVER, after};
 use crate::wire::dm::{Lamp, Trouble, payload_len};
 use crate::wire::dtc::Dtc;
 use crate::wire::j1939_id::Pgn;
 
-const RULES: Rules =
-    Rules { command: |_| Pgn::new(0xFF10), report: |_| Pgn::new(0xFF20), report_period: Duration::from_millis(500) };
+const RULES: Rules = Rules {
+    command: |_| Pgn::new(0xFF10),
+    other_protocol: |own| Filter { key: 0x3BC0_0000 | u32::from(own.get()), mask: !0x003F_F800 },
+    report: |_| Pgn::new(0xFF20),
+    report_period: Duration::from_millis(500),
+};
 
 const CLAIM: &str = "18EEFF83: 01 00 20 07 08 FF 02 20";
 const CANNOT_CLAIM: &str = "18EEFFFE: 01 00 20 07 08 FF 02 20";
@@ -102,8 +106,8 @@ impl Rig {
 
     fn send(&mut self, text: &str) -> Indication {
         let frame = frame(text);
-        assert!(self.node.listens(&frame), "{text}");
-        let indication = self.node.handle(&frame, self.now);
+        let service = self.node.service(&frame).expect(text);
+        let indication = self.node.handle(service, &frame, self.now);
         self.pump();
         indication
     }
@@ -153,8 +157,9 @@ fn what_the_product_learns() {
     assert_eq!(rig.send("1CEBFF27: 01 01 00 20 07 08 FF 02"), Indication::Nothing);
     let commanded = rig.send("1CEBFF27: 02 20 81 FF FF FF FF FF");
     assert_eq!(commanded, Indication::CommandedAddress(Address::new(0x81)));
+    assert_eq!(rig.send("1BC78883: 03 22 F0 10"), Indication::OtherProtocol);
     assert_eq!(rig.send(LOSE), Indication::AddressLost);
-    assert_eq!(rig.send("0CFF1027: 01"), Indication::Nothing);
+    assert_eq!(rig.node.service(&frame("0CFF1027: 01")), None, "obeys nobody");
 }
 
 #[test]
@@ -237,7 +242,7 @@ fn a_lost_address_empties_the_controller() {
     rig.send("18EA8327: CA FE 00");
     let mut taken = rig.mailboxes.clone();
     assert_eq!(taken.len(), 2);
-    rig.node.handle(&frame(LOSE), rig.now);
+    rig.node.handle(Service::Claim, &frame(LOSE), rig.now);
     assert_eq!(rig.node.take_abort(), Some(Filter::ALL));
     taken.push(frame(CLAIM));
     for frame in taken {
@@ -344,8 +349,13 @@ fn another_controller_under_the_own_address() {
     rig.sent.clear();
     rig.send("18FF3083: 01");
     rig.expect(&[CLAIM]);
-    for other in ["1BFF3083: 01", "1BC78883: 03 22 F0 10", "283: 01"] {
-        assert!(!rig.node.listens(&frame(other)), "{other}");
+    for (other, service) in [
+        ("13FF3083: 01", None),
+        ("283: 01", None),
+        ("1BC78883: 03 22 F0 10", Some(Service::OtherProtocol)),
+        ("1BC78884: 03 22 F0 10", None),
+    ] {
+        assert_eq!(rig.node.service(&frame(other)), service, "{other}");
     }
 }
 

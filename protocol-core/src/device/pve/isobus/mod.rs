@@ -26,13 +26,12 @@ use crate::controller::{BitRate, BusErrorMode, Filter, Filters};
 use crate::device::host::{Base, Body, Host};
 use crate::device::{Outputs, Restart, Senses, ValveOutputs};
 use crate::frame::Frame;
-use crate::isobus::node::{Indication, Node};
+use crate::isobus::node::{Indication, Node, Service};
 use crate::memory::{Image, Record, RecordKey, StoreError};
 use crate::time::Instant;
 use crate::uds::Reaction;
 use crate::wire::dm::payload_len;
 use crate::wire::j1939_id::Address;
-use crate::wire::uds;
 use crate::wire::valve::Command;
 
 /// The longest DM2: every fault was active before.
@@ -53,8 +52,6 @@ pub struct IsobusValve {
     local_layer: LocalLayer,
     node: Node<DM2_MAX>,
     auxiliary: AuxiliaryValve,
-    /// The key of UDS requests, whatever their source.
-    uds: u32,
     clearing: Vec<Clearing, CLEARINGS>,
     /// The faults that DM3 asked to clear and that have not occurred since.
     clearable: FaultSet,
@@ -115,7 +112,7 @@ impl IsobusValve {
 impl Body for IsobusValve {
     type Setup = Setup;
     type Job = Job;
-    type Service = ();
+    type Service = Service;
 
     const FAULT_LOG: Option<Job> = Some(Job::FaultLog);
 
@@ -129,7 +126,6 @@ impl Body for IsobusValve {
             local_layer,
             node: Node::new(&RULES, name(&factory), own),
             auxiliary: AuxiliaryValve::new(setup.kind.actuator_type(), Instant::MIN),
-            uds: uds::key_to(uds::Address::node(own.get())),
             clearing: Vec::new(),
             clearable: FaultSet::EMPTY,
             senses: Senses::default(),
@@ -137,19 +133,19 @@ impl Body for IsobusValve {
     }
 
     #[inline]
-    fn service(&self, frame: &Frame) -> Option<()> {
-        (self.node.listens(frame) || frame.key() & uds::ANY_SOURCE == self.uds).then_some(())
+    fn service(&self, frame: &Frame) -> Option<Service> {
+        self.node.service(frame)
     }
 
-    fn handle(&mut self, (): (), frame: &Frame, base: &mut Base<Job>) {
-        match self.node.handle(frame, base.now()) {
-            Indication::Nothing if frame.key() & uds::ANY_SOURCE == self.uds => self.serve_uds(frame, base),
+    fn handle(&mut self, service: Service, frame: &Frame, base: &mut Base<Job>) {
+        match self.node.handle(service, frame, base.now()) {
             Indication::Nothing => {}
             Indication::Command => {
                 if let Ok(command) = Command::parse(frame.data()) {
                     self.auxiliary.obey(command, base.now());
                 }
             }
+            Indication::OtherProtocol => self.serve_uds(frame, base),
             Indication::ClearPreviouslyActive(request) => self.clear_previously_active(request, base),
             Indication::CommandedAddress(address) => self.store_address(address, base),
             Indication::AddressLost => self.auxiliary.block(base.now()),
@@ -186,10 +182,7 @@ impl Body for IsobusValve {
 
     #[inline]
     fn take_filters(&mut self) -> Option<Filters> {
-        let mut filters = self.node.take_filters()?;
-        // There is a place for each service.
-        let _ = filters.push(Filter { key: self.uds, mask: uds::ANY_SOURCE });
-        Some(filters)
+        self.node.take_filters()
     }
 
     #[inline]
@@ -248,7 +241,6 @@ impl Body for IsobusValve {
         sense(valve, &self.senses, now);
         let own = address(&self.setup, self.local_layer);
         self.node.restart(name(&self.factory), own);
-        self.uds = uds::key_to(uds::Address::node(own.get()));
         let layer = Job::LocalLayer(LayerChange::default(), LayerFor::Nobody);
         for (key, job) in [(RecordKey::Factory, Job::Factory), (RecordKey::LocalLayer, layer)] {
             if found.is_absent(key) {

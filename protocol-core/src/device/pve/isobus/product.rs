@@ -2,14 +2,17 @@
 
 use super::super::Setup;
 use super::super::records::{Factory, LocalLayer};
+use crate::controller::Filter;
 use crate::isobus::node::Rules;
 use crate::time::Duration;
 use crate::wire::j1939_id::{Address, Pgn};
 use crate::wire::name::{Fields, Name};
+use crate::wire::uds;
 
-/// Commanded by AVC, reports AVEF.
+/// Commanded by AVC, reports AVEF, answers UDS.
 pub(super) const RULES: Rules = Rules {
     command: |own| Pgn::avc(own.get()),
+    other_protocol: |own| Filter { key: uds::key_to(uds::Address::node(own.get())), mask: uds::ANY_SOURCE },
     report: |own| Pgn::avef(own.get()),
     report_period: Duration::from_millis(100),
 };
