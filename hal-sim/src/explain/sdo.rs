@@ -35,7 +35,8 @@ pub(super) fn answer(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
             format!("SDO answer {} = {}", object(target, kind), value(target, bytes, kind))
         }
         Answer::UploadInitiated { object: target, size } => {
-            format!("SDO answer {}, {}", object(target, kind), in_segments(Some(size)))
+            let size = (bytes[0] & 1 != 0).then_some(size);
+            format!("SDO answer {}, {}", object(target, kind), in_segments(size))
         }
         Answer::UploadSegment(part) => format!("SDO answer, {}", segment(&part)),
         Answer::DownloadDone(target) => format!("SDO written {}", object(target, kind)),
@@ -44,8 +45,8 @@ pub(super) fn answer(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
     })
 }
 
-/// The requests of a block transfer (CiA 301 7.2.4.3.9 to 7.2.4.3.16), which the stand-ins refuse. Its segments have no
-/// mark that tells them from other segments.
+/// The requests of a block transfer (CiA 301 7.2.4.3.9 to 7.2.4.3.16), which the stand-ins refuse. Its segments are in
+/// `block`.
 fn block_request(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
     let &[command, a, b, ..] = bytes;
     let target = || object(multiplexer(bytes), kind);
@@ -94,5 +95,20 @@ fn segment(part: &Segment) -> String {
 }
 
 fn abort(object: &str, code: AbortCode) -> String {
-    format!("SDO abort {object}: {} (0x{:08X})", code.meaning(), code.0)
+    // Codes that others send, beside those of the stand-ins (CiA 301 table 22).
+    let meaning = match code.0 {
+        0x0504_0002 => "invalid block size",
+        0x0504_0003 => "invalid sequence number",
+        0x0504_0004 => "CRC error",
+        0x0601_0000 => "unsupported access",
+        0x0604_0043 => "incompatible parameter",
+        0x0604_0047 => "incompatible within the device",
+        0x0609_0036 => "maximum below minimum",
+        0x060A_0023 => "resource not available",
+        0x0800_0000 => "general error",
+        0x0800_0021 => "local control",
+        0x0800_0023 => "no object dictionary",
+        _ => code.meaning(),
+    };
+    format!("SDO abort {object}: {meaning} (0x{:08X})", code.0)
 }
