@@ -21,9 +21,7 @@ def tpdos(valve, syncs):
         valve.network.sync.transmit()
     # the answer to this read comes after all that the SYNCs have caused
     valve.node.sdo[0x1000].raw
-    frames = []
-    while SDO_ANSWER not in frames:
-        frames.append(valve.heard.frames.get(timeout=PATIENCE).arbitration_id)
+    frames = valve.heard.until(SDO_ANSWER)
     equal("frames", set(frames) - {TPDO, SDO_ANSWER}, set())
     return len(frames) - 1
 

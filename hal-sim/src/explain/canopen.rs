@@ -31,6 +31,11 @@ pub(super) fn explain(id: u16, frame: &Frame, context: &Context<'_>) -> Option<S
         0x081..=0x0FF => emergency(frame, context.kind(node)).map(from_device),
         0x181..=0x1FF => Some(from_device(tpdo(data, context.kind(node)))),
         0x201..=0x27F => Some(to_device(rpdo(data))),
+        // PDOs 2 to 4, which the stand-ins do not have
+        0x281..=0x2FF | 0x381..=0x3FF | 0x481..=0x4FF => Some(from_device(format!("TPDO {}: {}", id >> 8, hex(data)))),
+        0x301..=0x37F | 0x401..=0x47F | 0x501..=0x57F => {
+            Some(to_device(format!("RPDO {}: {}", (id >> 8) - 1, hex(data))))
+        }
         0x581..=0x5FF => {
             let bytes = frame.eight()?;
             let segment = context.blocks.segment(node, Party::Server, bytes);

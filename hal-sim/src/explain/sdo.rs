@@ -2,7 +2,7 @@
 
 use protocol_core::wire::sdo::{AbortCode, Answer, Multiplexer, Request, Segment};
 
-use super::object::{object, value};
+use super::object::{self, object, value};
 use super::text_or_hex;
 use crate::kind::Kind;
 
@@ -12,7 +12,9 @@ pub(super) fn request(bytes: &[u8; 8], kind: Option<Kind>) -> String {
         Request::UploadSegment { toggle } => format!("SDO read, next segment, toggle {}", u8::from(toggle)),
         Request::DownloadExpedited { object: target, size, data } => {
             let bytes = data.to_le_bytes();
-            let bytes = bytes.get(..size.map_or(4, usize::from)).unwrap_or(&bytes);
+            // Without a size, that of the object.
+            let size = size.or_else(|| object::size(target, kind)).map_or(4, usize::from);
+            let bytes = bytes.get(..size).unwrap_or(&bytes);
             format!("SDO write {} = {}", object(target, kind), value(target, bytes, kind))
         }
         Request::InitiateDownload { object: target, size } => {
@@ -91,7 +93,8 @@ fn in_segments(size: Option<u32>) -> String {
 
 fn segment(part: &Segment) -> String {
     let last = if part.last { "last segment" } else { "segment" };
-    format!("{last} {}, toggle {}", text_or_hex(part.bytes()), u8::from(part.toggle))
+    let bytes = if part.bytes().is_empty() { "of no bytes".to_owned() } else { text_or_hex(part.bytes()) };
+    format!("{last} {bytes}, toggle {}", u8::from(part.toggle))
 }
 
 fn abort(object: &str, code: AbortCode) -> String {
