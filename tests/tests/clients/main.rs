@@ -9,6 +9,7 @@ mod isobus;
 mod readme;
 mod simulator;
 mod strangers;
+mod tshark;
 
 use std::ffi::OsStr;
 
