@@ -1,10 +1,7 @@
 """What the scripts for angle sensors share: the sensor as python-canopen sees it (docs/behaviour.md, 9)."""
 
-from canopen.objectdictionary import ObjectDictionary, ODRecord, ODVariable, datatypes
+from valve import BOOT_UP, PATIENCE, object_dictionary
 
-from valve import BOOT_UP, PATIENCE, TYPES
-
-TYPES = TYPES | {"i32": datatypes.INTEGER32}
 VENDOR, PRODUCT, REVISION = 0xDA, 925010, 0x00010007
 
 #: Objects of the sensor: name, and type, access and what they hold; for a record those of its sub-indices.
@@ -52,28 +49,16 @@ def subs(content):
     return content[0] if isinstance(content[0], dict) else {0: content}
 
 
-def object_dictionary():
-    def variable(name, index, sub, kind):
-        entry = ODVariable(name, index, sub)
-        data_type, entry.access_type = kind.split()
-        entry.data_type = TYPES[data_type]
-        return entry
-
-    dictionary = ObjectDictionary()
-    for index, (name, *content) in OBJECTS.items():
-        if not isinstance(content[0], dict):
-            dictionary.add_object(variable(name, index, 0, content[0]))
-            continue
-        record = ODRecord(name, index)
-        for sub, (kind, _) in content[0].items():
-            record.add_member(variable(f"{name} {sub}", index, sub, kind))
-        dictionary.add_object(record)
-    return dictionary
+#: The same as python-canopen's dictionary wants it: without what they hold.
+KINDS = {
+    index: (name, {sub: kind for sub, (kind, _) in subs(content).items()} if isinstance(content[0], dict) else content[0])
+    for index, (name, *content) in OBJECTS.items()
+}
 
 
 def at(valve, node_id):
     """The sensor under this node ID."""
-    node = valve.network.add_node(node_id, object_dictionary())
+    node = valve.network.add_node(node_id, object_dictionary(KINDS))
     node.sdo.RESPONSE_TIMEOUT = PATIENCE
     return node
 

@@ -1,7 +1,7 @@
 """An angle sensor and its master python-canopen: all objects, cyclic PDOs, PDOs by SYNC, preset, storing by group."""
 
 from encoder import OBJECTS, at, reset, subs
-from valve import INVALID, NO_OBJECT, NO_SUB, PATIENCE, READ_ONLY, TOO_HIGH, aborted, connected, equal
+from valve import INVALID, NO_OBJECT, NO_SUB, READ_ONLY, TOO_HIGH, aborted, connected, equal
 
 NODE_ID = 1
 TPDO = 0x180 + NODE_ID
@@ -44,10 +44,7 @@ def every_third_sync(valve, node):
         valve.network.sync.transmit()
         # the answer to this read comes after all that the SYNC has caused
         node.sdo[0x1000].raw
-        heard = []
-        while 0x580 + NODE_ID not in heard:
-            heard.append(valve.heard.frames.get(timeout=PATIENCE).arbitration_id)
-        answered += [number] * heard.count(TPDO)
+        answered += [number] * valve.heard.until(0x580 + NODE_ID).count(TPDO)
     equal("SYNCs with a PDO", answered, [3, 6, 9])
 
 

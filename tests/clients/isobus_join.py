@@ -38,8 +38,9 @@ with connected() as (tractor, ear):
 
     # the estimated flow comes every 100 ms, and on request
     frames = [ear.expect(AVEF.frame_id) for _ in range(11)]
-    gaps = [round((b.timestamp - a.timestamp) * 1000) for a, b in zip(frames, frames[1:])]
-    equal("AVEF every", gaps, 10 * [PERIOD_MS])
+    gaps = [(b.timestamp - a.timestamp) * 1000 for a, b in zip(frames, frames[1:])]
+    # a frame that is on the bus already makes the next one late, by its length at the most
+    assert all(abs(gap - PERIOD_MS) < 1 for gap in gaps), f"AVEF every {gaps} ms"
     tractor.request(0xFE10 | VALVE & 0xF)
     ear.expect(0x18EA0000 | VALVE << 8 | TRACTOR)
     asked = [ear.expect(AVEF.frame_id) for _ in range(2)]

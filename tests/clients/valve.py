@@ -45,6 +45,7 @@ TYPES = {
     "u32": datatypes.UNSIGNED32,
     "i8": datatypes.INTEGER8,
     "i16": datatypes.INTEGER16,
+    "i32": datatypes.INTEGER32,
     "text": datatypes.VISIBLE_STRING,
 }
 MAPPING = ["u8 rw"] + 8 * ["u32 rw"]
@@ -90,7 +91,9 @@ OBJECTS = {
 }
 
 
-def object_dictionary():
+def object_dictionary(objects):
+    """python-canopen's dictionary of objects: name, and the kind of a variable or those of a record's sub-indices."""
+
     def variable(name, index, sub, kind):
         entry = ODVariable(name, index, sub)
         data_type, entry.access_type = kind.split()
@@ -98,7 +101,7 @@ def object_dictionary():
         return entry
 
     dictionary = ObjectDictionary()
-    for index, (name, kinds) in OBJECTS.items():
+    for index, (name, kinds) in objects.items():
         if isinstance(kinds, str):
             dictionary.add_object(variable(name, index, 0, kinds))
             continue
@@ -129,24 +132,36 @@ class Heard(can.Listener):
         """Drops what was heard so far."""
         self.all()
 
+    def following(self, seconds):
+        """The frames from now on, for so many seconds, whatever else is on the bus."""
+        deadline = time.monotonic() + seconds
+        with contextlib.suppress(queue.Empty):
+            while True:
+                yield self.frames.get(timeout=max(0, deadline - time.monotonic()))
+
+    def until(self, cob_id, times=1):
+        """The identifiers of the frames up to the one that is so often heard."""
+        heard = []
+        for frame in self.following(PATIENCE):
+            heard.append(frame.arbitration_id)
+            if heard.count(cob_id) == times:
+                return heard
+        raise AssertionError(f"no {cob_id:03X}; last heard: {[f'{other:03X}' for other in heard[-8:]]}")
+
     def expect(self, cob_id, wanted, without=()):
         """The next frame with this identifier whose data are `wanted`, or satisfy it; drops what comes before.
 
         Nothing with an identifier of `without` may come before.
         """
         matches = wanted if callable(wanted) else lambda data: data == wanted
-        deadline = time.monotonic() + PATIENCE
         missed = []
-        while True:
-            try:
-                frame = self.frames.get(timeout=max(0, deadline - time.monotonic()))
-            except queue.Empty:
-                raise AssertionError(f"no {cob_id:03X} as wanted ({wanted}); last heard: {missed[-8:]}") from None
+        for frame in self.following(PATIENCE):
             data = bytes(frame.data)
             if frame.arbitration_id == cob_id and frame.is_extended_id == (cob_id > 0x7FF) and matches(data):
                 return frame
             assert frame.arbitration_id not in without, f"{frame} before {cob_id:03X}"
             missed.append(f"{frame.arbitration_id:03X}#{data.hex()}")
+        raise AssertionError(f"no {cob_id:03X} as wanted ({wanted}); last heard: {missed[-8:]}")
 
 
 class Valve:
@@ -165,7 +180,7 @@ class Valve:
 
     def at(self, node_id):
         """The valve under this node ID."""
-        node = self.network.add_node(node_id, object_dictionary())
+        node = self.network.add_node(node_id, object_dictionary(OBJECTS))
         node.sdo.RESPONSE_TIMEOUT = PATIENCE
         return node
 
@@ -187,10 +202,9 @@ class Valve:
         """
         answer = 0x1BC00000 | self.node.id << 11 | TESTER
         heard = []
-        for times in (1, 2):
+        for _ in range(2):
             self.network.send_message(0x1BC00000 | TESTER << 11 | self.node.id, bytes.fromhex("03 22 F0 10"))
-            while heard.count(answer) < times:
-                heard.append(self.heard.frames.get(timeout=PATIENCE).arbitration_id)
+            heard += self.heard.until(answer)
         return [cob_id for cob_id in heard if cob_id != answer]
 
     def command(self, control_word, set_point=0):

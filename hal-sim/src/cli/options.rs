@@ -39,7 +39,7 @@ pub struct RunArgs {
     /// The keys:
     ///   name=NAME  1–32 of a–z, 0–9 and '-'; by default the kind, then kind-2 …
     ///   serial=N   decimal or 0x; by default the next free one; part of the NAME on ISOBUS
-    ///   bit-rate=N as --bit-rate; by default 250k, of an angle sensor 500k
+    ///   bit-rate=N of a valve 125k, 250k, 500k, by default 250k; of an angle sensor as --bit-rate, by default 500k
     ///   blank      CANopen only: no node ID, waits for LSS
     ///
     /// With --state a memory that exists decides; ID, serial and bit-rate fill a new one only.

@@ -7,6 +7,7 @@ use protocol_core::frame::Frame;
 use protocol_core::wire::emcy::{Emcy, NO_ERROR};
 use protocol_core::wire::nmt::{self, Command, State, Target};
 
+use super::block::Party;
 use super::diagnostics::fault;
 use super::object::angle;
 use super::valve::{command, state, stroke};
@@ -30,10 +31,21 @@ pub(super) fn explain(id: u16, frame: &Frame, context: &Context<'_>) -> Option<S
         0x081..=0x0FF => emergency(frame, context.kind(node)).map(from_device),
         0x181..=0x1FF => Some(from_device(tpdo(data, context.kind(node)))),
         0x201..=0x27F => Some(to_device(rpdo(data))),
-        0x581..=0x5FF => sdo::answer(frame.eight()?, context.kind(node)).map(from_device),
+        // PDOs 2 to 4, which the stand-ins do not have
+        0x281..=0x2FF | 0x381..=0x3FF | 0x481..=0x4FF => Some(from_device(format!("TPDO {}: {}", id >> 8, hex(data)))),
+        0x301..=0x37F | 0x401..=0x47F | 0x501..=0x57F => {
+            Some(to_device(format!("RPDO {}: {}", (id >> 8) - 1, hex(data))))
+        }
+        0x581..=0x5FF => {
+            let bytes = frame.eight()?;
+            let segment = context.blocks.segment(node, Party::Server, bytes);
+            segment.or_else(|| sdo::answer(bytes, context.kind(node))).map(from_device)
+        }
         0x601..=0x67F => {
+            let bytes = frame.eight()?;
             let kind = context.node(node).map(|node| node.kind);
-            Some(to_device(sdo::request(frame.eight()?, kind)))
+            let segment = context.blocks.segment(node, Party::Client, bytes);
+            Some(to_device(segment.unwrap_or_else(|| sdo::request(bytes, kind))))
         }
         0x701..=0x77F => heartbeat(data).map(from_device),
         _ => None,

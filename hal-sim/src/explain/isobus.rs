@@ -122,15 +122,16 @@ fn broadcast(announcement: Announcement) -> String {
 
 /// A connection between two nodes (SAE J1939-21 5.10.3): valves take part in none.
 fn connection(bytes: &[u8; 8]) -> String {
-    let &[control, .., low, middle, high] = bytes;
-    let what = match control {
-        16 => "request to send",
-        17 => "clear to send",
-        19 => "end of message",
-        255 => "abort",
+    let &[control, a, b, packets, _, low, middle, high] = bytes;
+    let size = format!("{} bytes in {packets} packets", u16::from_le_bytes([a, b]));
+    let (what, rest) = match control {
+        16 => ("request to send", size),
+        17 => ("clear to send", format!("{a} packets from {b}")),
+        19 => ("end of message", size),
+        255 => ("abort", format!("reason {a}")),
         control => return format!("transport, unknown control byte {control}"),
     };
-    format!("transport, {what}, {}", group(Pgn::from_bytes([low, middle, high])))
+    format!("transport, {what}, {}, {rest}", group(Pgn::from_bytes([low, middle, high])))
 }
 
 fn command(data: &[u8]) -> String {

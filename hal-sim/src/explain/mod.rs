@@ -1,11 +1,13 @@
 //! What a frame means, in one short line: for the trace.
 //!
-//! A frame is explained by itself and the table of the devices on the bus, nothing else: no state is kept, so a line is
-//! right wherever the trace begins. PDOs are read by the default mapping and the default identifiers (SPEC 4.1).
+//! A frame is explained by itself and the table of the devices on the bus, so a line is right wherever the trace begins.
+//! The one exception are the segments of SDO block transfers, which nothing in them names: for those the frames before
+//! are remembered. PDOs are read by the default mapping and the default identifiers (SPEC 4.1).
 //!
 //! ```text
 //! canopen   NMT, SYNC, EMCY, PDOs, boot-up and heartbeat        object   objects and their values
 //! sdo       SDO requests and answers                            lss      LSS requests and answers
+//! block     SDO block transfers under way
 //! isobus    address claim, requests, transport, AVC, AVEF       diagnostics   faults, DM1, DM2
 //! uds       UDS lite                                            valve    control word, status word, stroke
 //! nature    whether a frame is of a cycle, is trouble, or comes from somebody else than it seems
@@ -13,6 +15,7 @@
 //!
 //! Imports run one way: `canopen` → `sdo` → `object` → `valve`.
 
+mod block;
 mod canopen;
 mod diagnostics;
 mod isobus;
@@ -27,6 +30,7 @@ pub use nature::{Mark, is_cyclic};
 
 use protocol_core::frame::{Frame, Id};
 
+use self::block::Blocks;
 use crate::bus::BusError;
 use crate::kind::Kind;
 
@@ -45,18 +49,25 @@ pub struct Node {
 #[derive(Clone, Debug, Default)]
 pub struct Explainer {
     nodes: Vec<Node>,
+    blocks: Blocks,
 }
 
 impl Explainer {
     /// For these devices.
     #[must_use]
-    pub const fn new(nodes: Vec<Node>) -> Self {
-        Self { nodes }
+    pub fn new(nodes: Vec<Node>) -> Self {
+        Self { nodes, blocks: Blocks::default() }
     }
 
     /// The devices; their node IDs change.
     pub fn nodes_mut(&mut self) -> &mut [Node] {
         &mut self.nodes
+    }
+
+    /// Takes notice of a frame on the bus, after its own explanation: it decides what later segments of an SDO block
+    /// transfer are taken for.
+    pub fn observe(&mut self, frame: &Frame) {
+        self.blocks.observe(frame);
     }
 
     /// What a frame means. `from` is the name of its sender, where that is known: a device is then called by its name
@@ -78,7 +89,7 @@ impl Explainer {
 
     fn context<'a>(&'a self, from: Option<&str>) -> Context<'a> {
         let sender = from.and_then(|name| self.nodes.iter().find(|node| node.name == name));
-        Context { nodes: &self.nodes, sender, from_client: from.is_some() && sender.is_none() }
+        Context { nodes: &self.nodes, blocks: &self.blocks, sender, from_client: from.is_some() && sender.is_none() }
     }
 
     fn meaning(&self, frame: &Frame, context: &Context<'_>) -> Option<String> {
@@ -108,6 +119,7 @@ pub fn explain_error(error: BusError, frame: &Frame, from: &str) -> String {
 /// What an explanation may look at beside the frame.
 struct Context<'a> {
     nodes: &'a [Node],
+    blocks: &'a Blocks,
     /// The device that sent the frame.
     sender: Option<&'a Node>,
     /// Whether a client sent it, and no device.

@@ -23,8 +23,16 @@ pub(super) fn object(object: Multiplexer, kind: Option<Kind>) -> String {
     entry(object, kind).map_or(number.clone(), |entry| format!("{number} ({})", entry.name))
 }
 
-/// What an object holds, of the type that the dictionary gives it.
+/// The size of an object that is a number, in bytes.
+pub(super) fn size(object: Multiplexer, kind: Option<Kind>) -> Option<u8> {
+    entry(object, kind).map(|entry| entry.data_type).filter(|data_type| !data_type.is_text()).map(DataType::size)
+}
+
+/// What an object holds, of the type that the dictionary gives it; bytes of another length are shown as they are.
 pub(super) fn value(object: Multiplexer, bytes: &[u8], kind: Option<Kind>) -> String {
+    if size(object, kind).is_some_and(|size| usize::from(size) != bytes.len()) {
+        return raw(bytes);
+    }
     let Some(entry) = entry(object, kind) else { return raw(bytes) };
     let Value::Number(number) = Value::of(entry.data_type, bytes) else { return text_or_hex(bytes) };
     match (object.index, object.sub) {

@@ -2,7 +2,7 @@
 
 use protocol_core::wire::sdo::{AbortCode, Answer, Multiplexer, Request, Segment};
 
-use super::object::{object, value};
+use super::object::{self, object, value};
 use super::text_or_hex;
 use crate::kind::Kind;
 
@@ -12,7 +12,9 @@ pub(super) fn request(bytes: &[u8; 8], kind: Option<Kind>) -> String {
         Request::UploadSegment { toggle } => format!("SDO read, next segment, toggle {}", u8::from(toggle)),
         Request::DownloadExpedited { object: target, size, data } => {
             let bytes = data.to_le_bytes();
-            let bytes = bytes.get(..size.map_or(4, usize::from)).unwrap_or(&bytes);
+            // Without a size, that of the object.
+            let size = size.or_else(|| object::size(target, kind)).map_or(4, usize::from);
+            let bytes = bytes.get(..size).unwrap_or(&bytes);
             format!("SDO write {} = {}", object(target, kind), value(target, bytes, kind))
         }
         Request::InitiateDownload { object: target, size } => {
@@ -35,7 +37,8 @@ pub(super) fn answer(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
             format!("SDO answer {} = {}", object(target, kind), value(target, bytes, kind))
         }
         Answer::UploadInitiated { object: target, size } => {
-            format!("SDO answer {}, {}", object(target, kind), in_segments(Some(size)))
+            let size = (bytes[0] & 1 != 0).then_some(size);
+            format!("SDO answer {}, {}", object(target, kind), in_segments(size))
         }
         Answer::UploadSegment(part) => format!("SDO answer, {}", segment(&part)),
         Answer::DownloadDone(target) => format!("SDO written {}", object(target, kind)),
@@ -44,8 +47,8 @@ pub(super) fn answer(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
     })
 }
 
-/// The requests of a block transfer (CiA 301 7.2.4.3.9 to 7.2.4.3.16), which the stand-ins refuse. Its segments have no
-/// mark that tells them from other segments.
+/// The requests of a block transfer (CiA 301 7.2.4.3.9 to 7.2.4.3.16), which the stand-ins refuse. Its segments are in
+/// `block`.
 fn block_request(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
     let &[command, a, b, ..] = bytes;
     let target = || object(multiplexer(bytes), kind);
@@ -90,9 +93,25 @@ fn in_segments(size: Option<u32>) -> String {
 
 fn segment(part: &Segment) -> String {
     let last = if part.last { "last segment" } else { "segment" };
-    format!("{last} {}, toggle {}", text_or_hex(part.bytes()), u8::from(part.toggle))
+    let bytes = if part.bytes().is_empty() { "of no bytes".to_owned() } else { text_or_hex(part.bytes()) };
+    format!("{last} {bytes}, toggle {}", u8::from(part.toggle))
 }
 
 fn abort(object: &str, code: AbortCode) -> String {
-    format!("SDO abort {object}: {} (0x{:08X})", code.meaning(), code.0)
+    // Codes that others send, beside those of the stand-ins (CiA 301 table 22).
+    let meaning = match code.0 {
+        0x0504_0002 => "invalid block size",
+        0x0504_0003 => "invalid sequence number",
+        0x0504_0004 => "CRC error",
+        0x0601_0000 => "unsupported access",
+        0x0604_0043 => "incompatible parameter",
+        0x0604_0047 => "incompatible within the device",
+        0x0609_0036 => "maximum below minimum",
+        0x060A_0023 => "resource not available",
+        0x0800_0000 => "general error",
+        0x0800_0021 => "local control",
+        0x0800_0023 => "no object dictionary",
+        _ => code.meaning(),
+    };
+    format!("SDO abort {object}: {meaning} (0x{:08X})", code.0)
 }

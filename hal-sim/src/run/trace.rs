@@ -111,6 +111,9 @@ impl Trace {
             (_, Some((_, text)), None) => self.plain(&text),
             (_, None, _) => {}
         }
+        if let EventKind::Frame { frame, .. } = &event.what {
+            self.explainer.observe(frame);
+        }
         if self.lines.len() >= BATCH {
             self.print();
         }

@@ -5,6 +5,7 @@ mod bus;
 mod console;
 mod ends;
 mod files;
+mod options;
 mod simulator;
 
 use std::fs;

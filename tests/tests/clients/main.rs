@@ -4,10 +4,12 @@
 //! `./test` makes the virtual environment `target/venv` with the clients; the scripts are in `tests/clients/`, one subject each.
 
 mod command_line;
+mod dissectors;
 mod isobus;
 mod readme;
 mod simulator;
 mod strangers;
+mod tshark;
 
 use std::ffi::OsStr;
 

@@ -78,6 +78,57 @@ fn the_first_drive_works_twice_in_a_row() {
     simulator.terminate();
 }
 
+/// Each block of the README, by words in it, and what goes through it.
+#[test]
+fn every_block_of_the_readme_is_gone_through() {
+    const FIRST_DRIVE: &str = "the_first_drive_works_twice_in_a_row";
+    let known = [
+        ("cargo run\n", "every test: it is Simulator::start"),
+        ("pvea-canopen: boot-up", "the_trace_begins_as_the_readme_shows_it"),
+        ("pip install", "the_readme_installs_what_is_tested"),
+        ("venv/bin/python examples/drive.py", FIRST_DRIVE),
+        ("canopen.Network()", FIRST_DRIVE),
+        ("status 0x0009", FIRST_DRIVE),
+        ("can_logger", "the_logger_joins_as_the_pages_say"),
+        ("examples/boom.py", "the_boom_of_the_readme_reaches_its_angle_twice_in_a_row"),
+        ("cargo firmware", "the_commands_for_the_board_are_there"),
+    ];
+    for (_, block) in blocks("README.md") {
+        assert!(known.iter().any(|(words, _)| block.contains(words)), "nothing goes through this:\n{block}");
+    }
+    for (words, _) in known {
+        block("README.md", words);
+    }
+}
+
+#[test]
+fn the_boom_of_the_readme_reaches_its_angle_twice_in_a_row() {
+    let block = block("README.md", "examples/boom.py");
+    let [run, client] = block.lines().collect::<Vec<_>>()[..] else { panic!("{block}") };
+    let options: Vec<&str> = run.strip_prefix("cargo run -- ").expect("a command line").split(' ').collect();
+    let words: Vec<&str> = client.split(' ').collect();
+    let ["venv/bin/python", "examples/boom.py", "127.0.0.1", PORT, "pve0", degrees] = words[..] else {
+        panic!("{client}")
+    };
+    let simulator = Simulator::start(&options);
+    for _ in 1..=2 {
+        let angles = simulator.serve("../../examples/boom.py", &[degrees]);
+        let last = angles.lines().last().and_then(|line| line.split_once(' ')).expect("an angle").1;
+        let (last, wanted): (f64, f64) = (last.parse().expect("a number"), degrees.parse().expect("a number"));
+        assert!((last - wanted).abs() < 0.5, "{angles}");
+    }
+    simulator.terminate();
+}
+
+#[test]
+fn the_commands_for_the_board_are_there() {
+    let aliases = fs::read_to_string(root().join(".cargo/config.toml")).expect("cargo's aliases");
+    for line in block("README.md", "cargo firmware").lines() {
+        let alias = line.strip_prefix("cargo ").expect("a command of cargo");
+        assert!(aliases.lines().any(|line| line.starts_with(&format!("{alias} = "))), "{line}");
+    }
+}
+
 /// Frame by frame, meanings included; the times are those of the README's run.
 #[test]
 fn the_trace_begins_as_the_readme_shows_it() {

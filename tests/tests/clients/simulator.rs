@@ -15,6 +15,9 @@ use rustix::process::{Pid, Signal, kill_process};
 /// How long the simulator may take to start or to end.
 const PATIENCE: Duration = Duration::from_secs(30);
 
+/// How long a script may take, in seconds: longer than those that say themselves where they hang.
+const LIFE: u64 = 120;
+
 /// The binary beside this test's own, built afresh: a test of a stale one would say nothing.
 pub(crate) static PVE_SIM: LazyLock<PathBuf> = LazyLock::new(|| {
     let profile = profile();
@@ -48,7 +51,8 @@ pub(crate) struct Simulator {
     process: Child,
     address: [String; 3],
     output: Arc<Mutex<String>>,
-    ended: Receiver<()>,
+    /// Behind a lock, so that scripts can be served on several threads.
+    ended: Mutex<Receiver<()>>,
 }
 
 impl Simulator {
@@ -87,7 +91,7 @@ impl Simulator {
             }
             let _ = end.send(());
         });
-        let mut simulator = Self { process, address: Default::default(), output, ended };
+        let mut simulator = Self { process, address: Default::default(), output, ended: Mutex::new(ended) };
         let line = first_line.recv_timeout(PATIENCE).expect("pve-sim says that it is ready");
         simulator.address = address(&line).unwrap_or_else(|| {
             panic!("the first line is no ready line: {line:?}\n{}", simulator.said());
@@ -107,14 +111,22 @@ impl Simulator {
 
     /// Runs a script against it, and shows all there is to see when it fails; returns what the script printed.
     pub(crate) fn serve(&self, script: &str, arguments: &[&str]) -> String {
+        self.serve_within(LIFE, script, arguments)
+    }
+
+    /// The same with a script that may take so many seconds.
+    pub(crate) fn serve_within(&self, seconds: u64, script: &str, arguments: &[&str]) -> String {
         let python = python();
-        let run = Command::new(&python)
+        assert!(python.exists(), "{}: not there; ./test makes the environment", python.display());
+        let run = Command::new("timeout")
+            .arg(seconds.to_string())
+            .arg(python)
             .arg(root().join("tests/clients").join(script))
             .args(&self.address)
             .args(arguments)
             .stdin(Stdio::null())
             .output()
-            .unwrap_or_else(|error| panic!("{}: {error}; ./test makes the environment", python.display()));
+            .expect("timeout runs");
         assert!(
             run.status.success(),
             "{script} {arguments:?}: {}\n--- client\n{}{}\n--- pve-sim\n{}",
@@ -127,12 +139,18 @@ impl Simulator {
     }
 
     /// Ends it as a user does, and sees it end well.
-    pub(crate) fn terminate(mut self) {
+    pub(crate) fn terminate(self) {
+        self.finish();
+    }
+
+    /// Ends it as a user does, and sees it end well; returns its whole trace, and what it wrote to stderr.
+    pub(crate) fn finish(mut self) -> String {
         let pid = Pid::from_child(&self.process);
         kill_process(pid, Signal::TERM).expect("it still runs");
-        self.ended.recv_timeout(PATIENCE).expect("SIGTERM ends it");
+        self.ended.get_mut().unwrap().recv_timeout(PATIENCE).expect("SIGTERM ends it");
         let status = self.process.wait().expect("it is our child");
         assert!(status.success(), "SIGTERM: {status}\n{}", self.said());
+        self.said()
     }
 
     /// Its trace, and what it wrote to stderr.

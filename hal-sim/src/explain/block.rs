@@ -1,0 +1,102 @@
+//! Block transfers of SDO under way (CiA 301 7.2.4.3.9 to 7.2.4.3.16): a segment has a sequence number in the place of
+//! the command, and only the frames before it tell that.
+
+use std::collections::BTreeMap;
+
+use protocol_core::frame::{Frame, Id};
+
+use super::text_or_hex;
+
+/// A party of a transfer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Party {
+    Client,
+    Server,
+}
+
+/// The block transfers of a bus. Client and server are a pair by their COB-IDs, 0x600 and 0x580 + node ID: at most one
+/// transfer for each of the 127 node IDs.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Blocks(BTreeMap<u8, Transfer>);
+
+/// A block transfer.
+#[derive(Clone, Copy, Debug)]
+struct Transfer {
+    /// The party that sends the segments.
+    sender: Party,
+    /// Segments in a block, as the receiver asked for.
+    size: u8,
+    /// The number of the next segment; `None` between blocks.
+    next: Option<u8>,
+    /// The number of the last segment of the transfer, once it was sent.
+    last: Option<u8>,
+}
+
+impl Transfer {
+    const fn new(sender: Party, size: u8, next: Option<u8>) -> Self {
+        Self { sender, size, next, last: None }
+    }
+
+    fn is_segment(&self, from: Party, command: u8) -> bool {
+        self.sender == from && self.next == Some(command & !LAST)
+    }
+
+    /// Counts the segment that this command begins.
+    fn count(&mut self, command: u8) {
+        let number = command & !LAST;
+        let is_last = command & LAST != 0;
+        self.last = is_last.then_some(number);
+        self.next = (!is_last && number < self.size).then_some(number + 1);
+    }
+}
+
+/// The bit of the last segment; the others are its number.
+const LAST: u8 = 1 << 7;
+
+impl Blocks {
+    /// What a segment of the transfer of this node ID says; `None` if the frame is not one.
+    pub(super) fn segment(&self, node: u8, from: Party, bytes: &[u8; 8]) -> Option<String> {
+        let [command, data @ ..] = bytes;
+        self.0.get(&node).filter(|transfer| transfer.is_segment(from, *command))?;
+        let direction = match from {
+            Party::Client => "write",
+            Party::Server => "answer",
+        };
+        let last = if command & LAST != 0 { "last segment" } else { "segment" };
+        Some(format!("SDO block {direction}, {last} {}: {}", command & !LAST, text_or_hex(data)))
+    }
+
+    /// Takes notice of a frame on the bus.
+    pub(super) fn observe(&mut self, frame: &Frame) {
+        let (Id::Standard(id), Some(&bytes)) = (frame.id(), frame.eight()) else { return };
+        let from = match id.as_raw() {
+            0x581..=0x5FF => Party::Server,
+            0x601..=0x67F => Party::Client,
+            _ => return,
+        };
+        let node = (id.as_raw() & 0x7F) as u8;
+        let [command, acknowledged, size, _, initial_size, ..] = bytes;
+        let transfer = self.0.get_mut(&node);
+        match (from, command >> 5, command & 0b11, transfer) {
+            (_, _, _, Some(transfer)) if transfer.is_segment(from, command) => transfer.count(command),
+            (Party::Client, 5, 0, _) => {
+                self.0.insert(node, Transfer::new(Party::Server, initial_size, None));
+            }
+            (Party::Server, 6, 0 | 2, Some(transfer)) if transfer.sender == from => {}
+            (Party::Client, 5, 3, Some(transfer)) if transfer.sender != from => transfer.next = Some(1),
+            (Party::Server, 5, 0, _) => {
+                self.0.insert(node, Transfer::new(Party::Client, initial_size, Some(1)));
+            }
+            (_, 5, 2, Some(transfer)) if transfer.sender != from && transfer.last != Some(acknowledged) => {
+                *transfer = Transfer::new(transfer.sender, size, Some(1));
+            }
+            _ => {
+                self.0.remove(&node);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "block_tests.rs"]
+mod tests;

@@ -1,0 +1,184 @@
+//! Every line of the option tables of docs/pve-sim.md, typed once right and once wrong. A right one starts; a wrong one
+//! gets a line that names what is accepted, and exit 2.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::Stdio;
+
+use crate::simulator::{Simulator, output, pve_sim, refusal};
+
+/// Where each test has its bus; `--bus` has the one of its row.
+const ANY_PORT: &str = "socketcand://127.0.0.1:0/pve0";
+
+/// A line of a table: its name, the right words, the wrong ones, and what the refusal names.
+type Line = (&'static str, &'static str, &'static str, &'static str);
+
+/// The options; `DIR` is a folder of the test's own.
+const OPTIONS: &[Line] = &[
+    ("--device", "--device pveo-canopen@0x7F,name=rear", "--device valve", "accepted: pvea-canopen, pveo-canopen,"),
+    (
+        "--link",
+        "--device pvea-canopen --device hat1000,bit-rate=250k --link pvea-canopen=hat1000",
+        "--link boom",
+        "accepted: VALVE=SENSOR",
+    ),
+    ("--bus", "--bus socketcand://127.0.0.1:0/boom", "--bus can0", "accepted: socketcand://HOST:PORT/NAME"),
+    ("--bit-rate", "--bit-rate 250k", "--bit-rate 300k", "accepted: 10000, 20000, 50000, 125000, 250000,"),
+    ("--state", "--state DIR", "--state", "'--state <DIR>'"),
+    ("--speed", "--speed 0.5", "--speed 0", "a number above 0"),
+    ("--log", "--log DIR/frames.log", "--log", "'--log <FILE>'"),
+    ("--log-overwrite", "--log DIR/frames.log --log-overwrite", "--log-overwrite", "--log <FILE>"),
+    ("--error-frames", "--error-frames", "--error-frames=all", "no more were expected"),
+    ("--beacon", "--beacon", "--beacon=loud", "no more were expected"),
+    ("--color", "--color never", "--color red", "auto, always, never"),
+    ("--verbose", "--verbose", "--verbose=2", "no more were expected"),
+    ("--seed", "--seed 18446744073709551615", "--seed 18446744073709551616", "0–18446744073709551615"),
+    ("--allow-clash", "--allow-clash --device pvea-canopen --device pvea-canopen", "--allow-clash=2", "no more"),
+    ("--no-http", "--no-http", "--no-http=1", "no more were expected"),
+];
+
+/// The parts of `--device`.
+const PARTS: &[Line] = &[
+    ("KIND", "--device hat3000", "--device hat2000", "accepted: pvea-canopen,"),
+    ("@ID", "--device pvea-isobus@0x8F", "--device pvea-isobus@0x90", "accepted: 128–143, or 0x80–0x8F"),
+    (
+        "name=",
+        "--device pvea-canopen,name=boom-2",
+        "--device pvea-canopen,name=Boom",
+        "accepted: 1–32 characters of a–z,",
+    ),
+    ("serial=", "--device pvea-canopen,serial=0x7", "--device pvea-canopen,serial=x", "accepted: 0–4294967295,"),
+    (
+        "bit-rate=",
+        "--device pvea-canopen,bit-rate=125k",
+        "--device pvea-canopen,bit-rate=1M",
+        "accepted: 125000, 250000, 500000",
+    ),
+    ("blank", "--device pvea-canopen,blank", "--device pvea-isobus,blank", "accepted: @ID"),
+];
+
+/// The keys of `--link`.
+const KEYS: &[Line] = &[
+    ("rate=", "--link pvea-canopen=hat1000,rate=-50", "--link pvea-canopen=hat1000,rate=fast", "1/100 degree a second"),
+    ("min=", "--link pvea-canopen=hat1000,min=10,max=20", "--link pvea-canopen=hat1000,min=-1", "accepted: 0–35999"),
+    ("max=", "--link pvea-canopen=hat1000,max=35999", "--link pvea-canopen=hat1000,max=36000", "accepted: 0–35999"),
+];
+
+/// The words of stdin: of each what is answered, right and wrong.
+const WORDS: &[Line] = &[
+    ("supply_mv", "supply_mv 12000", "supply_mv low", "accepted: supply_mv N"),
+    ("temperature_c", "temperature_c -40", "temperature_c hot", "temperature_c N"),
+    ("spool", "spool no-float", "spool bent", "spool ok|stuck|slow|drifting|no-float"),
+    ("lever", "lever -16384", "lever -16385", "lever N|off"),
+    ("internal_fault", "internal_fault on", "internal_fault maybe", "internal_fault on|off"),
+    ("memory", "memory write-fails", "memory full", "memory ok|write-fails"),
+    ("bus_off", "bus_off off", "bus_off 2", "bus_off on|off"),
+    ("status", "status", "status all", "status, help"),
+    ("help", "help", "help me", "status, help"),
+];
+
+/// The names in the first column of the table that begins so, without what is set for a name.
+fn documented(head: &str) -> BTreeSet<String> {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/pve-sim.md");
+    let page = fs::read_to_string(page).expect("the page");
+    let table = page.lines().skip_while(|line| !line.starts_with(head)).take_while(|line| line.starts_with('|'));
+    let cells = table.skip(2).filter_map(|line| line.split('|').nth(1));
+    let name = |name: &str| name.trim().trim_matches('`').split(' ').next().expect("a word").to_owned();
+    cells
+        .flat_map(|cell| cell.trim().trim_end_matches("repeatable").split(", "))
+        .map(name)
+        .filter(|name| !name.is_empty())
+        .collect()
+}
+
+fn names(lines: &[Line]) -> BTreeSet<String> {
+    lines.iter().map(|(name, ..)| (*name).to_owned()).collect()
+}
+
+/// The words of a command line, with the bus of the test where the line has none, and a folder of its own.
+fn words(line: &str, folder: &Path) -> Vec<String> {
+    let bus = if line.contains("--bus") { String::new() } else { format!("--bus {ANY_PORT} ") };
+    let line = format!("{bus}{line}").replace("DIR", folder.to_str().expect("text"));
+    line.split(' ').map(str::to_owned).collect()
+}
+
+/// Types each line right and wrong, after what they have in common.
+fn type_each(lines: &[Line], common: &str) {
+    for (name, right, wrong, accepted) in lines {
+        let folder = tempfile::tempdir().expect("a folder");
+        let typed = |line: &str| words(&format!("{common}{line}"), folder.path());
+        let line = typed(right);
+        let simulator = Simulator::start(&line.iter().map(String::as_str).collect::<Vec<_>>());
+        assert!(simulator.ready.starts_with("pve-sim ready "), "{name}: {line:?}");
+        drop(simulator);
+        let line = typed(wrong);
+        let refusal = refusal(&line.iter().map(String::as_str).collect::<Vec<_>>(), 2);
+        assert!(refusal.starts_with("pve-sim: ") && refusal.contains(accepted), "{name}: {refusal}");
+    }
+}
+
+#[test]
+fn every_option() {
+    let help = String::from_utf8(output(&["--help"]).stdout).expect("text");
+    let shown = help.split_whitespace().filter(|word| word.starts_with("--")).map(|word| {
+        let end = word.find(|c: char| !(c.is_ascii_lowercase() || c == '-')).unwrap_or(word.len());
+        word[..end].to_owned()
+    });
+    let of_clap = ["--help", "--version"].map(str::to_owned);
+    let shown: BTreeSet<String> = shown.filter(|option| !of_clap.contains(option)).collect();
+    let typed = names(OPTIONS);
+    assert_eq!(documented("| option |"), typed);
+    assert!(shown.is_subset(&typed), "{shown:?}");
+    type_each(OPTIONS, "");
+}
+
+#[test]
+fn every_part_of_a_device() {
+    assert_eq!(documented("| part |"), names(PARTS));
+    type_each(PARTS, "");
+}
+
+#[test]
+fn every_key_of_a_link() {
+    assert_eq!(documented("| key |"), names(KEYS));
+    type_each(KEYS, "--device pvea-canopen --device hat1000,bit-rate=250k ");
+}
+
+#[test]
+fn every_word_on_stdin() {
+    assert_eq!(documented("| word |"), names(WORDS));
+    let mut simulator = Simulator::spawn(pve_sim(&["--bus", ANY_PORT]).stdin(Stdio::piped()));
+    let mut stdin = simulator.process.stdin.take().expect("a pipe");
+    let mut stderr = BufReader::new(simulator.process.stderr.take().expect("a pipe")).lines();
+    // The answer of each line ends before the next: `status` begins with the name of the device, `help` ends with itself.
+    let mut answer = |line: &str, wanted: &str| {
+        writeln!(stdin, "{line}").expect("it reads");
+        let answer = stderr.find_map(|told| told.ok().filter(|told| told.contains(wanted)));
+        assert!(answer.is_some(), "{line}");
+    };
+    for (name, right, wrong, accepted) in WORDS {
+        let told = match *name {
+            "status" => "pvea-canopen: ",
+            "help" => "help                 this",
+            _ => "ok",
+        };
+        answer(right, told);
+        answer(wrong, &format!("'{wrong}' is not understood; accepted: "));
+        answer(wrong, accepted);
+    }
+}
+
+#[test]
+fn every_command() {
+    for (right, wrong, accepted) in [
+        ("run --help", "walk", "accepted: run, use-case, help"),
+        ("use-case 1", "use-case 7", "accepted: 1, 2, 3, 4, 5, 6, isobus, hat, all"),
+        ("help use-case", "help walk", "'walk'"),
+    ] {
+        assert_eq!(output(&right.split(' ').collect::<Vec<_>>()).status.code(), Some(0), "{right}");
+        let refusal = refusal(&wrong.split(' ').collect::<Vec<_>>(), 2);
+        assert!(refusal.contains(accepted), "{wrong}: {refusal}");
+    }
+}
