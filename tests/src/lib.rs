@@ -4,11 +4,13 @@
 //! answers  which requests have had none
 //! rig      one device on a bus of its own: for what a device says and does
 //! senses   what a valve senses
+//! hostile  what can happen to any device, for random tests
 //! bench    valves and a master in a simulated world: for bus errors, flashes, several devices
 //! ```
 
 mod answers;
 mod bench;
+pub mod hostile;
 pub mod isobus;
 mod rig;
 mod senses;

@@ -14,8 +14,8 @@ use protocol_core::actuator::{Position, SpoolFault};
 use protocol_core::controller::BusErrorMode;
 use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::frame::{Frame, Id, extended, standard};
-use protocol_core::memory::RecordKey;
 use protocol_core::time::Duration;
+use tests::hostile::Disturbance;
 use tests::isobus::{BLOCK, CANNOT_CLAIM, CLAIM, DM1_CLEAR, HAND, LOWER_NAME, STOP};
 use tests::{Rig, Senses};
 
@@ -26,19 +26,8 @@ const BURST: u64 = 40;
 #[derive(Clone, Debug)]
 enum Event {
     Frame(Frame),
-    Advance(u64),
-    Leap(u64),
-    TurnBack(u64),
     Sense(Senses),
-    HoldBus(bool),
-    WritesFail(bool),
-    WriteTime(u64),
-    Flush,
-    PowerCycle,
-    WatchdogReset,
-    MemoryDamaged(bool),
-    /// A bit of a record rots.
-    Rot(RecordKey, usize, u8),
+    Around(Disturbance),
 }
 
 /// Eight bytes under an identifier, sometimes of another length, sometimes a remote frame.
@@ -152,45 +141,19 @@ fn senses() -> impl Strategy<Value = Senses> {
 }
 
 fn event() -> impl Strategy<Value = Event> {
-    let ms = || prop_oneof![4 => 0..=60_u64, 2 => 0..=300_u64, 1 => 0..=3000_u64];
     prop_oneof![
         40 => plain_frame().prop_map(Event::Frame),
         20 => transport_frame().prop_map(Event::Frame),
-        16 => ms().prop_map(Event::Advance),
-        3 => prop_oneof![4 => ms().prop_map(|ms| ms * 1000), 1 => 0..=1_u64 << 40].prop_map(Event::Leap),
-        1 => ms().prop_map(Event::TurnBack),
         6 => senses().prop_map(Event::Sense),
-        2 => any::<bool>().prop_map(Event::HoldBus),
-        2 => any::<bool>().prop_map(Event::WritesFail),
-        2 => ms().prop_map(Event::WriteTime),
-        1 => Just(Event::Flush),
-        1 => Just(Event::PowerCycle),
-        1 => Just(Event::WatchdogReset),
-        1 => prop::bool::weighted(0.2).prop_map(Event::MemoryDamaged),
-        1 => (select(&RecordKey::ALL[..]), any::<usize>(), 0..8_u8).prop_map(|(key, at, bit)| Event::Rot(key, at, bit)),
+        32 => Disturbance::any().prop_map(Event::Around),
     ]
 }
 
 fn act(rig: &mut Rig, event: &Event) {
     match event {
         Event::Frame(frame) => rig.send_frame(*frame),
-        Event::Advance(ms) => rig.advance(*ms),
-        Event::Leap(us) => rig.leap(Duration::from_micros(*us)),
-        Event::TurnBack(ms) => rig.turn_back(Duration::from_millis(*ms)),
         Event::Sense(senses) => rig.sense(|sensed| *sensed = *senses),
-        Event::HoldBus(held) => rig.hold_bus(*held),
-        Event::WritesFail(fail) => rig.writes_fail = *fail,
-        Event::WriteTime(ms) => rig.write_time = Duration::from_millis(*ms),
-        Event::Flush => rig.flush(),
-        Event::PowerCycle => rig.power_cycle(),
-        Event::WatchdogReset => rig.watchdog_reset(),
-        Event::MemoryDamaged(damaged) => rig.memory_damaged = *damaged,
-        Event::Rot(key, at, bit) => {
-            if let Some(record) = rig.records.get_mut(key).filter(|record| !record.is_empty()) {
-                let at = at % record.len();
-                record[at] ^= 1 << bit;
-            }
-        }
+        Event::Around(disturbance) => disturbance.act(rig),
     }
 }
 
@@ -378,7 +341,7 @@ proptest! {
                 prop_assert!(!lost || restarted || frame.to_string() == CANNOT_CLAIM, "{} of a lost valve", frame);
                 sent += 1;
             }
-            let passed = if let Event::Advance(ms) = event { *ms } else { 0 };
+            let passed = if let Event::Around(disturbance) = event { disturbance.passes_ms() } else { 0 };
             prop_assert!(sent <= BURST + passed / 30, "{} frames after {:?}", sent, event);
         }
         assert_serves(&mut rig);
@@ -387,7 +350,7 @@ proptest! {
     /// Nobody but a commanded address gives a voice back to a valve that has lost its address.
     #[test]
     fn a_lost_valve_is_silent(setup in setup(), events in vec(
-        prop_oneof![6 => plain_frame().prop_map(Event::Frame), 1 => senses().prop_map(Event::Sense), 3 => (0..400_u64).prop_map(Event::Advance)],
+        prop_oneof![6 => plain_frame().prop_map(Event::Frame), 1 => senses().prop_map(Event::Sense), 3 => (0..400_u64).prop_map(|ms| Event::Around(Disturbance::Advance(ms)))],
         1..150,
     )) {
         let mut rig = Rig::claimed_as(setup);

@@ -1,0 +1,206 @@
+//! What can happen to any device at any instant, for random tests: time, bus, memory and power, and frames to a CANopen node.
+
+use std::fmt::Debug;
+
+use proptest::prelude::*;
+use proptest::sample::select;
+use protocol_core::frame::{Frame, Id, extended, standard};
+use protocol_core::memory::RecordKey;
+use protocol_core::time::Duration;
+
+use crate::Rig;
+
+/// Something around the device.
+#[derive(Clone, Debug)]
+pub enum Disturbance {
+    /// So many milliseconds pass.
+    Advance(u64),
+    /// So many microseconds pass, in which nobody looks at the device.
+    Leap(u64),
+    /// The clock is put back by so many milliseconds.
+    TurnBack(u64),
+    /// The bus is held, or let go.
+    HoldBus(bool),
+    /// Writes fail from now on, or succeed.
+    WritesFail(bool),
+    /// A write takes so many milliseconds.
+    WriteTime(u64),
+    /// Everything is to be stored.
+    Flush,
+    /// The power fails.
+    PowerCycle,
+    /// The watchdog resets the processor.
+    WatchdogReset,
+    /// The next start finds the memory damaged as a whole, or does not.
+    MemoryDamaged(bool),
+    /// A bit of a record rots.
+    Rot(RecordKey, usize, u8),
+}
+
+impl Disturbance {
+    /// Any of them; of the times most are short.
+    pub fn any() -> impl Strategy<Value = Self> {
+        let ms = || prop_oneof![4 => 0..=60_u64, 2 => 0..=600_u64, 1 => 0..=6000_u64];
+        prop_oneof![
+            12 => ms().prop_map(Self::Advance),
+            4 => prop_oneof![4 => ms().prop_map(|ms| ms * 1000), 1 => 0..=1_u64 << 40].prop_map(Self::Leap),
+            1 => ms().prop_map(Self::TurnBack),
+            2 => any::<bool>().prop_map(Self::HoldBus),
+            2 => any::<bool>().prop_map(Self::WritesFail),
+            2 => ms().prop_map(Self::WriteTime),
+            1 => Just(Self::Flush),
+            1 => Just(Self::PowerCycle),
+            1 => Just(Self::WatchdogReset),
+            1 => prop::bool::weighted(0.2).prop_map(Self::MemoryDamaged),
+            1 => (select(&RecordKey::ALL[..]), any::<usize>(), 0..8_u8).prop_map(|(key, at, bit)| Self::Rot(key, at, bit)),
+        ]
+    }
+
+    /// How many milliseconds pass, in which the device can send what is cyclic.
+    #[must_use]
+    pub const fn passes_ms(&self) -> u64 {
+        if let Self::Advance(ms) = self { *ms } else { 0 }
+    }
+
+    /// Lets it happen.
+    pub fn act(&self, rig: &mut Rig) {
+        match self {
+            Self::Advance(ms) => rig.advance(*ms),
+            Self::Leap(us) => rig.leap(Duration::from_micros(*us)),
+            Self::TurnBack(ms) => rig.turn_back(Duration::from_millis(*ms)),
+            Self::HoldBus(held) => rig.hold_bus(*held),
+            Self::WritesFail(fail) => rig.writes_fail = *fail,
+            Self::WriteTime(ms) => rig.write_time = Duration::from_millis(*ms),
+            Self::Flush => rig.flush(),
+            Self::PowerCycle => rig.power_cycle(),
+            Self::WatchdogReset => rig.watchdog_reset(),
+            Self::MemoryDamaged(damaged) => rig.memory_damaged = *damaged,
+            Self::Rot(key, at, bit) => {
+                if let Some(record) = rig.records.get_mut(key).filter(|record| !record.is_empty()) {
+                    let at = at % record.len();
+                    record[at] ^= 1 << bit;
+                }
+            }
+        }
+    }
+}
+
+/// Lets everything in the way of a device end: what is being written, and the delays of LSS.
+pub fn let_be(rig: &mut Rig) {
+    /// LSS keeps a device silent for two delays of up to this.
+    const LSS_DELAY_MAX: Duration = Duration::from_millis(0xFFFF);
+    rig.writes_fail = false;
+    rig.write_time = Duration::from_ticks(0);
+    rig.memory_damaged = false;
+    rig.hold_bus(false);
+    for _ in 0..3 {
+        rig.leap(LSS_DELAY_MAX);
+    }
+}
+
+/// Whom a frame is for.
+#[derive(Clone, Copy, Debug)]
+pub enum To {
+    /// A function of the predefined connection set plus the device's own node ID.
+    Own(u16),
+    /// An identifier.
+    Any(Id),
+}
+
+impl To {
+    /// The identifier, of a device with this node ID.
+    #[must_use]
+    pub fn id(self, node_id: u16) -> Id {
+        match self {
+            Self::Own(function) => standard(function + node_id).into(),
+            Self::Any(id) => id,
+        }
+    }
+}
+
+/// One of those that are known to mean something, seldom any other.
+pub fn mostly<T: Arbitrary + Clone + Debug + 'static>(known: &'static [T]) -> impl Strategy<Value = T> {
+    prop_oneof![9 => select(known), 1 => any::<T>()]
+}
+
+/// The data of an SDO request about one of these indices.
+pub fn sdo(index: &'static [u16], value: &'static [u32]) -> impl Strategy<Value = [u8; 8]> {
+    const COMMANDS: &[u8] =
+        &[0x40, 0x22, 0x23, 0x27, 0x2B, 0x2F, 0x21, 0x20, 0x60, 0x70, 0x00, 0x10, 0x0B, 0x1D, 0x80, 0xA0, 0xC0];
+    let sub = prop_oneof![9 => 0..=8_u8, 1 => any::<u8>()];
+    let value = prop_oneof![4 => select(value), 1 => any::<u32>()];
+    (mostly(COMMANDS), mostly(index), sub, value).prop_map(|(command, index, sub, value)| {
+        let ([low, high], [a, b, c, d]) = (index.to_le_bytes(), value.to_le_bytes());
+        [command, low, high, sub, a, b, c, d]
+    })
+}
+
+/// The data of an LSS request, most of which begin with these bytes after the command.
+pub fn lss(commands: &'static [u8], first: &'static [[u8; 2]]) -> impl Strategy<Value = [u8; 8]> {
+    let rest = prop_oneof![
+        4 => select(first).prop_map(|[a, b]| [a, b, 0, 0, 0, 0, 0]),
+        1 => any::<[u8; 7]>(),
+    ];
+    (mostly(commands), rest).prop_map(|(command, [a, b, c, d, e, f, g])| [command, a, b, c, d, e, f, g])
+}
+
+/// An NMT command to all, or to one of these nodes.
+pub fn nmt(nodes: &'static [u8]) -> impl Strategy<Value = (To, u8, [u8; 8])> {
+    (select(&[0x01, 0x02, 0x80, 0x81, 0x82, 0x03][..]), select(nodes))
+        .prop_map(|(command, node)| (To::Any(standard(0).into()), 2, [command, node, 0, 0, 0, 0, 0, 0]))
+}
+
+/// Any frame, to anybody.
+pub fn anything() -> impl Strategy<Value = (To, u8, [u8; 8])> {
+    let to = prop_oneof![
+        (0..=0x7FF_u16).prop_map(|id| To::Any(standard(id).into())),
+        (0..=0x1FFF_FFFF_u32).prop_map(|id| To::Any(extended(id).into())),
+        select(&[0x080, 0x180, 0x200, 0x580, 0x600, 0x700][..]).prop_map(To::Own),
+    ];
+    (to, 0..=8_u8, any::<[u8; 8]>())
+}
+
+/// A request whose length is seldom another one, and which seldom is a remote frame.
+pub fn distorted(frame: impl Strategy<Value = (To, u8, [u8; 8])>) -> impl Strategy<Value = (To, bool, u8, [u8; 8])> {
+    let other_len = prop_oneof![9 => Just(None), 1 => (0..=8_u8).prop_map(Some)];
+    (frame, other_len, prop::bool::weighted(0.03))
+        .prop_map(|((to, len, data), other_len, remote)| (to, remote, other_len.unwrap_or(len), data))
+}
+
+/// Sends a frame to a device; without a node ID it is for the one that it may get.
+pub fn send(rig: &mut Rig, (to, remote, len, data): (To, bool, u8, [u8; 8]), default: u16) {
+    let id = to.id(rig.node_id().map_or(default, u16::from));
+    rig.send_frame(if remote { Frame::remote(id, len) } else { Frame::with_len(id, data, len) });
+}
+
+/// Reads a number, when the device answers; every frame that it sends is checked.
+pub fn read(rig: &mut Rig, index: u16, check: fn(&Frame)) -> Option<u32> {
+    let node_id = u16::from(rig.node_id()?);
+    let [low, high] = index.to_le_bytes();
+    rig.send_frame(Frame::full(standard(0x600 | node_id).into(), [0x40, low, high, 0, 0, 0, 0, 0]));
+    let mut number = None;
+    while let Some(frame) = rig.take_next() {
+        check(&frame);
+        let &[command, answered_low, answered_high, 0, a, b, c, d] = frame.bytes() else { continue };
+        let answers = frame.id() == standard(0x580 | node_id).into() && (answered_low, answered_high) == (low, high);
+        if answers && matches!(command, 0x43 | 0x4B | 0x4F) {
+            number = Some(u32::from_le_bytes([a, b, c, d]));
+        }
+    }
+    number
+}
+
+/// Checks a frame that a CANopen node sends under an identifier of the predefined connection set. PDOs and EMCYs can have any
+/// that is not another service's.
+pub fn check_services(frame: &Frame) {
+    assert!(!frame.is_remote(), "{frame}");
+    let Id::Standard(id) = frame.id() else { return };
+    let data = frame.data();
+    match id.as_raw() {
+        0x701..=0x77F => assert!(matches!(data, [0x00 | 0x04 | 0x05 | 0x7F]), "an NMT state: {frame}"),
+        0x581..=0x5FF => assert!(data.len() == 8 && matches!(data[0] >> 5, 0..=4), "an SDO answer: {frame}"),
+        0x7E4 => assert_eq!(data.len(), 8, "an LSS answer: {frame}"),
+        0x000..=0x07F | 0x601..=0x67F | 0x6E0..=0x6FF | 0x780..=0x7FF => panic!("not a device's: {frame}"),
+        _ => {}
+    }
+}
