@@ -6,8 +6,9 @@ Nothing sleeps: every wait is for a frame, a message or a state, with a time lim
 
 import contextlib
 import faulthandler
-import pathlib
+import os
 import queue
+import subprocess
 import sys
 import time
 
@@ -33,7 +34,10 @@ ACKNOWLEDGEMENT, CLAIM, DM1, DM2, DM3, UNSUPPORTED = 0xE800, 0xEE00, 0xFECA, 0xF
 #: Agriculture in the NAME, as the valve has it; the on-highway group is lower.
 AGRICULTURE, ON_HIGHWAY, MARINE = 2, 1, 4
 
-DBC = cantools.database.load_file(pathlib.Path(__file__).with_name("isobus_valve.dbc"))
+#: The DBC that pve-sim prints.
+DBC = cantools.database.load_string(
+    subprocess.run([os.environ["PVE_SIM"], "dbc", "pvea-isobus"], check=True, stdout=subprocess.PIPE, text=True).stdout
+)
 AVEF, AVC = DBC.get_message_by_name("AVEF3"), DBC.get_message_by_name("AVC3")
 
 

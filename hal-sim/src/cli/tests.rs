@@ -263,12 +263,16 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
             "run --wrong",
             "unexpected argument '--wrong' found; accepted: --device, --link, --allow-clash, --state, --bus,",
         ),
-        ("walk", "unrecognized subcommand 'walk'; accepted: run, use-case, help"),
+        ("walk", "unrecognized subcommand 'walk'; accepted: run, use-case, eds, dbc, help"),
+        ("eds pvea-isobus", "<pvea-canopen|pveo-canopen|hat1000|hat3000>': no kind that has an EDS"),
+        ("eds", "<pvea-canopen|pveo-canopen|hat1000|hat3000>"),
+        ("dbc hat1000", "<pvea-isobus|pveo-isobus>': no kind that has a DBC"),
+        ("dbc", "<pvea-isobus|pveo-isobus>"),
         ("run walk", "unexpected argument 'walk' found; accepted: run"),
         ("use-case 7", "no such use case; accepted: 1, 2, 3, 4, 5, 6, isobus, hat, all"),
         ("--seed x", "accepted: a whole number, 0–18446744073709551615"),
         ("--devce pvea-canopen", "a similar argument exists: '--device'; accepted: --device, --link, --allow-clash"),
-        ("runn", "a similar subcommand exists: 'run'; accepted: run, use-case, help"),
+        ("runn", "a similar subcommand exists: 'run'; accepted: run, use-case, eds, dbc, help"),
         ("--beacon=loud", "unexpected value 'loud' for '--beacon' found"),
         ("--verbose=2", "unexpected value '2' for '--verbose' found"),
         ("--color red", "[possible values: auto, always, never]"),
@@ -331,6 +335,24 @@ fn use_cases_one_or_all() {
     assert_eq!(names("use-case 3"), ["3"]);
     assert_eq!(names("use-case all"), ["1", "2", "3", "4", "5", "6", "isobus", "hat"]);
     assert_eq!(names("use-case isobus"), ["isobus"]);
+}
+
+/// The help names them one by one.
+#[test]
+fn every_kind_has_one_description() {
+    let of = |command: &str| {
+        let help = printed(&format!("help {command}"));
+        let described = Kind::ALL.into_iter().filter(|kind| parse(args(&format!("{command} {kind}"))).is_ok());
+        let names = described.map(Kind::name).collect::<Vec<_>>();
+        assert!(help.contains(&format!("<{}>", names.join("|"))), "{help}");
+        names
+    };
+    let mut all = of("eds");
+    all.extend(of("dbc"));
+    let mut kinds = Kind::ALL.map(Kind::name);
+    all.sort_unstable();
+    kinds.sort_unstable();
+    assert_eq!(all, kinds);
 }
 
 #[test]

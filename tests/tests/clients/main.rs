@@ -43,6 +43,16 @@ fn every_object_is_read_and_written() {
     serve("objects.py", &[]);
 }
 
+/// At a node ID that is no kind's default.
+#[test]
+fn the_eds_says_what_the_device_does() {
+    for kind in ["pvea-canopen", "pveo-canopen", "hat1000", "hat3000"] {
+        let simulator = Simulator::start(&["--device", &format!("{kind}@0x35,serial=77")]);
+        simulator.serve("eds.py", &[kind, "0x35", "77"]);
+        simulator.terminate();
+    }
+}
+
 #[test]
 fn pdos_are_remapped_in_both_orders() {
     serve("mapping.py", &[]);

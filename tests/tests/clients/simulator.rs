@@ -112,6 +112,7 @@ impl Simulator {
             .arg(root().join("tests/clients").join(script))
             .args(&self.address)
             .args(arguments)
+            .env("PVE_SIM", &*PVE_SIM)
             .stdin(Stdio::null())
             .output()
             .unwrap_or_else(|error| panic!("{}: {error}; ./test makes the environment", python.display()));
