@@ -232,7 +232,6 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
             "--link: hat1000 is linked twice; one valve moves it",
         ),
         ("--device", "a value is required for '--device <KIND[@ID][,KEY=VALUE…]>' but none was supplied"),
-        ("--bus socketcan:vcan0", "socketcan interfaces are not served yet; accepted: socketcand://HOST:PORT/NAME"),
         ("--bus slcan://x", "not a bus that can be served; accepted: socketcand://HOST:PORT/NAME"),
         ("--bus socketcand://127.0.0.1:29536", "the bus has no name; accepted: socketcand://HOST:PORT/NAME"),
         ("--bus socketcand://127.0.0.1/pve0", "the port is missing"),
@@ -324,6 +323,29 @@ fn links_with_and_without_keys() {
             named("pvea-isobus", "hat3000", Link { rate: -50, min: 10, max: 18_000 }),
         ]
     );
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn interfaces_of_the_kernel() {
+    let options = run("--bus socketcan:vcan0 --bus socketcand://127.0.0.1:0/pve0 --bus socketcan:can1 --speed 1");
+    let buses: Vec<_> = options.buses.iter().map(ToString::to_string).collect();
+    assert_eq!(buses, ["socketcan:vcan0", "socketcand://127.0.0.1:0/pve0", "socketcan:can1"]);
+    for (line, expected) in [
+        (
+            "--bus socketcan:vcan0 --speed 2",
+            "--speed 2 with --bus socketcan:vcan0: an interface runs at --speed 1 only",
+        ),
+        ("--bus socketcan:a --bus socketcan:b --speed 0.5", "--speed 0.5 with --bus socketcan:a"),
+        ("--bus socketcan:vcan0 --bus socketcan:vcan0", "--bus socketcan:vcan0 is given twice"),
+        ("--bus socketcan:", "'' is no name of an interface; accepted: 1–15 characters, as in vcan0"),
+        ("--bus socketcan:a/b", "'a/b' is no name of an interface"),
+        ("--bus socketcan:sixteen-letters0", "'sixteen-letters0' is no name of an interface"),
+        ("--bus slcan://x", "accepted: socketcand://HOST:PORT/NAME, socketcan:IFACE"),
+    ] {
+        let text = refused(line);
+        assert!(text.contains(expected) && !text.contains('\n'), "{line}: {text}");
+    }
 }
 
 #[test]

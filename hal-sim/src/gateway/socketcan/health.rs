@@ -1,0 +1,126 @@
+//! The health of an interface: whether a refused frame is tried again, and what the user is told. No I/O.
+
+use std::io;
+use std::time::Duration;
+
+use rustix::io::Errno;
+
+/// The longest time that a frame is tried again while the interface's queue is full. The slowest bus, of 10 kbit/s, takes
+/// a frame in 15 ms; a queue that stands still for longer has nobody who acknowledges.
+const PATIENCE: Duration = Duration::from_millis(250);
+
+/// What becomes of a frame that the interface has refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Verdict {
+    /// It is tried again.
+    Retry,
+    /// It is lost.
+    Lost,
+}
+
+/// The health of one interface.
+#[derive(Debug)]
+pub(super) struct Health {
+    name: String,
+    /// The number of frames that were lost since frames do not pass any more; `None` while they pass.
+    lost: Option<u64>,
+}
+
+impl Health {
+    /// Returns that of an interface which takes frames.
+    pub(super) const fn new(name: String) -> Self {
+        Self { name, lost: None }
+    }
+
+    /// Takes note of a frame that has passed; returns what the user is told.
+    pub(super) fn pass(&mut self) -> Option<String> {
+        let lost = self.lost.take()?;
+        let frames = if lost == 1 { "1 frame was".to_owned() } else { format!("{lost} frames were") };
+        Some(format!("socketcan:{}: frames pass again; {frames} not sent", self.name))
+    }
+
+    /// Takes note of an error without a frame; returns what the user is told.
+    pub(super) fn fail(&mut self, error: &io::Error) -> Option<String> {
+        if self.lost.is_some() {
+            return None;
+        }
+        self.lost = Some(0);
+        Some(format!("socketcan:{}: {}: nothing is sent until frames pass again", self.name, reason(error)))
+    }
+
+    /// Decides about a frame that was refused, `waited` after the first try; returns what the user is told, too.
+    pub(super) fn refuse(&mut self, error: &io::Error, waited: Duration) -> (Verdict, Option<String>) {
+        // A queue that is known to stand still gets one try a frame, or frames would pile up behind it.
+        if is_full(error) && self.lost.is_none() && waited < PATIENCE {
+            return (Verdict::Retry, None);
+        }
+        let told = self.fail(error);
+        self.lost = self.lost.map(|lost| lost.saturating_add(1));
+        (Verdict::Lost, told)
+    }
+}
+
+/// Whether the interface's queue, or the socket's, is full.
+fn is_full(error: &io::Error) -> bool {
+    matches!(Errno::from_io_error(error), Some(Errno::NOBUFS | Errno::AGAIN))
+}
+
+/// Whether the interface is not there any more, so that the socket is bound to none.
+pub(super) fn is_gone(error: &io::Error) -> bool {
+    matches!(Errno::from_io_error(error), Some(Errno::NODEV | Errno::NXIO))
+}
+
+fn reason(error: &io::Error) -> String {
+    if is_full(error) { "its queue is full and stands still".to_owned() } else { error.to_string() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn health() -> Health {
+        Health::new("can0".to_owned())
+    }
+
+    fn error(errno: Errno) -> io::Error {
+        errno.into()
+    }
+
+    #[test]
+    fn a_full_queue_is_waited_for_and_not_told() {
+        let mut health = health();
+        for waited in [0, 1, 249] {
+            let refused = health.refuse(&error(Errno::NOBUFS), Duration::from_millis(waited));
+            assert_eq!(refused, (Verdict::Retry, None), "{waited} ms");
+        }
+        assert_eq!(health.pass(), None);
+    }
+
+    #[test]
+    fn a_queue_that_stands_still_is_told_once_and_gets_one_try_a_frame() {
+        let mut health = health();
+        let (verdict, told) = health.refuse(&error(Errno::NOBUFS), PATIENCE);
+        let expected = "socketcan:can0: its queue is full and stands still: nothing is sent until frames pass again";
+        assert_eq!((verdict, told.as_deref()), (Verdict::Lost, Some(expected)));
+        assert_eq!(health.refuse(&error(Errno::NOBUFS), Duration::ZERO), (Verdict::Lost, None));
+        assert_eq!(health.pass().as_deref(), Some("socketcan:can0: frames pass again; 2 frames were not sent"));
+        assert_eq!(health.pass(), None);
+        assert_eq!(health.refuse(&error(Errno::NOBUFS), Duration::ZERO).0, Verdict::Retry);
+    }
+
+    #[test]
+    fn an_interface_that_is_down_is_told_once() {
+        let mut health = health();
+        let told = health.fail(&error(Errno::NETDOWN)).expect("a warning");
+        assert!(told.starts_with("socketcan:can0: Network is down"), "{told}");
+        assert_eq!(health.fail(&error(Errno::NETDOWN)), None);
+        assert_eq!(health.refuse(&error(Errno::NETDOWN), Duration::ZERO), (Verdict::Lost, None));
+        assert_eq!(health.pass().as_deref(), Some("socketcan:can0: frames pass again; 1 frame was not sent"));
+    }
+
+    #[test]
+    fn an_interface_that_is_gone_is_not_one_that_is_down() {
+        let gone = [Errno::NODEV, Errno::NXIO, Errno::NETDOWN, Errno::NOBUFS].map(|errno| is_gone(&error(errno)));
+        assert_eq!(gone, [true, true, false, false]);
+    }
+}

@@ -1,0 +1,160 @@
+//! An interface: its socket, and the way of frames through it.
+
+use std::io;
+use std::time::Duration;
+
+use socketcan::CanFrame;
+use socketcan::tokio::CanSocket;
+use tokio::time::{Instant, sleep, sleep_until};
+
+use super::health::{Health, Verdict, is_gone};
+use crate::gateway::{ClientId, Entrance, Mailbox, Outbox, Reply, ToClient, ToWorld};
+
+/// How long to wait before a frame is tried again while the interface's queue is full.
+const RETRY: Duration = Duration::from_millis(1);
+
+/// How often an interface that is gone is looked for, and the pause after an error of a read.
+const PAUSE: Duration = Duration::from_millis(100);
+
+/// An interface that is open.
+#[derive(Debug)]
+pub struct Interface {
+    name: String,
+    socket: CanSocket,
+    health: Health,
+    /// Whether the socket is bound to an interface that is gone.
+    gone: bool,
+}
+
+/// A frame that waits for the interface.
+#[derive(Debug)]
+struct Waiting {
+    frame: CanFrame,
+    since: Instant,
+    next_try: Instant,
+}
+
+impl Interface {
+    /// Opens an interface, which may be down. Needs a Tokio runtime.
+    ///
+    /// # Errors
+    /// When there is no CAN interface of that name, or the kernel has no SocketCAN.
+    pub fn open(name: &str) -> io::Result<Self> {
+        let socket = CanSocket::open(name)?;
+        Ok(Self { name: name.to_owned(), socket, health: Health::new(name.to_owned()), gone: false })
+    }
+
+    /// Passes frames for ever.
+    pub async fn run(mut self, world: Entrance) {
+        loop {
+            let (outbox, mailbox) = Outbox::new();
+            let id = ClientId::next();
+            world.tell(ToWorld::Join(id, outbox));
+            mailbox.leash.spend().await;
+            world.tell(ToWorld::Listen(id, Reply::new("")));
+            // It ends only when more frames came than the interface takes: what waits is dropped, and it joins anew.
+            self.pass(id, mailbox, &world).await;
+            world.tell(ToWorld::Leave(id));
+        }
+    }
+
+    async fn pass(&mut self, id: ClientId, Mailbox { mut queue, leash }: Mailbox, world: &Entrance) {
+        let mut waiting: Option<Waiting> = None;
+        loop {
+            let next_try = waiting.as_ref().map(|waiting| waiting.next_try);
+            tokio::select! {
+                () = leash.dismissed() => return,
+                read = self.socket.read_frame(), if !self.gone => match read {
+                    Ok(frame) => {
+                        tell(world, self.health.pass());
+                        // Neither error frames nor frames of CAN FD come: nobody has asked the kernel for them.
+                        if let Some(frame) = same(&frame) {
+                            leash.spend().await;
+                            world.tell(ToWorld::Send(id, frame));
+                        }
+                    }
+                    Err(error) => {
+                        self.gone |= is_gone(&error);
+                        tell(world, self.health.fail(&error));
+                        sleep(PAUSE).await;
+                    }
+                },
+                message = queue.recv(), if waiting.is_none() => match message {
+                    Some(ToClient::Frame(_, frame)) => {
+                        let now = Instant::now();
+                        waiting = same(&frame).map(|frame| Waiting { frame, since: now, next_try: now });
+                    }
+                    Some(ToClient::Error(..) | ToClient::Reply(_)) => {}
+                    None => return,
+                },
+                () = sleep_until(next_try.unwrap_or_else(Instant::now)), if next_try.is_some() => {
+                    waiting = waiting.and_then(|waiting| self.send(waiting, world));
+                }
+                () = sleep(PAUSE), if self.gone => self.look_for_it(),
+            }
+        }
+    }
+
+    /// Gives a frame to the interface; returns one that is to be tried again.
+    fn send(&mut self, waiting: Waiting, world: &Entrance) -> Option<Waiting> {
+        match self.socket.try_write_frame(waiting.frame) {
+            Ok(()) => {
+                tell(world, self.health.pass());
+                None
+            }
+            Err(error) => {
+                self.gone |= is_gone(&error);
+                let now = Instant::now();
+                let (verdict, told) = self.health.refuse(&error, now.saturating_duration_since(waiting.since));
+                tell(world, told);
+                (verdict == Verdict::Retry).then(|| Waiting { next_try: now + RETRY, ..waiting })
+            }
+        }
+    }
+
+    /// Opens the interface anew, if there is one of that name again.
+    fn look_for_it(&mut self) {
+        if let Ok(socket) = CanSocket::open(&self.name) {
+            self.socket = socket;
+            self.gone = false;
+        }
+    }
+}
+
+fn tell(world: &Entrance, warning: Option<String>) {
+    if let Some(warning) = warning {
+        world.tell(ToWorld::Warn(warning));
+    }
+}
+
+/// The same frame of another type; `None` for one with more than eight bytes.
+fn same<A: embedded_can::Frame, B: embedded_can::Frame>(frame: &A) -> Option<B> {
+    if frame.is_remote_frame() { B::new_remote(frame.id(), frame.dlc()) } else { B::new(frame.id(), frame.data()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use embedded_can::Frame as _;
+    use protocol_core::frame::{Frame, extended, standard};
+
+    use super::*;
+
+    #[test]
+    fn frames_are_the_same_on_both_sides() {
+        let frames = [
+            Frame::new(standard(0x7FF), &[1, 2, 3]),
+            Frame::new(extended(0x1FFF_FFFF), &[0; 8]),
+            Frame::new(standard(0), &[]),
+            Frame::new_remote(extended(0x123), 5),
+        ];
+        for frame in frames.map(|frame| frame.expect("a frame")) {
+            let kernels: CanFrame = same(&frame).expect("a frame of the kernel");
+            assert_eq!(same(&kernels), Some(frame));
+        }
+    }
+
+    #[tokio::test]
+    async fn an_interface_that_is_not_there_is_an_error() {
+        assert!(Interface::open("pve-sim-none").is_err());
+    }
+}
