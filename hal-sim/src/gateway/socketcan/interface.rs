@@ -3,8 +3,9 @@
 use std::io;
 use std::time::Duration;
 
-use socketcan::CanFrame;
-use socketcan::tokio::CanSocket;
+use socketcan::{CanFrame, CanSocket, Socket as _};
+use tokio::io::Interest;
+use tokio::io::unix::AsyncFd;
 use tokio::time::{Instant, sleep, sleep_until};
 
 use super::health::{Health, Verdict, is_gone};
@@ -20,7 +21,8 @@ const PAUSE: Duration = Duration::from_millis(100);
 #[derive(Debug)]
 pub struct Interface {
     name: String,
-    socket: CanSocket,
+    /// The crate's own asynchronous socket sleeps through an interface that goes down.
+    socket: AsyncFd<CanSocket>,
     health: Health,
     /// Whether the socket is bound to an interface that is gone.
     gone: bool,
@@ -40,31 +42,34 @@ impl Interface {
     /// # Errors
     /// When there is no CAN interface of that name, or the kernel has no SocketCAN.
     pub fn open(name: &str) -> io::Result<Self> {
-        let socket = CanSocket::open(name)?;
+        let socket = open(name)?;
         Ok(Self { name: name.to_owned(), socket, health: Health::new(name.to_owned()), gone: false })
     }
 
-    /// Passes frames for ever.
-    pub async fn run(mut self, world: Entrance) {
-        loop {
-            let (outbox, mailbox) = Outbox::new();
-            let id = ClientId::next();
-            world.tell(ToWorld::Join(id, outbox));
-            mailbox.leash.spend().await;
-            world.tell(ToWorld::Listen(id, Reply::new("")));
-            // It ends only when more frames came than the interface takes: what waits is dropped, and it joins anew.
-            self.pass(id, mailbox, &world).await;
-            world.tell(ToWorld::Leave(id));
+    /// Joins the world at once, so that a world that starts later sends its first frame to the interface, too; the
+    /// returned future passes frames for ever.
+    pub fn run(mut self, world: Entrance) -> impl Future<Output = ()> + Send {
+        let mut joined = join(&world);
+        async move {
+            loop {
+                let (id, mailbox) = joined;
+                // It ends only when more frames came than the interface takes: what waits is dropped, and it joins anew.
+                self.pass(id, mailbox, &world).await;
+                world.tell(ToWorld::Leave(id));
+                joined = join(&world);
+            }
         }
     }
 
     async fn pass(&mut self, id: ClientId, Mailbox { mut queue, leash }: Mailbox, world: &Entrance) {
+        // What the world gives back for joining.
+        leash.spend().await;
         let mut waiting: Option<Waiting> = None;
         loop {
             let next_try = waiting.as_ref().map(|waiting| waiting.next_try);
             tokio::select! {
                 () = leash.dismissed() => return,
-                read = self.socket.read_frame(), if !self.gone => match read {
+                read = read(&self.socket), if !self.gone => match read {
                     Ok(frame) => {
                         tell(world, self.health.pass());
                         // Neither error frames nor frames of CAN FD come: nobody has asked the kernel for them.
@@ -97,7 +102,7 @@ impl Interface {
 
     /// Gives a frame to the interface; returns one that is to be tried again.
     fn send(&mut self, waiting: Waiting, world: &Entrance) -> Option<Waiting> {
-        match self.socket.try_write_frame(waiting.frame) {
+        match self.socket.get_ref().write_frame(&waiting.frame) {
             Ok(()) => {
                 tell(world, self.health.pass());
                 None
@@ -114,11 +119,35 @@ impl Interface {
 
     /// Opens the interface anew, if there is one of that name again.
     fn look_for_it(&mut self) {
-        if let Ok(socket) = CanSocket::open(&self.name) {
+        if let Ok(socket) = open(&self.name) {
             self.socket = socket;
             self.gone = false;
         }
     }
+}
+
+#[allow(
+    deprecated,
+    reason = "its successor is unsafe, for types whose descriptor changes: a CanSocket owns one for life"
+)]
+fn open(name: &str) -> io::Result<AsyncFd<CanSocket>> {
+    let socket = CanSocket::open(name)?;
+    socket.set_nonblocking(true)?;
+    AsyncFd::with_interest(socket, Interest::READABLE | Interest::ERROR)
+}
+
+/// Waits for a frame, or for an error: an interface that goes down is one.
+async fn read(socket: &AsyncFd<CanSocket>) -> io::Result<CanFrame> {
+    socket.async_io(Interest::READABLE | Interest::ERROR, CanSocket::read_frame).await
+}
+
+/// A new client that gets everything from now on.
+fn join(world: &Entrance) -> (ClientId, Mailbox) {
+    let (outbox, mailbox) = Outbox::new();
+    let id = ClientId::next();
+    world.tell(ToWorld::Join(id, outbox));
+    world.tell(ToWorld::Listen(id, Reply::new("")));
+    (id, mailbox)
 }
 
 fn tell(world: &Entrance, warning: Option<String>) {
