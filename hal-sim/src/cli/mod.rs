@@ -40,8 +40,8 @@ Examples:
   pve-sim dbc pvea-isobus > pvea.dbc
 
 SIGINT, SIGTERM, SIGHUP and a reader of stdout that is gone end it; everything stored, exit 0.
-Exit codes: 1 a port in use, a file that cannot be opened or must not be replaced, a state file of another kind, a use
-case that differs; 2 wrong usage.";
+Exit codes: 1 a port in use, an interface that is not there, a file that cannot be opened or must not be replaced, a
+state file of another kind, a use case that differs; 2 wrong usage.";
 
 /// Wrong usage: one line that says what is wrong and what is accepted.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
