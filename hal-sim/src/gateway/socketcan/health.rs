@@ -1,13 +1,13 @@
 //! The health of an interface: whether a refused frame is tried again, and what the user is told. No I/O.
 
 use std::io;
-use std::time::Duration;
 
 use rustix::io::Errno;
 
-/// The longest time that a frame is tried again while the interface's queue is full. The slowest bus, of 10 kbit/s, takes
-/// a frame in 15 ms; a queue that stands still for longer has nobody who acknowledges.
-const PATIENCE: Duration = Duration::from_millis(250);
+/// How often a frame is tried while the interface's queue is full, a millisecond or more apart. The slowest bus, of
+/// 10 kbit/s, takes a frame in 15 ms: a queue that stands still for longer has nobody who acknowledges. Tries are counted,
+/// and not time: a process that stood still has not tried.
+const TRIES: u32 = 100;
 
 /// What becomes of a frame that the interface has refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,10 +48,10 @@ impl Health {
         Some(format!("socketcan:{}: {}: nothing is sent until frames pass again", self.name, reason(error)))
     }
 
-    /// Decides about a frame that was refused, `waited` after the first try; returns what the user is told, too.
-    pub(super) fn refuse(&mut self, error: &io::Error, waited: Duration) -> (Verdict, Option<String>) {
+    /// Decides about a frame that was refused for the `tries`th time; returns what the user is told, too.
+    pub(super) fn refuse(&mut self, error: &io::Error, tries: u32) -> (Verdict, Option<String>) {
         // A queue that is known to stand still gets one try a frame, or frames would pile up behind it.
-        if is_full(error) && self.lost.is_none() && waited < PATIENCE {
+        if is_full(error) && self.lost.is_none() && tries < TRIES {
             return (Verdict::Retry, None);
         }
         let told = self.fail(error);
@@ -89,9 +89,9 @@ mod tests {
     #[test]
     fn a_full_queue_is_waited_for_and_not_told() {
         let mut health = health();
-        for waited in [0, 1, 249] {
-            let refused = health.refuse(&error(Errno::NOBUFS), Duration::from_millis(waited));
-            assert_eq!(refused, (Verdict::Retry, None), "{waited} ms");
+        for tries in [1, 2, 99] {
+            let refused = health.refuse(&error(Errno::NOBUFS), tries);
+            assert_eq!(refused, (Verdict::Retry, None), "try {tries}");
         }
         assert_eq!(health.pass(), None);
     }
@@ -99,13 +99,13 @@ mod tests {
     #[test]
     fn a_queue_that_stands_still_is_told_once_and_gets_one_try_a_frame() {
         let mut health = health();
-        let (verdict, told) = health.refuse(&error(Errno::NOBUFS), PATIENCE);
+        let (verdict, told) = health.refuse(&error(Errno::NOBUFS), TRIES);
         let expected = "socketcan:can0: its queue is full and stands still: nothing is sent until frames pass again";
         assert_eq!((verdict, told.as_deref()), (Verdict::Lost, Some(expected)));
-        assert_eq!(health.refuse(&error(Errno::NOBUFS), Duration::ZERO), (Verdict::Lost, None));
+        assert_eq!(health.refuse(&error(Errno::NOBUFS), 1), (Verdict::Lost, None));
         assert_eq!(health.pass().as_deref(), Some("socketcan:can0: frames pass again; 2 frames were not sent"));
         assert_eq!(health.pass(), None);
-        assert_eq!(health.refuse(&error(Errno::NOBUFS), Duration::ZERO).0, Verdict::Retry);
+        assert_eq!(health.refuse(&error(Errno::NOBUFS), 1).0, Verdict::Retry);
     }
 
     #[test]
@@ -114,7 +114,7 @@ mod tests {
         let told = health.fail(&error(Errno::NETDOWN)).expect("a warning");
         assert!(told.starts_with("socketcan:can0: Network is down"), "{told}");
         assert_eq!(health.fail(&error(Errno::NETDOWN)), None);
-        assert_eq!(health.refuse(&error(Errno::NETDOWN), Duration::ZERO), (Verdict::Lost, None));
+        assert_eq!(health.refuse(&error(Errno::NETDOWN), 1), (Verdict::Lost, None));
         assert_eq!(health.pass().as_deref(), Some("socketcan:can0: frames pass again; 1 frame was not sent"));
     }
 

@@ -32,7 +32,7 @@ pub struct Interface {
 #[derive(Debug)]
 struct Waiting {
     frame: CanFrame,
-    since: Instant,
+    tries: u32,
     next_try: Instant,
 }
 
@@ -86,8 +86,7 @@ impl Interface {
                 },
                 message = queue.recv(), if waiting.is_none() => match message {
                     Some(ToClient::Frame(_, frame)) => {
-                        let now = Instant::now();
-                        waiting = same(&frame).map(|frame| Waiting { frame, since: now, next_try: now });
+                        waiting = same(&frame).map(|frame| Waiting { frame, tries: 0, next_try: Instant::now() });
                     }
                     Some(ToClient::Error(..) | ToClient::Reply(_)) => {}
                     None => return,
@@ -109,10 +108,10 @@ impl Interface {
             }
             Err(error) => {
                 self.gone |= is_gone(&error);
-                let now = Instant::now();
-                let (verdict, told) = self.health.refuse(&error, now.saturating_duration_since(waiting.since));
+                let tries = waiting.tries.saturating_add(1);
+                let (verdict, told) = self.health.refuse(&error, tries);
                 tell(world, told);
-                (verdict == Verdict::Retry).then(|| Waiting { next_try: now + RETRY, ..waiting })
+                (verdict == Verdict::Retry).then(|| Waiting { tries, next_try: Instant::now() + RETRY, ..waiting })
             }
         }
     }
