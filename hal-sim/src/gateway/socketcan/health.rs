@@ -22,40 +22,56 @@ pub(super) enum Verdict {
 #[derive(Debug)]
 pub(super) struct Health {
     name: String,
-    /// The number of frames that were lost since frames do not pass any more; `None` while they pass.
-    lost: Option<u64>,
+    /// `None` while frames pass.
+    trouble: Option<Trouble>,
+}
+
+/// Why frames do not pass.
+#[derive(Debug)]
+struct Trouble {
+    /// The number of frames that were lost since then.
+    lost: u64,
+    /// Whether the queue stands still: frames may come in all the same.
+    is_full: bool,
 }
 
 impl Health {
     /// Returns that of an interface which takes frames.
     pub(super) const fn new(name: String) -> Self {
-        Self { name, lost: None }
+        Self { name, trouble: None }
     }
 
-    /// Takes note of a frame that has passed; returns what the user is told.
+    /// Takes note of a frame that came in; returns what the user is told.
+    pub(super) fn hear(&mut self) -> Option<String> {
+        if self.trouble.as_ref()?.is_full { None } else { self.pass() }
+    }
+
+    /// Takes note of a frame that the interface took; returns what the user is told.
     pub(super) fn pass(&mut self) -> Option<String> {
-        let lost = self.lost.take()?;
+        let Trouble { lost, .. } = self.trouble.take()?;
         let frames = if lost == 1 { "1 frame was".to_owned() } else { format!("{lost} frames were") };
         Some(format!("socketcan:{}: frames pass again; {frames} not sent", self.name))
     }
 
     /// Takes note of an error without a frame; returns what the user is told.
     pub(super) fn fail(&mut self, error: &io::Error) -> Option<String> {
-        if self.lost.is_some() {
+        if self.trouble.is_some() {
             return None;
         }
-        self.lost = Some(0);
+        self.trouble = Some(Trouble { lost: 0, is_full: is_full(error) });
         Some(format!("socketcan:{}: {}: nothing is sent until frames pass again", self.name, reason(error)))
     }
 
     /// Decides about a frame that was refused for the `tries`th time; returns what the user is told, too.
     pub(super) fn refuse(&mut self, error: &io::Error, tries: u32) -> (Verdict, Option<String>) {
         // A queue that is known to stand still gets one try a frame, or frames would pile up behind it.
-        if is_full(error) && self.lost.is_none() && tries < TRIES {
+        if is_full(error) && self.trouble.is_none() && tries < TRIES {
             return (Verdict::Retry, None);
         }
         let told = self.fail(error);
-        self.lost = self.lost.map(|lost| lost.saturating_add(1));
+        if let Some(trouble) = &mut self.trouble {
+            trouble.lost = trouble.lost.saturating_add(1);
+        }
         (Verdict::Lost, told)
     }
 }
@@ -102,6 +118,7 @@ mod tests {
         let (verdict, told) = health.refuse(&error(Errno::NOBUFS), TRIES);
         let expected = "socketcan:can0: its queue is full and stands still: nothing is sent until frames pass again";
         assert_eq!((verdict, told.as_deref()), (Verdict::Lost, Some(expected)));
+        assert_eq!(health.hear(), None, "what comes in says nothing of what goes out");
         assert_eq!(health.refuse(&error(Errno::NOBUFS), 1), (Verdict::Lost, None));
         assert_eq!(health.pass().as_deref(), Some("socketcan:can0: frames pass again; 2 frames were not sent"));
         assert_eq!(health.pass(), None);
@@ -115,7 +132,7 @@ mod tests {
         assert!(told.starts_with("socketcan:can0: Network is down"), "{told}");
         assert_eq!(health.fail(&error(Errno::NETDOWN)), None);
         assert_eq!(health.refuse(&error(Errno::NETDOWN), 1), (Verdict::Lost, None));
-        assert_eq!(health.pass().as_deref(), Some("socketcan:can0: frames pass again; 1 frame was not sent"));
+        assert_eq!(health.hear().as_deref(), Some("socketcan:can0: frames pass again; 1 frame was not sent"));
     }
 
     #[test]

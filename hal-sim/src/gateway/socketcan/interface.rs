@@ -1,5 +1,6 @@
 //! An interface: its socket, and the way of frames through it.
 
+use std::future::pending;
 use std::io;
 use std::time::Duration;
 
@@ -24,8 +25,8 @@ pub struct Interface {
     /// The crate's own asynchronous socket sleeps through an interface that goes down.
     socket: AsyncFd<CanSocket>,
     health: Health,
-    /// Whether the socket is bound to an interface that is gone.
-    gone: bool,
+    /// When to look for the interface next, as the socket is bound to one that is gone.
+    next_look: Option<Instant>,
 }
 
 /// A frame that waits for the interface.
@@ -43,7 +44,7 @@ impl Interface {
     /// When there is no CAN interface of that name, or the kernel has no SocketCAN.
     pub fn open(name: &str) -> io::Result<Self> {
         let socket = open(name)?;
-        Ok(Self { name: name.to_owned(), socket, health: Health::new(name.to_owned()), gone: false })
+        Ok(Self { name: name.to_owned(), socket, health: Health::new(name.to_owned()), next_look: None })
     }
 
     /// Joins the world at once, so that a world that starts later sends its first frame to the interface, too; the
@@ -69,9 +70,9 @@ impl Interface {
             let next_try = waiting.as_ref().map(|waiting| waiting.next_try);
             tokio::select! {
                 () = leash.dismissed() => return,
-                read = read(&self.socket), if !self.gone => match read {
+                read = read(&self.socket), if self.next_look.is_none() => match read {
                     Ok(frame) => {
-                        tell(world, self.health.pass());
+                        tell(world, self.health.hear());
                         // Neither error frames nor frames of CAN FD come: nobody has asked the kernel for them.
                         if let Some(frame) = same(&frame) {
                             leash.spend().await;
@@ -79,7 +80,7 @@ impl Interface {
                         }
                     }
                     Err(error) => {
-                        self.gone |= is_gone(&error);
+                        self.note(&error);
                         tell(world, self.health.fail(&error));
                         sleep(PAUSE).await;
                     }
@@ -91,10 +92,10 @@ impl Interface {
                     Some(ToClient::Error(..) | ToClient::Reply(_)) => {}
                     None => return,
                 },
-                () = sleep_until(next_try.unwrap_or_else(Instant::now)), if next_try.is_some() => {
+                () = until(next_try) => {
                     waiting = waiting.and_then(|waiting| self.send(waiting, world));
                 }
-                () = sleep(PAUSE), if self.gone => self.look_for_it(),
+                () = until(self.next_look) => self.look_for_it(),
             }
         }
     }
@@ -107,7 +108,7 @@ impl Interface {
                 None
             }
             Err(error) => {
-                self.gone |= is_gone(&error);
+                self.note(&error);
                 let tries = waiting.tries.saturating_add(1);
                 let (verdict, told) = self.health.refuse(&error, tries);
                 tell(world, told);
@@ -116,12 +117,30 @@ impl Interface {
         }
     }
 
+    /// Takes note of an error that tells that the interface is gone.
+    fn note(&mut self, error: &io::Error) {
+        if is_gone(error) && self.next_look.is_none() {
+            self.next_look = Some(Instant::now() + PAUSE);
+        }
+    }
+
     /// Opens the interface anew, if there is one of that name again.
     fn look_for_it(&mut self) {
-        if let Ok(socket) = open(&self.name) {
-            self.socket = socket;
-            self.gone = false;
-        }
+        self.next_look = match open(&self.name) {
+            Ok(socket) => {
+                self.socket = socket;
+                None
+            }
+            Err(_) => Some(Instant::now() + PAUSE),
+        };
+    }
+}
+
+/// Waits until an instant, or for ever.
+async fn until(instant: Option<Instant>) {
+    match instant {
+        Some(instant) => sleep_until(instant).await,
+        None => pending().await,
     }
 }
 
