@@ -15,6 +15,7 @@
 //! kind      the products, by name
 //! trace/    what happened on the bus, as other tools read it
 //! explain/  what a frame means, in words
+//! describe/ the products for other tools: EDS and DBC
 //! gateway/  clients of the bus that live outside: socketcand
 //! run/      the world paced by the wall clock, with its clients, its trace and its memory
 //! cli/      the command line
@@ -23,6 +24,7 @@
 
 pub mod bus;
 pub mod cli;
+pub mod describe;
 pub mod explain;
 pub mod gateway;
 pub mod kind;

@@ -4,7 +4,7 @@ import queue
 
 import j1939
 
-from tractor import ACKNOWLEDGEMENT, AVC, CYCLE, DM1, DM2, DM3, TRACTOR, VALVE, connected, equal, take
+from tractor import ACKNOWLEDGEMENT, AVC, CYCLE, DBC, DM1, DM2, DM3, TRACTOR, VALVE, connected, equal, take
 
 OFF = j1939.DtcLamp.OFF
 AMBER, RED = "awl", "rsl"
@@ -84,6 +84,11 @@ with connected() as (tractor, ear):
     ear.forget()
     equal("DM2 of two faults", dm2(tractor.ask(DM2)), (0x10, [SPOOL, TIME_GUARDING]))
     announcement = ear.expect(0x1CECFF00 | VALVE, bytes.fromhex("200a0002ffcbfe00"))
+    equal(
+        "BAM by its DBC",
+        DBC.decode_message(announcement.arbitration_id, announcement.data),
+        dict(Control="BAM", Size=10, Packets=2, Group="DM2"),
+    )
     packets = [ear.expect(0x1CEBFF00 | VALVE) for _ in range(2)]
     times = [frame.timestamp for frame in [announcement, *packets]]
     gaps = [later - earlier for earlier, later in zip(times, times[1:])]

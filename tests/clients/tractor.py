@@ -6,17 +6,17 @@ Nothing sleeps: every wait is for a frame, a message or a state, with a time lim
 
 import contextlib
 import faulthandler
-import pathlib
+import os
 import queue
+import subprocess
 import sys
-import time
 
 import can
 import cantools
 import j1939
 
-#: Longest wait for anything, seconds. Generous: a busy machine is not a fault of the valve.
-PATIENCE = 20
+from waiting import equal, take
+
 #: After this a script that hangs says where, and ends.
 LIFE = 90
 #: How often a state of can-j1939 is looked at, by its own timer, seconds.
@@ -33,22 +33,11 @@ ACKNOWLEDGEMENT, CLAIM, DM1, DM2, DM3, UNSUPPORTED = 0xE800, 0xEE00, 0xFECA, 0xF
 #: Agriculture in the NAME, as the valve has it; the on-highway group is lower.
 AGRICULTURE, ON_HIGHWAY, MARINE = 2, 1, 4
 
-DBC = cantools.database.load_file(pathlib.Path(__file__).with_name("isobus_valve.dbc"))
+#: The DBC that pve-sim prints.
+DBC = cantools.database.load_string(
+    subprocess.run([os.environ["PVE_SIM"], "dbc", "pvea-isobus"], check=True, stdout=subprocess.PIPE, text=True).stdout
+)
 AVEF, AVC = DBC.get_message_by_name("AVEF3"), DBC.get_message_by_name("AVC3")
-
-
-def take(source, what):
-    """The next of a queue for which `what` is true, and those before it."""
-    deadline = time.monotonic() + PATIENCE
-    before = []
-    while True:
-        try:
-            item = source.get(timeout=max(0, deadline - time.monotonic()))
-        except queue.Empty:
-            raise AssertionError(f"not what was waited for; last: {before[-8:]}") from None
-        if what(item):
-            return item, before
-        before.append(item)
 
 
 class Ear(can.Listener):
@@ -197,7 +186,3 @@ def claimed(source):
 
 def name_bytes(name):
     return bytes(name.bytes)
-
-
-def equal(what, seen, wanted):
-    assert seen == wanted, f"{what}: {seen!r}, not {wanted!r}"

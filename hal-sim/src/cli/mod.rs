@@ -12,6 +12,8 @@ use std::ffi::OsString;
 use clap::error::{ContextKind, ErrorKind};
 use clap::{CommandFactory, Parser, Subcommand};
 
+use crate::describe;
+use crate::kind::Kind;
 use crate::run::RunOptions;
 use crate::use_case::{self, UseCase};
 
@@ -22,7 +24,7 @@ pub enum Request {
     Run(RunOptions),
     /// Play these use cases.
     UseCases(Vec<&'static UseCase>),
-    /// Print this on stdout: the help, or the version.
+    /// Print this on stdout: the help, the version, or the description of a kind.
     Print(String),
 }
 
@@ -34,10 +36,12 @@ Examples:
   pve-sim --device pvea-canopen --device hat1000,bit-rate=250k --link pvea-canopen=hat1000
   pve-sim --device pvea-canopen,blank --state memory --log frames.log
   pve-sim use-case isobus
+  pve-sim eds pvea-canopen > pvea.eds
+  pve-sim dbc pvea-isobus > pvea.dbc
 
 SIGINT, SIGTERM, SIGHUP and a reader of stdout that is gone end it; everything stored, exit 0.
-Exit codes: 1 a port in use, a file that cannot be opened or must not be replaced, a state file of another kind, a use
-case that differs; 2 wrong usage.";
+Exit codes: 1 a port in use, an interface that is not there, a file that cannot be opened or must not be replaced, a
+state file of another kind, a use case that differs; 2 wrong usage.";
 
 /// Wrong usage: one line that says what is wrong and what is accepted.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -73,6 +77,36 @@ enum Command {
         #[arg(value_name = "1-6|isobus|hat|all", value_parser = use_cases)]
         which: Option<UseCases>,
     },
+    /// Prints the EDS of a CANopen kind, from its object dictionary
+    Eds {
+        /// The kind
+        #[arg(value_name = "pvea-canopen|pveo-canopen|hat1000|hat3000", value_parser = eds)]
+        sheet: Description,
+    },
+    /// Prints the DBC of an ISOBUS kind, with its messages at each address
+    Dbc {
+        /// The kind
+        #[arg(value_name = "pvea-isobus|pveo-isobus", value_parser = dbc)]
+        database: Description,
+    },
+}
+
+/// The text of an EDS or DBC.
+#[derive(Clone, Debug)]
+struct Description(String);
+
+fn eds(word: &str) -> Result<Description, String> {
+    description(word, "an EDS", describe::eds)
+}
+
+fn dbc(word: &str) -> Result<Description, String> {
+    description(word, "a DBC", describe::dbc)
+}
+
+/// The description of the kind that a word on the command line names.
+fn description(word: &str, what: &str, describe: fn(Kind) -> Option<String>) -> Result<Description, String> {
+    let text = Kind::from_name(word).and_then(describe).map(Description);
+    text.ok_or_else(|| format!("no kind that has {what}"))
 }
 
 /// The use cases by name and title, a line each.
@@ -111,6 +145,9 @@ where
         Ok(Cli { command: Some(Command::Run(run)), .. }) => RunOptions::try_from(*run).map(Request::Run),
         Ok(Cli { command: Some(Command::UseCase { which: Some(which) }), .. }) => Ok(Request::UseCases(which.0)),
         Ok(Cli { command: Some(Command::UseCase { which: None }), .. }) => Ok(Request::Print(titles())),
+        Ok(Cli { command: Some(Command::Eds { sheet: text } | Command::Dbc { database: text }), .. }) => {
+            Ok(Request::Print(text.0))
+        }
         Ok(Cli { command: None, run }) => RunOptions::try_from(run).map(Request::Run),
         Err(error) if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => {
             Ok(Request::Print(error.to_string()))

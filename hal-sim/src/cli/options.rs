@@ -63,8 +63,8 @@ pub struct RunArgs {
     #[arg(long, value_name = "DIR", help_heading = "Devices")]
     state: Option<PathBuf>,
 
-    /// Where the bus is reachable: socketcand://HOST:PORT/NAME, port 0 takes a free one; repeatable
-    /// [default: socketcand://127.0.0.1:29536/pve0]
+    /// Where the bus is reachable: socketcand://HOST:PORT/NAME, port 0 takes a free one; socketcan:IFACE, an interface of
+    /// Linux; repeatable [default: socketcand://127.0.0.1:29536/pve0]
     #[arg(long, value_name = "URL", help_heading = "Bus")]
     bus: Vec<BusUrl>,
 
@@ -131,6 +131,7 @@ impl TryFrom<RunArgs> for RunOptions {
         }
         let links = link::between(&devices, args.link)?;
         let buses = if args.bus.is_empty() { vec![BusUrl::default_server()] } else { args.bus };
+        check_interfaces(&buses, args.speed)?;
         Ok(Self {
             devices,
             links,
@@ -201,6 +202,19 @@ fn refuse_clashes(devices: &[NamedDevice]) -> Result<(), UsageError> {
                 device.name,
                 device.kind.id_name()
             )));
+        }
+    }
+    Ok(())
+}
+
+/// An interface of the kernel lives in wall time; one that is given twice would send every frame round for ever.
+fn check_interfaces(buses: &[BusUrl], speed: f64) -> Result<(), UsageError> {
+    for (position, bus) in buses.iter().enumerate().filter(|(_, bus)| bus.is_real_time()) {
+        if speed != 1.0 {
+            return Err(UsageError(format!("--speed {speed} with --bus {bus}: an interface runs at --speed 1 only")));
+        }
+        if buses.iter().take(position).any(|other| other == bus) {
+            return Err(UsageError(format!("--bus {bus} is given twice; give each interface once")));
         }
     }
     Ok(())

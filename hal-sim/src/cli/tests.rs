@@ -232,7 +232,6 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
             "--link: hat1000 is linked twice; one valve moves it",
         ),
         ("--device", "a value is required for '--device <KIND[@ID][,KEY=VALUE…]>' but none was supplied"),
-        ("--bus socketcan:vcan0", "socketcan interfaces are not served yet; accepted: socketcand://HOST:PORT/NAME"),
         ("--bus slcan://x", "not a bus that can be served; accepted: socketcand://HOST:PORT/NAME"),
         ("--bus socketcand://127.0.0.1:29536", "the bus has no name; accepted: socketcand://HOST:PORT/NAME"),
         ("--bus socketcand://127.0.0.1/pve0", "the port is missing"),
@@ -263,12 +262,16 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
             "run --wrong",
             "unexpected argument '--wrong' found; accepted: --device, --link, --allow-clash, --state, --bus,",
         ),
-        ("walk", "unrecognized subcommand 'walk'; accepted: run, use-case, help"),
+        ("walk", "unrecognized subcommand 'walk'; accepted: run, use-case, eds, dbc, help"),
+        ("eds pvea-isobus", "<pvea-canopen|pveo-canopen|hat1000|hat3000>': no kind that has an EDS"),
+        ("eds", "<pvea-canopen|pveo-canopen|hat1000|hat3000>"),
+        ("dbc hat1000", "<pvea-isobus|pveo-isobus>': no kind that has a DBC"),
+        ("dbc", "<pvea-isobus|pveo-isobus>"),
         ("run walk", "unexpected argument 'walk' found; accepted: run"),
         ("use-case 7", "no such use case; accepted: 1, 2, 3, 4, 5, 6, isobus, hat, all"),
         ("--seed x", "accepted: a whole number, 0–18446744073709551615"),
         ("--devce pvea-canopen", "a similar argument exists: '--device'; accepted: --device, --link, --allow-clash"),
-        ("runn", "a similar subcommand exists: 'run'; accepted: run, use-case, help"),
+        ("runn", "a similar subcommand exists: 'run'; accepted: run, use-case, eds, dbc, help"),
         ("--beacon=loud", "unexpected value 'loud' for '--beacon' found"),
         ("--verbose=2", "unexpected value '2' for '--verbose' found"),
         ("--color red", "[possible values: auto, always, never]"),
@@ -322,6 +325,29 @@ fn links_with_and_without_keys() {
     );
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn interfaces_of_the_kernel() {
+    let options = run("--bus socketcan:vcan0 --bus socketcand://127.0.0.1:0/pve0 --bus socketcan:can1 --speed 1");
+    let buses: Vec<_> = options.buses.iter().map(ToString::to_string).collect();
+    assert_eq!(buses, ["socketcan:vcan0", "socketcand://127.0.0.1:0/pve0", "socketcan:can1"]);
+    for (line, expected) in [
+        (
+            "--bus socketcan:vcan0 --speed 2",
+            "--speed 2 with --bus socketcan:vcan0: an interface runs at --speed 1 only",
+        ),
+        ("--bus socketcan:a --bus socketcan:b --speed 0.5", "--speed 0.5 with --bus socketcan:a"),
+        ("--bus socketcan:vcan0 --bus socketcan:vcan0", "--bus socketcan:vcan0 is given twice"),
+        ("--bus socketcan:", "'' is no name of an interface; accepted: 1–15 characters, as in vcan0"),
+        ("--bus socketcan:a/b", "'a/b' is no name of an interface"),
+        ("--bus socketcan:sixteen-letters0", "'sixteen-letters0' is no name of an interface"),
+        ("--bus slcan://x", "accepted: socketcand://HOST:PORT/NAME, socketcan:IFACE"),
+    ] {
+        let text = refused(line);
+        assert!(text.contains(expected) && !text.contains('\n'), "{line}: {text}");
+    }
+}
+
 #[test]
 fn use_cases_one_or_all() {
     let names = |line: &str| match parse(args(line)) {
@@ -331,6 +357,24 @@ fn use_cases_one_or_all() {
     assert_eq!(names("use-case 3"), ["3"]);
     assert_eq!(names("use-case all"), ["1", "2", "3", "4", "5", "6", "isobus", "hat"]);
     assert_eq!(names("use-case isobus"), ["isobus"]);
+}
+
+/// The help names them one by one.
+#[test]
+fn every_kind_has_one_description() {
+    let of = |command: &str| {
+        let help = printed(&format!("help {command}"));
+        let described = Kind::ALL.into_iter().filter(|kind| parse(args(&format!("{command} {kind}"))).is_ok());
+        let names = described.map(Kind::name).collect::<Vec<_>>();
+        assert!(help.contains(&format!("<{}>", names.join("|"))), "{help}");
+        names
+    };
+    let mut all = of("eds");
+    all.extend(of("dbc"));
+    let mut kinds = Kind::ALL.map(Kind::name);
+    all.sort_unstable();
+    kinds.sort_unstable();
+    assert_eq!(all, kinds);
 }
 
 #[test]

@@ -159,7 +159,8 @@ fn estimated_flow(data: &[u8]) -> String {
     format!("AVEF {}, {flow}", state(told.state))
 }
 
-const fn state(state: State) -> &'static str {
+/// The state of an AVC or AVEF in words.
+pub(crate) const fn state(state: State) -> &'static str {
     match state {
         State::Blocked => "blocked",
         State::Extend => "extend",

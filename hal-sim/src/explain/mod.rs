@@ -26,6 +26,8 @@ mod sdo;
 mod uds;
 mod valve;
 
+pub(crate) use diagnostics::fault;
+pub(crate) use isobus::state as valve_state;
 pub use nature::{Mark, is_cyclic};
 
 use protocol_core::frame::{Frame, Id};

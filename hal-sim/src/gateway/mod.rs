@@ -10,14 +10,17 @@
 //! socketcand/session    one client, over any stream
 //! socketcand/server     the listening socket
 //! socketcand/beacon     by which clients find it
+//! socketcan/            an interface of the Linux kernel
 //! ```
 
 mod bus_url;
 mod entrance;
 mod outbox;
+#[cfg(target_os = "linux")]
+pub mod socketcan;
 pub mod socketcand;
 
-pub use bus_url::BusUrl;
+pub use bus_url::{BusUrl, ServerUrl};
 pub use entrance::{Arrival, Entrance, Inbox};
 pub use outbox::{CREDIT, Leash, Mailbox, Outbox, Overrun, QUEUE};
 
@@ -55,6 +58,8 @@ pub enum ToWorld {
     Reply(ClientId, Reply),
     /// It is gone; what it sent before is still sent, but no frame twice.
     Leave(ClientId),
+    /// The user is to read this line.
+    Warn(String),
     /// The user typed this line.
     Typed(String),
     /// The simulator is to end: see [`Entrance::end`].

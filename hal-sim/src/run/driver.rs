@@ -185,6 +185,10 @@ impl<O: Outside> Driver<O> {
 
     fn take_effect(&mut self) {
         let Some(Arrival { message, .. }) = self.arrivals.pop_front() else { return };
+        if let ToWorld::Warn(line) = message {
+            self.trace.warn(line);
+            return;
+        }
         if let ToWorld::Typed(line) = message {
             match self.console.obey(&line, &mut self.world) {
                 Ok(answer) => answer.into_iter().for_each(|answer| self.trace.answer(answer)),

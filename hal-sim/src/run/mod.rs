@@ -49,8 +49,10 @@ use std::thread::{self, JoinHandle};
 use tokio::runtime;
 use tokio::sync::{Semaphore, oneshot, watch};
 
+#[cfg(target_os = "linux")]
+use crate::gateway::socketcan::Interface;
 use crate::gateway::socketcand::{Beacon, Server};
-use crate::gateway::{BusUrl, Entrance};
+use crate::gateway::{BusUrl, Entrance, ServerUrl};
 use crate::memory::StateFileError;
 use crate::trace::Timestamp;
 use clients::Clients;
@@ -64,7 +66,7 @@ use trace::Trace;
 /// Why the simulator could not start; one line that names what is in the way.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// An address in use, or none of this machine.
+    /// An address in use, or none of this machine; an interface that is not there.
     #[error("{url}: {source}{}", way_out(url, source))]
     Bind {
         /// The bus that was to be served.
@@ -116,9 +118,9 @@ pub enum RunError {
 
 /// What to do about a port in use.
 fn way_out(url: &BusUrl, error: &io::Error) -> String {
-    match error.kind() {
-        io::ErrorKind::AddrInUse => {
-            let free = BusUrl { port: 0, ..url.clone() };
+    match (url, error.kind()) {
+        (BusUrl::Socketcand(server), io::ErrorKind::AddrInUse) => {
+            let free = ServerUrl { port: 0, ..server.clone() };
             format!("; does another pve-sim run? --bus {free} takes a free port")
         }
         _ => String::new(),
@@ -167,16 +169,27 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     let mut bound = Vec::new();
     let mut servers = Vec::new();
     let mut beacons = Vec::new();
+    #[cfg(target_os = "linux")]
+    let mut interfaces = Vec::new();
     for url in &options.buses {
         let bind = |source| RunError::Bind { url: url.clone(), source };
-        let server = Server::bind(&url.authority(), &url.name).await.map_err(bind)?;
-        let address = server.address().map_err(bind)?;
-        if options.beacon {
-            let refused = |source| RunError::Beacon { url: url.clone(), source };
-            beacons.push(Beacon::new(address, &url.name).await.map_err(refused)?);
+        match url {
+            BusUrl::Socketcand(place) => {
+                let server = Server::bind(&place.authority(), &place.name).await.map_err(bind)?;
+                let address = server.address().map_err(bind)?;
+                if options.beacon {
+                    let refused = |source| RunError::Beacon { url: url.clone(), source };
+                    beacons.push(Beacon::new(address, &place.name).await.map_err(refused)?);
+                }
+                bound.push(Bound::Server(address, place.name.clone()));
+                servers.push(server);
+            }
+            #[cfg(target_os = "linux")]
+            BusUrl::Socketcan(name) => {
+                interfaces.push(Interface::open(name).map_err(bind)?);
+                bound.push(Bound::Interface(name.clone()));
+            }
         }
-        bound.push((address, url.name.clone()));
-        servers.push(server);
     }
     // Only now: a second simulator that finds the port taken must not touch the files of the first. And nothing is made
     // before the log was found to be in nobody's way.
@@ -198,9 +211,13 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     for server in servers {
         tokio::spawn(server.run(entrance.clone(), Arc::clone(&places)));
     }
+    #[cfg(target_os = "linux")]
+    for interface in interfaces {
+        tokio::spawn(interface.run(entrance.clone()));
+    }
     stdin::listen(entrance.clone());
     let printer = Printer::start(reader_gone)?;
-    let bus = options.buses.first().map_or("can0", |url| url.name.as_str());
+    let bus = options.buses.first().map_or("can0", BusUrl::name);
     let layout = trace::layout(options.color, options.verbose);
     let trace = Trace::new(bus, setup::explainer(options), printer, log, layout);
     let clients = Clients::new(&mut world, options.error_frames);
@@ -257,16 +274,47 @@ async fn aside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> 
 
 /// The warnings of the start on stderr, the ready line on stdout and the hint on stderr: a pipe that is full holds them up.
 /// Whoever has seen the ready line finds the warnings there.
-fn announce(bound: &[(SocketAddr, String)], warnings: &[String]) {
+fn announce(bound: &[Bound], warnings: &[String]) {
     for warning in warnings {
         let _ = writeln!(io::stderr(), "pve-sim: {warning}");
     }
-    let urls: String = bound.iter().map(|(address, name)| format!(" bus=socketcand://{address}/{name}")).collect();
+    let urls: String = bound.iter().map(|bound| format!(" bus={}", bound.url())).collect();
     let mut stdout = io::stdout().lock();
     let _ = writeln!(stdout, "pve-sim ready{urls}").and_then(|()| stdout.flush());
     let mut stderr = io::stderr().lock();
-    for (address, name) in bound {
-        let _ = writeln!(stderr, "{}", hint(*address, name));
+    for bound in bound {
+        let _ = writeln!(stderr, "{}", bound.hint());
+    }
+}
+
+/// A bus as it is reachable.
+enum Bound {
+    /// A socketcand server, with the name of the bus.
+    Server(SocketAddr, String),
+    /// An interface of the kernel.
+    #[cfg(target_os = "linux")]
+    Interface(String),
+}
+
+impl Bound {
+    fn url(&self) -> String {
+        match self {
+            Self::Server(address, name) => format!("socketcand://{address}/{name}"),
+            #[cfg(target_os = "linux")]
+            Self::Interface(name) => format!("socketcan:{name}"),
+        }
+    }
+
+    /// What to type to join.
+    fn hint(&self) -> String {
+        match self {
+            Self::Server(address, name) => hint(*address, name),
+            #[cfg(target_os = "linux")]
+            Self::Interface(name) => format!(
+                "Join the bus with any tool of SocketCAN:\n  candump {name}\n  \
+                 can.Bus(interface=\"socketcan\", channel=\"{name}\")"
+            ),
+        }
     }
 }
 

@@ -56,6 +56,13 @@ fn a_port_in_use_is_exit_1_and_touches_no_file() {
     assert!(!state.exists());
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn an_interface_that_is_not_there_is_exit_1() {
+    let text = refusal(&["--bus", "socketcan:pve-sim-none"], 1);
+    assert!(text.contains("socketcan:pve-sim-none: "), "{text}");
+}
+
 #[test]
 fn the_use_cases_are_played_and_printed() {
     let output = output(&["use-case", "all"]);

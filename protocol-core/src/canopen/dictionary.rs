@@ -93,6 +93,18 @@ pub enum DefaultValue {
     Product,
 }
 
+/// What an object of a new device reads, as an EDS says it.
+#[cfg(feature = "names")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Initial<'a> {
+    /// The same value in every device of the product.
+    Fixed(Value<'a>),
+    /// A number plus the node ID, `$NODEID+…` of an EDS.
+    NodeIdPlus(u32),
+    /// Nothing that can be said of every device: a serial number, an entry that does not exist yet.
+    Individual,
+}
+
 /// A group of objects that "save" stores as one (CiA 301 7.5.2.13).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Group {
@@ -131,7 +143,8 @@ pub struct Entry {
     pub stored: bool,
     /// The value before anything was stored.
     pub default: DefaultValue,
-    /// The name in an EDS.
+    /// The name in an EDS. That of sub-index 0 of an object with sub-indices is the object's own, a colon, and the
+    /// sub-index's: "Identity object: highest sub-index".
     #[cfg(feature = "names")]
     pub name: &'static str,
 }
@@ -222,6 +235,12 @@ impl<B: Copy> Dictionary<B> {
             i += 1;
         }
         Self(rows)
+    }
+
+    /// Returns all rows in their order.
+    #[cfg(feature = "names")]
+    pub fn rows(self) -> impl Iterator<Item = &'static Row<B>> {
+        self.0.iter()
     }
 
     /// Returns the rows of a group that "save" stores.

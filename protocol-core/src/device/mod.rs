@@ -3,6 +3,8 @@
 //! A device is sans-IO: frames, time and what it senses go in; frames, effects and outputs come out. It never blocks,
 //! reads no clock and touches no hardware. [`pump`](crate::pump::pump) connects one with a controller.
 
+#[cfg(feature = "names")]
+mod description;
 pub mod fault_log;
 pub mod hat;
 pub mod host;
@@ -13,6 +15,8 @@ pub mod reading;
 mod senses;
 pub mod writes;
 
+#[cfg(feature = "names")]
+pub use description::{Capabilities, describe};
 pub use kind::{Kind, Protocol, Setup};
 pub use senses::{Outputs, ProductSenses, Senses, ValveOutputs};
 

@@ -17,6 +17,11 @@ fn the_valve_is_driven_by_a_dbc() {
 }
 
 #[test]
+fn every_message_is_decoded_by_a_dbc() {
+    serve("dbc.py", &VALVE);
+}
+
+#[test]
 fn faults_are_told_and_cleared() {
     serve("isobus_diagnostics.py", &[VALVE, UNHURRIED].concat());
 }

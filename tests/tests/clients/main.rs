@@ -1,5 +1,5 @@
 //! Unmodified clients, over python-can's socketcand interface, against the `pve-sim` process that users run: python-canopen
-//! here, can-j1939 in `isobus`, others in `strangers`.
+//! here, can-j1939 in `isobus`, others in `strangers`; over SocketCAN in `socketcan`.
 //!
 //! `./test` makes the virtual environment `target/venv` with the clients; the scripts are in `tests/clients/`, one subject each.
 
@@ -8,6 +8,7 @@ mod dissectors;
 mod isobus;
 mod readme;
 mod simulator;
+mod socketcan;
 mod strangers;
 mod tshark;
 
@@ -43,6 +44,16 @@ fn falls_into_fault_hold_without_set_points_and_comes_back() {
 #[test]
 fn every_object_is_read_and_written() {
     serve("objects.py", &[]);
+}
+
+/// At a node ID that is no kind's default.
+#[test]
+fn the_eds_says_what_the_device_does() {
+    for kind in ["pvea-canopen", "pveo-canopen", "hat1000", "hat3000"] {
+        let simulator = Simulator::start(&["--device", &format!("{kind}@0x35,serial=77")]);
+        simulator.serve("eds.py", &[kind, "0x35", "77"]);
+        simulator.terminate();
+    }
 }
 
 #[test]

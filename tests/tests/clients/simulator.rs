@@ -124,6 +124,7 @@ impl Simulator {
             .arg(root().join("tests/clients").join(script))
             .args(&self.address)
             .args(arguments)
+            .env("PVE_SIM", &*PVE_SIM)
             .stdin(Stdio::null())
             .output()
             .expect("timeout runs");

@@ -7,10 +7,13 @@
 //! services   what each service does with a frame
 //! listening  which frames are for the node
 //! owed       what the node owes to the bus
+//! description the objects as an EDS describes them
 //! ```
 //!
 //! The node keeps no product: every call that needs it is given one.
 
+#[cfg(feature = "names")]
+mod description;
 mod listening;
 mod object;
 mod objects;
@@ -18,6 +21,8 @@ mod owed;
 mod product;
 mod services;
 
+#[cfg(feature = "names")]
+pub(crate) use description::describe;
 pub(crate) use listening::Service;
 pub(crate) use object::{ErrorClass, Object, PdoParameter};
 pub(crate) use product::{ObjectOf, Product, Rules};

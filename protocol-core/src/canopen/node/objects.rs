@@ -16,7 +16,7 @@ use crate::wire::cob_id::NodeId;
 use crate::wire::sdo::{AbortCode, Multiplexer};
 
 /// The value that an object of "save" and "load" reads: it stores on command (CiA 301 7.5.2.13).
-const STORES_ON_COMMAND: u32 = 1;
+pub(super) const STORES_ON_COMMAND: u32 = 1;
 
 /// What errors do to the NMT state, by their class.
 #[derive(Debug)]

@@ -3,6 +3,8 @@
 use core::fmt::Debug;
 
 use super::object::Object;
+#[cfg(feature = "names")]
+use crate::canopen::dictionary::Initial;
 use crate::canopen::dictionary::{Dictionary, Value};
 use crate::canopen::{heartbeat, lss, nmt, pdo};
 use crate::time::Instant;
@@ -53,6 +55,12 @@ pub(crate) trait Product: Sized {
 
     /// Returns the number that an object holds which can be mapped; 0 for another.
     fn sample(&self, object: Self::Object, now: Instant) -> u32;
+
+    /// Returns what an object reads in a new device.
+    #[cfg(feature = "names")]
+    fn initial(&self, object: Self::Object) -> Initial<'_> {
+        Initial::Fixed(self.read(object, Instant::MIN))
+    }
 
     /// Writes an object.
     ///

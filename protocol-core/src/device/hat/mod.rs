@@ -18,6 +18,8 @@ mod storing;
 pub use super::kind::hat::Kind;
 pub use dictionary::entry;
 pub use errors::Error;
+#[cfg(feature = "names")]
+pub(super) use objects::describe;
 
 use dictionary::DICTIONARY;
 use errors::Errors;

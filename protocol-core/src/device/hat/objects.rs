@@ -3,11 +3,23 @@
 use super::Kind;
 use super::dictionary::{DICTIONARY, STARTS_ITSELF, WAITS};
 use super::errors::Errors;
+#[cfg(feature = "names")]
+use super::{
+    Setup,
+    records::{identity, new_layer},
+};
 use crate::canopen::dictionary::{Dictionary, Mappable, Value};
+#[cfg(feature = "names")]
+use crate::canopen::dictionary::{Entry, Initial};
 use crate::canopen::lss::Layer;
+#[cfg(feature = "names")]
+use crate::canopen::node;
 use crate::canopen::node::{Object, Product, Rules};
+
 use crate::canopen::{heartbeat, lss, nmt, pdo};
 use crate::controller::BitRate;
+#[cfg(feature = "names")]
+use crate::device::Capabilities;
 use crate::encoder::{Preset, Shaft};
 use crate::time::{Duration, Instant};
 use crate::wire::emcy::Emcy;
@@ -141,6 +153,15 @@ impl Product for HatObjects {
         }
     }
 
+    #[cfg(feature = "names")]
+    fn initial(&self, object: HatObject) -> Initial<'_> {
+        match object {
+            HatObject::SerialNumber => Initial::Individual,
+            HatObject::NodeIdInForce | HatObject::NodeIdDemanded => Initial::NodeIdPlus(0),
+            object => Initial::Fixed(self.read(object, Instant::MIN)),
+        }
+    }
+
     #[inline(never)]
     fn sample(&self, object: HatObject, now: Instant) -> u32 {
         match object {
@@ -197,4 +218,12 @@ impl Product for HatObjects {
 
     /// There is no EMCY consumer.
     fn hear_emcy(&mut self, _: Emcy, _: Instant) {}
+}
+
+/// Hands out every object of a new sensor.
+#[cfg(feature = "names")]
+pub(in crate::device) fn describe(kind: Kind, each: impl FnMut(&'static Entry, Initial<'_>)) -> Capabilities {
+    let setup = Setup::new(kind);
+    node::describe(&HatObjects::new(kind, identity(kind, None), new_layer(&setup)), each);
+    Capabilities { dummies: RULES.tpdo.dummies }
 }

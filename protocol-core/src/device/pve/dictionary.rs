@@ -1,4 +1,6 @@
 //! The object dictionary of the CANopen kinds (SPEC 4.1), as one table.
+//!
+//! Names are those of CiA 301 below 0x2000, of the manual up to 0x5FFF, and of CiA 408 from 0x6000 on.
 
 use crate::actuator::Fault;
 use crate::canopen::dictionary::DataType::{I8, I16, Text, U8, U16, U32};

@@ -30,6 +30,8 @@ pub use canopen::PveCanopen;
 pub use dictionary::entry;
 pub use fault_codes::{FAULT_CODES, FaultCodes};
 pub use isobus::PveIsobus;
+#[cfg(feature = "names")]
+pub(super) use objects::describe;
 pub use state_machine::{DeviceMode, DeviceState};
 
 /// What a valve is made as.

@@ -10,8 +10,15 @@ use super::records::Factory;
 use super::state_machine::{DeviceMode, DeviceState};
 use crate::actuator::{ActuatorType, Position, Scale, SetPoint};
 use crate::canopen::dictionary::{Dictionary, Mappable, Value};
+#[cfg(feature = "names")]
+use crate::canopen::dictionary::{Entry, Initial};
+#[cfg(feature = "names")]
+use crate::canopen::node;
 use crate::canopen::node::{Object, Product, Rules};
+
 use crate::canopen::{heartbeat, lss, nmt, pdo};
+#[cfg(feature = "names")]
+use crate::device::Capabilities;
 use crate::time::{Duration, Instant};
 use crate::wire::emcy::{Emcy, GENERIC_ERROR};
 use crate::wire::lss::Address;
@@ -180,6 +187,14 @@ impl Product for ValveObjects {
         }
     }
 
+    #[cfg(feature = "names")]
+    fn initial(&self, object: ValveObject) -> Initial<'_> {
+        match object {
+            ValveObject::SerialNumber => Initial::Individual,
+            object => Initial::Fixed(self.read(object, Instant::MIN)),
+        }
+    }
+
     #[inline(never)]
     fn sample(&self, object: ValveObject, now: Instant) -> u32 {
         let application = &self.application;
@@ -260,6 +275,13 @@ impl Product for ValveObjects {
             self.application.shut_down(now);
         }
     }
+}
+
+/// Hands out every object of a new valve on CANopen.
+#[cfg(feature = "names")]
+pub(in crate::device) fn describe(kind: Kind, each: impl FnMut(&'static Entry, Initial<'_>)) -> Capabilities {
+    node::describe(&ValveObjects::new(kind, Factory::new(kind, None)), each);
+    Capabilities { dummies: PDO.dummies }
 }
 
 /// An INTEGER8 in the low bits.

@@ -1,0 +1,96 @@
+use std::collections::HashSet;
+
+use super::*;
+
+fn sheets() -> impl Iterator<Item = (Kind, String)> {
+    Kind::ALL.into_iter().filter_map(|kind| Some((kind, eds(kind)?)))
+}
+
+/// The lines of a section, without its head.
+fn section<'a>(sheet: &'a str, name: &str) -> Vec<&'a str> {
+    let head = format!("[{name}]");
+    sheet.lines().skip_while(|line| *line != head).skip(1).take_while(|line| !line.is_empty()).collect()
+}
+
+#[test]
+fn kinds_on_canopen_have_one() {
+    let names: Vec<&str> = sheets().map(|(kind, _)| kind.name()).collect();
+    assert_eq!(names, ["pvea-canopen", "pveo-canopen", "hat1000", "hat3000"]);
+}
+
+#[test]
+fn every_object_of_the_dictionary_is_listed_once_and_described() {
+    for (kind, sheet) in sheets() {
+        let listed: Vec<&str> = ["MandatoryObjects", "OptionalObjects", "ManufacturerObjects"]
+            .into_iter()
+            .flat_map(|list| section(&sheet, list).into_iter().skip(1))
+            .map(|line| line.split_once("=0x").expect("an index").1)
+            .collect();
+        let mut indices = HashSet::new();
+        describe(kind, |entry, _| {
+            let (index, sub) = (format!("{:04X}", entry.object.index), entry.object.sub);
+            let own = section(&sheet, &index);
+            let row = if own.iter().any(|line| line.starts_with("SubNumber=")) {
+                section(&sheet, &format!("{index}sub{sub:X}"))
+            } else {
+                own
+            };
+            assert!(row.iter().any(|line| line.starts_with("AccessType=")), "{kind}: {index} {sub}: {row:?}");
+            assert!(listed.contains(&&*index), "{kind}: {index}");
+            indices.insert(index);
+        });
+        assert_eq!(indices.len(), listed.len(), "{kind}");
+    }
+}
+
+/// The name of a row with sub-index 0 holds that of the object, too.
+#[test]
+fn every_object_and_sub_index_has_a_name_of_its_own() {
+    for (kind, sheet) in sheets() {
+        let mut objects = HashSet::new();
+        for (head, name) in sheet.lines().zip(sheet.lines().skip(1)) {
+            let Some(name) = name.strip_prefix("ParameterName=") else { continue };
+            assert!(!name.is_empty() && name.trim() == name, "{kind}: {head} {name:?}");
+            assert!(head.contains("sub") || objects.insert(name), "{kind}: two objects are called {name}");
+        }
+        describe(kind, |entry, _| {
+            let is_composed = sheet.contains(&format!("[{:04X}sub0]", entry.object.index));
+            assert!(!is_composed || entry.object.sub > 0 || entry.name.contains(": "), "{kind}: {}", entry.name);
+        });
+    }
+}
+
+#[test]
+fn tools_can_read_every_character() {
+    for (kind, sheet) in sheets() {
+        assert!(sheet.is_ascii(), "{kind}");
+        // some take the rest of a line after it for a comment
+        assert!(!sheet.contains(';'), "{kind}");
+    }
+}
+
+#[test]
+fn objects_as_the_page_has_them() {
+    let sheet = eds(Kind::from_name("pvea-canopen").expect("a kind")).expect("an EDS");
+    let wanted = [
+        ("1014", &["ParameterName=COB-ID EMCY", "DefaultValue=$NODEID+0x80", "AccessType=ro", "PDOMapping=0"][..]),
+        ("1018", &["ObjectType=9", "SubNumber=5"]),
+        ("1018sub0", &["ParameterName=Highest sub-index", "DefaultValue=3"]),
+        ("1018sub2", &["DefaultValue=0x53360000"]),
+        ("1A00sub2", &["DefaultValue=0x63010110", "AccessType=rw", "DataType=0x0007"]),
+        ("6040", &["DataType=0x0006", "AccessType=rww", "PDOMapping=1", "DefaultValue=0"]),
+        ("6041", &["AccessType=ro", "PDOMapping=1", "DefaultValue=8"]),
+        ("6053", &["DataType=0x0009", "DefaultValue=PVEA-CI S6"]),
+        ("DeviceInfo", &["VendorNumber=0x01000019", "OrderCode=11149437", "BaudRate_800=0", "BaudRate_250=1"]),
+        ("DummyUsage", &["Dummy0001=1", "Dummy0007=1"]),
+    ];
+    for (name, lines) in wanted {
+        let found = section(&sheet, name);
+        for line in lines {
+            assert!(found.contains(line), "[{name}] has no {line}: {found:?}");
+        }
+    }
+    for serial_number in ["1018sub4", "6052"] {
+        assert!(section(&sheet, serial_number).iter().all(|line| !line.starts_with("DefaultValue")));
+    }
+}

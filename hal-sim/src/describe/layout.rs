@@ -1,0 +1,287 @@
+//! Messages and signals of the valves on ISOBUS (SPEC 5), as a DBC describes them.
+
+use std::ops::RangeInclusive;
+
+use protocol_core::device::pve::FAULT_CODES;
+use protocol_core::wire::j1939_id::{Address, J1939Id, Pgn, Priority};
+use protocol_core::wire::name::COMMANDED_ADDRESS_LEN;
+use protocol_core::wire::request::Control;
+use protocol_core::wire::valve::State;
+
+use crate::explain;
+
+/// A master's address: that of the manual's examples. The valve listens to any.
+pub(super) const MASTER: Address = Address::new(0x27);
+
+/// A message.
+pub(super) struct Message {
+    pub(super) name: String,
+    pub(super) id: J1939Id,
+    pub(super) len: usize,
+    /// Whether the valve sends it; otherwise the master does.
+    pub(super) from_valve: bool,
+    /// The period, in milliseconds.
+    pub(super) cycle_ms: Option<u16>,
+    pub(super) comment: String,
+    pub(super) signals: Vec<Signal>,
+}
+
+/// A signal, little-endian and unsigned.
+#[derive(Clone)]
+pub(super) struct Signal {
+    pub(super) name: &'static str,
+    pub(super) role: Role,
+    /// The first bit, and the number of bits.
+    pub(super) bits: (u8, u8),
+    pub(super) factor: f64,
+    pub(super) offset: f64,
+    /// The physical values that it can have.
+    pub(super) range: RangeInclusive<f64>,
+    pub(super) unit: &'static str,
+    pub(super) values: Vec<(u32, String)>,
+}
+
+/// The part of a signal in the multiplexing of its message.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Role {
+    /// There whatever the message says.
+    Plain,
+    /// Selects the signals of its value.
+    Selector,
+    /// There when the selector has this value.
+    Selected(u8),
+}
+
+impl Signal {
+    /// A number as it stands in the message.
+    fn raw(name: &'static str, first: u8, len: u8) -> Self {
+        let max = (1_u64 << len) - 1;
+        Self {
+            name,
+            role: Role::Plain,
+            bits: (first, len),
+            factor: 1.0,
+            offset: 0.0,
+            range: 0.0..=max as f64,
+            unit: "",
+            values: Vec::new(),
+        }
+    }
+
+    fn percent(self, factor: f64, offset: f64) -> Self {
+        Self { factor, offset, range: 0.0..=100.0, unit: "%", ..self }
+    }
+
+    fn values<T: Into<String>>(self, values: impl IntoIterator<Item = (u32, T)>) -> Self {
+        Self { values: values.into_iter().map(|(value, text)| (value, text.into())).collect(), ..self }
+    }
+
+    fn selector(self) -> Self {
+        Self { role: Role::Selector, ..self }
+    }
+
+    fn selected(self, value: u8) -> Self {
+        Self { role: Role::Selected(value), ..self }
+    }
+}
+
+/// Returns all messages of the valve at an address, and those that a master sends to it.
+pub(super) fn messages(valve: Address) -> Vec<Message> {
+    let address = valve.get();
+    // AVC and AVEF go by the low four bits of the address, all others by the address.
+    let number = address & 0xF;
+    let global = |priority, pgn| J1939Id::global(priority, pgn, valve);
+    let to_valve = |priority, pgn| J1939Id::new(priority, pgn, valve, MASTER);
+    let eight = |name: String, id, signals| Message {
+        name,
+        id,
+        len: 8,
+        from_valve: true,
+        cycle_ms: None,
+        comment: String::new(),
+        signals,
+    };
+    vec![
+        Message {
+            from_valve: false,
+            comment:
+                "Auxiliary valve command, from any address, here 0x27; the flow counts in extend and retract alone"
+                    .to_owned(),
+            ..eight(
+                format!("AVC{number}"),
+                J1939Id::global(Priority::CONTROL, Pgn::avc(address), MASTER),
+                vec![Signal::raw("PortFlow", 0, 8).percent(0.4, 0.0), state(), fail_safe_mode()],
+            )
+        },
+        Message {
+            cycle_ms: Some(100),
+            comment: "Auxiliary valve estimated flow".to_owned(),
+            ..eight(
+                format!("AVEF{number}"),
+                global(Priority::CONTROL, Pgn::avef(address)),
+                vec![
+                    Signal::raw("ExtendFlow", 0, 8).percent(1.0, -125.0),
+                    Signal::raw("RetractFlow", 8, 8).percent(1.0, -125.0),
+                    state(),
+                    fail_safe_mode(),
+                ],
+            )
+        },
+        Message {
+            comment: "The active fault of the highest priority; every 1000 ms while there is one".to_owned(),
+            ..eight(format!("DM1_{address:02X}"), global(Priority::DEFAULT, Pgn::DM1), troubles())
+        },
+        Message {
+            comment:
+                "Previously active faults, on request; more than one come in packets, of which this is the first 8 \
+                      bytes"
+                    .to_owned(),
+            ..eight(format!("DM2_{address:02X}"), global(Priority::DEFAULT, Pgn::DM2), troubles())
+        },
+        Message {
+            comment: "Address claim".to_owned(),
+            ..eight(format!("AddressClaim_{address:02X}"), global(Priority::DEFAULT, Pgn::ADDRESS_CLAIMED), name())
+        },
+        Message {
+            comment: "Answer to a request that is no message of its own".to_owned(),
+            ..eight(
+                format!("Acknowledgement_{address:02X}"),
+                global(Priority::DEFAULT, Pgn::ACKNOWLEDGEMENT),
+                vec![
+                    Signal::raw("Control", 0, 8).values([
+                        (Control::Positive as u32, "done"),
+                        (Control::Negative as u32, "not supported"),
+                        (Control::AccessDenied as u32, "access denied"),
+                        (Control::CannotRespond as u32, "not now"),
+                    ]),
+                    Signal::raw("Asker", 32, 8),
+                    group(40),
+                ],
+            )
+        },
+        Message {
+            comment: "Announces packets to all".to_owned(),
+            ..eight(
+                format!("TP_CM_{address:02X}_to_all"),
+                global(Priority::TRANSPORT, Pgn::TP_CONNECTION),
+                connection(),
+            )
+        },
+        Message {
+            comment: "Refuses a connection".to_owned(),
+            ..eight(
+                format!("TP_CM_{address:02X}"),
+                J1939Id::new(Priority::TRANSPORT, Pgn::TP_CONNECTION, MASTER, valve),
+                connection(),
+            )
+        },
+        Message {
+            comment: "A packet of a message to all".to_owned(),
+            ..eight(
+                format!("TP_DT_{address:02X}"),
+                global(Priority::TRANSPORT, Pgn::TP_DATA),
+                vec![Signal::raw("Sequence", 0, 8), Signal::raw("Data", 8, 56)],
+            )
+        },
+        Message {
+            len: 3,
+            from_valve: false,
+            comment: "Requests a group; that of DM3 clears the previously active faults".to_owned(),
+            ..eight(format!("Request_{address:02X}"), to_valve(Priority::DEFAULT, Pgn::REQUEST), vec![group(0)])
+        },
+    ]
+}
+
+/// Returns the message of a master to all valves, which comes in packets.
+pub(super) fn commanded_address() -> Message {
+    let signals = name().into_iter().chain([Signal::raw("NewAddress", 64, 8)]).collect();
+    Message {
+        name: "CommandedAddress".to_owned(),
+        id: J1939Id::global(Priority::DEFAULT, Pgn::COMMANDED_ADDRESS, MASTER),
+        len: COMMANDED_ADDRESS_LEN,
+        from_valve: false,
+        cycle_ms: None,
+        comment: "The valve of this NAME is to take this address; comes in packets".to_owned(),
+        signals,
+    }
+}
+
+fn state() -> Signal {
+    let states = State::ALL.map(|state| (state as u32, explain::valve_state(state)));
+    Signal::raw("State", 16, 4).values(states)
+}
+
+fn fail_safe_mode() -> Signal {
+    Signal::raw("FailSafeMode", 22, 2).values([(0, "blocked"), (1, "float"), (3, "not available")])
+}
+
+/// A lamp, or how it flashes (SAE J1939-73).
+fn lamp(name: &'static str, first: u8) -> Signal {
+    Signal::raw(name, first, 2).values([(0, "off"), (1, "on"), (3, "not available")])
+}
+
+/// The first eight bytes of DM1 and DM2. The parts of an SPN do not lie together, so a trouble code is one number: the
+/// manual prints it so.
+fn troubles() -> Vec<Signal> {
+    let codes = FAULT_CODES.iter().map(|codes| {
+        let (dtc, fault) = (codes.dtc, explain::fault(codes.fault));
+        (dtc.printed(), format!("{fault} (SPN {} FMI {})", dtc.spn(), dtc.fmi()))
+    });
+    vec![
+        lamp("ProtectLamp", 0),
+        lamp("AmberWarningLamp", 2),
+        lamp("RedStopLamp", 4),
+        lamp("MalfunctionLamp", 6),
+        Signal::raw("FlashLamps", 8, 8).values([(0xFF, "not available")]),
+        Signal::raw("TroubleCode", 16, 24).values([(0, "none".to_owned())].into_iter().chain(codes)),
+        Signal::raw("OccurrenceCount", 40, 7),
+    ]
+}
+
+/// The fields of a NAME (SAE J1939-81).
+fn name() -> Vec<Signal> {
+    vec![
+        Signal::raw("IdentityNumber", 0, 21),
+        Signal::raw("ManufacturerCode", 21, 11),
+        Signal::raw("EcuInstance", 32, 3),
+        Signal::raw("FunctionInstance", 35, 5),
+        Signal::raw("Function", 40, 8),
+        Signal::raw("VehicleSystem", 49, 7),
+        Signal::raw("VehicleSystemInstance", 56, 4),
+        Signal::raw("IndustryGroup", 60, 3).values([
+            (0, "global"),
+            (1, "on-highway"),
+            (2, "agriculture and forestry"),
+            (3, "construction"),
+            (4, "marine"),
+            (5, "industrial"),
+        ]),
+        Signal::raw("ArbitraryAddressCapable", 63, 1).values([(0, "no"), (1, "yes")]),
+    ]
+}
+
+/// A message of the transport protocol's connections (SAE J1939-21 5.10.3): the control byte says what the others mean.
+fn connection() -> Vec<Signal> {
+    const BAM: u8 = 32;
+    const ABORT: u8 = 255;
+    let reasons = [(1, "busy"), (2, "resources needed elsewhere"), (3, "timeout")];
+    vec![
+        Signal::raw("Control", 0, 8).values([(u32::from(BAM), "BAM"), (u32::from(ABORT), "abort")]).selector(),
+        Signal::raw("Size", 8, 16).selected(BAM),
+        Signal::raw("Packets", 24, 8).selected(BAM),
+        Signal::raw("Reason", 8, 8).values(reasons).selected(ABORT),
+        group(40),
+    ]
+}
+
+/// A parameter group number.
+fn group(first: u8) -> Signal {
+    let groups = [
+        (Pgn::ADDRESS_CLAIMED, "address claim"),
+        (Pgn::DM1, "DM1"),
+        (Pgn::DM2, "DM2"),
+        (Pgn::DM3, "DM3"),
+        (Pgn::COMMANDED_ADDRESS, "commanded address"),
+    ];
+    Signal::raw("Group", first, 24).values(groups.map(|(pgn, name)| (pgn.raw(), name)))
+}

@@ -1,0 +1,14 @@
+//! Descriptions of the products for other tools: an EDS for masters on CANopen, a DBC for analysers on ISOBUS.
+//!
+//! ```text
+//! eds     an electronic data sheet (CiA 306)         product   what its head says of a product
+//! dbc     a CAN database                             layout    the messages and signals in it
+//! ```
+
+mod dbc;
+mod eds;
+mod layout;
+mod product;
+
+pub use dbc::dbc;
+pub use eds::eds;

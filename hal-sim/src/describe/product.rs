@@ -1,0 +1,32 @@
+//! What the head of an EDS says of a product (SPEC 1).
+
+use crate::kind::Kind;
+
+/// The words for a product.
+pub(super) struct Product {
+    /// The maker.
+    pub(super) vendor: &'static str,
+    /// The product as its maker calls it.
+    pub(super) name: &'static str,
+    /// The number to order it by.
+    pub(super) order_code: u32,
+}
+
+impl Product {
+    pub(super) const fn of(kind: Kind) -> Self {
+        use protocol_core::actuator::ActuatorType::{OnOff, Proportional};
+        match kind {
+            Kind::Pve(kind) => Self {
+                vendor: "Danfoss",
+                name: match kind.actuator_type() {
+                    Proportional => "PVEA-CI Series 6",
+                    OnOff => "PVEO-CI Series 6",
+                },
+                order_code: kind.part_number(),
+            },
+            Kind::Hat(kind) => {
+                Self { vendor: "HYDAC Electronic", name: kind.device_name(), order_code: kind.product_code() }
+            }
+        }
+    }
+}

@@ -1,0 +1,207 @@
+//! An interface: its socket, and the way of frames through it.
+
+use std::future::pending;
+use std::io;
+use std::time::Duration;
+
+use socketcan::{CanFrame, CanSocket, Socket as _};
+use tokio::io::Interest;
+use tokio::io::unix::AsyncFd;
+use tokio::time::{Instant, sleep, sleep_until};
+
+use super::health::{Health, Verdict, is_gone};
+use crate::gateway::{ClientId, Entrance, Mailbox, Outbox, Reply, ToClient, ToWorld};
+
+/// How long to wait before a frame is tried again while the interface's queue is full.
+const RETRY: Duration = Duration::from_millis(1);
+
+/// How often an interface that is gone is looked for, and the pause after an error of a read.
+const PAUSE: Duration = Duration::from_millis(100);
+
+/// An interface that is open.
+#[derive(Debug)]
+pub struct Interface {
+    name: String,
+    /// The crate's own asynchronous socket sleeps through an interface that goes down.
+    socket: AsyncFd<CanSocket>,
+    health: Health,
+    /// When to look for the interface next, as the socket is bound to one that is gone.
+    next_look: Option<Instant>,
+}
+
+/// A frame that waits for the interface.
+#[derive(Debug)]
+struct Waiting {
+    frame: CanFrame,
+    tries: u32,
+    next_try: Instant,
+}
+
+impl Interface {
+    /// Opens an interface, which may be down. Needs a Tokio runtime.
+    ///
+    /// # Errors
+    /// When there is no CAN interface of that name, or the kernel has no SocketCAN.
+    pub fn open(name: &str) -> io::Result<Self> {
+        let socket = open(name)?;
+        Ok(Self { name: name.to_owned(), socket, health: Health::new(name.to_owned()), next_look: None })
+    }
+
+    /// Joins the world at once, so that a world that starts later sends its first frame to the interface, too; the
+    /// returned future passes frames for ever.
+    pub fn run(mut self, world: Entrance) -> impl Future<Output = ()> + Send {
+        let mut joined = join(&world);
+        async move {
+            loop {
+                let (id, mailbox) = joined;
+                // It ends only when more frames came than the interface takes: what waits is dropped, and it joins anew.
+                self.pass(id, mailbox, &world).await;
+                world.tell(ToWorld::Leave(id));
+                joined = join(&world);
+            }
+        }
+    }
+
+    async fn pass(&mut self, id: ClientId, Mailbox { mut queue, leash }: Mailbox, world: &Entrance) {
+        // What the world gives back for joining.
+        leash.spend().await;
+        let mut waiting: Option<Waiting> = None;
+        loop {
+            let next_try = waiting.as_ref().map(|waiting| waiting.next_try);
+            tokio::select! {
+                () = leash.dismissed() => return,
+                read = read(&self.socket), if self.next_look.is_none() => match read {
+                    Ok(frame) => {
+                        tell(world, self.health.hear());
+                        // Neither error frames nor frames of CAN FD come: nobody has asked the kernel for them.
+                        if let Some(frame) = same(&frame) {
+                            leash.spend().await;
+                            world.tell(ToWorld::Send(id, frame));
+                        }
+                    }
+                    Err(error) => {
+                        self.note(&error);
+                        tell(world, self.health.fail(&error));
+                        sleep(PAUSE).await;
+                    }
+                },
+                message = queue.recv(), if waiting.is_none() => match message {
+                    Some(ToClient::Frame(_, frame)) => {
+                        waiting = same(&frame).map(|frame| Waiting { frame, tries: 0, next_try: Instant::now() });
+                    }
+                    Some(ToClient::Error(..) | ToClient::Reply(_)) => {}
+                    None => return,
+                },
+                () = until(next_try) => {
+                    waiting = waiting.and_then(|waiting| self.send(waiting, world));
+                }
+                () = until(self.next_look) => self.look_for_it(),
+            }
+        }
+    }
+
+    /// Gives a frame to the interface; returns one that is to be tried again.
+    fn send(&mut self, waiting: Waiting, world: &Entrance) -> Option<Waiting> {
+        match self.socket.get_ref().write_frame(&waiting.frame) {
+            Ok(()) => {
+                tell(world, self.health.pass());
+                None
+            }
+            Err(error) => {
+                self.note(&error);
+                let tries = waiting.tries.saturating_add(1);
+                let (verdict, told) = self.health.refuse(&error, tries);
+                tell(world, told);
+                (verdict == Verdict::Retry).then(|| Waiting { tries, next_try: Instant::now() + RETRY, ..waiting })
+            }
+        }
+    }
+
+    /// Takes note of an error that tells that the interface is gone.
+    fn note(&mut self, error: &io::Error) {
+        if is_gone(error) && self.next_look.is_none() {
+            self.next_look = Some(Instant::now() + PAUSE);
+        }
+    }
+
+    /// Opens the interface anew, if there is one of that name again.
+    fn look_for_it(&mut self) {
+        self.next_look = match open(&self.name) {
+            Ok(socket) => {
+                self.socket = socket;
+                None
+            }
+            Err(_) => Some(Instant::now() + PAUSE),
+        };
+    }
+}
+
+/// Waits until an instant, or for ever.
+async fn until(instant: Option<Instant>) {
+    match instant {
+        Some(instant) => sleep_until(instant).await,
+        None => pending().await,
+    }
+}
+
+#[allow(
+    deprecated,
+    reason = "its successor is unsafe, for types whose descriptor changes: a CanSocket owns one for life"
+)]
+fn open(name: &str) -> io::Result<AsyncFd<CanSocket>> {
+    let socket = CanSocket::open(name)?;
+    socket.set_nonblocking(true)?;
+    AsyncFd::with_interest(socket, Interest::READABLE | Interest::ERROR)
+}
+
+/// Waits for a frame, or for an error: an interface that goes down is one.
+async fn read(socket: &AsyncFd<CanSocket>) -> io::Result<CanFrame> {
+    socket.async_io(Interest::READABLE | Interest::ERROR, CanSocket::read_frame).await
+}
+
+/// A new client that gets everything from now on.
+fn join(world: &Entrance) -> (ClientId, Mailbox) {
+    let (outbox, mailbox) = Outbox::new();
+    let id = ClientId::next();
+    world.tell(ToWorld::Join(id, outbox));
+    world.tell(ToWorld::Listen(id, Reply::new("")));
+    (id, mailbox)
+}
+
+fn tell(world: &Entrance, warning: Option<String>) {
+    if let Some(warning) = warning {
+        world.tell(ToWorld::Warn(warning));
+    }
+}
+
+/// The same frame of another type; `None` for one with more than eight bytes.
+fn same<A: embedded_can::Frame, B: embedded_can::Frame>(frame: &A) -> Option<B> {
+    if frame.is_remote_frame() { B::new_remote(frame.id(), frame.dlc()) } else { B::new(frame.id(), frame.data()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use embedded_can::Frame as _;
+    use protocol_core::frame::{Frame, extended, standard};
+
+    use super::*;
+
+    #[test]
+    fn frames_are_the_same_on_both_sides() {
+        let frames = [
+            Frame::new(standard(0x7FF), &[1, 2, 3]),
+            Frame::new(extended(0x1FFF_FFFF), &[0; 8]),
+            Frame::new(standard(0), &[]),
+            Frame::new_remote(extended(0x123), 5),
+        ];
+        for frame in frames.map(|frame| frame.expect("a frame")) {
+            let kernels: CanFrame = same(&frame).expect("a frame of the kernel");
+            assert_eq!(same(&kernels), Some(frame));
+        }
+    }
+
+    #[tokio::test]
+    async fn an_interface_that_is_not_there_is_an_error() {
+        assert!(Interface::open("pve-sim-none").is_err());
+    }
+}

@@ -1,0 +1,20 @@
+//! The products on CANopen as their EDS describes them.
+
+use super::{Kind, Protocol, hat, pve};
+use crate::canopen::dictionary::{Entry, Initial};
+
+/// What an EDS says of a product beside its objects.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Capabilities {
+    /// Whether the indices of the data types, 0x0001–0x0007, can be mapped as gaps in a PDO.
+    pub dummies: bool,
+}
+
+/// Hands out every object of a new device, in the order of its dictionary; `None` for a kind that has no dictionary.
+pub fn describe(kind: Kind, each: impl FnMut(&'static Entry, Initial<'_>)) -> Option<Capabilities> {
+    match (kind, kind.protocol()) {
+        (Kind::Pve(kind), Protocol::Canopen) => Some(pve::describe(kind, each)),
+        (Kind::Hat(kind), _) => Some(hat::describe(kind, each)),
+        (Kind::Pve(_), Protocol::Isobus) => None,
+    }
+}

@@ -1,0 +1,47 @@
+//! SocketCAN: `pve-sim` on an interface of a real kernel, beside that kernel's own tools.
+//!
+//! `tests/user-mode-linux/with-can` brings the kernel; the scripts start `pve-sim` in it.
+
+use std::process::{Command, Stdio};
+
+use crate::simulator::{PVE_SIM, python, root};
+
+/// Runs a subject of the script on the kernel, and shows all there is to see when it fails.
+fn on_a_kernel(subject: &str) {
+    let run = Command::new(root().join("tests/user-mode-linux/with-can"))
+        .arg(python())
+        .arg(root().join("tests/clients/socketcan.py"))
+        .arg(subject)
+        .env("PVE_SIM", &*PVE_SIM)
+        .current_dir(root())
+        .stdin(Stdio::null())
+        .output()
+        .expect("bash runs");
+    let (out, err) = (String::from_utf8_lossy(&run.stdout), String::from_utf8_lossy(&run.stderr));
+    assert!(run.status.success(), "{subject}: {}\n{out}{err}", run.status);
+}
+
+#[test]
+fn can_utils_join() {
+    on_a_kernel("tools");
+}
+
+#[test]
+fn python_canopen_is_the_master() {
+    on_a_kernel("master");
+}
+
+#[test]
+fn the_kernels_j1939_stack_is_the_tractor() {
+    on_a_kernel("j1939");
+}
+
+#[test]
+fn an_interface_that_goes_down_or_away_comes_back() {
+    on_a_kernel("down");
+}
+
+#[test]
+fn a_full_queue_loses_nothing() {
+    on_a_kernel("full");
+}
