@@ -240,8 +240,8 @@ impl Valve {
         self.drive(drive, now);
     }
 
-    /// Returns whether a sound spool follows set-points, the last not neutral, and no fault is active. Then power save, float
-    /// and springs are out of it, and all that can become due with the spool is monitor 1.
+    /// Returns whether a sound spool follows set-points, the last not neutral, which power save tells, and no fault is active.
+    /// Then float and springs are out of it, and all that can become due with the spool is monitor 1.
     #[inline]
     fn follows(&self) -> bool {
         matches!(self.drive, Drive::Regulate(SetPoint::Position(_)))
