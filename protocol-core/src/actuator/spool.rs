@@ -68,23 +68,49 @@ pub(super) enum Action {
     Float,
 }
 
+/// What decides where the spool goes, the strongest of what acts on it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Influence {
+    /// The device alone.
+    Device,
+    /// The device, with a fault that lets the spool move.
+    Faulty(SpoolFault),
+    /// The spool is where the lever or the sensor says, whoever pushes.
+    At(Position),
+    /// The spool stays where it is.
+    Stuck,
+}
+
+impl From<SpoolSense> for Influence {
+    fn from(sense: SpoolSense) -> Self {
+        match sense {
+            SpoolSense { measured: Some(position), .. } => Self::At(position),
+            SpoolSense { fault: SpoolFault::Stuck, .. } => Self::Stuck,
+            SpoolSense { lever: Some(position), .. } => Self::At(position),
+            SpoolSense { fault: SpoolFault::None, .. } => Self::Device,
+            SpoolSense { fault, .. } => Self::Faulty(fault),
+        }
+    }
+}
+
 /// The spool and what acts on it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Spool {
     path: Path,
     action: Action,
-    sense: SpoolSense,
+    influence: Influence,
 }
 
 impl Spool {
     /// At rest in neutral.
     pub(super) fn new(now: Instant) -> Self {
-        Self { path: Path::rest(Travel::NEUTRAL, now), action: Action::Release, sense: SpoolSense::default() }
+        Self { path: Path::rest(Travel::NEUTRAL, now), action: Action::Release, influence: Influence::Device }
     }
 
     pub(super) fn sense(&mut self, sense: SpoolSense, now: Instant) {
-        if sense != self.sense {
-            self.sense = sense;
+        let influence = Influence::from(sense);
+        if influence != self.influence {
+            self.influence = influence;
             self.plan(self.at(now), now);
         }
     }
@@ -99,8 +125,9 @@ impl Spool {
 
     /// Whether nothing but the device acts on it, and it is sound: it then comes closer to where it is sent all the time,
     /// and stays there.
+    #[inline]
     pub(super) fn is_free(&self) -> bool {
-        matches!(self.sense, SpoolSense { fault: SpoolFault::None, lever: None, measured: None })
+        self.influence == Influence::Device
     }
 
     /// [`act`](Self::act) for a spool that [is free](Self::is_free) and has another target now: straight there.
@@ -137,11 +164,11 @@ impl Spool {
 
     /// Plans its way from `here`.
     fn plan(&mut self, here: Travel, now: Instant) {
-        self.path = match self.sense {
-            SpoolSense { measured: Some(position), .. } => Path::rest(position.into(), now),
-            SpoolSense { fault: SpoolFault::Stuck, .. } => Path::rest(here, now),
-            SpoolSense { lever: Some(position), .. } => Path::rest(position.into(), now),
-            SpoolSense { fault, .. } => self.action.path(here, fault, now),
+        self.path = match self.influence {
+            Influence::Device => self.action.path(here, SpoolFault::None, now),
+            Influence::Faulty(fault) => self.action.path(here, fault, now),
+            Influence::At(position) => Path::rest(position.into(), now),
+            Influence::Stuck => Path::rest(here, now),
         };
     }
 }

@@ -1,19 +1,22 @@
 //! The valve: ties spool, power save, monitors and faults together (SPEC 2).
+//!
+//! ```text
+//! valve   what the protocol tells the valve and asks it
+//! steps   what happens to it in time
+//! ```
+
+mod steps;
 
 use super::counters::Counters;
 use super::environment::Environment;
 use super::fault::{Fault, FaultSet, InternalCause, InternalCauses};
-use super::monitor::{FLOAT_DELAY, Monitor, Reading, SET_POINT_DELAY, TimeGuard, tolerance};
+use super::monitor::{FLOAT_DELAY, Monitor, SET_POINT_DELAY, TimeGuard, tolerance};
 use super::power_save::PowerSave;
 use super::register::{Changes, FaultRegister};
 use super::set_point::{Position, SetPoint};
-use super::spool::{Action, IN_FLOAT, IN_NEUTRAL, Spool, SpoolSense};
-use super::travel::{Band, Travel};
+use super::spool::{IN_FLOAT, IN_NEUTRAL, Spool, SpoolSense};
+use super::travel::Travel;
 use crate::time::{Instant, NEVER};
-
-/// Where monitor 1 lets the spool be in a shutdown, where it runs then (A): within the neutral that ends the shutdown. A
-/// spool held a little further out would keep the valve down without a word.
-const SHUTDOWN_BAND: Band = IN_NEUTRAL;
 
 /// The type of actuator: how a set-point moves the spool (SPEC 1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -94,9 +97,6 @@ pub struct Valve {
     deadline: Instant,
     /// The earliest of what is due with the spool: a monitor, a level that it crosses, power save.
     spool_due: Instant,
-    /// A sound spool follows set-points, the last not neutral, and as of the last step no fault is active. Then power save,
-    /// float and springs are out of it, and all that can become due with the spool is monitor 1.
-    follows: bool,
     now: Instant,
     config: ValveConfig,
     drive: Drive,
@@ -121,7 +121,6 @@ impl Valve {
         Self {
             deadline: NEVER,
             spool_due: NEVER,
-            follows: false,
             now,
             config,
             drive: Drive::Off,
@@ -196,15 +195,6 @@ impl Valve {
         }
     }
 
-    /// Lets monitors 1 and 2 begin anew, as a change of the device mode does.
-    pub fn restart_spool_monitors(&mut self, now: Instant) {
-        let now = self.catch_up(now);
-        self.at_set_point.restart();
-        self.in_float.restart();
-        self.step_spool(now);
-        self.schedule();
-    }
-
     /// Begins to guard that set-points come, or begins anew.
     pub fn start_guard(&mut self, now: Instant) {
         let now = self.catch_up(now);
@@ -232,7 +222,7 @@ impl Valve {
     pub fn command(&mut self, drive: Drive, now: Instant) {
         let now = now.max(self.now);
         match drive {
-            Drive::Regulate(SetPoint::Position(to)) if self.follows && !to.is_neutral() && now < self.deadline => {
+            Drive::Regulate(SetPoint::Position(to)) if now < self.deadline && !to.is_neutral() && self.follows() => {
                 self.now = now;
                 self.guard.wind_up(now);
                 if drive != self.drive {
@@ -248,6 +238,16 @@ impl Valve {
     fn command_in_general(&mut self, drive: Drive, now: Instant) {
         self.feed_guard(now);
         self.drive(drive, now);
+    }
+
+    /// Returns whether a sound spool follows set-points, the last not neutral, which power save tells, and no fault is active.
+    /// Then float and springs are out of it, and all that can become due with the spool is monitor 1.
+    #[inline]
+    fn follows(&self) -> bool {
+        matches!(self.drive, Drive::Regulate(SetPoint::Position(_)))
+            && self.power_save == PowerSave::Off
+            && self.faults.active.is_empty()
+            && self.spool.is_free()
     }
 
     /// The same as [`drive`](Self::drive) for a valve that [follows](Self::follows).
@@ -413,112 +413,4 @@ impl Valve {
             ActuatorType::OnOff | ActuatorType::Proportional => position.into(),
         }
     }
-
-    /// Where monitor 1 wants the spool; `None` while it does not run.
-    fn wanted(&self) -> Option<Band> {
-        match self.drive {
-            Drive::Regulate(SetPoint::Position(position)) => Some(tolerance(self.target(position))),
-            Drive::Off if self.config.spool_monitors == SpoolMonitors::ExceptHandAndStop => Some(SHUTDOWN_BAND),
-            Drive::Regulate(SetPoint::Float) | Drive::Off | Drive::Hand | Drive::EmergencyStop => None,
-        }
-    }
-
-    /// Lets everything due up to `now` happen, in time where that is possible, and returns the instant to go on with.
-    #[inline]
-    fn catch_up(&mut self, now: Instant) -> Instant {
-        self.now = self.now.max(now);
-        if self.now >= self.deadline {
-            self.run(self.now);
-        }
-        self.now
-    }
-
-    /// Steps from deadline to deadline. A change of a fault ends that: the protocol has to act on it first.
-    #[inline(never)]
-    fn run(&mut self, now: Instant) {
-        for _ in 0..CATCH_UP_STEPS {
-            self.step(self.deadline.min(now));
-            if self.deadline > now {
-                return;
-            }
-            if !self.faults.changes.is_empty() {
-                break;
-            }
-        }
-        // A fault that cleared during catch-up restarts its delay now, because the caller could not act earlier.
-        let cleared = self.faults.changes.cleared;
-        self.at_set_point.restart_after(cleared);
-        self.in_float.restart_after(cleared);
-        self.step(now);
-    }
-
-    /// Looks at everything as it is at `now`, which is not before anything that was due.
-    fn step(&mut self, now: Instant) {
-        self.environment.observe(self.senses.supply_mv, self.senses.temperature_c, &mut self.faults, now);
-        self.guard.observe(&mut self.faults, now);
-        self.step_spool(now);
-        self.schedule();
-    }
-
-    /// Looks at the spool alone.
-    fn step_spool(&mut self, now: Instant) {
-        let here = self.spool.at(now);
-        let neutral = IN_NEUTRAL.contains(here);
-        self.energise(here, neutral, now);
-
-        let wanted = self.wanted();
-        let away = wanted.is_some_and(|band| !band.contains(here));
-        self.at_set_point.observe(Reading { trips: away, clears: neutral }, &mut self.faults, now);
-        let short = self.floats() && !IN_FLOAT.contains(here);
-        self.in_float.observe(Reading { trips: short, clears: neutral }, &mut self.faults, now);
-
-        self.spool_due = self.at_set_point.due().min(self.in_float.due());
-        let (resting_place, rests) = self.spool.rests();
-        if IN_NEUTRAL.contains(resting_place) {
-            self.spool_due = self.spool_due.min(self.power_save.due(rests));
-        }
-        self.follows = matches!(self.drive, Drive::Regulate(SetPoint::Position(position)) if !position.is_neutral())
-            && self.faults.active.is_empty()
-            && self.spool.is_free();
-        if now < rests {
-            self.spool_due = self.spool_due.min(self.next_crossing(wanted, now));
-        }
-    }
-
-    /// Decides on power save and lets the solenoids act on the spool, which is `here`.
-    fn energise(&mut self, here: Travel, neutral: bool, now: Instant) {
-        let blocked = self.drive == Drive::Regulate(SetPoint::NEUTRAL);
-        self.power_save.update(blocked, neutral, self.spool.rests().1, now);
-        let action = match self.drive {
-            Drive::Regulate(_) if self.power_save() => Action::Release,
-            Drive::Regulate(SetPoint::Position(position)) => Action::Move(self.target(position)),
-            Drive::Regulate(SetPoint::Float) => Action::Float,
-            Drive::Off | Drive::Hand | Drive::EmergencyStop => Action::Release,
-        };
-        self.spool.act(action, here, now);
-    }
-
-    /// When the moving spool next crosses a level that a monitor looks at.
-    fn next_crossing(&self, wanted: Option<Band>, now: Instant) -> Instant {
-        let mut due = NEVER;
-        let mut watch = |band| due = due.min(self.spool.crosses(band, now));
-        if let Some(band) = wanted {
-            watch(band);
-        }
-        if self.floats() {
-            watch(IN_FLOAT);
-        }
-        if self.is_active(Fault::SpoolNotAtSetPoint) || self.is_active(Fault::FloatNotReached) {
-            watch(IN_NEUTRAL);
-        }
-        due
-    }
-
-    fn schedule(&mut self) {
-        self.deadline = self.spool_due.min(self.environment.due()).min(self.guard.due());
-    }
 }
-
-/// How many deadlines a late call makes up for. Between two changes of faults there are fewer: the spool moves and stops
-/// once by solenoids and once by springs, and each way crosses each band at most twice.
-const CATCH_UP_STEPS: u32 = 16;

@@ -19,65 +19,66 @@ pub trait Job: Copy {
 /// The writes that wait, and the one in flight.
 #[derive(Debug)]
 pub struct Writes<J> {
-    /// The next one first.
-    waiting: Vec<J, KINDS>,
-    in_flight: Option<J>,
+    /// The one in flight first, then those that wait, the next one first.
+    jobs: Vec<J, { KINDS + 1 }>,
+    /// The first one is in flight.
+    in_flight: bool,
 }
 
 impl<J: Job> Writes<J> {
     /// Returns an empty queue.
     #[must_use]
     pub const fn new() -> Self {
-        Self { waiting: Vec::new(), in_flight: None }
+        Self { jobs: Vec::new(), in_flight: false }
     }
 
     /// Appends a write, or merges it into one of its kind that waits. The write in flight is not touched: its record was
     /// encoded before.
     pub fn ask(&mut self, job: J) {
-        for waiting in &mut self.waiting {
+        for waiting in self.jobs.iter_mut().skip(usize::from(self.in_flight)) {
             if let Some(merged) = waiting.merged(job) {
                 *waiting = merged;
                 return;
             }
         }
         // There is a place for every kind.
-        let _ = self.waiting.push(job);
+        let _ = self.jobs.push(job);
     }
 
     /// Puts a write before all that wait: the second half of one that must not be parted.
     pub fn ask_first(&mut self, job: J) {
-        let _ = self.waiting.insert(0, job);
+        let _ = self.jobs.insert(usize::from(self.in_flight), job);
     }
 
     /// Returns the next write and puts it in flight; `None` while one is.
     pub fn begin(&mut self) -> Option<J> {
-        if self.in_flight.is_some() || self.waiting.is_empty() {
-            return None;
-        }
-        self.in_flight = Some(self.waiting.remove(0));
-        self.in_flight
+        let next = self.jobs.first().filter(|_| !self.in_flight)?;
+        self.in_flight = true;
+        Some(*next)
     }
 
     /// Returns the write in flight.
-    pub const fn in_flight_mut(&mut self) -> Option<&mut J> {
-        self.in_flight.as_mut()
+    pub fn in_flight_mut(&mut self) -> Option<&mut J> {
+        self.jobs.first_mut().filter(|_| self.in_flight)
     }
 
     /// Ends the write in flight and returns it; `None` when it writes another record than `key`.
     pub fn end(&mut self, key: RecordKey) -> Option<J> {
-        self.in_flight.take_if(|job| job.key() == key)
+        self.in_flight_mut().filter(|job| job.key() == key)?;
+        self.in_flight = false;
+        Some(self.jobs.remove(0))
     }
 
     /// Returns the writes that wait, the next one first, after the one in flight.
     pub fn iter(&self) -> impl Iterator<Item = &J> {
-        self.in_flight.iter().chain(&self.waiting)
+        self.jobs.iter()
     }
 
     /// Returns whether nothing waits and nothing is in flight.
     #[inline]
     #[must_use]
     pub fn is_idle(&self) -> bool {
-        self.in_flight.is_none() && self.waiting.is_empty()
+        self.jobs.is_empty()
     }
 }
 

@@ -166,7 +166,7 @@ fn monitor_1_counts_anew_only_when_the_spool_comes_back() {
 }
 
 #[test]
-fn monitors_of_the_spool_begin_anew_with_regulation_and_on_request() {
+fn monitors_of_the_spool_begin_anew_with_regulation() {
     let mut rig = Rig::new(CANOPEN);
     rig.lever(0, 5000);
     rig.drive(0, to(16000));
@@ -174,14 +174,14 @@ fn monitors_of_the_spool_begin_anew_with_regulation_and_on_request() {
     assert_eq!(rig.valve.deadline(), NEVER, "does not run while off");
     rig.drive(600, to(16000));
     rig.drive(700, to(16000));
-    rig.valve.restart_spool_monitors(ms(1000));
-    rig.expect_activation(Fault::SpoolNotAtSetPoint, 1500);
+    rig.expect_activation(Fault::SpoolNotAtSetPoint, 1100);
 
     let mut rig = Rig::new(CANOPEN);
     rig.lever(0, 5000);
     rig.drive(0, FLOAT);
-    rig.valve.restart_spool_monitors(ms(900));
-    rig.expect_activation(Fault::FloatNotReached, 1900);
+    rig.drive(900, Drive::Hand);
+    rig.drive(950, FLOAT);
+    rig.expect_activation(Fault::FloatNotReached, 1950);
 
     // Where monitor 1 runs while the drive is off too, the beginning of regulation is none for it; the end of hand
     // operation is.

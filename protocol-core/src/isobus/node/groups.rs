@@ -83,7 +83,7 @@ impl Groups {
     /// Returns the service that a frame is for. A frame under the own address can be for another service too.
     #[inline]
     pub(super) fn service(&self, frame: &Frame) -> Option<Service> {
-        // A standard identifier has hardly any bits of a group, and is for none.
+        // A standard identifier has three bits of a group at the most, and is for none.
         let group: Group = frame.key() & GROUP;
         if group == self.command {
             return Some(Service::Command);
@@ -143,7 +143,7 @@ impl Groups {
         let to_all = |pgn: Pgn| group(pgn, Address::GLOBAL);
         let broadcasts = [to_all(Pgn::TP_CONNECTION), to_all(Pgn::TP_DATA)];
         let groups = [self.command, self.request, REQUEST_TO_ALL, self.connection].into_iter().chain(broadcasts);
-        // Claims of the own address are among what is sent under it.
+        // Claims of the own address and the other protocol's identifiers end in it too.
         let under_own = of(self.own.get().into(), SOURCE);
         groups.map(|group| of(group, GROUP)).chain([under_own]).collect()
     }

@@ -41,12 +41,8 @@ impl<const DM2: usize> Node<DM2> {
     /// Takes a frame for one of the services. A remote frame means nothing on ISOBUS.
     #[inline]
     pub fn handle(&mut self, service: Service, frame: &Frame, now: Instant) -> Indication {
-        if frame.is_remote() {
-            return Indication::Nothing;
-        }
         if service != Service::Claim && self.groups.is_foreign_use(frame) {
-            let outcome = self.claim.object(now);
-            self.note(outcome, News::Claim);
+            self.object(frame, now);
         }
         let id = J1939Id::from_raw(frame.key());
         match service {
@@ -63,6 +59,14 @@ impl<const DM2: usize> Node<DM2> {
     /// Answers an order that was carried out or could not be: nothing for one to all.
     pub fn acknowledge(&mut self, request: &Request, done: bool) {
         self.respond(request, if done { Control::Positive } else { Control::Negative });
+    }
+
+    #[inline(never)]
+    fn object(&mut self, frame: &Frame, now: Instant) {
+        if !frame.is_remote() {
+            let outcome = self.claim.object(now);
+            self.note(outcome, News::Claim);
+        }
     }
 
     #[inline]
@@ -119,6 +123,9 @@ impl<const DM2: usize> Node<DM2> {
 
     #[inline(never)]
     fn serve_broadcast(&mut self, id: J1939Id, frame: &Frame, now: Instant) -> Indication {
+        if frame.is_remote() {
+            return Indication::Nothing;
+        }
         let message = self.receiver.handle(id, frame, now);
         let commanded = message.and_then(|message| self.claim.commanded(&message.payload));
         commanded.map_or(Indication::Nothing, Indication::CommandedAddress)

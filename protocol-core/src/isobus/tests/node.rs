@@ -155,6 +155,7 @@ fn what_the_product_learns() {
     rig.expect(&["18E8FF83: 01 FF FF FF 27 CC FE 00"]);
     assert_eq!(rig.send("1CECFF27: 20 09 00 02 FF D8 FE 00"), Indication::Nothing);
     assert_eq!(rig.send("1CEBFF27: 01 01 00 20 07 08 FF 02"), Indication::Nothing);
+    assert_eq!(rig.send("1CEBFF27: R8"), Indication::Nothing, "spoils no broadcast");
     let commanded = rig.send("1CEBFF27: 02 20 81 FF FF FF FF FF");
     assert_eq!(commanded, Indication::CommandedAddress(Address::new(0x81)));
     assert_eq!(rig.send("1BC78883: 03 22 F0 10"), Indication::OtherProtocol);
@@ -337,6 +338,8 @@ fn another_controller_under_the_own_address() {
     rig.send("18FF3083: 01");
     rig.advance(250);
     rig.expect(&[CLAIM, EMPTY]);
+    rig.send("18FF3083: R8");
+    rig.expect(&[]);
     for text in ["18FF3083: 01", "0CFF1083: 01", "18EF2783: 01", "1AFF3083: 01"] {
         rig.send(text);
     }

@@ -1,0 +1,120 @@
+//! What happens to a valve in time: it steps from deadline to deadline, and looks at all that may have changed.
+
+use super::super::fault::Fault;
+use super::super::monitor::{Reading, tolerance};
+use super::super::set_point::SetPoint;
+use super::super::spool::{Action, IN_FLOAT, IN_NEUTRAL};
+use super::super::travel::{Band, Travel};
+use super::{Drive, SpoolMonitors, Valve};
+use crate::time::{Instant, NEVER};
+
+/// Where monitor 1 lets the spool be in a shutdown, where it runs then (A): within the neutral that ends the shutdown. A
+/// spool held a little further out would keep the valve down without a word.
+const SHUTDOWN_BAND: Band = IN_NEUTRAL;
+
+/// How many deadlines a late call makes up for. Between two changes of faults there are fewer: the spool moves and stops
+/// once by solenoids and once by springs, and each way crosses each band at most twice.
+const CATCH_UP_STEPS: u32 = 16;
+
+impl Valve {
+    /// Where monitor 1 wants the spool; `None` while it does not run.
+    pub(super) fn wanted(&self) -> Option<Band> {
+        match self.drive {
+            Drive::Regulate(SetPoint::Position(position)) => Some(tolerance(self.target(position))),
+            Drive::Off if self.config.spool_monitors == SpoolMonitors::ExceptHandAndStop => Some(SHUTDOWN_BAND),
+            Drive::Regulate(SetPoint::Float) | Drive::Off | Drive::Hand | Drive::EmergencyStop => None,
+        }
+    }
+
+    /// Lets everything due up to `now` happen, in time where that is possible, and returns the instant to go on with.
+    #[inline]
+    pub(super) fn catch_up(&mut self, now: Instant) -> Instant {
+        self.now = self.now.max(now);
+        if self.now >= self.deadline {
+            self.run(self.now);
+        }
+        self.now
+    }
+
+    /// Steps from deadline to deadline. A change of a fault ends that: the protocol has to act on it first.
+    #[inline(never)]
+    fn run(&mut self, now: Instant) {
+        for _ in 0..CATCH_UP_STEPS {
+            self.step(self.deadline.min(now));
+            if self.deadline > now {
+                return;
+            }
+            if !self.faults.changes.is_empty() {
+                break;
+            }
+        }
+        // A fault that cleared during catch-up restarts its delay now, because the caller could not act earlier.
+        let cleared = self.faults.changes.cleared;
+        self.at_set_point.restart_after(cleared);
+        self.in_float.restart_after(cleared);
+        self.step(now);
+    }
+
+    /// Looks at everything as it is at `now`, which is not before anything that was due.
+    pub(super) fn step(&mut self, now: Instant) {
+        self.environment.observe(self.senses.supply_mv, self.senses.temperature_c, &mut self.faults, now);
+        self.guard.observe(&mut self.faults, now);
+        self.step_spool(now);
+        self.schedule();
+    }
+
+    /// Looks at the spool alone.
+    pub(super) fn step_spool(&mut self, now: Instant) {
+        let here = self.spool.at(now);
+        let neutral = IN_NEUTRAL.contains(here);
+        self.energise(here, neutral, now);
+
+        let wanted = self.wanted();
+        let away = wanted.is_some_and(|band| !band.contains(here));
+        self.at_set_point.observe(Reading { trips: away, clears: neutral }, &mut self.faults, now);
+        let short = self.floats() && !IN_FLOAT.contains(here);
+        self.in_float.observe(Reading { trips: short, clears: neutral }, &mut self.faults, now);
+
+        self.spool_due = self.at_set_point.due().min(self.in_float.due());
+        let (resting_place, rests) = self.spool.rests();
+        if IN_NEUTRAL.contains(resting_place) {
+            self.spool_due = self.spool_due.min(self.power_save.due(rests));
+        }
+        if now < rests {
+            self.spool_due = self.spool_due.min(self.next_crossing(wanted, now));
+        }
+    }
+
+    /// Decides on power save and lets the solenoids act on the spool, which is `here`.
+    fn energise(&mut self, here: Travel, neutral: bool, now: Instant) {
+        let blocked = self.drive == Drive::Regulate(SetPoint::NEUTRAL);
+        self.power_save.update(blocked, neutral, self.spool.rests().1, now);
+        let action = match self.drive {
+            Drive::Regulate(_) if self.power_save() => Action::Release,
+            Drive::Regulate(SetPoint::Position(position)) => Action::Move(self.target(position)),
+            Drive::Regulate(SetPoint::Float) => Action::Float,
+            Drive::Off | Drive::Hand | Drive::EmergencyStop => Action::Release,
+        };
+        self.spool.act(action, here, now);
+    }
+
+    /// When the moving spool next crosses a level that a monitor looks at.
+    fn next_crossing(&self, wanted: Option<Band>, now: Instant) -> Instant {
+        let mut due = NEVER;
+        let mut watch = |band| due = due.min(self.spool.crosses(band, now));
+        if let Some(band) = wanted {
+            watch(band);
+        }
+        if self.floats() {
+            watch(IN_FLOAT);
+        }
+        if self.is_active(Fault::SpoolNotAtSetPoint) || self.is_active(Fault::FloatNotReached) {
+            watch(IN_NEUTRAL);
+        }
+        due
+    }
+
+    pub(super) fn schedule(&mut self) {
+        self.deadline = self.spool_due.min(self.environment.due()).min(self.guard.due());
+    }
+}
