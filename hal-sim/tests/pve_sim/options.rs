@@ -173,8 +173,10 @@ fn every_word_on_stdin() {
 #[test]
 fn every_command() {
     for (right, wrong, accepted) in [
-        ("run --help", "walk", "accepted: run, use-case, help"),
+        ("run --help", "walk", "accepted: run, use-case, eds, dbc, help"),
         ("use-case 1", "use-case 7", "accepted: 1, 2, 3, 4, 5, 6, isobus, hat, all"),
+        ("eds hat3000", "eds pvea-isobus", "pvea-canopen|pveo-canopen|hat1000|hat3000"),
+        ("dbc pveo-isobus", "dbc hat1000", "pvea-isobus|pveo-isobus"),
         ("help use-case", "help walk", "'walk'"),
     ] {
         assert_eq!(output(&right.split(' ').collect::<Vec<_>>()).status.code(), Some(0), "{right}");
