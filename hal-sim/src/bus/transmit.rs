@@ -118,6 +118,6 @@ impl Transmit {
 
     #[inline]
     pub(super) fn is_empty(&self) -> bool {
-        self.len() == 0
+        self.head().is_none()
     }
 }
