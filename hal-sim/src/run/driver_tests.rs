@@ -331,6 +331,21 @@ fn a_speed_that_cannot_be_reached_is_told_once_and_keeps_nobody_waiting() {
     assert_eq!(said, ["pve-sim: --speed 10000000 is out of reach: time runs as fast as this machine can"]);
 }
 
+/// The machine does 125 virtual seconds a second, and was away for 3 s: it takes 12 s to catch up.
+#[test]
+fn a_pause_does_not_prove_a_speed_out_of_reach() {
+    let mut rig = Rig::new(100.0);
+    rig.send(millis(0), "620: 2B 17 10 00 0A 00 00 00");
+    rig.run_until(millis(100));
+    rig.driver.outside.work = millis(40);
+    rig.stall(millis(200), WallDuration::from_secs(3));
+    rig.send(WallDuration::from_secs(19), READ);
+    rig.run_until(WallDuration::from_secs(20));
+    let at = rig.times_of(READ)[0];
+    assert!((1_900_000_000..1_905_000_000).contains(&at), "{at} µs");
+    assert_eq!(rig.end(), [""; 0]);
+}
+
 /// A controller at another bit rate than everybody else's repeats its frame thousands of times a second.
 #[test]
 fn a_busy_bus_that_nobody_listens_to_wakes_nobody_up() {
