@@ -40,7 +40,7 @@ mod trace;
 
 pub use options::{ColorChoice, LogOptions, NamedDevice, NamedLink, RunOptions};
 
-use std::io::{self, Write};
+use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -189,7 +189,8 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     })
     .await?;
     let log = options.log.as_ref().map(|log| Log::create(log, options.state.as_deref())).transpose()?;
-    aside(move || announce(&bound, &warnings)).await;
+    let printer = Printer::start(reader_gone)?;
+    announce(&printer, &bound, warnings);
     let (entrance, inbox) = Entrance::new();
     for beacon in beacons {
         tokio::spawn(beacon.run());
@@ -199,7 +200,6 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
         tokio::spawn(server.run(entrance.clone(), Arc::clone(&places)));
     }
     stdin::listen(entrance.clone());
-    let printer = Printer::start(reader_gone)?;
     let bus = options.buses.first().map_or("can0", |url| url.name.as_str());
     let layout = trace::layout(options.color, options.verbose);
     let trace = Trace::new(bus, setup::explainer(options), printer, log, layout);
@@ -255,18 +255,14 @@ async fn aside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> 
     }
 }
 
-/// The warnings of the start on stderr, the ready line on stdout and the hint on stderr: a pipe that is full holds them up.
-/// Whoever has seen the ready line finds the warnings there.
-fn announce(bound: &[(SocketAddr, String)], warnings: &[String]) {
-    for warning in warnings {
-        let _ = writeln!(io::stderr(), "pve-sim: {warning}");
-    }
+/// Prints the warnings of the start on stderr, the ready line on stdout and the hint on stderr. Whoever has seen the ready
+/// line finds the warnings there.
+fn announce(printer: &Printer, bound: &[(SocketAddr, String)], warnings: Vec<String>) {
+    warnings.into_iter().for_each(|warning| printer.warn(warning));
     let urls: String = bound.iter().map(|(address, name)| format!(" bus=socketcand://{address}/{name}")).collect();
-    let mut stdout = io::stdout().lock();
-    let _ = writeln!(stdout, "pve-sim ready{urls}").and_then(|()| stdout.flush());
-    let mut stderr = io::stderr().lock();
+    printer.trace(format!("pve-sim ready{urls}\n"));
     for (address, name) in bound {
-        let _ = writeln!(stderr, "{}", hint(*address, name));
+        printer.note(hint(*address, name));
     }
 }
 
