@@ -1,19 +1,15 @@
 //! Time as clients see it, on a wall clock that passes only when the driver waits: hours of quiet, and processes that
 //! stand still, take no time here.
 
-use std::io::{self, Write};
 use std::sync::{Arc, Mutex};
 
 use protocol_core::device::pve;
 use protocol_core::frame::Frame;
-use tokio::sync::watch;
 
 use super::*;
-use crate::explain::Explainer;
 use crate::gateway::{ClientId, Mailbox, Outbox, Reply, ToClient};
 use crate::kind::{Kind, Simulated};
 use crate::memory::Memory;
-use crate::run::printer::Printer;
 
 /// What happens outside, in the order of time.
 enum Happening {
@@ -102,13 +98,10 @@ impl Rig {
         let kind = Kind::Pve(pve::Kind::PveaCanopen);
         world.add_device("valve", kind.factory(kind.default_birth()), Memory::in_ram());
         let said = Said::default();
-        let printer = Printer::start_with(io::sink(), said.clone(), watch::Sender::new(false)).unwrap();
-        let trace = Trace::new("pve0", Explainer::default(), printer, None, None);
         let start = WallInstant::now();
         let plan = VecDeque::new();
         let script = Script { now: start, work: WallDuration::ZERO, end: start, plan, waits: 0 };
-        let clients = Clients::new(&mut world, false);
-        let driver = Driver::new(world, clients, script, speed, Timestamp::from_micros(0), trace);
+        let driver = Driver::embedded(world, script, speed, io::sink(), said.clone()).unwrap();
         let (sender, listener) = (ClientId::next(), ClientId::next());
         let (outbox, mailbox) = Outbox::new();
         let (sender_outbox, _sender_mailbox) = Outbox::new();
@@ -116,7 +109,6 @@ impl Rig {
         rig.plan(millis(0), Happening::Message(ToWorld::Join(sender, sender_outbox)));
         rig.plan(millis(0), Happening::Message(ToWorld::Join(listener, outbox)));
         rig.plan(millis(0), Happening::Message(ToWorld::Listen(listener, Reply::new(""))));
-        rig.driver.power_on(None);
         rig
     }
 

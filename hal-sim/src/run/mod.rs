@@ -38,7 +38,9 @@ mod stdin;
 mod timekeeper;
 mod trace;
 
+pub use driver::Driver;
 pub use options::{ColorChoice, LogOptions, NamedDevice, NamedLink, RunOptions};
+pub use outside::Outside;
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
@@ -54,7 +56,6 @@ use crate::gateway::{BusUrl, Entrance};
 use crate::memory::StateFileError;
 use crate::trace::Timestamp;
 use clients::Clients;
-use driver::Driver;
 use end::End;
 use log::Log;
 use outside::System;
