@@ -78,15 +78,19 @@ impl Write {
 
 impl Node {
     /// When something is next due for it, other than from the bus.
-    #[inline]
     pub(super) fn due(&self) -> Instant {
-        let written = self.write.as_ref().map_or(NEVER, |write| write.done);
         match &self.power {
             Power::Off => NEVER,
             Power::Coming(at, _) => *at,
-            Power::On(device) => device.deadline().min(written),
+            Power::On(device) => due(&**device, self.write.as_ref()),
         }
     }
+}
+
+/// When a device that is powered, or the record on its way into the memory, is next due.
+#[inline]
+pub(super) fn due(device: &dyn SimDevice, write: Option<&Write>) -> Instant {
+    device.deadline().min(write.map_or(NEVER, |write| write.done))
 }
 
 /// Returns how long the memory takes to write the record under `key`.

@@ -5,7 +5,7 @@ use protocol_core::device::Effect;
 use protocol_core::memory::{Record, RecordKey};
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
-use super::node::{Node, Power, Write, write_time};
+use super::node::{Node, Power, Write, due, write_time};
 use super::{NodeId, World};
 
 /// How long an orderly shutdown waits for the bus to take what devices have to send before they store (A).
@@ -132,7 +132,7 @@ impl World {
     fn pump(&mut self, id: NodeId) -> Option<Effect> {
         let Self { nodes, bus, agenda, now, .. } = self;
         let now = *now;
-        let Node { port, power, senses, frames_dropped, .. } = &mut nodes[id.0];
+        let Node { port, power, senses, write, frames_dropped, .. } = &mut nodes[id.0];
         let (port_id, Power::On(device)) = (*port, power) else { return None };
         let port = bus.port_mut(port_id);
         if port.mode() != senses.bus {
@@ -152,7 +152,7 @@ impl World {
         }
         *frames_dropped = dropped;
         bus.refresh_used(port_id, now);
-        let due = nodes[id.0].due();
+        let due = due(&**device, write.as_ref());
         // A device that wants to be polled at once again gets a tick later, or time would stand still.
         agenda.set(id.0, if due <= now { after(now, TICK) } else { due });
         None
