@@ -32,9 +32,9 @@ fn request(valves: usize) -> (Box<Scene>, Frame) {
 
 // A frame that no valve listens to, from the moment when a client gives it to the bus.
 #[library_benchmark]
-#[bench::valves_1(args = (foreign(1)), config = budget(2_000))]
-#[bench::valves_20(args = (foreign(20)), config = budget(2_100))]
-#[bench::valves_100(args = (foreign(100)), config = budget(2_100))]
+#[bench::valves_1(args = (foreign(1)), config = budget(1_500))]
+#[bench::valves_20(args = (foreign(20)), config = budget(1_500))]
+#[bench::valves_100(args = (foreign(100)), config = budget(1_500))]
 fn foreign_frame((mut scene, frame): (Box<Scene>, Frame)) -> Box<Scene> {
     scene.pass(frame, 1);
     scene
@@ -42,7 +42,7 @@ fn foreign_frame((mut scene, frame): (Box<Scene>, Frame)) -> Box<Scene> {
 
 // An SDO upload, from the moment when the client gives its request to the bus until it has the answer.
 #[library_benchmark]
-#[bench::valves_20(args = (request(20)), config = budget(5_500))]
+#[bench::valves_20(args = (request(20)), config = budget(4_200))]
 fn sdo_round_trip((mut scene, frame): (Box<Scene>, Frame)) -> Box<Scene> {
     scene.pass(frame, 2);
     scene
@@ -50,7 +50,7 @@ fn sdo_round_trip((mut scene, frame): (Box<Scene>, Frame)) -> Box<Scene> {
 
 // A second of 20 valves that answer every SYNC, at 80 % load.
 #[library_benchmark]
-#[bench::valves_20(args = (Scene::sync_driven()), config = budget(7_800_000))]
+#[bench::valves_20(args = (Scene::sync_driven()), config = budget(5_900_000))]
 fn sync_driven(mut scene: Box<Scene>) -> Box<Scene> {
     scene.sync_for(1);
     scene
@@ -58,7 +58,7 @@ fn sync_driven(mut scene: Box<Scene>) -> Box<Scene> {
 
 // A second of 1,000 valves on one bus that only heartbeat.
 #[library_benchmark]
-#[bench::valves_1000(args = (Scene::heartbeats()), config = budget(3_300_000))]
+#[bench::valves_1000(args = (Scene::heartbeats()), config = budget(2_700_000))]
 fn heartbeats(mut scene: Box<Scene>) -> Box<Scene> {
     scene.beat_for(1);
     scene

@@ -1,9 +1,10 @@
 //! The bits of a classic CAN frame (ISO 11898-1): how many there are on the wire, and where two frames first differ.
 
-use crc::{CRC_15_CAN, Crc};
+use crc::{CRC_15_CAN, Crc, Table};
 use protocol_core::frame::{Frame, Id};
 
-const CRC: Crc<u16> = Crc::<u16>::new(&CRC_15_CAN);
+/// Sixteen bytes in one step: all that a frame has.
+static CRC: Crc<u16, Table<16>> = Crc::<u16, Table<16>>::new(&CRC_15_CAN);
 const CRC_BITS: u32 = 15;
 
 /// CRC delimiter, ACK slot, ACK delimiter and end of frame: what follows the CRC sequence, never stuffed.
@@ -53,8 +54,7 @@ impl FrameBits {
             bits.push(u128::from(data.checked_shr(u64::BITS - len).unwrap_or(0)), len);
         }
         // The CRC starts from 0, so that the zeros in front of the start of frame do not count.
-        let unused = (u128::BITS - bits.len) as usize / 8;
-        bits.push(u128::from(CRC.checksum(&bits.value.to_be_bytes()[unused..])), CRC_BITS);
+        bits.push(u128::from(CRC.checksum(&bits.value.to_be_bytes())), CRC_BITS);
         bits
     }
 
@@ -91,27 +91,30 @@ impl FrameBits {
         // Whole bytes: in front of the start of frame as many bits, in turn recessive and dominant, as there is room for.
         let bits = ALTERNATING << len | self.value >> (self.len - len);
         let unused = (u128::BITS - len) as usize / 8;
-        let mut state = 0;
-        let mut count = 0;
+        let (mut state, mut sum) = (0, 0_u16);
         for byte in &bits.to_be_bytes()[unused..] {
-            let step = STUFF[usize::from(state & (STATES - 1)) << 8 | usize::from(*byte)];
-            state = step % STATES;
-            count += u32::from(step / STATES);
+            let step = STUFF[usize::from(state | u16::from(*byte))];
+            state = step & STATE;
+            // The counts stay in the low byte: a frame has fewer than 32 stuff bits.
+            sum = sum.wrapping_add(step);
         }
-        count
+        u32::from(sum & COUNT)
     }
 }
 
 /// Dominant and recessive bits in turn, the last one recessive: no run of equal bits.
 const ALTERNATING: u128 = 0x5555_5555_5555_5555_5555_5555_5555_5555;
 
-/// How many states are counted: those of [`run`], up to a power of two.
-const STATES: u8 = 16;
+/// How many states there is room for: those of [`run`], up to a power of two.
+const STATES: usize = 16;
+/// The bits of a step that hold the state after it: where the table is to be looked at with the next byte.
+const STATE: u16 = (STATES as u16 - 1) << 8;
+/// The bits of a step that hold its stuff bits.
+const COUNT: u16 = 0xFF;
 
-/// What a byte does to a run of equal bits, by the state before the byte, and the byte: the state after it, and the stuff
-/// bits in it times [`STATES`].
-static STUFF: [u8; STATES as usize * 256] = {
-    let mut table = [0; STATES as usize * 256];
+/// What a byte does to a run of equal bits, by the state before the byte, and the byte.
+static STUFF: [u16; STATES * 256] = {
+    let mut table = [0; STATES * 256];
     let mut state = 0;
     while state < 2 * STUFF_AFTER {
         let mut byte = 0;
@@ -129,7 +132,7 @@ const fn run(last: u8, length: u8) -> u8 {
     last * STUFF_AFTER + length
 }
 
-const fn step(state: u8, byte: u8) -> u8 {
+const fn step(state: u8, byte: u8) -> u16 {
     let (mut last, mut length) = (state / STUFF_AFTER, state % STUFF_AFTER);
     let mut stuffed = 0;
     let mut place = 8;
@@ -145,7 +148,7 @@ const fn step(state: u8, byte: u8) -> u8 {
             length = 1;
         }
     }
-    run(last, length) + stuffed * STATES
+    (run(last, length) as u16) << 8 | stuffed
 }
 
 /// Where two frames that are sent at once part.

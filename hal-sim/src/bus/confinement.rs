@@ -18,20 +18,15 @@ pub(super) const RECOVERY_SEQUENCES: u32 = 128;
 pub struct Confinement {
     transmit: u16,
     receive: u16,
-    bus_off: bool,
+    mode: BusErrorMode,
 }
 
 impl Confinement {
     /// The mode that the counters put the controller into.
+    #[inline]
     #[must_use]
     pub const fn mode(&self) -> BusErrorMode {
-        if self.bus_off {
-            BusErrorMode::BusOff
-        } else if self.transmit >= PASSIVE_FROM || self.receive >= PASSIVE_FROM {
-            BusErrorMode::ErrorPassive
-        } else {
-            BusErrorMode::ErrorActive
-        }
+        self.mode
     }
 
     /// The transmit error counter, TEC.
@@ -47,8 +42,12 @@ impl Confinement {
     }
 
     /// A frame was sent and acknowledged.
+    #[inline]
     pub(super) const fn sent(&mut self) {
-        self.transmit = self.transmit.saturating_sub(1);
+        if self.transmit > 0 {
+            self.transmit -= 1;
+            self.settle();
+        }
     }
 
     /// A frame was received.
@@ -56,17 +55,18 @@ impl Confinement {
     pub(super) const fn received(&mut self) {
         self.receive =
             if self.receive >= PASSIVE_FROM { RECEIVED_WHILE_PASSIVE } else { self.receive.saturating_sub(1) };
+        self.settle();
     }
 
     /// An error in a frame that this controller sent.
     pub(super) const fn transmit_error(&mut self) {
         self.transmit += 8;
-        self.bus_off |= self.transmit >= BUS_OFF_FROM;
+        self.settle();
     }
 
     /// Nobody acknowledged. An error-passive sender does not count that: a lone node never gets to bus-off.
     pub(super) fn no_acknowledgement(&mut self) {
-        if self.mode() == BusErrorMode::ErrorActive {
+        if self.mode == BusErrorMode::ErrorActive {
             self.transmit_error();
         }
     }
@@ -76,12 +76,24 @@ impl Confinement {
     pub(super) const fn receive_error(&mut self, first: bool) {
         let raised = self.receive + if first { 1 + 8 } else { 1 };
         self.receive = if raised < RECEIVE_LIMIT { raised } else { RECEIVE_LIMIT };
+        self.settle();
     }
 
     /// Off the bus, whatever the counters say.
     pub(super) const fn force_bus_off(&mut self) {
         self.transmit = BUS_OFF_FROM;
-        self.bus_off = true;
+        self.settle();
+    }
+
+    /// Works out the mode anew. Bus-off ends with a recovery only.
+    const fn settle(&mut self) {
+        self.mode = if matches!(self.mode, BusErrorMode::BusOff) || self.transmit >= BUS_OFF_FROM {
+            BusErrorMode::BusOff
+        } else if self.transmit >= PASSIVE_FROM || self.receive >= PASSIVE_FROM {
+            BusErrorMode::ErrorPassive
+        } else {
+            BusErrorMode::ErrorActive
+        };
     }
 
     /// Back on the bus, as new.

@@ -14,11 +14,32 @@ pub(super) enum Contends {
     Ready(u32),
 }
 
+/// A port that may send, in the order of arbitration: above the key, below the number of the port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Rank(u64);
+
+impl Rank {
+    #[inline]
+    const fn of(key: u32, id: PortId) -> Self {
+        Self((key as u64) << u32::BITS | id.0 as u64)
+    }
+
+    #[inline]
+    const fn key(self) -> u32 {
+        (self.0 >> u32::BITS) as u32
+    }
+
+    #[inline]
+    const fn id(self) -> PortId {
+        PortId(self.0 as u32 as usize)
+    }
+}
+
 /// The ports that have something to send.
 #[derive(Debug, Default)]
 pub(super) struct Contenders {
     /// Those that may send: the most urgent one last, of equals the one with the lowest number.
-    ready: Vec<(u32, PortId)>,
+    ready: Vec<Rank>,
     /// Those that may not send yet, in no order.
     waiting: Vec<PortId>,
 }
@@ -43,18 +64,28 @@ impl Contenders {
         match from {
             Contends::No => {}
             Contends::Waiting => self.waiting.retain(|other| *other != id),
-            // The winner of the bus, as a rule.
-            Contends::Ready(key) if self.ready.last() == Some(&(key, id)) => drop(self.ready.pop()),
-            Contends::Ready(key) => drop(self.ready.remove(self.place_of(key, id))),
+            Contends::Ready(key) => {
+                let rank = Rank::of(key, id);
+                // The winner of the bus, as a rule.
+                if self.ready.last() == Some(&rank) {
+                    self.ready.pop();
+                } else {
+                    self.ready.remove(self.place_of(rank));
+                }
+            }
         }
         match to {
             Contends::No => {}
             Contends::Waiting => self.waiting.push(id),
-            Contends::Ready(key) => self.ready.insert(self.place_of(key, id), (key, id)),
+            Contends::Ready(key) => {
+                let rank = Rank::of(key, id);
+                self.ready.insert(self.place_of(rank), rank);
+            }
         }
     }
 
     /// Makes those ready for which `key` gives an arbitration key.
+    #[inline]
     pub(super) fn promote(&mut self, mut key: impl FnMut(PortId) -> Option<u32>) {
         let mut place = 0;
         while let Some(id) = self.waiting.get(place).copied() {
@@ -69,13 +100,20 @@ impl Contenders {
     }
 
     /// Adds those who are still sending when the identifiers are through: one, as a rule.
+    #[inline]
     pub(super) fn winners(&self, into: &mut Vec<PortId>) {
-        let Some((winning, _)) = self.ready.last() else { return };
-        into.extend(self.ready.iter().rev().take_while(|(key, _)| key == winning).map(|(_, id)| *id));
+        let Some((first, others)) = self.ready.split_last() else { return };
+        into.push(first.id());
+        for other in others.iter().rev() {
+            if other.key() != first.key() {
+                break;
+            }
+            into.push(other.id());
+        }
     }
 
     /// Where a contender is, or belongs.
-    fn place_of(&self, key: u32, id: PortId) -> usize {
-        self.ready.partition_point(|other| *other > (key, id))
+    fn place_of(&self, rank: Rank) -> usize {
+        self.ready.partition_point(|other| *other > rank)
     }
 }

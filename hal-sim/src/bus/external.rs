@@ -77,6 +77,7 @@ impl Bus {
     }
 
     /// When the next controller has to be told that it has joined.
+    #[inline]
     pub(super) fn next_joining(&self) -> Nanos {
         let due = |id: &PortId| {
             let port = &self.ports[id.0];
@@ -100,21 +101,21 @@ impl Bus {
     }
 
     /// Tells those who contended and lost the arbitration, before the frame itself begins.
-    pub(super) fn tell_losers(&mut self, start: Nanos, winners: &[PortId]) {
+    pub(super) fn tell_losers(&mut self, start: Nanos) {
         for id in &self.externals {
             let port = &mut self.ports[id.0];
-            if !winners.contains(id) && port.ready_at <= start && port.transmit.head().is_some() {
+            if !self.senders.contains(id) && port.ready_at <= start && port.transmit.head().is_some() {
                 port.tell(start, WireEvent::LostArbitration);
             }
         }
     }
 
     /// Tells everybody who was on the bus by the start of a frame that it begins.
-    pub(super) fn tell_begin(&mut self, start: Nanos, winners: &[PortId]) {
+    pub(super) fn tell_begin(&mut self, start: Nanos) {
         for id in &self.externals {
             let port = &mut self.ports[id.0];
             let on_bus = port.connected && port.joined_at <= start;
-            let own = winners.contains(id);
+            let own = self.senders.contains(id);
             if let Some(external) = port.external.as_mut().filter(|_| on_bus || own) {
                 external.in_frame = true;
                 external.tell(instant(start), WireEvent::Begins { own });

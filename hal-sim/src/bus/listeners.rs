@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 
-use protocol_core::controller::{BitRate, Filters};
+use protocol_core::controller::{BitRate, Filter, Filters};
 use protocol_core::frame::Frame;
 
 use super::PortId;
@@ -22,15 +22,20 @@ pub(super) struct Group {
     pub(super) counting: Vec<PortId>,
     /// The members that hear everything.
     open: Vec<PortId>,
-    /// What the others hear, by the bits that their filters look at.
+    /// Who hears which standard identifier, by a filter for that one alone: nearly all that CANopen listens to.
+    standard: Vec<Vec<PortId>>,
+    /// What other filters let through, by the bits that they look at.
     masks: Vec<Mask>,
 }
+
+/// How many standard identifiers there are.
+const STANDARD: usize = 1 << 11;
 
 /// The filters that look at the same bits of an identifier.
 #[derive(Debug)]
 struct Mask {
     bits: u32,
-    /// Who wants to find what there.
+    /// Who wants to find what there, in the order of their numbers.
     wanted: HashMap<u32, Vec<PortId>, BuildHasherDefault<Multiply>>,
 }
 
@@ -75,23 +80,29 @@ impl Group {
             active: 0,
             counting: Vec::new(),
             open: Vec::new(),
+            standard: Vec::new(),
             masks: Vec::new(),
         }
     }
 
-    /// Adds the members that are to hear a frame, in the order of their numbers, its sender perhaps among them.
-    pub(super) fn hearers(&self, frame: &Frame, into: &mut Vec<PortId>) {
-        into.extend_from_slice(&self.open);
-        if !frame.is_remote() {
-            for Mask { bits, wanted } in &self.masks {
-                if let Some(ports) = wanted.get(&(frame.key() & bits)) {
-                    into.extend_from_slice(ports);
-                }
-            }
+    /// Calls `tell` with lists of the members that are to hear a frame, its sender perhaps among them. A member with several
+    /// filters for it can be in several lists.
+    #[inline]
+    pub(super) fn hearers(&self, frame: &Frame, mut tell: impl FnMut(&[PortId])) {
+        if !self.open.is_empty() {
+            tell(&self.open);
         }
-        if into.len() > 1 {
-            into.sort_unstable();
-            into.dedup();
+        // No filter lets a remote frame through.
+        if frame.is_remote() {
+            return;
+        }
+        if let Some(ports) = self.standard.get(frame.key() as usize).filter(|ports| !ports.is_empty()) {
+            tell(ports);
+        }
+        for mask in &self.masks {
+            if let Some(ports) = mask.wanted.get(&(frame.key() & mask.bits)) {
+                tell(ports);
+            }
         }
     }
 
@@ -102,7 +113,10 @@ impl Group {
             Hears::Everything => self.open.push(id),
             Hears::Filtered(filters) => {
                 for filter in filters {
-                    self.mask(filter.mask).wanted.entry(filter.key & filter.mask).or_default().push(id);
+                    let ports = self.wanted(*filter);
+                    if let Err(place) = ports.binary_search(&id) {
+                        ports.insert(place, id);
+                    }
                 }
             }
         }
@@ -115,31 +129,46 @@ impl Group {
             Hears::Everything => self.open.retain(|other| *other != id),
             Hears::Filtered(filters) => {
                 for filter in filters {
-                    let key = filter.key & filter.mask;
-                    let wanted = &mut self.mask(filter.mask).wanted;
-                    if let Some(ports) = wanted.get_mut(&key) {
-                        ports.retain(|other| *other != id);
-                        if ports.is_empty() {
-                            wanted.remove(&key);
-                        }
+                    let ports = self.wanted(*filter);
+                    ports.retain(|other| *other != id);
+                    if ports.is_empty() {
+                        self.forget(*filter);
                     }
                 }
             }
         }
     }
 
-    fn mask(&mut self, bits: u32) -> &mut Mask {
-        let place = self.masks.iter().position(|mask| mask.bits == bits).unwrap_or_else(|| {
-            self.masks.push(Mask { bits, wanted: HashMap::default() });
+    /// Who has a filter.
+    fn wanted(&mut self, filter: Filter) -> &mut Vec<PortId> {
+        if let Some(id) = standard(filter) {
+            self.standard.resize(STANDARD, Vec::new());
+            return &mut self.standard[id];
+        }
+        let place = self.masks.iter().position(|mask| mask.bits == filter.mask).unwrap_or_else(|| {
+            self.masks.push(Mask { bits: filter.mask, wanted: HashMap::default() });
             self.masks.len() - 1
         });
-        &mut self.masks[place]
+        self.masks[place].wanted.entry(filter.key & filter.mask).or_default()
     }
+
+    /// Gives the room back for a filter that nobody has any more.
+    fn forget(&mut self, filter: Filter) {
+        if let Some(mask) = self.masks.iter_mut().find(|mask| mask.bits == filter.mask) {
+            mask.wanted.remove(&(filter.key & filter.mask));
+        }
+    }
+}
+
+/// The identifier of a filter for one standard identifier.
+fn standard(filter: Filter) -> Option<usize> {
+    let id = filter.key as usize;
+    (filter.mask == u32::MAX && id < STANDARD).then_some(id)
 }
 
 #[cfg(test)]
 mod tests {
-    use protocol_core::controller::Filter;
+    use protocol_core::frame::{extended, key};
 
     use super::*;
 
@@ -147,9 +176,9 @@ mod tests {
     #[test]
     fn what_nobody_wants_any_more_takes_no_room() {
         let mut group = Group::new(BitRate::Kbit250);
-        for key in 1..=100 {
+        for number in 1..=100 {
             let mut filters = Filters::new();
-            let _ = filters.push(Filter::exactly(key));
+            let _ = filters.push(Filter::exactly(key(extended(number).into())));
             group.list(PortId(0), Hears::Filtered(&filters));
             group.unlist(PortId(0), Hears::Filtered(&filters));
         }

@@ -82,4 +82,9 @@ impl Mailboxes {
     pub(super) fn len(&self) -> usize {
         self.waiting.len()
     }
+
+    #[inline]
+    pub(super) const fn is_empty(&self) -> bool {
+        self.waiting.is_empty()
+    }
 }

@@ -45,7 +45,7 @@ use std::sync::Arc;
 use std::vec::Drain;
 
 use protocol_core::controller::{BitRate, BusErrorMode};
-use protocol_core::time::{Instant, NEVER};
+use protocol_core::time::Instant;
 
 pub use bits::{BUS_IDLE, Difference, FrameBits, INTERMISSION};
 pub use confinement::Confinement;
@@ -83,14 +83,12 @@ pub struct Bus {
     recovering: Vec<PortId>,
     /// The frame on the wire.
     current: Option<Transmission>,
-    /// The list of senders of the last frame, to be used again.
-    spare: Vec<PortId>,
+    /// Who sends it; several when they send the same, or when none of them has noticed the others yet.
+    senders: Vec<PortId>,
     /// From when on the next frame may start.
     free_at: Nanos,
     /// The ports of devices for which something changed since they were last asked for.
     touched: Vec<PortId>,
-    /// The list of those that hear the last frame, to be used again.
-    hearers: Vec<PortId>,
     injectors: Vec<Box<dyn Injector>>,
     load: Load,
     journal: Journal,
@@ -197,10 +195,19 @@ impl Bus {
         self.injectors.clear();
     }
 
+    /// [Looks](Self::refresh) at a port that its device has used since the last look.
+    #[inline]
+    pub(crate) fn refresh_used(&mut self, id: PortId, now: Instant) {
+        if self.ports[id.0].used {
+            self.refresh(id, now);
+        }
+    }
+
     /// Looks at what a port has to send and to hear now.
     #[inline]
     pub fn refresh(&mut self, id: PortId, now: Instant) {
         let port = &mut self.ports[id.0];
+        port.used = false;
         if port.new_filters.is_some() {
             self.refilter(id);
         }
@@ -223,11 +230,15 @@ impl Bus {
     /// When something is next due on the bus.
     #[must_use]
     pub fn next_event(&self) -> Instant {
-        match &self.current {
-            Some(transmission) => instant(transmission.end.min(self.next_joining())),
-            None if self.contenders.is_empty() && self.recovering.is_empty() && self.externals.is_empty() => NEVER,
-            None => instant(self.next_start().min(self.next_recovery()).min(self.next_joining())),
+        let mut due = match &self.current {
+            Some(transmission) => transmission.over,
+            None if self.recovering.is_empty() => instant(self.next_start()),
+            None => instant(self.next_start().min(self.next_recovery())),
+        };
+        if !self.externals.is_empty() {
+            due = due.min(instant(self.next_joining()));
         }
+        due
     }
 
     /// Records from now on what happens, to be taken with [`take_events`](Self::take_events); or does so no longer.
@@ -263,7 +274,7 @@ impl Bus {
     #[inline]
     pub(crate) fn swap_touched(&mut self, ports: &mut Vec<PortId>) {
         std::mem::swap(&mut self.touched, ports);
-        if ports.len() > 1 {
+        if !ports.is_sorted_by(|one, next| one < next) {
             ports.sort_unstable();
             ports.dedup();
         }

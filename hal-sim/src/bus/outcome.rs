@@ -4,17 +4,17 @@ use protocol_core::controller::BusErrorMode;
 use protocol_core::time::Instant;
 
 use super::bits::{INTERMISSION, SUSPEND};
-use super::clock::{bit_times, instant, nanos};
+use super::clock::{Nanos, bit_times, instant, nanos};
 use super::confinement::Confinement;
-use super::transmission::Transmission;
+use super::transmission::{Failure, Transmission};
 use super::wire_event::WireEvent;
 use super::{Bus, BusError, Event, EventKind, PortId};
 
 impl Bus {
     /// Ends what is due to end by `now`.
     pub fn finish(&mut self, now: Instant) {
-        if let Some(transmission) = self.current.take_if(|transmission| transmission.end <= nanos(now)) {
-            self.end(transmission);
+        if self.current.as_ref().is_some_and(|transmission| transmission.over <= now) {
+            self.end();
         }
         if !self.recovering.is_empty() {
             self.recover(nanos(now));
@@ -24,72 +24,80 @@ impl Bus {
         }
     }
 
-    fn end(&mut self, mut transmission: Transmission) {
+    /// Ends what is on the wire.
+    fn end(&mut self) {
+        let Some(mut transmission) = self.current.take() else { return };
         // Whoever acknowledged it may have been switched off while the frame was on the wire.
-        if transmission.error.is_none() && !self.is_heard(transmission.rate, &transmission.senders) {
-            transmission.error = Some(BusError::Acknowledgement);
-            transmission.signalled_by = transmission.senders.first().map(|id| self.ports[id.0].name.clone());
+        if transmission.failure.is_none() && !self.is_heard(transmission.rate) {
+            let signalled_by = self.senders.first().map(|id| self.ports[id.0].name.clone());
+            let error = BusError::Acknowledgement;
+            transmission.failure = Some(Box::new(Failure { error, by_other_rate: false, signalled_by, gone: None }));
         }
         self.free_at = transmission.end + bit_times(INTERMISSION, transmission.rate);
         self.load.add(self.free_at - transmission.start, transmission.end);
         self.note(&transmission);
-        match transmission.error {
+        let error = transmission.error();
+        match error {
             None => self.deliver(&transmission),
             // A missing acknowledgement is seen by nobody else: there is nobody else.
             Some(BusError::Acknowledgement) => {}
             Some(_) => self.count_errors(&transmission),
         }
         self.count_idle_sequence();
-        for id in &transmission.senders {
-            self.after_sending(*id, &transmission);
+        for place in 0..self.senders.len() {
+            self.after_sending(self.senders[place], error, transmission.end, transmission.over);
         }
+        self.senders.clear();
         self.tell_end(transmission.end);
-        transmission.senders.clear();
-        self.spare = transmission.senders;
     }
 
     /// Notes what was on the wire.
     fn note(&mut self, transmission: &Transmission) {
-        let Transmission { frame, start, end, error, senders, gone, signalled_by, .. } = transmission;
-        let (frame, start) = (*frame, instant(*start));
-        let ports = &self.ports;
-        let what = || match (error, signalled_by) {
-            (None, _) => Some(EventKind::Frame { frame, start }),
-            (Some(error), Some(by)) => {
-                Some(EventKind::ErrorFrame { frame, start, error: *error, signalled_by: by.clone() })
-            }
-            // A sender fell silent, and nobody listened.
-            (Some(_), None) => None,
-        };
-        let from = || senders.first().map_or_else(|| gone.clone(), |id| Some(ports[id.0].name.clone()));
-        self.journal.note(|| Some(Event { at: instant(*end), who: from()?, what: what()? }));
+        let (ports, sender) = (&self.ports, self.senders.first());
+        self.journal.note(|| {
+            let Transmission { frame, start, over, failure, .. } = transmission;
+            let (frame, start, at) = (*frame, instant(*start), *over);
+            let sender = sender.map(|id| ports[id.0].name.clone());
+            let Some(failure) = failure else {
+                return Some(Event { at, who: sender?, what: EventKind::Frame { frame, start } });
+            };
+            // Without a witness a sender fell silent, and nobody listened.
+            let signalled_by = failure.signalled_by.clone()?;
+            let what = EventKind::ErrorFrame { frame, start, error: failure.error, signalled_by };
+            Some(Event { at, who: sender.or_else(|| failure.gone.clone())?, what })
+        });
     }
 
     fn deliver(&mut self, transmission: &Transmission) {
-        let at = instant(transmission.end);
-        let Some(place) = self.groups.iter().position(|group| group.rate == transmission.rate) else { return };
+        let Transmission { frame, rate, end, over: at, .. } = transmission;
+        let Some(place) = self.groups.iter().position(|group| group.rate == *rate) else { return };
         if !self.groups[place].counting.is_empty() {
-            self.count_received(place, transmission, at);
+            self.count_received(place, *at);
         }
-        let mut hearers = std::mem::take(&mut self.hearers);
-        self.groups[place].hearers(&transmission.frame, &mut hearers);
-        for id in hearers.drain(..) {
-            if !transmission.senders.contains(&id) {
-                let port = &mut self.ports[id.0];
-                port.deliver(&transmission.frame, at);
+        let Self { groups, ports, senders, touched, .. } = self;
+        for id in senders {
+            ports[id.0].heard = *end;
+        }
+        groups[place].hearers(frame, |hearers| {
+            for id in hearers {
+                let port = &mut ports[id.0];
+                // Several of its filters may let the frame through.
+                if std::mem::replace(&mut port.heard, *end) == *end {
+                    continue;
+                }
+                port.deliver(frame, *at);
                 if port.is_device {
-                    self.touched.push(id);
+                    touched.push(*id);
                 }
             }
-        }
-        self.hearers = hearers;
+        });
     }
 
     /// Counts a received frame for those whom it matters to: a counter that is 0 stays so.
-    fn count_received(&mut self, place: usize, transmission: &Transmission, at: Instant) {
+    fn count_received(&mut self, place: usize, at: Instant) {
         let mut counting = std::mem::take(&mut self.groups[place].counting);
         counting.retain(|id| {
-            if !transmission.senders.contains(id) {
+            if !self.senders.contains(id) {
                 self.change(*id, at, Confinement::received);
             }
             self.ports[id.0].confinement.receive_errors() > 0
@@ -99,13 +107,13 @@ impl Bus {
 
     /// Counts an error for everybody who saw it.
     fn count_errors(&mut self, transmission: &Transmission) {
-        let at = instant(transmission.end);
+        let by_other_rate = transmission.failure.as_ref().is_some_and(|failure| failure.by_other_rate);
         for group in 0..self.groups.len() {
-            let other_rate = transmission.by_other_rate && self.groups[group].rate != transmission.rate;
+            let other_rate = by_other_rate && self.groups[group].rate != transmission.rate;
             // Receive errors take nobody off the bus: the members stay what they are.
             for place in 0..self.groups[group].members.len() {
                 let id = self.groups[group].members[place];
-                if transmission.senders.contains(&id) {
+                if self.senders.contains(&id) {
                     continue;
                 }
                 let port = &mut self.ports[id.0];
@@ -114,17 +122,16 @@ impl Bus {
                 }
                 let first = other_rate && port.mode() == BusErrorMode::ErrorActive;
                 port.tell(transmission.end, WireEvent::NotReceived { first });
-                self.change(id, at, |confinement| confinement.receive_error(first));
+                self.change(id, transmission.over, |confinement| confinement.receive_error(first));
             }
         }
     }
 
-    fn after_sending(&mut self, id: PortId, transmission: &Transmission) {
-        let at = instant(transmission.end);
+    fn after_sending(&mut self, id: PortId, error: Option<BusError>, end: Nanos, at: Instant) {
         let port = &mut self.ports[id.0];
-        port.transmit.sent(transmission.error.is_none());
-        port.tell(transmission.end, transmission.error.map_or(WireEvent::Sent, WireEvent::NotSent));
-        self.change(id, at, |confinement| match transmission.error {
+        port.transmit.sent(error.is_none());
+        port.tell(end, error.map_or(WireEvent::Sent, WireEvent::NotSent));
+        self.change(id, at, |confinement| match error {
             None => confinement.sent(),
             Some(BusError::Acknowledgement) => confinement.no_acknowledgement(),
             Some(_) => confinement.transmit_error(),

@@ -32,12 +32,16 @@ pub struct Port {
     pub(super) transmit: Transmit,
     pub(super) received: VecDeque<(Instant, Frame)>,
     /// What a device's controller lets through; everything where there are none.
-    pub(super) filters: Option<Filters>,
+    pub(super) filters: Option<Box<Filters>>,
+    /// Whether its device has changed what it sends or hears since the bus looked at it.
+    pub(super) used: bool,
     /// The filters that take their place as soon as the bus looks at the port.
-    pub(super) new_filters: Option<Filters>,
+    pub(super) new_filters: Option<Box<Filters>>,
     /// How many received frames there is room for.
     room: usize,
     overruns: u32,
+    /// The end of the last frame that it heard or sent.
+    pub(super) heard: Nanos,
     /// It takes part from then on; the end of time while that waits for the end of a frame.
     pub(super) joined_at: Nanos,
     /// It sends from then on; the end of time while it may not.
@@ -99,9 +103,11 @@ impl Port {
             transmit,
             received: VecDeque::new(),
             filters: None,
+            used: false,
             new_filters: None,
             room,
             overruns: 0,
+            heard: 0,
             joined_at: Nanos::MAX,
             ready_at: Nanos::MAX,
             member: false,
@@ -202,6 +208,7 @@ impl embedded_can::nb::Can for Port {
     type Error = Infallible;
 
     fn transmit(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, Infallible> {
+        self.used = true;
         self.transmit.put(*frame).map_err(|_| nb::Error::WouldBlock)
     }
 
@@ -218,10 +225,12 @@ impl Controller for Port {
     }
 
     fn abort(&mut self, which: Filter) {
+        self.used = true;
         self.transmit.abort(which);
     }
 
     fn set_filters(&mut self, filters: &Filters) {
-        self.new_filters = Some(filters.clone());
+        self.used = true;
+        self.new_filters = Some(Box::new(filters.clone()));
     }
 }

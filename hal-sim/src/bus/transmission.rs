@@ -25,18 +25,37 @@ const LONE_ERROR_FRAME: u32 = ERROR_FLAG + ERROR_DELIMITER;
 pub(super) struct Transmission {
     pub(super) frame: Frame,
     pub(super) rate: BitRate,
-    /// Who sends it; several when they send the same, or when none of them has noticed the others yet.
-    pub(super) senders: Vec<PortId>,
-    /// The name of the last sender, once all of them have fallen silent.
-    pub(super) gone: Option<Arc<str>>,
     pub(super) start: Nanos,
     /// When the frame or the error frame ends.
     pub(super) end: Nanos,
-    pub(super) error: Option<BusError>,
+    /// The instant at which it has ended.
+    pub(super) over: Instant,
+    /// Why it ends as an error frame: rare, and kept elsewhere.
+    pub(super) failure: Option<Box<Failure>>,
+}
+
+/// Why a frame is not sent.
+#[derive(Debug)]
+pub(super) struct Failure {
+    pub(super) error: BusError,
     /// Whether listeners at another bit rate than everybody else destroyed it.
     pub(super) by_other_rate: bool,
     /// The name of the controller whose error flag is the first; none where nobody signals an error.
     pub(super) signalled_by: Option<Arc<str>>,
+    /// The name of the last sender, once all of them have fallen silent.
+    pub(super) gone: Option<Arc<str>>,
+}
+
+impl Transmission {
+    pub(super) const fn set_end(&mut self, end: Nanos) {
+        self.end = end;
+        self.over = instant(end);
+    }
+
+    /// The error that destroys the frame.
+    pub(super) fn error(&self) -> Option<BusError> {
+        self.failure.as_ref().map(|failure| failure.error)
+    }
 }
 
 /// The earliest thing that goes wrong.
@@ -59,7 +78,9 @@ impl Bus {
         if start > nanos(now) {
             return;
         }
-        self.admit(start);
+        if !self.joining.is_empty() {
+            self.admit(start);
+        }
         let ports = &mut self.ports;
         self.contenders.promote(|id| {
             let port = &mut ports[id.0];
@@ -67,15 +88,18 @@ impl Bus {
             port.contends = super::Contends::Ready(key);
             Some(key)
         });
-        let mut senders = std::mem::take(&mut self.spare);
-        self.contenders.winners(&mut senders);
-        self.tell_losers(start, &senders);
-        self.tell_begin(start, &senders);
-        let transmission = self.transmit(start, senders);
-        for id in &transmission.senders {
+        self.contenders.winners(&mut self.senders);
+        if !self.externals.is_empty() {
+            self.tell_losers(start);
+            self.tell_begin(start);
+        }
+        let transmission = self.transmit(start);
+        for id in &self.senders {
             self.ports[id.0].transmit.sending();
         }
-        self.pass_recovery_time(start);
+        if !self.recovering.is_empty() {
+            self.pass_recovery_time(start);
+        }
         self.current = Some(transmission);
     }
 
@@ -88,27 +112,20 @@ impl Bus {
         ready.min().map_or(Nanos::MAX, |ready| ready.max(self.free_at))
     }
 
-    fn transmit(&mut self, start: Nanos, mut senders: Vec<PortId>) -> Transmission {
-        let collision = self.resolve(start, &mut senders);
-        let first = &self.ports[senders[0].0];
-        let frame = *first.transmit.head().expect("a sender has something to send");
-        let rate = first.rate;
+    /// Works out how the attempt of those who won the bus ends.
+    fn transmit(&mut self, start: Nanos) -> Transmission {
+        let collision = if self.senders.len() > 1 { self.resolve(start) } else { None };
+        let first = self.senders[0];
+        let sender = &self.ports[first.0];
+        let frame = *sender.transmit.head().expect("a sender has something to send");
+        let rate = sender.rate;
         let on_wire = FrameBits::of(&frame).on_wire();
         let injectors = self.injectors.iter_mut();
-        let injected = injectors.filter_map(|injector| injector.disturb(&first.name, &frame, on_wire)).min();
-        let heard = self.is_heard(rate, &senders);
-        let disturber = self.disturber(rate, &senders);
-        let mut transmission = Transmission {
-            frame,
-            rate,
-            senders,
-            start,
-            end: start + bit_times(on_wire, rate),
-            error: None,
-            by_other_rate: false,
-            signalled_by: None,
-            gone: None,
-        };
+        let injected = injectors.filter_map(|injector| injector.disturb(&sender.name, &frame, on_wire)).min();
+        let heard = self.is_heard(rate);
+        let disturber = self.disturber(rate);
+        let end = start + bit_times(on_wire, rate);
+        let mut transmission = Transmission { frame, rate, start, end, over: instant(end), failure: None };
         if collision.is_none() && injected.is_none() && disturber.is_none() && heard {
             return transmission;
         }
@@ -121,28 +138,32 @@ impl Bus {
         ];
         if let Some(fate) = fates.into_iter().flatten().min_by_key(|fate| fate.bits) {
             let error_frame = if heard || disturber.is_some() { ERROR_FRAME } else { LONE_ERROR_FRAME };
-            let by = fate.by.unwrap_or(transmission.senders[0]);
-            transmission.end = start + bit_times(fate.bits + error_frame, rate);
-            transmission.error = Some(fate.error);
-            transmission.by_other_rate = fate.by_other_rate;
-            transmission.signalled_by = Some(self.ports[by.0].name.clone());
+            let by = fate.by.unwrap_or(first);
+            transmission.set_end(start + bit_times(fate.bits + error_frame, rate));
+            transmission.failure = Some(Box::new(Failure {
+                error: fate.error,
+                by_other_rate: fate.by_other_rate,
+                signalled_by: Some(self.ports[by.0].name.clone()),
+                gone: None,
+            }));
         }
         transmission
     }
 
-    /// Whether somebody acknowledges what these ports send at a bit rate.
-    pub(super) fn is_heard(&self, rate: BitRate, senders: &[PortId]) -> bool {
+    /// Whether somebody acknowledges what is sent at a bit rate.
+    pub(super) fn is_heard(&self, rate: BitRate) -> bool {
         let listeners = self.groups.iter().find(|group| group.rate == rate).map_or(0, |group| group.audible);
         // Senders take part themselves.
-        listeners > senders.iter().filter(|id| self.ports[id.0].rate == rate).count()
+        let senders = &self.senders;
+        listeners > senders.len() || listeners > senders.iter().filter(|id| self.ports[id.0].rate == rate).count()
     }
 
     /// The first error-active listener at another bit rate: its error flag destroys the frame.
-    fn disturber(&self, rate: BitRate, senders: &[PortId]) -> Option<PortId> {
+    fn disturber(&self, rate: BitRate) -> Option<PortId> {
         let others = self.groups.iter().filter(|group| group.rate != rate && group.active > 0);
         let disturbs = |id: &&PortId| {
             let port = &self.ports[id.0];
-            port.mode() == BusErrorMode::ErrorActive && !port.is_silent() && !senders.contains(id)
+            port.mode() == BusErrorMode::ErrorActive && !port.is_silent() && !self.senders.contains(id)
         };
         others.filter_map(|group| group.members.iter().find(disturbs)).min().copied()
     }
@@ -150,8 +171,9 @@ impl Bus {
     /// What comes of several senders that are still at it after the identifier: equal frames go out as one, different
     /// ones collide at the first different bit. There the recessive sender sees the error; if it is error-passive,
     /// nobody hears it complain, and the dominant frame goes on without it.
-    fn resolve(&mut self, start: Nanos, senders: &mut Vec<PortId>) -> Option<Fate> {
-        while senders.len() > 1 {
+    fn resolve(&mut self, start: Nanos) -> Option<Fate> {
+        while self.senders.len() > 1 {
+            let senders = &self.senders;
             let first = self.head_of(senders[0]);
             let rate = self.ports[senders[0].0].rate;
             if senders.iter().any(|id| self.ports[id.0].rate != rate) {
@@ -168,7 +190,7 @@ impl Bus {
             if by.is_some() {
                 return Some(Fate { error: BusError::Bit, bits: parting.bit + 1, by_other_rate: false, by });
             }
-            senders.retain(|id| !losers.contains(id));
+            self.senders.retain(|id| !losers.contains(id));
             let at = start + bit_times(parting.bit + 1, rate);
             for id in losers {
                 self.beaten(id, at);
@@ -195,21 +217,24 @@ impl Bus {
     /// The sender stops in the middle of its frame: the others see an error where the bits end.
     pub(super) fn fall_silent(&mut self, id: PortId, now: Instant) {
         let Some(transmission) = &mut self.current else { return };
-        if !transmission.senders.contains(&id) {
+        if !self.senders.contains(&id) {
             return;
         }
         self.ports[id.0].transmit.sent(false);
-        transmission.senders.retain(|sender| *sender != id);
-        if !transmission.senders.is_empty() {
+        self.senders.retain(|sender| *sender != id);
+        if !self.senders.is_empty() {
             return;
         }
-        transmission.gone = Some(self.ports[id.0].name.clone());
-        if transmission.error.is_none() {
-            transmission.error = Some(BusError::Stuff);
-            transmission.end = nanos(now).max(transmission.start) + bit_times(ERROR_FRAME, transmission.rate);
-            let group = self.groups.iter().find(|group| group.rate == transmission.rate);
-            let witness = group.and_then(|group| group.members.iter().find(|other| **other != id));
-            transmission.signalled_by = witness.map(|id| self.ports[id.0].name.clone());
+        let gone = Some(self.ports[id.0].name.clone());
+        if let Some(failure) = &mut transmission.failure {
+            failure.gone = gone;
+            return;
         }
+        let group = self.groups.iter().find(|group| group.rate == transmission.rate);
+        let witness = group.and_then(|group| group.members.iter().find(|other| **other != id));
+        let signalled_by = witness.map(|id| self.ports[id.0].name.clone());
+        transmission.set_end(nanos(now).max(transmission.start) + bit_times(ERROR_FRAME, transmission.rate));
+        transmission.failure =
+            Some(Box::new(Failure { error: BusError::Stuff, by_other_rate: false, signalled_by, gone }));
     }
 }

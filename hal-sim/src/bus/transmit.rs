@@ -118,6 +118,10 @@ impl Transmit {
 
     #[inline]
     pub(super) fn is_empty(&self) -> bool {
-        self.len() == 0
+        match self {
+            Self::Mailboxes(mailboxes) => mailboxes.is_empty(),
+            Self::Queue(queue) => queue.is_empty(),
+            Self::Offer(offer, _) => offer.is_none(),
+        }
     }
 }

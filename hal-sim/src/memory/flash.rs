@@ -150,6 +150,16 @@ impl Flash {
         image
     }
 
+    /// What is in it.
+    pub(super) const fn cells(&self) -> &Cells {
+        &self.cells
+    }
+
+    /// Puts other content in the place of all that is in it. What is counted, and what is wrong with it, stays.
+    pub(super) fn set_cells(&mut self, cells: Cells) {
+        self.cells = cells;
+    }
+
     /// How often it was read since it was made.
     #[must_use]
     pub const fn reads(&self) -> u64 {

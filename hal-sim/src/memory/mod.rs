@@ -82,13 +82,18 @@ impl Memory {
     /// Writes a record.
     ///
     /// # Errors
-    /// [`StoreError`] when the flash or the file cannot be written.
+    /// [`StoreError`] when the flash or the file cannot be written. What the file did not take is not in the flash either:
+    /// the next write would bring it back.
     pub fn store(&mut self, key: RecordKey, record: &Record) -> Result<(), StoreError> {
+        let kept = self.file.as_ref().map(|_| self.flash.cells().clone());
         let stored = store(&mut self.flash, key, record);
-        self.persist().map_err(|error| {
+        if let Err(error) = self.persist() {
             self.warnings.push(error.to_string());
-            StoreError
-        })?;
+            if let Some(cells) = kept {
+                self.flash.set_cells(cells);
+            }
+            return Err(StoreError);
+        }
         stored
     }
 

@@ -244,6 +244,24 @@ fn a_store_that_the_file_does_not_take_has_failed() {
     assert!(warnings.len() == 1 && warnings[0].contains("cannot write"), "{warnings:?}");
 }
 
+/// What was told as failed is not there later, whether the memory goes on or is read again.
+#[test]
+fn a_store_that_has_failed_leaves_nothing_behind() {
+    let dir = directory();
+    let mut memory = open(&dir);
+    memory.store(RecordKey::Parameters, &record(b"old")).unwrap();
+    let (file, aside) = (path(&dir), dir.path().join("aside"));
+    fs::rename(&file, &aside).unwrap();
+    fs::create_dir(&file).unwrap();
+    assert_eq!(memory.store(RecordKey::Parameters, &record(b"new")), Err(StoreError));
+    fs::remove_dir(&file).unwrap();
+    fs::rename(&aside, &file).unwrap();
+    assert_eq!(parameters(&memory.read_image()), Some(b"old".as_slice()));
+    memory.store(RecordKey::LocalLayer, &record(b"next")).unwrap();
+    drop(memory);
+    assert_eq!(parameters(&open(&dir).read_image()), Some(b"old".as_slice()));
+}
+
 #[test]
 fn a_file_is_taken_by_one_at_a_time() {
     let dir = directory();

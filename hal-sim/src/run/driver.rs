@@ -5,18 +5,22 @@
 //! nobody waiting for long.
 
 use std::collections::VecDeque;
+use std::io::{self, Write};
 use std::time::{Duration as WallDuration, Instant as WallInstant};
 
 use protocol_core::controller::BitRate;
 use protocol_core::device::Device;
 use protocol_core::time::{Instant, NEVER, after};
+use tokio::sync::watch;
 
 use super::clients::Clients;
 use super::console::Console;
 use super::errors::Errors;
 use super::outside::Outside;
+use super::printer::Printer;
 use super::timekeeper::{NAP, Timekeeper};
 use super::trace::Trace;
+use crate::explain::Explainer;
 use crate::gateway::{Arrival, ToWorld};
 use crate::trace::Timestamp;
 use crate::world::{Event, SUPPLY_JITTER, World};
@@ -31,7 +35,7 @@ const LULL: WallDuration = WallDuration::from_millis(1);
 const HAND_OUT: WallDuration = WallDuration::from_millis(20);
 
 /// A world with everything that is connected to it.
-pub(super) struct Driver<O> {
+pub struct Driver<O> {
     world: World,
     clients: Clients,
     outside: O,
@@ -83,6 +87,26 @@ impl<O: Outside> Driver<O> {
         }
     }
 
+    /// A driver for a program that has a wall clock and clients of its own. The devices of the world are powered now; it keeps
+    /// no log. Call [`turn`](Self::turn) again and again.
+    ///
+    /// # Errors
+    /// When the thread that writes to `stdout` and `stderr` cannot be started.
+    pub fn embedded(
+        mut world: World,
+        outside: O,
+        speed: f64,
+        stdout: impl Write + Send + 'static,
+        stderr: impl Write + Send + 'static,
+    ) -> io::Result<Self> {
+        let clients = Clients::new(&mut world, false);
+        let printer = Printer::start_with(stdout, stderr, watch::Sender::new(false))?;
+        let trace = Trace::new("pve0", Explainer::default(), printer, None, None);
+        let mut driver = Self::new(world, clients, outside, speed, Timestamp::from_micros(0), trace);
+        driver.power_on(None);
+        Ok(driver)
+    }
+
     /// Powers the devices and runs until the end comes; then lets the devices store what they have to.
     ///
     /// Without a bit rate the bus gets that of the first device.
@@ -113,7 +137,7 @@ impl<O: Outside> Driver<O> {
     }
 
     /// Lets the world catch up with the next message, which then takes effect, or with the clock, and waits.
-    fn turn(&mut self) {
+    pub fn turn(&mut self) {
         let now = self.outside.now();
         let warning = self.time.look(now, self.world.now());
         self.warn(warning);

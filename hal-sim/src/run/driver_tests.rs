@@ -1,19 +1,15 @@
 //! Time as clients see it, on a wall clock that passes only when the driver waits: hours of quiet, and processes that
 //! stand still, take no time here.
 
-use std::io::{self, Write};
 use std::sync::{Arc, Mutex};
 
 use protocol_core::device::pve;
 use protocol_core::frame::Frame;
-use tokio::sync::watch;
 
 use super::*;
-use crate::explain::Explainer;
 use crate::gateway::{ClientId, Mailbox, Outbox, Reply, ToClient};
 use crate::kind::{Kind, Simulated};
 use crate::memory::Memory;
-use crate::run::printer::Printer;
 
 /// What happens outside, in the order of time.
 enum Happening {
@@ -102,13 +98,10 @@ impl Rig {
         let kind = Kind::Pve(pve::Kind::PveaCanopen);
         world.add_device("valve", kind.factory(kind.default_birth()), Memory::in_ram());
         let said = Said::default();
-        let printer = Printer::start_with(io::sink(), said.clone(), watch::Sender::new(false)).unwrap();
-        let trace = Trace::new("pve0", Explainer::default(), printer, None, None);
         let start = WallInstant::now();
         let plan = VecDeque::new();
         let script = Script { now: start, work: WallDuration::ZERO, end: start, plan, waits: 0 };
-        let clients = Clients::new(&mut world, false);
-        let driver = Driver::new(world, clients, script, speed, Timestamp::from_micros(0), trace);
+        let driver = Driver::embedded(world, script, speed, io::sink(), said.clone()).unwrap();
         let (sender, listener) = (ClientId::next(), ClientId::next());
         let (outbox, mailbox) = Outbox::new();
         let (sender_outbox, _sender_mailbox) = Outbox::new();
@@ -116,7 +109,6 @@ impl Rig {
         rig.plan(millis(0), Happening::Message(ToWorld::Join(sender, sender_outbox)));
         rig.plan(millis(0), Happening::Message(ToWorld::Join(listener, outbox)));
         rig.plan(millis(0), Happening::Message(ToWorld::Listen(listener, Reply::new(""))));
-        rig.driver.power_on(None);
         rig
     }
 
@@ -329,6 +321,21 @@ fn a_speed_that_cannot_be_reached_is_told_once_and_keeps_nobody_waiting() {
     assert_eq!(rig.times_of(READ).len(), 2);
     let said = rig.end();
     assert_eq!(said, ["pve-sim: --speed 10000000 is out of reach: time runs as fast as this machine can"]);
+}
+
+/// The machine does 125 virtual seconds a second, and was away for 3 s: it takes 12 s to catch up.
+#[test]
+fn a_pause_does_not_prove_a_speed_out_of_reach() {
+    let mut rig = Rig::new(100.0);
+    rig.send(millis(0), "620: 2B 17 10 00 0A 00 00 00");
+    rig.run_until(millis(100));
+    rig.driver.outside.work = millis(40);
+    rig.stall(millis(200), WallDuration::from_secs(3));
+    rig.send(WallDuration::from_secs(19), READ);
+    rig.run_until(WallDuration::from_secs(20));
+    let at = rig.times_of(READ)[0];
+    assert!((1_900_000_000..1_905_000_000).contains(&at), "{at} µs");
+    assert_eq!(rig.end(), [""; 0]);
 }
 
 /// A controller at another bit rate than everybody else's repeats its frame thousands of times a second.

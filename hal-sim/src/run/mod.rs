@@ -38,9 +38,11 @@ mod stdin;
 mod timekeeper;
 mod trace;
 
+pub use driver::Driver;
 pub use options::{ColorChoice, LogOptions, NamedDevice, NamedLink, RunOptions};
+pub use outside::Outside;
 
-use std::io::{self, Write};
+use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -56,7 +58,6 @@ use crate::gateway::{BusUrl, Entrance, ServerUrl};
 use crate::memory::StateFileError;
 use crate::trace::Timestamp;
 use clients::Clients;
-use driver::Driver;
 use end::End;
 use log::Log;
 use outside::System;
@@ -202,7 +203,8 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     })
     .await?;
     let log = options.log.as_ref().map(|log| Log::create(log, options.state.as_deref())).transpose()?;
-    aside(move || announce(&bound, &warnings)).await;
+    let printer = Printer::start(reader_gone)?;
+    announce(&printer, &bound, warnings);
     let (entrance, inbox) = Entrance::new();
     for beacon in beacons {
         tokio::spawn(beacon.run());
@@ -216,7 +218,6 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
         tokio::spawn(interface.run(entrance.clone()));
     }
     stdin::listen(entrance.clone());
-    let printer = Printer::start(reader_gone)?;
     let bus = options.buses.first().map_or("can0", BusUrl::name);
     let layout = trace::layout(options.color, options.verbose);
     let trace = Trace::new(bus, setup::explainer(options), printer, log, layout);
@@ -272,18 +273,14 @@ async fn aside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> 
     }
 }
 
-/// The warnings of the start on stderr, the ready line on stdout and the hint on stderr: a pipe that is full holds them up.
-/// Whoever has seen the ready line finds the warnings there.
-fn announce(bound: &[Bound], warnings: &[String]) {
-    for warning in warnings {
-        let _ = writeln!(io::stderr(), "pve-sim: {warning}");
-    }
+/// Prints the warnings of the start on stderr, the ready line on stdout and the hint on stderr. Whoever has seen the ready
+/// line finds the warnings there.
+fn announce(printer: &Printer, bound: &[Bound], warnings: Vec<String>) {
+    warnings.into_iter().for_each(|warning| printer.warn(warning));
     let urls: String = bound.iter().map(|bound| format!(" bus={}", bound.url())).collect();
-    let mut stdout = io::stdout().lock();
-    let _ = writeln!(stdout, "pve-sim ready{urls}").and_then(|()| stdout.flush());
-    let mut stderr = io::stderr().lock();
+    printer.trace(format!("pve-sim ready{urls}\n"));
     for bound in bound {
-        let _ = writeln!(stderr, "{}", bound.hint());
+        printer.note(bound.hint());
     }
 }
 

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant as WallInstant};
 use crate::gateway::{Arrival, Inbox};
 
 /// The wall clock, and messages of clients. In tests the clock runs only while the driver waits.
-pub(super) trait Outside {
+pub trait Outside {
     /// Returns the wall time.
     fn now(&mut self) -> WallInstant;
 

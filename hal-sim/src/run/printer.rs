@@ -24,8 +24,8 @@ enum Text {
     Trace(String),
     /// A line for the user.
     Warning(String),
-    /// The answer to what the user typed.
-    Answer(String),
+    /// What the user is told besides: after the lines before it.
+    Note(String),
 }
 
 /// The writer of stdout and stderr.
@@ -72,9 +72,9 @@ impl Printer {
         let _ = self.queue.try_send(Text::Warning(line));
     }
 
-    /// Prints an answer on stderr, where it is not taken for a frame.
-    pub(super) fn answer(&self, text: String) {
-        let _ = self.queue.try_send(Text::Answer(text));
+    /// Prints a text on stderr, where it is not taken for a frame.
+    pub(super) fn note(&self, text: String) {
+        let _ = self.queue.try_send(Text::Note(text));
     }
 
     /// Waits until everything is printed, or nobody reads it.
@@ -103,21 +103,7 @@ impl<O: Write, E: Write> Writer<O, E> {
             {
                 self.take(text, &mut batch);
             }
-            if let Some(stdout) = &mut self.stdout {
-                let written = stdout.write_all(batch.as_bytes()).and_then(|()| stdout.flush());
-                match written {
-                    Ok(()) => {}
-                    Err(error) if error.kind() == io::ErrorKind::BrokenPipe => {
-                        self.stdout = None;
-                        self.reader_gone.send_replace(true);
-                    }
-                    Err(error) => {
-                        self.stdout = None;
-                        self.warn(&format!("stdout: {error}; the trace ends"));
-                    }
-                }
-            }
-            batch.clear();
+            self.print(&mut batch);
             let lost = self.lost.swap(0, Ordering::Relaxed);
             if lost > 0 && self.stdout.is_some() {
                 self.warn(&format!("stdout was not read: {lost} lines of the trace are missing"));
@@ -129,10 +115,29 @@ impl<O: Write, E: Write> Writer<O, E> {
         match text {
             Text::Trace(lines) => batch.push_str(&lines),
             Text::Warning(line) => self.warn(&line),
-            Text::Answer(text) => {
+            Text::Note(text) => {
+                self.print(batch);
                 let _ = writeln!(self.stderr, "{text}").and_then(|()| self.stderr.flush());
             }
         }
+    }
+
+    /// Writes lines of the trace.
+    fn print(&mut self, batch: &mut String) {
+        if let Some(stdout) = &mut self.stdout {
+            match stdout.write_all(batch.as_bytes()).and_then(|()| stdout.flush()) {
+                Ok(()) => {}
+                Err(error) if error.kind() == io::ErrorKind::BrokenPipe => {
+                    self.stdout = None;
+                    self.reader_gone.send_replace(true);
+                }
+                Err(error) => {
+                    self.stdout = None;
+                    self.warn(&format!("stdout: {error}; the trace ends"));
+                }
+            }
+        }
+        batch.clear();
     }
 
     fn warn(&mut self, line: &str) {

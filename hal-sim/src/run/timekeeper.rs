@@ -7,7 +7,7 @@
 
 use std::time::{Duration as WallDuration, Instant as WallInstant};
 
-use protocol_core::time::Instant;
+use protocol_core::time::{Instant, since};
 
 use super::pace::{LAST, Pace};
 
@@ -19,7 +19,7 @@ const STALL: WallDuration = WallDuration::from_millis(50);
 /// for a system that wakes the thread up late.
 pub(super) const NAP: WallDuration = WallDuration::from_millis(20);
 
-/// A speed is out of reach when the world is behind for longer than this.
+/// A speed is out of reach when the world has worked for longer than this without getting nearer.
 const BEHIND: WallDuration = WallDuration::from_secs(1);
 
 /// The shortest time between two warnings of stalls.
@@ -31,13 +31,22 @@ pub(super) struct Timekeeper {
     pace: Pace,
     /// The last look at the clock.
     looked: WallInstant,
-    /// The wall instant from which on the world is behind.
-    behind: Option<WallInstant>,
+    /// How the world has done since it is behind.
+    behind: Option<Behind>,
     /// Whether the user knows that the speed is out of reach.
     out_of_reach: bool,
     /// Whether virtual time is at its end, and the user knows.
     over: bool,
     stalls: Stalls,
+}
+
+/// A world that is behind.
+#[derive(Clone, Copy, Debug)]
+struct Behind {
+    /// How long it has worked since `from`. A stall counts as [`STALL`]: it is no proof of a slow machine.
+    worked: WallDuration,
+    /// The virtual instant that it had come to.
+    from: Instant,
 }
 
 /// Stalls that the user does not know of.
@@ -74,6 +83,9 @@ impl Timekeeper {
     /// Takes a look at the clock, with the world at `world`; returns a warning for the user.
     pub(super) fn look(&mut self, now: WallInstant, world: Instant) -> Option<String> {
         let passed = now.saturating_duration_since(std::mem::replace(&mut self.looked, now));
+        if let Some(behind) = &mut self.behind {
+            behind.worked += passed.min(STALL);
+        }
         if passed <= STALL || !self.minds_stalls() {
             return None;
         }
@@ -92,14 +104,21 @@ impl Timekeeper {
 
     /// The world, at `world`, has done a go of work and is still behind; returns a warning for the user.
     pub(super) fn fell_behind(&mut self, world: Instant) -> Option<String> {
-        let now = self.looked;
-        let since = *self.behind.get_or_insert(now);
-        if !self.out_of_reach && now.saturating_duration_since(since) < BEHIND {
-            return None;
-        }
-        self.pace.anchor(now, world);
-        let told = std::mem::replace(&mut self.out_of_reach, true);
+        let begun = Behind { worked: WallDuration::ZERO, from: world };
         let speed = self.pace.speed();
+        if !self.out_of_reach {
+            let behind = self.behind.get_or_insert(begun);
+            if behind.worked < BEHIND {
+                return None;
+            }
+            if since(world, behind.from).as_micros() as f64 > behind.worked.as_micros() as f64 * speed {
+                // It catches up.
+                self.behind = Some(begun);
+                return None;
+            }
+        }
+        self.pace.anchor(self.looked, world);
+        let told = std::mem::replace(&mut self.out_of_reach, true);
         (!told).then(|| format!("--speed {speed} is out of reach: time runs as fast as this machine can"))
     }
 

@@ -143,7 +143,7 @@ impl Trace {
 
     /// Prints the answer to what the user typed.
     pub(super) fn answer(&self, text: String) {
-        self.printer.answer(text);
+        self.printer.note(text);
     }
 
     /// Prints a line for the user.

@@ -4,16 +4,24 @@ use protocol_core::time::{Instant, NEVER};
 
 /// The due times of all devices, as a tournament: of two neighbours the one that is due earlier goes on to the next round,
 /// of equals the one with the lower number. A device that is due at another time replays its own rounds only.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Agenda {
     /// When each device is due, by its number.
     due: Vec<Instant>,
     /// The winners: that of the final at 1, those of the matches before it at 2 and 3, and so on, as in a heap. In the
     /// last places the devices themselves, [`NOBODY`] where there is none.
     winners: Vec<usize>,
+    /// When the winner of the final is due.
+    next: Instant,
 }
 
 const NOBODY: usize = usize::MAX;
+
+impl Default for Agenda {
+    fn default() -> Self {
+        Self { due: Vec::new(), winners: Vec::new(), next: NEVER }
+    }
+}
 
 impl Agenda {
     /// Room for one more device, which is not due.
@@ -39,14 +47,14 @@ impl Agenda {
 
     /// When the next device is due.
     #[inline]
-    pub(super) fn next(&self) -> Instant {
-        self.winners.get(1).map_or(NEVER, |first| self.due_of(*first))
+    pub(super) const fn next(&self) -> Instant {
+        self.next
     }
 
     /// The next device that is due by `now`.
     #[inline]
     pub(super) fn due_by(&self, now: Instant) -> Option<usize> {
-        self.winners.get(1).copied().filter(|first| self.due_of(*first) <= now)
+        if self.next <= now { self.winners.get(1).copied() } else { None }
     }
 
     fn enter(&mut self, node: usize) {
@@ -63,6 +71,7 @@ impl Agenda {
             self.winners[place] = if self.due_of(right) < self.due_of(left) { right } else { left };
             place /= 2;
         }
+        self.next = self.due_of(self.winners[1]);
     }
 
     #[inline]

@@ -112,6 +112,7 @@ impl World {
         }
     }
 
+    #[inline(never)]
     fn follow_links_of(&mut self, node: NodeId) {
         for number in 0..self.couplings.len() {
             let Coupling { valve, sensor, .. } = self.couplings[number];

@@ -3,11 +3,12 @@
 use std::any::Any;
 use std::sync::Arc;
 
-use protocol_core::device::{Device, Senses, StartCause};
+use protocol_core::device::{Device, Effect, Senses, StartCause};
 use protocol_core::memory::{Image, Record, RecordKey};
+use protocol_core::pump::pump;
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
-use crate::bus::PortId;
+use crate::bus::{Port, PortId};
 use crate::memory::Memory;
 
 /// How long a record takes to be written (A).
@@ -16,9 +17,17 @@ pub const WRITE_TIME: Duration = Duration::from_millis(10);
 pub const FAULT_LOG_WRITE_TIME: Duration = Duration::from_millis(50);
 
 /// A [`Device`] that can be moved to the thread of the world, and looked at as what it is.
-pub trait SimDevice: Device + Any + Send {}
+pub trait SimDevice: Device + Any + Send {
+    /// Pumps the device through its controller, see [`pump`]. One call for a whole pass: each step of it knows what the
+    /// device is.
+    fn pump(&mut self, can: &mut Port, now: Instant) -> Option<Effect>;
+}
 
-impl<T: Device + Any + Send> SimDevice for T {}
+impl<T: Device + Any + Send> SimDevice for T {
+    fn pump(&mut self, can: &mut Port, now: Instant) -> Option<Effect> {
+        pump(self, can, now)
+    }
+}
 
 /// Builds a device from what its memory holds, why it starts, and when.
 pub type Factory = Box<dyn FnMut(&Image, StartCause, Instant) -> Box<dyn SimDevice> + Send>;
@@ -69,15 +78,19 @@ impl Write {
 
 impl Node {
     /// When something is next due for it, other than from the bus.
-    #[inline]
     pub(super) fn due(&self) -> Instant {
-        let written = self.write.as_ref().map_or(NEVER, |write| write.done);
         match &self.power {
             Power::Off => NEVER,
             Power::Coming(at, _) => *at,
-            Power::On(device) => device.deadline().min(written),
+            Power::On(device) => due(&**device, self.write.as_ref()),
         }
     }
+}
+
+/// When a device that is powered, or the record on its way into the memory, is next due.
+#[inline]
+pub(super) fn due(device: &dyn SimDevice, write: Option<&Write>) -> Instant {
+    device.deadline().min(write.map_or(NEVER, |write| write.done))
 }
 
 /// Returns how long the memory takes to write the record under `key`.

@@ -3,10 +3,9 @@
 use protocol_core::controller::BusErrorMode;
 use protocol_core::device::Effect;
 use protocol_core::memory::{Record, RecordKey};
-use protocol_core::pump::pump;
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
-use super::node::{Node, Power, Write, write_time};
+use super::node::{Node, Power, Write, due, write_time};
 use super::{NodeId, World};
 
 /// How long an orderly shutdown waits for the bus to take what devices have to send before they store (A).
@@ -82,14 +81,16 @@ impl World {
         }
     }
 
+    #[inline(never)]
     fn service_all_touched(&mut self) {
         let mut touched = std::mem::take(&mut self.touched);
         self.bus.swap_touched(&mut touched);
-        for port in touched.drain(..) {
+        for port in &touched {
             if let Some(id) = self.owners[port.0] {
                 self.service(id);
             }
         }
+        touched.clear();
         self.touched = touched;
     }
 
@@ -122,39 +123,39 @@ impl World {
     /// Tells a device what is new on its port, and does what it asks for.
     pub(super) fn service(&mut self, id: NodeId) {
         self.follow_links(id);
-        let now = self.now;
-        loop {
-            let Node { port, power, senses, .. } = &mut self.nodes[id.0];
-            let (port_id, Power::On(device)) = (*port, power) else { return };
-            let port = self.bus.port_mut(port_id);
-            if port.mode() != senses.bus {
-                senses.bus = port.mode();
-                if senses.bus == BusErrorMode::BusOff {
-                    self.bus.drop_pending(port_id, now);
-                }
-                device.sense(senses, now);
-            }
-            let port = self.bus.port_mut(port_id);
-            let Some(effect) = pump(&mut **device, port, now) else { break };
+        while let Some(effect) = self.pump(id) {
             self.carry_out(id, effect);
         }
-        self.note_dropped(id);
-        let node = &self.nodes[id.0];
-        self.bus.refresh(node.port, now);
-        // A device that wants to be polled at once again gets a tick later, or time would stand still.
-        let due = node.due();
-        self.agenda.set(id.0, if due <= now { after(now, TICK) } else { due });
     }
 
-    /// Tells of the frames that a device dropped since this was last looked at.
-    fn note_dropped(&mut self, id: NodeId) {
-        let Node { port, power, frames_dropped, .. } = &mut self.nodes[id.0];
-        let Power::On(device) = power else { return };
-        let dropped = device.frames_dropped();
-        let before = std::mem::replace(frames_dropped, dropped);
-        if dropped > before {
-            self.bus.note_dropped(*port, dropped - before, self.now);
+    /// Pumps a device. Without anything to be carried out it is served then: takes note of what has come of it.
+    fn pump(&mut self, id: NodeId) -> Option<Effect> {
+        let Self { nodes, bus, agenda, now, .. } = self;
+        let now = *now;
+        let Node { port, power, senses, write, frames_dropped, .. } = &mut nodes[id.0];
+        let (port_id, Power::On(device)) = (*port, power) else { return None };
+        let port = bus.port_mut(port_id);
+        if port.mode() != senses.bus {
+            senses.bus = port.mode();
+            if senses.bus == BusErrorMode::BusOff {
+                bus.drop_pending(port_id, now);
+            }
+            device.sense(senses, now);
         }
+        let effect = device.pump(bus.port_mut(port_id), now);
+        if effect.is_some() {
+            return effect;
+        }
+        let dropped = device.frames_dropped();
+        if dropped > *frames_dropped {
+            bus.note_dropped(port_id, dropped - *frames_dropped, now);
+        }
+        *frames_dropped = dropped;
+        bus.refresh_used(port_id, now);
+        let due = due(&**device, write.as_ref());
+        // A device that wants to be polled at once again gets a tick later, or time would stand still.
+        agenda.set(id.0, if due <= now { after(now, TICK) } else { due });
+        None
     }
 
     fn carry_out(&mut self, id: NodeId, effect: Effect) {

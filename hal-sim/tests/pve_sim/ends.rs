@@ -28,15 +28,36 @@ fn a_signal_ends_it_at_any_speed_and_while_devices_start() {
     }
 }
 
-/// Somebody else has filled the pipe, and nobody reads it: not even the ready line gets through.
+/// A pipe that somebody else has filled, and that nobody reads.
 #[cfg(target_os = "linux")]
-#[test]
-fn a_signal_ends_it_while_its_ready_line_waits_for_a_reader() {
+fn full_pipe() -> (std::io::PipeReader, std::io::PipeWriter) {
     use std::io::Write as _;
 
     let (reader, mut writer) = std::io::pipe().expect("a pipe");
     let full = rustix::pipe::fcntl_getpipe_size(&writer).expect("a size");
     writer.write_all(&vec![b'x'; full]).expect("room");
+    (reader, writer)
+}
+
+/// Not even the hint gets through.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_stderr_that_nobody_reads_does_not_hold_it_up() {
+    let (reader, writer) = full_pipe();
+    let mut simulator = Simulator::spawn(pve_sim(&["--bus", "socketcand://127.0.0.1:0/pve0"]).stderr(writer));
+    let mut client = simulator.join();
+    say(&mut client, READ_VENDOR);
+    await_frame(&mut client, VENDOR);
+    kill_process(Pid::from_child(&simulator.process), Signal::TERM).expect("it still runs");
+    assert_eq!(simulator.process.wait().expect("it ends").code(), Some(0));
+    drop(reader);
+}
+
+/// Not even the ready line gets through.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_signal_ends_it_while_its_ready_line_waits_for_a_reader() {
+    let (reader, writer) = full_pipe();
     let state = tempfile::tempdir().expect("a folder");
     let arguments = ["--bus", "socketcand://127.0.0.1:0/pve0", "--state", state.path().to_str().expect("text")];
     let mut process = pve_sim(&arguments).stdout(writer).spawn().expect("pve-sim starts");

@@ -1,0 +1,136 @@
+//! What an exchange costs from the bytes of a client to the bytes of the answer, in instructions of the host: parser,
+//! driver, bus, valve, trace and the way back. Left out: the sockets, the thread that prints, the waiting.
+//!
+//! The limits are budgets: at most a fifth above what was measured.
+
+#![allow(missing_docs, reason = "the macros of gungraun make modules without any")]
+
+use std::io;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::Instant;
+
+use gungraun::prelude::*;
+use gungraun::{Callgrind, EventKind};
+use hal_sim::gateway::socketcand::{Parser, Request, emit_frame};
+use hal_sim::gateway::{Arrival, ClientId, Mailbox, Outbox, Reply, ToClient, ToWorld};
+use hal_sim::run::{Driver, Outside};
+use hal_sim::{Memory, World};
+use protocol_core::controller::BitRate;
+use protocol_core::device::pve::{Kind, PveCanopen, Setup};
+
+/// A wall clock that passes only when the driver waits, and what clients say.
+struct Outdoors {
+    now: Instant,
+    messages: Receiver<Arrival>,
+}
+
+impl Outside for Outdoors {
+    fn now(&mut self) -> Instant {
+        self.now
+    }
+
+    fn is_ending(&self) -> bool {
+        false
+    }
+
+    fn take(&mut self) -> Option<Arrival> {
+        self.messages.try_recv().ok()
+    }
+
+    fn wait(&mut self, until: Option<Instant>) -> Option<Arrival> {
+        self.now = self.now.max(until?);
+        self.take()
+    }
+
+    fn wait_punctually(&mut self, until: Instant) -> Option<Arrival> {
+        self.wait(Some(until))
+    }
+}
+
+/// A simulator of valves at node IDs 1, 2, 3 …, with one client that listens.
+struct Scene {
+    driver: Driver<Outdoors>,
+    start: Instant,
+    messages: Sender<Arrival>,
+    client: ClientId,
+    mailbox: Mailbox,
+    parser: Parser,
+    out: String,
+}
+
+impl Scene {
+    /// Valves that have booted; nothing is allocated any more.
+    fn idle(valves: u8) -> Box<Self> {
+        let mut world = World::new(BitRate::Kbit250, 0);
+        for id in 1..=valves {
+            let setup = Setup { node_id: Some(id), serial: Some(id.into()), ..Setup::new(Kind::PveaCanopen) };
+            let power_on = move |image: &_, cause, now| Box::new(PveCanopen::power_on(setup, image, cause, now)) as _;
+            world.add_device(&format!("valve-{id}"), power_on, Memory::in_ram());
+        }
+        let (start, (messages, receiver)) = (Instant::now(), channel());
+        let outside = Outdoors { now: start, messages: receiver };
+        let driver = Driver::embedded(world, outside, 1.0, io::sink(), io::sink()).expect("a thread");
+        let (client, (outbox, mailbox)) = (ClientId::next(), Outbox::new());
+        let (parser, out) = (Parser::default(), String::with_capacity(256));
+        let mut scene = Box::new(Self { driver, start, messages, client, mailbox, parser, out });
+        scene.tell(ToWorld::Join(client, outbox));
+        scene.tell(ToWorld::Listen(client, Reply::new("")));
+        // The start of all valves is over then.
+        for _ in 0..1_000 {
+            scene.driver.turn();
+        }
+        while scene.mailbox.queue.try_recv().is_ok() {}
+        for _ in 0..3 {
+            scene.exchange();
+        }
+        scene
+    }
+
+    fn tell(&self, message: ToWorld) {
+        self.messages.send(Arrival { at: self.start, message }).expect("a driver");
+    }
+
+    /// Lets the simulator run until the client gets something.
+    fn hear(&mut self) -> ToClient {
+        loop {
+            if let Ok(message) = self.mailbox.queue.try_recv() {
+                return message;
+            }
+            self.driver.turn();
+        }
+    }
+
+    /// The client reads an object of valve 1.
+    fn exchange(&mut self) {
+        for byte in "< send 601 8 40 18 10 1 0 0 0 0 >".bytes() {
+            if let Some(Ok(Request::Send(frame))) = self.parser.push(byte) {
+                self.tell(ToWorld::Send(self.client, frame));
+            }
+        }
+        let ToClient::Frame(at, frame) = self.hear() else { panic!("no frame") };
+        self.out.clear();
+        emit_frame(&mut self.out, at, &frame);
+        assert!(self.out.contains("581"), "{}", self.out);
+    }
+}
+
+fn budget(instructions: u64) -> LibraryBenchmarkConfig {
+    let mut callgrind = Callgrind::default();
+    callgrind.hard_limits([(EventKind::Ir, instructions)]);
+    let mut config = LibraryBenchmarkConfig::default();
+    config.tool(callgrind);
+    config
+}
+
+// An SDO upload, at speed 1.
+#[library_benchmark]
+#[bench::valves_1(args = (Scene::idle(1)), config = budget(33_500))]
+#[bench::valves_20(args = (Scene::idle(20)), config = budget(33_500))]
+fn exchange(mut scene: Box<Scene>) -> Box<Scene> {
+    scene.exchange();
+    scene
+}
+
+library_benchmark_group!(name = driver, benchmarks = exchange);
+
+main!(library_benchmark_groups = driver);
