@@ -16,6 +16,7 @@
 //! trace/    what happened on the bus, as other tools read it
 //! explain/  what a frame means, in words
 //! gateway/  clients of the bus that live outside: socketcand
+//! control/  state, faults and time over HTTP
 //! run/      the world paced by the wall clock, with its clients, its trace and its memory
 //! cli/      the command line
 //! ```
@@ -23,6 +24,7 @@
 
 pub mod bus;
 pub mod cli;
+pub mod control;
 pub mod explain;
 pub mod gateway;
 pub mod kind;

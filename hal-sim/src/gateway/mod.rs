@@ -27,6 +27,7 @@ use std::time::Duration;
 
 use protocol_core::frame::Frame;
 
+use crate::control::Message;
 use crate::trace::{ErrorClass, Timestamp};
 
 /// A client, for as long as it is connected; the number is not used again.
@@ -55,6 +56,8 @@ pub enum ToWorld {
     Reply(ClientId, Reply),
     /// It is gone; what it sent before is still sent, but no frame twice.
     Leave(ClientId),
+    /// A call of the control interface.
+    Control(Message),
     /// The user typed this line.
     Typed(String),
     /// The simulator is to end: see [`Entrance::end`].

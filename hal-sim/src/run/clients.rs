@@ -86,7 +86,7 @@ impl Clients {
                     client.listening = true;
                 }
             }
-            ToWorld::Typed(_) | ToWorld::End => {}
+            ToWorld::Typed(_) | ToWorld::Control(_) | ToWorld::End => {}
         }
         Ok(())
     }

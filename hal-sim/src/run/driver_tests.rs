@@ -108,7 +108,7 @@ impl Rig {
         let plan = VecDeque::new();
         let script = Script { now: start, work: WallDuration::ZERO, end: start, plan, waits: 0 };
         let clients = Clients::new(&mut world, false);
-        let driver = Driver::new(world, clients, script, speed, Timestamp::from_micros(0), trace);
+        let driver = Driver::new(world, clients, None, script, Speed::Factor(speed), Timestamp::from_micros(0), trace);
         let (sender, listener) = (ClientId::next(), ClientId::next());
         let (outbox, mailbox) = Outbox::new();
         let (sender_outbox, _sender_mailbox) = Outbox::new();

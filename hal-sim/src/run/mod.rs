@@ -38,7 +38,7 @@ mod stdin;
 mod timekeeper;
 mod trace;
 
-pub use options::{ColorChoice, LogOptions, NamedDevice, NamedLink, RunOptions};
+pub use options::{ColorChoice, LogOptions, NamedDevice, NamedLink, RunOptions, Speed};
 
 use std::io::{self, Write};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
@@ -49,8 +49,10 @@ use std::thread::{self, JoinHandle};
 use tokio::runtime;
 use tokio::sync::{Semaphore, oneshot, watch};
 
+use crate::control::{self, Desk};
 use crate::gateway::socketcand::{Beacon, Server};
 use crate::gateway::{BusUrl, Entrance};
+use crate::kind::Kind;
 use crate::memory::StateFileError;
 use crate::trace::Timestamp;
 use clients::Clients;
@@ -69,6 +71,14 @@ pub enum RunError {
     Bind {
         /// The bus that was to be served.
         url: BusUrl,
+        /// Why not.
+        source: io::Error,
+    },
+    /// The control interface's address in use, or none of this machine.
+    #[error("--http {address}: {source}{}", http_way_out(source))]
+    Http {
+        /// The address that was to be served.
+        address: SocketAddr,
         /// Why not.
         source: io::Error,
     },
@@ -125,8 +135,21 @@ fn way_out(url: &BusUrl, error: &io::Error) -> String {
     }
 }
 
+/// What to do about a port of the control interface in use.
+fn http_way_out(error: &io::Error) -> &'static str {
+    match error.kind() {
+        io::ErrorKind::AddrInUse => {
+            "; does another pve-sim run? --http 127.0.0.1:0 takes a free port, --no-http does without"
+        }
+        _ => "",
+    }
+}
+
 /// The most clients, on all buses together.
 const CLIENTS: usize = 128;
+
+/// The most connections of the control interface.
+const HTTP_CLIENTS: usize = 256;
 
 /// The file descriptors beside those of clients, buses and devices: what is open anyway, and state files while they are
 /// written.
@@ -178,6 +201,13 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
         bound.push((address, url.name.clone()));
         servers.push(server);
     }
+    let mut control = None;
+    if let Some(address) = options.http {
+        let bind = |source| RunError::Http { address, source };
+        let server = control::Server::bind(address).await.map_err(bind)?;
+        control = Some((server.address().map_err(bind)?, server));
+    }
+    let http = control.as_ref().map(|(address, _)| *address);
     // Only now: a second simulator that finds the port taken must not touch the files of the first. And nothing is made
     // before the log was found to be in nobody's way.
     if let Some(log) = &options.log {
@@ -189,7 +219,7 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     })
     .await?;
     let log = options.log.as_ref().map(|log| Log::create(log, options.state.as_deref())).transpose()?;
-    aside(move || announce(&bound, &warnings)).await;
+    aside(move || announce(&bound, http, &warnings)).await;
     let (entrance, inbox) = Entrance::new();
     for beacon in beacons {
         tokio::spawn(beacon.run());
@@ -198,13 +228,18 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     for server in servers {
         tokio::spawn(server.run(entrance.clone(), Arc::clone(&places)));
     }
+    if let Some((_, server)) = control {
+        tokio::spawn(server.run(entrance.clone(), HTTP_CLIENTS));
+    }
     stdin::listen(entrance.clone());
     let printer = Printer::start(reader_gone)?;
     let bus = options.buses.first().map_or("can0", |url| url.name.as_str());
     let layout = trace::layout(options.color, options.verbose);
     let trace = Trace::new(bus, setup::explainer(options), printer, log, layout);
     let clients = Clients::new(&mut world, options.error_frames);
-    let driver = Driver::new(world, clients, System::new(inbox), options.speed, Timestamp::now(), trace);
+    let kinds: Vec<Kind> = options.devices.iter().map(|device| device.kind).collect();
+    let desk = http.map(|_| Desk::new(&kinds, options.speed, &mut world));
+    let driver = Driver::new(world, clients, desk, System::new(inbox), options.speed, Timestamp::now(), trace);
     let (alive, ended) = oneshot::channel::<()>();
     let bit_rate = options.bit_rate;
     let world = thread::Builder::new().name("world".to_owned()).spawn(move || {
@@ -257,13 +292,14 @@ async fn aside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> 
 
 /// The warnings of the start on stderr, the ready line on stdout and the hint on stderr: a pipe that is full holds them up.
 /// Whoever has seen the ready line finds the warnings there.
-fn announce(bound: &[(SocketAddr, String)], warnings: &[String]) {
+fn announce(bound: &[(SocketAddr, String)], http: Option<SocketAddr>, warnings: &[String]) {
     for warning in warnings {
         let _ = writeln!(io::stderr(), "pve-sim: {warning}");
     }
     let urls: String = bound.iter().map(|(address, name)| format!(" bus=socketcand://{address}/{name}")).collect();
+    let http = http.map_or_else(String::new, |address| format!(" http=http://{address}/"));
     let mut stdout = io::stdout().lock();
-    let _ = writeln!(stdout, "pve-sim ready{urls}").and_then(|()| stdout.flush());
+    let _ = writeln!(stdout, "pve-sim ready{urls}{http}").and_then(|()| stdout.flush());
     let mut stderr = io::stderr().lock();
     for (address, name) in bound {
         let _ = writeln!(stderr, "{}", hint(*address, name));

@@ -3,7 +3,7 @@
 use std::any::Any;
 use std::sync::Arc;
 
-use protocol_core::device::{Device, Senses, StartCause};
+use protocol_core::device::{Device, Senses, StartCause, Viewable};
 use protocol_core::memory::{Image, Record, RecordKey};
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
@@ -15,10 +15,10 @@ pub const WRITE_TIME: Duration = Duration::from_millis(10);
 /// How long the fault log takes to be written: the real device takes at least so long to clear its counters (A).
 pub const FAULT_LOG_WRITE_TIME: Duration = Duration::from_millis(50);
 
-/// A [`Device`] that can be moved to the thread of the world, and looked at as what it is.
-pub trait SimDevice: Device + Any + Send {}
+/// A [`Device`] that can be moved to the thread of the world, and looked at.
+pub trait SimDevice: Device + Viewable + Any + Send {}
 
-impl<T: Device + Any + Send> SimDevice for T {}
+impl<T: Device + Viewable + Any + Send> SimDevice for T {}
 
 /// Builds a device from what its memory holds, why it starts, and when.
 pub type Factory = Box<dyn FnMut(&Image, StartCause, Instant) -> Box<dyn SimDevice> + Send>;

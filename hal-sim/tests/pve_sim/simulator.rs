@@ -41,8 +41,11 @@ pub(crate) struct Simulator {
 }
 
 impl Simulator {
+    /// Without a control interface, unless the arguments ask for one: its default port is there once.
     pub(crate) fn start(arguments: &[&str]) -> Self {
-        Self::spawn(&mut pve_sim(arguments))
+        let runs = arguments.first().is_none_or(|first| first.starts_with('-'));
+        let no_http = if runs && !arguments.contains(&"--http") { &["--no-http"][..] } else { &[] };
+        Self::spawn(&mut pve_sim(&[no_http, arguments].concat()))
     }
 
     pub(crate) fn spawn(command: &mut Command) -> Self {
