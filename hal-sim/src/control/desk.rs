@@ -101,8 +101,12 @@ impl Desk {
         self.attend(world);
     }
 
-    /// Shows an event. To be called with each of them in their order, before [`attend`](Self::attend).
-    pub(crate) fn show(&mut self, event: &Event, explainer: &Explainer) {
+    /// Shows an event, and what is told of one that is trouble. To be called with each of them in their order, before
+    /// [`attend`](Self::attend).
+    pub(crate) fn show(&mut self, event: &Event, trouble: Option<&str>, explainer: &Explainer) {
+        if let Some(trouble) = trouble {
+            self.events.show_trouble(event, trouble);
+        }
         let Some(frame) = event.frame() else { return };
         let passed = Passed { at: event.at, frame: *frame, from: event.who.clone() };
         let meaning = || explainer.explain(frame, Some(&event.who));

@@ -1,5 +1,7 @@
 //! Refusals as JSON, and what reads a request.
 
+use std::time::Duration;
+
 use axum::Json;
 use axum::extract::{FromRequest, FromRequestParts, Request};
 use axum::http::StatusCode;
@@ -7,6 +9,7 @@ use axum::http::request::Parts;
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use tokio::time::timeout;
 use utoipa::ToSchema;
 
 use super::message::Refusal;
@@ -68,6 +71,9 @@ const fn status(refusal: &Refusal) -> StatusCode {
     }
 }
 
+/// A client has so long to send the body of a request.
+const PATIENCE: Duration = Duration::from_secs(10);
+
 /// The body of a request, as JSON.
 #[derive(Debug)]
 pub(super) struct Body<T>(pub(super) T);
@@ -77,7 +83,10 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Body<T> {
 
     async fn from_request(request: Request, state: &S) -> Result<Self, Failure> {
         use axum::extract::rejection::JsonRejection::{JsonDataError, JsonSyntaxError};
-        match Json::from_request(request, state).await {
+        let Ok(body) = timeout(PATIENCE, Json::from_request(request, state)).await else {
+            return Err(Failure::Request(StatusCode::REQUEST_TIMEOUT, "the body did not come".to_owned()));
+        };
+        match body {
             Ok(Json(body)) => Ok(Self(body)),
             Err(JsonDataError(error)) => Err(Failure::bad_request(reason(&error))),
             Err(JsonSyntaxError(error)) => Err(Failure::bad_request(reason(&error))),

@@ -2,6 +2,7 @@
 //! rebinding), and those of the pages of others.
 
 use std::net::{IpAddr, SocketAddr};
+use std::sync::Arc;
 
 use axum::Extension;
 use axum::extract::Request;
@@ -10,17 +11,14 @@ use axum::http::{HeaderMap, HeaderName, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
+use super::connection::Connection;
 use super::error::Failure;
 
 const FETCH_SITE: HeaderName = HeaderName::from_static("sec-fetch-site");
 
-/// The address that a connection was accepted at.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct LocalAddress(pub(super) SocketAddr);
-
 /// Lets a request pass, or refuses it.
-pub(super) async fn guard(Extension(local): Extension<LocalAddress>, request: Request, next: Next) -> Response {
-    match check(&request, local.0) {
+pub(super) async fn guard(Extension(connection): Extension<Arc<Connection>>, request: Request, next: Next) -> Response {
+    match check(&request, connection.local()) {
         Ok(()) => next.run(request).await,
         Err(refusal) => Failure::Request(StatusCode::FORBIDDEN, refusal.to_owned()).into_response(),
     }

@@ -1,7 +1,7 @@
 //! The control interface: state, faults and time of the simulator over HTTP, under `/api/v1`.
 //!
 //! ```text
-//! server      the socket, and the connections
+//! server      the socket                connection the connections, and which goes when there are too many
 //! guard       which requests are refused: foreign hosts, foreign pages
 //! error       refusals as JSON, and what reads a request
 //! routes/     the calls, by resource, and their description in OpenAPI
@@ -19,6 +19,7 @@
 //! desk touches the world, and the desk waits for nobody.
 
 mod condition;
+mod connection;
 mod desk;
 mod error;
 mod events;

@@ -10,8 +10,8 @@ use utoipa::ToSchema;
 
 use crate::trace::write_hex;
 
-/// The most frames that are kept: seconds of a bus under full load.
-pub(super) const KEPT: usize = 10_000;
+/// The most frames that are kept: a second of a bus under full load, and minutes of a usual one.
+pub(super) const KEPT: usize = 4096;
 
 /// A frame that was on the bus.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]

@@ -1,4 +1,4 @@
-//! The socket of the control interface, and its connections.
+//! The socket of the control interface.
 
 use std::io;
 use std::net::SocketAddr;
@@ -10,9 +10,8 @@ use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::Semaphore;
 
-use super::guard::LocalAddress;
+use super::connection::{Connection, Connections, Watched};
 use super::routes::router;
 use crate::gateway::Entrance;
 
@@ -20,7 +19,7 @@ use crate::gateway::Entrance;
 const RETRY: Duration = Duration::from_millis(50);
 
 /// A client has so long to send the head of a request.
-const HEAD: Duration = Duration::from_secs(10);
+const HEAD: Duration = Duration::from_secs(60);
 
 /// A control interface at an address.
 #[derive(Debug)]
@@ -42,30 +41,35 @@ impl Server {
     /// Serves clients for ever, so many at once.
     pub(crate) async fn run(self, world: Entrance, places: usize) {
         let router = router(world);
-        let places = Arc::new(Semaphore::new(places));
+        let connections = Arc::new(Connections::new(places));
         loop {
-            let Ok(place) = Arc::clone(&places).acquire_owned().await else { return };
-            match self.listener.accept().await {
-                Ok((stream, _)) => {
-                    let router = router.clone();
-                    tokio::spawn(async move {
-                        let _place = place;
-                        connection(stream, router).await;
-                    });
-                }
-                Err(_) => tokio::time::sleep(RETRY).await,
+            let Ok((stream, _)) = self.listener.accept().await else {
+                tokio::time::sleep(RETRY).await;
+                continue;
+            };
+            if let Some(connection) = stream.local_addr().ok().and_then(|local| connections.admit(local)) {
+                let (router, connections) = (router.clone(), Arc::clone(&connections));
+                tokio::spawn(async move {
+                    tokio::select! {
+                        () = serve(stream, router, Arc::clone(&connection)) => {}
+                        () = connection.dismissed() => {}
+                    }
+                    connections.leave(&connection);
+                });
             }
         }
     }
 }
 
-async fn connection(stream: TcpStream, router: Router) {
-    let Ok(local) = stream.local_addr() else { return };
+async fn serve(stream: TcpStream, router: Router, connection: Arc<Connection>) {
     // Without it the events of the bus would wait for each other.
     let _ = stream.set_nodelay(true);
-    let service = TowerToHyperService::new(router.layer(Extension(LocalAddress(local))));
-    let mut builder = http1::Builder::new();
-    builder.timer(TokioTimer::new()).header_read_timeout(HEAD);
+    let service = TowerToHyperService::new(router.layer(Extension(Arc::clone(&connection))));
+    let stream = TokioIo::new(Watched { stream, connection });
     // Whatever ends a connection ends that one alone.
-    let _ = builder.serve_connection(TokioIo::new(stream), service).await;
+    let _ = http1::Builder::new()
+        .timer(TokioTimer::new())
+        .header_read_timeout(HEAD)
+        .serve_connection(stream, service)
+        .await;
 }

@@ -266,7 +266,7 @@ impl<O: Outside> Driver<O> {
                 self.report_overrun();
             }
             if let Some(desk) = &mut self.desk {
-                desk.show(&event, self.trace.explainer());
+                desk.show(&event, told.as_ref().map(|(_, text)| text.as_str()), self.trace.explainer());
             }
             self.trace.tell(&event, at, told, &self.world);
             self.clients.give_up(&event, &mut self.world);

@@ -224,12 +224,13 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     for beacon in beacons {
         tokio::spawn(beacon.run());
     }
-    let places = Arc::new(Semaphore::new(places(options)));
+    let (clients, connections) = places(options);
+    let places = Arc::new(Semaphore::new(clients));
     for server in servers {
         tokio::spawn(server.run(entrance.clone(), Arc::clone(&places)));
     }
     if let Some((_, server)) = control {
-        tokio::spawn(server.run(entrance.clone(), HTTP_CLIENTS));
+        tokio::spawn(server.run(entrance.clone(), connections));
     }
     stdin::listen(entrance.clone());
     let printer = Printer::start(reader_gone)?;
@@ -265,15 +266,18 @@ impl Running {
     }
 }
 
-/// The number of clients that leaves enough file descriptors for devices to store.
-fn places(options: &RunOptions) -> usize {
+/// The most clients of the buses, and connections of the control interface, that leave enough file descriptors for devices
+/// to store.
+fn places(options: &RunOptions) -> (usize, usize) {
     #[cfg(unix)]
     let limit = rustix::process::getrlimit(rustix::process::Resource::Nofile).current;
     #[cfg(not(unix))]
     let limit: Option<u64> = None;
     let taken = DESCRIPTORS + options.devices.len() + options.buses.len();
-    let left = limit.and_then(|limit| usize::try_from(limit).ok()).map_or(CLIENTS, |limit| limit.saturating_sub(taken));
-    left.clamp(1, CLIENTS)
+    let left =
+        limit.and_then(|limit| usize::try_from(limit).ok()).map_or(usize::MAX, |limit| limit.saturating_sub(taken));
+    let clients = if options.http.is_some() { left / 2 } else { left }.clamp(1, CLIENTS);
+    (clients, left.saturating_sub(clients).clamp(1, HTTP_CLIENTS))
 }
 
 /// Takes the timer slack from this thread: Linux would delay each wake-up by 50 µs to wake several threads at once.

@@ -1,7 +1,6 @@
 //! `/bus`: bit rate, load and disturbances.
 
 use axum::Json;
-use axum::extract::State;
 use protocol_core::controller::BitRate;
 use serde::Deserialize;
 use utoipa::ToSchema;
@@ -37,7 +36,7 @@ pub(super) struct Disturb {
 
 /// The state of the bus
 #[utoipa::path(get, path = "/bus", operation_id = "showBus", tag = "bus", responses((status = 200, body = BusState)))]
-pub(super) async fn show(State(control): State<Control>) -> Result<Json<BusState>, Failure> {
+pub(super) async fn show(control: Control) -> Result<Json<BusState>, Failure> {
     control.ask(Message::Bus).await.map(Json)
 }
 
@@ -47,10 +46,7 @@ pub(super) async fn show(State(control): State<Control>) -> Result<Json<BusState
     request_body = BusChange,
     responses((status = 200, body = BusState), (status = 400, body = Error))
 )]
-pub(super) async fn change(
-    State(control): State<Control>,
-    Body(change): Body<BusChange>,
-) -> Result<Json<BusState>, Failure> {
+pub(super) async fn change(control: Control, Body(change): Body<BusChange>) -> Result<Json<BusState>, Failure> {
     let bit_rate = BitRate::from_bits_per_second(change.bit_rate).ok_or_else(|| {
         let rates: Vec<String> = BitRate::ALL.iter().map(|rate| rate.bits_per_second().to_string()).collect();
         Failure::bad_request(format!("bit_rate {}: accepted: {}", change.bit_rate, rates.join(", ")))
@@ -64,10 +60,7 @@ pub(super) async fn change(
     request_body = Disturb,
     responses((status = 200, body = BusState), (status = 400, body = Error))
 )]
-pub(super) async fn disturb(
-    State(control): State<Control>,
-    Body(disturb): Body<Disturb>,
-) -> Result<Json<BusState>, Failure> {
+pub(super) async fn disturb(control: Control, Body(disturb): Body<Disturb>) -> Result<Json<BusState>, Failure> {
     let id = disturb.id.map(|id| identifier(id, disturb.extended)).transpose()?;
     if id.is_none() && disturb.extended {
         return Err(Failure::bad_request("extended without an id"));

@@ -1,7 +1,6 @@
 //! `/devices`: states, plant and power.
 
 use axum::Json;
-use axum::extract::State;
 use serde::Deserialize;
 use utoipa::ToSchema;
 
@@ -33,7 +32,7 @@ pub(super) enum ResetCause {
 
 /// The states of all devices
 #[utoipa::path(get, path = "/devices", operation_id = "listDevices", tag = "devices", responses((status = 200, body = Vec<DeviceState>)))]
-pub(super) async fn list(State(control): State<Control>) -> Result<Json<Vec<DeviceState>>, Failure> {
+pub(super) async fn list(control: Control) -> Result<Json<Vec<DeviceState>>, Failure> {
     control.ask(Message::Devices).await.map(Json)
 }
 
@@ -43,7 +42,7 @@ pub(super) async fn list(State(control): State<Control>) -> Result<Json<Vec<Devi
     params(("name" = String, Path, description = "The name of the device")),
     responses((status = 200, body = DeviceState), (status = 404, body = Error))
 )]
-pub(super) async fn show(State(control): State<Control>, Name(name): Name) -> Result<Json<DeviceState>, Failure> {
+pub(super) async fn show(control: Control, Name(name): Name) -> Result<Json<DeviceState>, Failure> {
     control.ask(|answer| Message::Device(name, answer)).await.map(Json)
 }
 
@@ -59,7 +58,7 @@ pub(super) async fn show(State(control): State<Control>, Name(name): Name) -> Re
     )
 )]
 pub(super) async fn change_plant(
-    State(control): State<Control>,
+    control: Control,
     Name(name): Name,
     Body(change): Body<PlantChange>,
 ) -> Result<Json<DeviceState>, Failure> {
@@ -79,7 +78,7 @@ pub(super) async fn change_plant(
     )
 )]
 pub(super) async fn power(
-    State(control): State<Control>,
+    control: Control,
     Name(name): Name,
     Body(change): Body<PowerChange>,
 ) -> Result<Json<DeviceState>, Failure> {

@@ -1,7 +1,6 @@
 //! `/bus/frames`: frames of clients, once or cyclic.
 
 use axum::Json;
-use axum::extract::State;
 use protocol_core::frame::{ExtendedId, Frame, Id, StandardId};
 use protocol_core::time::Duration;
 use serde::Deserialize;
@@ -51,10 +50,7 @@ pub(super) struct WhichFrames {
         (status = 409, body = Error, description = "Not on the bus within 1 s of virtual time: withdrawn")
     )
 )]
-pub(super) async fn send(
-    State(control): State<Control>,
-    Body(frame): Body<FrameToSend>,
-) -> Result<Json<Sent>, Failure> {
+pub(super) async fn send(control: Control, Body(frame): Body<FrameToSend>) -> Result<Json<Sent>, Failure> {
     let id = identifier(frame.id, frame.extended)?;
     let data = bytes(&frame.data)?;
     let period = match frame.every_ms {
@@ -71,10 +67,7 @@ pub(super) async fn send(
     params(WhichFrames),
     responses((status = 200, body = Stopped), (status = 400, body = Error))
 )]
-pub(super) async fn stop(
-    State(control): State<Control>,
-    Query(which): Query<WhichFrames>,
-) -> Result<Json<Stopped>, Failure> {
+pub(super) async fn stop(control: Control, Query(which): Query<WhichFrames>) -> Result<Json<Stopped>, Failure> {
     let id = match which.id {
         Some(text) => {
             let hex = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X"));

@@ -8,14 +8,19 @@ mod time;
 mod trace;
 mod wait;
 
-use axum::extract::DefaultBodyLimit;
+use std::sync::Arc;
+
+use axum::extract::{DefaultBodyLimit, FromRequestParts};
 use axum::http::StatusCode;
+use axum::http::request::Parts;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, patch, post};
 use axum::{Json, Router, middleware};
 use utoipa::OpenApi;
 
+use super::connection::Connection;
 use super::error::{Error, Failure};
+use super::events::BusTrouble;
 use super::guard::guard;
 use super::message::{Answer, Message, TimedOut};
 use crate::gateway::{Entrance, ToWorld};
@@ -27,14 +32,26 @@ const BODY: usize = 64 * 1024;
 #[derive(Clone, Debug)]
 pub(super) struct Control {
     world: Entrance,
+    connection: Arc<Connection>,
 }
 
 impl Control {
     /// Asks the world, and waits for the answer.
     async fn ask<T>(&self, message: impl FnOnce(Answer<T>) -> Message) -> Result<T, Failure> {
+        let _asking = self.connection.ask();
         let (answer, receiver) = Answer::new();
         self.world.tell(ToWorld::Control(message(answer)));
         Ok(receiver.await.map_err(|_| Failure::ending())??)
+    }
+}
+
+impl FromRequestParts<Entrance> for Control {
+    type Rejection = Failure;
+
+    async fn from_request_parts(parts: &mut Parts, world: &Entrance) -> Result<Self, Failure> {
+        // Every connection has it.
+        let connection = parts.extensions.get::<Arc<Connection>>().ok_or_else(Failure::ending)?;
+        Ok(Self { world: world.clone(), connection: Arc::clone(connection) })
     }
 }
 
@@ -63,7 +80,7 @@ impl Control {
         trace::show,
         events::follow,
     ),
-    components(schemas(Error, TimedOut, events::FrameEvent, events::LostEvent))
+    components(schemas(Error, TimedOut, BusTrouble, events::FrameEvent, events::LostEvent))
 )]
 struct Description;
 
@@ -88,7 +105,7 @@ pub(super) fn router(world: Entrance) -> Router {
         .method_not_allowed_fallback(method_not_allowed)
         .layer(DefaultBodyLimit::max(BODY))
         .layer(middleware::from_fn(guard))
-        .with_state(Control { world })
+        .with_state(world)
 }
 
 async fn description() -> Response {

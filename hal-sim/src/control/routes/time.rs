@@ -1,7 +1,6 @@
 //! `/time`: virtual time.
 
 use axum::Json;
-use axum::extract::State;
 use protocol_core::time::Duration;
 use serde::Deserialize;
 use utoipa::ToSchema;
@@ -20,7 +19,7 @@ pub(super) struct Advance {
 
 /// The virtual time
 #[utoipa::path(get, path = "/time", operation_id = "showTime", tag = "time", responses((status = 200, body = Time)))]
-pub(super) async fn show(State(control): State<Control>) -> Result<Json<Time>, Failure> {
+pub(super) async fn show(control: Control) -> Result<Json<Time>, Failure> {
     control.ask(Message::Time).await.map(Json)
 }
 
@@ -35,7 +34,7 @@ pub(super) async fn show(State(control): State<Control>) -> Result<Json<Time>, F
     )
 )]
 pub(super) async fn advance(
-    State(control): State<Control>,
+    control: Control,
     Body(Advance { advance_ms }): Body<Advance>,
 ) -> Result<Json<Time>, Failure> {
     let span = Duration::from_millis(advance_ms.into());

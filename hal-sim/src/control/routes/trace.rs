@@ -1,7 +1,6 @@
 //! `/trace`: the last frames.
 
 use axum::Json;
-use axum::extract::State;
 use serde::Deserialize;
 use utoipa::IntoParams;
 
@@ -18,7 +17,7 @@ const LIMIT: usize = 100;
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct Part {
-    /// How many of the last frames; 100 without it, and 10000 are kept.
+    /// How many of the last frames; 100 without it, and 4096 are kept.
     limit: Option<usize>,
 }
 
@@ -28,10 +27,7 @@ pub(super) struct Part {
     params(Part),
     responses((status = 200, body = Vec<FrameRecord>), (status = 400, body = Error))
 )]
-pub(super) async fn show(
-    State(control): State<Control>,
-    Query(part): Query<Part>,
-) -> Result<Json<Vec<FrameRecord>>, Failure> {
+pub(super) async fn show(control: Control, Query(part): Query<Part>) -> Result<Json<Vec<FrameRecord>>, Failure> {
     let limit = part.limit.unwrap_or(LIMIT).min(KEPT);
     control.ask(|answer| Message::Trace(limit, answer)).await.map(Json)
 }

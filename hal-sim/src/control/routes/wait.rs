@@ -1,7 +1,6 @@
 //! `/wait`: a state, or a frame.
 
 use axum::Json;
-use axum::extract::State;
 use protocol_core::time::Duration;
 use serde::Deserialize;
 use utoipa::ToSchema;
@@ -57,7 +56,7 @@ pub(super) struct FrameToCome {
         (status = 408, body = TimedOut, description = "It did not hold within the time")
     )
 )]
-pub(super) async fn wait(State(control): State<Control>, Body(wait): Body<Wait>) -> Result<Json<Waited>, Failure> {
+pub(super) async fn wait(control: Control, Body(wait): Body<Wait>) -> Result<Json<Waited>, Failure> {
     let condition = match wait {
         Wait { device: Some(device), state: Some(state), frame: None, .. } => Condition::State(device, Box::new(state)),
         Wait { device: None, state: None, frame: Some(FrameToCome { id, extended, data }), .. } => {
