@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use axum::Json;
+use axum::body::Bytes;
 use axum::extract::{FromRequest, FromRequestParts, Request};
 use axum::http::StatusCode;
 use axum::http::request::Parts;
@@ -83,10 +84,16 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Body<T> {
 
     async fn from_request(request: Request, state: &S) -> Result<Self, Failure> {
         use axum::extract::rejection::JsonRejection::{JsonDataError, JsonSyntaxError};
-        let Ok(body) = timeout(PATIENCE, Json::from_request(request, state)).await else {
+        let (parts, body) = request.into_parts();
+        let collected = Bytes::from_request(Request::from_parts(parts.clone(), body), state);
+        let Ok(collected) = timeout(PATIENCE, collected).await else {
             return Err(Failure::Request(StatusCode::REQUEST_TIMEOUT, "the body did not come".to_owned()));
         };
-        match body {
+        let bytes = collected.map_err(|error| Failure::Request(error.status(), error.body_text()))?;
+        let is_object = bytes.trim_ascii_start().first() == Some(&b'{');
+        match Json::from_request(Request::from_parts(parts, bytes.into()), state).await {
+            // Of a list, the fields would be taken in their order.
+            Ok(_) if !is_object => Err(Failure::bad_request("the body is no JSON object")),
             Ok(Json(body)) => Ok(Self(body)),
             Err(JsonDataError(error)) => Err(Failure::bad_request(reason(&error))),
             Err(JsonSyntaxError(error)) => Err(Failure::bad_request(reason(&error))),

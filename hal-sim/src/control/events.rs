@@ -100,8 +100,11 @@ impl Events {
         if self.followers() >= FOLLOWERS {
             return Err(Refusal::TooMany("too many clients follow the events"));
         }
-        // Nobody was told what happened before.
+        // What others follow is told to them before; what nobody follows is new.
         self.attend(world);
+        if !self.is_followed() {
+            self.told.iter_mut().for_each(|(node, _, told)| *told = Told::of(*node, world));
+        }
         let states = self.told.iter().map(|(node, kind, _)| DeviceState::of(*node, *kind, world)).collect();
         Ok(Subscription { states, happenings: self.channel.subscribe(), follower: self.follower.clone() })
     }

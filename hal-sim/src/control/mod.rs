@@ -33,7 +33,16 @@ mod server;
 mod state;
 mod wait;
 
+#[cfg(test)]
+mod tests;
+
+#[cfg(test)]
+pub(crate) use condition::Condition;
 pub(crate) use desk::Desk;
 pub use message::Message;
+#[cfg(test)]
+pub(crate) use message::{Answer, Refusal, Waited};
 pub(crate) use sender::NAME as SENDER;
 pub(crate) use server::Server;
+#[cfg(test)]
+pub(crate) use state::DeviceState;

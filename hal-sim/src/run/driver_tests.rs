@@ -15,6 +15,9 @@ use crate::kind::{Kind, Simulated};
 use crate::memory::Memory;
 use crate::run::printer::Printer;
 
+#[path = "control_tests.rs"]
+mod control_tests;
+
 /// What happens outside, in the order of time.
 enum Happening {
     Message(ToWorld),

@@ -71,11 +71,8 @@ impl Simulator {
     /// The ports of the ready line, in order.
     pub(crate) fn ports(&self) -> Vec<u16> {
         let words = self.ready.strip_prefix("pve-sim ready ").expect("a ready line").split(' ');
-        let port = |word: &str| {
-            let address = word.strip_prefix("bus=socketcand://127.0.0.1:").expect("a bus");
-            address.split_once('/').expect("a name").0.parse().expect("a port")
-        };
-        words.map(port).collect()
+        let buses = words.filter_map(|word| word.strip_prefix("bus=socketcand://127.0.0.1:"));
+        buses.map(|address| address.split_once('/').expect("a name").0.parse().expect("a port")).collect()
     }
 
     pub(crate) fn connect(&self) -> TcpStream {
