@@ -219,7 +219,7 @@ proptest! {
         let mut bench = Bench::new(&["pvea-isobus"], None, false);
         bench.pass(Duration::from_millis(500));
         // From the middle between two AVEFs on.
-        let phase = bench.world.take_events().filter(|event| event.frame().is_some()).last().expect("an AVEF").at;
+        let phase = bench.world.take_events().rfind(|event| event.frame().is_some()).expect("an AVEF").at;
         bench.world.run_until(after(phase, Duration::from_millis(50)));
         let (cycles, mut compared) = (acts.len(), 0);
         for act in acts {
