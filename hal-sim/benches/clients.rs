@@ -22,7 +22,7 @@ struct Simulator {
 impl Simulator {
     fn start(arguments: &[String]) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_pve-sim"));
-        command.args(["--bus", "socketcand://127.0.0.1:0/pve0"]).args(arguments);
+        command.args(["--no-http", "--bus", "socketcand://127.0.0.1:0/pve0"]).args(arguments);
         let mut process = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().expect("pve-sim starts");
         let mut stdout = BufReader::new(process.stdout.take().expect("a pipe"));
         let mut ready = String::new();

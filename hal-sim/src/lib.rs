@@ -17,6 +17,7 @@
 //! explain/  what a frame means, in words
 //! describe/ the products for other tools: EDS and DBC
 //! gateway/  clients of the bus that live outside: socketcand
+//! control/  state, faults and time over HTTP
 //! run/      the world paced by the wall clock, with its clients, its trace and its memory
 //! cli/      the command line
 //! ```
@@ -24,6 +25,7 @@
 
 pub mod bus;
 pub mod cli;
+pub mod control;
 pub mod describe;
 pub mod explain;
 pub mod gateway;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use protocol_core::frame::Frame;
+use protocol_core::frame::{Frame, Id};
 
 /// Something that can flip a bit of a frame on the wire, which destroys it for everybody.
 pub trait Injector: Send {
@@ -29,6 +29,25 @@ impl BitErrors {
 impl Injector for BitErrors {
     fn disturb(&mut self, _: &str, _: &Frame, bits: u32) -> Option<u32> {
         (0..bits).find(|_| self.random.u64(..) <= self.threshold)
+    }
+}
+
+/// The next so many attempts to send a frame are destroyed, by a bit error each.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Disturbance {
+    /// The number of attempts that are left.
+    pub frames: u32,
+    /// The identifier of the frames; `None`: any.
+    pub id: Option<Id>,
+}
+
+impl Injector for Disturbance {
+    fn disturb(&mut self, _: &str, frame: &Frame, bits: u32) -> Option<u32> {
+        if self.frames == 0 || self.id.is_some_and(|id| id != frame.id()) {
+            return None;
+        }
+        self.frames -= 1;
+        Some(bits / 2)
     }
 }
 

@@ -51,7 +51,7 @@ pub use bits::{BUS_IDLE, Difference, FrameBits, INTERMISSION};
 pub use confinement::Confinement;
 pub use error::BusError;
 pub use event::{Event, EventKind};
-pub use injector::{BitErrors, DestroyNext, Injector};
+pub use injector::{BitErrors, DestroyNext, Disturbance, Injector};
 pub use port::{Port, RECEIVE_QUEUE};
 pub use wire_event::WireEvent;
 
@@ -90,6 +90,8 @@ pub struct Bus {
     /// The ports of devices for which something changed since they were last asked for.
     touched: Vec<PortId>,
     injectors: Vec<Box<dyn Injector>>,
+    /// What disturbs the bus on command.
+    disturbance: Disturbance,
     load: Load,
     journal: Journal,
 }
@@ -162,6 +164,12 @@ impl Bus {
         self.refresh(id, now);
     }
 
+    /// Whether a frame of a port is on the wire.
+    #[must_use]
+    pub fn is_sending(&self, id: PortId) -> bool {
+        self.senders.contains(&id)
+    }
+
     /// Sets a port to a bit rate. A new rate starts its controller anew, error counters aside.
     pub fn set_bit_rate(&mut self, id: PortId, rate: BitRate, now: Instant) {
         if self.ports[id.0].rate == rate {
@@ -190,7 +198,18 @@ impl Bus {
         self.injectors.push(injector);
     }
 
-    /// Takes away all that disturbs the bus.
+    /// Disturbs the bus on command, in the place of an earlier disturbance.
+    pub const fn disturb(&mut self, disturbance: Disturbance) {
+        self.disturbance = disturbance;
+    }
+
+    /// What is left of the disturbance on command.
+    #[must_use]
+    pub const fn disturbance(&self) -> Disturbance {
+        self.disturbance
+    }
+
+    /// Takes away all injectors.
     pub fn clear_injectors(&mut self) {
         self.injectors.clear();
     }

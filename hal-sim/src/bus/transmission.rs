@@ -8,6 +8,7 @@ use protocol_core::time::Instant;
 
 use super::bits::{AFTER_ACK_SLOT, ERROR_DELIMITER, ERROR_FLAG, FrameBits};
 use super::clock::{Nanos, bit_times, instant, nanos};
+use super::injector::Injector as _;
 use super::wire_event::WireEvent;
 use super::{Bus, BusError, PortId};
 
@@ -120,8 +121,10 @@ impl Bus {
         let frame = *sender.transmit.head().expect("a sender has something to send");
         let rate = sender.rate;
         let on_wire = FrameBits::of(&frame).on_wire();
+        let on_command = self.disturbance.disturb(&sender.name, &frame, on_wire);
         let injectors = self.injectors.iter_mut();
-        let injected = injectors.filter_map(|injector| injector.disturb(&sender.name, &frame, on_wire)).min();
+        let injected = injectors.filter_map(|injector| injector.disturb(&sender.name, &frame, on_wire));
+        let injected = injected.chain(on_command).min();
         let heard = self.is_heard(rate);
         let disturber = self.disturber(rate);
         let end = start + bit_times(on_wire, rate);

@@ -4,6 +4,7 @@ use std::str::FromStr;
 
 use protocol_core::controller::BitRate;
 
+use crate::control;
 use crate::kind::{Birth, Kind, Simulated};
 
 /// The longest name of a device, in characters.
@@ -114,6 +115,9 @@ fn device_name(text: &str) -> Result<String, String> {
     let allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
     if text.is_empty() || text.len() > NAME_MAX || !text.chars().all(allowed) {
         return Err(format!("'{text}' is no name of a device; accepted: 1–{NAME_MAX} characters of a–z, 0–9 and '-'"));
+    }
+    if text == control::SENDER {
+        return Err(format!("'{text}' is the name of the control interface in traces; accepted: another one"));
     }
     Ok(text.to_owned())
 }

@@ -1,5 +1,6 @@
 //! The options of `run`: as clap reads them, and as the simulator uses them, checked against each other.
 
+use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
 use std::path::PathBuf;
 
 use clap::Args;
@@ -11,10 +12,13 @@ use super::device::DeviceSpec;
 use super::link::{self, LinkSpec};
 use crate::gateway::BusUrl;
 use crate::kind::{Kind, Simulated};
-use crate::run::{ColorChoice, LogOptions, NamedDevice, RunOptions};
+use crate::run::{ColorChoice, LogOptions, NamedDevice, RunOptions, Speed};
 
 /// The seed of a run that was given none: two runs with the same seed and the same input are the same.
 const DEFAULT_SEED: u64 = 1;
+
+/// Where the control interface is reachable when nobody says.
+const DEFAULT_HTTP: SocketAddr = SocketAddr::V4(SocketAddrV4::new(Ipv4Addr::LOCALHOST, 8408));
 
 /// What runs when no device is given.
 const DEFAULT_KIND: Kind = Kind::Pve(pve::Kind::PveaCanopen);
@@ -76,9 +80,10 @@ pub struct RunArgs {
     #[arg(long, value_name = "N", value_parser = bit_rate, help_heading = "Bus")]
     bit_rate: Option<BitRate>,
 
-    /// Virtual time against wall time: a number above 0
-    #[arg(long, value_name = "FACTOR", value_parser = speed, default_value = "1", help_heading = "Time")]
-    speed: f64,
+    /// Virtual time against wall time: a number above 0; or step: time moves only when the control interface tells it to,
+    /// and what clients send waits for that
+    #[arg(long, value_name = "FACTOR|step", value_parser = speed, default_value = "1", help_heading = "Time")]
+    speed: Speed,
 
     /// The seed of everything random: 0–18446744073709551615
     #[arg(long, value_name = "N", value_parser = seed, default_value_t = DEFAULT_SEED, help_heading = "Time")]
@@ -105,23 +110,32 @@ pub struct RunArgs {
     #[arg(long, help_heading = "Output")]
     verbose: bool,
 
-    /// Not there yet: the control interface
-    #[arg(long, value_name = "ADDR:PORT", conflicts_with = "no_http", hide = true)]
-    http: Option<String>,
+    /// Where the control interface is reachable, port 0 takes a free one [default: 127.0.0.1:8408]
+    #[arg(long, value_name = "ADDR:PORT", value_parser = http, conflicts_with = "no_http", help_heading = "Control")]
+    http: Option<SocketAddr>,
 
-    /// Accepted, without effect as long as there is no control interface
-    #[arg(long, hide = true)]
+    /// Serve no control interface
+    #[arg(long, help_heading = "Control")]
     no_http: bool,
+
+    /// Let --http be an address that other machines reach: whoever does can switch everything
+    #[arg(long, conflicts_with = "no_http", help_heading = "Control")]
+    allow_remote: bool,
 }
 
 impl TryFrom<RunArgs> for RunOptions {
     type Error = UsageError;
 
     fn try_from(args: RunArgs) -> Result<Self, UsageError> {
-        if let Some(address) = args.http {
+        let http = (!args.no_http).then(|| args.http.unwrap_or(DEFAULT_HTTP));
+        if let Some(address) = http.filter(|address| !address.ip().is_loopback() && !args.allow_remote) {
             return Err(UsageError(format!(
-                "--http {address}: the control interface is not there yet; accepted: --no-http"
+                "--http {address}: other machines could reach it; accepted: an address of loopback, as in {DEFAULT_HTTP}, or \
+                 --allow-remote"
             )));
+        }
+        if http.is_none() && args.speed == Speed::Step {
+            return Err(UsageError("--speed step: the control interface moves time; leave --no-http out".to_owned()));
         }
         let specs = if args.device.is_empty() { vec![DeviceSpec::new(DEFAULT_KIND)] } else { args.device };
         let mut devices = named(specs)?;
@@ -140,6 +154,7 @@ impl TryFrom<RunArgs> for RunOptions {
             bit_rate: args.bit_rate,
             state: args.state,
             speed: args.speed,
+            http,
             log: args.log.map(|path| LogOptions { path, overwrite: args.log_overwrite }),
             error_frames: args.error_frames,
             color: args.color,
@@ -208,9 +223,9 @@ fn refuse_clashes(devices: &[NamedDevice]) -> Result<(), UsageError> {
 }
 
 /// An interface of the kernel lives in wall time; one that is given twice would send every frame round for ever.
-fn check_interfaces(buses: &[BusUrl], speed: f64) -> Result<(), UsageError> {
+fn check_interfaces(buses: &[BusUrl], speed: Speed) -> Result<(), UsageError> {
     for (position, bus) in buses.iter().enumerate().filter(|(_, bus)| bus.is_real_time()) {
-        if speed != 1.0 {
+        if speed != Speed::Factor(1.0) {
             return Err(UsageError(format!("--speed {speed} with --bus {bus}: an interface runs at --speed 1 only")));
         }
         if buses.iter().take(position).any(|other| other == bus) {
@@ -231,12 +246,14 @@ fn seed(text: &str) -> Result<u64, String> {
     text.parse().map_err(|_| format!("accepted: a whole number, 0–{}", u64::MAX))
 }
 
-fn speed(text: &str) -> Result<f64, String> {
+fn speed(text: &str) -> Result<Speed, String> {
     if text == "step" {
-        return Err(
-            "stepping needs the control interface, which is not there yet; accepted: a number above 0".to_owned()
-        );
+        return Ok(Speed::Step);
     }
     let factor = text.parse::<f64>().ok().filter(|factor| factor.is_finite() && *factor > 0.0);
-    factor.ok_or_else(|| "accepted: a number above 0, as in 1, 0.5 or 100".to_owned())
+    factor.map(Speed::Factor).ok_or_else(|| "accepted: a number above 0, as in 1, 0.5 or 100, or step".to_owned())
+}
+
+fn http(text: &str) -> Result<SocketAddr, String> {
+    text.parse().map_err(|_| format!("accepted: ADDR:PORT, as in {DEFAULT_HTTP}, port 0 takes a free one"))
 }

@@ -30,6 +30,7 @@ use std::time::Duration;
 
 use protocol_core::frame::Frame;
 
+use crate::control::Message;
 use crate::trace::{ErrorClass, Timestamp};
 
 /// A client, for as long as it is connected; the number is not used again.
@@ -60,6 +61,8 @@ pub enum ToWorld {
     Leave(ClientId),
     /// The user is to read this line.
     Warn(String),
+    /// A call of the control interface.
+    Control(Message),
     /// The user typed this line.
     Typed(String),
     /// The simulator is to end: see [`Entrance::end`].

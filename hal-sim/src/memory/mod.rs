@@ -28,6 +28,9 @@ use flash::ready;
 use nvm::{BUFFER, Contents, Records, Unreadable};
 use state_file::{Content, StateFile};
 
+/// What fills a flash that cannot be read: no map writes so.
+const SPOILT: u8 = 0xA5;
+
 /// The non-volatile memory of one device.
 #[derive(Debug, Default)]
 pub struct Memory {
@@ -35,6 +38,8 @@ pub struct Memory {
     file: Option<StateFile>,
     /// What was there could not be read and was put aside: to be told with the next image.
     damaged: bool,
+    /// The next image is to find the flash unreadable.
+    spoilt: bool,
     /// What was in the flash before it was erased because it could not be read; a file keeps it in a file.
     put_aside: Option<Vec<u8>>,
     warnings: Vec<String>,
@@ -67,6 +72,9 @@ impl Memory {
     /// A memory that cannot be read as a whole is put aside and erased, so that it can be written again; the image says
     /// that it was damaged, once.
     pub fn read_image(&mut self) -> Image {
+        if std::mem::take(&mut self.spoilt) {
+            self.flash.fill(|_| SPOILT);
+        }
         // Opening it may finish what a power cut left half done, and that must not spoil what is to be put aside.
         let found = self.flash.clone();
         let mut image = read(&mut self.flash).unwrap_or_else(|Unreadable| {
@@ -132,6 +140,23 @@ impl Memory {
     /// From now on writes fail, or do so no longer.
     pub const fn set_write_fails(&mut self, fails: bool) {
         self.flash.set_write_fails(fails);
+    }
+
+    /// Whether writes fail.
+    #[must_use]
+    pub const fn write_fails(&self) -> bool {
+        self.flash.write_fails()
+    }
+
+    /// The next [`read_image`](Self::read_image) cannot read the memory, or can again.
+    pub const fn set_spoilt(&mut self, spoilt: bool) {
+        self.spoilt = spoilt;
+    }
+
+    /// Whether the next [`read_image`](Self::read_image) cannot read the memory.
+    #[must_use]
+    pub const fn is_spoilt(&self) -> bool {
+        self.spoilt
     }
 
     /// What the user should know, a line each: once.

@@ -86,7 +86,7 @@ impl Clients {
                     client.listening = true;
                 }
             }
-            ToWorld::Warn(_) | ToWorld::Typed(_) | ToWorld::End => {}
+            ToWorld::Warn(_) | ToWorld::Typed(_) | ToWorld::Control(_) | ToWorld::End => {}
         }
         Ok(())
     }

@@ -6,7 +6,6 @@
 //! status
 //! ```
 
-use std::collections::HashMap;
 use std::fmt::Write;
 
 use protocol_core::controller::BusErrorMode;
@@ -32,78 +31,72 @@ help                 this";
 const ACCEPTED: &str = "accepted: supply_mv N, temperature_c N, spool ok|stuck|slow|drifting|no-float, lever N|off, \
                         internal_fault on|off, memory ok|write-fails, bus_off on|off, status, help";
 
-/// What was changed by hand, device by device.
-#[derive(Debug, Default)]
-pub(super) struct Console {
-    plants: HashMap<NodeId, Plant>,
+/// Obeys a line; returns the answer, or why the line was refused. Of an empty line nothing is said.
+pub(super) fn obey(line: &str, world: &mut World) -> Result<Option<String>, String> {
+    let words: Vec<&str> = line.split_ascii_whitespace().collect();
+    let (name, words) = match words.as_slice() {
+        [] => return Ok(None),
+        [name, rest @ ..] if world.find(name).is_some() => (Some(*name), rest),
+        all => (None, all),
+    };
+    let named = name.and_then(|name| world.find(name));
+    match *words {
+        ["help"] if named.is_none() => Ok(Some(HELP.to_owned())),
+        ["status"] => {
+            let told = world.devices().filter(|id| named.is_none_or(|named| *id == named));
+            Ok(Some(told.map(|id| status(id, world)).collect::<Vec<_>>().join("\n")))
+        }
+        [word, value] => {
+            let node = named.or_else(|| only(world)).ok_or_else(|| which(world))?;
+            change(node, word, value, world)?;
+            Ok(Some("ok".to_owned()))
+        }
+        _ => Err(format!("'{}' is not understood; {ACCEPTED}", line.trim())),
+    }
 }
 
-impl Console {
-    /// Obeys a line; returns the answer, or why the line was refused. Of an empty line nothing is said.
-    pub(super) fn obey(&mut self, line: &str, world: &mut World) -> Result<Option<String>, String> {
-        let words: Vec<&str> = line.split_ascii_whitespace().collect();
-        let (name, words) = match words.as_slice() {
-            [] => return Ok(None),
-            [name, rest @ ..] if world.find(name).is_some() => (Some(*name), rest),
-            all => (None, all),
+fn change(node: NodeId, word: &str, value: &str, world: &mut World) -> Result<(), String> {
+    let refusal = || format!("'{word} {value}' is not understood; {ACCEPTED}");
+    // A shaft that a valve moves goes on from where it is, so the senses are those of now.
+    let plant = plant(node, world).with(word, value).ok_or_else(refusal)?;
+    world.set_senses(node, plant.senses);
+    world.memory_mut(node).set_write_fails(plant.memory_fails);
+    world.force_bus_off(node, plant.bus_off);
+    Ok(())
+}
+
+/// Returns what acts on a device now.
+fn plant(id: NodeId, world: &World) -> Plant {
+    Plant {
+        senses: *world.senses(id),
+        memory_fails: world.memory(id).write_fails(),
+        bus_off: world.is_bus_off_forced(id),
+    }
+}
+
+fn status(id: NodeId, world: &World) -> String {
+    let device = world.device(id);
+    let node_id = device
+        .and_then(Device::node_id)
+        .map_or_else(|| "none".to_owned(), |node_id| format!("{node_id:#04X}").replace('X', "x"));
+    let bit_rate = device.map_or(0, |device| device.bit_rate().bits_per_second());
+    let bus = match world.senses(id).bus {
+        BusErrorMode::ErrorActive => "error-active",
+        BusErrorMode::ErrorPassive => "error-passive",
+        BusErrorMode::BusOff => "bus-off",
+    };
+    let dropped = device.map_or(0, Device::frames_dropped);
+    let mut text = format!("{}: node_id {node_id}, bit_rate {bit_rate}, bus {bus}, dropped {dropped}", world.name(id));
+    let plant = plant(id, world);
+    let is_told = |word| plant.senses.valve().is_some() || matches!(word, "internal_fault" | "memory" | "bus_off");
+    for (word, value) in plant.words().into_iter().filter(|(word, _)| is_told(*word)) {
+        // Writing to a string can't fail.
+        let _ = match value {
+            Value::Number(number) => write!(text, ", {word} {number}"),
+            Value::Word(value) => write!(text, ", {word} {value}"),
         };
-        let named = name.and_then(|name| world.find(name));
-        match *words {
-            ["help"] if named.is_none() => Ok(Some(HELP.to_owned())),
-            ["status"] => {
-                let told = world.devices().filter(|id| named.is_none_or(|named| *id == named));
-                Ok(Some(told.map(|id| self.status(id, world)).collect::<Vec<_>>().join("\n")))
-            }
-            [word, value] => {
-                let node = named.or_else(|| only(world)).ok_or_else(|| which(world))?;
-                self.change(node, word, value, world)?;
-                Ok(Some("ok".to_owned()))
-            }
-            _ => Err(format!("'{}' is not understood; {ACCEPTED}", line.trim())),
-        }
     }
-
-    fn change(&mut self, node: NodeId, word: &str, value: &str, world: &mut World) -> Result<(), String> {
-        let refusal = || format!("'{word} {value}' is not understood; {ACCEPTED}");
-        // A shaft that a valve moves goes on from where it is, so the senses are those of now.
-        let plant = self.plant(node, world).with(word, value).ok_or_else(refusal)?;
-        self.plants.insert(node, plant);
-        world.set_senses(node, plant.senses);
-        world.memory_mut(node).set_write_fails(plant.memory_fails);
-        world.force_bus_off(node, plant.bus_off);
-        Ok(())
-    }
-
-    /// Returns what acts on a device now.
-    fn plant(&self, id: NodeId, world: &World) -> Plant {
-        Plant { senses: *world.senses(id), ..self.plants.get(&id).copied().unwrap_or_default() }
-    }
-
-    fn status(&self, id: NodeId, world: &World) -> String {
-        let device = world.device(id);
-        let node_id = device
-            .and_then(Device::node_id)
-            .map_or_else(|| "none".to_owned(), |node_id| format!("{node_id:#04X}").replace('X', "x"));
-        let bit_rate = device.map_or(0, |device| device.bit_rate().bits_per_second());
-        let bus = match world.senses(id).bus {
-            BusErrorMode::ErrorActive => "error-active",
-            BusErrorMode::ErrorPassive => "error-passive",
-            BusErrorMode::BusOff => "bus-off",
-        };
-        let dropped = device.map_or(0, Device::frames_dropped);
-        let mut text =
-            format!("{}: node_id {node_id}, bit_rate {bit_rate}, bus {bus}, dropped {dropped}", world.name(id));
-        let plant = self.plant(id, world);
-        let is_told = |word| plant.senses.valve().is_some() || matches!(word, "internal_fault" | "memory" | "bus_off");
-        for (word, value) in plant.words().into_iter().filter(|(word, _)| is_told(*word)) {
-            // Writing to a string can't fail.
-            let _ = match value {
-                Value::Number(number) => write!(text, ", {word} {number}"),
-                Value::Word(value) => write!(text, ", {word} {value}"),
-            };
-        }
-        text
-    }
+    text
 }
 
 /// The device, where there is one alone.
@@ -140,8 +133,8 @@ mod tests {
         world
     }
 
-    fn accepted(console: &mut Console, line: &str, world: &mut World) -> String {
-        console.obey(line, world).unwrap_or_else(|refusal| panic!("{line}: {refusal}")).unwrap_or_default()
+    fn accepted(line: &str, world: &mut World) -> String {
+        obey(line, world).unwrap_or_else(|refusal| panic!("{line}: {refusal}")).unwrap_or_default()
     }
 
     #[test]
@@ -152,18 +145,17 @@ mod tests {
         let shaft = Shaft { angle_cdeg: 9000, speed_rpm: 0, since: Instant::MIN, measuring_error: false };
         let senses = Senses { product: ProductSenses::Encoder(shaft), ..Senses::default() };
         world.set_senses(sensor, senses);
-        let mut console = Console::default();
-        let refusal = console.obey("supply_mv 8000", &mut world).expect_err("no valve");
+        let refusal = obey("supply_mv 8000", &mut world).expect_err("no valve");
         assert!(refusal.starts_with("'supply_mv 8000' is not understood"), "{refusal}");
-        assert_eq!(accepted(&mut console, "internal_fault on", &mut world), "ok");
+        assert_eq!(accepted("internal_fault on", &mut world), "ok");
         assert_eq!(*world.senses(sensor), Senses { internal_fault: true, ..senses });
-        let status = accepted(&mut console, "status", &mut world);
+        let status = accepted("status", &mut world);
         assert!(!status.contains("supply_mv") && status.ends_with("bus_off off"), "{status}");
     }
 
     #[test]
     fn every_word_changes_what_the_device_senses_and_keeps_the_others() {
-        let (mut console, mut world) = (Console::default(), world(&["valve"]));
+        let mut world = world(&["valve"]);
         let valve = world.find("valve").expect("a valve");
         for line in [
             "supply_mv 8000",
@@ -173,19 +165,19 @@ mod tests {
             "internal_fault on",
             "memory write-fails",
         ] {
-            assert_eq!(accepted(&mut console, line, &mut world), "ok", "{line}");
+            assert_eq!(accepted(line, &mut world), "ok", "{line}");
         }
         let senses = *world.senses(valve);
         assert!(senses.internal_fault);
         let sensed = senses.valve().expect("a valve");
         assert_eq!((sensed.supply_mv, sensed.temperature_c), (8000, -41));
         assert_eq!((sensed.spool.fault, sensed.spool.lever), (SpoolFault::Stuck, Position::new(4096)));
-        assert_eq!(accepted(&mut console, "bus_off on", &mut world), "ok");
+        assert_eq!(accepted("bus_off on", &mut world), "ok");
         assert!(world.is_bus_off_forced(valve));
-        assert_eq!(accepted(&mut console, "bus_off off", &mut world), "ok");
+        assert_eq!(accepted("bus_off off", &mut world), "ok");
         assert!(!world.is_bus_off_forced(valve));
         assert_eq!(
-            accepted(&mut console, "status", &mut world),
+            accepted("status", &mut world),
             "valve: node_id 0x20, bit_rate 250000, bus bus-off, dropped 0, supply_mv 8000, temperature_c -41, \
              spool stuck, lever 4096, internal_fault on, memory write-fails, bus_off off"
         );
@@ -193,22 +185,22 @@ mod tests {
 
     #[test]
     fn several_devices_are_told_apart_by_name() {
-        let (mut console, mut world) = (Console::default(), world(&["boom", "rear"]));
-        accepted(&mut console, "rear supply_mv 8000", &mut world);
+        let mut world = world(&["boom", "rear"]);
+        accepted("rear supply_mv 8000", &mut world);
         let supplies: Vec<u32> =
             world.devices().map(|id| world.senses(id).valve().map_or(0, |valve| valve.supply_mv)).collect();
         assert_eq!(supplies, [24_000, 8_000]);
-        assert_eq!(accepted(&mut console, "status", &mut world).lines().count(), 2);
-        assert!(accepted(&mut console, "rear status", &mut world).starts_with("rear: "));
+        assert_eq!(accepted("status", &mut world).lines().count(), 2);
+        assert!(accepted("rear status", &mut world).starts_with("rear: "));
         assert_eq!(
-            console.obey("supply_mv 8000", &mut world),
+            obey("supply_mv 8000", &mut world),
             Err("the name of the device has to come first; accepted: boom, rear".to_owned())
         );
     }
 
     #[test]
     fn what_is_not_understood_is_answered_by_what_is() {
-        let (mut console, mut world) = (Console::default(), world(&["valve"]));
+        let mut world = world(&["valve"]);
         for line in [
             "supply_mv",
             "supply_mv x",
@@ -219,13 +211,13 @@ mod tests {
             "valve help",
             "status now",
         ] {
-            let refusal = console.obey(line, &mut world).expect_err(line);
+            let refusal = obey(line, &mut world).expect_err(line);
             assert!(refusal.contains(line) && refusal.contains("supply_mv N") && !refusal.contains('\n'), "{refusal}");
         }
-        assert_eq!(console.obey(" \r", &mut world), Ok(None));
+        assert_eq!(obey(" \r", &mut world), Ok(None));
         for (word, _) in Plant::default().words() {
             assert!(HELP.contains(&format!("\n  {word} ")) && ACCEPTED.contains(word), "{word}");
         }
-        assert_eq!(accepted(&mut console, "help", &mut world), HELP);
+        assert_eq!(accepted("help", &mut world), HELP);
     }
 }

@@ -14,12 +14,14 @@ use protocol_core::time::{Instant, NEVER, after};
 use tokio::sync::watch;
 
 use super::clients::Clients;
-use super::console::Console;
+use super::console;
 use super::errors::Errors;
+use super::options::Speed;
 use super::outside::Outside;
 use super::printer::Printer;
 use super::timekeeper::{NAP, Timekeeper};
 use super::trace::Trace;
+use crate::control::Desk;
 use crate::explain::Explainer;
 use crate::gateway::{Arrival, ToWorld};
 use crate::trace::Timestamp;
@@ -38,13 +40,16 @@ const HAND_OUT: WallDuration = WallDuration::from_millis(20);
 pub struct Driver<O> {
     world: World,
     clients: Clients,
+    /// The control interface, if there is one.
+    desk: Option<Desk>,
     outside: O,
     time: Timekeeper,
+    /// Time passes only when the control interface tells it to.
+    is_stepped: bool,
     /// The wall time of virtual instant 0, for traces and clients.
     start: Timestamp,
     errors: Errors,
     trace: Trace,
-    console: Console,
     /// Whether the user knows which devices are set to another bit rate.
     rates_told: bool,
     /// Messages that have not taken effect, oldest first.
@@ -58,27 +63,32 @@ pub struct Driver<O> {
 }
 
 impl<O: Outside> Driver<O> {
-    /// A driver of a world whose devices are not powered yet, at a speed that is finite and above 0. `start` is the wall
-    /// time of virtual instant 0.
+    /// A driver of a world whose devices are not powered yet. `start` is the wall time of virtual instant 0.
     pub(super) fn new(
         mut world: World,
         clients: Clients,
+        desk: Option<Desk>,
         mut outside: O,
-        speed: f64,
+        speed: Speed,
         start: Timestamp,
         trace: Trace,
     ) -> Self {
         world.record_events(true);
         let now = outside.now();
+        let (factor, is_stepped) = match speed {
+            Speed::Factor(factor) => (factor, false),
+            Speed::Step => (1.0, true),
+        };
         Self {
             world,
             clients,
+            desk,
             outside,
-            time: Timekeeper::start(speed, now),
+            time: Timekeeper::start(factor, now),
+            is_stepped,
             start,
             errors: Errors::default(),
             trace,
-            console: Console::default(),
             rates_told: false,
             arrivals: VecDeque::new(),
             events: Vec::new(),
@@ -102,7 +112,8 @@ impl<O: Outside> Driver<O> {
         let clients = Clients::new(&mut world, false);
         let printer = Printer::start_with(stdout, stderr, watch::Sender::new(false))?;
         let trace = Trace::new("pve0", Explainer::default(), printer, None, None);
-        let mut driver = Self::new(world, clients, outside, speed, Timestamp::from_micros(0), trace);
+        let mut driver =
+            Self::new(world, clients, None, outside, Speed::Factor(speed), Timestamp::from_micros(0), trace);
         driver.power_on(None);
         Ok(driver)
     }
@@ -113,7 +124,11 @@ impl<O: Outside> Driver<O> {
     pub(super) fn run(mut self, bit_rate: Option<BitRate>) {
         self.power_on(bit_rate);
         while !self.outside.is_ending() {
-            self.turn();
+            if self.is_stepped {
+                self.turn_stepped();
+            } else {
+                self.turn();
+            }
         }
         self.world.flush_all();
         self.show();
@@ -153,10 +168,7 @@ impl<O: Outside> Driver<O> {
         }
         let warning = self.time.caught_up(self.world.now());
         self.warn(warning);
-        if !self.rates_told && self.world.now() >= self.open {
-            self.rates_told = true;
-            self.warn_of_bit_rates();
-        }
+        self.warn_of_bit_rates();
         if self.world.now() >= due {
             self.take_effect();
         } else {
@@ -164,11 +176,34 @@ impl<O: Outside> Driver<O> {
         }
     }
 
+    /// Lets the messages that have come take effect, and then time pass, as far as a call of the control interface has it.
+    fn turn_stepped(&mut self) {
+        while self.arrivals.len() < GO
+            && let Some(arrival) = self.outside.take()
+        {
+            self.arrivals.push_back(arrival);
+        }
+        while !self.arrivals.is_empty() {
+            self.take_effect();
+        }
+        for _ in 0..GO {
+            let Some(end) = self.desk.as_mut().and_then(|desk| desk.horizon(&mut self.world)) else {
+                self.warn_of_bit_rates();
+                self.hand_out();
+                let arrival = self.outside.wait(None);
+                self.arrivals.extend(arrival);
+                return;
+            };
+            self.go(end);
+        }
+        self.hand_out();
+    }
+
     /// The instant at which a message takes effect.
     fn due(&self, arrival: &Arrival) -> Instant {
         let arrived = self.time.pace().at(arrival.at);
         match arrival.message {
-            ToWorld::Send(..) | ToWorld::Typed(_) => arrived.max(self.open),
+            ToWorld::Send(..) | ToWorld::Control(_) | ToWorld::Typed(_) => arrived.max(self.open),
             _ => arrived,
         }
     }
@@ -178,8 +213,9 @@ impl<O: Outside> Driver<O> {
     /// When nobody listens, the naps do for the events: each still happens at its own virtual instant.
     fn wait(&mut self, due: Instant) {
         let now = self.time.looked();
-        let (naps, is_heard) = (self.time.minds_stalls(), self.clients.is_heard());
-        let event = if naps && !is_heard { NEVER } else { self.world.next_event() };
+        let is_watched = self.desk.as_ref().is_some_and(Desk::is_watching);
+        let (naps, is_heard) = (self.time.minds_stalls(), self.clients.is_heard() || is_watched);
+        let event = if naps && !is_heard { NEVER } else { self.world.next_event().min(self.desk_due()) };
         let next = self.time.pace().when(event.min(due));
         if next.is_none_or(|next| next > now + LULL) || now.saturating_duration_since(self.handed_out) >= HAND_OUT {
             self.hand_out();
@@ -195,16 +231,32 @@ impl<O: Outside> Driver<O> {
 
     /// Goes to `end` through all events until then, or through [`GO`] of them; returns whether it got there.
     fn catch_up(&mut self, end: Instant) -> bool {
-        for _ in 0..GO {
-            if self.world.next_event() > end {
-                self.world.run_until(end);
-                return true;
-            }
+        (0..GO).any(|_| self.go(end))
+    }
+
+    /// Goes to the next event, or to `end` when there is none until then; returns whether it got there.
+    fn go(&mut self, end: Instant) -> bool {
+        let (event, due) = (self.world.next_event(), self.desk_due());
+        if event.min(due) > end {
+            self.world.run_until(end);
+            return true;
+        }
+        if event <= due {
             self.world.step();
             self.show();
             self.clients.send(&mut self.world);
+        } else {
+            self.world.run_until(due);
+        }
+        if let Some(desk) = &mut self.desk {
+            desk.attend(&mut self.world);
         }
         false
+    }
+
+    /// When the control interface next has something to do although nothing happens.
+    fn desk_due(&self) -> Instant {
+        self.desk.as_ref().map_or(NEVER, |desk| desk.due(&self.world))
     }
 
     fn take_effect(&mut self) {
@@ -213,8 +265,14 @@ impl<O: Outside> Driver<O> {
             self.trace.warn(line);
             return;
         }
+        if let ToWorld::Control(message) = message {
+            if let Some(desk) = &mut self.desk {
+                desk.obey(message, self.trace.explainer(), &mut self.world);
+            }
+            return;
+        }
         if let ToWorld::Typed(line) = message {
-            match self.console.obey(&line, &mut self.world) {
+            match console::obey(&line, &mut self.world) {
                 Ok(answer) => answer.into_iter().for_each(|answer| self.trace.answer(answer)),
                 Err(refusal) => self.trace.warn(refusal),
             }
@@ -236,6 +294,9 @@ impl<O: Outside> Driver<O> {
             for _ in 0..self.clients.show(&event, at, told.as_ref().map(|(class, _)| *class)) {
                 self.report_overrun();
             }
+            if let Some(desk) = &mut self.desk {
+                desk.show(&event, told.as_ref().map(|(_, text)| text.as_str()), self.trace.explainer());
+            }
             self.trace.tell(&event, at, told, &self.world);
             self.clients.give_up(&event, &mut self.world);
         }
@@ -254,7 +315,10 @@ impl<O: Outside> Driver<O> {
     }
 
     /// Tells which devices are set to another bit rate than the bus, once all of them have started.
-    fn warn_of_bit_rates(&self) {
+    fn warn_of_bit_rates(&mut self) {
+        if self.world.now() < self.open || std::mem::replace(&mut self.rates_told, true) {
+            return;
+        }
         let bus = self.world.bit_rate();
         for id in self.world.devices() {
             let rate = self.world.device(id).map(Device::bit_rate);

@@ -11,6 +11,9 @@ use crate::gateway::{ClientId, Mailbox, Outbox, Reply, ToClient};
 use crate::kind::{Kind, Simulated};
 use crate::memory::Memory;
 
+#[path = "control_tests.rs"]
+mod control_tests;
+
 /// What happens outside, in the order of time.
 enum Happening {
     Message(ToWorld),

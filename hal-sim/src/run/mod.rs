@@ -39,7 +39,7 @@ mod timekeeper;
 mod trace;
 
 pub use driver::Driver;
-pub use options::{ColorChoice, LogOptions, NamedDevice, NamedLink, RunOptions};
+pub use options::{ColorChoice, LogOptions, NamedDevice, NamedLink, RunOptions, Speed};
 pub use outside::Outside;
 
 use std::io;
@@ -51,10 +51,12 @@ use std::thread::{self, JoinHandle};
 use tokio::runtime;
 use tokio::sync::{Semaphore, oneshot, watch};
 
+use crate::control::{self, Desk};
 #[cfg(target_os = "linux")]
 use crate::gateway::socketcan::Interface;
 use crate::gateway::socketcand::{Beacon, Server};
 use crate::gateway::{BusUrl, Entrance, ServerUrl};
+use crate::kind::Kind;
 use crate::memory::StateFileError;
 use crate::trace::Timestamp;
 use clients::Clients;
@@ -72,6 +74,14 @@ pub enum RunError {
     Bind {
         /// The bus that was to be served.
         url: BusUrl,
+        /// Why not.
+        source: io::Error,
+    },
+    /// The control interface's address in use, or none of this machine.
+    #[error("--http {address}: {source}{}", http_way_out(source))]
+    Http {
+        /// The address that was to be served.
+        address: SocketAddr,
         /// Why not.
         source: io::Error,
     },
@@ -128,8 +138,21 @@ fn way_out(url: &BusUrl, error: &io::Error) -> String {
     }
 }
 
+/// What to do about a port of the control interface in use.
+fn http_way_out(error: &io::Error) -> &'static str {
+    match error.kind() {
+        io::ErrorKind::AddrInUse => {
+            "; does another pve-sim run? --http 127.0.0.1:0 takes a free port, --no-http does without"
+        }
+        _ => "",
+    }
+}
+
 /// The most clients, on all buses together.
 const CLIENTS: usize = 128;
+
+/// The most connections of the control interface.
+const HTTP_CLIENTS: usize = 256;
 
 /// The file descriptors beside those of clients, buses and devices: what is open anyway, and state files while they are
 /// written.
@@ -192,6 +215,13 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
             }
         }
     }
+    let mut control = None;
+    if let Some(address) = options.http {
+        let bind = |source| RunError::Http { address, source };
+        let server = control::Server::bind(address).await.map_err(bind)?;
+        control = Some((server.address().map_err(bind)?, server));
+    }
+    let http = control.as_ref().map(|(address, _)| *address);
     // Only now: a second simulator that finds the port taken must not touch the files of the first. And nothing is made
     // before the log was found to be in nobody's way.
     if let Some(log) = &options.log {
@@ -204,12 +234,13 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     .await?;
     let log = options.log.as_ref().map(|log| Log::create(log, options.state.as_deref())).transpose()?;
     let printer = Printer::start(reader_gone)?;
-    announce(&printer, &bound, warnings);
+    announce(&printer, &bound, http, warnings);
     let (entrance, inbox) = Entrance::new();
     for beacon in beacons {
         tokio::spawn(beacon.run());
     }
-    let places = Arc::new(Semaphore::new(places(options)));
+    let (clients, connections) = places(options);
+    let places = Arc::new(Semaphore::new(clients));
     for server in servers {
         tokio::spawn(server.run(entrance.clone(), Arc::clone(&places)));
     }
@@ -217,12 +248,17 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     for interface in interfaces {
         tokio::spawn(interface.run(entrance.clone()));
     }
+    if let Some((_, server)) = control {
+        tokio::spawn(server.run(entrance.clone(), connections));
+    }
     stdin::listen(entrance.clone());
     let bus = options.buses.first().map_or("can0", BusUrl::name);
     let layout = trace::layout(options.color, options.verbose);
     let trace = Trace::new(bus, setup::explainer(options), printer, log, layout);
     let clients = Clients::new(&mut world, options.error_frames);
-    let driver = Driver::new(world, clients, System::new(inbox), options.speed, Timestamp::now(), trace);
+    let kinds: Vec<Kind> = options.devices.iter().map(|device| device.kind).collect();
+    let desk = http.map(|_| Desk::new(&kinds, options.speed, &mut world));
+    let driver = Driver::new(world, clients, desk, System::new(inbox), options.speed, Timestamp::now(), trace);
     let (alive, ended) = oneshot::channel::<()>();
     let bit_rate = options.bit_rate;
     let world = thread::Builder::new().name("world".to_owned()).spawn(move || {
@@ -248,15 +284,18 @@ impl Running {
     }
 }
 
-/// The number of clients that leaves enough file descriptors for devices to store.
-fn places(options: &RunOptions) -> usize {
+/// The most clients of the buses, and connections of the control interface, that leave enough file descriptors for devices
+/// to store.
+fn places(options: &RunOptions) -> (usize, usize) {
     #[cfg(unix)]
     let limit = rustix::process::getrlimit(rustix::process::Resource::Nofile).current;
     #[cfg(not(unix))]
     let limit: Option<u64> = None;
     let taken = DESCRIPTORS + options.devices.len() + options.buses.len();
-    let left = limit.and_then(|limit| usize::try_from(limit).ok()).map_or(CLIENTS, |limit| limit.saturating_sub(taken));
-    left.clamp(1, CLIENTS)
+    let left =
+        limit.and_then(|limit| usize::try_from(limit).ok()).map_or(usize::MAX, |limit| limit.saturating_sub(taken));
+    let clients = if options.http.is_some() { left / 2 } else { left }.clamp(1, CLIENTS);
+    (clients, left.saturating_sub(clients).clamp(1, HTTP_CLIENTS))
 }
 
 /// Takes the timer slack from this thread: Linux would delay each wake-up by 50 µs to wake several threads at once.
@@ -275,10 +314,11 @@ async fn aside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> 
 
 /// Prints the warnings of the start on stderr, the ready line on stdout and the hint on stderr. Whoever has seen the ready
 /// line finds the warnings there.
-fn announce(printer: &Printer, bound: &[Bound], warnings: Vec<String>) {
+fn announce(printer: &Printer, bound: &[Bound], http: Option<SocketAddr>, warnings: Vec<String>) {
     warnings.into_iter().for_each(|warning| printer.warn(warning));
     let urls: String = bound.iter().map(|bound| format!(" bus={}", bound.url())).collect();
-    printer.trace(format!("pve-sim ready{urls}\n"));
+    let http = http.map_or_else(String::new, |address| format!(" http=http://{address}/"));
+    printer.trace(format!("pve-sim ready{urls}{http}\n"));
     for bound in bound {
         printer.note(bound.hint());
     }

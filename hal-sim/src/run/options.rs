@@ -1,5 +1,7 @@
 //! The options of `run`. The caller has checked them against each other.
 
+use std::fmt;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use protocol_core::controller::BitRate;
@@ -23,8 +25,10 @@ pub struct RunOptions {
     pub bit_rate: Option<BitRate>,
     /// Where memories are kept; `None`: nowhere.
     pub state: Option<PathBuf>,
-    /// Virtual time against wall time: finite and above 0.
-    pub speed: f64,
+    /// How virtual time passes.
+    pub speed: Speed,
+    /// Where the control interface is served; `None`: nowhere.
+    pub http: Option<SocketAddr>,
     /// Where every frame is logged; `None`: nowhere.
     pub log: Option<LogOptions>,
     /// Whether clients get error frames.
@@ -35,6 +39,25 @@ pub struct RunOptions {
     pub verbose: bool,
     /// The seed of everything random.
     pub seed: u64,
+}
+
+/// How virtual time passes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Speed {
+    /// By itself, so many times as fast as wall time: finite and above 0.
+    Factor(f64),
+    /// When the control interface tells it to.
+    Step,
+}
+
+/// As it is given to `--speed`.
+impl fmt::Display for Speed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Factor(factor) => write!(f, "{factor}"),
+            Self::Step => f.write_str("step"),
+        }
+    }
 }
 
 /// Whether the trace has colour, and with it whether it is laid out for people.

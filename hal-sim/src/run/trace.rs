@@ -75,6 +75,11 @@ impl Trace {
         }
     }
 
+    /// What explains the frames, with the node IDs of now.
+    pub(super) const fn explainer(&self) -> &Explainer {
+        &self.explainer
+    }
+
     /// Learns the present node IDs of all devices: those of the explainer, in the same order.
     pub(super) fn learn(&mut self, world: &World) {
         if let Some(layout) = &mut self.layout

@@ -6,7 +6,6 @@
 
 use protocol_core::actuator::Valve;
 use protocol_core::device::Senses;
-use protocol_core::device::pve::{PveCanopen, PveIsobus};
 use protocol_core::encoder::{Shaft, TURN_CDEG};
 use protocol_core::time::{Duration, Instant, after, since};
 
@@ -90,18 +89,20 @@ impl World {
     /// Whether the shaft of a device follows a valve.
     #[must_use]
     pub fn is_linked(&self, sensor: NodeId) -> bool {
-        self.couplings.iter().any(|coupling| coupling.sensor == sensor)
+        self.coupling_of(sensor).is_some()
     }
 
     /// The angle of a device's shaft now, in 1/100 degree; `None` for a device without one.
     #[must_use]
     pub fn angle_cdeg(&self, node: NodeId) -> Option<u32> {
         let shaft = self.nodes[node.0].senses.shaft()?;
-        let linked = self.couplings.iter().find(|coupling| coupling.sensor == node);
-        Some(linked.map_or_else(
-            || shaft.angle_at(self.now),
-            |coupling| coupling.angle_cdeg(coupling.reckon(self.valve(coupling.valve), self.now)),
-        ))
+        let linked = self.coupling_of(node);
+        Some(linked.map_or_else(|| shaft.angle_at(self.now), |coupling| coupling.angle_at(self, self.now)))
+    }
+
+    /// The link that a sensor's shaft follows.
+    pub(super) fn coupling_of(&self, sensor: NodeId) -> Option<&Coupling> {
+        self.couplings.iter().find(|coupling| coupling.sensor == sensor)
     }
 
     /// Brings the links of a device up to now: before anything happens to a valve, and before a sensor looks at its shaft.
@@ -154,14 +155,20 @@ impl World {
     }
 
     /// The valve of a device that is powered. Without power its spool counts as in neutral (A), as at its next start.
-    fn valve(&self, node: NodeId) -> Option<&Valve> {
-        self.device_as::<PveCanopen>(node)
-            .map(|device| device.body().valve())
-            .or_else(|| self.device_as::<PveIsobus>(node).map(|device| device.body().valve()))
+    pub(super) fn valve(&self, node: NodeId) -> Option<&Valve> {
+        match &self.nodes[node.0].power {
+            Power::On(device) => device.valve(),
+            _ => None,
+        }
     }
 }
 
 impl Coupling {
+    /// The angle at an instant from the last one reckoned on, in 1/100 degree, if nothing else happens to the valve.
+    pub(super) fn angle_at(&self, world: &World, at: Instant) -> u32 {
+        self.angle_cdeg(self.reckon(world.valve(self.valve), at))
+    }
+
     fn angle_cdeg(&self, angle: i128) -> u32 {
         u32::try_from(angle.div_euclid(CDEG)).unwrap_or(0)
     }

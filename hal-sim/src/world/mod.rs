@@ -11,6 +11,7 @@ mod node;
 mod plant;
 mod power;
 mod run;
+mod view;
 
 #[cfg(test)]
 mod probe;
@@ -35,7 +36,7 @@ pub use run::FLUSH_PATIENCE;
 
 pub use crate::bus::{Event, EventKind};
 
-use crate::bus::{Bus, Injector, Port, PortId};
+use crate::bus::{Bus, Disturbance, Injector, Port, PortId};
 use crate::memory::Memory;
 
 use agenda::Agenda;
@@ -253,6 +254,12 @@ impl World {
         self.bus.port(tap.0).pending()
     }
 
+    /// Whether a frame of a client is on the wire.
+    #[must_use]
+    pub fn is_sending(&self, tap: TapId) -> bool {
+        self.bus.is_sending(tap.0)
+    }
+
     /// What a client has heard since this was last asked, oldest first, each with the end of the frame.
     pub fn take_received(&mut self, tap: TapId) -> std::collections::vec_deque::Drain<'_, (Instant, Frame)> {
         self.bus.port_mut(tap.0).take_received()
@@ -291,7 +298,18 @@ impl World {
         self.bus.inject(Box::new(injector));
     }
 
-    /// Takes away all that disturbs the bus.
+    /// Destroys the next attempts to send a frame, in the place of an earlier such disturbance.
+    pub const fn disturb(&mut self, disturbance: Disturbance) {
+        self.bus.disturb(disturbance);
+    }
+
+    /// What is left of the last [`disturb`](Self::disturb).
+    #[must_use]
+    pub const fn disturbance(&self) -> Disturbance {
+        self.bus.disturbance()
+    }
+
+    /// Takes away all injectors.
     pub fn clear_injectors(&mut self) {
         self.bus.clear_injectors();
     }

@@ -3,7 +3,7 @@
 use std::any::Any;
 use std::sync::Arc;
 
-use protocol_core::device::{Device, Effect, Senses, StartCause};
+use protocol_core::device::{Device, Effect, Senses, StartCause, Viewable};
 use protocol_core::memory::{Image, Record, RecordKey};
 use protocol_core::pump::pump;
 use protocol_core::time::{Duration, Instant, NEVER, after};
@@ -16,14 +16,14 @@ pub const WRITE_TIME: Duration = Duration::from_millis(10);
 /// How long the fault log takes to be written: the real device takes at least so long to clear its counters (A).
 pub const FAULT_LOG_WRITE_TIME: Duration = Duration::from_millis(50);
 
-/// A [`Device`] that can be moved to the thread of the world, and looked at as what it is.
-pub trait SimDevice: Device + Any + Send {
+/// A [`Device`] that can be moved to the thread of the world, and looked at.
+pub trait SimDevice: Device + Viewable + Any + Send {
     /// Pumps the device through its controller, see [`pump`]. One call for a whole pass: each step of it knows what the
     /// device is.
     fn pump(&mut self, can: &mut Port, now: Instant) -> Option<Effect>;
 }
 
-impl<T: Device + Any + Send> SimDevice for T {
+impl<T: Device + Viewable + Any + Send> SimDevice for T {
     fn pump(&mut self, can: &mut Port, now: Instant) -> Option<Effect> {
         pump(self, can, now)
     }

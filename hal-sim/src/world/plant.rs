@@ -53,20 +53,35 @@ impl World {
     /// # Errors
     /// [`PlantError`]; nothing is changed then.
     pub fn set_plant(&mut self, node: NodeId, plant: Plant) -> Result<(), PlantError> {
-        if let Plant::BusOff(there) = plant {
-            self.force_bus_off(node, there);
-            return Ok(());
-        }
-        if matches!(plant, Plant::SpeedRpm(speed) if speed != 0) && self.is_linked(node) {
-            return Err(PlantError::Linked(plant));
-        }
+        self.set_plants(node, &[plant])
+    }
+
+    /// Changes several things that act on a device from outside, all at once.
+    ///
+    /// # Errors
+    /// [`PlantError`] for the first that cannot be; nothing is changed then.
+    pub fn set_plants(&mut self, node: NodeId, plants: &[Plant]) -> Result<(), PlantError> {
         self.follow_links(node);
         let mut senses = *self.senses(node);
-        plant.apply(&mut senses, self.now)?;
-        if let Plant::AngleCdeg(angle) = plant {
-            self.turn_link(node, angle);
+        for plant in plants {
+            if matches!(plant, Plant::SpeedRpm(speed) if *speed != 0) && self.is_linked(node) {
+                return Err(PlantError::Linked(*plant));
+            }
+            plant.apply(&mut senses, self.now)?;
         }
-        self.set_senses(node, senses);
+        for plant in plants {
+            if let Plant::AngleCdeg(angle) = plant {
+                self.turn_link(node, *angle);
+            }
+        }
+        if senses != *self.senses(node) {
+            self.set_senses(node, senses);
+        }
+        for plant in plants {
+            if let Plant::BusOff(there) = plant {
+                self.force_bus_off(node, *there);
+            }
+        }
         Ok(())
     }
 }

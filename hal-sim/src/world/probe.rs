@@ -1,7 +1,7 @@
 //! A small device for the tests: a heartbeat, an echo, and commands that ask for each effect.
 
 use protocol_core::controller::{BitRate, Filter, Filters};
-use protocol_core::device::{Device, Effect, Outputs, Restart, Senses, StartCause};
+use protocol_core::device::{Device, Effect, Outputs, Restart, Senses, StartCause, View, Viewable};
 use protocol_core::frame::{Frame, standard};
 use protocol_core::memory::{Image, RecordKey, StoreError, seal};
 use protocol_core::time::{Duration, Instant, NEVER, after};
@@ -120,6 +120,19 @@ fn parameters(image: &Image) -> Option<Vec<u8>> {
 /// The command frame for a node.
 pub(crate) fn command(command: Command, id: u8, data: &[u8]) -> Frame {
     Frame::of(standard(COMMAND).into(), &[&[command as u8, id], data].concat()).unwrap()
+}
+
+impl Viewable for Probe {
+    fn view(&self, _: Instant) -> View {
+        View {
+            node_id: Some(self.id),
+            bit_rate: self.rate,
+            nmt: None,
+            position: 0,
+            valve: None,
+            faults: [].into_iter().collect(),
+        }
+    }
 }
 
 impl Device for Probe {

@@ -169,7 +169,7 @@ fn error_frames_are_told_and_not_poured() {
 fn clients_leave_enough_descriptors_to_store() {
     let dir = tempfile::tempdir().expect("a folder");
     let mut shell = Command::new("sh");
-    let script = "ulimit -n 64 && exec \"$0\" --bus socketcand://127.0.0.1:0/pve0 --state \"$1\"";
+    let script = "ulimit -n 64 && exec \"$0\" --no-http --bus socketcand://127.0.0.1:0/pve0 --state \"$1\"";
     shell.args(["-c", script, env!("CARGO_BIN_EXE_pve-sim")]).arg(dir.path());
     let simulator = Simulator::spawn(shell.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()));
     let mut client = simulator.join();

@@ -11,7 +11,7 @@ const ANY_PORT: [&str; 2] = ["--bus", "socketcand://127.0.0.1:0/pve0"];
 
 #[test]
 fn a_valve_is_broken_by_hand() {
-    let arguments = [&ANY_PORT[..], &["--speed", "100"]].concat();
+    let arguments = [&ANY_PORT[..], &["--no-http", "--speed", "100"]].concat();
     let mut simulator = Simulator::spawn(pve_sim(&arguments).stdin(Stdio::piped()));
     let mut stdin = simulator.process.stdin.take().expect("a pipe");
     let mut stderr = BufReader::new(simulator.process.stderr.take().expect("a pipe"));

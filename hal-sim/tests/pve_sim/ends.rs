@@ -59,7 +59,8 @@ fn a_stderr_that_nobody_reads_does_not_hold_it_up() {
 fn a_signal_ends_it_while_its_ready_line_waits_for_a_reader() {
     let (reader, writer) = full_pipe();
     let state = tempfile::tempdir().expect("a folder");
-    let arguments = ["--bus", "socketcand://127.0.0.1:0/pve0", "--state", state.path().to_str().expect("text")];
+    let arguments =
+        ["--no-http", "--bus", "socketcand://127.0.0.1:0/pve0", "--state", state.path().to_str().expect("text")];
     let mut process = pve_sim(&arguments).stdout(writer).spawn().expect("pve-sim starts");
     // The state file is made before the ready line, and signals are listened to before that.
     while !state.path().join("pvea-canopen.nvm").exists() {
@@ -92,7 +93,7 @@ fn what_waits_to_be_stored_is_stored_at_the_end() {
 #[test]
 fn a_hangup_that_is_ignored_does_not_end_it() {
     let mut shell = Command::new("sh");
-    let script = "trap '' HUP; exec \"$0\" --bus socketcand://127.0.0.1:0/pve0";
+    let script = "trap '' HUP; exec \"$0\" --no-http --bus socketcand://127.0.0.1:0/pve0";
     shell.args(["-c", script, env!("CARGO_BIN_EXE_pve-sim")]);
     let simulator = Simulator::spawn(shell.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()));
     let mut client = simulator.join();

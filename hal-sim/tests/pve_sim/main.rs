@@ -3,6 +3,7 @@
 
 mod bus;
 mod console;
+mod control;
 mod ends;
 mod files;
 mod options;

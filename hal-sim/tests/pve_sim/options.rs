@@ -27,7 +27,7 @@ const OPTIONS: &[Line] = &[
     ("--bus", "--bus socketcand://127.0.0.1:0/boom", "--bus can0", "accepted: socketcand://HOST:PORT/NAME"),
     ("--bit-rate", "--bit-rate 250k", "--bit-rate 300k", "accepted: 10000, 20000, 50000, 125000, 250000,"),
     ("--state", "--state DIR", "--state", "'--state <DIR>'"),
-    ("--speed", "--speed 0.5", "--speed 0", "a number above 0"),
+    ("--speed", "--speed step --http 127.0.0.1:0", "--speed 0", "a number above 0, as in 1, 0.5 or 100, or step"),
     ("--log", "--log DIR/frames.log", "--log", "'--log <FILE>'"),
     ("--log-overwrite", "--log DIR/frames.log --log-overwrite", "--log-overwrite", "--log <FILE>"),
     ("--error-frames", "--error-frames", "--error-frames=all", "no more were expected"),
@@ -36,6 +36,8 @@ const OPTIONS: &[Line] = &[
     ("--verbose", "--verbose", "--verbose=2", "no more were expected"),
     ("--seed", "--seed 18446744073709551615", "--seed 18446744073709551616", "0–18446744073709551615"),
     ("--allow-clash", "--allow-clash --device pvea-canopen --device pvea-canopen", "--allow-clash=2", "no more"),
+    ("--http", "--http 127.0.0.1:0", "--http 8408", "accepted: ADDR:PORT"),
+    ("--allow-remote", "--allow-remote --http 0.0.0.0:0", "--http 0.0.0.0:0", "or --allow-remote"),
     ("--no-http", "--no-http", "--no-http=1", "no more were expected"),
 ];
 
@@ -149,7 +151,7 @@ fn every_key_of_a_link() {
 #[test]
 fn every_word_on_stdin() {
     assert_eq!(documented("| word |"), names(WORDS));
-    let mut simulator = Simulator::spawn(pve_sim(&["--bus", ANY_PORT]).stdin(Stdio::piped()));
+    let mut simulator = Simulator::spawn(pve_sim(&["--no-http", "--bus", ANY_PORT]).stdin(Stdio::piped()));
     let mut stdin = simulator.process.stdin.take().expect("a pipe");
     let mut stderr = BufReader::new(simulator.process.stderr.take().expect("a pipe")).lines();
     // The answer of each line ends before the next: `status` begins with the name of the device, `help` ends with itself.

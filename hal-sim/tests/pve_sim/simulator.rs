@@ -41,8 +41,12 @@ pub(crate) struct Simulator {
 }
 
 impl Simulator {
+    /// Without a control interface, unless the arguments ask for one: its default port is there once.
     pub(crate) fn start(arguments: &[&str]) -> Self {
-        Self::spawn(&mut pve_sim(arguments))
+        let runs = arguments.first().is_none_or(|first| first.starts_with('-'));
+        let no_http =
+            if runs && !arguments.iter().any(|argument| argument.ends_with("http")) { &["--no-http"][..] } else { &[] };
+        Self::spawn(&mut pve_sim(&[no_http, arguments].concat()))
     }
 
     pub(crate) fn spawn(command: &mut Command) -> Self {
@@ -68,11 +72,8 @@ impl Simulator {
     /// The ports of the ready line, in order.
     pub(crate) fn ports(&self) -> Vec<u16> {
         let words = self.ready.strip_prefix("pve-sim ready ").expect("a ready line").split(' ');
-        let port = |word: &str| {
-            let address = word.strip_prefix("bus=socketcand://127.0.0.1:").expect("a bus");
-            address.split_once('/').expect("a name").0.parse().expect("a port")
-        };
-        words.map(port).collect()
+        let buses = words.filter_map(|word| word.strip_prefix("bus=socketcand://127.0.0.1:"));
+        buses.map(|address| address.split_once('/').expect("a name").0.parse().expect("a port")).collect()
     }
 
     pub(crate) fn connect(&self) -> TcpStream {

@@ -42,6 +42,21 @@ impl Fault {
         self as u8
     }
 
+    /// The name used everywhere.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::SpoolNotAtSetPoint => "spool-not-at-set-point",
+            Self::FloatNotReached => "float-not-reached",
+            Self::Internal => "internal",
+            Self::CanBus => "can-bus",
+            Self::Temperature => "temperature",
+            Self::SupplyHigh => "supply-high",
+            Self::SupplyLow => "supply-low",
+            Self::TimeGuarding => "time-guarding",
+        }
+    }
+
     /// Whether it is one of the two faults of the spool's position.
     #[must_use]
     pub const fn is_of_spool(self) -> bool {

@@ -59,6 +59,14 @@ impl ErrorHistory {
         self.count = self.count.saturating_sub(1);
     }
 
+    /// Returns how often an error is in it.
+    #[must_use]
+    pub(crate) fn times(&self, code: u16, manufacturer: u16) -> u8 {
+        let field = u32::from(manufacturer) << 16 | u32::from(code);
+        let entered = self.fields.iter().take(self.count.into());
+        entered.filter(|entered| **entered == field).fold(0, |times, _| times.saturating_add(1))
+    }
+
     /// An error, sub-index 1 being the newest.
     ///
     /// # Errors

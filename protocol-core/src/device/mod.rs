@@ -13,12 +13,14 @@ pub mod plant;
 pub mod pve;
 pub mod reading;
 mod senses;
+pub mod view;
 pub mod writes;
 
 #[cfg(feature = "names")]
 pub use description::{Capabilities, describe};
 pub use kind::{Kind, Protocol, Setup};
 pub use senses::{Outputs, ProductSenses, Senses, ValveOutputs};
+pub use view::{View, Viewable};
 
 use crate::canopen::nmt::Reset;
 use crate::controller::{BitRate, Filter, Filters};

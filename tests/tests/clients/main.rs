@@ -4,6 +4,7 @@
 //! `./test` makes the virtual environment `target/venv` with the clients; the scripts are in `tests/clients/`, one subject each.
 
 mod command_line;
+mod control;
 mod dissectors;
 mod isobus;
 mod readme;

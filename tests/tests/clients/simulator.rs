@@ -50,6 +50,7 @@ pub(crate) fn root() -> PathBuf {
 pub(crate) struct Simulator {
     process: Child,
     address: [String; 3],
+    http: Option<String>,
     output: Arc<Mutex<String>>,
     /// Behind a lock, so that scripts can be served on several threads.
     ended: Mutex<Receiver<()>>,
@@ -68,8 +69,10 @@ impl Simulator {
     }
 
     fn spawn<S: AsRef<OsStr>>(mut command: Command, arguments: &[S]) -> Self {
+        let has_http = arguments.iter().any(|argument| argument.as_ref() == "--http");
         let mut process = command
-            .args(["run", "--bus", "socketcand://127.0.0.1:0/pve0", "--no-http"])
+            .args(["run", "--bus", "socketcand://127.0.0.1:0/pve0"])
+            .args((!has_http).then_some("--no-http"))
             .args(arguments)
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
@@ -91,11 +94,12 @@ impl Simulator {
             }
             let _ = end.send(());
         });
-        let mut simulator = Self { process, address: Default::default(), output, ended: Mutex::new(ended) };
+        let mut simulator = Self { process, address: Default::default(), http: None, output, ended: Mutex::new(ended) };
         let line = first_line.recv_timeout(PATIENCE).expect("pve-sim says that it is ready");
         simulator.address = address(&line).unwrap_or_else(|| {
             panic!("the first line is no ready line: {line:?}\n{}", simulator.said());
         });
+        simulator.http = line.split_once(" http=").map(|(_, url)| url.trim_end_matches('/').to_owned());
         simulator
     }
 
@@ -107,6 +111,11 @@ impl Simulator {
     /// Host, port and name of the bus.
     pub(crate) fn address(&self) -> &[String; 3] {
         &self.address
+    }
+
+    /// The URL of the control interface.
+    pub(crate) fn http(&self) -> &str {
+        self.http.as_deref().expect("it was started with --http")
     }
 
     /// Runs a script against it, and shows all there is to see when it fails; returns what the script printed.

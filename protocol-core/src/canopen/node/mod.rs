@@ -310,6 +310,16 @@ impl<P: Product> Node<P> {
         parameters::encode(P::DICTIONARY, Group::All, |row| self.objects.default(row, product))
     }
 
+    /// Returns the NMT state.
+    pub(crate) const fn nmt_state(&self) -> State {
+        self.nmt.state()
+    }
+
+    /// Returns how often the error history holds an error.
+    pub(crate) fn times_entered(&self, code: u16, manufacturer: u16) -> u8 {
+        self.objects.history.times(code, manufacturer)
+    }
+
     /// Returns the node ID in force.
     #[inline]
     pub(crate) const fn node_id(&self) -> Option<NodeId> {

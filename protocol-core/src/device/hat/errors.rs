@@ -20,6 +20,17 @@ impl Error {
     /// All of them, in the order in which they are told.
     pub const ALL: [Self; 4] = [Self::SetUp, Self::Controller, Self::Passive, Self::BusOff];
 
+    /// The name used everywhere.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::SetUp => "set-up",
+            Self::Controller => "controller",
+            Self::Passive => "error-passive",
+            Self::BusOff => "can-bus",
+        }
+    }
+
     /// The emergency error code, the manufacturer-specific field, and the bits of the error register.
     #[must_use]
     pub const fn codes(self) -> (u16, u16, u8) {

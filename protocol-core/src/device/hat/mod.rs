@@ -7,6 +7,7 @@
 //! errors      what EMCYs tell of
 //! records     what is kept in the memory
 //! storing     writes to the memory, and who waits for them
+//! view        its state for people and tools
 //! ```
 
 mod dictionary;
@@ -14,6 +15,7 @@ mod errors;
 mod objects;
 mod records;
 mod storing;
+mod view;
 
 pub use super::kind::hat::Kind;
 pub use dictionary::entry;

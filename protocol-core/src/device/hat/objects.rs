@@ -127,6 +127,12 @@ impl HatObjects {
             preset: Preset::NONE,
         }
     }
+
+    /// Returns object 0x6004.
+    #[inline]
+    pub(super) fn position(&self, now: Instant) -> u32 {
+        self.preset.position(self.shaft.position_at(now))
+    }
 }
 
 impl Product for HatObjects {
@@ -170,7 +176,7 @@ impl Product for HatObjects {
             HatObject::BitRateInForce => self.in_force.bit_rate.table_index().into(),
             HatObject::BitRateDemanded => self.demanded.bit_rate.table_index().into(),
             HatObject::Preset => self.preset.value(),
-            HatObject::Position => self.preset.position(self.shaft.position_at(now)),
+            HatObject::Position => self.position(now),
             HatObject::Alarms => self.shaft.measuring_error.into(),
             HatObject::Offset => self.preset.offset(),
             HatObject::SerialNumber => self.identity.serial,

@@ -6,6 +6,9 @@ pub(super) mod pve;
 use core::fmt;
 use core::ops::RangeInclusive;
 
+use super::hat::Error;
+use super::view::FAULTS;
+use crate::actuator::Fault;
 use crate::controller::BitRate;
 
 /// A product.
@@ -58,6 +61,15 @@ impl Kind {
         match self {
             Self::Pve(kind) => kind.protocol(),
             Self::Hat(_) => Protocol::Canopen,
+        }
+    }
+
+    /// The names of the faults that it tells of, in the order of [`View::faults`](super::View::faults).
+    #[must_use]
+    pub fn fault_names(self) -> heapless::Vec<&'static str, FAULTS> {
+        match self {
+            Self::Pve(_) => Fault::ALL.into_iter().map(Fault::name).collect(),
+            Self::Hat(_) => Error::ALL.into_iter().map(Error::name).collect(),
         }
     }
 

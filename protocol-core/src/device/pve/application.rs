@@ -120,6 +120,11 @@ impl Application {
         })
     }
 
+    /// The set-point as it reads back.
+    pub(super) const fn set_point(&self) -> SetPoint {
+        self.set_point
+    }
+
     /// The set-point on a scale of ±N; N for float.
     pub(super) fn set_point_on(&self, scale: Scale) -> i16 {
         match self.set_point {

@@ -122,6 +122,19 @@ impl AuxiliaryValve {
         })
     }
 
+    /// Returns the state that AVEF tells: blocked during a shutdown.
+    pub(super) const fn state(&self) -> State {
+        if self.shutdown.is_some() { State::Blocked } else { self.command.state() }
+    }
+
+    /// Returns the set-point of [`state`](Self::state).
+    pub(super) fn set_point(&self) -> SetPoint {
+        match drive(self.command) {
+            Drive::Regulate(set_point) if self.shutdown.is_none() => set_point,
+            _ => SetPoint::NEUTRAL,
+        }
+    }
+
     fn in_shutdown(&self) -> FaultSet {
         self.shutdown.map_or(FaultSet::EMPTY, |shutdown| shutdown.faults)
     }
@@ -156,7 +169,7 @@ impl Product for AuxiliaryValve {
         let flow = EstimatedFlow {
             extend: percent.max(0) as u8,
             retract: percent.saturating_neg().max(0) as u8,
-            state: if self.shutdown.is_some() { State::Blocked } else { self.command.state() },
+            state: self.state(),
         };
         flow.emit()
     }

@@ -5,11 +5,13 @@
 //! emergency  faults become EMCYs, and the error history
 //! storing    writes to the memory, and who waits for them
 //! load       how far a "load" and its execution have come
+//! view       its state for people and tools
 //! ```
 
 mod emergency;
 mod load;
 mod storing;
+mod view;
 
 use load::Load;
 use storing::Job;

@@ -4,10 +4,12 @@
 //! mod      the body of the device: what the node and the valve tell each other
 //! product  groups, NAME and address
 //! storing  writes to the memory, and who waits for them
+//! view     its state for people and tools
 //! ```
 
 mod product;
 mod storing;
+mod view;
 
 use heapless::Vec;
 

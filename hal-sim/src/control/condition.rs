@@ -1,0 +1,207 @@
+//! Conditions that a client waits for: a subset of a device's state, or a frame.
+
+use protocol_core::frame::{Frame, Id};
+use serde::Deserialize;
+use utoipa::ToSchema;
+
+use super::plant::{given, present};
+use super::state::{Color, Command, DeviceState, DeviceStateMachine, Led, Nmt, SetPointValue};
+
+/// What is waited for.
+#[derive(Clone, Debug)]
+pub enum Condition {
+    /// A device is in a state.
+    State(String, Box<StateCondition>),
+    /// A frame is on the bus.
+    Frame(FrameCondition),
+}
+
+/// Any subset of a device state: scalars are equal.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StateCondition {
+    /// The instant.
+    #[serde(default, deserialize_with = "given")]
+    pub t_us: Option<u64>,
+    /// The name.
+    #[serde(default, deserialize_with = "given")]
+    pub name: Option<String>,
+    /// The kind.
+    #[serde(default, deserialize_with = "given")]
+    pub kind: Option<String>,
+    /// The node ID or address.
+    #[serde(default, deserialize_with = "present")]
+    #[schema(value_type = Option<u8>)]
+    pub node_id: Option<Option<u8>>,
+    /// The bit rate.
+    #[serde(default, deserialize_with = "present")]
+    #[schema(value_type = Option<u32>)]
+    pub bit_rate: Option<Option<u32>>,
+    /// Whether it has power.
+    #[serde(default, deserialize_with = "given")]
+    pub powered: Option<bool>,
+    /// The NMT state.
+    #[serde(default, deserialize_with = "present")]
+    #[schema(value_type = Option<Nmt>)]
+    pub nmt: Option<Option<Nmt>>,
+    /// The device state machine.
+    #[serde(default, deserialize_with = "present")]
+    #[schema(value_type = Option<DeviceStateMachine>)]
+    pub dsm: Option<Option<DeviceStateMachine>>,
+    /// The state of the auxiliary valve.
+    #[serde(default, deserialize_with = "present")]
+    #[schema(value_type = Option<Command>)]
+    pub command: Option<Option<Command>>,
+    /// The set-point, or its limits.
+    #[serde(default, deserialize_with = "present")]
+    #[schema(value_type = Option<SetPointCondition>)]
+    pub set_point: Option<Option<SetPointCondition>>,
+    /// The position, or its limits.
+    #[serde(default, deserialize_with = "present")]
+    #[schema(value_type = Option<PositionCondition>)]
+    pub position: Option<Option<PositionCondition>>,
+    /// Whether the solenoids are energised.
+    #[serde(default, deserialize_with = "present")]
+    #[schema(value_type = Option<bool>)]
+    pub solenoids: Option<Option<bool>>,
+    /// The LED, or a part of it.
+    #[serde(default, deserialize_with = "present")]
+    #[schema(value_type = Option<LedCondition>)]
+    pub led: Option<Option<LedCondition>>,
+    /// The names of the active faults, exactly.
+    #[serde(default, deserialize_with = "given")]
+    pub faults: Option<Vec<String>>,
+}
+
+/// A set-point, or its limits.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, ToSchema)]
+#[serde(untagged)]
+pub enum SetPointCondition {
+    /// Equal.
+    Equal(SetPointValue),
+    /// Within limits: no float.
+    Within(Limits),
+}
+
+/// A position, or its limits.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, ToSchema)]
+#[serde(untagged)]
+pub enum PositionCondition {
+    /// Equal.
+    Equal(i16),
+    /// Within limits.
+    Within(Limits),
+}
+
+/// Limits, inclusive; one that is not given is none.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Limits {
+    /// The lower limit.
+    #[serde(default, deserialize_with = "given")]
+    pub min: Option<i16>,
+    /// The upper limit.
+    #[serde(default, deserialize_with = "given")]
+    pub max: Option<i16>,
+}
+
+/// The LED, or a part of it.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LedCondition {
+    /// The colour.
+    #[serde(default, deserialize_with = "given")]
+    pub color: Option<Color>,
+    /// Whether it flashes.
+    #[serde(default, deserialize_with = "given")]
+    pub flashing: Option<bool>,
+}
+
+/// A frame by its identifier and the begin of its data.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameCondition {
+    /// The identifier.
+    pub id: Id,
+    /// The begin of the data.
+    pub data: Vec<u8>,
+}
+
+impl StateCondition {
+    /// Whether a state fulfils the condition.
+    pub(super) fn holds(&self, state: &DeviceState) -> bool {
+        is(self.t_us.as_ref(), &state.t_us)
+            && is(self.name.as_ref(), &state.name)
+            && self.kind.as_ref().is_none_or(|kind| kind == state.kind)
+            && is(self.node_id.as_ref(), &state.node_id)
+            && is(self.bit_rate.as_ref(), &state.bit_rate)
+            && is(self.powered.as_ref(), &state.powered)
+            && is(self.nmt.as_ref(), &state.nmt)
+            && is(self.dsm.as_ref(), &state.dsm)
+            && is(self.command.as_ref(), &state.command)
+            && fits(self.set_point.as_ref(), state.set_point.as_ref(), SetPointCondition::holds)
+            && fits(self.position.as_ref(), state.position.as_ref(), PositionCondition::holds)
+            && is(self.solenoids.as_ref(), &state.solenoids)
+            && fits(self.led.as_ref(), state.led.as_ref(), LedCondition::holds)
+            && self.faults.as_ref().is_none_or(|wanted| are_active(wanted, state))
+    }
+
+    /// Whether it is about the position, which changes from instant to instant.
+    pub(super) const fn is_of_position(&self) -> bool {
+        matches!(self.position, Some(Some(_)))
+    }
+}
+
+fn is<T: PartialEq>(wanted: Option<&T>, found: &T) -> bool {
+    wanted.is_none_or(|wanted| wanted == found)
+}
+
+/// Whether a value that can be null is as wanted.
+fn fits<W, T>(wanted: Option<&Option<W>>, found: Option<&T>, holds: impl FnOnce(&W, &T) -> bool) -> bool {
+    match (wanted, found) {
+        (None, _) | (Some(None), None) => true,
+        (Some(Some(wanted)), Some(found)) => holds(wanted, found),
+        _ => false,
+    }
+}
+
+fn are_active(wanted: &[String], state: &DeviceState) -> bool {
+    state.faults.iter().all(|fault| fault.active == wanted.iter().any(|name| name == fault.fault))
+}
+
+impl SetPointCondition {
+    fn holds(&self, set_point: &SetPointValue) -> bool {
+        match (self, set_point) {
+            (Self::Equal(wanted), found) => wanted == found,
+            (Self::Within(limits), SetPointValue::Position(position)) => limits.contain(*position),
+            (Self::Within(_), SetPointValue::Float(_)) => false,
+        }
+    }
+}
+
+impl PositionCondition {
+    fn holds(&self, position: &i16) -> bool {
+        match self {
+            Self::Equal(wanted) => wanted == position,
+            Self::Within(limits) => limits.contain(*position),
+        }
+    }
+}
+
+impl Limits {
+    fn contain(self, value: i16) -> bool {
+        self.min.is_none_or(|min| value >= min) && self.max.is_none_or(|max| value <= max)
+    }
+}
+
+impl LedCondition {
+    fn holds(&self, led: &Led) -> bool {
+        is(self.color.as_ref(), &led.color) && is(self.flashing.as_ref(), &led.flashing)
+    }
+}
+
+impl FrameCondition {
+    /// Whether a frame fulfils the condition.
+    pub(super) fn holds(&self, frame: &Frame) -> bool {
+        frame.id() == self.id && !frame.is_remote() && frame.data().starts_with(&self.data)
+    }
+}

@@ -1,0 +1,161 @@
+//! The connections of clients: so many at once, and when there are more the one that has been quiet for longest goes.
+
+use std::io;
+use std::net::SocketAddr;
+use std::pin::Pin;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::task::{Context, Poll, ready};
+use std::time::Instant;
+
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::net::TcpStream;
+use tokio::sync::Notify;
+
+/// A connection.
+#[derive(Debug)]
+pub(super) struct Connection {
+    /// The address that it was accepted at.
+    local: SocketAddr,
+    born: Instant,
+    /// When bytes last went either way, in milliseconds since `born`.
+    last: AtomicU64,
+    /// The number of questions to the world that have no answer yet.
+    asking: AtomicUsize,
+    dismissed: Notify,
+}
+
+/// A question to the world: as long as it is there, the connection is not quiet.
+#[derive(Debug)]
+pub(super) struct Asking<'a>(&'a Connection);
+
+impl Connection {
+    /// The address that it was accepted at.
+    pub(super) const fn local(&self) -> SocketAddr {
+        self.local
+    }
+
+    /// Notes that the world is asked.
+    pub(super) fn ask(&self) -> Asking<'_> {
+        self.asking.fetch_add(1, Ordering::Relaxed);
+        Asking(self)
+    }
+
+    /// Waits until the connection has to go.
+    pub(super) async fn dismissed(&self) {
+        self.dismissed.notified().await;
+    }
+
+    fn beat(&self) {
+        let millis = u64::try_from(self.born.elapsed().as_millis()).unwrap_or(u64::MAX);
+        self.last.store(millis, Ordering::Relaxed);
+    }
+
+    /// Since when no byte has gone either way; `None` while the client waits for the world.
+    fn quiet_since(&self) -> Option<Instant> {
+        let last = std::time::Duration::from_millis(self.last.load(Ordering::Relaxed));
+        (self.asking.load(Ordering::Relaxed) == 0).then(|| self.born + last)
+    }
+}
+
+impl Drop for Asking<'_> {
+    fn drop(&mut self) {
+        self.0.asking.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+/// All connections.
+#[derive(Debug)]
+pub(super) struct Connections {
+    places: usize,
+    all: Mutex<Vec<Arc<Connection>>>,
+}
+
+impl Connections {
+    /// Room for so many.
+    pub(super) fn new(places: usize) -> Self {
+        Self { places, all: Mutex::default() }
+    }
+
+    /// Gives a new connection a place, that of the quietest if need be; `None` when all wait for the world.
+    pub(super) fn admit(&self, local: SocketAddr) -> Option<Arc<Connection>> {
+        let mut all = self.lock();
+        if all.len() >= self.places {
+            let quiet = all.iter().enumerate().filter_map(|(place, other)| Some((other.quiet_since()?, place)));
+            let (_, quietest) = quiet.min()?;
+            all.swap_remove(quietest).dismissed.notify_one();
+        }
+        let connection = Arc::new(Connection {
+            local,
+            born: Instant::now(),
+            last: AtomicU64::new(0),
+            asking: AtomicUsize::new(0),
+            dismissed: Notify::new(),
+        });
+        all.push(Arc::clone(&connection));
+        Some(connection)
+    }
+
+    /// Takes the place of a connection that has ended.
+    pub(super) fn leave(&self, connection: &Arc<Connection>) {
+        self.lock().retain(|other| !Arc::ptr_eq(other, connection));
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Vec<Arc<Connection>>> {
+        self.all.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The stream of a connection, which notes when bytes go.
+#[derive(Debug)]
+pub(super) struct Watched {
+    pub(super) stream: TcpStream,
+    pub(super) connection: Arc<Connection>,
+}
+
+impl AsyncRead for Watched {
+    fn poll_read(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
+        let read = ready!(Pin::new(&mut self.stream).poll_read(cx, buf));
+        self.connection.beat();
+        Poll::Ready(read)
+    }
+}
+
+impl AsyncWrite for Watched {
+    fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
+        let written = ready!(Pin::new(&mut self.stream).poll_write(cx, bytes));
+        self.connection.beat();
+        Poll::Ready(written)
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_flush(cx)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_shutdown(cx)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_quietest_connection_makes_room_and_none_that_waits_for_the_world() {
+        let local = "127.0.0.1:8408".parse().expect("an address");
+        let connections = Connections::new(2);
+        let (first, second) = (connections.admit(local).expect("a place"), connections.admit(local).expect("a place"));
+        let asking = first.ask();
+        let third = connections.admit(local).expect("the place of the second");
+        let left: Vec<_> = connections.lock().iter().map(Arc::as_ptr).collect();
+        assert!(left.contains(&Arc::as_ptr(&first)) && left.contains(&Arc::as_ptr(&third)), "{second:?} went");
+        let _other = third.ask();
+        assert!(connections.admit(local).is_none());
+        drop(asking);
+        let fourth = connections.admit(local).expect("the place of the first");
+        connections.leave(&third);
+        connections.leave(&fourth);
+        assert!(connections.lock().is_empty());
+    }
+}

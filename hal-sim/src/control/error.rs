@@ -1,0 +1,138 @@
+//! Refusals as JSON, and what reads a request.
+
+use std::time::Duration;
+
+use axum::Json;
+use axum::body::Bytes;
+use axum::extract::{FromRequest, FromRequestParts, Request};
+use axum::http::StatusCode;
+use axum::http::request::Parts;
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use tokio::time::timeout;
+use utoipa::ToSchema;
+
+use super::message::Refusal;
+
+/// Why a request was refused; nothing has changed then.
+#[derive(Debug, Serialize, ToSchema)]
+pub(super) struct Error {
+    /// What is wrong.
+    pub(super) error: String,
+}
+
+/// A refusal with its status.
+#[derive(Debug)]
+pub(super) enum Failure {
+    /// Refused before it came to the world.
+    Request(StatusCode, String),
+    /// Refused by the world.
+    World(Refusal),
+}
+
+impl Failure {
+    /// A value that cannot be.
+    pub(super) fn bad_request(error: impl Into<String>) -> Self {
+        Self::Request(StatusCode::BAD_REQUEST, error.into())
+    }
+
+    /// The simulator ends, and answers no more.
+    pub(super) fn ending() -> Self {
+        Self::Request(StatusCode::SERVICE_UNAVAILABLE, "the simulator ends".to_owned())
+    }
+}
+
+impl From<Refusal> for Failure {
+    fn from(refusal: Refusal) -> Self {
+        Self::World(refusal)
+    }
+}
+
+impl IntoResponse for Failure {
+    fn into_response(self) -> Response {
+        let (status, error) = match self {
+            Self::Request(status, error) => (status, error),
+            Self::World(Refusal::TimedOut(timed_out)) => {
+                return (StatusCode::REQUEST_TIMEOUT, Json(timed_out)).into_response();
+            }
+            Self::World(refusal) => (status(&refusal), refusal.to_string()),
+        };
+        (status, Json(Error { error })).into_response()
+    }
+}
+
+const fn status(refusal: &Refusal) -> StatusCode {
+    match refusal {
+        Refusal::UnknownDevice { .. } => StatusCode::NOT_FOUND,
+        Refusal::Invalid(_) => StatusCode::BAD_REQUEST,
+        Refusal::Conflict(_) => StatusCode::CONFLICT,
+        Refusal::TimedOut(_) => StatusCode::REQUEST_TIMEOUT,
+        Refusal::TooMany(_) => StatusCode::SERVICE_UNAVAILABLE,
+    }
+}
+
+/// A client has so long to send the body of a request.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// The body of a request, as JSON.
+#[derive(Debug)]
+pub(super) struct Body<T>(pub(super) T);
+
+impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Body<T> {
+    type Rejection = Failure;
+
+    async fn from_request(request: Request, state: &S) -> Result<Self, Failure> {
+        use axum::extract::rejection::JsonRejection::{JsonDataError, JsonSyntaxError};
+        let (parts, body) = request.into_parts();
+        let collected = Bytes::from_request(Request::from_parts(parts.clone(), body), state);
+        let Ok(collected) = timeout(PATIENCE, collected).await else {
+            return Err(Failure::Request(StatusCode::REQUEST_TIMEOUT, "the body did not come".to_owned()));
+        };
+        let bytes = collected.map_err(|error| Failure::Request(error.status(), error.body_text()))?;
+        let is_object = bytes.trim_ascii_start().first() == Some(&b'{');
+        match Json::from_request(Request::from_parts(parts, bytes.into()), state).await {
+            // Of a list, the fields would be taken in their order.
+            Ok(_) if !is_object => Err(Failure::bad_request("the body is no JSON object")),
+            Ok(Json(body)) => Ok(Self(body)),
+            Err(JsonDataError(error)) => Err(Failure::bad_request(reason(&error))),
+            Err(JsonSyntaxError(error)) => Err(Failure::bad_request(reason(&error))),
+            Err(error) => Err(Failure::Request(error.status(), error.body_text())),
+        }
+    }
+}
+
+/// What is wrong with a body, without the words of the framework around it.
+fn reason(error: &dyn std::error::Error) -> String {
+    std::iter::successors(Some(error), |error| error.source()).last().map_or_else(String::new, ToString::to_string)
+}
+
+/// The query of a request.
+#[derive(Debug)]
+pub(super) struct Query<T>(pub(super) T);
+
+impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Query<T> {
+    type Rejection = Failure;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Failure> {
+        match axum::extract::Query::from_request_parts(parts, state).await {
+            Ok(axum::extract::Query(query)) => Ok(Self(query)),
+            Err(error) => Err(Failure::bad_request(error.body_text())),
+        }
+    }
+}
+
+/// A name in the path.
+#[derive(Debug)]
+pub(super) struct Name(pub(super) String);
+
+impl<S: Send + Sync> FromRequestParts<S> for Name {
+    type Rejection = Failure;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Failure> {
+        match axum::extract::Path::from_request_parts(parts, state).await {
+            Ok(axum::extract::Path(name)) => Ok(Self(name)),
+            Err(error) => Err(Failure::bad_request(error.body_text())),
+        }
+    }
+}

@@ -1,0 +1,48 @@
+//! The control interface: state, faults and time of the simulator over HTTP, under `/api/v1`.
+//!
+//! ```text
+//! server      the socket                connection the connections, and which goes when there are too many
+//! guard       which requests are refused: foreign hosts, foreign pages
+//! error       refusals as JSON, and what reads a request
+//! routes/     the calls, by resource, and their description in OpenAPI
+//!
+//! message     what the calls ask of the world, and its answers
+//! state       a device as JSON          plant      what acts on it
+//! condition   what can be waited for    record     frames as JSON
+//!
+//! desk        the world's end: obeys messages, and watches the world
+//! sender      frames of clients         wait       clients that wait
+//! events      clients that follow
+//! ```
+//!
+//! The world obeys each message at the virtual instant of its arrival, and an answer tells of one instant. Nobody but the
+//! desk touches the world, and the desk waits for nobody.
+
+mod condition;
+mod connection;
+mod desk;
+mod error;
+mod events;
+mod guard;
+mod message;
+mod plant;
+mod record;
+mod routes;
+mod sender;
+mod server;
+mod state;
+mod wait;
+
+#[cfg(test)]
+mod tests;
+
+#[cfg(test)]
+pub(crate) use condition::Condition;
+pub(crate) use desk::Desk;
+pub use message::Message;
+#[cfg(test)]
+pub(crate) use message::{Answer, Refusal, Waited};
+pub(crate) use sender::NAME as SENDER;
+pub(crate) use server::Server;
+#[cfg(test)]
+pub(crate) use state::DeviceState;

@@ -1,0 +1,238 @@
+//! What acts on a device from outside, as JSON: its state, and changes of it.
+
+use std::ops::RangeInclusive;
+
+use protocol_core::actuator::SpoolFault;
+use serde::{Deserialize, Deserializer, Serialize};
+use utoipa::ToSchema;
+
+use super::message::Refusal;
+use crate::world::{NodeId, Plant, World};
+
+/// The highest supply that can be set, in millivolt (A): far beyond what any monitor tells apart.
+const SUPPLY_MAX_MV: u32 = 100_000;
+
+/// The temperatures that can be set, in °C (A): far beyond what any monitor tells apart.
+const TEMPERATURES_C: RangeInclusive<i16> = -273..=1000;
+
+/// What acts on a device from outside.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
+#[serde(untagged)]
+pub enum PlantState {
+    /// That of a valve.
+    Valve(ValvePlant),
+    /// That of an angle sensor.
+    Encoder(EncoderPlant),
+}
+
+/// What acts on a valve.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
+pub struct ValvePlant {
+    /// The supply, in millivolt.
+    pub supply_mv: u32,
+    /// The temperature, in °C.
+    pub temperature_c: i16,
+    /// The spool.
+    pub spool: Spool,
+    /// The position that the spool is pushed to by hand; null: it is let go.
+    #[schema(required)]
+    pub lever: Option<i16>,
+    /// An internal fault.
+    pub internal_fault: bool,
+    /// The non-volatile memory.
+    pub memory: Memory,
+    /// The CAN controller is kept bus-off.
+    pub bus_off: bool,
+}
+
+/// What acts on an angle sensor.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
+pub struct EncoderPlant {
+    /// The angle of the shaft, 0…35999 1/100 degree.
+    pub angle_cdeg: u32,
+    /// The speed of the shaft in turns a minute, positive clockwise.
+    pub speed_rpm: i32,
+    /// A measuring error.
+    pub measuring_error: bool,
+    /// An internal fault.
+    pub internal_fault: bool,
+    /// The non-volatile memory.
+    pub memory: Memory,
+    /// The CAN controller is kept bus-off.
+    pub bus_off: bool,
+}
+
+/// The spool.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Spool {
+    /// What is wrong with it; null: nothing.
+    #[schema(required)]
+    #[serde(deserialize_with = "Option::deserialize")]
+    pub fault: Option<SpoolFaultName>,
+}
+
+/// What can be wrong with a spool.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum SpoolFaultName {
+    /// Stays where it is.
+    Stuck,
+    /// Moves slowly.
+    Slow,
+    /// Does not stay where it is put.
+    Drifting,
+    /// Does not reach float.
+    NoFloat,
+}
+
+/// The non-volatile memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Memory {
+    /// Works.
+    Ok,
+    /// Every write fails.
+    WriteFails,
+    /// The next start cannot read it.
+    Damaged,
+}
+
+/// A change of what acts on a device: any subset of its fields.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PlantChange {
+    /// Valves: the supply, in millivolt, up to 100000.
+    #[serde(default, deserialize_with = "given")]
+    pub supply_mv: Option<u32>,
+    /// Valves: the temperature, in °C, −273…1000.
+    #[serde(default, deserialize_with = "given")]
+    pub temperature_c: Option<i16>,
+    /// Valves: the spool.
+    #[serde(default, deserialize_with = "given")]
+    pub spool: Option<Spool>,
+    /// Valves: the position that the spool is pushed to by hand, −16384…16384; null: it is let go.
+    #[serde(default, deserialize_with = "present")]
+    #[schema(value_type = Option<i16>)]
+    pub lever: Option<Option<i16>>,
+    /// Angle sensors: the angle of the shaft, 0…35999 1/100 degree.
+    #[serde(default, deserialize_with = "given")]
+    pub angle_cdeg: Option<u32>,
+    /// Angle sensors: the speed of the shaft in turns a minute, positive clockwise; 0 for a shaft that follows a valve.
+    #[serde(default, deserialize_with = "given")]
+    pub speed_rpm: Option<i32>,
+    /// Angle sensors: a measuring error.
+    #[serde(default, deserialize_with = "given")]
+    pub measuring_error: Option<bool>,
+    /// An internal fault.
+    #[serde(default, deserialize_with = "given")]
+    pub internal_fault: Option<bool>,
+    /// The non-volatile memory.
+    #[serde(default, deserialize_with = "given")]
+    pub memory: Option<Memory>,
+    /// Keeps the CAN controller bus-off.
+    #[serde(default, deserialize_with = "given")]
+    pub bus_off: Option<bool>,
+}
+
+/// Reads a value that must not be null where it is given.
+pub(super) fn given<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<T>, D::Error> {
+    T::deserialize(value).map(Some)
+}
+
+/// Reads a value that may be null, and is told apart from one that is missing.
+pub(super) fn present<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<Option<T>>, D::Error> {
+    Option::deserialize(value).map(Some)
+}
+
+impl PlantState {
+    /// Returns what acts on a device now.
+    pub(super) fn of(node: NodeId, world: &World) -> Self {
+        let senses = world.senses(node);
+        let (internal_fault, bus_off) = (senses.internal_fault, world.is_bus_off_forced(node));
+        let memory = match world.memory(node) {
+            memory if memory.is_spoilt() => Memory::Damaged,
+            memory if memory.write_fails() => Memory::WriteFails,
+            _ => Memory::Ok,
+        };
+        if let Some(shaft) = senses.shaft() {
+            return Self::Encoder(EncoderPlant {
+                angle_cdeg: world.angle_cdeg(node).unwrap_or(shaft.angle_cdeg),
+                speed_rpm: shaft.speed_rpm,
+                measuring_error: shaft.measuring_error,
+                internal_fault,
+                memory,
+                bus_off,
+            });
+        }
+        let valve = senses.valve().copied().unwrap_or_default();
+        Self::Valve(ValvePlant {
+            supply_mv: valve.supply_mv,
+            temperature_c: valve.temperature_c,
+            spool: Spool { fault: name(valve.spool.fault) },
+            lever: valve.spool.lever.map(|lever| lever.raw()),
+            internal_fault,
+            memory,
+            bus_off,
+        })
+    }
+
+    /// Returns the same without the angle, which moves by itself.
+    pub(super) fn at_rest(&self) -> Self {
+        match self {
+            Self::Encoder(plant) => Self::Encoder(EncoderPlant { angle_cdeg: 0, ..plant.clone() }),
+            valve => valve.clone(),
+        }
+    }
+}
+
+impl PlantChange {
+    /// Makes the change, all of it or nothing.
+    pub(super) fn make(self, node: NodeId, world: &mut World) -> Result<(), Refusal> {
+        if self.supply_mv.is_some_and(|millivolt| millivolt > SUPPLY_MAX_MV) {
+            return Err(Refusal::Invalid(format!("supply_mv: accepted: 0–{SUPPLY_MAX_MV}")));
+        }
+        if self.temperature_c.is_some_and(|celsius| !TEMPERATURES_C.contains(&celsius)) {
+            let (min, max) = TEMPERATURES_C.into_inner();
+            return Err(Refusal::Invalid(format!("temperature_c: accepted: {min}–{max}")));
+        }
+        world.set_plants(node, &self.plants()).map_err(|error| Refusal::Invalid(error.to_string()))?;
+        if let Some(memory) = self.memory {
+            let cell = world.memory_mut(node);
+            cell.set_write_fails(memory == Memory::WriteFails);
+            cell.set_spoilt(memory == Memory::Damaged);
+        }
+        Ok(())
+    }
+
+    fn plants(&self) -> Vec<Plant> {
+        let Self { supply_mv, temperature_c, spool, lever, angle_cdeg, speed_rpm, measuring_error, .. } = *self;
+        let plants = [
+            supply_mv.map(Plant::SupplyMv),
+            temperature_c.map(Plant::TemperatureC),
+            spool.map(|spool| Plant::Spool(fault(spool.fault))),
+            lever.map(Plant::Lever),
+            angle_cdeg.map(Plant::AngleCdeg),
+            speed_rpm.map(Plant::SpeedRpm),
+            measuring_error.map(Plant::MeasuringError),
+            self.internal_fault.map(Plant::InternalFault),
+            self.bus_off.map(Plant::BusOff),
+        ];
+        plants.into_iter().flatten().collect()
+    }
+}
+
+const FAULTS: [(SpoolFaultName, SpoolFault); 4] = [
+    (SpoolFaultName::Stuck, SpoolFault::Stuck),
+    (SpoolFaultName::Slow, SpoolFault::Slow),
+    (SpoolFaultName::Drifting, SpoolFault::Drifting),
+    (SpoolFaultName::NoFloat, SpoolFault::NoFloat),
+];
+
+fn name(fault: SpoolFault) -> Option<SpoolFaultName> {
+    FAULTS.into_iter().find(|(_, known)| *known == fault).map(|(name, _)| name)
+}
+
+fn fault(name: Option<SpoolFaultName>) -> SpoolFault {
+    FAULTS.into_iter().find(|(known, _)| Some(*known) == name).map_or(SpoolFault::None, |(_, fault)| fault)
+}

@@ -1,0 +1,76 @@
+//! The frames that were on the bus, the last ones of which are kept.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use protocol_core::frame::{Frame, Id};
+use protocol_core::time::Instant;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use crate::trace::write_hex;
+
+/// The most frames that are kept: a second of a bus under full load, and minutes of a usual one.
+pub(super) const KEPT: usize = 4096;
+
+/// A frame that was on the bus.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
+pub struct FrameRecord {
+    /// Its end, in microseconds of virtual time.
+    pub t_us: u64,
+    /// The identifier.
+    pub id: u32,
+    /// Whether the identifier has 29 bits.
+    pub extended: bool,
+    /// The data, in hex.
+    pub data: String,
+    /// Who sent it: a device by its name, `http`, or the gateway of other clients.
+    pub from: String,
+    /// What it means.
+    pub meaning: String,
+}
+
+/// A frame with its end and its sender.
+#[derive(Clone, Debug)]
+pub(super) struct Passed {
+    pub(super) at: Instant,
+    pub(super) frame: Frame,
+    pub(super) from: Arc<str>,
+}
+
+/// The last frames.
+#[derive(Debug, Default)]
+pub(super) struct Frames(VecDeque<Passed>);
+
+impl Frames {
+    /// Keeps a frame, and lets the oldest go when there are too many.
+    pub(super) fn keep(&mut self, passed: Passed) {
+        if self.0.len() == KEPT {
+            self.0.pop_front();
+        }
+        self.0.push_back(passed);
+    }
+
+    /// The last frames, oldest first.
+    pub(super) fn last(&self, limit: usize) -> impl Iterator<Item = &Passed> {
+        self.0.iter().skip(self.0.len().saturating_sub(limit))
+    }
+}
+
+impl Passed {
+    /// Returns the record of the frame.
+    pub(super) fn record(&self, meaning: String) -> FrameRecord {
+        let mut data = String::new();
+        write_hex(&mut data, self.frame.data());
+        let (id, extended) = raw(self.frame.id());
+        FrameRecord { t_us: self.at.as_micros(), id, extended, data, from: self.from.to_string(), meaning }
+    }
+}
+
+/// The number of an identifier, and whether it has 29 bits.
+pub(super) fn raw(id: Id) -> (u32, bool) {
+    match id {
+        Id::Standard(id) => (id.as_raw().into(), false),
+        Id::Extended(id) => (id.as_raw(), true),
+    }
+}

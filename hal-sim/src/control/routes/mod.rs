@@ -1,0 +1,122 @@
+//! The calls, by resource, and their description.
+
+mod bus;
+mod devices;
+mod events;
+mod frames;
+mod time;
+mod trace;
+mod wait;
+
+use std::sync::Arc;
+
+use axum::extract::{DefaultBodyLimit, FromRequestParts};
+use axum::http::StatusCode;
+use axum::http::request::Parts;
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, patch, post};
+use axum::{Json, Router, middleware};
+use utoipa::OpenApi;
+
+use super::connection::Connection;
+use super::error::{Error, Failure};
+use super::events::BusTrouble;
+use super::guard::guard;
+use super::message::{Answer, Message, TimedOut};
+use crate::gateway::{Entrance, ToWorld};
+
+/// The longest body of a request, in bytes.
+const BODY: usize = 64 * 1024;
+
+/// The way of the calls to the world.
+#[derive(Clone, Debug)]
+pub(super) struct Control {
+    world: Entrance,
+    connection: Arc<Connection>,
+}
+
+impl Control {
+    /// Asks the world, and waits for the answer.
+    async fn ask<T>(&self, message: impl FnOnce(Answer<T>) -> Message) -> Result<T, Failure> {
+        let _asking = self.connection.ask();
+        let (answer, receiver) = Answer::new();
+        self.world.tell(ToWorld::Control(message(answer)));
+        Ok(receiver.await.map_err(|_| Failure::ending())??)
+    }
+}
+
+impl FromRequestParts<Entrance> for Control {
+    type Rejection = Failure;
+
+    async fn from_request_parts(parts: &mut Parts, world: &Entrance) -> Result<Self, Failure> {
+        // Every connection has it.
+        let connection = parts.extensions.get::<Arc<Connection>>().ok_or_else(Failure::ending)?;
+        Ok(Self { world: world.clone(), connection: Arc::clone(connection) })
+    }
+}
+
+/// The description of the interface.
+#[derive(OpenApi)]
+#[openapi(
+    info(
+        title = "pve-sim",
+        description = "Control interface of the stand-in for CAN hydraulic valves and angle sensors. Times are microseconds \
+                       of virtual time. A request from a foreign Host, or from a page of another origin, is refused with 403."
+    ),
+    servers((url = "/api/v1")),
+    paths(
+        devices::list,
+        devices::show,
+        devices::change_plant,
+        devices::power,
+        bus::show,
+        bus::change,
+        bus::disturb,
+        frames::send,
+        frames::stop,
+        wait::wait,
+        time::show,
+        time::advance,
+        trace::show,
+        events::follow,
+    ),
+    components(schemas(Error, TimedOut, BusTrouble, events::FrameEvent, events::LostEvent))
+)]
+struct Description;
+
+/// Returns all routes.
+pub(super) fn router(world: Entrance) -> Router {
+    let api = Router::new()
+        .route("/devices", get(devices::list))
+        .route("/devices/{name}", get(devices::show))
+        .route("/devices/{name}/plant", patch(devices::change_plant))
+        .route("/devices/{name}/power", post(devices::power))
+        .route("/bus", get(bus::show).patch(bus::change))
+        .route("/bus/disturb", post(bus::disturb))
+        .route("/bus/frames", post(frames::send).delete(frames::stop))
+        .route("/wait", post(wait::wait))
+        .route("/time", get(time::show).post(time::advance))
+        .route("/trace", get(trace::show))
+        .route("/events", get(events::follow))
+        .route("/openapi.json", get(description));
+    Router::new()
+        .nest("/api/v1", api)
+        .fallback(not_found)
+        .method_not_allowed_fallback(method_not_allowed)
+        .layer(DefaultBodyLimit::max(BODY))
+        .layer(middleware::from_fn(guard))
+        .with_state(world)
+}
+
+async fn description() -> Response {
+    Json(Description::openapi()).into_response()
+}
+
+async fn not_found() -> Failure {
+    Failure::Request(StatusCode::NOT_FOUND, "there is no such resource; see /api/v1/openapi.json".to_owned())
+}
+
+async fn method_not_allowed() -> Failure {
+    let error = "the resource does not take this method; see /api/v1/openapi.json".to_owned();
+    Failure::Request(StatusCode::METHOD_NOT_ALLOWED, error)
+}

@@ -1,0 +1,42 @@
+//! `/time`: virtual time.
+
+use axum::Json;
+use protocol_core::time::Duration;
+use serde::Deserialize;
+use utoipa::ToSchema;
+
+use super::Control;
+use crate::control::error::{Body, Error, Failure};
+use crate::control::message::{Message, Time};
+
+/// The time that is to pass.
+#[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Advance {
+    /// In milliseconds of virtual time.
+    advance_ms: u32,
+}
+
+/// The virtual time
+#[utoipa::path(get, path = "/time", operation_id = "showTime", tag = "time", responses((status = 200, body = Time)))]
+pub(super) async fn show(control: Control) -> Result<Json<Time>, Failure> {
+    control.ask(Message::Time).await.map(Json)
+}
+
+/// Lets virtual time pass, with `--speed step`; answers when it has
+#[utoipa::path(
+    post, path = "/time", operation_id = "advanceTime", tag = "time",
+    request_body = Advance,
+    responses(
+        (status = 200, body = Time),
+        (status = 400, body = Error),
+        (status = 409, body = Error, description = "Time passes by itself")
+    )
+)]
+pub(super) async fn advance(
+    control: Control,
+    Body(Advance { advance_ms }): Body<Advance>,
+) -> Result<Json<Time>, Failure> {
+    let span = Duration::from_millis(advance_ms.into());
+    control.ask(|answer| Message::Advance(span, answer)).await.map(Json)
+}

@@ -1,0 +1,33 @@
+//! `/trace`: the last frames.
+
+use axum::Json;
+use serde::Deserialize;
+use utoipa::IntoParams;
+
+use super::Control;
+use crate::control::error::{Error, Failure, Query};
+use crate::control::message::Message;
+use crate::control::record::{FrameRecord, KEPT};
+
+/// How many frames, when nobody says.
+const LIMIT: usize = 100;
+
+/// How much is asked for.
+#[derive(Clone, Copy, Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(super) struct Part {
+    /// How many of the last frames; 100 without it, and 4096 are kept.
+    limit: Option<usize>,
+}
+
+/// The last frames, oldest first
+#[utoipa::path(
+    get, path = "/trace", operation_id = "showTrace", tag = "trace",
+    params(Part),
+    responses((status = 200, body = Vec<FrameRecord>), (status = 400, body = Error))
+)]
+pub(super) async fn show(control: Control, Query(part): Query<Part>) -> Result<Json<Vec<FrameRecord>>, Failure> {
+    let limit = part.limit.unwrap_or(LIMIT).min(KEPT);
+    control.ask(|answer| Message::Trace(limit, answer)).await.map(Json)
+}

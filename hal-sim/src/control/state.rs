@@ -1,0 +1,260 @@
+//! The state of a device as JSON.
+
+use protocol_core::actuator::{self, SetPoint};
+use protocol_core::device::pve::DeviceState as Dsm;
+use protocol_core::device::view::{FaultView, ValveView, View};
+use protocol_core::wire::{nmt, valve};
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use super::plant::PlantState;
+use crate::kind::Kind;
+use crate::world::{NodeId, World};
+
+/// The state of a device at one instant of virtual time. Without power there is none of node ID, bit rate, NMT state, device
+/// state machine, command and set-point.
+#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+pub struct DeviceState {
+    /// The instant of which all of it is true, in microseconds of virtual time.
+    pub t_us: u64,
+    /// The name.
+    pub name: String,
+    /// The kind, as in `--device`.
+    pub kind: &'static str,
+    /// The node ID, on ISOBUS the address, in force.
+    #[schema(required)]
+    pub node_id: Option<u8>,
+    /// The bit rate in force, in bit/s.
+    #[schema(required)]
+    pub bit_rate: Option<u32>,
+    /// Whether the device has power.
+    pub powered: bool,
+    /// The NMT state; null on ISOBUS.
+    #[schema(required)]
+    pub nmt: Option<Nmt>,
+    /// The device state machine; CANopen valves only.
+    #[schema(required)]
+    pub dsm: Option<DeviceStateMachine>,
+    /// The state of the auxiliary valve as AVEF tells it; ISOBUS only.
+    #[schema(required)]
+    pub command: Option<Command>,
+    /// The set-point; null for an angle sensor.
+    #[schema(required)]
+    pub set_point: Option<SetPointValue>,
+    /// The position of the spool, −16384…16384, in neutral without power; of an angle sensor object 0x6004, null without
+    /// power.
+    #[schema(required)]
+    pub position: Option<i16>,
+    /// Whether the solenoids are energised; null for an angle sensor.
+    #[schema(required)]
+    pub solenoids: Option<bool>,
+    /// The LED; null for an angle sensor.
+    #[schema(required)]
+    pub led: Option<Led>,
+    /// Every fault of the kind.
+    pub faults: Vec<Fault>,
+    /// What acts on the device from outside.
+    pub plant: PlantState,
+}
+
+/// An NMT state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Nmt {
+    /// Not on the bus yet.
+    Initialising,
+    /// Configuration: no PDOs.
+    PreOperational,
+    /// Everything.
+    Operational,
+    /// Nothing but NMT and heartbeat.
+    Stopped,
+}
+
+/// A state of the device state machine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum DeviceStateMachine {
+    /// Initialised.
+    Init,
+    /// Disabled.
+    Disabled,
+    /// Held in neutral.
+    Hold,
+    /// At work.
+    Active,
+    /// Shut down after a fault.
+    FaultHold,
+}
+
+/// A state of an auxiliary valve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Command {
+    /// Closed.
+    Blocked,
+    /// Flow out of the extend port.
+    Extend,
+    /// Flow out of the retract port.
+    Retract,
+    /// Both ports open.
+    Float,
+    /// Moved by hand.
+    Hand,
+    /// Stopped.
+    EmergencyStop,
+}
+
+/// A set-point: −16384…16384, or `"float"`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(untagged)]
+pub enum SetPointValue {
+    /// A position.
+    Position(i16),
+    /// Float.
+    Float(FloatWord),
+}
+
+/// The word for float.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum FloatWord {
+    /// Both ports open.
+    Float,
+}
+
+/// What the LED shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
+pub struct Led {
+    /// The colour.
+    pub color: Color,
+    /// Whether it flashes, at 1.5 Hz.
+    pub flashing: bool,
+}
+
+/// A colour of the LED.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Color {
+    /// Healthy.
+    Green,
+    /// Disabled.
+    Yellow,
+    /// Faulty.
+    Red,
+    /// Without power.
+    Off,
+}
+
+/// A fault.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
+pub struct Fault {
+    /// The name.
+    pub fault: &'static str,
+    /// Whether it is active.
+    pub active: bool,
+    /// The occurrence counter, on CANopen that of both spool faults; of an angle sensor the number of its entries in
+    /// 0x1003. Null without power.
+    #[schema(required)]
+    pub count: Option<u8>,
+}
+
+impl DeviceState {
+    /// Returns the state of a device of this kind now.
+    pub(super) fn of(node: NodeId, kind: Kind, world: &mut World) -> Self {
+        let view = world.view(node);
+        let is_valve = matches!(kind, Kind::Pve(_));
+        let valve = view.as_ref().and_then(|view| view.valve);
+        let at_rest = is_valve.then_some(0);
+        Self {
+            t_us: world.now().as_micros(),
+            name: world.name(node).to_owned(),
+            kind: kind.name(),
+            node_id: view.as_ref().and_then(|view| view.node_id),
+            bit_rate: view.as_ref().map(|view| view.bit_rate.bits_per_second()),
+            powered: view.is_some(),
+            nmt: view.as_ref().and_then(|view| view.nmt).map(Nmt::from),
+            dsm: valve.and_then(|valve| valve.dsm).map(DeviceStateMachine::from),
+            command: valve.and_then(|valve| valve.command).map(Command::from),
+            set_point: valve.map(|valve| valve.set_point.into()),
+            position: view.as_ref().map_or(at_rest, |view| Some(view.position)),
+            solenoids: is_valve.then(|| valve.is_some_and(|valve| valve.solenoids)),
+            led: is_valve.then(|| valve.map_or(Led::OFF, Led::from)),
+            faults: faults(kind, view.as_ref()),
+            plant: PlantState::of(node, world),
+        }
+    }
+}
+
+fn faults(kind: Kind, view: Option<&View>) -> Vec<Fault> {
+    match view {
+        Some(view) => view.faults.iter().map(Fault::from).collect(),
+        None => kind.fault_names().iter().map(|name| Fault { fault: name, active: false, count: None }).collect(),
+    }
+}
+
+impl Led {
+    const OFF: Self = Self { color: Color::Off, flashing: false };
+}
+
+impl From<ValveView> for Led {
+    fn from(valve: ValveView) -> Self {
+        let color = match valve.led.color {
+            actuator::Color::Green => Color::Green,
+            actuator::Color::Yellow => Color::Yellow,
+            actuator::Color::Red => Color::Red,
+        };
+        Self { color, flashing: valve.led.flashing }
+    }
+}
+
+impl From<&FaultView> for Fault {
+    fn from(view: &FaultView) -> Self {
+        Self { fault: view.name, active: view.active, count: Some(view.count) }
+    }
+}
+
+impl From<SetPoint> for SetPointValue {
+    fn from(set_point: SetPoint) -> Self {
+        match set_point {
+            SetPoint::Position(position) => Self::Position(position.raw()),
+            SetPoint::Float => Self::Float(FloatWord::Float),
+        }
+    }
+}
+
+impl From<nmt::State> for Nmt {
+    fn from(state: nmt::State) -> Self {
+        match state {
+            nmt::State::Initialising => Self::Initialising,
+            nmt::State::PreOperational => Self::PreOperational,
+            nmt::State::Operational => Self::Operational,
+            nmt::State::Stopped => Self::Stopped,
+        }
+    }
+}
+
+impl From<Dsm> for DeviceStateMachine {
+    fn from(state: Dsm) -> Self {
+        match state {
+            Dsm::Init => Self::Init,
+            Dsm::Disabled => Self::Disabled,
+            Dsm::Hold => Self::Hold,
+            Dsm::Active => Self::Active,
+            Dsm::FaultHold => Self::FaultHold,
+        }
+    }
+}
+
+impl From<valve::State> for Command {
+    fn from(state: valve::State) -> Self {
+        match state {
+            valve::State::Blocked => Self::Blocked,
+            valve::State::Extend => Self::Extend,
+            valve::State::Retract => Self::Retract,
+            valve::State::Float => Self::Float,
+            valve::State::HandOperation => Self::Hand,
+            valve::State::EmergencyStop => Self::EmergencyStop,
+        }
+    }
+}

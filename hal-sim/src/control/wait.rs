@@ -1,0 +1,144 @@
+//! The clients that wait for a state or a frame.
+
+use protocol_core::time::{Duration, Instant, NEVER, after};
+
+use super::condition::{Condition, FrameCondition, StateCondition};
+use super::message::{Answer, Refusal, TimedOut, Waited};
+use super::record::{FrameRecord, Passed};
+use super::state::DeviceState;
+use crate::kind::Kind;
+use crate::world::{NodeId, World};
+
+/// The most clients that wait.
+const WAITING: usize = 256;
+
+/// The clients that wait.
+#[derive(Debug, Default)]
+pub(super) struct Waits(Vec<Wait>);
+
+#[derive(Debug)]
+struct Wait {
+    condition: Awaited,
+    until: Instant,
+    answer: Answer<Waited>,
+}
+
+/// What a client waits for.
+#[derive(Debug)]
+enum Awaited {
+    State(NodeId, Kind, Box<StateCondition>),
+    Frame(FrameCondition),
+}
+
+impl Waits {
+    /// Waits for a condition from now on. `find` gives the device of a name.
+    pub(super) fn begin(
+        &mut self,
+        condition: Condition,
+        within: Duration,
+        answer: Answer<Waited>,
+        world: &mut World,
+        find: impl FnOnce(&str) -> Result<(NodeId, Kind), Refusal>,
+    ) {
+        match awaited(condition, find) {
+            _ if self.0.len() >= WAITING => answer.send(Err(Refusal::TooMany("too many clients wait"))),
+            Ok(condition) => {
+                self.0.push(Wait { condition, until: after(world.now(), within), answer });
+                self.attend(world);
+            }
+            Err(refusal) => answer.send(Err(refusal)),
+        }
+    }
+
+    /// Answers those whose condition holds now, or whose time is up; forgets those that are gone.
+    pub(super) fn attend(&mut self, world: &mut World) {
+        if self.0.is_empty() {
+            return;
+        }
+        let mut place = 0;
+        while let Some(wait) = self.0.get(place) {
+            if wait.answer.is_given_up() {
+                self.0.swap_remove(place);
+                continue;
+            }
+            let answer = match &wait.condition {
+                Awaited::State(node, kind, condition) => {
+                    let state = DeviceState::of(*node, *kind, world);
+                    if condition.holds(&state) {
+                        Some(Ok(Waited::Device(Box::new(state))))
+                    } else {
+                        (wait.until <= world.now())
+                            .then(|| Err(timed_out("the state was not reached", Some(state), world)))
+                    }
+                }
+                Awaited::Frame(_) => {
+                    (wait.until <= world.now()).then(|| Err(timed_out("the frame did not come", None, world)))
+                }
+            };
+            match answer {
+                Some(answer) => self.0.swap_remove(place).answer.send(answer),
+                None => place += 1,
+            }
+        }
+    }
+
+    /// Answers those that wait for this frame.
+    pub(super) fn show(&mut self, passed: &Passed, record: impl Fn() -> FrameRecord) {
+        let is_it = |wait: &mut Wait| match &wait.condition {
+            Awaited::Frame(condition) => condition.holds(&passed.frame),
+            Awaited::State(..) => false,
+        };
+        for wait in self.0.extract_if(.., is_it) {
+            wait.answer.send(Ok(Waited::Frame(record())));
+        }
+    }
+
+    /// When a condition can next hold although nothing happens, or the time of one is up.
+    pub(super) fn due(&self, world: &World) -> Instant {
+        self.0.iter().map(|wait| wait.due(world)).min().unwrap_or(NEVER)
+    }
+
+    /// The end of the time in which a client still waits; `None` when none does.
+    pub(super) fn awaited(&self) -> Option<Instant> {
+        self.0.iter().filter(|wait| !wait.answer.is_given_up()).map(|wait| wait.until).max()
+    }
+
+    /// Whether nobody waits.
+    pub(super) const fn is_idle(&self) -> bool {
+        self.0.is_empty()
+    }
+}
+
+impl Wait {
+    fn due(&self, world: &World) -> Instant {
+        let Awaited::State(node, _, condition) = &self.condition else { return self.until };
+        let asked = condition.t_us.map_or(NEVER, Instant::from_micros);
+        let limit = if asked > world.now() { asked.min(self.until) } else { self.until };
+        if condition.is_of_position() { world.next_position(*node, limit) } else { limit }
+    }
+}
+
+fn awaited(
+    condition: Condition,
+    find: impl FnOnce(&str) -> Result<(NodeId, Kind), Refusal>,
+) -> Result<Awaited, Refusal> {
+    match condition {
+        Condition::Frame(condition) => Ok(Awaited::Frame(condition)),
+        Condition::State(name, condition) => {
+            let (node, kind) = find(&name)?;
+            let known = kind.fault_names();
+            let unknown = condition.faults.iter().flatten().find(|fault| !known.contains(&fault.as_str()));
+            match unknown {
+                Some(fault) => {
+                    Err(Refusal::Invalid(format!("'{fault}' is no fault of {name}; accepted: {}", known.join(", "))))
+                }
+                None => Ok(Awaited::State(node, kind, condition)),
+            }
+        }
+    }
+}
+
+fn timed_out(error: &str, state: Option<DeviceState>, world: &World) -> Refusal {
+    let t_us = world.now().as_micros();
+    Refusal::TimedOut(Box::new(TimedOut { error: error.to_owned(), t_us, state }))
+}

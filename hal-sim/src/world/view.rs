@@ -1,0 +1,72 @@
+//! The state of the devices at the world's instant, and when a position is next another one.
+
+use protocol_core::device::View;
+use protocol_core::encoder::Shaft;
+use protocol_core::time::{Duration, Instant, after, since};
+
+use super::node::Power;
+use super::{NodeId, World};
+
+/// The longest step in which a linked shaft is looked at: a spool that passes neutral turns it round, and in this time it
+/// comes nowhere near another position and back.
+const LINKED_STEP: Duration = Duration::from_micros(64);
+
+impl World {
+    /// The state of a device now; `None` without power.
+    pub fn view(&mut self, node: NodeId) -> Option<View> {
+        self.follow_links(node);
+        match &self.nodes[node.0].power {
+            Power::On(device) => Some(device.view(self.now)),
+            _ => None,
+        }
+    }
+
+    /// The first instant after now at which the position of a device can be another one, if nothing else happens; `limit`
+    /// when it is the same until then.
+    #[must_use]
+    pub fn next_position(&self, node: NodeId, limit: Instant) -> Instant {
+        let now = self.now;
+        let linked = self.coupling_of(node).is_some();
+        // Up to its next bend the spool moves in one direction, and comes to no position twice.
+        let limit = self.valve(node).map_or(limit, |valve| valve.bends(now).min(limit));
+        let here = self.position_at(node, now);
+        let (mut same, mut step) = (now, Duration::from_ticks(1));
+        while same < limit {
+            let next = after(same, step).min(limit);
+            if self.position_at(node, next) != here {
+                return self.first_other(node, here, same, next);
+            }
+            same = next;
+            step = if linked {
+                LINKED_STEP.min(step * 2)
+            } else {
+                Duration::from_ticks(step.as_ticks().saturating_mul(2))
+            };
+        }
+        limit
+    }
+
+    /// The first instant of another position, after `same` and at `other` at the latest.
+    fn first_other(&self, node: NodeId, here: i64, mut same: Instant, mut other: Instant) -> Instant {
+        while since(other, same) > Duration::from_ticks(1) {
+            let middle = after(same, Duration::from_ticks(since(other, same).as_ticks() / 2));
+            if self.position_at(node, middle) == here {
+                same = middle;
+            } else {
+                other = middle;
+            }
+        }
+        other
+    }
+
+    /// The position of a spool, or the raw one of a shaft, at an instant from now on, if nothing else happens.
+    fn position_at(&self, node: NodeId, at: Instant) -> i64 {
+        let raw = |shaft: &Shaft| i64::from(shaft.position_at(at));
+        match (self.coupling_of(node), self.senses(node).shaft(), self.valve(node)) {
+            (Some(coupling), ..) => raw(&Shaft::at(coupling.angle_at(self, at))),
+            (None, Some(shaft), _) => raw(shaft),
+            (None, None, Some(valve)) => valve.position(at).raw().into(),
+            (None, None, None) => 0,
+        }
+    }
+}

@@ -1,0 +1,195 @@
+//! Waiting for states and frames.
+
+use std::io::{Read as _, Write as _};
+use std::net::{Shutdown, TcpStream};
+
+use serde_json::{Value, json};
+
+use super::{Rig, micros};
+
+/// A valve that follows a set-point of full stroke from the returned instant on.
+fn moving() -> (Rig, u64) {
+    let rig = Rig::stepped(&["--device", "pvea-canopen@0x20,name=valve"]);
+    rig.send("000: 01 00");
+    for _ in 0..2 {
+        rig.send("220: 0F 00 00 00");
+    }
+    rig.send("220: 0F 00 00 00");
+    let since = rig.send("220: 0F 00 00 40");
+    (rig, since)
+}
+
+#[test]
+fn the_first_instant_is_exact() {
+    let (rig, since) = moving();
+    // 16384 in 250 ms: 4096 after 62.5 ms, to the microsecond.
+    let state = rig.wait("valve", json!({"position": 4096}), 1000);
+    assert_eq!(micros(&state["t_us"]), since + 62_500);
+    let state = rig.wait("valve", json!({"position": {"min": 8192}}), 1000);
+    assert_eq!((micros(&state["t_us"]), &state["position"]), (since + 125_000, &json!(8192)));
+    // Now, if it holds now.
+    assert_eq!(rig.wait("valve", json!({"position": {"min": 0, "max": 8192}}), 0)["t_us"], state["t_us"]);
+    assert_eq!(rig.wait("valve", json!({}), 0), rig.device("valve"));
+    let state = rig.wait("valve", json!({"position": 16384, "set_point": 16384, "nmt": "operational"}), 1000);
+    assert_eq!(micros(&state["t_us"]), since + 250_000);
+}
+
+#[test]
+fn every_key_of_a_state_can_be_waited_for() {
+    let rig = Rig::stepped(&["--device", "pvea-canopen@0x20,name=valve", "--device", "hat1000@5,bit-rate=250k"]);
+    for name in ["valve", "hat1000"] {
+        let mut state = rig.device(name);
+        let fields = state.as_object_mut().expect("an object");
+        fields.remove("plant");
+        fields["faults"] = json!([]);
+        for (key, value) in fields.clone() {
+            assert_eq!(rig.wait(name, json!({key.as_str(): value}), 0)["name"], name, "{key}");
+        }
+        assert_eq!(rig.wait(name, Value::Object(fields.clone()), 0), rig.device(name));
+    }
+    let state = rig.wait("valve", json!({"led": {"color": "yellow"}, "set_point": {"min": 0}}), 0);
+    assert_eq!(micros(&rig.wait("valve", json!({"t_us": 12_345}), 100)["t_us"]), 12_345);
+    for (key, other) in [
+        ("t_us", json!(0)),
+        ("name", json!("other")),
+        ("kind", json!("pvea-isobus")),
+        ("node_id", json!(33)),
+        ("node_id", json!(null)),
+        ("bit_rate", json!(125000)),
+        ("powered", json!(false)),
+        ("nmt", json!("stopped")),
+        ("dsm", json!("active")),
+        ("dsm", json!(null)),
+        ("command", json!("blocked")),
+        ("set_point", json!("float")),
+        ("set_point", json!(1)),
+        ("set_point", json!({"min": 1})),
+        ("set_point", json!(null)),
+        ("position", json!(-1)),
+        ("position", json!({"max": -1})),
+        ("position", json!(null)),
+        ("solenoids", json!(true)),
+        ("led", json!({"color": "green"})),
+        ("led", json!({"flashing": true})),
+        ("led", json!(null)),
+        ("faults", json!(["internal"])),
+    ] {
+        let body = json!({"device": "valve", "state": {key: other}, "within_ms": 1}).to_string();
+        let (status, answer) = rig.call("POST", "/wait", Some(&body));
+        assert_eq!(status, 408, "{body}: {answer}");
+        assert_eq!((&answer["state"]["name"], answer["error"].is_string()), (&state["name"], true), "{answer}");
+        assert_eq!(answer["t_us"], answer["state"]["t_us"]);
+    }
+}
+
+#[test]
+fn what_is_not_known_is_refused() {
+    let rig = Rig::stepped(&["--device", "pvea-canopen,name=valve"]);
+    for body in [
+        r#"{"device": "valve", "state": {"nmt": "operational"}}"#,
+        r#"{"device": "valve", "within_ms": 1}"#,
+        r#"{"state": {}, "within_ms": 1}"#,
+        r#"{"within_ms": 1}"#,
+        r#"{"device": "valve", "state": {}, "frame": {"id": 1}, "within_ms": 1}"#,
+        r#"{"device": "valve", "state": {}, "within_ms": 1, "until": 2}"#,
+        r#"{"device": "valve", "state": {}, "within_ms": -1}"#,
+        r#"{"device": "valve", "state": {"nmt": "operating"}, "within_ms": 1}"#,
+        r#"{"device": "valve", "state": {"state": "hold"}, "within_ms": 1}"#,
+        r#"{"device": "valve", "state": {"plant": {"supply_mv": 1}}, "within_ms": 1}"#,
+        r#"{"device": "valve", "state": {"position": {"from": 1}}, "within_ms": 1}"#,
+        r#"{"device": "valve", "state": {"position": "float"}, "within_ms": 1}"#,
+        r#"{"device": "valve", "state": {"led": {"colour": "red"}}, "within_ms": 1}"#,
+        r#"{"device": "valve", "state": {"led": {"color": "blue"}}, "within_ms": 1}"#,
+        r#"{"device": "valve", "state": {"faults": ["broken"]}, "within_ms": 1}"#,
+        r#"{"device": "valve", "state": {"faults": "internal"}, "within_ms": 1}"#,
+        r#"{"device": "valve", "state": {"solenoids": 1}, "within_ms": 1}"#,
+        r#"{"frame": {"id": 2048}, "within_ms": 1}"#,
+        r#"{"frame": {"data": "00"}, "within_ms": 1}"#,
+        r#"{"frame": {"id": 1, "data": "0"}, "within_ms": 1}"#,
+        r#"{"frame": {"id": 1, "from": "valve"}, "within_ms": 1}"#,
+    ] {
+        let error = rig.refused("POST", "/wait", Some(body), 400);
+        assert!(!error.is_empty(), "{body}");
+    }
+    let body = r#"{"device": "other", "state": {}, "within_ms": 1}"#;
+    rig.refused("POST", "/wait", Some(body), 404);
+    assert_eq!(rig.get("/time"), json!({"now_us": 10_000}), "no time has passed");
+}
+
+#[test]
+fn a_frame_by_its_identifier_and_the_begin_of_its_data() {
+    let rig = Rig::stepped(&["--device", "pvea-isobus@0x83,name=valve"]);
+    let frame =
+        rig.post("/wait", json!({"frame": {"id": 0x0CFE_1383, "extended": true, "data": "7d7D30"}, "within_ms": 1000}));
+    assert_eq!((&frame["from"], &frame["data"]), (&json!("valve"), &json!("7D7D30FFFFFFFFFF")));
+    assert_eq!(rig.get("/time")["now_us"], frame["t_us"]);
+    let (status, answer) = rig.call("POST", "/wait", Some(r#"{"frame": {"id": 1}, "within_ms": 50}"#));
+    assert_eq!((status, &answer["state"]), (408, &Value::Null));
+    assert_eq!(micros(&answer["t_us"]), micros(&frame["t_us"]) + 50_000);
+    // A frame that was there before does not count, nor one with 11 bits, nor other data.
+    for frame in [json!({"id": 0x383}), json!({"id": 0x0CFE_1383, "extended": true, "data": "7D7D31"})] {
+        assert_eq!(
+            rig.call("POST", "/wait", Some(&json!({"frame": frame, "within_ms": 200}).to_string()).map(|x| x.as_str()))
+                .0,
+            408
+        );
+    }
+}
+
+/// Of stepped time each call gets its own, one after the other; time passes by itself for all at once.
+#[test]
+fn calls_that_let_time_pass_take_turns() {
+    let rig = Rig::stepped(&["--device", "pvea-canopen,name=valve"]);
+    let rig = &rig;
+    let ends: Vec<u64> = std::thread::scope(|scope| {
+        let never = json!({"device": "valve", "state": {"powered": false}, "within_ms": 100}).to_string();
+        let waits: Vec<_> = (0..5)
+            .map(|_| {
+                let never = never.clone();
+                scope.spawn(move || micros(&rig.call("POST", "/wait", Some(&never)).1["t_us"]))
+            })
+            .collect();
+        waits.into_iter().map(|wait| wait.join().expect("an answer")).collect()
+    });
+    let mut sorted = ends;
+    sorted.sort_unstable();
+    assert_eq!(sorted, [110_000, 210_000, 310_000, 410_000, 510_000]);
+}
+
+/// A client that hangs up ends its own call, and time stands.
+#[test]
+fn a_client_that_hangs_up_waits_no_longer() {
+    let rig = Rig::stepped(&["--device", "pvea-canopen,name=valve"]);
+    let week = 7 * 86_400_000_u32;
+    // So much happens in a week that it does not pass in a moment.
+    rig.send_every(1, "100: ");
+    let bodies = [
+        ("/wait", json!({"device": "valve", "state": {"powered": false}, "within_ms": week})),
+        ("/time", json!({"advance_ms": week})),
+    ];
+    for (path, body) in bodies {
+        let start = micros(&rig.get("/time")["now_us"]);
+        let mut client = TcpStream::connect(&rig.host).expect("a connection");
+        let body = body.to_string();
+        write!(
+            client,
+            "POST /api/v1{path} HTTP/1.1\r\nHost: {}\r\nContent-Type: application/json\r\nContent-Length: {}\r\n\r\n{body}",
+            rig.host,
+            body.len()
+        )
+        .expect("it reads");
+        // Once time passes, its turn has come.
+        while micros(&rig.get("/time")["now_us"]) == start {}
+        client.shutdown(Shutdown::Both).expect("an end");
+        drop(client);
+        // The next call gets its turn, within seconds and not within the week.
+        let now = rig.advance(1);
+        assert!(now < start + u64::from(week) * 1000, "{path}");
+        assert_eq!(micros(&rig.get("/time")["now_us"]), now, "{path}: time stands");
+    }
+    let mut client = TcpStream::connect(&rig.host).expect("a connection");
+    write!(client, "GET /api/v1/time HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n", rig.host).expect("it reads");
+    let mut answer = String::new();
+    client.read_to_string(&mut answer).expect("text");
+    assert!(answer.starts_with("HTTP/1.1 200 "), "{answer}");
+}

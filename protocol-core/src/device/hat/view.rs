@@ -1,0 +1,29 @@
+//! The state of an angle sensor for people and tools.
+
+use super::{Error, Hat};
+use crate::device::Device as _;
+use crate::device::view::{FaultView, View, Viewable};
+use crate::time::Instant;
+
+impl Viewable for Hat {
+    fn view(&self, now: Instant) -> View {
+        let body = self.body();
+        let fault = |error: Error| {
+            let (code, field, _) = error.codes();
+            FaultView {
+                name: error.name(),
+                active: body.objects.errors.has(error),
+                count: body.node.times_entered(code, field),
+            }
+        };
+        View {
+            node_id: self.node_id(),
+            bit_rate: self.bit_rate(),
+            nmt: Some(body.node.nmt_state()),
+            // Below 16384, a turn.
+            position: i16::try_from(body.objects.position(now)).unwrap_or(i16::MAX),
+            valve: None,
+            faults: Error::ALL.into_iter().map(fault).collect(),
+        }
+    }
+}

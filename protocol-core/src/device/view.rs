@@ -1,0 +1,80 @@
+//! The state of a device for people and tools: one view of every product, plain data.
+//!
+//! [`Viewable`] stands beside [`Device`](super::Device) and is no part of it: an image that shows nothing links none of it.
+
+use heapless::Vec;
+
+use super::pve::DeviceState;
+use crate::actuator::{Fault, Led, SetPoint, Valve};
+use crate::controller::BitRate;
+use crate::time::Instant;
+use crate::wire::nmt;
+use crate::wire::valve;
+
+/// The most faults that a kind knows.
+pub const FAULTS: usize = Fault::ALL.len();
+
+/// The state of a device at one instant.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct View {
+    /// The node ID, on ISOBUS the address, in force.
+    pub node_id: Option<u8>,
+    /// The bit rate in force.
+    pub bit_rate: BitRate,
+    /// The NMT state; `None` on ISOBUS.
+    pub nmt: Option<nmt::State>,
+    /// The position of the spool, −16384…16384; of an encoder object 0x6004.
+    pub position: i16,
+    /// The state of a valve; `None` for another product.
+    pub valve: Option<ValveView>,
+    /// Every fault of the kind, in the order of [`Kind::fault_names`](super::Kind::fault_names).
+    pub faults: Vec<FaultView, FAULTS>,
+}
+
+/// The state of a valve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ValveView {
+    /// The state of the device state machine; `None` on ISOBUS.
+    pub dsm: Option<DeviceState>,
+    /// The state of the auxiliary valve as AVEF tells it: blocked during a shutdown. `None` on CANopen.
+    pub command: Option<valve::State>,
+    /// The set-point: on CANopen the last accepted one, object 0x6300; on ISOBUS that of `command`, neutral for a command
+    /// without a flow.
+    pub set_point: SetPoint,
+    /// Whether the solenoids are energised.
+    pub solenoids: bool,
+    /// The LED.
+    pub led: Led,
+}
+
+/// The state of a fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FaultView {
+    /// The name used everywhere.
+    pub name: &'static str,
+    /// Whether it is active.
+    pub active: bool,
+    /// Of a valve the occurrence counter, 0–127; of an angle sensor the number of its entries in 0x1003.
+    pub count: u8,
+}
+
+/// A device that shows its state.
+pub trait Viewable {
+    /// Returns the state at `now`, which is before nothing that the device was given.
+    fn view(&self, now: Instant) -> View;
+
+    /// The valve behind the protocol; `None` for another product.
+    fn valve(&self) -> Option<&Valve> {
+        None
+    }
+}
+
+/// Returns the faults of a valve.
+pub(super) fn valve_faults(valve: &Valve) -> Vec<FaultView, FAULTS> {
+    let view = |fault: Fault| FaultView {
+        name: fault.name(),
+        active: valve.is_active(fault),
+        count: valve.counters().get(fault),
+    };
+    Fault::ALL.into_iter().map(view).collect()
+}
