@@ -97,8 +97,8 @@ impl<O: Outside> Driver<O> {
         }
     }
 
-    /// A driver for a program that has a wall clock and clients of its own. The devices of the world are powered now; it keeps
-    /// no log. Call [`turn`](Self::turn) again and again.
+    /// A driver for a program that has a wall clock and clients of its own, at a speed that is finite and above 0. Powers the
+    /// devices of the world, and keeps no log. Call [`turn`](Self::turn) again and again.
     ///
     /// # Errors
     /// When the thread that writes to `stdout` and `stderr` cannot be started.
