@@ -5,6 +5,8 @@ use core::sync::atomic::{AtomicU8, Ordering};
 use embassy_stm32::gpio::{Level, Output};
 use embassy_time::{Duration, Timer};
 use protocol_core::actuator::{Color, Led};
+use protocol_core::controller::BusErrorMode;
+use protocol_core::device::{Device, ProductSenses, Senses};
 
 use super::attention::{Caller, call};
 
@@ -14,6 +16,23 @@ const HALF_PERIOD: Duration = Duration::from_millis(333);
 const RED: u8 = 0b001;
 const GREEN: u8 = 0b010;
 const FLASHING: u8 = 0b100;
+
+/// Returns what the LEDs show of a device: the LED of a valve. A sensor has none: they show what the board knows of it.
+pub(super) fn led_of(device: &dyn Device, senses: &Senses) -> Led {
+    if let Some(outputs) = device.outputs().valve() {
+        return outputs.led;
+    }
+    let measuring_error = matches!(senses.product, ProductSenses::Encoder(shaft) if shaft.measuring_error);
+    if senses.bus == BusErrorMode::BusOff {
+        Led::RED
+    } else if senses.internal_fault || measuring_error {
+        Led::RED_FLASHING
+    } else if device.node_id().is_none() {
+        Led::YELLOW
+    } else {
+        Led::GREEN
+    }
+}
 
 /// What the LEDs show.
 pub(super) struct Lights(AtomicU8);

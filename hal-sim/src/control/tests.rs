@@ -3,6 +3,7 @@
 use proptest::prelude::*;
 use protocol_core::actuator::{Position, Scale};
 use protocol_core::controller::BitRate;
+use protocol_core::device::Senses;
 use protocol_core::encoder::STEPS;
 use protocol_core::time::{Duration, Instant, after};
 use protocol_core::wire::valve::{EstimatedFlow, State};
@@ -44,7 +45,7 @@ impl Bench {
             .map(|(kind, name)| {
                 let birth = crate::kind::Birth { bit_rate: Some(BitRate::Kbit250), ..kind.default_birth() };
                 let node = world.add_device(name, kind.factory(birth), Memory::in_ram());
-                world.set_senses(node, kind.default_senses());
+                world.set_senses(node, Senses::healthy(kind));
                 (node, kind)
             })
             .collect();

@@ -1,5 +1,6 @@
 //! The flashed image on the emulated board. `./run` builds it first.
 
+mod angle_sensor;
 mod bit_rates;
 mod budgets;
 mod bus_off;
