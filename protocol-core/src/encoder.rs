@@ -57,7 +57,7 @@ impl Shaft {
             return start;
         }
         // A shaft with a whole number of turns a minute is back where it was after each minute.
-        let elapsed = modulo(since(now, self.since).as_ticks(), MINUTE_US);
+        let elapsed = modulo(since(now, self.since).as_micros(), MINUTE_US);
         let parts = modulo(elapsed.saturating_mul(self.speed_rpm.unsigned_abs().into()), MINUTE_US);
         let turned = parts.saturating_mul(UNITS_PER_PART);
         let forward = if self.speed_rpm > 0 { turned } else { TURN.saturating_sub(turned) };

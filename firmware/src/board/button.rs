@@ -7,6 +7,7 @@ use embassy_time::{Duration, Timer};
 use firmware::plant::Injection;
 
 use super::attention::{Caller, call};
+use super::nucleo::PRESSED;
 
 /// The fault that the last press injects.
 pub(super) type Presses = Signal<CriticalSectionRawMutex, Injection>;
@@ -22,7 +23,7 @@ pub(super) async fn run(button: Input<'static>, presses: &'static Presses) {
     let (mut pressed, mut looks) = (false, 0);
     loop {
         Timer::after(LOOK).await;
-        looks = if button.is_high() == pressed { 0 } else { looks + 1 };
+        looks = if (button.get_level() == PRESSED) == pressed { 0 } else { looks + 1 };
         if looks < STEADY {
             continue;
         }
