@@ -1,6 +1,7 @@
 //! All bit rates of SPEC 1, as the firmware sets the controller and as the bus measures them.
 
 use firmware_in_the_loop::bench::ImageBench;
+use firmware_in_the_loop::board::NUCLEO_F429ZI;
 use firmware_in_the_loop::bxcan::BitTiming;
 use firmware_in_the_loop::bxcan::registers::{BTR, MCR, TSR, mcr};
 use hal_sim::bus::FrameBits;
@@ -13,7 +14,7 @@ use super::overtaking::fill;
 #[test]
 fn each_bit_rate_is_exact_and_samples_where_cia_says() {
     for rate in VALVE.kind.bit_rates().iter().copied() {
-        let mut client = Client::powered(ImageBench::with_devices(BitRate::Kbit250, &VALVE, &[]));
+        let mut client = Client::powered(ImageBench::with_devices(&NUCLEO_F429ZI, BitRate::Kbit250, &VALVE, &[]));
         client.send("7E5: 04 01 00 00 00 00 00 00");
         client.send(&format!("7E5: 13 00 {:02X} 00 00 00 00 00", rate.table_index()));
         client.expect("7E4: 13 00 00 00 00 00 00 00");
