@@ -1,31 +1,51 @@
 //! The lines of the console.
 
-use protocol_core::device::pve::Kind;
+use protocol_core::device::{Kind, ProductSenses};
 
-use crate::plant::Plant;
+use crate::plant::Change;
 
-/// What can be said, a word a line.
+/// What can be said to every kind, a word a line.
 pub const HELP: &str = "\
-supply_mv N                       supply voltage in mV\r\n\
-temperature_c N                   temperature in degrees Celsius\r\n\
-spool ok|stuck|slow|drifting|no-float\r\n\
-lever N|off                       hand lever, 16384 is 100 %\r\n\
 internal_fault on|off\r\n\
 memory ok|write-fails\r\n\
 bus_off on|off                    keeps the controller off the bus\r\n\
 status                            what it is, and what acts on it\r\n\
-kind KIND [SERIAL]                becomes a new valve: pvea-canopen, pveo-canopen, pvea-isobus, pveo-isobus\r\n\
-blank [SERIAL]                    becomes a new valve without a node ID\r\n\
+kind KIND [SERIAL]                becomes a new device: pvea-canopen, pveo-canopen, pvea-isobus, pveo-isobus, \
+hat1000, hat3000\r\n\
+blank [SERIAL]                    becomes a new device without a node ID\r\n\
 power-cycle                       restarts\r\n";
+
+const VALVE_HELP: &str = "\
+supply_mv N                       supply voltage in mV\r\n\
+temperature_c N                   temperature in degrees Celsius\r\n\
+spool ok|stuck|slow|drifting|no-float\r\n\
+lever N|off                       hand lever, 16384 is 100 %\r\n";
+
+const SENSOR_HELP: &str = "\
+angle_cdeg N                      angle of the shaft, 0 to 35999 1/100 degree\r\n\
+speed_rpm N                       turns a minute, by itself; positive is clockwise\r\n\
+measuring_error on|off\r\n";
+
+/// Returns what can be said to a product besides, a word a line.
+#[must_use]
+pub const fn help_of(product: &ProductSenses) -> &'static str {
+    match product {
+        ProductSenses::Valve(_) => VALVE_HELP,
+        ProductSenses::Encoder(_) => SENSOR_HELP,
+    }
+}
 
 /// The answer to a line that is not understood.
 pub const USAGE: &str = "not understood: help tells all words";
 
+/// The answer to a word that another product has.
+pub const OTHER_KIND: &str = "another kind of device has this word: help tells all words";
+
 /// A line that was understood.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command {
-    /// What acts on the device changes to this.
-    Plant(Plant),
+    /// Change what acts on the device.
+    Plant(Change),
     /// Tell how the device is.
     Status,
     /// Become a new device of this kind, perhaps with a serial number of its own.
@@ -41,7 +61,7 @@ pub enum Command {
 impl Command {
     /// Reads a line. `None` when it is not understood.
     #[must_use]
-    pub fn parse(line: &str, plant: &Plant) -> Option<Self> {
+    pub fn parse(line: &str) -> Option<Self> {
         let mut words = line.split_ascii_whitespace();
         let command = match (words.next()?, words.next()) {
             ("status", None) => Self::Status,
@@ -49,7 +69,7 @@ impl Command {
             ("help", None) => Self::Help,
             ("kind", Some(name)) => Self::Kind(Kind::from_name(name)?, serial(words.next())?),
             ("blank", value) => Self::Blank(serial(value)?),
-            (word, Some(value)) => Self::Plant(plant.with(word, value)?),
+            (word, Some(value)) => Self::Plant(Change::parse(word, value)?),
             _ => return None,
         };
         words.next().is_none().then_some(command)
@@ -68,23 +88,27 @@ fn serial(word: Option<&str>) -> Option<Option<u32>> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    extern crate std;
+    use std::format;
 
-    fn parse(line: &str) -> Option<Command> {
-        Command::parse(line, &Plant::default())
-    }
+    use super::*;
+    use crate::plant::Plant;
+    use protocol_core::time::Instant;
 
     #[test]
     fn every_command() {
-        assert_eq!(parse(" status "), Some(Command::Status));
-        assert_eq!(parse("help"), Some(Command::Help));
-        assert_eq!(parse("blank"), Some(Command::Blank(None)));
-        assert_eq!(parse("blank 7"), Some(Command::Blank(Some(7))));
-        assert_eq!(parse("power-cycle"), Some(Command::PowerCycle));
-        assert_eq!(parse("kind pveo-isobus"), Some(Command::Kind(Kind::PveoIsobus, None)));
-        assert_eq!(parse("kind pveo-isobus 0x1F"), Some(Command::Kind(Kind::PveoIsobus, Some(31))));
-        let plant = Plant::default().with("supply_mv", "8500").unwrap();
-        assert_eq!(parse(" supply_mv  8500"), Some(Command::Plant(plant)));
+        assert_eq!(Command::parse(" status "), Some(Command::Status));
+        assert_eq!(Command::parse("help"), Some(Command::Help));
+        assert_eq!(Command::parse("blank"), Some(Command::Blank(None)));
+        assert_eq!(Command::parse("blank 7"), Some(Command::Blank(Some(7))));
+        assert_eq!(Command::parse("power-cycle"), Some(Command::PowerCycle));
+        for kind in Kind::ALL {
+            assert_eq!(Command::parse(&format!("kind {kind}")), Some(Command::Kind(kind, None)));
+            assert_eq!(Command::parse(&format!("kind {kind} 0x1F")), Some(Command::Kind(kind, Some(31))));
+            assert!(HELP.contains(kind.name()), "{kind}");
+        }
+        assert_eq!(Command::parse(" supply_mv  8500"), Some(Command::Plant(Change::SupplyMv(8_500))));
+        assert_eq!(Command::parse("speed_rpm -60"), Some(Command::Plant(Change::SpeedRpm(-60))));
     }
 
     #[test]
@@ -102,7 +126,21 @@ mod tests {
             "blank 1 2",
             "blank 4294967296",
         ] {
-            assert_eq!(parse(line), None, "{line}");
+            assert_eq!(Command::parse(line), None, "{line}");
+        }
+    }
+
+    #[test]
+    fn help_tells_every_word_of_the_product_and_no_other() {
+        let sets = Kind::ALL.map(Plant::healthy);
+        for plant in sets {
+            let help = format!("{}{HELP}", help_of(&plant.senses.product));
+            for other in sets {
+                for (word, _) in other.words(Instant::MIN).map(Change::text) {
+                    let is_own = plant.words(Instant::MIN).any(|own| own.text().0 == word);
+                    assert_eq!(help.lines().any(|line| line.starts_with(word)), is_own, "{word}");
+                }
+            }
         }
     }
 }

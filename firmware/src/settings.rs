@@ -1,6 +1,6 @@
 //! What the board is: a setting of its own in the memory, beside the records of the device.
 
-use protocol_core::device::pve::{Kind, Protocol, Setup};
+use protocol_core::device::{Kind, Protocol, Setup, hat, pve};
 
 /// How many bytes a setting takes.
 pub const LEN: usize = 7;
@@ -61,7 +61,7 @@ impl Settings {
     /// What a new memory of the device is filled with.
     #[must_use]
     pub const fn setup(&self) -> Setup {
-        let setup = Setup { serial: self.serial, ..Setup::new(self.kind) };
+        let setup = Setup { serial: self.serial, ..Setup::<Kind>::new(self.kind) };
         if self.blank { Setup { node_id: None, ..setup } } else { setup }
     }
 
@@ -92,16 +92,18 @@ impl Settings {
 /// What a kind is stored as: never changed.
 const fn number(kind: Kind) -> u8 {
     match kind {
-        Kind::PveaCanopen => 0,
-        Kind::PveoCanopen => 1,
-        Kind::PveaIsobus => 2,
-        Kind::PveoIsobus => 3,
+        Kind::Pve(pve::Kind::PveaCanopen) => 0,
+        Kind::Pve(pve::Kind::PveoCanopen) => 1,
+        Kind::Pve(pve::Kind::PveaIsobus) => 2,
+        Kind::Pve(pve::Kind::PveoIsobus) => 3,
+        Kind::Hat(hat::Kind::Hat1000) => 4,
+        Kind::Hat(hat::Kind::Hat3000) => 5,
     }
 }
 
 /// `PVE_KIND` at the time of the build.
 const DEFAULT_KIND: Kind = match option_env!("PVE_KIND") {
-    None => Kind::PveaCanopen,
+    None => Kind::Pve(pve::Kind::PveaCanopen),
     Some(name) => named(name),
 };
 
@@ -114,7 +116,7 @@ const fn named(name: &str) -> Kind {
         }
         i += 1;
     }
-    panic!("PVE_KIND is none of pvea-canopen, pveo-canopen, pvea-isobus, pveo-isobus");
+    panic!("PVE_KIND is none of pvea-canopen, pveo-canopen, pvea-isobus, pveo-isobus, hat1000, hat3000");
 }
 
 const fn is_equal(left: &[u8], right: &[u8]) -> bool {
@@ -128,6 +130,10 @@ const fn is_equal(left: &[u8], right: &[u8]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const CANOPEN: Kind = Kind::Pve(pve::Kind::PveoCanopen);
+    const ISOBUS: Kind = Kind::Pve(pve::Kind::PveaIsobus);
+    const SENSOR: Kind = Kind::Hat(hat::Kind::Hat3000);
 
     #[test]
     fn what_was_encoded_decodes() {
@@ -144,7 +150,7 @@ mod tests {
     #[test]
     fn what_is_none_does_not() {
         for bytes in
-            [&[][..], &[1, 0, 0], &[2, 0, 0, 0, 0, 0, 0], &[1, 4, 0, 0, 0, 0, 0], &[1, 0, 16, 0, 0, 0, 0], &[0; 8]]
+            [&[][..], &[1, 0, 0], &[2, 0, 0, 0, 0, 0, 0], &[1, 6, 0, 0, 0, 0, 0], &[1, 0, 16, 0, 0, 0, 0], &[0; 8]]
         {
             assert_eq!(Settings::decode(bytes), None, "{bytes:?}");
         }
@@ -154,9 +160,7 @@ mod tests {
     fn another_image_makes_a_new_device_unless_the_kind_was_chosen() {
         let other = Kind::ALL.into_iter().find(|kind| *kind != DEFAULT_KIND).unwrap();
         assert_eq!(Settings::at_start(None), Settings::DEFAULT);
-        for stored in
-            [Settings::DEFAULT, Settings::new(other, Some(7)), Settings::new_blank(Kind::PveoCanopen, None).unwrap()]
-        {
+        for stored in [Settings::DEFAULT, Settings::new(other, Some(7)), Settings::new_blank(CANOPEN, None).unwrap()] {
             assert_eq!(Settings::at_start(Some(stored)), stored);
         }
         let of_another_image = Settings { kind: other, ..Settings::DEFAULT };
@@ -164,10 +168,12 @@ mod tests {
     }
 
     #[test]
-    fn a_blank_valve_has_no_node_id() {
-        assert_eq!(Settings::new_blank(Kind::PveoCanopen, None).unwrap().setup().node_id, None);
-        assert_eq!(Settings::new_blank(Kind::PveaIsobus, None), None);
-        assert_eq!(Settings::new(Kind::PveaIsobus, Some(7)).setup().serial, Some(7));
-        assert_eq!(Settings::DEFAULT.setup(), Setup::new(Settings::DEFAULT.kind));
+    fn a_blank_device_has_no_node_id() {
+        for kind in [CANOPEN, SENSOR] {
+            assert_eq!(Settings::new_blank(kind, None).unwrap().setup().node_id, None);
+        }
+        assert_eq!(Settings::new_blank(ISOBUS, None), None);
+        assert_eq!(Settings::new(ISOBUS, Some(7)).setup().serial, Some(7));
+        assert_eq!(Settings::DEFAULT.setup(), Setup::<Kind>::new(Settings::DEFAULT.kind));
     }
 }

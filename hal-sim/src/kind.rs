@@ -4,8 +4,7 @@ use protocol_core::controller::BitRate;
 pub use protocol_core::device::Kind;
 use protocol_core::device::hat::Hat;
 use protocol_core::device::pve::{self, PveCanopen, PveIsobus};
-use protocol_core::device::{Protocol, Senses, Setup, StartCause, hat};
-use protocol_core::encoder::Shaft;
+use protocol_core::device::{Protocol, Setup, StartCause, hat};
 use protocol_core::memory::Image;
 use protocol_core::time::Instant;
 
@@ -42,9 +41,6 @@ pub trait Simulated: Sized {
 
     /// Returns a device as it leaves the factory.
     fn default_birth(self) -> Birth;
-
-    /// Returns what such a device senses when nothing is wrong: a shaft at 0, a valve with its supply.
-    fn default_senses(self) -> Senses;
 
     /// Returns what builds such a device from its memory at each start.
     fn factory(self, birth: Birth) -> impl FnMut(&Image, StartCause, Instant) -> Box<dyn SimDevice> + Send + 'static;
@@ -88,13 +84,6 @@ impl Simulated for Kind {
     fn default_birth(self) -> Birth {
         let Setup { node_id, serial, bit_rate, .. } = Setup::<Self>::new(self);
         Birth { node_id, serial, bit_rate }
-    }
-
-    fn default_senses(self) -> Senses {
-        match self {
-            Self::Pve(_) => Senses::default(),
-            Self::Hat(_) => Senses::encoder(Shaft::default()),
-        }
     }
 
     fn factory(self, birth: Birth) -> impl FnMut(&Image, StartCause, Instant) -> Box<dyn SimDevice> + Send + 'static {

@@ -85,7 +85,7 @@ impl Frame {
     }
 
     /// A data frame of the same length under the same identifier; bytes beyond it are left out.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn refilled(&self, data: [u8; MAX_LEN]) -> Self {
         let mut frame = Self { key: self.key, remote: false, len: self.len, data };

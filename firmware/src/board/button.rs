@@ -1,16 +1,15 @@
-//! The user button: each press injects the next fault.
+//! The user button: each press brings the next fault.
 
 use embassy_stm32::gpio::Input;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Timer};
-use firmware::plant::Injection;
 
 use super::attention::{Caller, call};
 use super::nucleo::PRESSED;
 
-/// The fault that the last press injects.
-pub(super) type Presses = Signal<CriticalSectionRawMutex, Injection>;
+/// The button was pressed.
+pub(super) type Presses = Signal<CriticalSectionRawMutex, ()>;
 
 /// The button is looked at so often.
 const LOOK: Duration = Duration::from_millis(10);
@@ -19,7 +18,6 @@ const STEADY: u8 = 3;
 
 #[embassy_executor::task]
 pub(super) async fn run(button: Input<'static>, presses: &'static Presses) {
-    let mut injection = Injection::None;
     let (mut pressed, mut looks) = (false, 0);
     loop {
         Timer::after(LOOK).await;
@@ -29,8 +27,7 @@ pub(super) async fn run(button: Input<'static>, presses: &'static Presses) {
         }
         (pressed, looks) = (!pressed, 0);
         if pressed {
-            injection = injection.next();
-            presses.signal(injection);
+            presses.signal(());
             call(Caller::Front);
         }
     }

@@ -31,8 +31,8 @@ pub(super) enum Answer {
     Restart,
     /// How the device is.
     Status(String<STATUS>),
-    /// All words.
-    Help,
+    /// All words: these of the product, and those of every kind.
+    Help(&'static str),
     /// Not understood.
     Usage,
     /// Understood, and impossible, for this reason.
@@ -94,14 +94,14 @@ async fn ask(line: String<LINE>, lines: &Lines, answers: &Answers) -> Answer {
 }
 
 async fn tell(uart: &mut BufferedUart<'static>, answer: &Answer) {
-    let (before, last) = match answer {
-        Answer::Done | Answer::Restart => ("", "ok"),
-        Answer::Status(status) => (status.as_str(), "ok"),
-        Answer::Help => (HELP, "ok"),
-        Answer::Usage => ("", USAGE),
-        Answer::Refused(why) => ("", *why),
+    let parts = match answer {
+        Answer::Done | Answer::Restart => ["", "", "ok"],
+        Answer::Status(status) => [status.as_str(), "", "ok"],
+        Answer::Help(own) => [own, HELP, "ok"],
+        Answer::Usage => ["", "", USAGE],
+        Answer::Refused(why) => ["", "", *why],
     };
-    for part in [before, last, "\r\n"] {
+    for part in parts.into_iter().chain(["\r\n"]) {
         // The driver takes no more at once than it has room for, and never wakes one who waits for room.
         for chunk in part.as_bytes().chunks(BUFFER) {
             let _ = uart.write_all(chunk).await;

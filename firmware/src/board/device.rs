@@ -3,12 +3,13 @@
 use embassy_stm32::peripherals::IWDG;
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_time::{Duration, Instant};
-use firmware::console::Command;
-use firmware::plant::Plant;
+use firmware::console::{Command, OTHER_KIND, help_of};
+use firmware::plant::{Change, Inapplicable, Plant};
 use firmware::settings::Settings;
 use protocol_core::controller::BusErrorMode;
-use protocol_core::device::pve::{Protocol, PveCanopen, PveIsobus};
-use protocol_core::device::{Device, Effect, Restart, StartCause};
+use protocol_core::device::hat::Hat;
+use protocol_core::device::pve::{PveCanopen, PveIsobus};
+use protocol_core::device::{Device, Effect, Kind, Protocol, Restart, StartCause};
 use protocol_core::memory::{Image, StoreError};
 use protocol_core::pump::{pump, receive};
 use protocol_core::time::NEVER;
@@ -18,7 +19,7 @@ use super::attention::{Attention, Caller, Calls};
 use super::can::{self, Can1};
 use super::console::Answer;
 use super::front::{Front, status};
-use super::led::Lights;
+use super::led::{Lights, led_of};
 use super::link::Link;
 use super::storage::{Client, Done, Request};
 
@@ -51,7 +52,7 @@ pub(super) async fn run(
     defmt::info!("{}", settings.kind.name());
     let device = power_on(&settings, &memory.contents().await.image, cause);
     let link = Link::new(can);
-    let (plant, restarting) = (Plant::default(), None);
+    let (plant, restarting) = (Plant::healthy(settings.kind), None);
     Board { settings, link, watchdog, attention, memory, front, lights, plant, restarting }.serve(device).await;
 }
 
@@ -62,6 +63,7 @@ type AnyDevice = dyn Device + Send;
 enum Place {
     Canopen(PveCanopen),
     Isobus(PveIsobus),
+    Sensor(Hat),
 }
 
 // Kept apart: it is as large as a device on the stack, and gone from there when that is in its place.
@@ -69,13 +71,17 @@ enum Place {
 fn power_on(settings: &Settings, image: &Image, cause: StartCause) -> &'static mut AnyDevice {
     static DEVICE: StaticCell<Place> = StaticCell::new();
     let (setup, now) = (settings.setup(), Instant::now());
-    let place = DEVICE.init_with(|| match settings.kind.protocol() {
-        Protocol::Canopen => Place::Canopen(PveCanopen::power_on(setup, image, cause, now)),
-        Protocol::Isobus => Place::Isobus(PveIsobus::power_on(setup, image, cause, now)),
+    let place = DEVICE.init_with(|| match setup.kind {
+        Kind::Pve(kind) => match kind.protocol() {
+            Protocol::Canopen => Place::Canopen(PveCanopen::power_on(setup.with_kind(kind), image, cause, now)),
+            Protocol::Isobus => Place::Isobus(PveIsobus::power_on(setup.with_kind(kind), image, cause, now)),
+        },
+        Kind::Hat(kind) => Place::Sensor(Hat::power_on(setup.with_kind(kind), image, cause, now)),
     });
     match place {
         Place::Canopen(device) => device,
         Place::Isobus(device) => device,
+        Place::Sensor(device) => device,
     }
 }
 
@@ -126,10 +132,8 @@ impl Board {
                 self.carry_out(effect, device).await;
                 now = Instant::now();
             }
-            if calls.include(Caller::Leds)
-                && let Some(outputs) = device.outputs().valve()
-            {
-                self.lights.show(outputs.led);
+            if calls.include(Caller::Leds) {
+                self.lights.show(led_of(device, &self.plant.senses));
             }
             due = self.next_look(device, now);
         }
@@ -187,10 +191,10 @@ impl Board {
         if let Some(plant) = self.front.pressed(&self.plant) {
             self.set_plant(plant, device).await;
         }
-        match self.front.command(&self.plant) {
-            Some(Command::Plant(plant)) => {
-                self.set_plant(plant, device).await;
-                self.front.answer(Answer::Done);
+        match self.front.command() {
+            Some(Command::Plant(change)) => {
+                let answer = self.change_plant(change, device).await;
+                self.front.answer(answer);
             }
             Some(Command::Status) => {
                 self.front.answer(Answer::Status(status(&self.settings, device, &self.link, &self.plant)));
@@ -202,8 +206,20 @@ impl Board {
                 self.front.become_new(Settings::new_blank(self.settings.kind, serial), &mut self.memory);
             }
             Some(Command::PowerCycle) => self.front.answer(Answer::Restart),
-            Some(Command::Help) => self.front.answer(Answer::Help),
+            Some(Command::Help) => self.front.answer(Answer::Help(help_of(&self.plant.senses.product))),
             None => {}
+        }
+    }
+
+    async fn change_plant(&mut self, change: Change, device: &mut AnyDevice) -> Answer {
+        let mut plant = self.plant;
+        match plant.change(change, Instant::now()) {
+            Ok(()) => {
+                self.set_plant(plant, device).await;
+                Answer::Done
+            }
+            Err(Inapplicable::OtherProduct) => Answer::Refused(OTHER_KIND),
+            Err(Inapplicable::OutOfRange) => Answer::Usage,
         }
     }
 

@@ -2,8 +2,9 @@
 
 use core::sync::atomic::Ordering;
 
+use embassy_time::Instant;
 use firmware::console::Command;
-use firmware::plant::{Plant, Value};
+use firmware::plant::{Change, Injection, Plant, Value};
 use firmware::settings::Settings;
 use heapless::String;
 use protocol_core::controller::BusErrorMode;
@@ -20,23 +21,27 @@ pub(super) struct Front {
     lines: &'static Lines,
     answers: &'static Answers,
     presses: &'static Presses,
+    /// The fault of the last press.
+    injection: Injection,
 }
 
 impl Front {
     /// The front of a board.
     pub(super) const fn new(lines: &'static Lines, answers: &'static Answers, presses: &'static Presses) -> Self {
-        Self { lines, answers, presses }
+        Self { lines, answers, presses, injection: Injection::None }
     }
 
     /// Returns the plant after the last press of the button, if there was one.
-    pub(super) fn pressed(&self, plant: &Plant) -> Option<Plant> {
-        self.presses.try_take().map(|injection| injection.applied_to(*plant))
+    pub(super) fn pressed(&mut self, plant: &Plant) -> Option<Plant> {
+        self.presses.try_take()?;
+        self.injection = self.injection.next(&plant.senses.product);
+        Some(self.injection.applied_to(*plant))
     }
 
     /// Returns the command of a line that was typed; answers a line that is none.
-    pub(super) fn command(&self, plant: &Plant) -> Option<Command> {
+    pub(super) fn command(&self) -> Option<Command> {
         let line = self.lines.try_take()?;
-        let command = Command::parse(&line, plant);
+        let command = Command::parse(&line);
         if command.is_none() {
             self.answer(Answer::Usage);
         }
@@ -61,7 +66,6 @@ impl Front {
 
 /// Returns a line for each thing that can be told; what does not fit is left out.
 pub(super) fn status(settings: &Settings, device: &dyn Device, link: &Link, plant: &Plant) -> String<STATUS> {
-    let number = |number: u32| Value::Number(i32::try_from(number).unwrap_or(i32::MAX));
     let bus = match plant.senses.bus {
         BusErrorMode::ErrorActive => "error-active",
         BusErrorMode::ErrorPassive => "error-passive",
@@ -69,21 +73,23 @@ pub(super) fn status(settings: &Settings, device: &dyn Device, link: &Link, plan
     };
     let own = [
         ("kind", Value::Word(settings.kind.name())),
-        ("node_id", device.node_id().map_or(Value::Word("none"), |node_id| Value::Number(node_id.into()))),
-        ("bit_rate", number(link.bit_rate().bits_per_second())),
+        ("node_id", device.node_id().map_or(Value::Word("none"), |node_id| Value::Natural(node_id.into()))),
+        ("bit_rate", Value::Natural(link.bit_rate().bits_per_second())),
         ("bus", Value::Word(bus)),
-        ("error_interrupts", number(ERROR_INTERRUPTS.load(Ordering::Relaxed))),
-        ("overruns", number(OVERRUNS.load(Ordering::Relaxed))),
-        ("dropped", number(device.frames_dropped())),
+        ("error_interrupts", Value::Natural(ERROR_INTERRUPTS.load(Ordering::Relaxed))),
+        ("overruns", Value::Natural(OVERRUNS.load(Ordering::Relaxed))),
+        ("dropped", Value::Natural(device.frames_dropped())),
     ];
     let mut status = String::new();
-    for (word, value) in own.into_iter().chain(plant.words()) {
+    for (word, value) in own.into_iter().chain(plant.words(Instant::now()).map(Change::text)) {
         let mut digits = itoa::Buffer::new();
-        let value = match value {
-            Value::Number(number) => digits.format(number),
-            Value::Word(word) => word,
+        let (sign, value) = match value {
+            Value::Natural(number) => ("", digits.format(number)),
+            Value::Integer(number) if number < 0 => ("-", digits.format(number.unsigned_abs())),
+            Value::Integer(number) => ("", digits.format(number.unsigned_abs())),
+            Value::Word(word) => ("", word),
         };
-        for part in [word, " ", value, "\r\n"] {
+        for part in [word, " ", sign, value, "\r\n"] {
             let _ = status.push_str(part);
         }
     }

@@ -5,6 +5,8 @@ use core::cell::Cell;
 use critical_section::Mutex;
 use embassy_time::{Duration, Timer};
 use protocol_core::actuator::Led;
+use protocol_core::controller::BusErrorMode;
+use protocol_core::device::{Device, ProductSenses, Senses};
 
 use super::attention::{Caller, call};
 use super::nucleo::Leds;
@@ -15,6 +17,23 @@ const STEP: Duration = Duration::from_millis(111);
 const HALF_PERIOD: u8 = 3;
 /// After so many steps it begins anew.
 pub(super) const STEPS: u8 = 18;
+
+/// Returns what the LEDs show of a device: the LED of a valve. A sensor has none: they show what the board knows of it.
+pub(super) fn led_of(device: &dyn Device, senses: &Senses) -> Led {
+    if let Some(outputs) = device.outputs().valve() {
+        return outputs.led;
+    }
+    let measuring_error = matches!(senses.product, ProductSenses::Encoder(shaft) if shaft.measuring_error);
+    if senses.bus == BusErrorMode::BusOff {
+        Led::RED
+    } else if senses.internal_fault || measuring_error {
+        Led::RED_FLASHING
+    } else if device.node_id().is_none() {
+        Led::YELLOW
+    } else {
+        Led::GREEN
+    }
+}
 
 /// What the LEDs show: nothing at first.
 pub(super) struct Lights(Mutex<Cell<Option<Led>>>);

@@ -179,6 +179,12 @@ impl Flash {
         self.faults.write_fails = fails;
     }
 
+    /// Whether writes and erases fail.
+    #[must_use]
+    pub const fn write_fails(&self) -> bool {
+        self.faults.write_fails
+    }
+
     /// Cuts the power after `operations` more word writes and sector erases: the one after them is torn, and nothing
     /// works any more until [`restore_power`](Self::restore_power).
     pub const fn cut_power_after(&mut self, operations: u64) {

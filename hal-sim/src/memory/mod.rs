@@ -129,6 +129,12 @@ impl Memory {
         self.flash.set_write_fails(fails);
     }
 
+    /// Whether writes fail.
+    #[must_use]
+    pub const fn write_fails(&self) -> bool {
+        self.flash.write_fails()
+    }
+
     /// What the user should know, a line each: once.
     pub fn take_warnings(&mut self) -> Vec<String> {
         std::mem::take(&mut self.warnings)

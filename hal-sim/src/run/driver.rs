@@ -12,7 +12,7 @@ use protocol_core::device::Device;
 use protocol_core::time::{Instant, NEVER, after};
 
 use super::clients::Clients;
-use super::console::Console;
+use super::console;
 use super::errors::Errors;
 use super::outside::Outside;
 use super::timekeeper::{NAP, Timekeeper};
@@ -40,7 +40,6 @@ pub(super) struct Driver<O> {
     start: Timestamp,
     errors: Errors,
     trace: Trace,
-    console: Console,
     /// Whether the user knows which devices are set to another bit rate.
     rates_told: bool,
     /// Messages that have not taken effect, oldest first.
@@ -74,7 +73,6 @@ impl<O: Outside> Driver<O> {
             start,
             errors: Errors::default(),
             trace,
-            console: Console::default(),
             rates_told: false,
             arrivals: VecDeque::new(),
             events: Vec::new(),
@@ -186,7 +184,7 @@ impl<O: Outside> Driver<O> {
     fn take_effect(&mut self) {
         let Some(Arrival { message, .. }) = self.arrivals.pop_front() else { return };
         if let ToWorld::Typed(line) = message {
-            match self.console.obey(&line, &mut self.world) {
+            match console::obey(&line, &mut self.world) {
                 Ok(answer) => answer.into_iter().for_each(|answer| self.trace.answer(answer)),
                 Err(refusal) => self.trace.warn(refusal),
             }

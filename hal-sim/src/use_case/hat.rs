@@ -83,7 +83,7 @@ const STEPS: &[Step] = &[
     Expect("58C: 60 00 18 05 00 00 00 00", "written"),
     Steady("18C: 00 10 00 00", "position 4096, from now on every 10 ms"),
     Wait(100),
-    Step::Plant(AngleCdeg(18_000)),
+    AT_180_DEGREES,
     Steady("18C: 00 20 00 00", "position 8192"),
     Wait(100),
     Send("60C: 2B 00 18 05 00 00 00 00", "SDO write 0x1800:5 = 0, no more"),
@@ -104,6 +104,8 @@ const STEPS: &[Step] = &[
     Wait(100),
     PowerCycle,
     BOOT_12,
+    AT_180_DEGREES,
+    Wait(10),
     READ_POSITION,
     Expect("58C: 43 04 60 00 00 00 00 00", "position 0: the preset was stored"),
     READ_TYPE,
@@ -120,6 +122,7 @@ const STEPS: &[Step] = &[
     Expect("08C: 00 00 00 00 00 00 00 00", "EMCY: no error"),
     Note("A measuring error is an alarm, and no EMCY"),
     Step::Plant(MeasuringError(true)),
+    Wait(10),
     Send("60C: 40 03 65 00 00 00 00 00", "SDO read 0x6503, alarms"),
     Expect("58C: 4B 03 65 00 01 00 00 00", "position error"),
     Step::Plant(MeasuringError(false)),
@@ -131,6 +134,8 @@ const STEPS: &[Step] = &[
     Wait(100),
     PowerCycle,
     BOOT_12,
+    AT_180_DEGREES,
+    Wait(10),
     READ_OFFSET,
     Expect("58C: 43 09 65 00 00 00 00 00", "offset 0"),
     READ_POSITION,
@@ -145,3 +150,5 @@ const STEPS: &[Step] = &[
 ];
 
 const AT_90_DEGREES: Step = Step::Plant(AngleCdeg(9_000));
+/// Also after a power-up: a board forgets the shaft that its console was told of.
+const AT_180_DEGREES: Step = Step::Plant(AngleCdeg(18_000));

@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 
 use protocol_core::controller::BitRate;
+use protocol_core::device::Senses;
 use protocol_core::frame::Frame;
 use protocol_core::time::{Instant, NEVER};
 
@@ -28,7 +29,7 @@ impl SimulatedBench {
         for Device { kind, node_id, serial } in case.devices {
             let birth = Birth { node_id: Some(*node_id), serial: *serial, bit_rate: None };
             let device = world.add_device(kind.name(), kind.factory(birth), Memory::in_ram());
-            world.set_senses(device, kind.default_senses());
+            world.set_senses(device, Senses::healthy(*kind));
         }
         Self { world, master, received: VecDeque::new() }
     }

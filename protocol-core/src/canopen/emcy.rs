@@ -171,13 +171,17 @@ impl Story {
     }
 
     /// Notes that everything which the controller had is on the bus.
-    #[inline]
+    #[inline(always)]
     pub fn sent(&mut self) {
         if self.taken > 0 {
-            self.messages.rotate_left(self.taken);
-            self.messages.truncate(self.messages.len().saturating_sub(self.taken));
-            self.taken = 0;
+            self.drop_taken();
         }
+    }
+
+    fn drop_taken(&mut self) {
+        self.messages.rotate_left(self.taken);
+        self.messages.truncate(self.messages.len().saturating_sub(self.taken));
+        self.taken = 0;
     }
 
     /// Forgets all messages.

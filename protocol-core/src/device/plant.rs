@@ -1,10 +1,15 @@
-//! What acts on a device that has no valve: its plant, by the words of a console, and by the button of a board.
+//! What acts on a device from outside: its plant, by the words and units of the control interface, as a console takes them
+//! and tells them; and the faults of a button.
 
-use super::Senses;
+use core::fmt;
+
+use super::{Kind, ProductSenses, Senses};
 use crate::actuator::{Position, SpoolFault, ValveSenses};
+use crate::encoder::{Shaft, TURN_CDEG};
+use crate::time::Instant;
 
-/// The plant. Of the senses all but the error mode of the bus, which is the controller's to tell.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// What acts on a device. Of the senses all but the error mode of the bus, which is the controller's to tell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plant {
     /// What the device senses.
     pub senses: Senses,
@@ -14,79 +19,206 @@ pub struct Plant {
     pub bus_off: bool,
 }
 
-impl Plant {
-    /// The plant with one thing changed: a word and its value, as the control interface of the simulator names them.
-    /// `None` when they are not understood.
-    #[must_use]
-    pub fn with(mut self, word: &str, value: &str) -> Option<Self> {
-        let senses = &mut self.senses;
-        match word {
-            "supply_mv" => senses.valve_mut()?.supply_mv = value.parse().ok()?,
-            "temperature_c" => senses.valve_mut()?.temperature_c = value.parse().ok()?,
-            "spool" => senses.valve_mut()?.spool.fault = spool_fault(value)?,
-            "lever" if value == "off" => senses.valve_mut()?.spool.lever = None,
-            "lever" => senses.valve_mut()?.spool.lever = Some(Position::new(value.parse().ok()?)?),
-            "internal_fault" => senses.internal_fault = switch(value)?,
-            "memory" => {
-                self.memory_fails = match value {
-                    "ok" => false,
-                    "write-fails" => true,
-                    _ => return None,
-                }
-            }
-            "bus_off" => self.bus_off = switch(value)?,
-            _ => return None,
-        }
-        Some(self)
-    }
+/// A change of what acts on a device. Its text is the word and the value that a console takes: `supply_mv 8500`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Change {
+    /// Valves: the supply, in millivolt.
+    SupplyMv(u32),
+    /// Valves: the temperature, in °C.
+    TemperatureC(i16),
+    /// Valves: what is wrong with the spool.
+    Spool(SpoolFault),
+    /// Valves: where the hand lever pushes the spool, −16384…16384; `None`: it is let go.
+    Lever(Option<i16>),
+    /// Encoders: the angle of the shaft, 0…35999 1/100 degree. A shaft that turns goes on from there.
+    AngleCdeg(u32),
+    /// Encoders: the speed of the shaft, in turns a minute, positive clockwise. It turns from where it is, to a whole
+    /// 1/100 degree.
+    SpeedRpm(i32),
+    /// Encoders: the sensor unit detects a measuring error.
+    MeasuringError(bool),
+    /// An internal fault is there, or taken away.
+    InternalFault(bool),
+    /// Every write to the memory fails, or none.
+    MemoryFails(bool),
+    /// The CAN controller is kept bus-off, or left to recover.
+    BusOff(bool),
+}
+
+/// A device cannot be changed so.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Inapplicable {
+    /// Another product has that.
+    OtherProduct,
+    /// The value cannot be.
+    OutOfRange,
 }
 
 /// What a word stands at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Value {
+    /// A number that is not negative.
+    Natural(u32),
     /// A number.
-    Number(i32),
+    Integer(i32),
     /// Another word.
     Word(&'static str),
 }
 
 impl Plant {
-    /// Every word with the value that it stands at, as both can be typed.
+    /// Returns the plant of a healthy device of this kind.
     #[must_use]
-    pub fn words(&self) -> [(&'static str, Value); 7] {
-        let switch = |on| Value::Word(if on { "on" } else { "off" });
-        let Self { senses, memory_fails, bus_off } = self;
-        let ValveSenses { supply_mv, temperature_c, spool } = senses.valve().copied().unwrap_or_default();
-        let lever = spool.lever.map_or(Value::Word("off"), |lever| Value::Number(lever.raw().into()));
-        let spool = SPOOL_FAULTS.iter().find(|(_, fault)| *fault == spool.fault).map_or("", |(name, _)| name);
-        [
-            ("supply_mv", Value::Number(i32::try_from(supply_mv).unwrap_or(i32::MAX))),
-            ("temperature_c", Value::Number(temperature_c.into())),
-            ("spool", Value::Word(spool)),
-            ("lever", lever),
-            ("internal_fault", switch(senses.internal_fault)),
-            ("memory", Value::Word(if *memory_fails { "write-fails" } else { "ok" })),
-            ("bus_off", switch(*bus_off)),
-        ]
+    pub fn healthy(kind: Kind) -> Self {
+        Self { senses: Senses::healthy(kind), memory_fails: false, bus_off: false }
+    }
+
+    /// Changes one thing, at this instant.
+    ///
+    /// # Errors
+    /// [`Inapplicable`]; nothing is changed then.
+    pub fn change(&mut self, change: Change, now: Instant) -> Result<(), Inapplicable> {
+        match change {
+            Change::MemoryFails(fails) => self.memory_fails = fails,
+            Change::BusOff(there) => self.bus_off = there,
+            change => change.apply(&mut self.senses, now)?,
+        }
+        Ok(())
+    }
+
+    /// Returns the changes that would make any plant of the product this one: one for each of its words.
+    pub fn words(&self, now: Instant) -> impl Iterator<Item = Change> + use<> {
+        let own = match &self.senses.product {
+            ProductSenses::Valve(ValveSenses { supply_mv, temperature_c, spool }) => [
+                Some(Change::SupplyMv(*supply_mv)),
+                Some(Change::TemperatureC(*temperature_c)),
+                Some(Change::Spool(spool.fault)),
+                Some(Change::Lever(spool.lever.map(Position::raw))),
+            ],
+            ProductSenses::Encoder(shaft) => [
+                Some(Change::AngleCdeg(shaft.angle_at(now))),
+                Some(Change::SpeedRpm(shaft.speed_rpm)),
+                Some(Change::MeasuringError(shaft.measuring_error)),
+                None,
+            ],
+        };
+        let common = [
+            Change::InternalFault(self.senses.internal_fault),
+            Change::MemoryFails(self.memory_fails),
+            Change::BusOff(self.bus_off),
+        ];
+        own.into_iter().flatten().chain(common)
     }
 }
 
+impl Change {
+    /// Reads a word and its value; `None` when they are not understood.
+    #[must_use]
+    pub fn parse(word: &str, value: &str) -> Option<Self> {
+        Some(match word {
+            "supply_mv" => Self::SupplyMv(value.parse().ok()?),
+            "temperature_c" => Self::TemperatureC(value.parse().ok()?),
+            "spool" => Self::Spool(SPOOL_FAULTS.iter().find(|(name, _)| *name == value)?.1),
+            "lever" if value == OFF => Self::Lever(None),
+            "lever" => Self::Lever(Some(value.parse().ok()?)),
+            "angle_cdeg" => Self::AngleCdeg(value.parse().ok()?),
+            "speed_rpm" => Self::SpeedRpm(value.parse().ok()?),
+            "measuring_error" => Self::MeasuringError(switch(value)?),
+            "internal_fault" => Self::InternalFault(switch(value)?),
+            "memory" if value == WRITE_FAILS => Self::MemoryFails(true),
+            "memory" if value == OK => Self::MemoryFails(false),
+            "bus_off" => Self::BusOff(switch(value)?),
+            _ => return None,
+        })
+    }
+
+    /// Returns the word and the value.
+    #[must_use]
+    pub fn text(self) -> (&'static str, Value) {
+        let switch = |on| Value::Word(if on { ON } else { OFF });
+        match self {
+            Self::SupplyMv(millivolt) => ("supply_mv", Value::Natural(millivolt)),
+            Self::TemperatureC(celsius) => ("temperature_c", Value::Integer(celsius.into())),
+            Self::Spool(fault) => {
+                let known = SPOOL_FAULTS.iter().find(|(_, known)| *known == fault);
+                ("spool", Value::Word(known.map_or("", |(name, _)| name)))
+            }
+            Self::Lever(pushed) => ("lever", pushed.map_or(Value::Word(OFF), |raw| Value::Integer(raw.into()))),
+            Self::AngleCdeg(angle) => ("angle_cdeg", Value::Natural(angle)),
+            Self::SpeedRpm(speed) => ("speed_rpm", Value::Integer(speed)),
+            Self::MeasuringError(there) => ("measuring_error", switch(there)),
+            Self::InternalFault(there) => ("internal_fault", switch(there)),
+            Self::MemoryFails(fails) => ("memory", Value::Word(if fails { WRITE_FAILS } else { OK })),
+            Self::BusOff(there) => ("bus_off", switch(there)),
+        }
+    }
+
+    /// Changes what a device senses, at this instant. Memory and bus-off are the platform's, and no sense.
+    ///
+    /// # Errors
+    /// [`Inapplicable`]; nothing is changed then.
+    pub fn apply(self, senses: &mut Senses, now: Instant) -> Result<(), Inapplicable> {
+        use Inapplicable::{OtherProduct, OutOfRange};
+        match self {
+            Self::SupplyMv(millivolt) => senses.valve_mut().ok_or(OtherProduct)?.supply_mv = millivolt,
+            Self::TemperatureC(celsius) => senses.valve_mut().ok_or(OtherProduct)?.temperature_c = celsius,
+            Self::Spool(fault) => senses.valve_mut().ok_or(OtherProduct)?.spool.fault = fault,
+            Self::Lever(pushed) => {
+                let valve = senses.valve_mut().ok_or(OtherProduct)?;
+                valve.spool.lever = pushed.map(|raw| Position::new(raw).ok_or(OutOfRange)).transpose()?;
+            }
+            Self::AngleCdeg(angle_cdeg) => {
+                let shaft = senses.shaft_mut().ok_or(OtherProduct)?;
+                if angle_cdeg >= TURN_CDEG {
+                    return Err(OutOfRange);
+                }
+                *shaft = Shaft { angle_cdeg, since: now, ..*shaft };
+            }
+            Self::SpeedRpm(speed_rpm) => {
+                let shaft = senses.shaft_mut().ok_or(OtherProduct)?;
+                *shaft = Shaft { angle_cdeg: shaft.angle_at(now), speed_rpm, since: now, ..*shaft };
+            }
+            Self::MeasuringError(there) => senses.shaft_mut().ok_or(OtherProduct)?.measuring_error = there,
+            Self::InternalFault(there) => senses.internal_fault = there,
+            Self::MemoryFails(_) | Self::BusOff(_) => {}
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for Change {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (word, value) = self.text();
+        write!(f, "{word} {value}")
+    }
+}
+
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Natural(number) => number.fmt(f),
+            Self::Integer(number) => number.fmt(f),
+            Self::Word(word) => f.write_str(word),
+        }
+    }
+}
+
+const ON: &str = "on";
+const OFF: &str = "off";
+const OK: &str = "ok";
+const WRITE_FAILS: &str = "write-fails";
+
 const SPOOL_FAULTS: [(&str, SpoolFault); 5] = [
-    ("ok", SpoolFault::None),
+    (OK, SpoolFault::None),
     ("stuck", SpoolFault::Stuck),
     ("slow", SpoolFault::Slow),
     ("drifting", SpoolFault::Drifting),
     ("no-float", SpoolFault::NoFloat),
 ];
 
-fn spool_fault(value: &str) -> Option<SpoolFault> {
-    SPOOL_FAULTS.iter().find(|(name, _)| *name == value).map(|(_, fault)| *fault)
-}
-
 fn switch(value: &str) -> Option<bool> {
     match value {
-        "on" => Some(true),
-        "off" => Some(false),
+        ON => Some(true),
+        OFF => Some(false),
         _ => None,
     }
 }
@@ -94,32 +226,35 @@ fn switch(value: &str) -> Option<bool> {
 /// The faults that the button goes through, one a press.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Injection {
-    /// A healthy valve.
+    /// A healthy device.
     #[default]
     None,
-    /// Supply under 9 V.
+    /// Valves: supply under 9 V.
     SupplyLow,
-    /// Supply over 36 V.
+    /// Valves: supply over 36 V.
     SupplyHigh,
-    /// Hotter than 120 °C.
+    /// Valves: hotter than 120 °C.
     Temperature,
-    /// The spool is stuck.
+    /// Valves: the spool is stuck.
     SpoolStuck,
+    /// Encoders: a measuring error.
+    MeasuringError,
     /// An internal fault.
     Internal,
 }
 
 impl Injection {
-    /// The one that the next press brings.
+    /// The one that the next press brings to the product of these senses.
     #[must_use]
-    pub const fn next(self) -> Self {
-        match self {
-            Self::None => Self::SupplyLow,
-            Self::SupplyLow => Self::SupplyHigh,
-            Self::SupplyHigh => Self::Temperature,
-            Self::Temperature => Self::SpoolStuck,
-            Self::SpoolStuck => Self::Internal,
-            Self::Internal => Self::None,
+    pub const fn next(self, product: &ProductSenses) -> Self {
+        match (self, product) {
+            (Self::None, ProductSenses::Valve(_)) => Self::SupplyLow,
+            (Self::None, ProductSenses::Encoder(_)) => Self::MeasuringError,
+            (Self::SupplyLow, _) => Self::SupplyHigh,
+            (Self::SupplyHigh, _) => Self::Temperature,
+            (Self::Temperature, _) => Self::SpoolStuck,
+            (Self::SpoolStuck | Self::MeasuringError, _) => Self::Internal,
+            (Self::Internal, _) => Self::None,
         }
     }
 
@@ -127,17 +262,20 @@ impl Injection {
     #[must_use]
     pub fn applied_to(self, plant: Plant) -> Plant {
         let mut senses = Senses { internal_fault: self == Self::Internal, ..plant.senses };
-        if let Some(valve) = senses.valve_mut() {
-            let ValveSenses { supply_mv, temperature_c, .. } = ValveSenses::default();
-            *valve = ValveSenses { supply_mv, temperature_c, ..*valve };
-            valve.spool.fault = SpoolFault::None;
-            match self {
-                Self::SupplyLow => valve.supply_mv = 8_500,
-                Self::SupplyHigh => valve.supply_mv = 37_000,
-                Self::Temperature => valve.temperature_c = 130,
-                Self::SpoolStuck => valve.spool.fault = SpoolFault::Stuck,
-                Self::None | Self::Internal => {}
+        match &mut senses.product {
+            ProductSenses::Valve(valve) => {
+                let ValveSenses { supply_mv, temperature_c, .. } = ValveSenses::default();
+                *valve = ValveSenses { supply_mv, temperature_c, ..*valve };
+                valve.spool.fault = SpoolFault::None;
+                match self {
+                    Self::SupplyLow => valve.supply_mv = 8_500,
+                    Self::SupplyHigh => valve.supply_mv = 37_000,
+                    Self::Temperature => valve.temperature_c = 130,
+                    Self::SpoolStuck => valve.spool.fault = SpoolFault::Stuck,
+                    Self::None | Self::MeasuringError | Self::Internal => {}
+                }
             }
+            ProductSenses::Encoder(shaft) => shaft.measuring_error = self == Self::MeasuringError,
         }
         Plant { senses, ..plant }
     }
@@ -146,84 +284,151 @@ impl Injection {
 #[cfg(test)]
 mod tests {
     extern crate std;
-    use std::string::ToString as _;
+    use std::string::{String, ToString as _};
+    use std::vec::Vec;
 
     use super::*;
+    use crate::device::{hat, pve};
 
-    fn after(word: &str, value: &str) -> Option<Plant> {
-        Plant::default().with(word, value)
-    }
+    const VALVE: Kind = Kind::Pve(pve::Kind::PveaCanopen);
+    const SENSOR: Kind = Kind::Hat(hat::Kind::Hat3000);
+    const NOW: Instant = Instant::from_secs(7);
 
-    #[test]
-    fn every_word() {
-        assert_eq!(after("supply_mv", "8500").unwrap().senses.valve().unwrap().supply_mv, 8500);
-        assert_eq!(after("temperature_c", "-41").unwrap().senses.valve().unwrap().temperature_c, -41);
-        assert_eq!(after("spool", "no-float").unwrap().senses.valve().unwrap().spool.fault, SpoolFault::NoFloat);
-        assert_eq!(after("lever", "-4000").unwrap().senses.valve().unwrap().spool.lever, Position::new(-4000));
-        assert_eq!(
-            after("lever", "0").unwrap().with("lever", "off").unwrap().senses.valve().unwrap().spool.lever,
-            None
-        );
-        assert!(after("internal_fault", "on").unwrap().senses.internal_fault);
-        assert!(after("memory", "write-fails").unwrap().memory_fails);
-        assert!(after("bus_off", "on").unwrap().bus_off);
-    }
-
-    #[test]
-    fn every_word_stands_at_what_was_typed() {
-        let typed = [
-            ("supply_mv", "8500"),
-            ("temperature_c", "-41"),
-            ("spool", "stuck"),
-            ("lever", "-4000"),
-            ("internal_fault", "on"),
-            ("memory", "write-fails"),
-            ("bus_off", "on"),
-        ];
-        let plant = typed.iter().try_fold(Plant::default(), |plant, (word, value)| plant.with(word, value)).unwrap();
-        for (told, typed) in plant.words().into_iter().zip(typed) {
-            let value = match told.1 {
-                Value::Number(number) => number.to_string(),
-                Value::Word(word) => word.to_string(),
-            };
-            assert_eq!((told.0, value.as_str()), typed);
+    /// Types lines at a healthy device.
+    fn after(kind: Kind, lines: &[&str]) -> Plant {
+        let mut plant = Plant::healthy(kind);
+        for line in lines {
+            assert_eq!(plant.change(parse(line).expect(line), NOW), Ok(()), "{line}");
         }
-        assert_eq!(Plant::default().words()[3], ("lever", Value::Word("off")));
+        plant
+    }
+
+    fn parse(line: &str) -> Option<Change> {
+        let (word, value) = line.split_once(' ').expect(line);
+        Change::parse(word, value)
+    }
+
+    fn told(plant: &Plant, now: Instant) -> Vec<String> {
+        plant.words(now).map(|change| change.to_string()).collect()
     }
 
     #[test]
-    fn a_value_that_there_is_not() {
-        for (word, value) in [
-            ("supply_mv", "x"),
-            ("supply_mv", "-1"),
-            ("temperature_c", "40000"),
-            ("spool", "bent"),
-            ("lever", "16385"),
-            ("internal_fault", "1"),
-            ("memory", "on"),
-            ("bus_off", "true"),
-            ("angle_cdeg", "1"),
+    fn every_word_of_a_valve() {
+        let typed = [
+            "supply_mv 8500",
+            "temperature_c -41",
+            "spool no-float",
+            "lever -4000",
+            "internal_fault on",
+            "memory write-fails",
+            "bus_off on",
+        ];
+        let plant = after(VALVE, &typed);
+        let valve = plant.senses.valve().unwrap();
+        assert_eq!((valve.supply_mv, valve.temperature_c), (8500, -41));
+        assert_eq!((valve.spool.fault, valve.spool.lever), (SpoolFault::NoFloat, Position::new(-4000)));
+        assert!(plant.senses.internal_fault && plant.memory_fails && plant.bus_off);
+        assert_eq!(told(&plant, NOW), typed, "every word stands at what was typed");
+        let healthy = [
+            "supply_mv 24000",
+            "temperature_c 25",
+            "spool ok",
+            "lever off",
+            "internal_fault off",
+            "memory ok",
+            "bus_off off",
+        ];
+        assert_eq!(told(&Plant::healthy(VALVE), NOW), healthy);
+        for line in healthy {
+            assert_eq!(plant.words(NOW).count(), 7);
+            assert_eq!(after(VALVE, &[line]), Plant::healthy(VALVE), "{line}");
+        }
+    }
+
+    #[test]
+    fn every_word_of_an_angle_sensor() {
+        let typed = [
+            "angle_cdeg 35999",
+            "speed_rpm -33",
+            "measuring_error on",
+            "internal_fault on",
+            "memory write-fails",
+            "bus_off on",
+        ];
+        let plant = after(SENSOR, &typed);
+        let shaft = Shaft { angle_cdeg: 35_999, speed_rpm: -33, since: NOW, measuring_error: true };
+        assert_eq!(plant.senses.shaft(), Some(&shaft));
+        assert!(plant.senses.internal_fault && plant.memory_fails && plant.bus_off);
+        assert_eq!(told(&plant, NOW), typed, "every word stands at what was typed");
+        let healthy =
+            ["angle_cdeg 0", "speed_rpm 0", "measuring_error off", "internal_fault off", "memory ok", "bus_off off"];
+        assert_eq!(told(&Plant::healthy(SENSOR), NOW), healthy);
+    }
+
+    #[test]
+    fn a_shaft_turns_by_itself_and_goes_on_from_a_new_angle() {
+        let mut plant = after(SENSOR, &["angle_cdeg 9000", "speed_rpm 60"]);
+        let at = |ms: u64| Instant::from_millis(7_000 + ms);
+        assert_eq!(told(&plant, at(250))[..2], ["angle_cdeg 18000", "speed_rpm 60"]);
+        plant.change(Change::SpeedRpm(-60), at(250)).unwrap();
+        assert_eq!(told(&plant, at(500))[0], "angle_cdeg 9000");
+        plant.change(Change::AngleCdeg(100), at(500)).unwrap();
+        assert_eq!(told(&plant, at(750))[0], "angle_cdeg 27100");
+    }
+
+    #[test]
+    fn a_word_of_the_other_product_is_told_from_a_value_that_there_is_not() {
+        for (kind, lines) in [
+            (VALVE, &["angle_cdeg 1", "speed_rpm 1", "measuring_error on", "angle_cdeg 36000"][..]),
+            (SENSOR, &["supply_mv 1", "temperature_c 1", "spool ok", "lever off", "lever 16385"]),
         ] {
-            assert_eq!(after(word, value), None, "{word} {value}");
+            for line in lines {
+                let mut plant = Plant::healthy(kind);
+                assert_eq!(plant.change(parse(line).unwrap(), NOW), Err(Inapplicable::OtherProduct), "{line}");
+                assert_eq!(plant, Plant::healthy(kind));
+            }
+        }
+        for (kind, line) in [(VALVE, "lever 16385"), (VALVE, "lever -16385"), (SENSOR, "angle_cdeg 36000")] {
+            let mut plant = Plant::healthy(kind);
+            assert_eq!(plant.change(parse(line).unwrap(), NOW), Err(Inapplicable::OutOfRange), "{line}");
+            assert_eq!(plant, Plant::healthy(kind));
+        }
+    }
+
+    #[test]
+    fn what_is_no_word_or_no_value_is_not_understood() {
+        for line in [
+            "supply_mv x",
+            "supply_mv -1",
+            "temperature_c 40000",
+            "spool bent",
+            "lever 40000",
+            "angle_cdeg -1",
+            "angle_cdeg 90.0",
+            "speed_rpm 2147483648",
+            "measuring_error 1",
+            "internal_fault 1",
+            "memory on",
+            "bus_off true",
+            "angle 1",
+        ] {
+            assert_eq!(parse(line), None, "{line}");
         }
     }
 
     #[test]
     fn the_button_goes_round_and_leaves_the_rest_alone() {
-        let lever = after("lever", "4000").unwrap();
-        let mut injection = Injection::None;
-        let mut seen = heapless::Vec::<Plant, 8>::new();
-        loop {
-            injection = injection.next();
-            let plant = injection.applied_to(seen.last().copied().unwrap_or(lever));
-            assert_eq!(plant.senses.valve().unwrap().spool.lever, lever.senses.valve().unwrap().spool.lever);
-            assert!(!seen.contains(&plant), "{injection:?}");
-            seen.push(plant).unwrap();
-            if injection == Injection::None {
-                break;
+        for (kind, line, presses) in [(VALVE, "lever 4000", 6), (SENSOR, "speed_rpm 7", 3)] {
+            let start = after(kind, &[line]);
+            let (mut plant, mut injection, mut seen) = (start, Injection::None, Vec::new());
+            for _ in 0..presses {
+                injection = injection.next(&plant.senses.product);
+                plant = injection.applied_to(plant);
+                assert!(told(&plant, NOW).iter().any(|told| told == line), "{injection:?}");
+                assert!(!seen.contains(&plant), "{injection:?}");
+                seen.push(plant);
             }
+            assert_eq!((injection, plant), (Injection::None, start), "the fault of the press before is taken away");
         }
-        assert_eq!(seen.len(), 6);
-        assert_eq!(seen.last(), Some(&lever), "the fault of the press before is taken away");
     }
 }

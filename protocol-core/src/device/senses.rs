@@ -1,5 +1,6 @@
 //! What a device senses, and what it drives: what all have in common, and what is the product's.
 
+use super::Kind;
 use crate::actuator::{Led, ValveSenses};
 use crate::controller::BusErrorMode;
 use crate::encoder::Shaft;
@@ -32,6 +33,15 @@ impl Default for ProductSenses {
 }
 
 impl Senses {
+    /// Returns what a healthy device of this kind senses: a valve its supply, an encoder a shaft that rests at 0.
+    #[must_use]
+    pub fn healthy(kind: Kind) -> Self {
+        match kind {
+            Kind::Pve(_) => Self::default(),
+            Kind::Hat(_) => Self::encoder(Shaft::at(0)),
+        }
+    }
+
     /// Returns what a healthy encoder with this shaft senses.
     #[must_use]
     pub const fn encoder(shaft: Shaft) -> Self {

@@ -10,6 +10,7 @@ use hal_sim::use_case::{Bench, Device, Plant, UseCase};
 use hal_sim::world::SUPPLY_JITTER;
 use hal_sim::{Memory, NodeId, TapId, World};
 use protocol_core::controller::BitRate;
+use protocol_core::device::Senses;
 use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
 
@@ -64,19 +65,8 @@ impl ImageBench {
 pub(crate) fn add_host_device(world: &mut World, device: &Device) -> NodeId {
     let birth = Birth { node_id: Some(device.node_id), serial: device.serial, bit_rate: None };
     let node = world.add_device(device.kind.name(), device.kind.factory(birth), Memory::in_ram());
-    world.set_senses(node, device.kind.default_senses());
+    world.set_senses(node, Senses::healthy(device.kind));
     node
-}
-
-/// The line of the console that does it.
-fn word(plant: Plant) -> String {
-    let on = |there: bool| if there { "on" } else { "off" };
-    match plant {
-        Plant::InternalFault(there) => format!("internal_fault {}", on(there)),
-        Plant::MeasuringError(there) => format!("measuring_error {}", on(there)),
-        Plant::BusOff(there) => format!("bus_off {}", on(there)),
-        plant => plant.to_string(),
-    }
 }
 
 impl Bench for ImageBench {
@@ -113,7 +103,7 @@ impl Bench for ImageBench {
     }
 
     fn set_plant(&mut self, plant: Plant) {
-        self.rig.type_line(self.board, &word(plant));
+        self.rig.type_line(self.board, &plant.to_string());
         for other in &self.others {
             if let Plant::SupplyMv(millivolt) = plant {
                 let mut senses = *self.rig.world.senses(*other);

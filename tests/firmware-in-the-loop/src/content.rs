@@ -9,7 +9,6 @@ use hal_sim::memory;
 use hal_sim::use_case::Device;
 use hal_sim::{Memory, World};
 use nvm::Records;
-use protocol_core::controller::BitRate;
 use protocol_core::device::Kind;
 use protocol_core::frame::Frame;
 use protocol_core::memory::{Record, RecordKey, seal};
@@ -33,7 +32,7 @@ pub fn stored_by(device: &Device) -> Vec<u8> {
 /// The same, and then it was sent these frames, with time to store after each.
 #[must_use]
 pub fn stored_after(device: &Device, frames: &[Frame]) -> Vec<u8> {
-    let mut world = World::new(BitRate::Kbit250, 0);
+    let mut world = World::new(device.kind.bit_rates()[0], 0);
     let client = world.add_tap("client");
     let node = add_host_device(&mut world, device);
     world.power(node, true);
@@ -67,7 +66,6 @@ pub fn worn(content: &[u8]) -> Vec<u8> {
 fn with_setting(content: Vec<u8>, kind: Kind) -> Vec<u8> {
     let mut flash = memory::Flash::from_image(content).expect("it is as long as a flash");
     let mut buffer = [0; nvm::BUFFER];
-    let Kind::Pve(kind) = kind else { panic!("the image has no {kind}") };
     let setting = Settings { fresh: false, ..Settings::new(kind, None) }.encode();
     ready(async {
         let mut records = Records::open(&mut flash, &mut buffer).await.expect("this flash does not fail");

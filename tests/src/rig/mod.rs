@@ -15,7 +15,6 @@ use protocol_core::controller::{BitRate, BusErrorMode, Filters};
 use protocol_core::device::hat::Hat;
 use protocol_core::device::pve::{Kind, PveCanopen, PveIsobus, Setup};
 use protocol_core::device::{self, Device, Effect, Protocol, StartCause, ValveOutputs};
-use protocol_core::encoder::Shaft;
 use protocol_core::memory::{Image, RecordKey};
 use protocol_core::pump::pump;
 use protocol_core::time::{Duration, Instant};
@@ -36,14 +35,6 @@ fn power_on(setup: device::Setup, image: &Image, cause: StartCause, now: Instant
                 Protocol::Isobus => Box::new(PveIsobus::power_on(setup, image, cause, now)),
             }
         }
-    }
-}
-
-/// What a healthy device of a kind senses.
-fn healthy(kind: device::Kind) -> device::Senses {
-    match kind {
-        device::Kind::Pve(_) => device::Senses::default(),
-        device::Kind::Hat(_) => device::Senses::encoder(Shaft::default()),
     }
 }
 
@@ -104,7 +95,7 @@ impl Rig {
             device,
             wire: Wire::new(now),
             now,
-            senses: healthy(setup.kind),
+            senses: device::Senses::healthy(setup.kind),
             records: BTreeMap::new(),
             memory_damaged: false,
             writes_fail: false,

@@ -5,6 +5,7 @@ use hal_sim::world::{Link, LinkError, Plant, PlantError};
 use hal_sim::{Memory, NodeId, TapId, World};
 use protocol_core::actuator::Valve;
 use protocol_core::controller::BitRate;
+use protocol_core::device::Senses;
 use protocol_core::device::pve::PveCanopen;
 use protocol_core::time::{Duration, Instant, NEVER, after};
 use tests::frame;
@@ -29,7 +30,7 @@ impl Machine {
                 let kind = Kind::from_name(name).expect("a kind");
                 let birth = Birth { node_id: Some(id), bit_rate: Some(RATE), ..kind.default_birth() };
                 let node = world.add_device(name, kind.factory(birth), Memory::in_ram());
-                world.set_senses(node, kind.default_senses());
+                world.set_senses(node, Senses::healthy(kind));
                 world.power(node, true);
                 node
             });

@@ -73,7 +73,7 @@ impl Listening {
     }
 
     /// Returns the filters of the controller when they have changed.
-    #[inline]
+    #[inline(always)]
     pub(super) fn take_filters(&mut self) -> Option<Filters> {
         if self.told {
             return None;
@@ -88,7 +88,7 @@ impl Listening {
     }
 
     /// Returns the service that a frame is for; of two with the same identifier the first.
-    #[inline]
+    #[inline(always)]
     pub(super) fn service(&self, frame: &Frame) -> Option<Service> {
         let key = frame.key();
         let [rpdo, nmt, sync, sdo, emcy_consumer, lss] = self.keys;

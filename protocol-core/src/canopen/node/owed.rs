@@ -199,7 +199,7 @@ impl Owed {
         self.dropped
     }
 
-    #[inline]
+    #[inline(always)]
     fn is_anything(&self) -> bool {
         match self.boot_up {
             BootUp::Done => self.tpdo.owed || !self.answers.is_empty() || self.heartbeat.owed || self.emcys.is_owed(),
@@ -209,7 +209,7 @@ impl Owed {
     }
 
     /// Returns whether the TPDO with this key is owed and may go out: an EMCY of the same instant goes first.
-    #[inline]
+    #[inline(always)]
     fn may_send_tpdo(&self, key: u32, emcys: &EmcyProducer) -> bool {
         let goes_after = |emcys| arbitration(key) > arbitration(emcys);
         self.tpdo.owed && (self.emcys.is_empty() || emcys.key().is_none_or(goes_after))
@@ -261,7 +261,8 @@ impl<P: Product> Node<P> {
     /// Returns the identifiers of frames that the controller took and that must not go out any more.
     #[inline]
     pub(crate) fn take_abort(&mut self) -> Option<Filter> {
-        self.owed.aborts.pop()
+        // There is almost never one: a look is cheaper than a call.
+        if self.owed.aborts.is_empty() { None } else { self.owed.aborts.pop() }
     }
 
     /// Takes back a frame that the controller could not take, or gave back for a more urgent one.

@@ -7,7 +7,7 @@ use firmware_in_the_loop::board::{Board, NUCLEO_F429ZI};
 use firmware_in_the_loop::machine::Machine;
 use hal_sim::use_case::{Bench, Device};
 use protocol_core::controller::BitRate;
-use protocol_core::device::{Kind, pve};
+use protocol_core::device::{Kind, hat, pve};
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, after};
 
@@ -15,6 +15,8 @@ use protocol_core::time::{Duration, after};
 pub const VALVE: Device = Device { kind: Kind::Pve(pve::Kind::PveaCanopen), node_id: 0x20, serial: None };
 /// The valve of those on ISOBUS.
 pub const ON_ISOBUS: Device = Device { kind: Kind::Pve(pve::Kind::PveaIsobus), node_id: 0x83, serial: None };
+/// The angle sensor of these tests: at the valve's node ID, so that what speaks to the one speaks to the other.
+pub const SENSOR: Device = Device { kind: Kind::Hat(hat::Kind::Hat1000), node_id: 0x20, serial: None };
 /// How long an answer may take.
 const PATIENCE: Duration = Duration::from_millis(1500);
 
@@ -53,6 +55,15 @@ impl ImageClient {
         client.expect("18EEFF83: 01 00 20 07 08 FF 02 20");
         client.wait_ms(260);
         client.aside.clear();
+        client
+    }
+
+    /// The angle sensor, booted at 500 kbit/s.
+    pub fn sensor() -> Self {
+        let bench = ImageBench::with_devices(&NUCLEO_F429ZI, BitRate::Kbit500, &SENSOR, &[]);
+        let mut client = Self { bench, aside: VecDeque::new() };
+        client.bench.power_cycle();
+        client.expect("720: 00");
         client
     }
 

@@ -1,7 +1,7 @@
 //! The words of the console (docs/board.md): what acts on the valve, what it is, and its power.
 
 use hal_sim::use_case::Bench;
-use protocol_core::device::pve::Kind;
+use protocol_core::device::Kind;
 use protocol_core::time::Duration;
 
 use super::client::{ImageClient, SAVE, download};
@@ -12,24 +12,60 @@ const INTERNAL_ERROR: &str = "0A0: 00 10 01 01 00 00 00 00";
 const CLAIM: &str = "18EEFF80: 01 00 20 07 08 FF 02 20";
 
 #[test]
-fn each_word_is_seen_in_the_status() {
-    let mut client = ImageClient::booted();
-    for (name, values) in [
-        ("supply_mv", &["8500", "0", "24000"][..]),
-        ("temperature_c", &["130", "-41", "25"]),
-        ("spool", &["stuck", "slow", "drifting", "no-float", "ok"]),
-        ("lever", &["4000", "-16384", "off"]),
-        ("internal_fault", &["on", "off"]),
-        ("memory", &["write-fails", "ok"]),
-        ("bus_off", &["on", "off"]),
-    ] {
-        for value in values {
+fn each_word_of_a_valve_is_seen_in_the_status() {
+    is_seen_in_the_status(
+        ImageClient::booted(),
+        "pvea-canopen",
+        &[
+            ("supply_mv", &["8500", "0", "4294967295", "24000"]),
+            ("temperature_c", &["130", "-41", "25"]),
+            ("spool", &["stuck", "slow", "drifting", "no-float", "ok"]),
+            ("lever", &["4000", "-16384", "off"]),
+        ],
+    );
+}
+
+#[test]
+fn each_word_of_an_angle_sensor_is_seen_in_the_status() {
+    is_seen_in_the_status(
+        ImageClient::sensor(),
+        "hat1000",
+        &[
+            ("angle_cdeg", &["35999", "9000", "0"]),
+            ("speed_rpm", &["2147483647", "-2147483648", "0"]),
+            ("measuring_error", &["on", "off"]),
+        ],
+    );
+}
+
+/// The words of a kind, and those of all, are told as they were typed.
+fn is_seen_in_the_status(mut client: ImageClient, kind: &str, own: &[(&str, &[&str])]) {
+    let common: [(&str, &[&str]); 3] =
+        [("internal_fault", &["on", "off"]), ("memory", &["write-fails", "ok"]), ("bus_off", &["on", "off"])];
+    for (name, values) in own.iter().chain(&common) {
+        for value in *values {
             assert_eq!(client.obeyed(&format!("{name} {value}")), Vec::<String>::new());
             assert_eq!(client.status_of(name), *value, "{name}");
         }
     }
-    assert_eq!(client.status_of("kind"), "pvea-canopen");
+    assert_eq!(client.status_of("kind"), kind);
     client.end_without_reset();
+}
+
+#[test]
+fn a_word_of_another_kind_is_refused() {
+    for (mut client, lines) in [
+        (ImageClient::booted(), &["angle_cdeg 1", "speed_rpm 1", "measuring_error on"][..]),
+        (ImageClient::sensor(), &["supply_mv 8500", "temperature_c 99", "spool stuck", "lever off"]),
+    ] {
+        let before = client.status();
+        for line in lines {
+            let refusal = client.console(line).expect_err(line);
+            assert_eq!(refusal, "another kind of device has this word: help tells all words");
+            assert_eq!(client.status(), before, "{line:?}");
+        }
+        client.end_without_reset();
+    }
 }
 
 #[test]
@@ -51,19 +87,22 @@ fn a_terminal_ends_lines_as_it_likes_and_takes_characters_back() {
 }
 
 #[test]
-fn help_tells_all_words() {
-    let mut client = ImageClient::booted();
-    let help = client.obeyed("help").join("\n");
-    let status = client.status();
-    let own = ["node_id", "bit_rate", "bus", "error_interrupts", "overruns", "dropped"];
-    let words = status.iter().map(|(name, _)| name.as_str()).filter(|name| !own.contains(name));
-    for word in words.chain(["status", "blank", "power-cycle"]) {
-        assert!(help.lines().any(|line| line.split(' ').next() == Some(word)), "{word} is missing in {help}");
+fn help_tells_all_words_of_the_kind_and_no_others() {
+    for (mut client, other) in [(ImageClient::booted(), "angle_cdeg"), (ImageClient::sensor(), "supply_mv")] {
+        let help = client.obeyed("help");
+        let is_told = |word: &str| help.iter().any(|line| line.split(' ').next() == Some(word));
+        let own = ["node_id", "bit_rate", "bus", "error_interrupts", "overruns", "dropped"];
+        let status = client.status();
+        let words = status.iter().map(|(name, _)| name.as_str()).filter(|name| !own.contains(name));
+        for word in words.chain(["status", "blank", "power-cycle"]) {
+            assert!(is_told(word), "{word} is missing in {help:?}");
+        }
+        assert!(!is_told(other), "{other} is none of its words");
+        for kind in Kind::ALL {
+            assert!(help.iter().any(|line| line.contains(kind.name())), "{kind} is missing");
+        }
+        client.end_without_reset();
     }
-    for kind in Kind::ALL {
-        assert!(help.contains(kind.name()), "{} is missing", kind.name());
-    }
-    client.end_without_reset();
 }
 
 #[test]

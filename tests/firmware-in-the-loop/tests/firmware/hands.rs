@@ -32,7 +32,7 @@ pub enum Shown {
 impl ImageClient {
     /// Types a line and waits for the answer, which is given without the line that ends it.
     ///
-    /// The end is a line `ok`, or one that says how the words are used: [`Err`].
+    /// The end is a line `ok`, or one that points to the help: [`Err`].
     pub fn console(&mut self, line: &str) -> Result<Vec<String>, String> {
         let board = self.bench.board;
         self.bench.rig.printed(board);
@@ -47,7 +47,7 @@ impl ImageClient {
             let mut lines: Vec<String> = complete.split("\r\n").map(str::to_owned).collect();
             match lines.pop() {
                 Some(last) if last == "ok" => return Ok(lines),
-                Some(last) if last.starts_with("not understood") => return Err(last),
+                Some(last) if last.ends_with("help tells all words") => return Err(last),
                 _ => {}
             }
         }

@@ -1,14 +1,14 @@
 //! What waits for a bus that is full of more urgent frames goes out in the order of arbitration, whatever the order it
 //! was made in: three mailboxes, and a queue behind them.
 
-use firmware_in_the_loop::bxcan::registers::TI0R;
+use firmware_in_the_loop::bxcan::registers::{BTR, MCR, TI0R, mcr};
 use hal_sim::TapId;
 use hal_sim::bus::{DestroyNext, FrameBits};
+use hal_sim::use_case::Bench;
 use protocol_core::controller::BitRate;
 use protocol_core::frame::{Frame, Id};
 use protocol_core::time::{Instant, since};
 
-use super::bit_rates::set_timing;
 use super::client::{ImageClient, frame};
 
 /// More urgent than all that a valve sends.
@@ -167,13 +167,26 @@ fn a_frame_that_is_destroyed_is_sent_once_in_the_end() {
 }
 
 /// Listens to all frames from now on.
-fn listen(client: &mut ImageClient) -> TapId {
+pub fn listen(client: &mut ImageClient) -> TapId {
     client.bench.rig.world.add_tap("listener")
 }
 
 /// The frames that a listener has heard, each with its end.
-fn heard(client: &mut ImageClient, listener: TapId) -> Vec<(Instant, Frame)> {
+pub fn heard(client: &mut ImageClient, listener: TapId) -> Vec<(Instant, Frame)> {
     client.bench.rig.world.take_received(listener).collect()
+}
+
+/// Runs bus and controller at a bit rate that a valve cannot be told, behind the firmware's back.
+fn set_timing(client: &mut ImageClient, rate: BitRate) {
+    {
+        let mut shared = client.bench.rig.connections(client.bench.board).can.lock();
+        let control = shared.can.read(MCR);
+        shared.can.write(MCR, control | mcr::INRQ);
+        shared.can.write(BTR, firmware::bit_timing::BitTiming::of(rate).register());
+        shared.can.write(MCR, control);
+    }
+    client.bench.set_bit_rate(rate);
+    client.wait_ms(10);
 }
 
 #[test]
