@@ -8,10 +8,12 @@ fn main() {
     if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
         return;
     }
-    let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..");
-    println!("cargo:rerun-if-changed={}", root.join("memory.x").display());
-    println!("cargo:rustc-link-search={}", root.display());
+    let board = if env::var_os("CARGO_FEATURE_NUCLEO_F446RE").is_some() { "nucleo_f446re" } else { "nucleo_f429zi" };
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("src/board").join(board);
+    println!("cargo:rerun-if-changed={}", folder.join("memory.x").display());
+    println!("cargo:rustc-link-search={}", folder.display());
     for argument in ["--nmagic", "-Tlink.x", "-Tdefmt.x"] {
         println!("cargo:rustc-link-arg-bins={argument}");
+        println!("cargo:rustc-link-arg-examples={argument}");
     }
 }

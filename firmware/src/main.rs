@@ -1,12 +1,14 @@
-//! The stand-in device on an STM32 board (NUCLEO-F429ZI, any 3.3 V CAN transceiver on PD0 and PD1).
+//! The stand-in device on an STM32 board: a NUCLEO-F429ZI or, by the feature `nucleo-f446re`, a NUCLEO-F446RE, with any
+//! 3.3 V CAN transceiver.
 //!
 //! ```text
-//! board            the wiring: what is connected, and which task has it
+//! board            the wiring: which task has what
+//! board/nucleo_…   one board each: its pins, watchdog, LEDs, memory layout
 //! board/device     the device's task, above all others      board/attention  what it waits for
 //! board/link       on the bus and off it                    board/can        the CAN controller
-//! board/front      console and button, seen from it          board/console    USART3: lines that are obeyed
+//! board/front      console and button, seen from it          board/console    lines that are obeyed
 //! board/storage    the memory's task                        board/flash      the sectors it has
-//! board/led        red and green                            board/button     faults by hand
+//! board/led        the valve's LED                          board/button     faults by hand
 //! board/clock      the clock tree                           board/reset      why the processor starts
 //! ```
 #![cfg_attr(target_os = "none", no_std, no_main)]

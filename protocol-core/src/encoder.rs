@@ -66,7 +66,7 @@ impl Shaft {
         let start = (self.angle_cdeg as u64).wrapping_mul(UNITS_PER_CDEG);
         // A shaft with a whole number of turns a minute is back where it was after each minute, and backwards by some parts
         // of a turn is forwards by the others.
-        let elapsed = since(now, self.since).as_ticks() % MINUTE_US;
+        let elapsed = since(now, self.since).as_micros() % MINUTE_US;
         let parts = self.speed_rpm.rem_euclid(MINUTE_US as i32) as u64;
         start.wrapping_add(elapsed.wrapping_mul(parts).wrapping_mul(UNITS_PER_PART))
     }

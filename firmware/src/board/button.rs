@@ -6,6 +6,7 @@ use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Timer};
 
 use super::attention::{Caller, call};
+use super::nucleo::PRESSED;
 
 /// The button was pressed.
 pub(super) type Presses = Signal<CriticalSectionRawMutex, ()>;
@@ -20,7 +21,7 @@ pub(super) async fn run(button: Input<'static>, presses: &'static Presses) {
     let (mut pressed, mut looks) = (false, 0);
     loop {
         Timer::after(LOOK).await;
-        looks = if button.is_high() == pressed { 0 } else { looks + 1 };
+        looks = if (button.get_level() == PRESSED) == pressed { 0 } else { looks + 1 };
         if looks < STEADY {
             continue;
         }

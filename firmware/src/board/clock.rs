@@ -8,7 +8,7 @@ use embassy_stm32::rcc::{
 };
 use embassy_stm32::time::Hertz;
 
-/// 2.93 V falling, 3.03 V rising (DS9405 table 22).
+/// 2.93 V falling, 3.03 V rising (DS9405 table 22; DS10693 has the same).
 const SUPPLY_LIMIT: u8 = 6;
 
 /// What the processor runs at.
@@ -33,7 +33,7 @@ pub(super) fn finish() {
         acr.set_icen(true);
         acr.set_dcen(true);
     });
-    // Programming by words takes 2.7 V (DS9405): nothing is written below 2.9 V.
+    // Programming by words takes 2.7 V (DS9405, DS10693): nothing is written below 2.9 V.
     PWR.cr1().modify(|control| {
         control.set_pls(SUPPLY_LIMIT);
         control.set_pvde(true);

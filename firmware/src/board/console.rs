@@ -1,8 +1,8 @@
-//! The console on USART3, the ST-LINK's virtual COM port: 115200 baud, a line a command.
+//! The console on the ST-LINK's virtual COM port: 115200 baud, a line a command.
 
-use embassy_stm32::peripherals::{PD8, PD9, USART3};
-use embassy_stm32::usart::{BufferedInterruptHandler, BufferedUart, Config};
-use embassy_stm32::{Peri, bind_interrupts};
+use embassy_stm32::Peri;
+use embassy_stm32::interrupt::typelevel::Binding;
+use embassy_stm32::usart::{BufferedInterruptHandler, BufferedUart, Config, Instance, RxPin, TxPin};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embedded_io_async::{Read as _, Write as _};
@@ -39,10 +39,6 @@ pub(super) enum Answer {
     Refused(&'static str),
 }
 
-bind_interrupts!(struct Interrupts {
-    USART3 => BufferedInterruptHandler<USART3>;
-});
-
 const BUFFER: usize = 64;
 
 const BACKSPACE: u8 = 0x08;
@@ -50,14 +46,15 @@ const BACKSPACE: u8 = 0x08;
 const DELETE: u8 = 0x7F;
 
 /// Opens the port.
-pub(super) fn open(
-    uart: Peri<'static, USART3>,
-    rx: Peri<'static, PD9>,
-    tx: Peri<'static, PD8>,
+pub(super) fn open<U: Instance>(
+    uart: Peri<'static, U>,
+    rx: Peri<'static, impl RxPin<U>>,
+    tx: Peri<'static, impl TxPin<U>>,
+    interrupts: impl Binding<U::Interrupt, BufferedInterruptHandler<U>> + 'static,
 ) -> Option<BufferedUart<'static>> {
     let rx_buffer = cortex_m::singleton!(: [u8; BUFFER] = [0; BUFFER])?;
     let tx_buffer = cortex_m::singleton!(: [u8; BUFFER] = [0; BUFFER])?;
-    BufferedUart::new(uart, rx, tx, tx_buffer, rx_buffer, Interrupts, Config::default()).ok()
+    BufferedUart::new(uart, rx, tx, tx_buffer, rx_buffer, interrupts, Config::default()).ok()
 }
 
 #[embassy_executor::task]

@@ -1,20 +1,21 @@
-//! Two sectors of the second flash bank. The processor runs from the first one meanwhile.
+//! The two flash sectors that hold the memory.
 
-use embassy_stm32::flash::{Async, Bank2Region1, Error};
+use embassy_stm32::flash::Error;
 use embassy_stm32::pac::FLASH;
 use embassy_stm32::pac::flash::vals::Psize;
 use embedded_storage_async::nor_flash::{ErrorType, MultiwriteNorFlash, NorFlash, ReadNorFlash};
 
 use super::clock::supply_is_good;
+use super::nucleo::{MEMORY, Region};
 
-/// The sectors of the bank's first region are so long.
+/// The sectors of the region are so long.
 const SECTOR: usize = 16 * 1024;
 
 /// The first key that unlocks the control register, and the second (RM0090 3.6.1).
 const KEYS: [u32; 2] = [0x4567_0123, 0xCDEF_89AB];
 
 /// The two sectors.
-pub(super) struct Sectors(pub(super) Bank2Region1<'static, Async>);
+pub(super) struct Sectors(pub(super) Region);
 
 impl Sectors {
     /// Erases all of it.
@@ -31,7 +32,7 @@ impl ReadNorFlash for Sectors {
     const READ_SIZE: usize = 1;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Error> {
-        self.0.blocking_read(offset, bytes)
+        self.0.blocking_read(MEMORY + offset, bytes)
     }
 
     fn capacity(&self) -> usize {
@@ -45,7 +46,7 @@ impl NorFlash for Sectors {
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), Error> {
         let _uncached = Uncached::new()?;
-        for sector in (from..to).step_by(SECTOR) {
+        for sector in (MEMORY + from..MEMORY + to).step_by(SECTOR) {
             erase_by_words();
             self.0.erase(sector, sector + SECTOR as u32).await?;
         }
@@ -54,7 +55,7 @@ impl NorFlash for Sectors {
 
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Error> {
         let _uncached = Uncached::new()?;
-        self.0.write(offset, bytes).await
+        self.0.write(MEMORY + offset, bytes).await
     }
 }
 
@@ -72,8 +73,9 @@ fn erase_by_words() {
 
 /// Keeps the data cache off while it lives, and leaves it empty.
 ///
-/// A read of one bank while the other one is written can corrupt what is cached (ES0206), and what was read before an erase
-/// or a write is out of date (RM0090 3.6.4). The driver means to do the same, and takes this part for one of a single bank.
+/// What was read before an erase or a write is out of date (RM0090 3.6.4, RM0390 3.5.4). With two banks, a read of one while
+/// the other is written can also corrupt what is cached (ES0206): the driver means to prevent that, and takes the
+/// STM32F429 for a part with one bank.
 struct Uncached;
 
 impl Uncached {

@@ -1,21 +1,22 @@
-//! The LEDs of the board: red and green; both are yellow.
+//! The valve's LED on those of the board.
 
-use core::sync::atomic::{AtomicU8, Ordering};
+use core::cell::Cell;
 
-use embassy_stm32::gpio::{Level, Output};
+use critical_section::Mutex;
 use embassy_time::{Duration, Timer};
-use protocol_core::actuator::{Color, Led};
+use protocol_core::actuator::Led;
 use protocol_core::controller::BusErrorMode;
 use protocol_core::device::{Device, ProductSenses, Senses};
 
 use super::attention::{Caller, call};
+use super::nucleo::Leds;
 
-/// 1.5 Hz: 333 ms on, 333 ms off.
-const HALF_PERIOD: Duration = Duration::from_millis(333);
-
-const RED: u8 = 0b001;
-const GREEN: u8 = 0b010;
-const FLASHING: u8 = 0b100;
+/// A step of what the LEDs show: a third of half a period of 1.5 Hz.
+const STEP: Duration = Duration::from_millis(111);
+/// So many steps are half a period: 333 ms on, 333 ms off.
+const HALF_PERIOD: u8 = 3;
+/// After so many steps it begins anew.
+pub(super) const STEPS: u8 = 18;
 
 /// Returns what the LEDs show of a device: the LED of a valve. A sensor has none: they show what the board knows of it.
 pub(super) fn led_of(device: &dyn Device, senses: &Senses) -> Led {
@@ -34,37 +35,40 @@ pub(super) fn led_of(device: &dyn Device, senses: &Senses) -> Led {
     }
 }
 
-/// What the LEDs show.
-pub(super) struct Lights(AtomicU8);
+/// What the LEDs show: nothing at first.
+pub(super) struct Lights(Mutex<Cell<Option<Led>>>);
 
 impl Lights {
     /// Dark.
     pub(super) const fn new() -> Self {
-        Self(AtomicU8::new(0))
+        Self(Mutex::new(Cell::new(None)))
     }
 
-    /// Shows this from the next half period on.
+    /// Shows this from the next step on.
     pub(super) fn show(&self, led: Led) {
-        let color = match led.color {
-            Color::Red => RED,
-            Color::Green => GREEN,
-            Color::Yellow => RED | GREEN,
-        };
-        self.0.store(if led.flashing { color | FLASHING } else { color }, Ordering::Relaxed);
+        critical_section::with(|cs| self.0.borrow(cs).set(Some(led)));
+    }
+
+    fn shown(&self) -> Option<Led> {
+        critical_section::with(|cs| self.0.borrow(cs).get())
     }
 }
 
+/// Whether an LED of the valve is on in a step.
+pub(super) const fn is_on(led: Led, step: u8) -> bool {
+    !led.flashing || (step / HALF_PERIOD).is_multiple_of(2)
+}
+
 #[embassy_executor::task]
-pub(super) async fn run(mut red: Output<'static>, mut green: Output<'static>, lights: &'static Lights) {
-    let mut lit = false;
+pub(super) async fn run(mut leds: Leds, lights: &'static Lights) {
+    let mut step = 0;
     loop {
         // The device's task is above this one: it has answered when this is done.
         call(Caller::Leds);
-        lit = !lit;
-        let shown = lights.0.load(Ordering::Relaxed);
-        let on = lit || shown & FLASHING == 0;
-        red.set_level(Level::from(on && shown & RED != 0));
-        green.set_level(Level::from(on && shown & GREEN != 0));
-        Timer::after(HALF_PERIOD).await;
+        if let Some(led) = lights.shown() {
+            leds.show(led, step);
+        }
+        step = (step + 1) % STEPS;
+        Timer::after(STEP).await;
     }
 }

@@ -18,26 +18,27 @@ mod flash;
 mod front;
 mod led;
 mod link;
+#[cfg_attr(feature = "nucleo-f429zi", path = "nucleo_f429zi.rs")]
+#[cfg_attr(feature = "nucleo-f446re", path = "nucleo_f446re.rs")]
+mod nucleo;
 mod reset;
 mod storage;
 
 use defmt_rtt as _;
 use embassy_executor::{InterruptExecutor, Spawner};
-use embassy_stm32::flash::{Flash, InterruptHandler};
-use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
+use embassy_stm32::gpio::Input;
+use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::{InterruptExt as _, Priority};
 use embassy_stm32::pac::Interrupt;
+use embassy_stm32::peripherals::IWDG;
+use embassy_stm32::usart::BufferedUart;
 use embassy_stm32::wdg::IndependentWatchdog;
-use embassy_stm32::{bind_interrupts, interrupt};
 use embassy_sync::channel::Channel;
 use embassy_sync::mutex::Mutex;
 use embassy_sync::signal::Signal;
 use nvm::Contents;
 
 use front::Front;
-
-/// The device's task has so long, in microseconds, before the watchdog resets the processor.
-const WATCHDOG_US: u32 = 500_000;
 
 const CAN_PRIORITY: Priority = Priority::P4;
 const CLOCK_PRIORITY: Priority = Priority::P6;
@@ -53,9 +54,15 @@ fn UART5() {
     unsafe { DEVICE.on_interrupt() }
 }
 
-bind_interrupts!(struct Interrupts {
-    FLASH => InterruptHandler;
-});
+/// What a NUCLEO has, by whichever pins.
+struct Nucleo {
+    can: can::Can1,
+    watchdog: IndependentWatchdog<'static, IWDG>,
+    sectors: flash::Sectors,
+    console: Option<BufferedUart<'static>>,
+    button: Input<'static>,
+    leds: nucleo::Leds,
+}
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
@@ -73,24 +80,16 @@ async fn main(spawner: Spawner) {
     for (line, priority) in [
         (Interrupt::TIM5, CLOCK_PRIORITY),
         (Interrupt::UART5, DEVICE_PRIORITY),
-        (Interrupt::USART3, SERVICE_PRIORITY),
+        (nucleo::CONSOLE, SERVICE_PRIORITY),
         (Interrupt::FLASH, SERVICE_PRIORITY),
     ] {
         line.set_priority(priority);
     }
     let cause = reset::cause();
-    // Silicon before revision 3 reads bank 2 wrongly while this pin toggles (ES0206): held low.
-    core::mem::forget(Input::new(board.PA12, Pull::Down));
 
-    let can = can::Can1::new(board.PD0, board.PD1, CAN_PRIORITY);
-    let watchdog = IndependentWatchdog::new(board.IWDG, WATCHDOG_US);
+    let Nucleo { can, watchdog, sectors, console, button, leds } = nucleo::open(board);
     let memory = storage::Client::new(REQUESTS.sender(), RESULTS.receiver(), &CONTENTS);
     let front = Front::new(&LINES, &ANSWERS, &PRESSES);
-    let sectors = flash::Sectors(Flash::new(board.FLASH, Interrupts).into_regions().bank2_region1);
-    let console = console::open(board.USART3, board.PD9, board.PD8);
-    let button = Input::new(board.PC13, Pull::Down);
-    let red = Output::new(board.PB14, Level::Low, Speed::Low);
-    let green = Output::new(board.PB0, Level::Low, Speed::Low);
 
     // Each task is spawned once: there is room for it.
     if let Ok(task) = device::run(can, watchdog, cause, memory, front, &LIGHTS) {
@@ -102,7 +101,7 @@ async fn main(spawner: Spawner) {
     if let Ok(task) = console::run(console, &LINES, &ANSWERS) {
         spawner.spawn(task);
     }
-    if let Ok(task) = led::run(red, green, &LIGHTS) {
+    if let Ok(task) = led::run(leds, &LIGHTS) {
         spawner.spawn(task);
     }
     if let Ok(task) = button::run(button, &PRESSES) {

@@ -14,8 +14,8 @@ use protocol_core::device::Senses;
 use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
 
+use crate::board::Board;
 use crate::content;
-use crate::flash::Flash;
 use crate::rig::{BoardId, Rig};
 
 /// One emulated board, host devices and a master.
@@ -36,23 +36,23 @@ impl ImageBench {
     /// # Panics
     /// When the use case has no device.
     #[must_use]
-    pub fn new(case: &UseCase) -> Self {
+    pub fn new(board: &'static Board, case: &UseCase) -> Self {
         let (first, others) = case.devices.split_first().expect("a use case has a device");
-        Self::with_devices(case.bit_rate(), first, others)
+        Self::with_devices(board, case.bit_rate(), first, others)
     }
 
     /// The image as the device `first`, and host devices, switched off.
     #[must_use]
-    pub fn with_devices(bit_rate: BitRate, first: &Device, others: &[Device]) -> Self {
-        Self::with_flash(bit_rate, Flash::with_content(&content::stored_by(first)), others)
+    pub fn with_devices(board: &'static Board, bit_rate: BitRate, first: &Device, others: &[Device]) -> Self {
+        Self::with_memory(board, bit_rate, &content::stored_by(first), others)
     }
 
-    /// The image with this flash, and host devices, switched off.
+    /// The image with these bytes in its memory, and host devices, switched off.
     #[must_use]
-    pub fn with_flash(bit_rate: BitRate, flash: Flash, others: &[Device]) -> Self {
+    pub fn with_memory(board: &'static Board, bit_rate: BitRate, memory: &[u8], others: &[Device]) -> Self {
         let mut rig = Rig::new(bit_rate);
         let master = rig.world.add_tap("master");
-        let board = rig.add_board("board", flash);
+        let board = rig.add_board(board, "board", memory);
         let others = others.iter().map(|device| add_host_device(&mut rig.world, device)).collect();
         Self { rig, board, master, others, received: VecDeque::new() }
     }

@@ -2,9 +2,7 @@
 //!
 //! What is written stays over a reset, as in a flash: it has to be taken back before the restarted image comes there.
 
-use crate::image::Image;
 use crate::machine::Machine;
-use crate::symbols::FLASH;
 
 /// How a function is broken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,8 +29,8 @@ pub struct Mended {
 const WITH_MESSAGE: [&str; 2] = ["core::panicking::panic", "core::option::expect_failed"];
 const WITH_PLACE: [&str; 2] = ["core::option::unwrap_failed", "core::panicking::panic_const::"];
 
-/// Where what is given to a panic is put: the end of bank 1, where no image is.
-const NOTES: u64 = FLASH.end - 64;
+/// What is given to a panic is put so far before the end of the flash, where no image is.
+const NOTES: u64 = 64;
 const MESSAGE: &[u8; 20] = b"broken on purpose\0\0\0";
 
 impl Break {
@@ -42,7 +40,7 @@ impl Break {
     /// When there is none, or when the image has no panic to call.
     #[must_use]
     pub fn apply(self, machine: &Machine, names: &[&str]) -> Mended {
-        let symbols = Image::get().symbols();
+        let symbols = machine.image().symbols();
         let found = symbols.functions(names);
         let address = found.first().unwrap_or_else(|| panic!("the image has none of {names:?}")).address;
         let code = match self {
@@ -66,19 +64,20 @@ impl Mended {
 
 /// Code at `address` that calls a panic, what it is given being laid down elsewhere.
 fn call_of_panic(machine: &Machine, address: u64) -> Vec<u8> {
-    let symbols = Image::get().symbols();
+    let symbols = machine.image().symbols();
     // A name in full, or, if it ends so, the beginning of one.
     let find = |names: &[&str]| {
         let is = |found: &str, name: &str| found == name || name.ends_with("::") && found.starts_with(name);
         names.iter().find_map(|name| symbols.functions(&[name]).into_iter().find(|symbol| is(&symbol.name, name)))
     };
-    let place = NOTES + MESSAGE.len() as u64;
-    machine.write(NOTES, MESSAGE);
+    let notes = machine.image().board().flash.end - NOTES;
+    let place = notes + MESSAGE.len() as u64;
+    machine.write(notes, MESSAGE);
     // A place in the source: file, its length, line, column.
-    let words = [NOTES as u32, 6, 7, 8].map(u32::to_le_bytes).concat();
+    let words = [notes as u32, 6, 7, 8].map(u32::to_le_bytes).concat();
     machine.write(place, &words);
     let (target, given) = match (find(&WITH_MESSAGE), find(&WITH_PLACE)) {
-        (Some(panic), _) => (panic.address, [NOTES as u32, 17, place as u32]),
+        (Some(panic), _) => (panic.address, [notes as u32, 17, place as u32]),
         (None, Some(panic)) => (panic.address, [place as u32, 0, 0]),
         (None, None) => panic!("nothing in the image panics"),
     };

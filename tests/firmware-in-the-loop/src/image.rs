@@ -3,38 +3,60 @@
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
+use crate::board::{Board, NUCLEO_F429ZI, NUCLEO_F446RE};
 use crate::symbols::Symbols;
-
-/// Names the ELF file; `./run` sets it.
-pub const VARIABLE: &str = "FIRMWARE_ELF";
 
 /// An image of the firmware.
 pub struct Image {
+    board: &'static Board,
     path: PathBuf,
     symbols: Symbols,
     loaded: Vec<rigless::image::Image>,
 }
 
 impl Image {
-    /// The image that [`VARIABLE`] names, or the one that `cargo firmware` has built.
+    /// The image for a board: the one that its variable names, or the one that cargo has built.
     ///
     /// # Panics
     /// When there is none.
     #[must_use]
-    pub fn get() -> &'static Self {
+    pub fn of(board: &'static Board) -> &'static Self {
+        static IMAGES: [LazyLock<Image>; 2] =
+            [LazyLock::new(|| Image::load(&NUCLEO_F429ZI)), LazyLock::new(|| Image::load(&NUCLEO_F446RE))];
+        &IMAGES[usize::from(std::ptr::eq(board, &NUCLEO_F446RE))]
+    }
+
+    /// The core alone, of `firmware/examples`, for the NUCLEO-F429ZI: found beside the image for that.
+    ///
+    /// # Panics
+    /// When there is none.
+    #[must_use]
+    pub fn core_alone() -> &'static Self {
         static IMAGE: LazyLock<Image> = LazyLock::new(|| {
-            let built = concat!(env!("CARGO_MANIFEST_DIR"), "/../../target/thumbv7em-none-eabihf/firmware/firmware");
-            Image::load(Path::new(&std::env::var_os(VARIABLE).unwrap_or_else(|| built.into())))
+            let path = Image::of(&NUCLEO_F429ZI).path.with_file_name("examples").join("core_alone");
+            Image::load_from(&NUCLEO_F429ZI, path)
         });
         &IMAGE
     }
 
-    fn load(path: &Path) -> Self {
-        let image = rigless::image::Image::read(path, None)
+    fn load(board: &'static Board) -> Self {
+        let target = concat!(env!("CARGO_MANIFEST_DIR"), "/../../target/thumbv7em-none-eabihf");
+        let built = || Path::new(target).join(board.profile).join("firmware").into_os_string();
+        Self::load_from(board, PathBuf::from(std::env::var_os(board.variable).unwrap_or_else(built)))
+    }
+
+    fn load_from(board: &'static Board, path: PathBuf) -> Self {
+        let image = rigless::image::Image::read(&path, None)
             .unwrap_or_else(|error| panic!("{}: {error} (`./run` builds it)", path.display()));
-        let symbols = std::fs::read(path).map(|elf| Symbols::read(&elf));
+        let symbols = std::fs::read(&path).map(|elf| Symbols::read(&elf, board));
         let symbols = symbols.expect("it was just read").expect("what is loaded is an ELF file");
-        Self { path: path.to_owned(), symbols, loaded: vec![image] }
+        Self { board, path, symbols, loaded: vec![image] }
+    }
+
+    /// What it is for.
+    #[must_use]
+    pub const fn board(&self) -> &'static Board {
+        self.board
     }
 
     /// What is in it.

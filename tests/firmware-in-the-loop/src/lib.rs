@@ -1,10 +1,11 @@
-//! The stand-in's firmware image, unmodified, in an emulated NUCLEO-F429ZI on the simulated bus.
+//! The stand-in's firmware images, unmodified, in an emulated NUCLEO-F429ZI or NUCLEO-F446RE on the simulated bus.
 //!
 //! ```text
 //! image     the ELF file          symbols  what is in it, by crate     stack   how deep its stack gets
-//! bxcan     the CAN controller    flash    bank 2 and its interface    part    the STM32F429ZI put together
+//! bxcan     the CAN controller    flash    its interface and memory    part    the STM32 put together
 //! machine   a board under power   warm     ... over resets             broken  the image broken on purpose
 //! rig       boards on a bus       content  what their flash holds      bench   the bench of the use cases
+//! board     what differs between the boards
 //! ```
 //!
 //! The tests of the image are in `tests/firmware`, those of the models beside the models. What a test finds in the
@@ -12,6 +13,7 @@
 #![deny(unsafe_code)]
 
 pub mod bench;
+pub mod board;
 pub mod broken;
 pub mod bxcan;
 pub mod content;

@@ -10,16 +10,17 @@ use std::thread::JoinHandle;
 
 use rigless::cpu::armv7m::windows;
 use rigless::device::ResetCause;
-use rigless::emulator::{self, Driver, Host, Settled, Start, Stop, StopReason};
+use rigless::emulator::{self, Driver, Host, Settled, Start, Stop, StopReason, Watch};
 use rigless::machine::{Board, Target, armv7m};
 use rigless::mcu::{Mcu, Operate};
 use rigless::session::Session;
 use rigless::snapshot::Store;
-use rigless::soc::Width;
+use rigless::soc::{RegionKind, Width};
 use rigless::time::VirtualNanos;
 
+use crate::board::Board as Description;
 use crate::image::Image;
-use crate::part::{BOOT, Can1, Connections, Port, RAM, Stm32f429};
+use crate::part::{Can1, Connections, Part, Port, SharedFlash};
 use crate::warm::{self, CoreView};
 
 /// The processor's clock.
@@ -54,6 +55,15 @@ pub struct Reset {
     pub cause: String,
 }
 
+/// The processor came to a function that is [watched](Machine::watch).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Arrival {
+    /// Where the function begins.
+    pub address: u64,
+    /// How many instructions were executed until then.
+    pub instructions: u64,
+}
+
 /// What a run leaves behind.
 #[derive(Clone, Debug, Default)]
 pub struct Summary {
@@ -65,6 +75,7 @@ pub struct Summary {
 
 /// An emulated board under power.
 pub struct Machine {
+    image: &'static Image,
     orders: Sender<Order>,
     answers: Receiver<Answer>,
     thread: Option<JoinHandle<()>>,
@@ -80,6 +91,8 @@ enum Order {
     /// Of a peripheral.
     Register(u64),
     Supply(u32),
+    Watch(u64),
+    Hits,
     Power(bool),
     /// RAM without a supply holds anything.
     Forget,
@@ -93,6 +106,7 @@ enum Answer {
     Level(bool),
     Register(u32),
     Summary(Summary),
+    Hits(Vec<Arrival>),
     Done,
 }
 
@@ -107,6 +121,7 @@ impl Machine {
         let (answer, answers) = channel();
         let thread = std::thread::spawn(move || run(image, connections, received, answer));
         let mut machine = Self {
+            image,
             orders,
             answers,
             thread: Some(thread),
@@ -115,6 +130,12 @@ impl Machine {
         machine.reached = machine.wait_for_stop();
         machine.ask(Order::Forget);
         machine
+    }
+
+    /// Its image.
+    #[must_use]
+    pub const fn image(&self) -> &'static Image {
+        self.image
     }
 
     /// Where it stands.
@@ -134,7 +155,7 @@ impl Machine {
         self.reached
     }
 
-    /// Reads memory as the processor sees it; not bank 2.
+    /// Reads memory as the processor sees it; not what is behind the flash interface.
     #[must_use]
     pub fn read(&self, range: Range<u64>) -> Vec<u8> {
         match self.ask(Order::Read(range)) {
@@ -143,7 +164,7 @@ impl Machine {
         }
     }
 
-    /// Writes RAM, or breaks the image in bank 1.
+    /// Writes RAM, or breaks the image.
     pub fn write(&self, address: u64, bytes: &[u8]) {
         self.ask(Order::Write(address, bytes.to_vec()));
     }
@@ -174,6 +195,20 @@ impl Machine {
     /// Sets the supply voltage of the part.
     pub fn supply(&self, millivolts: u32) {
         self.ask(Order::Supply(millivolts));
+    }
+
+    /// Watches, from now on, when the processor comes to the function at an address.
+    pub fn watch(&self, address: u64) {
+        self.ask(Order::Watch(address));
+    }
+
+    /// When it came to what is [watched](Self::watch), since this was last asked.
+    #[must_use]
+    pub fn arrivals(&self) -> Vec<Arrival> {
+        match self.ask(Order::Hits) {
+            Answer::Hits(hits) => hits,
+            _ => unreachable!("hits are answered by hits"),
+        }
     }
 
     /// Cuts its power: it stands as long as that is off. What its RAM held is lost.
@@ -232,12 +267,14 @@ impl Drop for Machine {
     }
 }
 
-fn run(image: &Image, connections: Connections, orders: Receiver<Order>, answers: Sender<Answer>) {
+fn run(image: &'static Image, connections: Connections, orders: Receiver<Order>, answers: Sender<Answer>) {
     let can = connections.can.clone();
-    let core = connections.core.clone();
-    let part = Stm32f429::new(connections).expect("the part is described without contradiction");
-    let session = Session::new(Box::new(Nucleo { part, core }), 0, VirtualNanos(0)).expect("the board has one part");
-    let conductor = Conductor { orders, answers, can, asleep: None };
+    let (core, flash) = (connections.core.clone(), connections.flash.clone());
+    let board = image.board();
+    let part = Part::new(board, connections).expect("the part is described without contradiction");
+    let session = Session::new(Box::new(Nucleo { board, part, core, flash }), 0, VirtualNanos(0))
+        .expect("the board has one part");
+    let conductor = Conductor { board, orders, answers, can, asleep: None, arrivals: Vec::new() };
     let start = Start::new(image.for_emulator());
     emulator::run(session, &start, conductor).expect("the image fits the part");
 }
@@ -262,10 +299,10 @@ fn complaints(session: &Session<Nucleo>) -> Vec<String> {
 }
 
 /// Fills RAM with noise.
-fn forget(host: &mut dyn Host) {
+fn forget(board: &Description, host: &mut dyn Host) {
     let mut random = fastrand::Rng::with_seed(0);
-    for range in &RAM {
-        for address in range.clone().step_by(4) {
+    for ram in board.memory.iter().filter(|region| region.kind == RegionKind::Ram) {
+        for address in (ram.base..ram.base + ram.size).step_by(4) {
             host.write(address, Width::W32, random.u32(..).into()).expect("there is memory");
         }
     }
@@ -274,19 +311,21 @@ fn forget(host: &mut dyn Host) {
 /// The board as the emulator wants it.
 #[derive(Debug)]
 struct Nucleo {
-    part: Stm32f429,
+    board: &'static Description,
+    part: Part,
     core: CoreView,
+    flash: SharedFlash,
 }
 
 impl Store for Nucleo {}
 
 impl Board for Nucleo {
     fn name(&self) -> &'static str {
-        "NUCLEO-F429ZI"
+        self.board.name
     }
 
     fn target_names(&self) -> Vec<&'static str> {
-        vec!["STM32F429ZI"]
+        vec![self.board.part]
     }
 
     fn mcu(&mut self, target: usize) -> Option<&mut dyn Mcu> {
@@ -301,24 +340,32 @@ impl Board for Nucleo {
             priority_bits: 4,
             refclk_divider: NonZeroU32::new(8).expect("PM0214 4.5"),
             instructions_per_second: NonZeroU64::new(INSTRUCTIONS_PER_SECOND).expect("it runs"),
-            boot: BOOT,
+            boot: self.board.boot,
         }
         .spec_with_parts(&windows(self.part.bus()), armv7m::Fpu::FpV4Sp, armv7m::MpuRegions::Eight);
-        core.processor = warm::kept(core.processor, self.core.clone());
-        vec![Target::new("STM32F429ZI", &mut self.part, core)]
+        core.processor = warm::kept(core.processor, self.core.clone(), self.flash.clone());
+        vec![Target::new(self.board.part, &mut self.part, core)]
     }
 }
 
 /// Carries out orders while the emulator stands.
 struct Conductor {
+    board: &'static Description,
     orders: Receiver<Order>,
     answers: Sender<Answer>,
     can: Can1,
     asleep: Option<u64>,
+    arrivals: Vec<Arrival>,
 }
 
 impl Conductor {
-    fn carry_out(&self, order: Order, session: &mut Session<Nucleo>, now: VirtualNanos, host: &mut dyn Host) -> Answer {
+    fn carry_out(
+        &mut self,
+        order: Order,
+        session: &mut Session<Nucleo>,
+        now: VirtualNanos,
+        host: &mut dyn Host,
+    ) -> Answer {
         match order {
             Order::Read(range) => {
                 let byte = |address| host.read(address, Width::W8).map_or(0, |value| value as u8);
@@ -345,12 +392,18 @@ impl Conductor {
                 session.board_mut().part.supply(millivolts);
                 Answer::Done
             }
+            Order::Watch(address) => {
+                session.watch(Watch::Instruction(address));
+                session.settle_watches(host);
+                Answer::Done
+            }
+            Order::Hits => Answer::Hits(std::mem::take(&mut self.arrivals)),
             Order::Power(on) => {
                 session.board_mut().part.power(on, now);
                 Answer::Done
             }
             Order::Forget => {
-                forget(host);
+                forget(self.board, host);
                 Answer::Done
             }
             Order::Sum => Answer::Summary(summary(session)),
@@ -372,6 +425,9 @@ impl Driver<Nucleo> for Conductor {
                 if self.can.lock().changed {
                     session.run_until(stop.at);
                 }
+            }
+            Settled::Hit(hit) => {
+                self.arrivals.push(Arrival { address: hit.address, instructions: hit.instruction_count });
             }
             _ => {}
         }

@@ -9,6 +9,7 @@ use protocol_core::controller::BitRate;
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, after, since};
 
+use crate::board::Board as Description;
 use crate::bxcan::Message;
 use crate::flash::Flash;
 use crate::image::Image;
@@ -31,6 +32,7 @@ pub struct Rig {
 }
 
 struct Board {
+    image: &'static Image,
     controller: ControllerId,
     connections: Connections,
     /// Once it was switched on; it stays when the power goes, for what the emulator has compiled of the image.
@@ -58,11 +60,13 @@ impl Rig {
         Self { world: World::new(bit_rate, 0), boards: Vec::new() }
     }
 
-    /// Adds a board with this flash, switched off.
-    pub fn add_board(&mut self, name: &str, flash: Flash) -> BoardId {
+    /// Adds a board whose memory holds these bytes, switched off.
+    pub fn add_board(&mut self, board: &'static Description, name: &str, memory: &[u8]) -> BoardId {
         let controller = self.world.add_controller(name);
-        let connections = Connections { flash: SharedFlash::new(flash), ..Connections::default() };
+        let flash = SharedFlash::new(Flash::of(board.layout, memory));
+        let connections = Connections { flash, ..Connections::default() };
         self.boards.push(Board {
+            image: Image::of(board),
             controller,
             connections,
             machine: None,
@@ -95,7 +99,7 @@ impl Rig {
         }
         if on {
             match &mut board.machine {
-                None => board.machine = Some(Machine::power_on(Image::get(), board.connections.clone())),
+                None => board.machine = Some(Machine::power_on(board.image, board.connections.clone())),
                 Some(machine) => machine.give_power(),
             }
             if let (Some(_), Some(machine)) = (board.stack, &board.machine) {

@@ -2,9 +2,7 @@
 
 use std::ops::Range;
 
-use crate::image::Image;
 use crate::machine::Machine;
-use crate::symbols::RAM;
 
 const PAINT: u8 = 0xA5;
 /// So many painted bytes in a row were never used: more than any local variable that is never written.
@@ -14,19 +12,18 @@ const UNUSED: usize = 4096;
 ///
 /// # Panics
 /// When the image has no stack where one is expected.
-#[must_use]
-pub fn room() -> Range<u64> {
-    let symbols = Image::get().symbols();
+fn room(machine: &Machine) -> Range<u64> {
+    let (symbols, ram) = (machine.image().symbols(), &machine.image().board().ram);
     let top = symbols.address("_stack_start").expect("the image has a stack");
     let ends = ["__ebss", "__euninit", "__edata"].iter().filter_map(|name| symbols.address(name));
-    let end = ends.filter(|end| RAM.contains(end)).max().expect("the image has variables");
-    assert!(end < top && top <= RAM.end, "the stack is between {end:#x} and {top:#x}");
+    let end = ends.filter(|end| ram.contains(end)).max().expect("the image has variables");
+    assert!(end < top && top <= ram.end, "the stack is between {end:#x} and {top:#x}");
     end..top
 }
 
 /// Paints the stack of a board that stands before its first instruction.
 pub fn paint(machine: &Machine) {
-    let room = room();
+    let room = room(machine);
     machine.write(room.start, &vec![PAINT; (room.end - room.start) as usize]);
 }
 
@@ -36,7 +33,7 @@ pub fn paint(machine: &Machine) {
 /// When it was used to its end.
 #[must_use]
 pub fn used(machine: &Machine) -> u64 {
-    let bytes = machine.read(room());
+    let bytes = machine.read(room(machine));
     let mut painted = 0;
     // From the top down: what is left out between two used places is used, too.
     for (below, byte) in bytes.iter().rev().enumerate() {

@@ -1,16 +1,12 @@
 //! What is in the image, by its symbols: where functions are, and what each crate takes of flash and RAM.
 
 use std::collections::BTreeMap;
-use std::ops::Range;
 
 use object::elf::PT_LOAD;
 use object::read::elf::{ElfFile32, ProgramHeader};
 use object::{Endianness, Object, ObjectSection, ObjectSymbol, SymbolKind};
 
-/// Where the image may be.
-pub const FLASH: Range<u64> = 0x0800_0000..0x0810_0000;
-/// The RAM that it uses.
-pub const RAM: Range<u64> = 0x2000_0000..0x2003_0000;
+use crate::board::Board;
 
 /// What the linker could not give to anybody: constants without a name, and what lies between two symbols.
 const NOBODY: &str = "(constants without a name)";
@@ -43,6 +39,7 @@ pub struct Size {
 #[derive(Clone, Debug)]
 pub struct Symbols {
     symbols: Vec<Symbol>,
+    board: &'static Board,
     flash: u64,
     ram: u64,
 }
@@ -52,7 +49,7 @@ impl Symbols {
     ///
     /// # Errors
     /// When it is none.
-    pub fn read(elf: &[u8]) -> object::Result<Self> {
+    pub fn read(elf: &[u8], board: &'static Board) -> object::Result<Self> {
         let file = ElfFile32::<Endianness>::parse(elf)?;
         let mut symbols: Vec<Symbol> = file
             .symbols()
@@ -67,12 +64,13 @@ impl Symbols {
         symbols.sort_by_key(|symbol| (symbol.address, symbol.size));
         let header = |header: &object::elf::ProgramHeader32<Endianness>| {
             let endian = file.endian();
-            let loaded = header.p_type(endian) == PT_LOAD && FLASH.contains(&header.p_paddr(endian).into());
+            let loaded = header.p_type(endian) == PT_LOAD && board.flash.contains(&header.p_paddr(endian).into());
             if loaded { u64::from(header.p_filesz(endian)) } else { 0 }
         };
         let flash = file.elf_program_headers().iter().map(header).sum();
-        let in_ram = file.sections().filter(|section| RAM.contains(&section.address())).map(|section| section.size());
-        Ok(Self { symbols, flash, ram: in_ram.sum() })
+        let in_ram =
+            file.sections().filter(|section| board.ram.contains(&section.address())).map(|section| section.size());
+        Ok(Self { symbols, board, flash, ram: in_ram.sum() })
     }
 
     /// The bytes that are flashed, and those of all variables.
@@ -84,7 +82,8 @@ impl Symbols {
     /// Functions whose path holds one of `names`, those of the first name first.
     #[must_use]
     pub fn functions(&self, names: &[&str]) -> Vec<&Symbol> {
-        let code = || self.symbols.iter().filter(|symbol| FLASH.contains(&symbol.address) && symbol.size > 0);
+        let code =
+            || self.symbols.iter().filter(|symbol| self.board.flash.contains(&symbol.address) && symbol.size > 0);
         names.iter().flat_map(|name| code().filter(move |symbol| symbol.name.contains(name))).collect()
     }
 
@@ -107,10 +106,10 @@ impl Symbols {
             end = end.max(symbol.address + symbol.size);
             let owner = if symbol.name.starts_with('.') { NOBODY } else { crate_of(&symbol.name) };
             let entry = crates.entry(owner.to_owned()).or_default();
-            if FLASH.contains(&symbol.address) {
+            if self.board.flash.contains(&symbol.address) {
                 entry.flash += size;
                 left.flash = left.flash.saturating_sub(size);
-            } else if RAM.contains(&symbol.address) {
+            } else if self.board.ram.contains(&symbol.address) {
                 entry.ram += size;
                 left.ram = left.ram.saturating_sub(size);
             }

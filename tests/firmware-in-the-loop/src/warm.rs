@@ -4,6 +4,9 @@
 //! seconds of virtual time. The image in flash is the same afterwards; who writes to it has the emulator forget that
 //! part by itself. So here a reset loads the state that the processor was made with, and nothing is dropped.
 //!
+//! The processor stands while a flash operation [holds it](crate::flash::Flash::holds): it runs nothing, and time goes on to
+//! whatever happens next.
+//!
 //! It also shows the registers of the core itself, which only a debugger's processor model can read: [`CoreView`].
 
 use std::collections::BTreeMap;
@@ -11,10 +14,13 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use rigless::emulator::{
-    BitAlias, CoreBus, DataModel, Error, Exit, HaltReason, HostCall, Processor, ProcessorConstructor, Queued,
+    Access, BitAlias, Checked, CoreBus, DataModel, Error, Exit, HaltReason, HostCall, InterruptLine, Processor,
+    ProcessorConstructor, Queued,
 };
 use rigless::soc::{Endian, Width};
 use rigless::time::VirtualNanos;
+
+use crate::part::SharedFlash;
 
 /// Registers of the core itself (interrupt controller, system control) that somebody wants to see. They are read by the
 /// processor's own model, whenever it has run.
@@ -34,12 +40,12 @@ impl CoreView {
     }
 }
 
-/// Makes processors that stay warm.
-pub(crate) fn kept(cold: ProcessorConstructor, view: CoreView) -> ProcessorConstructor {
+/// Makes processors that stay warm, and that a flash holds.
+pub(crate) fn kept(cold: ProcessorConstructor, view: CoreView, flash: SharedFlash) -> ProcessorConstructor {
     Arc::new(move |endian| {
         let inner = cold(endian)?;
         let made = inner.save();
-        Ok(Box::new(Warm { inner, made, view: view.clone() }))
+        Ok(Box::new(Warm { inner, made, view: view.clone(), flash: flash.clone() }))
     })
 }
 
@@ -49,6 +55,7 @@ struct Warm {
     /// The state that it was made with; at the end the number of instructions, which is 0 and one byte.
     made: Vec<u8>,
     view: CoreView,
+    flash: SharedFlash,
 }
 
 impl Warm {
@@ -66,6 +73,51 @@ impl Warm {
     }
 }
 
+/// The bus, behind which the processor does not go on when an access has begun an operation that holds it.
+struct Held<'a> {
+    bus: &'a mut dyn CoreBus,
+    flash: &'a SharedFlash,
+}
+
+impl CoreBus for Held<'_> {
+    fn access(&mut self, access: Access, from_code: bool) -> Option<u64> {
+        self.bus.access(access, from_code)
+    }
+
+    fn time(&self, instructions: u64) -> VirtualNanos {
+        self.bus.time(instructions)
+    }
+
+    fn queued(&mut self) -> Vec<Queued> {
+        self.bus.queued()
+    }
+
+    fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32> {
+        let on = self.bus.carry_on(instructions, event);
+        on.filter(|_| !self.flash.holds(self.bus.time(instructions)))
+    }
+
+    fn acknowledge(&mut self, line: InterruptLine, instructions: u64) -> Option<u64> {
+        self.bus.acknowledge(line, instructions)
+    }
+
+    fn read_checked(&mut self, access: Access, report: bool) -> Option<Checked> {
+        self.bus.read_checked(access, report)
+    }
+
+    fn write_checked(&mut self, access: Access) -> Option<bool> {
+        self.bus.write_checked(access)
+    }
+
+    fn stops_before(&mut self, access: &Access) -> bool {
+        self.bus.stops_before(access)
+    }
+
+    fn send_trace(&mut self, bytes: &[u8]) {
+        self.bus.send_trace(bytes);
+    }
+}
+
 impl Processor for Warm {
     fn reset(&mut self) {
         let retired = self.inner.retired();
@@ -75,7 +127,10 @@ impl Processor for Warm {
     }
 
     fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
-        let ran = self.inner.run(budget, bus);
+        if self.flash.holds(bus.time(self.inner.retired())) {
+            return (Exit::Waiting, 0);
+        }
+        let ran = self.inner.run(budget, &mut Held { bus, flash: &self.flash });
         for (address, value) in self.view.0.lock().unwrap_or_else(PoisonError::into_inner).iter_mut() {
             let seen = self.inner.debugger_access(None, *address, Width::W32, VirtualNanos(0));
             *value = seen.unwrap_or_default() as u32;

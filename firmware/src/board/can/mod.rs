@@ -19,11 +19,10 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use bxcan::filter::Mask32;
 use bxcan::{Fifo, FilterOwner, Instance, Interrupts, RegisterBlock};
-use embassy_stm32::gpio::{AfType, Flex, OutputType, Pull, Speed};
+use embassy_stm32::gpio::{AfType, Flex, OutputType, Pin, Pull, Speed};
 use embassy_stm32::interrupt::{InterruptExt as _, Priority};
 use embassy_stm32::pac::can::regs;
 use embassy_stm32::pac::{CAN1, Interrupt};
-use embassy_stm32::peripherals::{PD0, PD1};
 use embassy_stm32::{Peri, interrupt, peripherals, rcc};
 use firmware::bit_timing::BitTiming;
 use firmware::filter_bank::{BANKS, Bank, next_change};
@@ -87,9 +86,9 @@ pub(super) struct Can1 {
 }
 
 impl Can1 {
-    /// Connects the pins; the controller takes no part in the bus before [`join`](Self::join). Its interrupts have this
+    /// Connects two pins of CAN 1; the controller takes no part in the bus before [`join`](Self::join). Its interrupts have this
     /// priority.
-    pub(super) fn new(rx: Peri<'static, PD0>, tx: Peri<'static, PD1>, priority: Priority) -> Self {
+    pub(super) fn new(rx: Peri<'static, impl Pin>, tx: Peri<'static, impl Pin>, priority: Priority) -> Self {
         let (mut rx, mut tx) = (Flex::new(rx), Flex::new(tx));
         rx.set_as_af_unchecked(AF_CAN, AfType::input(Pull::Up));
         tx.set_as_af_unchecked(AF_CAN, AfType::output(OutputType::PushPull, Speed::VeryHigh));

@@ -1,41 +1,49 @@
-//! The cells of bank 2, and its sectors (RM0090 table 6, 2 Mbyte).
+//! The cells that hold the memory, and their sectors (RM0090 table 6, 2 Mbyte; RM0390 table 4).
 
 use super::Nanos;
 
-/// Where bank 2 begins.
-pub const BANK2: u64 = 0x0810_0000;
-/// Its bytes.
-pub const BANK2_SIZE: usize = 1 << 20;
-/// The bytes of its first four sectors, 12 to 15.
+/// The bytes of the first four sectors of a bank.
 pub const SECTOR_SIZE: usize = 16 << 10;
 /// What an erased byte reads as.
 pub const ERASED: u8 = 0xFF;
 
-/// SNB of sector 12, the first one of bank 2.
-const FIRST_SNB: u32 = 0x10;
+/// Which sectors are modelled: those that hold the memory, in a bank of their own or in that of the image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Layout {
+    /// Where they begin.
+    pub base: u64,
+    /// Their bytes.
+    pub size: usize,
+    /// SNB of the first one.
+    first_snb: u32,
+    /// Whether the image is in another bank.
+    pub two_banks: bool,
+}
 
-/// The bytes of bank 2.
-#[derive(Clone, Debug)]
+impl Layout {
+    /// Bank 2 of an STM32F429ZI.
+    pub const TWO_BANKS: Self = Self { base: 0x0810_0000, size: 1 << 20, first_snb: 0x10, two_banks: true };
+    /// Sectors 1 and 2 of an STM32F446RE.
+    pub const ONE_BANK: Self = Self { base: 0x0800_4000, size: 2 * SECTOR_SIZE, first_snb: 1, two_banks: false };
+
+    /// Where the sector of an SNB begins, and its size; `None` when it is none of these.
+    pub(super) const fn sector(&self, snb: u32) -> Option<(usize, usize)> {
+        const K: usize = 1 << 10;
+        let (from, size) = match snb.checked_sub(self.first_snb) {
+            Some(number @ 0..=3) => (number as usize * SECTOR_SIZE, SECTOR_SIZE),
+            Some(4) => (64 * K, 64 * K),
+            Some(number @ 5..=11) => ((number as usize - 4) * 128 * K, 128 * K),
+            _ => return None,
+        };
+        if from + size <= self.size { Some((from, size)) } else { None }
+    }
+}
+
+/// The bytes.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Array(Vec<u8>);
 
-impl Default for Array {
-    fn default() -> Self {
-        Self(vec![ERASED; BANK2_SIZE])
-    }
-}
-
-/// Where the sector of an SNB begins in bank 2, and its size; `None` when bank 2 has no such sector.
-pub(super) const fn sector(snb: u32) -> Option<(usize, usize)> {
-    const K: usize = 1 << 10;
-    match snb.checked_sub(FIRST_SNB) {
-        Some(number @ 0..=3) => Some((number as usize * SECTOR_SIZE, SECTOR_SIZE)),
-        Some(4) => Some((64 * K, 64 * K)),
-        Some(number @ 5..=11) => Some(((number as usize - 4) * 128 * K, 128 * K)),
-        _ => None,
-    }
-}
-
-/// How long the erase of a sector takes by PSIZE: 8, 16, 32 bits (DS9405, typical).
+/// How long the erase of a sector takes by PSIZE: 8, 16, 32 bits (DS9405 and DS10693, typical).
 pub(super) const fn erase_time(size: usize, parallelism: u32) -> Nanos {
     let milliseconds: [Nanos; 3] = match size >> 10 {
         16 => [400, 300, 250],
@@ -47,6 +55,10 @@ pub(super) const fn erase_time(size: usize, parallelism: u32) -> Nanos {
 }
 
 impl Array {
+    pub(super) fn erased(layout: &Layout) -> Self {
+        Self(vec![ERASED; layout.size])
+    }
+
     pub(super) fn bytes(&self, from: usize, size: usize) -> &[u8] {
         &self.0[from..from + size]
     }

@@ -1,11 +1,15 @@
-//! The flash interface and bank 2 of an STM32F429ZI (RM0090 chapter 3, DS9405 for the times): really programs and erases.
+//! The flash interface with the sectors that hold the memory, of an STM32F429ZI (RM0090 chapter 3, DS9405 for the times)
+//! or of an STM32F446RE (RM0390 chapter 3, DS10693): really programs and erases.
 //!
-//! Bank 1 holds the image and is plain memory to the emulator; whoever programs or erases it is complained of. So is what
-//! would stall the processor on silicon: an access to bank 2 or to the control register during an operation there; and what
-//! makes the data cache lie: an operation while it is on (ES0206), a read through it of what was changed since it was reset
-//! (RM0090 3.6.4). The harness fails on any complaint.
+//! The sectors of the image are plain memory to the emulator; whoever programs or erases them is complained of. So is, with
+//! two banks, what would stall the processor on silicon: an access to bank 2 or to the control register during an operation
+//! there; and what makes the data cache lie: with two banks an operation while it is on (ES0206), with one or two a read
+//! through it of what was changed since it was reset (RM0090 3.6.4, RM0390 3.5.4). The harness fails on any complaint.
 //!
-//! Left out: option bytes, protection, read and write of bank 2 by an instruction fetch, times beyond the typical ones.
+//! With one bank the processor [is held](Flash::holds) from the instruction that begins an operation to its end. On silicon
+//! it may get some instructions further, as far as the caches go (A).
+//!
+//! Left out: option bytes, protection, an instruction fetch from the memory.
 
 mod array;
 pub mod registers;
@@ -13,7 +17,7 @@ pub mod registers;
 #[cfg(test)]
 mod tests;
 
-pub use array::{BANK2, BANK2_SIZE, ERASED, SECTOR_SIZE};
+pub use array::{ERASED, Layout, SECTOR_SIZE};
 
 use array::Array;
 use registers::*;
@@ -21,8 +25,12 @@ use registers::*;
 /// Nanoseconds since the power came.
 pub type Nanos = u64;
 
-/// How long programming takes, whatever the width (DS9405, typical).
+/// How long programming takes, whatever the width (DS9405 and DS10693, typical).
 pub const PROGRAM_TIME: Nanos = 16_000;
+/// The same, at the longest.
+const LONGEST_PROGRAM_TIME: Nanos = 100_000;
+/// The longest erase takes so many times the typical one, whatever the sector and the width.
+const LONGEST_ERASE: Nanos = 2;
 
 /// An operation that has begun.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,9 +56,10 @@ enum What {
     Erase { from: usize, size: usize },
 }
 
-/// The flash interface with bank 2 behind it. What bank 2 holds outlives resets and power cuts.
+/// The flash interface with the memory behind it. What that holds outlives resets and power cuts.
 #[derive(Clone, Debug)]
 pub struct Flash {
+    layout: Layout,
     array: Array,
     keys: Keys,
     access: u32,
@@ -60,6 +69,7 @@ pub struct Flash {
     status: u32,
     operation: Option<Operation>,
     fails: bool,
+    slow: bool,
     complaints: Vec<String>,
     programs: u64,
     erases: u64,
@@ -77,7 +87,8 @@ enum Keys {
 impl Default for Flash {
     fn default() -> Self {
         Self {
-            array: Array::default(),
+            layout: Layout::TWO_BANKS,
+            array: Array::erased(&Layout::TWO_BANKS),
             keys: Keys::None,
             access: 0,
             stale: false,
@@ -85,6 +96,7 @@ impl Default for Flash {
             status: 0,
             operation: None,
             fails: false,
+            slow: false,
             complaints: Vec::new(),
             programs: 0,
             erases: 0,
@@ -95,21 +107,32 @@ impl Default for Flash {
 
 /// What a test does with it.
 impl Flash {
-    /// With these bytes from the start of bank 2 on.
+    /// That of an STM32F429ZI, with these bytes from the start of the memory on.
     #[must_use]
     pub fn with_content(content: &[u8]) -> Self {
-        let mut flash = Self::default();
-        flash.array.fill(0, content);
+        Self::of(Layout::TWO_BANKS, content)
+    }
+
+    /// With these bytes from the start of the memory on.
+    #[must_use]
+    pub fn of(layout: Layout, content: &[u8]) -> Self {
+        let mut flash = Self { layout, ..Self::default() };
+        flash.restore(content);
         flash
     }
 
-    /// Bank 2 holds these bytes from its start on, as an adapter writes them: the rest of it is erased.
+    /// The memory holds these bytes from its start on, as an adapter writes them: the rest of it is erased.
     pub fn restore(&mut self, content: &[u8]) {
-        self.array = Array::default();
+        self.array = Array::erased(&self.layout);
         self.array.fill(0, content);
     }
 
-    /// The first `size` bytes of bank 2.
+    /// From now on programming and erasing take the longest time that the data sheet allows, or the typical one.
+    pub const fn set_slow(&mut self, slow: bool) {
+        self.slow = slow;
+    }
+
+    /// The first `size` bytes of the memory.
     #[must_use]
     pub fn content(&self, size: usize) -> &[u8] {
         self.array.bytes(0, size)
@@ -156,8 +179,8 @@ impl Flash {
             }
             Some(What::Erase { from, size }) => self.array.erase_partly(from, size, &mut random),
         }
-        let Self { array, fails, complaints, programs, erases, .. } = std::mem::take(self);
-        *self = Self { array, fails, complaints, programs, erases, ..Self::default() };
+        let Self { layout, array, fails, slow, complaints, programs, erases, .. } = std::mem::take(self);
+        *self = Self { layout, array, fails, slow, complaints, programs, erases, ..Self::default() };
     }
 }
 
@@ -197,26 +220,26 @@ impl Flash {
         }
     }
 
-    /// Reads at an offset into bank 2.
+    /// Reads at an offset into the memory.
     pub fn read(&mut self, offset: usize, bytes: usize, now: Nanos) -> u64 {
         self.settle(now);
         if self.operation.is_some() {
             self.complain(
                 now,
-                &format!("bank 2 is read at {offset:#x} while it is busy: silicon stalls the processor"),
+                &format!("the memory is read at {offset:#x} while it is busy: silicon stalls the processor"),
             );
         }
         if self.stale && self.access & acr::DCEN != 0 {
-            self.complain(now, "bank 2 is read through a data cache that was not reset since bank 2 was changed");
+            self.complain(now, "the memory is read through a data cache that was not reset since it was changed");
         }
         self.array.read(offset, bytes)
     }
 
-    /// Writes at an offset into bank 2.
+    /// Writes at an offset into the memory.
     pub fn write(&mut self, offset: usize, bytes: usize, value: u64, now: Nanos) {
         self.settle(now);
         if self.operation.is_some() {
-            self.complain(now, "bank 2 is written while it is busy: silicon stalls the processor");
+            self.complain(now, "the memory is written while it is busy: silicon stalls the processor");
             return;
         }
         let width = 1 << (self.control >> cr::PSIZE & 3);
@@ -228,8 +251,15 @@ impl Flash {
             self.fail(sr::WRPERR);
         } else {
             let what = What::Program { offset, bytes, value };
-            self.begin(Operation { what, from: now, until: now + PROGRAM_TIME });
+            let time = if self.slow { LONGEST_PROGRAM_TIME } else { PROGRAM_TIME };
+            self.begin(Operation { what, from: now, until: now + time });
         }
+    }
+
+    /// Whether the processor stands: an operation is under way in the bank that it runs from.
+    #[must_use]
+    pub fn holds(&self, now: Nanos) -> bool {
+        !self.layout.two_banks && self.operation.is_some_and(|operation| operation.until > now)
     }
 
     /// The level of its interrupt line.
@@ -271,7 +301,7 @@ impl Flash {
     }
 
     fn begin(&mut self, operation: Operation) {
-        if self.access & acr::DCEN != 0 {
+        if self.layout.two_banks && self.access & acr::DCEN != 0 {
             self.complain(
                 operation.from,
                 "bank 2 is changed while the data cache is on: reads may be corrupt (ES0206)",
@@ -296,18 +326,19 @@ impl Flash {
         let parallelism = self.control >> cr::PSIZE & 3;
         let sector = self.control >> cr::SNB & 0x1F;
         if self.control & (cr::MER | cr::MER1) != 0 || self.control & cr::SER == 0 {
-            self.complain(now, "an erase other than that of a sector of bank 2 is started");
-        } else if let Some((from, size)) = array::sector(sector) {
+            self.complain(now, "an erase other than that of a sector of the memory is started");
+        } else if let Some((from, size)) = self.layout.sector(sector) {
             if self.fails {
                 self.control &= !cr::STRT;
                 self.fail(sr::WRPERR);
                 return;
             }
-            let until = now + array::erase_time(size, parallelism);
+            let typical = array::erase_time(size, parallelism);
+            let until = now + if self.slow { LONGEST_ERASE * typical } else { typical };
             self.begin(Operation { what: What::Erase { from, size }, from: now, until });
             return;
         } else {
-            self.complain(now, &format!("SNB {sector:#x} is erased, which is no sector of bank 2"));
+            self.complain(now, &format!("SNB {sector:#x} is erased, which is no sector of the memory"));
         }
         self.control &= !cr::STRT;
         self.fail(sr::WRPERR);

@@ -242,3 +242,36 @@ fn the_data_cache_has_to_be_off_while_bank_2_changes_and_reset_before_it_is_on_a
     flash.read(4, 4, done);
     assert_eq!(flash.take_complaints(), Vec::<String>::new());
 }
+
+#[test]
+fn with_one_bank_an_operation_holds_the_processor_to_its_end() {
+    let mut flash = Flash::of(Layout::ONE_BANK, &[0; SECTOR_SIZE]);
+    flash.write_register(KEYR, KEY1, 0);
+    flash.write_register(KEYR, KEY2, 0);
+    flash.write_register(ACR, acr::DCEN, 0);
+    let done = programmed(&mut flash, SECTOR_SIZE, 0, 0);
+    assert!(flash.holds(0) && flash.holds(done - 1) && !flash.holds(done));
+    // Sector 1 is the first of the memory, sector 2 the second and last one.
+    flash.write_register(CR, cr::SER | cr::STRT | 1 << cr::SNB | WORD, done);
+    assert!(flash.holds(done + 250 * MS - 1) && !flash.holds(done + 250 * MS));
+    assert_eq!(flash.content(4), [0; 4], "it is not done yet");
+    flash.settle(done + 250 * MS);
+    assert_eq!(flash.content(4), [ERASED; 4]);
+    assert_eq!(flash.take_complaints(), Vec::<String>::new(), "one bank may be changed with the data cache on");
+    for sector in [0, 3] {
+        flash.write_register(CR, cr::SER | cr::STRT | sector << cr::SNB | WORD, done + 250 * MS);
+        assert_eq!(flash.take_complaints().len(), 1, "sector {sector} is the image's");
+    }
+}
+
+#[test]
+fn a_slow_flash_takes_the_longest_times_of_the_data_sheet() {
+    let mut flash = unlocked();
+    flash.set_slow(true);
+    flash.write_register(CR, cr::PG | WORD, 0);
+    flash.write(0, 4, 0, 0);
+    assert_eq!(flash.due(), Some(100_000));
+    flash.settle(100_000);
+    flash.write_register(CR, cr::SER | cr::STRT | 0x10 << cr::SNB | WORD, 100_000);
+    assert_eq!(flash.due(), Some(100_000 + 500 * MS));
+}

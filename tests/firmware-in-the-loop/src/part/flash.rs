@@ -1,4 +1,5 @@
-//! The flash in the emulated part: the interface's registers, and bank 2 as a window that is read and written byte by byte.
+//! The flash in the emulated part: the interface's registers, and the sectors that hold the memory as a window that is read
+//! and written byte by byte.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -18,6 +19,11 @@ impl SharedFlash {
     #[must_use]
     pub fn new(flash: Flash) -> Self {
         Self(Arc::new(Mutex::new(flash)))
+    }
+
+    /// Whether it holds the processor: that waits for its only bank.
+    pub(crate) fn holds(&self, now: VirtualNanos) -> bool {
+        self.lock().holds(now.0)
     }
 
     /// Looks at it.
@@ -68,27 +74,27 @@ impl Device for FlashInterface {
         self.drive_line(context);
     }
 
-    /// Bank 2 may have started or ended something.
+    /// The memory may have started or ended something.
     fn poll(&mut self, _: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         self.drive_line(context);
     }
 }
 
-/// Bank 2.
+/// The sectors that hold the memory.
 #[derive(Debug)]
-pub(super) struct Bank2 {
+pub(super) struct MemorySectors {
     shared: SharedFlash,
     /// The register table of a window, which is empty: the emulator knows it by where it is.
     table: &'static [RegisterSpec],
 }
 
-impl Bank2 {
+impl MemorySectors {
     pub(super) fn new(shared: SharedFlash, table: &'static [RegisterSpec]) -> Self {
         Self { shared, table }
     }
 }
 
-impl ErasedDevice for Bank2 {
+impl ErasedDevice for MemorySectors {
     fn layout(&self) -> &'static [RegisterSpec] {
         self.table
     }

@@ -1,6 +1,9 @@
-//! The STM32F429ZI: from `rigless` the models of what it shares with the STM32F427 (clocks, power, GPIO, timers, UART,
-//! watchdog, debug), from here CAN1, the flash interface and bank 2. What the firmware has no use for is not there: an
-//! access to it fails the test.
+//! The STM32F429ZI and the STM32F446RE: from `rigless` the models of what they share with the STM32F427 (clocks, power,
+//! GPIO, timers, UART, watchdog, debug), from here CAN1, the flash interface and the sectors that hold the memory. What the
+//! firmware has no use for is not there: an access to it fails the test.
+//!
+//! Of what the STM32F446 has beyond the STM32F427 there is only DCKCFGR2, as a register that holds what is written: it
+//! selects the clocks of peripherals that are not there.
 
 mod can;
 mod console;
@@ -20,39 +23,36 @@ use rigless::soc::stm32f427::peripherals::pwr::Pwr;
 use rigless::soc::stm32f427::peripherals::rcc as stock;
 use rigless::soc::stm32f427::peripherals::tim::{Counter, General, Tim};
 use rigless::soc::stm32f427::peripherals::usart::{Kind, Usart};
-use rigless::soc::{Bus, Clock, Cpu, Endian, Error, Gate, Peripheral, Region, Window, WriteModify};
+use rigless::soc::{
+    Access, Bus, Clock, Cpu, Endian, Error, Gate, Peripheral, ReadAction, RegisterSpec, Width, Window, WriteModify,
+};
 use rigless::time::VirtualNanos;
 
 pub use can::Can1;
 pub use console::{Lines, Terminal};
 pub use flash::SharedFlash;
 
-use crate::flash::{BANK2, BANK2_SIZE};
+use crate::board::{Board, Console};
 use crate::warm::CoreView;
 use can::CanDevice;
-use flash::{Bank2, FlashInterface};
+use flash::{FlashInterface, MemorySectors};
 use rcc::Clocks;
 
-/// Interrupt lines of the STM32F429 (RM0090 table 63).
-const INTERRUPT_LINES: u16 = 91;
-const CPU: Cpu = Cpu::new("STM32F429", true, INTERRUPT_LINES, Endian::Little);
-
-static MEMORY: [Region; 4] = [
-    // Programmed by nobody but tests that break the image.
-    Region::flash("bank 1", 0x0800_0000, 1 << 20).programmed_by("FLASH"),
-    Region::ram("ccm", 0x1000_0000, 64 << 10),
-    Region::system("system", 0x1FFF_0000, 32 << 10),
-    Region::ram("sram", 0x2000_0000, 192 << 10),
-];
-/// What of it forgets without a supply.
-pub const RAM: [std::ops::Range<u64>; 2] = [0x1000_0000..0x1001_0000, 0x2000_0000..0x2003_0000];
-/// The region that the processor boots from.
-pub const BOOT: &str = "bank 1";
-
-/// DBGMCU_IDCODE of revision 3 and later: before it, reads of bank 2 depend on PA12.
-const IDCODE: u64 = 0x2003_6419;
 /// USART_SR with an empty transmitter (RM0090 30.6.1, where a digit too many is printed).
 const USART_SR: u64 = 0xC0;
+/// The second register of the dedicated clocks (RM0390 6.3.27).
+const DCKCFGR2: Peripheral =
+    Peripheral { name: "DCKCFGR2", base: 0x4002_3894, size: 4, interrupts: &[], registers: &[DEDICATED_CLOCKS] };
+const DEDICATED_CLOCKS: RegisterSpec = RegisterSpec {
+    name: "DCKCFGR2",
+    offset: 0,
+    width: Width::W32,
+    reset: 0,
+    access: Access::ReadWrite,
+    read: ReadAction::None,
+    write: WriteModify::None,
+    fields: &[],
+};
 const SUPPLY_MV: u32 = 3300;
 /// The ST-LINK's clock output, which the NUCLEO feeds to OSC_IN.
 const HSE_HZ: u64 = 8_000_000;
@@ -71,7 +71,7 @@ const PORTS: [(Peripheral, &str, &str, [u64; 3]); 9] = [
     (tables::GPIOI, "GPIOIEN", "GPIOIRST", [0; 3]),
 ];
 
-/// A port of [`Stm32f429`].
+/// A port of a [`Part`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)]
 pub enum Port {
@@ -88,25 +88,26 @@ pub struct Connections {
     pub can: Can1,
     /// The flash: it keeps what it holds.
     pub flash: SharedFlash,
-    /// The console on USART3.
+    /// The console.
     pub terminal: Terminal,
     /// A debugger's look at the core.
     pub core: CoreView,
 }
 
-/// The part.
+/// The part of a board.
 #[derive(Debug)]
-pub struct Stm32f429 {
+pub struct Part {
+    board: &'static Board,
     rcc: Clocks,
     pwr: Pwr,
     gpio: [Gpio; PORTS.len()],
     tim5: Tim<General>,
-    usart3: Usart,
+    console: Usart,
     iwdg: Iwdg,
     dbg: Dbg,
     dwt: Dwt,
     flash: FlashInterface,
-    bank2: Bank2,
+    memory: MemorySectors,
     can: CanDevice,
     bus: Bus,
     slots: Slots,
@@ -123,27 +124,27 @@ struct Slots {
     pwr: usize,
     gpio: [usize; PORTS.len()],
     tim5: usize,
-    usart3: usize,
+    console: usize,
     iwdg: usize,
     dbg: usize,
     dwt: usize,
     flash: usize,
-    bank2: usize,
+    memory: usize,
     can: usize,
 }
 
-impl Stm32f429 {
+impl Part {
     /// The part at power-on.
     ///
     /// # Errors
     /// When the description of the part contradicts itself.
-    pub fn new(connections: Connections) -> Result<Self, Error> {
+    pub fn new(board: &'static Board, connections: Connections) -> Result<Self, Error> {
         let tim5 = Tim::with_clock(stock::HSI_HZ, Counter::Wide);
-        let mut bus = describe(&tim5)?;
-        let size = NonZeroU64::new(BANK2_SIZE as u64).expect("bank 2 is not empty");
-        let bank2 = bus.add_window(Window::new("bank 2", BANK2, size))?;
-        let mut gpio = [0; PORTS.len()];
-        for (slot, (port, ..)) in gpio.iter_mut().zip(&PORTS) {
+        let mut bus = describe(board, &tim5)?;
+        let size = NonZeroU64::new(board.layout.size as u64).expect("the memory is not empty");
+        let memory = bus.add_window(Window::new("memory", board.layout.base, size))?;
+        let mut gpio = [usize::MAX; PORTS.len()];
+        for (slot, (port, ..)) in gpio.iter_mut().zip(&PORTS[..board.ports]) {
             *slot = bus.slot(port.name)?;
         }
         let slots = Slots {
@@ -151,37 +152,41 @@ impl Stm32f429 {
             pwr: bus.slot("PWR")?,
             gpio,
             tim5: bus.slot("TIM5")?,
-            usart3: bus.slot("USART3")?,
+            console: bus.slot(board.console.name())?,
             iwdg: bus.slot("IWDG")?,
             dbg: bus.slot("DBG")?,
             dwt: bus.slot(armv7m::DWT)?,
             flash: bus.slot("FLASH")?,
-            bank2,
+            memory,
             can: bus.slot("CAN1")?,
         };
-        let mut usart3 = Usart::with_clock(Kind::Usart, stock::HSI_HZ);
-        usart3.attach(connections.terminal.clone());
+        let mut console = Usart::with_clock(Kind::Usart, stock::HSI_HZ);
+        console.attach(connections.terminal.clone());
+        let (button, pin) = board.button;
         let mut part = Self {
+            board,
             rcc: Clocks::new(connections.can.clone()),
             pwr: Pwr::new(),
             gpio: std::array::from_fn(|_| Gpio::default()),
             tim5,
-            usart3,
+            console,
             iwdg: Iwdg::new(),
             dbg: Dbg,
             dwt: Dwt::with_clock(stock::HSI_HZ),
             flash: FlashInterface::new(connections.flash.clone()),
-            bank2: Bank2::new(connections.flash.clone(), bus.slots()[bank2].peripheral().registers),
+            memory: MemorySectors::new(connections.flash.clone(), bus.slots()[memory].peripheral().registers),
             can: CanDevice::new(connections.can.clone()),
             bus,
             slots,
             connections,
-            driven: Vec::new(),
+            // A resistor on the board keeps the button's pin at its level.
+            driven: vec![(button, pin, !board.pressed)],
             resets: 0,
         };
         part.rcc.rcc.attach_crystals(HSE_HZ, NO_LSE);
         part.pwr.set_supply(SUPPLY_MV, part.bus.slot_mut(slots.pwr).registers_mut());
         part.check()?;
+        part.drive(button, pin, !board.pressed, VirtualNanos(0));
         Ok(part)
     }
 
@@ -212,7 +217,8 @@ impl Stm32f429 {
     }
 }
 
-fn describe(tim5: &Tim<General>) -> Result<Bus, Error> {
+fn describe(board: &Board, tim5: &Tim<General>) -> Result<Bus, Error> {
+    let console = board.console;
     let port_table = ErasedDevice::layout(&Gpio::default());
     let mut peripherals = vec![
         tables::RCC,
@@ -223,22 +229,27 @@ fn describe(tim5: &Tim<General>) -> Result<Bus, Error> {
         tables::SYSCFG,
         tables::EXTI,
         tables::DBG,
-        tables::USART3,
+        console.table(),
         Peripheral { registers: ErasedDevice::layout(tim5), ..tables::TIM5 },
         armv7m::PERIPHERAL,
     ];
-    peripherals.extend(PORTS.iter().map(|(port, ..)| Peripheral { registers: port_table, ..*port }));
-    let mut bus = Bus::builder(CPU, &MEMORY, peripherals)
-        .reset("DBG", "DBGMCU_IDCODE", IDCODE)
-        .reset("USART3", "SR", USART_SR)
+    if board.has_dckcfgr2 {
+        peripherals[0].size = DCKCFGR2.base - tables::RCC.base;
+        peripherals.push(DCKCFGR2);
+    }
+    peripherals.extend(PORTS[..board.ports].iter().map(|(port, ..)| Peripheral { registers: port_table, ..*port }));
+    let cpu = Cpu::new(board.part, true, board.interrupt_lines, Endian::Little);
+    let mut bus = Bus::builder(cpu, board.memory, peripherals)
+        .reset("DBG", "DBGMCU_IDCODE", board.idcode)
+        .reset(console.name(), "SR", USART_SR)
         .reset("TIM5", "ARR", Counter::Wide.mask())
         .write_modify("TIM5", "SR", WriteModify::ZeroToClear)
         .gate("PWR", Gate::by("RCC", "APB1ENR", "PWREN"))
         .gate("CAN1", Gate::by("RCC", "APB1ENR", "CAN1EN"))
         .reset_by("CAN1", Gate::by("RCC", "APB1RSTR", "CAN1RST"))
-        .gate("USART3", Gate::by("RCC", "APB1ENR", "USART3EN"))
-        .reset_by("USART3", Gate::by("RCC", "APB1RSTR", "UART3RST"))
-        .clocked_by("USART3", Clock::output("RCC", stock::PCLK1))
+        .gate(console.name(), Gate::by("RCC", "APB1ENR", console.enable()))
+        .reset_by(console.name(), Gate::by("RCC", "APB1RSTR", console.reset()))
+        .clocked_by(console.name(), Clock::output("RCC", stock::PCLK1))
         .gate("TIM5", Gate::by("RCC", "APB1ENR", "TIM5EN"))
         .reset_by("TIM5", Gate::by("RCC", "APB1RSTR", "TIM5RST"))
         .clocked_by("TIM5", Clock::output("RCC", stock::APB1_TIMERS))
@@ -246,7 +257,7 @@ fn describe(tim5: &Tim<General>) -> Result<Bus, Error> {
         .reads_requests("RCC")
         .clocked_by(armv7m::DWT, Clock::output("RCC", stock::HCLK))
         .clocked_by("IWDG", Clock::output("RCC", stock::IWDG_CLK));
-    for (port, enable, reset, values) in &PORTS {
+    for (port, enable, reset, values) in &PORTS[..board.ports] {
         bus = bus
             .gate(port.name, Gate::by("RCC", "AHB1ENR", enable))
             .reset_by(port.name, Gate::by("RCC", "AHB1RSTR", reset));
@@ -257,7 +268,34 @@ fn describe(tim5: &Tim<General>) -> Result<Bus, Error> {
     bus.build()
 }
 
-impl Mcu for Stm32f429 {
+impl Console {
+    const fn name(self) -> &'static str {
+        self.table().name
+    }
+
+    const fn table(self) -> Peripheral {
+        match self {
+            Self::Usart2 => tables::USART2,
+            Self::Usart3 => tables::USART3,
+        }
+    }
+
+    const fn enable(self) -> &'static str {
+        match self {
+            Self::Usart2 => "USART2EN",
+            Self::Usart3 => "USART3EN",
+        }
+    }
+
+    const fn reset(self) -> &'static str {
+        match self {
+            Self::Usart2 => "UART2RST",
+            Self::Usart3 => "UART3RST",
+        }
+    }
+}
+
+impl Mcu for Part {
     fn bus(&self) -> &Bus {
         &self.bus
     }
@@ -281,13 +319,13 @@ impl Mcu for Stm32f429 {
                 registers.set(Register::Sr, status & !0x1E);
             }
         }
-        let Self { rcc, pwr, gpio, tim5, usart3, iwdg, dbg, dwt, flash, bank2, can, bus, .. } = self;
+        let Self { rcc, pwr, gpio, tim5, console, iwdg, dbg, dwt, flash, memory, can, bus, .. } = self;
         let model: Option<&mut dyn ErasedDevice> = match slot {
             _ if slot == slots.can => Some(can),
-            _ if slot == slots.bank2 => Some(bank2),
+            _ if slot == slots.memory => Some(memory),
             _ if slot == slots.flash => Some(flash),
             _ if slot == slots.tim5 => Some(tim5),
-            _ if slot == slots.usart3 => Some(usart3),
+            _ if slot == slots.console => Some(console),
             _ if slot == slots.rcc => Some(rcc),
             _ if slot == slots.pwr => Some(pwr),
             _ if slot == slots.iwdg => Some(iwdg),
@@ -305,7 +343,7 @@ impl Mcu for Stm32f429 {
         let flags = self.bus.slots()[self.slots.rcc].registers().get(tables::rcc::Register::Csr);
         self.connections.flash.lock().reset(at.0, self.resets);
         Device::reset(&mut self.can);
-        let mut fresh = Self::new(self.connections.clone()).expect("a part that was assembled once");
+        let mut fresh = Self::new(self.board, self.connections.clone()).expect("a part that was assembled once");
         // What comes with the power is as new, its flags of the last reset included.
         if cause != ResetCause::PowerOn {
             let Self { rcc, bus, slots, .. } = &mut fresh;
@@ -323,7 +361,7 @@ impl Mcu for Stm32f429 {
         Device::poll(&mut self.can, registers, &mut context);
         let (registers, mut context) = self.bus.drive(now, self.slots.flash);
         Device::poll(&mut self.flash, registers, &mut context);
-        let (registers, mut context) = self.bus.drive(now, self.slots.usart3);
-        Device::poll(&mut self.usart3, registers, &mut context);
+        let (registers, mut context) = self.bus.drive(now, self.slots.console);
+        Device::poll(&mut self.console, registers, &mut context);
     }
 }

@@ -4,8 +4,8 @@
 use std::io::Write as _;
 
 use firmware_in_the_loop::bench::ImageBench;
+use firmware_in_the_loop::board::NUCLEO_F429ZI;
 use firmware_in_the_loop::content;
-use firmware_in_the_loop::flash::Flash;
 use firmware_in_the_loop::image::Image;
 use hal_sim::use_case::{Bench, all, play};
 use protocol_core::controller::BitRate;
@@ -13,9 +13,9 @@ use protocol_core::frame::Frame;
 
 use super::client::{Client, ImageClient, SAVE, VALVE, download, frame};
 
-const KIB: u64 = 1024;
+pub const KIB: u64 = 1024;
 /// The image with all kinds, in flash. The angle sensors take 20 KiB of it: the CANopen node is compiled for each product.
-const FLASH: u64 = 120 * KIB;
+pub const FLASH: u64 = 120 * KIB;
 /// Variables and stack.
 const RAM: u64 = 20 * KIB;
 /// Instructions from the receive interrupt to sleep, for a frame that comes through the filters and is for nobody.
@@ -32,18 +32,18 @@ const STEPS: usize = 1000;
 const IN_VAIN: u64 = 1200;
 
 /// Prints past the test's capture: whoever runs all tests is to see the figures.
-fn print(line: &str) {
+pub fn print(line: &str) {
     // A log that cannot be written to is no failure of the image.
     let _ = writeln!(std::io::stdout().lock(), "{line}");
 }
 
-fn kib(bytes: u64) -> String {
+pub fn kib(bytes: u64) -> String {
     format!("{}.{} KiB", bytes / KIB, bytes % KIB * 10 / KIB)
 }
 
 #[test]
 fn flash_by_crate() {
-    let symbols = Image::get().symbols();
+    let symbols = Image::of(&NUCLEO_F429ZI).symbols();
     let mut table = format!("{:<28} {:>8} {:>8}\n", "crate", "flash", "RAM");
     for (name, size) in symbols.by_crate() {
         table += &format!("{name:<28} {:>8} {:>8}\n", size.flash, size.ram);
@@ -65,13 +65,13 @@ fn flash_by_crate() {
 
 #[test]
 fn ram_with_the_stack_at_its_deepest() {
-    let symbols = Image::get().symbols();
+    let symbols = Image::of(&NUCLEO_F429ZI).symbols();
     let saved = content::stored_after(&VALVE, &[frame("620: 23 10 10 01 73 61 76 65")]);
     let mut deepest = 0;
     // A new memory, one that stores with an erase, and one that makes no sense: the ways through the record store.
     let noise: Vec<u8> = (0..32 * KIB).map(|place| (place * 31 % 251) as u8).collect();
     for (name, content) in [("new", vec![0xFF; 32 * 1024]), ("worn", content::worn(&saved)), ("damaged", noise)] {
-        let bench = ImageBench::with_flash(BitRate::Kbit250, Flash::with_content(&content), &[]);
+        let bench = ImageBench::with_memory(&NUCLEO_F429ZI, BitRate::Kbit250, &content, &[]);
         let mut client = Client { bench, aside: Default::default() };
         client.bench.rig.watch_stack(client.bench.board);
         client.bench.power_cycle();
@@ -79,7 +79,7 @@ fn ram_with_the_stack_at_its_deepest() {
         deepest = deepest.max(print_stack(&client.bench, &format!("with a {name} memory")));
     }
     for case in all() {
-        let mut bench = ImageBench::new(case);
+        let mut bench = ImageBench::new(&NUCLEO_F429ZI, case);
         bench.rig.watch_stack(bench.board);
         // Whether the valve does what it has to is for the use cases' own tests.
         let _ = play(case, &mut bench, &mut |_| {});

@@ -1,6 +1,7 @@
 //! Bus-off and the way back, as the host device does it.
 
 use firmware_in_the_loop::bench::ImageBench;
+use firmware_in_the_loop::board::NUCLEO_F429ZI;
 use hal_sim::bus::DestroyNext;
 use protocol_core::controller::{BitRate, BusErrorMode};
 use protocol_core::frame::Frame;
@@ -30,7 +31,7 @@ fn run_to(client: &mut ImageClient, wanted: BusErrorMode) -> Instant {
 
 #[test]
 fn it_is_silent_recovers_after_128_sequences_and_tells() {
-    let mut client = Client::powered(ImageBench::with_devices(BitRate::Kbit250, &VALVE, &[]));
+    let mut client = Client::powered(ImageBench::with_devices(&NUCLEO_F429ZI, BitRate::Kbit250, &VALVE, &[]));
     client.wait_ms(50);
     client.bench.rig.world.inject(DestroyNext::frames_of("board", FAILURES));
     client.send("620: 40 18 10 01 00 00 00 00");

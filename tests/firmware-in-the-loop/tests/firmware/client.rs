@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use firmware_in_the_loop::bench::ImageBench;
-use firmware_in_the_loop::flash::Flash;
+use firmware_in_the_loop::board::{Board, NUCLEO_F429ZI};
 use firmware_in_the_loop::machine::Machine;
 use hal_sim::use_case::{Bench, Device};
 use protocol_core::controller::BitRate;
@@ -39,12 +39,17 @@ pub type ImageClient = Client<ImageBench>;
 impl ImageClient {
     /// The valve, booted at 250 kbit/s.
     pub fn booted() -> Self {
-        Self::powered(ImageBench::with_devices(BitRate::Kbit250, &VALVE, &[]))
+        Self::booted_on(&NUCLEO_F429ZI)
+    }
+
+    /// The valve on this board, booted at 250 kbit/s.
+    pub fn booted_on(board: &'static Board) -> Self {
+        Self::powered(ImageBench::with_devices(board, BitRate::Kbit250, &VALVE, &[]))
     }
 
     /// The valve on ISOBUS, after the wait that follows its claim.
     pub fn on_isobus() -> Self {
-        let bench = ImageBench::with_devices(BitRate::Kbit250, &ON_ISOBUS, &[]);
+        let bench = ImageBench::with_devices(&NUCLEO_F429ZI, BitRate::Kbit250, &ON_ISOBUS, &[]);
         let mut client = Self { bench, aside: VecDeque::new() };
         client.bench.power_cycle();
         client.expect("18EEFF83: 01 00 20 07 08 FF 02 20");
@@ -55,16 +60,16 @@ impl ImageClient {
 
     /// The angle sensor, booted at 500 kbit/s.
     pub fn sensor() -> Self {
-        let bench = ImageBench::with_devices(BitRate::Kbit500, &SENSOR, &[]);
+        let bench = ImageBench::with_devices(&NUCLEO_F429ZI, BitRate::Kbit500, &SENSOR, &[]);
         let mut client = Self { bench, aside: VecDeque::new() };
         client.bench.power_cycle();
         client.expect("720: 00");
         client
     }
 
-    /// The valve with this flash, booted at 250 kbit/s.
-    pub fn with_flash(content: &[u8]) -> Self {
-        Self::powered(ImageBench::with_flash(BitRate::Kbit250, Flash::with_content(content), &[]))
+    /// The valve with these bytes in its memory, booted at 250 kbit/s.
+    pub fn with_memory(board: &'static Board, content: &[u8]) -> Self {
+        Self::powered(ImageBench::with_memory(board, BitRate::Kbit250, content, &[]))
     }
 
     /// The emulated board.

@@ -1,6 +1,5 @@
 //! What a user does with the board and sees of it: console, button, LEDs.
 
-use firmware_in_the_loop::part::Port;
 use protocol_core::time::{Duration, after, since};
 
 use super::client::ImageClient;
@@ -85,7 +84,9 @@ impl ImageClient {
 
     /// Sets the level of the button.
     pub fn drive_button(&mut self, pressed: bool) {
-        self.machine().drive(Port::C, 13, pressed);
+        let board = self.machine().image().board();
+        let (port, pin) = board.button;
+        self.machine().drive(port, pin, pressed == board.pressed);
     }
 
     /// What the LEDs show, watched for a while in which frames are put aside.
@@ -104,8 +105,9 @@ impl ImageClient {
                 self.send(frame);
                 next = after(next, CYCLE);
             }
-            let machine = self.machine();
-            let level = (machine.is_high(Port::B, 14), machine.is_high(Port::B, 0));
+            let &[red, green] = self.machine().image().board().leds else { panic!("it has no red and green LED") };
+            let is_high = |(port, pin)| self.machine().is_high(port, pin);
+            let level = (is_high(red), is_high(green));
             match levels.last_mut() {
                 _ if self.bench.rig.world.now() < start => {}
                 Some((last, ms)) if *last == level => *ms += LOOK,

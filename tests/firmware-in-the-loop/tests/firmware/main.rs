@@ -1,4 +1,5 @@
-//! The flashed image on the emulated board. `./run` builds it first.
+//! The flashed images on the emulated boards: on the NUCLEO-F429ZI, and in `f446re` what differs on the NUCLEO-F446RE.
+//! `./run` builds them first.
 
 mod angle_sensor;
 mod bit_rates;
@@ -7,6 +8,8 @@ mod bus_off;
 mod button;
 mod client;
 mod console;
+mod core_alone;
+mod f446re;
 mod filters;
 mod hands;
 mod leds;

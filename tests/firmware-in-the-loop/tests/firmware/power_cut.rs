@@ -5,6 +5,7 @@
 
 use std::ops::Range;
 
+use firmware_in_the_loop::board::{Board, NUCLEO_F429ZI};
 use firmware_in_the_loop::content;
 use hal_sim::use_case::Bench;
 use protocol_core::time::Instant;
@@ -35,10 +36,10 @@ struct Scene {
 }
 
 impl Scene {
-    fn new(worn: bool) -> Self {
+    fn new(board: &'static Board, worn: bool) -> Self {
         let saved = content::stored_after(&VALVE, &[frame("620: 23 10 10 01 73 61 76 65")]);
         let flash = if worn { content::worn(&saved) } else { saved };
-        Self { client: ImageClient::with_flash(&flash), flash }
+        Self { client: ImageClient::with_memory(board, &flash), flash }
     }
 
     /// From the power on; says when saving was asked for.
@@ -107,8 +108,8 @@ fn boot(client: &mut ImageClient) {
 }
 
 /// Random instants within the operations of a kind, the gaps around them included, and behind the last one.
-fn cuts(worn: bool, seed: u64) {
-    let mut scene = Scene::new(worn);
+pub fn cuts(board: &'static Board, worn: bool, seed: u64) {
+    let mut scene = Scene::new(board, worn);
     let operations = scene.operations();
     let (erases, writes): (Vec<_>, Vec<_>) = operations.into_iter().partition(|(_, erase)| *erase);
     assert_eq!(erases.len(), usize::from(worn), "{erases:?}");
@@ -135,20 +136,20 @@ fn cuts(worn: bool, seed: u64) {
 
 #[test]
 fn while_words_are_written() {
-    cuts(false, 1);
+    cuts(&NUCLEO_F429ZI, false, 1);
 }
 
 #[test]
 fn while_words_are_written_once_more() {
-    cuts(false, 2);
+    cuts(&NUCLEO_F429ZI, false, 2);
 }
 
 #[test]
 fn while_a_sector_is_erased() {
-    cuts(true, 3);
+    cuts(&NUCLEO_F429ZI, true, 3);
 }
 
 #[test]
 fn while_a_sector_is_erased_once_more() {
-    cuts(true, 4);
+    cuts(&NUCLEO_F429ZI, true, 4);
 }

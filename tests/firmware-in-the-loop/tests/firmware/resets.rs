@@ -1,5 +1,6 @@
 //! What goes wrong in the image ends in a reset, and the next start raises the internal error (SPEC 2).
 
+use firmware_in_the_loop::board::{Board, NUCLEO_F429ZI};
 use firmware_in_the_loop::broken::Break;
 use hal_sim::use_case::Bench;
 use protocol_core::time::{Duration, after};
@@ -14,7 +15,7 @@ pub const HANDLES_SDO: [&str; 4] = [
     "CanopenValve as protocol_core::device::host::Body>::handle",
 ];
 /// The watchdog's time, with some room.
-const WATCHDOG: Duration = Duration::from_millis(2500);
+pub const WATCHDOG: Duration = Duration::from_millis(2500);
 /// A panic resets by itself: long before the watchdog does.
 pub const AT_ONCE: Duration = Duration::from_millis(20);
 
@@ -63,8 +64,9 @@ fn expect_internal_error(client: &mut ImageClient, count: u8) {
     assert_eq!(client.read(0x1001, 0), 0);
 }
 
-fn resets_by(how: Break, patience: Duration, cause: &str) {
-    let mut client = ImageClient::booted();
+/// A device's task that is broken so resets the processor by this cause; twice, and the valve works after each.
+pub fn resets_by(board: &'static Board, how: Break, patience: Duration, cause: &str) {
+    let mut client = ImageClient::booted_on(board);
     client.wait_ms(200);
     for count in 1..=2 {
         let took = break_and_wait(&mut client, how, patience);
@@ -86,12 +88,12 @@ fn resets_by(how: Break, patience: Duration, cause: &str) {
 
 #[test]
 fn a_device_task_that_hangs_is_ended_by_the_watchdog() {
-    resets_by(Break::Hang, WATCHDOG, "IWDG");
+    resets_by(&NUCLEO_F429ZI, Break::Hang, WATCHDOG, "IWDG");
 }
 
 #[test]
 fn a_panic_resets_at_once() {
-    resets_by(Break::Panic, AT_ONCE, "Core");
+    resets_by(&NUCLEO_F429ZI, Break::Panic, AT_ONCE, "Core");
 }
 
 #[test]
@@ -107,7 +109,7 @@ fn a_reset_in_the_middle_of_an_erase_loses_nothing() {
         &super::client::VALVE,
         &[super::client::frame("620: 23 10 10 01 73 61 76 65")],
     );
-    let mut client = ImageClient::with_flash(&firmware_in_the_loop::content::worn(&saved));
+    let mut client = ImageClient::with_memory(&NUCLEO_F429ZI, &firmware_in_the_loop::content::worn(&saved));
     client.write(0x1028, 1, 4, 0xA1);
     client.send("620: 23 10 10 01 73 61 76 65");
     let board = client.bench.board;

@@ -1,6 +1,7 @@
 //! What the emulator would let pass and silicon does not: how the processor is set up, and what it does at the edges of the
 //! manual and of the errata sheet.
 
+use firmware_in_the_loop::board::{NUCLEO_F429ZI, NUCLEO_F446RE};
 use firmware_in_the_loop::broken::Break;
 use firmware_in_the_loop::image::Image;
 use hal_sim::use_case::Bench as _;
@@ -18,13 +19,15 @@ const GPIOA_MODER: u64 = 0x4002_0000;
 const GPIOA_PUPDR: u64 = 0x4002_000C;
 const NVIC_IPR: u64 = 0xE000_E400;
 
-/// Interrupts (RM0090 table 63), those of a line with one priority, the most urgent first.
+/// Interrupts (RM0090 table 63, RM0390 table 38), those of a line with one priority, the most urgent first.
 const PRIORITIES: [&[(&str, u64)]; 4] = [
     &[("CAN1_TX", 19), ("CAN1_RX0", 20), ("CAN1_RX1", 21), ("CAN1_SCE", 22)],
     &[("TIM5: the clock", 50)],
     &[("UART5: the device's task", 53)],
-    &[("FLASH", 4), ("USART3", 39)],
+    &[("FLASH", 4)],
 ];
+const USART2: u64 = 38;
+const USART3: u64 = 39;
 
 /// Where flags, read and write index of the log's channel lie in the control block of RTT.
 const RTT_SIZE: u64 = 32;
@@ -41,18 +44,27 @@ fn word(client: &ImageClient, address: u64) -> u32 {
 
 #[test]
 fn the_clock_comes_from_the_st_link_and_the_flash_is_as_fast_as_it_can_be() {
-    let client = ImageClient::booted();
+    check_clock(&ImageClient::booted());
+    check_clock(&ImageClient::booted_on(&NUCLEO_F446RE));
+}
+
+fn check_clock(client: &ImageClient) {
     let register = |address| client.machine().register(address);
     assert_eq!(register(RCC_CR) >> 16 & 0b111, 0b111, "HSE is on, ready, and bypassed: no crystal is fitted");
     assert_eq!(register(RCC_CFGR) >> 2 & 0b11, 0b10, "the PLL is the system clock");
     assert_eq!(register(RCC_CFGR) >> 10 & 0b111, 0b101, "APB1 is a quarter of it");
     assert_eq!(register(FLASH_ACR) >> 8 & 0b111, 0b111, "prefetch, instruction cache, data cache");
-    assert_eq!(register(FLASH_ACR) & 0xF, 5, "wait states at 160 MHz (RM0090 table 11)");
+    assert_eq!(register(FLASH_ACR) & 0xF, 5, "wait states at 160 MHz (RM0090 table 11, RM0390 table 5)");
+    assert_eq!(register(DBGMCU_APB1_FZ) >> 12 & 1, 1, "the watchdog stands while a debugger halts the core");
 }
 
 #[test]
 fn interrupts_have_the_priorities_of_the_table() {
-    let mut client = ImageClient::booted();
+    check_priorities(ImageClient::booted(), USART3);
+    check_priorities(ImageClient::booted_on(&NUCLEO_F446RE), USART2);
+}
+
+fn check_priorities(mut client: ImageClient, console: u64) {
     let core = client.bench.rig.connections(client.bench.board).core.clone();
     (0..16).for_each(|word| core.watch(NVIC_IPR + 4 * word));
     client.wait_ms(10);
@@ -66,10 +78,11 @@ fn interrupts_have_the_priorities_of_the_table() {
         assert!(priority(first) > above, "{lines:?}: {} is not below {above}", priority(first));
         above = priority(first);
     }
+    assert_eq!(priority(console), above, "the console");
 }
 
 #[test]
-fn errata_and_debugger() {
+fn the_pin_that_disturbs_early_silicon_is_held() {
     let client = ImageClient::booted();
     let register = |address| client.machine().register(address);
     assert_eq!(register(GPIOA_MODER) >> 24 & 0b11, 0, "PA12 is an input");
@@ -78,7 +91,6 @@ fn errata_and_debugger() {
         0b10,
         "with a pull-down: early silicon reads bank 2 wrongly otherwise"
     );
-    assert_eq!(register(DBGMCU_APB1_FZ) >> 12 & 1, 1, "the watchdog stands while a debugger halts the core");
 }
 
 #[test]
@@ -135,7 +147,7 @@ fn errors_that_go_on_do_not_interrupt_again() {
 #[test]
 fn a_log_that_nobody_reads_keeps_nobody_waiting() {
     let mut client = ImageClient::booted();
-    let control = Image::get().symbols().address("_SEGGER_RTT").expect("there is a log");
+    let control = Image::of(&NUCLEO_F429ZI).symbols().address("_SEGGER_RTT").expect("there is a log");
     // As a debugger leaves it that has detached: the buffer is full, and who logs is to wait.
     client.machine().write(control + RTT_FLAGS, &BLOCK_IF_FULL.to_le_bytes());
     let next = (word(&client, control + RTT_WRITE) + 1) % word(&client, control + RTT_SIZE);

@@ -1,8 +1,8 @@
 //! The bus goes on while the memory is written and erased: nothing is lost, and every answer is on time.
 
 use firmware_in_the_loop::bench::ImageBench;
+use firmware_in_the_loop::board::NUCLEO_F429ZI;
 use firmware_in_the_loop::content;
-use firmware_in_the_loop::flash::Flash;
 use hal_sim::Event;
 use protocol_core::controller::BitRate;
 use protocol_core::frame::Frame;
@@ -33,7 +33,7 @@ fn active() -> ImageClient {
     let mut frames: Vec<Frame> = lss.map(frame).to_vec();
     frames.push(frame("620: 23 10 10 01 73 61 76 65"));
     let content = content::worn(&content::stored_after(&VALVE, &frames));
-    let mut client = Client::powered(ImageBench::with_flash(BitRate::Kbit500, Flash::with_content(&content), &[]));
+    let mut client = Client::powered(ImageBench::with_memory(&NUCLEO_F429ZI, BitRate::Kbit500, &content, &[]));
     client.send("000: 01 00");
     for status in ["09", "0B", "0F"] {
         client.send("220: 0F 00 00 00");

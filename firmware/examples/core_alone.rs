@@ -1,0 +1,164 @@
+//! One CANopen valve on the processor, without an operating system and without a driver: what the core alone takes of
+//! flash, RAM and stack, and what a frame costs. The controller is a mailbox in RAM.
+//!
+//! `tests/firmware-in-the-loop/run --test firmware core_alone` counts, from the entry of a function `row_of_…` to that of
+//! `row_is_done`.
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+#[cfg(not(target_os = "none"))]
+fn main() {}
+
+#[cfg(target_os = "none")]
+mod image {
+    use core::convert::Infallible;
+    use core::panic::PanicInfo;
+
+    use cortex_m_rt::entry;
+    use protocol_core::controller::{Controller, Filter, Filters};
+    use protocol_core::device::pve::{Kind, PveCanopen, Setup};
+    use protocol_core::device::{Device as _, Effect, Senses, StartCause};
+    use protocol_core::frame::{Frame, standard};
+    use protocol_core::memory::Image;
+    use protocol_core::pump::{pump, receive};
+    use protocol_core::time::{Duration, Instant};
+    use static_cell::StaticCell;
+    // The table of interrupts, which the start-up code asks for.
+    use stm32_metapac as _;
+
+    #[panic_handler]
+    fn panic(_: &PanicInfo<'_>) -> ! {
+        cortex_m::peripheral::SCB::sys_reset()
+    }
+
+    /// A controller that has one frame to be read and takes every frame.
+    #[derive(Default)]
+    struct Mailbox {
+        received: Option<Frame>,
+        taken: Option<Frame>,
+    }
+
+    impl embedded_can::nb::Can for Mailbox {
+        type Frame = Frame;
+        type Error = Infallible;
+
+        fn transmit(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, Infallible> {
+            self.taken = Some(*frame);
+            Ok(None)
+        }
+
+        fn receive(&mut self) -> nb::Result<Frame, Infallible> {
+            self.received.take().ok_or(nb::Error::WouldBlock)
+        }
+    }
+
+    impl Controller for Mailbox {
+        fn is_idle(&self) -> bool {
+            self.taken.is_none()
+        }
+
+        fn abort(&mut self, _: Filter) {}
+
+        fn set_filters(&mut self, _: &Filters) {}
+    }
+
+    /// The valve, and its controller.
+    struct Node {
+        valve: &'static mut PveCanopen,
+        can: Mailbox,
+        now: Instant,
+    }
+
+    /// A frame of the bus, of eight bytes at the most.
+    fn frame(id: u16, data: &[u8]) -> Frame {
+        let mut bytes = [0; 8];
+        bytes.iter_mut().zip(data).for_each(|(byte, given)| *byte = *given);
+        Frame::with_len(standard(id).into(), bytes, data.len() as u8)
+    }
+
+    /// Counted: the whole way of a frame: in, everything due done, answers in the controller.
+    #[inline(never)]
+    #[unsafe(no_mangle)]
+    fn row_of_pump(node: &mut Node) -> Option<Effect> {
+        pump(node.valve, &mut node.can, node.now)
+    }
+
+    /// Counted: the way of a frame that is for nobody.
+    #[inline(never)]
+    #[unsafe(no_mangle)]
+    fn row_of_receive(node: &mut Node) -> Option<Effect> {
+        receive(node.valve, &mut node.can, node.now);
+        None
+    }
+
+    /// Counted: a millisecond in which nothing is due.
+    #[inline(never)]
+    #[unsafe(no_mangle)]
+    fn row_of_poll(node: &mut Node) -> Option<Effect> {
+        node.valve.poll(node.now);
+        None
+    }
+
+    /// The end of what is counted.
+    #[inline(never)]
+    #[unsafe(no_mangle)]
+    fn row_is_done(node: &mut Node) {
+        node.can.taken = None;
+    }
+
+    impl Node {
+        /// Lets the valve do all that it has to, and empties its controller.
+        fn settle(&mut self, received: Option<Frame>) {
+            self.can.received = received;
+            for _ in 0..8 {
+                if let Some(Effect::Store(key, _)) = row_of_pump(self) {
+                    self.valve.stored(key, Ok(()), self.now);
+                }
+                self.can.taken = None;
+            }
+        }
+
+        /// Counts a row, with a frame that comes a millisecond after the last one.
+        fn count(&mut self, row: fn(&mut Self) -> Option<Effect>, received: Option<Frame>) {
+            self.now += Duration::from_millis(1);
+            self.settle(None);
+            self.can.received = received;
+            row(self);
+            row_is_done(self);
+            self.settle(None);
+        }
+    }
+
+    // Kept apart: the device is gone from the stack when it is in its place.
+    #[inline(never)]
+    fn power_on(now: Instant) -> &'static mut PveCanopen {
+        static VALVE: StaticCell<PveCanopen> = StaticCell::new();
+        let setup = Setup::new(Kind::PveaCanopen);
+        VALVE.init_with(|| PveCanopen::power_on(setup, &Image::empty(), StartCause::PowerOn, now))
+    }
+
+    #[entry]
+    fn main() -> ! {
+        let now = Instant::from_secs(1);
+        let mut node = Node { valve: power_on(now), can: Mailbox::default(), now };
+        node.valve.sense(&Senses::default(), now);
+        node.settle(None);
+        node.now += Duration::from_millis(510);
+        // A heartbeat every second; operational; and ACTIVE with a set-point.
+        node.settle(Some(frame(0x620, &[0x2B, 0x17, 0x10, 0, 0xE8, 3, 0, 0])));
+        node.settle(Some(frame(0, &[1, 0])));
+        node.count(row_of_pump, Some(frame(0x620, &[0x40, 0x18, 0x10, 1, 0, 0, 0, 0])));
+        node.count(row_of_pump, Some(frame(0x620, &[0x2B, 0x40, 0x60, 0, 1, 0, 0, 0])));
+        node.count(row_of_receive, Some(frame(0x1A1, &[0x0F, 0, 0, 0])));
+        node.count(row_of_poll, None);
+        node.count(row_of_pump, None);
+        for _ in 0..4 {
+            node.now += Duration::from_millis(1);
+            node.settle(Some(frame(0x220, &[0x0F, 0, 0, 0x10])));
+        }
+        node.count(row_of_pump, Some(frame(0x220, &[0x0F, 0, 0, 0x10])));
+        node.count(row_of_pump, Some(frame(0x220, &[0x0F, 0, 0, 0x20])));
+        loop {
+            cortex_m::asm::wfi();
+        }
+    }
+}

@@ -1,0 +1,67 @@
+//! The NUCLEO-F429ZI (UM1974): two LEDs, and a second flash bank for the memory.
+
+use embassy_stm32::flash::{Async, Bank2Region1, Flash, InterruptHandler};
+use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
+use embassy_stm32::pac::Interrupt;
+use embassy_stm32::peripherals::USART3;
+use embassy_stm32::usart::BufferedInterruptHandler;
+use embassy_stm32::wdg::IndependentWatchdog;
+use embassy_stm32::{Peripherals, bind_interrupts};
+use protocol_core::actuator::{Color, Led};
+
+use super::can::Can1;
+use super::flash::Sectors;
+use super::led::is_on;
+use super::{CAN_PRIORITY, Nucleo, console};
+
+/// The interrupt of the console.
+pub(super) const CONSOLE: Interrupt = Interrupt::USART3;
+
+/// The device's task has so long, in microseconds, before the watchdog resets the processor.
+const WATCHDOG_US: u32 = 500_000;
+
+/// The level of the button while it is pressed.
+pub(super) const PRESSED: Level = Level::High;
+
+/// The flash that holds the memory: the first region of bank 2. The processor runs from bank 1 meanwhile.
+pub(super) type Region = Bank2Region1<'static, Async>;
+
+/// Where the memory begins in its region.
+pub(super) const MEMORY: u32 = 0;
+
+bind_interrupts!(struct Interrupts {
+    FLASH => InterruptHandler;
+    USART3 => BufferedInterruptHandler<USART3>;
+});
+
+/// Takes the peripherals of the board.
+pub(super) fn open(board: Peripherals) -> Nucleo {
+    // Silicon before revision 3 reads bank 2 wrongly while this pin toggles (ES0206): held low.
+    core::mem::forget(Input::new(board.PA12, Pull::Down));
+    Nucleo {
+        can: Can1::new(board.PD0, board.PD1, CAN_PRIORITY),
+        watchdog: IndependentWatchdog::new(board.IWDG, WATCHDOG_US),
+        sectors: Sectors(Flash::new(board.FLASH, Interrupts).into_regions().bank2_region1),
+        console: console::open(board.USART3, board.PD9, board.PD8, Interrupts),
+        button: Input::new(board.PC13, Pull::Down),
+        leds: Leds {
+            red: Output::new(board.PB14, Level::Low, Speed::Low),
+            green: Output::new(board.PB0, Level::Low, Speed::Low),
+        },
+    }
+}
+
+/// LD3 is red, LD1 is green; both together are yellow.
+pub(super) struct Leds {
+    red: Output<'static>,
+    green: Output<'static>,
+}
+
+impl Leds {
+    /// Shows a step of what the valve's LED shows.
+    pub(super) fn show(&mut self, led: Led, step: u8) {
+        let on = is_on(led, step);
+        self.red.set_level(Level::from(on && led.color != Color::Green));
+        self.green.set_level(Level::from(on && led.color != Color::Red));
+    }
+}

@@ -1,0 +1,81 @@
+//! The NUCLEO-F446RE (UM1724): one LED, and one flash bank for image and memory.
+//!
+//! While the memory is written or erased, the processor stands: it has nowhere else to read its instructions from
+//! (RM0390 3.4). The peripherals go on, so the CAN controller acknowledges, and holds three frames.
+
+use embassy_stm32::flash::{Async, Bank1Region1, Flash, InterruptHandler};
+use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
+use embassy_stm32::pac::Interrupt;
+use embassy_stm32::peripherals::USART2;
+use embassy_stm32::usart::BufferedInterruptHandler;
+use embassy_stm32::wdg::IndependentWatchdog;
+use embassy_stm32::{Peripherals, bind_interrupts};
+use embassy_time::TICK_HZ;
+use protocol_core::actuator::{Color, Led};
+
+use super::can::Can1;
+use super::flash::Sectors;
+use super::led::{STEPS, is_on};
+use super::{CAN_PRIORITY, Nucleo, console};
+
+/// The interrupt of the console.
+pub(super) const CONSOLE: Interrupt = Interrupt::USART2;
+
+/// The longest erase of a sector of 16 KiB, by words (DS10693).
+const LONGEST_ERASE_MS: u64 = 500;
+
+/// The device's task has so long, in microseconds, before the watchdog resets the processor: 0.68 s with the fastest
+/// oscillator (47 kHz in the place of 32), which is longer than an erase and the device's task around it.
+const WATCHDOG_US: u32 = 1_000_000;
+
+/// Ticks between two interrupts of the clock, which counts 16 bits. It would lose time if two of them fell into an erase.
+const CLOCK_HALF: u64 = 0x8000;
+const _: () = assert!(CLOCK_HALF * 1000 > LONGEST_ERASE_MS * TICK_HZ);
+
+/// The level of the button while it is pressed.
+pub(super) const PRESSED: Level = Level::Low;
+
+/// The flash that holds the memory: four sectors of 16 KiB, of which the first holds the vectors.
+pub(super) type Region = Bank1Region1<'static, Async>;
+
+/// Where the memory begins in its region: in sector 1.
+pub(super) const MEMORY: u32 = 0x4000;
+
+bind_interrupts!(struct Interrupts {
+    FLASH => InterruptHandler;
+    USART2 => BufferedInterruptHandler<USART2>;
+});
+
+/// Takes the peripherals of the board.
+pub(super) fn open(board: Peripherals) -> Nucleo {
+    Nucleo {
+        can: Can1::new(board.PB8, board.PB9, CAN_PRIORITY),
+        watchdog: IndependentWatchdog::new(board.IWDG, WATCHDOG_US),
+        sectors: Sectors(Flash::new(board.FLASH, Interrupts).into_regions().bank1_region1),
+        console: console::open(board.USART2, board.PA3, board.PA2, Interrupts),
+        button: Input::new(board.PC13, Pull::Up),
+        leds: Leds(Output::new(board.PA5, Level::Low, Speed::Low)),
+    }
+}
+
+/// LD2 is green, and shows the colours by its rhythm.
+pub(super) struct Leds(Output<'static>);
+
+/// Two short flashes a second.
+const PAIRS: u32 = 0b000000101_000000101;
+/// Dark and lit in turn.
+const FLICKER: u32 = 0b010101010_101010101;
+const _: () = assert!(STEPS == 18);
+
+impl Leds {
+    /// Shows a step of what the valve's LED shows: green as it is, yellow as one short flash every two seconds, red
+    /// flashing as pairs of short flashes, red as a flicker.
+    pub(super) fn show(&mut self, led: Led, step: u8) {
+        let on = match led.color {
+            Color::Green => is_on(led, step),
+            Color::Yellow => step == 0,
+            Color::Red => (if led.flashing { PAIRS } else { FLICKER }) >> step & 1 != 0,
+        };
+        self.0.set_level(Level::from(on));
+    }
+}
