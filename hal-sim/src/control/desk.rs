@@ -2,6 +2,8 @@
 
 use std::collections::VecDeque;
 
+use protocol_core::device::StartCause;
+use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
 use super::condition::Condition;
@@ -15,8 +17,6 @@ use crate::explain::Explainer;
 use crate::kind::Kind;
 use crate::run::Speed;
 use crate::world::{Event, NodeId, World};
-use protocol_core::device::StartCause;
-use protocol_core::frame::Frame;
 
 /// The most calls that wait for their turn to let time pass.
 const QUEUE: usize = 256;
