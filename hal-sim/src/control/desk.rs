@@ -2,6 +2,8 @@
 
 use std::collections::VecDeque;
 
+use protocol_core::device::StartCause;
+use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
 use super::condition::Condition;
@@ -15,8 +17,6 @@ use crate::explain::Explainer;
 use crate::kind::Kind;
 use crate::run::Speed;
 use crate::world::{Event, NodeId, World};
-use protocol_core::device::StartCause;
-use protocol_core::frame::Frame;
 
 /// The most calls that wait for their turn to let time pass.
 const QUEUE: usize = 256;
@@ -89,10 +89,7 @@ impl Desk {
             }
             Message::Stop(id, answer) => answer.send(Ok(Stopped { stopped: self.sender.stop(id, world) })),
             Message::Time(answer) => answer.send(Ok(time(world))),
-            Message::Trace(limit, answer) => {
-                let record = |passed: &Passed| passed.record(explainer.explain(&passed.frame, Some(&passed.from)));
-                answer.send(Ok(self.frames.last(limit).map(record).collect()));
-            }
+            Message::Trace(limit, answer) => answer.send(Ok(self.frames.last(limit, explainer))),
             Message::Subscribe(answer) => answer.send(self.events.subscribe(world)),
             Message::Advance(span, answer) => self.pass(Passage::Advance(span, answer), world),
             Message::Send(frame, period, answer) => self.pass(Passage::Send(frame, period, answer), world),

@@ -1,6 +1,6 @@
 //! What happens, for those who follow it: frames, and changes of devices.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use protocol_core::device::View;
 use protocol_core::time::{Duration, Instant, NEVER, after};
@@ -24,15 +24,46 @@ pub(super) const FOLLOWERS: usize = 64;
 /// How often a position that moves is told, in wall time.
 const SAMPLE: Duration = Duration::from_millis(20);
 
-/// Something that happened.
-#[derive(Clone, Debug)]
-pub(super) enum Happening {
+/// Something that happened, put into JSON once for all who follow.
+#[derive(Debug)]
+pub(super) struct Happening {
+    what: What,
+    json: OnceLock<String>,
+}
+
+#[derive(Debug)]
+enum What {
     /// A frame was on the bus; what it means.
-    Frame(Arc<(Passed, String)>),
+    Frame(Passed, String),
     /// Something went wrong on the bus.
-    Error(Arc<BusTrouble>),
+    Error(BusTrouble),
     /// A device has changed.
-    Device(Arc<DeviceState>),
+    Device(DeviceState),
+}
+
+impl Happening {
+    /// The name of the event.
+    pub(super) const fn name(&self) -> &'static str {
+        match self.what {
+            What::Frame(..) => "frame",
+            What::Error(_) => "error",
+            What::Device(_) => "device",
+        }
+    }
+
+    /// The data of the event.
+    pub(super) fn json(&self) -> &str {
+        self.json.get_or_init(|| match &self.what {
+            What::Frame(passed, meaning) => json(&passed.record(meaning.clone())),
+            What::Error(trouble) => json(trouble),
+            What::Device(state) => json(state),
+        })
+    }
+}
+
+/// A value as JSON. The numbers and texts of this interface have no value that JSON has not.
+pub(super) fn json(value: &impl Serialize) -> String {
+    serde_json::to_string(value).unwrap_or_default()
 }
 
 /// Something went wrong on the bus.
@@ -51,7 +82,7 @@ pub(super) struct BusTrouble {
 pub struct Subscription {
     /// The devices at that instant.
     pub(super) states: Vec<DeviceState>,
-    pub(super) happenings: broadcast::Receiver<Happening>,
+    pub(super) happenings: broadcast::Receiver<Arc<Happening>>,
     /// As long as it is there, somebody follows.
     pub(super) follower: Follower,
 }
@@ -63,7 +94,7 @@ pub(super) struct Follower(Arc<()>);
 /// Tells followers what happens.
 #[derive(Debug)]
 pub(super) struct Events {
-    channel: broadcast::Sender<Happening>,
+    channel: broadcast::Sender<Arc<Happening>>,
     /// The one that stands for this end.
     follower: Follower,
     /// What was told of each device.
@@ -121,8 +152,7 @@ impl Events {
     /// Tells a frame.
     pub(super) fn show(&self, passed: &Passed, meaning: impl FnOnce() -> String) {
         if self.is_followed() {
-            // Without followers it is lost, as it should be.
-            let _ = self.channel.send(Happening::Frame(Arc::new((passed.clone(), meaning()))));
+            tell(&self.channel, What::Frame(passed.clone(), meaning()));
         }
     }
 
@@ -130,8 +160,7 @@ impl Events {
     pub(super) fn show_trouble(&self, event: &Event, meaning: &str) {
         if self.is_followed() {
             let (t_us, from) = (event.at.as_micros(), event.who.to_string());
-            let _ =
-                self.channel.send(Happening::Error(Arc::new(BusTrouble { t_us, from, meaning: meaning.to_owned() })));
+            tell(&self.channel, What::Error(BusTrouble { t_us, from, meaning: meaning.to_owned() }));
         }
     }
 
@@ -144,13 +173,13 @@ impl Events {
         if samples {
             self.sample_at = after(world.now(), self.sample);
         }
-        for (node, kind, told) in &mut self.told {
+        let Self { told, channel, .. } = self;
+        for (node, kind, told) in told {
             let now = Told::of(*node, world);
             let changed = if samples { now != *told } else { now.at_rest() != told.at_rest() };
             if changed {
                 *told = now;
-                let state = Arc::new(DeviceState::of(*node, *kind, world));
-                let _ = self.channel.send(Happening::Device(state));
+                tell(channel, What::Device(DeviceState::of(*node, *kind, world)));
             }
         }
     }
@@ -159,6 +188,11 @@ impl Events {
     pub(super) fn due(&self) -> Instant {
         if self.is_followed() { self.sample_at } else { NEVER }
     }
+}
+
+/// Tells all followers; without any it is lost, as it should be.
+fn tell(channel: &broadcast::Sender<Arc<Happening>>, what: What) {
+    let _ = channel.send(Arc::new(Happening { what, json: OnceLock::new() }));
 }
 
 impl Told {

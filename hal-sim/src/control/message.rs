@@ -10,7 +10,7 @@ use utoipa::ToSchema;
 use super::condition::Condition;
 use super::events::Subscription;
 use super::plant::PlantChange;
-use super::record::FrameRecord;
+use super::record::{Excerpt, FrameRecord};
 use super::state::DeviceState;
 use crate::bus::Disturbance;
 
@@ -42,7 +42,7 @@ pub enum Message {
     /// Waits until a condition holds, so long at most.
     Wait(Condition, Duration, Answer<Waited>),
     /// The last frames, so many at most.
-    Trace(usize, Answer<Vec<FrameRecord>>),
+    Trace(usize, Answer<Excerpt>),
     /// What happens from now on.
     Subscribe(Answer<Subscription>),
 }

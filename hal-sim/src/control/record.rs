@@ -8,6 +8,7 @@ use protocol_core::time::Instant;
 use serde::Serialize;
 use utoipa::ToSchema;
 
+use crate::explain::Explainer;
 use crate::trace::write_hex;
 
 /// The most frames that are kept: a second of a bus under full load, and minutes of a usual one.
@@ -38,6 +39,21 @@ pub(super) struct Passed {
     pub(super) from: Arc<str>,
 }
 
+/// The last frames, and what explains them: that is left to others than the world.
+#[derive(Debug)]
+pub struct Excerpt {
+    passed: Vec<Passed>,
+    explainer: Explainer,
+}
+
+impl Excerpt {
+    /// Returns the records of the frames, oldest first.
+    pub(super) fn records(&self) -> Vec<FrameRecord> {
+        let meaning = |passed: &Passed| self.explainer.explain(&passed.frame, Some(&passed.from));
+        self.passed.iter().map(|passed| passed.record(meaning(passed))).collect()
+    }
+}
+
 /// The last frames.
 #[derive(Debug, Default)]
 pub(super) struct Frames(VecDeque<Passed>);
@@ -51,9 +67,10 @@ impl Frames {
         self.0.push_back(passed);
     }
 
-    /// The last frames, oldest first.
-    pub(super) fn last(&self, limit: usize) -> impl Iterator<Item = &Passed> {
-        self.0.iter().skip(self.0.len().saturating_sub(limit))
+    /// The last frames, with what explains them.
+    pub(super) fn last(&self, limit: usize, explainer: &Explainer) -> Excerpt {
+        let passed = self.0.iter().skip(self.0.len().saturating_sub(limit)).cloned().collect();
+        Excerpt { passed, explainer: explainer.clone() }
     }
 }
 

@@ -3,6 +3,7 @@
 use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
+use std::thread;
 use std::time::Duration;
 
 use axum::{Extension, Router};
@@ -10,6 +11,7 @@ use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use tokio::net::{TcpListener, TcpStream};
+use tokio::runtime;
 
 use super::connection::{Connection, Connections, Watched};
 use super::routes::router;
@@ -24,13 +26,15 @@ const HEAD: Duration = Duration::from_secs(60);
 /// A control interface at an address.
 #[derive(Debug)]
 pub(crate) struct Server {
-    listener: TcpListener,
+    listener: std::net::TcpListener,
 }
 
 impl Server {
     /// Binds the address; port 0 takes a free one.
-    pub(crate) async fn bind(address: SocketAddr) -> io::Result<Self> {
-        Ok(Self { listener: TcpListener::bind(address).await? })
+    pub(crate) fn bind(address: SocketAddr) -> io::Result<Self> {
+        let listener = std::net::TcpListener::bind(address)?;
+        listener.set_nonblocking(true)?;
+        Ok(Self { listener })
     }
 
     /// The address that was bound.
@@ -38,25 +42,35 @@ impl Server {
         self.listener.local_addr()
     }
 
-    /// Serves clients for ever, so many at once.
-    pub(crate) async fn run(self, world: Entrance, places: usize) {
-        let router = router(world);
-        let connections = Arc::new(Connections::new(places));
-        loop {
-            let Ok((stream, _)) = self.listener.accept().await else {
-                tokio::time::sleep(RETRY).await;
-                continue;
-            };
-            if let Some(connection) = stream.local_addr().ok().and_then(|local| connections.admit(local)) {
-                let (router, connections) = (router.clone(), Arc::clone(&connections));
-                tokio::spawn(async move {
-                    tokio::select! {
-                        () = serve(stream, router, Arc::clone(&connection)) => {}
-                        () = connection.dismissed() => {}
-                    }
-                    connections.leave(&connection);
-                });
-            }
+    /// Serves clients for as long as the process lives, so many at once, on a thread of its own: however much they ask for, no
+    /// client of the bus waits for it.
+    pub(crate) fn start(self, world: Entrance, places: usize) -> io::Result<()> {
+        let runtime = runtime::Builder::new_current_thread().enable_all().build()?;
+        let listener = {
+            let _runtime = runtime.enter();
+            TcpListener::from_std(self.listener)?
+        };
+        let run = move || runtime.block_on(accept(listener, router(world), places));
+        thread::Builder::new().name("control".to_owned()).spawn(run).map(drop)
+    }
+}
+
+async fn accept(listener: TcpListener, router: Router, places: usize) {
+    let connections = Arc::new(Connections::new(places));
+    loop {
+        let Ok((stream, _)) = listener.accept().await else {
+            tokio::time::sleep(RETRY).await;
+            continue;
+        };
+        if let Some(connection) = stream.local_addr().ok().and_then(|local| connections.admit(local)) {
+            let (router, connections) = (router.clone(), Arc::clone(&connections));
+            tokio::spawn(async move {
+                tokio::select! {
+                    () = serve(stream, router, Arc::clone(&connection)) => {}
+                    () = connection.dismissed() => {}
+                }
+                connections.leave(&connection);
+            });
         }
     }
 }

@@ -218,7 +218,7 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     let mut control = None;
     if let Some(address) = options.http {
         let bind = |source| RunError::Http { address, source };
-        let server = control::Server::bind(address).await.map_err(bind)?;
+        let server = control::Server::bind(address).map_err(bind)?;
         control = Some((server.address().map_err(bind)?, server));
     }
     let http = control.as_ref().map(|(address, _)| *address);
@@ -249,7 +249,7 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
         tokio::spawn(interface.run(entrance.clone()));
     }
     if let Some((_, server)) = control {
-        tokio::spawn(server.run(entrance.clone(), connections));
+        server.start(entrance.clone(), connections)?;
     }
     stdin::listen(entrance.clone());
     let bus = options.buses.first().map_or("can0", BusUrl::name);

@@ -1,6 +1,7 @@
 //! `/events`: what happens, as server-sent events.
 
 use std::convert::Infallible;
+use std::sync::Arc;
 use std::time::Duration;
 
 use axum::response::sse::{Event, KeepAlive, Sse};
@@ -12,17 +13,11 @@ use utoipa::ToSchema;
 
 use super::Control;
 use crate::control::error::{Error, Failure};
-use crate::control::events::{Follower, Happening, Subscription};
+use crate::control::events::{Follower, Happening, Subscription, json};
 use crate::control::message::Message;
-use crate::control::record::FrameRecord;
 
 /// A quiet bus sends a comment so often: a client that is gone is noticed.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
-
-/// The data of a `frame` event.
-#[derive(Serialize, ToSchema)]
-#[serde(transparent)]
-pub(super) struct FrameEvent(FrameRecord);
 
 /// The data of a `lost` event: the client was too slow.
 #[derive(Serialize, ToSchema)]
@@ -45,27 +40,21 @@ pub(super) struct LostEvent {
 )]
 pub(super) async fn follow(control: Control) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, Failure> {
     let Subscription { states, happenings, follower } = control.ask(Message::Subscribe).await?;
-    let first = tokio_stream::iter(states).map(|state| event("device", &state));
+    let first = tokio_stream::iter(states).map(|state| event("device", &json(&state)));
     let next = BroadcastStream::new(happenings).map(move |happening| follower.event(happening));
     Ok(Sse::new(first.chain(next).map(Ok)).keep_alive(KeepAlive::new().interval(KEEP_ALIVE)))
 }
 
 impl Follower {
     /// The event of something that happened, or that was missed.
-    fn event(&self, happening: Result<Happening, BroadcastStreamRecvError>) -> Event {
+    fn event(&self, happening: Result<Arc<Happening>, BroadcastStreamRecvError>) -> Event {
         match happening {
-            Ok(Happening::Frame(frame)) => {
-                let (passed, meaning) = &*frame;
-                event("frame", &FrameEvent(passed.record(meaning.clone())))
-            }
-            Ok(Happening::Error(error)) => event("error", &*error),
-            Ok(Happening::Device(state)) => event("device", &*state),
-            Err(BroadcastStreamRecvError::Lagged(events)) => event("lost", &LostEvent { events }),
+            Ok(happening) => event(happening.name(), happening.json()),
+            Err(BroadcastStreamRecvError::Lagged(events)) => event("lost", &json(&LostEvent { events })),
         }
     }
 }
 
-/// An event with its data as JSON. The numbers and texts of this interface have no value that JSON has not.
-fn event<T: Serialize>(name: &str, data: &T) -> Event {
-    Event::default().event(name).json_data(data).unwrap_or_else(|_| Event::default().comment("not told"))
+fn event(name: &str, data: &str) -> Event {
+    Event::default().event(name).data(data)
 }

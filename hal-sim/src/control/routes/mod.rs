@@ -80,7 +80,7 @@ impl FromRequestParts<Entrance> for Control {
         trace::show,
         events::follow,
     ),
-    components(schemas(Error, TimedOut, BusTrouble, events::FrameEvent, events::LostEvent))
+    components(schemas(Error, TimedOut, BusTrouble, events::LostEvent))
 )]
 struct Description;
 

@@ -29,5 +29,5 @@ pub(super) struct Part {
 )]
 pub(super) async fn show(control: Control, Query(part): Query<Part>) -> Result<Json<Vec<FrameRecord>>, Failure> {
     let limit = part.limit.unwrap_or(LIMIT).min(KEPT);
-    control.ask(|answer| Message::Trace(limit, answer)).await.map(Json)
+    control.ask(|answer| Message::Trace(limit, answer)).await.map(|excerpt| Json(excerpt.records()))
 }
