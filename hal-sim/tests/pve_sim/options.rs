@@ -68,17 +68,24 @@ const KEYS: &[Line] = &[
     ("max=", "--link pvea-canopen=hat1000,max=35999", "--link pvea-canopen=hat1000,max=36000", "accepted: 0–35999"),
 ];
 
-/// The words of stdin: of each what is answered, right and wrong.
-const WORDS: &[Line] = &[
+/// The words of stdin for a valve: of each what is answered, right and wrong.
+const VALVE_WORDS: &[Line] = &[
     ("supply_mv", "supply_mv 12000", "supply_mv low", "accepted: supply_mv N"),
     ("temperature_c", "temperature_c -40", "temperature_c hot", "temperature_c N"),
     ("spool", "spool no-float", "spool bent", "spool ok|stuck|slow|drifting|no-float"),
-    ("lever", "lever -16384", "lever -16385", "lever N|off"),
+    ("lever", "lever -16384", "lever down", "lever N|off"),
     ("internal_fault", "internal_fault on", "internal_fault maybe", "internal_fault on|off"),
     ("memory", "memory write-fails", "memory full", "memory ok|write-fails"),
     ("bus_off", "bus_off off", "bus_off 2", "bus_off on|off"),
     ("status", "status", "status all", "status, help"),
     ("help", "help", "help me", "status, help"),
+];
+
+/// The words of stdin that an angle sensor alone has.
+const ENCODER_WORDS: &[Line] = &[
+    ("angle_cdeg", "angle_cdeg 35999", "angle_cdeg far", "accepted: angle_cdeg N"),
+    ("speed_rpm", "speed_rpm -30", "speed_rpm fast", "speed_rpm N"),
+    ("measuring_error", "measuring_error on", "measuring_error maybe", "measuring_error on|off"),
 ];
 
 /// The names in the first column of the table that begins so, without what is set for a name.
@@ -150,8 +157,16 @@ fn every_key_of_a_link() {
 
 #[test]
 fn every_word_on_stdin() {
-    assert_eq!(documented("| word |"), names(WORDS));
-    let mut simulator = Simulator::spawn(pve_sim(&["--no-http", "--bus", ANY_PORT]).stdin(Stdio::piped()));
+    let typed: BTreeSet<String> = names(VALVE_WORDS).union(&names(ENCODER_WORDS)).cloned().collect();
+    assert_eq!(documented("| word |"), typed);
+    type_words("pvea-canopen", VALVE_WORDS);
+    type_words("hat1000", ENCODER_WORDS);
+}
+
+/// Types each word right and wrong on stdin of a simulator with one device.
+fn type_words(kind: &str, lines: &[Line]) {
+    let mut simulator =
+        Simulator::spawn(pve_sim(&["--no-http", "--bus", ANY_PORT, "--device", kind]).stdin(Stdio::piped()));
     let mut stdin = simulator.process.stdin.take().expect("a pipe");
     let mut stderr = BufReader::new(simulator.process.stderr.take().expect("a pipe")).lines();
     // The answer of each line ends before the next: `status` begins with the name of the device, `help` ends with itself.
@@ -160,10 +175,10 @@ fn every_word_on_stdin() {
         let answer = stderr.find_map(|told| told.ok().filter(|told| told.contains(wanted)));
         assert!(answer.is_some(), "{line}");
     };
-    for (name, right, wrong, accepted) in WORDS {
+    for (name, right, wrong, accepted) in lines {
         let told = match *name {
             "status" => "pvea-canopen: ",
-            "help" => "help                 this",
+            "help" => "help                   this",
             _ => "ok",
         };
         answer(right, told);
