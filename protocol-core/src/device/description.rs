@@ -1,7 +1,10 @@
 //! The products on CANopen as their EDS describes them.
 
+use super::hat::objects::{HatObjects, RULES};
+use super::hat::records::{identity, new_layer};
 use super::{Kind, Protocol, hat, pve};
 use crate::canopen::dictionary::{Entry, Initial};
+use crate::canopen::node;
 
 /// What an EDS says of a product beside its objects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,7 +17,11 @@ pub struct Capabilities {
 pub fn describe(kind: Kind, each: impl FnMut(&'static Entry, Initial<'_>)) -> Option<Capabilities> {
     match (kind, kind.protocol()) {
         (Kind::Pve(kind), Protocol::Canopen) => Some(pve::describe(kind, each)),
-        (Kind::Hat(kind), _) => Some(hat::describe(kind, each)),
+        (Kind::Hat(kind), _) => {
+            let layer = new_layer(&hat::Setup::new(kind));
+            node::describe(&HatObjects::new(kind, identity(kind, None), layer), each);
+            Some(Capabilities { dummies: RULES.tpdo.dummies })
+        }
         (Kind::Pve(_), Protocol::Isobus) => None,
     }
 }

@@ -20,17 +20,6 @@ impl Error {
     /// All of them, in the order in which they are told.
     pub const ALL: [Self; 4] = [Self::SetUp, Self::Controller, Self::Passive, Self::BusOff];
 
-    /// The name used everywhere.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::SetUp => "set-up",
-            Self::Controller => "controller",
-            Self::Passive => "error-passive",
-            Self::BusOff => "can-bus",
-        }
-    }
-
     /// The emergency error code, the manufacturer-specific field, and the bits of the error register.
     #[must_use]
     pub const fn codes(self) -> (u16, u16, u8) {
@@ -45,12 +34,12 @@ impl Error {
 
 /// A set of errors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Errors(u8);
+pub(in crate::device) struct Errors(u8);
 
 impl Errors {
     pub(super) const NONE: Self = Self(0);
 
-    pub(super) const fn has(self, error: Error) -> bool {
+    pub(in crate::device) const fn has(self, error: Error) -> bool {
         self.0 & error as u8 != 0
     }
 

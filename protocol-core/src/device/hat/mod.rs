@@ -7,21 +7,17 @@
 //! errors      what EMCYs tell of
 //! records     what is kept in the memory
 //! storing     writes to the memory, and who waits for them
-//! view        its state for people and tools
 //! ```
 
 mod dictionary;
 mod errors;
-mod objects;
-mod records;
+pub(super) mod objects;
+pub(super) mod records;
 mod storing;
-mod view;
 
 pub use super::kind::hat::Kind;
 pub use dictionary::entry;
 pub use errors::Error;
-#[cfg(feature = "names")]
-pub(super) use objects::describe;
 
 use dictionary::DICTIONARY;
 use errors::Errors;
@@ -53,8 +49,8 @@ pub type Hat = Host<HatSensor>;
 #[derive(Debug)]
 pub struct HatSensor {
     setup: Setup,
-    objects: HatObjects,
-    node: Node<HatObjects>,
+    pub(super) objects: HatObjects,
+    pub(super) node: Node<HatObjects>,
     /// Node ID and bit rate as stored.
     layer: Layer,
     /// What the write of node ID and bit rate in flight makes of them.

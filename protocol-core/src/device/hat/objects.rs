@@ -4,22 +4,12 @@ use super::Kind;
 use super::dictionary::{DICTIONARY, STARTS_ITSELF, WAITS};
 use super::errors::Errors;
 #[cfg(feature = "names")]
-use super::{
-    Setup,
-    records::{identity, new_layer},
-};
+use crate::canopen::dictionary::Initial;
 use crate::canopen::dictionary::{Dictionary, Mappable, Value};
-#[cfg(feature = "names")]
-use crate::canopen::dictionary::{Entry, Initial};
 use crate::canopen::lss::Layer;
-#[cfg(feature = "names")]
-use crate::canopen::node;
 use crate::canopen::node::{Object, Product, Rules};
-
 use crate::canopen::{heartbeat, lss, nmt, pdo};
 use crate::controller::BitRate;
-#[cfg(feature = "names")]
-use crate::device::Capabilities;
 use crate::encoder::{Preset, Shaft};
 use crate::time::{Duration, Instant};
 use crate::wire::emcy::Emcy;
@@ -32,7 +22,7 @@ const HARDWARE_VERSION: &[u8] = b"01.01";
 const SOFTWARE_VERSION: &[u8] = b"01.07";
 
 /// The rules of both kinds.
-const RULES: Rules = Rules {
+pub(in crate::device) const RULES: Rules = Rules {
     extended_ids: true,
     nmt: nmt::Rules { startup: &[WAITS, STARTS_ITSELF], starts_itself: Some(STARTS_ITSELF) },
     heartbeat: heartbeat::Rules { resolution: Duration::from_millis(1), max: u16::MAX },
@@ -64,7 +54,7 @@ const RULES: Rules = Rules {
 
 /// The product's own objects.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum HatObject {
+pub(in crate::device) enum HatObject {
     DeviceName,
     HardwareVersion,
     SoftwareVersion,
@@ -103,10 +93,10 @@ pub enum Task {
 
 /// The state behind the objects.
 #[derive(Debug)]
-pub(super) struct HatObjects {
+pub(in crate::device) struct HatObjects {
     kind: Kind,
     pub(super) identity: Address,
-    pub(super) errors: Errors,
+    pub(in crate::device) errors: Errors,
     pub(super) shaft: Shaft,
     /// Node ID and bit rate in force.
     pub(super) in_force: Layer,
@@ -116,7 +106,7 @@ pub(super) struct HatObjects {
 }
 
 impl HatObjects {
-    pub(super) const fn new(kind: Kind, identity: Address, layer: Layer) -> Self {
+    pub(in crate::device) const fn new(kind: Kind, identity: Address, layer: Layer) -> Self {
         Self {
             kind,
             identity,
@@ -130,7 +120,7 @@ impl HatObjects {
 
     /// Returns object 0x6004.
     #[inline]
-    pub(super) fn position(&self, now: Instant) -> u32 {
+    pub(in crate::device) fn position(&self, now: Instant) -> u32 {
         self.preset.position(self.shaft.position_at(now))
     }
 }
@@ -224,12 +214,4 @@ impl Product for HatObjects {
 
     /// There is no EMCY consumer.
     fn hear_emcy(&mut self, _: Emcy, _: Instant) {}
-}
-
-/// Hands out every object of a new sensor.
-#[cfg(feature = "names")]
-pub(in crate::device) fn describe(kind: Kind, each: impl FnMut(&'static Entry, Initial<'_>)) -> Capabilities {
-    let setup = Setup::new(kind);
-    node::describe(&HatObjects::new(kind, identity(kind, None), new_layer(&setup)), each);
-    Capabilities { dummies: RULES.tpdo.dummies }
 }

@@ -15,7 +15,7 @@ const VENDOR: u32 = 0xDA;
 const REVISION: u32 = 0x0001_0007;
 
 /// Returns the identity of a sensor with this serial number; `None` for the default.
-pub(super) fn identity(kind: Kind, serial: Option<u32>) -> Address {
+pub(in crate::device) fn identity(kind: Kind, serial: Option<u32>) -> Address {
     let serial = serial.unwrap_or(kind.default_serial());
     Address { vendor: VENDOR, product: kind.product_code(), revision: REVISION, serial }
 }
@@ -30,7 +30,7 @@ pub(super) const LAYER: Layer =
     Layer { node_id: LssNodeId(NodeId::new(Kind::Hat1000.default_node_id())), bit_rate: BitRate::Kbit500 };
 
 /// Returns those that a new memory is filled with.
-pub(super) fn new_layer(setup: &Setup) -> Layer {
+pub(in crate::device) fn new_layer(setup: &Setup) -> Layer {
     let bit_rate = setup.bit_rate.unwrap_or(LAYER.bit_rate);
     Layer { node_id: LssNodeId(setup.node_id.and_then(NodeId::new)), bit_rate }
 }

@@ -8,6 +8,7 @@
 //! found           what a start finds in the memory
 //! records         what is kept in the memory
 //! identification  the identifiers of UDS lite          sensing    what a valve makes of its senses
+//! view            its state for people and tools
 //! canopen/        the composition: a valve on CANopen       isobus/    on ISOBUS
 //! ```
 
@@ -23,6 +24,7 @@ mod objects;
 mod records;
 mod sensing;
 mod state_machine;
+mod view;
 
 pub use super::Protocol;
 pub use super::kind::pve::Kind;

@@ -5,13 +5,11 @@
 //! emergency  faults become EMCYs, and the error history
 //! storing    writes to the memory, and who waits for them
 //! load       how far a "load" and its execution have come
-//! view       its state for people and tools
 //! ```
 
 mod emergency;
 mod load;
 mod storing;
-mod view;
 
 use load::Load;
 use storing::Job;
@@ -47,8 +45,8 @@ pub type PveCanopen = Host<CanopenValve>;
 #[derive(Debug)]
 pub struct CanopenValve {
     setup: Setup,
-    objects: ValveObjects,
-    node: Node<ValveObjects>,
+    pub(super) objects: ValveObjects,
+    pub(super) node: Node<ValveObjects>,
     /// As stored.
     local_layer: LocalLayer,
     /// The key of UDS requests, whatever their source.

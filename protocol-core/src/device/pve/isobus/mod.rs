@@ -4,12 +4,10 @@
 //! mod      the body of the device: what the node and the valve tell each other
 //! product  groups, NAME and address
 //! storing  writes to the memory, and who waits for them
-//! view     its state for people and tools
 //! ```
 
 mod product;
 mod storing;
-mod view;
 
 use heapless::Vec;
 
@@ -53,7 +51,7 @@ pub struct IsobusValve {
     /// As stored.
     local_layer: LocalLayer,
     node: Node<DM2_MAX>,
-    auxiliary: AuxiliaryValve,
+    pub(super) auxiliary: AuxiliaryValve,
     clearing: Vec<Clearing, CLEARINGS>,
     /// The faults that DM3 asked to clear and that have not occurred since.
     clearable: FaultSet,

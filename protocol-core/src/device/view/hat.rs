@@ -1,8 +1,8 @@
 //! The state of an angle sensor for people and tools.
 
-use super::{Error, Hat};
+use super::{FaultView, View, Viewable};
 use crate::device::Device as _;
-use crate::device::view::{FaultView, View, Viewable};
+use crate::device::hat::{Error, Hat};
 use crate::time::Instant;
 
 impl Viewable for Hat {
@@ -24,6 +24,19 @@ impl Viewable for Hat {
             position: i16::try_from(body.objects.position(now)).unwrap_or(i16::MAX),
             valve: None,
             faults: Error::ALL.into_iter().map(fault).collect(),
+        }
+    }
+}
+
+impl Error {
+    /// The name used everywhere.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::SetUp => "set-up",
+            Self::Controller => "controller",
+            Self::Passive => "error-passive",
+            Self::BusOff => "can-bus",
         }
     }
 }

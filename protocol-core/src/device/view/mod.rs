@@ -2,6 +2,8 @@
 //!
 //! [`Viewable`] stands beside [`Device`](super::Device) and is no part of it: an image that shows nothing links none of it.
 
+mod hat;
+
 use heapless::Vec;
 
 use super::pve::DeviceState;
@@ -9,7 +11,7 @@ use crate::actuator::{Fault, Led, SetPoint, Valve};
 use crate::controller::BitRate;
 use crate::time::Instant;
 use crate::wire::nmt;
-use crate::wire::valve;
+use crate::wire::valve::State as ValveState;
 
 /// The most faults that a kind knows.
 pub const FAULTS: usize = Fault::ALL.len();
@@ -37,7 +39,7 @@ pub struct ValveView {
     /// The state of the device state machine; `None` on ISOBUS.
     pub dsm: Option<DeviceState>,
     /// The state of the auxiliary valve as AVEF tells it: blocked during a shutdown. `None` on CANopen.
-    pub command: Option<valve::State>,
+    pub command: Option<ValveState>,
     /// The set-point: on CANopen the last accepted one, object 0x6300; on ISOBUS that of `command`, neutral for a command
     /// without a flow.
     pub set_point: SetPoint,
@@ -67,14 +69,4 @@ pub trait Viewable {
     fn valve(&self) -> Option<&Valve> {
         None
     }
-}
-
-/// Returns the faults of a valve.
-pub(super) fn valve_faults(valve: &Valve) -> Vec<FaultView, FAULTS> {
-    let view = |fault: Fault| FaultView {
-        name: fault.name(),
-        active: valve.is_active(fault),
-        count: valve.counters().get(fault),
-    };
-    Fault::ALL.into_iter().map(view).collect()
 }

@@ -1,0 +1,69 @@
+//! The state of a valve on either protocol, for people and tools.
+
+use heapless::Vec;
+
+use super::{PveCanopen, PveIsobus};
+use crate::actuator::{Fault, Valve};
+use crate::device::Device as _;
+use crate::device::view::{FAULTS, FaultView, ValveView, View, Viewable};
+use crate::time::Instant;
+
+impl Viewable for PveCanopen {
+    fn view(&self, now: Instant) -> View {
+        let body = self.body();
+        let application = &body.objects.application;
+        let valve = &application.valve;
+        View {
+            node_id: self.node_id(),
+            bit_rate: self.bit_rate(),
+            nmt: Some(body.node.nmt_state()),
+            position: valve.position(now).raw(),
+            valve: Some(ValveView {
+                dsm: Some(application.state()),
+                command: None,
+                set_point: application.set_point(),
+                solenoids: valve.solenoids(),
+                led: application.led(self.node_id().is_some()),
+            }),
+            faults: faults(valve),
+        }
+    }
+
+    fn valve(&self) -> Option<&Valve> {
+        Some(self.body().valve())
+    }
+}
+
+impl Viewable for PveIsobus {
+    fn view(&self, now: Instant) -> View {
+        let auxiliary = &self.body().auxiliary;
+        let valve = &auxiliary.valve;
+        View {
+            node_id: self.node_id(),
+            bit_rate: self.bit_rate(),
+            nmt: None,
+            position: valve.position(now).raw(),
+            valve: Some(ValveView {
+                dsm: None,
+                command: Some(auxiliary.state()),
+                set_point: auxiliary.set_point(),
+                solenoids: valve.solenoids(),
+                led: auxiliary.led(self.node_id().is_none()),
+            }),
+            faults: faults(valve),
+        }
+    }
+
+    fn valve(&self) -> Option<&Valve> {
+        Some(self.body().valve())
+    }
+}
+
+fn faults(valve: &Valve) -> Vec<FaultView, FAULTS> {
+    let view = |fault: Fault| FaultView {
+        name: fault.name(),
+        active: valve.is_active(fault),
+        count: valve.counters().get(fault),
+    };
+    Fault::ALL.into_iter().map(view).collect()
+}
