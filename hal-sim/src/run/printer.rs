@@ -17,7 +17,7 @@ const QUEUE: usize = 4096;
 const BATCH: usize = 64 * 1024;
 
 /// How long the end waits for a reader.
-const PATIENCE: Duration = Duration::from_millis(500);
+const PATIENCE: Duration = Duration::from_secs(2);
 
 enum Text {
     /// Lines of the trace, each with its end.

@@ -304,7 +304,11 @@ impl<B: Body> Device for Host<B> {
     }
 
     fn sense(&mut self, senses: &Senses, now: Instant) {
-        self.advance(now);
+        self.base.now = self.base.now.max(now);
+        // What was due before acts on the old senses, what is due now on the new ones.
+        if self.base.now > self.deadline {
+            self.run_timers();
+        }
         self.body.sense(senses, &mut self.base);
         self.settle();
     }

@@ -1,7 +1,7 @@
 //! Angle sensors in a world: their shaft as plant, linked to a valve, and their PDOs in time (SPEC 9).
 
 use hal_sim::kind::{Birth, Kind, Simulated};
-use hal_sim::world::{Link, LinkError, Plant, PlantError};
+use hal_sim::world::{EventKind, Link, LinkError, Plant, PlantError};
 use hal_sim::{Memory, NodeId, TapId, World};
 use protocol_core::actuator::Valve;
 use protocol_core::controller::BitRate;
@@ -308,6 +308,28 @@ fn a_pdo_every_millisecond_within_20_us_on_an_idle_bus() {
         let grid = ends[0] + number * 1_000;
         assert!(end.abs_diff(grid) <= 20, "number {number}: {end}, not {grid}");
     }
+}
+
+#[test]
+fn a_pdo_of_a_linked_sensor_tells_the_angle_at_which_it_is_due() {
+    let mut machine = Machine::linked(Link::default());
+    machine.world.record_events(true);
+    machine.transmit_every(10);
+    machine.open(16_384);
+    let (start, mut angles, mut compared) = (machine.world.now(), Vec::new(), 0);
+    while machine.world.now() < after(start, Duration::from_millis(200)) {
+        machine.world.step();
+        angles.push((machine.world.now(), machine.angle()));
+    }
+    for event in machine.world.take_events() {
+        let EventKind::Frame { frame, start } = event.what else { continue };
+        if let Some((_, angle)) = angles.iter().find(|(at, _)| frame.to_string().starts_with("181:") && *at == start) {
+            let position = angle * 16_384 / 36_000;
+            assert_eq!(frame.bytes()[..4], position.to_le_bytes(), "{frame} at {start:?}: {angle}");
+            compared += 1;
+        }
+    }
+    assert!(compared >= 18 && machine.angle() > 100, "{compared} PDOs");
 }
 
 #[test]
