@@ -1,0 +1,91 @@
+// The bus: bit rate, load, disturbances, frames of one's own; and time.
+
+import { call } from "./api.js";
+import { clock } from "./clock.js";
+import { byId, el, setText } from "./dom.js";
+import { attempt, notice } from "./notice.js";
+import { hex, identifier, seconds } from "./words.js";
+
+const BIT_RATES = [1000, 800, 500, 250, 125, 50, 20, 10];
+/** How often the bus is asked for, in milliseconds. */
+const PERIOD = 1000;
+/** How often the time is shown, in milliseconds. */
+const TICK = 200;
+
+export class Bus {
+  /** Controls of the bus. */
+  constructor() {
+    this.rate = byId("bit-rate");
+    this.rate.append(...BIT_RATES.map((rate) => el("option", { value: rate * 1000 }, `${rate} kbit/s`)));
+    this.rate.addEventListener("change", () => this.ask("PATCH", "/bus", { bit_rate: Number(this.rate.value) }));
+    this.disturb = byId("disturb");
+    onSubmit(this.disturb, ({ frames, id }) =>
+      this.ask("POST", "/bus/disturb", { frames: Number(frames), ...(id && identifier(id)) }),
+    );
+    byId("spare").addEventListener("click", () => this.ask("POST", "/bus/disturb", { frames: 0 }));
+    onSubmit(byId("send"), ({ frame, every }) => this.send(frame, every));
+    byId("stop").addEventListener("click", () =>
+      attempt(async () => notice(`${(await call("DELETE", "/bus/frames")).stopped} cyclic frames stopped`)),
+    );
+    onSubmit(byId("step"), ({ ms }) => this.advance(Number(ms)));
+    setInterval(() => this.showTime(), TICK);
+    setInterval(() => document.hidden || this.ask("GET", "/bus"), PERIOD);
+  }
+
+  /** The server is there: says how its time passes. */
+  async open() {
+    const { now_us, speed } = await call("GET", "/time");
+    clock.start(now_us, speed);
+    byId("step").hidden = speed !== "step";
+    setText(byId("speed"), speed === "step" ? "step" : `× ${speed}`);
+    this.isOpen = true;
+    await this.ask("GET", "/bus");
+  }
+
+  /** The server is away. */
+  close() {
+    this.isOpen = false;
+    clock.stop();
+  }
+
+  /** Asks for the bus, or changes it, and shows it. */
+  async ask(method, path, body) {
+    if (!this.isOpen) return;
+    const bus = await attempt(() => call(method, path, body));
+    if (bus !== undefined) this.show(bus);
+  }
+
+  show({ t_us, bit_rate, load, disturb: { frames, id, extended } }) {
+    clock.hear(t_us);
+    this.showTime();
+    byId("load-bar").value = load;
+    setText(byId("load-text"), `${load} %`);
+    if (document.activeElement !== this.rate) this.rate.value = bit_rate;
+    const whose = id === null ? "" : ` of ${hex(id, extended ? 8 : 3)}`;
+    setText(byId("disturbed"), frames > 0 ? `${frames} left${whose}` : "");
+    byId("spare").disabled = frames === 0;
+  }
+
+  showTime() {
+    setText(byId("time"), `${seconds(clock.now())} s`);
+  }
+
+  send(frame, every) {
+    const [id, data] = frame.split("#");
+    const period = every && { every_ms: Number(every) };
+    return attempt(() => call("POST", "/bus/frames", { ...identifier(id), data, ...period }));
+  }
+
+  async advance(ms) {
+    await attempt(() => call("POST", "/time", { advance_ms: ms }));
+    await this.ask("GET", "/bus");
+  }
+}
+
+/** Has a form do something with its values. */
+function onSubmit(form, work) {
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    work(Object.fromEntries(new FormData(form)));
+  });
+}

@@ -1,0 +1,158 @@
+// The trace of the bus: decoded, filterable, pausable, bounded.
+
+import { byId, el, setText } from "./dom.js";
+import { paint } from "./paint.js";
+import { hex, seconds } from "./words.js";
+
+/** Lines that are kept, and lines that are shown. */
+const KEPT = 2000;
+const SHOWN = 200;
+/** How often the lines that are shown change, in milliseconds. */
+const PERIOD = 100;
+/** A frame that comes again as it was within this time, in microseconds of virtual time, is a repeat. */
+const REPEAT_US = 2e6;
+
+/** A line: a frame, or trouble of the bus. */
+function lineOf({ t_us, id, extended, data, from, meaning }) {
+  if (id === undefined) return { t_us, id: "error", data: "", from, meaning, isTrouble: true };
+  const bytes = data.match(/../g)?.join(" ") ?? "";
+  return { t_us, id: hex(id, extended ? 8 : 3), data: bytes, from, meaning, isTrouble: false };
+}
+
+/** What a filter looks at. */
+function textOf(line) {
+  line.text ??= `${line.id} ${line.data} ${line.data.replaceAll(" ", "")} ${line.from} ${line.meaning}`.toLowerCase();
+  return line.text;
+}
+
+export class Trace {
+  constructor() {
+    this.lines = [];
+    this.fresh = [];
+    this.words = [];
+    this.isPaused = false;
+    this.hidesRepeats = true;
+    /** The last frame of each identifier. */
+    this.latest = new Map();
+    this.isAtEnd = true;
+    this.missed = 0;
+    this.drawnAt = 0;
+    this.list = byId("frames");
+    this.list.addEventListener("scroll", () => {
+      const { scrollTop, clientHeight, scrollHeight } = this.list;
+      this.isAtEnd = scrollTop + clientHeight >= scrollHeight - 24;
+    });
+    byId("filter").addEventListener("input", (event) => this.filter(event.target.value));
+    byId("repeats").addEventListener("change", (event) => {
+      this.hidesRepeats = event.target.checked;
+      this.redraw();
+    });
+    byId("clear").addEventListener("click", () => this.clear());
+    byId("pause").addEventListener("click", () => this.pause(!this.isPaused));
+  }
+
+  /** Puts the frames of the server's record in the place of everything. */
+  reset(frames) {
+    this.latest.clear();
+    this.lines = frames.map((frame) => this.read(frame));
+    this.missed = 0;
+    this.redraw();
+  }
+
+  /** Makes the line of a frame that comes next. */
+  read(frame) {
+    const line = lineOf(frame);
+    if (line.isTrouble) return line;
+    const before = this.latest.get(line.id);
+    line.isRepeat = before?.data === line.data && before.from === line.from && line.t_us - before.t_us < REPEAT_US;
+    this.latest.set(line.id, line);
+    return line;
+  }
+
+  /** Adds a frame, or trouble. */
+  add(frame) {
+    const line = this.read(frame);
+    this.lines.push(line);
+    // In portions: each makes the array anew.
+    if (this.lines.length > KEPT + SHOWN) this.lines.splice(0, SHOWN);
+    if (!this.isPaused && this.passes(line)) {
+      this.fresh.push(line);
+      if (this.fresh.length > SHOWN) this.fresh.shift();
+    }
+    paint(this);
+  }
+
+  /** The server could not send so many events. */
+  miss(events) {
+    this.missed += events;
+    paint(this);
+  }
+
+  clear() {
+    this.lines = [];
+    this.missed = 0;
+    this.redraw();
+  }
+
+  pause(isPaused) {
+    this.isPaused = isPaused;
+    byId("pause").setAttribute("aria-pressed", isPaused);
+    if (!isPaused) this.redraw();
+  }
+
+  filter(text) {
+    this.words = text.toLowerCase().split(/\s+/).filter((word) => word !== "" && word !== "-");
+    this.redraw();
+  }
+
+  passes(line) {
+    if (this.hidesRepeats && line.isRepeat) return false;
+    return this.words.every((word) =>
+      word.startsWith("-") ? !textOf(line).includes(word.slice(1)) : textOf(line).includes(word),
+    );
+  }
+
+  redraw() {
+    this.list.replaceChildren();
+    this.fresh = this.lines.filter((line) => this.passes(line)).slice(-SHOWN);
+    this.isAtEnd = true;
+    this.drawnAt = 0;
+    paint(this);
+  }
+
+  render(at) {
+    if (at - this.drawnAt < PERIOD) {
+      paint(this);
+      return;
+    }
+    this.drawnAt = at;
+    for (const line of this.fresh) this.append(line);
+    const hasGrown = this.fresh.length > 0;
+    this.fresh = [];
+    if (hasGrown && this.isAtEnd) this.list.scrollTop = this.list.scrollHeight;
+    setText(byId("trace-note"), this.note());
+  }
+
+  /** Shows a line in a row; the oldest one is used again when there are enough. */
+  append(line) {
+    const row = this.list.childElementCount < SHOWN ? newRow() : this.list.firstElementChild;
+    const [time, id, data, meaning] = row.children;
+    time.textContent = seconds(line.t_us);
+    id.textContent = line.id;
+    data.textContent = line.data;
+    meaning.textContent = line.meaning;
+    row.title = `from ${line.from}`;
+    row.className = line.isTrouble ? "trouble" : line.meaning.includes("EMCY") ? "emcy" : "";
+    this.list.append(row);
+  }
+
+  note() {
+    const kept = `${Math.min(this.lines.length, KEPT)} frames kept`;
+    const missed = this.missed > 0 ? `, ${this.missed} events missed: this page is too slow` : "";
+    return `${this.isPaused ? "paused, " : ""}${kept}${missed}`;
+  }
+}
+
+function newRow() {
+  return el("li", {}, el("time"), el("span", { class: "id" }), el("span", { class: "data" }), el("span", { class: "meaning" }));
+}
