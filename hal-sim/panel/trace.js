@@ -11,6 +11,8 @@ const SHOWN = 200;
 const PERIOD = 100;
 /** A frame that comes again as it was within this time, in microseconds of virtual time, is a repeat. */
 const REPEAT_US = 2e6;
+/** What a line says that tells of a fault. */
+const FAULT = /EMCY: (?!no error)|: DM1 (?!no )/;
 
 /** A line: a frame, or trouble of the bus. */
 function lineOf({ t_us, id, extended, data, from, meaning }) {
@@ -142,7 +144,7 @@ export class Trace {
     data.textContent = line.data;
     meaning.textContent = line.meaning;
     row.title = `from ${line.from}`;
-    row.className = line.isTrouble ? "trouble" : line.meaning.includes("EMCY") ? "emcy" : "";
+    row.className = line.isTrouble ? "trouble" : FAULT.test(line.meaning) ? "fault" : "";
     this.list.append(row);
   }
 
