@@ -6,9 +6,12 @@ import { hex, seconds } from "./words.js";
 
 /** Lines that are kept, and lines that are shown. */
 const KEPT = 2000;
-const SHOWN = 200;
-/** How often the lines that are shown change, in milliseconds. */
-const PERIOD = 100;
+const SHOWN = 120;
+/** How often lines are added, in milliseconds, and how many at once. */
+const PERIOD = 50;
+const PORTION = 25;
+/** So near, in pixels, is at the end. */
+const CLOSE = 24;
 /** A frame that comes again as it was within this time, in microseconds of virtual time, is a repeat. */
 const REPEAT_US = 2e6;
 /** What a line says that tells of a fault. */
@@ -36,14 +39,19 @@ export class Trace {
     this.hidesRepeats = true;
     /** The last frame of each identifier. */
     this.latest = new Map();
-    this.isAtEnd = true;
     this.missed = 0;
     this.drawnAt = 0;
     this.list = byId("frames");
-    this.list.addEventListener("scroll", () => {
-      const { scrollTop, clientHeight, scrollHeight } = this.list;
-      this.isAtEnd = scrollTop + clientHeight >= scrollHeight - 24;
+    this.roll = byId("roll");
+    this.roll.addEventListener("scroll", () => {
+      const { scrollTop, clientHeight, scrollHeight } = this.roll;
+      this.stayAtEnd(scrollTop + clientHeight >= scrollHeight - CLOSE);
     });
+    // After the layout, where its measures cost nothing.
+    new ResizeObserver(() => {
+      if (this.isAtEnd) this.roll.scrollTop = this.roll.scrollHeight;
+    }).observe(this.list);
+    this.stayAtEnd(true);
     byId("filter").addEventListener("input", (event) => this.filter(event.target.value));
     byId("repeats").addEventListener("change", (event) => {
       this.hidesRepeats = event.target.checked;
@@ -51,6 +59,12 @@ export class Trace {
     });
     byId("clear").addEventListener("click", () => this.clear());
     byId("pause").addEventListener("click", () => this.pause(!this.isPaused));
+  }
+
+  /** Whether the latest line stays in view. */
+  stayAtEnd(isAtEnd) {
+    this.isAtEnd = isAtEnd;
+    this.roll.toggleAttribute("data-end", isAtEnd);
   }
 
   /** Puts the frames of the server's record in the place of everything. */
@@ -117,7 +131,7 @@ export class Trace {
   redraw() {
     this.list.replaceChildren();
     this.fresh = this.lines.filter((line) => this.passes(line)).slice(-SHOWN);
-    this.isAtEnd = true;
+    this.stayAtEnd(true);
     this.drawnAt = 0;
     paint(this);
   }
@@ -128,10 +142,8 @@ export class Trace {
       return;
     }
     this.drawnAt = at;
-    for (const line of this.fresh) this.append(line);
-    const hasGrown = this.fresh.length > 0;
-    this.fresh = [];
-    if (hasGrown && this.isAtEnd) this.list.scrollTop = this.list.scrollHeight;
+    for (const line of this.fresh.splice(0, PORTION)) this.append(line);
+    if (this.fresh.length > 0) paint(this);
     setText(byId("trace-note"), this.note());
   }
 

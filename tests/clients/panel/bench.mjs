@@ -49,7 +49,7 @@ export async function simulate(...options) {
  * `expected`, and so does a request to anybody else.
  */
 export async function withPage(options, test) {
-  const browser = await chromium.launch({ executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: ["--no-sandbox"] });
+  const browser = await chromium.launch({ executablePath: "/usr/bin/chromium", args: ["--no-sandbox"] });
   const { url, expected, ...viewing } = options;
   try {
     const page = await browser.newPage(viewing);

@@ -53,7 +53,7 @@ await withPage({ url: simulator.url, expected: /status of 400/ }, async (page) =
 
   // Everything that can be reached is reached by Tab.
   const reachable = await page.evaluate(() =>
-    [...document.querySelectorAll("a, button:enabled, input, select, summary, ol[tabindex]")].filter((element) => element.checkVisibility()).length,
+    [...document.querySelectorAll("a, button:enabled, input, select, summary, [tabindex='0']")].filter((element) => element.checkVisibility()).length,
   );
   await page.evaluate(() => document.activeElement.blur());
   const reached = new Set();
