@@ -43,7 +43,7 @@ fn what_clients_send_waits_for_the_next_advance() {
     say(&mut client, "< send 620 8 40 18 10 1 0 0 0 0 >< echo >");
     expect(&mut client, "< echo >");
     let frames = rig.trace().len();
-    assert_eq!(rig.get("/time"), json!({"now_us": 10_000}));
+    assert_eq!(rig.get("/time"), json!({"now_us": 10_000, "speed": "step"}));
     assert_eq!(rig.trace().len(), frames);
     rig.advance(1);
     assert_eq!(crate::simulator::frame(&mut client), "5A0#4318100119000001");
