@@ -13,13 +13,11 @@ const PERIOD = 1000;
 const TICK = 200;
 
 export class Bus {
-  /** Controls of the bus. */
   constructor() {
     this.rate = byId("bit-rate");
     this.rate.append(...BIT_RATES.map((rate) => el("option", { value: rate * 1000 }, `${rate} kbit/s`)));
     this.rate.addEventListener("change", () => this.ask("PATCH", "/bus", { bit_rate: Number(this.rate.value) }));
-    this.disturb = byId("disturb");
-    onSubmit(this.disturb, ({ frames, id }) =>
+    onSubmit(byId("disturb"), ({ frames, id }) =>
       this.ask("POST", "/bus/disturb", { frames: Number(frames), ...(id && identifier(id)) }),
     );
     byId("spare").addEventListener("click", () => this.ask("POST", "/bus/disturb", { frames: 0 }));
@@ -29,7 +27,7 @@ export class Bus {
     );
     onSubmit(byId("step"), ({ ms }) => this.advance(Number(ms)));
     setInterval(() => this.showTime(), TICK);
-    setInterval(() => document.hidden || this.ask("GET", "/bus"), PERIOD);
+    setInterval(() => this.poll(), PERIOD);
   }
 
   /** The server is there: says how its time passes. */
@@ -39,7 +37,7 @@ export class Bus {
     byId("step").hidden = speed !== "step";
     setText(byId("speed"), speed === "step" ? "step" : `× ${speed}`);
     this.isOpen = true;
-    await this.ask("GET", "/bus");
+    this.show(await call("GET", "/bus"));
   }
 
   /** The server is away. */
@@ -48,9 +46,13 @@ export class Bus {
     clock.stop();
   }
 
-  /** Asks for the bus, or changes it, and shows it. */
+  /** Asks for the bus while somebody looks; the stream of events tells when the server is away. */
+  poll() {
+    if (this.isOpen && !document.hidden) call("GET", "/bus").then((bus) => this.show(bus), () => {});
+  }
+
+  /** Changes the bus, and shows it. */
   async ask(method, path, body) {
-    if (!this.isOpen) return;
     const bus = await attempt(() => call(method, path, body));
     if (bus !== undefined) this.show(bus);
   }
@@ -78,7 +80,7 @@ export class Bus {
 
   async advance(ms) {
     await attempt(() => call("POST", "/time", { advance_ms: ms }));
-    await this.ask("GET", "/bus");
+    this.poll();
   }
 }
 

@@ -8,7 +8,7 @@ import { FULL } from "./words.js";
 const SPOOL = [["", "free"], ["stuck", "stuck"], ["slow", "slow"], ["drifting", "drifting"], ["no-float", "no float"]];
 const MEMORY = [["ok", "works"], ["write-fails", "writes fail"], ["damaged", "damaged"]];
 
-/** The controls, by the fields of `plant`; values are divided by `unit` for people. */
+/** The controls, by the fields of `plant`; `unit` is the size of a shown unit in the units of the field. */
 const CONTROLS = {
   supply_mv: (send) => slider("Supply", "V", { min: 0, max: 40, limit: 100, step: 0.1, unit: 1000 }, send),
   temperature_c: (send) => slider("Temperature", "°C", { min: -40, max: 140, step: 1, unit: 1 }, send),
@@ -24,12 +24,13 @@ const CONTROLS = {
 };
 
 export class PlantControls {
-  /** Controls for the fields of a plant; `answered` gets the state after each change. */
+  /** Makes controls for the fields of a plant; `answered` gets the state after a change, or null to show the known one again. */
   constructor(name, plant, answered) {
-    Object.assign(this, { name, answered, waiting: {}, isSending: false });
+    Object.assign(this, { name, answered, waiting: {}, sent: null });
     this.controls = new Map();
     this.shown = {};
-    this.element = el("div", { class: "plant" });
+    // A control that nobody holds any more shows what the device has.
+    this.element = el("div", { class: "plant", onfocusout: () => answered(null) });
     for (const [field, make] of Object.entries(CONTROLS)) {
       if (!(field in plant)) continue;
       const control = make((value) => this.change(field, value));
@@ -42,7 +43,8 @@ export class PlantControls {
   show(plant) {
     for (const [field, control] of this.controls) {
       const key = JSON.stringify(plant[field]);
-      if (this.shown[field] === key || field in this.waiting || control.isHeld()) continue;
+      const isAsked = field in this.waiting || (this.sent !== null && field in this.sent);
+      if (this.shown[field] === key || isAsked || control.isHeld()) continue;
       this.shown[field] = key;
       control.show(plant[field]);
     }
@@ -51,23 +53,22 @@ export class PlantControls {
   /** Sends a change. While one is under way the next ones wait, the last value of each field. */
   async change(field, value) {
     this.waiting[field] = value;
-    if (this.isSending) return;
-    this.isSending = true;
+    if (this.sent !== null) return;
     while (Object.keys(this.waiting).length > 0) {
-      const change = this.waiting;
+      this.sent = this.waiting;
       this.waiting = {};
-      // Whatever the answer, the control shows what the device has.
-      for (const each of Object.keys(change)) delete this.shown[each];
-      await attempt(async () => this.answered(await call("PATCH", devicePath(this.name, "/plant"), change)));
+      // Whatever the answer, the controls show what the device has.
+      for (const each of Object.keys(this.sent)) delete this.shown[each];
+      await attempt(async () => this.answered(await call("PATCH", devicePath(this.name, "/plant"), this.sent)));
     }
-    this.isSending = false;
+    this.sent = null;
     this.answered(null);
   }
 }
 
 const isPressed = (input) => input.matches(":active");
 
-/** A slider with a field for the exact number. */
+/** Makes a slider with a field for the exact number. */
 function slider(label, symbol, { min, max, limit = max, step, unit }, send) {
   const range = el("input", { type: "range", min, max, step, "aria-label": label });
   const number = el("input", { type: "number", step: "any", "aria-label": `${label} in ${symbol}` });
@@ -90,7 +91,7 @@ function slider(label, symbol, { min, max, limit = max, step, unit }, send) {
   };
 }
 
-/** The hand lever: a slider in percent of the stroke, and a button that lets it go. */
+/** Makes the hand lever: a slider in percent of the stroke, and a button that lets it go. */
 function lever(send) {
   const range = el("input", { type: "range", min: -100, max: 100, step: 1, value: 0, "aria-label": "Hand lever in percent" });
   const release = el("button", { type: "button", onclick: () => send(null) }, "Let go");

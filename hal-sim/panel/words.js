@@ -9,11 +9,11 @@ export const seconds = (t_us) => (t_us / 1e6).toFixed(3);
 
 export const hex = (number, digits) => number.toString(16).toUpperCase().padStart(digits, "0");
 
-/** Sets a true minus sign. */
+/** Returns a number's text with a true minus sign. */
 export const minus = (text) => text.replace("-", "−");
 
-/** Reads an identifier in hex: more than three digits, or one above 0x7FF, has 29 bits. */
+/** Reads an identifier in hex: one of eight digits has 29 bits, as in candump. */
 export function identifier(text) {
   const id = parseInt(text, 16);
-  return { id, extended: text.length > 3 || id > 0x7ff };
+  return { id, extended: text.length === 8 };
 }

@@ -105,6 +105,21 @@ mod tests {
         assert_eq!(written.collect::<BTreeSet<_>>(), served);
     }
 
+    /// The page reaches nobody else, runs nothing that stands in itself, and stands in no other page.
+    #[test]
+    fn every_file_has_the_policy() {
+        for file in FILES.iter().chain([&PAGE]) {
+            let answer = file.into_response();
+            let header = |name| answer.headers().get(name).and_then(|value| value.to_str().ok());
+            assert_eq!(header("content-type"), Some(file.content_type));
+            assert_eq!(header("x-content-type-options"), Some("nosniff"));
+            let policy = header("content-security-policy").expect("a policy");
+            for rule in ["default-src 'none'", "script-src 'self';", "style-src 'self';", "frame-ancestors 'none'"] {
+                assert!(policy.contains(rule), "{}: {policy}", file.name);
+            }
+        }
+    }
+
     #[test]
     fn the_panel_asks_for_nothing_but_its_files() {
         for file in FILES.iter().chain([&PAGE]) {
