@@ -26,13 +26,20 @@ export const devicePath = (name, rest = "") => `/devices/${encodeURIComponent(na
 const RETRY = 2000;
 
 /**
- * Follows the events, for ever. `on` has `open`, `lost`, `device`, `frame`, `error` and `missed`; the last four get what the
- * server tells.
+ * Follows the events, for ever. `on` has `open`, which loads what the events go on from, `lost`, and `device`, `frame`, `error`
+ * and `missed`, which get what the server tells.
  */
 export function follow(on) {
   const source = new EventSource(`${BASE}/events`);
   const tell = (name, to) => source.addEventListener(name, (event) => to(JSON.parse(event.data)));
-  source.addEventListener("open", () => on.open());
+  let isOver = false;
+  const again = () => {
+    if (isOver) return;
+    isOver = true;
+    source.close();
+    setTimeout(() => follow(on), RETRY);
+  };
+  source.addEventListener("open", () => on.open().catch(again));
   tell("device", on.device);
   tell("frame", on.frame);
   tell("lost", on.missed);
@@ -43,6 +50,6 @@ export function follow(on) {
       return;
     }
     on.lost();
-    if (source.readyState === EventSource.CLOSED) setTimeout(() => follow(on), RETRY);
+    if (source.readyState === EventSource.CLOSED) again();
   });
 }

@@ -1,4 +1,4 @@
-// The bus: bit rate, load, disturbances, frames of one's own; and time.
+// Bit rate, load and disturbances of the bus, frames to send, and time.
 
 import { call } from "./api.js";
 import { clock } from "./clock.js";
@@ -30,7 +30,7 @@ export class Bus {
     setInterval(() => this.poll(), PERIOD);
   }
 
-  /** The server is there: says how its time passes. */
+  /** Reads time and bus of a server that is there. */
   async open() {
     const { now_us, speed } = await call("GET", "/time");
     clock.start(now_us, speed);
@@ -40,13 +40,13 @@ export class Bus {
     this.show(await call("GET", "/bus"));
   }
 
-  /** The server is away. */
+  /** Stops the clock: the server is away. */
   close() {
     this.isOpen = false;
     clock.stop();
   }
 
-  /** Asks for the bus while somebody looks; the stream of events tells when the server is away. */
+  /** Reads the bus while the page is visible. A failure needs no notice: the stream of events ends, too. */
   poll() {
     if (this.isOpen && !document.hidden) call("GET", "/bus").then((bus) => this.show(bus), () => {});
   }

@@ -31,7 +31,7 @@ export const clock = {
     isRunning = factor > 0;
   },
 
-  /** Stops: nobody tells the time. */
+  /** Stops the clock while the server is away. */
   stop() {
     t = this.now();
     isRunning = false;

@@ -11,7 +11,7 @@ import { PlantControls } from "./plant.js";
 import { Plot } from "./plot.js";
 import { FULL, hex, minus, percent } from "./words.js";
 
-/** A wrap of the angle is a gap in the plot, in 1/100 degree. */
+/** A larger step of the angle is a wrap, and a gap in the plot, in 1/100 degree. */
 const WRAP = 18000;
 
 const VALVE_PLOT = { labels: ["Set-point", "Position"], min: -FULL, max: FULL, levels: [-FULL, 0, FULL], title: "±100 %, 20 s" };
@@ -71,7 +71,7 @@ export class Device {
     return el("dl", { class: className }, ...rows);
   }
 
-  /** Takes a state, unless a newer one is known. */
+  /** Shows a state, and drops one that is older than the shown one. */
   update(state) {
     if (state.t_us < this.state.t_us) return;
     this.tellChange(state);
@@ -87,7 +87,7 @@ export class Device {
     paint(this);
   }
 
-  /** Takes a state after a pause; an earlier instant is that of another simulator. */
+  /** Shows the first state after a reconnection; an earlier instant belongs to another simulator. */
   restart(state) {
     if (state.t_us < this.state.t_us) {
       this.plot.clear();
@@ -96,7 +96,7 @@ export class Device {
     this.update(state);
   }
 
-  /** A fault that comes is told aloud; nothing else is. */
+  /** Announces the faults that have become active. */
   tellChange(state) {
     const came = state.faults.filter(({ active }, i) => active && !this.state.faults[i].active);
     if (came.length > 0) notice(`${this.name}: ${came.map(({ fault }) => fault.replaceAll("-", " ")).join(", ")}`);
@@ -140,7 +140,7 @@ export class Device {
     attempt(async () => this.update(await call("POST", devicePath(this.name, "/power"), change)));
   }
 
-  /** Ends it: there is no such device any more. */
+  /** Removes the card: the device is gone. */
   end() {
     this.plot.end();
     this.element.remove();

@@ -28,26 +28,22 @@ function showLink(link, text) {
   document.documentElement.dataset.link = link;
 }
 
-/** Begins anew: after a pause the simulator can be another one. */
+/** Loads everything after each connection: the simulator can be another one. */
 async function open() {
   early = [];
   unplaced.clear();
-  try {
-    await bus.open();
-    place(await call("GET", "/devices"));
-    const record = await call("GET", `/trace?limit=${RECORD}`);
-    trace.reset(record);
-    const last = record.at(-1)?.t_us ?? -1;
-    for (const frame of early) if (frame.t_us > last) trace.add(frame);
-    showLink("there", "connected");
-    advancePlots();
-  } catch {
-    // The stream tells when the simulator is back.
-  }
+  await bus.open();
+  place(await call("GET", "/devices"));
+  const record = await call("GET", `/trace?limit=${RECORD}`);
+  trace.reset(record);
+  const last = record.at(-1)?.t_us ?? -1;
+  for (const frame of early ?? []) if (frame.t_us > last) trace.add(frame);
   early = null;
+  showLink("there", "connected");
+  advancePlots();
 }
 
-/** Has a card for each device; one that is there stays, with what a person holds in it. */
+/** Places a card for each device; an existing card stays, with the control that a person holds. */
 function place(states) {
   const gone = new Map(devices);
   devices.clear();
@@ -69,6 +65,7 @@ function place(states) {
 
 function lose() {
   bus.close();
+  early = null;
   showLink("lost", "the simulator is away; trying again");
 }
 

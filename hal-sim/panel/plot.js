@@ -52,7 +52,7 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
   advancePlots();
 });
 
-/** Has all plots on the screen drawn: time has begun to pass, or has passed. */
+/** Draws all plots on the screen again: time has begun to pass, or the colours have changed. */
 export function advancePlots() {
   for (const plot of seen) plot.isStale = true;
   paint(plots);
@@ -81,7 +81,7 @@ class Series {
     this.count = Math.min(this.count + 1, CAPACITY);
   }
 
-  /** Draws it as steps; `x` and `y` place a sample. */
+  /** Draws the line as steps; `x` and `y` place a sample. */
   trace(context, begin, x, y, right) {
     let index = this.end;
     let left = this.count;
@@ -137,7 +137,7 @@ export class Plot {
     for (const series of this.series) series.clear();
   }
 
-  /** Ends it: its element goes. */
+  /** Removes the plot from what is observed and drawn. */
   end() {
     seen.delete(this);
     visibility.unobserve(this.canvas);
@@ -194,7 +194,7 @@ export class Plot {
     });
   }
 
-  /** The legend has the colours of the scheme. */
+  /** Returns the colours of the scheme, which the legend has. */
   readColors() {
     return {
       grid: getComputedStyle(this.canvas).borderTopColor,

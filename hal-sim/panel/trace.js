@@ -10,21 +10,23 @@ const SHOWN = 120;
 /** How often lines are added, in milliseconds, and how many at once. */
 const PERIOD = 50;
 const PORTION = 25;
-/** So near, in pixels, is at the end. */
+/** The list follows the latest line when it is scrolled this near to it, in pixels. */
 const CLOSE = 24;
 /** A frame that comes again as it was within this time, in microseconds of virtual time, is a repeat. */
 const REPEAT_US = 2e6;
-/** What a line says that tells of a fault. */
+/** Identifiers of which the last frame is known: more than any real bus has. */
+const IDENTIFIERS = 4096;
+/** The meanings that tell of a fault. */
 const FAULT = /EMCY: (?!no error)|: DM1 (?!no )/;
 
-/** A line: a frame, or trouble of the bus. */
+/** Returns the line of a frame, or of trouble on the bus. */
 function lineOf({ t_us, id, extended, data, from, meaning }) {
   if (id === undefined) return { t_us, id: "error", data: "", from, meaning, isTrouble: true };
   const bytes = data.match(/../g)?.join(" ") ?? "";
   return { t_us, id: hex(id, extended ? 8 : 3), data: bytes, from, meaning, isTrouble: false };
 }
 
-/** What a filter looks at. */
+/** Returns the text that the filter searches. */
 function textOf(line) {
   line.text ??= `${line.id} ${line.data} ${line.data.replaceAll(" ", "")} ${line.from} ${line.meaning}`.toLowerCase();
   return line.text;
@@ -47,7 +49,7 @@ export class Trace {
       const { scrollTop, clientHeight, scrollHeight } = this.roll;
       this.stayAtEnd(scrollTop + clientHeight >= scrollHeight - CLOSE);
     });
-    // After the layout, where its measures cost nothing.
+    // The observer runs after the layout, so that reading the height forces none.
     new ResizeObserver(() => {
       if (this.isAtEnd) this.roll.scrollTop = this.roll.scrollHeight;
     }).observe(this.list);
@@ -61,13 +63,13 @@ export class Trace {
     byId("pause").addEventListener("click", () => this.pause(!this.isPaused));
   }
 
-  /** Whether the latest line stays in view. */
+  /** Sets whether the list follows the latest line. */
   stayAtEnd(isAtEnd) {
     this.isAtEnd = isAtEnd;
     this.roll.toggleAttribute("data-end", isAtEnd);
   }
 
-  /** Puts the frames of the server's record in the place of everything. */
+  /** Begins anew with the frames of the server's record. */
   reset(frames) {
     this.latest.clear();
     this.lines = frames.map((frame) => this.read(frame));
@@ -75,12 +77,13 @@ export class Trace {
     this.redraw();
   }
 
-  /** Makes the line of a frame that comes next. */
+  /** Returns the line of the next frame, and marks a repeat. */
   read(frame) {
     const line = lineOf(frame);
     if (line.isTrouble) return line;
     const before = this.latest.get(line.id);
     line.isRepeat = before?.data === line.data && before.from === line.from && line.t_us - before.t_us < REPEAT_US;
+    if (this.latest.size >= IDENTIFIERS) this.latest.clear();
     this.latest.set(line.id, line);
     return line;
   }
@@ -98,7 +101,7 @@ export class Trace {
     paint(this);
   }
 
-  /** The server could not send so many events. */
+  /** Counts events that the server dropped because the page was too slow. */
   miss(events) {
     this.missed += events;
     paint(this);

@@ -1,10 +1,10 @@
 //! The panel: one page, embedded with everything that it needs.
 
-use axum::extract::Path;
 use axum::http::{HeaderName, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 
 use super::not_found;
+use crate::control::error::Name;
 
 /// A file of the panel.
 struct File {
@@ -65,7 +65,7 @@ pub(super) async fn page() -> Response {
 }
 
 /// A file of the page.
-pub(super) async fn file(Path(name): Path<String>) -> Response {
+pub(super) async fn file(Name(name): Name) -> Response {
     match FILES.iter().find(|file| file.name == name) {
         Some(file) => file.into_response(),
         None => not_found().await.into_response(),
