@@ -16,6 +16,8 @@ await withPage({ url: simulator.url }, async (page) => {
   });
   // 333 ms on, 333 ms off.
   assert.deepEqual(animation, ["flash", "0.667s", "infinite"]);
+  await page.emulateMedia({ reducedMotion: "reduce" });
+  assert.equal(await led.evaluate((element) => getComputedStyle(element).animationName), "none");
   await page.locator("dd[data-value=fault-hold]").waitFor();
   await page.locator("dd[data-value='red, flashing']").waitFor();
   await page.locator(".faults li[data-active]", { hasText: "supply low" }).waitFor();
