@@ -8,7 +8,9 @@ use protocol_core::time::{Duration, Instant, NEVER, after};
 
 use super::condition::Condition;
 use super::events::Events;
-use super::message::{Answer, BusState, DisturbState, Message, Power, Refusal, Sent, Stopped, Time, Waited};
+use super::message::{
+    Answer, BusState, DisturbState, Message, Power, Refusal, Sent, SpeedValue, StepWord, Stopped, Time, Waited,
+};
 use super::record::{Frames, Passed, raw};
 use super::sender::Sender;
 use super::state::DeviceState;
@@ -26,7 +28,7 @@ const QUEUE: usize = 256;
 pub(crate) struct Desk {
     /// The devices, in their order on the bus.
     devices: Vec<(NodeId, Kind)>,
-    is_stepped: bool,
+    speed: Speed,
     frames: Frames,
     sender: Sender,
     waits: Waits,
@@ -49,12 +51,12 @@ impl Desk {
     /// Puts the control interface of a world with devices of these kinds in charge.
     pub(crate) fn new(kinds: &[Kind], speed: Speed, world: &mut World) -> Self {
         let devices: Vec<_> = world.devices().zip(kinds.iter().copied()).collect();
-        let (factor, is_stepped) = match speed {
-            Speed::Factor(factor) => (factor, false),
-            Speed::Step => (1.0, true),
+        let factor = match speed {
+            Speed::Factor(factor) => factor,
+            Speed::Step => 1.0,
         };
         Self {
-            is_stepped,
+            speed,
             frames: Frames::default(),
             sender: Sender::new(world),
             waits: Waits::default(),
@@ -88,7 +90,7 @@ impl Desk {
                 answer.send(Ok(bus(world)));
             }
             Message::Stop(id, answer) => answer.send(Ok(Stopped { stopped: self.sender.stop(id, world) })),
-            Message::Time(answer) => answer.send(Ok(time(world))),
+            Message::Time(answer) => answer.send(Ok(self.time(world))),
             Message::Trace(limit, answer) => answer.send(Ok(self.frames.last(limit, explainer))),
             Message::Subscribe(answer) => answer.send(self.events.subscribe(world)),
             Message::Advance(span, answer) => self.pass(Passage::Advance(span, answer), world),
@@ -120,7 +122,7 @@ impl Desk {
         self.waits.attend(world);
         self.events.attend(world);
         if let Some((_, answer)) = self.advance.take_if(|(end, answer)| *end <= world.now() || answer.is_given_up()) {
-            answer.send(Ok(time(world)));
+            answer.send(Ok(self.time(world)));
         }
     }
 
@@ -153,10 +155,10 @@ impl Desk {
     /// Lets a call begin that lets time pass: at once, or when it is its turn.
     fn pass(&mut self, passage: Passage, world: &mut World) {
         match passage {
-            Passage::Advance(_, answer) if !self.is_stepped => answer.send(Err(Refusal::Conflict(
+            Passage::Advance(_, answer) if self.speed != Speed::Step => answer.send(Err(Refusal::Conflict(
                 "time passes by itself: it is advanced with --speed step only".to_owned(),
             ))),
-            passage if !self.is_stepped => self.begin(passage, world),
+            passage if self.speed != Speed::Step => self.begin(passage, world),
             passage if self.queue.len() < QUEUE => self.queue.push_back(passage),
             passage => passage.refuse(),
         }
@@ -176,6 +178,14 @@ impl Desk {
             }
         }
         self.attend(world);
+    }
+
+    fn time(&self, world: &World) -> Time {
+        let speed = match self.speed {
+            Speed::Factor(factor) => SpeedValue::Factor(factor),
+            Speed::Step => SpeedValue::Step(StepWord::Step),
+        };
+        Time { now_us: world.now().as_micros(), speed }
     }
 
     /// Acts on a device; returns its state.
@@ -234,8 +244,4 @@ fn bus(world: &World) -> BusState {
             extended: id.is_some_and(|(_, extended)| extended),
         },
     }
-}
-
-fn time(world: &World) -> Time {
-    Time { now_us: world.now().as_micros() }
 }

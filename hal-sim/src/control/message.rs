@@ -139,10 +139,30 @@ pub struct Stopped {
 }
 
 /// The virtual time.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Time {
     /// In microseconds since the start.
     pub now_us: u64,
+    /// How fast it passes: a factor against wall time, or `"step"`.
+    pub speed: SpeedValue,
+}
+
+/// A speed of virtual time.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
+#[serde(untagged)]
+pub enum SpeedValue {
+    /// A factor against wall time.
+    Factor(f64),
+    /// Time moves only when told.
+    Step(StepWord),
+}
+
+/// The word for time that moves only when told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum StepWord {
+    /// `"step"`
+    Step,
 }
 
 /// A condition holds.

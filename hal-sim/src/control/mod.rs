@@ -1,10 +1,10 @@
-//! The control interface: state, faults and time of the simulator over HTTP, under `/api/v1`.
+//! The control interface: state, faults and time of the simulator over HTTP, under `/api/v1`, and the panel, which uses it.
 //!
 //! ```text
 //! server      the socket                connection the connections, and which goes when there are too many
 //! guard       which requests are refused: foreign hosts, foreign pages
 //! error       refusals as JSON, and what reads a request
-//! routes/     the calls, by resource, and their description in OpenAPI
+//! routes/     the calls, by resource, their description in OpenAPI, and the panel at `/`
 //!
 //! message     what the calls ask of the world, and its answers
 //! state       a device as JSON          plant      what acts on it

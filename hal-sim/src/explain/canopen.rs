@@ -112,19 +112,26 @@ fn emergency(frame: &Frame, kind: Option<Kind>) -> Option<String> {
         let error = hat::Error::ALL
             .into_iter()
             .find(|error| matches!(error.codes(), (told, with, _) if (told, with) == (code, field)));
-        let what = error
-            .map_or_else(|| format!("code 0x{code:04X}, field 0x{field:04X}"), |error| angle_sensor(error).to_owned());
+        let what = error.map_or_else(
+            || format!("code 0x{code:04X}, field 0x{field:04X}"),
+            |error| named(angle_sensor(error), code),
+        );
         return Some(format!("EMCY: {what}, register 0x{register:02X}"));
     }
     // What follows the register is the manufacturer's own.
     if kind.is_none() {
-        let what = error_class(code);
-        return Some(format!("EMCY: {what} (0x{code:04X}), register 0x{register:02X}, {}", hex(&manufacturer)));
+        let what = named(error_class(code), code);
+        return Some(format!("EMCY: {what}, register 0x{register:02X}, {}", hex(&manufacturer)));
     }
     let faults: Vec<&str> =
         FAULT_CODES.iter().filter(|codes| codes.emcy == code).map(|codes| fault(codes.fault)).collect();
-    let what = if faults.is_empty() { format!("code 0x{code:04X}") } else { faults.join(" or ") };
+    let what = if faults.is_empty() { format!("code 0x{code:04X}") } else { named(&faults.join(" or "), code) };
     Some(format!("EMCY: {what}, register 0x{register:02X}, count {low}"))
+}
+
+/// An error with its code.
+fn named(what: &str, code: u16) -> String {
+    format!("{what} (0x{code:04X})")
 }
 
 /// An error of an angle sensor (SPEC 9).

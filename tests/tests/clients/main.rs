@@ -1,5 +1,5 @@
 //! Unmodified clients, over python-can's socketcand interface, against the `pve-sim` process that users run: python-canopen
-//! here, can-j1939 in `isobus`, others in `strangers`; over SocketCAN in `socketcan`.
+//! here, can-j1939 in `isobus`, others in `strangers`; over SocketCAN in `socketcan`; a browser in `panel`.
 //!
 //! `./test` makes the virtual environment `target/venv` with the clients; the scripts are in `tests/clients/`, one subject each.
 
@@ -7,6 +7,7 @@ mod command_line;
 mod control;
 mod dissectors;
 mod isobus;
+mod panel;
 mod readme;
 mod simulator;
 mod socketcan;

@@ -42,6 +42,11 @@ pub(crate) fn python() -> PathBuf {
     env::var_os("CLIENTS_PYTHON").map_or_else(venv, PathBuf::from)
 }
 
+/// The folder that has playwright-core.
+pub(crate) fn modules() -> PathBuf {
+    profile().with_file_name("node").join("node_modules")
+}
+
 pub(crate) fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }

@@ -4,6 +4,7 @@ mod bus;
 mod devices;
 mod events;
 mod frames;
+mod panel;
 mod time;
 mod trace;
 mod wait;
@@ -101,6 +102,8 @@ pub(super) fn router(world: Entrance) -> Router {
         .route("/openapi.json", get(description));
     Router::new()
         .nest("/api/v1", api)
+        .route("/", get(panel::page))
+        .route("/panel/{name}", get(panel::file))
         .fallback(not_found)
         .method_not_allowed_fallback(method_not_allowed)
         .layer(DefaultBodyLimit::max(BODY))

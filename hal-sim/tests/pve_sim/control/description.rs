@@ -36,6 +36,7 @@ fn mismatch(description: &Value, schema: &Value, value: &Value, path: &str) -> O
         "string" => value.is_string(),
         "boolean" => value.is_boolean(),
         "integer" => value.is_i64() || value.is_u64(),
+        "number" => value.is_number(),
         "null" => value.is_null(),
         other => panic!("{other}"),
     };

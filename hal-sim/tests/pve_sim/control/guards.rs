@@ -85,7 +85,7 @@ fn every_refusal_is_json() {
     let own = format!("Host: {}\r\n", rig.host);
     let (status, answer) = rig.with("GET", "/other", &own, "");
     assert_eq!((status, answer["error"].is_string()), (404, true));
-    assert_eq!(rig.get("/time"), json!({"now_us": 10_000}));
+    assert_eq!(rig.get("/time"), json!({"now_us": 10_000, "speed": "step"}));
 }
 
 #[test]

@@ -9,7 +9,7 @@ use crate::simulator::{expect, say};
 fn time_passes_by_itself_or_when_it_is_told() {
     let rig = Rig::start(&["--speed", "step"]);
     for _ in 0..3 {
-        assert_eq!(rig.get("/time"), json!({"now_us": 0}));
+        assert_eq!(rig.get("/time"), json!({"now_us": 0, "speed": "step"}));
     }
     assert_eq!(rig.advance(1), 1_000);
     assert_eq!(rig.advance(0), 1_000);
@@ -23,9 +23,10 @@ fn time_passes_by_itself_or_when_it_is_told() {
     ] {
         rig.refused("POST", "/time", Some(body), 400);
     }
-    assert_eq!(rig.get("/time"), json!({"now_us": 3_600_001_000_u64}));
+    assert_eq!(rig.get("/time"), json!({"now_us": 3_600_001_000_u64, "speed": "step"}));
 
     let rig = Rig::start(&["--speed", "1000"]);
+    assert_eq!(rig.get("/time")["speed"], 1000.0);
     let error = rig.refused("POST", "/time", Some(r#"{"advance_ms": 1}"#), 409);
     assert!(error.contains("--speed step"), "{error}");
     let never = r#"{"device": "pvea-canopen", "state": {"powered": false}, "within_ms": 10000}"#;
@@ -43,7 +44,7 @@ fn what_clients_send_waits_for_the_next_advance() {
     say(&mut client, "< send 620 8 40 18 10 1 0 0 0 0 >< echo >");
     expect(&mut client, "< echo >");
     let frames = rig.trace().len();
-    assert_eq!(rig.get("/time"), json!({"now_us": 10_000}));
+    assert_eq!(rig.get("/time"), json!({"now_us": 10_000, "speed": "step"}));
     assert_eq!(rig.trace().len(), frames);
     rig.advance(1);
     assert_eq!(crate::simulator::frame(&mut client), "5A0#4318100119000001");

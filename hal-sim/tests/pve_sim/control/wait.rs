@@ -113,7 +113,7 @@ fn what_is_not_known_is_refused() {
     }
     let body = r#"{"device": "other", "state": {}, "within_ms": 1}"#;
     rig.refused("POST", "/wait", Some(body), 404);
-    assert_eq!(rig.get("/time"), json!({"now_us": 10_000}), "no time has passed");
+    assert_eq!(rig.get("/time"), json!({"now_us": 10_000, "speed": "step"}), "no time has passed");
 }
 
 #[test]

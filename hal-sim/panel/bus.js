@@ -1,0 +1,93 @@
+// Bit rate, load and disturbances of the bus, frames to send, and time.
+
+import { call } from "./api.js";
+import { clock } from "./clock.js";
+import { byId, el, setText } from "./dom.js";
+import { attempt, notice } from "./notice.js";
+import { hex, identifier, seconds } from "./words.js";
+
+const BIT_RATES = [1000, 800, 500, 250, 125, 50, 20, 10];
+/** How often the bus is asked for, in milliseconds. */
+const PERIOD = 1000;
+/** How often the time is shown, in milliseconds. */
+const TICK = 200;
+
+export class Bus {
+  constructor() {
+    this.rate = byId("bit-rate");
+    this.rate.append(...BIT_RATES.map((rate) => el("option", { value: rate * 1000 }, `${rate} kbit/s`)));
+    this.rate.addEventListener("change", () => this.ask("PATCH", "/bus", { bit_rate: Number(this.rate.value) }));
+    onSubmit(byId("disturb"), ({ frames, id }) =>
+      this.ask("POST", "/bus/disturb", { frames: Number(frames), ...(id && identifier(id)) }),
+    );
+    byId("spare").addEventListener("click", () => this.ask("POST", "/bus/disturb", { frames: 0 }));
+    onSubmit(byId("send"), ({ frame, every }) => this.send(frame, every));
+    byId("stop").addEventListener("click", () =>
+      attempt(async () => notice(`${(await call("DELETE", "/bus/frames")).stopped} cyclic frames stopped`)),
+    );
+    onSubmit(byId("step"), ({ ms }) => this.advance(Number(ms)));
+    setInterval(() => this.showTime(), TICK);
+    setInterval(() => this.poll(), PERIOD);
+  }
+
+  /** Reads time and bus of a server that is there. */
+  async open() {
+    const { now_us, speed } = await call("GET", "/time");
+    clock.start(now_us, speed);
+    byId("step").hidden = speed !== "step";
+    setText(byId("speed"), speed === "step" ? "step" : `× ${speed}`);
+    this.isOpen = true;
+    this.show(await call("GET", "/bus"));
+  }
+
+  /** Stops the clock: the server is away. */
+  close() {
+    this.isOpen = false;
+    clock.stop();
+  }
+
+  /** Reads the bus while the page is visible. A failure needs no notice: the stream of events ends, too. */
+  poll() {
+    if (this.isOpen && !document.hidden) call("GET", "/bus").then((bus) => this.show(bus), () => {});
+  }
+
+  /** Changes the bus, and shows it. */
+  async ask(method, path, body) {
+    const bus = await attempt(() => call(method, path, body));
+    if (bus !== undefined) this.show(bus);
+  }
+
+  show({ t_us, bit_rate, load, disturb: { frames, id, extended } }) {
+    clock.hear(t_us);
+    this.showTime();
+    byId("load-bar").value = load;
+    setText(byId("load-text"), `${load} %`);
+    if (document.activeElement !== this.rate) this.rate.value = bit_rate;
+    const whose = id === null ? "" : ` of ${hex(id, extended ? 8 : 3)}`;
+    setText(byId("disturbed"), frames > 0 ? `${frames} left${whose}` : "");
+    byId("spare").disabled = frames === 0;
+  }
+
+  showTime() {
+    setText(byId("time"), `${seconds(clock.now())} s`);
+  }
+
+  send(frame, every) {
+    const [id, data] = frame.split("#");
+    const period = every && { every_ms: Number(every) };
+    return attempt(() => call("POST", "/bus/frames", { ...identifier(id), data, ...period }));
+  }
+
+  async advance(ms) {
+    await attempt(() => call("POST", "/time", { advance_ms: ms }));
+    this.poll();
+  }
+}
+
+/** Has a form do something with its values. */
+function onSubmit(form, work) {
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    work(Object.fromEntries(new FormData(form)));
+  });
+}

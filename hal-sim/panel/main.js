@@ -1,0 +1,89 @@
+// The panel: follows the simulator's events, and shows devices, bus and trace.
+
+import { call, follow } from "./api.js";
+import { Bus } from "./bus.js";
+import { clock } from "./clock.js";
+import { Device } from "./device.js";
+import { byId, setText } from "./dom.js";
+import { advancePlots } from "./plot.js";
+import { Trace } from "./trace.js";
+
+/** With more devices than this their plants are folded. */
+const UNFOLDED = 4;
+/** Frames of the record that the trace begins with. */
+const RECORD = 500;
+
+const devices = new Map();
+const bus = new Bus();
+const trace = new Trace();
+/** States that came before their cards. */
+const unplaced = new Map();
+/** Frames that came while the record was on its way; null when it is there. */
+let early = null;
+
+function showLink(link, text) {
+  const line = byId("link");
+  line.dataset.link = link;
+  setText(line, text);
+  document.documentElement.dataset.link = link;
+}
+
+/** Loads everything after each connection: the simulator can be another one. */
+async function open() {
+  early = [];
+  unplaced.clear();
+  await bus.open();
+  place(await call("GET", "/devices"));
+  const record = await call("GET", `/trace?limit=${RECORD}`);
+  trace.reset(record);
+  const last = record.at(-1)?.t_us ?? -1;
+  for (const frame of early ?? []) if (frame.t_us > last) trace.add(frame);
+  early = null;
+  showLink("there", "connected");
+  advancePlots();
+}
+
+/** Places a card for each device; an existing card stays, with the control that a person holds. */
+function place(states) {
+  const gone = new Map(devices);
+  devices.clear();
+  for (const state of states) {
+    const known = gone.get(state.name);
+    const isSame = known?.state.kind === state.kind;
+    if (isSame) {
+      known.restart(state);
+      gone.delete(state.name);
+    }
+    const device = isSame ? known : new Device(state, states.length <= UNFOLDED);
+    if (!isSame) byId("devices").append(device.element);
+    devices.set(state.name, device);
+  }
+  for (const device of gone.values()) device.end();
+  for (const state of unplaced.values()) devices.get(state.name)?.update(state);
+  unplaced.clear();
+}
+
+function lose() {
+  bus.close();
+  early = null;
+  showLink("lost", "the simulator is away; trying again");
+}
+
+function hear(frame) {
+  clock.hear(frame.t_us);
+  if (early === null) trace.add(frame);
+  else early.push(frame);
+}
+
+follow({
+  open,
+  lost: lose,
+  device(state) {
+    clock.hear(state.t_us);
+    if (devices.has(state.name)) devices.get(state.name).update(state);
+    else unplaced.set(state.name, state);
+  },
+  frame: hear,
+  error: hear,
+  missed: ({ events }) => trace.miss(events),
+});

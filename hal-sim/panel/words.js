@@ -1,0 +1,19 @@
+// Values as people read them.
+
+/** The stroke of the spool: ±16384 is ±100 %. */
+export const FULL = 16384;
+
+export const percent = (raw) => `${minus(((raw * 100) / FULL).toFixed(1))} %`;
+
+export const seconds = (t_us) => (t_us / 1e6).toFixed(3);
+
+export const hex = (number, digits) => number.toString(16).toUpperCase().padStart(digits, "0");
+
+/** Returns a number's text with a true minus sign. */
+export const minus = (text) => text.replace("-", "−");
+
+/** Reads an identifier in hex: one of eight digits has 29 bits, as in candump. */
+export function identifier(text) {
+  const id = parseInt(text, 16);
+  return { id, extended: text.length === 8 };
+}

@@ -1,0 +1,22 @@
+// The simulator goes away and comes back, and is then another one: the page says so, and shows what there is.
+
+import assert from "node:assert/strict";
+import { simulate, withPage } from "./bench.mjs";
+
+const first = await simulate("--device", "pvea-canopen", "--device", "pveo-canopen@0x21");
+const http = new URL(first.url).host;
+await withPage({ url: first.url, expected: /ERR_/ }, async (page) => {
+  assert.equal(await page.locator("article").count(), 2);
+  await first.end();
+  await page.locator("#link[data-link=lost]").waitFor();
+  assert.match(await page.locator("#link").textContent(), /away/);
+
+  const second = await simulate("--http", http, "--device", "pvea-canopen@0x22", "--device", "hat1000,bit-rate=250k");
+  await page.locator("#link[data-link=there]").waitFor();
+  assert.deepEqual(await page.locator("article h2").allTextContents(), ["pvea-canopen", "hat1000"]);
+  await page.locator(".plate", { hasText: "0x22" }).waitFor();
+  // The trace is that of the new one, and goes on.
+  await second.call("POST", "/bus/frames", { id: 0x123, data: "C0FFEE" });
+  await page.locator("#frames li", { hasText: "C0 FF EE" }).waitFor();
+  await second.end();
+});

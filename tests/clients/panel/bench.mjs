@@ -1,0 +1,71 @@
+// What the tests of the panel stand on: simulators of their own, and a browser.
+//
+// Each script is run as `node SCRIPT PVE_SIM MODULES`: the binary, and the folder that has playwright-core.
+
+import assert from "node:assert/strict";
+import { spawn } from "node:child_process";
+import { createRequire } from "node:module";
+import { createInterface } from "node:readline";
+
+const [binary, modules] = process.argv.slice(2);
+const { chromium } = createRequire(`${modules}/`)("playwright-core");
+
+/** How long anything may take, in milliseconds. */
+const PATIENCE = 60_000;
+
+/** Starts a simulator; `url` is that of its ready line. */
+export async function simulate(...options) {
+  const http = options.includes("--http") ? [] : ["--http", "127.0.0.1:0"];
+  const child = spawn(binary, ["--bus", "socketcand://127.0.0.1:0/pve0", ...http, ...options], { stdio: ["ignore", "pipe", "ignore"] });
+  const lines = createInterface({ input: child.stdout });
+  const ended = new Promise((resolve) => child.on("exit", resolve));
+  const first = await new Promise((resolve) => {
+    lines.once("line", resolve);
+    child.once("exit", () => resolve("it ended"));
+  });
+  const url = / http=(\S+)/.exec(first)?.[1];
+  assert(url, `no ready line: ${first}`);
+  return {
+    url,
+    async call(method, path, body) {
+      const response = await fetch(`${url}api/v1${path}`, {
+        method,
+        headers: body === undefined ? {} : { "content-type": "application/json" },
+        body: body === undefined ? undefined : JSON.stringify(body),
+      });
+      const answer = await response.json();
+      assert(response.ok, `${method} ${path}: ${answer.error}`);
+      return answer;
+    },
+    async end() {
+      child.kill("SIGTERM");
+      await ended;
+    },
+  };
+}
+
+/**
+ * Opens the page in a browser, and ends both after the test. An error that the browser tells of fails it, unless it is
+ * `expected`, and so does a request to anybody else.
+ */
+export async function withPage(options, test) {
+  const browser = await chromium.launch({ executablePath: "/usr/bin/chromium", args: ["--no-sandbox"] });
+  const { url, expected, ...viewing } = options;
+  try {
+    const page = await browser.newPage(viewing);
+    page.setDefaultTimeout(PATIENCE);
+    const trouble = [];
+    page.on("pageerror", (error) => trouble.push(error.message));
+    page.on("console", (message) => message.type() === "error" && !expected?.test(message.text()) && trouble.push(message.text()));
+    page.on("request", (request) => request.url().startsWith(url) || trouble.push(`asks for ${request.url()}`));
+    await page.goto(url);
+    await page.locator("#link[data-link=there]").waitFor();
+    await test(page, browser);
+    assert.deepEqual(trouble, []);
+  } finally {
+    await browser.close();
+  }
+}
+
+/** Waits until the page shows something; `show` is asked again and again, in the page. */
+export const until = (page, show, argument) => page.waitForFunction(show, argument, { timeout: PATIENCE });

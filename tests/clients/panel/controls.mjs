@@ -1,0 +1,190 @@
+// Every control is driven once, by the keyboard, and does what it says. Time moves only when told.
+
+import assert from "node:assert/strict";
+import { simulate, until, withPage } from "./bench.mjs";
+
+const simulator = await simulate(
+  "--speed", "step", "--device", "pvea-canopen", "--device", "hat1000,bit-rate=250k", "--device", "pvea-isobus",
+);
+
+const state = (name) => simulator.call("GET", `/devices/${name}`);
+const plant = async (name) => (await state(name)).plant;
+
+await withPage({ url: simulator.url, expected: /status of 400/ }, async (page) => {
+  const card = (name) => page.getByRole("article", { name, exact: true });
+
+  /** Marks a control as driven, and gives it the keyboard. */
+  async function hold(control) {
+    await control.evaluate((element) => (element.dataset.driven = ""));
+    await control.focus();
+    return control;
+  }
+
+  /** Does something, and waits until the server has answered. */
+  async function answered(work, status = 200) {
+    const answer = page.waitForResponse((response) => response.request().method() !== "GET");
+    await work();
+    assert.equal((await answer).status(), status);
+  }
+
+  const press = async (control, key, status) => {
+    await hold(control);
+    await answered(() => page.keyboard.press(key), status);
+  };
+
+  const write = async (control, text) => {
+    await hold(control);
+    await control.fill(text);
+    await answered(() => control.press("Enter"));
+  };
+
+  const choose = async (control, value) => {
+    await hold(control);
+    await answered(() => control.selectOption(value));
+  };
+
+  const advance = async (ms) => {
+    await hold(page.getByLabel("Advance by")).then((field) => field.fill(String(ms)));
+    await press(page.getByRole("button", { name: "Advance" }), "Enter");
+  };
+
+  await advance(1000);
+  assert.equal((await simulator.call("GET", "/time")).now_us, 1e6);
+
+  // Everything that can be reached is reached by Tab.
+  const reachable = await page.evaluate(() =>
+    [...document.querySelectorAll("a, button:enabled, input, select, summary, [tabindex='0']")].filter((element) => element.checkVisibility()).length,
+  );
+  await page.evaluate(() => document.activeElement.blur());
+  const reached = new Set();
+  for (let i = 0; i < reachable + 5; i += 1) {
+    await page.keyboard.press("Tab");
+    reached.add(await page.evaluate(() => {
+      window.stops ??= [];
+      const stop = document.activeElement;
+      if (!window.stops.includes(stop)) window.stops.push(stop);
+      return window.stops.indexOf(stop);
+    }));
+  }
+  assert(reached.size >= reachable, `${reached.size} of ${reachable} controls by Tab`);
+
+  for (const name of ["pvea-canopen", "pvea-isobus"]) {
+    const valve = card(name);
+    await press(valve.getByRole("slider", { name: "Supply" }), "End");
+    assert.equal((await plant(name)).supply_mv, 40_000);
+    await write(valve.getByRole("spinbutton", { name: "Supply in V" }), "24.5");
+    assert.equal((await plant(name)).supply_mv, 24_500);
+    await press(valve.getByRole("slider", { name: "Temperature" }), "Home");
+    assert.equal((await plant(name)).temperature_c, -40);
+    await write(valve.getByRole("spinbutton", { name: "Temperature in °C" }), "20");
+    assert.equal((await plant(name)).temperature_c, 20);
+    for (const fault of ["stuck", "slow", "drifting", "no-float", ""]) {
+      await choose(valve.getByLabel("Spool"), fault);
+      assert.equal((await plant(name)).spool.fault, fault || null);
+    }
+    await press(valve.getByRole("slider", { name: "Hand lever in percent" }), "End");
+    assert.equal((await plant(name)).lever, 16384);
+    await press(valve.getByRole("button", { name: "Let go" }), "Enter");
+    assert.equal((await plant(name)).lever, null);
+  }
+
+  const sensor = card("hat1000");
+  await press(sensor.getByRole("slider", { name: "Angle" }), "ArrowRight");
+  assert.equal((await plant("hat1000")).angle_cdeg, 1);
+  await write(sensor.getByRole("spinbutton", { name: "Angle in °" }), "90");
+  await until(page, () => document.querySelector(".pointer").getAttribute("transform") === "rotate(90)");
+  await press(sensor.getByRole("slider", { name: "Speed" }), "ArrowRight");
+  assert.equal((await plant("hat1000")).speed_rpm, 1);
+  await write(sensor.getByRole("spinbutton", { name: "Speed in rpm" }), "0");
+  await press(sensor.getByLabel("Measuring error"), "Space");
+  assert.equal((await plant("hat1000")).measuring_error, true);
+
+  for (const name of ["pvea-canopen", "hat1000", "pvea-isobus"]) {
+    const device = card(name);
+    await press(device.getByLabel("Internal fault"), "Space");
+    assert.equal((await plant(name)).internal_fault, true);
+    await press(device.getByLabel("Bus-off"), "Space");
+    assert.equal((await plant(name)).bus_off, true);
+    await press(device.getByLabel("Bus-off"), "Space");
+    await press(device.getByLabel("Internal fault"), "Space");
+    for (const memory of ["write-fails", "damaged", "ok"]) {
+      await choose(device.getByLabel("Memory"), memory);
+      assert.equal((await plant(name)).memory, memory);
+    }
+    await press(device.getByRole("button", { name: "Watchdog reset" }), "Enter");
+    const power = device.getByRole("switch", { name: "Power" });
+    await press(power, "Enter");
+    assert.equal((await state(name)).powered, false);
+    await device.locator("[role=switch][aria-checked=false]").waitFor();
+    await press(power, "Space");
+    assert.equal((await state(name)).powered, true);
+    await (await hold(device.locator("summary"))).press("Enter");
+    await device.locator("details:not([open])").waitFor({ state: "attached" });
+  }
+
+  await choose(page.getByLabel("Bit rate"), "500000");
+  assert.equal((await simulator.call("GET", "/bus")).bit_rate, 500_000);
+  await choose(page.getByLabel("Bit rate"), "250000");
+
+  await (await hold(page.getByLabel("Next"))).fill("5");
+  await (await hold(page.getByLabel("frames of"))).fill("0CFE3380");
+  await press(page.getByRole("button", { name: "Destroy" }), "Enter");
+  assert.deepEqual((await simulator.call("GET", "/bus")).disturb, { frames: 5, id: 0x0cfe3380, extended: true });
+  await page.locator("#disturbed", { hasText: "5 left of 0CFE3380" }).waitFor();
+  await press(page.getByRole("button", { name: "End", exact: true }), "Enter");
+  assert.equal((await simulator.call("GET", "/bus")).disturb.frames, 0);
+
+  const frame = await hold(page.getByLabel("Frame", { exact: true }));
+  await frame.fill("5FF#");
+  await press(page.getByRole("button", { name: "Send" }), "Enter");
+  await page.locator("#frames li", { hasText: "5FF" }).waitFor();
+  await frame.fill("5FE#010203");
+  await (await hold(page.getByLabel("every"))).fill("10");
+  await press(page.getByRole("button", { name: "Send" }), "Enter");
+  await advance(100);
+  const lines = page.locator("#frames li", { hasText: "5FE" });
+  await lines.first().waitFor();
+  assert.equal(await lines.count(), 1, "repeats are hidden");
+  await (await hold(page.getByLabel("Hide repeats"))).press("Space");
+  await until(page, () => [...document.querySelectorAll("#frames li")].filter((row) => row.textContent.includes("5FE")).length >= 10);
+
+  // Paused, nothing is added; then it is all there.
+  await (await hold(page.getByRole("button", { name: "Pause" }))).press("Enter");
+  const before = await lines.count();
+  await advance(100);
+  await page.locator("#trace-note", { hasText: "paused" }).waitFor();
+  assert.equal(await lines.count(), before);
+  await page.getByRole("button", { name: "Pause" }).press("Enter");
+  await until(page, (count) => [...document.querySelectorAll("#frames li")].filter((row) => row.textContent.includes("5FE")).length > count, before);
+  await (await hold(page.getByRole("searchbox", { name: "Filter" }))).fill("http -5fe");
+  await until(page, () => {
+    const rows = [...document.querySelectorAll("#frames li")];
+    return rows.length > 0 && rows.every((row) => row.textContent.includes("5FF"));
+  });
+  await page.getByRole("searchbox", { name: "Filter" }).fill("");
+  await press(page.getByRole("button", { name: "Stop" }), "Enter");
+  await page.locator("#notice", { hasText: "1 cyclic" }).waitFor();
+  await (await hold(page.getByRole("button", { name: "Clear" }))).press("Enter");
+  await until(page, () => document.querySelectorAll("#frames li").length === 0);
+  await (await hold(page.locator(".skip"))).press("Enter");
+  assert.equal(await page.evaluate(() => document.activeElement.id), "trace");
+
+  const forgotten = await page.evaluate(() =>
+    [...document.querySelectorAll("a, button, input, select, summary")]
+      .filter((element) => !("driven" in element.dataset))
+      .map((element) => element.outerHTML),
+  );
+  assert.deepEqual(forgotten, [], "controls that no test drives");
+
+  // What is refused is said.
+  await card("pvea-canopen").locator("summary").press("Enter");
+  const supply = card("pvea-canopen").getByRole("spinbutton", { name: "Supply in V" });
+  await supply.fill("200");
+  const refused = page.waitForResponse((response) => response.status() === 400);
+  await supply.press("Enter");
+  await refused;
+  await page.locator("#notice", { hasText: "accepted: 0–100000" }).waitFor();
+  await page.keyboard.press("Tab");
+  await until(page, () => document.querySelector("[aria-label='Supply in V']").value === "24.5");
+});
+await simulator.end();

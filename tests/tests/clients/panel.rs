@@ -1,0 +1,45 @@
+//! The panel in a browser: playwright-core with the system's Chromium, against simulators that the scripts start.
+//!
+//! `./test` installs both, playwright-core into `target/node`; the scripts are in `tests/clients/panel/`, one subject each.
+
+use std::process::{Command, Stdio};
+use std::sync::Mutex;
+
+use crate::simulator::{PVE_SIM, modules, root};
+
+/// One browser at a time: each takes a processor and half a gigabyte.
+static BROWSER: Mutex<()> = Mutex::new(());
+
+/// Runs a script, and shows what it printed.
+fn look(script: &str) {
+    let _alone = BROWSER.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+    let run = Command::new("node")
+        .arg(root().join("tests/clients/panel").join(script))
+        .args([PVE_SIM.as_path(), &modules()])
+        .stdin(Stdio::null())
+        .output()
+        .unwrap_or_else(|error| panic!("node: {error}; ./test installs it"));
+    let said = [run.stdout, run.stderr].map(|said| String::from_utf8_lossy(&said).into_owned()).concat();
+    assert!(run.status.success(), "{script}: {}\n{said}", run.status);
+    print!("{said}");
+}
+
+#[test]
+fn a_supply_of_8_volts_is_seen() {
+    look("fault.mjs");
+}
+
+#[test]
+fn every_control_of_the_panel_is_driven_by_the_keyboard() {
+    look("controls.mjs");
+}
+
+#[test]
+fn the_panel_outlives_the_simulator() {
+    look("away.mjs");
+}
+
+#[test]
+fn twenty_valves_leave_the_browser_time() {
+    look("pace.mjs");
+}
