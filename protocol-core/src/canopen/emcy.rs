@@ -164,11 +164,11 @@ impl Story {
     }
 
     /// Withdraws the messages of this code that are not known to be on the bus, when the controller has none. Returns
-    /// whether there was one.
-    pub(crate) fn withdraw(&mut self, code: u16) -> bool {
+    /// their number.
+    pub(crate) fn withdraw(&mut self, code: u16) -> usize {
         let before = self.messages.len();
         self.messages.retain(|message| message.code != code);
-        self.messages.len() < before
+        before.saturating_sub(self.messages.len())
     }
 
     /// Notes that the controller has dropped what it had: it is owed again.

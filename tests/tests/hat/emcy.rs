@@ -78,6 +78,21 @@ fn an_error_passive_that_was_not_told_before_bus_off_is_dropped() {
 }
 
 #[test]
+fn every_error_passive_that_was_not_told_before_bus_off_is_unlogged() {
+    let mut rig = booted();
+    rig.hold_bus(true);
+    for mode in
+        [BusErrorMode::ErrorPassive, BusErrorMode::ErrorActive, BusErrorMode::ErrorPassive, BusErrorMode::BusOff]
+    {
+        bus(&mut rig, mode);
+    }
+    rig.hold_bus(false);
+    bus(&mut rig, BusErrorMode::ErrorActive);
+    assert_eq!(rig.take().iter().filter(|frame| *frame == PASSIVE).count(), 0);
+    assert_eq!(history(&mut rig), [0x0004_8140], "only what an EMCY told");
+}
+
+#[test]
 fn a_watchdog_reset() {
     let mut rig = booted();
     rig.watchdog_reset();

@@ -1,5 +1,6 @@
 //! TPDO 1 by SYNC, and what it carries (SPEC 9).
 
+use protocol_core::controller::BusErrorMode;
 use protocol_core::device::ProductSenses;
 use protocol_core::encoder::Shaft;
 use tests::Rig;
@@ -137,4 +138,25 @@ fn a_29_bit_sync() {
     rig.exchange("12345678:", &["181: 00 00 00 00"]);
     rig.exchange("080:", &[]);
     rig.exchange("678:", &[]);
+}
+
+#[test]
+fn type_0_on_a_held_bus_tells_the_position_at_the_last_sync() {
+    let mut rig = operational(0);
+    turn_to(&mut rig, 9_000);
+    rig.exchange("080:", &["181: 00 10 00 00"]);
+    rig.hold_bus(true);
+    // Two EMCYs wait, so the TPDO does not come to a mailbox.
+    for mode in [BusErrorMode::ErrorPassive, BusErrorMode::ErrorActive] {
+        rig.sense_hat(|senses| senses.bus = mode);
+    }
+    turn_to(&mut rig, 18_000);
+    rig.send("080:");
+    turn_to(&mut rig, 9_000);
+    rig.send("080:");
+    rig.hold_bus(false);
+    assert!(
+        !rig.take_under("181").contains(&"181: 00 20 00 00".to_owned()),
+        "the shaft was elsewhere at the last SYNC"
+    );
 }

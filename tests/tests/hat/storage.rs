@@ -254,3 +254,16 @@ fn the_offset_is_stored_as_it_is_not_as_the_preset() {
     rig.exchange("000: 82 00", &["701: 00"]);
     assert_eq!((rig.read(0x6003, 0), rig.read(0x6004, 0), rig.read(0x6509, 0)), (0, 0, 0));
 }
+
+#[test]
+fn a_save_that_is_asked_for_again_is_answered_by_its_own_writes() {
+    let mut rig = booted();
+    rig.write_time = Duration::from_millis(50);
+    rig.failing_writes.insert(0);
+    let save = "601: 23 10 10 01 73 61 76 65";
+    rig.send(save);
+    rig.advance(10);
+    rig.send(save);
+    rig.advance(500);
+    assert_eq!(rig.take(), ["581: 60 10 10 01 00 00 00 00"], "both records were written after the second request");
+}

@@ -248,9 +248,10 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Takes back an error that bus-off has kept from being told, and that is over: its EMCY, and its entry in the history.
+    /// Takes back an error that bus-off has kept from being told, and that is over: its EMCYs, and their entries in the
+    /// history.
     pub(crate) fn withdraw_error(&mut self, code: u16) {
-        if self.owed.withdraw_emcy(code) {
+        for _ in 0..self.owed.withdraw_emcys(code) {
             self.objects.history.withdraw(code);
         }
     }

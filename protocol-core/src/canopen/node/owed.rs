@@ -142,6 +142,12 @@ impl Owed {
         self.abort(taken);
     }
 
+    /// Returns whether a TPDO waits that the controller does not have.
+    #[inline]
+    pub(super) const fn owes_tpdo(&self) -> bool {
+        self.tpdo.owed
+    }
+
     /// Owes nothing of a TPDO that is off or has another key now.
     pub(super) fn rekey_tpdo(&mut self, key: Option<u32>) {
         if key.is_none() || self.tpdo.taken.is_some_and(|taken| Some(taken) != key) {
@@ -168,8 +174,8 @@ impl Owed {
         self.emcys.clear();
     }
 
-    /// Drops the EMCYs of this code that the bus has not had. Returns whether there was one.
-    pub(super) fn withdraw_emcy(&mut self, code: u16) -> bool {
+    /// Drops the EMCYs of this code that the bus has not had. Returns their number.
+    pub(super) fn withdraw_emcys(&mut self, code: u16) -> usize {
         self.emcys.withdraw(code)
     }
 

@@ -120,7 +120,8 @@ impl<P: Product> Node<P> {
             return;
         }
         let sample = self.sample_when_due(product, now);
-        if at_sync == AtSync::Due || self.objects.tpdo.is_news(sample) {
+        // One that still waits must not tell the data of an earlier SYNC.
+        if at_sync == AtSync::Due || self.owed.owes_tpdo() || self.objects.tpdo.is_news(sample) {
             self.owed.owe_tpdo(sample);
         }
     }

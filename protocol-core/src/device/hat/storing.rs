@@ -112,7 +112,8 @@ impl HatSensor {
                     self.layer = self.layer_in_flight;
                     self.node.configuration_stored(self.layer.configuration());
                 }
-                if !stored {
+                // Asked for again while it was in flight, the record is written once more: that write is the client's.
+                if !stored && base.writes.iter().all(|waiting| *waiting != job) {
                     self.failed = Some(task);
                 }
                 let waits = |waiting: &Job| matches!(waiting, Job::Part(_, other) if *other == task);
