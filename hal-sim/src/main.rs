@@ -32,14 +32,16 @@ fn main() -> ExitCode {
 /// Plays the use cases and stops at the first frame that differs.
 fn play(cases: &[&'static UseCase]) -> ExitCode {
     let mut stdout = std::io::stdout().lock();
-    for case in cases {
+    for (played, case) in cases.iter().enumerate() {
         let mut print = |line: &str| {
             let _ = writeln!(stdout, "{line}");
         };
+        if played > 0 {
+            print("");
+        }
         if let Err(deviation) = use_case::play(case, &mut SimulatedBench::new(case), &mut print) {
             return fail(FAILURE, &format_args!("use case {}: {deviation}", case.name));
         }
-        print("");
     }
     ExitCode::SUCCESS
 }

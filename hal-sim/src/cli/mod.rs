@@ -177,7 +177,9 @@ fn one_line(error: &clap::Error) -> String {
             if given.starts_with('-') { names(option_names()) } else { names(command_names()) }
         }
         ErrorKind::InvalidSubcommand => names(command_names()),
-        ErrorKind::ArgumentConflict => "; give the options after the command".to_owned(),
+        ErrorKind::ArgumentConflict if error.get(ContextKind::InvalidSubcommand).is_some() => {
+            "; give the options after the command".to_owned()
+        }
         _ => String::new(),
     };
     format!("{what}{tip}{accepted}")

@@ -292,6 +292,8 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         assert!(text.contains(expected), "{line}\n  said     {text}\n  expected {expected}");
         assert!(!text.contains('\n') && !text.starts_with("error"), "{line}: {text}");
     }
+    let two_options = refused("--http 127.0.0.1:0 --no-http");
+    assert!(!two_options.contains("give the options after the command"), "no command is given: {two_options}");
 }
 
 #[test]

@@ -64,6 +64,9 @@ pub(super) fn obey(line: &str, world: &mut World) -> Result<Option<String>, Stri
             change(node, word, value, world)?;
             Ok(Some("ok".to_owned()))
         }
+        [name, word, value] if named.is_none() && Plant::parse(word, value).is_some() => {
+            Err(format!("no device '{name}'; accepted: {}", names(world)))
+        }
         _ => Err(format!("'{}' is not understood; {}", line.trim(), accepted(named, world))),
     }
 }
@@ -135,8 +138,11 @@ fn only(world: &World) -> Option<NodeId> {
 }
 
 fn which(world: &World) -> String {
-    let names: Vec<&str> = world.devices().map(|id| world.name(id)).collect();
-    format!("the name of the device has to come first; accepted: {}", names.join(", "))
+    format!("the name of the device has to come first; accepted: {}", names(world))
+}
+
+fn names(world: &World) -> String {
+    world.devices().map(|id| world.name(id)).collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]
@@ -268,6 +274,7 @@ mod tests {
             obey("supply_mv 8000", &mut world),
             Err("the name of the device has to come first; accepted: boom, rear".to_owned())
         );
+        assert_eq!(obey("reer supply_mv 8000", &mut world), Err("no device 'reer'; accepted: boom, rear".to_owned()));
     }
 
     #[test]
@@ -279,7 +286,7 @@ mod tests {
             "lever 16385",
             "spool bent",
             "fly",
-            "other spool stuck",
+            "other spool bent",
             "valve help",
             "status now",
         ] {

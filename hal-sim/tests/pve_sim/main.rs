@@ -73,6 +73,8 @@ fn the_use_cases_are_played_and_printed() {
         assert!(text.contains(&format!("use case {name}: ")), "{text}");
     }
     assert!(text.contains("720: 00") && text.contains("boot-up"), "{text}");
+    assert_eq!(text.matches("\n\nuse case ").count(), 7, "an empty line between two: {text}");
+    assert!(text.ends_with(" frames as expected\n"), "{text}");
 }
 
 #[test]
