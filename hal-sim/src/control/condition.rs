@@ -1,10 +1,12 @@
 //! Conditions that a client waits for: a subset of a device's state, or a frame.
 
+use std::ops::RangeInclusive;
+
 use protocol_core::frame::{Frame, Id};
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 use utoipa::ToSchema;
 
-use super::plant::{given, present};
+use super::plant::{Object, given, object, present};
 use super::state::{Color, Command, DeviceState, DeviceStateMachine, Led, Nmt, SetPointValue};
 
 /// What is waited for.
@@ -65,7 +67,7 @@ pub struct StateCondition {
     #[schema(value_type = Option<bool>)]
     pub solenoids: Option<Option<bool>>,
     /// The LED, or a part of it.
-    #[serde(default, deserialize_with = "present")]
+    #[serde(default, deserialize_with = "present_object")]
     #[schema(value_type = Option<LedCondition>)]
     pub led: Option<Option<LedCondition>>,
     /// The names of the active faults, exactly.
@@ -75,21 +77,23 @@ pub struct StateCondition {
 
 /// A set-point, or its limits.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, ToSchema)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "accepted: -16384 to 16384, \"float\", or {\"min\", \"max\"}")]
 pub enum SetPointCondition {
     /// Equal.
     Equal(SetPointValue),
     /// Within limits: no float.
+    #[serde(deserialize_with = "object")]
     Within(Limits),
 }
 
 /// A position, or its limits.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, ToSchema)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "accepted: -16384 to 16384, or {\"min\", \"max\"}")]
 pub enum PositionCondition {
     /// Equal.
     Equal(i16),
     /// Within limits.
+    #[serde(deserialize_with = "object")]
     Within(Limits),
 }
 
@@ -126,6 +130,11 @@ pub struct FrameCondition {
     pub data: Vec<u8>,
 }
 
+/// Reads an object that may be null, and is told apart from one that is missing.
+fn present_object<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<Option<T>>, D::Error> {
+    present(value).map(|value| value.map(|value: Option<Object<T>>| value.map(|Object(value)| value)))
+}
+
 impl StateCondition {
     /// Whether a state fulfils the condition.
     pub(super) fn holds(&self, state: &DeviceState) -> bool {
@@ -145,9 +154,11 @@ impl StateCondition {
             && self.faults.as_ref().is_none_or(|wanted| are_active(wanted, state))
     }
 
-    /// Whether it is about the position, which changes from instant to instant.
-    pub(super) const fn is_of_position(&self) -> bool {
-        matches!(self.position, Some(Some(_)))
+    /// The positions that are still wanted in a state that does not fulfil the condition; `None` when it is not for the
+    /// position that it does not.
+    pub(super) fn wanted_positions(&self, state: &DeviceState) -> Option<RangeInclusive<i16>> {
+        let (wanted, found) = (self.position.flatten()?, state.position?);
+        (!wanted.holds(&found)).then(|| wanted.range())
     }
 }
 
@@ -183,6 +194,13 @@ impl PositionCondition {
         match self {
             Self::Equal(wanted) => wanted == position,
             Self::Within(limits) => limits.contain(*position),
+        }
+    }
+
+    fn range(self) -> RangeInclusive<i16> {
+        match self {
+            Self::Equal(position) => position..=position,
+            Self::Within(Limits { min, max }) => min.unwrap_or(i16::MIN)..=max.unwrap_or(i16::MAX),
         }
     }
 }

@@ -1,8 +1,12 @@
 //! What acts on a device from outside, as JSON: its state, and changes of it.
 
+use std::fmt;
+use std::marker::PhantomData;
 use std::ops::RangeInclusive;
 
 use protocol_core::actuator::SpoolFault;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use utoipa::ToSchema;
 
@@ -109,7 +113,7 @@ pub struct PlantChange {
     #[serde(default, deserialize_with = "given")]
     pub temperature_c: Option<i16>,
     /// Valves: the spool.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default, deserialize_with = "given_object")]
     pub spool: Option<Spool>,
     /// Valves: the position that the spool is pushed to by hand, −16384…16384; null: it is let go.
     #[serde(default, deserialize_with = "present")]
@@ -143,6 +147,40 @@ pub(super) fn given<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) ->
 /// Reads a value that may be null, and is told apart from one that is missing.
 pub(super) fn present<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<Option<T>>, D::Error> {
     Option::deserialize(value).map(Some)
+}
+
+/// Reads a JSON object, and no list: of one, the derived readers take the fields in their order.
+pub(super) fn object<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<T, D::Error> {
+    Object::deserialize(value).map(|Object(value)| value)
+}
+
+/// Reads an object that must not be null where it is given.
+pub(super) fn given_object<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<T>, D::Error> {
+    object(value).map(Some)
+}
+
+/// A value whose JSON is an object.
+#[derive(Debug)]
+pub(super) struct Object<T>(pub(super) T);
+
+impl<'de, T: Deserialize<'de>> Deserialize<'de> for Object<T> {
+    fn deserialize<D: Deserializer<'de>>(value: D) -> Result<Self, D::Error> {
+        struct Fields<T>(PhantomData<T>);
+
+        impl<'de, T: Deserialize<'de>> Visitor<'de> for Fields<T> {
+            type Value = T;
+
+            fn expecting(&self, text: &mut fmt::Formatter<'_>) -> fmt::Result {
+                text.write_str("an object")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, fields: A) -> Result<T, A::Error> {
+                T::deserialize(MapAccessDeserializer::new(fields))
+            }
+        }
+
+        value.deserialize_map(Fields(PhantomData)).map(Self)
+    }
 }
 
 impl PlantState {

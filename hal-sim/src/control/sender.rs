@@ -13,6 +13,9 @@ pub(crate) const NAME: &str = "http";
 /// How long a frame waits for the bus before it is withdrawn.
 const PATIENCE: Duration = Duration::from_secs(1);
 
+/// Why a cyclic frame was not sent.
+const STOPPED: &str = "the cyclic frame was stopped";
+
 /// The most frames that wait for the bus.
 const WAITING: usize = 256;
 
@@ -80,15 +83,18 @@ impl Sender {
         self.cyclic.retain(|cyclic| !meant(&cyclic.frame));
         let stopped = |outgoing: &mut Outgoing| outgoing.is_cyclic && meant(&outgoing.frame);
         for outgoing in self.waiting.extract_if(.., stopped) {
-            outgoing.refuse("the cyclic frame was stopped");
+            outgoing.refuse(STOPPED);
         }
-        // A frame on the wire goes to its end.
-        if !world.is_sending(self.tap)
-            && let Some(outgoing) = self.sending.take_if(|outgoing| outgoing.is_cyclic && meant(&outgoing.frame))
-        {
-            world.withdraw(self.tap);
-            outgoing.refuse("the cyclic frame was stopped");
-            self.load(world);
+        if let Some(outgoing) = self.sending.as_mut().filter(|outgoing| outgoing.is_cyclic && meant(&outgoing.frame)) {
+            if world.is_sending(self.tap) {
+                // A frame on the wire goes to its end. One that is destroyed there is not sent again.
+                outgoing.is_cyclic = false;
+                outgoing.deadline = world.now();
+            } else if let Some(outgoing) = self.sending.take() {
+                world.withdraw(self.tap);
+                outgoing.refuse(STOPPED);
+                self.load(world);
+            }
         }
         before - self.cyclic.len()
     }

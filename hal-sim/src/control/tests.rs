@@ -8,8 +8,11 @@ use protocol_core::encoder::STEPS;
 use protocol_core::time::{Duration, Instant, after};
 use protocol_core::wire::valve::{EstimatedFlow, State};
 
+use super::condition::{Condition, StateCondition};
+use super::message::{Answer, Waited};
 use super::plant::PlantChange;
 use super::state::{DeviceState, FloatWord, SetPointValue};
+use super::wait::Waits;
 use crate::kind::{Kind, Simulated as _};
 use crate::memory::Memory;
 use crate::world::{Event, Link, NodeId, TapId, World};
@@ -329,5 +332,41 @@ fn the_next_position_of_a_spool_and_of_shafts() {
     let limit = after(bench.world.now(), Duration::from_secs(3600));
     for (node, _) in bench.devices.clone() {
         assert_eq!(bench.world.next_position(node, limit), limit);
+    }
+}
+
+/// A wait for a position of a shaft that turns is answered at the first instant, and is looked at a few times a turn.
+#[test]
+fn a_wait_for_a_position_of_a_turning_shaft_costs_little() {
+    for (speed_rpm, wanted) in [(60, "{\"min\": 9000, \"max\": 9001}"), (-3000, "16383"), (3_500, "1"), (-1, "16380")] {
+        let mut bench = Bench::new(&["hat1000"], None, false);
+        bench.act(&Act::Change(format!(r#"{{"speed_rpm": {speed_rpm}}}"#)));
+        bench.pass(Duration::from_micros(777));
+        let (node, kind) = bench.devices[0];
+        let condition: StateCondition = serde_json::from_str(&format!(r#"{{"position": {wanted}}}"#)).expect("one");
+        let (answer, mut way) = Answer::new();
+        let mut waits = Waits::default();
+        let start = bench.world.now();
+        let shaft = *bench.world.senses(node).shaft().expect("a shaft");
+        let is_there = |at: &Instant| {
+            let position = shaft.position_at(*at);
+            condition.position == Some(serde_json::from_str(&position.to_string()).ok())
+                || (wanted.starts_with('{') && (9000..=9001).contains(&position))
+        };
+        let first = (0..).map(|ticks| after(start, Duration::from_ticks(ticks))).find(is_there).expect("an instant");
+        let within = Duration::from_secs(100);
+        let condition = Condition::State("hat1000".to_owned(), Box::new(condition.clone()));
+        waits.begin(condition, within, answer, &mut bench.world, |_| Ok((node, kind)));
+        let mut looks = 0;
+        while !waits.is_idle() {
+            let due = waits.due(&bench.world);
+            assert!(due > bench.world.now());
+            bench.world.run_until(due);
+            waits.attend(&mut bench.world);
+            looks += 1;
+        }
+        let Ok(Ok(Waited::Device(state))) = way.try_recv() else { panic!("no answer at {speed_rpm}") };
+        assert_eq!(Instant::from_micros(state.t_us), first, "{speed_rpm}");
+        assert!(looks < 50, "{looks} looks at {speed_rpm}");
     }
 }

@@ -20,6 +20,8 @@ pub(super) struct Waits(Vec<Wait>);
 struct Wait {
     condition: Awaited,
     until: Instant,
+    /// From when on the condition can hold although nothing happens, as the position is then a wanted one.
+    moves_there: Instant,
     answer: Answer<Waited>,
 }
 
@@ -43,7 +45,8 @@ impl Waits {
         match awaited(condition, find) {
             _ if self.0.len() >= WAITING => answer.send(Err(Refusal::TooMany("too many clients wait"))),
             Ok(condition) => {
-                self.0.push(Wait { condition, until: after(world.now(), within), answer });
+                let until = after(world.now(), within);
+                self.0.push(Wait { condition, until, moves_there: NEVER, answer });
                 self.attend(world);
             }
             Err(refusal) => answer.send(Err(refusal)),
@@ -56,7 +59,7 @@ impl Waits {
             return;
         }
         let mut place = 0;
-        while let Some(wait) = self.0.get(place) {
+        while let Some(wait) = self.0.get_mut(place) {
             if wait.answer.is_given_up() {
                 self.0.swap_remove(place);
                 continue;
@@ -67,6 +70,8 @@ impl Waits {
                     if condition.holds(&state) {
                         Some(Ok(Waited::Device(Box::new(state))))
                     } else {
+                        let wanted = condition.wanted_positions(&state);
+                        wait.moves_there = wanted.map_or(NEVER, |range| world.outside_until(*node, &range));
                         (wait.until <= world.now())
                             .then(|| Err(timed_out("the state was not reached", Some(state), world)))
                     }
@@ -114,7 +119,7 @@ impl Wait {
         let Awaited::State(node, _, condition) = &self.condition else { return self.until };
         let asked = condition.t_us.map_or(NEVER, Instant::from_micros);
         let limit = if asked > world.now() { asked.min(self.until) } else { self.until };
-        if condition.is_of_position() { world.next_position(*node, limit) } else { limit }
+        if self.moves_there > world.now() { limit.min(self.moves_there) } else { world.next_position(*node, limit) }
     }
 }
 

@@ -95,6 +95,16 @@ fn what_is_typed_and_what_is_called_change_the_same_plant() {
     assert_eq!(plant, expected);
 }
 
+/// A plant that is changed on stdin answers those who wait at that instant, as one that is changed by a call does.
+#[test]
+fn what_is_typed_is_what_is_waited_for() {
+    let mut rig = Rig::with_desk(1.0);
+    let waited = rig.wait_for(millis(100), r#"{"faults": ["can-bus"]}"#, 5_000);
+    rig.plan(millis(200), Happening::Message(ToWorld::Typed("bus_off on".to_owned())));
+    rig.run_until(millis(6000));
+    assert_eq!(told(waited)["t_us"], 200_000);
+}
+
 /// Clients that are gone are forgotten, and a simulator without a control interface answers nobody.
 #[test]
 fn nobody_is_kept_in_mind() {

@@ -276,6 +276,9 @@ impl<O: Outside> Driver<O> {
                 Ok(answer) => answer.into_iter().for_each(|answer| self.trace.answer(answer)),
                 Err(refusal) => self.trace.warn(refusal),
             }
+            if let Some(desk) = &mut self.desk {
+                desk.attend(&mut self.world);
+            }
             return;
         }
         if self.clients.apply(message, &mut self.world).is_err() {

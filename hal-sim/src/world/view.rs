@@ -1,8 +1,10 @@
 //! The state of the devices at the world's instant, and when a position is next another one.
 
+use std::ops::RangeInclusive;
+
 use protocol_core::device::View;
-use protocol_core::encoder::Shaft;
-use protocol_core::time::{Duration, Instant, after, since};
+use protocol_core::encoder::{POSITION_MAX, STEPS, Shaft};
+use protocol_core::time::{Duration, Instant, NEVER, after, since};
 
 use super::node::Power;
 use super::{NodeId, World};
@@ -10,6 +12,8 @@ use super::{NodeId, World};
 /// The longest step in which a linked shaft is looked at: a spool that passes neutral turns it round, and in this time it
 /// comes nowhere near another position and back.
 const LINKED_STEP: Duration = Duration::from_micros(64);
+
+const MINUTE: Duration = Duration::from_secs(60);
 
 impl World {
     /// The state of a device now; `None` without power.
@@ -44,6 +48,29 @@ impl World {
             };
         }
         limit
+    }
+
+    /// An instant up to which the position of a device stays outside of a range that it is outside of now, if nothing else
+    /// happens. Of a shaft that turns by itself it is near the last one; of everything else it is now.
+    #[must_use]
+    pub fn outside_until(&self, node: NodeId, range: &RangeInclusive<i16>) -> Instant {
+        let Some(shaft) = self.senses(node).shaft().filter(|_| self.coupling_of(node).is_none()) else {
+            return self.now;
+        };
+        let Power::On(device) = &self.nodes[node.0].power else { return NEVER };
+        let position = i64::from(device.view(self.now).position);
+        let (min, max) = (i64::from(*range.start()).max(0), i64::from(*range.end()).min(POSITION_MAX.into()));
+        if min > max {
+            return NEVER;
+        }
+        // The shorter way round. The last step of it takes no time when the shaft is at its edge.
+        let turn = i64::from(STEPS);
+        let steps = (min - position).rem_euclid(turn).min((position - max).rem_euclid(turn));
+        let whole_steps = u64::try_from(steps - 1).unwrap_or(0);
+        let steps_a_minute = u64::from(STEPS) * u64::from(shaft.speed_rpm.unsigned_abs());
+        (whole_steps * MINUTE.as_micros())
+            .checked_div(steps_a_minute)
+            .map_or(NEVER, |micros| after(self.now, Duration::from_micros(micros)))
     }
 
     /// The first instant of another position, after `same` and at `other` at the latest.

@@ -10,7 +10,7 @@ use super::frames::{bytes, identifier};
 use crate::control::condition::{Condition, FrameCondition, StateCondition};
 use crate::control::error::{Body, Error, Failure};
 use crate::control::message::{Message, TimedOut, Waited};
-use crate::control::plant::given;
+use crate::control::plant::{given, given_object};
 
 /// What is waited for, and how long: a device with a state, or a frame.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
@@ -20,10 +20,10 @@ pub(super) struct Wait {
     #[serde(default, deserialize_with = "given")]
     device: Option<String>,
     /// The state of the device: any subset of it.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default, deserialize_with = "given_object")]
     state: Option<StateCondition>,
     /// The frame.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default, deserialize_with = "given_object")]
     frame: Option<FrameToCome>,
     /// The time in milliseconds of virtual time.
     within_ms: u32,

@@ -159,6 +159,20 @@ fn cyclic_frames_keep_their_period_until_they_are_ended() {
     assert_eq!(rig.trace().len(), sent);
 }
 
+/// Its last attempt goes to its end, and is not repeated.
+#[test]
+fn a_cyclic_frame_that_is_ended_while_it_is_destroyed_is_sent_no_more() {
+    let rig = Rig::stepped(&[]);
+    rig.send_every(10, "100: AA");
+    rig.post("/bus/disturb", json!({"frames": 1_000_000, "id": 0x100}));
+    // An attempt begins at each multiple of the period.
+    rig.advance(10);
+    assert_eq!(rig.done("DELETE", "/bus/frames", None), json!({"stopped": 1}));
+    rig.post("/bus/disturb", json!({"frames": 0}));
+    rig.advance(100);
+    assert_eq!(rig.trace().iter().filter(|(_, frame, _)| frame == "100: AA").count(), 1);
+}
+
 #[test]
 fn the_trace_has_the_last_frames() {
     let rig = Rig::stepped(&["--device", "pvea-canopen@0x20,name=valve"]);

@@ -154,6 +154,7 @@ fn what_cannot_be_changes_nothing() {
         ("boom", r#"{"supply_mv": 8000, "spool": {"fault": "bent"}}"#, "unknown variant `bent`"),
         ("boom", r#"{"supply_mv": 8000, "spool": {}}"#, "missing field `fault`"),
         ("boom", r#"{"supply_mv": 8000, "spool": {"fault": null, "x": 1}}"#, "unknown field `x`"),
+        ("boom", r#"{"supply_mv": 8000, "spool": ["stuck"]}"#, "expected an object"),
         ("boom", r#"{"supply_mv": 8000, "memory": "gone"}"#, "unknown variant `gone`"),
         ("boom", r#"{"supply_mv": 8000, "supply_mv": 9000}"#, "duplicate field"),
         ("boom", r#"{"supply_mv": 8000, "bus_off": 1}"#, "expected a boolean"),
