@@ -1,7 +1,8 @@
 //! Time as the core sees it: a parameter, never a clock.
 //!
 //! [`Instant`] and [`Duration`] are embassy-time's, at its 1 MHz tick, used as types only. Their operators panic on
-//! overflow; the helpers here saturate instead, so that no instant that a platform hands in can stop the device.
+//! overflow; the helpers here saturate instead, so that no instant makes the device panic. The last one, [`NEVER`], is
+//! no instant to hand in: timers that are off would be due at it.
 
 pub use embassy_time::{Duration, Instant};
 
