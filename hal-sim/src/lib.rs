@@ -13,10 +13,11 @@
 //!
 //! ```text
 //! kind      the products, by name
+//! speed     how virtual time passes against wall time
 //! trace/    what happened on the bus, as other tools read it
 //! explain/  what a frame means, in words
 //! describe/ the products for other tools: EDS and DBC
-//! gateway/  clients of the bus that live outside: socketcand
+//! gateway/  clients of the bus that live outside: socketcand, SocketCAN
 //! control/  state, faults and time over HTTP
 //! run/      the world paced by the wall clock, with its clients, its trace and its memory
 //! cli/      the command line
@@ -32,6 +33,7 @@ pub mod gateway;
 pub mod kind;
 pub mod memory;
 pub mod run;
+pub mod speed;
 pub mod trace;
 pub mod use_case;
 pub mod world;

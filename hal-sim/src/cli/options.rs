@@ -12,7 +12,8 @@ use super::device::DeviceSpec;
 use super::link::{self, LinkSpec};
 use crate::gateway::BusUrl;
 use crate::kind::{Kind, Simulated};
-use crate::run::{ColorChoice, LogOptions, NamedDevice, RunOptions, Speed};
+use crate::run::{ColorChoice, LogOptions, NamedDevice, RunOptions};
+use crate::speed::Speed;
 
 /// The seed of a run that was given none: two runs with the same seed and the same input are the same.
 const DEFAULT_SEED: u64 = 1;

@@ -7,7 +7,8 @@ use protocol_core::device::pve;
 
 use super::*;
 use crate::kind::{Birth, Kind};
-use crate::run::{ColorChoice, LogOptions, NamedDevice, NamedLink, RunOptions, Speed};
+use crate::run::{ColorChoice, LogOptions, NamedDevice, NamedLink, RunOptions};
+use crate::speed::Speed;
 use crate::world::Link;
 
 const PVEA: Kind = Kind::Pve(pve::Kind::PveaCanopen);

@@ -17,7 +17,7 @@ use super::state::DeviceState;
 use super::wait::Waits;
 use crate::explain::Explainer;
 use crate::kind::Kind;
-use crate::run::Speed;
+use crate::speed::Speed;
 use crate::world::{Event, NodeId, World};
 
 /// The most calls that wait for their turn to let time pass.

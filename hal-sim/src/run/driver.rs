@@ -16,7 +16,6 @@ use tokio::sync::watch;
 use super::clients::Clients;
 use super::console;
 use super::errors::Errors;
-use super::options::Speed;
 use super::outside::Outside;
 use super::printer::Printer;
 use super::timekeeper::{NAP, Timekeeper};
@@ -24,6 +23,7 @@ use super::trace::Trace;
 use crate::control::Desk;
 use crate::explain::Explainer;
 use crate::gateway::{Arrival, ToWorld};
+use crate::speed::Speed;
 use crate::trace::Timestamp;
 use crate::world::{Event, SUPPLY_JITTER, World};
 

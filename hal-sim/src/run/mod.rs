@@ -39,7 +39,7 @@ mod timekeeper;
 mod trace;
 
 pub use driver::Driver;
-pub use options::{ColorChoice, LogOptions, NamedDevice, NamedLink, RunOptions, Speed};
+pub use options::{ColorChoice, LogOptions, NamedDevice, NamedLink, RunOptions};
 pub use outside::Outside;
 
 use std::io;

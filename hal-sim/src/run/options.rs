@@ -1,6 +1,5 @@
 //! The options of `run`. The caller has checked them against each other.
 
-use std::fmt;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -8,6 +7,7 @@ use protocol_core::controller::BitRate;
 
 use crate::gateway::BusUrl;
 use crate::kind::{Birth, Kind};
+use crate::speed::Speed;
 use crate::world::Link;
 
 /// The options of `run`.
@@ -39,25 +39,6 @@ pub struct RunOptions {
     pub verbose: bool,
     /// The seed of everything random.
     pub seed: u64,
-}
-
-/// How virtual time passes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Speed {
-    /// By itself, so many times as fast as wall time: finite and above 0.
-    Factor(f64),
-    /// When the control interface tells it to.
-    Step,
-}
-
-/// As it is given to `--speed`.
-impl fmt::Display for Speed {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Factor(factor) => write!(f, "{factor}"),
-            Self::Step => f.write_str("step"),
-        }
-    }
 }
 
 /// Whether the trace has colour, and with it whether it is laid out for people.
