@@ -76,8 +76,7 @@ impl HatSensor {
             return;
         }
         if !active {
-            self.node.send_emcy(self.objects.errors.end());
-            return;
+            return self.node.send_emcy(self.objects.errors.end());
         }
         self.tell(error);
         if error == Error::Controller {

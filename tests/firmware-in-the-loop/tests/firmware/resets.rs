@@ -60,7 +60,7 @@ fn expect_internal_error(client: &mut ImageClient, count: u8) {
     client.expect(&format!("0A0: 00 10 01 {count:02X} 00 00 00 00"));
     client.expect(NO_ERROR);
     assert_eq!(client.read(0x1003, 1), 0x1000 | u32::from(count) << 16, "the history");
-    assert_eq!(client.read(0x2024, 0), count.into(), "the counter");
+    assert_eq!(client.read(0x2024, 0), u32::from(count), "the counter");
     assert_eq!(client.read(0x1001, 0), 0);
 }
 
