@@ -121,7 +121,7 @@ def by_socket(port):
 
 @contextlib.contextmanager
 def simulator(speed):
-    command = [sys.argv[1], "--bus", f"socketcand://127.0.0.1:0/{BUS}", "--speed", speed]
+    command = [sys.argv[1], "--no-http", "--bus", f"socketcand://127.0.0.1:0/{BUS}", "--speed", speed]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
         ready = process.stdout.readline()
         with subprocess.Popen(["cat"], stdin=process.stdout, stdout=subprocess.DEVNULL):
