@@ -1,9 +1,10 @@
 //! The file of `--log`: every frame, in the format of `candump -L`.
 
-use std::fs::{self, File, Metadata, OpenOptions};
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use super::system::is_same_file;
 use super::{LogOptions, RunError};
 
 /// The file of `--log`, with nothing in it.
@@ -81,18 +82,7 @@ fn is_kept_in(path: &Path, folder: &Path) -> bool {
         return true;
     }
     let (Ok(found), Ok(files)) = (fs::metadata(path), fs::read_dir(&folder)) else { return false };
-    files.filter_map(|file| fs::metadata(file.ok()?.path()).ok()).any(|file| is_same(&file, &found))
-}
-
-#[cfg(unix)]
-fn is_same(one: &Metadata, other: &Metadata) -> bool {
-    use std::os::unix::fs::MetadataExt as _;
-    (one.dev(), one.ino()) == (other.dev(), other.ino())
-}
-
-#[cfg(not(unix))]
-fn is_same(_: &Metadata, _: &Metadata) -> bool {
-    false
+    files.filter_map(|file| fs::metadata(file.ok()?.path()).ok()).any(|file| is_same_file(&file, &found))
 }
 
 #[cfg(test)]

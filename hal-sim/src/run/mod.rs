@@ -17,6 +17,7 @@
 //! errors      the error frames and error modes that are told
 //! printer     stdout and stderr, on a thread of their own: neither may hold the world up
 //! log         the file of --log
+//! system      what each operating system does in its own way
 //! ```
 //!
 //! The world has one thread and shares nothing. The gateways run on another, which is also the one that waits for the
@@ -35,6 +36,7 @@ mod pace;
 mod printer;
 mod setup;
 mod stdin;
+mod system;
 mod timekeeper;
 mod trace;
 
@@ -158,8 +160,8 @@ const HTTP_CLIENTS: usize = 256;
 /// written.
 const DESCRIPTORS: usize = 32;
 
-/// Runs until SIGINT, SIGTERM or SIGHUP, or until nobody reads stdout; everything that devices had to store is stored
-/// then.
+/// Runs until a signal (on Unix SIGINT, SIGTERM or SIGHUP), or until nobody reads stdout; everything that devices had to
+/// store is stored then.
 ///
 /// # Errors
 /// [`RunError`] when it cannot start. Nothing is on stdout then.
@@ -263,7 +265,7 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     let bit_rate = options.bit_rate;
     let world = thread::Builder::new().name("world".to_owned()).spawn(move || {
         let _alive = alive;
-        be_punctual();
+        system::be_punctual();
         driver.run(bit_rate);
     })?;
     Ok(Running { entrance, world, ended })
@@ -287,21 +289,11 @@ impl Running {
 /// The most clients of the buses, and connections of the control interface, that leave enough file descriptors for devices
 /// to store.
 fn places(options: &RunOptions) -> (usize, usize) {
-    #[cfg(unix)]
-    let limit = rustix::process::getrlimit(rustix::process::Resource::Nofile).current;
-    #[cfg(not(unix))]
-    let limit: Option<u64> = None;
     let taken = DESCRIPTORS + options.devices.len() + options.buses.len();
-    let left =
-        limit.and_then(|limit| usize::try_from(limit).ok()).map_or(usize::MAX, |limit| limit.saturating_sub(taken));
+    let limit = system::max_open_files().and_then(|limit| usize::try_from(limit).ok());
+    let left = limit.map_or(usize::MAX, |limit| limit.saturating_sub(taken));
     let clients = if options.http.is_some() { left / 2 } else { left }.clamp(1, CLIENTS);
     (clients, left.saturating_sub(clients).clamp(1, HTTP_CLIENTS))
-}
-
-/// Takes the timer slack from this thread: Linux would delay each wake-up by 50 µs to wake several threads at once.
-fn be_punctual() {
-    #[cfg(target_os = "linux")]
-    let _ = rustix::thread::set_current_timer_slack(std::num::NonZeroU64::new(1));
 }
 
 /// Does work that may block, on a thread of its own: a signal ends the wait for it, and the process does not wait.

@@ -2,6 +2,7 @@
 
 use std::io::{self, Read};
 
+use super::system;
 use crate::gateway::{Entrance, ToWorld};
 
 /// The longest line, in bytes; longer ones are cut, and so not understood.
@@ -13,7 +14,7 @@ pub(super) fn listen(world: Entrance) {
         let stdin = io::stdin();
         let mut lines = Lines::default();
         let mut bytes = [0; LINE];
-        while wait() {
+        while system::wait_for_input() {
             match stdin.lock().read(&mut bytes) {
                 Ok(0) => break,
                 Ok(len) => lines.push(&bytes[..len], |line| world.tell(ToWorld::Typed(line))),
@@ -22,39 +23,6 @@ pub(super) fn listen(world: Entrance) {
             }
         }
     });
-}
-
-/// Waits until stdin can be read; returns whether there is one. A job in the background must not read from its terminal: the
-/// system would stop it.
-#[cfg(unix)]
-fn wait() -> bool {
-    use rustix::event::{PollFd, PollFlags, poll};
-    use rustix::io::Errno;
-    use rustix::process::getpgrp;
-    use rustix::termios::tcgetpgrp;
-
-    /// What is typed now is for the shell: time for it to be read there.
-    const BACKGROUND: std::time::Duration = std::time::Duration::from_millis(200);
-
-    let stdin = io::stdin();
-    loop {
-        let mut polled = [PollFd::new(&stdin, PollFlags::IN)];
-        match poll(&mut polled, None) {
-            Err(Errno::INTR) => continue,
-            Err(_) => return false,
-            Ok(_) => {}
-        }
-        match tcgetpgrp(&stdin) {
-            Ok(foreground) if foreground != getpgrp() => std::thread::sleep(BACKGROUND),
-            // In the foreground, or no terminal.
-            _ => return true,
-        }
-    }
-}
-
-#[cfg(not(unix))]
-fn wait() -> bool {
-    true
 }
 
 /// Lines out of bytes as they come.

@@ -1,0 +1,22 @@
+//! What a run asks of the operating system beyond the standard library; each system answers in a file of its own.
+//!
+//! | | Linux | macOS | Windows |
+//! | --- | --- | --- | --- |
+//! | the end by a signal | SIGINT, SIGTERM, SIGHUP | the same | Ctrl-C, Ctrl-Break, a closed window, log-off, shutdown |
+//! | SIGHUP ignored by a parent stays ignored | yes | no | no SIGHUP |
+//! | a reader of stdout that is gone | at once | with the next line | with the next line |
+//! | a job in the background leaves the terminal alone | yes | yes | no such jobs |
+//! | clients limited by the files that may be open | yes | yes | no such limit |
+//! | a second name of a file is recognised | links | links | symbolic links |
+//! | wake-ups without slack | yes | no | no |
+//!
+//! Windows and macOS are compiled only: nothing was run there.
+
+#[cfg(unix)]
+#[path = "unix.rs"]
+mod own;
+#[cfg(windows)]
+#[path = "windows.rs"]
+mod own;
+
+pub(super) use own::{Signals, be_punctual, is_same_file, max_open_files, wait_for_hangup, wait_for_input};

@@ -1,0 +1,114 @@
+//! Unix: signals and poll.
+
+use std::fs::Metadata;
+use std::io;
+use std::os::fd::AsFd as _;
+use std::os::unix::fs::MetadataExt as _;
+use std::task::Poll;
+use std::time::Duration;
+
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::io::Errno;
+use rustix::process::{Resource, getpgrp, getrlimit};
+use rustix::termios::tcgetpgrp;
+use tokio::signal::unix::{Signal, SignalKind, signal};
+
+/// The signals that end a run.
+#[derive(Debug)]
+pub(in crate::run) struct Signals(Vec<Signal>);
+
+impl Signals {
+    /// Listens to SIGINT, SIGTERM and SIGHUP; not to a SIGHUP that is ignored, as under `nohup`.
+    pub(in crate::run) fn listen() -> io::Result<Self> {
+        let mut kinds = vec![SignalKind::interrupt(), SignalKind::terminate()];
+        if !hangup_is_ignored() {
+            kinds.push(SignalKind::hangup());
+        }
+        kinds.into_iter().map(signal).collect::<io::Result<_>>().map(Self)
+    }
+
+    /// Waits for one of the signals.
+    pub(in crate::run) async fn come(&mut self) {
+        std::future::poll_fn(|context| {
+            let came = self.0.iter_mut().any(|signal| signal.poll_recv(context).is_ready());
+            if came { Poll::Ready(()) } else { Poll::Pending }
+        })
+        .await;
+    }
+}
+
+/// Returns whether this process was started with SIGHUP ignored. Only Linux tells that to safe code.
+fn hangup_is_ignored() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    ignores_hangup(&status)
+}
+
+/// Reads the mask of ignored signals, a hex number; SIGHUP is its lowest bit.
+fn ignores_hangup(status: &str) -> bool {
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).is_some_and(|mask| mask & 1 != 0)
+}
+
+/// Waits until nobody reads stdout; returns whether that was found out. A file has no reader.
+pub(in crate::run) fn wait_for_hangup() -> bool {
+    let stdout = io::stdout();
+    loop {
+        // With no event asked for, poll returns for an error or a hang-up only.
+        let mut polled = [PollFd::from_borrowed_fd(stdout.as_fd(), PollFlags::empty())];
+        match poll(&mut polled, None) {
+            Err(Errno::INTR) => {}
+            Err(_) => return false,
+            Ok(_) => return polled[0].revents().intersects(PollFlags::ERR | PollFlags::HUP),
+        }
+    }
+}
+
+/// Waits until stdin can be read; returns whether there is one. A job in the background must not read from its terminal:
+/// the system would stop it.
+pub(in crate::run) fn wait_for_input() -> bool {
+    /// The shell reads what is typed now, and needs time to do so.
+    const BACKGROUND: Duration = Duration::from_millis(200);
+
+    let stdin = io::stdin();
+    loop {
+        let mut polled = [PollFd::new(&stdin, PollFlags::IN)];
+        match poll(&mut polled, None) {
+            Err(Errno::INTR) => continue,
+            Err(_) => return false,
+            Ok(_) => {}
+        }
+        match tcgetpgrp(&stdin) {
+            Ok(foreground) if foreground != getpgrp() => std::thread::sleep(BACKGROUND),
+            // In the foreground, or no terminal.
+            _ => return true,
+        }
+    }
+}
+
+/// Returns how many files this process may have open; `None` without a limit.
+pub(in crate::run) fn max_open_files() -> Option<u64> {
+    getrlimit(Resource::Nofile).current
+}
+
+/// Takes the timer slack from this thread: Linux would delay each wake-up by 50 µs to wake several threads at once.
+pub(in crate::run) fn be_punctual() {
+    #[cfg(target_os = "linux")]
+    let _ = rustix::thread::set_current_timer_slack(std::num::NonZeroU64::new(1));
+}
+
+/// Returns whether both are one file under two names.
+pub(in crate::run) fn is_same_file(one: &Metadata, other: &Metadata) -> bool {
+    (one.dev(), one.ino()) == (other.dev(), other.ino())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_signals_that_are_ignored_are_read_from_the_status() {
+        assert!(ignores_hangup("Name:\tpve-sim\nSigBlk:\t0000000000000000\nSigIgn:\t0000000000001001\n"));
+        assert!(!ignores_hangup("Name:\tpve-sim\nSigIgn:\t0000000000001000\nSigCgt:\t0000000000000001\n"));
+        assert!(!ignores_hangup(""));
+    }
+}

@@ -1,0 +1,65 @@
+//! Windows: events of the console.
+
+use std::fs::Metadata;
+use std::io;
+
+use tokio::signal::windows::{
+    CtrlBreak, CtrlC, CtrlClose, CtrlLogoff, CtrlShutdown, ctrl_break, ctrl_c, ctrl_close, ctrl_logoff, ctrl_shutdown,
+};
+
+/// The events of the console that end a run.
+#[derive(Debug)]
+pub(in crate::run) struct Signals {
+    interrupt: CtrlC,
+    brk: CtrlBreak,
+    close: CtrlClose,
+    log_off: CtrlLogoff,
+    shutdown: CtrlShutdown,
+}
+
+impl Signals {
+    /// Listens to Ctrl-C, Ctrl-Break, the closed window, the end of the session and of the system.
+    pub(in crate::run) fn listen() -> io::Result<Self> {
+        Ok(Self {
+            interrupt: ctrl_c()?,
+            brk: ctrl_break()?,
+            close: ctrl_close()?,
+            log_off: ctrl_logoff()?,
+            shutdown: ctrl_shutdown()?,
+        })
+    }
+
+    /// Waits for one of the events. After the last three Windows leaves the process some seconds to end.
+    pub(in crate::run) async fn come(&mut self) {
+        tokio::select! {
+            _ = self.interrupt.recv() => {}
+            _ = self.brk.recv() => {}
+            _ = self.close.recv() => {}
+            _ = self.log_off.recv() => {}
+            _ = self.shutdown.recv() => {}
+        }
+    }
+}
+
+/// Returns at once that nothing was found out: the next line that is written to stdout notices a reader that is gone.
+pub(in crate::run) const fn wait_for_hangup() -> bool {
+    false
+}
+
+/// Returns at once: a read waits by itself, and no job is stopped for it.
+pub(in crate::run) const fn wait_for_input() -> bool {
+    true
+}
+
+/// Returns that files and sockets have no common limit.
+pub(in crate::run) const fn max_open_files() -> Option<u64> {
+    None
+}
+
+/// Does nothing: Windows has no timer slack of a thread.
+pub(in crate::run) const fn be_punctual() {}
+
+/// Returns false: the standard library does not tell which file a hard link leads to.
+pub(in crate::run) const fn is_same_file(_: &Metadata, _: &Metadata) -> bool {
+    false
+}
