@@ -127,5 +127,5 @@ fn socketcan(interface: &str) -> Result<BusUrl, String> {
 
 #[cfg(not(target_os = "linux"))]
 fn socketcan(_: &str) -> Result<BusUrl, String> {
-    Err(format!("socketcan interfaces are there on Linux only; {ACCEPTED}"))
+    Err(format!("interfaces of SocketCAN exist on Linux alone; {ACCEPTED}"))
 }

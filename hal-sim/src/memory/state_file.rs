@@ -1,9 +1,10 @@
 //! A memory kept in a file: a header of 16 bytes and the raw flash image.
 //!
 //! Every change writes the whole file anew, under a name that nobody else has, syncs it, renames it over the old one and
-//! syncs the folder: whatever instant the process is killed at, or the machine loses its power, the file is the old one or
-//! the new one, and it is the new one from the moment that the write has returned. Writing only the changed words would be faster, but could leave half a store behind that the *simulated* flash never saw; at
-//! 32 KiB and a handful of stores a second the whole file costs nothing.
+//! syncs the folder, which Windows cannot. Whatever instant the process is killed at, or the machine loses its power, the
+//! file is the old one or the new one, and it is the new one from the moment that the write has returned. Writing only the
+//! changed words would be faster, but could leave half a store behind that the *simulated* flash never saw; at 32 KiB and
+//! a handful of stores a second the whole file costs nothing.
 //!
 //! Only one simulator may have it: another one would not see what this one stores, and overwrite it. What is locked is a
 //! file beside it, for the file itself is another one after each write, and there is none before the first. The lock goes
