@@ -21,6 +21,15 @@ pub struct Birth {
     pub bit_rate: Option<BitRate>,
 }
 
+impl Birth {
+    /// Returns how a device of this kind is made with it.
+    #[must_use]
+    pub const fn of(self, kind: Kind) -> Setup {
+        let Self { node_id, serial, bit_rate } = self;
+        Setup { kind, node_id, serial, bit_rate }
+    }
+}
+
 /// What the simulator knows of a [`Kind`].
 pub trait Simulated: Sized {
     /// Returns the number that state files carry.
@@ -87,8 +96,7 @@ impl Simulated for Kind {
     }
 
     fn factory(self, birth: Birth) -> impl FnMut(&Image, StartCause, Instant) -> Box<dyn SimDevice> + Send + 'static {
-        let Birth { node_id, serial, bit_rate } = birth;
-        let setup = Setup { kind: self, node_id, serial, bit_rate };
+        let setup = birth.of(self);
         move |image, cause, now| match self {
             Self::Pve(kind) => match kind.protocol() {
                 Protocol::Canopen => Box::new(PveCanopen::power_on(setup.with_kind(kind), image, cause, now)),

@@ -22,6 +22,33 @@
 //! run/      the world paced by the wall clock, with its clients, its trace and its memory
 //! cli/      the command line
 //! ```
+//!
+//! # Firmware under test
+//!
+//! Code that is generic over [`embedded_can::nb::Can`] takes a [`Client`] of a world for its CAN controller. Time is
+//! virtual: a test of seconds takes milliseconds.
+//!
+//! ```
+//! use embedded_can::{Frame as _, StandardId, nb::Can};
+//! use hal_sim::{BitRate, Duration, Frame, ValveKind, World};
+//!
+//! let mut world = World::new(BitRate::Kbit250, 1);
+//! let valve = world.add("valve", ValveKind::PveaCanopen);
+//! let mut can = world.client("controller");
+//! world.power(valve, true);
+//! world.run_for(Duration::from_millis(100));
+//!
+//! let mut send = |id, data: &[u8]| can.transmit(&Frame::new(StandardId::new(id).unwrap(), data).unwrap()).unwrap();
+//! send(0x000, &[0x01, 0x20]); // NMT: start node 0x20
+//! for _ in 0..10 {
+//!     send(0x220, &[0x0F, 0x00, 0x00, 0x20]); // RPDO: active, set-point 0x2000
+//!     world.run_for(Duration::from_millis(100));
+//! }
+//! assert_eq!(world.view(valve).unwrap().position, 0x2000);
+//! ```
+//!
+//! [`World::set_plant`] breaks the valve, [`World::disturb`] and [`World::force_bus_off`] the bus, [`World::power`] cuts the
+//! supply, [`World::link`] puts an angle sensor on the boom that the valve moves.
 #![forbid(unsafe_code)]
 
 pub mod bus;
@@ -38,6 +65,13 @@ pub mod trace;
 pub mod use_case;
 pub mod world;
 
+pub use protocol_core::controller::BitRate;
+pub use protocol_core::device::hat::Kind as SensorKind;
+pub use protocol_core::device::pve::Kind as ValveKind;
+pub use protocol_core::device::{Kind, Setup};
+pub use protocol_core::frame::Frame;
+pub use protocol_core::time::{Duration, Instant};
+
 pub use bus::{BusError, Port, WireEvent};
 pub use memory::Memory;
-pub use world::{ControllerId, Event, EventKind, NodeId, TapId, World};
+pub use world::{Client, ControllerId, Event, EventKind, NodeId, Plant, TapId, World};

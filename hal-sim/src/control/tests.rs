@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use protocol_core::actuator::{Position, Scale};
 use protocol_core::controller::BitRate;
-use protocol_core::device::Senses;
+use protocol_core::device::Setup;
 use protocol_core::encoder::STEPS;
 use protocol_core::time::{Duration, Instant, after};
 use protocol_core::wire::valve::{EstimatedFlow, State};
@@ -13,8 +13,7 @@ use super::message::{Answer, Waited};
 use super::plant::PlantChange;
 use super::state::{DeviceState, FloatWord, SetPointValue};
 use super::wait::Waits;
-use crate::kind::{Kind, Simulated as _};
-use crate::memory::Memory;
+use crate::kind::Kind;
 use crate::world::{Event, Link, NodeId, TapId, World};
 
 /// What happens to a device.
@@ -46,10 +45,8 @@ impl Bench {
             .iter()
             .map(|name| (Kind::from_name(name).expect("a kind"), *name))
             .map(|(kind, name)| {
-                let birth = crate::kind::Birth { bit_rate: Some(BitRate::Kbit250), ..kind.default_birth() };
-                let node = world.add_device(name, kind.factory(birth), Memory::in_ram());
-                world.set_senses(node, Senses::healthy(kind));
-                (node, kind)
+                let setup = Setup { bit_rate: Some(BitRate::Kbit250), ..Setup::<Kind>::new(kind) };
+                (world.add(name, setup), kind)
             })
             .collect();
         if let Some(link) = link {

@@ -3,7 +3,6 @@
 use std::fs;
 
 use protocol_core::controller::BitRate;
-use protocol_core::device::Senses;
 
 use super::{NamedDevice, NamedLink, RunError, RunOptions};
 use crate::explain::{Explainer, Node};
@@ -32,8 +31,7 @@ pub(super) fn world(options: &RunOptions) -> Result<(World, Vec<String>), RunErr
             None => Memory::in_ram(),
         };
         warnings.extend(memory.take_warnings());
-        let node = world.add_device(&device.name, device.kind.factory(device.birth), memory);
-        world.set_senses(node, Senses::healthy(device.kind));
+        world.add_with(&device.name, device.birth.of(device.kind), memory);
     }
     for NamedLink { valve, sensor, link } in &options.links {
         if let (Some(valve), Some(sensor)) = (world.find(valve), world.find(sensor)) {

@@ -3,14 +3,12 @@
 use std::collections::VecDeque;
 
 use protocol_core::controller::BitRate;
-use protocol_core::device::Senses;
+use protocol_core::device::{Kind, Setup};
 use protocol_core::frame::Frame;
 use protocol_core::time::{Instant, NEVER};
 
 use super::play::Bench;
 use super::script::{Device, UseCase};
-use crate::kind::{Birth, Simulated};
-use crate::memory::Memory;
 use crate::world::{Plant, TapId, World};
 
 /// Devices and a master in a world of their own.
@@ -27,9 +25,8 @@ impl SimulatedBench {
         let mut world = World::new(case.bit_rate(), 0);
         let master = world.add_tap("master");
         for Device { kind, node_id, serial } in case.devices {
-            let birth = Birth { node_id: Some(*node_id), serial: *serial, bit_rate: None };
-            let device = world.add_device(kind.name(), kind.factory(birth), Memory::in_ram());
-            world.set_senses(device, Senses::healthy(*kind));
+            let setup = Setup { node_id: Some(*node_id), serial: *serial, ..Setup::<Kind>::new(*kind) };
+            world.add(kind.name(), setup);
         }
         Self { world, master, received: VecDeque::new() }
     }

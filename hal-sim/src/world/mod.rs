@@ -5,6 +5,7 @@
 //! the seed.
 
 mod agenda;
+mod client;
 mod controller;
 mod link;
 mod node;
@@ -22,11 +23,12 @@ use std::sync::Arc;
 use std::vec::Drain;
 
 use protocol_core::controller::BitRate;
-use protocol_core::device::{Device, Outputs, Senses, StartCause};
+use protocol_core::device::{Device, Outputs, Senses, Setup, StartCause};
 use protocol_core::frame::Frame;
 use protocol_core::memory::Image;
 use protocol_core::time::{Duration, Instant};
 
+pub use client::{Client, WorldGone};
 pub use controller::ControllerId;
 pub use link::{Link, LinkError};
 pub use node::{FAULT_LOG_WRITE_TIME, Factory, SimDevice, WRITE_TIME, Write, write_time};
@@ -37,9 +39,11 @@ pub use run::FLUSH_PATIENCE;
 pub use crate::bus::{Event, EventKind};
 
 use crate::bus::{Bus, Disturbance, Injector, Port, PortId};
+use crate::kind::{Birth, Simulated};
 use crate::memory::Memory;
 
 use agenda::Agenda;
+use client::Connection;
 use link::Coupling;
 use node::{Node, Power};
 
@@ -65,6 +69,8 @@ pub struct World {
     random: fastrand::Rng,
     /// The list of ports that are being looked at, to be used again.
     touched: Vec<PortId>,
+    /// The clients that somebody else owns.
+    clients: Vec<Connection>,
 }
 
 impl World {
@@ -81,6 +87,7 @@ impl World {
             owners: Vec::new(),
             random: fastrand::Rng::with_seed(seed),
             touched: Vec::new(),
+            clients: Vec::new(),
         }
     }
 
@@ -90,7 +97,21 @@ impl World {
         self.now
     }
 
-    /// Adds a device, not yet powered. `factory` builds it from its memory each time it is powered up.
+    /// Adds a healthy device with a new memory, not yet powered: a kind as it leaves the factory, or a [`Setup`].
+    pub fn add(&mut self, name: &str, setup: impl Into<Setup>) -> NodeId {
+        self.add_with(name, setup, Memory::in_ram())
+    }
+
+    /// Adds a healthy device with this memory, not yet powered. Where the memory holds something, it decides, not the
+    /// setup.
+    pub fn add_with(&mut self, name: &str, setup: impl Into<Setup>, memory: Memory) -> NodeId {
+        let Setup { kind, node_id, serial, bit_rate } = setup.into();
+        let node = self.add_device(name, kind.factory(Birth { node_id, serial, bit_rate }), memory);
+        self.set_senses(node, Senses::healthy(kind));
+        node
+    }
+
+    /// Adds a device of any make, not yet powered. `factory` builds it from its memory each time it is powered up.
     pub fn add_device(
         &mut self,
         name: &str,

@@ -22,14 +22,22 @@ impl World {
 
     /// Goes to the next event and lets everything happen that is due then. Nothing happens when nothing is due.
     pub fn step(&mut self) {
+        self.take_from_clients();
         let next = self.next_event();
         if next != NEVER {
             self.happen(next);
         }
+        self.give_to_clients();
+    }
+
+    /// Lets so much time pass, with everything that is due in it.
+    pub fn run_for(&mut self, time: Duration) {
+        self.run_until(after(self.now, time));
     }
 
     /// Lets everything happen that is due until `end`, and goes there.
     pub fn run_until(&mut self, end: Instant) {
+        self.take_from_clients();
         loop {
             let next = self.next_event();
             if next > end || next == NEVER {
@@ -38,6 +46,7 @@ impl World {
             self.happen(next);
         }
         self.now = self.now.max(end);
+        self.give_to_clients();
     }
 
     /// Asks all devices to store what waits to be stored, and runs until they have: for an orderly shutdown.

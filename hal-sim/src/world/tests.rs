@@ -10,6 +10,7 @@ use super::probe::{Command, DONE, ECHO, ECHO_ANSWER, HEARTBEAT, Plan, Probe, com
 use super::*;
 use crate::bus::{BusError, DestroyNext, FrameBits};
 
+mod clients;
 mod events;
 
 const RATE: BitRate = BitRate::Kbit250;

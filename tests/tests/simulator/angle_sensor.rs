@@ -1,11 +1,9 @@
 //! Angle sensors in a world: their shaft as plant, linked to a valve, and their PDOs in time (SPEC 9).
 
-use hal_sim::kind::{Birth, Kind, Simulated};
 use hal_sim::world::{EventKind, Link, LinkError, Plant, PlantError};
-use hal_sim::{Memory, NodeId, TapId, World};
+use hal_sim::{Kind, NodeId, Setup, TapId, World};
 use protocol_core::actuator::Valve;
 use protocol_core::controller::BitRate;
-use protocol_core::device::Senses;
 use protocol_core::device::pve::PveCanopen;
 use protocol_core::time::{Duration, Instant, NEVER, after};
 use tests::frame;
@@ -28,9 +26,8 @@ impl Machine {
         let [valve, sensor, other] =
             [("pvea-canopen", 0x20), ("hat1000", 1), ("pvea-isobus", 0x83)].map(|(name, id)| {
                 let kind = Kind::from_name(name).expect("a kind");
-                let birth = Birth { node_id: Some(id), bit_rate: Some(RATE), ..kind.default_birth() };
-                let node = world.add_device(name, kind.factory(birth), Memory::in_ram());
-                world.set_senses(node, Senses::healthy(kind));
+                let setup = Setup { node_id: Some(id), bit_rate: Some(RATE), ..Setup::<Kind>::new(kind) };
+                let node = world.add(name, setup);
                 world.power(node, true);
                 node
             });

@@ -171,3 +171,22 @@ impl From<Setup<hat::Kind>> for Setup {
         Self { kind: Kind::Hat(setup.kind), node_id: setup.node_id, serial: setup.serial, bit_rate: setup.bit_rate }
     }
 }
+
+impl From<pve::Kind> for Kind {
+    fn from(kind: pve::Kind) -> Self {
+        Self::Pve(kind)
+    }
+}
+
+impl From<hat::Kind> for Kind {
+    fn from(kind: hat::Kind) -> Self {
+        Self::Hat(kind)
+    }
+}
+
+/// A device as it leaves the factory.
+impl<K: Into<Kind>> From<K> for Setup {
+    fn from(kind: K) -> Self {
+        Self::new(kind.into())
+    }
+}

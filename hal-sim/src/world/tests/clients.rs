@@ -1,0 +1,56 @@
+//! Clients that a program owns, as firmware owns its CAN controller.
+
+use embedded_can::nb::Can;
+
+use super::*;
+
+/// What a client has received.
+fn received(client: &mut Client) -> Vec<Frame> {
+    std::iter::from_fn(|| client.receive().ok()).collect()
+}
+
+#[test]
+fn a_client_talks_to_a_device_in_the_time_of_the_world() {
+    let mut bench = Bench::of(1);
+    let mut client = bench.world.client("controller");
+    let (question, answer) = (std_frame(ECHO + 1, &[1]), std_frame(ECHO_ANSWER + 1, &[1]));
+    assert_eq!(client.transmit(&question), Ok(None));
+    assert_eq!(bench.trace(), [], "time stands still");
+    assert_eq!(client.receive(), Err(nb::Error::WouldBlock));
+    bench.run_for(10);
+    let trace = bench.trace();
+    assert_eq!((trace[0].frame(), trace[0].who.as_ref()), (Some(&question), "controller"));
+    assert_eq!(trace[0].what, EventKind::Frame { frame: question, start: millis(10) });
+    assert_eq!(received(&mut client), [answer]);
+    assert_eq!(bench.received(), [question, answer]);
+}
+
+#[test]
+fn a_step_takes_the_frames_of_clients_too() {
+    let mut bench = Bench::of(0);
+    let (mut one, mut other) = (bench.world.client("one"), bench.world.client("other"));
+    one.transmit(&std_frame(0x123, &[])).unwrap();
+    bench.world.step();
+    bench.world.step();
+    assert_eq!(received(&mut other), [std_frame(0x123, &[])]);
+    assert_eq!(received(&mut one), [], "its own frame");
+}
+
+#[test]
+fn a_client_that_is_dropped_leaves_the_bus() {
+    let mut bench = Bench::of(0);
+    let mut client = bench.world.client("controller");
+    client.transmit(&std_frame(0x123, &[])).unwrap();
+    drop(client);
+    bench.world.send(bench.tap, std_frame(0x124, &[]));
+    bench.run_for(100);
+    assert_eq!(bench.world.pending(bench.tap), 1, "nobody acknowledges");
+    assert_eq!(bench.trace().iter().filter(|event| event.who.as_ref() == "controller").count(), 0);
+}
+
+#[test]
+fn a_client_is_told_that_its_world_is_gone() {
+    let mut client = World::new(RATE, 0).client("controller");
+    assert_eq!(client.transmit(&std_frame(0x123, &[])), Err(nb::Error::Other(WorldGone)));
+    assert_eq!(client.receive(), Err(nb::Error::Other(WorldGone)));
+}
