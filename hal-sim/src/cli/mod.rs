@@ -3,6 +3,7 @@
 mod device;
 mod link;
 mod options;
+mod shell;
 
 pub use device::DeviceSpec;
 pub use options::RunArgs;
@@ -11,6 +12,7 @@ use std::ffi::OsString;
 
 use clap::error::{ContextKind, ErrorKind};
 use clap::{CommandFactory, Parser, Subcommand};
+use clap_complete::Shell;
 
 use crate::describe;
 use crate::kind::Kind;
@@ -24,7 +26,7 @@ pub enum Request {
     Run(RunOptions),
     /// Play these use cases.
     UseCases(Vec<&'static UseCase>),
-    /// Print this on stdout: the help, the version, or the description of a kind.
+    /// Print this on stdout: the help, the version, the description of a kind, or what a shell reads.
     Print(String),
 }
 
@@ -89,6 +91,14 @@ enum Command {
         #[arg(value_name = "pvea-isobus|pveo-isobus", value_parser = dbc)]
         database: Description,
     },
+    /// Prints the completion script for a shell
+    Completions {
+        /// The shell
+        #[arg(value_name = "bash|zsh|fish|powershell|elvish", hide_possible_values = true)]
+        shell: Shell,
+    },
+    /// Prints the manual page, in roff
+    Man,
 }
 
 /// The text of an EDS or DBC.
@@ -148,6 +158,8 @@ where
         Ok(Cli { command: Some(Command::Eds { sheet: text } | Command::Dbc { database: text }), .. }) => {
             Ok(Request::Print(text.0))
         }
+        Ok(Cli { command: Some(Command::Completions { shell }), .. }) => Ok(Request::Print(shell::completions(shell))),
+        Ok(Cli { command: Some(Command::Man), .. }) => Ok(Request::Print(shell::manual_page())),
         Ok(Cli { command: None, run }) => RunOptions::try_from(run).map(Request::Run),
         Err(error) if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => {
             Ok(Request::Print(error.to_string()))

@@ -3,7 +3,7 @@
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, ValueHint};
 use protocol_core::controller::BitRate;
 use protocol_core::device::pve;
 
@@ -65,7 +65,7 @@ pub struct RunArgs {
     allow_clash: bool,
 
     /// Keep each device's memory in DIR/NAME.nvm; without it the memory is lost at exit
-    #[arg(long, value_name = "DIR", help_heading = "Devices")]
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, help_heading = "Devices")]
     state: Option<PathBuf>,
 
     /// Where the bus is reachable: socketcand://HOST:PORT/NAME, port 0 takes a free one; socketcan:IFACE, an interface of
@@ -91,7 +91,7 @@ pub struct RunArgs {
     seed: u64,
 
     /// Write every frame to FILE, in the format of candump -L
-    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Output")]
     log: Option<PathBuf>,
 
     /// Write to the file of --log even if it has something in it, which is lost

@@ -89,7 +89,7 @@ const ENCODER_WORDS: &[Line] = &[
 ];
 
 /// The names in the first column of the table that begins so, without what is set for a name.
-fn documented(head: &str) -> BTreeSet<String> {
+pub(crate) fn documented(head: &str) -> BTreeSet<String> {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/pve-sim.md");
     let page = fs::read_to_string(page).expect("the page");
     let table = page.lines().skip_while(|line| !line.starts_with(head)).take_while(|line| line.starts_with('|'));
@@ -190,10 +190,12 @@ fn type_words(kind: &str, lines: &[Line]) {
 #[test]
 fn every_command() {
     for (right, wrong, accepted) in [
-        ("run --help", "walk", "accepted: run, use-case, eds, dbc, help"),
+        ("run --help", "walk", "accepted: run, use-case, eds, dbc, completions, man, help"),
         ("use-case 1", "use-case 7", "accepted: 1, 2, 3, 4, 5, 6, isobus, hat, all"),
         ("eds hat3000", "eds pvea-isobus", "pvea-canopen|pveo-canopen|hat1000|hat3000"),
         ("dbc pveo-isobus", "dbc hat1000", "pvea-isobus|pveo-isobus"),
+        ("completions bash", "completions tcsh", "bash, elvish, fish, powershell, zsh"),
+        ("man", "man run", "'run'"),
         ("help use-case", "help walk", "'walk'"),
     ] {
         assert_eq!(output(&right.split(' ').collect::<Vec<_>>()).status.code(), Some(0), "{right}");

@@ -1,0 +1,57 @@
+//! What a shell and its user know of the command line: completions and the manual page.
+
+use clap::{Command, CommandFactory};
+use clap_complete::Shell;
+use clap_mangen::Man;
+use clap_mangen::roff::{Roff, bold, roman};
+
+use super::Cli;
+
+/// Returns the completion script for a shell.
+pub(super) fn completions(shell: Shell) -> String {
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut Cli::command(), "pve-sim", &mut script);
+    // The states of bash have two spellings for a program with a hyphen in its name, with clap_complete up to 4.6.11: no
+    // option of a command would be completed.
+    text(script).replace("pve__subcmd__sim", "pve__sim")
+}
+
+/// Returns the manual page, section 1, in roff: one page for all commands.
+pub(super) fn manual_page() -> String {
+    let page = Man::new(Cli::command());
+    let mut roff = Vec::new();
+    let written = page
+        .render_title(&mut roff)
+        .and_then(|()| page.render_name_section(&mut roff))
+        .and_then(|()| page.render_synopsis_section(&mut roff))
+        .and_then(|()| page.render_description_section(&mut roff))
+        .and_then(|()| commands().to_writer(&mut roff))
+        .and_then(|()| page.render_options_section(&mut roff))
+        .and_then(|()| page.render_extra_section(&mut roff));
+    debug_assert!(written.is_ok(), "a vector takes everything");
+    text(roff)
+}
+
+/// Returns the section of the commands: clap's own would refer to a page for each of them.
+fn commands() -> Roff {
+    let mut command = Cli::command();
+    command.build();
+    let mut roff = Roff::new();
+    roff.control("SH", ["COMMANDS"]);
+    for command in command.get_subcommands_mut() {
+        let usage = command.render_usage().to_string();
+        roff.control("TP", []);
+        roff.text([bold(usage.strip_prefix("Usage: ").unwrap_or(&usage))]);
+        roff.text([roman(about(command))]);
+    }
+    roff
+}
+
+fn about(command: &Command) -> String {
+    command.get_about().map(ToString::to_string).unwrap_or_default()
+}
+
+/// The text that clap wrote, which is UTF-8.
+fn text(bytes: Vec<u8>) -> String {
+    String::from_utf8_lossy(&bytes).into_owned()
+}
