@@ -11,8 +11,7 @@ use super::Cli;
 pub(super) fn completions(shell: Shell) -> String {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut Cli::command(), "pve-sim", &mut script);
-    // The states of bash have two spellings for a program with a hyphen in its name, with clap_complete up to 4.6.11: no
-    // option of a command would be completed.
+    // clap_complete (up to 4.6.11) spells a hyphenated program in two ways, and bash would complete no option of a command.
     text(script).replace("pve__subcmd__sim", "pve__sim")
 }
 

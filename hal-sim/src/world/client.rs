@@ -9,10 +9,10 @@ use super::{TapId, World};
 
 /// A client of a world's bus, made by [`World::client`].
 ///
-/// Virtual time passes in the calls of the [`World`] alone. A frame that was transmitted goes to the bus at the beginning of
-/// the next [`World::run_for`], [`World::run_until`] or [`World::step`], at the instant that the world is at then; received
-/// frames are there when the call returns. `transmit` takes every frame. To wait for a frame by `nb::block!` is to wait for
-/// ever: let the world run, and look again.
+/// Virtual time passes in the calls of the [`World`] alone. A transmitted frame goes to the bus at the beginning of the
+/// next [`World::run_for`], [`World::run_until`] or [`World::step`], at the instant that the world is at then; received
+/// frames are there when the call returns. `transmit` takes every frame. To wait for a frame by `nb::block!` is to wait
+/// for ever: let the world run, and look again.
 ///
 /// A client that is dropped leaves the bus, with all that it had to send.
 #[derive(Debug)]
@@ -56,8 +56,8 @@ pub(super) struct Connection {
 }
 
 impl World {
-    /// Adds a client that the caller owns, as firmware owns its CAN controller: it sends in the order it is told to, hears
-    /// everything but its own frames, and acknowledges.
+    /// Adds a client that the caller owns, as firmware owns its CAN controller: it sends in the order it is told to,
+    /// hears everything but its own frames, and acknowledges.
     pub fn client(&mut self, name: &str) -> Client {
         let tap = self.add_tap(name);
         let (sent, to_bus) = mpsc::channel();

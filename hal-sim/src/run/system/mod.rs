@@ -2,7 +2,7 @@
 //!
 //! | | Linux | macOS | Windows |
 //! | --- | --- | --- | --- |
-//! | the end by a signal | SIGINT, SIGTERM, SIGHUP | the same | Ctrl-C, Ctrl-Break, a closed window, log-off, shutdown |
+//! | a signal ends the run | SIGINT, SIGTERM, SIGHUP | the same | Ctrl-C, Ctrl-Break, close, log-off, shutdown |
 //! | SIGHUP ignored by a parent stays ignored | yes | no | no SIGHUP |
 //! | a reader of stdout that is gone | at once | with the next line | with the next line |
 //! | a job in the background leaves the terminal alone | yes | yes | no such jobs |

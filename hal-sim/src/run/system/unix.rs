@@ -63,8 +63,8 @@ pub(in crate::run) fn wait_for_hangup() -> bool {
     }
 }
 
-/// Waits until stdin can be read; returns whether there is one. A job in the background must not read from its terminal:
-/// the system would stop it.
+/// Waits until stdin can be read; returns whether there is one. A job in the background must not read from its
+/// terminal: the system would stop it.
 pub(in crate::run) fn wait_for_input() -> bool {
     /// The shell reads what is typed now, and needs time to do so.
     const BACKGROUND: Duration = Duration::from_millis(200);
