@@ -19,7 +19,7 @@ from conftest import PATIENCE, is_gone
 
 from pve_sim import Simulator, SimulatorEnded, StartError, find_binary
 
-linux = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc, or for the end of strangers")
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc, or for the end of strangers")
 
 
 def test_the_command_is_that_of_the_wheel(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -89,6 +89,15 @@ def test_a_simulator_that_is_killed_ends_a_wait() -> None:
     sim.close()
 
 
+def test_a_simulator_that_is_closed_ends_a_wait() -> None:
+    sim = Simulator()
+    closer = threading.Timer(0.1, sim.close)
+    closer.start()
+    with pytest.raises(SimulatorEnded, match="closed"):
+        sim.valve.wait(dsm="fault-hold", within_ms=600_000)
+    closer.join()
+
+
 def test_an_exception_tells_the_last_frames() -> None:
     with pytest.raises(RuntimeError) as error, Simulator(speed="step") as sim:
         sim.wait_frame(0x720)
@@ -126,7 +135,6 @@ def test_a_long_trace_blocks_nobody() -> None:
         assert sim.advance(30_000) > 30_000_000
 
 
-@linux
 def test_nothing_leaks() -> None:
     def held() -> tuple[int, int]:
         gc.collect()
@@ -151,7 +159,6 @@ def started(script: str) -> tuple[subprocess.Popen[str], int]:
     return parent, int(parent.stdout.readline())
 
 
-@linux
 @pytest.mark.parametrize(
     "script",
     [
@@ -172,7 +179,6 @@ def test_a_simulator_ends_with_the_interpreter(script: str) -> None:
         assert is_gone(simulator)
 
 
-@linux
 def test_a_fork_does_not_end_the_simulator() -> None:
     parent, simulator = started("""
 if os.fork() == 0:
@@ -186,7 +192,6 @@ sys.stdin.read()
     assert is_gone(simulator)
 
 
-@linux
 def test_ctrl_c_leaves_the_simulator_to_python() -> None:
     script = """
 try:

@@ -25,6 +25,9 @@ _START_S = 30.0
 _ANSWER_S = 60.0
 _END_S = 10.0
 
+#: The time from a broken connection to the end of the process, in seconds.
+_ENDING_S = 2.0
+
 #: Lines of stdout and of stderr that are kept.
 _KEPT = 200
 
@@ -38,7 +41,8 @@ class Process:
         command = [executable or find_binary(), *arguments]
         self._closed = False
         # Ctrl-C goes to the terminal's whole group of processes: this one decides when the simulator ends, and may still
-        # ask it something. Should this process be killed, the pipe of stdout breaks, and that ends pve-sim.
+        # ask it something. When this process is killed, the pipe of stdout breaks, and that ends pve-sim: a signal of the
+        # kernel at a parent's death would come at the end of the thread that started it, already.
         apart: dict[str, Any] = {"start_new_session": True}
         if sys.platform == "win32":
             apart = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
@@ -114,7 +118,9 @@ class Process:
         value = json.loads(text)
         if answer.status in (200, 408):
             return value
-        raise _refusal(answer.status, value["error"])
+        refusal = _refusal(answer.status, value["error"])
+        # Too much was asked of it, or it ends.
+        raise self._ending(refusal) if answer.status == 503 else refusal
 
     def open(self, path: str) -> tuple[HTTPConnection, HTTPResponse]:
         """Returns the answer to a GET that has no end, and its connection."""
@@ -138,15 +144,15 @@ class Process:
         return connection.getresponse()
 
     def _unanswered(self, method: str, path: str, error: Exception) -> SimulatorError:
-        """Returns why there was no answer: the connection breaks a moment before the process is gone."""
+        return self._ending(SimulatorError(f"{method} {path}: pve-sim did not answer: {error}"))
+
+    def _ending(self, otherwise: SimulatorError) -> SimulatorError:
+        """Returns that the process ended, if it does: its connections break a moment before it is gone."""
         try:
-            if not isinstance(error, TimeoutError):
-                self._popen.wait(timeout=1)
+            self._popen.wait(timeout=_ENDING_S)
         except subprocess.TimeoutExpired:
-            pass
-        if self._closed or self._popen.poll() is not None:
-            return self.ended()
-        return SimulatorError(f"{method} {path}: pve-sim did not answer: {error}")
+            return otherwise
+        return self.ended()
 
 
 class _Drain:
@@ -154,21 +160,26 @@ class _Drain:
 
     def __init__(self, pipe: IO[str] | None, first: queue.SimpleQueue[str] | None = None) -> None:
         self._lines: deque[str] = deque(maxlen=_KEPT)
-        self.thread = threading.Thread(target=_drain, args=(pipe, self._lines, first), name="pve-sim", daemon=True)
+        self._lock = threading.Lock()
+        arguments = (pipe, self._lines, self._lock, first)
+        self.thread = threading.Thread(target=_drain, args=arguments, name="pve-sim", daemon=True)
         self.thread.start()
 
     def last(self, lines: int) -> list[str]:
-        return list(self._lines)[-lines:]
+        with self._lock:
+            return list(self._lines)[-lines:]
 
     def text(self) -> str:
-        return "".join(self._lines).strip()
+        return "".join(self.last(_KEPT)).strip()
 
 
-def _drain(pipe: IO[str], lines: deque[str], first: queue.SimpleQueue[str] | None) -> None:
+def _drain(pipe: IO[str], lines: deque[str], lock: threading.Lock, first: queue.SimpleQueue[str] | None) -> None:
     with pipe:
         if first is not None:
             first.put(pipe.readline())
-        lines.extend(pipe)
+        for line in pipe:
+            with lock:
+                lines.append(line)
 
 
 def _end(popen: subprocess.Popen[str], drains: list[threading.Thread], owner: int) -> None:

@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 from weakref import WeakSet
 
 from ._device import Device, Devices, Sensor, Valve
-from ._errors import SimulatorError, WaitTimeout
+from ._errors import InvalidValue, SimulatorError, WaitTimeout
 from ._process import Process
 from ._state import (
     BusState,
@@ -169,6 +169,8 @@ class Simulator:
         body: Json = {"frames": frames}
         if id is not None:
             body |= {"id": id, "extended": extends(id, extended)}
+        elif extended is not None:
+            raise InvalidValue("extended without an id")
         return BusState.of(self._process.call("POST", "/bus/disturb", body))
 
     # Frames.
@@ -200,6 +202,8 @@ class Simulator:
 
     def stop(self, id: int | None = None, *, extended: bool | None = None) -> int:
         """Ends cyclic frames, those of an identifier or all, and returns how many there were."""
+        if id is None and extended is not None:
+            raise InvalidValue("extended without an id")
         of = "" if id is None else f"?id={id}&extended={str(extends(id, extended)).lower()}"
         stopped: int = self._process.call("DELETE", f"/bus/frames{of}")["stopped"]
         return stopped
