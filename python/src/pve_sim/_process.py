@@ -6,6 +6,7 @@ import json
 import os
 import queue
 import re
+import signal
 import subprocess
 import sys
 import threading
@@ -186,7 +187,7 @@ def _end(popen: subprocess.Popen[str], drains: list[threading.Thread], owner: in
     """Ends a process; not in a fork of the one that started it."""
     if os.getpid() != owner:
         return
-    popen.terminate()
+    _ask_to_end(popen)
     try:
         popen.wait(timeout=_END_S)
     except subprocess.TimeoutExpired:
@@ -194,6 +195,19 @@ def _end(popen: subprocess.Popen[str], drains: list[threading.Thread], owner: in
         popen.wait()
     for drain in drains:
         drain.join()
+
+
+def _ask_to_end(popen: subprocess.Popen[str]) -> None:
+    """Asks a process to store everything and to end."""
+    if sys.platform == "win32":
+        try:
+            # The process is a group of its own, so that nobody else gets it.
+            popen.send_signal(signal.CTRL_BREAK_EVENT)
+        except OSError:
+            # Neither has a console.
+            popen.terminate()
+    else:
+        popen.terminate()
 
 
 def _meaning(status: int) -> str:
