@@ -135,20 +135,22 @@ def test_a_long_trace_blocks_nobody() -> None:
         assert sim.advance(30_000) > 30_000_000
 
 
-def test_nothing_leaks() -> None:
+def test_nothing_leaks(caplog: pytest.LogCaptureFixture) -> None:
     def held() -> tuple[int, int]:
         gc.collect()
         return len(os.listdir("/proc/self/fd")), threading.active_count()
 
     with Simulator() as sim:
-        sim.bus()
+        bus = sim.bus()
     before = held()
     for _ in range(30):
         with Simulator() as sim:
-            sim.bus()
+            bus = sim.bus()
             sim.valve.state()
             next(sim.events())
+    del bus
     assert held() == before
+    assert not caplog.text, "python-can tells of a client that was not shut down"
 
 
 def started(script: str) -> tuple[subprocess.Popen[str], int]:

@@ -242,7 +242,7 @@ def test_devices_have_names_and_a_sensor_follows_a_valve() -> None:
         sim.wait_frame(0x701)
         drive(sim)
         assert sim.sensor.wait(position={"min": 1}).plant.angle_cdeg > 0
-        with pytest.raises(UnknownDevice, match="there are: boom, pveo-canopen, hat1000"):
+        with pytest.raises(UnknownDevice, match=r"^no such device 'arm'; there are: boom, pveo-canopen, hat1000$"):
             sim["arm"]
         with pytest.raises(KeyError):
             sim.valves["hat1000"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import queue
 import re
 import signal
@@ -57,7 +56,7 @@ class Process:
         first: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._stdout = _Drain(self._popen.stdout, first)
         self._stderr = _Drain(self._popen.stderr)
-        self._end = weakref.finalize(self, _end, self._popen, [self._stdout.thread, self._stderr.thread], os.getpid())
+        self._end = weakref.finalize(self, _end, self._popen, [self._stdout.thread, self._stderr.thread])
         try:
             ready = _READY.match(self._first_line(first))
             if ready is None:
@@ -183,10 +182,8 @@ def _drain(pipe: IO[str], lines: deque[str], lock: threading.Lock, first: queue.
                 lines.append(line)
 
 
-def _end(popen: subprocess.Popen[str], drains: list[threading.Thread], owner: int) -> None:
-    """Ends a process; not in a fork of the one that started it."""
-    if os.getpid() != owner:
-        return
+def _end(popen: subprocess.Popen[str], drains: list[threading.Thread]) -> None:
+    """Ends a process. In a fork of the one that started it, `Popen` knows of no child, and nothing happens."""
     _ask_to_end(popen)
     try:
         popen.wait(timeout=_END_S)
