@@ -55,6 +55,8 @@ class Device(Generic[S]):
         return cast(S, state_of(self._process.call(method, f"/devices/{quote(self.name)}{path}", body)))
 
     def _wait(self, wanted: Mapping[str, Any], within_ms: int) -> S:
+        # pytest shows the line of the test instead.
+        __tracebackhide__ = True
         condition = {"device": self.name, "state": wanted, "within_ms": within_ms}
         answer: Json = self._process.call("POST", "/wait", condition, takes_time=True)
         if "error" not in answer:
@@ -107,6 +109,7 @@ class Valve(Device[ValveState]):
             WaitTimeout: it did not hold within the time.
             InvalidValue: an unknown field or value.
         """
+        __tracebackhide__ = True
         return self._wait(state, within_ms)
 
 
@@ -126,6 +129,7 @@ class Sensor(Device[SensorState]):
 
     def wait(self, *, within_ms: int = 5000, **state: Unpack[SensorCondition]) -> SensorState:
         """Waits as `Valve.wait` does."""
+        __tracebackhide__ = True
         return self._wait(state, within_ms)
 
 

@@ -221,6 +221,7 @@ class Simulator:
         Raises:
             WaitTimeout: it did not come within so many milliseconds.
         """
+        __tracebackhide__ = True
         is_extended, begin = extends(id, extended), hexadecimal(data)
         wanted = {"frame": {"id": id, "extended": is_extended, "data": begin}, "within_ms": within_ms}
         answer: Json = self._process.call("POST", "/wait", wanted, takes_time=True)
