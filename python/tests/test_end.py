@@ -77,6 +77,13 @@ def test_a_simulator_that_was_killed_says_so() -> None:
         assert is_gone(sim.pid)
         with pytest.raises(SimulatorEnded, match="signal 9"):
             sim.valve.state()
+
+
+def test_a_simulator_that_has_ended_leaves_its_trace() -> None:
+    with pytest.raises(SimulatorEnded, match="exit status 0"), Simulator(speed="step") as sim:
+        sim.wait_frame(0x720)
+        os.kill(sim.pid, signal.SIGTERM)
+        assert is_gone(sim.pid)
         assert "boot-up" in sim.trace_text()
 
 

@@ -98,11 +98,15 @@ class Process:
         """Returns the error of a call to a simulator that is not there any more."""
         if self._closed:
             return SimulatorEnded("the simulator is closed")
-        said = "\n".join(self._stderr.text().splitlines()[-10:])
-        return SimulatorEnded(f"pve-sim ended by itself ({_meaning(self._popen.wait())}); its stderr:\n{said}")
+        status = self._popen.wait()
+        self._stderr.thread.join()
+        said = "".join(self._stderr.last(10)).strip()
+        return SimulatorEnded(f"pve-sim ended by itself ({_meaning(status)}); its stderr:\n{said}")
 
     def printed(self, lines: int) -> list[str]:
-        """Returns the last lines of stdout, the trace."""
+        """Returns the last lines of stdout, the trace; of a process that has ended, to its end."""
+        if self._popen.poll() is not None:
+            self._stdout.thread.join()
         return self._stdout.last(lines)
 
     def call(self, method: str, path: str, body: object = None, *, takes_time: bool = False) -> Any:
