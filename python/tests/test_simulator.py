@@ -16,6 +16,7 @@ from pve_sim import (
     Frame,
     InvalidValue,
     Led,
+    Refused,
     Sensor,
     Simulator,
     SimulatorError,
@@ -220,6 +221,14 @@ def test_events_tell_states_and_frames(stepped: Simulator) -> None:
         frames = (event.value for event in events if isinstance(event.value, Frame))
         assert next(frame for frame in frames if frame.id == 0x123).data == b"\x01"
     assert list(events) == []
+
+
+def test_too_many_followers_are_refused(stepped: Simulator) -> None:
+    followers = [stepped.events() for _ in range(64)]
+    with pytest.raises(Refused, match="too many"):
+        stepped.events()
+    for follower in followers:
+        follower.close()
 
 
 def test_events_end_with_the_simulator() -> None:

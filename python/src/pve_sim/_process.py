@@ -119,21 +119,22 @@ class Process:
             raise self._unanswered(method, path, error) from error
         finally:
             connection.close()
-        value = json.loads(text)
         if answer.status in (200, 408):
-            return value
-        refusal = _refusal(answer.status, value["error"])
-        # Too much was asked of it, or it ends.
-        raise self._ending(refusal) if answer.status == 503 else refusal
+            return json.loads(text)
+        raise self._refused(answer.status, text)
 
     def open(self, path: str) -> tuple[HTTPConnection, HTTPResponse]:
         """Returns the answer to a GET that has no end, and its connection."""
         connection = self._connection(None)
         try:
-            return connection, self._ask(connection, "GET", path, None)
+            answer = self._ask(connection, "GET", path, None)
+            if answer.status == 200:
+                return connection, answer
+            refused = self._refused(answer.status, answer.read())
         except (OSError, HTTPException) as error:
-            connection.close()
-            raise self._unanswered("GET", path, error) from error
+            refused = self._unanswered("GET", path, error)
+        connection.close()
+        raise refused
 
     def _connection(self, timeout: float | None) -> HTTPConnection:
         if self._closed or self._popen.poll() is not None:
@@ -147,13 +148,19 @@ class Process:
         connection.request(method, f"/api/v1{path}", data, {"Content-Type": "application/json"})
         return connection.getresponse()
 
+    def _refused(self, status: int, text: bytes) -> SimulatorError:
+        """Returns the error of an answer. 503 is for too much that was asked, and at the end."""
+        refusal = _refusal(status, json.loads(text)["error"])
+        return self._ending(refusal) if status == 503 else refusal
+
     def _unanswered(self, method: str, path: str, error: Exception) -> SimulatorError:
         return self._ending(SimulatorError(f"{method} {path}: pve-sim did not answer: {error}"))
 
     def _ending(self, otherwise: SimulatorError) -> SimulatorError:
         """Returns that the process ended, if it does: its connections break a moment before it is gone."""
         try:
-            self._popen.wait(timeout=_ENDING_S)
+            if not self._closed:
+                self._popen.wait(timeout=_ENDING_S)
         except subprocess.TimeoutExpired:
             return otherwise
         return self.ended()
