@@ -1,0 +1,63 @@
+"""A stand-in for CAN hydraulic valves and angle sensors, driven and broken from Python.
+
+with Simulator("pvea-canopen@0x20") as sim:
+    bus = sim.bus()
+    sim.valve.plant(supply_mv=8000)
+    sim.valve.wait(dsm="fault-hold")
+"""
+
+from ._binary import find_binary
+from ._device import Device, Devices, Sensor, Valve
+from ._errors import (
+    Conflict,
+    InvalidValue,
+    Refused,
+    SimulatorEnded,
+    SimulatorError,
+    StartError,
+    UnknownDevice,
+    WaitTimeout,
+)
+from ._simulator import Events, Simulator
+from ._state import (
+    BusState,
+    DeviceState,
+    Disturbance,
+    Event,
+    Fault,
+    Frame,
+    Led,
+    SensorPlant,
+    SensorState,
+    ValvePlant,
+    ValveState,
+)
+
+__all__ = [
+    "BusState",
+    "Conflict",
+    "Device",
+    "DeviceState",
+    "Devices",
+    "Disturbance",
+    "Event",
+    "Events",
+    "Fault",
+    "Frame",
+    "InvalidValue",
+    "Led",
+    "Refused",
+    "Sensor",
+    "SensorPlant",
+    "SensorState",
+    "Simulator",
+    "SimulatorEnded",
+    "SimulatorError",
+    "StartError",
+    "UnknownDevice",
+    "Valve",
+    "ValvePlant",
+    "ValveState",
+    "WaitTimeout",
+    "find_binary",
+]

@@ -1,0 +1,15 @@
+"""`python -m pve_sim`: the command, where the folder of scripts is not in the search path."""
+
+import subprocess
+import sys
+
+from ._binary import find_binary
+from ._errors import StartError
+
+try:
+    sys.exit(subprocess.call([find_binary(), *sys.argv[1:]]))
+except (StartError, OSError) as error:
+    sys.exit(str(error))
+except KeyboardInterrupt:
+    # pve-sim got it, too.
+    sys.exit(0)

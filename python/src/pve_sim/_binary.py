@@ -1,0 +1,33 @@
+"""Where the command is."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from importlib import metadata
+from pathlib import Path
+
+from ._errors import StartError
+
+_NAME = "pve-sim.exe" if os.name == "nt" else "pve-sim"
+
+
+def find_binary() -> str:
+    """Returns the path of pve-sim: that of the environment variable `PVE_SIM`, of this package, or of the search path."""
+    given = os.environ.get("PVE_SIM")
+    if given:
+        return given
+    found = _installed() or shutil.which(_NAME)
+    if found is None:
+        raise StartError("pve-sim was not found: neither PVE_SIM names it, nor is it beside this package or in PATH")
+    return found
+
+
+def _installed() -> str | None:
+    """Returns the binary of the wheel, whose list of files knows where the installer put it."""
+    try:
+        files = metadata.files("pve-sim") or []
+    except metadata.PackageNotFoundError:
+        return None
+    paths = (Path(str(file.locate())) for file in files if file.name == _NAME)
+    return next((os.path.normpath(path) for path in paths if path.exists()), None)

@@ -1,0 +1,150 @@
+"""The devices of a simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
+from urllib.parse import quote
+
+from ._errors import UnknownDevice, WaitTimeout
+from ._process import Process
+from ._state import Json, SensorState, ValveState, milliseconds, state_of
+
+if TYPE_CHECKING:
+    from typing import Unpack
+
+    from ._state import SensorChange, SensorCondition, ValveChange, ValveCondition
+
+S = TypeVar("S", ValveState, SensorState)
+D = TypeVar("D")
+
+
+class Device(Generic[S]):
+    """A device. Every answer is its state at the instant of the call."""
+
+    def __init__(self, process: Process, name: str, kind: str) -> None:
+        self._process = process
+        #: As in `name=`.
+        self.name = name
+        #: As in `--device`.
+        self.kind = kind
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.name!r}, {self.kind}>"
+
+    def state(self) -> S:
+        """Returns the state of now."""
+        return self._call("GET", "")
+
+    def power_off(self) -> S:
+        """Cuts the power."""
+        return self._call("POST", "/power", {"on": False})
+
+    def power_on(self) -> S:
+        """Gives power; a device that had none boots."""
+        return self._call("POST", "/power", {"on": True})
+
+    def reset(self) -> S:
+        """Resets the processor, as its watchdog does."""
+        return self._call("POST", "/power", {"reset": "watchdog"})
+
+    def _plant(self, change: Mapping[str, object]) -> S:
+        return self._call("PATCH", "/plant", change)
+
+    def _call(self, method: str, path: str, body: object = None) -> S:
+        return cast(S, state_of(self._process.call(method, f"/devices/{quote(self.name)}{path}", body)))
+
+    def _wait(self, wanted: Mapping[str, Any], within_ms: int) -> S:
+        # pytest shows the line of the test instead.
+        __tracebackhide__ = True
+        condition = {"device": self.name, "state": wanted, "within_ms": within_ms}
+        answer: Json = self._process.call("POST", "/wait", condition, takes_time=True)
+        if "error" not in answer:
+            return cast(S, state_of(answer))
+        raise self._timeout(wanted, within_ms, answer)
+
+    def _timeout(self, wanted: Mapping[str, Any], within_ms: int, answer: Json) -> WaitTimeout:
+        seen: Json = dict(answer["state"])
+        seen["faults"] = [fault["fault"] for fault in seen["faults"] if fault["active"]]
+        differ: list[str] = [f"  {key}: {seen.get(key)!r}, waited for {value!r}" for key, value in wanted.items()]
+        rest = ", ".join(f"{key} {value!r}" for key, value in seen.items() if key not in {*wanted, *_UNTOLD})
+        text = f"{self.name} did not get there within {within_ms} ms. At {milliseconds(answer['t_us'])}:"
+        error = WaitTimeout("\n".join([text, *differ, f"  and {rest}"]))
+        error.t_us, error.state = answer["t_us"], state_of(answer["state"])
+        return error
+
+
+#: What the text of a timeout leaves out: it was told before, or by whoever waits.
+_UNTOLD = ("t_us", "name", "kind", "plant")
+
+
+class Valve(Device[ValveState]):
+    """A valve."""
+
+    def plant(self, **change: Unpack[ValveChange]) -> ValveState:
+        """Changes what acts on the valve: all of it, or nothing.
+
+        `supply_mv` 0 to 100000; `temperature_c` -273 to 1000; `spool` "stuck", "slow", "drifting", "no-float" or None;
+        `lever` the position that the spool is pushed to by hand, -16384 to 16384, or None; `internal_fault`; `memory` "ok",
+        "write-fails" or "damaged"; `bus_off`.
+
+        Raises:
+            InvalidValue: an unknown field, or a value out of range.
+        """
+        fields: dict[str, object] = {**change}
+        if "spool" in fields:
+            fields["spool"] = {"fault": fields["spool"]}
+        return self._plant(fields)
+
+    def wait(self, *, within_ms: int = 5000, **state: Unpack[ValveCondition]) -> ValveState:
+        """Waits until all of this holds, and returns the state at the first such instant: now, if it holds now.
+
+        Values are equal; `position` and `set_point` can be `{"min": …, "max": …}`, `led` a part of it; `faults` are the
+        names of the active faults, exactly.
+
+        Args:
+            within_ms: The time, in milliseconds of virtual time. With `speed="step"` the call lets it pass.
+
+        Raises:
+            WaitTimeout: it did not hold within the time.
+            InvalidValue: an unknown field or value.
+        """
+        __tracebackhide__ = True
+        return self._wait(state, within_ms)
+
+
+class Sensor(Device[SensorState]):
+    """An angle sensor."""
+
+    def plant(self, **change: Unpack[SensorChange]) -> SensorState:
+        """Changes what acts on the sensor: all of it, or nothing.
+
+        `angle_cdeg` 0 to 35999 1/100 degree; `speed_rpm` turns a minute, positive clockwise; `measuring_error`;
+        `internal_fault`; `memory` "ok", "write-fails" or "damaged"; `bus_off`.
+
+        Raises:
+            InvalidValue: an unknown field, or a value out of range.
+        """
+        return self._plant(change)
+
+    def wait(self, *, within_ms: int = 5000, **state: Unpack[SensorCondition]) -> SensorState:
+        """Waits as `Valve.wait` does."""
+        __tracebackhide__ = True
+        return self._wait(state, within_ms)
+
+
+class Devices(dict[str, D]):
+    """Devices by name, in the order of the start."""
+
+    def __init__(self, devices: Mapping[str, D], known: list[str]) -> None:
+        super().__init__(devices)
+        self._known = known
+
+    def __missing__(self, name: str) -> D:
+        raise UnknownDevice(f"no such device {name!r}; there are: {', '.join(self._known)}")
+
+    def first(self, what: str) -> D:
+        """Returns the first one."""
+        for device in self.values():
+            return device
+        raise UnknownDevice(f"there is no {what}; there are: {', '.join(self._known)}")

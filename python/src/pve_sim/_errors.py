@@ -1,0 +1,49 @@
+"""What can go wrong."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ._state import SensorState, ValveState
+
+
+class SimulatorError(Exception):
+    """The base of all errors of this package."""
+
+
+class StartError(SimulatorError):
+    """pve-sim is not installed, or did not start. The text has what it wrote to stderr."""
+
+
+class SimulatorEnded(SimulatorError):
+    """pve-sim was closed, or ended by itself. The text has its exit status and the end of its stderr."""
+
+
+class Refused(SimulatorError):
+    """pve-sim refused a call, and nothing changed. The text is its own."""
+
+
+class InvalidValue(Refused, ValueError):
+    """An unknown field, or a value out of range."""
+
+
+class Conflict(Refused):
+    """A call that cannot be served as things are: a frame that does not get onto the bus, time that passes by itself."""
+
+
+class UnknownDevice(SimulatorError, KeyError):
+    """No device has this name. The text has the names that there are."""
+
+    def __str__(self) -> str:
+        # A KeyError would quote its text.
+        return Exception.__str__(self)
+
+
+class WaitTimeout(SimulatorError, TimeoutError):
+    """A state or a frame did not come in time. The text has what came instead."""
+
+    #: The end of the time, in microseconds of virtual time.
+    t_us: int = 0
+    #: The state of the device then; None when a frame was waited for.
+    state: ValveState | SensorState | None = None

@@ -1,0 +1,230 @@
+"""A running pve-sim: its start, its calls over HTTP, and its end in every case."""
+
+from __future__ import annotations
+
+import json
+import queue
+import re
+import signal
+import subprocess
+import sys
+import threading
+import weakref
+from collections import deque
+from collections.abc import Sequence
+from http.client import HTTPConnection, HTTPException, HTTPResponse
+from typing import IO, Any
+from urllib.parse import urlsplit
+
+from ._binary import find_binary
+from ._errors import Conflict, InvalidValue, Refused, SimulatorEnded, SimulatorError, StartError, UnknownDevice
+
+#: Longest wait for the ready line, for an answer that takes no virtual time, and for the end, in seconds: a busy machine
+#: is no fault.
+_START_S = 30.0
+_ANSWER_S = 60.0
+_END_S = 10.0
+
+#: The time from a broken connection to the end of the process, in seconds.
+_ENDING_S = 2.0
+
+#: Lines of stdout and of stderr that are kept.
+_KEPT = 200
+
+_READY = re.compile(r"pve-sim ready (?P<buses>(?:bus=\S+ )+)http=(?P<http>\S+)\s*$")
+
+
+class Process:
+    """A running pve-sim. It ends with `close`, when nothing refers to it any more, and with this process."""
+
+    def __init__(self, arguments: Sequence[str], executable: str | None) -> None:
+        command = [executable or find_binary(), *arguments]
+        self._closed = False
+        # Ctrl-C goes to the terminal's whole group of processes: this one decides when the simulator ends, and may still
+        # ask it something. When this process is killed, the pipe of stdout breaks, and that ends pve-sim: a signal of the
+        # kernel at a parent's death would come at the end of the thread that started it, already.
+        apart: dict[str, Any] = {"start_new_session": True}
+        if sys.platform == "win32":
+            apart = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+        try:
+            self._popen = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                text=True, encoding="utf-8", errors="replace", **apart,
+            )  # fmt: skip
+        except OSError as error:
+            raise StartError(f"{command[0]}: {error.strerror or error}") from error
+        first: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._stdout = _Drain(self._popen.stdout, first)
+        self._stderr = _Drain(self._popen.stderr)
+        self._end = weakref.finalize(self, _end, self._popen, [self._stdout.thread, self._stderr.thread])
+        try:
+            ready = _READY.match(self._first_line(first))
+            if ready is None:
+                raise StartError(
+                    f"{command[0]} is no pve-sim, or another version: its first line is not the ready line"
+                )
+            self.buses = [bus.removeprefix("bus=") for bus in ready["buses"].split()]
+            self.http = ready["http"]
+        except BaseException:
+            self._end()
+            raise
+
+    def _first_line(self, first: queue.SimpleQueue[str]) -> str:
+        try:
+            line = first.get(timeout=_START_S)
+        except queue.Empty:
+            raise StartError(f"pve-sim was not ready within {_START_S:g} s") from None
+        if line:
+            return line
+        status = self._popen.wait()
+        self._stderr.thread.join()
+        raise StartError(f"pve-sim did not start ({_meaning(status)}): {self._stderr.text() or 'it said nothing'}")
+
+    @property
+    def pid(self) -> int:
+        """The process ID."""
+        return self._popen.pid
+
+    def has_died(self) -> bool:
+        """Whether it ended before it was told to."""
+        return not self._closed and self._popen.poll() is not None
+
+    def close(self) -> None:
+        """Ends it, which stores what is to be stored. More than once is allowed."""
+        self._closed = True
+        self._end()
+
+    def ended(self) -> SimulatorEnded:
+        """Returns the error of a call to a simulator that is not there any more."""
+        if self._closed:
+            return SimulatorEnded("the simulator is closed")
+        status = self._popen.wait()
+        self._stderr.thread.join()
+        said = "".join(self._stderr.last(10)).strip()
+        return SimulatorEnded(f"pve-sim ended by itself ({_meaning(status)}); its stderr:\n{said}")
+
+    def printed(self, lines: int) -> list[str]:
+        """Returns the last lines of stdout, the trace; of a process that has ended, to its end."""
+        if self._popen.poll() is not None:
+            self._stdout.thread.join()
+        return self._stdout.last(lines)
+
+    def call(self, method: str, path: str, body: object = None, *, takes_time: bool = False) -> Any:
+        """Returns the answer to a call; 408 is answered like success. One that takes virtual time may take any real time."""
+        connection = self._connection(None if takes_time else _ANSWER_S)
+        try:
+            answer = self._ask(connection, method, path, body)
+            text = answer.read()
+        except (OSError, HTTPException) as error:
+            raise self._unanswered(method, path, error) from error
+        finally:
+            connection.close()
+        if answer.status in (200, 408):
+            return json.loads(text)
+        raise self._refused(answer.status, text)
+
+    def open(self, path: str) -> tuple[HTTPConnection, HTTPResponse]:
+        """Returns the answer to a GET that has no end, and its connection."""
+        connection = self._connection(None)
+        try:
+            answer = self._ask(connection, "GET", path, None)
+            if answer.status == 200:
+                return connection, answer
+            refused = self._refused(answer.status, answer.read())
+        except (OSError, HTTPException) as error:
+            refused = self._unanswered("GET", path, error)
+        connection.close()
+        raise refused
+
+    def _connection(self, timeout: float | None) -> HTTPConnection:
+        if self._closed or self._popen.poll() is not None:
+            raise self.ended()
+        at = urlsplit(self.http)
+        return HTTPConnection(at.hostname or "", at.port, timeout=timeout)
+
+    @staticmethod
+    def _ask(connection: HTTPConnection, method: str, path: str, body: object) -> HTTPResponse:
+        data = None if body is None else json.dumps(body)
+        connection.request(method, f"/api/v1{path}", data, {"Content-Type": "application/json"})
+        return connection.getresponse()
+
+    def _refused(self, status: int, text: bytes) -> SimulatorError:
+        """Returns the error of an answer. 503 is for too much that was asked, and at the end."""
+        refusal = _refusal(status, json.loads(text)["error"])
+        return self._ending(refusal) if status == 503 else refusal
+
+    def _unanswered(self, method: str, path: str, error: Exception) -> SimulatorError:
+        return self._ending(SimulatorError(f"{method} {path}: pve-sim did not answer: {error}"))
+
+    def _ending(self, otherwise: SimulatorError) -> SimulatorError:
+        """Returns that the process ended, if it does: its connections break a moment before it is gone."""
+        try:
+            if not self._closed:
+                self._popen.wait(timeout=_ENDING_S)
+        except subprocess.TimeoutExpired:
+            return otherwise
+        return self.ended()
+
+
+class _Drain:
+    """Reads a pipe to its end in a thread, so that it never fills up, and keeps its last lines."""
+
+    def __init__(self, pipe: IO[str] | None, first: queue.SimpleQueue[str] | None = None) -> None:
+        self._lines: deque[str] = deque(maxlen=_KEPT)
+        self._lock = threading.Lock()
+        arguments = (pipe, self._lines, self._lock, first)
+        self.thread = threading.Thread(target=_drain, args=arguments, name="pve-sim", daemon=True)
+        self.thread.start()
+
+    def last(self, lines: int) -> list[str]:
+        with self._lock:
+            return list(self._lines)[-lines:]
+
+    def text(self) -> str:
+        return "".join(self.last(_KEPT)).strip()
+
+
+def _drain(pipe: IO[str], lines: deque[str], lock: threading.Lock, first: queue.SimpleQueue[str] | None) -> None:
+    with pipe:
+        if first is not None:
+            first.put(pipe.readline())
+        for line in pipe:
+            with lock:
+                lines.append(line)
+
+
+def _end(popen: subprocess.Popen[str], drains: list[threading.Thread]) -> None:
+    """Ends a process. In a fork of the one that started it, `Popen` knows of no child, and nothing happens."""
+    _ask_to_end(popen)
+    try:
+        popen.wait(timeout=_END_S)
+    except subprocess.TimeoutExpired:
+        popen.kill()
+        popen.wait()
+    for drain in drains:
+        drain.join()
+
+
+def _ask_to_end(popen: subprocess.Popen[str]) -> None:
+    """Asks a process to store everything and to end."""
+    if sys.platform == "win32":
+        try:
+            # The process is a group of its own, so that nobody else gets it.
+            popen.send_signal(signal.CTRL_BREAK_EVENT)
+        except OSError:
+            # Neither has a console.
+            popen.terminate()
+    else:
+        popen.terminate()
+
+
+def _meaning(status: int) -> str:
+    return f"signal {-status}" if status < 0 else f"exit status {status}"
+
+
+def _refusal(status: int, error: str) -> SimulatorError:
+    if status == 400:
+        return InvalidValue(error)
+    if status == 404:
+        return UnknownDevice(error)
+    return Conflict(error) if status == 409 else Refused(error)

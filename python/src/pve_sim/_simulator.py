@@ -1,0 +1,342 @@
+"""The simulator: devices on a bus, as a process of its own."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from http.client import HTTPException
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+from urllib.parse import urlsplit
+from weakref import WeakSet
+
+from ._device import Device, Devices, Sensor, Valve
+from ._errors import InvalidValue, SimulatorError, WaitTimeout
+from ._process import Process
+from ._state import (
+    BusState,
+    Event,
+    Frame,
+    Json,
+    Speed,
+    digest,
+    extends,
+    hexadecimal,
+    is_valve,
+    milliseconds,
+    name_of,
+    state_of,
+)
+
+if TYPE_CHECKING:
+    import can
+
+#: Frames of the trace that an exception shows.
+_SHOWN = 12
+
+#: Frames of the trace that a text for people is made of.
+_LOOKED_AT = 1000
+
+#: The simulators that run in this process, for what reports about them.
+running: WeakSet[Simulator] = WeakSet()
+
+
+class Simulator:
+    """Devices on a virtual CAN bus. It runs from its making to `close`, the end of `with`, or the end of this process.
+
+    Its ports are free ones, so that any number of simulators run beside each other. Every time is virtual time.
+    """
+
+    def __init__(
+        self,
+        *devices: str,
+        links: Iterable[str] = (),
+        speed: Speed = 1,
+        bit_rate: int | str | None = None,
+        seed: int | None = None,
+        state: str | os.PathLike[str] | None = None,
+        log: str | os.PathLike[str] | None = None,
+        options: Sequence[str] = (),
+        executable: str | os.PathLike[str] | None = None,
+    ) -> None:
+        """Starts a simulator. The arguments are the options of `pve-sim run`.
+
+        Args:
+            devices: As for `--device`, for example "pvea-canopen@0x20,name=boom". Without any, one valve on CANopen.
+            links: As for `--link`: "boom=hat1000" lets a valve move the shaft of a sensor.
+            speed: How fast virtual time passes, against wall time; "step": it moves only in `advance`, `wait`,
+                `wait_frame` and `send`.
+            bit_rate: The rate of the bus in bit/s; that of the first device without it.
+            seed: The seed of everything random.
+            state: The folder of the devices' non-volatile memory; without it, memory is lost at the end.
+            log: The file that every frame is written to.
+            options: Further options of the command.
+            executable: The command; without it that of `PVE_SIM` in the environment, of this package, or of the search path.
+
+        Raises:
+            StartError: the command was not found, or did not start; the text has its stderr.
+        """
+        arguments = ["run", "--bus", "socketcand://127.0.0.1:0/pve0", "--http", "127.0.0.1:0", "--color", "never"]
+        values = {"--speed": speed, "--bit-rate": bit_rate, "--seed": seed, "--state": state, "--log": log}
+        for device in devices:
+            arguments += ["--device", device]
+        for link in links:
+            arguments += ["--link", link]
+        for option, value in values.items():
+            if value is not None:
+                arguments += [option, str(value)]
+        self._process = Process([*arguments, *options], None if executable is None else os.fspath(executable))
+        self._buses: WeakSet[can.BusABC] = WeakSet()
+        try:
+            states: list[Json] = self._process.call("GET", "/devices")
+        except BaseException:
+            self._process.close()
+            raise
+        named = [(state["name"], state["kind"], is_valve(state)) for state in states]
+        known = [name for name, _, _ in named]
+        valves = {name: Valve(self._process, name, kind) for name, kind, valve in named if valve}
+        sensors = {name: Sensor(self._process, name, kind) for name, kind, valve in named if not valve}
+        #: The valves by name.
+        self.valves: Devices[Valve] = Devices(valves, known)
+        #: The angle sensors by name.
+        self.sensors: Devices[Sensor] = Devices(sensors, known)
+        #: All devices by name, in the order of the start.
+        self.devices: Devices[Valve | Sensor] = Devices({name: (valves | sensors)[name] for name in known}, known)
+        running.add(self)
+
+    # Devices.
+
+    @property
+    def valve(self) -> Valve:
+        """The first valve."""
+        return self.valves.first("valve")
+
+    @property
+    def sensor(self) -> Sensor:
+        """The first angle sensor."""
+        return self.sensors.first("angle sensor")
+
+    def __getitem__(self, name: str) -> Valve | Sensor:
+        return self.devices[name]
+
+    # The bus.
+
+    @property
+    def bus_url(self) -> str:
+        """The bus, as in `--bus`, with its port."""
+        return self._process.buses[0]
+
+    @property
+    def http_url(self) -> str:
+        """The control interface and the panel, which a browser shows."""
+        return self._process.http
+
+    @property
+    def can_options(self) -> dict[str, Any]:
+        """What `can.Bus` and `canopen.Network.connect` take to join the bus."""
+        at = urlsplit(self.bus_url)
+        return {"interface": "socketcand", "host": at.hostname, "port": at.port, "channel": at.path.strip("/")}
+
+    def bus(self, **options: Any) -> can.BusABC:
+        """Returns a new client of the bus, by python-can, whose options these are.
+
+        The simulator shuts it down at its end.
+        """
+        try:
+            import can
+        except ImportError as error:
+            raise SimulatorError("a client of the bus needs python-can: pip install 'pve-sim[can]'") from error
+        bus = can.Bus(**self.can_options, **options)
+        self._buses.add(bus)
+        # As long as the client is used, so is the simulator.
+        bus.simulator = self  # type: ignore[attr-defined]
+        return bus
+
+    def bus_state(self) -> BusState:
+        """Returns bit rate, load and disturbance of the bus."""
+        return BusState.of(self._process.call("GET", "/bus"))
+
+    def set_bit_rate(self, bit_rate: int) -> BusState:
+        """Changes the rate of the bus, in bit/s, and of every client: the master that changes its rate."""
+        return BusState.of(self._process.call("PATCH", "/bus", {"bit_rate": bit_rate}))
+
+    def disturb(self, frames: int, id: int | None = None, *, extended: bool | None = None) -> BusState:
+        """Destroys the next attempts to send, of an identifier or of any, in the place of an earlier disturbance.
+
+        32 in a row take a sender bus-off; 0 ends a disturbance.
+        """
+        body: Json = {"frames": frames}
+        if id is not None:
+            body |= {"id": id, "extended": extends(id, extended)}
+        elif extended is not None:
+            raise InvalidValue("extended without an id")
+        return BusState.of(self._process.call("POST", "/bus/disturb", body))
+
+    # Frames.
+
+    def send(
+        self,
+        id: int,
+        data: bytes | bytearray | str | Iterable[int] = b"",
+        *,
+        extended: bool | None = None,
+        every_ms: int | None = None,
+    ) -> int:
+        """Sends a frame as a client does, and returns its end on the bus, in microseconds.
+
+        Args:
+            id: The identifier.
+            data: Up to eight bytes; a text is in hex: "0F 00 00 20".
+            extended: Whether the identifier has 29 bits; without it, whether it needs them.
+            every_ms: Sends the frame again and again, with this period, in the place of an earlier one of its identifier.
+
+        Raises:
+            Conflict: the frame was not on the bus within 1 s, and is withdrawn.
+        """
+        body: Json = {"id": id, "data": hexadecimal(data), "extended": extends(id, extended)}
+        if every_ms is not None:
+            body["every_ms"] = every_ms
+        sent: int = self._process.call("POST", "/bus/frames", body, takes_time=True)["t_us"]
+        return sent
+
+    def stop(self, id: int | None = None, *, extended: bool | None = None) -> int:
+        """Ends cyclic frames, those of an identifier or all, and returns how many there were."""
+        if id is None and extended is not None:
+            raise InvalidValue("extended without an id")
+        of = "" if id is None else f"?id={id}&extended={str(extends(id, extended)).lower()}"
+        stopped: int = self._process.call("DELETE", f"/bus/frames{of}")["stopped"]
+        return stopped
+
+    def wait_frame(
+        self,
+        id: int,
+        data: bytes | bytearray | str | Iterable[int] = b"",
+        *,
+        extended: bool | None = None,
+        within_ms: int = 5000,
+    ) -> Frame:
+        """Waits for the next frame with this identifier that begins with this data.
+
+        Raises:
+            WaitTimeout: it did not come within so many milliseconds.
+        """
+        __tracebackhide__ = True
+        is_extended, begin = extends(id, extended), hexadecimal(data)
+        wanted = {"frame": {"id": id, "extended": is_extended, "data": begin}, "within_ms": within_ms}
+        answer: Json = self._process.call("POST", "/wait", wanted, takes_time=True)
+        if "error" not in answer:
+            return Frame.of(answer)
+        at, name = milliseconds(answer["t_us"]), name_of(id, is_extended)
+        error = WaitTimeout(f"no frame {name}#{begin.upper()} came within {within_ms} ms, until {at}")
+        error.t_us = answer["t_us"]
+        raise error
+
+    def trace(self, limit: int = 100) -> list[Frame]:
+        """Returns the last frames, oldest first; 4096 are kept."""
+        return [Frame.of(frame) for frame in self._process.call("GET", f"/trace?limit={limit}")]
+
+    def trace_text(self, limit: int = 30) -> str:
+        """Returns the last frames, explained, for people; of a simulator that has ended, what it printed of them.
+
+        A frame that is like the one before it of its identifier is only counted.
+        """
+        try:
+            return "\n".join(digest(self.trace(_LOOKED_AT))[-limit:])
+        except SimulatorError:
+            return "".join(self._process.printed(limit)).rstrip()
+
+    def events(self) -> Events:
+        """Follows what happens from now on; the first events are the states of all devices."""
+        return Events(self._process)
+
+    # Time.
+
+    def now_us(self) -> int:
+        """Returns the time since the start, in microseconds."""
+        now: int = self._process.call("GET", "/time")["now_us"]
+        return now
+
+    def advance(self, ms: int) -> int:
+        """Lets so many milliseconds pass, and returns the time, in microseconds.
+
+        Raises:
+            Conflict: time passes by itself, unless it is `speed="step"`.
+        """
+        now: int = self._process.call("POST", "/time", {"advance_ms": ms}, takes_time=True)["now_us"]
+        return now
+
+    # The end.
+
+    @property
+    def pid(self) -> int:
+        """The ID of the process."""
+        return self._process.pid
+
+    def close(self) -> None:
+        """Shuts the clients of `bus` down and ends the process, which stores what is to be stored.
+
+        More than once is allowed.
+        """
+        running.discard(self)
+        for bus in list(self._buses):
+            bus.shutdown()
+        self._process.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        ended = self._process.ended() if self._process.has_died() else None
+        if isinstance(error, Exception):
+            error.add_note(f"The last frames of pve-sim:\n{self.trace_text(_SHOWN)}")
+        self.close()
+        if ended is not None and error is None:
+            raise ended
+
+    def __repr__(self) -> str:
+        return f"<Simulator {', '.join(self.devices)} at {self.bus_url}>"
+
+
+class Events(Iterator[Event]):
+    """What happens, from the call on, until it is closed or the simulator ends."""
+
+    def __init__(self, process: Process) -> None:
+        self._connection, self._lines = process.open("/events")
+
+    def __next__(self) -> Event:
+        kind = ""
+        try:
+            for line in self._lines:
+                field, _, value = line.decode().rstrip("\r\n").partition(": ")
+                if field == "event":
+                    kind = value
+                elif field == "data":
+                    return _event(kind, json.loads(value))
+        except (OSError, HTTPException, ValueError):
+            # The simulator ended, or `close` was called meanwhile.
+            pass
+        self.close()
+        raise StopIteration
+
+    def close(self) -> None:
+        """Ends it."""
+        self._lines.close()
+        self._connection.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _event(kind: str, value: Json) -> Event:
+    if kind == "frame":
+        return Event(kind, Frame.of(value))
+    return Event(kind, state_of(value) if kind == "device" else value)
+
+
+__all__ = ["Device", "Events", "Simulator", "running"]

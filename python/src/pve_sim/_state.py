@@ -1,0 +1,326 @@
+"""States and frames as pve-sim tells them, and the changes and conditions that it takes. Units are part of the names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, TypedDict
+
+#: A JSON object.
+Json = dict[str, Any]
+
+Nmt = Literal["initialising", "pre-operational", "operational", "stopped"]
+Dsm = Literal["init", "disabled", "hold", "active", "fault-hold"]
+Command = Literal["blocked", "extend", "retract", "float", "hand", "emergency-stop"]
+Color = Literal["green", "yellow", "red", "off"]
+SpoolFault = Literal["stuck", "slow", "drifting", "no-float"]
+Memory = Literal["ok", "write-fails", "damaged"]
+Speed = float | Literal["step"]
+
+
+@dataclass(frozen=True)
+class Led:
+    """The LED of a valve."""
+
+    color: Color
+    flashing: bool
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault that a device knows."""
+
+    fault: str
+    active: bool
+    #: The occurrence counter; of an angle sensor the number of entries in 0x1003. None without power.
+    count: int | None
+
+
+@dataclass(frozen=True)
+class ValvePlant:
+    """What acts on a valve from outside."""
+
+    supply_mv: int
+    temperature_c: int
+    #: What is wrong with the spool; None: nothing.
+    spool: SpoolFault | None
+    #: The position that the spool is pushed to by hand, -16384 to 16384; None: it is let go.
+    lever: int | None
+    internal_fault: bool
+    memory: Memory
+    #: Whether the CAN controller is kept bus-off.
+    bus_off: bool
+
+
+@dataclass(frozen=True)
+class SensorPlant:
+    """What acts on an angle sensor from outside."""
+
+    #: The angle of the shaft, 0 to 35999 1/100 degree.
+    angle_cdeg: int
+    #: Turns a minute, positive clockwise.
+    speed_rpm: int
+    measuring_error: bool
+    internal_fault: bool
+    memory: Memory
+    #: Whether the CAN controller is kept bus-off.
+    bus_off: bool
+
+
+@dataclass(frozen=True)
+class DeviceState:
+    """The state of a device at one instant. What it has only with power is None without."""
+
+    #: The instant of which all of it is true, in microseconds of virtual time.
+    t_us: int
+    name: str
+    kind: str
+    #: The node ID, on ISOBUS the address, in force.
+    node_id: int | None
+    #: The bit rate in force, in bit/s.
+    bit_rate: int | None
+    powered: bool
+    #: The NMT state; None on ISOBUS.
+    nmt: Nmt | None
+    #: Every fault of the kind.
+    faults: tuple[Fault, ...]
+
+    @property
+    def active_faults(self) -> tuple[str, ...]:
+        """The names of the faults that are active."""
+        return tuple(fault.fault for fault in self.faults if fault.active)
+
+
+@dataclass(frozen=True)
+class ValveState(DeviceState):
+    """The state of a valve."""
+
+    #: The device state machine; None on ISOBUS.
+    dsm: Dsm | None
+    #: The state that AVEF tells; None on CANopen.
+    command: Command | None
+    #: The last accepted set-point, -16384 to 16384.
+    set_point: int | Literal["float"] | None
+    #: The position of the spool, -16384 to 16384.
+    position: int
+    #: Whether the solenoids are energised.
+    solenoids: bool
+    led: Led
+    plant: ValvePlant
+
+    @classmethod
+    def of(cls, state: Json) -> ValveState:
+        """Returns the state that a JSON object tells."""
+        plant = state["plant"]
+        return cls(
+            **_common(state),
+            dsm=state["dsm"],
+            command=state["command"],
+            set_point=state["set_point"],
+            position=state["position"],
+            solenoids=state["solenoids"],
+            led=Led(state["led"]["color"], state["led"]["flashing"]),
+            plant=ValvePlant(**_fields(ValvePlant, {**plant, "spool": plant["spool"]["fault"]})),
+        )
+
+
+@dataclass(frozen=True)
+class SensorState(DeviceState):
+    """The state of an angle sensor."""
+
+    #: Object 0x6004.
+    position: int | None
+    plant: SensorPlant
+
+    @classmethod
+    def of(cls, state: Json) -> SensorState:
+        """Returns the state that a JSON object tells."""
+        plant = SensorPlant(**_fields(SensorPlant, state["plant"]))
+        return cls(**_common(state), position=state["position"], plant=plant)
+
+
+def _common(state: Json) -> Json:
+    faults = tuple(Fault(**_fields(Fault, fault)) for fault in state["faults"])
+    return {**_fields(DeviceState, state), "faults": faults}
+
+
+def _fields(kind: type, values: Json) -> Json:
+    """Returns the values that a class has fields for: a newer pve-sim may tell more."""
+    return {name: values[name] for name in kind.__dataclass_fields__}  # type: ignore[attr-defined]
+
+
+class Limits(TypedDict, total=False):
+    """Limits, inclusive; a missing one is none."""
+
+    min: int
+    max: int
+
+
+class LedCondition(TypedDict, total=False):
+    """The LED, or a part of it."""
+
+    color: Color
+    flashing: bool
+
+
+class _Change(TypedDict, total=False):
+    internal_fault: bool
+    memory: Memory
+    bus_off: bool
+
+
+class ValveChange(_Change, total=False):
+    """A change of what acts on a valve, as in `ValvePlant`."""
+
+    supply_mv: int
+    temperature_c: int
+    spool: SpoolFault | None
+    lever: int | None
+
+
+class SensorChange(_Change, total=False):
+    """A change of what acts on an angle sensor, as in `SensorPlant`."""
+
+    angle_cdeg: int
+    speed_rpm: int
+    measuring_error: bool
+
+
+class _Condition(TypedDict, total=False):
+    node_id: int | None
+    bit_rate: int | None
+    powered: bool
+    nmt: Nmt | None
+    #: The names of the active faults, exactly.
+    faults: Sequence[str]
+
+
+class ValveCondition(_Condition, total=False):
+    """A part of the state of a valve: equal, or within limits."""
+
+    dsm: Dsm | None
+    command: Command | None
+    set_point: int | Literal["float"] | Limits | None
+    position: int | Limits
+    solenoids: bool
+    led: LedCondition
+
+
+class SensorCondition(_Condition, total=False):
+    """A part of the state of an angle sensor: equal, or within limits."""
+
+    position: int | Limits | None
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A frame that was on the bus."""
+
+    #: The end of the frame, in microseconds of virtual time.
+    t_us: int
+    id: int
+    #: Whether the identifier has 29 bits.
+    extended: bool
+    data: bytes
+    #: A device by its name, `http` for frames of `Simulator.send`, or the gateway of other clients.
+    sender: str
+    meaning: str
+
+    @classmethod
+    def of(cls, frame: Json) -> Frame:
+        """Returns the frame that a JSON object tells."""
+        data = bytes.fromhex(frame["data"])
+        return cls(frame["t_us"], frame["id"], frame["extended"], data, frame["from"], frame["meaning"])
+
+    def __str__(self) -> str:
+        name, data = name_of(self.id, self.extended), self.data.hex(" ").upper()
+        return f"{milliseconds(self.t_us):>14}  {name:>8}: {data:23}  {self.meaning}"
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """The frames that are going to be destroyed."""
+
+    #: The number of attempts.
+    frames: int
+    #: Their identifier; None: any.
+    id: int | None
+    extended: bool
+
+
+@dataclass(frozen=True)
+class BusState:
+    """The state of the bus."""
+
+    #: The instant of which all of it is true, in microseconds of virtual time.
+    t_us: int
+    #: In bit/s.
+    bit_rate: int
+    #: How busy the bus was in the last second, in percent.
+    load: int
+    disturb: Disturbance
+
+    @classmethod
+    def of(cls, state: Json) -> BusState:
+        """Returns the state that a JSON object tells."""
+        disturb = Disturbance(**_fields(Disturbance, state["disturb"]))
+        return cls(**{**_fields(BusState, state), "disturb": disturb})
+
+
+@dataclass(frozen=True)
+class Event:
+    """What happened: `frame`, `device` for a state that changed, `error` of the bus, or `lost` events."""
+
+    kind: str
+    #: The frame, the state, or the JSON object of the other kinds.
+    value: Frame | ValveState | SensorState | Json
+
+
+def state_of(state: Json) -> ValveState | SensorState:
+    """Returns the state of a device of either kind."""
+    return ValveState.of(state) if is_valve(state) else SensorState.of(state)
+
+
+def is_valve(state: Json) -> bool:
+    """Whether a state is that of a valve."""
+    return "supply_mv" in state["plant"]
+
+
+def digest(frames: Sequence[Frame]) -> list[str]:
+    """Returns frames as people read them: one that is like the last of its identifier is only counted."""
+    kept: list[Frame] = []
+    again: dict[int, list[Frame]] = {}
+    place: dict[tuple[int, bool], int] = {}
+    for frame in frames:
+        key = (frame.id, frame.extended)
+        before = place.get(key)
+        if before is not None and (kept[before].data, kept[before].sender) == (frame.data, frame.sender):
+            again.setdefault(before, []).append(frame)
+        else:
+            place[key] = len(kept)
+            kept.append(frame)
+    return [f"{frame}{_times(again.get(place))}" for place, frame in enumerate(kept)]
+
+
+def _times(frames: Sequence[Frame] | None) -> str:
+    return f" ({len(frames)} times more, until {milliseconds(frames[-1].t_us)})" if frames else ""
+
+
+def extends(id: int, extended: bool | None) -> bool:
+    """Whether an identifier has 29 bits: as given, or if it must."""
+    return id > 0x7FF if extended is None else extended
+
+
+def hexadecimal(data: bytes | bytearray | str | Iterable[int]) -> str:
+    """Returns data in hex, which a text is already."""
+    return data.replace(" ", "") if isinstance(data, str) else bytes(data).hex()
+
+
+def milliseconds(t_us: int) -> str:
+    """Returns an instant as people read it."""
+    return f"{t_us / 1000:.3f} ms"
+
+
+def name_of(id: int, extended: bool) -> str:
+    """Returns an identifier in hex, three digits or eight."""
+    return f"{id:08X}" if extended else f"{id:03X}"

@@ -1,0 +1,63 @@
+"""Fixtures for pytest, and the last frames of the bus in the report of a test that fails."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterator
+from contextlib import ExitStack
+from typing import Any
+
+import pytest
+
+from ._device import Valve
+from ._simulator import Simulator, running
+
+#: Frames of the trace in a report.
+_SHOWN = 30
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Adds the settings."""
+    parser.addini("pve_sim_devices", "devices of the fixture pve_sim, one a line, as for --device", type="linelist")
+    parser.addini("pve_sim_speed", 'speed of virtual time, a factor or "step"', default="1")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Describes the marker."""
+    config.addinivalue_line(
+        "markers", "pve_sim(*devices, **arguments): the arguments of pve_sim.Simulator for the fixture pve_sim"
+    )
+
+
+@pytest.fixture
+def pve_sim_factory(pytestconfig: pytest.Config) -> Iterator[Callable[..., Simulator]]:
+    """Starts simulators with the arguments of `Simulator`. They end with the test."""
+    with ExitStack() as started:
+
+        def start(*devices: str, **arguments: Any) -> Simulator:
+            devices = devices or tuple(pytestconfig.getini("pve_sim_devices"))
+            arguments.setdefault("speed", pytestconfig.getini("pve_sim_speed"))
+            return started.enter_context(Simulator(*devices, **arguments))
+
+        yield start
+
+
+@pytest.fixture
+def pve_sim(pve_sim_factory: Callable[..., Simulator], request: pytest.FixtureRequest) -> Simulator:
+    """A simulator with the devices of the marker `pve_sim`, or of the setting `pve_sim_devices`, or one valve on CANopen."""
+    marker = request.node.get_closest_marker("pve_sim")
+    return pve_sim_factory(*marker.args, **marker.kwargs) if marker else pve_sim_factory()
+
+
+@pytest.fixture
+def valve(pve_sim: Simulator) -> Valve:
+    """The first valve of the fixture `pve_sim`."""
+    return pve_sim.valve
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport() -> Generator[None, Any, None]:
+    """Adds the last frames of every simulator that runs to the report of a failure."""
+    report: pytest.TestReport = (yield).get_result()
+    if report.failed:
+        for simulator in list(running):
+            report.sections.append((f"pve-sim: the last frames of {simulator!r}", simulator.trace_text(_SHOWN)))

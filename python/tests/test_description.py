@@ -1,0 +1,108 @@
+"""The module has everything that the control interface describes of itself in OpenAPI."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields
+from http.client import HTTPConnection
+from typing import Any, Literal, get_args
+from urllib.parse import urlsplit
+
+import pytest
+
+from pve_sim import (
+    BusState,
+    Disturbance,
+    Fault,
+    Frame,
+    Led,
+    SensorPlant,
+    SensorState,
+    Simulator,
+    ValvePlant,
+    ValveState,
+)
+from pve_sim import _state as types
+
+
+@pytest.fixture(scope="module")
+def description() -> Any:
+    with Simulator(speed="step") as sim:
+        at = urlsplit(sim.http_url)
+        connection = HTTPConnection(at.hostname or "", at.port)
+        connection.request("GET", "/api/v1/openapi.json")
+        answer = json.load(connection.getresponse())
+        connection.close()
+        return answer
+
+
+def names(*kinds: type) -> set[str]:
+    return {field.name for kind in kinds for field in fields(kind)}
+
+
+def keys(*kinds: type) -> set[str]:
+    return {key for kind in kinds for key in kind.__annotations__}
+
+
+@pytest.mark.parametrize(
+    ("schema", "known"),
+    [
+        ("DeviceState", names(ValveState, SensorState)),
+        ("ValvePlant", names(ValvePlant)),
+        ("EncoderPlant", names(SensorPlant)),
+        ("Led", names(Led)),
+        ("Fault", names(Fault)),
+        ("BusState", names(BusState)),
+        ("DisturbState", names(Disturbance)),
+        ("FrameRecord", names(Frame) - {"sender"} | {"from"}),
+        ("PlantChange", keys(types.ValveChange, types.SensorChange)),
+        # The instant, the name and the kind are known to whoever waits.
+        ("StateCondition", keys(types.ValveCondition, types.SensorCondition) | {"t_us", "name", "kind"}),
+        ("LedCondition", keys(types.LedCondition)),
+        ("Limits", keys(types.Limits)),
+        ("FrameToSend", {"id", "extended", "data", "every_ms"}),
+        ("FrameToCome", {"id", "extended", "data"}),
+        ("Disturb", {"frames", "id", "extended"}),
+        ("PowerChange", {"on", "reset"}),
+        ("Advance", {"advance_ms"}),
+        ("BusChange", {"bit_rate"}),
+    ],
+)
+def test_every_field_has_a_name(description: Any, schema: str, known: set[str]) -> None:
+    assert set(description["components"]["schemas"][schema]["properties"]) == known
+
+
+@pytest.mark.parametrize(
+    ("schema", "known"),
+    [
+        ("Nmt", types.Nmt),
+        ("DeviceStateMachine", types.Dsm),
+        ("Command", types.Command),
+        ("Color", types.Color),
+        ("SpoolFaultName", types.SpoolFault),
+        ("Memory", types.Memory),
+        ("ResetCause", Literal["watchdog"]),
+    ],
+)
+def test_every_value_has_a_name(description: Any, schema: str, known: Any) -> None:
+    assert set(description["components"]["schemas"][schema]["enum"]) == set(get_args(known))
+
+
+def test_every_call_has_a_name(description: Any) -> None:
+    calls = {call["operationId"] for path in description["paths"].values() for call in path.values()}
+    assert calls == {
+        "listDevices",  # Simulator.devices
+        "showDevice",  # Device.state
+        "changePlant",  # Device.plant
+        "switchPower",  # Device.power_on, power_off, reset
+        "showBus",  # Simulator.bus_state
+        "changeBus",  # Simulator.set_bit_rate
+        "disturbBus",  # Simulator.disturb
+        "sendFrame",  # Simulator.send
+        "stopFrames",  # Simulator.stop
+        "wait",  # Device.wait, Simulator.wait_frame
+        "showTime",  # Simulator.now_us
+        "advanceTime",  # Simulator.advance
+        "showTrace",  # Simulator.trace
+        "followEvents",  # Simulator.events
+    }

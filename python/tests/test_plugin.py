@@ -1,0 +1,122 @@
+"""The fixtures for pytest, and what a report of a failure has."""
+
+from __future__ import annotations
+
+import pytest
+
+FAILING = """
+    import pytest
+
+    @pytest.mark.pve_sim("pvea-canopen@0x20,name=boom", speed="step")
+    def test_shuts_down(pve_sim, valve):
+        pve_sim.wait_frame(0x720)
+        pve_sim.send(0, "0120")
+        valve.wait(dsm="fault-hold", within_ms=10)
+"""
+
+
+def test_a_failure_shows_the_last_frames(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(FAILING)
+    result = pytester.runpytest_subprocess()
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(
+        [
+            "*WaitTimeout: boom did not get there within 10 ms*",
+            "*dsm: 'init', waited for 'fault-hold'",
+            "*pve-sim: the last frames of <Simulator boom at socketcand://*",
+            "*720: 00 *boom: boot-up",
+            "*000: 01 20 *NMT start, boom",
+        ]
+    )
+
+
+def test_a_simulator_of_ones_own_fixture_is_shown_too(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile("""
+        import pytest, pve_sim
+
+        @pytest.fixture(scope="module")
+        def rig():
+            with pve_sim.Simulator(speed="step") as sim:
+                sim.wait_frame(0x720)
+                yield sim
+
+        def test_passes(rig):
+            pass
+
+        def test_fails(rig):
+            assert rig.valve.state().position == 1
+    """)
+    result = pytester.runpytest_subprocess()
+    result.assert_outcomes(passed=1, failed=1)
+    result.stdout.fnmatch_lines(["*the last frames of <Simulator pvea-canopen*", "*boot-up"])
+
+
+def test_markers_settings_and_the_factory_choose_the_devices(pytester: pytest.Pytester) -> None:
+    pytester.makeini("""
+        [pytest]
+        pve_sim_speed = step
+        pve_sim_devices =
+            hat1000
+            pvea-canopen@0x21,bit-rate=500k
+    """)
+    pytester.makepyfile("""
+        import pytest
+
+        def test_settings(pve_sim):
+            assert list(pve_sim.devices) == ["hat1000", "pvea-canopen"]
+            assert pve_sim.advance(1) == 1000
+
+        @pytest.mark.pve_sim("pveo-canopen", speed=1)
+        def test_marker(pve_sim, valve):
+            assert valve.kind == "pveo-canopen"
+            with pytest.raises(Exception, match="step"):
+                pve_sim.advance(1)
+
+        @pytest.mark.pve_sim(seed=3)
+        def test_marker_without_devices(pve_sim):
+            assert len(pve_sim.devices) == 2
+
+        def test_factory(pve_sim_factory):
+            one, other = pve_sim_factory("hat3000"), pve_sim_factory()
+            assert one.sensor.kind == "hat3000" and len(other.devices) == 2
+    """)
+    pytester.runpytest_subprocess("--strict-markers").assert_outcomes(passed=4)
+
+
+def test_a_simulator_that_dies_is_an_error(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile("""
+        import os, signal
+
+        def test_passes(pve_sim):
+            os.kill(pve_sim.pid, signal.SIGKILL)
+            os.waitid(os.P_PID, pve_sim.pid, os.WEXITED | os.WNOWAIT)
+    """)
+    result = pytester.runpytest_subprocess()
+    result.assert_outcomes(passed=1, errors=1)
+    result.stdout.fnmatch_lines(["*pve-sim ended by itself (signal 9)*"])
+
+
+def test_what_cannot_start_is_told(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile("""
+        import pytest
+
+        @pytest.mark.pve_sim("valve")
+        def test_it(pve_sim):
+            pass
+    """)
+    result = pytester.runpytest_subprocess()
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(["*StartError: pve-sim did not start (exit status 2)*unknown kind 'valve'*"])
+
+
+def test_tests_run_in_parallel(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile("""
+        import pytest
+
+        @pytest.mark.parametrize("run", range(12))
+        @pytest.mark.pve_sim(speed="step")
+        def test_low_supply(pve_sim, valve, run):
+            since = valve.plant(supply_mv=8000).t_us
+            assert valve.wait(dsm="fault-hold").t_us - since == 2_000_000
+    """)
+    pytester.runpytest_subprocess("-n", "4").assert_outcomes(passed=12)

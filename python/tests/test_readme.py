@@ -1,0 +1,33 @@
+"""The README as a visitor goes through it: its blocks run, and their frames do what they say."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PYTHON = Path(__file__).parent.parent
+BLOCKS = re.findall(
+    r"^```python\n(.*?)^```$", (PYTHON / "README.md").read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE
+)
+
+
+def run(*command: str) -> str:
+    """Runs Python, and returns what it printed."""
+    return subprocess.run([sys.executable, *command], stdout=subprocess.PIPE, text=True, check=True).stdout
+
+
+def test_a_valve_is_driven() -> None:
+    assert run("-c", BLOCKS[0]) == "Led(color='green', flashing=False)\n"
+
+
+def test_a_fault_is_injected_from_pytest(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(BLOCKS[1])
+    pytester.runpytest_subprocess().assert_outcomes(passed=1)
+
+
+def test_the_example_drives() -> None:
+    assert re.fullmatch(r"active, spool at 8192 after \d+ ms, LED green\n", run(str(PYTHON / "examples/drive.py")))

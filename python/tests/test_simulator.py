@@ -1,0 +1,296 @@
+"""The simulator through the module: devices, plant, power, frames, bus and time."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import can
+import pytest
+
+from pve_sim import (
+    Conflict,
+    Fault,
+    Frame,
+    InvalidValue,
+    Led,
+    Refused,
+    Sensor,
+    Simulator,
+    SimulatorError,
+    UnknownDevice,
+    Valve,
+    ValveState,
+    WaitTimeout,
+)
+
+BOOT_UP, RPDO, TPDO, EMCY = 0x720, 0x220, 0x1A0, 0x0A0
+HALF = struct.pack("<Hh", 0x000F, 8192)
+
+
+@pytest.fixture
+def stepped() -> Iterator[Simulator]:
+    """A valve on CANopen that has booted, and stands still."""
+    with Simulator("pvea-canopen@0x20,name=boom", speed="step") as sim:
+        sim.wait_frame(BOOT_UP)
+        yield sim
+
+
+def drive(sim: Simulator) -> ValveState:
+    """Drives the valve to half its stroke."""
+    sim.send(0, [1, 0x20])
+    sim.send(RPDO, HALF, every_ms=100)
+    return sim.valve.wait(position=8192, solenoids=True)
+
+
+def test_python_can_drives_a_valve() -> None:
+    with Simulator("pvea-canopen@0x20") as sim:
+        bus = sim.bus()
+        bus.send(can.Message(arbitration_id=0, data=[1, 0x20], is_extended_id=False))
+        sim.valve.wait(nmt="operational")
+        bus.send_periodic(can.Message(arbitration_id=RPDO, data=HALF, is_extended_id=False), 0.1)
+        state = sim.valve.wait(position={"min": 8000, "max": 8192}, led={"color": "green"})
+        assert (state.dsm, state.solenoids, state.active_faults) == ("active", True, ())
+        answers = iter(lambda: bus.recv(20), None)
+        assert next(answer for answer in answers if answer.arbitration_id == TPDO and answer.data[0] == 0x0F)
+
+
+def test_a_state_is_typed(stepped: Simulator) -> None:
+    state = stepped.valve.state()
+    assert (state.name, state.kind, state.node_id, state.bit_rate) == ("boom", "pvea-canopen", 0x20, 250_000)
+    assert (state.powered, state.nmt, state.dsm, state.command) == (True, "pre-operational", "init", None)
+    assert (state.position, state.set_point, state.led) == (0, 0, Led("yellow", False))
+    assert Fault("supply-low", False, 0) in state.faults
+    assert (state.plant.supply_mv, state.plant.spool, state.plant.memory) == (24000, None, "ok")
+    assert state.t_us == stepped.now_us()
+
+
+def test_a_fault_comes_at_its_instant(stepped: Simulator) -> None:
+    drive(stepped)
+    since = stepped.valve.plant(supply_mv=8000).t_us
+    state = stepped.valve.wait(faults=["supply-low"], led={"color": "red"})
+    assert (state.dsm, state.t_us - since) == ("fault-hold", 2_000_000)
+    assert stepped.wait_frame(EMCY, within_ms=10).data[:2] == bytes.fromhex("1234")
+
+
+def test_every_part_of_the_plant_is_changed_and_put_right(stepped: Simulator) -> None:
+    broken = stepped.valve.plant(
+        supply_mv=30000, temperature_c=-5, spool="stuck", lever=-99, internal_fault=True, memory="damaged", bus_off=True
+    ).plant
+    assert (broken.supply_mv, broken.temperature_c, broken.spool, broken.lever) == (30000, -5, "stuck", -99)
+    assert (broken.internal_fault, broken.memory, broken.bus_off) == (True, "damaged", True)
+    right = stepped.valve.plant(spool=None, lever=None, memory="ok").plant
+    assert (right.spool, right.lever, right.memory, right.supply_mv) == (None, None, "ok", 30000)
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"suply_mv": 8000}, "unknown field `suply_mv`"),
+        ({"supply_mv": 100_001}, "accepted: 0–100000"),
+        ({"spool": "rusty"}, "rusty"),
+        ({"supply_mv": 8000, "lever": 16385}, "lever 16385: out of range"),
+        ({"angle_cdeg": 1}, "angle_cdeg"),
+    ],
+)
+def test_a_plant_that_cannot_be_is_refused_and_nothing_changes(
+    stepped: Simulator, change: dict[str, Any], text: str
+) -> None:
+    before = stepped.valve.state()
+    with pytest.raises(InvalidValue, match=text) as refused:
+        stepped.valve.plant(**change)
+    assert isinstance(refused.value, ValueError)
+    assert stepped.valve.state() == before
+
+
+def test_power_is_cut_and_given_and_the_processor_is_reset(stepped: Simulator) -> None:
+    off = stepped.valve.power_off()
+    assert (off.powered, off.node_id, off.nmt, off.led.color) == (False, None, None, "off")
+    with pytest.raises(Conflict):
+        stepped.valve.reset()
+    assert stepped.valve.power_on().powered
+    stepped.wait_frame(BOOT_UP)
+    stepped.valve.reset()
+    stepped.wait_frame(BOOT_UP)
+    # A reset by the watchdog is an internal fault.
+    stepped.valve.wait(dsm="fault-hold", led={"color": "red"})
+
+
+def test_a_wait_in_vain_tells_what_was(stepped: Simulator) -> None:
+    since = drive(stepped).t_us
+    with pytest.raises(WaitTimeout) as timeout:
+        stepped.valve.wait(dsm="fault-hold", faults=["supply-low"], within_ms=300)
+    error = timeout.value
+    assert isinstance(error, TimeoutError) and isinstance(error, SimulatorError)
+    assert error.t_us - since == 300_000
+    assert isinstance(error.state, ValveState) and error.state.position == 8192
+    assert "boom did not get there within 300 ms" in str(error)
+    assert "dsm: 'active', waited for 'fault-hold'" in str(error)
+    assert "faults: [], waited for ['supply-low']" in str(error)
+
+
+def test_a_wait_for_what_cannot_be_is_refused(stepped: Simulator) -> None:
+    with pytest.raises(InvalidValue, match="accepted: spool-not-at-set-point"):
+        stepped.valve.wait(faults=["suply-low"])
+    with pytest.raises(InvalidValue, match="unknown field `colour`"):
+        stepped.valve.wait(colour="red")  # type: ignore[call-arg]
+
+
+def test_a_frame_in_vain_tells_which(stepped: Simulator) -> None:
+    with pytest.raises(WaitTimeout, match="no frame 0A0#1234 came within 50 ms") as timeout:
+        stepped.wait_frame(EMCY, "12 34", within_ms=50)
+    assert timeout.value.state is None
+
+
+def test_frames_are_sent_cyclic_ended_and_traced(stepped: Simulator) -> None:
+    first = stepped.send(0x123, "0A 0b")
+    stepped.send(0x123, "0A 0b", every_ms=10)
+    stepped.advance(25)
+    assert stepped.stop(0x123) == 1
+    stepped.send(0x18FF0001, bytes([1]))
+    assert stepped.stop() == 0
+    ours = [frame for frame in stepped.trace(10) if frame.sender == "http"]
+    assert [frame.id for frame in ours] == [0x123] * 4 + [0x18FF0001]
+    assert ours[0].t_us == first and ours[3].t_us - ours[2].t_us == 10_000
+    assert ours[0].data == b"\x0a\x0b" and ours[4].extended
+    assert len(stepped.trace(2)) == 2
+
+
+def test_the_trace_for_people_counts_what_comes_again(stepped: Simulator) -> None:
+    drive(stepped)
+    stepped.advance(1000)
+    text = stepped.trace_text()
+    assert "NMT start, boom" in text
+    assert text.count("220: 0F 00 00 20") == 1 and "times more, until" in text
+
+
+def test_a_frame_that_cannot_be_is_refused(stepped: Simulator) -> None:
+    with pytest.raises(InvalidValue, match="accepted: 0–2047"):
+        stepped.send(0x800, extended=False)
+    with pytest.raises(InvalidValue, match="'0F0': accepted: up to eight bytes in hex"):
+        stepped.send(1, "0F0")
+    with pytest.raises(InvalidValue, match="up to eight bytes"):
+        stepped.send(1, bytes(9))
+    with pytest.raises(InvalidValue, match="every_ms 0"):
+        stepped.send(1, every_ms=0)
+
+
+def test_a_frame_that_does_not_get_onto_the_bus_is_withdrawn(stepped: Simulator) -> None:
+    stepped.disturb(1_000_000, 0x123)
+    with pytest.raises(Conflict):
+        stepped.send(0x123)
+
+
+def test_attempts_are_destroyed(stepped: Simulator) -> None:
+    assert stepped.disturb(3, 0x123).disturb.frames == 3
+    stepped.send(0x123)
+    assert stepped.bus_state().disturb.frames == 0
+    assert (stepped.disturb(5).disturb.id, stepped.disturb(0).disturb.frames) == (None, 0)
+
+
+def test_the_bit_rate_changes(stepped: Simulator) -> None:
+    assert stepped.set_bit_rate(500_000).bit_rate == 500_000
+    with pytest.raises(InvalidValue, match="accepted: 1000000"):
+        stepped.set_bit_rate(1)
+
+
+def test_time_passes_when_told(stepped: Simulator) -> None:
+    now = stepped.now_us()
+    assert stepped.advance(100) == now + 100_000 == stepped.now_us()
+    with Simulator() as running, pytest.raises(Conflict):
+        running.advance(100)
+
+
+def test_two_runs_with_the_same_calls_are_the_same() -> None:
+    def run() -> list[Frame]:
+        with Simulator(speed="step", seed=7) as sim:
+            sim.wait_frame(BOOT_UP)
+            drive(sim)
+            return sim.trace()
+
+    assert run() == run()
+
+
+def test_events_tell_states_and_frames(stepped: Simulator) -> None:
+    with stepped.events() as events:
+        first = next(events)
+        assert first.kind == "device" and first.value == stepped.valve.state()
+        stepped.send(0x123, "01")
+        frames = (event.value for event in events if isinstance(event.value, Frame))
+        assert next(frame for frame in frames if frame.id == 0x123).data == b"\x01"
+    assert list(events) == []
+
+
+def test_too_many_followers_are_refused(stepped: Simulator) -> None:
+    followers = [stepped.events() for _ in range(64)]
+    with pytest.raises(Refused, match="too many"):
+        stepped.events()
+    for follower in followers:
+        follower.close()
+
+
+def test_events_end_with_the_simulator() -> None:
+    sim = Simulator(speed="step")
+    events = sim.events()
+    assert next(events).kind == "device"
+    sim.close()
+    assert all(event.kind == "frame" for event in events)
+    with pytest.raises(StopIteration):
+        next(events)
+
+
+def test_devices_have_names_and_a_sensor_follows_a_valve() -> None:
+    devices = ["pvea-canopen@0x20,name=boom", "pveo-canopen@0x21", "hat1000,bit-rate=250k"]
+    with Simulator(*devices, links=["boom=hat1000"], speed="step") as sim:
+        assert list(sim.devices) == ["boom", "pveo-canopen", "hat1000"]
+        assert sim.valve is sim["boom"] is sim.valves["boom"]
+        assert isinstance(sim["hat1000"], Sensor) and sim.sensor.kind == "hat1000"
+        assert isinstance(sim["pveo-canopen"], Valve)
+        sim.wait_frame(0x701)
+        drive(sim)
+        assert sim.sensor.wait(position={"min": 1}).plant.angle_cdeg > 0
+        with pytest.raises(UnknownDevice, match=r"^no such device 'arm'; there are: boom, pveo-canopen, hat1000$"):
+            sim["arm"]
+        with pytest.raises(KeyError):
+            sim.valves["hat1000"]
+        with pytest.raises(InvalidValue):
+            sim.sensor.plant(speed_rpm=5)
+
+
+def test_a_sensor_turns() -> None:
+    with Simulator("hat3000", speed="step") as sim:
+        sim.wait_frame(0x701)
+        assert sim.sensor.plant(angle_cdeg=9000, speed_rpm=60).plant.speed_rpm == 60
+        sim.advance(250)
+        assert sim.sensor.plant(speed_rpm=0).plant.angle_cdeg == 18000
+        assert sim.sensor.plant(measuring_error=True).plant.measuring_error
+        with pytest.raises(UnknownDevice, match="no valve; there are: hat3000"):
+            sim.valve  # noqa: B018
+
+
+def test_a_valve_on_isobus_extends() -> None:
+    with Simulator("pvea-isobus@0x83", speed="step") as sim:
+        sim.wait_frame(0x18EEFF83)
+        sim.advance(300)
+        sim.send(0x0CFE3327, "7DFF31FFFFFFFFFF", every_ms=100)
+        state = sim.valve.wait(command="extend", position=8192)
+        assert (state.node_id, state.nmt, state.dsm) == (0x83, None, None)
+
+
+def test_memory_is_stored_at_the_end(tmp_path: Path) -> None:
+    for _ in range(2):
+        with Simulator(
+            speed="step", state=tmp_path / "memory", log=tmp_path / "log", options=["--log-overwrite"]
+        ) as sim:
+            sim.wait_frame(BOOT_UP)
+    assert (tmp_path / "memory" / "pvea-canopen.nvm").exists()
+    assert "720#00" in (tmp_path / "log").read_text()
+
+
+def test_simulators_run_beside_each_other() -> None:
+    with Simulator(speed="step") as one, Simulator(speed="step") as other:
+        assert {one.bus_url, one.http_url}.isdisjoint({other.bus_url, other.http_url})
+        one.valve.plant(supply_mv=8000)
+        assert other.valve.state().plant.supply_mv == 24000
