@@ -90,8 +90,8 @@ impl Memory {
     /// Writes a record.
     ///
     /// # Errors
-    /// [`StoreError`] when the flash or the file cannot be written. What the file did not take is not in the flash either:
-    /// the next write would bring it back.
+    /// [`StoreError`] when the flash or the file cannot be written. Neither holds the record then: the next write would
+    /// bring it back, or the next start.
     pub fn store(&mut self, key: RecordKey, record: &Record) -> Result<(), StoreError> {
         let kept = self.file.as_ref().map(|_| self.flash.cells().clone());
         let stored = store(&mut self.flash, key, record);
@@ -99,6 +99,8 @@ impl Memory {
             self.warnings.push(error.to_string());
             if let Some(cells) = kept {
                 self.flash.set_cells(cells);
+                // A folder that cannot be synced may have the new file already.
+                let _ = self.persist();
             }
             return Err(StoreError);
         }
