@@ -129,12 +129,16 @@ pub enum RunError {
     System(#[from] io::Error),
 }
 
-/// What to do about a port in use.
+/// What to do about a port in use, or an interface that is not there.
 fn way_out(url: &BusUrl, error: &io::Error) -> String {
     match (url, error.kind()) {
         (BusUrl::Socketcand(server), io::ErrorKind::AddrInUse) => {
             let free = ServerUrl { port: 0, ..server.clone() };
             format!("; does another pve-sim run? --bus {free} takes a free port")
+        }
+        #[cfg(target_os = "linux")]
+        (BusUrl::Socketcan(name), _) if error.raw_os_error() == Some(rustix::io::Errno::NODEV.raw_os_error()) => {
+            format!("; 'ip link' lists the interfaces, 'ip link add {name} up type vcan' makes a virtual one")
         }
         _ => String::new(),
     }
@@ -396,5 +400,18 @@ mod tests {
         let told = |kind: io::ErrorKind| RunError::Bind { url: url.clone(), source: kind.into() }.to_string();
         assert!(told(io::ErrorKind::AddrInUse).ends_with("--bus socketcand://127.0.0.1:0/pve0 takes a free port"));
         assert!(!told(io::ErrorKind::PermissionDenied).contains("--bus"));
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn an_interface_that_is_not_there_names_the_way_out() {
+        let url: BusUrl = "socketcan:can0".parse().expect("a bus");
+        let told = |errno: rustix::io::Errno| RunError::Bind { url: url.clone(), source: errno.into() }.to_string();
+        let missing = told(rustix::io::Errno::NODEV);
+        assert!(missing.starts_with("socketcan:can0: No such device"), "{missing}");
+        assert!(
+            missing.ends_with("; 'ip link' lists the interfaces, 'ip link add can0 up type vcan' makes a virtual one")
+        );
+        assert!(!told(rustix::io::Errno::ACCESS).contains("ip link"));
     }
 }
