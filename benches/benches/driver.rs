@@ -42,7 +42,7 @@ impl Outside for Outdoors {
         self.take()
     }
 
-    fn wait_punctually(&mut self, until: Instant) -> Option<Arrival> {
+    fn wait_awake(&mut self, until: Instant) -> Option<Arrival> {
         self.wait(Some(until))
     }
 }

@@ -36,6 +36,13 @@ const LULL: WallDuration = WallDuration::from_millis(1);
 /// The trace is handed out so often, even if there is no lull.
 const HAND_OUT: WallDuration = WallDuration::from_millis(20);
 
+/// The time that a system mostly takes to wake a thread up.
+const WAKE_UP: WallDuration = WallDuration::from_micros(50);
+
+/// Above speed 1 the thread stays awake for so long after a message. A client that works back to back sends the next one by
+/// then, and a wake-up would take more of its time than the bus does.
+const ALERT: WallDuration = WallDuration::from_micros(200);
+
 /// A world with everything that is connected to it.
 pub struct Driver<O> {
     world: World,
@@ -60,6 +67,8 @@ pub struct Driver<O> {
     open: Instant,
     /// The last time that the trace was handed out.
     handed_out: WallInstant,
+    /// The end of [`ALERT`] after the last message.
+    awake_until: WallInstant,
 }
 
 impl<O: Outside> Driver<O> {
@@ -94,6 +103,7 @@ impl<O: Outside> Driver<O> {
             events: Vec::new(),
             open: Instant::MAX,
             handed_out: now,
+            awake_until: now,
         }
     }
 
@@ -208,7 +218,7 @@ impl<O: Outside> Driver<O> {
         }
     }
 
-    /// Waits for a message, or for the next event. Hands out the trace before, unless a client would wait for that.
+    /// Waits for a message, or for the next event. Hands out the trace before a sleep, unless a client would wait for that.
     ///
     /// When nobody listens, the naps do for the events: each still happens at its own virtual instant.
     fn wait(&mut self, due: Instant) {
@@ -217,14 +227,23 @@ impl<O: Outside> Driver<O> {
         let (naps, is_heard) = (self.time.minds_stalls(), self.clients.is_heard() || is_watched);
         let event = if naps && !is_heard { NEVER } else { self.world.next_event().min(self.desk_due()) };
         let next = self.time.pace().when(event.min(due));
-        if next.is_none_or(|next| next > now + LULL) || now.saturating_duration_since(self.handed_out) >= HAND_OUT {
+        let until = naps.then(|| now + NAP).into_iter().chain(next).min();
+        let is_overdue = now.saturating_duration_since(self.handed_out) >= HAND_OUT;
+        let is_at_work = now < self.awake_until;
+        if is_overdue || (!is_at_work && next.is_none_or(|next| next > now + LULL)) {
             self.hand_out();
             self.handed_out = now;
         }
-        let nap = naps.then(|| now + NAP);
-        let arrival = match (next, nap) {
-            (Some(next), nap) if nap.is_none_or(|nap| next <= nap) && is_heard => self.outside.wait_punctually(next),
-            (next, nap) => self.outside.wait(nap.into_iter().chain(next).min()),
+        let arrival = match until {
+            _ if is_at_work => {
+                self.outside.wait_awake(next.map_or(self.awake_until, |next| next.min(self.awake_until)))
+            }
+            // The listeners get the event on time: the thread wakes up before it.
+            Some(event) if is_heard && until == next => match event.checked_sub(WAKE_UP).filter(|early| *early > now) {
+                Some(early) => self.outside.wait(Some(early)),
+                None => self.outside.wait_awake(event),
+            },
+            _ => self.outside.wait(until),
         };
         self.arrivals.extend(arrival);
     }
@@ -260,7 +279,10 @@ impl<O: Outside> Driver<O> {
     }
 
     fn take_effect(&mut self) {
-        let Some(Arrival { message, .. }) = self.arrivals.pop_front() else { return };
+        let Some(Arrival { at, message }) = self.arrivals.pop_front() else { return };
+        if !self.time.minds_stalls() {
+            self.awake_until = at + ALERT;
+        }
         if let ToWorld::Warn(line) = message {
             self.trace.warn(line);
             return;

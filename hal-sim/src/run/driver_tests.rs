@@ -30,6 +30,20 @@ struct Script {
     plan: VecDeque<(WallInstant, Happening)>,
     /// How often the driver has waited.
     waits: u64,
+    /// How often it slept.
+    sleeps: u64,
+    /// How long it was awake while it waited.
+    awake: WallDuration,
+}
+
+impl Script {
+    fn pass(&mut self, until: Option<WallInstant>) -> Option<Arrival> {
+        self.waits += 1;
+        let next = self.plan.front().map(|(at, _)| *at);
+        let until = until.into_iter().chain(next).min().unwrap_or(self.end);
+        self.now = self.now.max(until.min(self.end));
+        self.take()
+    }
 }
 
 impl Outside for Script {
@@ -53,15 +67,15 @@ impl Outside for Script {
     }
 
     fn wait(&mut self, until: Option<WallInstant>) -> Option<Arrival> {
-        self.waits += 1;
-        let next = self.plan.front().map(|(at, _)| *at);
-        let until = until.into_iter().chain(next).min().unwrap_or(self.end);
-        self.now = self.now.max(until.min(self.end));
-        self.take()
+        self.sleeps += 1;
+        self.pass(until)
     }
 
-    fn wait_punctually(&mut self, until: WallInstant) -> Option<Arrival> {
-        self.wait(Some(until))
+    fn wait_awake(&mut self, until: WallInstant) -> Option<Arrival> {
+        let before = self.now;
+        let arrival = self.pass(Some(until));
+        self.awake += self.now.saturating_duration_since(before);
+        arrival
     }
 }
 
@@ -103,7 +117,15 @@ impl Rig {
         let said = Said::default();
         let start = WallInstant::now();
         let plan = VecDeque::new();
-        let script = Script { now: start, work: WallDuration::ZERO, end: start, plan, waits: 0 };
+        let script = Script {
+            now: start,
+            work: WallDuration::ZERO,
+            end: start,
+            plan,
+            waits: 0,
+            sleeps: 0,
+            awake: WallDuration::ZERO,
+        };
         let driver = Driver::embedded(world, script, speed, io::sink(), said.clone()).unwrap();
         let (sender, listener) = (ClientId::next(), ClientId::next());
         let (outbox, mailbox) = Outbox::new();
@@ -405,4 +427,35 @@ fn an_idle_world_is_looked_at_a_few_times_a_second() {
     let mut rig = Rig::new(1.0);
     rig.run_until(WallDuration::from_secs(100));
     assert!(rig.driver.outside.waits < 100 * 60, "{}", rig.driver.outside.waits);
+}
+
+/// 100 requests in 10 ms: a thread that slept between them would keep the client waiting for its wake-ups.
+#[test]
+fn above_speed_1_nothing_sleeps_while_a_client_works_back_to_back() {
+    let mut rig = Rig::new(100.0);
+    for micros in (1000..=11_000).step_by(100) {
+        rig.send(WallDuration::from_micros(micros), READ);
+    }
+    rig.run_until(millis(1));
+    let before = rig.driver.outside.sleeps;
+    rig.run_until(millis(11));
+    assert_eq!(rig.driver.outside.sleeps, before);
+    let before = rig.driver.outside.awake;
+    rig.run_until(millis(1011));
+    let awake = rig.driver.outside.awake - before;
+    assert!(awake < millis(1), "awake for {awake:?} of the second after the last request");
+    assert_eq!(rig.frames_of("5A0:").len(), 101);
+}
+
+/// 100 requests, each with its answer: two frames for which the thread wakes up in good time.
+#[test]
+fn at_speed_1_a_client_at_work_lets_the_machine_sleep() {
+    let mut rig = Rig::new(1.0);
+    for at in (20..1020).step_by(10) {
+        rig.send(millis(at), READ);
+    }
+    rig.run_until(millis(1020));
+    let awake = rig.driver.outside.awake;
+    assert!(awake < millis(12), "awake for {awake:?} of a second");
+    assert_eq!(rig.frames_of("5A0:").len(), 100);
 }

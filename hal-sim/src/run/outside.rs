@@ -19,12 +19,15 @@ pub trait Outside {
     /// Waits for the next message, until an instant or for ever; `None` when the time is up.
     fn wait(&mut self, until: Option<WallInstant>) -> Option<Arrival>;
 
-    /// Waits as [`wait`](Self::wait) does, and returns without the delay of waking up.
-    fn wait_punctually(&mut self, until: WallInstant) -> Option<Arrival>;
+    /// Waits as [`wait`](Self::wait) does, for a short time, and returns without the delay of waking up.
+    fn wait_awake(&mut self, until: WallInstant) -> Option<Arrival>;
 }
 
-/// The time that a system mostly takes to wake a thread up.
-const WAKE_UP: Duration = Duration::from_micros(50);
+/// The gateway and its clients give a yielded processor back sooner than this.
+const TAKEN: Duration = Duration::from_micros(100);
+
+/// So long a processor that was taken counts as wanted by others.
+const SHARED: Duration = Duration::from_millis(100);
 
 /// The system's clock, and the clients of the gateways.
 #[derive(Debug)]
@@ -32,11 +35,13 @@ pub(super) struct System {
     inbox: Inbox,
     /// Whether all gateways have ended.
     deserted: bool,
+    /// Until then others want the processor.
+    shared_until: WallInstant,
 }
 
 impl System {
-    pub(super) const fn new(inbox: Inbox) -> Self {
-        Self { inbox, deserted: false }
+    pub(super) fn new(inbox: Inbox) -> Self {
+        Self { inbox, deserted: false, shared_until: WallInstant::now() }
     }
 }
 
@@ -64,22 +69,20 @@ impl Outside for System {
         waited.ok()
     }
 
-    /// Stays awake for the last [`WAKE_UP`].
-    fn wait_punctually(&mut self, until: WallInstant) -> Option<Arrival> {
-        let sleep = until.checked_sub(WAKE_UP).filter(|until| *until > WallInstant::now());
-        let arrival = sleep.and_then(|until| self.wait(Some(until)));
-        if arrival.is_some() {
-            return arrival;
-        }
-        while !self.is_ending() {
+    /// Sleeps all the same while others want the processor: a thread that has used up its share of it waits longer for
+    /// the next one than a wake-up takes.
+    fn wait_awake(&mut self, until: WallInstant) -> Option<Arrival> {
+        let mut now = WallInstant::now();
+        while now < until && now >= self.shared_until && !self.is_ending() {
             if let Some(arrival) = self.take() {
                 return Some(arrival);
             }
-            if WallInstant::now() >= until {
-                break;
+            std::thread::yield_now();
+            let before = std::mem::replace(&mut now, WallInstant::now());
+            if now.saturating_duration_since(before) > TAKEN {
+                self.shared_until = now + SHARED;
             }
-            std::hint::spin_loop();
         }
-        None
+        self.wait(Some(until))
     }
 }
