@@ -4,12 +4,17 @@
 //! bit_timing    the bit rates       filter_bank  the filters of the CAN controller
 //! console       what can be typed   settings     what the board is
 //! ```
+//!
+//! And, for the processor alone, `memory_functions`: what the compiler calls to copy memory.
 #![no_std]
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 pub mod bit_timing;
 pub mod console;
 pub mod filter_bank;
+#[cfg(target_os = "none")]
+#[allow(unsafe_code, reason = "assembler; without it the functions of the compiler take their place")]
+mod memory_functions;
 pub mod settings;
 
 pub use protocol_core::device::plant;

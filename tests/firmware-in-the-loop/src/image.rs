@@ -26,17 +26,14 @@ impl Image {
         &IMAGES[usize::from(std::ptr::eq(board, &NUCLEO_F446RE))]
     }
 
-    /// The core alone, of `firmware/examples`, for the NUCLEO-F429ZI: found beside the image for that.
+    /// An image of `firmware/examples`, for the NUCLEO-F429ZI: found beside the image for that.
     ///
     /// # Panics
     /// When there is none.
     #[must_use]
-    pub fn core_alone() -> &'static Self {
-        static IMAGE: LazyLock<Image> = LazyLock::new(|| {
-            let path = Image::of(&NUCLEO_F429ZI).path.with_file_name("examples").join("core_alone");
-            Image::load_from(&NUCLEO_F429ZI, path)
-        });
-        &IMAGE
+    pub fn example(name: &str) -> &'static Self {
+        let path = Image::of(&NUCLEO_F429ZI).path.with_file_name("examples").join(name);
+        Box::leak(Box::new(Image::load_from(&NUCLEO_F429ZI, path)))
     }
 
     fn load(board: &'static Board) -> Self {

@@ -30,7 +30,7 @@ const ROWS: [(&str, u64); 7] = [
 
 #[test]
 fn core_alone() {
-    let image = Image::core_alone();
+    let image = Image::example("core_alone");
     let symbols = image.symbols();
     let mut machine = Machine::power_on(image, Connections::default());
     stack::paint(&machine);

@@ -13,6 +13,7 @@ mod f446re;
 mod filters;
 mod hands;
 mod leds;
+mod memory_functions;
 mod overtaking;
 mod power_cut;
 mod reception;
