@@ -14,6 +14,8 @@ mod image {
     use core::panic::PanicInfo;
 
     use cortex_m_rt::entry;
+    // What copies memory.
+    use firmware as _;
     use protocol_core::controller::{Controller, Filter, Filters};
     use protocol_core::device::pve::{Kind, PveCanopen, Setup};
     use protocol_core::device::{Device as _, Effect, Senses, StartCause};
@@ -128,18 +130,24 @@ mod image {
         }
     }
 
-    // Kept apart: the device is gone from the stack when it is in its place.
+    // Both kept apart: what they take of the stack is free again afterwards.
+
     #[inline(never)]
-    fn power_on(now: Instant) -> &'static mut PveCanopen {
+    fn place() -> &'static mut PveCanopen {
         static VALVE: StaticCell<PveCanopen> = StaticCell::new();
-        let setup = Setup::new(Kind::PveaCanopen);
-        VALVE.init_with(|| PveCanopen::power_on(setup, &Image::empty(), StartCause::PowerOn, now))
+        VALVE.init_with(|| PveCanopen::new(Setup::new(Kind::PveaCanopen)))
+    }
+
+    #[inline(never)]
+    fn start_up(valve: &mut PveCanopen, now: Instant) {
+        valve.start_up(&Image::empty(), StartCause::PowerOn, now);
     }
 
     #[entry]
     fn main() -> ! {
         let now = Instant::from_secs(1);
-        let mut node = Node { valve: power_on(now), can: Mailbox::default(), now };
+        let mut node = Node { valve: place(), can: Mailbox::default(), now };
+        start_up(node.valve, now);
         node.valve.sense(&Senses::default(), now);
         node.settle(None);
         node.now += Duration::from_millis(510);

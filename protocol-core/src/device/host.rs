@@ -165,6 +165,7 @@ impl<B: Body> Host<B> {
     /// Returns a device without power, to be put where it is to stay and [started](Self::start_up) there: the stack then
     /// carries no device while it starts.
     #[must_use]
+    #[inline(never)]
     pub fn new(setup: B::Setup) -> Self {
         let base = Base {
             now: Instant::MIN,
