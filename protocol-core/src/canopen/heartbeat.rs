@@ -6,11 +6,14 @@ use crate::wire::sdo::AbortCode;
 /// The unit of object 0x1017 (R): the manual's example reads as 10 ms, three other sentences and CiA 301 say 1 ms.
 pub(crate) const UNIT: Duration = Duration::from_millis(1);
 
+/// The same in ticks of the clock.
+const TICKS: u32 = UNIT.as_ticks() as u32;
+
 /// The rules of a product for its heartbeat.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rules {
-    /// Periods are rounded up to a multiple of it.
-    pub(crate) resolution: Duration,
+    /// Periods are rounded up to a multiple of it, in units; not 0.
+    pub(crate) resolution: u32,
     /// The longest time that can be set, in units.
     pub(crate) max: u16,
 }
@@ -88,8 +91,9 @@ impl HeartbeatProducer {
         if self.time == 0 {
             return NEVER;
         }
-        let ticks = u64::from(self.time).saturating_mul(UNIT.as_ticks());
-        let period = ticks.checked_next_multiple_of(self.rules.resolution.as_ticks()).unwrap_or(ticks);
-        after(instant, Duration::from_ticks(period))
+        // In units: a division of ticks is one of 64 bits, which takes 1 KiB of a small image.
+        let time = u32::from(self.time);
+        let period = time.checked_next_multiple_of(self.rules.resolution).unwrap_or(time);
+        after(instant, Duration::from_ticks(TICKS.saturating_mul(period).into()))
     }
 }

@@ -11,7 +11,7 @@ use crate::canopen::node::PdoParameter::{CobId, Count, Entry, TransmissionType};
 use crate::canopen::node::{ObjectOf, Product, Rules};
 use crate::canopen::{heartbeat, lss, nmt, pdo};
 use crate::controller::BitRate;
-use crate::time::{Duration, Instant};
+use crate::time::Instant;
 use crate::wire::emcy::Emcy;
 use crate::wire::lss::Address;
 use crate::wire::sdo::AbortCode;
@@ -84,7 +84,7 @@ impl Product for Lamp {
     const RULES: Rules = Rules {
         extended_ids: true,
         nmt: nmt::Rules::NONE,
-        heartbeat: heartbeat::Rules { resolution: Duration::from_millis(1), max: 0xFFFF },
+        heartbeat: heartbeat::Rules { resolution: 1, max: 0xFFFF },
         rpdo: pdo::Rules { direction: Mappable::Rpdo, ..PDO },
         tpdo: pdo::Rules { direction: Mappable::Tpdo, ..PDO },
         lss: lss::Rules {

@@ -11,7 +11,7 @@ use crate::canopen::node::{Object, Product, Rules};
 use crate::canopen::{heartbeat, lss, nmt, pdo};
 use crate::controller::BitRate;
 use crate::encoder::{Preset, Shaft};
-use crate::time::{Duration, Instant};
+use crate::time::Instant;
 use crate::wire::emcy::Emcy;
 use crate::wire::lss::{Address, LssNodeId};
 use crate::wire::sdo::AbortCode;
@@ -25,7 +25,7 @@ const SOFTWARE_VERSION: &[u8] = b"01.07";
 pub(in crate::device) const RULES: Rules = Rules {
     extended_ids: true,
     nmt: nmt::Rules { startup: &[WAITS, STARTS_ITSELF], starts_itself: Some(STARTS_ITSELF) },
-    heartbeat: heartbeat::Rules { resolution: Duration::from_millis(1), max: u16::MAX },
+    heartbeat: heartbeat::Rules { resolution: 1, max: u16::MAX },
     rpdo: pdo::Rules::NONE,
     tpdo: pdo::Rules {
         direction: Mappable::Tpdo,

@@ -19,7 +19,7 @@ use crate::canopen::node::{Object, Product, Rules};
 use crate::canopen::{heartbeat, lss, nmt, pdo};
 #[cfg(feature = "names")]
 use crate::device::Capabilities;
-use crate::time::{Duration, Instant};
+use crate::time::Instant;
 use crate::wire::emcy::{Emcy, GENERIC_ERROR};
 use crate::wire::lss::Address;
 use crate::wire::sdo::AbortCode;
@@ -46,7 +46,7 @@ const RULES: Rules = Rules {
     nmt: nmt::Rules::NONE,
     heartbeat: heartbeat::Rules {
         // Periods are rounded up to it (A).
-        resolution: Duration::from_millis(10),
+        resolution: 10,
         max: 0x7FFF,
     },
     rpdo: pdo::Rules { direction: Mappable::Rpdo, transmission_types: &[pdo::EVENT_DRIVEN..=pdo::EVENT_DRIVEN], ..PDO },
