@@ -8,7 +8,7 @@
 
 use core::ops::Range;
 
-use embedded_storage_async::nor_flash::{ErrorType, MultiwriteNorFlash, NorFlash, ReadNorFlash};
+use embedded_storage::nor_flash::{ErrorType, MultiwriteNorFlash, NorFlash, ReadNorFlash};
 
 use crate::sure_erase::ERASED;
 
@@ -61,8 +61,8 @@ impl<S: ErrorType, const MAX: usize> ErrorType for ItemLengths<S, MAX> {
 impl<S: NorFlash, const MAX: usize> ReadNorFlash for ItemLengths<S, MAX> {
     const READ_SIZE: usize = S::READ_SIZE;
 
-    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), S::Error> {
-        self.flash.read(offset, bytes).await?;
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), S::Error> {
+        self.flash.read(offset, bytes)?;
         if bytes.len() == Self::HEADER && self.data != Some(offset) {
             self.check(offset, bytes);
         }
@@ -78,14 +78,14 @@ impl<S: NorFlash, const MAX: usize> NorFlash for ItemLengths<S, MAX> {
     const WRITE_SIZE: usize = S::WRITE_SIZE;
     const ERASE_SIZE: usize = S::ERASE_SIZE;
 
-    async fn erase(&mut self, from: u32, to: u32) -> Result<(), S::Error> {
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), S::Error> {
         self.data = None;
-        self.flash.erase(from, to).await
+        self.flash.erase(from, to)
     }
 
-    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), S::Error> {
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), S::Error> {
         self.data = None;
-        self.flash.write(offset, bytes).await
+        self.flash.write(offset, bytes)
     }
 }
 

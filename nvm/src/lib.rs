@@ -1,5 +1,8 @@
 //! The non-volatile memory of the devices: records in a NOR flash of two sectors. The host runs it over a simulated
 //! flash, the board over its own: what a power cut cannot break there, it cannot break here.
+//!
+//! Every call runs to its end: a flash that takes its time blocks the caller, which on the board is a task below all
+//! others. Nothing can be dropped half done, and the image is 6 KiB smaller than with a flash that is awaited.
 #![no_std]
 #![forbid(unsafe_code)]
 

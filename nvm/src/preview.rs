@@ -3,7 +3,7 @@
 //! `sequential-storage` erases a sector that makes no sense to it even when it is only asked what is there. Then nobody
 //! could tell afterwards that something had been, and been damaged. Here such an erase only seems to happen.
 
-use embedded_storage_async::nor_flash::{ErrorType, MultiwriteNorFlash, NorFlash, ReadNorFlash};
+use embedded_storage::nor_flash::{ErrorType, MultiwriteNorFlash, NorFlash, ReadNorFlash};
 
 use crate::SECTORS;
 use crate::sure_erase::ERASED;
@@ -35,8 +35,8 @@ impl<S: ErrorType> ErrorType for Preview<S> {
 impl<S: NorFlash> ReadNorFlash for Preview<S> {
     const READ_SIZE: usize = S::READ_SIZE;
 
-    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), S::Error> {
-        self.flash.read(offset, bytes).await?;
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), S::Error> {
+        self.flash.read(offset, bytes)?;
         if self.erased.get(offset as usize / S::ERASE_SIZE) == Some(&true) {
             bytes.fill(ERASED);
         }
@@ -52,9 +52,9 @@ impl<S: NorFlash> NorFlash for Preview<S> {
     const WRITE_SIZE: usize = S::WRITE_SIZE;
     const ERASE_SIZE: usize = S::ERASE_SIZE;
 
-    async fn erase(&mut self, from: u32, to: u32) -> Result<(), S::Error> {
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), S::Error> {
         if !self.looking {
-            return self.flash.erase(from, to).await;
+            return self.flash.erase(from, to);
         }
         let sectors = from as usize / S::ERASE_SIZE..to as usize / S::ERASE_SIZE;
         self.erased.iter_mut().take(sectors.end).skip(sectors.start).for_each(|erased| *erased = true);
@@ -62,8 +62,8 @@ impl<S: NorFlash> NorFlash for Preview<S> {
     }
 
     /// Looking writes nothing but to sectors that it has erased.
-    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), S::Error> {
-        if self.looking { Ok(()) } else { self.flash.write(offset, bytes).await }
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), S::Error> {
+        if self.looking { Ok(()) } else { self.flash.write(offset, bytes) }
     }
 }
 

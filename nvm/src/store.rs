@@ -9,7 +9,9 @@
 //!
 //! Beside the records of the device the map keeps a setting of the platform, such as which device it is.
 
-use embedded_storage_async::nor_flash::{MultiwriteNorFlash, NorFlash, ReadNorFlash as _};
+use embassy_embedded_hal::adapter::BlockingAsync;
+use embassy_futures::block_on;
+use embedded_storage::nor_flash::{MultiwriteNorFlash, NorFlash, ReadNorFlash as _};
 use heapless::Vec;
 use protocol_core::memory::{Image, RECORD_MAX, Record, RecordKey, StoreError, open, seal};
 use sequential_storage::Error;
@@ -57,7 +59,7 @@ const fn first_store<F: NorFlash>() -> usize {
 
 type Map<S> = MapStorage<
     u8,
-    ItemLengths<Preview<S>, ITEM_MAX>,
+    BlockingAsync<ItemLengths<Preview<S>, ITEM_MAX>>,
     Cache<ArrayPageStates<SECTORS>, ArrayPagePointers<SECTORS>, ArrayKeyPointers<u8, KEYS>, u8>,
 >;
 
@@ -124,26 +126,25 @@ pub struct Records<'buffer, F: NorFlash> {
 }
 
 impl<'buffer, F: NorFlash> Records<'buffer, F> {
-    /// Finishes an erase that was cut. To be done anew after every error, and after an operation that was not awaited to
-    /// its end.
+    /// Finishes an erase that was cut. To be done anew after every error.
     ///
     /// # Errors
     /// Those of the flash.
-    pub async fn open(flash: F, buffer: &'buffer mut [u8; BUFFER]) -> Result<Self, F::Error> {
-        Ok(Self { flash: SureErase::open(flash).await?, buffer })
+    pub fn open(flash: F, buffer: &'buffer mut [u8; BUFFER]) -> Result<Self, F::Error> {
+        Ok(Self { flash: SureErase::open(flash)?, buffer })
     }
 
     /// Writes a record; what lay under its key before stays until the new one is complete.
     ///
     /// # Errors
     /// [`StoreError`] when the flash fails or cannot hold it.
-    pub async fn store(&mut self, key: RecordKey, record: &Record) -> Result<(), StoreError> {
-        let found = self.put(key as u8, record).await?;
+    pub fn store(&mut self, key: RecordKey, record: &Record) -> Result<(), StoreError> {
+        let found = self.put(key as u8, record)?;
         if found.inventory() & bit(key) == 0 {
             // Which records there are was seen anew: the inventory itself may be what was lost.
             let inventory = found.inventory() | found.stored;
             // The record is stored, whatever becomes of this; the next store of it tries again.
-            let _ = self.write(INVENTORY, &[inventory], false).await;
+            let _ = self.write(INVENTORY, &[inventory], false);
         }
         Ok(())
     }
@@ -153,7 +154,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
     ///
     /// # Errors
     /// [`Unreadable`] when the map as a whole makes no sense; of the contents the setting is of use then, if there is one.
-    pub async fn read(&mut self, contents: &mut Contents) -> Result<(), Unreadable> {
+    pub fn read(&mut self, contents: &mut Contents) -> Result<(), Unreadable> {
         *contents = Contents::empty();
         let Contents { image, setting } = contents;
         let mut found = Survey::default();
@@ -165,10 +166,10 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
                 image.put(key, bytes);
             }
         };
-        match self.scan(&mut visit).await {
+        match self.scan(&mut visit) {
             Ok(()) if !found.any => {
                 // Noise mostly reads so: more of it than first stores leave behind was something else once.
-                let in_use = self.in_use().await.map_err(|_| Unreadable)?;
+                let in_use = self.in_use().map_err(|_| Unreadable)?;
                 if in_use > first_store::<F>() {
                     return Err(Unreadable);
                 }
@@ -186,27 +187,28 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
     ///
     /// # Errors
     /// [`StoreError`] when it is longer than [`SETTING_MAX`], or the flash fails.
-    pub async fn store_setting(&mut self, setting: &[u8]) -> Result<(), StoreError> {
+    pub fn store_setting(&mut self, setting: &[u8]) -> Result<(), StoreError> {
         let setting = Vec::<u8, SETTING_MAX>::from_slice(setting).map_err(|_| StoreError)?;
-        self.put(SETTING, &seal(SETTING_VERSION, &setting)?).await.map(drop)
+        self.put(SETTING, &seal(SETTING_VERSION, &setting)?).map(drop)
     }
 
     /// Writes an item, and begins the map with an inventory if there is none: a first item so short that power cuts
     /// leave little behind of it, and once it is there, nothing that they leave passes for the noise of a damaged map.
-    async fn put(&mut self, key: u8, bytes: &[u8]) -> Result<Survey, StoreError> {
-        let before = self.survey(key, bytes).await;
+    fn put(&mut self, key: u8, bytes: &[u8]) -> Result<Survey, StoreError> {
+        let before = self.survey(key, bytes);
         if let Ok((Survey { any: false, .. }, _)) = before {
-            self.write(INVENTORY, &[NOTHING], false).await?;
+            self.write(INVENTORY, &[NOTHING], false)?;
         }
-        self.write(key, bytes, before.is_ok_and(|(_, holds)| holds)).await
+        self.write(key, bytes, before.is_ok_and(|(_, holds)| holds))
     }
 
     /// Writes an item, which was there before or not; what is found then.
-    async fn write(&mut self, key: u8, bytes: &[u8], held_before: bool) -> Result<Survey, StoreError> {
+    fn write(&mut self, key: u8, bytes: &[u8], held_before: bool) -> Result<Survey, StoreError> {
         for _ in 0..ATTEMPTS {
-            let stored = map(Preview::writing(&mut self.flash)).store_item(self.buffer, &key, &bytes).await;
+            let mut map = map(Preview::writing(&mut self.flash));
+            let stored = block_on(map.store_item(self.buffer, &key, &bytes));
             // A failure may have come so late that all is there: what counts is what a start would find.
-            match (stored, self.survey(key, bytes).await) {
+            match (stored, self.survey(key, bytes)) {
                 (Ok(()), Ok((found, true))) => return Ok(found),
                 (Err(_), Ok((found, true))) if !held_before => return Ok(found),
                 (Ok(()), _) => {}
@@ -217,7 +219,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
     }
 
     /// What a start would find, and whether these bytes are under this key.
-    async fn survey(&mut self, key: u8, bytes: &[u8]) -> Result<(Survey, bool), Error<F::Error>> {
+    fn survey(&mut self, key: u8, bytes: &[u8]) -> Result<(Survey, bool), Error<F::Error>> {
         let mut survey = Survey::default();
         let mut holds = false;
         self.scan(&mut |found, content| {
@@ -225,34 +227,35 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
             if found == key {
                 holds = content == bytes;
             }
-        })
-        .await?;
+        })?;
         Ok((survey, holds))
     }
 
     /// Goes through all items that are intact, from the oldest to the newest.
-    async fn scan(&mut self, visit: &mut dyn FnMut(u8, &[u8])) -> Result<(), Error<F::Error>> {
+    fn scan(&mut self, visit: &mut dyn FnMut(u8, &[u8])) -> Result<(), Error<F::Error>> {
         let mut map = map(Preview::looking(&mut self.flash));
         // A sector that makes no sense is given up by a fetch, as it has to be, but not by a walk through the items.
-        if matches!(map.fetch_all_items(self.buffer).await, Err(Error::Corrupted {})) {
-            map.fetch_item::<&[u8]>(self.buffer, &INVENTORY).await?;
-        }
-        let mut items = map.fetch_all_items(self.buffer).await?;
-        while let Some((key, bytes)) = items.next::<&[u8]>(self.buffer).await? {
-            visit(key, bytes);
-        }
-        Ok(())
+        block_on(async {
+            if matches!(map.fetch_all_items(self.buffer).await, Err(Error::Corrupted {})) {
+                map.fetch_item::<&[u8]>(self.buffer, &INVENTORY).await?;
+            }
+            let mut items = map.fetch_all_items(self.buffer).await?;
+            while let Some((key, bytes)) = items.next::<&[u8]>(self.buffer).await? {
+                visit(key, bytes);
+            }
+            Ok(())
+        })
     }
 
     /// How many bytes are not erased, in whole words.
-    async fn in_use(&mut self) -> Result<usize, F::Error> {
+    fn in_use(&mut self) -> Result<usize, F::Error> {
         let len = SECTORS * SureErase::<F>::SECTOR;
         let mut words = 0;
         for sector in (0..len).step_by(SureErase::<F>::SECTOR) {
             let end = sector + SureErase::<F>::SECTOR;
             for start in (sector..end).step_by(BUFFER) {
                 let bytes = &mut self.buffer[..(end - start).min(BUFFER)];
-                self.flash.read(start as u32, bytes).await?;
+                self.flash.read(start as u32, bytes)?;
                 words +=
                     bytes.chunks_exact(F::WRITE_SIZE).filter(|word| word.iter().any(|byte| *byte != ERASED)).count();
             }
@@ -268,29 +271,30 @@ impl<F: MultiwriteNorFlash> Records<'_, F> {
     ///
     /// # Errors
     /// [`StoreError`] when the flash fails.
-    pub async fn clear(&mut self) -> Result<(), StoreError> {
+    pub fn clear(&mut self) -> Result<(), StoreError> {
         for _ in 0..ATTEMPTS {
             let mut found = Survey::default();
-            self.scan(&mut |key, bytes| found.note(key, bytes)).await.map_err(|_| StoreError)?;
+            self.scan(&mut |key, bytes| found.note(key, bytes)).map_err(|_| StoreError)?;
             if found.stored == 0 && found.inventory() == NOTHING {
                 return Ok(());
             }
             // First of all no record is missed any more. An inventory without records stays to the end, so that there
             // is an item at any time, and so that it is seen that older ones are gone.
             if found.inventory != Some(NOTHING) {
-                self.remove(INVENTORY).await?;
-                self.write(INVENTORY, &[NOTHING], false).await?;
+                self.remove(INVENTORY)?;
+                self.write(INVENTORY, &[NOTHING], false)?;
             }
             for key in RecordKey::ALL {
-                self.remove(key as u8).await?;
+                self.remove(key as u8)?;
             }
         }
         Err(StoreError)
     }
 
     /// Makes all items of a key unreadable, the newest last.
-    async fn remove(&mut self, key: u8) -> Result<(), StoreError> {
-        map(Preview::writing(&mut self.flash)).remove_item(self.buffer, &key).await.map_err(|_| StoreError)
+    fn remove(&mut self, key: u8) -> Result<(), StoreError> {
+        let mut map = map(Preview::writing(&mut self.flash));
+        block_on(map.remove_item(self.buffer, &key)).map_err(|_| StoreError)
     }
 }
 
@@ -306,5 +310,5 @@ const fn bit(key: RecordKey) -> u8 {
 fn map<S: NorFlash>(flash: Preview<S>) -> Map<S> {
     let config = MapConfig::new(0..(SECTORS * S::ERASE_SIZE) as u32);
     let cache = Cache::new(ArrayPageStates::new(), ArrayPagePointers::new(), ArrayKeyPointers::new());
-    MapStorage::new(ItemLengths::new(flash), config, cache)
+    MapStorage::new(BlockingAsync::new(ItemLengths::new(flash)), config, cache)
 }

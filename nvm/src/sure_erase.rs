@@ -11,7 +11,7 @@
 //! without a look at what is in their way, and then what they were copied from is erased. So a sector is looked at before
 //! that, and erased again if it has to be.
 
-use embedded_storage_async::nor_flash::{ErrorType, MultiwriteNorFlash, NorFlash, ReadNorFlash};
+use embedded_storage::nor_flash::{ErrorType, MultiwriteNorFlash, NorFlash, ReadNorFlash};
 
 /// How many erases of the other sector a sector has room for: one in normal operation, and one more for each time that
 /// the power is cut while records are being moved. Erases beyond that are not protected.
@@ -42,13 +42,13 @@ impl<F: NorFlash> SureErase<F> {
     ///
     /// # Errors
     /// Those of the flash.
-    pub async fn open(flash: F) -> Result<Self, F::Error> {
+    pub fn open(flash: F) -> Result<Self, F::Error> {
         const { assert!(F::WRITE_SIZE <= WORD_MAX && F::WRITE_SIZE.is_multiple_of(F::READ_SIZE)) }
         let mut opened = Self { flash };
         for sector in 0..2 {
             for number in 0..ANNOUNCEMENTS {
-                if opened.announcement(sector, number).await? == [Some(ANNOUNCED), Some(ERASED)] {
-                    opened.finish(sector, number).await?;
+                if opened.announcement(sector, number)? == [Some(ANNOUNCED), Some(ERASED)] {
+                    opened.finish(sector, number)?;
                 }
             }
         }
@@ -56,41 +56,41 @@ impl<F: NorFlash> SureErase<F> {
     }
 
     /// Erases a sector.
-    async fn erase_sector(&mut self, sector: usize) -> Result<(), F::Error> {
+    fn erase_sector(&mut self, sector: usize) -> Result<(), F::Error> {
         for number in 0..ANNOUNCEMENTS {
-            if self.announcement(sector, number).await? == [Some(ERASED); 2] {
+            if self.announcement(sector, number)? == [Some(ERASED); 2] {
                 let address = Self::address_of(sector, number);
-                self.flash.write(address, &[ANNOUNCED; WORD_MAX][..F::WRITE_SIZE]).await?;
-                return self.finish(sector, number).await;
+                self.flash.write(address, &[ANNOUNCED; WORD_MAX][..F::WRITE_SIZE])?;
+                return self.finish(sector, number);
             }
         }
-        self.erase_physical(sector).await
+        self.erase_physical(sector)
     }
 
     /// Erases a sector as was announced, and notes that it is done.
-    async fn finish(&mut self, sector: usize, number: usize) -> Result<(), F::Error> {
-        self.erase_physical(sector).await?;
+    fn finish(&mut self, sector: usize, number: usize) -> Result<(), F::Error> {
+        self.erase_physical(sector)?;
         let address = Self::address_of(sector, number) + F::WRITE_SIZE as u32;
-        self.flash.write(address, &[DONE; WORD_MAX][..F::WRITE_SIZE]).await
+        self.flash.write(address, &[DONE; WORD_MAX][..F::WRITE_SIZE])
     }
 
     /// Erases a sector that begins to take what is in the other one, full sector, if anything is in the way.
-    async fn make_room(&mut self, sector: usize) -> Result<(), F::Error> {
+    fn make_room(&mut self, sector: usize) -> Result<(), F::Error> {
         let other_end = (1 - sector) * F::ERASE_SIZE + Self::SECTOR;
         let start = sector * F::ERASE_SIZE;
         // Its end is marked when it is full. Else nothing is moved, and what is there may be all there is.
-        let full = !self.is_erased(other_end - F::WRITE_SIZE, other_end).await?;
-        if full && !self.is_erased(start, start + Self::SECTOR).await? {
-            self.erase_sector(sector).await?;
+        let full = !self.is_erased(other_end - F::WRITE_SIZE, other_end)?;
+        if full && !self.is_erased(start, start + Self::SECTOR)? {
+            self.erase_sector(sector)?;
         }
         Ok(())
     }
 
-    async fn is_erased(&mut self, start: usize, end: usize) -> Result<bool, F::Error> {
+    fn is_erased(&mut self, start: usize, end: usize) -> Result<bool, F::Error> {
         let mut bytes = [0; 4 * WORD_MAX];
         for start in (start..end).step_by(bytes.len()) {
             let bytes = &mut bytes[..(end - start).min(4 * WORD_MAX)];
-            self.flash.read(start as u32, bytes).await?;
+            self.flash.read(start as u32, bytes)?;
             if bytes.iter().any(|byte| *byte != ERASED) {
                 return Ok(false);
             }
@@ -98,16 +98,16 @@ impl<F: NorFlash> SureErase<F> {
         Ok(true)
     }
 
-    async fn erase_physical(&mut self, sector: usize) -> Result<(), F::Error> {
+    fn erase_physical(&mut self, sector: usize) -> Result<(), F::Error> {
         let start = sector * F::ERASE_SIZE;
-        self.flash.erase(start as u32, (start + F::ERASE_SIZE) as u32).await
+        self.flash.erase(start as u32, (start + F::ERASE_SIZE) as u32)
     }
 
     /// The two words of an announcement about `sector`, each as the byte that it is made of, if it is one.
-    async fn announcement(&mut self, sector: usize, number: usize) -> Result<[Option<u8>; 2], F::Error> {
+    fn announcement(&mut self, sector: usize, number: usize) -> Result<[Option<u8>; 2], F::Error> {
         let mut bytes = [0; 2 * WORD_MAX];
         let bytes = &mut bytes[..Self::ANNOUNCEMENT];
-        self.flash.read(Self::address_of(sector, number), bytes).await?;
+        self.flash.read(Self::address_of(sector, number), bytes)?;
         let (announced, done) = bytes.split_at(F::WRITE_SIZE);
         Ok([announced, done].map(|word| word.iter().all(|byte| *byte == word[0]).then_some(word[0])))
     }
@@ -132,8 +132,8 @@ impl<F: ErrorType> ErrorType for SureErase<F> {
 impl<F: NorFlash> ReadNorFlash for SureErase<F> {
     const READ_SIZE: usize = F::READ_SIZE;
 
-    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), F::Error> {
-        self.flash.read(Self::physical(offset).1, bytes).await
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), F::Error> {
+        self.flash.read(Self::physical(offset).1, bytes)
     }
 
     fn capacity(&self) -> usize {
@@ -145,19 +145,19 @@ impl<F: NorFlash> NorFlash for SureErase<F> {
     const WRITE_SIZE: usize = F::WRITE_SIZE;
     const ERASE_SIZE: usize = Self::SECTOR;
 
-    async fn erase(&mut self, from: u32, to: u32) -> Result<(), F::Error> {
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), F::Error> {
         for address in (from..to).step_by(Self::SECTOR) {
-            self.erase_sector(Self::physical(address).0).await?;
+            self.erase_sector(Self::physical(address).0)?;
         }
         Ok(())
     }
 
-    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), F::Error> {
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), F::Error> {
         // The mark at the front of a sector is what it begins with.
         if (offset as usize).is_multiple_of(Self::SECTOR) {
-            self.make_room(offset as usize / Self::SECTOR).await?;
+            self.make_room(offset as usize / Self::SECTOR)?;
         }
-        self.flash.write(Self::physical(offset).1, bytes).await
+        self.flash.write(Self::physical(offset).1, bytes)
     }
 }
 

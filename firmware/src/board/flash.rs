@@ -1,12 +1,15 @@
 //! The two flash sectors that hold the memory.
 
-use embassy_stm32::flash::Error;
+use core::pin::pin;
+use core::task::{Context, Poll, Waker};
+
+use embassy_stm32::flash::{Async, Error, Flash};
 use embassy_stm32::pac::FLASH;
 use embassy_stm32::pac::flash::vals::Psize;
-use embedded_storage_async::nor_flash::{ErrorType, MultiwriteNorFlash, NorFlash, ReadNorFlash};
+use embedded_storage::nor_flash::{ErrorType, MultiwriteNorFlash, NorFlash, ReadNorFlash};
 
 use super::clock::supply_is_good;
-use super::nucleo::{MEMORY, Region};
+use super::nucleo::MEMORY;
 
 /// The sectors of the region are so long.
 const SECTOR: usize = 16 * 1024;
@@ -15,12 +18,12 @@ const SECTOR: usize = 16 * 1024;
 const KEYS: [u32; 2] = [0x4567_0123, 0xCDEF_89AB];
 
 /// The two sectors.
-pub(super) struct Sectors(pub(super) Region);
+pub(super) struct Sectors(pub(super) Flash<'static, Async>);
 
 impl Sectors {
     /// Erases all of it.
-    pub(super) async fn erase_all(&mut self) -> Result<(), Error> {
-        self.erase(0, 2 * SECTOR as u32).await
+    pub(super) fn erase_all(&mut self) -> Result<(), Error> {
+        self.erase(0, 2 * SECTOR as u32)
     }
 }
 
@@ -31,7 +34,7 @@ impl ErrorType for Sectors {
 impl ReadNorFlash for Sectors {
     const READ_SIZE: usize = 1;
 
-    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Error> {
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Error> {
         self.0.blocking_read(MEMORY + offset, bytes)
     }
 
@@ -44,18 +47,30 @@ impl NorFlash for Sectors {
     const WRITE_SIZE: usize = 4;
     const ERASE_SIZE: usize = SECTOR;
 
-    async fn erase(&mut self, from: u32, to: u32) -> Result<(), Error> {
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), Error> {
         let _uncached = Uncached::new()?;
         for sector in (MEMORY + from..MEMORY + to).step_by(SECTOR) {
             erase_by_words();
-            self.0.erase(sector, sector + SECTOR as u32).await?;
+            sleep_until(self.0.erase(sector, sector + SECTOR as u32))?;
         }
         Ok(())
     }
 
-    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Error> {
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Error> {
         let _uncached = Uncached::new()?;
-        self.0.write(MEMORY + offset, bytes).await
+        self.0.blocking_write(MEMORY + offset, bytes)
+    }
+}
+
+/// Waits for an operation of the flash, in thread mode: the processor sleeps until an interrupt, say that of the flash.
+fn sleep_until<T>(operation: impl Future<Output = T>) -> T {
+    let mut operation = pin!(operation);
+    loop {
+        if let Poll::Ready(result) = operation.as_mut().poll(&mut Context::from_waker(Waker::noop())) {
+            return result;
+        }
+        // An interrupt since the look counts, too: it has set the event that ends the sleep at once.
+        cortex_m::asm::wfe();
     }
 }
 

@@ -13,7 +13,7 @@ const LEAVING: Duration = Duration::from_micros(50);
 const LONGEST_FRAME: Duration = Duration::from_millis(20);
 
 /// The way back from bus-off takes so many bits (ISO 11898-1): 128 sequences of 11.
-const RECOVERY_BITS: u64 = 128 * 11;
+const RECOVERY_BITS: u32 = 128 * 11;
 
 /// The controller, and its standing on the bus.
 pub(super) struct Link {
@@ -63,9 +63,8 @@ impl Link {
                 self.state = State::Cut;
             }
             State::Cut if !is_cut => {
-                let bits_per_second = u64::from(self.bit_rate.bits_per_second());
-                let recovery = Duration::from_micros(RECOVERY_BITS * 1_000_000 / bits_per_second);
-                self.state = State::Recovering(Instant::now() + recovery);
+                let recovery = RECOVERY_BITS * 1_000_000 / self.bit_rate.bits_per_second();
+                self.state = State::Recovering(Instant::now() + Duration::from_micros(recovery.into()));
             }
             State::Recovering(until) if until <= Instant::now() => {
                 self.can.join(self.bit_rate);

@@ -5,8 +5,8 @@
 //! | [`CAN_PRIORITY`] | the interrupts of the CAN controller: frames into a queue, the next frame into a mailbox |
 //! | [`CLOCK_PRIORITY`] | the clock: timers that ring |
 //! | [`DEVICE_PRIORITY`] | the device's task, on an executor of its own |
-//! | [`SERVICE_PRIORITY`] | the interrupts of flash and console |
-//! | thread | memory, console, LEDs, button |
+//! | [`SERVICE_PRIORITY`] | console, LEDs, button, on an executor of their own; the interrupts of console and flash |
+//! | thread | the memory's task, which lets nobody else run while it waits for the flash |
 
 mod attention;
 mod button;
@@ -54,6 +54,15 @@ fn UART5() {
     unsafe { DEVICE.on_interrupt() }
 }
 
+/// Runs console, LEDs and button in the same way, above the memory's task: that blocks while the flash is busy.
+static SERVICES: InterruptExecutor = InterruptExecutor::new();
+
+#[interrupt]
+fn UART4() {
+    // SAFETY: as above.
+    unsafe { SERVICES.on_interrupt() }
+}
+
 /// What a NUCLEO has, by whichever pins.
 struct Nucleo {
     can: can::Can1,
@@ -81,6 +90,7 @@ async fn main(spawner: Spawner) {
         (Interrupt::TIM5, CLOCK_PRIORITY),
         (Interrupt::UART5, DEVICE_PRIORITY),
         (nucleo::CONSOLE, SERVICE_PRIORITY),
+        (Interrupt::UART4, SERVICE_PRIORITY),
         (Interrupt::FLASH, SERVICE_PRIORITY),
     ] {
         line.set_priority(priority);
@@ -98,13 +108,14 @@ async fn main(spawner: Spawner) {
     if let Ok(task) = storage::run(sectors, REQUESTS.receiver(), RESULTS.sender(), &CONTENTS) {
         spawner.spawn(task);
     }
-    if let Ok(task) = console::run(console, &LINES, &ANSWERS) {
-        spawner.spawn(task);
+    let services = SERVICES.start(Interrupt::UART4);
+    if let Some(Ok(task)) = console.map(|console| console::run(console, &LINES, &ANSWERS)) {
+        services.spawn(task);
     }
     if let Ok(task) = led::run(leds, &LIGHTS) {
-        spawner.spawn(task);
+        services.spawn(task);
     }
     if let Ok(task) = button::run(button, &PRESSES) {
-        spawner.spawn(task);
+        services.spawn(task);
     }
 }

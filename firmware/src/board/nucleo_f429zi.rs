@@ -1,6 +1,6 @@
 //! The NUCLEO-F429ZI (UM1974): two LEDs, and a second flash bank for the memory.
 
-use embassy_stm32::flash::{Async, Bank2Region1, Flash, InterruptHandler};
+use embassy_stm32::flash::{Flash, InterruptHandler};
 use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
 use embassy_stm32::pac::Interrupt;
 use embassy_stm32::peripherals::USART3;
@@ -23,11 +23,8 @@ const WATCHDOG_US: u32 = 500_000;
 /// The level of the button while it is pressed.
 pub(super) const PRESSED: Level = Level::High;
 
-/// The flash that holds the memory: the first region of bank 2. The processor runs from bank 1 meanwhile.
-pub(super) type Region = Bank2Region1<'static, Async>;
-
-/// Where the memory begins in its region.
-pub(super) const MEMORY: u32 = 0;
+/// Where the memory begins in the flash: with bank 2. The processor runs from bank 1 meanwhile.
+pub(super) const MEMORY: u32 = 0x10_0000;
 
 bind_interrupts!(struct Interrupts {
     FLASH => InterruptHandler;
@@ -41,7 +38,7 @@ pub(super) fn open(board: Peripherals) -> Nucleo {
     Nucleo {
         can: Can1::new(board.PD0, board.PD1, CAN_PRIORITY),
         watchdog: IndependentWatchdog::new(board.IWDG, WATCHDOG_US),
-        sectors: Sectors(Flash::new(board.FLASH, Interrupts).into_regions().bank2_region1),
+        sectors: Sectors(Flash::new(board.FLASH, Interrupts)),
         console: console::open(board.USART3, board.PD9, board.PD8, Interrupts),
         button: Input::new(board.PC13, Pull::Down),
         leds: Leds {

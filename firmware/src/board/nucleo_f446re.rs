@@ -3,7 +3,7 @@
 //! While the memory is written or erased, the processor stands: it has nowhere else to read its instructions from
 //! (RM0390 3.4). The peripherals go on, so the CAN controller acknowledges, and holds three frames.
 
-use embassy_stm32::flash::{Async, Bank1Region1, Flash, InterruptHandler};
+use embassy_stm32::flash::{Flash, InterruptHandler};
 use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
 use embassy_stm32::pac::Interrupt;
 use embassy_stm32::peripherals::USART2;
@@ -35,10 +35,7 @@ const _: () = assert!(CLOCK_HALF * 1000 > LONGEST_ERASE_MS * TICK_HZ);
 /// The level of the button while it is pressed.
 pub(super) const PRESSED: Level = Level::Low;
 
-/// The flash that holds the memory: four sectors of 16 KiB, of which the first holds the vectors.
-pub(super) type Region = Bank1Region1<'static, Async>;
-
-/// Where the memory begins in its region: in sector 1.
+/// Where the memory begins in the flash: in sector 1. Sector 0 holds the vectors.
 pub(super) const MEMORY: u32 = 0x4000;
 
 bind_interrupts!(struct Interrupts {
@@ -51,7 +48,7 @@ pub(super) fn open(board: Peripherals) -> Nucleo {
     Nucleo {
         can: Can1::new(board.PB8, board.PB9, CAN_PRIORITY),
         watchdog: IndependentWatchdog::new(board.IWDG, WATCHDOG_US),
-        sectors: Sectors(Flash::new(board.FLASH, Interrupts).into_regions().bank1_region1),
+        sectors: Sectors(Flash::new(board.FLASH, Interrupts)),
         console: console::open(board.USART2, board.PA3, board.PA2, Interrupts),
         button: Input::new(board.PC13, Pull::Up),
         leds: Leds(Output::new(board.PA5, Level::Low, Speed::Low)),

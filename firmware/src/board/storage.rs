@@ -103,19 +103,19 @@ pub(super) async fn run(
     requests: Receiver<'static, CriticalSectionRawMutex, Request, REQUESTS>,
     results: Sender<'static, CriticalSectionRawMutex, Done, REQUESTS>,
     contents: &'static SharedContents,
-) {
-    let mut memory = Memory { sectors, buffer: [0; BUFFER], contents };
-    let mut done = Done::Started(memory.start().await);
+) -> ! {
+    let mut memory = Memory { sectors, buffer: [0; BUFFER] };
+    let mut done = Done::Started(memory.start(&mut *contents.lock().await));
     loop {
         results.send(done).await;
         call(Caller::Memory);
         done = match requests.receive().await {
-            Request::Store(key, record) => Done::Stored(key, memory.store(key, &record).await),
+            Request::Store(key, record) => Done::Stored(key, memory.store(key, &record)),
             Request::Read => {
-                memory.read().await;
+                memory.read(&mut *contents.lock().await);
                 Done::Read
             }
-            Request::Become(settings) => Done::Became(memory.set(settings).await),
+            Request::Become(settings) => Done::Became(memory.set(settings)),
         };
     }
 }
@@ -123,64 +123,59 @@ pub(super) async fn run(
 struct Memory {
     sectors: Sectors,
     buffer: [u8; BUFFER],
-    contents: &'static SharedContents,
 }
 
 impl Memory {
     /// Reads everything, as after power-up: what a new device is to forget is forgotten first.
-    async fn start(&mut self) -> Settings {
-        let stored = self.read().await;
+    fn start(&mut self, contents: &mut Contents) -> Settings {
+        let stored = self.read(contents);
         let mut settings = Settings::at_start(stored);
         if settings.fresh {
             // One that fails is tried again at the next start.
-            settings.fresh = self.clear().await.is_err();
-            self.contents.lock().await.image = Image::empty();
+            settings.fresh = self.clear().is_err();
+            contents.image = Image::empty();
         }
         if stored != Some(settings) {
             // One that fails is stored at the next start.
-            let _ = self.set(settings).await;
+            let _ = self.set(settings);
         }
         settings
     }
 
     /// Reads everything; the setting, if there is one.
-    async fn read(&mut self) -> Option<Settings> {
-        let mut contents = self.contents.lock().await;
-        let read = async {
-            let mut records = self.records().await.map_err(|_| Unreadable)?;
-            records.read(&mut contents).await
-        };
-        if let Err(Unreadable) = read.await {
-            self.begin_anew(&mut contents).await;
+    fn read(&mut self, contents: &mut Contents) -> Option<Settings> {
+        let read = self.records().map_err(|_| Unreadable).and_then(|mut records| records.read(contents));
+        if let Err(Unreadable) = read {
+            self.begin_anew(contents);
         }
         contents.setting.as_deref().and_then(Settings::decode)
     }
 
     /// Nothing in the memory makes sense: erases it, but for the setting, and tells.
-    async fn begin_anew(&mut self, contents: &mut Contents) {
-        let erased = self.sectors.erase_all().await.is_ok();
+    fn begin_anew(&mut self, contents: &mut Contents) {
+        let erased = self.sectors.erase_all().is_ok();
         defmt::error!("the memory was damaged; erased: {}", erased);
-        if let (Some(setting), Ok(mut records)) = (&contents.setting, self.records().await) {
+        if let (Some(setting), Ok(mut records)) = (&contents.setting, self.records()) {
             // Without it the board would be the kind that the image was built for.
-            let _ = records.store_setting(setting).await;
+            let _ = records.store_setting(setting);
         }
         contents.image = Image::empty();
         contents.image.set_damaged();
     }
 
-    async fn store(&mut self, key: RecordKey, record: &Record) -> Result<(), StoreError> {
-        self.records().await?.store(key, record).await
+    fn store(&mut self, key: RecordKey, record: &Record) -> Result<(), StoreError> {
+        self.records()?.store(key, record)
     }
 
-    async fn clear(&mut self) -> Result<(), StoreError> {
-        self.records().await?.clear().await
+    fn clear(&mut self) -> Result<(), StoreError> {
+        self.records()?.clear()
     }
 
-    async fn set(&mut self, settings: Settings) -> Result<(), StoreError> {
-        self.records().await?.store_setting(&settings.encode()).await
+    fn set(&mut self, settings: Settings) -> Result<(), StoreError> {
+        self.records()?.store_setting(&settings.encode())
     }
 
-    async fn records(&mut self) -> Result<Records<'_, &mut Sectors>, StoreError> {
-        Records::open(&mut self.sectors, &mut self.buffer).await.map_err(|_| StoreError)
+    fn records(&mut self) -> Result<Records<'_, &mut Sectors>, StoreError> {
+        Records::open(&mut self.sectors, &mut self.buffer).map_err(|_| StoreError)
     }
 }

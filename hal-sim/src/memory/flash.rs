@@ -1,9 +1,6 @@
 //! A NOR flash in RAM, with the board's geometry, that can fail as a real one does.
 
-use std::pin::pin;
-use std::task::{Context, Poll, Waker};
-
-use embedded_storage_async::nor_flash::{
+use embedded_storage::nor_flash::{
     ErrorType, MultiwriteNorFlash, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 
@@ -303,7 +300,7 @@ impl ErrorType for Flash {
 impl ReadNorFlash for Flash {
     const READ_SIZE: usize = 1;
 
-    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
         if self.faults.dead {
             return Err(FlashError::PowerCut);
         }
@@ -321,7 +318,7 @@ impl NorFlash for Flash {
     const WRITE_SIZE: usize = WORD;
     const ERASE_SIZE: usize = SECTOR;
 
-    async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
         let len = to.checked_sub(from).ok_or(FlashError::OutOfBounds)? as usize;
         for start in Self::range(from, len, SECTOR)?.step_by(SECTOR) {
             let attempt = self.attempt()?;
@@ -338,7 +335,7 @@ impl NorFlash for Flash {
     }
 
     /// A torn write has cleared some of the bits of its word.
-    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
         let range = Self::range(offset, bytes.len(), WORD)?;
         for (start, word) in range.step_by(WORD).zip(bytes.chunks_exact(WORD)) {
             let attempt = self.attempt()?;
@@ -357,11 +354,3 @@ impl NorFlash for Flash {
 
 /// The STM32F4's flash has no error correction: a word may be written again, which clears more bits.
 impl MultiwriteNorFlash for Flash {}
-
-/// The result of a future that never waits, as those over RAM don't.
-pub(super) fn ready<F: Future>(future: F) -> F::Output {
-    match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
-        Poll::Ready(output) => output,
-        Poll::Pending => unreachable!("a flash in RAM never waits"),
-    }
-}

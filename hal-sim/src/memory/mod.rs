@@ -24,7 +24,6 @@ use protocol_core::memory::{Image, Record, RecordKey, StoreError};
 pub use flash::{ERASED, Flash, FlashError, SECTOR, SIZE, TornErase, WORD};
 pub use state_file::StateFileError;
 
-use flash::ready;
 use nvm::{BUFFER, Contents, Records, Unreadable};
 use state_file::{Content, StateFile};
 
@@ -245,13 +244,13 @@ impl MemoryFile {
 
 fn read(flash: &mut Flash) -> Result<Image, Unreadable> {
     let mut buffer = [0; BUFFER];
-    let mut records = ready(Records::open(flash, &mut buffer)).map_err(|_| Unreadable)?;
+    let mut records = Records::open(flash, &mut buffer).map_err(|_| Unreadable)?;
     let mut contents = Contents::empty();
-    ready(records.read(&mut contents)).map(|()| contents.image)
+    records.read(&mut contents).map(|()| contents.image)
 }
 
 fn store(flash: &mut Flash, key: RecordKey, record: &Record) -> Result<(), StoreError> {
     let mut buffer = [0; BUFFER];
-    let mut records = ready(Records::open(flash, &mut buffer)).map_err(|_| StoreError)?;
-    ready(records.store(key, record))
+    let mut records = Records::open(flash, &mut buffer).map_err(|_| StoreError)?;
+    records.store(key, record)
 }

@@ -1,11 +1,6 @@
 //! The setting of the platform beside the records, and clearing the records without it: what `nvm` offers the board,
 //! after every kind of accident (SPEC 6).
 
-use std::pin::pin;
-use std::task::{Context, Poll, Waker};
-
-use embedded_storage_async::nor_flash::{ErrorType, MultiwriteNorFlash, NorFlash, ReadNorFlash};
-
 use super::tests::{numbered, payload, record};
 use super::*;
 
@@ -17,22 +12,22 @@ const NEW: &[u8] = b"new kind";
 fn setting(flash: &Flash) -> Option<Vec<u8>> {
     let mut flash = flash.clone();
     let mut buffer = [0; BUFFER];
-    let mut records = ready(Records::open(&mut flash, &mut buffer)).unwrap();
+    let mut records = Records::open(&mut flash, &mut buffer).unwrap();
     let mut contents = Contents::empty();
-    ready(records.read(&mut contents)).unwrap();
+    records.read(&mut contents).unwrap();
     contents.setting.map(|setting| setting.to_vec())
 }
 
 fn store_setting(flash: &mut Flash, setting: &[u8]) -> Result<(), StoreError> {
     let mut buffer = [0; BUFFER];
-    let mut records = ready(Records::open(flash, &mut buffer)).map_err(|_| StoreError)?;
-    ready(records.store_setting(setting))
+    let mut records = Records::open(flash, &mut buffer).map_err(|_| StoreError)?;
+    records.store_setting(setting)
 }
 
 fn clear(flash: &mut Flash) -> Result<(), StoreError> {
     let mut buffer = [0; BUFFER];
-    let mut records = ready(Records::open(flash, &mut buffer)).map_err(|_| StoreError)?;
-    ready(records.clear())
+    let mut records = Records::open(flash, &mut buffer).map_err(|_| StoreError)?;
+    records.clear()
 }
 
 fn image(flash: &Flash) -> Image {
@@ -152,12 +147,12 @@ fn asking_for_the_setting_hides_no_damage() {
         let noise = front + 1..front + SECTOR;
         flash.fill(|cell| if noise.contains(&cell) { random.u8(..) & random.u8(..) } else { ERASED });
         let mut buffer = [0; BUFFER];
-        let mut records = ready(Records::open(&mut flash, &mut buffer)).unwrap();
+        let mut records = Records::open(&mut flash, &mut buffer).unwrap();
         let mut contents = Contents::empty();
-        assert_eq!(ready(records.read(&mut contents)), Err(Unreadable), "seed {seed}");
+        assert_eq!(records.read(&mut contents), Err(Unreadable), "seed {seed}");
         assert_eq!(contents.setting, None);
         // Nor does it go away by being looked at.
-        assert_eq!(ready(records.read(&mut contents)), Err(Unreadable), "seed {seed}");
+        assert_eq!(records.read(&mut contents), Err(Unreadable), "seed {seed}");
     }
 }
 
@@ -253,92 +248,6 @@ fn one_cut_of_clearing_after_the_other() {
             for second in 0..40 {
                 let twice = disturbed(&once, Flash::cut_power_after, second);
                 check_cut(twice, &before, kept, &format!("{first}, then {second}, {kept:?}"));
-            }
-        }
-    }
-}
-
-/// A flash that waits before and after whatever it does.
-struct Waiting<'a>(&'a mut Flash);
-
-async fn wait() {
-    let mut waited = false;
-    std::future::poll_fn(|_| if std::mem::replace(&mut waited, true) { Poll::Ready(()) } else { Poll::Pending }).await;
-}
-
-impl ErrorType for Waiting<'_> {
-    type Error = FlashError;
-}
-
-impl ReadNorFlash for Waiting<'_> {
-    const READ_SIZE: usize = 1;
-
-    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
-        self.0.read(offset, bytes).await
-    }
-
-    fn capacity(&self) -> usize {
-        SIZE
-    }
-}
-
-impl NorFlash for Waiting<'_> {
-    const WRITE_SIZE: usize = WORD;
-    const ERASE_SIZE: usize = SECTOR;
-
-    async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
-        wait().await;
-        self.0.erase(from, to).await?;
-        wait().await;
-        Ok(())
-    }
-
-    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
-        for (at, word) in bytes.chunks(WORD).enumerate() {
-            wait().await;
-            self.0.write(offset + (at * WORD) as u32, word).await?;
-            wait().await;
-        }
-        Ok(())
-    }
-}
-
-impl MultiwriteNorFlash for Waiting<'_> {}
-
-/// Polls so often; whether it was done by then.
-fn polled<F: Future>(times: usize, future: F) -> bool {
-    let mut future = pin!(future);
-    (0..times).any(|_| future.as_mut().poll(&mut Context::from_waker(Waker::noop())).is_ready())
-}
-
-#[test]
-fn an_operation_that_is_dropped_does_no_harm() {
-    for flash in [Flash::new(), with_stores(Some(OLD), 6), in_a_move(Some(OLD))] {
-        let (before, old) = (held(&flash), setting(&flash));
-        for operation in 0..3 {
-            for polls in 1.. {
-                let mut flash = flash.clone();
-                let mut buffer = [0; BUFFER];
-                let mut records = ready(Records::open(Waiting(&mut flash), &mut buffer)).unwrap();
-                let done = match operation {
-                    0 => polled(polls, records.store(RecordKey::Parameters, &record(b"new"))),
-                    1 => polled(polls, records.store_setting(NEW)),
-                    _ => polled(polls, records.clear()),
-                };
-                let what = format!("operation {operation} dropped at poll {polls}");
-                let found = setting(&flash);
-                assert!(found == old || (operation == 1 && found.as_deref() == Some(NEW)), "{what}: {found:?}");
-                for (key, (found, before)) in RecordKey::ALL.iter().zip(held(&flash).iter().zip(&before)) {
-                    let new = operation == 0 && *key == RecordKey::Parameters && found.as_deref() == Some(b"new");
-                    assert!(found == before || new || (operation == 2 && found.is_none()), "{what}: {key:?}");
-                }
-                store_setting(&mut flash, NEW).unwrap();
-                store(&mut flash, RecordKey::Parameters, &record(b"newer")).unwrap();
-                assert_eq!(held(&flash)[2].as_deref(), Some(&b"newer"[..]), "{what}");
-                assert_eq!(setting(&flash).as_deref(), Some(NEW), "{what}");
-                if done {
-                    break;
-                }
             }
         }
     }

@@ -134,21 +134,20 @@ fn a_damaged_memory_that_cannot_be_erased_stays() {
 }
 
 mod flash {
-    use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
+    use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 
-    use super::super::flash::ready;
     use super::*;
 
     #[test]
     fn writing_only_clears_bits() {
         let mut flash = Flash::new();
-        ready(flash.write(8, &[0xF0, 0xFF, 0x0F, 0])).unwrap();
-        ready(flash.write(8, &[0x33; 4])).unwrap();
+        flash.write(8, &[0xF0, 0xFF, 0x0F, 0]).unwrap();
+        flash.write(8, &[0x33; 4]).unwrap();
         let mut word = [0; 4];
-        ready(flash.read(8, &mut word)).unwrap();
+        flash.read(8, &mut word).unwrap();
         assert_eq!(word, [0x30, 0x33, 0x03, 0]);
-        ready(flash.erase(0, SECTOR as u32)).unwrap();
-        ready(flash.read(8, &mut word)).unwrap();
+        flash.erase(0, SECTOR as u32).unwrap();
+        flash.read(8, &mut word).unwrap();
         assert_eq!(word, [ERASED; 4]);
         assert_eq!((flash.word_writes(), flash.erases()), (2, 1));
     }
@@ -156,12 +155,12 @@ mod flash {
     #[test]
     fn words_and_sectors_are_kept_to() {
         let mut flash = Flash::new();
-        assert_eq!(ready(flash.write(2, &[0; 4])), Err(FlashError::NotAligned));
-        assert_eq!(ready(flash.write(4, &[0; 3])), Err(FlashError::NotAligned));
-        assert_eq!(ready(flash.write(SIZE as u32, &[0; 4])), Err(FlashError::OutOfBounds));
-        assert_eq!(ready(flash.erase(0, 4)), Err(FlashError::NotAligned));
-        assert_eq!(ready(flash.erase(4, 0)), Err(FlashError::OutOfBounds));
-        assert_eq!(ready(flash.read(SIZE as u32 - 1, &mut [0; 2])), Err(FlashError::OutOfBounds));
+        assert_eq!(flash.write(2, &[0; 4]), Err(FlashError::NotAligned));
+        assert_eq!(flash.write(4, &[0; 3]), Err(FlashError::NotAligned));
+        assert_eq!(flash.write(SIZE as u32, &[0; 4]), Err(FlashError::OutOfBounds));
+        assert_eq!(flash.erase(0, 4), Err(FlashError::NotAligned));
+        assert_eq!(flash.erase(4, 0), Err(FlashError::OutOfBounds));
+        assert_eq!(flash.read(SIZE as u32 - 1, &mut [0; 2]), Err(FlashError::OutOfBounds));
         assert_eq!(flash.words_in_use(), 0);
     }
 
@@ -169,13 +168,13 @@ mod flash {
     fn a_power_cut_tears_one_word_and_stops_everything() {
         let mut flash = Flash::new();
         flash.cut_power_after(1);
-        assert_eq!(ready(flash.write(0, &[0; 12])), Err(FlashError::PowerCut));
+        assert_eq!(flash.write(0, &[0; 12]), Err(FlashError::PowerCut));
         assert_eq!(flash.image()[..4], [0; 4]);
         assert_eq!(flash.image()[8..12], [ERASED; 4]);
-        assert_eq!(ready(flash.read(0, &mut [0])), Err(FlashError::PowerCut));
-        assert_eq!(ready(flash.write(12, &[0; 4])), Err(FlashError::PowerCut));
+        assert_eq!(flash.read(0, &mut [0]), Err(FlashError::PowerCut));
+        assert_eq!(flash.write(12, &[0; 4]), Err(FlashError::PowerCut));
         flash.restore_power();
-        assert_eq!(ready(flash.write(12, &[0; 4])), Ok(()));
+        assert_eq!(flash.write(12, &[0; 4]), Ok(()));
     }
 
     #[test]
@@ -183,7 +182,7 @@ mod flash {
         let mut flash = Flash::new();
         flash.fill(|_| 0);
         flash.cut_power_after(1);
-        assert_eq!(ready(flash.erase(0, SIZE as u32)), Err(FlashError::PowerCut));
+        assert_eq!(flash.erase(0, SIZE as u32), Err(FlashError::PowerCut));
         let second = &flash.image()[SECTOR..];
         assert!(flash.image()[..SECTOR] == [ERASED; SECTOR]);
         let erased = second.iter().take_while(|cell| **cell == ERASED).count();

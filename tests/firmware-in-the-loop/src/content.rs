@@ -1,8 +1,6 @@
 //! What a board's flash holds when it is switched on: what a host device of the same sort has stored in its own, for both
 //! keep their records in the same way.
 
-use std::pin::pin;
-use std::task::{Context, Poll, Waker};
 
 use firmware::settings::Settings;
 use hal_sim::memory;
@@ -67,19 +65,9 @@ fn with_setting(content: Vec<u8>, kind: Kind) -> Vec<u8> {
     let mut flash = memory::Flash::from_image(content).expect("it is as long as a flash");
     let mut buffer = [0; nvm::BUFFER];
     let setting = Settings { fresh: false, ..Settings::new(kind, None) }.encode();
-    ready(async {
-        let mut records = Records::open(&mut flash, &mut buffer).await.expect("this flash does not fail");
-        records.store_setting(&setting).await.expect("this flash does not fail");
-    });
+    let mut records = Records::open(&mut flash, &mut buffer).expect("this flash does not fail");
+    records.store_setting(&setting).expect("this flash does not fail");
     flash.image().to_vec()
-}
-
-/// What a future gives that waits for nothing, as those of a flash in RAM.
-fn ready<F: Future>(future: F) -> F::Output {
-    match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
-        Poll::Ready(output) => output,
-        Poll::Pending => unreachable!("a flash in RAM keeps nobody waiting"),
-    }
 }
 
 /// The parameters that are stored there.

@@ -20,7 +20,7 @@ pub const WATCHDOG: Duration = Duration::from_millis(2500);
 pub const AT_ONCE: Duration = Duration::from_millis(20);
 
 /// What writes a record, and nobody but the memory's task calls.
-const STORES: [&str; 1] = ["ItemLengths<S,_> as embedded_storage_async::nor_flash::NorFlash>::write"];
+const STORES: [&str; 1] = ["nvm::store::Records<F>::write"];
 /// What the handler runs that polls the device's task.
 const POLLS_DEVICE: [&str; 1] = ["UART5"];
 /// The longest that the memory may take, and the watchdog's time.

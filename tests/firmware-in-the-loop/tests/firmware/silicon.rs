@@ -24,7 +24,7 @@ const PRIORITIES: [&[(&str, u64)]; 4] = [
     &[("CAN1_TX", 19), ("CAN1_RX0", 20), ("CAN1_RX1", 21), ("CAN1_SCE", 22)],
     &[("TIM5: the clock", 50)],
     &[("UART5: the device's task", 53)],
-    &[("FLASH", 4)],
+    &[("UART4: console, LEDs, button", 52), ("FLASH", 4)],
 ];
 const USART2: u64 = 38;
 const USART3: u64 = 39;
