@@ -17,7 +17,7 @@ const LOOK: Duration = Duration::from_millis(10);
 const STEADY: u8 = 3;
 
 #[embassy_executor::task]
-pub(super) async fn run(button: Input<'static>, presses: &'static Presses) {
+pub(super) async fn run(button: Input<'static>, presses: &'static Presses) -> ! {
     let (mut pressed, mut looks) = (false, 0);
     loop {
         Timer::after(LOOK).await;

@@ -58,8 +58,7 @@ pub(super) fn open<U: Instance>(
 }
 
 #[embassy_executor::task]
-pub(super) async fn run(uart: Option<BufferedUart<'static>>, lines: &'static Lines, answers: &'static Answers) {
-    let Some(mut uart) = uart else { return };
+pub(super) async fn run(mut uart: BufferedUart<'static>, lines: &'static Lines, answers: &'static Answers) -> ! {
     let mut line = String::new();
     let mut too_long = false;
     let mut last = 0;
@@ -94,14 +93,15 @@ async fn ask(line: String<LINE>, lines: &Lines, answers: &Answers) -> Answer {
 }
 
 async fn tell(uart: &mut BufferedUart<'static>, answer: &Answer) {
-    let parts = match answer {
-        Answer::Done | Answer::Restart => ["", "", "ok"],
-        Answer::Status(status) => [status.as_str(), "", "ok"],
-        Answer::Help(own) => [own, HELP, "ok"],
-        Answer::Usage => ["", "", USAGE],
-        Answer::Refused(why) => ["", "", *why],
+    let (told, ends) = match answer {
+        Answer::Done | Answer::Restart => (["", ""], "ok"),
+        Answer::Status(status) => ([status.as_str(), ""], "ok"),
+        Answer::Help(own) => ([*own, HELP], "ok"),
+        Answer::Usage => (["", ""], USAGE),
+        Answer::Refused(why) => (["", ""], *why),
     };
-    for part in parts.into_iter().chain(["\r\n"]) {
+    let [first, second] = told;
+    for part in [first, second, ends, "\r\n"] {
         // The driver takes no more at once than it has room for, and never wakes one who waits for room.
         for chunk in part.as_bytes().chunks(BUFFER) {
             let _ = uart.write_all(chunk).await;

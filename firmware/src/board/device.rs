@@ -37,7 +37,7 @@ pub(super) async fn run(
     mut memory: Client,
     front: Front,
     lights: &'static Lights,
-) {
+) -> ! {
     let mut watchdog = Watchdog(watchdog);
     watchdog.0.unleash();
     let mut attention = Attention::new().await;
@@ -53,7 +53,7 @@ pub(super) async fn run(
     let device = power_on(&settings, &memory.contents().await.image, cause);
     let link = Link::new(can);
     let (plant, restarting) = (Plant::healthy(settings.kind), None);
-    Board { settings, link, watchdog, attention, memory, front, lights, plant, restarting }.serve(device).await;
+    Board { settings, link, watchdog, attention, memory, front, lights, plant, restarting }.serve(device).await
 }
 
 /// A device of any kind, which may be served by an executor of its own.
@@ -126,7 +126,7 @@ struct Board {
 
 impl Board {
     /// Runs the device for ever.
-    async fn serve(mut self, device: &mut AnyDevice) {
+    async fn serve(mut self, device: &mut AnyDevice) -> ! {
         device.sense(&self.plant.senses, Instant::now());
         self.link.set_bit_rate(device.bit_rate(), &mut self.attention).await;
         let (mut now, mut due) = (Instant::now(), Instant::MIN);

@@ -4,7 +4,7 @@ use core::sync::atomic::Ordering;
 
 use embassy_time::Instant;
 use firmware::console::Command;
-use firmware::plant::{Change, Injection, Plant, Value};
+use firmware::plant::{Injection, Plant, Value};
 use firmware::settings::Settings;
 use heapless::String;
 use protocol_core::controller::BusErrorMode;
@@ -81,17 +81,20 @@ pub(super) fn status(settings: &Settings, device: &dyn Device, link: &Link, plan
         ("dropped", Value::Natural(device.frames_dropped())),
     ];
     let mut status = String::new();
-    for (word, value) in own.into_iter().chain(plant.words(Instant::now()).map(Change::text)) {
-        let mut digits = itoa::Buffer::new();
-        let (sign, value) = match value {
-            Value::Natural(number) => ("", digits.format(number)),
-            Value::Integer(number) if number < 0 => ("-", digits.format(number.unsigned_abs())),
-            Value::Integer(number) => ("", digits.format(number.unsigned_abs())),
-            Value::Word(word) => ("", word),
-        };
-        for part in [word, " ", sign, value, "\r\n"] {
-            let _ = status.push_str(part);
-        }
-    }
+    own.into_iter().for_each(|line| tell(line, &mut status));
+    plant.words(Instant::now()).for_each(|change| tell(change.text(), &mut status));
     status
+}
+
+fn tell((word, value): (&str, Value), status: &mut String<STATUS>) {
+    let mut digits = itoa::Buffer::new();
+    let (sign, value) = match value {
+        Value::Natural(number) => ("", digits.format(number)),
+        Value::Integer(number) if number < 0 => ("-", digits.format(number.unsigned_abs())),
+        Value::Integer(number) => ("", digits.format(number.unsigned_abs())),
+        Value::Word(word) => ("", word),
+    };
+    for part in [word, " ", sign, value, "\r\n"] {
+        let _ = status.push_str(part);
+    }
 }

@@ -60,7 +60,7 @@ pub(super) const fn is_on(led: Led, step: u8) -> bool {
 }
 
 #[embassy_executor::task]
-pub(super) async fn run(mut leds: Leds, lights: &'static Lights) {
+pub(super) async fn run(mut leds: Leds, lights: &'static Lights) -> ! {
     let mut step = 0;
     loop {
         // The device's task is above this one: it has answered when this is done.
