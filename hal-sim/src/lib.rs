@@ -13,10 +13,13 @@
 //!
 //! ```text
 //! kind      the products, by name
+//! devices/  which of them are on the bus, as they are written
 //! speed     how virtual time passes against wall time
-//! trace/    what happened on the bus, as other tools read it
+//! trace/    what happened on the bus, as other tools read it, and laid out for people
 //! explain/  what a frame means, in words
 //! describe/ the products for other tools: EDS and DBC
+//! state/    a device's state, what acts on it, and conditions on both, in words
+//! sender    frames sent on command, once or again and again
 //! gateway/  clients of the bus that live outside: socketcand, SocketCAN
 //! control/  state, faults and time over HTTP
 //! run/      the world paced by the wall clock, with its clients, its trace and its memory
@@ -55,12 +58,15 @@ pub mod bus;
 pub mod cli;
 pub mod control;
 pub mod describe;
+pub mod devices;
 pub mod explain;
 pub mod gateway;
 pub mod kind;
 pub mod memory;
 pub mod run;
+mod sender;
 pub mod speed;
+pub mod state;
 pub mod trace;
 pub mod use_case;
 pub mod world;

@@ -1,11 +1,8 @@
 //! The command line of `pve-sim`: what is accepted, and the one line that says why something is not.
 
-mod device;
-mod link;
 mod options;
 mod shell;
 
-pub use device::DeviceSpec;
 pub use options::RunArgs;
 
 use std::ffi::OsString;

@@ -8,11 +8,10 @@ use protocol_core::controller::BitRate;
 use protocol_core::device::pve;
 
 use super::UsageError;
-use super::device::DeviceSpec;
-use super::link::{self, LinkSpec};
+use crate::devices::{self, DeviceSpec, LinkSpec};
 use crate::gateway::BusUrl;
-use crate::kind::{Kind, Simulated};
-use crate::run::{ColorChoice, LogOptions, NamedDevice, RunOptions};
+use crate::kind::Kind;
+use crate::run::{ColorChoice, LogOptions, RunOptions};
 use crate::speed::Speed;
 
 /// The seed of a run that was given none: two runs with the same seed and the same input are the same.
@@ -139,12 +138,12 @@ impl TryFrom<RunArgs> for RunOptions {
             return Err(UsageError("--speed step: the control interface moves time; leave --no-http out".to_owned()));
         }
         let specs = if args.device.is_empty() { vec![DeviceSpec::new(DEFAULT_KIND)] } else { args.device };
-        let mut devices = named(specs)?;
-        number(&mut devices);
+        let devices = devices::named(specs).map_err(|error| UsageError(format!("--device: {error} name=")))?;
         if !args.allow_clash {
-            refuse_clashes(&devices)?;
+            devices::refuse_clashes(&devices)
+                .map_err(|error| UsageError(format!("--device: {error} with @ID, or --allow-clash")))?;
         }
-        let links = link::between(&devices, args.link)?;
+        let links = devices::links(&devices, args.link).map_err(|error| UsageError(format!("--link: {error}")))?;
         let buses = if args.bus.is_empty() { vec![BusUrl::default_server()] } else { args.bus };
         check_interfaces(&buses, args.speed)?;
         Ok(Self {
@@ -165,64 +164,6 @@ impl TryFrom<RunArgs> for RunOptions {
     }
 }
 
-/// Gives a name to each device that has none: its kind, then kind-2, kind-3 …, as far as they are free.
-fn named(specs: Vec<DeviceSpec>) -> Result<Vec<NamedDevice>, UsageError> {
-    let mut taken: Vec<String> = Vec::new();
-    for name in specs.iter().filter_map(|spec| spec.name.as_ref()) {
-        if taken.contains(name) {
-            return Err(UsageError(format!(
-                "--device: the name '{name}' is given twice; give each device its own name="
-            )));
-        }
-        taken.push(name.clone());
-    }
-    let free = |kind: Kind, taken: &[String]| {
-        (1_u32..)
-            .map(|n| if n == 1 { kind.name().to_owned() } else { format!("{kind}-{n}") })
-            .find(|name| !taken.contains(name))
-            .unwrap_or_default()
-    };
-    let devices = specs.into_iter().map(|spec| {
-        let name = spec.name.unwrap_or_else(|| {
-            let name = free(spec.kind, &taken);
-            taken.push(name.clone());
-            name
-        });
-        NamedDevice { name, kind: spec.kind, birth: spec.birth }
-    });
-    Ok(devices.collect())
-}
-
-/// Gives each device without a serial number the next free one, from the kind's default on. Explicit numbers are taken
-/// first.
-fn number(devices: &mut [NamedDevice]) {
-    let mut taken: Vec<_> =
-        devices.iter().filter_map(|device| Some(device.kind.known_by(device.birth.serial?))).collect();
-    for NamedDevice { kind, birth, .. } in devices {
-        let first = kind.default_serial();
-        let candidates = || (first..=u32::MAX).chain(0..first);
-        let serial = birth.serial.or_else(|| candidates().find(|serial| !taken.contains(&kind.known_by(*serial))));
-        taken.extend(serial.map(|serial| kind.known_by(serial)));
-        birth.serial = serial;
-    }
-}
-
-fn refuse_clashes(devices: &[NamedDevice]) -> Result<(), UsageError> {
-    for (position, device) in devices.iter().enumerate() {
-        let Some(id) = device.birth.node_id else { continue };
-        let earlier = devices.iter().take(position).find(|other| other.birth.node_id == Some(id));
-        if let Some(earlier) = earlier {
-            return Err(UsageError(format!(
-                "--device: {} and {} both have {} 0x{id:02X}; give each its own with @ID, or --allow-clash",
-                earlier.name,
-                device.name,
-                device.kind.id_name()
-            )));
-        }
-    }
-    Ok(())
-}
-
 /// An interface of the kernel lives in wall time; one that is given twice would send every frame round for ever.
 fn check_interfaces(buses: &[BusUrl], speed: Speed) -> Result<(), UsageError> {
     for (position, bus) in buses.iter().enumerate().filter(|(_, bus)| bus.is_real_time()) {
@@ -237,7 +178,7 @@ fn check_interfaces(buses: &[BusUrl], speed: Speed) -> Result<(), UsageError> {
 }
 
 fn bit_rate(text: &str) -> Result<BitRate, String> {
-    super::device::bit_rate(text).ok_or_else(|| {
+    devices::bit_rate(text).ok_or_else(|| {
         let rates: Vec<String> = BitRate::ALL.iter().rev().map(|rate| rate.bits_per_second().to_string()).collect();
         format!("no bit rate of CiA 301; accepted: {}", rates.join(", "))
     })

@@ -6,8 +6,9 @@ use protocol_core::controller::BitRate;
 use protocol_core::device::pve;
 
 use super::*;
+use crate::devices::{NamedDevice, NamedLink};
 use crate::kind::{Birth, Kind};
-use crate::run::{ColorChoice, LogOptions, NamedDevice, NamedLink, RunOptions};
+use crate::run::{ColorChoice, LogOptions, RunOptions};
 use crate::speed::Speed;
 use crate::world::Link;
 
@@ -227,7 +228,7 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ("--link boom=hat1000", "--link: 'boom' is no valve on the bus; accepted: pvea-canopen"),
         (
             "--link pvea-canopen=pvea-canopen",
-            "'pvea-canopen' is no angle sensor on the bus; accepted: add one by --device: there is no angle sensor",
+            "'pvea-canopen' is no angle sensor on the bus; accepted: add one: there is no angle sensor",
         ),
         (
             "--device pvea-canopen --device pveo-canopen@2 --device hat1000 --link pvea-canopen=hat1000 \

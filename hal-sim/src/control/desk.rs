@@ -2,22 +2,20 @@
 
 use std::collections::VecDeque;
 
-use protocol_core::device::StartCause;
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
-use super::condition::Condition;
 use super::events::Events;
 use super::message::{
-    Answer, BusState, DisturbState, Message, Power, Refusal, Sent, SpeedValue, StepWord, Stopped, Time, Waited,
+    Answer, BusState, DisturbState, Message, Refusal, Sent, SpeedValue, StepWord, Stopped, Time, Waited,
 };
 use super::record::{Frames, Passed, raw};
-use super::sender::Sender;
-use super::state::DeviceState;
 use super::wait::Waits;
 use crate::explain::Explainer;
 use crate::kind::Kind;
+use crate::sender::Sender;
 use crate::speed::Speed;
+use crate::state::{Condition, DeviceState};
 use crate::world::{Event, NodeId, World};
 
 /// The most calls that wait for their turn to let time pass.
@@ -30,7 +28,7 @@ pub(crate) struct Desk {
     devices: Vec<(NodeId, Kind)>,
     speed: Speed,
     frames: Frames,
-    sender: Sender,
+    sender: Sender<Answer<Sent>>,
     waits: Waits,
     events: Events,
     /// The call that lets time pass, with its end.
@@ -58,7 +56,7 @@ impl Desk {
         Self {
             speed,
             frames: Frames::default(),
-            sender: Sender::new(world),
+            sender: Sender::new(super::SENDER, world),
             waits: Waits::default(),
             events: Events::new(&devices, factor, world),
             advance: None,
@@ -75,10 +73,12 @@ impl Desk {
             }
             Message::Device(name, answer) => answer.send(self.with(&name, world, |_, _| Ok(()))),
             Message::Plant(name, change, answer) => {
-                answer.send(self.with(&name, world, |node, world| change.make(node, world)));
+                answer.send(self.with(&name, world, |node, world| Ok(change.make(node, world)?)));
             }
             Message::Power(name, power, answer) => {
-                answer.send(self.with(&name, world, |node, world| switch(node, power, world)));
+                answer.send(self.with(&name, world, |node, world| {
+                    power.switch(node, world).map_err(|reason| Refusal::Conflict(reason.to_owned()))
+                }));
             }
             Message::Bus(answer) => answer.send(Ok(bus(world))),
             Message::BitRate(bit_rate, answer) => {
@@ -217,18 +217,6 @@ impl Passage {
 fn find(name: &str, devices: &[(NodeId, Kind)], names: &[String]) -> Result<(NodeId, Kind), Refusal> {
     let found = names.iter().position(|known| known == name).and_then(|place| devices.get(place));
     found.copied().ok_or_else(|| Refusal::UnknownDevice { name: name.to_owned(), known: names.join(", ") })
-}
-
-fn switch(node: NodeId, power: Power, world: &mut World) -> Result<(), Refusal> {
-    match power {
-        Power::Off => world.power(node, false),
-        Power::On => world.power(node, true),
-        Power::Watchdog if !world.is_powered(node) => {
-            return Err(Refusal::Conflict("the device has no power: its watchdog resets nothing".to_owned()));
-        }
-        Power::Watchdog => world.power_with(node, StartCause::Watchdog),
-    }
-    Ok(())
 }
 
 fn bus(world: &World) -> BusState {

@@ -14,6 +14,7 @@ use tokio::time::timeout;
 use utoipa::ToSchema;
 
 use super::message::Refusal;
+use crate::state::Invalid;
 
 /// Why a request was refused; nothing has changed then.
 #[derive(Debug, Serialize, ToSchema)]
@@ -40,6 +41,12 @@ impl Failure {
     /// The simulator ends, and answers no more.
     pub(super) fn ending() -> Self {
         Self::Request(StatusCode::SERVICE_UNAVAILABLE, "the simulator ends".to_owned())
+    }
+}
+
+impl From<Invalid> for Failure {
+    fn from(Invalid(reason): Invalid) -> Self {
+        Self::bad_request(reason)
     }
 }
 

@@ -9,10 +9,9 @@ use tokio::sync::broadcast;
 use utoipa::ToSchema;
 
 use super::message::Refusal;
-use super::plant::PlantState;
 use super::record::Passed;
-use super::state::DeviceState;
 use crate::kind::Kind;
+use crate::state::{DeviceState, PlantState};
 use crate::world::{Event, NodeId, World};
 
 /// The most events that wait for a follower: about a second of a bus under full load. One that is slower loses the oldest.

@@ -2,17 +2,16 @@
 
 use protocol_core::controller::BitRate;
 use protocol_core::frame::{Frame, Id};
-use protocol_core::time::Duration;
+use protocol_core::time::{Duration, Instant};
 use serde::Serialize;
 use tokio::sync::oneshot;
 use utoipa::ToSchema;
 
-use super::condition::Condition;
 use super::events::Subscription;
-use super::plant::PlantChange;
 use super::record::{Excerpt, FrameRecord};
-use super::state::DeviceState;
 use crate::bus::Disturbance;
+use crate::sender::{Receipt, Unsent};
+use crate::state::{Condition, DeviceState, Invalid, PlantChange, Power};
 
 /// A message to the world. Each takes effect at the virtual instant of its arrival, and its answer tells of one instant.
 #[derive(Debug)]
@@ -86,17 +85,6 @@ pub struct TimedOut {
     /// The state of the device then; null when a frame was waited for.
     #[schema(required)]
     pub state: Option<DeviceState>,
-}
-
-/// What a device is switched to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Power {
-    /// Off: at this instant.
-    Off,
-    /// On: it boots; one that is on stays so.
-    On,
-    /// The watchdog resets its processor.
-    Watchdog,
 }
 
 /// The state of the bus.
@@ -173,6 +161,31 @@ pub enum Waited {
     Device(Box<DeviceState>),
     /// The frame.
     Frame(FrameRecord),
+}
+
+impl From<Invalid> for Refusal {
+    fn from(Invalid(reason): Invalid) -> Self {
+        Self::Invalid(reason)
+    }
+}
+
+impl Receipt for Answer<Sent> {
+    fn tell(self, sent: Result<Instant, Unsent>) {
+        self.send(sent.map(|end| Sent { t_us: end.as_micros() }).map_err(Refusal::from));
+    }
+
+    fn is_given_up(&self) -> bool {
+        self.is_given_up()
+    }
+}
+
+impl From<Unsent> for Refusal {
+    fn from(unsent: Unsent) -> Self {
+        match unsent {
+            Unsent::TooMany(reason) => Self::TooMany(reason),
+            Unsent::Withdrawn(reason) => Self::Conflict(reason.to_owned()),
+        }
+    }
 }
 
 impl<T> Answer<T> {

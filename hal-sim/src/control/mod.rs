@@ -7,42 +7,34 @@
 //! routes/     the calls, by resource, their description in OpenAPI, and the panel at `/`
 //!
 //! message     what the calls ask of the world, and its answers
-//! state       a device as JSON          plant      what acts on it
-//! condition   what can be waited for    record     frames as JSON
+//! record      frames as JSON
 //!
 //! desk        the world's end: obeys messages, and watches the world
-//! sender      frames of clients         wait       clients that wait
-//! events      clients that follow
+//! wait        clients that wait          events     clients that follow
 //! ```
 //!
 //! The world obeys each message at the virtual instant of its arrival, and an answer tells of one instant. Nobody but the
 //! desk touches the world, and the desk waits for nobody.
 
-mod condition;
 mod connection;
 mod desk;
 mod error;
 mod events;
 mod guard;
 mod message;
-mod plant;
 mod record;
 mod routes;
-mod sender;
 mod server;
-mod state;
 mod wait;
 
 #[cfg(test)]
 mod tests;
 
-#[cfg(test)]
-pub(crate) use condition::Condition;
 pub(crate) use desk::Desk;
 pub use message::Message;
 #[cfg(test)]
 pub(crate) use message::{Answer, Refusal, Waited};
-pub(crate) use sender::NAME as SENDER;
 pub(crate) use server::Server;
-#[cfg(test)]
-pub(crate) use state::DeviceState;
+
+/// The name of the controller of the control interface in traces.
+pub(crate) const SENDER: &str = "http";

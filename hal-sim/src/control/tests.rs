@@ -8,12 +8,10 @@ use protocol_core::encoder::STEPS;
 use protocol_core::time::{Duration, Instant, after};
 use protocol_core::wire::valve::{EstimatedFlow, State};
 
-use super::condition::{Condition, StateCondition};
 use super::message::{Answer, Waited};
-use super::plant::PlantChange;
-use super::state::{DeviceState, FloatWord, SetPointValue};
 use super::wait::Waits;
 use crate::kind::Kind;
+use crate::state::{Condition, DeviceState, FloatWord, PlantChange, SetPointValue, StateCondition};
 use crate::world::{Event, Link, NodeId, TapId, World};
 
 /// What happens to a device.
@@ -168,7 +166,7 @@ fn avc() -> impl Strategy<Value = Act> {
 
 /// The status word of a state of the device state machine.
 fn status_word(state: &DeviceState) -> Option<u32> {
-    use super::state::DeviceStateMachine::{Active, Disabled, FaultHold, Hold, Init};
+    use crate::state::DeviceStateMachine::{Active, Disabled, FaultHold, Hold, Init};
     state.dsm.map(|dsm| match dsm {
         Init => 0x08,
         Disabled => 0x09,
@@ -211,7 +209,7 @@ proptest! {
             }
         }
         let state = bench.state(0);
-        prop_assert!(compared > 0 || state.nmt != Some(super::state::Nmt::Operational), "{:?}", state);
+        prop_assert!(compared > 0 || state.nmt != Some(crate::state::Nmt::Operational), "{:?}", state);
     }
 
     /// AVEF of a valve on ISOBUS at the instant at which it begins, on a bus with nothing else then.
@@ -291,7 +289,7 @@ fn state_is_bus_off(bench: &mut Bench) -> bool {
 
 /// The state of AVEF that is the command of a device state.
 fn command(state: &DeviceState) -> State {
-    use super::state::Command::{Blocked, EmergencyStop, Extend, Float, Hand, Retract};
+    use crate::state::Command::{Blocked, EmergencyStop, Extend, Float, Hand, Retract};
     match state.command.expect("a valve on ISOBUS") {
         Blocked => State::Blocked,
         Extend => State::Extend,

@@ -2,11 +2,10 @@
 
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
-use super::condition::{Condition, FrameCondition, StateCondition};
 use super::message::{Answer, Refusal, TimedOut, Waited};
 use super::record::{FrameRecord, Passed};
-use super::state::DeviceState;
 use crate::kind::Kind;
+use crate::state::{Condition, DeviceState, FrameCondition, StateWatch};
 use crate::world::{NodeId, World};
 
 /// The most clients that wait.
@@ -20,15 +19,13 @@ pub(super) struct Waits(Vec<Wait>);
 struct Wait {
     condition: Awaited,
     until: Instant,
-    /// From when on the condition can hold although nothing happens, as the position is then a wanted one.
-    moves_there: Instant,
     answer: Answer<Waited>,
 }
 
 /// What a client waits for.
 #[derive(Debug)]
 enum Awaited {
-    State(NodeId, Kind, Box<StateCondition>),
+    State(StateWatch),
     Frame(FrameCondition),
 }
 
@@ -46,7 +43,7 @@ impl Waits {
             _ if self.0.len() >= WAITING => answer.send(Err(Refusal::TooMany("too many clients wait"))),
             Ok(condition) => {
                 let until = after(world.now(), within);
-                self.0.push(Wait { condition, until, moves_there: NEVER, answer });
+                self.0.push(Wait { condition, until, answer });
                 self.attend(world);
             }
             Err(refusal) => answer.send(Err(refusal)),
@@ -64,18 +61,12 @@ impl Waits {
                 self.0.swap_remove(place);
                 continue;
             }
-            let answer = match &wait.condition {
-                Awaited::State(node, kind, condition) => {
-                    let state = DeviceState::of(*node, *kind, world);
-                    if condition.holds(&state) {
-                        Some(Ok(Waited::Device(Box::new(state))))
-                    } else {
-                        let wanted = condition.wanted_positions(&state);
-                        wait.moves_there = wanted.map_or(NEVER, |range| world.outside_until(*node, &range));
-                        (wait.until <= world.now())
-                            .then(|| Err(timed_out("the state was not reached", Some(state), world)))
-                    }
-                }
+            let answer = match &mut wait.condition {
+                Awaited::State(watch) => match watch.look(world) {
+                    (state, true) => Some(Ok(Waited::Device(Box::new(state)))),
+                    (state, false) => (wait.until <= world.now())
+                        .then(|| Err(timed_out("the state was not reached", Some(state), world))),
+                },
                 Awaited::Frame(_) => {
                     (wait.until <= world.now()).then(|| Err(timed_out("the frame did not come", None, world)))
                 }
@@ -116,10 +107,10 @@ impl Waits {
 
 impl Wait {
     fn due(&self, world: &World) -> Instant {
-        let Awaited::State(node, _, condition) = &self.condition else { return self.until };
-        let asked = condition.t_us.map_or(NEVER, Instant::from_micros);
-        let limit = if asked > world.now() { asked.min(self.until) } else { self.until };
-        if self.moves_there > world.now() { limit.min(self.moves_there) } else { world.next_position(*node, limit) }
+        match &self.condition {
+            Awaited::State(watch) => watch.due(self.until, world),
+            Awaited::Frame(_) => self.until,
+        }
     }
 }
 
@@ -130,15 +121,9 @@ fn awaited(
     match condition {
         Condition::Frame(condition) => Ok(Awaited::Frame(condition)),
         Condition::State(name, condition) => {
-            let (node, kind) = find(&name)?;
-            let known = kind.fault_names();
-            let unknown = condition.faults.iter().flatten().find(|fault| !known.contains(&fault.as_str()));
-            match unknown {
-                Some(fault) => {
-                    Err(Refusal::Invalid(format!("'{fault}' is no fault of {name}; accepted: {}", known.join(", "))))
-                }
-                None => Ok(Awaited::State(node, kind, condition)),
-            }
+            let device = find(&name)?;
+            condition.check(&name, device.1)?;
+            Ok(Awaited::State(StateWatch::new(device, condition)))
         }
     }
 }

@@ -24,14 +24,14 @@ impl Rig {
     }
 
     /// Makes a call with a body as clients send it.
-    fn change(&mut self, at: WallDuration, change: &str) -> Way<crate::control::DeviceState> {
+    fn change(&mut self, at: WallDuration, change: &str) -> Way<crate::state::DeviceState> {
         let change = serde_json::from_str(change).expect("a change");
         self.call(at, |answer| Message::Plant("valve".to_owned(), change, answer))
     }
 
     fn wait_for(&mut self, at: WallDuration, state: &str, within: u64) -> Way<crate::control::Waited> {
         let condition = Box::new(serde_json::from_str(state).expect("a condition"));
-        let condition = crate::control::Condition::State("valve".to_owned(), condition);
+        let condition = crate::state::Condition::State("valve".to_owned(), condition);
         let within = protocol_core::time::Duration::from_millis(within);
         self.call(at, |answer| Message::Wait(condition, within, answer))
     }

@@ -15,7 +15,6 @@ use tokio::sync::watch;
 
 use super::clients::Clients;
 use super::console;
-use super::errors::Errors;
 use super::outside::Outside;
 use super::printer::Printer;
 use super::timekeeper::{NAP, Timekeeper};
@@ -24,7 +23,7 @@ use crate::control::Desk;
 use crate::explain::Explainer;
 use crate::gateway::{Arrival, ToWorld};
 use crate::speed::Speed;
-use crate::trace::Timestamp;
+use crate::trace::{Errors, Timestamp};
 use crate::world::{Event, SUPPLY_JITTER, World};
 
 /// The most events between two looks at the clock: some milliseconds of work.

@@ -13,8 +13,6 @@
 //! trace       the bus on stdout and in the log
 //! stdin       lines that the user types
 //! console     faults by hand: what such a line does
-//! layout      the trace as people read it on a terminal
-//! errors      the error frames and error modes that are told
 //! printer     stdout and stderr, on a thread of their own: neither may hold the world up
 //! log         the file of --log
 //! system      what each operating system does in its own way
@@ -27,8 +25,6 @@ mod clients;
 mod console;
 mod driver;
 mod end;
-mod errors;
-mod layout;
 mod log;
 mod options;
 mod outside;
@@ -41,7 +37,7 @@ mod timekeeper;
 mod trace;
 
 pub use driver::Driver;
-pub use options::{ColorChoice, LogOptions, NamedDevice, NamedLink, RunOptions};
+pub use options::{ColorChoice, LogOptions, RunOptions};
 pub use outside::Outside;
 
 use std::io;
@@ -54,6 +50,7 @@ use tokio::runtime;
 use tokio::sync::{Semaphore, oneshot, watch};
 
 use crate::control::{self, Desk};
+use crate::devices;
 #[cfg(target_os = "linux")]
 use crate::gateway::socketcan::Interface;
 use crate::gateway::socketcand::{Beacon, Server};
@@ -260,7 +257,7 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     stdin::listen(entrance.clone());
     let bus = options.buses.first().map_or("can0", BusUrl::name);
     let layout = trace::layout(options.color, options.verbose);
-    let trace = Trace::new(bus, setup::explainer(options), printer, log, layout);
+    let trace = Trace::new(bus, devices::explainer(&options.devices), printer, log, layout);
     let clients = Clients::new(&mut world, options.error_frames);
     let kinds: Vec<Kind> = options.devices.iter().map(|device| device.kind).collect();
     let desk = http.map(|_| Desk::new(&kinds, options.speed, &mut world));

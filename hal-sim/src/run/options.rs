@@ -5,10 +5,9 @@ use std::path::PathBuf;
 
 use protocol_core::controller::BitRate;
 
+use crate::devices::{NamedDevice, NamedLink};
 use crate::gateway::BusUrl;
-use crate::kind::{Birth, Kind};
 use crate::speed::Speed;
-use crate::world::Link;
 
 /// The options of `run`.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,17 +52,6 @@ pub enum ColorChoice {
     Never,
 }
 
-/// A shaft that follows a valve. Both are devices of the run, a valve and a sensor, and no sensor follows two valves.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct NamedLink {
-    /// The name of the valve.
-    pub valve: String,
-    /// The name of the sensor.
-    pub sensor: String,
-    /// How the one follows the other.
-    pub link: Link,
-}
-
 /// The log of `run`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LogOptions {
@@ -71,15 +59,4 @@ pub struct LogOptions {
     pub path: PathBuf,
     /// Whether what is in it already may be lost.
     pub overwrite: bool,
-}
-
-/// A device with the name by which everything calls it.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct NamedDevice {
-    /// Its name; no other device has it.
-    pub name: String,
-    /// What it is.
-    pub kind: Kind,
-    /// What a new memory is filled with.
-    pub birth: Birth,
 }

@@ -4,8 +4,8 @@ use std::fs;
 
 use protocol_core::controller::BitRate;
 
-use super::{NamedDevice, NamedLink, RunError, RunOptions};
-use crate::explain::{Explainer, Node};
+use super::{RunError, RunOptions};
+use crate::devices::{self, NamedDevice};
 use crate::kind::{Kind, Simulated};
 use crate::memory::{Memory, MemoryFile, StateFileError};
 use crate::world::World;
@@ -33,20 +33,8 @@ pub(super) fn world(options: &RunOptions) -> Result<(World, Vec<String>), RunErr
         warnings.extend(memory.take_warnings());
         world.add_with(&device.name, device.birth.of(device.kind), memory);
     }
-    for NamedLink { valve, sensor, link } in &options.links {
-        if let (Some(valve), Some(sensor)) = (world.find(valve), world.find(sensor)) {
-            // The options were checked: this is a valve and a free sensor.
-            let linked = world.link(valve, sensor, *link);
-            debug_assert_eq!(linked, Ok(()));
-        }
-    }
+    devices::link_in(&mut world, &options.links);
     Ok((world, warnings))
-}
-
-/// What explains the frames of the world of the options.
-pub(super) fn explainer(options: &RunOptions) -> Explainer {
-    let node = |device: &NamedDevice| Node { name: device.name.clone(), kind: device.kind, node_id: None };
-    Explainer::new(options.devices.iter().map(node).collect())
 }
 
 fn refusal(error: StateFileError, device: &NamedDevice) -> RunError {

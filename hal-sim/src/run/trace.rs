@@ -9,12 +9,11 @@ use protocol_core::device::Device;
 use protocol_core::device::pve::Protocol;
 use terminal_size::{Width, terminal_size};
 
-use super::layout::Layout;
 use super::log::Log;
 use super::options::ColorChoice;
 use super::printer::Printer;
 use crate::explain::Explainer;
-use crate::trace::{ErrorClass, Timestamp, write_error, write_frame};
+use crate::trace::{ErrorClass, Layout, Timestamp, write_error, write_frame};
 use crate::world::{Event, EventKind, NodeId, World};
 
 /// Lines are printed at the latest when they have so many bytes.

@@ -1,9 +1,18 @@
-//! Traces: what happened on the bus, as other tools read it.
+//! Traces: what happened on the bus, as other tools read it, and laid out for people.
+//!
+//! ```text
+//! candump    a line of candump -L           timestamp  the time of a frame
+//! layout     the trace for people           errors     the error frames and error modes that are told
+//! ```
 
 mod candump;
+mod errors;
+mod layout;
 mod timestamp;
 
 pub use candump::{write_error, write_frame};
+pub(crate) use errors::Errors;
+pub(crate) use layout::Layout;
 pub use timestamp::Timestamp;
 
 /// Bytes in hex, two digits each, without blanks.

@@ -1,34 +1,11 @@
 //! `/devices`: states, plant and power.
 
 use axum::Json;
-use serde::Deserialize;
-use utoipa::ToSchema;
 
 use super::Control;
 use crate::control::error::{Body, Error, Failure, Name};
-use crate::control::message::{Message, Power};
-use crate::control::plant::{PlantChange, given};
-use crate::control::state::DeviceState;
-
-/// What a device is switched to: one of the two.
-#[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub(super) struct PowerChange {
-    /// Whether it has power from now on; one that gets it boots.
-    #[serde(default, deserialize_with = "given")]
-    on: Option<bool>,
-    /// A reset of its processor.
-    #[serde(default, deserialize_with = "given")]
-    reset: Option<ResetCause>,
-}
-
-/// A reset of a device's processor.
-#[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum ResetCause {
-    /// By its watchdog.
-    Watchdog,
-}
+use crate::control::message::Message;
+use crate::state::{DeviceState, PlantChange, PowerChange};
 
 /// The states of all devices
 #[utoipa::path(get, path = "/devices", operation_id = "listDevices", tag = "devices", responses((status = 200, body = Vec<DeviceState>)))]
@@ -82,13 +59,6 @@ pub(super) async fn power(
     Name(name): Name,
     Body(change): Body<PowerChange>,
 ) -> Result<Json<DeviceState>, Failure> {
-    let power = match (change.on, change.reset) {
-        (Some(false), None) => Power::Off,
-        (Some(true), None) => Power::On,
-        (None, Some(ResetCause::Watchdog)) => Power::Watchdog,
-        _ => {
-            return Err(Failure::bad_request("accepted: {\"on\": true}, {\"on\": false} or {\"reset\": \"watchdog\"}"));
-        }
-    };
+    let power = change.power()?;
     control.ask(|answer| Message::Power(name, power, answer)).await.map(Json)
 }

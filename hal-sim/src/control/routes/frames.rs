@@ -1,7 +1,7 @@
 //! `/bus/frames`: frames of clients, once or cyclic.
 
 use axum::Json;
-use protocol_core::frame::{ExtendedId, Frame, Id, StandardId};
+use protocol_core::frame::{Frame, StandardId};
 use protocol_core::time::Duration;
 use serde::Deserialize;
 use utoipa::{IntoParams, ToSchema};
@@ -9,7 +9,7 @@ use utoipa::{IntoParams, ToSchema};
 use super::Control;
 use crate::control::error::{Body, Error, Failure, Query};
 use crate::control::message::{Message, Sent, Stopped};
-use crate::control::plant::given;
+use crate::state::{given, identifier};
 
 /// A frame to be sent.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
@@ -80,19 +80,6 @@ pub(super) async fn stop(control: Control, Query(which): Query<WhichFrames>) -> 
         None => None,
     };
     control.ask(|answer| Message::Stop(id, answer)).await.map(Json)
-}
-
-/// The identifier of a number.
-pub(super) fn identifier(id: u32, extended: bool) -> Result<Id, Failure> {
-    let identifier = if extended {
-        ExtendedId::new(id).map(Id::Extended)
-    } else {
-        u16::try_from(id).ok().and_then(StandardId::new).map(Id::Standard)
-    };
-    identifier.ok_or_else(|| {
-        let accepted = if extended { "0–536870911" } else { "0–2047, more with \"extended\": true" };
-        Failure::bad_request(format!("id {id}: accepted: {accepted}"))
-    })
 }
 
 /// The bytes of a text in hex.

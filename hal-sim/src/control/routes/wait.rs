@@ -6,11 +6,10 @@ use serde::Deserialize;
 use utoipa::ToSchema;
 
 use super::Control;
-use super::frames::{bytes, identifier};
-use crate::control::condition::{Condition, FrameCondition, StateCondition};
+use super::frames::bytes;
 use crate::control::error::{Body, Error, Failure};
 use crate::control::message::{Message, TimedOut, Waited};
-use crate::control::plant::{given, given_object};
+use crate::state::{Condition, FrameCondition, StateCondition, given, given_object, identifier};
 
 /// What is waited for, and how long: a device with a state, or a frame.
 #[derive(Clone, Debug, Deserialize, ToSchema)]

@@ -6,8 +6,11 @@ use protocol_core::frame::{Frame, Id};
 use serde::{Deserialize, Deserializer};
 use utoipa::ToSchema;
 
-use super::plant::{Object, given, object, present};
-use super::state::{Color, Command, DeviceState, DeviceStateMachine, Led, Nmt, SetPointValue};
+use super::Invalid;
+use super::device::{Color, Command, DeviceState, DeviceStateMachine, Led, Nmt, SetPointValue};
+use super::given::{Object, given, object, present};
+
+use crate::kind::Kind;
 
 /// What is waited for.
 #[derive(Clone, Debug)]
@@ -136,8 +139,17 @@ fn present_object<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> R
 }
 
 impl StateCondition {
+    /// Refuses a fault that a device of this kind does not have.
+    pub(crate) fn check(&self, name: &str, kind: Kind) -> Result<(), Invalid> {
+        let known = kind.fault_names();
+        match self.faults.iter().flatten().find(|fault| !known.contains(&fault.as_str())) {
+            Some(fault) => Err(Invalid(format!("'{fault}' is no fault of {name}; accepted: {}", known.join(", ")))),
+            None => Ok(()),
+        }
+    }
+
     /// Whether a state fulfils the condition.
-    pub(super) fn holds(&self, state: &DeviceState) -> bool {
+    pub(crate) fn holds(&self, state: &DeviceState) -> bool {
         is(self.t_us.as_ref(), &state.t_us)
             && is(self.name.as_ref(), &state.name)
             && self.kind.as_ref().is_none_or(|kind| kind == state.kind)
@@ -156,7 +168,7 @@ impl StateCondition {
 
     /// The positions that are still wanted in a state that does not fulfil the condition; `None` when it is not for the
     /// position that it does not.
-    pub(super) fn wanted_positions(&self, state: &DeviceState) -> Option<RangeInclusive<i16>> {
+    pub(crate) fn wanted_positions(&self, state: &DeviceState) -> Option<RangeInclusive<i16>> {
         let (wanted, found) = (self.position.flatten()?, state.position?);
         (!wanted.holds(&found)).then(|| wanted.range())
     }
@@ -219,7 +231,7 @@ impl LedCondition {
 
 impl FrameCondition {
     /// Whether a frame fulfils the condition.
-    pub(super) fn holds(&self, frame: &Frame) -> bool {
+    pub(crate) fn holds(&self, frame: &Frame) -> bool {
         frame.id() == self.id && !frame.is_remote() && frame.data().starts_with(&self.data)
     }
 }

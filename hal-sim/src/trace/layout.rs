@@ -14,8 +14,8 @@ use anstyle::{AnsiColor, Style};
 use protocol_core::frame::{Frame, Id};
 use protocol_core::time::{Duration, Instant, since};
 
+use super::write_hex;
 use crate::explain::{Mark, is_cyclic};
-use crate::trace::write_hex;
 
 /// A frame that comes again as it was, and later than this, is news again.
 const CYCLE: Duration = Duration::from_secs(2);
@@ -43,7 +43,7 @@ const WARNING: Style = AnsiColor::Yellow.on_default().bold();
 const MINOR: Style = Style::new().dimmed();
 
 /// Lays the trace out.
-pub(super) struct Layout {
+pub(crate) struct Layout {
     color: bool,
     /// Whether repeats are shown.
     verbose: bool,
@@ -66,22 +66,22 @@ struct Latest {
 }
 
 impl Layout {
-    pub(super) fn new(color: bool, verbose: bool) -> Self {
+    pub(crate) fn new(color: bool, verbose: bool) -> Self {
         Self { color, verbose, columns: None, extended: false, latest: HashMap::new() }
     }
 
     /// Learns how many columns there are; `None`: lines are not broken.
-    pub(super) fn fit(&mut self, columns: Option<usize>) {
+    pub(crate) fn fit(&mut self, columns: Option<usize>) {
         self.columns = columns;
     }
 
     /// Makes room for 29-bit identifiers from the first line on.
-    pub(super) fn expect_extended(&mut self) {
+    pub(crate) fn expect_extended(&mut self) {
         self.extended = true;
     }
 
     /// Writes a frame, or counts it as a repeat. `from_device`: whether a device sent it.
-    pub(super) fn frame(
+    pub(crate) fn frame(
         &mut self,
         out: &mut String,
         (at, who, frame): (Instant, &Arc<str>, &Frame),
@@ -108,7 +108,7 @@ impl Layout {
     }
 
     /// Writes the line of an error.
-    pub(super) fn error(&mut self, out: &mut String, at: Instant, text: &str) {
+    pub(crate) fn error(&mut self, out: &mut String, at: Instant, text: &str) {
         self.tell_ended(out, at);
         self.time(out, at);
         self.styled(out, FAULT, &format!("!!  {text}"));
@@ -116,7 +116,7 @@ impl Layout {
     }
 
     /// Tells every repeat that was not told.
-    pub(super) fn finish(&mut self, out: &mut String) {
+    pub(crate) fn finish(&mut self, out: &mut String) {
         self.tell_repeats(out, |_| true);
     }
 

@@ -1,13 +1,12 @@
-//! A shaft that follows a valve: the value of `--link`, `VALVE=SENSOR[,key=value…]`.
+//! A shaft that follows a valve as it is written: `VALVE=SENSOR[,key=value…]`.
 
 use std::ops::RangeInclusive;
 use std::str::FromStr;
 
 use protocol_core::encoder::TURN_CDEG;
 
-use super::UsageError;
+use super::{NamedDevice, NamedLink};
 use crate::kind::Kind;
-use crate::run::{NamedDevice, NamedLink};
 use crate::world::Link;
 
 /// The most that a shaft can turn in a second at full stroke, in 1/100 degree: 6,000 turns a minute (A).
@@ -17,7 +16,7 @@ const ANGLES: RangeInclusive<u32> = 0..=TURN_CDEG - 1;
 
 /// A link as it was asked for.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct LinkSpec(NamedLink);
+pub struct LinkSpec(NamedLink);
 
 impl FromStr for LinkSpec {
     type Err = String;
@@ -60,24 +59,26 @@ fn angle(text: &str) -> Result<u32, String> {
     })
 }
 
-/// The links between these devices.
-pub(super) fn between(devices: &[NamedDevice], specs: Vec<LinkSpec>) -> Result<Vec<NamedLink>, UsageError> {
+/// Returns the links between these devices.
+///
+/// # Errors
+/// One line about a name that is no such device, or a sensor that follows two valves.
+pub fn links(devices: &[NamedDevice], specs: Vec<LinkSpec>) -> Result<Vec<NamedLink>, String> {
     let known = |name: &str, wanted: fn(Kind) -> bool, what: &str| {
         let fits = |device: &&NamedDevice| wanted(device.kind);
         if devices.iter().filter(fits).any(|device| device.name == name) {
             return Ok(());
         }
         let names: Vec<&str> = devices.iter().filter(fits).map(|device| device.name.as_str()).collect();
-        let accepted =
-            if names.is_empty() { format!("add one by --device: there is no {what}") } else { names.join(", ") };
-        Err(UsageError(format!("--link: '{name}' is no {what} on the bus; accepted: {accepted}")))
+        let accepted = if names.is_empty() { format!("add one: there is no {what}") } else { names.join(", ") };
+        Err(format!("'{name}' is no {what} on the bus; accepted: {accepted}"))
     };
     let mut links: Vec<NamedLink> = Vec::new();
     for LinkSpec(link) in specs {
         known(&link.valve, |kind| matches!(kind, Kind::Pve(_)), "valve")?;
         known(&link.sensor, |kind| matches!(kind, Kind::Hat(_)), "angle sensor")?;
         if links.iter().any(|other| other.sensor == link.sensor) {
-            return Err(UsageError(format!("--link: {} is linked twice; one valve moves it", link.sensor)));
+            return Err(format!("{} is linked twice; one valve moves it", link.sensor));
         }
         links.push(link);
     }

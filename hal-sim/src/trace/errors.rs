@@ -8,9 +8,9 @@ use protocol_core::controller::BusErrorMode;
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, since};
 
+use super::{ErrorClass, Timestamp};
 use crate::bus::BusError;
 use crate::explain::explain_error;
-use crate::trace::{ErrorClass, Timestamp};
 use crate::world::{Event, EventKind};
 
 /// An error frame after a pause longer than this is a first one again.
@@ -18,7 +18,7 @@ const OVER: Duration = Duration::from_secs(1);
 
 /// The errors of the bus, and those that were told.
 #[derive(Debug, Default)]
-pub(super) struct Errors {
+pub(crate) struct Errors {
     /// The number of error frames since the trouble began.
     count: u64,
     /// The last error frame.
@@ -31,7 +31,7 @@ pub(super) struct Errors {
 
 impl Errors {
     /// Takes note of an event; returns the class and the words of an error that is told.
-    pub(super) fn note(&mut self, event: &Event, at: Timestamp) -> Option<(ErrorClass, String)> {
+    pub(crate) fn note(&mut self, event: &Event, at: Timestamp) -> Option<(ErrorClass, String)> {
         match &event.what {
             EventKind::Frame { .. } => {
                 if !self.failing.is_empty() {

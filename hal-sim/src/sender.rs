@@ -1,14 +1,9 @@
-//! The frames that clients of the control interface send, by a controller of their own: one after the other, each once or
-//! again and again.
+//! Frames sent on command by a controller of their own: one after the other, each once or again and again.
 
 use protocol_core::frame::{Frame, Id};
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
-use super::message::{Answer, Refusal, Sent};
 use crate::world::{TapId, World};
-
-/// The name of the controller in traces.
-pub(crate) const NAME: &str = "http";
 
 /// How long a frame waits for the bus before it is withdrawn.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -16,31 +11,52 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Why a cyclic frame was not sent.
 const STOPPED: &str = "the cyclic frame was stopped";
 
+/// Why a frame was not sent in time.
+const LATE: &str = "the frame was not on the bus within 1 s of virtual time: it was withdrawn";
+
 /// The most frames that wait for the bus.
 const WAITING: usize = 256;
 
 /// The most cyclic frames.
 const CYCLIC: usize = 64;
 
-/// A controller with its frames.
+/// The way of an answer back to the one who gave a frame to be sent.
+pub(crate) trait Receipt {
+    /// Tells the end of the frame on the bus, or why it was not sent.
+    fn tell(self, sent: Result<Instant, Unsent>);
+
+    /// Returns whether nobody waits for the answer any more.
+    fn is_given_up(&self) -> bool;
+}
+
+/// Why a frame was not sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Unsent {
+    /// There is no room for it.
+    TooMany(&'static str),
+    /// It was cyclic and stopped before it was sent, or the bus did not take it in time.
+    Withdrawn(&'static str),
+}
+
+/// A controller with its frames, and receipts of type `R` for them.
 #[derive(Debug)]
-pub(super) struct Sender {
+pub(crate) struct Sender<R> {
     tap: TapId,
     /// The frame that the controller has.
-    sending: Option<Outgoing>,
+    sending: Option<Outgoing<R>>,
     /// The frames after it.
-    waiting: Vec<Outgoing>,
+    waiting: Vec<Outgoing<R>>,
     cyclic: Vec<Cyclic>,
 }
 
 /// A frame on its way.
 #[derive(Debug)]
-struct Outgoing {
+struct Outgoing<R> {
     frame: Frame,
     /// When it is withdrawn.
     deadline: Instant,
     /// The way of the answer; a cyclic frame answers once.
-    answer: Option<Answer<Sent>>,
+    answer: Option<R>,
     /// Whether it is one of a cyclic frame.
     is_cyclic: bool,
 }
@@ -53,21 +69,21 @@ struct Cyclic {
     next: Instant,
 }
 
-impl Sender {
-    /// Puts the controller on the bus.
-    pub(super) fn new(world: &mut World) -> Self {
-        Self { tap: world.add_gateway(NAME), sending: None, waiting: Vec::new(), cyclic: Vec::new() }
+impl<R: Receipt> Sender<R> {
+    /// Puts the controller on the bus, by its name in traces.
+    pub(crate) fn new(name: &str, world: &mut World) -> Self {
+        Self { tap: world.add_gateway(name), sending: None, waiting: Vec::new(), cyclic: Vec::new() }
     }
 
     /// Sends a frame, again and again with a period: in the place of an earlier cyclic frame of the same identifier.
-    pub(super) fn send(&mut self, frame: Frame, period: Option<Duration>, answer: Answer<Sent>, world: &mut World) {
+    pub(crate) fn send(&mut self, frame: Frame, period: Option<Duration>, answer: R, world: &mut World) {
         if self.waiting.len() >= WAITING {
-            return answer.send(Err(Refusal::TooMany("too many frames wait for the bus")));
+            return answer.tell(Err(Unsent::TooMany("too many frames wait for the bus")));
         }
         if let Some(period) = period {
             self.stop(Some(frame.id()), world);
             if self.cyclic.len() >= CYCLIC {
-                return answer.send(Err(Refusal::TooMany("too many cyclic frames")));
+                return answer.tell(Err(Unsent::TooMany("too many cyclic frames")));
             }
             self.cyclic.push(Cyclic { frame, period, next: after(world.now(), period) });
         }
@@ -77,13 +93,13 @@ impl Sender {
     }
 
     /// Ends the cyclic frames of an identifier, or all; returns how many there were.
-    pub(super) fn stop(&mut self, id: Option<Id>, world: &mut World) -> usize {
+    pub(crate) fn stop(&mut self, id: Option<Id>, world: &mut World) -> usize {
         let meant = |frame: &Frame| id.is_none_or(|id| frame.id() == id);
         let before = self.cyclic.len();
         self.cyclic.retain(|cyclic| !meant(&cyclic.frame));
-        let stopped = |outgoing: &mut Outgoing| outgoing.is_cyclic && meant(&outgoing.frame);
+        let stopped = |outgoing: &mut Outgoing<R>| outgoing.is_cyclic && meant(&outgoing.frame);
         for outgoing in self.waiting.extract_if(.., stopped) {
-            outgoing.refuse(STOPPED);
+            outgoing.refuse(Unsent::Withdrawn(STOPPED));
         }
         if let Some(outgoing) = self.sending.as_mut().filter(|outgoing| outgoing.is_cyclic && meant(&outgoing.frame)) {
             if world.is_sending(self.tap) {
@@ -92,7 +108,7 @@ impl Sender {
                 outgoing.deadline = world.now();
             } else if let Some(outgoing) = self.sending.take() {
                 world.withdraw(self.tap);
-                outgoing.refuse(STOPPED);
+                outgoing.refuse(Unsent::Withdrawn(STOPPED));
                 self.load(world);
             }
         }
@@ -100,16 +116,16 @@ impl Sender {
     }
 
     /// Answers for what was sent, withdraws what waits for too long, and sends what is due.
-    pub(super) fn attend(&mut self, world: &mut World) {
+    pub(crate) fn attend(&mut self, world: &mut World) {
         let now = world.now();
         if world.pending(self.tap) == 0
             && let Some(sent) = self.sending.take()
             && let Some(answer) = sent.answer
         {
-            answer.send(Ok(Sent { t_us: now.as_micros() }));
+            answer.tell(Ok(now));
         }
-        let is_late = |outgoing: &mut Outgoing| outgoing.deadline <= now;
-        let mut late: Vec<Outgoing> = self.waiting.extract_if(.., is_late).collect();
+        let is_late = |outgoing: &mut Outgoing<R>| outgoing.deadline <= now;
+        let mut late: Vec<Outgoing<R>> = self.waiting.extract_if(.., is_late).collect();
         if !world.is_sending(self.tap)
             && let Some(outgoing) = self.sending.take_if(is_late)
         {
@@ -120,7 +136,7 @@ impl Sender {
             if outgoing.is_cyclic && outgoing.answer.is_some() {
                 self.cyclic.retain(|cyclic| cyclic.frame.id() != outgoing.frame.id());
             }
-            outgoing.refuse("the frame was not on the bus within 1 s of virtual time: it was withdrawn");
+            outgoing.refuse(Unsent::Withdrawn(LATE));
         }
         self.repeat(now);
         self.load(world);
@@ -144,7 +160,7 @@ impl Sender {
         if self.sending.is_some() {
             return;
         }
-        let urgency = |(place, outgoing): &(usize, &Outgoing)| (outgoing.frame.arbitration(), *place);
+        let urgency = |(place, outgoing): &(usize, &Outgoing<R>)| (outgoing.frame.arbitration(), *place);
         let Some((next, _)) = self.waiting.iter().enumerate().min_by_key(urgency) else { return };
         let outgoing = self.waiting.remove(next);
         world.send(self.tap, outgoing.frame);
@@ -152,7 +168,7 @@ impl Sender {
     }
 
     /// When there is next something to do, after now.
-    pub(super) fn due(&self, now: Instant) -> Instant {
+    pub(crate) fn due(&self, now: Instant) -> Instant {
         let deadlines = self.sending.iter().chain(&self.waiting).map(|outgoing| outgoing.deadline);
         let repeats = self.cyclic.iter().map(|cyclic| cyclic.next);
         deadlines.chain(repeats).filter(|due| *due > now).min().unwrap_or(NEVER)
@@ -160,22 +176,22 @@ impl Sender {
 
     /// The end of the time in which a client still waits for an answer; `None` when none does. A frame on the wire has no
     /// such end.
-    pub(super) fn awaited(&self, now: Instant) -> Option<Instant> {
-        let answers = |outgoing: &&Outgoing| outgoing.answer.as_ref().is_some_and(|answer| !answer.is_given_up());
+    pub(crate) fn awaited(&self, now: Instant) -> Option<Instant> {
+        let answers = |outgoing: &&Outgoing<R>| outgoing.answer.as_ref().is_some_and(|answer| !answer.is_given_up());
         let deadlines = self.sending.iter().chain(&self.waiting).filter(answers).map(|outgoing| outgoing.deadline);
         deadlines.map(|deadline| if deadline > now { deadline } else { NEVER }).max()
     }
 
     /// Whether nothing is to be sent.
-    pub(super) const fn is_idle(&self) -> bool {
+    pub(crate) const fn is_idle(&self) -> bool {
         self.sending.is_none() && self.waiting.is_empty() && self.cyclic.is_empty()
     }
 }
 
-impl Outgoing {
-    fn refuse(self, reason: &str) {
+impl<R: Receipt> Outgoing<R> {
+    fn refuse(self, reason: Unsent) {
         if let Some(answer) = self.answer {
-            answer.send(Err(Refusal::Conflict(reason.to_owned())));
+            answer.tell(Err(reason));
         }
     }
 }

@@ -1,16 +1,13 @@
 //! What acts on a device from outside, as JSON: its state, and changes of it.
 
-use std::fmt;
-use std::marker::PhantomData;
 use std::ops::RangeInclusive;
 
 use protocol_core::actuator::SpoolFault;
-use serde::de::value::MapAccessDeserializer;
-use serde::de::{MapAccess, Visitor};
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::message::Refusal;
+use super::Invalid;
+use super::given::{given, given_object, present};
 use crate::world::{NodeId, Plant, World};
 
 /// The highest supply that can be set, in millivolt (A): far beyond what any monitor tells apart.
@@ -139,53 +136,9 @@ pub struct PlantChange {
     pub bus_off: Option<bool>,
 }
 
-/// Reads a value that must not be null where it is given.
-pub(super) fn given<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<T>, D::Error> {
-    T::deserialize(value).map(Some)
-}
-
-/// Reads a value that may be null, and is told apart from one that is missing.
-pub(super) fn present<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<Option<T>>, D::Error> {
-    Option::deserialize(value).map(Some)
-}
-
-/// Reads a JSON object, and no list: of one, the derived readers take the fields in their order.
-pub(super) fn object<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<T, D::Error> {
-    Object::deserialize(value).map(|Object(value)| value)
-}
-
-/// Reads an object that must not be null where it is given.
-pub(super) fn given_object<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<T>, D::Error> {
-    object(value).map(Some)
-}
-
-/// A value whose JSON is an object.
-#[derive(Debug)]
-pub(super) struct Object<T>(pub(super) T);
-
-impl<'de, T: Deserialize<'de>> Deserialize<'de> for Object<T> {
-    fn deserialize<D: Deserializer<'de>>(value: D) -> Result<Self, D::Error> {
-        struct Fields<T>(PhantomData<T>);
-
-        impl<'de, T: Deserialize<'de>> Visitor<'de> for Fields<T> {
-            type Value = T;
-
-            fn expecting(&self, text: &mut fmt::Formatter<'_>) -> fmt::Result {
-                text.write_str("an object")
-            }
-
-            fn visit_map<A: MapAccess<'de>>(self, fields: A) -> Result<T, A::Error> {
-                T::deserialize(MapAccessDeserializer::new(fields))
-            }
-        }
-
-        value.deserialize_map(Fields(PhantomData)).map(Self)
-    }
-}
-
 impl PlantState {
     /// Returns what acts on a device now.
-    pub(super) fn of(node: NodeId, world: &World) -> Self {
+    pub(crate) fn of(node: NodeId, world: &World) -> Self {
         let senses = world.senses(node);
         let (internal_fault, bus_off) = (senses.internal_fault, world.is_bus_off_forced(node));
         let memory = match world.memory(node) {
@@ -216,7 +169,7 @@ impl PlantState {
     }
 
     /// Returns the same without the angle, which moves by itself.
-    pub(super) fn at_rest(&self) -> Self {
+    pub(crate) fn at_rest(&self) -> Self {
         match self {
             Self::Encoder(plant) => Self::Encoder(EncoderPlant { angle_cdeg: 0, ..plant.clone() }),
             valve => valve.clone(),
@@ -226,15 +179,15 @@ impl PlantState {
 
 impl PlantChange {
     /// Makes the change, all of it or nothing.
-    pub(super) fn make(self, node: NodeId, world: &mut World) -> Result<(), Refusal> {
+    pub(crate) fn make(self, node: NodeId, world: &mut World) -> Result<(), Invalid> {
         if self.supply_mv.is_some_and(|millivolt| millivolt > SUPPLY_MAX_MV) {
-            return Err(Refusal::Invalid(format!("supply_mv: accepted: 0–{SUPPLY_MAX_MV}")));
+            return Err(Invalid(format!("supply_mv: accepted: 0–{SUPPLY_MAX_MV}")));
         }
         if self.temperature_c.is_some_and(|celsius| !TEMPERATURES_C.contains(&celsius)) {
             let (min, max) = TEMPERATURES_C.into_inner();
-            return Err(Refusal::Invalid(format!("temperature_c: accepted: {min}–{max}")));
+            return Err(Invalid(format!("temperature_c: accepted: {min}–{max}")));
         }
-        world.set_plants(node, &self.plants()).map_err(|error| Refusal::Invalid(error.to_string()))?;
+        world.set_plants(node, &self.plants()).map_err(|error| Invalid(error.to_string()))?;
         if let Some(memory) = self.memory {
             let cell = world.memory_mut(node);
             cell.set_write_fails(memory == Memory::WriteFails);

@@ -1,10 +1,10 @@
-//! One device on the bus: the value of `--device`, `KIND[@ID][,key=value…]`.
+//! One device as it is written: `KIND[@ID][,key=value…]`.
 
 use std::str::FromStr;
 
 use protocol_core::controller::BitRate;
 
-use crate::control;
+use crate::control::SENDER;
 use crate::kind::{Birth, Kind, Simulated};
 
 /// The longest name of a device, in characters.
@@ -96,8 +96,9 @@ fn bit_rate_of(kind: Kind, text: &str) -> Result<BitRate, String> {
     })
 }
 
-/// A bit rate of CiA 301 in bit/s, or as in `250k` and `1M`.
-pub(super) fn bit_rate(text: &str) -> Option<BitRate> {
+/// Returns the bit rate of CiA 301 of a text: in bit/s, or as in `250k` and `1M`.
+#[must_use]
+pub fn bit_rate(text: &str) -> Option<BitRate> {
     let (digits, unit) = match text.char_indices().next_back() {
         Some((end, 'k' | 'K')) => (&text[..end], 1_000),
         Some((end, 'm' | 'M')) => (&text[..end], 1_000_000),
@@ -116,7 +117,7 @@ fn device_name(text: &str) -> Result<String, String> {
     if text.is_empty() || text.len() > NAME_MAX || !text.chars().all(allowed) {
         return Err(format!("'{text}' is no name of a device; accepted: 1–{NAME_MAX} characters of a–z, 0–9 and '-'"));
     }
-    if text == control::SENDER {
+    if text == SENDER {
         return Err(format!("'{text}' is the name of the control interface in traces; accepted: another one"));
     }
     Ok(text.to_owned())

@@ -1,0 +1,121 @@
+//! The devices on a bus and the links between them, as they are written, and as they are put into a world.
+//!
+//! ```text
+//! spec   one device: KIND[@ID][,key=value…]
+//! link   a shaft that follows a valve: VALVE=SENSOR[,key=value…]
+//! ```
+
+mod link;
+mod spec;
+
+pub use link::{LinkSpec, links};
+pub use spec::{DeviceSpec, bit_rate};
+
+use crate::explain::{Explainer, Node};
+use crate::kind::{Birth, Kind, Simulated};
+use crate::world::{Link, World};
+
+/// A device with the name by which everything calls it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NamedDevice {
+    /// Its name; no other device has it.
+    pub name: String,
+    /// What it is.
+    pub kind: Kind,
+    /// What a new memory is filled with.
+    pub birth: Birth,
+}
+
+/// A shaft that follows a valve. Both are devices on the bus, a valve and a sensor, and no sensor follows two valves.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NamedLink {
+    /// The name of the valve.
+    pub valve: String,
+    /// The name of the sensor.
+    pub sensor: String,
+    /// How the one follows the other.
+    pub link: Link,
+}
+
+/// Links devices of a world.
+pub(crate) fn link_in(world: &mut World, links: &[NamedLink]) {
+    for NamedLink { valve, sensor, link } in links {
+        if let (Some(valve), Some(sensor)) = (world.find(valve), world.find(sensor)) {
+            // The names were checked: this is a valve and a free sensor.
+            let linked = world.link(valve, sensor, *link);
+            debug_assert_eq!(linked, Ok(()));
+        }
+    }
+}
+
+/// Returns what explains the frames of these devices.
+pub(crate) fn explainer(devices: &[NamedDevice]) -> Explainer {
+    let node = |device: &NamedDevice| Node { name: device.name.clone(), kind: device.kind, node_id: None };
+    Explainer::new(devices.iter().map(node).collect())
+}
+
+/// Returns the devices with a name each, that of their kind, then kind-2, kind-3 …, as far as they are free, and with a serial
+/// number each.
+///
+/// # Errors
+/// One line about a name that is given twice.
+pub fn named(specs: Vec<DeviceSpec>) -> Result<Vec<NamedDevice>, String> {
+    let mut taken: Vec<String> = Vec::new();
+    for name in specs.iter().filter_map(|spec| spec.name.as_ref()) {
+        if taken.contains(name) {
+            return Err(format!("the name '{name}' is given twice; give each device its own"));
+        }
+        taken.push(name.clone());
+    }
+    let free = |kind: Kind, taken: &[String]| {
+        (1_u32..)
+            .map(|n| if n == 1 { kind.name().to_owned() } else { format!("{kind}-{n}") })
+            .find(|name| !taken.contains(name))
+            .unwrap_or_default()
+    };
+    let devices = specs.into_iter().map(|spec| {
+        let name = spec.name.unwrap_or_else(|| {
+            let name = free(spec.kind, &taken);
+            taken.push(name.clone());
+            name
+        });
+        NamedDevice { name, kind: spec.kind, birth: spec.birth }
+    });
+    let mut devices: Vec<NamedDevice> = devices.collect();
+    number(&mut devices);
+    Ok(devices)
+}
+
+/// Gives each device without a serial number the next free one, from the kind's default on. Explicit numbers are taken
+/// first.
+fn number(devices: &mut [NamedDevice]) {
+    let mut taken: Vec<_> =
+        devices.iter().filter_map(|device| Some(device.kind.known_by(device.birth.serial?))).collect();
+    for NamedDevice { kind, birth, .. } in devices {
+        let first = kind.default_serial();
+        let candidates = || (first..=u32::MAX).chain(0..first);
+        let serial = birth.serial.or_else(|| candidates().find(|serial| !taken.contains(&kind.known_by(*serial))));
+        taken.extend(serial.map(|serial| kind.known_by(serial)));
+        birth.serial = serial;
+    }
+}
+
+/// Refuses devices with the same node ID, or the same address.
+///
+/// # Errors
+/// One line that names the first two.
+pub fn refuse_clashes(devices: &[NamedDevice]) -> Result<(), String> {
+    for (position, device) in devices.iter().enumerate() {
+        let Some(id) = device.birth.node_id else { continue };
+        let earlier = devices.iter().take(position).find(|other| other.birth.node_id == Some(id));
+        if let Some(earlier) = earlier {
+            return Err(format!(
+                "{} and {} both have {} 0x{id:02X}; give each its own",
+                earlier.name,
+                device.name,
+                device.kind.id_name()
+            ));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,31 @@
+//! The state of a device, what acts on it, and conditions on both, in the words of the control interface. JSON of the control
+//! interface and scenarios in TOML are read by the same types.
+//!
+//! ```text
+//! device     a device's state          plant   what acts on it from outside, and changes of that
+//! condition  what can be waited for    watch   a condition that is looked at whenever it may hold
+//! power      power and resets          bus     bit rate and disturbances
+//! given      readers of values that are told apart from missing ones
+//! ```
+
+mod bus;
+mod condition;
+mod device;
+mod given;
+mod plant;
+mod power;
+mod watch;
+
+pub(crate) use bus::identifier;
+pub use bus::{BusChange, Disturb};
+pub use condition::{Condition, FrameCondition, StateCondition};
+pub use device::*;
+pub(crate) use given::{given, given_object};
+pub use plant::{PlantChange, PlantState};
+pub use power::{Power, PowerChange, ResetCause};
+pub(crate) use watch::StateWatch;
+
+/// A value that cannot be: one line that says what is accepted.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct Invalid(pub String);
