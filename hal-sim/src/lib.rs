@@ -22,6 +22,7 @@
 //! sender    frames sent on command, once or again and again
 //! gateway/  clients of the bus that live outside: socketcand, SocketCAN
 //! control/  state, faults and time over HTTP
+//! scenario/ scenarios from files, in virtual time
 //! run/      the world paced by the wall clock, with its clients, its trace and its memory
 //! cli/      the command line
 //! ```
@@ -64,6 +65,7 @@ pub mod gateway;
 pub mod kind;
 pub mod memory;
 pub mod run;
+pub mod scenario;
 mod sender;
 pub mod speed;
 pub mod state;

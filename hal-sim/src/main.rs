@@ -6,6 +6,7 @@ use std::process::ExitCode;
 
 use hal_sim::cli::{self, Request};
 use hal_sim::run;
+use hal_sim::scenario::{self, BatchError};
 use hal_sim::use_case::{self, SimulatedBench, UseCase};
 
 /// Something is in the way: a port in use, a file that cannot be opened.
@@ -20,6 +21,17 @@ fn main() -> ExitCode {
             Err(error) => fail(FAILURE, &error),
         },
         Ok(Request::UseCases(cases)) => play(&cases),
+        Ok(Request::Scenarios(options)) => match scenario::run(&options, &mut std::io::stdout().lock()) {
+            Ok(true) => ExitCode::SUCCESS,
+            Ok(false) => ExitCode::from(FAILURE),
+            Err(BatchError::Unreadable(lines)) => {
+                for line in &lines {
+                    let _ = fail(USAGE, line);
+                }
+                ExitCode::from(USAGE)
+            }
+            Err(error) => fail(FAILURE, &error),
+        },
         Ok(Request::Print(text)) => {
             let mut stdout = std::io::stdout().lock();
             let _ = write!(stdout, "{text}").and_then(|()| stdout.flush());

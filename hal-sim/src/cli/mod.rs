@@ -1,6 +1,7 @@
 //! The command line of `pve-sim`: what is accepted, and the one line that says why something is not.
 
 mod options;
+mod scenario;
 mod shell;
 
 pub use options::RunArgs;
@@ -14,7 +15,9 @@ use clap_complete::Shell;
 use crate::describe;
 use crate::kind::Kind;
 use crate::run::RunOptions;
+use crate::scenario::Options;
 use crate::use_case::{self, UseCase};
+use scenario::ScenarioArgs;
 
 /// What the user asked for.
 #[derive(Debug)]
@@ -23,6 +26,8 @@ pub enum Request {
     Run(RunOptions),
     /// Play these use cases.
     UseCases(Vec<&'static UseCase>),
+    /// Run these scenarios.
+    Scenarios(Options),
     /// Print this on stdout: the help, the version, the description of a kind, or what a shell reads.
     Print(String),
 }
@@ -35,12 +40,14 @@ Examples:
   pve-sim --device pvea-canopen --device hat1000,bit-rate=250k --link pvea-canopen=hat1000
   pve-sim --device pvea-canopen,blank --state memory --log frames.log
   pve-sim use-case isobus
+  pve-sim scenario scenarios/*.toml --junit results.xml
   pve-sim eds pvea-canopen > pvea.eds
   pve-sim dbc pvea-isobus > pvea.dbc
 
 SIGINT, SIGTERM, SIGHUP and a reader of stdout that is gone end it; everything stored, exit 0.
 Exit codes: 1 a port in use, an interface that is not there, a file that cannot be opened or must not be replaced, a
-state file of another kind, a use case that differs; 2 wrong usage.";
+state file of another kind, a use case that differs, an expectation of a scenario that fails; 2 wrong usage, a scenario that
+cannot be read.";
 
 /// Wrong usage: one line that says what is wrong and what is accepted.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -76,6 +83,9 @@ enum Command {
         #[arg(value_name = "1-6|isobus|hat|all", value_parser = use_cases)]
         which: Option<UseCases>,
     },
+    /// Runs scenarios from files in virtual time: devices, what happens to them, what has to come of it; exit 1 if an expectation
+    /// fails, 2 before anything runs if a file cannot be read
+    Scenario(ScenarioArgs),
     /// Prints the EDS of a CANopen kind, from its object dictionary
     Eds {
         /// The kind
@@ -155,6 +165,7 @@ where
         Ok(Cli { command: Some(Command::Eds { sheet: text } | Command::Dbc { database: text }), .. }) => {
             Ok(Request::Print(text.0))
         }
+        Ok(Cli { command: Some(Command::Scenario(scenario)), .. }) => scenario.try_into(),
         Ok(Cli { command: Some(Command::Completions { shell }), .. }) => Ok(Request::Print(shell::completions(shell))),
         Ok(Cli { command: Some(Command::Man), .. }) => Ok(Request::Print(shell::manual_page())),
         Ok(Cli { command: None, run }) => RunOptions::try_from(run).map(Request::Run),

@@ -15,7 +15,7 @@ use crate::run::{ColorChoice, LogOptions, RunOptions};
 use crate::speed::Speed;
 
 /// The seed of a run that was given none: two runs with the same seed and the same input are the same.
-const DEFAULT_SEED: u64 = 1;
+pub(super) const DEFAULT_SEED: u64 = 1;
 
 /// Where the control interface is reachable when nobody says.
 const DEFAULT_HTTP: SocketAddr = SocketAddr::V4(SocketAddrV4::new(Ipv4Addr::LOCALHOST, 8408));
@@ -184,7 +184,7 @@ fn bit_rate(text: &str) -> Result<BitRate, String> {
     })
 }
 
-fn seed(text: &str) -> Result<u64, String> {
+pub(super) fn seed(text: &str) -> Result<u64, String> {
     text.parse().map_err(|_| format!("accepted: a whole number, 0–{}", u64::MAX))
 }
 

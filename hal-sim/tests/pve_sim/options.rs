@@ -90,7 +90,12 @@ const ENCODER_WORDS: &[Line] = &[
 
 /// The names in the first column of the table that begins so, without what is set for a name.
 pub(crate) fn documented(head: &str) -> BTreeSet<String> {
-    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/pve-sim.md");
+    documented_in("pve-sim.md", head)
+}
+
+/// The same, of a page of the documentation.
+fn documented_in(page: &str, head: &str) -> BTreeSet<String> {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs").join(page);
     let page = fs::read_to_string(page).expect("the page");
     let table = page.lines().skip_while(|line| !line.starts_with(head)).take_while(|line| line.starts_with('|'));
     let cells = table.skip(2).filter_map(|line| line.split('|').nth(1));
@@ -128,15 +133,28 @@ fn type_each(lines: &[Line], common: &str) {
     }
 }
 
-#[test]
-fn every_option() {
-    let help = String::from_utf8(output(&["--help"]).stdout).expect("text");
-    let shown = help.split_whitespace().filter(|word| word.starts_with("--")).map(|word| {
+/// The options that a help names.
+fn shown(arguments: &[&str]) -> BTreeSet<String> {
+    let help = String::from_utf8(output(arguments).stdout).expect("text");
+    let words = help.split(|c: char| c.is_whitespace() || c == '[').filter(|word| word.starts_with("--")).map(|word| {
         let end = word.find(|c: char| !(c.is_ascii_lowercase() || c == '-')).unwrap_or(word.len());
         word[..end].to_owned()
     });
     let of_clap = ["--help", "--version"].map(str::to_owned);
-    let shown: BTreeSet<String> = shown.filter(|option| !of_clap.contains(option)).collect();
+    words.filter(|option| !of_clap.contains(option)).collect()
+}
+
+#[test]
+fn every_option_of_scenario() {
+    let mut documented = documented_in("scenarios.md", "| word |");
+    assert!(documented.remove("FILE.toml…"));
+    assert_eq!(shown(&["scenario", "--help"]), documented);
+}
+
+#[test]
+fn every_option() {
+    let mut shown = shown(&["--help"]);
+    assert!(shown.remove("--junit"), "an example of another command");
     let typed = names(OPTIONS);
     assert_eq!(documented("| option |"), typed);
     assert!(shown.is_subset(&typed), "{shown:?}");
@@ -190,8 +208,10 @@ fn type_words(kind: &str, lines: &[Line]) {
 #[test]
 fn every_command() {
     for (right, wrong, accepted) in [
-        ("run --help", "walk", "accepted: run, use-case, eds, dbc, completions, man, help"),
+        ("run --help", "walk", "accepted: run, use-case, scenario, eds, dbc, completions, man, help"),
         ("use-case 1", "use-case 7", "accepted: 1, 2, 3, 4, 5, 6, isobus, hat, all"),
+        ("scenario --schema", "scenario", "FILE.toml"),
+        ("scenario --help", "scenario --junit x.toml y.toml", "accepted: a file for the results, as in results.xml"),
         ("eds hat3000", "eds pvea-isobus", "pvea-canopen|pveo-canopen|hat1000|hat3000"),
         ("dbc pveo-isobus", "dbc hat1000", "pvea-isobus|pveo-isobus"),
         ("completions bash", "completions tcsh", "bash, elvish, fish, powershell, zsh"),

@@ -1,0 +1,46 @@
+//! Scenarios: devices, what happens to them, and what has to come of it, as files in TOML, in virtual time.
+//!
+//! ```text
+//! file     the file as it is written        script   the same, checked: everything in it can be done
+//! pattern  frames as a scenario has them    schema   the format for editors
+//! runner   goes through one                 history  what was on the bus
+//! report   what came of it, in words        junit    the same for CI
+//! batch    many of them, over the cores
+//! ```
+//!
+//! Each scenario has a world of its own: many run at once, and two runs with one seed are the same to the last byte.
+
+mod batch;
+mod file;
+mod history;
+mod junit;
+mod pattern;
+mod report;
+mod runner;
+mod schema;
+mod script;
+
+#[cfg(test)]
+mod tests;
+
+pub use batch::{BatchError, Options, run};
+pub use report::Outcome;
+pub use schema::schema;
+pub use script::Scenario;
+
+/// A scenario that cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ReadError {
+    /// The line, from 1 on; `None`: the file as a whole.
+    pub line: Option<usize>,
+    /// What is wrong, and what is accepted.
+    pub reason: String,
+}
+
+impl Scenario {
+    /// Runs the scenario in a world of its own.
+    #[must_use]
+    pub fn run(&self, seed: u64) -> Outcome {
+        runner::run(self, seed)
+    }
+}

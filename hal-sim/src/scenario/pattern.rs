@@ -1,0 +1,273 @@
+//! Frames as scenarios write them: `1A0#0F00 0020`, with `?` for any hex digit and `..` for any bytes that follow.
+
+use std::fmt;
+use std::str::FromStr;
+
+use protocol_core::frame::{ExtendedId, Frame, Id, MAX_LEN, StandardId};
+
+/// What a frame looks like in a scenario, for the user.
+const ACCEPTED: &str = "accepted: IDENTIFIER#DATA in hex, as in \"1A0#0F00 0020\"; 3 or 8 digits, up to 8 bytes";
+
+/// Hex digits, some of which may be any.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Digits {
+    value: u32,
+    /// The bits that matter.
+    mask: u32,
+}
+
+/// The frames that are meant.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Pattern {
+    is_extended: bool,
+    id: Digits,
+    content: Content,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Content {
+    /// Of data frames any data.
+    Any,
+    /// These bytes, and any bytes after them or none.
+    Data(Vec<Digits>, More),
+    /// A remote frame with this length.
+    Remote(u8),
+}
+
+/// Whether bytes may follow.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum More {
+    No,
+    Any,
+}
+
+impl Digits {
+    /// Returns the digits of a text: hex digits and `?`, at most eight.
+    fn parse(text: &str) -> Option<Self> {
+        text.chars().try_fold(Self { value: 0, mask: 0 }, |Self { value, mask }, digit| match digit {
+            '?' => Some(Self { value: value << 4, mask: mask << 4 }),
+            _ => digit.to_digit(16).map(|digit| Self { value: value << 4 | digit, mask: mask << 4 | 0xF }),
+        })
+    }
+
+    const fn fit(self, value: u32) -> bool {
+        (value ^ self.value) & self.mask == 0
+    }
+
+    const fn are_exact(self, digits: u32) -> bool {
+        self.mask.count_ones() == 4 * digits
+    }
+
+    /// Writes so many digits.
+    fn write(self, f: &mut fmt::Formatter<'_>, digits: u32) -> fmt::Result {
+        (0..digits).rev().try_for_each(|place| {
+            let shift = 4 * place;
+            if self.mask >> shift & 0xF == 0 { write!(f, "?") } else { write!(f, "{:X}", self.value >> shift & 0xF) }
+        })
+    }
+}
+
+impl FromStr for Pattern {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let refuse = |why: &str| Err(format!("'{text}': {why}; {ACCEPTED}"));
+        let (id, content) = match text.split_once(['#', ':']) {
+            Some((id, content)) => (id.trim(), Some(content)),
+            None => (text.trim(), None),
+        };
+        let (is_extended, max) = match id.len() {
+            3 => (false, u32::from(StandardId::MAX.as_raw())),
+            8 => (true, ExtendedId::MAX.as_raw()),
+            _ => return refuse("no identifier"),
+        };
+        let Some(digits) = Digits::parse(id).filter(|digits| digits.value <= max) else {
+            return refuse("no identifier");
+        };
+        let content = match content.map(parse_content) {
+            None => Content::Any,
+            Some(Ok(content)) => content,
+            Some(Err(why)) => return refuse(why),
+        };
+        Ok(Self { is_extended, id: digits, content })
+    }
+}
+
+fn parse_content(text: &str) -> Result<Content, &'static str> {
+    let text: String = text.split_whitespace().collect();
+    if let Some(length) = text.strip_prefix('R') {
+        let length = if length.is_empty() { Ok(0) } else { length.parse() };
+        return length
+            .ok()
+            .filter(|length| usize::from(*length) <= MAX_LEN)
+            .map(Content::Remote)
+            .ok_or("no length of a remote frame");
+    }
+    let (bytes, more) = text.strip_suffix("..").map_or((&*text, More::No), |bytes| (bytes, More::Any));
+    if !bytes.is_ascii() || !bytes.len().is_multiple_of(2) {
+        return Err("no whole bytes");
+    }
+    let pairs = (0..bytes.len()).step_by(2).map(|place| Digits::parse(&bytes[place..place + 2]));
+    let bytes = pairs.collect::<Option<Vec<Digits>>>().ok_or("no hex digits")?;
+    match (bytes.len(), more) {
+        (0, More::Any) => Ok(Content::Any),
+        (0..=MAX_LEN, _) => Ok(Content::Data(bytes, more)),
+        _ => Err("more than 8 bytes"),
+    }
+}
+
+impl Pattern {
+    /// Returns whether a frame is one of those that are meant.
+    pub(super) fn matches(&self, frame: &Frame) -> bool {
+        self.has_id_of(frame) && self.differences(frame).is_some_and(|bytes| bytes.is_empty())
+    }
+
+    /// Returns whether a frame has an identifier that is meant.
+    pub(super) fn has_id_of(&self, frame: &Frame) -> bool {
+        match frame.id() {
+            Id::Standard(id) => !self.is_extended && self.id.fit(id.as_raw().into()),
+            Id::Extended(id) => self.is_extended && self.id.fit(id.as_raw()),
+        }
+    }
+
+    /// Returns the places of the bytes in which a frame differs, missing ones and those beyond among them; `None` when
+    /// it is a remote frame instead of a data frame, or the other way round, or asks for another length.
+    pub(super) fn differences(&self, frame: &Frame) -> Option<Vec<usize>> {
+        match (&self.content, frame.is_remote()) {
+            (Content::Any, false) => Some(Vec::new()),
+            (Content::Remote(length), true) if frame.len() == *length => Some(Vec::new()),
+            (Content::Data(bytes, more), false) => {
+                let data = frame.data();
+                let end = if *more == More::Any { bytes.len() } else { bytes.len().max(data.len()) };
+                let differs = |place: &usize| match (bytes.get(*place), data.get(*place)) {
+                    (Some(wanted), Some(byte)) => !wanted.fit((*byte).into()),
+                    _ => true,
+                };
+                Some((0..end).filter(differs).collect())
+            }
+            _ => None,
+        }
+    }
+
+    /// Returns the identifier, when just one is meant.
+    pub(super) fn identifier(&self) -> Option<Id> {
+        let digits = if self.is_extended { 8 } else { 3 };
+        if !self.id.are_exact(digits) {
+            return None;
+        }
+        if self.is_extended {
+            ExtendedId::new(self.id.value).map(Id::Extended)
+        } else {
+            u16::try_from(self.id.value).ok().and_then(StandardId::new).map(Id::Standard)
+        }
+    }
+
+    /// Returns whether the pattern has an identifier alone.
+    pub(super) const fn is_identifier(&self) -> bool {
+        matches!(self.content, Content::Any)
+    }
+
+    /// Returns the frame, when just one is meant.
+    pub(super) fn frame(&self) -> Option<Frame> {
+        let id = self.identifier()?;
+        match &self.content {
+            Content::Remote(length) => Some(Frame::remote(id, *length)),
+            Content::Data(bytes, More::No) if bytes.iter().all(|byte| byte.are_exact(2)) => {
+                let bytes: Vec<u8> = bytes.iter().map(|byte| (byte.value & 0xFF) as u8).collect();
+                Frame::of(id, &bytes)
+            }
+            Content::Any | Content::Data(..) => None,
+        }
+    }
+}
+
+/// As the manuals print a frame: `1A0: 0F 00 ?? ..`.
+impl fmt::Display for Pattern {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.id.write(f, if self.is_extended { 8 } else { 3 })?;
+        match &self.content {
+            Content::Any => write!(f, ": .."),
+            Content::Remote(length) => write!(f, ": R{length}"),
+            Content::Data(bytes, more) => {
+                write!(f, ":")?;
+                for byte in bytes {
+                    write!(f, " ")?;
+                    byte.write(f, 2)?;
+                }
+                if *more == More::Any { write!(f, " ..") } else { Ok(()) }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn pattern(text: &str) -> Pattern {
+        text.parse().unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    fn matches(wanted: &str, frame: &str) -> bool {
+        pattern(wanted).matches(&pattern(frame).frame().unwrap_or_else(|| panic!("{frame}")))
+    }
+
+    #[test]
+    fn one_frame_in_every_spelling() {
+        let frame = pattern("1A0#0F00 0020").frame();
+        assert_eq!(frame.map(|frame| frame.to_string()).as_deref(), Some("1A0: 0F 00 00 20"));
+        for text in ["1A0#0F000020", "1a0#0f 00 00 20", " 1A0: 0F 00 00 20 ", "1A0 # 0F0 00 020"] {
+            assert_eq!(pattern(text).frame(), frame, "{text}");
+        }
+        assert_eq!(pattern("000001A0#").frame().map(|frame| frame.to_string()).as_deref(), Some("000001A0:"));
+        assert_eq!(pattern("720#R1").frame().map(|frame| frame.to_string()).as_deref(), Some("720: R1"));
+    }
+
+    #[test]
+    fn wildcards() {
+        assert!(matches("1A0#0F00 ????", "1A0#0F00 1234") && matches("1A0#0?00", "1A0#0F00"));
+        assert!(!matches("1A0#0F00 ????", "1A0#0F00") && !matches("1A0#0F00", "1A0#0F00 00"));
+        assert!(matches("1A0#0F..", "1A0#0F") && matches("1A0#0F ..", "1A0#0F00 1234") && !matches("1A0#0F..", "1A0#"));
+        assert!(matches("1A0", "1A0#") && matches("1A0#..", "1A0#01") && !matches("1A0#", "1A0#01"));
+        assert!(matches("7??#00", "720#00") && !matches("7??#00", "00000720#00") && !matches("7??#00", "0A0#00"));
+        assert!(matches("18EEFF??", "18EEFF80#01") && !matches("1A0", "1A0#R") && !matches("1A0#R1", "1A0#R2"));
+    }
+
+    #[test]
+    fn what_is_no_frame() {
+        for (text, why) in [
+            ("", "no identifier"),
+            ("1A#00", "no identifier"),
+            ("1A00#00", "no identifier"),
+            ("800#00", "no identifier"),
+            ("20000000#00", "no identifier"),
+            ("+A0#00", "no identifier"),
+            ("1A0#0", "no whole bytes"),
+            ("1A0#0x10", "no hex digits"),
+            ("1A0#é", "no whole bytes"),
+            ("1A0#00..00", "no hex digits"),
+            ("1A0#000102030405060708", "more than 8 bytes"),
+            ("1A0#R9", "no length"),
+        ] {
+            let error = text.parse::<Pattern>().expect_err(text);
+            assert!(error.contains(why) && error.contains("accepted: IDENTIFIER#DATA"), "{text}: {error}");
+        }
+        for text in ["1A0", "1A0#..", "1A0#0?", "1A?#00"] {
+            assert_eq!(pattern(text).frame(), None, "{text}");
+        }
+    }
+
+    proptest! {
+        /// Any text is read or refused, and a frame as it is printed is read as itself.
+        #[test]
+        fn nothing_panics(text in "[0-9A-Fa-f?#:.R é]{0,24}", id in 0_u16..0x800, data in prop::collection::vec(0_u8.., 0..=8)) {
+            if let Ok(read) = text.parse::<Pattern>() {
+                prop_assert_eq!(&read.to_string().parse::<Pattern>(), &Ok(read.clone()));
+            }
+            let frame = StandardId::new(id).and_then(|id| Frame::of(id.into(), &data));
+            prop_assert_eq!(pattern(&frame.map_or_else(String::new, |frame| frame.to_string())).frame(), frame);
+        }
+    }
+}

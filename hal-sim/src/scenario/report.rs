@@ -1,0 +1,254 @@
+//! What came of a scenario: each failure with what was expected, what was seen, and the last frames before it.
+
+use std::fmt::{self, Write as _};
+
+use protocol_core::frame::Frame;
+use protocol_core::time::{Duration, Instant, since};
+
+use super::history::{Heard, History};
+use super::pattern::Pattern;
+use super::script::{Begin, Step, Wanted};
+use crate::state::DeviceState;
+
+/// What came of a scenario.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Outcome {
+    pub(super) title: String,
+    pub(super) steps: usize,
+    /// The virtual time at the end.
+    pub(super) end: Instant,
+    pub(super) failures: Vec<Failure>,
+}
+
+/// What was not as expected.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Failure {
+    /// The line of the step.
+    pub(super) line: usize,
+    note: Option<String>,
+    /// What was expected, in one line.
+    pub(super) headline: String,
+    /// Expected and seen.
+    details: Vec<String>,
+    /// The event after the last one that belongs to it; `None`: all.
+    until: Option<u64>,
+    at: Instant,
+    /// The last events before it.
+    excerpt: Vec<String>,
+}
+
+impl Outcome {
+    /// Returns whether everything was as expected.
+    #[must_use]
+    pub const fn is_success(&self) -> bool {
+        self.failures.is_empty()
+    }
+
+    /// Returns the failures of this file in words: lines with a margin.
+    pub(super) fn failures(&self, file: &str) -> String {
+        let mut text = String::new();
+        for (place, failure) in self.failures.iter().enumerate() {
+            failure.write(&mut text, file, place == 0);
+        }
+        text
+    }
+}
+
+impl Failure {
+    fn new(step: &Step, headline: String, details: Vec<String>) -> Self {
+        let at = Instant::from_ticks(0);
+        Self { line: step.line, note: step.note.clone(), headline, details, until: None, at, excerpt: Vec::new() }
+    }
+
+    /// The steps before took too long.
+    pub(super) fn late(step: &Step, begin: Instant) -> Self {
+        let details = vec![format!("the steps before it were not over at {}", time(begin))];
+        let ms = match step.begin {
+            Begin::At(distance) => distance.as_millis(),
+            Begin::Now | Begin::After(_) => 0,
+        };
+        Self::new(step, format!("at_ms = {ms}"), details)
+    }
+
+    /// Something was not done.
+    pub(super) fn undone(step: &Step, what: &str, reason: &str) -> Self {
+        Self::new(step, what.to_owned(), vec![reason.to_owned()])
+    }
+
+    /// Frames did not come: `missing` of `patterns`, in the events from `from` on, the last of the others before `mark`.
+    pub(super) fn frames(
+        step: &Step,
+        patterns: &[Pattern],
+        missing: &[&Pattern],
+        (from, mark): (u64, u64),
+        history: &History,
+    ) -> Self {
+        let mut details = Vec::new();
+        for pattern in patterns {
+            let is_missing = missing.iter().any(|missing| std::ptr::eq(*missing, pattern));
+            let label = if is_missing { "expected" } else { "came" };
+            details.push(format!("{label:<10}{pattern}{}", meaning(pattern, history)));
+        }
+        if let Some(first) = missing.first() {
+            details.extend(seen(first, (from, mark), history));
+        }
+        let wanted = match patterns {
+            [pattern] => pattern.to_string(),
+            _ => format!("{} frames, of which {} came", patterns.len(), patterns.len() - missing.len()),
+        };
+        Self::new(step, format!("expect {wanted}{}", within(step)), details)
+    }
+
+    /// A state did not come.
+    pub(super) fn state(step: &Step, wanted: &Wanted, state: &DeviceState) -> Self {
+        let keys = wanted.keys.iter().filter(|(.., alone)| !alone.holds(state));
+        let mut details: Vec<String> =
+            keys.map(|(key, value, _)| format!("{key:<10}expected {value}, seen {}", value_of(key, state))).collect();
+        if details.is_empty() {
+            details.push("each key came, but not all of them at once".to_owned());
+        }
+        Self::new(step, format!("expect a state of {}{}", state.name, within(step)), details)
+    }
+
+    /// A frame came that must not.
+    pub(super) fn came(step: &Step, pattern: &Pattern, heard: &Heard, history: &History) -> Self {
+        let Heard { number, at, frame } = heard;
+        let details = vec![format!("seen      {frame}  at {}  {}", time(*at), history.explain(frame))];
+        let failure = Self::new(step, format!("never {pattern}{}", during(step)), details);
+        Self { until: Some(number + 1), ..failure }
+    }
+
+    /// A state came that must not.
+    pub(super) fn held(step: &Step, wanted: &Wanted, state: &DeviceState) -> Self {
+        let seen = |(key, ..): &(String, String, _)| format!("seen      {key} = {}", value_of(key, state));
+        let details = wanted.keys.iter().map(seen).collect();
+        Self::new(step, format!("never that state of {}{}", state.name, during(step)), details)
+    }
+
+    /// Returns the number of the event after the last one that belongs to the failure.
+    pub(super) const fn until(&self) -> Option<u64> {
+        self.until
+    }
+
+    /// Adds when it was found, and what was on the bus before.
+    pub(super) fn with(self, at: Instant, excerpt: Vec<String>) -> Self {
+        Self { at, excerpt, ..self }
+    }
+
+    /// Writes the failure of a step of this file, in lines with a margin; the first one shows what was on the bus before.
+    fn write(&self, out: &mut String, file: &str, is_first: bool) {
+        let Self { line, note, headline, details, at, excerpt, .. } = self;
+        // Writing to a string can't fail.
+        let _ = writeln!(out, "  {file}:{line}: {headline}: failed at {}", time(*at));
+        for line in note.iter().flat_map(|note| note.lines()) {
+            let _ = writeln!(out, "    -- {line}");
+        }
+        for line in details {
+            let _ = writeln!(out, "    {line}");
+        }
+        let (nothing, since) = match is_first {
+            true => ("nothing was on the bus", "on the bus before:"),
+            false => ("nothing was on the bus since the failure before", "on the bus since the failure before:"),
+        };
+        let _ = writeln!(out, "    {}", if excerpt.is_empty() { nothing } else { since });
+        for line in excerpt {
+            let _ = writeln!(out, "    {line}");
+        }
+    }
+}
+
+/// The meaning of a frame, where just one is meant.
+fn meaning(pattern: &Pattern, history: &History) -> String {
+    pattern.frame().map_or_else(String::new, |frame| format!("  {}", history.explain(&frame)))
+}
+
+/// What was seen in the place of a frame, in the events from `mark` on; `from`: the first event of the step.
+fn seen(wanted: &Pattern, (from, mark): (u64, u64), history: &History) -> Vec<String> {
+    let mut lines = Vec::new();
+    let distance = |frame: &Frame| wanted.differences(frame).map_or(usize::MAX, |bytes| bytes.len());
+    let of_id = || history.heard_since(mark).filter(|heard| wanted.has_id_of(&heard.frame));
+    match of_id().min_by_key(|heard| distance(&heard.frame)) {
+        Some(Heard { at, frame, .. }) => {
+            lines.push(format!("seen      {frame}  at {}  {}", time(at), history.explain(&frame)));
+            if let Some(bytes) = wanted.differences(&frame) {
+                lines.push(format!("          {}", carets(&frame, &bytes)));
+            }
+            let more = of_id().count() - 1;
+            if more > 0 {
+                lines.push(format!("          and {more} more of that identifier"));
+            }
+        }
+        None => {
+            let others = history.heard_since(mark).count();
+            let others = match others {
+                0 => "no frame of a device".to_owned(),
+                1 => "1 frame of a device, of another identifier".to_owned(),
+                _ => format!("{others} frames of devices, of other identifiers"),
+            };
+            lines.push(format!("seen      {others}"));
+        }
+    }
+    let earlier = history.heard_since(0).take_while(|heard| heard.number < from);
+    if let Some(heard) = earlier.filter(|heard| wanted.matches(&heard.frame)).last() {
+        lines.push(format!("          such a frame came before the step, at {}", time(heard.at)));
+    }
+    lines
+}
+
+/// Marks below the bytes of a printed frame.
+fn carets(frame: &Frame, bytes: &[usize]) -> String {
+    let head = frame.to_string().find(':').map_or(0, |colon| colon + 2);
+    let mut line = " ".repeat(head);
+    for place in 0..=bytes.last().copied().unwrap_or(0) {
+        line.push_str(if bytes.contains(&place) { "^^ " } else { "   " });
+    }
+    line.trim_end().to_owned()
+}
+
+fn within(step: &Step) -> String {
+    step.expect.as_ref().map_or_else(String::new, |expect| format!(" within {} ms", expect.within.as_millis()))
+}
+
+fn during(step: &Step) -> String {
+    let span: Option<Duration> = step.never.as_ref().and_then(|never| never.span);
+    span.map_or_else(String::new, |span| format!(" for {} ms", span.as_millis()))
+}
+
+/// The value of a key of a state, as a scenario has it.
+fn value_of(key: &str, state: &DeviceState) -> String {
+    let mut values = serde_json::to_value(state).unwrap_or_default();
+    match key {
+        "faults" => {
+            let active = state.faults.iter().filter(|fault| fault.active).map(|fault| format!("\"{}\"", fault.fault));
+            format!("[{}]", active.collect::<Vec<_>>().join(", "))
+        }
+        "led" => state.led.map_or_else(
+            || "\"none\"".to_owned(),
+            |led| {
+                let color = serde_json::to_value(led.color).unwrap_or_default();
+                format!("{{ color = {color}, flashing = {} }}", led.flashing)
+            },
+        ),
+        _ => match values[key].take() {
+            serde_json::Value::Null => "\"none\"".to_owned(),
+            value => value.to_string(),
+        },
+    }
+}
+
+/// An instant in milliseconds since the start.
+pub(super) fn time(at: Instant) -> String {
+    let micros = since(at, Instant::from_ticks(0)).as_micros();
+    format!("{}.{:03} ms", micros / 1000, micros % 1000)
+}
+
+/// In one line: how much there was, and how long it took.
+impl fmt::Display for Outcome {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if !self.title.is_empty() {
+            write!(f, "{}; ", self.title)?;
+        }
+        let steps = if self.steps == 1 { "step" } else { "steps" };
+        write!(f, "{} {steps} in {}", self.steps, time(self.end))
+    }
+}

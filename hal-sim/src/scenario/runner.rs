@@ -1,0 +1,362 @@
+//! Goes through a scenario in a world of its own, step by step, and gathers what was not as expected.
+
+use std::cell::Cell;
+use std::rc::Rc;
+
+use protocol_core::time::{Duration, Instant, NEVER, after};
+
+use super::history::{Heard, History};
+use super::pattern::Pattern;
+use super::report::{Failure, Outcome};
+use super::script::{Act, Begin, Expect, Never, Scenario, Step, Wanted, What};
+use crate::devices;
+use crate::kind::Kind;
+use crate::sender::{Receipt, Sender, Unsent};
+use crate::state::{DeviceState, Invalid, StateWatch};
+use crate::world::{Event, NodeId, SUPPLY_JITTER, World};
+
+/// Who sends the frames of a scenario, in traces. No device can have that name.
+const OWN: &str = "the master";
+
+/// A frame that is sent is on the bus or withdrawn by then.
+const SENT: Duration = Duration::from_secs(2);
+
+/// The way of an answer about a frame back to the step that sent it.
+#[derive(Clone, Debug, Default)]
+struct Sent(Rc<Cell<Option<Result<Instant, Unsent>>>>);
+
+impl Receipt for Sent {
+    fn tell(self, sent: Result<Instant, Unsent>) {
+        self.0.set(Some(sent));
+    }
+
+    fn is_given_up(&self) -> bool {
+        false
+    }
+}
+
+/// Runs a scenario.
+pub(super) fn run(scenario: &Scenario, seed: u64) -> Outcome {
+    let mut world = scenario.world(seed);
+    world.record_events(true);
+    let sender = Sender::new(OWN, &mut world);
+    let kinds = scenario.devices.iter().map(|device| device.kind);
+    let devices = world.devices().zip(kinds).collect();
+    world.power_all(SUPPLY_JITTER);
+    let history = History::new(OWN, devices::explainer(&scenario.devices), &world);
+    let mut runner = Runner {
+        scenario,
+        world,
+        sender,
+        devices,
+        history,
+        events: Vec::new(),
+        mark: 0,
+        guards: Vec::new(),
+        failures: Vec::new(),
+        shown: 0,
+    };
+    for step in &scenario.steps {
+        runner.step(step);
+    }
+    let end = runner.guards.iter().map(|guard| guard.until).filter(|until| *until != NEVER).max();
+    if let Some(end) = end {
+        runner.pass(end);
+    }
+    runner.outcome()
+}
+
+struct Runner<'a> {
+    scenario: &'a Scenario,
+    world: World,
+    sender: Sender<Sent>,
+    devices: Vec<(NodeId, Kind)>,
+    history: History,
+    /// Events on their way into the history; the allocation is used again.
+    events: Vec<Event>,
+    /// The first event that counts for the next expectation of a frame.
+    mark: u64,
+    guards: Vec<Guard<'a>>,
+    failures: Vec<Failure>,
+    /// The first event that no failure has shown.
+    shown: u64,
+}
+
+/// What must not come.
+struct Guard<'a> {
+    step: &'a Step,
+    until: Instant,
+    what: Guarded<'a>,
+}
+
+enum Guarded<'a> {
+    /// Frames, in the events from that number on.
+    Frames(&'a [Pattern], u64),
+    State(&'a Wanted, StateWatch),
+}
+
+/// What the time that passes is for.
+enum Goal<'a> {
+    /// It passes.
+    None,
+    /// A frame was sent, or not.
+    Sent(&'a Sent),
+    Frames(Frames<'a>),
+    State(StateWatch),
+}
+
+/// Frames that have to come.
+struct Frames<'a> {
+    /// Those that have not come.
+    missing: Vec<&'a Pattern>,
+    any_order: bool,
+    /// The next event to be looked at.
+    next: u64,
+    /// The event after the last one that was expected.
+    mark: u64,
+}
+
+impl<'a> Runner<'a> {
+    fn step(&mut self, step: &'a Step) {
+        self.begin(step);
+        if let Some(act) = &step.act {
+            self.act(step, act);
+        }
+        if let Some(Expect { what, any_order, within }) = &step.expect {
+            let until = after(self.world.now(), *within);
+            match what {
+                What::Frames(patterns) => self.expect_frames(step, patterns, *any_order, until),
+                What::State(wanted) => self.expect_state(step, wanted, until),
+            }
+        }
+        if let Some(Never { what, span }) = &step.never {
+            let until = span.map_or(NEVER, |span| after(self.world.now(), span));
+            let what = match what {
+                What::Frames(patterns) => Guarded::Frames(patterns, self.mark),
+                What::State(wanted) => Guarded::State(wanted, self.watch(wanted)),
+            };
+            self.guards.push(Guard { step, until, what });
+            self.guard();
+        }
+    }
+
+    /// Lets time pass until a step begins.
+    fn begin(&mut self, step: &Step) {
+        let now = self.world.now();
+        let begin = match step.begin {
+            Begin::Now => return,
+            Begin::After(pause) => after(now, pause),
+            Begin::At(distance) => after(Instant::from_ticks(0), distance),
+        };
+        if begin < now {
+            self.fail(Failure::late(step, begin));
+            return;
+        }
+        self.pass(begin);
+        self.mark = self.history.next();
+    }
+
+    fn act(&mut self, step: &Step, act: &Act) {
+        match act {
+            Act::Send(frame, period) => {
+                let sent = Sent::default();
+                self.sender.send(*frame, *period, sent.clone(), &mut self.world);
+                self.pass_until(after(self.world.now(), SENT), &mut Goal::Sent(&sent));
+                if let Some(Err(Unsent::TooMany(reason) | Unsent::Withdrawn(reason))) = sent.0.get() {
+                    self.fail(Failure::undone(step, &format!("send {frame}"), reason));
+                }
+            }
+            Act::Stop(id) => {
+                self.sender.stop(*id, &mut self.world);
+            }
+            Act::Plant(device, change) => {
+                let made = change.clone().make(self.devices[*device].0, &mut self.world);
+                if let Err(Invalid(reason)) = made {
+                    self.fail(Failure::undone(step, "plant", &reason));
+                }
+            }
+            Act::Power(device, power) => {
+                if let Err(reason) = power.switch(self.devices[*device].0, &mut self.world) {
+                    self.fail(Failure::undone(step, "power", reason));
+                }
+            }
+            Act::Bus(bit_rate) => self.world.set_bit_rate(*bit_rate),
+            Act::Disturb(disturbance) => self.world.disturb(*disturbance),
+        }
+        self.attend();
+    }
+
+    fn expect_frames(&mut self, step: &Step, patterns: &[Pattern], any_order: bool, until: Instant) {
+        let from = self.mark;
+        let mut goal = Goal::Frames(Frames { missing: patterns.iter().collect(), any_order, next: from, mark: from });
+        let came = self.pass_until(until, &mut goal);
+        let Goal::Frames(Frames { missing, mark, .. }) = goal else { return };
+        if came {
+            self.mark = mark;
+        } else {
+            let failure = Failure::frames(step, patterns, &missing, (from, mark), &self.history);
+            self.fail(failure);
+            self.mark = self.history.next();
+        }
+    }
+
+    fn expect_state(&mut self, step: &Step, wanted: &Wanted, until: Instant) {
+        let (begun, mut goal) = (self.world.now(), Goal::State(self.watch(wanted)));
+        if !self.pass_until(until, &mut goal) {
+            let state = self.state(wanted);
+            self.fail(Failure::state(step, wanted, &state));
+        }
+        if self.world.now() > begun {
+            self.mark = self.history.next();
+        }
+    }
+
+    fn state(&mut self, wanted: &Wanted) -> DeviceState {
+        let (node, kind) = self.devices[wanted.device];
+        DeviceState::of(node, kind, &mut self.world)
+    }
+
+    /// Watches a state.
+    fn watch(&self, wanted: &Wanted) -> StateWatch {
+        StateWatch::new(self.devices[wanted.device], Box::new(wanted.condition.clone()))
+    }
+
+    /// Lets time pass until an instant, with everything that is due by then.
+    fn pass(&mut self, end: Instant) {
+        self.pass_until(end, &mut Goal::None);
+    }
+
+    /// Lets time pass until an instant, with everything that is due by then, or until a goal is reached; returns whether it
+    /// was.
+    fn pass_until(&mut self, end: Instant, goal: &mut Goal<'_>) -> bool {
+        loop {
+            if self.is_reached(goal) {
+                return true;
+            }
+            let (now, event) = (self.world.now(), self.world.next_event());
+            if now >= end && event > end {
+                return false;
+            }
+            let due = self.due(end, goal);
+            if event <= due && event <= end && event != NEVER {
+                self.world.step();
+            } else {
+                self.world.run_until(due.min(end));
+            }
+            self.attend();
+        }
+    }
+
+    fn is_reached(&mut self, goal: &mut Goal<'_>) -> bool {
+        match goal {
+            Goal::None => false,
+            Goal::Sent(sent) => sent.0.get().is_some(),
+            Goal::Frames(frames) => {
+                frames.look(&self.history);
+                frames.missing.is_empty()
+            }
+            Goal::State(watch) => watch.look(&mut self.world).1,
+        }
+    }
+
+    /// When there is next something to do although nothing happens in the world, after now.
+    fn due(&self, end: Instant, goal: &Goal<'_>) -> Instant {
+        let now = self.world.now();
+        let sought = match goal {
+            Goal::State(watch) if end > now => watch.due(end, &self.world),
+            _ => end,
+        };
+        let guarded = self.guards.iter().filter(|guard| guard.until > now).filter_map(|guard| match &guard.what {
+            Guarded::State(_, watch) => Some(watch.due(guard.until.min(end), &self.world)),
+            Guarded::Frames(..) => None,
+        });
+        guarded.fold(sought, Instant::min).min(self.sender.due(now))
+    }
+
+    /// Takes note of what happened, and does what is due.
+    fn attend(&mut self) {
+        let mut events = std::mem::take(&mut self.events);
+        events.extend(self.world.take_events());
+        for event in events.drain(..) {
+            self.history.keep(&event, &self.world);
+        }
+        self.events = events;
+        if !self.sender.is_idle() {
+            self.sender.attend(&mut self.world);
+        }
+        self.guard();
+    }
+
+    /// Looks whether something came that must not.
+    fn guard(&mut self) {
+        if self.guards.is_empty() {
+            return;
+        }
+        let mut guards = std::mem::take(&mut self.guards);
+        guards.retain_mut(|guard| match self.violation(guard) {
+            Some(failure) => {
+                self.fail(failure);
+                false
+            }
+            None => guard.until >= self.world.now(),
+        });
+        self.guards = guards;
+    }
+
+    fn violation(&mut self, guard: &mut Guard<'_>) -> Option<Failure> {
+        match &mut guard.what {
+            Guarded::Frames(patterns, next) => {
+                let mut heard = self.history.heard_since(*next).filter(|heard| heard.at <= guard.until);
+                let is_it = |heard: Heard| Some((heard, patterns.iter().find(|it| it.matches(&heard.frame))?));
+                let found = heard.find_map(is_it);
+                *next = self.history.next();
+                found.map(|(heard, pattern)| Failure::came(guard.step, pattern, &heard, &self.history))
+            }
+            Guarded::State(wanted, watch) => {
+                if self.world.now() > guard.until {
+                    return None;
+                }
+                let (state, holds) = watch.look(&mut self.world);
+                holds.then(|| Failure::held(guard.step, wanted, &state))
+            }
+        }
+    }
+
+    /// Adds a failure at this instant, with what was on the bus before it.
+    fn fail(&mut self, failure: Failure) {
+        let at = self.world.now();
+        let until = failure.until().unwrap_or_else(|| self.history.next());
+        self.failures.push(failure.with(at, self.history.excerpt(self.shown, until)));
+        self.shown = self.shown.max(until);
+    }
+
+    fn outcome(self) -> Outcome {
+        Outcome {
+            title: self.scenario.title.clone(),
+            steps: self.scenario.steps.len(),
+            end: self.world.now(),
+            failures: self.failures,
+        }
+    }
+}
+
+impl Frames<'_> {
+    /// Looks at what has come since the last look.
+    fn look(&mut self, history: &History) {
+        if self.next == history.next() {
+            return;
+        }
+        for Heard { number, frame, .. } in history.heard_since(self.next) {
+            let last = if self.any_order { self.missing.len() } else { 1 };
+            let found = self.missing.iter().take(last).position(|pattern| pattern.matches(&frame));
+            if let Some(place) = found {
+                self.missing.remove(place);
+                self.mark = number + 1;
+                if self.missing.is_empty() {
+                    break;
+                }
+            }
+        }
+        self.next = history.next();
+    }
+}

@@ -1,0 +1,323 @@
+//! A scenario that was read and checked: everything in it can be done.
+
+use std::collections::BTreeMap;
+
+use protocol_core::controller::BitRate;
+use protocol_core::frame::{Frame, Id};
+use protocol_core::time::Duration;
+
+use super::ReadError;
+use super::file::{self, Expected, PATIENCE, ScenarioFile, StepTable};
+use super::pattern::Pattern;
+use crate::bus::Disturbance;
+use crate::devices::{self, DeviceSpec, LinkSpec, NamedDevice, NamedLink};
+use crate::kind::Kind;
+use crate::state::{BusChange, Disturb, Invalid, PlantChange, Power, PowerChange, StateCondition};
+use crate::world::{NodeId, World};
+
+/// A scenario.
+#[derive(Debug)]
+pub struct Scenario {
+    pub(super) title: String,
+    pub(super) devices: Vec<NamedDevice>,
+    links: Vec<NamedLink>,
+    bit_rate: BitRate,
+    pub(super) steps: Vec<Step>,
+}
+
+/// A step.
+#[derive(Debug)]
+pub(super) struct Step {
+    /// The line of the file.
+    pub(super) line: usize,
+    pub(super) note: Option<String>,
+    pub(super) begin: Begin,
+    pub(super) act: Option<Act>,
+    pub(super) expect: Option<Expect>,
+    pub(super) never: Option<Never>,
+}
+
+/// When a step begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Begin {
+    /// When the one before is over.
+    Now,
+    /// So long after.
+    After(Duration),
+    /// At an instant, by its distance from the start.
+    At(Duration),
+}
+
+/// What is done.
+#[derive(Debug)]
+pub(super) enum Act {
+    Send(Frame, Option<Duration>),
+    /// Of an identifier, or all.
+    Stop(Option<Id>),
+    Plant(usize, PlantChange),
+    Power(usize, Power),
+    Bus(BitRate),
+    Disturb(Disturbance),
+}
+
+/// What has to come.
+#[derive(Debug)]
+pub(super) struct Expect {
+    pub(super) what: What,
+    pub(super) any_order: bool,
+    pub(super) within: Duration,
+}
+
+/// What must not come.
+#[derive(Debug)]
+pub(super) struct Never {
+    pub(super) what: What,
+    /// `None`: up to the end.
+    pub(super) span: Option<Duration>,
+}
+
+/// Frames, or a state.
+#[derive(Debug)]
+pub(super) enum What {
+    Frames(Vec<Pattern>),
+    State(Wanted),
+}
+
+/// A state of a device.
+#[derive(Debug)]
+pub(super) struct Wanted {
+    /// The device, by its place in the scenario.
+    pub(super) device: usize,
+    pub(super) condition: StateCondition,
+    /// The condition of each key alone, with the key and its value as in the file.
+    pub(super) keys: Vec<(String, String, StateCondition)>,
+}
+
+impl Scenario {
+    /// Reads a scenario.
+    ///
+    /// # Errors
+    /// [`ReadError`] with the line of the first thing that is not accepted.
+    pub fn parse(text: &str) -> Result<Self, ReadError> {
+        let ScenarioFile { title, devices, links, bit_rate, allow_clash, steps } = file::read(text)?;
+        let at = |place: usize| move |reason: String| ReadError { line: Some(file::line_of(text, place)), reason };
+        let first = devices.first().map_or(0, |device| device.span().start);
+        let specs = devices.into_iter().map(|spec| {
+            let place = spec.span().start;
+            spec.into_inner().parse::<DeviceSpec>().map_err(at(place))
+        });
+        let specs = specs.collect::<Result<Vec<_>, _>>()?;
+        let devices = devices::named(specs).map_err(|error| at(first)(format!("{error} name=")))?;
+        if devices.is_empty() {
+            return Err(at(0)("no devices; accepted: devices = [\"pvea-canopen@0x20\"]".to_owned()));
+        }
+        if !allow_clash {
+            devices::refuse_clashes(&devices)
+                .map_err(|error| at(first)(format!("{error} with @ID, or allow_clash = true")))?;
+        }
+        let first = links.first().map_or(0, |link| link.span().start);
+        let specs = links.into_iter().map(|spec| {
+            let place = spec.span().start;
+            spec.into_inner().parse::<LinkSpec>().map_err(at(place))
+        });
+        let links = devices::links(&devices, specs.collect::<Result<_, _>>()?).map_err(at(first))?;
+        let bit_rate = match bit_rate {
+            Some(rate) => {
+                let place = rate.span().start;
+                let change = BusChange { bit_rate: rate.into_inner() };
+                change.bit_rate().map_err(|Invalid(reason)| at(place)(reason))?
+            }
+            None => devices.first().map_or(BitRate::Kbit250, first_rate),
+        };
+        if steps.is_empty() {
+            return Err(at(0)("no steps; accepted: steps = [{ expect = \"720#00\" }]".to_owned()));
+        }
+        let mut scenario = Self { title, devices, links, bit_rate, steps: Vec::new() };
+        // What cannot be done in a world is refused before anything runs.
+        let mut trial = Trial::new(&scenario);
+        for step in steps {
+            let line = file::line_of(text, step.span().start);
+            let step = trial.check(line, step.into_inner()).map_err(|reason| ReadError { line: Some(line), reason })?;
+            scenario.steps.push(step);
+        }
+        Ok(scenario)
+    }
+
+    /// Returns a world with the devices, not yet powered.
+    pub(super) fn world(&self, seed: u64) -> World {
+        let mut world = World::new(self.bit_rate, seed);
+        for device in &self.devices {
+            world.add(&device.name, device.birth.of(device.kind));
+        }
+        devices::link_in(&mut world, &self.links);
+        world
+    }
+}
+
+/// Returns the bit rate that a device starts with.
+fn first_rate(device: &NamedDevice) -> BitRate {
+    let of_kind = || device.kind.bit_rates().first().copied();
+    device.birth.bit_rate.or_else(of_kind).unwrap_or(BitRate::Kbit250)
+}
+
+/// What the steps are tried on.
+struct Trial {
+    world: World,
+    devices: Vec<(NodeId, Kind, String)>,
+}
+
+impl Trial {
+    fn new(scenario: &Scenario) -> Self {
+        let world = scenario.world(0);
+        let kinds = scenario.devices.iter().map(|device| (device.kind, device.name.clone()));
+        let devices = world.devices().zip(kinds).map(|(node, (kind, name))| (node, kind, name)).collect();
+        Self { world, devices }
+    }
+
+    fn check(&mut self, line: usize, table: StepTable) -> Result<Step, String> {
+        let begin = match (table.at_ms, table.after_ms) {
+            (None, None) => Begin::Now,
+            (Some(at), None) => Begin::At(millis(at)),
+            (None, Some(after)) => Begin::After(millis(after)),
+            (Some(_), Some(_)) => return Err("at_ms and after_ms: accepted: one of them in a step".to_owned()),
+        };
+        let about_device = table.plant.is_some()
+            || table.power.is_some()
+            || matches!(table.expect, Some(Expected::State(_)))
+            || matches!(table.never, Some(Expected::State(_)));
+        if table.device.is_some() && !about_device {
+            return Err("device: accepted with plant, power, or a state".to_owned());
+        }
+        let device = if about_device { self.device(table.device.as_deref())? } else { 0 };
+        let mut acts = Vec::new();
+        if let Some(frame) = table.send {
+            acts.push(("send", Act::Send(one_frame(&frame)?, period(table.every_ms)?)));
+        } else if table.every_ms.is_some() {
+            return Err("every_ms: accepted with send".to_owned());
+        }
+        if let Some(which) = table.stop {
+            acts.push(("stop", Act::Stop(identifier(&which)?)));
+        }
+        if let Some(change) = table.plant {
+            acts.push(("plant", Act::Plant(device, self.plant(device, change).map_err(within("plant"))?)));
+        }
+        if let Some(change) = table.power {
+            let change: PowerChange = file::table(change).map_err(within("power"))?;
+            let accepted = "accepted: { on = true }, { on = false } or { reset = \"watchdog\" }";
+            acts.push(("power", Act::Power(device, change.power().map_err(|_| format!("power: {accepted}"))?)));
+        }
+        if let Some(change) = table.bus {
+            let change: BusChange = file::table(change).map_err(within("bus"))?;
+            acts.push(("bus", Act::Bus(change.bit_rate().map_err(|Invalid(reason)| reason)?)));
+        }
+        if let Some(disturb) = table.disturb {
+            let disturb: Disturb = file::table(disturb).map_err(within("disturb"))?;
+            let disturbance = disturb.disturbance().map_err(|Invalid(reason)| format!("disturb: {reason}"))?;
+            acts.push(("disturb", Act::Disturb(disturbance)));
+        }
+        if let [(one, _), (other, _), ..] = acts.as_slice() {
+            return Err(format!(
+                "{one} and {other} in one step; accepted: one of send, stop, plant, power, bus, disturb"
+            ));
+        }
+        let act = acts.pop().map(|(_, act)| act);
+        let expect = match table.expect {
+            Some(expected) => {
+                let what = self.what(device, expected).map_err(within("expect"))?;
+                if table.any_order.is_some() && !matches!(&what, What::Frames(frames) if frames.len() > 1) {
+                    return Err("any_order: accepted with several frames".to_owned());
+                }
+                let any_order = table.any_order.unwrap_or(false);
+                Some(Expect { what, any_order, within: table.within_ms.map_or(PATIENCE, millis) })
+            }
+            None if table.within_ms.is_some() => return Err("within_ms: accepted with expect".to_owned()),
+            None if table.any_order.is_some() => return Err("any_order: accepted with expect".to_owned()),
+            None => None,
+        };
+        let never = match table.never {
+            Some(_) if expect.is_some() => {
+                return Err("expect and never in one step; accepted: a step for each".to_owned());
+            }
+            Some(expected) => {
+                let what = self.what(device, expected).map_err(within("never"))?;
+                Some(Never { what, span: table.for_ms.map(millis) })
+            }
+            None if table.for_ms.is_some() => return Err("for_ms: accepted with never".to_owned()),
+            None => None,
+        };
+        Ok(Step { line, note: table.note, begin, act, expect, never })
+    }
+
+    /// Returns the place of the device of that name, or of the only one.
+    fn device(&self, name: Option<&str>) -> Result<usize, String> {
+        let names = || self.devices.iter().map(|(.., name)| name.as_str()).collect::<Vec<_>>().join(", ");
+        match name {
+            Some(name) => {
+                let place = self.devices.iter().position(|(.., known)| known == name);
+                place.ok_or_else(|| format!("device: no '{name}' on the bus; accepted: {}", names()))
+            }
+            None if self.devices.len() == 1 => Ok(0),
+            None => Err(format!("device is missing, which one is meant? accepted: {}", names())),
+        }
+    }
+
+    fn plant(&mut self, device: usize, change: toml::Table) -> Result<PlantChange, String> {
+        let change: PlantChange = file::table(change)?;
+        let (node, ..) = self.devices[device];
+        change.clone().make(node, &mut self.world).map_err(|Invalid(reason)| reason)?;
+        Ok(change)
+    }
+
+    fn what(&self, device: usize, expected: Expected) -> Result<What, String> {
+        let state = match expected {
+            Expected::Frame(frame) => return frame.parse().map(|frame| What::Frames(vec![frame])),
+            Expected::Frames(frames) if frames.is_empty() => {
+                return Err("no frames; accepted: [\"720#00\", \"0A0#..\"]".to_owned());
+            }
+            Expected::Frames(frames) => {
+                return frames.iter().map(|frame| frame.parse()).collect::<Result<_, _>>().map(What::Frames);
+            }
+            Expected::State(state) if state.is_empty() => {
+                return Err("an empty state; accepted: any of its keys, as in { dsm = \"active\" }".to_owned());
+            }
+            Expected::State(state) => state,
+        };
+        let condition: StateCondition = file::table(state.clone())?;
+        let (_, kind, name) = &self.devices[device];
+        condition.check(name, *kind).map_err(|Invalid(reason)| reason)?;
+        let keys = state.into_iter().map(|(key, value)| {
+            let alone = file::table(BTreeMap::from([(key.clone(), value.clone())]).into_iter().collect())?;
+            Ok((key, value.to_string(), alone))
+        });
+        Ok(What::State(Wanted { device, condition, keys: keys.collect::<Result<_, String>>()? }))
+    }
+}
+
+fn within(key: &'static str) -> impl FnOnce(String) -> String {
+    move |reason| format!("{key}: {reason}")
+}
+
+fn millis(ms: u32) -> Duration {
+    Duration::from_millis(ms.into())
+}
+
+fn period(every_ms: Option<u32>) -> Result<Option<Duration>, String> {
+    match every_ms {
+        Some(0) => Err("every_ms 0: accepted: 1 and more".to_owned()),
+        every_ms => Ok(every_ms.map(millis)),
+    }
+}
+
+fn one_frame(text: &str) -> Result<Frame, String> {
+    let frame = text.parse::<Pattern>().map_err(within("send"))?.frame();
+    frame.ok_or_else(|| format!("send: '{text}' is no single frame; accepted: all digits, as in \"220#0F00 0020\""))
+}
+
+fn identifier(text: &str) -> Result<Option<Id>, String> {
+    if text == "all" {
+        return Ok(None);
+    }
+    let pattern = text.parse::<Pattern>().ok().filter(Pattern::is_identifier);
+    let id = pattern.as_ref().and_then(Pattern::identifier);
+    id.map(Some).ok_or_else(|| format!("stop: '{text}' is no identifier; accepted: as in \"220\", or \"all\""))
+}

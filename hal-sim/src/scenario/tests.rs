@@ -1,0 +1,315 @@
+//! What each step does and when, what is refused and in which words, and what a failure says.
+
+use proptest::prelude::*;
+
+use super::*;
+
+/// Runs the steps with one valve, which has booted.
+fn outcome(steps: &str) -> Outcome {
+    let text =
+        format!("devices = [\"pvea-canopen@0x20\"]\nsteps = [\n{{ expect = [\"720#00\", \"0A0\"] }},\n{steps}\n]");
+    Scenario::parse(&text).unwrap_or_else(|error| panic!("{error:?}")).run(1)
+}
+
+fn passes(steps: &str) {
+    let outcome = outcome(steps);
+    assert!(outcome.is_success(), "{steps}\n{}", outcome.failures("x.toml"));
+}
+
+/// Runs the steps, of which so many fail; returns what is said of them.
+fn fails(steps: &str, failures: usize) -> String {
+    let outcome = outcome(steps);
+    let text = outcome.failures("x.toml");
+    assert_eq!(outcome.failures.len(), failures, "{steps}\n{text}");
+    text
+}
+
+/// The line and the reason of a scenario that is refused.
+fn refusal(text: &str) -> (Option<usize>, String) {
+    let ReadError { line, reason } = Scenario::parse(text).expect_err(text);
+    assert!(!reason.contains('\n'), "one line: {reason}");
+    (line, reason)
+}
+
+/// The reason why a step of one valve is refused.
+fn refused(step: &str) -> String {
+    let (line, reason) = refusal(&format!("devices = [\"pvea-canopen@0x20\"]\nsteps = [\n  {step},\n]"));
+    assert_eq!(line, Some(3), "{step}: {reason}");
+    reason
+}
+
+/// The valve is in ACTIVE with a set-point of 25 %, in a cycle of 100 ms.
+const ACTIVE: &str = r#"{ send = "000#0120" }, { send = "220#0F00 0010", every_ms = 100, expect = { dsm = "active", position = 4096 } }"#;
+
+#[test]
+fn a_state_at_the_instant_of_the_deadline_is_in_time() {
+    passes(&format!(
+        r#"{ACTIVE}, {{ at_ms = 1000, plant = {{ supply_mv = 8000 }}, expect = {{ dsm = "fault-hold" }}, within_ms = 2000 }}"#
+    ));
+    let late = format!(
+        r#"{ACTIVE}, {{ at_ms = 1000, plant = {{ supply_mv = 8000 }}, expect = {{ dsm = "fault-hold" }}, within_ms = 1999 }}"#
+    );
+    let text = fails(&late, 1);
+    assert!(text.contains("within 1999 ms: failed at 2999.000 ms"), "{text}");
+    assert!(text.contains("dsm       expected \"fault-hold\", seen \"active\""), "{text}");
+}
+
+#[test]
+fn never_holds_up_to_its_last_instant_and_from_its_first() {
+    let trip = |for_ms: u32| {
+        format!(
+            r#"{ACTIVE}, {{ at_ms = 1000, plant = {{ supply_mv = 8000 }}, never = {{ dsm = "fault-hold" }}, for_ms = {for_ms} }}"#
+        )
+    };
+    passes(&trip(1999));
+    let text = fails(&trip(2000), 1);
+    assert!(text.contains("never that state of pvea-canopen for 2000 ms: failed at 3000.000 ms"), "{text}");
+    assert!(text.contains("seen      dsm = \"fault-hold\""), "{text}");
+    // Violated from the first instant, told once, and the next steps go on.
+    let text = fails(r#"{ never = { powered = true } }, { send = "000#0120", expect = { nmt = "operational" } }"#, 1);
+    assert!(text.contains("x.toml:4: never that state") && text.contains("powered = true"), "{text}");
+}
+
+#[test]
+fn a_frame_that_must_not_come_is_shown_with_what_was_before() {
+    let text = fails(r#"{ never = "5A0" }, { send = "620#4000 1000 0000 0000" }, { after_ms = 5 }"#, 1);
+    assert!(text.contains("x.toml:4: never 5A0: ..: failed at "), "{text}");
+    assert!(text.contains("seen      5A0: 43 00 10 00 98 01 00 00  at "), "{text}");
+    assert!(text.contains("->  620: 40 00 10 00 00 00 00 00  master → pvea-canopen: SDO read"), "{text}");
+    // Up to the end of the scenario, or of its span.
+    passes(r#"{ never = "5A0", for_ms = 10 }, { after_ms = 11, send = "620#4000 1000 0000 0000" }, { after_ms = 5 }"#);
+    passes(r#"{ never = "5A0" }, { after_ms = 5 }"#);
+    // The span of the last step is waited for.
+    let text = fails(r#"{ send = "620#2B17 1000 6400 0000" }, { never = "720#7F", for_ms = 150 }"#, 1);
+    assert!(text.contains("seen      720: 7F"), "{text}");
+}
+
+#[test]
+fn one_frame_fulfils_one_expectation() {
+    let read = r#"send = "620#4000 1000 0000 0000""#;
+    let text = fails(&format!(r#"{{ {read}, expect = ["5A0#43..", "5A0#43.."], within_ms = 20 }}"#), 1);
+    assert!(text.contains("expect 2 frames, of which 1 came within 20 ms"), "{text}");
+    assert!(text.contains("came      5A0: 43 ..") && text.contains("expected  5A0: 43 .."), "{text}");
+    assert!(text.contains("seen      no frame of a device"), "{text}");
+    let text = fails(
+        &format!(r#"{{ {read}, expect = "5A0#43..", within_ms = 20 }}, {{ expect = "5A0#43..", within_ms = 20 }}"#),
+        1,
+    );
+    assert!(text.contains("such a frame came before the step, at "), "{text}");
+    passes(&format!(r#"{{ {read} }}, {{ {read} }}, {{ expect = "5A0#43.." }}, {{ expect = "5A0#43.." }}"#));
+}
+
+#[test]
+fn frames_in_order_and_in_any_order() {
+    let reset = r#"send = "000#8220""#;
+    passes(&format!(r#"{{ {reset}, expect = ["720#00", "0A0#.."] }}"#));
+    passes(&format!(r#"{{ {reset}, expect = ["0A0#..", "720#00"], any_order = true }}"#));
+    let text = fails(&format!(r#"{{ {reset}, expect = ["0A0#..", "720#00"], within_ms = 50 }}"#), 1);
+    assert!(text.contains("came      0A0: ..") && text.contains("expected  720: 00"), "{text}");
+}
+
+/// What is on the bus while a frame of the scenario waits for it counts for what follows.
+#[test]
+fn nothing_is_lost_between_a_step_and_the_next() {
+    passes(
+        r#"{ send = "620#4000 1000 0000 0000" }, { send = "700#05" }, { send = "700#05" }, { expect = "5A0#43.." }"#,
+    );
+    // A pause is one: what came in it is not expected any more.
+    let text =
+        fails(r#"{ send = "620#4000 1000 0000 0000" }, { after_ms = 10, expect = "5A0#43..", within_ms = 10 }"#, 1);
+    assert!(text.contains("such a frame came before the step"), "{text}");
+}
+
+#[test]
+fn a_wrong_byte_is_marked_and_every_failure_is_told() {
+    let text = fails(
+        r#"{ note = "Device type", send = "620#4000 1000 0000 0000", expect = "5A0#4300 1000 9901 0000", within_ms = 10 },
+           { expect = "7E4#44..", within_ms = 10 }"#,
+        2,
+    );
+    let lines: Vec<&str> = text.lines().collect();
+    assert!(lines[0].starts_with("  x.toml:4: expect 5A0: 43 00 10 00 99 01 00 00 within 10 ms: failed at "), "{text}");
+    assert_eq!(lines[1], "    -- Device type", "{text}");
+    assert!(lines[2].starts_with("    expected  5A0: 43 00 10 00 99 01 00 00  pvea-canopen: SDO"), "{text}");
+    assert!(lines[3].starts_with("    seen      5A0: 43 00 10 00 98 01 00 00  at "), "{text}");
+    assert_eq!(lines[4].find("^^"), lines[3].find("98"), "{text}");
+    assert!(text.contains("x.toml:5: expect 7E4: 44 .."), "{text}");
+    assert!(text.ends_with("nothing was on the bus since the failure before\n"), "{text}");
+}
+
+#[test]
+fn a_power_cut_in_the_middle_of_a_write_is_a_power_cut() {
+    // "save" is not answered, and the defaults are there after the next start.
+    passes(
+        r#"{ send = "620#2B17 1000 6400 0000", expect = "5A0#60.." }, { send = "620#2310 1001 7361 7665" },
+           { power = { on = false } }, { never = "5A0" }, { expect = { powered = false }, within_ms = 0 }, { after_ms = 10, power = { on = true } },
+           { expect = ["720#00", "0A0#0000 0000 0000 0000"] }"#,
+    );
+    let text = fails(r#"{ power = { on = false } }, { power = { reset = "watchdog" } }"#, 1);
+    assert!(text.contains("x.toml:4: power: failed at ") && text.contains("its watchdog resets nothing"), "{text}");
+    passes(r#"{ power = { reset = "watchdog" }, expect = "0A0#0010 0101 .." }"#);
+}
+
+#[test]
+fn a_disturbance_takes_the_sender_off_the_bus() {
+    let text = fails(
+        &format!(
+            r#"{ACTIVE}, {{ disturb = {{ frames = 32, id = 0x1A0 }}, expect = {{ faults = ["can-bus"] }} }}, {{ expect = "111#", within_ms = 1 }}"#
+        ),
+        1,
+    );
+    assert!(
+        text.contains("!!  error frame: bit error in 1A0: ") && text.contains("!!  pvea-canopen: bus-off"),
+        "{text}"
+    );
+    // The scenario's own frames: one is withdrawn after a second.
+    let text = fails(r#"{ disturb = { frames = 100000000, id = 0x220 } }, { send = "220#00" }"#, 1);
+    assert!(text.contains("send 220: 00: failed") && text.contains("not on the bus within 1 s"), "{text}");
+}
+
+#[test]
+fn cyclic_frames_begin_change_and_end() {
+    passes(
+        r#"{ send = "000#0120" }, { send = "220#0100 0000", every_ms = 10, expect = ["1A0#09..", "1A0#09..", "1A0#09.."], within_ms = 30 },
+           { send = "220#0300 0000", every_ms = 10, expect = ["1A0#0B..", "1A0#0B.."], within_ms = 15 },
+           { stop = "220" }, { after_ms = 1, never = "1A0", for_ms = 100 }"#,
+    );
+    passes(r#"{ stop = "all" }, { stop = "220" }"#);
+}
+
+#[test]
+fn a_step_that_begins_too_late_says_so() {
+    let text = fails(r#"{ after_ms = 100 }, { at_ms = 50, note = "too early" }"#, 1);
+    assert!(text.contains("x.toml:4: at_ms = 50: failed at ") && text.contains("not over at 50.000 ms"), "{text}");
+}
+
+#[test]
+fn enormous_times_are_times() {
+    let max = u32::MAX;
+    passes(&format!(
+        r#"{{ at_ms = {max} }}, {{ after_ms = {max} }}, {{ never = "1A0", for_ms = {max} }}, {{ after_ms = {max} }}"#
+    ));
+    assert!(refused("{ at_ms = 4294967296 }").contains("u32"), "a number that is too big");
+    assert!(refused("{ after_ms = -1 }").contains("u32"));
+}
+
+#[test]
+fn what_cannot_be_read_names_line_and_what_is_accepted() {
+    assert_eq!(refusal(""), (Some(1), "no devices; accepted: devices = [\"pvea-canopen@0x20\"]".to_owned()));
+    let valve = "title = \"x\"\ndevices = [\"pvea-canopen@0x20\"]\n";
+    assert_eq!(refusal(&format!("{valve}steps = []")).1, "no steps; accepted: steps = [{ expect = \"720#00\" }]");
+    for (text, line, reason) in [
+        (
+            "devices = [\n  \"pvea-canopen\",\n  \"pvex\" ]\nsteps = [{}]",
+            3,
+            "unknown kind 'pvex'; accepted: pvea-canopen",
+        ),
+        ("devices = [\"pvea-canopen\", \"pveo-canopen\"]\nsteps = [{}]", 1, "with @ID, or allow_clash = true"),
+        ("devices = [\"hat1000,name=a\", \"hat1000@2,name=a\"]\nsteps = [{}]", 1, "the name 'a' is given twice"),
+        (
+            "devices = [\"pvea-canopen\"]\nlinks = [\"a=b\"]\nsteps = [{}]",
+            2,
+            "'a' is no valve on the bus; accepted: pvea-canopen",
+        ),
+        ("devices = [\"pvea-canopen\"]\nbit_rate = 300\nsteps = [{}]", 2, "bit_rate 300: accepted: "),
+        (
+            "device = [\"pvea-canopen\"]",
+            1,
+            "unknown key 'device'; did you mean 'devices'?; accepted: title, devices, links,",
+        ),
+        ("devices = [\"pvea-canopen\"]\nsteps = [{ expect = \"720#00\" ]", 2, "inline table"),
+        ("devices = \"pvea-canopen\"", 1, "expected a sequence"),
+    ] {
+        let (found, said) = refusal(text);
+        assert!(found == Some(line) && said.contains(reason), "{text}\n{found:?} {said}");
+    }
+}
+
+#[test]
+fn what_a_step_cannot_be() {
+    for (step, reason) in [
+        (r#"{ sent = "000#0100" }"#, "unknown key 'sent'; did you mean 'send'?; accepted: note, at_ms, after_ms,"),
+        (r#"{ send = "000#01?0" }"#, "send: '000#01?0' is no single frame"),
+        (r#"{ send = "00#01" }"#, "send: '00#01': no identifier; accepted: IDENTIFIER#DATA"),
+        (r#"{ expect = "1A0#0" }"#, "expect: '1A0#0': no whole bytes"),
+        ("{ expect = [] }", "expect: no frames"),
+        ("{ expect = {} }", "expect: an empty state"),
+        ("{ expect = 5 }", "accepted: a frame as in \"1A0#0F00 0020\", a list of frames, or a state"),
+        (r#"{ expect = { dsn = "active" } }"#, "expect: unknown key 'dsn'; did you mean 'dsm'?; accepted: t_us, name,"),
+        (
+            r#"{ expect = { dsm = "actve" } }"#,
+            "expect: unknown value 'actve'; did you mean 'active'?; accepted: init, disabled",
+        ),
+        (
+            r#"{ expect = { faults = ["set-up"] } }"#,
+            "expect: 'set-up' is no fault of pvea-canopen; accepted: spool-not-at",
+        ),
+        (r#"{ never = { position = "far" } }"#, "never: accepted: -16384 to 16384"),
+        ("{ plant = { suply_mv = 1 } }", "plant: unknown key 'suply_mv'; did you mean 'supply_mv'?"),
+        ("{ plant = { supply_mv = 100001 } }", "plant: supply_mv: accepted: 0–100000"),
+        ("{ plant = { angle_cdeg = 5 } }", "plant: angle_cdeg 5: no plant word of this kind"),
+        (r#"{ plant = { supply_mv = "none" } }"#, "plant: invalid type: null"),
+        ("{ power = { on = true, reset = \"watchdog\" } }", "power: accepted: { on = true }"),
+        ("{ bus = { bit_rate = 1 } }", "bit_rate 1: accepted: "),
+        ("{ disturb = { frames = 1, extended = true } }", "disturb: extended without an id"),
+        (r#"{ stop = "22" }"#, "stop: '22' is no identifier; accepted: as in \"220\", or \"all\""),
+        (r#"{ send = "220#00", every_ms = 0 }"#, "every_ms 0: accepted: 1 and more"),
+        ("{ every_ms = 10 }", "every_ms: accepted with send"),
+        ("{ within_ms = 10 }", "within_ms: accepted with expect"),
+        ("{ for_ms = 10 }", "for_ms: accepted with never"),
+        (r#"{ expect = "1A0", any_order = true }"#, "any_order: accepted with several frames"),
+        ("{ at_ms = 1, after_ms = 1 }", "at_ms and after_ms: accepted: one of them"),
+        (r#"{ send = "220#00", stop = "220" }"#, "send and stop in one step; accepted: one of send, stop, plant,"),
+        (r#"{ expect = "1A0", never = "0A0" }"#, "expect and never in one step"),
+        (r#"{ device = "pvea-canopen", send = "220#00" }"#, "device: accepted with plant, power, or a state"),
+        (r#"{ device = "boom", power = { on = true } }"#, "device: no 'boom' on the bus; accepted: pvea-canopen"),
+    ] {
+        let said = refused(step);
+        assert!(said.contains(reason), "{step}\n{said}");
+    }
+    let two = "devices = [\"pvea-canopen\", \"hat1000\"]\nsteps = [{ expect = { position = 0 } }]";
+    assert_eq!(refusal(two).1, "device is missing, which one is meant? accepted: pvea-canopen, hat1000");
+}
+
+#[test]
+fn what_is_null_in_json_is_none() {
+    passes(
+        r#"{ expect = { command = "none", nmt = "pre-operational" } }, { power = { on = false }, expect = { dsm = "none", node_id = "none" } }"#,
+    );
+    passes(
+        r#"{ plant = { lever = 4000, spool = { fault = "stuck" } } }, { plant = { lever = "none", spool = { fault = "none" } } }"#,
+    );
+    let text =
+        fails(r#"{ expect = { dsm = "none", led = { color = "red" }, faults = ["internal"] }, within_ms = 0 }"#, 1);
+    for seen in [
+        "dsm       expected \"none\", seen \"init\"",
+        "led       expected { color = \"red\" }, seen { color = \"yellow\", flashing = false }",
+        "faults    expected [\"internal\"], seen []",
+    ] {
+        assert!(text.contains(seen), "{text}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// Two runs with one seed are the same to the last byte; another seed starts the devices at other instants.
+    #[test]
+    fn one_seed_is_one_run(seed: u64) {
+        let text = "devices = [\"pvea-canopen@0x20\", \"hat1000,bit-rate=250k\"]\nsteps = [\n\
+                    { send = \"000#0100\", after_ms = 10 }, { expect = \"111#\" }, { device = \"hat1000\", expect = { position = 1 } } ]";
+        let scenario = Scenario::parse(text).expect("a scenario");
+        let (one, other) = (scenario.run(seed), scenario.run(seed));
+        prop_assert_eq!(one.failures("x"), other.failures("x"));
+        prop_assert_eq!(one.to_string(), other.to_string());
+        prop_assert!(one.failures("x") != scenario.run(seed.wrapping_add(1)).failures("x"));
+    }
+
+    /// Any text is a scenario or refused in one line.
+    #[test]
+    fn nothing_panics(text in "(devices|steps|=|\\[|\\]|\\{|\\}|\"|send|pvea-canopen|expect|720#00|,|\n| ){0,40}") {
+        if let Err(ReadError { reason, .. }) = Scenario::parse(&text) {
+            prop_assert!(!reason.contains('\n'), "{}", reason);
+        }
+    }
+}
