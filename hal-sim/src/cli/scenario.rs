@@ -23,6 +23,10 @@ pub(super) struct ScenarioArgs {
     #[arg(long, value_name = "N", value_parser = seed, default_value_t = DEFAULT_SEED)]
     seed: u64,
 
+    /// Show all that is on the bus, with the notes of the steps
+    #[arg(long)]
+    verbose: bool,
+
     /// Print the format of a scenario as a JSON schema, for editors
     #[arg(long, exclusive = true)]
     schema: bool,
@@ -42,6 +46,6 @@ impl TryFrom<ScenarioArgs> for Request {
                 path.display()
             )));
         }
-        Ok(Self::Scenarios(Options { files: args.files, junit: args.junit, seed: args.seed }))
+        Ok(Self::Scenarios(Options { files: args.files, junit: args.junit, seed: args.seed, verbose: args.verbose }))
     }
 }

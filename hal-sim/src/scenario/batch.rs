@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::thread;
 
-use super::{Outcome, ReadError, Scenario, junit};
+use super::{Outcome, ReadError, Scenario, junit, runner};
 
 /// What is to be run.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -19,6 +19,8 @@ pub struct Options {
     pub junit: Option<PathBuf>,
     /// The seed of everything random.
     pub seed: u64,
+    /// Whether the trace of each scenario is told, too.
+    pub verbose: bool,
 }
 
 /// Why scenarios did not run, or their results were not kept.
@@ -57,7 +59,7 @@ pub fn run(options: &Options, out: &mut dyn Write) -> Result<bool, BatchError> {
     let scenarios: Vec<Named<'_>> = read.into_iter().filter_map(Result::ok).collect();
     let mut outcomes = Vec::with_capacity(scenarios.len());
     let files: Vec<String> = scenarios.iter().map(|named| named.file.display().to_string()).collect();
-    over_the_cores(&scenarios, options.seed, |outcome| {
+    over_the_cores(&scenarios, options, |outcome| {
         let _ = tell(out, &files[outcomes.len()], &outcome);
         outcomes.push(outcome);
     });
@@ -81,7 +83,7 @@ fn read(file: &Path) -> Result<Named<'_>, String> {
 }
 
 /// Runs scenarios on as many threads as there are cores, and hands their outcomes on in their order.
-fn over_the_cores(scenarios: &[Named<'_>], seed: u64, mut tell: impl FnMut(Outcome)) {
+fn over_the_cores(scenarios: &[Named<'_>], options: &Options, mut tell: impl FnMut(Outcome)) {
     let threads = thread::available_parallelism().map_or(1, usize::from).min(scenarios.len());
     let (next, (sender, receiver)) = (&AtomicUsize::new(0), mpsc::channel());
     thread::scope(|scope| {
@@ -92,7 +94,7 @@ fn over_the_cores(scenarios: &[Named<'_>], seed: u64, mut tell: impl FnMut(Outco
                     let place = next.fetch_add(1, Ordering::Relaxed);
                     scenarios.get(place).map(|named| (place, named))
                 } {
-                    if sender.send((place, named.scenario.run(seed))).is_err() {
+                    if sender.send((place, runner::run(&named.scenario, options.seed, options.verbose))).is_err() {
                         break;
                     }
                 }
@@ -113,5 +115,5 @@ fn over_the_cores(scenarios: &[Named<'_>], seed: u64, mut tell: impl FnMut(Outco
 
 fn tell(out: &mut dyn Write, file: &str, outcome: &Outcome) -> io::Result<()> {
     let verdict = if outcome.is_success() { "ok   " } else { "FAIL " };
-    write!(out, "{verdict}{file}: {outcome}\n{}", outcome.failures(file))
+    write!(out, "{}{verdict}{file}: {outcome}\n{}", outcome.trace, outcome.failures(file))
 }

@@ -30,6 +30,15 @@ pub(super) struct History {
     /// The number of the oldest event that is kept.
     first: u64,
     entries: VecDeque<Entry>,
+    trace: Option<Trace>,
+}
+
+/// All that happened, laid out as it does.
+struct Trace {
+    /// What explains the next event.
+    explainer: Explainer,
+    layout: Layout,
+    text: String,
 }
 
 /// An event.
@@ -58,13 +67,15 @@ pub(super) struct Heard {
 }
 
 impl History {
-    /// An empty history of the devices that the explainer knows.
-    pub(super) fn new(own: &'static str, mut explainer: Explainer, world: &World) -> Self {
+    /// An empty history of the devices that the explainer knows; `traced`: it keeps all as a text.
+    pub(super) fn new(own: &'static str, mut explainer: Explainer, traced: bool, world: &World) -> Self {
         let nodes: Vec<NodeId> = world.devices().collect();
         for (node, id) in explainer.nodes_mut().iter_mut().zip(&nodes) {
             node.node_id = world.device(*id).and_then(|device| device.node_id());
         }
-        Self { own, explainer, nodes, errors: Errors::default(), first: 0, entries: VecDeque::new() }
+        let layout = || Layout::new(false, false);
+        let trace = traced.then(|| Trace { explainer: explainer.clone(), layout: layout(), text: String::new() });
+        Self { own, explainer, nodes, errors: Errors::default(), first: 0, entries: VecDeque::new(), trace }
     }
 
     /// Takes note of an event.
@@ -83,7 +94,32 @@ impl History {
             oldest.teach(&mut self.explainer);
             self.first += 1;
         }
-        self.entries.push_back(Entry { at: event.at, who: Arc::clone(&event.who), what, device });
+        let entry = Entry { at: event.at, who: Arc::clone(&event.who), what, device };
+        if let Some(Trace { explainer, layout, text }) = &mut self.trace {
+            entry.lay_out(text, layout, explainer);
+            entry.teach(explainer);
+        }
+        self.entries.push_back(entry);
+    }
+
+    /// Adds a note to the text of all that happens.
+    pub(super) fn note(&mut self, note: &str) {
+        if let Some(Trace { layout, text, .. }) = &mut self.trace {
+            layout.finish(text);
+            for line in note.lines() {
+                text.push_str("-- ");
+                text.push_str(line);
+                text.push('\n');
+            }
+        }
+    }
+
+    /// Returns the text of all that happened; empty when none was kept.
+    pub(super) fn finish(self) -> String {
+        self.trace.map_or_else(String::new, |Trace { mut layout, mut text, .. }| {
+            layout.finish(&mut text);
+            text
+        })
     }
 
     /// Returns the number that the next event gets.
@@ -121,13 +157,7 @@ impl History {
         let (mut layout, mut text) = (Layout::new(false, false), String::new());
         for (place, entry) in self.entries.iter().take(end).enumerate() {
             if place >= begin {
-                match &entry.what {
-                    Kept::Frame(frame) => {
-                        let meaning = || explainer.explain_and_mark(frame, Some(&entry.who));
-                        layout.frame(&mut text, (entry.at, &entry.who, frame), entry.device.is_some(), meaning);
-                    }
-                    Kept::Error(error) => layout.error(&mut text, entry.at, error),
-                }
+                entry.lay_out(&mut text, &mut layout, &explainer);
             }
             entry.teach(&mut explainer);
         }
@@ -138,6 +168,17 @@ impl History {
 }
 
 impl Entry {
+    /// Writes the event.
+    fn lay_out(&self, text: &mut String, layout: &mut Layout, explainer: &Explainer) {
+        match &self.what {
+            Kept::Frame(frame) => {
+                let meaning = || explainer.explain_and_mark(frame, Some(&self.who));
+                layout.frame(text, (self.at, &self.who, frame), self.device.is_some(), meaning);
+            }
+            Kept::Error(error) => layout.error(text, self.at, error),
+        }
+    }
+
     /// Lets an explainer know what happened.
     fn teach(&self, explainer: &mut Explainer) {
         if let Kept::Frame(frame) = &self.what {

@@ -41,6 +41,6 @@ impl Scenario {
     /// Runs the scenario in a world of its own.
     #[must_use]
     pub fn run(&self, seed: u64) -> Outcome {
-        runner::run(self, seed)
+        runner::run(self, seed, false)
     }
 }

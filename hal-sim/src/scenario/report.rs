@@ -18,6 +18,8 @@ pub struct Outcome {
     /// The virtual time at the end.
     pub(super) end: Instant,
     pub(super) failures: Vec<Failure>,
+    /// All that was on the bus, with the notes of the steps; empty unless it was asked for.
+    pub(super) trace: String,
 }
 
 /// What was not as expected.

@@ -35,15 +35,15 @@ impl Receipt for Sent {
     }
 }
 
-/// Runs a scenario.
-pub(super) fn run(scenario: &Scenario, seed: u64) -> Outcome {
+/// Runs a scenario; `traced`: with all of its trace.
+pub(super) fn run(scenario: &Scenario, seed: u64, traced: bool) -> Outcome {
     let mut world = scenario.world(seed);
     world.record_events(true);
     let sender = Sender::new(OWN, &mut world);
     let kinds = scenario.devices.iter().map(|device| device.kind);
     let devices = world.devices().zip(kinds).collect();
     world.power_all(SUPPLY_JITTER);
-    let history = History::new(OWN, devices::explainer(&scenario.devices), &world);
+    let history = History::new(OWN, devices::explainer(&scenario.devices), traced, &world);
     let mut runner = Runner {
         scenario,
         world,
@@ -119,6 +119,9 @@ struct Frames<'a> {
 impl<'a> Runner<'a> {
     fn step(&mut self, step: &'a Step) {
         self.begin(step);
+        if let Some(note) = &step.note {
+            self.history.note(note);
+        }
         if let Some(act) = &step.act {
             self.act(step, act);
         }
@@ -336,6 +339,7 @@ impl<'a> Runner<'a> {
             steps: self.scenario.steps.len(),
             end: self.world.now(),
             failures: self.failures,
+            trace: self.history.finish(),
         }
     }
 }

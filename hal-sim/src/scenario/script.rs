@@ -174,13 +174,8 @@ impl Trial {
         Self { world, devices }
     }
 
+    /// Checks a step, and does to the trial what it does to the plant.
     fn check(&mut self, line: usize, table: StepTable) -> Result<Step, String> {
-        let begin = match (table.at_ms, table.after_ms) {
-            (None, None) => Begin::Now,
-            (Some(at), None) => Begin::At(millis(at)),
-            (None, Some(after)) => Begin::After(millis(after)),
-            (Some(_), Some(_)) => return Err("at_ms and after_ms: accepted: one of them in a step".to_owned()),
-        };
         let about_device = table.plant.is_some()
             || table.power.is_some()
             || matches!(table.expect, Some(Expected::State(_)))
@@ -188,7 +183,18 @@ impl Trial {
         if table.device.is_some() && !about_device {
             return Err("device: accepted with plant, power, or a state".to_owned());
         }
+        if table.expect.is_some() && table.never.is_some() {
+            return Err("expect and never in one step; accepted: a step for each".to_owned());
+        }
         let device = if about_device { self.device(table.device.as_deref())? } else { 0 };
+        let begin = match (table.at_ms, table.after_ms) {
+            (None, None) => Begin::Now,
+            (Some(at), None) => Begin::At(millis(at)),
+            (None, Some(after)) => Begin::After(millis(after)),
+            (Some(_), Some(_)) => return Err("at_ms and after_ms: accepted: one of them in a step".to_owned()),
+        };
+        let expect = self.expect(device, table.expect, table.any_order, table.within_ms)?;
+        let never = self.never(device, table.never, table.for_ms)?;
         let mut acts = Vec::new();
         if let Some(frame) = table.send {
             acts.push(("send", Act::Send(one_frame(&frame)?, period(table.every_ms)?)));
@@ -202,18 +208,13 @@ impl Trial {
             acts.push(("plant", Act::Plant(device, self.plant(device, change).map_err(within("plant"))?)));
         }
         if let Some(change) = table.power {
-            let change: PowerChange = file::table(change).map_err(within("power"))?;
-            let accepted = "accepted: { on = true }, { on = false } or { reset = \"watchdog\" }";
-            acts.push(("power", Act::Power(device, change.power().map_err(|_| format!("power: {accepted}"))?)));
+            acts.push(("power", Act::Power(device, power(change).map_err(within("power"))?)));
         }
         if let Some(change) = table.bus {
-            let change: BusChange = file::table(change).map_err(within("bus"))?;
-            acts.push(("bus", Act::Bus(change.bit_rate().map_err(|Invalid(reason)| reason)?)));
+            acts.push(("bus", Act::Bus(bit_rate(change).map_err(within("bus"))?)));
         }
-        if let Some(disturb) = table.disturb {
-            let disturb: Disturb = file::table(disturb).map_err(within("disturb"))?;
-            let disturbance = disturb.disturbance().map_err(|Invalid(reason)| format!("disturb: {reason}"))?;
-            acts.push(("disturb", Act::Disturb(disturbance)));
+        if let Some(change) = table.disturb {
+            acts.push(("disturb", Act::Disturb(disturbance(change).map_err(within("disturb"))?)));
         }
         if let [(one, _), (other, _), ..] = acts.as_slice() {
             return Err(format!(
@@ -221,31 +222,40 @@ impl Trial {
             ));
         }
         let act = acts.pop().map(|(_, act)| act);
-        let expect = match table.expect {
-            Some(expected) => {
-                let what = self.what(device, expected).map_err(within("expect"))?;
-                if table.any_order.is_some() && !matches!(&what, What::Frames(frames) if frames.len() > 1) {
-                    return Err("any_order: accepted with several frames".to_owned());
-                }
-                let any_order = table.any_order.unwrap_or(false);
-                Some(Expect { what, any_order, within: table.within_ms.map_or(PATIENCE, millis) })
-            }
-            None if table.within_ms.is_some() => return Err("within_ms: accepted with expect".to_owned()),
-            None if table.any_order.is_some() => return Err("any_order: accepted with expect".to_owned()),
-            None => None,
+        Ok(Step { line, note: table.note, begin, act, expect, never })
+    }
+
+    fn expect(
+        &self,
+        device: usize,
+        expected: Option<Expected>,
+        any_order: Option<bool>,
+        within_ms: Option<u32>,
+    ) -> Result<Option<Expect>, String> {
+        let Some(expected) = expected else {
+            return match (within_ms, any_order) {
+                (Some(_), _) => Err("within_ms: accepted with expect".to_owned()),
+                (None, Some(_)) => Err("any_order: accepted with expect".to_owned()),
+                (None, None) => Ok(None),
+            };
         };
-        let never = match table.never {
-            Some(_) if expect.is_some() => {
-                return Err("expect and never in one step; accepted: a step for each".to_owned());
-            }
+        let what = self.what(device, expected).map_err(within("expect"))?;
+        if any_order.is_some() && !matches!(&what, What::Frames(frames) if frames.len() > 1) {
+            return Err("any_order: accepted with several frames".to_owned());
+        }
+        let within = within_ms.map_or(PATIENCE, millis);
+        Ok(Some(Expect { what, any_order: any_order.unwrap_or(false), within }))
+    }
+
+    fn never(&self, device: usize, expected: Option<Expected>, for_ms: Option<u32>) -> Result<Option<Never>, String> {
+        match expected {
             Some(expected) => {
                 let what = self.what(device, expected).map_err(within("never"))?;
-                Some(Never { what, span: table.for_ms.map(millis) })
+                Ok(Some(Never { what, span: for_ms.map(millis) }))
             }
-            None if table.for_ms.is_some() => return Err("for_ms: accepted with never".to_owned()),
-            None => None,
-        };
-        Ok(Step { line, note: table.note, begin, act, expect, never })
+            None if for_ms.is_some() => Err("for_ms: accepted with never".to_owned()),
+            None => Ok(None),
+        }
     }
 
     /// Returns the place of the device of that name, or of the only one.
@@ -299,6 +309,23 @@ fn within(key: &'static str) -> impl FnOnce(String) -> String {
 
 fn millis(ms: u32) -> Duration {
     Duration::from_millis(ms.into())
+}
+
+fn power(change: toml::Table) -> Result<Power, String> {
+    let change: PowerChange = file::table(change)?;
+    // The control interface words it in JSON.
+    let accepted = "accepted: { on = true }, { on = false } or { reset = \"watchdog\" }";
+    change.power().map_err(|_| accepted.to_owned())
+}
+
+fn bit_rate(change: toml::Table) -> Result<BitRate, String> {
+    let change: BusChange = file::table(change)?;
+    change.bit_rate().map_err(|Invalid(reason)| reason)
+}
+
+fn disturbance(change: toml::Table) -> Result<Disturbance, String> {
+    let change: Disturb = file::table(change)?;
+    change.disturbance().map_err(|Invalid(reason)| reason)
 }
 
 fn period(every_ms: Option<u32>) -> Result<Option<Duration>, String> {

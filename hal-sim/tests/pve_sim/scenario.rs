@@ -116,6 +116,17 @@ fn what_cannot_be_read_is_exit_2_before_anything_runs() {
 }
 
 #[test]
+fn the_whole_trace_with_the_notes() {
+    let (_folder, paths) = files(&[("right.toml", &RIGHT.replace("{ expect", "{ note = \"1. Power up\", expect"))]);
+    let (code, told) = run(&["--verbose", &paths[0]]);
+    assert_eq!(code, Some(0));
+    let lines: Vec<&str> = told.lines().collect();
+    assert_eq!(lines[0], "-- 1. Power up", "{told}");
+    assert!(lines[1].contains(" ms  <-  720: 00") && lines[1].ends_with("pvea-canopen: boot-up"), "{told}");
+    assert!(lines[2].starts_with("ok   ") && lines.len() == 4, "{told}");
+}
+
+#[test]
 fn results_for_ci() {
     let (folder, paths) = files(&[("wrong.toml", WRONG), ("right.toml", RIGHT)]);
     let junit = folder.path().join("results.xml").display().to_string();
