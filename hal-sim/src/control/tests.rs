@@ -11,7 +11,7 @@ use protocol_core::wire::valve::{EstimatedFlow, State};
 use super::message::{Answer, Waited};
 use super::wait::Waits;
 use crate::kind::Kind;
-use crate::state::{Condition, DeviceState, FloatWord, PlantChange, SetPointValue, StateCondition};
+use crate::state::{Condition, DeviceState, FloatWord, PlantChange, SetPointValue, StateCondition, StateWatch};
 use crate::world::{Event, Link, NodeId, TapId, World};
 
 /// What happens to a device.
@@ -363,5 +363,49 @@ fn a_wait_for_a_position_of_a_turning_shaft_costs_little() {
         let Ok(Ok(Waited::Device(state))) = way.try_recv() else { panic!("no answer at {speed_rpm}") };
         assert_eq!(Instant::from_micros(state.t_us), first, "{speed_rpm}");
         assert!(looks < 50, "{looks} looks at {speed_rpm}");
+    }
+}
+
+/// So is a wait for a position of a shaft that follows a valve.
+#[test]
+fn a_wait_for_a_position_of_a_linked_shaft_costs_little() {
+    for (rate, wanted) in [(3_000, 60..=60), (36_000, 700..=701), (-3_000, 16_000..=16_323), (100, 2..=2)] {
+        let moving = || {
+            let link = Link { rate, min: 0, max: 35_999 };
+            let mut bench = Bench::new(&["pvea-canopen", "hat1000"], Some(link), false);
+            let angle = if rate < 0 { 35_999 } else { 0 };
+            bench.world.set_plant(bench.devices[1].0, crate::world::Plant::AngleCdeg(angle)).expect("an angle");
+            for frame in ["000: 01 00", "220: 0F 00 00 40", "220: 0F 00 00 40", "220: 0F 00 00 40", "220: 0F 00 00 40"]
+            {
+                assert!(bench.sent(frame));
+            }
+            bench
+        };
+        let mut bench = moving();
+        let (node, _) = bench.devices[1];
+        let first = loop {
+            if bench.state(1).position.is_some_and(|position| wanted.contains(&position)) {
+                break bench.world.now();
+            }
+            let limit = bench.world.next_event();
+            assert!(limit < Instant::from_secs(1), "the valve still moves");
+            let next = bench.world.next_position(node, limit);
+            bench.world.run_until(next);
+        };
+        let mut bench = moving();
+        let (min, max) = (wanted.start(), wanted.end());
+        let condition =
+            serde_json::from_str(&format!(r#"{{"position": {{"min": {min}, "max": {max}}}}}"#)).expect("one");
+        let mut watch = StateWatch::new(bench.devices[1], condition);
+        let mut looks = 0;
+        while !watch.look(&mut bench.world).1 {
+            let event = bench.world.next_event();
+            let due = watch.due(event, &bench.world);
+            assert!(due > bench.world.now());
+            bench.world.run_until(due);
+            looks += u32::from(due < event);
+        }
+        assert_eq!(bench.world.now(), first, "{rate}");
+        assert!(looks < 100, "{looks} looks at {rate}");
     }
 }

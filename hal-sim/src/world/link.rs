@@ -169,6 +169,11 @@ impl Coupling {
         self.angle_cdeg(self.reckon(world.valve(self.valve), at))
     }
 
+    /// The speed at full stroke, in 1/100 degree a second: the shaft turns no faster.
+    pub(super) const fn rate(&self) -> i32 {
+        self.link.rate
+    }
+
     fn angle_cdeg(&self, angle: i128) -> u32 {
         u32::try_from(angle.div_euclid(CDEG)).unwrap_or(0)
     }

@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 use protocol_core::device::View;
-use protocol_core::encoder::{POSITION_MAX, STEPS, Shaft};
+use protocol_core::encoder::{POSITION_MAX, STEPS, Shaft, TURN_CDEG};
 use protocol_core::time::{Duration, Instant, NEVER, after, since};
 
 use super::node::Power;
@@ -12,6 +12,8 @@ use super::{NodeId, World};
 /// The longest step in which a linked shaft is looked at: a spool that passes neutral turns it round, and in this time it
 /// comes nowhere near another position and back.
 const LINKED_STEP: Duration = Duration::from_micros(64);
+
+const SECOND: Duration = Duration::from_secs(1);
 
 const MINUTE: Duration = Duration::from_secs(60);
 
@@ -51,12 +53,11 @@ impl World {
     }
 
     /// An instant up to which the position of a device stays outside of a range that it is outside of now, if nothing else
-    /// happens. Of a shaft that turns by itself it is near the last one; of everything else it is now.
+    /// happens. Of a shaft that turns by itself it is near the last one; of one that follows a valve it is what the fastest
+    /// valve would take; of a spool it is now.
     #[must_use]
     pub fn outside_until(&self, node: NodeId, range: &RangeInclusive<i16>) -> Instant {
-        let Some(shaft) = self.senses(node).shaft().filter(|_| self.coupling_of(node).is_none()) else {
-            return self.now;
-        };
+        let Some(shaft) = self.senses(node).shaft() else { return self.now };
         let Power::On(device) = &self.nodes[node.0].power else { return NEVER };
         let position = i64::from(device.view(self.now).position);
         let (min, max) = (i64::from(*range.start()).max(0), i64::from(*range.end()).min(POSITION_MAX.into()));
@@ -67,10 +68,17 @@ impl World {
         let turn = i64::from(STEPS);
         let steps = (min - position).rem_euclid(turn).min((position - max).rem_euclid(turn));
         let whole_steps = u64::try_from(steps - 1).unwrap_or(0);
-        let steps_a_minute = u64::from(STEPS) * u64::from(shaft.speed_rpm.unsigned_abs());
-        (whole_steps * MINUTE.as_micros())
-            .checked_div(steps_a_minute)
-            .map_or(NEVER, |micros| after(self.now, Duration::from_micros(micros)))
+        let micros = match self.coupling_of(node) {
+            Some(coupling) => {
+                let steps_a_second = u64::from(STEPS) * u64::from(coupling.rate().unsigned_abs());
+                (whole_steps * SECOND.as_micros() * u64::from(TURN_CDEG)).checked_div(steps_a_second)
+            }
+            None => {
+                let steps_a_minute = u64::from(STEPS) * u64::from(shaft.speed_rpm.unsigned_abs());
+                (whole_steps * MINUTE.as_micros()).checked_div(steps_a_minute)
+            }
+        };
+        micros.map_or(NEVER, |micros| after(self.now, Duration::from_micros(micros)))
     }
 
     /// The first instant of another position, after `same` and at `other` at the latest.
