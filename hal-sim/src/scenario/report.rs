@@ -46,8 +46,9 @@ impl Outcome {
         self.failures.is_empty()
     }
 
-    /// Returns the failures of this file in words: lines with a margin.
-    pub(super) fn failures(&self, file: &str) -> String {
+    /// Returns the failures in words, of a scenario from this file: lines with a margin, empty when there are none.
+    #[must_use]
+    pub fn failures(&self, file: &str) -> String {
         let mut text = String::new();
         for (place, failure) in self.failures.iter().enumerate() {
             failure.write(&mut text, file, place == 0);
