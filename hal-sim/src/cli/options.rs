@@ -145,8 +145,8 @@ impl TryFrom<RunArgs> for RunOptions {
             refuse_clashes(&devices)?;
         }
         let links = link::between(&devices, args.link)?;
-        let buses = if args.bus.is_empty() { vec![BusUrl::default_server()] } else { args.bus };
-        check_interfaces(&buses, args.speed)?;
+        let buses = if args.bus.is_empty() { vec![BusUrl::default()] } else { args.bus };
+        check_buses(&buses, args.speed)?;
         Ok(Self {
             devices,
             links,
@@ -223,14 +223,14 @@ fn refuse_clashes(devices: &[NamedDevice]) -> Result<(), UsageError> {
     Ok(())
 }
 
-/// An interface of the kernel lives in wall time; one that is given twice would send every frame round for ever.
-fn check_interfaces(buses: &[BusUrl], speed: Speed) -> Result<(), UsageError> {
-    for (position, bus) in buses.iter().enumerate().filter(|(_, bus)| bus.is_real_time()) {
-        if speed != Speed::Factor(1.0) {
+/// An interface of the kernel lives in wall time; a bus that others have is joined once.
+fn check_buses(buses: &[BusUrl], speed: Speed) -> Result<(), UsageError> {
+    for (position, bus) in buses.iter().enumerate() {
+        if bus.address().is_real_time() && speed != Speed::Factor(1.0) {
             return Err(UsageError(format!("--speed {speed} with --bus {bus}: an interface runs at --speed 1 only")));
         }
-        if buses.iter().take(position).any(|other| other == bus) {
-            return Err(UsageError(format!("--bus {bus} is given twice; give each interface once")));
+        if bus.address().is_shared() && buses.iter().take(position).any(|other| other == bus) {
+            return Err(UsageError(format!("--bus {bus} is given twice; give each of its kind once")));
         }
     }
     Ok(())

@@ -235,7 +235,7 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
             "--link: hat1000 is linked twice; one valve moves it",
         ),
         ("--device", "a value is required for '--device <KIND[@ID][,KEY=VALUE…]>' but none was supplied"),
-        ("--bus slcan://x", "not a bus that can be served; accepted: socketcand://HOST:PORT/NAME"),
+        ("--bus can0", "not a bus that can be served; accepted: socketcand://HOST:PORT/NAME"),
         ("--bus socketcand://127.0.0.1:29536", "the bus has no name; accepted: socketcand://HOST:PORT/NAME"),
         ("--bus socketcand://127.0.0.1/pve0", "the port is missing"),
         ("--bus socketcand://:29536/pve0", "'' is no host"),
@@ -355,7 +355,7 @@ fn interfaces_of_the_kernel() {
         ("--bus socketcan:", "'' is no name of an interface; accepted: 1–15 characters, as in vcan0"),
         ("--bus socketcan:a/b", "'a/b' is no name of an interface"),
         ("--bus socketcan:sixteen-letters0", "'sixteen-letters0' is no name of an interface"),
-        ("--bus slcan://x", "accepted: socketcand://HOST:PORT/NAME, socketcan:IFACE"),
+        ("--bus can0", "accepted: socketcand://HOST:PORT/NAME, socketcan:IFACE"),
     ] {
         let text = refused(line);
         assert!(text.contains(expected) && !text.contains('\n'), "{line}: {text}");

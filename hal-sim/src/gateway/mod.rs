@@ -5,22 +5,25 @@
 //! [`Outbox`], and a client whose queue is full is disconnected.
 //!
 //! ```text
-//! socketcand/protocol   bytes ↔ requests and replies, no I/O
-//! socketcand/broadcast  subscriptions, filters and cyclic frames of one client, no I/O
-//! socketcand/session    one client, over any stream
-//! socketcand/server     the listening socket
-//! socketcand/beacon     by which clients find it
-//! socketcan/            an interface of the Linux kernel
+//! bus_url      the URLs of --bus: every gateway has one line there
+//! address      what a gateway is to the simulator: Scheme, Address, Gateway
+//! tcp          gateways over TCP: the listening socket, and the connections that it accepts
+//! socketcand/  a bus over TCP in readable text
+//! socketcan/   an interface of the Linux kernel
+//! entrance     the way from clients into the world
+//! outbox       the way from the world to a client, and what bounds both
 //! ```
 
+mod address;
 mod bus_url;
 mod entrance;
 mod outbox;
-#[cfg(target_os = "linux")]
-pub mod socketcan;
+mod socketcan;
 pub mod socketcand;
+mod tcp;
 
-pub use bus_url::{BusUrl, ServerUrl};
+pub use address::{Access, Address, Gateway, OpenError, Opening, Parse, Scheme};
+pub use bus_url::BusUrl;
 pub use entrance::{Arrival, Entrance, Inbox};
 pub use outbox::{CREDIT, Leash, Mailbox, Outbox, Overrun, QUEUE};
 

@@ -20,7 +20,7 @@ const PAUSE: Duration = Duration::from_millis(100);
 
 /// An interface that is open.
 #[derive(Debug)]
-pub struct Interface {
+pub(super) struct Interface {
     name: String,
     /// The crate's own asynchronous socket sleeps through an interface that goes down.
     socket: AsyncFd<CanSocket>,
@@ -42,14 +42,14 @@ impl Interface {
     ///
     /// # Errors
     /// When there is no CAN interface of that name, or the kernel has no SocketCAN.
-    pub fn open(name: &str) -> io::Result<Self> {
+    pub(super) fn open(name: &str) -> io::Result<Self> {
         let socket = open(name)?;
         Ok(Self { name: name.to_owned(), socket, health: Health::new(name.to_owned()), next_look: None })
     }
 
     /// Joins the world at once, so that a world that starts later sends its first frame to the interface, too; the
     /// returned future passes frames for ever.
-    pub fn run(mut self, world: Entrance) -> impl Future<Output = ()> + Send {
+    pub(super) fn run(mut self, world: Entrance) -> impl Future<Output = ()> + Send {
         let mut joined = join(&world);
         async move {
             loop {
