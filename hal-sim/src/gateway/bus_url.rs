@@ -5,10 +5,10 @@ use std::str::FromStr;
 use std::sync::Arc;
 
 use super::address::{Address, Parse, Scheme};
-use super::{socketcan, socketcand};
+use super::{slcan, socketcan, socketcand};
 
 /// Every gateway has one line here.
-const SCHEMES: [&Scheme; 2] = [&socketcand::SCHEME, &socketcan::SCHEME];
+const SCHEMES: [&Scheme; 4] = [&socketcand::SCHEME, &socketcan::SCHEME, &slcan::TCP, &slcan::PTY];
 
 /// Where a bus is reachable. Two are equal when they print the same.
 #[derive(Clone, Debug)]

@@ -10,6 +10,7 @@
 //! tcp          gateways over TCP: the listening socket, and the connections that it accepts
 //! socketcand/  a bus over TCP in readable text
 //! socketcan/   an interface of the Linux kernel
+//! slcan/       an adapter on a serial line, over TCP or on a pseudo-terminal
 //! entrance     the way from clients into the world
 //! outbox       the way from the world to a client, and what bounds both
 //! ```
@@ -18,6 +19,7 @@ mod address;
 mod bus_url;
 mod entrance;
 mod outbox;
+pub mod slcan;
 mod socketcan;
 pub mod socketcand;
 mod tcp;
@@ -31,7 +33,9 @@ use std::borrow::Cow;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
+use protocol_core::controller::BitRate;
 use protocol_core::frame::Frame;
+use tokio::sync::oneshot;
 
 use crate::control::Message;
 use crate::trace::{ErrorClass, Timestamp};
@@ -58,10 +62,14 @@ pub enum ToWorld {
     Listen(ClientId, Reply),
     /// It sends a frame.
     Send(ClientId, Frame),
+    /// It gets nothing more of what is on the bus, after this reply.
+    Unlisten(ClientId, Reply),
     /// It is to get this reply when everything before has taken effect.
     Reply(ClientId, Reply),
     /// It is gone; what it sent before is still sent, but no frame twice.
     Leave(ClientId),
+    /// Somebody is to know the bit rate of the bus.
+    AskBitRate(oneshot::Sender<BitRate>),
     /// The user is to read this line.
     Warn(String),
     /// A call of the control interface.

@@ -22,6 +22,12 @@ const RETRY: Duration = Duration::from_millis(50);
 /// A client without a place waits so long for one: the departure of another may not be noticed yet.
 const WAIT_FOR_PLACE: Duration = Duration::from_secs(1);
 
+/// The time that a client has to open the bus: places are few.
+pub(super) const HANDSHAKE: Duration = Duration::from_secs(60);
+
+/// The time that a client has to read its last answers after its own last word.
+pub(super) const FAREWELL: Duration = Duration::from_secs(10);
+
 /// An address to listen at.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Endpoint {

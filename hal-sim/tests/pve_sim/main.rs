@@ -12,6 +12,7 @@ mod files;
 mod options;
 mod shell;
 mod simulator;
+mod slcan;
 
 use std::fs;
 use std::net::TcpListener;
