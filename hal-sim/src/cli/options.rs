@@ -68,9 +68,15 @@ pub struct RunArgs {
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, help_heading = "Devices")]
     state: Option<PathBuf>,
 
-    /// Where the bus is reachable: socketcand://HOST:PORT/NAME, port 0 takes a free one; socketcan:IFACE, an interface of
-    /// Linux; repeatable [default: socketcand://127.0.0.1:29536/pve0]
-    #[arg(long, value_name = "URL", help_heading = "Bus")]
+    /// Where the bus is reachable; repeatable: all of them are one bus [default: socketcand://127.0.0.1:29536/pve0]
+    ///
+    /// URL is one of
+    ///   socketcand://HOST:PORT/NAME  served over TCP, port 0 takes a free one
+    ///   slcan://HOST:PORT            an adapter on a serial line, over TCP
+    ///   slcan+pty:PATH               the same on a pseudo-terminal, with a link at PATH; Unix
+    ///   socketcan:IFACE              an interface of Linux
+    ///   udp-multicast://GROUP:PORT   python-can's udp_multicast, on this machine unless --allow-remote
+    #[arg(long, value_name = "URL", help_heading = "Bus", verbatim_doc_comment)]
     bus: Vec<BusUrl>,
 
     /// Announce the bus by UDP to port 42000, so that python-can and SavvyCAN find it
@@ -119,8 +125,9 @@ pub struct RunArgs {
     #[arg(long, help_heading = "Control")]
     no_http: bool,
 
-    /// Let --http be an address that other machines reach: whoever does can switch everything
-    #[arg(long, conflicts_with = "no_http", help_heading = "Control")]
+    /// Let --http be an address that other machines reach, whoever does can switch everything; and let a bus of udp-multicast
+    /// reach them
+    #[arg(long, help_heading = "Control")]
     allow_remote: bool,
 }
 
@@ -152,6 +159,7 @@ impl TryFrom<RunArgs> for RunOptions {
             links,
             buses,
             beacon: args.beacon,
+            allow_remote: args.allow_remote,
             bit_rate: args.bit_rate,
             state: args.state,
             speed: args.speed,

@@ -62,6 +62,8 @@ pub type Opening<'a> = Pin<Box<dyn Future<Output = Result<Box<dyn Gateway>, Open
 pub struct Access {
     /// Whether beacons announce it.
     pub beacon: bool,
+    /// Whether frames pass between this machine and others, where the URL leaves that open.
+    pub remote: bool,
 }
 
 /// A gateway that is open and serves nobody yet. Dropped, it closes.

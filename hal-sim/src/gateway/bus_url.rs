@@ -5,10 +5,11 @@ use std::str::FromStr;
 use std::sync::Arc;
 
 use super::address::{Address, Parse, Scheme};
-use super::{slcan, socketcan, socketcand};
+use super::{slcan, socketcan, socketcand, udp_multicast};
 
 /// Every gateway has one line here.
-const SCHEMES: [&Scheme; 4] = [&socketcand::SCHEME, &socketcan::SCHEME, &slcan::TCP, &slcan::PTY];
+const SCHEMES: [&Scheme; 5] =
+    [&socketcand::SCHEME, &socketcan::SCHEME, &slcan::TCP, &slcan::PTY, &udp_multicast::SCHEME];
 
 /// Where a bus is reachable. Two are equal when they print the same.
 #[derive(Clone, Debug)]
@@ -51,7 +52,7 @@ impl FromStr for BusUrl {
             let Some(rest) = text.strip_prefix(scheme.prefix) else { continue };
             return match scheme.parse {
                 Parse::With(parse) => parse(rest).map(Self),
-                Parse::OnlyOn(systems) => Err(format!("there is no {} but on {systems}; {}", scheme.form, accepted())),
+                Parse::OnlyOn(systems) => Err(format!("{} exists on {systems} alone; {}", scheme.form, accepted())),
             };
         }
         Err(format!("not a bus that can be served; {}", accepted()))

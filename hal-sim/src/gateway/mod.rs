@@ -11,6 +11,7 @@
 //! socketcand/  a bus over TCP in readable text
 //! socketcan/   an interface of the Linux kernel
 //! slcan/       an adapter on a serial line, over TCP or on a pseudo-terminal
+//! udp_multicast/ the bus of python-can's udp_multicast
 //! entrance     the way from clients into the world
 //! outbox       the way from the world to a client, and what bounds both
 //! ```
@@ -23,6 +24,7 @@ pub mod slcan;
 mod socketcan;
 pub mod socketcand;
 mod tcp;
+mod udp_multicast;
 
 pub use address::{Access, Address, Gateway, OpenError, Opening, Parse, Scheme};
 pub use bus_url::BusUrl;

@@ -170,7 +170,7 @@ struct Running {
 }
 
 async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result<Running, RunError> {
-    let access = Access { beacon: options.beacon };
+    let access = Access { beacon: options.beacon, remote: options.allow_remote };
     let mut gateways = Vec::new();
     for url in &options.buses {
         let opened = url.address().open(access).await;
