@@ -70,7 +70,7 @@ impl Gateway for Pty {
             "Join the bus with python-can and pyserial, or with slcand:\n  \
              can_logger -i slcan -c {path} --bus-kwargs sleep_after_open=0\n  \
              can.Bus(interface=\"slcan\", channel=\"{path}\", sleep_after_open=0)\n  \
-             sudo slcand -o -c {path} can0 && sudo ip link set can0 up"
+             sudo slcand -o -c $(readlink {path}) can0 && sudo ip link set can0 up"
         )
     }
 

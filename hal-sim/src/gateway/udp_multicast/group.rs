@@ -9,7 +9,7 @@ use tokio::net::UdpSocket;
 use tokio::time::sleep;
 
 use super::message::{emit, parse};
-use crate::gateway::{ClientId, Entrance, Mailbox, Outbox, Reply, ToClient, ToWorld};
+use crate::gateway::{ClientId, Entrance, Mailbox, ToClient, ToWorld};
 
 /// The hops of a datagram that is to reach other machines: python-can's default, the local network.
 const HOPS: u32 = 1;
@@ -49,16 +49,18 @@ impl Group {
         Ok(Self { address, is_remote, incoming, outgoing, own, has_told_ignored, is_in_trouble })
     }
 
-    /// Passes frames for ever.
-    pub(super) async fn run(mut self, world: Entrance) {
-        loop {
-            let (outbox, mailbox) = Outbox::new();
-            let id = ClientId::next();
-            world.tell(ToWorld::Join(id, outbox));
-            world.tell(ToWorld::Listen(id, Reply::new("")));
-            // It ends only when more frames came than the system takes: what waits is dropped, and it joins anew.
-            self.pass(id, mailbox, &world).await;
-            world.tell(ToWorld::Leave(id));
+    /// Joins the world at once, so that a world that starts later sends its first frame to the group, too; the returned
+    /// future passes frames for ever.
+    pub(super) fn run(mut self, world: Entrance) -> impl Future<Output = ()> + Send {
+        let mut joined = world.join();
+        async move {
+            loop {
+                let (id, mailbox) = joined;
+                // It ends only when more frames came than the system takes: what waits is dropped, and it joins anew.
+                self.pass(id, mailbox, &world).await;
+                world.tell(ToWorld::Leave(id));
+                joined = world.join();
+            }
         }
     }
 
