@@ -17,7 +17,7 @@
 //! trace/    what happened on the bus, as other tools read it
 //! explain/  what a frame means, in words
 //! describe/ the products for other tools: EDS and DBC
-//! gateway/  clients of the bus that live outside: socketcand, SocketCAN
+//! gateway/  clients of the bus that live outside: socketcand, SocketCAN, slcan, udp_multicast
 //! control/  state, faults and time over HTTP
 //! run/      the world paced by the wall clock, with its clients, its trace and its memory
 //! cli/      the command line

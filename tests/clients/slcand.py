@@ -30,7 +30,8 @@ take = functools.partial(waiting.take, patience=PATIENCE)
 def attached(path, *options):
     """A raw socket on the interface that slcand makes of a terminal."""
     # it looks for any other path in /dev
-    with process("slcand", "-F", "-o", "-c", *options, os.readlink(path), INTERFACE):
+    device = os.readlink(path)
+    with process("slcand", "-F", "-o", "-c", *options, device, INTERFACE):
         deadline = time.monotonic() + PATIENCE
         while not os.path.exists(f"/sys/class/net/{INTERFACE}"):
             assert time.monotonic() < deadline, "slcand makes no interface"
@@ -39,8 +40,9 @@ def attached(path, *options):
             link.bind((INTERFACE,))
             link.settimeout(PATIENCE)
             yield link
-    while os.path.exists(f"/sys/class/net/{INTERFACE}"):
-        assert time.monotonic() < deadline + PATIENCE, "the interface stays"
+    # the next one gets a terminal of its own
+    while os.path.exists(f"/sys/class/net/{INTERFACE}") or not os.path.lexists(path) or os.readlink(path) == device:
+        assert time.monotonic() < deadline + PATIENCE, "the interface stays, or the terminal"
 
 
 def send(link, identifier, data):

@@ -251,6 +251,13 @@ mod pty {
             if round % 2 == 0 {
                 command(&mut client, "C", "\r");
             }
+            // what it sends last counts, too
+            client.write_all(b"O\rt4000\r").expect("room");
+            let device = fs::read_link(&path).expect("the link");
+            drop(client);
+            assert_eq!(frame(&mut witness), "400#");
+            // the next one gets a terminal of its own
+            while fs::read_link(&path).is_ok_and(|next| next == device) {}
         }
         simulator.end(Signal::TERM);
         assert!(path.symlink_metadata().is_err(), "the link is gone");

@@ -90,11 +90,12 @@ impl Pty {
                 sleep(LOOK).await;
             }
             let done = match self.terminal.halves() {
-                Ok((reader, writer)) => match session::serve(reader, writer, world.clone(), line).await {
-                    End::Left => self.terminal.clear(),
-                    // The client sees its device go away, as when an adapter is pulled out.
-                    End::Dismissed => self.terminal.renew(),
-                },
+                Ok((reader, writer)) => {
+                    let end = session::serve(reader, writer, world.clone(), line).await;
+                    // Somebody who has opened it at that very instant keeps it. One who is dismissed sees it go away, as
+                    // when an adapter is pulled out.
+                    if end == End::Left && self.terminal.is_in_use() { Ok(()) } else { self.terminal.renew() }
+                }
                 Err(error) => Err(error),
             };
             if let Err(error) = done {

@@ -1,5 +1,6 @@
 //! One client: reads its commands, hands them to the world, and writes what the world has for it.
 
+use std::future::pending;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -47,7 +48,12 @@ pub(super) async fn serve(
         () = client.leash.dismissed() => End::Dismissed,
         // A client that has said its last word still gets the answers: the queue ends when the world has let it go.
         () = async { client.listen(reader).await; sleep(line.farewell).await } => End::Left,
-        _ = write(writer, queue, &client.settings) => End::Left,
+        () = async {
+            // A client that takes nothing more may have said something before.
+            if write(writer, queue, &client.settings).await.is_err() {
+                pending::<()>().await;
+            }
+        } => End::Left,
     };
     client.world.tell(ToWorld::Leave(client.id));
     end

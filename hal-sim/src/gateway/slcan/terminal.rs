@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::OFlags;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-use rustix::termios::{OptionalActions, QueueSelector, tcflush, tcgetattr, tcsetattr};
+use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 use tokio::net::unix::pipe::{Receiver, Sender};
 
 /// A pseudo-terminal in raw mode. Clients open its other end; while none has, there is nothing to wait for.
@@ -52,16 +52,8 @@ impl Terminal {
         Ok((reader, writer))
     }
 
-    /// Clears away what a client has left: its mode, and what it has not read.
-    ///
-    /// # Errors
-    /// When the system refuses.
-    pub(super) fn clear(&self) -> io::Result<()> {
-        tcflush(&self.end, QueueSelector::OFlush)?;
-        set_raw(&self.end)
-    }
-
-    /// Takes the terminal away from its client, and puts a new one in its place.
+    /// Puts a new terminal in the place of this one, which takes with it what a client has left: its mode, and what it has
+    /// not read.
     ///
     /// # Errors
     /// As [`open`](Self::open).

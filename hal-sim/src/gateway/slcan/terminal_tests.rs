@@ -1,5 +1,6 @@
 use std::io::{Read, Write};
 
+use rustix::termios::{InputModes, LocalModes};
 use tempfile::tempdir;
 
 use super::*;
@@ -22,40 +23,29 @@ fn a_terminal_knows_whether_a_client_is_there() {
     }
 }
 
-/// CR stays CR, and nothing is echoed, whatever the client before has set.
+/// CR stays CR, and nothing is echoed, whatever the client before has set; who still has the old one is hung up on.
 #[test]
-fn the_next_client_finds_a_terminal_in_raw_mode_and_nothing_to_read() {
-    let dir = tempdir().expect("a folder");
-    let path = dir.path().join("pve0");
-    let terminal = Terminal::open(&path).expect("a terminal");
-    let rude = super::open(&path).expect("the link leads to it");
-    let mut attributes = tcgetattr(&rude).expect("attributes");
-    attributes.local_modes |= rustix::termios::LocalModes::ECHO | rustix::termios::LocalModes::ICANON;
-    attributes.input_modes |= rustix::termios::InputModes::ICRNL;
-    tcsetattr(&rude, OptionalActions::Now, &attributes).expect("attributes");
-    rustix::io::write(&terminal.end, b"t1230\r").expect("room");
-    drop(rude);
-    terminal.clear().expect("it is cleared");
-    let mut client = super::open(&path).expect("the link leads to it");
-    rustix::io::write(&terminal.end, b"\x07\r").expect("room");
-    let mut bytes = [0; 8];
-    let len = client.read(&mut bytes).expect("bytes");
-    assert_eq!(&bytes[..len], b"\x07\r");
-    assert!(rustix::io::read(&terminal.end, &mut bytes).is_err(), "nothing is echoed");
-}
-
-#[test]
-fn a_new_terminal_takes_the_place_of_one_whose_client_does_not_read() {
+fn a_new_terminal_has_nothing_of_the_one_before() {
     let dir = tempdir().expect("a folder");
     let path = dir.path().join("pve0");
     let mut terminal = Terminal::open(&path).expect("a terminal");
-    let mut client = super::open(&path).expect("the link leads to it");
+    let mut rude = super::open(&path).expect("the link leads to it");
+    let mut attributes = tcgetattr(&rude).expect("attributes");
+    attributes.local_modes |= LocalModes::ECHO | LocalModes::ICANON;
+    attributes.input_modes |= InputModes::ICRNL;
+    tcsetattr(&rude, OptionalActions::Now, &attributes).expect("attributes");
+    rustix::io::write(&terminal.end, b"t1230").expect("room");
     terminal.renew().expect("a terminal");
     // As a device that was pulled out: the end on Linux, an error elsewhere.
-    assert!(matches!(client.read(&mut [0; 8]), Ok(0) | Err(_)));
+    assert!(matches!(rude.read(&mut [0; 8]), Ok(0) | Err(_)));
     assert!(!terminal.is_in_use());
-    let _client = super::open(&path).expect("the link leads to the new one");
+    let mut client = super::open(&path).expect("the link leads to the new one");
     assert!(terminal.is_in_use());
+    rustix::io::write(&terminal.end, b"\x07\r").expect("room");
+    let mut bytes = [0; 2];
+    client.read_exact(&mut bytes).expect("bytes");
+    assert_eq!(&bytes, b"\x07\r");
+    assert!(rustix::io::read(&terminal.end, &mut bytes).is_err(), "nothing is echoed");
 }
 
 #[test]

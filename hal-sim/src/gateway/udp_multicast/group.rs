@@ -4,6 +4,7 @@ use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket as StdSocket};
 use std::time::Duration;
 
+use protocol_core::frame::Frame;
 use socket2::{Domain, Socket, Type};
 use tokio::net::UdpSocket;
 use tokio::time::sleep;
@@ -24,16 +25,23 @@ const PAUSE: Duration = Duration::from_millis(100);
 #[derive(Debug)]
 pub(super) struct Group {
     address: SocketAddr,
-    /// Whether other machines take part.
-    is_remote: bool,
     incoming: UdpSocket,
     outgoing: UdpSocket,
-    /// Where datagrams of this gateway come from: they come back.
-    own: SocketAddr,
-    /// Whether the user knows that datagrams are ignored.
-    has_told_ignored: bool,
+    intake: Intake,
     /// Whether the user knows that frames do not get out.
     is_in_trouble: bool,
+}
+
+/// What becomes of a datagram of the group.
+#[derive(Debug)]
+struct Intake {
+    group: SocketAddr,
+    /// Where datagrams of this gateway come from: they come back.
+    own: SocketAddr,
+    /// Whether other machines take part.
+    is_remote: bool,
+    /// Whether the user knows that datagrams are ignored.
+    has_told: bool,
 }
 
 impl Group {
@@ -44,9 +52,8 @@ impl Group {
     pub(super) fn join(address: SocketAddr, is_remote: bool) -> io::Result<Self> {
         let incoming = incoming(address)?;
         let outgoing = outgoing(address, if is_remote { HOPS } else { 0 })?;
-        let own = outgoing.local_addr()?;
-        let (has_told_ignored, is_in_trouble) = (false, false);
-        Ok(Self { address, is_remote, incoming, outgoing, own, has_told_ignored, is_in_trouble })
+        let intake = Intake { group: address, own: outgoing.local_addr()?, is_remote, has_told: false };
+        Ok(Self { address, incoming, outgoing, intake, is_in_trouble: false })
     }
 
     /// Joins the world at once, so that a world that starts later sends its first frame to the group, too; the returned
@@ -72,14 +79,14 @@ impl Group {
             tokio::select! {
                 () = leash.dismissed() => return,
                 read = self.incoming.recv_from(&mut datagram) => match read {
-                    Ok((len, from)) => {
-                        if let Some(message) = self.take(&datagram[..len], from, id) {
-                            if matches!(message, ToWorld::Send(..)) {
-                                leash.spend().await;
-                            }
-                            world.tell(message);
+                    Ok((len, from)) => match self.intake.take(&datagram[..len], from) {
+                        Ok(Some(frame)) => {
+                            leash.spend().await;
+                            world.tell(ToWorld::Send(id, frame));
                         }
-                    }
+                        Ok(None) => {}
+                        Err(warning) => world.tell(ToWorld::Warn(warning)),
+                    },
                     Err(_) => sleep(PAUSE).await,
                 },
                 message = queue.recv() => match message {
@@ -96,25 +103,6 @@ impl Group {
         }
     }
 
-    /// Takes a datagram for what it is: a frame, or something that the user is told of once.
-    fn take(&mut self, datagram: &[u8], from: SocketAddr, id: ClientId) -> Option<ToWorld> {
-        if from == self.own {
-            return None;
-        }
-        let ignored = if self.is_remote || is_of_this_machine(from) {
-            match parse(datagram) {
-                Ok(frame) => return Some(ToWorld::Send(id, frame)),
-                Err(reason) => reason.to_string(),
-            }
-        } else {
-            format!("a datagram of another machine, {}, without --allow-remote", from.ip())
-        };
-        let is_known = std::mem::replace(&mut self.has_told_ignored, true);
-        (!is_known).then(|| {
-            ToWorld::Warn(format!("udp-multicast://{}: {ignored} was ignored; more of them are not told", self.address))
-        })
-    }
-
     /// Takes note of a datagram that was sent, or was not; returns what the user is told.
     fn note(&mut self, error: Option<io::Error>) -> Option<String> {
         let was_in_trouble = std::mem::replace(&mut self.is_in_trouble, error.is_some());
@@ -124,6 +112,30 @@ impl Group {
             (false, None) | (true, Some(_)) => return None,
         };
         Some(format!("udp-multicast://{}: {text}", self.address))
+    }
+}
+
+impl Intake {
+    /// Returns the frame of a datagram that is one, and none of one's own.
+    ///
+    /// # Errors
+    /// What the user is told of the first datagram that is ignored.
+    fn take(&mut self, datagram: &[u8], from: SocketAddr) -> Result<Option<Frame>, String> {
+        if from == self.own {
+            return Ok(None);
+        }
+        let ignored = if self.is_remote || is_of_this_machine(from) {
+            match parse(datagram) {
+                Ok(frame) => return Ok(Some(frame)),
+                Err(reason) => reason.to_string(),
+            }
+        } else {
+            format!("a datagram of another machine, {}, without --allow-remote", from.ip())
+        };
+        if std::mem::replace(&mut self.has_told, true) {
+            return Ok(None);
+        }
+        Err(format!("udp-multicast://{}: {ignored} was ignored; more of them are not told", self.group))
     }
 }
 
@@ -171,5 +183,50 @@ const fn unspecified(like: SocketAddr) -> IpAddr {
     match like {
         SocketAddr::V4(_) => IpAddr::V4(Ipv4Addr::UNSPECIFIED),
         SocketAddr::V6(_) => IpAddr::V6(Ipv6Addr::UNSPECIFIED),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use protocol_core::frame::standard;
+
+    use super::*;
+    use crate::trace::Timestamp;
+
+    const GROUP: &str = "239.74.163.2:43113";
+
+    fn intake(is_remote: bool) -> Intake {
+        let parse = |text: &str| text.parse().expect("an address");
+        Intake { group: parse(GROUP), own: parse("127.0.0.1:1"), is_remote, has_told: false }
+    }
+
+    fn datagram() -> (Vec<u8>, Frame) {
+        let frame = Frame::of(standard(0x123).into(), &[1]).expect("a frame");
+        (emit(Timestamp::from_micros(0), &frame), frame)
+    }
+
+    #[test]
+    fn datagrams_of_ones_own_and_of_other_machines_are_no_frames() {
+        let (datagram, frame) = datagram();
+        let from = |text: &str| text.parse().expect("an address");
+        let mut intake = intake(false);
+        assert_eq!(intake.take(&datagram, from("127.0.0.1:1")), Ok(None));
+        assert_eq!(intake.take(&datagram, from("127.0.0.1:2")), Ok(Some(frame)), "another program");
+        let told = intake.take(&datagram, from("192.0.2.1:1")).expect_err("it is told");
+        let expected = "udp-multicast://239.74.163.2:43113: a datagram of another machine, 192.0.2.1, without --allow-remote was \
+                        ignored; more of them are not told";
+        assert_eq!(told, expected);
+        assert_eq!(intake.take(&datagram, from("192.0.2.1:1")), Ok(None));
+        assert_eq!(intake.take(b"GET / HTTP/1.1", from("127.0.0.1:2")), Ok(None), "told once, of whatever kind");
+        assert_eq!(self::intake(true).take(&datagram, from("192.0.2.1:1")), Ok(Some(frame)));
+    }
+
+    #[test]
+    fn nonsense_is_told_once() {
+        let from: SocketAddr = "127.0.0.1:2".parse().expect("an address");
+        let mut intake = intake(false);
+        let told = intake.take(b"", from).expect_err("it is told");
+        assert!(told.contains(": no message of python-can was ignored"), "{told}");
+        assert_eq!(intake.take(b"", from), Ok(None));
     }
 }
