@@ -66,7 +66,8 @@ mod linux {
     /// Why an interface cannot be opened, with the way out where there is none of that name.
     fn refusal(name: &str, error: &io::Error) -> OpenError {
         let is_missing = Errno::from_io_error(error) == Some(Errno::NODEV);
-        let way_out = format!("; 'ip link' lists the interfaces, 'ip link add {name} up type vcan' makes a virtual one");
+        let way_out =
+            format!("; 'ip link' lists the interfaces, 'ip link add {name} up type vcan' makes a virtual one");
         OpenError::new(format!("{error}{}", if is_missing { &way_out } else { "" }))
     }
 
