@@ -49,6 +49,7 @@ fn open(simulator: &Simulator) -> TcpStream {
 #[test]
 fn the_dialogue_with_an_adapter() {
     let simulator = start(&[]);
+    let mut witness = simulator.join();
     let mut client = adapter(&simulator);
     let garbage = "T".repeat(10_000);
     for (text, answer) in [
@@ -99,6 +100,8 @@ fn the_dialogue_with_an_adapter() {
     ] {
         command(&mut client, text, answer);
     }
+    // An accepted frame is still on its way.
+    await_frame(&mut witness, "7FF#");
     let (trace, said) = simulator.end(Signal::TERM);
     let frames: Vec<&str> = trace.lines().filter_map(|line| line.split(' ').nth(2)).collect();
     assert_eq!(frames, ["18A#0102", "18FF0AE0#", "123#R2", "00000123#R1", "7FF#"], "{trace}");
