@@ -20,7 +20,7 @@
 //! describe/ the products for other tools: EDS and DBC
 //! state/    a device's state, what acts on it, and conditions on both, in words
 //! sender    frames sent on command, once or again and again
-//! gateway/  clients of the bus that live outside: socketcand, SocketCAN
+//! gateway/  clients of the bus that live outside: socketcand, SocketCAN, slcan, udp_multicast
 //! control/  state, faults and time over HTTP
 //! scenario/ scenarios from files, in virtual time
 //! run/      the world paced by the wall clock, with its clients, its trace and its memory

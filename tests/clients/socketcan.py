@@ -15,10 +15,10 @@ import struct
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 
 import waiting
+from processes import process, run
 from waiting import equal
 
 #: Longest wait for anything, seconds. Generous: time is real here, and the machine may be busy.
@@ -28,29 +28,6 @@ LIFE = 200
 INTERFACE = "vcan0"
 
 take = functools.partial(waiting.take, patience=PATIENCE)
-
-
-def run(*command):
-    subprocess.run(command, check=True)
-
-
-def collect(stream):
-    """The lines of a pipe, as they come."""
-    lines = queue.SimpleQueue()
-    threading.Thread(target=lambda: [lines.put(line.rstrip("\n")) for line in stream], daemon=True).start()
-    return lines
-
-
-@contextlib.contextmanager
-def process(*command):
-    """A program with its stdin, the lines of its stdout and of its stderr."""
-    pipe = subprocess.PIPE
-    program = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True, bufsize=1)
-    try:
-        yield program, collect(program.stdout), collect(program.stderr)
-    finally:
-        program.terminate()
-        equal(command[0], program.wait(PATIENCE) in (0, -15), True)
 
 
 @contextlib.contextmanager

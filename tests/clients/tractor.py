@@ -15,6 +15,7 @@ import can
 import cantools
 import j1939
 
+import joining
 from waiting import equal, take
 
 #: After this a script that hangs says where, and ends.
@@ -162,8 +163,7 @@ class Tractor:
 
 def bus():
     """The bus at HOST PORT CHANNEL of the command line, as python-can wants it."""
-    host, port, channel = sys.argv[1:4]
-    return dict(interface="socketcand", host=host, port=int(port), channel=channel)
+    return joining.address(*sys.argv[1:4])
 
 
 @contextlib.contextmanager

@@ -15,6 +15,8 @@ import can
 import canopen
 from canopen.objectdictionary import ObjectDictionary, ODRecord, ODVariable, datatypes
 
+import joining
+
 #: Longest wait for any single frame, seconds. Generous: a busy machine is not a fault of the valve.
 PATIENCE = 10
 #: After this a script that hangs says where, and ends.
@@ -168,7 +170,7 @@ class Valve:
     """A network at the valve's bus."""
 
     def __init__(self, host, port, channel):
-        self.address = {"interface": "socketcand", "host": host, "port": int(port), "channel": channel}
+        self.address = joining.address(host, port, channel)
         self.heard = Heard()
         self.network = canopen.Network()
         # how long the end of the connection waits for its reader

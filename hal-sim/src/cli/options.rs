@@ -67,9 +67,15 @@ pub struct RunArgs {
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, help_heading = "Devices")]
     state: Option<PathBuf>,
 
-    /// Where the bus is reachable: socketcand://HOST:PORT/NAME, port 0 takes a free one; socketcan:IFACE, an interface of
-    /// Linux; repeatable [default: socketcand://127.0.0.1:29536/pve0]
-    #[arg(long, value_name = "URL", help_heading = "Bus")]
+    /// Where the bus is reachable; repeatable: all of them are one bus [default: socketcand://127.0.0.1:29536/pve0]
+    ///
+    /// URL is one of
+    ///   socketcand://HOST:PORT/NAME  served over TCP, port 0 takes a free one
+    ///   slcan://HOST:PORT            an adapter on a serial line, over TCP
+    ///   slcan+pty:PATH               the same on a pseudo-terminal, with a link at PATH; Unix
+    ///   socketcan:IFACE              an interface of Linux
+    ///   udp-multicast://GROUP:PORT   python-can's udp_multicast, on this machine unless --allow-remote
+    #[arg(long, value_name = "URL", help_heading = "Bus", verbatim_doc_comment)]
     bus: Vec<BusUrl>,
 
     /// Announce the bus by UDP to port 42000, so that python-can and SavvyCAN find it
@@ -118,8 +124,9 @@ pub struct RunArgs {
     #[arg(long, help_heading = "Control")]
     no_http: bool,
 
-    /// Let --http be an address that other machines reach: whoever does can switch everything
-    #[arg(long, conflicts_with = "no_http", help_heading = "Control")]
+    /// Let --http be an address that other machines reach, whoever does can switch everything; and let a bus of udp-multicast
+    /// reach them
+    #[arg(long, help_heading = "Control")]
     allow_remote: bool,
 }
 
@@ -144,13 +151,14 @@ impl TryFrom<RunArgs> for RunOptions {
                 .map_err(|error| UsageError(format!("--device: {error} with @ID, or --allow-clash")))?;
         }
         let links = devices::links(&devices, args.link).map_err(|error| UsageError(format!("--link: {error}")))?;
-        let buses = if args.bus.is_empty() { vec![BusUrl::default_server()] } else { args.bus };
-        check_interfaces(&buses, args.speed)?;
+        let buses = if args.bus.is_empty() { vec![BusUrl::default()] } else { args.bus };
+        check_buses(&buses, args.speed)?;
         Ok(Self {
             devices,
             links,
             buses,
             beacon: args.beacon,
+            allow_remote: args.allow_remote,
             bit_rate: args.bit_rate,
             state: args.state,
             speed: args.speed,
@@ -164,14 +172,14 @@ impl TryFrom<RunArgs> for RunOptions {
     }
 }
 
-/// An interface of the kernel lives in wall time; one that is given twice would send every frame round for ever.
-fn check_interfaces(buses: &[BusUrl], speed: Speed) -> Result<(), UsageError> {
-    for (position, bus) in buses.iter().enumerate().filter(|(_, bus)| bus.is_real_time()) {
-        if speed != Speed::Factor(1.0) {
+/// An interface of the kernel lives in wall time; a bus that others have is joined once.
+fn check_buses(buses: &[BusUrl], speed: Speed) -> Result<(), UsageError> {
+    for (position, bus) in buses.iter().enumerate() {
+        if bus.address().is_real_time() && speed != Speed::Factor(1.0) {
             return Err(UsageError(format!("--speed {speed} with --bus {bus}: an interface runs at --speed 1 only")));
         }
-        if buses.iter().take(position).any(|other| other == bus) {
-            return Err(UsageError(format!("--bus {bus} is given twice; give each interface once")));
+        if bus.address().is_shared() && buses.iter().take(position).any(|other| other == bus) {
+            return Err(UsageError(format!("--bus {bus} is given twice; give each of its kind once")));
         }
     }
     Ok(())

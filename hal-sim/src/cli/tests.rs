@@ -54,6 +54,7 @@ fn defaults() {
             links: vec![],
             buses: vec!["socketcand://127.0.0.1:29536/pve0".parse().unwrap()],
             beacon: false,
+            allow_remote: false,
             bit_rate: None,
             state: None,
             speed: Speed::Factor(1.0),
@@ -73,7 +74,7 @@ fn defaults() {
 fn options_with_and_without_the_word_run() {
     let line = "--device pveo-canopen@0x21,name=rear,serial=0x5B2E0101 --device pvea-canopen@33 --device pvea-canopen,blank \
                 --bus socketcand://[::1]:0/can1 --bus socketcand://localhost:1234/pve0 --bit-rate 125000 --state memory \
-                --speed 2.5 --http 127.0.0.2:0 --log frames.log --log-overwrite --error-frames --seed 18446744073709551615 --allow-clash --color never --verbose --beacon";
+                --speed 2.5 --http 127.0.0.2:0 --log frames.log --log-overwrite --error-frames --seed 18446744073709551615 --allow-clash --color never --verbose --beacon --allow-remote";
     let options = run(line);
     assert_eq!(run(&format!("run {line}")), options);
     let devices: Vec<_> =
@@ -93,7 +94,7 @@ fn options_with_and_without_the_word_run() {
     assert_eq!(options.speed, Speed::Factor(2.5));
     assert_eq!(options.http, Some("127.0.0.2:0".parse().unwrap()));
     assert_eq!(options.log, Some(LogOptions { path: PathBuf::from("frames.log"), overwrite: true }));
-    assert!(options.error_frames && options.verbose && options.beacon);
+    assert!(options.error_frames && options.verbose && options.beacon && options.allow_remote);
     assert_eq!(options.color, ColorChoice::Never);
     assert_eq!(options.seed, u64::MAX);
 }
@@ -236,9 +237,19 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
             "--link: hat1000 is linked twice; one valve moves it",
         ),
         ("--device", "a value is required for '--device <KIND[@ID][,KEY=VALUE…]>' but none was supplied"),
-        ("--bus slcan://x", "not a bus that can be served; accepted: socketcand://HOST:PORT/NAME"),
+        ("--bus can0", "not a bus that can be served; accepted: socketcand://HOST:PORT/NAME"),
         ("--bus socketcand://127.0.0.1:29536", "the bus has no name; accepted: socketcand://HOST:PORT/NAME"),
         ("--bus socketcand://127.0.0.1/pve0", "the port is missing"),
+        ("--bus slcan://127.0.0.1", "the port is missing; accepted: slcan://HOST:PORT"),
+        ("--bus slcan://:7", "'' is no host; accepted: slcan://HOST:PORT"),
+        ("--bus slcan://localhost:7/pve0", "'7/pve0' is no port; accepted: 0–65535, 0 takes a free one"),
+        ("--bus udp-multicast://", "'' is no multicast group with a port; accepted: udp-multicast://GROUP:PORT, as in"),
+        ("--bus udp-multicast://127.0.0.1:43113", "'127.0.0.1:43113' is no multicast group"),
+        ("--bus udp-multicast://239.74.163.2:0", "is no multicast group with a port"),
+        (
+            "--bus udp-multicast://239.74.163.2:43113 --bus udp-multicast://239.74.163.2",
+            "--bus udp-multicast://239.74.163.2:43113 is given twice; give each of its kind once",
+        ),
         ("--bus socketcand://:29536/pve0", "'' is no host"),
         ("--bus socketcand://::1:29536/pve0", "'::1' is no host"),
         ("--bus socketcand://127.0.0.1:65536/pve0", "'65536' is no port; accepted: 0–65535, 0 takes a free one"),
@@ -359,7 +370,7 @@ fn interfaces_of_the_kernel() {
         ("--bus socketcan:", "'' is no name of an interface; accepted: 1–15 characters, as in vcan0"),
         ("--bus socketcan:a/b", "'a/b' is no name of an interface"),
         ("--bus socketcan:sixteen-letters0", "'sixteen-letters0' is no name of an interface"),
-        ("--bus slcan://x", "accepted: socketcand://HOST:PORT/NAME, socketcan:IFACE"),
+        ("--bus can0", "accepted: socketcand://HOST:PORT/NAME, socketcan:IFACE"),
     ] {
         let text = refused(line);
         assert!(text.contains(expected) && !text.contains('\n'), "{line}: {text}");
@@ -438,4 +449,31 @@ fn the_help_names_every_option_and_its_default() {
     assert!(help.contains("socketcand://127.0.0.1:29536/pve0"));
     assert!(printed("run --help").contains("--device"));
     assert!(printed("--version").starts_with("pve-sim "));
+}
+
+#[test]
+fn every_kind_of_bus_and_all_at_once() {
+    let urls = ["slcan://[::1]:0", "udp-multicast://239.74.163.2:43113", "udp-multicast://[ff15::1]:7", "slcan://a:1"];
+    let line: String = urls.iter().map(|url| format!(" --bus {url}")).collect();
+    let buses: Vec<_> = run(line.trim()).buses.iter().map(ToString::to_string).collect();
+    assert_eq!(buses, urls);
+    for (text, url) in [("239.74.163.2", "239.74.163.2:43113"), ("[ff15::1]", "[ff15::1]:43113")] {
+        let options = run(&format!("--bus udp-multicast://{text}"));
+        assert_eq!(options.buses[0].to_string(), format!("udp-multicast://{url}"));
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_path_for_a_terminal() {
+    assert_eq!(run("--bus slcan+pty:/tmp/pve0").buses[0].to_string(), "slcan+pty:/tmp/pve0");
+    assert!(refused("--bus slcan+pty:").contains("'' is no path for a link; accepted: slcan+pty:PATH, without blanks"));
+}
+
+#[cfg(not(unix))]
+#[test]
+fn terminals_are_on_unix() {
+    assert!(
+        refused("--bus slcan+pty:/tmp/pve0").contains("slcan+pty:PATH exists on Unix alone; accepted: socketcand://")
+    );
 }

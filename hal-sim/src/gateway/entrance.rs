@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Instant as WallInstant;
 
-use super::ToWorld;
+use super::{ClientId, Mailbox, Outbox, Reply, ToWorld};
 
 /// The clients' end of the channel: for gateways, and for the end of the simulator.
 #[derive(Clone, Debug)]
@@ -43,6 +43,16 @@ impl Entrance {
     /// Sends a message that arrives now. A world that has ended drops it: the simulator ends with the world.
     pub fn tell(&self, message: ToWorld) {
         let _ = self.messages.send(Arrival { at: WallInstant::now(), message });
+    }
+
+    /// Joins as a new client that gets everything from now on. The world gives credit back for it: one message.
+    #[must_use]
+    pub fn join(&self) -> (ClientId, Mailbox) {
+        let (outbox, mailbox) = Outbox::new();
+        let id = ClientId::next();
+        self.tell(ToWorld::Join(id, outbox));
+        self.tell(ToWorld::Listen(id, Reply::new("")));
+        (id, mailbox)
     }
 
     /// Ends the simulator, before messages that still wait for the world.

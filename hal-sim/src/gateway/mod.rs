@@ -5,22 +5,29 @@
 //! [`Outbox`], and a client whose queue is full is disconnected.
 //!
 //! ```text
-//! socketcand/protocol   bytes ↔ requests and replies, no I/O
-//! socketcand/broadcast  subscriptions, filters and cyclic frames of one client, no I/O
-//! socketcand/session    one client, over any stream
-//! socketcand/server     the listening socket
-//! socketcand/beacon     by which clients find it
-//! socketcan/            an interface of the Linux kernel
+//! bus_url      the URLs of --bus: every gateway has one line there
+//! address      what a gateway is to the simulator: Scheme, Address, Gateway
+//! tcp          gateways over TCP: the listening socket, and the connections that it accepts
+//! socketcand/  a bus over TCP in readable text
+//! socketcan/   an interface of the Linux kernel
+//! slcan/       an adapter on a serial line, over TCP or on a pseudo-terminal
+//! udp_multicast/ the bus of python-can's udp_multicast
+//! entrance     the way from clients into the world
+//! outbox       the way from the world to a client, and what bounds both
 //! ```
 
+mod address;
 mod bus_url;
 mod entrance;
 mod outbox;
-#[cfg(target_os = "linux")]
-pub mod socketcan;
+pub mod slcan;
+mod socketcan;
 pub mod socketcand;
+mod tcp;
+mod udp_multicast;
 
-pub use bus_url::{BusUrl, ServerUrl};
+pub use address::{Access, Address, Gateway, OpenError, Opening, Parse, Scheme};
+pub use bus_url::BusUrl;
 pub use entrance::{Arrival, Entrance, Inbox};
 pub use outbox::{CREDIT, Leash, Mailbox, Outbox, Overrun, QUEUE};
 
@@ -28,7 +35,9 @@ use std::borrow::Cow;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
+use protocol_core::controller::BitRate;
 use protocol_core::frame::Frame;
+use tokio::sync::oneshot;
 
 use crate::control::Message;
 use crate::trace::{ErrorClass, Timestamp};
@@ -55,10 +64,14 @@ pub enum ToWorld {
     Listen(ClientId, Reply),
     /// It sends a frame.
     Send(ClientId, Frame),
+    /// It gets nothing more of what is on the bus, after this reply.
+    Unlisten(ClientId, Reply),
     /// It is to get this reply when everything before has taken effect.
     Reply(ClientId, Reply),
     /// It is gone; what it sent before is still sent, but no frame twice.
     Leave(ClientId),
+    /// Somebody is to know the bit rate of the bus.
+    AskBitRate(oneshot::Sender<BitRate>),
     /// The user is to read this line.
     Warn(String),
     /// A call of the control interface.

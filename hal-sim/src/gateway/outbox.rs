@@ -13,6 +13,9 @@ pub const QUEUE: usize = 8192;
 /// How many messages of one client may wait for the world and the bus; beyond that its socket is not read.
 pub const CREDIT: usize = 1024;
 
+/// How many messages to a client go out in one write, at most.
+pub(super) const BATCH: usize = 256;
+
 /// The world's end of one client.
 #[derive(Clone, Debug)]
 pub struct Outbox {

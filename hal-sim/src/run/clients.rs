@@ -78,17 +78,30 @@ impl Clients {
                     self.send(world);
                 }
             }
-            ToWorld::Reply(id, reply) | ToWorld::Listen(id, reply) if !self.clients.contains_key(&id) => drop(reply),
+            ToWorld::AskBitRate(asked) => drop(asked.send(world.bit_rate())),
+            ToWorld::Reply(id, reply) | ToWorld::Listen(id, reply) | ToWorld::Unlisten(id, reply)
+                if !self.clients.contains_key(&id) =>
+            {
+                drop(reply)
+            }
             ToWorld::Reply(id, reply) => return self.post(id, ToClient::Reply(reply)),
             ToWorld::Listen(id, reply) => {
                 self.post(id, ToClient::Reply(reply))?;
-                if let Some(client) = self.clients.get_mut(&id) {
-                    client.listening = true;
-                }
+                self.set_listening(id, true);
+            }
+            ToWorld::Unlisten(id, reply) => {
+                self.set_listening(id, false);
+                return self.post(id, ToClient::Reply(reply));
             }
             ToWorld::Warn(_) | ToWorld::Typed(_) | ToWorld::Control(_) | ToWorld::End => {}
         }
         Ok(())
+    }
+
+    fn set_listening(&mut self, id: ClientId, listening: bool) {
+        if let Some(client) = self.clients.get_mut(&id) {
+            client.listening = listening;
+        }
     }
 
     /// Whether a client listens.

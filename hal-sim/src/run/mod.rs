@@ -41,7 +41,7 @@ pub use options::{ColorChoice, LogOptions, RunOptions};
 pub use outside::Outside;
 
 use std::io;
-use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
@@ -51,10 +51,7 @@ use tokio::sync::{Semaphore, oneshot, watch};
 
 use crate::control::{self, Desk};
 use crate::devices;
-#[cfg(target_os = "linux")]
-use crate::gateway::socketcan::Interface;
-use crate::gateway::socketcand::{Beacon, Server};
-use crate::gateway::{BusUrl, Entrance, ServerUrl};
+use crate::gateway::{Access, BusUrl, Entrance, Gateway, OpenError};
 use crate::kind::Kind;
 use crate::memory::StateFileError;
 use crate::trace::Timestamp;
@@ -69,26 +66,18 @@ use trace::Trace;
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
     /// An address in use, or none of this machine; an interface that is not there.
-    #[error("{url}: {source}{}", way_out(url, source))]
+    #[error("{url}: {source}")]
     Bind {
         /// The bus that was to be served.
         url: BusUrl,
         /// Why not.
-        source: io::Error,
+        source: OpenError,
     },
     /// The control interface's address in use, or none of this machine.
     #[error("--http {address}: {source}{}", http_way_out(source))]
     Http {
         /// The address that was to be served.
         address: SocketAddr,
-        /// Why not.
-        source: io::Error,
-    },
-    /// A bus that cannot be announced.
-    #[error("{url}: --beacon: {source}")]
-    Beacon {
-        /// The bus.
-        url: BusUrl,
         /// Why not.
         source: io::Error,
     },
@@ -124,21 +113,6 @@ pub enum RunError {
     /// The system has no threads, signals or events to give.
     #[error("the system refuses: {0}")]
     System(#[from] io::Error),
-}
-
-/// What to do about a port in use, or an interface that is not there.
-fn way_out(url: &BusUrl, error: &io::Error) -> String {
-    match (url, error.kind()) {
-        (BusUrl::Socketcand(server), io::ErrorKind::AddrInUse) => {
-            let free = ServerUrl { port: 0, ..server.clone() };
-            format!("; does another pve-sim run? --bus {free} takes a free port")
-        }
-        #[cfg(target_os = "linux")]
-        (BusUrl::Socketcan(name), _) if error.raw_os_error() == Some(rustix::io::Errno::NODEV.raw_os_error()) => {
-            format!("; 'ip link' lists the interfaces, 'ip link add {name} up type vcan' makes a virtual one")
-        }
-        _ => String::new(),
-    }
 }
 
 /// What to do about a port of the control interface in use.
@@ -193,30 +167,11 @@ struct Running {
 }
 
 async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result<Running, RunError> {
-    let mut bound = Vec::new();
-    let mut servers = Vec::new();
-    let mut beacons = Vec::new();
-    #[cfg(target_os = "linux")]
-    let mut interfaces = Vec::new();
+    let access = Access { beacon: options.beacon, remote: options.allow_remote };
+    let mut gateways = Vec::new();
     for url in &options.buses {
-        let bind = |source| RunError::Bind { url: url.clone(), source };
-        match url {
-            BusUrl::Socketcand(place) => {
-                let server = Server::bind(&place.authority(), &place.name).await.map_err(bind)?;
-                let address = server.address().map_err(bind)?;
-                if options.beacon {
-                    let refused = |source| RunError::Beacon { url: url.clone(), source };
-                    beacons.push(Beacon::new(address, &place.name).await.map_err(refused)?);
-                }
-                bound.push(Bound::Server(address, place.name.clone()));
-                servers.push(server);
-            }
-            #[cfg(target_os = "linux")]
-            BusUrl::Socketcan(name) => {
-                interfaces.push(Interface::open(name).map_err(bind)?);
-                bound.push(Bound::Interface(name.clone()));
-            }
-        }
+        let opened = url.address().open(access).await;
+        gateways.push(opened.map_err(|source| RunError::Bind { url: url.clone(), source })?);
     }
     let mut control = None;
     if let Some(address) = options.http {
@@ -237,25 +192,18 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     .await?;
     let log = options.log.as_ref().map(|log| Log::create(log, options.state.as_deref())).transpose()?;
     let printer = Printer::start(reader_gone)?;
-    announce(&printer, &bound, http, warnings);
+    announce(&printer, &gateways, http, warnings);
     let (entrance, inbox) = Entrance::new();
-    for beacon in beacons {
-        tokio::spawn(beacon.run());
-    }
     let (clients, connections) = places(options);
     let places = Arc::new(Semaphore::new(clients));
-    for server in servers {
-        tokio::spawn(server.run(entrance.clone(), Arc::clone(&places)));
-    }
-    #[cfg(target_os = "linux")]
-    for interface in interfaces {
-        tokio::spawn(interface.run(entrance.clone()));
+    for gateway in gateways {
+        gateway.start(entrance.clone(), Arc::clone(&places));
     }
     if let Some((_, server)) = control {
         server.start(entrance.clone(), connections)?;
     }
     stdin::listen(entrance.clone());
-    let bus = options.buses.first().map_or("can0", BusUrl::name);
+    let bus = options.buses.first().map_or("can0", |url| url.address().name());
     let layout = trace::layout(options.color, options.verbose);
     let trace = Trace::new(bus, devices::explainer(&options.devices), printer, log, layout);
     let clients = Clients::new(&mut world, options.error_frames);
@@ -307,108 +255,12 @@ async fn aside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> 
 
 /// Prints the warnings of the start on stderr, the ready line on stdout and the hint on stderr. Whoever has seen the ready
 /// line finds the warnings there.
-fn announce(printer: &Printer, bound: &[Bound], http: Option<SocketAddr>, warnings: Vec<String>) {
+fn announce(printer: &Printer, gateways: &[Box<dyn Gateway>], http: Option<SocketAddr>, warnings: Vec<String>) {
     warnings.into_iter().for_each(|warning| printer.warn(warning));
-    let urls: String = bound.iter().map(|bound| format!(" bus={}", bound.url())).collect();
+    let urls: String = gateways.iter().map(|gateway| format!(" bus={}", gateway.url())).collect();
     let http = http.map_or_else(String::new, |address| format!(" http=http://{address}/"));
     printer.trace(format!("pve-sim ready{urls}{http}\n"));
-    for bound in bound {
-        printer.note(bound.hint());
-    }
-}
-
-/// A bus as it is reachable.
-enum Bound {
-    /// A socketcand server, with the name of the bus.
-    Server(SocketAddr, String),
-    /// An interface of the kernel.
-    #[cfg(target_os = "linux")]
-    Interface(String),
-}
-
-impl Bound {
-    fn url(&self) -> String {
-        match self {
-            Self::Server(address, name) => format!("socketcand://{address}/{name}"),
-            #[cfg(target_os = "linux")]
-            Self::Interface(name) => format!("socketcan:{name}"),
-        }
-    }
-
-    /// What to type to join.
-    fn hint(&self) -> String {
-        match self {
-            Self::Server(address, name) => hint(*address, name),
-            #[cfg(target_os = "linux")]
-            Self::Interface(name) => format!(
-                "Join the bus with any tool of SocketCAN:\n  candump {name}\n  \
-                 can.Bus(interface=\"socketcan\", channel=\"{name}\")"
-            ),
-        }
-    }
-}
-
-/// What to type to join a bus, at an address that this machine reaches: nobody connects to 0.0.0.0.
-fn hint(address: SocketAddr, name: &str) -> String {
-    let port = address.port();
-    let host = match address.ip() {
-        IpAddr::V4(ip) if ip.is_unspecified() => Ipv4Addr::LOCALHOST.to_string(),
-        IpAddr::V4(ip) => ip.to_string(),
-        // A socket at [::] takes IPv4, too.
-        IpAddr::V6(ip) if ip.is_unspecified() => Ipv4Addr::LOCALHOST.to_string(),
-        IpAddr::V6(ip) => {
-            return format!(
-                "Join the bus at can://[{ip}]:{port}, name {name}. python-can knows IPv4 addresses only: for that, \
-                 --bus socketcand://127.0.0.1:{port}/{name}"
-            );
-        }
-    };
-    format!(
-        "Join the bus with python-can:\n  \
-         can_logger -i socketcand -c {name} --bus-kwargs host={host} port={port}\n  \
-         can.Bus(interface=\"socketcand\", host=\"{host}\", port={port}, channel=\"{name}\")\n\
-         or with SavvyCAN: {name}@(can://{host}:{port})"
-    )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn hint_at(address: &str) -> String {
-        hint(address.parse().expect(address), "pve0")
-    }
-
-    #[test]
-    fn the_hint_names_an_address_that_works() {
-        for (bound, host) in [("127.0.0.2:7", "127.0.0.2"), ("0.0.0.0:7", "127.0.0.1"), ("[::]:7", "127.0.0.1")] {
-            let text = hint_at(bound);
-            assert!(text.contains(&format!("host={host} port=7\n")), "{text}");
-            assert!(text.contains(&format!("host=\"{host}\", port=7, channel=\"pve0\"")), "{text}");
-            assert!(text.contains(&format!("pve0@(can://{host}:7)")), "{text}");
-        }
-        let text = hint_at("[::1]:7");
-        assert!(text.contains("can://[::1]:7") && text.contains("--bus socketcand://127.0.0.1:7/pve0"), "{text}");
-    }
-
-    #[test]
-    fn a_port_in_use_names_the_way_out() {
-        let url: BusUrl = "socketcand://127.0.0.1:29536/pve0".parse().expect("a bus");
-        let told = |kind: io::ErrorKind| RunError::Bind { url: url.clone(), source: kind.into() }.to_string();
-        assert!(told(io::ErrorKind::AddrInUse).ends_with("--bus socketcand://127.0.0.1:0/pve0 takes a free port"));
-        assert!(!told(io::ErrorKind::PermissionDenied).contains("--bus"));
-    }
-
-    #[cfg(target_os = "linux")]
-    #[test]
-    fn an_interface_that_is_not_there_names_the_way_out() {
-        let url: BusUrl = "socketcan:can0".parse().expect("a bus");
-        let told = |errno: rustix::io::Errno| RunError::Bind { url: url.clone(), source: errno.into() }.to_string();
-        let missing = told(rustix::io::Errno::NODEV);
-        assert!(missing.starts_with("socketcan:can0: No such device"), "{missing}");
-        assert!(
-            missing.ends_with("; 'ip link' lists the interfaces, 'ip link add can0 up type vcan' makes a virtual one")
-        );
-        assert!(!told(rustix::io::Errno::ACCESS).contains("ip link"));
+    for gateway in gateways {
+        printer.note(gateway.hint());
     }
 }

@@ -20,6 +20,8 @@ pub struct RunOptions {
     pub buses: Vec<BusUrl>,
     /// Whether beacons announce the buses.
     pub beacon: bool,
+    /// Whether frames pass between this machine and others, where a URL leaves that open.
+    pub allow_remote: bool,
     /// The rate of the bus; `None`: that of the first device.
     pub bit_rate: Option<BitRate>,
     /// Where memories are kept; `None`: nowhere.

@@ -16,6 +16,12 @@ impl Timestamp {
         Self(micros)
     }
 
+    /// Returns the microseconds since 1970.
+    #[must_use]
+    pub const fn as_micros(self) -> u64 {
+        self.0
+    }
+
     /// The wall time now; a clock that is set before 1970 counts as 1970.
     #[must_use]
     pub fn now() -> Self {

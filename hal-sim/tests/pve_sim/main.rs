@@ -13,6 +13,7 @@ mod options;
 mod scenario;
 mod shell;
 mod simulator;
+mod slcan;
 
 use std::fs;
 use std::net::TcpListener;

@@ -1,5 +1,5 @@
 //! Unmodified clients, over python-can's socketcand interface, against the `pve-sim` process that users run: python-canopen
-//! here, can-j1939 in `isobus`, others in `strangers`; over SocketCAN in `socketcan`; a browser in `panel`.
+//! here, can-j1939 in `isobus`, others in `strangers`; over other buses in `socketcan`, `slcan` and `udp_multicast`; a browser in `panel`.
 //!
 //! `./test` makes the virtual environment `target/venv` with the clients; the scripts are in `tests/clients/`, one subject each.
 
@@ -10,9 +10,11 @@ mod isobus;
 mod panel;
 mod readme;
 mod simulator;
+mod slcan;
 mod socketcan;
 mod strangers;
 mod tshark;
+mod udp_multicast;
 
 use std::ffi::OsStr;
 

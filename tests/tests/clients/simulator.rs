@@ -55,6 +55,8 @@ pub(crate) fn root() -> PathBuf {
 pub(crate) struct Simulator {
     process: Child,
     address: [String; 3],
+    /// Its first line on stdout.
+    ready: String,
     http: Option<String>,
     output: Arc<Mutex<String>>,
     /// Behind a lock, so that scripts can be served on several threads.
@@ -99,11 +101,19 @@ impl Simulator {
             }
             let _ = end.send(());
         });
-        let mut simulator = Self { process, address: Default::default(), http: None, output, ended: Mutex::new(ended) };
+        let mut simulator = Self {
+            process,
+            address: Default::default(),
+            ready: String::new(),
+            http: None,
+            output,
+            ended: Mutex::new(ended),
+        };
         let line = first_line.recv_timeout(PATIENCE).expect("pve-sim says that it is ready");
         simulator.address = address(&line).unwrap_or_else(|| {
             panic!("the first line is no ready line: {line:?}\n{}", simulator.said());
         });
+        simulator.ready.clone_from(&line);
         simulator.http = line.split_once(" http=").map(|(_, url)| url.trim_end_matches('/').to_owned());
         simulator
     }
@@ -123,6 +133,17 @@ impl Simulator {
         self.http.as_deref().expect("it was started with --http")
     }
 
+    /// The rest of the first bus whose URL begins so.
+    pub(crate) fn bus(&self, scheme: &str) -> &str {
+        let found = self.ready.split(' ').find_map(|word| word.strip_prefix("bus=")?.strip_prefix(scheme));
+        found.unwrap_or_else(|| panic!("no bus={scheme} in {}", self.ready))
+    }
+
+    /// Runs a script that joins with these arguments of `can.Bus`, in JSON.
+    pub(crate) fn serve_over(&self, bus: &str, script: &str, arguments: &[&str]) -> String {
+        self.run(LIFE, Some(bus), script, arguments)
+    }
+
     /// Runs a script against it, and shows all there is to see when it fails; returns what the script printed.
     pub(crate) fn serve(&self, script: &str, arguments: &[&str]) -> String {
         self.serve_within(LIFE, script, arguments)
@@ -130,6 +151,10 @@ impl Simulator {
 
     /// The same with a script that may take so many seconds.
     pub(crate) fn serve_within(&self, seconds: u64, script: &str, arguments: &[&str]) -> String {
+        self.run(seconds, None, script, arguments)
+    }
+
+    fn run(&self, seconds: u64, bus: Option<&str>, script: &str, arguments: &[&str]) -> String {
         let python = python();
         assert!(python.exists(), "{}: not there; ./test makes the environment", python.display());
         let run = Command::new("timeout")
@@ -139,6 +164,7 @@ impl Simulator {
             .args(&self.address)
             .args(arguments)
             .env("PVE_SIM", &*PVE_SIM)
+            .envs(bus.map(|bus| ("CAN_BUS", bus)))
             .stdin(Stdio::null())
             .output()
             .expect("timeout runs");

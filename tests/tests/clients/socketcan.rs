@@ -6,11 +6,11 @@ use std::process::{Command, Stdio};
 
 use crate::simulator::{PVE_SIM, python, root};
 
-/// Runs a subject of the script on the kernel, and shows all there is to see when it fails.
-fn on_a_kernel(subject: &str) {
+/// Runs a subject of a script on the kernel, and shows all there is to see when it fails.
+pub(crate) fn on_a_kernel(script: &str, subject: &str) {
     let run = Command::new(root().join("tests/user-mode-linux/with-can"))
         .arg(python())
-        .arg(root().join("tests/clients/socketcan.py"))
+        .arg(root().join("tests/clients").join(script))
         .arg(subject)
         .env("PVE_SIM", &*PVE_SIM)
         .current_dir(root())
@@ -18,30 +18,30 @@ fn on_a_kernel(subject: &str) {
         .output()
         .expect("bash runs");
     let (out, err) = (String::from_utf8_lossy(&run.stdout), String::from_utf8_lossy(&run.stderr));
-    assert!(run.status.success(), "{subject}: {}\n{out}{err}", run.status);
+    assert!(run.status.success(), "{script} {subject}: {}\n{out}{err}", run.status);
 }
 
 #[test]
 fn can_utils_join() {
-    on_a_kernel("tools");
+    on_a_kernel("socketcan.py", "tools");
 }
 
 #[test]
 fn python_canopen_is_the_master() {
-    on_a_kernel("master");
+    on_a_kernel("socketcan.py", "master");
 }
 
 #[test]
 fn the_kernels_j1939_stack_is_the_tractor() {
-    on_a_kernel("j1939");
+    on_a_kernel("socketcan.py", "j1939");
 }
 
 #[test]
 fn an_interface_that_goes_down_or_away_comes_back() {
-    on_a_kernel("down");
+    on_a_kernel("socketcan.py", "down");
 }
 
 #[test]
 fn a_full_queue_loses_nothing() {
-    on_a_kernel("full");
+    on_a_kernel("socketcan.py", "full");
 }

@@ -10,7 +10,7 @@ use tokio::io::unix::AsyncFd;
 use tokio::time::{Instant, sleep, sleep_until};
 
 use super::health::{Health, Verdict, is_gone};
-use crate::gateway::{ClientId, Entrance, Mailbox, Outbox, Reply, ToClient, ToWorld};
+use crate::gateway::{ClientId, Entrance, Mailbox, ToClient, ToWorld};
 
 /// How long to wait before a frame is tried again while the interface's queue is full.
 const RETRY: Duration = Duration::from_millis(1);
@@ -20,7 +20,7 @@ const PAUSE: Duration = Duration::from_millis(100);
 
 /// An interface that is open.
 #[derive(Debug)]
-pub struct Interface {
+pub(super) struct Interface {
     name: String,
     /// The crate's own asynchronous socket sleeps through an interface that goes down.
     socket: AsyncFd<CanSocket>,
@@ -42,22 +42,22 @@ impl Interface {
     ///
     /// # Errors
     /// When there is no CAN interface of that name, or the kernel has no SocketCAN.
-    pub fn open(name: &str) -> io::Result<Self> {
+    pub(super) fn open(name: &str) -> io::Result<Self> {
         let socket = open(name)?;
         Ok(Self { name: name.to_owned(), socket, health: Health::new(name.to_owned()), next_look: None })
     }
 
     /// Joins the world at once, so that a world that starts later sends its first frame to the interface, too; the
     /// returned future passes frames for ever.
-    pub fn run(mut self, world: Entrance) -> impl Future<Output = ()> + Send {
-        let mut joined = join(&world);
+    pub(super) fn run(mut self, world: Entrance) -> impl Future<Output = ()> + Send {
+        let mut joined = world.join();
         async move {
             loop {
                 let (id, mailbox) = joined;
                 // It ends only when more frames came than the interface takes: what waits is dropped, and it joins anew.
                 self.pass(id, mailbox, &world).await;
                 world.tell(ToWorld::Leave(id));
-                joined = join(&world);
+                joined = world.join();
             }
         }
     }
@@ -157,15 +157,6 @@ fn open(name: &str) -> io::Result<AsyncFd<CanSocket>> {
 /// Waits for a frame, or for an error: an interface that goes down is one.
 async fn read(socket: &AsyncFd<CanSocket>) -> io::Result<CanFrame> {
     socket.async_io(Interest::READABLE | Interest::ERROR, CanSocket::read_frame).await
-}
-
-/// A new client that gets everything from now on.
-fn join(world: &Entrance) -> (ClientId, Mailbox) {
-    let (outbox, mailbox) = Outbox::new();
-    let id = ClientId::next();
-    world.tell(ToWorld::Join(id, outbox));
-    world.tell(ToWorld::Listen(id, Reply::new("")));
-    (id, mailbox)
 }
 
 fn tell(world: &Entrance, warning: Option<String>) {

@@ -14,7 +14,7 @@ const EVERY: Duration = Duration::from_secs(2);
 
 /// A beacon of one bus.
 #[derive(Debug)]
-pub struct Beacon {
+pub(super) struct Beacon {
     socket: UdpSocket,
     target: SocketAddr,
     text: String,
@@ -26,7 +26,7 @@ impl Beacon {
     ///
     /// # Errors
     /// When the address is none of IPv4, which has no broadcast, or the system refuses.
-    pub async fn new(served: SocketAddr, bus: &str) -> io::Result<Self> {
+    pub(super) async fn new(served: SocketAddr, bus: &str) -> io::Result<Self> {
         let IpAddr::V4(served_ip) = served.ip() else {
             return Err(io::Error::new(io::ErrorKind::Unsupported, "a beacon needs an IPv4 address"));
         };
@@ -42,7 +42,7 @@ impl Beacon {
     }
 
     /// Sends the beacon for ever. One that the system does not take is followed by the next.
-    pub async fn run(self) {
+    pub(super) async fn run(self) {
         let mut every = tokio::time::interval(EVERY);
         loop {
             every.tick().await;

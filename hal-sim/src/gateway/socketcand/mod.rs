@@ -25,7 +25,7 @@ mod protocol;
 mod server;
 mod session;
 
-pub use beacon::Beacon;
 pub use protocol::{ECHO, HI, MESSAGE_MAX, OK, Parser, Request, RequestError, emit_error, emit_frame, emit_refusal};
-pub use server::Server;
+pub(super) use server::SCHEME;
+pub use server::ServerAddress;
 pub use session::serve;

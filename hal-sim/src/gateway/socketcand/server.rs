@@ -1,89 +1,149 @@
-//! The listening socket of a bus, and the options of the connections that it accepts.
+//! A bus that is served over TCP: its URL, and what to type to join it.
 
-use std::io;
-use std::net::SocketAddr;
-use std::pin::Pin;
+use std::fmt;
+use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
-use std::task::{Context, Poll};
-use std::time::Duration;
 
-use tokio::io::{AsyncRead, ReadBuf};
-use tokio::net::tcp::OwnedReadHalf;
-use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
-use tokio::time::timeout;
+use tokio::sync::Semaphore;
 
+use super::beacon::Beacon;
 use super::session;
 use crate::gateway::Entrance;
+use crate::gateway::address::{Access, Address, Gateway, OpenError, Opening, Parse, Scheme};
+use crate::gateway::tcp::{Endpoint, Listener, joinable};
 
-/// How long to wait before the next try when no connection can be accepted, as when the process has no descriptor left.
-const RETRY: Duration = Duration::from_millis(50);
+const FORM: &str = "socketcand://HOST:PORT/NAME";
 
-/// A client without a place waits so long for one: the departure of another may not be noticed yet.
-const WAIT_FOR_PLACE: Duration = Duration::from_secs(1);
+/// The URLs of this gateway.
+pub(in crate::gateway) const SCHEME: Scheme = Scheme { prefix: "socketcand://", form: FORM, parse: Parse::With(parse) };
+
+/// The longest name of a bus, in characters: fits a line of the trace and every client's field for it.
+const NAME_MAX: usize = 32;
 
 /// The answer to a client that finds no place.
 const NO_PLACE: &[u8] = b"< error too many clients >";
 
+/// Where a bus is to be served.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ServerAddress {
+    endpoint: Endpoint,
+    /// The name by which clients open the bus.
+    name: String,
+}
+
+fn parse(rest: &str) -> Result<Arc<dyn Address>, String> {
+    let (endpoint, name) = rest.split_once('/').ok_or_else(|| format!("the bus has no name; accepted: {FORM}"))?;
+    let endpoint = Endpoint::parse(endpoint, FORM)?;
+    let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
+    if name.is_empty() || name.len() > NAME_MAX || !name.chars().all(allowed) {
+        return Err(format!(
+            "'{name}' is no name of a bus; accepted: 1–{NAME_MAX} letters, digits, '-', '_' and '.', as in pve0"
+        ));
+    }
+    Ok(Arc::new(ServerAddress { endpoint, name: name.to_owned() }))
+}
+
+/// The reference daemon's port, on this machine alone.
+impl Default for ServerAddress {
+    fn default() -> Self {
+        Self { endpoint: Endpoint { host: "127.0.0.1".to_owned(), port: 29536 }, name: "pve0".to_owned() }
+    }
+}
+
+impl fmt::Display for ServerAddress {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&url(&self.endpoint, &self.name))
+    }
+}
+
+impl Address for ServerAddress {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn open(&self, access: Access) -> Opening<'_> {
+        Box::pin(async move {
+            let listener = self.endpoint.bind(|endpoint| url(endpoint, &self.name)).await?;
+            let beacon = if access.beacon {
+                let beacon = Beacon::new(listener.address, &self.name).await;
+                Some(beacon.map_err(|error| OpenError::new(format!("--beacon: {error}")))?)
+            } else {
+                None
+            };
+            Ok(Box::new(Server { listener, name: self.name.as_str().into(), beacon }) as Box<dyn Gateway>)
+        })
+    }
+}
+
+fn url(endpoint: impl fmt::Display, name: &str) -> String {
+    format!("socketcand://{endpoint}/{name}")
+}
+
 /// A bus that is served at an address.
 #[derive(Debug)]
-pub struct Server {
-    listener: TcpListener,
-    bus: Arc<str>,
+struct Server {
+    listener: Listener,
+    name: Arc<str>,
+    beacon: Option<Beacon>,
 }
 
-impl Server {
-    /// Binds the address, `HOST:PORT`; port 0 takes a free one.
-    ///
-    /// # Errors
-    /// When it cannot be resolved or is in use.
-    pub async fn bind(authority: &str, bus: &str) -> io::Result<Self> {
-        Ok(Self { listener: TcpListener::bind(authority).await?, bus: bus.into() })
+impl Gateway for Server {
+    fn url(&self) -> String {
+        url(self.listener.address, &self.name)
     }
 
-    /// The address that was bound.
-    ///
-    /// # Errors
-    /// When the system does not tell.
-    pub fn address(&self) -> io::Result<SocketAddr> {
-        self.listener.local_addr()
+    fn hint(&self) -> String {
+        hint(self.listener.address, &self.name)
     }
 
-    /// Serves clients for ever; each takes one of the places. A client that finds none is told so and let go.
-    pub async fn run(self, world: Entrance, places: Arc<Semaphore>) {
-        loop {
-            match self.listener.accept().await {
-                Ok((stream, _)) => match timeout(WAIT_FOR_PLACE, Arc::clone(&places).acquire_owned()).await {
-                    Ok(Ok(place)) => {
-                        tokio::spawn(connection(stream, Arc::clone(&self.bus), world.clone(), place));
-                    }
-                    _ => drop(stream.try_write(NO_PLACE)),
-                },
-                Err(_) => tokio::time::sleep(RETRY).await,
-            }
+    fn start(self: Box<Self>, world: Entrance, places: Arc<Semaphore>) {
+        let Self { listener, name, beacon } = *self;
+        if let Some(beacon) = beacon {
+            tokio::spawn(beacon.run());
         }
+        tokio::spawn(listener.run(places, NO_PLACE, move |reader, writer| {
+            let (name, world) = (Arc::clone(&name), world.clone());
+            async move { session::serve(reader, writer, &name, world).await }
+        }));
     }
 }
 
-async fn connection(stream: TcpStream, bus: Arc<str>, world: Entrance, _place: OwnedSemaphorePermit) {
-    // Without it, frames would wait for the client's acknowledgement of those before; with a socket that refuses it the
-    // client is served all the same, only later.
-    let _ = stream.set_nodelay(true);
-    let (reader, writer) = stream.into_split();
-    session::serve(Prompt(reader), writer, &bus, world).await;
+/// What to type to join a bus, at an address that this machine reaches.
+fn hint(bound: SocketAddr, name: &str) -> String {
+    let address = joinable(bound);
+    let port = address.port();
+    match address.ip() {
+        IpAddr::V4(host) => format!(
+            "Join the bus with python-can:\n  \
+             can_logger -i socketcand -c {name} --bus-kwargs host={host} port={port}\n  \
+             can.Bus(interface=\"socketcand\", host=\"{host}\", port={port}, channel=\"{name}\")\n\
+             or with SavvyCAN: {name}@(can://{host}:{port})"
+        ),
+        IpAddr::V6(_) => format!(
+            "Join the bus at can://{address}, name {name}. python-can knows IPv4 addresses only: for that, \
+             --bus {}",
+            url(format_args!("127.0.0.1:{port}"), name)
+        ),
+    }
 }
 
-/// A connection whose reads are acknowledged at once: a client that has not set TCP_NODELAY holds its next frame back
-/// until then. Linux forgets the option, so it is set again after each read.
-struct Prompt(OwnedReadHalf);
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-impl AsyncRead for Prompt {
-    fn poll_read(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
-        let poll = Pin::new(&mut self.0).poll_read(cx, buf);
-        #[cfg(target_os = "linux")]
-        if poll.is_ready() {
-            let _ = self.0.as_ref().set_quickack(true);
+    fn hint_at(address: &str) -> String {
+        hint(address.parse().expect(address), "pve0")
+    }
+
+    #[test]
+    fn the_hint_names_an_address_that_works() {
+        for (bound, host) in [("127.0.0.2:7", "127.0.0.2"), ("0.0.0.0:7", "127.0.0.1"), ("[::]:7", "127.0.0.1")] {
+            let text = hint_at(bound);
+            assert!(text.contains(&format!("host={host} port=7\n")), "{text}");
+            assert!(text.contains(&format!("host=\"{host}\", port=7, channel=\"pve0\"")), "{text}");
+            assert!(text.contains(&format!("pve0@(can://{host}:7)")), "{text}");
         }
-        poll
+        let text = hint_at("[::1]:7");
+        assert!(text.contains("can://[::1]:7") && text.contains("--bus socketcand://127.0.0.1:7/pve0"), "{text}");
     }
 }

@@ -12,20 +12,13 @@ use super::broadcast::{Broadcast, Full, Mode};
 use super::protocol::{
     ECHO, HI, OK, Parser, Request, RequestError, emit_error, emit_frame, emit_refusal, emit_statistics,
 };
+use crate::gateway::outbox::BATCH;
+use crate::gateway::tcp::{FAREWELL, HANDSHAKE};
 use crate::gateway::{ClientId, Entrance, Leash, Mailbox, Outbox, Reply, ToClient, ToWorld};
 
 /// How long frames are held back after raw mode was answered: python-can takes what comes in one read with the answer for
 /// a wrong answer.
 const HOLD_BACK: Duration = Duration::from_millis(20);
-
-/// The time that a client has to open the bus: places are few.
-const HANDSHAKE: Duration = Duration::from_secs(60);
-
-/// The time that a client has to read its last answers after its own last word.
-const FAREWELL: Duration = Duration::from_secs(10);
-
-/// How many messages to the client go out in one write, at most.
-const BATCH: usize = 256;
 
 /// Serves one client until it leaves, fails, or is told to go because it does not keep up.
 pub async fn serve(reader: impl AsyncRead + Unpin, writer: impl AsyncWrite + Unpin, bus: &str, world: Entrance) {

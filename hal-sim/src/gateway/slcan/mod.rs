@@ -1,0 +1,35 @@
+//! slcan: an adapter on a serial line, in the ASCII of Lawicel's CAN232 and CANUSB, over TCP or on a pseudo-terminal.
+//!
+//! Each line ends with CR. The adapter answers a line that it carried out with CR (a frame with `z` or `Z` before it), and any
+//! other with BEL:
+//!
+//! ```text
+//! client                             adapter
+//! S5         250 kbit/s              CR
+//! O          open                    CR
+//! t00020120  frame 000: 01 20        z CR
+//!                                    t1A020900 CR
+//! C          close                   CR
+//! ```
+//!
+//! ```text
+//! protocol  bytes ↔ commands and answers, no I/O
+//! filter    the acceptance filter of commands M and m
+//! session   one client, over any stream
+//! server    the gateway over TCP
+//! pty       the gateway on a pseudo-terminal
+//! terminal  the pseudo-terminal, and the link to it
+//! ```
+
+mod filter;
+mod protocol;
+#[cfg_attr(not(unix), path = "pty_elsewhere.rs")]
+mod pty;
+mod server;
+mod session;
+#[cfg(unix)]
+mod terminal;
+
+pub use protocol::{Command, Parser, Refused, emit_frame};
+pub(super) use pty::SCHEME as PTY;
+pub(super) use server::SCHEME as TCP;

@@ -1,0 +1,107 @@
+//! The gateway on a pseudo-terminal, for clients that open a device: one at a time.
+
+use std::fmt;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::sync::Semaphore;
+use tokio::time::sleep;
+
+use super::session::{self, End, Line};
+use super::terminal::Terminal;
+use crate::gateway::{Access, Address, Entrance, Gateway, OpenError, Opening, Parse, Scheme, ToWorld};
+
+const FORM: &str = "slcan+pty:PATH";
+
+/// The URLs of this gateway.
+pub(in crate::gateway) const SCHEME: Scheme = Scheme { prefix: "slcan+pty:", form: FORM, parse: Parse::With(parse) };
+
+/// How often to look for a client while there is none: the system tells of none that opens the terminal.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// How long to wait after an error before the next try.
+const RETRY: Duration = Duration::from_secs(1);
+
+/// Where the link to the terminal is to be.
+#[derive(Clone, Debug)]
+struct LinkPath(PathBuf);
+
+fn parse(path: &str) -> Result<Arc<dyn Address>, String> {
+    // The ready line has a blank after each URL.
+    if path.is_empty() || path.chars().any(|c| c.is_whitespace() || c.is_control()) {
+        return Err(format!(
+            "'{path}' is no path for a link; accepted: {FORM}, without blanks, as in slcan+pty:/tmp/pve0"
+        ));
+    }
+    Ok(Arc::new(LinkPath(path.into())))
+}
+
+impl fmt::Display for LinkPath {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "slcan+pty:{}", self.0.display())
+    }
+}
+
+impl Address for LinkPath {
+    fn open(&self, _: Access) -> Opening<'_> {
+        Box::pin(async move {
+            let terminal = Terminal::open(&self.0).map_err(OpenError::from)?;
+            Ok(Box::new(Pty { address: self.clone(), terminal }) as Box<dyn Gateway>)
+        })
+    }
+}
+
+/// An adapter on a terminal.
+#[derive(Debug)]
+struct Pty {
+    address: LinkPath,
+    terminal: Terminal,
+}
+
+impl Gateway for Pty {
+    fn url(&self) -> String {
+        self.address.to_string()
+    }
+
+    fn hint(&self) -> String {
+        let path = self.address.0.display();
+        format!(
+            "Join the bus with python-can and pyserial, or with slcand:\n  \
+             can_logger -i slcan -c {path} --bus-kwargs sleep_after_open=0\n  \
+             can.Bus(interface=\"slcan\", channel=\"{path}\", sleep_after_open=0)\n  \
+             sudo slcand -o -c $(readlink {path}) can0 && sudo ip link set can0 up"
+        )
+    }
+
+    fn start(self: Box<Self>, world: Entrance, _: Arc<Semaphore>) {
+        tokio::spawn(self.run(world));
+    }
+}
+
+impl Pty {
+    /// Serves one client after the other, for ever.
+    async fn run(mut self: Box<Self>, world: Entrance) {
+        let url = self.url();
+        // Nobody else waits for the place.
+        let line = Line { url: &url, patience: None, farewell: Duration::ZERO };
+        loop {
+            while !self.terminal.is_in_use() {
+                sleep(LOOK).await;
+            }
+            let done = match self.terminal.halves() {
+                Ok((reader, writer)) => {
+                    let end = session::serve(reader, writer, world.clone(), line).await;
+                    // Somebody who has opened it at that very instant keeps it. One who is dismissed sees it go away, as
+                    // when an adapter is pulled out.
+                    if end == End::Left && self.terminal.is_in_use() { Ok(()) } else { self.terminal.renew() }
+                }
+                Err(error) => Err(error),
+            };
+            if let Err(error) = done {
+                world.tell(ToWorld::Warn(format!("{url}: {error}")));
+                sleep(RETRY).await;
+            }
+        }
+    }
+}

@@ -1,0 +1,7 @@
+//! Where there are no pseudo-terminals.
+
+use crate::gateway::{Parse, Scheme};
+
+/// The URLs of this gateway.
+pub(in crate::gateway) const SCHEME: Scheme =
+    Scheme { prefix: "slcan+pty:", form: "slcan+pty:PATH", parse: Parse::OnlyOn("Unix") };

@@ -1,0 +1,71 @@
+//! The gateway over TCP, which clients reach as they reach a serial port server: `socket://HOST:PORT`.
+
+use std::fmt;
+use std::sync::Arc;
+
+use tokio::sync::Semaphore;
+
+use super::session::{self, Line};
+use crate::gateway::tcp::{Endpoint, FAREWELL, HANDSHAKE, Listener, joinable};
+use crate::gateway::{Access, Address, Entrance, Gateway, Opening, Parse, Scheme};
+
+const FORM: &str = "slcan://HOST:PORT";
+
+/// The URLs of this gateway.
+pub(in crate::gateway) const SCHEME: Scheme = Scheme { prefix: "slcan://", form: FORM, parse: Parse::With(parse) };
+
+/// The answer to a client that finds no place.
+const NO_PLACE: &[u8] = b"\x07";
+
+/// Where the adapter is to be served.
+#[derive(Clone, Debug)]
+struct ServerAddress(Endpoint);
+
+fn parse(rest: &str) -> Result<Arc<dyn Address>, String> {
+    Endpoint::parse(rest, FORM).map(|endpoint| Arc::new(ServerAddress(endpoint)) as Arc<dyn Address>)
+}
+
+impl fmt::Display for ServerAddress {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "slcan://{}", self.0)
+    }
+}
+
+impl Address for ServerAddress {
+    fn open(&self, _: Access) -> Opening<'_> {
+        Box::pin(async move {
+            let listener = self.0.bind(|endpoint| ServerAddress(endpoint.clone()).to_string()).await?;
+            Ok(Box::new(Server(listener)) as Box<dyn Gateway>)
+        })
+    }
+}
+
+/// An adapter that is served at an address: each client has one of its own.
+#[derive(Debug)]
+struct Server(Listener);
+
+impl Gateway for Server {
+    fn url(&self) -> String {
+        format!("slcan://{}", self.0.address)
+    }
+
+    fn hint(&self) -> String {
+        let port = format!("socket://{}", joinable(self.0.address));
+        format!(
+            "Join the bus with python-can and pyserial:\n  \
+             can_logger -i slcan -c {port} --bus-kwargs sleep_after_open=0\n  \
+             can.Bus(interface=\"slcan\", channel=\"{port}\", sleep_after_open=0)"
+        )
+    }
+
+    fn start(self: Box<Self>, world: Entrance, places: Arc<Semaphore>) {
+        let url: Arc<str> = self.url().into();
+        tokio::spawn(self.0.run(places, NO_PLACE, move |reader, writer| {
+            let (url, world) = (Arc::clone(&url), world.clone());
+            async move {
+                let line = Line { url: &url, patience: Some(HANDSHAKE), farewell: FAREWELL };
+                session::serve(reader, writer, world, line).await;
+            }
+        }));
+    }
+}

@@ -1,0 +1,144 @@
+//! A pseudo-terminal, and the link by which clients find it.
+
+use std::ffi::OsStr;
+use std::fs::{self, File, OpenOptions};
+use std::io;
+use std::os::fd::{AsFd, OwnedFd};
+use std::os::unix::ffi::OsStrExt;
+use std::os::unix::fs::{OpenOptionsExt, symlink};
+use std::path::{Path, PathBuf};
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fs::OFlags;
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+use tokio::net::unix::pipe::{Receiver, Sender};
+
+/// A pseudo-terminal in raw mode. Clients open its other end; while none has, there is nothing to wait for.
+#[derive(Debug)]
+pub(super) struct Terminal {
+    /// This end. It does not block.
+    end: OwnedFd,
+    link: Link,
+}
+
+impl Terminal {
+    /// Makes a terminal, and the link to it.
+    ///
+    /// # Errors
+    /// When the system has no terminal to give, or the path holds something that is no stale link.
+    pub(super) fn open(path: &Path) -> io::Result<Self> {
+        let (end, device) = make()?;
+        Ok(Self { end, link: Link::make(path, device)? })
+    }
+
+    /// Whether a client has opened the terminal, or what it has written is still to be read.
+    pub(super) fn is_in_use(&self) -> bool {
+        let mut fds = [PollFd::new(&self.end, PollFlags::IN)];
+        let now = Timespec { tv_sec: 0, tv_nsec: 0 };
+        let seen = poll(&mut fds, Some(&now))
+            .map_or(PollFlags::empty(), |_| fds.iter().fold(PollFlags::empty(), |seen, fd| seen | fd.revents()));
+        seen.contains(PollFlags::IN) || !seen.contains(PollFlags::HUP)
+    }
+
+    /// Returns both directions of this end, for one client: they fail when it has closed the terminal.
+    ///
+    /// # Errors
+    /// When the process has no descriptor left.
+    pub(super) fn halves(&self) -> io::Result<(Receiver, Sender)> {
+        // They read, write and wait for any descriptor that does not block.
+        let reader = Receiver::from_owned_fd_unchecked(self.end.try_clone()?)?;
+        let writer = Sender::from_owned_fd_unchecked(self.end.try_clone()?)?;
+        Ok((reader, writer))
+    }
+
+    /// Puts a new terminal in the place of this one, which takes with it what a client has left: its mode, and what it has
+    /// not read.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub(super) fn renew(&mut self) -> io::Result<()> {
+        let (end, device) = make()?;
+        self.link.lead_to(device)?;
+        self.end = end;
+        Ok(())
+    }
+}
+
+/// Makes a terminal that no client has opened; returns this end and the path of the other.
+fn make() -> io::Result<(OwnedFd, PathBuf)> {
+    let end = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
+    grantpt(&end)?;
+    unlockpt(&end)?;
+    rustix::io::ioctl_fionbio(&end, true)?;
+    let device = PathBuf::from(OsStr::from_bytes(ptsname(&end, Vec::new())?.as_bytes()));
+    // Before the other end was open once, the system does not tell that nobody has it open.
+    set_raw(&open(&device)?)?;
+    Ok((end, device))
+}
+
+/// Opens the other end, without making it the terminal of this process.
+fn open(device: &Path) -> io::Result<File> {
+    let no_control = i32::try_from(OFlags::NOCTTY.bits()).unwrap_or_default();
+    OpenOptions::new().read(true).write(true).custom_flags(no_control).open(device)
+}
+
+fn set_raw(terminal: impl AsFd) -> io::Result<()> {
+    let mut attributes = tcgetattr(&terminal)?;
+    attributes.make_raw();
+    Ok(tcsetattr(&terminal, OptionalActions::Now, &attributes)?)
+}
+
+/// A link to a device, which goes when this does.
+#[derive(Debug)]
+struct Link {
+    path: PathBuf,
+    device: PathBuf,
+}
+
+impl Link {
+    fn make(path: &Path, device: PathBuf) -> io::Result<Self> {
+        match symlink(&device, path) {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+                if !is_stale(path, &device) {
+                    return Err(io::Error::new(
+                        error.kind(),
+                        "there is something already, and no link that was left behind",
+                    ));
+                }
+                fs::remove_file(path)?;
+                symlink(&device, path)?;
+            }
+            made => made?,
+        }
+        Ok(Self { path: path.to_owned(), device })
+    }
+
+    fn lead_to(&mut self, device: PathBuf) -> io::Result<()> {
+        self.remove();
+        *self = Self::make(&self.path, device)?;
+        Ok(())
+    }
+
+    /// Removes the link, unless somebody has put something else in its place.
+    fn remove(&self) {
+        if fs::read_link(&self.path).is_ok_and(|device| device == self.device) {
+            let _ = fs::remove_file(&self.path);
+        }
+    }
+}
+
+impl Drop for Link {
+    fn drop(&mut self) {
+        self.remove();
+    }
+}
+
+/// Whether a link is one that a simulator has left behind: to a terminal that is gone, or whose number the new one has.
+fn is_stale(path: &Path, device: &Path) -> bool {
+    fs::read_link(path).is_ok_and(|old| old.parent() == device.parent() && (old == device || !old.exists()))
+}
+
+#[cfg(test)]
+#[path = "terminal_tests.rs"]
+mod tests;

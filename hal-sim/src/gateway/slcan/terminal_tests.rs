@@ -1,0 +1,80 @@
+use std::io::{Read, Write};
+
+use rustix::termios::{InputModes, LocalModes};
+use tempfile::tempdir;
+
+use super::*;
+
+#[test]
+fn a_terminal_knows_whether_a_client_is_there() {
+    let dir = tempdir().expect("a folder");
+    let path = dir.path().join("pve0");
+    let terminal = Terminal::open(&path).expect("a terminal");
+    assert!(!terminal.is_in_use(), "before the first");
+    for _ in 0..3 {
+        let mut client = super::open(&path).expect("the link leads to it");
+        assert!(terminal.is_in_use());
+        client.write_all(b"V\r").expect("room");
+        drop(client);
+        assert!(terminal.is_in_use(), "there is something to read");
+        let mut bytes = [0; 8];
+        assert_eq!(rustix::io::read(&terminal.end, &mut bytes).map(|len| bytes[..len].to_vec()), Ok(b"V\r".to_vec()));
+        assert!(!terminal.is_in_use());
+    }
+}
+
+/// CR stays CR, and nothing is echoed, whatever the client before has set; who still has the old one is hung up on.
+#[test]
+fn a_new_terminal_has_nothing_of_the_one_before() {
+    let dir = tempdir().expect("a folder");
+    let path = dir.path().join("pve0");
+    let mut terminal = Terminal::open(&path).expect("a terminal");
+    let mut rude = super::open(&path).expect("the link leads to it");
+    let mut attributes = tcgetattr(&rude).expect("attributes");
+    attributes.local_modes |= LocalModes::ECHO | LocalModes::ICANON;
+    attributes.input_modes |= InputModes::ICRNL;
+    tcsetattr(&rude, OptionalActions::Now, &attributes).expect("attributes");
+    rustix::io::write(&terminal.end, b"t1230").expect("room");
+    terminal.renew().expect("a terminal");
+    // As a device that was pulled out: the end on Linux, an error elsewhere.
+    assert!(matches!(rude.read(&mut [0; 8]), Ok(0) | Err(_)));
+    assert!(!terminal.is_in_use());
+    let mut client = super::open(&path).expect("the link leads to the new one");
+    assert!(terminal.is_in_use());
+    rustix::io::write(&terminal.end, b"\x07\r").expect("room");
+    let mut bytes = [0; 2];
+    client.read_exact(&mut bytes).expect("bytes");
+    assert_eq!(&bytes, b"\x07\r");
+    assert!(rustix::io::read(&terminal.end, &mut bytes).is_err(), "nothing is echoed");
+}
+
+#[test]
+fn a_link_goes_with_its_terminal_unless_it_is_another_one() {
+    let dir = tempdir().expect("a folder");
+    let path = dir.path().join("pve0");
+    drop(Terminal::open(&path).expect("a terminal"));
+    assert!(path.symlink_metadata().is_err(), "the link is gone");
+    let terminal = Terminal::open(&path).expect("a terminal");
+    fs::remove_file(&path).expect("the link");
+    fs::write(&path, "mine").expect("a file");
+    drop(terminal);
+    assert_eq!(fs::read_to_string(&path).expect("the file"), "mine");
+}
+
+#[test]
+fn nothing_is_replaced_but_a_link_that_was_left_behind() {
+    let dir = tempdir().expect("a folder");
+    let path = dir.path().join("pve0");
+    let terminal = Terminal::open(&path).expect("a terminal");
+    assert!(Terminal::open(&path).is_err(), "of another that runs");
+    // Left behind by one that was killed: to a terminal that is gone, or to a number that the new one has.
+    symlink(&terminal.link.device, dir.path().join("same")).expect("a link");
+    assert!(is_stale(&dir.path().join("same"), &terminal.link.device));
+    let gone = terminal.link.device.with_file_name("123456789");
+    drop(terminal);
+    symlink(gone, &path).expect("a link");
+    drop(Terminal::open(&path).expect("the link is replaced"));
+    symlink("/nowhere/else", &path).expect("a link");
+    assert!(Terminal::open(&path).is_err(), "a link to elsewhere");
+    assert_eq!(fs::read_link(&path).expect("the link"), Path::new("/nowhere/else"));
+}

@@ -1,0 +1,112 @@
+//! The URL of an interface, and what to type to join it.
+
+use crate::gateway::{Parse, Scheme};
+
+/// The URLs of this gateway.
+pub(in crate::gateway) const SCHEME: Scheme = Scheme { prefix: "socketcan:", form: "socketcan:IFACE", parse: PARSE };
+
+#[cfg(not(target_os = "linux"))]
+const PARSE: Parse = Parse::OnlyOn("Linux");
+#[cfg(target_os = "linux")]
+const PARSE: Parse = Parse::With(linux::parse);
+
+#[cfg(target_os = "linux")]
+mod linux {
+    use std::sync::Arc;
+    use std::{fmt, io};
+
+    use rustix::io::Errno;
+    use tokio::sync::Semaphore;
+
+    use crate::gateway::socketcan::interface::Interface;
+    use crate::gateway::{Access, Address, Entrance, Gateway, OpenError, Opening};
+
+    /// The longest name of an interface that Linux gives, in characters.
+    const NAME_MAX: usize = 15;
+
+    /// An interface, by its name. Whether there is one shows when it is opened.
+    #[derive(Clone, Debug)]
+    struct InterfaceName(String);
+
+    pub(super) fn parse(name: &str) -> Result<Arc<dyn Address>, String> {
+        let allowed = |c: char| c.is_ascii_graphic() && c != '/' && c != ':';
+        if name.is_empty() || name.len() > NAME_MAX || !name.chars().all(allowed) {
+            return Err(format!("'{name}' is no name of an interface; accepted: 1–{NAME_MAX} characters, as in vcan0"));
+        }
+        Ok(Arc::new(InterfaceName(name.to_owned())))
+    }
+
+    impl fmt::Display for InterfaceName {
+        fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            write!(f, "socketcan:{}", self.0)
+        }
+    }
+
+    impl Address for InterfaceName {
+        fn name(&self) -> &str {
+            &self.0
+        }
+
+        fn is_real_time(&self) -> bool {
+            true
+        }
+
+        fn is_shared(&self) -> bool {
+            true
+        }
+
+        fn open(&self, _: Access) -> Opening<'_> {
+            Box::pin(async move {
+                let interface = Interface::open(&self.0).map_err(|error| refusal(&self.0, &error))?;
+                Ok(Box::new(Joined { name: self.clone(), interface }) as Box<dyn Gateway>)
+            })
+        }
+    }
+
+    /// Why an interface cannot be opened, with the way out where there is none of that name.
+    fn refusal(name: &str, error: &io::Error) -> OpenError {
+        let is_missing = Errno::from_io_error(error) == Some(Errno::NODEV);
+        let way_out =
+            format!("; 'ip link' lists the interfaces, 'ip link add {name} up type vcan' makes a virtual one");
+        OpenError::new(format!("{error}{}", if is_missing { &way_out } else { "" }))
+    }
+
+    /// An interface that is open.
+    struct Joined {
+        name: InterfaceName,
+        interface: Interface,
+    }
+
+    impl Gateway for Joined {
+        fn url(&self) -> String {
+            self.name.to_string()
+        }
+
+        fn hint(&self) -> String {
+            let InterfaceName(name) = &self.name;
+            format!(
+                "Join the bus with any tool of SocketCAN:\n  candump {name}\n  \
+                 can.Bus(interface=\"socketcan\", channel=\"{name}\")"
+            )
+        }
+
+        fn start(self: Box<Self>, world: Entrance, _: Arc<Semaphore>) {
+            tokio::spawn(self.interface.run(world));
+        }
+    }
+
+    #[cfg(test)]
+    mod tests {
+        use super::*;
+
+        #[test]
+        fn an_interface_that_is_not_there_names_the_way_out() {
+            let told = |errno: Errno| refusal("can0", &errno.into()).to_string();
+            let missing = told(Errno::NODEV);
+            assert!(missing.starts_with("No such device"), "{missing}");
+            let way_out = "; 'ip link' lists the interfaces, 'ip link add can0 up type vcan' makes a virtual one";
+            assert!(missing.ends_with(way_out), "{missing}");
+            assert!(!told(Errno::ACCESS).contains("ip link"));
+        }
+    }
+}
