@@ -59,6 +59,7 @@ pub mod explain;
 pub mod gateway;
 pub mod kind;
 pub mod memory;
+pub mod recording;
 pub mod run;
 pub mod speed;
 pub mod trace;

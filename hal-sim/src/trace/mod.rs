@@ -1,10 +1,12 @@
 //! Traces: what happened on the bus, as other tools read it.
 
-mod candump;
+pub(crate) mod candump;
+mod record;
 mod timestamp;
 
 pub use candump::{write_error, write_frame};
-pub use timestamp::Timestamp;
+pub use record::{Entry, ErrorFrame, Record};
+pub use timestamp::{ParseTimestampError, Timestamp};
 
 /// Bytes in hex, two digits each, without blanks.
 pub(crate) fn write_hex(out: &mut String, bytes: &[u8]) {
