@@ -17,6 +17,9 @@
 //! trace/    what happened on the bus, as other tools read it
 //! explain/  what a frame means, in words
 //! describe/ the products for other tools: EDS and DBC
+//! recording/ the bus in a file, in the formats of other tools
+//! decode    a recording, explained
+//! replay/   a recording of a device against its stand-in
 //! gateway/  clients of the bus that live outside: socketcand, SocketCAN
 //! control/  state, faults and time over HTTP
 //! run/      the world paced by the wall clock, with its clients, its trace and its memory
@@ -54,12 +57,14 @@
 pub mod bus;
 pub mod cli;
 pub mod control;
+pub mod decode;
 pub mod describe;
 pub mod explain;
 pub mod gateway;
 pub mod kind;
 pub mod memory;
 pub mod recording;
+pub mod replay;
 pub mod run;
 pub mod speed;
 pub mod trace;

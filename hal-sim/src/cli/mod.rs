@@ -3,6 +3,7 @@
 mod device;
 mod link;
 mod options;
+mod recordings;
 mod shell;
 
 pub use device::DeviceSpec;
@@ -14,8 +15,11 @@ use clap::error::{ContextKind, ErrorKind};
 use clap::{CommandFactory, Parser, Subcommand};
 use clap_complete::Shell;
 
+use self::recordings::{DecodeArgs, ReplayArgs};
+use crate::decode::DecodeOptions;
 use crate::describe;
 use crate::kind::Kind;
+use crate::replay::ReplayOptions;
 use crate::run::RunOptions;
 use crate::use_case::{self, UseCase};
 
@@ -26,6 +30,10 @@ pub enum Request {
     Run(RunOptions),
     /// Play these use cases.
     UseCases(Vec<&'static UseCase>),
+    /// Explain a recording.
+    Decode(DecodeOptions),
+    /// Replay a recording.
+    Replay(ReplayOptions),
     /// Print this on stdout: the help, the version, the description of a kind, or what a shell reads.
     Print(String),
 }
@@ -38,12 +46,14 @@ Examples:
   pve-sim --device pvea-canopen --device hat1000,bit-rate=250k --link pvea-canopen=hat1000
   pve-sim --device pvea-canopen,blank --state memory --log frames.log
   pve-sim use-case isobus
+  pve-sim decode frames.log
+  pve-sim replay frames.log --device pvea-canopen@0x20
   pve-sim eds pvea-canopen > pvea.eds
   pve-sim dbc pvea-isobus > pvea.dbc
 
 SIGINT, SIGTERM, SIGHUP and a reader of stdout that is gone end it; everything stored, exit 0.
 Exit codes: 1 a port in use, an interface that is not there, a file that cannot be opened or must not be replaced, a
-state file of another kind, a use case that differs; 2 wrong usage.";
+state file of another kind, a use case or a replay that differs, a line of a log that is none; 2 wrong usage.";
 
 /// Wrong usage: one line that says what is wrong and what is accepted.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -79,6 +89,11 @@ enum Command {
         #[arg(value_name = "1-6|isobus|hat|all", value_parser = use_cases)]
         which: Option<UseCases>,
     },
+    /// Explains a recorded log line by line, as the trace does; exit 1 if a line is none
+    Decode(DecodeArgs),
+    /// Plays a recorded log against stand-ins, from their power-up and in virtual time: what they send is compared with the
+    /// log, all else is sent to them; exit 1 on differences
+    Replay(ReplayArgs),
     /// Prints the EDS of a CANopen kind, from its object dictionary
     Eds {
         /// The kind
@@ -155,6 +170,8 @@ where
         Ok(Cli { command: Some(Command::Run(run)), .. }) => RunOptions::try_from(*run).map(Request::Run),
         Ok(Cli { command: Some(Command::UseCase { which: Some(which) }), .. }) => Ok(Request::UseCases(which.0)),
         Ok(Cli { command: Some(Command::UseCase { which: None }), .. }) => Ok(Request::Print(titles())),
+        Ok(Cli { command: Some(Command::Decode(args)), .. }) => DecodeOptions::try_from(args).map(Request::Decode),
+        Ok(Cli { command: Some(Command::Replay(args)), .. }) => ReplayOptions::try_from(args).map(Request::Replay),
         Ok(Cli { command: Some(Command::Eds { sheet: text } | Command::Dbc { database: text }), .. }) => {
             Ok(Request::Print(text.0))
         }

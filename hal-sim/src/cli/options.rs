@@ -90,7 +90,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "N", value_parser = seed, default_value_t = DEFAULT_SEED, help_heading = "Time")]
     seed: u64,
 
-    /// Write every frame to FILE, in the format of candump -L
+    /// Write every frame to FILE: .asc as ASC, .pcapng as pcapng, all others in the format of candump -L
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Output")]
     log: Option<PathBuf>,
 
@@ -139,11 +139,7 @@ impl TryFrom<RunArgs> for RunOptions {
             return Err(UsageError("--speed step: the control interface moves time; leave --no-http out".to_owned()));
         }
         let specs = if args.device.is_empty() { vec![DeviceSpec::new(DEFAULT_KIND)] } else { args.device };
-        let mut devices = named(specs)?;
-        number(&mut devices);
-        if !args.allow_clash {
-            refuse_clashes(&devices)?;
-        }
+        let devices = on_one_bus(specs, args.allow_clash)?;
         let links = link::between(&devices, args.link)?;
         let buses = if args.bus.is_empty() { vec![BusUrl::default_server()] } else { args.bus };
         check_interfaces(&buses, args.speed)?;
@@ -163,6 +159,16 @@ impl TryFrom<RunArgs> for RunOptions {
             seed: args.seed,
         })
     }
+}
+
+/// The devices of one bus, each with a name and a serial number of its own, and a node ID unless they may clash.
+pub(super) fn on_one_bus(specs: Vec<DeviceSpec>, may_clash: bool) -> Result<Vec<NamedDevice>, UsageError> {
+    let mut devices = named(specs)?;
+    number(&mut devices);
+    if !may_clash {
+        refuse_clashes(&devices)?;
+    }
+    Ok(devices)
 }
 
 /// Gives a name to each device that has none: its kind, then kind-2, kind-3 …, as far as they are free.

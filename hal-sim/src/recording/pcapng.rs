@@ -88,8 +88,9 @@ fn write_block(out: &mut impl Write, kind: u32, body: &[u8]) -> io::Result<()> {
 }
 
 /// An interface of the section that is being read.
-#[derive(Clone, Copy, Debug)]
+#[derive(Debug)]
 struct Interface {
+    name: String,
     link_type: i32,
     /// Units of time in a second; `None` for one that is none.
     resolution: Option<u64>,
@@ -101,6 +102,8 @@ struct Interface {
 pub(super) struct Packets {
     reader: PcapNGReader<Box<dyn Read + Send>>,
     interfaces: Vec<Interface>,
+    /// The interface of the last packet.
+    last: usize,
 }
 
 /// Why there is no entry.
@@ -131,14 +134,24 @@ impl Packets {
         source.read_exact(rest).map_err(|_| PacketError::End(CUT_OFF))?;
         let whole: Box<dyn Read + Send> = Box::new(Cursor::new(head).chain(source));
         let reader = PcapNGReader::new(BLOCK_MAX * 2, whole).map_err(|_| PacketError::End(BROKEN))?;
-        Ok(Self { reader, interfaces: Vec::new() })
+        Ok(Self { reader, interfaces: Vec::new(), last: 0 })
+    }
+
+    /// The interface of the last packet.
+    pub(super) fn bus(&self) -> &str {
+        self.interfaces.get(self.last).map_or("can0", |interface| &interface.name)
+    }
+
+    /// Whether the next packet may have to be waited for.
+    pub(super) fn may_wait(&self) -> bool {
+        self.reader.data().is_empty()
     }
 
     /// The next packet's entry; `None` at the end.
     pub(super) fn next(&mut self) -> Option<Result<Record, PacketError>> {
         loop {
             let (length, found) = match self.reader.next() {
-                Ok((length, block)) => (length, take(&mut self.interfaces, &block)),
+                Ok((length, block)) => (length, take(&mut self.interfaces, &mut self.last, &block)),
                 Err(PcapError::Eof) => return None,
                 Err(PcapError::Incomplete(_)) => match self.reader.refill() {
                     Ok(()) => continue,
@@ -159,16 +172,23 @@ const CUT_OFF: Reason = "a file that is cut off here";
 const BROKEN: Reason = "no block of pcapng; the rest cannot be found";
 
 /// The entry of a block that is a packet.
-fn take(interfaces: &mut Vec<Interface>, block: &PcapBlockOwned<'_>) -> Option<Result<Record, Reason>> {
+fn take(
+    interfaces: &mut Vec<Interface>,
+    last: &mut usize,
+    block: &PcapBlockOwned<'_>,
+) -> Option<Result<Record, Reason>> {
     match block {
         PcapBlockOwned::NG(Block::SectionHeader(_)) => interfaces.clear(),
         PcapBlockOwned::NG(Block::InterfaceDescription(described)) => interfaces.push(Interface {
+            // A blank would end the name in a line of candump.
+            name: described.if_name().and_then(Result::ok).unwrap_or("can0").replace(char::is_whitespace, "_"),
             link_type: described.linktype.0,
             resolution: described.ts_resolution(),
             offset: described.if_tsoffset,
         }),
         PcapBlockOwned::NG(Block::EnhancedPacket(packet)) => {
-            let interface = usize::try_from(packet.if_id).ok().and_then(|number| interfaces.get(number));
+            *last = usize::try_from(packet.if_id).unwrap_or(usize::MAX);
+            let interface = interfaces.get(*last);
             let Some(interface) = interface else { return Some(Err("a packet of an interface that is not there")) };
             if interface.link_type != i32::from(SOCKETCAN) {
                 return Some(Err("a packet that is not of SocketCAN (link type 227)"));

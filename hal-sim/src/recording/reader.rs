@@ -31,10 +31,12 @@ enum Source {
 }
 
 struct Text {
-    input: Box<dyn BufRead + Send>,
+    input: BufReader<Box<dyn Read + Send>>,
     style: Style,
     /// The time of the last entry.
     last: Timestamp,
+    /// The bus of the last entry.
+    bus: String,
     line: Vec<u8>,
 }
 
@@ -112,9 +114,33 @@ impl Reader {
         } else {
             let style = if ending == Format::Asc { Style::Asc(asc::Parser::default()) } else { Style::Unseen };
             let last = Timestamp::from_micros(0);
-            Source::Text(Text { input: Box::new(BufReader::new(whole)), style, last, line: Vec::new() })
+            Source::Text(Text {
+                input: BufReader::new(Box::new(whole)),
+                style,
+                last,
+                bus: "can0".to_owned(),
+                line: Vec::new(),
+            })
         };
         Ok(Self { source, number: 0, ended: false })
+    }
+
+    /// Returns the name of the bus that the last entry was on.
+    #[must_use]
+    pub fn bus(&self) -> &str {
+        match &self.source {
+            Source::Text(text) => &text.bus,
+            Source::Packets(packets) => packets.bus(),
+        }
+    }
+
+    /// Returns whether the next entry may have to be waited for, at a pipe.
+    #[must_use]
+    pub fn may_wait(&self) -> bool {
+        match &self.source {
+            Source::Text(text) => text.input.buffer().is_empty(),
+            Source::Packets(packets) => packets.may_wait(),
+        }
     }
 
     fn end(&mut self, error: ReadError) -> Option<Result<Logged, ReadError>> {
@@ -191,7 +217,10 @@ impl Text {
         if let Style::Asc(asc) = &mut self.style {
             return asc.line(&line);
         }
-        let (at, _, entry) = candump::parse(&line)?;
+        let (at, bus, entry) = candump::parse(&line)?;
+        if self.bus != bus {
+            bus.clone_into(&mut self.bus);
+        }
         self.last = at.unwrap_or(self.last);
         Ok(Some(Record { at: self.last, entry }))
     }

@@ -1,0 +1,148 @@
+//! When each device of a recording was switched on: told by its first frame.
+
+use protocol_core::frame::Frame;
+use protocol_core::time::{Duration, Instant, since};
+
+use super::{ReplayError, ReplayOptions};
+use crate::kind::Simulated as _;
+use crate::recording::{Logged, ReadError, Reader};
+use crate::run::NamedDevice;
+use crate::trace::{Entry, Timestamp};
+use crate::world::{EventKind, World};
+use crate::{Memory, bus::FrameBits};
+use protocol_core::device::Senses;
+
+/// How long after its power-up a device has said something, or says nothing by itself (A).
+const SILENT: Duration = Duration::from_secs(2);
+
+/// What there is before the first entry: more than the length of any frame at any bit rate.
+const LEAD: Duration = Duration::from_millis(20);
+
+/// The time line of a replay.
+#[derive(Debug)]
+pub(super) struct Begin {
+    /// The time of the log at virtual instant 0.
+    zero: Timestamp,
+    /// The first entry that counts.
+    first: u64,
+    /// Of each device, in the order of the options.
+    devices: Vec<PowerUp>,
+}
+
+/// The power-up of a device.
+#[derive(Debug)]
+pub(super) struct PowerUp {
+    /// When it is switched on.
+    pub(super) at: Instant,
+    /// What it sends first; `None` for a blank one, which says nothing.
+    pub(super) frame: Option<Frame>,
+    /// The entry of the log with that frame.
+    number: Option<u64>,
+}
+
+/// The first frame of a stand-in, and how long after its power-up that ends.
+struct First {
+    frame: Frame,
+    delay: Duration,
+}
+
+impl Begin {
+    /// Looks for the first frames of the devices.
+    pub(super) fn find(options: &ReplayOptions) -> Result<Self, ReplayError> {
+        let firsts: Vec<Option<First>> = options.devices.iter().map(first_frame).collect();
+        let mut found: Vec<Option<(u64, Timestamp)>> = vec![None; firsts.len()];
+        let mut start = None;
+        let unread = |source| ReplayError::Read { path: options.file.clone(), source };
+        for entry in Reader::open(&options.file).map_err(unread)? {
+            let Logged { number, record } = match entry {
+                Ok(logged) => logged,
+                Err(ReadError::NoEntry { .. }) => continue,
+                Err(ReadError::Io(source)) => return Err(unread(source)),
+            };
+            start.get_or_insert((number, record.at));
+            let Entry::Frame(frame) = record.entry else { continue };
+            for (first, found) in firsts.iter().zip(&mut found) {
+                let Some(First { frame: first, .. }) = first else { continue };
+                // A heartbeat of an earlier life has the identifier of the boot-up.
+                let is_first = if options.from_boot_up { *first == frame } else { first.key() == frame.key() };
+                if found.is_none() && is_first && !frame.is_remote() {
+                    *found = Some((number, record.at));
+                }
+            }
+            if firsts.iter().zip(&found).all(|(first, found)| first.is_none() || found.is_some()) {
+                break;
+            }
+        }
+        let mut start = start.ok_or_else(|| ReplayError::Empty { path: options.file.clone() })?;
+        if options.from_boot_up {
+            let earliest = found.iter().flatten().min_by_key(|(number, _)| number).copied();
+            start = earliest.ok_or_else(|| {
+                let names: Vec<&str> = options.devices.iter().map(|device| device.name.as_str()).collect();
+                ReplayError::NoBootUp { path: options.file.clone(), names: names.join(", ") }
+            })?;
+        }
+        let power_up = |(first, found): (&Option<First>, &Option<(u64, Timestamp)>)| match (first, found) {
+            (Some(First { delay, .. }), Some((_, at))) => at.as_micros().saturating_sub(delay.as_micros()),
+            _ => start.1.as_micros(),
+        };
+        let power_ups: Vec<u64> = firsts.iter().zip(&found).map(power_up).collect();
+        let earliest = power_ups.iter().copied().chain([start.1.as_micros()]).min().unwrap_or_default();
+        let zero = earliest.saturating_sub(LEAD.as_micros());
+        let devices = firsts.into_iter().zip(found).zip(power_ups).map(|((first, found), at)| PowerUp {
+            at: Instant::from_micros(at - zero),
+            frame: first.map(|first| first.frame),
+            number: found.map(|(number, _)| number),
+        });
+        Ok(Self { zero: Timestamp::from_micros(zero), first: start.0, devices: devices.collect() })
+    }
+
+    /// The virtual instant of an entry of the log; `None` for one that is left out.
+    pub(super) fn instant(&self, logged: &Logged) -> Option<Instant> {
+        let micros = logged.record.at.as_micros().saturating_sub(self.zero.as_micros());
+        (logged.number >= self.first).then(|| Instant::from_micros(micros))
+    }
+
+    /// The time of the log at a virtual instant.
+    pub(super) fn time(&self, at: Instant) -> Timestamp {
+        self.zero.at(at)
+    }
+
+    /// Whether an entry of the log is the first frame of a device.
+    pub(super) fn is_first(&self, number: u64) -> bool {
+        self.devices.iter().any(|device| device.number == Some(number))
+    }
+
+    /// The power-ups of the devices, in the order of the options.
+    pub(super) fn power_ups(&self) -> &[PowerUp] {
+        &self.devices
+    }
+}
+
+/// What a device sends first when it is alone on a bus of its own bit rate.
+fn first_frame(device: &NamedDevice) -> Option<First> {
+    let rate = device.birth.bit_rate.or(device.kind.bit_rates().first().copied())?;
+    let mut world = World::new(rate, 0);
+    world.record_events(true);
+    world.add_gateway("the log");
+    let node = world.add_device(&device.name, device.kind.factory(device.birth), Memory::in_ram());
+    world.set_senses(node, Senses::healthy(device.kind));
+    world.power(node, true);
+    let begin = world.now();
+    while world.next_event() <= protocol_core::time::after(begin, SILENT) {
+        world.step();
+        let first = world.take_events().find_map(|event| match event.what {
+            EventKind::Frame { frame, .. } => Some(First { frame, delay: since(event.at, begin) }),
+            _ => None,
+        });
+        if first.is_some() {
+            return first;
+        }
+    }
+    None
+}
+
+/// How long a frame is on the wire, rounded up to microseconds.
+pub(super) fn length(frame: &Frame, bits_per_second: u32) -> Duration {
+    let bits = u64::from(FrameBits::of(frame).on_wire());
+    Duration::from_micros((bits * 1_000_000).div_ceil(bits_per_second.into()))
+}
