@@ -1,30 +1,32 @@
 //! When each device of a recording was switched on: told by its first frame.
 
-use protocol_core::frame::Frame;
-use protocol_core::time::{Duration, Instant, since};
+use protocol_core::device::Senses;
+use protocol_core::frame::{Frame, Id};
+use protocol_core::time::{Duration, Instant, after, since};
 
+use super::own::is_of;
 use super::{ReplayError, ReplayOptions};
+use crate::Memory;
+use crate::bus::FrameBits;
 use crate::kind::Simulated as _;
 use crate::recording::{Logged, ReadError, Reader};
 use crate::run::NamedDevice;
 use crate::trace::{Entry, Timestamp};
 use crate::world::{EventKind, World};
-use crate::{Memory, bus::FrameBits};
-use protocol_core::device::Senses;
 
 /// How long after its power-up a device has said something, or says nothing by itself (A).
 const SILENT: Duration = Duration::from_secs(2);
 
-/// What there is before the first entry: more than the length of any frame at any bit rate.
-const LEAD: Duration = Duration::from_millis(20);
+/// How long before the first entry a device is switched on whose first frame is not in the log: it has booted by then.
+const LEAD: Duration = Duration::from_secs(1);
 
 /// The time line of a replay.
 #[derive(Debug)]
 pub(super) struct Begin {
     /// The time of the log at virtual instant 0.
     zero: Timestamp,
-    /// The first entry that counts.
-    first: u64,
+    /// The first entry that counts, and its time.
+    first: (u64, Timestamp),
     /// Of each device, in the order of the options.
     devices: Vec<PowerUp>,
 }
@@ -46,11 +48,46 @@ struct First {
     delay: Duration,
 }
 
+/// What is known of the first frame of a device in the log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Search {
+    /// Nothing.
+    Open,
+    /// It is this entry.
+    Found(u64, Timestamp),
+    /// It was before the log: the device has sent something else.
+    Before,
+}
+
+impl Search {
+    const fn found(self) -> Option<(u64, Timestamp)> {
+        match self {
+            Self::Found(number, at) => Some((number, at)),
+            Self::Open | Self::Before => None,
+        }
+    }
+}
+
+impl First {
+    /// What a frame of the log tells of this one.
+    fn look(&self, frame: &Frame, device: &NamedDevice, exactly: bool, (number, at): (u64, Timestamp)) -> Search {
+        let protocol = device.kind.protocol();
+        let is_own = !frame.is_remote() && device.birth.node_id.is_some_and(|id| is_of(frame, protocol, id));
+        if self.frame == *frame || (!exactly && is_like(&self.frame, frame)) {
+            Search::Found(number, at)
+        } else if is_own && !exactly {
+            Search::Before
+        } else {
+            Search::Open
+        }
+    }
+}
+
 impl Begin {
     /// Looks for the first frames of the devices.
     pub(super) fn find(options: &ReplayOptions) -> Result<Self, ReplayError> {
         let firsts: Vec<Option<First>> = options.devices.iter().map(first_frame).collect();
-        let mut found: Vec<Option<(u64, Timestamp)>> = vec![None; firsts.len()];
+        let mut found = vec![Search::Open; firsts.len()];
         let mut start = None;
         let unread = |source| ReplayError::Read { path: options.file.clone(), source };
         for entry in Reader::open(&options.file).map_err(unread)? {
@@ -61,18 +98,16 @@ impl Begin {
             };
             start.get_or_insert((number, record.at));
             let Entry::Frame(frame) = record.entry else { continue };
-            for (first, found) in firsts.iter().zip(&mut found) {
-                let Some(First { frame: first, .. }) = first else { continue };
-                // A heartbeat of an earlier life has the identifier of the boot-up.
-                let is_first = if options.from_boot_up { *first == frame } else { first.key() == frame.key() };
-                if found.is_none() && is_first && !frame.is_remote() {
-                    *found = Some((number, record.at));
+            for ((first, found), device) in firsts.iter().zip(&mut found).zip(&options.devices) {
+                if let (Some(first), Search::Open) = (first, &found) {
+                    *found = first.look(&frame, device, options.from_boot_up, (number, record.at));
                 }
             }
-            if firsts.iter().zip(&found).all(|(first, found)| first.is_none() || found.is_some()) {
+            if firsts.iter().zip(&found).all(|(first, found)| first.is_none() || *found != Search::Open) {
                 break;
             }
         }
+        let found: Vec<Option<(u64, Timestamp)>> = found.into_iter().map(Search::found).collect();
         let mut start = start.ok_or_else(|| ReplayError::Empty { path: options.file.clone() })?;
         if options.from_boot_up {
             let earliest = found.iter().flatten().min_by_key(|(number, _)| number).copied();
@@ -83,23 +118,28 @@ impl Begin {
         }
         let power_up = |(first, found): (&Option<First>, &Option<(u64, Timestamp)>)| match (first, found) {
             (Some(First { delay, .. }), Some((_, at))) => at.as_micros().saturating_sub(delay.as_micros()),
-            _ => start.1.as_micros(),
+            _ => start.1.as_micros().saturating_sub(LEAD.as_micros()),
         };
         let power_ups: Vec<u64> = firsts.iter().zip(&found).map(power_up).collect();
-        let earliest = power_ups.iter().copied().chain([start.1.as_micros()]).min().unwrap_or_default();
-        let zero = earliest.saturating_sub(LEAD.as_micros());
+        // A log from the power-up of its first device has its instants, on which random delays depend.
+        let zero = power_ups.iter().copied().chain([start.1.as_micros()]).min().unwrap_or_default();
         let devices = firsts.into_iter().zip(found).zip(power_ups).map(|((first, found), at)| PowerUp {
             at: Instant::from_micros(at - zero),
             frame: first.map(|first| first.frame),
             number: found.map(|(number, _)| number),
         });
-        Ok(Self { zero: Timestamp::from_micros(zero), first: start.0, devices: devices.collect() })
+        Ok(Self { zero: Timestamp::from_micros(zero), first: start, devices: devices.collect() })
     }
 
     /// The virtual instant of an entry of the log; `None` for one that is left out.
     pub(super) fn instant(&self, logged: &Logged) -> Option<Instant> {
         let micros = logged.record.at.as_micros().saturating_sub(self.zero.as_micros());
-        (logged.number >= self.first).then(|| Instant::from_micros(micros))
+        (logged.number >= self.first.0).then(|| Instant::from_micros(micros))
+    }
+
+    /// The virtual instant of the first entry that counts: before it the log tells nothing.
+    pub(super) fn opened(&self) -> Instant {
+        Instant::from_micros(self.first.1.as_micros().saturating_sub(self.zero.as_micros()))
     }
 
     /// The time of the log at a virtual instant.
@@ -118,6 +158,14 @@ impl Begin {
     }
 }
 
+/// Whether a frame can be the first one with other data: it has its identifier, and is no heartbeat, which has that of the
+/// boot-up.
+fn is_like(first: &Frame, frame: &Frame) -> bool {
+    let is_heartbeat = matches!(frame.id(), Id::Standard(id) if (0x701..=0x77F).contains(&id.as_raw()))
+        && matches!(frame.data(), [0x04 | 0x05 | 0x7F]);
+    first.key() == frame.key() && !frame.is_remote() && !is_heartbeat
+}
+
 /// What a device sends first when it is alone on a bus of its own bit rate.
 fn first_frame(device: &NamedDevice) -> Option<First> {
     let rate = device.birth.bit_rate.or(device.kind.bit_rates().first().copied())?;
@@ -128,7 +176,7 @@ fn first_frame(device: &NamedDevice) -> Option<First> {
     world.set_senses(node, Senses::healthy(device.kind));
     world.power(node, true);
     let begin = world.now();
-    while world.next_event() <= protocol_core::time::after(begin, SILENT) {
+    while world.next_event() <= after(begin, SILENT) {
         world.step();
         let first = world.take_events().find_map(|event| match event.what {
             EventKind::Frame { frame, .. } => Some(First { frame, delay: since(event.at, begin) }),

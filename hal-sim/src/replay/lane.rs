@@ -8,10 +8,15 @@ use std::collections::VecDeque;
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, after, since};
 
+use super::own::is_cannot_claim;
 use super::travel::Travels;
 
 /// How much later or earlier than in the log a frame is still taken for the same one, beyond the tolerance (A).
 pub(super) const PATIENCE: Duration = Duration::from_secs(1);
+
+/// How much later than another one a cannot-claim may come: its delay is random, so that those that lose together do not
+/// collide (SAE J1939-81).
+const CANNOT_CLAIM: Duration = Duration::from_micros(255 * 600);
 
 /// How many frames on either side are looked at for the best way on.
 const AHEAD: usize = 16;
@@ -69,13 +74,11 @@ enum Step {
 impl Lane {
     /// The next verdict, with all frames known up to an instant; `None` when it has to wait for more.
     pub(super) fn next(&mut self, known: Instant, tolerance: Duration, travels: &Travels) -> Option<Verdict> {
-        let patience = after(Instant::from_ticks(0), tolerance + PATIENCE);
-        let is_over = |item: &Item| since(known, item.at) > since(patience, Instant::from_ticks(0));
+        let is_over = |item: &Item| since(known, item.at) > tolerance + PATIENCE;
         let step = match (self.logged.front(), self.sent.front()) {
             (None, None) => return None,
             (Some(logged), Some(sent)) => {
-                let cost = pair(logged, sent, tolerance, travels);
-                if cost == Some(0) {
+                if pair(logged, sent, tolerance, travels) == Some(0) {
                     Step::Pair
                 } else if is_over(logged) || is_over(sent) {
                     self.best(known, tolerance, travels)
@@ -117,7 +120,7 @@ impl Lane {
         for at in (0..=logged.len()).rev() {
             for other in (0..=sent.len()).rev() {
                 let (left, right) = (&logged[at..], &sent[other..]);
-                let ((Some(one), Some(two)), true) = ((left.first(), right.first()), true) else {
+                let (Some(one), Some(two)) = (left.first(), right.first()) else {
                     costs[at][other] = rest(left, &self.sent) + rest(right, &self.logged);
                     continue;
                 };
@@ -141,6 +144,7 @@ impl Lane {
 
 /// What two frames cost as a pair; `None` when they are none.
 fn pair(logged: &Item, sent: &Item, tolerance: Duration, travels: &Travels) -> Option<u32> {
+    let tolerance = if is_cannot_claim(&logged.frame) { tolerance + CANNOT_CLAIM } else { tolerance };
     let apart = since(logged.at, sent.at).max(since(sent.at, logged.at));
     let alike = apart <= tolerance + PATIENCE && travels.alike(logged, sent);
     match (alike, apart <= tolerance) {

@@ -11,7 +11,7 @@
 //! ```
 //!
 //! The log has no instant of power-up; each stand-in is switched on so that its first frame (boot-up, or address claim) ends
-//! when that of the log does. A frame of somebody else is sent so that it ends when it did in the log, through the port of
+//! when that of the log does, and without such a frame some time before the log. A frame of somebody else is sent so that it ends when it did in the log, through the port of
 //! an ordinary client. It may lose an arbitration that it won in the log, and come a frame's length later.
 //!
 //! A stand-in may turn out to send under an identifier that it was not known to have when the log had it first, as a PDO
@@ -32,7 +32,7 @@ use std::io;
 use std::path::PathBuf;
 
 use protocol_core::frame::Frame;
-use protocol_core::time::{Duration, Instant, since};
+use protocol_core::time::{Duration, Instant, after, since};
 
 use self::begin::Begin;
 use self::lane::{Item, Lane, Verdict};
@@ -190,7 +190,7 @@ impl<'a> Player<'a> {
                 self.pair(self.stage.now().min(at), None);
             }
         }
-        self.stage.run_until(protocol_core::time::after(end, self.options.tolerance));
+        self.stage.run_before(after(end, self.options.tolerance));
         self.collect();
         self.pair(Instant::MAX, Some(end));
         self.outcome.told.sort_by_key(|difference| (difference.at, difference.number));
@@ -219,8 +219,8 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Finds pairs in what is known up to an instant. At the end of the log, what the stand-ins send is cut off by it, and
-    /// missing in the log is nothing that came later.
+    /// Finds pairs in what is known up to an instant. What the stand-ins send before the first entry of the log, or after its
+    /// end, is not missing there.
     fn pair(&mut self, known: Instant, end: Option<Instant>) {
         let tolerance = self.options.tolerance;
         for lane in self.lanes.values_mut() {
@@ -229,8 +229,8 @@ impl<'a> Player<'a> {
                     Verdict::AsLogged => continue,
                     Verdict::Missing(item) => (What::Missing, item, None),
                     Verdict::Additional(item) => {
-                        let cut_off = end.is_some_and(|end| protocol_core::time::after(item.at, tolerance) > end);
-                        if cut_off {
+                        let is_after = end.is_some_and(|end| after(item.at, tolerance) > end);
+                        if is_after || after(item.at, tolerance) < self.begin.opened() {
                             continue;
                         }
                         (What::Additional, item, None)

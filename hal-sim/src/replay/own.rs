@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 
 use protocol_core::device::Protocol;
-use protocol_core::frame::{Frame, Id};
+use protocol_core::frame::{Frame, Id, standard};
 use protocol_core::wire::j1939_id::{Address, J1939Id, Pgn};
 use protocol_core::wire::name::Name;
 use protocol_core::wire::uds;
@@ -24,25 +24,25 @@ pub(super) fn is_own(frame: &Frame, nodes: &[Node], keys: &BTreeSet<u32>, begin:
     if is_claim(frame.key()) {
         return is_own_claim(frame, nodes, begin);
     }
-    let has = |protocol: Protocol, id: u8| {
-        nodes.iter().any(|node| node.kind.protocol() == protocol && node.node_id == Some(id))
-    };
-    let by_number = match frame.id() {
-        Id::Standard(id) => match id.as_raw() {
-            LSS_ANSWER => nodes.iter().any(|node| node.kind.protocol() == Protocol::Canopen),
-            raw @ (0x081..=0x0FF | 0x181..=0x1FF | 0x581..=0x5FF | 0x701..=0x77F) => {
-                has(Protocol::Canopen, (raw & 0x7F) as u8)
-            }
-            _ => false,
+    let is_lss = frame.id() == Id::Standard(standard(LSS_ANSWER));
+    is_lss && nodes.iter().any(|node| node.kind.protocol() == Protocol::Canopen)
+        || nodes.iter().any(|node| node.node_id.is_some_and(|id| is_of(frame, node.kind.protocol(), id)))
+        || keys.contains(&frame.key())
+}
+
+/// Whether a frame has an identifier of the device with this node ID, or address.
+pub(super) fn is_of(frame: &Frame, protocol: Protocol, node_id: u8) -> bool {
+    match (frame.id(), protocol) {
+        (Id::Standard(id), Protocol::Canopen) => {
+            matches!(id.as_raw(), 0x081..=0x0FF | 0x181..=0x1FF | 0x581..=0x5FF | 0x701..=0x77F)
+                && id.as_raw() & 0x7F == u16::from(node_id)
+        }
+        (Id::Standard(_), Protocol::Isobus) => false,
+        (Id::Extended(id), protocol) => match uds::parse_id(id.as_raw()) {
+            Some((source, _)) => source.raw() == u16::from(node_id),
+            None => protocol == Protocol::Isobus && J1939Id::from_raw(id.as_raw()).source().get() == node_id,
         },
-        Id::Extended(id) => match uds::parse_id(id.as_raw()) {
-            Some((source, _)) => {
-                u8::try_from(source.raw()).is_ok_and(|id| has(Protocol::Canopen, id) || has(Protocol::Isobus, id))
-            }
-            None => has(Protocol::Isobus, J1939Id::from_raw(id.as_raw()).source().get()),
-        },
-    };
-    by_number || keys.contains(&frame.key())
+    }
 }
 
 /// Whether a [key](Frame::key) is of an address claim, or of a cannot-claim.
@@ -51,6 +51,14 @@ pub(super) fn is_claim(key: u32) -> bool {
     key & EXTENDED != 0
         && uds::parse_id(key & !EXTENDED).is_none()
         && J1939Id::from_raw(key & !EXTENDED).pgn() == Pgn::ADDRESS_CLAIMED
+}
+
+/// Whether a frame says that its sender has no address.
+pub(super) fn is_cannot_claim(frame: &Frame) -> bool {
+    match frame.id() {
+        Id::Extended(id) => is_claim(frame.key()) && J1939Id::from_raw(id.as_raw()).source() == Address::NULL,
+        Id::Standard(_) => false,
+    }
 }
 
 /// Whether a claim is of a device: by its NAME. Another NAME at the address of a device is of the same product, or of

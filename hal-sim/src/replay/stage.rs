@@ -22,8 +22,6 @@ use crate::world::{EventKind, NodeId, TapId, World};
 /// Positions are noted so often.
 const SAMPLE: Duration = Duration::from_millis(1);
 
-const TICK: Duration = Duration::from_ticks(1);
-
 /// The bus of a replay.
 pub(super) struct Stage {
     world: World,
@@ -45,13 +43,14 @@ impl Stage {
         let rate = first.and_then(|device| device.birth.bit_rate.or(device.kind.bit_rates().first().copied()));
         let mut world = World::new(rate.unwrap_or(protocol_core::controller::BitRate::Kbit250), 0);
         world.record_events(true);
-        let others = world.add_gateway("the log");
         let mut nodes = Vec::new();
         for device in &options.devices {
             let node = world.add_device(&device.name, device.kind.factory(device.birth), Memory::in_ram());
             world.set_senses(node, Senses::healthy(device.kind));
             nodes.push(node);
         }
+        // After the devices: where one of them and the log send the same frame at once, it is the device's.
+        let others = world.add_gateway("the log");
         for NamedLink { valve, sensor, link } in &options.links {
             if let (Some(valve), Some(sensor)) = (world.find(valve), world.find(sensor)) {
                 // The options were checked: this is a valve and a free sensor.
@@ -83,24 +82,23 @@ impl Stage {
         self.world.now()
     }
 
-    /// Goes to the instant just before a frame has to start that ends at `end`. On a bus that is busy until then it takes
-    /// part in the arbitration.
+    /// Goes to the instant at which a frame has to start that ends at `end`: what is due there is still to come.
     pub(super) fn run_to_start(&mut self, frame: &Frame, end: Instant) {
-        let takes = length(frame, self.world.bit_rate().bits_per_second()) + TICK;
-        self.run_until(Instant::from_ticks(end.as_ticks().saturating_sub(takes.as_ticks())));
+        let takes = length(frame, self.world.bit_rate().bits_per_second());
+        self.run_before(Instant::from_ticks(end.as_ticks().saturating_sub(takes.as_ticks())));
     }
 
-    /// Goes to an instant; one that has passed is now.
-    pub(super) fn run_until(&mut self, end: Instant) {
-        while self.world.now() < end {
+    /// Goes to an instant through all that is due before; one that has passed is now.
+    pub(super) fn run_before(&mut self, end: Instant) {
+        while self.world.now() < end || self.to_come.last().is_some_and(|(at, _)| *at <= end) {
             let next = end.min(after(self.world.now(), SAMPLE));
             match self.to_come.last().copied() {
                 Some((at, node)) if at <= next => {
                     self.to_come.pop();
-                    self.world.run_until(at);
+                    self.world.run_before(at);
                     self.world.power(node, true);
                 }
-                _ => self.world.run_until(next),
+                _ => self.world.run_before(next),
             }
             self.look();
         }
