@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, ValueHint};
 use protocol_core::time::Duration;
 
 use super::UsageError;
@@ -20,7 +20,7 @@ const TOLERANCE_MS: u32 = 5;
 #[derive(Args, Debug)]
 pub(super) struct DecodeArgs {
     /// The recording: candump -L, the screen of candump, ASC or pcapng, by what is in it; - is stdin
-    #[arg(value_name = "FILE")]
+    #[arg(value_name = "FILE", value_hint = ValueHint::FilePath)]
     file: PathBuf,
 
     /// A device that is known to be on the bus, as for run; repeatable. Without it, the frames tell
@@ -32,7 +32,7 @@ pub(super) struct DecodeArgs {
 #[derive(Args, Debug)]
 pub(super) struct ReplayArgs {
     /// The recording: candump -L, the screen of candump with times, ASC or pcapng, by what is in it
-    #[arg(value_name = "FILE")]
+    #[arg(value_name = "FILE", value_hint = ValueHint::FilePath)]
     file: PathBuf,
 
     /// A stand-in that takes the place of a device in the recording, as for run; repeatable

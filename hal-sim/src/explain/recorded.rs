@@ -144,3 +144,81 @@ pub fn explain_error_frame(error: &ErrorFrame) -> String {
     }
     if words.is_empty() { "error frame".to_owned() } else { format!("error frame: {}", words.join(", ")) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trace::ErrorClass;
+
+    /// What is said of a frame, after the frames before it.
+    fn said(before: &[&str], text: &str) -> String {
+        let mut explainer = Explainer::default();
+        for text in before.iter().chain([&text]) {
+            explainer.learn(&text.parse().unwrap());
+        }
+        explainer.explain(&text.parse().unwrap(), None)
+    }
+
+    /// What a valve and an angle sensor have at one identifier.
+    #[test]
+    fn frames_tell_what_a_device_is() {
+        const PDO: &str = "1A0: 0A 10 00 00";
+        const EMCY: &str = "0A0: 03 80 91 01 00 00 00 00";
+        const VALVE: &str = "node 0x20: TPDO status word 0x100A (unknown state), position neutral";
+        const SENSOR: &str = "node 0x20: TPDO position 4106 (90.22°)";
+        assert_eq!(said(&[], PDO), VALVE);
+        assert_eq!(said(&["5A0: 43 00 10 00 96 01 01 00"], PDO), SENSOR, "CiA 406");
+        assert_eq!(said(&["5A0: 43 04 60 00 0A 10 00 00"], PDO), SENSOR);
+        assert_eq!(
+            said(&["1A0: 09 00 00 00", "5A0: 43 04 60 00 0A 10 00 00"], PDO),
+            SENSOR,
+            "what is sure counts more"
+        );
+        assert_eq!(said(&["5A0: 43 04 60 00 0A 10 00 00", "1A0: 09 00 00 00"], PDO), SENSOR, "in either order");
+        for frame in ["5A0: 43 00 10 00 98 01 00 00", "5A0: 4B 01 63 01 00 00 00 00", "1A0: 0F 00 00 20"] {
+            assert_eq!(
+                said(&[frame], EMCY),
+                "node 0x20: EMCY: time guarding (0x8003), register 0x91, count 1",
+                "{frame}"
+            );
+        }
+        // A device of another profile, another node, and a refusal.
+        for frame in ["5A0: 43 00 10 00 92 01 00 00", "5A1: 43 00 10 00 98 01 00 00", "5A0: 80 01 63 01 00 00 02 06"] {
+            assert_eq!(said(&[frame], EMCY), said(&[], EMCY), "{frame}");
+        }
+    }
+
+    #[test]
+    fn a_claim_tells_of_a_valve() {
+        const READ: &str = "1BC788F1: 03 22 F1 8C 55 55 55 55";
+        let claimed = said(&["18EEFF83: 01 00 20 07 08 FF 02 20"], "0CFE1383: 7D 7D 30 FF FF FF FF FF");
+        assert_eq!(claimed, "0x83: AVEF blocked, no flow");
+        assert_eq!(said(&["18EEFF83: 01 00 20 07 08 FF 02 20"], READ), said(&[], READ), "another one");
+    }
+
+    /// What is given is not guessed.
+    #[test]
+    fn devices_that_are_given_stay() {
+        let node = Node { name: "boom".to_owned(), kind: VALVE, node_id: Some(0x20) };
+        let mut explainer = Explainer::new(vec![node]);
+        explainer.learn(&"5A0: 43 00 10 00 96 01 01 00".parse().unwrap());
+        assert_eq!(explainer.explain(&"720: 00".parse().unwrap(), None), "boom: boot-up");
+        assert!(explainer.explain(&"1A0: 0A 10 00 00".parse().unwrap(), None).contains("status word"));
+    }
+
+    #[test]
+    fn error_frames_of_linux() {
+        let said = |class: ErrorClass| explain_error_frame(&class.into());
+        assert_eq!(said(ErrorClass::NoAcknowledge), "error frame: nobody acknowledged");
+        assert_eq!(said(ErrorClass::BusError), "error frame: bus error");
+        assert_eq!(said(ErrorClass::ErrorPassive), "error frame: error-passive");
+        assert_eq!(said(ErrorClass::ErrorActive), "error frame: error-active");
+        assert_eq!(said(ErrorClass::BusOff), "error frame: bus-off");
+        assert_eq!(said(ErrorClass::Restarted), "error frame: back from bus-off");
+        assert_eq!(said(ErrorClass::TransmitOverflow), "error frame: transmit overflow");
+        assert_eq!(explain_error_frame(&ErrorFrame::UNTOLD), "error frame");
+        let both = ErrorFrame { class: 0x8C, data: [0, 0x08, 0, 0, 0, 0, 0, 0] };
+        assert_eq!(explain_error_frame(&both), "error frame: protocol violation, bus error, transmit warning");
+        assert_eq!(explain_error_frame(&ErrorFrame { class: 0x4, data: [0; 8] }), "error frame: controller");
+    }
+}

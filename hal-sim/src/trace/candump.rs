@@ -126,7 +126,7 @@ fn logged(id: &str, data: &str) -> Result<Entry, Reason> {
     if let Some(length) = data.strip_prefix(['R', 'r']) {
         return remote(id, if length.is_empty() { "0" } else { length });
     }
-    if !data.is_ascii() || data.len() % 2 != 0 {
+    if !data.is_ascii() || !data.len().is_multiple_of(2) {
         return Err("data that are no whole bytes in hex");
     }
     entry(id, (0..data.len()).step_by(2).filter_map(|at| data.get(at..at + 2)))
