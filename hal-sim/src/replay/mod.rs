@@ -28,6 +28,7 @@ mod travel;
 pub use report::{Difference, What};
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Display;
 use std::io;
 use std::path::PathBuf;
 
@@ -45,7 +46,10 @@ use crate::trace::Entry;
 /// How many rounds there are at most. Each is for identifiers that the one before made known.
 const ROUNDS: usize = 4;
 
-/// The most differences that are told one by one.
+/// A longer time without any entry is a clock that was set, or a time that is wrong.
+const GAP: Duration = Duration::from_secs(24 * 60 * 60);
+
+/// The most differences, and entries that are none, that are told one by one.
 const TOLD: usize = 1000;
 
 /// Pairs are looked for so often, in virtual time.
@@ -79,7 +83,7 @@ pub struct Outcome {
     pub told: Vec<Difference>,
     /// All differences.
     pub differences: u64,
-    /// Lines of the log that are none.
+    /// Entries of the log that are none, the first of them.
     pub unread: Vec<String>,
 }
 
@@ -174,12 +178,16 @@ impl<'a> Player<'a> {
             let logged = match entry {
                 Ok(logged) => logged,
                 Err(error @ ReadError::NoEntry { .. }) => {
-                    self.outcome.unread.push(format!("{}:{error}", self.options.file.display()));
+                    self.name(&error);
                     continue;
                 }
                 Err(ReadError::Io(source)) => return Err(unread(source)),
             };
             let Some(at) = self.begin.instant(&logged) else { continue };
+            if since(at, end) > GAP && end > Instant::from_ticks(0) {
+                self.name(&format_args!("{}: more than a day after the entry before it", logged.number));
+                continue;
+            }
             end = end.max(at);
             match logged.record.entry {
                 Entry::Frame(frame) => self.take(&logged, frame, at),
@@ -195,6 +203,13 @@ impl<'a> Player<'a> {
         self.pair(Instant::MAX, Some(end));
         self.outcome.told.sort_by_key(|difference| (difference.at, difference.number));
         Ok(())
+    }
+
+    /// Names an entry that is none.
+    fn name(&mut self, what: &dyn Display) {
+        if self.outcome.unread.len() < TOLD {
+            self.outcome.unread.push(format!("{}:{what}", self.options.file.display()));
+        }
     }
 
     /// Takes a frame of the log: to be compared, or to be sent.

@@ -91,7 +91,7 @@ impl Stage {
     /// Goes to an instant through all that is due before; one that has passed is now.
     pub(super) fn run_before(&mut self, end: Instant) {
         while self.world.now() < end || self.to_come.last().is_some_and(|(at, _)| *at <= end) {
-            let next = end.min(after(self.world.now(), SAMPLE));
+            let next = end.min(self.next_sample(end));
             match self.to_come.last().copied() {
                 Some((at, node)) if at <= next => {
                     self.to_come.pop();
@@ -102,6 +102,13 @@ impl Stage {
             }
             self.look();
         }
+    }
+
+    /// When positions are to be noted next: while nothing moves and nothing happens, there is nothing to note.
+    fn next_sample(&self, end: Instant) -> Instant {
+        let moves = self.nodes.iter().map(|node| self.world.next_position(*node, end)).min();
+        let rests_until = self.world.next_event().min(moves.unwrap_or(end));
+        after(self.world.now(), SAMPLE).max(rests_until)
     }
 
     /// Takes note of what has happened.

@@ -410,3 +410,15 @@ fn what_is_no_frame_is_told_and_the_rest_is_played() {
     let empty = replay(&options(VALVE, &log(&[], Format::Candump))).unwrap_err();
     assert!(empty.to_string().ends_with(": no frame to replay"), "{empty}");
 }
+
+/// A clock that was set must not make the stand-in live for years.
+#[test]
+fn a_time_that_is_wrong_is_told() {
+    let mut records = at_rest().records;
+    let place = records.len() - 1;
+    records[place].at = Timestamp::from_micros(u64::MAX);
+    let outcome = replayed(VALVE, &log(&records, Format::Candump));
+    assert_eq!((outcome.differences, outcome.unread.len()), (0, 1));
+    let named = format!(":{}: more than a day after the entry before it", records.len());
+    assert!(outcome.unread[0].ends_with(&named), "{:?}", outcome.unread);
+}
