@@ -1,6 +1,6 @@
 //! The options of `decode` and `replay`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueHint};
 use protocol_core::time::Duration;
@@ -65,6 +65,9 @@ impl TryFrom<ReplayArgs> for ReplayOptions {
     type Error = UsageError;
 
     fn try_from(args: ReplayArgs) -> Result<Self, UsageError> {
+        if args.file == Path::new("-") {
+            return Err(UsageError("replay: stdin is read once, a replay more than once; accepted: a file".to_owned()));
+        }
         let devices = on_one_bus(args.device, false)?;
         let links = link::between(&devices, args.link)?;
         let tolerance = Duration::from_millis(args.tolerance_ms.into());

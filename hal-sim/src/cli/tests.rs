@@ -463,6 +463,7 @@ fn recordings() {
     for (line, part) in [
         ("replay a.log", "--device <KIND[@ID][,KEY=VALUE…]>"),
         ("replay --device hat1000", "<FILE>"),
+        ("replay - --device hat1000", "stdin is read once"),
         ("replay a.log --device hat1000 --device hat3000", "both have node ID 0x01"),
         ("replay a.log --device hat1000 --tolerance-ms -1", "-1"),
         ("replay a.log --device hat1000 --link boom=hat1000", "'boom' is no valve on the bus"),

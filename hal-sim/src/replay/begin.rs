@@ -107,14 +107,17 @@ impl Begin {
                 break;
             }
         }
-        let found: Vec<Option<(u64, Timestamp)>> = found.into_iter().map(Search::found).collect();
         let mut start = start.ok_or_else(|| ReplayError::Empty { path: options.file.clone() })?;
+        for ((first, found), device) in firsts.iter().zip(&found).zip(&options.devices) {
+            if first.is_some() && *found == Search::Open {
+                let (path, name) = (options.file.clone(), device.name.clone());
+                let what = if options.from_boot_up { "boot-up, or address claim," } else { "frame" };
+                return Err(ReplayError::NotThere { path, what, name });
+            }
+        }
+        let found: Vec<Option<(u64, Timestamp)>> = found.into_iter().map(Search::found).collect();
         if options.from_boot_up {
-            let earliest = found.iter().flatten().min_by_key(|(number, _)| number).copied();
-            start = earliest.ok_or_else(|| {
-                let names: Vec<&str> = options.devices.iter().map(|device| device.name.as_str()).collect();
-                ReplayError::NoBootUp { path: options.file.clone(), names: names.join(", ") }
-            })?;
+            start = found.iter().flatten().min_by_key(|(number, _)| number).copied().unwrap_or(start);
         }
         let power_up = |(first, found): (&Option<First>, &Option<(u64, Timestamp)>)| match (first, found) {
             (Some(First { delay, .. }), Some((_, at))) => at.as_micros().saturating_sub(delay.as_micros()),

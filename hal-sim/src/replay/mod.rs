@@ -29,6 +29,7 @@ pub use report::{Difference, What};
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Display;
+use std::fs;
 use std::io;
 use std::path::PathBuf;
 
@@ -113,12 +114,14 @@ pub enum ReplayError {
         path: PathBuf,
     },
     /// There is nothing of a device in it.
-    #[error("{}: no boot-up and no address claim of {names} to begin with", path.display())]
-    NoBootUp {
+    #[error("{}: no {what} of {name} in it", path.display())]
+    NotThere {
         /// The file.
         path: PathBuf,
-        /// The devices.
-        names: String,
+        /// What was looked for.
+        what: &'static str,
+        /// The device.
+        name: String,
     },
 }
 
@@ -127,6 +130,11 @@ pub enum ReplayError {
 /// # Errors
 /// [`ReplayError`] when the recording cannot be read or has nothing to replay.
 pub fn replay(options: &ReplayOptions) -> Result<Outcome, ReplayError> {
+    let unread = |source| ReplayError::Read { path: options.file.clone(), source };
+    if !fs::metadata(&options.file).map_err(unread)?.is_file() {
+        let twice = "a replay reads more than once: accepted is a regular file";
+        return Err(unread(io::Error::new(io::ErrorKind::InvalidInput, twice)));
+    }
     let begin = Begin::find(options)?;
     let mut own = BTreeSet::new();
     for round in 1.. {

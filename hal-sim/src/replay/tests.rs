@@ -4,6 +4,7 @@ use std::fs;
 use std::io::Write as _;
 
 use proptest::prelude::*;
+use protocol_core::frame::{extended, standard};
 use protocol_core::time::{after, since};
 use tempfile::NamedTempFile;
 
@@ -384,7 +385,7 @@ fn a_log_may_begin_with_an_earlier_life() {
     assert!(as_logged(&format!("{VALVE} --from-boot-up"), &file) > 20);
     let file = log(&records[..3], Format::Candump);
     let error = replay(&options(&format!("{VALVE} --from-boot-up"), &file)).unwrap_err().to_string();
-    assert!(error.ends_with("no boot-up and no address claim of pvea-canopen to begin with"), "{error}");
+    assert!(error.ends_with(": no boot-up, or address claim, of pvea-canopen in it"), "{error}");
 }
 
 /// The logger came later: the valve has booted before.
@@ -407,6 +408,8 @@ fn what_is_no_frame_is_told_and_the_rest_is_played() {
     records.insert(3, Record { entry: Entry::Error(ErrorClass::BusError.into()), ..records[3] });
     let outcome = replayed(VALVE, &log(&records, Format::Candump));
     assert_eq!((outcome.differences, outcome.error_frames), (0, 1));
+    let other = replay(&options("--device pvea-canopen@0x21", &session.log())).unwrap_err();
+    assert!(other.to_string().ends_with(": no frame of pvea-canopen in it"), "{other}");
     let empty = replay(&options(VALVE, &log(&[], Format::Candump))).unwrap_err();
     assert!(empty.to_string().ends_with(": no frame to replay"), "{empty}");
 }
@@ -421,4 +424,31 @@ fn a_time_that_is_wrong_is_told() {
     assert_eq!((outcome.differences, outcome.unread.len()), (0, 1));
     let named = format!(":{}: more than a day after the entry before it", records.len());
     assert!(outcome.unread[0].ends_with(&named), "{:?}", outcome.unread);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Whatever a log has, in whatever order of time.
+    #[test]
+    fn any_log_comes_to_its_end(
+        frames in prop::collection::vec((0..2_000_000_u64, 0..0x800_u16, any::<[u8; 8]>(), 0..=8_u8, any::<u32>()), 0..60),
+        isobus in any::<bool>()
+    ) {
+        let (device, first) = if isobus {
+            ("--device pvea-isobus@0x83 --tolerance-ms 0", "18EEFF83: 01 00 20 07 08 FF 02 20")
+        } else {
+            ("--device hat1000@1 --device pvea-canopen@0x20,bit-rate=500k", "701: 00")
+        };
+        let at = |micros| Timestamp::from_micros(START.as_micros() + micros);
+        let mut records = vec![Record { at: at(0), entry: Entry::Frame(frame(first)) }];
+        records.push(Record { at: at(300), entry: Entry::Frame(frame("720: 00")) });
+        records.extend(frames.into_iter().map(|(micros, id, data, len, raw)| {
+            let id = if isobus { extended(raw).into() } else { standard(id).into() };
+            let frame = if raw % 7 == 0 { Frame::remote(id, len) } else { Frame::with_len(id, data, len) };
+            Record { at: at(micros), entry: Entry::Frame(frame) }
+        }));
+        let outcome = replayed(device, &log(&records, Format::Candump));
+        prop_assert_eq!(outcome.compared + outcome.played, records.len() as u64);
+    }
 }
