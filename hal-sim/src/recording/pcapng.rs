@@ -92,8 +92,8 @@ fn write_block(out: &mut impl Write, kind: u32, body: &[u8]) -> io::Result<()> {
 struct Interface {
     name: String,
     link_type: i32,
-    /// Units of time in a second; `None` for one that is none.
-    resolution: Option<u64>,
+    /// Units of time in a second.
+    resolution: u128,
     /// Seconds that are added to each time.
     offset: i64,
 }
@@ -183,7 +183,7 @@ fn take(
             // A blank would end the name in a line of candump.
             name: described.if_name().and_then(Result::ok).unwrap_or("can0").replace(char::is_whitespace, "_"),
             link_type: described.linktype.0,
-            resolution: described.ts_resolution(),
+            resolution: resolution(described.if_tsresol),
             offset: described.if_tsoffset,
         }),
         PcapBlockOwned::NG(Block::EnhancedPacket(packet)) => {
@@ -203,9 +203,18 @@ fn take(
     None
 }
 
+/// The units in a second: a power of 10, or with the highest bit one of 2. One beyond all clocks counts as the finest that
+/// a number of 64 bits can have.
+fn resolution(told: u8) -> u128 {
+    match (told & 0x80, told & 0x7F) {
+        (0, power) => 10_u128.pow(u32::from(power.min(19))),
+        (_, power) => 1 << power.min(63),
+    }
+}
+
 impl Interface {
     fn time(&self, raw: u64) -> Option<Timestamp> {
-        let micros = u128::from(raw) * 1_000_000 / u128::from(self.resolution.filter(|units| *units > 0)?);
+        let micros = u128::from(raw) * 1_000_000 / self.resolution;
         let micros = i128::try_from(micros).ok()? + i128::from(self.offset) * 1_000_000;
         u64::try_from(micros).ok().map(Timestamp::from_micros)
     }

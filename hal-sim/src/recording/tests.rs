@@ -212,4 +212,9 @@ fn pcapng_as_others_write_it() {
     let (records, errors) = read(Slow(Cursor::new(file)), Format::Candump);
     assert_eq!(errors, ["2: a packet that is not of SocketCAN (link type 227)"]);
     assert_eq!(records, [frame(START, "5A0: 43 18")]);
+    // In units of 2^-20 s.
+    let binary = block(1, &numbers(&[227 << 16, 0, 0x0009_0001, 0x9400_0000, 0]));
+    let section = block(0x0A0D_0D0A, &numbers(&[0x1A2B_3C4D, 0x0001_0000, u32::MAX, u32::MAX]));
+    let (records, _) = read(Cursor::new([section, binary, packet(0, 5 << 19, &data)].concat()), Format::Candump);
+    assert_eq!(records, [frame(2_500_000, "5A0: 43 18")]);
 }
