@@ -136,18 +136,18 @@ pub fn replay(options: &ReplayOptions) -> Result<Outcome, ReplayError> {
         return Err(unread(io::Error::new(io::ErrorKind::InvalidInput, twice)));
     }
     let begin = Begin::find(options)?;
-    let mut own = BTreeSet::new();
-    for round in 1.. {
-        let mut player = Player::new(options, &begin, own);
-        player.play()?;
+    let mut player = Player::new(options, &begin, BTreeSet::new());
+    player.play()?;
+    for _ in 1..ROUNDS {
         let found = player.misplayed();
-        if found.is_empty() || round == ROUNDS {
-            return Ok(player.outcome);
+        if found.is_empty() {
+            break;
         }
-        own = player.own;
-        own.extend(found);
+        let own = player.own.into_iter().chain(found).collect();
+        player = Player::new(options, &begin, own);
+        player.play()?;
     }
-    unreachable!("the last round returns")
+    Ok(player.outcome)
 }
 
 /// One round.
