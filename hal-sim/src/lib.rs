@@ -21,6 +21,9 @@
 //! state/    a device's state, what acts on it, and conditions on both, in words
 //! sender    frames sent on command, once or again and again
 //! gateway/  clients of the bus that live outside: socketcand, SocketCAN, slcan, udp_multicast
+//! recording/ the bus in a file, in the formats of other tools
+//! decode    a recording, explained
+//! replay/   a recording of a device against its stand-in
 //! control/  state, faults and time over HTTP
 //! scenario/ scenarios from files, in virtual time
 //! run/      the world paced by the wall clock, with its clients, its trace and its memory
@@ -58,12 +61,15 @@
 pub mod bus;
 pub mod cli;
 pub mod control;
+pub mod decode;
 pub mod describe;
 pub mod devices;
 pub mod explain;
 pub mod gateway;
 pub mod kind;
 pub mod memory;
+pub mod recording;
+pub mod replay;
 pub mod run;
 pub mod scenario;
 mod sender;

@@ -1,10 +1,12 @@
 //! `pve-sim`: the stand-in devices on the host. What it does is in the library; here are the exit codes.
 
 use std::fmt::Display;
-use std::io::Write;
+use std::io::{BufWriter, Write};
 use std::process::ExitCode;
 
 use hal_sim::cli::{self, Request};
+use hal_sim::decode::{DecodeOptions, decode};
+use hal_sim::replay::{ReplayOptions, replay};
 use hal_sim::run;
 use hal_sim::scenario::{self, BatchError};
 use hal_sim::use_case::{self, SimulatedBench, UseCase};
@@ -32,6 +34,8 @@ fn main() -> ExitCode {
             }
             Err(error) => fail(FAILURE, &error),
         },
+        Ok(Request::Decode(options)) => explain(&options),
+        Ok(Request::Replay(options)) => compare(&options),
         Ok(Request::Print(text)) => {
             let mut stdout = std::io::stdout().lock();
             let _ = write!(stdout, "{text}").and_then(|()| stdout.flush());
@@ -56,6 +60,32 @@ fn play(cases: &[&'static UseCase]) -> ExitCode {
         }
     }
     ExitCode::SUCCESS
+}
+
+/// Explains a recording; lines that are none are told on stderr.
+fn explain(options: &DecodeOptions) -> ExitCode {
+    let mut stdout = BufWriter::with_capacity(1 << 16, std::io::stdout().lock());
+    match decode(options, &mut stdout, warn) {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::from(FAILURE),
+        Err(error) => fail(FAILURE, &error),
+    }
+}
+
+/// Replays a recording; differences and the summary are told on stdout, lines that are none on stderr.
+fn compare(options: &ReplayOptions) -> ExitCode {
+    let outcome = match replay(options) {
+        Ok(outcome) => outcome,
+        Err(error) => return fail(FAILURE, &error),
+    };
+    outcome.unread.iter().for_each(|line| warn(line));
+    let mut stdout = BufWriter::new(std::io::stdout().lock());
+    let _ = write!(stdout, "{}", outcome.report(options)).and_then(|()| stdout.flush());
+    if outcome.is_as_logged() { ExitCode::SUCCESS } else { ExitCode::from(FAILURE) }
+}
+
+fn warn(line: &str) {
+    let _ = writeln!(std::io::stderr(), "pve-sim: {line}");
 }
 
 fn fail(code: u8, error: &dyn Display) -> ExitCode {

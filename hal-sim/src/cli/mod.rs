@@ -1,6 +1,7 @@
 //! The command line of `pve-sim`: what is accepted, and the one line that says why something is not.
 
 mod options;
+mod recordings;
 mod scenario;
 mod shell;
 
@@ -12,8 +13,11 @@ use clap::error::{ContextKind, ErrorKind};
 use clap::{CommandFactory, Parser, Subcommand};
 use clap_complete::Shell;
 
+use self::recordings::{DecodeArgs, ReplayArgs};
+use crate::decode::DecodeOptions;
 use crate::describe;
 use crate::kind::Kind;
+use crate::replay::ReplayOptions;
 use crate::run::RunOptions;
 use crate::scenario::Options;
 use crate::use_case::{self, UseCase};
@@ -28,6 +32,10 @@ pub enum Request {
     UseCases(Vec<&'static UseCase>),
     /// Run these scenarios.
     Scenarios(Options),
+    /// Explain a recording.
+    Decode(DecodeOptions),
+    /// Replay a recording.
+    Replay(ReplayOptions),
     /// Print this on stdout: the help, the version, the description of a kind, or what a shell reads.
     Print(String),
 }
@@ -41,13 +49,15 @@ Examples:
   pve-sim --device pvea-canopen,blank --state memory --log frames.log
   pve-sim use-case isobus
   pve-sim scenario scenarios/*.toml --junit results.xml
+  pve-sim decode frames.log
+  pve-sim replay frames.log --device pvea-canopen@0x20
   pve-sim eds pvea-canopen > pvea.eds
   pve-sim dbc pvea-isobus > pvea.dbc
 
 SIGINT, SIGTERM, SIGHUP and a reader of stdout that is gone end it; everything stored, exit 0.
 Exit codes: 1 a port in use, an interface that is not there, a file that cannot be opened or must not be replaced, a
-state file of another kind, a use case that differs, an expectation of a scenario that fails; 2 wrong usage, a scenario that
-cannot be read.";
+state file of another kind, a use case or a replay that differs, an expectation of a scenario that fails, a line of a log that is
+none; 2 wrong usage, a scenario that cannot be read.";
 
 /// Wrong usage: one line that says what is wrong and what is accepted.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -86,6 +96,11 @@ enum Command {
     /// Runs scenarios from files in virtual time: devices, what happens to them, what has to come of it; exit 1 if an expectation
     /// fails, 2 before anything runs if a file cannot be read
     Scenario(ScenarioArgs),
+    /// Explains a recorded log line by line, as the trace does; exit 1 if a line is none
+    Decode(DecodeArgs),
+    /// Plays a recorded log against stand-ins, from their power-up and in virtual time: what they send is compared with the
+    /// log, all else is sent to them; exit 1 on differences
+    Replay(ReplayArgs),
     /// Prints the EDS of a CANopen kind, from its object dictionary
     Eds {
         /// The kind
@@ -162,6 +177,8 @@ where
         Ok(Cli { command: Some(Command::Run(run)), .. }) => RunOptions::try_from(*run).map(Request::Run),
         Ok(Cli { command: Some(Command::UseCase { which: Some(which) }), .. }) => Ok(Request::UseCases(which.0)),
         Ok(Cli { command: Some(Command::UseCase { which: None }), .. }) => Ok(Request::Print(titles())),
+        Ok(Cli { command: Some(Command::Decode(args)), .. }) => DecodeOptions::try_from(args).map(Request::Decode),
+        Ok(Cli { command: Some(Command::Replay(args)), .. }) => ReplayOptions::try_from(args).map(Request::Replay),
         Ok(Cli { command: Some(Command::Eds { sheet: text } | Command::Dbc { database: text }), .. }) => {
             Ok(Request::Print(text.0))
         }

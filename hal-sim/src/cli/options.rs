@@ -8,7 +8,7 @@ use protocol_core::controller::BitRate;
 use protocol_core::device::pve;
 
 use super::UsageError;
-use crate::devices::{self, DeviceSpec, LinkSpec};
+use crate::devices::{self, DeviceSpec, LinkSpec, NamedDevice, NamedLink};
 use crate::gateway::BusUrl;
 use crate::kind::Kind;
 use crate::run::{ColorChoice, LogOptions, RunOptions};
@@ -95,7 +95,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "N", value_parser = seed, default_value_t = DEFAULT_SEED, help_heading = "Time")]
     seed: u64,
 
-    /// Write every frame to FILE, in the format of candump -L
+    /// Write every frame to FILE: .asc as ASC, .pcapng as pcapng, all others in the format of candump -L
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Output")]
     log: Option<PathBuf>,
 
@@ -145,12 +145,8 @@ impl TryFrom<RunArgs> for RunOptions {
             return Err(UsageError("--speed step: the control interface moves time; leave --no-http out".to_owned()));
         }
         let specs = if args.device.is_empty() { vec![DeviceSpec::new(DEFAULT_KIND)] } else { args.device };
-        let devices = devices::named(specs).map_err(|error| UsageError(format!("--device: {error} name=")))?;
-        if !args.allow_clash {
-            devices::refuse_clashes(&devices)
-                .map_err(|error| UsageError(format!("--device: {error} with @ID, or --allow-clash")))?;
-        }
-        let links = devices::links(&devices, args.link).map_err(|error| UsageError(format!("--link: {error}")))?;
+        let devices = on_one_bus(specs, args.allow_clash)?;
+        let links = between(&devices, args.link)?;
         let buses = if args.bus.is_empty() { vec![BusUrl::default()] } else { args.bus };
         check_buses(&buses, args.speed)?;
         Ok(Self {
@@ -170,6 +166,21 @@ impl TryFrom<RunArgs> for RunOptions {
             seed: args.seed,
         })
     }
+}
+
+/// Returns the devices of one bus, each with a name and a serial number of its own, and a node ID unless they may clash.
+pub(super) fn on_one_bus(specs: Vec<DeviceSpec>, may_clash: bool) -> Result<Vec<NamedDevice>, UsageError> {
+    let devices = devices::named(specs).map_err(|error| UsageError(format!("--device: {error} name=")))?;
+    if !may_clash {
+        devices::refuse_clashes(&devices)
+            .map_err(|error| UsageError(format!("--device: {error} with @ID, or --allow-clash")))?;
+    }
+    Ok(devices)
+}
+
+/// Returns the links between these devices.
+pub(super) fn between(devices: &[NamedDevice], links: Vec<LinkSpec>) -> Result<Vec<NamedLink>, UsageError> {
+    devices::links(devices, links).map_err(|error| UsageError(format!("--link: {error}")))
 }
 
 /// An interface of the kernel lives in wall time; a bus that others have is joined once.

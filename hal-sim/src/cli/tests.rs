@@ -285,7 +285,10 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
             "run --wrong",
             "unexpected argument '--wrong' found; accepted: --device, --link, --allow-clash, --state, --bus,",
         ),
-        ("walk", "unrecognized subcommand 'walk'; accepted: run, use-case, scenario, eds, dbc, completions, man, help"),
+        (
+            "walk",
+            "unrecognized subcommand 'walk'; accepted: run, use-case, scenario, decode, replay, eds, dbc, completions, man, help",
+        ),
         ("eds pvea-isobus", "<pvea-canopen|pveo-canopen|hat1000|hat3000>': no kind that has an EDS"),
         ("eds", "<pvea-canopen|pveo-canopen|hat1000|hat3000>"),
         ("dbc hat1000", "<pvea-isobus|pveo-isobus>': no kind that has a DBC"),
@@ -296,7 +299,7 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ("--devce pvea-canopen", "a similar argument exists: '--device'; accepted: --device, --link, --allow-clash"),
         (
             "runn",
-            "a similar subcommand exists: 'run'; accepted: run, use-case, scenario, eds, dbc, completions, man, help",
+            "a similar subcommand exists: 'run'; accepted: run, use-case, scenario, decode, replay, eds, dbc, completions, man, help",
         ),
         ("--beacon=loud", "unexpected value 'loud' for '--beacon' found"),
         ("--verbose=2", "unexpected value '2' for '--verbose' found"),
@@ -476,4 +479,37 @@ fn terminals_are_on_unix() {
     assert!(
         refused("--bus slcan+pty:/tmp/pve0").contains("slcan+pty:PATH exists on Unix alone; accepted: socketcand://")
     );
+}
+
+#[test]
+fn recordings() {
+    match parse(args("decode -")) {
+        Ok(Request::Decode(options)) => assert_eq!(options, DecodeOptions { file: "-".into(), devices: vec![] }),
+        other => panic!("{other:?}"),
+    }
+    // Twins are on no bus here.
+    assert!(matches!(parse(args("decode a.log --device hat1000 --device hat1000")), Ok(Request::Decode(_))));
+    let Ok(Request::Replay(options)) = parse(args(
+        "replay a.asc --device pvea-canopen --device hat1000,bit-rate=250k --link pvea-canopen=hat1000 --tolerance-ms 0 \
+         --from-boot-up",
+    )) else {
+        panic!("it is right");
+    };
+    assert_eq!((options.file, options.devices.len(), options.links.len()), (PathBuf::from("a.asc"), 2, 1));
+    assert_eq!((options.tolerance.as_millis(), options.from_boot_up), (0, true));
+    let Ok(Request::Replay(options)) = parse(args("replay a.asc --device pvea-canopen")) else { panic!("it is right") };
+    assert_eq!((options.tolerance.as_millis(), options.from_boot_up), (5, false));
+    for (line, part) in [
+        ("replay a.log", "--device <KIND[@ID][,KEY=VALUE…]>"),
+        ("replay --device hat1000", "<FILE>"),
+        ("replay - --device hat1000", "stdin is read once"),
+        ("replay a.log --device hat1000 --device hat3000", "both have node ID 0x01"),
+        ("replay a.log --device hat1000 --tolerance-ms -1", "-1"),
+        ("replay a.log --device hat1000 --link boom=hat1000", "'boom' is no valve on the bus"),
+        ("decode", "<FILE>"),
+        ("decode a.log --device hat", "unknown kind 'hat'"),
+    ] {
+        let text = refused(line);
+        assert!(text.contains(part) && !text.contains('\n'), "{line}: {text}");
+    }
 }

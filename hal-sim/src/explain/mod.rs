@@ -10,6 +10,7 @@
 //! block     SDO block transfers under way
 //! isobus    address claim, requests, transport, AVC, AVEF       diagnostics   faults, DM1, DM2
 //! uds       UDS lite                                            valve    control word, status word, stroke
+//! recorded  what a recording tells of devices that nobody has named, and its error frames
 //! nature    whether a frame is of a cycle, is trouble, or comes from somebody else than it seems
 //! ```
 //!
@@ -22,6 +23,7 @@ mod isobus;
 mod lss;
 mod nature;
 mod object;
+mod recorded;
 mod sdo;
 mod uds;
 mod valve;
@@ -29,10 +31,14 @@ mod valve;
 pub(crate) use diagnostics::fault;
 pub(crate) use isobus::state as valve_state;
 pub use nature::{Mark, is_cyclic};
+pub use recorded::explain_error_frame;
+
+use std::collections::BTreeMap;
 
 use protocol_core::frame::{Frame, Id};
 
 use self::block::Blocks;
+use self::recorded::Evidence;
 use crate::bus::BusError;
 use crate::kind::Kind;
 
@@ -52,13 +58,17 @@ pub struct Node {
 pub struct Explainer {
     nodes: Vec<Node>,
     blocks: Blocks,
+    /// The number of nodes that were given; the others were [learned](Self::learn).
+    given: usize,
+    /// What those are known by.
+    learned: BTreeMap<u8, Evidence>,
 }
 
 impl Explainer {
     /// For these devices.
     #[must_use]
     pub fn new(nodes: Vec<Node>) -> Self {
-        Self { nodes, blocks: Blocks::default() }
+        Self { given: nodes.len(), nodes, ..Self::default() }
     }
 
     /// The devices; their node IDs change.

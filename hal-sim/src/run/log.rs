@@ -1,17 +1,19 @@
-//! The file of `--log`: every frame, in the format of `candump -L`.
+//! The file of `--log`: every frame, in the format of its name.
 
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 
 use super::system::is_same_file;
 use super::{LogOptions, RunError};
+use crate::recording::{Format, Writer};
+use crate::trace::{Record, Timestamp};
 
-/// The file of `--log`, with nothing in it.
+/// The file of `--log`.
 #[derive(Debug)]
 pub(super) struct Log {
     path: PathBuf,
-    file: BufWriter<File>,
+    writer: Writer<BufWriter<File>>,
 }
 
 impl Log {
@@ -36,33 +38,44 @@ impl Log {
         }
     }
 
-    /// Opens the file and empties it, once the state files are there.
+    /// Opens the file, empties it, and begins the log of a bus at a time, once the state files are there.
     ///
     /// # Errors
     /// [`RunError::File`] when the file cannot be opened, and the refusals of [`check`](Self::check), which is made again:
     /// links and folders lead somewhere now that led nowhere before.
-    pub(super) fn create(log: &LogOptions, state: Option<&Path>) -> Result<Self, RunError> {
+    pub(super) fn create(
+        log: &LogOptions,
+        state: Option<&Path>,
+        bus: &str,
+        start: Timestamp,
+    ) -> Result<Self, RunError> {
         let failed = |source| RunError::File { path: log.path.clone(), source };
         // Nothing is lost before the second check.
         let file = OpenOptions::new().write(true).create(true).truncate(false).open(&log.path).map_err(failed)?;
         Self::check(log, state)?;
         file.set_len(0).map_err(failed)?;
-        Ok(Self { path: log.path.clone(), file: BufWriter::new(file) })
+        let writer = Writer::new(BufWriter::new(file), Format::of(&log.path), bus, start).map_err(failed)?;
+        Ok(Self { path: log.path.clone(), writer })
     }
 
-    /// Adds a line; the error is the line for the user.
-    pub(super) fn write(&mut self, line: &str) -> Result<(), String> {
-        writeln!(self.file, "{line}").map_err(|error| self.complaint(&error))
+    /// Adds an entry; the error is the line for the user.
+    pub(super) fn write(&mut self, record: &Record) -> Result<(), String> {
+        self.writer.write(record).map_err(|error| complaint(&self.path, &error))
     }
 
     /// Hands everything to the system; the error is the line for the user.
     pub(super) fn flush(&mut self) -> Result<(), String> {
-        self.file.flush().map_err(|error| self.complaint(&error))
+        self.writer.flush().map_err(|error| complaint(&self.path, &error))
     }
 
-    fn complaint(&self, error: &io::Error) -> String {
-        format!("{}: {error}; nothing more is logged", self.path.display())
+    /// Writes the end of the log; the error is the line for the user.
+    pub(super) fn finish(self) -> Result<(), String> {
+        self.writer.finish().map(drop).map_err(|error| complaint(&self.path, &error))
     }
+}
+
+fn complaint(path: &Path, error: &io::Error) -> String {
+    format!("{}: {error}; nothing more is logged", path.display())
 }
 
 /// Whether a path leads into a folder, or is another name of a file in it.

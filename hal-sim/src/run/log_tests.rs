@@ -3,6 +3,7 @@
 use std::fs;
 
 use super::*;
+use crate::trace::Entry;
 
 fn log(path: &Path, overwrite: bool) -> LogOptions {
     LogOptions { path: path.to_owned(), overwrite }
@@ -25,8 +26,11 @@ fn a_file_that_has_something_in_it_is_replaced_only_when_that_is_meant() {
     assert!(line.contains("frames.log") && line.contains("--log-overwrite"), "{line}");
     assert_eq!(fs::read_to_string(&path).unwrap(), "of yesterday");
     assert_eq!(refusal(&path, true, None), "");
-    Log::create(&log(&path, true), None).unwrap().write("of today").unwrap();
-    assert_eq!(fs::read_to_string(&path).unwrap(), "of today\n");
+    let at = Timestamp::from_micros(1_000_000);
+    let mut log = Log::create(&log(&path, true), None, "pve0", at).unwrap();
+    log.write(&Record { at, entry: Entry::Frame("080:".parse().unwrap()) }).unwrap();
+    log.finish().unwrap();
+    assert_eq!(fs::read_to_string(&path).unwrap(), "(1.000000) pve0 080#\n");
 }
 
 #[test]
@@ -82,7 +86,9 @@ fn a_state_file_that_was_not_there_before_the_log_is_safe_from_it() {
     fs::write(state.join("valve.nvm"), "stored").unwrap();
     for path in &logs {
         for overwrite in [false, true] {
-            let line = Log::create(&log(path, overwrite), Some(&state)).unwrap_err().to_string();
+            let line = Log::create(&log(path, overwrite), Some(&state), "pve0", Timestamp::from_micros(0))
+                .unwrap_err()
+                .to_string();
             assert!(line.contains("--state"), "{}: {line}", path.display());
         }
     }

@@ -190,7 +190,10 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
         move || setup::world(&options)
     })
     .await?;
-    let log = options.log.as_ref().map(|log| Log::create(log, options.state.as_deref())).transpose()?;
+    let bus = options.buses.first().map_or("can0", |url| url.address().name());
+    let start = Timestamp::now();
+    let log = options.log.as_ref();
+    let log = log.map(|log| Log::create(log, options.state.as_deref(), bus, start)).transpose()?;
     let printer = Printer::start(reader_gone)?;
     announce(&printer, &gateways, http, warnings);
     let (entrance, inbox) = Entrance::new();
@@ -203,13 +206,12 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
         server.start(entrance.clone(), connections)?;
     }
     stdin::listen(entrance.clone());
-    let bus = options.buses.first().map_or("can0", |url| url.address().name());
     let layout = trace::layout(options.color, options.verbose);
     let trace = Trace::new(bus, devices::explainer(&options.devices), printer, log, layout);
     let clients = Clients::new(&mut world, options.error_frames);
     let kinds: Vec<Kind> = options.devices.iter().map(|device| device.kind).collect();
     let desk = http.map(|_| Desk::new(&kinds, options.speed, &mut world));
-    let driver = Driver::new(world, clients, desk, System::new(inbox), options.speed, Timestamp::now(), trace);
+    let driver = Driver::new(world, clients, desk, System::new(inbox), options.speed, start, trace);
     let (alive, ended) = oneshot::channel::<()>();
     let bit_rate = options.bit_rate;
     let world = thread::Builder::new().name("world".to_owned()).spawn(move || {

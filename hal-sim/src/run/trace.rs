@@ -13,7 +13,8 @@ use super::log::Log;
 use super::options::ColorChoice;
 use super::printer::Printer;
 use crate::explain::Explainer;
-use crate::trace::{ErrorClass, Layout, Timestamp, write_error, write_frame};
+use crate::trace::candump::write_entry;
+use crate::trace::{Entry, ErrorClass, Layout, Record, Timestamp};
 use crate::world::{Event, EventKind, NodeId, World};
 
 /// Lines are printed at the latest when they have so many bytes.
@@ -94,13 +95,14 @@ impl Trace {
 
     /// Writes the line of a frame, or of an error that is told.
     pub(super) fn tell(&mut self, event: &Event, at: Timestamp, error: Option<(ErrorClass, String)>, world: &World) {
-        self.line.clear();
-        match (&event.what, &error) {
-            (EventKind::Frame { frame, .. }, _) => write_frame(&mut self.line, at, &self.bus, frame),
-            (_, Some((class, _))) => write_error(&mut self.line, at, &self.bus, *class),
+        let entry = match (&event.what, &error) {
+            (EventKind::Frame { frame, .. }, _) => Entry::Frame(*frame),
+            (_, Some((class, _))) => Entry::Error((*class).into()),
             (_, None) => return,
-        }
-        self.log(Log::write);
+        };
+        self.line.clear();
+        write_entry(&mut self.line, at, &self.bus, &entry);
+        self.log(|log| log.write(&Record { at, entry }));
         // With the node IDs before the frame: the frame may change them.
         let from_device = self.places.contains_key(&event.who);
         match (&event.what, error, &mut self.layout) {
@@ -139,7 +141,7 @@ impl Trace {
         if let Some(layout) = &mut self.layout {
             layout.fit(terminal_size().map(|(Width(columns), _)| columns.into()));
         }
-        self.log(|log, _| log.flush());
+        self.log(Log::flush);
         if !self.lines.is_empty() {
             self.print();
         }
@@ -161,6 +163,9 @@ impl Trace {
             layout.finish(&mut self.lines);
         }
         self.hand_out();
+        if let Some(Err(complaint)) = self.log.take().map(Log::finish) {
+            self.printer.warn(complaint);
+        }
         self.printer.finish();
     }
 
@@ -175,9 +180,9 @@ impl Trace {
         self.printer.trace(std::mem::replace(&mut self.lines, room));
     }
 
-    fn log(&mut self, act: impl FnOnce(&mut Log, &str) -> Result<(), String>) {
+    fn log(&mut self, act: impl FnOnce(&mut Log) -> Result<(), String>) {
         if let Some(log) = &mut self.log
-            && let Err(complaint) = act(log, &self.line)
+            && let Err(complaint) = act(log)
         {
             self.printer.warn(complaint);
             self.log = None;

@@ -1,13 +1,14 @@
-//! The log format of `candump -L`: `(1700000000.000000) vcan0 18A#0102`.
+//! The lines of `candump`: of its log, `(1700000000.000000) vcan0 18A#0102`, written and read; and of its screen,
+//! `(1700000000.000000)  vcan0  18A   [2]  01 02`, read.
 
 use std::fmt::Write;
 
-use protocol_core::frame::{Frame, Id};
+use protocol_core::frame::{ExtendedId, Frame, Id, StandardId};
 
-use super::{ErrorClass, Timestamp, write_hex};
+use super::{Entry, ErrorFrame, Timestamp, write_hex};
 
 /// Linux's mark of an error frame in an identifier.
-const ERROR_FLAG: u32 = 0x2000_0000;
+pub(crate) const ERROR_FLAG: u32 = 0x2000_0000;
 
 /// A frame, without the end of the line. A 29-bit identifier has eight digits, a remote frame `R` and its length,
 /// unless that is 0, in place of the data.
@@ -27,9 +28,147 @@ pub fn write_frame(out: &mut String, at: Timestamp, bus: &str, frame: &Frame) {
 }
 
 /// An error frame, without the end of the line: the class with its mark, and the eight bytes of detail.
-pub fn write_error(out: &mut String, at: Timestamp, bus: &str, class: ErrorClass) {
-    let data = u64::from_be_bytes(class.data());
-    let _ = write!(out, "({at}) {bus} {:08X}#{data:016X}", ERROR_FLAG | class.code());
+pub fn write_error(out: &mut String, at: Timestamp, bus: &str, error: impl Into<ErrorFrame>) {
+    let ErrorFrame { class, data } = error.into();
+    let data = u64::from_be_bytes(data);
+    let _ = write!(out, "({at}) {bus} {:08X}#{data:016X}", ERROR_FLAG | class);
+}
+
+/// An entry of either kind, without the end of the line.
+pub(crate) fn write_entry(out: &mut String, at: Timestamp, bus: &str, entry: &Entry) {
+    match entry {
+        Entry::Frame(frame) => write_frame(out, at, bus, frame),
+        Entry::Error(error) => write_error(out, at, bus, *error),
+    }
+}
+
+/// Why a line has no frame.
+pub(crate) type Reason = &'static str;
+
+/// What a CAN FD frame is refused as, in each format.
+pub(crate) const FD: Reason = "a CAN FD frame, which the devices do not know";
+
+const NO_LINE: Reason = "no line of candump";
+
+/// Reads a line of a log or of the screen: its time, where it has one, the name of the bus, and the entry. After the frame
+/// of a log may stand the direction, `R` or `T`, or two blanks and what the trace of `pve-sim` says of it.
+///
+/// # Errors
+/// Why the line has no entry.
+pub(crate) fn parse(line: &str) -> Result<(Option<Timestamp>, &str, Entry), Reason> {
+    let line = line.trim();
+    let (at, rest) = match line.strip_prefix('(').map(|rest| rest.split_once(')')) {
+        Some(Some((time, rest))) => (Some(time.trim().parse().map_err(|_| "a time that is not in seconds")?), rest),
+        Some(None) => return Err(NO_LINE),
+        None => (None, line),
+    };
+    let (bus, rest) = word(rest);
+    let (token, rest) = word(rest);
+    if let Some((id, data)) = token.split_once('#') {
+        if !rest.starts_with("  ") && !matches!(rest.trim(), "" | "R" | "T") {
+            return Err("more than a frame");
+        }
+        return Ok((at, bus, logged(id, data)?));
+    }
+    // With -x, direction and two flags stand before the identifier.
+    let (id, rest) = match token {
+        "RX" | "TX" => {
+            let (_, rest) = word(rest);
+            let (_, rest) = word(rest);
+            word(rest)
+        }
+        id => (id, rest),
+    };
+    shown(id, rest).map(|entry| (at, bus, entry))
+}
+
+/// The first word of a text, and the text after it.
+fn word(text: &str) -> (&str, &str) {
+    let text = text.trim_start();
+    text.split_at(text.find(' ').unwrap_or(text.len()))
+}
+
+/// An identifier, or the class of an error frame.
+enum Number {
+    Of(Id),
+    Error(u32),
+}
+
+/// An identifier in three or eight digits.
+fn number(digits: &str) -> Result<Number, Reason> {
+    const LENGTH: Reason = "an identifier that has neither three nor eight digits";
+    if digits.is_empty() || !is_hex(digits) {
+        return Err(NO_LINE);
+    }
+    let raw = u32::from_str_radix(digits, 16).map_err(|_| LENGTH)?;
+    let id = match digits.len() {
+        3 => u16::try_from(raw).ok().and_then(StandardId::new).map(Id::Standard),
+        8 if raw & !ExtendedId::MAX.as_raw() == ERROR_FLAG => return Ok(Number::Error(raw & !ERROR_FLAG)),
+        8 => ExtendedId::new(raw).map(Id::Extended),
+        _ => return Err(LENGTH),
+    };
+    id.map(Number::Of).ok_or("an identifier beyond the highest one")
+}
+
+/// Whether a text has hex digits alone: the parsers of numbers take a sign, too.
+fn is_hex(text: &str) -> bool {
+    text.bytes().all(|digit| digit.is_ascii_hexdigit())
+}
+
+/// The part of a log's line after the name of the bus.
+fn logged(id: &str, data: &str) -> Result<Entry, Reason> {
+    let id = number(id)?;
+    if data.starts_with('#') {
+        return Err(FD);
+    }
+    // Newer versions add a length code above 8, which means 8.
+    let data = data.split_once('_').map_or(data, |(data, _)| data);
+    if let Some(length) = data.strip_prefix(['R', 'r']) {
+        return remote(id, if length.is_empty() { "0" } else { length });
+    }
+    if !data.is_ascii() || !data.len().is_multiple_of(2) {
+        return Err("data that are no whole bytes in hex");
+    }
+    entry(id, (0..data.len()).step_by(2).filter_map(|at| data.get(at..at + 2)))
+}
+
+/// The part of a screen's line from the length on.
+fn shown(id: &str, rest: &str) -> Result<Entry, Reason> {
+    let (length, rest) = word(rest);
+    let length = length.strip_prefix('[').and_then(|length| length.strip_suffix(']')).ok_or(NO_LINE)?;
+    let id = number(id)?;
+    if rest.trim_start().starts_with("remote request") {
+        return remote(id, length);
+    }
+    // Two digits tell a CAN FD frame.
+    let wanted = length.parse().ok().filter(|wanted| *wanted <= 8 && length.len() == 1).ok_or(FD)?;
+    let bytes: Vec<&str> = rest.split_whitespace().take(wanted).collect();
+    if bytes.len() < wanted {
+        return Err("fewer bytes than the length says");
+    }
+    entry(id, bytes.into_iter())
+}
+
+fn remote(id: Number, length: &str) -> Result<Entry, Reason> {
+    let length = length.parse().ok().filter(|length| *length <= 8).ok_or("a remote frame of more than 8 bytes")?;
+    match id {
+        Number::Of(id) => Ok(Entry::Frame(Frame::remote(id, length))),
+        Number::Error(_) => Err("an error frame that is a remote frame"),
+    }
+}
+
+fn entry<'a>(id: Number, pairs: impl Iterator<Item = &'a str>) -> Result<Entry, Reason> {
+    let (mut data, mut length) = ([0; 8], 0);
+    for pair in pairs {
+        let byte = data.get_mut(usize::from(length)).ok_or("more than 8 bytes of data")?;
+        let number = u8::from_str_radix(pair, 16).ok().filter(|_| pair.len() == 2 && is_hex(pair));
+        *byte = number.ok_or("data that are no whole bytes in hex")?;
+        length += 1;
+    }
+    Ok(match id {
+        Number::Of(id) => Entry::Frame(Frame::with_len(id, data, length)),
+        Number::Error(class) => Entry::Error(ErrorFrame { class, data }),
+    })
 }
 
 #[cfg(test)]
@@ -37,6 +176,7 @@ mod tests {
     use protocol_core::frame::{extended, standard};
     use protocol_core::time::Instant;
 
+    use super::super::ErrorClass;
     use super::*;
 
     fn line(frame: &Frame) -> String {
@@ -73,5 +213,65 @@ mod tests {
         assert_eq!(line(ErrorClass::ErrorPassive), "(0.000005) pve0 20000004#0030000000000000");
         assert_eq!(line(ErrorClass::ErrorActive), "(0.000005) pve0 20000004#0040000000000000");
         assert_eq!(line(ErrorClass::Restarted), "(0.000005) pve0 20000100#0000000000000000");
+    }
+
+    /// What was written is read, whatever stands after it.
+    #[test]
+    fn a_log_is_read_as_it_was_written() {
+        for text in ["5A0: 43 18 10 01 19 00 00 01", "080:", "00000080: 01", "720: R0", "00000720: R8", "7FF: R1"] {
+            let frame: Frame = text.parse().unwrap();
+            for end in ["", " R", " T", "  pvea-canopen: boot-up", "\r"] {
+                let line = line(&frame) + end;
+                let at = Some(Timestamp::from_micros(1_700_000_000_000_042));
+                assert_eq!(parse(&line), Ok((at, "pve0", Entry::Frame(frame))), "{line}");
+            }
+        }
+        let mut line = String::new();
+        write_error(&mut line, Timestamp::from_micros(5), "can0", ErrorClass::ErrorPassive);
+        let error = Entry::Error(ErrorClass::ErrorPassive.into());
+        assert_eq!(parse(&line), Ok((Some(Timestamp::from_micros(5)), "can0", error)));
+    }
+
+    /// With and without -t, -x and -a.
+    #[test]
+    fn the_screen_is_read() {
+        let at = Some(Timestamp::from_micros(1_700_000_000_000_042));
+        for (line, at, text) in [
+            ("  vcan0  5A0   [8]  43 18 10 01 19 00 00 01", None, "5A0: 43 18 10 01 19 00 00 01"),
+            (" (1700000000.000042)  vcan0  080   [0] ", at, "080:"),
+            (" (1700000000.000042)  vcan0  RX - -  00000080   [1]  41   'A'", at, "00000080: 41"),
+            ("  vcan0  TX B E  720   [0]  remote request", None, "720: R0"),
+            ("  vcan0  720   [1]  remote request", None, "720: R1"),
+        ] {
+            assert_eq!(parse(line), Ok((at, "vcan0", Entry::Frame(text.parse().unwrap()))), "{line}");
+        }
+        let passive = "  can0  20000004   [8]  00 30 00 00 00 00 00 00   ERRORFRAME";
+        assert_eq!(parse(passive), Ok((None, "can0", Entry::Error(ErrorClass::ErrorPassive.into()))));
+    }
+
+    #[test]
+    fn a_line_that_is_none_says_why() {
+        const BYTES: &str = "data that are no whole bytes in hex";
+        for (line, reason) in [
+            ("", NO_LINE),
+            ("pve-sim ready", NO_LINE),
+            ("(1700000000.000042 pve0 5A0#", NO_LINE),
+            ("(1.0) pve0 #00", NO_LINE),
+            ("(2023-11-14 22:13:20) pve0 5A0#", "a time that is not in seconds"),
+            ("(1.0) pve0 5A#00", "an identifier that has neither three nor eight digits"),
+            ("(1.0) pve0 800#00", "an identifier beyond the highest one"),
+            ("(1.0) pve0 40000000#00", "an identifier beyond the highest one"),
+            ("(1.0) pve0 5A0#0", BYTES),
+            ("(1.0) pve0 5A0#+1", BYTES),
+            ("(1.0) pve0 5A0#ä", BYTES),
+            ("(1.0) pve0 5A0#000102030405060708", "more than 8 bytes of data"),
+            ("(1.0) pve0 5A0#R9", "a remote frame of more than 8 bytes"),
+            ("(1.0) pve0 5A0##100", FD),
+            ("(1.0) pve0 5A0#00 and more", "more than a frame"),
+            ("(1.0) pve0 5A0 [2] 00", "fewer bytes than the length says"),
+            ("(1.0) pve0 5A0 [12] 00", FD),
+        ] {
+            assert_eq!(parse(line), Err(reason), "{line}");
+        }
     }
 }

@@ -5,15 +5,17 @@
 //! layout     the trace for people           errors     the error frames and error modes that are told
 //! ```
 
-mod candump;
+pub(crate) mod candump;
 mod errors;
 mod layout;
+mod record;
 mod timestamp;
 
 pub use candump::{write_error, write_frame};
 pub(crate) use errors::Errors;
 pub(crate) use layout::Layout;
-pub use timestamp::Timestamp;
+pub use record::{Entry, ErrorFrame, Record};
+pub use timestamp::{ParseTimestampError, Timestamp};
 
 /// Bytes in hex, two digits each, without blanks.
 pub(crate) fn write_hex(out: &mut String, bytes: &[u8]) {

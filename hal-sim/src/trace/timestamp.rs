@@ -1,6 +1,7 @@
 //! The time of a frame as traces and clients see it.
 
 use std::fmt;
+use std::str::FromStr;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use protocol_core::time::Instant;
@@ -41,3 +42,25 @@ impl fmt::Display for Timestamp {
         write!(f, "{}.{:06}", self.0 / 1_000_000, self.0 % 1_000_000)
     }
 }
+
+/// Reads what [`Display`](fmt::Display) prints; digits beyond the microseconds are left out.
+impl FromStr for Timestamp {
+    type Err = ParseTimestampError;
+
+    fn from_str(text: &str) -> Result<Self, ParseTimestampError> {
+        let is_number = |digits: &str| !digits.is_empty() && digits.bytes().all(|digit| digit.is_ascii_digit());
+        let (seconds, fraction) = text.split_once('.').unwrap_or((text, "0"));
+        if !is_number(seconds) || !is_number(fraction) {
+            return Err(ParseTimestampError);
+        }
+        let digits = fraction.bytes().chain(std::iter::repeat(b'0')).take(6);
+        let micros = digits.fold(0, |micros, digit| micros * 10 + u64::from(digit - b'0'));
+        let seconds: u64 = seconds.parse().map_err(|_| ParseTimestampError)?;
+        seconds.checked_mul(1_000_000).and_then(|all| all.checked_add(micros)).map(Self).ok_or(ParseTimestampError)
+    }
+}
+
+/// A text that is no time in seconds, or one beyond 584,000 years.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("no time in seconds")]
+pub struct ParseTimestampError;

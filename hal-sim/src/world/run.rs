@@ -49,6 +49,15 @@ impl World {
         self.give_to_clients();
     }
 
+    /// Lets everything happen that is due before `end`, and goes there. Frames that are [sent](Self::send) then take part in
+    /// the arbitration at `end`.
+    pub fn run_before(&mut self, end: Instant) {
+        while self.next_event() < end {
+            self.step();
+        }
+        self.now = self.now.max(end);
+    }
+
     /// Asks all devices to store what waits to be stored, and runs until they have: for an orderly shutdown.
     ///
     /// A device stores only when all that it has to send is on the bus. On a bus that takes nothing its frames are

@@ -10,6 +10,7 @@ mod control;
 mod ends;
 mod files;
 mod options;
+mod recordings;
 mod scenario;
 mod shell;
 mod simulator;

@@ -208,10 +208,13 @@ fn type_words(kind: &str, lines: &[Line]) {
 #[test]
 fn every_command() {
     for (right, wrong, accepted) in [
-        ("run --help", "walk", "accepted: run, use-case, scenario, eds, dbc, completions, man, help"),
+        ("run --help", "walk", "accepted: run, use-case, scenario, decode, replay, eds, dbc, completions, man, help"),
         ("use-case 1", "use-case 7", "accepted: 1, 2, 3, 4, 5, 6, isobus, hat, all"),
         ("scenario --schema", "scenario", "FILE.toml"),
         ("scenario --help", "scenario --junit x.toml y.toml", "accepted: a file for the results, as in results.xml"),
+        ("decode --help", "decode", "<FILE>"),
+        ("replay --help", "replay frames.log", "--device <KIND[@ID][,KEY=VALUE…]>"),
+        ("replay --help", "replay frames.log --device pvea-canopen --tolerance-ms 60001", "0..=60000"),
         ("eds hat3000", "eds pvea-isobus", "pvea-canopen|pveo-canopen|hat1000|hat3000"),
         ("dbc pveo-isobus", "dbc hat1000", "pvea-isobus|pveo-isobus"),
         ("completions bash", "completions tcsh", "bash, elvish, fish, powershell, zsh"),

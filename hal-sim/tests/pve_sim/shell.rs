@@ -31,7 +31,7 @@ fn a_completion_script_names_every_option_and_command() {
             // fish has the name alone, after -l.
             assert!(script.contains(option.trim_start_matches('-')), "{shell}: {option}");
         }
-        for command in ["run", "use-case", "eds", "dbc", "completions", "man", "help"] {
+        for command in ["run", "use-case", "decode", "replay", "eds", "dbc", "completions", "man", "help"] {
             assert!(script.contains(command), "{shell}: {command}");
         }
     }

@@ -9,6 +9,7 @@ mod dissectors;
 mod isobus;
 mod panel;
 mod readme;
+mod recordings;
 mod simulator;
 mod slcan;
 mod socketcan;

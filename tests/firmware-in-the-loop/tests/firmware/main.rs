@@ -17,6 +17,7 @@ mod memory_functions;
 mod overtaking;
 mod power_cut;
 mod reception;
+mod recordings;
 mod resets;
 mod silicon;
 mod storing;

@@ -1,0 +1,98 @@
+//! `pve-sim decode`: a recording explained line by line, as the trace explains a running bus.
+
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+use crate::devices::NamedDevice;
+use crate::explain::{Explainer, Node, explain_error_frame};
+use crate::recording::{Logged, ReadError, Reader};
+use crate::trace::Entry;
+use crate::trace::candump::write_entry;
+
+/// The options of `decode`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DecodeOptions {
+    /// The recording; `-` is stdin.
+    pub file: PathBuf,
+    /// The devices that are known to be on the bus.
+    pub devices: Vec<NamedDevice>,
+}
+
+/// Why a recording cannot be explained, or not further.
+#[derive(Debug, thiserror::Error)]
+pub enum DecodeError {
+    /// The recording cannot be read.
+    #[error("{}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        source: io::Error,
+    },
+    /// Nothing can be written.
+    #[error("stdout: {0}")]
+    Write(io::Error),
+}
+
+/// Explains a recording on `out`, and hands each line that is none to `warn`; returns whether there was none of those. A
+/// reader of `out` that is gone ends it.
+///
+/// # Errors
+/// [`DecodeError`] when the recording cannot be read, or `out` not be written.
+pub fn decode(options: &DecodeOptions, out: &mut impl Write, mut warn: impl FnMut(&str)) -> Result<bool, DecodeError> {
+    let unread = |source| DecodeError::Read { path: options.file.clone(), source };
+    let mut reader = Reader::open(&options.file).map_err(unread)?;
+    let node =
+        |device: &NamedDevice| Node { name: device.name.clone(), kind: device.kind, node_id: device.birth.node_id };
+    let mut explainer = Explainer::new(options.devices.iter().map(node).collect());
+    let mut all_read = true;
+    let mut line = String::new();
+    loop {
+        // Somebody may wait for the explanation of what another program has logged so far.
+        if reader.may_wait() && !is_read(out.flush())? {
+            return Ok(all_read);
+        }
+        match reader.next() {
+            None => break,
+            Some(Ok(Logged { record, .. })) => {
+                line.clear();
+                write_entry(&mut line, record.at, reader.bus(), &record.entry);
+                let meaning = match &record.entry {
+                    Entry::Frame(frame) => {
+                        explainer.learn(frame);
+                        let meaning = explainer.explain(frame, None);
+                        explainer.observe(frame);
+                        meaning
+                    }
+                    Entry::Error(error) => explain_error_frame(error),
+                };
+                if !is_read(writeln!(out, "{line}  {meaning}"))? {
+                    return Ok(all_read);
+                }
+            }
+            Some(Err(error @ ReadError::NoEntry { .. })) => {
+                all_read = false;
+                // After the lines before it, where both go to one terminal.
+                if !is_read(out.flush())? {
+                    return Ok(all_read);
+                }
+                warn(&format!("{}:{error}", options.file.display()));
+            }
+            Some(Err(ReadError::Io(source))) => {
+                is_read(out.flush())?;
+                return Err(unread(source));
+            }
+        }
+    }
+    is_read(out.flush())?;
+    Ok(all_read)
+}
+
+/// Whether somebody still reads what is written.
+fn is_read(written: io::Result<()>) -> Result<bool, DecodeError> {
+    match written {
+        Ok(()) => Ok(true),
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(false),
+        Err(error) => Err(DecodeError::Write(error)),
+    }
+}

@@ -1,0 +1,224 @@
+//! Recordings of a bus whose devices nobody has named: what the frames tell of them, and error frames as Linux has them.
+
+use protocol_core::device::pve::DeviceState;
+use protocol_core::device::{hat, pve};
+use protocol_core::frame::{Frame, Id};
+use protocol_core::wire::j1939_id::{Address, J1939Id, Pgn};
+use protocol_core::wire::name::Name;
+use protocol_core::wire::sdo::{Answer, Multiplexer};
+
+use super::{Explainer, Node};
+use crate::kind::Kind;
+use crate::trace::ErrorFrame;
+
+/// What all valves on CANopen are taken for, and all angle sensors, and all valves on ISOBUS: within each family the same
+/// frames mean the same.
+const VALVE: Kind = Kind::Pve(pve::Kind::PveaCanopen);
+const SENSOR: Kind = Kind::Hat(hat::Kind::Hat1000);
+const ISOBUS_VALVE: Kind = Kind::Pve(pve::Kind::PveaIsobus);
+
+/// The device profile in the low half of object 0x1000: CiA 408, fluid power; CiA 406, encoders.
+const FLUID_POWER: u16 = 408;
+const ENCODER: u16 = 406;
+
+/// How sure a frame makes of the kind of its sender.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Evidence {
+    /// A PDO that looks as one of a valve.
+    Likeness,
+    /// An object, or a NAME, that another kind of device does not have.
+    Proof,
+}
+
+impl Explainer {
+    /// Takes notice of what a frame tells of its sender: what it is, and so how the frames about it are to be read. Devices
+    /// that were given stay as they are. To be called before the frame's own explanation.
+    pub fn learn(&mut self, frame: &Frame) {
+        let Some((id, kind, evidence)) = told(frame) else { return };
+        if self.nodes.iter().take(self.given).any(|node| node.node_id == Some(id)) {
+            return;
+        }
+        let known = self.learned.insert(id, evidence.max(self.learned.get(&id).copied().unwrap_or(evidence)));
+        let place = self.nodes.iter().skip(self.given).position(|node| node.node_id == Some(id));
+        match place.and_then(|place| self.nodes.get_mut(self.given + place)) {
+            Some(node) if known <= Some(evidence) => node.kind = kind,
+            Some(_) => {}
+            None => {
+                let name = match kind.protocol() {
+                    pve::Protocol::Canopen => format!("node 0x{id:02X}"),
+                    pve::Protocol::Isobus => format!("0x{id:02X}"),
+                };
+                self.nodes.push(Node { name, kind, node_id: Some(id) });
+            }
+        }
+    }
+}
+
+/// The node ID or address of a sender, and the kind that its frame shows.
+fn told(frame: &Frame) -> Option<(u8, Kind, Evidence)> {
+    let (kind, evidence) = match frame.id() {
+        Id::Standard(id) => match id.as_raw() {
+            0x581..=0x5FF => (by_object(Answer::parse(frame.eight()?)?)?, Evidence::Proof),
+            0x181..=0x1FF => (by_pdo(frame.data())?, Evidence::Likeness),
+            _ => return None,
+        },
+        Id::Extended(id) => {
+            let id = J1939Id::from_raw(id.as_raw());
+            let is_claim = id.pgn() == Pgn::ADDRESS_CLAIMED && id.source() != Address::NULL;
+            let is_valve = is_claim && is_valve(Name::from_bytes(*frame.eight()?));
+            return is_valve.then_some((id.source().get(), ISOBUS_VALVE, Evidence::Proof));
+        }
+    };
+    match frame.id() {
+        Id::Standard(id) => Some(((id.as_raw() & 0x7F) as u8, kind, evidence)),
+        Id::Extended(_) => None,
+    }
+}
+
+/// The kind that has an object which was read or written.
+fn by_object(answer: Answer) -> Option<Kind> {
+    match answer {
+        Answer::UploadExpedited { object: Multiplexer { index: 0x1000, .. }, data, .. } => match data as u16 {
+            FLUID_POWER => Some(VALVE),
+            ENCODER => Some(SENSOR),
+            _ => None,
+        },
+        Answer::UploadExpedited { object, .. } | Answer::DownloadDone(object) => match object.index {
+            0x6300 | 0x6301 => Some(VALVE),
+            0x6004 | 0x6501 => Some(SENSOR),
+            _ => None,
+        },
+        _ => None,
+    }
+}
+
+/// Status word and position, by the default mapping.
+fn by_pdo(data: &[u8]) -> Option<Kind> {
+    let &[a, b, _, _] = data else { return None };
+    let word = u16::from_le_bytes([a, b]);
+    DeviceState::ALL.into_iter().any(|state| state.status_word() == word).then_some(VALVE)
+}
+
+/// Whether a NAME has the manufacturer and the function of the valves.
+fn is_valve(name: Name) -> bool {
+    const MANUFACTURER: u16 = 57;
+    const FUNCTION: u8 = 255;
+    let fields = name.fields();
+    (fields.manufacturer_code, fields.function) == (MANUFACTURER, FUNCTION)
+}
+
+/// What an error frame of a recording says (`linux/can/error.h`).
+#[must_use]
+pub fn explain_error_frame(error: &ErrorFrame) -> String {
+    const CLASSES: [(u32, &str); 9] = [
+        (0x001, "transmission timed out"),
+        (0x002, "arbitration lost"),
+        (0x008, "protocol violation"),
+        (0x010, "transceiver"),
+        (0x020, "nobody acknowledged"),
+        (0x040, "bus-off"),
+        (0x080, "bus error"),
+        (0x100, "back from bus-off"),
+        (0x004, "controller"),
+    ];
+    const CONTROLLER: [(u8, &str); 7] = [
+        (0x01, "receive overflow"),
+        (0x02, "transmit overflow"),
+        (0x04, "receive warning"),
+        (0x08, "transmit warning"),
+        (0x10, "error-passive"),
+        (0x20, "error-passive"),
+        (0x40, "error-active"),
+    ];
+    let [_, controller, ..] = error.data;
+    let mut words: Vec<&str> =
+        CLASSES.iter().filter(|(bit, _)| error.class & bit != 0).map(|(_, word)| *word).collect();
+    if words.last() == Some(&"controller") {
+        let told = CONTROLLER.iter().filter(|(bit, _)| controller & bit != 0).map(|(_, word)| *word);
+        let before = words.len();
+        words.extend(told);
+        words.dedup();
+        if words.len() > before {
+            words.remove(before - 1);
+        }
+    }
+    if words.is_empty() { "error frame".to_owned() } else { format!("error frame: {}", words.join(", ")) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trace::ErrorClass;
+
+    /// What is said of a frame, after the frames before it.
+    fn said(before: &[&str], text: &str) -> String {
+        let mut explainer = Explainer::default();
+        for text in before.iter().chain([&text]) {
+            explainer.learn(&text.parse().unwrap());
+        }
+        explainer.explain(&text.parse().unwrap(), None)
+    }
+
+    /// What a valve and an angle sensor have at one identifier.
+    #[test]
+    fn frames_tell_what_a_device_is() {
+        const PDO: &str = "1A0: 0A 10 00 00";
+        const EMCY: &str = "0A0: 03 80 91 01 00 00 00 00";
+        const VALVE: &str = "node 0x20: TPDO status word 0x100A (unknown state), position neutral";
+        const SENSOR: &str = "node 0x20: TPDO position 4106 (90.22°)";
+        assert_eq!(said(&[], PDO), VALVE);
+        assert_eq!(said(&["5A0: 43 00 10 00 96 01 01 00"], PDO), SENSOR, "CiA 406");
+        assert_eq!(said(&["5A0: 43 04 60 00 0A 10 00 00"], PDO), SENSOR);
+        assert_eq!(
+            said(&["1A0: 09 00 00 00", "5A0: 43 04 60 00 0A 10 00 00"], PDO),
+            SENSOR,
+            "what is sure counts more"
+        );
+        assert_eq!(said(&["5A0: 43 04 60 00 0A 10 00 00", "1A0: 09 00 00 00"], PDO), SENSOR, "in either order");
+        for frame in ["5A0: 43 00 10 00 98 01 00 00", "5A0: 4B 01 63 01 00 00 00 00", "1A0: 0F 00 00 20"] {
+            assert_eq!(
+                said(&[frame], EMCY),
+                "node 0x20: EMCY: time guarding (0x8003), register 0x91, count 1",
+                "{frame}"
+            );
+        }
+        // A device of another profile, another node, and a refusal.
+        for frame in ["5A0: 43 00 10 00 92 01 00 00", "5A1: 43 00 10 00 98 01 00 00", "5A0: 80 01 63 01 00 00 02 06"] {
+            assert_eq!(said(&[frame], EMCY), said(&[], EMCY), "{frame}");
+        }
+    }
+
+    #[test]
+    fn a_claim_tells_of_a_valve() {
+        const READ: &str = "1BC788F1: 03 22 F1 8C 55 55 55 55";
+        let claimed = said(&["18EEFF83: 01 00 20 07 08 FF 02 20"], "0CFE1383: 7D 7D 30 FF FF FF FF FF");
+        assert_eq!(claimed, "0x83: AVEF blocked, no flow");
+        assert_eq!(said(&["18EEFF83: 01 00 20 07 08 FF 02 20"], READ), said(&[], READ), "another one");
+    }
+
+    /// What is given is not guessed.
+    #[test]
+    fn devices_that_are_given_stay() {
+        let node = Node { name: "boom".to_owned(), kind: VALVE, node_id: Some(0x20) };
+        let mut explainer = Explainer::new(vec![node]);
+        explainer.learn(&"5A0: 43 00 10 00 96 01 01 00".parse().unwrap());
+        assert_eq!(explainer.explain(&"720: 00".parse().unwrap(), None), "boom: boot-up");
+        assert!(explainer.explain(&"1A0: 0A 10 00 00".parse().unwrap(), None).contains("status word"));
+    }
+
+    #[test]
+    fn error_frames_of_linux() {
+        let said = |class: ErrorClass| explain_error_frame(&class.into());
+        assert_eq!(said(ErrorClass::NoAcknowledge), "error frame: nobody acknowledged");
+        assert_eq!(said(ErrorClass::BusError), "error frame: bus error");
+        assert_eq!(said(ErrorClass::ErrorPassive), "error frame: error-passive");
+        assert_eq!(said(ErrorClass::ErrorActive), "error frame: error-active");
+        assert_eq!(said(ErrorClass::BusOff), "error frame: bus-off");
+        assert_eq!(said(ErrorClass::Restarted), "error frame: back from bus-off");
+        assert_eq!(said(ErrorClass::TransmitOverflow), "error frame: transmit overflow");
+        assert_eq!(explain_error_frame(&ErrorFrame::UNTOLD), "error frame");
+        let both = ErrorFrame { class: 0x8C, data: [0, 0x08, 0, 0, 0, 0, 0, 0] };
+        assert_eq!(explain_error_frame(&both), "error frame: protocol violation, bus error, transmit warning");
+        assert_eq!(explain_error_frame(&ErrorFrame { class: 0x4, data: [0; 8] }), "error frame: controller");
+    }
+}

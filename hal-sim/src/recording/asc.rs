@@ -1,0 +1,176 @@
+//! Vector's ASC: text, a line an event, with times from the start of the measurement.
+//!
+//! Only frames and error frames of classic CAN are taken; whatever else the tools log (statistics, chip states, variables,
+//! comments) is no frame and passed over. An error frame has no class in this format.
+
+use std::io::{self, Write};
+
+use protocol_core::frame::{ExtendedId, Frame, Id, StandardId};
+
+use super::date::{self, Date};
+use crate::trace::candump::{FD, Reason};
+use crate::trace::{Entry, ErrorFrame, Record, Timestamp};
+
+/// The channel that all frames are on.
+const CHANNEL: u8 = 1;
+
+/// Writes the head of a file whose measurement starts at a time; returns that time in whole milliseconds, as the date has
+/// it: the origin of all others.
+pub(super) fn write_head(out: &mut impl Write, start: Timestamp) -> io::Result<Timestamp> {
+    let origin = Timestamp::from_micros(start.as_micros() / 1000 * 1000);
+    let date = Date(origin);
+    writeln!(out, "date {date}\nbase hex  timestamps absolute\ninternal events logged")?;
+    writeln!(out, "Begin Triggerblock {date}\n   0.000000 Start of measurement")?;
+    Ok(origin)
+}
+
+/// Writes an entry. One before the origin counts as at it.
+pub(super) fn write(out: &mut impl Write, origin: Timestamp, Record { at, entry }: &Record) -> io::Result<()> {
+    let micros = at.as_micros().saturating_sub(origin.as_micros());
+    write!(out, "{:>4}.{:06} {CHANNEL}  ", micros / 1_000_000, micros % 1_000_000)?;
+    let frame = match entry {
+        Entry::Error(_) => return writeln!(out, "ErrorFrame"),
+        Entry::Frame(frame) => frame,
+    };
+    let id = match frame.id() {
+        Id::Standard(id) => format!("{:X}", id.as_raw()),
+        Id::Extended(id) => format!("{:X}x", id.as_raw()),
+    };
+    write!(out, "{id:<15} Rx   {} {:x}", if frame.is_remote() { 'r' } else { 'd' }, frame.len())?;
+    frame.data().iter().try_for_each(|byte| write!(out, " {byte:02X}"))?;
+    writeln!(out)
+}
+
+/// Writes the end of a file.
+pub(super) fn write_end(out: &mut impl Write) -> io::Result<()> {
+    writeln!(out, "End TriggerBlock")
+}
+
+/// Whether a line is one that a file begins with.
+pub(super) fn is_head(line: &str) -> bool {
+    let mut words = line.split_whitespace();
+    let first = words.next().unwrap_or_default().to_ascii_lowercase();
+    match first.as_str() {
+        "date" => true,
+        "base" => words.next().is_some_and(|base| radix(base).is_some()),
+        first => first.starts_with("//"),
+    }
+}
+
+/// Reads a file line by line.
+#[derive(Debug)]
+pub(super) struct Parser {
+    /// The base of identifiers, lengths and data.
+    radix: u32,
+    /// Times count from the event before, and not from the start.
+    relative: bool,
+    /// The start of the measurement.
+    origin: Timestamp,
+    /// The time of the event before.
+    last: Timestamp,
+}
+
+impl Default for Parser {
+    fn default() -> Self {
+        let zero = Timestamp::from_micros(0);
+        Self { radix: 16, relative: false, origin: zero, last: zero }
+    }
+}
+
+impl Parser {
+    /// Reads a line; `None` for one that is no frame and has none to have.
+    ///
+    /// # Errors
+    /// Why the line is none of the format.
+    pub(super) fn line(&mut self, line: &str) -> Result<Option<Record>, Reason> {
+        let line = line.trim();
+        let (first, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+        let rest = rest.trim_start();
+        match first.to_ascii_lowercase().as_str() {
+            "date" => self.start(date::parse(rest)),
+            "base" => self.base(rest)?,
+            "begin" => self.start(rest.split_once(char::is_whitespace).and_then(|(_, date)| date::parse(date))),
+            "end" | "internal" | "no" => {}
+            first if first.starts_with("//") => {}
+            first => return self.event(first, rest),
+        }
+        Ok(None)
+    }
+
+    /// A date that is not understood leaves the origin as it is.
+    fn start(&mut self, date: Option<Timestamp>) {
+        self.origin = date.unwrap_or(self.origin);
+        self.last = self.origin;
+    }
+
+    /// `hex  timestamps absolute`
+    fn base(&mut self, rest: &str) -> Result<(), Reason> {
+        let words: Vec<&str> = rest.split_whitespace().collect();
+        self.radix = words.first().and_then(|base| radix(base)).ok_or("a base that is neither hex nor dec")?;
+        self.relative = words.last().is_some_and(|times| times.eq_ignore_ascii_case("relative"));
+        Ok(())
+    }
+
+    fn event(&mut self, time: &str, rest: &str) -> Result<Option<Record>, Reason> {
+        let passed: Timestamp = time.parse().map_err(|_| "no line of an ASC file")?;
+        let from = if self.relative { self.last } else { self.origin };
+        let at = Timestamp::from_micros(from.as_micros().saturating_add(passed.as_micros()));
+        self.last = at;
+        let words: Vec<&str> = rest.split_whitespace().collect();
+        let entry = match words.as_slice() {
+            [channel, ..] if channel.eq_ignore_ascii_case("CANFD") => return Err(FD),
+            // Without a channel it is an event of the tools.
+            [channel, ..] if channel.parse::<u16>().is_err() => return Ok(None),
+            [_, error, ..] if error.eq_ignore_ascii_case("ErrorFrame") => Entry::Error(ErrorFrame::UNTOLD),
+            [_, id, direction, rest @ ..] if is_on_bus(direction) => Entry::Frame(self.frame(id, rest)?),
+            // A frame that is asked for is logged once more when it is on the bus.
+            [_, _, direction, ..] if direction.eq_ignore_ascii_case("TxRq") => return Ok(None),
+            [_, event, ..] if is_other_event(event) => return Ok(None),
+            _ => return Err("no frame, and no other event of an ASC file"),
+        };
+        Ok(Some(Record { at, entry }))
+    }
+
+    /// The identifier, and what stands after the direction.
+    fn frame(&self, id: &str, rest: &[&str]) -> Result<Frame, Reason> {
+        let number = |text: &str| u32::from_str_radix(text, self.radix).ok().filter(|_| !text.starts_with('+'));
+        let id = match id.strip_suffix(['x', 'X']) {
+            Some(id) => number(id).and_then(ExtendedId::new).map(Id::Extended),
+            None => number(id).and_then(|id| u16::try_from(id).ok()).and_then(StandardId::new).map(Id::Standard),
+        };
+        let id = id.ok_or("an identifier that is none")?;
+        let length = |text: &str| number(text).and_then(|code| u8::try_from(code).ok()).filter(|code| *code <= 15);
+        match *rest {
+            ["r" | "R", ref rest @ ..] => {
+                Ok(Frame::remote(id, rest.first().and_then(|text| length(text)).unwrap_or(0)))
+            }
+            ["d" | "D", code, ref rest @ ..] => {
+                let wanted = length(code).ok_or("a length that is none")?.min(8);
+                let mut data = [0; 8];
+                let bytes = rest.get(..usize::from(wanted)).ok_or("fewer bytes than the length says")?;
+                for (room, byte) in data.iter_mut().zip(bytes) {
+                    *room = number(byte).and_then(|byte| u8::try_from(byte).ok()).ok_or("data that are no bytes")?;
+                }
+                Ok(Frame::with_len(id, data, wanted))
+            }
+            _ => Err("neither data nor a remote frame"),
+        }
+    }
+}
+
+fn radix(base: &str) -> Option<u32> {
+    match base.to_ascii_lowercase().as_str() {
+        "hex" => Some(16),
+        "dec" => Some(10),
+        _ => None,
+    }
+}
+
+fn is_on_bus(direction: &str) -> bool {
+    direction.eq_ignore_ascii_case("Rx") || direction.eq_ignore_ascii_case("Tx")
+}
+
+/// Whether a word after a channel begins an event that is no frame: `Statistic:`, `CAN Status:`, `J1939TP`.
+fn is_other_event(word: &str) -> bool {
+    word.ends_with(':') || ["CAN", "J1939TP", "OverloadFrame"].iter().any(|known| word.eq_ignore_ascii_case(known))
+}

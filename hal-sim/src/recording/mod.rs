@@ -1,0 +1,51 @@
+//! Recordings of a bus as files: written by `--log`, read by `decode` and `replay`.
+//!
+//! ```text
+//! writer   a file of any format
+//! reader   the same, entry by entry, whatever is in it
+//! asc      the format of Vector's tools; candump's is in `trace`
+//! pcapng   the format of Wireshark
+//! date     dates of ASC
+//! ```
+//!
+//! A recording is never in memory as a whole.
+
+mod asc;
+mod date;
+mod pcapng;
+mod reader;
+mod writer;
+
+pub use reader::{Logged, ReadError, Reader};
+pub use writer::Writer;
+
+use std::path::Path;
+
+/// The format of a recording.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// The log of `candump -L`.
+    Candump,
+    /// Vector's ASC.
+    Asc,
+    /// pcapng with the link type of SocketCAN.
+    Pcapng,
+}
+
+impl Format {
+    /// Returns the format by the ending of a file's name: `.asc`, `.pcapng`, and that of `candump -L` for every other.
+    #[must_use]
+    pub fn of(path: &Path) -> Self {
+        let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
+        if ending.eq_ignore_ascii_case("asc") {
+            Self::Asc
+        } else if ending.eq_ignore_ascii_case("pcapng") {
+            Self::Pcapng
+        } else {
+            Self::Candump
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

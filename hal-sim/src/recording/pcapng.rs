@@ -1,0 +1,253 @@
+//! pcapng with the link type of SocketCAN, 227: a packet a frame, as Linux has it in a `struct can_frame`.
+
+use std::io::{self, Cursor, Read, Write};
+
+use pcap_parser::traits::{PcapNGPacketBlock as _, PcapReaderIterator as _};
+use pcap_parser::{Block, PcapBlockOwned, PcapError, PcapNGReader};
+use protocol_core::frame::{ExtendedId, Frame, Id, StandardId};
+
+use crate::trace::candump::{ERROR_FLAG, FD, Reason};
+use crate::trace::{Entry, ErrorFrame, Record, Timestamp};
+
+/// The bytes that a file begins with, whatever its byte order.
+pub(super) const MAGIC: [u8; 4] = [0x0A, 0x0D, 0x0D, 0x0A];
+
+/// `LINKTYPE_CAN_SOCKETCAN`: the identifier in network byte order, length, flags, two bytes that are 0, data.
+const SOCKETCAN: u16 = 227;
+const HEAD: usize = 8;
+
+/// Marks in the identifier.
+const EXTENDED_FLAG: u32 = 0x8000_0000;
+const REMOTE_FLAG: u32 = 0x4000_0000;
+/// The mark of CAN FD in the flags.
+const FD_FLAG: u8 = 0x04;
+
+const SECTION_HEADER: u32 = 0x0A0D_0D0A;
+const INTERFACE_DESCRIPTION: u32 = 1;
+const ENHANCED_PACKET: u32 = 6;
+
+/// The largest block that is read: beyond all that a capture of CAN has.
+const BLOCK_MAX: usize = 1 << 16;
+
+/// Writes the head of a file: a section, and the interface, by the name of the bus, with times in microseconds.
+pub(super) fn write_head(out: &mut impl Write, bus: &str) -> io::Result<()> {
+    let mut section = Vec::new();
+    section.extend(0x1A2B_3C4D_u32.to_le_bytes());
+    section.extend([1_u16, 0].map(u16::to_le_bytes).as_flattened());
+    // The length of the section is not told.
+    section.extend(u64::MAX.to_le_bytes());
+    write_block(out, SECTION_HEADER, &section)?;
+    let mut interface = Vec::new();
+    interface.extend([SOCKETCAN, 0].map(u16::to_le_bytes).as_flattened());
+    // No limit of the length.
+    interface.extend(0_u32.to_le_bytes());
+    // Its name; times in 10^-6 s; no more options.
+    for (code, value) in [(2_u16, bus.as_bytes()), (9, &[6]), (0, &[])] {
+        let length = u16::try_from(value.len()).unwrap_or_default();
+        interface.extend([code, length].map(u16::to_le_bytes).as_flattened());
+        interface.extend(value.get(..length.into()).unwrap_or_default());
+        interface.resize(interface.len().next_multiple_of(4), 0);
+    }
+    write_block(out, INTERFACE_DESCRIPTION, &interface)
+}
+
+/// Writes an entry.
+pub(super) fn write(out: &mut impl Write, Record { at, entry }: &Record) -> io::Result<()> {
+    let (id, length, data) = match entry {
+        Entry::Frame(frame) => {
+            let remote = if frame.is_remote() { REMOTE_FLAG } else { 0 };
+            let id = match frame.id() {
+                Id::Standard(id) => u32::from(id.as_raw()),
+                Id::Extended(id) => id.as_raw() | EXTENDED_FLAG,
+            };
+            (id | remote, frame.len(), frame.data())
+        }
+        Entry::Error(error) => (error.class | ERROR_FLAG, 8, error.data.as_slice()),
+    };
+    let length_of_packet = (HEAD + data.len()) as u32;
+    let (high, low) = ((at.as_micros() >> 32) as u32, at.as_micros() as u32);
+    let mut body = Vec::with_capacity(40);
+    // The first interface, the time, the length as captured and as it was.
+    for number in [0, high, low, length_of_packet, length_of_packet] {
+        body.extend(number.to_le_bytes());
+    }
+    body.extend(id.to_be_bytes());
+    body.extend([length, 0, 0, 0]);
+    body.extend(data);
+    write_block(out, ENHANCED_PACKET, &body)
+}
+
+fn write_block(out: &mut impl Write, kind: u32, body: &[u8]) -> io::Result<()> {
+    let padded = body.len().next_multiple_of(4);
+    let length = (padded + 12) as u32;
+    out.write_all(&kind.to_le_bytes())?;
+    out.write_all(&length.to_le_bytes())?;
+    out.write_all(body)?;
+    out.write_all(&[0; 3][..padded - body.len()])?;
+    out.write_all(&length.to_le_bytes())
+}
+
+/// An interface of the section that is being read.
+#[derive(Debug)]
+struct Interface {
+    name: String,
+    link_type: i32,
+    /// Units of time in a second.
+    resolution: u128,
+    /// Seconds that are added to each time.
+    offset: i64,
+}
+
+/// Reads a file packet by packet.
+pub(super) struct Packets {
+    reader: PcapNGReader<Box<dyn Read + Send>>,
+    interfaces: Vec<Interface>,
+    /// The interface of the last packet.
+    last: usize,
+}
+
+/// Why there is no entry.
+pub(super) enum PacketError {
+    /// This packet has none; the next one may.
+    Packet(Reason),
+    /// The file ends here.
+    End(Reason),
+    /// It cannot be read.
+    Io,
+}
+
+impl Packets {
+    /// Begins to read.
+    pub(super) fn new(mut source: Box<dyn Read + Send>) -> Result<Self, PacketError> {
+        // The first read has to give the whole first block, which a pipe may not.
+        let mut head = vec![0; 12];
+        let whole = source.read_exact(&mut head);
+        whole.map_err(|_| PacketError::End(CUT_OFF))?;
+        let number = |at: usize| head.get(at..at + 4).and_then(|bytes| bytes.try_into().ok()).unwrap_or([0; 4]);
+        let is_big = number(8) == 0x1A2B_3C4D_u32.to_be_bytes();
+        let length = if is_big { u32::from_be_bytes(number(4)) } else { u32::from_le_bytes(number(4)) } as usize;
+        if !(28..=BLOCK_MAX).contains(&length) {
+            return Err(PacketError::End(BROKEN));
+        }
+        head.resize(length, 0);
+        let rest = head.get_mut(12..).unwrap_or_default();
+        source.read_exact(rest).map_err(|_| PacketError::End(CUT_OFF))?;
+        let whole: Box<dyn Read + Send> = Box::new(Cursor::new(head).chain(source));
+        let reader = PcapNGReader::new(BLOCK_MAX * 2, whole).map_err(|_| PacketError::End(BROKEN))?;
+        Ok(Self { reader, interfaces: Vec::new(), last: 0 })
+    }
+
+    /// The interface of the last packet.
+    pub(super) fn bus(&self) -> &str {
+        self.interfaces.get(self.last).map_or("can0", |interface| &interface.name)
+    }
+
+    /// Whether the next packet may have to be waited for.
+    pub(super) fn may_wait(&self) -> bool {
+        self.reader.data().is_empty()
+    }
+
+    /// The next packet's entry; `None` at the end.
+    pub(super) fn next(&mut self) -> Option<Result<Record, PacketError>> {
+        loop {
+            let (length, found) = match self.reader.next() {
+                Ok((length, block)) => (length, take(&mut self.interfaces, &mut self.last, &block)),
+                Err(PcapError::Eof) => return None,
+                Err(PcapError::Incomplete(_)) => match self.reader.refill() {
+                    Ok(()) => continue,
+                    Err(_) => return Some(Err(PacketError::Io)),
+                },
+                Err(PcapError::UnexpectedEof) => return Some(Err(PacketError::End(CUT_OFF))),
+                Err(_) => return Some(Err(PacketError::End(BROKEN))),
+            };
+            self.reader.consume(length);
+            if let Some(found) = found {
+                return Some(found.map_err(PacketError::Packet));
+            }
+        }
+    }
+}
+
+const CUT_OFF: Reason = "a file that is cut off here";
+const BROKEN: Reason = "no block of pcapng; the rest cannot be found";
+
+/// The entry of a block that is a packet.
+fn take(
+    interfaces: &mut Vec<Interface>,
+    last: &mut usize,
+    block: &PcapBlockOwned<'_>,
+) -> Option<Result<Record, Reason>> {
+    match block {
+        PcapBlockOwned::NG(Block::SectionHeader(_)) => interfaces.clear(),
+        PcapBlockOwned::NG(Block::InterfaceDescription(described)) => interfaces.push(Interface {
+            // A blank would end the name in a line of candump.
+            name: described.if_name().and_then(Result::ok).unwrap_or("can0").replace(char::is_whitespace, "_"),
+            link_type: described.linktype.0,
+            resolution: resolution(described.if_tsresol),
+            offset: described.if_tsoffset,
+        }),
+        PcapBlockOwned::NG(Block::EnhancedPacket(packet)) => {
+            *last = usize::try_from(packet.if_id).unwrap_or(usize::MAX);
+            let interface = interfaces.get(*last);
+            let Some(interface) = interface else { return Some(Err("a packet of an interface that is not there")) };
+            if interface.link_type != i32::from(SOCKETCAN) {
+                return Some(Err("a packet that is not of SocketCAN (link type 227)"));
+            }
+            let at = interface.time(u64::from(packet.ts_high) << 32 | u64::from(packet.ts_low));
+            let entry = entry(packet.packet_data());
+            return Some(entry.and_then(|entry| Ok(Record { at: at.ok_or("a time that is none")?, entry })));
+        }
+        PcapBlockOwned::NG(Block::SimplePacket(_)) => return Some(Err("a packet without a time")),
+        _ => {}
+    }
+    None
+}
+
+/// The units in a second: a power of 10, or with the highest bit one of 2. One beyond all clocks counts as the finest that
+/// a number of 64 bits can have.
+fn resolution(told: u8) -> u128 {
+    match (told & 0x80, told & 0x7F) {
+        (0, power) => 10_u128.pow(u32::from(power.min(19))),
+        (_, power) => 1 << power.min(63),
+    }
+}
+
+impl Interface {
+    fn time(&self, raw: u64) -> Option<Timestamp> {
+        let micros = u128::from(raw) * 1_000_000 / self.resolution;
+        let micros = i128::try_from(micros).ok()? + i128::from(self.offset) * 1_000_000;
+        u64::try_from(micros).ok().map(Timestamp::from_micros)
+    }
+}
+
+/// The entry of a packet of SocketCAN.
+fn entry(packet: &[u8]) -> Result<Entry, Reason> {
+    let Some((&[a, b, c, d, length, flags, _, _], data)) = packet.split_first_chunk::<HEAD>() else {
+        return Err("a packet that is too short for a frame");
+    };
+    if length > 8 || flags & FD_FLAG != 0 {
+        return Err(FD);
+    }
+    let raw = u32::from_be_bytes([a, b, c, d]);
+    let number = raw & ExtendedId::MAX.as_raw();
+    let mut bytes = [0; 8];
+    for (room, byte) in bytes.iter_mut().zip(data) {
+        *room = *byte;
+    }
+    if raw & ERROR_FLAG != 0 {
+        return Ok(Entry::Error(ErrorFrame { class: number, data: bytes }));
+    }
+    let id = if raw & EXTENDED_FLAG != 0 {
+        ExtendedId::new(number).map(Id::Extended)
+    } else {
+        u16::try_from(number).ok().and_then(StandardId::new).map(Id::Standard)
+    };
+    let id = id.ok_or("an identifier beyond the highest one")?;
+    if raw & REMOTE_FLAG != 0 {
+        return Ok(Entry::Frame(Frame::remote(id, length)));
+    }
+    if data.len() < usize::from(length) {
+        return Err("fewer bytes than the length says");
+    }
+    Ok(Entry::Frame(Frame::with_len(id, bytes, length)))
+}

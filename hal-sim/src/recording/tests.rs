@@ -1,0 +1,220 @@
+//! What is written in a format is read as it was; bytes of whatever kind are named, line by line.
+
+use std::io::{Cursor, Read};
+use std::path::Path;
+
+use proptest::collection::vec;
+use proptest::prelude::*;
+use protocol_core::frame::{Frame, extended, standard};
+
+use super::*;
+use crate::trace::{Entry, ErrorClass, ErrorFrame, Record, Timestamp};
+
+/// The wall time of the first entry, in microseconds: no whole millisecond.
+const START: u64 = 1_700_000_000_000_042;
+
+const FORMATS: [Format; 3] = [Format::Candump, Format::Asc, Format::Pcapng];
+
+fn written(format: Format, records: &[Record]) -> Vec<u8> {
+    let mut writer = Writer::new(Vec::new(), format, "pve0", Timestamp::from_micros(START)).unwrap();
+    records.iter().for_each(|record| writer.write(record).unwrap());
+    writer.finish().unwrap()
+}
+
+/// Gives one byte a time, as a slow pipe may.
+struct Slow(Cursor<Vec<u8>>);
+
+impl Read for Slow {
+    fn read(&mut self, room: &mut [u8]) -> std::io::Result<usize> {
+        let one = room.len().min(1);
+        self.0.read(&mut room[..one])
+    }
+}
+
+/// All entries, and the errors as they are told.
+fn read(source: impl Read + Send + 'static, ending: Format) -> (Vec<Record>, Vec<String>) {
+    let (mut records, mut errors) = (Vec::new(), Vec::new());
+    match Reader::new(source, ending) {
+        Err(error) => errors.push(error.to_string()),
+        Ok(reader) => {
+            for entry in reader {
+                match entry {
+                    Ok(Logged { record, .. }) => records.push(record),
+                    Err(error) => errors.push(error.to_string()),
+                }
+            }
+        }
+    }
+    (records, errors)
+}
+
+fn text(text: &str) -> (Vec<Record>, Vec<String>) {
+    read(Cursor::new(text.as_bytes().to_vec()), Format::Candump)
+}
+
+fn frame(micros: u64, text: &str) -> Record {
+    Record { at: Timestamp::from_micros(micros), entry: Entry::Frame(text.parse().unwrap()) }
+}
+
+fn frames() -> impl Strategy<Value = Frame> {
+    let id = prop_oneof![
+        (0..=0x7FF_u16).prop_map(|id| standard(id).into()),
+        (0..=0x1FFF_FFFF_u32).prop_map(|id| extended(id).into())
+    ];
+    (id, any::<[u8; 8]>(), 0..=8_u8, any::<bool>()).prop_map(|(id, data, len, remote)| {
+        if remote { Frame::remote(id, len) } else { Frame::with_len(id, data, len) }
+    })
+}
+
+fn records() -> impl Strategy<Value = Vec<Record>> {
+    let classes =
+        [ErrorClass::NoAcknowledge, ErrorClass::ErrorPassive, ErrorClass::BusOff, ErrorClass::TransmitOverflow];
+    let entry = prop_oneof![
+        9 => frames().prop_map(Entry::Frame),
+        1 => prop::sample::select(classes.to_vec()).prop_map(|class| Entry::Error(class.into()))
+    ];
+    vec((0..10_000_000_u64, entry), 0..40).prop_map(|entries| {
+        let mut at = START;
+        let later = |(pause, entry)| {
+            at += pause;
+            Record { at: Timestamp::from_micros(at), entry }
+        };
+        entries.into_iter().map(later).collect()
+    })
+}
+
+proptest! {
+    /// To the microsecond; ASC alone has no class of an error frame.
+    #[test]
+    fn what_is_written_is_read(records in records()) {
+        for format in FORMATS {
+            let (read, errors) = read(Cursor::new(written(format, &records)), Format::Candump);
+            let expected = records.iter().map(|record| match record.entry {
+                Entry::Error(_) if format == Format::Asc => {
+                    Record { entry: Entry::Error(ErrorFrame::UNTOLD), ..*record }
+                }
+                _ => *record,
+            });
+            prop_assert_eq!(errors, Vec::<String>::new());
+            prop_assert_eq!(read, expected.collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn any_bytes_end_with_names(bytes in vec(any::<u8>(), 0..400), head in 0..4_usize) {
+        let head = [&b""[..], b"date x\n", b"\n\r\r\n", b"(1.0) can0 "][head];
+        let bytes = [head, &bytes].concat();
+        let is_blank = String::from_utf8_lossy(&bytes).trim().is_empty();
+        let (records, errors) = read(Cursor::new(bytes), Format::Candump);
+        prop_assert!(is_blank || head.starts_with(b"date") || !records.is_empty() || !errors.is_empty());
+    }
+
+    /// A file with a few wrong bytes, and one that is cut off.
+    #[test]
+    fn broken_files_are_read_as_far_as_they_go(
+        records in records(), at in any::<prop::sample::Index>(), wrong in any::<u8>(), cut in any::<bool>()
+    ) {
+        for format in FORMATS {
+            let mut bytes = written(format, &records);
+            if bytes.is_empty() {
+                continue;
+            }
+            let at = at.index(bytes.len());
+            if cut { bytes.truncate(at) } else { bytes[at] = wrong }
+            let (read, _) = read(Slow(Cursor::new(bytes)), Format::Candump);
+            prop_assert!(read.len() <= records.len() + 1);
+        }
+    }
+}
+
+#[test]
+fn the_ending_names_the_format() {
+    for (name, format) in [
+        ("frames.log", Format::Candump),
+        ("frames", Format::Candump),
+        ("asc", Format::Candump),
+        ("frames.asc", Format::Asc),
+        ("dir.log/FRAMES.ASC", Format::Asc),
+        ("frames.pcapng", Format::Pcapng),
+    ] {
+        assert_eq!(Format::of(Path::new(name)), format, "{name}");
+    }
+}
+
+#[test]
+fn asc_as_others_write_it() {
+    let (records, errors) = text(
+        "date Tue Nov 14 10:13:20 pm 2023\r\nbase dec  timestamps relative\r\nno internal events logged\r\n\
+         // version 8.5.0\r\n   0.000000 Start of measurement\r\n\
+         \x20  0.001000 1  1440            Tx   d 2 67 255  Length = 0 BitCount = 0 ID = 1440\r\n\
+         \x20  0.001000 CAN 1 Status:chip status error active\r\n\
+         \x20  0.001000 2  416           TxRq d 1 00\r\n\
+         \x20  0.000500 2  486539264x      Rx   r 8\r\n\
+         \x20  0.000500 1  Statistic: D 0 R 0 XD 0 XR 0 E 0 O 0 B 0.00%\r\n\
+         \x20  0.000001 1  ErrorFrame\tFlags = 0x2\r\n\
+         \x20  1.000000 SV: 3 0 1 ::Model::Speed = 0\r\nEnd TriggerBlock\r\n",
+    );
+    assert_eq!(errors, [""; 0]);
+    let begin = 1_700_000_000_000_000;
+    let error = Record { at: Timestamp::from_micros(begin + 4001), entry: Entry::Error(ErrorFrame::UNTOLD) };
+    assert_eq!(records, [frame(begin + 1000, "5A0: 43 FF"), frame(begin + 3500, "1D000000: R8"), error]);
+}
+
+#[test]
+fn what_is_no_line_is_named_and_the_rest_is_read() {
+    let (records, errors) = text("(1.000000) can0 080#\n\nhello\n(2.000000) can0 181#0\n(3.000000) can0 181#00\n");
+    assert_eq!(records, [frame(1_000_000, "080:"), frame(3_000_000, "181: 00")]);
+    assert_eq!(
+        errors,
+        ["3: no line of candump: \"hello\"", "4: data that are no whole bytes in hex: \"(2.000000) can0 181#0\"",]
+    );
+    let (records, errors) = text("base hex\n0.1 1 1A0 Rx d 1 00\n0.1 1 1A0 Rx d 2 00\n0.1 1 1A0x\n0.2 CANFD 1 Rx\n?\n");
+    assert_eq!(records, [frame(100_000, "1A0: 00")]);
+    assert_eq!(errors.len(), 4, "{errors:?}");
+    assert_eq!(errors[0], "3: fewer bytes than the length says: \"0.1 1 1A0 Rx d 2 00\"");
+}
+
+#[test]
+fn a_line_without_an_end_does_not_fill_the_memory() {
+    let endless = std::io::repeat(b'#').take(1 << 26).chain(Cursor::new(b"\n(1.0) can0 080#\n".to_vec()));
+    let (records, errors) = read(endless, Format::Candump);
+    assert_eq!(records, [frame(1_000_000, "080:")]);
+    assert!(errors.len() == 1 && errors[0].starts_with("1: a line that is too long: \"###"), "{errors:?}");
+}
+
+/// The screen of candump may have no times: each line has that of the one before.
+#[test]
+fn lines_without_a_time() {
+    let (records, _) = text("  can0  080   [0]\n (5.5)  can0  181   [1]  00\n  can0  080   [0]\n");
+    assert_eq!(records, [frame(0, "080:"), frame(5_500_000, "181: 00"), frame(5_500_000, "080:")]);
+}
+
+/// Big-endian, nanoseconds, an offset of the clock, 16 bytes a packet, a packet of another link, and blocks of no packet.
+#[test]
+fn pcapng_as_others_write_it() {
+    let block = |kind: u32, body: &[u8]| {
+        let length = (12 + body.len() as u32).to_be_bytes();
+        [&kind.to_be_bytes()[..], &length, body, &length].concat()
+    };
+    let numbers = |numbers: &[u32]| numbers.iter().flat_map(|number| number.to_be_bytes()).collect::<Vec<u8>>();
+    let section = block(0x0A0D_0D0A, &numbers(&[0x1A2B_3C4D, 0x0001_0000, u32::MAX, u32::MAX]));
+    let can = block(1, &numbers(&[227 << 16, 0, 0x0009_0001, 0x0900_0000, 0]));
+    let ethernet = block(1, &numbers(&[1 << 16, 0]));
+    let packet = |interface: u32, nanos: u64, data: &[u8]| {
+        let head = numbers(&[interface, (nanos >> 32) as u32, nanos as u32, data.len() as u32, data.len() as u32]);
+        block(6, &[&head, data].concat())
+    };
+    let statistics = block(5, &numbers(&[0, 0, 0]));
+    let mut data = [0; 16];
+    data[..10].copy_from_slice(&[0, 0, 0x05, 0xA0, 2, 0, 0, 0, 0x43, 0x18]);
+    let nanos = 1_700_000_000_000_042_999;
+    let file = [section, can, ethernet, statistics, packet(0, nanos, &data), packet(1, nanos, &data)].concat();
+    let (records, errors) = read(Slow(Cursor::new(file)), Format::Candump);
+    assert_eq!(errors, ["2: a packet that is not of SocketCAN (link type 227)"]);
+    assert_eq!(records, [frame(START, "5A0: 43 18")]);
+    // In units of 2^-20 s.
+    let binary = block(1, &numbers(&[227 << 16, 0, 0x0009_0001, 0x9400_0000, 0]));
+    let section = block(0x0A0D_0D0A, &numbers(&[0x1A2B_3C4D, 0x0001_0000, u32::MAX, u32::MAX]));
+    let (records, _) = read(Cursor::new([section, binary, packet(0, 5 << 19, &data)].concat()), Format::Candump);
+    assert_eq!(records, [frame(2_500_000, "5A0: 43 18")]);
+}

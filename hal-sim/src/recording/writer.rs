@@ -1,0 +1,83 @@
+//! A recording that is being written, in any format.
+
+use std::fmt::Write as _;
+use std::io::{self, Write};
+
+use super::{Format, asc, pcapng};
+use crate::trace::candump::write_entry;
+use crate::trace::{Record, Timestamp};
+
+/// Writes a recording of a bus.
+#[derive(Debug)]
+pub struct Writer<W> {
+    out: W,
+    bus: String,
+    style: Style,
+    /// The current line; the allocation is used again.
+    line: String,
+}
+
+/// What a format has to remember.
+#[derive(Debug)]
+enum Style {
+    Candump,
+    /// The origin of the times.
+    Asc(Timestamp),
+    Pcapng,
+}
+
+impl<W: Write> Writer<W> {
+    /// Begins a recording at a time, with the head that its format has.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn new(mut out: W, format: Format, bus: &str, start: Timestamp) -> io::Result<Self> {
+        let style = match format {
+            Format::Candump => Style::Candump,
+            Format::Asc => Style::Asc(asc::write_head(&mut out, start)?),
+            Format::Pcapng => {
+                pcapng::write_head(&mut out, bus)?;
+                Style::Pcapng
+            }
+        };
+        Ok(Self { out, bus: bus.to_owned(), style, line: String::new() })
+    }
+
+    /// Adds an entry.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write(&mut self, record: &Record) -> io::Result<()> {
+        match self.style {
+            Style::Candump => {
+                self.line.clear();
+                write_entry(&mut self.line, record.at, &self.bus, &record.entry);
+                // Writing to a string can't fail.
+                let _ = self.line.write_char('\n');
+                self.out.write_all(self.line.as_bytes())
+            }
+            Style::Asc(origin) => asc::write(&mut self.out, origin, record),
+            Style::Pcapng => pcapng::write(&mut self.out, record),
+        }
+    }
+
+    /// Hands everything to `out`, and that to the system.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+
+    /// Writes the end that the format has, and flushes.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn finish(mut self) -> io::Result<W> {
+        if let Style::Asc(_) = self.style {
+            asc::write_end(&mut self.out)?;
+        }
+        self.out.flush()?;
+        Ok(self.out)
+    }
+}

@@ -1,0 +1,199 @@
+//! When each device of a recording was switched on: told by its first frame.
+
+use protocol_core::device::Senses;
+use protocol_core::frame::{Frame, Id};
+use protocol_core::time::{Duration, Instant, after, since};
+
+use super::own::is_of;
+use super::{ReplayError, ReplayOptions};
+use crate::Memory;
+use crate::bus::FrameBits;
+use crate::devices::NamedDevice;
+use crate::kind::Simulated as _;
+use crate::recording::{Logged, ReadError, Reader};
+use crate::trace::{Entry, Timestamp};
+use crate::world::{EventKind, World};
+
+/// How long after its power-up a device has said something, or says nothing by itself (A).
+const SILENT: Duration = Duration::from_secs(2);
+
+/// How long before the first entry a device is switched on whose first frame is not in the log: it has booted by then.
+const LEAD: Duration = Duration::from_secs(1);
+
+/// The time line of a replay.
+#[derive(Debug)]
+pub(super) struct Begin {
+    /// The time of the log at virtual instant 0.
+    zero: Timestamp,
+    /// The first entry that counts, and its time.
+    first: (u64, Timestamp),
+    /// Of each device, in the order of the options.
+    devices: Vec<PowerUp>,
+}
+
+/// The power-up of a device.
+#[derive(Debug)]
+pub(super) struct PowerUp {
+    /// When it is switched on.
+    pub(super) at: Instant,
+    /// What it sends first; `None` for a blank one, which says nothing.
+    pub(super) frame: Option<Frame>,
+    /// The entry of the log with that frame.
+    number: Option<u64>,
+}
+
+/// The first frame of a stand-in, and how long after its power-up that ends.
+struct First {
+    frame: Frame,
+    delay: Duration,
+}
+
+/// What is known of the first frame of a device in the log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Search {
+    /// Nothing.
+    Open,
+    /// It is this entry.
+    Found(u64, Timestamp),
+    /// It was before the log: the device has sent something else.
+    Before,
+}
+
+impl Search {
+    const fn found(self) -> Option<(u64, Timestamp)> {
+        match self {
+            Self::Found(number, at) => Some((number, at)),
+            Self::Open | Self::Before => None,
+        }
+    }
+}
+
+impl First {
+    /// What a frame of the log tells of this one.
+    fn look(&self, frame: &Frame, device: &NamedDevice, exactly: bool, (number, at): (u64, Timestamp)) -> Search {
+        let protocol = device.kind.protocol();
+        let is_own = !frame.is_remote() && device.birth.node_id.is_some_and(|id| is_of(frame, protocol, id));
+        if self.frame == *frame || (!exactly && is_like(&self.frame, frame)) {
+            Search::Found(number, at)
+        } else if is_own && !exactly {
+            Search::Before
+        } else {
+            Search::Open
+        }
+    }
+}
+
+impl Begin {
+    /// Looks for the first frames of the devices.
+    pub(super) fn find(options: &ReplayOptions) -> Result<Self, ReplayError> {
+        let firsts: Vec<Option<First>> = options.devices.iter().map(first_frame).collect();
+        let mut found = vec![Search::Open; firsts.len()];
+        let mut start = None;
+        let unread = |source| ReplayError::Read { path: options.file.clone(), source };
+        for entry in Reader::open(&options.file).map_err(unread)? {
+            let Logged { number, record } = match entry {
+                Ok(logged) => logged,
+                Err(ReadError::NoEntry { .. }) => continue,
+                Err(ReadError::Io(source)) => return Err(unread(source)),
+            };
+            start.get_or_insert((number, record.at));
+            let Entry::Frame(frame) = record.entry else { continue };
+            for ((first, found), device) in firsts.iter().zip(&mut found).zip(&options.devices) {
+                if let (Some(first), Search::Open) = (first, &found) {
+                    *found = first.look(&frame, device, options.from_boot_up, (number, record.at));
+                }
+            }
+            if firsts.iter().zip(&found).all(|(first, found)| first.is_none() || *found != Search::Open) {
+                break;
+            }
+        }
+        let mut start = start.ok_or_else(|| ReplayError::Empty { path: options.file.clone() })?;
+        for ((first, found), device) in firsts.iter().zip(&found).zip(&options.devices) {
+            if first.is_some() && *found == Search::Open {
+                let (path, name) = (options.file.clone(), device.name.clone());
+                let what = if options.from_boot_up { "boot-up, or address claim," } else { "frame" };
+                return Err(ReplayError::NotThere { path, what, name });
+            }
+        }
+        let found: Vec<Option<(u64, Timestamp)>> = found.into_iter().map(Search::found).collect();
+        if options.from_boot_up {
+            start = found.iter().flatten().min_by_key(|(number, _)| number).copied().unwrap_or(start);
+        }
+        let power_up = |(first, found): (&Option<First>, &Option<(u64, Timestamp)>)| match (first, found) {
+            (Some(First { delay, .. }), Some((_, at))) => at.as_micros().saturating_sub(delay.as_micros()),
+            _ => start.1.as_micros().saturating_sub(LEAD.as_micros()),
+        };
+        let power_ups: Vec<u64> = firsts.iter().zip(&found).map(power_up).collect();
+        // A log from the power-up of its first device has its instants, on which random delays depend.
+        let zero = power_ups.iter().copied().chain([start.1.as_micros()]).min().unwrap_or_default();
+        let devices = firsts.into_iter().zip(found).zip(power_ups).map(|((first, found), at)| PowerUp {
+            at: Instant::from_micros(at - zero),
+            frame: first.map(|first| first.frame),
+            number: found.map(|(number, _)| number),
+        });
+        Ok(Self { zero: Timestamp::from_micros(zero), first: start, devices: devices.collect() })
+    }
+
+    /// The virtual instant of an entry of the log; `None` for one that is left out.
+    pub(super) fn instant(&self, logged: &Logged) -> Option<Instant> {
+        let micros = logged.record.at.as_micros().saturating_sub(self.zero.as_micros());
+        (logged.number >= self.first.0).then(|| Instant::from_micros(micros))
+    }
+
+    /// The virtual instant of the first entry that counts: before it the log tells nothing.
+    pub(super) fn opened(&self) -> Instant {
+        Instant::from_micros(self.first.1.as_micros().saturating_sub(self.zero.as_micros()))
+    }
+
+    /// The time of the log at a virtual instant.
+    pub(super) fn time(&self, at: Instant) -> Timestamp {
+        self.zero.at(at)
+    }
+
+    /// Whether an entry of the log is the first frame of a device.
+    pub(super) fn is_first(&self, number: u64) -> bool {
+        self.devices.iter().any(|device| device.number == Some(number))
+    }
+
+    /// The power-ups of the devices, in the order of the options.
+    pub(super) fn power_ups(&self) -> &[PowerUp] {
+        &self.devices
+    }
+}
+
+/// Whether a frame can be the first one with other data: it has its identifier, and is no heartbeat, which has that of the
+/// boot-up.
+fn is_like(first: &Frame, frame: &Frame) -> bool {
+    let is_heartbeat = matches!(frame.id(), Id::Standard(id) if (0x701..=0x77F).contains(&id.as_raw()))
+        && matches!(frame.data(), [0x04 | 0x05 | 0x7F]);
+    first.key() == frame.key() && !frame.is_remote() && !is_heartbeat
+}
+
+/// What a device sends first when it is alone on a bus of its own bit rate.
+fn first_frame(device: &NamedDevice) -> Option<First> {
+    let rate = device.birth.bit_rate.or(device.kind.bit_rates().first().copied())?;
+    let mut world = World::new(rate, 0);
+    world.record_events(true);
+    world.add_gateway("the log");
+    let node = world.add_device(&device.name, device.kind.factory(device.birth), Memory::in_ram());
+    world.set_senses(node, Senses::healthy(device.kind));
+    world.power(node, true);
+    let begin = world.now();
+    while world.next_event() <= after(begin, SILENT) {
+        world.step();
+        let first = world.take_events().find_map(|event| match event.what {
+            EventKind::Frame { frame, .. } => Some(First { frame, delay: since(event.at, begin) }),
+            _ => None,
+        });
+        if first.is_some() {
+            return first;
+        }
+    }
+    None
+}
+
+/// How long a frame is on the wire, rounded up to microseconds.
+pub(super) fn length(frame: &Frame, bits_per_second: u32) -> Duration {
+    let bits = u64::from(FrameBits::of(frame).on_wire());
+    Duration::from_micros((bits * 1_000_000).div_ceil(bits_per_second.into()))
+}

@@ -1,0 +1,156 @@
+//! The frames of one identifier, as logged and as the stand-in sent them, and which of them are a pair.
+//!
+//! Frames that are alike and near in time are a pair. Where the heads of both are none, the best way on is looked for among
+//! the next frames, so that one frame too many or too few does not put all that follow out of step.
+
+use std::collections::VecDeque;
+
+use protocol_core::frame::Frame;
+use protocol_core::time::{Duration, Instant, after, since};
+
+use super::own::is_cannot_claim;
+use super::travel::Travels;
+
+/// How much later or earlier than in the log a frame is still taken for the same one, beyond the tolerance (A).
+pub(super) const PATIENCE: Duration = Duration::from_secs(1);
+
+/// How much later than another one a cannot-claim may come: its delay is random, so that those that lose together do not
+/// collide (SAE J1939-81).
+const CANNOT_CLAIM: Duration = Duration::from_micros(255 * 600);
+
+/// How many frames on either side are looked at for the best way on.
+const AHEAD: usize = 16;
+
+/// What a way costs: a pair with different data, or a frame without a partner; a pair that is too far apart in time.
+const UNLIKE: u32 = 2;
+const ALONE: u32 = 2;
+const APART: u32 = 3;
+
+/// A frame that was logged, or sent by a stand-in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Item {
+    /// The end of the frame.
+    pub(super) at: Instant,
+    /// The frame.
+    pub(super) frame: Frame,
+    /// The entry of the log; `None` for one that was sent.
+    pub(super) number: Option<u64>,
+    /// The place of the stand-in that sent it; `None` for one that was logged.
+    pub(super) device: Option<usize>,
+}
+
+/// What has become of one frame, or two.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Verdict {
+    /// Logged and sent alike, within the tolerance.
+    AsLogged,
+    /// Logged, and not sent.
+    Missing(Item),
+    /// Sent, and not logged.
+    Additional(Item),
+    /// Logged and sent with other data.
+    Different(Item, Item),
+    /// Sent too early.
+    Early(Item, Item),
+    /// Sent too late.
+    Late(Item, Item),
+}
+
+/// The frames of an identifier that have no verdict, oldest first.
+#[derive(Debug, Default)]
+pub(super) struct Lane {
+    pub(super) logged: VecDeque<Item>,
+    pub(super) sent: VecDeque<Item>,
+}
+
+/// A step on the way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Step {
+    Pair,
+    Missing,
+    Additional,
+}
+
+impl Lane {
+    /// The next verdict, with all frames known up to an instant; `None` when it has to wait for more.
+    pub(super) fn next(&mut self, known: Instant, tolerance: Duration, travels: &Travels) -> Option<Verdict> {
+        let is_over = |item: &Item| since(known, item.at) > tolerance + PATIENCE;
+        let step = match (self.logged.front(), self.sent.front()) {
+            (None, None) => return None,
+            (Some(logged), Some(sent)) => {
+                if pair(logged, sent, tolerance, travels) == Some(0) {
+                    Step::Pair
+                } else if is_over(logged) || is_over(sent) {
+                    self.best(known, tolerance, travels)
+                } else {
+                    return None;
+                }
+            }
+            (Some(logged), None) if is_over(logged) => Step::Missing,
+            (None, Some(sent)) if is_over(sent) => Step::Additional,
+            _ => return None,
+        };
+        match step {
+            Step::Missing => self.logged.pop_front().map(Verdict::Missing),
+            Step::Additional => self.sent.pop_front().map(Verdict::Additional),
+            Step::Pair => {
+                let (logged, sent) = (self.logged.pop_front()?, self.sent.pop_front()?);
+                Some(match pair(&logged, &sent, tolerance, travels) {
+                    Some(0) => Verdict::AsLogged,
+                    Some(UNLIKE) => Verdict::Different(logged, sent),
+                    _ if sent.at < logged.at => Verdict::Early(logged, sent),
+                    _ => Verdict::Late(logged, sent),
+                })
+            }
+        }
+    }
+
+    /// The first step of the cheapest way through the next frames.
+    fn best(&self, known: Instant, tolerance: Duration, travels: &Travels) -> Step {
+        let logged: Vec<&Item> = self.logged.iter().take(AHEAD).collect();
+        let sent: Vec<&Item> = self.sent.iter().take(AHEAD).collect();
+        // Frames at the end whose partners may be beyond what is looked at cost nothing.
+        let rest = |items: &[&Item], others: &VecDeque<Item>| {
+            let whole = others.len() <= AHEAD;
+            let alone = items.iter().filter(|item| whole && after(item.at, tolerance) < known).count();
+            ALONE * u32::try_from(alone).unwrap_or(u32::MAX / ALONE)
+        };
+        let mut costs = vec![vec![0; sent.len() + 1]; logged.len() + 1];
+        let mut first = Step::Pair;
+        for at in (0..=logged.len()).rev() {
+            for other in (0..=sent.len()).rev() {
+                let (left, right) = (&logged[at..], &sent[other..]);
+                let (Some(one), Some(two)) = (left.first(), right.first()) else {
+                    costs[at][other] = rest(left, &self.sent) + rest(right, &self.logged);
+                    continue;
+                };
+                let ways = [
+                    pair(one, two, tolerance, travels).map(|cost| (cost + costs[at + 1][other + 1], Step::Pair)),
+                    Some((ALONE + costs[at + 1][other], Step::Missing)),
+                    Some((ALONE + costs[at][other + 1], Step::Additional)),
+                ];
+                // Of equal ways the first: a pair; and of two frames without partners the earlier one.
+                let earlier = if one.at <= two.at { Step::Missing } else { Step::Additional };
+                let rank = |step: Step| (step != Step::Pair, step != earlier);
+                if let Some((cost, step)) = ways.into_iter().flatten().min_by_key(|(cost, step)| (*cost, rank(*step))) {
+                    costs[at][other] = cost;
+                    first = step;
+                }
+            }
+        }
+        first
+    }
+}
+
+/// What two frames cost as a pair; `None` when they are none.
+fn pair(logged: &Item, sent: &Item, tolerance: Duration, travels: &Travels) -> Option<u32> {
+    let tolerance = if is_cannot_claim(&logged.frame) { tolerance + CANNOT_CLAIM } else { tolerance };
+    let apart = since(logged.at, sent.at).max(since(sent.at, logged.at));
+    let alike = apart <= tolerance + PATIENCE && travels.alike(logged, sent);
+    match (alike, apart <= tolerance) {
+        (true, true) => Some(0),
+        (true, false) => Some(APART),
+        (false, true) => Some(UNLIKE),
+        (false, false) => None,
+    }
+}

@@ -1,0 +1,284 @@
+//! `pve-sim replay`: a recording of devices against their stand-ins, in virtual time.
+//!
+//! ```text
+//! mod      from the recording to the summary: rounds
+//! begin    when each device was switched on
+//! stage    the stand-ins on a bus, in virtual time, with what they send
+//! own      which frames of the recording are of devices that the stand-ins stand for
+//! lane     frames of one identifier, as logged and as sent, in pairs
+//! travel   how far positions move within the tolerance
+//! report   differences in words
+//! ```
+//!
+//! The log has no instant of power-up; each stand-in is switched on so that its first frame (boot-up, or address claim) ends
+//! when that of the log does, and without such a frame some time before the log. A frame of somebody else is sent so that it ends when it did in the log, through the port of
+//! an ordinary client. It may lose an arbitration that it won in the log, and come a frame's length later.
+//!
+//! A stand-in may turn out to send under an identifier that it was not known to have when the log had it first, as a PDO
+//! with another COB-ID. Then that frame was played as one of somebody else, and the round is played once more with what is
+//! known now.
+
+mod begin;
+mod lane;
+mod own;
+mod report;
+mod stage;
+mod travel;
+
+pub use report::{Difference, What};
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Display;
+use std::fs;
+use std::io;
+use std::path::PathBuf;
+
+use protocol_core::frame::Frame;
+use protocol_core::time::{Duration, Instant, after, since};
+
+use self::begin::Begin;
+use self::lane::{Item, Lane, Verdict};
+use self::own::is_claim;
+use self::stage::Stage;
+use crate::devices::{NamedDevice, NamedLink};
+use crate::recording::{Logged, ReadError, Reader};
+use crate::trace::Entry;
+
+/// How many rounds there are at most. Each is for identifiers that the one before made known.
+const ROUNDS: usize = 4;
+
+/// A longer time without any entry is a clock that was set, or a time that is wrong.
+const GAP: Duration = Duration::from_secs(24 * 60 * 60);
+
+/// The most differences, and entries that are none, that are told one by one.
+const TOLD: usize = 1000;
+
+/// Pairs are looked for so often, in virtual time.
+const PAIRING: Duration = Duration::from_millis(100);
+
+/// The options of `replay`. Their devices were checked against each other.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReplayOptions {
+    /// The recording.
+    pub file: PathBuf,
+    /// The stand-ins, with new memories.
+    pub devices: Vec<NamedDevice>,
+    /// The shafts that follow a valve.
+    pub links: Vec<NamedLink>,
+    /// How much earlier or later a frame may come.
+    pub tolerance: Duration,
+    /// Whether all is left out that is before the first boot-up, or address claim, of a device.
+    pub from_boot_up: bool,
+}
+
+/// What came of a replay.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Outcome {
+    /// The frames of the log that were compared.
+    pub compared: u64,
+    /// The frames of the log that were sent to the stand-ins.
+    pub played: u64,
+    /// The error frames of the log, which are left out.
+    pub error_frames: u64,
+    /// The differences that are told, in the order of time.
+    pub told: Vec<Difference>,
+    /// All differences.
+    pub differences: u64,
+    /// Entries of the log that are none, the first of them.
+    pub unread: Vec<String>,
+}
+
+impl Outcome {
+    /// Whether the whole log was read, and the stand-ins answer as it says.
+    #[must_use]
+    pub fn is_as_logged(&self) -> bool {
+        self.differences == 0 && self.unread.is_empty()
+    }
+}
+
+/// Why a recording cannot be replayed.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayError {
+    /// It cannot be read.
+    #[error("{}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        source: io::Error,
+    },
+    /// There is no frame in it.
+    #[error("{}: no frame to replay", path.display())]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
+    /// There is nothing of a device in it.
+    #[error("{}: no {what} of {name} in it", path.display())]
+    NotThere {
+        /// The file.
+        path: PathBuf,
+        /// What was looked for.
+        what: &'static str,
+        /// The device.
+        name: String,
+    },
+}
+
+/// Replays a recording.
+///
+/// # Errors
+/// [`ReplayError`] when the recording cannot be read or has nothing to replay.
+pub fn replay(options: &ReplayOptions) -> Result<Outcome, ReplayError> {
+    let unread = |source| ReplayError::Read { path: options.file.clone(), source };
+    if !fs::metadata(&options.file).map_err(unread)?.is_file() {
+        let twice = "a replay reads more than once: accepted is a regular file";
+        return Err(unread(io::Error::new(io::ErrorKind::InvalidInput, twice)));
+    }
+    let begin = Begin::find(options)?;
+    let mut player = Player::new(options, &begin, BTreeSet::new());
+    player.play()?;
+    for _ in 1..ROUNDS {
+        let found = player.misplayed();
+        if found.is_empty() {
+            break;
+        }
+        let own = player.own.into_iter().chain(found).collect();
+        player = Player::new(options, &begin, own);
+        player.play()?;
+    }
+    Ok(player.outcome)
+}
+
+/// One round.
+struct Player<'a> {
+    options: &'a ReplayOptions,
+    begin: &'a Begin,
+    stage: Stage,
+    /// The identifiers that the stand-ins are known to send under, beside those of their node IDs, as [keys](Frame::key).
+    own: BTreeSet<u32>,
+    /// The identifiers under which frames of the log were sent.
+    played: BTreeSet<u32>,
+    lanes: BTreeMap<u32, Lane>,
+    /// The last time that pairs were looked for.
+    paired: Instant,
+    outcome: Outcome,
+}
+
+impl<'a> Player<'a> {
+    fn new(options: &'a ReplayOptions, begin: &'a Begin, own: BTreeSet<u32>) -> Self {
+        Self {
+            stage: Stage::new(options, begin),
+            options,
+            begin,
+            own,
+            played: BTreeSet::new(),
+            lanes: BTreeMap::new(),
+            paired: Instant::from_ticks(0),
+            outcome: Outcome::default(),
+        }
+    }
+
+    fn play(&mut self) -> Result<(), ReplayError> {
+        let unread = |source| ReplayError::Read { path: self.options.file.clone(), source };
+        let mut end = Instant::from_ticks(0);
+        for entry in Reader::open(&self.options.file).map_err(unread)? {
+            let logged = match entry {
+                Ok(logged) => logged,
+                Err(error @ ReadError::NoEntry { .. }) => {
+                    self.name(&error);
+                    continue;
+                }
+                Err(ReadError::Io(source)) => return Err(unread(source)),
+            };
+            let Some(at) = self.begin.instant(&logged) else { continue };
+            if since(at, end) > GAP && end > Instant::from_ticks(0) {
+                self.name(&format_args!("{}: more than a day after the entry before it", logged.number));
+                continue;
+            }
+            end = end.max(at);
+            match logged.record.entry {
+                Entry::Frame(frame) => self.take(&logged, frame, at),
+                Entry::Error(_) => self.outcome.error_frames += 1,
+            }
+            if since(at, self.paired) >= PAIRING {
+                self.paired = at;
+                self.pair(self.stage.now().min(at), None);
+            }
+        }
+        self.stage.run_before(after(end, self.options.tolerance));
+        self.collect();
+        self.pair(Instant::MAX, Some(end));
+        self.outcome.told.sort_by_key(|difference| (difference.at, difference.number));
+        Ok(())
+    }
+
+    /// Names an entry that is none.
+    fn name(&mut self, what: &dyn Display) {
+        if self.outcome.unread.len() < TOLD {
+            self.outcome.unread.push(format!("{}:{what}", self.options.file.display()));
+        }
+    }
+
+    /// Takes a frame of the log: to be compared, or to be sent.
+    fn take(&mut self, logged: &Logged, frame: Frame, at: Instant) {
+        self.stage.run_to_start(&frame, at);
+        self.collect();
+        if self.begin.is_first(logged.number) || self.stage.is_own(&frame, &self.own, self.begin) {
+            self.outcome.compared += 1;
+            let number = Some(logged.number);
+            self.lanes.entry(frame.key()).or_default().logged.push_back(Item { at, frame, number, device: None });
+        } else {
+            self.outcome.played += 1;
+            self.played.insert(frame.key());
+            self.stage.send(frame);
+        }
+    }
+
+    /// Takes what the stand-ins have sent.
+    fn collect(&mut self) {
+        for item in self.stage.take_sent() {
+            self.lanes.entry(item.frame.key()).or_default().sent.push_back(item);
+        }
+    }
+
+    /// Finds pairs in what is known up to an instant. What the stand-ins send before the first entry of the log, or after its
+    /// end, is not missing there.
+    fn pair(&mut self, known: Instant, end: Option<Instant>) {
+        let tolerance = self.options.tolerance;
+        for lane in self.lanes.values_mut() {
+            while let Some(verdict) = lane.next(known, tolerance, self.stage.travels()) {
+                let (what, item, other) = match verdict {
+                    Verdict::AsLogged => continue,
+                    Verdict::Missing(item) => (What::Missing, item, None),
+                    Verdict::Additional(item) => {
+                        let is_after = end.is_some_and(|end| after(item.at, tolerance) > end);
+                        if is_after || after(item.at, tolerance) < self.begin.opened() {
+                            continue;
+                        }
+                        (What::Additional, item, None)
+                    }
+                    Verdict::Different(logged, sent) => (What::Different, logged, Some(sent)),
+                    Verdict::Early(logged, sent) => (What::Early(since(logged.at, sent.at)), logged, Some(sent)),
+                    Verdict::Late(logged, sent) => (What::Late(since(sent.at, logged.at)), logged, Some(sent)),
+                };
+                self.outcome.differences += 1;
+                if self.outcome.told.len() < TOLD {
+                    let difference = self.stage.difference(what, &item, other.as_ref(), self.begin);
+                    self.outcome.told.push(difference);
+                }
+            }
+        }
+        self.stage.forget(known);
+    }
+
+    /// The identifiers that the stand-ins have sent under, and that frames of the log were played under. Claims for one
+    /// address are of several.
+    fn misplayed(&self) -> BTreeSet<u32> {
+        let sent = self.stage.sent_keys().iter().copied().filter(|key| !is_claim(*key));
+        sent.filter(|key| self.played.contains(key) && !self.own.contains(key)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests;

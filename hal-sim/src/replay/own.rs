@@ -1,0 +1,77 @@
+//! Which frames of a recording are of the devices that stand-ins stand for: those with identifiers of their node IDs and
+//! addresses, and those that the stand-ins themselves have sent under.
+
+use std::collections::BTreeSet;
+
+use protocol_core::device::Protocol;
+use protocol_core::frame::{Frame, Id, standard};
+use protocol_core::wire::j1939_id::{Address, J1939Id, Pgn};
+use protocol_core::wire::name::Name;
+use protocol_core::wire::uds;
+
+use super::begin::Begin;
+use crate::explain::Node;
+
+/// Answers to LSS: whoever is asked by LSS sends them.
+const LSS_ANSWER: u16 = 0x7E4;
+
+/// Whether a frame is of a device. `keys` are identifiers that stand-ins have sent under.
+pub(super) fn is_own(frame: &Frame, nodes: &[Node], keys: &BTreeSet<u32>, begin: &Begin) -> bool {
+    // A remote frame has the identifier of the answer that it asks for.
+    if frame.is_remote() {
+        return false;
+    }
+    if is_claim(frame.key()) {
+        return is_own_claim(frame, nodes, begin);
+    }
+    let is_lss = frame.id() == Id::Standard(standard(LSS_ANSWER));
+    is_lss && nodes.iter().any(|node| node.kind.protocol() == Protocol::Canopen)
+        || nodes.iter().any(|node| node.node_id.is_some_and(|id| is_of(frame, node.kind.protocol(), id)))
+        || keys.contains(&frame.key())
+}
+
+/// Whether a frame has an identifier of the device with this node ID, or address.
+pub(super) fn is_of(frame: &Frame, protocol: Protocol, node_id: u8) -> bool {
+    match (frame.id(), protocol) {
+        (Id::Standard(id), Protocol::Canopen) => {
+            matches!(id.as_raw(), 0x081..=0x0FF | 0x181..=0x1FF | 0x581..=0x5FF | 0x701..=0x77F)
+                && id.as_raw() & 0x7F == u16::from(node_id)
+        }
+        (Id::Standard(_), Protocol::Isobus) => false,
+        (Id::Extended(id), protocol) => match uds::parse_id(id.as_raw()) {
+            Some((source, _)) => source.raw() == u16::from(node_id),
+            None => protocol == Protocol::Isobus && J1939Id::from_raw(id.as_raw()).source().get() == node_id,
+        },
+    }
+}
+
+/// Whether a [key](Frame::key) is of an address claim, or of a cannot-claim.
+pub(super) fn is_claim(key: u32) -> bool {
+    const EXTENDED: u32 = 1 << 29;
+    key & EXTENDED != 0
+        && uds::parse_id(key & !EXTENDED).is_none()
+        && J1939Id::from_raw(key & !EXTENDED).pgn() == Pgn::ADDRESS_CLAIMED
+}
+
+/// Whether a frame says that its sender has no address.
+pub(super) fn is_cannot_claim(frame: &Frame) -> bool {
+    match frame.id() {
+        Id::Extended(id) => is_claim(frame.key()) && J1939Id::from_raw(id.as_raw()).source() == Address::NULL,
+        Id::Standard(_) => false,
+    }
+}
+
+/// Whether a claim is of a device: by its NAME. Another NAME at the address of a device is of the same product, or of
+/// somebody who contends for the address.
+fn is_own_claim(frame: &Frame, nodes: &[Node], begin: &Begin) -> bool {
+    let Some(name) = frame.eight().map(|bytes| Name::from_bytes(*bytes)) else { return false };
+    let names = begin.power_ups().iter().filter_map(|power_up| power_up.frame).filter(|first| is_claim(first.key()));
+    let mut names = names.filter_map(|first| first.eight().map(|bytes| Name::from_bytes(*bytes)));
+    let product = |name: Name| (name.fields().manufacturer_code, name.fields().function);
+    let source = match frame.id() {
+        Id::Extended(id) => J1939Id::from_raw(id.as_raw()).source(),
+        Id::Standard(_) => Address::NULL,
+    };
+    let is_at_home = nodes.iter().any(|node| node.node_id == Some(source.get()));
+    names.any(|own| own == name || (is_at_home && product(own) == product(name)))
+}

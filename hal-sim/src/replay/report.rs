@@ -1,0 +1,98 @@
+//! Differences between a log and its replay, in words.
+
+use std::fmt;
+
+use protocol_core::frame::Frame;
+use protocol_core::time::Duration;
+
+use super::{Outcome, ReplayOptions};
+use crate::trace::Timestamp;
+
+/// A frame of the log that the stand-in did not send as it was, or one that it sent besides.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Difference {
+    /// When the frame was logged; of an additional one when it was sent, in the time of the log.
+    pub at: Timestamp,
+    /// The line or packet of the log; `None` for an additional frame.
+    pub number: Option<u64>,
+    /// How they differ.
+    pub what: What,
+    /// The frame of the log, and what it means.
+    pub logged: Option<(Frame, String)>,
+    /// The frame of the stand-in, and what it means.
+    pub sent: Option<(Frame, String)>,
+}
+
+/// How a replay differs from the log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum What {
+    /// The frame was not sent.
+    Missing,
+    /// The frame is not in the log.
+    Additional,
+    /// The frame was sent with other data.
+    Different,
+    /// The frame was sent so much earlier.
+    Early(Duration),
+    /// The frame was sent so much later.
+    Late(Duration),
+}
+
+impl fmt::Display for What {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ms = |time: &Duration| format!("{}.{:03} ms", time.as_micros() / 1000, time.as_micros() % 1000);
+        match self {
+            Self::Missing => f.write_str("missing"),
+            Self::Additional => f.write_str("additional"),
+            Self::Different => f.write_str("different data"),
+            Self::Early(time) => write!(f, "{} too early", ms(time)),
+            Self::Late(time) => write!(f, "{} too late", ms(time)),
+        }
+    }
+}
+
+impl fmt::Display for Difference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "({}) ", self.at)?;
+        if let Some(number) = self.number {
+            write!(f, "line {number}: ")?;
+        }
+        write!(f, "{}", self.what)?;
+        for (who, frame) in [("log", &self.logged), ("stand-in", &self.sent)] {
+            if let Some((frame, meaning)) = frame {
+                write!(f, "\n  {who:<9} {:<35}  {meaning}", frame.to_string())?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Outcome {
+    /// Returns the differences and a summary, a line and more each.
+    #[must_use]
+    pub fn report(&self, options: &ReplayOptions) -> String {
+        let names: Vec<&str> = options.devices.iter().map(|device| device.name.as_str()).collect();
+        let mut text: String = self.told.iter().map(|difference| format!("{difference}\n")).collect();
+        let more = self.differences - self.told.len() as u64;
+        if more > 0 {
+            text += &format!("and {more} more\n");
+        }
+        let count = |count: u64, what: &str| format!("{count} {what}{}", if count == 1 { "" } else { "s" });
+        let differences = match self.differences {
+            0 => "as logged".to_owned(),
+            differences => count(differences, "difference"),
+        };
+        let left_out = match self.error_frames {
+            0 => String::new(),
+            frames => format!(", {} left out", count(frames, "error frame")),
+        };
+        text += &format!(
+            "{} of {}: {differences} within {} ms; {} of others sent{left_out}\n",
+            count(self.compared, "frame"),
+            names.join(", "),
+            options.tolerance.as_millis(),
+            count(self.played, "frame")
+        );
+        text
+    }
+}

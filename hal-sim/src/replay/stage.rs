@@ -1,0 +1,186 @@
+//! The stand-ins on a bus, in virtual time, with one client that has what the others in the log sent.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use protocol_core::device::{Device, Senses};
+use protocol_core::frame::Frame;
+use protocol_core::time::{Duration, Instant, after};
+
+use super::ReplayOptions;
+use super::begin::{Begin, length};
+use super::lane::Item;
+use super::own;
+use super::report::{Difference, What};
+use super::travel::Travels;
+use crate::Memory;
+use crate::devices::NamedLink;
+use crate::explain::{Explainer, Node};
+use crate::kind::Simulated as _;
+use crate::world::{EventKind, NodeId, TapId, World};
+
+/// Positions are noted so often.
+const SAMPLE: Duration = Duration::from_millis(1);
+
+/// The bus of a replay.
+pub(super) struct Stage {
+    world: World,
+    others: TapId,
+    /// The devices that are not switched on yet, the last one first.
+    to_come: Vec<(Instant, NodeId)>,
+    /// The place of each device, by its name.
+    places: BTreeMap<Arc<str>, usize>,
+    nodes: Vec<NodeId>,
+    explainer: Explainer,
+    sent: Vec<Item>,
+    sent_keys: BTreeSet<u32>,
+    travels: Travels,
+}
+
+impl Stage {
+    pub(super) fn new(options: &ReplayOptions, begin: &Begin) -> Self {
+        let first = options.devices.first();
+        let rate = first.and_then(|device| device.birth.bit_rate.or(device.kind.bit_rates().first().copied()));
+        let mut world = World::new(rate.unwrap_or(protocol_core::controller::BitRate::Kbit250), 0);
+        world.record_events(true);
+        let mut nodes = Vec::new();
+        for device in &options.devices {
+            let node = world.add_device(&device.name, device.kind.factory(device.birth), Memory::in_ram());
+            world.set_senses(node, Senses::healthy(device.kind));
+            nodes.push(node);
+        }
+        // After the devices: where one of them and the log send the same frame at once, it is the device's.
+        let others = world.add_gateway("the log");
+        for NamedLink { valve, sensor, link } in &options.links {
+            if let (Some(valve), Some(sensor)) = (world.find(valve), world.find(sensor)) {
+                // The options were checked: this is a valve and a free sensor.
+                let linked = world.link(valve, sensor, *link);
+                debug_assert_eq!(linked, Ok(()));
+            }
+        }
+        let mut to_come: Vec<_> = begin.power_ups().iter().map(|power_up| power_up.at).zip(nodes.clone()).collect();
+        to_come.sort_by(|one, other| other.cmp(one));
+        let known = options.devices.iter().map(|device| Node {
+            name: device.name.clone(),
+            kind: device.kind,
+            node_id: device.birth.node_id,
+        });
+        Self {
+            places: options.devices.iter().enumerate().map(|(at, device)| (device.name.as_str().into(), at)).collect(),
+            explainer: Explainer::new(known.collect()),
+            travels: Travels::new(options.devices.len(), options.tolerance),
+            world,
+            others,
+            to_come,
+            nodes,
+            sent: Vec::new(),
+            sent_keys: BTreeSet::new(),
+        }
+    }
+
+    pub(super) const fn now(&self) -> Instant {
+        self.world.now()
+    }
+
+    /// Goes to the instant at which a frame has to start that ends at `end`: what is due there is still to come.
+    pub(super) fn run_to_start(&mut self, frame: &Frame, end: Instant) {
+        let takes = length(frame, self.world.bit_rate().bits_per_second());
+        self.run_before(Instant::from_ticks(end.as_ticks().saturating_sub(takes.as_ticks())));
+    }
+
+    /// Goes to an instant through all that is due before; one that has passed is now.
+    pub(super) fn run_before(&mut self, end: Instant) {
+        while self.world.now() < end || self.to_come.last().is_some_and(|(at, _)| *at <= end) {
+            let next = end.min(self.next_sample(end));
+            match self.to_come.last().copied() {
+                Some((at, node)) if at <= next => {
+                    self.to_come.pop();
+                    self.world.run_before(at);
+                    self.world.power(node, true);
+                }
+                _ => self.world.run_before(next),
+            }
+            self.look();
+        }
+    }
+
+    /// When positions are to be noted next: while nothing moves and nothing happens, there is nothing to note.
+    fn next_sample(&self, end: Instant) -> Instant {
+        let moves = self.nodes.iter().map(|node| self.world.next_position(*node, end)).min();
+        let rests_until = self.world.next_event().min(moves.unwrap_or(end));
+        after(self.world.now(), SAMPLE).max(rests_until)
+    }
+
+    /// Takes note of what has happened.
+    fn look(&mut self) {
+        for event in self.world.take_events() {
+            let EventKind::Frame { frame, .. } = event.what else { continue };
+            if let Some(&place) = self.places.get(&event.who) {
+                self.sent_keys.insert(frame.key());
+                self.sent.push(Item { at: event.at, frame, number: None, device: Some(place) });
+            }
+        }
+        let now = self.world.now();
+        for (place, node) in self.nodes.iter().enumerate() {
+            if let Some(view) = self.world.view(*node) {
+                self.travels.note(place, now, view.position);
+            }
+        }
+        // The others have changed their bit rate with the device: the log goes on.
+        let rate = self.nodes.first().and_then(|node| self.world.device(*node)).map(Device::bit_rate);
+        if let Some(rate) = rate.filter(|rate| *rate != self.world.bit_rate()) {
+            self.world.set_bit_rate(rate);
+        }
+    }
+
+    pub(super) fn send(&mut self, frame: Frame) {
+        self.world.send(self.others, frame);
+    }
+
+    /// Takes what the stand-ins have sent, oldest first.
+    pub(super) fn take_sent(&mut self) -> std::vec::Drain<'_, Item> {
+        self.sent.drain(..)
+    }
+
+    /// The identifiers that the stand-ins have sent under, as [keys](Frame::key).
+    pub(super) const fn sent_keys(&self) -> &BTreeSet<u32> {
+        &self.sent_keys
+    }
+
+    pub(super) const fn travels(&self) -> &Travels {
+        &self.travels
+    }
+
+    /// Forgets positions that no pair is looked for any more at `known`.
+    pub(super) fn forget(&mut self, known: Instant) {
+        self.travels.forget(known);
+    }
+
+    /// Whether a frame of the log is of a device that a stand-in stands for.
+    pub(super) fn is_own(&mut self, frame: &Frame, keys: &BTreeSet<u32>, begin: &Begin) -> bool {
+        self.update_ids();
+        own::is_own(frame, self.explainer.nodes_mut(), keys, begin)
+    }
+
+    /// The node IDs of devices that are switched on; of the others those that they were made with.
+    fn update_ids(&mut self) {
+        for (known, node) in self.explainer.nodes_mut().iter_mut().zip(&self.nodes) {
+            if let Some(device) = self.world.device(*node) {
+                known.node_id = device.node_id();
+            }
+        }
+    }
+
+    /// A difference in words.
+    pub(super) fn difference(&mut self, what: What, item: &Item, other: Option<&Item>, begin: &Begin) -> Difference {
+        self.update_ids();
+        let logged = Some(item).filter(|_| what != What::Additional);
+        let sent = if what == What::Additional { Some(item) } else { other };
+        let name = |item: &Item| {
+            let place = item.device?;
+            self.places.iter().find(|(_, at)| **at == place).map(|(name, _)| name.to_string())
+        };
+        let say = |item: &Item| (item.frame, self.explainer.explain(&item.frame, name(item).as_deref()));
+        Difference { at: begin.time(item.at), number: item.number, what, logged: logged.map(say), sent: sent.map(say) }
+    }
+}

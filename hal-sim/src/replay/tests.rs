@@ -1,0 +1,454 @@
+//! Logs of sessions in virtual time, replayed as they are and with something changed.
+
+use std::fs;
+use std::io::Write as _;
+
+use proptest::prelude::*;
+use protocol_core::frame::{extended, standard};
+use protocol_core::time::{after, since};
+use tempfile::NamedTempFile;
+
+use super::*;
+use crate::Memory;
+use crate::cli::{self, Request};
+use crate::kind::Simulated as _;
+use crate::recording::{Format, Writer};
+use crate::trace::{ErrorClass, Record, Timestamp};
+use crate::world::{EventKind, SUPPLY_JITTER, TapId, World};
+use protocol_core::device::Senses;
+
+const START: Timestamp = Timestamp::from_micros(1_700_000_000_000_042);
+
+/// The options of a command line.
+fn options(line: &str, file: &NamedTempFile) -> ReplayOptions {
+    let path = file.path().to_str().unwrap();
+    let words = ["pve-sim", "replay", path].into_iter().chain(line.split_whitespace());
+    match cli::parse(words) {
+        Ok(Request::Replay(options)) => options,
+        other => panic!("{line}: {other:?}"),
+    }
+}
+
+/// Devices and a master, recorded from the power-up on.
+struct Session {
+    world: World,
+    master: TapId,
+    records: Vec<Record>,
+}
+
+impl Session {
+    /// Switches the devices of a command line on as `run` does.
+    fn new(line: &str) -> Self {
+        let options = options(line, &NamedTempFile::new().unwrap());
+        let first = &options.devices[0];
+        let rate = first.birth.bit_rate.unwrap_or(first.kind.bit_rates()[0]);
+        let mut world = World::new(rate, 7);
+        world.record_events(true);
+        let master = world.add_gateway("master");
+        for device in &options.devices {
+            let node = world.add_device(&device.name, device.kind.factory(device.birth), Memory::in_ram());
+            world.set_senses(node, Senses::healthy(device.kind));
+        }
+        for NamedLink { valve, sensor, link } in &options.links {
+            let (valve, sensor) = (world.find(valve).unwrap(), world.find(sensor).unwrap());
+            world.link(valve, sensor, *link).unwrap();
+        }
+        let first = world.devices().next().unwrap();
+        world.power(first, true);
+        world.power_all(SUPPLY_JITTER);
+        let mut session = Self { world, master, records: Vec::new() };
+        session.wait(20_000);
+        session
+    }
+
+    fn wait(&mut self, micros: u64) {
+        self.world.run_until(after(self.world.now(), Duration::from_micros(micros)));
+        for event in self.world.take_events() {
+            if let EventKind::Frame { frame, .. } = event.what {
+                self.records.push(Record { at: START.at(event.at), entry: Entry::Frame(frame) });
+            }
+        }
+    }
+
+    /// Sends frames, so many milliseconds and something apart.
+    fn send(&mut self, ms: u64, frames: &[&str]) -> &mut Self {
+        for (number, text) in frames.iter().enumerate() {
+            self.world.send(self.master, frame(text));
+            self.wait(ms * 1000 + number as u64 % 7 * 13);
+        }
+        self
+    }
+
+    fn log(&self) -> NamedTempFile {
+        log(&self.records, Format::Candump)
+    }
+}
+
+fn frame(text: &str) -> Frame {
+    text.parse().unwrap()
+}
+
+fn log(records: &[Record], format: Format) -> NamedTempFile {
+    let file = NamedTempFile::new().unwrap();
+    let mut writer = Writer::new(file.reopen().unwrap(), format, "pve0", START).unwrap();
+    records.iter().for_each(|record| writer.write(record).unwrap());
+    writer.finish().unwrap();
+    file
+}
+
+fn replayed(line: &str, file: &NamedTempFile) -> Outcome {
+    replay(&options(line, file)).unwrap()
+}
+
+/// Sees that a log replays as it is; returns how many frames were compared.
+fn as_logged(line: &str, file: &NamedTempFile) -> u64 {
+    let options = options(line, file);
+    let outcome = replay(&options).unwrap();
+    assert!(outcome.is_as_logged(), "{}", outcome.report(&options));
+    outcome.compared
+}
+
+const VALVE: &str = "--device pvea-canopen@0x20";
+
+/// A valve at rest: SDO, NMT, heartbeats every 100 ms, EMCY of a master that is gone.
+fn at_rest() -> Session {
+    let mut session = Session::new(VALVE);
+    session.send(3, &["620: 40 18 10 01 00 00 00 00", "620: 2B 17 10 00 64 00 00 00", "000: 01 20"]);
+    session.send(40, &["220: 03 00 00 00", "220: 0B 00 00 00", "220: 0F 00 00 00", "220: 0F 00 00 00"]);
+    session.send(600, &["620: 40 00 20 00 00 00 00 00", "620: 40 03 10 01 00 00 00 00", "000: 81 20"]);
+    session.send(20, &["080:"; 2]);
+    session
+}
+
+/// A valve whose spool is on its way most of the time.
+fn moving() -> Session {
+    let mut session = Session::new(VALVE);
+    session.send(10, &["000: 01 20", "220: 03 00 00 00", "220: 0B 00 00 00"]);
+    session.send(6, &["220: 0F 00 00 20"; 40]);
+    session.send(6, &["220: 0F 00 00 C0", "620: 40 01 63 01 00 00 00 00"].repeat(40));
+    session
+}
+
+#[test]
+fn a_session_replays_in_every_format() {
+    let session = moving();
+    for format in [Format::Candump, Format::Asc, Format::Pcapng] {
+        assert!(as_logged(VALVE, &log(&session.records, format)) > 120);
+    }
+    assert!(as_logged("--device pvea-canopen@0x20 --tolerance-ms 0", &at_rest().log()) > 20);
+}
+
+/// A log of a real valve has another origin of time, and frames that are late by what its logger takes.
+#[test]
+fn loggers_are_late() {
+    let mut records = moving().records;
+    for (number, record) in records.iter_mut().enumerate() {
+        let late = number as u64 * 7919 % 1500;
+        record.at = Timestamp::from_micros(record.at.as_micros() - 1_600_000_000_000_000 + late);
+    }
+    as_logged(VALVE, &log(&records, Format::Candump));
+}
+
+/// A spool that is somewhere else than it can have come to is told, also while it moves.
+#[test]
+fn a_position_beyond_the_tolerance_is_told() {
+    let mut records = moving().records;
+    let is_pdo = |record: &Record| matches!(record.entry, Entry::Frame(frame) if frame.to_string().starts_with("1A0:"));
+    let place = records.iter().enumerate().filter(|(_, record)| is_pdo(record)).nth(20).unwrap().0;
+    let Entry::Frame(pdo) = records[place].entry else { unreachable!() };
+    let position = i16::from_le_bytes([pdo.data()[2], pdo.data()[3]]);
+    let off_by = |off: i16| {
+        let [low, high] = (position + off).to_le_bytes();
+        pdo.refilled([pdo.data()[0], pdo.data()[1], low, high, 0, 0, 0, 0])
+    };
+    records[place].entry = Entry::Frame(off_by(50));
+    as_logged(VALVE, &log(&records, Format::Candump));
+    records[place].entry = Entry::Frame(off_by(3000));
+    let outcome = replayed(VALVE, &log(&records, Format::Candump));
+    assert_eq!((outcome.differences, outcome.told[0].what), (1, What::Different));
+}
+
+/// A frame of the valve, its place in the log, and what is done to it.
+#[derive(Clone, Copy, Debug)]
+enum Change {
+    Byte(usize, u8),
+    Remove,
+    Insert,
+    Later,
+}
+
+fn changes() -> impl Strategy<Value = Change> {
+    prop_oneof![
+        (0..8_usize, 1..=255_u8).prop_map(|(at, bits)| Change::Byte(at, bits)),
+        Just(Change::Remove),
+        Just(Change::Insert),
+        Just(Change::Later)
+    ]
+}
+
+/// Whether a frame is of node 0x20.
+fn is_of_valve(record: &Record) -> bool {
+    let Entry::Frame(frame) = record.entry else { return false };
+    ["0A0:", "1A0:", "5A0:", "720:"].iter().any(|id| frame.to_string().starts_with(id))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    /// Whatever is changed of one frame of the valve but its first, exactly that is told.
+    #[test]
+    fn exactly_what_is_changed_is_told(at in any::<prop::sample::Index>(), change in changes()) {
+        let mut records = at_rest().records;
+        let own: Vec<usize> = (1..records.len()).filter(|place| is_of_valve(&records[*place])).collect();
+        let place = own[at.index(own.len())];
+        let Record { at, entry: Entry::Frame(frame) } = records[place] else { unreachable!() };
+        let mut line = Some(place as u64 + 1);
+        let what = match change {
+            Change::Byte(byte, bits) => {
+                let mut data = *frame.bytes();
+                data[byte % usize::from(frame.len())] ^= bits;
+                records[place].entry = Entry::Frame(frame.refilled(data));
+                What::Different
+            }
+            Change::Remove => {
+                records.remove(place);
+                line = None;
+                What::Additional
+            }
+            Change::Insert => {
+                // Between the frame and the next one, with data that no frame there has.
+                let at = Timestamp::from_micros(at.as_micros() + 1);
+                records.insert(place + 1, Record { at, entry: Entry::Frame(frame.refilled([0xA5; 8])) });
+                line = line.map(|line| line + 1);
+                What::Missing
+            }
+            Change::Later => {
+                let late = Timestamp::from_micros(at.as_micros() + 20_000);
+                let mut moved = records.remove(place);
+                moved.at = late;
+                let after = records.partition_point(|record| record.at <= late);
+                records.insert(after, moved);
+                line = Some(after as u64 + 1);
+                What::Early(Duration::from_millis(20))
+            }
+        };
+        // Frames of the same identifier right before and after it are not told from a swap.
+        let near = |other: &usize| *other != place && {
+            let Some(Record { at: other_at, entry: Entry::Frame(other) }) = at_rest().records.get(*other).copied() else {
+                return false;
+            };
+            other.key() == frame.key() && other_at.as_micros().abs_diff(at.as_micros()) < 30_000
+        };
+        prop_assume!(!matches!(change, Change::Later) || !own.iter().any(near));
+        let is_last = Some(&place) == own.last();
+        prop_assume!(!matches!(change, Change::Remove | Change::Later) || !is_last);
+        let options = options(VALVE, &log(&records, Format::Candump));
+        let file = log(&records, Format::Candump);
+        let outcome = replayed(VALVE, &file);
+        prop_assert_eq!(outcome.differences, 1, "{:?} {}\n{}", change, frame, outcome.report(&options));
+        prop_assert_eq!(outcome.told[0].number, line);
+        match what {
+            What::Early(_) => {
+                let What::Early(by) = outcome.told[0].what else { panic!("{}", outcome.report(&options)) };
+                prop_assert!(since(Instant::from_ticks(by.as_ticks()), Instant::from_millis(19)) < Duration::from_millis(2));
+            }
+            what => prop_assert_eq!(outcome.told[0].what, what, "{}", outcome.report(&options)),
+        }
+    }
+}
+
+/// Every second heartbeat was lost by the logger: each is told, and nothing else.
+#[test]
+fn many_frames_may_be_lost() {
+    let mut records = at_rest().records;
+    let mut heartbeats = 0;
+    let before = records.len();
+    records.retain(|record| {
+        let is_heartbeat = matches!(record.entry, Entry::Frame(frame) if frame.to_string() == "720: 05");
+        heartbeats += usize::from(is_heartbeat);
+        !(is_heartbeat && heartbeats % 2 == 0)
+    });
+    let lost = before - records.len();
+    assert!(lost > 5);
+    let outcome = replayed(VALVE, &log(&records, Format::Candump));
+    assert_eq!(outcome.differences, lost as u64);
+    assert!(outcome.told.iter().all(|difference| difference.what == What::Additional));
+}
+
+/// The stand-in does not answer for what is after the log.
+#[test]
+fn a_log_may_be_cut_off() {
+    let records = at_rest().records;
+    for end in 1..records.len() {
+        as_logged(VALVE, &log(&records[..end], Format::Candump));
+    }
+}
+
+#[test]
+fn a_report_names_frame_time_and_meaning() {
+    let mut records = at_rest().records;
+    let answer = |record: &Record| record.entry == Entry::Frame(frame("5A0: 43 18 10 01 19 00 00 01"));
+    let place = records.iter().position(answer).unwrap();
+    records[place].entry = Entry::Frame(frame("5A0: 43 18 10 01 1A 00 00 01"));
+    let file = log(&records, Format::Candump);
+    let options = options(VALVE, &file);
+    let outcome = replay(&options).unwrap();
+    let report = outcome.report(&options);
+    let lines: Vec<&str> = report.lines().collect();
+    let at = records[place].at;
+    assert_eq!(lines[0], format!("({at}) line {}: different data", place + 1));
+    assert_eq!(
+        lines[1],
+        "  log       5A0: 43 18 10 01 1A 00 00 01         pvea-canopen: SDO answer 0x1018:1 (Vendor ID) = 0x0100001A"
+    );
+    assert!(lines[2].starts_with("  stand-in  5A0: 43 18 10 01 19 00 00 01  "), "{report}");
+    assert!(lines[3].ends_with(": 1 difference within 5 ms; 12 frames of others sent"), "{report}");
+}
+
+#[test]
+fn a_valve_on_isobus_and_its_master() {
+    let device = "--device pvea-isobus@0x83";
+    let mut session = Session::new(device);
+    session.send(300, &["18EEFF27: 02 00 20 00 00 82 00 A0"]);
+    session.send(90, &["0CFE3327: 7D FF 31 FF FF FF FF FF"; 8]);
+    session.send(90, &["0CFE3327: FA FF 32 FF FF FF FF FF"; 8]);
+    session.send(400, &["18EAFF27: 00 EE 00", "18EA8327: CB FE 00", "18EA8327: EB FE 00"]);
+    assert!(as_logged(device, &session.log()) > 20);
+}
+
+/// Somebody else claims the valve's address with its identifier: once in vain, once for good.
+#[test]
+fn a_contender_is_no_stand_in() {
+    let device = "--device pvea-isobus@0x83";
+    let mut session = Session::new(device);
+    session.send(300, &["18EEFF83: 02 00 20 00 00 82 00 A0"]);
+    session.send(700, &["18EEFF83: 02 00 20 00 00 82 00 10", "18EAFF27: 00 EE 00"]);
+    let sent = |text: &str| session.records.iter().filter(|record| record.entry == Entry::Frame(frame(text))).count();
+    assert!(sent("18EEFF83: 01 00 20 07 08 FF 02 20") >= 2, "it defends its address");
+    assert!(sent("18EEFFFE: 01 00 20 07 08 FF 02 20") >= 1, "it loses its address");
+    assert!(as_logged(device, &session.log()) >= 5);
+}
+
+/// A sensor that a valve moves, with PDOs by SYNC; and each alone: the other's frames are played.
+#[test]
+fn several_devices() {
+    let both = "--device pvea-canopen@0x20 --device hat1000@1,bit-rate=250k --link pvea-canopen=hat1000";
+    let mut session = Session::new(both);
+    session.send(5, &["601: 2F 00 18 02 01 00 00 00", "601: 23 00 18 01 81 01 00 00"]);
+    session.send(5, &["000: 01 00", "220: 03 00 00 00", "220: 0B 00 00 00"]);
+    session.send(7, &["220: 0F 00 00 20", "080:", "601: 40 04 60 00 00 00 00 00"].repeat(30));
+    let angles: BTreeSet<u32> = session
+        .records
+        .iter()
+        .filter_map(|record| match record.entry {
+            Entry::Frame(frame) if frame.to_string().starts_with("181:") => Some(u32::from(frame.data()[0])),
+            _ => None,
+        })
+        .collect();
+    assert!(angles.len() > 5, "the shaft turns: {angles:?}");
+    let file = session.log();
+    let all = as_logged(both, &file);
+    let valve = as_logged(VALVE, &file);
+    assert!(valve > 30 && all > valve + 60, "{all} {valve}");
+}
+
+/// A blank valve gets a node ID by LSS, and its TPDO another COB-ID: what nobody knew before the log.
+#[test]
+fn identifiers_that_change() {
+    let blank = "--device pvea-canopen,blank";
+    let mut session = Session::new(blank);
+    session.send(20, &["7E5: 04 01 00 00 00 00 00 00", "7E5: 11 31 00 00 00 00 00 00", "7E5: 17 00 00 00 00 00 00 00"]);
+    session.send(200, &["7E5: 04 00 00 00 00 00 00 00"]);
+    session.send(20, &["631: 23 00 18 01 B1 01 00 80", "631: 23 00 18 01 C2 01 00 00", "000: 01 31"]);
+    session.send(20, &["231: 03 00 00 00", "231: 0B 00 00 00"]);
+    let sent = |id: &str| {
+        let is = |record: &&Record| matches!(record.entry, Entry::Frame(frame) if frame.to_string().starts_with(id));
+        session.records.iter().filter(is).count()
+    };
+    assert!(sent("731:") > 0 && sent("1C2:") > 0);
+    let own: usize = ["7E4:", "731:", "0B1:", "5B1:", "1C2:"].into_iter().map(sent).sum();
+    assert_eq!(as_logged(blank, &session.log()), own as u64);
+}
+
+/// The logger ran before: frames of an earlier life have the identifier of the boot-up.
+#[test]
+fn a_log_may_begin_with_an_earlier_life() {
+    let session = at_rest();
+    let earlier = |ms: u64, text: &str| Record {
+        at: Timestamp::from_micros(START.as_micros() - ms * 1000),
+        entry: Entry::Frame(frame(text)),
+    };
+    let mut records = vec![earlier(900, "720: 05"), earlier(850, "220: 0F 00 00 00"), earlier(800, "720: 05")];
+    records.extend(&session.records);
+    let file = log(&records, Format::Candump);
+    assert!(replayed(VALVE, &file).differences > 0);
+    assert!(as_logged(&format!("{VALVE} --from-boot-up"), &file) > 20);
+    let file = log(&records[..3], Format::Candump);
+    let error = replay(&options(&format!("{VALVE} --from-boot-up"), &file)).unwrap_err().to_string();
+    assert!(error.ends_with(": no boot-up, or address claim, of pvea-canopen in it"), "{error}");
+}
+
+/// The logger came later: the valve has booted before.
+#[test]
+fn a_log_may_begin_after_the_boot_up() {
+    let records = at_rest().records;
+    assert!(as_logged(VALVE, &log(&records[2..], Format::Candump)) > 20);
+}
+
+#[test]
+fn what_is_no_frame_is_told_and_the_rest_is_played() {
+    let session = at_rest();
+    let mut file = session.log();
+    file.as_file_mut().write_all(&fs::read(session.log().path()).unwrap()).unwrap();
+    file.as_file_mut().write_all(b"hello\n").unwrap();
+    let outcome = replayed(VALVE, &file);
+    assert_eq!((outcome.differences, outcome.unread.len()), (0, 1));
+    assert!(!outcome.is_as_logged() && outcome.unread[0].ends_with(": no line of candump: \"hello\""));
+    let mut records = session.records.clone();
+    records.insert(3, Record { entry: Entry::Error(ErrorClass::BusError.into()), ..records[3] });
+    let outcome = replayed(VALVE, &log(&records, Format::Candump));
+    assert_eq!((outcome.differences, outcome.error_frames), (0, 1));
+    let other = replay(&options("--device pvea-canopen@0x21", &session.log())).unwrap_err();
+    assert!(other.to_string().ends_with(": no frame of pvea-canopen in it"), "{other}");
+    let empty = replay(&options(VALVE, &log(&[], Format::Candump))).unwrap_err();
+    assert!(empty.to_string().ends_with(": no frame to replay"), "{empty}");
+}
+
+/// A clock that was set must not make the stand-in live for years.
+#[test]
+fn a_time_that_is_wrong_is_told() {
+    let mut records = at_rest().records;
+    let place = records.len() - 1;
+    records[place].at = Timestamp::from_micros(u64::MAX);
+    let outcome = replayed(VALVE, &log(&records, Format::Candump));
+    assert_eq!((outcome.differences, outcome.unread.len()), (0, 1));
+    let named = format!(":{}: more than a day after the entry before it", records.len());
+    assert!(outcome.unread[0].ends_with(&named), "{:?}", outcome.unread);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Whatever a log has, in whatever order of time.
+    #[test]
+    fn any_log_comes_to_its_end(
+        frames in prop::collection::vec((0..2_000_000_u64, 0..0x800_u16, any::<[u8; 8]>(), 0..=8_u8, any::<u32>()), 0..60),
+        isobus in any::<bool>()
+    ) {
+        let (device, first) = if isobus {
+            ("--device pvea-isobus@0x83 --tolerance-ms 0", "18EEFF83: 01 00 20 07 08 FF 02 20")
+        } else {
+            ("--device hat1000@1 --device pvea-canopen@0x20,bit-rate=500k", "701: 00")
+        };
+        let at = |micros| Timestamp::from_micros(START.as_micros() + micros);
+        let mut records = vec![Record { at: at(0), entry: Entry::Frame(frame(first)) }];
+        records.push(Record { at: at(300), entry: Entry::Frame(frame("720: 00")) });
+        records.extend(frames.into_iter().map(|(micros, id, data, len, raw)| {
+            let id = if isobus { extended(raw).into() } else { standard(id).into() };
+            let frame = if raw % 7 == 0 { Frame::remote(id, len) } else { Frame::with_len(id, data, len) };
+            Record { at: at(micros), entry: Entry::Frame(frame) }
+        }));
+        let outcome = replayed(device, &log(&records, Format::Candump));
+        prop_assert_eq!(outcome.compared + outcome.played, records.len() as u64);
+    }
+}

@@ -1,0 +1,114 @@
+//! How far the positions of the stand-ins move within the tolerance: so much may a position in a frame differ.
+//!
+//! A spool that rests moves nowhere: then frames are alike when they are equal.
+
+use std::collections::VecDeque;
+use std::ops::RangeInclusive;
+
+use protocol_core::frame::{Frame, Id};
+use protocol_core::time::{Duration, Instant, after};
+use protocol_core::wire::valve::EstimatedFlow;
+
+use super::lane::{Item, PATIENCE};
+
+/// A position is noted at least so often while it changes.
+const GRID: Duration = Duration::from_millis(1);
+
+/// The positions of all stand-ins.
+#[derive(Debug)]
+pub(super) struct Travels {
+    devices: Vec<VecDeque<(Instant, i16)>>,
+    tolerance: Duration,
+}
+
+impl Travels {
+    pub(super) fn new(devices: usize, tolerance: Duration) -> Self {
+        Self { devices: vec![VecDeque::new(); devices], tolerance }
+    }
+
+    /// Notes a position, where it is another one than before.
+    pub(super) fn note(&mut self, device: usize, now: Instant, position: i16) {
+        if let Some(noted) = self.devices.get_mut(device)
+            && noted.back().is_none_or(|(_, last)| *last != position)
+        {
+            noted.push_back((now, position));
+        }
+    }
+
+    /// Forgets what no pair is looked for any more.
+    pub(super) fn forget(&mut self, known: Instant) {
+        let needed = (PATIENCE + self.tolerance + GRID) * 4;
+        let from = Instant::from_ticks(known.as_ticks().saturating_sub(needed.as_ticks()));
+        for noted in &mut self.devices {
+            while noted.get(1).is_some_and(|(at, _)| *at < from) {
+                noted.pop_front();
+            }
+        }
+    }
+
+    /// Whether two frames of an identifier say the same: equal, but for a position that comes by within the tolerance.
+    pub(super) fn alike(&self, logged: &Item, sent: &Item) -> bool {
+        logged.frame == sent.frame
+            || self.range(logged, sent).is_some_and(|range| differ_in_position(logged, sent, &range))
+    }
+
+    /// The positions from the tolerance before the first of two frames to the tolerance after the last; `None` when there is
+    /// one alone.
+    fn range(&self, logged: &Item, sent: &Item) -> Option<RangeInclusive<i16>> {
+        let margin = self.tolerance + GRID;
+        let (first, last) = (logged.at.min(sent.at), logged.at.max(sent.at));
+        let from = Instant::from_ticks(first.as_ticks().saturating_sub(margin.as_ticks()));
+        let until = after(last, margin);
+        let noted = self.devices.get(sent.device?)?;
+        let begin = noted.partition_point(|(at, _)| *at <= from).saturating_sub(1);
+        let within = noted.iter().skip(begin).take_while(|(at, _)| *at <= until).map(|(_, position)| *position);
+        let (min, max) = within.fold((i16::MAX, i16::MIN), |(min, max), at| (min.min(at), max.max(at)));
+        (min < max).then_some(min..=max)
+    }
+}
+
+/// Whether two frames are equal but for a position, which is in the range in both: in a PDO anywhere, in an answer of SDO
+/// where 0x6301 or 0x6004 is told, in an AVEF as a flow.
+fn differ_in_position(logged: &Item, sent: &Item, range: &RangeInclusive<i16>) -> bool {
+    let (one, two) = (&logged.frame, &sent.frame);
+    if one.len() != two.len() {
+        return false;
+    }
+    match one.id() {
+        Id::Standard(id) => match id.as_raw() {
+            0x000..=0x17F | 0x600..=0x7FF => false,
+            0x581..=0x5FF => {
+                matches!(one.data(), [_, 0x01, 0x63, 0x01, ..] | [_, 0x04, 0x60, 0x00, ..])
+                    && differ_at(one, two, 4, range)
+            }
+            _ => (0..one.data().len()).any(|at| differ_at(one, two, at, range)),
+        },
+        Id::Extended(_) => match (EstimatedFlow::parse(one.data()), EstimatedFlow::parse(two.data())) {
+            (Some(logged), Some(sent)) => {
+                logged.state == sent.state && [logged, sent].iter().all(|flow| has(range, flow))
+            }
+            // A PDO of a sensor may have a 29-bit COB-ID.
+            _ => (0..one.data().len()).any(|at| differ_at(one, two, at, range)),
+        },
+    }
+}
+
+/// Whether two frames are equal but for the 16 bits from a byte on, which are in the range in both.
+fn differ_at(one: &Frame, two: &Frame, at: usize, range: &RangeInclusive<i16>) -> bool {
+    let split = |frame: &Frame| {
+        let (before, rest) = frame.bytes().split_at(at.min(8));
+        let (position, after) = rest.split_first_chunk::<2>()?;
+        let is_whole = at + 2 <= frame.data().len();
+        let position = i16::from_le_bytes(*position);
+        (is_whole && range.contains(&position)).then(|| (before.to_vec(), after.to_vec()))
+    };
+    split(one).is_some_and(|one| Some(one) == split(two))
+}
+
+/// Whether a flow is of a position in the range, to the percent.
+fn has(range: &RangeInclusive<i16>, flow: &EstimatedFlow) -> bool {
+    const FULL: i32 = 16_384;
+    let percent = |position: i16| i32::from(position) * 100 / FULL;
+    let told = i32::from(flow.extend) - i32::from(flow.retract);
+    (percent(*range.start()) - 1..=percent(*range.end()) + 1).contains(&told)
+}

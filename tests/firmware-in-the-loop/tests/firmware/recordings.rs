@@ -1,0 +1,112 @@
+//! The image's frames as a log, replayed against the host device: the two are one device.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use firmware_in_the_loop::bench::ImageBench;
+use firmware_in_the_loop::board::NUCLEO_F429ZI;
+use hal_sim::kind::Birth;
+use hal_sim::recording::{Format, Writer};
+use hal_sim::replay::{Outcome, ReplayOptions, replay};
+use hal_sim::run::NamedDevice;
+use hal_sim::trace::{Entry, Record, Timestamp};
+use hal_sim::use_case::{Bench, Device, find, play};
+use protocol_core::controller::BitRate;
+use protocol_core::time::{Duration, after};
+
+use super::client::{ON_ISOBUS, SENSOR, VALVE, frame};
+
+/// The wall time of virtual instant 0.
+const START: Timestamp = Timestamp::from_micros(1_700_000_000_000_000);
+
+/// A bench whose events are recorded, with the image booted.
+fn recorded(bit_rate: BitRate, device: &Device) -> ImageBench {
+    let mut bench = ImageBench::with_devices(&NUCLEO_F429ZI, bit_rate, device, &[]);
+    bench.rig.world.record_events(true);
+    bench.power_cycle();
+    let booted = after(bench.now(), Duration::from_millis(50));
+    while bench.receive(booted).is_some() {}
+    bench
+}
+
+/// Writes what was on the bus as a log.
+fn log(bench: &mut ImageBench, name: &str) -> PathBuf {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let file = File::create(&path).expect("a file");
+    let mut writer = Writer::new(file, Format::of(&path), "can0", START).expect("room");
+    for event in bench.rig.world.take_events() {
+        if let Some(frame) = event.frame() {
+            writer.write(&Record { at: START.at(event.at), entry: Entry::Frame(*frame) }).expect("room");
+        }
+    }
+    writer.finish().expect("room");
+    path
+}
+
+/// Replays a log against the host devices, and sees that they send the same; returns how many frames were compared.
+fn replays(file: PathBuf, devices: &[Device]) -> u64 {
+    let named = |device: &Device| NamedDevice {
+        name: device.kind.name().to_owned(),
+        kind: device.kind,
+        birth: Birth { node_id: Some(device.node_id), serial: device.serial, bit_rate: None },
+    };
+    let options = ReplayOptions {
+        file,
+        devices: devices.iter().map(named).collect(),
+        links: Vec::new(),
+        tolerance: Duration::from_millis(5),
+        from_boot_up: false,
+    };
+    let outcome: Outcome = replay(&options).expect("a log");
+    assert!(outcome.is_as_logged(), "{}", outcome.report(&options));
+    outcome.compared
+}
+
+/// Lets the master send frames, so many milliseconds apart.
+fn send(bench: &mut ImageBench, ms: u64, frames: &[&str]) {
+    for text in frames {
+        bench.send(frame(text));
+        let next = after(bench.now(), Duration::from_millis(ms));
+        while bench.receive(next).is_some() {}
+    }
+}
+
+/// The one in which nothing but the master acts on the valve.
+#[test]
+fn a_use_case() {
+    let case = find("1").expect("the first one");
+    let mut bench = ImageBench::new(&NUCLEO_F429ZI, case);
+    bench.rig.world.record_events(true);
+    play(case, &mut bench, &mut |_| ()).expect("the use case passes");
+    assert!(replays(log(&mut bench, "use-case-1.log"), case.devices) > 5);
+}
+
+/// The spool on its way: its position in PDOs and by SDO.
+#[test]
+fn a_spool_that_moves() {
+    let mut bench = recorded(BitRate::Kbit250, &VALVE);
+    send(&mut bench, 50, &["000: 01 20", "620: 2B 17 10 00 64 00 00 00", "220: 03 00 00 00", "220: 0B 00 00 00"]);
+    send(&mut bench, 20, &["220: 0F 00 00 20"; 20]);
+    send(&mut bench, 7, &["220: 0F 00 00 E0", "620: 40 01 63 01 00 00 00 00", "220: 0F 00 00 E0"].repeat(10));
+    // The master is gone: time guarding.
+    send(&mut bench, 600, &["620: 40 03 10 01 00 00 00 00"]);
+    assert!(replays(log(&mut bench, "spool.asc"), &[VALVE]) > 60);
+}
+
+#[test]
+fn a_valve_on_isobus() {
+    let mut bench = recorded(BitRate::Kbit250, &ON_ISOBUS);
+    send(&mut bench, 300, &["18EEFF27: 02 00 20 00 00 82 00 A0"]);
+    send(&mut bench, 100, &["0CFE3327: 7D FF 31 FF FF FF FF FF"; 10]);
+    send(&mut bench, 100, &["0CFE3327: FA FF 32 FF FF FF FF FF"; 5]);
+    send(&mut bench, 400, &["18EAFF27: 00 EE 00", "18EA8327: CB FE 00"]);
+    assert!(replays(log(&mut bench, "isobus.pcapng"), &[ON_ISOBUS]) > 15);
+}
+
+#[test]
+fn an_angle_sensor() {
+    let mut bench = recorded(BitRate::Kbit500, &SENSOR);
+    send(&mut bench, 50, &["000: 01 20", "620: 2B 17 10 00 64 00 00 00", "620: 40 04 60 00 00 00 00 00"]);
+    send(&mut bench, 300, &["080:", "620: 23 03 60 00 10 00 00 00", "620: 40 04 60 00 00 00 00 00"]);
+    assert!(replays(log(&mut bench, "sensor.log"), &[SENSOR]) > 10);
+}

@@ -1,0 +1,136 @@
+//! Logs as other tools read them, and logs of sessions with unmodified clients as `pve-sim` replays them.
+
+use std::fs::File;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use hal_sim::recording::{Format, Writer};
+use hal_sim::trace::{Entry, ErrorClass, Record, Timestamp};
+use protocol_core::frame::{Frame, Id};
+
+use super::simulator::{PVE_SIM, Simulator, python, root};
+
+/// Microseconds since 1970: no whole millisecond.
+const START: u64 = 1_700_000_000_123_456;
+
+/// Both kinds of identifiers at their ends, remote frames, no data and all data; and an error frame.
+fn records() -> Vec<Record> {
+    let frames = ["080:", "000: 01 20", "7FF: 00 11 22 33 44 55 66 77", "5A0: R0", "5A0: R8", "00000000: FF"];
+    let extended = ["1FFFFFFF: R1", "18EEFF83: 01 00 20 07 08 FF 02 20", "00000080:"];
+    let frames = frames.into_iter().chain(extended).map(|text| Entry::Frame(text.parse().expect(text)));
+    let entries = frames.chain([Entry::Error(ErrorClass::BusError.into())]);
+    let at = |number: u64| Timestamp::from_micros(START + number * 1_000_001);
+    (0..).zip(entries).map(|(number, entry)| Record { at: at(number), entry }).collect()
+}
+
+/// Writes them in the format of a name.
+fn write(path: &Path) {
+    let file = File::create(path).expect("a file");
+    let mut writer = Writer::new(file, Format::of(path), "pve0", Timestamp::from_micros(START)).expect("room");
+    records().iter().for_each(|record| writer.write(record).expect("room"));
+    writer.finish().expect("room");
+}
+
+fn id(frame: &Frame) -> (u32, bool) {
+    match frame.id() {
+        Id::Standard(id) => (id.as_raw().into(), false),
+        Id::Extended(id) => (id.as_raw(), true),
+    }
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+#[test]
+fn python_can_reads_a_log() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let expected: Vec<String> = records()
+        .iter()
+        .map(|Record { at, entry }| match entry {
+            Entry::Error(_) => format!("{at} error"),
+            Entry::Frame(frame) => {
+                let (id, extended) = id(frame);
+                let kind = if frame.is_remote() { "remote" } else { "data" };
+                let digits = if extended { 8 } else { 3 };
+                let line = format!("{at} {id:0digits$X} {kind} {} {}", frame.len(), hex(frame.data()));
+                line.trim_end().to_owned()
+            }
+        })
+        .collect();
+    for name in ["frames.log", "frames.asc"] {
+        let path = dir.path().join(name);
+        write(&path);
+        // The dates of ASC have no time zone, and are in UTC.
+        let run = Command::new(python()).arg(root().join("tests/clients/log.py")).arg(&path).env("TZ", "UTC").output();
+        let run = run.expect("python runs");
+        assert!(run.status.success(), "{name}: {}", String::from_utf8_lossy(&run.stderr));
+        let read = String::from_utf8(run.stdout).expect("text");
+        assert_eq!(read.lines().collect::<Vec<_>>(), expected, "{name}");
+    }
+}
+
+#[test]
+fn tshark_reads_a_capture() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let path = dir.path().join("frames.pcapng");
+    write(&path);
+    let fields =
+        ["frame.time_epoch", "can.id", "can.flags.xtd", "can.flags.rtr", "can.flags.err", "can.len", "data.data"];
+    let rest = ["can.err.buserror", "_ws.malformed", "frame.interface_name"];
+    let mut tshark = Command::new("tshark");
+    // It would take some of the frames for messages of AUTOSAR.
+    tshark.arg("-r").arg(&path).args(["--disable-protocol", "autosar-nm"]).args([
+        "-T",
+        "fields",
+        "-E",
+        "separator=,",
+        "-E",
+        "occurrence=f",
+    ]);
+    tshark.args(fields.iter().chain(&rest).flat_map(|field| ["-e", field])).stdin(Stdio::null());
+    let Ok(output) = tshark.output() else {
+        println!("there is no tshark");
+        return;
+    };
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let read = String::from_utf8(output.stdout).expect("text");
+    let expected = records().into_iter().map(|Record { at, entry }| match entry {
+        // The class, in the place of the identifier.
+        Entry::Error(_) => format!("{at}000,,,,1,8,,1,,pve0"),
+        Entry::Frame(frame) => {
+            let (id, extended) = id(&frame);
+            let (extended, remote) = (u8::from(extended), u8::from(frame.is_remote()));
+            format!("{at}000,{id},{extended},{remote},0,{},{},,,pve0", frame.len(), hex(frame.data()))
+        }
+    });
+    assert_eq!(read.lines().collect::<Vec<_>>(), expected.collect::<Vec<_>>());
+}
+
+/// Runs a script against devices that write a log, and replays it against the same devices.
+fn replays(name: &str, script: &str, arguments: &[&str], devices: &[&str]) {
+    let dir = tempfile::tempdir().expect("a folder");
+    let path = dir.path().join(name);
+    let path = path.to_str().expect("text");
+    let devices: Vec<&str> = devices.iter().flat_map(|device| ["--device", *device]).collect();
+    let simulator = Simulator::start(&[&["--log", path][..], &devices].concat());
+    simulator.serve(script, arguments);
+    simulator.terminate();
+    let run = Command::new(&*PVE_SIM).args(["replay", path]).args(devices).output().expect("pve-sim runs");
+    let report = String::from_utf8_lossy(&run.stdout);
+    assert!(run.status.success(), "{script}: {report}{}", String::from_utf8_lossy(&run.stderr));
+    let compared = report.split(' ').next().and_then(|count| count.parse::<u32>().ok());
+    assert!(compared.is_some_and(|count| count > 10), "{report}");
+}
+
+/// At the speed of the wall clock: what clients send comes whenever it comes.
+#[test]
+fn sessions_of_clients_replay() {
+    replays("boot.log", "boot.py", &["11149437"], &["pvea-canopen@0x20"]);
+    replays("mapping.pcapng", "mapping.py", &[], &["pvea-canopen@0x20"]);
+    replays("sync.asc", "sync.py", &[], &["pvea-canopen@0x20"]);
+    replays("scan.log", "scan.py", &[], &["pvea-canopen,blank"]);
+    replays("hat.log", "hat.py", &[], &["hat1000"]);
+    replays("drive.log", "isobus_drive.py", &[], &["pvea-isobus@0x83"]);
+    replays("contend.log", "isobus_contend.py", &["lower"], &["pvea-isobus@0x83"]);
+}
