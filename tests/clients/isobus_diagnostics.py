@@ -59,7 +59,8 @@ with connected() as (tractor, ear):
     last = [frame for frame in [command, *before] if frame.arbitration_id == AVC.frame_id][-1]
     assert 0.250 < alarm.timestamp - last.timestamp < 0.252, f"{alarm.timestamp - last.timestamp} s"
     first, second = (expect_dm1(AMBER, TIME_GUARDING) for _ in range(2))
-    equal("DM1 again, ms", round((second - first) * 1000), 1000)
+    # either may wait for the end of another frame
+    assert abs(second - first - 1) < 0.002, f"DM1 again after {second - first} s"
     tractor.drive("blocked")
     tractor.start_commands()
     expect_dm1(None, NO_CODE)
