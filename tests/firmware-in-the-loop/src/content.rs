@@ -1,7 +1,6 @@
 //! What a board's flash holds when it is switched on: what a host device of the same sort has stored in its own, for both
 //! keep their records in the same way.
 
-
 use firmware::settings::Settings;
 use hal_sim::memory;
 use hal_sim::use_case::Device;

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use firmware_in_the_loop::bench::ImageBench;
 use firmware_in_the_loop::board::NUCLEO_F429ZI;
+use hal_sim::devices::NamedDevice;
 use hal_sim::kind::Birth;
 use hal_sim::recording::{Format, Writer};
 use hal_sim::replay::{Outcome, ReplayOptions, replay};
-use hal_sim::run::NamedDevice;
 use hal_sim::trace::{Entry, Record, Timestamp};
 use hal_sim::use_case::{Bench, Device, find, play};
 use protocol_core::controller::BitRate;
