@@ -15,7 +15,7 @@ use tokio::sync::watch;
 
 use super::clients::Clients;
 use super::console;
-use super::outside::Outside;
+use super::outside::{Outside, WAKE_UP};
 use super::printer::Printer;
 use super::timekeeper::{NAP, Timekeeper};
 use super::trace::Trace;
@@ -34,9 +34,6 @@ const LULL: WallDuration = WallDuration::from_millis(1);
 
 /// The trace is handed out so often, even if there is no lull.
 const HAND_OUT: WallDuration = WallDuration::from_millis(20);
-
-/// The time that a system mostly takes to wake a thread up.
-const WAKE_UP: WallDuration = WallDuration::from_micros(50);
 
 /// Above speed 1 the thread stays awake for so long after a message. A client that works back to back sends the next one by
 /// then, and a wake-up would take more of its time than the bus does.

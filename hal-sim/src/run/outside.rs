@@ -23,6 +23,9 @@ pub trait Outside {
     fn wait_awake(&mut self, until: WallInstant) -> Option<Arrival>;
 }
 
+/// The time that a system mostly takes to wake a thread up.
+pub(super) const WAKE_UP: Duration = Duration::from_micros(50);
+
 /// The gateway and its clients give a yielded processor back sooner than this.
 const TAKEN: Duration = Duration::from_micros(100);
 
@@ -70,19 +73,26 @@ impl Outside for System {
     }
 
     /// Sleeps all the same while others want the processor: a thread that has used up its share of it waits longer for
-    /// the next one than a wake-up takes.
+    /// the next one than a wake-up takes. What is due sooner than a sleep would end is waited for awake.
     fn wait_awake(&mut self, until: WallInstant) -> Option<Arrival> {
         let mut now = WallInstant::now();
-        while now < until && now >= self.shared_until && !self.is_ending() {
+        while now < until && !self.is_ending() {
             if let Some(arrival) = self.take() {
                 return Some(arrival);
             }
-            std::thread::yield_now();
-            let before = std::mem::replace(&mut now, WallInstant::now());
+            let before = now;
+            if until.saturating_duration_since(now) <= WAKE_UP {
+                std::hint::spin_loop();
+            } else if now < self.shared_until {
+                return self.wait(Some(until));
+            } else {
+                std::thread::yield_now();
+            }
+            now = WallInstant::now();
             if now.saturating_duration_since(before) > TAKEN {
                 self.shared_until = now + SHARED;
             }
         }
-        self.wait(Some(until))
+        None
     }
 }
