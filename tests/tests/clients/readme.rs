@@ -1,4 +1,5 @@
-//! The README as a visitor goes through it: its blocks run against the binary, and what it promises is what comes.
+//! The README and the guides as a visitor goes through them: their blocks run against the binary, and what they promise is
+//! what comes.
 
 use std::fs;
 use std::io::Write;
@@ -6,10 +7,18 @@ use std::process::{Command, Stdio};
 
 use hal_sim::cli;
 
-use crate::simulator::{Simulator, python, root};
+use crate::simulator::{PVE_SIM, Simulator, python, root};
 
 /// The port that pages name; a test has one of its own.
 const PORT: &str = "29536";
+
+const README: &str = "README.md";
+const BENCH: &str = "docs/guides/bench.md";
+const TOOLS: &str = "docs/guides/tools.md";
+
+/// The pages with command lines for users.
+const PAGES: [&str; 7] =
+    [README, BENCH, TOOLS, "docs/guides/ci.md", "docs/pve-sim.md", "docs/recordings.md", "docs/scenarios.md"];
 
 /// The fenced blocks of a page, each with its language.
 fn blocks(page: &str) -> Vec<(String, String)> {
@@ -57,11 +66,12 @@ fn paste(script: &str, simulator: &Simulator, until: &str) -> String {
 
 #[test]
 fn the_first_drive_works_twice_in_a_row() {
-    let script = block("README.md", "canopen.Network()");
+    let script = block(BENCH, "canopen.Network()");
     let file = fs::read_to_string(root().join("examples/drive.py")).expect("the example");
-    assert_eq!(script, file, "the README shows the example");
-    let promised = block("README.md", "status 0x0009");
+    assert_eq!(script, file, "the guide shows the example");
+    let promised = block(BENCH, "status 0x0009");
     let last = promised.lines().last().expect("a line");
+    assert_eq!(block(README, "status 0x"), format!("{last}\n"), "the README shows the end");
     let simulator = Simulator::start::<&str>(&[]);
     for visit in 1..=2 {
         let printed = paste(&script, &simulator, last);
@@ -85,27 +95,26 @@ fn every_block_of_the_readme_is_gone_through() {
     let known = [
         ("cargo run\n", "every test: it is Simulator::start"),
         ("pvea-canopen: boot-up", "the_trace_begins_as_the_readme_shows_it"),
-        ("pip install", "the_readme_installs_what_is_tested"),
+        ("pip install python-can", "the_readme_installs_what_is_tested"),
         ("venv/bin/python examples/drive.py", FIRST_DRIVE),
-        ("canopen.Network()", FIRST_DRIVE),
-        ("status 0x0009", FIRST_DRIVE),
-        ("can_logger", "the_logger_joins_as_the_pages_say"),
-        ("examples/boom.py", "the_boom_of_the_readme_reaches_its_angle_twice_in_a_row"),
-        ("cargo firmware", "the_commands_for_the_board_are_there"),
+        ("status 0x000f", FIRST_DRIVE),
+        ("./python[can]", "./test: it builds, installs and tests the Python package"),
+        ("@pytest.mark.pve_sim", "the_readme_shows_the_test_of_the_python_package"),
+        ("scenario scenarios/", "the_scenarios_of_the_readme_pass"),
     ];
-    for (_, block) in blocks("README.md") {
+    for (_, block) in blocks(README) {
         assert!(known.iter().any(|(words, _)| block.contains(words)), "nothing goes through this:\n{block}");
     }
     for (words, _) in known {
-        block("README.md", words);
+        block(README, words);
     }
 }
 
 #[test]
-fn the_boom_of_the_readme_reaches_its_angle_twice_in_a_row() {
-    let block = block("README.md", "examples/boom.py");
+fn the_boom_of_the_guide_reaches_its_angle_twice_in_a_row() {
+    let block = block(BENCH, "examples/boom.py");
     let [run, client] = block.lines().collect::<Vec<_>>()[..] else { panic!("{block}") };
-    let options: Vec<&str> = run.strip_prefix("cargo run -- ").expect("a command line").split(' ').collect();
+    let options: Vec<&str> = run.strip_prefix("pve-sim ").expect("a command line").split(' ').collect();
     let words: Vec<&str> = client.split(' ').collect();
     let ["venv/bin/python", "examples/boom.py", "127.0.0.1", PORT, "pve0", degrees] = words[..] else {
         panic!("{client}")
@@ -121,9 +130,42 @@ fn the_boom_of_the_readme_reaches_its_angle_twice_in_a_row() {
 }
 
 #[test]
+fn the_readme_shows_the_test_of_the_python_package() {
+    // python/tests/test_readme.py runs it.
+    assert_eq!(block(README, "@pytest.mark.pve_sim"), block("python/README.md", "@pytest.mark.pve_sim"));
+}
+
+#[test]
+fn the_scenarios_of_the_readme_pass() {
+    let block = block(README, "scenario scenarios/");
+    let words: Vec<&str> = block.trim_end().strip_prefix("cargo run -- ").expect("a command line").split(' ').collect();
+    let folder = tempfile::tempdir().expect("a folder");
+    let results = folder.path().join("results.xml");
+    let words = words.iter().map(|word| if *word == "results.xml" { results.as_os_str() } else { word.as_ref() });
+    let run = Command::new(&*PVE_SIM).args(words).current_dir(root()).output().expect("pve-sim runs");
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stdout));
+    assert!(fs::read_to_string(results).expect("the results").contains("failures=\"0\""));
+}
+
+/// The calls of curl in the guide, one after the other, each of which is answered.
+#[test]
+fn the_fault_of_the_guide_for_tools_happens() {
+    const URL: &str = "http://127.0.0.1:8408";
+    let simulator =
+        Simulator::start(&["--speed", "step", "--device", "pvea-canopen@0x20,name=boom", "--http", "127.0.0.1:0"]);
+    let script = block(TOOLS, "curl -sS -X PATCH").replace("curl -sS", "curl -sS --fail-with-body");
+    let script = script.replace(URL, simulator.http());
+    let run = Command::new("sh").args(["-ec", &script]).output().expect("a shell");
+    let answers = String::from_utf8(run.stdout).expect("text");
+    assert!(run.status.success(), "{answers}");
+    assert!(answers.contains("EMCY: supply too low") && answers.contains("\"dsm\":\"fault-hold\""), "{answers}");
+    simulator.terminate();
+}
+
+#[test]
 fn the_commands_for_the_board_are_there() {
     let aliases = fs::read_to_string(root().join(".cargo/config.toml")).expect("cargo's aliases");
-    for line in block("README.md", "cargo firmware").lines() {
+    for line in block(BENCH, "cargo firmware").lines() {
         let alias = line.strip_prefix("cargo ").expect("a command of cargo");
         assert!(aliases.lines().any(|line| line.starts_with(&format!("{alias} = "))), "{line}");
     }
@@ -132,7 +174,7 @@ fn the_commands_for_the_board_are_there() {
 /// Frame by frame, meanings included; the times are those of the README's run.
 #[test]
 fn the_trace_begins_as_the_readme_shows_it() {
-    let shown = block("README.md", "boot-up");
+    let shown = block(README, "boot-up");
     let simulator = Simulator::start(&["--color", "always"]);
     // Who has joined has seen the boot-up go by.
     simulator.serve("boot.py", &["11149437"]);
@@ -150,7 +192,7 @@ fn the_trace_begins_as_the_readme_shows_it() {
 #[test]
 fn the_readme_installs_what_is_tested() {
     let tested = fs::read_to_string(root().join("tests/clients/requirements.txt")).expect("the list");
-    let block = block("README.md", "pip install");
+    let block = block(README, "pip install");
     let line = block.lines().find(|line| line.contains("pip install")).expect("a line");
     let (_, packages) = line.split_once("pip install ").expect("packages");
     for package in packages.split(' ') {
@@ -162,7 +204,7 @@ fn the_readme_installs_what_is_tested() {
 #[test]
 fn the_logger_joins_as_the_pages_say() {
     let simulator = Simulator::start::<&str>(&[]);
-    for page in ["README.md", "docs/pve-sim.md"] {
+    for page in [BENCH, "docs/pve-sim.md"] {
         let block = block(page, "can_logger ");
         let line = block.lines().find(|line| line.contains("can_logger ")).expect("a line");
         let arguments = line.split_once("can_logger ").expect("arguments").1.replace(PORT, &simulator.address()[1]);
@@ -187,11 +229,18 @@ fn the_logger_joins_as_the_pages_say() {
 #[test]
 fn every_command_line_of_the_pages_is_accepted() {
     let mut seen = 0;
-    for page in ["README.md", "docs/pve-sim.md"] {
+    for page in PAGES {
         let text = fs::read_to_string(root().join(page)).expect(page);
-        for code in text.split('`').filter(|code| !code.contains(['<', '[', '…', '\n'])) {
+        let quoted = text.split('`').filter(|code| !code.contains('\n'));
+        let shell = blocks(page).into_iter().filter(|(language, _)| language == "sh").map(|(_, block)| block);
+        let shell: Vec<String> = shell.flat_map(|block| block.lines().map(str::to_owned).collect::<Vec<_>>()).collect();
+        let lines = quoted.chain(shell.iter().map(String::as_str));
+        for code in lines.filter(|code| !code.contains(['<', '[', '…'])) {
             let arguments = code.strip_prefix("cargo run -- ").or_else(|| code.strip_prefix("pve-sim "));
-            let Some(arguments) = arguments.filter(|arguments| !arguments.chars().any(char::is_uppercase)) else {
+            // A word alone is the name of a command.
+            let is_line =
+                |line: &&str| !line.contains(char::is_uppercase) && (line.contains(' ') || line.starts_with('-'));
+            let Some(arguments) = arguments.filter(is_line) else {
                 continue;
             };
             let words: Vec<String> = std::iter::once("pve-sim")

@@ -1,0 +1,38 @@
+"""The guide for CI as its reader goes through it: the tests in it pass, its YAML is in step with itself."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent.parent
+GUIDE = (ROOT / "docs/guides/ci.md").read_text(encoding="utf-8")
+
+
+def blocks(language: str) -> list[str]:
+    """Returns the fenced blocks of a language."""
+    return re.findall(rf"^```{language}\n(.*?)^```$", GUIDE, re.DOTALL | re.MULTILINE)
+
+
+def test_a_controller_meets_a_valve_that_breaks(pytester: pytest.Pytester) -> None:
+    shutil.copy(ROOT / "examples/boom.py", pytester.path / "controller.py")
+    pytester.makepyfile(blocks("python")[0])
+    pytester.runpytest_subprocess().assert_outcomes(passed=2)
+
+
+@pytest.mark.parametrize(
+    ("workflow", "number", "count"), [(0, "SHARD", "SHARDS"), (1, "CI_NODE_INDEX", "CI_NODE_TOTAL")]
+)
+def test_every_file_is_in_one_shard(pytester: pytest.Pytester, workflow: int, number: str, count: str) -> None:
+    names = [f"scenarios/{name}.toml" for name in "abcde"]
+    (pytester.path / "scenarios").mkdir()
+    for name in names:
+        (pytester.path / name).touch()
+    found = re.search(r"(printf '%s\\n' scenarios/\S+ \| awk \"[^\"]*\") \| xargs -r pve-sim", blocks("yaml")[workflow])
+    assert found
+    shards = [pytester.run("env", f"{number}={shard}", f"{count}=2", "sh", "-c", found[1]).outlines for shard in (1, 2)]
+    assert all(shards)
+    assert sorted(name for shard in shards for name in shard) == names
