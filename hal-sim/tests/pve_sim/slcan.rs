@@ -105,9 +105,11 @@ fn the_dialogue_with_an_adapter() {
     let (trace, said) = simulator.end(Signal::TERM);
     let frames: Vec<&str> = trace.lines().filter_map(|line| line.split(' ').nth(2)).collect();
     assert_eq!(frames, ["18A#0102", "18FF0AE0#", "123#R2", "00000123#R1", "7FF#"], "{trace}");
-    let told =
-        said.matches("a client set 125000 bit/s, the bus runs at 250000 bit/s: its channel is not opened").count();
-    assert_eq!(told, 2, "{said}");
+    assert!(
+        said.contains("a client set 125000 bit/s, the bus runs at 250000 bit/s: its channel is not opened"),
+        "{said}"
+    );
+    assert_eq!(said.matches("its channel is not opened").count(), 1, "told once: {said}");
 }
 
 #[test]
