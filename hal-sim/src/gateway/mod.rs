@@ -29,7 +29,7 @@ mod udp_multicast;
 pub use address::{Access, Address, Gateway, OpenError, Opening, Parse, Scheme};
 pub use bus_url::BusUrl;
 pub use entrance::{Arrival, Entrance, Inbox};
-pub use outbox::{CREDIT, Leash, Mailbox, Outbox, Overrun, QUEUE};
+pub use outbox::{CREDIT, Credit, Leash, Mailbox, Outbox, Overrun, QUEUE};
 
 use std::borrow::Cow;
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use tokio::sync::{Notify, Semaphore, mpsc};
+use tokio::sync::{Notify, Semaphore, SemaphorePermit, mpsc};
 
 use super::ToClient;
 
@@ -37,6 +37,19 @@ pub struct Mailbox {
 pub struct Leash {
     dismissed: Arc<Notify>,
     credit: Arc<Semaphore>,
+}
+
+/// The right to send one message to the world. Dropped, it goes back.
+#[derive(Debug)]
+pub struct Credit<'a>(Option<SemaphorePermit<'a>>);
+
+impl Credit<'_> {
+    /// Sends the message: the world gives the credit back when it is done.
+    pub fn spend(self) {
+        if let Some(permit) = self.0 {
+            permit.forget();
+        }
+    }
 }
 
 /// The client did not keep up, and is being disconnected.
@@ -77,9 +90,12 @@ impl Outbox {
 impl Leash {
     /// Waits until one more message may be sent to the world.
     pub async fn spend(&self) {
-        if let Ok(permit) = self.credit.acquire().await {
-            permit.forget();
-        }
+        self.credit().await.spend();
+    }
+
+    /// Waits until one more message may be sent to the world, for a gateway that has other things to do while it waits.
+    pub async fn credit(&self) -> Credit<'_> {
+        Credit(self.credit.acquire().await.ok())
     }
 
     /// Waits until the world tells the client to go.

@@ -92,9 +92,9 @@ impl Pty {
             let done = match self.terminal.halves() {
                 Ok((reader, writer)) => {
                     let end = session::serve(reader, writer, world.clone(), line).await;
-                    // Somebody who has opened it at that very instant keeps it. One who is dismissed sees it go away, as
+                    // The next client may have opened it already, and keeps it. One who is dismissed sees it go away, as
                     // when an adapter is pulled out.
-                    if end == End::Left && self.terminal.is_in_use() { Ok(()) } else { self.terminal.renew() }
+                    if end == End::Left && self.terminal.reset().is_ok() { Ok(()) } else { self.terminal.renew() }
                 }
                 Err(error) => Err(error),
             };

@@ -85,6 +85,8 @@ struct Channel {
     rate: Option<u32>,
     /// Whether it was opened at any time.
     was_open: bool,
+    /// Whether the user knows that the client has set another bit rate than that of the bus.
+    has_told: bool,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -141,7 +143,7 @@ impl Client<'_> {
                 self.settings().filter.mask = mask;
                 OK
             }
-            (Ok(command @ (Command::Open | Command::Listen)), State::Closed) if self.is_at_rate(channel.rate).await => {
+            (Ok(command @ (Command::Open | Command::Listen)), State::Closed) if self.is_at_rate(channel).await => {
                 channel.state = if command == Command::Open { State::Open } else { State::Listening };
                 channel.was_open = true;
                 self.leash.spend().await;
@@ -166,14 +168,15 @@ impl Client<'_> {
         self.world.tell(ToWorld::Reply(self.id, Reply::new(answer)));
     }
 
-    /// Whether the bus has the bit rate that the client has set, if it has set one. Tells the user when it has not.
-    async fn is_at_rate(&self, rate: Option<u32>) -> bool {
-        let Some(rate) = rate else { return true };
+    /// Whether the bus has the bit rate that the client has set, if it has set one. Tells the user the first time that it has
+    /// not.
+    async fn is_at_rate(&self, channel: &mut Channel) -> bool {
+        let Some(rate) = channel.rate else { return true };
         let (asked, answer) = oneshot::channel();
         self.world.tell(ToWorld::AskBitRate(asked));
         // A world that has ended answers nobody, and nobody reads what comes of it.
         let Ok(bus) = answer.await.map(|bus| bus.bits_per_second()) else { return false };
-        if bus != rate {
+        if bus != rate && !std::mem::replace(&mut channel.has_told, true) {
             self.world.tell(ToWorld::Warn(format!(
                 "{}: a client set {rate} bit/s, the bus runs at {bus} bit/s: its channel is not opened",
                 self.line.url

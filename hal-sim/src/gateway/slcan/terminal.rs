@@ -7,11 +7,14 @@ use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::{OpenOptionsExt, symlink};
 use std::path::{Path, PathBuf};
+use std::pin::Pin;
+use std::task::{Context, Poll};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::OFlags;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+use rustix::termios::{LocalModes, OptionalActions, QueueSelector, tcflush, tcgetattr, tcsetattr};
+use tokio::io::{AsyncRead, ReadBuf};
 use tokio::net::unix::pipe::{Receiver, Sender};
 
 /// A pseudo-terminal in raw mode. Clients open its other end; while none has, there is nothing to wait for.
@@ -45,15 +48,26 @@ impl Terminal {
     ///
     /// # Errors
     /// When the process has no descriptor left.
-    pub(super) fn halves(&self) -> io::Result<(Receiver, Sender)> {
+    pub(super) fn halves(&self) -> io::Result<(Deaf, Sender)> {
         // They read, write and wait for any descriptor that does not block.
         let reader = Receiver::from_owned_fd_unchecked(self.end.try_clone()?)?;
         let writer = Sender::from_owned_fd_unchecked(self.end.try_clone()?)?;
-        Ok((reader, writer))
+        Ok((Deaf(reader), writer))
     }
 
-    /// Puts a new terminal in the place of this one, which takes with it what a client has left: its mode, and what it has
-    /// not read.
+    /// Takes away what a client has left: its mode, and what it has not read. The next one may be there already.
+    ///
+    /// # Errors
+    /// When the client has locked the terminal.
+    pub(super) fn reset(&self) -> io::Result<()> {
+        let client = open(&self.link.device)?;
+        // On its way to the client, and there.
+        tcflush(&self.end, QueueSelector::OFlush)?;
+        tcflush(&client, QueueSelector::IFlush)?;
+        set_raw(&client)
+    }
+
+    /// Puts a new terminal in the place of this one, on which whoever has it open is hung up.
     ///
     /// # Errors
     /// As [`open`](Self::open).
@@ -87,6 +101,26 @@ fn set_raw(terminal: impl AsFd) -> io::Result<()> {
     let mut attributes = tcgetattr(&terminal)?;
     attributes.make_raw();
     Ok(tcsetattr(&terminal, OptionalActions::Now, &attributes)?)
+}
+
+/// What clients write. It has no echo: the adapter would take its own answers and frames for commands of the client, and
+/// answer them in turn.
+#[derive(Debug)]
+pub(super) struct Deaf(Receiver);
+
+impl AsyncRead for Deaf {
+    fn poll_read(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
+        let poll = Pin::new(&mut self.0).poll_read(cx, buf);
+        // A client can ask for an echo at any time. What was echoed by then has come with this read.
+        if poll.is_ready()
+            && let Ok(mut attributes) = tcgetattr(&self.0)
+            && attributes.local_modes.contains(LocalModes::ECHO)
+        {
+            attributes.local_modes.remove(LocalModes::ECHO);
+            let _ = tcsetattr(&self.0, OptionalActions::Now, &attributes);
+        }
+        poll
+    }
 }
 
 /// A link to a device, which goes when this does.

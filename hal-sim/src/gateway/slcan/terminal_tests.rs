@@ -23,29 +23,53 @@ fn a_terminal_knows_whether_a_client_is_there() {
     }
 }
 
-/// CR stays CR, and nothing is echoed, whatever the client before has set; who still has the old one is hung up on.
+/// A client that has set a mode of its own, and reads nothing of what it was sent.
+fn rude_client(terminal: &Terminal, path: &Path) -> File {
+    let rude = super::open(path).expect("the link leads to it");
+    let mut attributes = tcgetattr(&rude).expect("attributes");
+    attributes.local_modes |= LocalModes::ECHO | LocalModes::ICANON;
+    attributes.input_modes |= InputModes::ICRNL;
+    tcsetattr(&rude, OptionalActions::Now, &attributes).expect("attributes");
+    while rustix::io::write(&terminal.end, &[b't'; 1000]).is_ok() {}
+    rude
+}
+
+/// CR stays CR, nothing is echoed, and nothing comes that was for another.
+fn assert_new(terminal: &Terminal, client: &mut File) {
+    let mut bytes = [0; 8];
+    while rustix::io::read(&terminal.end, &mut bytes).is_ok() {}
+    rustix::io::write(&terminal.end, b"\x07\r").expect("room");
+    assert_eq!(client.read(&mut bytes).map(|len| bytes[..len].to_vec()).expect("bytes"), b"\x07\r");
+    assert!(rustix::io::read(&terminal.end, &mut bytes).is_err(), "nothing is echoed");
+}
+
 #[test]
 fn a_new_terminal_has_nothing_of_the_one_before() {
     let dir = tempdir().expect("a folder");
     let path = dir.path().join("pve0");
     let mut terminal = Terminal::open(&path).expect("a terminal");
-    let mut rude = super::open(&path).expect("the link leads to it");
-    let mut attributes = tcgetattr(&rude).expect("attributes");
-    attributes.local_modes |= LocalModes::ECHO | LocalModes::ICANON;
-    attributes.input_modes |= InputModes::ICRNL;
-    tcsetattr(&rude, OptionalActions::Now, &attributes).expect("attributes");
-    rustix::io::write(&terminal.end, b"t1230").expect("room");
+    let mut rude = rude_client(&terminal, &path);
     terminal.renew().expect("a terminal");
     // As a device that was pulled out: the end on Linux, an error elsewhere.
     assert!(matches!(rude.read(&mut [0; 8]), Ok(0) | Err(_)));
     assert!(!terminal.is_in_use());
     let mut client = super::open(&path).expect("the link leads to the new one");
     assert!(terminal.is_in_use());
-    rustix::io::write(&terminal.end, b"\x07\r").expect("room");
-    let mut bytes = [0; 2];
-    client.read_exact(&mut bytes).expect("bytes");
-    assert_eq!(&bytes, b"\x07\r");
-    assert!(rustix::io::read(&terminal.end, &mut bytes).is_err(), "nothing is echoed");
+    assert_new(&terminal, &mut client);
+}
+
+#[test]
+fn the_next_client_may_come_before_the_terminal_is_reset() {
+    let dir = tempdir().expect("a folder");
+    let path = dir.path().join("pve0");
+    let terminal = Terminal::open(&path).expect("a terminal");
+    drop(rude_client(&terminal, &path));
+    let mut client = super::open(&path).expect("the link leads to it");
+    terminal.reset().expect("a terminal");
+    assert!(terminal.is_in_use());
+    assert_new(&terminal, &mut client);
+    drop(client);
+    assert!(!terminal.is_in_use());
 }
 
 #[test]

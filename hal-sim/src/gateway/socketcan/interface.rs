@@ -70,12 +70,15 @@ impl Interface {
             let next_try = waiting.as_ref().map(|waiting| waiting.next_try);
             tokio::select! {
                 () = leash.dismissed() => return,
-                read = read(&self.socket), if self.next_look.is_none() => match read {
+                // A bus that takes nothing more is still heard.
+                (credit, read) = async {
+                    (leash.credit().await, read(&self.socket).await)
+                }, if self.next_look.is_none() => match read {
                     Ok(frame) => {
                         tell(world, self.health.hear());
                         // Neither error frames nor frames of CAN FD come: nobody has asked the kernel for them.
                         if let Some(frame) = same(&frame) {
-                            leash.spend().await;
+                            credit.spend();
                             world.tell(ToWorld::Send(id, frame));
                         }
                     }

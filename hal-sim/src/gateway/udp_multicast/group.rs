@@ -78,10 +78,13 @@ impl Group {
         loop {
             tokio::select! {
                 () = leash.dismissed() => return,
-                read = self.incoming.recv_from(&mut datagram) => match read {
+                // A bus that takes nothing more is still heard.
+                (credit, read) = async {
+                    (leash.credit().await, self.incoming.recv_from(&mut datagram).await)
+                } => match read {
                     Ok((len, from)) => match self.intake.take(&datagram[..len], from) {
                         Ok(Some(frame)) => {
-                            leash.spend().await;
+                            credit.spend();
                             world.tell(ToWorld::Send(id, frame));
                         }
                         Ok(None) => {}
@@ -190,7 +193,10 @@ const fn unspecified(like: SocketAddr) -> IpAddr {
 mod tests {
     use protocol_core::frame::standard;
 
+    use tokio::time::timeout;
+
     use super::*;
+    use crate::gateway::{CREDIT, Inbox, Outbox};
     use crate::trace::Timestamp;
 
     const GROUP: &str = "239.74.163.2:43113";
@@ -219,6 +225,62 @@ mod tests {
         assert_eq!(intake.take(&datagram, from("192.0.2.1:1")), Ok(None));
         assert_eq!(intake.take(b"GET / HTTP/1.1", from("127.0.0.1:2")), Ok(None), "told once, of whatever kind");
         assert_eq!(self::intake(true).take(&datagram, from("192.0.2.1:1")), Ok(Some(frame)));
+    }
+
+    /// A gateway whose datagrams come from the one socket and go to the other.
+    async fn group() -> (Group, UdpSocket, UdpSocket) {
+        let bind = || UdpSocket::bind("127.0.0.1:0");
+        let (incoming, outgoing) = (bind().await.expect("a socket"), bind().await.expect("a socket"));
+        let (sender, listener) = (bind().await.expect("a socket"), bind().await.expect("a socket"));
+        sender.connect(incoming.local_addr().expect("its address")).await.expect("an address");
+        outgoing.connect(listener.local_addr().expect("its address")).await.expect("an address");
+        let address = GROUP.parse().expect("an address");
+        let group = Group { address, incoming, outgoing, intake: intake(false), is_in_trouble: false };
+        (group, sender, listener)
+    }
+
+    /// The world's end of a gateway that has joined.
+    fn joined(inbox: &Inbox) -> Outbox {
+        let messages = std::iter::from_fn(|| inbox.messages.try_recv().ok()).map(|arrival| arrival.message);
+        let outbox =
+            messages.filter_map(|message| if let ToWorld::Join(_, outbox) = message { Some(outbox) } else { None });
+        let outbox = outbox.last().expect("it has joined");
+        outbox.refund(1);
+        outbox
+    }
+
+    /// Sends datagrams until the gateway's credit is spent.
+    async fn flood(sender: &UdpSocket, inbox: &Inbox) {
+        let (datagram, _) = datagram();
+        for _ in 0..CREDIT {
+            sender.send(&datagram).await.expect("room");
+            while inbox.messages.try_recv().is_err() {
+                tokio::task::yield_now().await;
+            }
+        }
+        sender.send(&datagram).await.expect("room");
+        // A gateway that would take it has done so by then.
+        sleep(PAUSE).await;
+        assert!(inbox.messages.try_recv().is_err(), "the credit is spent");
+    }
+
+    #[tokio::test]
+    async fn a_group_whose_frames_wait_for_the_bus_hears_it_all_the_same() {
+        let (world, inbox) = Entrance::new();
+        let (group, sender, listener) = group().await;
+        tokio::spawn(group.run(world));
+        let outbox = joined(&inbox);
+        flood(&sender, &inbox).await;
+        let (expected, frame) = datagram();
+        outbox.post(ToClient::Frame(Timestamp::from_micros(0), frame)).expect("room");
+        let mut heard = [0; DATAGRAM_MAX];
+        let len =
+            timeout(Duration::from_secs(5), listener.recv(&mut heard)).await.expect("it is heard").expect("a datagram");
+        assert_eq!(&heard[..len], expected);
+        outbox.refund(1);
+        while inbox.messages.try_recv().is_err() {
+            tokio::task::yield_now().await;
+        }
     }
 
     #[test]
