@@ -87,8 +87,8 @@ impl Search {
     /// Goes on with a frame of the log; `first` is what the stand-in sends first.
     fn look(self, entrance: Entrance, first: &First, device: &NamedDevice, exactly: bool) -> Self {
         let frame = &entrance.frame;
-        let is_own = !frame.is_remote()
-            && device.birth.node_id.is_some_and(|id| is_of(frame, device.kind.protocol(), id));
+        let is_own =
+            !frame.is_remote() && device.birth.node_id.is_some_and(|id| is_of(frame, device.kind.protocol(), id));
         match self {
             Self::Perhaps { spoke: true, .. } if first.frame == *frame => Self::Before,
             _ if first.frame == *frame => Self::Found(entrance),

@@ -354,9 +354,9 @@ fn the_first_claim_tells_the_name() {
     let file = session.log();
     let other = options("--device pvea-isobus@0x83", &file);
     let outcome = replay(&other).unwrap();
-    let claims = session.records.iter().filter(|record| {
-        matches!(record.entry, Entry::Frame(claim) if claim == frame("18EEFF83: 07 00 20 07 08 FF 02 20"))
-    });
+    let claims = session.records.iter().filter(
+        |record| matches!(record.entry, Entry::Frame(claim) if claim == frame("18EEFF83: 07 00 20 07 08 FF 02 20")),
+    );
     let claims = claims.count() as u64;
     assert!(claims > 2 && outcome.differences == claims, "{claims} {}", outcome.report(&other));
     assert!(outcome.told.iter().all(|difference| difference.what == What::Different));
@@ -365,9 +365,7 @@ fn the_first_claim_tells_the_name() {
 /// While a spool moves, its position may differ, and nothing else that looks like one.
 #[test]
 fn only_the_position_of_a_moving_spool_may_differ() {
-    let is = |record: &Record, start: &str| {
-        matches!(record.entry, Entry::Frame(frame) if frame.to_string().starts_with(start))
-    };
+    let is = |record: &Record, start: &str| matches!(record.entry, Entry::Frame(frame) if frame.to_string().starts_with(start));
     let changed = |session: &Session, place: usize, byte: usize| {
         let mut records = session.records.clone();
         let Entry::Frame(frame) = records[place].entry else { unreachable!() };
@@ -494,6 +492,22 @@ fn a_time_that_is_wrong_is_told() {
     assert_eq!((outcome.differences, outcome.unread.len()), (0, 1));
     let named = format!(":{}: more than a day after the entry before it", records.len());
     assert!(outcome.unread[0].ends_with(&named), "{:?}", outcome.unread);
+}
+
+/// Times that go back are of two logs, or are counted from the entry before: they tell no order.
+#[test]
+fn a_time_that_goes_back_is_told() {
+    let records = at_rest().records;
+    let twice = [&records[..], &records[..]].concat();
+    let outcome = replayed(VALVE, &log(&twice, Format::Candump));
+    assert!(!outcome.is_as_logged());
+    let named = format!(":{}: earlier than the entry before it", records.len() + 1);
+    assert!(outcome.unread[0].ends_with(&named), "{:?}", outcome.unread[0]);
+    // Two loggers that write into one file are apart by less than the tolerance.
+    let mut records = records;
+    let place = records.iter().position(is_of_valve).unwrap() + 4;
+    records[place].at = Timestamp::from_micros(records[place - 1].at.as_micros() - 1000);
+    as_logged(VALVE, &log(&records, Format::Candump));
 }
 
 proptest! {
