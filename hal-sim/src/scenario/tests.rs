@@ -88,6 +88,15 @@ fn never_needs_time_in_which_something_could_come() {
     assert_eq!(refused(r#"{ never = "0A0" }"#), reason);
 }
 
+/// Numbers are named in words of TOML.
+#[test]
+fn a_number_that_is_none_says_what_is_accepted() {
+    for (key, number) in [("after_ms", "-1"), ("at_ms", "1.5"), ("at_ms", "4294967296"), ("after_ms", "\"1\"")] {
+        let reason = refused(&format!("{{ {key} = {number} }}"));
+        assert!(reason.ends_with("; accepted: a whole number from 0 to 4294967295"), "{reason}");
+    }
+}
+
 /// One frame that fits several expectations takes none away from another.
 #[test]
 fn frames_in_any_order_are_given_to_whom_they_fit() {
@@ -222,8 +231,6 @@ fn enormous_times_are_times() {
     passes(&format!(
         r#"{{ at_ms = {max} }}, {{ after_ms = {max} }}, {{ never = "1A0", for_ms = {max} }}, {{ after_ms = {max} }}"#
     ));
-    assert!(refused("{ at_ms = 4294967296 }").contains("u32"), "a number that is too big");
-    assert!(refused("{ after_ms = -1 }").contains("u32"));
 }
 
 #[test]
