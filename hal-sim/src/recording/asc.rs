@@ -66,14 +66,18 @@ pub(super) struct Parser {
     relative: bool,
     /// The start of the measurement.
     origin: Timestamp,
+    /// Whether a block has told the origin. Another block of the same measurement leaves it.
+    is_begun: bool,
     /// The time of the event before.
     last: Timestamp,
+    /// The channel of the last frame.
+    channel: u16,
 }
 
 impl Default for Parser {
     fn default() -> Self {
         let zero = Timestamp::from_micros(0);
-        Self { radix: 16, relative: false, origin: zero, last: zero }
+        Self { radix: 16, relative: false, origin: zero, is_begun: false, last: zero, channel: CHANNEL.into() }
     }
 }
 
@@ -87,14 +91,26 @@ impl Parser {
         let (first, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
         let rest = rest.trim_start();
         match first.to_ascii_lowercase().as_str() {
-            "date" => self.start(date::parse(rest)),
+            "date" => {
+                self.start(date::parse(rest));
+                self.is_begun = false;
+            }
             "base" => self.base(rest)?,
-            "begin" => self.start(rest.split_once(char::is_whitespace).and_then(|(_, date)| date::parse(date))),
+            "begin" if self.is_begun => {}
+            "begin" => {
+                self.start(rest.split_once(char::is_whitespace).and_then(|(_, date)| date::parse(date)));
+                self.is_begun = true;
+            }
             "end" | "internal" | "no" => {}
             first if first.starts_with("//") => {}
             first => return self.event(first, rest),
         }
         Ok(None)
+    }
+
+    /// The channel of the last frame, from 1.
+    pub(super) const fn channel(&self) -> u16 {
+        self.channel
     }
 
     /// A date that is not understood leaves the origin as it is.
@@ -118,17 +134,48 @@ impl Parser {
         self.last = at;
         let words: Vec<&str> = rest.split_whitespace().collect();
         let entry = match words.as_slice() {
-            [channel, ..] if channel.eq_ignore_ascii_case("CANFD") => return Err(FD),
+            [device, channel, direction, rest @ ..] if device.eq_ignore_ascii_case("CANFD") && is_on_bus(direction) => {
+                self.channel = channel.parse().map_err(|_| "a channel that is none")?;
+                Entry::Frame(self.frame_of_fd_controller(rest)?)
+            }
+            [device, ..] if device.eq_ignore_ascii_case("CANFD") => return Err(FD),
             // Without a channel it is an event of the tools.
             [channel, ..] if channel.parse::<u16>().is_err() => return Ok(None),
-            [_, error, ..] if error.eq_ignore_ascii_case("ErrorFrame") => Entry::Error(ErrorFrame::UNTOLD),
-            [_, id, direction, rest @ ..] if is_on_bus(direction) => Entry::Frame(self.frame(id, rest)?),
+            [channel, error, ..] if error.eq_ignore_ascii_case("ErrorFrame") => {
+                self.channel = channel.parse().unwrap_or(self.channel);
+                Entry::Error(ErrorFrame::UNTOLD)
+            }
+            [channel, id, direction, rest @ ..] if is_on_bus(direction) => {
+                self.channel = channel.parse().unwrap_or(self.channel);
+                Entry::Frame(self.frame(id, rest)?)
+            }
             // A frame that is asked for is logged once more when it is on the bus.
             [_, _, direction, ..] if direction.eq_ignore_ascii_case("TxRq") => return Ok(None),
             [_, event, ..] if is_other_event(event) => return Ok(None),
             _ => return Err("no frame, and no other event of an ASC file"),
         };
         Ok(Some(Record { at, entry }))
+    }
+
+    /// A frame of classic CAN as a controller for CAN FD logs it: identifier, name, BRS, ESI, length code, length, data,
+    /// two measures of the frame, flags.
+    fn frame_of_fd_controller(&self, words: &[&str]) -> Result<Frame, Reason> {
+        /// The marks of a remote frame and of CAN FD in the flags.
+        const REMOTE: u32 = 1 << 4;
+        const EXTENDED_DATA_LENGTH: u32 = 1 << 12;
+        let words: Vec<&str> = match words {
+            [id, name, rest @ ..] if !matches!(*name, "0" | "1") => [&[*id], rest].concat(),
+            words => words.to_vec(),
+        };
+        let [id, _, _, code, length, rest @ ..] = words.as_slice() else { return Err("fewer words than a frame has") };
+        let length: usize = length.parse().map_err(|_| "a length that is none")?;
+        let flags = rest.get(length.saturating_add(2)).and_then(|flags| u32::from_str_radix(flags, 16).ok());
+        match flags {
+            Some(flags) if flags & EXTENDED_DATA_LENGTH != 0 => Err(FD),
+            Some(flags) if flags & REMOTE != 0 => self.frame(id, &["r", code]),
+            Some(_) => self.frame(id, &[&["d", code], rest].concat()),
+            None => Err(FD),
+        }
     }
 
     /// The identifier, and what stands after the direction.

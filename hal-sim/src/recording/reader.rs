@@ -17,6 +17,12 @@ const SHOWN: usize = 80;
 
 const UNREADABLE: &str = "cannot be read on";
 
+/// What the older format of Wireshark begins with: either byte order, times in microseconds or nanoseconds.
+const PCAP: [&[u8]; 4] =
+    [&[0xD4, 0xC3, 0xB2, 0xA1], &[0xA1, 0xB2, 0xC3, 0xD4], &[0x4D, 0x3C, 0xB2, 0xA1], &[0xA1, 0xB2, 0x3C, 0x4D]];
+
+const OLD_FORMAT: &str = "a file of pcap; accepted: pcapng, as `editcap -F pcapng` makes it, ASC, and candump's";
+
 /// Reads a recording, entry by entry.
 pub struct Reader {
     source: Source,
@@ -38,12 +44,14 @@ struct Text {
     /// The bus of the last entry.
     bus: String,
     line: Vec<u8>,
+    /// Whether the line was longer than what is kept of it.
+    is_too_long: bool,
 }
 
 /// The format of a text.
 enum Style {
-    /// The first line decides.
-    Unseen,
+    /// The first line decides, and where that says nothing the ending.
+    Unseen(Format),
     Candump,
     Asc(asc::Parser),
 }
@@ -102,6 +110,9 @@ impl Reader {
     pub fn new(mut source: impl Read + Send + 'static, ending: Format) -> io::Result<Self> {
         let mut head = Vec::new();
         (&mut source).take(MAGIC.len() as u64).read_to_end(&mut head)?;
+        if PCAP.contains(&head.as_slice()) {
+            return Err(io::Error::new(io::ErrorKind::InvalidData, OLD_FORMAT));
+        }
         let is_packets = head == MAGIC;
         let whole = Cursor::new(head).chain(source);
         let source = if is_packets {
@@ -112,14 +123,14 @@ impl Reader {
                 PacketError::Io => io::Error::other(UNREADABLE),
             })?))
         } else {
-            let style = if ending == Format::Asc { Style::Asc(asc::Parser::default()) } else { Style::Unseen };
             let last = Timestamp::from_micros(0);
             Source::Text(Text {
                 input: BufReader::new(Box::new(whole)),
-                style,
+                style: Style::Unseen(ending),
                 last,
                 bus: "can0".to_owned(),
                 line: Vec::new(),
+                is_too_long: false,
             })
         };
         Ok(Self { source, number: 0, ended: false })
@@ -193,9 +204,8 @@ impl Text {
         if (&mut self.input).take(LINE_MAX).read_until(b'\n', &mut self.line)? == 0 {
             return Ok(false);
         }
-        if !self.line.ends_with(b"\n") && self.line.len() as u64 == LINE_MAX {
-            // Too long for a line; an odd mark keeps what is left of it from being one.
-            self.line.push(0);
+        self.is_too_long = !self.line.ends_with(b"\n") && self.line.len() as u64 == LINE_MAX;
+        if self.is_too_long {
             self.input.skip_until(b'\n')?;
         }
         Ok(true)
@@ -203,21 +213,30 @@ impl Text {
 
     /// The entry of the line; `None` when it has none to have.
     fn entry(&mut self) -> Result<Option<Record>, Reason> {
-        if self.line.last() == Some(&0) {
+        if self.is_too_long {
             return Err("a line that is too long");
         }
         // ASC is written in the encoding of its machine.
         let line = String::from_utf8_lossy(&self.line);
-        if line.trim().is_empty() {
+        // Editors of Windows put a byte order mark before the first line.
+        let line = line.trim_start_matches('\u{FEFF}');
+        if line.trim().is_empty() || line.starts_with('#') {
             return Ok(None);
         }
-        if let Style::Unseen = self.style {
-            self.style = if asc::is_head(&line) { Style::Asc(asc::Parser::default()) } else { Style::Candump };
+        if let Style::Unseen(ending) = self.style {
+            let is_asc = asc::is_head(line) || (ending == Format::Asc && candump::parse(line).is_err());
+            self.style = if is_asc { Style::Asc(asc::Parser::default()) } else { Style::Candump };
         }
         if let Style::Asc(asc) = &mut self.style {
-            return asc.line(&line);
+            let before = asc.channel();
+            let record = asc.line(line)?;
+            if asc.channel() != before {
+                // Channels count from 1, the names of candump from 0.
+                self.bus = format!("can{}", asc.channel().saturating_sub(1));
+            }
+            return Ok(record);
         }
-        let (at, bus, entry) = candump::parse(&line)?;
+        let (at, bus, entry) = candump::parse(line)?;
         if self.bus != bus {
             bus.clone_into(&mut self.bus);
         }

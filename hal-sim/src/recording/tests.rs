@@ -160,6 +160,84 @@ fn asc_as_others_write_it() {
     assert_eq!(records, [frame(begin + 1000, "5A0: 43 FF"), frame(begin + 3500, "1D000000: R8"), error]);
 }
 
+/// A byte order mark, ends of lines of Windows, blank lines and comments.
+#[test]
+fn texts_as_editors_write_them() {
+    let candump = "\u{FEFF}# the valve boots\r\n\r\n(1.0) can0 720#00\r\n# and goes on\r\n(2.0) can0 720#7F\r\n";
+    assert_eq!(text(candump), (vec![frame(1_000_000, "720: 00"), frame(2_000_000, "720: 7F")], vec![]));
+    let asc = "\u{FEFF}date Thu Jan 1 00:00:01 1970\r\nbase hex  timestamps absolute\r\n 1.0 1 720 Rx d 1 00\r\n";
+    assert_eq!(text(asc), (vec![frame(2_000_000, "720: 00")], vec![]));
+    // Room that was never written, as after a power cut of the logger.
+    let (_, errors) = text(&"\0".repeat(100));
+    assert!(errors.len() == 1 && errors[0].starts_with("1: no line of candump: "), "{errors:?}");
+}
+
+/// The format before pcapng is refused as a whole, in one line.
+#[test]
+fn pcap_is_refused() {
+    for head in [0xA1B2_C3D4_u32, 0xA1B2_3C4D].into_iter().flat_map(|magic| [magic.to_le_bytes(), magic.to_be_bytes()])
+    {
+        let (records, errors) = read(Cursor::new([&head[..], &[2, 0, 4, 0]].concat()), Format::Pcapng);
+        assert_eq!((records.len(), errors.len()), (0, 1), "{errors:?}");
+        assert!(errors[0].contains("accepted: pcapng"), "{errors:?}");
+    }
+}
+
+/// What is in the file counts more than its ending.
+#[test]
+fn a_log_of_candump_may_be_called_asc() {
+    let log = Cursor::new(b"(1.0) can0 720#00\n(2.0) can0 720#7F\n".to_vec());
+    let (records, errors) = read(log, Format::Asc);
+    assert_eq!((records.len(), errors), (2, vec![]));
+    // Where it says nothing, the ending does.
+    let (records, errors) = read(Cursor::new(b"0.5 1 720 Rx d 1 00\n".to_vec()), Format::Asc);
+    assert_eq!((records, errors), (vec![frame(500_000, "720: 00")], vec![]));
+}
+
+/// The times of each trigger block count from the start of the measurement; a date begins another one.
+#[test]
+fn asc_with_several_trigger_blocks() {
+    let block = "Begin Triggerblock Thu Jan 1 00:01:00 1970";
+    let later = "Begin Triggerblock Thu Jan 1 00:01:30 1970";
+    let date = "date Thu Jan 1 00:02:00 1970";
+    let (records, errors) = text(&format!(
+        "date Thu Jan 1 00:00:59 1970\nbase hex  timestamps absolute\n{block}\n 1.0 1 720 Rx d 1 00\nEnd TriggerBlock\n\
+         {later}\n 30.0 1 720 Rx d 1 7F\nEnd TriggerBlock\n{date}\n 1.0 1 720 Rx d 1 05\n"
+    ));
+    assert_eq!(errors, [""; 0]);
+    let frames = [frame(61_000_000, "720: 00"), frame(90_000_000, "720: 7F"), frame(121_000_000, "720: 05")];
+    assert_eq!(records, frames);
+}
+
+/// Controllers for CAN FD log frames of classic CAN in lines of their own.
+#[test]
+fn asc_of_a_controller_for_can_fd() {
+    let (records, errors) = text(
+        "base hex  timestamps absolute\n\
+         1.0 CANFD   1 Rx  5A0  Answer  0 0 2  2 43 FF 102203 133 200000 0 0 0 0 0\n\
+         2.0 CANFD   2 Tx  1D000000x    0 0 8  8 01 02 03 04 05 06 07 08 102203 133 0 0 0 0 0 0\n\
+         3.0 CANFD   1 Rx  720          0 0 1  0 102203 133 10 0 0 0 0 0\n\
+         4.0 CANFD   1 Rx  5A0          0 0 2  2 43 FF 102203 133 1000 0 0 0 0 0\n\
+         5.0 CANFD   1 Rx  5A0          1 0 a 16 00 01 02 03 04 05 06 07 08 09 0A 0B 0C 0D 0E 0F 1 1 303000 0 0 0 0 0\n",
+    );
+    let data = "1D000000: 01 02 03 04 05 06 07 08";
+    assert_eq!(records, [frame(1_000_000, "5A0: 43 FF"), frame(2_000_000, data), frame(3_000_000, "720: R1")]);
+    assert!(errors.len() == 2 && errors.iter().all(|error| error.contains("a CAN FD frame")), "{errors:?}");
+}
+
+/// The name of the bus is that of the channel, as candump would call it.
+#[test]
+fn asc_has_several_channels() {
+    let lines = b"base hex\n0.1 2 720 Rx d 1 00\n0.2 1 720 Rx d 1 00\n0.3 3 ErrorFrame\n".to_vec();
+    let mut reader = Reader::new(Cursor::new(lines), Format::Candump).unwrap();
+    let mut buses = Vec::new();
+    while let Some(entry) = reader.next() {
+        entry.unwrap();
+        buses.push(reader.bus().to_owned());
+    }
+    assert_eq!(buses, ["can1", "can0", "can2"]);
+}
+
 #[test]
 fn what_is_no_line_is_named_and_the_rest_is_read() {
     let (records, errors) = text("(1.000000) can0 080#\n\nhello\n(2.000000) can0 181#0\n(3.000000) can0 181#00\n");

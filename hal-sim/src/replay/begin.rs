@@ -4,7 +4,7 @@ use protocol_core::device::Senses;
 use protocol_core::frame::{Frame, Id};
 use protocol_core::time::{Duration, Instant, after, since};
 
-use super::own::is_of;
+use super::own::{is_claim, is_of};
 use super::{ReplayError, ReplayOptions};
 use crate::Memory;
 use crate::bus::FrameBits;
@@ -38,6 +38,8 @@ pub(super) struct PowerUp {
     pub(super) at: Instant,
     /// What it sends first; `None` for a blank one, which says nothing.
     pub(super) frame: Option<Frame>,
+    /// What it sent first in the log: the same, or one like it of another unit.
+    pub(super) logged: Option<Frame>,
     /// The entry of the log with that frame.
     number: Option<u64>,
 }
@@ -54,31 +56,54 @@ enum Search {
     /// Nothing.
     Open,
     /// It is this entry.
-    Found(u64, Timestamp),
+    Found(Entrance),
+    /// It is this claim with another NAME, unless the device's own one comes: then that was of a contender. `spoke`: something
+    /// else was sent from the address since then.
+    Perhaps { claim: Entrance, spoke: bool },
     /// It was before the log: the device has sent something else.
     Before,
 }
 
+/// The first frame of a device in the log, its number and its time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Entrance {
+    number: u64,
+    at: Timestamp,
+    frame: Frame,
+}
+
 impl Search {
-    const fn found(self) -> Option<(u64, Timestamp)> {
+    const fn found(self) -> Option<Entrance> {
         match self {
-            Self::Found(number, at) => Some((number, at)),
+            Self::Found(entrance) | Self::Perhaps { claim: entrance, .. } => Some(entrance),
             Self::Open | Self::Before => None,
         }
     }
-}
 
-impl First {
-    /// What a frame of the log tells of this one.
-    fn look(&self, frame: &Frame, device: &NamedDevice, exactly: bool, (number, at): (u64, Timestamp)) -> Search {
-        let protocol = device.kind.protocol();
-        let is_own = !frame.is_remote() && device.birth.node_id.is_some_and(|id| is_of(frame, protocol, id));
-        if self.frame == *frame || (!exactly && is_like(&self.frame, frame)) {
-            Search::Found(number, at)
-        } else if is_own && !exactly {
-            Search::Before
-        } else {
-            Search::Open
+    const fn is_over(self) -> bool {
+        matches!(self, Self::Found(_) | Self::Before)
+    }
+
+    /// Goes on with a frame of the log; `first` is what the stand-in sends first.
+    fn look(self, entrance: Entrance, first: &First, device: &NamedDevice, exactly: bool) -> Self {
+        let frame = &entrance.frame;
+        let is_own =
+            !frame.is_remote() && device.birth.node_id.is_some_and(|id| is_of(frame, device.kind.protocol(), id));
+        match self {
+            Self::Perhaps { spoke: true, .. } if first.frame == *frame => Self::Before,
+            _ if first.frame == *frame => Self::Found(entrance),
+            Self::Perhaps { claim, spoke } => {
+                Self::Perhaps { claim, spoke: spoke || (is_own && !is_claim(frame.key())) }
+            }
+            _ if !exactly && is_like(&first.frame, frame) => {
+                if is_claim(frame.key()) {
+                    Self::Perhaps { claim: entrance, spoke: false }
+                } else {
+                    Self::Found(entrance)
+                }
+            }
+            _ if is_own && !exactly => Self::Before,
+            state => state,
         }
     }
 }
@@ -99,11 +124,12 @@ impl Begin {
             start.get_or_insert((number, record.at));
             let Entry::Frame(frame) = record.entry else { continue };
             for ((first, found), device) in firsts.iter().zip(&mut found).zip(&options.devices) {
-                if let (Some(first), Search::Open) = (first, &found) {
-                    *found = first.look(&frame, device, options.from_boot_up, (number, record.at));
+                if let Some(first) = first.as_ref().filter(|_| !found.is_over()) {
+                    let entrance = Entrance { number, at: record.at, frame };
+                    *found = found.look(entrance, first, device, options.from_boot_up);
                 }
             }
-            if firsts.iter().zip(&found).all(|(first, found)| first.is_none() || *found != Search::Open) {
+            if firsts.iter().zip(&found).all(|(first, found)| first.is_none() || found.is_over()) {
                 break;
             }
         }
@@ -115,12 +141,13 @@ impl Begin {
                 return Err(ReplayError::NotThere { path, what, name });
             }
         }
-        let found: Vec<Option<(u64, Timestamp)>> = found.into_iter().map(Search::found).collect();
+        let found: Vec<Option<Entrance>> = found.into_iter().map(Search::found).collect();
         if options.from_boot_up {
-            start = found.iter().flatten().min_by_key(|(number, _)| number).copied().unwrap_or(start);
+            let earliest = found.iter().flatten().min_by_key(|entrance| entrance.number);
+            start = earliest.map_or(start, |entrance| (entrance.number, entrance.at));
         }
-        let power_up = |(first, found): (&Option<First>, &Option<(u64, Timestamp)>)| match (first, found) {
-            (Some(First { delay, .. }), Some((_, at))) => at.as_micros().saturating_sub(delay.as_micros()),
+        let power_up = |(first, found): (&Option<First>, &Option<Entrance>)| match (first, found) {
+            (Some(First { delay, .. }), Some(Entrance { at, .. })) => at.as_micros().saturating_sub(delay.as_micros()),
             _ => start.1.as_micros().saturating_sub(LEAD.as_micros()),
         };
         let power_ups: Vec<u64> = firsts.iter().zip(&found).map(power_up).collect();
@@ -129,7 +156,8 @@ impl Begin {
         let devices = firsts.into_iter().zip(found).zip(power_ups).map(|((first, found), at)| PowerUp {
             at: Instant::from_micros(at - zero),
             frame: first.map(|first| first.frame),
-            number: found.map(|(number, _)| number),
+            logged: found.map(|entrance| entrance.frame),
+            number: found.map(|entrance| entrance.number),
         });
         Ok(Self { zero: Timestamp::from_micros(zero), first: start, devices: devices.collect() })
     }

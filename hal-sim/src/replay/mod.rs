@@ -196,6 +196,9 @@ impl<'a> Player<'a> {
                 self.name(&format_args!("{}: more than a day after the entry before it", logged.number));
                 continue;
             }
+            if since(end, at) > self.options.tolerance {
+                self.name(&format_args!("{}: earlier than the entry before it", logged.number));
+            }
             end = end.max(at);
             match logged.record.entry {
                 Entry::Frame(frame) => self.take(&logged, frame, at),

@@ -61,17 +61,24 @@ pub(super) fn is_cannot_claim(frame: &Frame) -> bool {
     }
 }
 
-/// Whether a claim is of a device: by its NAME. Another NAME at the address of a device is of the same product, or of
-/// somebody who contends for the address.
+/// Whether a claim is of a device: by its NAME, that of the stand-in or that of its first claim in the log. Where the log has
+/// none, another NAME of the same product at the address of the device is taken for its own.
 fn is_own_claim(frame: &Frame, nodes: &[Node], begin: &Begin) -> bool {
-    let Some(name) = frame.eight().map(|bytes| Name::from_bytes(*bytes)) else { return false };
-    let names = begin.power_ups().iter().filter_map(|power_up| power_up.frame).filter(|first| is_claim(first.key()));
-    let mut names = names.filter_map(|first| first.eight().map(|bytes| Name::from_bytes(*bytes)));
-    let product = |name: Name| (name.fields().manufacturer_code, name.fields().function);
+    let name_of = |frame: &Frame| frame.eight().map(|bytes| Name::from_bytes(*bytes));
+    let Some(name) = name_of(frame) else { return false };
     let source = match frame.id() {
         Id::Extended(id) => J1939Id::from_raw(id.as_raw()).source(),
         Id::Standard(_) => Address::NULL,
     };
-    let is_at_home = nodes.iter().any(|node| node.node_id == Some(source.get()));
-    names.any(|own| own == name || (is_at_home && product(own) == product(name)))
+    let product = |name: Name| (name.fields().manufacturer_code, name.fields().function);
+    begin.power_ups().iter().zip(nodes).any(|(power_up, node)| {
+        let Some(own) = power_up.frame.filter(|first| is_claim(first.key())).as_ref().and_then(name_of) else {
+            return false;
+        };
+        own == name
+            || match &power_up.logged {
+                Some(logged) => name_of(logged) == Some(name),
+                None => node.node_id == Some(source.get()) && product(own) == product(name),
+            }
+    })
 }

@@ -68,7 +68,7 @@ impl Stage {
         Self {
             places: options.devices.iter().enumerate().map(|(at, device)| (device.name.as_str().into(), at)).collect(),
             explainer: Explainer::new(known.collect()),
-            travels: Travels::new(options.devices.len(), options.tolerance),
+            travels: Travels::new(options.devices.iter().map(|device| device.kind), options.tolerance),
             world,
             others,
             to_come,

@@ -329,6 +329,74 @@ fn a_contender_is_no_stand_in() {
     assert!(as_logged(device, &session.log()) >= 5);
 }
 
+/// A valve of the same product contends for the address: before the stand-in claims it, and later; the stand-in has the
+/// NAME that is logged.
+#[test]
+fn a_twin_is_no_stand_in() {
+    let device = "--device pvea-isobus@0x83,serial=7";
+    for twin in ["18EEFF83: 09 00 20 07 08 FF 02 20", "18EEFF83: 01 00 20 07 08 FF 02 20"] {
+        let mut session = Session::new(device);
+        session.send(400, &["0CFE3327: 7D FF 31 FF FF FF FF FF", twin, "18EAFF27: 00 EE 00"]);
+        assert!(as_logged(device, &session.log()) > 3, "{twin}");
+        // It was on the bus first, and lost.
+        let mut records = session.records.clone();
+        let earlier = Timestamp::from_micros(records[0].at.as_micros() - 900);
+        records.insert(0, Record { at: earlier, entry: Entry::Frame(frame("18EEFF83: 0A 00 20 07 08 FF 02 20")) });
+        assert!(as_logged(device, &log(&records, Format::Candump)) > 3, "{twin}");
+    }
+}
+
+/// A log of a valve with another serial number than the stand-in: its claims are compared, those of a twin are played.
+#[test]
+fn the_first_claim_tells_the_name() {
+    let mut session = Session::new("--device pvea-isobus@0x83,serial=7");
+    session.send(400, &["18EEFF83: 09 00 20 07 08 FF 02 20", "18EAFF27: 00 EE 00"]);
+    let file = session.log();
+    let other = options("--device pvea-isobus@0x83", &file);
+    let outcome = replay(&other).unwrap();
+    let claims = session.records.iter().filter(
+        |record| matches!(record.entry, Entry::Frame(claim) if claim == frame("18EEFF83: 07 00 20 07 08 FF 02 20")),
+    );
+    let claims = claims.count() as u64;
+    assert!(claims > 2 && outcome.differences == claims, "{claims} {}", outcome.report(&other));
+    assert!(outcome.told.iter().all(|difference| difference.what == What::Different));
+}
+
+/// While a spool moves, its position may differ, and nothing else that looks like one.
+#[test]
+fn only_the_position_of_a_moving_spool_may_differ() {
+    let is = |record: &Record, start: &str| matches!(record.entry, Entry::Frame(frame) if frame.to_string().starts_with(start));
+    let changed = |session: &Session, place: usize, byte: usize| {
+        let mut records = session.records.clone();
+        let Entry::Frame(frame) = records[place].entry else { unreachable!() };
+        let mut data = *frame.bytes();
+        data[byte] ^= 4;
+        records[place].entry = Entry::Frame(frame.refilled(data));
+        log(&records, Format::Candump)
+    };
+    let mut session = Session::new(VALVE);
+    session.send(10, &["000: 01 20", "220: 03 00 00 00", "220: 0B 00 00 00"]);
+    session.send(2, &["220: 0F 00 00 20"; 40]);
+    let pdos: Vec<usize> = (0..session.records.len()).filter(|at| is(&session.records[*at], "1A0: 0F")).collect();
+    for place in pdos {
+        let outcome = replayed(VALVE, &changed(&session, place, 0));
+        assert_eq!(outcome.differences, 1, "line {}: the status word", place + 1);
+    }
+    let device = "--device pvea-isobus@0x83";
+    let mut session = Session::new(device);
+    session.send(300, &["18EEFF27: 02 00 20 00 00 82 00 A0", "0CFE3327: 7D FF 30 FF FF FF FF FF"]);
+    session.send(90, &["0CFE3327: FA FF 31 FF FF FF FF FF"; 3]);
+    session.send(2, &["18EA8327: CA FE 00", "0CFE3327: FA FF 31 FF FF FF FF FF"].repeat(20));
+    let messages: Vec<usize> = (0..session.records.len()).filter(|at| is(&session.records[*at], "18FECA83:")).collect();
+    assert!(messages.len() > 15);
+    for place in messages {
+        for byte in [1, 2, 4] {
+            let outcome = replayed(device, &changed(&session, place, byte));
+            assert_eq!(outcome.differences, 1, "line {}: byte {byte} of DM1", place + 1);
+        }
+    }
+}
+
 /// A sensor that a valve moves, with PDOs by SYNC; and each alone: the other's frames are played.
 #[test]
 fn several_devices() {
@@ -424,6 +492,22 @@ fn a_time_that_is_wrong_is_told() {
     assert_eq!((outcome.differences, outcome.unread.len()), (0, 1));
     let named = format!(":{}: more than a day after the entry before it", records.len());
     assert!(outcome.unread[0].ends_with(&named), "{:?}", outcome.unread);
+}
+
+/// Times that go back are of two logs, or are counted from the entry before: they tell no order.
+#[test]
+fn a_time_that_goes_back_is_told() {
+    let records = at_rest().records;
+    let twice = [&records[..], &records[..]].concat();
+    let outcome = replayed(VALVE, &log(&twice, Format::Candump));
+    assert!(!outcome.is_as_logged());
+    let named = format!(":{}: earlier than the entry before it", records.len() + 1);
+    assert!(outcome.unread[0].ends_with(&named), "{:?}", outcome.unread[0]);
+    // Two loggers that write into one file are apart by less than the tolerance.
+    let mut records = records;
+    let place = records.iter().position(is_of_valve).unwrap() + 4;
+    records[place].at = Timestamp::from_micros(records[place - 1].at.as_micros() - 1000);
+    as_logged(VALVE, &log(&records, Format::Candump));
 }
 
 proptest! {

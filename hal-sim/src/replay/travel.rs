@@ -5,11 +5,14 @@
 use std::collections::VecDeque;
 use std::ops::RangeInclusive;
 
+use protocol_core::device::pve::DeviceState;
 use protocol_core::frame::{Frame, Id};
 use protocol_core::time::{Duration, Instant, after};
+use protocol_core::wire::j1939_id::{J1939Id, Pgn};
 use protocol_core::wire::valve::EstimatedFlow;
 
 use super::lane::{Item, PATIENCE};
+use crate::kind::Kind;
 
 /// A position is noted at least so often while it changes.
 const GRID: Duration = Duration::from_millis(1);
@@ -17,18 +20,18 @@ const GRID: Duration = Duration::from_millis(1);
 /// The positions of all stand-ins.
 #[derive(Debug)]
 pub(super) struct Travels {
-    devices: Vec<VecDeque<(Instant, i16)>>,
+    devices: Vec<(Kind, VecDeque<(Instant, i16)>)>,
     tolerance: Duration,
 }
 
 impl Travels {
-    pub(super) fn new(devices: usize, tolerance: Duration) -> Self {
-        Self { devices: vec![VecDeque::new(); devices], tolerance }
+    pub(super) fn new(kinds: impl Iterator<Item = Kind>, tolerance: Duration) -> Self {
+        Self { devices: kinds.map(|kind| (kind, VecDeque::new())).collect(), tolerance }
     }
 
     /// Notes a position, where it is another one than before.
     pub(super) fn note(&mut self, device: usize, now: Instant, position: i16) {
-        if let Some(noted) = self.devices.get_mut(device)
+        if let Some((_, noted)) = self.devices.get_mut(device)
             && noted.back().is_none_or(|(_, last)| *last != position)
         {
             noted.push_back((now, position));
@@ -39,7 +42,7 @@ impl Travels {
     pub(super) fn forget(&mut self, known: Instant) {
         let needed = (PATIENCE + self.tolerance + GRID) * 4;
         let from = Instant::from_ticks(known.as_ticks().saturating_sub(needed.as_ticks()));
-        for noted in &mut self.devices {
+        for (_, noted) in &mut self.devices {
             while noted.get(1).is_some_and(|(at, _)| *at < from) {
                 noted.pop_front();
             }
@@ -49,48 +52,65 @@ impl Travels {
     /// Whether two frames of an identifier say the same: equal, but for a position that comes by within the tolerance.
     pub(super) fn alike(&self, logged: &Item, sent: &Item) -> bool {
         logged.frame == sent.frame
-            || self.range(logged, sent).is_some_and(|range| differ_in_position(logged, sent, &range))
+            || self.range(logged, sent).is_some_and(|(kind, range)| differ_in_position(kind, logged, sent, &range))
     }
 
-    /// The positions from the tolerance before the first of two frames to the tolerance after the last; `None` when there is
-    /// one alone.
-    fn range(&self, logged: &Item, sent: &Item) -> Option<RangeInclusive<i16>> {
+    /// The kind of the sender, and its positions from the tolerance before the first of two frames to the tolerance after the
+    /// last; `None` when there is one alone.
+    fn range(&self, logged: &Item, sent: &Item) -> Option<(Kind, RangeInclusive<i16>)> {
         let margin = self.tolerance + GRID;
         let (first, last) = (logged.at.min(sent.at), logged.at.max(sent.at));
         let from = Instant::from_ticks(first.as_ticks().saturating_sub(margin.as_ticks()));
         let until = after(last, margin);
-        let noted = self.devices.get(sent.device?)?;
+        let (kind, noted) = self.devices.get(sent.device?)?;
         let begin = noted.partition_point(|(at, _)| *at <= from).saturating_sub(1);
         let within = noted.iter().skip(begin).take_while(|(at, _)| *at <= until).map(|(_, position)| *position);
         let (min, max) = within.fold((i16::MAX, i16::MIN), |(min, max), at| (min.min(at), max.max(at)));
-        (min < max).then_some(min..=max)
+        (min < max).then_some((*kind, min..=max))
     }
 }
 
-/// Whether two frames are equal but for a position, which is in the range in both: in a PDO anywhere, in an answer of SDO
-/// where 0x6301 or 0x6004 is told, in an AVEF as a flow.
-fn differ_in_position(logged: &Item, sent: &Item, range: &RangeInclusive<i16>) -> bool {
+/// Whether two frames are equal but for a position, which is in the range in both: in a PDO, in an answer of SDO where 0x6301
+/// or 0x6004 is told, in an AVEF as a flow.
+fn differ_in_position(kind: Kind, logged: &Item, sent: &Item, range: &RangeInclusive<i16>) -> bool {
     let (one, two) = (&logged.frame, &sent.frame);
     if one.len() != two.len() {
         return false;
     }
-    match one.id() {
-        Id::Standard(id) => match id.as_raw() {
+    let in_pdo = || places(kind, two.data(), range).any(|at| differ_at(one, two, at, range));
+    match (one.id(), kind) {
+        (Id::Standard(id), _) => match id.as_raw() {
             0x000..=0x17F | 0x600..=0x7FF => false,
             0x581..=0x5FF => {
                 matches!(one.data(), [_, 0x01, 0x63, 0x01, ..] | [_, 0x04, 0x60, 0x00, ..])
                     && differ_at(one, two, 4, range)
             }
-            _ => (0..one.data().len()).any(|at| differ_at(one, two, at, range)),
+            _ => in_pdo(),
         },
-        Id::Extended(_) => match (EstimatedFlow::parse(one.data()), EstimatedFlow::parse(two.data())) {
-            (Some(logged), Some(sent)) => {
-                logged.state == sent.state && [logged, sent].iter().all(|flow| has(range, flow))
-            }
-            // A PDO of a sensor may have a 29-bit COB-ID.
-            _ => (0..one.data().len()).any(|at| differ_at(one, two, at, range)),
-        },
+        // Of a sensor alone a PDO may have a 29-bit COB-ID.
+        (Id::Extended(_), Kind::Hat(_)) => in_pdo(),
+        (Id::Extended(id), Kind::Pve(_)) => {
+            let flow = |frame: &Frame| EstimatedFlow::parse(frame.data());
+            let id = J1939Id::from_raw(id.as_raw());
+            id.pgn() == Pgn::avef(id.source().get())
+                && matches!((flow(one), flow(two)), (Some(logged), Some(sent))
+                    if logged.state == sent.state && [logged, sent].iter().all(|flow| has(range, flow)))
+        }
     }
+}
+
+/// Where a position may be in a PDO: anywhere, for the mapping can be any. But a status word of a valve that a position
+/// follows, as in the default mapping, is none.
+fn places(kind: Kind, data: &[u8], range: &RangeInclusive<i16>) -> std::ops::Range<usize> {
+    let is_default = match (kind, data) {
+        (Kind::Pve(_), &[a, b, low, high]) => {
+            let word = u16::from_le_bytes([a, b]);
+            range.contains(&i16::from_le_bytes([low, high]))
+                && DeviceState::ALL.into_iter().any(|state| state.status_word() == word)
+        }
+        _ => false,
+    };
+    if is_default { 2..data.len() } else { 0..data.len() }
 }
 
 /// Whether two frames are equal but for the 16 bits from a byte on, which are in the range in both.

@@ -3,6 +3,7 @@
 use std::cell::Cell;
 use std::rc::Rc;
 
+use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
 use super::history::{Heard, History};
@@ -107,8 +108,8 @@ enum Goal<'a> {
 
 /// Frames that have to come.
 struct Frames<'a> {
-    /// Those that have not come.
-    missing: Vec<&'a Pattern>,
+    /// Each with the frame that fulfils it; `None`: it has not come.
+    wanted: Vec<(&'a Pattern, Option<Frame>)>,
     any_order: bool,
     /// The next event to be looked at.
     next: u64,
@@ -135,7 +136,7 @@ impl<'a> Runner<'a> {
         if let Some(Never { what, span }) = &step.never {
             let until = span.map_or(NEVER, |span| after(self.world.now(), span));
             let what = match what {
-                What::Frames(patterns) => Guarded::Frames(patterns, self.mark),
+                What::Frames(patterns) => Guarded::Frames(patterns, self.history.next()),
                 What::State(wanted) => Guarded::State(wanted, self.watch(wanted)),
             };
             self.guards.push(Guard { step, until, what });
@@ -191,12 +192,15 @@ impl<'a> Runner<'a> {
 
     fn expect_frames(&mut self, step: &Step, patterns: &[Pattern], any_order: bool, until: Instant) {
         let from = self.mark;
-        let mut goal = Goal::Frames(Frames { missing: patterns.iter().collect(), any_order, next: from, mark: from });
+        let wanted = patterns.iter().map(|pattern| (pattern, None)).collect();
+        let mut goal = Goal::Frames(Frames { wanted, any_order, next: from, mark: from });
         let came = self.pass_until(until, &mut goal);
-        let Goal::Frames(Frames { missing, mark, .. }) = goal else { return };
+        let Goal::Frames(Frames { wanted, mark, .. }) = goal else { return };
         if came {
             self.mark = mark;
         } else {
+            let missing = wanted.iter().filter(|(_, frame)| frame.is_none());
+            let missing: Vec<&Pattern> = missing.map(|(pattern, _)| *pattern).collect();
             let failure = Failure::frames(step, patterns, &missing, (from, mark), &self.history);
             self.fail(failure);
             self.mark = self.history.next();
@@ -256,7 +260,7 @@ impl<'a> Runner<'a> {
             Goal::Sent(sent) => sent.0.get().is_some(),
             Goal::Frames(frames) => {
                 frames.look(&self.history);
-                frames.missing.is_empty()
+                frames.are_all_there()
             }
             Goal::State(watch) => watch.look(&mut self.world).1,
         }
@@ -351,16 +355,45 @@ impl Frames<'_> {
             return;
         }
         for Heard { number, frame, .. } in history.heard_since(self.next) {
-            let last = if self.any_order { self.missing.len() } else { 1 };
-            let found = self.missing.iter().take(last).position(|pattern| pattern.matches(&frame));
-            if let Some(place) = found {
-                self.missing.remove(place);
+            if self.take(frame) {
                 self.mark = number + 1;
-                if self.missing.is_empty() {
+                if self.are_all_there() {
                     break;
                 }
             }
         }
         self.next = history.next();
+    }
+
+    fn are_all_there(&self) -> bool {
+        self.wanted.iter().all(|(_, frame)| frame.is_some())
+    }
+
+    /// Lets a frame fulfil one of those that have not come; returns whether it does.
+    fn take(&mut self, frame: Frame) -> bool {
+        if self.any_order {
+            let mut tried = vec![false; self.wanted.len()];
+            return self.place(frame, &mut tried);
+        }
+        let first = self.wanted.iter_mut().find(|(_, frame)| frame.is_none());
+        let fulfilled = first.filter(|(pattern, _)| pattern.matches(&frame));
+        fulfilled.is_some_and(|(_, place)| place.replace(frame).is_none())
+    }
+
+    /// Finds a place for a frame that may come at any. One in its place makes room when there is another place for that: a
+    /// pattern for many frames takes none away from one for few.
+    fn place(&mut self, frame: Frame, tried: &mut [bool]) -> bool {
+        for place in 0..self.wanted.len() {
+            let (pattern, holder) = self.wanted[place];
+            if tried[place] || !pattern.matches(&frame) {
+                continue;
+            }
+            tried[place] = true;
+            if holder.is_none_or(|holder| self.place(holder, tried)) {
+                self.wanted[place].1 = Some(frame);
+                return true;
+            }
+        }
+        false
     }
 }

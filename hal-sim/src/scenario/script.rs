@@ -140,6 +140,11 @@ impl Scenario {
             let step = trial.check(line, step.into_inner()).map_err(|reason| ReadError { line: Some(line), reason })?;
             scenario.steps.push(step);
         }
+        if let Some(Step { line, never: Some(Never { what: What::Frames(_), span: None }), .. }) = scenario.steps.last()
+        {
+            let reason = "never: the scenario ends with this step; accepted: for_ms, or steps after it".to_owned();
+            return Err(ReadError { line: Some(*line), reason });
+        }
         Ok(scenario)
     }
 

@@ -70,6 +70,48 @@ fn never_holds_up_to_its_last_instant_and_from_its_first() {
     assert!(text.contains("x.toml:4: never that state") && text.contains("powered = true"), "{text}");
 }
 
+/// What is on its way while the command waits for the bus is of the time before it.
+#[test]
+fn never_begins_when_what_is_done_is_done() {
+    let busy = r#"{ send = "000#0120" }, { send = "220#0F00 0010", every_ms = 1 }"#;
+    for stop in [r#"{ send = "000#0220", never = "1A0" }"#, r#"{ send = "000#0220" }, { never = "1A0" }"#] {
+        for after_ms in [45, 46, 47, 48, 49, 50] {
+            passes(&format!("{busy}, {{ after_ms = {after_ms} }}, {stop}, {{ after_ms = 50 }}"));
+        }
+    }
+}
+
+/// At the end of a scenario nothing comes any more, whatever the device would do.
+#[test]
+fn never_needs_time_in_which_something_could_come() {
+    let reason = "never: the scenario ends with this step; accepted: for_ms, or steps after it";
+    assert_eq!(refused(r#"{ never = "0A0" }"#), reason);
+}
+
+/// Numbers are named in words of TOML.
+#[test]
+fn a_number_that_is_none_says_what_is_accepted() {
+    for (key, number) in [("after_ms", "-1"), ("at_ms", "1.5"), ("at_ms", "4294967296"), ("after_ms", "\"1\"")] {
+        let reason = refused(&format!("{{ {key} = {number} }}"));
+        assert!(reason.ends_with("; accepted: a whole number from 0 to 4294967295"), "{reason}");
+    }
+}
+
+/// One frame that fits several expectations takes none away from another.
+#[test]
+fn frames_in_any_order_are_given_to_whom_they_fit() {
+    let text = |expected: &str| {
+        format!("devices = [\"pvea-canopen@0x20\"]\nsteps = [{{ expect = [{expected}], any_order = true }}]")
+    };
+    let run = |expected: &str| Scenario::parse(&text(expected)).unwrap().run(1).is_success();
+    for expected in [r#""???", "720#00""#, r#""720#00", "???""#, r#""0A0", "720""#, r#""?20", "???""#] {
+        assert!(run(expected), "{expected}");
+    }
+    for expected in [r#""???", "???", "720""#, r#""720", "7??""#, r#""720#00", "720#00""#] {
+        assert!(!run(expected), "{expected}");
+    }
+}
+
 #[test]
 fn a_frame_that_must_not_come_is_shown_with_what_was_before() {
     let text = fails(r#"{ never = "5A0" }, { send = "620#4000 1000 0000 0000" }, { after_ms = 5 }"#, 1);
@@ -189,8 +231,6 @@ fn enormous_times_are_times() {
     passes(&format!(
         r#"{{ at_ms = {max} }}, {{ after_ms = {max} }}, {{ never = "1A0", for_ms = {max} }}, {{ after_ms = {max} }}"#
     ));
-    assert!(refused("{ at_ms = 4294967296 }").contains("u32"), "a number that is too big");
-    assert!(refused("{ after_ms = -1 }").contains("u32"));
 }
 
 #[test]
