@@ -149,6 +149,22 @@ fn loggers_are_late() {
     as_logged(VALVE, &log(&records, Format::Candump));
 }
 
+/// The actual value is on four scales, and the answer of SDO tells it on each.
+#[test]
+fn loggers_are_late_on_every_scale() {
+    for object in ["01 63 01", "01 33 00", "02 33 00", "04 33 00"] {
+        let mut session = Session::new(VALVE);
+        session.send(10, &["000: 01 20", "220: 03 00 00 00", "220: 0B 00 00 00"]);
+        for set_point in ["220: 0F 00 00 20", "220: 0F 00 00 C0"] {
+            session.send(3, &[set_point, &format!("620: 40 {object} 00 00 00 00")].repeat(40));
+        }
+        for (number, record) in session.records.iter_mut().enumerate() {
+            record.at = Timestamp::from_micros(record.at.as_micros() + number as u64 * 7919 % 1500);
+        }
+        as_logged(VALVE, &session.log());
+    }
+}
+
 /// A spool that is somewhere else than it can have come to is told, also while it moves.
 #[test]
 fn a_position_beyond_the_tolerance_is_told() {

@@ -70,21 +70,25 @@ impl Travels {
     }
 }
 
-/// Whether two frames are equal but for a position, which is in the range in both: in a PDO, in an answer of SDO where 0x6301
-/// or 0x6004 is told, in an AVEF as a flow.
+/// Whether two frames are equal but for a position, which is in the range in both: in a PDO as 0x6301 or 0x6004, in an
+/// answer of SDO on the scale of the object, in an AVEF as a flow.
 fn differ_in_position(kind: Kind, logged: &Item, sent: &Item, range: &RangeInclusive<i16>) -> bool {
     let (one, two) = (&logged.frame, &sent.frame);
     if one.len() != two.len() {
         return false;
     }
-    let in_pdo = || places(kind, two.data(), range).any(|at| differ_at(one, two, at, range));
+    let whole = i32::from(*range.start())..=i32::from(*range.end());
+    let in_pdo = || places(kind, two.data(), range).any(|at| differ_at::<2>(one, two, at, &whole));
     match (one.id(), kind) {
         (Id::Standard(id), _) => match id.as_raw() {
             0x000..=0x17F | 0x600..=0x7FF => false,
-            0x581..=0x5FF => {
-                matches!(one.data(), [_, 0x01, 0x63, 0x01, ..] | [_, 0x04, 0x60, 0x00, ..])
-                    && differ_at(one, two, 4, range)
-            }
+            0x581..=0x5FF => match one.data() {
+                [_, 0x01, 0x63, 0x01, ..] | [_, 0x04, 0x60, 0x00, ..] => differ_at::<2>(one, two, 4, &whole),
+                [_, 0x04, 0x33, 0x00, ..] => differ_at::<2>(one, two, 4, &scaled(range, 1000)),
+                [_, 0x01, 0x33, 0x00, ..] => differ_at::<1>(one, two, 4, &scaled(range, 127)),
+                [_, 0x02, 0x33, 0x00, ..] => differ_at::<1>(one, two, 4, &scaled(range, -127)),
+                _ => false,
+            },
             _ => in_pdo(),
         },
         // Of a sensor alone a PDO may have a 29-bit COB-ID.
@@ -113,22 +117,27 @@ fn places(kind: Kind, data: &[u8], range: &RangeInclusive<i16>) -> std::ops::Ran
     if is_default { 2..data.len() } else { 0..data.len() }
 }
 
-/// Whether two frames are equal but for the 16 bits from a byte on, which are in the range in both.
-fn differ_at(one: &Frame, two: &Frame, at: usize, range: &RangeInclusive<i16>) -> bool {
+/// Whether two frames are equal but for the number of N bytes from a byte on, which is in the range in both.
+fn differ_at<const N: usize>(one: &Frame, two: &Frame, at: usize, range: &RangeInclusive<i32>) -> bool {
     let split = |frame: &Frame| {
         let (before, rest) = frame.bytes().split_at(at.min(8));
-        let (position, after) = rest.split_first_chunk::<2>()?;
-        let is_whole = at + 2 <= frame.data().len();
-        let position = i16::from_le_bytes(*position);
-        (is_whole && range.contains(&position)).then(|| (before.to_vec(), after.to_vec()))
+        let (number, after) = rest.split_first_chunk::<N>()?;
+        let is_whole = at + N <= frame.data().len();
+        let sign = if number.last().is_some_and(|high| *high >= 0x80) { -1 } else { 0 };
+        let number = number.iter().rev().fold(sign, |number, byte| number << 8 | i32::from(*byte));
+        (is_whole && range.contains(&number)).then(|| (before.to_vec(), after.to_vec()))
     };
     split(one).is_some_and(|one| Some(one) == split(two))
 }
 
+/// The positions of a range where so much is the full stroke, whichever way they are rounded.
+fn scaled(range: &RangeInclusive<i16>, full: i32) -> RangeInclusive<i32> {
+    const FULL: i32 = 16_384;
+    let [start, end] = [range.start(), range.end()].map(|position| i32::from(*position) * full / FULL);
+    start.min(end) - 1..=start.max(end) + 1
+}
+
 /// Whether a flow is of a position in the range, to the percent.
 fn has(range: &RangeInclusive<i16>, flow: &EstimatedFlow) -> bool {
-    const FULL: i32 = 16_384;
-    let percent = |position: i16| i32::from(position) * 100 / FULL;
-    let told = i32::from(flow.extend) - i32::from(flow.retract);
-    (percent(*range.start()) - 1..=percent(*range.end()) + 1).contains(&told)
+    scaled(range, 100).contains(&(i32::from(flow.extend) - i32::from(flow.retract)))
 }
