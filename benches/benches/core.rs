@@ -199,42 +199,42 @@ fn budget(instructions: u64) -> LibraryBenchmarkConfig {
 }
 
 // SDO upload of an UNSIGNED32 (620–858 in C).
-#[library_benchmark(config = budget(480))]
+#[library_benchmark(config = budget(400))]
 #[bench::u32(operational("620: 40 18 10 01 00 00 00 00"))]
 fn sdo_upload(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
     exchange.run()
 }
 
 // SDO download of an UNSIGNED16 (577–815 in C).
-#[library_benchmark(config = budget(540))]
+#[library_benchmark(config = budget(520))]
 #[bench::u16(operational("620: 2B 40 60 00 01 00 00 00"))]
 fn sdo_download(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
     exchange.run()
 }
 
 // A segment of a string.
-#[library_benchmark(config = budget(439))]
+#[library_benchmark(config = budget(360))]
 #[bench::string(in_segmented_upload("620: 60 00 00 00 00 00 00 00"))]
 fn sdo_segment(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
     exchange.run()
 }
 
 // RPDO of two objects → TPDO (741–926 in C): the master repeats its set-point.
-#[library_benchmark(config = budget(520))]
+#[library_benchmark(config = budget(510))]
 #[bench::same_set_point(active("220: 0F 00 00 10"))]
 fn rpdo_to_tpdo(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
     exchange.run()
 }
 
 // The same with another set-point.
-#[library_benchmark(config = budget(570))]
+#[library_benchmark(config = budget(565))]
 #[bench::new_set_point(active("220: 0F 00 00 20"))]
 fn rpdo_to_tpdo_new(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
     exchange.run()
 }
 
 // A frame for somebody else (56 in C).
-#[library_benchmark(config = budget(50))]
+#[library_benchmark(config = budget(35))]
 #[bench::standard(operational("1A1: 0F 00 00 00"))]
 #[bench::extended(operational("18FECA83: FF FF"))]
 fn foreign(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
@@ -250,20 +250,20 @@ fn nothing_due(mut exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanop
 }
 
 // The last of the four numbers of LSS switch state selective.
-#[library_benchmark(config = budget(429))]
+#[library_benchmark(config = budget(370))]
 #[bench::last_number(in_selection("7E5: 43 00 01 2E 5B 00 00 00"))]
 fn lss_switch_selective(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
     exchange.run()
 }
 
 // The same of a sensor, whose shaft turns.
-#[library_benchmark(config = budget(480))]
+#[library_benchmark(config = budget(437))]
 #[bench::position(sensor(1, "601: 40 04 60 00 00 00 00 00").into())]
 fn hat_sdo_upload(exchange: Box<Exchange<Hat>>) -> Box<Exchange<Hat>> {
     exchange.run()
 }
 
-#[library_benchmark(config = budget(540))]
+#[library_benchmark(config = budget(471))]
 #[bench::preset(sensor(1, "601: 23 03 60 00 05 00 00 00").into())]
 fn hat_sdo_download(exchange: Box<Exchange<Hat>>) -> Box<Exchange<Hat>> {
     exchange.run()
@@ -278,7 +278,7 @@ fn hat_sync_to_tpdo(exchange: Box<Exchange<Hat>>) -> Box<Exchange<Hat>> {
 }
 
 // The end of the event timer → the TPDO of the position.
-#[library_benchmark(config = budget(299))]
+#[library_benchmark(config = budget(289))]
 #[bench::due(pdo_due())]
 fn hat_timed_tpdo(exchange: Box<Exchange<Hat>>) -> Box<Exchange<Hat>> {
     exchange.run()

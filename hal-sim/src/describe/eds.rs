@@ -44,13 +44,13 @@ pub fn eds(kind: Kind) -> Option<String> {
     let mut objects = BTreeMap::<u16, Object>::new();
     let mut identity = [0; 5];
     let capabilities = describe(kind, |entry, initial| {
-        if let (0x1018, Initial::Fixed(Value::Number(number))) = (entry.object.index, initial)
-            && let Some(part) = identity.get_mut(usize::from(entry.object.sub))
+        if let (0x1018, Initial::Fixed(Value::Number(number))) = (entry.object().index, initial)
+            && let Some(part) = identity.get_mut(usize::from(entry.object().sub))
         {
             *part = number;
         }
         let row = Row { entry, default: default(entry.data_type, initial) };
-        objects.entry(entry.object.index).or_default().rows.push(row);
+        objects.entry(entry.object().index).or_default().rows.push(row);
     })?;
     let mut sheet = String::new();
     // Writing to a text cannot fail.
@@ -119,7 +119,7 @@ const RECORD: u8 = 9;
 impl Object {
     fn write(&self, out: &mut String, index: u16) -> std::fmt::Result {
         let [Row { entry: first, .. }, rest @ ..] = &self.rows[..] else { return Ok(()) };
-        if rest.is_empty() && first.object.sub == 0 {
+        if rest.is_empty() && first.object().sub == 0 {
             writeln!(out, "[{index:04X}]\nParameterName={}", first.name)?;
             return self.rows.iter().try_for_each(|row| row.write(out));
         }
@@ -127,7 +127,7 @@ impl Object {
         let object_type = if is_record(index) { RECORD } else { ARRAY };
         writeln!(out, "[{index:04X}]\nParameterName={own}\nObjectType={object_type}\nSubNumber={}\n", self.rows.len())?;
         for row in &self.rows {
-            let sub = row.entry.object.sub;
+            let sub = row.entry.object().sub;
             let name = if sub == 0 { names(row.entry).1 } else { row.entry.name.to_owned() };
             writeln!(out, "[{index:04X}sub{sub:X}]\nParameterName={name}")?;
             row.write(out)?;

@@ -28,7 +28,7 @@ fn every_object_of_the_dictionary_is_listed_once_and_described() {
             .collect();
         let mut indices = HashSet::new();
         describe(kind, |entry, _| {
-            let (index, sub) = (format!("{:04X}", entry.object.index), entry.object.sub);
+            let (index, sub) = (format!("{:04X}", entry.object().index), entry.object().sub);
             let own = section(&sheet, &index);
             let row = if own.iter().any(|line| line.starts_with("SubNumber=")) {
                 section(&sheet, &format!("{index}sub{sub:X}"))
@@ -54,8 +54,8 @@ fn every_object_and_sub_index_has_a_name_of_its_own() {
             assert!(head.contains("sub") || objects.insert(name), "{kind}: two objects are called {name}");
         }
         describe(kind, |entry, _| {
-            let is_composed = sheet.contains(&format!("[{:04X}sub0]", entry.object.index));
-            assert!(!is_composed || entry.object.sub > 0 || entry.name.contains(": "), "{kind}: {}", entry.name);
+            let is_composed = sheet.contains(&format!("[{:04X}sub0]", entry.object().index));
+            assert!(!is_composed || entry.object().sub > 0 || entry.name.contains(": "), "{kind}: {}", entry.name);
         });
     }
 }

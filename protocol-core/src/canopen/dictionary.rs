@@ -50,6 +50,7 @@ impl DataType {
     ///
     /// # Errors
     /// [`AbortCode::TOO_LONG`] or [`AbortCode::TOO_SHORT`].
+    #[inline(always)]
     pub fn check_length(self, len: usize) -> Result<(), AbortCode> {
         let size = usize::from(self.size());
         if len > size {
@@ -129,10 +130,8 @@ impl Group {
 /// The description of one object.
 #[derive(Clone, Copy, Debug)]
 pub struct Entry {
-    /// The sort key of the rows; kept, because a look-up compares seven of them.
+    /// Index and sub-index as the sort key of the rows: a look-up compares seven of them.
     key: u32,
-    /// Index and sub-index.
-    pub object: Multiplexer,
     /// The type.
     pub data_type: DataType,
     /// The access over SDO.
@@ -147,6 +146,15 @@ pub struct Entry {
     /// sub-index's: "Identity object: highest sub-index".
     #[cfg(feature = "names")]
     pub name: &'static str,
+}
+
+impl Entry {
+    /// Returns index and sub-index.
+    #[inline]
+    #[must_use]
+    pub const fn object(&self) -> Multiplexer {
+        Multiplexer::new((self.key >> 8) as u16, self.key as u8)
+    }
 }
 
 /// One row of an object dictionary: an object's description, and what lies behind it.
@@ -179,7 +187,6 @@ impl<B: Copy> Row<B> {
     const fn new(object: Multiplexer, data_type: DataType, access: Access, behind: B, name: &'static str) -> Self {
         let entry = Entry {
             key: key(object),
-            object,
             data_type,
             access,
             mappable: Mappable::No,
@@ -245,7 +252,7 @@ impl<B: Copy> Dictionary<B> {
 
     /// Returns the rows of a group that "save" stores.
     pub fn stored(self, group: Group) -> impl Iterator<Item = &'static Row<B>> {
-        self.0.iter().filter(move |row| row.entry.stored && group.has(row.entry.object.index))
+        self.0.iter().filter(move |row| row.entry.stored && group.has(row.entry.object().index))
     }
 
     /// Returns the row of an object.
@@ -256,7 +263,7 @@ impl<B: Copy> Dictionary<B> {
     pub fn find(self, object: Multiplexer) -> Result<&'static Row<B>, AbortCode> {
         match self.0.binary_search_by_key(&key(object), Row::key) {
             Ok(position) => self.0.get(position).ok_or(AbortCode::NO_OBJECT),
-            Err(_) if self.0.iter().any(|row| row.entry.object.index == object.index) => Err(AbortCode::NO_SUB),
+            Err(_) if self.0.iter().any(|row| row.entry.object().index == object.index) => Err(AbortCode::NO_SUB),
             Err(_) => Err(AbortCode::NO_OBJECT),
         }
     }

@@ -85,7 +85,6 @@ impl<D: Copy + PartialEq> SdoServer<D> {
         Outcome::Done(match Request::parse(bytes) {
             Request::InitiateUpload(object) => self.initiate_upload(object, objects, now),
             Request::DownloadExpedited { object, size, data } => {
-                self.cancel();
                 let written = expedited(object, size, data, objects);
                 return self.written(object, written, Answer::DownloadDone(object).emit());
             }
@@ -210,6 +209,7 @@ impl<D: Copy + PartialEq> SdoServer<D> {
     }
 
     /// Ends a download: `done` is the answer to a write that succeeds, at once or when its demand has been met.
+    #[inline(always)]
     fn written(
         &mut self,
         object: Multiplexer,

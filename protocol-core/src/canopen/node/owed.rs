@@ -180,6 +180,7 @@ impl Owed {
     }
 
     /// Returns whether boot-up and EMCYs are on the bus.
+    #[inline]
     pub(super) fn has_told_start(&self) -> bool {
         self.boot_up == BootUp::Done && self.emcys.is_empty()
     }
@@ -215,11 +216,10 @@ impl Owed {
         }
     }
 
-    /// Returns whether the TPDO is all that is owed, and need not wait for an EMCY.
-    #[inline]
-    fn is_tpdo_alone(&self) -> bool {
-        let others = self.heartbeat.owed || !self.answers.is_empty() || !self.emcys.is_empty();
-        self.boot_up == BootUp::Done && self.tpdo.owed && !others
+    /// Returns whether nothing is owed beside TPDO and answers, and they need not wait for an EMCY.
+    #[inline(always)]
+    fn has_told_news(&self) -> bool {
+        self.has_told_start() && !self.heartbeat.owed
     }
 
     /// Returns whether the TPDO with this key is owed and may go out: an EMCY of the same instant goes first.
@@ -235,6 +235,12 @@ impl Owed {
         let urgency = arbitration(key);
         !(self.heartbeat.owed && arbitration(beat) < urgency)
             && self.answers.first().is_none_or(|answer| urgency < answer.arbitration())
+    }
+
+    /// Hands out an answer. Kept apart: it would take registers of the way of a TPDO.
+    #[inline(never)]
+    fn pop_answer(&mut self) -> Option<Frame> {
+        self.answers.pop()
     }
 
     #[inline]
@@ -261,7 +267,7 @@ impl Owed {
 
 impl<P: Product> Node<P> {
     /// Returns whether a frame is owed that may be sent now: not before the platform has been given a new bit rate.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn has_frame(&self) -> bool {
         self.owed.is_anything() && !self.is_mute() && !self.rate_is_new
     }
@@ -270,11 +276,13 @@ impl<P: Product> Node<P> {
     #[inline]
     pub(crate) fn next_frame(&mut self, product: &P, now: Instant) -> Option<Frame> {
         if !self.has_frame() {
-            None
-        } else if self.owed.is_tpdo_alone() {
-            self.hand_out_tpdo(product, now)
-        } else {
-            self.render(product, now)
+            return None;
+        }
+        // Mostly one frame is owed: there is nothing to be compared.
+        match (self.owed.has_told_news(), self.owed.tpdo.owed, self.owed.answers.is_empty()) {
+            (true, true, true) => self.hand_out_tpdo(product, now),
+            (true, false, _) => self.owed.pop_answer(),
+            _ => self.render(product, now),
         }
     }
 

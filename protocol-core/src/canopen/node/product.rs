@@ -7,7 +7,9 @@ use super::object::Object;
 use crate::canopen::dictionary::Initial;
 use crate::canopen::dictionary::{Dictionary, Value};
 use crate::canopen::{heartbeat, lss, nmt, pdo};
+use crate::controller::Filter;
 use crate::time::Instant;
+use crate::wire::cob_id::NodeId;
 use crate::wire::emcy::Emcy;
 use crate::wire::lss::Address;
 use crate::wire::sdo::AbortCode;
@@ -27,6 +29,8 @@ pub(crate) struct Rules {
     pub(crate) tpdo: pdo::Rules,
     /// LSS.
     pub(crate) lss: lss::Rules,
+    /// The frames of another protocol that the device serves beside CANopen.
+    pub(crate) other_protocol: Option<fn(NodeId) -> Filter>,
 }
 
 /// What lies behind the objects of a product.

@@ -25,7 +25,7 @@ impl<P: Product> Node<P> {
         self.listening.service(frame)
     }
 
-    /// Takes a frame for one of the services; returns what it demands of the device.
+    /// Takes a frame for one of the services of CANopen; returns what it demands of the device.
     #[inline]
     pub(crate) fn handle(&mut self, service: Service, frame: &Frame, product: &mut P, now: Instant) -> Served<P> {
         if frame.is_remote() {
@@ -38,6 +38,7 @@ impl<P: Product> Node<P> {
             Service::Sdo => return self.serve_sdo(frame, product, now),
             Service::EmcyConsumer => self.serve_emcy(frame, product, now),
             Service::Lss => return self.serve_lss(frame, product, now),
+            Service::OtherProtocol => {}
         }
         None
     }

@@ -100,6 +100,7 @@ impl Product for Lamp {
             bit_rate_error: 1,
             store_error: 255,
         },
+        other_protocol: None,
     };
 
     fn identity(&self) -> &Address {

@@ -9,7 +9,7 @@ use crate::wire::sdo::{AbortCode, Multiplexer};
 
 #[test]
 fn rows_are_found_and_what_there_is_not_is_told_apart() {
-    assert_eq!(DICTIONARY.find(Multiplexer::new(0x1018, 1)).map(|row| row.entry.object.index), Ok(0x1018));
+    assert_eq!(DICTIONARY.find(Multiplexer::new(0x1018, 1)).map(|row| row.entry.object().index), Ok(0x1018));
     assert_eq!(DICTIONARY.find(Multiplexer::new(0x1018, 2)).err(), Some(AbortCode::NO_SUB));
     assert_eq!(DICTIONARY.find(Multiplexer::new(0x1019, 1)).err(), Some(AbortCode::NO_OBJECT));
 }

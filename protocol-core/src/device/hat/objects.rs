@@ -50,6 +50,7 @@ pub(in crate::device) const RULES: Rules = Rules {
         bit_rate_error: 1,
         store_error: 255,
     },
+    other_protocol: None,
 };
 
 /// The product's own objects.

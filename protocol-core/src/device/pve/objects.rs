@@ -17,12 +17,14 @@ use crate::canopen::node;
 use crate::canopen::node::{Object, Product, Rules};
 
 use crate::canopen::{heartbeat, lss, nmt, pdo};
+use crate::controller::Filter;
 #[cfg(feature = "names")]
 use crate::device::Capabilities;
 use crate::time::Instant;
 use crate::wire::emcy::{Emcy, GENERIC_ERROR};
 use crate::wire::lss::Address;
 use crate::wire::sdo::AbortCode;
+use crate::wire::uds;
 
 /// Object 0x100A: version 132, the part number, release 000 (A), firmware date 180701 (A).
 const fn software_version(kind: Kind) -> &'static str {
@@ -70,6 +72,10 @@ const RULES: Rules = Rules {
         bit_rate_error: 1,
         store_error: 2,
     },
+    other_protocol: Some(|node_id| Filter {
+        key: uds::key_to(uds::Address::node(node_id.get())),
+        mask: uds::ANY_SOURCE,
+    }),
 };
 
 /// The rules of either PDO.

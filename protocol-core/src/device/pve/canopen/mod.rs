@@ -25,7 +25,7 @@ use crate::actuator::{Counters, InternalCause, Valve};
 use crate::canopen::dictionary::Group;
 use crate::canopen::lss::Configuration;
 use crate::canopen::nmt::Reset;
-use crate::canopen::node::{self, Demand, Node};
+use crate::canopen::node::{Demand, Node, Service};
 use crate::canopen::parameters::Stored;
 use crate::controller::{BitRate, BusErrorMode, Filter, Filters};
 use crate::device::host::{Base, Body, Host};
@@ -36,7 +36,6 @@ use crate::time::Instant;
 use crate::uds::Reaction;
 use crate::wire::cob_id::NodeId;
 use crate::wire::lss::LssNodeId;
-use crate::wire::uds;
 
 /// A PVEA or PVEO on CANopen.
 pub type PveCanopen = Host<CanopenValve>;
@@ -49,8 +48,6 @@ pub struct CanopenValve {
     pub(super) node: Node<ValveObjects>,
     /// As stored.
     local_layer: LocalLayer,
-    /// The key of UDS requests, whatever their source.
-    uds: u32,
     load: Load,
     /// What the LSS store in flight writes.
     lss_in_flight: Configuration,
@@ -58,18 +55,6 @@ pub struct CanopenValve {
     cleared: Counters,
     senses: Senses,
 }
-
-/// The service that a frame is for.
-#[derive(Clone, Copy, Debug)]
-pub enum Service {
-    /// One of CANopen.
-    Node(node::Service),
-    /// UDS.
-    Uds,
-}
-
-/// The key of no UDS request: a valve without node ID takes none.
-const NO_UDS: u32 = u32::MAX;
 
 impl CanopenValve {
     /// Returns the valve behind the protocol.
@@ -116,7 +101,6 @@ impl Body for CanopenValve {
             objects: ValveObjects::new(setup.kind, Factory::new(setup.kind, setup.serial)),
             node: Node::new(local_layer.bit_rate),
             local_layer,
-            uds: NO_UDS,
             load: Load::new(),
             lss_in_flight: Configuration::NONE,
             cleared: Counters::default(),
@@ -126,14 +110,13 @@ impl Body for CanopenValve {
 
     #[inline]
     fn service(&self, frame: &Frame) -> Option<Service> {
-        match self.node.service(frame) {
-            Some(service) => Some(Service::Node(service)),
-            None => (frame.key() & uds::ANY_SOURCE == self.uds).then_some(Service::Uds),
-        }
+        self.node.service(frame)
     }
 
     fn handle(&mut self, service: Service, frame: &Frame, base: &mut Base<Job>) {
-        let Service::Node(service) = service else { return self.serve_uds(frame, base) };
+        if service == Service::OtherProtocol {
+            return self.serve_uds(frame, base);
+        }
         if let Some(demand) = self.node.handle(service, frame, &mut self.objects, base.now()) {
             self.demanded(demand, base);
         }
@@ -169,12 +152,7 @@ impl Body for CanopenValve {
 
     #[inline]
     fn take_filters(&mut self) -> Option<Filters> {
-        let mut filters = self.node.take_filters()?;
-        if self.uds != NO_UDS {
-            // There is a place for each service.
-            let _ = filters.push(Filter { key: self.uds, mask: uds::ANY_SOURCE });
-        }
-        Some(filters)
+        self.node.take_filters()
     }
 
     #[inline]
@@ -247,7 +225,6 @@ impl Body for CanopenValve {
         }
         let parameters = parameters.filter(|_| !self.load.replaces_stored());
         self.node.boot(reset, [(Group::All, parameters)], &mut self.objects, now);
-        self.uds = node_id.map_or(NO_UDS, |node_id| uds::key_to(uds::Address::node(node_id.get())));
         self.tell_start(scope, base);
         found.tell_faults(&mut self.objects.application.valve, now);
         self.fill(&found, base);
