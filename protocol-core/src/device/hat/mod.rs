@@ -275,10 +275,8 @@ impl Body for HatSensor {
         ];
         self.node.boot(Reset::Application, parameters, &mut self.objects, base.now());
 
-        for error in Error::ALL.into_iter().filter(|error| *error != Error::BusOff) {
-            if self.objects.errors.has(error) {
-                self.node.send_emcy(self.objects.errors.message(error));
-            }
+        for error in Error::ALL.into_iter().filter(|error| *error != Error::BusOff && self.objects.errors.has(*error)) {
+            self.node.send_emcy(self.objects.errors.message(error));
         }
         let corrupt = RecordKey::ALL.into_iter().filter(|key| reading.is_corrupt(*key));
         let whole = if reading.is_damaged() { WHOLE_MEMORY } else { 0 };
