@@ -1,0 +1,84 @@
+//! What may differ: the position of a spool on its way.
+
+use super::*;
+
+/// A log of a real valve has another origin of time, and frames that are late by what its logger takes.
+#[test]
+fn loggers_are_late() {
+    let mut records = moving().records;
+    for (number, record) in records.iter_mut().enumerate() {
+        let late = number as u64 * 7919 % 1500;
+        record.at = Timestamp::from_micros(record.at.as_micros() - 1_600_000_000_000_000 + late);
+    }
+    as_logged(VALVE, &log(&records, Format::Candump));
+}
+
+/// The actual value is on four scales, and the answer of SDO tells it on each.
+#[test]
+fn loggers_are_late_on_every_scale() {
+    for object in ["01 63 01", "01 33 00", "02 33 00", "04 33 00"] {
+        let mut session = Session::new(VALVE);
+        session.send(10, &["000: 01 20", "220: 03 00 00 00", "220: 0B 00 00 00"]);
+        for set_point in ["220: 0F 00 00 20", "220: 0F 00 00 C0"] {
+            session.send(3, &[set_point, &format!("620: 40 {object} 00 00 00 00")].repeat(40));
+        }
+        for (number, record) in session.records.iter_mut().enumerate() {
+            record.at = Timestamp::from_micros(record.at.as_micros() + number as u64 * 7919 % 1500);
+        }
+        as_logged(VALVE, &session.log());
+    }
+}
+
+/// A spool that is somewhere else than it can have come to is told, also while it moves.
+#[test]
+fn a_position_beyond_the_tolerance_is_told() {
+    let mut records = moving().records;
+    let is_pdo = |record: &Record| matches!(record.entry, Entry::Frame(frame) if frame.to_string().starts_with("1A0:"));
+    let place = records.iter().enumerate().filter(|(_, record)| is_pdo(record)).nth(20).unwrap().0;
+    let Entry::Frame(pdo) = records[place].entry else { unreachable!() };
+    let position = i16::from_le_bytes([pdo.data()[2], pdo.data()[3]]);
+    let off_by = |off: i16| {
+        let [low, high] = (position + off).to_le_bytes();
+        pdo.refilled([pdo.data()[0], pdo.data()[1], low, high, 0, 0, 0, 0])
+    };
+    records[place].entry = Entry::Frame(off_by(50));
+    as_logged(VALVE, &log(&records, Format::Candump));
+    records[place].entry = Entry::Frame(off_by(3000));
+    let outcome = replayed(VALVE, &log(&records, Format::Candump));
+    assert_eq!((outcome.differences, outcome.told[0].what), (1, What::Different));
+}
+
+/// While a spool moves, its position may differ, and nothing else that looks like one.
+#[test]
+fn only_the_position_of_a_moving_spool_may_differ() {
+    let is = |record: &Record, start: &str| matches!(record.entry, Entry::Frame(frame) if frame.to_string().starts_with(start));
+    let changed = |session: &Session, place: usize, byte: usize| {
+        let mut records = session.records.clone();
+        let Entry::Frame(frame) = records[place].entry else { unreachable!() };
+        let mut data = *frame.bytes();
+        data[byte] ^= 4;
+        records[place].entry = Entry::Frame(frame.refilled(data));
+        log(&records, Format::Candump)
+    };
+    let mut session = Session::new(VALVE);
+    session.send(10, &["000: 01 20", "220: 03 00 00 00", "220: 0B 00 00 00"]);
+    session.send(2, &["220: 0F 00 00 20"; 40]);
+    let pdos: Vec<usize> = (0..session.records.len()).filter(|at| is(&session.records[*at], "1A0: 0F")).collect();
+    for place in pdos {
+        let outcome = replayed(VALVE, &changed(&session, place, 0));
+        assert_eq!(outcome.differences, 1, "line {}: the status word", place + 1);
+    }
+    let device = "--device pvea-isobus@0x83";
+    let mut session = Session::new(device);
+    session.send(300, &["18EEFF27: 02 00 20 00 00 82 00 A0", "0CFE3327: 7D FF 30 FF FF FF FF FF"]);
+    session.send(90, &["0CFE3327: FA FF 31 FF FF FF FF FF"; 3]);
+    session.send(2, &["18EA8327: CA FE 00", "0CFE3327: FA FF 31 FF FF FF FF FF"].repeat(20));
+    let messages: Vec<usize> = (0..session.records.len()).filter(|at| is(&session.records[*at], "18FECA83:")).collect();
+    assert!(messages.len() > 15);
+    for place in messages {
+        for byte in [1, 2, 4] {
+            let outcome = replayed(device, &changed(&session, place, byte));
+            assert_eq!(outcome.differences, 1, "line {}: byte {byte} of DM1", place + 1);
+        }
+    }
+}
