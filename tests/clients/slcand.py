@@ -40,9 +40,8 @@ def attached(path, *options):
             link.bind((INTERFACE,))
             link.settimeout(PATIENCE)
             yield link
-    # the next one gets a terminal of its own
-    while os.path.exists(f"/sys/class/net/{INTERFACE}") or not os.path.lexists(path) or os.readlink(path) == device:
-        assert time.monotonic() < deadline + PATIENCE, "the interface stays, or the terminal"
+    while os.path.exists(f"/sys/class/net/{INTERFACE}"):
+        assert time.monotonic() < deadline + PATIENCE, "the interface stays"
 
 
 def send(link, identifier, data):
