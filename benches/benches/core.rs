@@ -234,7 +234,7 @@ fn rpdo_to_tpdo_new(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCano
 }
 
 // A frame for somebody else (56 in C).
-#[library_benchmark(config = budget(35))]
+#[library_benchmark(config = budget(32))]
 #[bench::standard(operational("1A1: 0F 00 00 00"))]
 #[bench::extended(operational("18FECA83: FF FF"))]
 fn foreign(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
@@ -349,7 +349,7 @@ fn avc_and_avef(exchange: Box<Exchange<PveIsobus>>) -> Box<Exchange<PveIsobus>> 
 }
 
 // An AVEF that is due.
-#[library_benchmark(config = budget(264))]
+#[library_benchmark(config = budget(260))]
 #[bench::due(avef_due(None))]
 fn avef(exchange: Box<Exchange<PveIsobus>>) -> Box<Exchange<PveIsobus>> {
     exchange.run()
