@@ -13,21 +13,21 @@ pub const FAULT_LOG_INTERVAL: Duration = Duration::from_secs(10);
 pub struct FaultLogClock {
     /// [`NEVER`] while the memory holds the present counters, or is being given them.
     due: Instant,
-    last_write: Option<Instant>,
+    /// No write is due before this.
+    earliest: Instant,
 }
 
 impl FaultLogClock {
     /// Returns the clock of a log that the memory holds.
     #[must_use]
     pub const fn new() -> Self {
-        Self { due: NEVER, last_write: None }
+        Self { due: NEVER, earliest: Instant::MIN }
     }
 
     /// Notes that a counter has changed.
     pub fn changed(&mut self, now: Instant) {
         if !self.is_dirty() {
-            let soon = after(now, FAULT_LOG_DELAY);
-            self.due = self.last_write.map_or(soon, |last| soon.max(after(last, FAULT_LOG_INTERVAL)));
+            self.due = after(now, FAULT_LOG_DELAY).max(self.earliest);
         }
     }
 
@@ -51,10 +51,9 @@ impl FaultLogClock {
 
     /// Notes that the write has ended; a failed one is due again.
     pub fn ended(&mut self, stored: bool, now: Instant) {
-        self.last_write = Some(now);
+        self.earliest = after(now, FAULT_LOG_INTERVAL);
         if self.is_dirty() || !stored {
-            self.due = NEVER;
-            self.changed(now);
+            self.due = self.earliest;
         }
     }
 }

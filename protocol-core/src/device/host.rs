@@ -3,12 +3,14 @@
 //! A [`Body`] is a protocol's node with a product in it. The host gives it a time that never runs back, wakes it when
 //! something is due, hands out its writes one at a time, and carries it through restarts.
 
+use heapless::VecView;
+
 use super::fault_log::FaultLogClock;
-use super::writes::{Job, Writes};
+use super::writes::{Asker, Write, Writes};
 use super::{Device, Effect, Outputs, Restart, Senses, StartCause};
 use crate::controller::{BitRate, Filter, Filters};
 use crate::frame::Frame;
-use crate::memory::{Image, Record, RecordKey, StoreError};
+use crate::memory::{self, Image, RecordKey, StoreError};
 use crate::time::{Instant, NEVER};
 
 /// A protocol's node with a product in it.
@@ -17,13 +19,13 @@ use crate::time::{Instant, NEVER};
 pub trait Body: Sized {
     /// What a device is made as.
     type Setup;
-    /// The kinds of write of this device.
-    type Job: Job;
     /// The services that listen to frames.
     type Service: Copy;
 
-    /// The write of the fault log as it is; `None` for a device that keeps none.
-    const FAULT_LOG: Option<Self::Job>;
+    /// Whether the device keeps a fault log.
+    const FAULT_LOG: bool;
+    /// The version of the payloads of its records.
+    const RECORD_VERSION: u8;
 
     /// Returns a body that has no power yet.
     fn new(setup: Self::Setup) -> Self;
@@ -32,22 +34,22 @@ pub trait Body: Sized {
     fn service(&self, frame: &Frame) -> Option<Self::Service>;
 
     /// Takes a frame for one of the services.
-    fn handle(&mut self, service: Self::Service, frame: &Frame, base: &mut Base<Self::Job>);
+    fn handle(&mut self, service: Self::Service, frame: &Frame, base: &mut Base);
 
     /// Returns the restart that a frame demands, of one that comes while another restart waits for the memory.
     fn restart_demanded(&self, frame: &Frame) -> Option<Restart>;
 
     /// Lets the timers that are due act.
-    fn poll(&mut self, base: &mut Base<Self::Job>);
+    fn poll(&mut self, base: &mut Base);
 
     /// Acts on what the last call has changed: called after each of the others, before the next deadline is asked for.
-    fn settle(&mut self, base: &mut Base<Self::Job>);
+    fn settle(&mut self, base: &mut Base);
 
     /// Returns when [`poll`](Self::poll) is next due.
     fn deadline(&self) -> Instant;
 
     /// Takes what the device senses.
-    fn sense(&mut self, senses: &Senses, base: &mut Base<Self::Job>);
+    fn sense(&mut self, senses: &Senses, base: &mut Base);
 
     /// See [`Device::take_filters`].
     fn take_filters(&mut self) -> Option<Filters>;
@@ -62,7 +64,7 @@ pub trait Body: Sized {
     fn give_back(&mut self, frame: Frame);
 
     /// Notes that every frame which the controller took is on the bus by now.
-    fn all_sent(&mut self, base: &mut Base<Self::Job>);
+    fn all_sent(&mut self, base: &mut Base);
 
     /// Returns whether a frame is owed that may be sent now.
     fn has_frame(&self) -> bool;
@@ -70,21 +72,18 @@ pub trait Body: Sized {
     /// Returns a bit rate to be in force from now on.
     fn take_bit_rate(&mut self) -> Option<BitRate>;
 
-    /// Encodes a write as things are now.
-    ///
-    /// # Errors
-    /// [`StoreError`] when it is longer than a record holds.
-    fn encode(&mut self, job: Self::Job) -> Result<Record, StoreError>;
+    /// Appends the payload of a write, as things are now; `None` when there is none, or it is longer than a record holds.
+    fn encode(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()>;
 
     /// Takes what became of a write.
-    fn written(&mut self, job: Self::Job, stored: bool, base: &mut Base<Self::Job>);
+    fn written(&mut self, write: Write, stored: bool, base: &mut Base);
 
     /// Starts with what the memory holds: power-up, or a restart of this scope. Of power-up and reset application the queue
     /// of writes is empty.
-    fn start(&mut self, scope: Restart, image: &Image, base: &mut Base<Self::Job>);
+    fn start(&mut self, scope: Restart, image: &Image, base: &mut Base);
 
     /// Notes that the watchdog, or a panic, has reset the processor.
-    fn watchdog_reset(&mut self, base: &mut Base<Self::Job>);
+    fn watchdog_reset(&mut self, base: &mut Base);
 
     /// See [`Device::outputs`].
     fn outputs(&self) -> Outputs;
@@ -101,10 +100,10 @@ pub trait Body: Sized {
 
 /// What every device has.
 #[derive(Debug)]
-pub struct Base<J> {
+pub struct Base {
     now: Instant,
     /// The writes to the memory.
-    pub writes: Writes<J>,
+    pub writes: Writes,
     /// When the fault log is to be written.
     pub fault_log: FaultLogClock,
     restart: Pending,
@@ -121,7 +120,14 @@ struct Pending {
     log_failed: bool,
 }
 
-impl<J> Base<J> {
+impl Pending {
+    /// Returns whether a restart waits, and none is being carried out.
+    const fn is_due(&self) -> bool {
+        self.wanted.is_some() && !self.handed_out
+    }
+}
+
+impl Base {
     /// Returns the present instant.
     #[inline]
     #[must_use]
@@ -142,13 +148,44 @@ impl<J> Base<J> {
     pub const fn is_restarting(&self) -> bool {
         self.restart.wanted.is_some() || self.restart.handed_out
     }
+
+    fn store_fault_log(&mut self) {
+        self.writes.ask(Write::new(RecordKey::FaultLog, Asker::Device));
+        self.fault_log.begun();
+    }
+
+    /// Begins the next write. Before a restart the fault log is written: what was counted is not lost with it.
+    fn begin_write(&mut self) -> Option<Write> {
+        let restart = &self.restart;
+        if restart.is_due() && !restart.log_failed && self.fault_log.is_dirty() && self.writes.is_idle() {
+            self.store_fault_log();
+        }
+        self.writes.begin()
+    }
+
+    /// Ends the write of a record, and returns it; `None` when another one is in flight.
+    fn end_write(&mut self, record: RecordKey, stored: bool) -> Option<Write> {
+        let write = self.writes.end(record)?;
+        if record == RecordKey::FaultLog {
+            self.restart.log_failed |= !stored;
+            self.fault_log.ended(stored, self.now);
+        }
+        Some(write)
+    }
+
+    /// Returns the restart that nothing keeps waiting any more, and hands it out.
+    fn begin_restart(&mut self, all_sent: bool) -> Option<Restart> {
+        let scope = self.restart.wanted.filter(|_| self.restart.is_due() && all_sent && self.writes.is_idle())?;
+        self.restart = Pending { wanted: None, handed_out: true, log_failed: false };
+        Some(scope)
+    }
 }
 
 /// A device: a body, and what every device has.
 #[derive(Debug)]
 pub struct Host<B: Body> {
     body: B,
-    base: Base<B::Job>,
+    base: Base,
     /// When the body or the fault log is next due.
     deadline: Instant,
 }
@@ -217,7 +254,7 @@ impl<B: Body> Host<B> {
     fn run_timers(&mut self) {
         self.body.poll(&mut self.base);
         if self.base.now >= self.base.fault_log.due() {
-            self.store_fault_log();
+            self.base.store_fault_log();
         }
         self.body.settle(&mut self.base);
         self.schedule();
@@ -235,54 +272,30 @@ impl<B: Body> Host<B> {
 
     fn schedule(&mut self) {
         self.deadline = self.body.deadline();
-        if B::FAULT_LOG.is_some() {
+        if B::FAULT_LOG {
             self.deadline = self.deadline.min(self.base.fault_log.due());
         }
     }
 
-    fn store_fault_log(&mut self) {
-        if let Some(job) = B::FAULT_LOG {
-            self.base.writes.ask(job);
-            self.base.fault_log.begun();
-        }
-    }
-
     /// Ends a write that the memory has answered.
-    fn end_write(&mut self, key: RecordKey, stored: bool) {
-        let Some(job) = self.base.writes.end(key) else { return };
-        if key == RecordKey::FaultLog {
-            self.base.restart.log_failed |= !stored;
-            self.base.fault_log.ended(stored, self.base.now);
-        }
-        self.body.written(job, stored, &mut self.base);
-    }
-
-    fn next_store(&mut self) -> Option<Effect> {
-        loop {
-            let job = self.base.writes.begin()?;
-            match self.body.encode(job) {
-                Ok(record) => return Some(Effect::Store(job.key(), record)),
-                // No record of these devices is too long; one that were has failed.
-                Err(StoreError) => self.end_write(job.key(), false),
-            }
+    fn end_write(&mut self, record: RecordKey, stored: bool) {
+        if let Some(write) = self.base.end_write(record, stored) {
+            self.body.written(write, stored, &mut self.base);
         }
     }
 
     /// Returns the next write, or the restart when there is none.
     #[inline(never)]
     fn next_of_memory(&mut self, all_sent: bool) -> Option<Effect> {
-        let restart = &self.base.restart;
-        let due = restart.wanted.filter(|_| !restart.handed_out);
-        if due.is_some() && self.base.fault_log.is_dirty() && !restart.log_failed && self.base.writes.is_idle() {
-            // What was counted is not lost with the restart.
-            self.store_fault_log();
+        while let Some(write) = self.base.begin_write() {
+            let mut record = memory::begin(B::RECORD_VERSION);
+            if self.body.encode(write, &mut record).is_some() && memory::complete(&mut record).is_ok() {
+                return Some(Effect::Store(write.record, record));
+            }
+            // No record of these devices is too long; one that were has failed.
+            self.end_write(write.record, false);
         }
-        if let Some(effect) = self.next_store() {
-            return Some(effect);
-        }
-        let scope = due.filter(|_| all_sent && self.base.writes.is_idle())?;
-        self.base.restart = Pending { wanted: None, handed_out: true, log_failed: false };
-        Some(Effect::Restart(scope))
+        self.base.begin_restart(all_sent).map(Effect::Restart)
     }
 }
 
@@ -369,7 +382,7 @@ impl<B: Body> Device for Host<B> {
     fn flush(&mut self, now: Instant) {
         self.advance(now);
         if self.base.fault_log.is_dirty() {
-            self.store_fault_log();
+            self.base.store_fault_log();
             self.schedule();
         }
     }

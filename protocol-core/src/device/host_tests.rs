@@ -6,24 +6,7 @@ use crate::time::{Duration, after};
 
 const MS: Duration = Duration::from_millis(1);
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Write {
-    Save,
-    Log,
-}
-
-impl Job for Write {
-    fn key(self) -> RecordKey {
-        match self {
-            Self::Save => RecordKey::Parameters,
-            Self::Log => RecordKey::FaultLog,
-        }
-    }
-
-    fn merged(self, newer: Self) -> Option<Self> {
-        (self == newer).then_some(newer)
-    }
-}
+const SAVE: Write = Write::new(RecordKey::Parameters, Asker::Sdo);
 
 /// Obeys the first byte of a frame: 1 saves, 2 counts a fault, 0x81 and 0x82 reset.
 struct Obedient {
@@ -45,10 +28,10 @@ const fn demanded(frame: &Frame) -> Option<Restart> {
 
 impl Body for Obedient {
     type Setup = Self;
-    type Job = Write;
     type Service = ();
 
-    const FAULT_LOG: Option<Write> = Some(Write::Log);
+    const FAULT_LOG: bool = true;
+    const RECORD_VERSION: u8 = 1;
 
     fn new(setup: Self) -> Self {
         setup
@@ -58,9 +41,9 @@ impl Body for Obedient {
         (frame.key() == 0).then_some(())
     }
 
-    fn handle(&mut self, (): (), frame: &Frame, base: &mut Base<Write>) {
+    fn handle(&mut self, (): (), frame: &Frame, base: &mut Base) {
         match frame.bytes()[0] {
-            1 => base.writes.ask(Write::Save),
+            1 => base.writes.ask(SAVE),
             2 => base.fault_log.changed(base.now()),
             _ => {}
         }
@@ -73,20 +56,20 @@ impl Body for Obedient {
         demanded(frame)
     }
 
-    fn poll(&mut self, base: &mut Base<Write>) {
+    fn poll(&mut self, base: &mut Base) {
         if base.now() >= self.beat {
             self.polled.push(base.now()).unwrap();
             self.beat = after(self.beat, Duration::from_millis(100));
         }
     }
 
-    fn settle(&mut self, _: &mut Base<Write>) {}
+    fn settle(&mut self, _: &mut Base) {}
 
     fn deadline(&self) -> Instant {
         self.beat
     }
 
-    fn sense(&mut self, senses: &Senses, _: &mut Base<Write>) {
+    fn sense(&mut self, senses: &Senses, _: &mut Base) {
         self.senses = *senses;
     }
 
@@ -106,7 +89,7 @@ impl Body for Obedient {
         self.owed = true;
     }
 
-    fn all_sent(&mut self, _: &mut Base<Write>) {}
+    fn all_sent(&mut self, _: &mut Base) {}
 
     fn has_frame(&self) -> bool {
         self.owed
@@ -116,22 +99,22 @@ impl Body for Obedient {
         None
     }
 
-    fn encode(&mut self, _: Write) -> Result<Record, StoreError> {
-        seal(1, &[])
+    fn encode(&mut self, _: Write, _: &mut VecView<u8>) -> Option<()> {
+        Some(())
     }
 
-    fn written(&mut self, job: Write, stored: bool, _: &mut Base<Write>) {
-        if job == Write::Save {
+    fn written(&mut self, write: Write, stored: bool, _: &mut Base) {
+        if write == SAVE {
             self.saved = Some(stored);
         }
     }
 
-    fn start(&mut self, scope: Restart, _: &Image, base: &mut Base<Write>) {
+    fn start(&mut self, scope: Restart, _: &Image, base: &mut Base) {
         self.starts.push(scope).unwrap();
         self.beat = after(base.now(), Duration::from_millis(100));
     }
 
-    fn watchdog_reset(&mut self, _: &mut Base<Write>) {}
+    fn watchdog_reset(&mut self, _: &mut Base) {}
 
     fn outputs(&self) -> Outputs {
         Outputs::Encoder

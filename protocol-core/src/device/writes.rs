@@ -4,85 +4,130 @@ use heapless::Vec;
 
 use crate::memory::RecordKey;
 
-/// The number of kinds of write that a device can have. Equal kinds share a place, so the queue cannot overflow.
-const KINDS: usize = 12;
+/// The most kinds of write that a device has: those of a valve on CANopen.
+const KINDS: usize = 9;
 
-/// One write. The record is encoded when the write begins, so a job names a record and holds only what differs.
-pub trait Job: Copy {
-    /// Returns the record that the job writes.
-    fn key(self) -> RecordKey;
+/// The places of the queue: each kind waits once, one write is in flight, and one was put before all others.
+const PLACES: usize = KINDS + 2;
 
-    /// Returns the job that does for both when `newer` is the same kind of write, asked for while this one waits.
-    fn merged(self, newer: Self) -> Option<Self>;
+/// One write. The record is encoded when the write begins, so this names the record and holds only what differs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Write {
+    /// What is written.
+    pub record: RecordKey,
+    /// Who asked for it.
+    pub asked_by: Asker,
+    /// What that one gave, see [`Asker`]; 0 for nothing.
+    pub value: u8,
+}
+
+/// Who asks for a write, and waits for its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Asker {
+    /// The device itself: nobody waits.
+    Device,
+    /// LSS store.
+    Lss,
+    /// An SDO client. The value is the product's.
+    Sdo,
+    /// UDS. The value is a node ID or address.
+    Uds,
+    /// A commanded address, which is the value.
+    CommandedAddress,
+    /// DM3. The value is the set of faults to be cleared, as bits.
+    Dm3,
+}
+
+impl Write {
+    /// Returns a write without a value.
+    #[must_use]
+    pub const fn new(record: RecordKey, asked_by: Asker) -> Self {
+        Self { record, asked_by, value: 0 }
+    }
+
+    /// Returns the write with this value.
+    #[must_use]
+    pub const fn with(self, value: u8) -> Self {
+        Self { value, ..self }
+    }
+
+    /// Returns whether both are of one kind: the same record for the same asker.
+    fn is_like(self, other: Self) -> bool {
+        self.with(0) == other.with(0)
+    }
 }
 
 /// The writes that wait, and the one in flight.
 #[derive(Debug)]
-pub struct Writes<J> {
-    /// The one in flight first, then those that wait, the next one first.
-    jobs: Vec<J, { KINDS + 1 }>,
-    /// The first one is in flight.
+pub struct Writes {
+    /// The newest first. The last one is the next to be written, or in flight.
+    queue: Vec<Write, PLACES, u8>,
+    /// The last one is in flight.
     in_flight: bool,
 }
 
-impl<J: Job> Writes<J> {
+impl Writes {
     /// Returns an empty queue.
     #[must_use]
     pub const fn new() -> Self {
-        Self { jobs: Vec::new(), in_flight: false }
+        Self { queue: Vec::new(), in_flight: false }
     }
 
-    /// Appends a write, or merges it into one of its kind that waits. The write in flight is not touched: its record was
-    /// encoded before.
-    pub fn ask(&mut self, job: J) {
-        for waiting in self.jobs.iter_mut().skip(usize::from(self.in_flight)) {
-            if let Some(merged) = waiting.merged(job) {
-                *waiting = merged;
-                return;
-            }
+    /// Appends a write, or merges it into one of its kind that waits: the newer value counts, of two DM3s both. The write
+    /// in flight is not touched: its record was encoded before.
+    pub fn ask(&mut self, write: Write) {
+        let mut waiting = self.queue.iter_mut().rev().skip(usize::from(self.in_flight));
+        if let Some(waiting) = waiting.find(|waiting| waiting.is_like(write)) {
+            let kept = if write.asked_by == Asker::Dm3 { waiting.value } else { 0 };
+            waiting.value = kept | write.value;
+        } else {
+            // There is a place for every kind.
+            let _ = self.queue.insert(0, write);
         }
-        // There is a place for every kind.
-        let _ = self.jobs.push(job);
     }
 
-    /// Puts a write before all that wait: the second half of one that must not be parted.
-    pub fn ask_first(&mut self, job: J) {
-        let _ = self.jobs.insert(usize::from(self.in_flight), job);
+    /// Puts a write before all that wait: the second half of one that has just ended, and must not be parted.
+    pub fn ask_first(&mut self, write: Write) {
+        let _ = self.queue.push(write);
     }
 
     /// Returns the next write and puts it in flight; `None` while one is.
-    pub fn begin(&mut self) -> Option<J> {
-        let next = self.jobs.first().filter(|_| !self.in_flight)?;
+    pub fn begin(&mut self) -> Option<Write> {
+        let next = self.queue.last().filter(|_| !self.in_flight)?;
         self.in_flight = true;
         Some(*next)
     }
 
-    /// Returns the write in flight.
-    pub fn in_flight_mut(&mut self) -> Option<&mut J> {
-        self.jobs.first_mut().filter(|_| self.in_flight)
-    }
-
-    /// Ends the write in flight and returns it; `None` when it writes another record than `key`.
-    pub fn end(&mut self, key: RecordKey) -> Option<J> {
-        self.in_flight_mut().filter(|job| job.key() == key)?;
+    /// Ends the write in flight and returns it; `None` when it writes another record.
+    pub fn end(&mut self, record: RecordKey) -> Option<Write> {
+        let last = self.queue.last()?;
+        if !self.in_flight || last.record != record {
+            return None;
+        }
         self.in_flight = false;
-        Some(self.jobs.remove(0))
+        self.queue.pop()
     }
 
-    /// Returns the writes that wait, the next one first, after the one in flight.
-    pub fn iter(&self) -> impl Iterator<Item = &J> {
-        self.jobs.iter()
+    /// Returns whether this very write waits or is in flight.
+    #[must_use]
+    pub fn contains(&self, write: Write) -> bool {
+        self.queue.contains(&write)
+    }
+
+    /// Returns the writes that wait and the one in flight.
+    pub fn iter(&self) -> impl Iterator<Item = &Write> {
+        self.queue.iter()
     }
 
     /// Returns whether nothing waits and nothing is in flight.
     #[inline]
     #[must_use]
     pub fn is_idle(&self) -> bool {
-        self.jobs.is_empty()
+        self.queue.is_empty()
     }
 }
 
-impl<J: Job> Default for Writes<J> {
+impl Default for Writes {
     fn default() -> Self {
         Self::new()
     }
@@ -92,51 +137,58 @@ impl<J: Job> Default for Writes<J> {
 mod tests {
     use super::*;
 
-    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    enum Write {
-        Save(u8),
-        Log,
-    }
-
-    impl Job for Write {
-        fn key(self) -> RecordKey {
-            match self {
-                Self::Save(_) => RecordKey::Parameters,
-                Self::Log => RecordKey::FaultLog,
-            }
-        }
-
-        fn merged(self, newer: Self) -> Option<Self> {
-            (self.key() == newer.key()).then_some(newer)
-        }
-    }
+    const SAVE: Write = Write::new(RecordKey::Parameters, Asker::Sdo);
+    const LOG: Write = Write::new(RecordKey::FaultLog, Asker::Device);
 
     #[test]
     fn writes_of_one_kind_wait_once_and_keep_their_turn() {
         let mut writes = Writes::new();
         for ticket in 0..100 {
-            writes.ask(Write::Save(ticket));
-            writes.ask(Write::Log);
+            writes.ask(SAVE.with(ticket));
+            writes.ask(LOG);
         }
-        assert_eq!(writes.begin(), Some(Write::Save(99)));
+        assert_eq!(writes.begin(), Some(SAVE.with(99)));
         assert_eq!(writes.begin(), None, "one at a time");
         assert_eq!(writes.end(RecordKey::FaultLog), None, "not in flight");
         // The record of the one in flight is older than this request.
-        writes.ask(Write::Save(100));
-        assert_eq!(writes.end(RecordKey::Parameters), Some(Write::Save(99)));
-        assert_eq!(writes.begin(), Some(Write::Log));
-        assert_eq!(writes.end(RecordKey::FaultLog), Some(Write::Log));
+        writes.ask(SAVE.with(100));
+        assert_eq!(writes.end(RecordKey::Parameters), Some(SAVE.with(99)));
+        assert_eq!(writes.begin(), Some(LOG));
+        assert_eq!(writes.end(RecordKey::FaultLog), Some(LOG));
         assert!(!writes.is_idle());
-        assert_eq!(writes.begin(), Some(Write::Save(100)));
-        assert_eq!(writes.end(RecordKey::Parameters), Some(Write::Save(100)));
+        assert_eq!(writes.begin(), Some(SAVE.with(100)));
+        assert_eq!(writes.end(RecordKey::Parameters), Some(SAVE.with(100)));
         assert!(writes.is_idle());
+    }
+
+    #[test]
+    fn one_record_for_two_askers_is_written_twice() {
+        let mut writes = Writes::new();
+        writes.ask(LOG);
+        writes.ask(Write::new(RecordKey::FaultLog, Asker::Sdo));
+        assert_eq!(writes.begin(), Some(LOG));
+        assert_eq!(writes.end(RecordKey::FaultLog), Some(LOG));
+        assert!(!writes.contains(LOG));
+        assert!(writes.iter().any(|waiting| waiting.asked_by == Asker::Sdo));
+    }
+
+    #[test]
+    fn of_two_dm3s_that_wait_one_write_clears_what_either_asked_for() {
+        let mut writes = Writes::new();
+        let dm3 = Write::new(RecordKey::FaultLog, Asker::Dm3);
+        writes.ask(dm3.with(0b01));
+        assert_eq!(writes.begin(), Some(dm3.with(0b01)));
+        writes.ask(dm3.with(0b10));
+        writes.ask(dm3.with(0b100));
+        assert_eq!(writes.end(RecordKey::FaultLog), Some(dm3.with(0b01)));
+        assert_eq!(writes.begin(), Some(dm3.with(0b110)));
     }
 
     #[test]
     fn the_second_half_of_a_write_comes_before_all_others() {
         let mut writes = Writes::new();
-        writes.ask(Write::Save(1));
-        writes.ask_first(Write::Log);
-        assert_eq!(writes.begin(), Some(Write::Log));
+        writes.ask(SAVE);
+        writes.ask_first(LOG);
+        assert_eq!(writes.begin(), Some(LOG));
     }
 }

@@ -7,4 +7,4 @@ mod image;
 mod record;
 
 pub use image::{Content, Corrupt, Image};
-pub use record::{RECORD_MAX, Record, RecordKey, StoreError, open, seal};
+pub use record::{RECORD_MAX, Record, RecordKey, StoreError, begin, complete, open, seal};

@@ -51,17 +51,31 @@ impl RecordKey {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StoreError;
 
+/// Returns the beginning of a record: its payload is appended, then it is [completed](complete).
+#[must_use]
+pub fn begin(version: u8) -> Record {
+    Record::from_array([version, 0])
+}
+
+/// Completes a record with its length and CRC.
+///
+/// # Errors
+/// [`StoreError`] when there is no room for them.
+pub fn complete(record: &mut Record) -> Result<(), StoreError> {
+    let [_, len, payload @ ..] = record.as_mut_slice() else { return Err(StoreError) };
+    *len = u8::try_from(payload.len()).map_err(|_| StoreError)?;
+    let crc = CRC.checksum(record).to_le_bytes();
+    record.extend_from_slice(&crc).map_err(|_| StoreError)
+}
+
 /// Wraps a payload into version, length and CRC.
 ///
 /// # Errors
 /// [`StoreError`] when the payload is longer than a record holds.
 pub fn seal(version: u8, payload: &[u8]) -> Result<Record, StoreError> {
-    let len = u8::try_from(payload.len()).map_err(|_| StoreError)?;
-    let mut record = Record::new();
-    record.extend_from_slice(&[version, len]).map_err(|_| StoreError)?;
+    let mut record = begin(version);
     record.extend_from_slice(payload).map_err(|_| StoreError)?;
-    let crc = CRC.checksum(&record).to_le_bytes();
-    record.extend_from_slice(&crc).map_err(|_| StoreError)?;
+    complete(&mut record)?;
     Ok(record)
 }
 

@@ -19,14 +19,16 @@ pub use super::kind::hat::Kind;
 pub use dictionary::entry;
 pub use errors::Error;
 
+use heapless::VecView;
+
 use dictionary::DICTIONARY;
 use errors::Errors;
 use objects::{HatObjects, Task};
 use records::{LAYER, VERSION, decode_serial, identity, new_layer};
-use storing::Job;
 
 use super::host::{Base, Body, Host};
 use super::reading::Reading;
+use super::writes::{Asker, Write};
 use super::{Outputs, ProductSenses, Restart, Senses};
 use crate::canopen::dictionary::Group;
 use crate::canopen::lss::{Configuration, Layer};
@@ -35,7 +37,7 @@ use crate::canopen::node::{Demand, ErrorClass, Node, ObjectOf, Service};
 use crate::canopen::parameters::Stored;
 use crate::controller::{BitRate, BusErrorMode, Filter, Filters};
 use crate::frame::Frame;
-use crate::memory::{Image, Record, RecordKey, StoreError};
+use crate::memory::{Image, RecordKey};
 use crate::time::Instant;
 use crate::wire::cob_id::NodeId;
 
@@ -53,12 +55,12 @@ pub struct HatSensor {
     pub(super) node: Node<HatObjects>,
     /// Node ID and bit rate as stored.
     layer: Layer,
-    /// What the write of node ID and bit rate in flight makes of them.
-    layer_in_flight: Layer,
-    /// What the LSS store in flight writes.
-    lss_in_flight: Configuration,
-    /// The task of which a write has failed while others are still to come.
-    failed: Option<Task>,
+    /// What the write of node ID and bit rate in flight changes of them.
+    layer_in_flight: Configuration,
+    /// What an SDO client has asked for last.
+    task: Option<Task>,
+    /// A write of it has failed, others are still to come.
+    task_failed: bool,
     /// The records that are damaged, by their position.
     damaged: u8,
     internal_fault: bool,
@@ -71,7 +73,7 @@ const _: () = assert!(RecordKey::ALL.len() <= 7);
 
 impl HatSensor {
     /// Notes that an error has begun or ended, and tells it.
-    fn set_error(&mut self, error: Error, active: bool, base: &Base<Job>) {
+    fn set_error(&mut self, error: Error, active: bool, base: &Base) {
         if !self.objects.errors.set(error, active) {
             return;
         }
@@ -92,7 +94,7 @@ impl HatSensor {
     }
 
     /// Takes the mode of the CAN controller. Bus-off takes the place of error-passive; it is told when it is over.
-    fn set_bus(&mut self, bus: BusErrorMode, base: &Base<Job>) {
+    fn set_bus(&mut self, bus: BusErrorMode, base: &Base) {
         self.bus = bus;
         let bus_off = bus == BusErrorMode::BusOff;
         self.node.set_bus_off(bus_off);
@@ -111,15 +113,15 @@ impl HatSensor {
         self.set_error(Error::Passive, bus == BusErrorMode::ErrorPassive, base);
     }
 
-    fn set_damaged(&mut self, damaged: u8, base: &Base<Job>) {
+    fn set_damaged(&mut self, damaged: u8, base: &Base) {
         self.damaged = damaged;
         self.set_error(Error::SetUp, damaged != 0, base);
     }
 
-    fn demanded(&mut self, demand: Demand<Task>, base: &mut Base<Job>) {
+    fn demanded(&mut self, demand: Demand<Task>, base: &mut Base) {
         match demand {
             Demand::Task(task) => self.begin_task(task, base),
-            Demand::StoreConfiguration => base.writes.ask(Job::LssStore),
+            Demand::StoreConfiguration => base.writes.ask(Write::new(RecordKey::LocalLayer, Asker::Lss)),
             Demand::Reset(reset) => base.request_restart(reset.into()),
         }
     }
@@ -150,10 +152,10 @@ fn parameters<'a>(
 
 impl Body for HatSensor {
     type Setup = Setup;
-    type Job = Job;
     type Service = Service;
 
-    const FAULT_LOG: Option<Job> = None;
+    const FAULT_LOG: bool = false;
+    const RECORD_VERSION: u8 = VERSION;
 
     fn new(setup: Setup) -> Self {
         let layer = new_layer(&setup);
@@ -162,9 +164,9 @@ impl Body for HatSensor {
             objects: HatObjects::new(setup.kind, identity(setup.kind, setup.serial), layer),
             node: Node::new(layer.bit_rate),
             layer,
-            layer_in_flight: layer,
-            lss_in_flight: Configuration::NONE,
-            failed: None,
+            layer_in_flight: Configuration::NONE,
+            task: None,
+            task_failed: false,
             damaged: 0,
             internal_fault: false,
             bus: BusErrorMode::ErrorActive,
@@ -176,7 +178,7 @@ impl Body for HatSensor {
         self.node.service(frame)
     }
 
-    fn handle(&mut self, service: Service, frame: &Frame, base: &mut Base<Job>) {
+    fn handle(&mut self, service: Service, frame: &Frame, base: &mut Base) {
         if let Some(demand) = self.node.handle(service, frame, &mut self.objects, base.now()) {
             self.demanded(demand, base);
         }
@@ -186,12 +188,12 @@ impl Body for HatSensor {
         self.node.reset_demanded(frame).map(Restart::from)
     }
 
-    fn poll(&mut self, base: &mut Base<Job>) {
+    fn poll(&mut self, base: &mut Base) {
         self.node.poll(&self.objects, base.now());
     }
 
     #[inline]
-    fn settle(&mut self, base: &mut Base<Job>) {
+    fn settle(&mut self, base: &mut Base) {
         self.node.start_itself(&mut self.objects, base.now());
         self.objects.in_force.bit_rate = self.node.bit_rate();
     }
@@ -201,7 +203,7 @@ impl Body for HatSensor {
         self.node.deadline()
     }
 
-    fn sense(&mut self, senses: &Senses, base: &mut Base<Job>) {
+    fn sense(&mut self, senses: &Senses, base: &mut Base) {
         if let ProductSenses::Encoder(shaft) = senses.product {
             self.objects.shaft = shaft;
         }
@@ -230,7 +232,7 @@ impl Body for HatSensor {
     }
 
     #[inline]
-    fn all_sent(&mut self, _: &mut Base<Job>) {
+    fn all_sent(&mut self, _: &mut Base) {
         self.node.all_sent();
     }
 
@@ -244,17 +246,17 @@ impl Body for HatSensor {
         self.node.take_bit_rate()
     }
 
-    fn encode(&mut self, job: Job) -> Result<Record, StoreError> {
-        self.encode_job(job)
+    fn encode(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()> {
+        self.encode_write(write, payload)
     }
 
-    fn written(&mut self, job: Job, stored: bool, base: &mut Base<Job>) {
-        self.end_job(job, stored, base);
+    fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
+        self.end_write(write, stored, base);
     }
 
     /// Starts with what the memory holds: either reset loads both groups, and reset node the bit rate too. Errors that a
     /// reset of the communication has left are told again, and not entered again.
-    fn start(&mut self, scope: Restart, image: &Image, base: &mut Base<Job>) {
+    fn start(&mut self, scope: Restart, image: &Image, base: &mut Base) {
         let mut reading = Reading::new(image);
         self.layer = self.layer_of(&mut reading);
         let stored = self.layer.configuration();
@@ -285,15 +287,15 @@ impl Body for HatSensor {
             self.set_error(Error::Controller, self.internal_fault, base);
             self.set_bus(self.bus, base);
         }
-        for (key, job) in [(RecordKey::Factory, Job::Factory), (RecordKey::LocalLayer, Job::LocalLayer)] {
-            if reading.is_absent(key) {
-                base.writes.ask(job);
+        for record in [RecordKey::Factory, RecordKey::LocalLayer] {
+            if reading.is_absent(record) {
+                base.writes.ask(Write::new(record, Asker::Device));
             }
         }
     }
 
     /// Tells a watchdog reset, and that it is over.
-    fn watchdog_reset(&mut self, base: &mut Base<Job>) {
+    fn watchdog_reset(&mut self, base: &mut Base) {
         self.set_error(Error::Controller, true, base);
         self.set_error(Error::Controller, self.internal_fault, base);
     }

@@ -72,7 +72,7 @@ pub(in crate::device) enum HatObject {
 
 /// What the sub-indices of 0x1010 and 0x1011 are about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub(in crate::device) enum Part {
     /// Communication and application.
     All,
     /// 0x1000–0x1FFF
@@ -85,7 +85,7 @@ pub enum Part {
 
 /// What the signatures of 0x1010 and 0x1011 ask for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Task {
+pub(in crate::device) enum Task {
     /// "save"
     Save(Part),
     /// "load"

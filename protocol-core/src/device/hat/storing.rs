@@ -1,126 +1,97 @@
 //! Writes to the memory: what each holds, and who waits for it (SPEC 6, 9).
 
+use heapless::VecView;
+
 use super::HatSensor;
 use super::objects::{Part, Task};
-use super::records::{LAYER, VERSION};
+use super::records::LAYER;
 use crate::canopen::dictionary::Group;
+use crate::canopen::lss::Configuration;
 use crate::device::host::Base;
-use crate::device::writes;
-use crate::memory::{RECORD_MAX, Record, RecordKey, StoreError, seal};
-
-/// One write.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Job {
-    /// The factory data of a new memory.
-    Factory,
-    /// Node ID and bit rate of a new memory.
-    LocalLayer,
-    /// LSS store: what LSS has configured by then.
-    LssStore,
-    /// "save" or "load" of one record.
-    Part(RecordKey, Task),
-}
-
-impl writes::Job for Job {
-    fn key(self) -> RecordKey {
-        match self {
-            Self::Factory => RecordKey::Factory,
-            Self::LocalLayer | Self::LssStore => RecordKey::LocalLayer,
-            Self::Part(key, _) => key,
-        }
-    }
-
-    /// Of two tasks on one record the newer one counts: its client has given the older one up.
-    fn merged(self, newer: Self) -> Option<Self> {
-        match (self, newer) {
-            (Self::Part(key, _), Self::Part(newer_key, _)) if key == newer_key => Some(newer),
-            _ => (self == newer).then_some(newer),
-        }
-    }
-}
-
-/// The records of a part.
-const fn records(part: Part) -> &'static [RecordKey] {
-    match part {
-        Part::All => &[RecordKey::Parameters, RecordKey::Application],
-        Part::Communication => &[RecordKey::Parameters],
-        Part::Application => &[RecordKey::Application],
-        Part::Lss => &[RecordKey::LocalLayer],
-    }
-}
+use crate::device::writes::{Asker, Write};
+use crate::memory::{RECORD_MAX, RecordKey};
 
 /// The bit of a record in a set.
 pub(super) const fn bit(key: RecordKey) -> u8 {
     1 << key.position()
 }
 
+/// The bit that tells "load" from "save" in the value of a write.
+const LOADS: u8 = 1 << 7;
+
+/// The value of a task's writes: the bits of its records, and [`LOADS`].
+const fn value_of(task: Task) -> u8 {
+    let (Task::Save(part) | Task::Load(part)) = task;
+    let records = match part {
+        Part::All => bit(RecordKey::Parameters) | bit(RecordKey::Application),
+        Part::Communication => bit(RecordKey::Parameters),
+        Part::Application => bit(RecordKey::Application),
+        Part::Lss => bit(RecordKey::LocalLayer),
+    };
+    if matches!(task, Task::Load(_)) { records | LOADS } else { records }
+}
+
 impl HatSensor {
-    /// Begins what an SDO client waits for.
-    pub(super) fn begin_task(&mut self, task: Task, base: &mut Base<Job>) {
-        self.failed = None;
-        let (Task::Save(part) | Task::Load(part)) = task;
-        for key in records(part) {
-            base.writes.ask(Job::Part(*key, task));
+    /// Begins what an SDO client waits for. Of two tasks on one record that waits the newer one counts: its client has given
+    /// the older one up.
+    pub(super) fn begin_task(&mut self, task: Task, base: &mut Base) {
+        self.task = Some(task);
+        self.task_failed = false;
+        let value = value_of(task);
+        for record in RecordKey::ALL.into_iter().filter(|record| value & bit(*record) != 0) {
+            base.writes.ask(Write::new(record, Asker::Sdo).with(value));
         }
     }
 
-    pub(super) fn encode_job(&mut self, job: Job) -> Result<Record, StoreError> {
-        match job {
-            Job::Factory => seal(VERSION, &self.objects.identity.serial.to_le_bytes()),
-            Job::LocalLayer => seal(VERSION, &self.layer.encode()),
-            Job::LssStore => {
-                self.lss_in_flight = self.node.unstored();
-                self.layer_in_flight = self.layer.with(self.lss_in_flight);
-                seal(VERSION, &self.layer_in_flight.encode())
-            }
-            Job::Part(RecordKey::LocalLayer, task) => {
-                self.layer_in_flight = match task {
-                    Task::Save(_) => self.objects.demanded,
-                    Task::Load(_) => LAYER,
+    pub(super) fn encode_write(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()> {
+        let loads = write.value & LOADS != 0;
+        let bytes: &[u8] = match write.record {
+            RecordKey::Factory => &self.objects.identity.serial.to_le_bytes(),
+            RecordKey::LocalLayer => {
+                self.layer_in_flight = match write.asked_by {
+                    Asker::Lss => self.node.unstored(),
+                    Asker::Sdo if loads => LAYER.configuration(),
+                    Asker::Sdo => self.objects.demanded.configuration(),
+                    _ => Configuration::NONE,
                 };
-                seal(VERSION, &self.layer_in_flight.encode())
+                &self.layer.with(self.layer_in_flight).encode()
             }
             // The defaults: communication objects follow the node ID again.
-            Job::Part(_, Task::Load(_)) => seal(VERSION, &[]),
-            Job::Part(key, Task::Save(_)) => {
-                let group = if key == RecordKey::Application { Group::Application } else { Group::Communication };
-                let payload = self.node.parameters::<RECORD_MAX>(group, &self.objects);
-                seal(VERSION, &payload.ok_or(StoreError)?)
+            _ if loads => &[],
+            record => {
+                let group = if record == RecordKey::Application { Group::Application } else { Group::Communication };
+                return payload.extend_from_slice(&self.node.parameters::<RECORD_MAX>(group, &self.objects)?).ok();
             }
-        }
+        };
+        payload.extend_from_slice(bytes).ok()
     }
 
     /// Takes the memory's answer to a write: a failed one is told to whoever waits for it, and to nobody else.
-    pub(super) fn end_job(&mut self, job: Job, stored: bool, base: &mut Base<Job>) {
-        let key = writes::Job::key(job);
+    pub(super) fn end_write(&mut self, write: Write, stored: bool, base: &mut Base) {
         if stored {
-            self.set_damaged(self.damaged & !bit(key), base);
+            self.set_damaged(self.damaged & !bit(write.record), base);
+            if write.record == RecordKey::LocalLayer {
+                self.layer = self.layer.with(self.layer_in_flight);
+                self.node.configuration_stored(self.layer_in_flight);
+            }
         }
-        match job {
-            Job::Factory | Job::LocalLayer => {}
-            Job::LssStore => {
+        let is_last = !base.writes.contains(write);
+        match write.asked_by {
+            Asker::Lss => {
                 if stored {
-                    self.layer = self.layer_in_flight;
-                    self.objects.demanded = self.objects.demanded.with(self.lss_in_flight);
-                    self.node.configuration_stored(self.lss_in_flight);
+                    self.objects.demanded = self.objects.demanded.with(self.layer_in_flight);
                 }
-                let is_last = base.writes.iter().all(|waiting| *waiting != Job::LssStore);
                 self.node.end_lss_store(stored, is_last);
             }
-            Job::Part(key, task) => {
-                if stored && key == RecordKey::LocalLayer {
-                    self.layer = self.layer_in_flight;
-                    self.node.configuration_stored(self.layer.configuration());
-                }
+            Asker::Sdo => {
+                let Some(task) = self.task.filter(|task| value_of(*task) == write.value) else { return };
                 // Asked for again while it was in flight, the record is written once more: that write is the client's.
-                if !stored && base.writes.iter().all(|waiting| *waiting != job) {
-                    self.failed = Some(task);
-                }
-                let waits = |waiting: &Job| matches!(waiting, Job::Part(_, other) if *other == task);
-                if !base.writes.iter().any(waits) {
-                    self.node.end_task(task, self.failed != Some(task));
+                self.task_failed |= !stored && is_last;
+                if !base.writes.iter().any(|other| other.asked_by == Asker::Sdo && other.value == write.value) {
+                    self.node.end_task(task, !self.task_failed);
                 }
             }
+            _ => {}
         }
     }
 }

@@ -1,7 +1,7 @@
 //! What a start finds in the memory: each record checked, with the defaults in the place of what is not there (SPEC 6).
 
 use super::Setup;
-use super::records::{Factory, FaultLog, LocalLayer, version};
+use super::records::{Factory, FaultLog, LocalLayer, VERSION};
 use crate::actuator::{InternalCause, Valve};
 use crate::device::reading::Reading;
 use crate::memory::{Image, RecordKey};
@@ -42,7 +42,7 @@ impl<'a> Found<'a> {
 
     /// The meaning of a record; `None` when it was never written, or is corrupt, which is noted.
     pub(super) fn payload<T>(&mut self, key: RecordKey, decode: impl FnOnce(&'a [u8]) -> Option<T>) -> Option<T> {
-        self.reading.record(key, version(key), decode)
+        self.reading.record(key, VERSION, decode)
     }
 
     /// Whether a record was never written.

@@ -1,24 +1,12 @@
 //! What a valve keeps in its memory beside the parameters (SPEC 6): the payloads of the records.
 
-use heapless::Vec;
-
 use super::{Kind, Setup};
 use crate::actuator::Counters;
 use crate::controller::BitRate;
-use crate::memory::RecordKey;
 use crate::wire::lss;
 
-/// The version of a record's payload.
-pub(super) const fn version(key: RecordKey) -> u8 {
-    match key {
-        RecordKey::Factory
-        | RecordKey::LocalLayer
-        | RecordKey::Parameters
-        | RecordKey::RestoreFlag
-        | RecordKey::FaultLog
-        | RecordKey::Application => 1,
-    }
-}
+/// The version of every record's payload.
+pub(super) const VERSION: u8 = 1;
 
 /// Factory data: never written after the first start, never changed by restore.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,34 +57,55 @@ impl Factory {
         }
     }
 
-    pub(super) fn encode(&self) -> Vec<u8, 36> {
-        let identity = self.identity;
-        let numbers = [identity.vendor, identity.product, identity.revision, identity.serial];
-        let mut payload = Vec::new();
-        let fields = numbers.into_iter().chain([self.hardware_number, self.software_number]).flat_map(u32::to_le_bytes);
-        payload.extend(
-            fields
-                .chain(self.hardware_version)
-                .chain(self.software_version)
-                .chain(self.manufactured)
-                .chain([self.function_instance]),
-        );
+    pub(super) fn encode(&self) -> [u8; 36] {
+        let Self { identity, hardware_version, software_version, manufactured: [year, month, day], .. } = *self;
+        let fields: [[u8; 4]; 9] = [
+            identity.vendor.to_le_bytes(),
+            identity.product.to_le_bytes(),
+            identity.revision.to_le_bytes(),
+            identity.serial.to_le_bytes(),
+            self.hardware_number.to_le_bytes(),
+            self.software_number.to_le_bytes(),
+            hardware_version,
+            software_version,
+            [year, month, day, self.function_instance],
+        ];
+        let mut payload = [0; 36];
+        payload.copy_from_slice(fields.as_flattened());
         payload
     }
 
     pub(super) fn decode(payload: &[u8]) -> Option<Self> {
-        let (numbers, rest) = payload.split_at_checked(24)?;
-        let &[h0, h1, h2, h3, s0, s1, s2, s3, year, month, day, function_instance] = rest else { return None };
-        let mut numbers = numbers.as_chunks().0.iter().map(|bytes| u32::from_le_bytes(*bytes));
-        let mut next = || numbers.next();
+        let (
+            &[
+                vendor,
+                product,
+                revision,
+                serial,
+                hardware_number,
+                software_number,
+                hardware_version,
+                software_version,
+                [year, month, day, function_instance],
+            ],
+            [],
+        ) = payload.as_chunks()
+        else {
+            return None;
+        };
         Some(Self {
-            identity: lss::Address { vendor: next()?, product: next()?, revision: next()?, serial: next()? },
-            hardware_number: next()?,
-            software_number: next()?,
-            hardware_version: [h0, h1, h2, h3],
-            software_version: [s0, s1, s2, s3],
-            manufactured: [year, month, day],
+            identity: lss::Address {
+                vendor: u32::from_le_bytes(vendor),
+                product: u32::from_le_bytes(product),
+                revision: u32::from_le_bytes(revision),
+                serial: u32::from_le_bytes(serial),
+            },
             function_instance,
+            hardware_number: u32::from_le_bytes(hardware_number),
+            hardware_version,
+            software_number: u32::from_le_bytes(software_number),
+            software_version,
+            manufactured: [year, month, day],
         })
     }
 }
@@ -109,31 +118,12 @@ pub(super) struct LocalLayer {
     pub(super) bit_rate: BitRate,
 }
 
-/// What is to become different of a [`LocalLayer`]; the rest stays as it is stored.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct LayerChange {
-    pub(super) node_id: Option<u8>,
-    pub(super) bit_rate: Option<BitRate>,
-}
-
-impl LayerChange {
-    /// The node ID, or address, alone.
-    pub(super) const fn node_id(node_id: u8) -> Self {
-        Self { node_id: Some(node_id), bit_rate: None }
-    }
-}
-
 impl LocalLayer {
     /// What a new memory is filled with.
     pub(super) fn new(Setup { kind, node_id, bit_rate, .. }: Setup) -> Self {
         let default = kind.bit_rates().first().copied().unwrap_or(BitRate::Kbit250);
         let bit_rate = bit_rate.filter(|rate| kind.bit_rates().contains(rate)).unwrap_or(default);
         Self { node_id: node_id.filter(|node_id| kind.node_ids().contains(node_id)), bit_rate }
-    }
-
-    /// This layer after a change.
-    pub(super) fn with(self, change: LayerChange) -> Self {
-        Self { node_id: change.node_id.or(self.node_id), bit_rate: change.bit_rate.unwrap_or(self.bit_rate) }
     }
 
     pub(super) fn encode(self) -> [u8; 2] {
@@ -176,8 +166,11 @@ const RESERVED: u8 = 0;
 
 impl FaultLog {
     pub(super) fn encode(self) -> [u8; 9] {
-        let [a, b, c, d, e, f, g, h] = self.counters.to_bytes();
-        [a, b, c, d, e, f, g, h, RESERVED]
+        let mut payload = [RESERVED; 9];
+        if let Some(counters) = payload.first_chunk_mut() {
+            *counters = self.counters.to_bytes();
+        }
+        payload
     }
 
     pub(super) fn decode(payload: &[u8]) -> Option<Self> {

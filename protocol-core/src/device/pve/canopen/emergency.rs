@@ -3,7 +3,6 @@
 use super::super::fault_codes::{codes, register};
 use super::super::sensing::sense;
 use super::CanopenValve;
-use super::storing::Job;
 use crate::actuator::{Fault, FaultSet, InternalCause};
 use crate::device::Restart;
 use crate::device::host::Base;
@@ -12,7 +11,7 @@ use crate::wire::emcy::Emcy;
 impl CanopenValve {
     /// Tells what became of the faults since last time: each activation by priority, then the end of the last one.
     #[inline(never)]
-    pub(super) fn report_changes(&mut self, base: &mut Base<Job>) {
+    pub(super) fn report_changes(&mut self, base: &mut Base) {
         let now = base.now();
         self.node.renew_tpdo();
         let changes = self.objects.application.take_changes(now);
@@ -39,7 +38,7 @@ impl CanopenValve {
 
     /// Tells the bus of a start: the reset EMCY, and the faults that a reset of the communication has left, not counted
     /// again.
-    pub(super) fn tell_start(&mut self, scope: Restart, base: &Base<Job>) {
+    pub(super) fn tell_start(&mut self, scope: Restart, base: &Base) {
         self.node.send_emcy(Emcy::default());
         let valve = &mut self.objects.application.valve;
         match scope {

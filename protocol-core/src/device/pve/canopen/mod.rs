@@ -11,15 +11,16 @@ mod emergency;
 mod load;
 mod storing;
 
+use heapless::VecView;
+
 use load::Load;
-use storing::Job;
 
 use super::Setup;
 use super::dictionary::{DICTIONARY, Task};
 use super::found::Found;
 use super::identification::Identification;
 use super::objects::ValveObjects;
-use super::records::{Factory, LocalLayer, decode_flag};
+use super::records::{Factory, LocalLayer, VERSION, decode_flag};
 use super::sensing::sense;
 use crate::actuator::{Counters, InternalCause, Valve};
 use crate::canopen::dictionary::Group;
@@ -29,9 +30,10 @@ use crate::canopen::node::{Demand, Node, Service};
 use crate::canopen::parameters::Stored;
 use crate::controller::{BitRate, BusErrorMode, Filter, Filters};
 use crate::device::host::{Base, Body, Host};
+use crate::device::writes::{Asker, Write};
 use crate::device::{Outputs, Restart, Senses, ValveOutputs};
 use crate::frame::Frame;
-use crate::memory::{Image, Record, RecordKey, StoreError};
+use crate::memory::{Image, RecordKey};
 use crate::time::Instant;
 use crate::uds::Reaction;
 use crate::wire::cob_id::NodeId;
@@ -49,8 +51,8 @@ pub struct CanopenValve {
     /// As stored.
     local_layer: LocalLayer,
     load: Load,
-    /// What the LSS store in flight writes.
-    lss_in_flight: Configuration,
+    /// What the write of the local layer in flight changes.
+    layer_in_flight: Configuration,
     /// The counts that the write in flight clears: they come back when it fails.
     cleared: Counters,
     senses: Senses,
@@ -63,36 +65,38 @@ impl CanopenValve {
         &self.objects.application.valve
     }
 
-    fn demanded(&mut self, demand: Demand<Task>, base: &mut Base<Job>) {
+    fn demanded(&mut self, demand: Demand<Task>, base: &mut Base) {
         match demand {
             Demand::Task(task) => self.begin_task(task, base),
-            Demand::StoreConfiguration => base.writes.ask(Job::LssStore),
+            Demand::StoreConfiguration => base.writes.ask(Write::new(RecordKey::LocalLayer, Asker::Lss)),
             Demand::Reset(reset) => base.request_restart(reset.into()),
         }
     }
 
-    fn serve_uds(&mut self, frame: &Frame, base: &mut Base<Job>) {
+    fn serve_uds(&mut self, frame: &Frame, base: &mut Base) {
         let Some(node_id) = self.node.node_id() else { return };
         let identification = Identification {
             kind: self.setup.kind,
             factory: self.objects.factory(),
             local_layer: self.local_layer,
-            busy: base.writes.iter().any(|job| matches!(job, Job::UdsNodeId(_))),
+            busy: base.writes.iter().any(|write| write.asked_by == Asker::Uds),
         };
         match identification.serve_node(node_id.get(), frame) {
             Reaction::Nothing => {}
             Reaction::Answer(answer) => self.node.answer(answer),
-            Reaction::StoreNodeId(raw) => base.writes.ask(Job::UdsNodeId(raw)),
+            Reaction::StoreNodeId(raw) => {
+                base.writes.ask(Write::new(RecordKey::LocalLayer, Asker::Uds).with(raw));
+            }
         }
     }
 }
 
 impl Body for CanopenValve {
     type Setup = Setup;
-    type Job = Job;
     type Service = Service;
 
-    const FAULT_LOG: Option<Job> = Some(Job::FaultLog);
+    const FAULT_LOG: bool = true;
+    const RECORD_VERSION: u8 = VERSION;
 
     fn new(setup: Setup) -> Self {
         let local_layer = LocalLayer::new(setup);
@@ -102,7 +106,7 @@ impl Body for CanopenValve {
             node: Node::new(local_layer.bit_rate),
             local_layer,
             load: Load::new(),
-            lss_in_flight: Configuration::NONE,
+            layer_in_flight: Configuration::NONE,
             cleared: Counters::default(),
             senses: Senses::default(),
         }
@@ -113,7 +117,7 @@ impl Body for CanopenValve {
         self.node.service(frame)
     }
 
-    fn handle(&mut self, service: Service, frame: &Frame, base: &mut Base<Job>) {
+    fn handle(&mut self, service: Service, frame: &Frame, base: &mut Base) {
         if service == Service::OtherProtocol {
             return self.serve_uds(frame, base);
         }
@@ -126,14 +130,14 @@ impl Body for CanopenValve {
         self.node.reset_demanded(frame).map(Restart::from)
     }
 
-    fn poll(&mut self, base: &mut Base<Job>) {
+    fn poll(&mut self, base: &mut Base) {
         self.objects.application.valve.poll(base.now());
         self.node.poll(&self.objects, base.now());
         self.retry_load(base);
     }
 
     #[inline]
-    fn settle(&mut self, base: &mut Base<Job>) {
+    fn settle(&mut self, base: &mut Base) {
         if self.objects.application.valve.has_changes() {
             self.report_changes(base);
         }
@@ -144,7 +148,7 @@ impl Body for CanopenValve {
         self.objects.application.valve.deadline().min(self.node.deadline()).min(self.load.retry_at())
     }
 
-    fn sense(&mut self, senses: &Senses, base: &mut Base<Job>) {
+    fn sense(&mut self, senses: &Senses, base: &mut Base) {
         self.senses = *senses;
         sense(&mut self.objects.application.valve, senses, base.now());
         self.node.set_bus_off(senses.bus == BusErrorMode::BusOff);
@@ -170,7 +174,7 @@ impl Body for CanopenValve {
     }
 
     #[inline]
-    fn all_sent(&mut self, _: &mut Base<Job>) {
+    fn all_sent(&mut self, _: &mut Base) {
         self.node.all_sent();
     }
 
@@ -184,17 +188,17 @@ impl Body for CanopenValve {
         self.node.take_bit_rate()
     }
 
-    fn encode(&mut self, job: Job) -> Result<Record, StoreError> {
-        self.encode_job(job)
+    fn encode(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()> {
+        self.encode_write(write, payload)
     }
 
-    fn written(&mut self, job: Job, stored: bool, base: &mut Base<Job>) {
-        self.end_job(job, stored, base);
+    fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
+        self.end_write(write, stored, base);
     }
 
     /// Starts with what the memory holds (SPEC 4.3, 4.5, 6). Of reset communication the application goes to FAULT_HOLD and
     /// keeps its parameters; faults that are active are told again.
-    fn start(&mut self, scope: Restart, image: &Image, base: &mut Base<Job>) {
+    fn start(&mut self, scope: Restart, image: &Image, base: &mut Base) {
         let now = base.now();
         let mut found = Found::look(&self.setup, image);
         let parameters =
@@ -230,7 +234,7 @@ impl Body for CanopenValve {
         self.fill(&found, base);
     }
 
-    fn watchdog_reset(&mut self, base: &mut Base<Job>) {
+    fn watchdog_reset(&mut self, base: &mut Base) {
         self.objects.application.valve.set_internal(InternalCause::Watchdog, true, base.now());
     }
 

@@ -1,196 +1,168 @@
 //! Writes to the memory: what each holds, and who waits for it (SPEC 4.5, 6).
 
+use heapless::VecView;
+
 use super::super::dictionary::Task;
 use super::super::found::Found;
-use super::super::records::{FaultLog, LayerChange, encode_flag, version};
+use super::super::records::{FaultLog, LocalLayer, encode_flag};
 use super::CanopenValve;
 use super::load::Executed;
 use crate::actuator::{FaultSet, InternalCause};
 use crate::canopen::dictionary::Group;
 use crate::canopen::lss::Configuration;
 use crate::device::host::Base;
-use crate::device::writes;
-use crate::memory::{RECORD_MAX, Record, RecordKey, StoreError, seal};
+use crate::device::writes::{Asker, Write};
+use crate::memory::{RECORD_MAX, RecordKey};
 use crate::uds::node_id_written;
 use crate::wire::lss::LssNodeId;
 
-/// One write.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Job {
-    /// The factory data of a new memory.
-    Factory,
-    /// Node ID and bit rate of a new memory.
-    LocalLayer,
-    /// LSS store: what LSS has configured by then.
-    LssStore,
-    /// UDS: a node ID.
-    UdsNodeId(u8),
-    /// "save": the parameters as they are.
-    Save,
-    /// The defaults, at the start that executes "load".
-    Restore,
-    /// The restore flag as it is to be.
-    RestoreFlag,
-    /// The fault log with all counts cleared.
-    ClearCounters,
-    /// The fault log.
-    FaultLog,
-}
-
-impl writes::Job for Job {
-    fn key(self) -> RecordKey {
-        match self {
-            Self::Factory => RecordKey::Factory,
-            Self::LocalLayer | Self::LssStore | Self::UdsNodeId(_) => RecordKey::LocalLayer,
-            Self::Save | Self::Restore => RecordKey::Parameters,
-            Self::RestoreFlag => RecordKey::RestoreFlag,
-            Self::ClearCounters | Self::FaultLog => RecordKey::FaultLog,
-        }
-    }
-
-    fn merged(self, newer: Self) -> Option<Self> {
-        (self == newer).then_some(newer)
-    }
-}
+/// "save": the parameters as they are.
+const SAVE: Write = Write::new(RecordKey::Parameters, Asker::Sdo);
+/// The defaults, at the start that executes "load".
+const RESTORE: Write = Write::new(RecordKey::Parameters, Asker::Device);
+/// The restore flag as it is to be.
+const RESTORE_FLAG: Write = Write::new(RecordKey::RestoreFlag, Asker::Device);
+/// The fault log with all counts cleared.
+const CLEAR_COUNTERS: Write = Write::new(RecordKey::FaultLog, Asker::Sdo);
 
 impl CanopenValve {
     /// Begins what an SDO client waits for.
-    pub(super) fn begin_task(&mut self, task: Task, base: &mut Base<Job>) {
-        match task {
-            Task::Save => base.writes.ask(Job::Save),
+    pub(super) fn begin_task(&mut self, task: Task, base: &mut Base) {
+        base.writes.ask(match task {
+            Task::Save => SAVE,
             Task::Load => {
                 self.load.asked = true;
-                base.writes.ask(Job::RestoreFlag);
+                RESTORE_FLAG
             }
-            Task::ClearCounters => base.writes.ask(Job::ClearCounters),
-        }
+            Task::ClearCounters => CLEAR_COUNTERS,
+        });
     }
 
     /// Asks for what a new memory lacks, and for the defaults where "load" is executed.
-    pub(super) fn fill(&mut self, found: &Found<'_>, base: &mut Base<Job>) {
-        for (key, job) in [(RecordKey::Factory, Job::Factory), (RecordKey::LocalLayer, Job::LocalLayer)] {
-            if found.is_absent(key) {
-                base.writes.ask(job);
+    pub(super) fn fill(&mut self, found: &Found<'_>, base: &mut Base) {
+        for record in [RecordKey::Factory, RecordKey::LocalLayer] {
+            if found.is_absent(record) {
+                base.writes.ask(Write::new(record, Asker::Device));
             }
         }
         self.continue_load(base);
     }
 
     /// Tries again what an executed "load" could not write.
-    pub(super) fn retry_load(&mut self, base: &mut Base<Job>) {
+    pub(super) fn retry_load(&mut self, base: &mut Base) {
         if self.load.retry(base.now(), !base.writes.is_idle()) {
             self.continue_load(base);
         }
     }
 
-    fn continue_load(&mut self, base: &mut Base<Job>) {
+    fn continue_load(&mut self, base: &mut Base) {
         match self.load.executed {
             Executed::Done => {}
-            Executed::DefaultsUnstored => base.writes.ask(Job::Restore),
-            Executed::FlagUncleared => base.writes.ask(Job::RestoreFlag),
+            Executed::DefaultsUnstored => base.writes.ask(RESTORE),
+            Executed::FlagUncleared => base.writes.ask(RESTORE_FLAG),
         }
     }
 
-    pub(super) fn encode_job(&mut self, job: Job) -> Result<Record, StoreError> {
-        let version = version(writes::Job::key(job));
-        let layer = self.local_layer;
-        match job {
-            Job::Factory => seal(version, &self.objects.factory().encode()),
-            Job::LocalLayer => seal(version, &layer.encode()),
-            Job::LssStore => {
-                self.lss_in_flight = self.node.unstored();
-                seal(version, &layer.with(change_of(self.lss_in_flight)).encode())
+    pub(super) fn encode_write(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()> {
+        let bytes: &[u8] = match write.record {
+            RecordKey::Factory => &self.objects.factory().encode(),
+            RecordKey::LocalLayer => {
+                self.layer_in_flight = match write.asked_by {
+                    Asker::Lss => self.node.unstored(),
+                    Asker::Uds => Configuration { node_id: LssNodeId::new(write.value), bit_rate: None },
+                    _ => Configuration::NONE,
+                };
+                &self.layer_to_store().encode()
             }
-            Job::UdsNodeId(raw) => seal(version, &layer.with(LayerChange::node_id(raw)).encode()),
-            Job::Save => {
-                let payload = self.node.parameters::<RECORD_MAX>(Group::All, &self.objects);
-                seal(version, &payload.ok_or(StoreError)?)
+            RecordKey::Parameters => {
+                let parameters = if write.asked_by == Asker::Sdo {
+                    self.node.parameters::<RECORD_MAX>(Group::All, &self.objects)
+                } else {
+                    self.node.default_parameters(&self.objects)
+                };
+                return payload.extend_from_slice(&parameters?).ok();
             }
-            Job::Restore => {
-                let payload = self.node.default_parameters::<RECORD_MAX>(&self.objects);
-                seal(version, &payload.ok_or(StoreError)?)
-            }
-            Job::RestoreFlag => seal(version, &encode_flag(self.load.asked)),
-            Job::ClearCounters => {
-                // A fault that activates from now on counts one.
+            RecordKey::RestoreFlag => &encode_flag(self.load.asked),
+            RecordKey::FaultLog => {
                 let valve = &mut self.objects.application.valve;
-                self.cleared = valve.counters();
-                valve.clear_counters(FaultSet::ALL);
-                valve.take_counters_changed();
-                seal(version, &FaultLog::default().encode())
+                if write.asked_by == Asker::Sdo {
+                    // A fault that activates from now on counts one.
+                    self.cleared = valve.counters();
+                    valve.clear_counters(FaultSet::ALL);
+                    valve.take_counters_changed();
+                }
+                &FaultLog { counters: valve.counters() }.encode()
             }
-            Job::FaultLog => {
-                let counters = self.objects.application.valve.counters();
-                seal(version, &FaultLog { counters }.encode())
-            }
+            RecordKey::Application => return None,
+        };
+        payload.extend_from_slice(bytes).ok()
+    }
+
+    /// Returns the local layer as the write in flight makes it.
+    fn layer_to_store(&self) -> LocalLayer {
+        let Configuration { node_id, bit_rate } = self.layer_in_flight;
+        LocalLayer {
+            node_id: node_id.map(LssNodeId::get).or(self.local_layer.node_id),
+            bit_rate: bit_rate.unwrap_or(self.local_layer.bit_rate),
         }
     }
 
     /// Takes the memory's answer to a write. An SDO client is answered by the last of equal writes: its own.
-    pub(super) fn end_job(&mut self, job: Job, stored: bool, base: &mut Base<Job>) {
+    pub(super) fn end_write(&mut self, write: Write, stored: bool, base: &mut Base) {
         let now = base.now();
-        let record = u8::try_from(writes::Job::key(job).position()).unwrap_or(u8::MAX);
-        self.objects.application.valve.set_internal(InternalCause::Record(record), !stored, now);
-        let is_last = |job: Job, base: &Base<Job>| base.writes.iter().all(|waiting| *waiting != job);
-        match job {
-            Job::Factory | Job::LocalLayer | Job::FaultLog => {}
-            Job::LssStore => {
+        let position = write.record.position() as u8;
+        self.objects.application.valve.set_internal(InternalCause::Record(position), !stored, now);
+        let by_client = write.asked_by == Asker::Sdo;
+        let is_last = !base.writes.contains(write);
+        match write.record {
+            RecordKey::LocalLayer => {
                 if stored {
-                    self.local_layer = self.local_layer.with(change_of(self.lss_in_flight));
-                    self.node.configuration_stored(self.lss_in_flight);
+                    self.local_layer = self.layer_to_store();
+                    self.node.configuration_stored(self.layer_in_flight);
                 }
-                self.node.end_lss_store(stored, is_last(job, base));
-            }
-            Job::UdsNodeId(raw) => {
-                if stored {
-                    self.local_layer = self.local_layer.with(LayerChange::node_id(raw));
-                    self.node.configuration_stored(Configuration { node_id: LssNodeId::new(raw), bit_rate: None });
+                match write.asked_by {
+                    Asker::Lss => self.node.end_lss_store(stored, is_last),
+                    Asker::Uds => self.node.answer(node_id_written(stored)),
+                    _ => {}
                 }
-                self.node.answer(node_id_written(stored));
             }
-            Job::Save => {
+            RecordKey::Parameters => {
                 if stored && self.load.parameters_stored() {
-                    self.load.save_waits = true;
-                    base.writes.ask_first(Job::RestoreFlag);
-                } else if is_last(job, base) {
-                    self.node.end_task(Task::Save, stored);
-                }
-            }
-            Job::Restore => {
-                if !stored {
+                    self.load.save_waits = by_client;
+                    base.writes.ask_first(RESTORE_FLAG);
+                } else if by_client {
+                    self.end_task(Task::Save, stored, is_last);
+                } else if !stored {
                     self.load.failed(now);
-                } else if self.load.parameters_stored() {
-                    base.writes.ask_first(Job::RestoreFlag);
                 }
             }
-            Job::RestoreFlag => {
+            RecordKey::RestoreFlag => {
                 if stored {
                     self.load.flag_stored();
                 } else {
                     self.load.failed(now);
                     // A newer "load" that waits is asked for still.
-                    self.load.asked &= !is_last(job, base);
+                    self.load.asked &= !is_last;
                 }
-                if core::mem::take(&mut self.load.save_waits) && is_last(Job::Save, base) {
-                    self.node.end_task(Task::Save, stored);
+                if core::mem::take(&mut self.load.save_waits) {
+                    self.end_task(Task::Save, stored, !base.writes.contains(SAVE));
                 }
-                if is_last(job, base) {
-                    self.node.end_task(Task::Load, stored);
-                }
+                self.end_task(Task::Load, stored, is_last);
             }
-            Job::ClearCounters => {
+            RecordKey::FaultLog if by_client => {
                 if !stored {
                     self.objects.application.valve.add_counters(self.cleared);
                 }
-                if is_last(job, base) {
-                    self.node.end_task(Task::ClearCounters, stored);
-                }
+                self.end_task(Task::ClearCounters, stored, is_last);
             }
+            RecordKey::Factory | RecordKey::FaultLog | RecordKey::Application => {}
         }
     }
-}
 
-/// What an LSS store changes of the local layer.
-fn change_of(configuration: Configuration) -> LayerChange {
-    LayerChange { node_id: configuration.node_id.map(LssNodeId::get), bit_rate: configuration.bit_rate }
+    /// Answers the SDO client of a task, by the last write of it.
+    fn end_task(&mut self, task: Task, stored: bool, is_last: bool) {
+        if is_last {
+            self.node.end_task(task, stored);
+        }
+    }
 }

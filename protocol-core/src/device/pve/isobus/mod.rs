@@ -9,25 +9,26 @@
 mod product;
 mod storing;
 
-use heapless::Vec;
+use heapless::{Vec, VecView};
 
 use product::{RULES, address, name};
-use storing::{Clearing, Job, LayerFor};
+use storing::Clearing;
 
 use super::Setup;
 use super::auxiliary_valve::AuxiliaryValve;
 use super::fault_codes::codes;
 use super::found::Found;
 use super::identification::Identification;
-use super::records::{Factory, LayerChange, LocalLayer};
+use super::records::{Factory, LocalLayer, VERSION};
 use super::sensing::sense;
 use crate::actuator::{Fault, FaultSet, InternalCause, Valve};
 use crate::controller::{BitRate, BusErrorMode, Filter, Filters};
 use crate::device::host::{Base, Body, Host};
+use crate::device::writes::{Asker, Write};
 use crate::device::{Outputs, Restart, Senses, ValveOutputs};
 use crate::frame::Frame;
 use crate::isobus::node::{Indication, Node, Service};
-use crate::memory::{Image, Record, RecordKey, StoreError};
+use crate::memory::{Image, RecordKey};
 use crate::time::Instant;
 use crate::uds::Reaction;
 use crate::wire::dm::payload_len;
@@ -67,7 +68,7 @@ impl IsobusValve {
 
     /// Tells what became of the faults: DM1, the fault log, and the counters that DM3 may still clear.
     #[inline(never)]
-    fn report_changes(&mut self, base: &mut Base<Job>) {
+    fn report_changes(&mut self, base: &mut Base) {
         let now = base.now();
         let changes = self.auxiliary.take_changes(now);
         self.clearable = self.clearable.difference(changes.activated);
@@ -84,26 +85,27 @@ impl IsobusValve {
     }
 
     /// Stores a commanded address; the valve then restarts under it.
-    fn store_address(&self, address: Address, base: &mut Base<Job>) {
+    fn store_address(&self, address: Address, base: &mut Base) {
         if self.setup.kind.node_ids().contains(&address.get()) {
-            base.writes.ask(Job::LocalLayer(LayerChange::node_id(address.get()), LayerFor::CommandedAddress));
+            let write = Write::new(RecordKey::LocalLayer, Asker::CommandedAddress);
+            base.writes.ask(write.with(address.get()));
         }
     }
 
     #[inline(never)]
-    fn serve_uds(&mut self, frame: &Frame, base: &mut Base<Job>) {
+    fn serve_uds(&mut self, frame: &Frame, base: &mut Base) {
         let Some(own) = self.node.voice() else { return };
         let identification = Identification {
             kind: self.setup.kind,
             factory: &self.factory,
             local_layer: self.local_layer,
-            busy: base.writes.iter().any(|job| matches!(job, Job::LocalLayer(_, LayerFor::Uds))),
+            busy: base.writes.iter().any(|write| write.asked_by == Asker::Uds),
         };
         match identification.serve_node(own.get(), frame) {
             Reaction::Nothing => {}
             Reaction::Answer(frame) => self.node.answer(frame),
             Reaction::StoreNodeId(address) => {
-                base.writes.ask(Job::LocalLayer(LayerChange::node_id(address), LayerFor::Uds));
+                base.writes.ask(Write::new(RecordKey::LocalLayer, Asker::Uds).with(address));
             }
         }
     }
@@ -111,10 +113,10 @@ impl IsobusValve {
 
 impl Body for IsobusValve {
     type Setup = Setup;
-    type Job = Job;
     type Service = Service;
 
-    const FAULT_LOG: Option<Job> = Some(Job::FaultLog);
+    const FAULT_LOG: bool = true;
+    const RECORD_VERSION: u8 = VERSION;
 
     fn new(setup: Setup) -> Self {
         let factory = Factory::new(setup.kind, setup.serial);
@@ -137,7 +139,7 @@ impl Body for IsobusValve {
         self.node.service(frame)
     }
 
-    fn handle(&mut self, service: Service, frame: &Frame, base: &mut Base<Job>) {
+    fn handle(&mut self, service: Service, frame: &Frame, base: &mut Base) {
         match self.node.handle(service, frame, base.now()) {
             Indication::Nothing => {}
             Indication::Command => {
@@ -157,13 +159,13 @@ impl Body for IsobusValve {
         None
     }
 
-    fn poll(&mut self, base: &mut Base<Job>) {
+    fn poll(&mut self, base: &mut Base) {
         self.auxiliary.valve.poll(base.now());
         self.node.run_timers(base.now());
     }
 
     #[inline]
-    fn settle(&mut self, base: &mut Base<Job>) {
+    fn settle(&mut self, base: &mut Base) {
         if self.auxiliary.valve.has_changes() {
             self.report_changes(base);
         }
@@ -174,7 +176,7 @@ impl Body for IsobusValve {
         self.node.deadline().min(self.auxiliary.valve.deadline())
     }
 
-    fn sense(&mut self, senses: &Senses, base: &mut Base<Job>) {
+    fn sense(&mut self, senses: &Senses, base: &mut Base) {
         self.senses = *senses;
         sense(&mut self.auxiliary.valve, senses, base.now());
         self.node.set_bus_off(senses.bus == BusErrorMode::BusOff);
@@ -199,7 +201,7 @@ impl Body for IsobusValve {
         self.node.give_back(frame);
     }
 
-    fn all_sent(&mut self, base: &mut Base<Job>) {
+    fn all_sent(&mut self, base: &mut Base) {
         self.node.all_sent(base.now());
         let valve = &mut self.auxiliary.valve;
         // A watchdog reset does not last: it is gone once the bus has heard of it.
@@ -219,16 +221,16 @@ impl Body for IsobusValve {
         None
     }
 
-    fn encode(&mut self, job: Job) -> Result<Record, StoreError> {
-        self.encode_job(job)
+    fn encode(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()> {
+        self.encode_write(write, payload)
     }
 
-    fn written(&mut self, job: Job, stored: bool, base: &mut Base<Job>) {
-        self.end_job(job, stored, base);
+    fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
+        self.end_write(write, stored, base);
     }
 
     /// Starts with what the memory holds: the address is claimed, and a new memory filled.
-    fn start(&mut self, _: Restart, image: &Image, base: &mut Base<Job>) {
+    fn start(&mut self, _: Restart, image: &Image, base: &mut Base) {
         let now = base.now();
         let found = Found::look(&self.setup, image);
         self.factory = found.factory;
@@ -241,15 +243,14 @@ impl Body for IsobusValve {
         sense(valve, &self.senses, now);
         let own = address(&self.setup, self.local_layer);
         self.node.restart(name(&self.factory), own);
-        let layer = Job::LocalLayer(LayerChange::default(), LayerFor::Nobody);
-        for (key, job) in [(RecordKey::Factory, Job::Factory), (RecordKey::LocalLayer, layer)] {
-            if found.is_absent(key) {
-                base.writes.ask(job);
+        for record in [RecordKey::Factory, RecordKey::LocalLayer] {
+            if found.is_absent(record) {
+                base.writes.ask(Write::new(record, Asker::Device));
             }
         }
     }
 
-    fn watchdog_reset(&mut self, base: &mut Base<Job>) {
+    fn watchdog_reset(&mut self, base: &mut Base) {
         self.auxiliary.valve.set_internal(InternalCause::Watchdog, true, base.now());
     }
 
