@@ -17,7 +17,7 @@ pub struct Board {
     /// The variable that names the ELF file of its image; `./run` sets it.
     pub(crate) variable: &'static str,
     /// The folder that cargo builds its image into.
-    pub(crate) profile: &'static str,
+    pub profile: &'static str,
     /// Where the image may be.
     pub flash: Range<u64>,
     /// The RAM that it uses.

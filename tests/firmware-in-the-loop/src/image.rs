@@ -26,13 +26,13 @@ impl Image {
         &IMAGES[usize::from(std::ptr::eq(board, &NUCLEO_F446RE))]
     }
 
-    /// An image of `firmware/examples`, for the NUCLEO-F429ZI: found beside the image for that.
+    /// An image of `firmware/examples`, for the NUCLEO-F429ZI, built in a profile: found beside the image for that board.
     ///
     /// # Panics
     /// When there is none.
     #[must_use]
-    pub fn example(name: &str) -> &'static Self {
-        let path = Image::of(&NUCLEO_F429ZI).path.with_file_name("examples").join(name);
+    pub fn example(profile: &str, name: &str) -> &'static Self {
+        let path = Image::of(&NUCLEO_F429ZI).path.with_file_name("..").join(profile).join("examples").join(name);
         Box::leak(Box::new(Image::load_from(&NUCLEO_F429ZI, path)))
     }
 

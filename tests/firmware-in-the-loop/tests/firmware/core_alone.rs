@@ -1,6 +1,7 @@
 //! What the core alone takes (`firmware/examples/core_alone.rs`): flash, RAM, stack, and instructions for a frame through
 //! the pump, in the profile that is flashed.
 
+use firmware_in_the_loop::board::NUCLEO_F429ZI;
 use firmware_in_the_loop::image::Image;
 use firmware_in_the_loop::machine::Machine;
 use firmware_in_the_loop::part::Connections;
@@ -30,7 +31,7 @@ const ROWS: [(&str, u64); 7] = [
 
 #[test]
 fn core_alone() {
-    let image = Image::example("core_alone");
+    let image = Image::example(NUCLEO_F429ZI.profile, "core_alone");
     let symbols = image.symbols();
     let mut machine = Machine::power_on(image, Connections::default());
     stack::paint(&machine);

@@ -14,6 +14,7 @@ mod filters;
 mod hands;
 mod leds;
 mod memory_functions;
+mod minimal;
 mod overtaking;
 mod power_cut;
 mod reception;

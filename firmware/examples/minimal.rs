@@ -1,0 +1,180 @@
+//! The smallest firmware: one CANopen valve, pumped each millisecond. A port begins with this file.
+//!
+//! A port puts its driver in the place of [`Controller`] and its flash in that of [`Memory`]. Here words in RAM stand for the
+//! controller's registers, and `tests/firmware-in-the-loop/run --test firmware minimal` plays the bus behind them.
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+#[cfg(not(target_os = "none"))]
+fn main() {}
+
+#[cfg(target_os = "none")]
+mod image {
+    use core::convert::Infallible;
+    use core::panic::PanicInfo;
+    use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
+
+    use cortex_m::peripheral::{SCB, syst::SystClkSource};
+    use cortex_m_rt::{entry, exception};
+    // The functions that copy memory.
+    use firmware as _;
+    use protocol_core::controller::{BitRate, Filter, Filters};
+    use protocol_core::device::pve::{Kind, PveCanopen, Setup};
+    use protocol_core::device::{Device as _, Effect, Senses, StartCause};
+    use protocol_core::frame::{Frame, extended, standard};
+    use protocol_core::memory::{Image, Record, RecordKey, StoreError};
+    use protocol_core::pump::pump;
+    use protocol_core::time::{Duration, Instant, after};
+    use static_cell::StaticCell;
+    // The table of interrupts, which the start-up code asks for.
+    use stm32_metapac as _;
+
+    /// The period in which the loop runs, and the same in cycles of the processor, which starts at 16 MHz.
+    const TICK: Duration = Duration::from_millis(1);
+    const TICK_CYCLES: u32 = 16_000;
+
+    /// The registers of the CAN controller.
+    static REGISTERS: Registers =
+        Registers { received: Mailbox::empty(), to_send: Mailbox::empty(), bit_rate: AtomicU32::new(0) };
+
+    #[repr(C)]
+    struct Registers {
+        received: Mailbox,
+        to_send: Mailbox,
+        /// In bits per second.
+        bit_rate: AtomicU32,
+    }
+
+    /// A mailbox: its frame's identifier as a [`Frame::key`] with the bit `FULL`, length and data.
+    #[repr(C)]
+    struct Mailbox {
+        key: AtomicU32,
+        len: AtomicU32,
+        data: [AtomicU32; 2],
+    }
+
+    impl Mailbox {
+        const FULL: u32 = 1 << 31;
+        const EXTENDED: u32 = 1 << 29;
+
+        const fn empty() -> Self {
+            Self { key: AtomicU32::new(0), len: AtomicU32::new(0), data: [AtomicU32::new(0), AtomicU32::new(0)] }
+        }
+
+        fn is_full(&self) -> bool {
+            self.key.load(Relaxed) & Self::FULL != 0
+        }
+
+        fn take(&self) -> Option<Frame> {
+            let key = self.key.load(Relaxed);
+            let id = if key & Self::EXTENDED == 0 { standard(key as u16).into() } else { extended(key).into() };
+            let [low, high] = self.data.each_ref().map(|word| u64::from(word.load(Relaxed)));
+            let frame = Frame::with_len(id, (high << 32 | low).to_le_bytes(), self.len.load(Relaxed) as u8);
+            let was_full = self.is_full();
+            self.key.store(0, Relaxed);
+            was_full.then_some(frame)
+        }
+
+        fn put(&self, frame: &Frame) {
+            let data = u64::from_le_bytes(*frame.bytes());
+            self.len.store(frame.len().into(), Relaxed);
+            self.data[0].store(data as u32, Relaxed);
+            self.data[1].store((data >> 32) as u32, Relaxed);
+            self.key.store(frame.key() | Self::FULL, Relaxed);
+        }
+    }
+
+    /// The driver of the CAN controller, which takes every frame and holds one to send.
+    struct Controller;
+
+    impl Controller {
+        fn set_bit_rate(&mut self, bit_rate: BitRate) {
+            REGISTERS.to_send.key.store(0, Relaxed);
+            REGISTERS.bit_rate.store(bit_rate.bits_per_second(), Relaxed);
+        }
+    }
+
+    impl embedded_can::nb::Can for Controller {
+        type Frame = Frame;
+        type Error = Infallible;
+
+        fn transmit(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, Infallible> {
+            if REGISTERS.to_send.is_full() {
+                return Err(nb::Error::WouldBlock);
+            }
+            REGISTERS.to_send.put(frame);
+            Ok(None)
+        }
+
+        fn receive(&mut self) -> nb::Result<Frame, Infallible> {
+            REGISTERS.received.take().ok_or(nb::Error::WouldBlock)
+        }
+    }
+
+    impl protocol_core::controller::Controller for Controller {
+        fn is_idle(&self) -> bool {
+            !REGISTERS.to_send.is_full()
+        }
+
+        fn abort(&mut self, which: Filter) {
+            if (REGISTERS.to_send.key.load(Relaxed) ^ which.key) & which.mask & !Mailbox::FULL == 0 {
+                REGISTERS.to_send.key.store(0, Relaxed);
+            }
+        }
+
+        fn set_filters(&mut self, _: &Filters) {}
+    }
+
+    /// The memory of a board without one: each start finds it new.
+    struct Memory;
+
+    impl Memory {
+        fn read(&self) -> Image {
+            Image::empty()
+        }
+
+        fn store(&mut self, _: RecordKey, _: &Record) -> Result<(), StoreError> {
+            Ok(())
+        }
+    }
+
+    #[panic_handler]
+    fn panic(_: &PanicInfo<'_>) -> ! {
+        SCB::sys_reset()
+    }
+
+    /// Wakes the loop.
+    #[exception]
+    fn SysTick() {}
+
+    #[entry]
+    fn main() -> ! {
+        static VALVE: StaticCell<PveCanopen> = StaticCell::new();
+        let (mut can, mut memory, mut now) = (Controller, Memory, Instant::from_ticks(0));
+        let valve = VALVE.init_with(|| PveCanopen::new(Setup::new(Kind::PveaCanopen)));
+        valve.start_up(&memory.read(), StartCause::PowerOn, now);
+        can.set_bit_rate(valve.bit_rate());
+        valve.sense(&Senses::default(), now);
+        if let Some(peripherals) = cortex_m::Peripherals::take() {
+            let mut timer = peripherals.SYST;
+            timer.set_clock_source(SystClkSource::Core);
+            timer.set_reload(TICK_CYCLES - 1);
+            timer.clear_current();
+            timer.enable_counter();
+            timer.enable_interrupt();
+        }
+        loop {
+            while let Some(effect) = pump(valve, &mut can, now) {
+                match effect {
+                    Effect::Store(key, record) => valve.stored(key, memory.store(key, &record), now),
+                    Effect::SetBitRate(bit_rate) => can.set_bit_rate(bit_rate),
+                    Effect::Restart(scope) => {
+                        valve.restart(scope, &memory.read(), now);
+                        can.set_bit_rate(valve.bit_rate());
+                    }
+                }
+            }
+            cortex_m::asm::wfi();
+            now = after(now, TICK);
+        }
+    }
+}
