@@ -24,21 +24,64 @@ pub struct Shaft {
 /// Microseconds in a minute: at one turn a minute, the parts of a turn that the shaft can have come to.
 const MINUTE_US: u64 = 60_000_000;
 
+/// The turns that outweigh the highest speed backwards.
+const TURNS_FORWARDS: u64 = 36;
+const _: () = assert!(TURNS_FORWARDS * MINUTE_US > i32::MIN.unsigned_abs() as u64);
+
 /// A turn in the unit that holds 1/100 degree and those parts exactly: their least common multiple.
 const TURN: u64 = 180_000_000;
 
-const UNITS_PER_CDEG: u64 = 5_000;
+const UNITS_PER_CDEG: u32 = 5_000;
 const UNITS_PER_PART: u64 = 3;
-const _: () = assert!(UNITS_PER_CDEG * TURN_CDEG as u64 == TURN && UNITS_PER_PART * MINUTE_US == TURN);
+const _: () = assert!(UNITS_PER_CDEG as u64 * TURN_CDEG as u64 == TURN && UNITS_PER_PART * MINUTE_US == TURN);
 
 /// The steps in so many units, in lowest terms.
 const STEPS_IN_UNITS: u64 = 64;
 const UNITS_IN_STEPS: u64 = 703_125;
 const _: () = assert!(STEPS_IN_UNITS * TURN == UNITS_IN_STEPS * STEPS as u64);
 
-/// The most units that [`Shaft::units_at`] returns: no product here reaches 64 bits.
-const UNITS_MAX: u64 = u32::MAX as u64 * UNITS_PER_CDEG + MINUTE_US * MINUTE_US * UNITS_PER_PART;
-const _: () = assert!(UNITS_MAX < u64::MAX / STEPS_IN_UNITS);
+/// The most units that [`Shaft::units_at`] returns.
+const UNITS_MAX: u64 =
+    u32::MAX as u64 * UNITS_PER_CDEG as u64 + MINUTE_US * TURNS_FORWARDS * MINUTE_US * UNITS_PER_PART;
+
+const MINUTES: Ratio = Ratio::new(1, MINUTE_US, u64::MAX);
+const TURNS: Ratio = Ratio::new(1, TURN, UNITS_MAX);
+const STEPS_OF_UNITS: Ratio = Ratio::new(STEPS_IN_UNITS, UNITS_IN_STEPS, UNITS_MAX);
+
+/// A constant ratio below 1 that multiplies 64-bit numbers: the Cortex-M4 does not divide them, and the function that does
+/// is 0.9 KiB long.
+struct Ratio {
+    /// The factors of two in the denominator, which are shifted out first.
+    twos: u32,
+    /// 2^(64 + shift) times the ratio without those factors, rounded up.
+    scaled: u64,
+    shift: u32,
+}
+
+impl Ratio {
+    /// Returns the ratio of two numbers in lowest terms, for multiplicands up to `max`. To be called for constants only:
+    /// that the rounding of the ratio shows in no product is checked when they are made.
+    #[expect(clippy::arithmetic_side_effects, reason = "of constants: the compiler tells of an overflow")]
+    const fn new(numerator: u64, denominator: u64, max: u64) -> Self {
+        let twos = denominator.trailing_zeros();
+        let odd = (denominator >> twos) as u128;
+        let shift = (odd / numerator as u128).ilog2();
+        let exact = (numerator as u128) << (64 + shift);
+        let scaled = exact / odd + 1;
+        assert!(scaled <= u64::MAX as u128);
+        // A product lies 1/odd or more below the next whole number, and comes out too high by less than that.
+        let excess = scaled * odd - exact;
+        assert!((max >> twos) as u128 * excess < 1 << (64 + shift));
+        Self { twos, scaled: scaled as u64, shift }
+    }
+
+    /// Returns the product, rounded down.
+    #[inline]
+    const fn of(&self, number: u64) -> u64 {
+        let product = ((number >> self.twos) as u128).wrapping_mul(self.scaled as u128);
+        (product >> 64) as u64 >> self.shift
+    }
+}
 
 impl Shaft {
     /// Returns a shaft that rests at an angle in 1/100 degree.
@@ -50,25 +93,29 @@ impl Shaft {
     /// Returns the angle at an instant in 1/100 degree, below a turn, rounded down.
     #[must_use]
     pub const fn angle_at(&self, now: Instant) -> u32 {
-        (self.units_at(now) % TURN / UNITS_PER_CDEG) as u32
+        let units = self.units_at(now);
+        let within_turn = units.wrapping_sub(TURNS.of(units).wrapping_mul(TURN)) as u32;
+        within_turn / UNITS_PER_CDEG
     }
 
     /// Returns the raw position at an instant: floor(angle × 16384 / 36000).
     #[inline]
     #[must_use]
     pub const fn position_at(&self, now: Instant) -> u32 {
-        (self.units_at(now).wrapping_mul(STEPS_IN_UNITS) / UNITS_IN_STEPS) as u32 & POSITION_MAX
+        STEPS_OF_UNITS.of(self.units_at(now)) as u32 & POSITION_MAX
     }
 
     /// The angle in units, whole turns included.
     #[inline]
     const fn units_at(&self, now: Instant) -> u64 {
-        let start = (self.angle_cdeg as u64).wrapping_mul(UNITS_PER_CDEG);
+        let start = (self.angle_cdeg as u64).wrapping_mul(UNITS_PER_CDEG as u64);
         // A shaft with a whole number of turns a minute is back where it was after each minute, and backwards by some parts
         // of a turn is forwards by the others.
-        let elapsed = since(now, self.since).as_micros() % MINUTE_US;
-        let parts = self.speed_rpm.rem_euclid(MINUTE_US as i32) as u64;
-        start.wrapping_add(elapsed.wrapping_mul(parts).wrapping_mul(UNITS_PER_PART))
+        let elapsed = since(now, self.since).as_micros();
+        let within_minute = elapsed.wrapping_sub(MINUTES.of(elapsed).wrapping_mul(MINUTE_US));
+        let turns = if self.speed_rpm < 0 { TURNS_FORWARDS * MINUTE_US } else { 0 };
+        let parts = turns.wrapping_add_signed(self.speed_rpm as i64);
+        start.wrapping_add(within_minute.wrapping_mul(parts).wrapping_mul(UNITS_PER_PART))
     }
 }
 
@@ -96,13 +143,13 @@ impl Preset {
     /// No preset: the position is the raw one.
     pub const NONE: Self = Self { value: 0, offset: 0 };
 
-    /// Returns the preset that makes the raw position `raw` read `value`; `None` above [`POSITION_MAX`].
+    /// Returns the preset that makes the position that reads `position` now read `value`; `None` above [`POSITION_MAX`].
     #[must_use]
-    pub const fn new(value: u32, raw: u32) -> Option<Self> {
+    pub const fn moved(self, position: u32, value: u32) -> Option<Self> {
         if value > POSITION_MAX {
             return None;
         }
-        Some(Self { value, offset: value.wrapping_sub(raw) & POSITION_MAX })
+        Some(Self { value, offset: self.offset.wrapping_add(value).wrapping_sub(position) & POSITION_MAX })
     }
 
     /// The value that was set.
@@ -136,7 +183,10 @@ impl Preset {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
+    use crate::time::Duration;
 
     #[test]
     fn a_resting_shaft_at_every_angle() {
@@ -148,19 +198,51 @@ mod tests {
         assert_eq!(Shaft::at(TURN_CDEG).position_at(Instant::MIN), 0, "a whole turn is none");
     }
 
+    /// Position and angle by the plain formula.
+    fn formula(shaft: &Shaft, elapsed: u64) -> (i128, i128) {
+        let turn = 36_000 * 60_000_000;
+        let angle = i128::from(shaft.angle_cdeg) * 60_000_000;
+        let units = (angle + i128::from(shaft.speed_rpm) * i128::from(elapsed) * 36_000).rem_euclid(turn);
+        (units * 16_384 / turn, units / 60_000_000)
+    }
+
+    fn found(shaft: &Shaft, now: Instant) -> (i128, i128) {
+        (shaft.position_at(now).into(), shaft.angle_at(now).into())
+    }
+
     #[test]
     fn a_turning_shaft_is_exact_at_every_instant() {
-        for speed_rpm in [1, -1, 7, -33, 3000, -12_000, i32::MAX, i32::MIN] {
-            let start = Instant::from_secs(5);
-            let shaft = Shaft { speed_rpm, since: start, ..Shaft::at(12_345) };
-            for elapsed in [0, 1, 999, 1_000, 59_999_999, 60_000_000, 3_600_000_001, u64::from(u32::MAX) * 1_000] {
-                let units = 12_345_i128 * 60_000_000 + i128::from(speed_rpm) * i128::from(elapsed) * 36_000;
-                let turn = 36_000 * 60_000_000;
-                let expected = units.rem_euclid(turn) * 16_384 / turn;
-                let now = Instant::from_micros(5_000_000 + elapsed);
-                assert_eq!(i128::from(shaft.position_at(now)), expected, "{speed_rpm} rpm, {elapsed} us");
-                assert_eq!(i128::from(shaft.angle_at(now)), units.rem_euclid(turn) / 60_000_000);
+        let minutes = u64::MAX / MINUTE_US * MINUTE_US;
+        for speed_rpm in [0, 1, -1, 7, -33, 3000, -12_000, 59_999_999, -60_000_000, i32::MAX, i32::MIN] {
+            for angle_cdeg in [0, 12_345, 35_999, 36_000, u32::MAX] {
+                let shaft = Shaft { speed_rpm, ..Shaft::at(angle_cdeg) };
+                for elapsed in [0, 1, 999, 1_000, 59_999_999, 60_000_000, 3_600_000_001, minutes - 1, minutes, u64::MAX]
+                {
+                    let now = Instant::from_micros(elapsed);
+                    assert_eq!(found(&shaft, now), formula(&shaft, elapsed), "{shaft:?}, {elapsed} us");
+                }
             }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn every_shaft_is_where_the_formula_says(
+            angle_cdeg: u32, speed_rpm: i32, start: u32, elapsed in prop_oneof![0..=u64::MAX >> 32, 0..=u64::MAX >> 1],
+        ) {
+            let since = Instant::from_micros(start.into());
+            let shaft = Shaft { speed_rpm, since, ..Shaft::at(angle_cdeg) };
+            prop_assert_eq!(found(&shaft, since + Duration::from_micros(elapsed)), formula(&shaft, elapsed));
+        }
+
+        #[test]
+        fn a_ratio_rounds_down(number: u64, steps in 0..u64::from(STEPS) * 2_160_000_000) {
+            prop_assert_eq!(MINUTES.of(number), number / MINUTE_US);
+            // The last number of units below a step, and the first that reaches it.
+            let first = (u128::from(steps) * u128::from(UNITS_IN_STEPS)).div_ceil(STEPS_IN_UNITS.into()) as u64;
+            prop_assume!(first < UNITS_MAX);
+            prop_assert_eq!(STEPS_OF_UNITS.of(first), steps);
+            prop_assert_eq!(STEPS_OF_UNITS.of(first.saturating_sub(1)), steps.saturating_sub(1));
         }
     }
 

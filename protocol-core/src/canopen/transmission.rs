@@ -162,10 +162,18 @@ impl Transmission {
     /// The last instant of the grid up to now.
     #[cold]
     fn last_period(&self, now: Instant) -> Instant {
-        let period = self.period().as_ticks();
-        let over = since(now, self.due).as_ticks().checked_rem(period).unwrap_or(0);
-        Instant::from_ticks(now.as_ticks().saturating_sub(over))
+        let period = u32::from(self.event_timer).saturating_mul(1000);
+        let over = remainder(since(now, self.due).as_ticks(), period);
+        Instant::from_ticks(now.as_ticks().saturating_sub(over.into()))
     }
+}
+
+/// Returns `dividend % divisor` for a divisor of 1 … 2^31, bit by bit: the board's function for 64-bit numbers is 0.9 KiB long.
+fn remainder(dividend: u64, divisor: u32) -> u32 {
+    (0..u64::BITS).rev().fold(0, |rest: u32, bit| {
+        let rest = rest << 1 | (dividend >> bit & 1) as u32;
+        if rest >= divisor { rest.wrapping_sub(divisor) } else { rest }
+    })
 }
 
 #[cfg(test)]
@@ -211,6 +219,18 @@ mod tests {
         assert_eq!(transmission.poll(Instant::from_micros(55_000)), Some(Instant::from_micros(50_007)));
         assert_eq!(transmission.poll(Instant::from_micros(55_001)), None);
         assert_eq!(transmission.deadline(), Instant::from_micros(60_007));
+    }
+
+    #[test]
+    fn periods_missed_for_ever_merge() {
+        for divisor in [1, 2, 1_000, 65_535_000, 1 << 31] {
+            for dividend in [0, 1, 999, 1_000, u64::from(u32::MAX), u64::MAX - 1, u64::MAX] {
+                assert_eq!(u64::from(remainder(dividend, divisor)), dividend % u64::from(divisor));
+            }
+        }
+        let mut transmission = cyclic(65_535, 0);
+        let end = Instant::from_micros(7 + 65_535_000 * 1_000_000_000);
+        assert_eq!(transmission.poll(end + Duration::from_micros(65_534_999)), Some(end));
     }
 
     #[test]

@@ -120,7 +120,7 @@ impl HatObjects {
     }
 
     /// Returns object 0x6004.
-    #[inline]
+    #[inline(never)]
     pub(in crate::device) fn position(&self, now: Instant) -> u32 {
         self.preset.position(self.shaft.position_at(now))
     }
@@ -185,8 +185,7 @@ impl Product for HatObjects {
                 self.demanded.bit_rate = BitRate::from_table_index(number as u8).ok_or(AbortCode::INVALID_VALUE)?;
             }
             HatObject::Preset => {
-                let raw = self.shaft.position_at(now);
-                self.preset = Preset::new(number, raw).ok_or(AbortCode::TOO_HIGH)?;
+                self.preset = self.preset.moved(self.position(now), number).ok_or(AbortCode::TOO_HIGH)?;
             }
             _ => return Err(AbortCode::READ_ONLY),
         }
