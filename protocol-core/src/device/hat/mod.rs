@@ -19,8 +19,6 @@ pub use super::kind::hat::Kind;
 pub use dictionary::entry;
 pub use errors::Error;
 
-use heapless::VecView;
-
 use dictionary::DICTIONARY;
 use errors::Errors;
 use objects::{HatObjects, Task};
@@ -244,14 +242,6 @@ impl Body for HatSensor {
     #[inline]
     fn take_bit_rate(&mut self) -> Option<BitRate> {
         self.node.take_bit_rate()
-    }
-
-    fn encode(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()> {
-        self.encode_write(write, payload)
-    }
-
-    fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
-        self.end_write(write, stored, base);
     }
 
     /// Starts with what the memory holds: either reset loads both groups, and reset node the bit rate too. Errors that a

@@ -7,7 +7,7 @@ use super::objects::{Part, Task};
 use super::records::LAYER;
 use crate::canopen::dictionary::Group;
 use crate::canopen::lss::Configuration;
-use crate::device::host::Base;
+use crate::device::host::{Base, Storing};
 use crate::device::writes::{Asker, Write};
 use crate::memory::{RECORD_MAX, RecordKey};
 
@@ -42,8 +42,10 @@ impl HatSensor {
             base.writes.ask(Write::new(record, Asker::Sdo).with(value));
         }
     }
+}
 
-    pub(super) fn encode_write(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()> {
+impl Storing for HatSensor {
+    fn encode(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()> {
         let loads = write.value & LOADS != 0;
         let bytes: &[u8] = match write.record {
             RecordKey::Factory => &self.objects.identity.serial.to_le_bytes(),
@@ -67,7 +69,7 @@ impl HatSensor {
     }
 
     /// Takes the memory's answer to a write: a failed one is told to whoever waits for it, and to nobody else.
-    pub(super) fn end_write(&mut self, write: Write, stored: bool, base: &mut Base) {
+    fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
         if stored {
             self.set_damaged(self.damaged & !bit(write.record), base);
             if write.record == RecordKey::LocalLayer {

@@ -11,8 +11,6 @@ mod emergency;
 mod load;
 mod storing;
 
-use heapless::VecView;
-
 use load::Load;
 
 use super::Setup;
@@ -186,14 +184,6 @@ impl Body for CanopenValve {
     #[inline]
     fn take_bit_rate(&mut self) -> Option<BitRate> {
         self.node.take_bit_rate()
-    }
-
-    fn encode(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()> {
-        self.encode_write(write, payload)
-    }
-
-    fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
-        self.end_write(write, stored, base);
     }
 
     /// Starts with what the memory holds (SPEC 4.3, 4.5, 6). Of reset communication the application goes to FAULT_HOLD and

@@ -10,7 +10,7 @@ use super::load::Executed;
 use crate::actuator::{FaultSet, InternalCause};
 use crate::canopen::dictionary::Group;
 use crate::canopen::lss::Configuration;
-use crate::device::host::Base;
+use crate::device::host::{Base, Storing};
 use crate::device::writes::{Asker, Write};
 use crate::memory::{RECORD_MAX, RecordKey};
 use crate::uds::node_id_written;
@@ -63,7 +63,25 @@ impl CanopenValve {
         }
     }
 
-    pub(super) fn encode_write(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()> {
+    /// Returns the local layer as the write in flight makes it.
+    fn layer_to_store(&self) -> LocalLayer {
+        let Configuration { node_id, bit_rate } = self.layer_in_flight;
+        LocalLayer {
+            node_id: node_id.map(LssNodeId::get).or(self.local_layer.node_id),
+            bit_rate: bit_rate.unwrap_or(self.local_layer.bit_rate),
+        }
+    }
+
+    /// Answers the SDO client of a task, by the last write of it.
+    fn end_task(&mut self, task: Task, stored: bool, is_last: bool) {
+        if is_last {
+            self.node.end_task(task, stored);
+        }
+    }
+}
+
+impl Storing for CanopenValve {
+    fn encode(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()> {
         let bytes: &[u8] = match write.record {
             RecordKey::Factory => &self.objects.factory().encode(),
             RecordKey::LocalLayer => {
@@ -98,17 +116,8 @@ impl CanopenValve {
         payload.extend_from_slice(bytes).ok()
     }
 
-    /// Returns the local layer as the write in flight makes it.
-    fn layer_to_store(&self) -> LocalLayer {
-        let Configuration { node_id, bit_rate } = self.layer_in_flight;
-        LocalLayer {
-            node_id: node_id.map(LssNodeId::get).or(self.local_layer.node_id),
-            bit_rate: bit_rate.unwrap_or(self.local_layer.bit_rate),
-        }
-    }
-
     /// Takes the memory's answer to a write. An SDO client is answered by the last of equal writes: its own.
-    pub(super) fn end_write(&mut self, write: Write, stored: bool, base: &mut Base) {
+    fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
         let now = base.now();
         let position = write.record.position() as u8;
         self.objects.application.valve.set_internal(InternalCause::Record(position), !stored, now);
@@ -156,13 +165,6 @@ impl CanopenValve {
                 self.end_task(Task::ClearCounters, stored, is_last);
             }
             RecordKey::Factory | RecordKey::FaultLog | RecordKey::Application => {}
-        }
-    }
-
-    /// Answers the SDO client of a task, by the last write of it.
-    fn end_task(&mut self, task: Task, stored: bool, is_last: bool) {
-        if is_last {
-            self.node.end_task(task, stored);
         }
     }
 }

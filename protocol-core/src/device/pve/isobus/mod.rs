@@ -9,7 +9,7 @@
 mod product;
 mod storing;
 
-use heapless::{Vec, VecView};
+use heapless::Vec;
 
 use product::{RULES, address, name};
 use storing::Clearing;
@@ -219,14 +219,6 @@ impl Body for IsobusValve {
 
     fn take_bit_rate(&mut self) -> Option<BitRate> {
         None
-    }
-
-    fn encode(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()> {
-        self.encode_write(write, payload)
-    }
-
-    fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
-        self.end_write(write, stored, base);
     }
 
     /// Starts with what the memory holds: the address is claimed, and a new memory filled.
