@@ -9,7 +9,7 @@ use crate::canopen::dictionary::Group;
 use crate::canopen::lss::Configuration;
 use crate::device::host::{Base, Storing};
 use crate::device::writes::{Asker, Write};
-use crate::memory::{RECORD_MAX, RecordKey};
+use crate::memory::RecordKey;
 
 /// The bit of a record in a set.
 pub(super) const fn bit(key: RecordKey) -> u8 {
@@ -62,7 +62,7 @@ impl Storing for HatSensor {
             _ if loads => &[],
             record => {
                 let group = if record == RecordKey::Application { Group::Application } else { Group::Communication };
-                return payload.extend_from_slice(&self.node.parameters::<RECORD_MAX>(group, &self.objects)?).ok();
+                return self.node.parameters(group, &self.objects, payload);
             }
         };
         payload.extend_from_slice(bytes).ok()

@@ -12,7 +12,7 @@ use crate::canopen::dictionary::Group;
 use crate::canopen::lss::Configuration;
 use crate::device::host::{Base, Storing};
 use crate::device::writes::{Asker, Write};
-use crate::memory::{RECORD_MAX, RecordKey};
+use crate::memory::RecordKey;
 use crate::uds::node_id_written;
 use crate::wire::lss::LssNodeId;
 
@@ -92,14 +92,10 @@ impl Storing for CanopenValve {
                 };
                 &self.layer_to_store().encode()
             }
-            RecordKey::Parameters => {
-                let parameters = if write.asked_by == Asker::Sdo {
-                    self.node.parameters::<RECORD_MAX>(Group::All, &self.objects)
-                } else {
-                    self.node.default_parameters(&self.objects)
-                };
-                return payload.extend_from_slice(&parameters?).ok();
+            RecordKey::Parameters if write.asked_by == Asker::Sdo => {
+                return self.node.parameters(Group::All, &self.objects, payload);
             }
+            RecordKey::Parameters => return self.node.default_parameters(&self.objects, payload),
             RecordKey::RestoreFlag => &encode_flag(self.load.asked),
             RecordKey::FaultLog => {
                 let valve = &mut self.objects.application.valve;
