@@ -6,6 +6,7 @@
 use heapless::VecView;
 
 use super::fault_log::FaultLogClock;
+use super::reading::Reading;
 use super::writes::{Asker, Write, Writes};
 use super::{Device, Effect, Outputs, Restart, Senses, StartCause};
 use crate::controller::{BitRate, Filter, Filters};
@@ -150,6 +151,15 @@ impl Base {
     #[must_use]
     pub const fn is_restarting(&self) -> bool {
         self.restart.wanted.is_some() || self.restart.handed_out
+    }
+
+    /// Asks for what a new memory lacks.
+    pub fn fill(&mut self, reading: &Reading<'_>) {
+        for record in [RecordKey::Factory, RecordKey::LocalLayer] {
+            if reading.is_absent(record) {
+                self.writes.ask(Write::new(record, Asker::Device));
+            }
+        }
     }
 
     fn store_fault_log(&mut self) {

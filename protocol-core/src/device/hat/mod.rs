@@ -277,11 +277,7 @@ impl Body for HatSensor {
             self.set_error(Error::Controller, self.internal_fault, base);
             self.set_bus(self.bus, base);
         }
-        for record in [RecordKey::Factory, RecordKey::LocalLayer] {
-            if reading.is_absent(record) {
-                base.writes.ask(Write::new(record, Asker::Device));
-            }
-        }
+        base.fill(&reading);
     }
 
     /// Tells a watchdog reset, and that it is over.

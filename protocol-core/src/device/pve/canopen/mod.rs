@@ -221,7 +221,8 @@ impl Body for CanopenValve {
         self.node.boot(reset, [(Group::All, parameters)], &mut self.objects, now);
         self.tell_start(scope, base);
         found.tell_faults(&mut self.objects.application.valve, now);
-        self.fill(&found, base);
+        base.fill(&found.reading);
+        self.continue_load(base);
     }
 
     fn watchdog_reset(&mut self, base: &mut Base) {

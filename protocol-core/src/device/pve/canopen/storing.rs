@@ -3,7 +3,6 @@
 use heapless::VecView;
 
 use super::super::dictionary::Task;
-use super::super::found::Found;
 use super::super::records::{FaultLog, LocalLayer, encode_flag};
 use super::CanopenValve;
 use super::load::Executed;
@@ -38,16 +37,6 @@ impl CanopenValve {
         });
     }
 
-    /// Asks for what a new memory lacks, and for the defaults where "load" is executed.
-    pub(super) fn fill(&mut self, found: &Found<'_>, base: &mut Base) {
-        for record in [RecordKey::Factory, RecordKey::LocalLayer] {
-            if found.is_absent(record) {
-                base.writes.ask(Write::new(record, Asker::Device));
-            }
-        }
-        self.continue_load(base);
-    }
-
     /// Tries again what an executed "load" could not write.
     pub(super) fn retry_load(&mut self, base: &mut Base) {
         if self.load.retry(base.now(), !base.writes.is_idle()) {
@@ -55,7 +44,8 @@ impl CanopenValve {
         }
     }
 
-    fn continue_load(&mut self, base: &mut Base) {
+    /// Asks for the defaults where "load" is executed, or for what is left of it.
+    pub(super) fn continue_load(&mut self, base: &mut Base) {
         match self.load.executed {
             Executed::Done => {}
             Executed::DefaultsUnstored => base.writes.ask(RESTORE),

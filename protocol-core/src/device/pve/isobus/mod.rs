@@ -235,11 +235,7 @@ impl Body for IsobusValve {
         sense(valve, &self.senses, now);
         let own = address(&self.setup, self.local_layer);
         self.node.restart(name(&self.factory), own);
-        for record in [RecordKey::Factory, RecordKey::LocalLayer] {
-            if found.is_absent(record) {
-                base.writes.ask(Write::new(record, Asker::Device));
-            }
-        }
+        base.fill(&found.reading);
     }
 
     fn watchdog_reset(&mut self, base: &mut Base) {
