@@ -1,32 +1,33 @@
 //! What "save" stores, a record for each group: the values of the dictionary's stored objects in the order of the table
 //! (CiA 301 7.5.2.13; SPEC 6).
 
-use heapless::Vec;
+use heapless::VecView;
 
 use super::dictionary::{DataType, Dictionary, Entry, Group, Row, Value};
 
-/// The values of a group's stored objects as `value_of` gives them, one after the other; a text is preceded by its length.
-/// `None` when one is missing, or when they are more than `N` bytes.
-pub(crate) fn encode<'a, B: Copy, const N: usize>(
+/// Appends the values of a group's stored objects as `value_of` gives them, one after the other; a text is preceded by its
+/// length. `None` when one is missing, or when there is no room for it.
+pub(crate) fn encode<'a, B: Copy>(
     dictionary: Dictionary<B>,
     group: Group,
     value_of: impl Fn(&'static Row<B>) -> Option<Value<'a>>,
-) -> Option<Vec<u8, N>> {
-    let mut payload = Vec::new();
+    payload: &mut VecView<u8>,
+) -> Option<()> {
     for row in dictionary.stored(group) {
-        match value_of(row)? {
-            Value::Number(number) => {
-                let bytes = number.to_le_bytes();
-                let bytes = bytes.get(..usize::from(row.entry.data_type.size())).unwrap_or(&[]);
-                payload.extend_from_slice(bytes).ok()?;
+        let number;
+        let bytes = match value_of(row)? {
+            Value::Number(value) => {
+                number = value.to_le_bytes();
+                number.get(..usize::from(row.entry.data_type.size()))?
             }
             Value::Text(text) => {
                 payload.push(u8::try_from(text.len()).ok()?).ok()?;
-                payload.extend_from_slice(text).ok()?;
+                text
             }
-        }
+        };
+        payload.extend_from_slice(bytes).ok()?;
     }
-    Some(payload)
+    Some(())
 }
 
 /// The stored values, object by object.

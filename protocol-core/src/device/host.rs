@@ -6,6 +6,7 @@
 use heapless::VecView;
 
 use super::fault_log::FaultLogClock;
+use super::reading::Reading;
 use super::writes::{Asker, Write, Writes};
 use super::{Device, Effect, Outputs, Restart, Senses, StartCause};
 use crate::controller::{BitRate, Filter, Filters};
@@ -13,10 +14,19 @@ use crate::frame::Frame;
 use crate::memory::{self, Image, RecordKey, StoreError};
 use crate::time::{Instant, NEVER};
 
+/// What a device writes to the memory: its product's part of a write.
+pub trait Storing {
+    /// Appends the payload of a write, as things are now; `None` when there is none, or it is longer than a record holds.
+    fn encode(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()>;
+
+    /// Takes what became of a write.
+    fn written(&mut self, write: Write, stored: bool, base: &mut Base);
+}
+
 /// A protocol's node with a product in it.
 ///
 /// Each call happens at [`Base::now`], after everything that was due before then has acted.
-pub trait Body: Sized {
+pub trait Body: Storing + Sized {
     /// What a device is made as.
     type Setup;
     /// The services that listen to frames.
@@ -71,12 +81,6 @@ pub trait Body: Sized {
 
     /// Returns a bit rate to be in force from now on.
     fn take_bit_rate(&mut self) -> Option<BitRate>;
-
-    /// Appends the payload of a write, as things are now; `None` when there is none, or it is longer than a record holds.
-    fn encode(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()>;
-
-    /// Takes what became of a write.
-    fn written(&mut self, write: Write, stored: bool, base: &mut Base);
 
     /// Starts with what the memory holds: power-up, or a restart of this scope. Of power-up and reset application the queue
     /// of writes is empty.
@@ -149,6 +153,15 @@ impl Base {
         self.restart.wanted.is_some() || self.restart.handed_out
     }
 
+    /// Asks for what a new memory lacks.
+    pub fn fill(&mut self, reading: &Reading<'_>) {
+        for record in [RecordKey::Factory, RecordKey::LocalLayer] {
+            if reading.is_absent(record) {
+                self.writes.ask(Write::new(record, Asker::Device));
+            }
+        }
+    }
+
     fn store_fault_log(&mut self) {
         self.writes.ask(Write::new(RecordKey::FaultLog, Asker::Device));
         self.fault_log.begun();
@@ -163,14 +176,29 @@ impl Base {
         self.writes.begin()
     }
 
-    /// Ends the write of a record, and returns it; `None` when another one is in flight.
-    fn end_write(&mut self, record: RecordKey, stored: bool) -> Option<Write> {
-        let write = self.writes.end(record)?;
+    /// Returns the next write, or the restart when there is none. Kept apart from the look whether there is any: a record
+    /// takes much of the stack.
+    #[inline(never)]
+    fn next_effect(&mut self, body: &mut dyn Storing, version: u8, all_sent: bool) -> Option<Effect> {
+        while let Some(write) = self.begin_write() {
+            let mut record = memory::begin(version);
+            if body.encode(write, &mut record).is_some() && memory::complete(&mut record).is_ok() {
+                return Some(Effect::Store(write.record, record));
+            }
+            // No record of these devices is too long; one that were has failed.
+            self.end_write(body, write.record, false);
+        }
+        self.begin_restart(all_sent).map(Effect::Restart)
+    }
+
+    /// Ends a write that the memory has answered; one of another record than the one in flight is none.
+    fn end_write(&mut self, body: &mut dyn Storing, record: RecordKey, stored: bool) {
+        let Some(write) = self.writes.end(record) else { return };
         if record == RecordKey::FaultLog {
             self.restart.log_failed |= !stored;
             self.fault_log.ended(stored, self.now);
         }
-        Some(write)
+        body.written(write, stored, self);
     }
 
     /// Returns the restart that nothing keeps waiting any more, and hands it out.
@@ -276,27 +304,6 @@ impl<B: Body> Host<B> {
             self.deadline = self.deadline.min(self.base.fault_log.due());
         }
     }
-
-    /// Ends a write that the memory has answered.
-    fn end_write(&mut self, record: RecordKey, stored: bool) {
-        if let Some(write) = self.base.end_write(record, stored) {
-            self.body.written(write, stored, &mut self.base);
-        }
-    }
-
-    /// Returns the next write, or the restart when there is none.
-    #[inline(never)]
-    fn next_of_memory(&mut self, all_sent: bool) -> Option<Effect> {
-        while let Some(write) = self.base.begin_write() {
-            let mut record = memory::begin(B::RECORD_VERSION);
-            if self.body.encode(write, &mut record).is_some() && memory::complete(&mut record).is_ok() {
-                return Some(Effect::Store(write.record, record));
-            }
-            // No record of these devices is too long; one that were has failed.
-            self.end_write(write.record, false);
-        }
-        self.base.begin_restart(all_sent).map(Effect::Restart)
-    }
 }
 
 impl<B: Body> Device for Host<B> {
@@ -359,12 +366,12 @@ impl<B: Body> Device for Host<B> {
         if self.base.restart.wanted.is_none() && self.base.writes.is_idle() {
             return None;
         }
-        self.next_of_memory(all_sent)
+        self.base.next_effect(&mut self.body, B::RECORD_VERSION, all_sent)
     }
 
     fn stored(&mut self, key: RecordKey, result: Result<(), StoreError>, now: Instant) {
         self.advance(now);
-        self.end_write(key, result.is_ok());
+        self.base.end_write(&mut self.body, key, result.is_ok());
         self.settle();
     }
 

@@ -26,6 +26,18 @@ const fn demanded(frame: &Frame) -> Option<Restart> {
     }
 }
 
+impl Storing for Obedient {
+    fn encode(&mut self, _: Write, _: &mut VecView<u8>) -> Option<()> {
+        Some(())
+    }
+
+    fn written(&mut self, write: Write, stored: bool, _: &mut Base) {
+        if write == SAVE {
+            self.saved = Some(stored);
+        }
+    }
+}
+
 impl Body for Obedient {
     type Setup = Self;
     type Service = ();
@@ -97,16 +109,6 @@ impl Body for Obedient {
 
     fn take_bit_rate(&mut self) -> Option<BitRate> {
         None
-    }
-
-    fn encode(&mut self, _: Write, _: &mut VecView<u8>) -> Option<()> {
-        Some(())
-    }
-
-    fn written(&mut self, write: Write, stored: bool, _: &mut Base) {
-        if write == SAVE {
-            self.saved = Some(stored);
-        }
     }
 
     fn start(&mut self, scope: Restart, _: &Image, base: &mut Base) {

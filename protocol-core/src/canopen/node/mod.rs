@@ -27,13 +27,13 @@ pub(crate) use listening::Service;
 pub(crate) use object::{ErrorClass, Object, PdoParameter};
 pub(crate) use product::{ObjectOf, Product, Rules};
 
-use heapless::Vec;
+use heapless::VecView;
 
 use listening::Listening;
 use objects::Communication;
 use owed::Owed;
 
-use super::dictionary::Group;
+use super::dictionary::{Group, Row};
 use super::lss::{Configuration, LssSlave};
 use super::nmt::{NmtSlave, Reset};
 use super::parameters::{self, Stored};
@@ -300,15 +300,26 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Encodes the parameters of a group as they are; `None` when they are more than `N` bytes.
-    pub(crate) fn parameters<const N: usize>(&self, group: Group, product: &P) -> Option<Vec<u8, N>> {
-        // None of them changes with time.
-        parameters::encode(P::DICTIONARY, group, |row| self.objects.read(row.behind, product, Instant::MIN).ok())
+    /// Appends the parameters of a group as they are to a payload; `None` when there is no room.
+    pub(crate) fn parameters(&self, group: Group, product: &P, payload: &mut VecView<u8>) -> Option<()> {
+        self.encode(group, false, product, payload)
     }
 
-    /// Encodes all defaults for the node ID in force; `None` without one, or when they are more than `N` bytes.
-    pub(crate) fn default_parameters<const N: usize>(&self, product: &P) -> Option<Vec<u8, N>> {
-        parameters::encode(P::DICTIONARY, Group::All, |row| self.objects.default(row, product))
+    /// Appends all defaults for the node ID in force to a payload; `None` without one, or when there is no room.
+    pub(crate) fn default_parameters(&self, product: &P, payload: &mut VecView<u8>) -> Option<()> {
+        self.encode(Group::All, true, product, payload)
+    }
+
+    fn encode(&self, group: Group, defaults: bool, product: &P, payload: &mut VecView<u8>) -> Option<()> {
+        let value_of = |row: &'static Row<ObjectOf<P>>| {
+            if defaults {
+                self.objects.default(row, product)
+            } else {
+                // None of them changes with time.
+                self.objects.read(row.behind, product, Instant::MIN).ok()
+            }
+        };
+        parameters::encode(P::DICTIONARY, group, value_of, payload)
     }
 
     /// Returns the NMT state.

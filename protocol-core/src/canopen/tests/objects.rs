@@ -1,5 +1,7 @@
 //! The dictionary behind the SDO server, and the parameters that are stored.
 
+use heapless::Vec;
+
 use super::super::nmt::Reset;
 use super::super::node::Demand;
 use super::Rig;
@@ -65,16 +67,17 @@ fn parameters_come_back_and_defaults_follow_the_node_id() {
     let mut rig = Rig::booted();
     rig.exchange("605: 2B 17 10 00 F4 01 00 00");
     rig.exchange("605: 23 00 21 00 61 62 63 64");
-    let stored = rig.node.parameters::<64>(Group::All, &rig.lamp).unwrap();
-    let defaults = rig.node.default_parameters::<64>(&rig.lamp).unwrap();
-    assert!(rig.node.parameters::<8>(Group::All, &rig.lamp).is_none(), "too many bytes");
+    let (mut stored, mut defaults) = (Vec::<u8, 64>::new(), Vec::<u8, 64>::new());
+    rig.node.parameters(Group::All, &rig.lamp, &mut stored).unwrap();
+    rig.node.default_parameters(&rig.lamp, &mut defaults).unwrap();
+    assert!(rig.node.parameters(Group::All, &rig.lamp, &mut Vec::<u8, 8>::new()).is_none(), "too many bytes");
 
     let mut other = Rig::started(Some(6), Some(&stored));
     assert_eq!(other.sent(), ["706: 00"]);
     assert_eq!(other.exchange("606: 40 17 10 00 00 00 00 00"), ["586: 4B 17 10 00 F4 01 00 00"]);
     assert_eq!(other.exchange("606: 40 00 18 01 00 00 00 00"), ["586: 43 00 18 01 85 01 00 00"], "an absolute number");
     // Reset communication leaves the product's own objects alone.
-    other.lamp.label = heapless::Vec::from_slice(b"mine").unwrap();
+    other.lamp.label = Vec::from_slice(b"mine").unwrap();
     other.start(Reset::Communication, Some(6), Some(&defaults));
     assert_eq!(other.lamp.label, b"mine");
     assert_eq!(other.exchange("606: 40 17 10 00 00 00 00 00").last().unwrap(), "586: 4B 17 10 00 00 00 00 00");
@@ -83,5 +86,8 @@ fn parameters_come_back_and_defaults_follow_the_node_id() {
     assert_eq!(other.exchange("606: 40 00 18 01 00 00 00 00").last().unwrap(), "586: 43 00 18 01 86 01 00 00");
 
     let blank = Rig::started(None, None);
-    assert!(blank.node.default_parameters::<64>(&blank.lamp).is_none(), "there is no node ID to follow");
+    assert!(
+        blank.node.default_parameters(&blank.lamp, &mut Vec::<u8, 64>::new()).is_none(),
+        "there is no node ID to follow"
+    );
 }

@@ -19,8 +19,6 @@ pub use super::kind::hat::Kind;
 pub use dictionary::entry;
 pub use errors::Error;
 
-use heapless::VecView;
-
 use dictionary::DICTIONARY;
 use errors::Errors;
 use objects::{HatObjects, Task};
@@ -246,14 +244,6 @@ impl Body for HatSensor {
         self.node.take_bit_rate()
     }
 
-    fn encode(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()> {
-        self.encode_write(write, payload)
-    }
-
-    fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
-        self.end_write(write, stored, base);
-    }
-
     /// Starts with what the memory holds: either reset loads both groups, and reset node the bit rate too. Errors that a
     /// reset of the communication has left are told again, and not entered again.
     fn start(&mut self, scope: Restart, image: &Image, base: &mut Base) {
@@ -287,11 +277,7 @@ impl Body for HatSensor {
             self.set_error(Error::Controller, self.internal_fault, base);
             self.set_bus(self.bus, base);
         }
-        for record in [RecordKey::Factory, RecordKey::LocalLayer] {
-            if reading.is_absent(record) {
-                base.writes.ask(Write::new(record, Asker::Device));
-            }
-        }
+        base.fill(&reading);
     }
 
     /// Tells a watchdog reset, and that it is over.

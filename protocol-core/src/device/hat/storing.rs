@@ -7,9 +7,9 @@ use super::objects::{Part, Task};
 use super::records::LAYER;
 use crate::canopen::dictionary::Group;
 use crate::canopen::lss::Configuration;
-use crate::device::host::Base;
+use crate::device::host::{Base, Storing};
 use crate::device::writes::{Asker, Write};
-use crate::memory::{RECORD_MAX, RecordKey};
+use crate::memory::RecordKey;
 
 /// The bit of a record in a set.
 pub(super) const fn bit(key: RecordKey) -> u8 {
@@ -42,8 +42,10 @@ impl HatSensor {
             base.writes.ask(Write::new(record, Asker::Sdo).with(value));
         }
     }
+}
 
-    pub(super) fn encode_write(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()> {
+impl Storing for HatSensor {
+    fn encode(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()> {
         let loads = write.value & LOADS != 0;
         let bytes: &[u8] = match write.record {
             RecordKey::Factory => &self.objects.identity.serial.to_le_bytes(),
@@ -60,14 +62,14 @@ impl HatSensor {
             _ if loads => &[],
             record => {
                 let group = if record == RecordKey::Application { Group::Application } else { Group::Communication };
-                return payload.extend_from_slice(&self.node.parameters::<RECORD_MAX>(group, &self.objects)?).ok();
+                return self.node.parameters(group, &self.objects, payload);
             }
         };
         payload.extend_from_slice(bytes).ok()
     }
 
     /// Takes the memory's answer to a write: a failed one is told to whoever waits for it, and to nobody else.
-    pub(super) fn end_write(&mut self, write: Write, stored: bool, base: &mut Base) {
+    fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
         if stored {
             self.set_damaged(self.damaged & !bit(write.record), base);
             if write.record == RecordKey::LocalLayer {

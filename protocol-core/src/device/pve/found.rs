@@ -9,7 +9,7 @@ use crate::time::Instant;
 
 /// The records as they were found.
 pub(super) struct Found<'a> {
-    reading: Reading<'a>,
+    pub(super) reading: Reading<'a>,
     pub(super) factory: Factory,
     pub(super) local_layer: LocalLayer,
     pub(super) fault_log: FaultLog,
@@ -43,11 +43,6 @@ impl<'a> Found<'a> {
     /// The meaning of a record; `None` when it was never written, or is corrupt, which is noted.
     pub(super) fn payload<T>(&mut self, key: RecordKey, decode: impl FnOnce(&'a [u8]) -> Option<T>) -> Option<T> {
         self.reading.record(key, VERSION, decode)
-    }
-
-    /// Whether a record was never written.
-    pub(super) fn is_absent(&self, key: RecordKey) -> bool {
-        self.reading.is_absent(key)
     }
 
     /// Raises the internal error for what is damaged.

@@ -11,8 +11,6 @@ mod emergency;
 mod load;
 mod storing;
 
-use heapless::VecView;
-
 use load::Load;
 
 use super::Setup;
@@ -188,14 +186,6 @@ impl Body for CanopenValve {
         self.node.take_bit_rate()
     }
 
-    fn encode(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()> {
-        self.encode_write(write, payload)
-    }
-
-    fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
-        self.end_write(write, stored, base);
-    }
-
     /// Starts with what the memory holds (SPEC 4.3, 4.5, 6). Of reset communication the application goes to FAULT_HOLD and
     /// keeps its parameters; faults that are active are told again.
     fn start(&mut self, scope: Restart, image: &Image, base: &mut Base) {
@@ -231,7 +221,8 @@ impl Body for CanopenValve {
         self.node.boot(reset, [(Group::All, parameters)], &mut self.objects, now);
         self.tell_start(scope, base);
         found.tell_faults(&mut self.objects.application.valve, now);
-        self.fill(&found, base);
+        base.fill(&found.reading);
+        self.continue_load(base);
     }
 
     fn watchdog_reset(&mut self, base: &mut Base) {

@@ -3,16 +3,15 @@
 use heapless::VecView;
 
 use super::super::dictionary::Task;
-use super::super::found::Found;
 use super::super::records::{FaultLog, LocalLayer, encode_flag};
 use super::CanopenValve;
 use super::load::Executed;
 use crate::actuator::{FaultSet, InternalCause};
 use crate::canopen::dictionary::Group;
 use crate::canopen::lss::Configuration;
-use crate::device::host::Base;
+use crate::device::host::{Base, Storing};
 use crate::device::writes::{Asker, Write};
-use crate::memory::{RECORD_MAX, RecordKey};
+use crate::memory::RecordKey;
 use crate::uds::node_id_written;
 use crate::wire::lss::LssNodeId;
 
@@ -38,16 +37,6 @@ impl CanopenValve {
         });
     }
 
-    /// Asks for what a new memory lacks, and for the defaults where "load" is executed.
-    pub(super) fn fill(&mut self, found: &Found<'_>, base: &mut Base) {
-        for record in [RecordKey::Factory, RecordKey::LocalLayer] {
-            if found.is_absent(record) {
-                base.writes.ask(Write::new(record, Asker::Device));
-            }
-        }
-        self.continue_load(base);
-    }
-
     /// Tries again what an executed "load" could not write.
     pub(super) fn retry_load(&mut self, base: &mut Base) {
         if self.load.retry(base.now(), !base.writes.is_idle()) {
@@ -55,7 +44,8 @@ impl CanopenValve {
         }
     }
 
-    fn continue_load(&mut self, base: &mut Base) {
+    /// Asks for the defaults where "load" is executed, or for what is left of it.
+    pub(super) fn continue_load(&mut self, base: &mut Base) {
         match self.load.executed {
             Executed::Done => {}
             Executed::DefaultsUnstored => base.writes.ask(RESTORE),
@@ -63,7 +53,25 @@ impl CanopenValve {
         }
     }
 
-    pub(super) fn encode_write(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()> {
+    /// Returns the local layer as the write in flight makes it.
+    fn layer_to_store(&self) -> LocalLayer {
+        let Configuration { node_id, bit_rate } = self.layer_in_flight;
+        LocalLayer {
+            node_id: node_id.map(LssNodeId::get).or(self.local_layer.node_id),
+            bit_rate: bit_rate.unwrap_or(self.local_layer.bit_rate),
+        }
+    }
+
+    /// Answers the SDO client of a task, by the last write of it.
+    fn end_task(&mut self, task: Task, stored: bool, is_last: bool) {
+        if is_last {
+            self.node.end_task(task, stored);
+        }
+    }
+}
+
+impl Storing for CanopenValve {
+    fn encode(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()> {
         let bytes: &[u8] = match write.record {
             RecordKey::Factory => &self.objects.factory().encode(),
             RecordKey::LocalLayer => {
@@ -74,14 +82,10 @@ impl CanopenValve {
                 };
                 &self.layer_to_store().encode()
             }
-            RecordKey::Parameters => {
-                let parameters = if write.asked_by == Asker::Sdo {
-                    self.node.parameters::<RECORD_MAX>(Group::All, &self.objects)
-                } else {
-                    self.node.default_parameters(&self.objects)
-                };
-                return payload.extend_from_slice(&parameters?).ok();
+            RecordKey::Parameters if write.asked_by == Asker::Sdo => {
+                return self.node.parameters(Group::All, &self.objects, payload);
             }
+            RecordKey::Parameters => return self.node.default_parameters(&self.objects, payload),
             RecordKey::RestoreFlag => &encode_flag(self.load.asked),
             RecordKey::FaultLog => {
                 let valve = &mut self.objects.application.valve;
@@ -98,17 +102,8 @@ impl CanopenValve {
         payload.extend_from_slice(bytes).ok()
     }
 
-    /// Returns the local layer as the write in flight makes it.
-    fn layer_to_store(&self) -> LocalLayer {
-        let Configuration { node_id, bit_rate } = self.layer_in_flight;
-        LocalLayer {
-            node_id: node_id.map(LssNodeId::get).or(self.local_layer.node_id),
-            bit_rate: bit_rate.unwrap_or(self.local_layer.bit_rate),
-        }
-    }
-
     /// Takes the memory's answer to a write. An SDO client is answered by the last of equal writes: its own.
-    pub(super) fn end_write(&mut self, write: Write, stored: bool, base: &mut Base) {
+    fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
         let now = base.now();
         let position = write.record.position() as u8;
         self.objects.application.valve.set_internal(InternalCause::Record(position), !stored, now);
@@ -156,13 +151,6 @@ impl CanopenValve {
                 self.end_task(Task::ClearCounters, stored, is_last);
             }
             RecordKey::Factory | RecordKey::FaultLog | RecordKey::Application => {}
-        }
-    }
-
-    /// Answers the SDO client of a task, by the last write of it.
-    fn end_task(&mut self, task: Task, stored: bool, is_last: bool) {
-        if is_last {
-            self.node.end_task(task, stored);
         }
     }
 }

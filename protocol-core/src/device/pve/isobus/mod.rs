@@ -9,7 +9,7 @@
 mod product;
 mod storing;
 
-use heapless::{Vec, VecView};
+use heapless::Vec;
 
 use product::{RULES, address, name};
 use storing::Clearing;
@@ -221,14 +221,6 @@ impl Body for IsobusValve {
         None
     }
 
-    fn encode(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()> {
-        self.encode_write(write, payload)
-    }
-
-    fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
-        self.end_write(write, stored, base);
-    }
-
     /// Starts with what the memory holds: the address is claimed, and a new memory filled.
     fn start(&mut self, _: Restart, image: &Image, base: &mut Base) {
         let now = base.now();
@@ -243,11 +235,7 @@ impl Body for IsobusValve {
         sense(valve, &self.senses, now);
         let own = address(&self.setup, self.local_layer);
         self.node.restart(name(&self.factory), own);
-        for record in [RecordKey::Factory, RecordKey::LocalLayer] {
-            if found.is_absent(record) {
-                base.writes.ask(Write::new(record, Asker::Device));
-            }
-        }
+        base.fill(&found.reading);
     }
 
     fn watchdog_reset(&mut self, base: &mut Base) {

@@ -6,7 +6,7 @@ use super::super::records::{FaultLog, LocalLayer};
 use super::IsobusValve;
 use crate::actuator::{FaultSet, InternalCause};
 use crate::device::Restart;
-use crate::device::host::{Base, Body};
+use crate::device::host::{Base, Body, Storing};
 use crate::device::writes::{Asker, Write};
 use crate::isobus::request::Request;
 use crate::memory::RecordKey;
@@ -34,45 +34,11 @@ impl IsobusValve {
         }
     }
 
-    pub(super) fn encode_write(&self, write: Write, payload: &mut VecView<u8>) -> Option<()> {
-        let bytes: &[u8] = match write.record {
-            RecordKey::Factory => &self.factory.encode(),
-            RecordKey::LocalLayer => &self.layer_after(write).encode(),
-            RecordKey::FaultLog => {
-                let cleared = FaultSet::from_bits(write.value).intersection(self.clearable);
-                &FaultLog { counters: self.auxiliary.valve.counters().without(cleared) }.encode()
-            }
-            RecordKey::Parameters | RecordKey::RestoreFlag | RecordKey::Application => return None,
-        };
-        payload.extend_from_slice(bytes).ok()
-    }
-
     /// Returns the local layer as a write makes it.
     fn layer_after(&self, write: Write) -> LocalLayer {
         match write.asked_by {
             Asker::Uds | Asker::CommandedAddress => LocalLayer { node_id: Some(write.value), ..self.local_layer },
             _ => self.local_layer,
-        }
-    }
-
-    /// Takes the memory's answer to a write.
-    pub(super) fn end_write(&mut self, write: Write, stored: bool, base: &mut Base) {
-        // While a restart waits no timer runs: a fault that is due by now is counted before DM3 clears what it asked for.
-        self.auxiliary.valve.poll(base.now());
-        self.settle(base);
-        let position = write.record.position() as u8;
-        self.auxiliary.valve.set_internal(InternalCause::Record(position), !stored, base.now());
-        if stored {
-            self.local_layer = self.layer_after(write);
-        }
-        match write.asked_by {
-            Asker::Uds => self.node.answer(node_id_written(stored)),
-            Asker::CommandedAddress if stored => {
-                self.auxiliary.switch_off(base.now());
-                base.request_restart(Restart::Application);
-            }
-            Asker::Dm3 => self.end_clearing(FaultSet::from_bits(write.value), stored),
-            _ => {}
         }
     }
 
@@ -91,5 +57,41 @@ impl IsobusValve {
             }
             !answered
         });
+    }
+}
+
+impl Storing for IsobusValve {
+    fn encode(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()> {
+        let bytes: &[u8] = match write.record {
+            RecordKey::Factory => &self.factory.encode(),
+            RecordKey::LocalLayer => &self.layer_after(write).encode(),
+            RecordKey::FaultLog => {
+                let cleared = FaultSet::from_bits(write.value).intersection(self.clearable);
+                &FaultLog { counters: self.auxiliary.valve.counters().without(cleared) }.encode()
+            }
+            RecordKey::Parameters | RecordKey::RestoreFlag | RecordKey::Application => return None,
+        };
+        payload.extend_from_slice(bytes).ok()
+    }
+
+    /// Takes the memory's answer to a write.
+    fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
+        // While a restart waits no timer runs: a fault that is due by now is counted before DM3 clears what it asked for.
+        self.auxiliary.valve.poll(base.now());
+        self.settle(base);
+        let position = write.record.position() as u8;
+        self.auxiliary.valve.set_internal(InternalCause::Record(position), !stored, base.now());
+        if stored {
+            self.local_layer = self.layer_after(write);
+        }
+        match write.asked_by {
+            Asker::Uds => self.node.answer(node_id_written(stored)),
+            Asker::CommandedAddress if stored => {
+                self.auxiliary.switch_off(base.now());
+                base.request_restart(Restart::Application);
+            }
+            Asker::Dm3 => self.end_clearing(FaultSet::from_bits(write.value), stored),
+            _ => {}
+        }
     }
 }
