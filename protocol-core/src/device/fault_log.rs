@@ -1,6 +1,6 @@
 //! When the fault log is written (SPEC 6): within a second of the first change, then at most once in ten seconds.
 
-use crate::time::{Duration, Instant, NEVER, after};
+use crate::time::{Duration, Instant, NEVER, delayed};
 
 /// The time for which a change of the fault log waits for more changes (A): the log is written within one second.
 pub const FAULT_LOG_DELAY: Duration = Duration::from_millis(500);
@@ -26,8 +26,8 @@ impl FaultLogClock {
     /// Notes that a counter has changed.
     pub fn changed(&mut self, now: Instant) {
         if !self.is_dirty() {
-            let soon = after(now, FAULT_LOG_DELAY);
-            self.due = self.last_write.map_or(soon, |last| soon.max(after(last, FAULT_LOG_INTERVAL)));
+            let soon = delayed(now, FAULT_LOG_DELAY);
+            self.due = self.last_write.map_or(soon, |last| soon.max(delayed(last, FAULT_LOG_INTERVAL)));
         }
     }
 
