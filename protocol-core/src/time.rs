@@ -1,7 +1,7 @@
 //! Time as the core sees it: a parameter, never a clock.
 //!
 //! [`Instant`] and [`Duration`] are embassy-time's, at its 1 MHz tick, used as types only. Their operators panic on
-//! overflow; the helpers here saturate instead, so that no instant makes the device panic. The last one, [`NEVER`], is
+//! overflow; the helpers here do not, so that no instant makes the device panic. The last one, [`NEVER`], is
 //! no instant to hand in: timers that are off would be due at it.
 
 pub use embassy_time::{Duration, Instant};
@@ -14,6 +14,16 @@ pub const NEVER: Instant = Instant::MAX;
 #[must_use]
 pub const fn after(instant: Instant, duration: Duration) -> Instant {
     Instant::from_ticks(instant.as_ticks().saturating_add(duration.as_ticks()))
+}
+
+/// `delay` after `instant`, for the delays of protocols and products, which are minutes at the most.
+///
+/// The sum does not saturate: the end of time is half a million years away, and the check is twice the code of the sum.
+/// [`after`] is for durations that a user chooses.
+#[inline]
+#[must_use]
+pub(crate) const fn delayed(instant: Instant, delay: Duration) -> Instant {
+    Instant::from_ticks(instant.as_ticks().wrapping_add(delay.as_ticks()))
 }
 
 /// The time that has passed from `earlier` to `later`; zero when `later` is not later.

@@ -4,7 +4,7 @@
 use super::fault::{Fault, FaultSet};
 use super::register::FaultRegister;
 use super::travel::{Band, Travel};
-use crate::time::{Duration, Instant, NEVER, after};
+use crate::time::{Duration, Instant, NEVER, delayed};
 
 /// How far the spool may be away from its set-point, in percent of the full stroke (A).
 pub const SET_POINT_PERCENT: i32 = 15;
@@ -53,7 +53,7 @@ impl Monitor {
                 return;
             }
             if self.due == NEVER {
-                self.due = after(now, self.delay);
+                self.due = delayed(now, self.delay);
             }
             if now < self.due {
                 return;
@@ -64,7 +64,7 @@ impl Monitor {
         if reading.clears {
             faults.clear(self.fault);
             if reading.trips {
-                self.due = after(now, self.delay);
+                self.due = delayed(now, self.delay);
             }
         }
     }
@@ -75,7 +75,7 @@ impl Monitor {
         if !trips {
             self.due = NEVER;
         } else if self.due == NEVER {
-            self.due = after(now, self.delay);
+            self.due = delayed(now, self.delay);
         }
     }
 
@@ -108,7 +108,7 @@ impl TimeGuard {
     pub(super) const STOPPED: Self = Self { running: false, due: NEVER };
 
     pub(super) fn start(&mut self, now: Instant) {
-        *self = Self { running: true, due: after(now, GUARD_TIME) };
+        *self = Self { running: true, due: delayed(now, GUARD_TIME) };
     }
 
     /// A valid set-point came.
@@ -121,7 +121,7 @@ impl TimeGuard {
     #[inline]
     pub(super) fn wind_up(&mut self, now: Instant) {
         if self.running {
-            self.due = after(now, GUARD_TIME);
+            self.due = delayed(now, GUARD_TIME);
         }
     }
 

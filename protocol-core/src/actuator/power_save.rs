@@ -1,6 +1,6 @@
 //! Power save: the solenoids rest while the valve is blocked (SPEC 2).
 
-use crate::time::{Duration, Instant, NEVER, after};
+use crate::time::{Duration, Instant, NEVER, delayed};
 
 /// How long the valve must be blocked.
 pub const POWER_SAVE_DELAY: Duration = Duration::from_millis(200);
@@ -22,8 +22,8 @@ impl PowerSave {
         *self = match *self {
             _ if !blocked => Self::Off,
             Self::Waiting(due) if in_neutral && due.max(rests) <= now => Self::On,
-            Self::Off => Self::Waiting(after(now, POWER_SAVE_DELAY)),
-            Self::On if !in_neutral => Self::Waiting(after(now, POWER_SAVE_DELAY)),
+            Self::Off => Self::Waiting(delayed(now, POWER_SAVE_DELAY)),
+            Self::On if !in_neutral => Self::Waiting(delayed(now, POWER_SAVE_DELAY)),
             unchanged => unchanged,
         };
     }

@@ -4,7 +4,7 @@
 //! position is ever rounded on the way, and none depends on how often it was asked for.
 
 use super::Position;
-use crate::time::{Duration, Instant, NEVER, after, since};
+use crate::time::{Duration, Instant, NEVER, delayed, since};
 
 /// Travel from neutral towards the B-port, in steps of 1/[`FULL`](Self::FULL) of the full stroke.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -139,7 +139,7 @@ impl Leg {
         let way = level.abs_diff(self.from.0);
         let rate = self.velocity.unsigned_abs();
         let micros = way.wrapping_add(rate.wrapping_sub(1)).checked_div(rate).unwrap_or(u32::MAX);
-        after(self.start, Duration::from_micros(u64::from(micros)))
+        delayed(self.start, Duration::from_micros(u64::from(micros)))
     }
 
     /// When, after `now`, the line next enters or leaves the band.

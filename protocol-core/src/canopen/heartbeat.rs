@@ -1,6 +1,6 @@
 //! Heartbeat producer (CiA 301 7.2.8.3.2, object 0x1017).
 
-use crate::time::{Duration, Instant, NEVER, after};
+use crate::time::{Duration, Instant, NEVER, delayed};
 use crate::wire::sdo::AbortCode;
 
 /// The unit of object 0x1017 (R): the manual's example reads as 10 ms, three other sentences and CiA 301 say 1 ms.
@@ -94,6 +94,6 @@ impl HeartbeatProducer {
         // In units: a division of ticks is one of 64 bits, which takes 1 KiB of a small image.
         let time = u32::from(self.time);
         let period = time.checked_next_multiple_of(self.rules.resolution).unwrap_or(time);
-        after(instant, Duration::from_ticks(TICKS.saturating_mul(period).into()))
+        delayed(instant, Duration::from_ticks(TICKS.saturating_mul(period).into()))
     }
 }

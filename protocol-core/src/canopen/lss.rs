@@ -3,7 +3,7 @@
 use super::fast_scan::ScanPosition;
 use crate::controller::BitRate;
 use crate::outcome::Outcome;
-use crate::time::{Duration, Instant, NEVER, after};
+use crate::time::{Duration, Instant, NEVER, delayed};
 use crate::wire::cob_id::NodeId;
 use crate::wire::lss::{Address, Answer, Bound, FastScan, LssNodeId, Part, Request, SUCCESS};
 
@@ -376,12 +376,12 @@ impl LssSlave {
             }
             Request::ActivateBitTiming { delay_ms } => {
                 let delay = Duration::from_millis(u64::from(delay_ms));
-                let switch_at = after(now, delay);
+                let switch_at = delayed(now, delay);
                 let pending = self.pending.bit_rate;
                 let unstored = pending.is_some() && pending == self.unstored.bit_rate;
                 let switch = Switch { bit_rate: pending.unwrap_or(identity.bit_rate), unstored };
                 self.activation =
-                    Some(Activation { switch_at, end_at: after(switch_at, delay), switch_to: Some(switch) });
+                    Some(Activation { switch_at, end_at: delayed(switch_at, delay), switch_to: Some(switch) });
                 return Outcome::Nothing;
             }
             Request::Store => return Outcome::Demand(Demand::Store),

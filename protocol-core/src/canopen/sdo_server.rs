@@ -4,7 +4,7 @@ use super::dictionary::{Access, DataType, Row, Value};
 use super::sdo_download::Download;
 use super::sdo_upload::Upload;
 use crate::outcome::Outcome;
-use crate::time::{Duration, Instant, NEVER, after};
+use crate::time::{Duration, Instant, NEVER, delayed};
 use crate::wire::sdo::{AbortCode, Answer, Multiplexer, Request};
 
 /// After so long without the next segment a transfer is aborted (A).
@@ -98,7 +98,7 @@ impl<D: Copy + PartialEq> SdoServer<D> {
                 let done = Answer::DownloadSegmentDone { toggle: segment.toggle }.emit();
                 match download.segment(&segment) {
                     Ok(None) => {
-                        self.timeout = after(now, SEGMENT_TIMEOUT);
+                        self.timeout = delayed(now, SEGMENT_TIMEOUT);
                         done
                     }
                     Ok(Some(data)) => {
@@ -163,7 +163,7 @@ impl<D: Copy + PartialEq> SdoServer<D> {
                 None => match Upload::new(object, text) {
                     Ok(upload) => {
                         self.transfer = Transfer::Upload(upload);
-                        self.timeout = after(now, SEGMENT_TIMEOUT);
+                        self.timeout = delayed(now, SEGMENT_TIMEOUT);
                         Answer::UploadInitiated { object, size: u32::try_from(text.len()).unwrap_or(u32::MAX) }.emit()
                     }
                     Err(code) => Answer::Abort(object, code).emit(),
@@ -179,7 +179,7 @@ impl<D: Copy + PartialEq> SdoServer<D> {
         };
         match upload.segment(toggle) {
             Ok(segment) => {
-                self.timeout = after(now, SEGMENT_TIMEOUT);
+                self.timeout = delayed(now, SEGMENT_TIMEOUT);
                 if segment.last {
                     self.cancel();
                 }
@@ -201,7 +201,7 @@ impl<D: Copy + PartialEq> SdoServer<D> {
         match download {
             Ok(download) => {
                 self.transfer = Transfer::Download(download);
-                self.timeout = after(now, SEGMENT_TIMEOUT);
+                self.timeout = delayed(now, SEGMENT_TIMEOUT);
                 Answer::DownloadDone(object).emit()
             }
             Err(code) => Answer::Abort(object, code).emit(),

@@ -1,6 +1,6 @@
 //! When a TPDO is sent: transmission type, SYNC count, inhibit time and event timer (CiA 301 7.5.2.37).
 
-use crate::time::{Duration, Instant, NEVER, after, since};
+use crate::time::{Duration, Instant, NEVER, delayed, since};
 
 /// The transmission type of the device profile: sends, or acts, at once, and whenever the event timer ends.
 pub(crate) const EVENT_DRIVEN: u8 = 0xFF;
@@ -102,7 +102,7 @@ impl Transmission {
         self.requested = None;
         self.due = NEVER;
         if sends && self.event_timer != 0 && matches!(self.kind, MANUFACTURER | EVENT_DRIVEN) {
-            self.due = after(now, self.period());
+            self.due = delayed(now, self.period());
         }
     }
 
@@ -127,10 +127,10 @@ impl Transmission {
     pub(crate) fn poll(&mut self, now: Instant) -> Option<Instant> {
         if now >= self.due {
             let mut at = self.due;
-            let mut next = after(at, self.period());
+            let mut next = delayed(at, self.period());
             if next <= now {
                 at = self.last_period(now);
-                next = after(at, self.period());
+                next = delayed(at, self.period());
             }
             self.due = next;
             self.requested = Some(at);
@@ -141,7 +141,7 @@ impl Transmission {
         }
         self.requested = None;
         self.inhibited_until =
-            after(at, Duration::from_micros(u64::from(self.inhibit).saturating_mul(INHIBIT_UNIT_US)));
+            delayed(at, Duration::from_micros(u64::from(self.inhibit).saturating_mul(INHIBIT_UNIT_US)));
         Some(at)
     }
 
@@ -169,9 +169,10 @@ impl Transmission {
 }
 
 /// Returns `dividend % divisor` for a divisor of 1 … 2^31, bit by bit: the board's function for 64-bit numbers is 0.9 KiB long.
-fn remainder(dividend: u64, divisor: u32) -> u32 {
-    (0..u64::BITS).rev().fold(0, |rest: u32, bit| {
-        let rest = rest << 1 | (dividend >> bit & 1) as u32;
+fn remainder(mut dividend: u64, divisor: u32) -> u32 {
+    (0..u64::BITS).fold(0, |rest: u32, _| {
+        let rest = rest << 1 | (dividend >> 63) as u32;
+        dividend <<= 1;
         if rest >= divisor { rest.wrapping_sub(divisor) } else { rest }
     })
 }

@@ -1,6 +1,6 @@
 //! When the fault log is written (SPEC 6): within a second of the first change, then at most once in ten seconds.
 
-use crate::time::{Duration, Instant, NEVER, after};
+use crate::time::{Duration, Instant, NEVER, delayed};
 
 /// The time for which a change of the fault log waits for more changes (A): the log is written within one second.
 pub const FAULT_LOG_DELAY: Duration = Duration::from_millis(500);
@@ -27,7 +27,7 @@ impl FaultLogClock {
     /// Notes that a counter has changed.
     pub fn changed(&mut self, now: Instant) {
         if !self.is_dirty() {
-            self.due = after(now, FAULT_LOG_DELAY).max(self.earliest);
+            self.due = delayed(now, FAULT_LOG_DELAY).max(self.earliest);
         }
     }
 
@@ -51,7 +51,7 @@ impl FaultLogClock {
 
     /// Notes that the write has ended; a failed one is due again.
     pub fn ended(&mut self, stored: bool, now: Instant) {
-        self.earliest = after(now, FAULT_LOG_INTERVAL);
+        self.earliest = delayed(now, FAULT_LOG_INTERVAL);
         if self.is_dirty() || !stored {
             self.due = self.earliest;
         }

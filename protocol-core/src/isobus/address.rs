@@ -9,7 +9,7 @@
 use super::Outcome;
 use super::request::Request;
 use crate::frame::Frame;
-use crate::time::{Duration, Instant, NEVER, after};
+use crate::time::{Duration, Instant, NEVER, delayed};
 use crate::wire::j1939_id::{Address, Pgn};
 use crate::wire::name::{CommandedAddress, Name};
 
@@ -60,7 +60,7 @@ impl AddressClaim {
     /// need none.
     pub const fn sent(&mut self, now: Instant) {
         if self.is_begun() {
-            self.state = State::Waiting { until: after(now, self.wait()) };
+            self.state = State::Waiting { until: delayed(now, self.wait()) };
         }
     }
 
@@ -125,7 +125,7 @@ impl AddressClaim {
         if !self.may_send() || now < self.next_objection {
             return Outcome::Nothing;
         }
-        self.next_objection = after(now, OBJECTION_INTERVAL);
+        self.next_objection = delayed(now, OBJECTION_INTERVAL);
         Outcome::Owed
     }
 
@@ -195,6 +195,6 @@ impl AddressClaim {
     fn cannot_claim_at(&self, now: Instant) -> Instant {
         let mixed = (self.name.raw() ^ now.as_ticks()).wrapping_mul(0x9E37_79B9_7F4A_7C15);
         let steps = mixed >> 56;
-        after(now, Duration::from_ticks(CANNOT_CLAIM_STEP.as_ticks().saturating_mul(steps)))
+        delayed(now, Duration::from_ticks(CANNOT_CLAIM_STEP.as_ticks().saturating_mul(steps)))
     }
 }

@@ -2,7 +2,7 @@
 
 use super::Outcome;
 use crate::frame::Frame;
-use crate::time::{Duration, Instant, NEVER, after};
+use crate::time::{Duration, Instant, NEVER, delayed};
 use crate::wire::dm::{self, Trouble};
 use crate::wire::j1939_id::{Address, J1939Id, Pgn, Priority};
 
@@ -62,10 +62,10 @@ impl Dm1 {
         if let Some(passing) = self.passing.take().filter(|_| self.changed == Some(now)) {
             self.rendered = Some(passing);
             // On a bus that does not take this message the present state replaces it then.
-            self.next = after(now, PERIOD);
+            self.next = delayed(now, PERIOD);
         } else {
             if self.changed.take().is_some() {
-                self.next = if self.active.is_some() { after(now, PERIOD) } else { NEVER };
+                self.next = if self.active.is_some() { delayed(now, PERIOD) } else { NEVER };
             }
             self.rendered = self.active;
         }
@@ -101,8 +101,8 @@ impl Default for Dm1 {
 /// Returns the next instant of a cycle after `due`. After a pause longer than a period the cycle begins anew at `now`: the
 /// bus gets no burst of what was missed.
 pub(super) fn next_in_grid(due: Instant, period: Duration, now: Instant) -> Instant {
-    let planned = after(due, period);
-    if planned > now { planned } else { after(now, period) }
+    let planned = delayed(due, period);
+    if planned > now { planned } else { delayed(now, period) }
 }
 
 /// Returns the message of one trouble code, or of none, in a single frame.

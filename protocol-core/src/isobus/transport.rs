@@ -6,7 +6,7 @@ use heapless::Vec;
 use super::Outcome;
 use super::request::is_controller;
 use crate::frame::Frame;
-use crate::time::{Duration, Instant, NEVER, after, since};
+use crate::time::{Duration, Instant, NEVER, delayed, since};
 use crate::wire::j1939_id::{Address, Format, J1939Id, Pgn};
 use crate::wire::tp::{self, Abort, Announcement, PACKET_LEN, Packet};
 
@@ -78,7 +78,7 @@ impl<const SIZE: usize> BamSender<SIZE> {
         }
         let size = u16::try_from(payload.len()).map_err(|_| Refused::Size)?;
         let announcement = Announcement::new(pgn, size).ok_or(Refused::Size)?;
-        let give_up = after(now, SEND_GAP);
+        let give_up = delayed(now, SEND_GAP);
         self.sending = Some(Sending { announcement, payload, sequence: 0, in_controller: false, due: now, give_up });
         Ok(())
     }
@@ -150,8 +150,8 @@ impl<const SIZE: usize> BamSender<SIZE> {
         } else {
             sending.sequence = sending.sequence.saturating_add(1);
             sending.in_controller = false;
-            sending.due = after(now, PACKET_SPACING);
-            sending.give_up = after(now, SEND_GAP);
+            sending.due = delayed(now, PACKET_SPACING);
+            sending.give_up = delayed(now, SEND_GAP);
         }
     }
 

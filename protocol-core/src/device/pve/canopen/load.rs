@@ -4,7 +4,7 @@
 //! takes the place of the defaults; it is acknowledged only when the flag is cleared, or the next start would wipe it. A
 //! client's "load" sets the flag for the next start: once the defaults are stored, the executed one has nothing left to clear.
 
-use crate::time::{Duration, Instant, NEVER, after};
+use crate::time::{Duration, Instant, NEVER, delayed};
 
 /// The time after which a write of an executed "load" that failed is tried again (A).
 const RETRY: Duration = Duration::from_secs(10);
@@ -67,7 +67,7 @@ impl Load {
     /// Notes that a write of the executed load has failed: it is tried again.
     pub(super) fn failed(&mut self, now: Instant) {
         if self.executed != Executed::Done {
-            self.retry_at = after(now, RETRY);
+            self.retry_at = delayed(now, RETRY);
         }
     }
 
@@ -81,7 +81,7 @@ impl Load {
     pub(super) fn retry(&mut self, now: Instant, busy: bool) -> bool {
         let due = now >= self.retry_at;
         if due {
-            self.retry_at = if busy { after(now, RETRY) } else { NEVER };
+            self.retry_at = if busy { delayed(now, RETRY) } else { NEVER };
         }
         due && !busy
     }
