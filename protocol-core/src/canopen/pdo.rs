@@ -183,12 +183,15 @@ impl<B: Copy + 'static> Pdo<B> {
         Ok(())
     }
 
-    /// Writes the inhibit time.
+    /// Writes the inhibit time. One that runs goes on when the same value is written.
     ///
     /// # Errors
     /// [`AbortCode::DEVICE_STATE`] while the PDO is on.
     pub(crate) fn write_inhibit(&mut self, value: u16) -> Result<(), AbortCode> {
-        if value != self.transmission.inhibit() && self.is_on() {
+        if value == self.transmission.inhibit() {
+            return Ok(());
+        }
+        if self.is_on() {
             return Err(AbortCode::DEVICE_STATE);
         }
         self.transmission.set_inhibit(value);

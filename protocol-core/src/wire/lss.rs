@@ -92,10 +92,10 @@ pub struct FastScan {
 }
 
 impl FastScan {
-    /// Returns whether this is the last question: all bits of the last number.
+    /// Returns whether this is the last question: all bits of the last number, and the master goes on to another one.
     #[must_use]
     pub const fn is_last(&self) -> bool {
-        self.bit_check == 0 && self.sub == 3
+        self.bit_check == 0 && self.sub == 3 && self.next != 3
     }
 }
 

@@ -1,5 +1,6 @@
 //! Fast scan of a sensor without a node ID (CiA 305; SPEC 9).
 
+use protocol_core::device::hat::{Kind, Setup};
 use tests::Rig;
 
 use super::{blank, booted};
@@ -43,6 +44,17 @@ fn a_full_match_enters_configuration() {
     rig.exchange("7E5: 17 00 00 00 00 00 00 00", &["7E4: 17 00 00 00 00 00 00 00"]);
     rig.exchange("7E5: 04 00 00 00 00 00 00 00", &["70C: 00"]);
     assert!(!ask(&mut rig, 0, 0x80, 0, 0), "it has a node ID now");
+}
+
+/// The last question of the bits of an even number already names the whole number: the scan ends with the next one.
+#[test]
+fn every_serial_number_is_found() {
+    let [vendor, product, revision, _] = NUMBERS;
+    for serial in [0, 1, 2, 0x8000_0000, 0xAAAA_AAAA, 0x5555_5555, u32::MAX - 1, u32::MAX] {
+        let mut rig = Rig::power_on(Setup { node_id: None, serial: Some(serial), ..Setup::new(Kind::Hat1000) });
+        assert_eq!(scan(&mut rig), [vendor, product, revision, serial]);
+        rig.exchange("7E5: 5E 00 00 00 00 00 00 00", &["7E4: 5E FF 00 00 00 00 00 00"]);
+    }
 }
 
 #[test]

@@ -140,6 +140,19 @@ fn the_inhibit_time_counts_from_the_last_request() {
 }
 
 #[test]
+fn an_inhibit_time_that_is_written_again_runs_on() {
+    // 100 ms
+    let mut rig = cyclic(10, 1_000);
+    let start = rig.now();
+    rig.exchange("000: 01 00", &[]);
+    rig.advance(25);
+    assert_eq!(times(&mut rig, start), [10_000]);
+    assert_eq!(rig.write(0x1800, 3, 2, 1_000), Ok(()));
+    rig.advance(200);
+    assert_eq!(times(&mut rig, start), [110_000, 210_000]);
+}
+
+#[test]
 fn an_inhibit_time_is_for_the_event_timer_alone() {
     let mut rig = cyclic(0, 10_000);
     assert_eq!(rig.write(0x1800, 2, 1, 1), Ok(()));
