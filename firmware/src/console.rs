@@ -2,7 +2,7 @@
 
 use protocol_core::device::{Kind, ProductSenses};
 
-use crate::plant::Change;
+use crate::plant::{Change, natural};
 
 /// What can be said to every kind, a word a line.
 pub const HELP: &str = "\
@@ -79,11 +79,8 @@ impl Command {
 /// A serial number, decimal or with 0x, if there is one; `None` for what is none.
 fn serial(word: Option<&str>) -> Option<Option<u32>> {
     let Some(word) = word else { return Some(None) };
-    let number = match word.strip_prefix("0x") {
-        Some(digits) => u32::from_str_radix(digits, 16),
-        None => word.parse(),
-    };
-    number.ok().map(Some)
+    let (digits, radix) = word.strip_prefix("0x").map_or((word, 10), |digits| (digits, 16));
+    natural(digits, radix).map(Some)
 }
 
 #[cfg(test)]

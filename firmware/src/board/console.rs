@@ -7,15 +7,15 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embedded_io_async::{Read as _, Write as _};
 use firmware::console::{HELP, USAGE};
-use heapless::String;
+use heapless::{String, Vec};
 
 use super::attention::{Caller, call};
 use super::reset;
 
 /// The longest line.
 pub(super) const LINE: usize = 48;
-/// The longest answer about how the device is.
-pub(super) const STATUS: usize = 352;
+/// What is told about how the device is.
+pub(super) type Text = Vec<u8, 352>;
 
 /// A line for the device's task.
 pub(super) type Lines = Signal<CriticalSectionRawMutex, String<LINE>>;
@@ -30,7 +30,7 @@ pub(super) enum Answer {
     /// It is done, and the processor is to start anew.
     Restart,
     /// How the device is.
-    Status(String<STATUS>),
+    Status(Text),
     /// All words: these of the product, and those of every kind.
     Help(&'static str),
     /// Not understood.
@@ -94,16 +94,16 @@ async fn ask(line: String<LINE>, lines: &Lines, answers: &Answers) -> Answer {
 
 async fn tell(uart: &mut BufferedUart<'static>, answer: &Answer) {
     let (told, ends) = match answer {
-        Answer::Done | Answer::Restart => (["", ""], "ok"),
-        Answer::Status(status) => ([status.as_str(), ""], "ok"),
-        Answer::Help(own) => ([*own, HELP], "ok"),
-        Answer::Usage => (["", ""], USAGE),
-        Answer::Refused(why) => (["", ""], *why),
+        Answer::Done | Answer::Restart => ([&[][..], &[]], "ok"),
+        Answer::Status(status) => ([status.as_slice(), &[]], "ok"),
+        Answer::Help(own) => ([own.as_bytes(), HELP.as_bytes()], "ok"),
+        Answer::Usage => ([&[][..], &[]], USAGE),
+        Answer::Refused(why) => ([&[][..], &[]], *why),
     };
     let [first, second] = told;
-    for part in [first, second, ends, "\r\n"] {
+    for part in [first, second, ends.as_bytes(), b"\r\n"] {
         // The driver takes no more at once than it has room for, and never wakes one who waits for room.
-        for chunk in part.as_bytes().chunks(BUFFER) {
+        for chunk in part.chunks(BUFFER) {
             let _ = uart.write_all(chunk).await;
             let _ = uart.flush().await;
         }

@@ -6,13 +6,13 @@ use embassy_time::Instant;
 use firmware::console::Command;
 use firmware::plant::{Injection, Plant, Value};
 use firmware::settings::Settings;
-use heapless::String;
 use protocol_core::controller::BusErrorMode;
 use protocol_core::device::Device;
+use protocol_core::wire::decimal::decimal;
 
 use super::button::Presses;
 use super::can::{ERROR_INTERRUPTS, OVERRUNS};
-use super::console::{Answer, Answers, Lines, STATUS};
+use super::console::{Answer, Answers, Lines, Text};
 use super::link::Link;
 use super::storage::{Client, Request};
 
@@ -65,7 +65,7 @@ impl Front {
 }
 
 /// Returns a line for each thing that can be told; what does not fit is left out.
-pub(super) fn status(settings: &Settings, device: &dyn Device, link: &Link, plant: &Plant) -> String<STATUS> {
+pub(super) fn status(settings: &Settings, device: &dyn Device, link: &Link, plant: &Plant) -> Text {
     let bus = match plant.senses.bus {
         BusErrorMode::ErrorActive => "error-active",
         BusErrorMode::ErrorPassive => "error-passive",
@@ -80,21 +80,26 @@ pub(super) fn status(settings: &Settings, device: &dyn Device, link: &Link, plan
         ("overruns", Value::Natural(OVERRUNS.load(Ordering::Relaxed))),
         ("dropped", Value::Natural(device.frames_dropped())),
     ];
-    let mut status = String::new();
+    let mut status = Text::new();
     own.into_iter().for_each(|line| tell(line, &mut status));
     plant.words(Instant::now()).for_each(|change| tell(change.text(), &mut status));
     status
 }
 
-fn tell((word, value): (&str, Value), status: &mut String<STATUS>) {
-    let mut digits = itoa::Buffer::new();
-    let (sign, value) = match value {
-        Value::Natural(number) => ("", digits.format(number)),
-        Value::Integer(number) if number < 0 => ("-", digits.format(number.unsigned_abs())),
-        Value::Integer(number) => ("", digits.format(number.unsigned_abs())),
-        Value::Word(word) => ("", word),
+fn tell((word, value): (&str, Value), status: &mut Text) {
+    let digits;
+    let (sign, value): (&[u8], &[u8]) = match value {
+        Value::Natural(number) => {
+            digits = decimal(number);
+            (b"", &digits)
+        }
+        Value::Integer(number) => {
+            digits = decimal(number.unsigned_abs());
+            (if number < 0 { b"-" } else { b"" }, &digits)
+        }
+        Value::Word(word) => (b"", word.as_bytes()),
     };
-    for part in [word, " ", sign, value, "\r\n"] {
-        let _ = status.push_str(part);
+    for part in [word.as_bytes(), b" ", sign, value, b"\r\n"] {
+        let _ = status.extend_from_slice(part);
     }
 }

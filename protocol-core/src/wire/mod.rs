@@ -3,6 +3,7 @@
 //! Whatever bytes come in, parsing answers; codes that no standard knows are kept as values or answered with `None`.
 
 pub mod cob_id;
+pub mod decimal;
 pub mod emcy;
 pub mod lss;
 pub mod nmt;

@@ -14,6 +14,7 @@ use crate::canopen::node::Object::{
 use crate::canopen::node::PdoParameter::{CobId, Count, Entry as Mapped, TransmissionType};
 use crate::canopen::sync::SyncConsumer;
 use crate::wire::cob_id::Function;
+use crate::wire::decimal::DIGITS;
 use crate::wire::sdo::Multiplexer;
 
 use Task::{ClearCounters, Load, Save};
@@ -68,9 +69,6 @@ pub(super) enum Task {
 
 /// How many characters object 0x6053 takes.
 pub(super) const DESCRIPTION_MAX: usize = 10;
-
-/// How many characters the serial number has at the most: a decimal u32.
-pub(super) const SERIAL_MAX: usize = 10;
 
 /// A mapping entry that stands for a gap of one bit.
 const DUMMY: u32 = 0x0001_0001;
@@ -170,7 +168,7 @@ pub(super) const DICTIONARY: Dictionary<Object<ValveObject, Task>> = Dictionary:
     Row::rw(0x6040, 0, U16, Product(ControlWord), "Device control word").mappable(Mappable::Rpdo),
     Row::ro(0x6041, 0, U16, Product(StatusWord), "Device status word").mappable(Mappable::Tpdo),
     Row::rw(0x6042, 0, I8, Product(DeviceMode), "Device mode").mappable(Mappable::Rpdo),
-    Row::ro(0x6052, 0, Text(SERIAL_MAX as u8), Product(SerialNumber), "Device serial number"),
+    Row::ro(0x6052, 0, Text(DIGITS as u8), Product(SerialNumber), "Device serial number"),
     Row::rw(0x6053, 0, Text(DESCRIPTION_MAX as u8), Product(Description), "Device description")
         .stored(DefaultValue::Product),
     Row::ro(0x605F, 0, U32, Constant(0x0500_0000), "Device capability"),

@@ -4,7 +4,7 @@ use heapless::Vec;
 
 use super::Kind;
 use super::application::{Application, FLOAT};
-use super::dictionary::{DESCRIPTION_MAX, DICTIONARY, SERIAL_MAX, Task, ValveObject};
+use super::dictionary::{DESCRIPTION_MAX, DICTIONARY, Task, ValveObject};
 use super::fault_codes::register;
 use super::records::Factory;
 use super::state_machine::{DeviceMode, DeviceState};
@@ -21,6 +21,7 @@ use crate::controller::Filter;
 #[cfg(feature = "names")]
 use crate::device::Capabilities;
 use crate::time::Instant;
+use crate::wire::decimal::{DIGITS, decimal};
 use crate::wire::emcy::{Emcy, GENERIC_ERROR};
 use crate::wire::lss::Address;
 use crate::wire::sdo::AbortCode;
@@ -99,7 +100,7 @@ pub(super) struct ValveObjects {
     pub(super) application: Application,
     factory: Factory,
     description: Vec<u8, DESCRIPTION_MAX>,
-    serial_text: Vec<u8, SERIAL_MAX>,
+    serial_text: Vec<u8, DIGITS>,
 }
 
 /// What the application is told by an object.
@@ -298,10 +299,4 @@ fn low_bits_8(value: i16) -> u32 {
 /// An INTEGER16 in the low bits.
 fn low_bits_16(value: i16) -> u32 {
     u32::from(value as u16)
-}
-
-/// A number in decimal, for 0x6052 (A).
-fn decimal(number: u32) -> Vec<u8, SERIAL_MAX> {
-    // Ten characters hold every u32.
-    Vec::from_slice(itoa::Buffer::new().format(number).as_bytes()).unwrap_or_default()
 }

@@ -1,0 +1,46 @@
+//! Numbers in decimal, as ASCII.
+
+use heapless::Vec;
+
+/// How many digits a number has at the most.
+pub const DIGITS: usize = 10;
+
+/// The highest power of ten that a number can have.
+const HIGHEST: u32 = 1_000_000_000;
+
+/// Returns the digits of a number, without leading zeros.
+#[must_use]
+pub fn decimal(number: u32) -> Vec<u8, DIGITS> {
+    let mut digits = Vec::new();
+    let mut unit = HIGHEST;
+    // Below one there is no unit.
+    while let Some(leading) = number.checked_div(unit) {
+        if leading != 0 || unit == 1 {
+            // There is room: as many digits as there are units.
+            let _ = digits.push(b'0' | (leading % 10) as u8);
+        }
+        unit /= 10;
+    }
+    digits
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_length() {
+        for (number, digits) in [
+            (0, "0"),
+            (7, "7"),
+            (10, "10"),
+            (909, "909"),
+            (24_000, "24000"),
+            (999_999_999, "999999999"),
+            (1_000_000_000, "1000000000"),
+            (u32::MAX, "4294967295"),
+        ] {
+            assert_eq!(decimal(number), digits.as_bytes());
+        }
+    }
+}
