@@ -8,29 +8,41 @@ use embassy_sync::signal::Signal;
 use embedded_io_async::{Read as _, Write as _};
 use firmware::console::{HELP, USAGE};
 use heapless::{String, Vec};
+use static_cell::ConstStaticCell;
 
 use super::attention::{Caller, call};
 use super::reset;
 
 /// The longest line.
-pub(super) const LINE: usize = 48;
+const LINE: usize = 48;
+/// The longest answer about how the device is.
+const STATUS: usize = 352;
+
 /// What is told about how the device is.
-pub(super) type Text = Vec<u8, 352>;
+pub(super) type Text = Vec<u8, STATUS>;
+
+/// A line that was typed, with room for what is told. There is one: the console's task hands it to the device's task, and
+/// gets it back with the answer.
+pub(super) struct Exchange {
+    /// The line.
+    pub(super) line: String<LINE>,
+    /// How the device is, for [`Answer::Status`].
+    pub(super) status: Text,
+}
 
 /// A line for the device's task.
-pub(super) type Lines = Signal<CriticalSectionRawMutex, String<LINE>>;
+pub(super) type Lines = Signal<CriticalSectionRawMutex, &'static mut Exchange>;
 /// What it says to that.
-pub(super) type Answers = Signal<CriticalSectionRawMutex, Answer>;
+pub(super) type Answers = Signal<CriticalSectionRawMutex, (&'static mut Exchange, Answer)>;
 
 /// What the device's task says to a line.
-#[expect(clippy::large_enum_variant, reason = "there is one, and nowhere to put a box")]
 pub(super) enum Answer {
     /// It is done.
     Done,
     /// It is done, and the processor is to start anew.
     Restart,
-    /// How the device is.
-    Status(Text),
+    /// How the device is: in the [`Exchange`].
+    Status,
     /// All words: these of the product, and those of every kind.
     Help(&'static str),
     /// Not understood.
@@ -59,7 +71,9 @@ pub(super) fn open<U: Instance>(
 
 #[embassy_executor::task]
 pub(super) async fn run(mut uart: BufferedUart<'static>, lines: &'static Lines, answers: &'static Answers) -> ! {
-    let mut line = String::new();
+    static EXCHANGE: ConstStaticCell<Exchange> =
+        ConstStaticCell::new(Exchange { line: String::new(), status: Vec::new() });
+    let mut exchange = EXCHANGE.take();
     let mut too_long = false;
     let mut last = 0;
     loop {
@@ -71,40 +85,37 @@ pub(super) async fn run(mut uart: BufferedUart<'static>, lines: &'static Lines, 
             // Of CR LF the line ends with the first.
             b'\n' if last == b'\r' => {}
             b'\r' | b'\n' => {
-                let line = core::mem::take(&mut line);
-                let answer =
-                    if core::mem::take(&mut too_long) { Answer::Usage } else { ask(line, lines, answers).await };
-                tell(&mut uart, &answer).await;
+                let mut answer = Answer::Usage;
+                if !core::mem::take(&mut too_long) {
+                    lines.signal(exchange);
+                    call(Caller::Front);
+                    (exchange, answer) = answers.wait().await;
+                }
+                exchange.line.clear();
+                tell(&mut uart, &answer, &exchange.status).await;
                 if let Answer::Restart = answer {
                     reset::power_cycle();
                 }
             }
-            BACKSPACE | DELETE => drop(line.pop()),
-            byte => too_long |= line.push(char::from(byte)).is_err(),
+            BACKSPACE | DELETE => drop(exchange.line.pop()),
+            byte => too_long |= exchange.line.push(char::from(byte)).is_err(),
         }
         last = byte;
     }
 }
 
-async fn ask(line: String<LINE>, lines: &Lines, answers: &Answers) -> Answer {
-    lines.signal(line);
-    call(Caller::Front);
-    answers.wait().await
-}
-
-async fn tell(uart: &mut BufferedUart<'static>, answer: &Answer) {
-    let (told, ends) = match answer {
-        Answer::Done | Answer::Restart => ([&[][..], &[]], "ok"),
-        Answer::Status(status) => ([status.as_slice(), &[]], "ok"),
-        Answer::Help(own) => ([own.as_bytes(), HELP.as_bytes()], "ok"),
-        Answer::Usage => ([&[][..], &[]], USAGE),
-        Answer::Refused(why) => ([&[][..], &[]], *why),
+async fn tell(uart: &mut BufferedUart<'static>, answer: &Answer, status: &Text) {
+    let (first, second, last): (&[u8], &[u8], &str) = match answer {
+        Answer::Done | Answer::Restart => (b"", b"", "ok"),
+        Answer::Status => (status, b"", "ok"),
+        Answer::Help(own) => (own.as_bytes(), HELP.as_bytes(), "ok"),
+        Answer::Usage => (b"", b"", USAGE),
+        Answer::Refused(why) => (b"", b"", why),
     };
-    let [first, second] = told;
-    for part in [first, second, ends.as_bytes(), b"\r\n"] {
-        // The driver takes no more at once than it has room for, and never wakes one who waits for room.
+    for part in [first, second, last.as_bytes(), b"\r\n"] {
+        // The driver takes all of it or nothing, no more than it has room for, and never wakes one who waits for room.
         for chunk in part.chunks(BUFFER) {
-            let _ = uart.write_all(chunk).await;
+            let _ = uart.write(chunk).await;
             let _ = uart.flush().await;
         }
     }

@@ -6,6 +6,7 @@ use embassy_time::{Duration, Instant};
 use firmware::console::{Command, OTHER_KIND, help_of};
 use firmware::plant::{Change, Inapplicable, Plant};
 use firmware::settings::Settings;
+use nvm::Contents;
 use protocol_core::controller::BusErrorMode;
 use protocol_core::device::hat::Hat;
 use protocol_core::device::pve::{PveCanopen, PveIsobus};
@@ -18,7 +19,7 @@ use static_cell::StaticCell;
 use super::attention::{Attention, Caller, Calls};
 use super::can::{self, Can1};
 use super::console::Answer;
-use super::front::{Front, status};
+use super::front::Front;
 use super::led::{Lights, led_of};
 use super::link::Link;
 use super::storage::{Client, Done, Request};
@@ -41,19 +42,21 @@ pub(super) async fn run(
     let mut watchdog = Watchdog(watchdog);
     watchdog.0.unleash();
     let mut attention = Attention::new().await;
-    let settings = loop {
+    let (settings, contents) = loop {
         let now = Instant::now();
         watchdog.feed(&memory, now);
-        if let Some(Done::Started(settings)) = memory.take() {
-            break settings;
+        if let Some(Done::Started(settings, contents)) = memory.take() {
+            break (settings, contents);
         }
         attention.wait(now + FEED, now).await;
     };
     defmt::info!("{}", settings.kind.name());
-    let device = power_on(&settings, &memory.contents().await.image, cause);
+    let device = power_on(&settings, &contents.image, cause);
     let link = Link::new(can);
-    let (plant, restarting) = (Plant::healthy(settings.kind), None);
-    Board { settings, link, watchdog, attention, memory, front, lights, plant, restarting }.serve(device).await
+    let (plant, contents, restarting) = (Plant::healthy(settings.kind), Some(contents), None);
+    Board { settings, link, watchdog, attention, memory, contents, front, lights, plant, restarting }
+        .serve(device)
+        .await
 }
 
 /// A device of any kind, which may be served by an executor of its own.
@@ -117,6 +120,8 @@ struct Board {
     watchdog: Watchdog,
     attention: Attention,
     memory: Client,
+    /// What the memory held when it was last read; it is there while nothing is being read.
+    contents: Option<&'static mut Contents>,
     front: Front,
     lights: &'static Lights,
     plant: Plant,
@@ -128,7 +133,7 @@ impl Board {
     /// Runs the device for ever.
     async fn serve(mut self, device: &mut AnyDevice) -> ! {
         device.sense(&self.plant.senses, Instant::now());
-        self.link.set_bit_rate(device.bit_rate(), &mut self.attention).await;
+        self.link.set_bit_rate(device.bit_rate());
         let (mut now, mut due) = (Instant::now(), Instant::MIN);
         loop {
             let calls = self.attention.wait(due, now).await;
@@ -139,11 +144,16 @@ impl Board {
             if only_received && !receive(device, &mut self.link.can, now) {
                 continue;
             }
-            self.look(calls, device).await;
+            let answer = self.look(calls, device);
+            self.link.settle(&mut self.attention).await;
+            if let Some(answer) = answer {
+                self.front.answer(answer);
+            }
             while self.restarting.is_none()
                 && let Some(effect) = pump(device, &mut self.link.can, now)
             {
-                self.carry_out(effect, device).await;
+                self.carry_out(effect, device);
+                self.link.settle(&mut self.attention).await;
                 now = Instant::now();
             }
             if calls.include(Caller::Leds) {
@@ -153,17 +163,15 @@ impl Board {
         }
     }
 
-    /// Looks at what the device does not see by itself.
-    async fn look(&mut self, calls: Calls, device: &mut AnyDevice) {
+    /// Looks at what the device does not see by itself. Returns the answer to a line that was typed, if it is known.
+    fn look(&mut self, calls: Calls, device: &mut AnyDevice) -> Option<Answer> {
         if calls.include(Caller::Errors) || self.plant.senses.bus != BusErrorMode::ErrorActive {
-            self.look_at_bus(device).await;
+            self.look_at_bus(device);
         }
         if calls.include(Caller::Memory) {
-            self.look_at_memory(device).await;
+            self.look_at_memory(device);
         }
-        if calls.include(Caller::Front) {
-            self.look_at_front(device).await;
-        }
+        if calls.include(Caller::Front) { self.look_at_front(device) } else { None }
     }
 
     /// When there is something to do although nobody calls.
@@ -174,8 +182,8 @@ impl Board {
     }
 
     /// Tells the device how its controller stands to the bus.
-    async fn look_at_bus(&mut self, device: &mut AnyDevice) {
-        let mode = self.link.follow(self.plant.bus_off, &mut self.attention).await;
+    fn look_at_bus(&mut self, device: &mut AnyDevice) {
+        let mode = self.link.follow(self.plant.bus_off);
         if mode != self.plant.senses.bus {
             self.plant.senses.bus = mode;
             device.sense(&self.plant.senses, Instant::now());
@@ -183,53 +191,56 @@ impl Board {
     }
 
     /// Tells the device what has become of its requests to the memory.
-    async fn look_at_memory(&mut self, device: &mut AnyDevice) {
+    fn look_at_memory(&mut self, device: &mut AnyDevice) {
         while let Some(done) = self.memory.take() {
             match done {
                 Done::Stored(key, result) => device.stored(key, result, Instant::now()),
-                Done::Read => {
+                Done::Read(contents) => {
                     if let Some(scope) = self.restarting.take() {
-                        device.restart(scope, &self.memory.contents().await.image, Instant::now());
-                        self.link.set_bit_rate(device.bit_rate(), &mut self.attention).await;
+                        device.restart(scope, &contents.image, Instant::now());
+                        self.link.set_bit_rate(device.bit_rate());
                     }
+                    self.contents = Some(contents);
                 }
                 Done::Became(Ok(())) => self.front.answer(Answer::Restart),
                 Done::Became(Err(_)) => self.front.answer(Answer::Refused("the memory failed")),
-                Done::Started(_) => {}
+                Done::Started(..) => {}
             }
         }
     }
 
-    /// Obeys console and button.
-    async fn look_at_front(&mut self, device: &mut AnyDevice) {
+    /// Obeys console and button. Returns the answer to a line, if it is known.
+    fn look_at_front(&mut self, device: &mut AnyDevice) -> Option<Answer> {
         if let Some(plant) = self.front.pressed(&self.plant) {
-            self.set_plant(plant, device).await;
+            self.set_plant(plant, device);
         }
-        match self.front.command() {
-            Some(Command::Plant(change)) => {
-                let answer = self.change_plant(change, device).await;
-                self.front.answer(answer);
+        match self.front.command()? {
+            Command::Plant(change) => Some(self.change_plant(change, device)),
+            Command::Status => {
+                self.front.tell_status(&self.settings, device, &self.link, &self.plant);
+                Some(Answer::Status)
             }
-            Some(Command::Status) => {
-                self.front.answer(Answer::Status(status(&self.settings, device, &self.link, &self.plant)));
-            }
-            Some(Command::Kind(kind, serial)) => {
-                self.front.become_new(Some(Settings::new(kind, serial)), &mut self.memory);
-            }
-            Some(Command::Blank(serial)) => {
-                self.front.become_new(Settings::new_blank(self.settings.kind, serial), &mut self.memory);
-            }
-            Some(Command::PowerCycle) => self.front.answer(Answer::Restart),
-            Some(Command::Help) => self.front.answer(Answer::Help(help_of(&self.plant.senses.product))),
-            None => {}
+            Command::Kind(kind, serial) => self.become_new(Some(Settings::new(kind, serial))),
+            Command::Blank(serial) => self.become_new(Settings::new_blank(self.settings.kind, serial)),
+            Command::PowerCycle => Some(Answer::Restart),
+            Command::Help => Some(Answer::Help(help_of(&self.plant.senses.product))),
         }
     }
 
-    async fn change_plant(&mut self, change: Change, device: &mut AnyDevice) -> Answer {
+    /// Makes the board a new device at the next start; `None` is a device that does not exist. Returns a refusal; the rest
+    /// is answered when the memory has answered.
+    fn become_new(&mut self, settings: Option<Settings>) -> Option<Answer> {
+        let Some(settings) = settings else {
+            return Some(Answer::Refused("on ISOBUS a valve always has an address"));
+        };
+        self.memory.ask(Request::Become(settings)).err().map(|_| Answer::Refused("the memory is busy"))
+    }
+
+    fn change_plant(&mut self, change: Change, device: &mut AnyDevice) -> Answer {
         let mut plant = self.plant;
         match plant.change(change, Instant::now()) {
             Ok(()) => {
-                self.set_plant(plant, device).await;
+                self.set_plant(plant, device);
                 Answer::Done
             }
             Err(Inapplicable::OtherProduct) => Answer::Refused(OTHER_KIND),
@@ -237,13 +248,13 @@ impl Board {
         }
     }
 
-    async fn set_plant(&mut self, plant: Plant, device: &mut AnyDevice) {
+    fn set_plant(&mut self, plant: Plant, device: &mut AnyDevice) {
         self.plant = plant;
         device.sense(&plant.senses, Instant::now());
-        self.look_at_bus(device).await;
+        self.look_at_bus(device);
     }
 
-    async fn carry_out(&mut self, effect: Effect, device: &mut AnyDevice) {
+    fn carry_out(&mut self, effect: Effect, device: &mut AnyDevice) {
         match effect {
             Effect::Store(key, record) => {
                 let asked = if self.plant.memory_fails {
@@ -255,10 +266,12 @@ impl Board {
                     device.stored(key, Err(StoreError), Instant::now());
                 }
             }
-            Effect::SetBitRate(bit_rate) => self.link.set_bit_rate(bit_rate, &mut self.attention).await,
+            Effect::SetBitRate(bit_rate) => self.link.set_bit_rate(bit_rate),
             Effect::Restart(scope) => {
                 // There is room: nothing else is asked for by a device that restarts.
-                let _ = self.memory.ask(Request::Read);
+                if let Some(contents) = self.contents.take() {
+                    let _ = self.memory.ask(Request::Read(contents));
+                }
                 self.restarting = Some(scope);
             }
         }

@@ -12,15 +12,16 @@ use protocol_core::wire::decimal::decimal;
 
 use super::button::Presses;
 use super::can::{ERROR_INTERRUPTS, OVERRUNS};
-use super::console::{Answer, Answers, Lines, Text};
+use super::console::{Answer, Answers, Exchange, Lines, Text};
 use super::link::Link;
-use super::storage::{Client, Request};
 
 /// Console and button, as the device's task has them.
 pub(super) struct Front {
     lines: &'static Lines,
     answers: &'static Answers,
     presses: &'static Presses,
+    /// The line that is not answered yet.
+    exchange: Option<&'static mut Exchange>,
     /// The fault of the last press.
     injection: Injection,
 }
@@ -28,7 +29,7 @@ pub(super) struct Front {
 impl Front {
     /// The front of a board.
     pub(super) const fn new(lines: &'static Lines, answers: &'static Answers, presses: &'static Presses) -> Self {
-        Self { lines, answers, presses, injection: Injection::None }
+        Self { lines, answers, presses, exchange: None, injection: Injection::None }
     }
 
     /// Returns the plant after the last press of the button, if there was one.
@@ -39,9 +40,9 @@ impl Front {
     }
 
     /// Returns the command of a line that was typed; answers a line that is none.
-    pub(super) fn command(&self) -> Option<Command> {
-        let line = self.lines.try_take()?;
-        let command = Command::parse(&line);
+    pub(super) fn command(&mut self) -> Option<Command> {
+        let exchange = self.exchange.insert(self.lines.try_take()?);
+        let command = Command::parse(&exchange.line);
         if command.is_none() {
             self.answer(Answer::Usage);
         }
@@ -49,41 +50,34 @@ impl Front {
     }
 
     /// Answers the line that was typed last.
-    pub(super) fn answer(&self, answer: Answer) {
-        self.answers.signal(answer);
-    }
-
-    /// Makes the board a new device at the next start; `None` is a device that does not exist. A refusal is answered here, the
-    /// rest when the memory has answered.
-    pub(super) fn become_new(&self, settings: Option<Settings>, memory: &mut Client) {
-        match settings.map(|settings| memory.ask(Request::Become(settings))) {
-            Some(Ok(())) => {}
-            Some(Err(_)) => self.answer(Answer::Refused("the memory is busy")),
-            None => self.answer(Answer::Refused("on ISOBUS a valve always has an address")),
+    pub(super) fn answer(&mut self, answer: Answer) {
+        if let Some(exchange) = self.exchange.take() {
+            self.answers.signal((exchange, answer));
         }
     }
-}
 
-/// Returns a line for each thing that can be told; what does not fit is left out.
-pub(super) fn status(settings: &Settings, device: &dyn Device, link: &Link, plant: &Plant) -> Text {
-    let bus = match plant.senses.bus {
-        BusErrorMode::ErrorActive => "error-active",
-        BusErrorMode::ErrorPassive => "error-passive",
-        BusErrorMode::BusOff => "bus-off",
-    };
-    let own = [
-        ("kind", Value::Word(settings.kind.name())),
-        ("node_id", device.node_id().map_or(Value::Word("none"), |node_id| Value::Natural(node_id.into()))),
-        ("bit_rate", Value::Natural(link.bit_rate().bits_per_second())),
-        ("bus", Value::Word(bus)),
-        ("error_interrupts", Value::Natural(ERROR_INTERRUPTS.load(Ordering::Relaxed))),
-        ("overruns", Value::Natural(OVERRUNS.load(Ordering::Relaxed))),
-        ("dropped", Value::Natural(device.frames_dropped())),
-    ];
-    let mut status = Text::new();
-    own.into_iter().for_each(|line| tell(line, &mut status));
-    plant.words(Instant::now()).for_each(|change| tell(change.text(), &mut status));
-    status
+    /// Tells how the device is, to the line that was typed last: a line for each thing that can be told. What does not fit is
+    /// left out.
+    pub(super) fn tell_status(&mut self, settings: &Settings, device: &dyn Device, link: &Link, plant: &Plant) {
+        let Some(Exchange { status, .. }) = &mut self.exchange else { return };
+        let bus = match plant.senses.bus {
+            BusErrorMode::ErrorActive => "error-active",
+            BusErrorMode::ErrorPassive => "error-passive",
+            BusErrorMode::BusOff => "bus-off",
+        };
+        let own = [
+            ("kind", Value::Word(settings.kind.name())),
+            ("node_id", device.node_id().map_or(Value::Word("none"), |node_id| Value::Natural(node_id.into()))),
+            ("bit_rate", Value::Natural(link.bit_rate().bits_per_second())),
+            ("bus", Value::Word(bus)),
+            ("error_interrupts", Value::Natural(ERROR_INTERRUPTS.load(Ordering::Relaxed))),
+            ("overruns", Value::Natural(OVERRUNS.load(Ordering::Relaxed))),
+            ("dropped", Value::Natural(device.frames_dropped())),
+        ];
+        status.clear();
+        own.into_iter().for_each(|line| tell(line, status));
+        plant.words(Instant::now()).for_each(|change| tell(change.text(), status));
+    }
 }
 
 fn tell((word, value): (&str, Value), status: &mut Text) {

@@ -12,6 +12,9 @@ const LEAVING: Duration = Duration::from_micros(50);
 /// No frame takes longer: 160 bits at 10 kbit/s, with the error frame that may end it.
 const LONGEST_FRAME: Duration = Duration::from_millis(20);
 
+/// So many looks are as long as that.
+const LOOKS: u64 = LONGEST_FRAME.as_micros() / LEAVING.as_micros();
+
 /// The way back from bus-off takes so many bits (ISO 11898-1): 128 sequences of 11.
 const RECOVERY_BITS: u32 = 128 * 11;
 
@@ -22,6 +25,8 @@ pub(super) struct Link {
     bit_rate: BitRate,
     state: State,
     mode: BusErrorMode,
+    /// The controller was told to leave the bus.
+    leaving: bool,
 }
 
 /// Whether the plant lets the controller take part in the bus.
@@ -37,7 +42,7 @@ enum State {
 impl Link {
     /// A controller that has not joined the bus yet.
     pub(super) const fn new(can: Can1) -> Self {
-        Self { can, bit_rate: BitRate::Kbit250, state: State::Up, mode: BusErrorMode::ErrorActive }
+        Self { can, bit_rate: BitRate::Kbit250, state: State::Up, mode: BusErrorMode::ErrorActive, leaving: false }
     }
 
     /// Returns the bit rate in force.
@@ -45,21 +50,20 @@ impl Link {
         self.bit_rate
     }
 
-    /// Runs the bus at a bit rate from now on; what waits to be sent is dropped.
-    pub(super) async fn set_bit_rate(&mut self, bit_rate: BitRate, attention: &mut Attention) {
+    /// Runs the bus at a bit rate, once this has [settled](Self::settle); what waits to be sent is dropped.
+    pub(super) fn set_bit_rate(&mut self, bit_rate: BitRate) {
         self.bit_rate = bit_rate;
         if let State::Up = self.state {
-            self.leave(attention).await;
-            self.can.join(bit_rate);
+            self.leave();
         }
     }
 
     /// Follows the plant, which may cut the controller off, and the controller's own error mode. Returns that of the link,
     /// as of now; on the way into bus-off what waits to be sent is dropped.
-    pub(super) async fn follow(&mut self, is_cut: bool, attention: &mut Attention) -> BusErrorMode {
+    pub(super) fn follow(&mut self, is_cut: bool) -> BusErrorMode {
         match self.state {
             State::Up if is_cut => {
-                self.leave(attention).await;
+                self.leave();
                 self.state = State::Cut;
             }
             State::Cut if !is_cut => {
@@ -84,23 +88,30 @@ impl Link {
     }
 
     /// Leaves the bus at the end of the current frame.
-    async fn leave(&mut self, attention: &mut Attention) {
+    fn leave(&mut self) {
         self.can.leave();
-        if !self.has_left(attention).await {
-            // On a bus that is stuck no frame ever ends.
-            self.can.reset();
-            self.has_left(attention).await;
-        }
+        self.leaving = true;
     }
 
-    /// Waits until the controller has left the bus, for as long as a frame can take. Returns whether it has.
-    async fn has_left(&self, attention: &mut Attention) -> bool {
-        for _ in 0..LONGEST_FRAME.as_micros() / LEAVING.as_micros() {
+    /// Waits until a controller that leaves the bus has left it, and has it join again, unless the plant cuts it off. To be
+    /// done before the controller is used again.
+    pub(super) async fn settle(&mut self, attention: &mut Attention) {
+        if !self.leaving {
+            return;
+        }
+        for look in 0..2 * LOOKS {
             if self.can.has_left() {
-                return true;
+                break;
+            }
+            if look == LOOKS {
+                // On a bus that is stuck no frame ever ends.
+                self.can.reset();
             }
             attention.pause(LEAVING).await;
         }
-        false
+        self.leaving = false;
+        if let State::Up = self.state {
+            self.can.join(self.bit_rate);
+        }
     }
 }

@@ -34,9 +34,7 @@ use embassy_stm32::peripherals::IWDG;
 use embassy_stm32::usart::BufferedUart;
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_sync::channel::Channel;
-use embassy_sync::mutex::Mutex;
 use embassy_sync::signal::Signal;
-use nvm::Contents;
 
 use front::Front;
 
@@ -78,7 +76,6 @@ async fn main(spawner: Spawner) {
     // Between the device and the memory, the console, the button, the LEDs.
     static REQUESTS: storage::Requests = Channel::new();
     static RESULTS: storage::Results = Channel::new();
-    static CONTENTS: storage::SharedContents = Mutex::new(Contents::empty());
     static LINES: console::Lines = Signal::new();
     static ANSWERS: console::Answers = Signal::new();
     static PRESSES: button::Presses = Signal::new();
@@ -98,14 +95,14 @@ async fn main(spawner: Spawner) {
     let cause = reset::cause();
 
     let Nucleo { can, watchdog, sectors, console, button, leds } = nucleo::open(board);
-    let memory = storage::Client::new(REQUESTS.sender(), RESULTS.receiver(), &CONTENTS);
+    let memory = storage::Client::new(REQUESTS.sender(), RESULTS.receiver());
     let front = Front::new(&LINES, &ANSWERS, &PRESSES);
 
     // Each task is spawned once: there is room for it.
     if let Ok(task) = device::run(can, watchdog, cause, memory, front, &LIGHTS) {
         DEVICE.start(Interrupt::UART5).spawn(task);
     }
-    if let Ok(task) = storage::run(sectors, REQUESTS.receiver(), RESULTS.sender(), &CONTENTS) {
+    if let Ok(task) = storage::run(sectors, REQUESTS.receiver(), RESULTS.sender()) {
         spawner.spawn(task);
     }
     let services = SERVICES.start(Interrupt::UART4);

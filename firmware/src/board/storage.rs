@@ -2,11 +2,11 @@
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::{Channel, Receiver, Sender};
-use embassy_sync::mutex::{Mutex, MutexGuard};
 use embassy_time::{Duration, Instant};
 use firmware::settings::Settings;
 use nvm::{BUFFER, Contents, Records, Unreadable};
 use protocol_core::memory::{Image, Record, RecordKey, StoreError};
+use static_cell::ConstStaticCell;
 
 use super::attention::{Caller, call};
 use super::flash::Sectors;
@@ -21,20 +21,20 @@ const LONGEST: Duration = Duration::from_secs(3);
 pub(super) enum Request {
     /// To write a record.
     Store(RecordKey, Record),
-    /// To read everything.
-    Read,
+    /// To read everything, into this place.
+    Read(&'static mut Contents),
     /// To make the board another device at the next start.
     Become(Settings),
 }
 
 /// The answer to a [`Request`].
 pub(super) enum Done {
-    /// The settings of the board. Comes first, without a request.
-    Started(Settings),
+    /// The settings of the board, and everything that is stored. Comes first, without a request.
+    Started(Settings, &'static mut Contents),
     /// A record was written, or not.
     Stored(RecordKey, Result<(), StoreError>),
-    /// Everything is in the [`SharedContents`].
-    Read,
+    /// Everything that is stored.
+    Read(&'static mut Contents),
     /// The board is another device at the next start, or not.
     Became(Result<(), StoreError>),
 }
@@ -43,14 +43,11 @@ pub(super) enum Done {
 pub(super) type Requests = Channel<CriticalSectionRawMutex, Request, REQUESTS>;
 /// From the memory's task to the device's.
 pub(super) type Results = Channel<CriticalSectionRawMutex, Done, REQUESTS>;
-/// Everything stored, as it was last read: in a place of its own, because it is too large to be handed round.
-pub(super) type SharedContents = Mutex<CriticalSectionRawMutex, Contents>;
 
 /// The memory, as the device's task has it.
 pub(super) struct Client {
     requests: Sender<'static, CriticalSectionRawMutex, Request, REQUESTS>,
     results: Receiver<'static, CriticalSectionRawMutex, Done, REQUESTS>,
-    contents: &'static SharedContents,
     /// How many results are to come.
     awaited: u8,
     /// When the next one is overdue.
@@ -62,9 +59,8 @@ impl Client {
     pub(super) fn new(
         requests: Sender<'static, CriticalSectionRawMutex, Request, REQUESTS>,
         results: Receiver<'static, CriticalSectionRawMutex, Done, REQUESTS>,
-        contents: &'static SharedContents,
     ) -> Self {
-        Self { requests, results, contents, awaited: 1, overdue: Instant::now() + LONGEST }
+        Self { requests, results, awaited: 1, overdue: Instant::now() + LONGEST }
     }
 
     /// Sends a request; [`take`](Self::take) returns the answer.
@@ -86,11 +82,6 @@ impl Client {
         Some(done)
     }
 
-    /// Everything stored, as it was last read.
-    pub(super) async fn contents(&self) -> MutexGuard<'static, CriticalSectionRawMutex, Contents> {
-        self.contents.lock().await
-    }
-
     /// Whether an answer takes longer than any can.
     pub(super) fn hangs(&self, now: Instant) -> bool {
         self.awaited != 0 && now > self.overdue
@@ -102,18 +93,20 @@ pub(super) async fn run(
     sectors: Sectors,
     requests: Receiver<'static, CriticalSectionRawMutex, Request, REQUESTS>,
     results: Sender<'static, CriticalSectionRawMutex, Done, REQUESTS>,
-    contents: &'static SharedContents,
 ) -> ! {
+    // In a place of its own: too large to be handed round.
+    static CONTENTS: ConstStaticCell<Contents> = ConstStaticCell::new(Contents::empty());
+    let contents = CONTENTS.take();
     let mut memory = Memory { sectors, buffer: [0; BUFFER] };
-    let mut done = Done::Started(memory.start(&mut *contents.lock().await));
+    let mut done = Done::Started(memory.start(contents), contents);
     loop {
         results.send(done).await;
         call(Caller::Memory);
         done = match requests.receive().await {
             Request::Store(key, record) => Done::Stored(key, memory.store(key, &record)),
-            Request::Read => {
-                memory.read(&mut *contents.lock().await);
-                Done::Read
+            Request::Read(contents) => {
+                memory.read(contents);
+                Done::Read(contents)
             }
             Request::Become(settings) => Done::Became(memory.set(settings)),
         };
