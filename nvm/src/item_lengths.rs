@@ -5,13 +5,18 @@
 //! error; one that claims nothing, not even a key, would be read beyond its end. Neither is ever written. So such a header
 //! is handed out with a checksum that is never right: the map then looks for the next header word by word, and finds
 //! what lies behind, whatever was claimed.
+//!
+//! In the same way all items but those of one key are given up: they read as removed, and no sector has room, so that the
+//! map moves to its other sector, takes along what it still sees, and erases the rest.
 
 use core::ops::Range;
 
-use embedded_storage::nor_flash::{ErrorType, MultiwriteNorFlash, NorFlash, ReadNorFlash};
+use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
-use crate::sure_erase::ERASED;
+use crate::sure_erase::{ERASED, WORD_MAX};
 
+/// The checksum of an item's data: zero when the item was removed.
+const DATA_CHECKSUM: Range<usize> = 0..4;
 /// Where a header says how long its item is.
 const LENGTH: Range<usize> = 4..6;
 /// The checksum of that.
@@ -26,31 +31,48 @@ pub(crate) struct ItemLengths<S, const MAX: usize> {
     flash: S,
     /// Where the data of the last header lies, if it is as long as a header.
     data: Option<u32>,
+    /// The only key whose items are seen, while all others are given up.
+    kept: Option<u8>,
+    /// What is erased is no room for an item: until the map has closed a sector.
+    full: bool,
 }
 
 impl<S: NorFlash, const MAX: usize> ItemLengths<S, MAX> {
     /// Data checksum, length and checksum, in whole words.
     const HEADER: usize = CHECKSUM.end.next_multiple_of(S::WRITE_SIZE);
 
-    pub(crate) const fn new(flash: S) -> Self {
+    /// With `kept`, gives up the items of all other keys at the first item that is stored.
+    pub(crate) const fn new(flash: S, kept: Option<u8>) -> Self {
         // A sector's state is read by single units.
         const { assert!(S::READ_SIZE < Self::HEADER) }
-        Self { flash, data: None }
+        Self { flash, data: None, kept, full: kept.is_some() }
     }
 
     /// Looks at what was read as the header at `offset`.
-    fn check(&mut self, offset: u32, header: &mut [u8]) {
+    fn check(&mut self, offset: u32, header: &mut [u8]) -> Result<(), S::Error> {
         self.data = None;
-        if header.iter().all(|byte| *byte == ERASED) {
-            return;
+        if !self.full && header.iter().all(|byte| *byte == ERASED) {
+            return Ok(());
         }
+        let data = offset + Self::HEADER as u32;
         let length = usize::from(u16::from_le_bytes([header[LENGTH.start], header[LENGTH.start + 1]]));
         if length == 0 || length > MAX {
             header.fill(0);
             header[CHECKSUM].fill(NO_CHECKSUM);
-        } else if length.next_multiple_of(S::WRITE_SIZE) == Self::HEADER {
-            self.data = Some(offset + Self::HEADER as u32);
+            return Ok(());
         }
+        if length.next_multiple_of(S::WRITE_SIZE) == Self::HEADER {
+            self.data = Some(data);
+        }
+        if let Some(kept) = self.kept {
+            // The key is what the data begins with.
+            let mut word = [0; WORD_MAX];
+            self.flash.read(data, &mut word[..S::WRITE_SIZE])?;
+            if word[0] != kept {
+                header[DATA_CHECKSUM].fill(0);
+            }
+        }
+        Ok(())
     }
 }
 
@@ -64,7 +86,7 @@ impl<S: NorFlash, const MAX: usize> ReadNorFlash for ItemLengths<S, MAX> {
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), S::Error> {
         self.flash.read(offset, bytes)?;
         if bytes.len() == Self::HEADER && self.data != Some(offset) {
-            self.check(offset, bytes);
+            self.check(offset, bytes)?;
         }
         Ok(())
     }
@@ -85,8 +107,7 @@ impl<S: NorFlash, const MAX: usize> NorFlash for ItemLengths<S, MAX> {
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), S::Error> {
         self.data = None;
+        self.full = false;
         self.flash.write(offset, bytes)
     }
 }
-
-impl<S: MultiwriteNorFlash, const MAX: usize> MultiwriteNorFlash for ItemLengths<S, MAX> {}

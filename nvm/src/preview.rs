@@ -3,7 +3,7 @@
 //! `sequential-storage` erases a sector that makes no sense to it even when it is only asked what is there. Then nobody
 //! could tell afterwards that something had been, and been damaged. Here such an erase only seems to happen.
 
-use embedded_storage::nor_flash::{ErrorType, MultiwriteNorFlash, NorFlash, ReadNorFlash};
+use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
 use crate::SECTORS;
 use crate::sure_erase::ERASED;
@@ -66,5 +66,3 @@ impl<S: NorFlash> NorFlash for Preview<S> {
         if self.looking { Ok(()) } else { self.flash.write(offset, bytes) }
     }
 }
-
-impl<S: MultiwriteNorFlash> MultiwriteNorFlash for Preview<S> {}

@@ -11,7 +11,7 @@
 
 use embassy_embedded_hal::adapter::BlockingAsync;
 use embassy_futures::block_on;
-use embedded_storage::nor_flash::{MultiwriteNorFlash, NorFlash, ReadNorFlash as _};
+use embedded_storage::nor_flash::{NorFlash, ReadNorFlash as _};
 use heapless::Vec;
 use protocol_core::memory::{Image, RECORD_MAX, Record, RecordKey, StoreError, open, seal};
 use sequential_storage::Error;
@@ -205,8 +205,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
     /// Writes an item, which was there before or not; what is found then.
     fn write(&mut self, key: u8, bytes: &[u8], held_before: bool) -> Result<Survey, StoreError> {
         for _ in 0..ATTEMPTS {
-            let mut map = map(Preview::writing(&mut self.flash));
-            let stored = block_on(map.store_item(self.buffer, &key, &bytes));
+            let stored = self.store_item(key, bytes, None);
             // A failure may have come so late that all is there: what counts is what a start would find.
             match (stored, self.survey(key, bytes)) {
                 (Ok(()), Ok((found, true))) => return Ok(found),
@@ -233,7 +232,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
 
     /// Goes through all items that are intact, from the oldest to the newest.
     fn scan(&mut self, visit: &mut dyn FnMut(u8, &[u8])) -> Result<(), Error<F::Error>> {
-        let mut map = map(Preview::looking(&mut self.flash));
+        let mut map = map(Preview::looking(&mut self.flash), None);
         // A sector that makes no sense is given up by a fetch, as it has to be, but not by a walk through the items.
         block_on(async {
             if matches!(map.fetch_all_items(self.buffer).await, Err(Error::Corrupted {})) {
@@ -262,12 +261,11 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         }
         Ok(words * F::WRITE_SIZE)
     }
-}
 
-impl<F: MultiwriteNorFlash> Records<'_, F> {
     /// Removes all records, old versions too: none comes back, whatever bit flips. The setting stays.
     ///
-    /// A power cut leaves each record as it was or absent; clearing anew finishes that. What is clear is not written to.
+    /// The map moves to its other sector, and takes the setting along alone. A power cut leaves all records as they were or
+    /// none; clearing anew finishes that. What is clear is not written to.
     ///
     /// # Errors
     /// [`StoreError`] when the flash fails.
@@ -278,23 +276,15 @@ impl<F: MultiwriteNorFlash> Records<'_, F> {
             if found.stored == 0 && found.inventory() == NOTHING {
                 return Ok(());
             }
-            // First of all no record is missed any more. An inventory without records stays to the end, so that there
-            // is an item at any time, and so that it is seen that older ones are gone.
-            if found.inventory != Some(NOTHING) {
-                self.remove(INVENTORY)?;
-                self.write(INVENTORY, &[NOTHING], false)?;
-            }
-            for key in RecordKey::ALL {
-                self.remove(key as u8)?;
-            }
+            self.store_item(INVENTORY, &[NOTHING], Some(SETTING)).map_err(|_| StoreError)?;
         }
         Err(StoreError)
     }
 
-    /// Makes all items of a key unreadable, the newest last.
-    fn remove(&mut self, key: u8) -> Result<(), StoreError> {
-        let mut map = map(Preview::writing(&mut self.flash));
-        block_on(map.remove_item(self.buffer, &key)).map_err(|_| StoreError)
+    /// Writes an item once. With `kept`, gives up the items of all other keys.
+    fn store_item(&mut self, key: u8, bytes: &[u8], kept: Option<u8>) -> Result<(), Error<F::Error>> {
+        let mut map = map(Preview::writing(&mut self.flash), kept);
+        block_on(map.store_item(self.buffer, &key, &bytes))
     }
 }
 
@@ -307,8 +297,8 @@ const fn bit(key: RecordKey) -> u8 {
 }
 
 /// A map without a memory of its own: nothing but what is in the flash counts.
-fn map<S: NorFlash>(flash: Preview<S>) -> Map<S> {
+fn map<S: NorFlash>(flash: Preview<S>, kept: Option<u8>) -> Map<S> {
     let config = MapConfig::new(0..(SECTORS * S::ERASE_SIZE) as u32);
     let cache = Cache::new(ArrayPageStates::new(), ArrayPagePointers::new(), ArrayKeyPointers::new());
-    MapStorage::new(BlockingAsync::new(ItemLengths::new(flash)), config, cache)
+    MapStorage::new(BlockingAsync::new(ItemLengths::new(flash, kept)), config, cache)
 }

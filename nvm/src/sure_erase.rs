@@ -11,7 +11,7 @@
 //! without a look at what is in their way, and then what they were copied from is erased. So a sector is looked at before
 //! that, and erased again if it has to be.
 
-use embedded_storage::nor_flash::{ErrorType, MultiwriteNorFlash, NorFlash, ReadNorFlash};
+use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
 /// How many erases of the other sector a sector has room for: one in normal operation, and one more for each time that
 /// the power is cut while records are being moved. Erases beyond that are not protected.
@@ -160,5 +160,3 @@ impl<F: NorFlash> NorFlash for SureErase<F> {
         self.flash.write(Self::physical(offset).1, bytes)
     }
 }
-
-impl<F: MultiwriteNorFlash> MultiwriteNorFlash for SureErase<F> {}

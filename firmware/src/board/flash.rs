@@ -6,7 +6,7 @@ use core::task::{Context, Poll, Waker};
 use embassy_stm32::flash::{Async, Error, Flash};
 use embassy_stm32::pac::FLASH;
 use embassy_stm32::pac::flash::vals::Psize;
-use embedded_storage::nor_flash::{ErrorType, MultiwriteNorFlash, NorFlash, ReadNorFlash};
+use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
 use super::clock::supply_is_good;
 use super::nucleo::MEMORY;
@@ -73,9 +73,6 @@ fn sleep_until<T>(operation: impl Future<Output = T>) -> T {
         cortex_m::asm::wfe();
     }
 }
-
-/// A word can be programmed again, to clear more of its bits (RM0090 3.6.3).
-impl MultiwriteNorFlash for Sectors {}
 
 /// The driver erases with the width that it finds set, and leaves it at bytes: with words a sector takes 250 ms in the
 /// place of 400.
