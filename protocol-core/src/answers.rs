@@ -44,7 +44,7 @@ impl Answers {
     /// Returns the most urgent answer, the oldest among equals.
     #[inline]
     pub(crate) fn first(&self) -> Option<&Frame> {
-        self.waiting.iter().min_by_key(|frame| frame.arbitration())
+        self.waiting.get(self.first_place())
     }
 
     /// Takes the [first](Self::first) answer.
@@ -58,8 +58,15 @@ impl Answers {
 
     #[inline(never)]
     fn pop_first(&mut self) -> Option<Frame> {
-        let (position, _) = self.waiting.iter().enumerate().min_by_key(|(_, frame)| frame.arbitration())?;
-        Some(self.waiting.remove(position))
+        let place = self.first_place();
+        (!self.is_empty()).then(|| self.waiting.remove(place))
+    }
+
+    /// Returns the place of the first answer; 0 when there is none.
+    #[inline(never)]
+    fn first_place(&self) -> usize {
+        let urgent = self.waiting.iter().enumerate().min_by_key(|(_, frame)| frame.arbitration());
+        urgent.map_or(0, |(place, _)| place)
     }
 
     #[inline]

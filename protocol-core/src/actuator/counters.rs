@@ -25,7 +25,7 @@ impl Counters {
     /// How often the fault has occurred, the present time included.
     #[must_use]
     pub fn get(&self, fault: Fault) -> u8 {
-        self.0.get(usize::from(fault.index())).copied().unwrap_or(0)
+        self.0.get(fault.index()).copied().unwrap_or(0)
     }
 
     /// The same with those of these faults at 0.
@@ -55,6 +55,6 @@ impl Counters {
     }
 
     fn set(&mut self, fault: Fault, count: u8) -> bool {
-        self.0.get_mut(usize::from(fault.index())).is_some_and(|slot| core::mem::replace(slot, count) != count)
+        self.0.get_mut(fault.index()).is_some_and(|slot| core::mem::replace(slot, count) != count)
     }
 }

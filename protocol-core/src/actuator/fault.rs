@@ -64,8 +64,8 @@ impl Fault {
     }
 
     /// The place in [`ALL`](Self::ALL).
-    pub(super) const fn index(self) -> u8 {
-        self.priority().wrapping_sub(1)
+    pub(crate) const fn index(self) -> usize {
+        (self as usize).wrapping_sub(1)
     }
 }
 
@@ -182,8 +182,9 @@ impl Iterator for FaultIter {
     type Item = Fault;
 
     fn next(&mut self) -> Option<Fault> {
-        let fault = *Fault::ALL.get(usize::try_from(self.0.0.trailing_zeros()).ok()?)?;
-        self.0.remove(fault);
+        let FaultSet(bits) = self.0;
+        let fault = *Fault::ALL.get(bits.trailing_zeros() as usize)?;
+        self.0 = FaultSet(bits & bits.wrapping_sub(1));
         Some(fault)
     }
 }

@@ -137,8 +137,15 @@ impl Spool {
         self.path = Path::new(here, target, SOLENOIDS, now);
     }
 
-    #[inline]
+    /// Where it is.
+    #[inline(never)]
     pub(super) fn at(&self, now: Instant) -> Travel {
+        self.path.at(now)
+    }
+
+    /// [`at`](Self::at) in line, for what happens in each cycle.
+    #[inline]
+    pub(super) fn at_in_cycle(&self, now: Instant) -> Travel {
         self.path.at(now)
     }
 

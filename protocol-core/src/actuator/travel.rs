@@ -142,10 +142,10 @@ impl Leg {
         delayed(self.start, Duration::from_micros(u64::from(micros)))
     }
 
-    /// When, after `now`, the line next enters or leaves the band.
-    fn crosses(&self, band: Band, now: Instant) -> Option<Instant> {
+    /// When, after `now`, the line next enters or leaves the band; [`NEVER`] if it does not.
+    fn crosses(&self, band: Band, now: Instant) -> Instant {
         if now >= self.end {
-            return None;
+            return NEVER;
         }
         let here = self.at(now);
         let rising = self.to > self.from;
@@ -154,10 +154,10 @@ impl Leg {
             (false, true) => band.low.saturating_sub(1),
             (true, false) if here.0 < band.low => band.low,
             (false, false) if here.0 > band.high => band.high,
-            _ => return None,
+            _ => return NEVER,
         };
         let on_the_way = if rising { level <= self.to.0 } else { level >= self.to.0 };
-        on_the_way.then(|| self.reaches(level))
+        if on_the_way { self.reaches(level) } else { NEVER }
     }
 }
 
@@ -220,9 +220,10 @@ impl Path {
     }
 
     /// The first microsecond after `now` at which the spool enters or leaves the band; [`NEVER`] if it does not.
+    #[inline(never)]
     pub(super) fn crosses(&self, band: Band, now: Instant) -> Instant {
-        let creeps = || self.creep.and_then(|creep| creep.crosses(band, now));
-        self.approach.crosses(band, now).or_else(creeps).unwrap_or(NEVER)
+        let creeps = self.creep.as_ref().map_or(NEVER, |creep| creep.crosses(band, now));
+        self.approach.crosses(band, now).min(creeps)
     }
 }
 

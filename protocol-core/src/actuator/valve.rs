@@ -256,7 +256,7 @@ impl Valve {
     /// come within the tolerance is seen when something else happens to it, or when monitor 1 is due.
     #[inline]
     fn follow(&mut self, to: Position, now: Instant) {
-        let here = self.spool.at(now);
+        let here = self.spool.at_in_cycle(now);
         if tolerance(self.spool.destination()).contains(here) {
             self.at_set_point.restart();
         }
@@ -346,7 +346,7 @@ impl Valve {
     #[must_use]
     #[inline]
     pub fn position(&self, now: Instant) -> Position {
-        self.travel(now).position()
+        self.spool.at_in_cycle(now.max(self.now)).position()
     }
 
     /// Returns how far the spool is from neutral towards the B-port, in parts of the full stroke, of which there are

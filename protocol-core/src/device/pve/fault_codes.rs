@@ -39,12 +39,23 @@ pub const FAULT_CODES: [FaultCodes; 8] = [
 ];
 
 /// The codes of a fault.
-pub(super) fn codes(fault: Fault) -> FaultCodes {
-    let [first, ..] = FAULT_CODES;
-    FAULT_CODES.into_iter().find(|codes| codes.fault == fault).unwrap_or(first)
+pub(super) fn codes(fault: Fault) -> &'static FaultCodes {
+    const ROWS: &[FaultCodes; 8] = &FAULT_CODES;
+    let [first, ..] = ROWS;
+    ROWS.get(fault.index()).unwrap_or(first)
 }
 
 /// The error register: what the active faults contribute together.
 pub(super) fn register(active: FaultSet) -> u8 {
     active.into_iter().fold(0, |register, fault| register | codes(fault).register)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_fault_has_its_row() {
+        assert!(Fault::ALL.into_iter().all(|fault| codes(fault).fault == fault));
+    }
 }
