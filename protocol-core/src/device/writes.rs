@@ -81,8 +81,12 @@ impl Writes {
             let kept = if write.asked_by == Asker::Dm3 { waiting.value } else { 0 };
             waiting.value = kept | write.value;
         } else {
-            // There is a place for every kind.
-            let _ = self.queue.insert(0, write);
+            // All move on by a place; there is one for every kind.
+            let mut newer = write;
+            for place in &mut self.queue {
+                core::mem::swap(place, &mut newer);
+            }
+            let _ = self.queue.push(newer);
         }
     }
 
