@@ -247,10 +247,16 @@ impl LssSlave {
         self.unstored
     }
 
-    /// Notes that the memory holds this configuration.
+    /// Notes that the memory holds this configuration. What is pending, and another service has overwritten there, is to be
+    /// stored again.
     pub(crate) fn stored(&mut self, stored: Configuration) {
-        self.unstored.node_id = self.unstored.node_id.filter(|node_id| Some(*node_id) != stored.node_id);
-        self.unstored.bit_rate = self.unstored.bit_rate.filter(|bit_rate| Some(*bit_rate) != stored.bit_rate);
+        let Self { pending, unstored, .. } = self;
+        if let Some(stored) = stored.node_id {
+            unstored.node_id = pending.node_id.or(unstored.node_id).filter(|node_id| *node_id != stored);
+        }
+        if let Some(stored) = stored.bit_rate {
+            unstored.bit_rate = pending.bit_rate.or(unstored.bit_rate).filter(|bit_rate| *bit_rate != stored);
+        }
     }
 
     /// Returns the bit rate to be put in force now, when its delay has passed.

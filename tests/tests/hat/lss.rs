@@ -5,7 +5,7 @@ use protocol_core::device::hat::{Kind, Setup};
 use protocol_core::time::Duration;
 use tests::Rig;
 
-use super::{INVALID, SAVE, blank, booted, booted_as};
+use super::{INVALID, LOAD, SAVE, blank, booted, booted_as};
 
 const TO_WAITING: &str = "7E5: 04 00 00 00 00 00 00 00";
 const TO_CONFIGURATION: &str = "7E5: 04 01 00 00 00 00 00 00";
@@ -259,6 +259,24 @@ fn lss_store_stores_what_is_pending_and_updates_what_is_demanded() {
     assert_eq!((rig.read(0x2001, 2), rig.read(0x2002, 2)), (12, 3));
     rig.exchange("000: 81 00", &["70C: 00"]);
     assert_eq!((rig.read(0x2001, 2), rig.read(0x2002, 2)), (12, 2), "the rate was demanded, not stored");
+}
+
+#[test]
+fn lss_store_stores_what_is_pending_again_when_it_was_overwritten() {
+    for (index, signature) in [(0x1010, SAVE), (0x1011, LOAD)] {
+        let mut rig = configuration();
+        node_id(&mut rig, 12, 0);
+        bit_rate(&mut rig, 0, 4, 0);
+        rig.exchange(STORE, &[STORED]);
+        assert_eq!(rig.write(0x2001, 2, 1, 9), Ok(()));
+        assert_eq!(rig.write(0x2002, 2, 1, 3), Ok(()));
+        assert_eq!(rig.write(index, 4, 4, signature), Ok(()));
+        rig.exchange(STORE, &[STORED]);
+        assert_eq!((rig.read(0x2001, 2), rig.read(0x2002, 2)), (12, 4));
+        rig.power_cycle();
+        assert_eq!(rig.take(), ["70C: 00"], "{index:X}");
+        assert_eq!(rig.device().bit_rate(), BitRate::Kbit125);
+    }
 }
 
 #[test]
