@@ -259,6 +259,15 @@ impl LssSlave {
         }
     }
 
+    /// Returns whether a slave without node ID has a new one that is stored, and is in waiting: it boots under it (CiA 305,
+    /// transition 4).
+    #[must_use]
+    pub(crate) fn boots(&self, node_id: Option<NodeId>) -> bool {
+        let stored = self.pending.node_id.filter(|_| self.unstored.node_id.is_none());
+        let has_new = node_id.is_none() && stored.is_some_and(|stored| stored.0.is_some());
+        has_new && self.state == State::Waiting
+    }
+
     /// Returns the bit rate to be put in force now, when its delay has passed.
     pub(crate) fn poll(&mut self, now: Instant) -> Option<Switch> {
         let activation = self.activation.as_mut()?;
@@ -296,11 +305,8 @@ impl LssSlave {
                 Some(pending) => Outcome::Demand(Demand::Restart(pending)),
                 None => Outcome::Nothing,
             },
-            OnWaiting::Boot => {
-                let stored = self.pending.node_id.filter(|_| self.unstored.node_id.is_none());
-                let boots = identity.node_id.is_none() && stored.is_some_and(|stored| stored.0.is_some());
-                if boots { Outcome::Demand(Demand::Boot) } else { Outcome::Nothing }
-            }
+            OnWaiting::Boot if self.boots(identity.node_id) => Outcome::Demand(Demand::Boot),
+            OnWaiting::Boot => Outcome::Nothing,
         }
     }
 

@@ -325,6 +325,34 @@ fn no_node_id_and_the_way_back() {
     assert_eq!((rig.read(0x1014, 0), rig.read(0x1800, 1)), (0x8C, 0x8000_018C));
 }
 
+/// A master that does not wait for the memory: the sensor boots when the new node ID is stored.
+#[test]
+fn to_waiting_while_the_new_node_id_is_stored() {
+    for (fails, sent) in [(false, &[STORED, "70C: 00"][..]), (true, &["7E4: 17 FF 00 00 00 00 00 00"])] {
+        let mut rig = blank();
+        rig.write_time = Duration::from_millis(10);
+        rig.writes_fail = fails;
+        rig.exchange(TO_CONFIGURATION, &[]);
+        node_id(&mut rig, 12, 0);
+        rig.exchange(STORE, &[]);
+        rig.exchange(TO_WAITING, &[]);
+        rig.advance(100);
+        assert_eq!(rig.take(), sent);
+        assert_eq!(rig.node_id(), if fails { None } else { Some(12) });
+    }
+    // A master that goes back to configuration is served there first.
+    let mut rig = blank();
+    rig.write_time = Duration::from_millis(10);
+    rig.exchange(TO_CONFIGURATION, &[]);
+    node_id(&mut rig, 12, 0);
+    for request in [STORE, TO_WAITING, TO_CONFIGURATION] {
+        rig.exchange(request, &[]);
+    }
+    rig.advance(100);
+    assert_eq!(rig.take(), [STORED]);
+    rig.exchange(TO_WAITING, &["70C: 00"]);
+}
+
 #[test]
 fn lss_takes_the_node_id_away() {
     let mut rig = configuration();

@@ -280,6 +280,12 @@ impl<P: Product> Node<P> {
         }
     }
 
+    /// Returns whether a node without node ID has a new one that LSS has stored, and is in LSS waiting: reset communication
+    /// is due.
+    pub(crate) fn boots(&self) -> bool {
+        self.lss.boots(self.objects.node_id)
+    }
+
     /// Returns what LSS has configured and the memory does not hold.
     pub(crate) fn unstored(&self) -> Configuration {
         let unstored = self.lss.unstored();
