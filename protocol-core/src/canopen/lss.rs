@@ -247,10 +247,25 @@ impl LssSlave {
         self.unstored
     }
 
-    /// Notes that the memory holds this configuration.
+    /// Notes that the memory holds this configuration. What is pending, and another service has overwritten there, is to be
+    /// stored again.
     pub(crate) fn stored(&mut self, stored: Configuration) {
-        self.unstored.node_id = self.unstored.node_id.filter(|node_id| Some(*node_id) != stored.node_id);
-        self.unstored.bit_rate = self.unstored.bit_rate.filter(|bit_rate| Some(*bit_rate) != stored.bit_rate);
+        let Self { pending, unstored, .. } = self;
+        if let Some(stored) = stored.node_id {
+            unstored.node_id = pending.node_id.or(unstored.node_id).filter(|node_id| *node_id != stored);
+        }
+        if let Some(stored) = stored.bit_rate {
+            unstored.bit_rate = pending.bit_rate.or(unstored.bit_rate).filter(|bit_rate| *bit_rate != stored);
+        }
+    }
+
+    /// Returns whether a slave without node ID has a new one that is stored, and is in waiting: it boots under it (CiA 305,
+    /// transition 4).
+    #[must_use]
+    pub(crate) fn boots(&self, node_id: Option<NodeId>) -> bool {
+        let stored = self.pending.node_id.filter(|_| self.unstored.node_id.is_none());
+        let has_new = node_id.is_none() && stored.is_some_and(|stored| stored.0.is_some());
+        has_new && self.state == State::Waiting
     }
 
     /// Returns the bit rate to be put in force now, when its delay has passed.
@@ -290,11 +305,8 @@ impl LssSlave {
                 Some(pending) => Outcome::Demand(Demand::Restart(pending)),
                 None => Outcome::Nothing,
             },
-            OnWaiting::Boot => {
-                let stored = self.pending.node_id.filter(|_| self.unstored.node_id.is_none());
-                let boots = identity.node_id.is_none() && stored.is_some_and(|stored| stored.0.is_some());
-                if boots { Outcome::Demand(Demand::Boot) } else { Outcome::Nothing }
-            }
+            OnWaiting::Boot if self.boots(identity.node_id) => Outcome::Demand(Demand::Boot),
+            OnWaiting::Boot => Outcome::Nothing,
         }
     }
 

@@ -4,7 +4,7 @@ use protocol_core::controller::BusErrorMode;
 use protocol_core::memory::RecordKey;
 use tests::Rig;
 
-use super::{LOAD, SAVE, booted};
+use super::{LOAD, SAVE, blank, booted};
 
 const SET_UP: &str = "081: 00 FF 81 01 00 00 00 00";
 const CONTROLLER: &str = "081: 00 FF 81 02 00 00 00 00";
@@ -201,6 +201,39 @@ fn errors_that_reset_communication_leaves_are_told_again_and_not_entered_again()
     // Reset node finds them anew.
     rig.exchange("000: 81 00", &[BOOT_UP, CONTROLLER, "081: 20 81 91 03 00 00 00 00"]);
     assert_eq!(history(&mut rig), [0x0003_8120, 0x0002_FF00]);
+}
+
+#[test]
+fn an_error_that_no_emcy_could_tell_is_entered_when_reset_communication_tells_it() {
+    let mut rig = booted();
+    internal_fault(&mut rig, true);
+    internal_fault(&mut rig, false);
+    rig.take();
+    assert_eq!(rig.write(0x1014, 0, 4, 0x8000_0081), Ok(()));
+    internal_fault(&mut rig, true);
+    rig.exchange("000: 82 00", &[BOOT_UP, CONTROLLER]);
+    assert_eq!(history(&mut rig), [0x0002_FF00; 2]);
+    rig.exchange("000: 82 00", &[BOOT_UP, CONTROLLER]);
+    assert_eq!(history(&mut rig), [0x0002_FF00; 2], "once");
+    // A sensor that has no node ID: with its COB-ID stored, too.
+    for stored in [false, true] {
+        let mut rig = if stored { booted() } else { blank() };
+        if stored {
+            assert_eq!(rig.write(0x1010, 2, 4, SAVE), Ok(()));
+            assert_eq!(rig.write(0x2001, 2, 1, 255), Ok(()));
+            assert_eq!(rig.write(0x1010, 4, 4, SAVE), Ok(()));
+            rig.power_cycle();
+        }
+        bus(&mut rig, BusErrorMode::ErrorPassive);
+        bus(&mut rig, BusErrorMode::ErrorActive);
+        internal_fault(&mut rig, true);
+        for request in ["04 01", "11 01", "17 00"] {
+            rig.send(&format!("7E5: {request} 00 00 00 00 00 00"));
+        }
+        rig.take();
+        rig.exchange("7E5: 04 00 00 00 00 00 00 00", &[BOOT_UP, CONTROLLER]);
+        assert_eq!(history(&mut rig), [0x0002_FF00], "what an EMCY told, stored: {stored}");
+    }
 }
 
 #[test]

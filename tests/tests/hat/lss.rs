@@ -5,7 +5,7 @@ use protocol_core::device::hat::{Kind, Setup};
 use protocol_core::time::Duration;
 use tests::Rig;
 
-use super::{INVALID, SAVE, blank, booted, booted_as};
+use super::{INVALID, LOAD, SAVE, blank, booted, booted_as};
 
 const TO_WAITING: &str = "7E5: 04 00 00 00 00 00 00 00";
 const TO_CONFIGURATION: &str = "7E5: 04 01 00 00 00 00 00 00";
@@ -262,6 +262,24 @@ fn lss_store_stores_what_is_pending_and_updates_what_is_demanded() {
 }
 
 #[test]
+fn lss_store_stores_what_is_pending_again_when_it_was_overwritten() {
+    for (index, signature) in [(0x1010, SAVE), (0x1011, LOAD)] {
+        let mut rig = configuration();
+        node_id(&mut rig, 12, 0);
+        bit_rate(&mut rig, 0, 4, 0);
+        rig.exchange(STORE, &[STORED]);
+        assert_eq!(rig.write(0x2001, 2, 1, 9), Ok(()));
+        assert_eq!(rig.write(0x2002, 2, 1, 3), Ok(()));
+        assert_eq!(rig.write(index, 4, 4, signature), Ok(()));
+        rig.exchange(STORE, &[STORED]);
+        assert_eq!((rig.read(0x2001, 2), rig.read(0x2002, 2)), (12, 4));
+        rig.power_cycle();
+        assert_eq!(rig.take(), ["70C: 00"], "{index:X}");
+        assert_eq!(rig.device().bit_rate(), BitRate::Kbit125);
+    }
+}
+
+#[test]
 fn save_stores_the_demanded_pair() {
     let mut rig = booted();
     assert_eq!(rig.write(0x2001, 2, 1, 12), Ok(()));
@@ -305,6 +323,34 @@ fn no_node_id_and_the_way_back() {
     rig.exchange(TO_WAITING, &["70C: 00"]);
     assert_eq!((rig.read(0x2001, 1), rig.read(0x2001, 2)), (12, 12));
     assert_eq!((rig.read(0x1014, 0), rig.read(0x1800, 1)), (0x8C, 0x8000_018C));
+}
+
+/// A master that does not wait for the memory: the sensor boots when the new node ID is stored.
+#[test]
+fn to_waiting_while_the_new_node_id_is_stored() {
+    for (fails, sent) in [(false, &[STORED, "70C: 00"][..]), (true, &["7E4: 17 FF 00 00 00 00 00 00"])] {
+        let mut rig = blank();
+        rig.write_time = Duration::from_millis(10);
+        rig.writes_fail = fails;
+        rig.exchange(TO_CONFIGURATION, &[]);
+        node_id(&mut rig, 12, 0);
+        rig.exchange(STORE, &[]);
+        rig.exchange(TO_WAITING, &[]);
+        rig.advance(100);
+        assert_eq!(rig.take(), sent);
+        assert_eq!(rig.node_id(), if fails { None } else { Some(12) });
+    }
+    // A master that goes back to configuration is served there first.
+    let mut rig = blank();
+    rig.write_time = Duration::from_millis(10);
+    rig.exchange(TO_CONFIGURATION, &[]);
+    node_id(&mut rig, 12, 0);
+    for request in [STORE, TO_WAITING, TO_CONFIGURATION] {
+        rig.exchange(request, &[]);
+    }
+    rig.advance(100);
+    assert_eq!(rig.take(), [STORED]);
+    rig.exchange(TO_WAITING, &["70C: 00"]);
 }
 
 #[test]

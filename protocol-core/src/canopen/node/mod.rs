@@ -241,11 +241,14 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Enters an error into the history while EMCYs are on: the EMCY code, and the manufacturer's upper half.
-    pub(crate) fn enter_error(&mut self, code: u16, manufacturer: u16) {
-        if self.objects.emcy.id().is_some() {
+    /// Enters an error into the history while EMCYs are on: the EMCY code, and the manufacturer's upper half. Returns whether
+    /// they are; a node without node ID has none.
+    pub(crate) fn enter_error(&mut self, code: u16, manufacturer: u16) -> bool {
+        let tells = self.objects.node_id.is_some() && self.objects.emcy.id().is_some();
+        if tells {
             self.objects.history.enter(code, manufacturer);
         }
+        tells
     }
 
     /// Takes back an error that bus-off has kept from being told, and that is over: its EMCYs, and their entries in the
@@ -278,6 +281,12 @@ impl<P: Product> Node<P> {
         for _ in 0..answers {
             self.answer_lss(lss::Answer::Stored(error));
         }
+    }
+
+    /// Returns whether a node without node ID has a new one that LSS has stored, and is in LSS waiting: reset communication
+    /// is due.
+    pub(crate) fn boots(&self) -> bool {
+        self.lss.boots(self.objects.node_id)
     }
 
     /// Returns what LSS has configured and the memory does not hold.

@@ -79,11 +79,11 @@ pub(crate) trait Product: Sized {
     fn default(&self, object: Self::Object) -> Value<'static>;
 
     /// Takes the values of an RPDO in the order of the mapping; what is invalid is dropped.
-    fn receive(&mut self, values: impl Iterator<Item = (Self::Object, u32)>, now: Instant);
+    fn receive(&mut self, _values: impl Iterator<Item = (Self::Object, u32)>, _now: Instant) {}
 
     /// Takes note that the node was stopped.
-    fn stopped(&mut self, now: Instant);
+    fn stopped(&mut self, _now: Instant) {}
 
     /// Takes the EMCY of the node that the product listens to.
-    fn hear_emcy(&mut self, message: Emcy, now: Instant);
+    fn hear_emcy(&mut self, _message: Emcy, _now: Instant) {}
 }

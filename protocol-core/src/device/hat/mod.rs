@@ -61,6 +61,8 @@ pub struct HatSensor {
     task_failed: bool,
     /// The records that are damaged, by their position.
     damaged: u8,
+    /// The errors that were entered into the history when they were last told.
+    entered: Errors,
     internal_fault: bool,
     bus: BusErrorMode,
 }
@@ -87,7 +89,7 @@ impl HatSensor {
     /// Enters an error into the history and sends its EMCY.
     fn tell(&mut self, error: Error) {
         let (code, field, _) = error.codes();
-        self.node.enter_error(code, field);
+        self.entered.set(error, self.node.enter_error(code, field));
         self.node.send_emcy(self.objects.errors.message(error));
     }
 
@@ -166,6 +168,7 @@ impl Body for HatSensor {
             task: None,
             task_failed: false,
             damaged: 0,
+            entered: Errors::NONE,
             internal_fault: false,
             bus: BusErrorMode::ErrorActive,
         }
@@ -245,7 +248,7 @@ impl Body for HatSensor {
     }
 
     /// Starts with what the memory holds: either reset loads both groups, and reset node the bit rate too. Errors that a
-    /// reset of the communication has left are told again, and not entered again.
+    /// reset of the communication has left are told again, and not entered again if they are in the history.
     fn start(&mut self, scope: Restart, image: &Image, base: &mut Base) {
         let mut reading = Reading::new(image);
         self.layer = self.layer_of(&mut reading);
@@ -267,8 +270,13 @@ impl Body for HatSensor {
         ];
         self.node.boot(Reset::Application, parameters, &mut self.objects, base.now());
 
-        for error in Error::ALL.into_iter().filter(|error| *error != Error::BusOff && self.objects.errors.has(*error)) {
-            self.node.send_emcy(self.objects.errors.message(error));
+        let left = self.objects.errors;
+        for error in Error::ALL.into_iter().filter(|error| *error != Error::BusOff && left.has(*error)) {
+            if self.entered.has(error) {
+                self.node.send_emcy(left.message(error));
+            } else {
+                self.tell(error);
+            }
         }
         let corrupt = RecordKey::ALL.into_iter().filter(|key| reading.is_corrupt(*key));
         let whole = if reading.is_damaged() { WHOLE_MEMORY } else { 0 };

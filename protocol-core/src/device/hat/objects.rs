@@ -12,7 +12,6 @@ use crate::canopen::{heartbeat, lss, nmt, pdo};
 use crate::controller::BitRate;
 use crate::encoder::{Preset, Shaft};
 use crate::time::Instant;
-use crate::wire::emcy::Emcy;
 use crate::wire::lss::{Address, LssNodeId};
 use crate::wire::sdo::AbortCode;
 
@@ -205,13 +204,4 @@ impl Product for HatObjects {
     fn default(&self, _: HatObject) -> Value<'static> {
         Value::Number(0)
     }
-
-    /// There is no RPDO.
-    fn receive(&mut self, _: impl Iterator<Item = (HatObject, u32)>, _: Instant) {}
-
-    /// Nothing is driven that would have to stop.
-    fn stopped(&mut self, _: Instant) {}
-
-    /// There is no EMCY consumer.
-    fn hear_emcy(&mut self, _: Emcy, _: Instant) {}
 }

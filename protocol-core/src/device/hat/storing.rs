@@ -7,6 +7,7 @@ use super::objects::{Part, Task};
 use super::records::LAYER;
 use crate::canopen::dictionary::Group;
 use crate::canopen::lss::Configuration;
+use crate::device::Restart;
 use crate::device::host::{Base, Storing};
 use crate::device::writes::{Asker, Write};
 use crate::memory::RecordKey;
@@ -84,6 +85,9 @@ impl Storing for HatSensor {
                     self.objects.demanded = self.objects.demanded.with(self.layer_in_flight);
                 }
                 self.node.end_lss_store(stored, is_last);
+                if self.node.boots() {
+                    base.request_restart(Restart::Communication);
+                }
             }
             Asker::Sdo => {
                 let Some(task) = self.task.filter(|task| value_of(*task) == write.value) else { return };
