@@ -203,10 +203,12 @@ pub enum InternalCause {
 }
 
 /// A set of causes of the internal error.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct InternalCauses(u16);
 
 impl InternalCauses {
+    pub(super) const NONE: Self = Self(0);
+
     pub(super) fn set(&mut self, cause: InternalCause, present: bool) {
         let bit = match cause {
             InternalCause::Injected => 0x0001,
@@ -249,7 +251,7 @@ mod tests {
             InternalCause::Watchdog,
             InternalCause::Memory,
         ]);
-        let mut all = InternalCauses::default();
+        let mut all = InternalCauses::NONE;
         causes.clone().for_each(|cause| all.set(cause, true));
         for cause in causes {
             assert!(all.any());
