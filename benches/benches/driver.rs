@@ -17,6 +17,7 @@ use hal_sim::run::{Driver, Outside};
 use hal_sim::{Memory, World};
 use protocol_core::controller::BitRate;
 use protocol_core::device::pve::{Kind, PveCanopen, Setup};
+use protocol_core::memory::Image;
 
 /// A wall clock that passes only when the driver waits, and what clients say.
 struct Outdoors {
@@ -64,7 +65,8 @@ impl Scene {
         let mut world = World::new(BitRate::Kbit250, 0);
         for id in 1..=valves {
             let setup = Setup { node_id: Some(id), serial: Some(id.into()), ..Setup::new(Kind::PveaCanopen) };
-            let power_on = move |image: &_, cause, now| Box::new(PveCanopen::power_on(setup, image, cause, now)) as _;
+            let power_on =
+                move |image: &Image, cause, now| Box::new(PveCanopen::power_on(setup, image, cause, now)) as _;
             world.add_device(&format!("valve-{id}"), power_on, Memory::in_ram());
         }
         let (start, (messages, receiver)) = (Instant::now(), channel());

@@ -1,6 +1,6 @@
 //! The smallest firmware: one CANopen valve, pumped each millisecond. A port begins with this file.
 //!
-//! A port puts its driver in the place of [`Controller`] and its flash in that of [`Memory`]. Here words in RAM stand for the
+//! A port puts its driver in the place of [`Controller`] and its flash in that of [`NoMemory`]. Here words in RAM stand for the
 //! controller's registers, and `tests/firmware-in-the-loop/run --test firmware minimal` plays the bus behind them.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
@@ -21,7 +21,7 @@ mod image {
     use protocol_core::device::pve::{Kind, PveCanopen, Setup};
     use protocol_core::device::{Device as _, Effect, Senses, StartCause};
     use protocol_core::frame::{Frame, extended, standard};
-    use protocol_core::memory::{Image, Record, RecordKey, StoreError};
+    use protocol_core::memory::{Corrupt, Memory, Record, RecordKey, StoreError};
     use protocol_core::pump::pump;
     use protocol_core::time::{Duration, Instant, after};
     use static_cell::StaticCell;
@@ -124,14 +124,16 @@ mod image {
         fn set_filters(&mut self, _: &Filters) {}
     }
 
-    /// The memory of a board without one: each start finds it new.
-    struct Memory;
+    /// The memory of a board that has none: it takes every record and keeps none, so each start is that of a new device.
+    struct NoMemory;
 
-    impl Memory {
-        fn read(&self) -> Image {
-            Image::empty()
+    impl Memory for NoMemory {
+        fn sealed(&self, _: RecordKey) -> Result<Option<&[u8]>, Corrupt> {
+            Ok(None)
         }
+    }
 
+    impl NoMemory {
         fn store(&mut self, _: RecordKey, _: &Record) -> Result<(), StoreError> {
             Ok(())
         }
@@ -146,12 +148,18 @@ mod image {
     #[exception]
     fn SysTick() {}
 
+    // Kept apart: it takes stack to make a valve.
+    #[inline(never)]
+    fn place() -> &'static mut PveCanopen {
+        static VALVE: StaticCell<PveCanopen> = StaticCell::new();
+        VALVE.init_with(|| PveCanopen::new(Setup::new(Kind::PveaCanopen)))
+    }
+
     #[entry]
     fn main() -> ! {
-        static VALVE: StaticCell<PveCanopen> = StaticCell::new();
-        let (mut can, mut memory, mut now) = (Controller, Memory, Instant::from_ticks(0));
-        let valve = VALVE.init_with(|| PveCanopen::new(Setup::new(Kind::PveaCanopen)));
-        valve.start_up(&memory.read(), StartCause::PowerOn, now);
+        let (mut can, mut memory, mut now) = (Controller, NoMemory, Instant::from_ticks(0));
+        let valve = place();
+        valve.start_up(&memory, StartCause::PowerOn, now);
         can.set_bit_rate(valve.bit_rate());
         valve.sense(&Senses::default(), now);
         if let Some(peripherals) = cortex_m::Peripherals::take() {
@@ -168,7 +176,7 @@ mod image {
                     Effect::Store(key, record) => valve.stored(key, memory.store(key, &record), now),
                     Effect::SetBitRate(bit_rate) => can.set_bit_rate(bit_rate),
                     Effect::Restart(scope) => {
-                        valve.restart(scope, &memory.read(), now);
+                        valve.restart(scope, &memory, now);
                         can.set_bit_rate(valve.bit_rate());
                     }
                 }

@@ -7,6 +7,7 @@ use protocol_core::controller::{BitRate, BusErrorMode};
 use protocol_core::device::ValveOutputs;
 use protocol_core::device::pve::{Kind, PveCanopen, Setup};
 use protocol_core::frame::Frame;
+use protocol_core::memory::Image;
 use protocol_core::time::{Duration, Instant, after};
 
 use super::{Senses, frame};
@@ -56,7 +57,7 @@ impl Bench {
     /// Adds a valve, switched off.
     pub fn add(&mut self, setup: Setup, memory: Memory) -> NodeId {
         let name = format!("valve-{}", self.world.devices().count() + 1);
-        let factory = move |image: &_, cause, now| Box::new(PveCanopen::power_on(setup, image, cause, now)) as _;
+        let factory = move |image: &Image, cause, now| Box::new(PveCanopen::power_on(setup, image, cause, now)) as _;
         self.world.add_device(&name, factory, memory)
     }
 

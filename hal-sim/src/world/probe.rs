@@ -3,7 +3,7 @@
 use protocol_core::controller::{BitRate, Filter, Filters};
 use protocol_core::device::{Device, Effect, Outputs, Restart, Senses, StartCause, View, Viewable};
 use protocol_core::frame::{Frame, standard};
-use protocol_core::memory::{Image, RecordKey, StoreError, seal};
+use protocol_core::memory::{Image, Memory, RecordKey, StoreError, open, seal};
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
 use super::SimDevice;
@@ -113,8 +113,9 @@ impl Probe {
     }
 }
 
-fn parameters(image: &Image) -> Option<Vec<u8>> {
-    image.payload(RecordKey::Parameters, 1).unwrap_or(None).map(<[u8]>::to_vec)
+fn parameters(memory: &dyn Memory) -> Option<Vec<u8>> {
+    let sealed = memory.sealed(RecordKey::Parameters).unwrap_or(None);
+    sealed.and_then(|record| open(1, record)).map(<[u8]>::to_vec)
 }
 
 /// The command frame for a node.
@@ -195,9 +196,9 @@ impl Device for Probe {
         self.stored.push((key, result, now));
     }
 
-    fn restart(&mut self, _: Restart, image: &Image, _: Instant) {
+    fn restart(&mut self, _: Restart, memory: &dyn Memory, _: Instant) {
         self.restarts += 1;
-        self.parameters = parameters(image);
+        self.parameters = parameters(memory);
     }
 
     fn flush(&mut self, _: Instant) {

@@ -10,6 +10,9 @@ pub const COUNTER_MAX: u8 = 127;
 pub struct Counters([u8; Fault::ALL.len()]);
 
 impl Counters {
+    /// No fault has occurred.
+    pub const NONE: Self = Self([0; Fault::ALL.len()]);
+
     /// From stored bytes, by priority; a byte above 127 counts as 127.
     #[must_use]
     pub fn from_bytes(bytes: [u8; Fault::ALL.len()]) -> Self {

@@ -204,10 +204,12 @@ pub enum InternalCause {
 }
 
 /// A set of causes of the internal error.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct InternalCauses(u16);
 
 impl InternalCauses {
+    pub(super) const NONE: Self = Self(0);
+
     pub(super) fn set(&mut self, cause: InternalCause, present: bool) {
         let bit = match cause {
             InternalCause::Injected => 0x0001,
@@ -250,7 +252,7 @@ mod tests {
             InternalCause::Watchdog,
             InternalCause::Memory,
         ]);
-        let mut all = InternalCauses::default();
+        let mut all = InternalCauses::NONE;
         causes.clone().for_each(|cause| all.set(cause, true));
         for cause in causes {
             assert!(all.any());

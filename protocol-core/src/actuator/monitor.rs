@@ -33,14 +33,16 @@ pub(super) struct Reading {
 /// Watches for one fault: the cause must last for the whole delay, its end counts at once.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Monitor {
-    fault: Fault,
-    delay: Duration,
     due: Instant,
+    delay_us: u32,
+    fault: Fault,
 }
 
 impl Monitor {
+    /// To be called for constants only: that the delay fits is checked when they are made.
     pub(super) const fn new(fault: Fault, delay: Duration) -> Self {
-        Self { fault, delay, due: NEVER }
+        assert!(delay.as_micros() <= u32::MAX as u64);
+        Self { due: NEVER, delay_us: delay.as_micros() as u32, fault }
     }
 
     /// Takes what the value says now.
@@ -53,7 +55,7 @@ impl Monitor {
                 return;
             }
             if self.due == NEVER {
-                self.due = delayed(now, self.delay);
+                self.due = self.end(now);
             }
             if now < self.due {
                 return;
@@ -64,7 +66,7 @@ impl Monitor {
         if reading.clears {
             faults.clear(self.fault);
             if reading.trips {
-                self.due = delayed(now, self.delay);
+                self.due = self.end(now);
             }
         }
     }
@@ -75,8 +77,14 @@ impl Monitor {
         if !trips {
             self.due = NEVER;
         } else if self.due == NEVER {
-            self.due = delayed(now, self.delay);
+            self.due = self.end(now);
         }
+    }
+
+    /// When a delay that begins now ends.
+    #[inline]
+    const fn end(&self, now: Instant) -> Instant {
+        delayed(now, Duration::from_micros(self.delay_us as u64))
     }
 
     /// Lets the delay begin anew.

@@ -57,6 +57,11 @@ pub struct SpoolSense {
     pub measured: Option<Position>,
 }
 
+impl SpoolSense {
+    /// Nothing acts on a sound spool.
+    pub const FREE: Self = Self { fault: SpoolFault::None, lever: None, measured: None };
+}
+
 /// What the device does to the spool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Action {
@@ -103,7 +108,7 @@ pub(super) struct Spool {
 
 impl Spool {
     /// At rest in neutral.
-    pub(super) fn new(now: Instant) -> Self {
+    pub(super) const fn new(now: Instant) -> Self {
         Self { path: Path::rest(Travel::NEUTRAL, now), action: Action::Release, influence: Influence::Device }
     }
 

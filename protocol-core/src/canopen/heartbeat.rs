@@ -21,7 +21,7 @@ pub(crate) struct Rules {
 /// Sends the NMT state from time to time.
 #[derive(Debug)]
 pub(crate) struct HeartbeatProducer {
-    rules: Rules,
+    rules: &'static Rules,
     /// As written, in units; 0 is off.
     time: u16,
     next: Instant,
@@ -30,7 +30,7 @@ pub(crate) struct HeartbeatProducer {
 impl HeartbeatProducer {
     /// A producer that is off.
     #[must_use]
-    pub(crate) const fn new(rules: Rules) -> Self {
+    pub(crate) const fn new(rules: &'static Rules) -> Self {
         Self { rules, time: 0, next: NEVER }
     }
 

@@ -11,7 +11,7 @@ use super::writes::{Asker, Write, Writes};
 use super::{Device, Effect, Outputs, Restart, Senses, StartCause};
 use crate::controller::{BitRate, Filter, Filters};
 use crate::frame::Frame;
-use crate::memory::{self, Image, RecordKey, StoreError};
+use crate::memory::{self, Memory, RecordKey, StoreError};
 use crate::time::{Instant, NEVER};
 
 /// What a device writes to the memory: its product's part of a write.
@@ -84,7 +84,7 @@ pub trait Body: Storing + Sized {
 
     /// Starts with what the memory holds: power-up, or a restart of this scope. Of power-up and reset application the queue
     /// of writes is empty.
-    fn start(&mut self, scope: Restart, image: &Image, base: &mut Base);
+    fn start(&mut self, scope: Restart, memory: &dyn Memory, base: &mut Base);
 
     /// Notes that the watchdog, or a panic, has reset the processor.
     fn watchdog_reset(&mut self, base: &mut Base);
@@ -221,16 +221,17 @@ pub struct Host<B: Body> {
 impl<B: Body> Host<B> {
     /// Returns a device that is powered up with what the memory holds.
     #[must_use]
-    pub fn power_on(setup: B::Setup, image: &Image, cause: StartCause, now: Instant) -> Self {
+    pub fn power_on(setup: B::Setup, memory: &dyn Memory, cause: StartCause, now: Instant) -> Self {
         let mut device = Self::new(setup);
-        device.start_up(image, cause, now);
+        device.start_up(memory, cause, now);
         device
     }
 
     /// Returns a device without power, to be put where it is to stay and [started](Self::start_up) there: the stack then
     /// carries no device while it starts.
     #[must_use]
-    #[inline(never)]
+    // In the caller the device is made where it is to stay; a function of its own makes it on the stack first.
+    #[inline(always)]
     pub fn new(setup: B::Setup) -> Self {
         let base = Base {
             now: Instant::MIN,
@@ -242,9 +243,9 @@ impl<B: Body> Host<B> {
     }
 
     /// Powers a new device up with what the memory holds.
-    pub fn start_up(&mut self, image: &Image, cause: StartCause, now: Instant) {
+    pub fn start_up(&mut self, memory: &dyn Memory, cause: StartCause, now: Instant) {
         self.base.now = now;
-        self.body.start(Restart::Application, image, &mut self.base);
+        self.body.start(Restart::Application, memory, &mut self.base);
         if cause == StartCause::Watchdog {
             self.body.watchdog_reset(&mut self.base);
         }
@@ -375,14 +376,14 @@ impl<B: Body> Device for Host<B> {
         self.settle();
     }
 
-    fn restart(&mut self, scope: Restart, image: &Image, now: Instant) {
+    fn restart(&mut self, scope: Restart, memory: &dyn Memory, now: Instant) {
         self.base.now = self.base.now.max(now);
         self.base.restart.handed_out = false;
         if scope == Restart::Application {
             self.base.writes = Writes::new();
             self.base.fault_log = FaultLogClock::new();
         }
-        self.body.start(scope, image, &mut self.base);
+        self.body.start(scope, memory, &mut self.base);
         self.settle();
     }
 

@@ -1,6 +1,7 @@
 //! The host with a body that has one timer, one fault log and one answer.
 
 use super::*;
+use crate::memory::Image;
 use crate::memory::seal;
 use crate::time::{Duration, after};
 
@@ -111,7 +112,7 @@ impl Body for Obedient {
         None
     }
 
-    fn start(&mut self, scope: Restart, _: &Image, base: &mut Base) {
+    fn start(&mut self, scope: Restart, _: &dyn Memory, base: &mut Base) {
         self.starts.push(scope).unwrap();
         self.beat = after(base.now(), Duration::from_millis(100));
     }

@@ -25,7 +25,7 @@ pub use view::{View, Viewable};
 use crate::canopen::nmt::Reset;
 use crate::controller::{BitRate, Filter, Filters};
 use crate::frame::Frame;
-use crate::memory::{Image, Record, RecordKey, StoreError};
+use crate::memory::{Memory, Record, RecordKey, StoreError};
 use crate::time::Instant;
 
 /// What a device wants done that is not a frame.
@@ -109,7 +109,7 @@ pub trait Device {
     fn stored(&mut self, key: RecordKey, result: Result<(), StoreError>, now: Instant);
 
     /// Answers [`Effect::Restart`] with what the memory holds now.
-    fn restart(&mut self, scope: Restart, image: &Image, now: Instant);
+    fn restart(&mut self, scope: Restart, memory: &dyn Memory, now: Instant);
 
     /// Asks for everything that waits to be stored to be stored at once: the platform is about to be switched off.
     fn flush(&mut self, now: Instant);

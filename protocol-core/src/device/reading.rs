@@ -1,61 +1,72 @@
 //! What a start reads from the memory: each record checked, the corrupt ones noted (SPEC 6).
 
-use crate::memory::{Image, RecordKey};
+use crate::memory::{Memory, RecordKey, open};
 
-/// The records of an image, and which of them are corrupt.
-#[derive(Debug)]
+/// The records of a memory, and which of them are corrupt.
 pub struct Reading<'a> {
-    image: &'a Image,
-    /// By the record's position.
-    corrupt: [bool; RecordKey::ALL.len()],
+    memory: &'a dyn Memory,
+    /// A bit each, by the record's position.
+    corrupt: u8,
 }
 
+const _: () = assert!(RecordKey::ALL.len() <= 8);
+
 impl<'a> Reading<'a> {
-    /// Begins to read an image.
+    /// Begins to read a memory.
     #[must_use]
-    pub const fn new(image: &'a Image) -> Self {
-        Self { image, corrupt: [false; RecordKey::ALL.len()] }
+    pub const fn new(memory: &'a dyn Memory) -> Self {
+        Self { memory, corrupt: 0 }
     }
 
     /// Decodes a record of this version; `None` when it was never written, or is corrupt, which is noted.
     pub fn record<T>(&mut self, key: RecordKey, version: u8, decode: impl FnOnce(&'a [u8]) -> Option<T>) -> Option<T> {
-        let decoded = match self.image.payload(key, version) {
-            Ok(None) => return None,
-            Ok(Some(payload)) => decode(payload),
-            Err(_) => None,
-        };
-        if decoded.is_none()
-            && let Some(corrupt) = self.corrupt.get_mut(key.position())
-        {
-            *corrupt = true;
+        let decoded = decode(self.payload(key, version)?);
+        if decoded.is_none() {
+            self.corrupt |= bit(key);
         }
         decoded
+    }
+
+    #[inline(never)]
+    fn payload(&mut self, key: RecordKey, version: u8) -> Option<&'a [u8]> {
+        let payload = match self.memory.sealed(key) {
+            Ok(None) => return None,
+            Ok(Some(record)) => open(version, record),
+            Err(_) => None,
+        };
+        if payload.is_none() {
+            self.corrupt |= bit(key);
+        }
+        payload
     }
 
     /// Returns whether a record was never written.
     #[must_use]
     pub fn is_absent(&self, key: RecordKey) -> bool {
-        // Whatever the version: a record that does not open is not absent.
-        self.image.payload(key, 0) == Ok(None)
+        self.memory.sealed(key) == Ok(None)
     }
 
     /// Returns whether a record that was asked for is corrupt.
     #[must_use]
-    pub fn is_corrupt(&self, key: RecordKey) -> bool {
-        self.corrupt.get(key.position()) == Some(&true)
+    pub const fn is_corrupt(&self, key: RecordKey) -> bool {
+        self.corrupt & bit(key) != 0
     }
 
     /// Returns whether the memory as a whole is damaged.
     #[must_use]
-    pub const fn is_damaged(&self) -> bool {
-        self.image.is_damaged()
+    pub fn is_damaged(&self) -> bool {
+        self.memory.is_damaged()
     }
+}
+
+const fn bit(key: RecordKey) -> u8 {
+    1_u8.wrapping_shl(key.position() as u32)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::memory::seal;
+    use crate::memory::{Image, seal};
 
     #[test]
     fn absent_corrupt_and_sound_records() {

@@ -2,6 +2,20 @@
 
 use super::record::{RECORD_MAX, Record, RecordKey, open};
 
+/// A memory as a device reads it at a start: record by record, before any check.
+pub trait Memory {
+    /// Returns the bytes under a key as they lie there, [sealed](super::seal); `None` when it was never written.
+    ///
+    /// # Errors
+    /// [`Corrupt`] when something is there that could not be read.
+    fn sealed(&self, key: RecordKey) -> Result<Option<&[u8]>, Corrupt>;
+
+    /// Returns whether the memory as a whole was damaged: what could not be read is not known.
+    fn is_damaged(&self) -> bool {
+        false
+    }
+}
+
 /// What lies under one key.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Content {
@@ -60,17 +74,27 @@ impl Image {
     /// # Errors
     /// [`Corrupt`] when something is there that does not open as `version`.
     pub fn payload(&self, key: RecordKey, version: u8) -> Result<Option<&[u8]>, Corrupt> {
-        match self.contents.get(key.position()) {
-            None | Some(Content::Absent) => Ok(None),
-            Some(Content::Sealed(record)) => open(version, record).map(Some).ok_or(Corrupt),
-            Some(Content::Unreadable) => Err(Corrupt),
-        }
+        self.sealed(key)?.map(|record| open(version, record).ok_or(Corrupt)).transpose()
     }
 
     fn set(&mut self, key: RecordKey, content: Content) {
         if let Some(slot) = self.contents.get_mut(key.position()) {
             *slot = content;
         }
+    }
+}
+
+impl Memory for Image {
+    fn sealed(&self, key: RecordKey) -> Result<Option<&[u8]>, Corrupt> {
+        match self.contents.get(key.position()) {
+            None | Some(Content::Absent) => Ok(None),
+            Some(Content::Sealed(record)) => Ok(Some(record)),
+            Some(Content::Unreadable) => Err(Corrupt),
+        }
+    }
+
+    fn is_damaged(&self) -> bool {
+        self.damaged
     }
 }
 

@@ -86,7 +86,7 @@ pub(crate) struct Node<P: Product> {
 
 impl<P: Product> Node<P> {
     /// Returns a node that has not started.
-    pub(crate) const fn new(bit_rate: BitRate) -> Self {
+    pub(crate) const fn new() -> Self {
         Self {
             objects: Communication::new(),
             nmt: NmtSlave::new(),
@@ -95,7 +95,7 @@ impl<P: Product> Node<P> {
             listening: Listening::NOTHING,
             owed: Owed::new(),
             bus_off: false,
-            bit_rate,
+            bit_rate: BitRate::Kbit250,
             rate_is_new: false,
             activated: None,
             held: Configuration::NONE,

@@ -61,7 +61,7 @@ impl<P: Product> Communication<P> {
         Self {
             node_id: None,
             history: ErrorHistory::new(),
-            heartbeat: HeartbeatProducer::new(P::RULES.heartbeat),
+            heartbeat: HeartbeatProducer::new(const { &P::RULES.heartbeat }),
             sync: SyncConsumer::new(),
             emcy: EmcyProducer::new(),
             error_behaviour: ErrorBehaviours {

@@ -44,7 +44,7 @@ impl Rig {
     /// A lamp that has just started with this node ID and these parameters.
     fn started(node_id: Option<u8>, parameters: Option<&[u8]>) -> Self {
         let now = Instant::from_secs(1);
-        let mut rig = Self { node: Node::new(BitRate::Kbit250), lamp: Lamp::default(), now, held: false };
+        let mut rig = Self { node: Node::new(), lamp: Lamp::default(), now, held: false };
         rig.start(Reset::Application, node_id, parameters);
         rig
     }

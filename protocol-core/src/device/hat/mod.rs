@@ -35,7 +35,7 @@ use crate::canopen::node::{Demand, ErrorClass, Node, ObjectOf, Service};
 use crate::canopen::parameters::Stored;
 use crate::controller::{BitRate, BusErrorMode, Filter, Filters};
 use crate::frame::Frame;
-use crate::memory::{Image, RecordKey};
+use crate::memory::{Memory, RecordKey};
 use crate::time::Instant;
 use crate::wire::cob_id::NodeId;
 
@@ -162,7 +162,7 @@ impl Body for HatSensor {
         Self {
             setup,
             objects: HatObjects::new(setup.kind, identity(setup.kind, setup.serial), layer),
-            node: Node::new(layer.bit_rate),
+            node: Node::new(),
             layer,
             layer_in_flight: Configuration::NONE,
             task: None,
@@ -249,8 +249,8 @@ impl Body for HatSensor {
 
     /// Starts with what the memory holds: either reset loads both groups, and reset node the bit rate too. Errors that a
     /// reset of the communication has left are told again, and not entered again if they are in the history.
-    fn start(&mut self, scope: Restart, image: &Image, base: &mut Base) {
-        let mut reading = Reading::new(image);
+    fn start(&mut self, scope: Restart, memory: &dyn Memory, base: &mut Base) {
+        let mut reading = Reading::new(memory);
         self.layer = self.layer_of(&mut reading);
         let stored = self.layer.configuration();
         let serial = reading.record(RecordKey::Factory, VERSION, decode_serial);

@@ -24,7 +24,7 @@ pub(super) struct Application {
 }
 
 impl Application {
-    pub(super) fn new(kind: Kind, now: Instant) -> Self {
+    pub(super) const fn new(kind: Kind) -> Self {
         let config = ValveConfig {
             actuator_type: kind.actuator_type(),
             low_temperature: true,
@@ -32,9 +32,9 @@ impl Application {
             spool_monitors: SpoolMonitors::WhileRegulating,
         };
         Self {
-            valve: Valve::new(config, Counters::default(), now),
-            machine: StateMachine::default(),
-            mode: DeviceMode::default(),
+            valve: Valve::new(config, Counters::NONE, Instant::MIN),
+            machine: StateMachine::new(),
+            mode: DeviceMode::FullOperational,
             control_word: 0,
             set_point: SetPoint::NEUTRAL,
             in_force: SetPoint::NEUTRAL,
@@ -44,8 +44,8 @@ impl Application {
     /// Reset application: everything anew but the spool, which is where it is.
     pub(super) fn restart(&mut self, counters: Counters, now: Instant) {
         self.valve.restart(counters, now);
-        self.machine = StateMachine::default();
-        self.mode = DeviceMode::default();
+        self.machine = StateMachine::new();
+        self.mode = DeviceMode::FullOperational;
         self.control_word = 0;
         self.set_point = SetPoint::NEUTRAL;
         self.in_force = SetPoint::NEUTRAL;

@@ -4,7 +4,7 @@ use super::Setup;
 use super::records::{Factory, FaultLog, LocalLayer, VERSION};
 use crate::actuator::{InternalCause, Valve};
 use crate::device::reading::Reading;
-use crate::memory::{Image, RecordKey};
+use crate::memory::{Memory, RecordKey};
 use crate::time::Instant;
 
 /// The records as they were found.
@@ -17,10 +17,10 @@ pub(super) struct Found<'a> {
 
 impl<'a> Found<'a> {
     /// Looks at what every valve keeps.
-    pub(super) fn look(setup: &Setup, image: &'a Image) -> Self {
+    pub(super) fn look(setup: &Setup, memory: &'a dyn Memory) -> Self {
         let kind = setup.kind;
         let mut found = Self {
-            reading: Reading::new(image),
+            reading: Reading::new(memory),
             factory: Factory::new(kind, setup.serial),
             local_layer: LocalLayer::new(*setup),
             fault_log: FaultLog::default(),

@@ -99,7 +99,7 @@ pub(super) struct ValveObjects {
     pub(super) kind: Kind,
     pub(super) application: Application,
     factory: Factory,
-    description: Vec<u8, DESCRIPTION_MAX>,
+    description: Vec<u8, DESCRIPTION_MAX, u8>,
     serial_text: Vec<u8, DIGITS>,
 }
 
@@ -115,13 +115,13 @@ enum Command {
 }
 
 impl ValveObjects {
-    pub(super) fn new(kind: Kind, factory: Factory) -> Self {
+    pub(super) const fn new(kind: Kind) -> Self {
         Self {
             kind,
-            application: Application::new(kind, Instant::MIN),
-            factory,
+            application: Application::new(kind),
+            factory: Factory::UNREAD,
             description: Vec::new(),
-            serial_text: decimal(factory.identity.serial),
+            serial_text: Vec::new(),
         }
     }
 
@@ -287,7 +287,9 @@ impl Product for ValveObjects {
 /// Hands out every object of a new valve on CANopen.
 #[cfg(feature = "names")]
 pub(in crate::device) fn describe(kind: Kind, each: impl FnMut(&'static Entry, Initial<'_>)) -> Capabilities {
-    node::describe(&ValveObjects::new(kind, Factory::new(kind, None)), each);
+    let mut objects = ValveObjects::new(kind);
+    objects.set_factory(Factory::new(kind, None));
+    node::describe(&objects, each);
     Capabilities { dummies: PDO.dummies }
 }
 

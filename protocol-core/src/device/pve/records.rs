@@ -39,6 +39,17 @@ const SOFTWARE_VERSION: [u8; 4] = *b"1.32";
 const MANUFACTURED: [u8; 3] = [0x18, 0x07, 0x01];
 
 impl Factory {
+    /// Those of a device that has not started.
+    pub(super) const UNREAD: Self = Self {
+        identity: lss::Address { vendor: 0, product: 0, revision: 0, serial: 0 },
+        function_instance: 0,
+        hardware_number: 0,
+        hardware_version: [0; 4],
+        software_number: 0,
+        software_version: [0; 4],
+        manufactured: [0; 3],
+    };
+
     /// What a new memory is filled with.
     pub(super) fn new(kind: Kind, serial: Option<u32>) -> Self {
         Self {
@@ -119,6 +130,9 @@ pub(super) struct LocalLayer {
 }
 
 impl LocalLayer {
+    /// That of a device that has not started.
+    pub(super) const UNREAD: Self = Self { node_id: None, bit_rate: BitRate::Kbit250 };
+
     /// What a new memory is filled with.
     pub(super) fn new(Setup { kind, node_id, bit_rate, .. }: Setup) -> Self {
         let default = kind.bit_rates().first().copied().unwrap_or(BitRate::Kbit250);

@@ -5,11 +5,30 @@ use crate::controller::BusErrorMode;
 use crate::device::Senses;
 use crate::time::Instant;
 
-/// Takes what the device senses, as often as it likes.
-pub(super) fn sense(valve: &mut Valve, senses: &Senses, now: Instant) {
-    if let Some(sensed) = senses.valve() {
-        valve.sense(sensed, now);
+/// Causes of faults that a device senses beside its valve's own: they last over a restart, which the faults do not.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Causes {
+    internal_fault: bool,
+    bus_off: bool,
+}
+
+impl Causes {
+    /// Those of a healthy device.
+    pub(super) const NONE: Self = Self { internal_fault: false, bus_off: false };
+
+    /// Takes what the device senses, as often as it likes. Returns whether the controller is bus-off.
+    pub(super) fn sense(&mut self, valve: &mut Valve, senses: &Senses, now: Instant) -> bool {
+        if let Some(sensed) = senses.valve() {
+            valve.sense(sensed, now);
+        }
+        *self = Self { internal_fault: senses.internal_fault, bus_off: senses.bus == BusErrorMode::BusOff };
+        self.tell(valve, now);
+        self.bus_off
     }
-    valve.set_internal(InternalCause::Injected, senses.internal_fault, now);
-    valve.set_bus_off(senses.bus == BusErrorMode::BusOff, now);
+
+    /// Tells a valve that has started anew.
+    pub(super) fn tell(self, valve: &mut Valve, now: Instant) {
+        valve.set_internal(InternalCause::Injected, self.internal_fault, now);
+        valve.set_bus_off(self.bus_off, now);
+    }
 }

@@ -63,7 +63,7 @@ const RESET_FIRST: u16 = 0b0011;
 const RESET_SECOND: u16 = 0b1011;
 
 /// The state, and how far the way out of fault hold has come.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct StateMachine {
     state: DeviceState,
     /// The last control word in fault hold was 0011.
@@ -71,6 +71,10 @@ pub(super) struct StateMachine {
 }
 
 impl StateMachine {
+    pub(super) const fn new() -> Self {
+        Self { state: DeviceState::Init, reset_begun: false }
+    }
+
     pub(super) const fn state(self) -> DeviceState {
         self.state
     }
@@ -144,7 +148,7 @@ mod tests {
     }
 
     fn from_fault_hold(words: &[(u16, bool)]) -> DeviceState {
-        let mut machine = StateMachine::default();
+        let mut machine = StateMachine::new();
         machine.shut_down();
         for (word, fault_active) in words {
             machine.control(*word, *fault_active);

@@ -89,6 +89,8 @@ pub struct Node<const DM2: usize> {
 impl<const DM2: usize> Node<DM2> {
     /// Returns a node that begins to claim this address.
     #[must_use]
+    // Wanted twice: as the node is made and as it starts anew.
+    #[inline(never)]
     pub fn new(rules: &'static Rules, name: Name, own: Address) -> Self {
         Self {
             rules,
@@ -114,8 +116,10 @@ impl<const DM2: usize> Node<DM2> {
     /// broadcast under way is given up.
     pub fn restart(&mut self, name: Name, own: Address) {
         self.give_up_all();
-        let fresh = Self::new(self.rules, name, own);
-        *self = Self { bus_off: self.bus_off, dropped: self.dropped, ..fresh };
+        let Self { bus_off, dropped, .. } = *self;
+        *self = Self::new(self.rules, name, own);
+        self.bus_off = bus_off;
+        self.dropped = dropped;
         self.permit();
     }
 

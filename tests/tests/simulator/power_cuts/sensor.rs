@@ -6,6 +6,7 @@ use protocol_core::controller::BitRate;
 use protocol_core::device::Senses;
 use protocol_core::device::hat::{Hat, Kind, Setup};
 use protocol_core::encoder::Shaft;
+use protocol_core::memory::Image;
 use protocol_core::memory::RecordKey::{Application, LocalLayer, Parameters};
 use tests::Bench;
 
@@ -74,7 +75,7 @@ const OPERATIONS: [Operation; 10] = [
 fn with_flash(flash: Flash) -> (Bench, NodeId) {
     let mut bench = Bench::default();
     let setup = Setup { bit_rate: Some(BitRate::Kbit250), ..Setup::new(Kind::Hat1000) };
-    let factory = move |image: &_, cause, now| Box::new(Hat::power_on(setup, image, cause, now)) as _;
+    let factory = move |image: &Image, cause, now| Box::new(Hat::power_on(setup, image, cause, now)) as _;
     let sensor = bench.world.add_device("sensor", factory, Memory::with_flash(flash));
     bench.world.set_senses(sensor, Senses::encoder(Shaft::at(9_000)));
     (bench, sensor)

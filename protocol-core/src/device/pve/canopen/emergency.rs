@@ -1,7 +1,6 @@
 //! Faults become EMCYs, and entries of the error history (SPEC 3, 4.2).
 
 use super::super::fault_codes::{codes, register};
-use super::super::sensing::sense;
 use super::CanopenValve;
 use crate::actuator::{Fault, FaultSet, InternalCause};
 use crate::device::Restart;
@@ -49,7 +48,7 @@ impl CanopenValve {
                     self.node.send_emcy(fault_message(fault, active, count));
                 }
             }
-            Restart::Application => sense(valve, &self.senses, base.now()),
+            Restart::Application => self.causes.tell(valve, base.now()),
         }
     }
 }

@@ -18,20 +18,20 @@ use super::dictionary::{DICTIONARY, Task};
 use super::found::Found;
 use super::identification::Identification;
 use super::objects::ValveObjects;
-use super::records::{Factory, LocalLayer, VERSION, decode_flag};
-use super::sensing::sense;
+use super::records::{LocalLayer, VERSION, decode_flag};
+use super::sensing::Causes;
 use crate::actuator::{Counters, InternalCause, Valve};
 use crate::canopen::dictionary::Group;
 use crate::canopen::lss::Configuration;
 use crate::canopen::nmt::Reset;
 use crate::canopen::node::{Demand, Node, Service};
 use crate::canopen::parameters::Stored;
-use crate::controller::{BitRate, BusErrorMode, Filter, Filters};
+use crate::controller::{BitRate, Filter, Filters};
 use crate::device::host::{Base, Body, Host};
 use crate::device::writes::{Asker, Write};
 use crate::device::{Outputs, Restart, Senses, ValveOutputs};
 use crate::frame::Frame;
-use crate::memory::{Image, RecordKey};
+use crate::memory::{Memory, RecordKey};
 use crate::time::Instant;
 use crate::uds::Reaction;
 use crate::wire::cob_id::NodeId;
@@ -53,7 +53,7 @@ pub struct CanopenValve {
     layer_in_flight: Configuration,
     /// The counts that the write in flight clears: they come back when it fails.
     cleared: Counters,
-    senses: Senses,
+    causes: Causes,
 }
 
 impl CanopenValve {
@@ -97,16 +97,15 @@ impl Body for CanopenValve {
     const RECORD_VERSION: u8 = VERSION;
 
     fn new(setup: Setup) -> Self {
-        let local_layer = LocalLayer::new(setup);
         Self {
             setup,
-            objects: ValveObjects::new(setup.kind, Factory::new(setup.kind, setup.serial)),
-            node: Node::new(local_layer.bit_rate),
-            local_layer,
+            objects: ValveObjects::new(setup.kind),
+            node: Node::new(),
+            local_layer: LocalLayer::UNREAD,
             load: Load::new(),
             layer_in_flight: Configuration::NONE,
             cleared: Counters::default(),
-            senses: Senses::default(),
+            causes: Causes::NONE,
         }
     }
 
@@ -147,9 +146,8 @@ impl Body for CanopenValve {
     }
 
     fn sense(&mut self, senses: &Senses, base: &mut Base) {
-        self.senses = *senses;
-        sense(&mut self.objects.application.valve, senses, base.now());
-        self.node.set_bus_off(senses.bus == BusErrorMode::BusOff);
+        let bus_off = self.causes.sense(&mut self.objects.application.valve, senses, base.now());
+        self.node.set_bus_off(bus_off);
     }
 
     #[inline]
@@ -188,9 +186,9 @@ impl Body for CanopenValve {
 
     /// Starts with what the memory holds (SPEC 4.3, 4.5, 6). Of reset communication the application goes to FAULT_HOLD and
     /// keeps its parameters; faults that are active are told again.
-    fn start(&mut self, scope: Restart, image: &Image, base: &mut Base) {
+    fn start(&mut self, scope: Restart, memory: &dyn Memory, base: &mut Base) {
         let now = base.now();
-        let mut found = Found::look(&self.setup, image);
+        let mut found = Found::look(&self.setup, memory);
         let parameters =
             found.payload(RecordKey::Parameters, |payload| Stored::decode(DICTIONARY, Group::All, payload));
         let load_is_set = found.payload(RecordKey::RestoreFlag, decode_flag).unwrap_or(false);

@@ -20,15 +20,15 @@ use super::fault_codes::codes;
 use super::found::Found;
 use super::identification::Identification;
 use super::records::{Factory, LocalLayer, VERSION};
-use super::sensing::sense;
+use super::sensing::Causes;
 use crate::actuator::{Fault, FaultSet, InternalCause, Valve};
-use crate::controller::{BitRate, BusErrorMode, Filter, Filters};
+use crate::controller::{BitRate, Filter, Filters};
 use crate::device::host::{Base, Body, Host};
 use crate::device::writes::{Asker, Write};
 use crate::device::{Outputs, Restart, Senses, ValveOutputs};
 use crate::frame::Frame;
 use crate::isobus::node::{Indication, Node, Service};
-use crate::memory::{Image, RecordKey};
+use crate::memory::{Memory, RecordKey};
 use crate::time::Instant;
 use crate::uds::Reaction;
 use crate::wire::dm::payload_len;
@@ -56,7 +56,7 @@ pub struct IsobusValve {
     clearing: Vec<Clearing, CLEARINGS>,
     /// The faults that DM3 asked to clear and that have not occurred since.
     clearable: FaultSet,
-    senses: Senses,
+    causes: Causes,
 }
 
 impl IsobusValve {
@@ -130,7 +130,7 @@ impl Body for IsobusValve {
             auxiliary: AuxiliaryValve::new(setup.kind.actuator_type(), Instant::MIN),
             clearing: Vec::new(),
             clearable: FaultSet::EMPTY,
-            senses: Senses::default(),
+            causes: Causes::NONE,
         }
     }
 
@@ -177,9 +177,8 @@ impl Body for IsobusValve {
     }
 
     fn sense(&mut self, senses: &Senses, base: &mut Base) {
-        self.senses = *senses;
-        sense(&mut self.auxiliary.valve, senses, base.now());
-        self.node.set_bus_off(senses.bus == BusErrorMode::BusOff);
+        let bus_off = self.causes.sense(&mut self.auxiliary.valve, senses, base.now());
+        self.node.set_bus_off(bus_off);
     }
 
     #[inline]
@@ -222,9 +221,9 @@ impl Body for IsobusValve {
     }
 
     /// Starts with what the memory holds: the address is claimed, and a new memory filled.
-    fn start(&mut self, _: Restart, image: &Image, base: &mut Base) {
+    fn start(&mut self, _: Restart, memory: &dyn Memory, base: &mut Base) {
         let now = base.now();
-        let found = Found::look(&self.setup, image);
+        let found = Found::look(&self.setup, memory);
         self.factory = found.factory;
         self.local_layer = found.local_layer;
         self.clearing.clear();
@@ -232,7 +231,7 @@ impl Body for IsobusValve {
         self.auxiliary.restart(found.fault_log.counters, now);
         let valve = &mut self.auxiliary.valve;
         found.tell_faults(valve, now);
-        sense(valve, &self.senses, now);
+        self.causes.tell(valve, now);
         let own = address(&self.setup, self.local_layer);
         self.node.restart(name(&self.factory), own);
         base.fill(&found.reading);
