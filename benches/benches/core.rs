@@ -199,21 +199,21 @@ fn budget(instructions: u64) -> LibraryBenchmarkConfig {
 }
 
 // SDO upload of an UNSIGNED32 (620–858 in C).
-#[library_benchmark(config = budget(400))]
+#[library_benchmark(config = budget(480))]
 #[bench::u32(operational("620: 40 18 10 01 00 00 00 00"))]
 fn sdo_upload(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
     exchange.run()
 }
 
 // SDO download of an UNSIGNED16 (577–815 in C).
-#[library_benchmark(config = budget(520))]
+#[library_benchmark(config = budget(540))]
 #[bench::u16(operational("620: 2B 40 60 00 01 00 00 00"))]
 fn sdo_download(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
     exchange.run()
 }
 
 // A segment of a string.
-#[library_benchmark(config = budget(360))]
+#[library_benchmark(config = budget(400))]
 #[bench::string(in_segmented_upload("620: 60 00 00 00 00 00 00 00"))]
 fn sdo_segment(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<PveCanopen>> {
     exchange.run()
@@ -257,7 +257,7 @@ fn lss_switch_selective(exchange: Box<Exchange<PveCanopen>>) -> Box<Exchange<Pve
 }
 
 // The same of a sensor, whose shaft turns.
-#[library_benchmark(config = budget(437))]
+#[library_benchmark(config = budget(480))]
 #[bench::position(sensor(1, "601: 40 04 60 00 00 00 00 00").into())]
 fn hat_sdo_upload(exchange: Box<Exchange<Hat>>) -> Box<Exchange<Hat>> {
     exchange.run()

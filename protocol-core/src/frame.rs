@@ -52,6 +52,9 @@ pub struct Frame {
 }
 
 impl Frame {
+    /// A data frame without data, under the identifier 0.
+    pub(crate) const EMPTY: Self = Self { key: 0, remote: false, len: 0, data: [0; MAX_LEN] };
+
     /// A data frame of the first `len` bytes of `data`; a length above 8 counts as 8, as a DLC does.
     #[inline]
     #[must_use]
@@ -91,6 +94,14 @@ impl Frame {
         let mut frame = Self { key: self.key, remote: false, len: self.len, data };
         frame.blank_rest();
         frame
+    }
+
+    /// A data frame of the same length under the same identifier, with data that are zero beyond it.
+    #[inline]
+    #[must_use]
+    pub(crate) fn carrying(&self, data: [u8; MAX_LEN]) -> Self {
+        debug_assert_eq!(self.refilled(data).data, data);
+        Self { key: self.key, remote: false, len: self.len, data }
     }
 
     /// A remote frame that asks for `len` bytes; a length above 8 counts as 8.

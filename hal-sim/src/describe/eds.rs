@@ -49,7 +49,7 @@ pub fn eds(kind: Kind) -> Option<String> {
         {
             *part = number;
         }
-        let row = Row { entry, default: default(entry.data_type, initial) };
+        let row = Row { entry, default: default(entry.data_type(), initial) };
         objects.entry(entry.object().index).or_default().rows.push(row);
     })?;
     let mut sheet = String::new();
@@ -139,9 +139,9 @@ impl Object {
 impl Row {
     /// Everything but the name.
     fn write(&self, out: &mut String) -> std::fmt::Result {
-        let Entry { data_type, access, mappable, .. } = *self.entry;
-        writeln!(out, "ObjectType={VAR}\nDataType=0x{:04X}", type_index(data_type))?;
-        writeln!(out, "AccessType={}", access_type(access, mappable))?;
+        let mappable = self.entry.mappable();
+        writeln!(out, "ObjectType={VAR}\nDataType=0x{:04X}", type_index(self.entry.data_type()))?;
+        writeln!(out, "AccessType={}", access_type(self.entry.access(), mappable))?;
         if let Some(default) = &self.default {
             writeln!(out, "DefaultValue={default}")?;
         }

@@ -25,7 +25,7 @@ pub(super) fn object(object: Multiplexer, kind: Option<Kind>) -> String {
 
 /// The size of an object that is a number, in bytes.
 pub(super) fn size(object: Multiplexer, kind: Option<Kind>) -> Option<u8> {
-    entry(object, kind).map(|entry| entry.data_type).filter(|data_type| !data_type.is_text()).map(DataType::size)
+    entry(object, kind).filter(|entry| !entry.is_text()).map(Entry::size)
 }
 
 /// What an object holds, of the type that the dictionary gives it; bytes of another length are shown as they are.
@@ -34,7 +34,7 @@ pub(super) fn value(object: Multiplexer, bytes: &[u8], kind: Option<Kind>) -> St
         return raw(bytes);
     }
     let Some(entry) = entry(object, kind) else { return raw(bytes) };
-    let Value::Number(number) = Value::of(entry.data_type, bytes) else { return text_or_hex(bytes) };
+    let Value::Number(number) = entry.value(bytes) else { return text_or_hex(bytes) };
     match (object.index, object.sub) {
         (0x6003 | 0x6004, _) if matches!(kind, Some(Kind::Hat(_))) => angle(number),
         // signatures are texts: "save", "load"
@@ -44,7 +44,7 @@ pub(super) fn value(object: Multiplexer, bytes: &[u8], kind: Option<Kind>) -> St
         (0x6300 | 0x6301, 1) => format!("{} ({})", number as u16 as i16, stroke(number as u16 as i16)),
         (0x6042, _) if number == 1 => "1 (full operational)".to_owned(),
         (0x6042, _) if number == 2 => "2 (hand operation)".to_owned(),
-        _ => match entry.data_type {
+        _ => match entry.data_type() {
             DataType::I8 => (number as u8 as i8).to_string(),
             DataType::I16 => (number as u16 as i16).to_string(),
             DataType::I32 => (number as i32).to_string(),

@@ -1,6 +1,8 @@
 //! The object dictionary (CiA 301 7.4): one const table a product, the single source of truth.
 //!
 //! From the table come look-up, access checks and their aborts, what can be mapped, what "save" stores, and the defaults.
+//! The compiler splits the table: the [`Entries`] name no product, and the services that work with them alone are compiled
+//! once for all products of an image. What lies behind an object is at the position of its entry.
 
 use crate::wire::sdo::{AbortCode, Multiplexer};
 
@@ -26,43 +28,6 @@ pub enum DataType {
     Text(u8),
 }
 
-impl DataType {
-    /// The size of a number in bytes; for a text the most that it can be.
-    #[inline]
-    #[must_use]
-    pub const fn size(self) -> u8 {
-        match self {
-            Self::U8 | Self::I8 => 1,
-            Self::U16 | Self::I16 => 2,
-            Self::U32 | Self::I32 => 4,
-            Self::Text(size) => size,
-        }
-    }
-
-    /// Whether it is a text.
-    #[inline]
-    #[must_use]
-    pub const fn is_text(self) -> bool {
-        matches!(self, Self::Text(_))
-    }
-
-    /// Whether so many bytes can be a value of this type.
-    ///
-    /// # Errors
-    /// [`AbortCode::TOO_LONG`] or [`AbortCode::TOO_SHORT`].
-    #[inline(always)]
-    pub fn check_length(self, len: usize) -> Result<(), AbortCode> {
-        let size = usize::from(self.size());
-        if len > size {
-            Err(AbortCode::TOO_LONG)
-        } else if len < size && !self.is_text() {
-            Err(AbortCode::TOO_SHORT)
-        } else {
-            Ok(())
-        }
-    }
-}
-
 /// Who may do what with an object over SDO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
@@ -83,14 +48,14 @@ pub enum Mappable {
     Tpdo,
 }
 
-/// The value of an object before anything was stored.
+/// The value of a stored object before anything was stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DefaultValue {
     /// A number, in the raw bits of its type.
     Number(u32),
     /// A number plus the node ID, `$NODEID+…` of an EDS.
     NodeIdPlus(u32),
-    /// Given by the product: identity, texts, what it measures.
+    /// Given by the product: a text.
     Product,
 }
 
@@ -127,91 +92,234 @@ impl Group {
     }
 }
 
-/// The description of one object.
+/// The description of one object, in eight bytes: a product has some eighty of them.
 #[derive(Clone, Copy, Debug)]
 pub struct Entry {
-    /// Index and sub-index as the sort key of the rows: a look-up compares seven of them.
-    key: u32,
-    /// The type.
-    pub data_type: DataType,
-    /// The access over SDO.
-    pub access: Access,
-    /// The kind of PDO that it can be mapped into.
-    pub mappable: Mappable,
-    /// Whether "save" stores it.
-    pub stored: bool,
-    /// The value before anything was stored.
-    pub default: DefaultValue,
+    /// Index and sub-index in the upper 24 bits, the sort key of the entries; the [flags](flags) in the lowest byte.
+    packed: u32,
+    /// The one number of an object: the most characters of a text, the default of a stored object, the value of a constant.
+    number: u32,
     /// The name in an EDS. That of sub-index 0 of an object with sub-indices is the object's own, a colon, and the
     /// sub-index's: "Identity object: highest sub-index".
     #[cfg(feature = "names")]
     pub name: &'static str,
 }
 
+/// What the lowest byte of an entry says.
+mod flags {
+    pub(super) const ALL: u32 = 0xFF;
+    /// The type. Of a number the lower two bits are the binary logarithm of its size.
+    pub(super) const TYPE: u32 = 0b111;
+    pub(super) const U8: u32 = 0b000;
+    pub(super) const U16: u32 = 0b001;
+    pub(super) const U32: u32 = 0b010;
+    pub(super) const I8: u32 = 0b100;
+    pub(super) const I16: u32 = 0b101;
+    pub(super) const I32: u32 = 0b110;
+    pub(super) const TEXT: u32 = 0b111;
+    /// The access.
+    pub(super) const WRITABLE: u32 = 1 << 3;
+    /// The PDO that it can be mapped into.
+    pub(super) const MAPPABLE: u32 = 0b11 << 4;
+    pub(super) const RPDO: u32 = 0b01 << 4;
+    pub(super) const TPDO: u32 = 0b10 << 4;
+    /// The default of a stored object; zero when "save" does not store it.
+    pub(super) const DEFAULT: u32 = 0b11 << 6;
+    pub(super) const NUMBER: u32 = 0b01 << 6;
+    pub(super) const NODE_ID_PLUS: u32 = 0b10 << 6;
+    pub(super) const PRODUCT: u32 = 0b11 << 6;
+}
+
 impl Entry {
+    /// The name is dropped without the feature `names`.
+    #[cfg_attr(not(feature = "names"), allow(unused_variables))]
+    const fn new(object: Multiplexer, data_type: DataType, access: Access, name: &'static str) -> Self {
+        let (data_type, number) = match data_type {
+            DataType::U8 => (flags::U8, 0),
+            DataType::U16 => (flags::U16, 0),
+            DataType::U32 => (flags::U32, 0),
+            DataType::I8 => (flags::I8, 0),
+            DataType::I16 => (flags::I16, 0),
+            DataType::I32 => (flags::I32, 0),
+            DataType::Text(max) => (flags::TEXT, max as u32),
+        };
+        let access = match access {
+            Access::Ro => 0,
+            Access::Rw => flags::WRITABLE,
+        };
+        Self {
+            packed: key(object) << 8 | access | data_type,
+            number,
+            #[cfg(feature = "names")]
+            name,
+        }
+    }
+
     /// Returns index and sub-index.
     #[inline]
     #[must_use]
     pub const fn object(&self) -> Multiplexer {
-        Multiplexer::new((self.key >> 8) as u16, self.key as u8)
+        Multiplexer::new((self.packed >> 16) as u16, self.sub())
+    }
+
+    /// Returns the sub-index.
+    #[inline]
+    #[must_use]
+    pub const fn sub(&self) -> u8 {
+        (self.packed >> 8) as u8
+    }
+
+    /// Returns the type.
+    #[must_use]
+    pub const fn data_type(&self) -> DataType {
+        match self.packed & flags::TYPE {
+            flags::U8 => DataType::U8,
+            flags::U16 => DataType::U16,
+            flags::U32 => DataType::U32,
+            flags::I8 => DataType::I8,
+            flags::I16 => DataType::I16,
+            flags::I32 => DataType::I32,
+            _ => DataType::Text(self.number as u8),
+        }
+    }
+
+    /// Returns whether the object is a text.
+    #[inline]
+    #[must_use]
+    pub const fn is_text(&self) -> bool {
+        self.packed & flags::TYPE == flags::TEXT
+    }
+
+    /// Returns the size of a number in bytes; of a text the most that it can be.
+    #[inline]
+    #[must_use]
+    pub const fn size(&self) -> u8 {
+        if self.is_text() { self.number as u8 } else { 1_u8.wrapping_shl(self.packed & 0b11) }
+    }
+
+    /// Checks whether so many bytes can be a value of the object.
+    ///
+    /// # Errors
+    /// [`AbortCode::TOO_LONG`] or [`AbortCode::TOO_SHORT`].
+    #[inline(always)]
+    pub(super) fn check_length(&self, len: usize) -> Result<(), AbortCode> {
+        let size = usize::from(self.size());
+        if len > size {
+            Err(AbortCode::TOO_LONG)
+        } else if len < size && !self.is_text() {
+            Err(AbortCode::TOO_SHORT)
+        } else {
+            Ok(())
+        }
+    }
+
+    /// Returns the value that little-endian bytes are; missing bytes of a number are zero.
+    #[inline]
+    #[must_use]
+    pub fn value<'a>(&self, bytes: &'a [u8]) -> Value<'a> {
+        if self.is_text() { Value::Text(bytes) } else { Value::Number(number(bytes)) }
+    }
+
+    /// Returns the access over SDO.
+    #[inline]
+    #[must_use]
+    pub const fn access(&self) -> Access {
+        if self.packed & flags::WRITABLE == 0 { Access::Ro } else { Access::Rw }
+    }
+
+    /// Returns the kind of PDO that the object can be mapped into.
+    #[must_use]
+    pub const fn mappable(&self) -> Mappable {
+        match self.packed & flags::MAPPABLE {
+            flags::RPDO => Mappable::Rpdo,
+            flags::TPDO => Mappable::Tpdo,
+            _ => Mappable::No,
+        }
+    }
+
+    /// Returns whether "save" stores the object.
+    #[inline]
+    #[must_use]
+    pub const fn is_stored(&self) -> bool {
+        self.packed & flags::DEFAULT != 0
+    }
+
+    /// Returns the value before anything was stored; `None` for an object that "save" does not store.
+    #[must_use]
+    pub const fn default(&self) -> Option<DefaultValue> {
+        match self.packed & flags::DEFAULT {
+            flags::NUMBER => Some(DefaultValue::Number(self.number)),
+            flags::NODE_ID_PLUS => Some(DefaultValue::NodeIdPlus(self.number)),
+            flags::PRODUCT => Some(DefaultValue::Product),
+            _ => None,
+        }
+    }
+
+    /// Returns the number that was given [with](Row::with) the row.
+    #[inline]
+    pub(super) const fn number(&self) -> u32 {
+        self.number
     }
 }
 
-/// One row of an object dictionary: an object's description, and what lies behind it.
+/// One row of the table that an object dictionary is written as: an object's description, and what lies behind it.
 ///
 /// A service matches on `behind`, never on an index: a row that nothing serves does not compile, nor does code that serves
 /// no row.
 #[derive(Clone, Copy, Debug)]
 pub struct Row<B> {
-    /// The description.
-    pub entry: Entry,
-    /// What lies behind the object.
-    pub behind: B,
+    entry: Entry,
+    behind: B,
 }
 
 impl<B: Copy> Row<B> {
-    /// A read-only row: not mappable, not stored, its value given by the product.
+    /// A read-only row: not mappable, not stored.
     #[must_use]
     pub const fn ro(index: u16, sub: u8, data_type: DataType, behind: B, name: &'static str) -> Self {
-        Self::new(Multiplexer::new(index, sub), data_type, Access::Ro, behind, name)
+        Self { entry: Entry::new(Multiplexer::new(index, sub), data_type, Access::Ro, name), behind }
     }
 
     /// A row that can be read and written; otherwise as [`ro`](Self::ro).
     #[must_use]
     pub const fn rw(index: u16, sub: u8, data_type: DataType, behind: B, name: &'static str) -> Self {
-        Self::new(Multiplexer::new(index, sub), data_type, Access::Rw, behind, name)
-    }
-
-    /// The name is dropped without the feature `names`.
-    #[cfg_attr(not(feature = "names"), allow(unused_variables))]
-    const fn new(object: Multiplexer, data_type: DataType, access: Access, behind: B, name: &'static str) -> Self {
-        let entry = Entry {
-            key: key(object),
-            data_type,
-            access,
-            mappable: Mappable::No,
-            stored: false,
-            default: DefaultValue::Product,
-            #[cfg(feature = "names")]
-            name,
-        };
-        Self { entry, behind }
+        Self { entry: Entry::new(Multiplexer::new(index, sub), data_type, Access::Rw, name), behind }
     }
 
     /// The same row, mappable.
     #[must_use]
     pub const fn mappable(self, mappable: Mappable) -> Self {
-        Self { entry: Entry { mappable, ..self.entry }, ..self }
+        self.flagged(match mappable {
+            Mappable::No => 0,
+            Mappable::Rpdo => flags::RPDO,
+            Mappable::Tpdo => flags::TPDO,
+        })
     }
 
     /// The same row, stored by "save", with this default.
+    ///
+    /// # Panics
+    /// When a text has a number for its default: in a const it does not compile.
     #[must_use]
     pub const fn stored(self, default: DefaultValue) -> Self {
-        Self { entry: Entry { stored: true, default, ..self.entry }, ..self }
+        match default {
+            DefaultValue::Number(number) => self.with(number).flagged(flags::NUMBER),
+            DefaultValue::NodeIdPlus(base) => self.with(base).flagged(flags::NODE_ID_PLUS),
+            DefaultValue::Product => self.flagged(flags::PRODUCT),
+        }
     }
 
-    const fn key(&self) -> u32 {
-        self.entry.key
+    /// The same row, with a number for what lies behind it: the value of a constant.
+    ///
+    /// # Panics
+    /// When it is a text: in a const it does not compile.
+    #[must_use]
+    pub(super) const fn with(self, number: u32) -> Self {
+        assert!(!self.entry.is_text(), "the number of a text is its length");
+        Self { entry: Entry { number, ..self.entry }, ..self }
+    }
+
+    const fn flagged(self, flags: u32) -> Self {
+        Self { entry: Entry { packed: self.entry.packed | flags, ..self.entry }, ..self }
     }
 }
 
@@ -219,15 +327,18 @@ const fn key(object: Multiplexer) -> u32 {
     (object.index as u32) << 8 | object.sub as u32
 }
 
-/// An object dictionary: rows sorted by index and sub-index.
+/// The rows of an object dictionary, split into what knows no product and what does.
 #[derive(Clone, Copy, Debug)]
-pub struct Dictionary<B: 'static>(&'static [Row<B>]);
+pub struct Table<B, const N: usize> {
+    entries: [Entry; N],
+    behind: [B; N],
+}
 
-impl<B: Copy> Dictionary<B> {
-    /// Takes sorted rows; in a const, rows that are not sorted do not compile.
+impl<B: Copy, const N: usize> Table<B, N> {
+    /// Takes rows sorted by index and sub-index; in a const, rows that are not sorted do not compile.
     ///
     /// # Panics
-    /// When the rows are not strictly ascending.
+    /// When the rows are not strictly ascending, or more than 255.
     #[must_use]
     #[allow(
         clippy::indexing_slicing,
@@ -235,37 +346,93 @@ impl<B: Copy> Dictionary<B> {
         clippy::panic,
         reason = "runs in the compiler alone"
     )]
-    pub const fn new(rows: &'static [Row<B>]) -> Self {
+    pub const fn new(rows: [Row<B>; N]) -> Self {
+        assert!(N <= u8::MAX as usize, "a position must fit a byte");
+        let mut table = Self { entries: [rows[0].entry; N], behind: [rows[0].behind; N] };
         let mut i = 1;
-        while i < rows.len() {
-            assert!(rows[i - 1].key() < rows[i].key(), "the rows must be sorted by index and sub-index");
+        while i < N {
+            let Row { entry, behind } = rows[i];
+            assert!(
+                key(rows[i - 1].entry.object()) < key(entry.object()),
+                "the rows must be sorted by index and sub-index"
+            );
+            table.entries[i] = entry;
+            table.behind[i] = behind;
             i += 1;
         }
-        Self(rows)
+        table
+    }
+}
+
+/// The place of an object in a dictionary.
+#[derive(Clone, Copy, Debug)]
+pub struct Place {
+    /// The description.
+    pub entry: &'static Entry,
+    /// The position of the row.
+    pub position: u8,
+}
+
+/// The descriptions of an object dictionary, sorted by index and sub-index.
+#[derive(Clone, Copy, Debug)]
+pub struct Entries(&'static [Entry]);
+
+impl Entries {
+    /// Returns the places of all objects in their order.
+    pub fn iter(self) -> impl Iterator<Item = Place> {
+        self.0.iter().zip(0..).map(|(entry, position)| Place { entry, position })
     }
 
-    /// Returns all rows in their order.
-    #[cfg(feature = "names")]
-    pub fn rows(self) -> impl Iterator<Item = &'static Row<B>> {
-        self.0.iter()
+    /// Returns the places of the objects of a group that "save" stores.
+    pub fn stored(self, group: Group) -> impl Iterator<Item = Place> {
+        self.iter().filter(move |place| place.entry.is_stored() && group.has(place.entry.object().index))
     }
 
-    /// Returns the rows of a group that "save" stores.
-    pub fn stored(self, group: Group) -> impl Iterator<Item = &'static Row<B>> {
-        self.0.iter().filter(move |row| row.entry.stored && group.has(row.entry.object().index))
+    /// Returns the place at a position; `None` beyond the end.
+    pub(super) fn place(self, position: u8) -> Option<Place> {
+        self.0.get(usize::from(position)).map(|entry| Place { entry, position })
     }
 
-    /// Returns the row of an object.
+    /// Returns the place of an object.
     ///
     /// # Errors
     /// [`AbortCode::NO_OBJECT`] without such an index, [`AbortCode::NO_SUB`] without such a sub-index.
-    #[inline]
-    pub fn find(self, object: Multiplexer) -> Result<&'static Row<B>, AbortCode> {
-        match self.0.binary_search_by_key(&key(object), Row::key) {
-            Ok(position) => self.0.get(position).ok_or(AbortCode::NO_OBJECT),
-            Err(_) if self.0.iter().any(|row| row.entry.object().index == object.index) => Err(AbortCode::NO_SUB),
-            Err(_) => Err(AbortCode::NO_OBJECT),
+    pub fn find(self, object: Multiplexer) -> Result<Place, AbortCode> {
+        let least = key(object) << 8;
+        let position = self.0.partition_point(|entry| entry.packed < least);
+        match self.0.get(position) {
+            Some(entry) if entry.packed & !flags::ALL == least => Ok(Place { entry, position: position as u8 }),
+            _ if self.0.iter().any(|entry| entry.object().index == object.index) => Err(AbortCode::NO_SUB),
+            _ => Err(AbortCode::NO_OBJECT),
         }
+    }
+}
+
+/// An object dictionary: the entries, and what lies behind each.
+#[derive(Clone, Copy, Debug)]
+pub struct Dictionary<B: 'static> {
+    entries: &'static [Entry],
+    behind: &'static [B],
+}
+
+impl<B: Copy> Dictionary<B> {
+    /// Returns the dictionary of a table.
+    #[must_use]
+    pub const fn new<const N: usize>(table: &'static Table<B, N>) -> Self {
+        Self { entries: &table.entries, behind: &table.behind }
+    }
+
+    /// Returns the descriptions.
+    #[inline]
+    #[must_use]
+    pub const fn entries(self) -> Entries {
+        Entries(self.entries)
+    }
+
+    /// Returns what lies behind the object at a position; `None` without one.
+    #[inline]
+    pub fn behind(self, position: u8) -> Option<B> {
+        self.behind.get(usize::from(position)).copied()
     }
 }
 
@@ -278,21 +445,7 @@ pub enum Value<'a> {
     Text(&'a [u8]),
 }
 
-impl<'a> Value<'a> {
-    /// The value of a type in little-endian bytes; missing bytes of a number are zero.
-    #[inline]
-    #[must_use]
-    pub fn of(data_type: DataType, bytes: &'a [u8]) -> Self {
-        if data_type.is_text() {
-            return Self::Text(bytes);
-        }
-        let mut number = [0; 4];
-        for (to, from) in number.iter_mut().zip(bytes) {
-            *to = *from;
-        }
-        Self::Number(u32::from_le_bytes(number))
-    }
-
+impl Value<'_> {
     /// The number; `None` for a text.
     #[must_use]
     pub const fn number(self) -> Option<u32> {
@@ -301,4 +454,14 @@ impl<'a> Value<'a> {
             Self::Text(_) => None,
         }
     }
+}
+
+/// Returns the number that little-endian bytes are; missing ones are zero.
+#[inline]
+pub(super) fn number(bytes: &[u8]) -> u32 {
+    let mut number = [0; 4];
+    for (to, from) in number.iter_mut().zip(bytes) {
+        *to = *from;
+    }
+    u32::from_le_bytes(number)
 }

@@ -3,22 +3,22 @@
 
 use heapless::VecView;
 
-use super::dictionary::{DataType, Dictionary, Entry, Group, Row, Value};
+use super::dictionary::{Entries, Entry, Group, Place, Value};
 
 /// Appends the values of a group's stored objects as `value_of` gives them, one after the other; a text is preceded by its
 /// length. `None` when one is missing, or when there is no room for it.
-pub(crate) fn encode<'a, B: Copy>(
-    dictionary: Dictionary<B>,
+pub(crate) fn encode<'a>(
+    entries: Entries,
     group: Group,
-    value_of: impl Fn(&'static Row<B>) -> Option<Value<'a>>,
+    value_of: &dyn Fn(Place) -> Option<Value<'a>>,
     payload: &mut VecView<u8>,
 ) -> Option<()> {
-    for row in dictionary.stored(group) {
+    for place in entries.stored(group) {
         let number;
-        let bytes = match value_of(row)? {
+        let bytes = match value_of(place)? {
             Value::Number(value) => {
                 number = value.to_le_bytes();
-                number.get(..usize::from(row.entry.data_type.size()))?
+                number.get(..usize::from(place.entry.size()))?
             }
             Value::Text(text) => {
                 payload.push(u8::try_from(text.len()).ok()?).ok()?;
@@ -32,41 +32,39 @@ pub(crate) fn encode<'a, B: Copy>(
 
 /// The stored values, object by object.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Stored<'a, B: 'static> {
-    dictionary: Dictionary<B>,
+pub(crate) struct Stored<'a> {
+    entries: Entries,
     group: Group,
     payload: &'a [u8],
 }
 
-impl<'a, B: Copy> Stored<'a, B> {
+impl<'a> Stored<'a> {
     /// Takes a payload; `None` unless it has a value for every stored object and nothing else.
     #[must_use]
-    pub(crate) fn decode(dictionary: Dictionary<B>, group: Group, payload: &'a [u8]) -> Option<Self> {
+    pub(crate) fn decode(entries: Entries, group: Group, payload: &'a [u8]) -> Option<Self> {
         let mut rest = payload;
-        for row in dictionary.stored(group) {
-            take(&row.entry, &mut rest)?;
+        for place in entries.stored(group) {
+            take(place.entry, &mut rest)?;
         }
-        rest.is_empty().then_some(Self { dictionary, group, payload })
+        rest.is_empty().then_some(Self { entries, group, payload })
     }
 
     /// Returns the objects and their values.
-    pub(crate) fn values(self) -> impl Iterator<Item = (&'static Row<B>, Value<'a>)> {
+    pub(crate) fn values(self) -> impl Iterator<Item = (Place, Value<'a>)> {
         let mut rest = self.payload;
-        self.dictionary.stored(self.group).map_while(move |row| Some((row, take(&row.entry, &mut rest)?)))
+        self.entries.stored(self.group).map_while(move |place| Some((place, take(place.entry, &mut rest)?)))
     }
 }
 
 /// Takes one value off the front.
 fn take<'a>(entry: &Entry, rest: &mut &'a [u8]) -> Option<Value<'a>> {
-    let size = match entry.data_type {
-        DataType::Text(max) => {
-            let (&len, behind) = rest.split_first()?;
-            *rest = behind;
-            usize::from((len <= max).then_some(len)?)
-        }
-        number => usize::from(number.size()),
-    };
-    let (bytes, behind) = rest.split_at_checked(size)?;
+    let mut size = entry.size();
+    if entry.is_text() {
+        let (&len, behind) = rest.split_first()?;
+        *rest = behind;
+        size = (len <= size).then_some(len)?;
+    }
+    let (bytes, behind) = rest.split_at_checked(size.into())?;
     *rest = behind;
-    Some(Value::of(entry.data_type, bytes))
+    Some(entry.value(bytes))
 }

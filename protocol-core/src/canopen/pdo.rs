@@ -6,7 +6,7 @@ use core::ops::RangeInclusive;
 
 use heapless::Vec;
 
-use super::dictionary::{Dictionary, Mappable, Row};
+use super::dictionary::{Entries, Mappable, Place};
 use super::transmission::Transmission;
 pub(crate) use super::transmission::{AtSync, EVENT_DRIVEN, MANUFACTURER, ON_CHANGE};
 use crate::frame::{Frame, Id, MAX_LEN};
@@ -57,14 +57,17 @@ impl Rules {
     };
 }
 
-/// One PDO, whose objects are served by `B`.
+/// One PDO.
 #[derive(Debug)]
-pub(crate) struct Pdo<B> {
+pub(crate) struct Pdo {
     cob_id: CobId,
     transmission: Transmission,
     count: u8,
     entries: [MappingEntry; ENTRIES],
-    running: Option<Running<B>>,
+    /// Its frame with nothing in it yet; of no length while it is off or maps nothing.
+    blank: Frame,
+    /// The mapped objects of a PDO that is on.
+    slots: Vec<Slot, ENTRIES>,
     /// The data last sent.
     last: Option<Sample>,
 }
@@ -78,24 +81,17 @@ impl Sample {
     pub(crate) const NOTHING: Self = Self(0);
 }
 
-/// A PDO that is on.
-#[derive(Debug)]
-struct Running<B> {
-    /// Its frame, with nothing in it yet.
-    blank: Frame,
-    slots: Vec<Slot<B>, ENTRIES>,
-}
-
 /// Where an object lies in the frame; the gaps of dummies have no slot.
 #[derive(Clone, Copy, Debug)]
-struct Slot<B> {
-    behind: B,
+struct Slot {
+    /// The position of the object in the dictionary.
+    position: u8,
     /// Below 64: there is room for the object behind it.
     shift: u8,
     mask: u32,
 }
 
-impl<B: Copy + 'static> Pdo<B> {
+impl Pdo {
     /// A PDO that is off and maps nothing, to be loaded.
     #[must_use]
     pub(crate) const fn new() -> Self {
@@ -104,7 +100,8 @@ impl<B: Copy + 'static> Pdo<B> {
             transmission: Transmission::new(),
             count: 0,
             entries: [MappingEntry::parse(0); ENTRIES],
-            running: None,
+            blank: Frame::EMPTY,
+            slots: Vec::new(),
             last: None,
         }
     }
@@ -148,23 +145,22 @@ impl<B: Copy + 'static> Pdo<B> {
         &mut self,
         raw: u32,
         rules: &Rules,
-        dictionary: Dictionary<B>,
+        objects: Entries,
         now: Instant,
     ) -> Result<(), AbortCode> {
         let cob_id = CobId::new(raw);
         if cob_id == self.cob_id {
             return Ok(());
         }
-        let running = if cob_id.is_off() {
-            None
+        if cob_id.is_off() {
+            self.blank = Frame::EMPTY;
         } else if !cob_id.is_usable(rules.extended_ids) {
             return Err(AbortCode::INVALID_VALUE);
         } else if self.is_on() && cob_id.key() != self.cob_id.key() {
             return Err(AbortCode::DEVICE_STATE);
         } else {
-            Some(self.resolve(cob_id.id(), rules, dictionary)?)
-        };
-        self.running = running;
+            self.switch_on(cob_id.id(), rules, objects)?;
+        }
         self.cob_id = cob_id;
         self.restart(now);
         Ok(())
@@ -209,7 +205,7 @@ impl<B: Copy + 'static> Pdo<B> {
     /// # Errors
     /// [`AbortCode::PDO_TOO_LONG`] above 8 or when the entries then there are more than 64 bits,
     /// [`AbortCode::DEVICE_STATE`] while the PDO is on, [`AbortCode::NOT_MAPPABLE`] when one of them maps nothing.
-    pub(crate) fn write_count(&mut self, count: u8, rules: &Rules, dictionary: Dictionary<B>) -> Result<(), AbortCode> {
+    pub(crate) fn write_count(&mut self, count: u8, rules: &Rules, objects: Entries) -> Result<(), AbortCode> {
         if count == self.count {
             return Ok(());
         }
@@ -218,7 +214,7 @@ impl<B: Copy + 'static> Pdo<B> {
             return Err(AbortCode::DEVICE_STATE);
         }
         bits(entries)?;
-        entries.iter().try_for_each(|entry| mapped(*entry, rules, dictionary).map(drop))?;
+        entries.iter().try_for_each(|entry| mapped(*entry, rules, objects).map(drop))?;
         self.count = count;
         Ok(())
     }
@@ -228,18 +224,12 @@ impl<B: Copy + 'static> Pdo<B> {
     /// # Errors
     /// [`AbortCode::NOT_MAPPABLE`] for an object that does not exist, goes the other way or has another length,
     /// [`AbortCode::DEVICE_STATE`] while the PDO is on or counts its entries, [`AbortCode::NO_SUB`] for another sub-index.
-    pub(crate) fn write_entry(
-        &mut self,
-        sub: u8,
-        raw: u32,
-        rules: &Rules,
-        dictionary: Dictionary<B>,
-    ) -> Result<(), AbortCode> {
+    pub(crate) fn write_entry(&mut self, sub: u8, raw: u32, rules: &Rules, objects: Entries) -> Result<(), AbortCode> {
         if self.entry(sub)? == raw {
             return Ok(());
         }
         let entry = MappingEntry::parse(raw);
-        mapped(entry, rules, dictionary)?;
+        mapped(entry, rules, objects)?;
         if self.is_on() || self.count != 0 && !rules.entries_while_counted {
             return Err(AbortCode::DEVICE_STATE);
         }
@@ -278,9 +268,9 @@ impl<B: Copy + 'static> Pdo<B> {
     }
 
     /// Switches on, after everything was loaded, what is to be on; off what was stored and cannot be.
-    pub(crate) fn start(&mut self, rules: &Rules, dictionary: Dictionary<B>) {
-        self.running = if self.cob_id.is_off() { None } else { self.resolve(self.cob_id.id(), rules, dictionary).ok() };
-        if self.running.is_none() {
+    pub(crate) fn start(&mut self, rules: &Rules, objects: Entries) {
+        self.blank = Frame::EMPTY;
+        if self.cob_id.is_off() || self.switch_on(self.cob_id.id(), rules, objects).is_err() {
             self.cob_id = CobId::new(self.cob_id.raw() | CobId::OFF);
         }
     }
@@ -288,36 +278,34 @@ impl<B: Copy + 'static> Pdo<B> {
     /// Returns the [key](crate::frame::key) of its frames; `None` while it is off.
     #[must_use]
     pub(crate) fn key(&self) -> Option<u32> {
-        self.running.as_ref().map(|running| running.blank.key())
+        self.is_on().then(|| self.blank.key())
     }
 
-    /// Returns what a received frame holds, object by object in the order of the mapping; `None` when the frame is shorter
-    /// than the mapping.
-    pub(crate) fn unpack(&self, frame: &Frame) -> Option<impl Iterator<Item = (B, u32)>> {
-        let running = self.running.as_ref().filter(|running| frame.len() >= running.blank.len())?;
+    /// Returns what a received frame holds, object by object in the order of the mapping: the position in the dictionary,
+    /// and the value. `None` when the frame is shorter than the mapping.
+    pub(crate) fn unpack(&self, frame: &Frame) -> Option<impl Iterator<Item = (u8, u32)>> {
+        if !self.is_on() || frame.len() < self.blank.len() {
+            return None;
+        }
         let bits = u64::from_le_bytes(*frame.bytes());
-        Some(running.slots.iter().map(move |slot| {
+        Some(self.slots.iter().map(move |slot| {
             let value = bits.wrapping_shr(u32::from(slot.shift)) as u32 & slot.mask;
-            (slot.behind, value)
+            (slot.position, value)
         }))
     }
 
-    /// Returns the data that carry the mapped objects as `read` gives them.
+    /// Returns the data that carry the mapped objects, as `read` gives those at a position.
     #[inline]
-    pub(crate) fn sample(&self, mut read: impl FnMut(B) -> u32) -> Sample {
-        let slots = self.running.as_ref().map_or(&[][..], |running| &running.slots);
-        Sample(
-            slots.iter().fold(0, |bits, slot| {
-                bits | u64::from(read(slot.behind) & slot.mask).wrapping_shl(u32::from(slot.shift))
-            }),
-        )
+    pub(crate) fn sample(&self, mut read: impl FnMut(u8) -> u32) -> Sample {
+        Sample(self.slots.iter().fold(0, |bits, slot| {
+            bits | u64::from(read(slot.position) & slot.mask).wrapping_shl(u32::from(slot.shift))
+        }))
     }
 
-    /// Returns the frame that carries a sample; `None` when the PDO is off.
+    /// Returns the frame that carries a sample of a PDO that is on.
     #[inline]
-    pub(crate) fn frame(&self, sample: Sample) -> Option<Frame> {
-        let running = self.running.as_ref()?;
-        Some(running.blank.refilled(sample.0.to_le_bytes()))
+    pub(crate) fn frame(&self, sample: Sample) -> Frame {
+        self.blank.carrying(sample.0.to_le_bytes())
     }
 
     /// Counts a SYNC.
@@ -370,11 +358,11 @@ impl<B: Copy + 'static> Pdo<B> {
 
     /// Whether it is on and maps anything: a PDO of nothing is not sent.
     const fn sends(&self) -> bool {
-        self.is_on() && self.count != 0
+        !self.blank.is_empty()
     }
 
     const fn is_on(&self) -> bool {
-        self.running.is_some()
+        !self.cob_id.is_off()
     }
 
     fn put_entry(&mut self, sub: u8, entry: MappingEntry) {
@@ -384,7 +372,8 @@ impl<B: Copy + 'static> Pdo<B> {
         }
     }
 
-    fn resolve(&self, id: Id, rules: &Rules, dictionary: Dictionary<B>) -> Result<Running<B>, AbortCode> {
+    /// Checks and resolves the mapping; on an error nothing changes.
+    fn switch_on(&mut self, id: Id, rules: &Rules, objects: Entries) -> Result<(), AbortCode> {
         let entries = self.entries.get(..usize::from(self.count)).ok_or(AbortCode::PDO_TOO_LONG)?;
         if entries.is_empty() && !rules.may_be_empty {
             return Err(AbortCode::INVALID_VALUE);
@@ -393,26 +382,28 @@ impl<B: Copy + 'static> Pdo<B> {
         let mut slots = Vec::new();
         let mut shift: u8 = 0;
         for entry in entries {
-            if let Some(behind) = mapped(*entry, rules, dictionary)? {
+            if let Some(position) = mapped(*entry, rules, objects)? {
                 let mask = u32::MAX.unbounded_shr(32_u32.saturating_sub(u32::from(entry.bits)));
-                slots.push(Slot { behind, shift, mask }).map_err(|_| AbortCode::PDO_TOO_LONG)?;
+                slots.push(Slot { position, shift, mask }).map_err(|_| AbortCode::PDO_TOO_LONG)?;
             }
             shift = shift.saturating_add(entry.bits);
         }
-        Ok(Running { blank: Frame::with_len(id, [0; MAX_LEN], len), slots })
+        self.slots = slots;
+        self.blank = Frame::with_len(id, [0; MAX_LEN], len);
+        Ok(())
     }
 }
 
-/// Returns what lies behind the object that an entry maps, `None` for a dummy.
-fn mapped<B: Copy>(entry: MappingEntry, rules: &Rules, dictionary: Dictionary<B>) -> Result<Option<B>, AbortCode> {
+/// Returns the position of the object that an entry maps, `None` for a dummy.
+fn mapped(entry: MappingEntry, rules: &Rules, objects: Entries) -> Result<Option<u8>, AbortCode> {
     if rules.dummies && entry.is_valid_dummy() {
         return Ok(None);
     }
-    match dictionary.find(Multiplexer::new(entry.index, entry.sub)) {
-        Ok(Row { entry: object, behind })
-            if object.mappable == rules.direction && object.data_type.size().saturating_mul(8) == entry.bits =>
+    match objects.find(Multiplexer::new(entry.index, entry.sub)) {
+        Ok(Place { entry: object, position })
+            if object.mappable() == rules.direction && object.size().saturating_mul(8) == entry.bits =>
         {
-            Ok(Some(*behind))
+            Ok(Some(position))
         }
         _ => Err(AbortCode::NOT_MAPPABLE),
     }

@@ -1,11 +1,13 @@
 //! SDO server (CiA 301 7.2.4; SPEC 4.2): expedited and segmented transfers, both ways.
+//!
+//! The server knows the entries of the dictionary and no objects: it hands out what is to be read or written, and is told
+//! what came of it.
 
-use super::dictionary::{Access, DataType, Row, Value};
+use super::dictionary::{Access, Entries, Entry, Place, Value, number};
 use super::sdo_download::Download;
 use super::sdo_upload::Upload;
-use crate::outcome::Outcome;
 use crate::time::{Duration, Instant, NEVER, delayed};
-use crate::wire::sdo::{AbortCode, Answer, Multiplexer, Request};
+use crate::wire::sdo::{AbortCode, Answer, Multiplexer, Request, Segment};
 
 /// After so long without the next segment a transfer is aborted (A).
 pub(crate) const SEGMENT_TIMEOUT: Duration = Duration::from_secs(5);
@@ -16,121 +18,143 @@ const NO_TRANSFER: Multiplexer = Multiplexer::new(0, 0);
 /// A request or an answer on the bus.
 pub(crate) type Bytes = [u8; 8];
 
-/// The objects that a server gives access to.
-pub(crate) trait Objects {
-    /// What lies behind an object.
-    type Behind: Copy + 'static;
-    /// What a write can demand of the device: the answer waits for [`SdoServer::end`].
-    type Demand: Copy + PartialEq;
-
-    /// Returns the row of an object.
-    ///
-    /// # Errors
-    /// [`AbortCode::NO_OBJECT`] or [`AbortCode::NO_SUB`] when there is none.
-    fn find(&self, object: Multiplexer) -> Result<&'static Row<Self::Behind>, AbortCode>;
-
-    /// Reads an object.
-    ///
-    /// # Errors
-    /// An abort code when there is nothing to be read now.
-    fn read(&self, behind: Self::Behind) -> Result<Value<'_>, AbortCode>;
-
-    /// Writes an object; the value has the object's type and length.
-    ///
-    /// # Errors
-    /// An abort code, with nothing changed, when the value or the state forbids it.
-    fn write(&mut self, behind: Self::Behind, value: Value<'_>) -> Result<Outcome<(), Self::Demand>, AbortCode>;
+/// What a request comes to.
+#[derive(Debug)]
+pub(crate) enum Step<'a> {
+    /// Nothing: the client has given up.
+    Nothing,
+    /// An answer.
+    Answer(Bytes),
+    /// Read the object, then call [`SdoServer::uploaded`].
+    Read(Place),
+    /// Write the object, then call [`SdoServer::written`], or [`SdoServer::wait`] for what the write demands of the device.
+    Write {
+        /// The object: it may be written.
+        place: Place,
+        /// The value, of the object's type and length.
+        value: Value<'a>,
+        /// The answer to a write that succeeds.
+        done: Bytes,
+    },
 }
 
 /// A server for one client at a time.
 #[derive(Debug)]
-pub(crate) struct SdoServer<D> {
-    transfer: Transfer<D>,
+pub(crate) struct SdoServer {
+    transfer: Transfer,
     /// When the next segment is overdue; [`NEVER`] while none is expected.
     timeout: Instant,
 }
 
 #[derive(Debug)]
-enum Transfer<D> {
+enum Transfer {
     /// Nothing is in progress.
     Idle,
     /// The client fetches segments.
     Upload(Upload),
     /// The client sends segments.
     Download(Download),
-    /// The client waits for what its write has demanded, and then for this answer.
-    Waiting(Multiplexer, Bytes, D),
+    /// The client waits for what its write of an object has demanded, and then for this answer.
+    Waiting(Place, Bytes),
 }
 
-impl<D: Copy + PartialEq> Default for SdoServer<D> {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
-impl<D: Copy + PartialEq> SdoServer<D> {
+impl SdoServer {
     /// Returns a server with no transfer in progress.
     #[must_use]
     pub(crate) const fn new() -> Self {
         Self { transfer: Transfer::Idle, timeout: NEVER }
     }
 
-    /// Takes a request.
-    pub(crate) fn handle(
-        &mut self,
-        bytes: &Bytes,
-        objects: &mut impl Objects<Demand = D>,
-        now: Instant,
-    ) -> Outcome<Bytes, D> {
-        Outcome::Done(match Request::parse(bytes) {
-            Request::InitiateUpload(object) => self.initiate_upload(object, objects, now),
-            Request::DownloadExpedited { object, size, data } => {
-                let written = expedited(object, size, data, objects);
-                return self.written(object, written, Answer::DownloadDone(object).emit());
-            }
-            Request::InitiateDownload { object, size } => self.initiate_download(object, size, objects, now),
-            Request::UploadSegment { toggle } => self.upload_segment(toggle, now),
-            Request::DownloadSegment(segment) => {
-                let Transfer::Download(download) = &mut self.transfer else {
-                    return Outcome::Done(self.break_off(AbortCode::UNKNOWN_COMMAND));
-                };
-                let object = download.object();
-                let done = Answer::DownloadSegmentDone { toggle: segment.toggle }.emit();
-                match download.segment(&segment) {
-                    Ok(None) => {
-                        self.timeout = delayed(now, SEGMENT_TIMEOUT);
-                        done
-                    }
-                    Ok(Some(data)) => {
-                        let written = writable(object, objects)
-                            .and_then(|row| objects.write(row.behind, Value::of(row.entry.data_type, data)));
-                        return self.written(object, written, done);
-                    }
-                    Err(code) => self.break_off(code),
+    /// Takes a request. Inlined where a product is known: the look-up in a table of known length is half as long.
+    #[inline(always)]
+    pub(crate) fn handle<'a>(&'a mut self, bytes: &'a Bytes, objects: Entries, now: Instant) -> Step<'a> {
+        let request = Request::parse(bytes);
+        let (Request::InitiateUpload(object)
+        | Request::DownloadExpedited { object, .. }
+        | Request::InitiateDownload { object, .. }) = request
+        else {
+            return self.continue_transfer(request, now);
+        };
+        self.cancel();
+        let abort = |code| Step::Answer(Answer::Abort(object, code).emit());
+        let place = match objects.find(object) {
+            Ok(place) => place,
+            Err(code) => return abort(code),
+        };
+        let done = Answer::DownloadDone(object).emit();
+        match request {
+            Request::InitiateUpload(_) => Step::Read(place),
+            _ if place.entry.access() == Access::Ro => abort(AbortCode::READ_ONLY),
+            Request::DownloadExpedited { size, .. } => match expedited(place.entry, size, bytes) {
+                Ok(value) => Step::Write { place, value, done },
+                Err(code) => abort(code),
+            },
+            Request::InitiateDownload { size, .. } => match Download::new(place, size) {
+                Ok(download) => {
+                    self.transfer = Transfer::Download(download);
+                    self.timeout = delayed(now, SEGMENT_TIMEOUT);
+                    Step::Answer(done)
                 }
-            }
-            Request::Abort(..) => {
-                self.cancel();
-                return Outcome::Nothing;
-            }
+                Err(code) => abort(code),
+            },
+            _ => Step::Nothing,
+        }
+    }
+
+    /// Takes a request that begins no transfer.
+    fn continue_transfer(&mut self, request: Request, now: Instant) -> Step<'_> {
+        Step::Answer(match request {
+            Request::UploadSegment { toggle } => self.upload_segment(toggle, now),
+            Request::DownloadSegment(segment) => return self.download_segment(&segment, now),
             Request::Unknown(object) => {
                 self.cancel();
                 Answer::Abort(object, AbortCode::UNKNOWN_COMMAND).emit()
             }
+            _ => {
+                self.cancel();
+                return Step::Nothing;
+            }
         })
     }
 
-    /// Ends the write that waits for this demand; returns its answer.
-    pub(crate) fn end(&mut self, demand: D, result: Result<(), AbortCode>) -> Option<Bytes> {
-        let (object, done) = match &self.transfer {
-            Transfer::Waiting(object, done, waits_for) if *waits_for == demand => (*object, *done),
-            _ => return None,
-        };
-        self.cancel();
-        Some(match result {
-            Ok(()) => done,
+    /// Answers an upload with what was read.
+    #[inline]
+    pub(crate) fn uploaded(&mut self, place: Place, read: Result<Value<'_>, AbortCode>, now: Instant) -> Bytes {
+        let object = place.entry.object();
+        match read {
+            Ok(Value::Number(data)) => Answer::UploadExpedited { object, size: place.entry.size(), data }.emit(),
+            Ok(Value::Text(text)) => self.begin_upload(object, text, now),
             Err(code) => Answer::Abort(object, code).emit(),
-        })
+        }
+    }
+
+    /// Ends a download: `done` is the answer to a write that succeeded.
+    pub(crate) fn written(&mut self, place: Place, done: Bytes, written: Result<(), AbortCode>) -> Bytes {
+        self.cancel();
+        match written {
+            Ok(()) => done,
+            Err(code) => Answer::Abort(place.entry.object(), code).emit(),
+        }
+    }
+
+    /// Lets the client of a download wait for what the write has demanded.
+    pub(crate) fn wait(&mut self, place: Place, done: Bytes) {
+        self.cancel();
+        self.transfer = Transfer::Waiting(place, done);
+    }
+
+    /// Returns the object whose client waits for what its write has demanded.
+    pub(crate) const fn waits_for(&self) -> Option<Place> {
+        match self.transfer {
+            Transfer::Waiting(place, _) => Some(place),
+            _ => None,
+        }
+    }
+
+    /// Ends the write that [waits](Self::waits_for); returns its answer.
+    pub(crate) fn end(&mut self, result: Result<(), AbortCode>) -> Option<Bytes> {
+        let Transfer::Waiting(place, done) = self.transfer else { return None };
+        Some(self.written(place, done, result))
     }
 
     /// Returns the abort of a transfer whose client has stopped sending.
@@ -151,24 +175,37 @@ impl<D: Copy + PartialEq> SdoServer<D> {
         self.timeout = NEVER;
     }
 
-    fn initiate_upload(&mut self, object: Multiplexer, objects: &impl Objects, now: Instant) -> Bytes {
-        self.cancel();
-        let read = objects.find(object).and_then(|row| Ok((row, objects.read(row.behind)?)));
-        match read {
-            Ok((row, Value::Number(data))) => {
-                Answer::UploadExpedited { object, size: row.entry.data_type.size(), data }.emit()
+    fn download_segment(&mut self, segment: &Segment, now: Instant) -> Step<'_> {
+        let is_last = match &mut self.transfer {
+            Transfer::Download(download) => download.segment(segment),
+            _ => Err(AbortCode::UNKNOWN_COMMAND),
+        };
+        if let Err(code) = is_last {
+            return Step::Answer(self.break_off(code));
+        }
+        let done = Answer::DownloadSegmentDone { toggle: segment.toggle }.emit();
+        match &self.transfer {
+            Transfer::Download(download) if is_last == Ok(true) => {
+                let place = download.place();
+                Step::Write { place, value: place.entry.value(download.data()), done }
             }
-            Ok((_, Value::Text(text))) => match short_text(text) {
-                Some((size, data)) => Answer::UploadExpedited { object, size, data }.emit(),
-                None => match Upload::new(object, text) {
-                    Ok(upload) => {
-                        self.transfer = Transfer::Upload(upload);
-                        self.timeout = delayed(now, SEGMENT_TIMEOUT);
-                        Answer::UploadInitiated { object, size: u32::try_from(text.len()).unwrap_or(u32::MAX) }.emit()
-                    }
-                    Err(code) => Answer::Abort(object, code).emit(),
-                },
-            },
+            _ => {
+                self.timeout = delayed(now, SEGMENT_TIMEOUT);
+                Step::Answer(done)
+            }
+        }
+    }
+
+    fn begin_upload(&mut self, object: Multiplexer, text: &[u8], now: Instant) -> Bytes {
+        if let Some((size, data)) = short_text(text) {
+            return Answer::UploadExpedited { object, size, data }.emit();
+        }
+        match Upload::new(object, text) {
+            Ok(upload) => {
+                self.transfer = Transfer::Upload(upload);
+                self.timeout = delayed(now, SEGMENT_TIMEOUT);
+                Answer::UploadInitiated { object, size: u32::try_from(text.len()).unwrap_or(u32::MAX) }.emit()
+            }
             Err(code) => Answer::Abort(object, code).emit(),
         }
     }
@@ -189,50 +226,12 @@ impl<D: Copy + PartialEq> SdoServer<D> {
         }
     }
 
-    fn initiate_download(
-        &mut self,
-        object: Multiplexer,
-        size: Option<u32>,
-        objects: &impl Objects,
-        now: Instant,
-    ) -> Bytes {
-        self.cancel();
-        let download = writable(object, objects).and_then(|row| Download::new(object, row.entry.data_type, size));
-        match download {
-            Ok(download) => {
-                self.transfer = Transfer::Download(download);
-                self.timeout = delayed(now, SEGMENT_TIMEOUT);
-                Answer::DownloadDone(object).emit()
-            }
-            Err(code) => Answer::Abort(object, code).emit(),
-        }
-    }
-
-    /// Ends a download: `done` is the answer to a write that succeeds, at once or when its demand has been met.
-    #[inline(always)]
-    fn written(
-        &mut self,
-        object: Multiplexer,
-        written: Result<Outcome<(), D>, AbortCode>,
-        done: Bytes,
-    ) -> Outcome<Bytes, D> {
-        self.cancel();
-        match written {
-            Ok(Outcome::Demand(demand)) => {
-                self.transfer = Transfer::Waiting(object, done, demand);
-                Outcome::Demand(demand)
-            }
-            Ok(Outcome::Done(()) | Outcome::Nothing) => Outcome::Done(done),
-            Err(code) => Outcome::Done(Answer::Abort(object, code).emit()),
-        }
-    }
-
     /// Ends whatever is in progress with an abort that names its object.
     fn break_off(&mut self, code: AbortCode) -> Bytes {
         let object = match &self.transfer {
             Transfer::Upload(upload) => upload.object(),
-            Transfer::Download(download) => download.object(),
-            Transfer::Waiting(object, ..) => *object,
+            Transfer::Download(download) => download.place().entry.object(),
+            Transfer::Waiting(place, _) => place.entry.object(),
             Transfer::Idle => NO_TRANSFER,
         };
         self.cancel();
@@ -240,40 +239,23 @@ impl<D: Copy + PartialEq> SdoServer<D> {
     }
 }
 
-/// Returns the row of an object that may be written.
-fn writable<O: Objects>(object: Multiplexer, objects: &O) -> Result<&'static Row<O::Behind>, AbortCode> {
-    let row = objects.find(object)?;
-    match row.entry.access {
-        Access::Rw => Ok(row),
-        Access::Ro => Err(AbortCode::READ_ONLY),
-    }
-}
-
-/// Writes up to four bytes. Without a size, a number's own length is taken from the front, and of a text the bytes before
-/// the zeros at its end.
-fn expedited<O: Objects>(
-    object: Multiplexer,
-    size: Option<u8>,
-    data: u32,
-    objects: &mut O,
-) -> Result<Outcome<(), O::Demand>, AbortCode> {
-    let Row { entry, behind } = writable(object, objects)?;
-    let data_type = entry.data_type;
+/// Returns the value of a download of up to four bytes. Without a size, a number's own length is taken from the front, and
+/// of a text the bytes before the zeros at its end.
+fn expedited<'a>(entry: &Entry, size: Option<u8>, [_, _, _, _, data @ ..]: &'a Bytes) -> Result<Value<'a>, AbortCode> {
     if let Some(size) = size {
-        data_type.check_length(usize::from(size))?;
+        entry.check_length(usize::from(size))?;
     }
-    if !data_type.is_text() {
-        let unused = 32_u32.saturating_sub(u32::from(data_type.size()).saturating_mul(8));
-        return objects.write(*behind, Value::Number(data & u32::MAX.unbounded_shr(unused)));
+    if !entry.is_text() {
+        let unused = 32_u32.saturating_sub(u32::from(entry.size()).saturating_mul(8));
+        return Ok(Value::Number(u32::from_le_bytes(*data) & u32::MAX.unbounded_shr(unused)));
     }
-    let bytes = data.to_le_bytes();
-    let end = || bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last.saturating_add(1));
+    let end = || data.iter().rposition(|byte| *byte != 0).map_or(0, |last| last.saturating_add(1));
     let len = size.map_or_else(end, usize::from);
-    objects.write(*behind, Value::Text(bytes.get(..len).unwrap_or(&[])))
+    Ok(Value::Text(data.get(..len).unwrap_or(&[])))
 }
 
 /// A text of one to four characters, as an expedited answer carries it.
 fn short_text(text: &[u8]) -> Option<(u8, u32)> {
     let size = u8::try_from(text.len()).ok().filter(|size| matches!(size, 1..=4))?;
-    Value::of(DataType::U32, text).number().map(|data| (size, data))
+    Some((size, number(text)))
 }

@@ -1,7 +1,7 @@
 //! The identifiers that the node listens to: found when one of them changes, not for every frame on the bus.
 
 use super::objects::Communication;
-use super::product::Product;
+use super::product::Rules;
 use crate::controller::{FILTERS, Filter, Filters};
 use crate::frame::Frame;
 use crate::wire::cob_id::{Function, LSS_REQUEST, NMT};
@@ -61,7 +61,7 @@ impl Listening {
         Self { keys: [NONE; SERVICES], other: Filter::exactly(NONE), groups: 0, node: 0, told: true };
 
     /// Returns what a node listens to; without a node ID that is LSS alone.
-    pub(super) fn of<P: Product>(objects: &Communication<P>) -> Self {
+    pub(super) fn of(objects: &Communication, rules: &Rules) -> Self {
         let lss = u32::from(LSS_REQUEST);
         let Some(node_id) = objects.node_id else {
             return Self::to([NONE, NONE, NONE, NONE, NONE, lss], Filter::exactly(NONE), 0);
@@ -74,7 +74,7 @@ impl Listening {
             objects.emcy_consumer.key().unwrap_or(NONE),
             lss,
         ];
-        let other = P::RULES.other_protocol.map_or(Filter::exactly(NONE), |filter| filter(node_id));
+        let other = rules.other_protocol.map_or(Filter::exactly(NONE), |filter| filter(node_id));
         Self::to(keys, other, node_id.get())
     }
 
@@ -85,8 +85,8 @@ impl Listening {
     }
 
     /// Listens to what the objects say now.
-    pub(super) fn update<P: Product>(&mut self, objects: &Communication<P>) {
-        let new = Self::of(objects);
+    pub(super) fn update(&mut self, objects: &Communication, rules: &Rules) {
+        let new = Self::of(objects, rules);
         if new.keys != self.keys {
             *self = new;
         }

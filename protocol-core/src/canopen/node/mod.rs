@@ -24,8 +24,10 @@ mod services;
 #[cfg(feature = "names")]
 pub(crate) use description::describe;
 pub(crate) use listening::Service;
-pub(crate) use object::{ErrorClass, Object, PdoParameter};
-pub(crate) use product::{ObjectOf, Product, Rules};
+pub(crate) use object::{ErrorClass, NodeObject, Object, PdoParameter};
+pub(crate) use product::{Product, Rules};
+
+use core::marker::PhantomData;
 
 use heapless::VecView;
 
@@ -33,7 +35,7 @@ use listening::Listening;
 use objects::Communication;
 use owed::Owed;
 
-use super::dictionary::{Group, Row};
+use super::dictionary::Group;
 use super::lss::{Configuration, LssSlave};
 use super::nmt::{NmtSlave, Reset};
 use super::parameters::{self, Stored};
@@ -62,9 +64,9 @@ pub(crate) enum Demand<T> {
 /// A node on the bus, with the services of CiA 301 and CiA 305.
 #[derive(Debug)]
 pub(crate) struct Node<P: Product> {
-    objects: Communication<P>,
+    objects: Communication,
     nmt: NmtSlave,
-    sdo: SdoServer<P::Task>,
+    sdo: SdoServer,
     lss: LssSlave,
     listening: Listening,
     owed: Owed,
@@ -82,13 +84,15 @@ pub(crate) struct Node<P: Product> {
     lss_stores: u32,
     /// Enters operational by itself once boot-up and EMCYs are sent.
     starts_itself: bool,
+    /// The product whose dictionary and rules the node has.
+    product: PhantomData<P>,
 }
 
 impl<P: Product> Node<P> {
     /// Returns a node that has not started.
     pub(crate) const fn new() -> Self {
         Self {
-            objects: Communication::new(),
+            objects: Communication::new(const { &P::RULES.heartbeat }),
             nmt: NmtSlave::new(),
             sdo: SdoServer::new(),
             lss: LssSlave::new(),
@@ -101,6 +105,7 @@ impl<P: Product> Node<P> {
             held: Configuration::NONE,
             lss_stores: 0,
             starts_itself: false,
+            product: PhantomData,
         }
     }
 
@@ -139,7 +144,7 @@ impl<P: Product> Node<P> {
     pub(crate) fn boot<const GROUPS: usize>(
         &mut self,
         scope: Reset,
-        parameters: [(Group, Option<Stored<'_, ObjectOf<P>>>); GROUPS],
+        parameters: [(Group, Option<Stored<'_>>); GROUPS],
         product: &mut P,
         now: Instant,
     ) {
@@ -149,8 +154,8 @@ impl<P: Product> Node<P> {
         for group in parameters {
             self.objects.load(scope, group, product);
         }
-        self.objects.start_pdos();
-        self.listening = Listening::of(&self.objects);
+        self.objects.start_pdos(&P::RULES, P::DICTIONARY.entries());
+        self.listening = Listening::of(&self.objects, &P::RULES);
         if self.objects.node_id.is_some() {
             self.nmt.boot();
             self.objects.heartbeat.boot(now);
@@ -267,8 +272,10 @@ impl<P: Product> Node<P> {
 
     /// Answers an SDO client whose task has ended.
     pub(crate) fn end_task(&mut self, task: P::Task, stored: bool) {
+        let behind = self.sdo.waits_for().and_then(|place| P::DICTIONARY.behind(place.position));
+        let is_awaited = matches!(behind, Some(Object::Signature(awaited)) if awaited == task);
         let result = if stored { Ok(()) } else { Err(AbortCode::HARDWARE) };
-        if let Some(answer) = self.sdo.end(task, result) {
+        if is_awaited && let Some(answer) = self.sdo.end(result) {
             self.answer_sdo(answer);
         }
     }
@@ -311,24 +318,15 @@ impl<P: Product> Node<P> {
 
     /// Appends the parameters of a group as they are to a payload; `None` when there is no room.
     pub(crate) fn parameters(&self, group: Group, product: &P, payload: &mut VecView<u8>) -> Option<()> {
-        self.encode(group, false, product, payload)
+        // None of them changes with time.
+        let value_of = |place| self.objects.read(place, product, Instant::MIN).ok();
+        parameters::encode(P::DICTIONARY.entries(), group, &value_of, payload)
     }
 
     /// Appends all defaults for the node ID in force to a payload; `None` without one, or when there is no room.
     pub(crate) fn default_parameters(&self, product: &P, payload: &mut VecView<u8>) -> Option<()> {
-        self.encode(Group::All, true, product, payload)
-    }
-
-    fn encode(&self, group: Group, defaults: bool, product: &P, payload: &mut VecView<u8>) -> Option<()> {
-        let value_of = |row: &'static Row<ObjectOf<P>>| {
-            if defaults {
-                self.objects.default(row, product)
-            } else {
-                // None of them changes with time.
-                self.objects.read(row.behind, product, Instant::MIN).ok()
-            }
-        };
-        parameters::encode(P::DICTIONARY, group, value_of, payload)
+        let value_of = |place| self.objects.default(place, product);
+        parameters::encode(P::DICTIONARY.entries(), Group::All, &value_of, payload)
     }
 
     /// Returns the NMT state.
@@ -382,7 +380,7 @@ impl<P: Product> Node<P> {
     #[inline]
     fn sample_tpdo(&self, product: &P, at: Instant) -> Sample {
         let objects = &self.objects;
-        objects.tpdo.sample(|object| objects.sample(object, product, at))
+        objects.tpdo.sample(|position| objects.sample(position, product, at))
     }
 
     /// Whether nothing may be sent now.

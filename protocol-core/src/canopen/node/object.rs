@@ -1,30 +1,37 @@
 //! What lies behind a row of the dictionary: one of the node's own objects, or one of the product.
 
-use crate::wire::lss::Part;
+use crate::canopen::dictionary::{DataType, Row};
 
 /// What lies behind an object: `A` are the product's own, `T` what signatures ask for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Object<A, T> {
-    /// A number that never changes.
-    Constant(u32),
+    /// A number that never changes, see [`Row::constant`].
+    Constant,
     /// One of the product's own objects.
     Product(A),
-    /// 0x1001
+    /// One of the node's objects.
+    Node(NodeObject),
+    /// 0x1001: the product knows it.
     ErrorRegister,
+    /// 0x1018:1–4: the product knows it.
+    Identity,
+    /// 0x1010 and 0x1011: reads 1; a write of the signature demands the task, see [`Row::signature`].
+    Signature(T),
+}
+
+/// The communication objects that the node holds. Those with several sub-indices of one kind take theirs from the row.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum NodeObject {
     /// 0x1003:0
     ErrorCount,
     /// 0x1003:1–8
-    ErrorField(u8),
+    ErrorField,
     /// 0x1005
     SyncCobId,
-    /// 0x1010 and 0x1011: reads 1; a write of the signature demands the task.
-    Signature(u32, T),
     /// 0x1014: while it is not stored, it follows the node ID.
     EmcyCobId,
     /// 0x1017
     HeartbeatTime,
-    /// 0x1018:1–4
-    Identity(Part),
     /// 0x1028:1
     EmcyConsumer,
     /// 0x1029:1–2
@@ -60,5 +67,19 @@ pub(crate) enum PdoParameter {
     /// Sub-index 0 of the mapping parameter.
     Count,
     /// Sub-index 1–8 of the mapping parameter.
-    Entry(u8),
+    Entry,
+}
+
+impl<A: Copy, T: Copy> Row<Object<A, T>> {
+    /// The row of a number that never changes.
+    #[must_use]
+    pub(crate) const fn constant(index: u16, sub: u8, data_type: DataType, number: u32, name: &'static str) -> Self {
+        Self::ro(index, sub, data_type, Object::Constant, name).with(number)
+    }
+
+    /// The row of a signature that demands a task.
+    #[must_use]
+    pub(crate) const fn signature(index: u16, sub: u8, signature: u32, task: T, name: &'static str) -> Self {
+        Self::rw(index, sub, DataType::U32, Object::Signature(task), name).with(signature)
+    }
 }

@@ -1,19 +1,17 @@
 //! What lies behind the dictionary: the communication objects 0x1000–0x1FFF, and the way to the product's own.
 
-use super::object::{ErrorClass, Object, PdoParameter};
-use super::product::{ObjectOf, Product};
-use crate::canopen::dictionary::{DefaultValue, Dictionary, Group, Row, Value};
+use super::object::{ErrorClass, NodeObject, Object, PdoParameter};
+use super::product::{Product, Rules};
+use crate::canopen::dictionary::{DefaultValue, Entries, Group, Place, Value};
 use crate::canopen::emcy::{EmcyConsumer, EmcyProducer, ErrorHistory};
-use crate::canopen::heartbeat::HeartbeatProducer;
+use crate::canopen::heartbeat::{self, HeartbeatProducer};
 use crate::canopen::nmt::{ErrorBehaviour, Reset};
 use crate::canopen::parameters::Stored;
 use crate::canopen::pdo::{self, Pdo};
-use crate::canopen::sdo_server;
 use crate::canopen::sync::SyncConsumer;
-use crate::outcome::Outcome;
 use crate::time::Instant;
 use crate::wire::cob_id::NodeId;
-use crate::wire::sdo::{AbortCode, Multiplexer};
+use crate::wire::sdo::AbortCode;
 
 /// The value that an object of "save" and "load" reads: it stores on command (CiA 301 7.5.2.13).
 pub(super) const STORES_ON_COMMAND: u32 = 1;
@@ -41,9 +39,9 @@ impl ErrorBehaviours {
     }
 }
 
-/// The communication objects.
+/// The communication objects. What they do without a product is compiled once for all products of an image.
 #[derive(Debug)]
-pub(super) struct Communication<P: Product> {
+pub(super) struct Communication {
     pub(super) node_id: Option<NodeId>,
     pub(super) history: ErrorHistory,
     pub(super) heartbeat: HeartbeatProducer,
@@ -52,16 +50,16 @@ pub(super) struct Communication<P: Product> {
     pub(super) error_behaviour: ErrorBehaviours,
     pub(super) startup: u32,
     pub(super) emcy_consumer: EmcyConsumer,
-    pub(super) rpdo: Pdo<ObjectOf<P>>,
-    pub(super) tpdo: Pdo<ObjectOf<P>>,
+    pub(super) rpdo: Pdo,
+    pub(super) tpdo: Pdo,
 }
 
-impl<P: Product> Communication<P> {
-    pub(super) const fn new() -> Self {
+impl Communication {
+    pub(super) const fn new(heartbeat: &'static heartbeat::Rules) -> Self {
         Self {
             node_id: None,
             history: ErrorHistory::new(),
-            heartbeat: HeartbeatProducer::new(const { &P::RULES.heartbeat }),
+            heartbeat: HeartbeatProducer::new(heartbeat),
             sync: SyncConsumer::new(),
             emcy: EmcyProducer::new(),
             error_behaviour: ErrorBehaviours {
@@ -77,230 +75,207 @@ impl<P: Product> Communication<P> {
 
     /// Takes the stored parameters of a group, or the defaults where there are none. Reset communication leaves the
     /// product's own objects alone.
-    pub(super) fn load(
+    pub(super) fn load<P: Product>(
         &mut self,
         scope: Reset,
-        (group, stored): (Group, Option<Stored<'_, ObjectOf<P>>>),
+        (group, stored): (Group, Option<Stored<'_>>),
         product: &mut P,
     ) {
-        let concerned =
-            |row: &Row<ObjectOf<P>>| scope == Reset::Application || !matches!(row.behind, Object::Product(_));
         if let Some(stored) = stored {
-            for (row, value) in stored.values().filter(|(row, _)| concerned(row)) {
-                self.put(row.behind, value, product);
+            for (place, value) in stored.values() {
+                self.put(scope, place, value, product);
             }
         } else {
-            for row in P::DICTIONARY.stored(group).filter(|row| concerned(row)) {
-                if let Some(value) = self.default(row, product) {
-                    self.put(row.behind, value, product);
+            for place in P::DICTIONARY.entries().stored(group) {
+                if let Some(value) = self.default(place, product) {
+                    self.put(scope, place, value, product);
                 }
             }
         }
     }
 
     /// Switches the PDOs on, after everything was loaded.
-    pub(super) fn start_pdos(&mut self) {
-        self.rpdo.start(&P::RULES.rpdo, P::DICTIONARY);
-        self.tpdo.start(&P::RULES.tpdo, P::DICTIONARY);
+    pub(super) fn start_pdos(&mut self, rules: &Rules, objects: Entries) {
+        self.rpdo.start(&rules.rpdo, objects);
+        self.tpdo.start(&rules.tpdo, objects);
     }
 
     /// Returns the default of a stored object; `None` for one that needs a node ID when there is none.
-    pub(super) fn default(&self, row: &Row<ObjectOf<P>>, product: &P) -> Option<Value<'static>> {
-        match (row.entry.default, row.behind) {
-            (DefaultValue::Number(number), _) => Some(Value::Number(number)),
-            (DefaultValue::NodeIdPlus(base), _) => {
+    pub(super) fn default<P: Product>(&self, place: Place, product: &P) -> Option<Value<'static>> {
+        match place.entry.default()? {
+            DefaultValue::Number(number) => Some(Value::Number(number)),
+            DefaultValue::NodeIdPlus(base) => {
                 self.node_id.map(|id| Value::Number(base.wrapping_add(u32::from(id.get()))))
             }
-            (DefaultValue::Product, Object::Product(object)) => Some(product.default(object)),
-            (DefaultValue::Product, _) => None,
+            DefaultValue::Product => match P::DICTIONARY.behind(place.position)? {
+                Object::Product(object) => Some(product.default(object)),
+                _ => None,
+            },
         }
     }
 
     /// Puts in a stored value, unchecked: it was checked when it was written. No other objects are stored.
-    fn put(&mut self, object: ObjectOf<P>, value: Value<'_>, product: &mut P) {
-        // Of the node's own objects none holds a text.
-        let number = value.number().unwrap_or(0);
-        match object {
-            Object::Product(object) => product.load(object, value),
-            Object::SyncCobId => self.sync.load(number),
-            Object::EmcyCobId => self.emcy.load(number),
-            Object::ErrorBehaviour(class) => {
-                self.error_behaviour.set(class, ErrorBehaviour::new(number as u8).unwrap_or_default());
-            }
-            Object::NmtStartup => self.startup = number,
-            Object::HeartbeatTime => self.heartbeat.load(number as u16),
-            Object::EmcyConsumer => self.emcy_consumer.load(number),
-            Object::Rpdo(parameter) => put_pdo(&mut self.rpdo, parameter, number),
-            Object::Tpdo(parameter) => put_pdo(&mut self.tpdo, parameter, number),
-            Object::Constant(_)
-            | Object::ErrorRegister
-            | Object::ErrorCount
-            | Object::ErrorField(_)
-            | Object::Signature(..)
-            | Object::Identity(_) => {}
+    fn put<P: Product>(&mut self, scope: Reset, place: Place, value: Value<'_>, product: &mut P) {
+        match P::DICTIONARY.behind(place.position) {
+            Some(Object::Product(object)) if scope == Reset::Application => product.load(object, value),
+            Some(Object::Node(object)) => self.put_own(object, place.entry.sub(), number(value)),
+            _ => {}
         }
     }
 
-    /// Returns the number that a mapped object holds.
-    #[inline]
-    pub(super) fn sample(&self, object: ObjectOf<P>, product: &P, now: Instant) -> u32 {
+    fn put_own(&mut self, object: NodeObject, sub: u8, number: u32) {
         match object {
-            Object::Product(object) => product.sample(object, now),
-            object => self.read(object, product, now).ok().and_then(Value::number).unwrap_or(0),
+            NodeObject::SyncCobId => self.sync.load(number),
+            NodeObject::EmcyCobId => self.emcy.load(number),
+            NodeObject::ErrorBehaviour(class) => {
+                self.error_behaviour.set(class, ErrorBehaviour::new(number as u8).unwrap_or_default());
+            }
+            NodeObject::NmtStartup => self.startup = number,
+            NodeObject::HeartbeatTime => self.heartbeat.load(number as u16),
+            NodeObject::EmcyConsumer => self.emcy_consumer.load(number),
+            NodeObject::Rpdo(parameter) => put_pdo(&mut self.rpdo, parameter, sub, number),
+            NodeObject::Tpdo(parameter) => put_pdo(&mut self.tpdo, parameter, sub, number),
+            NodeObject::ErrorCount | NodeObject::ErrorField => {}
         }
+    }
+
+    /// Returns the number that the mapped object at a position holds.
+    #[inline]
+    pub(super) fn sample<P: Product>(&self, position: u8, product: &P, now: Instant) -> u32 {
+        match P::DICTIONARY.behind(position) {
+            Some(Object::Product(object)) => product.sample(object, now),
+            _ => self.sample_own(position, product, now),
+        }
+    }
+
+    #[inline(never)]
+    fn sample_own<P: Product>(&self, position: u8, product: &P, now: Instant) -> u32 {
+        let place = P::DICTIONARY.entries().place(position);
+        place.and_then(|place| self.read(place, product, now).ok()).map_or(0, number)
     }
 
     /// Reads an object.
     #[inline(never)]
-    pub(super) fn read<'a>(
+    pub(super) fn read<'a, P: Product>(
         &'a self,
-        object: ObjectOf<P>,
+        place: Place,
         product: &'a P,
         now: Instant,
     ) -> Result<Value<'a>, AbortCode> {
-        let number = match object {
-            Object::Constant(number) => number,
+        let number = match P::DICTIONARY.behind(place.position).ok_or(AbortCode::NO_OBJECT)? {
+            Object::Constant => place.entry.number(),
             Object::Product(object) => return Ok(product.read(object, now)),
+            Object::Node(object) => self.read_own(object, place.entry.sub())?,
             Object::ErrorRegister => product.error_register().into(),
-            Object::ErrorCount => self.history.count().into(),
-            Object::ErrorField(sub) => self.history.field(sub)?,
-            Object::SyncCobId => self.sync.cob_id().raw(),
-            Object::Signature(..) => STORES_ON_COMMAND,
-            Object::EmcyCobId => self.emcy.cob_id().raw(),
-            Object::ErrorBehaviour(class) => self.error_behaviour.of(class) as u32,
-            Object::NmtStartup => self.startup,
-            Object::HeartbeatTime => self.heartbeat.time().into(),
-            Object::Identity(part) => product.identity().part(part).ok_or(AbortCode::NO_SUB)?,
-            Object::EmcyConsumer => self.emcy_consumer.cob_id().raw(),
-            Object::Rpdo(parameter) => read_pdo(&self.rpdo, parameter)?,
-            Object::Tpdo(parameter) => read_pdo(&self.tpdo, parameter)?,
+            Object::Identity => {
+                let part = place.entry.sub().checked_sub(1);
+                part.and_then(|part| product.identity().part(part)).ok_or(AbortCode::NO_SUB)?
+            }
+            Object::Signature(_) => STORES_ON_COMMAND,
         };
         Ok(Value::Number(number))
     }
+
+    fn read_own(&self, object: NodeObject, sub: u8) -> Result<u32, AbortCode> {
+        Ok(match object {
+            NodeObject::ErrorCount => self.history.count().into(),
+            NodeObject::ErrorField => self.history.field(sub)?,
+            NodeObject::SyncCobId => self.sync.cob_id().raw(),
+            NodeObject::EmcyCobId => self.emcy.cob_id().raw(),
+            NodeObject::ErrorBehaviour(class) => self.error_behaviour.of(class) as u32,
+            NodeObject::NmtStartup => self.startup,
+            NodeObject::HeartbeatTime => self.heartbeat.time().into(),
+            NodeObject::EmcyConsumer => self.emcy_consumer.cob_id().raw(),
+            NodeObject::Rpdo(parameter) => read_pdo(&self.rpdo, parameter, sub)?,
+            NodeObject::Tpdo(parameter) => read_pdo(&self.tpdo, parameter, sub)?,
+        })
+    }
+
+    /// Writes one of the node's objects; the number has the object's size.
+    ///
+    /// # Errors
+    /// An abort code, with nothing changed, when the number or the state forbids it.
+    pub(super) fn write_own(
+        &mut self,
+        (object, sub): (NodeObject, u8),
+        number: u32,
+        rules: &Rules,
+        objects: Entries,
+        now: Instant,
+    ) -> Result<(), AbortCode> {
+        match object {
+            NodeObject::ErrorCount => self.history.write_count(number as u8),
+            NodeObject::HeartbeatTime => self.heartbeat.write(number as u16, now),
+            NodeObject::SyncCobId => self.sync.write(number, rules.extended_ids),
+            NodeObject::EmcyCobId => self.emcy.write(number, rules.extended_ids),
+            NodeObject::ErrorBehaviour(class) => {
+                let behaviour = ErrorBehaviour::new(number as u8).ok_or(AbortCode::INVALID_VALUE)?;
+                self.error_behaviour.set(class, behaviour);
+                Ok(())
+            }
+            NodeObject::NmtStartup => {
+                if !rules.nmt.startup.contains(&number) {
+                    return Err(AbortCode::INVALID_VALUE);
+                }
+                self.startup = number;
+                Ok(())
+            }
+            NodeObject::EmcyConsumer => self.emcy_consumer.write(number, rules.extended_ids),
+            NodeObject::Rpdo(parameter) => {
+                write_pdo(&mut self.rpdo, (parameter, sub), number, &rules.rpdo, objects, now)
+            }
+            NodeObject::Tpdo(parameter) => {
+                write_pdo(&mut self.tpdo, (parameter, sub), number, &rules.tpdo, objects, now)
+            }
+            NodeObject::ErrorField => Err(AbortCode::READ_ONLY),
+        }
+    }
 }
 
-fn read_pdo<B: Copy + 'static>(pdo: &Pdo<B>, parameter: PdoParameter) -> Result<u32, AbortCode> {
+/// The number of a value: of the node's own objects none holds a text.
+pub(super) fn number(value: Value<'_>) -> u32 {
+    value.number().unwrap_or(0)
+}
+
+fn read_pdo(pdo: &Pdo, parameter: PdoParameter, sub: u8) -> Result<u32, AbortCode> {
     Ok(match parameter {
         PdoParameter::CobId => pdo.cob_id().raw(),
         PdoParameter::TransmissionType => pdo.transmission().kind().into(),
         PdoParameter::InhibitTime => pdo.transmission().inhibit().into(),
         PdoParameter::EventTimer => pdo.transmission().event_timer().into(),
         PdoParameter::Count => pdo.count().into(),
-        PdoParameter::Entry(sub) => pdo.entry(sub)?,
+        PdoParameter::Entry => pdo.entry(sub)?,
     })
 }
 
-fn put_pdo<B: Copy + 'static>(pdo: &mut Pdo<B>, parameter: PdoParameter, number: u32) {
+fn put_pdo(pdo: &mut Pdo, parameter: PdoParameter, sub: u8, number: u32) {
     match parameter {
         PdoParameter::CobId => pdo.load_cob_id(number),
         PdoParameter::TransmissionType => pdo.load_transmission_type(number as u8),
         PdoParameter::InhibitTime => pdo.load_inhibit(number as u16),
         PdoParameter::EventTimer => pdo.load_event_timer(number as u16),
         PdoParameter::Count => pdo.load_count(number as u8),
-        PdoParameter::Entry(sub) => pdo.load_entry(sub, number),
+        PdoParameter::Entry => pdo.load_entry(sub, number),
     }
 }
 
-fn write_pdo<B: Copy + 'static>(
-    pdo: &mut Pdo<B>,
-    parameter: PdoParameter,
+fn write_pdo(
+    pdo: &mut Pdo,
+    (parameter, sub): (PdoParameter, u8),
     number: u32,
     rules: &pdo::Rules,
-    dictionary: Dictionary<B>,
+    objects: Entries,
     now: Instant,
 ) -> Result<(), AbortCode> {
     match parameter {
-        PdoParameter::CobId => pdo.write_cob_id(number, rules, dictionary, now),
+        PdoParameter::CobId => pdo.write_cob_id(number, rules, objects, now),
         PdoParameter::TransmissionType => pdo.write_transmission_type(number as u8, rules, now),
         PdoParameter::InhibitTime => pdo.write_inhibit(number as u16),
         PdoParameter::EventTimer => {
             pdo.write_event_timer(number as u16, now);
             Ok(())
         }
-        PdoParameter::Count => pdo.write_count(number as u8, rules, dictionary),
-        PdoParameter::Entry(sub) => pdo.write_entry(sub, number, rules, dictionary),
-    }
-}
-
-/// The objects as an SDO client sees them at an instant.
-pub(super) struct View<'a, P: Product> {
-    pub(super) communication: &'a mut Communication<P>,
-    pub(super) product: &'a mut P,
-    pub(super) now: Instant,
-    /// An identifier or the heartbeat was written.
-    pub(super) rewired: bool,
-    /// The key of EMCYs that are off, or have another key, since a write.
-    pub(super) outdated_emcys: Option<u32>,
-    /// An object of the product was written, on which others may depend.
-    pub(super) reports_changed: bool,
-}
-
-impl<P: Product> sdo_server::Objects for View<'_, P> {
-    type Behind = ObjectOf<P>;
-    type Demand = P::Task;
-
-    #[inline]
-    fn find(&self, object: Multiplexer) -> Result<&'static Row<ObjectOf<P>>, AbortCode> {
-        P::DICTIONARY.find(object)
-    }
-
-    fn read(&self, object: ObjectOf<P>) -> Result<Value<'_>, AbortCode> {
-        self.communication.read(object, self.product, self.now)
-    }
-
-    fn write(&mut self, object: ObjectOf<P>, value: Value<'_>) -> Result<Outcome<(), P::Task>, AbortCode> {
-        let own = &mut *self.communication;
-        // Of the node's own objects none holds a text.
-        let number = value.number().unwrap_or(0);
-        match object {
-            Object::Product(object) => {
-                self.product.write(object, value, self.now)?;
-                self.reports_changed = true;
-            }
-            Object::Signature(signature, task) => {
-                return if number == signature { Ok(Outcome::Demand(task)) } else { Err(AbortCode::CANNOT_STORE) };
-            }
-            Object::ErrorCount => own.history.write_count(number as u8)?,
-            Object::HeartbeatTime => {
-                own.heartbeat.write(number as u16, self.now)?;
-                self.rewired = true;
-            }
-            Object::SyncCobId => {
-                own.sync.write(number, P::RULES.extended_ids)?;
-                self.rewired = true;
-            }
-            Object::EmcyCobId => {
-                let key = own.emcy.key();
-                own.emcy.write(number, P::RULES.extended_ids)?;
-                self.outdated_emcys = key.filter(|key| own.emcy.key() != Some(*key));
-                self.rewired = true;
-            }
-            Object::ErrorBehaviour(class) => {
-                let behaviour = ErrorBehaviour::new(number as u8).ok_or(AbortCode::INVALID_VALUE)?;
-                own.error_behaviour.set(class, behaviour);
-            }
-            Object::NmtStartup => {
-                if !P::RULES.nmt.startup.contains(&number) {
-                    return Err(AbortCode::INVALID_VALUE);
-                }
-                own.startup = number;
-            }
-            Object::EmcyConsumer => {
-                own.emcy_consumer.write(number, P::RULES.extended_ids)?;
-                self.rewired = true;
-            }
-            Object::Rpdo(parameter) => {
-                write_pdo(&mut own.rpdo, parameter, number, &P::RULES.rpdo, P::DICTIONARY, self.now)?;
-                self.rewired = true;
-            }
-            Object::Tpdo(parameter) => {
-                write_pdo(&mut own.tpdo, parameter, number, &P::RULES.tpdo, P::DICTIONARY, self.now)?;
-                self.rewired = true;
-            }
-            Object::Constant(_) | Object::ErrorRegister | Object::ErrorField(_) | Object::Identity(_) => {
-                return Err(AbortCode::READ_ONLY);
-            }
-        }
-        Ok(Outcome::Done(()))
+        PdoParameter::Count => pdo.write_count(number as u8, rules, objects),
+        PdoParameter::Entry => pdo.write_entry(sub, number, rules, objects),
     }
 }

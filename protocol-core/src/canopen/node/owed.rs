@@ -391,7 +391,7 @@ impl<P: Product> Node<P> {
     fn hand_out_tpdo(&mut self, product: &P, now: Instant) -> Option<Frame> {
         let sample =
             if P::RULES.tpdo.sampled_when_due { self.owed.tpdo_sample } else { self.sample_tpdo(product, now) };
-        let frame = self.objects.tpdo.frame(sample)?;
+        let frame = self.objects.tpdo.frame(sample);
         self.objects.tpdo.sent(sample);
         self.owed.tpdo.hand_out(frame.key());
         Some(frame)

@@ -1,19 +1,22 @@
 //! What each service does with a frame.
 
 use super::listening::Service;
-use super::object::Object;
-use super::objects::View;
-use super::product::Product;
+use super::object::{NodeObject, Object};
+use super::objects::number;
+use super::product::{Product, Rules};
 use super::{Demand, Node};
+use crate::canopen::dictionary::Entries;
 use crate::canopen::lss::{self, Identity};
 use crate::canopen::nmt::{NmtSlave, Reset};
 use crate::canopen::pdo::AtSync;
+use crate::canopen::sdo_server::Step;
 use crate::frame::Frame;
 use crate::outcome::Outcome;
 use crate::time::Instant;
 use crate::wire::emcy::Emcy;
 use crate::wire::lss::Request;
 use crate::wire::nmt::{self, Command, State, Target};
+use crate::wire::sdo::AbortCode;
 
 /// What a frame comes to.
 type Served<P> = Option<Demand<<P as Product>::Task>>;
@@ -140,8 +143,8 @@ impl<P: Product> Node<P> {
             return;
         }
         let Some(values) = self.objects.rpdo.unpack(frame) else { return };
-        let own = values.filter_map(|(object, raw)| match object {
-            Object::Product(object) => Some((object, raw)),
+        let own = values.filter_map(|(position, raw)| match P::DICTIONARY.behind(position) {
+            Some(Object::Product(object)) => Some((object, raw)),
             _ => None,
         });
         product.receive(own, now);
@@ -152,42 +155,54 @@ impl<P: Product> Node<P> {
 
     fn serve_sdo(&mut self, frame: &Frame, product: &mut P, now: Instant) -> Served<P> {
         let bytes = frame.eight().filter(|_| self.nmt.serves())?;
-        let mut view = View {
-            communication: &mut self.objects,
-            product,
-            now,
-            rewired: false,
-            reports_changed: false,
-            outdated_emcys: None,
-        };
-        let outcome = self.sdo.handle(bytes, &mut view, now);
-        let View { rewired, reports_changed, outdated_emcys, .. } = view;
-        if rewired {
-            self.rewire(outdated_emcys);
-        }
-        if reports_changed {
-            self.renew_tpdo();
-        }
-        match outcome {
-            Outcome::Nothing => None,
-            Outcome::Done(answer) => {
-                self.answer_sdo(answer);
-                None
+        let objects = P::DICTIONARY.entries();
+        let answer = match self.sdo.handle(bytes, objects, now) {
+            Step::Nothing => return None,
+            Step::Answer(answer) => answer,
+            Step::Read(place) => self.sdo.uploaded(place, self.objects.read(place, product, now), now),
+            Step::Write { place, value, done } => {
+                let written = match P::DICTIONARY.behind(place.position) {
+                    Some(Object::Product(object)) => product.write(object, value, now).map(|()| self.renew_tpdo()),
+                    Some(Object::Node(object)) => {
+                        let number = number(value);
+                        self.write_own((object, place.entry.sub()), number, &P::RULES, objects, now)
+                    }
+                    Some(Object::Signature(task)) => {
+                        if value.number() == Some(place.entry.number()) {
+                            self.sdo.wait(place, done);
+                            return Some(Demand::Task(task));
+                        }
+                        Err(AbortCode::CANNOT_STORE)
+                    }
+                    _ => Err(AbortCode::READ_ONLY),
+                };
+                self.sdo.written(place, done, written)
             }
-            Outcome::Demand(task) => Some(Demand::Task(task)),
-        }
+        };
+        self.answer_sdo(answer);
+        None
     }
 
-    /// Acts on new identifiers, and on a heartbeat that is off.
-    fn rewire(&mut self, outdated_emcys: Option<u32>) {
-        self.listening.update(&self.objects);
+    /// Writes one of the node's objects, and acts on new identifiers and on a heartbeat that is off.
+    fn write_own(
+        &mut self,
+        object: (NodeObject, u8),
+        number: u32,
+        rules: &Rules,
+        objects: Entries,
+        now: Instant,
+    ) -> Result<(), AbortCode> {
+        let emcys = self.objects.emcy.key();
+        self.objects.write_own(object, number, rules, objects, now)?;
+        self.listening.update(&self.objects, rules);
         self.owed.rekey_tpdo(self.objects.tpdo.key());
-        if outdated_emcys.is_some() {
-            self.owed.drop_emcys(outdated_emcys);
+        if emcys.is_some() && emcys != self.objects.emcy.key() {
+            self.owed.drop_emcys(emcys);
         }
         if self.objects.heartbeat.time() == 0 {
             self.owed.settle_heartbeat();
         }
+        Ok(())
     }
 
     /// Serves LSS everywhere but in operational; without a node ID the NMT state is initialising.

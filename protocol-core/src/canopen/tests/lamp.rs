@@ -2,13 +2,13 @@
 
 use crate::canopen::dictionary::DataType::{Text, U8, U16, U32};
 use crate::canopen::dictionary::DefaultValue::{self, NodeIdPlus, Number};
-use crate::canopen::dictionary::{Dictionary, Mappable, Row, Value};
-use crate::canopen::node::Object::{
-    Constant, EmcyCobId, EmcyConsumer, ErrorCount, ErrorField, ErrorRegister, HeartbeatTime, Identity, Product as Own,
-    Rpdo, Signature, SyncCobId, Tpdo,
+use crate::canopen::dictionary::{Dictionary, Mappable, Row, Table, Value};
+use crate::canopen::node::NodeObject::{
+    EmcyCobId, EmcyConsumer, ErrorCount, ErrorField, HeartbeatTime, Rpdo, SyncCobId, Tpdo,
 };
+use crate::canopen::node::Object::{ErrorRegister, Identity, Node, Product as Own};
 use crate::canopen::node::PdoParameter::{CobId, Count, Entry, TransmissionType};
-use crate::canopen::node::{ObjectOf, Product, Rules};
+use crate::canopen::node::{Object, Product, Rules};
 use crate::canopen::{heartbeat, lss, nmt, pdo};
 use crate::controller::BitRate;
 use crate::time::Instant;
@@ -30,30 +30,30 @@ pub(super) enum Task {
 
 pub(super) const SAVE: u32 = u32::from_le_bytes(*b"save");
 
-pub(super) const DICTIONARY: Dictionary<ObjectOf<Lamp>> = Dictionary::new(&[
-    Row::ro(0x1000, 0, U32, Constant(0x191), "Device type"),
+pub(super) const DICTIONARY: Dictionary<Object<LampObject, Task>> = Dictionary::new(&Table::new([
+    Row::constant(0x1000, 0, U32, 0x191, "Device type"),
     Row::ro(0x1001, 0, U8, ErrorRegister, "Error register").mappable(Mappable::Tpdo),
-    Row::rw(0x1003, 0, U8, ErrorCount, "Number of errors"),
-    Row::ro(0x1003, 1, U32, ErrorField(1), "Error 1"),
-    Row::rw(0x1005, 0, U32, SyncCobId, "COB-ID SYNC").stored(Number(0x80)),
-    Row::rw(0x1010, 1, U32, Signature(SAVE, Task::Save), "Store"),
-    Row::ro(0x1014, 0, U32, EmcyCobId, "COB-ID EMCY"),
-    Row::rw(0x1017, 0, U16, HeartbeatTime, "Heartbeat").stored(Number(0)),
-    Row::ro(0x1018, 1, U32, Identity(0), "Vendor"),
-    Row::rw(0x1028, 1, U32, EmcyConsumer, "EMCY consumer").stored(Number(0x8000_0000)),
-    Row::rw(0x1400, 1, U32, Rpdo(CobId), "RPDO COB-ID").stored(NodeIdPlus(0x200)),
-    Row::rw(0x1400, 2, U8, Rpdo(TransmissionType), "RPDO type").stored(Number(0xFF)),
-    Row::rw(0x1600, 0, U8, Rpdo(Count), "RPDO mapping").stored(Number(1)),
-    Row::rw(0x1600, 1, U32, Rpdo(Entry(1)), "RPDO mapping 1").stored(Number(0x6200_0008)),
-    Row::rw(0x1800, 1, U32, Tpdo(CobId), "TPDO COB-ID").stored(NodeIdPlus(0x180)),
-    Row::rw(0x1800, 2, U8, Tpdo(TransmissionType), "TPDO type").stored(Number(0xFF)),
-    Row::rw(0x1A00, 0, U8, Tpdo(Count), "TPDO mapping").stored(Number(2)),
-    Row::rw(0x1A00, 1, U32, Tpdo(Entry(1)), "TPDO mapping 1").stored(Number(0x6000_0008)),
-    Row::rw(0x1A00, 2, U32, Tpdo(Entry(2)), "TPDO mapping 2").stored(Number(0x1001_0008)),
+    Row::rw(0x1003, 0, U8, Node(ErrorCount), "Number of errors"),
+    Row::ro(0x1003, 1, U32, Node(ErrorField), "Error 1"),
+    Row::rw(0x1005, 0, U32, Node(SyncCobId), "COB-ID SYNC").stored(Number(0x80)),
+    Row::signature(0x1010, 1, SAVE, Task::Save, "Store"),
+    Row::ro(0x1014, 0, U32, Node(EmcyCobId), "COB-ID EMCY"),
+    Row::rw(0x1017, 0, U16, Node(HeartbeatTime), "Heartbeat").stored(Number(0)),
+    Row::ro(0x1018, 1, U32, Identity, "Vendor"),
+    Row::rw(0x1028, 1, U32, Node(EmcyConsumer), "EMCY consumer").stored(Number(0x8000_0000)),
+    Row::rw(0x1400, 1, U32, Node(Rpdo(CobId)), "RPDO COB-ID").stored(NodeIdPlus(0x200)),
+    Row::rw(0x1400, 2, U8, Node(Rpdo(TransmissionType)), "RPDO type").stored(Number(0xFF)),
+    Row::rw(0x1600, 0, U8, Node(Rpdo(Count)), "RPDO mapping").stored(Number(1)),
+    Row::rw(0x1600, 1, U32, Node(Rpdo(Entry)), "RPDO mapping 1").stored(Number(0x6200_0008)),
+    Row::rw(0x1800, 1, U32, Node(Tpdo(CobId)), "TPDO COB-ID").stored(NodeIdPlus(0x180)),
+    Row::rw(0x1800, 2, U8, Node(Tpdo(TransmissionType)), "TPDO type").stored(Number(0xFF)),
+    Row::rw(0x1A00, 0, U8, Node(Tpdo(Count)), "TPDO mapping").stored(Number(2)),
+    Row::rw(0x1A00, 1, U32, Node(Tpdo(Entry)), "TPDO mapping 1").stored(Number(0x6000_0008)),
+    Row::rw(0x1A00, 2, U32, Node(Tpdo(Entry)), "TPDO mapping 2").stored(Number(0x1001_0008)),
     Row::rw(0x2100, 0, Text(12), Own(LampObject::Label), "Label").stored(DefaultValue::Product),
     Row::ro(0x6000, 0, U8, Own(LampObject::Brightness), "Brightness").mappable(Mappable::Tpdo),
     Row::rw(0x6200, 0, U8, Own(LampObject::Dimmer), "Dimmer").mappable(Mappable::Rpdo),
-]);
+]));
 
 const PDO: pdo::Rules = pdo::Rules {
     direction: Mappable::No,
@@ -80,7 +80,7 @@ impl Product for Lamp {
     type Object = LampObject;
     type Task = Task;
 
-    const DICTIONARY: Dictionary<ObjectOf<Self>> = DICTIONARY;
+    const DICTIONARY: Dictionary<Object<LampObject, Task>> = DICTIONARY;
     const RULES: Rules = Rules {
         extended_ids: true,
         nmt: nmt::Rules::NONE,

@@ -52,7 +52,7 @@ impl Rig {
     fn start(&mut self, scope: Reset, node_id: Option<u8>, parameters: Option<&[u8]>) {
         let stored = Configuration { node_id: node_id.and_then(LssNodeId::new), bit_rate: Some(BitRate::Kbit250) };
         self.node.reset(scope, stored);
-        let parameters = parameters.and_then(|payload| Stored::decode(lamp::DICTIONARY, Group::All, payload));
+        let parameters = parameters.and_then(|payload| Stored::decode(lamp::DICTIONARY.entries(), Group::All, payload));
         self.node.boot(scope, [(Group::All, parameters)], &mut self.lamp, self.now);
     }
 

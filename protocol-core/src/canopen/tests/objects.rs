@@ -11,9 +11,10 @@ use crate::wire::sdo::{AbortCode, Multiplexer};
 
 #[test]
 fn rows_are_found_and_what_there_is_not_is_told_apart() {
-    assert_eq!(DICTIONARY.find(Multiplexer::new(0x1018, 1)).map(|row| row.entry.object().index), Ok(0x1018));
-    assert_eq!(DICTIONARY.find(Multiplexer::new(0x1018, 2)).err(), Some(AbortCode::NO_SUB));
-    assert_eq!(DICTIONARY.find(Multiplexer::new(0x1019, 1)).err(), Some(AbortCode::NO_OBJECT));
+    let find = |index, sub| DICTIONARY.entries().find(Multiplexer::new(index, sub));
+    assert_eq!(find(0x1018, 1).map(|place| place.entry.object().index), Ok(0x1018));
+    assert_eq!(find(0x1018, 2).err(), Some(AbortCode::NO_SUB));
+    assert_eq!(find(0x1019, 1).err(), Some(AbortCode::NO_OBJECT));
 }
 
 #[test]

@@ -31,7 +31,7 @@ use super::{Outputs, ProductSenses, Restart, Senses};
 use crate::canopen::dictionary::Group;
 use crate::canopen::lss::{Configuration, Layer};
 use crate::canopen::nmt::Reset;
-use crate::canopen::node::{Demand, ErrorClass, Node, ObjectOf, Service};
+use crate::canopen::node::{Demand, ErrorClass, Node, Service};
 use crate::canopen::parameters::Stored;
 use crate::controller::{BitRate, BusErrorMode, Filter, Filters};
 use crate::frame::Frame;
@@ -138,14 +138,10 @@ impl HatSensor {
 }
 
 /// The parameters of a group; `None` for the defaults, which "load" stores as an empty record.
-fn parameters<'a>(
-    reading: &mut Reading<'a>,
-    key: RecordKey,
-    group: Group,
-) -> (Group, Option<Stored<'a, ObjectOf<HatObjects>>>) {
+fn parameters<'a>(reading: &mut Reading<'a>, key: RecordKey, group: Group) -> (Group, Option<Stored<'a>>) {
     let decode = |payload: &'a [u8]| match payload {
         [] => Some(None),
-        payload => Stored::decode(DICTIONARY, group, payload).map(Some),
+        payload => Stored::decode(DICTIONARY.entries(), group, payload).map(Some),
     };
     (group, reading.record(key, VERSION, decode).flatten())
 }

@@ -5,12 +5,12 @@
 use crate::actuator::Fault;
 use crate::canopen::dictionary::DataType::{I8, I16, Text, U8, U16, U32};
 use crate::canopen::dictionary::DefaultValue::{self, NodeIdPlus, Number};
-use crate::canopen::dictionary::{Dictionary, Entry, Mappable, Row};
-use crate::canopen::emcy::EmcyConsumer;
-use crate::canopen::node::Object::{
-    self, Constant, EmcyCobId, ErrorCount, ErrorField, ErrorRegister, HeartbeatTime, Identity, Product, Rpdo,
-    Signature, SyncCobId, Tpdo,
+use crate::canopen::dictionary::{Dictionary, Entry, Mappable, Row, Table};
+use crate::canopen::emcy;
+use crate::canopen::node::NodeObject::{
+    EmcyCobId, EmcyConsumer, ErrorCount, ErrorField, HeartbeatTime, Rpdo, SyncCobId, Tpdo,
 };
+use crate::canopen::node::Object::{self, ErrorRegister, Identity, Node, Product};
 use crate::canopen::node::PdoParameter::{CobId, Count, Entry as Mapped, TransmissionType};
 use crate::canopen::sync::SyncConsumer;
 use crate::wire::cob_id::Function;
@@ -86,63 +86,63 @@ const CLEAR_COUNTERS: u32 = 0x7364_6B70;
 /// Returns the description of an object; `None` when there is no such object.
 #[must_use]
 pub fn entry(object: Multiplexer) -> Option<&'static Entry> {
-    DICTIONARY.find(object).ok().map(|row| &row.entry)
+    DICTIONARY.entries().find(object).ok().map(|place| place.entry)
 }
 
 /// Every object of a valve on CANopen, and no other.
-pub(super) const DICTIONARY: Dictionary<Object<ValveObject, Task>> = Dictionary::new(&[
-    Row::ro(0x1000, 0, U32, Constant(0x0000_0198), "Device type"),
+pub(super) const DICTIONARY: Dictionary<Object<ValveObject, Task>> = Dictionary::new(&Table::new([
+    Row::constant(0x1000, 0, U32, 0x0000_0198, "Device type"),
     Row::ro(0x1001, 0, U8, ErrorRegister, "Error register"),
-    Row::rw(0x1003, 0, U8, ErrorCount, "Pre-defined error field: number of errors"),
-    Row::ro(0x1003, 1, U32, ErrorField(1), "Pre-defined error field 1"),
-    Row::ro(0x1003, 2, U32, ErrorField(2), "Pre-defined error field 2"),
-    Row::ro(0x1003, 3, U32, ErrorField(3), "Pre-defined error field 3"),
-    Row::ro(0x1003, 4, U32, ErrorField(4), "Pre-defined error field 4"),
-    Row::ro(0x1003, 5, U32, ErrorField(5), "Pre-defined error field 5"),
-    Row::ro(0x1003, 6, U32, ErrorField(6), "Pre-defined error field 6"),
-    Row::ro(0x1003, 7, U32, ErrorField(7), "Pre-defined error field 7"),
-    Row::ro(0x1003, 8, U32, ErrorField(8), "Pre-defined error field 8"),
-    Row::rw(0x1005, 0, U32, SyncCobId, "COB-ID SYNC").stored(Number(SyncConsumer::DEFAULT)),
+    Row::rw(0x1003, 0, U8, Node(ErrorCount), "Pre-defined error field: number of errors"),
+    Row::ro(0x1003, 1, U32, Node(ErrorField), "Pre-defined error field 1"),
+    Row::ro(0x1003, 2, U32, Node(ErrorField), "Pre-defined error field 2"),
+    Row::ro(0x1003, 3, U32, Node(ErrorField), "Pre-defined error field 3"),
+    Row::ro(0x1003, 4, U32, Node(ErrorField), "Pre-defined error field 4"),
+    Row::ro(0x1003, 5, U32, Node(ErrorField), "Pre-defined error field 5"),
+    Row::ro(0x1003, 6, U32, Node(ErrorField), "Pre-defined error field 6"),
+    Row::ro(0x1003, 7, U32, Node(ErrorField), "Pre-defined error field 7"),
+    Row::ro(0x1003, 8, U32, Node(ErrorField), "Pre-defined error field 8"),
+    Row::rw(0x1005, 0, U32, Node(SyncCobId), "COB-ID SYNC").stored(Number(SyncConsumer::DEFAULT)),
     Row::ro(0x100A, 0, Text(SOFTWARE_VERSION_LEN), Product(SoftwareVersion), "Manufacturer software version"),
-    Row::ro(0x1010, 0, U8, Constant(1), "Store parameters: highest sub-index"),
-    Row::rw(0x1010, 1, U32, Signature(SAVE, Save), "Store all parameters"),
-    Row::ro(0x1011, 0, U8, Constant(5), "Restore default parameters: highest sub-index"),
-    Row::rw(0x1011, 1, U32, Signature(LOAD, Load), "Restore all default parameters"),
-    Row::rw(0x1011, 5, U32, Signature(CLEAR_COUNTERS, ClearCounters), "Clear occurrence counters"),
-    Row::ro(0x1014, 0, U32, EmcyCobId, "COB-ID EMCY"),
-    Row::rw(0x1017, 0, U16, HeartbeatTime, "Producer heartbeat time").stored(Number(0)),
+    Row::constant(0x1010, 0, U8, 1, "Store parameters: highest sub-index"),
+    Row::signature(0x1010, 1, SAVE, Save, "Store all parameters"),
+    Row::constant(0x1011, 0, U8, 5, "Restore default parameters: highest sub-index"),
+    Row::signature(0x1011, 1, LOAD, Load, "Restore all default parameters"),
+    Row::signature(0x1011, 5, CLEAR_COUNTERS, ClearCounters, "Clear occurrence counters"),
+    Row::ro(0x1014, 0, U32, Node(EmcyCobId), "COB-ID EMCY"),
+    Row::rw(0x1017, 0, U16, Node(HeartbeatTime), "Producer heartbeat time").stored(Number(0)),
     // (R) sub-index 0 reads 3 although sub-index 4 can be read: the real device does so
-    Row::ro(0x1018, 0, U8, Constant(3), "Identity object: highest sub-index"),
-    Row::ro(0x1018, 1, U32, Identity(0), "Vendor ID"),
-    Row::ro(0x1018, 2, U32, Identity(1), "Product code"),
-    Row::ro(0x1018, 3, U32, Identity(2), "Revision number"),
-    Row::ro(0x1018, 4, U32, Identity(3), "Serial number"),
-    Row::ro(0x1028, 0, U8, Constant(1), "Emergency consumer: highest sub-index"),
-    Row::rw(0x1028, 1, U32, Object::EmcyConsumer, "Emergency consumer 1").stored(Number(EmcyConsumer::DEFAULT)),
-    Row::ro(0x1400, 0, U8, Constant(2), "RPDO 1 communication: highest sub-index"),
-    Row::rw(0x1400, 1, U32, Rpdo(CobId), "RPDO 1 COB-ID").stored(NodeIdPlus(Function::Rpdo1 as u32)),
-    Row::rw(0x1400, 2, U8, Rpdo(TransmissionType), "RPDO 1 transmission type").stored(Number(0xFF)),
-    Row::rw(0x1600, 0, U8, Rpdo(Count), "RPDO 1 mapping: number of objects").stored(Number(2)),
-    Row::rw(0x1600, 1, U32, Rpdo(Mapped(1)), "RPDO 1 mapping 1").stored(Number(0x6040_0010)),
-    Row::rw(0x1600, 2, U32, Rpdo(Mapped(2)), "RPDO 1 mapping 2").stored(Number(0x6300_0110)),
-    Row::rw(0x1600, 3, U32, Rpdo(Mapped(3)), "RPDO 1 mapping 3").stored(Number(DUMMY)),
-    Row::rw(0x1600, 4, U32, Rpdo(Mapped(4)), "RPDO 1 mapping 4").stored(Number(DUMMY)),
-    Row::rw(0x1600, 5, U32, Rpdo(Mapped(5)), "RPDO 1 mapping 5").stored(Number(DUMMY)),
-    Row::rw(0x1600, 6, U32, Rpdo(Mapped(6)), "RPDO 1 mapping 6").stored(Number(DUMMY)),
-    Row::rw(0x1600, 7, U32, Rpdo(Mapped(7)), "RPDO 1 mapping 7").stored(Number(DUMMY)),
-    Row::rw(0x1600, 8, U32, Rpdo(Mapped(8)), "RPDO 1 mapping 8").stored(Number(DUMMY)),
-    Row::ro(0x1800, 0, U8, Constant(2), "TPDO 1 communication: highest sub-index"),
-    Row::rw(0x1800, 1, U32, Tpdo(CobId), "TPDO 1 COB-ID").stored(NodeIdPlus(Function::Tpdo1 as u32)),
-    Row::rw(0x1800, 2, U8, Tpdo(TransmissionType), "TPDO 1 transmission type").stored(Number(0xFF)),
-    Row::rw(0x1A00, 0, U8, Tpdo(Count), "TPDO 1 mapping: number of objects").stored(Number(2)),
-    Row::rw(0x1A00, 1, U32, Tpdo(Mapped(1)), "TPDO 1 mapping 1").stored(Number(0x6041_0010)),
-    Row::rw(0x1A00, 2, U32, Tpdo(Mapped(2)), "TPDO 1 mapping 2").stored(Number(0x6301_0110)),
-    Row::rw(0x1A00, 3, U32, Tpdo(Mapped(3)), "TPDO 1 mapping 3").stored(Number(DUMMY)),
-    Row::rw(0x1A00, 4, U32, Tpdo(Mapped(4)), "TPDO 1 mapping 4").stored(Number(DUMMY)),
-    Row::rw(0x1A00, 5, U32, Tpdo(Mapped(5)), "TPDO 1 mapping 5").stored(Number(DUMMY)),
-    Row::rw(0x1A00, 6, U32, Tpdo(Mapped(6)), "TPDO 1 mapping 6").stored(Number(DUMMY)),
-    Row::rw(0x1A00, 7, U32, Tpdo(Mapped(7)), "TPDO 1 mapping 7").stored(Number(DUMMY)),
-    Row::rw(0x1A00, 8, U32, Tpdo(Mapped(8)), "TPDO 1 mapping 8").stored(Number(DUMMY)),
+    Row::constant(0x1018, 0, U8, 3, "Identity object: highest sub-index"),
+    Row::ro(0x1018, 1, U32, Identity, "Vendor ID"),
+    Row::ro(0x1018, 2, U32, Identity, "Product code"),
+    Row::ro(0x1018, 3, U32, Identity, "Revision number"),
+    Row::ro(0x1018, 4, U32, Identity, "Serial number"),
+    Row::constant(0x1028, 0, U8, 1, "Emergency consumer: highest sub-index"),
+    Row::rw(0x1028, 1, U32, Node(EmcyConsumer), "Emergency consumer 1").stored(Number(emcy::EmcyConsumer::DEFAULT)),
+    Row::constant(0x1400, 0, U8, 2, "RPDO 1 communication: highest sub-index"),
+    Row::rw(0x1400, 1, U32, Node(Rpdo(CobId)), "RPDO 1 COB-ID").stored(NodeIdPlus(Function::Rpdo1 as u32)),
+    Row::rw(0x1400, 2, U8, Node(Rpdo(TransmissionType)), "RPDO 1 transmission type").stored(Number(0xFF)),
+    Row::rw(0x1600, 0, U8, Node(Rpdo(Count)), "RPDO 1 mapping: number of objects").stored(Number(2)),
+    Row::rw(0x1600, 1, U32, Node(Rpdo(Mapped)), "RPDO 1 mapping 1").stored(Number(0x6040_0010)),
+    Row::rw(0x1600, 2, U32, Node(Rpdo(Mapped)), "RPDO 1 mapping 2").stored(Number(0x6300_0110)),
+    Row::rw(0x1600, 3, U32, Node(Rpdo(Mapped)), "RPDO 1 mapping 3").stored(Number(DUMMY)),
+    Row::rw(0x1600, 4, U32, Node(Rpdo(Mapped)), "RPDO 1 mapping 4").stored(Number(DUMMY)),
+    Row::rw(0x1600, 5, U32, Node(Rpdo(Mapped)), "RPDO 1 mapping 5").stored(Number(DUMMY)),
+    Row::rw(0x1600, 6, U32, Node(Rpdo(Mapped)), "RPDO 1 mapping 6").stored(Number(DUMMY)),
+    Row::rw(0x1600, 7, U32, Node(Rpdo(Mapped)), "RPDO 1 mapping 7").stored(Number(DUMMY)),
+    Row::rw(0x1600, 8, U32, Node(Rpdo(Mapped)), "RPDO 1 mapping 8").stored(Number(DUMMY)),
+    Row::constant(0x1800, 0, U8, 2, "TPDO 1 communication: highest sub-index"),
+    Row::rw(0x1800, 1, U32, Node(Tpdo(CobId)), "TPDO 1 COB-ID").stored(NodeIdPlus(Function::Tpdo1 as u32)),
+    Row::rw(0x1800, 2, U8, Node(Tpdo(TransmissionType)), "TPDO 1 transmission type").stored(Number(0xFF)),
+    Row::rw(0x1A00, 0, U8, Node(Tpdo(Count)), "TPDO 1 mapping: number of objects").stored(Number(2)),
+    Row::rw(0x1A00, 1, U32, Node(Tpdo(Mapped)), "TPDO 1 mapping 1").stored(Number(0x6041_0010)),
+    Row::rw(0x1A00, 2, U32, Node(Tpdo(Mapped)), "TPDO 1 mapping 2").stored(Number(0x6301_0110)),
+    Row::rw(0x1A00, 3, U32, Node(Tpdo(Mapped)), "TPDO 1 mapping 3").stored(Number(DUMMY)),
+    Row::rw(0x1A00, 4, U32, Node(Tpdo(Mapped)), "TPDO 1 mapping 4").stored(Number(DUMMY)),
+    Row::rw(0x1A00, 5, U32, Node(Tpdo(Mapped)), "TPDO 1 mapping 5").stored(Number(DUMMY)),
+    Row::rw(0x1A00, 6, U32, Node(Tpdo(Mapped)), "TPDO 1 mapping 6").stored(Number(DUMMY)),
+    Row::rw(0x1A00, 7, U32, Node(Tpdo(Mapped)), "TPDO 1 mapping 7").stored(Number(DUMMY)),
+    Row::rw(0x1A00, 8, U32, Node(Tpdo(Mapped)), "TPDO 1 mapping 8").stored(Number(DUMMY)),
     Row::ro(0x2001, 0, U8, Product(FaultCount(Fault::SupplyHigh)), "Error: supply voltage too high"),
     Row::ro(0x2002, 0, U8, Product(FaultCount(Fault::SupplyLow)), "Error: supply voltage too low"),
     Row::ro(0x200F, 0, U8, Product(FaultCount(Fault::Temperature)), "Error: temperature"),
@@ -171,9 +171,9 @@ pub(super) const DICTIONARY: Dictionary<Object<ValveObject, Task>> = Dictionary:
     Row::ro(0x6052, 0, Text(DIGITS as u8), Product(SerialNumber), "Device serial number"),
     Row::rw(0x6053, 0, Text(DESCRIPTION_MAX as u8), Product(Description), "Device description")
         .stored(DefaultValue::Product),
-    Row::ro(0x605F, 0, U32, Constant(0x0500_0000), "Device capability"),
-    Row::ro(0x6300, 0, U8, Constant(1), "VPOC set-point: highest sub-index"),
+    Row::constant(0x605F, 0, U32, 0x0500_0000, "Device capability"),
+    Row::constant(0x6300, 0, U8, 1, "VPOC set-point: highest sub-index"),
     Row::rw(0x6300, 1, I16, Product(SetPoint), "VPOC set-point").mappable(Mappable::Rpdo),
-    Row::ro(0x6301, 0, U8, Constant(1), "VPOC actual value: highest sub-index"),
+    Row::constant(0x6301, 0, U8, 1, "VPOC actual value: highest sub-index"),
     Row::ro(0x6301, 1, I16, Product(Actual), "VPOC actual value").mappable(Mappable::Tpdo),
-]);
+]));

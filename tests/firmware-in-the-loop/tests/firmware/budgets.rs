@@ -21,7 +21,7 @@ const RAM: u64 = 17 * KIB;
 /// Instructions from the receive interrupt to sleep, for a frame that comes through the filters and is for nobody.
 const FOR_NOBODY: u64 = 520;
 /// The same for an SDO upload: the answer lies in a mailbox then.
-const UPLOAD: u64 = 1370;
+const UPLOAD: u64 = 1400;
 /// The same for the position of a shaft that turns, which is reckoned in 64 bits: by SDO, or by a TPDO that answers a SYNC.
 const POSITION: u64 = 1460;
 /// The same for an RPDO that a TPDO answers.

@@ -190,7 +190,7 @@ impl Body for CanopenValve {
         let now = base.now();
         let mut found = Found::look(&self.setup, memory);
         let parameters =
-            found.payload(RecordKey::Parameters, |payload| Stored::decode(DICTIONARY, Group::All, payload));
+            found.payload(RecordKey::Parameters, |payload| Stored::decode(DICTIONARY.entries(), Group::All, payload));
         let load_is_set = found.payload(RecordKey::RestoreFlag, decode_flag).unwrap_or(false);
         self.local_layer = found.local_layer;
         let stored = Configuration {
