@@ -293,6 +293,13 @@ impl Valve {
         self.faults.counters_changed |= self.faults.counters.clear(faults);
     }
 
+    /// Sets all occurrence counters to 0, and returns what they were. It counts as stored: whoever takes them has the zeros
+    /// written.
+    pub fn take_counters(&mut self) -> Counters {
+        self.faults.counters_changed = false;
+        core::mem::take(&mut self.faults.counters)
+    }
+
     /// Adds to the occurrence counters: what was cleared and could not be stored so.
     pub fn add_counters(&mut self, counters: Counters) {
         self.faults.counters = self.faults.counters.plus(counters);

@@ -282,7 +282,7 @@ impl<B: Body> Host<B> {
     #[inline(never)]
     fn run_timers(&mut self) {
         self.body.poll(&mut self.base);
-        if self.base.now >= self.base.fault_log.due() {
+        if B::FAULT_LOG && self.base.now >= self.base.fault_log.due() {
             self.base.store_fault_log();
         }
         self.body.settle(&mut self.base);

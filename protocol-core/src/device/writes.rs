@@ -81,12 +81,13 @@ impl Writes {
             let kept = if write.asked_by == Asker::Dm3 { waiting.value } else { 0 };
             waiting.value = kept | write.value;
         } else {
-            // All move on by a place; there is one for every kind.
-            let mut newer = write;
+            // `insert` could panic: every caller would have to be ready for it.
+            let mut moved = write;
             for place in &mut self.queue {
-                core::mem::swap(place, &mut newer);
+                core::mem::swap(place, &mut moved);
             }
-            let _ = self.queue.push(newer);
+            // There is a place for every kind.
+            let _ = self.queue.push(moved);
         }
     }
 

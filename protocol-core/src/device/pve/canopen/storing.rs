@@ -6,7 +6,7 @@ use super::super::dictionary::Task;
 use super::super::records::{FaultLog, LocalLayer, encode_flag};
 use super::CanopenValve;
 use super::load::Executed;
-use crate::actuator::{FaultSet, InternalCause};
+use crate::actuator::InternalCause;
 use crate::canopen::dictionary::Group;
 use crate::canopen::lss::Configuration;
 use crate::device::host::{Base, Storing};
@@ -91,9 +91,7 @@ impl Storing for CanopenValve {
                 let valve = &mut self.objects.application.valve;
                 if write.asked_by == Asker::Sdo {
                     // A fault that activates from now on counts one.
-                    self.cleared = valve.counters();
-                    valve.clear_counters(FaultSet::ALL);
-                    valve.take_counters_changed();
+                    self.cleared = valve.take_counters();
                 }
                 &FaultLog { counters: valve.counters() }.encode()
             }
