@@ -48,6 +48,12 @@ impl<S: NorFlash, const MAX: usize> ItemLengths<S, MAX> {
         Self { flash, data: None, kept, full: kept.is_some() }
     }
 
+    /// Whether the data follow a header, and not the next one. Behind a header with a wrong checksum the map
+    /// goes on by a word: shorter words than a header are looked at anew there, whatever the header said.
+    fn is_sound(header: &[u8]) -> bool {
+        S::WRITE_SIZE < Self::HEADER || checksum(&header[LENGTH]).to_le_bytes() == header[CHECKSUM]
+    }
+
     /// Looks at what was read as the header at `offset`.
     fn check(&mut self, offset: u32, header: &mut [u8]) -> Result<(), S::Error> {
         self.data = None;
@@ -56,7 +62,7 @@ impl<S: NorFlash, const MAX: usize> ItemLengths<S, MAX> {
         }
         let data = offset + Self::HEADER as u32;
         let length = usize::from(u16::from_le_bytes([header[LENGTH.start], header[LENGTH.start + 1]]));
-        if length == 0 || length > MAX {
+        if length == 0 || length > MAX || !Self::is_sound(header) {
             header.fill(0);
             header[CHECKSUM].fill(NO_CHECKSUM);
             return Ok(());
@@ -74,6 +80,14 @@ impl<S: NorFlash, const MAX: usize> ItemLengths<S, MAX> {
         }
         Ok(())
     }
+}
+
+/// The checksum that the map gives to a length: CRC-16 with the reversed polynomial 0x1A2E.
+fn checksum(length: &[u8]) -> u16 {
+    let crc = length.iter().fold(u16::MAX, |crc, byte| {
+        (0..8).fold(crc ^ u16::from(*byte), |crc, _| (crc >> 1) ^ if crc & 1 == 1 { 0x1A2E } else { 0 })
+    });
+    !crc
 }
 
 impl<S: ErrorType, const MAX: usize> ErrorType for ItemLengths<S, MAX> {
