@@ -10,6 +10,7 @@ fn main() {}
 #[cfg(target_os = "none")]
 mod image {
     use core::convert::Infallible;
+    use core::mem::MaybeUninit;
     use core::panic::PanicInfo;
     use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
@@ -24,9 +25,16 @@ mod image {
     use protocol_core::memory::{Corrupt, Memory, Record, RecordKey, StoreError};
     use protocol_core::pump::pump;
     use protocol_core::time::{Duration, Instant, after};
-    use static_cell::StaticCell;
-    // The table of interrupts, which the start-up code asks for.
-    use stm32_metapac as _;
+
+    unsafe extern "C" {
+        fn DefaultHandler();
+    }
+
+    /// The table of interrupts, which the start-up code asks for: the loop uses none, and the chip's whole table takes
+    /// 364 bytes. A port that uses interrupts has its PAC in this place.
+    #[unsafe(no_mangle)]
+    #[unsafe(link_section = ".vector_table.interrupts")]
+    static __INTERRUPTS: [unsafe extern "C" fn(); 1] = [DefaultHandler];
 
     /// The period in which the loop runs, and the same in cycles of the processor, which starts at 16 MHz.
     const TICK: Duration = Duration::from_millis(1);
@@ -148,17 +156,22 @@ mod image {
     #[exception]
     fn SysTick() {}
 
-    // Kept apart: it takes stack to make a valve.
+    // This and `run` are kept apart: each takes much of the stack.
     #[inline(never)]
-    fn place() -> &'static mut PveCanopen {
-        static VALVE: StaticCell<PveCanopen> = StaticCell::new();
-        VALVE.init_with(|| PveCanopen::new(Setup::new(Kind::PveaCanopen)))
+    fn make(place: &mut MaybeUninit<PveCanopen>) -> &mut PveCanopen {
+        place.write(PveCanopen::new(Setup::new(Kind::PveaCanopen)))
     }
 
     #[entry]
     fn main() -> ! {
+        // `entry` lends it to this function alone.
+        static mut VALVE: MaybeUninit<PveCanopen> = MaybeUninit::uninit();
+        run(make(VALVE))
+    }
+
+    #[inline(never)]
+    fn run(valve: &mut PveCanopen) -> ! {
         let (mut can, mut memory, mut now) = (Controller, NoMemory, Instant::from_ticks(0));
-        let valve = place();
         valve.start_up(&memory, StartCause::PowerOn, now);
         can.set_bit_rate(valve.bit_rate());
         valve.sense(&Senses::default(), now);

@@ -30,13 +30,9 @@ pub(crate) fn encode<'a>(
     Some(())
 }
 
-/// The stored values, object by object.
+/// The stored values of a group, object by object.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Stored<'a> {
-    entries: Entries,
-    group: Group,
-    payload: &'a [u8],
-}
+pub(crate) struct Stored<'a>(&'a [u8]);
 
 impl<'a> Stored<'a> {
     /// Takes a payload; `None` unless it has a value for every stored object and nothing else.
@@ -46,13 +42,12 @@ impl<'a> Stored<'a> {
         for place in entries.stored(group) {
             take(place.entry, &mut rest)?;
         }
-        rest.is_empty().then_some(Self { entries, group, payload })
+        rest.is_empty().then_some(Self(payload))
     }
 
-    /// Returns the objects and their values.
-    pub(crate) fn values(self) -> impl Iterator<Item = (Place, Value<'a>)> {
-        let mut rest = self.payload;
-        self.entries.stored(self.group).map_while(move |place| Some((place, take(place.entry, &mut rest)?)))
+    /// Returns the value of the next stored object, which is this one.
+    pub(crate) fn next_of(&mut self, entry: &Entry) -> Option<Value<'a>> {
+        take(entry, &mut self.0)
     }
 }
 

@@ -154,12 +154,10 @@ impl Request {
             0x17 => Self::Store,
             0x5A..=0x5D => Self::InquireIdentity(command.wrapping_sub(0x5A)),
             0x5E => Self::InquireNodeId,
-            0x46 => Self::IdentifyRemote(Bound::Exactly(0), number),
-            0x47 => Self::IdentifyRemote(Bound::Exactly(1), number),
-            0x48 => Self::IdentifyRemote(Bound::AtLeast(2), number),
-            0x49 => Self::IdentifyRemote(Bound::AtMost(2), number),
-            0x4A => Self::IdentifyRemote(Bound::AtLeast(3), number),
-            0x4B => Self::IdentifyRemote(Bound::AtMost(3), number),
+            0x46..=0x4B => {
+                let bound = Bound::ALL.get(usize::from(command.wrapping_sub(0x46)));
+                bound.map_or(Self::Unknown(command), |bound| Self::IdentifyRemote(*bound, number))
+            }
             0x4C => Self::IdentifyNonConfigured,
             0x51 => Self::FastScan(FastScan { number, bit_check, sub, next }),
             _ => Self::Unknown(command),

@@ -122,27 +122,21 @@ impl Answer<'_> {
     /// The answer as it goes over the bus under `id`; data beyond four bytes is cut.
     #[must_use]
     pub fn frame(self, id: Id) -> Frame {
-        let mut bytes = [0; 8];
-        let len = match self {
-            Self::Read(identifier, data) => {
-                let [high, low] = identifier.to_be_bytes();
-                let room = bytes.iter_mut().skip(4);
-                let count = room.zip(data).map(|(byte, value)| *byte = *value).count();
-                let len = u8::try_from(count).unwrap_or(0).saturating_add(3);
-                (bytes[0], bytes[1], bytes[2], bytes[3]) = (len, READ | POSITIVE, high, low);
-                len
-            }
-            Self::Written(identifier) => {
-                let [high, low] = identifier.to_be_bytes();
-                bytes = [3, WRITE | POSITIVE, high, low, 0, 0, 0, 0];
-                3
-            }
-            Self::Negative(service, code) => {
-                bytes = [3, NEGATIVE, service, code as u8, 0, 0, 0, 0];
-                3
-            }
+        let (head, data): (_, &[u8]) = match self {
+            Self::Read(identifier, data) => ((READ | POSITIVE, identifier.to_be_bytes()), data),
+            Self::Written(identifier) => ((WRITE | POSITIVE, identifier.to_be_bytes()), &[]),
+            Self::Negative(service, code) => ((NEGATIVE, [service, code as u8]), &[]),
         };
-        Frame::with_len(id, bytes, len.saturating_add(1))
+        let (first, [second, third]) = head;
+        let mut bytes = [0, first, second, third, 0, 0, 0, 0];
+        let [len, _, _, _, room @ ..] = &mut bytes;
+        *len = 3;
+        for (byte, value) in room.iter_mut().zip(data) {
+            *byte = *value;
+            *len = len.wrapping_add(1);
+        }
+        let len = len.wrapping_add(1);
+        Frame::with_len(id, bytes, len)
     }
 }
 

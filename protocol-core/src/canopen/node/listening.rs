@@ -62,32 +62,29 @@ impl Listening {
 
     /// Returns what a node listens to; without a node ID that is LSS alone.
     pub(super) fn of(objects: &Communication, rules: &Rules) -> Self {
-        let lss = u32::from(LSS_REQUEST);
-        let Some(node_id) = objects.node_id else {
-            return Self::to([NONE, NONE, NONE, NONE, NONE, lss], Filter::exactly(NONE), 0);
-        };
-        let keys = [
-            objects.rpdo.key().unwrap_or(NONE),
-            objects.sync.key(),
-            NMT.into(),
-            node_id.raw_id(Function::SdoRequest).into(),
-            objects.emcy_consumer.key().unwrap_or(NONE),
-            lss,
-        ];
-        let other = rules.other_protocol.map_or(Filter::exactly(NONE), |filter| filter(node_id));
-        Self::to(keys, other, node_id.get())
-    }
-
-    fn to(keys: [u32; SERVICES], other: Filter, node: u8) -> Self {
+        let mut new = Self { told: false, ..Self::NOTHING };
+        let [rpdo, sync, nmt, sdo, emcy_consumer, lss] = &mut new.keys;
+        *lss = LSS_REQUEST.into();
+        if let Some(node_id) = objects.node_id {
+            *rpdo = objects.rpdo.key().unwrap_or(NONE);
+            *sync = objects.sync.key();
+            *nmt = NMT.into();
+            *sdo = node_id.raw_id(Function::SdoRequest).into();
+            *emcy_consumer = objects.emcy_consumer.key().unwrap_or(NONE);
+            new.other = rules.other_protocol.map_or(new.other, |filter| filter(node_id));
+            new.node = node_id.get();
+        }
         // The mask may leave a bit of the group open.
-        let all = keys.into_iter().chain([other.key, other.key | !other.mask]).filter(|key| *key != NONE);
-        Self { keys, other, groups: all.fold(0, |groups, key| groups | group(key)), node, told: false }
+        let others = group(new.other.key) | group(new.other.key | !new.other.mask);
+        // `NONE` is in the last group, where hardly a frame is: to leave it out takes more than a look at the keys.
+        new.groups = new.keys.into_iter().fold(others, |groups, key| groups | group(key));
+        new
     }
 
     /// Listens to what the objects say now.
     pub(super) fn update(&mut self, objects: &Communication, rules: &Rules) {
         let new = Self::of(objects, rules);
-        if new.keys != self.keys {
+        if new.keys.iter().ne(&self.keys) {
             *self = new;
         }
     }
@@ -104,8 +101,16 @@ impl Listening {
 
     #[inline(never)]
     fn filters(&self) -> Filters {
-        let services = self.keys.iter().map(|key| Filter::exactly(*key));
-        services.chain([self.other]).filter(|filter| filter.key != NONE).collect()
+        let mut filters = Filters::new();
+        let mut add = |filter: Filter| {
+            if filter.key != NONE {
+                // There is a place for every service, and for the other protocol.
+                let _ = filters.push(filter);
+            }
+        };
+        self.keys.map(Filter::exactly).into_iter().for_each(&mut add);
+        add(self.other);
+        filters
     }
 
     /// Returns the service that a frame is for; of two with the same identifier the first.

@@ -78,18 +78,16 @@ impl Communication {
     pub(super) fn load<P: Product>(
         &mut self,
         scope: Reset,
-        (group, stored): (Group, Option<Stored<'_>>),
+        (group, mut stored): (Group, Option<Stored<'_>>),
         product: &mut P,
     ) {
-        if let Some(stored) = stored {
-            for (place, value) in stored.values() {
+        for place in P::DICTIONARY.entries().stored(group) {
+            let value = match &mut stored {
+                Some(stored) => stored.next_of(place.entry),
+                None => self.default(place, product),
+            };
+            if let Some(value) = value {
                 self.put(scope, place, value, product);
-            }
-        } else {
-            for place in P::DICTIONARY.entries().stored(group) {
-                if let Some(value) = self.default(place, product) {
-                    self.put(scope, place, value, product);
-                }
             }
         }
     }

@@ -358,7 +358,7 @@ impl<P: Product> Node<P> {
             owed.boot_up = BootUp::Taken;
             return node_id.map(|node_id| heartbeat(node_id, State::Initialising));
         }
-        let Some(node_id) = node_id else { return owed.answers.pop() };
+        let Some(node_id) = node_id else { return owed.pop_answer() };
         if owed.emcys.is_owed()
             && let Some(key) = self.objects.emcy.key()
             && owed.is_most_urgent(key, node_id)
@@ -368,13 +368,13 @@ impl<P: Product> Node<P> {
         }
         let tpdo = self.objects.tpdo.key().filter(|key| owed.may_send_tpdo(*key, &self.objects.emcy));
         match (tpdo, owed.heartbeat.owed) {
-            (None, false) => owed.answers.pop(),
+            (None, false) => owed.pop_answer(),
             (tpdo, beat) => {
                 let tpdo = tpdo.map_or(u32::MAX, arbitration);
                 let beat = if beat { arbitration(node_id.raw_id(Function::Heartbeat).into()) } else { u32::MAX };
                 let answer = owed.answers.first().map_or(u32::MAX, Frame::arbitration);
                 if answer <= tpdo.min(beat) {
-                    owed.answers.pop()
+                    owed.pop_answer()
                 } else if tpdo < beat {
                     self.hand_out_tpdo(product, now)
                 } else {

@@ -40,23 +40,20 @@ impl Identifiers for Identification<'_> {
     /// Numbers are big-endian (A).
     fn read(&self, identifier: Identifier) -> Option<Vec<u8, DATA_MAX>> {
         let factory = self.factory;
-        let number = |number: u32| Vec::from_array(number.to_be_bytes());
-        Some(match identifier {
-            NODE_ID => {
-                let node_id = self.local_layer.node_id.unwrap_or(NO_NODE_ID);
-                core::iter::once(node_id).collect()
-            }
-            0xF010 => core::iter::once(ADDRESS_FORMAT).collect(),
+        let bytes: &[u8] = match identifier {
+            NODE_ID => &[self.local_layer.node_id.unwrap_or(NO_NODE_ID)],
+            0xF010 => &[ADDRESS_FORMAT],
             // the diagnostic file identifier: the part number (A)
-            0xF1FA..=0xF1FD => number(self.kind.part_number()),
-            0xF192 => number(factory.hardware_number),
-            0xF193 => Vec::from_array(factory.hardware_version),
-            0xF194 => number(factory.software_number),
-            0xF195 => Vec::from_array(factory.software_version),
-            0xF18C => number(factory.identity.serial),
-            0xF18B => factory.manufactured.into_iter().collect(),
+            0xF1FA..=0xF1FD => &self.kind.part_number().to_be_bytes(),
+            0xF192 => &factory.hardware_number.to_be_bytes(),
+            0xF193 => &factory.hardware_version,
+            0xF194 => &factory.software_number.to_be_bytes(),
+            0xF195 => &factory.software_version,
+            0xF18C => &factory.identity.serial.to_be_bytes(),
+            0xF18B => &factory.manufactured,
             _ => return None,
-        })
+        };
+        Vec::from_slice(bytes).ok()
     }
 
     fn accepts_node_id(&self, node_id: u8) -> bool {
