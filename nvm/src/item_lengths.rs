@@ -33,7 +33,7 @@ pub(crate) struct ItemLengths<S, const MAX: usize> {
     data: Option<u32>,
     /// The only key whose items are seen, while all others are given up.
     kept: Option<u8>,
-    /// What is erased is no room for an item: until the map has closed a sector.
+    /// Whether erased words count as taken, so that the map closes its sector and moves to the other one.
     full: bool,
 }
 

@@ -15,18 +15,18 @@ use super::reset;
 
 /// The longest line.
 const LINE: usize = 48;
-/// The longest answer about how the device is.
+/// The longest answer to `status`.
 const STATUS: usize = 352;
 
-/// What is told about how the device is.
+/// The lines of `status`.
 pub(super) type Text = Vec<u8, STATUS>;
 
-/// A line that was typed, with room for what is told. There is one: the console's task hands it to the device's task, and
+/// A line that was typed, with room for the lines of `status`. There is one: the console's task hands it to the device's task, and
 /// gets it back with the answer.
 pub(super) struct Exchange {
     /// The line.
     pub(super) line: String<LINE>,
-    /// How the device is, for [`Answer::Status`].
+    /// The lines of `status`, for [`Answer::Status`].
     pub(super) status: Text,
 }
 

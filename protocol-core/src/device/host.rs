@@ -19,7 +19,7 @@ pub trait Storing {
     /// Appends the payload of a write, as things are now; `None` when there is none, or it is longer than a record holds.
     fn encode(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()>;
 
-    /// Takes what became of a write.
+    /// Takes the memory's answer to a write.
     fn written(&mut self, write: Write, stored: bool, base: &mut Base);
 }
 
@@ -185,7 +185,7 @@ impl Base {
             if body.encode(write, &mut record).is_some() && memory::complete(&mut record).is_ok() {
                 return Some(Effect::Store(write.record, record));
             }
-            // No record of these devices is too long; one that were has failed.
+            // No payload of these devices is too long; a write of one would fail.
             self.end_write(body, write.record, false);
         }
         self.begin_restart(all_sent).map(Effect::Restart)

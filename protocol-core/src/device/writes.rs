@@ -17,7 +17,7 @@ pub struct Write {
     pub record: RecordKey,
     /// Who asked for it.
     pub asked_by: Asker,
-    /// What that one gave, see [`Asker`]; 0 for nothing.
+    /// The value that the asker gave, see [`Asker`]; 0 for none.
     pub value: u8,
 }
 

@@ -55,9 +55,9 @@ pub struct HatSensor {
     layer: Layer,
     /// What the write of node ID and bit rate in flight changes of them.
     layer_in_flight: Configuration,
-    /// What an SDO client has asked for last.
+    /// The task that an SDO client waits for.
     task: Option<Task>,
-    /// A write of it has failed, others are still to come.
+    /// One of the task's writes has failed; the client is answered after the last one.
     task_failed: bool,
     /// The records that are damaged, by their position.
     damaged: u8,

@@ -39,7 +39,7 @@ const SOFTWARE_VERSION: [u8; 4] = *b"1.32";
 const MANUFACTURED: [u8; 3] = [0x18, 0x07, 0x01];
 
 impl Factory {
-    /// Those of a device that has not started.
+    /// The factory data of a device that has not read its memory yet.
     pub(super) const UNREAD: Self = Self {
         identity: lss::Address { vendor: 0, product: 0, revision: 0, serial: 0 },
         function_instance: 0,
@@ -130,7 +130,7 @@ pub(super) struct LocalLayer {
 }
 
 impl LocalLayer {
-    /// That of a device that has not started.
+    /// The node ID and bit rate of a device that has not read its memory yet.
     pub(super) const UNREAD: Self = Self { node_id: None, bit_rate: BitRate::Kbit250 };
 
     /// What a new memory is filled with.
