@@ -16,7 +16,7 @@ use protocol_core::pump::{pump, receive};
 use protocol_core::time::NEVER;
 use static_cell::StaticCell;
 
-use super::attention::{Attention, Caller, Calls};
+use super::attention::{Attention, Caller, Calls, call};
 use super::can::{self, Can1};
 use super::console::Answer;
 use super::front::Front;
@@ -50,6 +50,8 @@ pub(super) async fn run(
         }
         attention.wait(now + FEED, now).await;
     };
+    // A line or a press that came meanwhile has called, and nobody has looked.
+    call(Caller::Front);
     defmt::info!("{}", settings.kind.name());
     let device = power_on(&settings, &contents.image, cause);
     let link = Link::new(can);

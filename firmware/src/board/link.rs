@@ -70,6 +70,7 @@ impl Link {
                 let recovery = RECOVERY_BITS * 1_000_000 / self.bit_rate.bits_per_second();
                 self.state = State::Recovering(Instant::now() + Duration::from_micros(recovery.into()));
             }
+            State::Recovering(_) if is_cut => self.state = State::Cut,
             State::Recovering(until) if until <= Instant::now() => {
                 self.can.join(self.bit_rate);
                 self.state = State::Up;

@@ -205,6 +205,28 @@ fn a_power_cycle_stores_nothing_but_loses_nothing_stored() {
 }
 
 #[test]
+fn cut_off_again_while_it_recovers_it_stays_off() {
+    let mut client = ImageClient::booted();
+    client.obeyed("bus_off on");
+    for line in ["bus_off off", "bus_off on"] {
+        client.bench.rig.type_line(client.bench.board, line);
+    }
+    client.wait_ms(100);
+    assert_eq!(client.status_of("bus"), "bus-off");
+}
+
+/// A new kind erases a sector of the memory, while the console takes lines.
+#[test]
+fn a_line_that_comes_while_the_board_starts_is_answered() {
+    for delay in [40, 120, 240] {
+        let mut client = ImageClient::booted();
+        client.bench.rig.type_line(client.bench.board, "kind pveo-canopen");
+        client.wait_ms(delay);
+        assert_eq!(client.status_of("kind"), "pveo-canopen", "after {delay} ms");
+    }
+}
+
+#[test]
 fn another_kind_is_a_new_device_and_back_again() {
     let mut client = ImageClient::booted();
     client.write(0x6053, 0, 4, u32::from_le_bytes(*b"MINE"));
