@@ -149,8 +149,8 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         Ok(())
     }
 
-    /// Reads everything, and changes nothing. A record that the flash does not give, although it was stored once, is
-    /// unreadable in the image.
+    /// Reads everything, and changes nothing. Of a damaged map the newest version of a record that is intact counts (A). A
+    /// record that the flash does not give, although it was stored once, is unreadable in the image.
     ///
     /// # Errors
     /// [`Unreadable`] when the map as a whole makes no sense; of the contents the setting is of use then, if there is one.

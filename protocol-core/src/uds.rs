@@ -8,7 +8,8 @@ use crate::wire::uds::{Address, Answer, Identifier, NegativeCode, READ, WRITE, i
 /// The identifier of the node ID, the only one that can be written.
 pub const NODE_ID: Identifier = 0x1001;
 
-/// Every answer to a write of the node ID goes out under this identifier, whatever the node (SPEC 7).
+/// The identifier of every answer to a write of the node ID, whatever the node (R: the manual says so three times, against
+/// its own table of identifiers).
 pub const NODE_ID_ANSWER: u32 = 0x1BC4_08F1;
 
 /// The most bytes that an identifier holds: what a single frame leaves.
@@ -89,6 +90,7 @@ fn act(request: &[u8], identifiers: &impl Identifiers) -> Result<Action, Negativ
                 }
                 _ if identifier == NODE_ID => Err(NegativeCode::IncorrectLength),
                 _ if identifiers.read(identifier).is_none() => Err(NegativeCode::RequestOutOfRange),
+                // (A) In every state: no service unlocks the factory data.
                 _ => Err(NegativeCode::SecurityAccessDenied),
             }
         }

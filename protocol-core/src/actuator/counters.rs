@@ -25,7 +25,7 @@ impl Counters {
         self.0
     }
 
-    /// How often the fault has occurred, the present time included.
+    /// Returns how often the fault has occurred, the present activation included (R: the manual says "previously").
     #[must_use]
     pub fn get(&self, fault: Fault) -> u8 {
         self.0.get(fault.index()).copied().unwrap_or(0)

@@ -15,7 +15,7 @@ pub(crate) const HISTORY: usize = 8;
 /// The number of messages that can wait for the bus (SPEC 4.2): every fault of a device, and its end.
 const STORY: usize = 16;
 
-/// The error history, object 0x1003.
+/// The error history, object 0x1003. It is volatile (A).
 #[derive(Debug)]
 pub(crate) struct ErrorHistory {
     /// The newest first.
@@ -280,7 +280,8 @@ impl EmcyConsumer {
         self.cob_id
     }
 
-    /// Object 0x1028:1 is written: in force at once. When it is off, the identifier is not looked at.
+    /// Writes object 0x1028:1: in force at once. Bit 31 switches the consumer off; the other bits are then not checked, and
+    /// read back as written (A).
     ///
     /// # Errors
     /// [`AbortCode::INVALID_VALUE`] for an identifier that is reserved, or has 29 bits where those are not `extended_ids`.

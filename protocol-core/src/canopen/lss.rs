@@ -351,7 +351,7 @@ impl LssSlave {
         Outcome::Done(Answer::Identified)
     }
 
-    /// Whether the slave has a node ID, be it a pending one.
+    /// Returns whether the slave has a node ID, a pending one included (R).
     fn is_configured(&self, identity: Identity<'_>) -> bool {
         identity.node_id.or(self.pending.node_id.and_then(|pending| pending.0)).is_some()
     }

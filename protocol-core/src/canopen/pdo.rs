@@ -136,8 +136,8 @@ impl Pdo {
         entry.map(|entry| entry.emit()).ok_or(AbortCode::NO_SUB)
     }
 
-    /// Writes the COB-ID. Bit 31 switches the PDO off in any state, whatever the other bits are; while the PDO is on, only
-    /// bits 30 and 31 may change.
+    /// Writes the COB-ID. Bit 31 switches the PDO off in any state; its other bits are then not checked, and read back as
+    /// written (A). While the PDO is on, only bits 30 and 31 may change.
     ///
     /// # Errors
     /// [`AbortCode::INVALID_VALUE`] for an identifier that cannot be used or when the PDO would be switched on with nothing

@@ -97,7 +97,7 @@ impl Transmission {
         self.restart_timer(now, sends);
     }
 
-    /// Lets the event timer of a PDO that `sends` end a period from now and then at each period. An inhibit time runs on.
+    /// Lets the event timer of a PDO that `sends` end a period from now and then at each period. An inhibit time runs on (A).
     pub(crate) fn restart_timer(&mut self, now: Instant, sends: bool) {
         self.requested = None;
         self.due = NEVER;

@@ -139,8 +139,8 @@ impl Base {
         self.now
     }
 
-    /// Asks for a restart. Until it is carried out the device takes no frames, and its timers go on; of two the wider one
-    /// counts.
+    /// Asks for a restart. Until it is carried out the device takes no frames, and its timers go on, the time guard too (A).
+    /// Of two restarts the wider one counts.
     pub fn request_restart(&mut self, scope: Restart) {
         self.restart.wanted = self.restart.wanted.max(Some(scope));
         self.restart.log_failed = false;
@@ -167,7 +167,7 @@ impl Base {
         self.fault_log.begun();
     }
 
-    /// Begins the next write. Before a restart the fault log is written: what was counted is not lost with it.
+    /// Begins the next write. The fault log is always written before a restart (A), so that no count is lost.
     fn begin_write(&mut self) -> Option<Write> {
         let restart = &self.restart;
         if restart.is_due() && !restart.log_failed && self.fault_log.is_dirty() && self.writes.is_idle() {

@@ -119,7 +119,7 @@ impl AddressClaim {
     }
 
     /// Takes another controller's frame under the own address, which is no claim. The objection is a claim, at most one
-    /// in [`OBJECTION_INTERVAL`]; there is none before the wait is over.
+    /// in [`OBJECTION_INTERVAL`], and no DTC (R); there is none before the wait is over.
     #[must_use]
     pub fn object(&mut self, now: Instant) -> Outcome {
         if !self.may_send() || now < self.next_objection {

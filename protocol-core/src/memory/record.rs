@@ -29,7 +29,7 @@ pub enum RecordKey {
     Parameters = 3,
     /// Whether the next start restores the defaults.
     RestoreFlag = 4,
-    /// Occurrence counters and previously active faults.
+    /// Occurrence counters, from which the previously active faults follow.
     FaultLog = 5,
     /// The parameters of the application, of a device that stores them in groups.
     Application = 6,

@@ -46,9 +46,9 @@ impl Pgn {
     pub const TP_CONNECTION: Self = Self(0x00_EC00);
     /// Address claimed, and cannot claim, PDU1.
     pub const ADDRESS_CLAIMED: Self = Self(0x00_EE00);
-    /// DM1, active diagnostic trouble codes.
+    /// DM1, active diagnostic trouble codes (R: the manual prints 18CEFA).
     pub const DM1: Self = Self(0x00_FECA);
-    /// DM2, previously active diagnostic trouble codes.
+    /// DM2, previously active diagnostic trouble codes (R: the manual prints 18CEFCB and 18CEFB).
     pub const DM2: Self = Self(0x00_FECB);
     /// DM3, clearing of the previously active ones.
     pub const DM3: Self = Self(0x00_FECC);

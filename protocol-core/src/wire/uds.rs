@@ -29,7 +29,8 @@ impl Address {
 /// priority 110, extended data page 1, data page 1, type of service 11
 const BASE: u32 = 0x1BC0_0000;
 
-/// The identifier of a message from `source` to `destination`.
+/// Returns the identifier of a message from `source` to `destination` (R: the manual prints one identifier for both
+/// directions, and bits beside it that tell them apart).
 #[must_use]
 pub const fn id(source: Address, destination: Address) -> ExtendedId {
     extended(BASE | (source.0 as u32) << 11 | destination.0 as u32)
@@ -60,7 +61,7 @@ const POSITIVE: u8 = 0x40;
 /// What a negative answer has in the place of the service.
 const NEGATIVE: u8 = 0x7F;
 
-/// A data identifier.
+/// A data identifier, big-endian on the wire (R: one example of the manual has the bytes the other way round).
 pub type Identifier = u16;
 
 /// Why a request was refused (ISO 14229-1, negative response codes).
@@ -112,7 +113,7 @@ pub fn single_frame(data: &[u8]) -> Option<(&[u8], bool)> {
 pub enum Answer<'a> {
     /// `n 62 hi lo data…`, up to four bytes of data.
     Read(Identifier, &'a [u8]),
-    /// `03 6E hi lo`.
+    /// `03 6E hi lo` (R: one table of the manual has the length byte 05).
     Written(Identifier),
     /// `03 7F sid code`.
     Negative(u8, NegativeCode),

@@ -6,8 +6,7 @@
 //! object     what lies behind a row of the dictionary          objects    the node's own objects
 //! services   what each service does with a frame
 //! listening  which frames are for the node
-//! owed       what the node owes to the bus
-//! description the objects as an EDS describes them
+//! owed       what the node owes to the bus                     description  the objects as an EDS describes them
 //! ```
 //!
 //! The node keeps no product: every call that needs it is given one.
@@ -82,7 +81,7 @@ pub(crate) struct Node<P: Product> {
     held: Configuration,
     /// The LSS stores that wait for the memory.
     lss_stores: u32,
-    /// Enters operational by itself once boot-up and EMCYs are sent.
+    /// Enters operational by itself once boot-up and EMCYs are sent; an NMT command before that ends it (A).
     starts_itself: bool,
     /// The product whose dictionary and rules the node has.
     product: PhantomData<P>,
@@ -213,7 +212,7 @@ impl<P: Product> Node<P> {
     }
 
     /// Notes whether the controller is bus-off. Its frames are lost then: answers are dropped and counted, the boot-up and
-    /// EMCYs are owed again.
+    /// EMCYs are owed again. The NMT state stays (A); a product with 0x1029 calls [`behave`](Self::behave).
     pub(crate) fn set_bus_off(&mut self, bus_off: bool) {
         if bus_off && !self.bus_off {
             self.owed.bus_lost();
@@ -256,8 +255,7 @@ impl<P: Product> Node<P> {
         tells
     }
 
-    /// Takes back an error that bus-off has kept from being told, and that is over: its EMCYs, and their entries in the
-    /// history.
+    /// Withdraws an error that ended before bus-off let its EMCYs out: the EMCYs, and their entries in the history (A).
     pub(crate) fn withdraw_error(&mut self, code: u16) {
         for _ in 0..self.owed.withdraw_emcys(code) {
             self.objects.history.withdraw(code);

@@ -302,8 +302,8 @@ impl<P: Product> Node<P> {
         None
     }
 
-    /// Returns whether an abort is for EMCYs that must go out: a TPDO can share their identifier, and an old one goes out
-    /// with them rather than that an EMCY is lost.
+    /// Returns whether an abort is for EMCYs that must go out. A TPDO can have their identifier: an outdated TPDO then goes
+    /// out too, so that no EMCY is lost (A).
     fn is_of_emcys(&self, abort: Filter) -> bool {
         self.owed.emcys.is_taken() && self.objects.emcy.key().map(Filter::exactly) == Some(abort)
     }

@@ -28,6 +28,9 @@ pub(super) const WAITS: u32 = 0x08;
 /// What 0x1F80 holds for one that enters operational by itself (R: in CiA 302 bit 2 has the opposite meaning).
 pub(super) const STARTS_ITSELF: u32 = 0x0C;
 
+/// What 0x6507 holds: software version 1.07, profile version 3.2 (A).
+const VERSIONS: u32 = 0x0107_0302;
+
 /// The TPDO leaves the factory switched off.
 const TPDO_OFF: u32 = cob_id::CobId::OFF | Function::Tpdo1 as u32;
 
@@ -117,8 +120,7 @@ pub(super) const DICTIONARY: Dictionary<Object<HatObject, Task>> = Dictionary::n
     Row::constant(0x6504, 0, U16, 1, "Supported alarms"),
     Row::constant(0x6505, 0, U16, 0, "Warnings"),
     Row::constant(0x6506, 0, U16, 0, "Supported warnings"),
-    // (A) software version 1.07, profile version 3.2
-    Row::constant(0x6507, 0, U32, 0x0107_0302, "Profile and software version"),
+    Row::constant(0x6507, 0, U32, VERSIONS, "Profile and software version"),
     Row::constant(0x6508, 0, U32, 0xFFFF_FFFF, "Operating time"),
     Row::ro(0x6509, 0, I32, Product(Offset), "Offset value").stored(Number(0)),
     Row::constant(0x650A, 0, U8, 3, "Module identification: highest sub-index"),

@@ -64,7 +64,8 @@ impl Errors {
         Emcy { code, register: self.register(), manufacturer: [low, high, 0, 0, 0] }
     }
 
-    /// Returns the EMCY that tells the end of an error: the register shows what remains.
+    /// Returns the EMCY that tells the end of an error, also while others last (R: a valve tells the end of the last one
+    /// alone). The register shows what remains.
     pub(super) fn end(self) -> Emcy {
         Emcy { code: NO_ERROR, register: self.register(), manufacturer: [0; 5] }
     }

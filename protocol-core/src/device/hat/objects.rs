@@ -39,11 +39,12 @@ pub(in crate::device) const RULES: Rules = Rules {
         bit_rates: Kind::Hat1000.bit_rates(),
         remote_in: &[lss::State::Waiting, lss::State::Configuration],
         non_configured_in: &[lss::State::Waiting, lss::State::Configuration],
-        // The manual has no fast scan: that of CiA 305.
+        // (C) The manual has no fast scan: that of CiA 305.
         fast_scan_in: &[lss::State::Waiting],
         fast_scan_selects: true,
         takes_node_id_away: true,
         on_waiting: lss::OnWaiting::Boot,
+        // (A) The manual does not say what NMT start does with a pending node ID or bit rate.
         start_drops_pending: false,
         node_id_error: 255,
         bit_rate_error: 1,

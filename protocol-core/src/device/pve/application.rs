@@ -97,7 +97,8 @@ impl Application {
         self.apply(now);
     }
 
-    /// What became of the faults; every one that was activated has shut the device down (D8).
+    /// Returns the changes of the faults. Each activation shuts the device down, D8 (R: one table of the manual leaves some
+    /// faults active).
     pub(super) fn take_changes(&mut self, now: Instant) -> Changes {
         let mut changes = self.valve.take_changes();
         if !changes.activated.is_empty() {

@@ -28,7 +28,7 @@ use ValveObject::{
 pub(super) enum ValveObject {
     /// 0x100A
     SoftwareVersion,
-    /// 0x2001–0x2040
+    /// 0x2001–0x2040: the occurrence counter of a fault (A)
     FaultCount(Fault),
     /// 0x3300
     SetPointPer127,
@@ -46,7 +46,7 @@ pub(super) enum ValveObject {
     StatusWord,
     /// 0x6042
     DeviceMode,
-    /// 0x6052
+    /// 0x6052: decimal (A)
     SerialNumber,
     /// 0x6053
     Description,

@@ -15,7 +15,6 @@ use crate::canopen::dictionary::{Entry, Initial};
 #[cfg(feature = "names")]
 use crate::canopen::node;
 use crate::canopen::node::{Object, Product, Rules};
-
 use crate::canopen::{heartbeat, lss, nmt, pdo};
 use crate::controller::Filter;
 #[cfg(feature = "names")]
@@ -27,7 +26,8 @@ use crate::wire::lss::Address;
 use crate::wire::sdo::AbortCode;
 use crate::wire::uds;
 
-/// Object 0x100A: version 132, the part number, release 000 (A), firmware date 180701 (A).
+/// Object 0x100A: version 132, the part number, release 000 (A), firmware date 180701 (A). (R) The older manual prints it
+/// without the blank.
 const fn software_version(kind: Kind) -> &'static str {
     match kind.actuator_type() {
         ActuatorType::Proportional => "APP-_S6m1_M_R132_CANOPEN-_11149437_-000_ 180701",
@@ -84,7 +84,7 @@ const PDO: pdo::Rules = pdo::Rules {
     direction: Mappable::No,
     transmission_types: &[],
     extended_ids: false,
-    // (A)
+    // (A) The manual does not say what switching on an empty mapping does.
     may_be_empty: false,
     dummies: true,
     // (R) In CiA 301 only while sub-index 0 is 0.

@@ -58,7 +58,8 @@ impl DeviceMode {
 
 /// Bits 3…0 of a control word: reset, mode active, hold, disabled.
 const COMMAND_MASK: u16 = 0x0F;
-/// The two control words that lead out of fault hold, one right after the other.
+/// The two control words that lead out of fault hold, one right after the other, into HOLD (R: a use case of the manual says
+/// ACTIVE).
 const RESET_FIRST: u16 = 0b0011;
 const RESET_SECOND: u16 = 0b1011;
 

@@ -325,7 +325,7 @@ impl<const DM2: usize> Node<DM2> {
         Some(frame)
     }
 
-    /// Renders DM2: one frame for none or one code, else the announcement of a broadcast.
+    /// Renders DM2: one frame for none or one code, else the announcement of a broadcast, also for an addressed request (R).
     #[inline(never)]
     fn render_dm2(&mut self, now: Instant, product: &impl Product) -> Option<Frame> {
         let mut codes = product.previously_active();

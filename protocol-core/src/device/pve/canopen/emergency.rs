@@ -35,8 +35,8 @@ impl CanopenValve {
         }
     }
 
-    /// Tells the bus of a start: the reset EMCY, and the faults that a reset of the communication has left, not counted
-    /// again.
+    /// Tells the bus of a start: the reset EMCY after every boot-up (R), and the faults that a reset of the communication has
+    /// left, not counted again.
     pub(super) fn tell_start(&mut self, scope: Restart, base: &Base) {
         self.node.send_emcy(Emcy::default());
         let valve = &mut self.objects.application.valve;
