@@ -1,8 +1,8 @@
 //! One CANopen valve on the processor, without an operating system and without a driver: what the core alone takes of
 //! flash, RAM and stack, and what a frame costs. The controller is a mailbox in RAM.
 //!
-//! `tests/firmware-in-the-loop/run --test firmware core_alone` counts, from the entry of a function `row_of_…` to that of
-//! `row_is_done`.
+//! `tests/firmware-in-the-loop/run --test firmware core_alone` counts, from the entry of a function `row_of_…` to that
+//! of `row_is_done`.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(not(target_os = "none"))]
@@ -70,21 +70,21 @@ mod image {
         now: Instant,
     }
 
-    /// A frame of the bus, of eight bytes at the most.
+    /// Returns a frame of the bus, of eight bytes at the most.
     fn frame(id: u16, data: &[u8]) -> Frame {
         let mut bytes = [0; 8];
         bytes.iter_mut().zip(data).for_each(|(byte, given)| *byte = *given);
         Frame::with_len(standard(id).into(), bytes, data.len() as u8)
     }
 
-    /// Counted: the whole way of a frame: in, everything due done, answers in the controller.
+    /// Does what is counted: the whole way of a frame: in, everything due done, answers in the controller.
     #[inline(never)]
     #[unsafe(no_mangle)]
     fn row_of_pump(node: &mut Node) -> Option<Effect> {
         pump(node.valve, &mut node.can, node.now)
     }
 
-    /// Counted: the way of a frame that is for nobody.
+    /// Does what is counted: the way of a frame that is for nobody.
     #[inline(never)]
     #[unsafe(no_mangle)]
     fn row_of_receive(node: &mut Node) -> Option<Effect> {
@@ -92,7 +92,7 @@ mod image {
         None
     }
 
-    /// Counted: a millisecond in which nothing is due.
+    /// Does what is counted: a millisecond in which nothing is due.
     #[inline(never)]
     #[unsafe(no_mangle)]
     fn row_of_poll(node: &mut Node) -> Option<Effect> {
@@ -100,7 +100,7 @@ mod image {
         None
     }
 
-    /// The end of what is counted.
+    /// Ends what is counted.
     #[inline(never)]
     #[unsafe(no_mangle)]
     fn row_is_done(node: &mut Node) {

@@ -33,7 +33,7 @@ mod image {
         place as u8
     }
 
-    /// Whether so many bytes at `to` are these, and all others untouched.
+    /// Returns whether so many bytes at `to` are these, and all others untouched.
     fn is_right(bytes: &[u8], to: usize, length: usize, change: impl Fn(usize) -> u8) -> bool {
         let is_changed = |place: usize| (to..to + length).contains(&place);
         let expected = |place| if is_changed(place) { change(place - to) } else { untouched(place) };
@@ -47,7 +47,7 @@ mod image {
         Room(core::array::from_fn(untouched))
     }
 
-    /// A copy to elsewhere, one to where it may overlap, and a filling.
+    /// Returns whether a copy to elsewhere, one to where it may overlap, and a filling are right.
     fn all_are_right(from: usize, to: usize, length: usize) -> bool {
         let (source, mut target) = (room(), room());
         target.0[to..to + length].copy_from_slice(&source.0[from..from + length]);

@@ -17,7 +17,7 @@ pub struct BitTiming {
 }
 
 impl BitTiming {
-    /// The timing of a bit rate: sampled at 87.5 %, at 800 kbit/s at 90 %.
+    /// Returns the timing of a bit rate: sampled at 87.5 %, at 800 kbit/s at 90 %.
     #[must_use]
     pub const fn of(bit_rate: BitRate) -> Self {
         let (prescaler, segment_1, segment_2) = match bit_rate {
@@ -39,7 +39,7 @@ impl BitTiming {
         CLOCK / (self.prescaler * self.quanta())
     }
 
-    /// The register BTR, with a synchronisation jump width of one quantum.
+    /// Returns the register BTR, with a synchronisation jump width of one quantum.
     #[must_use]
     pub const fn register(self) -> u32 {
         (self.segment_2 - 1) << 20 | (self.segment_1 - 1) << 16 | (self.prescaler - 1)

@@ -76,7 +76,7 @@ impl Command {
     }
 }
 
-/// A serial number, decimal or with 0x, if there is one; `None` for what is none.
+/// Returns a serial number, decimal or with 0x, if there is one; `None` for what is none.
 fn serial(word: Option<&str>) -> Option<Option<u32>> {
     let Some(word) = word else { return Some(None) };
     let (digits, radix) = word.strip_prefix("0x").map_or((word, 10), |digits| (digits, 16));

@@ -44,9 +44,9 @@ impl Bank {
 
 /// Returns the next step towards these filters: the number of a bank, and what it is to hold, `None` for nothing.
 ///
-/// A bank is inactive while it changes. So a filter that stays keeps its bank, and a new filter is active before an old one
-/// goes: no identifier that is wanted before and after is ever absent. Only when more filters change at once than there
-/// are free banks, a new filter takes the place of an old one.
+/// A bank is inactive while it changes. So a filter that stays keeps its bank, and a new filter is active before an old
+/// one goes: no identifier that is wanted before and after is ever absent. Only when more filters change at once than
+/// there are free banks, a new filter takes the place of an old one.
 #[must_use]
 pub fn next_change(held: &[Option<Bank>; BANKS], wanted: &Filters) -> Option<(usize, Option<Bank>)> {
     let is_held = |bank: &Bank| held.contains(&Some(*bank));

@@ -19,7 +19,7 @@ mod board;
 #[cfg(not(target_os = "none"))]
 mod flash_board;
 
-/// On the host, where the whole workspace is built, this program flashes the image.
+/// Flashes the image: on the host, where the whole workspace is built, this is the program of the package.
 #[cfg(not(target_os = "none"))]
 fn main() -> std::process::ExitCode {
     flash_board::run()

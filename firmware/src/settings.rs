@@ -32,8 +32,8 @@ impl Settings {
     /// A board that nothing was said to: of the kind that the image was built for.
     pub const DEFAULT: Self = Self { kind: DEFAULT_KIND, blank: false, fresh: false, chosen: false, serial: None };
 
-    /// What a board is that starts with this setting. An image built for another kind than the one before makes it a new
-    /// device, unless the kind was chosen.
+    /// Returns what a board is that starts with this setting. An image built for another kind than the one before makes
+    /// it a new device, unless the kind was chosen.
     #[must_use]
     pub fn at_start(stored: Option<Self>) -> Self {
         match stored {
@@ -43,13 +43,13 @@ impl Settings {
         }
     }
 
-    /// A new device of this kind, chosen at the console, perhaps with a serial number of its own.
+    /// Returns a new device of this kind, chosen at the console, perhaps with a serial number of its own.
     #[must_use]
     pub const fn new(kind: Kind, serial: Option<u32>) -> Self {
         Self { kind, blank: false, fresh: true, chosen: true, serial }
     }
 
-    /// The same without a node ID; `None` for a kind that always has one.
+    /// Returns the same without a node ID; `None` for a kind that always has one.
     #[must_use]
     pub const fn new_blank(kind: Kind, serial: Option<u32>) -> Option<Self> {
         match kind.protocol() {
@@ -58,14 +58,14 @@ impl Settings {
         }
     }
 
-    /// What a new memory of the device is filled with.
+    /// Returns what a new memory of the device is filled with.
     #[must_use]
     pub const fn setup(&self) -> Setup {
         let setup = Setup { serial: self.serial, ..Setup::<Kind>::new(self.kind) };
         if self.blank { Setup { node_id: None, ..setup } } else { setup }
     }
 
-    /// As bytes.
+    /// Returns the setting as bytes.
     #[must_use]
     pub fn encode(&self) -> [u8; LEN] {
         let flag = |set: bool, bit: u8| if set { bit } else { 0 };
@@ -77,7 +77,7 @@ impl Settings {
         [VERSION, number(self.kind), flags, a, b, c, d]
     }
 
-    /// From bytes; `None` for those of another layout.
+    /// Returns the setting of bytes; `None` for those of another layout.
     #[must_use]
     pub fn decode(bytes: &[u8]) -> Option<Self> {
         let &[VERSION, kind, flags, a, b, c, d] = bytes else { return None };
@@ -89,7 +89,7 @@ impl Settings {
     }
 }
 
-/// What a kind is stored as: never changed.
+/// Returns what a kind is stored as: never changed.
 const fn number(kind: Kind) -> u8 {
     match kind {
         Kind::Pve(pve::Kind::PveaCanopen) => 0,
@@ -107,7 +107,7 @@ const DEFAULT_KIND: Kind = match option_env!("PVE_KIND") {
     Some(name) => named(name),
 };
 
-/// The kind of that name, at the time of the build.
+/// Returns the kind of that name, at the time of the build.
 const fn named(name: &str) -> Kind {
     let mut i = 0;
     while i < Kind::ALL.len() {

@@ -34,8 +34,8 @@ pub enum DecodeError {
     Write(io::Error),
 }
 
-/// Explains a recording on `out`, and hands each line that is none to `warn`; returns whether there was none of those. A
-/// reader of `out` that is gone ends it.
+/// Explains a recording on `out`, and hands each line that is none to `warn`; returns whether there was none of those.
+/// A reader of `out` that is gone ends it.
 ///
 /// # Errors
 /// [`DecodeError`] when the recording cannot be read, or `out` not be written.
@@ -88,7 +88,7 @@ pub fn decode(options: &DecodeOptions, out: &mut impl Write, mut warn: impl FnMu
     Ok(all_read)
 }
 
-/// Whether somebody still reads what is written.
+/// Returns whether somebody still reads what is written.
 fn is_read(written: io::Result<()>) -> Result<bool, DecodeError> {
     match written {
         Ok(()) => Ok(true),

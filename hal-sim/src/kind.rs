@@ -1,4 +1,5 @@
-//! The kinds of devices that can be put on the bus, by the name that is used everywhere (SPEC 1), and how each is built.
+//! The kinds of devices that can be put on the bus, by the name that is used everywhere (SPEC 1), and how each is
+//! built.
 
 use protocol_core::controller::BitRate;
 pub use protocol_core::device::Kind;

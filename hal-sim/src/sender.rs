@@ -167,22 +167,22 @@ impl<R: Receipt> Sender<R> {
         self.sending = Some(outgoing);
     }
 
-    /// When there is next something to do, after now.
+    /// Returns when there is next something to do, after now.
     pub(crate) fn due(&self, now: Instant) -> Instant {
         let deadlines = self.sending.iter().chain(&self.waiting).map(|outgoing| outgoing.deadline);
         let repeats = self.cyclic.iter().map(|cyclic| cyclic.next);
         deadlines.chain(repeats).filter(|due| *due > now).min().unwrap_or(NEVER)
     }
 
-    /// The end of the time in which a client still waits for an answer; `None` when none does. A frame on the wire has no
-    /// such end.
+    /// Returns the end of the time in which a client still waits for an answer; `None` when none does. A frame on the
+    /// wire has no such end.
     pub(crate) fn awaited(&self, now: Instant) -> Option<Instant> {
         let answers = |outgoing: &&Outgoing<R>| outgoing.answer.as_ref().is_some_and(|answer| !answer.is_given_up());
         let deadlines = self.sending.iter().chain(&self.waiting).filter(answers).map(|outgoing| outgoing.deadline);
         deadlines.map(|deadline| if deadline > now { deadline } else { NEVER }).max()
     }
 
-    /// Whether nothing is to be sent.
+    /// Returns whether nothing is to be sent.
     pub(crate) const fn is_idle(&self) -> bool {
         self.sending.is_none() && self.waiting.is_empty() && self.cyclic.is_empty()
     }

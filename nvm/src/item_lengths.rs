@@ -1,13 +1,13 @@
 //! Items of a length that none has: damage, which the map is to step over.
 //!
-//! `sequential-storage` goes from item to item by the lengths in their headers. A length has a checksum of 16 bits, which
-//! damage fits now and then. An item that claims more than the buffer holds would end every look at its sector with an
-//! error; one that claims nothing, not even a key, would be read beyond its end. Neither is ever written. So such a header
-//! is handed out with a checksum that is never right: the map then looks for the next header word by word, and finds
-//! what lies behind, whatever was claimed.
+//! `sequential-storage` goes from item to item by the lengths in their headers. A length has a checksum of 16 bits,
+//! which damage fits now and then. An item that claims more than the buffer holds would end every look at its sector
+//! with an error; one that claims nothing, not even a key, would be read beyond its end. Neither is ever written. So
+//! such a header is handed out with a checksum that is never right: the map then looks for the next header word by
+//! word, and finds what lies behind, whatever was claimed.
 //!
-//! In the same way all items but those of one key are given up: they read as removed, and no sector has room, so that the
-//! map moves to its other sector, takes along what it still sees, and erases the rest.
+//! In the same way all items but those of one key are given up: they read as removed, and no sector has room, so that
+//! the map moves to its other sector, takes along what it still sees, and erases the rest.
 
 use core::ops::Range;
 
@@ -41,14 +41,15 @@ impl<S: NorFlash, const MAX: usize> ItemLengths<S, MAX> {
     /// Data checksum, length and checksum, in whole words.
     const HEADER: usize = CHECKSUM.end.next_multiple_of(S::WRITE_SIZE);
 
-    /// With `kept`, gives up the items of all other keys at the first item that is stored.
+    /// Returns a flash whose items are checked. With `kept`, it gives up the items of all other keys at the first item
+    /// that is stored.
     pub(crate) const fn new(flash: S, kept: Option<u8>) -> Self {
         // A sector's state is read by single units.
         const { assert!(S::READ_SIZE < Self::HEADER) }
         Self { flash, data: None, kept, full: kept.is_some() }
     }
 
-    /// Whether the data follow a header, and not the next one. Behind a header with a wrong checksum the map
+    /// Returns whether the data follow a header, and not the next one. Behind a header with a wrong checksum the map
     /// goes on by a word: shorter words than a header are looked at anew there, whatever the header said.
     fn is_sound(header: &[u8]) -> bool {
         S::WRITE_SIZE < Self::HEADER || checksum(&header[LENGTH]).to_le_bytes() == header[CHECKSUM]
@@ -82,7 +83,7 @@ impl<S: NorFlash, const MAX: usize> ItemLengths<S, MAX> {
     }
 }
 
-/// The checksum that the map gives to a length: CRC-16 with the reversed polynomial 0x1A2E.
+/// Returns the checksum that the map gives to a length: CRC-16 with the reversed polynomial 0x1A2E.
 fn checksum(length: &[u8]) -> u16 {
     let crc = length.iter().fold(u16::MAX, |crc, byte| {
         (0..8).fold(crc ^ u16::from(*byte), |crc, _| (crc >> 1) ^ if crc & 1 == 1 { 0x1A2E } else { 0 })

@@ -61,7 +61,7 @@ impl<S: NorFlash> NorFlash for Preview<S> {
         Ok(())
     }
 
-    /// Looking writes nothing but to sectors that it has erased.
+    /// Writes nothing while looking: the map writes only to sectors that it has erased.
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), S::Error> {
         if self.looking { Ok(()) } else { self.flash.write(offset, bytes) }
     }

@@ -4,8 +4,8 @@
 //! passes for an item of any length is stepped over (`ItemLengths`), a store counts only when it reads back, and an
 //! inventory of the keys ever stored tells a record that was lost from one that was never written.
 //!
-//! Nothing is kept between two operations, nor from a write to its being read back: what counts is what a start would find,
-//! and a start goes through the items once, from the oldest to the newest.
+//! Nothing is kept between two operations, nor from a write to its being read back: what counts is what a start would
+//! find, and a start goes through the items once, from the oldest to the newest.
 //!
 //! Beside the records of the device the map keeps a setting of the platform, such as which device it is.
 
@@ -48,11 +48,12 @@ const SETTING: u8 = 0xFF;
 /// How the setting is encoded.
 const SETTING_VERSION: u8 = 1;
 
-/// A store that does not read back is tried again behind what was in its way, say a bit that had flipped there: so often.
+/// A store that does not read back is tried again behind what was in its way, say a bit that had flipped there: so
+/// often.
 const ATTEMPTS: usize = 3;
 
-/// The most bytes in use that can be all that power cuts have left of the first stores: the mark of the sector, a header
-/// of two words, key and record.
+/// Returns the most bytes in use that can be all that power cuts have left of the first stores: the mark of the sector,
+/// a header of two words, key and record.
 const fn first_store<F: NorFlash>() -> usize {
     3 * F::WRITE_SIZE + ITEM_MAX.next_multiple_of(F::WRITE_SIZE)
 }
@@ -76,7 +77,7 @@ pub struct Contents {
 }
 
 impl Contents {
-    /// Of a memory that was never written.
+    /// Returns the contents of a memory that was never written.
     #[must_use]
     pub const fn empty() -> Self {
         Self { image: Image::empty(), setting: None }
@@ -99,7 +100,7 @@ struct Survey {
 }
 
 impl Survey {
-    /// One more item; what came before under its key is replaced.
+    /// Notes one more item; it replaces what came before under its key.
     fn note(&mut self, key: u8, bytes: &[u8]) {
         self.any = true;
         match (record_key(key), bytes) {
@@ -113,7 +114,7 @@ impl Survey {
         self.inventory.unwrap_or(NOTHING)
     }
 
-    /// Whether this record was stored once and is not there.
+    /// Returns whether this record was stored once and is not there.
     fn misses(&self, key: RecordKey) -> bool {
         self.inventory() & !self.stored & bit(key) != 0
     }
@@ -149,11 +150,12 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         Ok(())
     }
 
-    /// Reads everything, and changes nothing. Of a damaged map the newest version of a record that is intact counts (A). A
-    /// record that the flash does not give, although it was stored once, is unreadable in the image.
+    /// Reads everything, and changes nothing. Of a damaged map the newest version of a record that is intact counts
+    /// (A). A record that the flash does not give, although it was stored once, is unreadable in the image.
     ///
     /// # Errors
-    /// [`Unreadable`] when the map as a whole makes no sense; of the contents the setting is of use then, if there is one.
+    /// [`Unreadable`] when the map as a whole makes no sense; of the contents the setting is of use then, if there is
+    /// one.
     pub fn read(&mut self, contents: &mut Contents) -> Result<(), Unreadable> {
         *contents = Contents::empty();
         let Contents { image, setting } = contents;
@@ -217,7 +219,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         Err(StoreError)
     }
 
-    /// What a start would find, and whether these bytes are under this key.
+    /// Returns what a start would find, and whether these bytes are under this key.
     fn survey(&mut self, key: u8, bytes: &[u8]) -> Result<(Survey, bool), Error<F::Error>> {
         let mut survey = Survey::default();
         let mut holds = false;
@@ -246,7 +248,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         })
     }
 
-    /// How many bytes are not erased, in whole words.
+    /// Returns how many bytes are not erased, in whole words.
     fn in_use(&mut self) -> Result<usize, F::Error> {
         let len = SECTORS * SureErase::<F>::SECTOR;
         let mut words = 0;
@@ -264,8 +266,8 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
 
     /// Removes all records, old versions too: none comes back, whatever bit flips. The setting stays.
     ///
-    /// The map moves to its other sector, and takes the setting along alone. A power cut leaves all records as they were or
-    /// none; clearing anew finishes that. What is clear is not written to.
+    /// The map moves to its other sector, and takes the setting along alone. A power cut leaves all records as they
+    /// were or none; clearing anew finishes that. What is clear is not written to.
     ///
     /// # Errors
     /// [`StoreError`] when the flash fails.
@@ -296,7 +298,7 @@ const fn bit(key: RecordKey) -> u8 {
     1 << key as u8
 }
 
-/// A map without a memory of its own: nothing but what is in the flash counts.
+/// Returns a map without a memory of its own: nothing but what is in the flash counts.
 fn map<S: NorFlash>(flash: Preview<S>, kept: Option<u8>) -> Map<S> {
     let config = MapConfig::new(0..(SECTORS * S::ERASE_SIZE) as u32);
     let cache = Cache::new(ArrayPageStates::new(), ArrayPagePointers::new(), ArrayKeyPointers::new());

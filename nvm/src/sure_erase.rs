@@ -1,15 +1,16 @@
 //! Erases that are finished, whatever cuts them.
 //!
-//! An erase that the power cuts leaves anything behind: zeros, noise, half of what was there. `sequential-storage` judges
-//! a sector by a mark at each of its ends, and so can take such a sector for a full one. It then takes the copies that it
-//! made before the erase for unfinished ones, throws them away, and copies the garbage: everything is lost.
+//! An erase that the power cuts leaves anything behind: zeros, noise, half of what was there. `sequential-storage`
+//! judges a sector by a mark at each of its ends, and so can take such a sector for a full one. It then takes the
+//! copies that it made before the erase for unfinished ones, throws them away, and copies the garbage: everything is
+//! lost.
 //!
 //! So no erase is left unfinished for it to see. Each is announced in the *other* sector before it begins, and that it
 //! is done is noted there too; one that was announced and is not done is done again before anything is read.
 //!
 //! An erased sector does not stay erased for sure: bits flip in it, too. The records that are moved there are written
-//! without a look at what is in their way, and then what they were copied from is erased. So a sector is looked at before
-//! that, and erased again if it has to be.
+//! without a look at what is in their way, and then what they were copied from is erased. So a sector is looked at
+//! before that, and erased again if it has to be.
 
 use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
@@ -103,7 +104,7 @@ impl<F: NorFlash> SureErase<F> {
         self.flash.erase(start as u32, (start + F::ERASE_SIZE) as u32)
     }
 
-    /// The two words of an announcement about `sector`, each as the byte that it is made of, if it is one.
+    /// Returns the two words of an announcement about `sector`, each as the byte that it is made of, if it is one.
     fn announcement(&mut self, sector: usize, number: usize) -> Result<[Option<u8>; 2], F::Error> {
         let mut bytes = [0; 2 * WORD_MAX];
         let bytes = &mut bytes[..Self::ANNOUNCEMENT];
@@ -112,12 +113,12 @@ impl<F: NorFlash> SureErase<F> {
         Ok([announced, done].map(|word| word.iter().all(|byte| *byte == word[0]).then_some(word[0])))
     }
 
-    /// Where an announcement about `sector` lies: at the end of the other one.
+    /// Returns where an announcement about `sector` lies: at the end of the other one.
     const fn address_of(sector: usize, number: usize) -> u32 {
         ((1 - sector) * F::ERASE_SIZE + Self::SECTOR + number * Self::ANNOUNCEMENT) as u32
     }
 
-    /// The sector of an address, and where that begins in the flash.
+    /// Returns the sector of an address, and where that begins in the flash.
     const fn physical(address: u32) -> (usize, u32) {
         let (sector, within) = (address as usize / Self::SECTOR, address as usize % Self::SECTOR);
         (sector, (sector * F::ERASE_SIZE + within) as u32)

@@ -1,4 +1,5 @@
-//! The answers that a node owes: they do not go stale, so they wait in their order. Both protocols' nodes have one such queue.
+//! The answers that a node owes: they do not go stale, so they wait in their order. Both protocols' nodes have one such
+//! queue.
 
 use heapless::Vec;
 
@@ -79,8 +80,8 @@ impl Answers {
         self.taken = 0;
     }
 
-    /// Forgets all, those in the controller too, and returns how many there were: at the most, for the controller can have
-    /// other frames in its mailboxes.
+    /// Forgets all, those in the controller too, and returns how many there were: at the most, for the controller can
+    /// have other frames in its mailboxes.
     pub(crate) fn clear(&mut self) -> u32 {
         let in_controller = core::mem::take(&mut self.taken).min(MAILBOXES);
         let all = self.waiting.len().saturating_add(in_controller);

@@ -8,7 +8,7 @@ use crate::frame::Frame;
 
 /// A CAN controller that a device can be pumped through.
 pub trait Controller: embedded_can::nb::Can<Frame = Frame> {
-    /// Whether every frame it took is on the bus: no mailbox is pending.
+    /// Returns whether every frame it took is on the bus: no mailbox is pending.
     fn is_idle(&self) -> bool;
 
     /// Drops the frames under the identifiers of `which` that wait for the bus. A frame on the wire goes on, and is not
@@ -42,7 +42,7 @@ impl Filter {
         Self { key, mask: u32::MAX }
     }
 
-    /// Whether it lets a frame through.
+    /// Returns whether it lets a frame through.
     #[inline]
     #[must_use]
     pub const fn passes(&self, frame: &Frame) -> bool {
@@ -104,7 +104,7 @@ impl BitRate {
         Self::Kbit10,
     ];
 
-    /// In bits per second.
+    /// Returns the bit rate in bits per second.
     #[must_use]
     pub const fn bits_per_second(self) -> u32 {
         match self {
@@ -119,19 +119,19 @@ impl BitRate {
         }
     }
 
-    /// The index in LSS bit timing table 0 (CiA 305).
+    /// Returns the index in LSS bit timing table 0 (CiA 305).
     #[must_use]
     pub const fn table_index(self) -> u8 {
         self as u8
     }
 
-    /// The bit rate of an index in LSS bit timing table 0; 5 (reserved) and above 8 there are none.
+    /// Returns the bit rate of an index in LSS bit timing table 0; 5 (reserved) and above 8 there are none.
     #[must_use]
     pub fn from_table_index(index: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|rate| rate.table_index() == index)
     }
 
-    /// The bit rate of a number of bits per second.
+    /// Returns the bit rate of a number of bits per second.
     #[must_use]
     pub fn from_bits_per_second(bits: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|rate| rate.bits_per_second() == bits)

@@ -1,4 +1,5 @@
-//! The single-turn encoder without a protocol: the shaft as a function of time, exact at any speed, and the preset (SPEC 9).
+//! The single-turn encoder without a protocol: the shaft as a function of time, exact at any speed, and the preset
+//! (SPEC 9).
 
 use crate::time::{Instant, since};
 
@@ -48,8 +49,8 @@ const MINUTES: Ratio = Ratio::new(1, MINUTE_US, u64::MAX);
 const TURNS: Ratio = Ratio::new(1, TURN, UNITS_MAX);
 const STEPS_OF_UNITS: Ratio = Ratio::new(STEPS_IN_UNITS, UNITS_IN_STEPS, UNITS_MAX);
 
-/// A constant ratio below 1 that multiplies 64-bit numbers: the Cortex-M4 does not divide them, and the function that does
-/// is 0.9 KiB long.
+/// A constant ratio below 1 that multiplies 64-bit numbers: the Cortex-M4 does not divide them, and the function that
+/// does is 0.9 KiB long.
 struct Ratio {
     /// The factors of two in the denominator, which are shifted out first.
     twos: u32,
@@ -59,8 +60,8 @@ struct Ratio {
 }
 
 impl Ratio {
-    /// Returns the ratio of two numbers in lowest terms, for multiplicands up to `max`. To be called for constants only:
-    /// that the rounding of the ratio shows in no product is checked when they are made.
+    /// Returns the ratio of two numbers in lowest terms, for multiplicands up to `max`. To be called for constants
+    /// only: that the rounding of the ratio shows in no product is checked when they are made.
     #[expect(clippy::arithmetic_side_effects, reason = "of constants: the compiler tells of an overflow")]
     const fn new(numerator: u64, denominator: u64, max: u64) -> Self {
         let twos = denominator.trailing_zeros();
@@ -105,12 +106,12 @@ impl Shaft {
         STEPS_OF_UNITS.of(self.units_at(now)) as u32 & POSITION_MAX
     }
 
-    /// The angle in units, whole turns included.
+    /// Returns the angle in units, whole turns included.
     #[inline]
     const fn units_at(&self, now: Instant) -> u64 {
         let start = (self.angle_cdeg as u64).wrapping_mul(UNITS_PER_CDEG as u64);
-        // A shaft with a whole number of turns a minute is back where it was after each minute, and backwards by some parts
-        // of a turn is forwards by the others.
+        // A shaft with a whole number of turns a minute is back where it was after each minute, and backwards by some
+        // parts of a turn is forwards by the others.
         let elapsed = since(now, self.since).as_micros();
         let within_minute = elapsed.wrapping_sub(MINUTES.of(elapsed).wrapping_mul(MINUTE_US));
         let turns = if self.speed_rpm < 0 { TURNS_FORWARDS * MINUTE_US } else { 0 };
@@ -143,7 +144,8 @@ impl Preset {
     /// No preset: the position is the raw one.
     pub const NONE: Self = Self { value: 0, offset: 0 };
 
-    /// Returns the preset that makes the position that reads `position` now read `value`; `None` above [`POSITION_MAX`].
+    /// Returns the preset that makes the position that reads `position` now read `value`; `None` above
+    /// [`POSITION_MAX`].
     #[must_use]
     pub const fn moved(self, position: u32, value: u32) -> Option<Self> {
         if value > POSITION_MAX {
@@ -152,7 +154,7 @@ impl Preset {
         Some(Self { value, offset: self.offset.wrapping_add(value).wrapping_sub(position) & POSITION_MAX })
     }
 
-    /// The value that was set.
+    /// Returns the value that was set.
     #[must_use]
     pub const fn value(self) -> u32 {
         self.value

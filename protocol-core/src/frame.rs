@@ -14,7 +14,7 @@ const EXTENDED: u32 = 1 << 29;
 const KEPT: [u64; MAX_LEN] =
     [0, 0xFF, 0xFFFF, 0xFF_FFFF, 0xFFFF_FFFF, 0xFF_FFFF_FFFF, 0xFFFF_FFFF_FFFF, 0xFF_FFFF_FFFF_FFFF];
 
-/// An identifier as one number: its bits, and bit 29 for an extended one, as in an object of type COB-ID.
+/// Returns an identifier as one number: its bits, and bit 29 for an extended one, as in an object of type COB-ID.
 #[inline]
 #[must_use]
 pub fn key(id: Id) -> u32 {
@@ -24,7 +24,7 @@ pub fn key(id: Id) -> u32 {
     }
 }
 
-/// What arbitration goes by for a data frame with this [`key`]: the lower one wins the bus.
+/// Returns what arbitration goes by for a data frame with this [`key`]: the lower one wins the bus.
 ///
 /// A standard frame wins against an extended one with the same eleven leading bits (ISO 11898-1).
 #[inline]
@@ -55,7 +55,7 @@ impl Frame {
     /// A data frame without data, under the identifier 0.
     pub(crate) const EMPTY: Self = Self { key: 0, remote: false, len: 0, data: [0; MAX_LEN] };
 
-    /// A data frame of the first `len` bytes of `data`; a length above 8 counts as 8, as a DLC does.
+    /// Returns a data frame of the first `len` bytes of `data`; a length above 8 counts as 8, as a DLC does.
     #[inline]
     #[must_use]
     pub fn with_len(id: Id, data: [u8; MAX_LEN], len: u8) -> Self {
@@ -65,14 +65,14 @@ impl Frame {
         frame
     }
 
-    /// A data frame of eight bytes.
+    /// Returns a data frame of eight bytes.
     #[inline]
     #[must_use]
     pub fn full(id: Id, data: [u8; MAX_LEN]) -> Self {
         Self { key: key(id), remote: false, len: 8, data }
     }
 
-    /// A data frame of the bytes of `data`; `None` when there are more than eight.
+    /// Returns a data frame of the bytes of `data`; `None` when there are more than eight.
     #[must_use]
     pub fn of(id: Id, data: &[u8]) -> Option<Self> {
         let mut bytes = [0; MAX_LEN];
@@ -80,14 +80,14 @@ impl Frame {
         Some(Self { key: key(id), remote: false, len: u8::try_from(data.len()).ok()?, data: bytes })
     }
 
-    /// A data frame of eight bytes under the same identifier.
+    /// Returns a data frame of eight bytes under the same identifier.
     #[inline]
     #[must_use]
     pub const fn with_data(&self, data: [u8; MAX_LEN]) -> Self {
         Self { key: self.key, remote: false, len: 8, data }
     }
 
-    /// A data frame of the same length under the same identifier; bytes beyond it are left out.
+    /// Returns a data frame of the same length under the same identifier; bytes beyond it are left out.
     #[inline(always)]
     #[must_use]
     pub fn refilled(&self, data: [u8; MAX_LEN]) -> Self {
@@ -96,7 +96,7 @@ impl Frame {
         frame
     }
 
-    /// A data frame of the same length under the same identifier, with data that are zero beyond it.
+    /// Returns a data frame of the same length under the same identifier, with data that are zero beyond it.
     #[inline]
     #[must_use]
     pub(crate) fn carrying(&self, data: [u8; MAX_LEN]) -> Self {
@@ -104,14 +104,14 @@ impl Frame {
         Self { key: self.key, remote: false, len: self.len, data }
     }
 
-    /// A remote frame that asks for `len` bytes; a length above 8 counts as 8.
+    /// Returns a remote frame that asks for `len` bytes; a length above 8 counts as 8.
     #[must_use]
     pub fn remote(id: Id, len: u8) -> Self {
         let len = if len > 8 { 8 } else { len };
         Self { key: key(id), remote: true, len, data: [0; MAX_LEN] }
     }
 
-    /// The identifier.
+    /// Returns the identifier.
     #[inline]
     #[must_use]
     pub const fn id(&self) -> Id {
@@ -122,42 +122,42 @@ impl Frame {
         }
     }
 
-    /// The identifier as one number to compare by, as [`key`] makes it.
+    /// Returns the identifier as one number to compare by, as [`key`] makes it.
     #[inline]
     #[must_use]
     pub const fn key(&self) -> u32 {
         self.key
     }
 
-    /// Whether the identifier is an extended one.
+    /// Returns whether the identifier is an extended one.
     #[inline]
     #[must_use]
     pub const fn is_extended(&self) -> bool {
         self.key & EXTENDED != 0
     }
 
-    /// Whether this is a remote frame.
+    /// Returns whether this is a remote frame.
     #[inline]
     #[must_use]
     pub const fn is_remote(&self) -> bool {
         self.remote
     }
 
-    /// The number of data bytes, 0–8: what a data frame carries, or what a remote frame asks for.
+    /// Returns the number of data bytes, 0–8: what a data frame carries, or what a remote frame asks for.
     #[inline]
     #[must_use]
     pub const fn len(&self) -> u8 {
         self.len
     }
 
-    /// Whether there is no data byte.
+    /// Returns whether there is no data byte.
     #[inline]
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.len == 0
     }
 
-    /// The data bytes; none for a remote frame.
+    /// Returns the data bytes; none for a remote frame.
     #[inline]
     #[must_use]
     pub fn data(&self) -> &[u8] {
@@ -165,21 +165,22 @@ impl Frame {
         self.data.get(..len).unwrap_or(&[])
     }
 
-    /// All eight bytes of the buffer; those beyond the length are zero.
+    /// Returns all eight bytes of the buffer; those beyond the length are zero.
     #[inline]
     #[must_use]
     pub const fn bytes(&self) -> &[u8; MAX_LEN] {
         &self.data
     }
 
-    /// The eight data bytes, `None` when the frame has fewer or is a remote frame: for the services that take no others.
+    /// Returns the eight data bytes, `None` when the frame has fewer or is a remote frame: for the services that take
+    /// no others.
     #[inline]
     #[must_use]
     pub const fn eight(&self) -> Option<&[u8; MAX_LEN]> {
         if self.len == 8 && !self.remote { Some(&self.data) } else { None }
     }
 
-    /// What arbitration goes by: of two keys the lower one wins the bus.
+    /// Returns what arbitration goes by: of two keys the lower one wins the bus.
     ///
     /// A data frame wins against a remote one with the same identifier (ISO 11898-1); otherwise see [`arbitration`].
     #[inline]
@@ -227,7 +228,8 @@ impl embedded_can::Frame for Frame {
     }
 }
 
-/// As the manuals print a frame: `5A0: 43 18 10 01 19 00 00 01`, 29-bit identifiers in eight digits, `R` for a remote one.
+/// As the manuals print a frame: `5A0: 43 18 10 01 19 00 00 01`, 29-bit identifiers in eight digits, `R` for a remote
+/// one.
 impl fmt::Display for Frame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.id() {
@@ -285,7 +287,7 @@ impl fmt::Debug for Frame {
     }
 }
 
-/// The standard identifier of the low eleven bits of `raw`.
+/// Returns the standard identifier of the low eleven bits of `raw`.
 #[inline]
 #[must_use]
 pub const fn standard(raw: u16) -> StandardId {
@@ -295,7 +297,7 @@ pub const fn standard(raw: u16) -> StandardId {
     }
 }
 
-/// The extended identifier of the low 29 bits of `raw`.
+/// Returns the extended identifier of the low 29 bits of `raw`.
 #[inline]
 #[must_use]
 pub const fn extended(raw: u32) -> ExtendedId {

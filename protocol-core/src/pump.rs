@@ -4,8 +4,8 @@ use crate::controller::Controller;
 use crate::device::{Device, Effect};
 use crate::time::Instant;
 
-/// Hands the device what the controller received. Says whether any of it was for the device; when nothing was, there is no
-/// need to [pump].
+/// Hands the device what the controller received. Says whether any of it was for the device; when nothing was, there is
+/// no need to [pump].
 pub fn receive<D, C>(device: &mut D, can: &mut C, now: Instant) -> bool
 where
     D: Device + ?Sized,

@@ -9,14 +9,14 @@ pub use embassy_time::{Duration, Instant};
 /// The instant that never comes: what a timer that is off is due at.
 pub const NEVER: Instant = Instant::MAX;
 
-/// `duration` after `instant`; [`NEVER`] when that lies beyond the end of time.
+/// Returns `duration` after `instant`; [`NEVER`] when that lies beyond the end of time.
 #[inline]
 #[must_use]
 pub const fn after(instant: Instant, duration: Duration) -> Instant {
     Instant::from_ticks(instant.as_ticks().saturating_add(duration.as_ticks()))
 }
 
-/// `delay` after `instant`, for the delays of protocols and products, which are minutes at the most.
+/// Returns `delay` after `instant`, for the delays of protocols and products, which are minutes at the most.
 ///
 /// The sum does not saturate: the end of time is half a million years away, and the check is twice the code of the sum.
 /// [`after`] is for durations that a user chooses.
@@ -26,7 +26,7 @@ pub(crate) const fn delayed(instant: Instant, delay: Duration) -> Instant {
     Instant::from_ticks(instant.as_ticks().wrapping_add(delay.as_ticks()))
 }
 
-/// The time that has passed from `earlier` to `later`; zero when `later` is not later.
+/// Returns the time that has passed from `earlier` to `later`; zero when `later` is not later.
 #[inline]
 #[must_use]
 pub const fn since(later: Instant, earlier: Instant) -> Duration {

@@ -8,8 +8,8 @@ use crate::wire::uds::{Address, Answer, Identifier, NegativeCode, READ, WRITE, i
 /// The identifier of the node ID, the only one that can be written.
 pub const NODE_ID: Identifier = 0x1001;
 
-/// The identifier of every answer to a write of the node ID, whatever the node (R: the manual says so three times, against
-/// its own table of identifiers).
+/// The identifier of every answer to a write of the node ID, whatever the node (R: the manual says so three times,
+/// against its own table of identifiers).
 pub const NODE_ID_ANSWER: u32 = 0x1BC4_08F1;
 
 /// The most bytes that an identifier holds: what a single frame leaves.
@@ -17,13 +17,13 @@ pub const DATA_MAX: usize = 4;
 
 /// What is behind the identifiers.
 pub trait Identifiers {
-    /// What an identifier holds; `None` when there is no such identifier.
+    /// Returns what an identifier holds; `None` when there is no such identifier.
     fn read(&self, identifier: Identifier) -> Option<Vec<u8, DATA_MAX>>;
 
-    /// Whether the device may have this node ID or address.
+    /// Returns whether the device may have this node ID or address.
     fn accepts_node_id(&self, node_id: u8) -> bool;
 
-    /// Whether a client's write of the node ID is under way.
+    /// Returns whether a client's write of the node ID is under way.
     fn is_busy(&self) -> bool;
 }
 
@@ -55,7 +55,7 @@ pub fn serve(own: Address, source: Address, data: &[u8], identifiers: &impl Iden
     }
 }
 
-/// The answer to a write of the node ID, when the memory has answered.
+/// Returns the answer to a write of the node ID, when the memory has answered.
 #[must_use]
 pub fn node_id_written(stored: bool) -> Frame {
     let answer =
@@ -68,7 +68,7 @@ enum Action {
     StoreNodeId(u8),
 }
 
-/// The checks in the order of SPEC 7: service, length, identifier, factory data, range, memory.
+/// Checks a request in the order of SPEC 7: service, length, identifier, factory data, range, memory.
 fn act(request: &[u8], identifiers: &impl Identifiers) -> Result<Action, NegativeCode> {
     match request {
         &[READ, high, low] => {

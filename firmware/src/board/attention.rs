@@ -1,7 +1,7 @@
 //! What the device's task waits for: somebody wants something of it, or its time has come.
 //!
-//! An `AtomicWaker` and `with_deadline` do the same, and cost more a frame from interrupt to sleep: 74 instructions more
-//! for one that is for nobody (575 in the place of 501), 229 more for an SDO upload (1619 in the place of 1390).
+//! An `AtomicWaker` and `with_deadline` do the same, and cost more a frame from interrupt to sleep: 74 instructions
+//! more for one that is for nobody (575 in the place of 501), 229 more for an SDO upload (1619 in the place of 1390).
 
 use core::cell::Cell;
 use core::future::{Future as _, poll_fn};
@@ -52,7 +52,7 @@ impl Calls {
         self.0 & caller as u8 != 0
     }
 
-    /// Whether nobody else has called.
+    /// Returns whether nobody else has called.
     pub(super) const fn are_only(self, caller: Caller) -> bool {
         self.0 == caller as u8
     }
@@ -65,7 +65,7 @@ pub(super) struct Attention {
 }
 
 impl Attention {
-    /// The one of the task that this is called in.
+    /// Returns the attention of the task that this is called in.
     pub(super) async fn new() -> Self {
         poll_fn(|context| {
             let task = task_from_waker(context.waker());
@@ -105,7 +105,8 @@ impl Attention {
         .await;
     }
 
-    /// A timer that rings earlier is left alone: to set it again for each frame costs more than to be woken for nothing.
+    /// Sets the timer. One that rings earlier is left alone: to set it again for each frame costs more than to be woken
+    /// for nothing.
     fn arm(&mut self, due: Instant, now: Instant, context: &mut Context<'_>) {
         if self.armed <= now || due < self.armed {
             self.armed = due;

@@ -1,5 +1,5 @@
-//! The clock tree: 8 MHz from the ST-LINK, 160 MHz for the core, 40 MHz for CAN, so that every bit rate divides exactly;
-//! and what goes with it: flash accelerator, supply detector, watchdog.
+//! The clock tree: 8 MHz from the ST-LINK, 160 MHz for the core, 40 MHz for CAN, so that every bit rate divides
+//! exactly; and what goes with it: flash accelerator, supply detector, watchdog.
 
 use embassy_stm32::Config;
 use embassy_stm32::pac::{DBGMCU, FLASH, PWR};
@@ -11,7 +11,7 @@ use embassy_stm32::time::Hertz;
 /// 2.93 V falling, 3.03 V rising (DS9405 table 22; DS10693 has the same).
 const SUPPLY_LIMIT: u8 = 6;
 
-/// What the processor runs at.
+/// Returns what the processor runs at.
 pub(super) fn config() -> Config {
     let mut config = Config::default();
     let rcc = &mut config.rcc;
@@ -42,7 +42,7 @@ pub(super) fn finish() {
     DBGMCU.apb1fzr().modify(|frozen| frozen.set_iwdg(true));
 }
 
-/// Whether the supply is high enough to write the flash.
+/// Returns whether the supply is high enough to write the flash.
 pub(super) fn supply_is_good() -> bool {
     !PWR.csr1().read().pvdo()
 }

@@ -21,8 +21,8 @@ const STATUS: usize = 352;
 /// The lines of `status`.
 pub(super) type Text = Vec<u8, STATUS>;
 
-/// A line that was typed, with room for the lines of `status`. There is one: the console's task hands it to the device's task, and
-/// gets it back with the answer.
+/// A line that was typed, with room for the lines of `status`. There is one: the console's task hands it to the
+/// device's task, and gets it back with the answer.
 pub(super) struct Exchange {
     /// The line.
     pub(super) line: String<LINE>,

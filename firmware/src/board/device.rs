@@ -176,7 +176,7 @@ impl Board {
         if calls.include(Caller::Front) { self.look_at_front(device) } else { None }
     }
 
-    /// When there is something to do although nobody calls.
+    /// Returns when there is something to do although nobody calls.
     fn next_look(&self, device: &AnyDevice, now: Instant) -> Instant {
         let due = if self.restarting.is_some() { NEVER } else { device.deadline() };
         let is_calm = self.plant.senses.bus == BusErrorMode::ErrorActive && !can::retry();
@@ -229,8 +229,8 @@ impl Board {
         }
     }
 
-    /// Makes the board a new device at the next start; `None` is a device that does not exist. Returns a refusal; the rest
-    /// is answered when the memory has answered.
+    /// Makes the board a new device at the next start; `None` is a device that does not exist. Returns a refusal; the
+    /// rest is answered when the memory has answered.
     fn become_new(&mut self, settings: Option<Settings>) -> Option<Answer> {
         let Some(settings) = settings else {
             return Some(Answer::Refused("on ISOBUS a valve always has an address"));

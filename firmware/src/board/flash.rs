@@ -74,8 +74,8 @@ fn sleep_until<T>(operation: impl Future<Output = T>) -> T {
     }
 }
 
-/// The driver erases with the width that it finds set, and leaves it at bytes: with words a sector takes 250 ms in the
-/// place of 400.
+/// Sets the width of erases to words. The driver erases with the width that it finds set, and leaves it at bytes: with
+/// words a sector takes 250 ms in the place of 400.
 fn erase_by_words() {
     if FLASH.cr().read().lock() {
         KEYS.into_iter().for_each(|key| FLASH.keyr().write_value(key));
@@ -85,8 +85,8 @@ fn erase_by_words() {
 
 /// Keeps the data cache off while it lives, and leaves it empty.
 ///
-/// What was read before an erase or a write is out of date (RM0090 3.6.4, RM0390 3.5.4). With two banks, a read of one while
-/// the other is written can also corrupt what is cached (ES0206): the driver means to prevent that, and takes the
+/// What was read before an erase or a write is out of date (RM0090 3.6.4, RM0390 3.5.4). With two banks, a read of one
+/// while the other is written can also corrupt what is cached (ES0206): the driver means to prevent that, and takes the
 /// STM32F429 for a part with one bank.
 struct Uncached;
 

@@ -27,7 +27,7 @@ pub(super) struct Front {
 }
 
 impl Front {
-    /// The front of a board.
+    /// Returns the front of a board.
     pub(super) const fn new(lines: &'static Lines, answers: &'static Answers, presses: &'static Presses) -> Self {
         Self { lines, answers, presses, exchange: None, injection: Injection::None }
     }
@@ -56,8 +56,8 @@ impl Front {
         }
     }
 
-    /// Tells how the device is, to the line that was typed last: a line for each thing that can be told. What does not fit is
-    /// left out.
+    /// Tells how the device is, to the line that was typed last: a line for each thing that can be told. What does not
+    /// fit is left out.
     pub(super) fn tell_status(&mut self, settings: &Settings, device: &dyn Device, link: &Link, plant: &Plant) {
         let Some(Exchange { status, .. }) = &mut self.exchange else { return };
         let bus = match plant.senses.bus {

@@ -39,7 +39,7 @@ pub(super) fn led_of(device: &dyn Device, senses: &Senses) -> Led {
 pub(super) struct Lights(Mutex<Cell<Option<Led>>>);
 
 impl Lights {
-    /// Dark.
+    /// Returns lights that are off.
     pub(super) const fn new() -> Self {
         Self(Mutex::new(Cell::new(None)))
     }
@@ -54,7 +54,7 @@ impl Lights {
     }
 }
 
-/// Whether an LED of the valve is on in a step.
+/// Returns whether an LED of the valve is on in a step.
 pub(super) const fn is_on(led: Led, step: u8) -> bool {
     !led.flashing || (step / HALF_PERIOD).is_multiple_of(2)
 }

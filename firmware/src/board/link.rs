@@ -40,7 +40,7 @@ enum State {
 }
 
 impl Link {
-    /// A controller that has not joined the bus yet.
+    /// Returns a controller that has not joined the bus yet.
     pub(super) const fn new(can: Can1) -> Self {
         Self { can, bit_rate: BitRate::Kbit250, state: State::Up, mode: BusErrorMode::ErrorActive, leaving: false }
     }
@@ -58,8 +58,8 @@ impl Link {
         }
     }
 
-    /// Follows the plant, which may cut the controller off, and the controller's own error mode. Returns that of the link,
-    /// as of now; on the way into bus-off what waits to be sent is dropped.
+    /// Follows the plant, which may cut the controller off, and the controller's own error mode. Returns that of the
+    /// link, as of now; on the way into bus-off what waits to be sent is dropped.
     pub(super) fn follow(&mut self, is_cut: bool) -> BusErrorMode {
         match self.state {
             State::Up if is_cut => {
@@ -94,8 +94,8 @@ impl Link {
         self.leaving = true;
     }
 
-    /// Waits until a controller that leaves the bus has left it, and has it join again, unless the plant cuts it off. To be
-    /// done before the controller is used again.
+    /// Waits until a controller that leaves the bus has left it, and has it join again, unless the plant cuts it off.
+    /// To be done before the controller is used again.
     pub(super) async fn settle(&mut self, attention: &mut Attention) {
         if !self.leaving {
             return;

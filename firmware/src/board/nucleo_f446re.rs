@@ -28,7 +28,8 @@ const LONGEST_ERASE_MS: u64 = 500;
 /// oscillator (47 kHz in the place of 32), which is longer than an erase and the device's task around it.
 const WATCHDOG_US: u32 = 1_000_000;
 
-/// Ticks between two interrupts of the clock, which counts 16 bits. It would lose time if two of them fell into an erase.
+/// Ticks between two interrupts of the clock, which counts 16 bits. It would lose time if two of them fell into an
+/// erase.
 const CLOCK_HALF: u64 = 0x8000;
 const _: () = assert!(CLOCK_HALF * 1000 > LONGEST_ERASE_MS * TICK_HZ);
 

@@ -17,7 +17,7 @@ const PANIC: u32 = 0x5041_4E49;
 #[unsafe(link_section = ".uninit.MARKER")]
 static mut MARKER: MaybeUninit<u32> = MaybeUninit::uninit();
 
-/// Why the processor starts. To be asked once.
+/// Returns why the processor starts. To be asked once.
 pub(super) fn cause() -> StartCause {
     let flags = RCC.csr().read();
     RCC.csr().modify(|csr| csr.set_rmvf(true));
@@ -35,8 +35,8 @@ pub(super) fn power_cycle() -> ! {
     SCB::sys_reset()
 }
 
-/// Tells that there was a panic, not where: the texts and places of all panics would take 10 KiB of flash. A debugger that
-/// stops here (`probe-rs`, a breakpoint at `rust_begin_unwind`) shows the stack.
+/// Tells that there was a panic, not where: the texts and places of all panics would take 10 KiB of flash. A debugger
+/// that stops here (`probe-rs`, a breakpoint at `rust_begin_unwind`) shows the stack.
 #[panic_handler]
 fn panic(_: &PanicInfo<'_>) -> ! {
     defmt::error!("panic");

@@ -55,7 +55,7 @@ pub(super) struct Client {
 }
 
 impl Client {
-    /// The memory of a board that starts: [`Done::Started`] is awaited.
+    /// Returns the memory of a board that starts: [`Done::Started`] is awaited.
     pub(super) fn new(
         requests: Sender<'static, CriticalSectionRawMutex, Request, REQUESTS>,
         results: Receiver<'static, CriticalSectionRawMutex, Done, REQUESTS>,
@@ -82,7 +82,7 @@ impl Client {
         Some(done)
     }
 
-    /// Whether an answer takes longer than any can.
+    /// Returns whether an answer takes longer than any can.
     pub(super) fn hangs(&self, now: Instant) -> bool {
         self.awaited != 0 && now > self.overdue
     }
@@ -144,7 +144,7 @@ impl Memory {
         contents.setting.as_deref().and_then(Settings::decode)
     }
 
-    /// Nothing in the memory makes sense: erases it, but for the setting, and tells.
+    /// Erases a memory in which nothing makes sense, but for the setting, and logs it.
     fn begin_anew(&mut self, contents: &mut Contents) {
         let erased = self.sectors.erase_all().is_ok();
         defmt::error!("the memory was damaged; erased: {}", erased);

@@ -33,7 +33,7 @@ pub struct FrameBits {
 }
 
 impl FrameBits {
-    /// The bits of `frame`.
+    /// Returns the bits of `frame`.
     #[must_use]
     pub fn of(frame: &Frame) -> Self {
         let rtr = u128::from(frame.is_remote());
@@ -58,19 +58,19 @@ impl FrameBits {
         bits
     }
 
-    /// The bits on the wire, stuff bits included, from the start to the end of frame; without the intermission.
+    /// Returns the bits on the wire, stuff bits included, from the start to the end of frame; without the intermission.
     #[must_use]
     pub fn on_wire(self) -> u32 {
         self.len + self.stuff_bits(self.len) + TRAILER
     }
 
-    /// The bits on the wire up to and with the ACK slot.
+    /// Returns the bits on the wire up to and with the ACK slot.
     #[must_use]
     pub fn to_ack_slot(self) -> u32 {
         self.on_wire() - AFTER_ACK_SLOT
     }
 
-    /// The first bit in which this frame differs from `other`, counted from 0; `None` for equal frames.
+    /// Returns the first bit in which this frame differs from `other`, counted from 0; `None` for equal frames.
     #[must_use]
     pub fn first_difference(self, other: Self) -> Option<Difference> {
         let common = self.len.min(other.len);
@@ -86,9 +86,10 @@ impl FrameBits {
         self.len += len;
     }
 
-    /// The stuff bits among the first `len` bits.
+    /// Returns the stuff bits among the first `len` bits.
     pub(super) fn stuff_bits(self, len: u32) -> u32 {
-        // Whole bytes: in front of the start of frame as many bits, in turn recessive and dominant, as there is room for.
+        // Whole bytes: in front of the start of frame as many bits, in turn recessive and dominant, as there is room
+        // for.
         let bits = ALTERNATING << len | self.value >> (self.len - len);
         let unused = (u128::BITS - len) as usize / 8;
         let (mut state, mut sum) = (0, 0_u16);
@@ -127,7 +128,7 @@ static STUFF: [u16; STATES * 256] = {
     table
 };
 
-/// The state in which `length` bits (1 to 4; 0 before the first bit) were equal to `last`.
+/// Returns the state in which `length` bits (1 to 4; 0 before the first bit) were equal to `last`.
 const fn run(last: u8, length: u8) -> u8 {
     last * STUFF_AFTER + length
 }

@@ -18,17 +18,17 @@ const BIT: [Nanos; 9] = {
     lengths
 };
 
-/// The time of an instant.
+/// Returns the time of an instant.
 pub(super) const fn nanos(instant: Instant) -> Nanos {
     instant.as_ticks().saturating_mul(1000)
 }
 
-/// The first instant that is not before `nanos`.
+/// Returns the first instant that is not before `nanos`.
 pub(super) const fn instant(nanos: Nanos) -> Instant {
     if nanos == Nanos::MAX { NEVER } else { Instant::from_ticks(nanos.div_ceil(1000)) }
 }
 
-/// How long `bits` take.
+/// Returns how long `bits` take.
 #[inline]
 pub(super) const fn bit_times(bits: u32, rate: BitRate) -> Nanos {
     bits as Nanos * BIT[rate.table_index() as usize]

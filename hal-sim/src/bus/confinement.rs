@@ -22,26 +22,26 @@ pub struct Confinement {
 }
 
 impl Confinement {
-    /// The mode that the counters put the controller into.
+    /// Returns the mode that the counters put the controller into.
     #[inline]
     #[must_use]
     pub const fn mode(&self) -> BusErrorMode {
         self.mode
     }
 
-    /// The transmit error counter, TEC.
+    /// Returns the transmit error counter, TEC.
     #[must_use]
     pub const fn transmit_errors(&self) -> u16 {
         self.transmit
     }
 
-    /// The receive error counter, REC.
+    /// Returns the receive error counter, REC.
     #[must_use]
     pub const fn receive_errors(&self) -> u16 {
         self.receive
     }
 
-    /// A frame was sent and acknowledged.
+    /// Counts a frame that was sent and acknowledged.
     #[inline]
     pub(super) const fn sent(&mut self) {
         if self.transmit > 0 {
@@ -50,7 +50,7 @@ impl Confinement {
         }
     }
 
-    /// A frame was received.
+    /// Counts a frame that was received.
     #[inline]
     pub(super) const fn received(&mut self) {
         self.receive =
@@ -58,28 +58,29 @@ impl Confinement {
         self.settle();
     }
 
-    /// An error in a frame that this controller sent.
+    /// Counts an error in a frame that this controller sent.
     pub(super) const fn transmit_error(&mut self) {
         self.transmit += 8;
         self.settle();
     }
 
-    /// Nobody acknowledged. An error-passive sender does not count that: a lone node never gets to bus-off.
+    /// Counts a frame that nobody acknowledged. An error-passive sender does not count that: a lone node never gets to
+    /// bus-off.
     pub(super) fn no_acknowledgement(&mut self) {
         if self.mode == BusErrorMode::ErrorActive {
             self.transmit_error();
         }
     }
 
-    /// An error in a frame of somebody else; `first` when this controller's error flag was the first one, which it
-    /// knows by the dominant bit of the others' flags after its own.
+    /// Counts an error in a frame of somebody else; `first` when this controller's error flag was the first one, which
+    /// it knows by the dominant bit of the others' flags after its own.
     pub(super) const fn receive_error(&mut self, first: bool) {
         let raised = self.receive + if first { 1 + 8 } else { 1 };
         self.receive = if raised < RECEIVE_LIMIT { raised } else { RECEIVE_LIMIT };
         self.settle();
     }
 
-    /// Off the bus, whatever the counters say.
+    /// Enters bus-off, whatever the counters say.
     pub(super) const fn force_bus_off(&mut self) {
         self.transmit = BUS_OFF_FROM;
         self.settle();
@@ -96,7 +97,7 @@ impl Confinement {
         };
     }
 
-    /// Back on the bus, as new.
+    /// Comes back to the bus, as new.
     pub(super) fn recover(&mut self) {
         *self = Self::default();
     }

@@ -49,12 +49,12 @@ impl Contenders {
         self.ready.is_empty() && self.waiting.is_empty()
     }
 
-    /// Whether somebody may send as soon as the bus is free.
+    /// Returns whether somebody may send as soon as the bus is free.
     pub(super) const fn is_any_ready(&self) -> bool {
         !self.ready.is_empty()
     }
 
-    /// Those that may not send yet.
+    /// Returns those that may not send yet.
     pub(super) fn waiting(&self) -> &[PortId] {
         &self.waiting
     }
@@ -112,7 +112,7 @@ impl Contenders {
         }
     }
 
-    /// Where a contender is, or belongs.
+    /// Returns where a contender is, or belongs.
     fn place_of(&self, rank: Rank) -> usize {
         self.ready.partition_point(|other| *other > rank)
     }

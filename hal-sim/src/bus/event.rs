@@ -56,7 +56,7 @@ pub enum EventKind {
 }
 
 impl Event {
-    /// The frame that was sent; `None` for everything else.
+    /// Returns the frame that was sent; `None` for everything else.
     #[must_use]
     pub const fn frame(&self) -> Option<&Frame> {
         match &self.what {
@@ -65,7 +65,7 @@ impl Event {
         }
     }
 
-    /// Whether this is an error frame.
+    /// Returns whether this is an error frame.
     #[must_use]
     pub const fn is_error_frame(&self) -> bool {
         matches!(self.what, EventKind::ErrorFrame { .. })

@@ -1,8 +1,8 @@
 //! Ports whose controller lives elsewhere: the emulated one of a firmware image.
 //!
 //! The bus does for it what the wire does, and tells it what happened; mailboxes, filters, counters that software reads
-//! and the decision to recover from bus-off are the controller's own. It offers one frame at a time, its most urgent one,
-//! and offers anew whenever something happened.
+//! and the decision to recover from bus-off are the controller's own. It offers one frame at a time, its most urgent
+//! one, and offers anew whenever something happened.
 
 use std::collections::vec_deque::Drain;
 use std::sync::Arc;
@@ -18,14 +18,14 @@ use super::wire_event::WireEvent;
 use super::{Bus, PortId};
 
 impl Bus {
-    /// A controller that lives elsewhere, not connected yet.
+    /// Returns a controller that lives elsewhere, not connected yet.
     pub fn add_external(&mut self, name: Arc<str>, rate: BitRate) -> PortId {
         let id = self.add(Port::of_external(name, rate));
         self.externals.push(id);
         id
     }
 
-    /// Whether the controller of a port lives elsewhere.
+    /// Returns whether the controller of a port lives elsewhere.
     #[must_use]
     pub fn is_external(&self, id: PortId) -> bool {
         self.ports[id.0].external.is_some()
@@ -55,7 +55,7 @@ impl Bus {
         }
     }
 
-    /// What a controller would send next. One whose frame is on the wire is not asked before the end of that.
+    /// Takes what a controller would send next. One whose frame is on the wire is not asked before the end of that.
     pub fn offer(&mut self, id: PortId, frame: Option<Frame>, now: Instant) {
         let port = &mut self.ports[id.0];
         let silent = port.is_silent();
@@ -71,12 +71,12 @@ impl Bus {
         }
     }
 
-    /// What a controller has noticed since this was last asked.
+    /// Returns what a controller has noticed since this was last asked.
     pub(crate) fn take_wire_events(&mut self, id: PortId) -> Option<Drain<'_, (Instant, WireEvent)>> {
         self.ports[id.0].external.as_mut().map(|external| external.take())
     }
 
-    /// When the next controller has to be told that it has joined.
+    /// Returns when the next controller has to be told that it has joined.
     #[inline]
     pub(super) fn next_joining(&self) -> Nanos {
         let due = |id: &PortId| {

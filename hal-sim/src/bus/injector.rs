@@ -19,7 +19,7 @@ pub struct BitErrors {
 }
 
 impl BitErrors {
-    /// A bit in `one_in` is wrong on average; `None` for zero.
+    /// Returns an injector by which one bit in `one_in` is wrong on average; `None` for zero.
     #[must_use]
     pub fn one_in(one_in: u64, seed: u64) -> Option<Self> {
         Some(Self { threshold: u64::MAX.checked_div(one_in)?, random: fastrand::Rng::with_seed(seed) })
@@ -59,13 +59,13 @@ pub struct DestroyNext {
 }
 
 impl DestroyNext {
-    /// The next `count` frames, whoever sends them.
+    /// Returns an injector that destroys the next `count` frames, whoever sends them.
     #[must_use]
     pub const fn frames(count: u32) -> Self {
         Self { left: count, from: None }
     }
 
-    /// The next `count` frames that the port named `from` sends.
+    /// Returns an injector that destroys the next `count` frames of the port named `from`.
     #[must_use]
     pub fn frames_of(from: &str, count: u32) -> Self {
         Self { left: count, from: Some(from.into()) }

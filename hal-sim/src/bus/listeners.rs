@@ -85,8 +85,8 @@ impl Group {
         }
     }
 
-    /// Calls `tell` with lists of the members that are to hear a frame, its sender perhaps among them. A member with several
-    /// filters for it can be in several lists.
+    /// Calls `tell` with lists of the members that are to hear a frame, its sender perhaps among them. A member with
+    /// several filters for it can be in several lists.
     #[inline]
     pub(super) fn hearers(&self, frame: &Frame, mut tell: impl FnMut(&[PortId])) {
         if !self.open.is_empty() {
@@ -139,7 +139,7 @@ impl Group {
         }
     }
 
-    /// Who has a filter.
+    /// Returns who has a filter.
     fn wanted(&mut self, filter: Filter) -> &mut Vec<PortId> {
         if let Some(id) = standard(filter) {
             self.standard.resize(STANDARD, Vec::new());
@@ -160,7 +160,7 @@ impl Group {
     }
 }
 
-/// The identifier of a filter for one standard identifier.
+/// Returns the identifier of a filter for one standard identifier.
 fn standard(filter: Filter) -> Option<usize> {
     let id = filter.key as usize;
     (filter.mask == u32::MAX && id < STANDARD).then_some(id)

@@ -32,7 +32,7 @@ impl Load {
         self.busy[index(part)] += time;
     }
 
-    /// The percentage of the second before `now`.
+    /// Returns the percentage of the second before `now`.
     pub(super) fn percent(&self, now: Nanos) -> u8 {
         let oldest = (now / PART + 1).saturating_sub(PARTS as u64);
         let known = (self.latest + 1).saturating_sub(PARTS as u64);

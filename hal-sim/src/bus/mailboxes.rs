@@ -1,7 +1,8 @@
 //! The transmit mailboxes of a device's controller, as bxCAN and its driver use them (RM0090 32.7.1).
 //!
-//! bxCAN sends equal identifiers in the order of the mailboxes' numbers. So that frames keep their order, the driver takes
-//! a frame beyond the first one only if it is strictly more urgent than every other: the last one taken goes first.
+//! bxCAN sends equal identifiers in the order of the mailboxes' numbers. So that frames keep their order, the driver
+//! takes a frame beyond the first one only if it is strictly more urgent than every other: the last one taken goes
+//! first.
 
 use protocol_core::controller::Filter;
 use protocol_core::frame::Frame;
@@ -43,20 +44,20 @@ impl Mailboxes {
         Ok(overtaken)
     }
 
-    /// The most urgent frame.
+    /// Returns the most urgent frame.
     #[inline]
     pub(super) fn head(&self) -> Option<&Frame> {
         self.waiting.last().map(|mailbox| &mailbox.frame)
     }
 
-    /// The most urgent frame is on the wire now.
+    /// Notes that the most urgent frame is on the wire now.
     pub(super) fn sending(&mut self) {
         if let Some(head) = self.waiting.last_mut() {
             head.on_wire = true;
         }
     }
 
-    /// The frame on the wire was sent, or has to be tried again.
+    /// Notes that the frame on the wire was sent, or has to be tried again.
     pub(super) fn sent(&mut self, success: bool) {
         self.waiting.retain_mut(|mailbox| {
             let done = std::mem::take(&mut mailbox.on_wire) && (success || mailbox.aborted);

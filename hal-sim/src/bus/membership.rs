@@ -81,8 +81,8 @@ impl Bus {
         }
     }
 
-    /// A port that lost a bit while it was error-passive: nobody hears it complain, and the frame that won goes on
-    /// without it. Its error flag has no end before that frame has one.
+    /// Takes a port out of step that lost a bit while it was error-passive: nobody hears it complain, and the frame
+    /// that won goes on without it. Its error flag has no end before that frame has one.
     pub(super) fn fall_out_of_step(&mut self, id: PortId, at: Instant) {
         self.change(id, at, Confinement::transmit_error);
         let port = &mut self.ports[id.0];
@@ -96,7 +96,8 @@ impl Bus {
         }
     }
 
-    /// Changes the error counters of a port, and with them perhaps its error mode. The way into bus-off, for every port.
+    /// Changes the error counters of a port, and with them perhaps its error mode. The way into bus-off, for every
+    /// port.
     #[inline]
     pub(super) fn change(&mut self, id: PortId, at: Instant, change: impl FnOnce(&mut Confinement)) {
         let port = &mut self.ports[id.0];
@@ -150,8 +151,9 @@ impl Bus {
         self.recovering.iter().filter_map(due).min().unwrap_or(Nanos::MAX)
     }
 
-    /// The end of a frame, or of an error frame, and the intermission are 11 recessive bits: one sequence for those on
-    /// their way back from bus-off, and what controllers that joined in the meantime waited for.
+    /// Counts a sequence of recessive bits. The end of a frame, or of an error frame, and the intermission are 11
+    /// recessive bits: one sequence for those on their way back from bus-off, and what controllers that joined in the
+    /// meantime waited for.
     pub(super) fn count_idle_sequence(&mut self) {
         for place in 0..self.joining.len() {
             let id = self.joining[place];
@@ -210,7 +212,7 @@ impl Bus {
     }
 }
 
-/// The group of a port's bit rate.
+/// Returns the group of a port's bit rate.
 fn group_of<'a>(groups: &'a mut Vec<Group>, port: &Port) -> &'a mut Group {
     let place = groups.iter().position(|group| group.rate == port.rate).unwrap_or_else(|| {
         groups.push(Group::new(port.rate));

@@ -1,9 +1,9 @@
 //! A CAN bus in virtual time (ISO 11898-1): arbitration, acknowledgement, errors and their confinement.
 //!
 //! One frame or error frame is on the wire at a time. How it ends is known when it starts (`transmission`); what the
-//! end means for each port is worked out then (`outcome`). Between the two the bus costs nothing, and a frame costs those
-//! who care for it: contenders are kept in the order of arbitration (`contenders`), listeners by bit rate and filter
-//! (`listeners`), and only error counters that can change are looked at.
+//! end means for each port is worked out then (`outcome`). Between the two the bus costs nothing, and a frame costs
+//! those who care for it: contenders are kept in the order of arbitration (`contenders`), listeners by bit rate and
+//! filter (`listeners`), and only error counters that can change are looked at.
 //!
 //! A port becomes a member of its bit rate's group once it is in step, and is one until it leaves, loses a bit or goes
 //! bus-off (`membership`). A port that is no member neither hears nor acknowledges.

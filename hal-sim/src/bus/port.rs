@@ -69,24 +69,24 @@ pub(super) struct Recovery {
 }
 
 impl Port {
-    /// The controller of a device, not yet connected.
+    /// Returns the controller of a device, not yet connected.
     pub(super) fn of_device(name: Arc<str>, rate: BitRate) -> Self {
         let mut port = Self::new(name, rate, Transmit::mailboxes(), RECEIVE_QUEUE);
         port.is_device = true;
         port
     }
 
-    /// A client's place on the bus, not yet connected.
+    /// Returns a client's place on the bus, not yet connected.
     pub(super) fn of_tap(name: Arc<str>, rate: BitRate) -> Self {
         Self::new(name, rate, Transmit::queue(), usize::MAX)
     }
 
-    /// The place of a gateway without a client, not yet connected.
+    /// Returns the place of a gateway without a client, not yet connected.
     pub(super) fn of_gateway(name: Arc<str>, rate: BitRate) -> Self {
         Self::new(name, rate, Transmit::queue(), 0)
     }
 
-    /// The place of a controller that lives elsewhere, not yet connected.
+    /// Returns the place of a controller that lives elsewhere, not yet connected.
     pub(super) fn of_external(name: Arc<str>, rate: BitRate) -> Self {
         let mut port = Self::new(name, rate, Transmit::offer(), usize::MAX);
         port.external = Some(Box::default());
@@ -119,55 +119,55 @@ impl Port {
         }
     }
 
-    /// The bit rate that it is set to.
+    /// Returns the bit rate that it is set to.
     #[must_use]
     pub const fn bit_rate(&self) -> BitRate {
         self.rate
     }
 
-    /// The mode that its error counters put it into.
+    /// Returns the mode that its error counters put it into.
     #[inline]
     #[must_use]
     pub const fn mode(&self) -> BusErrorMode {
         self.confinement.mode()
     }
 
-    /// Its error counters.
+    /// Returns its error counters.
     #[must_use]
     pub const fn confinement(&self) -> Confinement {
         self.confinement
     }
 
-    /// How many frames wait for the bus, the one on the wire included.
+    /// Returns how many frames wait for the bus, the one on the wire included.
     #[must_use]
     pub fn pending(&self) -> usize {
         self.transmit.len()
     }
 
-    /// How many received frames were lost because nobody read them.
+    /// Returns how many received frames were lost because nobody read them.
     #[must_use]
     pub const fn overruns(&self) -> u32 {
         self.overruns
     }
 
-    /// What it has heard since this was last asked, oldest first.
+    /// Returns what it has heard since this was last asked, oldest first.
     pub(crate) fn take_received(&mut self) -> Drain<'_, (Instant, Frame)> {
         self.received.drain(..)
     }
 
-    /// Whether it may take part in what happens on the bus.
+    /// Returns whether it may take part in what happens on the bus.
     #[inline]
     pub(super) const fn takes_part(&self) -> bool {
         self.connected && !matches!(self.confinement.mode(), BusErrorMode::BusOff)
     }
 
-    /// Whether nobody notices that it listens.
+    /// Returns whether nobody notices that it listens.
     #[inline]
     pub(super) fn is_silent(&self) -> bool {
         self.external.as_ref().is_some_and(|external| external.silent)
     }
 
-    /// What it is to hear.
+    /// Returns what it is to hear.
     pub(super) const fn hears(&self) -> Hears<'_> {
         match &self.filters {
             _ if self.room == 0 => Hears::Nothing,
@@ -176,7 +176,7 @@ impl Port {
         }
     }
 
-    /// When it is back on the bus, if that stays idle.
+    /// Returns when it is back on the bus, if that stays idle.
     pub(super) fn recovered_at(&self) -> Option<Nanos> {
         let recovery = self.recovery?;
         Some(recovery.since + bit_times(recovery.left * BUS_IDLE, self.rate))

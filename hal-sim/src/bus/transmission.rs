@@ -53,7 +53,7 @@ impl Transmission {
         self.over = instant(end);
     }
 
-    /// The error that destroys the frame.
+    /// Returns the error that destroys the frame.
     pub(super) fn error(&self) -> Option<BusError> {
         self.failure.as_ref().map(|failure| failure.error)
     }
@@ -104,7 +104,7 @@ impl Bus {
         self.current = Some(transmission);
     }
 
-    /// When the next frame may start.
+    /// Returns when the next frame may start.
     pub(super) fn next_start(&self) -> Nanos {
         if self.contenders.is_any_ready() {
             return self.free_at;
@@ -153,7 +153,7 @@ impl Bus {
         transmission
     }
 
-    /// Whether somebody acknowledges what is sent at a bit rate.
+    /// Returns whether somebody acknowledges what is sent at a bit rate.
     pub(super) fn is_heard(&self, rate: BitRate) -> bool {
         let listeners = self.groups.iter().find(|group| group.rate == rate).map_or(0, |group| group.audible);
         // Senders take part themselves.
@@ -161,7 +161,7 @@ impl Bus {
         listeners > senders.len() || listeners > senders.iter().filter(|id| self.ports[id.0].rate == rate).count()
     }
 
-    /// The first error-active listener at another bit rate: its error flag destroys the frame.
+    /// Returns the first error-active listener at another bit rate: its error flag destroys the frame.
     fn disturber(&self, rate: BitRate) -> Option<PortId> {
         let others = self.groups.iter().filter(|group| group.rate != rate && group.active > 0);
         let disturbs = |id: &&PortId| {
@@ -171,9 +171,9 @@ impl Bus {
         others.filter_map(|group| group.members.iter().find(disturbs)).min().copied()
     }
 
-    /// What comes of several senders that are still at it after the identifier: equal frames go out as one, different
-    /// ones collide at the first different bit. There the recessive sender sees the error; if it is error-passive,
-    /// nobody hears it complain, and the dominant frame goes on without it.
+    /// Returns what comes of several senders that are still at it after the identifier: equal frames go out as one,
+    /// different ones collide at the first different bit. There the recessive sender sees the error; if it is
+    /// error-passive, nobody hears it complain, and the dominant frame goes on without it.
     fn resolve(&mut self, start: Nanos) -> Option<Fate> {
         while self.senders.len() > 1 {
             let senders = &self.senders;
@@ -202,7 +202,7 @@ impl Bus {
         None
     }
 
-    /// An error-passive sender lost a bit.
+    /// Ends the attempt of an error-passive sender that lost a bit.
     fn beaten(&mut self, id: PortId, at: Nanos) {
         let port = &mut self.ports[id.0];
         port.tell(at, WireEvent::NotSent(BusError::Bit));
@@ -217,7 +217,7 @@ impl Bus {
         FrameBits::of(self.ports[id.0].transmit.head().expect("a sender has something to send"))
     }
 
-    /// The sender stops in the middle of its frame: the others see an error where the bits end.
+    /// Stops the sender in the middle of its frame: the others see an error where the bits end.
     pub(super) fn fall_silent(&mut self, id: PortId, now: Instant) {
         let Some(transmission) = &mut self.current else { return };
         if !self.senders.contains(&id) {

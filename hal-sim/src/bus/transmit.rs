@@ -1,5 +1,5 @@
-//! What a port has to send: the mailboxes of a device's controller, the queue of a client, the offer of a controller that
-//! lives elsewhere.
+//! What a port has to send: the mailboxes of a device's controller, the queue of a client, the offer of a controller
+//! that lives elsewhere.
 
 use std::collections::VecDeque;
 
@@ -36,7 +36,7 @@ impl Transmit {
         Self::Offer(None, false)
     }
 
-    /// What a controller that lives elsewhere would send next; one whose frame is on the wire is not asked.
+    /// Takes what a controller that lives elsewhere would send next; one whose frame is on the wire is not asked.
     pub(super) const fn set_offer(&mut self, frame: Option<Frame>) {
         if let Self::Offer(offer, false) = self {
             *offer = frame;
@@ -58,7 +58,7 @@ impl Transmit {
         }
     }
 
-    /// The frame that takes part in the next arbitration.
+    /// Returns the frame that takes part in the next arbitration.
     #[inline]
     pub(super) fn head(&self) -> Option<&Frame> {
         match self {
@@ -68,7 +68,7 @@ impl Transmit {
         }
     }
 
-    /// The head is on the wire now and cannot be given back.
+    /// Notes that the head is on the wire now and cannot be given back.
     pub(super) fn sending(&mut self) {
         match self {
             Self::Mailboxes(mailboxes) => mailboxes.sending(),
@@ -77,7 +77,7 @@ impl Transmit {
         }
     }
 
-    /// The frame on the wire was sent, or has to be tried again.
+    /// Notes that the frame on the wire was sent, or has to be tried again.
     pub(super) fn sent(&mut self, success: bool) {
         match self {
             Self::Mailboxes(mailboxes) => mailboxes.sent(success),

@@ -59,7 +59,7 @@ impl External {
         self.events.drain(..)
     }
 
-    /// The controller leaves the bus.
+    /// Lets the controller leave the bus.
     pub(super) fn leave(&mut self) {
         self.joining = false;
         self.in_frame = false;

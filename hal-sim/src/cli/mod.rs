@@ -86,20 +86,20 @@ struct Cli {
 enum Command {
     /// A stand-in device, or several, on a bus (the default command)
     Run(Box<RunArgs>),
-    /// Plays the manuals' use cases, a valve on ISOBUS or an angle sensor in virtual time, each frame with what it means; exit 1 if any
-    /// frame differs
+    /// Plays the manuals' use cases, a valve on ISOBUS or an angle sensor in virtual time, each frame with what it
+    /// means; exit 1 if any frame differs
     UseCase {
         /// Which one, or all; without it the titles are listed
         #[arg(value_name = "1-6|isobus|hat|all", value_parser = use_cases)]
         which: Option<UseCases>,
     },
-    /// Runs scenarios from files in virtual time: devices, what happens to them, what has to come of it; exit 1 if an expectation
-    /// fails, 2 before anything runs if a file cannot be read
+    /// Runs scenarios from files in virtual time: devices, what happens to them, what has to come of it; exit 1 if an
+    /// expectation fails, 2 before anything runs if a file cannot be read
     Scenario(ScenarioArgs),
     /// Explains a recorded log line by line, as the trace does; exit 1 if a line is none
     Decode(DecodeArgs),
-    /// Plays a recorded log against stand-ins, from their power-up and in virtual time: what they send is compared with the
-    /// log, all else is sent to them; exit 1 on differences
+    /// Plays a recorded log against stand-ins, from their power-up and in virtual time: what they send is compared with
+    /// the log, all else is sent to them; exit 1 on differences
     Replay(ReplayArgs),
     /// Prints the EDS of a CANopen kind, from its object dictionary
     Eds {
@@ -135,13 +135,13 @@ fn dbc(word: &str) -> Result<Description, String> {
     description(word, "a DBC", describe::dbc)
 }
 
-/// The description of the kind that a word on the command line names.
+/// Returns the description of the kind that a word on the command line names.
 fn description(word: &str, what: &str, describe: fn(Kind) -> Option<String>) -> Result<Description, String> {
     let text = Kind::from_name(word).and_then(describe).map(Description);
     text.ok_or_else(|| format!("no kind that has {what}"))
 }
 
-/// The use cases by name and title, a line each.
+/// Returns the use cases by name and title, a line each.
 fn titles() -> String {
     let lines = use_case::all().into_iter().map(|case| format!("{:<8}{}\n", case.name, case.title));
     lines.chain(["all     all of them, in this order\n".to_owned()]).collect()
@@ -200,7 +200,8 @@ fn without_cr(argument: OsString) -> OsString {
     }
 }
 
-/// Clap's message without its paragraphs of usage, with its tip, and with what is accepted where clap leaves that out.
+/// Returns clap's message without its paragraphs of usage, with its tip, and with what is accepted where clap leaves
+/// that out.
 fn one_line(error: &clap::Error) -> String {
     let text = error.to_string();
     let first: Vec<&str> = text.lines().take_while(|line| !line.is_empty()).map(str::trim).collect();
@@ -226,7 +227,7 @@ fn names(names: Vec<String>) -> String {
     format!("; accepted: {}", names.join(", "))
 }
 
-/// The options of `run` that the help shows.
+/// Returns the options of `run` that the help shows.
 fn option_names() -> Vec<String> {
     let mut command = Cli::command();
     command.build();

@@ -86,8 +86,8 @@ pub struct RunArgs {
     #[arg(long, value_name = "N", value_parser = bit_rate, help_heading = "Bus")]
     bit_rate: Option<BitRate>,
 
-    /// Virtual time against wall time: a number above 0; or step: time moves only when the control interface tells it to,
-    /// and what clients send waits for that
+    /// Virtual time against wall time: a number above 0; or step: time moves only when the control interface tells it
+    /// to, and what clients send waits for that
     #[arg(long, value_name = "FACTOR|step", value_parser = speed, default_value = "1", help_heading = "Time")]
     speed: Speed,
 
@@ -107,8 +107,8 @@ pub struct RunArgs {
     #[arg(long, help_heading = "Output")]
     error_frames: bool,
 
-    /// Colour in the trace: auto, as the terminal and NO_COLOR have it; always, which lays the trace out as on a terminal
-    /// into a pipe, too; never
+    /// Colour in the trace: auto, as the terminal and NO_COLOR have it; always, which lays the trace out as on a
+    /// terminal into a pipe, too; never
     #[arg(long, value_name = "WHEN", default_value = "auto", hide_possible_values = true, help_heading = "Output")]
     color: ColorChoice,
 
@@ -124,8 +124,8 @@ pub struct RunArgs {
     #[arg(long, help_heading = "Control")]
     no_http: bool,
 
-    /// Let --http be an address that other machines reach, whoever does can switch everything; and let a bus of udp-multicast
-    /// reach them
+    /// Let --http be an address that other machines reach, whoever does can switch everything; and let a bus of
+    /// udp-multicast reach them
     #[arg(long, help_heading = "Control")]
     allow_remote: bool,
 }
@@ -168,7 +168,8 @@ impl TryFrom<RunArgs> for RunOptions {
     }
 }
 
-/// Returns the devices of one bus, each with a name and a serial number of its own, and a node ID unless they may clash.
+/// Returns the devices of one bus, each with a name and a serial number of its own, and a node ID unless they may
+/// clash.
 pub(super) fn on_one_bus(specs: Vec<DeviceSpec>, may_clash: bool) -> Result<Vec<NamedDevice>, UsageError> {
     let devices = devices::named(specs).map_err(|error| UsageError(format!("--device: {error} name=")))?;
     if !may_clash {
@@ -183,7 +184,7 @@ pub(super) fn between(devices: &[NamedDevice], links: Vec<LinkSpec>) -> Result<V
     devices::links(devices, links).map_err(|error| UsageError(format!("--link: {error}")))
 }
 
-/// An interface of the kernel lives in wall time; a bus that others have is joined once.
+/// Checks the buses: an interface of the kernel lives in wall time; a bus that others have is joined once.
 fn check_buses(buses: &[BusUrl], speed: Speed) -> Result<(), UsageError> {
     for (position, bus) in buses.iter().enumerate() {
         if bus.address().is_real_time() && speed != Speed::Factor(1.0) {

@@ -42,7 +42,8 @@ pub(super) struct ReplayArgs {
     #[arg(long, value_name = "VALVE=SENSOR[,KEY=VALUE…]")]
     link: Vec<LinkSpec>,
 
-    /// How much earlier or later a frame may come, in milliseconds; a position may differ by what is travelled in that time
+    /// How much earlier or later a frame may come, in milliseconds; a position may differ by what is travelled in that
+    /// time
     #[arg(long, value_name = "N", default_value_t = TOLERANCE_MS, value_parser = clap::value_parser!(u32).range(..=60_000))]
     tolerance_ms: u32,
 

@@ -11,7 +11,8 @@ use super::Cli;
 pub(super) fn completions(shell: Shell) -> String {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut Cli::command(), "pve-sim", &mut script);
-    // clap_complete (up to 4.6.11) spells a hyphenated program in two ways, and bash would complete no option of a command.
+    // clap_complete (up to 4.6.11) spells a hyphenated program in two ways, and bash would complete no option of a
+    // command.
     text(script).replace("pve__subcmd__sim", "pve__sim")
 }
 
@@ -50,7 +51,7 @@ fn about(command: &Command) -> String {
     command.get_about().map(ToString::to_string).unwrap_or_default()
 }
 
-/// The text that clap wrote, which is UTF-8.
+/// Returns the text that clap wrote, which is UTF-8.
 fn text(bytes: Vec<u8>) -> String {
     String::from_utf8_lossy(&bytes).into_owned()
 }

@@ -30,7 +30,7 @@ pub(super) struct Connection {
 pub(super) struct Asking<'a>(&'a Connection);
 
 impl Connection {
-    /// The address that it was accepted at.
+    /// Returns the address that it was accepted at.
     pub(super) const fn local(&self) -> SocketAddr {
         self.local
     }
@@ -51,7 +51,7 @@ impl Connection {
         self.last.store(millis, Ordering::Relaxed);
     }
 
-    /// Since when no byte has gone either way; `None` while the client waits for the world.
+    /// Returns since when no byte has gone either way; `None` while the client waits for the world.
     fn quiet_since(&self) -> Option<Instant> {
         let last = std::time::Duration::from_millis(self.last.load(Ordering::Relaxed));
         (self.asking.load(Ordering::Relaxed) == 0).then(|| self.born + last)
@@ -72,7 +72,7 @@ pub(super) struct Connections {
 }
 
 impl Connections {
-    /// Room for so many.
+    /// Returns room for so many connections.
     pub(super) fn new(places: usize) -> Self {
         Self { places, all: Mutex::default() }
     }

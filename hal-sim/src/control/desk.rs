@@ -126,14 +126,14 @@ impl Desk {
         }
     }
 
-    /// When there is next something to do although nothing happens in the world; after now, or at once.
+    /// Returns when there is next something to do although nothing happens in the world; after now, or at once.
     pub(crate) fn due(&self, world: &World) -> Instant {
         let advanced = self.advance.as_ref().map_or(NEVER, |(end, _)| *end);
         let awaited = if self.waits.is_idle() { NEVER } else { self.waits.due(world) };
         self.sender.due(world.now()).min(awaited).min(self.events.due()).min(advanced)
     }
 
-    /// Whether somebody waits for what happens next.
+    /// Returns whether somebody waits for what happens next.
     pub(crate) fn is_watching(&self) -> bool {
         !self.waits.is_idle() || !self.sender.is_idle() || self.events.is_followed()
     }
@@ -213,7 +213,7 @@ impl Passage {
     }
 }
 
-/// The device of a name.
+/// Returns the device of a name.
 fn find(name: &str, devices: &[(NodeId, Kind)], names: &[String]) -> Result<(NodeId, Kind), Refusal> {
     let found = names.iter().position(|known| known == name).and_then(|place| devices.get(place));
     found.copied().ok_or_else(|| Refusal::UnknownDevice { name: name.to_owned(), known: names.join(", ") })

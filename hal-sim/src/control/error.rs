@@ -33,12 +33,12 @@ pub(super) enum Failure {
 }
 
 impl Failure {
-    /// A value that cannot be.
+    /// Returns the refusal of a value that cannot be.
     pub(super) fn bad_request(error: impl Into<String>) -> Self {
         Self::Request(StatusCode::BAD_REQUEST, error.into())
     }
 
-    /// The simulator ends, and answers no more.
+    /// Returns the refusal of a simulator that ends.
     pub(super) fn ending() -> Self {
         Self::Request(StatusCode::SERVICE_UNAVAILABLE, "the simulator ends".to_owned())
     }
@@ -109,7 +109,7 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Body<T> {
     }
 }
 
-/// What is wrong with a body, without the words of the framework around it.
+/// Returns what is wrong with a body, without the words of the framework around it.
 fn reason(error: &dyn std::error::Error) -> String {
     std::iter::successors(Some(error), |error| error.source()).last().map_or_else(String::new, ToString::to_string)
 }

@@ -14,7 +14,8 @@ use crate::kind::Kind;
 use crate::state::{DeviceState, PlantState};
 use crate::world::{Event, NodeId, World};
 
-/// The most events that wait for a follower: about a second of a bus under full load. One that is slower loses the oldest.
+/// The most events that wait for a follower: about a second of a bus under full load. One that is slower loses the
+/// oldest.
 const WAITING: usize = 4096;
 
 /// The most followers.
@@ -41,7 +42,7 @@ enum What {
 }
 
 impl Happening {
-    /// The name of the event.
+    /// Returns the name of the event.
     pub(super) const fn name(&self) -> &'static str {
         match self.what {
             What::Frame(..) => "frame",
@@ -50,7 +51,7 @@ impl Happening {
         }
     }
 
-    /// The data of the event.
+    /// Returns the data of the event.
     pub(super) fn json(&self) -> &str {
         self.json.get_or_init(|| match &self.what {
             What::Frame(passed, meaning) => json(&passed.record(meaning.clone())),
@@ -60,7 +61,7 @@ impl Happening {
     }
 }
 
-/// A value as JSON. The numbers and texts of this interface have no value that JSON has not.
+/// Returns a value as JSON. The numbers and texts of this interface have no value that JSON has not.
 pub(super) fn json(value: &impl Serialize) -> String {
     serde_json::to_string(value).unwrap_or_default()
 }
@@ -139,7 +140,7 @@ impl Events {
         Ok(Subscription { states, happenings: self.channel.subscribe(), follower: self.follower.clone() })
     }
 
-    /// Whether anybody follows.
+    /// Returns whether anybody follows.
     pub(super) fn is_followed(&self) -> bool {
         self.followers() > 0
     }
@@ -183,7 +184,7 @@ impl Events {
         }
     }
 
-    /// When positions are told next.
+    /// Returns when positions are told next.
     pub(super) fn due(&self) -> Instant {
         if self.is_followed() { self.sample_at } else { NEVER }
     }
@@ -199,7 +200,7 @@ impl Told {
         Self { view: world.view(node), plant: PlantState::of(node, world) }
     }
 
-    /// The same without what moves by itself.
+    /// Returns the same without what moves by itself.
     fn at_rest(&self) -> Self {
         let view = self.view.clone().map(|view| View { position: 0, ..view });
         Self { view, plant: self.plant.at_rest() }

@@ -43,7 +43,7 @@ fn check(request: &Request, local: SocketAddr) -> Result<(), &'static str> {
     }
 }
 
-/// The value of a header that must not be there twice.
+/// Returns the value of a header that must not be there twice.
 fn only<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Result<Option<&'a str>, &'static str> {
     let mut values = headers.get_all(name).iter();
     match (values.next(), values.next()) {
@@ -53,7 +53,7 @@ fn only<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Result<Option<&'a str>
     }
 }
 
-/// Whether a host is loopback, or the address that the connection was accepted at.
+/// Returns whether a host is loopback, or the address that the connection was accepted at.
 fn is_own(host: &Authority, local: IpAddr) -> bool {
     let name = host.host();
     let name = name.strip_prefix('[').and_then(|name| name.strip_suffix(']')).unwrap_or(name);

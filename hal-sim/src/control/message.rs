@@ -13,7 +13,8 @@ use crate::bus::Disturbance;
 use crate::sender::{Receipt, Unsent};
 use crate::state::{Condition, DeviceState, Invalid, PlantChange, Power};
 
-/// A message to the world. Each takes effect at the virtual instant of its arrival, and its answer tells of one instant.
+/// A message to the world. Each takes effect at the virtual instant of its arrival, and its answer tells of one
+/// instant.
 #[derive(Debug)]
 pub enum Message {
     /// The states of all devices.
@@ -196,12 +197,12 @@ impl<T> Answer<T> {
         (Self(sender), receiver)
     }
 
-    /// Answers. A client that is gone gets nothing.
+    /// Sends the answer. A client that is gone gets nothing.
     pub(super) fn send(self, answer: Result<T, Refusal>) {
         let _ = self.0.send(answer);
     }
 
-    /// Whether the client is gone.
+    /// Returns whether the client is gone.
     pub(super) fn is_given_up(&self) -> bool {
         self.0.is_closed()
     }

@@ -1,4 +1,5 @@
-//! The control interface: state, faults and time of the simulator over HTTP, under `/api/v1`, and the panel, which uses it.
+//! The control interface: state, faults and time of the simulator over HTTP, under `/api/v1`, and the panel, which uses
+//! it.
 //!
 //! ```text
 //! server      the socket                connection the connections, and which goes when there are too many
@@ -13,8 +14,8 @@
 //! wait        clients that wait          events     clients that follow
 //! ```
 //!
-//! The world obeys each message at the virtual instant of its arrival, and an answer tells of one instant. Nobody but the
-//! desk touches the world, and the desk waits for nobody.
+//! The world obeys each message at the virtual instant of its arrival, and an answer tells of one instant. Nobody but
+//! the desk touches the world, and the desk waits for nobody.
 
 mod connection;
 mod desk;

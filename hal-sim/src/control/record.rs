@@ -67,7 +67,7 @@ impl Frames {
         self.0.push_back(passed);
     }
 
-    /// The last frames, with what explains them.
+    /// Returns the last frames, with what explains them.
     pub(super) fn last(&self, limit: usize, explainer: &Explainer) -> Excerpt {
         let passed = self.0.iter().skip(self.0.len().saturating_sub(limit)).cloned().collect();
         Excerpt { passed, explainer: explainer.clone() }
@@ -84,7 +84,7 @@ impl Passed {
     }
 }
 
-/// The number of an identifier, and whether it has 29 bits.
+/// Returns the number of an identifier, and whether it has 29 bits.
 pub(super) fn raw(id: Id) -> (u32, bool) {
     match id {
         Id::Standard(id) => (id.as_raw().into(), false),

@@ -37,13 +37,13 @@ impl Server {
         Ok(Self { listener })
     }
 
-    /// The address that was bound.
+    /// Returns the address that was bound.
     pub(crate) fn address(&self) -> io::Result<SocketAddr> {
         self.listener.local_addr()
     }
 
-    /// Serves clients for as long as the process lives, so many at once, on a thread of its own: however much they ask for, no
-    /// client of the bus waits for it.
+    /// Serves clients for as long as the process lives, so many at once, on a thread of its own: however much they ask
+    /// for, no client of the bus waits for it.
     pub(crate) fn start(self, world: Entrance, places: usize) -> io::Result<()> {
         let runtime = runtime::Builder::new_current_thread().enable_all().build()?;
         let listener = {

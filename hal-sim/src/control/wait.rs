@@ -89,17 +89,17 @@ impl Waits {
         }
     }
 
-    /// When a condition can next hold although nothing happens, or the time of one is up.
+    /// Returns when a condition can next hold although nothing happens, or the time of one is up.
     pub(super) fn due(&self, world: &World) -> Instant {
         self.0.iter().map(|wait| wait.due(world)).min().unwrap_or(NEVER)
     }
 
-    /// The end of the time in which a client still waits; `None` when none does.
+    /// Returns the end of the time in which a client still waits; `None` when none does.
     pub(super) fn awaited(&self) -> Option<Instant> {
         self.0.iter().filter(|wait| !wait.answer.is_given_up()).map(|wait| wait.until).max()
     }
 
-    /// Whether nobody waits.
+    /// Returns whether nobody waits.
     pub(super) const fn is_idle(&self) -> bool {
         self.0.is_empty()
     }

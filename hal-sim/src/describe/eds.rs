@@ -137,7 +137,7 @@ impl Object {
 }
 
 impl Row {
-    /// Everything but the name.
+    /// Writes everything but the name.
     fn write(&self, out: &mut String) -> std::fmt::Result {
         let mappable = self.entry.mappable();
         writeln!(out, "ObjectType={VAR}\nDataType=0x{:04X}", type_index(self.entry.data_type()))?;
@@ -149,7 +149,7 @@ impl Row {
     }
 }
 
-/// The names of an object and of its sub-index 0, with capitals: a row has both in one.
+/// Returns the names of an object and of its sub-index 0, with capitals: a row has both in one.
 fn names(entry: &Entry) -> (&'static str, String) {
     let (object, own) = entry.name.split_once(": ").unwrap_or((entry.name, "highest sub-index"));
     let mut letters = own.chars();
@@ -157,12 +157,12 @@ fn names(entry: &Entry) -> (&'static str, String) {
     (object, first.into_iter().chain(letters).collect())
 }
 
-/// Whether CiA 301, or the device profile, has a structure at an index; the others are arrays.
+/// Returns whether CiA 301, or the device profile, has a structure at an index; the others are arrays.
 const fn is_record(index: u16) -> bool {
     matches!(index, 0x1018 | 0x1400..=0x1BFF | 0x6300 | 0x6301)
 }
 
-/// The index of a data type (CiA 301 7.4.7.1).
+/// Returns the index of a data type (CiA 301 7.4.7.1).
 const fn type_index(data_type: DataType) -> u16 {
     match data_type {
         DataType::I8 => 0x0002,
@@ -175,7 +175,7 @@ const fn type_index(data_type: DataType) -> u16 {
     }
 }
 
-/// The access over SDO, and by PDO: `rww` can be mapped into an RPDO alone, `rwr` into a TPDO alone.
+/// Returns the access over SDO, and by PDO: `rww` can be mapped into an RPDO alone, `rwr` into a TPDO alone.
 const fn access_type(access: Access, mappable: Mappable) -> &'static str {
     match (access, mappable) {
         (Access::Ro, _) => "ro",
@@ -185,7 +185,7 @@ const fn access_type(access: Access, mappable: Mappable) -> &'static str {
     }
 }
 
-/// A default as the sheet has it; `None` where there is none.
+/// Returns a default as the sheet has it; `None` where there is none.
 fn default(data_type: DataType, initial: Initial<'_>) -> Option<String> {
     match initial {
         Initial::Individual => None,

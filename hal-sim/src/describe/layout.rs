@@ -53,7 +53,7 @@ pub(super) enum Role {
 }
 
 impl Signal {
-    /// A number as it stands in the message.
+    /// Returns a number as it stands in the message.
     fn raw(name: &'static str, first: u8, len: u8) -> Self {
         let max = (1_u64 << len) - 1;
         Self {
@@ -215,13 +215,13 @@ fn fail_safe_mode() -> Signal {
     Signal::raw("FailSafeMode", 22, 2).values([(0, "blocked"), (1, "float"), (3, "not available")])
 }
 
-/// A lamp, or how it flashes (SAE J1939-73).
+/// Returns a lamp, or how it flashes (SAE J1939-73).
 fn lamp(name: &'static str, first: u8) -> Signal {
     Signal::raw(name, first, 2).values([(0, "off"), (1, "on"), (3, "not available")])
 }
 
-/// The first eight bytes of DM1 and DM2. The parts of an SPN do not lie together, so a trouble code is one number: the
-/// manual prints it so.
+/// Returns the first eight bytes of DM1 and DM2. The parts of an SPN do not lie together, so a trouble code is one
+/// number: the manual prints it so.
 fn troubles() -> Vec<Signal> {
     let codes = FAULT_CODES.iter().map(|codes| {
         let (dtc, fault) = (codes.dtc, explain::fault(codes.fault));
@@ -238,7 +238,7 @@ fn troubles() -> Vec<Signal> {
     ]
 }
 
-/// The fields of a NAME (SAE J1939-81).
+/// Returns the fields of a NAME (SAE J1939-81).
 fn name() -> Vec<Signal> {
     vec![
         Signal::raw("IdentityNumber", 0, 21),
@@ -260,7 +260,8 @@ fn name() -> Vec<Signal> {
     ]
 }
 
-/// A message of the transport protocol's connections (SAE J1939-21 5.10.3): the control byte says what the others mean.
+/// Returns a message of the transport protocol's connections (SAE J1939-21 5.10.3): the control byte says what the
+/// others mean.
 fn connection() -> Vec<Signal> {
     const BAM: u8 = 32;
     const ABORT: u8 = 255;
@@ -274,7 +275,7 @@ fn connection() -> Vec<Signal> {
     ]
 }
 
-/// A parameter group number.
+/// Returns a parameter group number.
 fn group(first: u8) -> Signal {
     let groups = [
         (Pgn::ADDRESS_CLAIMED, "address claim"),

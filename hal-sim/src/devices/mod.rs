@@ -54,8 +54,8 @@ pub(crate) fn explainer(devices: &[NamedDevice]) -> Explainer {
     Explainer::new(devices.iter().map(node).collect())
 }
 
-/// Returns the devices with a name each, that of their kind, then kind-2, kind-3 …, as far as they are free, and with a serial
-/// number each.
+/// Returns the devices with a name each, that of their kind, then kind-2, kind-3 …, as far as they are free, and with a
+/// serial number each.
 ///
 /// # Errors
 /// One line about a name that is given twice.

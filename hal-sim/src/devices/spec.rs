@@ -22,7 +22,7 @@ pub struct DeviceSpec {
 }
 
 impl DeviceSpec {
-    /// A device of this kind as it leaves the factory.
+    /// Returns a device of this kind as it leaves the factory.
     #[must_use]
     pub fn new(kind: Kind) -> Self {
         Self { kind, birth: kind.default_birth(), name: None }
@@ -85,7 +85,7 @@ fn node_id(kind: Kind, text: &str) -> Result<u8, String> {
     })
 }
 
-/// A bit rate that a kind can run at, in bit/s, or as in `250k`.
+/// Returns a bit rate that a kind can run at, in bit/s, or as in `250k`.
 fn bit_rate_of(kind: Kind, text: &str) -> Result<BitRate, String> {
     let rates = kind.bit_rates();
     bit_rate(text).filter(|rate| rates.contains(rate)).ok_or_else(|| {
@@ -123,7 +123,7 @@ fn device_name(text: &str) -> Result<String, String> {
     Ok(text.to_owned())
 }
 
-/// A number in decimal, or in hex after `0x`; no sign, no blanks.
+/// Returns a number in decimal, or in hex after `0x`; no sign, no blanks.
 fn number(text: &str) -> Option<u32> {
     let (digits, radix) = match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
         Some(hex) => (hex, 16),

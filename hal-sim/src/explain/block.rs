@@ -54,7 +54,7 @@ impl Transfer {
 const LAST: u8 = 1 << 7;
 
 impl Blocks {
-    /// What a segment of the transfer of this node ID says; `None` if the frame is not one.
+    /// Returns what a segment of the transfer of this node ID says; `None` if the frame is not one.
     pub(super) fn segment(&self, node: u8, from: Party, bytes: &[u8; 8]) -> Option<String> {
         let [command, data @ ..] = bytes;
         self.0.get(&node).filter(|transfer| transfer.is_segment(from, *command))?;

@@ -79,7 +79,7 @@ fn heartbeat(data: &[u8]) -> Option<String> {
     Some(format!("NMT state {state}"))
 }
 
-/// SYNC, with its counter where 0x1019 is set (CiA 301 7.2.5).
+/// Explains SYNC, with its counter where 0x1019 is set (CiA 301 7.2.5).
 fn sync(data: &[u8]) -> Option<String> {
     match data {
         [] => Some("SYNC".to_owned()),
@@ -88,7 +88,7 @@ fn sync(data: &[u8]) -> Option<String> {
     }
 }
 
-/// TIME: milliseconds since midnight in 28 bits, and days since 1984-01-01 (CiA 301 7.1.6.5).
+/// Explains TIME: milliseconds since midnight in 28 bits, and days since 1984-01-01 (CiA 301 7.1.6.5).
 fn time(data: &[u8]) -> Option<String> {
     let &[a, b, c, d, low, high] = data else { return None };
     let ms = u32::from_le_bytes([a, b, c, d]) & 0x0FFF_FFFF;
@@ -129,12 +129,12 @@ fn emergency(frame: &Frame, kind: Option<Kind>) -> Option<String> {
     Some(format!("EMCY: {what}, register 0x{register:02X}, count {low}"))
 }
 
-/// An error with its code.
+/// Returns an error with its code.
 fn named(what: &str, code: u16) -> String {
     format!("{what} (0x{code:04X})")
 }
 
-/// An error of an angle sensor (SPEC 9).
+/// Returns an error of an angle sensor (SPEC 9).
 const fn angle_sensor(error: hat::Error) -> &'static str {
     match error {
         hat::Error::SetUp => "set-up not loaded",
@@ -144,7 +144,7 @@ const fn angle_sensor(error: hat::Error) -> &'static str {
     }
 }
 
-/// The class of an error code (CiA 301 7.2.7.1).
+/// Returns the class of an error code (CiA 301 7.2.7.1).
 const fn error_class(code: u16) -> &'static str {
     match code >> 8 {
         0x10 => "generic error",
@@ -164,14 +164,14 @@ const fn error_class(code: u16) -> &'static str {
     }
 }
 
-/// By the default mapping: control word and set-point.
+/// Explains an RPDO by the default mapping: control word and set-point.
 fn rpdo(data: &[u8]) -> String {
     let &[a, b, c, d] = data else { return format!("RPDO {}", hex(data)) };
     let word = u16::from_le_bytes([a, b]);
     format!("RPDO control word 0x{word:04X} ({}), set-point {}", command(word), stroke(i16::from_le_bytes([c, d])))
 }
 
-/// By the default mapping: of a valve status word and position, of an angle sensor the position.
+/// Explains a TPDO by the default mapping: of a valve status word and position, of an angle sensor the position.
 fn tpdo(data: &[u8], kind: Option<Kind>) -> String {
     let &[a, b, c, d] = data else { return format!("TPDO {}", hex(data)) };
     if let Some(Kind::Hat(_)) = kind {

@@ -5,7 +5,7 @@ use protocol_core::device::pve::FAULT_CODES;
 use protocol_core::wire::dm::{self, Lamp};
 use protocol_core::wire::dtc::Dtc;
 
-/// A fault in words.
+/// Returns a fault in words.
 pub(crate) const fn fault(fault: Fault) -> &'static str {
     match fault {
         Fault::SpoolNotAtSetPoint => "spool not at set-point",
@@ -19,7 +19,7 @@ pub(crate) const fn fault(fault: Fault) -> &'static str {
     }
 }
 
-/// What a DM1 or DM2 tells in a single frame; `none` when there is no fault in it.
+/// Returns what a DM1 or DM2 tells in a single frame; `none` when there is no fault in it.
 pub(super) fn troubles(data: &[u8], none: &str) -> Option<String> {
     let (lamp, troubles) = dm::parse(data)?;
     let troubles: Vec<String> = troubles.map(|(dtc, count)| format!("{}, count {count}", trouble(dtc))).collect();

@@ -1,5 +1,5 @@
-//! J1939 messages on ISOBUS (SPEC 5): address claim, requests, acknowledgement, transport, and by their own files what is
-//! in words of the valve: AVC and AVEF here, trouble codes in `diagnostics`.
+//! J1939 messages on ISOBUS (SPEC 5): address claim, requests, acknowledgement, transport, and by their own files what
+//! is in words of the valve: AVC and AVEF here, trouble codes in `diagnostics`.
 
 use protocol_core::frame::Frame;
 use protocol_core::wire::j1939_id::{Address, J1939Id, Pgn};
@@ -54,7 +54,7 @@ fn is_one_of(pgn: Pgn, first: u32) -> bool {
     (first..=first + LAST).contains(&pgn.raw())
 }
 
-/// Somebody on the bus: a device by its name, all, or an address.
+/// Returns the name of somebody on the bus: a device by its name, all, or an address.
 fn party(address: Address, context: &Context<'_>) -> String {
     match address {
         Address::GLOBAL => "all".to_owned(),
@@ -67,12 +67,12 @@ fn number(address: Address) -> String {
     format!("0x{:02X}", address.get())
 }
 
-/// The valve that an AVC is for.
+/// Returns the valve that an AVC is for.
 fn valve(pgn: Pgn, context: &Context<'_>) -> String {
     party(Address::new(FIRST_VALVE | (pgn.raw() & LAST) as u8), context)
 }
 
-/// A group by its name, where there is one.
+/// Returns a group by its name, where there is one.
 fn group(pgn: Pgn) -> String {
     match pgn {
         Pgn::ADDRESS_CLAIMED => "address claim".to_owned(),
@@ -120,7 +120,7 @@ fn broadcast(announcement: Announcement) -> String {
     format!("BAM, {} follows, {size} bytes in {packets} packets{sound}", group(pgn))
 }
 
-/// A connection between two nodes (SAE J1939-21 5.10.3): valves take part in none.
+/// Returns a connection between two nodes (SAE J1939-21 5.10.3): valves take part in none.
 fn connection(bytes: &[u8; 8]) -> String {
     let &[control, a, b, packets, _, low, middle, high] = bytes;
     let size = format!("{} bytes in {packets} packets", u16::from_le_bytes([a, b]));
@@ -159,7 +159,7 @@ fn estimated_flow(data: &[u8]) -> String {
     format!("AVEF {}, {flow}", state(told.state))
 }
 
-/// The state of an AVC or AVEF in words.
+/// Returns the state of an AVC or AVEF in words.
 pub(crate) const fn state(state: State) -> &'static str {
     match state {
         State::Blocked => "blocked",

@@ -1,8 +1,8 @@
 //! What a frame means, in one short line: for the trace.
 //!
-//! A frame is explained by itself and the table of the devices on the bus, so a line is right wherever the trace begins.
-//! The one exception are the segments of SDO block transfers, which nothing in them names: for those the frames before
-//! are remembered. PDOs are read by the default mapping and the default identifiers (SPEC 4.1).
+//! A frame is explained by itself and the table of the devices on the bus, so a line is right wherever the trace
+//! begins. The one exception are the segments of SDO block transfers, which nothing in them names: for those the frames
+//! before are remembered. PDOs are read by the default mapping and the default identifiers (SPEC 4.1).
 //!
 //! ```text
 //! canopen   NMT, SYNC, EMCY, PDOs, boot-up and heartbeat        object   objects and their values
@@ -65,13 +65,13 @@ pub struct Explainer {
 }
 
 impl Explainer {
-    /// For these devices.
+    /// Returns an explainer for these devices.
     #[must_use]
     pub fn new(nodes: Vec<Node>) -> Self {
         Self { given: nodes.len(), nodes, ..Self::default() }
     }
 
-    /// The devices; their node IDs change.
+    /// Returns the devices; their node IDs change.
     pub fn nodes_mut(&mut self) -> &mut [Node] {
         &mut self.nodes
     }
@@ -82,14 +82,15 @@ impl Explainer {
         self.blocks.observe(frame);
     }
 
-    /// What a frame means. `from` is the name of its sender, where that is known: a device is then called by its name
-    /// whatever identifier it sends under, and a client that uses the identifier of a device is not taken for it.
+    /// Returns what a frame means. `from` is the name of its sender, where that is known: a device is then called by
+    /// its name whatever identifier it sends under, and a client that uses the identifier of a device is not taken for
+    /// it.
     #[must_use]
     pub fn explain(&self, frame: &Frame, from: Option<&str>) -> String {
         self.meaning(frame, &self.context(from)).unwrap_or_else(|| "unknown".to_owned())
     }
 
-    /// What a frame means, as [`explain`](Self::explain), and what is remarkable about it.
+    /// Returns what a frame means, as [`explain`](Self::explain), and what is remarkable about it.
     #[must_use]
     pub fn explain_and_mark(&self, frame: &Frame, from: Option<&str>) -> (String, Mark) {
         let context = self.context(from);
@@ -117,7 +118,7 @@ impl Explainer {
     }
 }
 
-/// What an error frame means that destroyed `frame`.
+/// Returns what an error frame means that destroyed `frame`.
 #[must_use]
 pub fn explain_error(error: BusError, frame: &Frame, from: &str) -> String {
     let why = match error {
@@ -139,22 +140,22 @@ struct Context<'a> {
 }
 
 impl Context<'_> {
-    /// The device of a node ID.
+    /// Returns the device of a node ID.
     fn node(&self, id: u8) -> Option<&Node> {
         self.nodes.iter().find(|node| node.node_id == Some(id))
     }
 
-    /// The name of the device of a node ID, or what to call one that is not known.
+    /// Returns the name of the device of a node ID, or what to call one that is not known.
     fn name(&self, id: u8) -> String {
         self.node(id).map_or_else(|| format!("node 0x{id:02X}"), |node| node.name.clone())
     }
 
-    /// The name of the sender of a frame that belongs to a node ID.
+    /// Returns the name of the sender of a frame that belongs to a node ID.
     fn sender(&self, id: u8) -> String {
         self.sender_or(id, || self.name(id))
     }
 
-    /// The name of the sender of a frame that belongs to a node ID; `otherwise` when no device has that.
+    /// Returns the name of the sender of a frame that belongs to a node ID; `otherwise` when no device has that.
     fn sender_or(&self, id: u8, otherwise: impl FnOnce() -> String) -> String {
         match (self.sender, self.impersonated(id)) {
             (Some(sender), _) => sender.name.clone(),
@@ -163,17 +164,17 @@ impl Context<'_> {
         }
     }
 
-    /// The device whose node ID a client uses for a frame of its own.
+    /// Returns the device whose node ID a client uses for a frame of its own.
     fn impersonated(&self, id: u8) -> Option<&Node> {
         self.node(id).filter(|_| self.from_client)
     }
 
-    /// Who tells a device what to do: another device by its name, or the master.
+    /// Returns who tells a device what to do: another device by its name, or the master.
     fn commander(&self) -> &str {
         self.sender.map_or("master", |sender| &sender.name)
     }
 
-    /// The kind of the device that a frame of a node ID is about.
+    /// Returns the kind of the device that a frame of a node ID is about.
     fn kind(&self, id: u8) -> Option<Kind> {
         self.sender.or_else(|| self.node(id)).map(|node| node.kind)
     }

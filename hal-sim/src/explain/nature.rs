@@ -31,7 +31,7 @@ pub(super) fn mark(frame: &Frame, context: &Context<'_>) -> Mark {
     }
 }
 
-/// The node ID, or the address, that a frame names as its source.
+/// Returns the node ID, or the address, that a frame names as its source.
 fn source(frame: &Frame) -> Option<u8> {
     // Whoever asks by a remote frame uses the identifier of the answer.
     if frame.is_remote() {
@@ -61,7 +61,8 @@ fn tells_fault(frame: &Frame) -> bool {
     }
 }
 
-/// Whether a frame is of a kind that is sent in a cycle, and not a request, an answer or a change that counts each time.
+/// Returns whether a frame is of a kind that is sent in a cycle, and not a request, an answer or a change that counts
+/// each time.
 #[must_use]
 pub fn is_cyclic(frame: &Frame) -> bool {
     match frame.id() {

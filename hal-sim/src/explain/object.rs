@@ -16,19 +16,20 @@ fn entry(object: Multiplexer, kind: Option<Kind>) -> Option<&'static Entry> {
     }
 }
 
-/// Index, sub-index where there is one or it is not 0, and the name where it is known.
+/// Returns index, sub-index where there is one or it is not 0, and the name where it is known.
 pub(super) fn object(object: Multiplexer, kind: Option<Kind>) -> String {
     let Multiplexer { index, sub } = object;
     let number = format!("0x{index:04X}:{sub}");
     entry(object, kind).map_or(number.clone(), |entry| format!("{number} ({})", entry.name))
 }
 
-/// The size of an object that is a number, in bytes.
+/// Returns the size of an object that is a number, in bytes.
 pub(super) fn size(object: Multiplexer, kind: Option<Kind>) -> Option<u8> {
     entry(object, kind).filter(|entry| !entry.is_text()).map(Entry::size)
 }
 
-/// What an object holds, of the type that the dictionary gives it; bytes of another length are shown as they are.
+/// Returns what an object holds, of the type that the dictionary gives it; bytes of another length are shown as they
+/// are.
 pub(super) fn value(object: Multiplexer, bytes: &[u8], kind: Option<Kind>) -> String {
     if size(object, kind).is_some_and(|size| usize::from(size) != bytes.len()) {
         return raw(bytes);
@@ -54,12 +55,12 @@ pub(super) fn value(object: Multiplexer, bytes: &[u8], kind: Option<Kind>) -> St
     }
 }
 
-/// A position of an angle sensor.
+/// Returns a position of an angle sensor.
 pub(super) fn angle(position: u32) -> String {
     format!("{position} ({:.2}°)", f64::from(position) * 360.0 / f64::from(encoder::STEPS))
 }
 
-/// Of an object that is not known: up to four bytes as a number.
+/// Returns the data of an object that is not known: up to four bytes as a number.
 fn raw(bytes: &[u8]) -> String {
     match bytes {
         [_] | [_, _] | [_, _, _, _] => {

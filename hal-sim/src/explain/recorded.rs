@@ -1,4 +1,5 @@
-//! Recordings of a bus whose devices nobody has named: what the frames tell of them, and error frames as Linux has them.
+//! Recordings of a bus whose devices nobody has named: what the frames tell of them, and error frames as Linux has
+//! them.
 
 use protocol_core::device::pve::DeviceState;
 use protocol_core::device::{hat, pve};
@@ -11,8 +12,8 @@ use super::{Explainer, Node};
 use crate::kind::Kind;
 use crate::trace::ErrorFrame;
 
-/// What all valves on CANopen are taken for, and all angle sensors, and all valves on ISOBUS: within each family the same
-/// frames mean the same.
+/// What all valves on CANopen are taken for, and all angle sensors, and all valves on ISOBUS: within each family the
+/// same frames mean the same.
 const VALVE: Kind = Kind::Pve(pve::Kind::PveaCanopen);
 const SENSOR: Kind = Kind::Hat(hat::Kind::Hat1000);
 const ISOBUS_VALVE: Kind = Kind::Pve(pve::Kind::PveaIsobus);
@@ -31,8 +32,8 @@ pub(super) enum Evidence {
 }
 
 impl Explainer {
-    /// Takes notice of what a frame tells of its sender: what it is, and so how the frames about it are to be read. Devices
-    /// that were given stay as they are. To be called before the frame's own explanation.
+    /// Takes notice of what a frame tells of its sender: what it is, and so how the frames about it are to be read.
+    /// Devices that were given stay as they are. To be called before the frame's own explanation.
     pub fn learn(&mut self, frame: &Frame) {
         let Some((id, kind, evidence)) = told(frame) else { return };
         if self.nodes.iter().take(self.given).any(|node| node.node_id == Some(id)) {
@@ -54,7 +55,7 @@ impl Explainer {
     }
 }
 
-/// The node ID or address of a sender, and the kind that its frame shows.
+/// Returns the node ID or address of a sender, and the kind that its frame shows.
 fn told(frame: &Frame) -> Option<(u8, Kind, Evidence)> {
     let (kind, evidence) = match frame.id() {
         Id::Standard(id) => match id.as_raw() {
@@ -75,7 +76,7 @@ fn told(frame: &Frame) -> Option<(u8, Kind, Evidence)> {
     }
 }
 
-/// The kind that has an object which was read or written.
+/// Returns the kind that has an object which was read or written.
 fn by_object(answer: Answer) -> Option<Kind> {
     match answer {
         Answer::UploadExpedited { object: Multiplexer { index: 0x1000, .. }, data, .. } => match data as u16 {
@@ -99,7 +100,7 @@ fn by_pdo(data: &[u8]) -> Option<Kind> {
     DeviceState::ALL.into_iter().any(|state| state.status_word() == word).then_some(VALVE)
 }
 
-/// Whether a NAME has the manufacturer and the function of the valves.
+/// Returns whether a NAME has the manufacturer and the function of the valves.
 fn is_valve(name: Name) -> bool {
     const MANUFACTURER: u16 = 57;
     const FUNCTION: u8 = 255;
@@ -107,7 +108,7 @@ fn is_valve(name: Name) -> bool {
     (fields.manufacturer_code, fields.function) == (MANUFACTURER, FUNCTION)
 }
 
-/// What an error frame of a recording says (`linux/can/error.h`).
+/// Returns what an error frame of a recording says (`linux/can/error.h`).
 #[must_use]
 pub fn explain_error_frame(error: &ErrorFrame) -> String {
     const CLASSES: [(u32, &str); 9] = [

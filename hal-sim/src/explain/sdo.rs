@@ -47,8 +47,8 @@ pub(super) fn answer(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
     })
 }
 
-/// The requests of a block transfer (CiA 301 7.2.4.3.9 to 7.2.4.3.16), which the stand-ins refuse. Its segments are in
-/// `block`.
+/// Returns the requests of a block transfer (CiA 301 7.2.4.3.9 to 7.2.4.3.16), which the stand-ins refuse. Its segments
+/// are in `block`.
 fn block_request(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
     let &[command, a, b, ..] = bytes;
     let target = || object(multiplexer(bytes), kind);
@@ -63,7 +63,7 @@ fn block_request(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
     })
 }
 
-/// The answers of a block transfer.
+/// Returns the answers of a block transfer.
 fn block_answer(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
     let &[command, a, b, ..] = bytes;
     let target = || object(multiplexer(bytes), kind);
@@ -81,7 +81,7 @@ fn multiplexer(&[_, low, high, sub, ..]: &[u8; 8]) -> Multiplexer {
     Multiplexer { index: u16::from_le_bytes([low, high]), sub }
 }
 
-/// The size of a block transfer, where bit 1 of the command says that it is told.
+/// Returns the size of a block transfer, where bit 1 of the command says that it is told.
 fn block_size(&[command, .., a, b, c, d]: &[u8; 8]) -> String {
     let told = command & 0b10 != 0;
     if told { format!(", {} bytes", u32::from_le_bytes([a, b, c, d])) } else { String::new() }

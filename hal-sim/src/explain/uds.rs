@@ -44,12 +44,12 @@ pub(super) fn explain(id: u32, data: &[u8], context: &Context<'_>) -> Option<Str
 /// The highest number of a device: an address on ISOBUS.
 const LAST_DEVICE: u8 = 0x8F;
 
-/// A device by its name, a tool by its address.
+/// Returns a device by its name, a tool by its address.
 fn party(address: Address, context: &Context<'_>) -> String {
     device(address).map_or_else(|| format!("tool 0x{:02X}", address.raw()), |id| context.name(id))
 }
 
-/// The device of an address.
+/// Returns the device of an address.
 pub(super) fn device(address: Address) -> Option<u8> {
     u8::try_from(address.raw()).ok().filter(|id| (1..=LAST_DEVICE).contains(id))
 }
@@ -72,7 +72,7 @@ fn identifier(bytes: &[u8]) -> String {
     format!("0x{id:04X}{name}")
 }
 
-/// The versions are texts.
+/// Returns what an identifier holds in words; versions are texts.
 fn content(identifier: &[u8], value: &[u8]) -> String {
     if matches!(identifier, [0xF1, 0x93 | 0x95]) { text_or_hex(value) } else { hex(value) }
 }

@@ -40,12 +40,12 @@ pub trait Address: Debug + Display + Send + Sync {
         UNNAMED
     }
 
-    /// Whether other programs, or a real bus, are there in wall time alone.
+    /// Returns whether other programs, or a real bus, are there in wall time alone.
     fn is_real_time(&self) -> bool {
         false
     }
 
-    /// Whether others have a bus there already. Given twice, it would pass each frame round for ever.
+    /// Returns whether others have a bus there already. Given twice, it would pass each frame round for ever.
     fn is_shared(&self) -> bool {
         false
     }
@@ -84,7 +84,7 @@ pub trait Gateway: Send {
 pub struct OpenError(String);
 
 impl OpenError {
-    /// An error in words.
+    /// Returns an error in words.
     pub fn new(reason: impl Into<String>) -> Self {
         Self(reason.into())
     }

@@ -59,7 +59,7 @@ impl FromStr for BusUrl {
     }
 }
 
-/// The schemes of this system.
+/// Returns the schemes of this system.
 fn accepted() -> String {
     let here = SCHEMES.iter().filter(|scheme| matches!(scheme.parse, Parse::With(_)));
     let forms: Vec<&str> = here.map(|scheme| scheme.form).collect();

@@ -64,7 +64,7 @@ impl Entrance {
 }
 
 impl Inbox {
-    /// Whether the simulator is to end.
+    /// Returns whether the simulator is to end.
     #[must_use]
     pub fn is_ending(&self) -> bool {
         self.ending.load(Ordering::Acquire)

@@ -1,8 +1,8 @@
 //! Gateways: clients of the bus that live outside of the world, and the messages between the two.
 //!
-//! The world runs on a thread of its own and never waits for a client. What a client wants comes to it as
-//! [`ToWorld`] messages over one channel, the [`Entrance`], each with the wall instant of its arrival; what the client is to see goes into the client's own bounded queue, its
-//! [`Outbox`], and a client whose queue is full is disconnected.
+//! The world runs on a thread of its own and never waits for a client. What a client wants comes to it as [`ToWorld`]
+//! messages over one channel, the [`Entrance`], each with the wall instant of its arrival; what the client is to see
+//! goes into the client's own bounded queue, its [`Outbox`], and a client whose queue is full is disconnected.
 //!
 //! ```text
 //! bus_url      the URLs of --bus: every gateway has one line there
@@ -47,7 +47,7 @@ use crate::trace::{ErrorClass, Timestamp};
 pub struct ClientId(u64);
 
 impl ClientId {
-    /// A number that no other client has.
+    /// Returns a number that no other client has.
     #[must_use]
     pub fn next() -> Self {
         static COUNT: AtomicU64 = AtomicU64::new(1);
@@ -103,7 +103,7 @@ pub struct Reply {
 }
 
 impl Reply {
-    /// A reply that anything may follow at once.
+    /// Returns a reply that anything may follow at once.
     #[must_use]
     pub fn new(text: impl Into<Cow<'static, str>>) -> Self {
         Self { text: text.into(), pause: Duration::ZERO }

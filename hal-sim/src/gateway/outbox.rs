@@ -6,8 +6,8 @@ use tokio::sync::{Notify, Semaphore, SemaphorePermit, mpsc};
 
 use super::ToClient;
 
-/// How much may wait for a client that reads slowly: more than a second of a bus at 500 kbit/s under full load, beside what
-/// the system's buffers hold.
+/// How much may wait for a client that reads slowly: more than a second of a bus at 500 kbit/s under full load, beside
+/// what the system's buffers hold.
 pub const QUEUE: usize = 8192;
 
 /// How many messages of one client may wait for the world and the bus; beyond that its socket is not read.
@@ -57,7 +57,7 @@ impl Credit<'_> {
 pub struct Overrun;
 
 impl Outbox {
-    /// An outbox, and the client's end of it.
+    /// Returns an outbox, and the client's end of it.
     #[must_use]
     pub fn new() -> (Self, Mailbox) {
         let (sender, queue) = mpsc::channel(QUEUE);

@@ -82,8 +82,8 @@ pub(super) struct Listener {
 }
 
 impl Listener {
-    /// Serves clients for ever, a session each; each takes one of the places. A client that finds none is told `no_place`
-    /// and let go.
+    /// Serves clients for ever, a session each; each takes one of the places. A client that finds none is told
+    /// `no_place` and let go.
     pub(super) async fn run<S>(
         self,
         places: Arc<Semaphore>,
@@ -134,7 +134,8 @@ impl AsyncRead for Prompt {
     }
 }
 
-/// The address at which this machine reaches a bound one: nobody connects to 0.0.0.0, and a socket at \[::\] takes IPv4, too.
+/// Returns the address at which this machine reaches a bound one: nobody connects to 0.0.0.0, and a socket at \[::\]
+/// takes IPv4, too.
 pub(super) fn joinable(bound: SocketAddr) -> SocketAddr {
     let ip = if bound.ip().is_unspecified() { IpAddr::V4(Ipv4Addr::LOCALHOST) } else { bound.ip() };
     SocketAddr::new(ip, bound.port())

@@ -9,7 +9,7 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    /// The cells that hold `image`, as long as a flash.
+    /// Returns the cells that hold `image`, as long as a flash.
     pub(super) fn of(image: &[u8]) -> Self {
         let mut cells = Self::default();
         for (sector, content) in cells.sectors.iter_mut().zip(image.chunks(SECTOR)) {

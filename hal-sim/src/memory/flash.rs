@@ -122,13 +122,13 @@ impl Default for Flash {
 }
 
 impl Flash {
-    /// An erased flash.
+    /// Returns an erased flash.
     #[must_use]
     pub fn new() -> Self {
         Self::of(Cells::default())
     }
 
-    /// A flash that holds `image`; `None` unless that has the right size.
+    /// Returns a flash that holds `image`; `None` unless that has the right size.
     #[must_use]
     pub fn from_image(image: Vec<u8>) -> Option<Self> {
         (image.len() == SIZE).then(|| Self::of(Cells::of(&image)))
@@ -139,7 +139,7 @@ impl Flash {
         Self { cells, reads: 0, word_writes: 0, erases: 0, faults: Faults::default(), torn_erase, noise }
     }
 
-    /// A copy of everything in it.
+    /// Returns a copy of everything in it.
     #[must_use]
     pub fn image(&self) -> Vec<u8> {
         let mut image = vec![ERASED; SIZE];
@@ -147,7 +147,7 @@ impl Flash {
         image
     }
 
-    /// What is in it.
+    /// Returns what is in it.
     pub(super) const fn cells(&self) -> &Cells {
         &self.cells
     }
@@ -157,36 +157,36 @@ impl Flash {
         self.cells = cells;
     }
 
-    /// How often it was read since it was made.
+    /// Returns how often it was read since it was made.
     #[must_use]
     pub const fn reads(&self) -> u64 {
         self.reads
     }
 
-    /// How many words were written since it was made.
+    /// Returns how many words were written since it was made.
     #[must_use]
     pub const fn word_writes(&self) -> u64 {
         self.word_writes
     }
 
-    /// How many sectors were erased since it was made.
+    /// Returns how many sectors were erased since it was made.
     #[must_use]
     pub const fn erases(&self) -> u64 {
         self.erases
     }
 
-    /// How many words are not erased.
+    /// Returns how many words are not erased.
     #[must_use]
     pub fn words_in_use(&self) -> usize {
         self.image().chunks_exact(WORD).filter(|word| *word != [ERASED; WORD]).count()
     }
 
-    /// From now on writes and erases fail, or do so no longer.
+    /// Lets writes and erases fail from now on, or succeed again.
     pub const fn set_write_fails(&mut self, fails: bool) {
         self.faults.write_fails = fails;
     }
 
-    /// Whether writes and erases fail.
+    /// Returns whether writes and erases fail.
     #[must_use]
     pub const fn write_fails(&self) -> bool {
         self.faults.write_fails
@@ -198,34 +198,35 @@ impl Flash {
         self.faults.power_for = Some(operations);
     }
 
-    /// Lets one operation fail, after `operations` more word writes and sector erases: it is torn, and those after it work.
+    /// Lets one operation fail, after `operations` more word writes and sector erases: it is torn, and those after it
+    /// work.
     pub const fn fail_once_after(&mut self, operations: u64) {
         self.faults.fails_after = Some(operations);
     }
 
-    /// What a torn erase leaves behind from now on.
+    /// Sets what a torn erase leaves behind from now on.
     pub const fn set_torn_erase(&mut self, torn_erase: TornErase) {
         self.torn_erase = torn_erase;
     }
 
-    /// The power is back, and no cut is planned.
+    /// Restores the power, with no cut planned.
     pub const fn restore_power(&mut self) {
         self.faults.power_for = None;
         self.faults.dead = false;
     }
 
-    /// Whether a planned power cut has happened.
+    /// Returns whether a planned power cut has happened.
     #[must_use]
     pub const fn is_dead(&self) -> bool {
         self.faults.dead
     }
 
-    /// Whether writes and erases have a chance.
+    /// Returns whether writes and erases have a chance.
     pub(super) const fn can_be_written(&self) -> bool {
         !self.faults.dead && !self.faults.write_fails
     }
 
-    /// Other noise in what is torn.
+    /// Seeds the noise in what is torn.
     pub fn seed_noise(&mut self, seed: u64) {
         self.noise = fastrand::Rng::with_seed(seed);
     }
@@ -252,7 +253,7 @@ impl Flash {
         }
     }
 
-    /// What becomes of one more operation.
+    /// Returns what becomes of one more operation.
     fn attempt(&mut self) -> Result<Attempt, FlashError> {
         if self.faults.dead {
             return Err(FlashError::PowerCut);
@@ -271,7 +272,7 @@ impl Flash {
     }
 }
 
-/// Whether what was to happen after so many operations happens at this one; it is not to happen again then.
+/// Returns whether what was to happen after so many operations happens at this one; it is not to happen again then.
 fn count_down(left: &mut Option<u64>) -> bool {
     match left {
         None => false,
@@ -334,7 +335,7 @@ impl NorFlash for Flash {
         Ok(())
     }
 
-    /// A torn write has cleared some of the bits of its word.
+    /// Writes words. A torn write has cleared some of the bits of its word.
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
         let range = Self::range(offset, bytes.len(), WORD)?;
         for (start, word) in range.step_by(WORD).zip(bytes.chunks_exact(WORD)) {

@@ -60,8 +60,8 @@ impl Memory {
     /// The memory that is kept in `dir/name.nvm`, for a device of this kind: see [`MemoryFile`].
     ///
     /// # Errors
-    /// When the file belongs to a device of another kind or is in use, or cannot be read, written or put aside. It is not
-    /// changed then.
+    /// When the file belongs to a device of another kind or is in use, or cannot be read, written or put aside. It is
+    /// not changed then.
     pub fn in_file(dir: &Path, name: &str, kind: u32) -> Result<Self, StateFileError> {
         MemoryFile::take(dir, name, kind)?.open()
     }

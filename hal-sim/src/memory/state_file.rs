@@ -1,14 +1,14 @@
 //! A memory kept in a file: a header of 16 bytes and the raw flash image.
 //!
-//! Every change writes the whole file anew, under a name that nobody else has, syncs it, renames it over the old one and
-//! syncs the folder, which Windows cannot. Whatever instant the process is killed at, or the machine loses its power, the
-//! file is the old one or the new one, and it is the new one from the moment that the write has returned. Writing only the
-//! changed words would be faster, but could leave half a store behind that the *simulated* flash never saw; at 32 KiB and
-//! a handful of stores a second the whole file costs nothing.
+//! Every change writes the whole file anew, under a name that nobody else has, syncs it, renames it over the old one
+//! and syncs the folder, which Windows cannot. Whatever instant the process is killed at, or the machine loses its
+//! power, the file is the old one or the new one, and it is the new one from the moment that the write has returned.
+//! Writing only the changed words would be faster, but could leave half a store behind that the *simulated* flash never
+//! saw; at 32 KiB and a handful of stores a second the whole file costs nothing.
 //!
-//! Only one simulator may have it: another one would not see what this one stores, and overwrite it. What is locked is a
-//! file beside it, for the file itself is another one after each write, and there is none before the first. The lock goes
-//! with the process, its file stays: to remove it would let two others lock two different ones.
+//! Only one simulator may have it: another one would not see what this one stores, and overwrite it. What is locked is
+//! a file beside it, for the file itself is another one after each write, and there is none before the first. The lock
+//! goes with the process, its file stays: to remove it would let two others lock two different ones.
 
 use std::ffi::OsString;
 use std::fs::{self, DirEntry, File, OpenOptions, TryLockError};
@@ -107,14 +107,14 @@ impl StateFile {
         }
     }
 
-    /// What is in it, up to the byte with which it is too long.
+    /// Returns what is in it, up to the byte with which it is too long.
     fn read(&self) -> io::Result<Vec<u8>> {
         let mut bytes = Vec::new();
         File::open(&self.path)?.take((HEADER + SIZE + 1) as u64).read_to_end(&mut bytes)?;
         Ok(bytes)
     }
 
-    /// The name of the file with one more ending.
+    /// Returns the name of the file with one more ending.
     fn beside(&self, ending: &str) -> PathBuf {
         let mut name = OsString::from(&self.path);
         name.push(".");
@@ -151,8 +151,8 @@ impl StateFile {
         written.map_err(|error| self.error("write", error))
     }
 
-    /// Removes the unfinished files that killed processes left beside this one: `.name.nvm.` and six letters or digits. A
-    /// name that ends in a plain word is somebody's copy.
+    /// Removes the unfinished files that killed processes left beside this one: `.name.nvm.` and six letters or digits.
+    /// A name that ends in a plain word is somebody's copy.
     pub(super) fn sweep(&self) {
         let (Some(folder), Some(name)) = (self.path.parent(), self.path.file_name()) else { return };
         let begin = format!(".{}.", name.to_string_lossy());

@@ -1,7 +1,7 @@
 //! Vector's ASC: text, a line an event, with times from the start of the measurement.
 //!
-//! Only frames and error frames of classic CAN are taken; whatever else the tools log (statistics, chip states, variables,
-//! comments) is no frame and passed over. An error frame has no class in this format.
+//! Only frames and error frames of classic CAN are taken; whatever else the tools log (statistics, chip states,
+//! variables, comments) is no frame and passed over. An error frame has no class in this format.
 
 use std::io::{self, Write};
 
@@ -14,8 +14,8 @@ use crate::trace::{Entry, ErrorFrame, Record, Timestamp};
 /// The channel that all frames are on.
 const CHANNEL: u8 = 1;
 
-/// Writes the head of a file whose measurement starts at a time; returns that time in whole milliseconds, as the date has
-/// it: the origin of all others.
+/// Writes the head of a file whose measurement starts at a time; returns that time in whole milliseconds, as the date
+/// has it: the origin of all others.
 pub(super) fn write_head(out: &mut impl Write, start: Timestamp) -> io::Result<Timestamp> {
     let origin = Timestamp::from_micros(start.as_micros() / 1000 * 1000);
     let date = Date(origin);
@@ -46,7 +46,7 @@ pub(super) fn write_end(out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "End TriggerBlock")
 }
 
-/// Whether a line is one that a file begins with.
+/// Returns whether a line is one that a file begins with.
 pub(super) fn is_head(line: &str) -> bool {
     let mut words = line.split_whitespace();
     let first = words.next().unwrap_or_default().to_ascii_lowercase();
@@ -108,18 +108,18 @@ impl Parser {
         Ok(None)
     }
 
-    /// The channel of the last frame, from 1.
+    /// Returns the channel of the last frame, from 1.
     pub(super) const fn channel(&self) -> u16 {
         self.channel
     }
 
-    /// A date that is not understood leaves the origin as it is.
+    /// Sets the origin to a date; one that is not understood leaves the origin as it is.
     fn start(&mut self, date: Option<Timestamp>) {
         self.origin = date.unwrap_or(self.origin);
         self.last = self.origin;
     }
 
-    /// `hex  timestamps absolute`
+    /// Takes the line of the base: `hex  timestamps absolute`.
     fn base(&mut self, rest: &str) -> Result<(), Reason> {
         let words: Vec<&str> = rest.split_whitespace().collect();
         self.radix = words.first().and_then(|base| radix(base)).ok_or("a base that is neither hex nor dec")?;
@@ -157,8 +157,8 @@ impl Parser {
         Ok(Some(Record { at, entry }))
     }
 
-    /// A frame of classic CAN as a controller for CAN FD logs it: identifier, name, BRS, ESI, length code, length, data,
-    /// two measures of the frame, flags.
+    /// Returns a frame of classic CAN as a controller for CAN FD logs it: identifier, name, BRS, ESI, length code,
+    /// length, data, two measures of the frame, flags.
     fn frame_of_fd_controller(&self, words: &[&str]) -> Result<Frame, Reason> {
         /// The marks of a remote frame and of CAN FD in the flags.
         const REMOTE: u32 = 1 << 4;
@@ -178,7 +178,7 @@ impl Parser {
         }
     }
 
-    /// The identifier, and what stands after the direction.
+    /// Returns the identifier, and what stands after the direction.
     fn frame(&self, id: &str, rest: &[&str]) -> Result<Frame, Reason> {
         let number = |text: &str| u32::from_str_radix(text, self.radix).ok().filter(|_| !text.starts_with('+'));
         let id = match id.strip_suffix(['x', 'X']) {
@@ -217,7 +217,7 @@ fn is_on_bus(direction: &str) -> bool {
     direction.eq_ignore_ascii_case("Rx") || direction.eq_ignore_ascii_case("Tx")
 }
 
-/// Whether a word after a channel begins an event that is no frame: `Statistic:`, `CAN Status:`, `J1939TP`.
+/// Returns whether a word after a channel begins an event that is no frame: `Statistic:`, `CAN Status:`, `J1939TP`.
 fn is_other_event(word: &str) -> bool {
     word.ends_with(':') || ["CAN", "J1939TP", "OverloadFrame"].iter().any(|known| word.eq_ignore_ascii_case(known))
 }

@@ -62,7 +62,7 @@ pub(super) fn parse(text: &str) -> Option<Timestamp> {
     Some(Timestamp::from_micros(days(year, month, day) * DAY + (hours * 60 + minutes) * 60 * SECOND + seconds))
 }
 
-/// The days from 1970-01-01 to a date. Years begin in March here: the leap day is the last one.
+/// Returns the days from 1970-01-01 to a date. Years begin in March here: the leap day is the last one.
 const fn days(year: u64, month: u32, day: u32) -> u64 {
     let year = if month <= 2 { year - 1 } else { year };
     let day_of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;
@@ -72,7 +72,7 @@ const fn days(year: u64, month: u32, day: u32) -> u64 {
 /// The days from 0000-03-01 to 1970-01-01.
 const EPOCH: u64 = 719_468;
 
-/// Year, month and day of a day since 1970-01-01.
+/// Returns year, month and day of a day since 1970-01-01.
 const fn civil(days: u64) -> (u64, u32, u32) {
     const ERA: u64 = 146_097;
     let days = days + EPOCH;

@@ -137,17 +137,17 @@ impl Packets {
         Ok(Self { reader, interfaces: Vec::new(), last: 0 })
     }
 
-    /// The interface of the last packet.
+    /// Returns the interface of the last packet.
     pub(super) fn bus(&self) -> &str {
         self.interfaces.get(self.last).map_or("can0", |interface| &interface.name)
     }
 
-    /// Whether the next packet may have to be waited for.
+    /// Returns whether the next packet may have to be waited for.
     pub(super) fn may_wait(&self) -> bool {
         self.reader.data().is_empty()
     }
 
-    /// The next packet's entry; `None` at the end.
+    /// Returns the next packet's entry; `None` at the end.
     pub(super) fn next(&mut self) -> Option<Result<Record, PacketError>> {
         loop {
             let (length, found) = match self.reader.next() {
@@ -171,7 +171,7 @@ impl Packets {
 const CUT_OFF: Reason = "a file that is cut off here";
 const BROKEN: Reason = "no block of pcapng; the rest cannot be found";
 
-/// The entry of a block that is a packet.
+/// Returns the entry of a block that is a packet.
 fn take(
     interfaces: &mut Vec<Interface>,
     last: &mut usize,
@@ -203,8 +203,8 @@ fn take(
     None
 }
 
-/// The units in a second: a power of 10, or with the highest bit one of 2. One beyond all clocks counts as the finest that
-/// a number of 64 bits can have.
+/// Returns the units in a second: a power of 10, or with the highest bit one of 2. One beyond all clocks counts as the
+/// finest that a number of 64 bits can have.
 fn resolution(told: u8) -> u128 {
     match (told & 0x80, told & 0x7F) {
         (0, power) => 10_u128.pow(u32::from(power.min(19))),
@@ -220,7 +220,7 @@ impl Interface {
     }
 }
 
-/// The entry of a packet of SocketCAN.
+/// Returns the entry of a packet of SocketCAN.
 fn entry(packet: &[u8]) -> Result<Entry, Reason> {
     let Some((&[a, b, c, d, length, flags, _, _], data)) = packet.split_first_chunk::<HEAD>() else {
         return Err("a packet that is too short for a frame");

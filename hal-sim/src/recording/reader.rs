@@ -1,4 +1,5 @@
-//! A recording that is being read, in any format: what is in the file decides, and for a text that says nothing its ending.
+//! A recording that is being read, in any format: what is in the file decides, and for a text that says nothing its
+//! ending.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read};
@@ -103,7 +104,8 @@ impl Reader {
         Self::new(file, Format::of(path))
     }
 
-    /// Reads `source`, in the format of what is in it; a text whose first line is none of ASC has the format of `ending`.
+    /// Reads `source`, in the format of what is in it; a text whose first line is none of ASC has the format of
+    /// `ending`.
     ///
     /// # Errors
     /// When nothing can be read from `source`.
@@ -211,7 +213,7 @@ impl Text {
         Ok(true)
     }
 
-    /// The entry of the line; `None` when it has none to have.
+    /// Returns the entry of the line; `None` when it has none to have.
     fn entry(&mut self) -> Result<Option<Record>, Reason> {
         if self.is_too_long {
             return Err("a line that is too long");

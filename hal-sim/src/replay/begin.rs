@@ -57,8 +57,8 @@ enum Search {
     Open,
     /// It is this entry.
     Found(Entrance),
-    /// It is this claim with another NAME, unless the device's own one comes: then that was of a contender. `spoke`: something
-    /// else was sent from the address since then.
+    /// It is this claim with another NAME, unless the device's own one comes: then that was of a contender. `spoke`:
+    /// something else was sent from the address since then.
     Perhaps { claim: Entrance, spoke: bool },
     /// It was before the log: the device has sent something else.
     Before,
@@ -162,42 +162,42 @@ impl Begin {
         Ok(Self { zero: Timestamp::from_micros(zero), first: start, devices: devices.collect() })
     }
 
-    /// The virtual instant of an entry of the log; `None` for one that is left out.
+    /// Returns the virtual instant of an entry of the log; `None` for one that is left out.
     pub(super) fn instant(&self, logged: &Logged) -> Option<Instant> {
         let micros = logged.record.at.as_micros().saturating_sub(self.zero.as_micros());
         (logged.number >= self.first.0).then(|| Instant::from_micros(micros))
     }
 
-    /// The virtual instant of the first entry that counts: before it the log tells nothing.
+    /// Returns the virtual instant of the first entry that counts: before it the log tells nothing.
     pub(super) fn opened(&self) -> Instant {
         Instant::from_micros(self.first.1.as_micros().saturating_sub(self.zero.as_micros()))
     }
 
-    /// The time of the log at a virtual instant.
+    /// Returns the time of the log at a virtual instant.
     pub(super) fn time(&self, at: Instant) -> Timestamp {
         self.zero.at(at)
     }
 
-    /// Whether an entry of the log is the first frame of a device.
+    /// Returns whether an entry of the log is the first frame of a device.
     pub(super) fn is_first(&self, number: u64) -> bool {
         self.devices.iter().any(|device| device.number == Some(number))
     }
 
-    /// The power-ups of the devices, in the order of the options.
+    /// Returns the power-ups of the devices, in the order of the options.
     pub(super) fn power_ups(&self) -> &[PowerUp] {
         &self.devices
     }
 }
 
-/// Whether a frame can be the first one with other data: it has its identifier, and is no heartbeat, which has that of the
-/// boot-up.
+/// Returns whether a frame can be the first one with other data: it has its identifier, and is no heartbeat, which has
+/// that of the boot-up.
 fn is_like(first: &Frame, frame: &Frame) -> bool {
     let is_heartbeat = matches!(frame.id(), Id::Standard(id) if (0x701..=0x77F).contains(&id.as_raw()))
         && matches!(frame.data(), [0x04 | 0x05 | 0x7F]);
     first.key() == frame.key() && !frame.is_remote() && !is_heartbeat
 }
 
-/// What a device sends first when it is alone on a bus of its own bit rate.
+/// Returns what a device sends first when it is alone on a bus of its own bit rate.
 fn first_frame(device: &NamedDevice) -> Option<First> {
     let rate = device.birth.bit_rate.or(device.kind.bit_rates().first().copied())?;
     let mut world = World::new(rate, 0);
@@ -220,7 +220,7 @@ fn first_frame(device: &NamedDevice) -> Option<First> {
     None
 }
 
-/// How long a frame is on the wire, rounded up to microseconds.
+/// Returns how long a frame is on the wire, rounded up to microseconds.
 pub(super) fn length(frame: &Frame, bits_per_second: u32) -> Duration {
     let bits = u64::from(FrameBits::of(frame).on_wire());
     Duration::from_micros((bits * 1_000_000).div_ceil(bits_per_second.into()))

@@ -1,7 +1,7 @@
 //! The frames of one identifier, as logged and as the stand-in sent them, and which of them are a pair.
 //!
-//! Frames that are alike and near in time are a pair. Where the heads of both are none, the best way on is looked for among
-//! the next frames, so that one frame too many or too few does not put all that follow out of step.
+//! Frames that are alike and near in time are a pair. Where the heads of both are none, the best way on is looked for
+//! among the next frames, so that one frame too many or too few does not put all that follow out of step.
 
 use std::collections::VecDeque;
 
@@ -14,8 +14,8 @@ use super::travel::Travels;
 /// How much later or earlier than in the log a frame is still taken for the same one, beyond the tolerance (A).
 pub(super) const PATIENCE: Duration = Duration::from_secs(1);
 
-/// How much later than another one a cannot-claim may come: its delay is random, so that those that lose together do not
-/// collide (SAE J1939-81).
+/// How much later than another one a cannot-claim may come: its delay is random, so that those that lose together do
+/// not collide (SAE J1939-81).
 const CANNOT_CLAIM: Duration = Duration::from_micros(255 * 600);
 
 /// How many frames on either side are looked at for the best way on.
@@ -72,7 +72,7 @@ enum Step {
 }
 
 impl Lane {
-    /// The next verdict, with all frames known up to an instant; `None` when it has to wait for more.
+    /// Returns the next verdict, with all frames known up to an instant; `None` when it has to wait for more.
     pub(super) fn next(&mut self, known: Instant, tolerance: Duration, travels: &Travels) -> Option<Verdict> {
         let is_over = |item: &Item| since(known, item.at) > tolerance + PATIENCE;
         let step = match (self.logged.front(), self.sent.front()) {
@@ -105,7 +105,7 @@ impl Lane {
         }
     }
 
-    /// The first step of the cheapest way through the next frames.
+    /// Returns the first step of the cheapest way through the next frames.
     fn best(&self, known: Instant, tolerance: Duration, travels: &Travels) -> Step {
         let logged: Vec<&Item> = self.logged.iter().take(AHEAD).collect();
         let sent: Vec<&Item> = self.sent.iter().take(AHEAD).collect();
@@ -142,7 +142,7 @@ impl Lane {
     }
 }
 
-/// What two frames cost as a pair; `None` when they are none.
+/// Returns what two frames cost as a pair; `None` when they are none.
 fn pair(logged: &Item, sent: &Item, tolerance: Duration, travels: &Travels) -> Option<u32> {
     let tolerance = if is_cannot_claim(&logged.frame) { tolerance + CANNOT_CLAIM } else { tolerance };
     let apart = since(logged.at, sent.at).max(since(sent.at, logged.at));

@@ -10,13 +10,14 @@
 //! report   differences in words
 //! ```
 //!
-//! The log has no instant of power-up; each stand-in is switched on so that its first frame (boot-up, or address claim) ends
-//! when that of the log does, and without such a frame some time before the log. A frame of somebody else is sent so that it ends when it did in the log, through the port of
-//! an ordinary client. It may lose an arbitration that it won in the log, and come a frame's length later.
+//! The log has no instant of power-up; each stand-in is switched on so that its first frame (boot-up, or address claim)
+//! ends when that of the log does, and without such a frame some time before the log. A frame of somebody else is sent
+//! so that it ends when it did in the log, through the port of an ordinary client. It may lose an arbitration that it
+//! won in the log, and come a frame's length later.
 //!
-//! A stand-in may turn out to send under an identifier that it was not known to have when the log had it first, as a PDO
-//! with another COB-ID. Then that frame was played as one of somebody else, and the round is played once more with what is
-//! known now.
+//! A stand-in may turn out to send under an identifier that it was not known to have when the log had it first, as a
+//! PDO with another COB-ID. Then that frame was played as one of somebody else, and the round is played once more with
+//! what is known now.
 
 mod begin;
 mod lane;
@@ -89,7 +90,7 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// Whether the whole log was read, and the stand-ins answer as it says.
+    /// Returns whether the whole log was read, and the stand-ins answer as it says.
     #[must_use]
     pub fn is_as_logged(&self) -> bool {
         self.differences == 0 && self.unread.is_empty()
@@ -155,7 +156,8 @@ struct Player<'a> {
     options: &'a ReplayOptions,
     begin: &'a Begin,
     stage: Stage,
-    /// The identifiers that the stand-ins are known to send under, beside those of their node IDs, as [keys](Frame::key).
+    /// The identifiers that the stand-ins are known to send under, beside those of their node IDs, as
+    /// [keys](Frame::key).
     own: BTreeSet<u32>,
     /// The identifiers under which frames of the log were sent.
     played: BTreeSet<u32>,
@@ -245,8 +247,8 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Finds pairs in what is known up to an instant. What the stand-ins send before the first entry of the log, or after its
-    /// end, is not missing there.
+    /// Finds pairs in what is known up to an instant. What the stand-ins send before the first entry of the log, or
+    /// after its end, is not missing there.
     fn pair(&mut self, known: Instant, end: Option<Instant>) {
         let tolerance = self.options.tolerance;
         for lane in self.lanes.values_mut() {
@@ -275,8 +277,8 @@ impl<'a> Player<'a> {
         self.stage.forget(known);
     }
 
-    /// The identifiers that the stand-ins have sent under, and that frames of the log were played under. Claims for one
-    /// address are of several.
+    /// Returns the identifiers that the stand-ins have sent under, and that frames of the log were played under. Claims
+    /// for one address are of several.
     fn misplayed(&self) -> BTreeSet<u32> {
         let sent = self.stage.sent_keys().iter().copied().filter(|key| !is_claim(*key));
         sent.filter(|key| self.played.contains(key) && !self.own.contains(key)).collect()

@@ -1,5 +1,5 @@
-//! Which frames of a recording are of the devices that stand-ins stand for: those with identifiers of their node IDs and
-//! addresses, and those that the stand-ins themselves have sent under.
+//! Which frames of a recording are of the devices that stand-ins stand for: those with identifiers of their node IDs
+//! and addresses, and those that the stand-ins themselves have sent under.
 
 use std::collections::BTreeSet;
 
@@ -15,7 +15,7 @@ use crate::explain::Node;
 /// Answers to LSS: whoever is asked by LSS sends them.
 const LSS_ANSWER: u16 = 0x7E4;
 
-/// Whether a frame is of a device. `keys` are identifiers that stand-ins have sent under.
+/// Returns whether a frame is of a device. `keys` are identifiers that stand-ins have sent under.
 pub(super) fn is_own(frame: &Frame, nodes: &[Node], keys: &BTreeSet<u32>, begin: &Begin) -> bool {
     // A remote frame has the identifier of the answer that it asks for.
     if frame.is_remote() {
@@ -30,7 +30,7 @@ pub(super) fn is_own(frame: &Frame, nodes: &[Node], keys: &BTreeSet<u32>, begin:
         || keys.contains(&frame.key())
 }
 
-/// Whether a frame has an identifier of the device with this node ID, or address.
+/// Returns whether a frame has an identifier of the device with this node ID, or address.
 pub(super) fn is_of(frame: &Frame, protocol: Protocol, node_id: u8) -> bool {
     match (frame.id(), protocol) {
         (Id::Standard(id), Protocol::Canopen) => {
@@ -45,7 +45,7 @@ pub(super) fn is_of(frame: &Frame, protocol: Protocol, node_id: u8) -> bool {
     }
 }
 
-/// Whether a [key](Frame::key) is of an address claim, or of a cannot-claim.
+/// Returns whether a [key](Frame::key) is of an address claim, or of a cannot-claim.
 pub(super) fn is_claim(key: u32) -> bool {
     const EXTENDED: u32 = 1 << 29;
     key & EXTENDED != 0
@@ -53,7 +53,7 @@ pub(super) fn is_claim(key: u32) -> bool {
         && J1939Id::from_raw(key & !EXTENDED).pgn() == Pgn::ADDRESS_CLAIMED
 }
 
-/// Whether a frame says that its sender has no address.
+/// Returns whether a frame says that its sender has no address.
 pub(super) fn is_cannot_claim(frame: &Frame) -> bool {
     match frame.id() {
         Id::Extended(id) => is_claim(frame.key()) && J1939Id::from_raw(id.as_raw()).source() == Address::NULL,
@@ -61,8 +61,8 @@ pub(super) fn is_cannot_claim(frame: &Frame) -> bool {
     }
 }
 
-/// Whether a claim is of a device: by its NAME, that of the stand-in or that of its first claim in the log. Where the log has
-/// none, another NAME of the same product at the address of the device is taken for its own.
+/// Returns whether a claim is of a device: by its NAME, that of the stand-in or that of its first claim in the log.
+/// Where the log has none, another NAME of the same product at the address of the device is taken for its own.
 fn is_own_claim(frame: &Frame, nodes: &[Node], begin: &Begin) -> bool {
     let name_of = |frame: &Frame| frame.eight().map(|bytes| Name::from_bytes(*bytes));
     let Some(name) = name_of(frame) else { return false };

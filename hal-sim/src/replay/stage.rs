@@ -104,7 +104,7 @@ impl Stage {
         }
     }
 
-    /// When positions are to be noted next: while nothing moves and nothing happens, there is nothing to note.
+    /// Returns when positions are to be noted next: while nothing moves and nothing happens, there is nothing to note.
     fn next_sample(&self, end: Instant) -> Instant {
         let moves = self.nodes.iter().map(|node| self.world.next_position(*node, end)).min();
         let rests_until = self.world.next_event().min(moves.unwrap_or(end));
@@ -142,7 +142,7 @@ impl Stage {
         self.sent.drain(..)
     }
 
-    /// The identifiers that the stand-ins have sent under, as [keys](Frame::key).
+    /// Returns the identifiers that the stand-ins have sent under, as [keys](Frame::key).
     pub(super) const fn sent_keys(&self) -> &BTreeSet<u32> {
         &self.sent_keys
     }
@@ -156,13 +156,13 @@ impl Stage {
         self.travels.forget(known);
     }
 
-    /// Whether a frame of the log is of a device that a stand-in stands for.
+    /// Returns whether a frame of the log is of a device that a stand-in stands for.
     pub(super) fn is_own(&mut self, frame: &Frame, keys: &BTreeSet<u32>, begin: &Begin) -> bool {
         self.update_ids();
         own::is_own(frame, self.explainer.nodes_mut(), keys, begin)
     }
 
-    /// The node IDs of devices that are switched on; of the others those that they were made with.
+    /// Takes the node IDs of devices that are switched on; of the others those that they were made with.
     fn update_ids(&mut self) {
         for (known, node) in self.explainer.nodes_mut().iter_mut().zip(&self.nodes) {
             if let Some(device) = self.world.device(*node) {
@@ -171,7 +171,7 @@ impl Stage {
         }
     }
 
-    /// A difference in words.
+    /// Returns a difference in words.
     pub(super) fn difference(&mut self, what: What, item: &Item, other: Option<&Item>, begin: &Begin) -> Difference {
         self.update_ids();
         let logged = Some(item).filter(|_| what != What::Additional);

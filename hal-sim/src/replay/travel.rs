@@ -49,14 +49,15 @@ impl Travels {
         }
     }
 
-    /// Whether two frames of an identifier say the same: equal, but for a position that comes by within the tolerance.
+    /// Returns whether two frames of an identifier say the same: equal, but for a position that comes by within the
+    /// tolerance.
     pub(super) fn alike(&self, logged: &Item, sent: &Item) -> bool {
         logged.frame == sent.frame
             || self.range(logged, sent).is_some_and(|(kind, range)| differ_in_position(kind, logged, sent, &range))
     }
 
-    /// The kind of the sender, and its positions from the tolerance before the first of two frames to the tolerance after the
-    /// last; `None` when there is one alone.
+    /// Returns the kind of the sender, and its positions from the tolerance before the first of two frames to the
+    /// tolerance after the last; `None` when there is one alone.
     fn range(&self, logged: &Item, sent: &Item) -> Option<(Kind, RangeInclusive<i16>)> {
         let margin = self.tolerance + GRID;
         let (first, last) = (logged.at.min(sent.at), logged.at.max(sent.at));
@@ -70,8 +71,8 @@ impl Travels {
     }
 }
 
-/// Whether two frames are equal but for a position, which is in the range in both: in a PDO as 0x6301 or 0x6004, in an
-/// answer of SDO on the scale of the object, in an AVEF as a flow.
+/// Returns whether two frames are equal but for a position, which is in the range in both: in a PDO as 0x6301 or
+/// 0x6004, in an answer of SDO on the scale of the object, in an AVEF as a flow.
 fn differ_in_position(kind: Kind, logged: &Item, sent: &Item, range: &RangeInclusive<i16>) -> bool {
     let (one, two) = (&logged.frame, &sent.frame);
     if one.len() != two.len() {
@@ -103,8 +104,8 @@ fn differ_in_position(kind: Kind, logged: &Item, sent: &Item, range: &RangeInclu
     }
 }
 
-/// Where a position may be in a PDO: anywhere, for the mapping can be any. But a status word of a valve that a position
-/// follows, as in the default mapping, is none.
+/// Returns where a position may be in a PDO: anywhere, for the mapping can be any. But a status word of a valve that a
+/// position follows, as in the default mapping, is none.
 fn places(kind: Kind, data: &[u8], range: &RangeInclusive<i16>) -> std::ops::Range<usize> {
     let is_default = match (kind, data) {
         (Kind::Pve(_), &[a, b, low, high]) => {
@@ -117,7 +118,7 @@ fn places(kind: Kind, data: &[u8], range: &RangeInclusive<i16>) -> std::ops::Ran
     if is_default { 2..data.len() } else { 0..data.len() }
 }
 
-/// Whether two frames are equal but for the number of N bytes from a byte on, which is in the range in both.
+/// Returns whether two frames are equal but for the number of N bytes from a byte on, which is in the range in both.
 fn differ_at<const N: usize>(one: &Frame, two: &Frame, at: usize, range: &RangeInclusive<i32>) -> bool {
     let split = |frame: &Frame| {
         let (before, rest) = frame.bytes().split_at(at.min(8));
@@ -130,14 +131,14 @@ fn differ_at<const N: usize>(one: &Frame, two: &Frame, at: usize, range: &RangeI
     split(one).is_some_and(|one| Some(one) == split(two))
 }
 
-/// The positions of a range where so much is the full stroke, whichever way they are rounded.
+/// Returns the positions of a range where so much is the full stroke, whichever way they are rounded.
 fn scaled(range: &RangeInclusive<i16>, full: i32) -> RangeInclusive<i32> {
     const FULL: i32 = 16_384;
     let [start, end] = [range.start(), range.end()].map(|position| i32::from(*position) * full / FULL);
     start.min(end) - 1..=start.max(end) + 1
 }
 
-/// Whether a flow is of a position in the range, to the percent.
+/// Returns whether a flow is of a position in the range, to the percent.
 fn has(range: &RangeInclusive<i16>, flow: &EstimatedFlow) -> bool {
     scaled(range, 100).contains(&(i32::from(flow.extend) - i32::from(flow.retract)))
 }

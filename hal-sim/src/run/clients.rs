@@ -23,8 +23,8 @@ pub(super) struct Clients {
     clients: BTreeMap<ClientId, Client>,
     /// Whether clients get error frames.
     error_frames: bool,
-    /// Their controller. It keeps nothing of what it hears: that comes to the clients by the events, in which frames and
-    /// error frames are in their order.
+    /// Their controller. It keeps nothing of what it hears: that comes to the clients by the events, in which frames
+    /// and error frames are in their order.
     tap: TapId,
     /// Whose frame the controller has.
     sending: Option<ClientId>,
@@ -50,7 +50,8 @@ struct Waiting {
 }
 
 impl Clients {
-    /// A gateway is on the bus with no client, too, or a lone device would have nobody to acknowledge what it sends.
+    /// Returns no clients yet. A gateway is on the bus without one, too, or a lone device would have nobody to
+    /// acknowledge what it sends.
     pub(super) fn new(world: &mut World, error_frames: bool) -> Self {
         Self {
             clients: BTreeMap::new(),
@@ -104,13 +105,13 @@ impl Clients {
         }
     }
 
-    /// Whether a client listens.
+    /// Returns whether a client listens.
     pub(super) fn is_heard(&self) -> bool {
         self.clients.values().any(|client| client.listening)
     }
 
-    /// Sends a frame to all listening clients but its sender, and an error that is told to all of them, if they want it.
-    /// Returns the number of clients that were dismissed.
+    /// Sends a frame to all listening clients but its sender, and an error that is told to all of them, if they want
+    /// it. Returns the number of clients that were dismissed.
     pub(super) fn show(&mut self, event: &Event, at: Timestamp, told: Option<ErrorClass>) -> usize {
         let own = *event.who == *NAME;
         let (message, sender) = match (&event.what, told) {
@@ -125,8 +126,8 @@ impl Clients {
         overrun.len()
     }
 
-    /// Withdraws a frame that was destroyed and whose client has left: it could be destroyed for ever. To be called after
-    /// every event, before [`send`](Self::send).
+    /// Withdraws a frame that was destroyed and whose client has left: it could be destroyed for ever. To be called
+    /// after every event, before [`send`](Self::send).
     pub(super) fn give_up(&mut self, event: &Event, world: &mut World) {
         let left = self.sending.is_some_and(|sender| !self.clients.contains_key(&sender));
         if event.is_error_frame() && *event.who == *NAME && left {
@@ -176,8 +177,8 @@ impl Clients {
         std::mem::take(&mut self.dropped)
     }
 
-    /// Lets a client go. Its frames still go out; beyond [`LEFT_BEHIND`], the departed client with the most frames loses
-    /// the later half of them.
+    /// Lets a client go. Its frames still go out; beyond [`LEFT_BEHIND`], the departed client with the most frames
+    /// loses the later half of them.
     fn let_go(&mut self, id: ClientId) {
         if self.clients.remove(&id).is_none() {
             return;

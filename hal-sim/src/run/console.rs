@@ -84,7 +84,7 @@ fn change(node: NodeId, word: &str, value: &str, world: &mut World) -> Result<()
     Err(format!("'{word} {value}' {why}; {}", accepted(Some(node), world)))
 }
 
-/// The words of the devices there are, or of this one, in the order in which they are told.
+/// Returns the words of the devices there are, or of this one, in the order in which they are told.
 fn words(node: Option<NodeId>, world: &World) -> Vec<&'static Words> {
     let is_there = |has: fn(&ProductSenses) -> bool| {
         world.devices().filter(|id| node.is_none_or(|node| *id == node)).any(|id| has(&world.senses(id).product))
@@ -131,7 +131,7 @@ fn status(id: NodeId, world: &World) -> String {
     text
 }
 
-/// The device, where there is one alone.
+/// Returns the device, where there is one alone.
 fn only(world: &World) -> Option<NodeId> {
     let mut devices = world.devices();
     devices.next().filter(|_| devices.next().is_none())

@@ -1,8 +1,8 @@
 //! The thread of the world: keeps its time, lets messages of clients take effect, and shows what was on the bus.
 //!
 //! A message takes effect at the virtual time of its arrival, after the world has caught up with that completely. The
-//! work between two looks at the clock is bounded by a number of events, so a world that is behind skips nothing and keeps
-//! nobody waiting for long.
+//! work between two looks at the clock is bounded by a number of events, so a world that is behind skips nothing and
+//! keeps nobody waiting for long.
 
 use std::collections::VecDeque;
 use std::io::{self, Write};
@@ -35,8 +35,8 @@ const LULL: WallDuration = WallDuration::from_millis(1);
 /// The trace is handed out so often, even if there is no lull.
 const HAND_OUT: WallDuration = WallDuration::from_millis(20);
 
-/// Above speed 1 the thread stays awake for so long after a message. A client that works back to back sends the next one by
-/// then, and a wake-up would take more of its time than the bus does.
+/// Above speed 1 the thread stays awake for so long after a message. A client that works back to back sends the next
+/// one by then, and a wake-up would take more of its time than the bus does.
 const ALERT: WallDuration = WallDuration::from_micros(200);
 
 /// A world with everything that is connected to it.
@@ -68,7 +68,7 @@ pub struct Driver<O> {
 }
 
 impl<O: Outside> Driver<O> {
-    /// A driver of a world whose devices are not powered yet. `start` is the wall time of virtual instant 0.
+    /// Returns a driver of a world whose devices are not powered yet. `start` is the wall time of virtual instant 0.
     pub(super) fn new(
         mut world: World,
         clients: Clients,
@@ -103,8 +103,8 @@ impl<O: Outside> Driver<O> {
         }
     }
 
-    /// A driver for a program that has a wall clock and clients of its own, at a speed that is finite and above 0. Powers the
-    /// devices of the world, and keeps no log. Call [`turn`](Self::turn) again and again.
+    /// Returns a driver for a program that has a wall clock and clients of its own, at a speed that is finite and above
+    /// zero. Powers the devices of the world, and keeps no log. Call [`turn`](Self::turn) again and again.
     ///
     /// # Errors
     /// When the thread that writes to `stdout` and `stderr` cannot be started.
@@ -182,7 +182,8 @@ impl<O: Outside> Driver<O> {
         }
     }
 
-    /// Lets the messages that have come take effect, and then time pass, as far as a call of the control interface has it.
+    /// Lets the messages that have come take effect, and then time pass, as far as a call of the control interface has
+    /// it.
     fn turn_stepped(&mut self) {
         while self.arrivals.len() < GO
             && let Some(arrival) = self.outside.take()
@@ -205,7 +206,7 @@ impl<O: Outside> Driver<O> {
         self.hand_out();
     }
 
-    /// The instant at which a message takes effect.
+    /// Returns the instant at which a message takes effect.
     fn due(&self, arrival: &Arrival) -> Instant {
         let arrived = self.time.pace().at(arrival.at);
         match arrival.message {
@@ -214,7 +215,8 @@ impl<O: Outside> Driver<O> {
         }
     }
 
-    /// Waits for a message, or for the next event. Hands out the trace before a sleep, unless a client would wait for that.
+    /// Waits for a message, or for the next event. Hands out the trace before a sleep, unless a client would wait for
+    /// that.
     ///
     /// When nobody listens, the naps do for the events: each still happens at its own virtual instant.
     fn wait(&mut self, due: Instant) {
@@ -269,7 +271,7 @@ impl<O: Outside> Driver<O> {
         false
     }
 
-    /// When the control interface next has something to do although nothing happens.
+    /// Returns when the control interface next has something to do although nothing happens.
     fn desk_due(&self) -> Instant {
         self.desk.as_ref().map_or(NEVER, |desk| desk.due(&self.world))
     }

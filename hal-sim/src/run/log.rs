@@ -20,8 +20,8 @@ impl Log {
     /// Refuses a file that a log must not replace; changes nothing. To be called before any file is made.
     ///
     /// # Errors
-    /// [`RunError::Log`] for what is no regular file, for anything in the folder of the state files or a state file under
-    /// another name, and for a file that has something in it, unless it may be overwritten.
+    /// [`RunError::Log`] for what is no regular file, for anything in the folder of the state files or a state file
+    /// under another name, and for a file that has something in it, unless it may be overwritten.
     pub(super) fn check(log: &LogOptions, state: Option<&Path>) -> Result<(), RunError> {
         let refuse = |reason: &str| Err(RunError::Log { path: log.path.clone(), reason: reason.to_owned() });
         if let Some(state) = state
@@ -41,8 +41,8 @@ impl Log {
     /// Opens the file, empties it, and begins the log of a bus at a time, once the state files are there.
     ///
     /// # Errors
-    /// [`RunError::File`] when the file cannot be opened, and the refusals of [`check`](Self::check), which is made again:
-    /// links and folders lead somewhere now that led nowhere before.
+    /// [`RunError::File`] when the file cannot be opened, and the refusals of [`check`](Self::check), which is made
+    /// again: links and folders lead somewhere now that led nowhere before.
     pub(super) fn create(
         log: &LogOptions,
         state: Option<&Path>,
@@ -78,7 +78,7 @@ fn complaint(path: &Path, error: &io::Error) -> String {
     format!("{}: {error}; nothing more is logged", path.display())
 }
 
-/// Whether a path leads into a folder, or is another name of a file in it.
+/// Returns whether a path leads into a folder, or is another name of a file in it.
 fn is_kept_in(path: &Path, folder: &Path) -> bool {
     let Ok(folder) = fs::canonicalize(folder) else {
         // The folder does not exist yet: the paths decide.

@@ -115,7 +115,7 @@ pub enum RunError {
     System(#[from] io::Error),
 }
 
-/// What to do about a port of the control interface in use.
+/// Returns what to do about a port of the control interface in use.
 fn http_way_out(error: &io::Error) -> &'static str {
     match error.kind() {
         io::ErrorKind::AddrInUse => {
@@ -135,8 +135,8 @@ const HTTP_CLIENTS: usize = 256;
 /// written.
 const DESCRIPTORS: usize = 32;
 
-/// Runs until a signal (on Unix SIGINT, SIGTERM or SIGHUP), or until nobody reads stdout; everything that devices had to
-/// store is stored then.
+/// Runs until a signal (on Unix SIGINT, SIGTERM or SIGHUP), or until nobody reads stdout; everything that devices had
+/// to store is stored then.
 ///
 /// # Errors
 /// [`RunError`] when it cannot start. Nothing is on stdout then.
@@ -237,8 +237,8 @@ impl Running {
     }
 }
 
-/// The most clients of the buses, and connections of the control interface, that leave enough file descriptors for devices
-/// to store.
+/// Returns the most clients of the buses, and connections of the control interface, that leave enough file descriptors
+/// for devices to store.
 fn places(options: &RunOptions) -> (usize, usize) {
     let taken = DESCRIPTORS + options.devices.len() + options.buses.len();
     let limit = system::max_open_files().and_then(|limit| usize::try_from(limit).ok());
@@ -255,8 +255,8 @@ async fn aside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> 
     }
 }
 
-/// Prints the warnings of the start on stderr, the ready line on stdout and the hint on stderr. Whoever has seen the ready
-/// line finds the warnings there.
+/// Prints the warnings of the start on stderr, the ready line on stdout and the hint on stderr. Whoever has seen the
+/// ready line finds the warnings there.
 fn announce(printer: &Printer, gateways: &[Box<dyn Gateway>], http: Option<SocketAddr>, warnings: Vec<String>) {
     warnings.into_iter().for_each(|warning| printer.warn(warning));
     let urls: String = gateways.iter().map(|gateway| format!(" bus={}", gateway.url())).collect();

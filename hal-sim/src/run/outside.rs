@@ -10,7 +10,7 @@ pub trait Outside {
     /// Returns the wall time.
     fn now(&mut self) -> WallInstant;
 
-    /// Whether the simulator is to end.
+    /// Returns whether the simulator is to end.
     fn is_ending(&self) -> bool;
 
     /// Takes the next message, if there is one.

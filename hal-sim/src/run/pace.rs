@@ -23,7 +23,7 @@ impl Pace {
         Self { speed, wall, instant: Instant::from_ticks(0) }
     }
 
-    /// Virtual seconds to a wall second.
+    /// Returns the virtual seconds to a wall second.
     #[must_use]
     pub(super) const fn speed(&self) -> f64 {
         self.speed
@@ -37,7 +37,8 @@ impl Pace {
 
     /// Returns the virtual time at a wall instant; a wall instant before the anchor counts as the anchor.
     ///
-    /// A tick is a microsecond. A conversion from floating point saturates, and a factor loses a microsecond only after centuries.
+    /// A tick is a microsecond. A conversion from floating point saturates, and a factor loses a microsecond only after
+    /// centuries.
     #[must_use]
     pub(super) fn at(&self, wall: WallInstant) -> Instant {
         let passed = wall.saturating_duration_since(self.wall).as_secs_f64();

@@ -10,7 +10,7 @@ use crate::kind::{Kind, Simulated};
 use crate::memory::{Memory, MemoryFile, StateFileError};
 use crate::world::World;
 
-/// The world of the options, and what the user should know about the memories, a line each.
+/// Returns the world of the options, and what the user should know about the memories, a line each.
 pub(super) fn world(options: &RunOptions) -> Result<(World, Vec<String>), RunError> {
     // Which rate it is in the end can depend on what the first device remembers.
     let mut world = World::new(options.bit_rate.unwrap_or(BitRate::Kbit250), options.seed);

@@ -1,8 +1,8 @@
 //! The virtual time of a run: the pace of the wall clock, and the time that gets lost.
 //!
 //! Two events lose time, and the world goes on from its own instant after each:
-//! - **A stall**, at a speed up to 1: the process was stopped, the machine slept, or the host was overloaded. Masters live
-//!   on the wall clock, and a valve must not take the pause for a master that has failed.
+//! - **A stall**, at a speed up to 1: the process was stopped, the machine slept, or the host was overloaded. Masters
+//!   live on the wall clock, and a valve must not take the pause for a master that has failed.
 //! - **A speed out of reach**: the world would fall behind for ever.
 
 use std::time::{Duration as WallDuration, Instant as WallInstant};
@@ -15,8 +15,8 @@ use super::pace::{LAST, Pace};
 /// be late by 50 ms before its valve faults.
 const STALL: WallDuration = WallDuration::from_millis(50);
 
-/// The longest sleep at a speed up to 1: a stall shows only to a thread that looks at the clock. The rest of [`STALL`] is
-/// for a system that wakes the thread up late.
+/// The longest sleep at a speed up to 1: a stall shows only to a thread that looks at the clock. The rest of [`STALL`]
+/// is for a system that wakes the thread up late.
 pub(super) const NAP: WallDuration = WallDuration::from_millis(20);
 
 /// A speed is out of reach when the world has worked for longer than this without getting nearer.
@@ -65,17 +65,17 @@ impl Timekeeper {
         Self { pace: Pace::start(speed, now), looked: now, behind: None, out_of_reach: false, over: false, stalls }
     }
 
-    /// The pace of virtual time.
+    /// Returns the pace of virtual time.
     pub(super) const fn pace(&self) -> &Pace {
         &self.pace
     }
 
-    /// The last look at the clock.
+    /// Returns the last look at the clock.
     pub(super) const fn looked(&self) -> WallInstant {
         self.looked
     }
 
-    /// Whether stalls are lost time: up to the speed of the wall clock.
+    /// Returns whether stalls are lost time: up to the speed of the wall clock.
     pub(super) const fn minds_stalls(&self) -> bool {
         self.pace.speed() <= 1.0
     }
@@ -102,7 +102,7 @@ impl Timekeeper {
         Some(format!("stood still for {seconds:.3} s{times}: that time did not happen on the bus"))
     }
 
-    /// The world, at `world`, has done a go of work and is still behind; returns a warning for the user.
+    /// Notes that the world, at `world`, has done a go of work and is still behind; returns a warning for the user.
     pub(super) fn fell_behind(&mut self, world: Instant) -> Option<String> {
         let begun = Behind { worked: WallDuration::ZERO, from: world };
         let speed = self.pace.speed();
@@ -122,7 +122,7 @@ impl Timekeeper {
         (!told).then(|| format!("--speed {speed} is out of reach: time runs as fast as this machine can"))
     }
 
-    /// The world, at `world`, has caught up; returns a warning for the user.
+    /// Notes that the world, at `world`, has caught up; returns a warning for the user.
     pub(super) fn caught_up(&mut self, world: Instant) -> Option<String> {
         self.behind = None;
         let over = world >= LAST && !std::mem::replace(&mut self.over, true);

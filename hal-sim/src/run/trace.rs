@@ -1,4 +1,5 @@
-//! The trace of a run, on stdout and in the log: there as `candump -L`, with what a frame means, and for people laid out.
+//! The trace of a run, on stdout and in the log: there as `candump -L`, with what a frame means, and for people laid
+//! out.
 
 use std::collections::HashMap;
 use std::io::IsTerminal as _;
@@ -20,7 +21,7 @@ use crate::world::{Event, EventKind, NodeId, World};
 /// Lines are printed at the latest when they have so many bytes.
 const BATCH: usize = 32 * 1024;
 
-/// The layout that stdout gets: none, unless it is a terminal or colour is asked for.
+/// Returns the layout that stdout gets: none, unless it is a terminal or colour is asked for.
 pub(super) fn layout(color: ColorChoice, verbose: bool) -> Option<Layout> {
     let stdout = std::io::stdout();
     let wished = match color {
@@ -55,7 +56,7 @@ pub(super) struct Trace {
 }
 
 impl Trace {
-    /// A trace of the devices that the explainer knows, as `candump -L` or for people.
+    /// Returns a trace of the devices that the explainer knows, as `candump -L` or for people.
     pub(super) fn new(
         bus: &str,
         explainer: Explainer,
@@ -75,7 +76,7 @@ impl Trace {
         }
     }
 
-    /// What explains the frames, with the node IDs of now.
+    /// Returns what explains the frames, with the node IDs of now.
     pub(super) const fn explainer(&self) -> &Explainer {
         &self.explainer
     }

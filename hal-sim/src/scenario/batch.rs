@@ -45,8 +45,8 @@ struct Named<'a> {
     scenario: Scenario,
 }
 
-/// Reads all files, then runs the scenarios and tells the outcome of each on `out`; returns whether all was as expected. An
-/// `out` that takes nothing changes nothing.
+/// Reads all files, then runs the scenarios and tells the outcome of each on `out`; returns whether all was as
+/// expected. An `out` that takes nothing changes nothing.
 ///
 /// # Errors
 /// [`BatchError`].

@@ -16,8 +16,8 @@ pub(super) struct ScenarioFile {
     /// What the scenario shows.
     #[serde(default)]
     pub(super) title: String,
-    /// The devices on the bus, each as in --device: KIND[@ID][,name=…][,serial=…][,bit-rate=…][,blank]. They are switched
-    /// on together, at 0 ms.
+    /// The devices on the bus, each as in --device: KIND[@ID][,name=…][,serial=…][,bit-rate=…][,blank]. They are
+    /// switched on together, at 0 ms.
     #[serde(default)]
     #[schema(value_type = Vec<String>, required, example = json!(["pvea-canopen@0x20"]))]
     pub(super) devices: Vec<Spanned<String>>,
@@ -38,8 +38,8 @@ pub(super) struct ScenarioFile {
     pub(super) steps: Vec<Spanned<StepTable>>,
 }
 
-/// A step: when it begins, one thing that is done, and one that is expected; each of them can be left out. A step begins when
-/// the one before is over.
+/// A step: when it begins, one thing that is done, and one that is expected; each of them can be left out. A step
+/// begins when the one before is over.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[schema(as = Step)]
@@ -59,7 +59,8 @@ pub(super) struct StepTable {
     /// Sends a frame, as in "220#0F00 0020".
     #[serde(default, deserialize_with = "given")]
     pub(super) send: Option<String>,
-    /// Sends the frame again and again with this period, in the place of an earlier cyclic frame of the same identifier.
+    /// Sends the frame again and again with this period, in the place of an earlier cyclic frame of the same
+    /// identifier.
     #[serde(default, deserialize_with = "given")]
     pub(super) every_ms: Option<u32>,
     /// Ends the cyclic frame of an identifier, as in "220"; or of "all".
@@ -90,8 +91,8 @@ pub(super) struct StepTable {
     /// How long the step waits for what it expects, in milliseconds; 1000 by default.
     #[serde(default, deserialize_with = "given")]
     pub(super) within_ms: Option<u32>,
-    /// A frame of a device, several of them, or a state of the device, that must not come from now on, while the next steps
-    /// go on.
+    /// A frame of a device, several of them, or a state of the device, that must not come from now on, while the next
+    /// steps go on.
     #[serde(default, deserialize_with = "given")]
     pub(super) never: Option<Expected>,
     /// How long it must not come, in milliseconds; up to the end of the scenario by default.

@@ -67,7 +67,7 @@ pub(super) struct Heard {
 }
 
 impl History {
-    /// An empty history of the devices that the explainer knows; `traced`: it keeps all as a text.
+    /// Returns an empty history of the devices that the explainer knows; `traced`: it keeps all as a text.
     pub(super) fn new(own: &'static str, mut explainer: Explainer, traced: bool, world: &World) -> Self {
         let nodes: Vec<NodeId> = world.devices().collect();
         for (node, id) in explainer.nodes_mut().iter_mut().zip(&nodes) {

@@ -20,7 +20,7 @@ pub(super) fn report(files: &[String], outcomes: &[Outcome]) -> String {
     report.to_string().unwrap_or_default()
 }
 
-/// Every failure of a scenario in one: a test case has one.
+/// Returns every failure of a scenario in one: a test case has one.
 fn status(file: &str, outcome: &Outcome) -> TestCaseStatus {
     if outcome.is_success() {
         return TestCaseStatus::success();

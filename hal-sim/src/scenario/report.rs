@@ -63,7 +63,7 @@ impl Failure {
         Self { line: step.line, note: step.note.clone(), headline, details, until: None, at, excerpt: Vec::new() }
     }
 
-    /// The steps before took too long.
+    /// Returns the failure of a step that begins late: the steps before took too long.
     pub(super) fn late(step: &Step, begin: Instant) -> Self {
         let details = vec![format!("the steps before it were not over at {}", time(begin))];
         let ms = match step.begin {
@@ -73,12 +73,13 @@ impl Failure {
         Self::new(step, format!("at_ms = {ms}"), details)
     }
 
-    /// Something was not done.
+    /// Returns the failure of a step that was not carried out.
     pub(super) fn undone(step: &Step, what: &str, reason: &str) -> Self {
         Self::new(step, what.to_owned(), vec![reason.to_owned()])
     }
 
-    /// Frames did not come: `missing` of `patterns`, in the events from `from` on, the last of the others before `mark`.
+    /// Frames did not come: `missing` of `patterns`, in the events from `from` on, the last of the others before
+    /// `mark`.
     pub(super) fn frames(
         step: &Step,
         patterns: &[Pattern],
@@ -102,7 +103,7 @@ impl Failure {
         Self::new(step, format!("expect {wanted}{}", within(step)), details)
     }
 
-    /// A state did not come.
+    /// Returns the failure of a state that did not come.
     pub(super) fn state(step: &Step, wanted: &Wanted, state: &DeviceState) -> Self {
         let keys = wanted.keys.iter().filter(|(.., alone)| !alone.holds(state));
         let mut details: Vec<String> =
@@ -113,7 +114,7 @@ impl Failure {
         Self::new(step, format!("expect a state of {}{}", state.name, within(step)), details)
     }
 
-    /// A frame came that must not.
+    /// Returns the failure of a frame that must not come.
     pub(super) fn came(step: &Step, pattern: &Pattern, heard: &Heard, history: &History) -> Self {
         let Heard { number, at, frame } = heard;
         let details = vec![format!("seen      {frame}  at {}  {}", time(*at), history.explain(frame))];
@@ -121,7 +122,7 @@ impl Failure {
         Self { until: Some(number + 1), ..failure }
     }
 
-    /// A state came that must not.
+    /// Returns the failure of a state that must not come.
     pub(super) fn held(step: &Step, wanted: &Wanted, state: &DeviceState) -> Self {
         let seen = |(key, ..): &(String, String, _)| format!("seen      {key} = {}", value_of(key, state));
         let details = wanted.keys.iter().map(seen).collect();
@@ -138,7 +139,8 @@ impl Failure {
         Self { at, excerpt, ..self }
     }
 
-    /// Writes the failure of a step of this file, in lines with a margin; the first one shows what was on the bus before.
+    /// Writes the failure of a step of this file, in lines with a margin; the first one shows what was on the bus
+    /// before.
     fn write(&self, out: &mut String, file: &str, is_first: bool) {
         let Self { line, note, headline, details, at, excerpt, .. } = self;
         // Writing to a string can't fail.
@@ -160,12 +162,12 @@ impl Failure {
     }
 }
 
-/// The meaning of a frame, where just one is meant.
+/// Returns the meaning of a frame, where just one is meant.
 fn meaning(pattern: &Pattern, history: &History) -> String {
     pattern.frame().map_or_else(String::new, |frame| format!("  {}", history.explain(&frame)))
 }
 
-/// What was seen in the place of a frame, in the events from `mark` on; `from`: the first event of the step.
+/// Returns what was seen in the place of a frame, in the events from `mark` on; `from`: the first event of the step.
 fn seen(wanted: &Pattern, (from, mark): (u64, u64), history: &History) -> Vec<String> {
     let mut lines = Vec::new();
     let distance = |frame: &Frame| wanted.differences(frame).map_or(usize::MAX, |bytes| bytes.len());
@@ -217,7 +219,7 @@ fn during(step: &Step) -> String {
     span.map_or_else(String::new, |span| format!(" for {} ms", span.as_millis()))
 }
 
-/// The value of a key of a state, as a scenario has it.
+/// Returns the value of a key of a state, as a scenario has it.
 fn value_of(key: &str, state: &DeviceState) -> String {
     let mut values = serde_json::to_value(state).unwrap_or_default();
     match key {
@@ -239,7 +241,7 @@ fn value_of(key: &str, state: &DeviceState) -> String {
     }
 }
 
-/// An instant in milliseconds since the start.
+/// Returns an instant in milliseconds since the start.
 pub(super) fn time(at: Instant) -> String {
     let micros = since(at, Instant::from_ticks(0)).as_micros();
     format!("{}.{:03} ms", micros / 1000, micros % 1000)

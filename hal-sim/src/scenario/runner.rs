@@ -233,8 +233,8 @@ impl<'a> Runner<'a> {
         self.pass_until(end, &mut Goal::None);
     }
 
-    /// Lets time pass until an instant, with everything that is due by then, or until a goal is reached; returns whether it
-    /// was.
+    /// Lets time pass until an instant, with everything that is due by then, or until a goal is reached; returns
+    /// whether it was.
     fn pass_until(&mut self, end: Instant, goal: &mut Goal<'_>) -> bool {
         loop {
             if self.is_reached(goal) {
@@ -266,7 +266,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// When there is next something to do although nothing happens in the world, after now.
+    /// Returns when there is next something to do although nothing happens in the world, after now.
     fn due(&self, end: Instant, goal: &Goal<'_>) -> Instant {
         let now = self.world.now();
         let sought = match goal {
@@ -380,8 +380,8 @@ impl Frames<'_> {
         fulfilled.is_some_and(|(_, place)| place.replace(frame).is_none())
     }
 
-    /// Finds a place for a frame that may come at any. One in its place makes room when there is another place for that: a
-    /// pattern for many frames takes none away from one for few.
+    /// Finds a place for a frame that may come at any. One in its place makes room when there is another place for
+    /// that: a pattern for many frames takes none away from one for few.
     fn place(&mut self, frame: Frame, tried: &mut [bool]) -> bool {
         for place in 0..self.wanted.len() {
             let (pattern, holder) = self.wanted[place];

@@ -148,7 +148,7 @@ impl StateCondition {
         }
     }
 
-    /// Whether a state fulfils the condition.
+    /// Returns whether a state fulfils the condition.
     pub(crate) fn holds(&self, state: &DeviceState) -> bool {
         is(self.t_us.as_ref(), &state.t_us)
             && is(self.name.as_ref(), &state.name)
@@ -166,8 +166,8 @@ impl StateCondition {
             && self.faults.as_ref().is_none_or(|wanted| are_active(wanted, state))
     }
 
-    /// The positions that are still wanted in a state that does not fulfil the condition; `None` when it is not for the
-    /// position that it does not.
+    /// Returns the positions that are still wanted in a state that does not fulfil the condition; `None` when it is not
+    /// for the position that it does not.
     pub(crate) fn wanted_positions(&self, state: &DeviceState) -> Option<RangeInclusive<i16>> {
         let (wanted, found) = (self.position.flatten()?, state.position?);
         (!wanted.holds(&found)).then(|| wanted.range())
@@ -178,7 +178,7 @@ fn is<T: PartialEq>(wanted: Option<&T>, found: &T) -> bool {
     wanted.is_none_or(|wanted| wanted == found)
 }
 
-/// Whether a value that can be null is as wanted.
+/// Returns whether a value that can be null is as wanted.
 fn fits<W, T>(wanted: Option<&Option<W>>, found: Option<&T>, holds: impl FnOnce(&W, &T) -> bool) -> bool {
     match (wanted, found) {
         (None, _) | (Some(None), None) => true,
@@ -230,7 +230,7 @@ impl LedCondition {
 }
 
 impl FrameCondition {
-    /// Whether a frame fulfils the condition.
+    /// Returns whether a frame fulfils the condition.
     pub(crate) fn holds(&self, frame: &Frame) -> bool {
         frame.id() == self.id && !frame.is_remote() && frame.data().starts_with(&self.data)
     }

@@ -11,8 +11,8 @@ use super::plant::PlantState;
 use crate::kind::Kind;
 use crate::world::{NodeId, World};
 
-/// The state of a device at one instant of virtual time. Without power there is none of node ID, bit rate, NMT state, device
-/// state machine, command and set-point.
+/// The state of a device at one instant of virtual time. Without power there is none of node ID, bit rate, NMT state,
+/// device state machine, command and set-point.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct DeviceState {
     /// The instant of which all of it is true, in microseconds of virtual time.
@@ -41,8 +41,8 @@ pub struct DeviceState {
     /// The set-point; null for an angle sensor.
     #[schema(required)]
     pub set_point: Option<SetPointValue>,
-    /// The position of the spool, −16384…16384, in neutral without power; of an angle sensor object 0x6004, null without
-    /// power.
+    /// The position of the spool, −16384…16384, in neutral without power; of an angle sensor object 0x6004, null
+    /// without power.
     #[schema(required)]
     pub position: Option<i16>,
     /// Whether the solenoids are energised; null for an angle sensor.

@@ -1,5 +1,5 @@
-//! The state of a device, what acts on it, and conditions on both, in the words of the control interface. JSON of the control
-//! interface and scenarios in TOML are read by the same types.
+//! The state of a device, what acts on it, and conditions on both, in the words of the control interface. JSON of the
+//! control interface and scenarios in TOML are read by the same types.
 //!
 //! ```text
 //! device     a device's state          plant   what acts on it from outside, and changes of that

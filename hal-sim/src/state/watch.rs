@@ -6,7 +6,8 @@ use super::{DeviceState, StateCondition};
 use crate::kind::Kind;
 use crate::world::{NodeId, World};
 
-/// A condition on the state of a device. It is looked at after everything that happens in the world, and when it is due.
+/// A condition on the state of a device. It is looked at after everything that happens in the world, and when it is
+/// due.
 #[derive(Debug)]
 pub(crate) struct StateWatch {
     node: NodeId,

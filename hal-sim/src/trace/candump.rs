@@ -10,8 +10,8 @@ use super::{Entry, ErrorFrame, Timestamp, write_hex};
 /// Linux's mark of an error frame in an identifier.
 pub(crate) const ERROR_FLAG: u32 = 0x2000_0000;
 
-/// A frame, without the end of the line. A 29-bit identifier has eight digits, a remote frame `R` and its length,
-/// unless that is 0, in place of the data.
+/// Writes a frame, without the end of the line. A 29-bit identifier has eight digits, a remote frame `R` and its
+/// length, unless that is 0, in place of the data.
 pub fn write_frame(out: &mut String, at: Timestamp, bus: &str, frame: &Frame) {
     // Writing to a string can't fail.
     let _ = match frame.id() {
@@ -27,14 +27,14 @@ pub fn write_frame(out: &mut String, at: Timestamp, bus: &str, frame: &Frame) {
     write_hex(out, frame.data());
 }
 
-/// An error frame, without the end of the line: the class with its mark, and the eight bytes of detail.
+/// Writes an error frame, without the end of the line: the class with its mark, and the eight bytes of detail.
 pub fn write_error(out: &mut String, at: Timestamp, bus: &str, error: impl Into<ErrorFrame>) {
     let ErrorFrame { class, data } = error.into();
     let data = u64::from_be_bytes(data);
     let _ = write!(out, "({at}) {bus} {:08X}#{data:016X}", ERROR_FLAG | class);
 }
 
-/// An entry of either kind, without the end of the line.
+/// Writes an entry of either kind, without the end of the line.
 pub(crate) fn write_entry(out: &mut String, at: Timestamp, bus: &str, entry: &Entry) {
     match entry {
         Entry::Frame(frame) => write_frame(out, at, bus, frame),
@@ -50,8 +50,8 @@ pub(crate) const FD: Reason = "a CAN FD frame, which the devices do not know";
 
 const NO_LINE: Reason = "no line of candump";
 
-/// Reads a line of a log or of the screen: its time, where it has one, the name of the bus, and the entry. After the frame
-/// of a log may stand the direction, `R` or `T`, or two blanks and what the trace of `pve-sim` says of it.
+/// Reads a line of a log or of the screen: its time, where it has one, the name of the bus, and the entry. After the
+/// frame of a log may stand the direction, `R` or `T`, or two blanks and what the trace of `pve-sim` says of it.
 ///
 /// # Errors
 /// Why the line has no entry.
@@ -82,7 +82,7 @@ pub(crate) fn parse(line: &str) -> Result<(Option<Timestamp>, &str, Entry), Reas
     shown(id, rest).map(|entry| (at, bus, entry))
 }
 
-/// The first word of a text, and the text after it.
+/// Returns the first word of a text, and the text after it.
 fn word(text: &str) -> (&str, &str) {
     let text = text.trim_start();
     text.split_at(text.find(' ').unwrap_or(text.len()))
@@ -94,7 +94,7 @@ enum Number {
     Error(u32),
 }
 
-/// An identifier in three or eight digits.
+/// Returns an identifier in three or eight digits.
 fn number(digits: &str) -> Result<Number, Reason> {
     const LENGTH: Reason = "an identifier that has neither three nor eight digits";
     if digits.is_empty() || !is_hex(digits) {
@@ -110,12 +110,12 @@ fn number(digits: &str) -> Result<Number, Reason> {
     id.map(Number::Of).ok_or("an identifier beyond the highest one")
 }
 
-/// Whether a text has hex digits alone: the parsers of numbers take a sign, too.
+/// Returns whether a text has hex digits alone: the parsers of numbers take a sign, too.
 fn is_hex(text: &str) -> bool {
     text.bytes().all(|digit| digit.is_ascii_hexdigit())
 }
 
-/// The part of a log's line after the name of the bus.
+/// Returns the part of a log's line after the name of the bus.
 fn logged(id: &str, data: &str) -> Result<Entry, Reason> {
     let id = number(id)?;
     if data.starts_with('#') {
@@ -132,7 +132,7 @@ fn logged(id: &str, data: &str) -> Result<Entry, Reason> {
     entry(id, (0..data.len()).step_by(2).filter_map(|at| data.get(at..at + 2)))
 }
 
-/// The part of a screen's line from the length on.
+/// Returns the part of a screen's line from the length on.
 fn shown(id: &str, rest: &str) -> Result<Entry, Reason> {
     let (length, rest) = word(rest);
     let length = length.strip_prefix('[').and_then(|length| length.strip_suffix(']')).ok_or(NO_LINE)?;

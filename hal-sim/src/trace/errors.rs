@@ -1,5 +1,5 @@
-//! The errors of the bus that users are told of: the first error frame of a frame that is being destroyed, and each change
-//! of an error mode. A controller repeats a destroyed frame thousands of times a second.
+//! The errors of the bus that users are told of: the first error frame of a frame that is being destroyed, and each
+//! change of an error mode. A controller repeats a destroyed frame thousands of times a second.
 
 use std::collections::HashMap;
 use std::sync::Arc;

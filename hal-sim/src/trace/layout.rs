@@ -120,7 +120,7 @@ impl Layout {
         self.tell_repeats(out, |_| true);
     }
 
-    /// Whether a frame is a repeat, which is counted.
+    /// Returns whether a frame is a repeat, which is counted.
     fn repeats(&mut self, out: &mut String, at: Instant, who: &Arc<str>, frame: &Frame) -> bool {
         if !is_cyclic(frame) {
             return false;
@@ -173,7 +173,7 @@ impl Layout {
         out.push_str("  ");
     }
 
-    /// A frame, as wide as the widest.
+    /// Returns a frame, as wide as the widest.
     fn columns_of(&self, frame: &Frame) -> String {
         let mut text = frame.to_string();
         if !self.is_roomy() && !frame.is_remote() {
@@ -184,7 +184,7 @@ impl Layout {
         format!("{text:<width$}", width = self.frame_width())
     }
 
-    /// The width of a frame of eight bytes: identifier, colon, blank, bytes.
+    /// Returns the width of a frame of eight bytes: identifier, colon, blank, bytes.
     fn frame_width(&self) -> usize {
         let bytes = if self.is_roomy() { 23 } else { 16 };
         let id = if self.extended { 8 } else { 3 };
@@ -221,13 +221,13 @@ impl Latest {
         Self { frame, at, again: 0, told: at }
     }
 
-    /// The mean time between the repeats, in microseconds.
+    /// Returns the mean time between the repeats, in microseconds.
     fn period_us(&self) -> u64 {
         since(self.at, self.told).as_micros() / u64::from(self.again.max(1))
     }
 }
 
-/// A text in lines of at most so many characters, broken between words.
+/// Returns a text in lines of at most so many characters, broken between words.
 fn broken(text: &str, width: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
     let mut length = 0;

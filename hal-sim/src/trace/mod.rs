@@ -46,7 +46,7 @@ pub enum ErrorClass {
 }
 
 impl ErrorClass {
-    /// The class as Linux numbers it.
+    /// Returns the class as Linux numbers it.
     #[must_use]
     pub const fn code(self) -> u32 {
         match self {
@@ -58,7 +58,7 @@ impl ErrorClass {
         }
     }
 
-    /// The data bytes of the error frame: of what the class leaves open, byte 1 has what the controller tells.
+    /// Returns the data bytes of the error frame: of what the class leaves open, byte 1 has what the controller tells.
     #[must_use]
     pub const fn data(self) -> [u8; 8] {
         let controller = match self {

@@ -11,7 +11,7 @@ use protocol_core::time::Instant;
 pub struct Timestamp(u64);
 
 impl Timestamp {
-    /// So many microseconds since 1970.
+    /// Returns the time so many microseconds since 1970.
     #[must_use]
     pub const fn from_micros(micros: u64) -> Self {
         Self(micros)
@@ -23,14 +23,14 @@ impl Timestamp {
         self.0
     }
 
-    /// The wall time now; a clock that is set before 1970 counts as 1970.
+    /// Returns the wall time now; a clock that is set before 1970 counts as 1970.
     #[must_use]
     pub fn now() -> Self {
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         Self(u64::try_from(since.as_micros()).unwrap_or(u64::MAX))
     }
 
-    /// The time at a virtual instant of a world that was started at this time.
+    /// Returns the time at a virtual instant of a world that was started at this time.
     #[must_use]
     pub const fn at(self, instant: Instant) -> Self {
         Self(self.0.saturating_add(instant.as_micros()))

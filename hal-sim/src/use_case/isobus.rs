@@ -1,5 +1,5 @@
-//! A valve on ISOBUS, from its address claim to a new address (SPEC 5). It is at 0x83, the tractor's controller at 0x27,
-//! a tool at 0xF1; the cycle of AVC and AVEF is 100 ms.
+//! A valve on ISOBUS, from its address claim to a new address (SPEC 5). It is at 0x83, the tractor's controller at
+//! 0x27, a tool at 0xF1; the cycle of AVC and AVEF is 100 ms.
 //!
 //! The controller sends each AVC 9 ms after an AVEF has ended. The spool moves by 0.4 % of its stroke in a
 //! millisecond, so what the next AVEF tells does not depend on a few tenths of one.

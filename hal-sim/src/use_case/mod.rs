@@ -24,13 +24,13 @@ pub use play::{Bench, Deviation, play};
 pub use script::{Device, Position, Step, UseCase};
 pub use simulated::SimulatedBench;
 
-/// Every use case there is, in order.
+/// Returns every use case there is, in order.
 #[must_use]
 pub fn all() -> Vec<&'static UseCase> {
     CANOPEN.iter().chain([&ISOBUS, &HAT]).collect()
 }
 
-/// The use case of that name.
+/// Returns the use case of that name.
 #[must_use]
 pub fn find(name: &str) -> Option<&'static UseCase> {
     all().into_iter().find(|case| case.name == name)

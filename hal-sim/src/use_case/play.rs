@@ -13,15 +13,15 @@ use crate::world::Plant;
 pub trait Bench {
     /// Cuts the power of all devices and gives it back; the first time, switches them on.
     fn power_cycle(&mut self);
-    /// The master sends a frame, as soon as the bus lets it.
+    /// Sends a frame of the master, as soon as the bus lets it.
     fn send(&mut self, frame: Frame);
-    /// The next frame of a device, as soon as it comes, at the latest at `until`.
+    /// Returns the next frame of a device, as soon as it comes, at the latest at `until`.
     fn receive(&mut self, until: Instant) -> Option<Frame>;
     /// Changes what acts on all devices from outside.
     fn set_plant(&mut self, plant: Plant);
-    /// The master changes its bit rate.
+    /// Changes the bit rate of the master.
     fn set_bit_rate(&mut self, bit_rate: BitRate);
-    /// The present instant.
+    /// Returns the present instant.
     fn now(&self) -> Instant;
 }
 
@@ -169,7 +169,7 @@ impl<B: Bench> Player<'_, B> {
         self.bench.send(frame);
     }
 
-    /// It is the turn of the master's cyclic frame.
+    /// Sends the master's cyclic frame, whose turn it is.
     fn send_cyclic(&mut self) {
         let Some(cyclic) = &mut self.cyclic else { return };
         cyclic.due = after(cyclic.due, cyclic.period);
@@ -236,7 +236,8 @@ impl<B: Bench> Player<'_, B> {
         after(self.bench.now(), PATIENCE)
     }
 
-    /// The next frame of a device that is the one wanted or not the steady one. The master's cyclic frame goes on.
+    /// Returns the next frame of a device that is the one wanted or not the steady one. The master's cyclic frame goes
+    /// on.
     fn receive(&mut self, wanted: Option<Frame>, until: Instant) -> Option<Frame> {
         loop {
             let turn = self.cyclic.map(|cyclic| cyclic.due).filter(|due| *due <= until);
@@ -252,7 +253,7 @@ impl<B: Bench> Player<'_, B> {
         }
     }
 
-    /// A frame came or went as it did before.
+    /// Counts a frame that came or went as it did before.
     fn count(&mut self, frame: Frame) {
         match self.again.iter_mut().find(|(counted, _)| *counted == frame) {
             Some((_, count)) => *count += 1,
@@ -288,7 +289,7 @@ impl<B: Bench> Player<'_, B> {
     }
 }
 
-/// The frame of a script's text.
+/// Returns the frame of a script's text.
 ///
 /// # Panics
 /// When it is none: scripts are part of the program, and the tests read every one.

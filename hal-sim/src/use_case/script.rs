@@ -30,7 +30,7 @@ pub struct Device {
 }
 
 impl UseCase {
-    /// The bit rate that its devices start with: that of its master.
+    /// Returns the bit rate that its devices start with: that of its master.
     #[must_use]
     pub fn bit_rate(&self) -> BitRate {
         let first = self.devices.first().and_then(|device| device.kind.bit_rates().first());

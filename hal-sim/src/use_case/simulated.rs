@@ -19,7 +19,7 @@ pub struct SimulatedBench {
 }
 
 impl SimulatedBench {
-    /// The bench that a use case wants: its devices, switched off, at the bit rate that they start with.
+    /// Returns the bench that a use case wants: its devices, switched off, at the bit rate that they start with.
     #[must_use]
     pub fn new(case: &UseCase) -> Self {
         let mut world = World::new(case.bit_rate(), 0);

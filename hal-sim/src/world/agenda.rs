@@ -2,8 +2,8 @@
 
 use protocol_core::time::{Instant, NEVER};
 
-/// The due times of all devices, as a tournament: of two neighbours the one that is due earlier goes on to the next round,
-/// of equals the one with the lower number. A device that is due at another time replays its own rounds only.
+/// The due times of all devices, as a tournament: of two neighbours the one that is due earlier goes on to the next
+/// round, of equals the one with the lower number. A device that is due at another time replays its own rounds only.
 #[derive(Debug)]
 pub(super) struct Agenda {
     /// When each device is due, by its number.
@@ -24,7 +24,7 @@ impl Default for Agenda {
 }
 
 impl Agenda {
-    /// Room for one more device, which is not due.
+    /// Makes room for one more device, which is not due.
     pub(super) fn add(&mut self) {
         self.due.push(NEVER);
         let places = self.due.len().next_power_of_two();
@@ -45,13 +45,13 @@ impl Agenda {
         }
     }
 
-    /// When the next device is due.
+    /// Returns when the next device is due.
     #[inline]
     pub(super) const fn next(&self) -> Instant {
         self.next
     }
 
-    /// The next device that is due by `now`.
+    /// Returns the next device that is due by `now`.
     #[inline]
     pub(super) fn due_by(&self, now: Instant) -> Option<usize> {
         if self.next <= now { self.winners.get(1).copied() } else { None }

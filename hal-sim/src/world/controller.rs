@@ -21,38 +21,38 @@ impl World {
         ControllerId(port)
     }
 
-    /// The controller begins to listen for 11 recessive bits at a bit rate, and then takes part; a silent one hears but
+    /// Lets the controller listen for 11 recessive bits at a bit rate, and then takes part; a silent one hears but
     /// is not heard.
     pub fn attach(&mut self, controller: ControllerId, rate: BitRate, silent: bool) {
         self.bus.attach(controller.0, rate, silent, self.now);
     }
 
-    /// The controller leaves the bus; its error counters stay.
+    /// Lets the controller leave the bus; its error counters stay.
     pub fn detach(&mut self, controller: ControllerId) {
         self.bus.detach(controller.0, false, self.now);
     }
 
-    /// The controller leaves the bus and is as new: its chip was reset or lost its supply.
+    /// Lets the controller leave the bus, as new: its chip was reset or lost its supply.
     pub fn reset_controller(&mut self, controller: ControllerId) {
         self.bus.detach(controller.0, true, self.now);
     }
 
-    /// What the controller would send next; to be said again after each of its events.
+    /// Takes what the controller would send next; to be said again after each of its events.
     pub fn offer(&mut self, controller: ControllerId, frame: Option<Frame>) {
         self.bus.offer(controller.0, frame, self.now);
     }
 
-    /// The controller, bus-off, begins to count 128 sequences of 11 recessive bits.
+    /// Lets a controller in bus-off begin to count 128 sequences of 11 recessive bits.
     pub fn start_recovery(&mut self, controller: ControllerId) {
         self.bus.start_recovery(controller.0, self.now);
     }
 
-    /// What the controller has noticed since this was last asked, each with its instant.
+    /// Returns what the controller has noticed since this was last asked, each with its instant.
     pub fn take_wire_events(&mut self, controller: ControllerId) -> Option<Drain<'_, (Instant, WireEvent)>> {
         self.bus.take_wire_events(controller.0)
     }
 
-    /// The port of the controller: its error mode as the bus sees it.
+    /// Returns the port of the controller: its error mode as the bus sees it.
     #[must_use]
     pub fn controller_port(&self, controller: ControllerId) -> &Port {
         self.bus.port(controller.0)

@@ -1,8 +1,8 @@
 //! A valve moves what a sensor measures: the shaft follows the integral of the valve's spool.
 //!
-//! The flow is linear in the spool's position, and the spool moves along straight lines in time, so the integral is a sum
-//! of trapezoids in whole numbers. It is reckoned when somebody looks at the shaft or something happens to the valve, and
-//! comes out the same however often that is.
+//! The flow is linear in the spool's position, and the spool moves along straight lines in time, so the integral is a
+//! sum of trapezoids in whole numbers. It is reckoned when somebody looks at the shaft or something happens to the
+//! valve, and comes out the same however often that is.
 
 use protocol_core::actuator::Valve;
 use protocol_core::device::Senses;
@@ -24,7 +24,7 @@ pub struct Link {
 }
 
 impl Default for Link {
-    /// 30 degrees a second, from 0 to 90 degrees (A, SPEC 9).
+    /// Returns 30 degrees a second, from 0 to 90 degrees (A, SPEC 9).
     fn default() -> Self {
         Self { rate: 3_000, min: 0, max: 9_000 }
     }
@@ -47,7 +47,8 @@ pub enum LinkError {
     Stops,
 }
 
-/// 1/100 degree in the unit of the integral: twice the parts of the full stroke in a second, for the halves of trapezoids.
+/// 1/100 degree in the unit of the integral: twice the parts of the full stroke in a second, for the halves of
+/// trapezoids.
 const CDEG: i128 = 2 * Valve::STROKE as i128 * 1_000_000;
 
 const MICROSECOND: Duration = Duration::from_micros(1);
@@ -64,7 +65,8 @@ pub(super) struct Coupling {
 }
 
 impl World {
-    /// Lets the shaft of a sensor follow a valve. A shaft that is beyond an end stop is put to it, one that turns stands.
+    /// Lets the shaft of a sensor follow a valve. A shaft that is beyond an end stop is put to it, one that turns
+    /// stands.
     ///
     /// # Errors
     /// [`LinkError`] for what cannot be linked.
@@ -86,13 +88,13 @@ impl World {
         Ok(())
     }
 
-    /// Whether the shaft of a device follows a valve.
+    /// Returns whether the shaft of a device follows a valve.
     #[must_use]
     pub fn is_linked(&self, sensor: NodeId) -> bool {
         self.coupling_of(sensor).is_some()
     }
 
-    /// The angle of a device's shaft now, in 1/100 degree; `None` for a device without one.
+    /// Returns the angle of a device's shaft now, in 1/100 degree; `None` for a device without one.
     #[must_use]
     pub fn angle_cdeg(&self, node: NodeId) -> Option<u32> {
         let shaft = self.nodes[node.0].senses.shaft()?;
@@ -100,12 +102,13 @@ impl World {
         Some(linked.map_or_else(|| shaft.angle_at(self.now), |coupling| coupling.angle_at(self, self.now)))
     }
 
-    /// The link that a sensor's shaft follows.
+    /// Returns the link that a sensor's shaft follows.
     pub(super) fn coupling_of(&self, sensor: NodeId) -> Option<&Coupling> {
         self.couplings.iter().find(|coupling| coupling.sensor == sensor)
     }
 
-    /// Brings the links of a device up to now: before anything happens to a valve, and before a sensor looks at its shaft.
+    /// Brings the links of a device up to now: before anything happens to a valve, and before a sensor looks at its
+    /// shaft.
     #[inline]
     pub(super) fn follow_links(&mut self, node: NodeId) {
         if !self.couplings.is_empty() {
@@ -154,7 +157,8 @@ impl World {
         senses
     }
 
-    /// The valve of a device that is powered. Without power its spool counts as in neutral (A), as at its next start.
+    /// Returns the valve of a device that is powered. Without power its spool counts as in neutral (A), as at its next
+    /// start.
     pub(super) fn valve(&self, node: NodeId) -> Option<&Valve> {
         match &self.nodes[node.0].power {
             Power::On(device) => device.valve(),
@@ -164,12 +168,13 @@ impl World {
 }
 
 impl Coupling {
-    /// The angle at an instant from the last one reckoned on, in 1/100 degree, if nothing else happens to the valve.
+    /// Returns the angle at an instant from the last one reckoned on, in 1/100 degree, if nothing else happens to the
+    /// valve.
     pub(super) fn angle_at(&self, world: &World, at: Instant) -> u32 {
         self.angle_cdeg(self.reckon(world.valve(self.valve), at))
     }
 
-    /// The speed at full stroke, in 1/100 degree a second: the shaft turns no faster.
+    /// Returns the speed at full stroke, in 1/100 degree a second: the shaft turns no faster.
     pub(super) const fn rate(&self) -> i32 {
         self.link.rate
     }
@@ -178,7 +183,8 @@ impl Coupling {
         u32::try_from(angle.div_euclid(CDEG)).unwrap_or(0)
     }
 
-    /// The angle at `now`, which is not before the last one reckoned. Nothing has happened to the valve in between.
+    /// Returns the angle at `now`, which is not before the last one reckoned. Nothing has happened to the valve in
+    /// between.
     fn reckon(&self, valve: Option<&Valve>, now: Instant) -> i128 {
         let Some(valve) = valve else { return self.angle };
         let (mut angle, mut at) = (self.angle, self.reckoned);
@@ -189,7 +195,8 @@ impl Coupling {
                 at = end;
                 continue;
             }
-            // A spool that passes neutral turns the flow: up to the microsecond in which it does, that one, and the rest.
+            // A spool that passes neutral turns the flow: up to the microsecond in which it does, that one, and the
+            // rest.
             let micros = i128::from(since(end, at).as_micros());
             let end = if from * to < 0 {
                 let passes = Duration::from_micros(u64::try_from(from * micros / (from - to)).unwrap_or(0));
@@ -204,7 +211,7 @@ impl Coupling {
         angle
     }
 
-    /// The angle after so much flow. A stop holds the shaft, and one that is beyond it already goes no further.
+    /// Returns the angle after so much flow. A stop holds the shaft, and one that is beyond it already goes no further.
     fn moved(&self, angle: i128, flow: i128) -> i128 {
         let (min, max) = (i128::from(self.link.min) * CDEG, i128::from(self.link.max) * CDEG);
         let turned = flow * i128::from(self.link.rate);

@@ -178,15 +178,15 @@ impl World {
         self.device(node).map(Device::outputs)
     }
 
-    /// What a device senses. The bus mode in it is its controller's; the shaft in it, where it follows a valve, is as the
-    /// device last saw it.
+    /// What a device senses. The bus mode in it is its controller's; the shaft in it, where it follows a valve, is as
+    /// the device last saw it.
     #[must_use]
     pub fn senses(&self, node: NodeId) -> &Senses {
         &self.nodes[node.0].senses
     }
 
-    /// Changes what a device senses. The bus mode in it is not looked at: see [`force_bus_off`](Self::force_bus_off); nor is
-    /// the angle of a shaft that follows a valve: see [`set_plant`](Self::set_plant).
+    /// Changes what a device senses. The bus mode in it is not looked at: see [`force_bus_off`](Self::force_bus_off);
+    /// nor is the angle of a shaft that follows a valve: see [`set_plant`](Self::set_plant).
     pub fn set_senses(&mut self, node: NodeId, senses: Senses) {
         self.follow_links(node);
         let now = self.now;
@@ -241,9 +241,9 @@ impl World {
         TapId(port)
     }
 
-    /// Adds a gateway: a client that keeps nothing of what it hears. It has a second controller that sends nothing and so
-    /// acknowledges whatever its clients send, even when a device sends the very same frame at the same moment; and a
-    /// lone device does not go error-passive.
+    /// Adds a gateway: a client that keeps nothing of what it hears. It has a second controller that sends nothing and
+    /// so acknowledges whatever its clients send, even when a device sends the very same frame at the same moment; and
+    /// a lone device does not go error-passive.
     pub fn add_gateway(&mut self, name: &str) -> TapId {
         let listener = format!("{name}, listening");
         let [port, listener] = [name, &listener].map(|name| self.bus.add_gateway(name.into(), self.bit_rate, self.now));

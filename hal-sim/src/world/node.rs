@@ -77,7 +77,7 @@ impl Write {
 }
 
 impl Node {
-    /// When something is next due for it, other than from the bus.
+    /// Returns when something is next due for it, other than from the bus.
     pub(super) fn due(&self) -> Instant {
         match &self.power {
             Power::Off => NEVER,
@@ -87,7 +87,7 @@ impl Node {
     }
 }
 
-/// When a device that is powered, or the record on its way into the memory, is next due.
+/// Returns when a device that is powered, or the record on its way into the memory, is next due.
 #[inline]
 pub(super) fn due(device: &dyn SimDevice, write: Option<&Write>) -> Instant {
     device.deadline().min(write.map_or(NEVER, |write| write.done))

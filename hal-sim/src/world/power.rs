@@ -42,7 +42,7 @@ impl World {
         }
     }
 
-    /// Whether a device is running.
+    /// Returns whether a device is running.
     #[must_use]
     pub fn is_powered(&self, node: NodeId) -> bool {
         matches!(self.nodes[node.0].power, Power::On(_))

@@ -118,7 +118,7 @@ fn parameters(memory: &dyn Memory) -> Option<Vec<u8>> {
     sealed.and_then(|record| open(1, record)).map(<[u8]>::to_vec)
 }
 
-/// The command frame for a node.
+/// Returns the command frame for a node.
 pub(crate) fn command(command: Command, id: u8, data: &[u8]) -> Frame {
     Frame::of(standard(COMMAND).into(), &[&[command as u8, id], data].concat()).unwrap()
 }
@@ -151,7 +151,7 @@ impl Device for Probe {
         true
     }
 
-    /// It never says, and so hears everything.
+    /// Returns none, so that the probe hears everything.
     fn take_filters(&mut self) -> Option<Filters> {
         None
     }
@@ -187,7 +187,7 @@ impl Device for Probe {
         !self.out.is_empty()
     }
 
-    /// It hands out everything in its order, when all is sent.
+    /// Hands out everything in order, once all is sent.
     fn next_effect(&mut self, all_sent: bool) -> Option<Effect> {
         (all_sent && !self.effects.is_empty()).then(|| self.effects.remove(0))
     }

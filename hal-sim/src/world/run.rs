@@ -14,7 +14,7 @@ pub const FLUSH_PATIENCE: Duration = Duration::from_secs(1);
 const TICK: Duration = Duration::from_ticks(1);
 
 impl World {
-    /// When something is next due: now or later; [`NEVER`] when nothing is.
+    /// Returns when something is next due: now or later; [`NEVER`] when nothing is.
     #[must_use]
     pub fn next_event(&self) -> Instant {
         self.bus.next_event().min(self.agenda.next()).max(self.now)
@@ -49,8 +49,8 @@ impl World {
         self.give_to_clients();
     }
 
-    /// Lets everything happen that is due before `end`, and goes there. Frames that are [sent](Self::send) then take part in
-    /// the arbitration at `end`.
+    /// Lets everything happen that is due before `end`, and goes there. Frames that are [sent](Self::send) then take
+    /// part in the arbitration at `end`.
     pub fn run_before(&mut self, end: Instant) {
         while self.next_event() < end {
             self.step();
@@ -191,7 +191,7 @@ impl World {
         self.nodes[id.0].write = Some(Write::begin(key, record, self.now, write_time(key)));
     }
 
-    /// Whether a device has sent and stored everything.
+    /// Returns whether a device has sent and stored everything.
     fn is_settled(&self, id: NodeId) -> bool {
         let node = &self.nodes[id.0];
         !matches!(node.power, Power::On(_)) || (node.write.is_none() && self.bus.port(node.port).pending() == 0)

@@ -9,8 +9,8 @@ use protocol_core::time::{Duration, Instant, NEVER, after, since};
 use super::node::Power;
 use super::{NodeId, World};
 
-/// The longest step in which a linked shaft is looked at: a spool that passes neutral turns it round, and in this time it
-/// comes nowhere near another position and back.
+/// The longest step in which a linked shaft is looked at: a spool that passes neutral turns it round, and in this time
+/// it comes nowhere near another position and back.
 const LINKED_STEP: Duration = Duration::from_micros(64);
 
 const SECOND: Duration = Duration::from_secs(1);
@@ -18,7 +18,7 @@ const SECOND: Duration = Duration::from_secs(1);
 const MINUTE: Duration = Duration::from_secs(60);
 
 impl World {
-    /// The state of a device now; `None` without power.
+    /// Returns the state of a device now; `None` without power.
     pub fn view(&mut self, node: NodeId) -> Option<View> {
         self.follow_links(node);
         match &self.nodes[node.0].power {
@@ -27,8 +27,8 @@ impl World {
         }
     }
 
-    /// The first instant after now at which the position of a device can be another one, if nothing else happens; `limit`
-    /// when it is the same until then.
+    /// Returns the first instant after now at which the position of a device can be another one, if nothing else
+    /// happens; `limit` when it is the same until then.
     #[must_use]
     pub fn next_position(&self, node: NodeId, limit: Instant) -> Instant {
         let now = self.now;
@@ -52,9 +52,9 @@ impl World {
         limit
     }
 
-    /// An instant up to which the position of a device stays outside of a range that it is outside of now, if nothing else
-    /// happens. Of a shaft that turns by itself it is near the last one; of one that follows a valve it is what the fastest
-    /// valve would take; of a spool it is now.
+    /// Returns an instant up to which the position of a device stays outside of a range that it is outside of now, if
+    /// nothing else happens. Of a shaft that turns by itself it is near the last one; of one that follows a valve it is
+    /// what the fastest valve would take; of a spool it is now.
     #[must_use]
     pub fn outside_until(&self, node: NodeId, range: &RangeInclusive<i16>) -> Instant {
         let Some(shaft) = self.senses(node).shaft() else { return self.now };
@@ -81,7 +81,7 @@ impl World {
         micros.map_or(NEVER, |micros| after(self.now, Duration::from_micros(micros)))
     }
 
-    /// The first instant of another position, after `same` and at `other` at the latest.
+    /// Returns the first instant of another position, after `same` and at `other` at the latest.
     fn first_other(&self, node: NodeId, here: i64, mut same: Instant, mut other: Instant) -> Instant {
         while since(other, same) > Duration::from_ticks(1) {
             let middle = after(same, Duration::from_ticks(since(other, same).as_ticks() / 2));
@@ -94,7 +94,7 @@ impl World {
         other
     }
 
-    /// The position of a spool, or the raw one of a shaft, at an instant from now on, if nothing else happens.
+    /// Returns the position of a spool, or the raw one of a shaft, at an instant from now on, if nothing else happens.
     fn position_at(&self, node: NodeId, at: Instant) -> i64 {
         let raw = |shaft: &Shaft| i64::from(shaft.position_at(at));
         match (self.coupling_of(node), self.senses(node).shaft(), self.valve(node)) {

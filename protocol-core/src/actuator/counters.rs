@@ -13,13 +13,13 @@ impl Counters {
     /// No fault has occurred.
     pub const NONE: Self = Self([0; Fault::ALL.len()]);
 
-    /// From stored bytes, by priority; a byte above 127 counts as 127.
+    /// Returns the counters of stored bytes, by priority; a byte above 127 counts as 127.
     #[must_use]
     pub fn from_bytes(bytes: [u8; Fault::ALL.len()]) -> Self {
         Self(bytes.map(|count| count.min(COUNTER_MAX)))
     }
 
-    /// As bytes to be stored, by priority.
+    /// Returns the bytes to be stored, by priority.
     #[must_use]
     pub const fn to_bytes(self) -> [u8; Fault::ALL.len()] {
         self.0
@@ -31,7 +31,7 @@ impl Counters {
         self.0.get(fault.index()).copied().unwrap_or(0)
     }
 
-    /// The same with those of these faults at 0.
+    /// Returns the same with those of these faults at 0.
     #[must_use]
     pub fn without(mut self, faults: FaultSet) -> Self {
         self.clear(faults);

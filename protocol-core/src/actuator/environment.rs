@@ -74,7 +74,7 @@ impl Environment {
         self.due = self.temperature.due().min(self.supply_high.due()).min(self.supply_low.due());
     }
 
-    /// When a fault activates if all stays as it is.
+    /// Returns when a fault activates if all stays as it is.
     pub(super) const fn due(&self) -> Instant {
         self.due
     }

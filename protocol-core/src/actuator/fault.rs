@@ -35,14 +35,14 @@ impl Fault {
         Self::TimeGuarding,
     ];
 
-    /// 1, the highest, … 8.
+    /// Returns the priority: 1, the highest, … 8.
     #[inline]
     #[must_use]
     pub const fn priority(self) -> u8 {
         self as u8
     }
 
-    /// The name used everywhere.
+    /// Returns the name used everywhere.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -57,13 +57,13 @@ impl Fault {
         }
     }
 
-    /// Whether it is one of the two faults of the spool's position.
+    /// Returns whether it is one of the two faults of the spool's position.
     #[must_use]
     pub const fn is_of_spool(self) -> bool {
         matches!(self, Self::SpoolNotAtSetPoint | Self::FloatNotReached)
     }
 
-    /// The place in [`ALL`](Self::ALL).
+    /// Returns the place in [`ALL`](Self::ALL).
     pub(crate) const fn index(self) -> usize {
         (self as usize).wrapping_sub(1)
     }
@@ -79,64 +79,64 @@ impl FaultSet {
     /// All eight.
     pub const ALL: Self = Self(0xFF);
 
-    /// This fault alone.
+    /// Returns the set of this fault alone.
     #[must_use]
     pub const fn of(fault: Fault) -> Self {
         Self(1_u8.wrapping_shl(fault.index() as u32))
     }
 
-    /// The set of these bits: bit 0 is the fault of priority 1, bit 7 that of priority 8.
+    /// Returns the set of these bits: bit 0 is the fault of priority 1, bit 7 that of priority 8.
     #[must_use]
     pub const fn from_bits(bits: u8) -> Self {
         Self(bits)
     }
 
-    /// As bits, for [`from_bits`](Self::from_bits).
+    /// Returns the bits, for [`from_bits`](Self::from_bits).
     #[must_use]
     pub const fn bits(self) -> u8 {
         self.0
     }
 
-    /// Whether it has none.
+    /// Returns whether it has none.
     #[inline]
     #[must_use]
     pub const fn is_empty(self) -> bool {
         self.0 == 0
     }
 
-    /// How many it has.
+    /// Returns how many it has.
     #[must_use]
     pub const fn len(self) -> u32 {
         self.0.count_ones()
     }
 
-    /// Whether it has this fault.
+    /// Returns whether it has this fault.
     #[inline]
     #[must_use]
     pub const fn contains(self, fault: Fault) -> bool {
         self.0 & Self::of(fault).0 != 0
     }
 
-    /// This set and `other`.
+    /// Returns this set and `other`.
     #[must_use]
     pub const fn union(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }
 
-    /// Whether one of the spool's faults is in it.
+    /// Returns whether one of the spool's faults is in it.
     #[inline]
     #[must_use]
     pub const fn any_of_spool(self) -> bool {
         !self.intersection(SPOOL_FAULTS).is_empty()
     }
 
-    /// What is in both.
+    /// Returns what is in both.
     #[must_use]
     pub const fn intersection(self, other: Self) -> Self {
         Self(self.0 & other.0)
     }
 
-    /// This set without what is in `other`.
+    /// Returns this set without what is in `other`.
     #[must_use]
     pub const fn difference(self, other: Self) -> Self {
         Self(self.0 & !other.0)
@@ -152,7 +152,7 @@ impl FaultSet {
         *self = self.difference(Self::of(fault));
     }
 
-    /// The fault of highest priority.
+    /// Returns the fault of highest priority.
     #[must_use]
     pub fn highest(self) -> Option<Fault> {
         self.into_iter().next()

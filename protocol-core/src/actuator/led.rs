@@ -50,7 +50,7 @@ impl Led {
     /// A shutdown whose cause is gone (A).
     pub const FAULT_HOLD: Self = Self::RED_FLASHING;
 
-    /// What the LED shows: the first that applies.
+    /// Returns what the LED shows: the first that applies.
     #[must_use]
     pub fn of(condition: Condition) -> Self {
         let Condition { faults, fault_hold, disabled, power_save } = condition;

@@ -15,7 +15,7 @@ pub const FLOAT_DELAY: Duration = Duration::from_millis(1000);
 /// How long there may be no valid set-point.
 pub const GUARD_TIME: Duration = Duration::from_millis(250);
 
-/// Where monitor 1 lets the spool be: within [`SET_POINT_PERCENT`] of its target.
+/// Returns where monitor 1 lets the spool be: within [`SET_POINT_PERCENT`] of its target.
 #[inline]
 pub(super) const fn tolerance(target: Travel) -> Band {
     Band::around(target, Travel::percent(SET_POINT_PERCENT))
@@ -39,7 +39,7 @@ pub(super) struct Monitor {
 }
 
 impl Monitor {
-    /// To be called for constants only: that the delay fits is checked when they are made.
+    /// Returns a monitor that watches for a fault. For constants only: the compiler checks that the delay fits.
     pub(super) const fn new(fault: Fault, delay: Duration) -> Self {
         assert!(delay.as_micros() <= u32::MAX as u64);
         Self { due: NEVER, delay_us: delay.as_micros() as u32, fault }
@@ -71,7 +71,7 @@ impl Monitor {
         }
     }
 
-    /// [`observe`](Self::observe) for a fault that is not active and cannot become so now.
+    /// Does what [`observe`](Self::observe) does for a fault that is not active and cannot become so now.
     #[inline]
     pub(super) fn watch(&mut self, trips: bool, now: Instant) {
         if !trips {
@@ -81,7 +81,7 @@ impl Monitor {
         }
     }
 
-    /// When a delay that begins now ends.
+    /// Returns when a delay that begins now ends.
     #[inline]
     const fn end(&self, now: Instant) -> Instant {
         delayed(now, Duration::from_micros(self.delay_us as u64))
@@ -92,14 +92,14 @@ impl Monitor {
         self.due = NEVER;
     }
 
-    /// The same if its fault is among those.
+    /// Lets the delay begin anew if the fault is among those.
     pub(super) const fn restart_after(&mut self, cleared: FaultSet) {
         if cleared.contains(self.fault) {
             self.restart();
         }
     }
 
-    /// When the fault activates if the value stays as it is.
+    /// Returns when the fault activates if the value stays as it is.
     pub(super) const fn due(&self) -> Instant {
         self.due
     }
@@ -119,13 +119,13 @@ impl TimeGuard {
         *self = Self { running: true, due: delayed(now, GUARD_TIME) };
     }
 
-    /// A valid set-point came.
+    /// Takes note of a valid set-point: winds up the guard, and ends fault 8.
     pub(super) fn feed(&mut self, faults: &mut FaultRegister, now: Instant) {
         self.wind_up(now);
         faults.clear(Fault::TimeGuarding);
     }
 
-    /// [`feed`](Self::feed) while fault 8 is not active.
+    /// Does what [`feed`](Self::feed) does while fault 8 is not active.
     #[inline]
     pub(super) fn wind_up(&mut self, now: Instant) {
         if self.running {
@@ -133,7 +133,7 @@ impl TimeGuard {
         }
     }
 
-    /// The time without a set-point may be over. It then waits for the next one.
+    /// Activates fault 8 when the time without a set-point is over. The guard then waits for the next set-point.
     pub(super) fn observe(&mut self, faults: &mut FaultRegister, now: Instant) {
         if now >= self.due {
             self.due = NEVER;

@@ -28,7 +28,7 @@ impl PowerSave {
         };
     }
 
-    /// When it begins, if the spool comes to rest in neutral at `rests`.
+    /// Returns when it begins, if the spool comes to rest in neutral at `rests`.
     pub(super) fn due(self, rests: Instant) -> Instant {
         match self {
             Self::Waiting(due) => due.max(rests),

@@ -15,13 +15,13 @@ impl Position {
     /// +100 %: the B-port side.
     pub const MAX: Self = Self(Self::FULL);
 
-    /// A position of −16384 … 16384; `None` outside.
+    /// Returns a position of −16384 … 16384; `None` outside.
     #[must_use]
     pub const fn new(raw: i16) -> Option<Self> {
         if raw >= -Self::FULL && raw <= Self::FULL { Some(Self(raw)) } else { None }
     }
 
-    /// The nearest position to `raw`.
+    /// Returns the nearest position to `raw`.
     #[must_use]
     #[inline]
     pub fn clamped(raw: i32) -> Self {
@@ -29,20 +29,20 @@ impl Position {
         Self(raw.clamp(Self::MIN.0 as i32, Self::MAX.0 as i32) as i16)
     }
 
-    /// In 1/16384 of the full stroke.
+    /// Returns the position in 1/16384 of the full stroke.
     #[inline]
     #[must_use]
     pub const fn raw(self) -> i16 {
         self.0
     }
 
-    /// The same distance from neutral on the other side.
+    /// Returns the same distance from neutral on the other side.
     #[must_use]
     pub const fn mirrored(self) -> Self {
         Self(self.0.saturating_neg())
     }
 
-    /// Whether this is neutral exactly.
+    /// Returns whether this is neutral exactly.
     #[must_use]
     pub const fn is_neutral(self) -> bool {
         self.0 == 0
@@ -63,7 +63,7 @@ pub enum Scale {
 }
 
 impl Scale {
-    /// N: what stands for 100 %.
+    /// Returns N, the value that stands for 100 %.
     #[must_use]
     pub const fn full(self) -> i16 {
         match self {
@@ -74,7 +74,7 @@ impl Scale {
         }
     }
 
-    /// The position of a value on this scale; `None` beyond ±N.
+    /// Returns the position of a value on this scale; `None` beyond ±N.
     #[must_use]
     pub fn to_position(self, value: i16) -> Option<Position> {
         let full = self.full();
@@ -82,7 +82,7 @@ impl Scale {
             .then(|| Position::clamped(rescale(i32::from(value), i32::from(Position::FULL), i32::from(full))))
     }
 
-    /// The value of a position on this scale.
+    /// Returns the value of a position on this scale.
     #[must_use]
     #[inline]
     pub fn of_position(self, position: Position) -> i16 {
@@ -111,7 +111,7 @@ impl Default for SetPoint {
     }
 }
 
-/// `value × to / from`, rounded half away from zero. The factors here keep every product within 25 bits.
+/// Returns `value × to / from`, rounded half away from zero. The factors here keep every product within 25 bits.
 #[inline]
 fn rescale(value: i32, to: i32, from: i32) -> i32 {
     let half = from.wrapping_div(2);

@@ -14,7 +14,8 @@ pub const SPRING_STROKE: Duration = Duration::from_millis(150);
 pub const SLOWNESS: i32 = 8;
 /// How long a [`SpoolFault::Drifting`] spool would take to creep over the full stroke (A).
 pub const DRIFT_STROKE: Duration = Duration::from_secs(8);
-/// How far a [`SpoolFault::Drifting`] spool creeps away, in percent of the full stroke: further than monitor 1 allows (A).
+/// How far a [`SpoolFault::Drifting`] spool creeps away, in percent of the full stroke: further than monitor 1 allows
+/// (A).
 pub const DRIFT_PERCENT: i32 = 20;
 /// Where a [`SpoolFault::NoFloat`] spool stops in float, in percent of the full stroke: short of the float band (A).
 pub const NO_FLOAT_PERCENT: i32 = 80;
@@ -107,7 +108,7 @@ pub(super) struct Spool {
 }
 
 impl Spool {
-    /// At rest in neutral.
+    /// Returns a spool at rest in neutral.
     pub(super) const fn new(now: Instant) -> Self {
         Self { path: Path::rest(Travel::NEUTRAL, now), action: Action::Release, influence: Influence::Device }
     }
@@ -120,7 +121,7 @@ impl Spool {
         }
     }
 
-    /// `here` is where it is `now`.
+    /// Takes what the device does to the spool. `here` is the travel at `now`.
     pub(super) fn act(&mut self, action: Action, here: Travel, now: Instant) {
         if action != self.action {
             self.action = action;
@@ -128,48 +129,49 @@ impl Spool {
         }
     }
 
-    /// Whether nothing but the device acts on it, and it is sound: it then comes closer to where it is sent all the time,
-    /// and stays there.
+    /// Returns whether nothing but the device acts on the spool, and it is sound: it then comes closer to where it is
+    /// sent all the time, and stays there.
     #[inline]
     pub(super) fn is_free(&self) -> bool {
         self.influence == Influence::Device
     }
 
-    /// [`act`](Self::act) for a spool that [is free](Self::is_free) and has another target now: straight there.
+    /// Does what [`act`](Self::act) does for a spool that [is free](Self::is_free) and has another target now: straight
+    /// there.
     #[inline]
     pub(super) fn retarget(&mut self, target: Travel, here: Travel, now: Instant) {
         self.action = Action::Move(target);
         self.path = Path::new(here, target, SOLENOIDS, now);
     }
 
-    /// Where it is.
+    /// Returns the travel of the spool.
     #[inline(never)]
     pub(super) fn at(&self, now: Instant) -> Travel {
         self.path.at(now)
     }
 
-    /// [`at`](Self::at) in line, for what happens in each cycle.
+    /// Returns what [`at`](Self::at) returns, in line: for what happens in each cycle.
     #[inline]
     pub(super) fn at_in_cycle(&self, now: Instant) -> Travel {
         self.path.at(now)
     }
 
-    /// When it next may not go on as it goes now, after `now`.
+    /// Returns the next instant after `now` at which the spool may no longer go on as it goes now.
     pub(super) fn bends(&self, now: Instant) -> Instant {
         self.path.bends(now)
     }
 
-    /// Where it is sent.
+    /// Returns the travel that the spool is sent to.
     pub(super) const fn destination(&self) -> Travel {
         self.path.destination()
     }
 
-    /// Where and since when it rests, or will, if nothing else happens to it.
+    /// Returns where and since when the spool rests, or will, if nothing else happens to it.
     pub(super) const fn rests(&self) -> (Travel, Instant) {
         self.path.rests()
     }
 
-    /// When it next enters or leaves the band, after `now`.
+    /// Returns when the spool next enters or leaves the band, after `now`.
     pub(super) fn crosses(&self, band: Band, now: Instant) -> Instant {
         self.path.crosses(band, now)
     }
@@ -186,7 +188,7 @@ impl Spool {
 }
 
 impl Action {
-    /// The way from `here` of a spool that is free to move.
+    /// Returns the way from `here` of a spool that is free to move.
     fn path(self, here: Travel, fault: SpoolFault, now: Instant) -> Path {
         let (to, rate) = match self {
             Self::Release => (Travel::NEUTRAL, const { (SPRINGS, SPRINGS.slowed(SLOWNESS)) }),
@@ -204,7 +206,7 @@ const SOLENOID_RATES: (Rate, Rate) = (SOLENOIDS, SOLENOIDS.slowed(SLOWNESS));
 
 const NO_FLOAT: Travel = Travel::new(Travel::percent(NO_FLOAT_PERCENT));
 
-/// Where a spool that drifts away from `target` ends.
+/// Returns where a spool that drifts away from `target` ends.
 fn drifted(target: Travel) -> Travel {
     let offset = Travel::percent(DRIFT_PERCENT);
     let towards_b = target.shifted(offset);

@@ -21,12 +21,12 @@ impl Travel {
     pub(super) const FULL_B: Self = Self(Self::FULL);
     pub(super) const FULL_A: Self = Self(-Self::FULL);
 
-    /// The travel in steps.
+    /// Returns the travel in steps.
     pub(super) const fn steps(self) -> i32 {
         self.0
     }
 
-    /// So many percent of the full stroke, in steps.
+    /// Returns so many percent of the full stroke, in steps.
     pub(super) const fn percent(percent: i32) -> i32 {
         (Self::FULL / 100).saturating_mul(percent)
     }
@@ -35,12 +35,14 @@ impl Travel {
         Self(steps)
     }
 
-    /// `steps` further towards B, negative towards A. An i32 holds more than two full strokes: no sum here wraps.
+    /// Returns the travel `steps` further towards B, negative towards A. An i32 holds more than two full strokes: no
+    /// sum here wraps.
     pub(super) const fn shifted(self, steps: i32) -> Self {
         Self(self.0.wrapping_add(steps))
     }
 
-    /// The unit of a position is complete only when all its steps are: full stroke is not shown before it is reached.
+    /// Returns the position. A unit of it is complete only when all its steps are: full stroke is not shown before it
+    /// is reached.
     #[inline]
     pub(super) fn position(self) -> Position {
         Position::clamped(self.0 / Self::UNIT)
@@ -63,12 +65,13 @@ pub(super) struct Band {
 }
 
 impl Band {
-    /// Up to `steps` away from `centre`.
+    /// Returns the band up to `steps` away from `centre`.
     pub(super) const fn around(centre: Travel, steps: i32) -> Self {
         Self { low: centre.shifted(steps.wrapping_neg()).0, high: centre.shifted(steps).0 }
     }
 
-    /// One comparison: what lies below the band wraps around to far above it.
+    /// Returns whether the travel is in the band, by one comparison: what lies below the band wraps around to far above
+    /// it.
     pub(super) const fn contains(self, travel: Travel) -> bool {
         let width = self.high.wrapping_sub(self.low) as u32;
         travel.0.wrapping_sub(self.low) as u32 <= width
@@ -80,21 +83,21 @@ impl Band {
 pub(super) struct Rate(i32);
 
 impl Rate {
-    /// The rate that takes `full_stroke` from neutral to full stroke. To be called for constants only: that the rate
-    /// comes out whole is checked when they are made.
+    /// Returns the rate that takes `full_stroke` from neutral to full stroke. To be called for constants only: that the
+    /// rate comes out whole is checked when they are made.
     pub(super) const fn of_full_stroke(full_stroke: Duration) -> Self {
         let micros = full_stroke.as_micros();
         assert!(micros <= Travel::FULL as u64);
         Self(divide(Travel::FULL, micros as i32))
     }
 
-    /// `1/divisor` of the rate, for constants as well.
+    /// Returns `1/divisor` of the rate, for constants only.
     pub(super) const fn slowed(self, divisor: i32) -> Self {
         Self(divide(self.0, divisor))
     }
 }
 
-/// A quotient that must come out even.
+/// Returns a quotient that must come out even.
 const fn divide(dividend: i32, divisor: i32) -> i32 {
     let quotient = match dividend.checked_div(divisor) {
         Some(quotient) => quotient,
@@ -133,7 +136,7 @@ impl Leg {
         self.from.shifted(micros.wrapping_mul(self.velocity))
     }
 
-    /// The first microsecond at which the line has come as far as `level`, which lies on it.
+    /// Returns the first microsecond at which the line has come as far as `level`, which lies on it.
     #[inline]
     fn reaches(&self, level: i32) -> Instant {
         let way = level.abs_diff(self.from.0);
@@ -142,7 +145,7 @@ impl Leg {
         delayed(self.start, Duration::from_micros(u64::from(micros)))
     }
 
-    /// When, after `now`, the line next enters or leaves the band; [`NEVER`] if it does not.
+    /// Returns when, after `now`, the line next enters or leaves the band; [`NEVER`] if it does not.
     fn crosses(&self, band: Band, now: Instant) -> Instant {
         if now >= self.end {
             return NEVER;
@@ -181,7 +184,7 @@ impl Path {
         Self { approach: Leg::new(from, to, rate, now), creep: None }
     }
 
-    /// Once arrived, goes on to `to`.
+    /// Returns the path that goes on, once arrived, to `to`.
     pub(super) fn then(self, to: Travel, rate: Rate) -> Self {
         let Self { approach, .. } = self;
         Self { approach, creep: Some(Leg::new(approach.to, to, rate, approach.end)) }
@@ -195,8 +198,8 @@ impl Path {
         }
     }
 
-    /// The next instant after `now` at which the spool may no longer go on as it goes now; [`NEVER`] once it rests. The last
-    /// microsecond of a line is shorter than the others: it counts for itself.
+    /// Returns the next instant after `now` at which the spool may no longer go on as it goes now; [`NEVER`] once it
+    /// rests. The last microsecond of a line is shorter than the others: it counts for itself.
     pub(super) fn bends(&self, now: Instant) -> Instant {
         let ends = |leg: &Leg| {
             let last = Instant::from_ticks(leg.end.as_ticks().saturating_sub(1));
@@ -205,12 +208,12 @@ impl Path {
         ends(&self.approach).or_else(|| self.creep.as_ref().and_then(ends)).unwrap_or(NEVER)
     }
 
-    /// Where it goes first, and stays if it does not creep on.
+    /// Returns where the spool goes first, and stays if it does not creep on.
     pub(super) const fn destination(&self) -> Travel {
         self.approach.to
     }
 
-    /// Where and since when the spool rests, or will.
+    /// Returns where and since when the spool rests, or will.
     pub(super) const fn rests(&self) -> (Travel, Instant) {
         let last = match &self.creep {
             Some(creep) => creep,
@@ -219,7 +222,8 @@ impl Path {
         (last.to, last.end)
     }
 
-    /// The first microsecond after `now` at which the spool enters or leaves the band; [`NEVER`] if it does not.
+    /// Returns the first microsecond after `now` at which the spool enters or leaves the band; [`NEVER`] if it does
+    /// not.
     #[inline(never)]
     pub(super) fn crosses(&self, band: Band, now: Instant) -> Instant {
         let creeps = self.creep.as_ref().map_or(NEVER, |creep| creep.crosses(band, now));

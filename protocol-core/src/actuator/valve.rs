@@ -119,7 +119,8 @@ impl Valve {
     /// The parts of the full stroke in which [`opening`](Self::opening) is told.
     pub const STROKE: i32 = Travel::FULL;
 
-    /// A valve that is powered up: off, its spool in neutral, all well until [`sense`](Self::sense) says otherwise.
+    /// Returns a valve that is powered up: off, its spool in neutral, all well until [`sense`](Self::sense) says
+    /// otherwise.
     #[must_use]
     // 250 bytes, wanted by each device twice: as it is made and as it starts.
     #[inline(never)]
@@ -142,7 +143,7 @@ impl Valve {
         }
     }
 
-    /// The device starts anew without losing its supply: as [`new`](Self::new), but the spool is where it is and what
+    /// Starts anew without a loss of the supply: as [`new`](Self::new), but the spool is where it is and what
     /// was sensed still holds. Faults are forgotten, and found again after their delay where their causes last; those
     /// without delay have to be set again.
     pub fn restart(&mut self, counters: Counters, now: Instant) {
@@ -173,8 +174,9 @@ impl Valve {
 
     /// Tells the valve what it may do from now on.
     ///
-    /// The same drive again changes nothing and restarts no timer. Another set-point moves the spool, and monitor 1 goes
-    /// on counting as long as the spool is away. Coming from another drive, regulation begins with fresh monitors 1 and 2.
+    /// The same drive again changes nothing and restarts no timer. Another set-point moves the spool, and monitor 1
+    /// goes on counting as long as the spool is away. Coming from another drive, regulation begins with fresh monitors
+    /// 1 and 2.
     pub fn drive(&mut self, drive: Drive, now: Instant) {
         let now = self.catch_up(now);
         if drive == self.drive {
@@ -210,22 +212,22 @@ impl Valve {
         self.schedule();
     }
 
-    /// No longer guards. An active fault 8 stays until [`feed_guard`](Self::feed_guard).
+    /// Stops the time guard. An active fault 8 stays until [`feed_guard`](Self::feed_guard).
     pub fn stop_guard(&mut self, now: Instant) {
         self.catch_up(now);
         self.guard = TimeGuard::STOPPED;
         self.schedule();
     }
 
-    /// A valid set-point came, acting or not: winds up the guard if it runs, and ends fault 8 in any case.
+    /// Takes note of a valid set-point, acting or not: winds up the guard if it runs, and ends fault 8 in any case.
     pub fn feed_guard(&mut self, now: Instant) {
         let now = self.catch_up(now);
         self.guard.feed(&mut self.faults, now);
         self.schedule();
     }
 
-    /// [`feed_guard`](Self::feed_guard) and [`drive`](Self::drive) in one: a set-point came that acts. That is most of what
-    /// a valve hears, so the usual case is kept apart: it follows already, and nothing is due.
+    /// Takes a set-point that acts: [`feed_guard`](Self::feed_guard) and [`drive`](Self::drive) in one. That is most of
+    /// what a valve hears, so the usual case is kept apart: it follows already, and nothing is due.
     #[inline(always)]
     pub fn command(&mut self, drive: Drive, now: Instant) {
         let now = now.max(self.now);
@@ -248,8 +250,8 @@ impl Valve {
         self.drive(drive, now);
     }
 
-    /// Returns whether a sound spool follows set-points, the last not neutral, which power save tells, and no fault is active.
-    /// Then float and springs are out of it, and all that can become due with the spool is monitor 1.
+    /// Returns whether a sound spool follows set-points, the last not neutral, which power save tells, and no fault is
+    /// active. Then float and springs are out of it, and all that can become due with the spool is monitor 1.
     #[inline]
     fn follows(&self) -> bool {
         matches!(self.drive, Drive::Regulate(SetPoint::Position(_)))
@@ -258,10 +260,10 @@ impl Valve {
             && self.spool.is_free()
     }
 
-    /// The same as [`drive`](Self::drive) for a valve that [follows](Self::follows).
+    /// Does what [`drive`](Self::drive) does for a valve that [follows](Self::follows).
     ///
-    /// No crossing is reckoned ahead: the spool comes closer to its target all the time, and stays there. So whether it has
-    /// come within the tolerance is seen when something else happens to it, or when monitor 1 is due.
+    /// No crossing is reckoned ahead: the spool comes closer to its target all the time, and stays there. So whether it
+    /// has come within the tolerance is seen when something else happens to it, or when monitor 1 is due.
     #[inline]
     fn follow(&mut self, to: Position, now: Instant) {
         let here = self.spool.at_in_cycle(now);
@@ -275,14 +277,14 @@ impl Valve {
         self.spool_due = self.at_set_point.due();
     }
 
-    /// A cause of the internal error is there, or gone. The fault is active while any is.
+    /// Notes that a cause of the internal error is there, or gone. The fault is active while any is.
     pub fn set_internal(&mut self, cause: InternalCause, present: bool, now: Instant) {
         self.catch_up(now);
         self.internal.set(cause, present);
         self.faults.set(Fault::Internal, self.internal.any());
     }
 
-    /// The CAN controller is bus-off, or has recovered.
+    /// Notes that the CAN controller is bus-off, or has recovered.
     pub fn set_bus_off(&mut self, bus_off: bool, now: Instant) {
         self.catch_up(now);
         self.faults.set(Fault::CanBus, bus_off);
@@ -293,8 +295,8 @@ impl Valve {
         self.faults.counters_changed |= self.faults.counters.clear(faults);
     }
 
-    /// Sets all occurrence counters to 0, and returns what they were. It counts as stored: whoever takes them has the zeros
-    /// written.
+    /// Sets all occurrence counters to 0, and returns what they were. It counts as stored: whoever takes them has the
+    /// zeros written.
     pub fn take_counters(&mut self) -> Counters {
         self.faults.counters_changed = false;
         core::mem::take(&mut self.faults.counters)
@@ -306,58 +308,58 @@ impl Valve {
         self.faults.counters_changed = true;
     }
 
-    /// What became of the faults since this was last called; to be asked after every call that takes a time.
+    /// Returns the changes of the faults since this was last called; to be asked after every call that takes a time.
     #[inline]
     pub fn take_changes(&mut self) -> Changes {
         core::mem::take(&mut self.faults.changes)
     }
 
-    /// Whether [`take_changes`](Self::take_changes) has something to tell.
+    /// Returns whether [`take_changes`](Self::take_changes) has something to tell.
     #[inline]
     #[must_use]
     pub const fn has_changes(&self) -> bool {
         !self.faults.changes.is_empty()
     }
 
-    /// Whether a counter has changed since this was last called: there is something to be stored.
+    /// Returns whether a counter has changed since this was last called: there is something to be stored.
     pub fn take_counters_changed(&mut self) -> bool {
         core::mem::take(&mut self.faults.counters_changed)
     }
 
-    /// The active faults.
+    /// Returns the active faults.
     #[inline]
     #[must_use]
     pub const fn faults(&self) -> FaultSet {
         self.faults.active
     }
 
-    /// Whether the fault is active.
+    /// Returns whether the fault is active.
     #[inline]
     #[must_use]
     pub const fn is_active(&self, fault: Fault) -> bool {
         self.faults.active.contains(fault)
     }
 
-    /// How often the faults have occurred.
+    /// Returns how often the faults have occurred.
     #[must_use]
     pub const fn counters(&self) -> Counters {
         self.faults.counters
     }
 
-    /// What the valve may do at present.
+    /// Returns what the valve may do at present.
     #[must_use]
     pub const fn drive_in_force(&self) -> Drive {
         self.drive
     }
 
-    /// Whether the valve follows set-points.
+    /// Returns whether the valve follows set-points.
     #[inline]
     #[must_use]
     pub const fn regulating(&self) -> bool {
         matches!(self.drive, Drive::Regulate(_))
     }
 
-    /// Where the spool is.
+    /// Returns where the spool is.
     #[must_use]
     #[inline]
     pub fn position(&self, now: Instant) -> Position {
@@ -371,40 +373,42 @@ impl Valve {
         self.travel(now).steps()
     }
 
-    /// Returns the next instant after `now` at which the spool may no longer go on as it goes now, if nothing else happens
-    /// to it: until then [`opening`](Self::opening) is a straight line in time. [`NEVER`] for a spool that rests.
+    /// Returns the next instant after `now` at which the spool may no longer go on as it goes now, if nothing else
+    /// happens to it: until then [`opening`](Self::opening) is a straight line in time. [`NEVER`] for a spool that
+    /// rests.
     #[must_use]
     pub fn bends(&self, now: Instant) -> Instant {
         self.spool.bends(now)
     }
 
-    /// Whether the spool is in neutral: within 5 % (A).
+    /// Returns whether the spool is in neutral: within 5 % (A).
     #[must_use]
     pub fn in_neutral(&self, now: Instant) -> bool {
         IN_NEUTRAL.contains(self.travel(now))
     }
 
-    /// Whether float acts and the spool has reached it, within 5 % (A).
+    /// Returns whether float acts and the spool has reached it, within 5 % (A).
     #[must_use]
     pub fn float_reached(&self, now: Instant) -> bool {
         self.floats() && IN_FLOAT.contains(self.travel(now))
     }
 
-    /// Whether the solenoids are energised.
+    /// Returns whether the solenoids are energised.
     #[inline]
     #[must_use]
     pub fn solenoids(&self) -> bool {
         self.regulating() && !self.power_save()
     }
 
-    /// Whether the valve is blocked and spares its solenoids.
+    /// Returns whether the valve is blocked and spares its solenoids.
     #[inline]
     #[must_use]
     pub fn power_save(&self) -> bool {
         self.power_save == PowerSave::On
     }
 
-    /// When [`poll`](Self::poll) is next due, to the microsecond; [`NEVER`] when only a call can change anything.
+    /// Returns when [`poll`](Self::poll) is next due, to the microsecond; [`NEVER`] when only a call can change
+    /// anything.
     #[inline]
     #[must_use]
     pub const fn deadline(&self) -> Instant {
@@ -420,7 +424,7 @@ impl Valve {
         self.drive == Drive::Regulate(SetPoint::Float)
     }
 
-    /// Where a set-point moves the spool.
+    /// Returns where a set-point moves the spool.
     fn target(&self, position: Position) -> Travel {
         match self.config.actuator_type {
             ActuatorType::OnOff if position > Position::NEUTRAL => Travel::FULL_B,

@@ -1,8 +1,8 @@
 //! The object dictionary (CiA 301 7.4): one const table a product, the single source of truth.
 //!
-//! From the table come look-up, access checks and their aborts, what can be mapped, what "save" stores, and the defaults.
-//! The compiler splits the table: the [`Entries`] name no product, and the services that work with them alone are compiled
-//! once for all products of an image. What lies behind an object is at the position of its entry.
+//! From the table come look-up, access checks and their aborts, what can be mapped, what "save" stores, and the
+//! defaults. The compiler splits the table: the [`Entries`] name no product, and the services that work with them alone
+//! are compiled once for all products of an image. What lies behind an object is at the position of its entry.
 
 use crate::wire::sdo::{AbortCode, Multiplexer};
 
@@ -97,7 +97,8 @@ impl Group {
 pub struct Entry {
     /// Index and sub-index in the upper 24 bits, the sort key of the entries; the [flags](flags) in the lowest byte.
     packed: u32,
-    /// The one number of an object: the most characters of a text, the default of a stored object, the value of a constant.
+    /// The one number of an object: the most characters of a text, the default of a stored object, the value of a
+    /// constant.
     number: u32,
     /// The name in an EDS. That of sub-index 0 of an object with sub-indices is the object's own, a colon, and the
     /// sub-index's: "Identity object: highest sub-index".
@@ -264,8 +265,8 @@ impl Entry {
 
 /// One row of the table that an object dictionary is written as: an object's description, and what lies behind it.
 ///
-/// A service matches on `behind`, never on an index: a row that nothing serves does not compile, nor does code that serves
-/// no row.
+/// A service matches on `behind`, never on an index: a row that nothing serves does not compile, nor does code that
+/// serves no row.
 #[derive(Clone, Copy, Debug)]
 pub struct Row<B> {
     entry: Entry,
@@ -273,19 +274,19 @@ pub struct Row<B> {
 }
 
 impl<B: Copy> Row<B> {
-    /// A read-only row: not mappable, not stored.
+    /// Returns a read-only row: not mappable, not stored.
     #[must_use]
     pub const fn ro(index: u16, sub: u8, data_type: DataType, behind: B, name: &'static str) -> Self {
         Self { entry: Entry::new(Multiplexer::new(index, sub), data_type, Access::Ro, name), behind }
     }
 
-    /// A row that can be read and written; otherwise as [`ro`](Self::ro).
+    /// Returns a row that can be read and written; otherwise as [`ro`](Self::ro).
     #[must_use]
     pub const fn rw(index: u16, sub: u8, data_type: DataType, behind: B, name: &'static str) -> Self {
         Self { entry: Entry::new(Multiplexer::new(index, sub), data_type, Access::Rw, name), behind }
     }
 
-    /// The same row, mappable.
+    /// Returns the same row, mappable.
     #[must_use]
     pub const fn mappable(self, mappable: Mappable) -> Self {
         self.flagged(match mappable {
@@ -295,7 +296,7 @@ impl<B: Copy> Row<B> {
         })
     }
 
-    /// The same row, stored by "save", with this default.
+    /// Returns the same row, stored by "save", with this default.
     ///
     /// # Panics
     /// When a text has a number for its default: in a const it does not compile.
@@ -308,7 +309,7 @@ impl<B: Copy> Row<B> {
         }
     }
 
-    /// The same row, with a number for what lies behind it: the value of a constant.
+    /// Returns the same row, with a number for what lies behind it: the value of a constant.
     ///
     /// # Panics
     /// When it is a text: in a const it does not compile.
@@ -446,7 +447,7 @@ pub enum Value<'a> {
 }
 
 impl Value<'_> {
-    /// The number; `None` for a text.
+    /// Returns the number; `None` for a text.
     #[must_use]
     pub const fn number(self) -> Option<u32> {
         match self {

@@ -1,5 +1,5 @@
-//! EMCY: the error history (0x1003), the messages that wait for the bus, the producer (0x1014) and the consumer (0x1028)
-//! (CiA 301 7.2.7).
+//! EMCY: the error history (0x1003), the messages that wait for the bus, the producer (0x1014) and the consumer
+//! (0x1028) (CiA 301 7.2.7).
 
 use heapless::Vec;
 
@@ -24,13 +24,13 @@ pub(crate) struct ErrorHistory {
 }
 
 impl ErrorHistory {
-    /// An empty history.
+    /// Returns an empty history.
     #[must_use]
     pub(crate) const fn new() -> Self {
         Self { fields: [0; HISTORY], count: 0 }
     }
 
-    /// The number of errors, sub-index 0.
+    /// Returns the number of errors, sub-index 0.
     #[must_use]
     pub(crate) const fn count(&self) -> u8 {
         self.count
@@ -67,7 +67,7 @@ impl ErrorHistory {
         entered.filter(|entered| **entered == field).fold(0, |times, _| times.saturating_add(1))
     }
 
-    /// An error, sub-index 1 being the newest.
+    /// Returns an error, sub-index 1 being the newest.
     ///
     /// # Errors
     /// [`AbortCode::NO_DATA`] beyond the number of errors.
@@ -76,7 +76,7 @@ impl ErrorHistory {
         self.fields.get(usize::from(age)).copied().ok_or(AbortCode::NO_DATA)
     }
 
-    /// Sub-index 0 is written.
+    /// Writes sub-index 0.
     ///
     /// # Errors
     /// [`AbortCode::INVALID_VALUE`] for anything but 0, which clears.
@@ -150,8 +150,8 @@ impl Story {
         Some(message)
     }
 
-    /// Takes a message back from the controller: it is owed again, before those that were not handed out. Returns `false`
-    /// when it was dropped, because newer ones have taken its place.
+    /// Takes a message back from the controller: it is owed again, before those that were not handed out. Returns
+    /// `false` when it was dropped, because newer ones have taken its place.
     #[must_use]
     pub(crate) fn give_back(&mut self, message: Emcy) -> bool {
         let position = (0..self.taken).rev().find(|position| self.messages.get(*position) == Some(&message));
@@ -205,24 +205,24 @@ pub(crate) struct EmcyProducer {
 }
 
 impl EmcyProducer {
-    /// A producer that is off.
+    /// Returns a producer that is off.
     #[must_use]
     pub(crate) const fn new() -> Self {
         Self { cob_id: CobId::new(CobId::OFF) }
     }
 
-    /// The COB-ID as written.
+    /// Returns the COB-ID as written.
     #[must_use]
     pub(crate) const fn cob_id(&self) -> CobId {
         self.cob_id
     }
 
-    /// Object 0x1014 is written: in force at once. Bit 31 switches the EMCY off in any state, whatever the identifier is;
+    /// Writes object 0x1014: in force at once. Bit 31 switches the EMCY off in any state, whatever the identifier is;
     /// while it is on, the identifier stays.
     ///
     /// # Errors
-    /// [`AbortCode::INVALID_VALUE`] with bit 30, or for an identifier that is reserved, or has 29 bits where those are not
-    /// `extended_ids`; [`AbortCode::DEVICE_STATE`] for another identifier while the EMCY is on.
+    /// [`AbortCode::INVALID_VALUE`] with bit 30, or for an identifier that is reserved, or has 29 bits where those are
+    /// not `extended_ids`; [`AbortCode::DEVICE_STATE`] for another identifier while the EMCY is on.
     pub(crate) fn write(&mut self, raw: u32, extended_ids: bool) -> Result<(), AbortCode> {
         let cob_id = CobId::new(raw);
         if cob_id.has_bit_30() {
@@ -245,13 +245,13 @@ impl EmcyProducer {
         self.cob_id = CobId::new(raw);
     }
 
-    /// The identifier of an EMCY; `None` while it is off.
+    /// Returns the identifier of an EMCY; `None` while it is off.
     #[must_use]
     pub(crate) fn id(&self) -> Option<Id> {
         (!self.cob_id.is_off()).then(|| self.cob_id.id())
     }
 
-    /// The same as a [key](crate::frame::key).
+    /// Returns the identifier of an EMCY as a [key](crate::frame::key).
     #[must_use]
     pub(crate) fn key(&self) -> Option<u32> {
         (!self.cob_id.is_off()).then(|| self.cob_id.key())
@@ -268,23 +268,24 @@ impl EmcyConsumer {
     /// The default of object 0x1028:1: off.
     pub(crate) const DEFAULT: u32 = CobId::OFF;
 
-    /// A consumer that is off.
+    /// Returns a consumer that is off.
     #[must_use]
     pub(crate) const fn new() -> Self {
         Self { cob_id: CobId::new(Self::DEFAULT) }
     }
 
-    /// The COB-ID as written.
+    /// Returns the COB-ID as written.
     #[must_use]
     pub(crate) const fn cob_id(&self) -> CobId {
         self.cob_id
     }
 
-    /// Writes object 0x1028:1: in force at once. Bit 31 switches the consumer off; the other bits are then not checked, and
-    /// read back as written (A).
+    /// Writes object 0x1028:1: in force at once. Bit 31 switches the consumer off; the other bits are then not checked,
+    /// and read back as written (A).
     ///
     /// # Errors
-    /// [`AbortCode::INVALID_VALUE`] for an identifier that is reserved, or has 29 bits where those are not `extended_ids`.
+    /// [`AbortCode::INVALID_VALUE`] for an identifier that is reserved, or has 29 bits where those are not
+    /// `extended_ids`.
     pub(crate) fn write(&mut self, raw: u32, extended_ids: bool) -> Result<(), AbortCode> {
         let cob_id = CobId::new(raw);
         if !cob_id.is_off() && cob_id != self.cob_id && !cob_id.is_usable(extended_ids) {
@@ -299,7 +300,7 @@ impl EmcyConsumer {
         self.cob_id = CobId::new(raw);
     }
 
-    /// The [key](crate::frame::key) of the EMCY that it listens for; `None` while it is off.
+    /// Returns the [key](crate::frame::key) of the EMCY that it listens for; `None` while it is off.
     #[must_use]
     pub(crate) fn key(&self) -> Option<u32> {
         (!self.cob_id.is_off()).then(|| self.cob_id.key())

@@ -7,8 +7,8 @@ const WHO_IS_THERE: u8 = 0x80;
 
 /// How far a scan has come: the number that is asked for next.
 ///
-/// After the serial number a standard master names 0 as next, the manual's sequence 4, which is no number: either way the
-/// next scan begins with part 0.
+/// After the serial number a standard master names 0 as next, the manual's sequence 4, which is no number: either way
+/// the next scan begins with part 0.
 #[derive(Debug)]
 pub(super) struct ScanPosition {
     part: Part,
@@ -20,7 +20,7 @@ impl ScanPosition {
         Self { part: 0 }
     }
 
-    /// Whether the slave with this address answers the question.
+    /// Returns whether the slave with this address answers the question.
     pub(super) fn answers(&mut self, scan: FastScan, address: &Address) -> bool {
         if scan.bit_check == WHO_IS_THERE {
             self.part = 0;

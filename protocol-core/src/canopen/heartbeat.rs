@@ -28,19 +28,19 @@ pub(crate) struct HeartbeatProducer {
 }
 
 impl HeartbeatProducer {
-    /// A producer that is off.
+    /// Returns a producer that is off.
     #[must_use]
     pub(crate) const fn new(rules: &'static Rules) -> Self {
         Self { rules, time: 0, next: NEVER }
     }
 
-    /// The time as written, in units.
+    /// Returns the time as written, in units.
     #[must_use]
     pub(crate) const fn time(&self) -> u16 {
         self.time
     }
 
-    /// Object 0x1017 is written: the first heartbeat is due at once.
+    /// Writes object 0x1017: the first heartbeat is due at once.
     ///
     /// # Errors
     /// [`AbortCode::TOO_HIGH`] above the product's limit.
@@ -64,12 +64,12 @@ impl HeartbeatProducer {
         self.next = NEVER;
     }
 
-    /// The boot-up goes out: it counts as the first heartbeat.
+    /// Notes that the boot-up goes out: it counts as the first heartbeat.
     pub(crate) fn boot(&mut self, now: Instant) {
         self.next = self.following(now);
     }
 
-    /// Whether a heartbeat is due; the next one is a period after this one was.
+    /// Returns whether a heartbeat is due; the next one is a period after this one was.
     pub(crate) fn poll(&mut self, now: Instant) -> bool {
         let due = now >= self.next;
         if due {
@@ -80,7 +80,7 @@ impl HeartbeatProducer {
         due
     }
 
-    /// When [`poll`](Self::poll) is next due.
+    /// Returns when [`poll`](Self::poll) is next due.
     #[inline]
     #[must_use]
     pub(crate) const fn deadline(&self) -> Instant {

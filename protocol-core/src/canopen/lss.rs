@@ -247,8 +247,8 @@ impl LssSlave {
         self.unstored
     }
 
-    /// Notes that the memory holds this configuration. What is pending, and another service has overwritten there, is to be
-    /// stored again.
+    /// Notes that the memory holds this configuration. What is pending, and another service has overwritten there, is
+    /// to be stored again.
     pub(crate) fn stored(&mut self, stored: Configuration) {
         let Self { pending, unstored, .. } = self;
         if let Some(stored) = stored.node_id {
@@ -259,8 +259,8 @@ impl LssSlave {
         }
     }
 
-    /// Returns whether a slave without node ID has a new one that is stored, and is in waiting: it boots under it (CiA 305,
-    /// transition 4).
+    /// Returns whether a slave without node ID has a new one that is stored, and is in waiting: it boots under it (CiA
+    /// 305, transition 4).
     #[must_use]
     pub(crate) fn boots(&self, node_id: Option<NodeId>) -> bool {
         let stored = self.pending.node_id.filter(|_| self.unstored.node_id.is_none());

@@ -31,7 +31,7 @@ pub(crate) enum ErrorBehaviour {
 }
 
 impl ErrorBehaviour {
-    /// The behaviour of a value; `None` for one that CiA 301 reserves.
+    /// Returns the behaviour of a value; `None` for one that CiA 301 reserves.
     #[must_use]
     pub(crate) const fn new(raw: u8) -> Option<Self> {
         match raw {
@@ -42,7 +42,7 @@ impl ErrorBehaviour {
         }
     }
 
-    /// The state that an error in operational leads to.
+    /// Returns the state that an error in operational leads to.
     #[must_use]
     pub(crate) const fn state(self) -> Option<State> {
         match self {
@@ -87,14 +87,14 @@ impl NmtSlave {
         Self { state: State::Initialising }
     }
 
-    /// The state.
+    /// Returns the state.
     #[inline]
     #[must_use]
     pub(crate) const fn state(&self) -> State {
         self.state
     }
 
-    /// Initialisation has ended: pre-operational.
+    /// Enters pre-operational at the end of initialisation.
     pub(crate) const fn boot(&mut self) {
         self.state = State::PreOperational;
     }
@@ -117,14 +117,14 @@ impl NmtSlave {
         if self.enter(entered) { Outcome::Done(entered) } else { Outcome::Nothing }
     }
 
-    /// Whether SDOs and EMCYs are served: everywhere but in stopped and before the boot-up (CiA 301 table 38).
+    /// Returns whether SDOs and EMCYs are served: everywhere but in stopped and before the boot-up (CiA 301 table 38).
     #[inline]
     #[must_use]
     pub(crate) const fn serves(&self) -> bool {
         matches!(self.state, State::PreOperational | State::Operational)
     }
 
-    /// Whether PDOs are exchanged.
+    /// Returns whether PDOs are exchanged.
     #[inline]
     #[must_use]
     pub(crate) const fn is_operational(&self) -> bool {

@@ -5,8 +5,8 @@ use heapless::VecView;
 
 use super::dictionary::{Entries, Entry, Group, Place, Value};
 
-/// Appends the values of a group's stored objects as `value_of` gives them, one after the other; a text is preceded by its
-/// length. `None` when one is missing, or when there is no room for it.
+/// Appends the values of a group's stored objects as `value_of` gives them, one after the other; a text is preceded by
+/// its length. `None` when one is missing, or when there is no room for it.
 pub(crate) fn encode<'a>(
     entries: Entries,
     group: Group,

@@ -1,4 +1,5 @@
-//! PDO: communication and mapping parameters, and the way of objects into and out of a frame (CiA 301 7.2.2, 7.5.2.35–38).
+//! PDO: communication and mapping parameters, and the way of objects into and out of a frame (CiA 301 7.2.2,
+//! 7.5.2.35–38).
 //!
 //! A mapping is checked and resolved when the PDO is switched on, not for every frame.
 
@@ -38,8 +39,8 @@ pub(crate) struct Rules {
     pub(crate) entries_while_counted: bool,
     /// Whether there are inhibit time and event timer.
     pub(crate) timers: bool,
-    /// Whether a TPDO that waits for the bus tells what was sampled when it became due; otherwise what is true when it is
-    /// sent.
+    /// Whether a TPDO that waits for the bus tells what was sampled when it became due; otherwise what is true when it
+    /// is sent.
     pub(crate) sampled_when_due: bool,
 }
 
@@ -92,7 +93,7 @@ struct Slot {
 }
 
 impl Pdo {
-    /// A PDO that is off and maps nothing, to be loaded.
+    /// Returns a PDO that is off and maps nothing, to be loaded.
     #[must_use]
     // A call would keep the whole device from being made where it is to stay: 1.7 KB of stack.
     #[inline(always)]
@@ -108,25 +109,25 @@ impl Pdo {
         }
     }
 
-    /// The COB-ID as written, sub-index 1 of the communication parameter.
+    /// Returns the COB-ID as written, sub-index 1 of the communication parameter.
     #[must_use]
     pub(crate) const fn cob_id(&self) -> CobId {
         self.cob_id
     }
 
-    /// The sub-indices of the communication parameter that tell when it is sent.
+    /// Returns the sub-indices of the communication parameter that tell when it is sent.
     #[must_use]
     pub(crate) const fn transmission(&self) -> &Transmission {
         &self.transmission
     }
 
-    /// The number of mapped objects, sub-index 0 of the mapping parameter.
+    /// Returns the number of mapped objects, sub-index 0 of the mapping parameter.
     #[must_use]
     pub(crate) const fn count(&self) -> u8 {
         self.count
     }
 
-    /// A mapping entry, sub-index 1–8.
+    /// Returns a mapping entry, sub-index 1–8.
     ///
     /// # Errors
     /// [`AbortCode::NO_SUB`] for another one.
@@ -136,13 +137,13 @@ impl Pdo {
         entry.map(|entry| entry.emit()).ok_or(AbortCode::NO_SUB)
     }
 
-    /// Writes the COB-ID. Bit 31 switches the PDO off in any state; its other bits are then not checked, and read back as
-    /// written (A). While the PDO is on, only bits 30 and 31 may change.
+    /// Writes the COB-ID. Bit 31 switches the PDO off in any state; its other bits are then not checked, and read back
+    /// as written (A). While the PDO is on, only bits 30 and 31 may change.
     ///
     /// # Errors
-    /// [`AbortCode::INVALID_VALUE`] for an identifier that cannot be used or when the PDO would be switched on with nothing
-    /// mapped, [`AbortCode::DEVICE_STATE`] while the PDO is on, [`AbortCode::PDO_TOO_LONG`] when it would be switched on
-    /// with more than 64 bits.
+    /// [`AbortCode::INVALID_VALUE`] for an identifier that cannot be used or when the PDO would be switched on with
+    /// nothing mapped, [`AbortCode::DEVICE_STATE`] while the PDO is on, [`AbortCode::PDO_TOO_LONG`] when it would be
+    /// switched on with more than 64 bits.
     pub(crate) fn write_cob_id(
         &mut self,
         raw: u32,
@@ -225,7 +226,8 @@ impl Pdo {
     ///
     /// # Errors
     /// [`AbortCode::NOT_MAPPABLE`] for an object that does not exist, goes the other way or has another length,
-    /// [`AbortCode::DEVICE_STATE`] while the PDO is on or counts its entries, [`AbortCode::NO_SUB`] for another sub-index.
+    /// [`AbortCode::DEVICE_STATE`] while the PDO is on or counts its entries, [`AbortCode::NO_SUB`] for another
+    /// sub-index.
     pub(crate) fn write_entry(&mut self, sub: u8, raw: u32, rules: &Rules, objects: Entries) -> Result<(), AbortCode> {
         if self.entry(sub)? == raw {
             return Ok(());
@@ -283,8 +285,8 @@ impl Pdo {
         self.is_on().then(|| self.blank.key())
     }
 
-    /// Returns what a received frame holds, object by object in the order of the mapping: the position in the dictionary,
-    /// and the value. `None` when the frame is shorter than the mapping.
+    /// Returns what a received frame holds, object by object in the order of the mapping: the position in the
+    /// dictionary, and the value. `None` when the frame is shorter than the mapping.
     pub(crate) fn unpack(&self, frame: &Frame) -> Option<impl Iterator<Item = (u8, u32)>> {
         if !self.is_on() || frame.len() < self.blank.len() {
             return None;
@@ -352,13 +354,13 @@ impl Pdo {
         self.transmission.deadline()
     }
 
-    /// Whether the PDO is on and sends, or acts, at once.
+    /// Returns whether the PDO is on and sends, or acts, at once.
     #[must_use]
     pub(crate) const fn is_event_driven(&self) -> bool {
         self.sends() && self.transmission.kind() == EVENT_DRIVEN
     }
 
-    /// Whether it is on and maps anything: a PDO of nothing is not sent.
+    /// Returns whether it is on and maps anything: a PDO of nothing is not sent.
     const fn sends(&self) -> bool {
         !self.blank.is_empty()
     }
@@ -411,7 +413,7 @@ fn mapped(entry: MappingEntry, rules: &Rules, objects: Entries) -> Result<Option
     }
 }
 
-/// The sum of the bits of a mapping, at most 64.
+/// Returns the sum of the bits of a mapping, at most 64.
 fn bits(entries: &[MappingEntry]) -> Result<u8, AbortCode> {
     let sum = entries.iter().fold(0_u8, |sum, entry| sum.saturating_add(entry.bits));
     if sum <= MAX_BITS { Ok(sum) } else { Err(AbortCode::PDO_TOO_LONG) }

@@ -15,7 +15,7 @@ pub(super) struct Download {
 }
 
 impl Download {
-    /// Begins; a size that was announced must fit the object.
+    /// Begins a download; a size that was announced must fit the object.
     pub(super) fn new(place: Place, announced: Option<u32>) -> Result<Self, AbortCode> {
         if let Some(size) = announced {
             place.entry.check_length(usize::try_from(size).unwrap_or(usize::MAX))?;
@@ -23,12 +23,12 @@ impl Download {
         Ok(Self { place, announced, data: Vec::new(), toggle: false })
     }
 
-    /// The object that is written.
+    /// Returns the object that is written.
     pub(super) const fn place(&self) -> Place {
         self.place
     }
 
-    /// The segments so far.
+    /// Returns the segments so far.
     pub(super) fn data(&self) -> &[u8] {
         &self.data
     }

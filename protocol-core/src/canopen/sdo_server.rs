@@ -1,7 +1,7 @@
 //! SDO server (CiA 301 7.2.4; SPEC 4.2): expedited and segmented transfers, both ways.
 //!
-//! The server knows the entries of the dictionary and no objects: it hands out what is to be read or written, and is told
-//! what came of it.
+//! The server knows the entries of the dictionary and no objects: it hands out what is to be read or written, and is
+//! told what came of it.
 
 use super::dictionary::{Access, Entries, Entry, Place, Value, number};
 use super::sdo_download::Download;
@@ -27,7 +27,8 @@ pub(crate) enum Step<'a> {
     Answer(Bytes),
     /// Read the object, then call [`SdoServer::uploaded`].
     Read(Place),
-    /// Write the object, then call [`SdoServer::written`], or [`SdoServer::wait`] for what the write demands of the device.
+    /// Write the object, then call [`SdoServer::written`], or [`SdoServer::wait`] for what the write demands of the
+    /// device.
     Write {
         /// The object: it may be written.
         place: Place,
@@ -239,8 +240,8 @@ impl SdoServer {
     }
 }
 
-/// Returns the value of a download of up to four bytes. Without a size, a number's own length is taken from the front, and
-/// of a text the bytes before the zeros at its end.
+/// Returns the value of a download of up to four bytes. Without a size, a number's own length is taken from the front,
+/// and of a text the bytes before the zeros at its end.
 fn expedited<'a>(entry: &Entry, size: Option<u8>, [_, _, _, _, data @ ..]: &'a Bytes) -> Result<Value<'a>, AbortCode> {
     if let Some(size) = size {
         entry.check_length(usize::from(size))?;
@@ -254,7 +255,7 @@ fn expedited<'a>(entry: &Entry, size: Option<u8>, [_, _, _, _, data @ ..]: &'a B
     Ok(Value::Text(data.get(..len).unwrap_or(&[])))
 }
 
-/// A text of one to four characters, as an expedited answer carries it.
+/// Returns a text of one to four characters, as an expedited answer carries it.
 fn short_text(text: &[u8]) -> Option<(u8, u32)> {
     let size = u8::try_from(text.len()).ok().filter(|size| matches!(size, 1..=4))?;
     Some((size, number(text)))

@@ -21,12 +21,12 @@ impl Upload {
         Ok(Self { object, data, sent: 0, toggle: false })
     }
 
-    /// The object that is read.
+    /// Returns the object that is read.
     pub(super) const fn object(&self) -> Multiplexer {
         self.object
     }
 
-    /// The next segment, for a request with this toggle bit.
+    /// Returns the next segment, for a request with this toggle bit.
     pub(super) fn segment(&mut self, toggle: bool) -> Result<Segment, AbortCode> {
         if toggle != self.toggle {
             return Err(AbortCode::TOGGLE);

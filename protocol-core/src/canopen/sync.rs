@@ -19,13 +19,13 @@ impl SyncConsumer {
         Self { cob_id: CobId::new(Self::DEFAULT) }
     }
 
-    /// The COB-ID as written.
+    /// Returns the COB-ID as written.
     #[must_use]
     pub(crate) const fn cob_id(&self) -> CobId {
         self.cob_id
     }
 
-    /// Object 0x1005 is written: in force at once.
+    /// Writes object 0x1005: in force at once.
     ///
     /// # Errors
     /// [`AbortCode::INVALID_VALUE`] for a producer (bit 30), or for an identifier that is reserved or has 29 bits where
@@ -44,7 +44,7 @@ impl SyncConsumer {
         self.cob_id = CobId::new(raw);
     }
 
-    /// The [key](crate::frame::key) of a SYNC.
+    /// Returns the [key](crate::frame::key) of a SYNC.
     #[must_use]
     pub(crate) const fn key(&self) -> u32 {
         self.cob_id.key()

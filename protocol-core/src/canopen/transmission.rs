@@ -57,19 +57,19 @@ impl Transmission {
         }
     }
 
-    /// The transmission type, sub-index 2.
+    /// Returns the transmission type, sub-index 2.
     #[must_use]
     pub(crate) const fn kind(&self) -> u8 {
         self.kind
     }
 
-    /// The inhibit time in 100 µs, sub-index 3.
+    /// Returns the inhibit time in 100 µs, sub-index 3.
     #[must_use]
     pub(crate) const fn inhibit(&self) -> u16 {
         self.inhibit
     }
 
-    /// The event timer in ms, sub-index 5.
+    /// Returns the event timer in ms, sub-index 5.
     #[must_use]
     pub(crate) const fn event_timer(&self) -> u16 {
         self.event_timer
@@ -97,7 +97,8 @@ impl Transmission {
         self.restart_timer(now, sends);
     }
 
-    /// Lets the event timer of a PDO that `sends` end a period from now and then at each period. An inhibit time runs on (A).
+    /// Lets the event timer of a PDO that `sends` end a period from now and then at each period. An inhibit time runs
+    /// on (A).
     pub(crate) fn restart_timer(&mut self, now: Instant, sends: bool) {
         self.requested = None;
         self.due = NEVER;
@@ -122,8 +123,8 @@ impl Transmission {
         AtSync::Due
     }
 
-    /// Returns the instant at which the event timer has made a TPDO due, the inhibit time being over. Of several periods
-    /// the last counts; the grid stays where it is.
+    /// Returns the instant at which the event timer has made a TPDO due, the inhibit time being over. Of several
+    /// periods the last counts; the grid stays where it is.
     pub(crate) fn poll(&mut self, now: Instant) -> Option<Instant> {
         if now >= self.due {
             let mut at = self.due;
@@ -159,7 +160,7 @@ impl Transmission {
         Duration::from_millis(self.event_timer as u64)
     }
 
-    /// The last instant of the grid up to now.
+    /// Returns the last instant of the grid up to now.
     #[cold]
     fn last_period(&self, now: Instant) -> Instant {
         let period = u32::from(self.event_timer).saturating_mul(1000);
@@ -168,7 +169,8 @@ impl Transmission {
     }
 }
 
-/// Returns `dividend % divisor` for a divisor of 1 … 2^31, bit by bit: the board's function for 64-bit numbers is 0.9 KiB long.
+/// Returns `dividend % divisor` for a divisor of 1 … 2^31, bit by bit: the board's function for 64-bit numbers is 0.9
+/// KiB long.
 fn remainder(mut dividend: u64, divisor: u32) -> u32 {
     (0..u64::BITS).fold(0, |rest: u32, _| {
         let rest = rest << 1 | (dividend >> 63) as u32;

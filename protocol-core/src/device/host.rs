@@ -16,7 +16,8 @@ use crate::time::{Instant, NEVER};
 
 /// What a device writes to the memory: its product's part of a write.
 pub trait Storing {
-    /// Appends the payload of a write, as things are now; `None` when there is none, or it is longer than a record holds.
+    /// Appends the payload of a write, as things are now; `None` when there is none, or it is longer than a record
+    /// holds.
     fn encode(&mut self, write: Write, payload: &mut VecView<u8>) -> Option<()>;
 
     /// Takes the memory's answer to a write.
@@ -82,8 +83,8 @@ pub trait Body: Storing + Sized {
     /// Returns a bit rate to be in force from now on.
     fn take_bit_rate(&mut self) -> Option<BitRate>;
 
-    /// Starts with what the memory holds: power-up, or a restart of this scope. Of power-up and reset application the queue
-    /// of writes is empty.
+    /// Starts with what the memory holds: power-up, or a restart of this scope. Of power-up and reset application the
+    /// queue of writes is empty.
     fn start(&mut self, scope: Restart, memory: &dyn Memory, base: &mut Base);
 
     /// Notes that the watchdog, or a panic, has reset the processor.
@@ -139,8 +140,8 @@ impl Base {
         self.now
     }
 
-    /// Asks for a restart. Until it is carried out the device takes no frames, and its timers go on, the time guard too (A).
-    /// Of two restarts the wider one counts.
+    /// Asks for a restart. Until it is carried out the device takes no frames, and its timers go on, the time guard too
+    /// (A). Of two restarts the wider one counts.
     pub fn request_restart(&mut self, scope: Restart) {
         self.restart.wanted = self.restart.wanted.max(Some(scope));
         self.restart.log_failed = false;
@@ -176,8 +177,8 @@ impl Base {
         self.writes.begin()
     }
 
-    /// Returns the next write, or the restart when there is none. Kept apart from the look whether there is any: a record
-    /// takes much of the stack.
+    /// Returns the next write, or the restart when there is none. Kept apart from the look whether there is any: a
+    /// record takes much of the stack.
     #[inline(never)]
     fn next_effect(&mut self, body: &mut dyn Storing, version: u8, all_sent: bool) -> Option<Effect> {
         while let Some(write) = self.begin_write() {
@@ -227,8 +228,8 @@ impl<B: Body> Host<B> {
         device
     }
 
-    /// Returns a device without power, to be put where it is to stay and [started](Self::start_up) there: the stack then
-    /// carries no device while it starts.
+    /// Returns a device without power, to be put where it is to stay and [started](Self::start_up) there: the stack
+    /// then carries no device while it starts.
     #[must_use]
     // In the caller the device is made where it is to stay; a function of its own makes it on the stack first.
     #[inline(always)]
@@ -252,7 +253,7 @@ impl<B: Body> Host<B> {
         self.settle();
     }
 
-    /// The product and its node.
+    /// Returns the product and its node.
     pub const fn body(&self) -> &B {
         &self.body
     }

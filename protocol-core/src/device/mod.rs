@@ -74,8 +74,8 @@ pub trait Device {
     /// Takes a frame from the bus. Says whether it was for the device; when it was not, all is as it was.
     fn handle(&mut self, frame: &Frame, now: Instant) -> bool;
 
-    /// Which frames the device listens to, at first and whenever that has changed since this was last asked. Every frame
-    /// that means something to it passes one of the filters; many that mean nothing to it pass as well.
+    /// Returns the filters for the frames that the device listens to: at first, and whenever they have changed. Every
+    /// frame that means something to it passes one of the filters; many that mean nothing to it pass as well.
     fn take_filters(&mut self) -> Option<Filters>;
 
     /// Takes what the device senses; to be called when any of it has changed, and once after the start.
@@ -84,8 +84,8 @@ pub trait Device {
     /// Lets the timers that are due act; costs next to nothing before [`deadline`](Self::deadline).
     fn poll(&mut self, now: Instant);
 
-    /// Returns the identifiers of frames that the controller took and that must not go out any more: [`Controller::abort`]
-    /// them, and ask again until there are none.
+    /// Returns the identifiers of frames that the controller took and that must not go out any more:
+    /// [`Controller::abort`] them, and ask again until there are none.
     ///
     /// [`Controller::abort`]: crate::controller::Controller::abort
     fn take_abort(&mut self) -> Option<Filter>;
@@ -101,8 +101,9 @@ pub trait Device {
     /// one ready to be sent.
     fn all_sent(&mut self, now: Instant) -> bool;
 
-    /// Returns the next thing to be done. A store and a new bit rate are handed out at any time: a bus that takes nothing
-    /// keeps neither waiting. A restart is handed out only when `all_sent`: it must not swallow the answer before it.
+    /// Returns the next thing to be done. A store and a new bit rate are handed out at any time: a bus that takes
+    /// nothing keeps neither waiting. A restart is handed out only when `all_sent`: it must not swallow the answer
+    /// before it.
     fn next_effect(&mut self, all_sent: bool) -> Option<Effect>;
 
     /// Answers [`Effect::Store`].
@@ -114,18 +115,19 @@ pub trait Device {
     /// Asks for everything that waits to be stored to be stored at once: the platform is about to be switched off.
     fn flush(&mut self, now: Instant);
 
-    /// When [`poll`](Self::poll) is next due; [`NEVER`](crate::time::NEVER) when only a frame or a sense can change anything.
+    /// Returns when [`poll`](Self::poll) is next due; [`NEVER`](crate::time::NEVER) when only a frame or a sense can
+    /// change anything.
     fn deadline(&self) -> Instant;
 
-    /// What the device drives.
+    /// Returns what the device drives.
     fn outputs(&self) -> Outputs;
 
-    /// The bit rate that the device wants to run at.
+    /// Returns the bit rate that the device wants to run at.
     fn bit_rate(&self) -> BitRate;
 
-    /// The node ID in force; `None` for a device that has none.
+    /// Returns the node ID in force; `None` for a device that has none.
     fn node_id(&self) -> Option<u8>;
 
-    /// How many frames were dropped because the transmit queue was full: nothing is lost silently.
+    /// Returns how many frames were dropped because the transmit queue was full: nothing is lost silently.
     fn frames_dropped(&self) -> u32;
 }

@@ -1,5 +1,5 @@
-//! What acts on a device from outside: its plant, by the words and units of the control interface, as a console takes them
-//! and tells them; and the faults of a button.
+//! What acts on a device from outside: its plant, by the words and units of the control interface, as a console takes
+//! them and tells them; and the faults of a button.
 
 use core::fmt;
 
@@ -217,8 +217,8 @@ const SPOOL_FAULTS: [(&str, SpoolFault); 5] = [
     ("no-float", SpoolFault::NoFloat),
 ];
 
-/// Reads a number without a minus sign. The one place for all numbers of a console: each reading takes 100 to 200 bytes of
-/// flash.
+/// Reads a number without a minus sign. The one place for all numbers of a console: each reading takes 100 to 200 bytes
+/// of flash.
 #[inline(never)]
 #[must_use]
 pub fn natural(value: &str, radix: u32) -> Option<u32> {
@@ -267,7 +267,7 @@ pub enum Injection {
 }
 
 impl Injection {
-    /// The one that the next press brings to the product of these senses.
+    /// Returns the one that the next press brings to the product of these senses.
     #[must_use]
     pub const fn next(self, product: &ProductSenses) -> Self {
         match (self, product) {
@@ -281,7 +281,7 @@ impl Injection {
         }
     }
 
-    /// The plant with this fault in the place of the ones that the button can bring; the rest stays.
+    /// Returns the plant with this fault in the place of the ones that the button can bring; the rest stays.
     #[must_use]
     pub fn applied_to(self, plant: Plant) -> Plant {
         let mut senses = Senses { internal_fault: self == Self::Internal, ..plant.senses };

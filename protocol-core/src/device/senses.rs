@@ -26,7 +26,7 @@ pub enum ProductSenses {
 }
 
 impl Default for ProductSenses {
-    /// Those of a healthy valve.
+    /// Returns those of a healthy valve.
     fn default() -> Self {
         Self::Valve(ValveSenses::default())
     }
@@ -57,7 +57,7 @@ impl Senses {
         }
     }
 
-    /// The same, to be changed.
+    /// Returns the same, to be changed.
     #[must_use]
     pub const fn valve_mut(&mut self) -> Option<&mut ValveSenses> {
         match &mut self.product {
@@ -75,7 +75,7 @@ impl Senses {
         }
     }
 
-    /// The same, to be changed.
+    /// Returns the same, to be changed.
     #[must_use]
     pub const fn shaft_mut(&mut self) -> Option<&mut Shaft> {
         match &mut self.product {

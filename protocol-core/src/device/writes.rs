@@ -73,8 +73,8 @@ impl Writes {
         Self { queue: Vec::new(), in_flight: false }
     }
 
-    /// Appends a write, or merges it into one of its kind that waits: the newer value counts, of two DM3s both. The write
-    /// in flight is not touched: its record was encoded before.
+    /// Appends a write, or merges it into one of its kind that waits: the newer value counts, of two DM3s both. The
+    /// write in flight is not touched: its record was encoded before.
     pub fn ask(&mut self, write: Write) {
         let mut waiting = self.queue.iter_mut().rev().skip(usize::from(self.in_flight));
         if let Some(waiting) = waiting.find(|waiting| waiting.is_like(write)) {

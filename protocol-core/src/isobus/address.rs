@@ -105,7 +105,8 @@ impl AddressClaim {
         self.name.claim(self.address().unwrap_or(Address::NULL))
     }
 
-    /// Takes another controller's claim of `source`. A claim with the own NAME is ignored: two twins would claim for ever.
+    /// Takes another controller's claim of `source`. A claim with the own NAME is ignored: two twins would claim for
+    /// ever.
     #[must_use]
     pub fn contend(&mut self, source: Address, name: Name, now: Instant) -> Outcome {
         if source != self.address || name == self.name || self.is_lost() {
@@ -149,8 +150,8 @@ impl AddressClaim {
         Outcome::Nothing
     }
 
-    /// Returns the address that a [commanded address](CommandedAddress) gives this controller, whether it has one or not;
-    /// `None` when the command is for another NAME or malformed.
+    /// Returns the address that a [commanded address](CommandedAddress) gives this controller, whether it has one or
+    /// not; `None` when the command is for another NAME or malformed.
     #[must_use]
     pub fn commanded(&self, payload: &[u8]) -> Option<Address> {
         CommandedAddress::parse(payload).filter(|command| command.name == self.name).map(|command| command.address)

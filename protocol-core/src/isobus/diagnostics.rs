@@ -32,8 +32,8 @@ impl Dm1 {
 
     /// Takes the active code. A change is to be told at once, be it of the counter alone.
     ///
-    /// `at` is the instant at which the bus can hear of it, [`NEVER`] in bus-off. It hears of a code that comes and goes at
-    /// one instant when the frame can be made at that instant; later, DM1 tells the present state alone.
+    /// `at` is the instant at which the bus can hear of it, [`NEVER`] in bus-off. It hears of a code that comes and
+    /// goes at one instant when the frame can be made at that instant; later, DM1 tells the present state alone.
     #[must_use]
     pub fn set(&mut self, active: Option<Trouble>, at: Instant) -> Outcome {
         if active == self.active {
@@ -98,8 +98,8 @@ impl Default for Dm1 {
     }
 }
 
-/// Returns the next instant of a cycle after `due`. After a pause longer than a period the cycle begins anew at `now`: the
-/// bus gets no burst of what was missed.
+/// Returns the next instant of a cycle after `due`. After a pause longer than a period the cycle begins anew at `now`:
+/// the bus gets no burst of what was missed.
 pub(super) fn next_in_grid(due: Instant, period: Duration, now: Instant) -> Instant {
     let planned = delayed(due, period);
     if planned > now { planned } else { delayed(now, period) }

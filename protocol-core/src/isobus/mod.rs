@@ -8,8 +8,8 @@
 //! node/        dispatch, the schedule, and what is owed to the bus
 //! ```
 //!
-//! A product decides what its groups hold. The services know addresses, times and counts, never what a fault or a command
-//! means.
+//! A product decides what its groups hold. The services know addresses, times and counts, never what a fault or a
+//! command means.
 
 pub mod address;
 pub mod diagnostics;

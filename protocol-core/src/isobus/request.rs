@@ -22,8 +22,8 @@ pub struct Request {
 }
 
 impl Request {
-    /// Returns the request in a frame of this identifier, which is one of a request to this controller or to all; `None` for
-    /// a malformed one.
+    /// Returns the request in a frame of this identifier, which is one of a request to this controller or to all;
+    /// `None` for a malformed one.
     #[inline]
     #[must_use]
     pub fn of(id: J1939Id, frame: &Frame) -> Option<Self> {

@@ -1,5 +1,5 @@
-//! Messages of more than eight bytes, broadcast: a BAM, then its packets (SAE J1939-21 5.10; SPEC 5). Connections between
-//! two controllers are refused.
+//! Messages of more than eight bytes, broadcast: a BAM, then its packets (SAE J1939-21 5.10; SPEC 5). Connections
+//! between two controllers are refused.
 
 use heapless::Vec;
 
@@ -10,8 +10,8 @@ use crate::time::{Duration, Instant, NEVER, delayed, since};
 use crate::wire::j1939_id::{Address, Format, J1939Id, Pgn};
 use crate::wire::tp::{self, Abort, Announcement, PACKET_LEN, Packet};
 
-/// The time from one packet to the next (A): between the 50 ms and 200 ms that the standard allows, far enough from both
-/// that a packet which waits for a busy bus stays within them.
+/// The time from one packet to the next (A): between the 50 ms and 200 ms that the standard allows, far enough from
+/// both that a packet which waits for a busy bus stays within them.
 pub const PACKET_SPACING: Duration = Duration::from_millis(100);
 
 /// The longest time from one packet to the next that a receiver bears (T1).
@@ -24,8 +24,8 @@ pub const SEND_GAP: Duration = Duration::from_millis(200);
 /// The reason of a connection abort (A): the resources are needed for another task.
 const REFUSAL_REASON: u8 = 2;
 
-/// Returns the connection abort that answers a request to send (RTS) to `own`: only broadcasts are received. Other frames of
-/// connections are not answered, nor is a sender without an address.
+/// Returns the connection abort that answers a request to send (RTS) to `own`: only broadcasts are received. Other
+/// frames of connections are not answered, nor is a sender without an address.
 #[must_use]
 pub fn refuse_connection(id: J1939Id, frame: &Frame, own: Address) -> Option<Frame> {
     let pgn = tp::request_to_send(frame.eight()?)?;
@@ -141,8 +141,8 @@ impl<const SIZE: usize> BamSender<SIZE> {
         }
     }
 
-    /// Notes that the frame in the controller is on the bus. The next one is due [`PACKET_SPACING`] later: on a busy bus,
-    /// packets must not follow each other at once.
+    /// Notes that the frame in the controller is on the bus. The next one is due [`PACKET_SPACING`] later: on a busy
+    /// bus, packets must not follow each other at once.
     pub fn sent(&mut self, now: Instant) {
         let Some(sending) = self.sending.as_mut().filter(|sending| sending.in_controller) else { return };
         if sending.sequence == sending.announcement.packets {
@@ -195,13 +195,13 @@ pub struct BamReceiver<const SENDERS: usize, const SIZE: usize> {
 }
 
 impl<const SENDERS: usize, const SIZE: usize> BamReceiver<SENDERS, SIZE> {
-    /// A receiver of these groups; all others are let pass.
+    /// Returns a receiver of these groups; all others are let pass.
     #[must_use]
     pub const fn new(wanted: &'static [Pgn]) -> Self {
         Self { wanted, receiving: Vec::new() }
     }
 
-    /// How many messages are under way.
+    /// Returns how many messages are under way.
     #[must_use]
     pub fn under_way(&self) -> usize {
         self.receiving.len()
@@ -222,7 +222,7 @@ impl<const SENDERS: usize, const SIZE: usize> BamReceiver<SENDERS, SIZE> {
         }
     }
 
-    /// A message begins. Whatever its sender sent before is over, even when this one is not wanted.
+    /// Takes the announcement of a message. Whatever its sender sent before is over, even when this one is not wanted.
     #[inline(never)]
     fn announced(&mut self, id: J1939Id, frame: &Frame, now: Instant) {
         let Some(announcement) = frame.eight().and_then(Announcement::parse) else { return };
@@ -246,7 +246,7 @@ impl<const SENDERS: usize, const SIZE: usize> BamReceiver<SENDERS, SIZE> {
         _ = self.receiving.push(Receiving { message, size, sequence: 1, heard: now });
     }
 
-    /// A packet comes. One that is out of order, late or malformed ends its message.
+    /// Takes a packet. One that is out of order, late or malformed ends its message.
     #[inline(never)]
     fn continued(&mut self, id: J1939Id, frame: &Frame, now: Instant) -> Option<Message<SIZE>> {
         if id.destination() != Address::GLOBAL {
@@ -267,13 +267,13 @@ impl<const SENDERS: usize, const SIZE: usize> BamReceiver<SENDERS, SIZE> {
 }
 
 impl<const SIZE: usize> Receiving<SIZE> {
-    /// Whether its sender was silent for too long.
+    /// Returns whether its sender was silent for too long.
     fn is_late(&self, now: Instant) -> bool {
         since(now, self.heard) > MAX_GAP
     }
 
-    /// Whether the message is whole with this packet; `None` when the message is spoilt, as it is by a frame that is no
-    /// packet.
+    /// Returns whether the message is whole with this packet; `None` when the message is spoilt, as it is by a frame
+    /// that is no packet.
     fn take(&mut self, packet: Option<Packet>, now: Instant) -> Option<bool> {
         let packet = packet.filter(|packet| packet.sequence == self.sequence && !self.is_late(now))?;
         let payload = &mut self.message.payload;

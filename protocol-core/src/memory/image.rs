@@ -36,7 +36,7 @@ pub struct Image {
 }
 
 impl Image {
-    /// A memory that was never written.
+    /// Returns a memory that was never written.
     #[must_use]
     pub const fn empty() -> Self {
         Self { contents: [const { Content::Absent }; RecordKey::ALL.len()], damaged: false }
@@ -57,19 +57,19 @@ impl Image {
         self.damaged = true;
     }
 
-    /// Whether the memory as a whole was damaged.
+    /// Returns whether the memory as a whole was damaged.
     #[must_use]
     pub const fn is_damaged(&self) -> bool {
         self.damaged
     }
 
-    /// Whether nothing was ever written and nothing is damaged: a new board, a new state file.
+    /// Returns whether nothing was ever written and nothing is damaged: a new board, a new state file.
     #[must_use]
     pub fn is_new(&self) -> bool {
         !self.damaged && self.contents.iter().all(|content| *content == Content::Absent)
     }
 
-    /// The payload of a record. `Ok(None)` when it was never written.
+    /// Returns the payload of a record. `Ok(None)` when it was never written.
     ///
     /// # Errors
     /// [`Corrupt`] when something is there that does not open as `version`.

@@ -40,7 +40,7 @@ impl RecordKey {
     pub const ALL: [Self; 6] =
         [Self::Factory, Self::LocalLayer, Self::Parameters, Self::RestoreFlag, Self::FaultLog, Self::Application];
 
-    /// The position in [`ALL`](Self::ALL).
+    /// Returns the position in [`ALL`](Self::ALL).
     #[must_use]
     pub const fn position(self) -> usize {
         (self as usize).saturating_sub(1)
@@ -79,7 +79,7 @@ pub fn seal(version: u8, payload: &[u8]) -> Result<Record, StoreError> {
     Ok(record)
 }
 
-/// The payload of a sealed record; `None` unless version, length and CRC are right.
+/// Returns the payload of a sealed record; `None` unless version, length and CRC are right.
 #[must_use]
 pub fn open(version: u8, record: &[u8]) -> Option<&[u8]> {
     let (body, crc) = record.split_at_checked(record.len().checked_sub(CRC_LEN)?)?;

@@ -7,28 +7,28 @@ use crate::frame::{Id, StandardId, extended, standard};
 pub struct NodeId(u8);
 
 impl NodeId {
-    /// A node ID of 1–127; `None` outside.
+    /// Returns a node ID of 1–127; `None` outside.
     #[inline]
     #[must_use]
     pub const fn new(raw: u8) -> Option<Self> {
         if raw >= 1 && raw <= 127 { Some(Self(raw)) } else { None }
     }
 
-    /// The number.
+    /// Returns the number.
     #[inline]
     #[must_use]
     pub const fn get(self) -> u8 {
         self.0
     }
 
-    /// The identifier of one of this node's services in the predefined connection set.
+    /// Returns the identifier of one of this node's services in the predefined connection set.
     #[inline]
     #[must_use]
     pub const fn id(self, function: Function) -> StandardId {
         standard(self.raw_id(function))
     }
 
-    /// The same as a number.
+    /// Returns the same as a number.
     #[inline]
     #[must_use]
     pub const fn raw_id(self, function: Function) -> u16 {
@@ -81,27 +81,27 @@ impl CobId {
         Self(raw)
     }
 
-    /// All 32 bits.
+    /// Returns all 32 bits.
     #[inline]
     #[must_use]
     pub const fn raw(self) -> u32 {
         self.0
     }
 
-    /// Whether bit 31 says that the communication object is off.
+    /// Returns whether bit 31 says that the communication object is off.
     #[inline]
     #[must_use]
     pub const fn is_off(self) -> bool {
         self.0 & Self::OFF != 0
     }
 
-    /// Whether bit 30 is set.
+    /// Returns whether bit 30 is set.
     #[must_use]
     pub const fn has_bit_30(self) -> bool {
         self.0 & Self::BIT_30 != 0
     }
 
-    /// Whether the identifier is a 29-bit one.
+    /// Returns whether the identifier is a 29-bit one.
     #[must_use]
     pub const fn is_extended(self) -> bool {
         self.0 & Self::EXTENDED != 0
@@ -113,7 +113,7 @@ impl CobId {
         self.0 & Self::IDENTIFIER
     }
 
-    /// The CAN identifier that it stands for.
+    /// Returns the CAN identifier that it stands for.
     #[must_use]
     pub const fn id(self) -> Id {
         if self.is_extended() {
@@ -123,15 +123,16 @@ impl CobId {
         }
     }
 
-    /// The identifier as a frame's [key](crate::frame::key).
+    /// Returns the identifier as a frame's [key](crate::frame::key).
     #[inline]
     #[must_use]
     pub const fn key(self) -> u32 {
         self.0 & (Self::EXTENDED | Self::IDENTIFIER)
     }
 
-    /// Whether a PDO, SYNC or EMCY consumer may use the identifier: a 29-bit one where those are `extended`, or an 11-bit
-    /// one that CiA 301 (7.3.5) does not reserve for NMT, the default SDOs, EMCY and error control, or LSS (SPEC 4.1).
+    /// Returns whether a PDO, SYNC or EMCY consumer may use the identifier: a 29-bit one where those are `extended`, or
+    /// an 11-bit one that CiA 301 (7.3.5) does not reserve for NMT, the default SDOs, EMCY and error control, or LSS
+    /// (SPEC 4.1).
     #[must_use]
     pub const fn is_usable(self, extended: bool) -> bool {
         if self.is_extended() {

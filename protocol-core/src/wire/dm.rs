@@ -1,4 +1,5 @@
-//! Diagnostic messages DM1 and DM2: lamps, then trouble codes with their counters (SAE J1939-73 5.7.1 and 5.7.2; SPEC 5).
+//! Diagnostic messages DM1 and DM2: lamps, then trouble codes with their counters (SAE J1939-73 5.7.1 and 5.7.2; SPEC
+//! 5).
 
 use heapless::Vec;
 
@@ -22,7 +23,7 @@ impl Lamp {
         Self(raw)
     }
 
-    /// The byte.
+    /// Returns the byte.
     #[must_use]
     pub const fn get(self) -> u8 {
         self.0
@@ -44,7 +45,7 @@ const HEAD: usize = 2;
 /// How many bytes a trouble code has with its counter.
 const TROUBLE_LEN: usize = 4;
 
-/// The length of the payload that carries so many trouble codes.
+/// Returns the length of the payload that carries so many trouble codes.
 #[must_use]
 pub const fn payload_len(troubles: usize) -> usize {
     troubles.saturating_mul(TROUBLE_LEN).saturating_add(HEAD)
@@ -62,7 +63,7 @@ pub struct Trouble {
 }
 
 impl Trouble {
-    /// The code and its counter; the conversion method, which is the top bit, is 0.
+    /// Returns the code and its counter; the conversion method, which is the top bit, is 0.
     const fn emit(self) -> [u8; TROUBLE_LEN] {
         let [low, middle, high] = self.dtc.to_bytes();
         let count = if self.count > MAX_COUNT { MAX_COUNT } else { self.count };
@@ -70,7 +71,7 @@ impl Trouble {
     }
 }
 
-/// The message of one trouble code, or of none, in a single frame.
+/// Returns the message of one trouble code, or of none, in a single frame.
 #[must_use]
 pub const fn single(trouble: Option<Trouble>) -> [u8; 8] {
     match trouble {
@@ -82,8 +83,8 @@ pub const fn single(trouble: Option<Trouble>) -> [u8; 8] {
     }
 }
 
-/// The message of several, as the transport protocol carries it: the lamp is the most severe of them. What does not fit
-/// `N` bytes, see [`payload_len`], is left out.
+/// Returns the message of several, as the transport protocol carries it: the lamp is the most severe of them. What does
+/// not fit `N` bytes, see [`payload_len`], is left out.
 #[must_use]
 pub fn payload<const N: usize>(troubles: impl Iterator<Item = Trouble> + Clone) -> Vec<u8, N> {
     let lamp = troubles.clone().map(|trouble| trouble.lamp).max().unwrap_or(Lamp::OFF);
@@ -95,8 +96,8 @@ pub fn payload<const N: usize>(troubles: impl Iterator<Item = Trouble> + Clone) 
     payload
 }
 
-/// The lamp and the trouble codes of a message, be it a single frame or what the transport protocol carried; `None` for
-/// one too short to have any.
+/// Returns the lamp and the trouble codes of a message, be it a single frame or what the transport protocol carried;
+/// `None` for one too short to have any.
 pub fn parse(payload: &[u8]) -> Option<(Lamp, impl Iterator<Item = (Dtc, u8)>)> {
     let &[lamp, _, ref troubles @ ..] = payload else { return None };
     let (troubles, _) = troubles.as_chunks::<TROUBLE_LEN>();

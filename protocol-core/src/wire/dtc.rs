@@ -10,43 +10,44 @@ impl Dtc {
     /// No trouble: three bytes of 0.
     pub const NONE: Self = Self(0);
 
-    /// The code of a suspect parameter number, of which 19 bits count, and a failure mode identifier, of which 5 do.
+    /// Returns the code of a suspect parameter number, of which 19 bits count, and a failure mode identifier, of which
+    /// 5 do.
     #[must_use]
     pub const fn new(spn: u32, fmi: u8) -> Self {
         Self((spn & 0x7_0000) << 5 | (fmi as u32 & 0x1F) << 16 | spn & 0xFFFF)
     }
 
-    /// The code that is printed as this number, of which 24 bits count.
+    /// Returns the code that is printed as this number, of which 24 bits count.
     #[must_use]
     pub const fn from_printed(number: u32) -> Self {
         Self(number & 0xFF_FFFF)
     }
 
-    /// The number as the manual prints it.
+    /// Returns the number as the manual prints it.
     #[must_use]
     pub const fn printed(self) -> u32 {
         self.0
     }
 
-    /// Suspect parameter number: what is wrong.
+    /// Returns the suspect parameter number: what is wrong.
     #[must_use]
     pub const fn spn(self) -> u32 {
         self.0 >> 5 & 0x7_0000 | self.0 & 0xFFFF
     }
 
-    /// Failure mode identifier: how it is wrong.
+    /// Returns the failure mode identifier: how it is wrong.
     #[must_use]
     pub const fn fmi(self) -> u8 {
         (self.0 >> 16) as u8 & 0x1F
     }
 
-    /// From the three bytes on the wire.
+    /// Returns the code of the three bytes on the wire.
     #[must_use]
     pub const fn from_bytes([low, middle, high]: [u8; 3]) -> Self {
         Self(u32::from_le_bytes([low, middle, high, 0]))
     }
 
-    /// The three bytes on the wire.
+    /// Returns the three bytes on the wire.
     #[must_use]
     pub const fn to_bytes(self) -> [u8; 3] {
         let [low, middle, high, _] = self.0.to_le_bytes();

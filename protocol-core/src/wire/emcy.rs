@@ -18,14 +18,14 @@ pub struct Emcy {
 }
 
 impl Emcy {
-    /// The message in eight bytes.
+    /// Returns the message in eight bytes.
     #[must_use]
     pub fn parse(bytes: &[u8; 8]) -> Self {
         let &[low, high, register, ref manufacturer @ ..] = bytes;
         Self { code: u16::from_le_bytes([low, high]), register, manufacturer: *manufacturer }
     }
 
-    /// The message as it goes over the bus.
+    /// Returns the message as it goes over the bus.
     #[must_use]
     pub const fn emit(self) -> [u8; 8] {
         let [low, high] = self.code.to_le_bytes();

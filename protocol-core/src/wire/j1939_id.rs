@@ -20,7 +20,7 @@ impl Address {
         Self(raw)
     }
 
-    /// The number.
+    /// Returns the number.
     #[inline]
     #[must_use]
     pub const fn get(self) -> u8 {
@@ -55,35 +55,35 @@ impl Pgn {
     /// Commanded address.
     pub const COMMANDED_ADDRESS: Self = Self(0x00_FED8);
 
-    /// The low 24 bits of `raw`.
+    /// Returns the low 24 bits of `raw`.
     #[inline]
     #[must_use]
     pub const fn new(raw: u32) -> Self {
         Self(raw & 0xFF_FFFF)
     }
 
-    /// Auxiliary valve command of valve `number`, of which the low four bits count.
+    /// Returns the group of the auxiliary valve command of valve `number`, of which the low four bits count.
     #[inline]
     #[must_use]
     pub const fn avc(number: u8) -> Self {
         Self(0x00_FE30 | (number & 0xF) as u32)
     }
 
-    /// Auxiliary valve estimated flow of valve `number`, of which the low four bits count.
+    /// Returns the group of the auxiliary valve estimated flow of valve `number`, of which the low four bits count.
     #[inline]
     #[must_use]
     pub const fn avef(number: u8) -> Self {
         Self(0x00_FE10 | (number & 0xF) as u32)
     }
 
-    /// From three bytes, the least significant first.
+    /// Returns the group of three bytes, the least significant first.
     #[inline]
     #[must_use]
     pub const fn from_bytes([low, middle, high]: [u8; 3]) -> Self {
         Self(u32::from_le_bytes([low, middle, high, 0]))
     }
 
-    /// As three bytes, the least significant first.
+    /// Returns three bytes, the least significant first.
     #[inline]
     #[must_use]
     pub const fn to_bytes(self) -> [u8; 3] {
@@ -91,7 +91,7 @@ impl Pgn {
         [low, middle, high]
     }
 
-    /// The number.
+    /// Returns the number.
     #[inline]
     #[must_use]
     pub const fn raw(self) -> u32 {
@@ -124,7 +124,7 @@ impl Format {
     /// The groups 0xFE00–0xFEFF, which the identifier's next byte tells apart: AVC, AVEF, the DMs and many others.
     pub const GROUPS_FE: Self = Pgn(0x00_FE00).format();
 
-    /// Whether it is PDU1: its frames have a destination.
+    /// Returns whether it is PDU1: its frames have a destination.
     #[inline]
     #[must_use]
     pub const fn is_pdu1(self) -> bool {
@@ -144,13 +144,13 @@ impl Priority {
     /// 7, of the transport protocol.
     pub const TRANSPORT: Self = Self(7);
 
-    /// The low three bits of `raw`.
+    /// Returns the low three bits of `raw`.
     #[must_use]
     pub const fn new(raw: u8) -> Self {
         Self(raw & 7)
     }
 
-    /// The number.
+    /// Returns the number.
     #[must_use]
     pub const fn get(self) -> u8 {
         self.0
@@ -165,7 +165,7 @@ const BOTH_PAGES: u32 = 3 << 24;
 pub struct J1939Id(u32);
 
 impl J1939Id {
-    /// The identifier of a message. The destination counts in the format PDU1 alone.
+    /// Returns the identifier of a message. The destination counts in the format PDU1 alone.
     #[inline]
     #[must_use]
     pub const fn new(priority: Priority, pgn: Pgn, destination: Address, source: Address) -> Self {
@@ -173,56 +173,56 @@ impl J1939Id {
         Self((priority.0 as u32) << 26 | group << 8 | source.0 as u32)
     }
 
-    /// The identifier of a message to all.
+    /// Returns the identifier of a message to all.
     #[inline]
     #[must_use]
     pub const fn global(priority: Priority, pgn: Pgn, source: Address) -> Self {
         Self::new(priority, pgn, Address::GLOBAL, source)
     }
 
-    /// The low 29 bits of `raw`.
+    /// Returns the low 29 bits of `raw`.
     #[inline]
     #[must_use]
     pub const fn from_raw(raw: u32) -> Self {
         Self(raw & 0x1FFF_FFFF)
     }
 
-    /// The identifier of a frame; `None` for a standard one.
+    /// Returns the identifier of a frame; `None` for a standard one.
     #[inline]
     #[must_use]
     pub fn of(frame: &Frame) -> Option<Self> {
         frame.is_extended().then(|| Self::from_raw(frame.key()))
     }
 
-    /// The 29 bits.
+    /// Returns the 29 bits.
     #[inline]
     #[must_use]
     pub const fn raw(self) -> u32 {
         self.0
     }
 
-    /// The identifier for a frame.
+    /// Returns the identifier for a frame.
     #[inline]
     #[must_use]
     pub const fn id(self) -> Id {
         Id::Extended(extended(self.0))
     }
 
-    /// The identifier as a frame's key.
+    /// Returns the identifier as a frame's key.
     #[inline]
     #[must_use]
     pub fn key(self) -> u32 {
         key(self.id())
     }
 
-    /// Whether this is an identifier of J1939: both page bits set are another protocol's (ISO 11783-3).
+    /// Returns whether this is an identifier of J1939: both page bits set are another protocol's (ISO 11783-3).
     #[inline]
     #[must_use]
     pub const fn is_j1939(self) -> bool {
         self.0 & BOTH_PAGES != BOTH_PAGES
     }
 
-    /// The priority.
+    /// Returns the priority.
     #[must_use]
     pub const fn priority(self) -> Priority {
         Priority::new((self.0 >> 26) as u8)
@@ -235,28 +235,28 @@ impl J1939Id {
         Format((self.0 >> 16) as u16 & 0x3FF)
     }
 
-    /// The parameter group number.
+    /// Returns the parameter group number.
     #[inline]
     #[must_use]
     pub const fn pgn(self) -> Pgn {
         Pgn(self.0 >> 8 & if self.format().is_pdu1() { 0x3_FF00 } else { 0x3_FFFF })
     }
 
-    /// The destination: [`Address::GLOBAL`] in the format PDU2.
+    /// Returns the destination: [`Address::GLOBAL`] in the format PDU2.
     #[inline]
     #[must_use]
     pub const fn destination(self) -> Address {
         if self.format().is_pdu1() { Address(self.pdu_specific()) } else { Address::GLOBAL }
     }
 
-    /// PDU specific: the destination in the format PDU1, the group extension in the format PDU2.
+    /// Returns the field PDU specific: the destination in the format PDU1, the group extension in the format PDU2.
     #[inline]
     #[must_use]
     pub const fn pdu_specific(self) -> u8 {
         (self.0 >> 8) as u8
     }
 
-    /// The source.
+    /// Returns the source.
     #[inline]
     #[must_use]
     pub const fn source(self) -> Address {

@@ -17,7 +17,7 @@ pub struct Address {
 }
 
 impl Address {
-    /// One of the four numbers; `None` for a part above 3.
+    /// Returns one of the four numbers; `None` for a part above 3.
     #[must_use]
     pub const fn part(&self, part: u8) -> Option<u32> {
         match part {
@@ -65,13 +65,13 @@ impl Bound {
 pub struct LssNodeId(pub Option<NodeId>);
 
 impl LssNodeId {
-    /// The node ID of a number; `None` for a reserved one.
+    /// Returns the node ID of a number; `None` for a reserved one.
     #[must_use]
     pub fn new(raw: u8) -> Option<Self> {
         if raw == NO_NODE_ID { Some(Self(None)) } else { NodeId::new(raw).map(|node_id| Self(Some(node_id))) }
     }
 
-    /// The number.
+    /// Returns the number.
     #[must_use]
     pub fn get(self) -> u8 {
         self.0.map_or(NO_NODE_ID, NodeId::get)
@@ -140,7 +140,7 @@ pub enum Request {
 }
 
 impl Request {
-    /// What eight bytes on 0x7E5 ask for.
+    /// Returns what eight bytes on 0x7E5 ask for.
     #[must_use]
     pub fn parse(bytes: &[u8; 8]) -> Self {
         let [command, first, second, _, _, bit_check, sub, next] = *bytes;
@@ -193,7 +193,7 @@ pub const SUCCESS: u8 = 0;
 pub const NO_NODE_ID: u8 = 255;
 
 impl Answer {
-    /// The answer as it goes over the bus.
+    /// Returns the answer as it goes over the bus.
     #[must_use]
     pub const fn emit(self) -> [u8; 8] {
         let (command, number) = match self {

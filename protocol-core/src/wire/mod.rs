@@ -20,7 +20,7 @@ pub mod valve;
 
 pub mod uds;
 
-/// The little-endian number in `bytes[at..at + 4]`.
+/// Returns the little-endian number in `bytes[at..at + 4]`.
 #[inline]
 pub(crate) const fn u32_at(bytes: &[u8; 8], at: u32) -> u32 {
     let word = u64::from_le_bytes(*bytes).unbounded_shr(at.saturating_mul(8)) & 0xFFFF_FFFF;

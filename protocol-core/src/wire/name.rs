@@ -32,7 +32,7 @@ pub struct Fields {
 }
 
 impl Name {
-    /// The NAME of these fields; the reserved bit is 0.
+    /// Returns the NAME of these fields; the reserved bit is 0.
     #[must_use]
     pub const fn new(fields: &Fields) -> Self {
         Self(
@@ -48,7 +48,7 @@ impl Name {
         )
     }
 
-    /// What it consists of; the reserved bit is left out.
+    /// Returns what it consists of; the reserved bit is left out.
     #[must_use]
     pub const fn fields(self) -> Fields {
         Fields {
@@ -64,21 +64,21 @@ impl Name {
         }
     }
 
-    /// From the eight bytes on the wire.
+    /// Returns the NAME of the eight bytes on the wire.
     #[inline]
     #[must_use]
     pub const fn from_bytes(bytes: [u8; 8]) -> Self {
         Self(u64::from_le_bytes(bytes))
     }
 
-    /// The eight bytes on the wire.
+    /// Returns the eight bytes on the wire.
     #[inline]
     #[must_use]
     pub const fn to_bytes(self) -> [u8; 8] {
         self.0.to_le_bytes()
     }
 
-    /// The 64 bits as a number.
+    /// Returns the 64 bits as a number.
     #[inline]
     #[must_use]
     pub const fn raw(self) -> u64 {
@@ -107,7 +107,7 @@ pub struct CommandedAddress {
 }
 
 impl CommandedAddress {
-    /// The command in nine bytes; `None` for another length.
+    /// Returns the command in nine bytes; `None` for another length.
     #[must_use]
     pub fn parse(payload: &[u8]) -> Option<Self> {
         let (name, rest) = payload.split_first_chunk()?;
@@ -115,7 +115,7 @@ impl CommandedAddress {
         Some(Self { name: Name::from_bytes(*name), address: Address::new(address) })
     }
 
-    /// The command in nine bytes.
+    /// Returns the command in nine bytes.
     #[must_use]
     pub const fn emit(self) -> [u8; COMMANDED_ADDRESS_LEN] {
         let [a, b, c, d, e, f, g, h] = self.name.to_bytes();

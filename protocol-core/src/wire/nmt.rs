@@ -34,7 +34,8 @@ pub enum Target {
     Node(NodeId),
 }
 
-/// The command in an NMT frame and whom it is for; `None` for another length, an unknown command, or a node ID above 127.
+/// Returns the command in an NMT frame and whom it is for; `None` for another length, an unknown command, or a node ID
+/// above 127.
 #[must_use]
 pub fn parse(data: &[u8]) -> Option<(Command, Target)> {
     let &[specifier, node] = data else { return None };
@@ -61,7 +62,7 @@ impl State {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::Initialising, Self::PreOperational, Self::Operational, Self::Stopped];
 
-    /// The state as a heartbeat carries it; that of initialising is the boot-up.
+    /// Returns the state as a heartbeat carries it; that of initialising is the boot-up.
     #[inline]
     #[must_use]
     pub const fn code(self) -> u8 {
@@ -73,14 +74,14 @@ impl State {
         }
     }
 
-    /// The state that a heartbeat carries; `None` for a code that no standard knows.
+    /// Returns the state that a heartbeat carries; `None` for a code that no standard knows.
     #[must_use]
     pub fn from_code(code: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|state| state.code() == code)
     }
 }
 
-/// A heartbeat, or in [`State::Initialising`] the boot-up: `700+ID: state`.
+/// Returns a heartbeat, or in [`State::Initialising`] the boot-up: `700+ID: state`.
 #[must_use]
 pub fn heartbeat(node: NodeId, state: State) -> Frame {
     Frame::with_len(node.id(Function::Heartbeat).into(), [state.code(), 0, 0, 0, 0, 0, 0, 0], 1)

@@ -1,4 +1,5 @@
-//! An entry of a PDO mapping, 0x1600 and 0x1A00 (CiA 301 7.5.2.36): which object lies in the PDO, and with how many bits.
+//! An entry of a PDO mapping, 0x1600 and 0x1A00 (CiA 301 7.5.2.36): which object lies in the PDO, and with how many
+//! bits.
 
 /// One entry of a PDO mapping.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -12,20 +13,20 @@ pub struct MappingEntry {
 }
 
 impl MappingEntry {
-    /// The entry in 32 bits: index, sub-index, length.
+    /// Returns the entry in 32 bits: index, sub-index, length.
     #[must_use]
     pub const fn parse(raw: u32) -> Self {
         Self { index: (raw >> 16) as u16, sub: (raw >> 8) as u8, bits: raw as u8 }
     }
 
-    /// The entry as the object holds it.
+    /// Returns the entry as the object holds it.
     #[must_use]
     pub const fn emit(self) -> u32 {
         (self.index as u32) << 16 | (self.sub as u32) << 8 | self.bits as u32
     }
 
-    /// Whether it is a dummy: an index 0x0001–0x0007 stands for a data type, the entry for a gap of that type's length
-    /// (CiA 301 7.4.7.1).
+    /// Returns whether it is a dummy: an index 0x0001–0x0007 stands for a data type, the entry for a gap of that type's
+    /// length (CiA 301 7.4.7.1).
     #[must_use]
     pub const fn is_valid_dummy(self) -> bool {
         let bits = match self.index {

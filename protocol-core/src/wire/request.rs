@@ -6,8 +6,8 @@ use crate::frame::Frame;
 /// The bytes of a request.
 const LEN: u8 = 3;
 
-/// The group that a request asks for; `None` for fewer than three bytes and for a remote frame. Longer ones are taken:
-/// some tools pad every frame to eight bytes.
+/// Returns the group that a request asks for; `None` for fewer than three bytes and for a remote frame. Longer ones are
+/// taken: some tools pad every frame to eight bytes.
 #[inline]
 #[must_use]
 pub const fn parse(frame: &Frame) -> Option<Pgn> {
@@ -18,7 +18,7 @@ pub const fn parse(frame: &Frame) -> Option<Pgn> {
     Some(Pgn::from_bytes([low, middle, high]))
 }
 
-/// `18EAddyy: pgn`: `source` asks `destination`.
+/// Returns `18EAddyy: pgn`: `source` asks `destination`.
 #[must_use]
 pub fn frame(pgn: Pgn, destination: Address, source: Address) -> Frame {
     let [low, middle, high] = pgn.to_bytes();
@@ -57,7 +57,7 @@ pub struct Acknowledgement {
 }
 
 impl Acknowledgement {
-    /// The acknowledgement in eight bytes; `None` for a control byte that the standard does not know.
+    /// Returns the acknowledgement in eight bytes; `None` for a control byte that the standard does not know.
     #[must_use]
     pub fn parse(bytes: &[u8; 8]) -> Option<Self> {
         let &[control, _, _, _, asker, low, middle, high] = bytes;
@@ -68,14 +68,14 @@ impl Acknowledgement {
         })
     }
 
-    /// The acknowledgement in eight bytes.
+    /// Returns the acknowledgement in eight bytes.
     #[must_use]
     pub const fn emit(self) -> [u8; 8] {
         let [low, middle, high] = self.pgn.to_bytes();
         [self.control as u8, 0xFF, 0xFF, 0xFF, self.asker.get(), low, middle, high]
     }
 
-    /// `18E8FFyy: control FF FF FF asker pgn`.
+    /// Returns `18E8FFyy: control FF FF FF asker pgn`.
     #[must_use]
     pub fn frame(self, source: Address) -> Frame {
         Frame::full(J1939Id::global(Priority::DEFAULT, Pgn::ACKNOWLEDGEMENT, source).id(), self.emit())

@@ -12,7 +12,7 @@ pub struct Multiplexer {
 }
 
 impl Multiplexer {
-    /// The object `index:sub`.
+    /// Returns the object `index:sub`.
     #[inline]
     #[must_use]
     pub const fn new(index: u16, sub: u8) -> Self {
@@ -25,7 +25,7 @@ impl Multiplexer {
         Self { index: u16::from_le_bytes([low, high]), sub }
     }
 
-    /// `command`, the multiplexer, and four bytes of data.
+    /// Returns `command`, the multiplexer, and four bytes of data.
     #[inline]
     const fn frame(self, command: u8, data: u32) -> [u8; 8] {
         let [low, high] = self.index.to_le_bytes();
@@ -51,7 +51,7 @@ impl Segment {
     /// The most bytes of a segment.
     pub const MAX: usize = 7;
 
-    /// The bytes that count.
+    /// Returns the bytes that count.
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         self.data.get(..usize::from(self.len)).unwrap_or(&[])
@@ -107,13 +107,13 @@ pub enum Request {
 
 const TOGGLE: u8 = 1 << 4;
 
-/// How many bytes count in an expedited transfer whose command says so.
+/// Returns how many bytes count in an expedited transfer whose command says so.
 const fn expedited_size(command: u8) -> u8 {
     4_u8.saturating_sub(command >> 2 & 0b11)
 }
 
 impl Request {
-    /// What eight bytes to the server's COB-ID ask for.
+    /// Returns what eight bytes to the server's COB-ID ask for.
     #[inline]
     #[must_use]
     pub fn parse(bytes: &[u8; 8]) -> Self {
@@ -172,7 +172,7 @@ pub enum Answer {
 }
 
 impl Answer {
-    /// The answer as it goes over the bus.
+    /// Returns the answer as it goes over the bus.
     #[inline]
     #[must_use]
     pub const fn emit(self) -> [u8; 8] {
@@ -189,7 +189,8 @@ impl Answer {
         }
     }
 
-    /// The answer in eight bytes from a server; `None` for a command that no server of segmented transfers sends.
+    /// Returns the answer in eight bytes from a server; `None` for a command that no server of segmented transfers
+    /// sends.
     #[must_use]
     pub fn parse(bytes: &[u8; 8]) -> Option<Self> {
         let command = bytes[0];
@@ -255,7 +256,7 @@ impl AbortCode {
     /// No data available.
     pub const NO_DATA: Self = Self(0x0800_0024);
 
-    /// What the code means, in a few words.
+    /// Returns what the code means, in a few words.
     #[must_use]
     pub const fn meaning(self) -> &'static str {
         match self {

@@ -37,20 +37,20 @@ pub struct Announcement {
 }
 
 impl Announcement {
-    /// The announcement of `size` bytes; `None` outside [`MIN_SIZE`]–[`MAX_SIZE`].
+    /// Returns the announcement of `size` bytes; `None` outside [`MIN_SIZE`]–[`MAX_SIZE`].
     #[must_use]
     pub fn new(pgn: Pgn, size: u16) -> Option<Self> {
         let packets = u8::try_from(size.div_ceil(PACKET_LEN as u16)).ok()?;
         (size >= MIN_SIZE).then_some(Self { size, packets, pgn })
     }
 
-    /// Whether size and packets agree, and a message of that size may be sent this way.
+    /// Returns whether size and packets agree, and a message of that size may be sent this way.
     #[must_use]
     pub fn is_sound(&self) -> bool {
         Self::new(self.pgn, self.size) == Some(*self)
     }
 
-    /// The announcement in the eight bytes of a TP.CM, as it stands; `None` for another control byte.
+    /// Returns the announcement in the eight bytes of a TP.CM, as it stands; `None` for another control byte.
     #[must_use]
     pub const fn parse(bytes: &[u8; 8]) -> Option<Self> {
         match *bytes {
@@ -63,7 +63,7 @@ impl Announcement {
         }
     }
 
-    /// The announcement in eight bytes.
+    /// Returns the announcement in eight bytes.
     #[must_use]
     pub const fn emit(self) -> [u8; 8] {
         let [size_low, size_high] = self.size.to_le_bytes();
@@ -71,7 +71,7 @@ impl Announcement {
         [BAM, size_low, size_high, self.packets, FILL, low, middle, high]
     }
 
-    /// `1CECFFyy: 20 size packets FF pgn`.
+    /// Returns `1CECFFyy: 20 size packets FF pgn`.
     #[must_use]
     pub fn frame(self, source: Address) -> Frame {
         Frame::full(J1939Id::global(Priority::TRANSPORT, Pgn::TP_CONNECTION, source).id(), self.emit())
@@ -97,14 +97,14 @@ pub struct Abort {
 }
 
 impl Abort {
-    /// The abort in eight bytes.
+    /// Returns the abort in eight bytes.
     #[must_use]
     pub const fn emit(self) -> [u8; 8] {
         let [low, middle, high] = self.pgn.to_bytes();
         [ABORT, self.reason, FILL, FILL, FILL, low, middle, high]
     }
 
-    /// `1CECssyy: FF reason FF FF FF pgn`, to the controller at `destination`.
+    /// Returns `1CECssyy: FF reason FF FF FF pgn`, to the controller at `destination`.
     #[must_use]
     pub fn frame(self, destination: Address, source: Address) -> Frame {
         let id = J1939Id::new(Priority::TRANSPORT, Pgn::TP_CONNECTION, destination, source);
@@ -122,7 +122,7 @@ pub struct Packet {
 }
 
 impl Packet {
-    /// The packet of these bytes; what is missing of seven is filled with 0xFF, what is beyond them left out.
+    /// Returns the packet of these bytes; what is missing of seven is filled with 0xFF, what is beyond them left out.
     #[must_use]
     pub fn new(sequence: u8, payload: &[u8]) -> Self {
         let mut data = [FILL; PACKET_LEN];
@@ -130,21 +130,21 @@ impl Packet {
         Self { sequence, data }
     }
 
-    /// The packet in the eight bytes of a TP.DT.
+    /// Returns the packet in the eight bytes of a TP.DT.
     #[must_use]
     pub const fn parse(bytes: &[u8; 8]) -> Self {
         let &[sequence, a, b, c, d, e, f, g] = bytes;
         Self { sequence, data: [a, b, c, d, e, f, g] }
     }
 
-    /// The packet in eight bytes.
+    /// Returns the packet in eight bytes.
     #[must_use]
     pub const fn emit(self) -> [u8; 8] {
         let [a, b, c, d, e, f, g] = self.data;
         [self.sequence, a, b, c, d, e, f, g]
     }
 
-    /// `1CEBFFyy: sequence, seven bytes`.
+    /// Returns `1CEBFFyy: sequence, seven bytes`.
     #[must_use]
     pub fn frame(self, source: Address) -> Frame {
         Frame::full(J1939Id::global(Priority::TRANSPORT, Pgn::TP_DATA, source).id(), self.emit())

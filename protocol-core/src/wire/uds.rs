@@ -1,4 +1,5 @@
-//! UDS lite: single frames in 29-bit identifiers (SPEC 7; ISO 14229-1 for the services, ISO 15765-2 for the first byte).
+//! UDS lite: single frames in 29-bit identifiers (SPEC 7; ISO 14229-1 for the services, ISO 15765-2 for the first
+//! byte).
 
 use crate::frame::{ExtendedId, Frame, Id, extended, key};
 
@@ -7,19 +8,19 @@ use crate::frame::{ExtendedId, Frame, Id, extended, key};
 pub struct Address(u16);
 
 impl Address {
-    /// The low eleven bits of `raw`: net and node.
+    /// Returns the low eleven bits of `raw`: net and node.
     #[must_use]
     pub const fn new(raw: u16) -> Self {
         Self(raw & 0x7FF)
     }
 
-    /// A node on net 0.
+    /// Returns a node on net 0.
     #[must_use]
     pub const fn node(node: u8) -> Self {
         Self(node as u16)
     }
 
-    /// Net and node in eleven bits.
+    /// Returns net and node in eleven bits.
     #[must_use]
     pub const fn raw(self) -> u16 {
         self.0
@@ -36,7 +37,7 @@ pub const fn id(source: Address, destination: Address) -> ExtendedId {
     extended(BASE | (source.0 as u32) << 11 | destination.0 as u32)
 }
 
-/// Source and destination of a message; `None` for an identifier that is not one of UDS.
+/// Returns source and destination of a message; `None` for an identifier that is not one of UDS.
 #[inline]
 #[must_use]
 pub const fn parse_id(raw: u32) -> Option<(Address, Address)> {
@@ -46,7 +47,7 @@ pub const fn parse_id(raw: u32) -> Option<(Address, Address)> {
 /// What a [key] keeps of itself when the source does not count.
 pub const ANY_SOURCE: u32 = !(0x7FF << 11);
 
-/// The [key] of messages to `destination`, without their source.
+/// Returns the [key] of messages to `destination`, without their source.
 #[must_use]
 pub fn key_to(destination: Address) -> u32 {
     key(id(Address::new(0), destination).into()) & ANY_SOURCE
@@ -83,7 +84,7 @@ pub enum NegativeCode {
 }
 
 impl NegativeCode {
-    /// What the code means, in a few words.
+    /// Returns what the code means, in a few words.
     #[must_use]
     pub const fn meaning(self) -> &'static str {
         match self {
@@ -97,8 +98,8 @@ impl NegativeCode {
     }
 }
 
-/// The bytes of a single frame after its length byte: service, then what belongs to it. `None` for an empty frame and
-/// for a first byte that is no length of a single frame (0, or above 7).
+/// Returns the bytes of a single frame after its length byte: service, then what belongs to it. `None` for an empty
+/// frame and for a first byte that is no length of a single frame (0, or above 7).
 ///
 /// The second value tells whether the length byte agrees with the frame's own length; where it does not, the bytes that
 /// are there are handed out.
@@ -120,7 +121,7 @@ pub enum Answer<'a> {
 }
 
 impl Answer<'_> {
-    /// The answer as it goes over the bus under `id`; data beyond four bytes is cut.
+    /// Returns the answer as it goes over the bus under `id`; data beyond four bytes is cut.
     #[must_use]
     pub fn frame(self, id: Id) -> Frame {
         let (head, data): (_, &[u8]) = match self {

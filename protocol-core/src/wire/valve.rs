@@ -35,7 +35,7 @@ impl State {
     pub const ALL: [Self; 6] =
         [Self::Blocked, Self::Extend, Self::Retract, Self::Float, Self::HandOperation, Self::EmergencyStop];
 
-    /// The state of the low four bits; `None` for one that the manual does not know.
+    /// Returns the state of the low four bits; `None` for one that the manual does not know.
     #[inline]
     #[must_use]
     pub const fn from_bits(bits: u8) -> Option<Self> {
@@ -81,13 +81,13 @@ pub enum Ignored {
     Flow(u8),
 }
 
-/// The fail-safe modes that a command may have (A): 00, blocked, and 11, which says nothing.
+/// Returns whether a command may have this fail-safe mode (A): 00, blocked, and 11, which says nothing.
 const fn is_fail_safe_mode(mode: u8) -> bool {
     matches!(mode, 0b00 | 0b11)
 }
 
 impl Command {
-    /// The order in the data of an AVC.
+    /// Returns the order in the data of an AVC.
     ///
     /// # Errors
     /// Why it is to be ignored.
@@ -109,7 +109,7 @@ impl Command {
         }
     }
 
-    /// The eight bytes of an AVC that orders this; a flow that is none is sent as 0.
+    /// Returns the eight bytes of an AVC that orders this; a flow that is none is sent as 0.
     #[must_use]
     pub const fn emit(self) -> [u8; 8] {
         let flow = match self {
@@ -119,13 +119,13 @@ impl Command {
         [flow, FILL, RESERVED | self.state() as u8, FILL, FILL, FILL, FILL, FILL]
     }
 
-    /// `0CFE3xyy`, where x is the low four bits of the valve's address.
+    /// Returns `0CFE3xyy`, where x is the low four bits of the valve's address.
     #[must_use]
     pub fn frame(self, valve: Address, source: Address) -> Frame {
         Frame::full(J1939Id::global(Priority::CONTROL, Pgn::avc(valve.get()), source).id(), self.emit())
     }
 
-    /// The state that it asks for.
+    /// Returns the state that it asks for.
     #[inline]
     #[must_use]
     pub const fn state(self) -> State {
@@ -139,7 +139,7 @@ impl Command {
         }
     }
 
-    /// Whether it asks for neutral: blocked, or no flow.
+    /// Returns whether it asks for neutral: blocked, or no flow.
     #[inline]
     #[must_use]
     pub const fn is_neutral(self) -> bool {
@@ -165,7 +165,7 @@ pub struct EstimatedFlow {
 }
 
 impl EstimatedFlow {
-    /// What the data of an AVEF tells; `None` for another length, a flow outside 0–100 % or an unknown state.
+    /// Returns what the data of an AVEF tells; `None` for another length, a flow outside 0–100 % or an unknown state.
     #[must_use]
     pub fn parse(data: &[u8]) -> Option<Self> {
         let &[extend, retract, state, _, _, _, _, _] = data else { return None };
@@ -173,7 +173,7 @@ impl EstimatedFlow {
         Some(Self { extend: percent(extend)?, retract: percent(retract)?, state: State::from_bits(state)? })
     }
 
-    /// The eight bytes of an AVEF; the fail-safe mode, bits 8–7 of the third, is 00: blocked.
+    /// Returns the eight bytes of an AVEF; the fail-safe mode, bits 8–7 of the third, is 00: blocked.
     #[inline]
     #[must_use]
     pub const fn emit(self) -> [u8; 8] {
@@ -181,7 +181,7 @@ impl EstimatedFlow {
         [flow(self.extend), flow(self.retract), state, FILL, FILL, FILL, FILL, FILL]
     }
 
-    /// `0CFE1xyy`, where x is the low four bits of the valve's own address.
+    /// Returns `0CFE1xyy`, where x is the low four bits of the valve's own address.
     #[inline]
     #[must_use]
     pub fn frame(self, valve: Address) -> Frame {
@@ -189,7 +189,7 @@ impl EstimatedFlow {
     }
 }
 
-/// A flow in percent as it is sent.
+/// Returns a flow in percent as it is sent.
 const fn flow(percent: u8) -> u8 {
     FLOW_OFFSET.saturating_add(if percent > MAX_PERCENT { MAX_PERCENT } else { percent })
 }

@@ -3,7 +3,8 @@
 use embassy_stm32::pac::CAN1;
 use protocol_core::frame::{Frame, Id, extended, standard};
 
-/// Converts a frame of the core for `bxcan`, or one of `bxcan`, which was made of such a frame, for the core; it always can.
+/// Converts a frame of the core for `bxcan`, or one of `bxcan`, which was made of such a frame, for the core; it always
+/// can.
 pub(super) fn convert<From: embedded_can::Frame, To: embedded_can::Frame>(frame: &From) -> Option<To> {
     if frame.is_remote_frame() { To::new_remote(frame.id(), frame.dlc()) } else { To::new(frame.id(), frame.data()) }
 }

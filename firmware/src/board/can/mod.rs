@@ -49,9 +49,9 @@ struct Registers;
 // - MSR, ESR and TSR, reading, or writing ones to flags, which is one access;
 // - IER, in the error interrupt or with interrupts off, after `bxcan` has written it for the last time;
 // - the outputs of the FIFOs and the mailboxes' identifiers, reading;
-// - single filter banks, after `bxcan` has set them up for the last time.
-// Of `bxcan`'s own halves each has one user: the receive interrupts, the transmit interrupt with the device's task under
-// a critical section, and `Can1` for the configuration.
+// - single filter banks, after `bxcan` has set them up for the last time. Of `bxcan`'s own halves each has one user:
+//   the receive interrupts, the transmit interrupt with the device's task under a critical section, and `Can1` for the
+//   configuration.
 unsafe impl Instance for Registers {
     const REGISTERS: *mut RegisterBlock = CAN1.as_ptr().cast();
 }
@@ -69,8 +69,8 @@ fn CAN1_SCE() {
     call(Caller::Errors);
 }
 
-/// Enables the interrupts of the error modes that are not reached, and masks the others: a mode that stands could interrupt
-/// again at each further error. The device's task polls for the way back.
+/// Enables the interrupts of the error modes that are not reached, and masks the others: a mode that stands could
+/// interrupt again at each further error. The device's task polls for the way back.
 fn interrupt_unless_reached() {
     let reached = CAN1.esr().read();
     CAN1.ier().modify(|ier| {
@@ -86,8 +86,8 @@ pub(super) struct Can1 {
 }
 
 impl Can1 {
-    /// Connects two pins of CAN 1; the controller takes no part in the bus before [`join`](Self::join). Its interrupts have this
-    /// priority.
+    /// Connects two pins of CAN 1; the controller takes no part in the bus before [`join`](Self::join). Its interrupts
+    /// have this priority.
     pub(super) fn new(rx: Peri<'static, impl Pin>, tx: Peri<'static, impl Pin>, priority: Priority) -> Self {
         let (mut rx, mut tx) = (Flex::new(rx), Flex::new(tx));
         rx.set_as_af_unchecked(AF_CAN, AfType::input(Pull::Up));
@@ -131,7 +131,7 @@ impl Can1 {
         });
     }
 
-    /// Whether the controller takes no part in the bus.
+    /// Returns whether the controller takes no part in the bus.
     pub(super) fn has_left(&self) -> bool {
         CAN1.msr().read().inak()
     }

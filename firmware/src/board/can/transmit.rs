@@ -1,8 +1,8 @@
 //! Transmission: the most urgent frame first, frames back to back (RM0090 32.7.1).
 //!
-//! `bxcan` takes one frame and, while that waits, only strictly more urgent ones: up to three, and a fourth in the place of
-//! the least urgent, which it hands back. The next frame in the order of arbitration is *staged* here. The transmit
-//! interrupt loads it within the intermission.
+//! `bxcan` takes one frame and, while that waits, only strictly more urgent ones: up to three, and a fourth in the
+//! place of the least urgent, which it hands back. The next frame in the order of arbitration is *staged* here. The
+//! transmit interrupt loads it within the intermission.
 
 use core::cell::RefCell;
 use core::convert::Infallible;
@@ -55,7 +55,8 @@ pub(super) fn with<R>(act: impl FnOnce(&mut Transmission) -> R) -> Option<R> {
     critical_section::with(|cs| TRANSMISSION.borrow_ref_mut(cs).as_mut().map(act))
 }
 
-/// Tries to load a frame of which no interrupt would tell. Returns whether it still waits: to be called again in a while.
+/// Tries to load a frame of which no interrupt would tell. Returns whether it still waits: to be called again in a
+/// while.
 pub(in crate::board) fn retry() -> bool {
     if BLOCKED.load(Ordering::Relaxed) {
         with(Transmission::load);
@@ -64,7 +65,7 @@ pub(in crate::board) fn retry() -> bool {
 }
 
 impl Transmission {
-    /// Whether everything was sent, or handed back.
+    /// Returns whether everything was sent, or handed back.
     pub(super) fn is_idle(&self) -> bool {
         self.tx.is_idle() && self.staged.is_none()
     }
@@ -113,8 +114,8 @@ impl Transmission {
 
     /// Has `bxcan` load a frame, perhaps in the place of another one.
     fn offer(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, Infallible> {
-        // With all mailboxes full `bxcan` aborts one, and would spin to the end of a frame on the wire. No interrupt tells
-        // when that frame loses arbitration.
+        // With all mailboxes full `bxcan` aborts one, and would spin to the end of a frame on the wire. No interrupt
+        // tells when that frame loses arbitration.
         let blocked = CAN1.tsr().read().0 & ALL_EMPTY == 0 && CAN1.msr().read().txm();
         BLOCKED.store(blocked, Ordering::Relaxed);
         if blocked {

@@ -28,9 +28,10 @@ pub(super) struct LostEvent {
 
 /// What happens from now on, as server-sent events
 ///
-/// First a `device` event for each device; then `frame` for each frame on the bus, `device` for each change of a device, its
-/// position up to 50 times a second, and `error` as the trace tells it: the first error frame of a frame that is being
-/// destroyed, and changes of error modes. A client that is too slow loses events, and is told by `lost` how many.
+/// First a `device` event for each device; then `frame` for each frame on the bus, `device` for each change of a
+/// device, its position up to 50 times a second, and `error` as the trace tells it: the first error frame of a frame
+/// that is being destroyed, and changes of error modes. A client that is too slow loses events, and is told by `lost`
+/// how many.
 #[utoipa::path(
     get, path = "/events", operation_id = "followEvents", tag = "events",
     responses(

@@ -40,7 +40,8 @@ pub(super) struct WhichFrames {
 
 /// Sends a frame as a client would
 ///
-/// The answer comes when the frame is on the bus: the first one, with `every_ms`. With `--speed step` this lets time pass.
+/// The answer comes when the frame is on the bus: the first one, with `every_ms`. With `--speed step` this lets time
+/// pass.
 #[utoipa::path(
     post, path = "/bus/frames", operation_id = "sendFrame", tag = "bus",
     request_body = FrameToSend,

@@ -22,7 +22,7 @@ impl Default for Filter {
 }
 
 impl Filter {
-    /// Whether the client gets this frame.
+    /// Returns whether the client gets this frame.
     pub(super) fn accepts(self, frame: &Frame) -> bool {
         // What filter 1 and filter 2 look at, and in which bits.
         let (seen, cared) = match (frame.id(), frame.data().first()) {

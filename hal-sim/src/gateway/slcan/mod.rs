@@ -1,7 +1,7 @@
 //! slcan: an adapter on a serial line, in the ASCII of Lawicel's CAN232 and CANUSB, over TCP or on a pseudo-terminal.
 //!
-//! Each line ends with CR. The adapter answers a line that it carried out with CR (a frame with `z` or `Z` before it), and any
-//! other with BEL:
+//! Each line ends with CR. The adapter answers a line that it carried out with CR (a frame with `z` or `Z` before it),
+//! and any other with BEL:
 //!
 //! ```text
 //! client                             adapter

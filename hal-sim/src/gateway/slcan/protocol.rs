@@ -124,7 +124,7 @@ fn parse(line: &[u8]) -> Option<Command> {
     }
 }
 
-/// A length of one digit, and as many bytes as it says; of a remote frame none.
+/// Returns a length of one digit, and as many bytes as it says; of a remote frame none.
 fn frame(id: Id, text: &[u8], is_remote: bool) -> Option<Frame> {
     let (digit, text) = text.split_first()?;
     let len = digit.checked_sub(b'0').filter(|len| usize::from(*len) <= MAX_LEN)?;
@@ -141,12 +141,12 @@ fn frame(id: Id, text: &[u8], is_remote: bool) -> Option<Frame> {
     Some(Frame::with_len(id, data, len))
 }
 
-/// A number of at most eight hex digits.
+/// Returns a number of at most eight hex digits.
 fn hex(digits: &[u8]) -> Option<u32> {
     digits.iter().try_fold(0, |number, digit| Some(number << 4 | char::from(*digit).to_digit(16)?))
 }
 
-/// The bit rate of the bit timing registers BTR0 (prescaler) and BTR1 (segments) of an SJA1000, in bit/s.
+/// Returns the bit rate of the bit timing registers BTR0 (prescaler) and BTR1 (segments) of an SJA1000, in bit/s.
 const fn timing(registers: u32) -> u32 {
     let prescaler = (registers >> 8 & 0x3F) + 1;
     let segment_1 = (registers & 0xF) + 1;

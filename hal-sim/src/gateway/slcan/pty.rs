@@ -92,8 +92,8 @@ impl Pty {
             let done = match self.terminal.halves() {
                 Ok((reader, writer)) => {
                     let end = session::serve(reader, writer, world.clone(), line).await;
-                    // The next client may have opened it already, and keeps it. One who is dismissed sees it go away, as
-                    // when an adapter is pulled out.
+                    // The next client may have opened it already, and keeps it. One who is dismissed sees it go away,
+                    // as when an adapter is pulled out.
                     if end == End::Left && self.terminal.reset().is_ok() { Ok(()) } else { self.terminal.renew() }
                 }
                 Err(error) => Err(error),

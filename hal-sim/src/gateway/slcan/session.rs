@@ -168,8 +168,8 @@ impl Client<'_> {
         self.world.tell(ToWorld::Reply(self.id, Reply::new(answer)));
     }
 
-    /// Whether the bus has the bit rate that the client has set, if it has set one. Tells the user the first time that it has
-    /// not.
+    /// Returns whether the bus has the bit rate that the client has set, if it has set one. Tells the user the first
+    /// time that it has not.
     async fn is_at_rate(&self, channel: &mut Channel) -> bool {
         let Some(rate) = channel.rate else { return true };
         let (asked, answer) = oneshot::channel();

@@ -35,7 +35,7 @@ impl Terminal {
         Ok(Self { end, link: Link::make(path, device)? })
     }
 
-    /// Whether a client has opened the terminal, or what it has written is still to be read.
+    /// Returns whether a client has opened the terminal, or what it has written is still to be read.
     pub(super) fn is_in_use(&self) -> bool {
         let mut fds = [PollFd::new(&self.end, PollFlags::IN)];
         let now = Timespec { tv_sec: 0, tv_nsec: 0 };
@@ -103,8 +103,8 @@ fn set_raw(terminal: impl AsFd) -> io::Result<()> {
     Ok(tcsetattr(&terminal, OptionalActions::Now, &attributes)?)
 }
 
-/// What clients write. It has no echo: the adapter would take its own answers and frames for commands of the client, and
-/// answer them in turn.
+/// What clients write. It has no echo: the adapter would take its own answers and frames for commands of the client,
+/// and answer them in turn.
 #[derive(Debug)]
 pub(super) struct Deaf(Receiver);
 
@@ -168,7 +168,8 @@ impl Drop for Link {
     }
 }
 
-/// Whether a link is one that a simulator has left behind: to a terminal that is gone, or whose number the new one has.
+/// Returns whether a link is one that a simulator has left behind: to a terminal that is gone, or whose number the new
+/// one has.
 fn is_stale(path: &Path, device: &Path) -> bool {
     fs::read_link(path).is_ok_and(|old| old.parent() == device.parent() && (old == device || !old.exists()))
 }

@@ -63,7 +63,7 @@ mod linux {
         }
     }
 
-    /// Why an interface cannot be opened, with the way out where there is none of that name.
+    /// Returns why an interface cannot be opened, with the way out where there is none of that name.
     fn refusal(name: &str, error: &io::Error) -> OpenError {
         let is_missing = Errno::from_io_error(error) == Some(Errno::NODEV);
         let way_out =

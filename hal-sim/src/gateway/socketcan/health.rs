@@ -4,8 +4,8 @@ use std::io;
 
 use rustix::io::Errno;
 
-/// How often a frame is tried while the interface's queue is full, a millisecond or more apart. The slowest bus, of
-/// 10 kbit/s, takes a frame in 15 ms: a queue that stands still for longer has nobody who acknowledges. Tries are counted,
+/// How often a frame is tried while the interface's queue is full, a millisecond or more apart. The slowest bus, of 10
+/// kbit/s, takes a frame in 15 ms: a queue that stands still for longer has nobody who acknowledges. Tries are counted,
 /// and not time: a process that stood still has not tried.
 const TRIES: u32 = 100;
 
@@ -76,12 +76,12 @@ impl Health {
     }
 }
 
-/// Whether the interface's queue, or the socket's, is full.
+/// Returns whether the interface's queue, or the socket's, is full.
 fn is_full(error: &io::Error) -> bool {
     matches!(Errno::from_io_error(error), Some(Errno::NOBUFS | Errno::AGAIN))
 }
 
-/// Whether the interface is not there any more, so that the socket is bound to none.
+/// Returns whether the interface is not there any more, so that the socket is bound to none.
 pub(super) fn is_gone(error: &io::Error) -> bool {
     matches!(Errno::from_io_error(error), Some(Errno::NODEV | Errno::NXIO))
 }

@@ -54,7 +54,8 @@ impl Interface {
         async move {
             loop {
                 let (id, mailbox) = joined;
-                // It ends only when more frames came than the interface takes: what waits is dropped, and it joins anew.
+                // It ends only when more frames came than the interface takes: what waits is dropped, and it joins
+                // anew.
                 self.pass(id, mailbox, &world).await;
                 world.tell(ToWorld::Leave(id));
                 joined = world.join();
@@ -168,7 +169,7 @@ fn tell(world: &Entrance, warning: Option<String>) {
     }
 }
 
-/// The same frame of another type; `None` for one with more than eight bytes.
+/// Returns the same frame of another type; `None` for one with more than eight bytes.
 fn same<A: embedded_can::Frame, B: embedded_can::Frame>(frame: &A) -> Option<B> {
     if frame.is_remote_frame() { B::new_remote(frame.id(), frame.dlc()) } else { B::new(frame.id(), frame.data()) }
 }

@@ -21,8 +21,8 @@ pub(super) struct Beacon {
 }
 
 impl Beacon {
-    /// A beacon of the bus that is served at an address. One that this machine alone reaches is announced to this machine
-    /// alone, and so is one at all addresses, as 127.0.0.1.
+    /// Returns a beacon of the bus that is served at an address. One that this machine alone reaches is announced to
+    /// this machine alone, and so is one at all addresses, as 127.0.0.1.
     ///
     /// # Errors
     /// When the address is none of IPv4, which has no broadcast, or the system refuses.
@@ -51,7 +51,7 @@ impl Beacon {
     }
 }
 
-/// The name of a bus has no character that XML would have to write in another way.
+/// Returns the text of the beacon. The name of a bus has no character that XML would have to write in another way.
 fn text(ip: Ipv4Addr, port: u16, bus: &str) -> String {
     format!(
         "<CANBeacon name=\"pve-sim\" type=\"SocketCAN\" description=\"stand-in devices\">\n\

@@ -1,5 +1,5 @@
-//! What the broadcast manager of Linux does for a client of the reference daemon: subscriptions, content filters, cyclic
-//! frames; and the counts of control mode. No I/O, time as a parameter.
+//! What the broadcast manager of Linux does for a client of the reference daemon: subscriptions, content filters,
+//! cyclic frames; and the counts of control mode. No I/O, time as a parameter.
 //!
 //! It differs in one thing: a frame that comes too soon for its subscription is left out, and not delivered later.
 
@@ -118,7 +118,7 @@ impl Broadcast {
         self.cyclic.retain(|cyclic| cyclic.frame.id() != id);
     }
 
-    /// When a frame is to be sent.
+    /// Returns when a frame is to be sent.
     pub(super) fn due(&self) -> Option<Instant> {
         self.cyclic.iter().map(|cyclic| cyclic.due).min()
     }
@@ -147,7 +147,7 @@ impl Broadcast {
         self.statistics = (!every.is_zero()).then(|| (every, now + every));
     }
 
-    /// When the counts are to be told: in control mode alone.
+    /// Returns when the counts are to be told: in control mode alone.
     pub(super) fn statistics_due(&self) -> Option<Instant> {
         self.statistics.filter(|_| self.mode == Mode::Control).map(|(_, due)| due)
     }
@@ -184,7 +184,7 @@ impl Traffic {
     }
 }
 
-/// Up to eight bytes as a number, the first byte highest.
+/// Returns up to eight bytes as a number, the first byte highest.
 fn bits(data: &[u8]) -> u64 {
     let mut bytes = [0; 8];
     bytes.iter_mut().zip(data).for_each(|(slot, byte)| *slot = *byte);

@@ -16,8 +16,8 @@
 //! Before `< rawmode >`, or after `< bcmmode >`, a client gets what it has subscribed to, and may have frames sent in a
 //! cycle; after `< controlmode >` it gets statistics.
 //!
-//! Remote frames: the text has no sign for them. A `send` with a length and no byte is what python-can makes of one, and
-//! is taken as one; remote frames that others send are not passed on, as they could only be passed on as data.
+//! Remote frames: the text has no sign for them. A `send` with a length and no byte is what python-can makes of one,
+//! and is taken as one; remote frames that others send are not passed on, as they could only be passed on as data.
 
 mod beacon;
 mod broadcast;

@@ -134,7 +134,7 @@ impl Parser {
     }
 }
 
-/// What stands between `<` and `>`.
+/// Returns what stands between `<` and `>`.
 fn parse(message: &str) -> Result<Request, RequestError> {
     let words: Vec<&str> = message.split_ascii_whitespace().collect();
     match words.as_slice() {
@@ -187,8 +187,8 @@ fn number(word: &str) -> Result<u32, RequestError> {
     word.parse().map_err(|_| RequestError::Time)
 }
 
-/// Eight digits make an extended identifier, and so does bit 31, the mark of clients that know SocketCAN's `can_id`: also
-/// as the sign of a number.
+/// Reads an identifier. Eight digits make an extended identifier, and so does bit 31, the mark of clients that know
+/// SocketCAN's `can_id`: also as the sign of a number.
 fn identifier(word: &str) -> Result<Id, RequestError> {
     const EXTENDED: u32 = 1 << 31;
     const MAX: u32 = 0x1FFF_FFFF;
@@ -202,8 +202,8 @@ fn identifier(word: &str) -> Result<Id, RequestError> {
     }
 }
 
-/// A hex number of so many bits, as the reference daemon reads it: with or without `0x`, and with a sign or widened to 32
-/// or 64 bits by clients that take it for a signed one, so that 80 becomes -80 or ffffff80.
+/// Returns a hex number of so many bits, as the reference daemon reads it: with or without `0x`, and with a sign or
+/// widened to 32 or 64 bits by clients that take it for a signed one, so that 80 becomes -80 or ffffff80.
 fn hex(word: &str, bits: u32) -> Option<u32> {
     let (negative, digits) = word.strip_prefix('-').map_or((false, word), |digits| (true, digits));
     let digits = digits.strip_prefix("0x").or_else(|| digits.strip_prefix("0X")).unwrap_or(digits);
@@ -219,7 +219,8 @@ fn hex(word: &str, bits: u32) -> Option<u32> {
     u32::try_from(narrow).ok().filter(|_| fits)
 }
 
-/// `< frame 18A 1795223549.715344 0102 >`: no blank between the bytes, and two before the end when there is none.
+/// Writes `< frame 18A 1795223549.715344 0102 >`: no blank between the bytes, and two before the end when there is
+/// none.
 ///
 /// A remote frame leaves nothing: the text has no sign for it.
 pub fn emit_frame(out: &mut String, at: Timestamp, frame: &Frame) {
@@ -235,17 +236,17 @@ pub fn emit_frame(out: &mut String, at: Timestamp, frame: &Frame) {
     out.push_str(" >");
 }
 
-/// `< error 040 1795223549.715344 >`: an error frame.
+/// Writes `< error 040 1795223549.715344 >`: an error frame.
 pub fn emit_error(out: &mut String, at: Timestamp, class: ErrorClass) {
     let _ = write!(out, "< error {:03X} {at} >", class.code());
 }
 
-/// `< stat RBYTES RFRAMES TBYTES TFRAMES >`: what came and what went.
+/// Writes `< stat RBYTES RFRAMES TBYTES TFRAMES >`: what came and what went.
 pub(super) fn emit_statistics(out: &mut String, [received, sent]: [Traffic; 2]) {
     let _ = write!(out, "< stat {} {} {} {} >", received.bytes, received.frames, sent.bytes, sent.frames);
 }
 
-/// `< error … >`: a message that was refused, and why.
+/// Returns `< error … >`: a message that was refused, and why.
 #[must_use]
 pub fn emit_refusal(error: RequestError) -> String {
     format!("< error {error} >")

@@ -108,7 +108,7 @@ impl Gateway for Server {
     }
 }
 
-/// What to type to join a bus, at an address that this machine reaches.
+/// Returns what to type to join a bus, at an address that this machine reaches.
 fn hint(bound: SocketAddr, name: &str) -> String {
     let address = joinable(bound);
     let port = address.port();

@@ -16,8 +16,8 @@ use crate::gateway::outbox::BATCH;
 use crate::gateway::tcp::{FAREWELL, HANDSHAKE};
 use crate::gateway::{ClientId, Entrance, Leash, Mailbox, Outbox, Reply, ToClient, ToWorld};
 
-/// How long frames are held back after raw mode was answered: python-can takes what comes in one read with the answer for
-/// a wrong answer.
+/// How long frames are held back after raw mode was answered: python-can takes what comes in one read with the answer
+/// for a wrong answer.
 const HOLD_BACK: Duration = Duration::from_millis(20);
 
 /// Serves one client until it leaves, fails, or is told to go because it does not keep up.

@@ -15,7 +15,8 @@ use crate::gateway::{ClientId, Entrance, Mailbox, ToClient, ToWorld};
 /// The hops of a datagram that is to reach other machines: python-can's default, the local network.
 const HOPS: u32 = 1;
 
-/// The longest datagram that is read: longer ones are cut off, and are no message then. That of a frame has some 200 bytes.
+/// The longest datagram that is read: longer ones are cut off, and are no message then. That of a frame has some 200
+/// bytes.
 const DATAGRAM_MAX: usize = 4096;
 
 /// How long to wait after an error of a read.
@@ -142,13 +143,14 @@ impl Intake {
     }
 }
 
-/// Whether an address is one of this machine: no other can be bound.
+/// Returns whether an address is one of this machine: no other can be bound.
 fn is_of_this_machine(mut address: SocketAddr) -> bool {
     address.set_port(0);
     StdSocket::bind(address).is_ok()
 }
 
-/// A socket that gets what is sent to the group, on the interface to which the system sends it: python-can has it so.
+/// Returns a socket that gets what is sent to the group, on the interface to which the system sends it: python-can has
+/// it so.
 fn incoming(group: SocketAddr) -> io::Result<UdpSocket> {
     let socket = Socket::new(Domain::for_address(group), Type::DGRAM, None)?;
     // Others on this machine have the port, too.
@@ -165,7 +167,7 @@ fn incoming(group: SocketAddr) -> io::Result<UdpSocket> {
     to_tokio(socket)
 }
 
-/// A socket that sends to the group.
+/// Returns a socket that sends to the group.
 fn outgoing(group: SocketAddr, hops: u32) -> io::Result<UdpSocket> {
     let socket = Socket::new(Domain::for_address(group), Type::DGRAM, None)?;
     match group {

@@ -1,4 +1,5 @@
-//! python-can's `udp_multicast`: a bus of datagrams to a multicast group, a frame each. Who is in the group is on the bus.
+//! python-can's `udp_multicast`: a bus of datagrams to a multicast group, a frame each. Who is in the group is on the
+//! bus.
 //!
 //! ```text
 //! message  datagrams ↔ frames, no I/O

@@ -8,16 +8,16 @@ use super::super::travel::{Band, Travel};
 use super::{Drive, SpoolMonitors, Valve};
 use crate::time::{Instant, NEVER};
 
-/// Where monitor 1 lets the spool be in a shutdown, where it runs then (A): within the neutral that ends the shutdown. A
-/// spool held a little further out would keep the valve down without a word.
+/// Where monitor 1 lets the spool be in a shutdown, where it runs then (A): within the neutral that ends the shutdown.
+/// A spool held a little further out would keep the valve down without a word.
 const SHUTDOWN_BAND: Band = IN_NEUTRAL;
 
-/// How many deadlines a late call makes up for. Between two changes of faults there are fewer: the spool moves and stops
-/// once by solenoids and once by springs, and each way crosses each band at most twice.
+/// How many deadlines a late call makes up for. Between two changes of faults there are fewer: the spool moves and
+/// stops once by solenoids and once by springs, and each way crosses each band at most twice.
 const CATCH_UP_STEPS: u32 = 16;
 
 impl Valve {
-    /// Where monitor 1 wants the spool; `None` while it does not run.
+    /// Returns where monitor 1 wants the spool; `None` while it does not run.
     pub(super) fn wanted(&self) -> Option<Band> {
         match self.drive {
             Drive::Regulate(SetPoint::Position(position)) => Some(tolerance(self.target(position))),
@@ -98,7 +98,7 @@ impl Valve {
         self.spool.act(action, here, now);
     }
 
-    /// When the moving spool next crosses a level that a monitor looks at.
+    /// Returns when the moving spool next crosses a level that a monitor looks at.
     fn next_crossing(&self, wanted: Option<Band>, now: Instant) -> Instant {
         let mut due = NEVER;
         let mut watch = |band| due = due.min(self.spool.crosses(band, now));

@@ -108,11 +108,11 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Takes the node ID and the bit rate from the memory and forgets the communication so far: the first half of a start.
-    /// Returns the node ID in force from now on.
+    /// Takes the node ID and the bit rate from the memory and forgets the communication so far: the first half of a
+    /// start. Returns the node ID in force from now on.
     ///
-    /// A start after reset application takes the stored bit rate and empties the error history as well. An activation of
-    /// a bit rate goes on over a reset of the communication.
+    /// A start after reset application takes the stored bit rate and empties the error history as well. An activation
+    /// of a bit rate goes on over a reset of the communication.
     pub(crate) fn reset(&mut self, scope: Reset, stored: Configuration) -> Option<NodeId> {
         self.held.node_id = self.activated.take().or(self.held.node_id);
         match scope {
@@ -138,8 +138,8 @@ impl<P: Product> Node<P> {
         self.objects.node_id
     }
 
-    /// Loads the parameters, group by group, and boots up: the second half of a start. Without a node ID the node stays in
-    /// initialisation, with LSS alone. Reset communication leaves the product's own objects alone.
+    /// Loads the parameters, group by group, and boots up: the second half of a start. Without a node ID the node stays
+    /// in initialisation, with LSS alone. Reset communication leaves the product's own objects alone.
     pub(crate) fn boot<const GROUPS: usize>(
         &mut self,
         scope: Reset,
@@ -211,8 +211,8 @@ impl<P: Product> Node<P> {
         self.objects.heartbeat.deadline().min(self.sdo.deadline()).min(self.lss.deadline()).min(tpdo)
     }
 
-    /// Notes whether the controller is bus-off. Its frames are lost then: answers are dropped and counted, the boot-up and
-    /// EMCYs are owed again. The NMT state stays (A); a product with 0x1029 calls [`behave`](Self::behave).
+    /// Notes whether the controller is bus-off. Its frames are lost then: answers are dropped and counted, the boot-up
+    /// and EMCYs are owed again. The NMT state stays (A); a product with 0x1029 calls [`behave`](Self::behave).
     pub(crate) fn set_bus_off(&mut self, bus_off: bool) {
         if bus_off && !self.bus_off {
             self.owed.bus_lost();
@@ -238,15 +238,16 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Notes that what the TPDO reports has changed: one that is sampled when it is sent, and has not gone out yet, tells it.
+    /// Notes that what the TPDO reports has changed: one that is sampled when it is sent, and has not gone out yet,
+    /// tells it.
     pub(crate) fn renew_tpdo(&mut self) {
         if !P::RULES.tpdo.sampled_when_due {
             self.owed.renew_tpdo();
         }
     }
 
-    /// Enters an error into the history while EMCYs are on: the EMCY code, and the manufacturer's upper half. Returns whether
-    /// they are; a node without node ID has none.
+    /// Enters an error into the history while EMCYs are on: the EMCY code, and the manufacturer's upper half. Returns
+    /// whether they are; a node without node ID has none.
     pub(crate) fn enter_error(&mut self, code: u16, manufacturer: u16) -> bool {
         let tells = self.objects.node_id.is_some() && self.objects.emcy.id().is_some();
         if tells {
@@ -288,8 +289,8 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Returns whether a node without node ID has a new one that LSS has stored, and is in LSS waiting: reset communication
-    /// is due.
+    /// Returns whether a node without node ID has a new one that LSS has stored, and is in LSS waiting: reset
+    /// communication is due.
     pub(crate) fn boots(&self) -> bool {
         self.lss.boots(self.objects.node_id)
     }
@@ -381,7 +382,7 @@ impl<P: Product> Node<P> {
         objects.tpdo.sample(|position| objects.sample(position, product, at))
     }
 
-    /// Whether nothing may be sent now.
+    /// Returns whether nothing may be sent now.
     const fn is_mute(&self) -> bool {
         self.bus_off || self.lss.is_silent()
     }

@@ -71,13 +71,13 @@ pub(crate) enum PdoParameter {
 }
 
 impl<A: Copy, T: Copy> Row<Object<A, T>> {
-    /// The row of a number that never changes.
+    /// Returns the row of a number that never changes.
     #[must_use]
     pub(crate) const fn constant(index: u16, sub: u8, data_type: DataType, number: u32, name: &'static str) -> Self {
         Self::ro(index, sub, data_type, Object::Constant, name).with(number)
     }
 
-    /// The row of a signature that demands a task.
+    /// Returns the row of a signature that demands a task.
     #[must_use]
     pub(crate) const fn signature(index: u16, sub: u8, signature: u32, task: T, name: &'static str) -> Self {
         Self::rw(index, sub, DataType::U32, Object::Signature(task), name).with(signature)

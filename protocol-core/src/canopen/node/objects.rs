@@ -230,7 +230,7 @@ impl Communication {
     }
 }
 
-/// The number of a value: of the node's own objects none holds a text.
+/// Returns the number of a value: of the node's own objects none holds a text.
 pub(super) fn number(value: Value<'_>) -> u32 {
     value.number().unwrap_or(0)
 }

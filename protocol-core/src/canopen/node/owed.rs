@@ -1,7 +1,7 @@
 //! What the node owes to the bus. A frame is made when the controller can take it, as things are then.
 //!
-//! Answers wait in order. The boot-up, a heartbeat and a TPDO are debts: of several only the latest is sent. EMCYs are a
-//! story that keeps its order and its last word.
+//! Answers wait in order. The boot-up, a heartbeat and a TPDO are debts: of several only the latest is sent. EMCYs are
+//! a story that keeps its order and its last word.
 
 use heapless::Vec;
 
@@ -254,7 +254,7 @@ impl Owed {
         }
     }
 
-    /// Those that the controller has may be lost with it.
+    /// Drops and counts all answers. Those that the controller has may be lost with it.
     fn drop_answers(&mut self) {
         let dropped = self.answers.clear();
         self.count_dropped(dropped);
@@ -302,8 +302,8 @@ impl<P: Product> Node<P> {
         None
     }
 
-    /// Returns whether an abort is for EMCYs that must go out. A TPDO can have their identifier: an outdated TPDO then goes
-    /// out too, so that no EMCY is lost (A).
+    /// Returns whether an abort is for EMCYs that must go out. A TPDO can have their identifier: an outdated TPDO then
+    /// goes out too, so that no EMCY is lost (A).
     fn is_of_emcys(&self, abort: Filter) -> bool {
         self.owed.emcys.is_taken() && self.objects.emcy.key().map(Filter::exactly) == Some(abort)
     }

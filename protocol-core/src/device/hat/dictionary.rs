@@ -1,5 +1,5 @@
-//! The object dictionary (SPEC 9), as one table. Names are those of CiA 301 below 0x2000, of the manual up to 0x5FFF, and of
-//! CiA 406 from 0x6000 on.
+//! The object dictionary (SPEC 9), as one table. Names are those of CiA 301 below 0x2000, of the manual up to 0x5FFF,
+//! and of CiA 406 from 0x6000 on.
 
 use super::objects::HatObject::{
     Alarms, BitRateDemanded, BitRateInForce, DeviceName, HardwareVersion, NodeIdDemanded, NodeIdInForce, Offset,

@@ -20,7 +20,7 @@ impl Error {
     /// All of them, in the order in which they are told.
     pub const ALL: [Self; 4] = [Self::SetUp, Self::Controller, Self::Passive, Self::BusOff];
 
-    /// The emergency error code, the manufacturer-specific field, and the bits of the error register.
+    /// Returns the emergency error code, the manufacturer-specific field, and the bits of the error register.
     #[must_use]
     pub const fn codes(self) -> (u16, u16, u8) {
         match self {
@@ -64,8 +64,8 @@ impl Errors {
         Emcy { code, register: self.register(), manufacturer: [low, high, 0, 0, 0] }
     }
 
-    /// Returns the EMCY that tells the end of an error, also while others last (R: a valve tells the end of the last one
-    /// alone). The register shows what remains.
+    /// Returns the EMCY that tells the end of an error, also while others last (R: a valve tells the end of the last
+    /// one alone). The register shows what remains.
     pub(super) fn end(self) -> Emcy {
         Emcy { code: NO_ERROR, register: self.register(), manufacturer: [0; 5] }
     }

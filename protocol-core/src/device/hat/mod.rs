@@ -126,7 +126,7 @@ impl HatSensor {
         }
     }
 
-    /// Node ID and bit rate of the memory. A damaged record had a node ID: a new one alone can be blank.
+    /// Returns the node ID and bit rate of the memory. A damaged record had a node ID: a new one alone can be blank.
     fn layer_of(&self, reading: &mut Reading<'_>) -> Layer {
         let new = new_layer(&self.setup);
         match reading.record(RecordKey::LocalLayer, VERSION, Layer::decode) {
@@ -137,7 +137,7 @@ impl HatSensor {
     }
 }
 
-/// The parameters of a group; `None` for the defaults, which "load" stores as an empty record.
+/// Returns the parameters of a group; `None` for the defaults, which "load" stores as an empty record.
 fn parameters<'a>(reading: &mut Reading<'a>, key: RecordKey, group: Group) -> (Group, Option<Stored<'a>>) {
     let decode = |payload: &'a [u8]| match payload {
         [] => Some(None),
@@ -243,8 +243,8 @@ impl Body for HatSensor {
         self.node.take_bit_rate()
     }
 
-    /// Starts with what the memory holds: either reset loads both groups, and reset node the bit rate too. Errors that a
-    /// reset of the communication has left are told again, and not entered again if they are in the history.
+    /// Starts with what the memory holds: either reset loads both groups, and reset node the bit rate too. Errors that
+    /// a reset of the communication has left are told again, and not entered again if they are in the history.
     fn start(&mut self, scope: Restart, memory: &dyn Memory, base: &mut Base) {
         let mut reading = Reading::new(memory);
         self.layer = self.layer_of(&mut reading);

@@ -192,7 +192,7 @@ impl Product for HatObjects {
         Ok(())
     }
 
-    /// Preset and offset alone are stored.
+    /// Takes a stored value: of the preset or the offset, which alone are stored.
     fn load(&mut self, object: HatObject, value: Value<'_>) {
         match (object, value) {
             (HatObject::Preset, Value::Number(preset)) => self.preset.load_value(preset),
@@ -201,7 +201,7 @@ impl Product for HatObjects {
         }
     }
 
-    /// The rows give all defaults.
+    /// Returns 0: the rows give all defaults.
     fn default(&self, _: HatObject) -> Value<'static> {
         Value::Number(0)
     }

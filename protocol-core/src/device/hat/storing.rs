@@ -12,7 +12,7 @@ use crate::device::host::{Base, Storing};
 use crate::device::writes::{Asker, Write};
 use crate::memory::RecordKey;
 
-/// The bit of a record in a set.
+/// Returns the bit of a record in a set.
 pub(super) const fn bit(key: RecordKey) -> u8 {
     1 << key.position()
 }
@@ -20,7 +20,7 @@ pub(super) const fn bit(key: RecordKey) -> u8 {
 /// The bit that tells "load" from "save" in the value of a write.
 const LOADS: u8 = 1 << 7;
 
-/// The value of a task's writes: the bits of its records, and [`LOADS`].
+/// Returns the value of a task's writes: the bits of its records, and [`LOADS`].
 const fn value_of(task: Task) -> u8 {
     let (Task::Save(part) | Task::Load(part)) = task;
     let records = match part {
@@ -33,8 +33,8 @@ const fn value_of(task: Task) -> u8 {
 }
 
 impl HatSensor {
-    /// Begins what an SDO client waits for. Of two tasks on one record that waits the newer one counts: its client has given
-    /// the older one up.
+    /// Begins what an SDO client waits for. Of two tasks on one record that waits the newer one counts: its client has
+    /// given the older one up.
     pub(super) fn begin_task(&mut self, task: Task, base: &mut Base) {
         self.task = Some(task);
         self.task_failed = false;

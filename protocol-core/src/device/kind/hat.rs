@@ -17,7 +17,7 @@ impl Kind {
     /// All of them.
     pub const ALL: [Self; 2] = [Self::Hat1000, Self::Hat3000];
 
-    /// The name used everywhere.
+    /// Returns the name used everywhere.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -26,7 +26,7 @@ impl Kind {
         }
     }
 
-    /// Object 0x1008.
+    /// Returns object 0x1008.
     #[must_use]
     pub const fn device_name(self) -> &'static str {
         match self {
@@ -35,7 +35,7 @@ impl Kind {
         }
     }
 
-    /// The product code, which is the part number; that of the HAT 3000 is an assumption (A).
+    /// Returns the product code, which is the part number; that of the HAT 3000 is an assumption (A).
     #[must_use]
     pub const fn product_code(self) -> u32 {
         match self {
@@ -44,25 +44,25 @@ impl Kind {
         }
     }
 
-    /// The node IDs that it can have.
+    /// Returns the node IDs that it can have.
     #[must_use]
     pub const fn node_ids(self) -> RangeInclusive<u8> {
         1..=127
     }
 
-    /// The node ID that it leaves the factory with.
+    /// Returns the node ID that it leaves the factory with.
     #[must_use]
     pub const fn default_node_id(self) -> u8 {
         1
     }
 
-    /// The serial number that it leaves the factory with (A).
+    /// Returns the serial number that it leaves the factory with (A).
     #[must_use]
     pub const fn default_serial(self) -> u32 {
         1
     }
 
-    /// The bit rates that it can run at, the default first.
+    /// Returns the bit rates that it can run at, the default first.
     #[must_use]
     pub const fn bit_rates(self) -> &'static [BitRate] {
         use BitRate::{Kbit10, Kbit20, Kbit50, Kbit125, Kbit250, Kbit500, Kbit800, Kbit1000};

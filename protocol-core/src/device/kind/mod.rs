@@ -40,7 +40,7 @@ impl Kind {
         Self::Hat(hat::Kind::Hat3000),
     ];
 
-    /// The name used everywhere.
+    /// Returns the name used everywhere.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -49,13 +49,13 @@ impl Kind {
         }
     }
 
-    /// The kind of that name.
+    /// Returns the kind of that name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
     }
 
-    /// The protocol. A device on CANopen can be without a node ID.
+    /// Returns the protocol. A device on CANopen can be without a node ID.
     #[must_use]
     pub const fn protocol(self) -> Protocol {
         match self {
@@ -64,7 +64,7 @@ impl Kind {
         }
     }
 
-    /// The names of the faults that it tells of, in the order of [`View::faults`](super::View::faults).
+    /// Returns the names of the faults that it tells of, in the order of [`View::faults`](super::View::faults).
     #[must_use]
     pub fn fault_names(self) -> heapless::Vec<&'static str, FAULTS> {
         match self {
@@ -73,7 +73,7 @@ impl Kind {
         }
     }
 
-    /// The node IDs, on ISOBUS addresses, that it can have.
+    /// Returns the node IDs, on ISOBUS addresses, that it can have.
     #[must_use]
     pub const fn node_ids(self) -> RangeInclusive<u8> {
         match self {
@@ -82,7 +82,7 @@ impl Kind {
         }
     }
 
-    /// The node ID that it leaves the factory with.
+    /// Returns the node ID that it leaves the factory with.
     #[must_use]
     pub const fn default_node_id(self) -> u8 {
         match self {
@@ -91,7 +91,7 @@ impl Kind {
         }
     }
 
-    /// The serial number that it leaves the factory with.
+    /// Returns the serial number that it leaves the factory with.
     #[must_use]
     pub const fn default_serial(self) -> u32 {
         match self {
@@ -100,7 +100,7 @@ impl Kind {
         }
     }
 
-    /// The bit rates that it can run at, the default first.
+    /// Returns the bit rates that it can run at, the default first.
     #[must_use]
     pub const fn bit_rates(self) -> &'static [BitRate] {
         match self {
@@ -115,8 +115,8 @@ impl Kind {
 pub struct Setup<K = Kind> {
     /// The product.
     pub kind: K,
-    /// The node ID, on ISOBUS the address, of a new memory. One that the product cannot have counts as `None`: on CANopen
-    /// a device that leaves the factory blank, on ISOBUS the default.
+    /// The node ID, on ISOBUS the address, of a new memory. One that the product cannot have counts as `None`: on
+    /// CANopen a device that leaves the factory blank, on ISOBUS the default.
     pub node_id: Option<u8>,
     /// The serial number of a new memory; `None` for the product's.
     pub serial: Option<u32>,
@@ -131,13 +131,13 @@ impl fmt::Display for Kind {
 }
 
 impl Setup {
-    /// A device of this kind with the default node ID and serial number.
+    /// Returns a device of this kind with the default node ID and serial number.
     #[must_use]
     pub const fn new(kind: Kind) -> Self {
         Self { kind, node_id: Some(kind.default_node_id()), serial: None, bit_rate: None }
     }
 
-    /// The same setup of another type of kind.
+    /// Returns the same setup of another type of kind.
     #[must_use]
     pub fn with_kind<K>(self, kind: K) -> Setup<K> {
         Setup { kind, node_id: self.node_id, serial: self.serial, bit_rate: self.bit_rate }
@@ -145,7 +145,7 @@ impl Setup {
 }
 
 impl Setup<pve::Kind> {
-    /// A valve of this kind with the default node ID and serial number.
+    /// Returns a valve of this kind with the default node ID and serial number.
     #[must_use]
     pub const fn new(kind: pve::Kind) -> Self {
         Self { kind, node_id: Some(kind.default_node_id()), serial: None, bit_rate: None }
@@ -153,7 +153,7 @@ impl Setup<pve::Kind> {
 }
 
 impl Setup<hat::Kind> {
-    /// A sensor of this kind with the default node ID and serial number.
+    /// Returns a sensor of this kind with the default node ID and serial number.
     #[must_use]
     pub const fn new(kind: hat::Kind) -> Self {
         Self { kind, node_id: Some(kind.default_node_id()), serial: None, bit_rate: None }

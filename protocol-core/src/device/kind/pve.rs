@@ -23,7 +23,7 @@ impl Kind {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::PveaCanopen, Self::PveoCanopen, Self::PveaIsobus, Self::PveoIsobus];
 
-    /// The name used everywhere.
+    /// Returns the name used everywhere.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -34,13 +34,13 @@ impl Kind {
         }
     }
 
-    /// The kind of that name.
+    /// Returns the kind of that name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
     }
 
-    /// The part number.
+    /// Returns the part number.
     #[must_use]
     pub const fn part_number(self) -> u32 {
         match self {
@@ -51,7 +51,7 @@ impl Kind {
         }
     }
 
-    /// The protocol.
+    /// Returns the protocol.
     #[must_use]
     pub const fn protocol(self) -> Protocol {
         match self {
@@ -60,7 +60,7 @@ impl Kind {
         }
     }
 
-    /// The node IDs, on ISOBUS addresses, that it can have.
+    /// Returns the node IDs, on ISOBUS addresses, that it can have.
     #[must_use]
     pub const fn node_ids(self) -> RangeInclusive<u8> {
         match self.protocol() {
@@ -69,7 +69,7 @@ impl Kind {
         }
     }
 
-    /// The node ID that it leaves the factory with; for ISOBUS an assumption (A).
+    /// Returns the node ID that it leaves the factory with; for ISOBUS an assumption (A).
     #[must_use]
     pub const fn default_node_id(self) -> u8 {
         match self.protocol() {
@@ -78,7 +78,8 @@ impl Kind {
         }
     }
 
-    /// The serial number of the manual's examples: the identity object's, and on ISOBUS the NAME's identity number.
+    /// Returns the serial number of the manual's examples: the identity object's, and on ISOBUS the NAME's identity
+    /// number.
     #[must_use]
     pub const fn default_serial(self) -> u32 {
         match self.protocol() {
@@ -87,7 +88,7 @@ impl Kind {
         }
     }
 
-    /// The bit rates that it can run at, the default first.
+    /// Returns the bit rates that it can run at, the default first.
     #[must_use]
     pub const fn bit_rates(self) -> &'static [BitRate] {
         match self.protocol() {

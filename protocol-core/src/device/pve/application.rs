@@ -41,7 +41,7 @@ impl Application {
         }
     }
 
-    /// Reset application: everything anew but the spool, which is where it is.
+    /// Starts anew at reset application: everything but the spool, which is where it is.
     pub(super) fn restart(&mut self, counters: Counters, now: Instant) {
         self.valve.restart(counters, now);
         self.machine = StateMachine::new();
@@ -63,7 +63,7 @@ impl Application {
         self.control_word
     }
 
-    /// A control word was received.
+    /// Takes a control word.
     #[inline]
     pub(super) fn control(&mut self, word: u16, now: Instant) {
         self.control_word = word;
@@ -74,13 +74,13 @@ impl Application {
         }
     }
 
-    /// A device mode was received.
+    /// Takes a device mode.
     pub(super) fn set_mode(&mut self, mode: DeviceMode, now: Instant) {
         self.mode = mode;
         self.apply(now);
     }
 
-    /// A valid set-point was received: it feeds the time guard in any state, and acts where it may.
+    /// Takes a valid set-point: it feeds the time guard in any state, and acts where it may.
     pub(super) fn accept(&mut self, set_point: SetPoint, now: Instant) {
         self.set_point = set_point;
         if self.valve.regulating() {
@@ -91,14 +91,14 @@ impl Application {
         }
     }
 
-    /// The device goes to FAULT_HOLD.
+    /// Enters FAULT_HOLD.
     pub(super) fn shut_down(&mut self, now: Instant) {
         self.machine.shut_down();
         self.apply(now);
     }
 
-    /// Returns the changes of the faults. Each activation shuts the device down, D8 (R: one table of the manual leaves some
-    /// faults active).
+    /// Returns the changes of the faults. Each activation shuts the device down, D8 (R: one table of the manual leaves
+    /// some faults active).
     pub(super) fn take_changes(&mut self, now: Instant) -> Changes {
         let mut changes = self.valve.take_changes();
         if !changes.activated.is_empty() {
@@ -121,12 +121,12 @@ impl Application {
         })
     }
 
-    /// The set-point as it reads back.
+    /// Returns the set-point as it reads back.
     pub(super) const fn set_point(&self) -> SetPoint {
         self.set_point
     }
 
-    /// The set-point on a scale of ±N; N for float.
+    /// Returns the set-point on a scale of ±N; N for float.
     pub(super) fn set_point_on(&self, scale: Scale) -> i16 {
         match self.set_point {
             SetPoint::Position(position) => scale.of_position(position),
@@ -134,7 +134,7 @@ impl Application {
         }
     }
 
-    /// The set-point as 0x6300 holds it.
+    /// Returns the set-point as 0x6300 holds it.
     pub(super) const fn set_point_raw(&self) -> i16 {
         match self.set_point {
             SetPoint::Position(position) => position.raw(),
@@ -142,12 +142,12 @@ impl Application {
         }
     }
 
-    /// The actual value on a scale of ±N; N when float is reached.
+    /// Returns the actual value on a scale of ±N; N when float is reached.
     pub(super) fn actual_on(&self, scale: Scale, now: Instant) -> i16 {
         if self.valve.float_reached(now) { scale.full() } else { scale.of_position(self.position(now)) }
     }
 
-    /// The actual value as 0x6301 holds it.
+    /// Returns the actual value as 0x6301 holds it.
     #[inline]
     pub(super) fn actual_raw(&self, now: Instant) -> i16 {
         if self.valve.float_reached(now) { FLOAT } else { self.position(now).raw() }

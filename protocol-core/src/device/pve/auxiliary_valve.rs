@@ -1,5 +1,5 @@
-//! The valve as the bus commands it: what an AVC does, shutdown by a fault, recovery by two neutral commands, and what is
-//! told of it in AVEF and DM2 (SPEC 5).
+//! The valve as the bus commands it: what an AVC does, shutdown by a fault, recovery by two neutral commands, and what
+//! is told of it in AVEF and DM2 (SPEC 5).
 
 use super::fault_codes::codes;
 use crate::actuator::{
@@ -69,7 +69,8 @@ impl AuxiliaryValve {
         }
     }
 
-    /// Blocks the valve until the next command, for which nobody waits: it lost its address, or starts. Fault 8 is gone.
+    /// Blocks the valve until the next command, for which nobody waits: it lost its address, or starts. Fault 8 is
+    /// gone.
     pub(super) fn block(&mut self, now: Instant) {
         self.command = Command::Block;
         self.guarded = false;
@@ -78,8 +79,8 @@ impl AuxiliaryValve {
         self.apply(now);
     }
 
-    /// Blocks the valve with the solenoids off, until it starts anew: the restart can wait for the bus and for the memory, and
-    /// neither commands nor the time guard act meanwhile.
+    /// Blocks the valve with the solenoids off, until it starts anew: the restart can wait for the bus and for the
+    /// memory, and neither commands nor the time guard act meanwhile.
     pub(super) fn switch_off(&mut self, now: Instant) {
         self.block(now);
         self.valve.drive(Drive::Off, now);

@@ -38,14 +38,14 @@ pub const FAULT_CODES: [FaultCodes; 8] = [
     row(Fault::TimeGuarding, 0x8003, 0x91, 0x93_8FE9, Lamp::AMBER),
 ];
 
-/// The codes of a fault.
+/// Returns the codes of a fault.
 pub(super) fn codes(fault: Fault) -> &'static FaultCodes {
     const ROWS: &[FaultCodes; 8] = &FAULT_CODES;
     let [first, ..] = ROWS;
     ROWS.get(fault.index()).unwrap_or(first)
 }
 
-/// The error register: what the active faults contribute together.
+/// Returns the error register: what the active faults contribute together.
 pub(super) fn register(active: FaultSet) -> u8 {
     active.into_iter().fold(0, |register, fault| register | codes(fault).register)
 }

@@ -40,7 +40,7 @@ impl<'a> Found<'a> {
         found
     }
 
-    /// The meaning of a record; `None` when it was never written, or is corrupt, which is noted.
+    /// Returns the meaning of a record; `None` when it was never written, or is corrupt, which is noted.
     pub(super) fn payload<T>(&mut self, key: RecordKey, decode: impl FnOnce(&'a [u8]) -> Option<T>) -> Option<T> {
         self.reading.record(key, VERSION, decode)
     }

@@ -26,8 +26,8 @@ use crate::wire::lss::Address;
 use crate::wire::sdo::AbortCode;
 use crate::wire::uds;
 
-/// Object 0x100A: version 132, the part number, release 000 (A), firmware date 180701 (A). (R) The older manual prints it
-/// without the blank.
+/// Returns object 0x100A: version 132, the part number, release 000 (A), firmware date 180701 (A). (R) The older manual
+/// prints it without the blank.
 const fn software_version(kind: Kind) -> &'static str {
     match kind.actuator_type() {
         ActuatorType::Proportional => "APP-_S6m1_M_R132_CANOPEN-_11149437_-000_ 180701",
@@ -35,7 +35,7 @@ const fn software_version(kind: Kind) -> &'static str {
     }
 }
 
-/// The default of object 0x6053.
+/// Returns the default of object 0x6053.
 const fn description(kind: Kind) -> &'static str {
     match kind.actuator_type() {
         ActuatorType::Proportional => "PVEA-CI S6",
@@ -237,7 +237,7 @@ impl Product for ValveObjects {
         Ok(())
     }
 
-    /// The description is the only one that is stored.
+    /// Takes the description, the only product object that is stored.
     fn load(&mut self, object: ValveObject, value: Value<'_>) {
         if let (ValveObject::Description, Value::Text(text)) = (object, value) {
             self.description = Vec::from_slice(text).unwrap_or_default();
@@ -248,8 +248,8 @@ impl Product for ValveObjects {
         Value::Text(description(self.kind).as_bytes())
     }
 
-    /// Of one RPDO: mode first, then control word, then set-point, whatever the mapping's order; what is invalid is
-    /// dropped, the rest acts (SPEC 4.1).
+    /// Takes the values of one RPDO: mode first, then control word, then set-point, whatever the mapping's order; what
+    /// is invalid is dropped, the rest acts (SPEC 4.1).
     #[inline]
     fn receive(&mut self, values: impl Iterator<Item = (ValveObject, u32)>, now: Instant) {
         let (mut mode, mut control, mut set_point) = (None, None, None);
@@ -293,12 +293,12 @@ pub(in crate::device) fn describe(kind: Kind, each: impl FnMut(&'static Entry, I
     Capabilities { dummies: PDO.dummies }
 }
 
-/// An INTEGER8 in the low bits.
+/// Returns an INTEGER8 in the low bits.
 fn low_bits_8(value: i16) -> u32 {
     u32::from(value as u8)
 }
 
-/// An INTEGER16 in the low bits.
+/// Returns an INTEGER16 in the low bits.
 fn low_bits_16(value: i16) -> u32 {
     u32::from(value as u16)
 }

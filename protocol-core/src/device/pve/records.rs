@@ -29,7 +29,8 @@ pub(super) struct Factory {
 const VENDOR: u32 = 0x0100_0019;
 /// Product code.
 const PRODUCT: u32 = 0x5336_0000;
-/// Revision R1.32: major number in the high word, minor in the low one (R: the manual calls it BCD, its example is not).
+/// Revision R1.32: major number in the high word, minor in the low one (R: the manual calls it BCD, its example is
+/// not).
 const REVISION: u32 = 0x0001_0020;
 /// The hardware version (A).
 const HARDWARE_VERSION: [u8; 4] = *b"1.00";
@@ -50,7 +51,7 @@ impl Factory {
         manufactured: [0; 3],
     };
 
-    /// What a new memory is filled with.
+    /// Returns what a new memory is filled with.
     pub(super) fn new(kind: Kind, serial: Option<u32>) -> Self {
         Self {
             identity: lss::Address {
@@ -133,7 +134,7 @@ impl LocalLayer {
     /// The node ID and bit rate of a device that has not read its memory yet.
     pub(super) const UNREAD: Self = Self { node_id: None, bit_rate: BitRate::Kbit250 };
 
-    /// What a new memory is filled with.
+    /// Returns what a new memory is filled with.
     pub(super) fn new(Setup { kind, node_id, bit_rate, .. }: Setup) -> Self {
         let default = kind.bit_rates().first().copied().unwrap_or(BitRate::Kbit250);
         let bit_rate = bit_rate.filter(|rate| kind.bit_rates().contains(rate)).unwrap_or(default);
@@ -156,7 +157,7 @@ impl LocalLayer {
     }
 }
 
-/// The restore flag.
+/// Returns the restore flag.
 pub(super) const fn encode_flag(set: bool) -> [u8; 1] {
     [set as u8]
 }
@@ -175,7 +176,8 @@ pub(super) struct FaultLog {
     pub(super) counters: Counters,
 }
 
-/// The last byte of a fault log. Earlier versions kept the previously active faults there; they follow from the counters.
+/// The last byte of a fault log. Earlier versions kept the previously active faults there; they follow from the
+/// counters.
 const RESERVED: u8 = 0;
 
 impl FaultLog {

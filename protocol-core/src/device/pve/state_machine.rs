@@ -20,7 +20,7 @@ impl DeviceState {
     /// All of them.
     pub const ALL: [Self; 5] = [Self::Init, Self::Disabled, Self::Hold, Self::Active, Self::FaultHold];
 
-    /// The status word, 0x6041: bits 3…0 are ready, mode active enabled, hold activated, disabled.
+    /// Returns the status word, 0x6041: bits 3…0 are ready, mode active enabled, hold activated, disabled.
     #[must_use]
     pub const fn status_word(self) -> u16 {
         match self {
@@ -45,7 +45,7 @@ pub enum DeviceMode {
 }
 
 impl DeviceMode {
-    /// The mode of a value of 0x6042; `None` for others than 1 and 2.
+    /// Returns the mode of a value of 0x6042; `None` for others than 1 and 2.
     #[must_use]
     pub const fn new(raw: u8) -> Option<Self> {
         match raw {
@@ -58,8 +58,8 @@ impl DeviceMode {
 
 /// Bits 3…0 of a control word: reset, mode active, hold, disabled.
 const COMMAND_MASK: u16 = 0x0F;
-/// The two control words that lead out of fault hold, one right after the other, into HOLD (R: a use case of the manual says
-/// ACTIVE).
+/// The two control words that lead out of fault hold, one right after the other, into HOLD (R: a use case of the manual
+/// says ACTIVE).
 const RESET_FIRST: u16 = 0b0011;
 const RESET_SECOND: u16 = 0b1011;
 

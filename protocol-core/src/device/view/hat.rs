@@ -29,7 +29,7 @@ impl Viewable for Hat {
 }
 
 impl Error {
-    /// The name used everywhere.
+    /// Returns the name used everywhere.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

@@ -1,6 +1,7 @@
 //! The state of a device for people and tools: one view of every product, plain data.
 //!
-//! [`Viewable`] stands beside [`Device`](super::Device) and is no part of it: an image that shows nothing links none of it.
+//! [`Viewable`] stands beside [`Device`](super::Device) and is no part of it: an image that shows nothing links none of
+//! it.
 
 mod hat;
 
@@ -40,8 +41,8 @@ pub struct ValveView {
     pub dsm: Option<DeviceState>,
     /// The state of the auxiliary valve as AVEF tells it: blocked during a shutdown. `None` on CANopen.
     pub command: Option<ValveState>,
-    /// The set-point: on CANopen the last accepted one, object 0x6300; on ISOBUS that of `command`, neutral for a command
-    /// without a flow.
+    /// The set-point: on CANopen the last accepted one, object 0x6300; on ISOBUS that of `command`, neutral for a
+    /// command without a flow.
     pub set_point: SetPoint,
     /// Whether the solenoids are energised.
     pub solenoids: bool,
@@ -65,7 +66,7 @@ pub trait Viewable {
     /// Returns the state at `now`, which is before nothing that the device was given.
     fn view(&self, now: Instant) -> View;
 
-    /// The valve behind the protocol; `None` for another product.
+    /// Returns the valve behind the protocol; `None` for another product.
     fn valve(&self) -> Option<&Valve> {
         None
     }

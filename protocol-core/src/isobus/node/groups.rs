@@ -44,8 +44,8 @@ pub(super) struct Groups {
 /// A request to all.
 const REQUEST_TO_ALL: Group = group(Pgn::REQUEST, Address::GLOBAL);
 
-/// The groups from the data packets of the transport protocol to the claim, with their destinations: neighbours, and most
-/// frames are none of them.
+/// The groups from the data packets of the transport protocol to the claim, with their destinations: neighbours, and
+/// most frames are none of them.
 const TRANSPORT_AND_CLAIMS: RangeInclusive<Group> =
     group(Pgn::TP_DATA, Address::new(0))..=group(Pgn::ADDRESS_CLAIMED, Address::GLOBAL);
 
@@ -100,7 +100,7 @@ impl Groups {
         None
     }
 
-    /// The same for a group of the data link or of network management.
+    /// Returns the same for a group of the data link or of network management.
     fn neighbour(&self, frame: &Frame, group: Group) -> Option<Service> {
         let id = J1939Id::from_raw(frame.key());
         match id.format() {
@@ -111,7 +111,7 @@ impl Groups {
         }
     }
 
-    /// The same for a frame of another group whose identifier ends in the own address.
+    /// Returns the same for a frame of another group whose identifier ends in the own address.
     #[inline]
     fn ends_in_own_address(&self, frame: &Frame) -> Option<Service> {
         if self.other_protocol.passes(frame) {

@@ -48,8 +48,8 @@ pub struct Rules {
     pub other_protocol: fn(Address) -> Filter,
     /// The group of the cyclic report of a node at this address.
     pub report: fn(Address) -> Pgn,
-    /// The period of the report, which is a control message: more urgent than all else that a node sends. The first one goes
-    /// out at the end of the wait after the claim.
+    /// The period of the report, which is a control message: more urgent than all else that a node sends. The first one
+    /// goes out at the end of the wait after the claim.
     pub report_period: Duration,
 }
 
@@ -143,8 +143,8 @@ impl<const DM2: usize> Node<DM2> {
         self.dropped
     }
 
-    /// Takes whether the controller is bus-off. Whatever was to be sent is not sent afterwards, but for a first claim that
-    /// has not been on the bus, and for DM1, which then tells the state of that time.
+    /// Takes whether the controller is bus-off. Whatever was to be sent is not sent afterwards, but for a first claim
+    /// that has not been on the bus, and for DM1, which then tells the state of that time.
     pub fn set_bus_off(&mut self, bus_off: bool) {
         if bus_off && !self.bus_off {
             self.give_up_all();
@@ -325,7 +325,8 @@ impl<const DM2: usize> Node<DM2> {
         Some(frame)
     }
 
-    /// Renders DM2: one frame for none or one code, else the announcement of a broadcast, also for an addressed request (R).
+    /// Renders DM2: one frame for none or one code, else the announcement of a broadcast, also for an addressed request
+    /// (R).
     #[inline(never)]
     fn render_dm2(&mut self, now: Instant, product: &impl Product) -> Option<Frame> {
         let mut codes = product.previously_active();
@@ -376,8 +377,8 @@ impl<const DM2: usize> Node<DM2> {
         }
     }
 
-    /// Returns the news that a frame in the controller tells; `None` for an answer, and without an address for all but a
-    /// cannot-claim.
+    /// Returns the news that a frame in the controller tells; `None` for an answer, and without an address for all but
+    /// a cannot-claim.
     fn news_of(&self, frame: &Frame) -> Option<News> {
         News::ALL.into_iter().find(|news| self.key_of(*news) == frame.key())
     }

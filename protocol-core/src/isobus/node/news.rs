@@ -1,7 +1,7 @@
 //! The news that a node owes to the bus: of each kind one frame at most.
 
-/// A frame that tells a state, the most urgent in arbitration first. It is rendered when the controller can take it, so it
-/// tells the state of that instant.
+/// A frame that tells a state, the most urgent in arbitration first. It is rendered when the controller can take it, so
+/// it tells the state of that instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(super) enum News {

@@ -35,8 +35,8 @@ impl CanopenValve {
         }
     }
 
-    /// Tells the bus of a start: the reset EMCY after every boot-up (R), and the faults that a reset of the communication has
-    /// left, not counted again.
+    /// Tells the bus of a start: the reset EMCY after every boot-up (R), and the faults that a reset of the
+    /// communication has left, not counted again.
     pub(super) fn tell_start(&mut self, scope: Restart, base: &Base) {
         self.node.send_emcy(Emcy::default());
         let valve = &mut self.objects.application.valve;
@@ -53,7 +53,8 @@ impl CanopenValve {
     }
 }
 
-/// `code, error register, occurrence counter, 00 00 00 00` (R: the manual's use case prints four bytes).
+/// Returns the EMCY of a fault: `code, error register, occurrence counter, 00 00 00 00` (R: the manual's use case
+/// prints four bytes).
 fn fault_message(fault: Fault, active: FaultSet, count: u8) -> Emcy {
     Emcy { code: codes(fault).emcy, register: register(active), manufacturer: [count, 0, 0, 0, 0] }
 }

@@ -1,9 +1,9 @@
 //! How far a "load" and its execution have come in the memory (SPEC 4.5, 6).
 //!
-//! The start that finds the flag set works with the defaults. It stores them, and then clears the flag. A "save" while the
-//! executed "load" is not done takes the place of the defaults. It is acknowledged only when the flag is cleared, or the next
-//! start would wipe it. A client's "load" sets the flag for the next start, and a "save" after it leaves the flag set (R).
-//! Once the defaults are stored, the executed "load" has nothing left to clear.
+//! The start that finds the flag set works with the defaults. It stores them, and then clears the flag. A "save" while
+//! the executed "load" is not done takes the place of the defaults. It is acknowledged only when the flag is cleared,
+//! or the next start would wipe it. A client's "load" sets the flag for the next start, and a "save" after it leaves
+//! the flag set (R). Once the defaults are stored, the executed "load" has nothing left to clear.
 
 use crate::time::{Duration, Instant, NEVER, delayed};
 

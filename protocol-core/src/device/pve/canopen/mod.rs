@@ -184,8 +184,8 @@ impl Body for CanopenValve {
         self.node.take_bit_rate()
     }
 
-    /// Starts with what the memory holds (SPEC 4.3, 4.5, 6). Of reset communication the application goes to FAULT_HOLD and
-    /// keeps its parameters; faults that are active are told again.
+    /// Starts with what the memory holds (SPEC 4.3, 4.5, 6). Of reset communication the application goes to FAULT_HOLD
+    /// and keeps its parameters; faults that are active are told again.
     fn start(&mut self, scope: Restart, memory: &dyn Memory, base: &mut Base) {
         let now = base.now();
         let mut found = Found::look(&self.setup, memory);

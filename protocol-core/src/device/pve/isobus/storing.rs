@@ -76,7 +76,8 @@ impl Storing for IsobusValve {
 
     /// Takes the memory's answer to a write.
     fn written(&mut self, write: Write, stored: bool, base: &mut Base) {
-        // While a restart waits no timer runs: a fault that is due by now is counted before DM3 clears what it asked for.
+        // While a restart waits no timer runs: a fault that is due by now is counted before DM3 clears what it asked
+        // for.
         self.auxiliary.valve.poll(base.now());
         self.settle(base);
         let position = write.record.position() as u8;
