@@ -1,5 +1,5 @@
-//! The cost of a frame, in instructions of the host: frame in → frame in the controller, through the pump, with everything
-//! due done.
+//! The cost of a frame, in instructions of the host: frame in → frame in the controller, through the pump, with
+//! everything due done.
 //!
 //! The limits are budgets: a change that breaks one fails `./test`. The figures of other stacks stand beside them:
 //! CANopenNode's from the least that answers to its whole millisecond.
@@ -98,8 +98,8 @@ fn hat(now: Instant) -> Hat {
     Hat::power_on(hat::Setup::new(hat::Kind::Hat1000), &Image::empty(), StartCause::PowerOn, now)
 }
 
-/// A sensor with a turning shaft in operational, with the heartbeat and a TPDO of this type on, every 100 ms when that is
-/// the event timer's.
+/// A sensor with a turning shaft in operational, with the heartbeat and a TPDO of this type on, every 100 ms when that
+/// is the event timer's.
 fn sensor(kind: u8, next: &str) -> Box<Case<Hat>> {
     let kind = format!("601: 2F 00 18 02 {kind:02X} 00 00 00");
     let (timer, on) = ("601: 2B 00 18 05 64 00 00 00", "601: 23 00 18 01 81 01 00 00");

@@ -1,5 +1,5 @@
-//! What clients of `pve-sim` get, by the wall clock: `cargo bench --package hal-sim --bench clients`, on a machine that does
-//! nothing else. It prints figures and has no limits: they are those of a machine.
+//! What clients of `pve-sim` get, by the wall clock: `cargo bench --package hal-sim --bench clients`, on a machine that
+//! does nothing else. It prints figures and has no limits: they are those of a machine.
 
 #![allow(missing_docs, reason = "a program")]
 
@@ -33,7 +33,7 @@ impl Simulator {
         Self { process, port }
     }
 
-    /// A client that gets what is on the bus.
+    /// Returns a client that gets what is on the bus.
     fn join(&self) -> Client {
         let stream = TcpStream::connect(("127.0.0.1", self.port)).expect("a connection");
         stream.set_nodelay(true).expect("an option");
@@ -46,7 +46,7 @@ impl Simulator {
         client
     }
 
-    /// The processor time that it has used, in clock ticks of 10 ms.
+    /// Returns the processor time that it has used, in clock ticks of 10 ms.
     fn ticks(&self) -> u64 {
         let stat = fs::read_to_string(format!("/proc/{}/stat", self.process.id())).unwrap_or_default();
         let fields: Vec<&str> = stat.rsplit(") ").next().unwrap_or_default().split(' ').collect();
@@ -71,7 +71,7 @@ impl Client {
         self.stream.write_all(text.as_bytes()).expect("a connection");
     }
 
-    /// The next message.
+    /// Returns the next message.
     fn hear(&mut self) -> String {
         loop {
             if let Some(end) = self.heard.iter().position(|byte| *byte == b'>') {
@@ -127,7 +127,7 @@ fn poll() {
     println!("127 valves read in turn, --speed 1: {:.0} a second", f64::from(reads) / start.elapsed().as_secs_f64());
 }
 
-/// Twenty valves whose heartbeats fill the bus, and clients that listen.
+/// Measures twenty valves whose heartbeats fill the bus, and clients that listen.
 fn listeners(count: usize) {
     let devices: String = (1..=20).map(|id| format!("--device pvea-canopen@{id} ")).collect();
     let simulator = Simulator::start(&arguments(&format!("{devices} --speed 5")));

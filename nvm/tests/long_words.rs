@@ -50,7 +50,8 @@ fn clearing_steps_over_a_torn_header() {
     let mut records = Records::open(&mut flash, &mut buffer).unwrap();
     records.store_setting(b"kind").unwrap();
     records.store(RecordKey::LocalLayer, &seal(1, b"\x20\x03").unwrap()).unwrap();
-    // The power was cut in the word that is the header of an item of eight bytes: the length is there, its checksum is not.
+    // The power was cut in the word that is the header of an item of eight bytes: the length is there, its checksum is
+    // not.
     let end = flash.0.chunks_exact(WORD).position(|word| word == [ERASED; WORD]).unwrap() * WORD;
     flash.write(end as u32, &[0x62, 0xD0, 0xE7, 0x75, 8, 0, 0xFF, 0xFF]).unwrap();
 

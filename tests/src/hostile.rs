@@ -1,4 +1,5 @@
-//! What can happen to any device at any instant, for random tests: time, bus, memory and power, and frames to a CANopen node.
+//! What can happen to any device at any instant, for random tests: time, bus, memory and power, and frames to a CANopen
+//! node.
 
 use std::fmt::Debug;
 
@@ -190,8 +191,8 @@ pub fn read(rig: &mut Rig, index: u16, check: fn(&Frame)) -> Option<u32> {
     number
 }
 
-/// Checks a frame that a CANopen node sends under an identifier of the predefined connection set. PDOs and EMCYs can have any
-/// that is not another service's.
+/// Checks a frame that a CANopen node sends under an identifier of the predefined connection set. PDOs and EMCYs can
+/// have any that is not another service's.
 pub fn check_services(frame: &Frame) {
     assert!(!frame.is_remote(), "{frame}");
     let Id::Standard(id) = frame.id() else { return };

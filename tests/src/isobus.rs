@@ -33,7 +33,8 @@ pub const AVEF_BLOCKED: &str = "0CFE1383: 7D 7D 30 FF FF FF FF FF";
 pub const DM1_CLEAR: &str = "18FECA83: 00 FF 00 00 00 00 FF FF";
 
 impl Rig {
-    /// A `pvea-isobus` at 0x83, fresh from the factory, whose wait after the claim is over; claim and first AVEF are taken.
+    /// A `pvea-isobus` at 0x83, fresh from the factory, whose wait after the claim is over; claim and first AVEF are
+    /// taken.
     #[must_use]
     pub fn claimed() -> Self {
         Self::claimed_as(Setup { node_id: Some(0x83), ..Setup::new(Kind::PveaIsobus) })

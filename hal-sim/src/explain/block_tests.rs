@@ -30,7 +30,8 @@ fn follow(cases: &[(&str, &str)]) {
     }
 }
 
-/// Segments look like other requests and answers: the initiation before them tells that they are none (CiA 301 7.2.4.3.11).
+/// Segments look like other requests and answers: the initiation before them tells that they are none (CiA 301
+/// 7.2.4.3.11).
 #[test]
 fn the_segments_of_a_block_download() {
     follow(&[

@@ -282,7 +282,8 @@ fn lines_without_a_time() {
     assert_eq!(records, [frame(0, "080:"), frame(5_500_000, "181: 00"), frame(5_500_000, "080:")]);
 }
 
-/// Big-endian, nanoseconds, an offset of the clock, 16 bytes a packet, a packet of another link, and blocks of no packet.
+/// Big-endian, nanoseconds, an offset of the clock, 16 bytes a packet, a packet of another link, and blocks of no
+/// packet.
 #[test]
 fn pcapng_as_others_write_it() {
     let block = |kind: u32, body: &[u8]| {

@@ -187,7 +187,8 @@ fn type_words(kind: &str, lines: &[Line]) {
         Simulator::spawn(pve_sim(&["--no-http", "--bus", ANY_PORT, "--device", kind]).stdin(Stdio::piped()));
     let mut stdin = simulator.process.stdin.take().expect("a pipe");
     let mut stderr = BufReader::new(simulator.process.stderr.take().expect("a pipe")).lines();
-    // The answer of each line ends before the next: `status` begins with the name of the device, `help` ends with itself.
+    // The answer of each line ends before the next: `status` begins with the name of the device, `help` ends with
+    // itself.
     let mut answer = |line: &str, wanted: &str| {
         writeln!(stdin, "{line}").expect("it reads");
         let answer = stderr.find_map(|told| told.ok().filter(|told| told.contains(wanted)));

@@ -1,5 +1,5 @@
-//! `pve-sim scenario`: the scenarios of the repository and of its guide, exit codes, results for CI, and that nothing of a run
-//! is chance.
+//! `pve-sim scenario`: the scenarios of the repository and of its guide, exit codes, results for CI, and that nothing
+//! of a run is chance.
 
 use std::fs;
 use std::path::{Path, PathBuf};

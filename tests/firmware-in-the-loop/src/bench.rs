@@ -77,7 +77,8 @@ impl Bench for ImageBench {
         }
         self.rig.power(self.board, true);
         if !self.others.is_empty() {
-            // A host device boots in no time. The use cases want the first valve first, and the supply lets them start so.
+            // A host device boots in no time. The use cases want the first valve first, and the supply lets them start
+            // so.
             self.rig.run_for(SUPPLY_JITTER);
         }
         for other in &self.others {

@@ -24,8 +24,8 @@ pub struct Mended {
     bytes: Vec<u8>,
 }
 
-/// Functions that panic, with what they are given in r0 to r2: a message, its length and the place in the source; or the
-/// place alone, in the first of them.
+/// Functions that panic, with what they are given in r0 to r2: a message, its length and the place in the source; or
+/// the place alone, in the first of them.
 const WITH_MESSAGE: [&str; 2] = ["core::panicking::panic", "core::option::expect_failed"];
 const WITH_PLACE: [&str; 2] = ["core::option::unwrap_failed", "core::panicking::panic_const::"];
 

@@ -1,5 +1,5 @@
-//! What a board's flash holds when it is switched on: what a host device of the same sort has stored in its own, for both
-//! keep their records in the same way.
+//! What a board's flash holds when it is switched on: what a host device of the same sort has stored in its own, for
+//! both keep their records in the same way.
 
 use firmware::settings::Settings;
 use hal_sim::memory;

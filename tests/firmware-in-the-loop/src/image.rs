@@ -26,7 +26,8 @@ impl Image {
         &IMAGES[usize::from(std::ptr::eq(board, &NUCLEO_F446RE))]
     }
 
-    /// An image of `firmware/examples`, for the NUCLEO-F429ZI, built in a profile: found beside the image for that board.
+    /// An image of `firmware/examples`, for the NUCLEO-F429ZI, built in a profile: found beside the image for that
+    /// board.
     ///
     /// # Panics
     /// When there is none.

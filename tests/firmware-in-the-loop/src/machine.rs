@@ -1,7 +1,7 @@
 //! An emulated board under power: the emulator on a thread of its own, told how far to run and waited for.
 //!
-//! One of the two threads runs at a time. The emulator stops at the instant that it was told, or right after an access by
-//! which the firmware changes what the bus sees of its CAN controller.
+//! One of the two threads runs at a time. The emulator stops at the instant that it was told, or right after an access
+//! by which the firmware changes what the bus sees of its CAN controller.
 
 use std::num::{NonZeroU32, NonZeroU64};
 use std::ops::Range;

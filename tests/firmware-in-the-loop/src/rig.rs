@@ -1,8 +1,8 @@
 //! Emulated boards on the bus of a world, in its virtual time.
 //!
-//! The world goes from event to event, and the boards run up to the next one, unless a board changes what the bus sees of
-//! its controller before: then everything stops there. With one board this is exact to the microsecond that the world
-//! counts in. Several boards run in slices shorter than any frame, within which they do not see each other.
+//! The world goes from event to event, and the boards run up to the next one, unless a board changes what the bus sees
+//! of its controller before: then everything stops there. With one board this is exact to the microsecond that the
+//! world counts in. Several boards run in slices shorter than any frame, within which they do not see each other.
 
 use hal_sim::{ControllerId, WireEvent, World};
 use protocol_core::controller::BitRate;
@@ -38,7 +38,8 @@ struct Board {
     /// Once it was switched on; it stays when the power goes, for what the emulator has compiled of the image.
     machine: Option<Machine>,
     powered: bool,
-    /// The world's time, in nanoseconds, at which the time of the machine began, if there had been no time without power.
+    /// The world's time, in nanoseconds, at which the time of the machine began, if there had been no time without
+    /// power.
     began: u64,
     /// What the world was told: at how many bits per second it is on the bus, and whether silent.
     on_bus: Option<(u64, bool)>,
@@ -225,8 +226,8 @@ impl Rig {
         self.exchange();
     }
 
-    /// What a board has changed by `reached` counts for a frame that starts there: told later, the bus would send a frame
-    /// that its controller has taken back, and the controller would think of another one that it was sent.
+    /// What a board has changed by `reached` counts for a frame that starts there: told later, the bus would send a
+    /// frame that its controller has taken back, and the controller would think of another one that it was sent.
     fn offer_anew(&mut self, reached: Instant) {
         let before = Instant::from_ticks(reached.as_ticks().saturating_sub(1));
         for board in &mut self.boards {

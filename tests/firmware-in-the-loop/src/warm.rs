@@ -4,8 +4,8 @@
 //! seconds of virtual time. The image in flash is the same afterwards; who writes to it has the emulator forget that
 //! part by itself. So here a reset loads the state that the processor was made with, and nothing is dropped.
 //!
-//! The processor stands while a flash operation [holds it](crate::flash::Flash::holds): it runs nothing, and time goes on to
-//! whatever happens next.
+//! The processor stands while a flash operation [holds it](crate::flash::Flash::holds): it runs nothing, and time goes
+//! on to whatever happens next.
 //!
 //! It also shows the registers of the core itself, which only a debugger's processor model can read: [`CoreView`].
 

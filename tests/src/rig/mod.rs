@@ -1,4 +1,5 @@
-//! A device on a bus of its own, in virtual time: what it sends is on a free bus at once, its memory is a map of records.
+//! A device on a bus of its own, in virtual time: what it sends is on a free bus at once, its memory is a map of
+//! records.
 //!
 //! Controller, mailboxes and the course of a write are hal-sim's; the pump is the one that all platforms run.
 

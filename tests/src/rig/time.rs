@@ -29,7 +29,8 @@ impl Rig {
         self.pump();
     }
 
-    /// Lets so many milliseconds pass, as a machine controller does: with this frame every 100 ms, the first after 100 ms.
+    /// Lets so many milliseconds pass, as a machine controller does: with this frame every 100 ms, the first after 100
+    /// ms.
     pub fn advance_cyclic(&mut self, ms: u64, text: &str) {
         for _ in 0..ms / CYCLE_MS {
             self.advance(CYCLE_MS);

@@ -137,8 +137,8 @@ fn reset_communication_in_the_silence() {
     }
 }
 
-/// A platform that comes late, or delays of 0, let switch and end of the silence fall together: what is owed goes out at the
-/// new rate, not before it.
+/// A platform that comes late, or delays of 0, let switch and end of the silence fall together: what is owed goes out
+/// at the new rate, not before it.
 #[test]
 fn nothing_is_sent_before_a_late_switch() {
     for (delay, late) in [("00", 0), ("64", 5000)] {

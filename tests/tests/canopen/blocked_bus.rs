@@ -1,5 +1,5 @@
-//! After a blocked bus a valve says what is true then: nothing that is out of date, and the last word of every EMCY story
-//! (SPEC 4.2).
+//! After a blocked bus a valve says what is true then: nothing that is out of date, and the last word of every EMCY
+//! story (SPEC 4.2).
 
 use protocol_core::controller::BusErrorMode;
 use tests::Rig;

@@ -1,4 +1,5 @@
-//! Fast scan: the manual's sequence, a standard master's search, and every rule of the answer (SPEC 4.4; CiA 305 6.4.5).
+//! Fast scan: the manual's sequence, a standard master's search, and every rule of the answer (SPEC 4.4; CiA 305
+//! 6.4.5).
 
 use protocol_core::device::pve::{Kind, Setup};
 use tests::Rig;
@@ -27,7 +28,8 @@ fn ask(valve: &mut Rig, number: u32, bit_check: u8, sub: u8, next: u8) -> bool {
     }
 }
 
-/// The search of a standard master (CiA 305): bit by bit from the top, then the whole number. `next` of the last question.
+/// The search of a standard master (CiA 305): bit by bit from the top, then the whole number. `next` of the last
+/// question.
 fn search(valve: &mut Rig, end: u8) -> Option<[u32; 4]> {
     if !ask(valve, 0, 0x80, 0, 0) {
         return None;

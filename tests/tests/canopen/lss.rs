@@ -132,7 +132,8 @@ fn other_lengths_and_remote_frames_are_ignored() {
     configuring().exchange("000007E5: 5E 00 00 00 00 00 00 00", &[]);
 }
 
-/// What is sent to a valve in waiting, by number of the part, `x` for another number; whether it is selected at the end.
+/// What is sent to a valve in waiting, by number of the part, `x` for another number; whether it is selected at the
+/// end.
 const SELECTIONS: [(&str, bool); 20] = [
     ("0 1 2 3", true),
     ("0 1 2", false),
@@ -180,7 +181,8 @@ fn switch_selective() {
     }
 }
 
-/// Leaving to waiting forgets how far a selection has come; requests that waiting does not allow, and other services do not.
+/// Leaving to waiting forgets how far a selection has come; requests that waiting does not allow, and other services do
+/// not.
 #[test]
 fn what_comes_between_a_switch_selective() {
     for (between, selected) in [("04 00", false), ("17", true), ("5A", true)] {

@@ -1,5 +1,5 @@
-//! Whatever happens on a bus that blocks and frees: the last word is true, what goes out is true then, and every request
-//! is answered or counted (SPEC 4.2, 4.4).
+//! Whatever happens on a bus that blocks and frees: the last word is true, what goes out is true then, and every
+//! request is answered or counted (SPEC 4.2, 4.4).
 
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -138,8 +138,8 @@ proptest! {
         prop_assert_eq!(register == 0, last == CLEARED, "register {:02X}, last {}", register, last);
     }
 
-    /// What goes out on a bus that blocks and frees is true when it goes out; PDOs only in operational. A TPDO tells the
-    /// state after the last RPDO, which time and faults may have changed since.
+    /// What goes out on a bus that blocks and frees is true when it goes out; PDOs only in operational. A TPDO tells
+    /// the state after the last RPDO, which time and faults may have changed since.
     #[test]
     fn what_goes_out_is_true_then(events in vec(
         prop_oneof![

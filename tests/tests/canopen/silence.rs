@@ -1,5 +1,5 @@
-//! The silence of LSS "activate bit timing" against everything else: nothing goes out in it, whatever falls due, is stored,
-//! reset or asked for meanwhile; and after it the valve is there again (SPEC 4.4).
+//! The silence of LSS "activate bit timing" against everything else: nothing goes out in it, whatever falls due, is
+//! stored, reset or asked for meanwhile; and after it the valve is there again (SPEC 4.4).
 
 use proptest::collection::vec;
 use proptest::prelude::*;

@@ -3,11 +3,11 @@
 //!
 //! Where tshark 4.0 says less, or something else, is named here:
 //!
-//! - A segment of an SDO block transfer it takes for an ordinary command, as it does not look at the frames before; of the
-//!   initiation it names the service alone.
+//! - A segment of an SDO block transfer it takes for an ordinary command, as it does not look at the frames before; of
+//!   the initiation it names the service alone.
 //! - Of UDS lite it knows nothing.
-//! - It has no fields for the NAME in a claim, for acknowledgements and for DM1: of those the group, the addresses and the
-//!   bytes are compared.
+//! - It has no fields for the NAME in a claim, for acknowledgements and for DM1: of those the group, the addresses and
+//!   the bytes are compared.
 //! - The destination of a group that goes to all it reads off the group extension.
 
 use std::fs;

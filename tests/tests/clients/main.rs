@@ -1,7 +1,9 @@
-//! Unmodified clients, over python-can's socketcand interface, against the `pve-sim` process that users run: python-canopen
-//! here, can-j1939 in `isobus`, others in `strangers`; over other buses in `socketcan`, `slcan` and `udp_multicast`; a browser in `panel`.
+//! Unmodified clients, over python-can's socketcand interface, against the `pve-sim` process that users run:
+//! python-canopen here, can-j1939 in `isobus`, others in `strangers`; over other buses in `socketcan`, `slcan` and
+//! `udp_multicast`; a browser in `panel`.
 //!
-//! `./test` makes the virtual environment `target/venv` with the clients; the scripts are in `tests/clients/`, one subject each.
+//! `./test` makes the virtual environment `target/venv` with the clients; the scripts are in `tests/clients/`, one
+//! subject each.
 
 mod command_line;
 mod control;
@@ -21,8 +23,8 @@ use std::ffi::OsStr;
 
 use simulator::Simulator;
 
-/// A quarter of the speed of the wall clock, for valves that are kept active: a client that the machine does not let run
-/// for a while is not to be taken for one that has stopped.
+/// A quarter of the speed of the wall clock, for valves that are kept active: a client that the machine does not let
+/// run for a while is not to be taken for one that has stopped.
 const UNHURRIED: [&str; 2] = ["--speed", "0.25"];
 
 /// Runs a script against a simulator of its own, and sees that end well.

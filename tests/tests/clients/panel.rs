@@ -1,6 +1,7 @@
 //! The panel in a browser: playwright-core with the system's Chromium, against simulators that the scripts start.
 //!
-//! `./test` installs both, playwright-core into `target/node`; the scripts are in `tests/clients/panel/`, one subject each.
+//! `./test` installs both, playwright-core into `target/node`; the scripts are in `tests/clients/panel/`, one subject
+//! each.
 
 use std::process::{Command, Stdio};
 use std::sync::Mutex;

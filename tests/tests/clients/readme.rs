@@ -1,5 +1,5 @@
-//! The README and the guides as a visitor goes through them: their blocks run against the binary, and what they promise is
-//! what comes.
+//! The README and the guides as a visitor goes through them: their blocks run against the binary, and what they promise
+//! is what comes.
 
 use std::fs;
 use std::io::Write;

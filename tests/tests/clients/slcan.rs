@@ -1,5 +1,5 @@
-//! Unmodified clients that take `pve-sim` for an adapter on a serial line: python-can's `slcan` with pyserial, over TCP and on a
-//! pseudo-terminal, under python-canopen and can-j1939; `slcand` with the kernel's slcan.
+//! Unmodified clients that take `pve-sim` for an adapter on a serial line: python-can's `slcan` with pyserial, over TCP
+//! and on a pseudo-terminal, under python-canopen and can-j1939; `slcand` with the kernel's slcan.
 
 use std::fs;
 

@@ -1,5 +1,5 @@
-//! Whatever is on the bus, whenever, and whatever the sensor senses: it does not panic, what it reads stays in its range,
-//! what it sends is well-formed and bounded, and it serves again as soon as it is let.
+//! Whatever is on the bus, whenever, and whatever the sensor senses: it does not panic, what it reads stays in its
+//! range, what it sends is well-formed and bounded, and it serves again as soon as it is let.
 //!
 //! The rig itself looks after every step that nothing is due any more.
 

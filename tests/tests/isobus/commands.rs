@@ -1,5 +1,5 @@
-//! Auxiliary valve command and estimated flow: what is taken, what is ignored, what the spool does and what is told of it
-//! (SPEC 1, 2, 5).
+//! Auxiliary valve command and estimated flow: what is taken, what is ignored, what the spool does and what is told of
+//! it (SPEC 1, 2, 5).
 
 use protocol_core::actuator::Position;
 use protocol_core::device::pve::{Kind, Setup};
@@ -20,7 +20,8 @@ const STATES: [(u8, [u8; 3]); 6] = [
     (14, [0x7D, 0x7D, 0x3E]),
 ];
 
-/// Sends this command at once and every 100 ms, for 600 ms: longer than from one end to the other. The estimated flow then.
+/// Sends this command at once and every 100 ms, for 600 ms: longer than from one end to the other. The estimated flow
+/// then.
 fn after_commands(valve: &mut Rig, command: &str) -> [u8; 3] {
     valve.send(command);
     valve.advance_cyclic(600, command);

@@ -160,8 +160,8 @@ fn a_counter_that_stands() {
     expect_dm2(&mut valve, "18FECB83: 10 FF FA 8F 8B 7F FF FF");
 }
 
-/// Power fails while a fault is active, or its shutdown lasts: it was counted, and is previously active unless it is found
-/// again.
+/// Power fails while a fault is active, or its shutdown lasts: it was counted, and is previously active unless it is
+/// found again.
 #[test]
 fn a_loss_of_power_in_a_shutdown() {
     for gone in [false, true] {

@@ -3,7 +3,8 @@
 use tests::Rig;
 use tests::isobus::{BLOCK, CLAIM, HIGHER_NAME, LOWER_NAME};
 
-/// J1939 frames under the valve's source address: what it takes itself, what it sends itself, and what it knows nothing of.
+/// J1939 frames under the valve's source address: what it takes itself, what it sends itself, and what it knows nothing
+/// of.
 const FOREIGN: [&str; 9] = [
     "18FECA83: 00 FF 00 00 00 00 FF FF",
     "0CFE1383: 7D 7D 30 FF FF FF FF FF",

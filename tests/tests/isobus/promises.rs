@@ -205,7 +205,8 @@ proptest! {
         }
     }
 
-    /// However long the bus is blocked, each request is answered or counted as dropped; a claim that was asked for is sent.
+    /// However long the bus is blocked, each request is answered or counted as dropped; a claim that was asked for is
+    /// sent.
     #[test]
     fn each_request_is_answered_or_counted(events in vec(
         prop_oneof![

@@ -1,5 +1,5 @@
-//! Whatever is on the bus of an ISOBUS valve, whenever, and whatever it senses: it does not panic, is silent when it must
-//! be, what it sends is well-formed, and it serves again as soon as it is let (SPEC 5).
+//! Whatever is on the bus of an ISOBUS valve, whenever, and whatever it senses: it does not panic, is silent when it
+//! must be, what it sends is well-formed, and it serves again as soon as it is let (SPEC 5).
 //!
 //! The rig itself looks after every step that nothing is due any more. Rules that can be told in a few lines are told
 //! again here, as models that the valve must agree with at every step.
@@ -263,7 +263,8 @@ impl Guarded {
     }
 }
 
-/// Commands that leave the spool in neutral: what they do, in state bits and neutrality; `None` for those to be ignored.
+/// Commands that leave the spool in neutral: what they do, in state bits and neutrality; `None` for those to be
+/// ignored.
 const IN_NEUTRAL: [(&str, Option<(u8, bool)>); 8] = [
     (BLOCK, Some((0, true))),
     ("0CFE3327: 00 FF 31 FF FF FF FF FF", Some((1, true))),
@@ -285,8 +286,8 @@ enum Train {
     Pause(u64),
 }
 
-/// A receiver of commanded addresses, told again: for each sender its next packet, whether the NAME fits so far, and when
-/// it was heard.
+/// A receiver of commanded addresses, told again: for each sender its next packet, whether the NAME fits so far, and
+/// when it was heard.
 #[derive(Default)]
 struct Receiver {
     now: u64,

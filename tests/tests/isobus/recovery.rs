@@ -1,5 +1,5 @@
-//! Shutdown by a fault, and the way out of it: all causes gone, then two neutral commands in a row, each with the spool in
-//! neutral (SPEC 2, 5).
+//! Shutdown by a fault, and the way out of it: all causes gone, then two neutral commands in a row, each with the spool
+//! in neutral (SPEC 2, 5).
 
 use protocol_core::actuator::{Position, SpoolFault};
 use protocol_core::controller::BusErrorMode;
@@ -162,7 +162,8 @@ fn the_way_back_of_the_spool() {
     assert!(acts(&mut valve));
 }
 
-/// Commands while a cause lasts do not count; every fault, with what is changed to bring it about and how long it takes.
+/// Commands while a cause lasts do not count; every fault, with what is changed to bring it about and how long it
+/// takes.
 #[test]
 fn all_causes_must_be_gone() {
     type Change = fn(&mut Senses);
@@ -344,8 +345,8 @@ fn a_spool_that_does_not_reach_float() {
     valve.exchange("18EA8327: CB FE 00", &["18FECB83: 10 FF EE 8F 87 01 FF FF"]);
 }
 
-/// Monitor 1 runs in blocked too, before the first command as well, and in a shutdown; not in hand operation and emergency
-/// stop.
+/// Monitor 1 runs in blocked too, before the first command as well, and in a shutdown; not in hand operation and
+/// emergency stop.
 #[test]
 fn where_the_spool_is_looked_at() {
     let fault = "18FECA83: 10 FF EC 8F 87 01 FF FF";

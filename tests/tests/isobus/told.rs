@@ -13,7 +13,8 @@ fn percent(percent: i16) -> Option<Position> {
     Position::new(i16::try_from(i32::from(percent) * 16384 / 100).unwrap())
 }
 
-/// In a shutdown the spool has to be in neutral, within 5 %: held farther out, it keeps the valve down, and monitor 1 says so.
+/// In a shutdown the spool has to be in neutral, within 5 %: held farther out, it keeps the valve down, and monitor 1
+/// says so.
 #[test]
 fn a_spool_held_out_of_neutral_in_a_shutdown() {
     for held in [6, 8, 10, 14, 15, -6, -10, -15] {

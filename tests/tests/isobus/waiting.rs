@@ -10,7 +10,8 @@ const ANNOUNCE: &str = "1CECFF27: 20 09 00 02 FF D8 FE 00";
 const NAME: &str = "1CEBFF27: 01 01 00 20 07 08 FF 02";
 const ADDRESS_85: &str = "1CEBFF27: 02 20 85 FF FF FF FF FF";
 
-/// A commanded address is stored, its restart waits for a bus that is blocked: no command and no time guard acts any more.
+/// A commanded address is stored, its restart waits for a bus that is blocked: no command and no time guard acts any
+/// more.
 #[test]
 fn a_restart_that_waits_lets_the_spool_go() {
     let mut valve = Rig::claimed();

@@ -1,5 +1,5 @@
-//! The bus as physics, with real valves on it: bit rates that differ, bus-off and the way back, a valve alone, valves that
-//! share a node ID, noise (SPEC 2, 4.2; ISO 11898-1).
+//! The bus as physics, with real valves on it: bit rates that differ, bus-off and the way back, a valve alone, valves
+//! that share a node ID, noise (SPEC 2, 4.2; ISO 11898-1).
 
 use hal_sim::bus::{BitErrors, DestroyNext};
 use hal_sim::{Event, EventKind, Memory, NodeId};

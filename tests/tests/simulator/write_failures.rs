@@ -1,5 +1,5 @@
-//! The flash fails at any one word write or erase of an operation that stores (SPEC 4.2, 4.4, 6, 7): the client is told,
-//! the internal error is raised, the old values stay; or it went well in spite of it.
+//! The flash fails at any one word write or erase of an operation that stores (SPEC 4.2, 4.4, 6, 7): the client is
+//! told, the internal error is raised, the old values stay; or it went well in spite of it.
 
 use hal_sim::memory::{Flash, SECTOR, TornErase, WORD};
 use hal_sim::{Memory, NodeId};

@@ -1,7 +1,8 @@
 //! The monitors of the spool against a model of them that is told nothing but SPEC 2.
 //!
 //! The valve reckons when something is due, and looks as seldom as it can while it follows one set-point after another.
-//! The model looks every millisecond, and where a reading has changed it halves the millisecond until it has the instant.
+//! The model looks every millisecond, and where a reading has changed it halves the millisecond until it has the
+//! instant.
 
 use super::time::Numbers;
 use super::*;

@@ -256,8 +256,8 @@ proptest! {
         }
     }
 
-    /// Whatever comes in at whatever time: while the address is held, claims alone go out; once it is lost, cannot-claims
-    /// alone, and those when they are due, never as an answer at once.
+    /// Whatever comes in at whatever time: while the address is held, claims alone go out; once it is lost,
+    /// cannot-claims alone, and those when they are due, never as an answer at once.
     #[test]
     fn no_storm_of_events_breaks_the_rules(
         events in prop::collection::vec((0_u8..5, any::<u8>(), any::<u64>(), any::<u32>()), 0..60),

@@ -103,8 +103,9 @@ impl Errors {
         enabled & ier::LECIE != 0 || self.stands(enabled)
     }
 
-    /// Whether a flag is set whose interrupt is enabled. The manual does not say whether a flag that stands is noted again,
-    /// at a further error or as soon as the note is cleared: here it is (A), and software that it floods is seen to be.
+    /// Whether a flag is set whose interrupt is enabled. The manual does not say whether a flag that stands is noted
+    /// again, at a further error or as soon as the note is cleared: here it is (A), and software that it floods is seen
+    /// to be.
     pub(super) fn stands(&self, enabled: u32) -> bool {
         let set = self.flags();
         let raises = |flag: u32, enable: u32| set & flag != 0 && enabled & enable != 0;

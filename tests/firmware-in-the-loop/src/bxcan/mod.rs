@@ -1,5 +1,5 @@
-//! bxCAN, the CAN controller of the STM32F4 (RM0090 chapter 32), as software and bus see it: registers on one side, what
-//! the wire does on the other. No clock and no bus in here.
+//! bxCAN, the CAN controller of the STM32F4 (RM0090 chapter 32), as software and bus see it: registers on one side,
+//! what the wire does on the other. No clock and no bus in here.
 //!
 //! ```text
 //! registers   addresses and bits
@@ -13,8 +13,8 @@
 //!
 //! Software that writes what cannot be written is complained of; the harness fails on any complaint.
 //!
-//! Left out: time-triggered communication (TTCM, time stamps), debug freeze (DBF), the filters of CAN2, the state of the
-//! pins (SAMP and RX read recessive), and how long a release of a FIFO takes.
+//! Left out: time-triggered communication (TTCM, time stamps), debug freeze (DBF), the filters of CAN2, the state of
+//! the pins (SAMP and RX read recessive), and how long a release of a FIFO takes.
 
 mod errors;
 mod fifo;
@@ -246,8 +246,8 @@ impl BxCan {
         self.complaints.extend(complaints);
     }
 
-    /// From now on MSR.TXM reads this in the place of the truth: as if it had been read just before a frame began, or in
-    /// an arbitration that is lost then. In the world, arbitration takes no time.
+    /// From now on MSR.TXM reads this in the place of the truth: as if it had been read just before a frame began, or
+    /// in an arbitration that is lost then. In the world, arbitration takes no time.
     pub const fn show_sending(&mut self, shown: Option<bool>) {
         self.sending_shown = shown;
     }

@@ -1,13 +1,14 @@
-//! The flash interface with the sectors that hold the memory, of an STM32F429ZI (RM0090 chapter 3, DS9405 for the times)
-//! or of an STM32F446RE (RM0390 chapter 3, DS10693): really programs and erases.
+//! The flash interface with the sectors that hold the memory, of an STM32F429ZI (RM0090 chapter 3, DS9405 for the
+//! times) or of an STM32F446RE (RM0390 chapter 3, DS10693): really programs and erases.
 //!
-//! The sectors of the image are plain memory to the emulator; whoever programs or erases them is complained of. So is, with
-//! two banks, what would stall the processor on silicon: an access to bank 2 or to the control register during an operation
-//! there; and what makes the data cache lie: with two banks an operation while it is on (ES0206), with one or two a read
-//! through it of what was changed since it was reset (RM0090 3.6.4, RM0390 3.5.4). The harness fails on any complaint.
+//! The sectors of the image are plain memory to the emulator; whoever programs or erases them is complained of. So is,
+//! with two banks, what would stall the processor on silicon: an access to bank 2 or to the control register during an
+//! operation there; and what makes the data cache lie: with two banks an operation while it is on (ES0206), with one or
+//! two a read through it of what was changed since it was reset (RM0090 3.6.4, RM0390 3.5.4). The harness fails on any
+//! complaint.
 //!
-//! With one bank the processor [is held](Flash::holds) from the instruction that begins an operation to its end. On silicon
-//! it may get some instructions further, as far as the caches go (A).
+//! With one bank the processor [is held](Flash::holds) from the instruction that begins an operation to its end. On
+//! silicon it may get some instructions further, as far as the caches go (A).
 //!
 //! Left out: option bytes, protection, an instruction fetch from the memory.
 

@@ -138,8 +138,8 @@ impl Shared {
         }
     }
 
-    /// What the bus sees of it, with the bit rate in bits per second, 0 for one that is no whole number; `None` when it is
-    /// off the bus. One that sleeps before it was ever set up is.
+    /// What the bus sees of it, with the bit rate in bits per second, 0 for one that is no whole number; `None` when it
+    /// is off the bus. One that sleeps before it was ever set up is.
     #[must_use]
     pub fn on_bus(&self) -> Option<(u64, bool)> {
         let rate = |timing: BitTiming| timing.bits_per_second(self.clock_hz).unwrap_or(0);

@@ -1,5 +1,5 @@
-//! The flash in the emulated part: the interface's registers, and the sectors that hold the memory as a window that is read
-//! and written byte by byte.
+//! The flash in the emulated part: the interface's registers, and the sectors that hold the memory as a window that is
+//! read and written byte by byte.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 

@@ -1,6 +1,6 @@
 //! The STM32F429ZI and the STM32F446RE: from `rigless` the models of what they share with the STM32F427 (clocks, power,
-//! GPIO, timers, UART, watchdog, debug), from here CAN1, the flash interface and the sectors that hold the memory. What the
-//! firmware has no use for is not there: an access to it fails the test.
+//! GPIO, timers, UART, watchdog, debug), from here CAN1, the flash interface and the sectors that hold the memory. What
+//! the firmware has no use for is not there: an access to it fails the test.
 //!
 //! Of what the STM32F446 has beyond the STM32F427 there is only DCKCFGR2, as a register that holds what is written: it
 //! selects the clocks of peripherals that are not there.
@@ -310,8 +310,8 @@ impl Mcu for Part {
             self.connections.can.lock().clock_hz = self.rcc.rcc.pclk1(self.bus.slots()[slots.rcc].registers());
         }
         if slot == slots.tim5 {
-            // `rigless` 0.4.0 notes a compare match when EGR.UG finds the counter, stopped, equal to a compare register;
-            // silicon does not, and embassy's clock would start 65536 ticks ahead.
+            // `rigless` 0.4.0 notes a compare match when EGR.UG finds the counter, stopped, equal to a compare
+            // register; silicon does not, and embassy's clock would start 65536 ticks ahead.
             use tables::tim2::Register;
             let registers = self.bus.slot_mut(slot).registers_mut();
             if registers.get(Register::Cr1) & 1 == 0 {

@@ -1,5 +1,5 @@
-//! Reset and clock control: `rigless`'s, and what it lets pass. A peripheral's clock runs some cycles after it was enabled
-//! (RM0090 7.3.13: two): a read of the enable register waits for them.
+//! Reset and clock control: `rigless`'s, and what it lets pass. A peripheral's clock runs some cycles after it was
+//! enabled (RM0090 7.3.13: two): a read of the enable register waits for them.
 
 use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
 use rigless::soc::stm32f427::generated::rcc::Register;

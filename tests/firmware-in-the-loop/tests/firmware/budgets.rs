@@ -1,5 +1,5 @@
-//! What the image takes of the processor: flash, RAM, stack, and instructions for a frame. Counted, not timed; printed for
-//! who reads the log of a run.
+//! What the image takes of the processor: flash, RAM, stack, and instructions for a frame. Counted, not timed; printed
+//! for who reads the log of a run.
 
 use std::io::Write as _;
 
@@ -22,7 +22,8 @@ const RAM: u64 = 15 * KIB;
 const FOR_NOBODY: u64 = 480;
 /// The same for an SDO upload: the answer lies in a mailbox then.
 const UPLOAD: u64 = 1380;
-/// The same for the position of a shaft that turns, which is reckoned in 64 bits: by SDO, or by a TPDO that answers a SYNC.
+/// The same for the position of a shaft that turns, which is reckoned in 64 bits: by SDO, or by a TPDO that answers a
+/// SYNC.
 const POSITION: u64 = 1400;
 /// The same for an RPDO that a TPDO answers.
 const SET_POINT: u64 = 1530;

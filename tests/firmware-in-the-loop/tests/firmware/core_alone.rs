@@ -1,5 +1,5 @@
-//! What the core alone takes (`firmware/examples/core_alone.rs`): flash, RAM, stack, and instructions for a frame through
-//! the pump, in the profile that is flashed.
+//! What the core alone takes (`firmware/examples/core_alone.rs`): flash, RAM, stack, and instructions for a frame
+//! through the pump, in the profile that is flashed.
 
 use firmware_in_the_loop::board::NUCLEO_F429ZI;
 use firmware_in_the_loop::image::Image;

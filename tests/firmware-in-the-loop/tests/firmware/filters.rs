@@ -3,8 +3,8 @@
 
 use super::client::{ImageClient, frame};
 
-/// What a valve on CANopen does not listen to, whatever it is set to here: PDOs, SDO, emergencies, heartbeats of others,
-/// answers of LSS, its own identifiers, extended frames of other protocols.
+/// What a valve on CANopen does not listen to, whatever it is set to here: PDOs, SDO, emergencies, heartbeats of
+/// others, answers of LSS, its own identifiers, extended frames of other protocols.
 const FOR_NOBODY: [&str; 23] = [
     "001: 01",
     "0A0: 00 00 00 00 00 00 00 00",

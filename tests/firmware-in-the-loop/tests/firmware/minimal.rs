@@ -1,5 +1,5 @@
-//! The smallest firmware (`firmware/examples/minimal.rs`): it works, and fits a small processor. Frames come and go through
-//! the words of RAM that stand for the registers of its CAN controller.
+//! The smallest firmware (`firmware/examples/minimal.rs`): it works, and fits a small processor. Frames come and go
+//! through the words of RAM that stand for the registers of its CAN controller.
 
 use firmware_in_the_loop::image::Image;
 use firmware_in_the_loop::machine::Machine;

@@ -16,8 +16,8 @@ const FLOOD: &str = "001: 00 00 00 00 00 00 00 00";
 /// How long a frame of the flood takes at 250 kbit/s is more than half a millisecond.
 const PER_MS: u64 = 2;
 
-/// Sends a frame, and keeps the bus full for some milliseconds afterwards. The frame goes out first: what is in the queue
-/// goes in its order, and the valve sends nothing before the flood ends.
+/// Sends a frame, and keeps the bus full for some milliseconds afterwards. The frame goes out first: what is in the
+/// queue goes in its order, and the valve sends nothing before the flood ends.
 fn in_flood(client: &mut ImageClient, text: Option<&str>, ms: u64) {
     if let Some(text) = text {
         client.send(text);
@@ -194,7 +194,8 @@ fn frames_leave_back_to_back_at_1_mbit() {
     let mut client = scene();
     heartbeat(&mut client);
     set_timing(&mut client, BitRate::Kbit1000);
-    // Each is less urgent than the one before: the TPDO is staged behind the emergency, the heartbeat waits in the device.
+    // Each is less urgent than the one before: the TPDO is staged behind the emergency, the heartbeat waits in the
+    // device.
     client.bench.rig.type_line(client.bench.board, "internal_fault on");
     in_flood(&mut client, None, 35);
     in_flood(&mut client, Some("090: 0F 00 00 00"), 200);
@@ -222,8 +223,8 @@ pub fn fill(client: &mut ImageClient, mailbox: u32, text: &str) {
     shared.changed = true;
 }
 
-/// The answer to an SDO request is on the wire, more urgent frames fill the other mailboxes, and an emergency comes: what is
-/// on the bus from the answer on. MSR.TXM reads as is given.
+/// The answer to an SDO request is on the wire, more urgent frames fill the other mailboxes, and an emergency comes:
+/// what is on the bus from the answer on. MSR.TXM reads as is given.
 fn emergency_while_an_answer_is_on_the_wire(client: &mut ImageClient, txm: Option<bool>) -> Vec<String> {
     let board = client.bench.board;
     client.bench.rig.connections(board).terminal.lock().typed.extend(b"internal_fault on");

@@ -1,7 +1,8 @@
 //! The power is cut while parameters are stored: afterwards all of them are old or all are new (SPEC 6).
 //!
 //! The instants are random, the same in each run. Half of them are in a store that writes words only, the others in one
-//! that moves what the flash holds and erases a sector, and half of those in the erase: it takes nearly all of the time.
+//! that moves what the flash holds and erases a sector, and half of those in the erase: it takes nearly all of the
+//! time.
 
 use std::ops::Range;
 

@@ -1,5 +1,5 @@
-//! What the emulator would let pass and silicon does not: how the processor is set up, and what it does at the edges of the
-//! manual and of the errata sheet.
+//! What the emulator would let pass and silicon does not: how the processor is set up, and what it does at the edges of
+//! the manual and of the errata sheet.
 
 use firmware_in_the_loop::board::{NUCLEO_F429ZI, NUCLEO_F446RE};
 use firmware_in_the_loop::broken::Break;

@@ -14,7 +14,8 @@ use super::client::{Client, ImageClient, SAVE, VALVE, download, frame};
 const WINDOW: Duration = Duration::from_secs(2);
 /// How many frames wait in the master at least.
 const WAITING: usize = 4;
-/// How many frames of somebody else may pass between an RPDO and its TPDO: the one that begins while the RPDO is handled.
+/// How many frames of somebody else may pass between an RPDO and its TPDO: the one that begins while the RPDO is
+/// handled.
 const BETWEEN: usize = 1;
 /// From the end of an RPDO to the end of its TPDO: such a frame, the TPDO, and the intermissions.
 const ON_TIME: Duration = Duration::from_micros(480);
@@ -75,8 +76,8 @@ fn fill(client: &mut ImageClient, requests: &[[u8; 8]]) -> usize {
     rpdos
 }
 
-/// Each RPDO is answered by a TPDO, on time; gives the longest time that one took, how many there are, and how many TPDOs
-/// more: an SDO request can come between the set-point and the new position, which is then told at once.
+/// Each RPDO is answered by a TPDO, on time; gives the longest time that one took, how many there are, and how many
+/// TPDOs more: an SDO request can come between the set-point and the new position, which is then told at once.
 fn check_answers(trace: &[Event]) -> (Duration, usize, usize) {
     let (rpdo, tpdo) = (frame("220: 00").id(), frame("1A0: 00").id());
     let mut open: Option<(Instant, usize)> = None;

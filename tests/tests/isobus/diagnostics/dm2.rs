@@ -148,7 +148,8 @@ fn requests_during_a_running_bam() {
     valve.expect_news(&DM2_FOUR[..1]);
 }
 
-/// The list is cleared meanwhile: the packets under way are those of the list as it was, and a request is dropped still.
+/// The list is cleared meanwhile: the packets under way are those of the list as it was, and a request is dropped
+/// still.
 #[test]
 fn the_list_changes_during_a_running_bam() {
     let mut valve = four_previously_active();
@@ -161,8 +162,8 @@ fn the_list_changes_during_a_running_bam() {
     expect_dm2(&mut valve, &[DM2_NONE]);
 }
 
-/// A bus that is held in the middle delays packets; they do not follow each other faster for it. After 200 ms the rest is
-/// given up as a whole.
+/// A bus that is held in the middle delays packets; they do not follow each other faster for it. After 200 ms the rest
+/// is given up as a whole.
 #[test]
 fn packets_keep_their_distance_on_a_busy_bus() {
     for (held, whole) in [(60, true), (100, true), (150, false), (190, false), (350, false)] {

@@ -1,5 +1,5 @@
-//! A power cut at every word write and every erase of every operation that stores (SPEC 4.5, 6, 9): the device boots, each
-//! record is old or new and never mixed, nothing else is lost, and no error is told.
+//! A power cut at every word write and every erase of every operation that stores (SPEC 4.5, 6, 9): the device boots,
+//! each record is old or new and never mixed, nothing else is lost, and no error is told.
 
 mod sensor;
 mod valve;
@@ -111,8 +111,8 @@ impl Product {
         seen
     }
 
-    /// Does an operation, with the power cut after so many word writes and erases; from the start on, if `at_start`. What is
-    /// in the flash then.
+    /// Does an operation, with the power cut after so many word writes and erases; from the start on, if `at_start`.
+    /// What is in the flash then.
     fn run(&self, operation: Operation, flash: &Flash, cut: u64, at_start: bool) -> Flash {
         let (mut bench, device) = (self.with_flash)(flash.clone());
         let plan = |bench: &mut Bench| bench.world.memory_mut(device).flash_mut().cut_power_after(cut);
@@ -168,8 +168,8 @@ struct Case {
 }
 
 impl Case {
-    /// Looks at what a cut has left: the device starts with it, and doing the operation again does what it does on a flash
-    /// that was never cut.
+    /// Looks at what a cut has left: the device starts with it, and doing the operation again does what it does on a
+    /// flash that was never cut.
     fn check(&self, left: &Flash, what: &str) {
         let what = format!("{}, {what}", self.operation.name);
         let found = records(left);
@@ -210,8 +210,8 @@ impl Case {
         all_left
     }
 
-    /// Cuts the power at its erase, which is where so many cuts have been tried before it was done, with all that a torn
-    /// erase can leave behind.
+    /// Cuts the power at its erase, which is where so many cuts have been tried before it was done, with all that a
+    /// torn erase can leave behind.
     fn cut_erase(&self, all_left: &[Flash]) -> Vec<Flash> {
         let undone = all_left.iter().filter(|left| left.erases() == self.flash.erases()).count();
         let erase = u64::try_from(undone).unwrap() - 1;
@@ -244,7 +244,8 @@ impl Product {
         bench.world.memory(device).flash().clone()
     }
 
-    /// The states of a nearly full sector, from the first in which the operation has to empty the other one to the last.
+    /// The states of a nearly full sector, from the first in which the operation has to empty the other one to the
+    /// last.
     fn nearly_full(&self, operation: Operation, worn: &Flash) -> Vec<Flash> {
         let mut memory = Memory::with_flash(self.prepared(operation, worn));
         let erases = memory.flash().erases();
@@ -292,8 +293,8 @@ impl Product {
         [cuts, second]
     }
 
-    /// Cuts the power at each write and erase of each operation that empties a sector. How many states of a sector, cuts and
-    /// second cuts that were.
+    /// Cuts the power at each write and erase of each operation that empties a sector. How many states of a sector,
+    /// cuts and second cuts that were.
     fn cut_every_erase(&'static self) -> [usize; 3] {
         let worn = self.worn();
         let (mut states, mut cuts, mut second) = (0, 0, 0);
