@@ -80,13 +80,6 @@ impl Frame {
         Some(Self { key: key(id), remote: false, len: u8::try_from(data.len()).ok()?, data: bytes })
     }
 
-    /// Returns a data frame of eight bytes under the same identifier.
-    #[inline]
-    #[must_use]
-    pub const fn with_data(&self, data: [u8; MAX_LEN]) -> Self {
-        Self { key: self.key, remote: false, len: 8, data }
-    }
-
     /// Returns a data frame of the same length under the same identifier; bytes beyond it are left out.
     #[inline(always)]
     #[must_use]

@@ -123,13 +123,6 @@ impl FaultSet {
         Self(self.0 | other.0)
     }
 
-    /// Returns whether one of the spool's faults is in it.
-    #[inline]
-    #[must_use]
-    pub const fn any_of_spool(self) -> bool {
-        !self.intersection(SPOOL_FAULTS).is_empty()
-    }
-
     /// Returns what is in both.
     #[must_use]
     pub const fn intersection(self, other: Self) -> Self {

@@ -346,12 +346,6 @@ impl Valve {
         self.faults.counters
     }
 
-    /// Returns what the valve may do at present.
-    #[must_use]
-    pub const fn drive_in_force(&self) -> Drive {
-        self.drive
-    }
-
     /// Returns whether the valve follows set-points.
     #[inline]
     #[must_use]

@@ -202,8 +202,8 @@ impl<const SENDERS: usize, const SIZE: usize> BamReceiver<SENDERS, SIZE> {
     }
 
     /// Returns how many messages are under way.
-    #[must_use]
-    pub fn under_way(&self) -> usize {
+    #[cfg(test)]
+    pub(super) fn under_way(&self) -> usize {
         self.receiving.len()
     }
 

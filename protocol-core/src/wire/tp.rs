@@ -11,7 +11,7 @@ pub const PACKET_LEN: usize = 7;
 pub const MIN_SIZE: u16 = 9;
 
 /// The most bytes: 255 packets.
-pub const MAX_SIZE: u16 = 1785;
+pub const MAX_SIZE: u16 = u8::MAX as u16 * PACKET_LEN as u16;
 
 /// The control byte of a BAM.
 const BAM: u8 = 0x20;

@@ -23,7 +23,7 @@ mod services;
 #[cfg(feature = "names")]
 pub(crate) use description::describe;
 pub(crate) use listening::Service;
-pub(crate) use object::{ErrorClass, NodeObject, Object, PdoParameter};
+pub(crate) use object::{ErrorClass, LOAD, NodeObject, Object, PdoParameter, SAVE};
 pub(crate) use product::{Product, Rules};
 
 use core::marker::PhantomData;

@@ -2,6 +2,12 @@
 
 use crate::canopen::dictionary::{DataType, Row};
 
+/// The signature that 0x1010 takes (CiA 301 7.5.2.13).
+pub(crate) const SAVE: u32 = u32::from_le_bytes(*b"save");
+
+/// The signature that 0x1011 takes (CiA 301 7.5.2.14).
+pub(crate) const LOAD: u32 = u32::from_le_bytes(*b"load");
+
 /// What lies behind an object: `A` are the product's own, `T` what signatures ask for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Object<A, T> {

@@ -8,7 +8,7 @@ use crate::canopen::node::NodeObject::{
 };
 use crate::canopen::node::Object::{ErrorRegister, Identity, Node, Product as Own};
 use crate::canopen::node::PdoParameter::{CobId, Count, Entry, TransmissionType};
-use crate::canopen::node::{Object, Product, Rules};
+use crate::canopen::node::{Object, Product, Rules, SAVE};
 use crate::canopen::{heartbeat, lss, nmt, pdo};
 use crate::controller::BitRate;
 use crate::time::Instant;
@@ -27,8 +27,6 @@ pub(super) enum LampObject {
 pub(super) enum Task {
     Save,
 }
-
-pub(super) const SAVE: u32 = u32::from_le_bytes(*b"save");
 
 pub(super) const DICTIONARY: Dictionary<Object<LampObject, Task>> = Dictionary::new(&Table::new([
     Row::constant(0x1000, 0, U32, 0x191, "Device type"),

@@ -16,7 +16,7 @@ use crate::canopen::node::NodeObject::{
 };
 use crate::canopen::node::Object::{ErrorRegister, Identity, Node, Product};
 use crate::canopen::node::PdoParameter::{CobId, Count, Entry as Mapped, EventTimer, InhibitTime, TransmissionType};
-use crate::canopen::node::{ErrorClass, Object};
+use crate::canopen::node::{ErrorClass, LOAD, Object, SAVE};
 use crate::canopen::pdo;
 use crate::canopen::sync::SyncConsumer;
 use crate::encoder::{POSITION_MAX, STEPS};
@@ -39,11 +39,6 @@ const TPDO_OFF: u32 = cob_id::CobId::OFF | Function::Tpdo1 as u32;
 pub fn entry(object: Multiplexer) -> Option<&'static Entry> {
     DICTIONARY.entries().find(object).ok().map(|place| place.entry)
 }
-
-/// What 0x1010 takes.
-const SAVE: u32 = u32::from_le_bytes(*b"save");
-/// What 0x1011 takes.
-const LOAD: u32 = u32::from_le_bytes(*b"load");
 
 /// Every object of a sensor, and no other.
 pub(super) const DICTIONARY: Dictionary<Object<HatObject, Task>> = Dictionary::new(&Table::new([

@@ -12,6 +12,7 @@ use crate::canopen::node::NodeObject::{
 };
 use crate::canopen::node::Object::{self, ErrorRegister, Identity, Node, Product};
 use crate::canopen::node::PdoParameter::{CobId, Count, Entry as Mapped, TransmissionType};
+use crate::canopen::node::{LOAD, SAVE};
 use crate::canopen::sync::SyncConsumer;
 use crate::wire::cob_id::Function;
 use crate::wire::decimal::DIGITS;
@@ -76,10 +77,6 @@ const DUMMY: u32 = 0x0001_0001;
 /// How many characters the software version has.
 const SOFTWARE_VERSION_LEN: u8 = 47;
 
-/// What 0x1010 takes: "save".
-const SAVE: u32 = u32::from_le_bytes(*b"save");
-/// What 0x1011:1 takes: "load".
-const LOAD: u32 = u32::from_le_bytes(*b"load");
 /// What 0x1011:5 takes to clear the occurrence counters: "pkds".
 const CLEAR_COUNTERS: u32 = 0x7364_6B70;
 
