@@ -7,9 +7,10 @@
 //! actuator/   the valve without a protocol                encoder    the angle sensor without one
 //! canopen/    services that know no product: CANopen     uds    the identifier server
 //! isobus/     the same: J1939 and ISO 11783
-//! memory/     records and their encoding              answers  what a node still owes to its clients
+//! memory/     records and their encoding              answers  the queue of answers that both nodes have
 //! device/     the products, each a composition of the above, and `Device`, their common face
 //! pump        moves frames between a CAN controller and a device
+//! frame, time, controller, outcome   what all of them share
 //! ```
 //!
 //! What the devices do, with every table, is in the repository's `docs/behaviour.md`; "SPEC 4.2" in a comment is its
