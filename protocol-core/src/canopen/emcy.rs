@@ -13,7 +13,7 @@ use crate::wire::sdo::AbortCode;
 pub(crate) const HISTORY: usize = 8;
 
 /// The number of messages that can wait for the bus (SPEC 4.2): every fault of a device, and its end.
-const STORY: usize = 16;
+const QUEUE: usize = 16;
 
 /// The error history, object 0x1003. It is volatile (A).
 #[derive(Debug)]
@@ -89,18 +89,18 @@ impl ErrorHistory {
     }
 }
 
-/// The messages that are owed to the bus, in order: the newest 16, always the last word.
+/// The EMCYs that wait for the bus, in order: the newest 16, so that the last one always goes out.
 ///
 /// A message that the controller took stays here until it is known to be on the bus.
 #[derive(Debug)]
-pub(crate) struct Story {
-    messages: Vec<Emcy, STORY>,
+pub(crate) struct EmcyQueue {
+    messages: Vec<Emcy, QUEUE>,
     /// The number of messages at the front that the controller has.
     taken: usize,
 }
 
-impl Story {
-    /// Returns a story with nothing to tell.
+impl EmcyQueue {
+    /// Returns an empty queue.
     #[must_use]
     pub(crate) const fn new() -> Self {
         Self { messages: Vec::new(), taken: 0 }

@@ -1,14 +1,15 @@
-//! What the node owes to the bus. A frame is made when the controller can take it, as things are then.
+//! The frames that the node owes to the bus. A frame is rendered when the controller can take it, with the state of
+//! that instant.
 //!
-//! Answers wait in order. The boot-up, a heartbeat and a TPDO are debts: of several only the latest is sent. EMCYs are
-//! a story that keeps its order and its last word.
+//! Answers wait in order. Of several boot-ups, heartbeats or TPDOs only the latest is sent. EMCYs keep their order, and
+//! the last one always goes out.
 
 use heapless::Vec;
 
 use super::Node;
 use super::product::Product;
 use crate::answers::Answers;
-use crate::canopen::emcy::{EmcyProducer, Story};
+use crate::canopen::emcy::{EmcyProducer, EmcyQueue};
 use crate::canopen::pdo::Sample;
 use crate::controller::Filter;
 use crate::frame::{Frame, arbitration};
@@ -30,15 +31,15 @@ enum BootUp {
     Done,
 }
 
-/// A debt of which only the latest news count.
+/// A cyclic frame: of several that are owed only the latest is sent.
 #[derive(Debug)]
-pub(super) struct News {
+pub(super) struct Latest {
     owed: bool,
     /// The key of the frame that the controller took and may have still.
     taken: Option<u32>,
 }
 
-impl News {
+impl Latest {
     const NONE: Self = Self { owed: false, taken: None };
 
     /// Owes nothing any more. Returns the key of the frame that the controller may have.
@@ -58,15 +59,15 @@ impl News {
     }
 }
 
-/// The debts of a node.
+/// The frames that a node owes to the bus.
 #[derive(Debug)]
 pub(super) struct Owed {
     boot_up: BootUp,
-    heartbeat: News,
-    tpdo: News,
+    heartbeat: Latest,
+    tpdo: Latest,
     /// What the TPDO carries, of a product that samples when it becomes due.
     tpdo_sample: Sample,
-    emcys: Story,
+    emcys: EmcyQueue,
     answers: Answers,
     /// The frames that the controller may have and that must not go out any more.
     aborts: Vec<Filter, ABORTS>,
@@ -77,10 +78,10 @@ impl Owed {
     pub(super) const fn new() -> Self {
         Self {
             boot_up: BootUp::Done,
-            heartbeat: News::NONE,
-            tpdo: News::NONE,
+            heartbeat: Latest::NONE,
+            tpdo: Latest::NONE,
             tpdo_sample: Sample::NOTHING,
-            emcys: Story::new(),
+            emcys: EmcyQueue::new(),
             answers: Answers::new(),
             aborts: Vec::new(),
             dropped: 0,
@@ -90,8 +91,8 @@ impl Owed {
     /// Forgets all: the node starts anew.
     pub(super) fn clear(&mut self) {
         self.boot_up = BootUp::Done;
-        self.heartbeat = News::NONE;
-        self.tpdo = News::NONE;
+        self.heartbeat = Latest::NONE;
+        self.tpdo = Latest::NONE;
         self.emcys.clear();
         self.drop_answers();
     }
@@ -187,8 +188,8 @@ impl Owed {
 
     /// Notes that the controller is bus-off and has dropped its frames.
     pub(super) fn bus_lost(&mut self) {
-        self.heartbeat = News::NONE;
-        self.tpdo = News::NONE;
+        self.heartbeat = Latest::NONE;
+        self.tpdo = Latest::NONE;
         self.emcys.take_back();
         self.drop_answers();
         if self.boot_up == BootUp::Taken {
@@ -216,9 +217,9 @@ impl Owed {
         }
     }
 
-    /// Returns whether nothing is owed beside TPDO and answers, and they need not wait for an EMCY.
+    /// Returns whether nothing but the TPDO and answers is owed, and these need not wait for an EMCY.
     #[inline(always)]
-    fn has_told_news(&self) -> bool {
+    fn owes_tpdo_and_answers_alone(&self) -> bool {
         self.has_told_start() && !self.heartbeat.owed
     }
 
@@ -279,7 +280,7 @@ impl<P: Product> Node<P> {
             return None;
         }
         // Mostly one frame is owed: there is nothing to be compared.
-        match (self.owed.has_told_news(), self.owed.tpdo.owed, self.owed.answers.is_empty()) {
+        match (self.owed.owes_tpdo_and_answers_alone(), self.owed.tpdo.owed, self.owed.answers.is_empty()) {
             (true, true, true) => self.hand_out_tpdo(product, now),
             (true, false, _) => self.owed.pop_answer(),
             _ => self.render(product, now),

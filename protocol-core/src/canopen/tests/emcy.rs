@@ -1,6 +1,6 @@
-//! The EMCY story and the error history.
+//! The EMCY queue and the error history.
 
-use super::super::emcy::{ErrorHistory, Story};
+use super::super::emcy::{EmcyQueue, ErrorHistory};
 use crate::wire::emcy::Emcy;
 use crate::wire::sdo::AbortCode;
 
@@ -8,52 +8,52 @@ fn message(code: u16) -> Emcy {
     Emcy { code, ..Emcy::default() }
 }
 
-fn told(story: &mut Story) -> std::vec::Vec<u16> {
-    core::iter::from_fn(|| story.hand_out()).map(|message| message.code).collect()
+fn told(queue: &mut EmcyQueue) -> std::vec::Vec<u16> {
+    core::iter::from_fn(|| queue.hand_out()).map(|message| message.code).collect()
 }
 
 extern crate std;
 
 #[test]
 fn the_newest_sixteen_in_order() {
-    let mut story = Story::new();
-    let dropped = (0..20).filter(|code| !story.push(message(*code))).count();
+    let mut queue = EmcyQueue::new();
+    let dropped = (0..20).filter(|code| !queue.push(message(*code))).count();
     assert_eq!(dropped, 4);
-    assert_eq!(told(&mut story), (4..20).collect::<std::vec::Vec<_>>());
+    assert_eq!(told(&mut queue), (4..20).collect::<std::vec::Vec<_>>());
 }
 
 #[test]
 fn a_message_in_the_controller_makes_room_and_is_not_dropped() {
-    let mut story = Story::new();
-    assert!(story.push(message(0)));
-    assert_eq!(story.hand_out(), Some(message(0)));
-    assert!((1..=16).all(|code| story.push(message(code))));
-    assert!(!story.push(message(17)));
-    assert_eq!(told(&mut story), (2..=17).collect::<std::vec::Vec<_>>());
+    let mut queue = EmcyQueue::new();
+    assert!(queue.push(message(0)));
+    assert_eq!(queue.hand_out(), Some(message(0)));
+    assert!((1..=16).all(|code| queue.push(message(code))));
+    assert!(!queue.push(message(17)));
+    assert_eq!(told(&mut queue), (2..=17).collect::<std::vec::Vec<_>>());
 }
 
 #[test]
 fn a_message_that_is_given_back_goes_before_the_later_ones() {
-    let mut story = Story::new();
-    assert!((0..4).all(|code| story.push(message(code))));
-    assert_eq!([story.hand_out(), story.hand_out()], [Some(message(0)), Some(message(1))]);
-    assert!(story.give_back(message(0)));
-    assert!(!story.give_back(message(9)), "not in the controller");
-    assert_eq!(told(&mut story), [0, 2, 3]);
+    let mut queue = EmcyQueue::new();
+    assert!((0..4).all(|code| queue.push(message(code))));
+    assert_eq!([queue.hand_out(), queue.hand_out()], [Some(message(0)), Some(message(1))]);
+    assert!(queue.give_back(message(0)));
+    assert!(!queue.give_back(message(9)), "not in the controller");
+    assert_eq!(told(&mut queue), [0, 2, 3]);
 }
 
 #[test]
 fn what_the_controller_has_dropped_is_told_again_and_what_was_sent_is_not() {
-    let mut story = Story::new();
-    assert!((0..3).all(|code| story.push(message(code))));
-    story.hand_out();
-    story.sent();
-    assert!(!story.is_taken());
-    story.hand_out();
-    story.take_back();
-    assert_eq!(told(&mut story), [1, 2]);
-    story.sent();
-    assert!(story.is_empty() && !story.is_owed());
+    let mut queue = EmcyQueue::new();
+    assert!((0..3).all(|code| queue.push(message(code))));
+    queue.hand_out();
+    queue.sent();
+    assert!(!queue.is_taken());
+    queue.hand_out();
+    queue.take_back();
+    assert_eq!(told(&mut queue), [1, 2]);
+    queue.sent();
+    assert!(queue.is_empty() && !queue.is_owed());
 }
 
 #[test]
