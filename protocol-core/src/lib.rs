@@ -1,4 +1,4 @@
-//! The stand-in devices without hardware: a sans-IO protocol core for CAN hydraulic valves.
+//! The stand-in devices without hardware: a sans-IO protocol core for CAN hydraulic valves and angle sensors.
 //!
 //! No allocator, no clock, no I/O, no `unsafe`; integers only; no input from the bus may panic it. Imports run one way:
 //!

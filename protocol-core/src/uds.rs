@@ -27,7 +27,7 @@ pub trait Identifiers {
     fn is_busy(&self) -> bool;
 }
 
-/// What a request comes to.
+/// The reaction to a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reaction {
     /// No answer.

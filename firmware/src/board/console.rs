@@ -32,10 +32,10 @@ pub(super) struct Exchange {
 
 /// A line for the device's task.
 pub(super) type Lines = Signal<CriticalSectionRawMutex, &'static mut Exchange>;
-/// What it says to that.
+/// The answers of the device's task.
 pub(super) type Answers = Signal<CriticalSectionRawMutex, (&'static mut Exchange, Answer)>;
 
-/// What the device's task says to a line.
+/// The answer of the device's task to a line.
 pub(super) enum Answer {
     /// It is done.
     Done,

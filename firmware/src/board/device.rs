@@ -24,10 +24,11 @@ use super::led::{Lights, led_of};
 use super::link::Link;
 use super::storage::{Client, Done, Request};
 
-/// The watchdog is fed at least so often.
+/// The longest time between two feedings of the watchdog.
 const FEED: Duration = Duration::from_millis(100);
 
-/// The controller is looked at so often while it is not error-active, or blocked: no interrupt tells of the way back.
+/// The period in which the controller is polled while it is not error-active, or blocked: no interrupt tells the way
+/// back.
 const LOOK: Duration = Duration::from_millis(1);
 
 #[embassy_executor::task]
@@ -50,7 +51,7 @@ pub(super) async fn run(
         }
         attention.wait(now + FEED, now).await;
     };
-    // A line or a press that came meanwhile has called, and nobody has looked.
+    // The waits above have consumed the call of a line or a press.
     call(Caller::Front);
     defmt::info!("{}", settings.kind.name());
     let device = power_on(&settings, &contents.image, cause);
@@ -165,7 +166,8 @@ impl Board {
         }
     }
 
-    /// Looks at what the device does not see by itself. Returns the answer to a line that was typed, if it is known.
+    /// Hands the device what has changed beside its frames: the error mode, the memory, console and button. Returns the
+    /// answer to a line that was typed, if it is known.
     fn look(&mut self, calls: Calls, device: &mut AnyDevice) -> Option<Answer> {
         if calls.include(Caller::Errors) || self.plant.senses.bus != BusErrorMode::ErrorActive {
             self.look_at_bus(device);

@@ -11,7 +11,7 @@ use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use super::clock::supply_is_good;
 use super::nucleo::MEMORY;
 
-/// The sectors of the region are so long.
+/// The length of a sector, in bytes.
 const SECTOR: usize = 16 * 1024;
 
 /// The first key that unlocks the control register, and the second (RM0090 3.6.1).

@@ -6,16 +6,16 @@ use protocol_core::controller::{BitRate, BusErrorMode, Controller as _, Filter};
 use super::attention::Attention;
 use super::can::Can1;
 
-/// How often it is looked whether the controller has left the bus: it waits for the end of a frame.
+/// The period in which a controller that leaves the bus is polled: it waits for the end of a frame.
 const LEAVING: Duration = Duration::from_micros(50);
 
-/// No frame takes longer: 160 bits at 10 kbit/s, with the error frame that may end it.
+/// The time of the longest frame: 160 bits at 10 kbit/s, with the error frame that may end it.
 const LONGEST_FRAME: Duration = Duration::from_millis(20);
 
-/// So many looks are as long as that.
+/// The number of polls in [`LONGEST_FRAME`].
 const LOOKS: u64 = LONGEST_FRAME.as_micros() / LEAVING.as_micros();
 
-/// The way back from bus-off takes so many bits (ISO 11898-1): 128 sequences of 11.
+/// The bits that the recovery from bus-off takes (ISO 11898-1): 128 sequences of 11.
 const RECOVERY_BITS: u32 = 128 * 11;
 
 /// The controller, and its standing on the bus.

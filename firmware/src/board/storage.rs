@@ -14,7 +14,7 @@ use super::flash::Sectors;
 /// One request of each kind waits at the most.
 const REQUESTS: usize = 3;
 
-/// A request takes no longer: four erases of 0.5 s (DS9405, the longest), and what is written between them.
+/// The longest time of a request: four erases of 0.5 s (DS9405, the longest), and what is written between them.
 const LONGEST: Duration = Duration::from_secs(3);
 
 /// What the device's task asks for.
@@ -94,7 +94,7 @@ pub(super) async fn run(
     requests: Receiver<'static, CriticalSectionRawMutex, Request, REQUESTS>,
     results: Sender<'static, CriticalSectionRawMutex, Done, REQUESTS>,
 ) -> ! {
-    // In a place of its own: too large to be handed round.
+    // A static: too large for the stack.
     static CONTENTS: ConstStaticCell<Contents> = ConstStaticCell::new(Contents::empty());
     let contents = CONTENTS.take();
     let mut memory = Memory { sectors, buffer: [0; BUFFER] };

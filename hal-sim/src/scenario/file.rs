@@ -171,7 +171,7 @@ fn reason(message: &str) -> String {
         let tip = near.map_or_else(String::new, |(_, near)| format!("; did you mean '{near}'?"));
         return format!("{what} '{word}'{tip}; accepted: {}", known.join(", "));
     }
-    // A type is a word of Rust, and none of TOML.
+    // The message names a type of Rust, which TOML does not have.
     match message.split_once(", expected ") {
         Some((what, "u32")) => format!("{what}; accepted: a whole number from 0 to {}", u32::MAX),
         _ => message,

@@ -28,7 +28,7 @@ pub enum DataType {
     Text(u8),
 }
 
-/// Who may do what with an object over SDO.
+/// The access to an object over SDO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
     /// Read only.
@@ -37,7 +37,7 @@ pub enum Access {
     Rw,
 }
 
-/// Into which PDO an object can be mapped.
+/// The kind of PDO that an object can be mapped into.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mappable {
     /// Into none.
@@ -106,7 +106,7 @@ pub struct Entry {
     pub name: &'static str,
 }
 
-/// What the lowest byte of an entry says.
+/// The flags in the lowest byte of an entry.
 mod flags {
     pub(super) const ALL: u32 = 0xFF;
     /// The type. Of a number the lower two bits are the binary logarithm of its size.

@@ -18,7 +18,7 @@ pub(crate) struct Rules {
     pub(crate) max: u16,
 }
 
-/// Sends the NMT state from time to time.
+/// The producer of the heartbeat, which tells the NMT state periodically.
 #[derive(Debug)]
 pub(crate) struct HeartbeatProducer {
     rules: &'static Rules,

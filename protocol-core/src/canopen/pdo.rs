@@ -65,7 +65,7 @@ pub(crate) struct Pdo {
     transmission: Transmission,
     count: u8,
     entries: [MappingEntry; ENTRIES],
-    /// Its frame with nothing in it yet; of no length while it is off or maps nothing.
+    /// The frame without data; its length is 0 while the PDO is off or maps nothing.
     blank: Frame,
     /// The mapped objects of a PDO that is on.
     slots: Vec<Slot, ENTRIES>,

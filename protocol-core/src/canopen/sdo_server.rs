@@ -18,7 +18,7 @@ const NO_TRANSFER: Multiplexer = Multiplexer::new(0, 0);
 /// A request or an answer on the bus.
 pub(crate) type Bytes = [u8; 8];
 
-/// What a request comes to.
+/// The outcome of a request.
 #[derive(Debug)]
 pub(crate) enum Step<'a> {
     /// Nothing: the client has given up.

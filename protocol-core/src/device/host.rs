@@ -192,7 +192,7 @@ impl Base {
         self.begin_restart(all_sent).map(Effect::Restart)
     }
 
-    /// Ends a write that the memory has answered; one of another record than the one in flight is none.
+    /// Ends the write in flight, which the memory has answered; an answer about another record is ignored.
     fn end_write(&mut self, body: &mut dyn Storing, record: RecordKey, stored: bool) {
         let Some(write) = self.writes.end(record) else { return };
         if record == RecordKey::FaultLog {

@@ -28,7 +28,7 @@ use crate::frame::Frame;
 use crate::memory::{Memory, Record, RecordKey, StoreError};
 use crate::time::Instant;
 
-/// What a device wants done that is not a frame.
+/// A demand of a device on its platform that is not a frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Effect {
     /// Write this record; answer with [`Device::stored`]. One at a time: the next is handed out after the answer.
@@ -67,7 +67,7 @@ pub enum StartCause {
     Watchdog,
 }
 
-/// A device on the bus, whatever it is.
+/// A stand-in on the bus, whatever its protocol and product.
 ///
 /// `now` never runs backwards for a device: an instant earlier than the last one counts as the last one.
 pub trait Device {

@@ -18,7 +18,7 @@ use crate::wire::lss::Request;
 use crate::wire::nmt::{self, Command, State, Target};
 use crate::wire::sdo::AbortCode;
 
-/// What a frame comes to.
+/// The outcome of a frame: what it demands of the device.
 type Served<P> = Option<Demand<<P as Product>::Task>>;
 
 impl<P: Product> Node<P> {

@@ -1,11 +1,11 @@
-//! What a valve makes of the senses of its device.
+//! The senses of a device that become faults of its valve.
 
 use crate::actuator::{InternalCause, Valve};
 use crate::controller::BusErrorMode;
 use crate::device::Senses;
 use crate::time::Instant;
 
-/// Causes of faults that a device senses beside its valve's own: they last over a restart, which the faults do not.
+/// The causes of faults that a device senses beside its valve's own. Unlike the faults, they outlast a restart.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Causes {
     internal_fault: bool,
@@ -13,7 +13,7 @@ pub(super) struct Causes {
 }
 
 impl Causes {
-    /// Those of a healthy device.
+    /// The causes of a healthy device: none.
     pub(super) const NONE: Self = Self { internal_fault: false, bus_off: false };
 
     /// Takes what the device senses, as often as it likes. Returns whether the controller is bus-off.
@@ -26,7 +26,7 @@ impl Causes {
         self.bus_off
     }
 
-    /// Tells a valve that has started anew.
+    /// Hands the causes to a valve that has started anew.
     pub(super) fn tell(self, valve: &mut Valve, now: Instant) {
         valve.set_internal(InternalCause::Injected, self.internal_fault, now);
         valve.set_bus_off(self.bus_off, now);
