@@ -38,8 +38,10 @@ pub fn print(line: &str) {
     let _ = writeln!(std::io::stdout().lock(), "{line}");
 }
 
+/// Rounded, as docs/board.md has it.
 pub fn kib(bytes: u64) -> String {
-    format!("{}.{} KiB", bytes / KIB, bytes % KIB * 10 / KIB)
+    let tenths = (bytes * 10 + KIB / 2) / KIB;
+    format!("{}.{} KiB", tenths / 10, tenths % 10)
 }
 
 #[test]
