@@ -128,6 +128,7 @@ pub trait Device {
     /// Returns the node ID in force; `None` for a device that has none.
     fn node_id(&self) -> Option<u8>;
 
-    /// Returns how many frames were dropped because the transmit queue was full: nothing is lost silently.
+    /// Returns how many frames were dropped: for want of room in the queue, by bus-off, or during a change of the bit
+    /// rate. Nothing is lost silently.
     fn frames_dropped(&self) -> u32;
 }

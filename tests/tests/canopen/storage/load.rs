@@ -1,0 +1,116 @@
+//! "load": what it sets, and the start that executes it (SPEC 4.5).
+
+use super::*;
+
+/// The next start uses, and stores, the defaults: first they are stored, then the flag is cleared.
+#[test]
+fn is_executed_by_the_next_start() {
+    for restart in ["000: 81 00", ""] {
+        let mut valve = Rig::booted();
+        write_own(&mut valve);
+        valve.exchange(SAVE, &[SAVED]);
+        valve.exchange(LOAD, &[LOADED]);
+        assert!(has_own(&mut valve), "not before");
+        valve.writes.clear();
+        if restart.is_empty() {
+            valve.power_cycle();
+        } else {
+            valve.send(restart);
+        }
+        assert_eq!(valve.take(), BOOT);
+        assert!(!has_own(&mut valve));
+        assert_eq!(valve.writes, [RecordKey::Parameters, RecordKey::RestoreFlag]);
+        // once only
+        write_own(&mut valve);
+        valve.exchange(SAVE, &[SAVED]);
+        valve.power_cycle();
+        valve.take();
+        assert!(has_own(&mut valve));
+    }
+}
+
+/// A save in between does not take the flag away (R).
+#[test]
+fn a_save_does_not_take_the_flag_away() {
+    let mut valve = Rig::booted();
+    valve.exchange(LOAD, &[LOADED]);
+    write_own(&mut valve);
+    valve.exchange(SAVE, &[SAVED]);
+    valve.power_cycle();
+    valve.take();
+    assert!(!has_own(&mut valve));
+}
+
+#[test]
+fn a_reset_of_the_communication_does_not_execute_it() {
+    let mut valve = Rig::booted();
+    write_own(&mut valve);
+    valve.exchange(SAVE, &[SAVED]);
+    valve.exchange(LOAD, &[LOADED]);
+    valve.exchange("000: 82 00", &BOOT);
+    assert!(has_own(&mut valve));
+    valve.exchange("000: 81 00", &BOOT);
+    assert!(!has_own(&mut valve));
+}
+
+/// Cut between the two writes, or before the first: the next start does it again.
+#[test]
+fn a_power_cut_during_its_execution() {
+    for ms in [0, 25, 75, 100] {
+        let mut valve = Rig::booted();
+        write_own(&mut valve);
+        valve.exchange(SAVE, &[SAVED]);
+        valve.exchange(LOAD, &[LOADED]);
+        valve.write_time = Duration::from_millis(50);
+        valve.power_cycle();
+        valve.take();
+        assert!(!has_own(&mut valve), "cut after {ms} ms");
+        valve.advance(ms);
+        valve.power_cycle();
+        valve.take();
+        assert!(!has_own(&mut valve), "cut after {ms} ms");
+        valve.advance(100);
+        valve.write_time = Duration::from_ticks(0);
+        write_own(&mut valve);
+        valve.exchange(SAVE, &[SAVED]);
+        valve.power_cycle();
+        valve.take();
+        assert!(has_own(&mut valve), "cut after {ms} ms: executed in the end");
+    }
+}
+
+/// The memory fails while the defaults are stored: they are used, the error is told, the flag stays.
+#[test]
+fn its_execution_fails() {
+    let mut valve = Rig::booted();
+    write_own(&mut valve);
+    valve.exchange(SAVE, &[SAVED]);
+    valve.exchange(LOAD, &[LOADED]);
+    valve.writes_fail = true;
+    valve.power_cycle();
+    assert_eq!(valve.take(), [BOOT[0], BOOT[1], INTERNAL_ERROR]);
+    assert!(!has_own(&mut valve));
+    valve.writes_fail = false;
+    valve.power_cycle();
+    assert_eq!(valve.take(), BOOT);
+    assert!(!has_own(&mut valve));
+}
+
+/// Identity and numbers are factory data: never touched by it; nor are node ID, bit rate and counters.
+#[test]
+fn what_it_does_not_touch() {
+    let mut valve = configuring();
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|senses| senses.internal_fault = false);
+    valve.advance(1000);
+    valve.take();
+    valve.exchange("1BC78820: 04 2E 10 01 21", &["1BC408F1: 03 6E 10 01"]);
+    let before = valve.records.clone();
+    valve.exchange(LOAD, &[LOADED]);
+    valve.power_cycle();
+    assert_eq!(valve.take(), ["721: 00", "0A1: 00 00 00 00 00 00 00 00"]);
+    for key in [RecordKey::Factory, RecordKey::LocalLayer, RecordKey::FaultLog] {
+        assert_eq!(valve.records[&key], before[&key], "{key:?}");
+    }
+    assert_eq!((valve.read(0x1018, 4), valve.read(0x2024, 0)), (0x5B2E_0100, 1));
+}
