@@ -1,17 +1,17 @@
 //! The node: the services put together, without a product (SPEC 5).
 //!
 //! ```text
-//! mod      what goes in and comes out: frames, time, the state of the bus
-//! groups   which frames are for the node, and its filters
-//! news     the frames that tell a state
-//! serve    what each service makes of a frame
+//! mod       what goes in and comes out: frames, time, the state of the bus
+//! groups    which frames are for the node, and its filters
+//! messages  the messages that tell a state
+//! serve     what each service makes of a frame
 //! ```
 //!
 //! The services keep what is owed, the node renders the most urgent of it when the controller can take a frame. A frame
-//! that waits in the controller when newer news of its kind is owed is aborted first.
+//! that waits in the controller when a newer message of its kind is owed is aborted first.
 
 mod groups;
-mod news;
+mod messages;
 mod serve;
 
 pub use groups::Service;
@@ -19,7 +19,7 @@ pub use serve::Indication;
 
 use groups::Groups;
 use heapless::Vec;
-use news::{News, NewsSet};
+use messages::{Message, MessageSet};
 
 use super::Outcome;
 use super::address::AddressClaim;
@@ -74,13 +74,13 @@ pub struct Node<const DM2: usize> {
     report: J1939Id,
     next_report: Instant,
     bus_off: bool,
-    /// The news that may be sent as things are with bus and claim.
-    permitted: NewsSet,
-    owed: NewsSet,
-    /// The news of which a frame may wait in the controller.
-    in_controller: NewsSet,
+    /// The messages that may be sent in the present state of bus and claim.
+    permitted: MessageSet,
+    owed: MessageSet,
+    /// The messages of which a frame may wait in the controller.
+    in_controller: MessageSet,
     /// Identifiers of frames that the controller must not send any more.
-    aborts: Vec<Filter, { News::ALL.len() }>,
+    aborts: Vec<Filter, { Message::ALL.len() }>,
     answers: Answers,
     dropped: u32,
     deadline: Instant,
@@ -102,9 +102,9 @@ impl<const DM2: usize> Node<DM2> {
             report: J1939Id::global(Priority::CONTROL, (rules.report)(own), own),
             next_report: NEVER,
             bus_off: false,
-            permitted: NewsSet::CLAIM,
-            owed: NewsSet::CLAIM,
-            in_controller: NewsSet::EMPTY,
+            permitted: MessageSet::CLAIM,
+            owed: MessageSet::CLAIM,
+            in_controller: MessageSet::EMPTY,
             aborts: Vec::new(),
             answers: Answers::default(),
             dropped: 0,
@@ -149,7 +149,7 @@ impl<const DM2: usize> Node<DM2> {
         if bus_off && !self.bus_off {
             self.give_up_all();
             if self.claim.is_begun() {
-                self.owed.insert(News::Claim);
+                self.owed.insert(Message::Claim);
             }
         }
         self.bus_off = bus_off;
@@ -160,7 +160,7 @@ impl<const DM2: usize> Node<DM2> {
     /// Takes the active trouble code that DM1 shows. DM1 is owed when that is a change.
     pub fn set_active(&mut self, active: Option<Trouble>, now: Instant) {
         let outcome = self.dm1.set(active, if self.bus_off { NEVER } else { now });
-        self.note(outcome, News::Dm1);
+        self.note(outcome, Message::Dm1);
         self.schedule();
     }
 
@@ -178,14 +178,14 @@ impl<const DM2: usize> Node<DM2> {
                 self.next_report = now;
                 self.permit();
             }
-            outcome => self.note(outcome, News::Claim),
+            outcome => self.note(outcome, Message::Claim),
         }
         if now >= self.next_report {
-            self.owe(News::Report);
+            self.owe(Message::Report);
             self.next_report = next_in_grid(self.next_report, self.rules.report_period, now);
         }
         let outcome = self.dm1.poll(now);
-        self.note(outcome, News::Dm1);
+        self.note(outcome, Message::Dm1);
         if now >= self.bam.deadline() {
             self.continue_broadcast(now);
         }
@@ -219,11 +219,11 @@ impl<const DM2: usize> Node<DM2> {
 
     /// Takes a frame back from the controller: it is owed again, as far as it may still be sent.
     pub fn give_back(&mut self, frame: Frame) {
-        match self.news_of(&frame) {
-            Some(news) if self.in_controller.contains(news) => {
-                self.in_controller.remove(news);
-                self.owed.insert(news);
-                if news == News::Packet {
+        match self.message_of(&frame) {
+            Some(message) if self.in_controller.contains(message) => {
+                self.in_controller.remove(message);
+                self.owed.insert(message);
+                if message == Message::Packet {
                     self.bam.take_back();
                 }
             }
@@ -238,16 +238,16 @@ impl<const DM2: usize> Node<DM2> {
 
     /// Notes that the controller's frames are on the bus by `now`.
     pub fn all_sent(&mut self, now: Instant) {
-        if self.in_controller.contains(News::Claim) {
+        if self.in_controller.contains(Message::Claim) {
             self.claim.sent(now);
         }
-        if self.in_controller.contains(News::Packet) {
+        if self.in_controller.contains(Message::Packet) {
             self.bam.sent(now);
         }
-        if self.in_controller.contains(News::Dm1) && self.dm1.sent() == Outcome::Owed {
-            self.owed.insert(News::Dm1);
+        if self.in_controller.contains(Message::Dm1) && self.dm1.sent() == Outcome::Owed {
+            self.owed.insert(Message::Dm1);
         }
-        self.in_controller = NewsSet::EMPTY;
+        self.in_controller = MessageSet::EMPTY;
         self.answers.sent();
         self.schedule();
     }
@@ -255,22 +255,22 @@ impl<const DM2: usize> Node<DM2> {
     /// Returns the trouble code of the last DM1, unless that is not on the bus yet.
     #[must_use]
     pub fn told(&self) -> Option<Trouble> {
-        let on_the_bus = !self.in_controller.contains(News::Dm1) && !self.owed.contains(News::Dm1);
+        let on_the_bus = !self.in_controller.contains(Message::Dm1) && !self.owed.contains(Message::Dm1);
         self.dm1.rendered().filter(|_| on_the_bus)
     }
 
     /// Notes what may be sent, after a change of the bus or of the claim.
     fn permit(&mut self) {
         self.permitted = match self.bus_off {
-            true => NewsSet::EMPTY,
-            false if self.claim.may_send() => NewsSet::ALL,
-            false => NewsSet::CLAIM,
+            true => MessageSet::EMPTY,
+            false if self.claim.may_send() => MessageSet::ALL,
+            false => MessageSet::CLAIM,
         };
     }
 
     /// Returns what is owed and may be sent.
     #[inline]
-    const fn sendable(&self) -> NewsSet {
+    const fn sendable(&self) -> MessageSet {
         self.owed.intersection(self.permitted)
     }
 
@@ -286,40 +286,41 @@ impl<const DM2: usize> Node<DM2> {
         if !self.answers.is_empty() {
             return self.render_among_answers(now, product);
         }
-        let news = self.sendable().first()?;
-        self.render(now, product, news)
+        let message = self.sendable().first()?;
+        self.render(now, product, message)
     }
 
     /// Picks by identifier: its order is that of arbitration, for every frame here is an extended data frame.
     #[inline(never)]
     fn render_among_answers(&mut self, now: Instant, product: &impl Product) -> Option<Frame> {
-        let before_answers = |news: &News| self.answers.first().is_none_or(|answer| self.key_of(*news) < answer.key());
+        let before_answers =
+            |message: &Message| self.answers.first().is_none_or(|answer| self.key_of(*message) < answer.key());
         match self.sendable().first().filter(before_answers) {
-            Some(news) => self.render(now, product, news),
+            Some(message) => self.render(now, product, message),
             None => self.answers.pop(),
         }
     }
 
     #[inline(never)]
-    fn render(&mut self, now: Instant, product: &impl Product, news: News) -> Option<Frame> {
-        match news {
-            News::Report => {
-                self.hand_out(News::Report);
+    fn render(&mut self, now: Instant, product: &impl Product, message: Message) -> Option<Frame> {
+        match message {
+            Message::Report => {
+                self.hand_out(Message::Report);
                 Some(Frame::full(self.report.id(), product.report(now)))
             }
-            News::Claim => {
-                self.hand_out(News::Claim);
+            Message::Claim => {
+                self.hand_out(Message::Claim);
                 Some(self.claim.frame())
             }
-            News::Dm1 => self.render_dm1(now),
-            News::Dm2 => self.render_dm2(now, product),
-            News::Packet => self.render_packet(),
+            Message::Dm1 => self.render_dm1(now),
+            Message::Dm2 => self.render_dm2(now, product),
+            Message::Packet => self.render_packet(),
         }
     }
 
     #[inline(never)]
     fn render_dm1(&mut self, now: Instant) -> Option<Frame> {
-        self.hand_out(News::Dm1);
+        self.hand_out(Message::Dm1);
         let frame = self.dm1.render(self.own(), now);
         self.schedule();
         Some(frame)
@@ -333,11 +334,11 @@ impl<const DM2: usize> Node<DM2> {
         let all = codes.clone();
         match (codes.next(), codes.next()) {
             (one, None) => {
-                self.hand_out(News::Dm2);
+                self.hand_out(Message::Dm2);
                 Some(single(Pgn::DM2, one, self.own()))
             }
             _ => {
-                self.owed.remove(News::Dm2);
+                self.owed.remove(Message::Dm2);
                 // No other is under way, and two codes are more bytes than the fewest of a broadcast.
                 let _ = self.bam.start(Pgn::DM2, dm::payload(all), now);
                 self.render_packet()
@@ -347,15 +348,15 @@ impl<const DM2: usize> Node<DM2> {
 
     #[inline(never)]
     fn render_packet(&mut self) -> Option<Frame> {
-        self.hand_out(News::Packet);
+        self.hand_out(Message::Packet);
         let frame = self.bam.render(self.own());
         self.schedule();
         frame
     }
 
-    const fn hand_out(&mut self, news: News) {
-        self.owed.remove(news);
-        self.in_controller.insert(news);
+    const fn hand_out(&mut self, message: Message) {
+        self.owed.remove(message);
+        self.in_controller.insert(message);
     }
 
     /// Returns the address under which the node sends: of a node that lost its address nobody's.
@@ -364,23 +365,23 @@ impl<const DM2: usize> Node<DM2> {
         self.claim.address().unwrap_or(Address::NULL)
     }
 
-    /// Returns the identifier of news as a frame's key.
+    /// Returns the identifier of a message as a frame's key.
     #[inline]
-    fn key_of(&self, news: News) -> u32 {
+    fn key_of(&self, message: Message) -> u32 {
         let global = |priority, pgn| J1939Id::global(priority, pgn, self.own()).key();
-        match news {
-            News::Report => self.report.key(),
-            News::Claim => global(Priority::DEFAULT, Pgn::ADDRESS_CLAIMED),
-            News::Dm1 => global(Priority::DEFAULT, Pgn::DM1),
-            News::Dm2 => global(Priority::DEFAULT, Pgn::DM2),
-            News::Packet => global(Priority::TRANSPORT, self.bam.pgn()),
+        match message {
+            Message::Report => self.report.key(),
+            Message::Claim => global(Priority::DEFAULT, Pgn::ADDRESS_CLAIMED),
+            Message::Dm1 => global(Priority::DEFAULT, Pgn::DM1),
+            Message::Dm2 => global(Priority::DEFAULT, Pgn::DM2),
+            Message::Packet => global(Priority::TRANSPORT, self.bam.pgn()),
         }
     }
 
-    /// Returns the news that a frame in the controller tells; `None` for an answer, and without an address for all but
+    /// Returns the message of a frame in the controller; `None` for an answer, and without an address for all but
     /// a cannot-claim.
-    fn news_of(&self, frame: &Frame) -> Option<News> {
-        News::ALL.into_iter().find(|news| self.key_of(*news) == frame.key())
+    fn message_of(&self, frame: &Frame) -> Option<Message> {
+        Message::ALL.into_iter().find(|message| self.key_of(*message) == frame.key())
     }
 
     fn schedule(&mut self) {

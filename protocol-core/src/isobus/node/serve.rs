@@ -2,7 +2,7 @@
 
 use super::Node;
 use super::groups::Service;
-use super::news::{News, NewsSet};
+use super::messages::{Message, MessageSet};
 use crate::controller::Filter;
 use crate::frame::Frame;
 use crate::isobus::Outcome;
@@ -65,7 +65,7 @@ impl<const DM2: usize> Node<DM2> {
     fn object(&mut self, frame: &Frame, now: Instant) {
         if !frame.is_remote() {
             let outcome = self.claim.object(now);
-            self.note(outcome, News::Claim);
+            self.note(outcome, Message::Claim);
         }
     }
 
@@ -76,7 +76,7 @@ impl<const DM2: usize> Node<DM2> {
             return self.serve_other_request(request);
         }
         let outcome = self.claim.requested(&request, now);
-        self.note(outcome, News::Claim);
+        self.note(outcome, Message::Claim);
         if self.claim.is_lost() {
             self.schedule();
         }
@@ -89,12 +89,12 @@ impl<const DM2: usize> Node<DM2> {
             return Indication::Nothing;
         }
         match request.pgn {
-            Pgn::DM1 => self.owe(News::Dm1),
+            Pgn::DM1 => self.owe(Message::Dm1),
             // Another one during a running broadcast is dropped: its asker hears that one.
             Pgn::DM2 if self.bam.is_busy() => {}
-            Pgn::DM2 => self.owe(News::Dm2),
+            Pgn::DM2 => self.owe(Message::Dm2),
             Pgn::DM3 => return Indication::ClearPreviouslyActive(request),
-            pgn if pgn == self.report.pgn() => self.owe(News::Report),
+            pgn if pgn == self.report.pgn() => self.owe(Message::Report),
             _ => self.respond(&request, Control::Negative),
         }
         Indication::Nothing
@@ -115,7 +115,7 @@ impl<const DM2: usize> Node<DM2> {
                 Indication::AddressLost
             }
             outcome => {
-                self.note(outcome, News::Claim);
+                self.note(outcome, Message::Claim);
                 Indication::Nothing
             }
         }
@@ -151,63 +151,63 @@ impl<const DM2: usize> Node<DM2> {
 impl<const DM2: usize> Node<DM2> {
     /// Owes what a service says is owed.
     #[inline]
-    pub(super) fn note(&mut self, outcome: Outcome, news: News) {
+    pub(super) fn note(&mut self, outcome: Outcome, message: Message) {
         if outcome == Outcome::Owed {
-            self.owe(news);
+            self.owe(message);
         }
     }
 
-    /// Owes news. A frame of older news that waits in the controller must not go out any more.
+    /// Owes a message. An older frame of it that waits in the controller must not go out any more.
     ///
     /// In bus-off nothing is owed but DM1, which tells the state of the time when the bus is back.
-    pub(super) fn owe(&mut self, news: News) {
-        if self.bus_off && news != News::Dm1 {
+    pub(super) fn owe(&mut self, message: Message) {
+        if self.bus_off && message != Message::Dm1 {
             return;
         }
-        self.abort(news);
-        self.owed.insert(news);
+        self.abort(message);
+        self.owed.insert(message);
     }
 
-    /// Lets the controller abort the frame of these news that may wait there.
+    /// Lets the controller abort the frame of this message that may wait there.
     #[inline]
-    fn abort(&mut self, news: News) {
-        if self.in_controller.contains(news) {
-            self.in_controller.remove(news);
+    fn abort(&mut self, message: Message) {
+        if self.in_controller.contains(message) {
+            self.in_controller.remove(message);
             // There is a place for each kind.
-            let _ = self.aborts.push(Filter::exactly(self.key_of(news)));
+            let _ = self.aborts.push(Filter::exactly(self.key_of(message)));
         }
     }
 
     /// Owes the frame of the running broadcast that is due, or gives up a broadcast that the bus kept waiting.
     pub(super) fn continue_broadcast(&mut self, now: Instant) {
         // The identifier of the frame in the controller, which is forgotten with the broadcast.
-        let key = self.key_of(News::Packet);
+        let key = self.key_of(Message::Packet);
         let announced = self.bam.pgn() == Pgn::TP_DATA;
         match self.bam.poll(now) {
             Outcome::GivenUp => {
-                self.owed.remove(News::Packet);
-                if self.in_controller.contains(News::Packet) {
-                    self.in_controller.remove(News::Packet);
+                self.owed.remove(Message::Packet);
+                if self.in_controller.contains(Message::Packet) {
+                    self.in_controller.remove(Message::Packet);
                     let _ = self.aborts.push(Filter::exactly(key));
                 }
                 if announced {
                     self.count_dropped(1);
                 } else {
                     // The bus has heard nothing of it: the list as it is now takes its place.
-                    self.owe(News::Dm2);
+                    self.owe(Message::Dm2);
                 }
             }
-            outcome => self.note(outcome, News::Packet),
+            outcome => self.note(outcome, Message::Packet),
         }
     }
 
     /// Forgets what is owed, but for DM1, and what the controller has.
     pub(super) fn give_up_all(&mut self) {
-        let dm1 = self.owed.contains(News::Dm1) || self.in_controller.contains(News::Dm1);
-        self.owed = NewsSet::EMPTY;
-        self.in_controller = NewsSet::EMPTY;
+        let dm1 = self.owed.contains(Message::Dm1) || self.in_controller.contains(Message::Dm1);
+        self.owed = MessageSet::EMPTY;
+        self.in_controller = MessageSet::EMPTY;
         if dm1 {
-            self.owed.insert(News::Dm1);
+            self.owed.insert(Message::Dm1);
         }
         self.aborts.clear();
         let dropped = self.answers.clear().saturating_add(u32::from(self.bam.cancel()));

@@ -164,7 +164,7 @@ fn what_the_product_learns() {
 }
 
 #[test]
-fn answers_and_news_in_the_order_of_arbitration() {
+fn answers_and_messages_in_the_order_of_arbitration() {
     let mut rig = Rig::claimed();
     rig.block(true);
     rig.room = 0;

@@ -1,10 +1,10 @@
-//! The news that a node owes to the bus: of each kind one frame at most.
+//! The messages of a node that tell a state: of each kind one frame at most waits for the bus.
 
-/// A frame that tells a state, the most urgent in arbitration first. It is rendered when the controller can take it, so
-/// it tells the state of that instant.
+/// A message that tells a state, the most urgent in arbitration first. It is rendered when the controller can take it,
+/// so it tells the state of that instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-pub(super) enum News {
+pub(super) enum Message {
     /// The product's report.
     Report,
     /// The claim, or the cannot-claim.
@@ -17,7 +17,7 @@ pub(super) enum News {
     Packet,
 }
 
-impl News {
+impl Message {
     /// All kinds.
     pub(super) const ALL: [Self; 5] = [Self::Report, Self::Claim, Self::Dm1, Self::Dm2, Self::Packet];
 
@@ -26,13 +26,13 @@ impl News {
     }
 }
 
-/// A set of news.
+/// A set of messages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct NewsSet(u8);
+pub(super) struct MessageSet(u8);
 
-impl NewsSet {
+impl MessageSet {
     pub(super) const EMPTY: Self = Self(0);
-    pub(super) const CLAIM: Self = Self(News::Claim.bit());
+    pub(super) const CLAIM: Self = Self(Message::Claim.bit());
     pub(super) const ALL: Self = Self(0xFF);
 
     #[inline]
@@ -41,27 +41,27 @@ impl NewsSet {
     }
 
     #[inline]
-    pub(super) const fn contains(self, news: News) -> bool {
-        self.0 & news.bit() != 0
+    pub(super) const fn contains(self, message: Message) -> bool {
+        self.0 & message.bit() != 0
     }
 
     #[inline]
-    pub(super) const fn insert(&mut self, news: News) {
-        self.0 |= news.bit();
+    pub(super) const fn insert(&mut self, message: Message) {
+        self.0 |= message.bit();
     }
 
     #[inline]
-    pub(super) const fn remove(&mut self, news: News) {
-        self.0 &= !news.bit();
+    pub(super) const fn remove(&mut self, message: Message) {
+        self.0 &= !message.bit();
     }
 
     /// Returns the most urgent of them.
     #[inline]
-    pub(super) fn first(self) -> Option<News> {
-        News::ALL.into_iter().find(|news| self.contains(*news))
+    pub(super) fn first(self) -> Option<Message> {
+        Message::ALL.into_iter().find(|message| self.contains(*message))
     }
 
-    /// Returns the news that are in both sets.
+    /// Returns the messages that are in both sets.
     #[inline]
     pub(super) const fn intersection(self, other: Self) -> Self {
         Self(self.0 & other.0)
