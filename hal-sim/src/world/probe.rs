@@ -151,7 +151,7 @@ impl Device for Probe {
         true
     }
 
-    /// Returns none, so that the probe hears everything.
+    /// Returns `None`: a probe without filters hears everything.
     fn take_filters(&mut self) -> Option<Filters> {
         None
     }
