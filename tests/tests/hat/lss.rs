@@ -213,6 +213,7 @@ fn a_store_that_fails() {
     rig.writes_fail = true;
     rig.exchange(STORE, &["7E4: 17 FF 00 00 00 00 00 00"]);
     assert_eq!(rig.read(0x1001, 0), 0, "no error of the sensor");
+    assert_eq!(rig.read(0x2001, 2), 1, "demanded is what is stored");
     rig.writes_fail = false;
     rig.exchange(STORE, &[STORED]);
     assert_eq!(rig.read(0x2001, 2), 12);
@@ -259,6 +260,26 @@ fn lss_store_stores_what_is_pending_and_updates_what_is_demanded() {
     assert_eq!((rig.read(0x2001, 2), rig.read(0x2002, 2)), (12, 3));
     rig.exchange("000: 81 00", &["70C: 00"]);
     assert_eq!((rig.read(0x2001, 2), rig.read(0x2002, 2)), (12, 2), "the rate was demanded, not stored");
+}
+
+#[test]
+fn one_lss_store_keeps_what_another_has_stored() {
+    for rate_first in [false, true] {
+        let mut rig = configuration();
+        if rate_first {
+            bit_rate(&mut rig, 0, 4, 0);
+            rig.exchange(STORE, &[STORED]);
+        }
+        node_id(&mut rig, 12, 0);
+        rig.exchange(STORE, &[STORED]);
+        if !rate_first {
+            bit_rate(&mut rig, 0, 4, 0);
+            rig.exchange(STORE, &[STORED]);
+        }
+        rig.power_cycle();
+        assert_eq!(rig.take(), ["70C: 00"]);
+        assert_eq!(rig.device().bit_rate(), BitRate::Kbit125);
+    }
 }
 
 #[test]

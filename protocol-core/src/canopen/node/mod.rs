@@ -256,10 +256,10 @@ impl<P: Product> Node<P> {
         tells
     }
 
-    /// Takes back an error that bus-off has kept from being told, and that is over: its EMCYs, and their entries in the
-    /// history.
-    pub(crate) fn withdraw_error(&mut self, code: u16) {
-        for _ in 0..self.owed.withdraw_emcys(code) {
+    /// Takes back an error that bus-off has kept from being told, and that is over: the EMCYs of its begin and its end, and
+    /// the entries in the history. `register` are the bits of the error register that the error sets.
+    pub(crate) fn withdraw_error(&mut self, code: u16, register: u8) {
+        for _ in 0..self.owed.withdraw_emcys(code, register) {
             self.objects.history.withdraw(code);
         }
     }
