@@ -239,7 +239,7 @@ fn four_objects_can_be_mapped_and_no_other() {
     let errors = (1..=8).map(|sub| (0x1003, sub, 4));
     let objects = OBJECTS.iter().map(|row| (row.0, row.1, row.2)).chain(texts).chain(errors);
     for (index, sub, size) in objects {
-        let entry = u32::from(index) << 16 | u32::from(sub) << 8 | u32::from(size) * 8;
+        let entry = u32::from(index) << 16 | u32::from(sub) << 8 | u32::from(size * 8);
         match rig.write(0x1A00, 8, 4, entry) {
             Ok(()) => taken.push(entry),
             refused => assert_eq!(refused, Err(0x0604_0041), "{entry:X}"),
