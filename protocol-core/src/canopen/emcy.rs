@@ -6,7 +6,7 @@ use heapless::Vec;
 use crate::controller::MAILBOXES;
 use crate::frame::Id;
 use crate::wire::cob_id::CobId;
-use crate::wire::emcy::Emcy;
+use crate::wire::emcy::{Emcy, NO_ERROR};
 use crate::wire::sdo::AbortCode;
 
 /// How many errors the history holds (SPEC 4.1).
@@ -163,12 +163,21 @@ impl EmcyQueue {
         true
     }
 
-    /// Withdraws the messages of this code that are not known to be on the bus, when the controller has none. Returns
-    /// their number.
-    pub(crate) fn withdraw(&mut self, code: u16) -> usize {
-        let before = self.messages.len();
-        self.messages.retain(|message| message.code != code);
-        before.saturating_sub(self.messages.len())
+    /// Withdraws the messages of an error that are not known to be on the bus, when the controller has none. Returns how
+    /// often the error was withdrawn.
+    ///
+    /// The end of an error goes with its begin: the first 0000 whose register has no longer all bits of the error.
+    pub(crate) fn withdraw(&mut self, code: u16, register: u8) -> u8 {
+        let mut withdrawn: u8 = 0;
+        let mut lasts = false;
+        self.messages.retain(|message| {
+            let begins = message.code == code;
+            let ends = lasts && message.code == NO_ERROR && message.register & register != register;
+            withdrawn = withdrawn.saturating_add(begins.into());
+            lasts = begins || lasts && !ends;
+            !begins && !ends
+        });
+        withdrawn
     }
 
     /// Notes that the controller has dropped what it had: it is owed again.

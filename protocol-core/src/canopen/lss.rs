@@ -150,7 +150,7 @@ pub(crate) struct Switch {
 #[derive(Debug)]
 pub(crate) struct LssSlave {
     state: State,
-    /// How many numbers of a switch selective have agreed so far.
+    /// How many numbers of a switch selective have agreed so far: none when waiting is entered.
     matched: Part,
     /// How many bounds of an identify remote slave have held so far.
     bounds: u8,
@@ -191,7 +191,6 @@ impl LssSlave {
         match (request, self.state) {
             (Request::SwitchGlobal { mode: 0 }, _) => self.leave(identity, rules.on_waiting),
             (Request::SwitchGlobal { mode: 1 }, _) => {
-                self.matched = 0;
                 self.state = State::Configuration;
                 Outcome::Nothing
             }
@@ -317,7 +316,6 @@ impl LssSlave {
         if self.matched <= 3 {
             return Outcome::Nothing;
         }
-        self.matched = 0;
         self.state = State::Configuration;
         Outcome::Done(Answer::Selected)
     }
@@ -332,11 +330,7 @@ impl LssSlave {
             (true, true) => 1,
             (true, false) => self.bounds.saturating_add(1),
         };
-        if held && bound == last {
-            self.bounds = 0;
-            return Outcome::Done(Answer::Identified);
-        }
-        Outcome::Nothing
+        if held && bound == last { Outcome::Done(Answer::Identified) } else { Outcome::Nothing }
     }
 
     /// Takes a question of the fast scan to slaves without node ID.
@@ -345,7 +339,6 @@ impl LssSlave {
             return Outcome::Nothing;
         }
         if selects && scan.is_last() {
-            self.matched = 0;
             self.state = State::Configuration;
         }
         Outcome::Done(Answer::Identified)

@@ -222,6 +222,9 @@ mod tests {
         assert_eq!(transmission.poll(Instant::from_micros(55_000)), Some(Instant::from_micros(50_007)));
         assert_eq!(transmission.poll(Instant::from_micros(55_001)), None);
         assert_eq!(transmission.deadline(), Instant::from_micros(60_007));
+        // At the very end of a period: that one counts, not the one before.
+        assert_eq!(transmission.poll(Instant::from_micros(70_007)), Some(Instant::from_micros(70_007)));
+        assert_eq!(transmission.deadline(), Instant::from_micros(80_007));
     }
 
     #[test]
@@ -241,6 +244,10 @@ mod tests {
         // 2.5 ms
         let mut transmission = cyclic(1, 25);
         assert_eq!(sent(&mut transmission, 9_000), [1_007, 3_507, 6_007, 8_507]);
+        // From when it was due, not from a late look.
+        let mut transmission = cyclic(1, 25);
+        assert_eq!(transmission.poll(Instant::from_micros(1_400)), Some(Instant::from_micros(1_007)));
+        assert_eq!(sent(&mut transmission, 7_000), [3_507, 6_007]);
         // Not longer than the period.
         let mut transmission = cyclic(1, 10);
         assert_eq!(sent(&mut transmission, 3_007), [1_007, 2_007, 3_007]);

@@ -152,6 +152,7 @@ mod tests {
             writes.ask(SAVE.with(ticket));
             writes.ask(LOG);
         }
+        assert_eq!(writes.end(RecordKey::Parameters), None, "it has not begun");
         assert_eq!(writes.begin(), Some(SAVE.with(99)));
         assert_eq!(writes.begin(), None, "one at a time");
         assert_eq!(writes.end(RecordKey::FaultLog), None, "not in flight");

@@ -2,6 +2,7 @@
 
 use protocol_core::controller::BusErrorMode;
 use protocol_core::memory::RecordKey;
+use protocol_core::time::Duration;
 use tests::Rig;
 
 use super::{LOAD, SAVE, blank, booted};
@@ -60,6 +61,20 @@ fn bus_off_is_told_when_it_is_over() {
 }
 
 #[test]
+fn a_reset_during_bus_off_does_not_tell_the_recovery_twice() {
+    let mut rig = booted();
+    rig.write_time = Duration::from_millis(10);
+    rig.send("601: 23 10 10 02 73 61 76 65");
+    rig.send("000: 82 00");
+    bus(&mut rig, BusErrorMode::BusOff);
+    rig.advance(20);
+    rig.expect_nothing();
+    bus(&mut rig, BusErrorMode::ErrorActive);
+    assert_eq!(rig.take(), [BOOT_UP, RECOVERED, GONE]);
+    assert_eq!(history(&mut rig), [0x0004_8140]);
+}
+
+#[test]
 fn an_error_passive_that_was_not_told_before_bus_off_is_dropped() {
     let mut rig = booted();
     rig.hold_bus(true);
@@ -88,8 +103,50 @@ fn every_error_passive_that_was_not_told_before_bus_off_is_unlogged() {
     }
     rig.hold_bus(false);
     bus(&mut rig, BusErrorMode::ErrorActive);
-    assert_eq!(rig.take().iter().filter(|frame| *frame == PASSIVE).count(), 0);
+    assert_eq!(rig.take(), [RECOVERED, GONE], "nor is the end of one told");
     assert_eq!(history(&mut rig), [0x0004_8140], "only what an EMCY told");
+}
+
+#[test]
+fn bus_off_withdraws_the_end_of_error_passive_with_its_begin_and_no_other_end() {
+    use BusErrorMode::{BusOff, ErrorActive, ErrorPassive};
+    // The end of one that was told is told, the end of one that was not told is not.
+    let mut rig = booted();
+    bus(&mut rig, ErrorPassive);
+    assert_eq!(rig.take(), [PASSIVE]);
+    rig.hold_bus(true);
+    for mode in [ErrorActive, ErrorPassive, ErrorActive, BusOff] {
+        bus(&mut rig, mode);
+    }
+    rig.hold_bus(false);
+    bus(&mut rig, ErrorActive);
+    assert_eq!(rig.take(), [GONE, RECOVERED, GONE]);
+    // Nor is the end of another error withdrawn, neither before error-passive is over nor after.
+    let mut rig = booted();
+    rig.hold_bus(true);
+    internal_fault(&mut rig, true);
+    bus(&mut rig, ErrorPassive);
+    internal_fault(&mut rig, false);
+    bus(&mut rig, ErrorActive);
+    internal_fault(&mut rig, true);
+    internal_fault(&mut rig, false);
+    bus(&mut rig, BusOff);
+    rig.hold_bus(false);
+    bus(&mut rig, ErrorActive);
+    let passive_then = "081: 00 00 11 00 00 00 00 00";
+    assert_eq!(rig.take(), [CONTROLLER, passive_then, CONTROLLER, GONE, RECOVERED, GONE]);
+    assert_eq!(history(&mut rig), [0x0004_8140, 0x0002_FF00, 0x0002_FF00]);
+    // An error that lasts: what remained when error-passive was over is known already.
+    let mut rig = booted();
+    internal_fault(&mut rig, true);
+    assert_eq!(rig.take(), [CONTROLLER]);
+    rig.hold_bus(true);
+    for mode in [ErrorPassive, ErrorActive, BusOff] {
+        bus(&mut rig, mode);
+    }
+    rig.hold_bus(false);
+    bus(&mut rig, ErrorActive);
+    assert_eq!(rig.take(), ["081: 40 81 91 04 00 00 00 00", "081: 00 00 81 00 00 00 00 00"]);
 }
 
 #[test]
@@ -116,6 +173,20 @@ fn every_disappearance_is_told_with_what_remains() {
     assert_eq!(rig.take(), ["081: 00 00 11 00 00 00 00 00"]);
     bus(&mut rig, BusErrorMode::ErrorActive);
     assert_eq!(rig.take(), [GONE]);
+}
+
+#[test]
+fn errors_of_one_instant_are_told_in_their_order() {
+    let mut rig = booted();
+    rig.sense_hat(|senses| (senses.internal_fault, senses.bus) = (true, BusErrorMode::ErrorPassive));
+    assert_eq!(rig.take(), [CONTROLLER, "081: 20 81 91 03 00 00 00 00"]);
+    // A reset of the communication tells those that it leaves in the same order.
+    assert_eq!(rig.write(0x1010, 2, 4, SAVE), Ok(()));
+    rig.records.get_mut(&RecordKey::Parameters).unwrap()[2] ^= 1;
+    rig.sense_hat(|senses| senses.bus = BusErrorMode::ErrorActive);
+    rig.power_cycle();
+    assert_eq!(rig.take()[..2], [BOOT_UP, SET_UP]);
+    rig.exchange("000: 82 00", &[BOOT_UP, SET_UP, CONTROLLER]);
 }
 
 #[test]

@@ -77,3 +77,13 @@ fn a_match_of_another_serial_number_selects_nobody() {
     assert!(!ask(&mut rig, 2, 0, 3, 0));
     rig.exchange("7E5: 5E 00 00 00 00 00 00 00", &[]);
 }
+
+#[test]
+fn a_sensor_that_a_scan_has_left_behind_is_silent() {
+    let mut rig = blank();
+    assert!(ask(&mut rig, 0, 0x80, 0, 0));
+    assert!(!ask(&mut rig, 0xDB, 0, 0, 1), "another vendor");
+    for sub in 1..4 {
+        assert!(!ask(&mut rig, 0, 31, sub, sub));
+    }
+}

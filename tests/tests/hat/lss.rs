@@ -121,6 +121,14 @@ fn in_which_nmt_states() {
     }
     rig.exchange("000: 80 00", &[]);
     rig.exchange(STORE, &[]);
+    // What was begun before operational is not gone on with after it.
+    for sequence in [&SELECT[..], &REMOTE] {
+        let (begin, end) = sequence.split_at(2);
+        begin.iter().for_each(|request| rig.exchange(request, &[]));
+        rig.exchange("000: 01 00", &[]);
+        rig.exchange("000: 80 00", &[]);
+        end.iter().for_each(|request| rig.exchange(request, &[]));
+    }
 }
 
 #[test]
@@ -167,6 +175,14 @@ fn identify_remote_slave_limits_are_inclusive_and_in_order() {
         swapped.swap(one, other);
         assert!(!identify(&mut rig, swapped), "{one} and {other} swapped");
     }
+    // Begun anew in the middle, and broken off by a switch to waiting.
+    rig.exchange(bounds[0], &[]);
+    rig.exchange(bounds[1], &[]);
+    assert!(identify(&mut rig, bounds));
+    let (begin, end) = bounds.split_at(2);
+    begin.iter().for_each(|bound| rig.exchange(bound, &[]));
+    rig.exchange(TO_WAITING, &[]);
+    end.iter().for_each(|bound| rig.exchange(bound, &[]));
     // A bound left out.
     for left_out in 0..5 {
         for (position, bound) in bounds.iter().enumerate() {
@@ -213,6 +229,7 @@ fn a_store_that_fails() {
     rig.writes_fail = true;
     rig.exchange(STORE, &["7E4: 17 FF 00 00 00 00 00 00"]);
     assert_eq!(rig.read(0x1001, 0), 0, "no error of the sensor");
+    assert_eq!(rig.read(0x2001, 2), 1, "demanded is what is stored");
     rig.writes_fail = false;
     rig.exchange(STORE, &[STORED]);
     assert_eq!(rig.read(0x2001, 2), 12);
@@ -241,7 +258,22 @@ fn a_pending_node_id_without_store() {
     node_id(&mut rig, 12, 0);
     rig.exchange("000: 01 00", &[]);
     rig.exchange("000: 82 00", &["70C: 00"]);
-    // One that is held can be stored.
+    // Nor does a switch to waiting when it is stored: a device with a node ID waits for its reset.
+    rig.power_cycle();
+    assert_eq!(rig.take(), ["701: 00"]);
+    rig.exchange(TO_CONFIGURATION, &[]);
+    node_id(&mut rig, 12, 0);
+    rig.exchange(STORE, &[STORED]);
+    rig.exchange(TO_WAITING, &[]);
+    assert_eq!(rig.node_id(), Some(1));
+    rig.exchange("000: 82 00", &["70C: 00"]);
+}
+
+#[test]
+fn a_held_node_id_can_be_stored() {
+    let mut rig = configuration();
+    node_id(&mut rig, 12, 0);
+    rig.exchange("000: 82 00", &["70C: 00"]);
     rig.exchange(TO_CONFIGURATION, &[]);
     rig.exchange(STORE, &[STORED]);
     assert_eq!(rig.read(0x2001, 2), 12);
@@ -259,6 +291,26 @@ fn lss_store_stores_what_is_pending_and_updates_what_is_demanded() {
     assert_eq!((rig.read(0x2001, 2), rig.read(0x2002, 2)), (12, 3));
     rig.exchange("000: 81 00", &["70C: 00"]);
     assert_eq!((rig.read(0x2001, 2), rig.read(0x2002, 2)), (12, 2), "the rate was demanded, not stored");
+}
+
+#[test]
+fn one_lss_store_keeps_what_another_has_stored() {
+    for rate_first in [false, true] {
+        let mut rig = configuration();
+        if rate_first {
+            bit_rate(&mut rig, 0, 4, 0);
+            rig.exchange(STORE, &[STORED]);
+        }
+        node_id(&mut rig, 12, 0);
+        rig.exchange(STORE, &[STORED]);
+        if !rate_first {
+            bit_rate(&mut rig, 0, 4, 0);
+            rig.exchange(STORE, &[STORED]);
+        }
+        rig.power_cycle();
+        assert_eq!(rig.take(), ["70C: 00"]);
+        assert_eq!(rig.device().bit_rate(), BitRate::Kbit125);
+    }
 }
 
 #[test]
@@ -370,12 +422,17 @@ fn lss_takes_the_node_id_away() {
     assert_eq!(rig.read(0x2001, 2), 255);
     rig.exchange("000: 81 00", &[]);
     assert_eq!(rig.node_id(), None);
-    // Taken away again while there is none: it stays unconfigured.
+    // Taken away again while there is none: it stays unconfigured, and what is pending stays so.
     rig.exchange(TO_CONFIGURATION, &[]);
     node_id(&mut rig, 255, 0);
     rig.exchange(STORE, &[STORED]);
+    bit_rate(&mut rig, 0, 4, 0);
     rig.exchange(TO_WAITING, &[]);
     rig.exchange("7E5: 4C 00 00 00 00 00 00 00", &["7E4: 50 00 00 00 00 00 00 00"]);
+    rig.exchange(TO_CONFIGURATION, &[]);
+    rig.exchange(STORE, &[STORED]);
+    rig.power_cycle();
+    assert_eq!(rig.device().bit_rate(), BitRate::Kbit125);
 }
 
 #[test]
@@ -403,6 +460,9 @@ fn an_activated_unstored_bit_rate_lasts_to_reset_node() {
     assert_eq!((rig.read(0x2002, 1), rig.read(0x2002, 2)), (4, 2));
     rig.exchange("000: 81 00", &["701: 00"]);
     assert_eq!((rig.device().bit_rate(), rig.read(0x2002, 1)), (BitRate::Kbit500, 2));
+    rig.exchange(TO_CONFIGURATION, &[]);
+    rig.exchange(STORE, &[STORED]);
+    assert_eq!(rig.read(0x2002, 2), 2, "it is forgotten");
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use protocol_core::controller::BusErrorMode;
 use protocol_core::memory::RecordKey;
+use protocol_core::time::Duration;
 use tests::Rig;
 
 use super::{SAVE, booted};
@@ -166,6 +167,36 @@ fn what_errors_do_in_operational() {
     for value in [0, 2] {
         let passive = |rig: &mut Rig| rig.sense_hat(|senses| senses.bus = BusErrorMode::ErrorPassive);
         assert_eq!(reaction(1, value, passive), 0x05, "error-passive is no reason");
+    }
+}
+
+/// The controller error is told first: 0x1029:2 has left operational when the bus-off comes.
+#[test]
+fn of_two_errors_of_one_instant_the_first_acts() {
+    for (controller_error, bus_off, entered) in [(0, 2, 0x7F), (2, 0, 0x04), (1, 2, 0x04)] {
+        let both = |rig: &mut Rig| {
+            assert_eq!(rig.write(0x1029, 1, 1, bus_off), Ok(()));
+            rig.sense_hat(|senses| (senses.internal_fault, senses.bus) = (true, BusErrorMode::BusOff));
+            rig.sense_hat(|senses| senses.bus = BusErrorMode::ErrorActive);
+        };
+        assert_eq!(reaction(2, controller_error, both), entered, "{controller_error}, {bus_off}");
+    }
+}
+
+#[test]
+fn a_wider_reset_replaces_one_that_waits() {
+    let mut rig = booted();
+    rig.sense_hat(|senses| senses.internal_fault = true);
+    rig.sense_hat(|senses| senses.internal_fault = false);
+    rig.take();
+    for (command, entries) in [("000: 82 00", 1), ("000: 81 00", 0)] {
+        rig.write_time = Duration::from_millis(10);
+        rig.send("601: 23 10 10 02 73 61 76 65");
+        rig.exchange("000: 82 00", &[]);
+        rig.exchange(command, &[]);
+        rig.advance(10);
+        assert_eq!(rig.take(), ["701: 00"]);
+        assert_eq!(rig.read(0x1003, 0), entries, "{command}");
     }
 }
 

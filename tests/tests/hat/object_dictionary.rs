@@ -123,7 +123,7 @@ fn what_a_hat_3000_has_different() {
 fn no_other_object() {
     let mut rig = booted();
     let is_known = |index| OBJECTS.iter().any(|row| row.0 == index) || matches!(index, 0x1008..=0x100A);
-    for index in (0x0001..=0x1FFF).chain(0x2000..=0x20FF).chain(0x5FF0..=0x6FFF).filter(|index| !is_known(*index)) {
+    for index in (0x0001..=0xFFFF).filter(|index| !is_known(*index)) {
         assert_eq!(rig.read_abort(index, 0), 0x0602_0000, "{index:04X}");
     }
     for index in OBJECTS.iter().map(|row| row.0) {
@@ -228,6 +228,31 @@ fn the_mapping_in_the_order_of_cia_301_only() {
     assert_eq!(rig.write(0x1800, 3, 2, 1), STATE, "on");
     assert_eq!(rig.write(0x1800, 3, 2, 0), Ok(()), "rewritten");
     assert_eq!(rig.write(0x1800, 1, 4, 0x182), STATE);
+}
+
+#[test]
+fn four_objects_can_be_mapped_and_no_other() {
+    let mut rig = booted();
+    assert_eq!(rig.write(0x1A00, 0, 1, 0), Ok(()));
+    let mut taken = Vec::new();
+    let texts = TEXTS.map(|(index, text)| (index, 0, u8::try_from(text.len()).unwrap()));
+    let errors = (1..=8).map(|sub| (0x1003, sub, 4));
+    let objects = OBJECTS.iter().map(|row| (row.0, row.1, row.2)).chain(texts).chain(errors);
+    for (index, sub, size) in objects {
+        let entry = u32::from(index) << 16 | u32::from(sub) << 8 | u32::from(size * 8);
+        match rig.write(0x1A00, 8, 4, entry) {
+            Ok(()) => taken.push(entry),
+            refused => assert_eq!(refused, Err(0x0604_0041), "{entry:X}"),
+        }
+        // In its own length alone.
+        for bits in [0, 1, 8, 16, 32, 64, 255] {
+            let other = entry & !0xFF | bits;
+            if other != entry {
+                assert_eq!(rig.write(0x1A00, 8, 4, other), Err(0x0604_0041), "{other:X}");
+            }
+        }
+    }
+    assert_eq!(taken, [0x1001_0008, 0x1002_0020, 0x6004_0020, 0x6503_0010]);
 }
 
 #[test]

@@ -5,7 +5,7 @@ use protocol_core::device::ProductSenses;
 use protocol_core::encoder::Shaft;
 use tests::Rig;
 
-use super::booted;
+use super::{SAVE, booted};
 
 fn turn_to(rig: &mut Rig, angle: u32) {
     rig.sense_hat(|senses| senses.product = ProductSenses::Encoder(Shaft::at(angle)));
@@ -26,6 +26,26 @@ fn it_is_off_when_it_leaves_the_factory() {
     assert_eq!(rig.write(0x1800, 2, 1, 1), Ok(()));
     rig.exchange("000: 01 00", &[]);
     rig.exchange("080:", &[]);
+}
+
+#[test]
+fn one_that_is_not_saved_is_off_after_either_reset() {
+    for reset in ["000: 81 00", "000: 82 00"] {
+        let mut rig = booted();
+        for (sub, size, value) in [(2, 1, 1), (5, 2, 10)] {
+            assert_eq!(rig.write(0x1800, sub, size, value), Ok(()));
+        }
+        assert_eq!(rig.write(0x1010, 2, 4, SAVE), Ok(()));
+        assert_eq!(rig.write(0x1800, 1, 4, 0x181), Ok(()));
+        rig.exchange("000: 01 00", &[]);
+        rig.exchange("080:", &["181: 00 00 00 00"]);
+        rig.exchange(reset, &["701: 00"]);
+        rig.exchange("000: 01 00", &[]);
+        rig.exchange("080:", &[]);
+        assert_eq!(rig.write(0x1800, 2, 1, 254), Ok(()));
+        rig.advance(100);
+        rig.expect_nothing();
+    }
 }
 
 #[test]
@@ -76,6 +96,20 @@ fn type_0_counts_what_was_sent_not_what_was_lost() {
     rig.exchange("080:", &[]);
     rig.hold_bus(false);
     assert_eq!(rig.take(), ["181: 00 20 00 00"], "the newer one");
+    rig.exchange("080:", &[]);
+}
+
+#[test]
+fn type_0_counts_what_bus_off_has_lost_as_not_sent() {
+    let mut rig = operational(0);
+    assert_eq!(rig.write(0x1029, 1, 1, 1), Ok(()));
+    rig.hold_bus(true);
+    rig.exchange("080:", &[]);
+    rig.sense_hat(|senses| senses.bus = BusErrorMode::BusOff);
+    rig.hold_bus(false);
+    rig.sense_hat(|senses| senses.bus = BusErrorMode::ErrorActive);
+    assert!(rig.take_under("181").is_empty(), "lost with the mailbox");
+    rig.exchange("080:", &["181: 00 00 00 00"]);
     rig.exchange("080:", &[]);
 }
 

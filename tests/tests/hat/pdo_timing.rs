@@ -79,6 +79,18 @@ fn a_write_of_type_or_timer_begins_a_new_grid_and_so_does_switching_on() {
 }
 
 #[test]
+fn a_cob_id_that_is_written_again_switches_nothing_on() {
+    let mut rig = cyclic(10, 0);
+    let start = rig.now();
+    rig.exchange("000: 01 00", &[]);
+    rig.advance(13);
+    rig.take();
+    assert_eq!(rig.write(0x1800, 1, 4, 0x181), Ok(()));
+    rig.advance(20);
+    assert_eq!(times(&mut rig, start), [20_000, 30_000]);
+}
+
+#[test]
 fn a_timer_of_0_and_synchronous_types_send_nothing_by_themselves() {
     let mut rig = cyclic(10, 0);
     rig.exchange("000: 01 00", &[]);
@@ -150,6 +162,20 @@ fn an_inhibit_time_that_is_written_again_runs_on() {
     assert_eq!(rig.write(0x1800, 3, 2, 1_000), Ok(()));
     rig.advance(200);
     assert_eq!(times(&mut rig, start), [110_000, 210_000]);
+}
+
+#[test]
+fn a_request_that_waits_for_the_inhibit_time_ends_with_its_grid() {
+    for (sub, size, value) in [(5, 2, 0), (2, 1, 1)] {
+        let mut rig = cyclic(10, 1_000);
+        let start = rig.now();
+        rig.exchange("000: 01 00", &[]);
+        rig.advance(25);
+        assert_eq!(times(&mut rig, start), [10_000], "that of 20 ms waits");
+        assert_eq!(rig.write(0x1800, sub, size, value), Ok(()));
+        rig.advance(200);
+        rig.expect_nothing();
+    }
 }
 
 #[test]

@@ -2,13 +2,15 @@
 
 use std::collections::BTreeSet;
 
+use protocol_core::controller::BitRate;
 use protocol_core::device::ProductSenses;
+use protocol_core::device::hat::{Kind, Setup};
 use protocol_core::encoder::Shaft;
-use protocol_core::memory::RecordKey;
+use protocol_core::memory::{RecordKey, seal};
 use protocol_core::time::Duration;
 use tests::Rig;
 
-use super::{LOAD, SAVE, booted};
+use super::{LOAD, SAVE, booted, booted_as};
 
 /// The marker of each group: object, size, default, another value.
 const COMMUNICATION: (u16, u8, u8, u32, u32) = (0x1017, 0, 2, 0, 0xFFFF);
@@ -238,6 +240,52 @@ fn a_new_memory_is_filled_with_factory_data_and_lss_parameters_alone() {
     rig.writes.clear();
     rig.power_cycle();
     assert_eq!(rig.writes, []);
+    // With what a new sensor is made as, not with what 0x2001 and 0x2002 demand by then.
+    rig.take();
+    rig.records.clear();
+    rig.write_time = Duration::from_millis(10);
+    rig.power_cycle();
+    assert_eq!(rig.take(), ["701: 00"]);
+    assert_eq!(rig.write(0x2001, 2, 1, 9), Ok(()));
+    assert_eq!(rig.write(0x2002, 2, 1, 3), Ok(()));
+    rig.advance(50);
+    rig.power_cycle();
+    assert_eq!(rig.take(), ["701: 00"]);
+    assert_eq!(rig.device().bit_rate(), BitRate::Kbit500);
+}
+
+#[test]
+fn the_memory_decides_and_not_what_a_new_sensor_is_made_as() {
+    let setup =
+        Setup { node_id: Some(5), serial: Some(7), bit_rate: Some(BitRate::Kbit250), ..Setup::new(Kind::Hat1000) };
+    let mut rig = booted_as(setup);
+    assert_eq!((rig.node_id(), rig.read(0x1018, 4), rig.device().bit_rate()), (Some(5), 7, BitRate::Kbit250));
+    for (key, payload) in [(RecordKey::Factory, &[8, 0, 0, 0][..]), (RecordKey::LocalLayer, &[6, 4])] {
+        rig.records.insert(key, seal(1, payload).expect("room").to_vec());
+    }
+    rig.power_cycle();
+    assert_eq!(rig.take(), ["706: 00"]);
+    rig.send("606: 40 18 10 04 00 00 00 00");
+    assert_eq!(rig.take(), ["586: 43 18 10 04 08 00 00 00"]);
+    assert_eq!(rig.device().bit_rate(), BitRate::Kbit125);
+}
+
+/// A damaged record held a node ID: the sensor starts with that of a new one, and a blank one with the factory's.
+#[test]
+fn damaged_lss_parameters_are_those_of_a_new_sensor() {
+    let new = Setup::new(Kind::Hat1000);
+    let made = Setup { node_id: Some(5), bit_rate: Some(BitRate::Kbit250), ..new };
+    let blank = Setup { node_id: None, ..new };
+    for (setup, node_id, bit_rate) in
+        [(made, 5, BitRate::Kbit250), (blank, 1, BitRate::Kbit500), (new, 1, BitRate::Kbit500)]
+    {
+        let mut rig = Rig::power_on(setup);
+        rig.take();
+        rig.records.get_mut(&RecordKey::LocalLayer).unwrap()[3] ^= 1;
+        rig.power_cycle();
+        assert_eq!(rig.take(), [format!("70{node_id}: 00"), format!("08{node_id}: 00 FF 81 01 00 00 00 00")]);
+        assert_eq!(rig.device().bit_rate(), bit_rate);
+    }
 }
 
 #[test]
@@ -266,4 +314,35 @@ fn a_save_that_is_asked_for_again_is_answered_by_its_own_writes() {
     rig.send(save);
     rig.advance(500);
     assert_eq!(rig.take(), ["581: 60 10 10 01 00 00 00 00"], "both records were written after the second request");
+}
+
+/// A client that turns to something else is answered about that alone, and when that is done.
+#[test]
+fn a_task_is_answered_by_its_own_writes() {
+    let (communication, application) = ("601: 23 10 10 02 73 61 76 65", "601: 23 10 10 03 73 61 76 65");
+    for fails in [false, true] {
+        let mut rig = booted();
+        rig.write_time = Duration::from_millis(10);
+        if fails {
+            rig.failing_writes.insert(0);
+        }
+        rig.exchange(communication, &[]);
+        rig.exchange(application, &[]);
+        rig.advance(19);
+        rig.expect_nothing();
+        rig.advance(1);
+        assert_eq!(rig.take(), ["581: 60 10 10 03 00 00 00 00"], "the first one fails: {fails}");
+    }
+    // Back to what still waits, behind a write for LSS: the other task's record is written later.
+    let mut rig = booted();
+    rig.write_time = Duration::from_millis(10);
+    for request in
+        ["7E5: 04 01 00 00 00 00 00 00", "7E5: 17 00 00 00 00 00 00 00", application, communication, application]
+    {
+        rig.exchange(request, &[]);
+    }
+    rig.advance(20);
+    assert_eq!(rig.take(), ["7E4: 17 00 00 00 00 00 00 00", "581: 60 10 10 03 00 00 00 00"]);
+    rig.advance(100);
+    rig.expect_nothing();
 }

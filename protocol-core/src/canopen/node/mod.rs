@@ -256,9 +256,10 @@ impl<P: Product> Node<P> {
         tells
     }
 
-    /// Withdraws an error that ended before bus-off let its EMCYs out: the EMCYs, and their entries in the history (A).
-    pub(crate) fn withdraw_error(&mut self, code: u16) {
-        for _ in 0..self.owed.withdraw_emcys(code) {
+    /// Withdraws an error that ended before bus-off let its EMCYs out: the EMCYs of its begin and its end, and their
+    /// entries in the history (A). `register` are the bits of the error register that the error sets.
+    pub(crate) fn withdraw_error(&mut self, code: u16, register: u8) {
+        for _ in 0..self.owed.withdraw_emcys(code, register) {
             self.objects.history.withdraw(code);
         }
     }

@@ -175,9 +175,9 @@ impl Owed {
         self.emcys.clear();
     }
 
-    /// Drops the EMCYs of this code that the bus has not had. Returns their number.
-    pub(super) fn withdraw_emcys(&mut self, code: u16) -> usize {
-        self.emcys.withdraw(code)
+    /// Drops the EMCYs of an error that the bus has not had. Returns how often the error was withdrawn.
+    pub(super) fn withdraw_emcys(&mut self, code: u16, register: u8) -> u8 {
+        self.emcys.withdraw(code, register)
     }
 
     /// Returns whether boot-up and EMCYs are on the bus.

@@ -57,6 +57,35 @@ fn what_the_controller_has_dropped_is_told_again_and_what_was_sent_is_not() {
 }
 
 #[test]
+fn the_controller_has_three_at_the_most_and_the_one_before_is_on_the_bus() {
+    let mut story = Story::new();
+    assert!((0..5).all(|code| story.push(message(code))));
+    assert!((0..4).all(|code| story.hand_out() == Some(message(code))));
+    story.take_back();
+    assert_eq!(told(&mut story), [1, 2, 3, 4]);
+}
+
+#[test]
+fn of_two_equal_messages_the_later_one_is_given_back() {
+    let mut story = Story::new();
+    assert!([0, 1, 0].into_iter().all(|code| story.push(message(code))));
+    assert!((0..3).all(|_| story.hand_out().is_some()));
+    assert!(story.give_back(message(0)));
+    story.take_back();
+    assert_eq!(told(&mut story), [0, 1, 0]);
+}
+
+#[test]
+fn an_error_that_is_withdrawn_is_not_found_again() {
+    let mut history = ErrorHistory::new();
+    history.enter(1, 0);
+    history.withdraw(1);
+    history.enter(2, 0);
+    history.withdraw(1);
+    assert_eq!((history.count(), history.field(1)), (1, Ok(2)));
+}
+
+#[test]
 fn the_history_has_the_newest_first() {
     let mut history = ErrorHistory::new();
     assert_eq!(history.field(1), Err(AbortCode::NO_DATA));

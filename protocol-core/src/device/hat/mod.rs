@@ -99,7 +99,8 @@ impl HatSensor {
         let bus_off = bus == BusErrorMode::BusOff;
         self.node.set_bus_off(bus_off);
         if bus_off {
-            self.node.withdraw_error(Error::Passive.codes().0);
+            let (code, _, register) = Error::Passive.codes();
+            self.node.withdraw_error(code, register);
             self.objects.errors.set(Error::Passive, false);
             if self.objects.errors.set(Error::BusOff, true) {
                 self.node.behave(ErrorClass::Communication, &mut self.objects, base.now());
