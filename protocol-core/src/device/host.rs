@@ -7,12 +7,19 @@ use heapless::VecView;
 
 use super::fault_log::FaultLogClock;
 use super::reading::Reading;
-use super::writes::{Asker, Write, Writes};
+use super::writes::{Asker, KINDS, Write, Writes};
 use super::{Device, Effect, Outputs, Restart, Senses, StartCause};
 use crate::controller::{BitRate, Filter, Filters};
 use crate::frame::Frame;
 use crate::memory::{self, Memory, RecordKey, StoreError};
 use crate::time::{Instant, NEVER, latest};
+
+/// The kinds of write that every device asks for: what a new memory lacks, and the fault log.
+const OWN_WRITES: [Write; 3] = [
+    Write::new(RecordKey::Factory, Asker::Device),
+    Write::new(RecordKey::LocalLayer, Asker::Device),
+    Write::new(RecordKey::FaultLog, Asker::Device),
+];
 
 /// What a device writes to the memory: its product's part of a write.
 pub trait Storing {
@@ -36,6 +43,9 @@ pub trait Body: Storing + Sized {
     const FAULT_LOG: bool;
     /// The version of the payloads of its records.
     const RECORD_VERSION: u8;
+    /// The kinds of write that the product asks for, beside those of every device: each record with each asker. The
+    /// queue has a place for each.
+    const WRITES: &'static [Write];
 
     /// Returns a body that has no power yet.
     fn new(setup: Self::Setup) -> Self;
@@ -239,6 +249,7 @@ impl<B: Body> Host<B> {
     // In the caller the device is made where it is to stay; a function of its own makes it on the stack first.
     #[inline(always)]
     pub fn new(setup: B::Setup) -> Self {
+        const { assert!(B::WRITES.len().saturating_add(OWN_WRITES.len()) <= KINDS, "`KINDS` is too small for this device") };
         let base = Base {
             now: Instant::MIN,
             writes: Writes::new(),
@@ -303,6 +314,11 @@ impl<B: Body> Host<B> {
         if self.base.now >= self.deadline {
             self.run_timers();
         }
+    }
+
+    /// Returns whether the queue has a place for writes of this kind.
+    fn is_listed(write: Write) -> bool {
+        OWN_WRITES.iter().chain(B::WRITES).any(|listed| listed.is_like(write))
     }
 
     fn schedule(&mut self) {
@@ -373,6 +389,11 @@ impl<B: Body> Device for Host<B> {
         if self.base.restart.wanted.is_none() && self.base.writes.is_idle() {
             return None;
         }
+        debug_assert!(
+            self.base.writes.iter().all(|write| Self::is_listed(*write)),
+            "`Body::WRITES` lacks one of {:?}",
+            self.base.writes
+        );
         self.base.next_effect(&mut self.body, B::RECORD_VERSION, all_sent)
     }
 
