@@ -92,15 +92,21 @@ fn warn(line: &str) {
 /// Tells on stderr why the program ends, and returns how. Writes on a thread of its own: a full pipe that nobody reads must not
 /// hold up the end, as a run that has begun to listen to signals is not ended by one.
 fn fail(code: u8, error: &dyn Display) -> ExitCode {
-    let text = format!("pve-sim: {error}\n");
-    let (writing, written) = channel::<()>();
-    let writer = thread::Builder::new().spawn(move || {
-        let _writing = writing;
-        let _ = std::io::stderr().write_all(text.as_bytes());
+    let line = format!("pve-sim: {error}\n");
+    let tell = |line: String| std::io::stderr().write_all(line.as_bytes());
+    let (alive, ended) = channel::<()>();
+    let writer = thread::Builder::new().spawn({
+        let line = line.clone();
+        move || {
+            let _ = tell(line);
+            drop(alive);
+        }
     });
-    if writer.is_ok() {
-        // Nothing is sent: the channel closes when all is written.
-        let _ = written.recv_timeout(PATIENCE);
+    match writer {
+        // Nothing is ever sent: the channel closes with the end of the thread.
+        Ok(_) => drop(ended.recv_timeout(PATIENCE)),
+        // A system without threads is what the line tells of.
+        Err(_) => drop(tell(line)),
     }
     ExitCode::from(code)
 }
