@@ -3,6 +3,9 @@
 use std::fmt::Display;
 use std::io::{BufWriter, Write};
 use std::process::ExitCode;
+use std::sync::mpsc::channel;
+use std::thread;
+use std::time::Duration;
 
 use hal_sim::cli::{self, Request};
 use hal_sim::decode::{DecodeOptions, decode};
@@ -16,6 +19,9 @@ const FAILURE: u8 = 1;
 /// Wrong usage.
 const USAGE: u8 = 2;
 
+/// How long the end waits for a reader of stderr.
+const PATIENCE: Duration = Duration::from_secs(2);
+
 fn main() -> ExitCode {
     match cli::parse(std::env::args_os()) {
         Ok(Request::Run(options)) => match run::run(&options) {
@@ -26,12 +32,7 @@ fn main() -> ExitCode {
         Ok(Request::Scenarios(options)) => match scenario::run(&options, &mut std::io::stdout().lock()) {
             Ok(true) => ExitCode::SUCCESS,
             Ok(false) => ExitCode::from(FAILURE),
-            Err(BatchError::Unreadable(lines)) => {
-                for line in &lines {
-                    let _ = fail(USAGE, line);
-                }
-                ExitCode::from(USAGE)
-            }
+            Err(BatchError::Unreadable(lines)) => fail(USAGE, &lines.join("\npve-sim: ")),
             Err(error) => fail(FAILURE, &error),
         },
         Ok(Request::Decode(options)) => explain(&options),
@@ -88,7 +89,24 @@ fn warn(line: &str) {
     let _ = writeln!(std::io::stderr(), "pve-sim: {line}");
 }
 
+/// Tells on stderr why the program ends, and returns how. Writes on a thread of its own: a full pipe that nobody reads must not
+/// hold up the end, as a run that has begun to listen to signals is not ended by one.
 fn fail(code: u8, error: &dyn Display) -> ExitCode {
-    let _ = writeln!(std::io::stderr(), "pve-sim: {error}");
+    let line = format!("pve-sim: {error}\n");
+    let tell = |line: String| std::io::stderr().write_all(line.as_bytes());
+    let (alive, ended) = channel::<()>();
+    let writer = thread::Builder::new().spawn({
+        let line = line.clone();
+        move || {
+            let _ = tell(line);
+            drop(alive);
+        }
+    });
+    match writer {
+        // Nothing is ever sent: the channel closes with the end of the thread.
+        Ok(_) => drop(ended.recv_timeout(PATIENCE)),
+        // A system without threads is what the line tells of.
+        Err(_) => drop(tell(line)),
+    }
     ExitCode::from(code)
 }

@@ -1,8 +1,8 @@
 //! Time as the core sees it: a parameter, never a clock.
 //!
 //! [`Instant`] and [`Duration`] are embassy-time's, at its 1 MHz tick, used as types only. Their operators panic on
-//! overflow; the helpers here do not, so that no instant makes the device panic. The last one, [`NEVER`], is
-//! no instant to hand in: timers that are off would be due at it.
+//! overflow; the helpers here do not, so that no instant makes the device panic. A clock ends before 2^63 ticks, after
+//! 292,000 years: the instants from there on are for timers, up to [`NEVER`].
 
 pub use embassy_time::{Duration, Instant};
 
@@ -26,6 +26,16 @@ pub(crate) const fn delayed(instant: Instant, delay: Duration) -> Instant {
     Instant::from_ticks(instant.as_ticks().wrapping_add(delay.as_ticks()))
 }
 
+/// Returns the instant that a device is at when it is told `now`: not before `last`. An instant from 2^63 ticks on, to
+/// which no clock comes, counts as before it: timers that are off are due at [`NEVER`], and the sum of a
+/// [delay](delayed) must not wrap.
+#[inline]
+#[must_use]
+pub(crate) const fn latest(last: Instant, now: Instant) -> Instant {
+    // As signed numbers those instants are negative; to compare these costs no more.
+    if now.as_ticks().cast_signed() < last.as_ticks().cast_signed() { last } else { now }
+}
+
 /// Returns the time that has passed from `earlier` to `later`; zero when `later` is not later.
 #[inline]
 #[must_use]
@@ -42,6 +52,16 @@ mod tests {
         assert_eq!(after(Instant::MAX, Duration::from_millis(1)), NEVER);
         assert_eq!(after(Instant::from_millis(1), Duration::MAX), NEVER);
         assert_eq!(after(Instant::from_millis(1), Duration::from_millis(2)), Instant::from_micros(3000));
+    }
+
+    #[test]
+    fn no_clock_comes_to_the_second_half_of_time() {
+        let at = Instant::from_ticks;
+        assert_eq!(latest(at(2), at(3)), at(3));
+        assert_eq!(latest(at(3), at(2)), at(3));
+        assert_eq!(latest(at(3), at((1 << 63) - 1)), at((1 << 63) - 1));
+        assert_eq!(latest(at(3), at(1 << 63)), at(3));
+        assert_eq!(latest(at(3), NEVER), at(3));
     }
 
     #[test]

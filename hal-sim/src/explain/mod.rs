@@ -1,8 +1,9 @@
 //! What a frame means, in one short line: for the trace.
 //!
 //! A frame is explained by itself and the table of the devices on the bus, so a line is right wherever the trace
-//! begins. The one exception are the segments of SDO block transfers, which nothing in them names: for those the frames
-//! before are remembered. PDOs are read by the default mapping and the default identifiers (SPEC 4.1).
+//! begins. Two frames need those before them, which are remembered: a segment of an SDO block transfer does not tell
+//! that it is one, and the answer to a write of the node ID by UDS not whose it is. PDOs are read by the default mapping
+//! and the default identifiers (SPEC 4.1).
 //!
 //! ```text
 //! canopen   NMT, SYNC, EMCY, PDOs, boot-up and heartbeat        object   objects and their values
@@ -39,6 +40,7 @@ use protocol_core::frame::{Frame, Id};
 
 use self::block::Blocks;
 use self::recorded::Evidence;
+use self::uds::Writes;
 use crate::bus::BusError;
 use crate::kind::Kind;
 
@@ -58,6 +60,7 @@ pub struct Node {
 pub struct Explainer {
     nodes: Vec<Node>,
     blocks: Blocks,
+    writes: Writes,
     /// The number of nodes that were given; the others were [learned](Self::learn).
     given: usize,
     /// What those are known by.
@@ -77,9 +80,10 @@ impl Explainer {
     }
 
     /// Takes notice of a frame on the bus, after its own explanation: it decides what later segments of an SDO block
-    /// transfer are taken for.
+    /// transfer are taken for, and whose an answer to a write of the node ID is.
     pub fn observe(&mut self, frame: &Frame) {
         self.blocks.observe(frame);
+        self.writes.observe(frame);
     }
 
     /// Returns what a frame means. `from` is the name of its sender, where that is known: a device is then called by
@@ -102,7 +106,8 @@ impl Explainer {
 
     fn context<'a>(&'a self, from: Option<&str>) -> Context<'a> {
         let sender = from.and_then(|name| self.nodes.iter().find(|node| node.name == name));
-        Context { nodes: &self.nodes, blocks: &self.blocks, sender, from_client: from.is_some() && sender.is_none() }
+        let (nodes, blocks, writes) = (&self.nodes, &self.blocks, &self.writes);
+        Context { nodes, blocks, writes, sender, from_client: from.is_some() && sender.is_none() }
     }
 
     fn meaning(&self, frame: &Frame, context: &Context<'_>) -> Option<String> {
@@ -133,6 +138,7 @@ pub fn explain_error(error: BusError, frame: &Frame, from: &str) -> String {
 struct Context<'a> {
     nodes: &'a [Node],
     blocks: &'a Blocks,
+    writes: &'a Writes,
     /// The device that sent the frame.
     sender: Option<&'a Node>,
     /// Whether a client sent it, and no device.

@@ -220,10 +220,38 @@ fn diagnostics() {
         ("1BC78820:", "unknown"),
         ("1BC78883: 04 2E 10 01 86", "tool 0xF1 → boom: UDS write 0x1001 (node ID) = 86"),
         ("1BC418F1: 04 62 10 01 83", "boom → tool 0xF1: UDS answer 0x1001 (node ID) = 83"),
-        ("1BC408F1: 03 6E 10 01", "node 0x81 → tool 0xF1: UDS written 0x1001 (node ID)"),
+        ("1BC408F1: 04 62 10 01 81", "node 0x81 → tool 0xF1: UDS answer 0x1001 (node ID) = 81"),
     ]);
-    let written = explainer().explain(&frame("1BC408F1: 03 6E 10 01"), Some("boom"));
-    assert_eq!(written, "boom → tool 0xF1: UDS written 0x1001 (node ID)");
+}
+
+/// Its answer has one identifier, whatever the node ID is: that of other answers of node 0x81.
+#[test]
+fn a_write_of_the_node_id_is_answered_by_the_one_that_was_asked() {
+    let mut explainer = explainer();
+    let written = frame("1BC408F1: 03 6E 10 01");
+    let explain = |explainer: &mut Explainer, text: &str| {
+        let meaning = explainer.explain(&frame(text), None);
+        explainer.observe(&frame(text));
+        meaning
+    };
+    for (asked, name) in [("83", "boom"), ("20", "valve"), ("05", "node 0x05")] {
+        explain(&mut explainer, &format!("1BC788{asked}: 04 2E 10 01 86"));
+        let answer = explain(&mut explainer, "1BC408F1: 03 6E 10 01");
+        assert_eq!(answer, format!("{name} → tool 0xF1: UDS written 0x1001 (node ID)"));
+        explain(&mut explainer, &format!("1BC790{asked}: 04 2E 10 01 FF"));
+        let refused = explain(&mut explainer, "1BC408F1: 03 7F 2E 31");
+        assert_eq!(refused, format!("{name} → tool 0xF1: UDS write refused, request out of range (0x31)"));
+    }
+    let any = "one of the valves → tool 0xF1: UDS written 0x1001 (node ID)";
+    assert_eq!(explainer.explain(&written, None), any, "the request was before the recording");
+    for asked in ["83", "20"] {
+        explain(&mut explainer, &format!("1BC788{asked}: 04 2E 10 01 86"));
+    }
+    assert_eq!(explain(&mut explainer, "1BC408F1: 03 6E 10 01"), any);
+    assert_eq!(explain(&mut explainer, "1BC408F1: 03 6E 10 01"), any);
+    // On the simulated bus it is known.
+    let told = explainer.explain(&written, Some("rear"));
+    assert_eq!(told, "rear → tool 0xF1: UDS written 0x1001 (node ID)");
 }
 
 #[test]

@@ -1,5 +1,9 @@
 //! UDS lite in its 29-bit identifiers (SPEC 7).
 
+use std::collections::BTreeSet;
+
+use protocol_core::frame::{Frame, Id};
+use protocol_core::uds::NODE_ID_ANSWER;
 use protocol_core::wire::uds::{Address, Identifier, NegativeCode, READ, WRITE, parse_id, single_frame};
 
 use super::{Context, hex, text_or_hex};
@@ -7,15 +11,17 @@ use super::{Context, hex, text_or_hex};
 /// What a positive answer adds to the service, and what a negative one has in its place (ISO 14229-1).
 const POSITIVE: u8 = 0x40;
 const NEGATIVE: u8 = 0x7F;
+const WRITTEN: u8 = WRITE | POSITIVE;
 
 pub(super) fn explain(id: u32, data: &[u8], context: &Context<'_>) -> Option<String> {
     let (source, destination) = parse_id(id)?;
     let (message, complete) = single_frame(data)?;
     let &[service, ref rest @ ..] = message else { return None };
-    // The answer to a write of the node ID has a source of its own, whoever sends it.
-    let sender = match device(source) {
-        Some(id) => context.sender(id),
-        None => context.sender.map_or_else(|| party(source, context), |sender| sender.name.clone()),
+    let sender = match (context.sender, device(source)) {
+        (Some(sender), _) => sender.name.clone(),
+        (None, _) if !context.from_client && answers_write(id, message) => context.writes.asked(context),
+        (None, Some(id)) => context.sender(id),
+        (None, None) => party(source, context),
     };
     let parties = format!("{sender} → {}", party(destination, context));
     let meaning = match service {
@@ -28,7 +34,7 @@ pub(super) fn explain(id: u32, data: &[u8], context: &Context<'_>) -> Option<Str
             let (id, value) = rest.split_at_checked(2).unwrap_or((rest, &[]));
             format!("answer {} = {}", identifier(id), content(id, value))
         }
-        _ if service == WRITE | POSITIVE => format!("written {}", identifier(rest)),
+        WRITTEN => format!("written {}", identifier(rest)),
         NEGATIVE => match rest {
             [READ, code, ..] => format!("read refused, {}", reason(*code)),
             [WRITE, code, ..] => format!("write refused, {}", reason(*code)),
@@ -39,6 +45,39 @@ pub(super) fn explain(id: u32, data: &[u8], context: &Context<'_>) -> Option<Str
     };
     let length = if complete { "" } else { ", wrong length" };
     Some(format!("{parties}: UDS {meaning}{length}"))
+}
+
+/// The devices that were asked to write their node ID, and whose answer was not seen: it does not tell who sends it.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Writes(BTreeSet<u8>);
+
+impl Writes {
+    /// Takes notice of a frame on the bus.
+    pub(super) fn observe(&mut self, frame: &Frame) {
+        let Id::Extended(id) = frame.id() else { return };
+        let (Some((_, destination)), Some((message, _))) = (parse_id(id.as_raw()), single_frame(frame.data())) else {
+            return;
+        };
+        if answers_write(id.as_raw(), message) {
+            // Of several it may be any.
+            self.0.clear();
+        } else if let [WRITE, 0x10, 0x01, ..] = message {
+            self.0.extend(device(destination));
+        }
+    }
+
+    /// The name of the device that was asked.
+    fn asked(&self, context: &Context<'_>) -> String {
+        match self.0.iter().collect::<Vec<_>>()[..] {
+            [id] => context.name(*id),
+            _ => "one of the valves".to_owned(),
+        }
+    }
+}
+
+/// Whether a message is the answer to a write of the node ID, which has one identifier of all valves.
+fn answers_write(id: u32, message: &[u8]) -> bool {
+    id == NODE_ID_ANSWER && matches!(message, [WRITTEN, 0x10, 0x01] | [NEGATIVE, WRITE, ..])
 }
 
 /// The highest number of a device: an address on ISOBUS.

@@ -12,6 +12,7 @@
 //! socketcan/   an interface of the Linux kernel
 //! slcan/       an adapter on a serial line, over TCP or on a pseudo-terminal
 //! udp_multicast/ the bus of python-can's udp_multicast
+//! member       gateways that are one client for as long as the world runs
 //! entrance     the way from clients into the world
 //! outbox       the way from the world to a client, and what bounds both
 //! ```
@@ -19,6 +20,7 @@
 mod address;
 mod bus_url;
 mod entrance;
+mod member;
 mod outbox;
 pub mod slcan;
 mod socketcan;

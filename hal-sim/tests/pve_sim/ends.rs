@@ -1,7 +1,10 @@
 //! The ends of a run: signals, a closed stdout, and everything stored.
 
+use std::net::TcpListener;
 use std::process::{Command, Stdio};
 
+#[cfg(target_os = "linux")]
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, Signal, kill_process};
 
 use super::simulator::*;
@@ -44,12 +47,34 @@ fn full_pipe() -> (std::io::PipeReader, std::io::PipeWriter) {
 #[test]
 fn a_stderr_that_nobody_reads_does_not_hold_it_up() {
     let (reader, writer) = full_pipe();
-    let mut simulator = Simulator::spawn(pve_sim(&["--bus", "socketcand://127.0.0.1:0/pve0"]).stderr(writer));
+    let arguments = ["--no-http", "--bus", "socketcand://127.0.0.1:0/pve0"];
+    let mut simulator = Simulator::spawn(pve_sim(&arguments).stderr(writer));
     let mut client = simulator.join();
     say(&mut client, READ_VENDOR);
     await_frame(&mut client, VENDOR);
     kill_process(Pid::from_child(&simulator.process), Signal::TERM).expect("it still runs");
     assert_eq!(simulator.process.wait().expect("it ends").code(), Some(0));
+    drop(reader);
+}
+
+/// The line about the port in use does not get through.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_refusal_that_nobody_reads_does_not_hold_up_its_end() {
+    let (reader, writer) = full_pipe();
+    let taken = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = taken.local_addr().expect("its address").to_string();
+    for (arguments, code) in [(["--http", &address], 1), (["--speed", "none"], 2)] {
+        let mut command = pve_sim(&[&arguments[..], &["--bus", "socketcand://127.0.0.1:0/pve0"]].concat());
+        let mut process = command.stderr(writer.try_clone().expect("a descriptor")).spawn().expect("pve-sim starts");
+        let stdout = process.stdout.take().expect("a pipe");
+        let patience = Timespec::try_from(PATIENCE).expect("a time");
+        // Its end closes stdout.
+        let ended = poll(&mut [PollFd::new(&stdout, PollFlags::IN)], Some(&patience)).expect("a pipe");
+        let _ = process.kill();
+        let status = process.wait().expect("it ends");
+        assert_eq!((ended, status.code()), (1, Some(code)), "{arguments:?}");
+    }
     drop(reader);
 }
 

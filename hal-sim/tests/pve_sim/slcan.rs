@@ -155,6 +155,21 @@ fn time_stamps_and_filters_are_set_with_the_channel_closed() {
     }
 }
 
+/// As a client does that finds the channel open.
+#[test]
+fn lines_of_one_write_are_carried_out_in_order() {
+    let simulator = start(&[]);
+    let mut sender = open(&simulator);
+    let mut client = open(&simulator);
+    client.write_all(b"C\rZ1\rO\rZ0\rt1230\rC\rt1240\rZ0\rO\r").expect("room");
+    for answer in ["\r", "\r", "\r", BELL, "z\r", "\r", BELL, "\r", "\r"] {
+        assert_eq!(line(&mut client), answer);
+    }
+    assert_eq!(line(&mut sender), "t1230\r");
+    command(&mut sender, "t2000", "z\r");
+    assert_eq!(line(&mut client), "t2000\r");
+}
+
 /// As with any adapter: what was sent before the line broke is on the bus.
 #[test]
 fn what_was_sent_before_the_end_counts_and_is_answered() {
@@ -340,7 +355,9 @@ mod pty {
         let first = start_at(&path, &[]);
         let device = fs::read_link(&path).expect("the link");
         let text = refusal(&["--bus", &url], 1);
-        assert!(text.contains(&url), "{text}");
+        let in_use =
+            format!("{url}: a link to {}, which is in use; if no other pve-sim runs there, remove", device.display());
+        assert!(text.contains(&in_use), "{text}");
         assert_eq!(fs::read_link(&path).expect("the link"), device);
         // One that is killed leaves its link behind.
         kill_process(Pid::from_child(&first.process), Signal::KILL).expect("it still runs");

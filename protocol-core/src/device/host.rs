@@ -7,12 +7,19 @@ use heapless::VecView;
 
 use super::fault_log::FaultLogClock;
 use super::reading::Reading;
-use super::writes::{Asker, Write, Writes};
+use super::writes::{Asker, KINDS, Write, Writes};
 use super::{Device, Effect, Outputs, Restart, Senses, StartCause};
 use crate::controller::{BitRate, Filter, Filters};
 use crate::frame::Frame;
 use crate::memory::{self, Memory, RecordKey, StoreError};
-use crate::time::{Instant, NEVER};
+use crate::time::{Instant, NEVER, latest};
+
+/// The kinds of write that every device asks for: what a new memory lacks, and the fault log.
+const OWN_WRITES: [Write; 3] = [
+    Write::new(RecordKey::Factory, Asker::Device),
+    Write::new(RecordKey::LocalLayer, Asker::Device),
+    Write::new(RecordKey::FaultLog, Asker::Device),
+];
 
 /// What a device writes to the memory: its product's part of a write.
 pub trait Storing {
@@ -37,6 +44,9 @@ pub trait Body: Storing + Sized {
     const FAULT_LOG: bool;
     /// The version of the payloads of its records.
     const RECORD_VERSION: u8;
+    /// The kinds of write that the product asks for, beside those of every device: each record with each asker. The
+    /// queue has a place for each.
+    const WRITES: &'static [Write];
 
     /// Returns a body that has no power yet.
     fn new(setup: Self::Setup) -> Self;
@@ -140,6 +150,13 @@ impl Base {
         self.now
     }
 
+    /// Goes to `now`, or stays at the last instant. A function of its own: the smallest firmware has no room for copies
+    /// of it.
+    #[inline(never)]
+    fn go_to(&mut self, now: Instant) {
+        self.now = latest(self.now, now);
+    }
+
     /// Asks for a restart. Until it is carried out the device takes no frames, and its timers go on, the time guard too
     /// (A). Of two restarts the wider one counts.
     pub fn request_restart(&mut self, scope: Restart) {
@@ -234,6 +251,7 @@ impl<B: Body> Host<B> {
     // In the caller the device is made where it is to stay; a function of its own makes it on the stack first.
     #[inline(always)]
     pub fn new(setup: B::Setup) -> Self {
+        const { assert!(B::WRITES.len().saturating_add(OWN_WRITES.len()) <= KINDS, "`KINDS` is too small for this device") };
         let base = Base {
             now: Instant::MIN,
             writes: Writes::new(),
@@ -245,7 +263,7 @@ impl<B: Body> Host<B> {
 
     /// Powers a new device up with what the memory holds.
     pub fn start_up(&mut self, memory: &dyn Memory, cause: StartCause, now: Instant) {
-        self.base.now = now;
+        self.base.now = latest(Instant::MIN, now);
         self.body.start(Restart::Application, memory, &mut self.base);
         if cause == StartCause::Watchdog {
             self.body.watchdog_reset(&mut self.base);
@@ -272,9 +290,9 @@ impl<B: Body> Host<B> {
         self.settle();
     }
 
-    /// Goes to `now`, or stays at the last instant, and lets what is due by then act first.
+    /// Goes to `now`, or stays at the last instant, and lets what is due by then act first. Each frame for the device comes here.
     fn advance(&mut self, now: Instant) {
-        self.base.now = self.base.now.max(now);
+        self.base.now = latest(self.base.now, now);
         if self.base.now >= self.deadline {
             self.run_timers();
         }
@@ -298,6 +316,11 @@ impl<B: Body> Host<B> {
         if self.base.now >= self.deadline {
             self.run_timers();
         }
+    }
+
+    /// Returns whether the queue has a place for writes of this kind.
+    fn is_listed(write: Write) -> bool {
+        OWN_WRITES.iter().chain(B::WRITES).any(|listed| listed.is_like(write))
     }
 
     fn schedule(&mut self) {
@@ -327,7 +350,7 @@ impl<B: Body> Device for Host<B> {
     }
 
     fn sense(&mut self, senses: &Senses, now: Instant) {
-        self.base.now = self.base.now.max(now);
+        self.base.go_to(now);
         // What was due before acts on the old senses, what is due now on the new ones.
         if self.base.now > self.deadline {
             self.run_timers();
@@ -345,7 +368,7 @@ impl<B: Body> Device for Host<B> {
 
     #[inline]
     fn next_frame(&mut self, now: Instant) -> Option<Frame> {
-        self.body.next_frame(self.base.now.max(now))
+        self.body.next_frame(latest(self.base.now, now))
     }
 
     fn give_back(&mut self, frame: Frame) {
@@ -354,7 +377,7 @@ impl<B: Body> Device for Host<B> {
 
     #[inline]
     fn all_sent(&mut self, now: Instant) -> bool {
-        self.base.now = self.base.now.max(now);
+        self.base.go_to(now);
         self.body.all_sent(&mut self.base);
         self.settle();
         self.body.has_frame()
@@ -368,6 +391,11 @@ impl<B: Body> Device for Host<B> {
         if self.base.restart.wanted.is_none() && self.base.writes.is_idle() {
             return None;
         }
+        debug_assert!(
+            self.base.writes.iter().all(|write| Self::is_listed(*write)),
+            "`Body::WRITES` lacks one of {:?}",
+            self.base.writes
+        );
         self.base.next_effect(&mut self.body, B::RECORD_VERSION, all_sent)
     }
 
@@ -378,7 +406,7 @@ impl<B: Body> Device for Host<B> {
     }
 
     fn restart(&mut self, scope: Restart, memory: &dyn Memory, now: Instant) {
-        self.base.now = self.base.now.max(now);
+        self.base.go_to(now);
         self.base.restart.handed_out = false;
         if scope == Restart::Application {
             self.base.writes = Writes::new();

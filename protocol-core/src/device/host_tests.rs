@@ -9,7 +9,10 @@ const MS: Duration = Duration::from_millis(1);
 
 const SAVE: Write = Write::new(RecordKey::Parameters, Asker::Sdo);
 
-/// Obeys the first byte of a frame: 1 saves, 2 counts a fault, 0x81 and 0x82 reset.
+/// Not among the writes of the body.
+const UNLISTED: Write = Write::new(RecordKey::Parameters, Asker::Uds);
+
+/// Obeys the first byte of a frame: 1 saves, 2 counts a fault, 3 asks for an unlisted write, 0x81 and 0x82 reset.
 struct Obedient {
     beat: Instant,
     polled: heapless::Vec<Instant, 8>,
@@ -45,6 +48,7 @@ impl Body for Obedient {
 
     const FAULT_LOG: bool = true;
     const RECORD_VERSION: u8 = 1;
+    const WRITES: &'static [Write] = &[SAVE];
 
     fn new(setup: Self) -> Self {
         setup
@@ -58,6 +62,7 @@ impl Body for Obedient {
         match frame.bytes()[0] {
             1 => base.writes.ask(SAVE),
             2 => base.fault_log.changed(base.now()),
+            3 => base.writes.ask(UNLISTED),
             _ => {}
         }
         if let Some(scope) = demanded(frame) {
@@ -270,4 +275,13 @@ fn a_failed_log_is_tried_again_after_the_interval() {
     let failed = after(START, Duration::from_millis(520));
     host.stored(RecordKey::FaultLog, Err(StoreError), failed);
     assert_eq!(host.base.fault_log.due(), after(failed, super::super::fault_log::FAULT_LOG_INTERVAL));
+}
+
+/// The queue may have no place for it.
+#[test]
+#[should_panic(expected = "`Body::WRITES`")]
+fn a_write_that_is_not_listed_is_found_by_every_test_that_asks_for_it() {
+    let mut host = started();
+    tell(&mut host, "3", START);
+    host.next_effect(true);
 }

@@ -69,7 +69,8 @@ pub enum StartCause {
 
 /// A stand-in on the bus, whatever its protocol and product.
 ///
-/// `now` never runs backwards for a device: an instant earlier than the last one counts as the last one.
+/// `now` never runs backwards for a device: an instant earlier than the last one counts as the last one. So does an instant
+/// from 2^63 µs on, to which no clock comes.
 pub trait Device {
     /// Takes a frame from the bus. Says whether it was for the device; when it was not, all is as it was.
     fn handle(&mut self, frame: &Frame, now: Instant) -> bool;

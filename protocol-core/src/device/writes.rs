@@ -4,8 +4,9 @@ use heapless::Vec;
 
 use crate::memory::RecordKey;
 
-/// The most kinds of write that a device has: those of a valve on CANopen.
-const KINDS: usize = 9;
+/// The most kinds of write that a device has: those of a valve on CANopen. [`Host`](super::host::Host) compiles for no device
+/// with more.
+pub(super) const KINDS: usize = 9;
 
 /// The places of the queue: each kind waits once, one write is in flight, and one was put before all others.
 const PLACES: usize = KINDS + 2;
@@ -52,7 +53,7 @@ impl Write {
     }
 
     /// Returns whether both are of one kind: the same record for the same asker.
-    fn is_like(self, other: Self) -> bool {
+    pub(super) fn is_like(self, other: Self) -> bool {
         self.with(0) == other.with(0)
     }
 }

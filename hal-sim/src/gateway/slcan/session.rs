@@ -1,5 +1,6 @@
 //! One client: reads its commands, hands them to the world, and writes what the world has for it.
 
+use std::collections::VecDeque;
 use std::future::pending;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -42,7 +43,7 @@ pub(super) async fn serve(
     line: Line<'_>,
 ) -> End {
     let (outbox, Mailbox { queue, leash }) = Outbox::new();
-    let client = Client { id: ClientId::next(), leash, world, line, settings: Mutex::default() };
+    let client = Client { id: ClientId::next(), leash, world, line, talk: Mutex::default() };
     client.world.tell(ToWorld::Join(client.id, outbox));
     let end = tokio::select! {
         () = client.leash.dismissed() => End::Dismissed,
@@ -50,7 +51,7 @@ pub(super) async fn serve(
         () = async { client.listen(reader).await; sleep(line.farewell).await } => End::Left,
         () = async {
             // A client that takes nothing more may have said something before.
-            if write(writer, queue, &client.settings).await.is_err() {
+            if write(writer, queue, &client.talk).await.is_err() {
                 pending::<()>().await;
             }
         } => End::Left,
@@ -64,17 +65,26 @@ struct Client<'a> {
     leash: Leash,
     world: Entrance,
     line: Line<'a>,
-    /// Between the reader, which changes them, and the writer.
-    settings: Mutex<Settings>,
+    talk: Mutex<Talk>,
+}
+
+/// What the reader of commands and the writer of answers have to tell each other.
+#[derive(Debug, Default)]
+struct Talk {
+    /// The answers that were asked for.
+    asked: u64,
+    /// The openings whose answer was not written yet: the number of that answer, and what holds from it on. A frame before it
+    /// came to the channel as it was opened before.
+    opened: VecDeque<(u64, Settings)>,
+    /// Whether there was an error since the client last asked for the flags.
+    has_error: bool,
 }
 
 /// How frames come to the client.
-#[derive(Debug, Default)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Settings {
     filter: Filter,
     has_stamps: bool,
-    /// Whether there was an error since the client last asked for the flags.
-    has_error: bool,
 }
 
 /// The client's channel.
@@ -83,6 +93,8 @@ struct Channel {
     state: State,
     /// The bit rate that the client has set, in bit/s.
     rate: Option<u32>,
+    /// In force from the next opening.
+    settings: Settings,
     /// Whether it was opened at any time.
     was_open: bool,
     /// Whether the user knows that the client has set another bit rate than that of the bus.
@@ -132,30 +144,28 @@ impl Client<'_> {
                 OK
             }
             (Ok(Command::Stamps(on)), State::Closed) => {
-                self.settings().has_stamps = on;
+                channel.settings.has_stamps = on;
                 OK
             }
             (Ok(Command::Code(code)), State::Closed) => {
-                self.settings().filter.code = code;
+                channel.settings.filter.code = code;
                 OK
             }
             (Ok(Command::Mask(mask)), State::Closed) => {
-                self.settings().filter.mask = mask;
+                channel.settings.filter.mask = mask;
                 OK
             }
             (Ok(command @ (Command::Open | Command::Listen)), State::Closed) if self.is_at_rate(channel).await => {
                 channel.state = if command == Command::Open { State::Open } else { State::Listening };
                 channel.was_open = true;
-                self.leash.spend().await;
-                return self.world.tell(ToWorld::Listen(self.id, Reply::new(OK)));
+                return self.ask(ToWorld::Listen(self.id, Reply::new(OK)), Some(channel.settings)).await;
             }
             (Ok(Command::Close), State::Open | State::Listening) => {
                 channel.state = State::Closed;
-                self.leash.spend().await;
-                return self.world.tell(ToWorld::Unlisten(self.id, Reply::new(OK)));
+                return self.ask(ToWorld::Unlisten(self.id, Reply::new(OK)), None).await;
             }
             (Ok(Command::Flags), State::Open | State::Listening) => {
-                flags(std::mem::take(&mut self.settings().has_error))
+                flags(std::mem::take(&mut lock(&self.talk).has_error))
             }
             (Ok(Command::Send(frame)), State::Open) => {
                 self.leash.spend().await;
@@ -164,8 +174,18 @@ impl Client<'_> {
             }
             (Ok(_) | Err(Refused), _) => BELL,
         };
+        self.ask(ToWorld::Reply(self.id, Reply::new(answer)), None).await;
+    }
+
+    /// Asks the world for an answer, from which on these settings hold.
+    async fn ask(&self, message: ToWorld, settings: Option<Settings>) {
         self.leash.spend().await;
-        self.world.tell(ToWorld::Reply(self.id, Reply::new(answer)));
+        let mut talk = lock(&self.talk);
+        talk.asked += 1;
+        let answer = talk.asked;
+        talk.opened.extend(settings.map(|settings| (answer, settings)));
+        drop(talk);
+        self.world.tell(message);
     }
 
     /// Returns whether the bus has the bit rate that the client has set, if it has set one. Tells the user the first
@@ -184,35 +204,37 @@ impl Client<'_> {
         }
         bus == rate
     }
-
-    fn settings(&self) -> MutexGuard<'_, Settings> {
-        lock(&self.settings)
-    }
 }
 
-fn lock(settings: &Mutex<Settings>) -> MutexGuard<'_, Settings> {
-    settings.lock().unwrap_or_else(PoisonError::into_inner)
+fn lock(talk: &Mutex<Talk>) -> MutexGuard<'_, Talk> {
+    talk.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Writes what is in the queue, in as few writes as possible, until the world lets go of it or the client is gone.
 async fn write(
     mut writer: impl AsyncWrite + Unpin,
     mut queue: Receiver<ToClient>,
-    settings: &Mutex<Settings>,
+    talk: &Mutex<Talk>,
 ) -> std::io::Result<()> {
     let mut batch = Vec::with_capacity(BATCH);
     let mut out = String::new();
+    let (mut settings, mut answers) = (Settings::default(), 0);
     while queue.recv_many(&mut batch, BATCH).await > 0 {
         for message in batch.drain(..) {
             match message {
                 ToClient::Frame(at, frame) => {
-                    let Settings { filter, has_stamps, .. } = *lock(settings);
-                    if filter.accepts(&frame) {
-                        emit_frame(&mut out, &frame, has_stamps.then_some(at));
+                    if settings.filter.accepts(&frame) {
+                        emit_frame(&mut out, &frame, settings.has_stamps.then_some(at));
                     }
                 }
-                ToClient::Error(..) => lock(settings).has_error = true,
-                ToClient::Reply(reply) => out.push_str(&reply.text),
+                ToClient::Error(..) => lock(talk).has_error = true,
+                ToClient::Reply(reply) => {
+                    out.push_str(&reply.text);
+                    answers += 1;
+                    if let Some((_, opened)) = lock(talk).opened.pop_front_if(|(answer, _)| *answer == answers) {
+                        settings = opened;
+                    }
+                }
             }
         }
         writer.write_all(out.as_bytes()).await?;

@@ -114,3 +114,40 @@ async fn the_flags_tell_of_an_error_once() {
         assert!(matches!(&reply, ToWorld::Reply(_, reply) if reply.text == answer), "{reply:?}");
     }
 }
+
+/// In one write, while a frame waits for the client: the frame was there before the channel was closed.
+#[tokio::test]
+async fn a_frame_comes_as_it_was_asked_for_when_it_came() {
+    let (mut client, server) = duplex(4096);
+    let (world, inbox) = Entrance::new();
+    let (reader, writer) = split(server);
+    tokio::spawn(serve(reader, writer, world, LINE));
+    pass().await;
+    let outbox = joined(&inbox);
+    let answer = async || {
+        pass().await;
+        while let Ok(arrival) = inbox.messages.try_recv() {
+            if let ToWorld::Reply(_, reply) | ToWorld::Listen(_, reply) | ToWorld::Unlisten(_, reply) = arrival.message
+            {
+                outbox.post(ToClient::Reply(reply)).expect("room");
+            }
+            pass().await;
+        }
+    };
+    let frame = |at, id| {
+        let frame = Frame::of(standard(id).into(), &[]).expect("a frame");
+        outbox.post(ToClient::Frame(Timestamp::from_micros(at), frame)).expect("room");
+    };
+    client.write_all(b"O\r").await.expect("room");
+    answer().await;
+    client.write_all(b"C\rZ1\rM24602460\rm001F001F\rO\r").await.expect("room");
+    pass().await;
+    frame(1_000, 0x456);
+    answer().await;
+    frame(2_000, 0x123);
+    frame(3_000, 0x456);
+    pass().await;
+    let mut told = vec![0; 4096];
+    let len = client.read(&mut told).await.expect("bytes");
+    assert_eq!(String::from_utf8_lossy(&told[..len]), "\rt4560\r\r\r\r\r\rt12300002\r");
+}

@@ -135,10 +135,7 @@ impl Link {
         match symlink(&device, path) {
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
                 if !is_stale(path, &device) {
-                    return Err(io::Error::new(
-                        error.kind(),
-                        "there is something already, and no link that was left behind",
-                    ));
+                    return Err(io::Error::new(error.kind(), in_the_way(path, &device)));
                 }
                 fs::remove_file(path)?;
                 symlink(&device, path)?;
@@ -172,6 +169,17 @@ impl Drop for Link {
 /// one has.
 fn is_stale(path: &Path, device: &Path) -> bool {
     fs::read_link(path).is_ok_and(|old| old.parent() == device.parent() && (old == device || !old.exists()))
+}
+
+/// What the user is told of that which is at the path. A link that was left behind can lead to a terminal that somebody else has
+/// been given since; it looks as the one of a simulator that runs.
+fn in_the_way(path: &Path, device: &Path) -> String {
+    match fs::read_link(path) {
+        Ok(old) if old.parent() == device.parent() => {
+            format!("a link to {}, which is in use; if no other pve-sim runs there, remove the link", old.display())
+        }
+        _ => "there is something already, and no link that was left behind".to_owned(),
+    }
 }
 
 #[cfg(test)]

@@ -18,6 +18,7 @@ mod linux {
     use rustix::io::Errno;
     use tokio::sync::Semaphore;
 
+    use crate::gateway::member::Member;
     use crate::gateway::socketcan::interface::Interface;
     use crate::gateway::{Access, Address, Entrance, Gateway, OpenError, Opening};
 

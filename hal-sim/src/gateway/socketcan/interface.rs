@@ -10,6 +10,7 @@ use tokio::io::unix::AsyncFd;
 use tokio::time::{Instant, sleep, sleep_until};
 
 use super::health::{Health, Verdict, is_gone};
+use crate::gateway::member::Member;
 use crate::gateway::{ClientId, Entrance, Mailbox, ToClient, ToWorld};
 
 /// How long to wait before a frame is tried again while the interface's queue is full.
@@ -47,25 +48,44 @@ impl Interface {
         Ok(Self { name: name.to_owned(), socket, health: Health::new(name.to_owned()), next_look: None })
     }
 
-    /// Joins the world at once, so that a world that starts later sends its first frame to the interface, too; the
-    /// returned future passes frames for ever.
-    pub(super) fn run(mut self, world: Entrance) -> impl Future<Output = ()> + Send {
-        let mut joined = world.join();
-        async move {
-            loop {
-                let (id, mailbox) = joined;
-                // It ends only when more frames came than the interface takes: what waits is dropped, and it joins
-                // anew.
-                self.pass(id, mailbox, &world).await;
-                world.tell(ToWorld::Leave(id));
-                joined = world.join();
+    /// Gives a frame to the interface. Returns one that is to be tried again.
+    fn send(&mut self, waiting: Waiting, world: &Entrance) -> Option<Waiting> {
+        match self.socket.get_ref().write_frame(&waiting.frame) {
+            Ok(()) => {
+                tell(world, self.health.pass());
+                None
+            }
+            Err(error) => {
+                self.note(&error);
+                let tries = waiting.tries.saturating_add(1);
+                let (verdict, told) = self.health.refuse(&error, tries);
+                tell(world, told);
+                (verdict == Verdict::Retry).then(|| Waiting { tries, next_try: Instant::now() + RETRY, ..waiting })
             }
         }
     }
 
+    /// Takes note of an error that tells that the interface is gone.
+    fn note(&mut self, error: &io::Error) {
+        if is_gone(error) && self.next_look.is_none() {
+            self.next_look = Some(Instant::now() + PAUSE);
+        }
+    }
+
+    /// Opens the interface anew, if there is one of that name again.
+    fn look_for_it(&mut self) {
+        self.next_look = match open(&self.name) {
+            Ok(socket) => {
+                self.socket = socket;
+                None
+            }
+            Err(_) => Some(Instant::now() + PAUSE),
+        };
+    }
+}
+
+impl Member for Interface {
     async fn pass(&mut self, id: ClientId, Mailbox { mut queue, leash }: Mailbox, world: &Entrance) {
-        // What the world gives back for joining.
-        leash.spend().await;
         let mut waiting: Option<Waiting> = None;
         loop {
             let next_try = waiting.as_ref().map(|waiting| waiting.next_try);
@@ -102,41 +122,6 @@ impl Interface {
                 () = until(self.next_look) => self.look_for_it(),
             }
         }
-    }
-
-    /// Gives a frame to the interface; returns one that is to be tried again.
-    fn send(&mut self, waiting: Waiting, world: &Entrance) -> Option<Waiting> {
-        match self.socket.get_ref().write_frame(&waiting.frame) {
-            Ok(()) => {
-                tell(world, self.health.pass());
-                None
-            }
-            Err(error) => {
-                self.note(&error);
-                let tries = waiting.tries.saturating_add(1);
-                let (verdict, told) = self.health.refuse(&error, tries);
-                tell(world, told);
-                (verdict == Verdict::Retry).then(|| Waiting { tries, next_try: Instant::now() + RETRY, ..waiting })
-            }
-        }
-    }
-
-    /// Takes note of an error that tells that the interface is gone.
-    fn note(&mut self, error: &io::Error) {
-        if is_gone(error) && self.next_look.is_none() {
-            self.next_look = Some(Instant::now() + PAUSE);
-        }
-    }
-
-    /// Opens the interface anew, if there is one of that name again.
-    fn look_for_it(&mut self) {
-        self.next_look = match open(&self.name) {
-            Ok(socket) => {
-                self.socket = socket;
-                None
-            }
-            Err(_) => Some(Instant::now() + PAUSE),
-        };
     }
 }
 

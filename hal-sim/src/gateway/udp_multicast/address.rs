@@ -7,6 +7,7 @@ use std::sync::Arc;
 use tokio::sync::Semaphore;
 
 use super::group::Group;
+use crate::gateway::member::Member;
 use crate::gateway::{Access, Address, Entrance, Gateway, Opening, Parse, Scheme};
 
 const FORM: &str = "udp-multicast://GROUP:PORT";

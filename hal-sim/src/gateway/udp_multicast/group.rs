@@ -10,6 +10,7 @@ use tokio::net::UdpSocket;
 use tokio::time::sleep;
 
 use super::message::{emit, parse};
+use crate::gateway::member::Member;
 use crate::gateway::{ClientId, Entrance, Mailbox, ToClient, ToWorld};
 
 /// The hops of a datagram that is to reach other machines: python-can's default, the local network.
@@ -57,24 +58,20 @@ impl Group {
         Ok(Self { address, incoming, outgoing, intake, is_in_trouble: false })
     }
 
-    /// Joins the world at once, so that a world that starts later sends its first frame to the group, too; the returned
-    /// future passes frames for ever.
-    pub(super) fn run(mut self, world: Entrance) -> impl Future<Output = ()> + Send {
-        let mut joined = world.join();
-        async move {
-            loop {
-                let (id, mailbox) = joined;
-                // It ends only when more frames came than the system takes: what waits is dropped, and it joins anew.
-                self.pass(id, mailbox, &world).await;
-                world.tell(ToWorld::Leave(id));
-                joined = world.join();
-            }
-        }
+    /// Takes note of a datagram that was sent, or was not; returns what the user is told.
+    fn note(&mut self, error: Option<io::Error>) -> Option<String> {
+        let was_in_trouble = std::mem::replace(&mut self.is_in_trouble, error.is_some());
+        let text = match (was_in_trouble, error) {
+            (false, Some(error)) => format!("{error}: nothing is sent until frames pass again"),
+            (true, None) => "frames pass again".to_owned(),
+            (false, None) | (true, Some(_)) => return None,
+        };
+        Some(format!("udp-multicast://{}: {text}", self.address))
     }
+}
 
+impl Member for Group {
     async fn pass(&mut self, id: ClientId, Mailbox { mut queue, leash }: Mailbox, world: &Entrance) {
-        // What the world gives back for joining.
-        leash.spend().await;
         let mut datagram = [0; DATAGRAM_MAX];
         loop {
             tokio::select! {
@@ -105,17 +102,6 @@ impl Group {
                 },
             }
         }
-    }
-
-    /// Takes note of a datagram that was sent, or was not; returns what the user is told.
-    fn note(&mut self, error: Option<io::Error>) -> Option<String> {
-        let was_in_trouble = std::mem::replace(&mut self.is_in_trouble, error.is_some());
-        let text = match (was_in_trouble, error) {
-            (false, Some(error)) => format!("{error}: nothing is sent until frames pass again"),
-            (true, None) => "frames pass again".to_owned(),
-            (false, None) | (true, Some(_)) => return None,
-        };
-        Some(format!("udp-multicast://{}: {text}", self.address))
     }
 }
 

@@ -153,6 +153,7 @@ impl Body for HatSensor {
 
     const FAULT_LOG: bool = false;
     const RECORD_VERSION: u8 = VERSION;
+    const WRITES: &'static [Write] = &storing::WRITES;
 
     fn new(setup: Setup) -> Self {
         let layer = new_layer(&setup);

@@ -12,6 +12,14 @@ use crate::device::host::{Base, Storing};
 use crate::device::writes::{Asker, Write};
 use crate::memory::RecordKey;
 
+/// What LSS stores, and what "save" and "load" do.
+pub(super) const WRITES: [Write; 4] = [
+    Write::new(RecordKey::LocalLayer, Asker::Lss),
+    Write::new(RecordKey::LocalLayer, Asker::Sdo),
+    Write::new(RecordKey::Parameters, Asker::Sdo),
+    Write::new(RecordKey::Application, Asker::Sdo),
+];
+
 /// Returns the bit of a record in a set.
 pub(super) const fn bit(key: RecordKey) -> u8 {
     1 << key.position()

@@ -95,6 +95,7 @@ impl Body for CanopenValve {
 
     const FAULT_LOG: bool = true;
     const RECORD_VERSION: u8 = VERSION;
+    const WRITES: &'static [Write] = &storing::WRITES;
 
     fn new(setup: Setup) -> Self {
         Self {

@@ -24,6 +24,15 @@ const RESTORE_FLAG: Write = Write::new(RecordKey::RestoreFlag, Asker::Device);
 /// The fault log with all counts cleared.
 const CLEAR_COUNTERS: Write = Write::new(RecordKey::FaultLog, Asker::Sdo);
 
+pub(super) const WRITES: [Write; 6] = [
+    Write::new(RecordKey::LocalLayer, Asker::Lss),
+    Write::new(RecordKey::LocalLayer, Asker::Uds),
+    SAVE,
+    RESTORE,
+    RESTORE_FLAG,
+    CLEAR_COUNTERS,
+];
+
 impl CanopenValve {
     /// Begins what an SDO client waits for.
     pub(super) fn begin_task(&mut self, task: Task, base: &mut Base) {

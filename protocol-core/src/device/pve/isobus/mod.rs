@@ -117,6 +117,7 @@ impl Body for IsobusValve {
 
     const FAULT_LOG: bool = true;
     const RECORD_VERSION: u8 = VERSION;
+    const WRITES: &'static [Write] = &storing::WRITES;
 
     fn new(setup: Setup) -> Self {
         let factory = Factory::new(setup.kind, setup.serial);

@@ -12,6 +12,12 @@ use crate::isobus::request::Request;
 use crate::memory::RecordKey;
 use crate::uds::node_id_written;
 
+pub(super) const WRITES: [Write; 3] = [
+    Write::new(RecordKey::LocalLayer, Asker::Uds),
+    Write::new(RecordKey::LocalLayer, Asker::CommandedAddress),
+    Write::new(RecordKey::FaultLog, Asker::Dm3),
+];
+
 /// A DM3 that waits for the memory.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Clearing {

@@ -1,0 +1,26 @@
+//! Gateways that are one client of the world for as long as it runs: a multicast group, an interface of the kernel.
+
+use super::{ClientId, Entrance, Mailbox, ToWorld};
+
+/// A gateway that is one client of the world.
+pub(super) trait Member: Send + Sized {
+    /// Passes frames. Ends only when more of them came than the gateway takes.
+    fn pass(&mut self, id: ClientId, mailbox: Mailbox, world: &Entrance) -> impl Future<Output = ()> + Send;
+
+    /// Joins the world at once, so that a world that starts later sends its first frame to the gateway, too; the returned
+    /// future passes frames for ever.
+    fn run(mut self, world: Entrance) -> impl Future<Output = ()> + Send {
+        let mut joined = world.join();
+        async move {
+            loop {
+                let (id, mailbox) = joined;
+                // What the world gives back for joining.
+                mailbox.leash.spend().await;
+                self.pass(id, mailbox, &world).await;
+                // What waits is dropped, and the gateway joins anew.
+                world.tell(ToWorld::Leave(id));
+                joined = world.join();
+            }
+        }
+    }
+}
