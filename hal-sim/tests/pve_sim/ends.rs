@@ -44,7 +44,8 @@ fn full_pipe() -> (std::io::PipeReader, std::io::PipeWriter) {
 #[test]
 fn a_stderr_that_nobody_reads_does_not_hold_it_up() {
     let (reader, writer) = full_pipe();
-    let mut simulator = Simulator::spawn(pve_sim(&["--bus", "socketcand://127.0.0.1:0/pve0"]).stderr(writer));
+    let mut simulator =
+        Simulator::spawn(pve_sim(&["--no-http", "--bus", "socketcand://127.0.0.1:0/pve0"]).stderr(writer));
     let mut client = simulator.join();
     say(&mut client, READ_VENDOR);
     await_frame(&mut client, VENDOR);
