@@ -28,10 +28,10 @@ with connected() as (tractor, ear):
     parser.subscribe(lambda *message: told.put(message))
 
     def expect_dm1(lamp, code):
-        """The next DM1 has this lamp alone, and this code alone; its time."""
-        (source, lamps, dtcs, timestamp), _ = take(told, lambda _: True)
+        """The next DM1 of the valve has this lamp alone, and this code alone; its time. Others may tell of theirs."""
+        (_, lamps, dtcs, timestamp), _ = take(told, lambda message: message[0] == VALVE)
         lit = [name for name, state in lamps.items() if state != OFF]
-        equal("DM1", (source, lit, dtcs), (VALVE, [lamp] if lamp else [], [code]))
+        equal("DM1", (lit, dtcs), ([lamp] if lamp else [], [code]))
         return timestamp
 
     def recover():

@@ -8,19 +8,22 @@ import sys
 
 import can
 
-from valve import LIFE, PATIENCE, equal
+from valve import LIFE, PATIENCE, TESTER, equal
 
 HOST, PORT, CHANNEL, ROUNDS = sys.argv[1:5]
 VALVES = range(1, 128)
 READ = bytes.fromhex("40 00 10 00 00 00 00 00")
 DEVICE_TYPE = bytes.fromhex("43 00 10 00 98 01 00 00")
-#: Nothing is left to be said when the bus is quiet for so long, in seconds; heartbeats are off.
-QUIET = 0.5
+#: UDS to one of the valves and back: less urgent than all that the valves send at their start. Heartbeats are off.
+UDS_REQUEST = 0x1BC00000 | TESTER << 11 | VALVES[-1]
+UDS_ANSWER = 0x1BC00000 | VALVES[-1] << 11 | TESTER
 
 faulthandler.dump_traceback_later(LIFE, exit=True)
 with can.Bus(interface="socketcand", host=HOST, port=int(PORT), channel=CHANNEL) as bus:
-    while bus.recv(timeout=QUIET):
+    bus.send(can.Message(arbitration_id=UDS_REQUEST, is_extended_id=True, data=bytes.fromhex("03 22 F0 10")))
+    while (heard := bus.recv(timeout=PATIENCE)) and heard.arbitration_id != UDS_ANSWER:
         pass
+    assert heard, "no answer to UDS"
     for _ in range(int(ROUNDS)):
         for valve in VALVES:
             bus.send(can.Message(arbitration_id=0x600 + valve, is_extended_id=False, data=READ))

@@ -177,7 +177,7 @@ fn status_word(state: &DeviceState) -> Option<u32> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases.div_ceil(10)))]
 
     /// SDO answers of a valve on CANopen, and what is read of it at the instant of the request.
     #[test]

@@ -110,12 +110,13 @@ proptest! {
     fn any_bytes_end_with_names(bytes in vec(bytes_of_lines(), 0..400), head in 0..6_usize) {
         let head = [&b""[..], b"date x\n", b"\n\r\r\n", b"(1.0) can0 ", b"# a remark\n", b"\xEF\xBB\xBF"][head];
         let bytes = [head, &bytes].concat();
+        let is_packets = bytes.starts_with(&pcapng::MAGIC);
         let text = String::from_utf8_lossy(&bytes).into_owned();
         let lines: Vec<&str> = text.split('\n').map(|line| line.trim_start_matches('\u{FEFF}')).collect();
         let told: Vec<&&str> = lines.iter().filter(|line| !line.trim().is_empty() && !line.starts_with('#')).collect();
         let (records, errors) = read(Cursor::new(bytes), Format::Candump);
         let found = records.len() + errors.len();
-        if head == pcapng::MAGIC {
+        if is_packets {
             prop_assert!(found > 0);
         } else if told.first().is_some_and(|line| asc::is_head(line)) {
             prop_assert!(found < told.len());

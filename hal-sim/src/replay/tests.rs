@@ -165,7 +165,7 @@ fn is_of_valve(record: &Record) -> bool {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases.div_ceil(5)))]
 
     /// Whatever is changed of one frame of the valve but its first, exactly that is told.
     #[test]
@@ -448,7 +448,7 @@ fn a_time_that_goes_back_is_told() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases.div_ceil(4)))]
 
     /// Whatever a log has, in whatever order of time.
     #[test]

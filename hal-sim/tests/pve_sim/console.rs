@@ -34,7 +34,7 @@ fn a_valve_is_broken_by_hand() {
 fn another_bit_rate_than_that_of_a_device_is_told_at_the_start() {
     let mut simulator = Simulator::start(&[&ANY_PORT[..], &["--bit-rate", "500k"]].concat());
     let mut stderr = BufReader::new(simulator.process.stderr.take().expect("a pipe")).lines();
-    let told = stderr.find_map(|line| line.ok().filter(|line| line.starts_with("pve-sim: "))).expect("a warning");
+    let told = stderr.find_map(|line| line.ok().filter(|line| line.contains("pvea-canopen is"))).expect("a warning");
     assert_eq!(
         told,
         "pve-sim: pvea-canopen is set to 250000 bit/s, the bus runs at 500000 bit/s: it is not heard, and disturbs"

@@ -122,13 +122,16 @@ pub(crate) fn say(client: &mut TcpStream, text: &str) {
     client.write_all(text.as_bytes()).expect(text);
 }
 
-/// The next message.
+/// The next message. It is looked at before it is read: byte by byte, a busy machine would not keep up with a fast bus.
 pub(crate) fn message(client: &mut TcpStream) -> String {
     let mut message = Vec::new();
     while message.last() != Some(&b'>') {
-        let mut byte = [0];
-        client.read_exact(&mut byte).unwrap_or_else(|error| panic!("{error} after {message:?}"));
-        message.push(byte[0]);
+        let mut bytes = [0; 256];
+        let seen = client.peek(&mut bytes).unwrap_or_else(|error| panic!("{error} after {message:?}"));
+        assert_ne!(seen, 0, "the end after {message:?}");
+        let len = bytes[..seen].iter().position(|byte| *byte == b'>').map_or(seen, |end| end + 1);
+        client.read_exact(&mut bytes[..len]).expect("what is there");
+        message.extend_from_slice(&bytes[..len]);
     }
     String::from_utf8(message).expect("text")
 }

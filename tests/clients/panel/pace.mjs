@@ -8,6 +8,8 @@ const FIRST = 0x10;
 const RECORDED_MS = 8000;
 /** What half of the frames may take at most, in milliseconds: the others may wait for a machine with other things to do. */
 const BUDGET_MS = 4;
+/** A frame that comes later than this after the one before has more to draw: a machine with other things to do draws seldom. */
+const SELDOM_MS = 50;
 const CYCLE_MS = 100;
 const SCRIPT = new Set(["FunctionCall", "EventDispatch", "FireAnimationFrame", "TimerFire", "RunMicrotasks", "v8.callFunction", "XHRReadyStateChange"]);
 
@@ -21,7 +23,7 @@ for (const id of addresses) {
   await frame(0x200 + id, "0F000020", CYCLE_MS);
 }
 
-/** The time of script in each frame, in milliseconds, from a trace of the browser. */
+/** The time of script in each frame, or in each `SELDOM_MS` of a longer one, in milliseconds, from a trace of the browser. */
 function scriptPerFrame(events) {
   const main = events.find(({ name }) => name === "FireAnimationFrame");
   const own = events.filter(({ pid, tid, ph }) => pid === main.pid && tid === main.tid && ph === "X").sort((a, b) => a.ts - b.ts);
@@ -37,7 +39,8 @@ function scriptPerFrame(events) {
     while (place < begins.length && begins[place] < ts) place += 1;
     if (place < frames.length) frames[place] += tdur / 1000;
   }
-  return frames.sort((a, b) => a - b);
+  const long = begins.map((at, place) => Math.max(1, (at - (begins[place - 1] ?? at)) / 1000 / SELDOM_MS));
+  return frames.map((time, place) => time / long[place]).sort((a, b) => a - b);
 }
 
 // A usual window, and one that shows all valves at once. The spools go to and fro: what moves is drawn.

@@ -12,8 +12,10 @@ const CLEARED: &str = "0A0: 00 00 00 00 00 00 00 00";
 
 const SAVE: &str = "620: 23 10 10 01 73 61 76 65";
 const SAVED: &str = "5A0: 60 10 10 01 00 00 00 00";
+const NOT_SAVED: &str = "5A0: 80 10 10 01 00 00 06 06";
 const LOAD: &str = "620: 23 11 10 01 6C 6F 61 64";
 const LOADED: &str = "5A0: 60 11 10 01 00 00 00 00";
+const NOT_LOADED: &str = "5A0: 80 11 10 01 00 00 06 06";
 const CLEAR: &str = "620: 23 11 10 05 70 6B 64 73";
 const COUNTERS_CLEARED: &str = "5A0: 60 11 10 05 00 00 00 00";
 const CONFIGURE: &str = "7E5: 04 01 00 00 00 00 00 00";
@@ -112,6 +114,30 @@ fn load_then_save_while_load_is_executed() {
         boots(&mut valve);
         assert!(!has_own(&mut valve), "cut {later} ms after the answer");
     }
+}
+
+/// The "load" that was acknowledged outlives a "save" whose write of the flag fails, and the "save" after that.
+#[test]
+fn load_then_a_save_that_fails_while_load_is_executed() {
+    let mut valve = executing_load(&[0]);
+    ask(&mut valve, LOAD, LOADED);
+    change(&mut valve);
+    valve.failing_writes = [1].into();
+    ask(&mut valve, SAVE, NOT_SAVED);
+    ask(&mut valve, SAVE, SAVED);
+    boots(&mut valve);
+    assert!(!has_own(&mut valve));
+}
+
+/// A "load" that was refused is not asked for by the "save" after it.
+#[test]
+fn a_load_that_fails_while_load_is_executed_and_a_save() {
+    let mut valve = executing_load(&[0, 1]);
+    ask(&mut valve, LOAD, NOT_LOADED);
+    change(&mut valve);
+    ask(&mut valve, SAVE, SAVED);
+    boots(&mut valve);
+    assert!(has_own(&mut valve));
 }
 
 #[test]

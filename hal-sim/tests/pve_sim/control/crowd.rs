@@ -77,7 +77,10 @@ fn a_slow_follower_loses_events() {
     let rig = Rig::stepped(&[]);
     let mut follower = Follower::join(&rig);
     let first = rig.send_every(1, "100: 01 02 03 04 05 06 07 08");
-    rig.advance(100_000);
+    // In parts, as each call has to be answered in time.
+    for _ in 0..20 {
+        rig.advance(5_000);
+    }
     let frames = rig.trace();
     assert!(frames.iter().all(|(end, ..)| (end - first).is_multiple_of(1_000)), "every stamp is exact");
     rig.done("DELETE", "/bus/frames", None);
@@ -119,7 +122,9 @@ fn a_crowd_keeps_nobody_from_being_served_and_the_bus_its_time() {
             rig.device("valve");
         }
     }
-    rig.wait("valve", json!({"t_us": first + 3_000_000}), 5_000);
+    // From here on, as a slow machine may have been longer than that with the crowd.
+    let never = json!({"device": "valve", "state": {"powered": false}, "within_ms": 3_000}).to_string();
+    assert_eq!(rig.call("POST", "/wait", Some(&never)).0, 408);
     let ends: Vec<u64> =
         rig.trace().into_iter().filter(|(_, frame, _)| frame == "100: 01").map(|(end, ..)| end).collect();
     assert!(ends.len() >= 150, "{}", ends.len());

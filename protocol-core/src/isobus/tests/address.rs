@@ -227,7 +227,7 @@ proptest! {
     /// Whoever claims when: each address ends with the lowest of the NAMEs that claimed it, and the storm ends.
     #[test]
     fn the_lowest_name_keeps_the_address(
-        names in prop::collection::hash_set(any::<u64>(), 2..8),
+        names in prop::collection::btree_set(any::<u64>(), 2..8),
         addresses in prop::collection::vec(0x80_u8..0x83, 8),
         starts in prop::collection::vec(0_u64..1_000, 8),
     ) {

@@ -27,6 +27,8 @@ pub(super) struct Load {
     pub(super) executed: Executed,
     /// A client has asked for the next start to load the defaults: what the flag is written as.
     pub(super) asked: bool,
+    /// The memory holds the flag for a client that was told so: what is asked for when a later write fails.
+    pub(super) acknowledged: bool,
     /// A "save" is stored and waits for the flag to be cleared.
     pub(super) save_waits: bool,
     retry_at: Instant,
@@ -35,7 +37,7 @@ pub(super) struct Load {
 impl Load {
     /// Returns the state of a memory whose flag is not set.
     pub(super) const fn new() -> Self {
-        Self { executed: Executed::Done, asked: false, save_waits: false, retry_at: NEVER }
+        Self { executed: Executed::Done, asked: false, acknowledged: false, save_waits: false, retry_at: NEVER }
     }
 
     /// Returns the state at a start that executes a "load", or has none to execute.
@@ -57,8 +59,12 @@ impl Load {
         self.executed == Executed::FlagUncleared
     }
 
-    /// Notes that the flag was written. While the defaults are not stored, it was set again for a client.
-    pub(super) fn flag_stored(&mut self) {
+    /// Notes that the flag was written, as it is asked for unless another write of it waits. While the defaults are not
+    /// stored, it was set again for a client.
+    pub(super) fn flag_stored(&mut self, is_last: bool) {
+        if is_last {
+            self.acknowledged = self.asked;
+        }
         if self.executed == Executed::FlagUncleared {
             self.executed = Executed::Done;
             self.retry_at = NEVER;

@@ -140,11 +140,13 @@ impl Storing for CanopenValve {
             }
             RecordKey::RestoreFlag => {
                 if stored {
-                    self.load.flag_stored();
+                    self.load.flag_stored(is_last);
                 } else {
                     self.load.failed(now);
                     // A newer "load" that waits is asked for still.
-                    self.load.asked &= !is_last;
+                    if is_last {
+                        self.load.asked = self.load.acknowledged;
+                    }
                 }
                 if core::mem::take(&mut self.load.save_waits) {
                     self.end_task(Task::Save, stored, !base.writes.contains(SAVE));
