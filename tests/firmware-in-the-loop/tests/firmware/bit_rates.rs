@@ -2,9 +2,11 @@
 
 use firmware_in_the_loop::bxcan::BitTiming;
 use firmware_in_the_loop::bxcan::registers::{BTR, TSR};
+use hal_sim::WireEvent;
 use hal_sim::bus::FrameBits;
 use hal_sim::use_case::Bench;
 use protocol_core::controller::BitRate;
+use protocol_core::time::Instant;
 
 use super::client::{ImageClient, SAVE, SENSOR, VALVE, frame};
 use super::overtaking::fill;
@@ -131,4 +133,77 @@ fn what_waits_is_dropped_when_the_bit_rate_changes() {
         assert!(client.now_us() < start + 60_000, "the bit rate has not changed");
     }
     assert_eq!(empty(&client), 0b111, "it is dropped");
+}
+
+/// The sensor at 20 kbit/s, where a frame takes milliseconds, told to go to another bit rate; and when it does that, in us.
+fn about_to_switch() -> (ImageClient, u64) {
+    let mut client = ImageClient::sensor();
+    configure_by_lss(&mut client, BitRate::Kbit20);
+    client.expect("720: 00");
+    client.send("7E5: 04 01 00 00 00 00 00 00");
+    client.send("7E5: 13 00 04 00 00 00 00 00");
+    client.expect("7E4: 13 00 00 00 00 00 00 00");
+    client.send("7E5: 15 32 00 00 00 00 00 00");
+    while client.bench.rig.world.pending(client.bench.master) > 0 {
+        client.step();
+    }
+    let switch = client.now_us() + 50_000;
+    assert_eq!(client.bench.rig.bits_per_second(client.bench.board), Some(20_000));
+    (client, switch)
+}
+
+/// Lets time pass until the controller has left its bit rate.
+fn left(client: &mut ImageClient) -> u64 {
+    let start = client.now_us();
+    while client.bench.rig.bits_per_second(client.bench.board) == Some(20_000) {
+        client.step();
+        assert!(client.now_us() < start + 200_000, "the bit rate has not changed");
+    }
+    client.now_us()
+}
+
+#[test]
+fn the_frame_on_the_wire_ends_before_the_bit_rate_changes() {
+    let (mut client, switch) = about_to_switch();
+    client.bench.rig.run_until(Instant::from_micros(switch - 1000));
+    client.send("7FF: 55 55 55 55 55 55 55 55");
+    client.bench.rig.run_until(Instant::from_micros(switch + 3000));
+    assert!(client.bench.rig.world.pending(client.bench.master) > 0, "the frame is on the wire");
+    left(&mut client);
+    assert_eq!(client.bench.rig.world.pending(client.bench.master), 0, "it was acknowledged");
+    client.end_without_reset();
+}
+
+#[test]
+fn on_a_bus_where_no_frame_ever_ends_the_bit_rate_changes_all_the_same() {
+    let (mut client, switch) = about_to_switch();
+    let board = client.bench.board;
+    client.bench.rig.run_until(Instant::from_micros(switch - 1000));
+    client.bench.rig.connections(board).can.lock().can.hear(WireEvent::Begins { own: false });
+    let late = left(&mut client) - switch;
+    assert!((20_000..30_000).contains(&late), "{late} us after its instant");
+    client.bench.set_bit_rate(BitRate::Kbit125);
+    client.wait_ms(100);
+    assert_eq!(client.bench.rig.bits_per_second(board), Some(125_000));
+    client.send("7E5: 5E 00 00 00 00 00 00 00");
+    client.expect("7E4: 5E 20 00 00 00 00 00 00");
+    client.end_without_reset();
+}
+
+#[test]
+fn the_console_says_that_it_is_off_the_bus_when_it_is() {
+    let (mut client, _) = about_to_switch();
+    let board = client.bench.board;
+    client.bench.rig.connections(board).terminal.lock().typed.extend(b"bus_off on");
+    client.wait_ms(5);
+    client.bench.rig.printed(board);
+    client.send("7FF: 55 55 55 55 55 55 55 55");
+    client.bench.rig.connections(board).terminal.lock().typed.push_back(b'\n');
+    let mut said = String::new();
+    while said.is_empty() {
+        client.step();
+        said = client.bench.rig.printed(board);
+    }
+    assert_eq!(client.bench.rig.world.pending(client.bench.master), 0, "the frame on the wire has ended");
+    assert_eq!(client.bench.rig.bits_per_second(board), None);
 }

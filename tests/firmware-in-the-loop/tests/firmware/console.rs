@@ -182,6 +182,44 @@ fn kept_bus_off_it_is_silent_until_it_may_recover() {
 }
 
 #[test]
+fn let_go_it_takes_128_sequences_of_11_bits_to_recover() {
+    for (mut client, bit_us) in [(ImageClient::booted(), 4), (ImageClient::sensor(), 2)] {
+        let board = client.bench.board;
+        client.obeyed("bus_off on");
+        client.bench.rig.connections(board).terminal.lock().typed.extend(b"bus_off off");
+        client.wait_ms(10);
+        assert_eq!(client.bench.rig.bits_per_second(board), None);
+        client.bench.rig.connections(board).terminal.lock().typed.push_back(b'\n');
+        let start = client.now_us();
+        while client.bench.rig.bits_per_second(board).is_none() {
+            assert!(client.now_us() < start + 100_000, "it does not come back");
+            client.step();
+        }
+        let (took, recovery) = (client.now_us() - start, 128 * 11 * bit_us);
+        // The board looks every millisecond.
+        assert!((recovery..recovery + 1_200).contains(&took), "{took} us at {bit_us} us a bit");
+        client.end_without_reset();
+    }
+}
+
+#[test]
+fn a_kind_that_cannot_be_stored_is_refused_and_nothing_starts_anew() {
+    let mut client = ImageClient::booted();
+    let board = client.bench.board;
+    client.bench.rig.printed(board);
+    client.bench.rig.connections(board).flash.lock().set_fails(true);
+    client.bench.rig.type_line(board, "kind pveo-canopen");
+    client.wait_ms(300);
+    assert_eq!(client.bench.rig.printed(board), "the memory failed\r\n");
+    assert_eq!(client.listen_ms(1), []);
+    client.bench.rig.connections(board).flash.lock().set_fails(false);
+    assert_eq!(client.status_of("kind"), "pvea-canopen");
+    client.bench.rig.type_line(board, "kind pveo-canopen");
+    client.expect("720: 00");
+    assert_eq!(client.status_of("kind"), "pveo-canopen");
+}
+
+#[test]
 fn a_power_cycle_starts_it_as_power_would() {
     let mut client = ImageClient::booted();
     client.write(0x1800, 2, 1, 5);
