@@ -210,6 +210,16 @@ fn a_start_that_erases_all_is_not_ended_by_the_watchdog() {
     assert_eq!(booted.as_deref(), Some("720: 00"));
     let erases = client.bench.rig.connections(board).flash.lock().wear().1;
     assert!(erases >= 2 && client.now_us() > 1_000_000, "{erases} erases, {} us", client.now_us());
+    // That all was lost is told, once: the next start finds a memory.
+    client.expect(NO_ERROR);
+    client.expect("0A0: 00 10 01 01 00 00 00 00");
+    client.wait_ms(1000);
+    client.bench.power_cycle();
+    client.aside.clear();
+    client.expect("720: 00");
+    client.expect(NO_ERROR);
+    assert_eq!(client.listen_ms(200), []);
+    assert_eq!(client.read(0x2024, 0), 1);
     client.end_without_reset();
 }
 

@@ -19,6 +19,7 @@ const DBGMCU_APB1_FZ: u64 = 0xE004_2008;
 const GPIOA_MODER: u64 = 0x4002_0000;
 const GPIOA_PUPDR: u64 = 0x4002_000C;
 const GPIOB: u64 = 0x4002_0400;
+const GPIOC: u64 = 0x4002_0800;
 const GPIOD: u64 = 0x4002_0C00;
 const GPIO_MODER: u64 = 0x00;
 const GPIO_OTYPER: u64 = 0x04;
@@ -73,11 +74,15 @@ fn what_was_written_leaves_the_flash_as_fast_as_it_was() {
     let saved = content::stored_after(&VALVE, &[frame("620: 23 10 10 01 73 61 76 65")]);
     let mut client = ImageClient::with_memory(&NUCLEO_F429ZI, &content::worn(&saved));
     let board = client.bench.board;
-    let wear = |client: &ImageClient| client.bench.rig.connections(board).flash.lock().wear();
-    let before = wear(&client);
+    let instructions = |client: &ImageClient| client.machine().reached().instructions;
+    let before = instructions(&client);
     client.write(0x1010, 1, 4, SAVE);
-    let after = wear(&client);
-    assert!(after.0 > before.0 && after.1 > before.1, "words were written and a sector was erased: {after:?}");
+    let took = instructions(&client) - before;
+    let journal = client.bench.rig.connections(board).flash.lock().journal().to_vec();
+    let erases: Vec<_> = journal.iter().filter(|operation| operation.is_erase()).collect();
+    let &[erase] = &erases[..] else { panic!("a sector is erased, not {}", erases.len()) };
+    assert_eq!(erase.until - erase.from, 250_000_000, "by words (DS9405)");
+    assert!(took < 20_000_000, "{took} instructions: the processor sleeps meanwhile");
     assert_eq!(client.machine().register(FLASH_ACR) >> 8 & 0b111, 0b111, "{ACCELERATOR}");
     client.end_without_reset();
 }
@@ -87,6 +92,15 @@ fn what_was_written_leaves_the_flash_as_fast_as_it_was() {
 fn can1_is_at_the_pins_of_the_transceiver() {
     check_pins(&ImageClient::booted(), GPIOD, 0, 1);
     check_pins(&ImageClient::booted_on(&NUCLEO_F446RE), GPIOB, 8, 9);
+}
+
+#[test]
+fn the_button_is_at_rest_without_the_boards_resistor() {
+    for (board, pull) in [(&NUCLEO_F429ZI, 0b10), (&NUCLEO_F446RE, 0b01)] {
+        let client = ImageClient::booted_on(board);
+        let pulled = client.machine().register(GPIOC + GPIO_PUPDR) >> 26 & 0b11;
+        assert_eq!(pulled, pull, "{}: PC13 is pulled to the level that it has while nobody presses", board.name);
+    }
 }
 
 fn check_pins(client: &ImageClient, port: u64, rx: u64, tx: u64) {
