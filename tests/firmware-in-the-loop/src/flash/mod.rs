@@ -32,6 +32,8 @@ pub const PROGRAM_TIME: Nanos = 16_000;
 const LONGEST_PROGRAM_TIME: Nanos = 100_000;
 /// The longest erase takes so many times the typical one, whatever the sector and the width.
 const LONGEST_ERASE: Nanos = 2;
+/// Years after the power came.
+const FOR_EVER: Nanos = 1 << 60;
 
 /// An operation that has begun.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,6 +73,7 @@ pub struct Flash {
     operation: Option<Operation>,
     fails: bool,
     slow: bool,
+    stuck: bool,
     complaints: Vec<String>,
     programs: u64,
     erases: u64,
@@ -98,6 +101,7 @@ impl Default for Flash {
             operation: None,
             fails: false,
             slow: false,
+            stuck: false,
             complaints: Vec::new(),
             programs: 0,
             erases: 0,
@@ -131,6 +135,11 @@ impl Flash {
     /// From now on programming and erasing take the longest time that the data sheet allows, or the typical one.
     pub const fn set_slow(&mut self, slow: bool) {
         self.slow = slow;
+    }
+
+    /// From now on no erase that begins ends before a reset, or each does again.
+    pub const fn set_stuck(&mut self, stuck: bool) {
+        self.stuck = stuck;
     }
 
     /// The first `size` bytes of the memory.
@@ -180,8 +189,8 @@ impl Flash {
             }
             Some(What::Erase { from, size }) => self.array.erase_partly(from, size, &mut random),
         }
-        let Self { layout, array, fails, slow, complaints, programs, erases, .. } = std::mem::take(self);
-        *self = Self { layout, array, fails, slow, complaints, programs, erases, ..Self::default() };
+        let Self { layout, array, fails, slow, stuck, complaints, programs, erases, .. } = std::mem::take(self);
+        *self = Self { layout, array, fails, slow, stuck, complaints, programs, erases, ..Self::default() };
     }
 }
 
@@ -335,7 +344,11 @@ impl Flash {
                 return;
             }
             let typical = array::erase_time(size, parallelism);
-            let until = now + if self.slow { LONGEST_ERASE * typical } else { typical };
+            let until = match (self.stuck, self.slow) {
+                (true, _) => FOR_EVER,
+                (false, true) => now + LONGEST_ERASE * typical,
+                (false, false) => now + typical,
+            };
             self.begin(Operation { what: What::Erase { from, size }, from: now, until });
             return;
         } else {

@@ -163,6 +163,9 @@ fn the_leds_show_what_the_board_knows() {
     }
     client.obeyed("bus_off on");
     assert_eq!(client.leds(), Shown::Red, "bus-off");
+    client.obeyed("internal_fault on");
+    assert_eq!(client.leds(), Shown::Red, "bus-off goes first");
+    client.obeyed("internal_fault off");
     client.obeyed("bus_off off");
     assert_eq!(client.leds(), Shown::Green);
 }

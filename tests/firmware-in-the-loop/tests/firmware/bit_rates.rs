@@ -1,13 +1,23 @@
 //! All bit rates of SPEC 1, as the firmware sets the controller and as the bus measures them.
 
+use firmware_in_the_loop::board::NUCLEO_F429ZI;
 use firmware_in_the_loop::bxcan::BitTiming;
 use firmware_in_the_loop::bxcan::registers::{BTR, TSR};
+use firmware_in_the_loop::content;
+use firmware_in_the_loop::flash::Operation;
+use hal_sim::WireEvent;
 use hal_sim::bus::FrameBits;
 use hal_sim::use_case::Bench;
 use protocol_core::controller::BitRate;
+use protocol_core::time::{Duration, Instant};
 
 use super::client::{ImageClient, SAVE, SENSOR, VALVE, frame};
 use super::overtaking::fill;
+
+/// The cycle of the heartbeat where one is watched.
+const HEARTBEAT_MS: u64 = 20;
+/// Much shorter than a frame at 20 kbit/s.
+const SOON: Duration = Duration::from_micros(100);
 
 #[test]
 fn each_bit_rate_of_a_valve_is_exact_and_samples_where_cia_says() {
@@ -103,7 +113,7 @@ fn a_bit_rate_is_changed_at_run_time_with_both_delays() {
     assert_eq!(rate(&client), Some(500_000));
     client.bench.set_bit_rate(BitRate::Kbit500);
     client.send("7E5: 5E 00 00 00 00 00 00 00");
-    assert_eq!(client.receive_for(protocol_core::time::Duration::from_millis(30)), None, "silent for the second delay");
+    assert_eq!(client.receive_for(Duration::from_millis(30)), None, "silent for the second delay");
     client.wait_ms(30);
     client.send("7E5: 5E 00 00 00 00 00 00 00");
     client.expect("7E4: 5E 20 00 00 00 00 00 00");
@@ -131,4 +141,157 @@ fn what_waits_is_dropped_when_the_bit_rate_changes() {
         assert!(client.now_us() < start + 60_000, "the bit rate has not changed");
     }
     assert_eq!(empty(&client), 0b111, "it is dropped");
+}
+
+/// The sensor at 20 kbit/s, where a frame takes milliseconds, told to go to another bit rate; and when it does that, in us.
+fn about_to_switch() -> (ImageClient, u64) {
+    let mut client = ImageClient::sensor();
+    configure_by_lss(&mut client, BitRate::Kbit20);
+    client.expect("720: 00");
+    client.write(0x1017, 0, 2, HEARTBEAT_MS as u32);
+    client.send("7E5: 04 01 00 00 00 00 00 00");
+    client.send("7E5: 13 00 04 00 00 00 00 00");
+    while client.receive() != Some(frame("7E4: 13 00 00 00 00 00 00 00")) {}
+    client.send("7E5: 15 32 00 00 00 00 00 00");
+    while client.bench.rig.world.pending(client.bench.master) > 0 {
+        client.step();
+    }
+    let switch = client.now_us() + 50_000;
+    assert_eq!(client.bench.rig.bits_per_second(client.bench.board), Some(20_000));
+    (client, switch)
+}
+
+/// Lets time pass until the controller has left its bit rate.
+fn left(client: &mut ImageClient) -> u64 {
+    let start = client.now_us();
+    while client.bench.rig.bits_per_second(client.bench.board) == Some(20_000) {
+        client.step();
+        assert!(client.now_us() < start + 200_000, "the bit rate has not changed");
+    }
+    client.now_us()
+}
+
+#[test]
+fn the_frame_on_the_wire_ends_before_the_bit_rate_changes() {
+    let (mut client, switch) = about_to_switch();
+    client.bench.rig.run_until(Instant::from_micros(switch - 1000));
+    client.send("7FF: 55 55 55 55 55 55 55 55");
+    client.bench.rig.run_until(Instant::from_micros(switch + 3000));
+    assert!(client.bench.rig.world.pending(client.bench.master) > 0, "the frame is on the wire");
+    left(&mut client);
+    assert_eq!(client.bench.rig.world.pending(client.bench.master), 0, "it was acknowledged");
+    // What is due next is on time, though the task has waited for something else meanwhile.
+    client.bench.set_bit_rate(BitRate::Kbit125);
+    client.aside.clear();
+    client.expect("720: 7F");
+    let late = client.now_us() - switch;
+    assert!((50_000..50_000 + 1_000 * HEARTBEAT_MS + 2_000).contains(&late), "{late} us after the bit rate changed");
+    client.end_without_reset();
+}
+
+#[test]
+fn on_a_bus_where_no_frame_ever_ends_the_bit_rate_changes_all_the_same() {
+    let (mut client, switch) = about_to_switch();
+    let board = client.bench.board;
+    client.bench.rig.run_until(Instant::from_micros(switch - 1000));
+    client.bench.rig.connections(board).can.lock().can.hear(WireEvent::Begins { own: false });
+    let late = left(&mut client) - switch;
+    assert!((20_000..30_000).contains(&late), "{late} us after its instant");
+    client.bench.set_bit_rate(BitRate::Kbit125);
+    client.wait_ms(100);
+    assert_eq!(client.bench.rig.bits_per_second(board), Some(125_000));
+    client.send("7E5: 5E 00 00 00 00 00 00 00");
+    client.aside.clear();
+    while client.receive() != Some(frame("7E4: 5E 20 00 00 00 00 00 00")) {}
+    client.end_without_reset();
+}
+
+#[test]
+fn the_console_says_that_it_is_off_the_bus_when_it_is() {
+    let (mut client, _) = about_to_switch();
+    let board = client.bench.board;
+    client.bench.rig.connections(board).terminal.lock().typed.extend(b"bus_off on");
+    client.wait_ms(5);
+    client.bench.rig.printed(board);
+    client.send("7FF: 55 55 55 55 55 55 55 55");
+    client.bench.rig.connections(board).terminal.lock().typed.push_back(b'\n');
+    let mut said = String::new();
+    while said.is_empty() {
+        client.bench.rig.run_for(SOON);
+        said = client.bench.rig.printed(board);
+    }
+    assert_eq!(client.bench.rig.world.pending(client.bench.master), 0, "the frame on the wire has ended");
+    assert_eq!(client.bench.rig.bits_per_second(board), None);
+}
+
+/// The valve saves its parameters, and the erase in that ends while its controller waits for the end of a frame to leave
+/// the bus, in vain; a line has perhaps asked the memory for something more.
+fn save_while_the_bus_is_left(line: Option<&str>) -> ImageClient {
+    let saved = content::stored_after(&VALVE, &[frame("620: 23 10 10 01 73 61 76 65")]);
+    let mut client = ImageClient::with_memory(&NUCLEO_F429ZI, &content::worn(&saved));
+    let board = client.bench.board;
+    client.send("7E5: 04 01 00 00 00 00 00 00");
+    client.send("7E5: 13 00 02 00 00 00 00 00");
+    client.expect("7E4: 13 00 00 00 00 00 00 00");
+    client.send("620: 23 10 10 01 73 61 76 65");
+    let until = loop {
+        let last = client.bench.rig.connections(board).flash.lock().journal().last().copied();
+        if let Some(erase) = last.filter(Operation::is_erase) {
+            break client.bench.rig.instant(board, erase.until).as_micros();
+        }
+        client.step();
+    };
+    client.bench.rig.printed(board);
+    line.into_iter().for_each(|line| client.bench.rig.type_line(board, line));
+    client.bench.rig.run_until(Instant::from_micros(until - 58_000));
+    client.send("7E5: 15 32 00 00 00 00 00 00");
+    client.bench.rig.run_until(Instant::from_micros(until - 10_000));
+    client.bench.rig.connections(board).can.lock().can.hear(WireEvent::Begins { own: false });
+    client.bench.rig.run_until(Instant::from_micros(until + 4_000));
+    if line.is_none() {
+        // Comes after the end of the store.
+        client.bench.rig.type_line(board, "lever off");
+    }
+    client.bench.rig.run_until(Instant::from_micros(until + 8_000));
+    assert_eq!(client.bench.rig.bits_per_second(board), Some(250_000), "it waits for the end of the frame");
+    client.bench.rig.run_until(Instant::from_micros(until + 20_000));
+    assert_ne!(client.bench.rig.bits_per_second(board), Some(250_000));
+    client.bench.set_bit_rate(BitRate::Kbit500);
+    client
+}
+
+#[test]
+fn a_store_that_ends_while_the_bus_is_left_is_noticed() {
+    let mut client = save_while_the_bus_is_left(None);
+    client.wait_ms(100);
+    assert_eq!(client.bench.rig.printed(client.bench.board), "ok\r\n");
+    client.write(0x1010, 1, 4, SAVE);
+    client.end_without_reset();
+}
+
+#[test]
+fn two_stores_that_end_while_the_bus_is_left_are_both_noticed() {
+    let mut client = save_while_the_bus_is_left(Some("blank"));
+    client.wait_ms(20);
+    assert_eq!(client.bench.rig.printed(client.bench.board), "ok\r\n");
+    client.wait_ms(400);
+    assert_eq!(client.status_of("node_id"), "none");
+}
+
+#[test]
+fn a_bit_rate_that_changes_while_the_valve_is_kept_bus_off_is_that_of_the_way_back() {
+    let mut client = ImageClient::booted();
+    let board = client.bench.board;
+    client.send("7E5: 04 01 00 00 00 00 00 00");
+    client.send("7E5: 13 00 02 00 00 00 00 00");
+    client.expect("7E4: 13 00 00 00 00 00 00 00");
+    client.send("7E5: 15 32 00 00 00 00 00 00");
+    client.wait_ms(5);
+    client.obeyed("bus_off on");
+    client.wait_ms(100);
+    assert_eq!(client.bench.rig.bits_per_second(board), None);
+    client.obeyed("bus_off off");
+    client.wait_ms(10);
+    assert_eq!(client.bench.rig.bits_per_second(board), Some(500_000));
+    assert_eq!(client.status_of("bit_rate"), "500000");
 }

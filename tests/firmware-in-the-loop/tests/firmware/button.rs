@@ -53,6 +53,21 @@ fn a_press_that_bounces_is_one() {
 }
 
 #[test]
+fn what_is_shorter_than_three_looks_is_none_and_a_press_needs_no_line_to_be_seen() {
+    let mut client = ImageClient::booted();
+    for _ in 0..4 {
+        for pressed in [true, false] {
+            client.drive_button(pressed);
+            client.wait_ms(15);
+        }
+    }
+    assert_eq!(client.listen_ms(2500), [], "the supply is as it was");
+    client.press_button();
+    client.wait_ms(2000);
+    client.expect("0A0: 12 34 05 01 00 00 00 00");
+}
+
+#[test]
 fn one_that_is_held_is_one() {
     let mut client = ImageClient::booted();
     client.drive_button(true);

@@ -7,6 +7,8 @@ use protocol_core::time::Duration;
 use super::client::{ImageClient, SAVE, download};
 
 const NO_ERROR: &str = "0A0: 00 00 00 00 00 00 00 00";
+/// Characters of a line.
+const LONGEST_LINE: usize = 48;
 const INTERNAL_ERROR: &str = "0A0: 00 10 01 01 00 00 00 00";
 /// The claim of a new valve on ISOBUS.
 const CLAIM: &str = "18EEFF80: 01 00 20 07 08 FF 02 20";
@@ -109,6 +111,9 @@ fn help_tells_all_words_of_the_kind_and_no_others() {
 fn what_it_does_not_know_changes_nothing() {
     let mut client = ImageClient::booted();
     let before = client.status();
+    // As long as a line can be, and one character more: it is not taken for what it begins with.
+    let longest = |value: &str| format!("supply_mv{}{value}", " ".repeat(LONGEST_LINE - "supply_mv24000".len()));
+    assert_eq!(client.obeyed(&longest("24000")), Vec::<String>::new());
     for line in [
         "help me",
         "supply_mv",
@@ -124,6 +129,7 @@ fn what_it_does_not_know_changes_nothing() {
         "kind pvea",
         "status now",
         &"x".repeat(300),
+        &longest("240001"),
     ] {
         let answer = client.console(line).expect_err(line);
         assert_eq!(answer, "not understood: help tells all words");
@@ -179,6 +185,44 @@ fn kept_bus_off_it_is_silent_until_it_may_recover() {
     client.expect(NO_ERROR);
     assert_eq!(client.read(0x1018, 1), 0x0100_0019);
     assert_eq!(client.read(0x2019, 0), 1);
+}
+
+#[test]
+fn let_go_it_takes_128_sequences_of_11_bits_to_recover() {
+    for (mut client, bit_us) in [(ImageClient::booted(), 4), (ImageClient::sensor(), 2)] {
+        let board = client.bench.board;
+        client.obeyed("bus_off on");
+        client.bench.rig.connections(board).terminal.lock().typed.extend(b"bus_off off");
+        client.wait_ms(10);
+        assert_eq!(client.bench.rig.bits_per_second(board), None);
+        client.bench.rig.connections(board).terminal.lock().typed.push_back(b'\n');
+        let start = client.now_us();
+        while client.bench.rig.bits_per_second(board).is_none() {
+            assert!(client.now_us() < start + 100_000, "it does not come back");
+            client.step();
+        }
+        let (took, recovery) = (client.now_us() - start, 128 * 11 * bit_us);
+        // The board looks every millisecond.
+        assert!((recovery..recovery + 1_200).contains(&took), "{took} us at {bit_us} us a bit");
+        client.end_without_reset();
+    }
+}
+
+#[test]
+fn a_kind_that_cannot_be_stored_is_refused_and_nothing_starts_anew() {
+    let mut client = ImageClient::booted();
+    let board = client.bench.board;
+    client.bench.rig.printed(board);
+    client.bench.rig.connections(board).flash.lock().set_fails(true);
+    client.bench.rig.type_line(board, "kind pveo-canopen");
+    client.wait_ms(300);
+    assert_eq!(client.bench.rig.printed(board), "the memory failed\r\n");
+    assert_eq!(client.listen_ms(1), []);
+    client.bench.rig.connections(board).flash.lock().set_fails(false);
+    assert_eq!(client.status_of("kind"), "pvea-canopen");
+    client.bench.rig.type_line(board, "kind pveo-canopen");
+    client.expect("720: 00");
+    assert_eq!(client.status_of("kind"), "pveo-canopen");
 }
 
 #[test]
@@ -253,6 +297,30 @@ fn another_kind_is_a_new_device_and_back_again() {
     let name = client.sdo([0x40, 0x53, 0x60, 0, 0, 0, 0, 0]);
     assert_eq!(name, [0x41, 0x53, 0x60, 0, 10, 0, 0, 0], "the name of a new device has ten characters");
     assert_eq!(client.sdo([0x60, 0, 0, 0, 0, 0, 0, 0])[1..8], *b"PVEO-CI");
+}
+
+#[test]
+fn a_new_device_has_nothing_of_the_one_before_and_keeps_what_it_is_told() {
+    let mut client = ImageClient::booted();
+    let start = |client: &mut ImageClient| {
+        client.expect("720: 00");
+        client.expect(NO_ERROR);
+    };
+    client.write(0x1028, 1, 4, 0xA1);
+    client.write(0x1010, 1, 4, SAVE);
+    client.bench.rig.type_line(client.bench.board, "kind pveo-canopen");
+    start(&mut client);
+    for at in ["first", "second"] {
+        assert_eq!(client.read(0x1028, 1), 0x8000_0000, "at its {at} start");
+        client.bench.power_cycle();
+        start(&mut client);
+    }
+    client.write(0x1028, 1, 4, 0xA2);
+    client.write(0x1010, 1, 4, SAVE);
+    client.bench.power_cycle();
+    start(&mut client);
+    assert_eq!(client.read(0x1028, 1), 0xA2);
+    assert_eq!(client.status_of("kind"), "pveo-canopen");
 }
 
 #[test]

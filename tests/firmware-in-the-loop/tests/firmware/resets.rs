@@ -1,11 +1,15 @@
 //! What goes wrong in the image ends in a reset, and the next start raises the internal error (SPEC 2).
 
+use firmware_in_the_loop::bench::ImageBench;
 use firmware_in_the_loop::board::{Board, NUCLEO_F429ZI};
 use firmware_in_the_loop::broken::Break;
+use firmware_in_the_loop::content;
+use firmware_in_the_loop::image::Image;
 use hal_sim::use_case::Bench;
+use protocol_core::controller::BitRate;
 use protocol_core::time::{Duration, after};
 
-use super::client::ImageClient;
+use super::client::{Client, ImageClient, SAVE, VALVE, frame};
 
 /// What the device's task calls for an SDO request, and nobody else: each after what it is inlined into, should it be.
 pub const HANDLES_SDO: [&str; 4] = [
@@ -21,10 +25,12 @@ pub const AT_ONCE: Duration = Duration::from_millis(20);
 
 /// What writes a record, and nobody but the memory's task calls.
 const STORES: [&str; 1] = ["nvm::store::Records<F>::write"];
+/// What the memory's task calls as the board starts, and whenever it looks for what is stored.
+const SCANS: [&str; 1] = ["nvm::store::Records<F>::scan"];
 /// What the handler runs that polls the device's task.
 const POLLS_DEVICE: [&str; 1] = ["UART5"];
 /// The longest that the memory may take, and the watchdog's time.
-const HANGING_MEMORY: std::ops::Range<u64> = 3_000_000..5_500_000;
+const HANGING_MEMORY: std::ops::Range<u64> = 3_000_000..4_500_000;
 
 const NO_ERROR: &str = "0A0: 00 00 00 00 00 00 00 00";
 
@@ -42,14 +48,23 @@ fn break_there_and_wait(
     patience: Duration,
 ) -> Duration {
     let mended = how.apply(client.machine(), names);
-    let before = client.machine().reached().resets;
     client.send(text);
+    let took = wait_for_reset(client, patience);
+    mended.mend(client.machine());
+    took
+}
+
+/// Waits for a reset, at most so long, while frames for the device go on coming.
+fn wait_for_reset(client: &mut ImageClient, patience: Duration) -> Duration {
+    let before = client.machine().reached().resets;
     let start = client.bench.now();
     while client.machine().reached().resets == before {
-        assert!(client.bench.now() < after(start, patience), "{how:?}: no reset within {patience}");
+        assert!(client.bench.now() < after(start, patience), "no reset within {patience}");
+        if client.bench.rig.world.pending(client.bench.master) == 0 {
+            client.send("080:");
+        }
         client.step();
     }
-    mended.mend(client.machine());
     Duration::from_micros(client.now_us() - start.as_micros())
 }
 
@@ -105,11 +120,8 @@ fn a_fault_of_the_processor_resets() {
 
 #[test]
 fn a_reset_in_the_middle_of_an_erase_loses_nothing() {
-    let saved = firmware_in_the_loop::content::stored_after(
-        &super::client::VALVE,
-        &[super::client::frame("620: 23 10 10 01 73 61 76 65")],
-    );
-    let mut client = ImageClient::with_memory(&NUCLEO_F429ZI, &firmware_in_the_loop::content::worn(&saved));
+    let saved = content::stored_after(&VALVE, &[frame("620: 23 10 10 01 73 61 76 65")]);
+    let mut client = ImageClient::with_memory(&NUCLEO_F429ZI, &content::worn(&saved));
     client.write(0x1028, 1, 4, 0xA1);
     client.send("620: 23 10 10 01 73 61 76 65");
     let board = client.bench.board;
@@ -121,7 +133,7 @@ fn a_reset_in_the_middle_of_an_erase_loses_nothing() {
     let kept = client.read(0x1028, 1);
     assert!(kept == 0xA1 || kept == 0x8000_0000, "{kept:#x}");
     client.write(0x1028, 1, 4, 0xA2);
-    client.write(0x1010, 1, 4, super::client::SAVE);
+    client.write(0x1010, 1, 4, SAVE);
     client.bench.power_cycle();
     client.expect("720: 00");
     client.expect(NO_ERROR);
@@ -136,9 +148,79 @@ fn a_memory_that_hangs_is_ended_by_the_watchdog() {
     let took = break_there_and_wait(&mut client, Break::Hang, &STORES, "620: 23 10 10 01 73 61 76 65", patience);
     assert!(HANGING_MEMORY.contains(&took.as_micros()), "{took}");
     expect_internal_error(&mut client, 1);
-    client.write(0x1010, 1, 4, super::client::SAVE);
+    client.write(0x1010, 1, 4, SAVE);
     let resets = client.bench.rig.resets(client.bench.board);
     assert!(resets.len() == 1 && resets[0].cause.contains("IWDG"), "{resets:?}");
+}
+
+#[test]
+fn a_memory_that_hangs_is_given_no_more_time_by_another_request() {
+    let mut client = ImageClient::booted();
+    client.wait_ms(200);
+    let hanging = Break::Hang.apply(client.machine(), &STORES);
+    client.send("620: 23 10 10 01 73 61 76 65");
+    client.wait_ms(2000);
+    client.bench.rig.type_line(client.bench.board, "blank");
+    let took = wait_for_reset(&mut client, Duration::from_micros(HANGING_MEMORY.end - 2_000_000));
+    assert!(took.as_micros() + 2_000_000 >= HANGING_MEMORY.start, "{took}");
+    hanging.mend(client.machine());
+    expect_internal_error(&mut client, 1);
+}
+
+#[test]
+fn an_erase_that_never_ends_is_ended_by_the_watchdog() {
+    let saved = content::stored_after(&VALVE, &[frame("620: 23 10 10 01 73 61 76 65")]);
+    let mut client = ImageClient::with_memory(&NUCLEO_F429ZI, &content::worn(&saved));
+    let board = client.bench.board;
+    client.wait_ms(200);
+    client.bench.rig.connections(board).flash.lock().set_stuck(true);
+    client.send("620: 23 10 10 01 73 61 76 65");
+    let took = wait_for_reset(&mut client, Duration::from_micros(HANGING_MEMORY.end));
+    assert!(HANGING_MEMORY.contains(&took.as_micros()), "{took}");
+    client.bench.rig.connections(board).flash.lock().set_stuck(false);
+    expect_internal_error(&mut client, 1);
+    client.write(0x1010, 1, 4, SAVE);
+}
+
+#[test]
+fn a_memory_that_hangs_at_the_start_is_ended_by_the_watchdog() {
+    let mut client = ImageClient::booted();
+    client.wait_ms(200);
+    let hanging = Break::Hang.apply(client.machine(), &SCANS);
+    client.bench.rig.type_line(client.bench.board, "power-cycle");
+    wait_for_reset(&mut client, AT_ONCE);
+    let took = wait_for_reset(&mut client, Duration::from_micros(HANGING_MEMORY.end));
+    assert!(HANGING_MEMORY.contains(&took.as_micros()), "{took}");
+    hanging.mend(client.machine());
+    expect_internal_error(&mut client, 1);
+    let resets = client.bench.rig.resets(client.bench.board);
+    assert!(resets.last().is_some_and(|last| last.cause.contains("IWDG")), "{resets:?}");
+}
+
+/// Two erases that take the longest time are longer than the watchdog's.
+#[test]
+fn a_start_that_erases_all_is_not_ended_by_the_watchdog() {
+    let noise: Vec<u8> = (0..32 * 1024).map(|place| (place * 31 % 251) as u8).collect();
+    let bench = ImageBench::with_memory(&NUCLEO_F429ZI, BitRate::Kbit250, &noise, &[]);
+    let mut client = Client { bench, aside: Default::default() };
+    let board = client.bench.board;
+    client.bench.rig.connections(board).flash.lock().set_slow(true);
+    client.bench.power_cycle();
+    let booted = client.receive_for(Duration::from_secs(4)).map(|frame| frame.to_string());
+    assert_eq!(booted.as_deref(), Some("720: 00"));
+    let erases = client.bench.rig.connections(board).flash.lock().wear().1;
+    assert!(erases >= 2 && client.now_us() > 1_000_000, "{erases} erases, {} us", client.now_us());
+    // That all was lost is told, once: the next start finds a memory.
+    client.expect(NO_ERROR);
+    client.expect("0A0: 00 10 01 01 00 00 00 00");
+    client.wait_ms(1000);
+    client.bench.power_cycle();
+    client.aside.clear();
+    client.expect("720: 00");
+    client.expect(NO_ERROR);
+    assert_eq!(client.listen_ms(200), []);
+    assert_eq!(client.read(0x2024, 0), 1);
+    client.end_without_reset();
 }
 
 #[test]
@@ -150,12 +232,28 @@ fn a_device_task_that_is_not_woken_is_ended_by_the_watchdog_though_all_others_ru
 
 #[test]
 fn a_reset_that_was_wanted_is_none_of_the_watchdogs_before_it() {
+    for how in [Break::Hang, Break::Panic] {
+        let mut client = ImageClient::booted();
+        break_and_wait(&mut client, how, WATCHDOG);
+        expect_internal_error(&mut client, 1);
+        client.wait_ms(200);
+        client.obeyed("power-cycle");
+        client.expect("720: 00");
+        client.expect(NO_ERROR);
+        assert_eq!(client.listen_ms(200), [], "{how:?}");
+    }
+}
+
+#[test]
+fn power_that_comes_with_the_mark_of_a_panic_in_the_noise_is_no_internal_error() {
     let mut client = ImageClient::booted();
-    break_and_wait(&mut client, Break::Hang, WATCHDOG);
-    expect_internal_error(&mut client, 1);
-    client.wait_ms(200);
-    client.obeyed("power-cycle");
+    let marker = Image::of(&NUCLEO_F429ZI).symbols().address("firmware::board::reset::MARKER").expect("a marker");
+    let board = client.bench.board;
+    client.bench.rig.power(board, false);
+    client.bench.rig.power(board, true);
+    client.machine().write(marker, b"INAP");
     client.expect("720: 00");
     client.expect(NO_ERROR);
     assert_eq!(client.listen_ms(200), []);
+    client.end_without_reset();
 }

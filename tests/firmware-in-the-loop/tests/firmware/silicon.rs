@@ -3,11 +3,12 @@
 
 use firmware_in_the_loop::board::{NUCLEO_F429ZI, NUCLEO_F446RE};
 use firmware_in_the_loop::broken::Break;
+use firmware_in_the_loop::content;
 use firmware_in_the_loop::image::Image;
 use hal_sim::use_case::Bench as _;
 use protocol_core::frame::{Frame, standard};
 
-use super::client::{ImageClient, SAVE, download, frame};
+use super::client::{ImageClient, SAVE, VALVE, download, frame};
 
 /// Registers (RM0090, PM0214).
 const RCC_CR: u64 = 0x4002_3800;
@@ -17,6 +18,14 @@ const PWR_CR: u64 = 0x4000_7000;
 const DBGMCU_APB1_FZ: u64 = 0xE004_2008;
 const GPIOA_MODER: u64 = 0x4002_0000;
 const GPIOA_PUPDR: u64 = 0x4002_000C;
+const GPIOB: u64 = 0x4002_0400;
+const GPIOC: u64 = 0x4002_0800;
+const GPIOD: u64 = 0x4002_0C00;
+const GPIO_MODER: u64 = 0x00;
+const GPIO_OTYPER: u64 = 0x04;
+const GPIO_OSPEEDR: u64 = 0x08;
+const GPIO_PUPDR: u64 = 0x0C;
+const GPIO_AFRL: u64 = 0x20;
 const NVIC_IPR: u64 = 0xE000_E400;
 
 /// Interrupts (RM0090 table 63, RM0390 table 38), those of a line with one priority, the most urgent first.
@@ -34,6 +43,8 @@ const RTT_SIZE: u64 = 32;
 const RTT_WRITE: u64 = 36;
 const RTT_READ: u64 = 40;
 const RTT_FLAGS: u64 = 44;
+const ACCELERATOR: &str = "prefetch, instruction cache, data cache";
+
 /// Whoever logs waits for room.
 const BLOCK_IF_FULL: u32 = 2;
 
@@ -53,9 +64,59 @@ fn check_clock(client: &ImageClient) {
     assert_eq!(register(RCC_CR) >> 16 & 0b111, 0b111, "HSE is on, ready, and bypassed: no crystal is fitted");
     assert_eq!(register(RCC_CFGR) >> 2 & 0b11, 0b10, "the PLL is the system clock");
     assert_eq!(register(RCC_CFGR) >> 10 & 0b111, 0b101, "APB1 is a quarter of it");
-    assert_eq!(register(FLASH_ACR) >> 8 & 0b111, 0b111, "prefetch, instruction cache, data cache");
+    assert_eq!(register(FLASH_ACR) >> 8 & 0b111, 0b111, "{ACCELERATOR}");
     assert_eq!(register(FLASH_ACR) & 0xF, 5, "wait states at 160 MHz (RM0090 table 11, RM0390 table 5)");
     assert_eq!(register(DBGMCU_APB1_FZ) >> 12 & 1, 1, "the watchdog stands while a debugger halts the core");
+}
+
+#[test]
+fn what_was_written_leaves_the_flash_as_fast_as_it_was() {
+    let saved = content::stored_after(&VALVE, &[frame("620: 23 10 10 01 73 61 76 65")]);
+    let mut client = ImageClient::with_memory(&NUCLEO_F429ZI, &content::worn(&saved));
+    let board = client.bench.board;
+    let instructions = |client: &ImageClient| client.machine().reached().instructions;
+    let before = instructions(&client);
+    client.write(0x1010, 1, 4, SAVE);
+    let took = instructions(&client) - before;
+    let journal = client.bench.rig.connections(board).flash.lock().journal().to_vec();
+    let erases: Vec<_> = journal.iter().filter(|operation| operation.is_erase()).collect();
+    let &[erase] = &erases[..] else { panic!("a sector is erased, not {}", erases.len()) };
+    assert_eq!(erase.until - erase.from, 250_000_000, "by words (DS9405)");
+    assert!(took < 20_000_000, "{took} instructions: the processor sleeps meanwhile");
+    assert_eq!(client.machine().register(FLASH_ACR) >> 8 & 0b111, 0b111, "{ACCELERATOR}");
+    client.end_without_reset();
+}
+
+/// The bus is modelled from the registers of CAN1 on: nothing else would miss the pins.
+#[test]
+fn can1_is_at_the_pins_of_the_transceiver() {
+    check_pins(&ImageClient::booted(), GPIOD, 0, 1);
+    check_pins(&ImageClient::booted_on(&NUCLEO_F446RE), GPIOB, 8, 9);
+}
+
+#[test]
+fn the_button_is_at_rest_without_the_boards_resistor() {
+    for (board, pull) in [(&NUCLEO_F429ZI, 0b10), (&NUCLEO_F446RE, 0b01)] {
+        let client = ImageClient::booted_on(board);
+        let pulled = client.machine().register(GPIOC + GPIO_PUPDR) >> 26 & 0b11;
+        assert_eq!(pulled, pull, "{}: PC13 is pulled to the level that it has while nobody presses", board.name);
+    }
+}
+
+fn check_pins(client: &ImageClient, port: u64, rx: u64, tx: u64) {
+    let two_bits = |register: u64, pin: u64| client.machine().register(port + register) >> (2 * pin) & 0b11;
+    for pin in [rx, tx] {
+        assert_eq!(two_bits(GPIO_MODER, pin), 0b10, "pin {pin} is that of a peripheral");
+        let functions = client.machine().register(port + GPIO_AFRL + pin / 8 * 4);
+        assert_eq!(
+            functions >> (pin % 8 * 4) & 0xF,
+            9,
+            "pin {pin} has the function CAN1 (DS9405 table 12, DS10693 table 11)"
+        );
+    }
+    assert_eq!(two_bits(GPIO_PUPDR, rx), 0b01, "without a transceiver the bus reads recessive");
+    assert_eq!(two_bits(GPIO_OSPEEDR, tx), 0b11, "very high speed");
+    assert_eq!(client.machine().register(port + GPIO_OTYPER) >> tx & 1, 0, "push-pull");
 }
 
 #[test]

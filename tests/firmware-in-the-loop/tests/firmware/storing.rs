@@ -164,3 +164,16 @@ fn in_full_traffic_nothing_is_lost_while_it_stores_and_erases() {
     assert_eq!((client.read(0x1028, 1), client.read(0x6053, 0)), (0xA1, NAME));
     client.end_without_reset();
 }
+
+/// A device that starts anew has no answers: what comes waits for the one that it becomes.
+#[test]
+fn a_request_that_comes_while_the_device_restarts_is_answered_after_its_boot_up() {
+    let saved = content::stored_after(&VALVE, &[frame("620: 23 10 10 01 73 61 76 65")]);
+    let mut client = ImageClient::with_memory(&NUCLEO_F429ZI, &content::worn(&saved));
+    client.send("000: 81 20");
+    client.send("620: 40 18 10 01 00 00 00 00");
+    for text in ["720: 00", "0A0: 00 00 00 00 00 00 00 00", "5A0: 43 18 10 01 19 00 00 01"] {
+        client.expect(text);
+    }
+    client.end_without_reset();
+}
