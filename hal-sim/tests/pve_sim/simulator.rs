@@ -93,6 +93,7 @@ impl Simulator {
 
     /// Ends it as a user does; what is left of stdout and stderr.
     pub(crate) fn end(mut self, signal: Signal) -> (String, String) {
+        assert!(signal != Signal::HUP || !ignores_hangup(), "SIGHUP is ignored, as under nohup: pve-sim would go on");
         kill_process(Pid::from_child(&self.process), signal).expect("it still runs");
         let (mut stdout, mut stderr) = (String::new(), String::new());
         if let Some(mut pipe) = self.stdout.take() {
@@ -110,6 +111,13 @@ impl Drop for Simulator {
         let _ = self.process.kill();
         let _ = self.process.wait();
     }
+}
+
+/// Whether this process ignores SIGHUP, and with it those that it starts; told on Linux alone.
+fn ignores_hangup() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:\t"));
+    mask.is_some_and(|mask| mask.ends_with(['1', '3', '5', '7', '9', 'b', 'd', 'f']))
 }
 
 pub(crate) fn connect(port: u16) -> TcpStream {
