@@ -121,6 +121,7 @@ fn bus_off_withdraws_the_end_of_error_passive_with_its_begin_and_no_other_end() 
     rig.hold_bus(false);
     bus(&mut rig, ErrorActive);
     assert_eq!(rig.take(), [GONE, RECOVERED, GONE]);
+    assert_eq!(history(&mut rig), [0x0004_8140, 0x0003_8120], "the one that was told");
     // Nor is the end of another error withdrawn, neither before error-passive is over nor after.
     let mut rig = booted();
     rig.hold_bus(true);

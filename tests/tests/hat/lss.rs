@@ -331,6 +331,26 @@ fn lss_store_stores_what_is_pending_again_when_it_was_overwritten() {
     }
 }
 
+/// In force and not pending any more: what is saved in its place counts.
+#[test]
+fn lss_store_does_not_store_what_is_held_when_it_was_overwritten() {
+    let mut rig = configuration();
+    node_id(&mut rig, 12, 0);
+    bit_rate(&mut rig, 0, 4, 0);
+    rig.exchange("7E5: 15 00 00 00 00 00 00 00", &[]);
+    rig.exchange("000: 82 00", &["70C: 00"]);
+    for (object, value) in [("2F 01 20 02", "09"), ("2F 02 20 02", "03"), ("23 10 10 04", "73 61 76 65")] {
+        let padding = " 00".repeat(4 - (value.len() + 1) / 3);
+        let answer = format!("58C: 60{} 00 00 00 00", &object[2..]);
+        rig.exchange(&format!("60C: {object} {value}{padding}"), &[&answer]);
+    }
+    rig.exchange(TO_CONFIGURATION, &[]);
+    rig.exchange(STORE, &[STORED]);
+    rig.power_cycle();
+    assert_eq!(rig.take(), ["709: 00"]);
+    assert_eq!(rig.device().bit_rate(), BitRate::Kbit250);
+}
+
 #[test]
 fn save_stores_the_demanded_pair() {
     let mut rig = booted();

@@ -91,6 +91,23 @@ fn it_starts_itself_after_every_boot_up_and_not_before() {
 }
 
 #[test]
+fn it_starts_itself_once_and_leaves_lss_configuration() {
+    let mut rig = self_starting();
+    rig.hold_bus(true);
+    rig.power_cycle();
+    rig.send("7E5: 04 01 00 00 00 00 00 00");
+    rig.hold_bus(false);
+    assert_eq!(rig.take(), ["701: 00"]);
+    rig.sense_hat(|senses| senses.internal_fault = true);
+    assert_eq!(rig.take(), ["081: 00 FF 81 02 00 00 00 00"]);
+    rig.advance(100);
+    rig.expect_nothing();
+    assert_eq!(state(&mut rig), 0x7F, "0x1029:2 has ended operational");
+    rig.take();
+    rig.exchange("7E5: 5E 00 00 00 00 00 00 00", &[]);
+}
+
+#[test]
 fn a_command_before_the_boot_up_is_out_has_the_last_word() {
     let mut rig = self_starting();
     rig.hold_bus(true);

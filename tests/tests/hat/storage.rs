@@ -6,7 +6,7 @@ use protocol_core::controller::BitRate;
 use protocol_core::device::ProductSenses;
 use protocol_core::device::hat::{Kind, Setup};
 use protocol_core::encoder::Shaft;
-use protocol_core::memory::{RecordKey, seal};
+use protocol_core::memory::{RecordKey, open, seal};
 use protocol_core::time::Duration;
 use tests::Rig;
 
@@ -314,6 +314,36 @@ fn a_save_that_is_asked_for_again_is_answered_by_its_own_writes() {
     rig.send(save);
     rig.advance(500);
     assert_eq!(rig.take(), ["581: 60 10 10 01 00 00 00 00"], "both records were written after the second request");
+}
+
+#[test]
+fn a_segment_while_a_client_waits_ends_its_transfer() {
+    let mut rig = booted();
+    rig.write_time = Duration::from_millis(10);
+    rig.exchange("601: 23 10 10 03 73 61 76 65", &[]);
+    rig.exchange("601: 60 00 00 00 00 00 00 00", &["581: 80 10 10 03 01 00 04 05"]);
+    rig.advance(100);
+    rig.expect_nothing();
+}
+
+/// Intact, and of another firmware: it does not fit the objects.
+#[test]
+fn a_record_of_another_length_is_damaged() {
+    for key in [RecordKey::LocalLayer, RecordKey::Parameters, RecordKey::Application] {
+        for longer in [false, true] {
+            let mut rig = booted();
+            assert_eq!(rig.write(0x1010, 1, 4, SAVE), Ok(()));
+            let mut payload = open(1, &rig.records[&key]).expect("intact").to_vec();
+            if longer {
+                payload.push(0);
+            } else {
+                payload.pop();
+            }
+            rig.records.insert(key, seal(1, &payload).expect("room").to_vec());
+            rig.power_cycle();
+            assert_eq!(rig.take(), ["701: 00", "081: 00 FF 81 01 00 00 00 00"], "{key:?}, longer: {longer}");
+        }
+    }
 }
 
 /// A client that turns to something else is answered about that alone, and when that is done.

@@ -79,8 +79,8 @@ fn of_two_equal_messages_the_later_one_is_given_back() {
 fn an_error_that_is_withdrawn_is_not_found_again() {
     let mut history = ErrorHistory::new();
     history.enter(1, 0);
-    history.withdraw(1);
     history.enter(2, 0);
+    history.withdraw(1);
     history.withdraw(1);
     assert_eq!((history.count(), history.field(1)), (1, Ok(2)));
 }

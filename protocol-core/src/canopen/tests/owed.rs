@@ -72,6 +72,21 @@ fn a_frame_that_is_out_of_date_is_aborted() {
     assert_eq!(next(&mut rig), None);
 }
 
+/// A controller can have both at once, and aborts by identifier.
+#[test]
+fn an_emcy_is_not_aborted_with_a_tpdo_under_its_identifier() {
+    let mut rig = operational();
+    rig.exchange("605: 23 00 18 01 00 00 00 80");
+    rig.exchange("605: 23 00 18 01 85 00 00 00");
+    rig.held = true;
+    rig.exchange("205: 01");
+    assert_eq!(next(&mut rig).unwrap().data(), [1, 0]);
+    rig.node.send_emcy(Emcy { code: 0x4200, ..Emcy::default() });
+    assert_eq!(next(&mut rig).unwrap().data()[..2], [0x00, 0x42]);
+    rig.exchange("205: 02");
+    assert_eq!(rig.node.take_abort(), None);
+}
+
 #[test]
 fn what_is_given_back_is_owed_again() {
     let mut rig = operational();
