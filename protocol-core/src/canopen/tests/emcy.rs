@@ -58,21 +58,21 @@ fn what_the_controller_has_dropped_is_told_again_and_what_was_sent_is_not() {
 
 #[test]
 fn the_controller_has_three_at_the_most_and_the_one_before_is_on_the_bus() {
-    let mut story = Story::new();
-    assert!((0..5).all(|code| story.push(message(code))));
-    assert!((0..4).all(|code| story.hand_out() == Some(message(code))));
-    story.take_back();
-    assert_eq!(told(&mut story), [1, 2, 3, 4]);
+    let mut queue = EmcyQueue::new();
+    assert!((0..5).all(|code| queue.push(message(code))));
+    assert!((0..4).all(|code| queue.hand_out() == Some(message(code))));
+    queue.take_back();
+    assert_eq!(told(&mut queue), [1, 2, 3, 4]);
 }
 
 #[test]
 fn of_two_equal_messages_the_later_one_is_given_back() {
-    let mut story = Story::new();
-    assert!([0, 1, 0].into_iter().all(|code| story.push(message(code))));
-    assert!((0..3).all(|_| story.hand_out().is_some()));
-    assert!(story.give_back(message(0)));
-    story.take_back();
-    assert_eq!(told(&mut story), [0, 1, 0]);
+    let mut queue = EmcyQueue::new();
+    assert!([0, 1, 0].into_iter().all(|code| queue.push(message(code))));
+    assert!((0..3).all(|_| queue.hand_out().is_some()));
+    assert!(queue.give_back(message(0)));
+    queue.take_back();
+    assert_eq!(told(&mut queue), [0, 1, 0]);
 }
 
 #[test]
