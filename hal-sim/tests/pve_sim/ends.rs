@@ -1,5 +1,6 @@
 //! The ends of a run: signals, a closed stdout, and everything stored.
 
+#[cfg(target_os = "linux")]
 use std::net::TcpListener;
 use std::process::{Command, Stdio};
 
