@@ -14,14 +14,20 @@ use std::ffi::OsString;
 use std::fs::{self, DirEntry, File, OpenOptions, TryLockError};
 use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
+use std::thread;
+use std::time::Duration;
 
-use atomic_write_file::AtomicWriteFile;
+use tempfile::{Builder, NamedTempFile};
 
 use super::flash::{Flash, SIZE};
 
 const MAGIC: [u8; 4] = *b"PNVM";
 const VERSION: u32 = 1;
 const HEADER: usize = 16;
+/// Letters and digits that make the name of an unfinished file unique.
+const UNFINISHED_SUFFIX: usize = 6;
+/// Pauses before a rename is tried again, in milliseconds: on Windows, a program that has the file open prevents it.
+const RENAME_PAUSES: [u64; if cfg!(windows) { 5 } else { 0 }] = [20; if cfg!(windows) { 5 } else { 0 }];
 
 /// A state file cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -143,23 +149,48 @@ impl StateFile {
         for word in [VERSION, self.kind, size] {
             header.extend_from_slice(&word.to_le_bytes());
         }
-        let written = AtomicWriteFile::open(&self.path).and_then(|mut file| {
+        let replace = || -> io::Result<()> {
+            let folder = self.path.parent().unwrap_or(Path::new("."));
+            let mut unfinished = Builder::new();
+            let prefix = self.unfinished_prefix();
+            unfinished.prefix(&prefix).rand_bytes(UNFINISHED_SUFFIX);
+            #[cfg(unix)]
+            unfinished.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+            let mut file = unfinished.tempfile_in(folder)?;
             file.write_all(&header)?;
             file.write_all(image)?;
-            file.commit()
-        });
-        written.map_err(|error| self.error("write", error))
+            if let Ok(present) = fs::metadata(&self.path) {
+                file.as_file().set_permissions(present.permissions())?;
+                #[cfg(unix)]
+                give_to_owner_of(&present, file.as_file());
+            }
+            file.as_file().sync_all()?;
+            take_the_place(file, &self.path)?;
+            #[cfg(unix)]
+            File::open(folder)?.sync_all()?;
+            Ok(())
+        };
+        replace().map_err(|error| self.error("write", error))
+    }
+
+    /// Returns how the names of unfinished files begin; [`UNFINISHED_SUFFIX`] letters and digits follow.
+    fn unfinished_prefix(&self) -> OsString {
+        let mut prefix = OsString::from(".");
+        prefix.push(self.path.file_name().unwrap_or_default());
+        prefix.push(".");
+        prefix
     }
 
     /// Removes the unfinished files that killed processes left beside this one: `.name.nvm.` and six letters or digits.
     /// A name that ends in a plain word is somebody's copy.
     pub(super) fn sweep(&self) {
-        let (Some(folder), Some(name)) = (self.path.parent(), self.path.file_name()) else { return };
-        let begin = format!(".{}.", name.to_string_lossy());
+        let Some(folder) = self.path.parent() else { return };
+        let prefix = self.unfinished_prefix();
+        let prefix = prefix.to_string_lossy();
         let is_left_behind = |found: &DirEntry| {
             let name = found.file_name();
-            let ending = name.to_str().and_then(|name| name.strip_prefix(&begin)).unwrap_or_default();
-            ending.len() == 6
+            let ending = name.to_str().and_then(|name| name.strip_prefix(&*prefix)).unwrap_or_default();
+            ending.len() == UNFINISHED_SUFFIX
                 && ending.bytes().all(|byte| byte.is_ascii_alphanumeric())
                 && !ending.bytes().all(|byte| byte.is_ascii_lowercase())
                 && found.file_type().is_ok_and(|kind| kind.is_file())
@@ -203,4 +234,24 @@ impl StateFile {
     fn error(&self, action: &'static str, source: io::Error) -> StateFileError {
         StateFileError::Io { path: self.path.clone(), action, source }
     }
+}
+
+/// Renames a finished file over the one at the path; where that fails, the file is removed.
+fn take_the_place(mut file: NamedTempFile, path: &Path) -> io::Result<()> {
+    for pause in RENAME_PAUSES {
+        match file.persist(path) {
+            Ok(_) => return Ok(()),
+            Err(refused) => file = refused.file,
+        }
+        thread::sleep(Duration::from_millis(pause));
+    }
+    file.persist(path)?;
+    Ok(())
+}
+
+/// Gives a file to the owner of another one, where that is allowed: root may run a simulator on somebody's files.
+#[cfg(unix)]
+fn give_to_owner_of(present: &fs::Metadata, file: &File) {
+    use std::os::unix::fs::{MetadataExt as _, fchown};
+    let _ = fchown(file, Some(present.uid()), Some(present.gid()));
 }

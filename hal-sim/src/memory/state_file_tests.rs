@@ -242,6 +242,24 @@ fn a_store_that_the_file_does_not_take_has_failed() {
     assert_eq!(memory.store(RecordKey::Parameters, &record(b"new")), Err(StoreError));
     let warnings = memory.take_warnings();
     assert!(warnings.len() == 1 && warnings[0].contains("cannot write"), "{warnings:?}");
+    assert_eq!(names(dir.path()), ["valve.nvm"], "no unfinished file stays");
+}
+
+/// The file is replaced at each write; its permissions are its user's.
+#[cfg(unix)]
+#[test]
+fn permissions_of_the_file_are_kept() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let dir = directory();
+    let mut memory = open(&dir);
+    let mode = |mode| fs::Permissions::from_mode(mode);
+    let told = |dir: &TempDir| fs::metadata(path(dir)).unwrap().permissions().mode() & 0o777;
+    fs::write(dir.path().join("plain"), "").unwrap();
+    let plain = fs::metadata(dir.path().join("plain")).unwrap().permissions().mode() & 0o777;
+    assert_eq!(told(&dir), plain, "a new file is like any other of its user");
+    fs::set_permissions(path(&dir), mode(0o664)).unwrap();
+    memory.store(RecordKey::Parameters, &record(b"next")).unwrap();
+    assert_eq!(told(&dir), 0o664);
 }
 
 /// What was told as failed is not there later, whether the memory goes on or is read again.
