@@ -275,6 +275,8 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
             "--device pvea-canopen,name=http",
             "'http' is the name of the control interface in traces; accepted: another one",
         ),
+        ("--device pvea-canopen,name=con", "'con' cannot name a file on Windows, and so no device anywhere"),
+        ("--device pvea-canopen,name=lpt1", "'lpt1' cannot name a file on Windows"),
         ("--log-overwrite", "the following required arguments were not provided: --log <FILE>"),
         ("--seed -1", "'-1' found; accepted: --device"),
         (

@@ -120,7 +120,22 @@ fn device_name(text: &str) -> Result<String, String> {
     if text == SENDER {
         return Err(format!("'{text}' is the name of the control interface in traces; accepted: another one"));
     }
+    if is_reserved_by_windows(text) {
+        return Err(format!(
+            "'{text}' cannot name a file on Windows, and so no device anywhere; accepted: another one"
+        ));
+    }
     Ok(text.to_owned())
+}
+
+/// Returns true for the names of devices that Windows has in every folder, with any ending: `con.nvm` is the console.
+fn is_reserved_by_windows(name: &str) -> bool {
+    let (word, number) = name.split_at(name.len().min(3));
+    match word {
+        "con" | "prn" | "aux" | "nul" => number.is_empty(),
+        "com" | "lpt" => number.len() == 1 && number.bytes().all(|digit| digit.is_ascii_digit()),
+        _ => false,
+    }
 }
 
 /// Returns a number in decimal, or in hex after `0x`; no sign, no blanks.
