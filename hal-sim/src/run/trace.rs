@@ -31,6 +31,10 @@ pub(super) fn layout(color: ColorChoice, verbose: bool) -> Option<Layout> {
         ColorChoice::Auto => AutoStream::choice(&stdout) != anstream::ColorChoice::Never,
     };
     let people = stdout.is_terminal() || color == ColorChoice::Always;
+    if people && wished {
+        // Tells a console of Windows to obey escape sequences; elsewhere this does nothing.
+        let _ = AutoStream::always_ansi(stdout);
+    }
     people.then(|| {
         let mut layout = Layout::new(wished, verbose);
         layout.fit(terminal_size().map(|(Width(columns), _)| columns.into()));
