@@ -396,12 +396,8 @@ fn every_frame_is_to_tshark_what_the_trace_says_it_is() {
     let frames = trace.lines().filter(|line| line.starts_with('('));
     let lines: Vec<(&str, &str)> = frames.map(|line| line.split_once("  ").expect("an explanation")).collect();
     assert!(lines.iter().map(|(frame, _)| *frame).eq(log.lines()), "the trace has the frames of the log");
-    let (Some(by_canopen), Some(by_j1939), Some(by_isobus)) =
-        (tshark(path, "canopen", CANOPEN), tshark(path, "j1939", J1939), tshark(path, "isobus", ISOBUS))
-    else {
-        println!("there is no tshark");
-        return;
-    };
+    let [by_canopen, by_j1939, by_isobus] = [("canopen", CANOPEN), ("j1939", J1939), ("isobus", ISOBUS)]
+        .map(|(protocol, fields)| tshark(path, protocol, fields));
     assert_eq!([by_canopen.len(), by_j1939.len(), by_isobus.len()], [lines.len(); 3]);
 
     let mut differences = Vec::new();

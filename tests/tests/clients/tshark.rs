@@ -112,18 +112,18 @@ impl Fields {
     }
 }
 
-/// What tshark says of each frame of a log; `None` where there is no tshark.
-pub(crate) fn tshark(log: &str, protocol: &str, fields: &[&str]) -> Option<Vec<Fields>> {
+/// Returns the fields that tshark names for each frame of a log.
+pub(crate) fn tshark(log: &str, protocol: &str, fields: &[&str]) -> Vec<Fields> {
     let mut tshark = Command::new("tshark");
     tshark.args(["-r", log, "-d", &format!("can.subdissector,{protocol}"), "-T", "fields", "-E", "separator=/t"]);
     let wanted = ["_ws.malformed", "_ws.col.Info"];
     tshark.args(wanted.iter().chain(fields).flat_map(|field| ["-e", field])).stdin(Stdio::null());
-    let output = tshark.output().ok()?;
+    let output = tshark.output().expect("tshark runs");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let name = |field: &str| field.split_once('.').expect("a protocol").1.to_owned();
     let frame = |line: &str| {
         let values = wanted.iter().chain(fields).zip(line.split('\t')).filter(|(_, value)| !value.is_empty());
         Fields(values.map(|(field, value)| (name(field), value.to_owned())).collect())
     };
-    Some(String::from_utf8(output.stdout).expect("text").lines().map(frame).collect())
+    String::from_utf8(output.stdout).expect("text").lines().map(frame).collect()
 }
