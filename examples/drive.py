@@ -1,4 +1,4 @@
-import struct, canopen
+import struct, sys, time, canopen
 
 network = canopen.Network()
 network.connect(interface="socketcand", host="127.0.0.1", port=29536, channel="pve0")
@@ -16,5 +16,6 @@ for word in (0x0003, 0x000B):                              # reset a fault of an
     network.send_message(0x220, struct.pack("<Hh", word, 0))
 command = struct.pack("<Hh", 0x000F, 8192)                 # control word, set-point: ±16384 is ±100 %
 cyclic = network.send_periodic(0x220, command, 0.1)        # DISABLED, HOLD, ACTIVE, and the spool moves
-input("Enter ends\n")
+print("Enter ends")
+sys.stdin.readline() or time.sleep(2)                      # without a terminal: after 2 s
 network.disconnect()
