@@ -8,7 +8,7 @@ import select
 pytest_plugins = ["pytester"]
 
 #: Longest wait for anything, in seconds: a busy machine is no fault.
-PATIENCE = 30
+PATIENCE = 120
 
 
 def is_gone(pid: int) -> bool:

@@ -8,7 +8,7 @@ import threading
 from waiting import equal
 
 #: Longest wait for the end of a program, seconds.
-PATIENCE = 40
+PATIENCE = 120
 
 
 def run(*command):

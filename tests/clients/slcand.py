@@ -19,7 +19,7 @@ from processes import PATIENCE, process, run
 from waiting import equal
 
 #: After this a script that hangs says where, and ends.
-LIFE = 200
+LIFE = 400
 INTERFACE = "slcan0"
 READ, ANSWER = (0x622, bytes.fromhex("4000100000000000")), (0x5A2, bytes.fromhex("4300100098010000"))
 

@@ -22,9 +22,9 @@ from processes import process, run
 from waiting import equal
 
 #: Longest wait for anything, seconds. Generous: time is real here, and the machine may be busy.
-PATIENCE = 40
+PATIENCE = 120
 #: After this a script that hangs says where, and ends.
-LIFE = 200
+LIFE = 400
 INTERFACE = "vcan0"
 
 take = functools.partial(waiting.take, patience=PATIENCE)

@@ -19,7 +19,7 @@ import joining
 from waiting import equal, take
 
 #: After this a script that hangs says where, and ends.
-LIFE = 90
+LIFE = 400
 #: How often a state of can-j1939 is looked at, by its own timer, seconds.
 LOOK = 0.005
 #: Period of AVC, seconds: well inside the time guard of 250 ms.

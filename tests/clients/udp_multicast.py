@@ -19,7 +19,7 @@ from processes import PATIENCE, process, run
 from waiting import equal
 
 #: After this a script that hangs says where, and ends.
-LIFE = 200
+LIFE = 400
 PORT = 43113
 
 take = functools.partial(waiting.take, patience=PATIENCE)

@@ -18,9 +18,9 @@ from canopen.objectdictionary import ObjectDictionary, ODRecord, ODVariable, dat
 import joining
 
 #: Longest wait for any single frame, seconds. Generous: a busy machine is not a fault of the valve.
-PATIENCE = 10
+PATIENCE = 120
 #: After this a script that hangs says where, and ends.
-LIFE = 90
+LIFE = 400
 
 NODE_ID = 0x20
 #: The address that a UDS tester has.

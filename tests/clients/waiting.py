@@ -4,7 +4,7 @@ import queue
 import time
 
 #: Longest wait for anything, seconds. Generous: a busy machine is not a fault of the device.
-PATIENCE = 20
+PATIENCE = 120
 
 
 def take(source, what, patience=PATIENCE):

@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 
-/// How long anything may take that should come at once.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
+/// The longest wait for what should come at once: a machine under load may starve a process for many seconds.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(120);
 
 pub(crate) fn pve_sim(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_pve-sim"));
@@ -74,6 +74,12 @@ impl Simulator {
         let words = self.ready.strip_prefix("pve-sim ready ").expect("a ready line").split(' ');
         let buses = words.filter_map(|word| word.strip_prefix("bus=socketcand://127.0.0.1:"));
         buses.map(|address| address.split_once('/').expect("a name").0.parse().expect("a port")).collect()
+    }
+
+    /// Returns the address of the control interface, as in the ready line.
+    pub(crate) fn http(&self) -> &str {
+        let (_, url) = self.ready.split_once(" http=http://").expect("a control interface");
+        url.trim_end_matches('/')
     }
 
     pub(crate) fn connect(&self) -> TcpStream {

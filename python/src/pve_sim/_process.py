@@ -21,7 +21,7 @@ from ._errors import Conflict, InvalidValue, Refused, SimulatorEnded, SimulatorE
 
 #: Longest wait for the ready line, for an answer that takes no virtual time, and for the end, in seconds: a busy machine
 #: is no fault.
-_START_S = 30.0
+_START_S = 120.0
 _ANSWER_S = 60.0
 _END_S = 10.0
 
