@@ -128,17 +128,28 @@ enum Command {
 struct Description(String);
 
 fn eds(word: &str) -> Result<Description, String> {
-    description(word, "an EDS", describe::eds)
+    description(word, ("eds", describe::eds), ("dbc", describe::dbc))
 }
 
 fn dbc(word: &str) -> Result<Description, String> {
-    description(word, "a DBC", describe::dbc)
+    description(word, ("dbc", describe::dbc), ("eds", describe::eds))
 }
 
-/// Returns the description of the kind that a word on the command line names.
-fn description(word: &str, what: &str, describe: fn(Kind) -> Option<String>) -> Result<Description, String> {
-    let text = Kind::from_name(word).and_then(describe).map(Description);
-    text.ok_or_else(|| format!("no kind that has {what}"))
+type Describe = fn(Kind) -> Option<String>;
+
+/// Returns the description of the kind that a word on the command line names. Where the kind has only the other one,
+/// the refusal names that command.
+fn description(
+    word: &str,
+    (command, describe): (&str, Describe),
+    (other, has_other): (&str, Describe),
+) -> Result<Description, String> {
+    let kind = Kind::from_name(word);
+    let text = kind.and_then(describe).map(Description);
+    text.ok_or_else(|| match kind.and_then(has_other) {
+        Some(_) => format!("this kind has no {}: pve-sim {other} {word}", command.to_uppercase()),
+        None => format!("no kind that has {} {}", if command == "eds" { "an" } else { "a" }, command.to_uppercase()),
+    })
 }
 
 /// Returns the use cases by name and title, a line each.

@@ -32,6 +32,7 @@ pub use address::{Access, Address, Gateway, OpenError, Opening, Parse, Scheme};
 pub use bus_url::BusUrl;
 pub use entrance::{Arrival, Entrance, Inbox};
 pub use outbox::{CREDIT, Credit, Leash, Mailbox, Outbox, Overrun, QUEUE};
+pub(crate) use tcp::joinable;
 
 use std::borrow::Cow;
 use std::sync::atomic::{AtomicU64, Ordering};

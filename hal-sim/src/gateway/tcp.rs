@@ -136,7 +136,7 @@ impl AsyncRead for Prompt {
 
 /// Returns the address at which this machine reaches a bound one: nobody connects to 0.0.0.0, and a socket at \[::\]
 /// takes IPv4, too.
-pub(super) fn joinable(bound: SocketAddr) -> SocketAddr {
+pub(crate) fn joinable(bound: SocketAddr) -> SocketAddr {
     let ip = if bound.ip().is_unspecified() { IpAddr::V4(Ipv4Addr::LOCALHOST) } else { bound.ip() };
     SocketAddr::new(ip, bound.port())
 }

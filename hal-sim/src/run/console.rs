@@ -9,8 +9,11 @@
 use std::fmt::Write;
 
 use protocol_core::controller::BusErrorMode;
+use protocol_core::device::view::View;
 use protocol_core::device::{Device, ProductSenses};
+use serde::Serialize;
 
+use crate::state::{Command, DeviceStateMachine, Led, Nmt, SetPointValue};
 use crate::world::{NodeId, Plant, PlantError, World};
 
 /// The words of a product: what `help` says of them, and what the end of a refusal does.
@@ -56,8 +59,8 @@ pub(super) fn obey(line: &str, world: &mut World) -> Result<Option<String>, Stri
     match *words {
         ["help"] if named.is_none() => Ok(Some(help(world))),
         ["status"] => {
-            let told = world.devices().filter(|id| named.is_none_or(|named| *id == named));
-            Ok(Some(told.map(|id| status(id, world)).collect::<Vec<_>>().join("\n")))
+            let told: Vec<NodeId> = world.devices().filter(|id| named.is_none_or(|named| *id == named)).collect();
+            Ok(Some(told.into_iter().map(|id| status(id, world)).collect::<Vec<_>>().join("\n")))
         }
         [word, value] => {
             let node = named.or_else(|| only(world)).ok_or_else(|| which(world))?;
@@ -101,7 +104,7 @@ fn help(world: &World) -> String {
     let words: String = words(None, world).into_iter().map(|words| words.help).collect();
     format!(
         "[NAME] WORD VALUE changes what a device senses; NAME may be left out with one device:{words}
-[NAME] status          how a device is, or all of them
+[NAME] status          state, position, LED and active faults of a device, or of all of them
 help                   this"
     )
 }
@@ -111,24 +114,58 @@ fn accepted(node: Option<NodeId>, world: &World) -> String {
     format!("accepted: {words}")
 }
 
-fn status(id: NodeId, world: &World) -> String {
-    let device = world.device(id);
-    let node_id = device
-        .and_then(Device::node_id)
-        .map_or_else(|| "none".to_owned(), |node_id| format!("{node_id:#04X}").replace('X', "x"));
-    let bit_rate = device.map_or(0, |device| device.bit_rate().bits_per_second());
+/// Returns one line about a device: what the bus shows of it, its bus state, and what acts on it.
+fn status(id: NodeId, world: &mut World) -> String {
+    let mut text = format!("{}: ", world.name(id));
+    // Writing to a string can't fail.
+    let _ = match world.view(id) {
+        Some(view) => write!(text, "{}", shown(&view)),
+        None => write!(text, "no power"),
+    };
     let bus = match world.senses(id).bus {
         BusErrorMode::ErrorActive => "error-active",
         BusErrorMode::ErrorPassive => "error-passive",
         BusErrorMode::BusOff => "bus-off",
     };
-    let dropped = device.map_or(0, Device::frames_dropped);
-    let mut text = format!("{}: node_id {node_id}, bit_rate {bit_rate}, bus {bus}, dropped {dropped}", world.name(id));
+    let dropped = world.device(id).map_or(0, Device::frames_dropped);
+    let _ = write!(text, ", bus {bus}, dropped {dropped}");
     for plant in world.plant(id) {
-        // Writing to a string can't fail.
         let _ = write!(text, ", {plant}");
     }
     text
+}
+
+/// Returns a device's state in the words of the control interface, without what its kind does not have.
+fn shown(view: &View) -> String {
+    let node_id = view.node_id.map_or_else(|| "none".to_owned(), |node_id| format!("0x{node_id:02X}"));
+    let mut text = format!("node_id {node_id}, bit_rate {}", view.bit_rate.bits_per_second());
+    let valve = view.valve.as_ref();
+    let states = [
+        ("nmt", view.nmt.map(|state| word(Nmt::from(state)))),
+        ("dsm", valve.and_then(|valve| valve.dsm).map(|state| word(DeviceStateMachine::from(state)))),
+        ("command", valve.and_then(|valve| valve.command).map(|state| word(Command::from(state)))),
+        ("set_point", valve.map(|valve| word(SetPointValue::from(valve.set_point)))),
+        ("position", Some(view.position.to_string())),
+        (
+            "led",
+            valve
+                .map(|valve| Led::from(*valve))
+                .map(|led| word(led.color) + if led.flashing { " flashing" } else { "" }),
+        ),
+    ];
+    for (key, value) in states {
+        if let Some(value) = value {
+            let _ = write!(text, ", {key} {value}");
+        }
+    }
+    let active: Vec<_> = view.faults.iter().filter(|fault| fault.active).map(|fault| fault.name).collect();
+    let _ = write!(text, ", faults {}", if active.is_empty() { "none".to_owned() } else { active.join(" ") });
+    text
+}
+
+/// Returns a value as JSON has it, without quotation marks.
+fn word(value: impl Serialize) -> String {
+    serde_json::to_string(&value).unwrap_or_default().trim_matches('"').to_owned()
 }
 
 /// Returns the device, where there is one alone.
@@ -195,7 +232,7 @@ mod tests {
         world.run_until(after(world.now(), Duration::from_millis(500)));
         assert_eq!(
             answer("status", &mut world),
-            "sensor: node_id none, bit_rate 0, bus error-active, dropped 0, angle_cdeg 27000, speed_rpm -60, \
+            "sensor: no power, bus error-active, dropped 0, angle_cdeg 27000, speed_rpm -60, \
              measuring_error on, internal_fault on, memory write-fails, bus_off off",
             "half a turn back"
         );
@@ -256,7 +293,8 @@ mod tests {
         assert!(!world.is_bus_off_forced(valve));
         assert_eq!(
             answer("status", &mut world),
-            "valve: node_id 0x20, bit_rate 250000, bus bus-off, dropped 0, supply_mv 8000, temperature_c -41, \
+            "valve: node_id 0x20, bit_rate 250000, nmt pre-operational, dsm fault-hold, set_point 0, position 0, led red, \
+             faults internal can-bus, bus bus-off, dropped 0, supply_mv 8000, temperature_c -41, \
              spool stuck, lever 4096, internal_fault on, memory write-fails, bus_off off"
         );
     }

@@ -51,7 +51,7 @@ use tokio::sync::{Semaphore, oneshot, watch};
 
 use crate::control::{self, Desk};
 use crate::devices;
-use crate::gateway::{Access, BusUrl, Entrance, Gateway, OpenError};
+use crate::gateway::{Access, BusUrl, Entrance, Gateway, OpenError, joinable};
 use crate::kind::Kind;
 use crate::memory::StateFileError;
 use crate::trace::Timestamp;
@@ -66,12 +66,14 @@ use trace::Trace;
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
     /// An address in use, or none of this machine; an interface that is not there.
-    #[error("{url}: {source}")]
+    #[error("{url}: {source}{}", also_in_use(*http))]
     Bind {
         /// The bus that was to be served.
         url: BusUrl,
         /// Why not.
         source: OpenError,
+        /// The control interface's address, where that is in use as well.
+        http: Option<SocketAddr>,
     },
     /// The control interface's address in use, or none of this machine.
     #[error("--http {address}: {source}{}", http_way_out(source))]
@@ -125,6 +127,16 @@ fn http_way_out(error: &io::Error) -> &'static str {
     }
 }
 
+/// Returns the way out of a port that would be in use next.
+fn also_in_use(http: Option<SocketAddr>) -> String {
+    http.map_or_else(String::new, |address| format!("; {address} is in use as well: --http 127.0.0.1:0"))
+}
+
+/// Returns true where the address belongs to somebody else.
+fn is_in_use(address: SocketAddr) -> bool {
+    control::Server::bind(address).is_err_and(|error| error.kind() == io::ErrorKind::AddrInUse)
+}
+
 /// The most clients, on all buses together.
 const CLIENTS: usize = 128;
 
@@ -171,7 +183,8 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     let mut gateways = Vec::new();
     for url in &options.buses {
         let opened = url.address().open(access).await;
-        gateways.push(opened.map_err(|source| RunError::Bind { url: url.clone(), source })?);
+        let http = || options.http.filter(|address| is_in_use(*address));
+        gateways.push(opened.map_err(|source| RunError::Bind { url: url.clone(), source, http: http() })?);
     }
     let mut control = None;
     if let Some(address) = options.http {
@@ -260,9 +273,13 @@ async fn aside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> 
 fn announce(printer: &Printer, gateways: &[Box<dyn Gateway>], http: Option<SocketAddr>, warnings: Vec<String>) {
     warnings.into_iter().for_each(|warning| printer.warn(warning));
     let urls: String = gateways.iter().map(|gateway| format!(" bus={}", gateway.url())).collect();
-    let http = http.map_or_else(String::new, |address| format!(" http=http://{address}/"));
-    printer.trace(format!("pve-sim ready{urls}{http}\n"));
+    let control = http.map_or_else(String::new, |address| format!(" http=http://{address}/"));
+    printer.trace(format!("pve-sim ready{urls}{control}\n"));
     for gateway in gateways {
         printer.note(gateway.hint());
     }
+    if let Some(address) = http {
+        printer.note(format!("Panel: http://{}/", joinable(address)));
+    }
+    printer.note("Type help for the words that change what a device senses, and status".to_owned());
 }

@@ -26,6 +26,9 @@ const REMINDER: Duration = Duration::from_secs(5);
 /// How late a repeat may be before its cycle counts as over.
 const LATE: Duration = Duration::from_millis(20);
 
+/// Times from here on are written as h:mm:ss.mmm, in milliseconds.
+const MINUTE: u64 = 60_000;
+
 /// The columns before the frame: time, unit, arrow.
 const MARGIN: usize = 19;
 
@@ -169,7 +172,15 @@ impl Layout {
 
     fn time(&self, out: &mut String, at: Instant) {
         let micros = since(at, Instant::from_ticks(0)).as_micros();
-        self.styled(out, TIME, &format!("{:>6}.{:03} ms", micros / 1000, micros % 1000));
+        let (millis, micros) = (micros / 1000, micros % 1000);
+        let text = if millis < MINUTE {
+            format!("{millis:>6}.{micros:03} ms")
+        } else {
+            let (seconds, millis) = (millis / 1000, millis % 1000);
+            let clock = format!("{}:{:02}:{:02}.{millis:03}", seconds / 3600, seconds / 60 % 60, seconds % 60);
+            format!("{clock:>13}")
+        };
+        self.styled(out, TIME, &text);
         out.push_str("  ");
     }
 

@@ -41,6 +41,15 @@ fn columns_are_aligned_and_arrows_tell_who_sent_it() {
     );
 }
 
+/// After a minute, milliseconds are hard to read; the columns stay.
+#[test]
+fn times_from_a_minute_on_are_those_of_a_clock() {
+    let frames = [(59_999, "valve", "720: 05"), (60_000, "valve", "721: 05"), (45_296_007, "valve", "722: 05")];
+    let text = lines(None, &frames);
+    let times: Vec<_> = text.lines().filter_map(|line| line.split_once("  <-")).map(|(time, _)| time).collect();
+    assert_eq!(times, [" 59999.000 ms", "  0:01:00.000", " 12:34:56.007"]);
+}
+
 #[test]
 fn on_80_columns_bytes_stand_together_and_long_meanings_are_broken() {
     let text = lines(Some(80), &[(5, "valve", "5A0: 43 18 10 01 19 00 00 01")]);

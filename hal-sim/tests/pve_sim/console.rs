@@ -31,6 +31,16 @@ fn a_valve_is_broken_by_hand() {
 }
 
 #[test]
+fn the_start_names_the_panel_and_the_words() {
+    let mut simulator = Simulator::serve(&["--http", "127.0.0.1:0"]);
+    let panel = format!("Panel: http://{}/", simulator.http());
+    let mut stderr = BufReader::new(simulator.process.stderr.take().expect("a pipe")).lines();
+    let mut next = || stderr.next().expect("a line").expect("text");
+    while next() != panel {}
+    assert_eq!(next(), "Type help for the words that change what a device senses, and status");
+}
+
+#[test]
 fn another_bit_rate_than_that_of_a_device_is_told_at_the_start() {
     let mut simulator = Simulator::start(&[&ANY_PORT[..], &["--bit-rate", "500k"]].concat());
     let mut stderr = BufReader::new(simulator.process.stderr.take().expect("a pipe")).lines();
