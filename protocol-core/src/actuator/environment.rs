@@ -26,14 +26,14 @@ struct Limits {
 }
 
 impl Limits {
-    /// Supply, mV: trips above 36 V, clears below 32 V (R).
+    /// Supply, mV: trips above 36 V, clears below 32 V (R), not at exactly 32 V (A).
     const SUPPLY_HIGH: Self = Self { allowed: i32::MIN..=36_000, safe: i32::MIN..=31_999 };
-    /// Supply, mV: trips below 9 V, clears above 11 V (R).
+    /// Supply, mV: trips below 9 V, clears above 11 V (R), not at exactly 11 V (A).
     const SUPPLY_LOW: Self = Self { allowed: 9_000..=i32::MAX, safe: 11_001..=i32::MAX };
     /// °C.
     const TEMPERATURE_HIGH: Self =
         Self { allowed: i32::MIN..=TEMPERATURE_MAX, safe: i32::MIN..=TEMPERATURE_MAX - TEMPERATURE_HYSTERESIS };
-    /// °C, for the kinds that watch the cold too.
+    /// °C, for the kinds that watch the cold too: those on CANopen (R).
     const TEMPERATURE_BOTH: Self = Self {
         allowed: TEMPERATURE_MIN..=TEMPERATURE_MAX,
         safe: TEMPERATURE_MIN + TEMPERATURE_HYSTERESIS..=TEMPERATURE_MAX - TEMPERATURE_HYSTERESIS,

@@ -41,9 +41,9 @@ impl Led {
     pub const GREEN: Self = Self { color: Color::Green, flashing: false };
     /// Power save.
     pub const GREEN_FLASHING: Self = Self { color: Color::Green, flashing: true };
-    /// Disabled.
+    /// Disabled; hold, hand operation and emergency stop count as that (A).
     pub const YELLOW: Self = Self { color: Color::Yellow, flashing: false };
-    /// Bus-off, or an internal error.
+    /// Bus-off (R), or an internal error.
     pub const RED: Self = Self { color: Color::Red, flashing: false };
     /// Any other fault.
     pub const RED_FLASHING: Self = Self { color: Color::Red, flashing: true };

@@ -2,37 +2,51 @@
 
 use crate::time::{Duration, Instant, NEVER, delayed};
 
-/// How long the valve must be blocked.
+/// Time that set-point and spool must both be neutral.
 pub const POWER_SAVE_DELAY: Duration = Duration::from_millis(200);
 
-/// Whether the solenoids are spared.
+/// State of power save.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum PowerSave {
-    /// The valve is not blocked.
+    /// The set-point is not neutral.
     Off,
-    /// It is blocked; power save begins then, or when the spool has come to rest in neutral.
+    /// The set-point is neutral, the spool is not: it comes back at this instant, if nothing else happens to it.
+    Returning(Instant),
+    /// The valve is blocked; power save begins at this instant, or when the spool has come to rest.
     Waiting(Instant),
     /// The solenoids are off.
     On,
 }
 
 impl PowerSave {
-    /// Takes whether the valve is blocked, whether the spool is in neutral, and since when it rests, or will.
-    pub(super) fn update(&mut self, blocked: bool, in_neutral: bool, rests: Instant, now: Instant) {
+    /// Takes whether the set-point and the spool are neutral, and since when the spool rests, or will. The delay counts
+    /// from the instant when both are: that is *blocked* as the manual's introduction defines it (R).
+    pub(super) fn update(&mut self, set_point: bool, spool: bool, rests: Instant, now: Instant) {
+        let wait = |due: Instant| if due.max(rests) <= now { Self::On } else { Self::Waiting(due) };
         *self = match *self {
-            _ if !blocked => Self::Off,
-            Self::Waiting(due) if in_neutral && due.max(rests) <= now => Self::On,
+            _ if !set_point => Self::Off,
+            _ if !spool => Self::Returning(NEVER),
             Self::Off => Self::Waiting(delayed(now, POWER_SAVE_DELAY)),
-            Self::On if !in_neutral => Self::Waiting(delayed(now, POWER_SAVE_DELAY)),
-            unchanged => unchanged,
+            // A late look finds a spool that has been there for a while.
+            Self::Returning(back) => wait(delayed(back.min(now), POWER_SAVE_DELAY)),
+            Self::Waiting(due) => wait(due),
+            Self::On => Self::On,
         };
     }
 
-    /// Returns when it begins, if the spool comes to rest in neutral at `rests`.
-    pub(super) fn due(self, rests: Instant) -> Instant {
+    /// Notes when a spool that is out of neutral comes back.
+    pub(super) fn expect(&mut self, back: impl FnOnce() -> Instant) {
+        if let Self::Returning(expected) = self {
+            *expected = back();
+        }
+    }
+
+    /// Returns when the state changes next, if the spool comes to rest at `rests`; in neutral, if `neutral`.
+    pub(super) fn due(self, neutral: bool, rests: Instant) -> Instant {
         match self {
-            Self::Waiting(due) => due.max(rests),
-            Self::Off | Self::On => NEVER,
+            Self::Returning(back) => back,
+            Self::Waiting(due) if neutral => due.max(rests),
+            Self::Off | Self::Waiting(_) | Self::On => NEVER,
         }
     }
 }

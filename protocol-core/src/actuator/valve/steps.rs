@@ -77,9 +77,7 @@ impl Valve {
 
         self.spool_due = self.at_set_point.due().min(self.in_float.due());
         let (resting_place, rests) = self.spool.rests();
-        if IN_NEUTRAL.contains(resting_place) {
-            self.spool_due = self.spool_due.min(self.power_save.due(rests));
-        }
+        self.spool_due = self.spool_due.min(self.power_save.due(IN_NEUTRAL.contains(resting_place), rests));
         if now < rests {
             self.spool_due = self.spool_due.min(self.next_crossing(wanted, now));
         }
@@ -87,8 +85,8 @@ impl Valve {
 
     /// Decides on power save and lets the solenoids act on the spool, which is `here`.
     fn energise(&mut self, here: Travel, neutral: bool, now: Instant) {
-        let blocked = self.drive == Drive::Regulate(SetPoint::NEUTRAL);
-        self.power_save.update(blocked, neutral, self.spool.rests().1, now);
+        let commanded = self.drive == Drive::Regulate(SetPoint::NEUTRAL);
+        self.power_save.update(commanded, neutral, self.spool.rests().1, now);
         let action = match self.drive {
             Drive::Regulate(_) if self.power_save() => Action::Release,
             Drive::Regulate(SetPoint::Position(position)) => Action::Move(self.target(position)),
@@ -96,6 +94,7 @@ impl Valve {
             Drive::Off | Drive::Hand | Drive::EmergencyStop => Action::Release,
         };
         self.spool.act(action, here, now);
+        self.power_save.expect(|| self.spool.crosses(IN_NEUTRAL, now));
     }
 
     /// Returns when the moving spool next crosses a level that a monitor looks at.
