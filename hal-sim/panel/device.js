@@ -14,8 +14,8 @@ import { FULL, hex, minus, percent } from "./words.js";
 /** A larger step of the angle is a wrap, and a gap in the plot, in 1/100 degree. */
 const WRAP = 18000;
 
-const VALVE_PLOT = { labels: ["Set-point", "Position"], min: -FULL, max: FULL, levels: [-FULL, 0, FULL], title: "±100 %, 20 s" };
-const SENSOR_PLOT = { labels: ["Angle"], min: 0, max: 36000, levels: [0, 9000, 18000, 27000, 36000], title: "0–360°, 20 s" };
+const VALVE_PLOT = { lines: { "Set-point": "target", Position: "position" }, min: -FULL, max: FULL, levels: [-FULL, 0, FULL], title: "±100 %, 20 s" };
+const SENSOR_PLOT = { lines: { Angle: "position" }, min: 0, max: 36000, levels: [0, 9000, 18000, 27000, 36000], title: "0–360°, 20 s" };
 
 export class Device {
   constructor(state, isOpen) {
@@ -23,6 +23,7 @@ export class Device {
     this.name = state.name;
     this.isValve = state.led !== null;
     this.gauge = this.isValve ? new Gauge() : new Dial();
+    this.lines = (this.isValve ? VALVE_PLOT : SENSOR_PLOT).lines;
     this.plot = new Plot(this.isValve ? VALVE_PLOT : SENSOR_PLOT);
     this.faults = new Faults(state.faults);
     this.plant = new PlantControls(state.name, state.plant, (answer) => (answer ? this.update(answer) : paint(this)));
@@ -66,7 +67,7 @@ export class Device {
     const rows = names.map((name) => {
       const value = el("dd");
       this.values.set(name, value);
-      return el("div", {}, el("dt", {}, name), value);
+      return el("div", name in this.lines ? { "data-line": this.lines[name] } : {}, el("dt", {}, name), value);
     });
     return el("dl", { class: className }, ...rows);
   }

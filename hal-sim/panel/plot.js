@@ -107,14 +107,14 @@ class Series {
 }
 
 export class Plot {
-  /** A plot of a line for each label, from `min` to `max`, with grid lines at `levels`. */
-  constructor({ labels, min, max, levels, title }) {
+  /** A plot of `lines`, colours by labels, from `min` to `max`, with grid lines at `levels`. */
+  constructor({ lines, min, max, levels, title }) {
     Object.assign(this, { min, max, levels, isStale: true, drawnAt: 0 });
-    this.series = labels.map(() => new Series());
+    this.series = Object.keys(lines).map(() => new Series());
     this.canvas = el("canvas", { "aria-hidden": "true" });
     this.canvas.plot = this;
     this.context = this.canvas.getContext("2d");
-    this.keys = labels.map((label, i) => el("span", { class: `key key-${i}` }, label));
+    this.keys = Object.entries(lines).map(([label, line]) => el("span", { class: "key", "data-line": line }, label));
     this.element = el(
       "figure",
       { class: "plot" },

@@ -120,7 +120,9 @@ export class Trace {
   }
 
   filter(text) {
-    this.words = text.toLowerCase().split(/\s+/).filter((word) => word !== "" && word !== "-");
+    const words = text.toLowerCase().split(/\s+/).filter((word) => word !== "" && word !== "-");
+    // An identifier may be typed as programs write it: 0x0A0.
+    this.words = words.map((word) => word.replace(/^(-?)0x/, "$1"));
     this.redraw();
   }
 
@@ -148,6 +150,9 @@ export class Trace {
     for (const line of this.fresh.splice(0, PORTION)) this.append(line);
     if (this.fresh.length > 0) paint(this);
     setText(byId("trace-note"), this.note());
+    const isEmpty = this.list.childElementCount === 0;
+    byId("trace-empty").hidden = !isEmpty;
+    if (isEmpty) setText(byId("trace-empty"), this.lines.length === 0 ? "No frame yet" : "No kept frame matches the filter");
   }
 
   /** Shows a line in a row; the oldest one is used again when there are enough. */

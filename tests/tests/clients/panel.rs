@@ -36,6 +36,11 @@ fn every_control_of_the_panel_is_driven_by_the_keyboard() {
 }
 
 #[test]
+fn colours_sliders_and_the_filter_serve_the_eye() {
+    look("sight.mjs");
+}
+
+#[test]
 fn the_panel_outlives_the_simulator() {
     look("away.mjs");
 }
