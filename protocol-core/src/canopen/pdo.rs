@@ -102,7 +102,7 @@ impl Pdo {
             cob_id: CobId::new(CobId::OFF),
             transmission: Transmission::new(),
             count: 0,
-            entries: [MappingEntry::parse(0); ENTRIES],
+            entries: [MappingEntry::UNUSED; ENTRIES],
             blank: Frame::EMPTY,
             slots: Vec::new(),
             last: None,
@@ -138,7 +138,7 @@ impl Pdo {
     }
 
     /// Writes the COB-ID. Bit 31 switches the PDO off in any state; its other bits are then not checked, and read back
-    /// as written (A). While the PDO is on, only bits 30 and 31 may change.
+    /// as written (A). While the PDO is on, only bits 30 and 31 may change; bit 30 alone restarts nothing.
     ///
     /// # Errors
     /// [`AbortCode::INVALID_VALUE`] for an identifier that cannot be used or when the PDO would be switched on with
@@ -152,14 +152,16 @@ impl Pdo {
         now: Instant,
     ) -> Result<(), AbortCode> {
         let cob_id = CobId::new(raw);
-        if cob_id == self.cob_id {
+        let stays_on = self.is_on() && !cob_id.is_off();
+        if cob_id == self.cob_id || stays_on && cob_id.key() == self.cob_id.key() {
+            self.cob_id = cob_id;
             return Ok(());
         }
         if cob_id.is_off() {
             self.blank = Frame::EMPTY;
         } else if !cob_id.is_usable(rules.extended_ids) {
             return Err(AbortCode::INVALID_VALUE);
-        } else if self.is_on() && cob_id.key() != self.cob_id.key() {
+        } else if stays_on {
             return Err(AbortCode::DEVICE_STATE);
         } else {
             self.switch_on(cob_id.id(), rules, objects)?;
@@ -222,19 +224,23 @@ impl Pdo {
         Ok(())
     }
 
-    /// Writes a mapping entry, sub-index 1–8.
+    /// Writes a mapping entry, sub-index 1–8. One beyond the count can be made [unused](MappingEntry::UNUSED) whatever
+    /// the count is.
     ///
     /// # Errors
-    /// [`AbortCode::NOT_MAPPABLE`] for an object that does not exist, goes the other way or has another length,
-    /// [`AbortCode::DEVICE_STATE`] while the PDO is on or counts its entries, [`AbortCode::NO_SUB`] for another
-    /// sub-index.
+    /// [`AbortCode::NOT_MAPPABLE`] for an object that does not exist, goes the other way or has another length, and for
+    /// an unused entry within the count; [`AbortCode::DEVICE_STATE`] while the PDO is on or counts its entries;
+    /// [`AbortCode::NO_SUB`] for another sub-index.
     pub(crate) fn write_entry(&mut self, sub: u8, raw: u32, rules: &Rules, objects: Entries) -> Result<(), AbortCode> {
         if self.entry(sub)? == raw {
             return Ok(());
         }
         let entry = MappingEntry::parse(raw);
-        mapped(entry, rules, objects)?;
-        if self.is_on() || self.count != 0 && !rules.entries_while_counted {
+        let becomes_unused = entry == MappingEntry::UNUSED && sub > self.count;
+        if !becomes_unused {
+            mapped(entry, rules, objects)?;
+        }
+        if self.is_on() || self.count != 0 && !becomes_unused && !rules.entries_while_counted {
             return Err(AbortCode::DEVICE_STATE);
         }
         self.put_entry(sub, entry);

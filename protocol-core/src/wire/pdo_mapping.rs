@@ -13,6 +13,12 @@ pub struct MappingEntry {
 }
 
 impl MappingEntry {
+    /// The entry that maps nothing, beyond the number of mapped objects (A).
+    ///
+    /// CiA 301 does not name it. Configuration tools write it into all entries before they write the new ones, and a HAT
+    /// has it for a default.
+    pub const UNUSED: Self = Self::parse(0);
+
     /// Returns the entry in 32 bits: index, sub-index, length.
     #[must_use]
     pub const fn parse(raw: u32) -> Self {

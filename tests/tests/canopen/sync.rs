@@ -132,3 +132,17 @@ fn an_emcy_goes_before_the_tpdo_of_the_same_instant() {
     rig.leap_to(Duration::from_millis(250), "080:");
     assert_eq!(rig.take(), ["0A0: 03 80 91 01 00 00 00 00", "1A0: 03 00 00 00"]);
 }
+
+/// Bit 30 can be toggled while the PDO is on, and switches nothing on.
+#[test]
+fn toggling_bit_30_counts_on() {
+    let mut rig = synchronous(4);
+    for cob_id in [0x4000_01A0, 0x0000_01A0] {
+        rig.exchange("080:", &[]);
+        assert_eq!(rig.write(0x1800, 1, 4, cob_id), Ok(()));
+        assert_eq!(rig.read(0x1800, 1), cob_id);
+        rig.exchange("080:", &[]);
+        rig.exchange("080:", &[]);
+        rig.exchange("080:", SENT);
+    }
+}

@@ -194,3 +194,19 @@ fn type_0_on_a_held_bus_tells_the_position_at_the_last_sync() {
         "the shaft was elsewhere at the last SYNC"
     );
 }
+
+/// Bit 30 can be toggled while the PDO is on, and switches nothing on.
+#[test]
+fn toggling_bit_30_counts_on() {
+    let mut rig = operational(3);
+    rig.exchange("080:", &[]);
+    assert_eq!(rig.write(0x1800, 1, 4, 0x4000_0181), Ok(()));
+    rig.exchange("080:", &[]);
+    assert_eq!(rig.write(0x1800, 1, 4, 0x181), Ok(()));
+    rig.exchange("080:", &["181: 00 00 00 00"]);
+    // What was sent last is known still.
+    let mut rig = operational(0);
+    rig.exchange("080:", &["181: 00 00 00 00"]);
+    assert_eq!(rig.write(0x1800, 1, 4, 0x4000_0181), Ok(()));
+    rig.exchange("080:", &[]);
+}

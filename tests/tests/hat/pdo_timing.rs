@@ -80,14 +80,16 @@ fn a_write_of_type_or_timer_begins_a_new_grid_and_so_does_switching_on() {
 
 #[test]
 fn a_cob_id_that_is_written_again_switches_nothing_on() {
-    let mut rig = cyclic(10, 0);
-    let start = rig.now();
-    rig.exchange("000: 01 00", &[]);
-    rig.advance(13);
-    rig.take();
-    assert_eq!(rig.write(0x1800, 1, 4, 0x181), Ok(()));
-    rig.advance(20);
-    assert_eq!(times(&mut rig, start), [20_000, 30_000]);
+    for cob_id in [0x181, 0x4000_0181] {
+        let mut rig = cyclic(10, 0);
+        let start = rig.now();
+        rig.exchange("000: 01 00", &[]);
+        rig.advance(13);
+        rig.take();
+        assert_eq!(rig.write(0x1800, 1, 4, cob_id), Ok(()));
+        rig.advance(20);
+        assert_eq!(times(&mut rig, start), [20_000, 30_000], "{cob_id:X}");
+    }
 }
 
 #[test]
