@@ -108,7 +108,9 @@ impl SdoServer {
             Request::UploadSegment { toggle } => self.upload_segment(toggle, now),
             Request::DownloadSegment(segment) => return self.download_segment(&segment, now),
             Request::Unknown(object) => {
-                self.cancel();
+                if self.waits_for().is_none() {
+                    self.cancel();
+                }
                 Answer::Abort(object, AbortCode::UNKNOWN_COMMAND).emit()
             }
             _ => {
@@ -227,13 +229,13 @@ impl SdoServer {
         }
     }
 
-    /// Ends whatever is in progress with an abort that names its object.
+    /// Ends the transfer in progress with an abort that names its object. A client that waits has sent all it has: the
+    /// segment is another's, and its wait goes on.
     fn break_off(&mut self, code: AbortCode) -> Bytes {
         let object = match &self.transfer {
             Transfer::Upload(upload) => upload.object(),
             Transfer::Download(download) => download.place().entry.object(),
-            Transfer::Waiting(place, _) => place.entry.object(),
-            Transfer::Idle => NO_TRANSFER,
+            Transfer::Waiting(..) | Transfer::Idle => return Answer::Abort(NO_TRANSFER, code).emit(),
         };
         self.cancel();
         Answer::Abort(object, code).emit()

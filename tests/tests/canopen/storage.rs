@@ -293,3 +293,31 @@ fn writes_one_after_the_other() {
     assert_eq!(valve.take(), ["7E4: 17 00 00 00 00 00 00 00"]);
     assert_eq!(valve.writes, [RecordKey::Parameters, RecordKey::LocalLayer]);
 }
+
+/// Segments and unknown commands are another client's: they are refused, and the one that waits is answered.
+#[test]
+fn a_stray_segment_while_a_client_waits() {
+    for (stray, refused) in [
+        ("620: 60 00 00 00 00 00 00 00", "5A0: 80 00 00 00 01 00 04 05"),
+        ("620: 01 00 00 00 00 00 00 00", "5A0: 80 00 00 00 01 00 04 05"),
+        ("620: C6 17 10 00 02 00 00 00", "5A0: 80 17 10 00 01 00 04 05"),
+    ] {
+        for (order, answer) in [
+            ("620: 23 10 10 01 73 61 76 65", "5A0: 60 10 10 01 00 00 00 00"),
+            ("620: 23 11 10 01 6C 6F 61 64", "5A0: 60 11 10 01 00 00 00 00"),
+            ("620: 23 11 10 05 70 6B 64 73", "5A0: 60 11 10 05 00 00 00 00"),
+        ] {
+            let mut valve = slow(30);
+            valve.exchange(order, &[]);
+            valve.exchange(stray, &[refused]);
+            valve.advance(30);
+            assert_eq!(valve.take(), [answer], "{order}, {stray}");
+        }
+    }
+    // The client's own abort ends its wait.
+    let mut valve = slow(30);
+    valve.exchange("620: 23 10 10 01 73 61 76 65", &[]);
+    valve.exchange("620: 80 10 10 01 00 00 00 08", &[]);
+    valve.advance(100);
+    valve.expect_nothing();
+}

@@ -316,14 +316,24 @@ fn a_save_that_is_asked_for_again_is_answered_by_its_own_writes() {
     assert_eq!(rig.take(), ["581: 60 10 10 01 00 00 00 00"], "both records were written after the second request");
 }
 
+/// Segments and unknown commands are another client's: they are refused, and the one that waits is answered.
 #[test]
-fn a_segment_while_a_client_waits_ends_its_transfer() {
-    let mut rig = booted();
-    rig.write_time = Duration::from_millis(10);
-    rig.exchange("601: 23 10 10 03 73 61 76 65", &[]);
-    rig.exchange("601: 60 00 00 00 00 00 00 00", &["581: 80 10 10 03 01 00 04 05"]);
-    rig.advance(100);
-    rig.expect_nothing();
+fn a_stray_segment_while_a_client_waits() {
+    for (stray, refused) in [
+        ("601: 60 00 00 00 00 00 00 00", "581: 80 00 00 00 01 00 04 05"),
+        ("601: 01 00 00 00 00 00 00 00", "581: 80 00 00 00 01 00 04 05"),
+        ("601: C6 17 10 00 02 00 00 00", "581: 80 17 10 00 01 00 04 05"),
+    ] {
+        for (fails, answer) in [(false, "581: 60 10 10 03 00 00 00 00"), (true, "581: 80 10 10 03 00 00 06 06")] {
+            let mut rig = booted();
+            rig.write_time = Duration::from_millis(10);
+            rig.writes_fail = fails;
+            rig.exchange("601: 23 10 10 03 73 61 76 65", &[]);
+            rig.exchange(stray, &[refused]);
+            rig.advance(100);
+            assert_eq!(rig.take(), [answer], "{stray}");
+        }
+    }
 }
 
 /// Intact, and of another firmware: it does not fit the objects.
