@@ -1,4 +1,5 @@
-//! When the fault log is written (SPEC 6): within a second of the first change, then at most once in ten seconds.
+//! When the fault log is written (SPEC 6): within a second of the first change, then at most once in ten seconds. The
+//! change after a clearing is a first one again.
 
 use crate::time::{Duration, Instant, NEVER, delayed};
 
@@ -49,7 +50,12 @@ impl FaultLogClock {
         self.due = NEVER;
     }
 
-    /// Notes that the write has ended; a failed one is due again.
+    /// Notes that the log is being written with cleared counters: the next change is a first one.
+    pub const fn clearing(&mut self) {
+        *self = Self::new();
+    }
+
+    /// Notes that the write has ended; a failed one is due again. A clearing that is stored needs no note.
     pub fn ended(&mut self, stored: bool, now: Instant) {
         self.earliest = delayed(now, FAULT_LOG_INTERVAL);
         if self.is_dirty() || !stored {

@@ -131,7 +131,9 @@ struct Pending {
     wanted: Option<Restart>,
     /// In the platform's hands.
     handed_out: bool,
-    /// The fault log could not be written before it: it is not tried again.
+    /// The fault log write in flight was begun for the restart.
+    log_begun: bool,
+    /// That write has failed: it is not tried again.
     log_failed: bool,
 }
 
@@ -161,6 +163,7 @@ impl Base {
     /// (A). Of two restarts the wider one counts.
     pub fn request_restart(&mut self, scope: Restart) {
         self.restart.wanted = self.restart.wanted.max(Some(scope));
+        self.restart.log_begun = false;
         self.restart.log_failed = false;
     }
 
@@ -191,7 +194,13 @@ impl Base {
         if restart.is_due() && !restart.log_failed && self.fault_log.is_dirty() && self.writes.is_idle() {
             self.store_fault_log();
         }
-        self.writes.begin()
+        let write = self.writes.begin()?;
+        if write.record == RecordKey::FaultLog {
+            let is_clearing = write.asked_by != Asker::Device;
+            self.restart.log_begun = self.restart.is_due() && !is_clearing;
+            if is_clearing { self.fault_log.clearing() } else { self.fault_log.begun() }
+        }
+        Some(write)
     }
 
     /// Returns the next write, or the restart when there is none. Kept apart from the look whether there is any: a
@@ -213,8 +222,10 @@ impl Base {
     fn end_write(&mut self, body: &mut dyn Storing, record: RecordKey, stored: bool) {
         let Some(write) = self.writes.end(record) else { return };
         if record == RecordKey::FaultLog {
-            self.restart.log_failed |= !stored;
-            self.fault_log.ended(stored, self.now);
+            self.restart.log_failed |= self.restart.log_begun && !stored;
+            if write.asked_by == Asker::Device || !stored {
+                self.fault_log.ended(stored, self.now);
+            }
         }
         body.written(write, stored, self);
     }
@@ -222,7 +233,7 @@ impl Base {
     /// Returns the restart that nothing keeps waiting any more, and hands it out.
     fn begin_restart(&mut self, all_sent: bool) -> Option<Restart> {
         let scope = self.restart.wanted.filter(|_| self.restart.is_due() && all_sent && self.writes.is_idle())?;
-        self.restart = Pending { wanted: None, handed_out: true, log_failed: false };
+        self.restart = Pending { handed_out: true, ..Pending::default() };
         Some(scope)
     }
 }

@@ -242,6 +242,20 @@ fn the_fault_log_is_written_before_a_restart_and_tried_once() {
     }
 }
 
+/// A log whose write was under way when the restart was demanded is tried again when that fails.
+#[test]
+fn a_fault_log_that_fails_just_before_a_restart_is_tried_again() {
+    let mut host = started();
+    tell(&mut host, "2", START);
+    host.flush(START);
+    assert_eq!(host.next_effect(true), store(RecordKey::FaultLog));
+    tell(&mut host, "81", START);
+    host.stored(RecordKey::FaultLog, Err(StoreError), START);
+    assert_eq!(host.next_effect(true), store(RecordKey::FaultLog));
+    host.stored(RecordKey::FaultLog, Err(StoreError), START);
+    assert_eq!(host.next_effect(true), Some(Effect::Restart(Restart::Application)), "and once alone");
+}
+
 /// A count that falls while the write before a restart is under way is written as well.
 #[test]
 fn a_count_during_the_last_write_is_not_lost() {

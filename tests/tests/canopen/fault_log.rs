@@ -141,3 +141,62 @@ fn a_fault_during_the_clearing() {
     valve.take();
     assert_eq!((valve.read(0x200F, 0), valve.read(0x2024, 0)), (0, 1));
 }
+
+/// The first change after a clearing is a first one: it is stored within 1 s, and the next within 10 s more.
+#[test]
+fn the_first_count_after_a_clearing() {
+    for (before, at, write_time) in [(false, 0, 0), (true, 0, 0), (true, 300, 0), (true, 2000, 0), (true, 600, 50)] {
+        let mut valve = Rig::booted();
+        if before {
+            fault(&mut valve);
+        }
+        valve.advance(at);
+        valve.write_time = Duration::from_millis(write_time);
+        valve.exchange(CLEAR, if write_time == 0 { &[COUNTERS_CLEARED] } else { &[] });
+        valve.advance(write_time / 2);
+        // During the clearing, or after it.
+        fault(&mut valve);
+        valve.advance(1000);
+        let writes = log_writes(&valve);
+        fault(&mut valve);
+        valve.advance(8000);
+        assert_eq!(log_writes(&valve), writes, "once in 10 s");
+        valve.power_cycle();
+        valve.take();
+        assert_eq!(valve.read(0x2024, 0), 1, "a count before: {before}, cleared after {at} ms");
+    }
+}
+
+/// A clearing that fails leaves the memory its 10 s.
+#[test]
+fn a_clearing_that_fails_is_not_followed_by_a_write_at_once() {
+    let mut valve = Rig::booted();
+    fault(&mut valve);
+    valve.advance(2000);
+    valve.failing_writes = [0].into();
+    valve.send(CLEAR);
+    valve.take();
+    let writes = log_writes(&valve);
+    valve.advance(9999);
+    assert_eq!(log_writes(&valve), writes);
+    valve.advance(1);
+    assert_eq!(log_writes(&valve), writes + 1);
+    valve.power_cycle();
+    valve.take();
+    assert_eq!(valve.read(0x2024, 0), 2);
+}
+
+/// The counts that it would have cleared come back, and are written before the restart.
+#[test]
+fn a_clearing_that_fails_while_a_restart_waits() {
+    let mut valve = Rig::booted();
+    valve.write_time = Duration::from_millis(50);
+    valve.send("620: 23 10 10 01 73 61 76 65");
+    fault(&mut valve);
+    valve.send(CLEAR);
+    valve.failing_writes = [1].into();
+    valve.send("000: 81 00");
+    valve.advance(1000);
+    valve.take();
+    assert_eq!(valve.read(0x2024, 0), 2, "the injected fault, and that of the memory");
+}

@@ -206,3 +206,18 @@ fn each_dm3_is_acknowledged() {
     valve.advance_cyclic(500, BLOCK);
     assert_eq!(valve.take_news(), [DM3_DONE; 3]);
 }
+
+/// The first change after a DM3 is a first one: it is stored within 1 s.
+#[test]
+fn the_first_count_after_dm3() {
+    let mut valve = shut_down();
+    valve.recover();
+    valve.advance_cyclic(20_000, BLOCK);
+    valve.take();
+    valve.exchange(DM3_REQUEST, &[DM3_DONE]);
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.sense(|senses| senses.internal_fault = false);
+    valve.advance_cyclic(1000, BLOCK);
+    restarts(&mut valve);
+    valve.exchange(DM2_REQUEST, &[DM2_INTERNAL]);
+}
