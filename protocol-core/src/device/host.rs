@@ -57,8 +57,8 @@ pub trait Body: Storing + Sized {
     /// Takes a frame for one of the services.
     fn handle(&mut self, service: Self::Service, frame: &Frame, base: &mut Base);
 
-    /// Returns the restart that a frame demands, of one that comes while another restart waits for the memory.
-    fn restart_demanded(&self, frame: &Frame) -> Option<Restart>;
+    /// Takes a frame for one of the services while a restart waits. Most are ignored then.
+    fn handle_restarting(&mut self, service: Self::Service, frame: &Frame, base: &mut Base);
 
     /// Lets the timers that are due act.
     fn poll(&mut self, base: &mut Base);
@@ -159,8 +159,8 @@ impl Base {
         self.now = latest(self.now, now);
     }
 
-    /// Asks for a restart. Until it is carried out the device takes no frames, and its timers go on, the time guard too
-    /// (A). Of two restarts the wider one counts.
+    /// Asks for a restart. Until it is carried out the device takes no frames but those of
+    /// [`Body::handle_restarting`], and its timers go on, the time guard too (A). Of two restarts the wider one counts.
     pub fn request_restart(&mut self, scope: Restart) {
         self.restart.wanted = self.restart.wanted.max(Some(scope));
         self.restart.log_begun = false;
@@ -290,14 +290,12 @@ impl<B: Body> Host<B> {
     /// Takes a frame that is for the device. Kept apart from the look at the identifier, which most frames end with.
     #[inline(never)]
     fn take(&mut self, frame: &Frame, now: Instant, service: B::Service) {
-        if self.base.is_restarting() {
-            if let Some(scope) = self.body.restart_demanded(frame) {
-                self.base.request_restart(scope);
-            }
-            return;
-        }
         self.advance(now);
-        self.body.handle(service, frame, &mut self.base);
+        if self.base.is_restarting() {
+            self.body.handle_restarting(service, frame, &mut self.base);
+        } else {
+            self.body.handle(service, frame, &mut self.base);
+        }
         self.settle();
     }
 

@@ -70,8 +70,10 @@ impl Body for Obedient {
         }
     }
 
-    fn restart_demanded(&self, frame: &Frame) -> Option<Restart> {
-        demanded(frame)
+    fn handle_restarting(&mut self, (): (), frame: &Frame, base: &mut Base) {
+        if let Some(scope) = demanded(frame) {
+            base.request_restart(scope);
+        }
     }
 
     fn poll(&mut self, base: &mut Base) {

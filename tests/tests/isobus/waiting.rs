@@ -4,7 +4,7 @@ use protocol_core::actuator::SpoolFault;
 use protocol_core::controller::BusErrorMode;
 use protocol_core::time::Duration;
 use tests::Rig;
-use tests::isobus::{BLOCK, DM1_CLEAR, EXTEND};
+use tests::isobus::{BLOCK, CLAIM, DM1_CLEAR, EXTEND, HIGHER_NAME, LOWER_NAME};
 
 const ANNOUNCE: &str = "1CECFF27: 20 09 00 02 FF D8 FE 00";
 const NAME: &str = "1CEBFF27: 01 01 00 20 07 08 FF 02";
@@ -103,5 +103,33 @@ fn two_commands_one_of_which_fails() {
         valve.take();
         valve.advance(1000);
         assert_eq!(valve.node_id(), Some(address), "write {failing} fails: {:?}", valve.take());
+    }
+}
+
+/// A valve whose restart waits for the memory still answers for its address, and leaves it when it loses.
+#[test]
+fn an_address_that_is_contended_while_a_restart_waits() {
+    for (claim, defended) in [(HIGHER_NAME, true), (LOWER_NAME, false)] {
+        let mut valve = Rig::claimed();
+        // A count, to be stored before the restart.
+        valve.sense(|senses| senses.internal_fault = true);
+        valve.sense(|senses| senses.internal_fault = false);
+        valve.write_time = Duration::from_millis(400);
+        for frame in [ANNOUNCE, NAME, ADDRESS_85] {
+            valve.send(frame);
+        }
+        valve.advance(450);
+        valve.take();
+        valve.exchange(claim, if defended { &[CLAIM] } else { &[] });
+        // Neither a command nor another contender's claim of another address is heard.
+        valve.exchange(EXTEND, &[]);
+        assert!(!valve.outputs().solenoids);
+        valve.advance(300);
+        assert_eq!(valve.node_id(), defended.then_some(0x83), "the restart waits still");
+        let flows = valve.take_under("0CFE1383").len();
+        assert_eq!(flows, if defended { 3 } else { 0 }, "{claim}");
+        valve.advance(400);
+        let sent = valve.take();
+        assert!(sent.contains(&CLAIM.replace("18EEFF83", "18EEFF85")), "{sent:?}");
     }
 }

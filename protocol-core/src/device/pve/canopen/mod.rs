@@ -124,8 +124,11 @@ impl Body for CanopenValve {
         }
     }
 
-    fn restart_demanded(&self, frame: &Frame) -> Option<Restart> {
-        self.node.reset_demanded(frame).map(Restart::from)
+    /// Takes another reset: the wider one counts.
+    fn handle_restarting(&mut self, _: Service, frame: &Frame, base: &mut Base) {
+        if let Some(reset) = self.node.reset_demanded(frame) {
+            base.request_restart(reset.into());
+        }
     }
 
     fn poll(&mut self, base: &mut Base) {

@@ -155,9 +155,12 @@ impl Body for IsobusValve {
         }
     }
 
-    fn restart_demanded(&self, _: &Frame) -> Option<Restart> {
-        // A commanded address that comes during a restart is lost like any broadcast.
-        None
+    /// Takes claims alone (A): the address is defended or lost until the restart. The valve is switched off already, and
+    /// a commanded address that comes now is lost like any broadcast.
+    fn handle_restarting(&mut self, service: Service, frame: &Frame, base: &mut Base) {
+        if service == Service::Claim {
+            self.node.handle(service, frame, base.now());
+        }
     }
 
     fn poll(&mut self, base: &mut Base) {
