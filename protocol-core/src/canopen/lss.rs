@@ -70,7 +70,7 @@ pub(crate) struct Identity<'a> {
 /// What a request demands of the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Demand {
-    /// Store [`LssSlave::unstored`], then answer with [`Answer::Stored`].
+    /// Store [`LssSlave::unstored`] as it is now, then answer with [`Answer::Stored`].
     Store,
     /// Restart as after reset application, under this node ID.
     Restart(LssNodeId),
@@ -90,6 +90,12 @@ pub(crate) struct Configuration {
 impl Configuration {
     /// Nothing configured.
     pub(crate) const NONE: Self = Self { node_id: None, bit_rate: None };
+
+    /// Returns the same, with the parts of another where this has none.
+    #[must_use]
+    pub(crate) fn or(self, other: Self) -> Self {
+        Self { node_id: self.node_id.or(other.node_id), bit_rate: self.bit_rate.or(other.bit_rate) }
+    }
 }
 
 /// Node ID and bit rate together: as a device stores them, or has them in force.

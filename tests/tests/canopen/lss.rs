@@ -319,6 +319,43 @@ fn nmt_start_leaves_configuration_and_drops_what_is_pending() {
     assert_eq!(valve.device().bit_rate().bits_per_second(), 250_000);
 }
 
+/// The master is answered in operational too, and what it asked for is stored.
+#[test]
+fn a_store_that_nmt_start_comes_into() {
+    for memory_is_busy in [false, true] {
+        let mut valve = configuring();
+        valve.write_time = Duration::from_millis(30);
+        lss(&mut valve, "11 17", Some("11 00 00 00 00"));
+        lss(&mut valve, "13 00 02", Some("13 00 00 00 00"));
+        if memory_is_busy {
+            valve.exchange("620: 23 10 10 01 73 61 76 65", &[]);
+        }
+        lss(&mut valve, "17", None);
+        valve.exchange("000: 01 00", &[]);
+        valve.advance(100);
+        let sent = valve.take();
+        assert!(sent.contains(&"7E4: 17 00 00 00 00 00 00 00".to_owned()), "{sent:?}");
+        valve.power_cycle();
+        assert_eq!(valve.take(), BOOT_AS_17, "busy: {memory_is_busy}");
+        assert_eq!(valve.device().bit_rate().bits_per_second(), 500_000);
+    }
+}
+
+/// A number that is configured after the store was asked for is not part of it.
+#[test]
+fn a_store_stores_what_was_configured_when_it_was_asked_for() {
+    let mut valve = configuring();
+    valve.write_time = Duration::from_millis(30);
+    lss(&mut valve, "11 17", Some("11 00 00 00 00"));
+    valve.exchange("620: 23 10 10 01 73 61 76 65", &[]);
+    lss(&mut valve, "17", None);
+    lss(&mut valve, "11 18", Some("11 00 00 00 00"));
+    valve.advance(100);
+    valve.take();
+    valve.power_cycle();
+    assert_eq!(valve.take(), BOOT_AS_17);
+}
+
 #[test]
 fn stop_and_pre_operational_leave_configuration_alone() {
     for order in ["000: 02 00", "000: 80 00"] {

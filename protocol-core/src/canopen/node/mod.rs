@@ -54,7 +54,7 @@ use crate::wire::sdo::AbortCode;
 pub(crate) enum Demand<T> {
     /// An SDO client waits for a task of the product: answer with [`Node::end_task`].
     Task(T),
-    /// LSS waits for [`Node::unstored`] to be stored: answer with [`Node::end_lss_store`].
+    /// LSS waits for what [`Node::begin_lss_store`] returns to be stored: answer with [`Node::end_lss_store`].
     StoreConfiguration,
     /// A restart.
     Reset(Reset),
@@ -81,6 +81,9 @@ pub(crate) struct Node<P: Product> {
     held: Configuration,
     /// The LSS stores that wait for the memory.
     lss_stores: u32,
+    /// What they are to store, as LSS had configured it when they were demanded: NMT start drops what is pending, and no
+    /// store (A).
+    to_store: Configuration,
     /// Enters operational by itself once boot-up and EMCYs are sent; an NMT command before that ends it (A).
     starts_itself: bool,
     /// The product whose dictionary and rules the node has.
@@ -103,6 +106,7 @@ impl<P: Product> Node<P> {
             activated: None,
             held: Configuration::NONE,
             lss_stores: 0,
+            to_store: Configuration::NONE,
             starts_itself: false,
             product: PhantomData,
         }
@@ -123,6 +127,7 @@ impl<P: Product> Node<P> {
             Reset::Application => {
                 self.lss.restart();
                 self.lss_stores = 0;
+                self.to_store = Configuration::NONE;
                 self.held.bit_rate = None;
                 self.rate_is_new = false;
                 self.bit_rate = stored.bit_rate.unwrap_or(self.bit_rate);
@@ -296,13 +301,10 @@ impl<P: Product> Node<P> {
         self.lss.boots(self.objects.node_id)
     }
 
-    /// Returns what LSS has configured and the memory does not hold.
-    pub(crate) fn unstored(&self) -> Configuration {
-        let unstored = self.lss.unstored();
-        Configuration {
-            node_id: unstored.node_id.or(self.held.node_id),
-            bit_rate: unstored.bit_rate.or(self.held.bit_rate),
-        }
+    /// Begins an LSS store. Returns what LSS had configured when the store was demanded, and what it has in force
+    /// unstored.
+    pub(crate) fn begin_lss_store(&mut self) -> Configuration {
+        core::mem::take(&mut self.to_store).or(self.held)
     }
 
     /// Notes what the memory holds now, whoever has stored it.

@@ -222,6 +222,7 @@ impl<P: Product> Node<P> {
             }
             Outcome::Demand(lss::Demand::Store) => {
                 self.lss_stores = self.lss_stores.saturating_add(1);
+                self.to_store = self.lss.unstored().or(self.to_store);
                 Some(Demand::StoreConfiguration)
             }
             Outcome::Demand(lss::Demand::Boot) => {

@@ -12,6 +12,13 @@ fn configuring(rig: &mut Rig) {
     assert!(rig.exchange("7E5: 04 01 00 00 00 00 00 00").is_empty());
 }
 
+/// What a store that is demanded now is to store.
+fn to_store(rig: &mut Rig) -> Configuration {
+    configuring(rig);
+    assert_eq!(rig.take("7E5: 17 00 00 00 00 00 00 00"), Some(Demand::StoreConfiguration));
+    rig.node.begin_lss_store()
+}
+
 #[test]
 fn identified_in_waiting_while_there_is_no_node_id() {
     let mut rig = Rig::started(None, None);
@@ -38,18 +45,19 @@ fn the_products_error_codes() {
 fn a_configuration_is_unstored_until_the_memory_holds_it() {
     let mut rig = Rig::booted();
     configuring(&mut rig);
-    assert_eq!(rig.node.unstored(), Configuration::NONE);
+    assert_eq!(to_store(&mut rig), Configuration::NONE);
     rig.exchange("7E5: 11 09 00 00 00 00 00 00");
     rig.exchange("7E5: 13 00 02 00 00 00 00 00");
     let both = Configuration { node_id: LssNodeId::new(9), bit_rate: Some(BitRate::Kbit500) };
-    assert_eq!(rig.node.unstored(), both);
+    assert_eq!(to_store(&mut rig), both);
     rig.node.configuration_stored(Configuration { node_id: None, ..both });
-    assert_eq!(rig.node.unstored(), Configuration { bit_rate: None, ..both });
+    assert_eq!(to_store(&mut rig), Configuration { bit_rate: None, ..both });
     assert_eq!(rig.take("7E5: 04 00 00 00 00 00 00 00"), Some(Demand::Reset(Reset::Application)));
     rig.start(Reset::Application, Some(5), None);
     assert_eq!(rig.node.node_id(), NodeId::new(9), "held until power-off");
     rig.start(Reset::Application, Some(5), None);
-    assert_eq!(rig.node.unstored(), Configuration { bit_rate: None, ..both });
+    rig.sent();
+    assert_eq!(to_store(&mut rig), Configuration { bit_rate: None, ..both });
     // Whoever stores another one: it is in force from the next start.
     rig.node.configuration_stored(Configuration { node_id: LssNodeId::new(12), bit_rate: None });
     rig.start(Reset::Communication, Some(12), None);
@@ -84,9 +92,9 @@ fn the_rate_is_switched_between_two_silent_delays() {
     assert_eq!((rig.advance(9).len(), rig.node.take_bit_rate()), (0, None));
     rig.advance(1);
     assert_eq!((rig.node.take_bit_rate(), rig.node.take_bit_rate()), (Some(BitRate::Kbit500), None));
-    assert_eq!(rig.node.unstored().bit_rate, Some(BitRate::Kbit500));
     rig.advance(10);
     assert_eq!(rig.exchange("605: 40 00 10 00 00 00 00 00").len(), 1);
+    assert_eq!(to_store(&mut rig).bit_rate, Some(BitRate::Kbit500));
 }
 
 #[test]
@@ -107,5 +115,5 @@ fn present_rate_activated_leaves_nothing_to_store() {
     rig.exchange("7E5: 15 01 00 00 00 00 00 00");
     rig.advance(2);
     assert_eq!(rig.node.take_bit_rate(), Some(BitRate::Kbit250));
-    assert_eq!(rig.node.unstored(), Configuration::NONE);
+    assert_eq!(to_store(&mut rig), Configuration::NONE);
 }

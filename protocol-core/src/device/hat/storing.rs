@@ -60,7 +60,7 @@ impl Storing for HatSensor {
             RecordKey::Factory => &self.objects.identity.serial.to_le_bytes(),
             RecordKey::LocalLayer => {
                 self.layer_in_flight = match write.asked_by {
-                    Asker::Lss => self.node.unstored(),
+                    Asker::Lss => self.node.begin_lss_store(),
                     Asker::Sdo if loads => LAYER.configuration(),
                     Asker::Sdo => self.objects.demanded.configuration(),
                     _ => Configuration::NONE,

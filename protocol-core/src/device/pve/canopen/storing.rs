@@ -85,7 +85,7 @@ impl Storing for CanopenValve {
             RecordKey::Factory => &self.objects.factory().encode(),
             RecordKey::LocalLayer => {
                 self.layer_in_flight = match write.asked_by {
-                    Asker::Lss => self.node.unstored(),
+                    Asker::Lss => self.node.begin_lss_store(),
                     Asker::Uds => Configuration { node_id: LssNodeId::new(write.value), bit_rate: None },
                     _ => Configuration::NONE,
                 };
