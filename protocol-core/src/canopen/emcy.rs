@@ -89,12 +89,20 @@ impl ErrorHistory {
     }
 }
 
+/// An EMCY that waits for the bus.
+#[derive(Clone, Copy, Debug)]
+struct Waiting {
+    message: Emcy,
+    /// The history has an entry for it. A repetition after reset communication made none.
+    entered: bool,
+}
+
 /// The EMCYs that wait for the bus, in order: the newest 16, so that the last one always goes out.
 ///
 /// A message that the controller took stays here until it is known to be on the bus.
 #[derive(Debug)]
 pub(crate) struct EmcyQueue {
-    messages: Vec<Emcy, QUEUE>,
+    messages: Vec<Waiting, QUEUE>,
     /// The number of messages at the front that the controller has.
     taken: usize,
 }
@@ -106,9 +114,10 @@ impl EmcyQueue {
         Self { messages: Vec::new(), taken: 0 }
     }
 
-    /// Appends a message. Returns `false` when the oldest one was dropped for it unsent.
+    /// Appends a message; `entered` says whether the history has an entry for it. Returns `false` when the oldest message
+    /// was dropped for it unsent.
     #[must_use]
-    pub(crate) fn push(&mut self, message: Emcy) -> bool {
+    pub(crate) fn push(&mut self, message: Emcy, entered: bool) -> bool {
         let mut kept = true;
         if self.messages.is_full() {
             self.messages.remove(0);
@@ -116,7 +125,7 @@ impl EmcyQueue {
             self.taken = self.taken.saturating_sub(1);
         }
         // There is room.
-        let _ = self.messages.push(message);
+        let _ = self.messages.push(Waiting { message, entered });
         kept
     }
 
@@ -141,7 +150,7 @@ impl EmcyQueue {
 
     /// Hands the oldest message that is owed to the controller.
     pub(crate) fn hand_out(&mut self) -> Option<Emcy> {
-        let message = *self.messages.get(self.taken)?;
+        let Waiting { message, .. } = *self.messages.get(self.taken)?;
         if self.taken == MAILBOXES {
             self.messages.remove(0);
         } else {
@@ -154,7 +163,8 @@ impl EmcyQueue {
     /// `false` when it was dropped, because newer ones have taken its place.
     #[must_use]
     pub(crate) fn give_back(&mut self, message: Emcy) -> bool {
-        let position = (0..self.taken).rev().find(|position| self.messages.get(*position) == Some(&message));
+        let is_it = |position: &usize| self.messages.get(*position).is_some_and(|waiting| waiting.message == message);
+        let position = (0..self.taken).rev().find(is_it);
         let Some(position) = position else { return false };
         self.taken = self.taken.saturating_sub(1);
         for later in position..self.taken {
@@ -163,21 +173,22 @@ impl EmcyQueue {
         true
     }
 
-    /// Withdraws the messages of an error that are not known to be on the bus, when the controller has none. Returns how
-    /// often the error was withdrawn.
+    /// Withdraws the messages of an error that are not known to be on the bus, when the controller has none. Returns the
+    /// number of entries in the history that go with them.
     ///
-    /// The end of an error goes with its begin: the first 0000 whose register has no longer all bits of the error.
+    /// The end of an error goes with its begin: the first 0000 whose register has no longer all bits of the error. An end
+    /// whose begin was dropped for newer messages stays: its register was true.
     pub(crate) fn withdraw(&mut self, code: u16, register: u8) -> u8 {
-        let mut withdrawn: u8 = 0;
+        let mut entries: u8 = 0;
         let mut lasts = false;
-        self.messages.retain(|message| {
+        self.messages.retain(|Waiting { message, entered }| {
             let begins = message.code == code;
             let ends = lasts && message.code == NO_ERROR && message.register & register != register;
-            withdrawn = withdrawn.saturating_add(begins.into());
+            entries = entries.saturating_add((begins && *entered).into());
             lasts = begins || lasts && !ends;
             !begins && !ends
         });
-        withdrawn
+        entries
     }
 
     /// Notes that the controller has dropped what it had: it is owed again.

@@ -175,6 +175,37 @@ fn several_at_once_are_told_by_priority() {
     assert_eq!(rig.read(0x1003, 2), 0x0001_8301);
 }
 
+/// The register is that of 0x1001: one fault goes at the look at which another comes.
+#[test]
+fn a_fault_that_goes_when_another_comes_is_not_in_its_register() {
+    let mut rig = Rig::booted();
+    rig.sense(SUPPLY_LOW.cause);
+    rig.advance(2000);
+    rig.expect("0A0: 12 34 05 01 00 00 00 00");
+    rig.sense(|senses| {
+        (SUPPLY_LOW.healthy)(senses);
+        (INTERNAL.cause)(senses);
+    });
+    rig.expect("0A0: 00 10 01 01 00 00 00 00");
+    rig.expect_nothing();
+    assert_eq!(rig.read(0x1001, 0), 0x01);
+    // Several come: those that stay are in it, each from its own EMCY on.
+    rig.sense(SUPPLY_HIGH.cause);
+    rig.advance(2000);
+    rig.expect("0A0: 11 34 05 01 00 00 00 00");
+    rig.sense(HOT.cause);
+    rig.advance(249);
+    rig.sense(|senses| {
+        (SUPPLY_HIGH.healthy)(senses);
+        (INTERNAL.healthy)(senses);
+    });
+    rig.expect(NO_ERROR);
+    rig.sense(|senses| senses.bus = BusOff);
+    rig.advance(1);
+    rig.sense(|senses| senses.bus = ErrorActive);
+    assert_eq!(rig.take(), ["0A0: 40 81 11 01 00 00 00 00", "0A0: 01 83 19 01 00 00 00 00"]);
+}
+
 #[test]
 fn both_of_an_injected_fault_and_bus_off_at_once() {
     let mut rig = Rig::booted();

@@ -150,6 +150,47 @@ fn bus_off_withdraws_the_end_of_error_passive_with_its_begin_and_no_other_end() 
     assert_eq!(rig.take(), ["081: 40 81 91 04 00 00 00 00", "081: 00 00 81 00 00 00 00 00"]);
 }
 
+/// An 8120 that an EMCY told stays in 0x1003, whatever becomes of its repetition after reset communication.
+#[test]
+fn bus_off_that_withdraws_a_repetition_leaves_the_history_alone() {
+    use BusErrorMode::{BusOff, ErrorActive, ErrorPassive};
+    for later in [&[][..], &[ErrorActive], &[ErrorActive, ErrorPassive], &[ErrorActive, ErrorPassive, ErrorActive]] {
+        let mut rig = booted();
+        bus(&mut rig, ErrorPassive);
+        assert_eq!(rig.take(), [PASSIVE]);
+        rig.hold_bus(true);
+        rig.send("000: 82 00");
+        for mode in later.iter().chain([&BusOff]) {
+            bus(&mut rig, *mode);
+        }
+        rig.hold_bus(false);
+        bus(&mut rig, ErrorActive);
+        assert_eq!(rig.take(), [BOOT_UP, RECOVERED, GONE], "after {later:?}");
+        assert_eq!(history(&mut rig), [0x0004_8140, 0x0003_8120], "after {later:?}");
+    }
+}
+
+/// What waits for the bus goes with the restart; what lasts is told again, and each error is entered once.
+#[test]
+fn a_reset_during_bus_off_and_the_emcys_that_wait() {
+    for (lasts, told) in [(true, &[BOOT_UP, "081: 00 FF 91 02 00 00 00 00"][..]), (false, &[BOOT_UP])] {
+        let mut rig = booted();
+        rig.write_time = Duration::from_millis(10);
+        rig.send("601: 23 10 10 02 73 61 76 65");
+        rig.send("000: 82 00");
+        bus(&mut rig, BusErrorMode::BusOff);
+        internal_fault(&mut rig, true);
+        internal_fault(&mut rig, lasts);
+        rig.advance(20);
+        rig.expect_nothing();
+        bus(&mut rig, BusErrorMode::ErrorActive);
+        let end =
+            if lasts { ["081: 40 81 91 04 00 00 00 00", "081: 00 00 81 00 00 00 00 00"] } else { [RECOVERED, GONE] };
+        assert_eq!(rig.take(), [told, &end].concat());
+        assert_eq!(history(&mut rig), [0x0004_8140, 0x0002_FF00]);
+    }
+}
+
 #[test]
 fn a_watchdog_reset() {
     let mut rig = booted();
@@ -249,6 +290,23 @@ fn a_damaged_memory_lasts_to_the_next_start() {
     rig.memory_damaged = false;
     rig.power_cycle();
     assert_eq!(rig.take(), [BOOT_UP]);
+}
+
+/// A memory tells once that it was damaged, and the error lasts all the same.
+#[test]
+fn a_damaged_memory_lasts_over_reset_communication() {
+    let mut rig = booted();
+    rig.memory_damaged = true;
+    rig.power_cycle();
+    assert_eq!(rig.take(), [BOOT_UP, SET_UP]);
+    rig.memory_damaged = false;
+    for _ in 0..2 {
+        rig.exchange("000: 82 00", &[BOOT_UP, SET_UP]);
+        assert_eq!(rig.write(0x1010, 1, 4, SAVE), Ok(()));
+        assert_eq!((rig.read(0x1001, 0), history(&mut rig)), (0x81, vec![0x0001_FF00]), "entered once");
+    }
+    rig.exchange("000: 81 00", &[BOOT_UP]);
+    assert_eq!(rig.read(0x1001, 0), 0);
 }
 
 #[test]

@@ -236,10 +236,15 @@ impl<P: Product> Node<P> {
         Some(self.bit_rate)
     }
 
-    /// Owes an EMCY, in pre-operational and operational alone, and only while EMCYs are on.
+    /// Owes an EMCY that makes no entry in the history: the end of an error, or a repetition.
     pub(crate) fn send_emcy(&mut self, message: Emcy) {
+        self.owe_emcy(message, false);
+    }
+
+    /// Owes an EMCY, in pre-operational and operational alone, and only while EMCYs are on.
+    fn owe_emcy(&mut self, message: Emcy, entered: bool) {
         if self.nmt.serves() && self.objects.emcy.id().is_some() {
-            self.owed.owe_emcy(message);
+            self.owed.owe_emcy(message, entered);
         }
     }
 
@@ -251,18 +256,19 @@ impl<P: Product> Node<P> {
         }
     }
 
-    /// Enters an error into the history while EMCYs are on: the EMCY code, and the manufacturer's upper half. Returns
-    /// whether they are; a node without node ID has none.
-    pub(crate) fn enter_error(&mut self, code: u16, manufacturer: u16) -> bool {
+    /// Owes the EMCY of a new error, and enters its code into the history with the manufacturer's upper half. Both only
+    /// while EMCYs are on; returns whether they are. A node without node ID has none.
+    pub(crate) fn tell_error(&mut self, message: Emcy, manufacturer: u16) -> bool {
         let tells = self.objects.node_id.is_some() && self.objects.emcy.id().is_some();
         if tells {
-            self.objects.history.enter(code, manufacturer);
+            self.objects.history.enter(message.code, manufacturer);
+            self.owe_emcy(message, true);
         }
         tells
     }
 
-    /// Withdraws an error that ended before bus-off let its EMCYs out: the EMCYs of its begin and its end, and their
-    /// entries in the history (A). `register` are the bits of the error register that the error sets.
+    /// Withdraws an error whose EMCYs were kept from the bus by bus-off: the EMCYs of its begin and its end, and the
+    /// entries in the history that were made for them (A). `register` are the bits of the error register that it sets.
     pub(crate) fn withdraw_error(&mut self, code: u16, register: u8) {
         for _ in 0..self.owed.withdraw_emcys(code, register) {
             self.objects.history.withdraw(code);

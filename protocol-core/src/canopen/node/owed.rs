@@ -156,8 +156,9 @@ impl Owed {
         }
     }
 
-    pub(super) fn owe_emcy(&mut self, message: Emcy) {
-        if !self.emcys.push(message) {
+    /// Owes an EMCY; `entered` says whether the history has an entry for it.
+    pub(super) fn owe_emcy(&mut self, message: Emcy, entered: bool) {
+        if !self.emcys.push(message, entered) {
             self.count_dropped(1);
         }
     }
@@ -175,7 +176,8 @@ impl Owed {
         self.emcys.clear();
     }
 
-    /// Drops the EMCYs of an error that the bus has not had. Returns how often the error was withdrawn.
+    /// Drops the EMCYs of an error that the bus has not had. Returns the number of entries in the history that go with
+    /// them.
     pub(super) fn withdraw_emcys(&mut self, code: u16, register: u8) -> u8 {
         self.emcys.withdraw(code, register)
     }

@@ -88,9 +88,9 @@ impl HatSensor {
 
     /// Enters an error into the history and sends its EMCY.
     fn tell(&mut self, error: Error) {
-        let (code, field, _) = error.codes();
-        self.entered.set(error, self.node.enter_error(code, field));
-        self.node.send_emcy(self.objects.errors.message(error));
+        let (_, field, _) = error.codes();
+        let entered = self.node.tell_error(self.objects.errors.message(error), field);
+        self.entered.set(error, entered);
     }
 
     /// Takes the mode of the CAN controller. Bus-off takes the place of error-passive; it is told when it is over.
@@ -280,7 +280,9 @@ impl Body for HatSensor {
             }
         }
         let corrupt = RecordKey::ALL.into_iter().filter(|key| reading.is_corrupt(*key));
-        let whole = if reading.is_damaged() { WHOLE_MEMORY } else { 0 };
+        // A memory tells once that it was damaged.
+        let known = if scope == Restart::Communication { self.damaged & WHOLE_MEMORY } else { 0 };
+        let whole = if reading.is_damaged() { WHOLE_MEMORY } else { known };
         self.set_damaged(corrupt.fold(whole, |damaged, key| damaged | storing::bit(key)), base);
         if scope == Restart::Application {
             self.set_error(Error::Controller, self.internal_fault, base);

@@ -15,12 +15,13 @@ impl CanopenValve {
         self.node.renew_tpdo();
         let changes = self.objects.application.take_changes(now);
         let after = self.objects.application.valve.faults();
-        let mut active = after.union(changes.cleared).difference(changes.activated);
+        // A fault that came and went at once is in the register of its own EMCY alone.
+        let mut active = after.difference(changes.activated);
         for fault in changes.activated {
-            active.insert(fault);
             let count = self.objects.application.valve.counters().get(fault);
-            self.node.enter_error(codes(fault).emcy, u16::from(count));
-            self.node.send_emcy(fault_message(fault, active, count));
+            let message = fault_message(fault, active.union(FaultSet::of(fault)), count);
+            self.node.tell_error(message, u16::from(count));
+            active = active.union(FaultSet::of(fault).intersection(after));
         }
         if !changes.cleared.is_empty() && after.is_empty() {
             self.node.send_emcy(Emcy::default());
