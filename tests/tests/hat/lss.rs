@@ -537,3 +537,58 @@ fn every_lss_store_has_its_answer() {
     rig.power_cycle();
     assert_eq!(rig.take(), ["70C: 00"], "the demanded pair was updated before it was saved");
 }
+
+/// 0x2001:2 and 0x2002:2 follow LSS, but for what a client has demanded since the store was asked for.
+#[test]
+fn what_is_demanded_while_lss_stores_stays() {
+    for (memory_is_busy, object, demanded) in [
+        (false, (0x2001, 9), (9, 4)),
+        (false, (0x2002, 3), (12, 3)),
+        (true, (0x2001, 9), (9, 4)),
+        (true, (0x2002, 3), (12, 3)),
+        // The value that it had.
+        (false, (0x2001, 1), (1, 4)),
+    ] {
+        let mut rig = configuration();
+        rig.write_time = Duration::from_millis(10);
+        node_id(&mut rig, 12, 0);
+        bit_rate(&mut rig, 0, 4, 0);
+        if memory_is_busy {
+            rig.exchange("601: 23 10 10 03 73 61 76 65", &[]);
+        }
+        rig.exchange(STORE, &[]);
+        rig.advance(5);
+        let (index, value) = object;
+        assert_eq!(rig.write(index, 2, 1, value), Ok(()));
+        rig.advance(50);
+        assert_eq!(rig.take(), [STORED]);
+        assert_eq!((rig.read(0x2001, 2), rig.read(0x2002, 2)), demanded, "{index:04X} := {value}");
+        // The next store is newer.
+        node_id(&mut rig, 13, 0);
+        bit_rate(&mut rig, 0, 6, 0);
+        rig.exchange(STORE, &[]);
+        rig.advance(10);
+        assert_eq!(rig.take(), [STORED]);
+        assert_eq!((rig.read(0x2001, 2), rig.read(0x2002, 2)), (13, 6));
+    }
+}
+
+/// The master is answered in operational too, and what it asked for is stored.
+#[test]
+fn a_store_that_nmt_start_comes_into() {
+    for memory_is_busy in [false, true] {
+        let mut rig = configuration();
+        rig.write_time = Duration::from_millis(10);
+        node_id(&mut rig, 12, 0);
+        if memory_is_busy {
+            rig.exchange("601: 23 10 10 03 73 61 76 65", &[]);
+        }
+        rig.exchange(STORE, &[]);
+        rig.exchange("000: 01 00", &[]);
+        rig.advance(50);
+        let sent = rig.take();
+        assert_eq!(sent.iter().filter(|frame| *frame == STORED).count(), 1, "{sent:?}");
+        rig.power_cycle();
+        assert_eq!(rig.take(), ["70C: 00"], "busy: {memory_is_busy}");
+    }
+}

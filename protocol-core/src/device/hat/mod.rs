@@ -122,7 +122,10 @@ impl HatSensor {
     fn demanded(&mut self, demand: Demand<Task>, base: &mut Base) {
         match demand {
             Demand::Task(task) => self.begin_task(task, base),
-            Demand::StoreConfiguration => base.writes.ask(Write::new(RecordKey::LocalLayer, Asker::Lss)),
+            Demand::StoreConfiguration => {
+                self.objects.demanded_since = Configuration::NONE;
+                base.writes.ask(Write::new(RecordKey::LocalLayer, Asker::Lss));
+            }
             Demand::Reset(reset) => base.request_restart(reset.into()),
         }
     }

@@ -6,7 +6,7 @@ use super::errors::Errors;
 #[cfg(feature = "names")]
 use crate::canopen::dictionary::Initial;
 use crate::canopen::dictionary::{Dictionary, Mappable, Value};
-use crate::canopen::lss::Layer;
+use crate::canopen::lss::{Configuration, Layer};
 use crate::canopen::node::{Object, Product, Rules};
 use crate::canopen::{heartbeat, lss, nmt, pdo};
 use crate::controller::BitRate;
@@ -103,6 +103,8 @@ pub(in crate::device) struct HatObjects {
     pub(super) in_force: Layer,
     /// Node ID and bit rate as 0x2001:2 and 0x2002:2 demand them.
     pub(super) demanded: Layer,
+    /// Parts that a client has demanded since the last request of LSS to store: the end of that store leaves them alone.
+    pub(super) demanded_since: Configuration,
     preset: Preset,
 }
 
@@ -115,6 +117,7 @@ impl HatObjects {
             shaft: Shaft::at(0),
             in_force: layer,
             demanded: layer,
+            demanded_since: Configuration::NONE,
             preset: Preset::NONE,
         }
     }
@@ -180,9 +183,11 @@ impl Product for HatObjects {
         match object {
             HatObject::NodeIdDemanded => {
                 self.demanded.node_id = LssNodeId::new(number as u8).ok_or(AbortCode::INVALID_VALUE)?;
+                self.demanded_since.node_id = Some(self.demanded.node_id);
             }
             HatObject::BitRateDemanded => {
                 self.demanded.bit_rate = BitRate::from_table_index(number as u8).ok_or(AbortCode::INVALID_VALUE)?;
+                self.demanded_since.bit_rate = Some(self.demanded.bit_rate);
             }
             HatObject::Preset => {
                 self.preset = self.preset.moved(self.position(now), number).ok_or(AbortCode::TOO_HIGH)?;

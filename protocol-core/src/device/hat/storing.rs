@@ -90,7 +90,8 @@ impl Storing for HatSensor {
         match write.asked_by {
             Asker::Lss => {
                 if stored {
-                    self.objects.demanded = self.objects.demanded.with(self.layer_in_flight);
+                    let stored = self.objects.demanded_since.or(self.layer_in_flight);
+                    self.objects.demanded = self.objects.demanded.with(stored);
                 }
                 self.node.end_lss_store(stored, is_last);
                 if self.node.boots() {
