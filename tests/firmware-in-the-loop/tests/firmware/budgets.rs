@@ -15,7 +15,7 @@ use super::client::{Client, ImageClient, SAVE, VALVE, download, frame};
 
 pub const KIB: u64 = 1024;
 /// The image with all kinds, in flash.
-pub const FLASH: u64 = 96 * KIB;
+pub const FLASH: u64 = 112 * KIB;
 /// Variables and stack.
 const RAM: u64 = 15 * KIB;
 /// Instructions from the receive interrupt to sleep, for a frame that comes through the filters and is for nobody.
