@@ -4,10 +4,10 @@
 //! for the controller's registers, and `tests/firmware-in-the-loop/run --test firmware minimal` plays the bus behind
 //! them.
 //!
-//! A port also replaces [`TICK_CYCLES`], by its clock; `memory.x`, which `firmware/build.rs` takes from a board's
-//! folder; and the package `firmware`, whose functions that copy memory are for a Cortex-M4. It tells the valve by
-//! `sense` when the controller is bus-off. The loop counts its periods: while one takes longer than [`TICK`], a flash
-//! that is erased for example, the valve's time stands, so a port with such a flash reads a timer.
+//! A port also replaces [`TICK_CYCLES`], by its clock; `memory.x` at the top of the repository; and the package
+//! `firmware`, whose functions that copy memory are for a Cortex-M4. It tells the valve by `sense` when the controller is
+//! bus-off. The loop counts its periods: while one takes longer than [`TICK`], a flash that is erased for example, the
+//! valve's time stands, so a port with such a flash reads a timer.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(not(target_os = "none"))]

@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! board            the wiring: which task has what
-//! board/nucleo_…   one board each: its pins, watchdog, LEDs, memory layout
+//! board/nucleo_…   one board each: its pins, watchdog, LEDs
 //! board/device     the device's task, above all others      board/attention  what it waits for
 //! board/link       on the bus and off it                    board/can        the CAN controller
 //! board/front      console and button, seen from it          board/console    lines that are obeyed

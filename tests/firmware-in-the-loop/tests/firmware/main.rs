@@ -12,6 +12,7 @@ mod core_alone;
 mod f446re;
 mod filters;
 mod hands;
+mod layout;
 mod leds;
 mod memory_functions;
 mod minimal;
