@@ -2,7 +2,7 @@
 //! everything due done.
 //!
 //! The limits are budgets: a change that breaks one fails `./test`. The figures of other stacks stand beside them:
-//! CANopenNode's from the least that answers to its whole millisecond.
+//! CANopenNode's from the calls that the frame needs to its whole millisecond.
 
 #![allow(missing_docs, reason = "the macros of gungraun make modules without any")]
 
