@@ -157,8 +157,9 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
     /// [`Unreadable`] when the map as a whole makes no sense; of the contents the setting is of use then, if there is
     /// one.
     pub fn read(&mut self, contents: &mut Contents) -> Result<(), Unreadable> {
-        *contents = Contents::empty();
         let Contents { image, setting } = contents;
+        image.clear();
+        *setting = None;
         let mut found = Survey::default();
         let mut visit = |key, bytes: &[u8]| {
             found.note(key, bytes);

@@ -5,7 +5,7 @@ use embassy_sync::channel::{Channel, Receiver, Sender};
 use embassy_time::{Duration, Instant};
 use firmware::settings::Settings;
 use nvm::{BUFFER, Contents, Records, Unreadable};
-use protocol_core::memory::{Image, Record, RecordKey, StoreError};
+use protocol_core::memory::{Record, RecordKey, StoreError};
 use static_cell::ConstStaticCell;
 
 use super::attention::{Caller, call};
@@ -126,7 +126,7 @@ impl Memory {
         if settings.fresh {
             // One that fails is tried again at the next start.
             settings.fresh = self.clear().is_err();
-            contents.image = Image::empty();
+            contents.image.clear();
         }
         if stored != Some(settings) {
             // One that fails is stored at the next start.
@@ -152,7 +152,7 @@ impl Memory {
             // Without it the board would be the kind that the image was built for.
             let _ = records.store_setting(setting);
         }
-        contents.image = Image::empty();
+        contents.image.clear();
         contents.image.set_damaged();
     }
 

@@ -42,6 +42,12 @@ impl Image {
         Self { contents: [const { Content::Absent }; RecordKey::ALL.len()], damaged: false }
     }
 
+    /// Makes this a memory that was never written, in place: an image is large for the stack of a small processor.
+    pub fn clear(&mut self) {
+        self.contents.fill_with(Content::default);
+        self.damaged = false;
+    }
+
     /// Puts in what was read under `key`.
     pub fn put(&mut self, key: RecordKey, bytes: &[u8]) {
         self.set(key, Record::from_slice(bytes).map_or(Content::Unreadable, Content::Sealed));
@@ -127,6 +133,16 @@ mod tests {
         assert_eq!(image.payload(RecordKey::LocalLayer, 2), Err(Corrupt));
         assert_eq!(image.payload(RecordKey::Parameters, 1), Err(Corrupt));
         assert_eq!(image.payload(RecordKey::FaultLog, 1), Err(Corrupt));
+    }
+
+    #[test]
+    fn a_memory_that_was_cleared_is_a_new_one() {
+        let mut image = Image::empty();
+        image.put(RecordKey::LocalLayer, &seal(1, b"\x20").unwrap());
+        image.put_unreadable(RecordKey::FaultLog);
+        image.set_damaged();
+        image.clear();
+        assert_eq!(image, Image::empty());
     }
 
     #[test]
