@@ -38,6 +38,9 @@ pub const fn help_of(product: &ProductSenses) -> &'static str {
 /// The answer to a line that is not understood.
 pub const USAGE: &str = "not understood: help tells all words";
 
+/// The answer to a line of which characters were lost or altered.
+pub const DAMAGED: &str = "damaged in transmission: send it again";
+
 /// The answer to a word that another product has.
 pub const OTHER_KIND: &str = "another kind of device has this word: help tells all words";
 

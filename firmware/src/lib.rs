@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! bit_timing    the bit rates       filter_bank  the filters of the CAN controller
-//! console       what can be typed   settings     what the board is
+//! console       what can be typed   line         how it arrives
+//! settings      what the board is
 //! ```
 //!
 //! And, for the processor alone, `memory_functions`: what the compiler calls to copy memory.
@@ -12,6 +13,7 @@
 pub mod bit_timing;
 pub mod console;
 pub mod filter_bank;
+pub mod line;
 #[cfg(target_os = "none")]
 #[allow(unsafe_code, reason = "assembler; without it the functions of the compiler take their place")]
 mod memory_functions;

@@ -8,8 +8,9 @@
 //! board/link       on the bus and off it                    board/can        the CAN controller
 //! board/front      console and button, seen from it          board/console    lines that are obeyed
 //! board/storage    the memory's task                        board/flash      the sectors it has
-//! board/led        the valve's LED                          board/button     faults by hand
-//! board/clock      the clock tree                           board/reset      why the processor starts
+//! board/led        the valve's LED                          board/serial     their characters
+//! board/clock      the clock tree                           board/button     faults by hand
+//! board/reset      why the processor starts
 //! ```
 #![cfg_attr(target_os = "none", no_std, no_main)]
 

@@ -42,7 +42,7 @@ impl Front {
     /// Returns the command of a line that was typed; answers a line that is none.
     pub(super) fn command(&mut self) -> Option<Command> {
         let exchange = self.exchange.insert(self.lines.try_take()?);
-        let command = Command::parse(&exchange.line);
+        let command = Command::parse(exchange.line.text());
         if command.is_none() {
             self.answer(Answer::Usage);
         }

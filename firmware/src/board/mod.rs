@@ -5,7 +5,8 @@
 //! | [`CAN_PRIORITY`] | the interrupts of the CAN controller: frames into a queue, the next frame into a mailbox |
 //! | [`CLOCK_PRIORITY`] | the clock: timers that ring |
 //! | [`DEVICE_PRIORITY`] | the device's task, on an executor of its own |
-//! | [`SERVICE_PRIORITY`] | console, LEDs, button, on an executor of their own; the interrupts of console and flash |
+//! | [`SERIAL_PRIORITY`] | the interrupt of the console's UART: damaged characters are known before they are taken |
+//! | [`SERVICE_PRIORITY`] | console, LEDs, button, on an executor of their own; the interrupts of DMA and flash |
 //! | thread | the memory's task, which lets nobody else run while it waits for the flash |
 
 mod attention;
@@ -22,6 +23,7 @@ mod link;
 #[cfg_attr(feature = "nucleo-f446re", path = "nucleo_f446re.rs")]
 mod nucleo;
 mod reset;
+mod serial;
 mod storage;
 
 use defmt_rtt as _;
@@ -31,7 +33,6 @@ use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::{InterruptExt as _, Priority};
 use embassy_stm32::pac::Interrupt;
 use embassy_stm32::peripherals::IWDG;
-use embassy_stm32::usart::BufferedUart;
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
@@ -41,6 +42,7 @@ use front::Front;
 const CAN_PRIORITY: Priority = Priority::P4;
 const CLOCK_PRIORITY: Priority = Priority::P6;
 const DEVICE_PRIORITY: Priority = Priority::P8;
+const SERIAL_PRIORITY: Priority = Priority::P10;
 const SERVICE_PRIORITY: Priority = Priority::P12;
 
 /// Runs the device's task in the interrupt of a peripheral that is not used.
@@ -66,7 +68,7 @@ struct Nucleo {
     can: can::Can1,
     watchdog: IndependentWatchdog<'static, IWDG>,
     sectors: flash::Sectors,
-    console: Option<BufferedUart<'static>>,
+    console: Option<serial::Port>,
     button: Input<'static>,
     leds: nucleo::Leds,
 }
@@ -86,7 +88,9 @@ async fn main(spawner: Spawner) {
     for (line, priority) in [
         (Interrupt::TIM5, CLOCK_PRIORITY),
         (Interrupt::UART5, DEVICE_PRIORITY),
-        (nucleo::CONSOLE, SERVICE_PRIORITY),
+        (nucleo::SERIAL, SERIAL_PRIORITY),
+        (nucleo::RECEIVE, SERVICE_PRIORITY),
+        (nucleo::TRANSMIT, SERVICE_PRIORITY),
         (Interrupt::UART4, SERVICE_PRIORITY),
         (Interrupt::FLASH, SERVICE_PRIORITY),
     ] {

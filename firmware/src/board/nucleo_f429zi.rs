@@ -2,20 +2,23 @@
 
 use embassy_stm32::flash::{Flash, InterruptHandler};
 use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
-use embassy_stm32::pac::Interrupt;
-use embassy_stm32::peripherals::USART3;
-use embassy_stm32::usart::BufferedInterruptHandler;
+use embassy_stm32::pac::{self, Interrupt};
+use embassy_stm32::peripherals::{DMA1_CH1, DMA1_CH3};
 use embassy_stm32::wdg::IndependentWatchdog;
-use embassy_stm32::{Peripherals, bind_interrupts};
+use embassy_stm32::{Peripherals, bind_interrupts, dma, interrupt};
 use protocol_core::actuator::{Color, Led};
 
 use super::can::Can1;
 use super::flash::Sectors;
 use super::led::is_on;
-use super::{CAN_PRIORITY, Nucleo, console};
+use super::serial::{self, Port};
+use super::{CAN_PRIORITY, Nucleo};
 
-/// The interrupt of the console.
-pub(super) const CONSOLE: Interrupt = Interrupt::USART3;
+/// The UART of the console, its interrupt, and those of its DMA streams.
+pub(super) const UART: pac::usart::Usart = pac::USART3;
+pub(super) const SERIAL: Interrupt = Interrupt::USART3;
+pub(super) const RECEIVE: Interrupt = Interrupt::DMA1_STREAM1;
+pub(super) const TRANSMIT: Interrupt = Interrupt::DMA1_STREAM3;
 
 /// The device's task has so long, in microseconds, before the watchdog resets the processor.
 const WATCHDOG_US: u32 = 500_000;
@@ -28,8 +31,14 @@ pub(super) const MEMORY: u32 = 0x10_0000;
 
 bind_interrupts!(struct Interrupts {
     FLASH => InterruptHandler;
-    USART3 => BufferedInterruptHandler<USART3>;
+    DMA1_STREAM1 => dma::InterruptHandler<DMA1_CH1>;
+    DMA1_STREAM3 => dma::InterruptHandler<DMA1_CH3>;
 });
+
+#[interrupt]
+fn USART3() {
+    serial::on_interrupt();
+}
 
 /// Takes the peripherals of the board.
 pub(super) fn open(board: Peripherals) -> Nucleo {
@@ -39,7 +48,7 @@ pub(super) fn open(board: Peripherals) -> Nucleo {
         can: Can1::new(board.PD0, board.PD1, CAN_PRIORITY),
         watchdog: IndependentWatchdog::new(board.IWDG, WATCHDOG_US),
         sectors: Sectors(Flash::new(board.FLASH, Interrupts)),
-        console: console::open(board.USART3, board.PD9, board.PD8, Interrupts),
+        console: Port::open(board.USART3, (board.PD9, board.PD8), (board.DMA1_CH1, board.DMA1_CH3), Interrupts),
         button: Input::new(board.PC13, Pull::Down),
         leds: Leds {
             red: Output::new(board.PB14, Level::Low, Speed::Low),

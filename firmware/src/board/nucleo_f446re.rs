@@ -5,21 +5,24 @@
 
 use embassy_stm32::flash::{Flash, InterruptHandler};
 use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
-use embassy_stm32::pac::Interrupt;
-use embassy_stm32::peripherals::USART2;
-use embassy_stm32::usart::BufferedInterruptHandler;
+use embassy_stm32::pac::{self, Interrupt};
+use embassy_stm32::peripherals::{DMA1_CH5, DMA1_CH6};
 use embassy_stm32::wdg::IndependentWatchdog;
-use embassy_stm32::{Peripherals, bind_interrupts};
+use embassy_stm32::{Peripherals, bind_interrupts, dma, interrupt};
 use embassy_time::TICK_HZ;
 use protocol_core::actuator::{Color, Led};
 
 use super::can::Can1;
 use super::flash::Sectors;
 use super::led::{STEPS, is_on};
-use super::{CAN_PRIORITY, Nucleo, console};
+use super::serial::{self, Port};
+use super::{CAN_PRIORITY, Nucleo};
 
-/// The interrupt of the console.
-pub(super) const CONSOLE: Interrupt = Interrupt::USART2;
+/// The UART of the console, its interrupt, and those of its DMA streams.
+pub(super) const UART: pac::usart::Usart = pac::USART2;
+pub(super) const SERIAL: Interrupt = Interrupt::USART2;
+pub(super) const RECEIVE: Interrupt = Interrupt::DMA1_STREAM5;
+pub(super) const TRANSMIT: Interrupt = Interrupt::DMA1_STREAM6;
 
 /// The longest erase of a sector of 16 KiB, by words (DS10693).
 const LONGEST_ERASE_MS: u64 = 500;
@@ -41,8 +44,14 @@ pub(super) const MEMORY: u32 = 0x4000;
 
 bind_interrupts!(struct Interrupts {
     FLASH => InterruptHandler;
-    USART2 => BufferedInterruptHandler<USART2>;
+    DMA1_STREAM5 => dma::InterruptHandler<DMA1_CH5>;
+    DMA1_STREAM6 => dma::InterruptHandler<DMA1_CH6>;
 });
+
+#[interrupt]
+fn USART2() {
+    serial::on_interrupt();
+}
 
 /// Takes the peripherals of the board.
 pub(super) fn open(board: Peripherals) -> Nucleo {
@@ -50,7 +59,7 @@ pub(super) fn open(board: Peripherals) -> Nucleo {
         can: Can1::new(board.PB8, board.PB9, CAN_PRIORITY),
         watchdog: IndependentWatchdog::new(board.IWDG, WATCHDOG_US),
         sectors: Sectors(Flash::new(board.FLASH, Interrupts)),
-        console: console::open(board.USART2, board.PA3, board.PA2, Interrupts),
+        console: Port::open(board.USART2, (board.PA3, board.PA2), (board.DMA1_CH5, board.DMA1_CH6), Interrupts),
         button: Input::new(board.PC13, Pull::Up),
         leds: Leds(Output::new(board.PA5, Level::Low, Speed::Low)),
     }

@@ -1,5 +1,5 @@
 //! The STM32F429ZI and the STM32F446RE: from `rigless` the models of what they share with the STM32F427 (clocks, power,
-//! GPIO, timers, UART, watchdog, debug), from here CAN1, the flash interface and the sectors that hold the memory. What
+//! GPIO, timers, UART, DMA, watchdog, debug), from here CAN1, the flash interface and the sectors that hold the memory. What
 //! the firmware has no use for is not there: an access to it fails the test.
 //!
 //! Of what the STM32F446 has beyond the STM32F427 there is only DCKCFGR2, as a register that holds what is written: it
@@ -17,19 +17,20 @@ use rigless::device::{Device, ErasedDevice, ResetCause};
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::stm32f427::generated as tables;
 use rigless::soc::stm32f427::peripherals::dbg::Dbg;
+use rigless::soc::stm32f427::peripherals::dma::{Dma, Wire};
 use rigless::soc::stm32f427::peripherals::gpio::{Gpio, Pin};
 use rigless::soc::stm32f427::peripherals::iwdg::Iwdg;
 use rigless::soc::stm32f427::peripherals::pwr::Pwr;
 use rigless::soc::stm32f427::peripherals::rcc as stock;
 use rigless::soc::stm32f427::peripherals::tim::{Counter, General, Tim};
-use rigless::soc::stm32f427::peripherals::usart::{Kind, Usart};
+use rigless::soc::stm32f427::peripherals::usart::{Kind, RECEIVE_REQUEST, TRANSMIT_REQUEST, Usart};
 use rigless::soc::{
     Access, Bus, Clock, Cpu, Endian, Error, Gate, Peripheral, ReadAction, RegisterSpec, Width, Window, WriteModify,
 };
 use rigless::time::VirtualNanos;
 
 pub use can::Can1;
-pub use console::{Lines, Terminal};
+pub use console::{Damage, Flag, Lines, Terminal};
 pub use flash::SharedFlash;
 
 use crate::board::{Board, Console};
@@ -53,6 +54,13 @@ const DEDICATED_CLOCKS: RegisterSpec = RegisterSpec {
     write: WriteModify::None,
     fields: &[],
 };
+/// The requests that reach DMA1 (RM0090 table 43, RM0390 table 28): those of the serial ports that a console can be at.
+static DMA1_REQUESTS: [Wire; 4] = [
+    Wire { instance: "USART2", request: RECEIVE_REQUEST, channel: 4, streams: &[5] },
+    Wire { instance: "USART2", request: TRANSMIT_REQUEST, channel: 4, streams: &[6] },
+    Wire { instance: "USART3", request: RECEIVE_REQUEST, channel: 4, streams: &[1] },
+    Wire { instance: "USART3", request: TRANSMIT_REQUEST, channel: 4, streams: &[3] },
+];
 const SUPPLY_MV: u32 = 3300;
 /// The ST-LINK's clock output, which the NUCLEO feeds to OSC_IN.
 const HSE_HZ: u64 = 8_000_000;
@@ -103,6 +111,7 @@ pub struct Part {
     gpio: [Gpio; PORTS.len()],
     tim5: Tim<General>,
     console: Usart,
+    dma1: Dma,
     iwdg: Iwdg,
     dbg: Dbg,
     dwt: Dwt,
@@ -125,6 +134,7 @@ struct Slots {
     gpio: [usize; PORTS.len()],
     tim5: usize,
     console: usize,
+    dma1: usize,
     iwdg: usize,
     dbg: usize,
     dwt: usize,
@@ -153,6 +163,7 @@ impl Part {
             gpio,
             tim5: bus.slot("TIM5")?,
             console: bus.slot(board.console.name())?,
+            dma1: bus.slot("DMA1")?,
             iwdg: bus.slot("IWDG")?,
             dbg: bus.slot("DBG")?,
             dwt: bus.slot(armv7m::DWT)?,
@@ -170,6 +181,7 @@ impl Part {
             gpio: std::array::from_fn(|_| Gpio::default()),
             tim5,
             console,
+            dma1: Dma::new(&DMA1_REQUESTS, &[], false),
             iwdg: Iwdg::new(),
             dbg: Dbg,
             dwt: Dwt::with_clock(stock::HSI_HZ),
@@ -226,6 +238,7 @@ fn describe(board: &Board, tim5: &Tim<General>) -> Result<Bus, Error> {
         tables::FLASH,
         tables::IWDG,
         tables::CAN1,
+        tables::DMA1,
         tables::SYSCFG,
         tables::EXTI,
         tables::DBG,
@@ -250,6 +263,9 @@ fn describe(board: &Board, tim5: &Tim<General>) -> Result<Bus, Error> {
         .gate(console.name(), Gate::by("RCC", "APB1ENR", console.enable()))
         .reset_by(console.name(), Gate::by("RCC", "APB1RSTR", console.reset()))
         .clocked_by(console.name(), Clock::output("RCC", stock::PCLK1))
+        .gate("DMA1", Gate::by("RCC", "AHB1ENR", "DMA1EN"))
+        .reset_by("DMA1", Gate::by("RCC", "AHB1RSTR", "DMA1RST"))
+        .reads_requests("DMA1")
         .gate("TIM5", Gate::by("RCC", "APB1ENR", "TIM5EN"))
         .reset_by("TIM5", Gate::by("RCC", "APB1RSTR", "TIM5RST"))
         .clocked_by("TIM5", Clock::output("RCC", stock::APB1_TIMERS))
@@ -309,6 +325,9 @@ impl Mcu for Part {
         if slot == slots.can {
             self.connections.can.lock().clock_hz = self.rcc.rcc.pclk1(self.bus.slots()[slots.rcc].registers());
         }
+        if slot == slots.console {
+            self.connections.terminal.damage(self.console.errors_mut());
+        }
         if slot == slots.tim5 {
             // `rigless` 0.4.0 notes a compare match when EGR.UG finds the counter, stopped, equal to a compare
             // register; silicon does not, and embassy's clock would start 65536 ticks ahead.
@@ -319,13 +338,14 @@ impl Mcu for Part {
                 registers.set(Register::Sr, status & !0x1E);
             }
         }
-        let Self { rcc, pwr, gpio, tim5, console, iwdg, dbg, dwt, flash, memory, can, bus, .. } = self;
+        let Self { rcc, pwr, gpio, tim5, console, dma1, iwdg, dbg, dwt, flash, memory, can, bus, .. } = self;
         let model: Option<&mut dyn ErasedDevice> = match slot {
             _ if slot == slots.can => Some(can),
             _ if slot == slots.memory => Some(memory),
             _ if slot == slots.flash => Some(flash),
             _ if slot == slots.tim5 => Some(tim5),
             _ if slot == slots.console => Some(console),
+            _ if slot == slots.dma1 => Some(dma1),
             _ if slot == slots.rcc => Some(rcc),
             _ if slot == slots.pwr => Some(pwr),
             _ if slot == slots.iwdg => Some(iwdg),

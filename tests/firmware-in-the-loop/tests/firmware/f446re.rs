@@ -26,7 +26,7 @@ const HEARTBEAT_MS: u64 = 1000;
 const STEP_MS: u64 = 111;
 
 /// The valve with its heartbeat on. To save its parameters once more erases a sector.
-fn about_to_erase() -> ImageClient {
+pub fn about_to_erase() -> ImageClient {
     let saved = content::stored_after(&VALVE, &[frame("620: 23 10 10 01 73 61 76 65")]);
     let mut client = ImageClient::with_memory(&NUCLEO_F446RE, &content::worn(&saved));
     client.write(0x1017, 0, 2, HEARTBEAT_MS as u32);
@@ -36,7 +36,7 @@ fn about_to_erase() -> ImageClient {
 }
 
 /// Asks it to save, and goes on until a sector is being erased. Returns the erase, in the time of the world.
-fn begin_erase(client: &mut ImageClient) -> (Instant, Instant) {
+pub fn begin_erase(client: &mut ImageClient) -> (Instant, Instant) {
     client.bench.send(Frame::full(frame("620: 00").id(), download(0x1010, 1, 4, SAVE)));
     let board = client.bench.board;
     loop {

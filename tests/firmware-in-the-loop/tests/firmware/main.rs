@@ -9,6 +9,7 @@ mod button;
 mod client;
 mod console;
 mod core_alone;
+mod damaged_lines;
 mod f446re;
 mod filters;
 mod hands;

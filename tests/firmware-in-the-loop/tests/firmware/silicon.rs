@@ -35,8 +35,14 @@ const PRIORITIES: [&[(&str, u64)]; 4] = [
     &[("UART5: the device's task", 53)],
     &[("UART4: console, LEDs, button", 52), ("FLASH", 4)],
 ];
-const USART2: u64 = 38;
-const USART3: u64 = 39;
+/// The console: its UART, whose interrupt is above the console's task, and its DMA streams.
+const CONSOLE_F429: Console = Console { uart: 39, streams: [12, 14] };
+const CONSOLE_F446: Console = Console { uart: 38, streams: [16, 17] };
+
+struct Console {
+    uart: u64,
+    streams: [u64; 2],
+}
 
 /// Where flags, read and write index of the log's channel lie in the control block of RTT.
 const RTT_SIZE: u64 = 32;
@@ -121,11 +127,11 @@ fn check_pins(client: &ImageClient, port: u64, rx: u64, tx: u64) {
 
 #[test]
 fn interrupts_have_the_priorities_of_the_table() {
-    check_priorities(ImageClient::booted(), USART3);
-    check_priorities(ImageClient::booted_on(&NUCLEO_F446RE), USART2);
+    check_priorities(ImageClient::booted(), &CONSOLE_F429);
+    check_priorities(ImageClient::booted_on(&NUCLEO_F446RE), &CONSOLE_F446);
 }
 
-fn check_priorities(mut client: ImageClient, console: u64) {
+fn check_priorities(mut client: ImageClient, console: &Console) {
     let core = client.bench.rig.connections(client.bench.board).core.clone();
     (0..16).for_each(|word| core.watch(NVIC_IPR + 4 * word));
     client.wait_ms(10);
@@ -139,7 +145,11 @@ fn check_priorities(mut client: ImageClient, console: u64) {
         assert!(priority(first) > above, "{lines:?}: {} is not below {above}", priority(first));
         above = priority(first);
     }
-    assert_eq!(priority(console), above, "the console");
+    for stream in console.streams {
+        assert_eq!(priority(stream), above, "DMA for the console");
+    }
+    let [.., (_, device)] = PRIORITIES[2] else { panic!("the device's task is missing") };
+    assert!((priority(*device) + 1..above).contains(&priority(console.uart)), "the console's UART");
 }
 
 #[test]
