@@ -11,6 +11,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use embassy_futures::select::select;
 use embassy_stm32::Peri;
 use embassy_stm32::dma::{Channel, InterruptHandler, Request, Transfer};
+use embassy_stm32::gpio::Pull;
 use embassy_stm32::interrupt::typelevel::Binding;
 use embassy_stm32::mode::Blocking;
 use embassy_stm32::usart::{Config, Instance, RxDma, RxPin, TxDma, TxPin, Uart};
@@ -64,7 +65,10 @@ impl Port {
             buffer: cortex_m::singleton!(: [u8; BUFFER] = [0; BUFFER])?,
         };
         let receiver = Receiver { request: receive.request(), channel: Channel::new(receive, interrupts) };
-        let uart = Uart::new_blocking(uart, rx, tx, Config::default()).ok()?;
+        let mut config = Config::default();
+        // Without an ST-LINK nobody drives the pin.
+        config.rx_pull = Pull::Up;
+        let uart = Uart::new_blocking(uart, rx, tx, config).ok()?;
         UART.cr3().modify(|control| {
             control.set_dmar(true);
             control.set_dmat(true);

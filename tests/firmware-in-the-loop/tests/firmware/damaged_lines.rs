@@ -11,6 +11,8 @@ const DAMAGED: &str = "damaged in transmission: send it again";
 const SUPPLY: &str = "supply_mv 24000\n";
 /// Turns a `4` into a `5`, of which no text tells that it is wrong.
 const ONE_BIT: u8 = 1;
+/// Characters that a buffer of the console holds.
+const BUFFER: usize = 64;
 /// More lines than the console has room for.
 const LINES: usize = 100;
 /// Characters that come in a millisecond, at the most.
@@ -105,7 +107,23 @@ fn a_line_typed_by_hand_with_a_damaged_character_is_not_obeyed() {
     client.end_without_reset();
 }
 
-/// While the console prints the help, it takes no line; what comes meanwhile has to wait, as far as there is room.
+/// While the console prints the help, it takes no line: a buffer that was full with "help" is followed by another one.
+#[test]
+fn what_fits_while_it_prints_is_obeyed_and_a_character_more_damages_its_line() {
+    let mut client = ImageClient::booted();
+    let help = client.obeyed("help").len();
+    let fits = format!("help\n{}   lever off\nsupply_mv 2400", SUPPLY.repeat(6));
+    assert_eq!(fits.len(), 2 * BUFFER);
+    for (more, answer, supply_mv) in [("", "ok", "2400"), ("0", DAMAGED, "24000")] {
+        let told = answers(&mut client, &format!("{fits}{more}"), 200);
+        assert_eq!(told[help..], ["ok", "ok", "ok", "ok", answer, answer, answer, answer], "with {more:?}");
+        assert_eq!(answers(&mut client, "\n", 20), [answer], "with {more:?}");
+        assert_eq!(client.status_of("supply_mv"), supply_mv, "with {more:?}");
+    }
+    client.end_without_reset();
+}
+
+/// The same, as far as there is room.
 #[test]
 fn more_lines_than_fit_while_it_prints_are_told_to_be_damaged() {
     let mut client = ImageClient::booted();

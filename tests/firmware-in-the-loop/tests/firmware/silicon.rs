@@ -16,6 +16,7 @@ const RCC_CFGR: u64 = 0x4002_3808;
 const FLASH_ACR: u64 = 0x4002_3C00;
 const PWR_CR: u64 = 0x4000_7000;
 const DBGMCU_APB1_FZ: u64 = 0xE004_2008;
+const GPIOA: u64 = 0x4002_0000;
 const GPIOA_MODER: u64 = 0x4002_0000;
 const GPIOA_PUPDR: u64 = 0x4002_000C;
 const GPIOB: u64 = 0x4002_0400;
@@ -106,6 +107,16 @@ fn the_button_is_at_rest_without_the_boards_resistor() {
         let client = ImageClient::booted_on(board);
         let pulled = client.machine().register(GPIOC + GPIO_PUPDR) >> 26 & 0b11;
         assert_eq!(pulled, pull, "{}: PC13 is pulled to the level that it has while nobody presses", board.name);
+    }
+}
+
+#[test]
+fn the_console_is_quiet_without_an_st_link() {
+    for (board, port, rx) in [(&NUCLEO_F429ZI, GPIOD, 9), (&NUCLEO_F446RE, GPIOA, 3)] {
+        let client = ImageClient::booted_on(board);
+        let two_bits = |register: u64| client.machine().register(port + register) >> (2 * rx) & 0b11;
+        assert_eq!(two_bits(GPIO_MODER), 0b10, "{}: the pin is that of a peripheral", board.name);
+        assert_eq!(two_bits(GPIO_PUPDR), 0b01, "{}: a pull-up", board.name);
     }
 }
 
