@@ -54,10 +54,7 @@ impl Port {
         uart: Peri<'static, U>,
         (rx, tx): (Peri<'static, impl RxPin<U>>, Peri<'static, impl TxPin<U>>),
         (receive, transmit): (Peri<'static, R>, Peri<'static, T>),
-        interrupts: impl Binding<R::Interrupt, InterruptHandler<R>>
-        + Binding<T::Interrupt, InterruptHandler<T>>
-        + Copy
-        + 'static,
+        interrupts: impl Binding<R::Interrupt, InterruptHandler<R>> + Binding<T::Interrupt, InterruptHandler<T>> + 'static,
     ) -> Option<Self> {
         let transmitter = Transmitter {
             request: transmit.request(),
