@@ -2,7 +2,8 @@
 
 use embassy_stm32::flash::{Flash, InterruptHandler};
 use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
-use embassy_stm32::pac::{self, Interrupt};
+use embassy_stm32::pac::gpio::vals::Pupdr;
+use embassy_stm32::pac::{self, GPIOA, Interrupt};
 use embassy_stm32::peripherals::{DMA1_CH1, DMA1_CH3};
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Peripherals, bind_interrupts, dma, interrupt};
@@ -42,8 +43,10 @@ fn USART3() {
 
 /// Takes the peripherals of the board.
 pub(super) fn open(board: Peripherals) -> Nucleo {
-    // Silicon before revision 3 reads bank 2 wrongly while this pin toggles (ES0206): held low.
-    core::mem::forget(Input::new(board.PA12, Pull::Down));
+    // Silicon before revision 3 reads bank 2 wrongly unless this pin is a push-pull output that is low (ES0206); the
+    // flash driver's check of that wants the pull-down, too.
+    core::mem::forget(Output::new(board.PA12, Level::Low, Speed::Low));
+    GPIOA.pupdr().modify(|pulls| pulls.set_pupdr(12, Pupdr::PULL_DOWN));
     Nucleo {
         can: Can1::new(board.PD0, board.PD1, CAN_PRIORITY),
         watchdog: IndependentWatchdog::new(board.IWDG, WATCHDOG_US),

@@ -17,8 +17,6 @@ const FLASH_ACR: u64 = 0x4002_3C00;
 const PWR_CR: u64 = 0x4000_7000;
 const DBGMCU_APB1_FZ: u64 = 0xE004_2008;
 const GPIOA: u64 = 0x4002_0000;
-const GPIOA_MODER: u64 = 0x4002_0000;
-const GPIOA_PUPDR: u64 = 0x4002_000C;
 const GPIOB: u64 = 0x4002_0400;
 const GPIOC: u64 = 0x4002_0800;
 const GPIOD: u64 = 0x4002_0C00;
@@ -28,6 +26,7 @@ const GPIO_OSPEEDR: u64 = 0x08;
 const GPIO_PUPDR: u64 = 0x0C;
 const GPIO_AFRL: u64 = 0x20;
 const NVIC_IPR: u64 = 0xE000_E400;
+const GPIO_ODR: u64 = 0x14;
 
 /// Interrupts (RM0090 table 63, RM0390 table 38), those of a line with one priority, the most urgent first.
 const PRIORITIES: [&[(&str, u64)]; 4] = [
@@ -167,12 +166,11 @@ fn check_priorities(mut client: ImageClient, console: &Console) {
 fn the_pin_that_disturbs_early_silicon_is_held() {
     let client = ImageClient::booted();
     let register = |address| client.machine().register(address);
-    assert_eq!(register(GPIOA_MODER) >> 24 & 0b11, 0, "PA12 is an input");
-    assert_eq!(
-        register(GPIOA_PUPDR) >> 24 & 0b11,
-        0b10,
-        "with a pull-down: early silicon reads bank 2 wrongly otherwise"
-    );
+    let is = "early silicon reads bank 2 wrongly unless PA12 is (ES0206)";
+    assert_eq!(register(GPIOA + GPIO_MODER) >> 24 & 0b11, 0b01, "{is} an output");
+    assert_eq!(register(GPIOA + GPIO_OTYPER) >> 12 & 1, 0, "{is} push-pull");
+    assert_eq!(register(GPIOA + GPIO_ODR) >> 12 & 1, 0, "{is} low");
+    assert_eq!(register(GPIOA + GPIO_PUPDR) >> 24 & 0b11, 0b10, "the flash driver wants it pulled down");
 }
 
 #[test]
