@@ -131,7 +131,7 @@ fn check_pins(client: &ImageClient, port: u64, rx: u64, tx: u64) {
         );
     }
     assert_eq!(two_bits(GPIO_PUPDR, rx), 0b01, "without a transceiver the bus reads recessive");
-    assert_eq!(two_bits(GPIO_OSPEEDR, tx), 0b11, "very high speed");
+    assert_eq!(two_bits(GPIO_OSPEEDR, tx), 0b01, "medium speed: edges of 10 ns, fast enough for 1 Mbit/s");
     assert_eq!(client.machine().register(port + GPIO_OTYPER) >> tx & 1, 0, "push-pull");
 }
 
