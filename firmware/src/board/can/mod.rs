@@ -48,7 +48,7 @@ struct Registers;
 // - MCR, while `bxcan` is not called: the one task that configures the controller does both;
 // - MSR, ESR and TSR, reading, or writing ones to flags, which is one access;
 // - IER, in the error interrupt or with interrupts off, after `bxcan` has written it for the last time;
-// - the outputs of the FIFOs and the mailboxes' identifiers, reading;
+// - RF0R, RF1R, the outputs of the FIFOs and the mailboxes' identifiers, reading;
 // - single filter banks, after `bxcan` has set them up for the last time. Of `bxcan`'s own halves each has one user:
 //   the receive interrupts, the transmit interrupt with the device's task under a critical section, and `Can1` for the
 //   configuration.
