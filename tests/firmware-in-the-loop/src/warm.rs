@@ -11,7 +11,7 @@
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rigless::emulator::{
     Access, BitAlias, Checked, CoreBus, DataModel, Error, Exit, HaltReason, HostCall, InterruptLine, Processor,
@@ -25,18 +25,33 @@ use crate::part::SharedFlash;
 /// Registers of the core itself (interrupt controller, system control) that somebody wants to see. They are read by the
 /// processor's own model, whenever it has run.
 #[derive(Clone, Debug, Default)]
-pub struct CoreView(Arc<Mutex<BTreeMap<u64, u32>>>);
+pub struct CoreView(Arc<Mutex<Registers>>);
+
+#[derive(Debug, Default)]
+struct Registers {
+    watched: BTreeMap<u64, u32>,
+    written: Vec<(u64, u32)>,
+}
 
 impl CoreView {
+    /// Writes the register at an address before the processor runs next.
+    pub fn write(&self, address: u64, value: u32) {
+        self.lock().written.push((address, value));
+    }
+
     /// Wants to see the register at an address, as it is when the processor has run next.
     pub fn watch(&self, address: u64) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).insert(address, 0);
+        self.lock().watched.insert(address, 0);
     }
 
     /// What a register held that is [watched](Self::watch).
     #[must_use]
     pub fn get(&self, address: u64) -> Option<u32> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).get(&address).copied()
+        self.lock().watched.get(&address).copied()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Registers> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -130,8 +145,11 @@ impl Processor for Warm {
         if self.flash.holds(bus.time(self.inner.retired())) {
             return (Exit::Waiting, 0);
         }
+        for (address, value) in self.view.lock().written.drain(..) {
+            self.inner.debugger_access(Some(value.into()), address, Width::W32, VirtualNanos(0));
+        }
         let ran = self.inner.run(budget, &mut Held { bus, flash: &self.flash });
-        for (address, value) in self.view.0.lock().unwrap_or_else(PoisonError::into_inner).iter_mut() {
+        for (address, value) in &mut self.view.lock().watched {
             let seen = self.inner.debugger_access(None, *address, Width::W32, VirtualNanos(0));
             *value = seen.unwrap_or_default() as u32;
         }

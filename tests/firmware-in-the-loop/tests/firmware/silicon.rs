@@ -1,14 +1,16 @@
 //! What the emulator would let pass and silicon does not: how the processor is set up, and what it does at the edges of
 //! the manual and of the errata sheet.
 
+use firmware_in_the_loop::bench::ImageBench;
 use firmware_in_the_loop::board::{NUCLEO_F429ZI, NUCLEO_F446RE};
 use firmware_in_the_loop::broken::Break;
 use firmware_in_the_loop::content;
 use firmware_in_the_loop::image::Image;
 use hal_sim::use_case::Bench as _;
+use protocol_core::controller::BitRate;
 use protocol_core::frame::{Frame, standard};
 
-use super::client::{ImageClient, SAVE, VALVE, download, frame};
+use super::client::{Client, ImageClient, SAVE, VALVE, download, frame};
 
 /// Registers (RM0090, PM0214).
 const RCC_CR: u64 = 0x4002_3800;
@@ -24,9 +26,13 @@ const GPIO_MODER: u64 = 0x00;
 const GPIO_OTYPER: u64 = 0x04;
 const GPIO_OSPEEDR: u64 = 0x08;
 const GPIO_PUPDR: u64 = 0x0C;
+const GPIO_ODR: u64 = 0x14;
 const GPIO_AFRL: u64 = 0x20;
 const NVIC_IPR: u64 = 0xE000_E400;
-const GPIO_ODR: u64 = 0x14;
+const VTOR: u64 = 0xE000_ED08;
+
+/// The vectors of the bootloader in ROM.
+const ROM: u32 = 0x1FFF_0000;
 
 /// Interrupts (RM0090 table 63, RM0390 table 38), those of a line with one priority, the most urgent first.
 const PRIORITIES: [&[(&str, u64)]; 4] = [
@@ -171,6 +177,21 @@ fn the_pin_that_disturbs_early_silicon_is_held() {
     assert_eq!(register(GPIOA + GPIO_OTYPER) >> 12 & 1, 0, "{is} push-pull");
     assert_eq!(register(GPIOA + GPIO_ODR) >> 12 & 1, 0, "{is} low");
     assert_eq!(register(GPIOA + GPIO_PUPDR) >> 24 & 0b11, 0b10, "the flash driver wants it pulled down");
+}
+
+#[test]
+fn a_start_through_a_bootloader_uses_the_vectors_of_the_image() {
+    for board in [&NUCLEO_F429ZI, &NUCLEO_F446RE] {
+        let mut bench = ImageBench::with_devices(board, BitRate::Kbit250, &VALVE, &[]);
+        bench.power_cycle();
+        let core = bench.rig.connections(bench.board).core.clone();
+        core.watch(VTOR);
+        core.write(VTOR, ROM);
+        let mut client = Client { bench, aside: Default::default() };
+        client.expect("720: 00");
+        assert_eq!(core.get(VTOR), Some(board.flash.start as u32), "{}", board.name);
+        client.end_without_reset();
+    }
 }
 
 #[test]
