@@ -39,10 +39,18 @@ impl BitTiming {
         CLOCK / (self.prescaler * self.quanta())
     }
 
-    /// Returns the register BTR, with a synchronisation jump width of one quantum.
+    /// Returns the synchronisation jump width, in time quanta: two, or as many as there are behind the sample point.
+    ///
+    /// With 16 quanta a bit, two allow nodes to differ by 0.48 % from the nominal frequency, one by 0.31 %.
+    #[must_use]
+    pub const fn jump_width(self) -> u32 {
+        if self.segment_2 < 2 { self.segment_2 } else { 2 }
+    }
+
+    /// Returns the register BTR.
     #[must_use]
     pub const fn register(self) -> u32 {
-        (self.segment_2 - 1) << 20 | (self.segment_1 - 1) << 16 | (self.prescaler - 1)
+        (self.jump_width() - 1) << 24 | (self.segment_2 - 1) << 20 | (self.segment_1 - 1) << 16 | (self.prescaler - 1)
     }
 
     const fn quanta(self) -> u32 {
@@ -66,8 +74,23 @@ mod tests {
 
     #[test]
     fn registers_as_the_reference_manual_lays_them_out() {
-        assert_eq!(BitTiming::of(BitRate::Kbit250).register(), 0x001C_0009);
+        assert_eq!(BitTiming::of(BitRate::Kbit250).register(), 0x011C_0009);
         assert_eq!(BitTiming::of(BitRate::Kbit800).register(), 0x0007_0004);
-        assert_eq!(BitTiming::of(BitRate::Kbit10).register(), 0x001C_00F9);
+        assert_eq!(BitTiming::of(BitRate::Kbit10).register(), 0x011C_00F9);
+    }
+
+    /// The tolerance of a node's oscillator, in parts per million: a jump makes up for the drift within 10 bits, and an
+    /// error flag is told from a bit in the wrong place after 13 (Bosch, "The Configuration of the CAN Bit Timing").
+    #[test]
+    fn oscillators_may_differ_as_much_as_the_segments_allow() {
+        for (rate, ppm) in
+            [(BitRate::Kbit10, 4854), (BitRate::Kbit500, 4854), (BitRate::Kbit800, 3875), (BitRate::Kbit1000, 4854)]
+        {
+            let timing = BitTiming::of(rate);
+            let by_jump = timing.jump_width() * 1_000_000 / (20 * timing.quanta());
+            let by_segments = timing.segment_2 * 1_000_000 / (2 * (13 * timing.quanta() - timing.segment_2));
+            assert_eq!(by_jump.min(by_segments), ppm, "{rate:?}");
+            assert!(timing.jump_width() <= timing.segment_2, "{rate:?}: RM0090 32.7.7");
+        }
     }
 }

@@ -11,6 +11,8 @@ pub struct BitTiming {
     pub to_sample: u32,
     /// Time quanta in a bit.
     pub quanta: u32,
+    /// Time quanta by which a bit is made longer or shorter at the most, to follow another node's clock.
+    pub jump_width: u32,
 }
 
 impl BitTiming {
@@ -18,7 +20,8 @@ impl BitTiming {
     #[must_use]
     pub const fn of(register: u32) -> Self {
         let to_sample = 1 + (register >> 16 & 0xF) + 1;
-        Self { prescaler: (register & 0x3FF) + 1, to_sample, quanta: to_sample + (register >> 20 & 7) + 1 }
+        let quanta = to_sample + (register >> 20 & 7) + 1;
+        Self { prescaler: (register & 0x3FF) + 1, to_sample, quanta, jump_width: (register >> 24 & 3) + 1 }
     }
 
     /// Bits per second with this peripheral clock, if that is a whole number.
@@ -52,9 +55,9 @@ mod tests {
     #[test]
     fn the_segments_count_from_one() {
         let timing = BitTiming::of(0);
-        assert_eq!((timing.prescaler, timing.to_sample, timing.quanta), (1, 2, 3));
+        assert_eq!((timing.prescaler, timing.to_sample, timing.quanta, timing.jump_width), (1, 2, 3, 1));
         let longest = BitTiming::of(0x037F_03FF);
-        assert_eq!((longest.prescaler, longest.to_sample, longest.quanta), (1024, 17, 25));
+        assert_eq!((longest.prescaler, longest.to_sample, longest.quanta, longest.jump_width), (1024, 17, 25, 4));
     }
 
     #[test]

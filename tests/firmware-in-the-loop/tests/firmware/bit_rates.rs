@@ -95,6 +95,9 @@ fn assert_exact(client: &ImageClient, rate: BitRate, text: &str) {
     assert_eq!(timing.bits_per_second(shared.clock_hz), Some(rate.bits_per_second().into()));
     let sample_point = if rate == BitRate::Kbit800 { 900 } else { 875 };
     assert_eq!(timing.sample_point(), sample_point, "{rate:?}");
+    // No more than there are behind the sample point.
+    let jump_width = if rate.bits_per_second() <= 500_000 { 2 } else { 1 };
+    assert_eq!(timing.jump_width, jump_width, "{rate:?}");
 }
 
 #[test]
