@@ -15,6 +15,11 @@
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
+#[cfg(not(any(feature = "nucleo-f429zi", feature = "nucleo-f446re")))]
+compile_error!("no board: enable one of the features nucleo-f429zi and nucleo-f446re");
+#[cfg(all(feature = "nucleo-f429zi", feature = "nucleo-f446re"))]
+compile_error!("two boards: nucleo-f446re needs --no-default-features");
+
 mod board;
 
 #[cfg(not(target_os = "none"))]
