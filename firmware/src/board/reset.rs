@@ -1,5 +1,6 @@
 //! Why the processor starts, and what a panic does: it resets, and the next start raises the internal error.
 
+use core::arch::asm;
 use core::mem::MaybeUninit;
 use core::panic::PanicInfo;
 use core::ptr::addr_of_mut;
@@ -21,7 +22,7 @@ static mut MARKER: MaybeUninit<u32> = MaybeUninit::uninit();
 pub(super) fn cause() -> StartCause {
     let flags = RCC.csr().read();
     RCC.csr().modify(|csr| csr.set_rmvf(true));
-    let panicked = take_marker() == PANIC && flags.sftrstf();
+    let panicked = mark(0) == PANIC && flags.sftrstf();
     if panicked {
         defmt::error!("reset by a panic");
     } else if flags.wdgrstf() {
@@ -39,29 +40,32 @@ pub(super) fn power_cycle() -> ! {
 /// that stops here (`probe-rs`, a breakpoint at `rust_begin_unwind`) shows the stack.
 #[panic_handler]
 fn panic(_: &PanicInfo<'_>) -> ! {
-    defmt::error!("panic");
-    fail()
+    fail(|| defmt::error!("panic"))
 }
 
 #[exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    defmt::error!("hard fault at {:#x}", frame.pc());
-    fail()
+    fail(|| defmt::error!("hard fault at {:#x}", frame.pc()))
 }
 
-fn fail() -> ! {
+/// Resets the processor. A failure of the log comes here once more, and is not logged.
+fn fail(log: impl FnOnce()) -> ! {
     cortex_m::interrupt::disable();
-    // SAFETY: interrupts are off, and this is the one processor.
-    unsafe { addr_of_mut!(MARKER).write_volatile(MaybeUninit::new(PANIC)) };
+    if mark(PANIC) != PANIC {
+        log();
+    }
     SCB::sys_reset()
 }
 
-fn take_marker() -> u32 {
+/// Replaces the marker; returns the last one, which is any number after power-up.
+fn mark(value: u32) -> u32 {
     let marker = addr_of_mut!(MARKER);
-    // SAFETY: called at the start, before anything else could look; RAM holds some number, whatever it is.
+    let last;
+    // SAFETY: called at the start, before anything else could look, or with interrupts off. RAM that was never written
+    // is no number to the compiler: the empty instruction makes it one.
     unsafe {
-        let value = marker.cast::<u32>().read_volatile();
-        marker.write_volatile(MaybeUninit::new(0));
-        value
+        asm!("/* {} */", inlateout(reg) marker.read_volatile() => last, options(pure, nomem, nostack, preserves_flags));
+        marker.write_volatile(MaybeUninit::new(value));
     }
+    last
 }

@@ -27,6 +27,8 @@ pub const AT_ONCE: Duration = Duration::from_millis(20);
 const STORES: [&str; 1] = ["nvm::store::Records<F>::write"];
 /// What the memory's task calls as the board starts, and whenever it looks for what is stored.
 const SCANS: [&str; 1] = ["nvm::store::Records<F>::scan"];
+/// The log's output, called when the log is taken.
+const WRITES_LOG: [&str; 1] = ["defmt_rtt::channel::Channel::write_all"];
 /// What the handler runs that polls the device's task.
 const POLLS_DEVICE: [&str; 1] = ["UART5"];
 /// The longest that the memory may take, and the watchdog's time.
@@ -116,6 +118,18 @@ fn a_fault_of_the_processor_resets() {
     let mut client = ImageClient::booted();
     break_and_wait(&mut client, Break::Fault, WATCHDOG);
     expect_internal_error(&mut client, 1);
+}
+
+/// The log is taken, and cannot be taken once more.
+#[test]
+fn a_fault_inside_a_call_of_the_log_resets_at_once() {
+    let mut client = ImageClient::booted();
+    let log = Break::Fault.apply(client.machine(), &WRITES_LOG);
+    break_and_wait(&mut client, Break::Panic, AT_ONCE);
+    log.mend(client.machine());
+    expect_internal_error(&mut client, 1);
+    let resets = client.bench.rig.resets(client.bench.board);
+    assert!(resets.iter().all(|reset| reset.cause.contains("Core")), "{resets:?}");
 }
 
 #[test]
