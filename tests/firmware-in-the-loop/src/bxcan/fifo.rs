@@ -7,6 +7,9 @@ use super::registers::rfr;
 
 /// How many messages it stores.
 const DEPTH: usize = 3;
+/// A release takes so many accesses of the processor to the controller, or until the bus goes on. The manual says no more
+/// than that hardware clears RFOM at its end (A).
+const RELEASE: u8 = 2;
 
 /// One receive FIFO.
 #[derive(Clone, Debug, Default)]
@@ -15,6 +18,8 @@ pub(super) struct Fifo {
     messages: VecDeque<(Message, u8)>,
     full: bool,
     overrun: bool,
+    /// The accesses to come before the output is released, while that is under way.
+    releasing: u8,
     /// How many messages came, for tests.
     pub(super) came: u64,
     /// How many of them were lost, for tests.
@@ -39,15 +44,33 @@ impl Fifo {
 
     pub(super) fn read(&self) -> u32 {
         let flag = |set: bool, bit: u32| if set { bit } else { 0 };
-        self.messages.len() as u32 | flag(self.full, rfr::FULL) | flag(self.overrun, rfr::FOVR)
+        let flags = flag(self.full, rfr::FULL) | flag(self.overrun, rfr::FOVR);
+        self.messages.len() as u32 | flags | flag(self.is_releasing(), rfr::RFOM)
     }
 
     pub(super) fn write(&mut self, value: u32) {
         self.full &= value & rfr::FULL == 0;
         self.overrun &= value & rfr::FOVR == 0;
-        if value & rfr::RFOM != 0 {
+        if value & rfr::RFOM != 0 && self.is_pending() {
+            self.releasing = RELEASE;
+        }
+    }
+
+    pub(super) const fn is_releasing(&self) -> bool {
+        self.releasing > 0
+    }
+
+    /// The processor accesses the controller.
+    pub(super) fn pass_access(&mut self) {
+        if self.releasing == 1 {
             self.messages.pop_front();
         }
+        self.releasing = self.releasing.saturating_sub(1);
+    }
+
+    /// Time passes on the bus, much more than a release takes.
+    pub(super) fn settle(&mut self) {
+        (0..RELEASE).for_each(|_| self.pass_access());
     }
 
     /// Register 0 to 3 of the output mailbox: identifier, length and filter, data.

@@ -13,8 +13,8 @@
 //!
 //! Software that writes what cannot be written is complained of; the harness fails on any complaint.
 //!
-//! Left out: time-triggered communication (TTCM, time stamps), debug freeze (DBF), the filters of CAN2, the state of
-//! the pins (SAMP and RX read recessive), and how long a release of a FIFO takes.
+//! Left out: time-triggered communication (TTCM, time stamps), debug freeze (DBF), the filters of CAN2, and the
+//! state of the pins (SAMP and RX read recessive).
 
 mod errors;
 mod fifo;
@@ -99,6 +99,8 @@ pub struct BxCan {
     errors: Errors,
     /// What MSR.TXM reads in the place of the truth, for tests.
     sending_shown: Option<bool>,
+    /// RXD is held dominant.
+    dominant: bool,
     error_interrupts: u32,
     complaints: Vec<String>,
 }
@@ -127,6 +129,7 @@ impl Default for BxCan {
             filters: Filters::default(),
             errors: Errors::default(),
             sending_shown: None,
+            dominant: false,
             error_interrupts: 0,
             complaints: Vec::new(),
         }
@@ -157,6 +160,15 @@ impl BxCan {
             }
             _ => self.filters.read(offset),
         }
+    }
+
+    /// The processor has read the register at an offset, or is about to write it: what takes some accesses goes on.
+    pub fn pass_access(&mut self, offset: u32) {
+        let is_output = |fifo: usize| (RI0R..FMR).contains(&offset) && (offset - RI0R) as usize / 0x10 == fifo;
+        if let Some(fifo) = (0..2).find(|fifo| is_output(*fifo) && self.fifos[*fifo].is_releasing()) {
+            self.complain(format!("the output of FIFO {fifo} is accessed before its release has ended"));
+        }
+        self.fifos.iter_mut().for_each(Fifo::pass_access);
     }
 
     /// Writes the register at an offset.
@@ -252,6 +264,19 @@ impl BxCan {
         self.sending_shown = shown;
     }
 
+    /// From now on RXD is held dominant, as by a transceiver without supply, or no longer: the controller then enters
+    /// neither initialization nor sleep mode (A).
+    pub fn hold_dominant(&mut self, dominant: bool) {
+        self.dominant = dominant;
+        self.follow_requests();
+    }
+
+    /// Whether RXD [is held dominant](Self::hold_dominant).
+    #[must_use]
+    pub const fn is_held_dominant(&self) -> bool {
+        self.dominant
+    }
+
     /// How often an error has interrupted.
     #[must_use]
     pub const fn error_interrupts(&self) -> u32 {
@@ -275,14 +300,14 @@ impl BxCan {
 
     fn master_reset(&mut self) {
         let (enabled, timing, error_interrupts) = (self.enabled, self.timing, self.error_interrupts);
-        let Self { filters, mut fifos, complaints, .. } = std::mem::take(self);
+        let Self { filters, mut fifos, complaints, dominant, .. } = std::mem::take(self);
         fifos.iter_mut().for_each(Fifo::clear);
-        *self = Self { enabled, timing, filters, fifos, error_interrupts, complaints, ..Self::default() };
+        *self = Self { enabled, timing, filters, fifos, error_interrupts, complaints, dominant, ..Self::default() };
     }
 
     /// Takes the mode that MCR asks for, unless a frame is on the wire: then at its end.
     fn follow_requests(&mut self) {
-        if self.busy && self.mode == Mode::Normal {
+        if self.busy && self.mode == Mode::Normal || self.dominant && self.mode != Mode::Initialization {
             return;
         }
         let asked = |bit: u32| self.control & bit != 0;
@@ -352,6 +377,7 @@ impl BxCan {
 
     /// The bus tells what happened. A frame that was received is given as it is on the wire.
     pub fn hear(&mut self, event: WireEvent) {
+        self.fifos.iter_mut().for_each(Fifo::settle);
         match event {
             WireEvent::Received(frame) => self.receive(frame.into()),
             WireEvent::Joined => self.joined(),
@@ -410,6 +436,7 @@ impl BxCan {
         if self.mode != Mode::Normal || self.errors.is_bus_off() {
             return;
         }
+        self.fifos.iter_mut().for_each(Fifo::settle);
         self.errors.received();
         if let Some(found) = self.filters.find(message.identifier()) {
             self.fifos[found.fifo].store(message, found.index, self.control & mcr::RFLM != 0);

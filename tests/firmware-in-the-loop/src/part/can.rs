@@ -81,9 +81,15 @@ impl CanDevice {
 impl Device for CanDevice {
     type Register = Register;
 
-    fn read(&mut self, register: Register, _: &mut RegisterFile, _: &mut DeviceContext<'_>) -> Option<u64> {
-        self.shared.lock().look_at_clock();
-        Some(self.shared.lock().can.read(register.spec().offset).into())
+    fn read(&mut self, register: Register, _: &mut RegisterFile, context: &mut DeviceContext<'_>) -> Option<u64> {
+        let mut shared = self.shared.lock();
+        shared.look_at_clock();
+        let offset = register.spec().offset;
+        let value = shared.can.read(offset);
+        shared.can.pass_access(offset);
+        drop(shared);
+        self.drive_lines(context);
+        Some(value.into())
     }
 
     fn peek(&self, register: Register, _: &RegisterFile, _: VirtualNanos) -> Option<u64> {
@@ -93,6 +99,7 @@ impl Device for CanDevice {
     fn write(&mut self, register: Register, value: u64, _: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         let mut shared = self.shared.lock();
         shared.look_at_clock();
+        shared.can.pass_access(register.spec().offset);
         let before = (shared.can.presence(), shared.can.is_recovering(), shared.can.offer());
         shared.can.write(register.spec().offset, value as u32);
         let after = (shared.can.presence(), shared.can.is_recovering(), shared.can.offer());
@@ -118,6 +125,7 @@ impl Device for CanDevice {
     fn reset(&mut self) {
         let mut shared = self.shared.lock();
         let complaints = shared.can.take_complaints();
+        let dominant = shared.can.is_held_dominant();
         *shared = Shared {
             clock_hz: shared.clock_hz,
             changed: true,
@@ -126,6 +134,7 @@ impl Device for CanDevice {
             ..Shared::default()
         };
         shared.can.complain_of(complaints);
+        shared.can.hold_dominant(dominant);
         drop(shared);
         *self = Self::new(self.shared.clone());
     }

@@ -11,6 +11,7 @@ mod flash;
 mod rcc;
 
 use std::num::NonZeroU64;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rigless::cpu::armv7m::{self, Dwt};
 use rigless::device::{Device, ErasedDevice, ResetCause};
@@ -100,6 +101,34 @@ pub struct Connections {
     pub terminal: Terminal,
     /// A debugger's look at the core.
     pub core: CoreView,
+    /// The oscillators.
+    pub oscillators: Oscillators,
+}
+
+/// The oscillators of a board, as the part finds them when it starts.
+#[derive(Clone, Debug, Default)]
+pub struct Oscillators(Arc<Mutex<Rates>>);
+
+/// The rates of [`Oscillators`].
+#[derive(Clone, Copy, Debug)]
+pub struct Rates {
+    /// The ST-LINK's clock output at OSC_IN, in Hz; without it the external oscillator never gets ready.
+    pub external: Option<u64>,
+    /// The oscillator of the watchdog, in Hz: 17,000 to 47,000 (DS9405, DS10693).
+    pub watchdog: u64,
+}
+
+impl Default for Rates {
+    fn default() -> Self {
+        Self { external: Some(HSE_HZ), watchdog: 32_000 }
+    }
+}
+
+impl Oscillators {
+    /// Looks at them, or changes them.
+    pub fn lock(&self) -> MutexGuard<'_, Rates> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 /// The part of a board.
@@ -174,9 +203,10 @@ impl Part {
         let mut console = Usart::with_clock(Kind::Usart, stock::HSI_HZ);
         console.attach(connections.terminal.clone());
         let (button, pin) = board.button;
+        let rates = *connections.oscillators.lock();
         let mut part = Self {
             board,
-            rcc: Clocks::new(connections.can.clone()),
+            rcc: Clocks::new(connections.can.clone(), rates.external.is_some()),
             pwr: Pwr::new(),
             gpio: std::array::from_fn(|_| Gpio::default()),
             tim5,
@@ -195,7 +225,8 @@ impl Part {
             driven: vec![(button, pin, !board.pressed)],
             resets: 0,
         };
-        part.rcc.rcc.attach_crystals(HSE_HZ, NO_LSE);
+        part.rcc.rcc.attach_crystals(rates.external.unwrap_or_default(), NO_LSE);
+        part.rcc.rcc.calibrate_lsi(rates.watchdog);
         part.pwr.set_supply(SUPPLY_MV, part.bus.slot_mut(slots.pwr).registers_mut());
         part.check()?;
         part.drive(button, pin, !board.pressed, VirtualNanos(0));

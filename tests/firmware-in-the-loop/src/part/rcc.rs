@@ -1,5 +1,6 @@
 //! Reset and clock control: `rigless`'s, and what it lets pass. A peripheral's clock runs some cycles after it was
-//! enabled (RM0090 7.3.13: two): a read of the enable register waits for them.
+//! enabled (RM0090 7.3.13: two): a read of the enable register waits for them. An external oscillator that is not there
+//! never gets ready.
 
 use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
 use rigless::soc::stm32f427::generated::rcc::Register;
@@ -10,25 +11,31 @@ use super::Can1;
 
 /// CAN1EN in APB1ENR.
 const CAN1EN: u64 = 1 << 25;
+/// HSERDY in CR.
+const HSERDY: u64 = 1 << 17;
 
 /// The clock control.
 #[derive(Debug)]
 pub(super) struct Clocks {
     pub(super) rcc: Rcc,
     can: Can1,
+    has_external: bool,
     enabled: bool,
 }
 
 impl Clocks {
-    pub(super) fn new(can: Can1) -> Self {
-        Self { rcc: Rcc::new(), can, enabled: false }
+    pub(super) fn new(can: Can1, has_external: bool) -> Self {
+        Self { rcc: Rcc::new(), can, has_external, enabled: false }
     }
 }
 
 impl Device for Clocks {
     type Register = Register;
 
-    fn read(&mut self, register: Register, _: &mut RegisterFile, _: &mut DeviceContext<'_>) -> Option<u64> {
+    fn read(&mut self, register: Register, file: &mut RegisterFile, _: &mut DeviceContext<'_>) -> Option<u64> {
+        if register == Register::Cr && !self.has_external {
+            return Some(file.get(Register::Cr) & !HSERDY);
+        }
         if register == Register::Apb1enr {
             self.can.lock().clock_starts = false;
         }

@@ -253,8 +253,8 @@ fn an_overrun_flag_stands_until_it_is_cleared() {
     let mut can = on_bus(0);
     can.write(IER, ier::FOVIE);
     (0..4).for_each(|_| receive(&mut can, std(1, &[])));
-    can.write(RF0R, rfr::RFOM);
-    can.write(RF0R, rfr::RFOM);
+    release(&mut can, 0);
+    release(&mut can, 0);
     assert_eq!(can.read(RF0R), 1 | rfr::FULL | rfr::FOVR, "releasing messages does not clear it");
     assert!(can.interrupts().fifo[0]);
     can.write(RF0R, rfr::FOVR);

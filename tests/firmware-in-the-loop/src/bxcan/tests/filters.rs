@@ -32,7 +32,7 @@ fn way(can: &mut BxCan, frame: Frame) -> Option<(u32, u32)> {
     receive(can, frame);
     let fifo = (0..2).find(|fifo| can.read(RF0R + 4 * fifo) & 3 != 0)?;
     let index = can.read(RI0R + 0x10 * fifo + 4) >> 8 & 0xFF;
-    can.write(RF0R + 4 * fifo, rfr::RFOM);
+    release(can, fifo);
     Some((fifo, index))
 }
 

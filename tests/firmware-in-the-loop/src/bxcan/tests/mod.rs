@@ -64,6 +64,14 @@ fn send(can: &mut BxCan) -> Frame {
     frame
 }
 
+/// Releases the output of a FIFO, and waits for that.
+fn release(can: &mut BxCan, fifo: u32) {
+    can.write(RF0R + 4 * fifo, rfr::RFOM);
+    while can.read(RF0R + 4 * fifo) & rfr::RFOM != 0 {
+        can.pass_access(RF0R);
+    }
+}
+
 fn std(id: u16, data: &[u8]) -> Frame {
     Frame::of(standard(id).into(), data).unwrap()
 }

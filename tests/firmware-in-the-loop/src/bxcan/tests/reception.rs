@@ -6,8 +6,28 @@ use super::*;
 fn take(can: &mut BxCan, fifo: u32) -> [u32; 4] {
     let at = RI0R + 0x10 * fifo;
     let output = [can.read(at), can.read(at + 4), can.read(at + 8), can.read(at + 12)];
-    can.write(RF0R + 4 * fifo, rfr::RFOM);
+    release(can, fifo);
     output
+}
+
+#[test]
+fn a_release_takes_some_accesses_or_the_next_frame_on_the_bus() {
+    let mut can = on_bus(0);
+    for id in 1..=3 {
+        receive(&mut can, std(id, &[]));
+    }
+    can.write(RF0R, rfr::FULL | rfr::RFOM);
+    can.pass_access(RF0R);
+    assert_eq!((can.read(RF0R), can.read(RI0R) >> 21), (3 | rfr::RFOM, 1), "the output is still the same");
+    assert_eq!(can.take_complaints(), [""; 0]);
+    can.pass_access(RI0R);
+    assert_eq!(can.take_complaints(), ["the output of FIFO 0 is accessed before its release has ended"]);
+    assert_eq!((can.read(RF0R), can.read(RI0R) >> 21), (2, 2));
+    can.pass_access(RI0R);
+    assert_eq!((can.read(RF0R), can.take_complaints()), (2, vec![]));
+    can.write(RF0R, rfr::RFOM);
+    can.hear(Begins { own: false });
+    assert_eq!((can.read(RF0R), can.read(RI0R) >> 21), (1, 3));
 }
 
 #[test]
@@ -20,7 +40,7 @@ fn messages_come_out_in_the_order_they_came_in() {
     assert_eq!(take(&mut can, 0), [0x1234_5678 << 3 | 4, 1, 9, 0]);
     assert_eq!(take(&mut can, 0), [0x7FF << 21 | 2, 3, 0, 0]);
     assert_eq!(can.read(RF0R) & 3, 0);
-    can.write(RF0R, rfr::RFOM);
+    release(&mut can, 0);
     assert_eq!(can.read(RF0R) & 3, 0, "releasing an empty one does nothing");
 }
 
