@@ -13,7 +13,10 @@ const LEAVING: Duration = Duration::from_micros(50);
 const LONGEST_FRAME: Duration = Duration::from_millis(20);
 
 /// The number of polls in [`LONGEST_FRAME`].
-const LOOKS: u64 = LONGEST_FRAME.as_micros() / LEAVING.as_micros();
+const POLLS: u64 = LONGEST_FRAME.as_micros() / LEAVING.as_micros();
+
+/// The longest time that [`Link::settle`] takes.
+pub(super) const LONGEST_SETTLE: Duration = Duration::from_micros(2 * LONGEST_FRAME.as_micros());
 
 /// The bits that the recovery from bus-off takes (ISO 11898-1): 128 sequences of 11.
 const RECOVERY_BITS: u32 = 128 * 11;
@@ -25,8 +28,8 @@ pub(super) struct Link {
     bit_rate: BitRate,
     state: State,
     mode: BusErrorMode,
-    /// The controller was told to leave the bus.
-    leaving: bool,
+    /// The number of polls of a controller that was told to leave the bus and is not known to have left it.
+    leaving: Option<u64>,
 }
 
 /// Whether the plant lets the controller take part in the bus.
@@ -42,7 +45,7 @@ enum State {
 impl Link {
     /// Returns a controller that has not joined the bus yet.
     pub(super) const fn new(can: Can1) -> Self {
-        Self { can, bit_rate: BitRate::Kbit250, state: State::Up, mode: BusErrorMode::ErrorActive, leaving: false }
+        Self { can, bit_rate: BitRate::Kbit250, state: State::Up, mode: BusErrorMode::ErrorActive, leaving: None }
     }
 
     /// Returns the bit rate in force.
@@ -71,7 +74,7 @@ impl Link {
                 self.state = State::Recovering(Instant::now() + Duration::from_micros(recovery.into()));
             }
             State::Recovering(_) if is_cut => self.state = State::Cut,
-            State::Recovering(until) if until <= Instant::now() => {
+            State::Recovering(until) if until <= Instant::now() && self.leaving.is_none() => {
                 self.can.join(self.bit_rate);
                 self.state = State::Up;
             }
@@ -91,26 +94,26 @@ impl Link {
     /// Leaves the bus at the end of the current frame.
     fn leave(&mut self) {
         self.can.leave();
-        self.leaving = true;
+        self.leaving = Some(0);
     }
 
     /// Waits until a controller that leaves the bus has left it, and has it join again, unless the plant cuts it off.
     /// To be done before the controller is used again.
+    ///
+    /// A bus that is held dominant keeps the controller for as long as that lasts: each further call polls it once.
     pub(super) async fn settle(&mut self, attention: &mut Attention) {
-        if !self.leaving {
-            return;
-        }
-        for look in 0..2 * LOOKS {
-            if self.can.has_left() {
-                break;
-            }
-            if look == LOOKS {
+        let Some(polls) = &mut self.leaving else { return };
+        while !self.can.has_left() {
+            match *polls {
                 // On a bus that is stuck no frame ever ends.
-                self.can.reset();
+                POLLS => self.can.reset(),
+                polls if polls >= 2 * POLLS => return,
+                _ => {}
             }
+            *polls += 1;
             attention.pause(LEAVING).await;
         }
-        self.leaving = false;
+        self.leaving = None;
         if let State::Up = self.state {
             self.can.join(self.bit_rate);
         }

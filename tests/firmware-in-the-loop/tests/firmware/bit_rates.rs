@@ -209,6 +209,53 @@ fn on_a_bus_where_no_frame_ever_ends_the_bit_rate_changes_all_the_same() {
     client.end_without_reset();
 }
 
+/// A transceiver without supply, for example.
+#[test]
+fn on_a_bus_that_is_held_dominant_the_bit_rate_changes_when_it_is_released() {
+    let (mut client, switch) = about_to_switch();
+    let board = client.bench.board;
+    client.bench.rig.run_until(Instant::from_micros(switch - 1000));
+    let hold = |client: &ImageClient, held| {
+        let mut shared = client.bench.rig.connections(board).can.lock();
+        shared.can.hold_dominant(held);
+        shared.changed = true;
+    };
+    hold(&client, true);
+    // Longer than the watchdog's time.
+    client.bench.rig.run_until(Instant::from_micros(switch + 2_000_000));
+    assert_eq!(client.status_of("bit_rate"), "125000");
+    assert_ne!(client.bench.rig.bits_per_second(board), Some(125_000));
+    hold(&client, false);
+    client.bench.set_bit_rate(BitRate::Kbit125);
+    client.wait_ms(200);
+    assert_eq!(client.bench.rig.bits_per_second(board), Some(125_000));
+    client.aside.clear();
+    client.expect("720: 7F");
+    client.end_without_reset();
+}
+
+#[test]
+fn a_controller_that_is_kept_bus_off_on_a_bus_that_is_held_dominant_comes_back_when_it_is_released() {
+    let mut client = ImageClient::booted();
+    let board = client.bench.board;
+    client.wait_ms(50);
+    client.bench.rig.connections(board).can.lock().can.hold_dominant(true);
+    client.obeyed("bus_off on");
+    client.obeyed("bus_off off");
+    client.wait_ms(1000);
+    assert_eq!(client.status_of("bus"), "bus-off");
+    {
+        let mut shared = client.bench.rig.connections(board).can.lock();
+        shared.can.hold_dominant(false);
+        shared.changed = true;
+    }
+    client.wait_ms(50);
+    assert_eq!(client.status_of("bus"), "error-active");
+    client.aside.clear();
+    assert_eq!(client.read(0x1018, 1), 0x0100_0019);
+    client.end_without_reset();
+}
+
 #[test]
 fn the_console_says_that_it_is_off_the_bus_when_it_is() {
     let (mut client, _) = about_to_switch();
