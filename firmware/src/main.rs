@@ -10,16 +10,16 @@
 //! board/storage    the memory's task                        board/flash      the sectors it has
 //! board/led        the valve's LED                          board/serial     their characters
 //! board/clock      the clock tree                           board/button     faults by hand
-//! board/reset      why the processor starts
+//! board/watchdog   the watchdog's time                      board/reset      why the processor starts
 //! ```
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
-#[cfg(target_os = "none")]
 #[cfg(not(any(feature = "nucleo-f429zi", feature = "nucleo-f446re")))]
 compile_error!("no board: enable one of the features nucleo-f429zi and nucleo-f446re");
 #[cfg(all(feature = "nucleo-f429zi", feature = "nucleo-f446re"))]
 compile_error!("two boards: nucleo-f446re needs --no-default-features");
 
+#[cfg(target_os = "none")]
 mod board;
 
 #[cfg(not(target_os = "none"))]

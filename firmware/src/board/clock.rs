@@ -1,8 +1,8 @@
 //! The clock tree: 8 MHz from the ST-LINK, 160 MHz for the core, 40 MHz for CAN, so that every bit rate divides
-//! exactly; and what goes with it: flash accelerator, supply detector, watchdog.
+//! exactly; and what goes with it: flash accelerator, supply detector.
 
 use embassy_stm32::Config;
-use embassy_stm32::pac::{DBGMCU, FLASH, PWR};
+use embassy_stm32::pac::{FLASH, PWR};
 use embassy_stm32::rcc::{
     AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllMul, PllPDiv, PllPreDiv, PllSource, Sysclk,
 };
@@ -38,8 +38,6 @@ pub(super) fn finish() {
         control.set_pls(SUPPLY_LIMIT);
         control.set_pvde(true);
     });
-    // Or it would reset the processor at a breakpoint.
-    DBGMCU.apb1fzr().modify(|frozen| frozen.set_iwdg(true));
 }
 
 /// Returns whether the supply is high enough to write the flash.

@@ -1,7 +1,5 @@
 //! The device's task, above all others. It alone feeds the watchdog, and only while the memory answers its requests.
 
-use embassy_stm32::peripherals::IWDG;
-use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_time::{Duration, Instant};
 use firmware::console::{Command, OTHER_KIND, help_of};
 use firmware::plant::{Change, Inapplicable, Plant};
@@ -23,9 +21,7 @@ use super::front::Front;
 use super::led::{Lights, led_of};
 use super::link::Link;
 use super::storage::{Client, Done, Request};
-
-/// The longest time between two feedings of the watchdog.
-const FEED: Duration = Duration::from_millis(100);
+use super::watchdog::{FEED, Watchdog};
 
 /// The period in which the controller is polled while it is not error-active, or blocked: no interrupt tells the way
 /// back.
@@ -34,14 +30,12 @@ const LOOK: Duration = Duration::from_millis(1);
 #[embassy_executor::task]
 pub(super) async fn run(
     can: Can1,
-    watchdog: IndependentWatchdog<'static, IWDG>,
+    mut watchdog: Watchdog,
     cause: StartCause,
     mut memory: Client,
     front: Front,
     lights: &'static Lights,
 ) -> ! {
-    let mut watchdog = Watchdog(watchdog);
-    watchdog.0.unleash();
     let mut attention = Attention::new().await;
     let (settings, contents) = loop {
         let now = Instant::now();
@@ -103,17 +97,6 @@ fn place(settings: &Settings) -> &'static mut Place {
         },
         Kind::Hat(kind) => Place::Sensor(Hat::new(setup.with_kind(kind))),
     })
-}
-
-/// Resets the processor when the device's task does not run, or when a request to the memory is overdue.
-struct Watchdog(IndependentWatchdog<'static, IWDG>);
-
-impl Watchdog {
-    fn feed(&mut self, memory: &Client, now: Instant) {
-        if !memory.hangs(now) {
-            self.0.pet();
-        }
-    }
 }
 
 /// What stands between the device and the world.

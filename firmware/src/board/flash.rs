@@ -6,6 +6,7 @@ use core::task::{Context, Poll, Waker};
 use embassy_stm32::flash::{Async, Error, Flash};
 use embassy_stm32::pac::FLASH;
 use embassy_stm32::pac::flash::vals::Psize;
+use embassy_time::Duration;
 use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
 use super::clock::supply_is_good;
@@ -13,6 +14,9 @@ use super::nucleo::MEMORY;
 
 /// The length of a sector, in bytes.
 const SECTOR: usize = 16 * 1024;
+
+/// The longest erase of a sector, by words (DS9405, DS10693).
+pub(super) const LONGEST_ERASE: Duration = Duration::from_millis(500);
 
 /// The first key that unlocks the control register, and the second (RM0090 3.6.1).
 const KEYS: [u32; 2] = [0x4567_0123, 0xCDEF_89AB];

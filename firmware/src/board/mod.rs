@@ -25,6 +25,7 @@ mod nucleo;
 mod reset;
 mod serial;
 mod storage;
+mod watchdog;
 
 use defmt_rtt as _;
 use embassy_executor::{InterruptExecutor, Spawner};
@@ -32,12 +33,11 @@ use embassy_stm32::gpio::Input;
 use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::{InterruptExt as _, Priority};
 use embassy_stm32::pac::Interrupt;
-use embassy_stm32::peripherals::IWDG;
-use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
 
 use front::Front;
+use watchdog::Watchdog;
 
 const CAN_PRIORITY: Priority = Priority::P4;
 const CLOCK_PRIORITY: Priority = Priority::P6;
@@ -66,7 +66,6 @@ fn UART4() {
 /// What a NUCLEO has, by whichever pins.
 struct Nucleo {
     can: can::Can1,
-    watchdog: IndependentWatchdog<'static, IWDG>,
     sectors: flash::Sectors,
     console: Option<serial::Port>,
     button: Input<'static>,
@@ -83,6 +82,8 @@ async fn main(spawner: Spawner) {
     static PRESSES: button::Presses = Signal::new();
     static LIGHTS: led::Lights = led::Lights::new();
 
+    let watchdog = Watchdog::start();
+    let cause = reset::cause();
     let board = embassy_stm32::init(clock::config());
     clock::finish();
     for (line, priority) in [
@@ -96,9 +97,8 @@ async fn main(spawner: Spawner) {
     ] {
         line.set_priority(priority);
     }
-    let cause = reset::cause();
 
-    let Nucleo { can, watchdog, sectors, console, button, leds } = nucleo::open(board);
+    let Nucleo { can, sectors, console, button, leds } = nucleo::open(board);
     let memory = storage::Client::new(REQUESTS.sender(), RESULTS.receiver());
     let front = Front::new(&LINES, &ANSWERS, &PRESSES);
 

@@ -5,8 +5,8 @@ use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
 use embassy_stm32::pac::gpio::vals::Pupdr;
 use embassy_stm32::pac::{self, GPIOA, Interrupt};
 use embassy_stm32::peripherals::{DMA1_CH1, DMA1_CH3};
-use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Peripherals, bind_interrupts, dma, interrupt};
+use embassy_time::Duration;
 use protocol_core::actuator::{Color, Led};
 
 use super::can::Can1;
@@ -21,13 +21,16 @@ pub(super) const SERIAL: Interrupt = Interrupt::USART3;
 pub(super) const RECEIVE: Interrupt = Interrupt::DMA1_STREAM1;
 pub(super) const TRANSMIT: Interrupt = Interrupt::DMA1_STREAM3;
 
-/// The device's task has so long, in microseconds, before the watchdog resets the processor.
-const WATCHDOG_US: u32 = 500_000;
+/// The time, in microseconds, after which the watchdog resets the processor.
+pub(super) const WATCHDOG_US: u32 = 500_000;
+
+/// The longest time for which the processor stands: it runs from bank 1 while bank 2 is erased.
+pub(super) const STANDSTILL: Duration = Duration::MIN;
 
 /// The level of the button while it is pressed.
 pub(super) const PRESSED: Level = Level::High;
 
-/// Where the memory begins in the flash: with bank 2. The processor runs from bank 1 meanwhile.
+/// Where the memory begins in the flash: with bank 2.
 pub(super) const MEMORY: u32 = 0x10_0000;
 
 bind_interrupts!(struct Interrupts {
@@ -49,7 +52,6 @@ pub(super) fn open(board: Peripherals) -> Nucleo {
     GPIOA.pupdr().modify(|pulls| pulls.set_pupdr(12, Pupdr::PULL_DOWN));
     Nucleo {
         can: Can1::new(board.PD0, board.PD1, CAN_PRIORITY),
-        watchdog: IndependentWatchdog::new(board.IWDG, WATCHDOG_US),
         sectors: Sectors(Flash::new(board.FLASH, Interrupts)),
         console: Port::open(board.USART3, (board.PD9, board.PD8), (board.DMA1_CH1, board.DMA1_CH3), Interrupts),
         button: Input::new(board.PC13, Pull::Down),

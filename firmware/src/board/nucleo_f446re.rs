@@ -7,13 +7,12 @@ use embassy_stm32::flash::{Flash, InterruptHandler};
 use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
 use embassy_stm32::pac::{self, Interrupt};
 use embassy_stm32::peripherals::{DMA1_CH5, DMA1_CH6};
-use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Peripherals, bind_interrupts, dma, interrupt};
-use embassy_time::TICK_HZ;
+use embassy_time::{Duration, TICK_HZ};
 use protocol_core::actuator::{Color, Led};
 
 use super::can::Can1;
-use super::flash::Sectors;
+use super::flash::{LONGEST_ERASE, Sectors};
 use super::led::{STEPS, is_on};
 use super::serial::{self, Port};
 use super::{CAN_PRIORITY, Nucleo};
@@ -24,17 +23,16 @@ pub(super) const SERIAL: Interrupt = Interrupt::USART2;
 pub(super) const RECEIVE: Interrupt = Interrupt::DMA1_STREAM5;
 pub(super) const TRANSMIT: Interrupt = Interrupt::DMA1_STREAM6;
 
-/// The longest erase of a sector of 16 KiB, by words (DS10693).
-const LONGEST_ERASE_MS: u64 = 500;
+/// The time, in microseconds, after which the watchdog resets the processor.
+pub(super) const WATCHDOG_US: u32 = 1_000_000;
 
-/// The device's task has so long, in microseconds, before the watchdog resets the processor: 0.68 s with the fastest
-/// oscillator (47 kHz in the place of 32), which is longer than an erase and the device's task around it.
-const WATCHDOG_US: u32 = 1_000_000;
+/// The longest time for which the processor stands: while a sector is erased.
+pub(super) const STANDSTILL: Duration = LONGEST_ERASE;
 
 /// Ticks between two interrupts of the clock, which counts 16 bits. It would lose time if two of them fell into an
 /// erase.
 const CLOCK_HALF: u64 = 0x8000;
-const _: () = assert!(CLOCK_HALF * 1000 > LONGEST_ERASE_MS * TICK_HZ);
+const _: () = assert!(CLOCK_HALF * 1000 > STANDSTILL.as_millis() * TICK_HZ);
 
 /// The level of the button while it is pressed.
 pub(super) const PRESSED: Level = Level::Low;
@@ -57,7 +55,6 @@ fn USART2() {
 pub(super) fn open(board: Peripherals) -> Nucleo {
     Nucleo {
         can: Can1::new(board.PB8, board.PB9, CAN_PRIORITY),
-        watchdog: IndependentWatchdog::new(board.IWDG, WATCHDOG_US),
         sectors: Sectors(Flash::new(board.FLASH, Interrupts)),
         console: Port::open(board.USART2, (board.PA3, board.PA2), (board.DMA1_CH5, board.DMA1_CH6), Interrupts),
         button: Input::new(board.PC13, Pull::Up),

@@ -9,13 +9,14 @@ use protocol_core::memory::{Record, RecordKey, StoreError};
 use static_cell::ConstStaticCell;
 
 use super::attention::{Caller, call};
-use super::flash::Sectors;
+use super::flash::{LONGEST_ERASE, Sectors};
 
 /// One request of each kind waits at the most.
 const REQUESTS: usize = 3;
 
-/// The longest time of a request: four erases of 0.5 s (DS9405, the longest), and what is written between them.
+/// The longest time of a request: four erases, and the words written between them.
 const LONGEST: Duration = Duration::from_secs(3);
+const _: () = assert!(LONGEST.as_millis() > 4 * LONGEST_ERASE.as_millis());
 
 /// What the device's task asks for.
 pub(super) enum Request {

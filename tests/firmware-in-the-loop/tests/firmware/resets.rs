@@ -1,10 +1,11 @@
 //! What goes wrong in the image ends in a reset, and the next start raises the internal error (SPEC 2).
 
 use firmware_in_the_loop::bench::ImageBench;
-use firmware_in_the_loop::board::{Board, NUCLEO_F429ZI};
+use firmware_in_the_loop::board::{Board, NUCLEO_F429ZI, NUCLEO_F446RE};
 use firmware_in_the_loop::broken::Break;
 use firmware_in_the_loop::content;
 use firmware_in_the_loop::image::Image;
+use firmware_in_the_loop::part::Connections;
 use hal_sim::use_case::Bench;
 use protocol_core::controller::BitRate;
 use protocol_core::time::{Duration, after};
@@ -130,6 +131,37 @@ fn a_fault_inside_a_call_of_the_log_resets_at_once() {
     expect_internal_error(&mut client, 1);
     let resets = client.bench.rig.resets(client.bench.board);
     assert!(resets.iter().all(|reset| reset.cause.contains("Core")), "{resets:?}");
+}
+
+/// A board that is switched on and waits for something in vain is reset by the watchdog, and starts when that is there.
+fn starts_after_a_wait(mend: impl Fn(&Connections), damage: impl Fn(&Connections)) {
+    for board in [&NUCLEO_F429ZI, &NUCLEO_F446RE] {
+        let bench = ImageBench::with_devices(board, BitRate::Kbit250, &VALVE, &[]);
+        let mut client = Client { bench, aside: Default::default() };
+        damage(client.bench.rig.connections(client.bench.board));
+        client.bench.power_cycle();
+        while client.machine().reached().resets == 0 {
+            assert!(client.now_us() < WATCHDOG.as_micros(), "{}: no reset", board.name);
+            client.step();
+        }
+        mend(client.bench.rig.connections(client.bench.board));
+        while client.receive() != Some(frame("0A0: 00 10 01 01 00 00 00 00")) {}
+        assert_eq!(client.read(0x1018, 1), 0x0100_0019);
+        let resets = client.bench.rig.resets(client.bench.board);
+        assert!(resets.iter().all(|reset| reset.cause.contains("IWDG")), "{resets:?}");
+    }
+}
+
+#[test]
+fn a_start_without_the_st_links_clock_is_tried_again() {
+    let clock = |rate| move |wires: &Connections| wires.oscillators.lock().external = rate;
+    starts_after_a_wait(clock(Some(8_000_000)), clock(None));
+}
+
+#[test]
+fn a_start_on_a_bus_that_is_held_dominant_is_tried_again() {
+    let hold = |held| move |wires: &Connections| wires.can.lock().can.hold_dominant(held);
+    starts_after_a_wait(hold(false), hold(true));
 }
 
 #[test]
