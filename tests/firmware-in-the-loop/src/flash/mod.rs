@@ -49,7 +49,13 @@ impl Operation {
     /// Whether a sector is erased, not a word written.
     #[must_use]
     pub const fn is_erase(&self) -> bool {
-        matches!(self.what, What::Erase { .. })
+        self.erased().is_some()
+    }
+
+    /// Where the sector begins that is erased, from the start of the memory on.
+    #[must_use]
+    pub const fn erased(&self) -> Option<usize> {
+        if let What::Erase { from, .. } = self.what { Some(from) } else { None }
     }
 }
 

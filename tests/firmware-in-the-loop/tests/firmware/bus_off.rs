@@ -51,6 +51,21 @@ fn it_is_silent_recovers_after_128_sequences_and_tells() {
 }
 
 #[test]
+fn two_answers_that_wait_are_dropped_with_bus_off() {
+    let mut client = ImageClient::booted();
+    client.wait_ms(50);
+    client.bench.rig.world.inject(DestroyNext::frames_of("board", FAILURES));
+    // The second answer waits for the end of the first, behind the mailboxes.
+    client.send("620: 40 18 10 01 00 00 00 00");
+    client.send("620: 40 00 10 00 00 00 00 00");
+    run_to(&mut client, BusErrorMode::BusOff);
+    run_to(&mut client, BusErrorMode::ErrorActive);
+    let told: Vec<String> = client.listen_ms(100).iter().map(Frame::to_string).collect();
+    assert_eq!(told, ["0A0: 40 81 11 01 00 00 00 00", "0A0: 00 00 00 00 00 00 00 00"]);
+    client.end_without_reset();
+}
+
+#[test]
 fn error_passive_is_not_bus_off() {
     let mut client = ImageClient::booted();
     client.bench.rig.world.inject(DestroyNext::frames_of("board", FAILURES - 1));

@@ -1,8 +1,9 @@
 //! The bus goes on while the memory is written and erased: nothing is lost, and every answer is on time.
 
 use firmware_in_the_loop::bench::ImageBench;
-use firmware_in_the_loop::board::NUCLEO_F429ZI;
+use firmware_in_the_loop::board::{NUCLEO_F429ZI, NUCLEO_F446RE};
 use firmware_in_the_loop::content;
+use firmware_in_the_loop::flash::{Operation, SECTOR_SIZE};
 use hal_sim::Event;
 use protocol_core::controller::BitRate;
 use protocol_core::frame::Frame;
@@ -163,6 +164,20 @@ fn in_full_traffic_nothing_is_lost_while_it_stores_and_erases() {
     client.expect("720: 00");
     assert_eq!((client.read(0x1028, 1), client.read(0x6053, 0)), (0xA1, NAME));
     client.end_without_reset();
+}
+
+/// What is left of one sector could be taken for records by a later start.
+#[test]
+fn a_memory_that_makes_no_sense_is_erased_as_a_whole_before_anything_is_written() {
+    let noise: Vec<u8> = (0..2 * SECTOR_SIZE).map(|place| (place * 31 % 251) as u8).collect();
+    for board in [&NUCLEO_F429ZI, &NUCLEO_F446RE] {
+        let bench = ImageBench::with_memory(board, BitRate::Kbit250, &noise, &[]);
+        let client = Client::powered(bench);
+        let flash = client.bench.rig.connections(client.bench.board).flash.lock();
+        let begun: Vec<_> = flash.journal().iter().map(Operation::erased).collect();
+        assert_eq!(begun[..2], [Some(0), Some(SECTOR_SIZE)], "{}", board.name);
+        assert!(begun[2..].iter().all(Option::is_none), "{}: {begun:?}", board.name);
+    }
 }
 
 /// A device that starts anew has no answers: what comes waits for the one that it becomes.
