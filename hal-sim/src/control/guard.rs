@@ -27,13 +27,12 @@ pub(super) async fn guard(Extension(connection): Extension<Arc<Connection>>, req
 fn check(request: &Request, local: SocketAddr) -> Result<(), &'static str> {
     let headers = request.headers();
     let host = only(headers, &header::HOST)?.ok_or("a request without Host is refused")?;
-    let host: Authority = host.parse().map_err(|_| "the Host is none")?;
-    let target = request.uri().authority();
-    if !is_own(&host, local.ip()) || target.is_some_and(|target| !is_own(target, local.ip())) {
+    let target = request.uri().authority().map(Authority::as_str);
+    if !is_own(host, local.ip()) || target.is_some_and(|target| !is_own(target, local.ip())) {
         return Err("the Host is neither loopback nor the address of this server");
     }
     if let Some(origin) = only(headers, &header::ORIGIN)?
-        && origin.strip_prefix("http://") != Some(host.as_str())
+        && origin.strip_prefix("http://") != Some(host)
     {
         return Err("requests of other pages are refused");
     }
@@ -53,11 +52,22 @@ fn only<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Result<Option<&'a str>
     }
 }
 
-/// Returns whether a host is loopback, or the address that the connection was accepted at.
-fn is_own(host: &Authority, local: IpAddr) -> bool {
-    let name = host.host();
-    let name = name.strip_prefix('[').and_then(|name| name.strip_suffix(']')).unwrap_or(name);
-    match name.parse::<IpAddr>() {
+/// Returns whether a host, with a port or without, is loopback or the address that the connection was accepted at. Nothing
+/// else may be in it, such as a user or the zone of an address.
+fn is_own(host: &str, local: IpAddr) -> bool {
+    let name = match host.rsplit_once(':') {
+        // A colon of an IPv6 address.
+        Some((_, rest)) if rest.ends_with(']') => host,
+        Some((name, port)) if port.bytes().all(|digit| digit.is_ascii_digit()) && port.parse::<u16>().is_ok() => name,
+        Some(_) => return false,
+        None => host,
+    };
+    let in_brackets = name.strip_prefix('[').and_then(|name| name.strip_suffix(']'));
+    let ip = match in_brackets {
+        Some(name) => name.parse().map(IpAddr::V6),
+        None => name.parse().map(IpAddr::V4),
+    };
+    match ip {
         Ok(ip) => ip.is_loopback() || ip.to_canonical() == local.to_canonical(),
         Err(_) => name.eq_ignore_ascii_case("localhost"),
     }
@@ -66,11 +76,14 @@ fn is_own(host: &Authority, local: IpAddr) -> bool {
 #[cfg(test)]
 mod tests {
     use axum::body::Body;
+    use axum::http::Uri;
 
     use super::*;
 
+    const LOCAL: &str = "192.168.7.5:8408";
+
     fn checked(method: &str, headers: &[(&str, &str)]) -> bool {
-        let local = "192.168.7.5:8408".parse().expect("an address");
+        let local = LOCAL.parse().expect("an address");
         let request = headers
             .iter()
             .fold(Request::builder().method(method).uri("/"), |request, (name, value)| request.header(*name, *value));
@@ -79,13 +92,49 @@ mod tests {
 
     #[test]
     fn hosts() {
-        for host in ["127.0.0.1:8408", "127.0.0.1", "localhost", "LocalHost:1", "[::1]:8408", "192.168.7.5:8408"] {
+        for host in
+            ["127.0.0.1:8408", "127.0.0.1", "localhost", "LocalHost:1", "[::1]:8408", "[::1]", "192.168.7.5:8408"]
+        {
             assert!(checked("GET", &[("host", host)]), "{host}");
         }
-        for host in
-            ["example.com", "localhost.example.com:8408", "192.168.7.6", "0.0.0.0", "", "a b", "127.0.0.1.nip.io"]
-        {
+        for host in [
+            "example.com",
+            "localhost.example.com:8408",
+            "192.168.7.6",
+            "0.0.0.0",
+            "",
+            "a b",
+            "127.0.0.1.nip.io",
+            "user@127.0.0.1",
+            "user@127.0.0.1:8408",
+            "user:8408@localhost",
+            "127.0.0.1@example.com",
+            "@127.0.0.1",
+            "127.0.0.1:",
+            "127.0.0.1:+80",
+            "127.0.0.1:65536",
+            "127.0.0.1:80:80",
+            "127.0.0.1:http",
+            "127.0.0.1/",
+            "127.0.0.1 ",
+            "127.1",
+            "2130706433",
+            "localhost.",
+            "localhost,127.0.0.1",
+            "[localhost]",
+            "[127.0.0.1]",
+            "[::1",
+            "::1",
+            "[::1]8408",
+            "[::1%25lo]:8408",
+            "[::2]:8408",
+        ] {
             assert!(!checked("GET", &[("host", host)]), "{host}");
+            let target = format!("http://{host}/");
+            if target.parse::<Uri>().is_ok_and(|target| target.authority().is_some_and(|target| target == host)) {
+                let request = Request::builder().uri(target).header("host", "localhost").body(Body::empty());
+                assert!(check(&request.expect("a request"), LOCAL.parse().expect("an address")).is_err(), "{host}");
+            }
         }
         assert!(!checked("GET", &[]));
         assert!(!checked("GET", &[("host", "localhost"), ("host", "localhost")]));

@@ -42,6 +42,9 @@ fn a_foreign_host_or_origin_changes_nothing() {
         "Host: example.com\r\n".to_owned(),
         format!("Host: example.com:{}\r\n", rig.host.rsplit(':').next().expect("a port")),
         format!("{own}Host: example.com\r\n"),
+        format!("Host: user@{}\r\n", rig.host),
+        "Host: user@127.0.0.1\r\n".to_owned(),
+        "Host: 127.0.0.1:\r\n".to_owned(),
         String::new(),
         format!("{own}Origin: http://example.com\r\n"),
         format!("{own}Origin: null\r\n"),
@@ -55,6 +58,8 @@ fn a_foreign_host_or_origin_changes_nothing() {
         assert!(answer["error"].is_string(), "{answer}");
     }
     let target = format!("http://example.com{POWER}");
+    assert_eq!(rig.with("POST", &target, &format!("{own}{JSON}"), SWITCH_OFF).0, 403);
+    let target = format!("http://user@{}{POWER}", rig.host);
     assert_eq!(rig.with("POST", &target, &format!("{own}{JSON}"), SWITCH_OFF).0, 403);
     // What a form of any page can send without being asked.
     for kind in ["application/x-www-form-urlencoded", "text/plain", "multipart/form-data"] {
