@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
-use tokio::sync::Notify;
+use tokio::sync::{Notify, Semaphore, SemaphorePermit};
 
 /// A connection.
 #[derive(Debug)]
@@ -23,6 +23,8 @@ pub(super) struct Connection {
     /// The number of questions to the world that have no answer yet.
     asking: AtomicUsize,
     dismissed: Notify,
+    /// The places of calls that wait for virtual time, on all connections.
+    waits: Arc<Semaphore>,
 }
 
 /// A question to the world: as long as it is there, the connection is not quiet.
@@ -39,6 +41,11 @@ impl Connection {
     pub(super) fn ask(&self) -> Asking<'_> {
         self.asking.fetch_add(1, Ordering::Relaxed);
         Asking(self)
+    }
+
+    /// Returns a place of a call that waits for virtual time; `None` when there is none.
+    pub(super) fn wait(&self) -> Option<SemaphorePermit<'_>> {
+        self.waits.try_acquire().ok()
     }
 
     /// Waits until the connection has to go.
@@ -68,13 +75,16 @@ impl Drop for Asking<'_> {
 #[derive(Debug)]
 pub(super) struct Connections {
     places: usize,
+    waits: Arc<Semaphore>,
     all: Mutex<Vec<Arc<Connection>>>,
 }
 
 impl Connections {
-    /// Returns room for so many connections.
+    /// Returns room for so many connections. Calls that wait for virtual time may take half of it: a connection of such
+    /// a call never goes, and others are to be served.
     pub(super) fn new(places: usize) -> Self {
-        Self { places, all: Mutex::default() }
+        let waits = Arc::new(Semaphore::new((places / 2).max(1)));
+        Self { places, waits, all: Mutex::default() }
     }
 
     /// Gives a new connection a place, that of the quietest if need be; `None` when all wait for the world.
@@ -91,6 +101,7 @@ impl Connections {
             last: AtomicU64::new(0),
             asking: AtomicUsize::new(0),
             dismissed: Notify::new(),
+            waits: Arc::clone(&self.waits),
         });
         all.push(Arc::clone(&connection));
         Some(connection)
@@ -157,5 +168,18 @@ mod tests {
         connections.leave(&third);
         connections.leave(&fourth);
         assert!(connections.lock().is_empty());
+    }
+
+    #[test]
+    fn calls_that_wait_take_half_of_the_places_at_the_most() {
+        let local = "127.0.0.1:8408".parse().expect("an address");
+        for (places, room) in [(256, 128), (5, 2), (1, 1)] {
+            let connections = Connections::new(places);
+            let all: Vec<_> = (0..places).filter_map(|_| connections.admit(local)).collect();
+            let mut waits: Vec<_> = all.iter().filter_map(|connection| connection.wait()).collect();
+            assert_eq!(waits.len(), room);
+            waits.pop();
+            assert!(all[0].wait().is_some(), "one that has its answer makes room");
+        }
     }
 }

@@ -18,9 +18,6 @@ use crate::speed::Speed;
 use crate::state::{Condition, DeviceState};
 use crate::world::{Event, NodeId, World};
 
-/// The most calls that wait for their turn to let time pass.
-const QUEUE: usize = 256;
-
 /// The world's end of the control interface.
 #[derive(Debug)]
 pub(crate) struct Desk {
@@ -159,8 +156,11 @@ impl Desk {
                 "time passes by itself: it is advanced with --speed step only".to_owned(),
             ))),
             passage if self.speed != Speed::Step => self.begin(passage, world),
-            passage if self.queue.len() < QUEUE => self.queue.push_back(passage),
-            passage => passage.refuse(),
+            passage => {
+                // The others are as many as calls may wait.
+                self.queue.retain(|passage| !passage.is_given_up());
+                self.queue.push_back(passage);
+            }
         }
     }
 
@@ -203,12 +203,12 @@ impl Desk {
 }
 
 impl Passage {
-    fn refuse(self) {
-        const FULL: &str = "too many calls wait to let time pass";
+    /// Returns whether the client is gone.
+    fn is_given_up(&self) -> bool {
         match self {
-            Self::Advance(_, answer) => answer.send(Err(Refusal::TooMany(FULL))),
-            Self::Send(.., answer) => answer.send(Err(Refusal::TooMany(FULL))),
-            Self::Wait(.., answer) => answer.send(Err(Refusal::TooMany(FULL))),
+            Self::Advance(_, answer) => answer.is_given_up(),
+            Self::Send(.., answer) => answer.is_given_up(),
+            Self::Wait(.., answer) => answer.is_given_up(),
         }
     }
 }

@@ -42,6 +42,12 @@ impl Failure {
     pub(super) fn ending() -> Self {
         Self::Request(StatusCode::SERVICE_UNAVAILABLE, "the simulator ends".to_owned())
     }
+
+    /// Returns the refusal of one more call that would wait.
+    pub(super) fn crowded() -> Self {
+        let error = "too many calls wait for virtual time; try again when one of them is answered".to_owned();
+        Self::Request(StatusCode::SERVICE_UNAVAILABLE, error)
+    }
 }
 
 impl From<Invalid> for Failure {

@@ -23,6 +23,10 @@ const RETRY: Duration = Duration::from_millis(50);
 /// A client has so long to send the head of a request.
 const HEAD: Duration = Duration::from_secs(60);
 
+/// The answer to a connection that finds no place, because all others wait for the world.
+const FULL: &[u8] = b"HTTP/1.1 503 Service Unavailable\r\nContent-Type: application/json\r\nConnection: close\r\n\r\n\
+                      {\"error\":\"too many connections wait for answers; try again when one of them has its own\"}";
+
 /// A control interface at an address.
 #[derive(Debug)]
 pub(crate) struct Server {
@@ -62,16 +66,19 @@ async fn accept(listener: TcpListener, router: Router, places: usize) {
             tokio::time::sleep(RETRY).await;
             continue;
         };
-        if let Some(connection) = stream.local_addr().ok().and_then(|local| connections.admit(local)) {
-            let (router, connections) = (router.clone(), Arc::clone(&connections));
-            tokio::spawn(async move {
-                tokio::select! {
-                    () = serve(stream, router, Arc::clone(&connection)) => {}
-                    () = connection.dismissed() => {}
-                }
-                connections.leave(&connection);
-            });
-        }
+        let Ok(local) = stream.local_addr() else { continue };
+        let Some(connection) = connections.admit(local) else {
+            let _ = stream.try_write(FULL);
+            continue;
+        };
+        let (router, connections) = (router.clone(), Arc::clone(&connections));
+        tokio::spawn(async move {
+            tokio::select! {
+                () = serve(stream, router, Arc::clone(&connection)) => {}
+                () = connection.dismissed() => {}
+            }
+            connections.leave(&connection);
+        });
     }
 }
 

@@ -8,10 +8,7 @@ use crate::kind::Kind;
 use crate::state::{Condition, DeviceState, FrameCondition, StateWatch};
 use crate::world::{NodeId, World};
 
-/// The most clients that wait.
-const WAITING: usize = 256;
-
-/// The clients that wait.
+/// The clients that wait. Their number is bounded by that of the calls that may wait.
 #[derive(Debug, Default)]
 pub(super) struct Waits(Vec<Wait>);
 
@@ -40,7 +37,6 @@ impl Waits {
         find: impl FnOnce(&str) -> Result<(NodeId, Kind), Refusal>,
     ) {
         match awaited(condition, find) {
-            _ if self.0.len() >= WAITING => answer.send(Err(Refusal::TooMany("too many clients wait"))),
             Ok(condition) => {
                 let until = after(world.now(), within);
                 self.0.push(Wait { condition, until, answer });

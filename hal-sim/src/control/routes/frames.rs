@@ -59,7 +59,7 @@ pub(super) async fn send(control: Control, Body(frame): Body<FrameToSend>) -> Re
         every_ms => every_ms.map(|period| Duration::from_millis(period.into())),
     };
     let frame = Frame::of(id, &data).ok_or_else(|| Failure::bad_request("data: more than eight bytes"))?;
-    control.ask(|answer| Message::Send(frame, period, answer)).await.map(Json)
+    control.ask_and_wait(|answer| Message::Send(frame, period, answer)).await.map(Json)
 }
 
 /// Ends cyclic frames

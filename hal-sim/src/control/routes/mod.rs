@@ -44,6 +44,12 @@ impl Control {
         self.world.tell(ToWorld::Control(message(answer)));
         Ok(receiver.await.map_err(|_| Failure::ending())??)
     }
+
+    /// Asks the world for an answer that takes virtual time, which can be long: such calls leave room for others.
+    async fn ask_and_wait<T>(&self, message: impl FnOnce(Answer<T>) -> Message) -> Result<T, Failure> {
+        let _waits = self.connection.wait().ok_or_else(Failure::crowded)?;
+        self.ask(message).await
+    }
 }
 
 impl FromRequestParts<Entrance> for Control {

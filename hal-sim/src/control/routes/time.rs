@@ -38,5 +38,5 @@ pub(super) async fn advance(
     Body(Advance { advance_ms }): Body<Advance>,
 ) -> Result<Json<Time>, Failure> {
     let span = Duration::from_millis(advance_ms.into());
-    control.ask(|answer| Message::Advance(span, answer)).await.map(Json)
+    control.ask_and_wait(|answer| Message::Advance(span, answer)).await.map(Json)
 }

@@ -67,5 +67,5 @@ pub(super) async fn wait(control: Control, Body(wait): Body<Wait>) -> Result<Jso
         }
     };
     let within = Duration::from_millis(wait.within_ms.into());
-    control.ask(|answer| Message::Wait(condition, within, answer)).await.map(Json)
+    control.ask_and_wait(|answer| Message::Wait(condition, within, answer)).await.map(Json)
 }

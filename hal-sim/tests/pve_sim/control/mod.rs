@@ -30,7 +30,11 @@ impl Rig {
     }
 
     pub(crate) fn start(arguments: &[&str]) -> Self {
-        let simulator = Simulator::serve(&[&["--http", "127.0.0.1:0"], arguments].concat());
+        Self::of(Simulator::serve(&[&["--http", "127.0.0.1:0"], arguments].concat()))
+    }
+
+    /// One that runs already.
+    pub(crate) fn of(simulator: Simulator) -> Self {
         let (_, http) = simulator.ready.split_once(" http=http://").expect("an address");
         let host = http.strip_suffix('/').expect("a slash").to_owned();
         let config = ureq::Agent::config_builder().http_status_as_error(false).timeout_global(Some(PATIENCE));
