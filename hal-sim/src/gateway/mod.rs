@@ -79,8 +79,8 @@ pub enum ToWorld {
     Warn(String),
     /// A call of the control interface.
     Control(Message),
-    /// The user typed this line.
-    Typed(String),
+    /// The user typed this line. The sender is dropped when the line has taken effect.
+    Typed(String, oneshot::Sender<()>),
     /// The simulator is to end: see [`Entrance::end`].
     End,
 }

@@ -94,7 +94,7 @@ impl Clients {
                 self.set_listening(id, false);
                 return self.post(id, ToClient::Reply(reply));
             }
-            ToWorld::Warn(_) | ToWorld::Typed(_) | ToWorld::Control(_) | ToWorld::End => {}
+            ToWorld::Warn(_) | ToWorld::Typed(..) | ToWorld::Control(_) | ToWorld::End => {}
         }
         Ok(())
     }

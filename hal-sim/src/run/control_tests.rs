@@ -37,6 +37,10 @@ impl Rig {
     }
 }
 
+fn typed(line: &str) -> Happening {
+    Happening::Message(ToWorld::Typed(line.to_owned(), tokio::sync::oneshot::channel().0))
+}
+
 fn told<T: serde::Serialize>(mut way: Way<T>) -> serde_json::Value {
     match way.try_recv() {
         Ok(Ok(answer)) => serde_json::to_value(answer).expect("JSON"),
@@ -83,7 +87,7 @@ fn a_stall_moves_no_stamp() {
 fn what_is_typed_and_what_is_called_change_the_same_plant() {
     let mut rig = Rig::with_desk(1.0);
     let called = rig.change(millis(100), r#"{"memory": "write-fails", "bus_off": true, "lever": 5}"#);
-    rig.plan(millis(200), Happening::Message(ToWorld::Typed("supply_mv 8000".to_owned())));
+    rig.plan(millis(200), typed("supply_mv 8000"));
     let both = rig.call(millis(300), |answer| Message::Device("valve".to_owned(), answer));
     rig.run_until(millis(400));
     assert_eq!(told(called)["plant"]["supply_mv"], 24_000);
@@ -100,7 +104,7 @@ fn what_is_typed_and_what_is_called_change_the_same_plant() {
 fn what_is_typed_is_what_is_waited_for() {
     let mut rig = Rig::with_desk(1.0);
     let waited = rig.wait_for(millis(100), r#"{"faults": ["can-bus"]}"#, 5_000);
-    rig.plan(millis(200), Happening::Message(ToWorld::Typed("bus_off on".to_owned())));
+    rig.plan(millis(200), typed("bus_off on"));
     rig.run_until(millis(6000));
     assert_eq!(told(waited)["t_us"], 200_000);
 }

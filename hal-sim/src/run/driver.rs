@@ -210,7 +210,7 @@ impl<O: Outside> Driver<O> {
     fn due(&self, arrival: &Arrival) -> Instant {
         let arrived = self.time.pace().at(arrival.at);
         match arrival.message {
-            ToWorld::Send(..) | ToWorld::Control(_) | ToWorld::Typed(_) => arrived.max(self.open),
+            ToWorld::Send(..) | ToWorld::Control(_) | ToWorld::Typed(..) => arrived.max(self.open),
             _ => arrived,
         }
     }
@@ -291,7 +291,7 @@ impl<O: Outside> Driver<O> {
             }
             return;
         }
-        if let ToWorld::Typed(line) = message {
+        if let ToWorld::Typed(line, _obeyed) = message {
             match console::obey(&line, &mut self.world) {
                 Ok(answer) => answer.into_iter().for_each(|answer| self.trace.answer(answer)),
                 Err(refusal) => self.trace.warn(refusal),

@@ -2,32 +2,48 @@
 
 use std::io::{self, Read};
 
+use tokio::sync::oneshot;
+
 use super::system;
 use crate::gateway::{Entrance, ToWorld};
 
-/// The longest line, in bytes; longer ones are cut, and so not understood.
+/// The longest line, in bytes; longer ones are cut, and end with [`CUT`].
 const LINE: usize = 256;
+
+/// The end of a line that was cut, which is part of no word.
+const CUT: char = '…';
 
 /// Starts the thread, which nobody waits for. Without it nothing can be typed.
 pub(super) fn listen(world: Entrance) {
     let _ = std::thread::Builder::new().name("stdin".to_owned()).spawn(move || {
         let stdin = io::stdin();
-        let mut lines = Lines::default();
-        let mut bytes = [0; LINE];
-        while system::wait_for_input() {
-            match stdin.lock().read(&mut bytes) {
-                Ok(0) => break,
-                Ok(len) => lines.push(&bytes[..len], |line| world.tell(ToWorld::Typed(line))),
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                Err(_) => break,
-            }
-        }
+        obey(&world, |bytes| if system::wait_for_input() { stdin.lock().read(bytes) } else { Ok(0) });
     });
+}
+
+/// Has the world obey the lines of an input, one at a time: a writer that is faster than the world waits, and others
+/// come between its lines.
+fn obey(world: &Entrance, mut read: impl FnMut(&mut [u8]) -> io::Result<usize>) {
+    let mut lines = Lines::default();
+    let mut bytes = [0; LINE];
+    loop {
+        match read(&mut bytes) {
+            Ok(0) => break,
+            Ok(len) => lines.push(&bytes[..len], |line| {
+                let (obeyed, done) = oneshot::channel();
+                world.tell(ToWorld::Typed(line, obeyed));
+                let _ = done.blocking_recv();
+            }),
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(_) => break,
+        }
+    }
 }
 
 /// Lines out of bytes as they come.
 #[derive(Debug, Default)]
 struct Lines {
+    /// At most one byte more than [`LINE`]: the line is too long then.
     line: Vec<u8>,
 }
 
@@ -35,8 +51,16 @@ impl Lines {
     fn push(&mut self, bytes: &[u8], mut tell: impl FnMut(String)) {
         for byte in bytes {
             match byte {
-                b'\n' => tell(String::from_utf8_lossy(&std::mem::take(&mut self.line)).into_owned()),
-                byte if self.line.len() < LINE => self.line.push(*byte),
+                b'\n' => {
+                    let kept = self.line.len().min(LINE);
+                    let mut line = String::from_utf8_lossy(&self.line[..kept]).into_owned();
+                    if kept < self.line.len() {
+                        line.push(CUT);
+                    }
+                    self.line.clear();
+                    tell(line);
+                }
+                byte if self.line.len() <= LINE => self.line.push(*byte),
                 _ => {}
             }
         }
@@ -45,6 +69,10 @@ impl Lines {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    use std::thread;
+
     use super::*;
 
     #[test]
@@ -54,9 +82,48 @@ mod tests {
             lines.push(part.as_bytes(), |line| told.push(line));
         }
         assert_eq!(told, ["status", "help\r", ""]);
-        told.clear();
-        lines.push(&[b'x'; 2 * LINE], |line| told.push(line));
+    }
+
+    /// Neither a word nor a number of a line that was cut is taken for a shorter one.
+    #[test]
+    fn a_line_that_is_too_long_says_so_at_its_end() {
+        let (mut lines, mut told) = (Lines::default(), Vec::new());
+        let blanks = " ".repeat(LINE - "status".len());
+        for line in [format!("status{blanks}\n"), format!("status{blanks}x\n"), "x".repeat(100 * LINE)] {
+            lines.push(line.as_bytes(), |line| told.push(line));
+        }
+        assert!(lines.line.len() <= LINE + 1);
         lines.push(b"\nstatus\n", |line| told.push(line));
-        assert_eq!((told[0].len(), told[1].as_str()), (LINE, "status"));
+        assert_eq!(
+            told,
+            [format!("status{blanks}"), format!("status{blanks}…"), "x".repeat(LINE) + "…", "status".into()]
+        );
+    }
+
+    #[test]
+    fn stdin_is_not_read_before_the_world_has_obeyed_a_line() {
+        const READS: usize = 1000;
+        let (world, inbox) = Entrance::new();
+        let reads = Arc::<AtomicUsize>::default();
+        let reader = thread::spawn({
+            let reads = Arc::clone(&reads);
+            move || {
+                obey(&world, |bytes| {
+                    let is_over = reads.fetch_add(1, Ordering::SeqCst) == READS;
+                    bytes[..14].copy_from_slice(b"status\nstatus\n");
+                    Ok(if is_over { 0 } else { 14 })
+                });
+            }
+        });
+        for line in 0..2 * READS {
+            let ToWorld::Typed(text, obeyed) = inbox.messages.recv().expect("a line").message else {
+                panic!("no line")
+            };
+            assert_eq!(text, "status");
+            assert!(inbox.messages.try_recv().is_err(), "another line before line {line} was obeyed");
+            assert_eq!(reads.load(Ordering::SeqCst), line / 2 + 1);
+            drop(obeyed);
+        }
+        reader.join().expect("no panic");
     }
 }
