@@ -67,6 +67,17 @@ fn a_call_takes_effect_at_its_own_instant() {
     }
 }
 
+#[test]
+fn calls_are_answered_however_slow_time_is() {
+    let mut rig = Rig::with_desk(0.0001);
+    rig.send(millis(0), READ);
+    let time = rig.call(millis(1), Message::Time);
+    let valve = rig.call(millis(1), |answer| Message::Device("valve".to_owned(), answer));
+    rig.run_until(millis(2));
+    assert_eq!(told(time)["now_us"], 5000);
+    assert_eq!(told(valve)["powered"], true);
+}
+
 /// A stall is no time on the bus: neither for a wait, nor for cyclic frames.
 #[test]
 fn a_stall_moves_no_stamp() {

@@ -59,7 +59,7 @@ pub struct Driver<O> {
     arrivals: VecDeque<Arrival>,
     /// The events that are being shown; the allocation is used again.
     events: Vec<Event>,
-    /// The end of the start-up: clients may send from this instant on.
+    /// The end of the start-up: all devices have power.
     open: Instant,
     /// The last time that the trace was handed out.
     handed_out: WallInstant,
@@ -155,6 +155,8 @@ impl<O: Outside> Driver<O> {
         self.world.power_all(SUPPLY_JITTER);
         self.open = after(self.world.now(), SUPPLY_JITTER);
         self.trace.learn(&self.world);
+        // At once, so that nobody waits for it however slow time is; the wall clock follows. Stepped time stands at 0.
+        while !self.is_stepped && !self.go(self.open) {}
     }
 
     /// Lets the world catch up with the next message, which then takes effect, or with the clock, and waits.
@@ -165,7 +167,7 @@ impl<O: Outside> Driver<O> {
         if self.arrivals.is_empty() {
             self.arrivals.extend(self.outside.take());
         }
-        let due = self.arrivals.front().map_or(Instant::MAX, |next| self.due(next));
+        let due = self.arrivals.front().map_or(Instant::MAX, |next| self.time.pace().at(next.at));
         if !self.catch_up(self.time.pace().at(now).min(due)) {
             let warning = self.time.fell_behind(self.world.now());
             self.warn(warning);
@@ -204,15 +206,6 @@ impl<O: Outside> Driver<O> {
             self.go(end);
         }
         self.hand_out();
-    }
-
-    /// Returns the instant at which a message takes effect.
-    fn due(&self, arrival: &Arrival) -> Instant {
-        let arrived = self.time.pace().at(arrival.at);
-        match arrival.message {
-            ToWorld::Send(..) | ToWorld::Control(_) | ToWorld::Typed(..) => arrived.max(self.open),
-            _ => arrived,
-        }
     }
 
     /// Waits for a message, or for the next event. Hands out the trace before a sleep, unless a client would wait for
