@@ -8,6 +8,7 @@
 //! bus_url      the URLs of --bus: every gateway has one line there
 //! address      what a gateway is to the simulator: Scheme, Address, Gateway
 //! tcp          gateways over TCP: the listening socket, and the connections that it accepts
+//! guard        the first bytes over TCP: connections of web pages are closed before anything is obeyed
 //! socketcand/  a bus over TCP in readable text
 //! socketcan/   an interface of the Linux kernel
 //! slcan/       an adapter on a serial line, over TCP or on a pseudo-terminal
@@ -20,6 +21,7 @@
 mod address;
 mod bus_url;
 mod entrance;
+mod guard;
 mod member;
 mod outbox;
 pub mod slcan;
@@ -32,7 +34,7 @@ pub use address::{Access, Address, Gateway, OpenError, Opening, Parse, Scheme};
 pub use bus_url::BusUrl;
 pub use entrance::{Arrival, Entrance, Inbox};
 pub use outbox::{CREDIT, Credit, Leash, Mailbox, Outbox, Overrun, QUEUE};
-pub(crate) use tcp::joinable;
+pub(crate) use tcp::{WAITING, joinable};
 
 use std::borrow::Cow;
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -11,16 +11,21 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, ReadBuf};
 use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::Semaphore;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::timeout;
 
+use super::Entrance;
 use super::address::OpenError;
+use super::guard::{ForeignWarning, Guarded, Judge};
 
 /// How long to wait before the next try when no connection can be accepted, as when the process has no descriptor left.
 const RETRY: Duration = Duration::from_millis(50);
 
-/// A client without a place waits so long for one: the departure of another may not be noticed yet.
+/// A client without a place waits so long for one: the world may not have noticed yet that another has left.
 const WAIT_FOR_PLACE: Duration = Duration::from_secs(1);
+
+/// The most clients of one listener that wait for a place; further ones are refused at once.
+pub(crate) const WAITING: usize = 8;
 
 /// The time that a client has to open the bus: places are few.
 pub(super) const HANDSHAKE: Duration = Duration::from_secs(60);
@@ -81,34 +86,58 @@ pub(super) struct Listener {
     pub(super) address: SocketAddr,
 }
 
+/// A protocol over TCP.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Protocol {
+    /// Judges the first bytes of a connection.
+    pub(super) judge: Judge,
+    /// The answer to a client that finds no place.
+    pub(super) no_place: &'static [u8],
+}
+
 impl Listener {
-    /// Serves clients for ever, a session each; each takes one of the places. A client that finds none is told
-    /// `no_place` and let go.
+    /// Serves clients for ever, a session each; each takes one of the places. A client that finds none is told so and let
+    /// go. The reader of a foreign connection fails, and the first one is told to the user; `url` names the bus there.
     pub(super) async fn run<S>(
         self,
+        protocol: Protocol,
+        url: String,
+        world: Entrance,
         places: Arc<Semaphore>,
-        no_place: &'static [u8],
-        session: impl Fn(Prompt, OwnedWriteHalf) -> S,
+        session: impl Fn(Guarded<Prompt>, OwnedWriteHalf) -> S + Send + Sync + 'static,
     ) where
         S: Future<Output = ()> + Send + 'static,
     {
+        let warning = Arc::new(ForeignWarning::new(url, world));
+        let session = Arc::new(session);
+        let waiting = Arc::new(Semaphore::new(WAITING));
         loop {
-            match self.listener.accept().await {
-                Ok((stream, _)) => match timeout(WAIT_FOR_PLACE, Arc::clone(&places).acquire_owned()).await {
-                    Ok(Ok(place)) => {
+            let Ok((stream, _)) = self.listener.accept().await else {
+                tokio::time::sleep(RETRY).await;
+                continue;
+            };
+            let (places, waiting) = (Arc::clone(&places), Arc::clone(&waiting));
+            let (session, warning) = (Arc::clone(&session), Arc::clone(&warning));
+            tokio::spawn(async move {
+                match place(places, &waiting).await {
+                    Some(_place) => {
                         let (reader, writer) = halves(stream);
-                        let session = session(reader, writer);
-                        tokio::spawn(async move {
-                            session.await;
-                            drop(place);
-                        });
+                        session(Guarded::new(reader, protocol.judge, warning), writer).await;
                     }
-                    _ => drop(stream.try_write(no_place)),
-                },
-                Err(_) => tokio::time::sleep(RETRY).await,
-            }
+                    None => drop(stream.try_write(protocol.no_place)),
+                }
+            });
         }
     }
+}
+
+/// Returns one of the places. Where there is none, it waits for one, if few others do.
+async fn place(places: Arc<Semaphore>, waiting: &Semaphore) -> Option<OwnedSemaphorePermit> {
+    if let Ok(place) = Arc::clone(&places).try_acquire_owned() {
+        return Some(place);
+    }
+    let _waits = waiting.try_acquire().ok()?;
+    timeout(WAIT_FOR_PLACE, places.acquire_owned()).await.ok()?.ok()
 }
 
 fn halves(stream: TcpStream) -> (Prompt, OwnedWriteHalf) {

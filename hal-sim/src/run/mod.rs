@@ -51,7 +51,7 @@ use tokio::sync::{Semaphore, oneshot, watch};
 
 use crate::control::{self, Desk};
 use crate::devices;
-use crate::gateway::{Access, BusUrl, Entrance, Gateway, OpenError, joinable};
+use crate::gateway::{Access, BusUrl, Entrance, Gateway, OpenError, WAITING, joinable};
 use crate::kind::Kind;
 use crate::memory::StateFileError;
 use crate::trace::Timestamp;
@@ -143,7 +143,7 @@ const CLIENTS: usize = 128;
 /// The most connections of the control interface.
 const HTTP_CLIENTS: usize = 256;
 
-/// The file descriptors beside those of clients, buses and devices: what is open anyway, and state files while they are
+/// The file descriptors beside those of clients, buses with those who wait for a place there, and devices: what is open anyway, and state files while they are
 /// written.
 const DESCRIPTORS: usize = 32;
 
@@ -253,7 +253,7 @@ impl Running {
 /// Returns the most clients of the buses, and connections of the control interface, that leave enough file descriptors
 /// for devices to store.
 fn places(options: &RunOptions) -> (usize, usize) {
-    let taken = DESCRIPTORS + options.devices.len() + options.buses.len();
+    let taken = DESCRIPTORS + options.devices.len() + options.buses.len() * (1 + WAITING);
     let limit = system::max_open_files().and_then(|limit| usize::try_from(limit).ok());
     let left = limit.map_or(usize::MAX, |limit| limit.saturating_sub(taken));
     let clients = if options.http.is_some() { left / 2 } else { left }.clamp(1, CLIENTS);

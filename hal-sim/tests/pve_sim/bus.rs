@@ -191,6 +191,21 @@ fn clients_leave_enough_descriptors_to_store() {
     simulator.end(Signal::TERM);
 }
 
+/// The last of a queue is refused before the first ones have waited for their places one after the other.
+#[test]
+fn clients_without_a_place_are_refused_side_by_side() {
+    const CLIENTS: usize = 128;
+    let simulator = Simulator::serve(&[]);
+    let mut served: Vec<TcpStream> = (0..CLIENTS).map(|_| simulator.connect()).collect();
+    served.iter_mut().for_each(|client| expect(client, "< hi >"));
+    let refused: Vec<TcpStream> = (0..2 * PATIENCE.as_secs()).map(|_| simulator.connect()).collect();
+    for mut client in refused.into_iter().rev() {
+        expect(&mut client, "< error too many clients >");
+    }
+    drop(served);
+    simulator.join();
+}
+
 /// What SavvyCAN sends, with Qt 5 and with Qt 6, which takes identifiers and bytes for signed numbers.
 #[test]
 fn savvycan_and_a_subscriber_share_the_bus() {

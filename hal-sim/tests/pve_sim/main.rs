@@ -4,6 +4,7 @@
 //! Only for Unix: signals end the program.
 #![cfg(unix)]
 
+mod browser;
 mod bus;
 mod console;
 mod control;

@@ -11,9 +11,9 @@ const [binary, modules] = process.argv.slice(2);
 const { chromium } = createRequire(`${modules}/`)("playwright-core");
 
 /** How long anything may take, in milliseconds. */
-const PATIENCE = 60_000;
+export const PATIENCE = 60_000;
 
-/** Starts a simulator; `url` is that of its ready line. */
+/** Starts a simulator; `url` is that of the control interface in its `ready` line. */
 export async function simulate(...options) {
   const http = options.includes("--http") ? [] : ["--http", "127.0.0.1:0"];
   const child = spawn(binary, ["--bus", "socketcand://127.0.0.1:0/pve0", ...http, ...options], { stdio: ["ignore", "pipe", "ignore"] });
@@ -27,6 +27,7 @@ export async function simulate(...options) {
   assert(url, `no ready line: ${first}`);
   return {
     url,
+    ready: first,
     async call(method, path, body) {
       const response = await fetch(`${url}api/v1${path}`, {
         method,
@@ -44,16 +45,25 @@ export async function simulate(...options) {
   };
 }
 
+/** Opens an empty page in a browser, and ends both after the test. */
+export async function withBrowser(viewing, test) {
+  const browser = await chromium.launch({ executablePath: "/usr/bin/chromium", args: ["--no-sandbox"] });
+  try {
+    const page = await browser.newPage(viewing);
+    page.setDefaultTimeout(PATIENCE);
+    await test(page, browser);
+  } finally {
+    await browser.close();
+  }
+}
+
 /**
  * Opens the page in a browser, and ends both after the test. An error that the browser tells of fails it, unless it is
  * `expected`, and so does a request to anybody else.
  */
 export async function withPage(options, test) {
-  const browser = await chromium.launch({ executablePath: "/usr/bin/chromium", args: ["--no-sandbox"] });
   const { url, expected, ...viewing } = options;
-  try {
-    const page = await browser.newPage(viewing);
-    page.setDefaultTimeout(PATIENCE);
+  await withBrowser(viewing, async (page, browser) => {
     const trouble = [];
     page.on("pageerror", (error) => trouble.push(error.message));
     page.on("console", (message) => message.type() === "error" && !expected?.test(message.text()) && trouble.push(message.text()));
@@ -62,9 +72,7 @@ export async function withPage(options, test) {
     await page.locator("#link[data-link=there]").waitFor();
     await test(page, browser);
     assert.deepEqual(trouble, []);
-  } finally {
-    await browser.close();
-  }
+  });
 }
 
 /** Waits until the page shows something; `show` is asked again and again, in the page. */

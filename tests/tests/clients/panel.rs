@@ -1,7 +1,7 @@
 //! The panel in a browser: playwright-core with the system's Chromium, against simulators that the scripts start.
 //!
 //! `./test` installs both, playwright-core into `target/node`; the scripts are in `tests/clients/panel/`, one subject
-//! each.
+//! each. One of them is a foreign page, which attacks the ports of the bus.
 
 use std::process::{Command, Stdio};
 use std::sync::Mutex;
@@ -48,4 +48,9 @@ fn the_panel_outlives_the_simulator() {
 #[test]
 fn twenty_valves_leave_the_browser_time() {
     look("pace.mjs");
+}
+
+#[test]
+fn a_web_page_sends_nothing_to_the_bus() {
+    look("foreign.mjs");
 }

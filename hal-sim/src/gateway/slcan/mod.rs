@@ -30,6 +30,8 @@ mod session;
 #[cfg(unix)]
 mod terminal;
 
+#[cfg(test)]
+pub(super) use protocol::judge;
 pub use protocol::{Command, Parser, Refused, emit_frame};
 pub(super) use pty::SCHEME as PTY;
 pub(super) use server::SCHEME as TCP;

@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use protocol_core::frame::{Frame, Id, MAX_LEN, extended, standard};
 
+use crate::gateway::guard::Verdict;
 use crate::trace::{Timestamp, write_hex};
 
 /// The longest line without its CR: a frame with a 29-bit identifier, its length and eight bytes.
@@ -91,6 +92,16 @@ impl Parser {
                 None
             }
         }
+    }
+}
+
+/// Judges a byte of the first line of a connection. A command has letters and digits alone and is obeyed at its CR; a
+/// request line has a blank before its CR.
+pub(in crate::gateway) const fn judge(byte: u8) -> Verdict {
+    match byte {
+        b'\r' => Verdict::Client,
+        b'\n' | b'0'..=b'9' | b'A'..=b'Z' | b'a'..=b'z' => Verdict::Undecided,
+        _ => Verdict::Foreign,
     }
 }
 

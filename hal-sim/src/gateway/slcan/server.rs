@@ -5,8 +5,9 @@ use std::sync::Arc;
 
 use tokio::sync::Semaphore;
 
+use super::protocol::{BELL, judge};
 use super::session::{self, Line};
-use crate::gateway::tcp::{Endpoint, FAREWELL, HANDSHAKE, Listener, joinable};
+use crate::gateway::tcp::{Endpoint, FAREWELL, HANDSHAKE, Listener, Protocol, joinable};
 use crate::gateway::{Access, Address, Entrance, Gateway, Opening, Parse, Scheme};
 
 const FORM: &str = "slcan://HOST:PORT";
@@ -14,8 +15,7 @@ const FORM: &str = "slcan://HOST:PORT";
 /// The URLs of this gateway.
 pub(in crate::gateway) const SCHEME: Scheme = Scheme { prefix: "slcan://", form: FORM, parse: Parse::With(parse) };
 
-/// The answer to a client that finds no place.
-const NO_PLACE: &[u8] = b"\x07";
+const PROTOCOL: Protocol = Protocol { judge, no_place: BELL.as_bytes() };
 
 /// Where the adapter is to be served.
 #[derive(Clone, Debug)]
@@ -59,9 +59,10 @@ impl Gateway for Server {
     }
 
     fn start(self: Box<Self>, world: Entrance, places: Arc<Semaphore>) {
-        let url: Arc<str> = self.url().into();
-        tokio::spawn(self.0.run(places, NO_PLACE, move |reader, writer| {
-            let (url, world) = (Arc::clone(&url), world.clone());
+        let url = self.url();
+        let line_url: Arc<str> = url.as_str().into();
+        tokio::spawn(self.0.run(PROTOCOL, url, world.clone(), places, move |reader, writer| {
+            let (url, world) = (Arc::clone(&line_url), world.clone());
             async move {
                 let line = Line { url: &url, patience: Some(HANDSHAKE), farewell: FAREWELL };
                 session::serve(reader, writer, world, line).await;

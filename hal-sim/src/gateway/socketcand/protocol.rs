@@ -6,6 +6,7 @@ use std::time::Duration;
 use protocol_core::frame::{Frame, Id, MAX_LEN, extended, standard};
 
 use super::broadcast::Traffic;
+use crate::gateway::guard::Verdict;
 use crate::trace::{ErrorClass, Timestamp, write_hex};
 
 /// The longest message, in bytes between `<` and `>`: that of a client that sends every number in 64 bits has 160.
@@ -131,6 +132,15 @@ impl Parser {
             }
             (State::Between | State::Skipping, _) => None,
         }
+    }
+}
+
+/// Judges a byte at the begin of a connection: a client sends `<`, after blanks at the most. No method of HTTP has either.
+pub(in crate::gateway) const fn judge(byte: u8) -> Verdict {
+    match byte {
+        b'<' => Verdict::Client,
+        _ if byte.is_ascii_whitespace() => Verdict::Undecided,
+        _ => Verdict::Foreign,
     }
 }
 

@@ -61,9 +61,8 @@ fn messages_in_one_read_or_in_many() {
 
 #[test]
 fn garbage_between_messages_is_skipped() {
-    assert_eq!(messages(b"\0\xFF junk > > \r\n< echo >\x80\x81> < echo >"), [Ok(Request::Echo), Ok(Request::Echo)]);
+    assert_eq!(messages(b"< echo >\0\xFF junk > > \r\n< echo >\x80\x81> "), [Ok(Request::Echo), Ok(Request::Echo)]);
     assert_eq!(messages(b""), []);
-    assert_eq!(messages(b"GET / HTTP/1.1\r\nHost: pve\r\n\r\n"), []);
 }
 
 #[test]

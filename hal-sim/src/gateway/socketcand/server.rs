@@ -7,10 +7,11 @@ use std::sync::Arc;
 use tokio::sync::Semaphore;
 
 use super::beacon::Beacon;
+use super::protocol::judge;
 use super::session;
 use crate::gateway::Entrance;
 use crate::gateway::address::{Access, Address, Gateway, OpenError, Opening, Parse, Scheme};
-use crate::gateway::tcp::{Endpoint, Listener, joinable};
+use crate::gateway::tcp::{Endpoint, Listener, Protocol, joinable};
 
 const FORM: &str = "socketcand://HOST:PORT/NAME";
 
@@ -20,8 +21,7 @@ pub(in crate::gateway) const SCHEME: Scheme = Scheme { prefix: "socketcand://", 
 /// The longest name of a bus, in characters: fits a line of the trace and every client's field for it.
 const NAME_MAX: usize = 32;
 
-/// The answer to a client that finds no place.
-const NO_PLACE: &[u8] = b"< error too many clients >";
+const PROTOCOL: Protocol = Protocol { judge, no_place: b"< error too many clients >" };
 
 /// Where a bus is to be served.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -97,11 +97,12 @@ impl Gateway for Server {
     }
 
     fn start(self: Box<Self>, world: Entrance, places: Arc<Semaphore>) {
+        let url = self.url();
         let Self { listener, name, beacon } = *self;
         if let Some(beacon) = beacon {
             tokio::spawn(beacon.run());
         }
-        tokio::spawn(listener.run(places, NO_PLACE, move |reader, writer| {
+        tokio::spawn(listener.run(PROTOCOL, url, world.clone(), places, move |reader, writer| {
             let (name, world) = (Arc::clone(&name), world.clone());
             async move { session::serve(reader, writer, &name, world).await }
         }));

@@ -1,12 +1,15 @@
 //! Events, slow readers, garbage and crowds: the bus keeps its time, and others are served.
 
-use std::io::{BufRead as _, BufReader, Write as _};
+use std::collections::BTreeMap;
+use std::io::{BufRead as _, BufReader, ErrorKind, Write as _};
 use std::net::TcpStream;
+use std::process::Stdio;
+use std::time::Instant;
 
 use serde_json::{Value, json};
 
 use super::{Rig, micros};
-use crate::simulator::PATIENCE;
+use crate::simulator::{PATIENCE, Simulator, pve_sim, say};
 
 /// A client that follows the events.
 struct Follower(BufReader<TcpStream>);
@@ -131,4 +134,89 @@ fn a_crowd_keeps_nobody_from_being_served_and_the_bus_its_time() {
     assert!(ends.iter().all(|end| (end - first).is_multiple_of(20_000)), "{ends:?}");
     assert!(micros(&rig.get("/time")["now_us"]) >= first + 3_000_000);
     drop(crowd);
+}
+
+/// The status of an answer: `None` before it is there, 0 of a connection that was closed without one.
+fn status(client: &mut TcpStream) -> Option<u16> {
+    let mut line = [0; 12];
+    client.set_nonblocking(true).expect("a mode");
+    match client.peek(&mut line) {
+        Ok(12) => Some(String::from_utf8_lossy(&line[9..]).parse().expect("a status")),
+        Ok(0) => Some(0),
+        Err(error) if error.kind() != ErrorKind::WouldBlock => Some(0),
+        _ => None,
+    }
+}
+
+/// As many as there are connections wait, for ever: half of them are refused, and others are served.
+#[test]
+fn clients_that_wait_for_ever_lock_nobody_out() {
+    const CONNECTIONS: usize = 256;
+    let rig = Rig::start(&["--device", "pvea-canopen@0x20,name=valve"]);
+    let body = json!({"device": "valve", "state": {"powered": false}, "within_ms": u32::MAX}).to_string();
+    let head = format!("POST /api/v1/wait HTTP/1.1\r\nHost: {}\r\nContent-Type: application/json\r\n", rig.host);
+    let mut crowd: Vec<TcpStream> = (0..CONNECTIONS)
+        .map(|_| {
+            let mut client = TcpStream::connect(&rig.host).expect("a connection");
+            write!(client, "{head}Content-Length: {}\r\n\r\n{body}", body.len()).expect("it reads");
+            client
+        })
+        .collect();
+    let start = Instant::now();
+    let mut refused = 0;
+    while refused < CONNECTIONS / 2 {
+        assert!(start.elapsed() < PATIENCE, "{refused} are refused");
+        refused = crowd.iter_mut().filter_map(status).count();
+    }
+    assert_eq!(rig.device("valve")["powered"], true);
+    assert!(rig.refused("POST", "/wait", Some(&body), 503).contains("too many calls wait"));
+    rig.power("valve", json!({"on": false}));
+    let mut statuses = BTreeMap::<u16, usize>::new();
+    for client in &mut crowd {
+        let status = loop {
+            match status(client) {
+                Some(status) => break status,
+                None => assert!(start.elapsed() < 3 * PATIENCE, "no answer"),
+            }
+        };
+        *statuses.entry(status).or_default() += 1;
+    }
+    // A connection can have had to go before its call was read.
+    let closed = statuses.remove(&0).unwrap_or(0);
+    assert!(closed <= 3, "{closed} closed, {statuses:?}");
+    assert_eq!(statuses, BTreeMap::from([(200, CONNECTIONS / 2), (503, CONNECTIONS / 2 - closed)]));
+}
+
+#[test]
+fn calls_are_answered_however_slow_time_is() {
+    let rig = Rig::start(&["--speed", "0.0001", "--device", "pvea-canopen@0x20,name=valve"]);
+    let mut bus = rig.simulator.join();
+    say(&mut bus, "< send 100 0 >");
+    assert_eq!(rig.device("valve")["powered"], true);
+    assert_eq!(rig.plant("valve", json!({"supply_mv": 8000}))["plant"]["supply_mv"], 8000);
+    let never = json!({"device": "valve", "state": {"powered": false}, "within_ms": 0}).to_string();
+    assert_eq!(rig.call("POST", "/wait", Some(&never)).0, 408);
+    assert!(micros(&rig.get("/time")["now_us"]) < 100_000);
+}
+
+/// The shortest lines there are, as fast as they are read.
+#[test]
+fn a_flood_on_stdin_takes_neither_memory_nor_the_control_interface() {
+    let options = ["--http", "127.0.0.1:0", "--bus", "socketcand://127.0.0.1:0/pve0"];
+    let mut simulator = Simulator::spawn(pve_sim(&options).stdin(Stdio::piped()));
+    let mut stdin = simulator.process.stdin.take().expect("a pipe");
+    let flood = std::thread::spawn(move || while stdin.write_all(&[b'\n'; 64 * 1024]).is_ok() {});
+    let process = simulator.process.id();
+    let rig = Rig::of(simulator);
+    for _ in 0..50 {
+        rig.device("pvea-canopen");
+    }
+    let status = std::fs::read_to_string(format!("/proc/{process}/status"));
+    if let Ok(status) = status {
+        let kilobytes = status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.split_whitespace().next());
+        let kilobytes: usize = kilobytes.expect("a size").parse().expect("a number");
+        assert!(kilobytes < 100_000, "{kilobytes} kB");
+    }
+    drop(rig);
+    flood.join().expect("no panic");
 }

@@ -1,0 +1,97 @@
+//! The guard of gateways over TCP: no web page drives the bus.
+//!
+//! A page can make its browser connect to any port of this machine and chooses the body of the request. The first bytes
+//! are the browser's: a request line begins with a method and a blank (RFC 9112 3; `fetch` lets a page take any token as
+//! the method, so `t1230`, too), TLS begins with 0x16, STUN over TCP (WebRTC) with 0x00. A connection is closed before
+//! anything is obeyed when it begins with a byte that no client of the protocol sends there.
+
+use std::io;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::task::{Context, Poll, ready};
+
+use tokio::io::{AsyncRead, ReadBuf};
+
+use super::{Entrance, ToWorld};
+
+/// The verdict on the first bytes of a connection.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Verdict {
+    /// Bytes that begin both a message of the protocol and a request of a browser.
+    #[default]
+    Undecided,
+    /// Bytes that only a client of the protocol sends.
+    Client,
+    /// Bytes that no client of the protocol sends first.
+    Foreign,
+}
+
+/// Judges one byte; all bytes before it were undecided.
+pub(super) type Judge = fn(u8) -> Verdict;
+
+/// A reader that fails for good at the first foreign byte, and passes nothing of the read that has it.
+#[derive(Debug)]
+pub(super) struct Guarded<R> {
+    reader: R,
+    judge: Judge,
+    verdict: Verdict,
+    warning: Arc<ForeignWarning>,
+}
+
+impl<R> Guarded<R> {
+    /// Returns a reader with its judge, and the warning of its bus.
+    pub(super) fn new(reader: R, judge: Judge, warning: Arc<ForeignWarning>) -> Self {
+        Self { reader, judge, verdict: Verdict::Undecided, warning }
+    }
+}
+
+impl<R: AsyncRead + Unpin> AsyncRead for Guarded<R> {
+    fn poll_read(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
+        let before = buf.filled().len();
+        if self.verdict != Verdict::Foreign {
+            ready!(Pin::new(&mut self.reader).poll_read(cx, buf))?;
+        }
+        for byte in &buf.filled()[before..] {
+            if self.verdict != Verdict::Undecided {
+                break;
+            }
+            self.verdict = (self.judge)(*byte);
+        }
+        if self.verdict == Verdict::Foreign {
+            buf.set_filled(before);
+            self.warning.tell();
+            return Poll::Ready(Err(io::ErrorKind::InvalidData.into()));
+        }
+        Poll::Ready(Ok(()))
+    }
+}
+
+/// The warning of foreign connections to one bus, told once.
+#[derive(Debug)]
+pub(super) struct ForeignWarning {
+    url: String,
+    world: Entrance,
+    has_told: AtomicBool,
+}
+
+impl ForeignWarning {
+    /// Returns the warning of the bus at this URL.
+    pub(super) fn new(url: String, world: Entrance) -> Self {
+        Self { url, world, has_told: AtomicBool::new(false) }
+    }
+
+    fn tell(&self) {
+        if !self.has_told.swap(true, Ordering::Relaxed) {
+            self.world.tell(ToWorld::Warn(format!(
+                "{}: closed a connection that does not speak this protocol, perhaps a web page's; further ones are \
+                 closed without a word",
+                self.url
+            )));
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "guard_tests.rs"]
+mod tests;
