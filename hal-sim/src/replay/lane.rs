@@ -9,7 +9,7 @@ use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, after, since};
 
 use super::own::is_cannot_claim;
-use super::travel::Travels;
+use super::position::{Fields, PositionTolerance};
 
 /// How much later or earlier than in the log a frame is still taken for the same one, beyond the tolerance (A).
 pub(super) const PATIENCE: Duration = Duration::from_secs(1);
@@ -37,6 +37,20 @@ pub(super) struct Item {
     pub(super) number: Option<u64>,
     /// The place of the stand-in that sent it; `None` for one that was logged.
     pub(super) device: Option<usize>,
+    /// The fields that carry a position; none for one that was logged.
+    pub(super) fields: Fields,
+}
+
+impl Item {
+    /// Returns a frame of an entry of the log.
+    pub(super) fn logged(at: Instant, frame: Frame, number: u64) -> Self {
+        Self { at, frame, number: Some(number), device: None, fields: Fields::default() }
+    }
+
+    /// Returns a frame that a stand-in has sent.
+    pub(super) fn sent(at: Instant, frame: Frame, device: usize) -> Self {
+        Self { at, frame, number: None, device: Some(device), fields: Fields::default() }
+    }
 }
 
 /// What has become of one frame, or two.
@@ -73,15 +87,15 @@ enum Step {
 
 impl Lane {
     /// Returns the next verdict, with all frames known up to an instant; `None` when it has to wait for more.
-    pub(super) fn next(&mut self, known: Instant, tolerance: Duration, travels: &Travels) -> Option<Verdict> {
+    pub(super) fn next(&mut self, known: Instant, tolerance: Duration, positions: &PositionTolerance) -> Option<Verdict> {
         let is_over = |item: &Item| since(known, item.at) > tolerance + PATIENCE;
         let step = match (self.logged.front(), self.sent.front()) {
             (None, None) => return None,
             (Some(logged), Some(sent)) => {
-                if pair(logged, sent, tolerance, travels) == Some(0) {
+                if pair(logged, sent, tolerance, positions) == Some(0) {
                     Step::Pair
                 } else if is_over(logged) || is_over(sent) {
-                    self.best(known, tolerance, travels)
+                    self.best(known, tolerance, positions)
                 } else {
                     return None;
                 }
@@ -95,7 +109,7 @@ impl Lane {
             Step::Additional => self.sent.pop_front().map(Verdict::Additional),
             Step::Pair => {
                 let (logged, sent) = (self.logged.pop_front()?, self.sent.pop_front()?);
-                Some(match pair(&logged, &sent, tolerance, travels) {
+                Some(match pair(&logged, &sent, tolerance, positions) {
                     Some(0) => Verdict::AsLogged,
                     Some(UNLIKE) => Verdict::Different(logged, sent),
                     _ if sent.at < logged.at => Verdict::Early(logged, sent),
@@ -106,7 +120,7 @@ impl Lane {
     }
 
     /// Returns the first step of the cheapest way through the next frames.
-    fn best(&self, known: Instant, tolerance: Duration, travels: &Travels) -> Step {
+    fn best(&self, known: Instant, tolerance: Duration, positions: &PositionTolerance) -> Step {
         let logged: Vec<&Item> = self.logged.iter().take(AHEAD).collect();
         let sent: Vec<&Item> = self.sent.iter().take(AHEAD).collect();
         // Frames at the end whose partners may be beyond what is looked at cost nothing.
@@ -125,7 +139,7 @@ impl Lane {
                     continue;
                 };
                 let ways = [
-                    pair(one, two, tolerance, travels).map(|cost| (cost + costs[at + 1][other + 1], Step::Pair)),
+                    pair(one, two, tolerance, positions).map(|cost| (cost + costs[at + 1][other + 1], Step::Pair)),
                     Some((ALONE + costs[at + 1][other], Step::Missing)),
                     Some((ALONE + costs[at][other + 1], Step::Additional)),
                 ];
@@ -143,10 +157,10 @@ impl Lane {
 }
 
 /// Returns what two frames cost as a pair; `None` when they are none.
-fn pair(logged: &Item, sent: &Item, tolerance: Duration, travels: &Travels) -> Option<u32> {
+fn pair(logged: &Item, sent: &Item, tolerance: Duration, positions: &PositionTolerance) -> Option<u32> {
     let tolerance = if is_cannot_claim(&logged.frame) { tolerance + CANNOT_CLAIM } else { tolerance };
     let apart = since(logged.at, sent.at).max(since(sent.at, logged.at));
-    let alike = apart <= tolerance + PATIENCE && travels.alike(logged, sent);
+    let alike = apart <= tolerance + PATIENCE && positions.alike(logged, sent);
     match (alike, apart <= tolerance) {
         (true, true) => Some(0),
         (true, false) => Some(APART),

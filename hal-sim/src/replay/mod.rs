@@ -6,7 +6,7 @@
 //! stage    the stand-ins on a bus, in virtual time, with what they send
 //! own      which frames of the recording are of devices that the stand-ins stand for
 //! lane     frames of one identifier, as logged and as sent, in pairs
-//! travel   how far positions move within the tolerance
+//! position how much a position may differ
 //! report   differences in words
 //! ```
 //!
@@ -22,9 +22,9 @@
 mod begin;
 mod lane;
 mod own;
+mod position;
 mod report;
 mod stage;
-mod travel;
 
 pub use report::{Difference, What};
 
@@ -231,8 +231,7 @@ impl<'a> Player<'a> {
         self.collect();
         if self.begin.is_first(logged.number) || self.stage.is_own(&frame, &self.own, self.begin) {
             self.outcome.compared += 1;
-            let number = Some(logged.number);
-            self.lanes.entry(frame.key()).or_default().logged.push_back(Item { at, frame, number, device: None });
+            self.lanes.entry(frame.key()).or_default().logged.push_back(Item::logged(at, frame, logged.number));
         } else {
             self.outcome.played += 1;
             self.played.insert(frame.key());
@@ -252,7 +251,7 @@ impl<'a> Player<'a> {
     fn pair(&mut self, known: Instant, end: Option<Instant>) {
         let tolerance = self.options.tolerance;
         for lane in self.lanes.values_mut() {
-            while let Some(verdict) = lane.next(known, tolerance, self.stage.travels()) {
+            while let Some(verdict) = lane.next(known, tolerance, self.stage.positions()) {
                 let (what, item, other) = match verdict {
                     Verdict::AsLogged => continue,
                     Verdict::Missing(item) => (What::Missing, item, None),

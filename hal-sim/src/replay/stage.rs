@@ -5,22 +5,19 @@ use std::sync::Arc;
 
 use protocol_core::device::{Device, Senses};
 use protocol_core::frame::Frame;
-use protocol_core::time::{Duration, Instant, after};
+use protocol_core::time::{Instant, after};
 
 use super::ReplayOptions;
 use super::begin::{Begin, length};
 use super::lane::Item;
 use super::own;
 use super::report::{Difference, What};
-use super::travel::Travels;
+use super::position::{GRID, PositionTolerance};
 use crate::Memory;
 use crate::devices::NamedLink;
 use crate::explain::{Explainer, Node};
 use crate::kind::Simulated as _;
 use crate::world::{EventKind, NodeId, TapId, World};
-
-/// Positions are noted so often.
-const SAMPLE: Duration = Duration::from_millis(1);
 
 /// The bus of a replay.
 pub(super) struct Stage {
@@ -34,7 +31,7 @@ pub(super) struct Stage {
     explainer: Explainer,
     sent: Vec<Item>,
     sent_keys: BTreeSet<u32>,
-    travels: Travels,
+    positions: PositionTolerance,
 }
 
 impl Stage {
@@ -68,7 +65,7 @@ impl Stage {
         Self {
             places: options.devices.iter().enumerate().map(|(at, device)| (device.name.as_str().into(), at)).collect(),
             explainer: Explainer::new(known.collect()),
-            travels: Travels::new(options.devices.iter().map(|device| device.kind), options.tolerance),
+            positions: PositionTolerance::new(options.devices.iter().map(|device| device.kind), options.tolerance),
             world,
             others,
             to_come,
@@ -90,40 +87,51 @@ impl Stage {
 
     /// Goes to an instant through all that is due before; one that has passed is now.
     pub(super) fn run_before(&mut self, end: Instant) {
-        while self.world.now() < end || self.to_come.last().is_some_and(|(at, _)| *at <= end) {
-            let next = end.min(self.next_sample(end));
-            match self.to_come.last().copied() {
-                Some((at, node)) if at <= next => {
-                    self.to_come.pop();
-                    self.world.run_before(at);
-                    self.world.power(node, true);
-                }
-                _ => self.world.run_before(next),
+        loop {
+            let power_up = self.to_come.last().map(|(at, _)| *at).filter(|at| *at <= end);
+            let next = end.min(self.world.next_event());
+            let next = self.next_sample(next);
+            let next = power_up.map_or(next, |at| next.min(at));
+            self.world.run_before(next);
+            self.positions.note(&mut self.world, &self.nodes);
+            let now = self.world.now();
+            if power_up.is_some_and(|at| at <= now) {
+                let node = self.to_come.pop().map(|(_, node)| node);
+                node.into_iter().for_each(|node| self.world.power(node, true));
+            } else if now >= end {
+                break;
+            } else if self.world.next_event() <= now {
+                self.world.step();
             }
             self.look();
         }
     }
 
-    /// Returns when positions are to be noted next: while nothing moves and nothing happens, there is nothing to note.
+    /// Returns when positions are to be noted next, at `end` at the latest: while nothing moves, there is nothing to
+    /// note.
     fn next_sample(&self, end: Instant) -> Instant {
+        let sample = after(self.world.now(), GRID);
+        if sample >= end {
+            return end;
+        }
         let moves = self.nodes.iter().map(|node| self.world.next_position(*node, end)).min();
-        let rests_until = self.world.next_event().min(moves.unwrap_or(end));
-        after(self.world.now(), SAMPLE).max(rests_until)
+        sample.max(moves.unwrap_or(end))
     }
 
-    /// Takes note of what has happened.
+    /// Takes note of what has happened at an instant.
     fn look(&mut self) {
+        self.positions.note(&mut self.world, &self.nodes);
+        let begin = self.sent.len();
         for event in self.world.take_events() {
             let EventKind::Frame { frame, .. } = event.what else { continue };
             if let Some(&place) = self.places.get(&event.who) {
                 self.sent_keys.insert(frame.key());
-                self.sent.push(Item { at: event.at, frame, number: None, device: Some(place) });
+                self.sent.push(Item::sent(event.at, frame, place));
             }
         }
-        let now = self.world.now();
-        for (place, node) in self.nodes.iter().enumerate() {
-            if let Some(view) = self.world.view(*node) {
-                self.travels.note(place, now, view.position);
+        for item in self.sent.iter_mut().skip(begin) {
+            if let Some((place, node)) = item.device.and_then(|place| Some((place, *self.nodes.get(place)?))) {
+                item.fields = self.positions.fields(place, &item.frame, self.world.tpdo(node));
             }
         }
         // The others have changed their bit rate with the device: the log goes on.
@@ -147,13 +155,13 @@ impl Stage {
         &self.sent_keys
     }
 
-    pub(super) const fn travels(&self) -> &Travels {
-        &self.travels
+    pub(super) const fn positions(&self) -> &PositionTolerance {
+        &self.positions
     }
 
     /// Forgets positions that no pair is looked for any more at `known`.
     pub(super) fn forget(&mut self, known: Instant) {
-        self.travels.forget(known);
+        self.positions.forget(known);
     }
 
     /// Returns whether a frame of the log is of a device that a stand-in stands for.

@@ -5,6 +5,7 @@ use std::ops::RangeInclusive;
 use protocol_core::device::View;
 use protocol_core::encoder::{POSITION_MAX, STEPS, Shaft, TURN_CDEG};
 use protocol_core::time::{Duration, Instant, NEVER, after, since};
+use protocol_core::wire::pdo_mapping::MappingEntry;
 
 use super::node::Power;
 use super::{NodeId, World};
@@ -25,6 +26,22 @@ impl World {
             Power::On(device) => Some(device.view(self.now)),
             _ => None,
         }
+    }
+
+    /// Returns the [key](protocol_core::frame::Frame::key) of TPDO 1 of a device and the objects that it maps; `None`
+    /// while it is off, and without power.
+    #[must_use]
+    pub fn tpdo(&self, node: NodeId) -> Option<(u32, &[MappingEntry])> {
+        match &self.nodes[node.0].power {
+            Power::On(device) => device.tpdo(),
+            _ => None,
+        }
+    }
+
+    /// Returns whether the spool of a valve floats: its objects then tell float, and no position (SPEC 2).
+    #[must_use]
+    pub fn floats(&self, node: NodeId) -> bool {
+        self.valve(node).is_some_and(|valve| valve.float_reached(self.now))
     }
 
     /// Returns the first instant after now at which the position of a device can be another one, if nothing else

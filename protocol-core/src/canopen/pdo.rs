@@ -291,6 +291,13 @@ impl Pdo {
         self.is_on().then(|| self.blank.key())
     }
 
+    /// Returns the mapped objects in the order of the frame, dummies included; none while it is off.
+    #[must_use]
+    pub(crate) fn mapping(&self) -> &[MappingEntry] {
+        let count = if self.is_on() { usize::from(self.count) } else { 0 };
+        self.entries.get(..count).unwrap_or_default()
+    }
+
     /// Returns what a received frame holds, object by object in the order of the mapping: the position in the
     /// dictionary, and the value. `None` when the frame is shorter than the mapping.
     pub(crate) fn unpack(&self, frame: &Frame) -> Option<impl Iterator<Item = (u8, u32)>> {

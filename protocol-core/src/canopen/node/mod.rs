@@ -47,6 +47,7 @@ use crate::wire::cob_id::{Function, LSS_ANSWER, NodeId};
 use crate::wire::emcy::Emcy;
 use crate::wire::lss::{self, LssNodeId};
 use crate::wire::nmt::State;
+use crate::wire::pdo_mapping::MappingEntry;
 use crate::wire::sdo::AbortCode;
 
 /// What the node demands of the device around it.
@@ -246,6 +247,12 @@ impl<P: Product> Node<P> {
         if self.nmt.serves() && self.objects.emcy.id().is_some() {
             self.owed.owe_emcy(message, entered);
         }
+    }
+
+    /// Returns the [key](Frame::key) of TPDO 1 and the objects that it maps; `None` while it is off.
+    pub(crate) fn tpdo(&self) -> Option<(u32, &[MappingEntry])> {
+        let tpdo = &self.objects.tpdo;
+        Some((tpdo.key()?, tpdo.mapping()))
     }
 
     /// Notes that what the TPDO reports has changed: one that is sampled when it is sent, and has not gone out yet,

@@ -7,6 +7,7 @@ use crate::actuator::{Fault, Valve};
 use crate::device::Device as _;
 use crate::device::view::{FAULTS, FaultView, ValveView, View, Viewable};
 use crate::time::Instant;
+use crate::wire::pdo_mapping::MappingEntry;
 
 impl Viewable for PveCanopen {
     fn view(&self, now: Instant) -> View {
@@ -27,6 +28,10 @@ impl Viewable for PveCanopen {
             }),
             faults: faults(valve),
         }
+    }
+
+    fn tpdo(&self) -> Option<(u32, &[MappingEntry])> {
+        self.body().node.tpdo()
     }
 
     fn valve(&self) -> Option<&Valve> {

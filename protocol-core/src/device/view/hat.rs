@@ -4,6 +4,7 @@ use super::{FaultView, View, Viewable};
 use crate::device::Device as _;
 use crate::device::hat::{Error, Hat};
 use crate::time::Instant;
+use crate::wire::pdo_mapping::MappingEntry;
 
 impl Viewable for Hat {
     fn view(&self, now: Instant) -> View {
@@ -25,6 +26,10 @@ impl Viewable for Hat {
             valve: None,
             faults: Error::ALL.into_iter().map(fault).collect(),
         }
+    }
+
+    fn tpdo(&self) -> Option<(u32, &[MappingEntry])> {
+        self.body().node.tpdo()
     }
 }
 

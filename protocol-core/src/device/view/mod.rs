@@ -12,6 +12,7 @@ use crate::actuator::{Fault, Led, SetPoint, Valve};
 use crate::controller::BitRate;
 use crate::time::Instant;
 use crate::wire::nmt;
+use crate::wire::pdo_mapping::MappingEntry;
 use crate::wire::valve::State as ValveState;
 
 /// The most faults that a kind knows.
@@ -65,6 +66,12 @@ pub struct FaultView {
 pub trait Viewable {
     /// Returns the state at `now`, which is before nothing that the device was given.
     fn view(&self, now: Instant) -> View;
+
+    /// Returns the [key](crate::frame::Frame::key) of TPDO 1 and the objects that it maps; `None` while it is off, and
+    /// on ISOBUS.
+    fn tpdo(&self) -> Option<(u32, &[MappingEntry])> {
+        None
+    }
 
     /// Returns the valve behind the protocol; `None` for another product.
     fn valve(&self) -> Option<&Valve> {
