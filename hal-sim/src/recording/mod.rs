@@ -6,12 +6,14 @@
 //! asc      the format of Vector's tools; candump's is in `trace`
 //! pcapng   the format of Wireshark
 //! date     dates of ASC
+//! foreign  files of other formats, which are refused
 //! ```
 //!
 //! A recording is never in memory as a whole.
 
 mod asc;
 mod date;
+mod foreign;
 mod pcapng;
 mod reader;
 mod writer;

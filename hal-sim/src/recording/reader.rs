@@ -1,12 +1,13 @@
 //! A recording that is being read, in any format: what is in the file decides, and for a text that says nothing its
 //! ending.
 
+use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read};
 use std::path::Path;
 
 use super::pcapng::{MAGIC, PacketError, Packets};
-use super::{Format, asc};
+use super::{Format, asc, foreign};
 use crate::trace::candump::{self, Reason};
 use crate::trace::{Record, Timestamp};
 
@@ -18,18 +19,16 @@ const SHOWN: usize = 80;
 
 const UNREADABLE: &str = "cannot be read on";
 
-/// What the older format of Wireshark begins with: either byte order, times in microseconds or nanoseconds.
-const PCAP: [&[u8]; 4] =
-    [&[0xD4, 0xC3, 0xB2, 0xA1], &[0xA1, 0xB2, 0xC3, 0xD4], &[0x4D, 0x3C, 0xB2, 0xA1], &[0xA1, 0xB2, 0x3C, 0x4D]];
-
-const OLD_FORMAT: &str = "a file of pcap; accepted: pcapng, as `editcap -F pcapng` makes it, ASC, and candump's";
-
 /// Reads a recording, entry by entry.
 pub struct Reader {
     source: Source,
     /// The number of the line or the packet that was read last, from 1.
     number: u64,
     ended: bool,
+    /// Whether there was an entry, so that the file is a recording.
+    is_known: bool,
+    /// The lines that are none before the first entry, and that entry.
+    held: VecDeque<Result<Logged, ReadError>>,
 }
 
 enum Source {
@@ -112,8 +111,8 @@ impl Reader {
     pub fn new(mut source: impl Read + Send + 'static, ending: Format) -> io::Result<Self> {
         let mut head = Vec::new();
         (&mut source).take(MAGIC.len() as u64).read_to_end(&mut head)?;
-        if PCAP.contains(&head.as_slice()) {
-            return Err(io::Error::new(io::ErrorKind::InvalidData, OLD_FORMAT));
+        if let Some(refusal) = foreign::by_magic(&head) {
+            return Err(io::Error::new(io::ErrorKind::InvalidData, refusal));
         }
         let is_packets = head == MAGIC;
         let whole = Cursor::new(head).chain(source);
@@ -135,7 +134,8 @@ impl Reader {
                 is_too_long: false,
             })
         };
-        Ok(Self { source, number: 0, ended: false })
+        let is_known = matches!(source, Source::Packets(_));
+        Ok(Self { source, number: 0, ended: false, is_known, held: VecDeque::new() })
     }
 
     /// Returns the name of the bus that the last entry was on.
@@ -156,45 +156,62 @@ impl Reader {
         }
     }
 
-    fn end(&mut self, error: ReadError) -> Option<Result<Logged, ReadError>> {
-        self.ended = true;
-        Some(Err(error))
+    /// Reads the next entry, or what is none.
+    fn read_one(&mut self) -> Option<Result<Logged, ReadError>> {
+        loop {
+            self.number += 1;
+            let number = self.number;
+            let none = |reason, text| ReadError::NoEntry { number, reason, text };
+            let found = match &mut self.source {
+                Source::Packets(packets) => match packets.next()? {
+                    Ok(record) => Ok(record),
+                    Err(PacketError::Packet(reason)) => Err(none(reason, String::new())),
+                    Err(PacketError::End(reason)) => {
+                        self.ended = true;
+                        Err(none(reason, String::new()))
+                    }
+                    Err(PacketError::Io) => Err(io::Error::other(UNREADABLE).into()),
+                },
+                Source::Text(text) => match text.next_line() {
+                    Err(error) => Err(error.into()),
+                    Ok(false) if matches!(text.style, Style::Unseen(_)) => Err(refusal(foreign::EMPTY)),
+                    Ok(false) => return None,
+                    Ok(true) => match (text.refusal(), text.entry()) {
+                        (Some(reason), _) => Err(refusal(reason)),
+                        (None, Ok(None)) => continue,
+                        (None, Ok(Some(record))) => Ok(record),
+                        (None, Err(reason)) => Err(none(reason, text.shown())),
+                    },
+                },
+            };
+            self.ended |= matches!(found, Err(ReadError::Io(_)));
+            return Some(found.map(|record| Logged { number, record }));
+        }
     }
+}
+
+fn refusal(reason: &'static str) -> ReadError {
+    io::Error::new(io::ErrorKind::InvalidData, reason).into()
 }
 
 impl Iterator for Reader {
     type Item = Result<Logged, ReadError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        if self.ended {
-            return None;
+        while !self.is_known && !self.ended {
+            let read = self.read_one();
+            self.is_known = !matches!(read, Some(Err(ReadError::NoEntry { .. })));
+            self.held.extend(read);
+            if self.held.len() >= foreign::LINES && !self.is_known {
+                self.ended = true;
+                self.held.clear();
+                return Some(Err(refusal(foreign::UNKNOWN)));
+            }
         }
-        loop {
-            self.number += 1;
-            let number = self.number;
-            let (found, text) = match &mut self.source {
-                Source::Packets(packets) => match packets.next()? {
-                    Ok(record) => (Ok(record), String::new()),
-                    Err(PacketError::Packet(reason)) => (Err(reason), String::new()),
-                    Err(PacketError::End(reason)) => {
-                        return self.end(ReadError::NoEntry { number, reason, text: String::new() });
-                    }
-                    Err(PacketError::Io) => return self.end(io::Error::other(UNREADABLE).into()),
-                },
-                Source::Text(text) => match text.next_line() {
-                    Err(error) => return self.end(error.into()),
-                    Ok(false) => return None,
-                    Ok(true) => match text.entry() {
-                        Ok(None) => continue,
-                        Ok(Some(record)) => (Ok(record), String::new()),
-                        Err(reason) => (Err(reason), text.shown()),
-                    },
-                },
-            };
-            return Some(match found {
-                Ok(record) => Ok(Logged { number, record }),
-                Err(reason) => Err(ReadError::NoEntry { number, reason, text }),
-            });
+        match self.held.pop_front() {
+            None if self.ended => None,
+            None => self.read_one(),
+            held => held,
         }
     }
 }
@@ -211,6 +228,15 @@ impl Text {
             self.input.skip_until(b'\n')?;
         }
         Ok(true)
+    }
+
+    /// Returns why the text is no recording, where its first line tells that.
+    fn refusal(&self) -> Option<&'static str> {
+        let line = String::from_utf8_lossy(&self.line);
+        let line = line.trim_start_matches('\u{FEFF}').trim();
+        let is_first = matches!(self.style, Style::Unseen(_)) && !line.is_empty() && !line.starts_with('#');
+        let is_known = || asc::is_head(line) || candump::parse(line).is_ok();
+        if is_first && !is_known() { foreign::by_line(line) } else { None }
     }
 
     /// Returns the entry of the line; `None` when it has none to have.
