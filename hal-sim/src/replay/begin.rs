@@ -183,6 +183,11 @@ impl Begin {
         self.devices.iter().any(|device| device.number == Some(number))
     }
 
+    /// Returns of each device the entry that is its first frame; `None` for one that was on before the log.
+    pub(super) fn entries(&self) -> Vec<Option<u64>> {
+        self.devices.iter().map(|device| device.number).collect()
+    }
+
     /// Returns the power-ups of the devices, in the order of the options.
     pub(super) fn power_ups(&self) -> &[PowerUp] {
         &self.devices

@@ -87,7 +87,12 @@ enum Step {
 
 impl Lane {
     /// Returns the next verdict, with all frames known up to an instant; `None` when it has to wait for more.
-    pub(super) fn next(&mut self, known: Instant, tolerance: Duration, positions: &PositionTolerance) -> Option<Verdict> {
+    pub(super) fn next(
+        &mut self,
+        known: Instant,
+        tolerance: Duration,
+        positions: &PositionTolerance,
+    ) -> Option<Verdict> {
         let is_over = |item: &Item| since(known, item.at) > tolerance + PATIENCE;
         let step = match (self.logged.front(), self.sent.front()) {
             (None, None) => return None,

@@ -87,6 +87,8 @@ pub struct Outcome {
     pub differences: u64,
     /// Entries of the log that are none, the first of them.
     pub unread: Vec<String>,
+    /// Of each device the entry that gave its power-up; `None`: it counts as on before the log.
+    pub power_ups: Vec<Option<u64>>,
 }
 
 impl Outcome {
@@ -124,6 +126,14 @@ pub enum ReplayError {
         /// The device.
         name: String,
     },
+    /// Frames were sent to the stand-ins that they send themselves, in the last round, too.
+    #[error("{}: played as frames of others in {ROUNDS} rounds, though a stand-in sends them: {ids}", path.display())]
+    Misplayed {
+        /// The file.
+        path: PathBuf,
+        /// The identifiers.
+        ids: String,
+    },
 }
 
 /// Replays a recording.
@@ -137,18 +147,25 @@ pub fn replay(options: &ReplayOptions) -> Result<Outcome, ReplayError> {
         return Err(unread(io::Error::new(io::ErrorKind::InvalidInput, twice)));
     }
     let begin = Begin::find(options)?;
-    let mut player = Player::new(options, &begin, BTreeSet::new());
-    player.play()?;
-    for _ in 1..ROUNDS {
-        let found = player.misplayed();
-        if found.is_empty() {
-            break;
-        }
-        let own = player.own.into_iter().chain(found).collect();
-        player = Player::new(options, &begin, own);
+    play_rounds(options, &begin, ROUNDS)
+}
+
+/// Plays a recording until every frame of the stand-ins is known as theirs, so many times at the most.
+fn play_rounds(options: &ReplayOptions, begin: &Begin, rounds: usize) -> Result<Outcome, ReplayError> {
+    let mut own = BTreeSet::new();
+    let mut misplayed = BTreeSet::new();
+    for _ in 0..rounds {
+        let mut player = Player::new(options, begin, own);
         player.play()?;
+        misplayed = player.misplayed();
+        if misplayed.is_empty() {
+            return Ok(player.outcome);
+        }
+        own = player.own;
+        own.extend(&misplayed);
     }
-    Ok(player.outcome)
+    let ids: Vec<String> = misplayed.into_iter().map(own::id_of_key).collect();
+    Err(ReplayError::Misplayed { path: options.file.clone(), ids: ids.join(", ") })
 }
 
 /// One round.
@@ -177,7 +194,7 @@ impl<'a> Player<'a> {
             played: BTreeSet::new(),
             lanes: BTreeMap::new(),
             paired: Instant::from_ticks(0),
-            outcome: Outcome::default(),
+            outcome: Outcome { power_ups: begin.entries(), ..Outcome::default() },
         }
     }
 

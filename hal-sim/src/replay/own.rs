@@ -15,6 +15,9 @@ use crate::explain::Node;
 /// Answers to LSS: whoever is asked by LSS sends them.
 const LSS_ANSWER: u16 = 0x7E4;
 
+/// The mark of a 29-bit identifier in a [key](Frame::key).
+const EXTENDED: u32 = 1 << 29;
+
 /// Returns whether a frame is of a device. `keys` are identifiers that stand-ins have sent under.
 pub(super) fn is_own(frame: &Frame, nodes: &[Node], keys: &BTreeSet<u32>, begin: &Begin) -> bool {
     // A remote frame has the identifier of the answer that it asks for.
@@ -45,9 +48,13 @@ pub(super) fn is_of(frame: &Frame, protocol: Protocol, node_id: u8) -> bool {
     }
 }
 
+/// Returns the identifier of a [key](Frame::key), as frames are printed.
+pub(super) fn id_of_key(key: u32) -> String {
+    if key & EXTENDED == 0 { format!("{key:03X}") } else { format!("{:08X}", key & !EXTENDED) }
+}
+
 /// Returns whether a [key](Frame::key) is of an address claim, or of a cannot-claim.
 pub(super) fn is_claim(key: u32) -> bool {
-    const EXTENDED: u32 = 1 << 29;
     key & EXTENDED != 0
         && uds::parse_id(key & !EXTENDED).is_none()
         && J1939Id::from_raw(key & !EXTENDED).pgn() == Pgn::ADDRESS_CLAIMED

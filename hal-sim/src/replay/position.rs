@@ -112,8 +112,9 @@ impl Form {
     fn positions_of(self, value: i32) -> RangeInclusive<i32> {
         let value = if self.falls() { -value } else { value };
         let rising = |position: i32| if self.falls() { -self.tell(position) } else { self.tell(position) };
-        first(self.positions(), |position| rising(position) >= value)
-            ..=first(self.positions(), |position| rising(position) > value) - 1
+        first(self.positions(), |position| rising(position) >= value)..=first(self.positions(), |position| {
+            rising(position) > value
+        }) - 1
     }
 }
 

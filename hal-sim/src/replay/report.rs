@@ -86,12 +86,18 @@ impl Outcome {
             0 => String::new(),
             frames => format!(", {} left out", count(frames, "error frame")),
         };
+        let power_up = |(name, entry): (&&str, &Option<u64>)| match entry {
+            Some(number) => format!("{name} by line {number}"),
+            None => format!("{name} before the log"),
+        };
+        let power_ups: Vec<String> = names.iter().zip(&self.power_ups).map(power_up).collect();
         text += &format!(
-            "{} of {}: {differences} within {} ms; {} of others sent{left_out}\n",
+            "{} of {}: {differences} within {} ms; {} of others sent{left_out}; power-up not compared: {}\n",
             count(self.compared, "frame"),
             names.join(", "),
             options.tolerance.as_millis(),
-            count(self.played, "frame")
+            count(self.played, "frame"),
+            power_ups.join(", ")
         );
         text
     }

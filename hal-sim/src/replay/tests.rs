@@ -1,9 +1,11 @@
 //! Logs of sessions in virtual time, replayed as they are and with something changed.
 
+mod mutations;
 mod positions;
 
 use std::fs;
 use std::io::Write as _;
+use std::sync::Arc;
 
 use proptest::prelude::*;
 use protocol_core::frame::{extended, standard};
@@ -16,10 +18,13 @@ use crate::cli::{self, Request};
 use crate::kind::Simulated as _;
 use crate::recording::{Format, Writer};
 use crate::trace::{ErrorClass, Record, Timestamp};
-use crate::world::{EventKind, SUPPLY_JITTER, TapId, World};
+use crate::world::{EventKind, NodeId, SUPPLY_JITTER, TapId, World};
 use protocol_core::device::Senses;
 
 const START: Timestamp = Timestamp::from_micros(1_700_000_000_000_042);
+
+/// How often a session notes where its devices are.
+const SAMPLE: Duration = Duration::from_micros(500);
 
 /// The options of a command line.
 fn options(line: &str, file: &NamedTempFile) -> ReplayOptions {
@@ -36,6 +41,10 @@ struct Session {
     world: World,
     master: TapId,
     records: Vec<Record>,
+    /// Who sent each record.
+    senders: Vec<Arc<str>>,
+    /// Where each device was, and whether it floated.
+    ways: Vec<(Instant, NodeId, i32, bool)>,
 }
 
 impl Session {
@@ -58,16 +67,24 @@ impl Session {
         let first = world.devices().next().unwrap();
         world.power(first, true);
         world.power_all(SUPPLY_JITTER);
-        let mut session = Self { world, master, records: Vec::new() };
+        let mut session = Self { world, master, records: Vec::new(), senders: Vec::new(), ways: Vec::new() };
         session.wait(20_000);
         session
     }
 
     fn wait(&mut self, micros: u64) {
-        self.world.run_until(after(self.world.now(), Duration::from_micros(micros)));
+        let end = after(self.world.now(), Duration::from_micros(micros));
+        while self.world.now() < end {
+            self.world.run_until(after(self.world.now(), SAMPLE).min(end));
+            for node in self.world.devices() {
+                let Some(view) = self.world.view(node) else { continue };
+                self.ways.push((self.world.now(), node, view.position.into(), self.world.floats(node)));
+            }
+        }
         for event in self.world.take_events() {
             if let EventKind::Frame { frame, .. } = event.what {
                 self.records.push(Record { at: START.at(event.at), entry: Entry::Frame(frame) });
+                self.senders.push(event.who);
             }
         }
     }
@@ -274,7 +291,12 @@ fn a_report_names_frame_time_and_meaning() {
         "  log       5A0: 43 18 10 01 1A 00 00 01         pvea-canopen: SDO answer 0x1018:1 (Vendor ID) = 0x0100001A"
     );
     assert!(lines[2].starts_with("  stand-in  5A0: 43 18 10 01 19 00 00 01  "), "{report}");
-    assert!(lines[3].ends_with(": 1 difference within 5 ms; 12 frames of others sent"), "{report}");
+    assert!(
+        lines[3].ends_with(
+            ": 1 difference within 5 ms; 12 frames of others sent; power-up not compared: pvea-canopen by line 1"
+        ),
+        "{report}"
+    );
 }
 
 #[test]
@@ -372,7 +394,34 @@ fn identifiers_that_change() {
     };
     assert!(sent("731:") > 0 && sent("1C2:") > 0);
     let own: usize = ["7E4:", "731:", "0B1:", "5B1:", "1C2:"].into_iter().map(sent).sum();
-    assert_eq!(as_logged(blank, &session.log()), own as u64);
+    let file = session.log();
+    assert_eq!(as_logged(blank, &file), own as u64);
+    // In one round the frames of the TPDO were sent to the stand-in: that is no comparison.
+    let options = options(blank, &file);
+    let error = play_rounds(&options, &Begin::find(&options).unwrap(), 1).unwrap_err().to_string();
+    assert!(error.ends_with("though a stand-in sends them: 1C2"), "{error}");
+}
+
+/// No log has the instant of a power-up: the first frame of each device gives it, or it was on before. Said, as another
+/// time of that frame changes nothing.
+#[test]
+fn what_gives_the_power_up_is_said() {
+    let both = "--device pvea-canopen@0x20 --device hat1000@1,bit-rate=250k";
+    let mut session = Session::new(both);
+    session.send(30, &["601: 40 04 60 00 00 00 00 00"; 3]);
+    let place_of =
+        |text: &str| session.records.iter().position(|record| record.entry == Entry::Frame(frame(text))).unwrap();
+    let (valve, sensor) = (place_of("720: 00"), place_of("701: 00"));
+    let said = |records: &[Record]| {
+        let file = log(records, Format::Candump);
+        as_logged(both, &file);
+        let options = options(both, &file);
+        replay(&options).unwrap().report(&options).split_once("; power-up").unwrap().1.to_owned()
+    };
+    let by_line = format!(" not compared: pvea-canopen by line {}, hat1000 by line {}\n", valve + 1, sensor + 1);
+    assert_eq!(said(&session.records), by_line);
+    session.records.remove(sensor);
+    assert_eq!(said(&session.records), " not compared: pvea-canopen by line 1, hat1000 before the log\n");
 }
 
 /// The logger ran before: frames of an earlier life have the identifier of the boot-up.
@@ -415,7 +464,7 @@ fn what_is_no_frame_is_told_and_the_rest_is_played() {
     assert_eq!((outcome.differences, outcome.error_frames), (0, 1));
     let other = replay(&options("--device pvea-canopen@0x21", &session.log())).unwrap_err();
     assert!(other.to_string().ends_with(": no frame of pvea-canopen in it"), "{other}");
-    let empty = replay(&options(VALVE, &log(&[], Format::Candump))).unwrap_err();
+    let empty = replay(&options(VALVE, &log(&[], Format::Asc))).unwrap_err();
     assert!(empty.to_string().ends_with(": no frame to replay"), "{empty}");
 }
 

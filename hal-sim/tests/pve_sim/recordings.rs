@@ -40,7 +40,8 @@ fn every_format_is_decoded_as_it_was_traced_and_replays() {
         assert_eq!(decoded.replace(" can0 ", " pve0 "), trace, "{name}");
         let (report, errors, code) = run(&["replay", path, "--device", "pvea-canopen"]);
         assert_eq!((errors.as_str(), code), ("", Some(0)), "{name}: {report}");
-        assert_eq!(report, "3 frames of pvea-canopen: as logged within 5 ms; 1 frame of others sent\n");
+        let summary = "3 frames of pvea-canopen: as logged within 5 ms; 1 frame of others sent";
+        assert_eq!(report, format!("{summary}; power-up not compared: pvea-canopen by line 1\n"));
     }
 }
 
@@ -71,7 +72,8 @@ fn one_byte_that_differs_is_told() {
     assert!(lines[0].ends_with(") line 4: different data"), "{report}");
     assert!(lines[1].contains("5A0: 43 18 10 01 19 00 00 02") && lines[1].ends_with("= 0x02000019"), "{report}");
     assert!(lines[2].contains("5A0: 43 18 10 01 19 00 00 01") && lines[2].ends_with("= 0x01000019"), "{report}");
-    assert_eq!(lines[3], "3 frames of pvea-canopen: 1 difference within 5 ms; 1 frame of others sent");
+    let summary = "3 frames of pvea-canopen: 1 difference within 5 ms; 1 frame of others sent";
+    assert_eq!(lines[3], format!("{summary}; power-up not compared: pvea-canopen by line 1"));
     assert_eq!(lines.len(), 4);
 }
 

@@ -82,3 +82,32 @@ fn only_the_position_of_a_moving_spool_may_differ() {
         }
     }
 }
+
+/// Every bit of a moving AVEF, and flow out of both ports at once.
+#[test]
+fn every_bit_of_a_moving_flow_is_compared() {
+    let device = "--device pvea-isobus@0x83";
+    let mut session = Session::new(device);
+    session.send(300, &["18EEFF27: 02 00 20 00 00 82 00 A0"]);
+    session.send(23, &["0CFE3327: FA FF 31 FF FF FF FF FF"; 10]);
+    let is_flow = |place: &usize| {
+        matches!(session.records[*place].entry, Entry::Frame(flow)
+        if flow.to_string().starts_with("0CFE1383:") && (140..200).contains(&flow.data()[0]))
+    };
+    let place = (0..session.records.len()).find(is_flow).expect("it moves");
+    let Entry::Frame(flow) = session.records[place].entry else { unreachable!() };
+    let told = |change: &dyn Fn(&mut [u8; 8])| {
+        let mut records = session.records.clone();
+        let mut data = *flow.bytes();
+        change(&mut data);
+        records[place].entry = Entry::Frame(flow.refilled(data));
+        let outcome = replayed(device, &log(&records, Format::Candump));
+        assert!(outcome.differences <= 1);
+        outcome.differences == 1
+    };
+    assert!(!told(&|data| data[0] += 1), "it comes by within the tolerance");
+    for bit in 8..64 {
+        assert!(told(&|data| data[bit / 8] ^= 1 << (bit % 8)), "bit {bit} of {flow}");
+    }
+    assert!(told(&|data| data[1] = data[0]), "extend and retract at once");
+}
