@@ -28,6 +28,7 @@
 //! scenario/ scenarios from files, in virtual time
 //! run/      the world paced by the wall clock, with its clients, its trace and its memory
 //! cli/      the command line
+//! output   stdout of the commands
 //! ```
 //!
 //! # Firmware under test
@@ -68,6 +69,7 @@ pub mod explain;
 pub mod gateway;
 pub mod kind;
 pub mod memory;
+pub mod output;
 pub mod recording;
 pub mod replay;
 pub mod run;

@@ -1,7 +1,7 @@
 //! `pve-sim`: the stand-in devices on the host. What it does is in the library; here are the exit codes.
 
-use std::fmt::Display;
-use std::io::{BufWriter, Write};
+use std::fmt::{Arguments, Display};
+use std::io::{BufWriter, StdoutLock, Write};
 use std::process::ExitCode;
 use std::sync::mpsc::channel;
 use std::thread;
@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use hal_sim::cli::{self, Request};
 use hal_sim::decode::{DecodeOptions, decode};
+use hal_sim::output::{Output, outlive_file_size_limit};
 use hal_sim::replay::{ReplayOptions, replay};
 use hal_sim::run;
 use hal_sim::scenario::{self, BatchError};
@@ -23,36 +24,59 @@ const USAGE: u8 = 2;
 const PATIENCE: Duration = Duration::from_secs(2);
 
 fn main() -> ExitCode {
+    outlive_file_size_limit();
     match cli::parse(std::env::args_os()) {
         Ok(Request::Run(options)) => match run::run(&options) {
-            Ok(()) => ExitCode::SUCCESS,
+            Ok(true) => ExitCode::SUCCESS,
+            // The user was told when it happened.
+            Ok(false) => ExitCode::from(FAILURE),
             Err(error) => fail(FAILURE, &error),
         },
         Ok(Request::UseCases(cases)) => play(&cases),
-        Ok(Request::Scenarios(options)) => match scenario::run(&options, &mut std::io::stdout().lock()) {
-            Ok(true) => ExitCode::SUCCESS,
-            Ok(false) => ExitCode::from(FAILURE),
-            Err(BatchError::Unreadable(lines)) => fail(USAGE, &lines.join("\npve-sim: ")),
-            Err(error) => fail(FAILURE, &error),
-        },
+        Ok(Request::Scenarios(options)) => run_scenarios(&options),
         Ok(Request::Decode(options)) => explain(&options),
         Ok(Request::Replay(options)) => compare(&options),
         Ok(Request::Print(text)) => {
-            let mut stdout = std::io::stdout().lock();
-            let _ = write!(stdout, "{text}").and_then(|()| stdout.flush());
-            ExitCode::SUCCESS
+            let mut stdout = stdout();
+            print(&mut stdout, format_args!("{text}"));
+            end(stdout, true)
         }
         Err(error) => fail(USAGE, &error),
     }
 }
 
+fn stdout() -> Output<StdoutLock<'static>> {
+    Output::new(std::io::stdout().lock())
+}
+
+/// Writes a text; the [`end`] tells what became of it.
+fn print(stdout: &mut impl Write, text: Arguments<'_>) {
+    let _ = stdout.write_fmt(text);
+}
+
+/// Ends a command that has done, or found, what it was to, or has not. Output that was cut is a failure.
+fn end(stdout: Output<impl Write>, success: bool) -> ExitCode {
+    match stdout.finish() {
+        Err(error) => fail(FAILURE, &format_args!("stdout: {error}")),
+        Ok(()) if success => ExitCode::SUCCESS,
+        Ok(()) => ExitCode::from(FAILURE),
+    }
+}
+
+fn run_scenarios(options: &scenario::Options) -> ExitCode {
+    let mut stdout = stdout();
+    match scenario::run(options, &mut stdout) {
+        Ok(success) => end(stdout, success),
+        Err(BatchError::Unreadable(lines)) => fail(USAGE, &lines.join("\npve-sim: ")),
+        Err(error) => fail(FAILURE, &error),
+    }
+}
+
 /// Plays the use cases and stops at the first frame that differs.
 fn play(cases: &[&'static UseCase]) -> ExitCode {
-    let mut stdout = std::io::stdout().lock();
+    let mut stdout = stdout();
     for (played, case) in cases.iter().enumerate() {
-        let mut print = |line: &str| {
-            let _ = writeln!(stdout, "{line}");
-        };
+        let mut print = |line: &str| print(&mut stdout, format_args!("{line}\n"));
         if played > 0 {
             print("");
         }
@@ -60,7 +84,7 @@ fn play(cases: &[&'static UseCase]) -> ExitCode {
             return fail(FAILURE, &format_args!("use case {}: {deviation}", case.name));
         }
     }
-    ExitCode::SUCCESS
+    end(stdout, true)
 }
 
 /// Explains a recording; lines that are none are told on stderr.
@@ -80,9 +104,9 @@ fn compare(options: &ReplayOptions) -> ExitCode {
         Err(error) => return fail(FAILURE, &error),
     };
     outcome.unread.iter().for_each(|line| warn(line));
-    let mut stdout = BufWriter::new(std::io::stdout().lock());
-    let _ = write!(stdout, "{}", outcome.report(options)).and_then(|()| stdout.flush());
-    if outcome.is_as_logged() { ExitCode::SUCCESS } else { ExitCode::from(FAILURE) }
+    let mut stdout = stdout();
+    print(&mut stdout, format_args!("{}", outcome.report(options)));
+    end(stdout, outcome.is_as_logged())
 }
 
 fn warn(line: &str) {

@@ -55,7 +55,7 @@ Examples:
   pve-sim dbc pvea-isobus > pvea.dbc
 
 SIGINT, SIGTERM, SIGHUP and a reader of stdout that is gone end it; everything stored, exit 0.
-Exit codes: 1 a port in use, an interface that is not there, a file that cannot be opened or must not be replaced, a
+Exit codes: 1 a port in use, an interface that is not there, a file that cannot be opened, written or replaced, a
 state file of another kind, a use case or a replay that differs, an expectation of a scenario that fails, a line of a log that is
 none; 2 wrong usage, a scenario that cannot be read.";
 

@@ -126,8 +126,9 @@ impl<O: Outside> Driver<O> {
 
     /// Powers the devices and runs until the end comes; then lets the devices store what they have to.
     ///
-    /// Without a bit rate the bus gets that of the first device.
-    pub(super) fn run(mut self, bit_rate: Option<BitRate>) {
+    /// Without a bit rate the bus gets that of the first device. Returns whether the log and stdout took all that was
+    /// written.
+    pub(super) fn run(mut self, bit_rate: Option<BitRate>) -> bool {
         self.power_on(bit_rate);
         while !self.outside.is_ending() {
             if self.is_stepped {
@@ -139,7 +140,7 @@ impl<O: Outside> Driver<O> {
         self.world.flush_all();
         self.show();
         self.warn_of_memories();
-        self.trace.finish();
+        self.trace.finish()
     }
 
     fn power_on(&mut self, bit_rate: Option<BitRate>) {

@@ -4,12 +4,12 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 
-use super::system::is_same_file;
+use super::system::{is_same_file, open_alone};
 use super::{LogOptions, RunError};
 use crate::recording::{Format, Writer};
 use crate::trace::{Record, Timestamp};
 
-/// The file of `--log`.
+/// The file of `--log`, which nobody else writes for as long as this lives.
 #[derive(Debug)]
 pub(super) struct Log {
     path: PathBuf,
@@ -21,18 +21,32 @@ impl Log {
     ///
     /// # Errors
     /// [`RunError::Log`] for what is no regular file, for anything in the folder of the state files or a state file
-    /// under another name, and for a file that has something in it, unless it may be overwritten.
+    /// under another name, for the log of another run, and for a file that has something in it, unless it may be
+    /// overwritten.
     pub(super) fn check(log: &LogOptions, state: Option<&Path>) -> Result<(), RunError> {
-        let refuse = |reason: &str| Err(RunError::Log { path: log.path.clone(), reason: reason.to_owned() });
+        Self::check_place(log, state)?;
+        if matches!(open_alone(OpenOptions::new().write(true), &log.path), Ok(None)) {
+            return refuse(log, IN_USE);
+        }
+        Self::check_content(log)
+    }
+
+    fn check_place(log: &LogOptions, state: Option<&Path>) -> Result<(), RunError> {
         if let Some(state) = state
             && is_kept_in(&log.path, state)
         {
-            return refuse("a log is not written into the folder of --state, nor over a state file");
+            return refuse(log, "a log is not written into the folder of --state, nor over a state file");
         }
         match fs::metadata(&log.path) {
-            Ok(found) if !found.is_file() => refuse("a log is written to a regular file only"),
+            Ok(found) if !found.is_file() => refuse(log, "a log is written to a regular file only"),
+            _ => Ok(()),
+        }
+    }
+
+    fn check_content(log: &LogOptions) -> Result<(), RunError> {
+        match fs::metadata(&log.path) {
             Ok(found) if found.len() > 0 && !log.overwrite => {
-                refuse("has something in it already; --log-overwrite replaces it")
+                refuse(log, "has something in it already; --log-overwrite replaces it")
             }
             _ => Ok(()),
         }
@@ -51,8 +65,11 @@ impl Log {
     ) -> Result<Self, RunError> {
         let failed = |source| RunError::File { path: log.path.clone(), source };
         // Nothing is lost before the second check.
-        let file = OpenOptions::new().write(true).create(true).truncate(false).open(&log.path).map_err(failed)?;
-        Self::check(log, state)?;
+        let mut options = OpenOptions::new();
+        let file = open_alone(options.write(true).create(true).truncate(false), &log.path).map_err(failed)?;
+        let Some(file) = file else { return refuse(log, IN_USE) };
+        Self::check_place(log, state)?;
+        Self::check_content(log)?;
         file.set_len(0).map_err(failed)?;
         let writer = Writer::new(BufWriter::new(file), Format::of(&log.path), bus, start).map_err(failed)?;
         Ok(Self { path: log.path.clone(), writer })
@@ -72,6 +89,12 @@ impl Log {
     pub(super) fn finish(self) -> Result<(), String> {
         self.writer.finish().map(drop).map_err(|error| complaint(&self.path, &error))
     }
+}
+
+const IN_USE: &str = "the log of another pve-sim, which still writes it";
+
+fn refuse<T>(log: &LogOptions, reason: &str) -> Result<T, RunError> {
+    Err(RunError::Log { path: log.path.clone(), reason: reason.to_owned() })
 }
 
 fn complaint(path: &Path, error: &io::Error) -> String {

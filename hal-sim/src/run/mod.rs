@@ -148,11 +148,11 @@ const HTTP_CLIENTS: usize = 256;
 const DESCRIPTORS: usize = 32;
 
 /// Runs until a signal (on Unix SIGINT, SIGTERM or SIGHUP), or until nobody reads stdout; everything that devices had
-/// to store is stored then.
+/// to store is stored then. Returns whether the log and stdout took all that was written; stderr has why not.
 ///
 /// # Errors
 /// [`RunError`] when it cannot start. Nothing is on stdout then.
-pub fn run(options: &RunOptions) -> Result<(), RunError> {
+pub fn run(options: &RunOptions) -> Result<bool, RunError> {
     let runtime = runtime::Builder::new_current_thread().enable_all().build()?;
     let result = runtime.block_on(async {
         let mut end = End::listen()?;
@@ -160,10 +160,9 @@ pub fn run(options: &RunOptions) -> Result<(), RunError> {
         let running = tokio::select! {
             running = start(options, reader_gone) => running?,
             // No device has run, nothing waits to be stored.
-            () = end.come() => return Ok(()),
+            () = end.come() => return Ok(true),
         };
-        running.until(&mut end).await;
-        Ok(())
+        Ok(running.until(&mut end).await)
     });
     // Somebody may still be looking up a name: not waited for.
     runtime.shutdown_background();
@@ -173,7 +172,7 @@ pub fn run(options: &RunOptions) -> Result<(), RunError> {
 /// A simulator with all its sockets and its world.
 struct Running {
     entrance: Entrance,
-    world: JoinHandle<()>,
+    world: JoinHandle<bool>,
     /// Ends with the world's thread.
     ended: oneshot::Receiver<()>,
 }
@@ -230,23 +229,22 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     let world = thread::Builder::new().name("world".to_owned()).spawn(move || {
         let _alive = alive;
         system::be_punctual();
-        driver.run(bit_rate);
+        driver.run(bit_rate)
     })?;
     Ok(Running { entrance, world, ended })
 }
 
 impl Running {
-    /// Waits for the end, or for the end of the world's thread; then until all is stored.
-    async fn until(self, end: &mut End) {
+    /// Waits for the end, or for the end of the world's thread; then until all is stored. Returns whether all was
+    /// written.
+    async fn until(self, end: &mut End) -> bool {
         tokio::select! {
             () = end.come() => {}
             // The sender is never used: the receiver wakes up when the thread is gone.
             _ = self.ended => {}
         }
         self.entrance.end();
-        if let Err(panic) = self.world.join() {
-            std::panic::resume_unwind(panic);
-        }
+        self.world.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     }
 }
 

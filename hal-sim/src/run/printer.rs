@@ -3,7 +3,7 @@
 
 use std::io::{self, Write};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, channel, sync_channel};
 use std::thread;
 use std::time::Duration;
@@ -33,6 +33,7 @@ enum Text {
 pub(super) struct Printer {
     queue: SyncSender<Text>,
     lost: Arc<AtomicU64>,
+    is_cut: Arc<AtomicBool>,
     ended: Receiver<()>,
 }
 
@@ -50,12 +51,13 @@ impl Printer {
         let (queue, texts) = sync_channel(QUEUE);
         let (alive, ended) = channel();
         let lost = Arc::new(AtomicU64::new(0));
-        let writer = Writer { stdout: Some(stdout), stderr, lost: lost.clone(), reader_gone };
+        let is_cut = Arc::new(AtomicBool::new(false));
+        let writer = Writer { stdout: Some(stdout), stderr, lost: lost.clone(), is_cut: is_cut.clone(), reader_gone };
         thread::Builder::new().name("printer".to_owned()).spawn(move || {
             writer.run(&texts);
             drop(alive);
         })?;
-        Ok(Self { queue, lost, ended })
+        Ok(Self { queue, lost, is_cut, ended })
     }
 
     /// Prints lines of the trace, or leaves them out when nobody reads.
@@ -77,11 +79,12 @@ impl Printer {
         let _ = self.queue.try_send(Text::Note(text));
     }
 
-    /// Waits until everything is printed, or nobody reads it.
-    pub(super) fn finish(self) {
+    /// Waits until everything is printed, or nobody reads it; returns whether stdout took what was written to it.
+    pub(super) fn finish(self) -> bool {
         drop(self.queue);
         let end = self.ended.recv_timeout(PATIENCE);
         debug_assert!(matches!(end, Err(RecvTimeoutError::Disconnected | RecvTimeoutError::Timeout)));
+        !self.is_cut.load(Ordering::Relaxed)
     }
 }
 
@@ -90,6 +93,8 @@ struct Writer<O, E> {
     stdout: Option<O>,
     stderr: E,
     lost: Arc<AtomicU64>,
+    /// Set when stdout refuses what is written to it.
+    is_cut: Arc<AtomicBool>,
     reader_gone: watch::Sender<bool>,
 }
 
@@ -133,6 +138,7 @@ impl<O: Write, E: Write> Writer<O, E> {
                 }
                 Err(error) => {
                     self.stdout = None;
+                    self.is_cut.store(true, Ordering::Relaxed);
                     self.warn(&format!("stdout: {error}; the trace ends"));
                 }
             }

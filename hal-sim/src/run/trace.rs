@@ -51,6 +51,8 @@ pub(super) struct Trace {
     places: HashMap<Arc<str>, (NodeId, usize)>,
     printer: Printer,
     log: Option<Log>,
+    /// Whether the log has ended before the run.
+    log_is_cut: bool,
     /// The layout for people; `None`: lines as `candump -L` writes them.
     layout: Option<Layout>,
     /// The current line; the allocation is used again.
@@ -75,6 +77,7 @@ impl Trace {
             places: HashMap::new(),
             printer,
             log,
+            log_is_cut: false,
             line: String::new(),
             lines: String::new(),
         }
@@ -162,16 +165,18 @@ impl Trace {
         self.printer.warn(line);
     }
 
-    /// Hands all lines out, and waits until they are printed or nobody reads them.
-    pub(super) fn finish(mut self) {
+    /// Hands all lines out, and waits until they are printed or nobody reads them. Returns whether stdout and the log
+    /// took all; the user has been told why not.
+    pub(super) fn finish(mut self) -> bool {
         if let Some(layout) = &mut self.layout {
             layout.finish(&mut self.lines);
         }
         self.hand_out();
         if let Some(Err(complaint)) = self.log.take().map(Log::finish) {
             self.printer.warn(complaint);
+            self.log_is_cut = true;
         }
-        self.printer.finish();
+        self.printer.finish() && !self.log_is_cut
     }
 
     fn look_at(&mut self, id: NodeId, place: usize, world: &World) {
@@ -191,6 +196,7 @@ impl Trace {
         {
             self.printer.warn(complaint);
             self.log = None;
+            self.log_is_cut = true;
         }
     }
 }

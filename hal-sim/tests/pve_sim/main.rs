@@ -8,6 +8,7 @@ mod browser;
 mod bus;
 mod console;
 mod control;
+mod cut;
 mod ends;
 mod files;
 mod options;

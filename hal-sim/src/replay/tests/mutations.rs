@@ -11,8 +11,6 @@
 //! | a position that the device comes to within the tolerance | the spool moves on while a frame is late |
 //! | a frame missing within the tolerance of the end | it may have come after it |
 
-use std::ops::RangeInclusive;
-
 use super::*;
 
 /// The tolerance of the replays, in microseconds.
@@ -27,6 +25,7 @@ type Carried = (usize, usize, fn(i32, bool) -> i32);
 /// A recording of a device.
 struct Recording {
     line: String,
+    is_hat: bool,
     records: Vec<Record>,
     /// The places of the device's frames.
     own: Vec<usize>,
@@ -43,7 +42,8 @@ impl Recording {
         let node = session.world.find(device).unwrap();
         let of_device = session.ways.iter().filter(|(_, of, ..)| *of == node);
         let way = of_device.map(|(at, _, position, floats)| (START.at(*at).as_micros(), *position, *floats)).collect();
-        Self { line: line.to_owned(), records: session.records, own, way }
+        let is_hat = device.starts_with("hat");
+        Self { line: line.to_owned(), is_hat, records: session.records, own, way }
     }
 
     fn frame(&self, place: usize) -> (u64, Frame) {
@@ -71,21 +71,11 @@ impl Recording {
             }
             other.refilled(data) == frame
         };
-        let Some((min, max)) = near().map(|(_, position, _)| *position).fold(None, |range: Option<(i32, i32)>, at| {
-            Some(range.map_or((at, at), |(min, max)| (min.min(at), max.max(at))))
-        }) else {
-            return false;
-        };
-        // A shaft may pass the end of the turn.
-        let is_wrap = max - min > 8192 && min >= 0 && device_is_hat(&self.line);
-        let ranges: [RangeInclusive<i32>; 2] = if is_wrap {
-            let low = near().map(|(_, position, _)| *position).filter(|at| *at < 8192).max().unwrap();
-            let high = near().map(|(_, position, _)| *position).filter(|at| *at >= 8192).min().unwrap();
-            [0..=low, high..=16_383]
-        } else {
-            [min..=max, 1..=0]
-        };
-        ranges.into_iter().flatten().any(|position| told(position, false))
+        let way: Vec<i32> = near().map(|(_, position, _)| *position).collect();
+        // Between two looks it comes at most as far again as it comes at its fastest.
+        let step = way.windows(2).map(|pair| around_turn(pair[1] - pair[0], self.is_hat)).max_by_key(|step| step.abs());
+        let step = step.unwrap_or_default().abs();
+        way.iter().any(|at| (at - step..=at + step).any(|at| told(if self.is_hat { at & 0x3FFF } else { at }, false)))
             || near().any(|(.., floats)| *floats) && told(16_384, true)
     }
 
@@ -103,15 +93,16 @@ impl Recording {
             let sent = self.own.iter().map(|place| self.frame(*place)).filter(|(_, frame)| frame.key() == key);
             let is_paired = sent.into_iter().all(|sent| match logged.next() {
                 Some(logged) => logged.0.abs_diff(sent.0) <= TOLERANCE && self.alike(logged, sent),
-                None => sent.0 + TOLERANCE > end,
+                None => sent.0 + TOLERANCE + 1000 > end,
             });
             is_paired && logged.next().is_none()
         })
     }
 }
 
-fn device_is_hat(line: &str) -> bool {
-    line.contains("hat")
+/// Returns a way of a shaft the shorter way round; that of a spool as it is.
+fn around_turn(way: i32, is_hat: bool) -> i32 {
+    if is_hat { (way + 8192).rem_euclid(16_384) - 8192 } else { way }
 }
 
 /// Where a frame carries the position of its sender, in the mappings of the recordings here.

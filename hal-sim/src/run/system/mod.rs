@@ -8,6 +8,7 @@
 //! | a job in the background leaves the terminal alone | yes | yes | no such jobs |
 //! | clients limited by the files that may be open | yes | yes | no such limit |
 //! | a second name of a file is recognised | links | links | symbolic links |
+//! | a log has one writer | by a lock | by a lock | by how it is opened |
 //! | wake-ups without slack | yes | no | no |
 //!
 //! Windows and macOS are compiled only: nothing was run there.
@@ -19,4 +20,4 @@ mod own;
 #[path = "windows.rs"]
 mod own;
 
-pub(super) use own::{Signals, be_punctual, is_same_file, max_open_files, wait_for_hangup, wait_for_input};
+pub(super) use own::{Signals, be_punctual, is_same_file, max_open_files, open_alone, wait_for_hangup, wait_for_input};

@@ -1,9 +1,10 @@
 //! Unix: signals and poll.
 
-use std::fs::Metadata;
+use std::fs::{File, Metadata, OpenOptions, TryLockError};
 use std::io;
 use std::os::fd::AsFd as _;
 use std::os::unix::fs::MetadataExt as _;
+use std::path::Path;
 use std::task::Poll;
 use std::time::Duration;
 
@@ -94,6 +95,18 @@ pub(in crate::run) fn max_open_files() -> Option<u64> {
 pub(in crate::run) fn be_punctual() {
     #[cfg(target_os = "linux")]
     let _ = rustix::thread::set_current_timer_slack(std::num::NonZeroU64::new(1));
+}
+
+/// Opens a file to write, and keeps others from doing so by this function; `None` when another process has it. Where
+/// the file system has no locks, nobody looks after that.
+pub(in crate::run) fn open_alone(options: &OpenOptions, path: &Path) -> io::Result<Option<File>> {
+    let file = options.open(path)?;
+    match file.try_lock() {
+        Ok(()) => Ok(Some(file)),
+        Err(TryLockError::WouldBlock) => Ok(None),
+        Err(TryLockError::Error(error)) if error.kind() == io::ErrorKind::Unsupported => Ok(Some(file)),
+        Err(TryLockError::Error(error)) => Err(error),
+    }
 }
 
 /// Returns whether both are one file under two names.

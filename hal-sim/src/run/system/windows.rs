@@ -1,7 +1,9 @@
 //! Windows: events of the console.
 
-use std::fs::Metadata;
+use std::fs::{File, Metadata, OpenOptions};
 use std::io;
+use std::os::windows::fs::OpenOptionsExt as _;
+use std::path::Path;
 
 use tokio::signal::windows::{
     CtrlBreak, CtrlC, CtrlClose, CtrlLogoff, CtrlShutdown, ctrl_break, ctrl_c, ctrl_close, ctrl_logoff, ctrl_shutdown,
@@ -58,6 +60,19 @@ pub(in crate::run) const fn max_open_files() -> Option<u64> {
 
 /// Does nothing: Windows has no timer slack of a thread.
 pub(in crate::run) const fn be_punctual() {}
+
+/// Opens a file to write, and lets others read it only; `None` when another process has it. A lock would keep readers
+/// out, too.
+pub(in crate::run) fn open_alone(options: &OpenOptions, path: &Path) -> io::Result<Option<File>> {
+    const FILE_SHARE_READ: u32 = 1;
+    const ERROR_SHARING_VIOLATION: i32 = 32;
+
+    match options.clone().share_mode(FILE_SHARE_READ).open(path) {
+        Ok(file) => Ok(Some(file)),
+        Err(error) if error.raw_os_error() == Some(ERROR_SHARING_VIOLATION) => Ok(None),
+        Err(error) => Err(error),
+    }
+}
 
 /// Returns false: the standard library does not tell which file a hard link leads to.
 pub(in crate::run) const fn is_same_file(_: &Metadata, _: &Metadata) -> bool {
