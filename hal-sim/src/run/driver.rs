@@ -126,8 +126,8 @@ impl<O: Outside> Driver<O> {
 
     /// Powers the devices and runs until the end comes; then lets the devices store what they have to.
     ///
-    /// Without a bit rate the bus gets that of the first device. Returns whether the log and stdout took all that was
-    /// written.
+    /// Without a bit rate the bus gets that of the first device. Returns whether everything was stored, and
+    /// the log and stdout took all that was written.
     pub(super) fn run(mut self, bit_rate: Option<BitRate>) -> bool {
         self.power_on(bit_rate);
         while !self.outside.is_ending() {
@@ -137,10 +137,11 @@ impl<O: Outside> Driver<O> {
                 self.turn();
             }
         }
+        self.warn_of_memories();
         self.world.flush_all();
         self.show();
-        self.warn_of_memories();
-        self.trace.finish()
+        let is_stored = !self.warn_of_memories();
+        self.trace.finish() && is_stored
     }
 
     fn power_on(&mut self, bit_rate: Option<BitRate>) {
@@ -350,12 +351,16 @@ impl<O: Outside> Driver<O> {
         }
     }
 
-    fn warn_of_memories(&mut self) {
+    /// Tells what the memories could not keep; returns whether there was anything.
+    fn warn_of_memories(&mut self) -> bool {
+        let mut warned = false;
         for node in self.world.devices() {
             for warning in self.world.memory_mut(node).take_warnings() {
                 self.trace.warn(warning);
+                warned = true;
             }
         }
+        warned
     }
 
     fn warn(&self, warning: Option<String>) {

@@ -148,7 +148,8 @@ const HTTP_CLIENTS: usize = 256;
 const DESCRIPTORS: usize = 32;
 
 /// Runs until a signal (on Unix SIGINT, SIGTERM or SIGHUP), or until nobody reads stdout; everything that devices had
-/// to store is stored then. Returns whether the log and stdout took all that was written; stderr has why not.
+/// to store is stored then. Returns whether everything was stored, and the log and stdout took all that was written;
+/// stderr has why not.
 ///
 /// # Errors
 /// [`RunError`] when it cannot start. Nothing is on stdout then.

@@ -129,6 +129,26 @@ fn a_trace_that_is_cut_is_exit_1() {
     assert_eq!(process.wait().expect("it ends").code(), Some(1));
 }
 
+/// What waits to be stored at the end has no place: the folder is gone.
+#[test]
+fn a_memory_that_is_not_kept_at_the_end_is_exit_1() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let state = dir.path().join("state");
+    let mut simulator = Simulator::serve(&["--state", state.to_str().expect("text")]);
+    let mut client = simulator.join();
+    say(&mut client, "< send 0 2 1 0 >");
+    for _ in 0..3 {
+        say(&mut client, "< send 220 4 f 0 0 0 >");
+    }
+    // No further set-point: time guarding, for the fault log.
+    await_frame(&mut client, "0A0#0380910100000000");
+    fs::remove_dir_all(&state).expect("a folder");
+    kill_process(Pid::from_child(&simulator.process), Signal::TERM).expect("it still runs");
+    let stderr = std::io::read_to_string(simulator.process.stderr.take().expect("a pipe")).expect("text");
+    assert_eq!(simulator.process.wait().expect("it ends").code(), Some(1), "{stderr}");
+    assert!(stderr.contains("pvea-canopen.nvm: cannot write: "), "{stderr}");
+}
+
 #[test]
 fn a_log_has_one_writer() {
     let dir = tempfile::tempdir().expect("a folder");
