@@ -1,8 +1,8 @@
-//! How much a position in a frame may differ: by where the stand-in comes within the tolerance.
+//! The tolerance of positions: a frame may hold any position that the stand-in passes within the tolerance of time.
 //!
-//! A frame of a stand-in is known bit by bit: its mapping, or its message, tells which fields carry the position. A
-//! logged frame is like it when every other bit is the same, and one position on the way of the stand-in fills all these
-//! fields as they were logged. A device that rests is at one position: then frames are alike when they are equal.
+//! The mapping or the message of a frame tells which of its fields hold the position. A logged frame matches the frame
+//! of the stand-in when all other bits are equal, and one position that the stand-in passes gives all these fields the
+//! logged values. A device at rest has one position: frames then match when they are equal.
 
 use std::collections::VecDeque;
 use std::ops::RangeInclusive;
@@ -20,13 +20,13 @@ use super::lane::{Item, PATIENCE};
 use crate::kind::Kind;
 use crate::world::{NodeId, World};
 
-/// The longest time between two notes of a position that changes.
+/// The longest time between two samples of a position that changes.
 pub(super) const GRID: Duration = Duration::from_millis(1);
 
-/// What 0x6301 tells of a spool that floats (SPEC 2).
+/// The value of 0x6301 while the spool floats (SPEC 2).
 const FLOAT: i32 = 32_767;
 
-/// What an AVEF tells of no flow (SPEC 5).
+/// The value of an AVEF for no flow (SPEC 5).
 const NO_FLOW: i32 = 125;
 
 /// The fields of a frame that carry the position of its sender.
@@ -39,12 +39,12 @@ struct Field {
     /// The place of its lowest bit.
     shift: u8,
     bits: u8,
-    form: Form,
+    encoding: Encoding,
 }
 
-/// How a field tells a position.
+/// The encoding of a position in a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Form {
+enum Encoding {
     /// 0x6301
     Spool,
     /// 0x3301
@@ -61,8 +61,8 @@ enum Form {
     Retract,
 }
 
-impl Form {
-    /// Returns how an object tells the position, and in how many bits; `None` for an object that does not.
+impl Encoding {
+    /// Returns the encoding of an object that holds the position, and its length in bits; `None` for another object.
     const fn of_object(index: u16, sub: u8) -> Option<(Self, u8)> {
         match (index, sub) {
             (0x6301, 1) => Some((Self::Spool, 16)),
@@ -82,8 +82,8 @@ impl Form {
         }
     }
 
-    /// Returns what the field holds at a position: more at a higher one, or less where it [falls](Self::falls).
-    fn tell(self, position: i32) -> i32 {
+    /// Returns the value of the field at a position: it rises with the position, or [falls](Self::falls).
+    fn encode(self, position: i32) -> i32 {
         let on = |scale: Scale| i32::from(scale.of_position(Position::clamped(position)));
         match self {
             Self::Spool | Self::Shaft => position,
@@ -99,19 +99,19 @@ impl Form {
         matches!(self, Self::Inverted | Self::Retract)
     }
 
-    /// Returns what the field holds while the spool floats; `None` for one that goes on to tell the position.
-    fn tell_float(self) -> Option<i32> {
+    /// Returns the value of the field while the spool floats; `None` for a field that still holds the position then.
+    fn encode_float(self) -> Option<i32> {
         match self {
             Self::Spool => Some(FLOAT),
-            Self::Per127 | Self::Inverted | Self::Per1000 => Some(self.tell(Position::FULL.into())),
+            Self::Per127 | Self::Inverted | Self::Per1000 => Some(self.encode(Position::FULL.into())),
             Self::Shaft | Self::Extend | Self::Retract => None,
         }
     }
 
     /// Returns the positions at which the field holds a value; empty when there is none.
-    fn positions_of(self, value: i32) -> RangeInclusive<i32> {
+    fn decode(self, value: i32) -> RangeInclusive<i32> {
         let value = if self.falls() { -value } else { value };
-        let rising = |position: i32| if self.falls() { -self.tell(position) } else { self.tell(position) };
+        let rising = |position: i32| if self.falls() { -self.encode(position) } else { self.encode(position) };
         first(self.positions(), |position| rising(position) >= value)..=first(self.positions(), |position| {
             rising(position) > value
         }) - 1
@@ -133,12 +133,12 @@ impl Field {
         u64::MAX.unbounded_shr(64 - u32::from(self.bits)).unbounded_shl(self.shift.into())
     }
 
-    /// Returns what the field of a frame holds, with the sign of its form.
+    /// Returns the value of the field in a frame, with the sign of its encoding.
     fn read(self, frame: &Frame) -> i32 {
         let value = ((bits(frame) & self.mask()) >> self.shift) as u32;
         let above = 32 - u32::from(self.bits);
-        match self.form {
-            Form::Extend | Form::Retract => value as i32,
+        match self.encoding {
+            Encoding::Extend | Encoding::Retract => value as i32,
             _ => (value << above) as i32 >> above,
         }
     }
@@ -153,30 +153,32 @@ impl Fields {
     fn of(frame: &Frame, kind: Kind, tpdo: Option<(u32, &[MappingEntry])>) -> Self {
         let mut fields = Self::default();
         let mut places = fields.0.iter_mut();
-        let mut add = |shift: u8, (form, bits): (Form, u8)| {
+        let mut add = |shift: u8, (encoding, bits): (Encoding, u8)| {
             if let Some(place) = places.next() {
-                *place = Some(Field { shift, bits, form });
+                *place = Some(Field { shift, bits, encoding });
             }
         };
         match (tpdo, frame.id(), kind.protocol()) {
             (Some((key, mapping)), ..) if key == frame.key() => {
                 let mut shift: u8 = 0;
                 for entry in mapping {
-                    Form::of_object(entry.index, entry.sub).into_iter().for_each(|field| add(shift, field));
+                    Encoding::of_object(entry.index, entry.sub).into_iter().for_each(|field| add(shift, field));
                     shift = shift.saturating_add(entry.bits);
                 }
             }
             (_, Id::Standard(id), Protocol::Canopen) if id.as_raw() & !0x7F == Function::SdoAnswer as u16 => {
                 // An answer to the upload of at most four bytes.
                 if let &[0x42..=0x43 | 0x47 | 0x4B | 0x4F, low, high, sub, ..] = frame.data() {
-                    Form::of_object(u16::from_le_bytes([low, high]), sub).into_iter().for_each(|field| add(32, field));
+                    Encoding::of_object(u16::from_le_bytes([low, high]), sub)
+                        .into_iter()
+                        .for_each(|field| add(32, field));
                 }
             }
             (_, Id::Extended(id), Protocol::Isobus) => {
                 let id = J1939Id::from_raw(id.as_raw());
                 if id.pgn() == Pgn::avef(id.source().get()) {
-                    add(0, (Form::Extend, 8));
-                    add(8, (Form::Retract, 8));
+                    add(0, (Encoding::Extend, 8));
+                    add(8, (Encoding::Retract, 8));
                 }
             }
             _ => {}
@@ -189,35 +191,35 @@ impl Fields {
     }
 }
 
-/// Where a device was at an instant.
+/// The position of a device at an instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Note {
+struct Sample {
     at: Instant,
     position: i32,
-    /// The spool floats, and its objects tell so.
+    /// The spool floats, and its objects say so.
     floats: bool,
-    /// The device came here from the note before, through all positions between; otherwise at once.
+    /// The device came here from the sample before through all positions between; otherwise it jumped.
     moved: bool,
 }
 
-/// The way of a device.
+/// The positions of a device over time.
 #[derive(Debug)]
-struct Way {
+struct Track {
     kind: Kind,
-    notes: VecDeque<Note>,
-    /// When it was last looked at.
+    samples: VecDeque<Sample>,
+    /// The instant of the last look at the device.
     looked: Instant,
 }
 
-impl Way {
-    /// Returns the notes from the one in force at an instant up to another instant.
-    fn between(&self, from: Instant, until: Instant) -> impl Iterator<Item = &Note> + Clone {
-        let begin = self.notes.partition_point(|note| note.at <= from).saturating_sub(1);
-        self.notes.iter().skip(begin).take_while(move |note| note.at <= until)
+impl Track {
+    /// Returns the samples from the one in force at an instant up to another instant.
+    fn between(&self, from: Instant, until: Instant) -> impl Iterator<Item = &Sample> + Clone {
+        let begin = self.samples.partition_point(|sample| sample.at <= from).saturating_sub(1);
+        self.samples.iter().skip(begin).take_while(move |sample| sample.at <= until)
     }
 
-    /// Returns whether the way between two notes leads through one of these positions.
-    fn leads_through(&self, from: i32, to: i32, positions: &RangeInclusive<i32>) -> bool {
+    /// Returns whether one of these positions lies between two samples.
+    fn is_between(&self, from: i32, to: i32, positions: &RangeInclusive<i32>) -> bool {
         let turn = STEPS as i32;
         let passed = |by: i32| from.min(from + by)..=from.max(from + by);
         let overlaps = |passed: &RangeInclusive<i32>, shift: i32| {
@@ -234,54 +236,54 @@ impl Way {
     }
 
     /// Returns whether the device comes to one of these positions between two instants.
-    fn comes_to(&self, positions: &RangeInclusive<i32>, from: Instant, until: Instant) -> bool {
-        let notes = self.between(from, until);
-        let is_at = |note: &Note| !note.floats && positions.contains(&note.position);
-        let passes = |(one, other): (&Note, &Note)| {
-            other.moved && !(one.floats && other.floats) && self.leads_through(one.position, other.position, positions)
+    fn passes(&self, positions: &RangeInclusive<i32>, from: Instant, until: Instant) -> bool {
+        let samples = self.between(from, until);
+        let is_at = |sample: &Sample| !sample.floats && positions.contains(&sample.position);
+        let passes = |(one, other): (&Sample, &Sample)| {
+            other.moved && !(one.floats && other.floats) && self.is_between(one.position, other.position, positions)
         };
-        notes.clone().any(is_at) || notes.clone().zip(notes.skip(1)).any(passes)
+        samples.clone().any(is_at) || samples.clone().zip(samples.skip(1)).any(passes)
     }
 }
 
-/// The ways of all stand-ins, and how much they let frames differ.
+/// The positions of all stand-ins over time, and how much frames may differ by them.
 #[derive(Debug)]
 pub(super) struct PositionTolerance {
-    ways: Vec<Way>,
+    tracks: Vec<Track>,
     tolerance: Duration,
 }
 
 impl PositionTolerance {
     pub(super) fn new(kinds: impl Iterator<Item = Kind>, tolerance: Duration) -> Self {
-        let way = |kind| Way { kind, notes: VecDeque::new(), looked: Instant::MIN };
-        Self { ways: kinds.map(way).collect(), tolerance }
+        let track = |kind| Track { kind, samples: VecDeque::new(), looked: Instant::MIN };
+        Self { tracks: kinds.map(track).collect(), tolerance }
     }
 
-    /// Notes where the devices are, where that has changed.
-    pub(super) fn note(&mut self, world: &mut World, nodes: &[NodeId]) {
+    /// Samples the positions that have changed.
+    pub(super) fn sample(&mut self, world: &mut World, nodes: &[NodeId]) {
         let at = world.now();
-        for (way, node) in self.ways.iter_mut().zip(nodes) {
-            let moved = std::mem::replace(&mut way.looked, at) < at;
+        for (track, node) in self.tracks.iter_mut().zip(nodes) {
+            let moved = std::mem::replace(&mut track.looked, at) < at;
             let Some(view) = world.view(*node) else { continue };
             let (position, floats) = (i32::from(view.position), world.floats(*node));
-            if way.notes.back().is_none_or(|last| (last.position, last.floats) != (position, floats)) {
-                way.notes.push_back(Note { at, position, floats, moved });
+            if track.samples.back().is_none_or(|last| (last.position, last.floats) != (position, floats)) {
+                track.samples.push_back(Sample { at, position, floats, moved });
             }
         }
     }
 
     /// Returns the fields that carry a position in a frame that a device has just sent.
     pub(super) fn fields(&self, device: usize, frame: &Frame, tpdo: Option<(u32, &[MappingEntry])>) -> Fields {
-        self.ways.get(device).map(|way| Fields::of(frame, way.kind, tpdo)).unwrap_or_default()
+        self.tracks.get(device).map(|track| Fields::of(frame, track.kind, tpdo)).unwrap_or_default()
     }
 
     /// Forgets positions that no pair is looked for any more at `known`.
     pub(super) fn forget(&mut self, known: Instant) {
         let needed = (PATIENCE + self.tolerance + GRID) * 4;
         let from = Instant::from_ticks(known.as_ticks().saturating_sub(needed.as_ticks()));
-        for Way { notes, .. } in &mut self.ways {
-            while notes.get(1).is_some_and(|note| note.at < from) {
-                notes.pop_front();
+        for Track { samples, .. } in &mut self.tracks {
+            while samples.get(1).is_some_and(|sample| sample.at < from) {
+                samples.pop_front();
             }
         }
     }
@@ -299,17 +301,17 @@ impl PositionTolerance {
         if mask == 0 || !is_like || (bits(frame) ^ bits(&sent.frame)) & !mask != 0 {
             return Some(false);
         }
-        let way = self.ways.get(sent.device?)?;
+        let track = self.tracks.get(sent.device?)?;
         let margin = self.tolerance + GRID;
         let (first, last) = (logged.at.min(sent.at), logged.at.max(sent.at));
         let from = Instant::from_ticks(first.as_ticks().saturating_sub(margin.as_ticks()));
         let until = after(last, margin);
-        let told = fields.iter().map(|field| field.form.positions_of(field.read(frame)));
-        let told = told.reduce(|one, two| *one.start().max(two.start())..=*one.end().min(two.end()))?;
-        let tells_float = fields.iter().all(|field| field.form.tell_float() == Some(field.read(frame)));
+        let positions = fields.iter().map(|field| field.encoding.decode(field.read(frame)));
+        let positions = positions.reduce(|one, two| *one.start().max(two.start())..=*one.end().min(two.end()))?;
+        let is_float = fields.iter().all(|field| field.encoding.encode_float() == Some(field.read(frame)));
         Some(
-            !told.is_empty() && way.comes_to(&told, from, until)
-                || tells_float && way.between(from, until).any(|note| note.floats),
+            !positions.is_empty() && track.passes(&positions, from, until)
+                || is_float && track.between(from, until).any(|sample| sample.floats),
         )
     }
 }

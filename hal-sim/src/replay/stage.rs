@@ -93,7 +93,7 @@ impl Stage {
             let next = self.next_sample(next);
             let next = power_up.map_or(next, |at| next.min(at));
             self.world.run_before(next);
-            self.positions.note(&mut self.world, &self.nodes);
+            self.positions.sample(&mut self.world, &self.nodes);
             let now = self.world.now();
             if power_up.is_some_and(|at| at <= now) {
                 let node = self.to_come.pop().map(|(_, node)| node);
@@ -120,7 +120,7 @@ impl Stage {
 
     /// Takes note of what has happened at an instant.
     fn look(&mut self) {
-        self.positions.note(&mut self.world, &self.nodes);
+        self.positions.sample(&mut self.world, &self.nodes);
         let begin = self.sent.len();
         for event in self.world.take_events() {
             let EventKind::Frame { frame, .. } = event.what else { continue };
