@@ -5,7 +5,7 @@ import can
 from tractor import DBC, DM1, DM2, TRACTOR, UNSUPPORTED, VALVE, connected, equal
 
 LAMPS = dict(ProtectLamp="off", AmberWarningLamp="off", RedStopLamp="off", MalfunctionLamp="off")
-TIME_GUARDING = "time guarding (SPN 298985 FMI 19)"
+TIME_GUARDING = dict(SPN="time guarding (SPN 298985)", SPN_High=4, FMI="received network data in error")
 
 
 def expect(ear, name, **wanted):
@@ -15,8 +15,9 @@ def expect(ear, name, **wanted):
     equal(name, message.decode(bytes(frame.data)), wanted)
 
 
-def troubles(code="none", count=0, **lamps):
-    return dict(LAMPS, **lamps, FlashLamps="not available", TroubleCode=code, OccurrenceCount=count)
+def troubles(count=0, **signals):
+    none = dict(SPN="none", SPN_High=0, FMI="none", ConversionMethod=0)
+    return {**LAMPS, **none, **signals, "FlashLamps": "not available", "OccurrenceCount": count}
 
 
 with connected() as (tractor, ear):
@@ -45,7 +46,7 @@ with connected() as (tractor, ear):
     tractor.drive("retract", 40)
     tractor.send_command()
     expect(ear, "AVC3", State="retract", PortFlow=40, FailSafeMode="not available")
-    expect(ear, "DM1_83", **troubles(TIME_GUARDING, 1, AmberWarningLamp="on"))
+    expect(ear, "DM1_83", **troubles(1, **TIME_GUARDING, AmberWarningLamp="on"))
 
     tractor.request(UNSUPPORTED)
     expect(ear, "Request_83", Group=UNSUPPORTED)

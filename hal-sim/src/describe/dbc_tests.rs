@@ -1,4 +1,8 @@
+use protocol_core::device::pve::FAULT_CODES;
+use protocol_core::wire::dm::{Trouble, single};
+
 use super::*;
+use crate::explain;
 
 fn database() -> String {
     dbc(Kind::from_name("pvea-isobus").expect("a kind")).expect("a DBC")
@@ -41,8 +45,32 @@ fn values_have_names() {
     let database = database();
     for values in [
         "State 0 \"blocked\" 1 \"extend\" 2 \"retract\" 3 \"float\" 10 \"hand operation\" 14 \"emergency stop\" ;",
-        "262771 \"supply too low (SPN 627 FMI 4)\"",
+        "SPN 0 \"none\" 627 \"supply too low, supply too high (SPN 627)\" 36823 \"CAN bus",
+        "(SPN 298985)\"",
+        "FMI 0 \"none\" 3 \"voltage above normal\" 4 \"voltage below normal\" 7 ",
     ] {
         assert!(database.contains(values), "{values}");
+    }
+}
+
+/// A trouble code in the bytes of the bus, by the signals: its SPN, FMI and the name that a tool shows.
+#[test]
+fn trouble_codes_are_told_by_their_spn_and_fmi() {
+    let messages = messages(Address::new(0x83));
+    let message = messages.iter().find(|message| message.name == "DM1_83").expect("DM1");
+    for codes in FAULT_CODES {
+        let trouble = Trouble { lamp: codes.lamp, dtc: codes.dtc, count: 5 };
+        let frame = u64::from_le_bytes(single(Some(trouble)));
+        let signal = |name: &str| message.signals.iter().find(|signal| signal.name == name).expect("a signal");
+        let raw = |name: &str| {
+            let (first, len) = signal(name).bits;
+            u32::try_from(frame >> first & ((1 << len) - 1)).expect("32 bits")
+        };
+        let named =
+            |name: &str| signal(name).values.iter().find(|(value, _)| *value == raw(name)).map(|(_, text)| text);
+        assert_eq!(raw("SPN_High") << 16 | raw("SPN"), codes.dtc.spn());
+        assert_eq!((raw("FMI"), raw("OccurrenceCount"), raw("ConversionMethod")), (codes.dtc.fmi().into(), 5, 0));
+        assert!(named("SPN").is_some_and(|text| text.contains(explain::fault(codes.fault))), "{:?}", codes.fault);
+        assert!(named("FMI").is_some(), "{:?}", codes.fault);
     }
 }

@@ -1,8 +1,9 @@
 //! Messages and signals of the valves on ISOBUS (SPEC 5), as a DBC describes them.
 
+use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 
-use protocol_core::device::pve::FAULT_CODES;
+use protocol_core::device::pve::{FAULT_CODES, FaultCodes};
 use protocol_core::wire::j1939_id::{Address, J1939Id, Pgn, Priority};
 use protocol_core::wire::name::COMMANDED_ADDRESS_LEN;
 use protocol_core::wire::request::Control;
@@ -220,22 +221,43 @@ fn lamp(name: &'static str, first: u8) -> Signal {
     Signal::raw(name, first, 2).values([(0, "off"), (1, "on"), (3, "not available")])
 }
 
-/// Returns the first eight bytes of DM1 and DM2. The parts of an SPN do not lie together, so a trouble code is one
-/// number: the manual prints it so.
+/// Returns the first eight bytes of DM1 and DM2 (SAE J1939-73 5.7.1, SPEC 3). The bits of an SPN do not lie together.
 fn troubles() -> Vec<Signal> {
-    let codes = FAULT_CODES.iter().map(|codes| {
-        let (dtc, fault) = (codes.dtc, explain::fault(codes.fault));
-        (dtc.printed(), format!("{fault} (SPN {} FMI {})", dtc.spn(), dtc.fmi()))
-    });
     vec![
         lamp("ProtectLamp", 0),
         lamp("AmberWarningLamp", 2),
         lamp("RedStopLamp", 4),
         lamp("MalfunctionLamp", 6),
         Signal::raw("FlashLamps", 8, 8).values([(0xFF, "not available")]),
-        Signal::raw("TroubleCode", 16, 24).values([(0, "none".to_owned())].into_iter().chain(codes)),
+        Signal::raw("SPN", 16, 16).values(spns()),
+        Signal::raw("FMI", 32, 5).values(FMIS),
+        Signal::raw("SPN_High", 37, 3),
         Signal::raw("OccurrenceCount", 40, 7),
+        Signal::raw("ConversionMethod", 47, 1),
     ]
+}
+
+/// The failure modes of the valve's faults, in the words of SAE J1939-73; 0 fills a message without a fault.
+const FMIS: [(u32, &str); 7] = [
+    (0, "none"),
+    (3, "voltage above normal"),
+    (4, "voltage below normal"),
+    (7, "mechanical system not responding"),
+    (11, "root cause not known"),
+    (16, "above normal, moderately severe"),
+    (19, "received network data in error"),
+];
+
+/// Returns the names of the valve's SPNs by their low 16 bits: the faults that have it, and the whole number.
+fn spns() -> BTreeMap<u32, String> {
+    let mut spns = BTreeMap::from([(0, "none".to_owned())]);
+    for FaultCodes { fault, dtc, .. } in FAULT_CODES {
+        let fault = explain::fault(fault);
+        spns.entry(dtc.spn() & 0xFFFF)
+            .and_modify(|others| *others = format!("{fault}, {others}"))
+            .or_insert_with(|| format!("{fault} (SPN {})", dtc.spn()));
+    }
+    spns
 }
 
 /// Returns the fields of a NAME (SAE J1939-81).
