@@ -8,7 +8,7 @@ use protocol_core::time::Duration;
 use super::UsageError;
 use super::options::{between, on_one_bus};
 use crate::decode::DecodeOptions;
-use crate::devices::{DeviceSpec, LinkSpec};
+use crate::devices::{self, DeviceSpec, LinkSpec};
 use crate::replay::ReplayOptions;
 
 /// The tolerance of `replay` when nobody says, in milliseconds: the longest that the start of two devices on one supply
@@ -68,7 +68,8 @@ impl TryFrom<ReplayArgs> for ReplayOptions {
         if args.file == Path::new("-") {
             return Err(UsageError("replay: stdin is read once, a replay more than once; accepted: a file".to_owned()));
         }
-        let devices = on_one_bus(args.device, false)?;
+        let mut devices = on_one_bus(args.device, false)?;
+        devices::share_bit_rate(&mut devices, None);
         let links = between(&devices, args.link)?;
         let tolerance = Duration::from_millis(args.tolerance_ms.into());
         Ok(Self { file: args.file, devices, links, tolerance, from_boot_up: args.from_boot_up })

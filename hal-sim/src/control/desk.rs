@@ -7,10 +7,11 @@ use protocol_core::time::{Duration, Instant, NEVER, after};
 
 use super::events::Events;
 use super::message::{
-    Answer, BusState, DisturbState, Message, Refusal, Sent, SpeedValue, StepWord, Stopped, Time, Waited,
+    Answer, BusState, DisturbState, Message, NotHeard, Refusal, Sent, SpeedValue, StepWord, Stopped, Time, Waited,
 };
 use super::record::{Frames, Passed, raw};
 use super::wait::Waits;
+use crate::devices::RateWatch;
 use crate::explain::Explainer;
 use crate::kind::Kind;
 use crate::sender::Sender;
@@ -63,7 +64,7 @@ impl Desk {
     }
 
     /// Obeys a message at the world's instant.
-    pub(crate) fn obey(&mut self, message: Message, explainer: &Explainer, world: &mut World) {
+    pub(crate) fn obey(&mut self, message: Message, explainer: &Explainer, rates: &mut RateWatch, world: &mut World) {
         match message {
             Message::Devices(answer) => {
                 answer.send(Ok(self.devices.iter().map(|(node, kind)| DeviceState::of(*node, *kind, world)).collect()));
@@ -77,14 +78,14 @@ impl Desk {
                     power.switch(node, world).map_err(|reason| Refusal::Conflict(reason.to_owned()))
                 }));
             }
-            Message::Bus(answer) => answer.send(Ok(bus(world))),
+            Message::Bus(answer) => answer.send(Ok(bus(rates, world))),
             Message::BitRate(bit_rate, answer) => {
                 world.set_bit_rate(bit_rate);
-                answer.send(Ok(bus(world)));
+                answer.send(Ok(bus(rates, world)));
             }
             Message::Disturb(disturbance, answer) => {
                 world.disturb(disturbance);
-                answer.send(Ok(bus(world)));
+                answer.send(Ok(bus(rates, world)));
             }
             Message::Stop(id, answer) => answer.send(Ok(Stopped { stopped: self.sender.stop(id, world) })),
             Message::Time(answer) => answer.send(Ok(self.time(world))),
@@ -219,7 +220,8 @@ fn find(name: &str, devices: &[(NodeId, Kind)], names: &[String]) -> Result<(Nod
     found.copied().ok_or_else(|| Refusal::UnknownDevice { name: name.to_owned(), known: names.join(", ") })
 }
 
-fn bus(world: &World) -> BusState {
+fn bus(rates: &mut RateWatch, world: &mut World) -> BusState {
+    rates.look(world);
     let disturbance = world.disturbance();
     let id = disturbance.id.filter(|_| disturbance.frames > 0).map(raw);
     BusState {
@@ -231,5 +233,6 @@ fn bus(world: &World) -> BusState {
             id: id.map(|(id, _)| id),
             extended: id.is_some_and(|(_, extended)| extended),
         },
+        not_heard: rates.all().into_iter().map(NotHeard::from).collect(),
     }
 }

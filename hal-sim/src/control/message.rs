@@ -10,6 +10,7 @@ use utoipa::ToSchema;
 use super::events::Subscription;
 use super::record::{Excerpt, FrameRecord};
 use crate::bus::Disturbance;
+use crate::devices;
 use crate::sender::{Receipt, Unsent};
 use crate::state::{Condition, DeviceState, Invalid, PlantChange, Power};
 
@@ -99,6 +100,27 @@ pub struct BusState {
     pub load: u8,
     /// The frames that are going to be destroyed.
     pub disturb: DisturbState,
+    /// The devices that run at another bit rate than the bus, and those that did for longer than a change takes.
+    pub not_heard: Vec<NotHeard>,
+}
+
+/// A device that runs at another bit rate than the bus, or did: it cannot communicate.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
+pub struct NotHeard {
+    /// The name of the device.
+    pub device: String,
+    /// The instant from which the rates differed, in microseconds of virtual time.
+    pub t_us: u64,
+    /// Whether they agree again.
+    pub is_over: bool,
+    /// What is wrong, and the remedy.
+    pub reason: String,
+}
+
+impl From<devices::NotHeard> for NotHeard {
+    fn from(devices::NotHeard { device, since, is_over, reason }: devices::NotHeard) -> Self {
+        Self { device, t_us: since.as_micros(), is_over, reason }
+    }
 }
 
 /// Frames that are going to be destroyed.

@@ -3,13 +3,18 @@
 //! ```text
 //! spec   one device: KIND[@ID][,key=value…]
 //! link   a shaft that follows a valve: VALVE=SENSOR[,key=value…]
+//! heard  devices at another bit rate than the bus
 //! ```
 
+mod heard;
 mod link;
 mod spec;
 
+pub use heard::{GRACE, NotHeard, RateWatch};
 pub use link::{LinkSpec, links};
 pub use spec::{DeviceSpec, bit_rate};
+
+use protocol_core::controller::BitRate;
 
 use crate::explain::{Explainer, Node};
 use crate::kind::{Birth, Kind, Simulated};
@@ -98,6 +103,17 @@ fn number(devices: &mut [NamedDevice]) {
         taken.extend(serial.map(|serial| kind.known_by(serial)));
         birth.serial = serial;
     }
+}
+
+/// Gives each device without a bit rate that of the bus, if it can run at it, and returns that: the one that was asked
+/// for, or else the first device's.
+pub fn share_bit_rate(devices: &mut [NamedDevice], bus: Option<BitRate>) -> BitRate {
+    let of_first = |first: &NamedDevice| first.birth.bit_rate.or(first.kind.bit_rates().first().copied());
+    let bus = bus.or_else(|| devices.first().and_then(of_first)).unwrap_or(BitRate::Kbit250);
+    for NamedDevice { kind, birth, .. } in devices {
+        birth.bit_rate = birth.bit_rate.or(Some(bus).filter(|rate| kind.bit_rates().contains(rate)));
+    }
+    bus
 }
 
 /// Refuses devices with the same node ID, or the same address.

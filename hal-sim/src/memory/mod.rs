@@ -86,6 +86,20 @@ impl Memory {
         image
     }
 
+    /// Returns what a device would find if it started now, and leaves everything as it is.
+    #[must_use]
+    pub fn peek_image(&self) -> Image {
+        let mut flash = self.flash.clone();
+        flash.restore_power();
+        let found = if self.spoilt { Err(Unreadable) } else { read(&mut flash) };
+        let is_damaged = self.damaged || found.is_err();
+        let mut image = found.unwrap_or_else(|Unreadable| Image::empty());
+        if is_damaged {
+            image.set_damaged();
+        }
+        image
+    }
+
     /// Writes a record.
     ///
     /// # Errors

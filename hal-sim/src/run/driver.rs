@@ -8,8 +8,6 @@ use std::collections::VecDeque;
 use std::io::{self, Write};
 use std::time::{Duration as WallDuration, Instant as WallInstant};
 
-use protocol_core::controller::BitRate;
-use protocol_core::device::Device;
 use protocol_core::time::{Instant, NEVER, after};
 use tokio::sync::watch;
 
@@ -20,6 +18,7 @@ use super::printer::Printer;
 use super::timekeeper::{NAP, Timekeeper};
 use super::trace::Trace;
 use crate::control::Desk;
+use crate::devices::RateWatch;
 use crate::explain::Explainer;
 use crate::gateway::{Arrival, ToWorld};
 use crate::speed::Speed;
@@ -53,8 +52,7 @@ pub struct Driver<O> {
     start: Timestamp,
     errors: Errors,
     trace: Trace,
-    /// Whether the user knows which devices are set to another bit rate.
-    rates_told: bool,
+    rates: RateWatch,
     /// Messages that have not taken effect, oldest first.
     arrivals: VecDeque<Arrival>,
     /// The events that are being shown; the allocation is used again.
@@ -70,7 +68,7 @@ pub struct Driver<O> {
 impl<O: Outside> Driver<O> {
     /// Returns a driver of a world whose devices are not powered yet. `start` is the wall time of virtual instant 0.
     pub(super) fn new(
-        mut world: World,
+        (mut world, rates): (World, RateWatch),
         clients: Clients,
         desk: Option<Desk>,
         mut outside: O,
@@ -94,7 +92,7 @@ impl<O: Outside> Driver<O> {
             start,
             errors: Errors::default(),
             trace,
-            rates_told: false,
+            rates,
             arrivals: VecDeque::new(),
             events: Vec::new(),
             open: Instant::MAX,
@@ -118,18 +116,18 @@ impl<O: Outside> Driver<O> {
         let clients = Clients::new(&mut world, false);
         let printer = Printer::start_with(stdout, stderr, watch::Sender::new(false))?;
         let trace = Trace::new("pve0", Explainer::default(), printer, None, None);
+        let rates = RateWatch::new([], &mut world);
         let mut driver =
-            Self::new(world, clients, None, outside, Speed::Factor(speed), Timestamp::from_micros(0), trace);
-        driver.power_on(None);
+            Self::new((world, rates), clients, None, outside, Speed::Factor(speed), Timestamp::from_micros(0), trace);
+        driver.power_on();
         Ok(driver)
     }
 
     /// Powers the devices and runs until the end comes; then lets the devices store what they have to.
     ///
-    /// Without a bit rate the bus gets that of the first device. Returns whether everything was stored, and
-    /// the log and stdout took all that was written.
-    pub(super) fn run(mut self, bit_rate: Option<BitRate>) -> bool {
-        self.power_on(bit_rate);
+    /// Returns whether everything was stored, and the log and stdout took all that was written.
+    pub(super) fn run(mut self) -> bool {
+        self.power_on();
         while !self.outside.is_ending() {
             if self.is_stepped {
                 self.turn_stepped();
@@ -144,15 +142,10 @@ impl<O: Outside> Driver<O> {
         self.trace.finish() && is_stored
     }
 
-    fn power_on(&mut self, bit_rate: Option<BitRate>) {
-        if bit_rate.is_none()
-            && let Some(first) = self.world.devices().next()
-        {
+    /// Powers the first device at once, and the others with it, each at its own moment.
+    fn power_on(&mut self) {
+        if let Some(first) = self.world.devices().next() {
             self.world.power(first, true);
-            if let Some(device) = self.world.device(first) {
-                let rate = device.bit_rate();
-                self.world.set_bit_rate(rate);
-            }
         }
         self.world.power_all(SUPPLY_JITTER);
         self.open = after(self.world.now(), SUPPLY_JITTER);
@@ -178,7 +171,6 @@ impl<O: Outside> Driver<O> {
         }
         let warning = self.time.caught_up(self.world.now());
         self.warn(warning);
-        self.warn_of_bit_rates();
         if self.world.now() >= due {
             self.take_effect();
         } else {
@@ -199,7 +191,6 @@ impl<O: Outside> Driver<O> {
         }
         for _ in 0..GO {
             let Some(end) = self.desk.as_mut().and_then(|desk| desk.horizon(&mut self.world)) else {
-                self.warn_of_bit_rates();
                 self.hand_out();
                 let arrival = self.outside.wait(None);
                 self.arrivals.extend(arrival);
@@ -251,6 +242,7 @@ impl<O: Outside> Driver<O> {
         let (event, due) = (self.world.next_event(), self.desk_due());
         if event.min(due) > end {
             self.world.run_until(end);
+            self.warn_of_bit_rates();
             return true;
         }
         if event <= due {
@@ -260,6 +252,7 @@ impl<O: Outside> Driver<O> {
         } else {
             self.world.run_until(due);
         }
+        self.warn_of_bit_rates();
         if let Some(desk) = &mut self.desk {
             desk.attend(&mut self.world);
         }
@@ -282,7 +275,7 @@ impl<O: Outside> Driver<O> {
         }
         if let ToWorld::Control(message) = message {
             if let Some(desk) = &mut self.desk {
-                desk.obey(message, self.trace.explainer(), &mut self.world);
+                desk.obey(message, self.trace.explainer(), &mut self.rates, &mut self.world);
             }
             return;
         }
@@ -332,22 +325,11 @@ impl<O: Outside> Driver<O> {
         }
     }
 
-    /// Tells which devices are set to another bit rate than the bus, once all of them have started.
+    /// Tells which devices are not heard.
     fn warn_of_bit_rates(&mut self) {
-        if self.world.now() < self.open || std::mem::replace(&mut self.rates_told, true) {
-            return;
-        }
-        let bus = self.world.bit_rate();
-        for id in self.world.devices() {
-            let rate = self.world.device(id).map(Device::bit_rate);
-            if let Some(rate) = rate.filter(|rate| *rate != bus) {
-                self.trace.warn(format!(
-                    "{} is set to {} bit/s, the bus runs at {} bit/s: it is not heard, and disturbs",
-                    self.world.name(id),
-                    rate.bits_per_second(),
-                    bus.bits_per_second()
-                ));
-            }
+        self.rates.look(&mut self.world);
+        for found in self.rates.take_found() {
+            self.trace.warn(found.reason);
         }
     }
 

@@ -1,6 +1,7 @@
 //! Time as clients see it, on a wall clock that passes only when the driver waits: hours of quiet, and processes that
 //! stand still, take no time here.
 
+use protocol_core::controller::BitRate;
 use std::sync::{Arc, Mutex};
 
 use protocol_core::device::pve;

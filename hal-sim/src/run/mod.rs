@@ -198,7 +198,7 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     if let Some(log) = &options.log {
         Log::check(log, options.state.as_deref())?;
     }
-    let (mut world, warnings) = aside({
+    let (mut world, rates, warnings) = aside({
         let options = options.clone();
         move || setup::world(&options)
     })
@@ -224,13 +224,12 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     let clients = Clients::new(&mut world, options.error_frames);
     let kinds: Vec<Kind> = options.devices.iter().map(|device| device.kind).collect();
     let desk = http.map(|_| Desk::new(&kinds, options.speed, &mut world));
-    let driver = Driver::new(world, clients, desk, System::new(inbox), options.speed, start, trace);
+    let driver = Driver::new((world, rates), clients, desk, System::new(inbox), options.speed, start, trace);
     let (alive, ended) = oneshot::channel::<()>();
-    let bit_rate = options.bit_rate;
     let world = thread::Builder::new().name("world".to_owned()).spawn(move || {
         let _alive = alive;
         system::be_punctual();
-        driver.run(bit_rate)
+        driver.run()
     })?;
     Ok(Running { entrance, world, ended })
 }

@@ -3,38 +3,62 @@
 use std::fs;
 
 use protocol_core::controller::BitRate;
+use protocol_core::device::StartCause;
+use protocol_core::time::Instant;
 
 use super::{RunError, RunOptions};
-use crate::devices::{self, NamedDevice};
+use crate::devices::{self, NamedDevice, RateWatch};
 use crate::kind::{Kind, Simulated};
 use crate::memory::{Memory, MemoryFile, StateFileError};
 use crate::world::World;
 
-/// Returns the world of the options, and what the user should know about the memories, a line each.
-pub(super) fn world(options: &RunOptions) -> Result<(World, Vec<String>), RunError> {
-    // Which rate it is in the end can depend on what the first device remembers.
-    let mut world = World::new(options.bit_rate.unwrap_or(BitRate::Kbit250), options.seed);
+/// Returns the world of the options, what watches the bit rates in it, and what the user should know about the memories,
+/// a line each.
+pub(super) fn world(options: &RunOptions) -> Result<(World, RateWatch, Vec<String>), RunError> {
     let mut warnings = Vec::new();
+    let mut memories = Vec::new();
+    for memory in memories_of(options)? {
+        let mut memory = memory?;
+        warnings.extend(memory.take_warnings());
+        memories.push(memory);
+    }
+    let mut devices = options.devices.clone();
+    let bit_rate = options.bit_rate.or_else(|| first_rate(devices.first()?, memories.first()?));
+    let mut world = World::new(devices::share_bit_rate(&mut devices, bit_rate), options.seed);
+    for (device, memory) in devices.iter().zip(memories) {
+        world.add_with(&device.name, device.birth.of(device.kind), memory);
+    }
+    devices::link_in(&mut world, &options.links);
+    let mut rates = RateWatch::new(&devices, &mut world);
+    rates.look(&mut world);
+    rates.find_all();
+    warnings.extend(rates.take_found().into_iter().map(|found| found.reason));
+    Ok((world, rates, warnings))
+}
+
+/// Returns the bit rate that a device starts with, which its memory decides.
+fn first_rate(device: &NamedDevice, memory: &Memory) -> Option<BitRate> {
+    let mut factory = device.kind.factory(device.birth);
+    Some(factory(&memory.peek_image(), StartCause::PowerOn, Instant::from_ticks(0)).bit_rate())
+}
+
+/// Opens the memories of the devices, in their order. All files are taken before any is made or put aside: what is
+/// refused changes nothing that is stored.
+fn memories_of(options: &RunOptions) -> Result<impl Iterator<Item = Result<Memory, RunError>>, RunError> {
     let mut files = Vec::new();
     if let Some(dir) = &options.state {
         fs::create_dir_all(dir).map_err(|source| RunError::File { path: dir.clone(), source })?;
-        // All of them before any is made or put aside: what is refused changes nothing that is stored.
         for device in &options.devices {
             let file = MemoryFile::take(dir, &device.name, device.kind.number());
             files.push(file.map_err(|error| refusal(error, device))?);
         }
     }
     let mut files = files.into_iter();
-    for device in &options.devices {
-        let mut memory = match files.next() {
-            Some(file) => file.open()?,
-            None => Memory::in_ram(),
-        };
-        warnings.extend(memory.take_warnings());
-        world.add_with(&device.name, device.birth.of(device.kind), memory);
-    }
-    devices::link_in(&mut world, &options.links);
-    Ok((world, warnings))
+    let memory = move |_| match files.next() {
+        Some(file) => Ok(file.open()?),
+        None => Ok(Memory::in_ram()),
+    };
+    Ok(options.devices.iter().map(memory))
 }
 
 fn refusal(error: StateFileError, device: &NamedDevice) -> RunError {

@@ -16,11 +16,10 @@ pub(super) struct ScenarioFile {
     /// What the scenario shows.
     #[serde(default)]
     pub(super) title: String,
-    /// The devices on the bus, each as in --device: KIND[@ID][,name=…][,serial=…][,bit-rate=…][,blank]. They are
-    /// switched on together, at 0 ms.
+    /// The devices on the bus. They are switched on together, at 0 ms.
     #[serde(default)]
-    #[schema(value_type = Vec<String>, required, example = json!(["pvea-canopen@0x20"]))]
-    pub(super) devices: Vec<Spanned<String>>,
+    #[schema(value_type = Vec<DeviceEntry>, required, example = json!(["pvea-canopen@0x20"]))]
+    pub(super) devices: Vec<Spanned<toml::Value>>,
     /// Shafts that follow a valve, each as in --link: VALVE=SENSOR[,rate=…][,min=…][,max=…].
     #[serde(default)]
     #[schema(value_type = Vec<String>)]
@@ -36,6 +35,45 @@ pub(super) struct ScenarioFile {
     #[serde(default)]
     #[schema(value_type = Vec<StepTable>, required)]
     pub(super) steps: Vec<Spanned<StepTable>>,
+}
+
+/// A device on the bus.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(
+    untagged,
+    expecting = "accepted: a device as in \"pvea-canopen@0x20\", or { device = \"pvea-canopen@0x20\", heard = false }"
+)]
+#[schema(as = Device)]
+pub(super) enum DeviceEntry {
+    /// As in --device: KIND[@ID][,name=…][,serial=…][,bit-rate=…][,blank].
+    Text(String),
+    /// The same with what the scenario asks of it.
+    Table(DeviceTable),
+}
+
+/// A device on the bus, and what the scenario asks of it.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(as = DeviceTable)]
+pub(super) struct DeviceTable {
+    /// As in --device: KIND[@ID][,name=…][,serial=…][,bit-rate=…][,blank].
+    pub(super) device: String,
+    /// Whether the device has to run at the bit rate of the bus; true by default.
+    #[serde(default, deserialize_with = "given")]
+    pub(super) heard: Option<bool>,
+}
+
+impl DeviceEntry {
+    /// Reads an entry: the text, and whether the device has to be heard.
+    ///
+    /// # Errors
+    /// What is accepted.
+    pub(super) fn read(value: toml::Value) -> Result<(String, bool), String> {
+        Self::deserialize(json(value)).map_err(|error| reason(&error.to_string())).map(|entry| match entry {
+            Self::Text(device) => (device, true),
+            Self::Table(DeviceTable { device, heard }) => (device, heard.unwrap_or(true)),
+        })
+    }
 }
 
 /// A step: when it begins, one thing that is done, and one that is expected; each of them can be left out. A step

@@ -149,6 +149,16 @@ impl History {
         explainer.explain(frame, None)
     }
 
+    /// Returns the errors of the bus, the first ones that are kept, laid out as the trace does: a line each.
+    pub(super) fn errors(&self) -> Vec<String> {
+        let (mut layout, mut text) = (Layout::new(false, false), String::new());
+        for entry in self.entries.iter().filter(|entry| matches!(entry.what, Kept::Error(_))).take(LINES) {
+            entry.lay_out(&mut text, &mut layout, &self.explainer);
+        }
+        layout.finish(&mut text);
+        text.lines().map(str::to_owned).collect()
+    }
+
     /// Returns the last events from one number up to another, laid out as the trace does: a line each.
     pub(super) fn excerpt(&self, from: u64, until: u64) -> Vec<String> {
         let end = self.place(until);

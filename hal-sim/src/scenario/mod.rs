@@ -21,6 +21,8 @@ mod schema;
 mod script;
 
 #[cfg(test)]
+mod heard_tests;
+#[cfg(test)]
 mod tests;
 
 pub use batch::{BatchError, Options, run};

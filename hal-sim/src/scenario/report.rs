@@ -37,6 +37,8 @@ pub(super) struct Failure {
     at: Instant,
     /// The last events before it.
     excerpt: Vec<String>,
+    /// A device was not heard: the errors of the bus are shown in the place of the last events.
+    is_not_heard: bool,
 }
 
 impl Outcome {
@@ -60,7 +62,38 @@ impl Outcome {
 impl Failure {
     fn new(step: &Step, headline: String, details: Vec<String>) -> Self {
         let at = Instant::from_ticks(0);
-        Self { line: step.line, note: step.note.clone(), headline, details, until: None, at, excerpt: Vec::new() }
+        Self {
+            line: step.line,
+            note: step.note.clone(),
+            headline,
+            details,
+            until: None,
+            at,
+            excerpt: Vec::new(),
+            is_not_heard: false,
+        }
+    }
+
+    /// Returns the failure of a device that runs at another bit rate than the bus.
+    pub(super) fn not_heard(line: usize, reason: String) -> Self {
+        let accept = "heard = false in a table for the device accepts that".to_owned();
+        Self {
+            line,
+            note: None,
+            headline: reason,
+            details: vec![accept],
+            until: None,
+            at: Instant::from_ticks(0),
+            excerpt: Vec::new(),
+            is_not_heard: true,
+        }
+    }
+
+    /// Shows the errors of the bus with a device that was not heard.
+    pub(super) fn show_errors(&mut self, errors: &[String]) {
+        if self.is_not_heard {
+            self.excerpt = errors.to_vec();
+        }
     }
 
     /// Returns the failure of a step that begins late: the steps before took too long.
@@ -152,6 +185,7 @@ impl Failure {
             let _ = writeln!(out, "    {line}");
         }
         let (nothing, since) = match is_first {
+            _ if self.is_not_heard => ("no error frame was on the bus", "errors of the bus:"),
             true => ("nothing was on the bus", "on the bus before:"),
             false => ("nothing was on the bus since the failure before", "on the bus since the failure before:"),
         };

@@ -10,7 +10,7 @@ use super::history::{Heard, History};
 use super::pattern::Pattern;
 use super::report::{Failure, Outcome};
 use super::script::{Act, Begin, Expect, Never, Scenario, Step, Wanted, What};
-use crate::devices;
+use crate::devices::{self, NotHeard, RateWatch};
 use crate::kind::Kind;
 use crate::sender::{Receipt, Sender, Unsent};
 use crate::state::{DeviceState, Invalid, StateWatch};
@@ -45,12 +45,16 @@ pub(super) fn run(scenario: &Scenario, seed: u64, traced: bool) -> Outcome {
     let devices = world.devices().zip(kinds).collect();
     world.power_all(SUPPLY_JITTER);
     let history = History::new(OWN, devices::explainer(&scenario.devices), traced, &world);
+    let mut rates = RateWatch::new(scenario.heard(), &mut world);
+    rates.look(&mut world);
     let mut runner = Runner {
         scenario,
         world,
         sender,
         devices,
         history,
+        rates,
+        step: None,
         events: Vec::new(),
         mark: 0,
         guards: Vec::new(),
@@ -64,6 +68,8 @@ pub(super) fn run(scenario: &Scenario, seed: u64, traced: bool) -> Outcome {
     if let Some(end) = end {
         runner.pass(end);
     }
+    runner.rates.find_all();
+    runner.fail_unheard();
     runner.outcome()
 }
 
@@ -73,6 +79,9 @@ struct Runner<'a> {
     sender: Sender<Sent>,
     devices: Vec<(NodeId, Kind)>,
     history: History,
+    rates: RateWatch,
+    /// The step that goes on.
+    step: Option<&'a Step>,
     /// Events on their way into the history; the allocation is used again.
     events: Vec<Event>,
     /// The first event that counts for the next expectation of a frame.
@@ -120,6 +129,7 @@ struct Frames<'a> {
 impl<'a> Runner<'a> {
     fn step(&mut self, step: &'a Step) {
         self.begin(step);
+        self.step = Some(step);
         if let Some(note) = &step.note {
             self.history.note(note);
         }
@@ -277,7 +287,7 @@ impl<'a> Runner<'a> {
             Guarded::State(_, watch) => Some(watch.due(guard.until.min(end), &self.world)),
             Guarded::Frames(..) => None,
         });
-        guarded.fold(sought, Instant::min).min(self.sender.due(now))
+        guarded.fold(sought, Instant::min).min(self.sender.due(now)).min(self.rates.due(now))
     }
 
     /// Takes note of what happened, and does what is due.
@@ -291,7 +301,35 @@ impl<'a> Runner<'a> {
         if !self.sender.is_idle() {
             self.sender.attend(&mut self.world);
         }
+        self.look_at_rates();
         self.guard();
+    }
+
+    /// Looks for devices that are not heard. What must not come and is over is looked at first: it was claimed of the
+    /// time before.
+    fn look_at_rates(&mut self) {
+        let now = self.world.now();
+        for guard in self.guards.iter().filter(|guard| guard.until < now) {
+            self.rates.find_at(guard.until);
+        }
+        self.rates.look(&mut self.world);
+        if self.guards.iter().any(|guard| guard.until == now) {
+            self.rates.find_at(now);
+        }
+        self.fail_unheard();
+    }
+
+    /// Adds a failure for each device that was found not to be heard: at the device when that was so from the start, else
+    /// at the step that goes on.
+    fn fail_unheard(&mut self) {
+        for NotHeard { device, since, reason, .. } in self.rates.take_found() {
+            let place = self.scenario.devices.iter().position(|known| known.name == device);
+            let entry = place.and_then(|place| self.scenario.entries.get(place));
+            let step = self.step.filter(|_| since > Instant::from_ticks(0));
+            let line = step.map(|step| step.line).or(entry.map(|entry| entry.line)).unwrap_or(1);
+            let failure = Failure::not_heard(line, reason).with(self.world.now(), Vec::new());
+            self.failures.push(failure);
+        }
     }
 
     /// Looks whether something came that must not.
@@ -337,7 +375,9 @@ impl<'a> Runner<'a> {
         self.shown = self.shown.max(until);
     }
 
-    fn outcome(self) -> Outcome {
+    fn outcome(mut self) -> Outcome {
+        let errors = self.history.errors();
+        self.failures.iter_mut().for_each(|failure| failure.show_errors(&errors));
         Outcome {
             title: self.scenario.title.clone(),
             steps: self.scenario.steps.len(),

@@ -7,7 +7,7 @@ use protocol_core::frame::{Frame, Id};
 use protocol_core::time::Duration;
 
 use super::ReadError;
-use super::file::{self, Expected, PATIENCE, ScenarioFile, StepTable};
+use super::file::{self, DeviceEntry, Expected, PATIENCE, ScenarioFile, StepTable};
 use super::pattern::Pattern;
 use crate::bus::Disturbance;
 use crate::devices::{self, DeviceSpec, LinkSpec, NamedDevice, NamedLink};
@@ -20,9 +20,19 @@ use crate::world::{NodeId, World};
 pub struct Scenario {
     pub(super) title: String,
     pub(super) devices: Vec<NamedDevice>,
+    /// What the file says of each of them, beside what it is.
+    pub(super) entries: Vec<Entry>,
     links: Vec<NamedLink>,
     bit_rate: BitRate,
     pub(super) steps: Vec<Step>,
+}
+
+/// A device in the file.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Entry {
+    pub(super) line: usize,
+    /// Whether it has to run at the bit rate of the bus.
+    pub(super) heard: bool,
 }
 
 /// A step.
@@ -102,12 +112,15 @@ impl Scenario {
         let ScenarioFile { title, devices, links, bit_rate, allow_clash, steps } = file::read(text)?;
         let at = |place: usize| move |reason: String| ReadError { line: Some(file::line_of(text, place)), reason };
         let first = devices.first().map_or(0, |device| device.span().start);
-        let specs = devices.into_iter().map(|spec| {
-            let place = spec.span().start;
-            spec.into_inner().parse::<DeviceSpec>().map_err(at(place))
+        let mut entries = Vec::new();
+        let specs = devices.into_iter().map(|entry| {
+            let place = entry.span().start;
+            let (device, heard) = DeviceEntry::read(entry.into_inner()).map_err(at(place))?;
+            entries.push(Entry { line: file::line_of(text, place), heard });
+            device.parse::<DeviceSpec>().map_err(at(place))
         });
         let specs = specs.collect::<Result<Vec<_>, _>>()?;
-        let devices = devices::named(specs).map_err(|error| at(first)(format!("{error} name=")))?;
+        let mut devices = devices::named(specs).map_err(|error| at(first)(format!("{error} name=")))?;
         if devices.is_empty() {
             return Err(at(0)("no devices; accepted: devices = [\"pvea-canopen@0x20\"]".to_owned()));
         }
@@ -121,18 +134,16 @@ impl Scenario {
             spec.into_inner().parse::<LinkSpec>().map_err(at(place))
         });
         let links = devices::links(&devices, specs.collect::<Result<_, _>>()?).map_err(at(first))?;
-        let bit_rate = match bit_rate {
-            Some(rate) => {
-                let place = rate.span().start;
-                let change = BusChange { bit_rate: rate.into_inner() };
-                change.bit_rate().map_err(|Invalid(reason)| at(place)(reason))?
-            }
-            None => devices.first().map_or(BitRate::Kbit250, first_rate),
-        };
+        let bit_rate = bit_rate.map(|rate| {
+            let place = rate.span().start;
+            let change = BusChange { bit_rate: rate.into_inner() };
+            change.bit_rate().map_err(|Invalid(reason)| at(place)(reason))
+        });
+        let bit_rate = devices::share_bit_rate(&mut devices, bit_rate.transpose()?);
         if steps.is_empty() {
             return Err(at(0)("no steps; accepted: steps = [{ expect = \"720#00\" }]".to_owned()));
         }
-        let mut scenario = Self { title, devices, links, bit_rate, steps: Vec::new() };
+        let mut scenario = Self { title, devices, entries, links, bit_rate, steps: Vec::new() };
         // What cannot be done in a world is refused before anything runs.
         let mut trial = Trial::new(&scenario);
         for step in steps {
@@ -148,6 +159,11 @@ impl Scenario {
         Ok(scenario)
     }
 
+    /// Returns the devices that have to be heard.
+    pub(super) fn heard(&self) -> impl Iterator<Item = &NamedDevice> {
+        self.devices.iter().zip(&self.entries).filter(|(_, entry)| entry.heard).map(|(device, _)| device)
+    }
+
     /// Returns a world with the devices, not yet powered.
     pub(super) fn world(&self, seed: u64) -> World {
         let mut world = World::new(self.bit_rate, seed);
@@ -157,12 +173,6 @@ impl Scenario {
         devices::link_in(&mut world, &self.links);
         world
     }
-}
-
-/// Returns the bit rate that a device starts with.
-fn first_rate(device: &NamedDevice) -> BitRate {
-    let of_kind = || device.kind.bit_rates().first().copied();
-    device.birth.bit_rate.or_else(of_kind).unwrap_or(BitRate::Kbit250)
 }
 
 /// What the steps are tried on.

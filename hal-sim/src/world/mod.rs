@@ -59,6 +59,8 @@ pub struct TapId(PortId);
 pub struct World {
     now: Instant,
     bit_rate: BitRate,
+    /// The number of changes of the bus's rate, and of a device's: power-ups and restarts among them.
+    rate_changes: u64,
     bus: Bus,
     nodes: Vec<Node>,
     agenda: Agenda,
@@ -80,6 +82,7 @@ impl World {
         Self {
             now: Instant::from_ticks(0),
             bit_rate,
+            rate_changes: 0,
             bus: Bus::default(),
             nodes: Vec::new(),
             agenda: Agenda::default(),
@@ -103,9 +106,10 @@ impl World {
     }
 
     /// Adds a healthy device with this memory, not yet powered. Where the memory holds something, it decides, not the
-    /// setup.
+    /// setup. A setup without a bit rate takes that of the bus, if the product can run at it.
     pub fn add_with(&mut self, name: &str, setup: impl Into<Setup>, memory: Memory) -> NodeId {
         let Setup { kind, node_id, serial, bit_rate } = setup.into();
+        let bit_rate = bit_rate.or(Some(self.bit_rate).filter(|rate| kind.bit_rates().contains(rate)));
         let node = self.add_device(name, kind.factory(Birth { node_id, serial, bit_rate }), memory);
         self.set_senses(node, Senses::healthy(kind));
         node
@@ -301,11 +305,38 @@ impl World {
     /// Changes the bit rate of the bus and of all its clients: the master that changes its rate.
     pub fn set_bit_rate(&mut self, bit_rate: BitRate) {
         self.bit_rate = bit_rate;
+        self.rate_changes += 1;
         for (number, owner) in self.owners.iter().enumerate() {
             if owner.is_none() && !self.bus.is_external(PortId(number)) {
                 self.bus.set_bit_rate(PortId(number), bit_rate, self.now);
             }
         }
+    }
+
+    /// Returns the bit rate that a device is set to; without power, the one that it would start with.
+    pub(crate) fn device_rate(&mut self, node: NodeId) -> BitRate {
+        let now = self.now;
+        let Node { factory, memory, power, .. } = &mut self.nodes[node.0];
+        match power {
+            Power::On(device) => device.bit_rate(),
+            _ => factory(&memory.peek_image(), StartCause::PowerOn, now).bit_rate(),
+        }
+    }
+
+    /// Returns whether a device is changing its bit rate, and silent meanwhile.
+    pub(crate) fn is_switching_bit_rate(&self, node: NodeId) -> bool {
+        matches!(&self.nodes[node.0].power, Power::On(device) if device.is_switching_bit_rate())
+    }
+
+    /// Returns the number of changes of the bus's bit rate, and of the devices': power-ups and restarts among them.
+    pub(crate) const fn rate_changes(&self) -> u64 {
+        self.rate_changes
+    }
+
+    /// Sets the controller of a device to a bit rate.
+    fn set_device_rate(&mut self, node: NodeId, rate: BitRate) {
+        self.rate_changes += 1;
+        self.bus.set_bit_rate(self.nodes[node.0].port, rate, self.now);
     }
 
     /// How busy the bus was in the last second, in percent.

@@ -65,7 +65,7 @@ impl World {
         node.power = Power::On(device);
         node.frames_dropped = 0;
         let (port, forced) = (node.port, node.forced_bus_off);
-        self.bus.set_bit_rate(port, rate, now);
+        self.set_device_rate(id, rate);
         self.bus.connect(port, now);
         if forced {
             self.bus.force_bus_off(port, true, now);
@@ -82,6 +82,7 @@ impl World {
     pub(super) fn cut_power(&mut self, id: NodeId) {
         self.follow_links(id);
         let now = self.now;
+        self.rate_changes += 1;
         let node = &mut self.nodes[id.0];
         node.power = Power::Off;
         if let Some(write) = node.write.take() {
@@ -100,6 +101,7 @@ impl World {
         let image = memory.read_image();
         self.bus.drop_pending(*port, now);
         device.restart(scope, &image, now);
-        self.bus.set_bit_rate(*port, device.bit_rate(), now);
+        let rate = device.bit_rate();
+        self.set_device_rate(id, rate);
     }
 }

@@ -177,10 +177,9 @@ impl World {
     }
 
     fn carry_out(&mut self, id: NodeId, effect: Effect) {
-        let now = self.now;
         match effect {
             Effect::Store(key, record) => self.begin_write(id, key, record),
-            Effect::SetBitRate(rate) => self.bus.set_bit_rate(self.nodes[id.0].port, rate, now),
+            Effect::SetBitRate(rate) => self.set_device_rate(id, rate),
             Effect::Restart(scope) => self.restart(id, scope),
         }
     }

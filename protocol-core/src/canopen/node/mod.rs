@@ -349,6 +349,11 @@ impl<P: Product> Node<P> {
         self.nmt.state()
     }
 
+    /// Returns whether LSS is changing the bit rate: the node is silent meanwhile.
+    pub(crate) const fn is_switching_bit_rate(&self) -> bool {
+        self.lss.is_silent()
+    }
+
     /// Returns how often the error history holds an error.
     pub(crate) fn times_entered(&self, code: u16, manufacturer: u16) -> u8 {
         self.objects.history.times(code, manufacturer)

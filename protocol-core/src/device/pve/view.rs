@@ -34,6 +34,10 @@ impl Viewable for PveCanopen {
         self.body().node.tpdo()
     }
 
+    fn is_switching_bit_rate(&self) -> bool {
+        self.body().node.is_switching_bit_rate()
+    }
+
     fn valve(&self) -> Option<&Valve> {
         Some(self.body().valve())
     }

@@ -31,6 +31,10 @@ impl Viewable for Hat {
     fn tpdo(&self) -> Option<(u32, &[MappingEntry])> {
         self.body().node.tpdo()
     }
+
+    fn is_switching_bit_rate(&self) -> bool {
+        self.body().node.is_switching_bit_rate()
+    }
 }
 
 impl Error {

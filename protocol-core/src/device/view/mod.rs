@@ -73,6 +73,12 @@ pub trait Viewable {
         None
     }
 
+    /// Returns whether LSS is changing the bit rate: from activate bit timing to the end of the second delay, in which
+    /// the device is silent (SPEC 4.4, CiA 305).
+    fn is_switching_bit_rate(&self) -> bool {
+        false
+    }
+
     /// Returns the valve behind the protocol; `None` for another product.
     fn valve(&self) -> Option<&Valve> {
         None

@@ -1,0 +1,218 @@
+//! Devices that run at another bit rate than the bus: found in one place, and told in one sentence by every surface.
+//!
+//! Such a device cannot communicate, and whatever is not expected of it does not come: a test on that bus proves
+//! nothing. [`RateWatch`] finds a device
+//!
+//! - at each power-up, as soon as time passes after it;
+//! - [`GRACE`] after the bit rate of the bus or of the device has changed: one of the two comes first. While LSS changes
+//!   the bit rate of a device, from activate bit timing to the end of the second delay, this time does not run;
+//! - at once when the run ends ([`RateWatch::find_all`]), or a claim that something did not come
+//!   ([`RateWatch::find_at`]).
+
+use protocol_core::controller::BitRate;
+use protocol_core::time::{Duration, Instant, NEVER, after};
+
+use super::NamedDevice;
+use crate::kind::Simulated as _;
+use crate::world::{NodeId, World};
+
+/// Time for bus and device to meet again after one of them has changed its bit rate.
+pub const GRACE: Duration = Duration::from_secs(1);
+
+const TICK: Duration = Duration::from_ticks(1);
+
+/// A device that runs at another bit rate than the bus, or did.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NotHeard {
+    /// The name of the device.
+    pub device: String,
+    /// The instant from which the rates differed.
+    pub since: Instant,
+    /// Whether they agree again.
+    pub is_over: bool,
+    /// The sentence for the user, with the remedy.
+    pub reason: String,
+}
+
+/// Watches that devices run at the bit rate of their bus.
+#[derive(Debug)]
+pub struct RateWatch {
+    devices: Vec<Watched>,
+    /// The world's number of changes at the last look; `None`: not looked yet.
+    looked_at: Option<u64>,
+    /// The instant from which it is to be looked although no rate has changed.
+    due: Instant,
+    /// The devices that were found and not yet taken.
+    found: Vec<NotHeard>,
+}
+
+#[derive(Debug)]
+struct Watched {
+    node: NodeId,
+    device: NamedDevice,
+    /// Whether the memory was empty at the start: the written bit rate counted.
+    is_new: bool,
+    /// The bit rate of the first start, until that comes.
+    first_rate: Option<BitRate>,
+    was_powered: bool,
+    spell: Option<Spell>,
+    told: Option<NotHeard>,
+}
+
+/// The time in which a device is not heard.
+#[derive(Clone, Copy, Debug)]
+struct Spell {
+    since: Instant,
+    /// The end of the time to put it right; [`NEVER`] while LSS changes the rate.
+    due: Instant,
+    is_told: bool,
+    rate: BitRate,
+    bus: BitRate,
+}
+
+impl RateWatch {
+    /// Watches devices of a world, none of which has been switched on.
+    #[must_use]
+    pub fn new<'a>(devices: impl IntoIterator<Item = &'a NamedDevice>, world: &mut World) -> Self {
+        let mut watch = |device: &NamedDevice| {
+            let node = world.find(&device.name)?;
+            Some(Watched {
+                node,
+                device: device.clone(),
+                is_new: world.memory(node).peek_image().is_new(),
+                first_rate: Some(world.device_rate(node)),
+                was_powered: false,
+                spell: None,
+                told: None,
+            })
+        };
+        Self {
+            devices: devices.into_iter().filter_map(&mut watch).collect(),
+            looked_at: None,
+            due: NEVER,
+            found: Vec::new(),
+        }
+    }
+
+    /// Looks at the bit rates of now. To be called after everything that happens in the world, and when it is
+    /// [due](Self::due).
+    pub fn look(&mut self, world: &mut World) {
+        let (now, changes) = (world.now(), world.rate_changes());
+        if self.looked_at == Some(changes) && now < self.due {
+            return;
+        }
+        self.looked_at = Some(changes);
+        self.found.extend(self.devices.iter_mut().filter_map(|device| device.look(world)));
+        let due = |device: &Watched| device.spell.filter(|spell| !spell.is_told).map(|spell| spell.due);
+        self.due = self.devices.iter().filter_map(due).min().map_or(NEVER, |due| if due == NEVER { now } else { due });
+    }
+
+    /// Takes the devices that were found since this was last called, each of them once in a spell.
+    pub fn take_found(&mut self) -> Vec<NotHeard> {
+        std::mem::take(&mut self.found)
+    }
+
+    /// Returns when the next look is due although nothing happens, after now; [`NEVER`] if it is not.
+    #[must_use]
+    pub fn due(&self, now: Instant) -> Instant {
+        if self.due > now { self.due } else { NEVER }
+    }
+
+    /// Finds the devices that are not heard now: the run ends.
+    pub fn find_all(&mut self) {
+        self.found.extend(self.devices.iter_mut().filter_map(|device| device.find_if(|_| true)));
+    }
+
+    /// Finds the devices that were not heard at this instant, which no look came after: a claim ends there that
+    /// something did not come. A device whose rate LSS is changing is silent by rule.
+    pub fn find_at(&mut self, instant: Instant) {
+        let was_deaf = |spell: &Spell| spell.due != NEVER && spell.since <= instant;
+        self.found.extend(self.devices.iter_mut().filter_map(|device| device.find_if(was_deaf)));
+    }
+
+    /// Returns the devices that are not heard now, and those that were found before, each once.
+    #[must_use]
+    pub fn all(&self) -> Vec<NotHeard> {
+        let state = |device: &Watched| match &device.spell {
+            Some(spell) => Some(device.not_heard(spell)),
+            None => device.told.clone(),
+        };
+        self.devices.iter().filter_map(state).collect()
+    }
+}
+
+impl Watched {
+    fn look(&mut self, world: &mut World) -> Option<NotHeard> {
+        let now = world.now();
+        let is_powered = world.is_powered(self.node);
+        let starts = is_powered && !self.was_powered || self.first_rate.is_some();
+        self.was_powered = is_powered;
+        if is_powered {
+            self.first_rate = None;
+        }
+        let rate = if is_powered { Some(world.device_rate(self.node)) } else { self.first_rate };
+        let bus = world.bit_rate();
+        let Some(rate) = rate.filter(|rate| *rate != bus) else {
+            // Nobody may have looked when its time was up.
+            let told = self.find_if(|spell| now >= spell.due);
+            self.spell = None;
+            if let Some(told) = &mut self.told {
+                told.is_over = true;
+            }
+            return told.map(|told| NotHeard { is_over: true, ..told });
+        };
+        let is_switching = world.is_switching_bit_rate(self.node);
+        let due = after(now, if starts { TICK } else { GRACE });
+        let spell = self.spell.get_or_insert(Spell { since: now, due, is_told: false, rate, bus });
+        (spell.rate, spell.bus) = (rate, bus);
+        if is_switching {
+            spell.due = NEVER;
+        } else if spell.due == NEVER {
+            spell.due = after(now, GRACE);
+        }
+        self.find_if(|spell| now >= spell.due)
+    }
+
+    /// Returns the device, once in a spell, if that is as it is wanted.
+    fn find_if(&mut self, is_wanted: impl Fn(&Spell) -> bool) -> Option<NotHeard> {
+        let spell = self.spell.as_mut().filter(|spell| !spell.is_told && is_wanted(spell))?;
+        spell.is_told = true;
+        let spell = *spell;
+        self.told = Some(self.not_heard(&spell));
+        self.told.clone()
+    }
+
+    fn not_heard(&self, spell: &Spell) -> NotHeard {
+        let reason = reason(&self.device, self.is_new, spell.rate, spell.bus);
+        NotHeard { device: self.device.name.clone(), since: spell.since, is_over: false, reason }
+    }
+}
+
+/// Returns the sentence about a device, with the remedy. What is written of a device counts for a new memory alone.
+fn reason(device: &NamedDevice, is_new: bool, rate: BitRate, bus: BitRate) -> String {
+    let kilobits = |rate: BitRate| rate.bits_per_second() / 1000;
+    let other_device = (is_new && device.birth.bit_rate == Some(rate) && device.kind.bit_rates().contains(&bus))
+        .then(|| format!("{},bit-rate={}k, or ", written(device), kilobits(bus)));
+    format!(
+        "{} runs at {} kbit/s and the bus at {} kbit/s: it cannot communicate and will disturb the bus; use {}a bus at {}k",
+        device.name,
+        kilobits(rate),
+        kilobits(bus),
+        other_device.unwrap_or_default(),
+        kilobits(rate)
+    )
+}
+
+/// Returns a device as `--device` has it, without a serial number and a bit rate.
+fn written(NamedDevice { name, kind, birth }: &NamedDevice) -> String {
+    let mut text = kind.name().to_owned();
+    match birth.node_id {
+        id if id == kind.default_birth().node_id => {}
+        Some(id) => text.push_str(&format!("@0x{id:02X}")),
+        None => text.push_str(",blank"),
+    }
+    if name != kind.name() {
+        text.push_str(&format!(",name={name}"));
+    }
+    text
+}
