@@ -57,7 +57,7 @@ export class Bus {
     if (bus !== undefined) this.show(bus);
   }
 
-  show({ t_us, bit_rate, load, disturb: { frames, id, extended } }) {
+  show({ t_us, bit_rate, load, disturb: { frames, id, extended }, not_heard }) {
     clock.hear(t_us);
     this.showTime();
     byId("load-bar").value = load;
@@ -66,6 +66,9 @@ export class Bus {
     const whose = id === null ? "" : ` of ${hex(id, extended ? 8 : 3)}`;
     setText(byId("disturbed"), frames > 0 ? `${frames} left${whose}` : "");
     byId("spare").disabled = frames === 0;
+    const unheard = not_heard.filter((device) => !device.is_over).map((device) => device.reason);
+    setText(byId("unheard"), unheard.join("\n"));
+    byId("unheard").hidden = unheard.length === 0;
   }
 
   showTime() {

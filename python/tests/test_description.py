@@ -11,6 +11,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from pve_sim import (
+    BusError,
     BusState,
     Disturbance,
     Fault,
@@ -19,6 +20,7 @@ from pve_sim import (
     SensorPlant,
     SensorState,
     Simulator,
+    Unheard,
     ValvePlant,
     ValveState,
 )
@@ -54,6 +56,8 @@ def keys(*kinds: type) -> set[str]:
         ("Fault", names(Fault)),
         ("BusState", names(BusState)),
         ("DisturbState", names(Disturbance)),
+        ("NotHeard", names(Unheard)),
+        ("BusTrouble", names(BusError) - {"sender"} | {"from"}),
         ("FrameRecord", names(Frame) - {"sender"} | {"from"}),
         ("PlantChange", keys(types.ValveChange, types.SensorChange)),
         # The instant, the name and the kind are known to whoever waits.

@@ -43,7 +43,7 @@ pub struct RunArgs {
     /// The keys:
     ///   name=NAME  1–32 of a–z, 0–9 and '-'; by default the kind, then kind-2 …
     ///   serial=N   decimal or 0x; by default the next free one; part of the NAME on ISOBUS
-    ///   bit-rate=N of a valve 125k, 250k, 500k, by default 250k; of an angle sensor as --bit-rate, by default 500k
+    ///   bit-rate=N of a valve 125k, 250k, 500k; of an angle sensor as --bit-rate; by default the rate of the bus
     ///   blank      CANopen only: no node ID, waits for LSS
     ///
     /// With --state a memory that exists decides; ID, serial and bit-rate fill a new one only.
@@ -82,7 +82,7 @@ pub struct RunArgs {
     #[arg(long, help_heading = "Bus")]
     beacon: bool,
 
-    /// The rate of the bus, in bit/s, or as in 250k and 1M [default: the rate of the first device]
+    /// The rate of the bus, in bit/s, or as in 250k and 1M [default: the rate of the first device: of a valve 250k, of an angle sensor 500k]
     #[arg(long, value_name = "N", value_parser = bit_rate, help_heading = "Bus")]
     bit_rate: Option<BitRate>,
 

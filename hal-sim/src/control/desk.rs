@@ -9,7 +9,7 @@ use super::events::Events;
 use super::message::{
     Answer, BusState, DisturbState, Message, NotHeard, Refusal, Sent, SpeedValue, StepWord, Stopped, Time, Waited,
 };
-use super::record::{Frames, Passed, raw};
+use super::record::{BusTrouble, Frames, Passed, raw};
 use super::wait::Waits;
 use crate::devices::RateWatch;
 use crate::explain::Explainer;
@@ -101,8 +101,11 @@ impl Desk {
     /// Shows an event, and what is told of one that is trouble. To be called with each of them in their order, before
     /// [`attend`](Self::attend).
     pub(crate) fn show(&mut self, event: &Event, trouble: Option<&str>, explainer: &Explainer) {
-        if let Some(trouble) = trouble {
-            self.events.show_trouble(event, trouble);
+        if let Some(meaning) = trouble {
+            let trouble =
+                BusTrouble { t_us: event.at.as_micros(), from: event.who.to_string(), meaning: meaning.to_owned() };
+            self.events.show_trouble(&trouble);
+            self.frames.keep_error(trouble);
         }
         let Some(frame) = event.frame() else { return };
         let passed = Passed { at: event.at, frame: *frame, from: event.who.clone() };

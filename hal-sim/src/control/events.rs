@@ -6,13 +6,12 @@ use protocol_core::device::View;
 use protocol_core::time::{Duration, Instant, NEVER, after};
 use serde::Serialize;
 use tokio::sync::broadcast;
-use utoipa::ToSchema;
 
 use super::message::Refusal;
-use super::record::Passed;
+use super::record::{BusTrouble, Passed};
 use crate::kind::Kind;
 use crate::state::{DeviceState, PlantState};
-use crate::world::{Event, NodeId, World};
+use crate::world::{NodeId, World};
 
 /// The most events that wait for a follower: about a second of a bus under full load. One that is slower loses the
 /// oldest.
@@ -64,17 +63,6 @@ impl Happening {
 /// Returns a value as JSON. The numbers and texts of this interface have no value that JSON has not.
 pub(super) fn json(value: &impl Serialize) -> String {
     serde_json::to_string(value).unwrap_or_default()
-}
-
-/// Something went wrong on the bus.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
-pub(super) struct BusTrouble {
-    /// When, in microseconds of virtual time.
-    t_us: u64,
-    /// Whose frame was destroyed, or who changed its error mode.
-    from: String,
-    /// What it is, as in the trace.
-    meaning: String,
 }
 
 /// What happens from an instant on.
@@ -157,10 +145,9 @@ impl Events {
     }
 
     /// Tells what went wrong on the bus.
-    pub(super) fn show_trouble(&self, event: &Event, meaning: &str) {
+    pub(super) fn show_trouble(&self, trouble: &BusTrouble) {
         if self.is_followed() {
-            let (t_us, from) = (event.at.as_micros(), event.who.to_string());
-            tell(&self.channel, What::Error(BusTrouble { t_us, from, meaning: meaning.to_owned() }));
+            tell(&self.channel, What::Error(trouble.clone()));
         }
     }
 

@@ -11,7 +11,7 @@ use utoipa::ToSchema;
 use crate::explain::Explainer;
 use crate::trace::write_hex;
 
-/// The most frames that are kept: a second of a bus under full load, and minutes of a usual one.
+/// The most frames and errors that are kept: a second of a bus under full load, and minutes of a usual one.
 pub(super) const KEPT: usize = 4096;
 
 /// A frame that was on the bus.
@@ -31,6 +31,28 @@ pub struct FrameRecord {
     pub meaning: String,
 }
 
+/// An error of the bus: the first error frame of a frame that is being destroyed, a change of an error mode, or frames
+/// that were dropped.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
+pub(super) struct BusTrouble {
+    /// When, in microseconds of virtual time.
+    pub t_us: u64,
+    /// Whose frame was destroyed, or who changed its error mode.
+    pub from: String,
+    /// What it is, as in the trace.
+    pub meaning: String,
+}
+
+/// An entry of the trace.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
+#[serde(untagged)]
+pub(super) enum TraceRecord {
+    /// A frame.
+    Frame(FrameRecord),
+    /// An error of the bus: an entry without `id`.
+    Error(BusTrouble),
+}
+
 /// A frame with its end and its sender.
 #[derive(Clone, Debug)]
 pub(super) struct Passed {
@@ -39,38 +61,59 @@ pub(super) struct Passed {
     pub(super) from: Arc<str>,
 }
 
-/// The last frames, and what explains them: that is left to others than the world.
+/// What is kept of the bus.
+#[derive(Clone, Debug)]
+enum Kept {
+    Frame(Passed),
+    Error(BusTrouble),
+}
+
+/// The last frames and errors, and what explains them: that is left to others than the world.
 #[derive(Debug)]
 pub struct Excerpt {
-    passed: Vec<Passed>,
+    kept: Vec<Kept>,
     explainer: Explainer,
 }
 
 impl Excerpt {
-    /// Returns the records of the frames, oldest first.
-    pub(super) fn records(&self) -> Vec<FrameRecord> {
+    /// Returns the records, oldest first.
+    pub(super) fn records(&self) -> Vec<TraceRecord> {
         let meaning = |passed: &Passed| self.explainer.explain(&passed.frame, Some(&passed.from));
-        self.passed.iter().map(|passed| passed.record(meaning(passed))).collect()
+        let record = |kept: &Kept| match kept {
+            Kept::Frame(passed) => TraceRecord::Frame(passed.record(meaning(passed))),
+            Kept::Error(trouble) => TraceRecord::Error(trouble.clone()),
+        };
+        self.kept.iter().map(record).collect()
     }
 }
 
-/// The last frames.
+/// The last frames and errors.
 #[derive(Debug, Default)]
-pub(super) struct Frames(VecDeque<Passed>);
+pub(super) struct Frames(VecDeque<Kept>);
 
 impl Frames {
-    /// Keeps a frame, and lets the oldest go when there are too many.
+    /// Keeps a frame.
     pub(super) fn keep(&mut self, passed: Passed) {
+        self.push(Kept::Frame(passed));
+    }
+
+    /// Keeps an error of the bus.
+    pub(super) fn keep_error(&mut self, trouble: BusTrouble) {
+        self.push(Kept::Error(trouble));
+    }
+
+    /// Returns the last entries, with what explains them.
+    pub(super) fn last(&self, limit: usize, explainer: &Explainer) -> Excerpt {
+        let kept = self.0.iter().skip(self.0.len().saturating_sub(limit)).cloned().collect();
+        Excerpt { kept, explainer: explainer.clone() }
+    }
+
+    /// Lets the oldest entry go when there are too many.
+    fn push(&mut self, kept: Kept) {
         if self.0.len() == KEPT {
             self.0.pop_front();
         }
-        self.0.push_back(passed);
-    }
-
-    /// Returns the last frames, with what explains them.
-    pub(super) fn last(&self, limit: usize, explainer: &Explainer) -> Excerpt {
-        let passed = self.0.iter().skip(self.0.len().saturating_sub(limit)).cloned().collect();
-        Excerpt { passed, explainer: explainer.clone() }
+        self.0.push_back(kept);
     }
 }
 

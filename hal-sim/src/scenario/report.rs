@@ -53,7 +53,8 @@ impl Outcome {
     pub fn failures(&self, file: &str) -> String {
         let mut text = String::new();
         for (place, failure) in self.failures.iter().enumerate() {
-            failure.write(&mut text, file, place == 0);
+            let is_first = self.failures.iter().take(place).all(|earlier| earlier.is_not_heard);
+            failure.write(&mut text, file, is_first);
         }
         text
     }

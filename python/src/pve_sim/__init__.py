@@ -11,6 +11,7 @@ from ._device import Device, Devices, Sensor, Valve
 from ._errors import (
     Conflict,
     InvalidValue,
+    NotHeard,
     Refused,
     SimulatorEnded,
     SimulatorError,
@@ -20,6 +21,7 @@ from ._errors import (
 )
 from ._simulator import Events, Simulator
 from ._state import (
+    BusError,
     BusState,
     DeviceState,
     Disturbance,
@@ -29,11 +31,13 @@ from ._state import (
     Led,
     SensorPlant,
     SensorState,
+    Unheard,
     ValvePlant,
     ValveState,
 )
 
 __all__ = [
+    "BusError",
     "BusState",
     "Conflict",
     "Device",
@@ -46,6 +50,7 @@ __all__ = [
     "Frame",
     "InvalidValue",
     "Led",
+    "NotHeard",
     "Refused",
     "Sensor",
     "SensorPlant",
@@ -54,6 +59,7 @@ __all__ = [
     "SimulatorEnded",
     "SimulatorError",
     "StartError",
+    "Unheard",
     "UnknownDevice",
     "Valve",
     "ValvePlant",

@@ -61,6 +61,7 @@ class Device(Generic[S]):
         answer: Json = self._process.call("POST", "/wait", condition, takes_time=True)
         if "error" not in answer:
             return cast(S, state_of(answer))
+        self._process.check_heard()
         raise self._timeout(wanted, within_ms, answer)
 
     def _timeout(self, wanted: Mapping[str, Any], within_ms: int, answer: Json) -> WaitTimeout:

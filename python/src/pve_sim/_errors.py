@@ -40,6 +40,10 @@ class UnknownDevice(SimulatorError, KeyError):
         return Exception.__str__(self)
 
 
+class NotHeard(SimulatorError):
+    """A device runs at another bit rate than the bus, or did: it cannot communicate. The text names the remedy."""
+
+
 class WaitTimeout(SimulatorError, TimeoutError):
     """A state or a frame did not come in time. The text has what came instead."""
 

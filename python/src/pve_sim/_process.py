@@ -17,7 +17,16 @@ from typing import IO, Any
 from urllib.parse import urlsplit
 
 from ._binary import find_binary
-from ._errors import Conflict, InvalidValue, Refused, SimulatorEnded, SimulatorError, StartError, UnknownDevice
+from ._errors import (
+    Conflict,
+    InvalidValue,
+    NotHeard,
+    Refused,
+    SimulatorEnded,
+    SimulatorError,
+    StartError,
+    UnknownDevice,
+)
 
 #: Longest wait for the ready line, for an answer that takes no virtual time, and for the end, in seconds: a busy machine
 #: is no fault.
@@ -40,6 +49,8 @@ class Process:
     def __init__(self, arguments: Sequence[str], executable: str | None) -> None:
         command = [executable or find_binary(), *arguments]
         self._closed = False
+        #: The devices that may run at another bit rate than the bus, and those that were told of.
+        self.not_heard: frozenset[str] = frozenset()
         # Ctrl-C goes to the terminal's whole group of processes: this one decides when the simulator ends, and may still
         # ask it something. When this process is killed, the pipe of stdout breaks, and that ends pve-sim: a signal of the
         # kernel at a parent's death would come at the end of the thread that started it, already.
@@ -122,6 +133,15 @@ class Process:
         if answer.status in (200, 408):
             return json.loads(text)
         raise self._refused(answer.status, text)
+
+    def check_heard(self) -> None:
+        """Raises `NotHeard` when a device runs at another bit rate than the bus, or did, and was not told of."""
+        __tracebackhide__ = True
+        devices = self.call("GET", "/bus")["not_heard"]
+        told = [device for device in devices if device["device"] not in self.not_heard]
+        if told:
+            self.not_heard |= {device["device"] for device in told}
+            raise NotHeard("\n".join(device["reason"] for device in told))
 
     def open(self, path: str) -> tuple[HTTPConnection, HTTPResponse]:
         """Returns the answer to a GET that has no end, and its connection."""

@@ -12,9 +12,10 @@ from urllib.parse import urlsplit
 from weakref import WeakSet
 
 from ._device import Device, Devices, Sensor, Valve
-from ._errors import InvalidValue, SimulatorError, WaitTimeout
+from ._errors import Conflict, InvalidValue, NotHeard, SimulatorError, UnknownDevice, WaitTimeout
 from ._process import Process
 from ._state import (
+    BusError,
     BusState,
     Event,
     Frame,
@@ -59,8 +60,9 @@ class Simulator:
         log: str | os.PathLike[str] | None = None,
         options: Sequence[str] = (),
         executable: str | os.PathLike[str] | None = None,
+        not_heard: str | Iterable[str] = (),
     ) -> None:
-        """Starts a simulator. The arguments are the options of `pve-sim run`.
+        """Starts a simulator. The arguments are the options of `pve-sim run`, `not_heard` aside.
 
         Args:
             devices: As for `--device`, for example "pvea-canopen@0x20,name=boom". Without any, one valve on CANopen.
@@ -73,9 +75,11 @@ class Simulator:
             log: The file that every frame is written to.
             options: Further options of the command.
             executable: The command; without it that of `PVE_SIM` in the environment, of this package, or of the search path.
+            not_heard: The name of a device that may run at another bit rate than the bus, or several: a test of that.
 
         Raises:
             StartError: the command was not found, or did not start; the text has its stderr.
+            NotHeard: a device runs at another bit rate than the bus.
         """
         arguments = ["run", "--bus", "socketcand://127.0.0.1:0/pve0", "--http", "127.0.0.1:0", "--color", "never"]
         values = {"--speed": speed, "--bit-rate": bit_rate, "--seed": seed, "--state": state, "--log": log}
@@ -88,8 +92,13 @@ class Simulator:
                 arguments += [option, str(value)]
         self._process = Process([*arguments, *options], None if executable is None else os.fspath(executable))
         self._buses: WeakSet[can.BusABC] = WeakSet()
+        self._process.not_heard = frozenset([not_heard] if isinstance(not_heard, str) else not_heard)
         try:
             states: list[Json] = self._process.call("GET", "/devices")
+            unknown = self._process.not_heard - {state["name"] for state in states}
+            if unknown:
+                raise UnknownDevice(f"not_heard: no device {', '.join(sorted(unknown))}")
+            self._process.check_heard()
         except BaseException:
             self._process.close()
             raise
@@ -197,7 +206,11 @@ class Simulator:
         body: Json = {"id": id, "data": hexadecimal(data), "extended": extends(id, extended)}
         if every_ms is not None:
             body["every_ms"] = every_ms
-        sent: int = self._process.call("POST", "/bus/frames", body, takes_time=True)["t_us"]
+        try:
+            sent: int = self._process.call("POST", "/bus/frames", body, takes_time=True)["t_us"]
+        except Conflict:
+            self._process.check_heard()
+            raise
         return sent
 
     def stop(self, id: int | None = None, *, extended: bool | None = None) -> int:
@@ -227,14 +240,16 @@ class Simulator:
         answer: Json = self._process.call("POST", "/wait", wanted, takes_time=True)
         if "error" not in answer:
             return Frame.of(answer)
+        self._process.check_heard()
         at, name = milliseconds(answer["t_us"]), name_of(id, is_extended)
         error = WaitTimeout(f"no frame {name}#{begin.upper()} came within {within_ms} ms, until {at}")
         error.t_us = answer["t_us"]
         raise error
 
-    def trace(self, limit: int = 100) -> list[Frame]:
-        """Returns the last frames, oldest first; 4096 are kept."""
-        return [Frame.of(frame) for frame in self._process.call("GET", f"/trace?limit={limit}")]
+    def trace(self, limit: int = 100) -> list[Frame | BusError]:
+        """Returns the last frames and errors of the bus, oldest first; 4096 are kept."""
+        entries: list[Json] = self._process.call("GET", f"/trace?limit={limit}")
+        return [Frame.of(entry) if "id" in entry else BusError.of(entry) for entry in entries]
 
     def trace_text(self, limit: int = 30) -> str:
         """Returns the last frames, explained, for people; of a simulator that has ended, what it printed of them.
@@ -273,11 +288,38 @@ class Simulator:
         """The ID of the process."""
         return self._process.pid
 
+    def check_heard(self) -> None:
+        """Checks that every device runs at the bit rate of the bus, and always has: changes may take a second.
+
+        The start, a wait in vain and the end do so by themselves.
+
+        Raises:
+            NotHeard: one does not, or did not, and `not_heard` does not name it. It is told once.
+        """
+        self._process.check_heard()
+
     def close(self) -> None:
         """Shuts the clients of `bus` down and ends the process, which stores what is to be stored.
 
         More than once is allowed.
+
+        Raises:
+            NotHeard: a device was not heard; the process has ended all the same.
         """
+        deaf: NotHeard | None = None
+        try:
+            if self in running and not self._process.has_died():
+                self._process.check_heard()
+        except NotHeard as error:
+            deaf = error
+        except SimulatorError:
+            # It ended meanwhile.
+            pass
+        self._end()
+        if deaf is not None:
+            raise deaf
+
+    def _end(self) -> None:
         running.discard(self)
         for bus in list(self._buses):
             bus.shutdown()
@@ -292,7 +334,10 @@ class Simulator:
         ended = self._process.ended() if self._process.has_died() else None
         if isinstance(error, Exception):
             error.add_note(f"The last frames of pve-sim:\n{self.trace_text(_SHOWN)}")
-        self.close()
+        if error is None:
+            self.close()
+        else:
+            self._end()
         if ended is not None and error is None:
             raise ended
 

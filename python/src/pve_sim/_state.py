@@ -238,6 +238,39 @@ class Frame:
 
 
 @dataclass(frozen=True)
+class BusError:
+    """An error of the bus: a frame that is being destroyed, a change of an error mode, frames that were dropped."""
+
+    #: When, in microseconds of virtual time.
+    t_us: int
+    #: Whose frame was destroyed, or who changed its error mode.
+    sender: str
+    meaning: str
+
+    @classmethod
+    def of(cls, error: Json) -> BusError:
+        """Returns the error that a JSON object tells."""
+        return cls(error["t_us"], error["from"], error["meaning"])
+
+    def __str__(self) -> str:
+        return f"{milliseconds(self.t_us):>14}  {'!!':>8}  {self.meaning}"
+
+
+@dataclass(frozen=True)
+class Unheard:
+    """A device that runs at another bit rate than the bus, or did."""
+
+    #: The name of the device.
+    device: str
+    #: The instant from which the rates differed, in microseconds of virtual time.
+    t_us: int
+    #: Whether they agree again.
+    is_over: bool
+    #: What is wrong, and the remedy.
+    reason: str
+
+
+@dataclass(frozen=True)
 class Disturbance:
     """The frames that are going to be destroyed."""
 
@@ -259,12 +292,15 @@ class BusState:
     #: How busy the bus was in the last second, in percent.
     load: int
     disturb: Disturbance
+    #: The devices that run at another bit rate than the bus, and those that did for longer than a change takes.
+    not_heard: tuple[Unheard, ...]
 
     @classmethod
     def of(cls, state: Json) -> BusState:
         """Returns the state that a JSON object tells."""
         disturb = Disturbance(**_fields(Disturbance, state["disturb"]))
-        return cls(**{**_fields(BusState, state), "disturb": disturb})
+        not_heard = tuple(Unheard(**_fields(Unheard, device)) for device in state["not_heard"])
+        return cls(**{**_fields(BusState, state), "disturb": disturb, "not_heard": not_heard})
 
 
 @dataclass(frozen=True)
@@ -286,15 +322,21 @@ def is_valve(state: Json) -> bool:
     return "supply_mv" in state["plant"]
 
 
-def digest(frames: Sequence[Frame]) -> list[str]:
-    """Returns frames as people read them: one that is like the last of its identifier is only counted."""
-    kept: list[Frame] = []
+def digest(frames: Sequence[Frame | BusError]) -> list[str]:
+    """Returns the trace as people read it: a frame that is like the last of its identifier is only counted."""
+    kept: list[Frame | BusError] = []
     again: dict[int, list[Frame]] = {}
     place: dict[tuple[int, bool], int] = {}
+    latest: dict[tuple[int, bool], Frame] = {}
     for frame in frames:
+        if isinstance(frame, BusError):
+            kept.append(frame)
+            continue
         key = (frame.id, frame.extended)
         before = place.get(key)
-        if before is not None and (kept[before].data, kept[before].sender) == (frame.data, frame.sender):
+        last = latest.get(key)
+        latest[key] = frame
+        if before is not None and last and (last.data, last.sender) == (frame.data, frame.sender):
             again.setdefault(before, []).append(frame)
         else:
             place[key] = len(kept)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from typing import Any
 
 import pytest
 
 from ._device import Valve
+from ._errors import SimulatorEnded
 from ._simulator import Simulator, running
 
 #: Frames of the trace in a report.
@@ -52,6 +53,17 @@ def pve_sim(pve_sim_factory: Callable[..., Simulator], request: pytest.FixtureRe
 def valve(pve_sim: Simulator) -> Valve:
     """The first valve of the fixture `pve_sim`."""
     return pve_sim.valve
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call() -> Generator[None, Any, Any]:
+    """Fails a test in which a device was not heard: what it did not see proves nothing."""
+    outcome = yield
+    for simulator in list(running):
+        # Of one that has ended its end tells.
+        with suppress(SimulatorEnded):
+            simulator.check_heard()
+    return outcome
 
 
 @pytest.hookimpl(hookwrapper=True)

@@ -21,9 +21,9 @@ use utoipa::OpenApi;
 
 use super::connection::Connection;
 use super::error::{Error, Failure};
-use super::events::BusTrouble;
 use super::guard::guard;
 use super::message::{Answer, Message, TimedOut};
+use super::record::BusTrouble;
 use crate::gateway::{Entrance, ToWorld};
 
 /// The longest body of a request, in bytes.

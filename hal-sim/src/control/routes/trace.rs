@@ -1,4 +1,4 @@
-//! `/trace`: the last frames.
+//! `/trace`: the last frames and errors of the bus.
 
 use axum::Json;
 use serde::Deserialize;
@@ -7,7 +7,7 @@ use utoipa::IntoParams;
 use super::Control;
 use crate::control::error::{Error, Failure, Query};
 use crate::control::message::Message;
-use crate::control::record::{FrameRecord, KEPT};
+use crate::control::record::{KEPT, TraceRecord};
 
 /// How many frames, when nobody says.
 const LIMIT: usize = 100;
@@ -17,17 +17,17 @@ const LIMIT: usize = 100;
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct Part {
-    /// How many of the last frames; 100 without it, and 4096 are kept.
+    /// How many of the last entries; 100 without it, and 4096 are kept.
     limit: Option<usize>,
 }
 
-/// The last frames, oldest first
+/// The last frames and errors of the bus, oldest first; an error has no `id`
 #[utoipa::path(
     get, path = "/trace", operation_id = "showTrace", tag = "trace",
     params(Part),
-    responses((status = 200, body = Vec<FrameRecord>), (status = 400, body = Error))
+    responses((status = 200, body = Vec<TraceRecord>), (status = 400, body = Error))
 )]
-pub(super) async fn show(control: Control, Query(part): Query<Part>) -> Result<Json<Vec<FrameRecord>>, Failure> {
+pub(super) async fn show(control: Control, Query(part): Query<Part>) -> Result<Json<Vec<TraceRecord>>, Failure> {
     let limit = part.limit.unwrap_or(LIMIT).min(KEPT);
     control.ask(|answer| Message::Trace(limit, answer)).await.map(|excerpt| Json(excerpt.records()))
 }
