@@ -11,6 +11,7 @@ import can
 import pytest
 
 from pve_sim import (
+    BusError,
     Conflict,
     Fault,
     Frame,
@@ -151,7 +152,7 @@ def test_frames_are_sent_cyclic_ended_and_traced(stepped: Simulator) -> None:
     assert stepped.stop(0x123) == 1
     stepped.send(0x18FF0001, bytes([1]))
     assert stepped.stop() == 0
-    ours = [frame for frame in stepped.trace(10) if frame.sender == "http"]
+    ours = [frame for frame in stepped.trace(10) if isinstance(frame, Frame) and frame.sender == "http"]
     assert [frame.id for frame in ours] == [0x123] * 4 + [0x18FF0001]
     assert ours[0].t_us == first and ours[3].t_us - ours[2].t_us == 10_000
     assert ours[0].data == b"\x0a\x0b" and ours[4].extended
@@ -204,7 +205,7 @@ def test_time_passes_when_told(stepped: Simulator) -> None:
 
 
 def test_two_runs_with_the_same_calls_are_the_same() -> None:
-    def run() -> list[Frame]:
+    def run() -> list[Frame | BusError]:
         with Simulator(speed="step", seed=7) as sim:
             sim.wait_frame(BOOT_UP)
             drive(sim)

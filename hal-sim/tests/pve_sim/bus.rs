@@ -132,8 +132,9 @@ fn what_was_sent_before_the_end_of_a_connection_reaches_the_bus() {
 #[test]
 fn error_frames_are_told_and_not_poured() {
     for (options, wanted) in [(&[][..], false), (&["--error-frames"][..], true)] {
-        let mut simulator =
-            Simulator::serve(&[&["--bit-rate", "125k", "--device", "pvea-canopen,blank"], options].concat());
+        let mut simulator = Simulator::serve(
+            &[&["--bit-rate", "125k", "--device", "pvea-canopen,blank,bit-rate=250k"], options].concat(),
+        );
         let mut witness = simulator.join();
         let mut client = simulator.join();
         say(&mut client, "< send 123 1 1 >< echo >");

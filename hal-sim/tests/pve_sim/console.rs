@@ -40,13 +40,41 @@ fn the_start_names_the_panel_and_the_words() {
     assert_eq!(next(), "Type help for the words that change what a device senses, and status");
 }
 
+/// Before the ready line, so that whoever has read that line finds the warning.
 #[test]
-fn another_bit_rate_than_that_of_a_device_is_told_at_the_start() {
-    let mut simulator = Simulator::start(&[&ANY_PORT[..], &["--bit-rate", "500k"]].concat());
+fn another_bit_rate_than_that_of_the_bus_is_told_at_the_start() {
+    let device = ["--device", "pvea-canopen,bit-rate=250k"];
+    let mut simulator = Simulator::start(&[&ANY_PORT[..], &device, &["--bit-rate", "500k"]].concat());
     let mut stderr = BufReader::new(simulator.process.stderr.take().expect("a pipe")).lines();
-    let told = stderr.find_map(|line| line.ok().filter(|line| line.contains("pvea-canopen is"))).expect("a warning");
+    let told = stderr.find_map(|line| line.ok().filter(|line| line.contains("cannot communicate"))).expect("a warning");
     assert_eq!(
         told,
-        "pve-sim: pvea-canopen is set to 250000 bit/s, the bus runs at 500000 bit/s: it is not heard, and disturbs"
+        "pve-sim: pvea-canopen runs at 250 kbit/s and the bus at 500 kbit/s: it cannot communicate and will disturb the \
+         bus; use pvea-canopen,bit-rate=500k, or a bus at 250k"
     );
+}
+
+/// The first device's memory decides the rate of the bus, and a device with a new one takes it.
+#[test]
+fn a_stored_bit_rate_is_that_of_the_bus() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let state = folder.path().to_str().expect("text");
+    let run = |devices: &[&str]| {
+        let options = [&ANY_PORT[..], &["--state", state, "--speed", "100"], devices].concat();
+        let mut simulator = Simulator::start(&options);
+        while !simulator.line().contains("701#00") {}
+        let (_, told) = simulator.end(Signal::TERM);
+        told
+    };
+    let told = run(&["--device", "hat1000,bit-rate=125k"]);
+    assert!(!told.contains("cannot communicate"), "{told}");
+    // A written rate fills a new memory only.
+    let told = run(&["--device", "hat1000,bit-rate=1M", "--device", "pvea-canopen"]);
+    assert!(!told.contains("cannot communicate"), "{told}");
+    let told = run(&["--device", "hat1000", "--device", "pvea-canopen,bit-rate=500k"]);
+    assert!(!told.contains("cannot communicate"), "the valve has 125k stored: {told}");
+    let told = run(&["--device", "hat1000", "--device", "hat3000@2,bit-rate=500k"]);
+    assert!(told.contains("use hat3000@0x02,bit-rate=125k, or a bus at 500k"), "{told}");
+    let told = run(&["--device", "hat1000", "--device", "hat3000@2,bit-rate=125k"]);
+    assert!(told.contains("will disturb the bus; use a bus at 500k"), "its memory decides: {told}");
 }

@@ -9,7 +9,10 @@ fn its_state_and_what_is_no_change_of_it() {
     let rig = Rig::stepped(&[]);
     let bus = rig.get("/bus");
     let disturb = json!({"frames": 0, "id": null, "extended": false});
-    assert_eq!(bus, json!({"t_us": 10000, "bit_rate": 250000, "load": bus["load"], "disturb": disturb}));
+    assert_eq!(
+        bus,
+        json!({"t_us": 10000, "bit_rate": 250000, "load": bus["load"], "disturb": disturb, "not_heard": []})
+    );
     for body in [r#"{}"#, r#"{"bit_rate": 300000}"#, r#"{"bit_rate": 0}"#, r#"{"bit_rate": "250k"}"#, r#"{"load": 1}"#]
     {
         rig.refused("PATCH", "/bus", Some(body), 400);
@@ -29,6 +32,33 @@ fn its_state_and_what_is_no_change_of_it() {
     rig.advance(2000);
     let load = rig.get("/bus")["load"].as_u64();
     assert!(load.is_some_and(|load| (45..65).contains(&load)), "{load:?}");
+}
+
+/// Told from the start, before anybody has power; and a second after a change, even when that is undone.
+#[test]
+fn who_is_not_heard_is_told_with_the_remedy() {
+    let sensor = "hat1000 runs at 500 kbit/s and the bus at 250 kbit/s: it cannot communicate and will disturb the bus; \
+                  use hat1000,bit-rate=250k, or a bus at 500k";
+    let valve = "pvea-canopen runs at 250 kbit/s and the bus at 500 kbit/s: it cannot communicate and will disturb the \
+                 bus; use pvea-canopen,bit-rate=500k, or a bus at 250k";
+    let told = |device: &str, t_us: u64, is_over: bool, reason: &str| json!({"device": device, "t_us": t_us, "is_over": is_over, "reason": reason});
+    let rig = Rig::stepped(&["--device", "pvea-canopen", "--device", "hat1000,bit-rate=500k"]);
+    assert_eq!(rig.get("/bus")["not_heard"], json!([told("hat1000", 0, false, sensor)]));
+    // The error frames of the sensor's boot-up are in the trace.
+    let trace = rig.get("/trace");
+    let errors = trace.as_array().expect("a list").iter().filter(|entry| entry.get("id").is_none());
+    let meanings: Vec<&str> = errors.filter_map(|error| error["meaning"].as_str()).collect();
+    assert!(meanings.iter().any(|meaning| meaning.starts_with("error frame: ")), "{trace}");
+    assert!(meanings.iter().any(|meaning| meaning.starts_with("hat1000: error-passive")), "{trace}");
+    let change = |rate: u32| rig.done("PATCH", "/bus", Some(json!({"bit_rate": rate})))["not_heard"].clone();
+    assert_eq!(change(500_000), json!([told("pvea-canopen", 10_000, false, valve), told("hat1000", 0, true, sensor)]));
+    rig.advance(999);
+    assert_eq!(change(250_000)[0]["device"], "hat1000", "the valve was away for less than a second");
+    change(500_000);
+    rig.advance(1001);
+    let both = change(250_000);
+    assert_eq!(both[0], told("pvea-canopen", 1_009_000, true, valve));
+    assert_eq!((&both[1]["is_over"], &both[1]["t_us"]), (&json!(false), &json!(2_010_000)));
 }
 
 /// Use case 5 of the manual, live: the master changes the rate of the valve, then its own.

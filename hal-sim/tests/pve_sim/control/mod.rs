@@ -126,7 +126,7 @@ impl Rig {
     /// The last frames, as the manual prints them, each with its end and its sender.
     pub(crate) fn trace(&self) -> Vec<(u64, String, String)> {
         let frames = self.get("/trace?limit=4096");
-        let frames = frames.as_array().expect("a list").iter();
+        let frames = frames.as_array().expect("a list").iter().filter(|entry| entry.get("id").is_some());
         frames.map(|frame| (micros(&frame["t_us"]), printed(frame), text(&frame["from"]))).collect()
     }
 }
