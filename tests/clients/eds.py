@@ -23,6 +23,8 @@ SERIALS = {(0x1018, 4): SERIAL, (0x6052, 0): str(SERIAL), (0x650B, 0): SERIAL}
 SIGNATURES = 0x1010, 0x1011
 #: A PDO: its communication parameter, its mapping, and the access of what it can hold.
 PDOS = {0x1400: (0x1600, ("rww",)), 0x1800: (0x1A00, ("ro", "rwr"))}
+MAPPINGS = 0x1600, 0x1A00
+INVALID, TOO_HIGH, TOO_LOW = 0x0609_0030, 0x0609_0031, 0x0609_0032
 OFF = 1 << 31
 
 
@@ -75,6 +77,29 @@ def same_access(sdo, dictionary):
             sdo.download(*place, sdo.upload(*place))
 
 
+def same_limits(sdo, dictionary):
+    """What can be written takes its limits, and nothing beyond them that its type has."""
+    looked_at = 0
+    for variable in variables(dictionary):
+        place = variable.index, variable.subindex
+        # The number of mapped objects depends on those.
+        if not variable.writable or variable.min is None or variable.index in MAPPINGS:
+            continue
+        before = sdo.upload(*place)
+        size, signed = len(before), variable.data_type in datatypes.SIGNED_TYPES
+        lowest, highest = (-1 << 8 * size - 1, (1 << 8 * size - 1) - 1) if signed else (0, (1 << 8 * size) - 1)
+        bytes_of = lambda value: value.to_bytes(size, "little", signed=signed)
+        for value in (variable.min, variable.max):
+            sdo.download(*place, bytes_of(value))
+        for value in (variable.min - 1, variable.max + 1):
+            if lowest <= value <= highest:
+                with aborted(INVALID, TOO_HIGH, TOO_LOW):
+                    sdo.download(*place, bytes_of(value))
+        sdo.download(*place, before)
+        looked_at += 1
+    assert looked_at >= 5, looked_at
+
+
 def same_mapping(sdo, dictionary):
     """The first entry of each PDO takes what the EDS says, and nothing else."""
     for communication, (mapping, accesses) in PDOS.items():
@@ -117,6 +142,8 @@ with connected() as valve:
     node.sdo.RESPONSE_TIMEOUT = PATIENCE
     same_values(node.sdo, dictionary)
     same_access(node.sdo, dictionary)
+    same_values(node.sdo, dictionary)
+    same_limits(node.sdo, dictionary)
     same_values(node.sdo, dictionary)
     nothing_else(node.sdo, dictionary)
     same_mapping(node.sdo, dictionary)

@@ -141,6 +141,9 @@ impl Row {
     fn write(&self, out: &mut String) -> std::fmt::Result {
         let mappable = self.entry.mappable();
         writeln!(out, "ObjectType={VAR}\nDataType=0x{:04X}", type_index(self.entry.data_type()))?;
+        if let Some((low, high)) = self.entry.limits {
+            writeln!(out, "LowLimit={low}\nHighLimit={high}")?;
+        }
         writeln!(out, "AccessType={}", access_type(self.entry.access(), mappable))?;
         if let Some(default) = &self.default {
             writeln!(out, "DefaultValue={default}")?;

@@ -77,6 +77,11 @@ fn objects_as_the_page_has_them() {
         ("1018", &["ObjectType=9", "SubNumber=5"]),
         ("1018sub0", &["ParameterName=Highest sub-index", "DefaultValue=3"]),
         ("1018sub2", &["DefaultValue=0x53360000"]),
+        ("1017", &["LowLimit=0", "HighLimit=32767"]),
+        ("1600sub0", &["LowLimit=0", "HighLimit=8"]),
+        ("2023", &["LowLimit=0", "HighLimit=127"]),
+        ("3303", &["LowLimit=-1000", "HighLimit=1000"]),
+        ("6300sub1", &["LowLimit=-16384", "HighLimit=32767"]),
         ("1A00sub2", &["DefaultValue=0x63010110", "AccessType=rw", "DataType=0x0007"]),
         ("6040", &["DataType=0x0006", "AccessType=rww", "PDOMapping=1", "DefaultValue=0"]),
         ("6041", &["AccessType=ro", "PDOMapping=1", "DefaultValue=8"]),
@@ -92,5 +97,57 @@ fn objects_as_the_page_has_them() {
     }
     for serial_number in ["1018sub4", "6052"] {
         assert!(section(&sheet, serial_number).iter().all(|line| !line.starts_with("DefaultValue")));
+    }
+}
+
+#[test]
+fn limits_are_where_the_page_has_a_range() {
+    let sheet = eds(Kind::from_name("hat1000").expect("a kind")).expect("an EDS");
+    let limits = |name: &str| {
+        let lines = section(&sheet, name);
+        let limit = |key: &str| lines.iter().find_map(|line| line.strip_prefix(key)).map(str::to_owned);
+        limit("LowLimit=").zip(limit("HighLimit="))
+    };
+    for (name, low, high) in [
+        ("1029sub1", "0", "2"),
+        ("2001sub2", "1", "255"), // 255 takes the node ID away
+        ("2002sub2", "0", "8"),
+        ("6003", "0", "16383"),
+        ("6509", "-8192", "8191"),
+    ] {
+        assert_eq!(limits(name), Some((low.to_owned(), high.to_owned())), "{name}");
+    }
+    // Every value of the type, or no range.
+    for name in ["1017", "1800sub2", "1800sub3", "1005", "1F80"] {
+        assert_eq!(limits(name), None, "{name}");
+    }
+}
+
+/// The limits fit the type, and the default lies between them.
+#[test]
+fn limits_are_values_of_the_object() {
+    for (kind, _) in sheets() {
+        describe(kind, |entry, initial| {
+            let Some((low, high)) = entry.limits else { return };
+            let object = entry.object();
+            let bits = 8 * u32::from(entry.size());
+            let (lowest, highest) = match entry.data_type() {
+                DataType::I8 | DataType::I16 | DataType::I32 => (-1_i64 << (bits - 1), (1_i64 << (bits - 1)) - 1),
+                _ => (0, (1_i64 << bits) - 1),
+            };
+            let range = i64::from(low)..=i64::from(high);
+            assert!(
+                range.contains(&i64::from(low)) && lowest <= low.into() && i64::from(high) <= highest,
+                "{object:?}"
+            );
+            if let Initial::Fixed(Value::Number(number)) = initial {
+                let default = default(entry.data_type(), Initial::Fixed(Value::Number(number))).expect("a number");
+                let default: i64 = default.strip_prefix("0x").map_or_else(
+                    || default.parse().expect("decimal"),
+                    |hex| i64::from_str_radix(hex, 16).expect("hex"),
+                );
+                assert!(range.contains(&default), "{object:?}: {default}");
+            }
+        });
     }
 }

@@ -104,6 +104,9 @@ pub struct Entry {
     /// sub-index's: "Identity object: highest sub-index".
     #[cfg(feature = "names")]
     pub name: &'static str,
+    /// The lowest and the highest value that the object takes, or has; `None`: those of its type, or no range.
+    #[cfg(feature = "names")]
+    pub limits: Option<(i32, i32)>,
 }
 
 /// The flags in the lowest byte of an entry.
@@ -153,6 +156,8 @@ impl Entry {
             number,
             #[cfg(feature = "names")]
             name,
+            #[cfg(feature = "names")]
+            limits: None,
         }
     }
 
@@ -294,6 +299,17 @@ impl<B: Copy> Row<B> {
             Mappable::Rpdo => flags::RPDO,
             Mappable::Tpdo => flags::TPDO,
         })
+    }
+
+    /// Returns the same row, with the lowest and the highest value that the object takes, or has. What lies behind it
+    /// refuses the others; the limits are for its EDS, and dropped without the feature `names`.
+    #[must_use]
+    #[cfg_attr(not(feature = "names"), allow(unused_variables))]
+    pub const fn within(self, low: i32, high: i32) -> Self {
+        #[cfg(feature = "names")]
+        return Self { entry: Entry { limits: Some((low, high)), ..self.entry }, ..self };
+        #[cfg(not(feature = "names"))]
+        self
     }
 
     /// Returns the same row, stored by "save", with this default.

@@ -78,8 +78,10 @@ pub(super) const DICTIONARY: Dictionary<Object<HatObject, Task>> = Dictionary::n
     Row::ro(0x1018, 4, U32, Identity, "Serial number"),
     Row::constant(0x1029, 0, U8, 2, "Error behaviour: highest sub-index"),
     Row::rw(0x1029, 1, U8, Node(ErrorBehaviour(ErrorClass::Communication)), "Error behaviour: communication error")
+        .within(0, 2)
         .stored(Number(0)),
     Row::rw(0x1029, 2, U8, Node(ErrorBehaviour(ErrorClass::Product)), "Error behaviour: controller error")
+        .within(0, 2)
         .stored(Number(0)),
     Row::constant(0x1800, 0, U8, 5, "TPDO 1 communication: highest sub-index"),
     Row::rw(0x1800, 1, U32, Node(Tpdo(CobId)), "TPDO 1 COB-ID").stored(NodeIdPlus(TPDO_OFF)),
@@ -87,7 +89,9 @@ pub(super) const DICTIONARY: Dictionary<Object<HatObject, Task>> = Dictionary::n
         .stored(Number(pdo::MANUFACTURER as u32)),
     Row::rw(0x1800, 3, U16, Node(Tpdo(InhibitTime)), "TPDO 1 inhibit time").stored(Number(0)),
     Row::rw(0x1800, 5, U16, Node(Tpdo(EventTimer)), "TPDO 1 event timer").stored(Number(0)),
-    Row::rw(0x1A00, 0, U8, Node(Tpdo(Count)), "TPDO 1 mapping: number of objects").stored(Number(1)),
+    Row::rw(0x1A00, 0, U8, Node(Tpdo(Count)), "TPDO 1 mapping: number of objects")
+        .within(0, pdo::ENTRIES as i32)
+        .stored(Number(1)),
     Row::rw(0x1A00, 1, U32, Node(Tpdo(Mapped)), "TPDO 1 mapping 1").stored(Number(0x6004_0020)),
     Row::rw(0x1A00, 2, U32, Node(Tpdo(Mapped)), "TPDO 1 mapping 2").stored(Number(0)),
     Row::rw(0x1A00, 3, U32, Node(Tpdo(Mapped)), "TPDO 1 mapping 3").stored(Number(0)),
@@ -100,15 +104,15 @@ pub(super) const DICTIONARY: Dictionary<Object<HatObject, Task>> = Dictionary::n
     // (R) The manual prints sub-indices 4, 5 and 6.
     Row::constant(0x2001, 0, U8, 2, "Node ID: highest sub-index"),
     Row::ro(0x2001, 1, U8, Product(NodeIdInForce), "Node ID in force"),
-    Row::rw(0x2001, 2, U8, Product(NodeIdDemanded), "Node ID demanded"),
+    Row::rw(0x2001, 2, U8, Product(NodeIdDemanded), "Node ID demanded").within(1, 255),
     Row::constant(0x2002, 0, U8, 2, "Bit rate: highest sub-index"),
     Row::ro(0x2002, 1, U8, Product(BitRateInForce), "Bit rate in force"),
-    Row::rw(0x2002, 2, U8, Product(BitRateDemanded), "Bit rate demanded"),
+    Row::rw(0x2002, 2, U8, Product(BitRateDemanded), "Bit rate demanded").within(0, 8),
     Row::constant(0x6000, 0, U16, 0, "Operating parameters"),
     Row::constant(0x6001, 0, U32, STEPS, "Measuring units per revolution"),
     Row::constant(0x6002, 0, U32, STEPS, "Total measuring range in measuring units"),
-    Row::rw(0x6003, 0, U32, Product(Preset), "Preset value").stored(Number(0)),
-    Row::ro(0x6004, 0, U32, Product(Position), "Position value").mappable(IntoTpdo),
+    Row::rw(0x6003, 0, U32, Product(Preset), "Preset value").within(0, POSITION_MAX as i32).stored(Number(0)),
+    Row::ro(0x6004, 0, U32, Product(Position), "Position value").within(0, POSITION_MAX as i32).mappable(IntoTpdo),
     Row::constant(0x6500, 0, U16, 0, "Operating status"),
     Row::constant(0x6501, 0, U32, STEPS, "Single-turn resolution"),
     Row::ro(0x6503, 0, U16, Product(Alarms), "Alarms").mappable(IntoTpdo),
@@ -117,7 +121,9 @@ pub(super) const DICTIONARY: Dictionary<Object<HatObject, Task>> = Dictionary::n
     Row::constant(0x6506, 0, U16, 0, "Supported warnings"),
     Row::constant(0x6507, 0, U32, VERSIONS, "Profile and software version"),
     Row::constant(0x6508, 0, U32, 0xFFFF_FFFF, "Operating time"),
-    Row::ro(0x6509, 0, I32, Product(Offset), "Offset value").stored(Number(0)),
+    Row::ro(0x6509, 0, I32, Product(Offset), "Offset value")
+        .within(-(STEPS as i32) / 2, STEPS as i32 / 2 - 1)
+        .stored(Number(0)),
     Row::constant(0x650A, 0, U8, 3, "Module identification: highest sub-index"),
     Row::constant(0x650A, 1, I32, 0, "Manufacturer offset value"),
     Row::constant(0x650A, 2, I32, 0, "Manufacturer minimum position value"),

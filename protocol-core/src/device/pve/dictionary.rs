@@ -2,7 +2,8 @@
 //!
 //! Names are those of CiA 301 below 0x2000, of the manual up to 0x5FFF, and of CiA 408 from 0x6000 on.
 
-use crate::actuator::Fault;
+use super::application::FLOAT;
+use crate::actuator::{COUNTER_MAX, Fault, Position};
 use crate::canopen::dictionary::DataType::{I8, I16, Text, U8, U16, U32};
 use crate::canopen::dictionary::DefaultValue::{self, NodeIdPlus, Number};
 use crate::canopen::dictionary::{Dictionary, Entry, Mappable, Row, Table};
@@ -13,6 +14,7 @@ use crate::canopen::node::NodeObject::{
 use crate::canopen::node::Object::{self, ErrorRegister, Identity, Node, Product};
 use crate::canopen::node::PdoParameter::{CobId, Count, Entry as Mapped, TransmissionType};
 use crate::canopen::node::{LOAD, SAVE};
+use crate::canopen::pdo;
 use crate::canopen::sync::SyncConsumer;
 use crate::wire::cob_id::Function;
 use crate::wire::decimal::DIGITS;
@@ -68,6 +70,12 @@ pub(super) enum Task {
     ClearCounters,
 }
 
+/// Full stroke in 0x6300 and 0x6301.
+const FULL: i32 = Position::FULL as i32;
+
+/// The highest producer heartbeat time.
+pub(super) const HEARTBEAT_MAX: u16 = 0x7FFF;
+
 /// How many characters object 0x6053 takes.
 pub(super) const DESCRIPTION_MAX: usize = 10;
 
@@ -107,7 +115,9 @@ pub(super) const DICTIONARY: Dictionary<Object<ValveObject, Task>> = Dictionary:
     Row::signature(0x1011, 1, LOAD, Load, "Restore all default parameters"),
     Row::signature(0x1011, 5, CLEAR_COUNTERS, ClearCounters, "Clear occurrence counters"),
     Row::ro(0x1014, 0, U32, Node(EmcyCobId), "COB-ID EMCY"),
-    Row::rw(0x1017, 0, U16, Node(HeartbeatTime), "Producer heartbeat time").stored(Number(0)),
+    Row::rw(0x1017, 0, U16, Node(HeartbeatTime), "Producer heartbeat time")
+        .within(0, HEARTBEAT_MAX as i32)
+        .stored(Number(0)),
     // (R) sub-index 0 reads 3 although sub-index 4 can be read: the real device does so
     Row::constant(0x1018, 0, U8, 3, "Identity object: highest sub-index"),
     Row::ro(0x1018, 1, U32, Identity, "Vendor ID"),
@@ -118,8 +128,12 @@ pub(super) const DICTIONARY: Dictionary<Object<ValveObject, Task>> = Dictionary:
     Row::rw(0x1028, 1, U32, Node(EmcyConsumer), "Emergency consumer 1").stored(Number(emcy::EmcyConsumer::DEFAULT)),
     Row::constant(0x1400, 0, U8, 2, "RPDO 1 communication: highest sub-index"),
     Row::rw(0x1400, 1, U32, Node(Rpdo(CobId)), "RPDO 1 COB-ID").stored(NodeIdPlus(Function::Rpdo1 as u32)),
-    Row::rw(0x1400, 2, U8, Node(Rpdo(TransmissionType)), "RPDO 1 transmission type").stored(Number(0xFF)),
-    Row::rw(0x1600, 0, U8, Node(Rpdo(Count)), "RPDO 1 mapping: number of objects").stored(Number(2)),
+    Row::rw(0x1400, 2, U8, Node(Rpdo(TransmissionType)), "RPDO 1 transmission type")
+        .within(0xFF, 0xFF)
+        .stored(Number(0xFF)),
+    Row::rw(0x1600, 0, U8, Node(Rpdo(Count)), "RPDO 1 mapping: number of objects")
+        .within(0, pdo::ENTRIES as i32)
+        .stored(Number(2)),
     Row::rw(0x1600, 1, U32, Node(Rpdo(Mapped)), "RPDO 1 mapping 1").stored(Number(0x6040_0010)),
     Row::rw(0x1600, 2, U32, Node(Rpdo(Mapped)), "RPDO 1 mapping 2").stored(Number(0x6300_0110)),
     Row::rw(0x1600, 3, U32, Node(Rpdo(Mapped)), "RPDO 1 mapping 3").stored(Number(DUMMY)),
@@ -131,7 +145,9 @@ pub(super) const DICTIONARY: Dictionary<Object<ValveObject, Task>> = Dictionary:
     Row::constant(0x1800, 0, U8, 2, "TPDO 1 communication: highest sub-index"),
     Row::rw(0x1800, 1, U32, Node(Tpdo(CobId)), "TPDO 1 COB-ID").stored(NodeIdPlus(Function::Tpdo1 as u32)),
     Row::rw(0x1800, 2, U8, Node(Tpdo(TransmissionType)), "TPDO 1 transmission type").stored(Number(0xFF)),
-    Row::rw(0x1A00, 0, U8, Node(Tpdo(Count)), "TPDO 1 mapping: number of objects").stored(Number(2)),
+    Row::rw(0x1A00, 0, U8, Node(Tpdo(Count)), "TPDO 1 mapping: number of objects")
+        .within(0, pdo::ENTRIES as i32)
+        .stored(Number(2)),
     Row::rw(0x1A00, 1, U32, Node(Tpdo(Mapped)), "TPDO 1 mapping 1").stored(Number(0x6041_0010)),
     Row::rw(0x1A00, 2, U32, Node(Tpdo(Mapped)), "TPDO 1 mapping 2").stored(Number(0x6301_0110)),
     Row::rw(0x1A00, 3, U32, Node(Tpdo(Mapped)), "TPDO 1 mapping 3").stored(Number(DUMMY)),
@@ -140,37 +156,46 @@ pub(super) const DICTIONARY: Dictionary<Object<ValveObject, Task>> = Dictionary:
     Row::rw(0x1A00, 6, U32, Node(Tpdo(Mapped)), "TPDO 1 mapping 6").stored(Number(DUMMY)),
     Row::rw(0x1A00, 7, U32, Node(Tpdo(Mapped)), "TPDO 1 mapping 7").stored(Number(DUMMY)),
     Row::rw(0x1A00, 8, U32, Node(Tpdo(Mapped)), "TPDO 1 mapping 8").stored(Number(DUMMY)),
-    Row::ro(0x2001, 0, U8, Product(FaultCount(Fault::SupplyHigh)), "Error: supply voltage too high"),
-    Row::ro(0x2002, 0, U8, Product(FaultCount(Fault::SupplyLow)), "Error: supply voltage too low"),
-    Row::ro(0x200F, 0, U8, Product(FaultCount(Fault::Temperature)), "Error: temperature"),
-    Row::ro(0x2019, 0, U8, Product(FaultCount(Fault::CanBus)), "Error: CAN bus"),
+    Row::ro(0x2001, 0, U8, Product(FaultCount(Fault::SupplyHigh)), "Error: supply voltage too high")
+        .within(0, COUNTER_MAX as i32),
+    Row::ro(0x2002, 0, U8, Product(FaultCount(Fault::SupplyLow)), "Error: supply voltage too low")
+        .within(0, COUNTER_MAX as i32),
+    Row::ro(0x200F, 0, U8, Product(FaultCount(Fault::Temperature)), "Error: temperature").within(0, COUNTER_MAX as i32),
+    Row::ro(0x2019, 0, U8, Product(FaultCount(Fault::CanBus)), "Error: CAN bus").within(0, COUNTER_MAX as i32),
     Row::ro(
         0x201D,
         0,
         U8,
         Product(FaultCount(Fault::SpoolNotAtSetPoint)),
         "Error: spool not at set-point or float not reached",
-    ),
+    )
+    .within(0, COUNTER_MAX as i32),
     // (R) the manual describes it as a spool position that is not reached; it is time guarding
-    Row::ro(0x2023, 0, U8, Product(FaultCount(Fault::TimeGuarding)), "Error: set-point timeout"),
+    Row::ro(0x2023, 0, U8, Product(FaultCount(Fault::TimeGuarding)), "Error: set-point timeout")
+        .within(0, COUNTER_MAX as i32),
     // (R) the EDS list says 0x2040, the object table 0x2024
-    Row::ro(0x2024, 0, U8, Product(FaultCount(Fault::Internal)), "Error: internal error"),
-    Row::ro(0x2040, 0, U8, Product(FaultCount(Fault::Internal)), "Error: internal error (second index)"),
-    Row::rw(0x3300, 0, I8, Product(SetPointPer127), "Set-point, 8 bit").mappable(Mappable::Rpdo),
-    Row::ro(0x3301, 0, I8, Product(ActualPer127), "Actual value, 8 bit").mappable(Mappable::Tpdo),
-    Row::ro(0x3302, 0, I8, Product(ActualInverted), "Actual value, 8 bit, inverted").mappable(Mappable::Tpdo),
-    Row::rw(0x3303, 0, I16, Product(SetPointPer1000), "Set-point, 16 bit").mappable(Mappable::Rpdo),
+    Row::ro(0x2024, 0, U8, Product(FaultCount(Fault::Internal)), "Error: internal error").within(0, COUNTER_MAX as i32),
+    Row::ro(0x2040, 0, U8, Product(FaultCount(Fault::Internal)), "Error: internal error (second index)")
+        .within(0, COUNTER_MAX as i32),
+    Row::rw(0x3300, 0, I8, Product(SetPointPer127), "Set-point, 8 bit").within(-127, 127).mappable(Mappable::Rpdo),
+    Row::ro(0x3301, 0, I8, Product(ActualPer127), "Actual value, 8 bit").within(-127, 127).mappable(Mappable::Tpdo),
+    Row::ro(0x3302, 0, I8, Product(ActualInverted), "Actual value, 8 bit, inverted")
+        .within(-127, 127)
+        .mappable(Mappable::Tpdo),
+    Row::rw(0x3303, 0, I16, Product(SetPointPer1000), "Set-point, 16 bit").within(-1000, 1000).mappable(Mappable::Rpdo),
     // (R) the manual's list of mappable objects calls it a status word
-    Row::ro(0x3304, 0, I16, Product(ActualPer1000), "Actual value, 16 bit").mappable(Mappable::Tpdo),
+    Row::ro(0x3304, 0, I16, Product(ActualPer1000), "Actual value, 16 bit")
+        .within(-1000, 1000)
+        .mappable(Mappable::Tpdo),
     Row::rw(0x6040, 0, U16, Product(ControlWord), "Device control word").mappable(Mappable::Rpdo),
     Row::ro(0x6041, 0, U16, Product(StatusWord), "Device status word").mappable(Mappable::Tpdo),
-    Row::rw(0x6042, 0, I8, Product(DeviceMode), "Device mode").mappable(Mappable::Rpdo),
+    Row::rw(0x6042, 0, I8, Product(DeviceMode), "Device mode").within(1, 2).mappable(Mappable::Rpdo),
     Row::ro(0x6052, 0, Text(DIGITS as u8), Product(SerialNumber), "Device serial number"),
     Row::rw(0x6053, 0, Text(DESCRIPTION_MAX as u8), Product(Description), "Device description")
         .stored(DefaultValue::Product),
     Row::constant(0x605F, 0, U32, 0x0500_0000, "Device capability"),
     Row::constant(0x6300, 0, U8, 1, "VPOC set-point: highest sub-index"),
-    Row::rw(0x6300, 1, I16, Product(SetPoint), "VPOC set-point").mappable(Mappable::Rpdo),
+    Row::rw(0x6300, 1, I16, Product(SetPoint), "VPOC set-point").within(-FULL, FLOAT as i32).mappable(Mappable::Rpdo),
     Row::constant(0x6301, 0, U8, 1, "VPOC actual value: highest sub-index"),
-    Row::ro(0x6301, 1, I16, Product(Actual), "VPOC actual value").mappable(Mappable::Tpdo),
+    Row::ro(0x6301, 1, I16, Product(Actual), "VPOC actual value").within(-FULL, FLOAT as i32).mappable(Mappable::Tpdo),
 ]));

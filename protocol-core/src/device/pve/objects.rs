@@ -4,7 +4,7 @@ use heapless::Vec;
 
 use super::Kind;
 use super::application::{Application, FLOAT};
-use super::dictionary::{DESCRIPTION_MAX, DICTIONARY, Task, ValveObject};
+use super::dictionary::{DESCRIPTION_MAX, DICTIONARY, HEARTBEAT_MAX, Task, ValveObject};
 use super::fault_codes::register;
 use super::records::Factory;
 use super::state_machine::{DeviceMode, DeviceState};
@@ -50,7 +50,7 @@ const RULES: Rules = Rules {
     heartbeat: heartbeat::Rules {
         // Periods are rounded up to it (A).
         resolution: 10,
-        max: 0x7FFF,
+        max: HEARTBEAT_MAX,
     },
     rpdo: pdo::Rules { direction: Mappable::Rpdo, transmission_types: &[pdo::EVENT_DRIVEN..=pdo::EVENT_DRIVEN], ..PDO },
     // (R) The manual prints 7 as the lower end once, 1 otherwise.
