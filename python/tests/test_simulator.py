@@ -58,6 +58,15 @@ def test_python_can_drives_a_valve() -> None:
         assert next(answer for answer in answers if answer.arbitration_id == TPDO and answer.data[0] == 0x0F)
 
 
+def test_a_spool_has_measured_times() -> None:
+    with Simulator("pvea-canopen@0x20,stroke-ms=500", speed="step") as sim:
+        sim.wait_frame(BOOT_UP)
+        sim.send(0, [1, 0x20])
+        sim.send(RPDO, struct.pack("<Hh", 0x000F, 16384), every_ms=100)
+        since = sim.valve.wait(position={"min": 1}).t_us
+        assert abs(sim.valve.wait(position=16384).t_us - since - 500_000) < 100
+
+
 def test_a_state_is_typed(stepped: Simulator) -> None:
     state = stepped.valve.state()
     assert (state.name, state.kind, state.node_id, state.bit_rate) == ("boom", "pvea-canopen", 0x20, 250_000)

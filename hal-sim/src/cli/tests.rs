@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use protocol_core::actuator::SpoolTimes;
 use protocol_core::controller::BitRate;
 use protocol_core::device::pve;
 
@@ -50,6 +51,7 @@ fn defaults() {
                 name: "pvea-canopen".to_owned(),
                 kind: PVEA,
                 birth: Birth { node_id: Some(0x20), serial: Some(0x5B2E_0100), bit_rate: None },
+                spool_times: SpoolTimes::DEFAULT,
             }],
             links: vec![],
             buses: vec!["socketcand://127.0.0.1:29536/pve0".parse().unwrap()],
@@ -68,6 +70,13 @@ fn defaults() {
     );
     assert_eq!(run("run"), options);
     assert_eq!(run("--no-http"), RunOptions { http: None, ..options });
+}
+
+#[test]
+fn a_spool_has_the_times_that_are_given() {
+    let options = run("--device pvea-canopen,stroke-ms=320 --device pvea-isobus,return-ms=10,stroke-ms=5000");
+    let times: Vec<_> = options.devices.iter().map(|device| Some(device.spool_times)).collect();
+    assert_eq!(times, [SpoolTimes::new(320, 150), SpoolTimes::new(5000, 10)]);
 }
 
 #[test]
@@ -199,8 +208,21 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ("--device pveo-isobus@0x81,blank", "a pveo-isobus always has an address"),
         ("--device pvea-canopen,blank=1", "'blank' takes no value"),
         ("--device pvea-canopen,blank,blank", "'blank' is given twice"),
-        ("--device pvea-canopen,colour=red", "unknown key 'colour'; accepted: name=, serial=, bit-rate=, blank"),
-        ("--device pvea-canopen,", "unknown key ''; accepted: name=, serial=, bit-rate=, blank"),
+        (
+            "--device pvea-canopen,colour=red",
+            "unknown key 'colour'; accepted: name=, serial=, bit-rate=, stroke-ms=, return-ms=, blank",
+        ),
+        (
+            "--device pvea-canopen,",
+            "unknown key ''; accepted: name=, serial=, bit-rate=, stroke-ms=, return-ms=, blank",
+        ),
+        ("--device pvea-canopen,stroke-ms=9", "'9' is no time of a spool; accepted: 10–5000, in milliseconds"),
+        ("--device pvea-isobus,return-ms=5001", "'5001' is no time of a spool; accepted: 10–5000, in milliseconds"),
+        ("--device pvea-canopen,stroke-ms=0.3", "'0.3' is no time of a spool"),
+        ("--device pvea-canopen,stroke-ms", "'stroke-ms' needs a value"),
+        ("--device pvea-canopen,stroke-ms=300,stroke-ms=300", "'stroke-ms' is given twice"),
+        ("--device hat1000,stroke-ms=300", "'stroke-ms' is of a valve's spool; a hat1000 has none"),
+        ("--device hat3000,return-ms", "'return-ms' is of a valve's spool; a hat3000 has none"),
         ("--device pvea-canopen,name", "'name' needs a value, as in name=…"),
         ("--device pvea-canopen,name=", "'' is no name of a device; accepted: 1–32 characters of a–z, 0–9 and '-'"),
         ("--device pvea-canopen,name=Rear", "'Rear' is no name of a device"),
@@ -329,7 +351,7 @@ fn angle_sensors_beside_valves() {
     let devices: Vec<_> = options
         .devices
         .iter()
-        .map(|NamedDevice { name, kind, birth }| {
+        .map(|NamedDevice { name, kind, birth, .. }| {
             (name.as_str(), kind.name(), birth.node_id, birth.serial, birth.bit_rate)
         })
         .collect();

@@ -204,7 +204,7 @@ fn reason(device: &NamedDevice, is_new: bool, rate: BitRate, bus: BitRate) -> St
 }
 
 /// Returns a device as `--device` has it, without a serial number and a bit rate.
-fn written(NamedDevice { name, kind, birth }: &NamedDevice) -> String {
+fn written(NamedDevice { name, kind, birth, .. }: &NamedDevice) -> String {
     let mut text = kind.name().to_owned();
     match birth.node_id {
         id if id == kind.default_birth().node_id => {}

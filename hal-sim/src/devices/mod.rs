@@ -10,15 +10,20 @@ mod heard;
 mod link;
 mod spec;
 
+#[cfg(test)]
+mod tests;
+
 pub use heard::{GRACE, NotHeard, RateWatch};
 pub use link::{LinkSpec, links};
 pub use spec::{DeviceSpec, bit_rate};
 
+use protocol_core::actuator::SpoolTimes;
 use protocol_core::controller::BitRate;
 
 use crate::explain::{Explainer, Node};
 use crate::kind::{Birth, Kind, Simulated};
-use crate::world::{Link, World};
+use crate::memory::Memory;
+use crate::world::{Link, NodeId, World};
 
 /// A device with the name by which everything calls it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -29,6 +34,21 @@ pub struct NamedDevice {
     pub kind: Kind,
     /// What a new memory is filled with.
     pub birth: Birth,
+    /// The times of its spool, of a valve.
+    pub spool_times: SpoolTimes,
+}
+
+impl NamedDevice {
+    /// Adds the device to a world, healthy and not yet powered.
+    pub(crate) fn add_to(&self, world: &mut World, memory: Memory) -> NodeId {
+        let node = world.add_with(&self.name, self.birth.of(self.kind), memory);
+        let mut senses = *world.senses(node);
+        if let Some(valve) = senses.valve_mut() {
+            valve.spool.times = self.spool_times;
+            world.set_senses(node, senses);
+        }
+        node
+    }
 }
 
 /// A shaft that follows a valve. Both are devices on the bus, a valve and a sensor, and no sensor follows two valves.
@@ -84,7 +104,7 @@ pub fn named(specs: Vec<DeviceSpec>) -> Result<Vec<NamedDevice>, String> {
             taken.push(name.clone());
             name
         });
-        NamedDevice { name, kind: spec.kind, birth: spec.birth }
+        NamedDevice { name, kind: spec.kind, birth: spec.birth, spool_times: spec.spool_times }
     });
     let mut devices: Vec<NamedDevice> = devices.collect();
     number(&mut devices);

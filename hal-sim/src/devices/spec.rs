@@ -2,10 +2,14 @@
 
 use std::str::FromStr;
 
+use protocol_core::actuator::SpoolTimes;
 use protocol_core::controller::BitRate;
 
 use crate::control::SENDER;
 use crate::kind::{Birth, Kind, Simulated};
+
+/// The keys of a device.
+const KEYS: &str = "name=, serial=, bit-rate=, stroke-ms=, return-ms=, blank";
 
 /// The longest name of a device, in characters.
 const NAME_MAX: usize = 32;
@@ -19,13 +23,15 @@ pub struct DeviceSpec {
     pub birth: Birth,
     /// The name that was given; `None`: it gets one after its kind.
     pub name: Option<String>,
+    /// The times of its spool, of a valve.
+    pub spool_times: SpoolTimes,
 }
 
 impl DeviceSpec {
     /// Returns a device of this kind as it leaves the factory.
     #[must_use]
     pub fn new(kind: Kind) -> Self {
-        Self { kind, birth: kind.default_birth(), name: None }
+        Self { kind, birth: kind.default_birth(), name: None, spool_times: SpoolTimes::DEFAULT }
     }
 }
 
@@ -48,6 +54,7 @@ impl FromStr for DeviceSpec {
             spec.birth.node_id = Some(node_id(kind, id)?);
         }
         let mut seen = Vec::new();
+        let (mut stroke_ms, mut return_ms) = (SpoolTimes::DEFAULT.stroke_ms(), SpoolTimes::DEFAULT.return_ms());
         for part in parts {
             let (key, value) = match part.split_once('=') {
                 Some((key, value)) => (key, Some(value)),
@@ -61,6 +68,11 @@ impl FromStr for DeviceSpec {
                 ("name", Some(name)) => spec.name = Some(device_name(name)?),
                 ("bit-rate", Some(rate)) => spec.birth.bit_rate = Some(bit_rate_of(kind, rate)?),
                 ("serial", Some(serial)) => spec.birth.serial = Some(serial_number(serial)?),
+                ("stroke-ms" | "return-ms", _) if matches!(kind, Kind::Hat(_)) => {
+                    return Err(format!("'{key}' is of a valve's spool; a {kind} has none"));
+                }
+                ("stroke-ms", Some(time)) => stroke_ms = spool_time(time)?,
+                ("return-ms", Some(time)) => return_ms = spool_time(time)?,
                 ("blank", None) if !kind.can_be_blank() => {
                     return Err(format!("a {kind} always has an address; accepted: @ID, or neither for the default"));
                 }
@@ -69,11 +81,13 @@ impl FromStr for DeviceSpec {
                 }
                 ("blank", None) => spec.birth.node_id = None,
                 ("blank", Some(_)) => return Err("'blank' takes no value".to_owned()),
-                ("name" | "serial" | "bit-rate", None) => return Err(format!("'{key}' needs a value, as in {key}=…")),
-                _ => return Err(format!("unknown key '{key}'; accepted: name=, serial=, bit-rate=, blank")),
+                ("name" | "serial" | "bit-rate" | "stroke-ms" | "return-ms", None) => {
+                    return Err(format!("'{key}' needs a value, as in {key}=…"));
+                }
+                _ => return Err(format!("unknown key '{key}'; accepted: {KEYS}")),
             }
         }
-        Ok(spec)
+        Ok(Self { spool_times: SpoolTimes::new(stroke_ms, return_ms).unwrap_or_default(), ..spec })
     }
 }
 
@@ -106,6 +120,14 @@ pub fn bit_rate(text: &str) -> Option<BitRate> {
     };
     let bits = digits.parse::<u32>().ok().and_then(|number| number.checked_mul(unit));
     bits.and_then(BitRate::from_bits_per_second)
+}
+
+/// Returns a time of the spool, in milliseconds.
+fn spool_time(text: &str) -> Result<u16, String> {
+    let range = SpoolTimes::RANGE_MS;
+    text.parse().ok().filter(|time| range.contains(time)).ok_or_else(|| {
+        format!("'{text}' is no time of a spool; accepted: {}–{}, in milliseconds", range.start(), range.end())
+    })
 }
 
 fn serial_number(text: &str) -> Result<u32, String> {

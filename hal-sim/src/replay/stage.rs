@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use protocol_core::device::{Device, Senses};
+use protocol_core::device::Device;
 use protocol_core::frame::Frame;
 use protocol_core::time::{Instant, after};
 
@@ -16,7 +16,6 @@ use super::report::{Difference, What};
 use crate::Memory;
 use crate::devices::NamedLink;
 use crate::explain::{Explainer, Node};
-use crate::kind::Simulated as _;
 use crate::world::{EventKind, NodeId, TapId, World};
 
 /// The bus of a replay.
@@ -42,9 +41,7 @@ impl Stage {
         world.record_events(true);
         let mut nodes = Vec::new();
         for device in &options.devices {
-            let node = world.add_device(&device.name, device.kind.factory(device.birth), Memory::in_ram());
-            world.set_senses(node, Senses::healthy(device.kind));
-            nodes.push(node);
+            nodes.push(device.add_to(&mut world, Memory::in_ram()));
         }
         // After the devices: where one of them and the log send the same frame at once, it is the device's.
         let others = world.add_gateway("the log");

@@ -26,7 +26,7 @@ pub(super) fn world(options: &RunOptions) -> Result<(World, RateWatch, Vec<Strin
     let bit_rate = options.bit_rate.or_else(|| first_rate(devices.first()?, memories.first()?));
     let mut world = World::new(devices::share_bit_rate(&mut devices, bit_rate), options.seed);
     for (device, memory) in devices.iter().zip(memories) {
-        world.add_with(&device.name, device.birth.of(device.kind), memory);
+        device.add_to(&mut world, memory);
     }
     devices::link_in(&mut world, &options.links);
     let mut rates = RateWatch::new(&devices, &mut world);

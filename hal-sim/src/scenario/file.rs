@@ -45,7 +45,7 @@ pub(super) struct ScenarioFile {
 )]
 #[schema(as = Device)]
 pub(super) enum DeviceEntry {
-    /// As in --device: KIND[@ID][,name=…][,serial=…][,bit-rate=…][,blank].
+    /// As in --device: KIND[@ID][,KEY=VALUE…], with name, serial, bit-rate, stroke-ms, return-ms, blank.
     Text(String),
     /// The same with what the scenario asks of it.
     Table(DeviceTable),
@@ -56,7 +56,7 @@ pub(super) enum DeviceEntry {
 #[serde(deny_unknown_fields)]
 #[schema(as = DeviceTable)]
 pub(super) struct DeviceTable {
-    /// As in --device: KIND[@ID][,name=…][,serial=…][,bit-rate=…][,blank].
+    /// As in --device: KIND[@ID][,KEY=VALUE…], with name, serial, bit-rate, stroke-ms, return-ms, blank.
     pub(super) device: String,
     /// Whether the device has to run at the bit rate of the bus; true by default.
     #[serde(default, deserialize_with = "given")]

@@ -12,6 +12,7 @@ use super::pattern::Pattern;
 use crate::bus::Disturbance;
 use crate::devices::{self, DeviceSpec, LinkSpec, NamedDevice, NamedLink};
 use crate::kind::Kind;
+use crate::memory::Memory;
 use crate::state::{BusChange, Disturb, Invalid, PlantChange, Power, PowerChange, StateCondition};
 use crate::world::{NodeId, World};
 
@@ -168,7 +169,7 @@ impl Scenario {
     pub(super) fn world(&self, seed: u64) -> World {
         let mut world = World::new(self.bit_rate, seed);
         for device in &self.devices {
-            world.add(&device.name, device.birth.of(device.kind));
+            device.add_to(&mut world, Memory::in_ram());
         }
         devices::link_in(&mut world, &self.links);
         world

@@ -58,6 +58,18 @@ const PARTS: &[Line] = &[
         "--device pvea-canopen,bit-rate=1M",
         "accepted: 125000, 250000, 500000",
     ),
+    (
+        "stroke-ms=",
+        "--device pvea-canopen,stroke-ms=320",
+        "--device pvea-canopen,stroke-ms=9",
+        "accepted: 10–5000, in milliseconds",
+    ),
+    (
+        "return-ms=",
+        "--device pvea-canopen,return-ms=5000",
+        "--device hat1000,return-ms=100",
+        "'return-ms' is of a valve's spool",
+    ),
     ("blank", "--device pvea-canopen,blank", "--device pvea-isobus,blank", "accepted: @ID"),
 ];
 

@@ -38,7 +38,7 @@ pub use register::Changes;
 pub use set_point::{Position, Scale, SetPoint};
 pub use spool::{
     DRIFT_PERCENT, DRIFT_STROKE, END_BAND_PERCENT, NO_FLOAT_PERCENT, SLOWNESS, SOLENOID_STROKE, SPRING_STROKE,
-    SpoolFault, SpoolSense,
+    SpoolFault, SpoolSense, SpoolTimes,
 };
 pub use valve::{ActuatorType, Drive, SpoolMonitors, Valve, ValveConfig, ValveSenses};
 

@@ -2,6 +2,8 @@
 //!
 //! Two solenoids move it at a bounded rate, springs bring it back to neutral, the hand lever wins over both.
 
+use core::ops::RangeInclusive;
+
 use super::Position;
 use super::travel::{Band, Path, Rate, Travel};
 use crate::time::{Duration, Instant};
@@ -22,8 +24,6 @@ pub const NO_FLOAT_PERCENT: i32 = 80;
 /// The spool is in neutral, or has reached float, when it is so many percent of the full stroke away at most (A).
 pub const END_BAND_PERCENT: i32 = 5;
 
-const SOLENOIDS: Rate = Rate::of_full_stroke(SOLENOID_STROKE);
-const SPRINGS: Rate = Rate::of_full_stroke(SPRING_STROKE);
 const DRIFT: Rate = Rate::of_full_stroke(DRIFT_STROKE);
 
 /// Where the spool counts as in neutral.
@@ -47,6 +47,60 @@ pub enum SpoolFault {
     NoFloat,
 }
 
+/// The times of a spool that is sound, as they were measured at a real one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SpoolTimes {
+    stroke_ms: u16,
+    return_ms: u16,
+}
+
+impl SpoolTimes {
+    /// The times that a spool can have, in milliseconds (A).
+    pub const RANGE_MS: RangeInclusive<u16> = 10..=5000;
+    /// [`SOLENOID_STROKE`] and [`SPRING_STROKE`].
+    pub const DEFAULT: Self =
+        Self { stroke_ms: SOLENOID_STROKE.as_millis() as u16, return_ms: SPRING_STROKE.as_millis() as u16 };
+
+    /// Returns the times of a spool that the solenoids move from neutral to full stroke in `stroke_ms`, and the springs
+    /// back in `return_ms`; `None` outside of [`RANGE_MS`](Self::RANGE_MS). The model keeps them within 0.4 %.
+    #[must_use]
+    pub fn new(stroke_ms: u16, return_ms: u16) -> Option<Self> {
+        let are_possible = [stroke_ms, return_ms].iter().all(|ms| Self::RANGE_MS.contains(ms));
+        are_possible.then_some(Self { stroke_ms, return_ms })
+    }
+
+    /// Returns the time of the solenoids from neutral to full stroke, in milliseconds.
+    #[must_use]
+    pub const fn stroke_ms(self) -> u16 {
+        self.stroke_ms
+    }
+
+    /// Returns the time of the springs from full stroke to neutral, in milliseconds.
+    #[must_use]
+    pub const fn return_ms(self) -> u16 {
+        self.return_ms
+    }
+}
+
+impl Default for SpoolTimes {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// How fast solenoids and springs move the spool.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Rates {
+    solenoids: Rate,
+    springs: Rate,
+}
+
+impl Rates {
+    const fn of(times: SpoolTimes) -> Self {
+        Self { solenoids: Rate::nearest(times.stroke_ms), springs: Rate::nearest(times.return_ms) }
+    }
+}
+
 /// What acts on the spool from outside the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SpoolSense {
@@ -56,11 +110,13 @@ pub struct SpoolSense {
     pub lever: Option<Position>,
     /// The position that a sensor reads, on a board that has one: takes the model's place.
     pub measured: Option<Position>,
+    /// How long a stroke takes.
+    pub times: SpoolTimes,
 }
 
 impl SpoolSense {
     /// Nothing acts on a sound spool.
-    pub const FREE: Self = Self { fault: SpoolFault::None, lever: None, measured: None };
+    pub const FREE: Self = Self { fault: SpoolFault::None, lever: None, measured: None, times: SpoolTimes::DEFAULT };
 }
 
 /// What the device does to the spool.
@@ -105,18 +161,25 @@ pub(super) struct Spool {
     path: Path,
     action: Action,
     influence: Influence,
+    rates: Rates,
 }
 
 impl Spool {
     /// Returns a spool at rest in neutral.
     pub(super) const fn new(now: Instant) -> Self {
-        Self { path: Path::rest(Travel::NEUTRAL, now), action: Action::Release, influence: Influence::Device }
+        Self {
+            path: Path::rest(Travel::NEUTRAL, now),
+            action: Action::Release,
+            influence: Influence::Device,
+            rates: const { Rates::of(SpoolTimes::DEFAULT) },
+        }
     }
 
     pub(super) fn sense(&mut self, sense: SpoolSense, now: Instant) {
-        let influence = Influence::from(sense);
-        if influence != self.influence {
+        let (influence, rates) = (Influence::from(sense), Rates::of(sense.times));
+        if (influence, rates) != (self.influence, self.rates) {
             self.influence = influence;
+            self.rates = rates;
             self.plan(self.at(now), now);
         }
     }
@@ -141,7 +204,7 @@ impl Spool {
     #[inline]
     pub(super) fn retarget(&mut self, target: Travel, here: Travel, now: Instant) {
         self.action = Action::Move(target);
-        self.path = Path::new(here, target, SOLENOIDS, now);
+        self.path = Path::new(here, target, self.rates.solenoids, now);
     }
 
     /// Returns the travel of the spool.
@@ -179,8 +242,8 @@ impl Spool {
     /// Plans its way from `here`.
     fn plan(&mut self, here: Travel, now: Instant) {
         self.path = match self.influence {
-            Influence::Device => self.action.path(here, SpoolFault::None, now),
-            Influence::Faulty(fault) => self.action.path(here, fault, now),
+            Influence::Device => self.action.path(here, SpoolFault::None, self.rates, now),
+            Influence::Faulty(fault) => self.action.path(here, fault, self.rates, now),
             Influence::At(position) => Path::rest(position.into(), now),
             Influence::Stuck => Path::rest(here, now),
         };
@@ -189,20 +252,17 @@ impl Spool {
 
 impl Action {
     /// Returns the way from `here` of a spool that is free to move.
-    fn path(self, here: Travel, fault: SpoolFault, now: Instant) -> Path {
+    fn path(self, here: Travel, fault: SpoolFault, rates: Rates, now: Instant) -> Path {
         let (to, rate) = match self {
-            Self::Release => (Travel::NEUTRAL, const { (SPRINGS, SPRINGS.slowed(SLOWNESS)) }),
-            Self::Move(target) => (target, SOLENOID_RATES),
-            Self::Float if fault == SpoolFault::NoFloat => (NO_FLOAT, SOLENOID_RATES),
-            Self::Float => (Travel::FULL_B, SOLENOID_RATES),
+            Self::Release => (Travel::NEUTRAL, rates.springs),
+            Self::Move(target) => (target, rates.solenoids),
+            Self::Float if fault == SpoolFault::NoFloat => (NO_FLOAT, rates.solenoids),
+            Self::Float => (Travel::FULL_B, rates.solenoids),
         };
-        let path = Path::new(here, to, if fault == SpoolFault::Slow { rate.1 } else { rate.0 }, now);
+        let path = Path::new(here, to, if fault == SpoolFault::Slow { rate.slowed(SLOWNESS) } else { rate }, now);
         if fault == SpoolFault::Drifting && self != Self::Release { path.then(drifted(to), DRIFT) } else { path }
     }
 }
-
-/// The solenoids' rate, healthy and slow.
-const SOLENOID_RATES: (Rate, Rate) = (SOLENOIDS, SOLENOIDS.slowed(SLOWNESS));
 
 const NO_FLOAT: Travel = Travel::new(Travel::percent(NO_FLOAT_PERCENT));
 

@@ -1,7 +1,8 @@
 //! Where the spool is at any instant: straight lines in time, in whole numbers.
 //!
-//! Travel is counted in steps so fine that every rate of the model is a whole number of them in a microsecond. So no
-//! position is ever rounded on the way, and none depends on how often it was asked for.
+//! Travel is counted in steps so fine that every rate of the model is a whole number of them in a microsecond: those of
+//! the defaults exactly, those of other times to the nearest. So no position is ever rounded on the way, and none
+//! depends on how often it was asked for.
 
 use super::Position;
 use crate::time::{Duration, Instant, NEVER, delayed, since};
@@ -91,9 +92,26 @@ impl Rate {
         Self(divide(Travel::FULL, micros as i32))
     }
 
-    /// Returns `1/divisor` of the rate, for constants only.
+    /// Returns the rate that comes closest to `millis` from neutral to full stroke: by 0.4 % up to 5000 ms.
+    pub(super) const fn nearest(millis: u16) -> Self {
+        Self(rounded(Travel::FULL, (millis as i32).saturating_mul(1000)))
+    }
+
+    /// Returns `1/divisor` of the rate, or what comes closest to it.
     pub(super) const fn slowed(self, divisor: i32) -> Self {
-        Self(divide(self.0, divisor))
+        Self(rounded(self.0, divisor))
+    }
+}
+
+/// Returns a quotient, rounded; 1 at least: whoever moves arrives.
+const fn rounded(dividend: i32, divisor: i32) -> i32 {
+    let halved = match divisor.checked_div(2) {
+        Some(half) => dividend.saturating_add(half),
+        None => dividend,
+    };
+    match halved.checked_div(divisor) {
+        Some(quotient) if quotient > 0 => quotient,
+        _ => 1,
     }
 }
 

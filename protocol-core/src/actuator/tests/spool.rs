@@ -160,3 +160,66 @@ fn a_spool_at_rest_is_due_for_nothing() {
     rig.valve.poll(Instant::from_micros(212_500));
     assert_eq!(rig.valve.deadline(), NEVER);
 }
+
+#[test]
+fn takes_the_times_that_were_measured() {
+    let timed = |stroke_ms, return_ms| {
+        let mut rig = Rig::new(CANOPEN);
+        let times = SpoolTimes::new(stroke_ms, return_ms).unwrap();
+        rig.sense(0, |senses| senses.spool.times = times);
+        rig
+    };
+    let mut rig = timed(400, 300);
+    rig.drive(0, to(16384));
+    assert_eq!([0, 200, 399, 400].map(|at| rig.position(at)), [0, 8192, 16343, 16384]);
+    rig.drive(1000, Drive::Off);
+    assert_eq!([1000, 1150, 1299, 1300].map(|at| rig.position(at)), [16384, 8192, 54, 0]);
+
+    // Slow, by solenoids and springs alike.
+    let mut rig = timed(100, 60);
+    rig.sense(0, |senses| senses.spool.fault = SpoolFault::Slow);
+    rig.drive(0, to(8192));
+    assert_eq!([200, 400].map(|at| rig.position(at)), [4096, 8192]);
+
+    // No time is kept worse than by 0.4 %.
+    for millis in SpoolTimes::RANGE_MS {
+        let mut rig = timed(millis, millis);
+        rig.drive(0, to(16384));
+        let allowed = u64::from(millis) * 4;
+        let arrives = |micros: u64| rig.valve.position(Instant::from_micros(micros)).raw() == 16384;
+        let whole = u64::from(millis) * 1000;
+        assert!(!arrives(whole - allowed - 1) && arrives(whole + allowed + 1), "{millis} ms");
+    }
+    for impossible in [(9, 150), (250, 5001), (0, 150), (250, 0)] {
+        assert_eq!(SpoolTimes::new(impossible.0, impossible.1), None);
+    }
+}
+
+/// A change in the middle of the way: the rest of it is as fast as the new time says.
+#[test]
+fn other_times_count_from_where_it_is() {
+    let mut rig = Rig::new(CANOPEN);
+    rig.drive(0, to(16384));
+    rig.sense(125, |senses| senses.spool.times = SpoolTimes::new(500, 150).unwrap());
+    assert_eq!([125, 250, 375].map(|at| rig.position(at)), [8192, 12288, 16384]);
+}
+
+/// The monitors look at the spool that there is: a measured stroke that is too slow for them is a fault, as of a real
+/// valve.
+#[test]
+fn a_stroke_slower_than_the_monitors_is_a_fault() {
+    // 85 % of the stroke within 500 ms
+    for (stroke_ms, is_fault) in [(588, false), (590, true)] {
+        let mut rig = Rig::new(CANOPEN);
+        rig.sense(0, |senses| senses.spool.times = SpoolTimes::new(stroke_ms, 150).unwrap());
+        rig.drive(0, to(16384));
+        assert_eq!(rig.active(ms(501)).contains(Fault::SpoolNotAtSetPoint), is_fault, "{stroke_ms} ms");
+    }
+    // 95 % of it within 1000 ms
+    for (stroke_ms, is_fault) in [(1052, false), (1054, true)] {
+        let mut rig = Rig::new(CANOPEN);
+        rig.sense(0, |senses| senses.spool.times = SpoolTimes::new(stroke_ms, 150).unwrap());
+        rig.drive(0, FLOAT);
+        assert_eq!(rig.active(ms(1001)).contains(Fault::FloatNotReached), is_fault, "{stroke_ms} ms");
+    }
+}

@@ -11,6 +11,7 @@ use hal_sim::recording::{Format, Writer};
 use hal_sim::replay::{Outcome, ReplayOptions, replay};
 use hal_sim::trace::{Entry, Record, Timestamp};
 use hal_sim::use_case::{Bench, Device, find, play};
+use protocol_core::actuator::SpoolTimes;
 use protocol_core::controller::BitRate;
 use protocol_core::time::{Duration, after};
 
@@ -49,6 +50,7 @@ fn replays(file: PathBuf, devices: &[Device]) -> u64 {
         name: device.kind.name().to_owned(),
         kind: device.kind,
         birth: Birth { node_id: Some(device.node_id), serial: device.serial, bit_rate: None },
+        spool_times: SpoolTimes::DEFAULT,
     };
     let options = ReplayOptions {
         file,
