@@ -204,6 +204,8 @@ def test_the_bit_rate_changes(stepped: Simulator) -> None:
     assert stepped.set_bit_rate(500_000).bit_rate == 500_000
     with pytest.raises(InvalidValue, match="accepted: 1000000"):
         stepped.set_bit_rate(1)
+    # The valve did not follow.
+    stepped.set_bit_rate(250_000)
 
 
 def test_time_passes_when_told(stepped: Simulator) -> None:
