@@ -41,6 +41,11 @@ fn colours_sliders_and_the_filter_serve_the_eye() {
 }
 
 #[test]
+fn a_device_at_another_bit_rate_is_named_with_the_remedy() {
+    look("rates.mjs");
+}
+
+#[test]
 fn the_panel_outlives_the_simulator() {
     look("away.mjs");
 }
