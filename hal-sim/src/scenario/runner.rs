@@ -56,7 +56,6 @@ pub(super) fn run(scenario: &Scenario, seed: u64, traced: bool) -> Outcome {
         rates,
         step: None,
         events: Vec::new(),
-        mark: 0,
         guards: Vec::new(),
         failures: Vec::new(),
         shown: 0,
@@ -84,8 +83,6 @@ struct Runner<'a> {
     step: Option<&'a Step>,
     /// Events on their way into the history; the allocation is used again.
     events: Vec<Event>,
-    /// The first event that counts for the next expectation of a frame.
-    mark: u64,
     guards: Vec<Guard<'a>>,
     failures: Vec<Failure>,
     /// The first event that no failure has shown.
@@ -130,6 +127,8 @@ impl<'a> Runner<'a> {
     fn step(&mut self, step: &'a Step) {
         self.begin(step);
         self.step = Some(step);
+        // The first event that counts for the step: a frame from before it fulfils nothing.
+        let mark = self.history.next();
         if let Some(note) = &step.note {
             self.history.note(note);
         }
@@ -139,7 +138,7 @@ impl<'a> Runner<'a> {
         if let Some(Expect { what, any_order, within }) = &step.expect {
             let until = after(self.world.now(), *within);
             match what {
-                What::Frames(patterns) => self.expect_frames(step, patterns, *any_order, until),
+                What::Frames(patterns) => self.expect_frames(step, patterns, *any_order, mark, until),
                 What::State(wanted) => self.expect_state(step, wanted, until),
             }
         }
@@ -167,7 +166,6 @@ impl<'a> Runner<'a> {
             return;
         }
         self.pass(begin);
-        self.mark = self.history.next();
     }
 
     fn act(&mut self, step: &Step, act: &Act) {
@@ -200,31 +198,24 @@ impl<'a> Runner<'a> {
         self.attend();
     }
 
-    fn expect_frames(&mut self, step: &Step, patterns: &[Pattern], any_order: bool, until: Instant) {
-        let from = self.mark;
+    fn expect_frames(&mut self, step: &Step, patterns: &[Pattern], any_order: bool, from: u64, until: Instant) {
         let wanted = patterns.iter().map(|pattern| (pattern, None)).collect();
         let mut goal = Goal::Frames(Frames { wanted, any_order, next: from, mark: from });
         let came = self.pass_until(until, &mut goal);
         let Goal::Frames(Frames { wanted, mark, .. }) = goal else { return };
-        if came {
-            self.mark = mark;
-        } else {
+        if !came {
             let missing = wanted.iter().filter(|(_, frame)| frame.is_none());
             let missing: Vec<&Pattern> = missing.map(|(pattern, _)| *pattern).collect();
             let failure = Failure::frames(step, patterns, &missing, (from, mark), &self.history);
             self.fail(failure);
-            self.mark = self.history.next();
         }
     }
 
     fn expect_state(&mut self, step: &Step, wanted: &Wanted, until: Instant) {
-        let (begun, mut goal) = (self.world.now(), Goal::State(self.watch(wanted)));
+        let mut goal = Goal::State(self.watch(wanted));
         if !self.pass_until(until, &mut goal) {
             let state = self.state(wanted);
             self.fail(Failure::state(step, wanted, &state));
-        }
-        if self.world.now() > begun {
-            self.mark = self.history.next();
         }
     }
 
