@@ -118,7 +118,7 @@ fn awaited(
         Condition::Frame(condition) => Ok(Awaited::Frame(condition)),
         Condition::State(name, condition) => {
             let device = find(&name)?;
-            condition.check(&name, device.1)?;
+            condition.check(&name, device.1, "null")?;
             Ok(Awaited::State(StateWatch::new(device, condition)))
         }
     }

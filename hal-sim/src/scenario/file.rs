@@ -101,7 +101,7 @@ pub(super) struct StepTable {
     /// identifier.
     #[serde(default, deserialize_with = "given")]
     pub(super) every_ms: Option<u32>,
-    /// Ends the cyclic frame of an identifier, as in "220"; or of "all".
+    /// Ends the cyclic frame of an identifier, as in "220", which there has to be; or of "all".
     #[serde(default, deserialize_with = "given")]
     pub(super) stop: Option<String>,
     /// Changes what acts on the device from outside.

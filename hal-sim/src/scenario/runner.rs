@@ -67,6 +67,7 @@ pub(super) fn run(scenario: &Scenario, seed: u64, traced: bool) -> Outcome {
     if let Some(end) = end {
         runner.pass(end);
     }
+    runner.end_guards();
     runner.rates.find_all();
     runner.fail_unheard();
     runner.outcome()
@@ -92,6 +93,7 @@ struct Runner<'a> {
 /// What must not come.
 struct Guard<'a> {
     step: &'a Step,
+    since: Instant,
     until: Instant,
     what: Guarded<'a>,
 }
@@ -143,12 +145,13 @@ impl<'a> Runner<'a> {
             }
         }
         if let Some(Never { what, span }) = &step.never {
-            let until = span.map_or(NEVER, |span| after(self.world.now(), span));
+            let since = self.world.now();
+            let until = span.map_or(NEVER, |span| after(since, span));
             let what = match what {
                 What::Frames(patterns) => Guarded::Frames(patterns, self.history.next()),
                 What::State(wanted) => Guarded::State(wanted, self.watch(wanted)),
             };
-            self.guards.push(Guard { step, until, what });
+            self.guards.push(Guard { step, since, until, what });
             self.guard();
         }
     }
@@ -334,9 +337,37 @@ impl<'a> Runner<'a> {
                 self.fail(failure);
                 false
             }
-            None => guard.until >= self.world.now(),
+            None if guard.until >= self.world.now() => true,
+            None => {
+                self.end_guard(guard);
+                false
+            }
         });
         self.guards = guards;
+    }
+
+    /// Ends what must not come, and has not, with the scenario.
+    fn end_guards(&mut self) {
+        for guard in std::mem::take(&mut self.guards) {
+            self.end_guard(&guard);
+        }
+    }
+
+    /// Fails a step whose condition could not have come: no time has passed since, or its instant was not in it.
+    fn end_guard(&mut self, guard: &Guard<'_>) {
+        let end = guard.until.min(self.world.now());
+        let instant = match &guard.what {
+            Guarded::State(wanted, _) => wanted.condition.t_us.map(Instant::from_micros),
+            Guarded::Frames(..) => None,
+        };
+        let reason = match instant {
+            _ if end <= guard.since => "no time has passed since: nothing could come",
+            Some(instant) if instant < guard.since || instant > end => {
+                "t_us was not in the time since: nothing could come"
+            }
+            _ => return,
+        };
+        self.fail(Failure::undone(guard.step, "never", reason));
     }
 
     fn violation(&mut self, guard: &mut Guard<'_>) -> Option<Failure> {

@@ -108,15 +108,19 @@ mod tests {
         assert!(!schema.to_string().contains("\"null\"") && !schema.to_string().contains("components"), "{schema:#}");
     }
 
-    /// Where the reader takes "none" the schema does, and nowhere else.
+    /// Where the reader takes "none" for some device the schema does, and nowhere else.
     #[test]
     fn none_is_where_null_is() {
         let schema = schema();
-        for (table, key) in [("expect", "StateCondition"), ("plant", "PlantChange")] {
+        for (table, key, beside) in [("expect", "StateCondition", "t_us = 1, "), ("plant", "PlantChange", "")] {
             for (field, property) in schema["$defs"][key]["properties"].as_object().expect("keys") {
-                let text = format!("devices = [\"pvea-canopen\"]\nsteps = [{{ {table} = {{ {field} = \"none\" }} }}]");
-                let reads = Scenario::parse(&text);
-                assert_eq!(reads.is_ok(), property.to_string().contains("none"), "{field}: {reads:?} {property}");
+                let beside = if field == "t_us" { "" } else { beside };
+                let reads = ["pvea-canopen", "pvea-isobus", "hat1000"].map(|device| {
+                    let step = format!("{{ {table} = {{ {beside}{field} = \"none\" }} }}");
+                    Scenario::parse(&format!("devices = [\"{device}\"]\nsteps = [{step}]"))
+                });
+                let is_read = reads.iter().any(Result::is_ok);
+                assert_eq!(is_read, property.to_string().contains("none"), "{field}: {reads:?} {property}");
             }
         }
     }

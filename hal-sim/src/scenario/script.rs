@@ -1,7 +1,5 @@
 //! A scenario that was read and checked: everything in it can be done.
 
-use std::collections::BTreeMap;
-
 use protocol_core::controller::BitRate;
 use protocol_core::frame::{Frame, Id};
 use protocol_core::time::Duration;
@@ -13,8 +11,13 @@ use crate::bus::Disturbance;
 use crate::devices::{self, DeviceSpec, LinkSpec, NamedDevice, NamedLink};
 use crate::kind::Kind;
 use crate::memory::Memory;
-use crate::state::{BusChange, Disturb, Invalid, PlantChange, Power, PowerChange, StateCondition};
+use crate::state::{self, BusChange, Disturb, Invalid, PlantChange, Power, PowerChange, StateCondition};
 use crate::world::{NodeId, World};
+
+/// The word for null.
+const NONE: &str = "\"none\"";
+
+const NO_TIME: Duration = Duration::from_ticks(0);
 
 /// A scenario.
 #[derive(Debug)]
@@ -152,11 +155,7 @@ impl Scenario {
             let step = trial.check(line, step.into_inner()).map_err(|reason| ReadError { line: Some(line), reason })?;
             scenario.steps.push(step);
         }
-        if let Some(Step { line, never: Some(Never { what: What::Frames(_), span: None }), .. }) = scenario.steps.last()
-        {
-            let reason = "never: the scenario ends with this step; accepted: for_ms, or steps after it".to_owned();
-            return Err(ReadError { line: Some(*line), reason });
-        }
+        refuse_unwatched(&scenario.steps)?;
         Ok(scenario)
     }
 
@@ -176,10 +175,43 @@ impl Scenario {
     }
 }
 
+/// Refuses what must not come when no time passes after it: it would be looked at for one instant, or not at all.
+fn refuse_unwatched(steps: &[Step]) -> Result<(), ReadError> {
+    // The scenario goes on until all of these are over.
+    if steps.iter().any(|step| step.never.as_ref().is_some_and(|never| never.span.is_some())) {
+        return Ok(());
+    }
+    let last = steps.iter().rposition(Step::can_take_time).unwrap_or(0);
+    let Some((place, step)) = steps.iter().enumerate().skip(last).find(|(_, step)| step.never.is_some()) else {
+        return Ok(());
+    };
+    let reason = if place + 1 == steps.len() {
+        "never: the scenario ends with this step; accepted: for_ms, or steps after it"
+    } else {
+        "never: no time passes in the steps after it; accepted: for_ms, or a step that takes time after it"
+    };
+    Err(ReadError { line: Some(step.line), reason: reason.to_owned() })
+}
+
+impl Step {
+    /// Returns whether time can pass in the step.
+    fn can_take_time(&self) -> bool {
+        let waits = match self.begin {
+            Begin::Now => false,
+            Begin::After(pause) => pause > NO_TIME,
+            Begin::At(_) => true,
+        };
+        let expects = matches!(&self.expect, Some(expect) if expect.within > NO_TIME);
+        waits || expects || matches!(self.act, Some(Act::Send(..)))
+    }
+}
+
 /// What the steps are tried on.
 struct Trial {
     world: World,
     devices: Vec<(NodeId, Kind, String)>,
+    /// The identifiers of the cyclic frames.
+    cyclic: Vec<Id>,
 }
 
 impl Trial {
@@ -187,7 +219,7 @@ impl Trial {
         let world = scenario.world(0);
         let kinds = scenario.devices.iter().map(|device| (device.kind, device.name.clone()));
         let devices = world.devices().zip(kinds).map(|(node, (kind, name))| (node, kind, name)).collect();
-        Self { world, devices }
+        Self { world, devices, cyclic: Vec::new() }
     }
 
     /// Checks a step, and does to the trial what it does to the plant.
@@ -202,6 +234,7 @@ impl Trial {
         if table.expect.is_some() && table.never.is_some() {
             return Err("expect and never in one step; accepted: a step for each".to_owned());
         }
+        refuse_two_acts(&table)?;
         let device = if about_device { self.device(table.device.as_deref())? } else { 0 };
         let begin = match (table.at_ms, table.after_ms) {
             (None, None) => Begin::Now,
@@ -211,33 +244,27 @@ impl Trial {
         };
         let expect = self.expect(device, table.expect, table.any_order, table.within_ms)?;
         let never = self.never(device, table.never, table.for_ms)?;
-        let mut acts = Vec::new();
+        let mut act = None;
         if let Some(frame) = table.send {
-            acts.push(("send", Act::Send(one_frame(&frame)?, period(table.every_ms)?)));
+            act = Some(self.send(&frame, table.every_ms)?);
         } else if table.every_ms.is_some() {
             return Err("every_ms: accepted with send".to_owned());
         }
         if let Some(which) = table.stop {
-            acts.push(("stop", Act::Stop(identifier(&which)?)));
+            act = Some(Act::Stop(self.stop(&which)?));
         }
         if let Some(change) = table.plant {
-            acts.push(("plant", Act::Plant(device, self.plant(device, change).map_err(within("plant"))?)));
+            act = Some(Act::Plant(device, self.plant(device, change).map_err(within("plant"))?));
         }
         if let Some(change) = table.power {
-            acts.push(("power", Act::Power(device, power(change).map_err(within("power"))?)));
+            act = Some(Act::Power(device, power(change).map_err(within("power"))?));
         }
         if let Some(change) = table.bus {
-            acts.push(("bus", Act::Bus(bit_rate(change).map_err(within("bus"))?)));
+            act = Some(Act::Bus(bit_rate(change).map_err(within("bus"))?));
         }
         if let Some(change) = table.disturb {
-            acts.push(("disturb", Act::Disturb(disturbance(change).map_err(within("disturb"))?)));
+            act = Some(Act::Disturb(disturbance(change).map_err(within("disturb"))?));
         }
-        if let [(one, _), (other, _), ..] = acts.as_slice() {
-            return Err(format!(
-                "{one} and {other} in one step; accepted: one of send, stop, plant, power, bus, disturb"
-            ));
-        }
-        let act = acts.pop().map(|(_, act)| act);
         Ok(Step { line, note: table.note, begin, act, expect, never })
     }
 
@@ -259,12 +286,16 @@ impl Trial {
         if any_order.is_some() && !matches!(&what, What::Frames(frames) if frames.len() > 1) {
             return Err("any_order: accepted with several frames".to_owned());
         }
+        if matches!(what, What::Frames(_)) && within_ms == Some(0) {
+            return Err("within_ms 0: no frame comes in no time; accepted: 1 and more, or a state".to_owned());
+        }
         let within = within_ms.map_or(PATIENCE, millis);
         Ok(Some(Expect { what, any_order: any_order.unwrap_or(false), within }))
     }
 
     fn never(&self, device: usize, expected: Option<Expected>, for_ms: Option<u32>) -> Result<Option<Never>, String> {
         match expected {
+            Some(_) if for_ms == Some(0) => Err("for_ms 0: accepted: 1 and more".to_owned()),
             Some(expected) => {
                 let what = self.what(device, expected).map_err(within("never"))?;
                 Ok(Some(Never { what, span: for_ms.map(millis) }))
@@ -287,7 +318,33 @@ impl Trial {
         }
     }
 
+    fn send(&mut self, text: &str, every_ms: Option<u32>) -> Result<Act, String> {
+        let (frame, period) = (one_frame(text)?, period(every_ms)?);
+        if period.is_some() && !self.cyclic.contains(&frame.id()) {
+            self.cyclic.push(frame.id());
+        }
+        Ok(Act::Send(frame, period))
+    }
+
+    /// Returns the identifier whose cyclic frame ends, which there has to be; `None`: all end.
+    fn stop(&mut self, text: &str) -> Result<Option<Id>, String> {
+        let Some(id) = identifier(text)? else {
+            self.cyclic.clear();
+            return Ok(None);
+        };
+        let Some(place) = self.cyclic.iter().position(|cyclic| *cyclic == id) else {
+            let cyclic = self.cyclic.iter().map(|id| format!("\"{}\"", digits(*id))).chain(["\"all\"".to_owned()]);
+            let accepted = cyclic.collect::<Vec<_>>().join(", ");
+            return Err(format!("stop: no frame '{text}' is sent in a cycle here; accepted: {accepted}"));
+        };
+        self.cyclic.remove(place);
+        Ok(Some(id))
+    }
+
     fn plant(&mut self, device: usize, change: toml::Table) -> Result<PlantChange, String> {
+        if change.is_empty() {
+            return Err("an empty change; accepted: any of its keys, as in { supply_mv = 8000 }".to_owned());
+        }
         let change: PlantChange = file::table(change)?;
         let (node, ..) = self.devices[device];
         change.clone().make(node, &mut self.world).map_err(|Invalid(reason)| reason)?;
@@ -308,14 +365,31 @@ impl Trial {
             }
             Expected::State(state) => state,
         };
-        let condition: StateCondition = file::table(state.clone())?;
         let (_, kind, name) = &self.devices[device];
-        condition.check(name, *kind).map_err(|Invalid(reason)| reason)?;
-        let keys = state.into_iter().map(|(key, value)| {
-            let alone = file::table(BTreeMap::from([(key.clone(), value.clone())]).into_iter().collect())?;
-            Ok((key, value.to_string(), alone))
+        let keys = state.clone().into_iter().map(|(key, value)| {
+            let alone: Result<StateCondition, String> =
+                file::table([(key.clone(), value.clone())].into_iter().collect());
+            match alone {
+                Ok(alone) => Ok((key, value.to_string(), alone)),
+                Err(reason) if !reason.starts_with("invalid ") => Err(reason),
+                Err(_) => Err(format!("{key} {value}: accepted: {}", state::accepted(&key, *kind, name, NONE))),
+            }
         });
-        Ok(What::State(Wanted { device, condition, keys: keys.collect::<Result<_, String>>()? }))
+        let keys = keys.collect::<Result<_, String>>()?;
+        let condition: StateCondition = file::table(state)?;
+        condition.check(name, *kind, NONE).map_err(|Invalid(reason)| reason)?;
+        if condition.is_always_so(name, *kind) {
+            return Err(format!("every state of {name} is so; accepted: values that it does not always have"));
+        }
+        Ok(What::State(Wanted { device, condition, keys }))
+    }
+}
+
+/// Returns an identifier as a scenario has it: three digits, or eight.
+fn digits(id: Id) -> String {
+    match id {
+        Id::Standard(id) => format!("{:03X}", id.as_raw()),
+        Id::Extended(id) => format!("{:08X}", id.as_raw()),
     }
 }
 
@@ -348,6 +422,24 @@ fn period(every_ms: Option<u32>) -> Result<Option<Duration>, String> {
     match every_ms {
         Some(0) => Err("every_ms 0: accepted: 1 and more".to_owned()),
         every_ms => Ok(every_ms.map(millis)),
+    }
+}
+
+fn refuse_two_acts(table: &StepTable) -> Result<(), String> {
+    let acts = [
+        ("send", table.send.is_some()),
+        ("stop", table.stop.is_some()),
+        ("plant", table.plant.is_some()),
+        ("power", table.power.is_some()),
+        ("bus", table.bus.is_some()),
+        ("disturb", table.disturb.is_some()),
+    ];
+    let mut given = acts.iter().filter(|(_, is_given)| *is_given).map(|(key, _)| key);
+    match (given.next(), given.next()) {
+        (Some(one), Some(other)) => {
+            Err(format!("{one} and {other} in one step; accepted: one of send, stop, plant, power, bus, disturb"))
+        }
+        _ => Ok(()),
     }
 }
 

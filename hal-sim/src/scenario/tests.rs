@@ -83,11 +83,41 @@ fn never_begins_when_what_is_done_is_done() {
     }
 }
 
-/// At the end of a scenario nothing comes any more, whatever the device would do.
+/// What must not come is looked at while time passes: in no time nothing can come.
 #[test]
 fn never_needs_time_in_which_something_could_come() {
-    let reason = "never: the scenario ends with this step; accepted: for_ms, or steps after it";
-    assert_eq!(refused(r#"{ never = "0A0" }"#), reason);
+    let last = "never: the scenario ends with this step; accepted: for_ms, or steps after it";
+    for step in [r#"{ never = "0A0" }"#, "{ never = { powered = false } }", r#"{ after_ms = 9, never = "0A0" }"#] {
+        assert_eq!(refused(step), last);
+    }
+    let after = "never: no time passes in the steps after it; accepted: for_ms, or a step that takes time after it";
+    for never in [r#"never = "0A0""#, "never = { powered = false }"] {
+        for timeless in [
+            r#"{ note = "the end" }"#,
+            "{ after_ms = 0 }",
+            "{ plant = { supply_mv = 8000 } }",
+            "{ power = { on = false } }",
+            "{ bus = { bit_rate = 250000 } }",
+            "{ disturb = { frames = 1 } }",
+            r#"{ stop = "all" }"#,
+            "{ expect = { powered = true }, within_ms = 0 }",
+        ] {
+            assert_eq!(refused(&format!("{{ {never} }}, {timeless}")), after, "{timeless}");
+        }
+        assert_eq!(refused(&format!("{{ {never}, for_ms = 0 }}")), "for_ms 0: accepted: 1 and more");
+        passes(&format!("{{ {never} }}, {{ after_ms = 1 }}"));
+        passes(&format!("{{ {never} }}, {{ never = {{ powered = false }}, for_ms = 1 }}"));
+        passes(&format!("{{ never = {{ powered = false }}, for_ms = 1 }}, {{ {never} }}"));
+        // Whether time passes shows in the run alone.
+        let text = fails(&format!("{{ {never} }}, {{ expect = {{ powered = true }} }}"), 1);
+        assert!(text.contains("x.toml:4: never: failed at ") && text.contains("no time has passed since"), "{text}");
+        let gone = format!("{{ never = {{ powered = false }}, for_ms = 1 }}, {{ after_ms = 2, {never} }}");
+        assert!(fails(&gone, 1).contains("no time has passed since"), "{gone}");
+    }
+    for t_us in [0, 1, 20_000_000] {
+        let text = fails(&format!("{{ never = {{ t_us = {t_us} }}, for_ms = 10 }}"), 1);
+        assert!(text.contains("t_us was not in the time since"), "{text}");
+    }
 }
 
 /// Numbers are named in words of TOML.
@@ -248,7 +278,95 @@ fn cyclic_frames_begin_change_and_end() {
            { send = "220#0300 0000", every_ms = 10, expect = ["1A0#0B..", "1A0#0B.."], within_ms = 15 },
            { stop = "220" }, { after_ms = 1, never = "1A0", for_ms = 100 }"#,
     );
-    passes(r#"{ stop = "all" }, { stop = "220" }"#);
+    passes(r#"{ stop = "all" }"#);
+}
+
+/// A cyclic frame that is not there cannot be stopped: the one that was meant would go on.
+#[test]
+fn only_a_cyclic_frame_is_stopped() {
+    let cyclic = r#"{ send = "220#00", every_ms = 10 }, { send = "18EEFF27#", every_ms = 10 }"#;
+    for (steps, reason) in [
+        (r#"{ stop = "220" }"#.to_owned(), "stop: no frame '220' is sent in a cycle here; accepted: \"all\""),
+        (r#"{ send = "220#00" }, { stop = "220" }"#.to_owned(), "accepted: \"all\""),
+        (format!(r#"{cyclic}, {{ stop = "221" }}"#), "accepted: \"220\", \"18EEFF27\", \"all\""),
+        (format!(r#"{cyclic}, {{ stop = "00000220" }}"#), "no frame '00000220' is sent"),
+        (format!(r#"{cyclic}, {{ stop = "220" }}, {{ stop = "220" }}"#), "accepted: \"18EEFF27\", \"all\""),
+        (format!(r#"{cyclic}, {{ stop = "all" }}, {{ stop = "220" }}"#), "accepted: \"all\""),
+    ] {
+        let said = refused(&steps);
+        assert!(said.starts_with("stop: ") && said.contains(reason), "{steps}\n{said}");
+    }
+    passes(&format!(r#"{cyclic}, {{ send = "220#01", every_ms = 20 }}, {{ stop = "220" }}, {{ stop = "all" }}"#));
+}
+
+/// What a device can never show, or always shows, says nothing: refused, with what it can show.
+#[test]
+fn a_state_that_can_never_be_is_refused() {
+    let refused = |device: &str, state: &str| {
+        let [expect, never] = ["expect", "never"].map(|word| {
+            let text = format!("devices = [\"{device},name=boom\"]\nsteps = [\n  {{ {word} = {{ {state} }} }}, {{}} ]");
+            let (line, reason) = refusal(&text);
+            assert_eq!(line, Some(3), "{text}: {reason}");
+            reason.strip_prefix(&format!("{word}: ")).unwrap_or_else(|| panic!("{reason}")).to_owned()
+        });
+        assert_eq!(expect, never);
+        expect
+    };
+    for (device, state, reason) in [
+        ("pvea-isobus", r#"dsm = "active""#, "dsm \"active\": never so on boom; accepted: \"none\""),
+        ("pvea-canopen", r#"command = "extend""#, "command \"extend\": never so on boom; accepted: \"none\""),
+        ("pvea-isobus", r#"nmt = "operational""#, "nmt \"operational\": never so on boom; accepted: \"none\""),
+        ("hat1000", "set_point = 0", "set_point 0: never so on boom; accepted: \"none\""),
+        ("hat1000", "solenoids = false", "accepted: \"none\""),
+        ("hat1000", r#"led = { color = "green" }"#, "led green: never so on boom; accepted: \"none\""),
+        ("pvea-canopen", r#"name = "bom""#, "name \"bom\": never so on boom; accepted: \"boom\""),
+        ("pvea-canopen", r#"kind = "pvea""#, "kind \"pvea\": never so on boom; accepted: \"pvea-canopen\""),
+        (
+            "pvea-canopen",
+            "bit_rate = 251000",
+            "bit_rate 251000: never so on boom; accepted: 125000, 250000, 500000, \"none\"",
+        ),
+        ("pvea-isobus", "bit_rate = 500000", "bit_rate 500000: never so on boom; accepted: 250000, \"none\""),
+        ("pvea-canopen", "node_id = 200", "node_id 200: never so on boom; accepted: 1 to 127, \"none\""),
+        ("hat3000", "node_id = 0", "accepted: 1 to 127, \"none\""),
+        ("hat3000", "node_id = 300", "node_id 300: accepted: 1 to 127, \"none\""),
+        ("pvea-canopen", "bit_rate = \"fast\"", "bit_rate \"fast\": accepted: 125000, 250000, 500000, \"none\""),
+        ("pveo-isobus", "node_id = 0x20", "node_id 32: never so on boom; accepted: 128 to 143, \"none\""),
+        ("pvea-canopen", "position = { min = 100, max = -100 }", "position: min 100 is above max -100"),
+        ("pvea-canopen", "set_point = { min = 100, max = -100 }", "set_point: min 100 is above max -100"),
+        ("pvea-canopen", "position = {}", "position: an empty value says nothing; accepted: min, max, or both"),
+        ("pvea-canopen", "set_point = {}", "set_point: an empty value says nothing; accepted: min, max, or both"),
+        ("pvea-canopen", "led = {}", "led: an empty value says nothing; accepted: color, flashing, or both"),
+        ("pvea-canopen", "position = 16385", "position 16385: never so on boom; accepted: -16384 to 16384"),
+        ("pvea-canopen", "position = { min = 20000 }", "accepted: -16384 to 16384"),
+        ("pvea-canopen", "position = \"none\"", "position \"none\": never so on boom; accepted: -16384 to 16384"),
+        ("pvea-isobus", "set_point = -16385", "accepted: -16384 to 16384, \"float\", \"none\""),
+        ("hat1000", "position = -1", "position -1: never so on boom; accepted: 0 to 16383, \"none\""),
+        ("hat1000", "position = { max = -1 }", "accepted: 0 to 16383, \"none\""),
+        (
+            "pvea-canopen",
+            r#"led = { color = "yellow", flashing = true }"#,
+            "led yellow flashing: never so on boom; accepted: green constant, green flashing, yellow constant, red constant, red flashing, off constant",
+        ),
+        ("pvea-canopen", r#"solenoids = "none""#, "accepted: false, true"),
+        (
+            "pvea-canopen",
+            r#"powered = false, dsm = "active""#,
+            "dsm and powered: never so at once on boom: powered is so without power alone",
+        ),
+        (
+            "pvea-isobus",
+            r#"faults = ["can-bus"], led = { color = "off" }"#,
+            "faults and led: never so at once on boom: led is so without power alone",
+        ),
+        ("pvea-isobus", r#"dsm = "none""#, "every state of boom is so"),
+        ("hat1000", r#"led = "none", set_point = "none""#, "every state of boom is so"),
+        ("hat1000", r#"name = "boom", kind = "hat1000""#, "every state of boom is so"),
+        ("pvea-canopen", "position = { min = -16384 }", "every state of boom is so"),
+    ] {
+        let said = refused(device, state);
+        assert!(said.contains(reason), "{device} {state}\n{said}");
+    }
 }
 
 #[test]
@@ -321,6 +439,8 @@ fn what_a_step_cannot_be() {
         ("{ plant = { supply_mv = 100001 } }", "plant: supply_mv: accepted: 0–100000"),
         ("{ plant = { angle_cdeg = 5 } }", "plant: angle_cdeg 5: no plant word of this kind"),
         (r#"{ plant = { supply_mv = "none" } }"#, "plant: invalid type: null"),
+        ("{ plant = {} }", "plant: an empty change; accepted: any of its keys"),
+        (r#"{ expect = "1A0", within_ms = 0 }"#, "within_ms 0: no frame comes in no time; accepted: 1 and more"),
         ("{ power = { on = true, reset = \"watchdog\" } }", "power: accepted: { on = true }"),
         ("{ bus = { bit_rate = 1 } }", "bit_rate 1: accepted: "),
         ("{ disturb = { frames = 1, extended = true } }", "disturb: extended without an id"),
@@ -351,8 +471,10 @@ fn what_is_null_in_json_is_none() {
     passes(
         r#"{ plant = { lever = 4000, spool = { fault = "stuck" } } }, { plant = { lever = "none", spool = { fault = "none" } } }"#,
     );
-    let text =
-        fails(r#"{ expect = { dsm = "none", led = { color = "red" }, faults = ["internal"] }, within_ms = 0 }"#, 1);
+    let text = fails(
+        r#"{ expect = { dsm = "none" }, within_ms = 0 }, { expect = { led = { color = "red" }, faults = ["internal"] }, within_ms = 0 }"#,
+        2,
+    );
     for seen in [
         "dsm       expected \"none\", seen \"init\"",
         "led       expected { color = \"red\" }, seen { color = \"yellow\", flashing = false }",

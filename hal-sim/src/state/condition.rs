@@ -3,13 +3,13 @@
 use std::ops::RangeInclusive;
 
 use protocol_core::frame::{Frame, Id};
-use serde::{Deserialize, Deserializer};
+use serde::{Deserialize, Deserializer, Serialize};
 use utoipa::ToSchema;
 
 use super::Invalid;
 use super::device::{Color, Command, DeviceState, DeviceStateMachine, Led, Nmt, SetPointValue};
 use super::given::{Object, given, object, present};
-
+use super::possible;
 use crate::kind::Kind;
 
 /// What is waited for.
@@ -22,64 +22,64 @@ pub enum Condition {
 }
 
 /// Any subset of a device state: scalars are equal.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StateCondition {
     /// The instant.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
     pub t_us: Option<u64>,
     /// The name.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
     /// The kind.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
     pub kind: Option<String>,
     /// The node ID or address.
-    #[serde(default, deserialize_with = "present")]
+    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<u8>)]
     pub node_id: Option<Option<u8>>,
     /// The bit rate.
-    #[serde(default, deserialize_with = "present")]
+    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<u32>)]
     pub bit_rate: Option<Option<u32>>,
     /// Whether it has power.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
     pub powered: Option<bool>,
     /// The NMT state.
-    #[serde(default, deserialize_with = "present")]
+    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Nmt>)]
     pub nmt: Option<Option<Nmt>>,
     /// The device state machine.
-    #[serde(default, deserialize_with = "present")]
+    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<DeviceStateMachine>)]
     pub dsm: Option<Option<DeviceStateMachine>>,
     /// The state of the auxiliary valve.
-    #[serde(default, deserialize_with = "present")]
+    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Command>)]
     pub command: Option<Option<Command>>,
     /// The set-point, or its limits.
-    #[serde(default, deserialize_with = "present")]
+    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<SetPointCondition>)]
     pub set_point: Option<Option<SetPointCondition>>,
     /// The position, or its limits.
-    #[serde(default, deserialize_with = "present")]
+    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<PositionCondition>)]
     pub position: Option<Option<PositionCondition>>,
     /// Whether the solenoids are energised.
-    #[serde(default, deserialize_with = "present")]
+    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<bool>)]
     pub solenoids: Option<Option<bool>>,
     /// The LED, or a part of it.
-    #[serde(default, deserialize_with = "present_object")]
+    #[serde(default, deserialize_with = "present_object", skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<LedCondition>)]
     pub led: Option<Option<LedCondition>>,
     /// The names of the active faults, exactly.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
     pub faults: Option<Vec<String>>,
 }
 
 /// A set-point, or its limits.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(untagged, expecting = "accepted: -16384 to 16384, \"float\", or {\"min\", \"max\"}")]
 pub enum SetPointCondition {
     /// Equal.
@@ -90,7 +90,7 @@ pub enum SetPointCondition {
 }
 
 /// A position, or its limits.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(untagged, expecting = "accepted: -16384 to 16384, or {\"min\", \"max\"}")]
 pub enum PositionCondition {
     /// Equal.
@@ -101,26 +101,26 @@ pub enum PositionCondition {
 }
 
 /// Limits, inclusive; one that is not given is none.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Limits {
     /// The lower limit.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
     pub min: Option<i16>,
     /// The upper limit.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
     pub max: Option<i16>,
 }
 
 /// The LED, or a part of it.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LedCondition {
     /// The colour.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
     pub color: Option<Color>,
     /// Whether it flashes.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
     pub flashing: Option<bool>,
 }
 
@@ -139,12 +139,28 @@ fn present_object<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> R
 }
 
 impl StateCondition {
-    /// Refuses a fault that a device of this kind does not have.
-    pub(crate) fn check(&self, name: &str, kind: Kind) -> Result<(), Invalid> {
+    /// Refuses a condition that a device of this kind and name never fulfils. `none` is the word for null.
+    ///
+    /// # Errors
+    /// One line with the key, and the values that it can have.
+    pub(crate) fn check(&self, name: &str, kind: Kind, none: &str) -> Result<(), Invalid> {
         let known = kind.fault_names();
-        match self.faults.iter().flatten().find(|fault| !known.contains(&fault.as_str())) {
-            Some(fault) => Err(Invalid(format!("'{fault}' is no fault of {name}; accepted: {}", known.join(", ")))),
-            None => Ok(()),
+        if let Some(fault) = self.faults.iter().flatten().find(|fault| !known.contains(&fault.as_str())) {
+            return Err(Invalid(format!("'{fault}' is no fault of {name}; accepted: {}", known.join(", "))));
+        }
+        possible::check(&self.keys(), kind, name, none).map_err(Invalid)
+    }
+
+    /// Returns whether a device of this kind and name always fulfils the condition.
+    pub(crate) fn is_always_so(&self, name: &str, kind: Kind) -> bool {
+        possible::is_always_so(&self.keys(), kind, name)
+    }
+
+    /// Returns each key that is given, with its value.
+    fn keys(&self) -> Vec<(String, serde_json::Value)> {
+        match serde_json::to_value(self) {
+            Ok(serde_json::Value::Object(keys)) => keys.into_iter().collect(),
+            _ => Vec::new(),
         }
     }
 

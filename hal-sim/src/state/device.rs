@@ -194,7 +194,7 @@ fn faults(kind: Kind, view: Option<&View>) -> Vec<Fault> {
 }
 
 impl Led {
-    const OFF: Self = Self { color: Color::Off, flashing: false };
+    pub(super) const OFF: Self = Self { color: Color::Off, flashing: false };
 }
 
 impl From<ValveView> for Led {

@@ -5,6 +5,7 @@
 //! device     a device's state          plant   what acts on it from outside, and changes of that
 //! condition  what can be waited for    watch   a condition that is looked at whenever it may hold
 //! power      power and resets          bus     bit rate and disturbances
+//! possible   the values that each key of a state can have, by kind
 //! given      readers of values that are told apart from missing ones
 //! ```
 
@@ -13,6 +14,7 @@ mod condition;
 mod device;
 mod given;
 mod plant;
+mod possible;
 mod power;
 mod watch;
 
@@ -22,6 +24,7 @@ pub use condition::{Condition, FrameCondition, StateCondition};
 pub use device::*;
 pub(crate) use given::{given, given_object};
 pub use plant::{PlantChange, PlantState};
+pub(crate) use possible::accepted;
 pub use power::{Power, PowerChange, ResetCause};
 pub(crate) use watch::StateWatch;
 

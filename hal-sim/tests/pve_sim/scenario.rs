@@ -11,7 +11,7 @@ const RIGHT: &str = "devices = [\"pvea-canopen@0x20\"]\nsteps = [{ expect = \"72
 
 /// A scenario with two failures.
 const WRONG: &str = "title = \"<wrong> & wrong\"\ndevices = [\"pvea-canopen@0x20\"]\nsteps = [\n{ expect = \"720#01\", within_ms = 10 },\n\
-                     { never = { powered = true } },\n]\n";
+                     { never = { powered = true }, for_ms = 1 },\n]\n";
 
 fn repository(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)

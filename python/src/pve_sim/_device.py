@@ -108,7 +108,7 @@ class Valve(Device[ValveState]):
 
         Raises:
             WaitTimeout: it did not hold within the time.
-            InvalidValue: an unknown field or value.
+            InvalidValue: an unknown field or value, or one that the valve can never show.
         """
         __tracebackhide__ = True
         return self._wait(state, within_ms)

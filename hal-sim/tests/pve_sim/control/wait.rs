@@ -51,8 +51,6 @@ fn every_key_of_a_state_can_be_waited_for() {
     assert_eq!(micros(&rig.wait("valve", json!({"t_us": 12_345}), 100)["t_us"]), 12_345);
     for (key, other) in [
         ("t_us", json!(0)),
-        ("name", json!("other")),
-        ("kind", json!("pvea-isobus")),
         ("node_id", json!(33)),
         ("node_id", json!(null)),
         ("bit_rate", json!(125000)),
@@ -60,18 +58,15 @@ fn every_key_of_a_state_can_be_waited_for() {
         ("nmt", json!("stopped")),
         ("dsm", json!("active")),
         ("dsm", json!(null)),
-        ("command", json!("blocked")),
         ("set_point", json!("float")),
         ("set_point", json!(1)),
         ("set_point", json!({"min": 1})),
         ("set_point", json!(null)),
         ("position", json!(-1)),
         ("position", json!({"max": -1})),
-        ("position", json!(null)),
         ("solenoids", json!(true)),
         ("led", json!({"color": "green"})),
         ("led", json!({"flashing": true})),
-        ("led", json!(null)),
         ("faults", json!(["internal"])),
     ] {
         let body = json!({"device": "valve", "state": {key: other}, "within_ms": 1}).to_string();
@@ -103,6 +98,8 @@ fn what_is_not_known_is_refused() {
         r#"{"device": "valve", "state": {"faults": ["broken"]}, "within_ms": 1}"#,
         r#"{"device": "valve", "state": {"faults": "internal"}, "within_ms": 1}"#,
         r#"{"device": "valve", "state": {"solenoids": 1}, "within_ms": 1}"#,
+        r#"{"device": "valve", "state": {"position": {}}, "within_ms": 1}"#,
+        r#"{"device": "valve", "state": {"led": {}}, "within_ms": 1}"#,
         r#"{"device": "valve", "state": [], "within_ms": 1}"#,
         r#"{"device": "valve", "state": {"led": ["red"]}, "within_ms": 1}"#,
         r#"{"device": "valve", "state": {"position": [0, 1]}, "within_ms": 1}"#,
@@ -119,6 +116,33 @@ fn what_is_not_known_is_refused() {
     let body = r#"{"device": "other", "state": {}, "within_ms": 1}"#;
     rig.refused("POST", "/wait", Some(body), 404);
     assert_eq!(rig.get("/time"), json!({"now_us": 10_000, "speed": "step"}), "no time has passed");
+}
+
+/// What the device can never show is refused, with the key and what it can show.
+#[test]
+fn a_state_that_can_never_be_is_refused() {
+    let devices = ["pvea-canopen@0x20,name=valve", "pvea-isobus,name=tractor", "hat1000@5,bit-rate=250k,name=boom"];
+    let arguments: Vec<&str> = devices.iter().flat_map(|device| ["--device", device]).collect();
+    let rig = Rig::stepped(&arguments);
+    for (name, state, error) in [
+        ("valve", json!({"name": "other"}), "name \"other\": never so on valve; accepted: \"valve\""),
+        ("valve", json!({"kind": "pvea-isobus"}), "accepted: \"pvea-canopen\""),
+        ("valve", json!({"command": "blocked"}), "command \"blocked\": never so on valve; accepted: null"),
+        ("valve", json!({"node_id": 200}), "node_id 200: never so on valve; accepted: 1 to 127, null"),
+        ("valve", json!({"bit_rate": 251_000}), "accepted: 125000, 250000, 500000, null"),
+        ("valve", json!({"position": null}), "accepted: -16384 to 16384"),
+        ("valve", json!({"position": {"min": 100, "max": -100}}), "position: min 100 is above max -100"),
+        ("valve", json!({"led": null}), "accepted: green constant, "),
+        ("valve", json!({"powered": false, "nmt": "stopped"}), "nmt and powered: never so at once"),
+        ("tractor", json!({"dsm": "active"}), "dsm \"active\": never so on tractor; accepted: null"),
+        ("tractor", json!({"node_id": 5}), "accepted: 128 to 143, null"),
+        ("boom", json!({"set_point": 0}), "accepted: null"),
+        ("boom", json!({"position": -1}), "accepted: 0 to 16383, null"),
+    ] {
+        let body = json!({"device": name, "state": state, "within_ms": 1}).to_string();
+        let said = rig.refused("POST", "/wait", Some(&body), 400);
+        assert!(said.contains(error), "{body}: {said}");
+    }
 }
 
 #[test]
