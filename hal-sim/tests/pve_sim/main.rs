@@ -11,6 +11,7 @@ mod control;
 mod cut;
 mod ends;
 mod files;
+mod mutations;
 mod options;
 mod recordings;
 mod scenario;
