@@ -10,11 +10,13 @@ use axum::http::request::Parts;
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde_json::{Map, Value};
 use tokio::time::timeout;
 use utoipa::ToSchema;
 
 use super::message::Refusal;
 use crate::state::Invalid;
+use crate::state::schema::{Schemas, with_whole_numbers};
 
 /// Why a request was refused; nothing has changed then.
 #[derive(Debug, Serialize, ToSchema)]
@@ -92,46 +94,69 @@ const PATIENCE: Duration = Duration::from_secs(10);
 #[derive(Debug)]
 pub(super) struct Body<T>(pub(super) T);
 
-impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Body<T> {
+impl<T: DeserializeOwned + ToSchema + 'static, S: Send + Sync> FromRequest<S> for Body<T> {
     type Rejection = Failure;
 
     async fn from_request(request: Request, state: &S) -> Result<Self, Failure> {
-        use axum::extract::rejection::JsonRejection::{JsonDataError, JsonSyntaxError};
+        use axum::extract::rejection::JsonRejection::JsonSyntaxError;
         let (parts, body) = request.into_parts();
         let collected = Bytes::from_request(Request::from_parts(parts.clone(), body), state);
         let Ok(collected) = timeout(PATIENCE, collected).await else {
             return Err(Failure::Request(StatusCode::REQUEST_TIMEOUT, "the body did not come".to_owned()));
         };
         let bytes = collected.map_err(|error| Failure::Request(error.status(), error.body_text()))?;
-        let is_object = bytes.trim_ascii_start().first() == Some(&b'{');
-        match Json::from_request(Request::from_parts(parts, bytes.into()), state).await {
-            // Of a list, the fields would be taken in their order.
-            Ok(_) if !is_object => Err(Failure::bad_request("the body is no JSON object")),
-            Ok(Json(body)) => Ok(Self(body)),
-            Err(JsonDataError(error)) => Err(Failure::bad_request(reason(&error))),
-            Err(JsonSyntaxError(error)) => Err(Failure::bad_request(reason(&error))),
-            Err(error) => Err(Failure::Request(error.status(), error.body_text())),
+        let request = Request::from_parts(parts, bytes.clone().into());
+        let value = match Json::<Value>::from_request(request, state).await {
+            Ok(Json(value)) => with_whole_numbers(value),
+            Err(JsonSyntaxError(error)) => return Err(not_json(&error)),
+            Err(error) => return Err(Failure::Request(error.status(), error.body_text())),
+        };
+        Schemas::of::<T>().check(&T::name(), &value, "null").map_err(Invalid::from)?;
+        // From the text itself first: of a member that is there twice, the value has the last one.
+        match serde_json::from_slice(&bytes) {
+            Err(error) if !error.to_string().starts_with(TWICE) => serde_json::from_value(value),
+            read => read,
         }
+        .map(Self)
+        .map_err(|error| not_json(&error))
     }
 }
 
-/// Returns what is wrong with a body, without the words of the framework around it.
-fn reason(error: &dyn std::error::Error) -> String {
-    std::iter::successors(Some(error), |error| error.source()).last().map_or_else(String::new, ToString::to_string)
+/// The begin of the words about a member that is there twice.
+const TWICE: &str = "duplicate field `";
+
+/// Returns the refusal of a body that is no JSON, or has a member twice, without the words of the framework around it.
+fn not_json(error: &dyn std::error::Error) -> Failure {
+    let first = std::iter::successors(Some(error), |error| error.source()).last();
+    let reason = first.map_or_else(String::new, ToString::to_string);
+    let twice = reason.strip_prefix(TWICE).and_then(|rest| rest.split_once('`'));
+    Failure::bad_request(match twice {
+        Some((member, _)) => format!("{member} is given twice; accepted: once"),
+        None => format!("the body is no JSON: {reason}"),
+    })
 }
 
 /// The query of a request.
 #[derive(Debug)]
 pub(super) struct Query<T>(pub(super) T);
 
-impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Query<T> {
+impl<T: DeserializeOwned + ToSchema + 'static, S: Send + Sync> FromRequestParts<S> for Query<T> {
     type Rejection = Failure;
 
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Failure> {
-        match axum::extract::Query::from_request_parts(parts, state).await {
-            Ok(axum::extract::Query(query)) => Ok(Self(query)),
-            Err(error) => Err(Failure::bad_request(error.body_text())),
+        let pairs = axum::extract::Query::<Vec<(String, String)>>::from_request_parts(parts, state).await;
+        let axum::extract::Query(pairs) = pairs.map_err(|error| Failure::bad_request(error.body_text()))?;
+        let schemas = Schemas::of::<T>();
+        let mut query = Map::new();
+        for (key, text) in pairs {
+            let value = schemas.value_of(&T::name(), &key, &text);
+            if query.insert(key.clone(), value).is_some() {
+                return Err(Failure::bad_request(format!("{key} is given twice; accepted: once")));
+            }
         }
+        let query = Value::Object(query);
+        schemas.check(&T::name(), &query, "null").map_err(Invalid::from)?;
+        serde_json::from_value(query).map(Self).map_err(|error| Failure::bad_request(error.to_string()))
     }
 }
 

@@ -12,7 +12,7 @@ use super::record::{Excerpt, FrameRecord};
 use crate::bus::Disturbance;
 use crate::devices;
 use crate::sender::{Receipt, Unsent};
-use crate::state::{Condition, DeviceState, Invalid, PlantChange, Power};
+use crate::state::{BitsPerSecond, Condition, DeviceState, Invalid, PlantChange, Power};
 
 /// A message to the world. Each takes effect at the virtual instant of its arrival, and its answer tells of one
 /// instant.
@@ -95,6 +95,7 @@ pub struct BusState {
     /// The instant of which all of it is true, in microseconds of virtual time.
     pub t_us: u64,
     /// The bit rate, in bit/s.
+    #[schema(value_type = BitsPerSecond)]
     pub bit_rate: u32,
     /// How busy the bus was in the last second, in percent.
     pub load: u8,
@@ -129,7 +130,7 @@ pub struct DisturbState {
     /// The number of attempts.
     pub frames: u32,
     /// Their identifier; null: any.
-    #[schema(required)]
+    #[schema(required, maximum = 536870911)]
     pub id: Option<u32>,
     /// Whether the identifier has 29 bits.
     pub extended: bool,

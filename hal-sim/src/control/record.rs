@@ -20,6 +20,7 @@ pub struct FrameRecord {
     /// Its end, in microseconds of virtual time.
     pub t_us: u64,
     /// The identifier.
+    #[schema(maximum = 536870911)]
     pub id: u32,
     /// Whether the identifier has 29 bits.
     pub extended: bool,

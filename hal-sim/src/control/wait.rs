@@ -1,11 +1,12 @@
 //! The clients that wait for a state or a frame.
 
+use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
 use super::message::{Answer, Refusal, TimedOut, Waited};
 use super::record::{FrameRecord, Passed};
 use crate::kind::Kind;
-use crate::state::{Condition, DeviceState, FrameCondition, StateWatch};
+use crate::state::{Condition, DeviceState, Pattern, StateWatch};
 use crate::world::{NodeId, World};
 
 /// The clients that wait. Their number is bounded by that of the calls that may wait.
@@ -23,7 +24,8 @@ struct Wait {
 #[derive(Debug)]
 enum Awaited {
     State(StateWatch),
-    Frame(FrameCondition),
+    /// A frame; with the last one of its identifier that was another one.
+    Frame(Pattern, Option<Frame>),
 }
 
 impl Waits {
@@ -63,8 +65,8 @@ impl Waits {
                     (state, false) => (wait.until <= world.now())
                         .then(|| Err(timed_out("the state was not reached", Some(state), world))),
                 },
-                Awaited::Frame(_) => {
-                    (wait.until <= world.now()).then(|| Err(timed_out("the frame did not come", None, world)))
+                Awaited::Frame(pattern, other) => {
+                    (wait.until <= world.now()).then(|| Err(timed_out(&missing(pattern, other.as_ref()), None, world)))
                 }
             };
             match answer {
@@ -76,8 +78,14 @@ impl Waits {
 
     /// Answers those that wait for this frame.
     pub(super) fn show(&mut self, passed: &Passed, record: impl Fn() -> FrameRecord) {
-        let is_it = |wait: &mut Wait| match &wait.condition {
-            Awaited::Frame(condition) => condition.holds(&passed.frame),
+        let is_it = |wait: &mut Wait| match &mut wait.condition {
+            Awaited::Frame(pattern, other) => {
+                let matches = pattern.matches(&passed.frame);
+                if !matches && pattern.has_id_of(&passed.frame) {
+                    *other = Some(passed.frame);
+                }
+                matches
+            }
             Awaited::State(..) => false,
         };
         for wait in self.0.extract_if(.., is_it) {
@@ -105,7 +113,7 @@ impl Wait {
     fn due(&self, world: &World) -> Instant {
         match &self.condition {
             Awaited::State(watch) => watch.due(self.until, world),
-            Awaited::Frame(_) => self.until,
+            Awaited::Frame(..) => self.until,
         }
     }
 }
@@ -115,13 +123,22 @@ fn awaited(
     find: impl FnOnce(&str) -> Result<(NodeId, Kind), Refusal>,
 ) -> Result<Awaited, Refusal> {
     match condition {
-        Condition::Frame(condition) => Ok(Awaited::Frame(condition)),
+        Condition::Frame(pattern) => Ok(Awaited::Frame(pattern, None)),
         Condition::State(name, condition) => {
             let device = find(&name)?;
             condition.check(&name, device.1, "null")?;
             Ok(Awaited::State(StateWatch::new(device, condition)))
         }
     }
+}
+
+/// Returns which frame did not come, and which one of its identifier came last instead.
+fn missing(pattern: &Pattern, other: Option<&Frame>) -> String {
+    let Some(other) = other else {
+        return format!("the frame {pattern} did not come, and no other of its identifier");
+    };
+    let length = pattern.difference_in_length(other).map_or_else(String::new, |length| format!(", which {length}"));
+    format!("the frame {pattern} did not come; the last one of its identifier was {other}{length}")
 }
 
 fn timed_out(error: &str, state: Option<DeviceState>, world: &World) -> Refusal {

@@ -3,10 +3,14 @@
 use protocol_core::time::Duration;
 use serde::Deserialize;
 use toml::Spanned;
-use utoipa::ToSchema;
+use toml::de::{DeTable, DeValue};
+use utoipa::openapi::RefOr;
+use utoipa::openapi::schema::{AnyOf, Object, Schema, Type};
+use utoipa::{PartialSchema, ToSchema};
 
 use super::ReadError;
-use crate::state::{BusChange, Disturb, PlantChange, PowerChange, StateCondition, given};
+use crate::state::schema::{Place, Schemas};
+use crate::state::{BitsPerSecond, BusChange, Disturb, Identifier, PlantChange, PowerChange, StateCondition};
 
 /// A scenario: devices on a bus, and what happens to them and has to come of it, step by step in virtual time.
 #[derive(Debug, Deserialize, ToSchema)]
@@ -25,8 +29,8 @@ pub(super) struct ScenarioFile {
     #[schema(value_type = Vec<String>)]
     pub(super) links: Vec<Spanned<String>>,
     /// The bit rate of the bus, in bit/s; by default that of the first device.
-    #[serde(default, deserialize_with = "given")]
-    #[schema(value_type = Option<u32>)]
+    #[serde(default)]
+    #[schema(value_type = Option<BitsPerSecond>)]
     pub(super) bit_rate: Option<Spanned<u32>>,
     /// Accepts devices with the same node ID, or the same address.
     #[serde(default)]
@@ -59,7 +63,7 @@ pub(super) struct DeviceTable {
     /// As in --device: KIND[@ID][,KEY=VALUE…], with name, serial, bit-rate, stroke-ms, return-ms, blank.
     pub(super) device: String,
     /// Whether the device has to run at the bit rate of the bus; true by default.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default)]
     pub(super) heard: Option<bool>,
 }
 
@@ -69,7 +73,7 @@ impl DeviceEntry {
     /// # Errors
     /// What is accepted.
     pub(super) fn read(value: toml::Value) -> Result<(String, bool), String> {
-        Self::deserialize(json(value)).map_err(|error| reason(&error.to_string())).map(|entry| match entry {
+        Self::deserialize(json(value)).map_err(|error| error.to_string()).map(|entry| match entry {
             Self::Text(device) => (device, true),
             Self::Table(DeviceTable { device, heard }) => (device, heard.unwrap_or(true)),
         })
@@ -83,67 +87,70 @@ impl DeviceEntry {
 #[schema(as = Step)]
 pub(super) struct StepTable {
     /// What the step is for; shown when it fails.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default)]
     pub(super) note: Option<String>,
     /// The step begins at this virtual time, in milliseconds since the devices were switched on.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default)]
+    #[schema(minimum = 0, maximum = 4294967295_i64)]
     pub(super) at_ms: Option<u32>,
     /// The step begins so many milliseconds after the one before.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default)]
+    #[schema(minimum = 0, maximum = 4294967295_i64)]
     pub(super) after_ms: Option<u32>,
     /// The name of the device that plant, power or a state is about; needed with several devices on the bus.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default)]
     pub(super) device: Option<String>,
     /// Sends a frame, as in "220#0F00 0020".
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default)]
     pub(super) send: Option<String>,
     /// Sends the frame again and again with this period, in the place of an earlier cyclic frame of the same
     /// identifier.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default)]
+    #[schema(minimum = 1, maximum = 4294967295_i64)]
     pub(super) every_ms: Option<u32>,
     /// Ends the cyclic frame of an identifier, as in "220", which there has to be; or of "all".
-    #[serde(default, deserialize_with = "given")]
-    pub(super) stop: Option<String>,
+    #[serde(default)]
+    #[schema(value_type = Option<Stop>)]
+    pub(super) stop: Option<Identifier>,
     /// Changes what acts on the device from outside.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default)]
     #[schema(value_type = Option<PlantChange>)]
     pub(super) plant: Option<toml::Table>,
     /// Switches the device, or resets its processor.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default)]
     #[schema(value_type = Option<PowerChange>)]
     pub(super) power: Option<toml::Table>,
     /// Changes the bit rate of the bus and of the one who sends the frames: the master that changes its rate.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default)]
     #[schema(value_type = Option<BusChange>)]
     pub(super) bus: Option<toml::Table>,
     /// Destroys the next attempts to send a frame by a bit error each.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default)]
     #[schema(value_type = Option<Disturb>)]
     pub(super) disturb: Option<toml::Table>,
     /// A frame of a device, several frames one after the other, or a state of the device, that has to come.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default)]
     pub(super) expect: Option<Expected>,
     /// The frames may come in any order.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default)]
     pub(super) any_order: Option<bool>,
     /// How long the step waits for what it expects, in milliseconds; 1000 by default.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default)]
+    #[schema(minimum = 0, maximum = 4294967295_i64)]
     pub(super) within_ms: Option<u32>,
     /// A frame of a device, several of them, or a state of the device, that must not come from now on, while the next
     /// steps go on.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default)]
     pub(super) never: Option<Expected>,
     /// How long it must not come, in milliseconds; up to the end of the scenario by default.
-    #[serde(default, deserialize_with = "given")]
+    #[serde(default)]
+    #[schema(minimum = 0, maximum = 4294967295_i64)]
     pub(super) for_ms: Option<u32>,
 }
 
-/// What is expected.
+/// Frames or a state.
 #[derive(Debug, Deserialize, ToSchema)]
-#[serde(
-    untagged,
-    expecting = "accepted: a frame as in \"1A0#0F00 0020\", a list of frames, or a state as in { dsm = \"active\" }"
-)]
+#[serde(untagged)]
 #[schema(as = Expected)]
 pub(super) enum Expected {
     /// A frame, as in "1A0#0F00 0020": ? is any hex digit, .. at the end any bytes, an identifier alone any data.
@@ -155,6 +162,18 @@ pub(super) enum Expected {
     State(toml::Table),
 }
 
+/// The schema of what a step stops: an identifier, or all.
+pub(super) struct Stop;
+
+impl PartialSchema for Stop {
+    fn schema() -> RefOr<Schema> {
+        let all = Object::builder().schema_type(Type::String).enum_values(Some(["all"]));
+        AnyOf::builder().item(Identifier::schema()).item(all).into()
+    }
+}
+
+impl ToSchema for Stop {}
+
 /// How long a step waits for what it expects, when it does not say.
 pub(super) const PATIENCE: Duration = Duration::from_secs(1);
 
@@ -163,10 +182,45 @@ pub(super) const PATIENCE: Duration = Duration::from_secs(1);
 /// # Errors
 /// [`ReadError`] with the line of what is not accepted.
 pub(super) fn read(text: &str) -> Result<ScenarioFile, ReadError> {
-    toml::from_str(text).map_err(|error| {
+    let refuse = |error: toml::de::Error| {
         let line = error.span().map_or(1, |span| line_of(text, span.start));
-        ReadError { line: Some(line), reason: reason(error.message()) }
-    })
+        let lines = error.message().lines().map(str::trim).filter(|line| !line.is_empty());
+        ReadError { line: Some(line), reason: lines.collect::<Vec<_>>().join("; ") }
+    };
+    let document = toml::from_str(text).map(|table| document(toml::Value::Table(table), 0)).map_err(refuse)?;
+    match Schemas::of::<ScenarioFile>().check("Scenario", &document, NONE) {
+        // A scenario without devices or steps is told by an example.
+        Err(mismatch) if !mismatch.path.is_empty() => {
+            let place = DeTable::parse(text).ok().and_then(|table| place_of(table.get_ref(), &mismatch.path));
+            let step = mismatch.path.get(1).map_or_else(String::new, |place| match place {
+                Place::Item(step) => format!("steps[{step}]"),
+                Place::Key(_) => String::new(),
+            });
+            let inner = mismatch.reason.strip_prefix(&step).filter(|_| !step.is_empty());
+            let inner = inner.and_then(|rest| rest.strip_prefix('.').or_else(|| rest.strip_prefix(": ")));
+            let reason = inner.unwrap_or(&mismatch.reason).to_owned();
+            Err(ReadError { line: Some(place.map_or(1, |place| line_of(text, place))), reason })
+        }
+        _ => toml::from_str(text).map_err(refuse),
+    }
+}
+
+/// Returns the place of a member in the text, as far as the way to it is there.
+fn place_of(table: &DeTable<'_>, path: &[Place]) -> Option<usize> {
+    let (first, mut rest) = path.split_first()?;
+    let Place::Key(key) = first else { return None };
+    let (key, mut value) = table.iter().find(|(known, _)| *known.get_ref() == key.as_str())?;
+    let mut place = key.span().start;
+    loop {
+        match (value.get_ref(), rest) {
+            (DeValue::Table(table), [Place::Key(_), ..]) => return place_of(table, rest).or(Some(place)),
+            (DeValue::Array(items), [Place::Item(item), further @ ..]) => {
+                let Some(item) = items.get(*item) else { return Some(place) };
+                (value, rest, place) = (item, further, item.span().start);
+            }
+            _ => return Some(place),
+        }
+    }
 }
 
 /// Returns the number of the line of a place in a text.
@@ -174,16 +228,33 @@ pub(super) fn line_of(text: &str, place: usize) -> usize {
     1 + text.bytes().take(place).filter(|byte| *byte == b'\n').count()
 }
 
+/// The word for what is null in the control interface.
+const NONE: &str = "\"none\"";
+
+/// The depth of the tables of a step, in which null is "none".
+const TABLES: usize = 4;
+
+/// Returns a document of this depth as JSON.
+fn document(value: toml::Value, depth: usize) -> serde_json::Value {
+    match value {
+        value if depth >= TABLES => json(value),
+        toml::Value::Array(values) => values.into_iter().map(|value| document(value, depth + 1)).collect(),
+        toml::Value::Table(table) => table.into_iter().map(|(key, value)| (key, document(value, depth + 1))).collect(),
+        toml::Value::String(text) => text.into(),
+        value => json(value),
+    }
+}
+
 /// Reads a table by the types of the control interface: what is null there is "none" here.
 ///
 /// # Errors
 /// What is not accepted.
 pub(super) fn table<T: for<'de> Deserialize<'de>>(table: toml::Table) -> Result<T, String> {
-    T::deserialize(json(toml::Value::Table(table))).map_err(|error| reason(&error.to_string()))
+    T::deserialize(json(toml::Value::Table(table))).map_err(|error| error.to_string())
 }
 
 /// Returns a value as JSON.
-pub(super) fn json(value: toml::Value) -> serde_json::Value {
+fn json(value: toml::Value) -> serde_json::Value {
     match value {
         toml::Value::String(text) if text == "none" => serde_json::Value::Null,
         toml::Value::String(text) => text.into(),
@@ -193,25 +264,5 @@ pub(super) fn json(value: toml::Value) -> serde_json::Value {
         toml::Value::Datetime(time) => time.to_string().into(),
         toml::Value::Array(values) => values.into_iter().map(json).collect(),
         toml::Value::Table(table) => table.into_iter().map(|(key, value)| (key, json(value))).collect(),
-    }
-}
-
-/// Returns the words of a reader in one line, with what is accepted, and the key that was perhaps meant.
-fn reason(message: &str) -> String {
-    let message = message.lines().map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join("; ");
-    for (found, what) in [("unknown field `", "unknown key"), ("unknown variant `", "unknown value")] {
-        let Some((word, known)) = message.strip_prefix(found).and_then(|rest| rest.split_once("`, expected ")) else {
-            continue;
-        };
-        let known: Vec<&str> = known.split('`').skip(1).step_by(2).collect();
-        let near = known.iter().map(|known| (strsim::jaro_winkler(word, known), known));
-        let near = near.filter(|(likeness, _)| *likeness > 0.75).max_by(|one, other| one.0.total_cmp(&other.0));
-        let tip = near.map_or_else(String::new, |(_, near)| format!("; did you mean '{near}'?"));
-        return format!("{what} '{word}'{tip}; accepted: {}", known.join(", "));
-    }
-    // The message names a type of Rust, which TOML does not have.
-    match message.split_once(", expected ") {
-        Some((what, "u32")) => format!("{what}; accepted: a whole number from 0 to {}", u32::MAX),
-        _ => message,
     }
 }

@@ -2,10 +2,9 @@
 //!
 //! ```text
 //! file     the file as it is written        script   the same, checked: everything in it can be done
-//! pattern  frames as a scenario has them    schema   the format for editors
-//! runner   goes through one                 history  what was on the bus
-//! report   what came of it, in words        junit    the same for CI
-//! batch    many of them, over the cores
+//! runner   goes through one                 schema   the format for editors
+//! report   what came of it, in words        history  what was on the bus
+//! batch    many of them, over the cores     junit    what came of it, for CI
 //! ```
 //!
 //! Each scenario has a world of its own: many run at once, and two runs with one seed are the same to the last byte.
@@ -14,7 +13,6 @@ mod batch;
 mod file;
 mod history;
 mod junit;
-mod pattern;
 mod report;
 mod runner;
 mod schema;

@@ -6,9 +6,8 @@ use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, since};
 
 use super::history::{Heard, History};
-use super::pattern::Pattern;
 use super::script::{Begin, Step, Wanted};
-use crate::state::DeviceState;
+use crate::state::{DeviceState, Pattern};
 
 /// What came of a scenario.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -213,6 +212,7 @@ fn seen(wanted: &Pattern, (from, mark): (u64, u64), history: &History) -> Vec<St
             if let Some(bytes) = wanted.differences(&frame) {
                 lines.push(format!("          {}", carets(&frame, &bytes)));
             }
+            lines.extend(wanted.difference_in_length(&frame).map(|length| format!("          {length}")));
             let more = of_id().count() - 1;
             if more > 0 {
                 lines.push(format!("          and {more} more of that identifier"));

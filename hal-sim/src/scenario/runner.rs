@@ -7,13 +7,12 @@ use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
 use super::history::{Heard, History};
-use super::pattern::Pattern;
 use super::report::{Failure, Outcome};
 use super::script::{Act, Begin, Expect, Never, Scenario, Step, Wanted, What};
 use crate::devices::{self, NotHeard, RateWatch};
 use crate::kind::Kind;
 use crate::sender::{Receipt, Sender, Unsent};
-use crate::state::{DeviceState, Invalid, StateWatch};
+use crate::state::{DeviceState, Invalid, Pattern, StateWatch};
 use crate::world::{Event, NodeId, SUPPLY_JITTER, World};
 
 /// Who sends the frames of a scenario, in traces. No device can have that name.

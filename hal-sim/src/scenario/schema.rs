@@ -1,37 +1,22 @@
 //! The format of scenarios as a JSON schema, for editors.
 
 use serde_json::{Map, Value, json};
-use utoipa::{PartialSchema, ToSchema};
+use utoipa::ToSchema as _;
 
 use super::file::ScenarioFile;
-
-/// Where a null of the control interface is "none" in a scenario; everywhere else a value that is given is not null.
-const NULLABLE: &[(&str, &[&str])] = &[
-    ("StateCondition", &["node_id", "bit_rate", "nmt", "dsm", "command", "set_point", "position", "solenoids", "led"]),
-    ("PlantChange", &["lever"]),
-    ("Spool", &["fault"]),
-];
+use crate::state::schema::Schemas;
 
 /// Returns the schema, in draft 2020-12.
 #[must_use]
 pub fn schema() -> String {
-    let mut named = Vec::new();
-    ScenarioFile::schemas(&mut named);
-    let mut definitions = Map::new();
-    for (name, schema) in named {
-        let mut schema = serde_json::to_value(schema).unwrap_or_default();
-        let nullable = NULLABLE.iter().find(|(known, _)| *known == name).map_or(&[][..], |(_, keys)| keys);
-        if let Some(properties) = schema.get_mut("properties").and_then(Value::as_object_mut) {
-            for (key, property) in properties {
-                without_null(property, nullable.contains(&key.as_str()));
-            }
+    let name = ScenarioFile::name();
+    let mut definitions: Map<String, Value> = Schemas::of::<ScenarioFile>().by_name().clone();
+    for schema in definitions.values_mut() {
+        if let Some(members) = schema.get_mut("properties").and_then(Value::as_object_mut) {
+            members.values_mut().for_each(with_none);
         }
-        definitions.insert(name, schema);
     }
-    let mut schema = serde_json::to_value(ScenarioFile::schema()).unwrap_or_default();
-    if let Some(properties) = schema.get_mut("properties").and_then(Value::as_object_mut) {
-        properties.values_mut().for_each(|property| without_null(property, false));
-    }
+    let mut schema = definitions.remove(&*name).unwrap_or_default();
     if let Some(root) = schema.as_object_mut() {
         root.insert("$schema".to_owned(), json!("https://json-schema.org/draft/2020-12/schema"));
         root.insert("title".to_owned(), json!("Scenario of pve-sim"));
@@ -41,26 +26,25 @@ pub fn schema() -> String {
     text.replace("#/components/schemas/", "#/$defs/") + "\n"
 }
 
-/// Takes null out of what a property accepts, or puts "none" in its place.
-fn without_null(property: &mut Value, nullable: bool) {
-    let Some(fields) = property.as_object_mut() else { return };
+/// Puts "none" in the place of null, where a member accepts it.
+fn with_none(member: &mut Value) {
+    let Some(fields) = member.as_object_mut() else { return };
     let description = fields.remove("description");
+    let mut accepts_null = false;
     if let Some(Value::Array(types)) = fields.get_mut("type") {
+        accepts_null = types.iter().any(|name| name == "null");
         types.retain(|name| name != "null");
-        if let [only] = types.as_slice() {
-            let only = only.clone();
-            fields.insert("type".to_owned(), only);
-        }
     }
     if let Some(Value::Array(choices)) = fields.get_mut("oneOf") {
+        accepts_null |= choices.contains(&json!({ "type": "null" }));
         choices.retain(|choice| *choice != json!({ "type": "null" }));
     }
-    if nullable {
+    if accepts_null {
         let some = std::mem::take(fields);
         fields.insert("anyOf".to_owned(), json!([some, { "const": "none" }]));
     }
     if let Some(mut description) = description {
-        if nullable && let Some(text) = description.as_str() {
+        if accepts_null && let Some(text) = description.as_str() {
             description = text.replace("null", "\"none\"").into();
         }
         fields.insert("description".to_owned(), description);

@@ -6,12 +6,13 @@ use protocol_core::time::Duration;
 
 use super::ReadError;
 use super::file::{self, DeviceEntry, Expected, PATIENCE, ScenarioFile, StepTable};
-use super::pattern::Pattern;
 use crate::bus::Disturbance;
 use crate::devices::{self, DeviceSpec, LinkSpec, NamedDevice, NamedLink};
 use crate::kind::Kind;
 use crate::memory::Memory;
-use crate::state::{self, BusChange, Disturb, Invalid, PlantChange, Power, PowerChange, StateCondition};
+use crate::state::{
+    self, BusChange, Disturb, Identifier, Invalid, Pattern, PlantChange, Power, PowerChange, StateCondition,
+};
 use crate::world::{NodeId, World};
 
 /// The word for null.
@@ -327,15 +328,15 @@ impl Trial {
     }
 
     /// Returns the identifier whose cyclic frame ends, which there has to be; `None`: all end.
-    fn stop(&mut self, text: &str) -> Result<Option<Id>, String> {
-        let Some(id) = identifier(text)? else {
+    fn stop(&mut self, which: &Identifier) -> Result<Option<Id>, String> {
+        let Some(id) = stopped(which)? else {
             self.cyclic.clear();
             return Ok(None);
         };
         let Some(place) = self.cyclic.iter().position(|cyclic| *cyclic == id) else {
             let cyclic = self.cyclic.iter().map(|id| format!("\"{}\"", digits(*id))).chain(["\"all\"".to_owned()]);
             let accepted = cyclic.collect::<Vec<_>>().join(", ");
-            return Err(format!("stop: no frame '{text}' is sent in a cycle here; accepted: {accepted}"));
+            return Err(format!("stop: no frame {which} is sent in a cycle here; accepted: {accepted}"));
         };
         self.cyclic.remove(place);
         Ok(Some(id))
@@ -448,11 +449,14 @@ fn one_frame(text: &str) -> Result<Frame, String> {
     frame.ok_or_else(|| format!("send: '{text}' is no single frame; accepted: all digits, as in \"220#0F00 0020\""))
 }
 
-fn identifier(text: &str) -> Result<Option<Id>, String> {
-    if text == "all" {
-        return Ok(None);
+/// Returns the identifier whose cyclic frame ends; `None`: all of them.
+fn stopped(which: &Identifier) -> Result<Option<Id>, String> {
+    match which {
+        Identifier::Text(text) if text == "all" => Ok(None),
+        _ => {
+            let extended = which.needs_29_bits().then_some(true);
+            let refuse = |_| format!("stop: {which} is no identifier; accepted: as in \"220\", or \"all\"");
+            which.id(extended).map(Some).map_err(refuse)
+        }
     }
-    let pattern = text.parse::<Pattern>().ok().filter(Pattern::is_identifier);
-    let id = pattern.as_ref().and_then(Pattern::identifier);
-    id.map(Some).ok_or_else(|| format!("stop: '{text}' is no identifier; accepted: as in \"220\", or \"all\""))
 }

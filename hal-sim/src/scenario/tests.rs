@@ -125,7 +125,7 @@ fn never_needs_time_in_which_something_could_come() {
 fn a_number_that_is_none_says_what_is_accepted() {
     for (key, number) in [("after_ms", "-1"), ("at_ms", "1.5"), ("at_ms", "4294967296"), ("after_ms", "\"1\"")] {
         let reason = refused(&format!("{{ {key} = {number} }}"));
-        assert!(reason.ends_with("; accepted: a whole number from 0 to 4294967295"), "{reason}");
+        assert_eq!(reason, format!("{key} {number}: accepted: a whole number from 0 to 4294967295"));
     }
 }
 
@@ -405,10 +405,10 @@ fn what_cannot_be_read_names_line_and_what_is_accepted() {
         (
             "device = [\"pvea-canopen\"]",
             1,
-            "unknown key 'device'; did you mean 'devices'?; accepted: title, devices, links,",
+            "unknown key 'device'; did you mean 'devices'?; accepted: allow_clash, bit_rate, devices, links,",
         ),
         ("devices = [\"pvea-canopen\"]\nsteps = [{ expect = \"720#00\" ]", 2, "inline table"),
-        ("devices = \"pvea-canopen\"", 1, "expected a sequence"),
+        ("devices = \"pvea-canopen\"", 1, "devices \"pvea-canopen\": accepted: a list"),
     ] {
         let (found, said) = refusal(text);
         assert!(found == Some(line) && said.contains(reason), "{text}\n{found:?} {said}");
@@ -418,34 +418,46 @@ fn what_cannot_be_read_names_line_and_what_is_accepted() {
 #[test]
 fn what_a_step_cannot_be() {
     for (step, reason) in [
-        (r#"{ sent = "000#0100" }"#, "unknown key 'sent'; did you mean 'send'?; accepted: note, at_ms, after_ms,"),
+        (r#"{ sent = "000#0100" }"#, "unknown key 'sent'; did you mean 'send'?; accepted: after_ms, any_order, at_ms,"),
         (r#"{ send = "000#01?0" }"#, "send: '000#01?0' is no single frame"),
         (r#"{ send = "00#01" }"#, "send: '00#01': no identifier; accepted: IDENTIFIER#DATA"),
         (r#"{ expect = "1A0#0" }"#, "expect: '1A0#0': no whole bytes"),
         ("{ expect = [] }", "expect: no frames"),
         ("{ expect = {} }", "expect: an empty state"),
-        ("{ expect = 5 }", "accepted: a frame as in \"1A0#0F00 0020\", a list of frames, or a state"),
-        (r#"{ expect = { dsn = "active" } }"#, "expect: unknown key 'dsn'; did you mean 'dsm'?; accepted: t_us, name,"),
+        ("{ expect = 5 }", "expect 5: accepted: a frame as in \"1A0#0F00 0020\", a list of frames, or a state"),
+        (
+            r#"{ expect = { dsn = "active" } }"#,
+            "expect: unknown key 'dsn'; did you mean 'dsm'?; accepted: bit_rate, command, dsm,",
+        ),
         (
             r#"{ expect = { dsm = "actve" } }"#,
-            "expect: unknown value 'actve'; did you mean 'active'?; accepted: init, disabled",
+            "expect.dsm: unknown value 'actve'; did you mean 'active'?; accepted: init, disabled",
         ),
         (
             r#"{ expect = { faults = ["set-up"] } }"#,
             "expect: 'set-up' is no fault of pvea-canopen; accepted: spool-not-at",
         ),
-        (r#"{ never = { position = "far" } }"#, "never: accepted: -16384 to 16384"),
+        (
+            r#"{ never = { position = "far" } }"#,
+            "never.position \"far\": accepted: a whole number from -16384 to 16384, {\"max\", \"min\"}, or \"none\"",
+        ),
         ("{ plant = { suply_mv = 1 } }", "plant: unknown key 'suply_mv'; did you mean 'supply_mv'?"),
-        ("{ plant = { supply_mv = 100001 } }", "plant: supply_mv: accepted: 0–100000"),
+        ("{ plant = { supply_mv = 100001 } }", "plant.supply_mv 100001: accepted: a whole number from 0 to 100000"),
+        ("{ plant = { supply_mv = 8.5 } }", "plant.supply_mv 8.5: accepted: a whole number from 0 to 100000"),
+        (
+            r#"{ plant = { spool = "bent" } }"#,
+            "plant.spool: unknown value 'bent'; accepted: ok, stuck, slow, drifting, no-float, or",
+        ),
         ("{ plant = { angle_cdeg = 5 } }", "plant: angle_cdeg 5: no plant word of this kind"),
-        (r#"{ plant = { supply_mv = "none" } }"#, "plant: invalid type: null"),
+        (r#"{ plant = { supply_mv = "none" } }"#, "plant.supply_mv \"none\": accepted: a whole number"),
         ("{ plant = {} }", "plant: an empty change; accepted: any of its keys"),
         (r#"{ expect = "1A0", within_ms = 0 }"#, "within_ms 0: no frame comes in no time; accepted: 1 and more"),
         ("{ power = { on = true, reset = \"watchdog\" } }", "power: accepted: { on = true }"),
         ("{ bus = { bit_rate = 1 } }", "bit_rate 1: accepted: "),
         ("{ disturb = { frames = 1, extended = true } }", "disturb: extended without an id"),
-        (r#"{ stop = "22" }"#, "stop: '22' is no identifier; accepted: as in \"220\", or \"all\""),
-        (r#"{ send = "220#00", every_ms = 0 }"#, "every_ms 0: accepted: 1 and more"),
+        (r#"{ stop = "22G" }"#, "stop: \"22G\" is no identifier; accepted: as in \"220\", or \"all\""),
+        (r#"{ disturb = { frames = 1, id = "22G" } }"#, "disturb: id \"22G\": accepted: 0 to 2047, or a text in hex"),
+        (r#"{ send = "220#00", every_ms = 0 }"#, "every_ms 0: accepted: a whole number from 1 to 4294967295"),
         ("{ every_ms = 10 }", "every_ms: accepted with send"),
         ("{ within_ms = 10 }", "within_ms: accepted with expect"),
         ("{ for_ms = 10 }", "for_ms: accepted with never"),
@@ -461,6 +473,60 @@ fn what_a_step_cannot_be() {
     }
     let two = "devices = [\"pvea-canopen\", \"hat1000\"]\nsteps = [{ expect = { position = 0 } }]";
     assert_eq!(refusal(two).1, "device is missing, which one is meant? accepted: pvea-canopen, hat1000");
+}
+
+/// The line is that of the key, wherever the step begins.
+#[test]
+fn a_refusal_names_the_line_of_the_key() {
+    let text =
+        "devices = [\"pvea-canopen\"]\n[[steps]]\nnote = \"x\"\n[steps.plant]\nmemory = \"ok\"\nsupply_mv = 8.5\n";
+    let reason = "plant.supply_mv 8.5: accepted: a whole number from 0 to 100000".to_owned();
+    assert_eq!(refusal(text), (Some(6), reason));
+    let text = "devices = [\"pvea-canopen\"]\n[[steps]]\n[steps.expect]\nposition = {\n  max = 5,\n  mix = 5 }\n";
+    assert_eq!(
+        refusal(text),
+        (Some(6), "expect.position: unknown key 'mix'; did you mean 'min'?; accepted: max, min".to_owned())
+    );
+}
+
+/// A word alone and an object, and `ok` for healthy, as on the console and in Python.
+#[test]
+fn a_spool_is_broken_and_mended_by_a_word() {
+    for (broken, healthy) in [
+        (r#""stuck""#, r#""ok""#),
+        (r#"{ fault = "stuck" }"#, r#"{ fault = "ok" }"#),
+        (r#"{ fault = "stuck" }"#, r#"{ fault = "none" }"#),
+    ] {
+        passes(&format!(
+            r#"{ACTIVE}, {{ plant = {{ spool = {broken} }} }}, {{ send = "220#0F00 0040", every_ms = 100 }},
+            {{ expect = {{ faults = ["spool-not-at-set-point"] }} }},
+            {{ plant = {{ spool = {healthy} }}, expect = {{ position = 0, faults = [] }} }}"#
+        ));
+    }
+}
+
+/// Numbers stay numbers, and a text is hexadecimal.
+#[test]
+fn identifiers_of_steps() {
+    for (stop, disturb) in
+        [("\"220\"", "\"1A0\""), ("\"0x220\"", "\"0x1A0\""), ("0x220", "0x1A0"), ("544", "416"), ("\"all\"", "\"1a0\"")]
+    {
+        passes(&format!(
+            r#"{ACTIVE}, {{ stop = {stop} }}, {{ expect = {{ faults = ["time-guarding"] }} }},
+            {{ disturb = {{ frames = 1, id = {disturb} }} }}"#
+        ));
+    }
+    passes(
+        r#"{ send = "0CFE3027#00", every_ms = 10 }, { stop = 0x0CFE3027 }, { stop = "0x0CFE3027" }, { send = "0x220#00" }"#,
+    );
+}
+
+#[test]
+fn a_frame_that_differs_in_its_length_alone_is_told_so() {
+    let text = fails(r#"{ send = "000#0120" }, { send = "220#0300 0000", expect = "1A0#????" }"#, 1);
+    assert!(text.contains("differs in its length alone: 4 bytes instead of 2 bytes; \"..\" at the end"), "{text}");
+    let text = fails(r#"{ send = "000#0120" }, { send = "220#0300 0000", expect = "1A0#FF??" }"#, 1);
+    assert!(text.contains("seen      1A0: ") && !text.contains("length"), "{text}");
 }
 
 #[test]

@@ -1,12 +1,13 @@
 //! Changes of the bus: its bit rate, and disturbances.
 
 use protocol_core::controller::BitRate;
-use protocol_core::frame::{ExtendedId, Id, StandardId};
 use serde::Deserialize;
-use utoipa::ToSchema;
+use utoipa::openapi::RefOr;
+use utoipa::openapi::schema::{Object, Schema, Type};
+use utoipa::{PartialSchema, ToSchema};
 
-use super::Invalid;
 use super::given::given;
+use super::{Identifier, Invalid};
 use crate::bus::Disturbance;
 
 /// A change of the bus.
@@ -14,21 +15,27 @@ use crate::bus::Disturbance;
 #[serde(deny_unknown_fields)]
 pub struct BusChange {
     /// The bit rate of the bus and of every client, in bit/s.
+    #[schema(value_type = BitsPerSecond)]
     pub(crate) bit_rate: u32,
 }
 
+/// The schema of a bit rate in bit/s.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BitsPerSecond;
+
 /// Frames to be destroyed.
-#[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Disturb {
     /// The number of attempts; 0 ends an earlier disturbance.
+    #[schema(maximum = 4294967295_i64)]
     pub(crate) frames: u32,
     /// The identifier; without it any.
     #[serde(default, deserialize_with = "given")]
-    pub(crate) id: Option<u32>,
+    pub(crate) id: Option<Identifier>,
     /// Whether the identifier has 29 bits.
-    #[serde(default)]
-    pub(crate) extended: bool,
+    #[serde(default, deserialize_with = "given")]
+    pub(crate) extended: Option<bool>,
 }
 
 impl BusChange {
@@ -41,26 +48,22 @@ impl BusChange {
     }
 }
 
-impl Disturb {
-    /// Returns the disturbance.
-    pub(crate) fn disturbance(self) -> Result<Disturbance, Invalid> {
-        let id = self.id.map(|id| identifier(id, self.extended)).transpose()?;
-        if id.is_none() && self.extended {
-            return Err(Invalid("extended without an id".to_owned()));
-        }
-        Ok(Disturbance { frames: self.frames, id })
+impl PartialSchema for BitsPerSecond {
+    fn schema() -> RefOr<Schema> {
+        let rates = BitRate::ALL.map(BitRate::bits_per_second);
+        Object::builder().schema_type(Type::Integer).enum_values(Some(rates)).into()
     }
 }
 
-/// Returns the identifier of a number.
-pub(crate) fn identifier(id: u32, extended: bool) -> Result<Id, Invalid> {
-    let identifier = if extended {
-        ExtendedId::new(id).map(Id::Extended)
-    } else {
-        u16::try_from(id).ok().and_then(StandardId::new).map(Id::Standard)
-    };
-    identifier.ok_or_else(|| {
-        let accepted = if extended { "0–536870911" } else { "0–2047, more with \"extended\": true" };
-        Invalid(format!("id {id}: accepted: {accepted}"))
-    })
+impl ToSchema for BitsPerSecond {}
+
+impl Disturb {
+    /// Returns the disturbance.
+    pub(crate) fn disturbance(self) -> Result<Disturbance, Invalid> {
+        if self.id.is_none() && self.extended == Some(true) {
+            return Err(Invalid("extended without an id".to_owned()));
+        }
+        let id = self.id.map(|id| id.id(self.extended)).transpose()?;
+        Ok(Disturbance { frames: self.frames, id })
+    }
 }

@@ -2,14 +2,13 @@
 
 use std::ops::RangeInclusive;
 
-use protocol_core::frame::{Frame, Id};
 use serde::{Deserialize, Deserializer, Serialize};
 use utoipa::ToSchema;
 
 use super::Invalid;
 use super::device::{Color, Command, DeviceState, DeviceStateMachine, Led, Nmt, SetPointValue};
 use super::given::{Object, given, object, present};
-use super::possible;
+use super::{BitsPerSecond, Pattern, possible};
 use crate::kind::Kind;
 
 /// What is waited for.
@@ -18,7 +17,7 @@ pub enum Condition {
     /// A device is in a state.
     State(String, Box<StateCondition>),
     /// A frame is on the bus.
-    Frame(FrameCondition),
+    Frame(Pattern),
 }
 
 /// Any subset of a device state: scalars are equal.
@@ -27,6 +26,7 @@ pub enum Condition {
 pub struct StateCondition {
     /// The instant.
     #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
+    #[schema(maximum = 9223372036854775807_i64)]
     pub t_us: Option<u64>,
     /// The name.
     #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
@@ -36,11 +36,11 @@ pub struct StateCondition {
     pub kind: Option<String>,
     /// The node ID or address.
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<u8>)]
+    #[schema(value_type = Option<u8>, maximum = 255)]
     pub node_id: Option<Option<u8>>,
     /// The bit rate.
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<u32>)]
+    #[schema(value_type = Option<BitsPerSecond>)]
     pub bit_rate: Option<Option<u32>>,
     /// Whether it has power.
     #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
@@ -106,9 +106,11 @@ pub enum PositionCondition {
 pub struct Limits {
     /// The lower limit.
     #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = -16384, maximum = 16384)]
     pub min: Option<i16>,
     /// The upper limit.
     #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = -16384, maximum = 16384)]
     pub max: Option<i16>,
 }
 
@@ -122,15 +124,6 @@ pub struct LedCondition {
     /// Whether it flashes.
     #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
     pub flashing: Option<bool>,
-}
-
-/// A frame by its identifier and the begin of its data.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FrameCondition {
-    /// The identifier.
-    pub id: Id,
-    /// The begin of the data.
-    pub data: Vec<u8>,
 }
 
 /// Reads an object that may be null, and is told apart from one that is missing.
@@ -242,12 +235,5 @@ impl Limits {
 impl LedCondition {
     fn holds(&self, led: &Led) -> bool {
         is(self.color.as_ref(), &led.color) && is(self.flashing.as_ref(), &led.flashing)
-    }
-}
-
-impl FrameCondition {
-    /// Returns whether a frame fulfils the condition.
-    pub(crate) fn holds(&self, frame: &Frame) -> bool {
-        frame.id() == self.id && !frame.is_remote() && frame.data().starts_with(&self.data)
     }
 }

@@ -7,6 +7,7 @@ use protocol_core::wire::{nmt, valve};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use super::BitsPerSecond;
 use super::plant::PlantState;
 use crate::kind::Kind;
 use crate::world::{NodeId, World};
@@ -22,10 +23,10 @@ pub struct DeviceState {
     /// The kind, as in `--device`.
     pub kind: &'static str,
     /// The node ID, on ISOBUS the address, in force.
-    #[schema(required)]
+    #[schema(required, maximum = 255)]
     pub node_id: Option<u8>,
     /// The bit rate in force, in bit/s.
-    #[schema(required)]
+    #[schema(required, value_type = Option<BitsPerSecond>)]
     pub bit_rate: Option<u32>,
     /// Whether the device has power.
     pub powered: bool,
@@ -43,7 +44,7 @@ pub struct DeviceState {
     pub set_point: Option<SetPointValue>,
     /// The position of the spool, −16384…16384, in neutral without power; of an angle sensor object 0x6004, null
     /// without power.
-    #[schema(required)]
+    #[schema(required, minimum = -16384, maximum = 16384)]
     pub position: Option<i16>,
     /// Whether the solenoids are energised; null for an angle sensor.
     #[schema(required)]
@@ -155,7 +156,7 @@ pub struct Fault {
     pub active: bool,
     /// The occurrence counter, on CANopen that of both spool faults; of an angle sensor the number of its entries in
     /// 0x1003. Null without power.
-    #[schema(required)]
+    #[schema(required, maximum = 255)]
     pub count: Option<u8>,
 }
 

@@ -6,6 +6,8 @@
 //! condition  what can be waited for    watch   a condition that is looked at whenever it may hold
 //! power      power and resets          bus     bit rate and disturbances
 //! possible   the values that each key of a state can have, by kind
+//! identifier CAN identifiers           pattern frames that are meant
+//! schema     what is accepted, as JSON schemas, and the reader that follows them
 //! given      readers of values that are told apart from missing ones
 //! ```
 
@@ -13,16 +15,22 @@ mod bus;
 mod condition;
 mod device;
 mod given;
+mod identifier;
+mod pattern;
 mod plant;
 mod possible;
 mod power;
+pub(crate) mod schema;
 mod watch;
 
-pub(crate) use bus::identifier;
+pub(crate) use bus::BitsPerSecond;
 pub use bus::{BusChange, Disturb};
-pub use condition::{Condition, FrameCondition, StateCondition};
+pub use condition::{Condition, StateCondition};
 pub use device::*;
 pub(crate) use given::{given, given_object};
+pub use identifier::Identifier;
+pub use pattern::Pattern;
+pub(crate) use pattern::{DATA, DATA_PATTERN};
 pub use plant::{PlantChange, PlantState};
 pub(crate) use possible::accepted;
 pub use power::{Power, PowerChange, ResetCause};

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::Invalid;
-use super::given::{given, given_object, present};
+use super::given::{given, object, present};
 use crate::world::{NodeId, Plant, World};
 
 /// The highest supply that can be set, in millivolt (A): far beyond what any monitor tells apart.
@@ -67,16 +67,29 @@ pub struct EncoderPlant {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Spool {
-    /// What is wrong with it; null: nothing.
+    /// What is wrong with it; null, or "ok": nothing.
     #[schema(required)]
     #[serde(deserialize_with = "Option::deserialize")]
     pub fault: Option<SpoolFaultName>,
+}
+
+/// A change of the spool: a word alone, or in an object as the state has it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, ToSchema)]
+#[serde(untagged)]
+pub enum SpoolChange {
+    /// The word alone.
+    Word(SpoolFaultName),
+    /// The object.
+    #[serde(deserialize_with = "object")]
+    Object(Spool),
 }
 
 /// What can be wrong with a spool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum SpoolFaultName {
+    /// Nothing. A state has null instead.
+    Ok,
     /// Stays where it is.
     Stuck,
     /// Moves slowly.
@@ -105,22 +118,26 @@ pub enum Memory {
 pub struct PlantChange {
     /// Valves: the supply, in millivolt, up to 100000.
     #[serde(default, deserialize_with = "given")]
+    #[schema(maximum = 100_000)]
     pub supply_mv: Option<u32>,
     /// Valves: the temperature, in °C, −273…1000.
     #[serde(default, deserialize_with = "given")]
+    #[schema(minimum = -273, maximum = 1000)]
     pub temperature_c: Option<i16>,
     /// Valves: the spool.
-    #[serde(default, deserialize_with = "given_object")]
-    pub spool: Option<Spool>,
+    #[serde(default, deserialize_with = "given")]
+    pub spool: Option<SpoolChange>,
     /// Valves: the position that the spool is pushed to by hand, −16384…16384; null: it is let go.
     #[serde(default, deserialize_with = "present")]
-    #[schema(value_type = Option<i16>)]
+    #[schema(value_type = Option<i16>, minimum = -16384, maximum = 16384)]
     pub lever: Option<Option<i16>>,
     /// Angle sensors: the angle of the shaft, 0…35999 1/100 degree.
     #[serde(default, deserialize_with = "given")]
+    #[schema(maximum = 35_999)]
     pub angle_cdeg: Option<u32>,
     /// Angle sensors: the speed of the shaft in turns a minute, positive clockwise; 0 for a shaft that follows a valve.
     #[serde(default, deserialize_with = "given")]
+    #[schema(minimum = -2147483648_i64, maximum = 2147483647)]
     pub speed_rpm: Option<i32>,
     /// Angle sensors: a measuring error.
     #[serde(default, deserialize_with = "given")]
@@ -201,7 +218,7 @@ impl PlantChange {
         let plants = [
             supply_mv.map(Plant::SupplyMv),
             temperature_c.map(Plant::TemperatureC),
-            spool.map(|spool| Plant::Spool(fault(spool.fault))),
+            spool.map(|spool| Plant::Spool(spool.fault())),
             lever.map(Plant::Lever),
             angle_cdeg.map(Plant::AngleCdeg),
             speed_rpm.map(Plant::SpeedRpm),
@@ -213,6 +230,17 @@ impl PlantChange {
     }
 }
 
+impl SpoolChange {
+    fn fault(self) -> SpoolFault {
+        let name = match self {
+            Self::Word(name) | Self::Object(Spool { fault: Some(name) }) => name,
+            Self::Object(Spool { fault: None }) => SpoolFaultName::Ok,
+        };
+        FAULTS.into_iter().find(|(known, _)| *known == name).map_or(SpoolFault::None, |(_, fault)| fault)
+    }
+}
+
+/// The spool faults by their names; a healthy one has no name in a state.
 const FAULTS: [(SpoolFaultName, SpoolFault); 4] = [
     (SpoolFaultName::Stuck, SpoolFault::Stuck),
     (SpoolFaultName::Slow, SpoolFault::Slow),
@@ -222,8 +250,4 @@ const FAULTS: [(SpoolFaultName, SpoolFault); 4] = [
 
 fn name(fault: SpoolFault) -> Option<SpoolFaultName> {
     FAULTS.into_iter().find(|(_, known)| *known == fault).map(|(name, _)| name)
-}
-
-fn fault(name: Option<SpoolFaultName>) -> SpoolFault {
-    FAULTS.into_iter().find(|(known, _)| Some(*known) == name).map_or(SpoolFault::None, |(_, fault)| fault)
 }

@@ -99,7 +99,7 @@ fn what_cannot_be_read_is_exit_2_before_anything_runs() {
     let junit = path("results.xml");
     for (name, said) in [
         ("empty.toml", ":1: no devices; accepted: devices = "),
-        ("typo.toml", ":2: unknown key 'expct'; did you mean 'expect'?; accepted: note, "),
+        ("typo.toml", ":2: unknown key 'expct'; did you mean 'expect'?; accepted: after_ms, "),
         ("none.toml", ": "),
         ("bytes.toml", ": "),
         ("", ": "),

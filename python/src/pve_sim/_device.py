@@ -85,16 +85,16 @@ class Valve(Device[ValveState]):
     def plant(self, **change: Unpack[ValveChange]) -> ValveState:
         """Changes what acts on the valve: all of it, or nothing.
 
-        `supply_mv` 0 to 100000; `temperature_c` -273 to 1000; `spool` "stuck", "slow", "drifting", "no-float" or None;
-        `lever` the position that the spool is pushed to by hand, -16384 to 16384, or None; `internal_fault`; `memory` "ok",
-        "write-fails" or "damaged"; `bus_off`.
+        `supply_mv` 0 to 100000; `temperature_c` -273 to 1000; `spool` "ok", "stuck", "slow", "drifting" or "no-float",
+        alone or as `{"fault": …}`, or None for "ok"; `lever` the position that the spool is pushed to by hand, -16384 to
+        16384, or None; `internal_fault`; `memory` "ok", "write-fails" or "damaged"; `bus_off`.
 
         Raises:
             InvalidValue: an unknown field, or a value out of range.
         """
         fields: dict[str, object] = {**change}
         if "spool" in fields:
-            fields["spool"] = {"fault": fields["spool"]}
+            fields["spool"] = fields["spool"] or "ok"
         return self._plant(fields)
 
     def wait(self, *, within_ms: int = 5000, **state: Unpack[ValveCondition]) -> ValveState:

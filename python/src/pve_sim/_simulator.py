@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from http.client import HTTPException
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
-from urllib.parse import urlsplit
+from urllib.parse import urlencode, urlsplit
 from weakref import WeakSet
 
 from ._device import Device, Devices, Sensor, Valve
@@ -22,11 +22,10 @@ from ._state import (
     Json,
     Speed,
     digest,
-    extends,
     hexadecimal,
+    identifier,
     is_valve,
     milliseconds,
-    name_of,
     state_of,
 )
 
@@ -170,14 +169,14 @@ class Simulator:
         """Changes the rate of the bus, in bit/s, and of every client: the master that changes its rate."""
         return BusState.of(self._process.call("PATCH", "/bus", {"bit_rate": bit_rate}))
 
-    def disturb(self, frames: int, id: int | None = None, *, extended: bool | None = None) -> BusState:
+    def disturb(self, frames: int, id: int | str | None = None, *, extended: bool | None = None) -> BusState:
         """Destroys the next attempts to send, of an identifier or of any, in the place of an earlier disturbance.
 
         32 in a row take a sender bus-off; 0 ends a disturbance.
         """
         body: Json = {"frames": frames}
         if id is not None:
-            body |= {"id": id, "extended": extends(id, extended)}
+            body |= identifier(id, extended)
         elif extended is not None:
             raise InvalidValue("extended without an id")
         return BusState.of(self._process.call("POST", "/bus/disturb", body))
@@ -186,7 +185,7 @@ class Simulator:
 
     def send(
         self,
-        id: int,
+        id: int | str,
         data: bytes | bytearray | str | Iterable[int] = b"",
         *,
         extended: bool | None = None,
@@ -195,15 +194,16 @@ class Simulator:
         """Sends a frame as a client does, and returns its end on the bus, in microseconds.
 
         Args:
-            id: The identifier.
+            id: The identifier; a text is in hex: "220".
             data: Up to eight bytes; a text is in hex: "0F 00 00 20".
-            extended: Whether the identifier has 29 bits; without it, whether it needs them.
+            extended: Whether the identifier has 29 bits; without it, a number that needs them has, and a text of eight
+                digits.
             every_ms: Sends the frame again and again, with this period, in the place of an earlier one of its identifier.
 
         Raises:
             Conflict: the frame was not on the bus within 1 s, and is withdrawn.
         """
-        body: Json = {"id": id, "data": hexadecimal(data), "extended": extends(id, extended)}
+        body: Json = {**identifier(id, extended), "data": hexadecimal(data)}
         if every_ms is not None:
             body["every_ms"] = every_ms
         try:
@@ -213,36 +213,47 @@ class Simulator:
             raise
         return sent
 
-    def stop(self, id: int | None = None, *, extended: bool | None = None) -> int:
+    def stop(self, id: int | str | None = None, *, extended: bool | None = None) -> int:
         """Ends cyclic frames, those of an identifier or all, and returns how many there were."""
         if id is None and extended is not None:
             raise InvalidValue("extended without an id")
-        of = "" if id is None else f"?id={id}&extended={str(extends(id, extended)).lower()}"
+        query: Json = {} if id is None else identifier(id, extended)
+        if isinstance(id, int):
+            query["id"] = f"{id:X}"
+        of = "?" + urlencode({key: str(value).lower() for key, value in query.items()}) if query else ""
         stopped: int = self._process.call("DELETE", f"/bus/frames{of}")["stopped"]
         return stopped
 
     def wait_frame(
         self,
-        id: int,
-        data: bytes | bytearray | str | Iterable[int] = b"",
+        id: int | str,
+        data: bytes | bytearray | str | Iterable[int] | None = None,
         *,
         extended: bool | None = None,
         within_ms: int = 5000,
     ) -> Frame:
-        """Waits for the next frame with this identifier that begins with this data.
+        """Waits for the next frame with this identifier and this data.
+
+        Args:
+            id: The identifier; a text is in hex.
+            data: These bytes and no others; without it any. A text is in hex, as in a scenario: ".." at its end stands for
+                any rest, "?" for any digit: "12 34 ..".
+            extended: As in `send`.
+            within_ms: The time, in milliseconds of virtual time.
 
         Raises:
-            WaitTimeout: it did not come within so many milliseconds.
+            WaitTimeout: it did not come within so many milliseconds. The text has the last other one of its identifier.
         """
         __tracebackhide__ = True
-        is_extended, begin = extends(id, extended), hexadecimal(data)
-        wanted = {"frame": {"id": id, "extended": is_extended, "data": begin}, "within_ms": within_ms}
+        frame = identifier(id, extended)
+        if data is not None:
+            frame["data"] = hexadecimal(data)
+        wanted = {"frame": frame, "within_ms": within_ms}
         answer: Json = self._process.call("POST", "/wait", wanted, takes_time=True)
         if "error" not in answer:
             return Frame.of(answer)
         self._process.check_heard()
-        at, name = milliseconds(answer["t_us"]), name_of(id, is_extended)
-        error = WaitTimeout(f"no frame {name}#{begin.upper()} came within {within_ms} ms, until {at}")
+        error = WaitTimeout(f"{answer['error']}, within {within_ms} ms, until {milliseconds(answer['t_us'])}")
         error.t_us = answer["t_us"]
         raise error
 

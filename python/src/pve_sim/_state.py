@@ -13,7 +13,7 @@ Nmt = Literal["initialising", "pre-operational", "operational", "stopped"]
 Dsm = Literal["init", "disabled", "hold", "active", "fault-hold"]
 Command = Literal["blocked", "extend", "retract", "float", "hand", "emergency-stop"]
 Color = Literal["green", "yellow", "red", "off"]
-SpoolFault = Literal["stuck", "slow", "drifting", "no-float"]
+SpoolFault = Literal["ok", "stuck", "slow", "drifting", "no-float"]
 Memory = Literal["ok", "write-fails", "damaged"]
 Speed = float | Literal["step"]
 
@@ -42,7 +42,7 @@ class ValvePlant:
 
     supply_mv: int
     temperature_c: int
-    #: What is wrong with the spool; None: nothing.
+    #: The fault of the spool; None for a healthy one.
     spool: SpoolFault | None
     #: The position that the spool is pushed to by hand, -16384 to 16384; None: it is let go.
     lever: int | None
@@ -169,12 +169,18 @@ class _Change(TypedDict, total=False):
     bus_off: bool
 
 
+class Spool(TypedDict):
+    """The spool as the control interface has it."""
+
+    fault: SpoolFault | None
+
+
 class ValveChange(_Change, total=False):
     """A change of what acts on a valve, as in `ValvePlant`."""
 
     supply_mv: int
     temperature_c: int
-    spool: SpoolFault | None
+    spool: SpoolFault | Spool | None
     lever: int | None
 
 
@@ -348,9 +354,11 @@ def _times(frames: Sequence[Frame] | None) -> str:
     return f" ({len(frames)} times more, until {milliseconds(frames[-1].t_us)})" if frames else ""
 
 
-def extends(id: int, extended: bool | None) -> bool:
-    """Whether an identifier has 29 bits: as given, or if it must."""
-    return id > 0x7FF if extended is None else extended
+def identifier(id: int | str, extended: bool | None) -> Json:
+    """Returns the members of an identifier: a number that needs 29 bits has them, and of a text pve-sim says it."""
+    if extended is None and isinstance(id, int):
+        extended = id > 0x7FF
+    return {"id": id} if extended is None else {"id": id, "extended": extended}
 
 
 def hexadecimal(data: bytes | bytearray | str | Iterable[int]) -> str:

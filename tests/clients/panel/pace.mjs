@@ -51,7 +51,7 @@ for (const viewport of [{ width: 1280, height: 860 }, { width: 1920, height: 400
     const until = performance.now() + RECORDED_MS;
     for (let turn = 0; performance.now() < until; turn += 1) {
       for (const id of addresses) {
-        await simulator.call("DELETE", `/bus/frames?id=${0x200 + id}`);
+        await simulator.call("DELETE", `/bus/frames?id=${(0x200 + id).toString(16)}`);
         await frame(0x200 + id, turn % 2 === 0 ? "0F0000D0" : "0F000030", CYCLE_MS);
       }
     }

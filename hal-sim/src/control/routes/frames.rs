@@ -1,40 +1,44 @@
 //! `/bus/frames`: frames of clients, once or cyclic.
 
 use axum::Json;
-use protocol_core::frame::{Frame, StandardId};
 use protocol_core::time::Duration;
 use serde::Deserialize;
-use utoipa::{IntoParams, ToSchema};
+use utoipa::openapi::RefOr;
+use utoipa::openapi::schema::{Object, Schema, Type};
+use utoipa::{IntoParams, PartialSchema, ToSchema};
 
 use super::Control;
 use crate::control::error::{Body, Error, Failure, Query};
 use crate::control::message::{Message, Sent, Stopped};
-use crate::state::{given, identifier};
+use crate::state::{DATA, DATA_PATTERN, Identifier, Pattern, given};
 
 /// A frame to be sent.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct FrameToSend {
     /// The identifier.
-    id: u32,
+    id: Identifier,
     /// Whether the identifier has 29 bits.
-    #[serde(default)]
-    extended: bool,
-    /// Up to eight bytes, in hex.
+    #[serde(default, deserialize_with = "given")]
+    extended: Option<bool>,
+    /// Up to eight bytes, in hex; `R`, `R1` … for a remote frame.
+    #[schema(value_type = Data)]
     data: String,
     /// Sends it again and again, with this period.
     #[serde(default, deserialize_with = "given")]
+    #[schema(minimum = 1, maximum = 4294967295_i64)]
     every_ms: Option<u32>,
 }
 
-/// Which cyclic frames are meant.
-#[derive(Clone, Debug, Deserialize, IntoParams)]
+/// The cyclic frames that end.
+#[derive(Clone, Debug, Deserialize, IntoParams, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct WhichFrames {
-    /// The identifier, decimal or 0x; without it all.
+    /// The identifier in hex, with or without 0x; without it all.
+    #[param(pattern = "^(0[xX])?([01][0-9A-Fa-f]{7}|[0-9A-Fa-f]{1,7})$")]
     id: Option<String>,
-    /// Whether the identifier has 29 bits; one above 0x7FF has.
+    /// Whether the identifier has 29 bits; by default one of eight digits has, and one above 0x7FF.
     extended: Option<bool>,
 }
 
@@ -52,13 +56,11 @@ pub(super) struct WhichFrames {
     )
 )]
 pub(super) async fn send(control: Control, Body(frame): Body<FrameToSend>) -> Result<Json<Sent>, Failure> {
-    let id = identifier(frame.id, frame.extended)?;
-    let data = bytes(&frame.data)?;
-    let period = match frame.every_ms {
-        Some(0) => return Err(Failure::bad_request("every_ms 0: accepted: 1 and more")),
-        every_ms => every_ms.map(|period| Duration::from_millis(period.into())),
-    };
-    let frame = Frame::of(id, &data).ok_or_else(|| Failure::bad_request("data: more than eight bytes"))?;
+    let id = frame.id.id(frame.extended)?;
+    let period = frame.every_ms.map(|period| Duration::from_millis(period.into()));
+    let one = Pattern::of_data(id, Some(&frame.data))?.frame();
+    let frame =
+        one.ok_or_else(|| Failure::bad_request(format!("data \"{}\": accepted: bytes in hex alone", frame.data)))?;
     control.ask_and_wait(|answer| Message::Send(frame, period, answer)).await.map(Json)
 }
 
@@ -69,26 +71,37 @@ pub(super) async fn send(control: Control, Body(frame): Body<FrameToSend>) -> Re
     responses((status = 200, body = Stopped), (status = 400, body = Error))
 )]
 pub(super) async fn stop(control: Control, Query(which): Query<WhichFrames>) -> Result<Json<Stopped>, Failure> {
-    let id = match which.id {
-        Some(text) => {
-            let hex = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X"));
-            let id = hex.map_or_else(|| text.parse().ok(), |hex| u32::from_str_radix(hex, 16).ok());
-            let id =
-                id.ok_or_else(|| Failure::bad_request(format!("id '{text}': accepted: a number, decimal or 0x")))?;
-            Some(identifier(id, which.extended.unwrap_or(id > StandardId::MAX.as_raw().into()))?)
-        }
+    let id = match which.id.map(Identifier::Text) {
+        Some(id) => Some(id.id(which.extended.or_else(|| id.needs_29_bits().then_some(true)))?),
         None if which.extended.is_some() => return Err(Failure::bad_request("extended without an id")),
         None => None,
     };
     control.ask(|answer| Message::Stop(id, answer)).await.map(Json)
 }
 
-/// The bytes of a text in hex.
-pub(super) fn bytes(hex: &str) -> Result<Vec<u8>, Failure> {
-    let digits: Option<Vec<u32>> = hex.chars().map(|digit| digit.to_digit(16)).collect();
-    let digits = digits.filter(|digits| digits.len().is_multiple_of(2) && digits.len() <= 16);
-    let digits = digits.ok_or_else(|| {
-        Failure::bad_request(format!("data '{hex}': accepted: up to eight bytes in hex, as in 2B17100A"))
-    })?;
-    Ok(digits.chunks_exact(2).map(|pair| (pair[0] << 4 | pair[1]) as u8).collect())
+/// The schema of the data of one frame.
+pub(super) struct Data;
+
+/// The schema of a pattern of data.
+pub(super) struct DataPattern;
+
+impl PartialSchema for Data {
+    fn schema() -> RefOr<Schema> {
+        text(DATA)
+    }
+}
+
+impl PartialSchema for DataPattern {
+    fn schema() -> RefOr<Schema> {
+        text(DATA_PATTERN)
+    }
+}
+
+impl ToSchema for Data {}
+
+impl ToSchema for DataPattern {}
+
+/// Returns the schema of texts.
+fn text(pattern: &str) -> RefOr<Schema> {
+    Object::builder().schema_type(Type::String).pattern(Some(pattern)).into()
 }

@@ -1,6 +1,7 @@
 //! The calls, by resource, and their description.
 
 mod bus;
+mod description;
 mod devices;
 mod events;
 mod frames;
@@ -14,16 +15,13 @@ use std::sync::Arc;
 use axum::extract::{DefaultBodyLimit, FromRequestParts};
 use axum::http::StatusCode;
 use axum::http::request::Parts;
-use axum::response::{IntoResponse, Response};
 use axum::routing::{get, patch, post};
-use axum::{Json, Router, middleware};
-use utoipa::OpenApi;
+use axum::{Router, middleware};
 
 use super::connection::Connection;
-use super::error::{Error, Failure};
+use super::error::Failure;
 use super::guard::guard;
-use super::message::{Answer, Message, TimedOut};
-use super::record::BusTrouble;
+use super::message::{Answer, Message};
 use crate::gateway::{Entrance, ToWorld};
 
 /// The longest body of a request, in bytes.
@@ -62,35 +60,6 @@ impl FromRequestParts<Entrance> for Control {
     }
 }
 
-/// The description of the interface.
-#[derive(OpenApi)]
-#[openapi(
-    info(
-        title = "pve-sim",
-        description = "Control interface of the stand-in for CAN hydraulic valves and angle sensors. Times are microseconds \
-                       of virtual time. A request from a foreign Host, or from a page of another origin, is refused with 403."
-    ),
-    servers((url = "/api/v1")),
-    paths(
-        devices::list,
-        devices::show,
-        devices::change_plant,
-        devices::power,
-        bus::show,
-        bus::change,
-        bus::disturb,
-        frames::send,
-        frames::stop,
-        wait::wait,
-        time::show,
-        time::advance,
-        trace::show,
-        events::follow,
-    ),
-    components(schemas(Error, TimedOut, BusTrouble, events::LostEvent))
-)]
-struct Description;
-
 /// Returns all routes.
 pub(super) fn router(world: Entrance) -> Router {
     let api = Router::new()
@@ -105,7 +74,7 @@ pub(super) fn router(world: Entrance) -> Router {
         .route("/time", get(time::show).post(time::advance))
         .route("/trace", get(trace::show))
         .route("/events", get(events::follow))
-        .route("/openapi.json", get(description));
+        .route("/openapi.json", get(description::show));
     Router::new()
         .nest("/api/v1", api)
         .route("/", get(panel::page))
@@ -115,10 +84,6 @@ pub(super) fn router(world: Entrance) -> Router {
         .layer(DefaultBodyLimit::max(BODY))
         .layer(middleware::from_fn(guard))
         .with_state(world)
-}
-
-async fn description() -> Response {
-    Json(Description::openapi()).into_response()
 }
 
 async fn not_found() -> Failure {

@@ -14,6 +14,7 @@ use crate::control::message::{Message, Time};
 #[serde(deny_unknown_fields)]
 pub(super) struct Advance {
     /// In milliseconds of virtual time.
+    #[schema(maximum = 4294967295_i64)]
     advance_ms: u32,
 }
 

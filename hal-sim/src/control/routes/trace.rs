@@ -2,7 +2,7 @@
 
 use axum::Json;
 use serde::Deserialize;
-use utoipa::IntoParams;
+use utoipa::{IntoParams, ToSchema};
 
 use super::Control;
 use crate::control::error::{Error, Failure, Query};
@@ -13,12 +13,14 @@ use crate::control::record::{KEPT, TraceRecord};
 const LIMIT: usize = 100;
 
 /// How much is asked for.
-#[derive(Clone, Copy, Debug, Deserialize, IntoParams)]
+#[derive(Clone, Copy, Debug, Deserialize, IntoParams, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct Part {
     /// How many of the last entries; 100 without it, and 4096 are kept.
-    limit: Option<usize>,
+    #[param(maximum = 4294967295_i64)]
+    #[schema(maximum = 4294967295_i64)]
+    limit: Option<u32>,
 }
 
 /// The last frames and errors of the bus, oldest first; an error has no `id`
@@ -28,6 +30,6 @@ pub(super) struct Part {
     responses((status = 200, body = Vec<TraceRecord>), (status = 400, body = Error))
 )]
 pub(super) async fn show(control: Control, Query(part): Query<Part>) -> Result<Json<Vec<TraceRecord>>, Failure> {
-    let limit = part.limit.unwrap_or(LIMIT).min(KEPT);
+    let limit = part.limit.map_or(LIMIT, |limit| usize::try_from(limit).unwrap_or(KEPT)).min(KEPT);
     control.ask(|answer| Message::Trace(limit, answer)).await.map(|excerpt| Json(excerpt.records()))
 }

@@ -65,11 +65,11 @@ fn who_is_not_heard_is_told_with_the_remedy() {
 #[test]
 fn the_master_changes_the_bit_rate() {
     let rig = Rig::stepped(&["--device", "pvea-canopen@0x20,name=valve"]);
-    let stored = json!({"frame": {"id": 0x7E4, "data": "17000000"}, "within_ms": 100});
+    let stored = json!({"frame": {"id": 0x7E4, "data": "17000000 .."}, "within_ms": 100});
     rig.send("000: 02 00");
     rig.send("7E5: 04 01 00 00 00 00 00 00");
     rig.send("7E5: 13 00 02 00 00 00 00 00");
-    rig.post("/wait", json!({"frame": {"id": 0x7E4, "data": "13000000"}, "within_ms": 100}));
+    rig.post("/wait", json!({"frame": {"id": 0x7E4, "data": "13000000 .."}, "within_ms": 100}));
     rig.send("7E5: 15 00 00 00 00 00 00 00");
     rig.wait("valve", json!({"bit_rate": 500000}), 10);
     assert_eq!(rig.done("PATCH", "/bus", Some(json!({"bit_rate": 500000})))["bit_rate"], 500000);
@@ -127,13 +127,44 @@ fn a_frame_is_sent_once_and_answered_with_its_end() {
         r#"{"id": 1, "data": "0"}"#,
         r#"{"id": 1, "data": "0G"}"#,
         r#"{"id": 1, "data": "000102030405060708"}"#,
-        r#"{"id": 1, "data": "00 01"}"#,
+        r#"{"id": "22G", "data": "00"}"#,
+        r#"{"id": "220", "data": "00 .."}"#,
+        r#"{"id": "220", "data": "0?"}"#,
         r#"{"id": 1, "data": "00", "every_ms": 0}"#,
         r#"{"id": 1, "data": "00", "every": 1}"#,
     ] {
         rig.refused("POST", "/bus/frames", Some(body), 400);
     }
     assert_eq!(rig.trace().len(), trace.len() + 1);
+}
+
+/// A text is hexadecimal wherever an identifier is given, and one of eight digits has 29 bits.
+#[test]
+fn an_identifier_is_a_number_or_a_text_in_hex() {
+    let rig = Rig::stepped(&[]);
+    for (id, frame) in [
+        (json!(0x220), "220: 0F 00 00 20"),
+        (json!("220"), "220: 0F 00 00 20"),
+        (json!("0x220"), "220: 0F 00 00 20"),
+        (json!("00000220"), "00000220: 0F 00 00 20"),
+        (json!("0x0CFE3027"), "0CFE3027: 0F 00 00 20"),
+    ] {
+        rig.post("/bus/frames", json!({"id": id, "data": "0F00 0020", "every_ms": 100}));
+        assert_eq!(rig.trace().last().expect("a frame").1, frame);
+        rig.post("/bus/disturb", json!({"frames": 1, "id": id}));
+        let disturbed = &rig.get("/bus")["disturb"];
+        assert_eq!(disturbed["extended"], frame.len() > 16, "{disturbed}");
+        rig.advance(250);
+        assert_eq!(rig.get("/bus")["disturb"]["frames"], 0, "{frame}");
+        let stop = id.as_str().map_or_else(|| format!("{:X}", 0x220), str::to_owned);
+        assert_eq!(rig.done("DELETE", &format!("/bus/frames?id={stop}"), None), json!({"stopped": 1}), "{stop}");
+    }
+    rig.post("/bus/frames", json!({"id": "CFE3027", "extended": true, "data": ""}));
+    rig.post("/bus/frames", json!({"id": "7E5", "data": "R1"}));
+    for id in ["", "0x", "800", "22G", "20000000", "000000220"] {
+        let error = rig.refused("POST", "/bus/frames", Some(&json!({"id": id, "data": ""}).to_string()), 400);
+        assert!(error.starts_with(&format!("id \"{id}\": accepted: ")), "{error}");
+    }
 }
 
 #[test]
@@ -172,7 +203,7 @@ fn cyclic_frames_keep_their_period_until_they_are_ended() {
     rig.send_every(50, "100: 03");
     rig.advance(100);
     assert_eq!((ends("100: 01").len(), ends("100: 03").len()), (101, 3));
-    assert_eq!(rig.done("DELETE", "/bus/frames?id=256", None), json!({"stopped": 1}));
+    assert_eq!(rig.done("DELETE", "/bus/frames?id=100", None), json!({"stopped": 1}));
     assert_eq!(rig.done("DELETE", "/bus/frames?id=0x100", None), json!({"stopped": 0}));
     let extended = ends("00000100: 02").len();
     rig.advance(100);

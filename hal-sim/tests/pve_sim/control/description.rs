@@ -22,7 +22,12 @@ fn mismatch(description: &Value, schema: &Value, value: &Value, path: &str) -> O
     for several in ["oneOf", "anyOf"] {
         if let Some(options) = schema[several].as_array() {
             let fits = options.iter().filter(|option| mismatch(description, option, value, path).is_none()).count();
-            return if fits == 0 { wrong(several) } else { None };
+            match fits {
+                0 => return wrong(several),
+                // Beside members, choices say how they depend on each other.
+                _ if schema["properties"].is_object() => {}
+                _ => return None,
+            }
         }
     }
     if let Some(words) = schema["enum"].as_array()
@@ -48,6 +53,12 @@ fn mismatch(description: &Value, schema: &Value, value: &Value, path: &str) -> O
     if !fits {
         return wrong("type");
     }
+    if let Some(number) = value.as_f64()
+        && (schema["minimum"].as_f64().is_some_and(|min| number < min)
+            || schema["maximum"].as_f64().is_some_and(|max| number > max))
+    {
+        return wrong("limits");
+    }
     if let Some(items) = value.as_array() {
         return items.iter().find_map(|item| mismatch(description, &schema["items"], item, &format!("{path}[]")));
     }
@@ -59,7 +70,8 @@ fn mismatch(description: &Value, schema: &Value, value: &Value, path: &str) -> O
     }
     object.iter().find_map(|(key, value)| match properties.and_then(|properties| properties.get(key)) {
         Some(schema) => mismatch(description, schema, value, &format!("{path}.{key}")),
-        None => wrong(&format!("{key} is not described")),
+        None if schema["type"] == "object" => wrong(&format!("{key} is not described")),
+        None => None,
     })
 }
 
@@ -143,4 +155,202 @@ fn what_is_described_is_what_is_answered() {
         .map(|call| call["operationId"].to_string())
         .collect();
     assert_eq!(ids.len(), called.len() + 1);
+}
+
+/// The status codes of each call that any client can meet.
+#[test]
+fn every_refusal_is_described() {
+    let rig = Rig::stepped(&[]);
+    let description = rig.get("/openapi.json");
+    let paths = description["paths"].as_object().expect("paths");
+    for (path, calls) in paths {
+        for (method, call) in calls.as_object().expect("calls") {
+            let described = call["responses"].as_object().expect("responses");
+            let mut wanted = vec!["200", "403", "405", "503"];
+            if call["requestBody"].is_object() {
+                wanted.extend(["400", "408", "413", "415"]);
+            }
+            if path.contains("{name}") {
+                wanted.push("404");
+            }
+            let missing: Vec<_> = wanted.into_iter().filter(|status| !described.contains_key(*status)).collect();
+            assert!(missing.is_empty(), "{method} {path}: {missing:?}");
+            assert!(described.values().all(|response| response["description"] != ""), "{method} {path}");
+        }
+    }
+    let id = &description["paths"]["/bus/frames"]["delete"]["parameters"][0];
+    assert_eq!((&id["name"], &id["schema"]["type"]), (&json!("id"), &json!("string")));
+    assert_eq!(id["schema"]["pattern"], description["components"]["schemas"]["Identifier"]["anyOf"][1]["pattern"]);
+    assert!(!description.to_string().contains("\"int32\""));
+}
+
+/// Limits are accepted as they are described, the values beside them are refused, and null where nothing says it.
+#[test]
+fn what_is_described_is_what_is_accepted() {
+    let rig = Rig::stepped(&["--device", "pvea-canopen,name=valve", "--device", "hat1000,bit-rate=250k,name=sensor"]);
+    let description = rig.get("/openapi.json");
+    let mut numbers = 0;
+    type Body = fn(Value) -> Value;
+    let bodies: [(&str, &str, &[&str], Body); 6] = [
+        ("PlantChange", "/plant", &["valve", "sensor"], |change| change),
+        ("StateCondition", "/wait", &["valve"], |state| json!({"device": "valve", "state": state, "within_ms": 0})),
+        ("Disturb", "/bus/disturb", &[""], |change| extend(json!({"frames": 0}), change)),
+        ("FrameToSend", "/bus/frames", &[""], |frame| extend(json!({"id": 1, "data": ""}), frame)),
+        ("BusChange", "/bus", &[""], |change| change),
+        ("Advance", "/time", &[""], |change| change),
+    ];
+    for (name, path, devices, body) in bodies {
+        let schema = &description["components"]["schemas"][name];
+        let is_accepted = |change: Value| {
+            let body = body(change).to_string();
+            devices.iter().any(|device| {
+                let (method, path) = match path {
+                    "/plant" => ("PATCH", format!("/devices/{device}/plant")),
+                    "/bus" => ("PATCH", path.to_owned()),
+                    _ => ("POST", path.to_owned()),
+                };
+                let (status, answer) = rig.call(method, &path, Some(&body));
+                assert!(matches!(status, 200 | 400 | 408 | 409), "{body}: {status} {answer}");
+                status != 400
+            })
+        };
+        for (key, member) in schema["properties"].as_object().expect("members") {
+            let described = |value: &Value| mismatch(&description, member, value, key).is_none();
+            for value in
+                [Value::Null, json!({}), json!([]), json!("qqq"), json!(""), json!(1.5), json!(-1), json!({"ok": null})]
+            {
+                // A text of any kind is a name, and what is no fault is told by the device.
+                let is_text = value.is_string() && matches!(&**key, "name" | "kind" | "data" | "id");
+                if is_text || key == "faults" || value == json!({}) {
+                    continue;
+                }
+                assert_eq!(is_accepted(json!({key: value})), described(&value), "{name}.{key}: {value}");
+            }
+            let limits = (member["minimum"].as_i64(), member["maximum"].as_i64());
+            // Nobody waits that long.
+            if let (Some(min), Some(max)) = limits
+                && !matches!(&**key, "advance_ms" | "t_us")
+            {
+                numbers += 1;
+                for (value, accepted) in [(min - 1, false), (min, true), (max, true), (max + 1, false)] {
+                    assert_eq!(is_accepted(json!({key: value})), accepted, "{name}.{key}: {value}");
+                }
+            }
+        }
+    }
+    assert!(numbers >= 8, "{numbers}");
+}
+
+/// An object with the members of another one.
+fn extend(mut object: Value, other: Value) -> Value {
+    let members = object.as_object_mut().expect("an object");
+    members.extend(other.as_object().expect("an object").clone());
+    object
+}
+
+/// What is wrong is said in the words of the interface, and names the member.
+#[test]
+fn refusals_name_the_member_and_what_is_accepted() {
+    let rig = Rig::stepped(&["--device", "pvea-canopen,name=valve"]);
+    for (method, path, body, words) in [
+        (
+            "PATCH",
+            "/devices/valve/plant",
+            r#"{"supply_mv": 8.5}"#,
+            "supply_mv 8.5: accepted: a whole number from 0 to 100000",
+        ),
+        (
+            "PATCH",
+            "/devices/valve/plant",
+            r#"{"supply_mv": null}"#,
+            "supply_mv null: accepted: a whole number from 0 to 100000",
+        ),
+        (
+            "PATCH",
+            "/devices/valve/plant",
+            r#"{"temperature_c": 1001}"#,
+            "temperature_c 1001: accepted: a whole number from -273 to 1000",
+        ),
+        (
+            "PATCH",
+            "/devices/valve/plant",
+            r#"{"lever": "up"}"#,
+            "lever \"up\": accepted: a whole number from -16384 to 16384, or null",
+        ),
+        (
+            "PATCH",
+            "/devices/valve/plant",
+            r#"{"suply_mv": 1}"#,
+            "unknown key 'suply_mv'; did you mean 'supply_mv'?; accepted: ",
+        ),
+        (
+            "PATCH",
+            "/devices/valve/plant",
+            r#"{"spool": "stuk"}"#,
+            "spool: unknown value 'stuk'; did you mean 'stuck'?; accepted: ok, stuck, slow, drifting, no-float, or {\"fault\"}",
+        ),
+        (
+            "PATCH",
+            "/devices/valve/plant",
+            r#"{"spool": {"fault": 1}}"#,
+            "spool.fault 1: accepted: ok, stuck, slow, drifting, no-float, or null",
+        ),
+        (
+            "PATCH",
+            "/devices/valve/plant",
+            r#"{"memory": "gone"}"#,
+            "memory: unknown value 'gone'; accepted: ok, write-fails, damaged",
+        ),
+        ("PATCH", "/devices/valve/plant", r#"{"bus_off": "on"}"#, "bus_off \"on\": accepted: true or false"),
+        ("PATCH", "/devices/valve/plant", "[]", "the body []: accepted: an object"),
+        ("PATCH", "/devices/valve/plant", r#"{"bus_off": true, "bus_off": true}"#, "bus_off is given twice"),
+        ("PATCH", "/bus", r#"{"bit_rate": 251000}"#, "bit_rate 251000: accepted: "),
+        (
+            "POST",
+            "/bus/frames",
+            r#"{"data": ""}"#,
+            "id is missing; accepted: a whole number from 0 to 536870911, or a text in hex as in \"220\"",
+        ),
+        (
+            "POST",
+            "/bus/frames",
+            r#"{"id": 1, "data": "", "every_ms": 0}"#,
+            "every_ms 0: accepted: a whole number from 1 to 4294967295",
+        ),
+        (
+            "POST",
+            "/bus/frames",
+            r#"{"id": true, "data": ""}"#,
+            "id true: accepted: a whole number from 0 to 536870911, or a text",
+        ),
+        (
+            "POST",
+            "/wait",
+            r#"{"device": "valve", "state": {"led": {"color": "blue"}}, "within_ms": 1}"#,
+            "state.led.color: unknown value 'blue'; accepted: green, yellow, red, off",
+        ),
+        (
+            "POST",
+            "/wait",
+            r#"{"device": "valve", "state": {"position": {"min": 0.5}}, "within_ms": 1}"#,
+            "state.position.min 0.5: accepted: a whole number from -16384 to 16384",
+        ),
+        (
+            "POST",
+            "/wait",
+            r#"{"device": "valve", "state": {"faults": [1]}, "within_ms": 1}"#,
+            "state.faults[0] 1: accepted: can-bus, controller, ",
+        ),
+        ("DELETE", "/bus/frames?id=22G", "", "id \"22G\": accepted: 0 to 2047, or a text in hex"),
+        ("DELETE", "/bus/frames?extended=yes&id=1", "", "extended \"yes\": accepted: true or false"),
+        ("DELETE", "/bus/frames?id=1&id=2", "", "id is given twice"),
+        ("GET", "/trace?limit=-1", "", "limit \"-1\": accepted: a whole number from 0 to 4294967295"),
+        ("GET", "/trace?last=1", "", "unknown key 'last'; accepted: limit"),
+    ] {
+        let error = rig.refused(method, path, Some(body).filter(|body| !body.is_empty()), 400);
+        assert!(error.contains(words), "{method} {path} {body}: {error}");
+        for parser in ["u32", "i16", "expected", "invalid type", "struct", "variant", "untagged", "column"] {
+            assert!(!error.contains(parser), "{error}");
+        }
+    }
 }

@@ -132,7 +132,7 @@ fn an_internal_fault_and_a_watchdog_reset() {
         valve.wait(json!({"faults": []}), 0);
         valve.rig.power(valve.name, json!({"reset": "watchdog"}));
         let told = if valve.canopen {
-            json!({"id": 0xA0, "data": "0010"})
+            json!({"id": 0xA0, "data": "0010 .."})
         } else {
             json!({"id": 0x18FE_CA80, "extended": true})
         };
@@ -195,7 +195,7 @@ fn an_angle_sensor() {
     let rig = Rig::stepped(&["--device", "hat3000@5"]);
     rig.plant("hat3000", json!({"internal_fault": true}));
     rig.wait("hat3000", json!({"faults": ["controller"]}), 0);
-    let told = rig.post("/wait", json!({"frame": {"id": 0x85, "data": "00FF8102"}, "within_ms": 10}));
+    let told = rig.post("/wait", json!({"frame": {"id": 0x85, "data": "00FF8102 .."}, "within_ms": 10}));
     assert_eq!(told["from"], "hat3000");
     let counts =
         |state: &Value| state["faults"].as_array().map(|faults| faults.iter().map(|f| f["count"].as_u64()).collect());

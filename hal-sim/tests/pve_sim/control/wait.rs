@@ -146,23 +146,77 @@ fn a_state_that_can_never_be_is_refused() {
 }
 
 #[test]
-fn a_frame_by_its_identifier_and_the_begin_of_its_data() {
+fn a_frame_by_its_identifier_and_its_data() {
     let rig = Rig::stepped(&["--device", "pvea-isobus@0x83,name=valve"]);
-    let frame =
-        rig.post("/wait", json!({"frame": {"id": 0x0CFE_1383, "extended": true, "data": "7d7D30"}, "within_ms": 1000}));
+    let frame = rig
+        .post("/wait", json!({"frame": {"id": 0x0CFE_1383, "extended": true, "data": "7d7D30.."}, "within_ms": 1000}));
     assert_eq!((&frame["from"], &frame["data"]), (&json!("valve"), &json!("7D7D30FFFFFFFFFF")));
     assert_eq!(rig.get("/time")["now_us"], frame["t_us"]);
     let (status, answer) = rig.call("POST", "/wait", Some(r#"{"frame": {"id": 1}, "within_ms": 50}"#));
     assert_eq!((status, &answer["state"]), (408, &Value::Null));
     assert_eq!(micros(&answer["t_us"]), micros(&frame["t_us"]) + 50_000);
     // A frame that was there before does not count, nor one with 11 bits, nor other data.
-    for frame in [json!({"id": 0x383}), json!({"id": 0x0CFE_1383, "extended": true, "data": "7D7D31"})] {
+    for frame in [json!({"id": 0x383}), json!({"id": 0x0CFE_1383, "extended": true, "data": "7D7D31.."})] {
         assert_eq!(
             rig.call("POST", "/wait", Some(&json!({"frame": frame, "within_ms": 200}).to_string()).map(|x| x.as_str()))
                 .0,
             408
         );
     }
+}
+
+/// A pattern means what it means in a scenario: its bytes are exact, and `..` at the end stands for any rest.
+#[test]
+fn a_pattern_of_a_frame_is_exact() {
+    let rig = Rig::stepped(&["--device", "pvea-isobus@0x83,name=valve"]);
+    let wait = |frame: Value| {
+        let (status, answer) = rig.call("POST", "/wait", Some(&json!({"frame": frame, "within_ms": 250}).to_string()));
+        (status, answer["error"].as_str().unwrap_or_default().to_owned())
+    };
+    // AVEF, every 100 ms: 7D 7D 30 FF FF FF FF FF
+    for data in
+        ["7D7D30FFFFFFFFFF", "7d7D 30FF FFFF FFFF", "7D7D30..", "7D 7D 30 ..", "7D??30..", "7?7D30FFFFFFFFFF", ".."]
+    {
+        assert_eq!(wait(json!({"id": "0CFE1383", "data": data})), (200, String::new()), "{data}");
+    }
+    assert_eq!(wait(json!({"id": "0CFE1383"})).0, 200);
+    for (data, why) in [
+        (
+            "7D7D30",
+            "which differs in its length alone: 8 bytes instead of 3 bytes; \"..\" at the end stands for any rest",
+        ),
+        ("", "which differs in its length alone: 8 bytes instead of 0 bytes"),
+        ("7D7D31", "the last one of its identifier was 0CFE1383: 7D 7D 30 FF FF FF FF FF"),
+        ("7D7D31..", "the frame 0CFE1383: 7D 7D 31 .. did not come"),
+    ] {
+        let (status, error) = wait(json!({"id": "0CFE1383", "data": data}));
+        assert!(status == 408 && error.contains(why), "{data}: {status} {error}");
+        assert_eq!(error.contains("length alone"), why.contains("length alone"), "{error}");
+    }
+    let error = wait(json!({"id": "123", "data": "00"})).1;
+    assert_eq!(error, "the frame 123: 00 did not come, and no other of its identifier");
+    for data in ["0", "0G", "00..00", "...", "R9", "000102030405060708"] {
+        let body = json!({"frame": {"id": 1, "data": data}, "within_ms": 1}).to_string();
+        let error = rig.refused("POST", "/wait", Some(&body), 400);
+        assert!(
+            error.starts_with(&format!("data \"{data}\": ")) && error.contains("accepted: up to 8 bytes"),
+            "{error}"
+        );
+    }
+}
+
+#[test]
+fn a_wait_that_is_over_says_what_differs() {
+    let rig = Rig::stepped(&["--device", "pvea-canopen@0x20,name=valve"]);
+    let wanted = json!({"dsm": "active", "nmt": "pre-operational", "position": {"min": 8000}, "faults": ["internal"]});
+    let body = json!({"device": "valve", "state": wanted, "within_ms": 1}).to_string();
+    let (status, answer) = rig.call("POST", "/wait", Some(&body));
+    assert_eq!(status, 408);
+    assert_eq!(
+        answer["error"],
+        "the state was not reached: dsm is \"init\", not \"active\"; faults is [], not [\"internal\"]; \
+         position is 0, not {\"min\":8000}"
+    );
 }
 
 /// Of stepped time each call gets its own, one after the other; time passes by itself for all at once.

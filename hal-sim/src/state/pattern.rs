@@ -1,11 +1,14 @@
-//! Frames as scenarios write them: `1A0#0F00 0020`, with `?` for any hex digit and `..` for any bytes that follow.
+//! Patterns of frames, in scenarios and in the control interface: `1A0#0F00 0020`. Bytes are exact, `?` stands for any
+//! hex digit, and `..` at the end for any bytes that follow.
 
 use std::fmt;
 use std::str::FromStr;
 
 use protocol_core::frame::{ExtendedId, Frame, Id, MAX_LEN, StandardId};
 
-/// What a frame looks like in a scenario, for the user.
+use super::Invalid;
+
+/// The form of a frame, for the user.
 const ACCEPTED: &str = "accepted: IDENTIFIER#DATA in hex, as in \"1A0#0F00 0020\"; 3 or 8 digits, up to 8 bytes";
 
 /// Hex digits, some of which may be any.
@@ -16,9 +19,19 @@ struct Digits {
     mask: u32,
 }
 
+/// The form of the data alone, for the user.
+const DATA_ACCEPTED: &str = "accepted: up to 8 bytes in hex, as in \"0F00 0020\"; in a wait also ? for any digit and .. at the end for any rest";
+
+/// The texts of the data of one frame, as a regular expression: bytes, or a remote frame.
+pub(crate) const DATA: &str = r"^[ \t]*((([0-9A-Fa-f][ \t]*){2}){0,8}|R[ \t]*([0-8][ \t]*)?)$";
+
+/// The texts of patterns of data, as a regular expression: bytes and any bytes after them, or a remote frame.
+pub(crate) const DATA_PATTERN: &str =
+    r"^[ \t]*((([0-9A-Fa-f?][ \t]*){2}){0,8}(\.[ \t]*\.[ \t]*)?|R[ \t]*([0-8][ \t]*)?)$";
+
 /// The frames that are meant.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Pattern {
+pub struct Pattern {
     is_extended: bool,
     id: Digits,
     content: Content,
@@ -76,6 +89,7 @@ impl FromStr for Pattern {
             Some((id, content)) => (id.trim(), Some(content)),
             None => (text.trim(), None),
         };
+        let id = id.strip_prefix("0x").or_else(|| id.strip_prefix("0X")).unwrap_or(id);
         let (is_extended, max) = match id.len() {
             3 => (false, u32::from(StandardId::MAX.as_raw())),
             8 => (true, ExtendedId::MAX.as_raw()),
@@ -94,14 +108,14 @@ impl FromStr for Pattern {
 }
 
 fn parse_content(text: &str) -> Result<Content, &'static str> {
-    let text: String = text.split_whitespace().collect();
+    let text: String = text.chars().filter(|letter| !matches!(letter, ' ' | '\t')).collect();
     if let Some(length) = text.strip_prefix('R') {
-        let length = if length.is_empty() { Ok(0) } else { length.parse() };
-        return length
-            .ok()
-            .filter(|length| usize::from(*length) <= MAX_LEN)
-            .map(Content::Remote)
-            .ok_or("no length of a remote frame");
+        let length = match length.as_bytes() {
+            [] => Some(0),
+            [digit @ b'0'..=b'8'] => Some(digit - b'0'),
+            _ => None,
+        };
+        return length.map(Content::Remote).ok_or("no length of a remote frame");
     }
     let (bytes, more) = text.strip_suffix("..").map_or((&*text, More::No), |bytes| (bytes, More::Any));
     if !bytes.is_ascii() || !bytes.len().is_multiple_of(2) {
@@ -117,13 +131,30 @@ fn parse_content(text: &str) -> Result<Content, &'static str> {
 }
 
 impl Pattern {
+    /// Returns the pattern of the frames of an identifier with the data that a text means; without a text any data.
+    ///
+    /// # Errors
+    /// [`Invalid`] for a text that means no data.
+    pub(crate) fn of_data(id: Id, data: Option<&str>) -> Result<Self, Invalid> {
+        let (is_extended, value, mask) = match id {
+            Id::Standard(id) => (false, id.as_raw().into(), 0xFFF),
+            Id::Extended(id) => (true, id.as_raw(), u32::MAX),
+        };
+        let content = match data {
+            None => Content::Any,
+            Some(text) => parse_content(text)
+                .map_err(|why| Invalid(format!("data \"{}\": {why}; {DATA_ACCEPTED}", text.escape_debug())))?,
+        };
+        Ok(Self { is_extended, id: Digits { value, mask }, content })
+    }
+
     /// Returns whether a frame is one of those that are meant.
-    pub(super) fn matches(&self, frame: &Frame) -> bool {
+    pub(crate) fn matches(&self, frame: &Frame) -> bool {
         self.has_id_of(frame) && self.differences(frame).is_some_and(|bytes| bytes.is_empty())
     }
 
     /// Returns whether a frame has an identifier that is meant.
-    pub(super) fn has_id_of(&self, frame: &Frame) -> bool {
+    pub(crate) fn has_id_of(&self, frame: &Frame) -> bool {
         match frame.id() {
             Id::Standard(id) => !self.is_extended && self.id.fit(id.as_raw().into()),
             Id::Extended(id) => self.is_extended && self.id.fit(id.as_raw()),
@@ -132,7 +163,7 @@ impl Pattern {
 
     /// Returns the places of the bytes in which a frame differs, missing ones and those beyond among them; `None` when
     /// it is a remote frame instead of a data frame, or the other way round, or asks for another length.
-    pub(super) fn differences(&self, frame: &Frame) -> Option<Vec<usize>> {
+    pub(crate) fn differences(&self, frame: &Frame) -> Option<Vec<usize>> {
         match (&self.content, frame.is_remote()) {
             (Content::Any, false) => Some(Vec::new()),
             (Content::Remote(length), true) if frame.len() == *length => Some(Vec::new()),
@@ -149,8 +180,32 @@ impl Pattern {
         }
     }
 
+    /// Returns in words that a frame which is not meant differs in its length alone; `None` when it differs otherwise.
+    pub(crate) fn difference_in_length(&self, frame: &Frame) -> Option<String> {
+        let (wanted, is_least) = match &self.content {
+            Content::Data(bytes, more) if !frame.is_remote() => (bytes.len(), *more == More::Any),
+            Content::Remote(length) if frame.is_remote() => (usize::from(*length), false),
+            _ => return None,
+        };
+        let found = usize::from(frame.len());
+        let common = found.min(wanted);
+        let is_equal = match &self.content {
+            Content::Data(bytes, _) => {
+                bytes.iter().zip(frame.data()).take(common).all(|(wanted, byte)| wanted.fit((*byte).into()))
+            }
+            _ => true,
+        };
+        let is_other = if is_least { found < wanted } else { found != wanted };
+        let bytes = |count: usize| if count == 1 { "1 byte".to_owned() } else { format!("{count} bytes") };
+        (self.has_id_of(frame) && is_equal && is_other).then(|| {
+            let tip = if found > wanted && !frame.is_remote() { "; \"..\" at the end stands for any rest" } else { "" };
+            let wanted = format!("{}{}", bytes(wanted), if is_least { " or more" } else { "" });
+            format!("differs in its length alone: {} instead of {wanted}{tip}", bytes(found))
+        })
+    }
+
     /// Returns the identifier, when just one is meant.
-    pub(super) fn identifier(&self) -> Option<Id> {
+    pub(crate) fn identifier(&self) -> Option<Id> {
         let digits = if self.is_extended { 8 } else { 3 };
         if !self.id.are_exact(digits) {
             return None;
@@ -162,13 +217,8 @@ impl Pattern {
         }
     }
 
-    /// Returns whether the pattern has an identifier alone.
-    pub(super) const fn is_identifier(&self) -> bool {
-        matches!(self.content, Content::Any)
-    }
-
     /// Returns the frame, when just one is meant.
-    pub(super) fn frame(&self) -> Option<Frame> {
+    pub(crate) fn frame(&self) -> Option<Frame> {
         let id = self.identifier()?;
         match &self.content {
             Content::Remote(length) => Some(Frame::remote(id, *length)),

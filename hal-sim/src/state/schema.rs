@@ -1,0 +1,442 @@
+//! The JSON schemas of the values that are read, and the reader that follows them: what the descriptions of the
+//! interfaces say is accepted is accepted, and nothing else.
+
+use std::any::TypeId;
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+
+use protocol_core::actuator::Position;
+use serde_json::{Map, Value, json};
+use utoipa::ToSchema;
+use utoipa::openapi::{RefOr, schema};
+
+use super::Invalid;
+use crate::kind::Kind;
+
+/// The members that may be null, by their schemas. Every other member that is left out may not be null instead.
+const NULLABLE: &[(&str, &[&str])] = &[
+    ("StateCondition", &["node_id", "bit_rate", "nmt", "dsm", "command", "set_point", "position", "solenoids", "led"]),
+    ("PlantChange", &["lever"]),
+    ("Spool", &["fault"]),
+];
+
+/// Schemas by their names, in draft 2020-12.
+#[derive(Clone, Debug)]
+pub(crate) struct Schemas(Map<String, Value>);
+
+/// The way to a member of a value.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Place {
+    /// A member of an object.
+    Key(String),
+    /// An item of a list.
+    Item(usize),
+}
+
+/// A value that a schema does not accept.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Mismatch {
+    /// The way to the member that is not accepted.
+    pub(crate) path: Vec<Place>,
+    /// The reason, with the name of the member and what is accepted there.
+    pub(crate) reason: String,
+}
+
+impl Schemas {
+    /// Returns the schema of a type that is read, with all that it refers to. It is made once.
+    pub(crate) fn of<T: ToSchema + 'static>() -> &'static Self {
+        static MADE: Mutex<BTreeMap<TypeId, &'static Schemas>> = Mutex::new(BTreeMap::new());
+        MADE.lock().unwrap_or_else(PoisonError::into_inner).entry(TypeId::of::<T>()).or_insert_with(|| {
+            let mut named = vec![(T::name().into_owned(), T::schema())];
+            T::schemas(&mut named);
+            Box::leak(Box::new(Self::requests(named)))
+        })
+    }
+
+    /// Returns schemas of types that are read: a member that may be left out is an `Option`, which is null only where
+    /// [`NULLABLE`] says so.
+    fn requests(named: impl IntoIterator<Item = (String, RefOr<schema::Schema>)>) -> Self {
+        let schemas = named.into_iter().map(|(name, schema)| {
+            let mut schema = serde_json::to_value(schema).unwrap_or_default();
+            without_null(&name, &mut schema);
+            without_formats(&mut schema);
+            restrict(&name, &mut schema);
+            (name, schema)
+        });
+        Self(schemas.collect())
+    }
+
+    /// Returns the schemas by their names.
+    pub(crate) const fn by_name(&self) -> &Map<String, Value> {
+        &self.0
+    }
+
+    /// Returns the value of a text that stands for the member of a schema: a number or a switch where one is accepted.
+    pub(crate) fn value_of(&self, name: &str, key: &str, text: &str) -> Value {
+        let kind = self.0.get(name).and_then(|schema| schema["properties"][key]["type"].as_str());
+        let is_number = !text.is_empty() && text.bytes().all(|digit| digit.is_ascii_digit());
+        match (kind, text) {
+            (Some("integer"), _) if is_number => text.parse::<u64>().map_or_else(|_| text.into(), Value::from),
+            (Some("boolean"), "true") => true.into(),
+            (Some("boolean"), "false") => false.into(),
+            _ => text.into(),
+        }
+    }
+
+    /// Checks a value against the schema of that name. `null` is the word for null in the reason.
+    ///
+    /// # Errors
+    /// The first member that is not accepted.
+    pub(crate) fn check(&self, name: &str, value: &Value, null: &str) -> Result<(), Mismatch> {
+        let Some(schema) = self.0.get(name) else { return Ok(()) };
+        match (Checker { schemas: self, null }.mismatch(schema, value, &mut Vec::new())) {
+            Some(mismatch) => Err(mismatch),
+            None => Ok(()),
+        }
+    }
+}
+
+impl From<Mismatch> for Invalid {
+    fn from(mismatch: Mismatch) -> Self {
+        Self(mismatch.reason)
+    }
+}
+
+/// Takes null out of what the members of a schema accept, unless it is accepted.
+fn without_null(name: &str, schema: &mut Value) {
+    let nullable = NULLABLE.iter().find(|(known, _)| *known == name).map_or(&[][..], |(_, keys)| keys);
+    let Some(members) = schema.get_mut("properties").and_then(Value::as_object_mut) else { return };
+    for (_, member) in members.iter_mut().filter(|(key, _)| !nullable.contains(&key.as_str())) {
+        if let Some(Value::Array(types)) = member.get_mut("type") {
+            types.retain(|name| name != "null");
+            if let [only] = types.as_slice() {
+                member["type"] = only.clone();
+            }
+        }
+        for several in ["oneOf", "anyOf"] {
+            if let Some(Value::Array(choices)) = member.get_mut(several) {
+                choices.retain(|choice| *choice != json!({ "type": "null" }));
+            }
+        }
+    }
+}
+
+/// Takes the formats of integers out of a schema, of which none is that of a number without a sign: limits say more.
+pub(crate) fn without_formats(schema: &mut Value) {
+    match schema {
+        Value::Object(members) => {
+            if members.get("format").is_some_and(|format| *format == "int32" || *format == "int64") {
+                members.remove("format");
+            }
+            members.values_mut().for_each(without_formats);
+        }
+        Value::Array(items) => items.iter_mut().for_each(without_formats),
+        _ => {}
+    }
+}
+
+/// Adds the dependencies between members, which no attribute of a field can say.
+fn restrict(name: &str, schema: &mut Value) {
+    let members = schema.get("properties").and_then(Value::as_object);
+    if members.is_some_and(|members| members.contains_key("id") && members.contains_key("extended")) {
+        // Eleven bits; 29 bits, because `extended` says so; and 29 bits, because the text has eight digits.
+        schema["anyOf"] = json!([
+            {
+                "properties": {
+                    "id": { "anyOf": [{ "type": "integer", "maximum": 0x7FF }, { "type": "string", "pattern": STANDARD }] },
+                    "extended": { "enum": [false] },
+                },
+            },
+            { "properties": { "extended": { "enum": [true] } }, "required": ["id", "extended"] },
+            {
+                "properties": { "id": { "type": "string", "pattern": EIGHT_DIGITS }, "extended": { "enum": [true] } },
+                "required": ["id"],
+            },
+        ]);
+    }
+    match name {
+        "PowerChange" => {
+            schema["minProperties"] = 1.into();
+            schema["maxProperties"] = 1.into();
+        }
+        "PlantChange" => {
+            let only = |own: &[&str]| {
+                let keys = own.iter().chain(&["internal_fault", "memory", "bus_off"]);
+                json!({ "properties": keys.map(|key| ((*key).to_owned(), json!({}))).collect::<Map<_, _>>(), "additionalProperties": false })
+            };
+            let valve = only(&["supply_mv", "temperature_c", "spool", "lever"]);
+            schema["anyOf"] = json!([valve, only(&["angle_cdeg", "speed_rpm", "measuring_error"])]);
+        }
+        "StateCondition" => {
+            let mut faults: Vec<&str> = Kind::ALL.iter().flat_map(|kind| kind.fault_names()).collect();
+            faults.sort_unstable();
+            faults.dedup();
+            schema["properties"]["faults"]["items"] = json!({ "type": "string", "enum": faults });
+        }
+        "SetPointValue" | "PositionCondition" => {
+            schema["oneOf"][0]["minimum"] = Position::MIN.raw().into();
+            schema["oneOf"][0]["maximum"] = Position::MAX.raw().into();
+        }
+        "Wait" => {
+            schema["anyOf"] = json!([
+                { "required": ["device", "state"], "maxProperties": 3 },
+                { "required": ["frame"], "maxProperties": 2 },
+            ]);
+        }
+        _ => {}
+    }
+}
+
+/// The texts of identifiers of 11 bits.
+const STANDARD: &str = "^(0[xX])?0{0,4}[0-7]?[0-9A-Fa-f]{1,2}$";
+
+/// The texts of identifiers that have 29 bits by themselves.
+const EIGHT_DIGITS: &str = "^(0[xX])?[01][0-9A-Fa-f]{7}$";
+
+/// The texts of all identifiers.
+pub(crate) const IDENTIFIER: &str = "^(0[xX])?([01][0-9A-Fa-f]{7}|[0-9A-Fa-f]{1,7})$";
+
+/// The words for what a step of a scenario expects.
+const EXPECTED: &str = "a frame as in \"1A0#0F00 0020\", a list of frames, or a state as in { dsm = \"active\" }";
+
+/// What goes through a value and its schema at once.
+struct Checker<'a> {
+    schemas: &'a Schemas,
+    null: &'a str,
+}
+
+impl<'a> Checker<'a> {
+    fn resolved(&self, schema: &'a Value) -> &'a Value {
+        let name = schema["$ref"].as_str().and_then(|reference| reference.rsplit('/').next());
+        match name.and_then(|name| self.schemas.0.get(name)) {
+            Some(referred) => self.resolved(referred),
+            None => schema,
+        }
+    }
+
+    /// Returns whether a schema accepts an object, itself or by one of its choices.
+    fn has_members(&self, schema: &'a Value) -> bool {
+        let schema = self.resolved(schema);
+        schema["properties"].is_object()
+            || choices(schema).is_some_and(|choices| choices.iter().any(|choice| self.has_members(choice)))
+    }
+
+    /// Returns the first member that is not accepted.
+    fn mismatch(&self, schema: &'a Value, value: &Value, path: &mut Vec<Place>) -> Option<Mismatch> {
+        let schema = self.resolved(schema);
+        if let Some(choices) = choices(schema) {
+            let fails = |choice: &&'a Value| self.mismatch(choice, value, &mut path.clone()).is_some();
+            if !choices.iter().all(|choice| fails(&choice)) {
+                return None;
+            }
+            // An object is told what is wrong inside it.
+            let same = choices.iter().find(|choice| value.is_object() && self.has_members(choice));
+            return match (same, choices.as_slice()) {
+                (Some(only), _) | (None, [only]) => self.mismatch(only, value, path),
+                _ => Some(self.refusal(schema, value, path)),
+            };
+        }
+        if let Some(words) = schema["enum"].as_array() {
+            return (!words.contains(value)).then(|| self.refusal(schema, value, path));
+        }
+        let fits = match &schema["type"] {
+            Value::Array(kinds) => kinds.iter().any(|kind| is_of(kind, value)),
+            Value::Null => true,
+            kind => is_of(kind, value),
+        };
+        if !fits || !is_within(schema, value) {
+            return Some(self.refusal(schema, value, path));
+        }
+        match value {
+            Value::Array(items) => items.iter().enumerate().find_map(|(place, item)| {
+                path.push(Place::Item(place));
+                let mismatch = self.mismatch(&schema["items"], item, path);
+                path.pop();
+                mismatch
+            }),
+            Value::Object(members) => self.of_members(schema, members, path),
+            _ => None,
+        }
+    }
+
+    fn of_members(&self, schema: &'a Value, members: &Map<String, Value>, path: &mut Vec<Place>) -> Option<Mismatch> {
+        let known = schema["properties"].as_object()?;
+        for (key, value) in members {
+            path.push(Place::Key(key.clone()));
+            let mismatch = match known.get(key) {
+                Some(member) => self.mismatch(member, value, path),
+                None => {
+                    let place = named(&path[..path.len() - 1]);
+                    let known: Vec<&str> = known.keys().map(String::as_str).collect();
+                    let (tip, known) = (meant(key, &known), known.join(", "));
+                    let reason = format!("{}unknown key '{key}'{tip}; accepted: {known}", prefix(&place));
+                    Some(Mismatch { path: path.clone(), reason })
+                }
+            };
+            path.pop();
+            if mismatch.is_some() {
+                return mismatch;
+            }
+        }
+        let required = schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str);
+        let missing = required.into_iter().find(|key| !members.contains_key(*key))?;
+        let accepted = known.get(missing).map(|member| self.accepted(member)).unwrap_or_default();
+        let reason = format!("{}{missing} is missing; accepted: {accepted}", prefix(&named(path)));
+        Some(Mismatch { path: path.clone(), reason })
+    }
+
+    fn refusal(&self, schema: &'a Value, value: &Value, path: &[Place]) -> Mismatch {
+        let (place, accepted) = (named(path), self.accepted(schema));
+        let words = self.words(schema);
+        let reason = match value {
+            Value::String(text) if !words.is_empty() => {
+                format!("{}unknown value '{text}'{}; accepted: {accepted}", prefix(&place), meant(text, &words))
+            }
+            _ => {
+                let place = if place.is_empty() { "the body" } else { &place };
+                let found = if value.is_null() { self.null.to_owned() } else { value.to_string() };
+                format!("{place} {found}: accepted: {accepted}")
+            }
+        };
+        Mismatch { path: path.to_vec(), reason }
+    }
+
+    /// Returns the words that a schema accepts, itself or by its choices.
+    fn words(&self, schema: &'a Value) -> Vec<&'a str> {
+        let schema = self.resolved(schema);
+        match choices(schema) {
+            Some(choices) => choices.iter().flat_map(|choice| self.words(choice)).collect(),
+            None => schema["enum"].as_array().into_iter().flatten().filter_map(Value::as_str).collect(),
+        }
+    }
+
+    /// Returns what a schema accepts, in words.
+    fn accepted(&self, schema: &'a Value) -> String {
+        let schema = self.resolved(schema);
+        if self.is_expected(schema) {
+            return EXPECTED.to_owned();
+        }
+        if choices(schema).is_some() {
+            let (null, some): (Vec<_>, Vec<_>) =
+                self.leaves(schema).into_iter().partition(|choice| choice["type"] == "null");
+            return list(some.into_iter().chain(null).map(|choice| self.accepted(choice)).collect());
+        }
+        if let Some(words) = schema["enum"].as_array() {
+            let words = words.iter().map(|word| word.as_str().map_or_else(|| word.to_string(), str::to_owned));
+            return words.collect::<Vec<_>>().join(", ");
+        }
+        match &schema["type"] {
+            Value::Array(kinds) => list(kinds.iter().map(|kind| self.of_kind(kind, schema)).collect()),
+            kind => self.of_kind(kind, schema),
+        }
+    }
+
+    /// Returns the choices of a schema that have none themselves.
+    fn leaves(&self, schema: &'a Value) -> Vec<&'a Value> {
+        let schema = self.resolved(schema);
+        match choices(schema).filter(|_| !self.is_expected(schema)) {
+            Some(choices) => choices.iter().flat_map(|choice| self.leaves(choice)).collect(),
+            None => vec![schema],
+        }
+    }
+
+    /// Returns whether a schema is that of what a step of a scenario expects.
+    fn is_expected(&self, schema: &Value) -> bool {
+        self.schemas.0.get("Expected").is_some_and(|expected| std::ptr::eq(expected, schema))
+    }
+
+    fn of_kind(&self, kind: &Value, schema: &Value) -> String {
+        match kind.as_str().unwrap_or_default() {
+            "integer" => match (schema["minimum"].as_i64(), schema["maximum"].as_u64(), schema["maximum"].as_i64()) {
+                (Some(min), Some(max), _) => format!("a whole number from {min} to {max}"),
+                (Some(min), None, Some(max)) => format!("a whole number from {min} to {max}"),
+                _ => "a whole number".to_owned(),
+            },
+            "boolean" => "true or false".to_owned(),
+            "string" => match schema["examples"][0].as_str() {
+                Some(example) => format!("a text in hex as in \"{example}\""),
+                None => "a text".to_owned(),
+            },
+            "array" => "a list".to_owned(),
+            "null" => self.null.to_owned(),
+            "object" => match schema["properties"].as_object() {
+                Some(members) if members.len() < 4 => {
+                    let keys: Vec<String> = members.keys().map(|key| format!("\"{key}\"")).collect();
+                    format!("{{{}}}", keys.join(", "))
+                }
+                _ => "an object".to_owned(),
+            },
+            kind => format!("a {kind}"),
+        }
+    }
+}
+
+/// Returns the schemas of which a value has to fit one, where there are such and no members beside them.
+fn choices(schema: &Value) -> Option<&Vec<Value>> {
+    let has_members = schema["properties"].is_object();
+    ["oneOf", "anyOf"].iter().find_map(|several| schema[several].as_array()).filter(|_| !has_members)
+}
+
+fn is_of(kind: &Value, value: &Value) -> bool {
+    match kind.as_str().unwrap_or_default() {
+        "object" => value.is_object(),
+        "array" => value.is_array(),
+        "string" => value.is_string(),
+        "boolean" => value.is_boolean(),
+        "integer" => value.is_i64() || value.is_u64(),
+        "number" => value.is_number(),
+        _ => value.is_null(),
+    }
+}
+
+/// Returns whether a number is within the limits of its schema.
+fn is_within(schema: &Value, value: &Value) -> bool {
+    let whole = |value: &Value| value.as_i64().map(i128::from).or_else(|| value.as_u64().map(i128::from));
+    let Some(number) = whole(value) else { return true };
+    whole(&schema["minimum"]).is_none_or(|min| number >= min)
+        && whole(&schema["maximum"]).is_none_or(|max| number <= max)
+}
+
+/// Returns a value whose whole numbers are written without a fraction: to JSON, 8.0 and 8 are one number.
+pub(crate) fn with_whole_numbers(value: Value) -> Value {
+    /// All whole numbers up to here are numbers of this type.
+    const EXACT: f64 = (1_u64 << 53) as f64;
+    match value {
+        Value::Number(number) => match number.as_f64().filter(|_| number.is_f64()) {
+            Some(float) if float.fract() == 0.0 && float.abs() < EXACT => (float as i64).into(),
+            _ => Value::Number(number),
+        },
+        Value::Array(items) => items.into_iter().map(with_whole_numbers).collect(),
+        Value::Object(members) => members.into_iter().map(|(key, value)| (key, with_whole_numbers(value))).collect(),
+        value => value,
+    }
+}
+
+/// Returns the name of a member: `steps[2].plant.supply_mv`.
+fn named(path: &[Place]) -> String {
+    path.iter().fold(String::new(), |name, place| match place {
+        Place::Key(key) if name.is_empty() => key.clone(),
+        Place::Key(key) => format!("{name}.{key}"),
+        Place::Item(item) => format!("{name}[{item}]"),
+    })
+}
+
+fn prefix(place: &str) -> String {
+    if place.is_empty() { String::new() } else { format!("{place}: ") }
+}
+
+/// Returns the known word that was perhaps meant by another one, as a question.
+fn meant(word: &str, known: &[&str]) -> String {
+    let near = known.iter().map(|known| (strsim::jaro_winkler(word, known), known));
+    let near = near.filter(|(likeness, _)| *likeness > 0.75).max_by(|one, other| one.0.total_cmp(&other.0));
+    near.map_or_else(String::new, |(_, near)| format!("; did you mean '{near}'?"))
+}
+
+/// Returns choices as a list of words.
+fn list(choices: Vec<String>) -> String {
+    match choices.as_slice() {
+        [] => String::new(),
+        [only] => only.clone(),
+        [first @ .., last] => format!("{}, or {last}", first.join(", ")),
+    }
+}
