@@ -33,6 +33,17 @@ fn printed(command: &mut Command, script: &str) -> String {
     first
 }
 
+/// The description in OpenAPI says what is accepted and answered, and all of it.
+#[test]
+fn schemathesis_finds_nothing() {
+    let devices = ["--device", "pvea-canopen@0x20,name=boom", "--device", "hat1000,bit-rate=250k,name=angle"];
+    let simulator = Simulator::start(&[&["--http", "127.0.0.1:0", "--speed", "step"], &devices[..]].concat());
+    // Ten seconds of work on two idle cores, so a busy machine has time enough.
+    let printed = simulator.serve_within(900, "openapi.py", &[simulator.http()]);
+    assert!(printed.contains(" passed") && printed.contains("Operations:       13 selected"), "{printed}");
+    simulator.terminate();
+}
+
 #[test]
 fn every_fault_on_both_protocols_with_curl_alone() {
     let printed = printed(&mut Command::new("sh"), "faults.sh");
