@@ -225,13 +225,12 @@ impl Track {
         let overlaps = |passed: &RangeInclusive<i32>, shift: i32| {
             *positions.start() <= passed.end() + shift && passed.start() + shift <= *positions.end()
         };
-        match self.kind {
-            Kind::Pve(_) => overlaps(&passed(to - from), 0),
+        if matches!(self.kind, Kind::Hat(_)) {
             // The shorter way round.
-            Kind::Hat(_) => {
-                let passed = passed((to - from + turn / 2).rem_euclid(turn) - turn / 2);
-                [-turn, 0, turn].into_iter().any(|shift| overlaps(&passed, shift))
-            }
+            let passed = passed((to - from + turn / 2).rem_euclid(turn) - turn / 2);
+            [-turn, 0, turn].into_iter().any(|shift| overlaps(&passed, shift))
+        } else {
+            overlaps(&passed(to - from), 0)
         }
     }
 
