@@ -6,7 +6,7 @@
 //! | change | reason |
 //! | --- | --- |
 //! | the first frame dropped, at another time, or under another identifier | no log has the instant of power-up: the first frame gives it, or the device was on before the log; the summary says so |
-//! | a time within the tolerance | loggers are late |
+//! | a time within the tolerance | loggers are late. One that brings a frame before the boot-up is told: the device counts as on before |
 //! | frames alike, in the places of each other within the tolerance | each may be the other one, late |
 //! | a position that the device comes to within the tolerance | the spool moves on while a frame is late |
 //! | a frame missing within the tolerance of the end | it may have come after it |
