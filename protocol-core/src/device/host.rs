@@ -290,12 +290,19 @@ impl<B: Body> Host<B> {
     /// Takes a frame that is for the device. Kept apart from the look at the identifier, which most frames end with.
     #[inline(never)]
     fn take(&mut self, frame: &Frame, now: Instant, service: B::Service) {
-        self.advance(now);
         if self.base.is_restarting() {
-            self.body.handle_restarting(service, frame, &mut self.base);
-        } else {
-            self.body.handle(service, frame, &mut self.base);
+            return self.take_restarting(frame, now, service);
         }
+        self.advance(now);
+        self.body.handle(service, frame, &mut self.base);
+        self.settle();
+    }
+
+    /// Takes a frame while a restart waits. Kept apart: it would take registers of the way of all other frames.
+    #[inline(never)]
+    fn take_restarting(&mut self, frame: &Frame, now: Instant, service: B::Service) {
+        self.advance(now);
+        self.body.handle_restarting(service, frame, &mut self.base);
         self.settle();
     }
 
