@@ -35,6 +35,7 @@ pub struct FrameRecord {
 /// An error of the bus: the first error frame of a frame that is being destroyed, a change of an error mode, or frames
 /// that were dropped.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
+#[serde(deny_unknown_fields)]
 pub(super) struct BusTrouble {
     /// When, in microseconds of virtual time.
     pub t_us: u64,

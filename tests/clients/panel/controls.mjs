@@ -183,7 +183,7 @@ await withPage({ url: simulator.url, expected: /status of 400/ }, async (page) =
   const refused = page.waitForResponse((response) => response.status() === 400);
   await supply.press("Enter");
   await refused;
-  await page.locator("#notice", { hasText: "accepted: 0–100000" }).waitFor();
+  await page.locator("#notice", { hasText: "accepted: a whole number from 0 to 100000" }).waitFor();
   await page.keyboard.press("Tab");
   await until(page, () => document.querySelector("[aria-label='Supply in V']").value === "24.5");
 });
