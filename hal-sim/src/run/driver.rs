@@ -144,6 +144,7 @@ impl<O: Outside> Driver<O> {
 
     /// Powers the first device at once, and the others with it, each at its own moment.
     fn power_on(&mut self) {
+        self.let_join();
         if let Some(first) = self.world.devices().next() {
             self.world.power(first, true);
         }
@@ -152,6 +153,17 @@ impl<O: Outside> Driver<O> {
         self.trace.learn(&self.world);
         // At once, so that nobody waits for it however slow time is; the wall clock follows. Stepped time stands at 0.
         while !self.is_stepped && !self.go(self.open) {}
+    }
+
+    /// Lets those join that are there before the first device has power: a gateway to a network hears the boot-up.
+    fn let_join(&mut self) {
+        while let Some(arrival) = self.outside.take() {
+            self.arrivals.push_back(arrival);
+        }
+        let joins = |arrival: &Arrival| matches!(arrival.message, ToWorld::Join(..) | ToWorld::Listen(..));
+        while self.arrivals.front().is_some_and(joins) {
+            self.take_effect();
+        }
     }
 
     /// Lets the world catch up with the next message, which then takes effect, or with the clock, and waits.

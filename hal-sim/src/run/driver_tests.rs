@@ -110,24 +110,21 @@ fn millis(millis: u64) -> WallDuration {
     WallDuration::from_millis(millis)
 }
 
+/// Returns the driver of a valve, which has power, with what has happened before that.
+fn driver(speed: f64, start: WallInstant, before: Vec<ToWorld>, said: Said) -> Driver<Script> {
+    let mut world = World::new(BitRate::Kbit250, 1);
+    let kind = Kind::Pve(pve::Kind::PveaCanopen);
+    world.add_device("valve", kind.factory(kind.default_birth()), Memory::in_ram());
+    let plan = before.into_iter().map(|message| (start, Happening::Message(message))).collect();
+    let (work, awake) = (WallDuration::ZERO, WallDuration::ZERO);
+    let script = Script { now: start, work, end: start, plan, waits: 0, sleeps: 0, awake };
+    Driver::embedded(world, script, speed, io::sink(), said).unwrap()
+}
+
 impl Rig {
     fn new(speed: f64) -> Self {
-        let mut world = World::new(BitRate::Kbit250, 1);
-        let kind = Kind::Pve(pve::Kind::PveaCanopen);
-        world.add_device("valve", kind.factory(kind.default_birth()), Memory::in_ram());
-        let said = Said::default();
-        let start = WallInstant::now();
-        let plan = VecDeque::new();
-        let script = Script {
-            now: start,
-            work: WallDuration::ZERO,
-            end: start,
-            plan,
-            waits: 0,
-            sleeps: 0,
-            awake: WallDuration::ZERO,
-        };
-        let driver = Driver::embedded(world, script, speed, io::sink(), said.clone()).unwrap();
+        let (said, start) = (Said::default(), WallInstant::now());
+        let driver = driver(speed, start, Vec::new(), said.clone());
         let (sender, listener) = (ClientId::next(), ClientId::next());
         let (outbox, mailbox) = Outbox::new();
         let (sender_outbox, _sender_mailbox) = Outbox::new();
@@ -400,6 +397,18 @@ fn a_speed_that_is_reached_is_not_complained_about() {
     rig.send(millis(0), "620: 2B 17 10 00 0A 00 00 00");
     rig.run_until(WallDuration::from_millis(1200));
     assert_eq!(rig.end(), [""; 0]);
+}
+
+/// A gateway to a network joins before the world begins.
+#[test]
+fn who_has_joined_before_the_devices_start_hears_their_boot_up() {
+    let (id, (outbox, mut mailbox)) = (ClientId::next(), Outbox::new());
+    let before = vec![ToWorld::Join(id, outbox), ToWorld::Listen(id, Reply::new(""))];
+    let mut driver = driver(1.0, WallInstant::now(), before, Said::default());
+    driver.turn();
+    let heard: Vec<ToClient> = std::iter::from_fn(|| mailbox.queue.try_recv().ok()).collect();
+    let boot_up = "720: 00".parse::<Frame>().expect("a frame");
+    assert!(heard.iter().any(|message| matches!(message, ToClient::Frame(_, frame) if *frame == boot_up)));
 }
 
 /// Supplies come up within 5 ms: at a thousandth of the speed that would be seconds.
