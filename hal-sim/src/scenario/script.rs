@@ -1,6 +1,7 @@
 //! A scenario that was read and checked: everything in it can be done.
 
 use protocol_core::controller::BitRate;
+use protocol_core::device::Protocol;
 use protocol_core::frame::{Frame, Id};
 use protocol_core::time::Duration;
 
@@ -352,14 +353,32 @@ impl Trial {
         Ok(change)
     }
 
+    /// Returns the frames of a text, which a device on the bus can send.
+    fn frame_to_come(&self, text: &str) -> Result<Pattern, String> {
+        let pattern: Pattern = text.parse()?;
+        if pattern.is_remote() {
+            return Err(format!("'{text}': no device sends remote frames; accepted: data frames"));
+        }
+        // Every kind can send under 29 bits: valves answer UDS so, and a COB-ID of an angle sensor can have them.
+        let is_canopen = |(_, kind, _): &(NodeId, Kind, String)| kind.protocol() == Protocol::Canopen;
+        if !pattern.is_extended() && !self.devices.iter().any(is_canopen) {
+            return Err(format!("'{text}': no device on the bus sends identifiers of 11 bits; accepted: 8 digits"));
+        }
+        Ok(pattern)
+    }
+
     fn what(&self, device: usize, expected: Expected) -> Result<What, String> {
         let state = match expected {
-            Expected::Frame(frame) => return frame.parse().map(|frame| What::Frames(vec![frame])),
+            Expected::Frame(frame) => return self.frame_to_come(&frame).map(|frame| What::Frames(vec![frame])),
             Expected::Frames(frames) if frames.is_empty() => {
                 return Err("no frames; accepted: [\"720#00\", \"0A0#..\"]".to_owned());
             }
             Expected::Frames(frames) => {
-                return frames.iter().map(|frame| frame.parse()).collect::<Result<_, _>>().map(What::Frames);
+                return frames
+                    .iter()
+                    .map(|frame| self.frame_to_come(frame))
+                    .collect::<Result<_, _>>()
+                    .map(What::Frames);
             }
             Expected::State(state) if state.is_empty() => {
                 return Err("an empty state; accepted: any of its keys, as in { dsm = \"active\" }".to_owned());

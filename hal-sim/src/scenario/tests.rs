@@ -371,6 +371,33 @@ fn a_state_that_can_never_be_is_refused() {
     }
 }
 
+/// A frame that no device on the bus can send never comes, whatever goes wrong.
+#[test]
+fn a_frame_that_can_never_come_is_refused() {
+    for (device, frame, reason) in [
+        ("pvea-canopen", "720#R1", "no device sends remote frames; accepted: data frames"),
+        ("pvea-isobus", "0CFE3080#R", "no device sends remote frames; accepted: data frames"),
+        ("pvea-isobus", "1A0", "no device on the bus sends identifiers of 11 bits; accepted: 8 digits"),
+    ] {
+        for what in [format!("\"{frame}\""), format!("[\"???\", \"????????\", \"{frame}\"]")] {
+            for word in ["expect", "never"] {
+                let text =
+                    format!("devices = [\"{device}\"]\nsteps = [\n  {{ {word} = {what} }}, {{ after_ms = 1 }} ]");
+                let (line, said) = refusal(&text);
+                assert_eq!(line, Some(3), "{said}");
+                assert!(said.starts_with(&format!("{word}: ")) && said.contains("no device"), "{said}");
+                if what.starts_with('"') {
+                    assert_eq!(said, format!("{word}: '{frame}': {reason}"));
+                }
+            }
+        }
+    }
+    for devices in [r#""hat1000""#, r#""pvea-isobus", "hat1000""#] {
+        let text = format!("devices = [{devices}]\nsteps = [{{ never = [\"7F0\", \"18DAF1??\"], for_ms = 1 }}]");
+        assert!(Scenario::parse(&text).is_ok(), "{devices}");
+    }
+}
+
 #[test]
 fn a_step_that_begins_too_late_says_so() {
     let text = fails(r#"{ after_ms = 100 }, { at_ms = 50, note = "too early" }"#, 1);

@@ -153,6 +153,16 @@ impl Pattern {
         self.has_id_of(frame) && self.differences(frame).is_some_and(|bytes| bytes.is_empty())
     }
 
+    /// Returns whether remote frames are meant.
+    pub(crate) const fn is_remote(&self) -> bool {
+        matches!(self.content, Content::Remote(_))
+    }
+
+    /// Returns whether identifiers of 29 bits are meant.
+    pub(crate) const fn is_extended(&self) -> bool {
+        self.is_extended
+    }
+
     /// Returns whether a frame has an identifier that is meant.
     pub(crate) fn has_id_of(&self, frame: &Frame) -> bool {
         match frame.id() {
