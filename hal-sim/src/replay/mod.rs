@@ -159,6 +159,9 @@ fn play_rounds(options: &ReplayOptions, begin: &Begin, rounds: usize) -> Result<
         player.play()?;
         misplayed = player.misplayed();
         if misplayed.is_empty() {
+            if let Some(name) = player.silent().filter(|_| player.outcome.is_as_logged()) {
+                return Err(ReplayError::NotThere { path: options.file.clone(), what: "frame", name: name.to_owned() });
+            }
             return Ok(player.outcome);
         }
         own = player.own;
@@ -179,6 +182,8 @@ struct Player<'a> {
     /// The identifiers under which frames of the log were sent.
     played: BTreeSet<u32>,
     lanes: BTreeMap<u32, Lane>,
+    /// The places of the stand-ins that have sent something.
+    heard: BTreeSet<usize>,
     /// The last time that pairs were looked for.
     paired: Instant,
     outcome: Outcome,
@@ -193,6 +198,7 @@ impl<'a> Player<'a> {
             own,
             played: BTreeSet::new(),
             lanes: BTreeMap::new(),
+            heard: BTreeSet::new(),
             paired: Instant::from_ticks(0),
             outcome: Outcome { power_ups: begin.entries(), ..Outcome::default() },
         }
@@ -259,6 +265,7 @@ impl<'a> Player<'a> {
     /// Takes what the stand-ins have sent.
     fn collect(&mut self) {
         for item in self.stage.take_sent() {
+            self.heard.extend(item.device);
             self.lanes.entry(item.frame.key()).or_default().sent.push_back(item);
         }
     }
@@ -291,6 +298,14 @@ impl<'a> Player<'a> {
             }
         }
         self.stage.forget(known);
+    }
+
+    /// Returns the name of a stand-in that has sent nothing, as a blank one that LSS never asks: nothing of it was
+    /// compared.
+    fn silent(&self) -> Option<&'a str> {
+        let options = self.options;
+        let mut devices = options.devices.iter().enumerate();
+        devices.find(|(place, _)| !self.heard.contains(place)).map(|(_, device)| device.name.as_str())
     }
 
     /// Returns the identifiers that the stand-ins have sent under, and that frames of the log were played under. Claims

@@ -468,6 +468,20 @@ fn what_is_no_frame_is_told_and_the_rest_is_played() {
     assert!(empty.to_string().ends_with(": no frame to replay"), "{empty}");
 }
 
+/// A blank device that nobody asks says nothing: a log without it is not as logged.
+#[test]
+fn a_device_of_which_nothing_is_compared_is_told() {
+    let file = at_rest().log();
+    for (line, name) in [
+        ("--device hat1000,blank", "hat1000"),
+        ("--device pvea-canopen,blank", "pvea-canopen"),
+        ("--device pvea-canopen@0x20 --device hat1000,blank", "hat1000"),
+    ] {
+        let error = replay(&options(line, &file)).map(|outcome| outcome.differences).unwrap_err();
+        assert!(error.to_string().ends_with(&format!(": no frame of {name} in it")), "{line}: {error}");
+    }
+}
+
 /// A clock that was set must not make the stand-in live for years.
 #[test]
 fn a_time_that_is_wrong_is_told() {
