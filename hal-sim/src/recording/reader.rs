@@ -194,6 +194,11 @@ fn refusal(reason: &'static str) -> ReadError {
     io::Error::new(io::ErrorKind::InvalidData, reason).into()
 }
 
+/// Returns whether this is a line of another text, not a damaged one of a recording.
+fn is_no_line(read: &Result<Logged, ReadError>) -> bool {
+    matches!(read, Err(ReadError::NoEntry { reason: candump::NO_LINE, .. }))
+}
+
 impl Iterator for Reader {
     type Item = Result<Logged, ReadError>;
 
@@ -201,8 +206,9 @@ impl Iterator for Reader {
         while !self.is_known && !self.ended {
             let read = self.read_one();
             self.is_known = !matches!(read, Some(Err(ReadError::NoEntry { .. })));
+            let is_short = read.is_none() && self.held.len() > 1 && self.held.iter().all(is_no_line);
             self.held.extend(read);
-            if self.held.len() >= foreign::LINES && !self.is_known {
+            if is_short || self.held.len() >= foreign::LINES && !self.is_known {
                 self.ended = true;
                 self.held.clear();
                 return Some(Err(refusal(foreign::UNKNOWN)));

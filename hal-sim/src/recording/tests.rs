@@ -305,6 +305,16 @@ fn what_is_no_line_is_named_and_the_rest_is_read() {
     assert_eq!(errors[0], "3: fewer bytes than the length says: \"0.1 1 1A0 Rx d 2 00\"");
 }
 
+/// A text of fewer than ten lines, as a report of JUnit, is refused in one line as a longer one is.
+#[test]
+fn a_short_text_of_another_kind_is_refused_as_a_whole() {
+    let (records, errors) = text("<testsuites>\n<testsuite>\n</testsuite>\n</testsuites>\n");
+    assert_eq!((records.len(), errors.len()), (0, 1), "{errors:?}");
+    assert!(errors[0].starts_with("no recording of a known format; accepted: "), "{errors:?}");
+    let (_, errors) = text("(1.000000) can0 181#0\n(2.000000) can0 181#1\n");
+    assert_eq!(errors.len(), 2, "damaged lines of a log are named: {errors:?}");
+}
+
 #[test]
 fn a_line_without_an_end_does_not_fill_the_memory() {
     let endless = std::io::repeat(b'#').take(1 << 26).chain(Cursor::new(b"\n(1.0) can0 080#\n".to_vec()));

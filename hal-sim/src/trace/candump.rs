@@ -48,7 +48,7 @@ pub(crate) type Reason = &'static str;
 /// What a CAN FD frame is refused as, in each format.
 pub(crate) const FD: Reason = "a CAN FD frame, which the devices do not know";
 
-const NO_LINE: Reason = "no line of candump";
+pub(crate) const NO_LINE: Reason = "no line of candump";
 
 /// Reads a line of a log or of the screen: its time, where it has one, the name of the bus, and the entry. After the
 /// frame of a log may stand the direction, `R` or `T`, or two blanks and what the trace of `pve-sim` says of it.
