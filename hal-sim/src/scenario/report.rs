@@ -76,7 +76,7 @@ impl Failure {
 
     /// Returns the failure of a device that runs at another bit rate than the bus.
     pub(super) fn not_heard(line: usize, reason: String) -> Self {
-        let accept = "heard = false in a table for the device accepts that".to_owned();
+        let accept = "a scenario that wants this says so of the device: { device = \"…\", heard = false }".to_owned();
         Self {
             line,
             note: None,

@@ -9,7 +9,8 @@ use protocol_core::frame::{ExtendedId, Frame, Id, MAX_LEN, StandardId};
 use super::Invalid;
 
 /// The form of a frame, for the user.
-const ACCEPTED: &str = "accepted: IDENTIFIER#DATA in hex, as in \"1A0#0F00 0020\"; 3 or 8 digits, up to 8 bytes";
+const ACCEPTED: &str =
+    "accepted: IDENTIFIER#DATA in hex, as in \"1A0#0F00 0020\"; 3 digits up to 7FF, or 8 up to 1FFFFFFF; up to 8 bytes";
 
 /// Hex digits, some of which may be any.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
