@@ -105,6 +105,7 @@ fn help(world: &World) -> String {
     format!(
         "[NAME] WORD VALUE changes what a device senses; NAME may be left out with one device:{words}
 [NAME] status          state, position, LED and active faults of a device, or of all of them
+Ctrl-C                 ends the run, with everything stored
 help                   this"
     )
 }
