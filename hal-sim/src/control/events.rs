@@ -104,7 +104,7 @@ impl Events {
     /// Begins to watch; `speed` is that of virtual time.
     pub(super) fn new(devices: &[(NodeId, Kind)], speed: f64, world: &mut World) -> Self {
         let told = devices.iter().map(|(node, kind)| (*node, *kind, Told::of(*node, world))).collect();
-        let sample = Duration::from_micros((SAMPLE.as_micros() as f64 * speed.max(1.0)) as u64);
+        let sample = Duration::from_ticks((SAMPLE.as_micros() as f64 * speed.max(1.0)) as u64);
         Self {
             channel: broadcast::Sender::new(WAITING),
             follower: Follower::default(),

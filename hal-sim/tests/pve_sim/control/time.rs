@@ -36,6 +36,15 @@ fn time_passes_by_itself_or_when_it_is_told() {
     assert!(micros(&rig.get("/time")["now_us"]) >= micros(&answer["t_us"]));
 }
 
+/// The time between two positions that are told grows with the speed, and has an end.
+#[test]
+fn the_largest_speeds_are_served() {
+    for speed in ["1e15", "1e300"] {
+        let rig = Rig::start(&["--speed", speed]);
+        assert_eq!(rig.get("/time")["speed"], speed.parse::<f64>().expect("a number"));
+    }
+}
+
 /// The echo tells that the frame was accepted; what is on the bus takes time, and that stands.
 #[test]
 fn what_clients_send_waits_for_the_next_advance() {
