@@ -93,7 +93,7 @@ impl Receiver {
 }
 
 /// Waits until characters have arrived, and stops the transfer. Returns how many, and whether some of them came damaged,
-/// or some were lost.
+/// or some were lost. A loss that is known before the next characters come is told with those.
 pub(super) async fn arrived(mut transfer: Transfer<'_>) -> (usize, bool) {
     select(&mut transfer, ARRIVED.wait()).await;
     transfer.request_pause();
@@ -101,7 +101,8 @@ pub(super) async fn arrived(mut transfer: Transfer<'_>) -> (usize, bool) {
     let left = transfer.get_remaining_transfers() as usize;
     // Until the next transfer one character waits in the receiver.
     drop(transfer);
-    (BUFFER - left, DAMAGED.swap(false, Ordering::Relaxed))
+    let count = BUFFER - left;
+    (count, count > 0 && DAMAGED.swap(false, Ordering::Relaxed))
 }
 
 /// The sending half.

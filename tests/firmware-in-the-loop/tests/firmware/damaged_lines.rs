@@ -1,6 +1,7 @@
 //! Lines of the console that do not arrive as they were typed: none is obeyed, and each is answered.
 
 use firmware_in_the_loop::board::{NUCLEO_F429ZI, NUCLEO_F446RE};
+use firmware_in_the_loop::broken::Break;
 use firmware_in_the_loop::part::{Damage, Flag};
 use hal_sim::use_case::Bench as _;
 
@@ -11,6 +12,8 @@ const DAMAGED: &str = "damaged in transmission: send it again";
 const SUPPLY: &str = "supply_mv 24000\n";
 /// Turns a `4` into a `5`, of which no text tells that it is wrong.
 const ONE_BIT: u8 = 1;
+/// Makes the next buffer ready to receive.
+const FILLS: [&str; 1] = ["firmware::board::serial::Receiver::fill"];
 /// Characters that a buffer of the console holds.
 const BUFFER: usize = 64;
 /// More lines than the console has room for.
@@ -103,6 +106,22 @@ fn a_line_typed_by_hand_with_a_damaged_character_is_not_obeyed() {
         let expected: &[&str] = if character == '\n' { &[DAMAGED] } else { &[] };
         assert_eq!(answers(&mut client, &character.to_string(), 10), expected, "{character:?}");
     }
+    assert_eq!(client.status_of("supply_mv"), "24000");
+    client.end_without_reset();
+}
+
+/// The console's task is held up between two buffers, as by the device's task: nothing is in the next one when the loss
+/// is known.
+#[test]
+fn characters_lost_between_two_buffers_spoil_their_line() {
+    let mut client = ImageClient::booted();
+    let held = Break::Hang.apply(client.machine(), &FILLS);
+    answers(&mut client, "supply_mv 240", 10);
+    answers(&mut client, "00", 10);
+    held.mend(client.machine());
+    // The emulator looks at the mended instruction after the next interrupt.
+    client.wait_ms(200);
+    assert_eq!(answers(&mut client, "\n", 20), [DAMAGED]);
     assert_eq!(client.status_of("supply_mv"), "24000");
     client.end_without_reset();
 }
