@@ -329,7 +329,8 @@ def test_a_pattern_means_what_it_means_in_a_scenario(stepped: Simulator) -> None
 def test_an_identifier_as_a_text_is_hexadecimal(stepped: Simulator) -> None:
     for id, extended in (("220", False), ("0x220", False), (0x220, False), ("00000220", True), ("0CFE3027", True)):
         stepped.send(id, "0F000020", every_ms=100)
-        assert stepped.trace()[-1].extended == extended
+        latest = stepped.trace()[-1]
+        assert isinstance(latest, Frame) and latest.extended == extended
         assert stepped.disturb(0, id).disturb.frames == 0
         assert stepped.stop(id) == 1
     stepped.send(0x220, "", extended=True, every_ms=100)

@@ -16,7 +16,7 @@ import cantools
 import j1939
 
 import joining
-from waiting import equal, take
+from waiting import PATIENCE, equal, take
 
 #: After this a script that hangs says where, and ends.
 LIFE = 400
@@ -135,14 +135,21 @@ class Tractor:
     def request(self, pgn, destination=VALVE):
         self.ca.send_request(0, pgn, destination)
 
-    def expect(self, pgn, source=VALVE):
+    def expect(self, pgn, source=VALVE, patience=PATIENCE):
         """The data of the next message of this group, put together from its packets if it came in several."""
-        return take(self.received, lambda message: message[:2] == (pgn, source))[0][2]
+        return take(self.received, lambda message: message[:2] == (pgn, source), patience)[0][2]
 
     def ask(self, pgn):
-        """Requests a group of the valve."""
+        """Requests a group of the valve.
+
+        Again, where no answer came: can-j1939 gives a broadcast up whose packets a busy machine lets it see too late.
+        """
+        for _ in range(3):
+            self.request(pgn)
+            with contextlib.suppress(AssertionError):
+                return self.expect(pgn, patience=PATIENCE / 4)
         self.request(pgn)
-        return self.expect(pgn)
+        return self.expect(pgn, patience=PATIENCE / 4)
 
     def send_command(self, _=None):
         """Sends an AVC, as cantools writes it."""

@@ -24,7 +24,7 @@ const FOR_NOBODY: u64 = 490;
 const UPLOAD: u64 = 1380;
 /// The same for the position of a shaft that turns, which is reckoned in 64 bits: by SDO, or by a TPDO that answers a
 /// SYNC.
-const POSITION: u64 = 1400;
+const POSITION: u64 = 1430;
 /// The same for an RPDO that a TPDO answers.
 const SET_POINT: u64 = 1530;
 /// After so many steps a processor that is still awake will never sleep.
