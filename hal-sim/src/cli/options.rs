@@ -43,8 +43,8 @@ pub struct RunArgs {
     /// The keys:
     ///   name=NAME  1–32 of a–z, 0–9 and '-'; by default the kind, then kind-2 …
     ///   serial=N   decimal or 0x; by default the next free one; part of the NAME on ISOBUS
-    ///   bit-rate=N by default that of the bus; of a valve on CANopen 125k, 250k, 500k,
-    ///              on ISOBUS 250k; of an angle sensor as --bit-rate
+    ///   bit-rate=N by default that of the bus; of a valve on CANopen 125k, 250k or 500k, and
+    ///              250k alone on ISOBUS; of an angle sensor as --bit-rate
     ///   stroke-ms=N, return-ms=N
     ///              of a valve: 10–5000 ms, in which its spool goes from neutral to full
     ///              stroke, by default 250, and back by springs, by default 150
