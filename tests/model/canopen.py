@@ -1,0 +1,886 @@
+"""Plain models of the CANopen devices, written from docs/behaviour.md, the manuals and the CiA standards."""
+
+import struct
+
+NEVER = 1 << 62
+READ_ONLY, NO_OBJECT, NO_SUB = 0x06010002, 0x06020000, 0x06090011
+MISMATCH, TOO_LONG, TOO_SHORT = 0x06070010, 0x06070012, 0x06070013
+NOT_ALLOWED, TOO_HIGH, TOO_LOW = 0x06090030, 0x06090031, 0x06090032
+NOT_MAPPABLE, PDO_TOO_LONG = 0x06040041, 0x06040042
+TOGGLE, TIMEOUT, UNKNOWN = 0x05030000, 0x05040000, 0x05040001
+SIGNATURE, PDO_IS_ON, NO_ENTRY, MEMORY = 0x08000020, 0x08000022, 0x08000024, 0x06060000
+SIZES = {"U8": 1, "I8": 1, "U16": 2, "I16": 2, "U32": 4, "I32": 4}
+SAVE, LOAD, CLEAR = 0x65766173, 0x64616F6C, 0x73646B70
+# The longest time that the simulated memory takes for an answer, and a frame for its way to the bus.
+MEMORY_US, BUS_US = 400_000, 20_000
+INITIALISING, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0, 4, 5, 0x7F
+
+
+class Abort(Exception):
+    """The codes that an SDO server may abort with: several where page and standard leave the choice."""
+
+    def __init__(self, *codes):
+        super().__init__(*codes)
+        self.codes = codes
+
+
+class Expected:
+    """A frame that is due: `answers` are the data that are right, None in them for a byte that is not known."""
+
+    def __init__(self, due, identifier, *answers, within=BUS_US, why=""):
+        self.due, self.identifier, self.answers, self.within, self.why = due, identifier, answers, within, why
+        self.optional = False
+
+    def matches(self, data):
+        return any(
+            len(answer) == len(data) and all(e is None or e == g for e, g in zip(answer, data)) for answer in self.answers
+        )
+
+
+def number(kind, data):
+    return int.from_bytes(data, "little", signed=kind.startswith("I"))
+
+
+def octets(kind, value):
+    if kind == "VSTR":
+        return value
+    return (value & (1 << 8 * SIZES[kind]) - 1).to_bytes(SIZES[kind], "little")
+
+
+def scaled(value, to, of):
+    """value * to / of, rounded half away from zero."""
+    magnitude = (2 * abs(value) * to + of) // (2 * of)
+    return magnitude if value >= 0 else -magnitude
+
+
+def restricted(identifier):
+    return any(
+        low <= identifier <= high
+        for low, high in ((0, 0x7F), (0x101, 0x180), (0x581, 0x5FF), (0x601, 0x67F), (0x6E0, 0x6FF), (0x701, 0x7FF))
+    )
+
+
+class Node:
+    """The services that valves and sensors share: SDO server, NMT, heartbeat, LSS."""
+
+    identity = ()
+    bit_rates = ()
+
+    def __init__(self, node):
+        self.now = 0
+        self.expected = []
+        self.restarting, self.restart_by = None, NEVER
+        self.stored_node, self.stored_rate = node, self.default_rate
+        self.node, self.rate, self.held = node, self.default_rate, None
+        self.lss_rate_known = False
+        self.power_up()
+
+    # Time and frames.
+
+    def expect(self, identifier, *answers, within=BUS_US, why=""):
+        self.expected.append(Expected(self.now, identifier, *answers, within=within, why=why))
+
+    def timers(self):
+        """Returns `(instant, action)` of everything that will happen by itself."""
+        result = []
+        if self.heartbeat_due < NEVER:
+            result.append((self.heartbeat_due, self.beat))
+        if self.transfer is not None:
+            result.append((self.transfer["until"], self.transfer_ends))
+        return result
+
+    def advance(self, now):
+        while True:
+            due, action = min(self.timers() + [(NEVER, None)], key=lambda timer: timer[0])
+            if due > now:
+                break
+            self.now = max(due, self.now)
+            action()
+        self.now = now
+
+    def restart(self, action):
+        """A restart waits for the memory: it happens when the device tells so by its boot-up."""
+        self.restarting, self.restart_by = action, self.now + MEMORY_US
+        self.heartbeat_due, self.transfer = NEVER, None
+        self.waiting_beats_may_go()
+
+    def hear(self, now, identifier, data):
+        """Looks at a frame of the device for what the model cannot know: the end of a restart."""
+        if self.restarting is not None and 0x701 <= identifier <= 0x77F and data == b"\0":
+            action, self.restarting, self.restart_by = self.restarting, None, NEVER
+            self.now = now - 300  # the boot-up's way
+            action()
+
+    def receive(self, now, identifier, data):
+        self.advance(now)
+        if self.restarting is not None:
+            return
+        if identifier == 0 and len(data) == 2 and self.nmt != INITIALISING:
+            if data[1] in (0, self.node):
+                self.command(data[0])
+        elif identifier == 0x7E5 and len(data) == 8 and self.nmt != OPERATIONAL:
+            self.lss(data)
+        elif self.nmt in (PRE_OPERATIONAL, OPERATIONAL) and identifier == 0x600 + self.node and len(data) == 8:
+            self.sdo(data)
+        else:
+            self.other(identifier, data)
+
+    # NMT and heartbeat.
+
+    def command(self, command):
+        if command == 1:
+            self.enter(OPERATIONAL)
+        elif command == 2:
+            self.enter(STOPPED)
+        elif command == 0x80:
+            self.enter(PRE_OPERATIONAL)
+        elif command == 0x81:
+            self.restart(self.reset_application)
+        elif command == 0x82:
+            self.restart(self.reset_communication)
+
+    def enter(self, state):
+        before, self.nmt = self.nmt, state
+        if state == STOPPED:
+            self.transfer = None
+        if state == OPERATIONAL:
+            self.leave_configuration()
+        if before != state:
+            self.entered(before)
+
+    def boot(self):
+        self.transfer = None
+        self.nmt = PRE_OPERATIONAL
+        self.lss_state, self.lss_seen, self.lss_position = "waiting", [], 0
+        self.expect(0x700 + self.node, b"\0", why="boot-up")
+        self.boot_at = self.now
+        self.heartbeat_due = NEVER
+        self.set_heartbeat(self.heartbeat_time(), first=False)
+
+    def set_heartbeat(self, milliseconds, first=True):
+        self.waiting_beats_may_go()
+        period = self.heartbeat_period(milliseconds) * 1000
+        if period == 0:
+            self.heartbeat_due = NEVER
+        else:
+            self.heartbeat_due = self.now if first else self.now + period
+
+    def heartbeat_period(self, milliseconds):
+        return milliseconds
+
+    def beat(self):
+        # On a bus that is taken, heartbeats wait; the page does not say how many of them are sent then.
+        self.waiting_beats_may_go()
+        self.expect(0x700 + self.node, bytes([self.nmt]), why="heartbeat")
+        self.heartbeat_due += self.heartbeat_period(self.heartbeat_time()) * 1000
+
+    def waiting_beats_may_go(self):
+        for due in self.expected:
+            due.optional |= due.why == "heartbeat"
+
+    # SDO server. `self.entry` gives (type, access, value); `self.store` writes or raises Abort.
+
+    def answer(self, data, **more):
+        self.expect(0x580 + self.node, data.ljust(8, b"\0"), **more)
+
+    def abort(self, mux, *codes, **more):
+        self.transfer = None
+        self.expect(0x580 + self.node, *[b"\x80" + mux + struct.pack("<I", code) for code in codes], **more)
+
+    def transfer_ends(self):
+        self.abort(self.transfer["mux"], TIMEOUT, why="the segmented transfer timed out")
+
+    def sdo(self, data):
+        command, mux = data[0], data[1:4]
+        index, sub = mux[0] | mux[1] << 8, mux[2]
+        specifier = command >> 5
+        try:
+            if specifier == 2:
+                self.transfer = None
+                kind, access, value = self.entry(index, sub)
+                if access == "absent":
+                    raise Abort(NO_ENTRY)
+                if value is None:
+                    size = SIZES[kind]
+                    head = bytes([0x43 | (4 - size) << 2]) + mux
+                    self.expect(0x580 + self.node, [*head, *[None] * size, *[0] * (4 - size)])
+                    return
+                value = octets(kind, value)
+                if len(value) <= 4 and value:
+                    self.answer(bytes([0x43 | (4 - len(value)) << 2]) + mux + value)
+                else:
+                    self.answer(b"\x41" + mux + struct.pack("<I", len(value)))
+                    self.transfer = dict(mux=mux, read=value, toggle=0, until=self.now + 5_000_000)
+            elif specifier == 1:
+                self.transfer = None
+                kind, access, _ = self.entry(index, sub)
+                if access != "rw":
+                    raise Abort(READ_ONLY, *[NO_ENTRY] * (access == "absent"))
+                if command & 2:
+                    size = 4 - (command >> 2 & 3) if command & 1 else min(SIZES.get(kind, 4), 4)
+                    self.finish(kind, index, sub, data[4 : 4 + size], mux)
+                else:
+                    size = struct.unpack("<I", data[4:])[0] if command & 1 else None
+                    if size is not None:
+                        self.check_size(kind, size)
+                    self.answer(b"\x60" + mux)
+                    self.transfer = dict(mux=mux, write=b"", size=size, kind=kind, toggle=0, until=self.now + 5_000_000)
+            elif specifier == 4:
+                self.transfer = None
+            elif specifier in (0, 3):
+                self.segment(specifier, data)
+            else:
+                raise Abort(UNKNOWN)
+        except Abort as abort:
+            if specifier not in (0, 3):
+                self.abort(mux, *abort.codes)
+            else:
+                self.abort(self.transfer["mux"] if self.transfer else b"\0\0\0", *abort.codes)
+
+    def segment(self, specifier, data):
+        transfer = self.transfer
+        if transfer is None or ("read" in transfer) != (specifier == 3):
+            raise Abort(UNKNOWN)
+        if (data[0] >> 4 & 1) != transfer["toggle"]:
+            raise Abort(TOGGLE)
+        toggle = transfer["toggle"] << 4
+        transfer["toggle"] ^= 1
+        transfer["until"] = self.now + 5_000_000
+        if specifier == 3:
+            part, transfer["read"] = transfer["read"][:7], transfer["read"][7:]
+            last = not transfer["read"]
+            self.answer(bytes([toggle | (7 - len(part)) << 1 | last]) + part)
+            if last:
+                self.transfer = None
+            return
+        transfer["write"] += data[1 : 8 - (data[0] >> 1 & 7)]
+        kind, size = transfer["kind"], transfer["size"]
+        longest = size if size is not None else SIZES.get(kind, 10)
+        if len(transfer["write"]) > longest:
+            raise Abort(MISMATCH, TOO_LONG)
+        if not data[0] & 1:
+            self.answer(bytes([0x20 | toggle]))
+            return
+        if size is not None and len(transfer["write"]) < size:
+            raise Abort(MISMATCH, TOO_SHORT)
+        mux = transfer["mux"]
+        self.finish(kind, mux[0] | mux[1] << 8, mux[2], transfer["write"], bytes([0x20 | toggle]))
+        self.transfer = None
+
+    def check_size(self, kind, size):
+        if size > SIZES.get(kind, 10):
+            raise Abort(MISMATCH, TOO_LONG)
+        if kind in SIZES and size < SIZES[kind]:
+            raise Abort(MISMATCH, TOO_SHORT)
+
+    def finish(self, kind, index, sub, data, answer):
+        self.check_size(kind, len(data))
+        value = data if kind == "VSTR" else number(kind, data)
+        within = self.store(index, sub, value) or BUS_US
+        prefix = b"\x60" if len(answer) == 3 else b""
+        self.answer(prefix + answer, within=within)
+
+    # LSS.
+
+    def lss_answer(self, *data, within=BUS_US):
+        self.expect(0x7E4, bytes(data).ljust(8, b"\0"), within=within)
+
+    def leave_configuration(self):
+        self.lss_state, self.lss_seen = "waiting", []
+
+    def lss(self, data):
+        command, value = data[0], struct.unpack("<I", data[1:5])[0]
+        configuring = self.lss_state == "configuration"
+        if command == 0x04:
+            if data[1] == 1:
+                self.lss_state = "configuration"
+            elif data[1] == 0 and configuring:
+                self.lss_state = "waiting"
+                self.lss_waiting()
+            self.lss_seen = []
+        elif 0x40 <= command <= 0x43:
+            if configuring:
+                return
+            part = command - 0x40
+            if part == len(self.lss_seen) and value == self.identity_number(part):
+                self.lss_seen = self.lss_seen + [part]
+            else:
+                self.lss_seen = [0] if part == 0 and value == self.identity_number(0) else []
+            if len(self.lss_seen) == 4:
+                self.lss_seen = []
+                self.lss_state = "configuration"
+                self.lss_answer(0x44)
+        elif configuring and command == 0x11:
+            self.lss_answer(0x11, self.lss_node(data[1]))
+        elif configuring and command == 0x13:
+            right = data[1] == 0 and data[2] in self.bit_rates
+            if right:
+                self.pending_rate = data[2]
+            self.lss_answer(0x13, 0 if right else 1)
+        elif configuring and command == 0x17:
+            self.lss_store()
+            self.lss_answer(0x17, 0, within=MEMORY_US)
+        elif configuring and 0x5A <= command <= 0x5D:
+            self.lss_answer(command, *struct.pack("<I", self.identity_number(command - 0x5A)))
+        elif configuring and command == 0x5E:
+            self.lss_answer(command, self.node)
+        else:
+            self.lss_more(data)
+
+    def identity_number(self, part):
+        return self.identity[part]
+
+    def lss_more(self, data):
+        pass
+
+
+RPDO, TPDO = 0x1400, 0x1800
+MAPPABLE = {
+    0x1400: {0x60400010, 0x33000008, 0x33030010, 0x60420008, 0x63000110},
+    0x1800: {0x60410010, 0x33010008, 0x33020008, 0x33040010, 0x63010110},
+}
+DUMMIES = {1: 1, 2: 8, 3: 16, 4: 32, 5: 8, 6: 16, 7: 32}
+STATUS = {"init": 0x08, "disabled": 0x09, "hold": 0x0B, "active": 0x0F, "fault-hold": 0x03}
+FLOAT = 32767
+
+# name: (EMCY code, own bits of the error register, delay in us, object of the counter), by priority
+FAULTS = {
+    "spool": (0x8305, 0x21, 500_000, 0x201D),
+    "internal": (0x1000, 0x01, 0, 0x2024),
+    "can-bus": (0x8140, 0x11, 0, 0x2019),
+    "temperature": (0x8301, 0x09, 250_000, 0x200F),
+    "supply-high": (0x3411, 0x05, 2_000_000, 0x2001),
+    "supply-low": (0x3412, 0x05, 2_000_000, 0x2002),
+    "time-guarding": (0x8003, 0x91, 250_000, 0x2023),
+}
+
+
+def mappable(pdo, entry):
+    if entry in MAPPABLE[pdo]:
+        return True
+    index, sub, bits = entry >> 16, entry >> 8 & 0xFF, entry & 0xFF
+    return sub == 0 and DUMMIES.get(index) == bits
+
+
+class Valve(Node):
+    """PVEA-CI and PVEO-CI Series 6 on CANopen."""
+
+    identity = (0x01000019, 0x53360000, 0x00010020, 0x5B2E0100)
+    bit_rates, default_rate, default_node = (2, 3, 4), 3, 0x20
+
+    def __init__(self, kind, node=None):
+        self.kind = kind
+        self.counters = dict.fromkeys(FAULTS, 0)
+        self.saved = None
+        self.restore = False
+        self.plant = dict(supply_mv=24000, temperature_c=25, internal_fault=False)
+        self.since = {}
+        super().__init__(node or self.default_node)
+
+    def defaults(self):
+        values = {(0x1005, 0): 0x80, (0x1017, 0): 0, (0x1028, 1): 0x80000000,
+                  (0x1400, 1): 0x200 + self.node, (0x1400, 2): 0xFF, (0x1800, 1): 0x180 + self.node, (0x1800, 2): 0xFF,
+                  (0x1600, 0): 2, (0x1A00, 0): 2,
+                  (0x6053, 0): b"PVEA-CI S6" if self.kind == "pvea-canopen" else b"PVEO-CI S6"}  # fmt: skip
+        for index, entries in ((0x1600, (0x60400010, 0x63000110)), (0x1A00, (0x60410010, 0x63010110))):
+            for sub in range(1, 9):
+                values[index, sub] = entries[sub - 1] if sub < 3 else 0x00010001
+        return values
+
+    # Starts.
+
+    def power_up(self):
+        self.held = None
+        self.mode, self.set_point, self.control, self.dsm = 1, 0, 0, "init"
+        self.acting = 0
+        self.history, self.active, self.since = [], [], {}
+        self.half_way = False
+        self.guard_from, self.heartbeat_due, self.transfer = NEVER, NEVER, None
+        self.moving_until = self.now + 1_000_000
+        self.start()
+
+    def start(self):
+        """A start of the page: power-up, reset application, restart under a new node ID."""
+        self.node = self.held if self.held is not None else self.stored_node
+        self.rate = self.stored_rate
+        if self.restore:
+            self.restore = False
+            self.saved = self.defaults()
+        self.pending_node = self.pending_rate = None
+        self.load()
+        self.boot()
+        self.expect(0x80 + self.node, bytes(8), why="reset EMCY")
+        self.look_at_plant()
+
+    def load(self):
+        self.values = dict(self.saved) if self.saved is not None else self.defaults()
+        self.sync_count = 0
+
+    def reset_application(self):
+        self.mode, self.set_point, self.control, self.dsm = 1, 0, 0, "init"
+        self.acting = 0
+        self.history, self.active, self.since = [], [], {}
+        self.half_way = False
+        self.guard_from = NEVER
+        self.settle()
+        self.start()
+
+    def reset_communication(self):
+        if self.pending_node is not None:
+            self.held = self.pending_node
+        self.node = self.held if self.held is not None else self.stored_node
+        self.pending_node = self.pending_rate = None
+        self.hold_fault()
+        self.half_way = False
+        description = self.values[0x6053, 0]
+        self.load()
+        # CiA 301: reset communication loads 0x1000 to 0x1FFF.
+        self.values[0x6053, 0] = description
+        self.boot()
+        self.expect(0x80 + self.node, bytes(8), why="reset EMCY")
+        for fault in FAULTS:
+            if fault in self.active:
+                self.emergency(fault)
+
+    def entered(self, before):
+        if self.nmt == STOPPED:
+            self.half_way = False
+            self.hold_fault()
+        if self.nmt == OPERATIONAL:
+            self.sync_count = 0
+
+    def leave_configuration(self):
+        super().leave_configuration()
+        self.pending_node = self.pending_rate = None
+
+    def heartbeat_time(self):
+        return self.values[0x1017, 0]
+
+    def heartbeat_period(self, milliseconds):
+        return -(-milliseconds // 10) * 10
+
+    # Faults.
+
+    def settle(self):
+        self.moving_until = self.now + 1_000_000
+
+    def look_at_plant(self):
+        supply, temperature = self.plant["supply_mv"], self.plant["temperature_c"]
+        for fault, trips, clears in (
+            ("internal", self.plant["internal_fault"], not self.plant["internal_fault"]),
+            ("temperature", temperature > 120 or temperature < -40, -35 < temperature < 115),
+            ("supply-high", supply > 36000, supply < 32000),
+            ("supply-low", supply < 9000, supply > 11000),
+        ):
+            if fault in self.active:
+                if clears:
+                    self.clear(fault)
+            elif not trips:
+                self.since.pop(fault, None)
+            else:
+                self.since.setdefault(fault, self.now)
+
+    def set_plant(self, now, changes):
+        self.advance(now)
+        self.plant.update(changes)
+        self.look_at_plant()
+
+    def hold_fault(self):
+        self.half_way = False
+        self.dsm = "fault-hold"
+        self.guard_from = NEVER
+        self.settle()
+
+    def register(self):
+        result = 0
+        for fault in self.active:
+            result |= FAULTS[fault][1]
+        return result
+
+    def emergency(self, fault):
+        code, _, _, _ = FAULTS[fault]
+        if self.nmt in (PRE_OPERATIONAL, OPERATIONAL):
+            self.expect(0x80 + self.node, struct.pack("<HBB4x", code, self.register(), self.counters[fault]), why=fault)
+
+    def activate(self, fault):
+        self.since.pop(fault, None)
+        self.active.append(fault)
+        self.counters[fault] = min(127, self.counters[fault] + 1)
+        self.history = [FAULTS[fault][0] | self.counters[fault] << 16, *self.history][:8]
+        self.emergency(fault)
+        self.hold_fault()
+
+    def clear(self, fault):
+        self.active.remove(fault)
+        if not self.active and self.nmt in (PRE_OPERATIONAL, OPERATIONAL):
+            self.expect(0x80 + self.node, bytes(8), why="no fault any more")
+
+    def timers(self):
+        result = super().timers()
+        for fault in FAULTS:
+            if fault in self.since:
+                result.append((self.since[fault] + FAULTS[fault][2], lambda fault=fault: self.activate(fault)))
+        if self.guard_from < NEVER:
+            result.append((self.guard_from + 250_000, self.guard_ends))
+        return result
+
+    def guard_ends(self):
+        self.guard_from = NEVER
+        self.activate("time-guarding")
+
+    # The device state machine.
+
+    def take_mode(self, mode):
+        if mode == self.mode:
+            return
+        self.mode = mode
+        if self.dsm == "active":
+            self.enter_active()
+
+    def enter_active(self):
+        self.guard_from = self.now if self.mode == 1 else NEVER
+        self.acting = 0
+        self.settle()
+
+    def take_control(self, word):
+        self.control = word
+        bits, before = word & 0xF, self.dsm
+        held, self.half_way = self.half_way, False
+        if self.dsm == "init" and bits & 1:
+            self.dsm = "disabled"
+        elif self.dsm == "disabled" and bits & 3 == 3:
+            self.dsm = "hold"
+        elif self.dsm == "disabled" and bits & 7 == 0:
+            self.dsm = "init"
+        elif self.dsm == "hold" and bits & 7 == 7:
+            self.dsm = "active"
+            self.enter_active()
+        elif self.dsm == "hold" and bits & 6 == 0:
+            self.dsm = "disabled"
+        elif self.dsm == "active" and not bits & 4:
+            self.dsm = "hold"
+            self.guard_from = NEVER
+        elif self.dsm == "fault-hold":
+            if bits == 3:
+                self.half_way = True
+            elif bits == 0xB and held and not self.active:
+                self.dsm = "hold"
+        if before != self.dsm:
+            self.settle()
+
+    def take_set_point(self, value):
+        self.set_point = value
+        if self.guard_from < NEVER:
+            self.guard_from = self.now
+        if self.dsm == "active" and self.mode == 1 and self.acting != value:
+            self.acting = value
+            self.settle()
+        if "time-guarding" in self.active:
+            self.clear("time-guarding")
+
+    def position(self):
+        """Returns where a healthy spool stands, or None while it moves."""
+        if self.now < self.moving_until:
+            return None
+        if self.dsm != "active" or self.mode != 1:
+            return 0
+        if self.acting == FLOAT:
+            return FLOAT
+        if self.kind == "pveo-canopen":
+            return 16384 * ((self.acting > 0) - (self.acting < 0))
+        return self.acting
+
+    def actual(self, to):
+        position = self.position()
+        if position is None:
+            return None
+        if position == FLOAT:
+            return FLOAT if to == 16384 else to
+        return scaled(position, to, 16384)
+
+    # PDOs and everything else that is received.
+
+    def other(self, identifier, data):
+        values = self.values
+        producer = values[0x1028, 1]
+        if (not producer >> 31 and identifier == producer & 0x7FF and len(data) == 8 and data[:2] == b"\0\x10"
+                and self.dsm == "active" and self.nmt in (PRE_OPERATIONAL, OPERATIONAL)):  # fmt: skip
+            self.hold_fault()
+        if self.nmt != OPERATIONAL:
+            return
+        if identifier == values[0x1005, 0] & 0x7FF:
+            kind = values[0x1800, 2]
+            if kind != 0xFF:
+                self.sync_count += 1
+                if self.sync_count % kind == 0:
+                    self.tpdo()
+        rpdo = values[0x1400, 1]
+        if not rpdo >> 31 and identifier == rpdo & 0x7FF:
+            self.rpdo(data)
+
+    def entries(self, index):
+        return [self.values[index, sub] for sub in range(1, self.values[index, 0] + 1)]
+
+    def rpdo(self, data):
+        entries = self.entries(0x1600)
+        if len(data) * 8 < sum(entry & 0xFF for entry in entries):
+            return
+        bits = int.from_bytes(data, "little")
+        mode = control = set_point = None
+        for entry in entries:
+            size = entry & 0xFF
+            value, bits = bits & (1 << size) - 1, bits >> size
+            if entry == 0x60420008:
+                mode = value
+            elif entry == 0x60400010:
+                control = value
+            elif entry >> 16 in (0x6300, 0x3300, 0x3303):
+                value -= (value >> size - 1) << size
+                set_point = (entry >> 16, value)
+        if mode in (1, 2):
+            self.take_mode(mode)
+        if control is not None:
+            self.take_control(control)
+        if set_point is not None:
+            try:
+                self.take_set_point(self.checked_set_point(*set_point))
+            except Abort:
+                pass
+        if self.values[0x1800, 2] == 0xFF:
+            self.tpdo()
+
+    def tpdo(self):
+        if self.values[0x1800, 1] >> 31:
+            return
+        bits, known, at = 0, 0, 0
+        for entry in self.entries(0x1A00):
+            size = entry & 0xFF
+            value = {0x6041: lambda: STATUS[self.dsm], 0x3301: lambda: self.actual(127),
+                     0x3302: lambda: None if self.actual(127) is None else -self.actual(127),
+                     0x3304: lambda: self.actual(1000), 0x6301: lambda: self.actual(16384)}.get(entry >> 16, lambda: 0)()  # fmt: skip
+            if value is not None:
+                bits |= (value & (1 << size) - 1) << at
+                known |= (1 << size) - 1 << at
+            at += size
+        data = [bits >> 8 * i & 0xFF if known >> 8 * i & 0xFF == 0xFF or 8 * i + 8 > at and known >> 8 * i else None
+                for i in range((at + 7) // 8)]  # fmt: skip
+        self.expect(self.values[0x1800, 1] & 0x7FF, data, why=f"TPDO, {self.dsm}")
+
+    # Objects.
+
+    def entry(self, index, sub):
+        subs = self.objects(index)
+        if subs is None:
+            raise Abort(NO_OBJECT)
+        if index == 0x1003 and 1 <= sub <= 8 and sub > len(self.history):
+            return "U32", "absent", None
+        if sub not in subs:
+            raise Abort(NO_SUB)
+        return subs[sub]
+
+    def objects(self, index):
+        v = self.values
+        names = {0x2001: "supply-high", 0x2002: "supply-low", 0x200F: "temperature", 0x2019: "can-bus", 0x201D: "spool",
+                 0x2023: "time-guarding", 0x2024: "internal", 0x2040: "internal"}  # fmt: skip
+        if index in names:
+            return {0: ("U8", "ro", self.counters[names[index]])}
+        if index in (0x1600, 0x1A00):
+            return {sub: ("U8" if sub == 0 else "U32", "rw", v[index, sub]) for sub in range(9)}
+        if index in (0x1400, 0x1800):
+            return {0: ("U8", "ro", 2), 1: ("U32", "rw", v[index, 1]), 2: ("U8", "rw", v[index, 2])}
+        part = 11149437 if self.kind == "pvea-canopen" else 11149443
+        actual = {0x3301: ("I8", 127, 1), 0x3302: ("I8", 127, -1), 0x3304: ("I16", 1000, 1), 0x6301: ("I16", 16384, 1)}
+        if index in actual:
+            kind, to, sign = actual[index]
+            value = self.actual(to)
+            leaf = (kind, "ro", None if value is None else sign * value)
+            return {0: ("U8", "ro", 1), 1: leaf} if index == 0x6301 else {0: leaf}
+        float_or = lambda to: to if self.set_point == FLOAT else scaled(self.set_point, to, 16384)  # noqa: E731
+        simple = {
+            0x1000: ("U32", "ro", 0x198), 0x1001: ("U8", "ro", self.register()), 0x1005: ("U32", "rw", v[0x1005, 0]),
+            0x100A: ("VSTR", "ro", b"APP-_S6m1_M_R132_CANOPEN-_%d_-000_ 180701" % part),
+            0x1014: ("U32", "ro", self.node + 0x80), 0x1017: ("U16", "rw", v[0x1017, 0]),
+            0x3300: ("I8", "rw", float_or(127)), 0x3303: ("I16", "rw", float_or(1000)),
+            0x6040: ("U16", "rw", self.control), 0x6041: ("U16", "ro", STATUS[self.dsm]), 0x6042: ("I8", "rw", self.mode),
+            0x6052: ("VSTR", "ro", str(self.identity[3]).encode()), 0x6053: ("VSTR", "rw", v[0x6053, 0]),
+            0x605F: ("U32", "ro", 0x05000000),
+        }  # fmt: skip
+        if index in simple:
+            return {0: simple[index]}
+        return {
+            0x1003: {0: ("U8", "rw", len(self.history)), **{i + 1: ("U32", "ro", e) for i, e in enumerate(self.history)}},
+            0x1010: {0: ("U8", "ro", 1), 1: ("U32", "rw", 1)},
+            0x1011: {0: ("U8", "ro", 5), 1: ("U32", "rw", 1), 5: ("U32", "rw", 1)},
+            0x1018: {0: ("U8", "ro", 3), **{i + 1: ("U32", "ro", n) for i, n in enumerate(self.identity)}},
+            0x1028: {0: ("U8", "ro", 1), 1: ("U32", "rw", v[0x1028, 1])},
+            0x6300: {0: ("U8", "ro", 1), 1: ("I16", "rw", self.set_point)},
+        }.get(index)
+
+    def checked_set_point(self, index, value):
+        top = {0x6300: 16384, 0x3300: 127, 0x3303: 1000}[index]
+        if index == 0x6300 and value == FLOAT:
+            return FLOAT
+        if value > top:
+            raise Abort(TOO_HIGH)
+        if value < -top:
+            raise Abort(TOO_LOW)
+        return scaled(value, 16384, top)
+
+    def store(self, index, sub, value):
+        v = self.values
+        if index == 0x1003:
+            if value != 0:
+                raise Abort(NOT_ALLOWED)
+            self.history = []
+        elif index == 0x1010:
+            if value != SAVE:
+                raise Abort(SIGNATURE)
+            self.saved = dict(v)
+            return MEMORY_US
+        elif index == 0x1011:
+            if value != (LOAD if sub == 1 else CLEAR):
+                raise Abort(SIGNATURE)
+            if sub == 1:
+                self.restore = True
+            else:
+                self.counters = dict.fromkeys(FAULTS, 0)
+            return MEMORY_US
+        elif index == 0x1017:
+            if value > 0x7FFF:
+                raise Abort(TOO_HIGH)
+            v[index, 0] = value
+            self.set_heartbeat(value)
+        elif index in (0x1005, 0x1028):
+            if not (index == 0x1028 and value >> 31):
+                if value & 0x3FFFF800 or restricted(value & 0x7FF) or index == 0x1005 and value >> 30 & 1:
+                    raise Abort(NOT_ALLOWED)
+            v[index, sub] = value
+        elif index in (0x1600, 0x1A00):
+            self.store_mapping(index, sub, value)
+        elif index in (0x1400, 0x1800):
+            if sub == 1:
+                self.store_cob_id(index, value)
+            elif value != 0xFF and (index == RPDO or not 1 <= value <= 240):
+                raise Abort(NOT_ALLOWED)
+            else:
+                v[index, 2] = value
+                if index == TPDO:
+                    self.sync_count = 0
+        elif index in (0x6300, 0x3300, 0x3303):
+            self.take_set_point(self.checked_set_point(index, value))
+        elif index == 0x6040:
+            self.take_control(value)
+        elif index == 0x6042:
+            if value not in (1, 2):
+                raise Abort(NOT_ALLOWED)
+            self.take_mode(value)
+        else:
+            v[index, sub] = value
+        return None
+
+    def store_mapping(self, index, sub, value):
+        v, pdo = self.values, index - 0x200
+        on = not v[pdo, 1] >> 31
+        wrong = []
+        if value == v[index, sub]:
+            if sub == 0 and not on:
+                wrong = self.mapping_faults(index, value)
+            if wrong:
+                self.either = True
+            return
+        if on:
+            wrong.append(PDO_IS_ON)
+        if sub == 0:
+            wrong += [PDO_TOO_LONG] if value > 8 else self.mapping_faults(index, value)
+        elif value == 0:
+            wrong += [NOT_MAPPABLE] if sub <= v[index, 0] else []
+        elif not mappable(pdo, value):
+            wrong.append(NOT_MAPPABLE)
+        if wrong:
+            raise Abort(*wrong)
+        v[index, sub] = value
+
+    def mapping_faults(self, index, count):
+        entries = [self.values[index, sub] for sub in range(1, count + 1)]
+        result = [PDO_TOO_LONG] if sum(entry & 0xFF for entry in entries) > 64 else []
+        return result + ([NOT_MAPPABLE] if 0 in entries else [])
+
+    def store_cob_id(self, index, value):
+        v = self.values
+        before = v[index, 1]
+        if value == before:
+            return
+        if value >> 31:
+            v[index, 1] = value
+            return
+        wrong = []
+        if value & 0x3FFFF800 or restricted(value & 0x7FF):
+            wrong.append(NOT_ALLOWED)
+        if before >> 31:
+            entries = self.entries(index + 0x200)
+            if sum(entry & 0xFF for entry in entries) > 64:
+                wrong.append(PDO_TOO_LONG)
+            if not entries or 0 in entries:
+                wrong += [NOT_ALLOWED, NOT_MAPPABLE][: 1 + (0 in entries)]
+        elif (value ^ before) & ~0x40000000:
+            wrong.append(PDO_IS_ON)
+        if wrong:
+            raise Abort(*wrong)
+        v[index, 1] = value
+        if before >> 31 and index == TPDO:
+            self.sync_count = 0
+
+    # LSS.
+
+    def lss_node(self, node):
+        if not 1 <= node <= 127:
+            return 1
+        self.pending_node = node
+        return 0
+
+    def lss_store(self):
+        if self.pending_node is not None:
+            self.stored_node = self.pending_node
+            self.held = None if self.held is None else self.pending_node
+        if self.pending_rate is not None:
+            self.stored_rate = self.pending_rate
+
+    def lss_waiting(self):
+        if self.pending_node is not None and self.pending_node != self.node:
+            self.held = self.pending_node
+            self.restart(self.reset_application)
+
+    # What is worth trying.
+
+    indices = [0x1000, 0x1001, 0x1003, 0x1005, 0x100A, 0x1010, 0x1011, 0x1014, 0x1017, 0x1018, 0x1028, 0x1400, 0x1600, 0x1800,
+               0x1A00, 0x2001, 0x2002, 0x200F, 0x2019, 0x201D, 0x2023, 0x2024, 0x2040, 0x3300, 0x3301, 0x3302, 0x3303, 0x3304,
+               0x6040, 0x6041, 0x6042, 0x6052, 0x6053, 0x605F, 0x6300, 0x6301]  # fmt: skip
+    pdos = (0x1400, 0x1800)
+    memory_commands = [(0x1010, 1, SAVE), (0x1011, 1, LOAD), (0x1011, 5, CLEAR)]
+    plants = [dict(supply_mv=mv) for mv in (24000, 24000, 8000, 40000, 10000, 33000)] + [
+        dict(temperature_c=c) for c in (25, 25, 130, 118, -50)] + [dict(internal_fault=on) for on in (True, False, False)]  # fmt: skip
+
+    def is_text(self, index):
+        return index in (0x100A, 0x6052, 0x6053)
+
+    def worth(self, index, sub, dice):
+        """Returns values worth writing to an object."""
+        if index in (0x1600, 0x1A00) and sub:
+            return [*MAPPABLE[index - 0x200], *(i << 16 | bits for i, bits in DUMMIES.items()), 0, 0x63000108,
+                    0x60400010, 0x60410010, 0x10000020, self.values.get((index, sub), 0)]  # fmt: skip
+        return {
+            0x1003: [0, 0, 1], 0x1017: [0, 0, 1, 9, 10, 95, 100, 1000, 0x7FFF, 0x8000],
+            0x1005: [0x80, 0x80, 0x81, 0x100, 0x40000080, 0x20000080, 0x181, 0x7F, 0x880],
+            0x1028: [0x80000000, 0x81, 0x1A1, 0x333, 0x40000081, 0x20000081, 0x7F, 0x880],
+            0x1400: [0xFF, 0xFE, 1] if sub == 2 else [0x80000220, 0x80000000, 0x220, 0x40000220, 0x2A0, 0x20000220, 0x7F, 0x601],
+            0x1800: [0xFF, 1, 2, 3, 240, 241, 0, 0xFE] if sub == 2 else [0x800001A0, 0x80000000, 0x1A0, 0x400001A0, 0x1F0,
+                                                                         0x200001A0, 0x7F, 0x601],
+            0x1600: [0, 1, 2, 2, 3, 8, 9], 0x1A00: [0, 1, 2, 2, 3, 8, 9],
+            0x3300: [0, 50, -50, 127, -127, -128], 0x3303: [0, 333, -333, 1000, -1000, 1001, -1001],
+            0x6300: [0, 1, 5000, -5000, 16384, -16384, 16385, -16385, FLOAT, 32766, -32768],
+            0x6040: [0, 1, 3, 11, 15, 15, 15, 7, 0xFFF3, 8], 0x6042: [1, 1, 2, 0, 3],
+        }.get(index, [dice.getrandbits(32)])  # fmt: skip
+
+    def state(self):
+        nmt = {PRE_OPERATIONAL: "pre-operational", OPERATIONAL: "operational", STOPPED: "stopped"}[self.nmt]
+        return dict(node_id=self.node, nmt=nmt, dsm=self.dsm, set_point="float" if self.set_point == FLOAT else self.set_point)
