@@ -141,6 +141,9 @@ class Node:
 
     def enter(self, state):
         before, self.nmt = self.nmt, state
+        for due in self.expected:
+            if due.why == "heartbeat":
+                due.answers += (bytes([state]),)
         if state == STOPPED:
             self.transfer = None
         if state == OPERATIONAL:
@@ -626,26 +629,26 @@ class Valve(Node):
         if len(data) * 8 < sum(entry & 0xFF for entry in entries):
             return
         bits = int.from_bytes(data, "little")
-        mode = control = set_point = None
+        mode = control = set_point = None  # the last valid ones
         for entry in entries:
             size = entry & 0xFF
             value, bits = bits & (1 << size) - 1, bits >> size
             if entry == 0x60420008:
-                mode = value
+                mode = value if value in (1, 2) else mode
             elif entry == 0x60400010:
                 control = value
             elif entry >> 16 in (0x6300, 0x3300, 0x3303):
                 value -= (value >> size - 1) << size
-                set_point = (entry >> 16, value)
-        if mode in (1, 2):
+                try:
+                    set_point = self.checked_set_point(entry >> 16, value)
+                except Abort:
+                    pass
+        if mode is not None:
             self.take_mode(mode)
         if control is not None:
             self.take_control(control)
         if set_point is not None:
-            try:
-                self.take_set_point(self.checked_set_point(*set_point))
-            except Abort:
-                pass
+            self.take_set_point(set_point)
         if self.values[0x1800, 2] == 0xFF:
             self.tpdo()
 

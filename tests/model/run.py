@@ -9,6 +9,7 @@ import sys
 import time
 
 import canopen
+import hat
 from bus import Bus
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -57,12 +58,12 @@ class Run:
                 continue
             model.advance(at)
             model.hear(at, identifier, data)
-            due = next((e for e in model.expected if e.identifier == identifier), None)
-            if due is None:
+            waiting = [e for e in model.expected if e.identifier == identifier]
+            if not waiting:
                 raise Difference(f"{written(identifier, data)} is not expected")
-            if due.optional:
-                same = [e for e in model.expected if e.why == due.why and (e.matches(data) or not e.optional)]
-                due = same[-1] if same else due
+            # The first that has to come, or one before it that may.
+            must = next((i for i, e in enumerate(waiting) if not e.optional), len(waiting) - 1)
+            due = next((e for e in reversed(waiting[: must + 1]) if e.matches(data)), waiting[must])
             if not due.matches(data):
                 right = " or ".join(written(identifier, answer) for answer in due.answers)
                 raise Difference(f"{written(identifier, data)}, the model has {right} {due.why}")
@@ -88,6 +89,11 @@ class Traffic:
         return self.dice.choices(choices, weights)[0]()
 
     def choices(self):
+        if not isinstance(self.model, canopen.Valve):
+            return [
+                (self.sdo_batch, 30), (self.nmt, 6), (self.lss_batch, 8), (self.pass_time, 8), (self.configure, 10),
+                (self.sync, 10), (self.everything, 1), (self.memory, 3), (self.plant, 5), (lambda: [("state",)], 2),
+            ]  # fmt: skip
         return [
             (self.sdo_batch, 30), (self.nmt, 3), (self.lss_batch, 4), (self.pass_time, 4), (self.configure, 8),
             (self.rpdo, 12), (self.sync, 8), (self.everything, 1), (self.memory, 2), (self.noise, 3),
@@ -292,6 +298,8 @@ class Traffic:
 MODELS = {
     "pvea-canopen": canopen.Valve,
     "pveo-canopen": canopen.Valve,
+    "hat1000": hat.Sensor,
+    "hat3000": hat.Sensor,
 }
 
 
@@ -354,7 +362,8 @@ def shrink(kind, executable, steps, difference, seconds=60):
     for number in range(len(steps)):
         if steps[number][0] != "frames":
             continue
-        for milliseconds in (3, 30, 300):
+        least = int(len(steps[number][1]) * 1.3) + 3
+        for milliseconds in (least, least + 30, least + 300):
             candidate = [*steps[:number], ("frames", steps[number][1], milliseconds), *steps[number + 1 :]]
             if milliseconds < steps[number][2] and fails(candidate):
                 steps = candidate
