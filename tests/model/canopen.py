@@ -102,7 +102,7 @@ class Node:
         """A restart waits for the memory: it happens when the device tells so by its boot-up."""
         self.restarting, self.restart_by = action, self.now + MEMORY_US
         self.heartbeat_due, self.transfer = NEVER, None
-        self.waiting_beats_may_go()
+        self.waiting_may_go()
 
     def hear(self, now, identifier, data):
         """Looks at a frame of the device for what the model cannot know: the end of a restart."""
@@ -161,7 +161,7 @@ class Node:
         self.set_heartbeat(self.heartbeat_time(), first=False)
 
     def set_heartbeat(self, milliseconds, first=True):
-        self.waiting_beats_may_go()
+        self.waiting_may_go()
         period = self.heartbeat_period(milliseconds) * 1000
         if period == 0:
             self.heartbeat_due = NEVER
@@ -173,13 +173,14 @@ class Node:
 
     def beat(self):
         # On a bus that is taken, heartbeats wait; the page does not say how many of them are sent then.
-        self.waiting_beats_may_go()
+        self.waiting_may_go()
         self.expect(0x700 + self.node, bytes([self.nmt]), why="heartbeat")
         self.heartbeat_due += self.heartbeat_period(self.heartbeat_time()) * 1000
 
-    def waiting_beats_may_go(self):
+    def waiting_may_go(self, *whys):
+        """What waits for the bus while its producer changes may be sent or not."""
         for due in self.expected:
-            due.optional |= due.why == "heartbeat"
+            due.optional |= due.why in (whys or ("heartbeat",))
 
     # SDO server. `self.entry` gives (type, access, value); `self.store` writes or raises Abort.
 
@@ -611,15 +612,15 @@ class Valve(Node):
             self.hold_fault()
         if self.nmt != OPERATIONAL:
             return
-        if identifier == values[0x1005, 0] & 0x7FF:
+        rpdo = values[0x1400, 1]
+        if not rpdo >> 31 and identifier == rpdo & 0x7FF:
+            self.rpdo(data)
+        elif identifier == values[0x1005, 0] & 0x7FF:
             kind = values[0x1800, 2]
             if kind != 0xFF:
                 self.sync_count += 1
                 if self.sync_count % kind == 0:
                     self.tpdo()
-        rpdo = values[0x1400, 1]
-        if not rpdo >> 31 and identifier == rpdo & 0x7FF:
-            self.rpdo(data)
 
     def entries(self, index):
         return [self.values[index, sub] for sub in range(1, self.values[index, 0] + 1)]

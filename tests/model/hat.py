@@ -72,7 +72,7 @@ class Sensor(Node):
         if action == self.reset_communication and self.pending_node is not None:
             node = self.pending_node
         if node == NOBODY:
-            self.waiting_beats_may_go()
+            self.waiting_may_go()
             action()
         else:
             super().restart(action)
@@ -130,6 +130,7 @@ class Sensor(Node):
 
     def pdo_off(self):
         self.event_due, self.inhibited_until, self.held_back = NEVER, 0, False
+        self.waiting_may_go("TPDO")
 
     def pdo_begins(self):
         self.pdo_off()
@@ -177,8 +178,7 @@ class Sensor(Node):
         data = self.mapped()
         if data:
             # A PDO that waits for the bus merges with the next one, as heartbeats do.
-            for due in self.expected:
-                due.optional |= due.why == "TPDO"
+            self.waiting_may_go("TPDO")
             self.expect(wire(self.values[0x1800, 1]), data, why="TPDO")
         self.last_sent = data
 
@@ -322,7 +322,7 @@ class Sensor(Node):
                 entries = [v[0x1A00, i] for i in range(1, value + 1)]
                 wrong += [NOT_MAPPABLE] * (0 in entries) + [PDO_TOO_LONG] * (sum(entry & 0xFF for entry in entries) > 64)
         else:
-            if value and value not in MAPPABLE:
+            if value not in MAPPABLE and (value or 0 < sub <= count):
                 wrong.append(NOT_MAPPABLE)
             if count and not (value == 0 and sub > count):
                 wrong.append(PDO_IS_ON)
