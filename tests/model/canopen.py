@@ -141,9 +141,12 @@ class Node:
 
     def enter(self, state):
         before, self.nmt = self.nmt, state
-        for due in self.expected:
-            if due.why == "heartbeat":
-                due.answers += (bytes([state]),)
+        waiting = [due for due in self.expected if due.why == "heartbeat"]
+        for due in waiting:
+            # Already on the bus with the old state, or sent with the new one, or both.
+            due.answers += (bytes([state]),)
+            self.expect(due.identifier, bytes([state]), why="heartbeat")
+            self.expected[-1].optional = True
         if state == STOPPED:
             self.transfer = None
         if state == OPERATIONAL:
@@ -359,6 +362,37 @@ FAULTS = {
 }
 
 
+class Causes:
+    """What acts on a valve from outside, and the delays until that is a fault."""
+
+    coldest = -40
+
+    def look_at_plant(self):
+        supply, temperature = self.plant["supply_mv"], self.plant["temperature_c"]
+        for fault, trips, clears in (
+            ("internal", self.plant["internal_fault"], not self.plant["internal_fault"]),
+            ("temperature", temperature > 120 or temperature < self.coldest,
+             self.coldest + 5 < temperature < 115),
+            ("supply-high", supply > 36000, supply < 32000),
+            ("supply-low", supply < 9000, supply > 11000),
+        ):
+            if fault in self.active:
+                if clears:
+                    self.clear(fault)
+            elif not trips:
+                self.since.pop(fault, None)
+            else:
+                self.since.setdefault(fault, self.now)
+
+    def set_plant(self, now, changes):
+        self.advance(now)
+        self.plant.update(changes)
+        self.look_at_plant()
+
+    def delays(self):
+        return [(since + FAULTS[fault][2], lambda fault=fault: self.activate(fault)) for fault, since in self.since.items()]
+
+
 def mappable(pdo, entry):
     if entry in MAPPABLE[pdo]:
         return True
@@ -366,7 +400,7 @@ def mappable(pdo, entry):
     return sub == 0 and DUMMIES.get(index) == bits
 
 
-class Valve(Node):
+class Valve(Causes, Node):
     """PVEA-CI and PVEO-CI Series 6 on CANopen."""
 
     identity = (0x01000019, 0x53360000, 0x00010020, 0x5B2E0100)
@@ -468,27 +502,6 @@ class Valve(Node):
     def settle(self):
         self.moving_until = self.now + 1_000_000
 
-    def look_at_plant(self):
-        supply, temperature = self.plant["supply_mv"], self.plant["temperature_c"]
-        for fault, trips, clears in (
-            ("internal", self.plant["internal_fault"], not self.plant["internal_fault"]),
-            ("temperature", temperature > 120 or temperature < -40, -35 < temperature < 115),
-            ("supply-high", supply > 36000, supply < 32000),
-            ("supply-low", supply < 9000, supply > 11000),
-        ):
-            if fault in self.active:
-                if clears:
-                    self.clear(fault)
-            elif not trips:
-                self.since.pop(fault, None)
-            else:
-                self.since.setdefault(fault, self.now)
-
-    def set_plant(self, now, changes):
-        self.advance(now)
-        self.plant.update(changes)
-        self.look_at_plant()
-
     def hold_fault(self):
         self.half_way = False
         self.dsm = "fault-hold"
@@ -520,10 +533,7 @@ class Valve(Node):
             self.expect(0x80 + self.node, bytes(8), why="no fault any more")
 
     def timers(self):
-        result = super().timers()
-        for fault in FAULTS:
-            if fault in self.since:
-                result.append((self.since[fault] + FAULTS[fault][2], lambda fault=fault: self.activate(fault)))
+        result = super().timers() + self.delays()
         if self.guard_from < NEVER:
             result.append((self.guard_from + 250_000, self.guard_ends))
         return result

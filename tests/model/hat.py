@@ -47,7 +47,7 @@ class Sensor(Node):
         self.values = {}
         for group in "CA":
             self.values |= self.saved[group] if self.saved[group] is not None else self.defaults(group)
-        self.identify = []
+        self.identify, self.stored_since = [], False
         self.boot()
 
     def reset_application(self):
@@ -335,11 +335,14 @@ class Sensor(Node):
     def lss_node(self, node):
         if not (1 <= node <= 127 or node == NOBODY):
             return 255
-        self.pending_node = node
+        self.pending_node, self.stored_since = node, False
         return 0
 
     def lss_store(self):
         node = self.pending_node if self.pending_node is not None else self.held
+        if self.stored_since:
+            node = None
+        self.stored_since = True
         if node is not None:
             self.stored_node = self.demanded[0] = node
             self.held = None

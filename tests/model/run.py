@@ -10,6 +10,7 @@ import time
 
 import canopen
 import hat
+import isobus
 from bus import Bus
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -45,6 +46,7 @@ class Run:
             self.model.set_plant(state["t_us"], step[1])
         elif step[0] == "state":
             state = self.bus.state()
+            self.model.advance(state["t_us"])
             for field, value in self.model.state().items():
                 if state[field] != value:
                     raise Difference(f"{field} is {state[field]!r}, the model has {value!r}")
@@ -300,6 +302,8 @@ MODELS = {
     "pveo-canopen": canopen.Valve,
     "hat1000": hat.Sensor,
     "hat3000": hat.Sensor,
+    "pvea-isobus": isobus.Valve,
+    "pveo-isobus": isobus.Valve,
 }
 
 
@@ -319,9 +323,9 @@ def play(kind, executable, steps):
 def search(kind, executable, seed, requests, until):
     dice = random.Random(f"{kind} {seed}")
     run = Run(kind, executable)
-    traffic = Traffic(run, dice)
+    traffic = run.model.traffic(run, dice) if hasattr(run.model, "traffic") else Traffic(run, dice)
     try:
-        run.step(("frames", [], 20))
+        run.step(("frames", [], 400 if kind.endswith("isobus") else 20))
         while run.requests < requests and time.monotonic() < until:
             for step in traffic.next():
                 run.step(step)
