@@ -60,7 +60,7 @@ class Sensor(Node):
 
     def reset_communication(self):
         if self.pending_node is not None:
-            self.held = self.pending_node
+            self.held = self.pending_node if self.pending_node != self.stored_node else None
             self.pending_node = None
         self.begin()
         self.told = False
@@ -249,6 +249,8 @@ class Sensor(Node):
             if sub == 4:
                 self.stored_node, self.stored_rate = self.demanded if index == 0x1010 else (1, 2)
                 self.held = None
+                # The page leaves open what LSS 0x17 does to the demanded pair when the pending node ID is stored already.
+                self.stored_since |= self.pending_node == self.stored_node
             return MEMORY_US
         if index == 0x2001:
             if not (1 <= value <= 127 or value == NOBODY):

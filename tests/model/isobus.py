@@ -35,6 +35,10 @@ class Valve(Causes):
 
     def due(self, identifier, *answers, why="", within=BUS_US, at=None):
         at = self.now if at is None else at
+        if identifier in (0x18EEFF00, 0x18FECA00, 0x18FECB00) or why == "AVEF":
+            # One that still waits for the bus answers both, or is out of date.
+            for waiting in self.expected:
+                waiting.optional |= waiting.identifier == LONG | identifier | self.address
         self.expected.append(Expected(at, LONG | identifier | self.address, *answers, within=within, why=why))
 
     def hear(self, now, identifier, data):
@@ -66,9 +70,6 @@ class Valve(Causes):
         return next((fault for fault in CODES if fault in self.active), None)
 
     def dm1(self):
-        # One that waits for the bus and is out of date need not be sent.
-        for due in self.expected:
-            due.optional |= due.why == "DM1"
         fault = self.highest()
         code, lamp = CODES[fault] if fault else (0, 0)
         count = self.counters[fault] if fault else 0
@@ -274,7 +275,10 @@ class Traffic:
             frames.append((LONG | 0x18EA0000 | target << 8 | source, data[:8]))
             if pgn in (0xFECB, 0xFECC):
                 break
-        return [("frames", frames, 500 if frames[-1][1][:3] in (b"\xcb\xfe\0", b"\xcc\xfe\0") else 10)]
+        if frames[-1][1][:3] == b"\xcc\xfe\0":
+            # An AVC before it: no time guard ends while the memory is written.
+            return [*self.wait_for_the_spool(), ("frames", [self.avc(*self.what)], 2), ("frames", frames, 100)]
+        return [("frames", frames, 500 if frames[-1][1][:3] == b"\xcb\xfe\0" else 10)]
 
     def hostile(self):
         dice, address = self.dice, self.model.address
