@@ -104,6 +104,13 @@ class Node:
         self.heartbeat_due, self.transfer = NEVER, None
         self.waiting_may_go()
 
+    def power_cut(self, now):
+        self.advance(now)
+        self.expected, self.held = [], None
+        self.since, self.guard_from = {}, NEVER
+        self.nmt = INITIALISING
+        self.restart(self.power_up)
+
     def hear(self, now, identifier, data):
         """Looks at a frame of the device for what the model cannot know: the end of a restart."""
         if self.restarting is not None and 0x701 <= identifier <= 0x77F and data == b"\0":
@@ -149,6 +156,8 @@ class Node:
             self.expected[-1].optional = True
         if state == STOPPED:
             self.transfer = None
+            for due in self.expected:
+                due.optional = True
         if state == OPERATIONAL:
             self.leave_configuration()
         if before != state:

@@ -21,6 +21,11 @@ class Sensor(Node):
         self.raw, self.measuring_error, self.fault = 0, False, False
         super().__init__(1)
 
+    def power_cut(self, now):
+        self.advance(now)
+        self.pdo_off()
+        super().power_cut(now)
+
     def power_up(self):
         self.held = None
         self.reset_application()
@@ -75,6 +80,7 @@ class Sensor(Node):
             self.waiting_may_go()
             action()
         else:
+            self.pdo_off()
             super().restart(action)
 
     def start_by_itself(self):

@@ -2,6 +2,7 @@
 """Random traffic to a device and to its plain model; the first difference is shrunk and printed. See README.md."""
 
 import argparse
+import os
 import pathlib
 import random
 import struct
@@ -14,6 +15,8 @@ import isobus
 from bus import Bus
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+#: Frames of the device for one sent, at the least: below, it was not heard, and nothing was compared.
+ANSWERS = 0.2
 
 
 class Difference(Exception):
@@ -32,10 +35,10 @@ class Run:
     def __init__(self, kind, executable):
         self.bus = Bus(executable, kind)
         self.model = MODELS[kind](kind)
-        self.done, self.log, self.requests = [], [], 0
+        self.done, self.log, self.requests, self.answers = [], [], 0, 0
 
     def step(self, step):
-        """Does one step: `("frames", [(id, data)], ms)`, `("plant", {...})` or `("state",)`."""
+        """Does one step: `("frames", [(id, data)], ms)`, `("plant", {...})`, `("power",)` or `("state",)`."""
         self.done.append(step)
         if step[0] == "frames":
             self.requests += len(step[1])
@@ -44,6 +47,14 @@ class Run:
             state = self.bus.call("PATCH", "/devices/dut/plant", step[1])
             self.log.append(f"{state['t_us'] / 1000:10.3f}    plant {step[1]}")
             self.model.set_plant(state["t_us"], step[1])
+        elif step[0] == "power":
+            # Longer than the fault log is held back.
+            self.compare(*self.bus.play([], 11_000))
+            for on in (False, True):
+                at = self.bus.call("POST", "/devices/dut/power", {"on": on})["t_us"]
+            self.log.append(f"{at / 1000:10.3f}    power off and on")
+            self.model.power_cut(at)
+            self.compare(*self.bus.play([], 300))
         elif step[0] == "state":
             state = self.bus.state()
             self.model.advance(state["t_us"])
@@ -58,6 +69,7 @@ class Run:
             if not from_device:
                 model.receive(at, identifier, data)
                 continue
+            self.answers += 1
             model.advance(at)
             model.hear(at, identifier, data)
             waiting = [e for e in model.expected if e.identifier == identifier]
@@ -95,11 +107,12 @@ class Traffic:
             return [
                 (self.sdo_batch, 30), (self.nmt, 6), (self.lss_batch, 8), (self.pass_time, 8), (self.configure, 10),
                 (self.sync, 10), (self.everything, 1), (self.memory, 3), (self.plant, 5), (lambda: [("state",)], 2),
+                (lambda: [("power",)], 0.5),
             ]  # fmt: skip
         return [
             (self.sdo_batch, 30), (self.nmt, 3), (self.lss_batch, 4), (self.pass_time, 4), (self.configure, 8),
             (self.rpdo, 12), (self.sync, 8), (self.everything, 1), (self.memory, 2), (self.noise, 3),
-            (self.plant, 3), (self.drive, 4), (lambda: [("state",)], 2),
+            (self.plant, 3), (self.drive, 4), (lambda: [("state",)], 2), (lambda: [("power",)], 0.3),
         ]  # fmt: skip
 
     def frames(self, frames, milliseconds=None):
@@ -194,6 +207,9 @@ class Traffic:
     def lss_batch(self):
         dice, model = self.dice, self.model
         lss = lambda *data: (0x7E5, bytes(data).ljust(8, b"\0"))  # noqa: E731
+        if model.node == 255 and dice.random() < 0.3:
+            join = [lss(4, 1), lss(0x11, 5), lss(0x17)], [lss(4, 0)]
+            return self.frames(join[0], 500) + self.frames(join[1], 300)
         frames = []
         for _ in range(dice.choice((1, 2, 6, 12))):
             what = dice.randrange(12)
@@ -320,13 +336,13 @@ def play(kind, executable, steps):
     return run, None
 
 
-def search(kind, executable, seed, requests, until):
+def search(kind, executable, seed, requests):
     dice = random.Random(f"{kind} {seed}")
     run = Run(kind, executable)
     traffic = run.model.traffic(run, dice) if hasattr(run.model, "traffic") else Traffic(run, dice)
     try:
         run.step(("frames", [], 400 if kind.endswith("isobus") else 20))
-        while run.requests < requests and time.monotonic() < until:
+        while run.requests < requests:
             for step in traffic.next():
                 run.step(step)
     except Difference as difference:
@@ -392,18 +408,17 @@ def main():
     parser.add_argument("--seed", type=int, help="the seed of the first run; by default a new one")
     parser.add_argument("--requests", type=int, default=100_000, help="frames sent to each kind")
     parser.add_argument("--episode", type=int, default=3_000, help="frames until a new device begins")
-    parser.add_argument("--seconds", type=float, help="ends after so many seconds a kind")
     parser.add_argument("--keep-going", action="store_true", help="looks for more after a difference")
     arguments = parser.parse_args()
-    executable = str(ROOT / "target/debug/pve-sim")
+    executable = os.environ.get("PVE_SIM") or str(ROOT / os.environ.get("CARGO_TARGET_DIR", "target") / "debug/pve-sim")
     first = arguments.seed if arguments.seed is not None else random.SystemRandom().randrange(1 << 32)
     failed = False
     for kind in arguments.kind or MODELS:
-        begin, sent, seed = time.monotonic(), 0, first
-        until = begin + (arguments.seconds or 1e9)
-        while sent < arguments.requests and time.monotonic() < until:
-            run, difference = search(kind, executable, seed, min(arguments.episode, arguments.requests - sent), until)
+        begin, sent, answers, seed = time.monotonic(), 0, 0, first
+        while sent < arguments.requests:
+            run, difference = search(kind, executable, seed, min(arguments.episode, arguments.requests - sent))
             sent += run.requests
+            answers += run.answers
             if difference is not None:
                 failed = True
                 print(f"{kind}, seed {seed}: {difference}", flush=True)
@@ -414,7 +429,11 @@ def main():
                 if not arguments.keep_going:
                     break
             seed += 1
-        print(f"{kind}: {sent} requests from seed {first} on, {time.monotonic() - begin:.1f} s", flush=True)
+        print(f"{kind}: {sent} frames sent, {answers} of the device, from seed {first} on, "
+              f"{time.monotonic() - begin:.1f} s", flush=True)  # fmt: skip
+        if answers < ANSWERS * sent:
+            failed = True
+            print(f"{kind}: the device was hardly heard")
     sys.exit(failed)
 
 
