@@ -107,7 +107,7 @@ class Node:
     def power_cut(self, now):
         self.advance(now)
         self.expected, self.held = [], None
-        self.since, self.guard_from = {}, NEVER
+        self.since, self.guard_from, self.deviates = {}, NEVER, (None, 0)
         self.nmt = INITIALISING
         self.restart(self.power_up)
 
@@ -422,6 +422,7 @@ class Valve(Causes, Node):
         self.restore = False
         self.plant = dict(supply_mv=24000, temperature_c=25, internal_fault=False)
         self.since = {}
+        self.stuck, self.deviates = False, (None, 0)
         super().__init__(node or self.default_node)
 
     def defaults(self):
@@ -441,7 +442,7 @@ class Valve(Causes, Node):
         self.mode, self.set_point, self.control, self.dsm = 1, 0, 0, "init"
         self.acting = 0
         self.history, self.active, self.since = [], [], {}
-        self.half_way = False
+        self.half_way, self.deviates = False, (None, 0)
         self.guard_from, self.heartbeat_due, self.transfer = NEVER, NEVER, None
         self.moving_until = self.now + 1_000_000
         self.start()
@@ -468,7 +469,7 @@ class Valve(Causes, Node):
         self.acting = 0
         self.history, self.active, self.since = [], [], {}
         self.half_way = False
-        self.guard_from = NEVER
+        self.guard_from, self.deviates = NEVER, (None, 0)
         self.settle()
         self.start()
 
@@ -515,6 +516,7 @@ class Valve(Causes, Node):
         self.half_way = False
         self.dsm = "fault-hold"
         self.guard_from = NEVER
+        self.deviates = (None, 0)
         self.settle()
 
     def register(self):
@@ -545,11 +547,38 @@ class Valve(Causes, Node):
         result = super().timers() + self.delays()
         if self.guard_from < NEVER:
             result.append((self.guard_from + 250_000, self.guard_ends))
+        if self.deviates[0]:
+            result.append((sum(self.deviates), self.spool_deviated))
         return result
 
     def guard_ends(self):
         self.guard_from = NEVER
         self.activate("time-guarding")
+
+    # A spool that is stuck, always in neutral: a healthy one deviates for less than the delays.
+
+    def set_plant(self, now, changes):
+        super().set_plant(now, changes)
+        if "spool" in changes:
+            self.stuck = changes["spool"]["fault"] == "stuck"
+            self.watch()
+
+    def watch(self):
+        """Starts or ends the delay of the spool's monitors."""
+        deviation = None
+        if self.stuck and self.dsm == "active" and self.mode == 1:
+            if self.acting == FLOAT:
+                deviation = 1_000_000
+            elif abs(self.target()) > 16384 * 15 // 100:
+                deviation = 500_000
+        if deviation != self.deviates[0]:
+            self.deviates = (deviation, self.now)
+
+    def spool_deviated(self):
+        self.deviates = (None, 0)
+        self.activate("spool")
+        # It stands in neutral: the cause is gone at once.
+        self.clear("spool")
 
     # The device state machine.
 
@@ -564,6 +593,8 @@ class Valve(Causes, Node):
         self.guard_from = self.now if self.mode == 1 else NEVER
         self.acting = 0
         self.settle()
+        self.deviates = (None, 0)
+        self.watch()
 
     def take_control(self, word):
         self.control = word
@@ -590,6 +621,7 @@ class Valve(Causes, Node):
                 self.dsm = "hold"
         if before != self.dsm:
             self.settle()
+        self.watch()
 
     def take_set_point(self, value):
         self.set_point = value
@@ -598,18 +630,22 @@ class Valve(Causes, Node):
         if self.dsm == "active" and self.mode == 1 and self.acting != value:
             self.acting = value
             self.settle()
+            self.watch()
         if "time-guarding" in self.active:
             self.clear("time-guarding")
 
     def position(self):
-        """Returns where a healthy spool stands, or None while it moves."""
+        """Returns where the spool stands, or None while it moves."""
+        if self.stuck:
+            return 0
         if self.now < self.moving_until:
             return None
         if self.dsm != "active" or self.mode != 1:
             return 0
-        if self.acting == FLOAT:
-            return FLOAT
-        if self.kind == "pveo-canopen":
+        return self.target()
+
+    def target(self):
+        if self.kind == "pveo-canopen" and self.acting != FLOAT:
             return 16384 * ((self.acting > 0) - (self.acting < 0))
         return self.acting
 
@@ -685,8 +721,8 @@ class Valve(Causes, Node):
                 bits |= (value & (1 << size) - 1) << at
                 known |= (1 << size) - 1 << at
             at += size
-        data = [bits >> 8 * i & 0xFF if known >> 8 * i & 0xFF == 0xFF or 8 * i + 8 > at and known >> 8 * i else None
-                for i in range((at + 7) // 8)]  # fmt: skip
+        known |= -1 << at  # fill bits are 0
+        data = [bits >> 8 * i & 0xFF if known >> 8 * i & 0xFF == 0xFF else None for i in range((at + 7) // 8)]
         self.expect(self.values[0x1800, 1] & 0x7FF, data, why=f"TPDO, {self.dsm}")
 
     # Objects.

@@ -76,7 +76,7 @@ class Run:
             if not waiting:
                 raise Difference(f"{written(identifier, data)} is not expected")
             # The first that has to come, or one before it that may.
-            must = next((i for i, e in enumerate(waiting) if not e.optional), len(waiting) - 1)
+            must = next((i for i, e in enumerate(waiting) if not e.optional and e.within <= canopen.BUS_US), len(waiting) - 1)
             due = next((e for e in reversed(waiting[: must + 1]) if e.matches(data)), waiting[must])
             if not due.matches(data):
                 right = " or ".join(written(identifier, answer) for answer in due.answers)
@@ -254,7 +254,11 @@ class Traffic:
 
     def memory(self):
         index, sub, value = self.dice.choice(self.model.memory_commands)
-        return self.frames([self.download(index, sub, value)], 500)
+        frames = [self.download(index, sub, value)]
+        if self.dice.random() < 0.4:
+            # What needs no memory is answered meanwhile.
+            frames += [self.sdo(self.dice.choice((0x00, 0x60, 0xA0, 0xC0, 0xE0)), index & 0xFF, index >> 8, sub)] * 2
+        return self.frames(frames, 500)
 
     def configure(self):
         """Maps a PDO as tools do, now and then with a mistake."""
@@ -281,7 +285,9 @@ class Traffic:
             frames.append(self.download(0x6040, 0, word, 2))
         if dice.random() < 0.7:
             frames.append(self.download(0x6300, 1, dice.choice((0, 5000, -16384, canopen.FLOAT)), 2))
-        return self.frames(frames)
+        # Now and then the set-point is kept up, for a second and more.
+        again = self.upload(0x6300, 1), self.download(0x6300, 1, dice.choice((5000, -16384, canopen.FLOAT, 2457, 2458)), 2)
+        return self.frames(frames) + self.frames(list(again), 200) * dice.choice((0, 0, 3, 6))
 
     def rpdo(self):
         dice, model = self.dice, self.model
@@ -310,6 +316,9 @@ class Traffic:
         return self.frames([(identifier, data)])
 
     def plant(self):
+        model = self.model
+        if isinstance(model, canopen.Valve) and model.dsm != "active" and model.position() == 0 and self.dice.random() < 0.3:
+            return [("plant", {"spool": {"fault": None if model.stuck else "stuck"}})]
         return [("plant", self.dice.choice(self.model.plants))]
 
 
