@@ -527,7 +527,8 @@ class Valve(Causes, Node):
 
     def emergency(self, fault):
         code, _, _, _ = FAULTS[fault]
-        if self.nmt in (PRE_OPERATIONAL, OPERATIONAL):
+        # One that falls into a restart is told after the boot-up.
+        if self.nmt in (PRE_OPERATIONAL, OPERATIONAL) and self.restarting is None:
             self.expect(0x80 + self.node, struct.pack("<HBB4x", code, self.register(), self.counters[fault]), why=fault)
 
     def activate(self, fault):
@@ -929,8 +930,8 @@ class Valve(Causes, Node):
                     0x60400010, 0x60410010, 0x10000020, self.values.get((index, sub), 0)]  # fmt: skip
         return {
             0x1003: [0, 0, 1], 0x1017: [0, 0, 1, 9, 10, 95, 100, 1000, 0x7FFF, 0x8000],
-            0x1005: [0x80, 0x80, 0x81, 0x100, 0x40000080, 0x20000080, 0x181, 0x7F, 0x880],
-            0x1028: [0x80000000, 0x81, 0x1A1, 0x333, 0x40000081, 0x20000081, 0x7F, 0x880],
+            0x1005: [0x80, 0x80, 0xC5, 0x100, 0x40000080, 0x20000080, 0x181, 0x7F, 0x880],
+            0x1028: [0x80000000, 0xC5, 0x1A1, 0x333, 0x400000C5, 0x200000C5, 0x7F, 0x880],
             0x1400: [0xFF, 0xFE, 1] if sub == 2 else [0x80000220, 0x80000000, 0x220, 0x40000220, 0x2A0, 0x20000220, 0x7F, 0x601],
             0x1800: [0xFF, 1, 2, 3, 240, 241, 0, 0xFE] if sub == 2 else [0x800001A0, 0x80000000, 0x1A0, 0x400001A0, 0x1F0,
                                                                          0x200001A0, 0x7F, 0x601],

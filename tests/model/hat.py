@@ -18,7 +18,7 @@ class Sensor(Node):
         self.kind = kind
         self.identity = (0xDA, 925010 if kind == "hat1000" else 925011, 0x00010007, 1)
         self.saved = {"C": None, "A": None}
-        self.raw, self.measuring_error, self.fault = 0, False, False
+        self.raw, self.measuring_error, self.fault, self.inhibited_until = 0, False, False, 0
         super().__init__(1)
 
     def power_cut(self, now):
@@ -52,7 +52,7 @@ class Sensor(Node):
         self.values = {}
         for group in "CA":
             self.values |= self.saved[group] if self.saved[group] is not None else self.defaults(group)
-        self.identify, self.stored_since = [], False
+        self.identify, self.stored_since, self.inhibited_until = [], False, 0
         self.boot()
 
     def reset_application(self):
@@ -135,7 +135,7 @@ class Sensor(Node):
         return (self.raw + self.values[0x6509, 0]) % 16384
 
     def pdo_off(self):
-        self.event_due, self.inhibited_until, self.held_back = NEVER, 0, False
+        self.event_due, self.held_back = NEVER, False
         self.waiting_may_go("TPDO")
 
     def pdo_begins(self):
@@ -256,7 +256,7 @@ class Sensor(Node):
                 self.stored_node, self.stored_rate = self.demanded if index == 0x1010 else (1, 2)
                 self.held = None
                 # The page leaves open what LSS 0x17 does to the demanded pair when the pending node ID is stored already.
-                self.stored_since |= self.pending_node == self.stored_node
+                self.stored_since = self.pending_node == self.stored_node
             return MEMORY_US
         if index == 0x2001:
             if not (1 <= value <= 127 or value == NOBODY):
@@ -418,7 +418,7 @@ class Sensor(Node):
                     }.get(sub, [5])  # fmt: skip
         return {
             0x1003: [0, 1], 0x1017: [0, 0, 1, 9, 95, 100, 1000, 0x7FFF, 0x8000, 0xFFFF], 0x1029: [0, 1, 2, 3],
-            0x1005: [0x80, 0x80, 0x81, 0x100, 0x40000080, 0x20000080, 0x2ABCDE00, 0x7F, 0x880, 0x601],
+            0x1005: [0x80, 0x80, 0xC5, 0x100, 0x40000080, 0x20000080, 0x2ABCDE00, 0x7F, 0x880, 0x601],
             0x1014: [0x81, 0x81, 0x80000081, 0x80000000, 0x90, 0x20000081, 0x40000081, 0x7F, 0x881],
             0x1A00: [0, 0, 1, 2, 3, 8, 9], 0x1F80: [8, 8, 0x0C, 4], 0x2001: [self.node, 1, 5, 127, 0, 128, 255],
             0x2002: [2, 2, 2, 5, 9, 255], 0x6003: [0, 1, 4000, 16383, 16384],

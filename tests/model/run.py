@@ -309,7 +309,7 @@ class Traffic:
 
     def noise(self):
         dice = self.dice
-        identifier = dice.choice((0x80, 0x81, 0x100, 0x333, 0x7FF, 0x701, dice.randrange(0x800), 1 << 31 | dice.getrandbits(29)))
+        identifier = dice.choice((0x80, 0xC5, 0x100, 0x333, 0x7FF, dice.randrange(0x800), 1 << 31 | dice.getrandbits(29)))
         if identifier == 0:
             return []
         data = b"\0\x10" + bytes(6) if dice.random() < 0.5 else dice.randbytes(dice.randrange(9))
@@ -319,7 +319,10 @@ class Traffic:
         model = self.model
         if isinstance(model, canopen.Valve) and model.dsm != "active" and model.position() == 0 and self.dice.random() < 0.3:
             return [("plant", {"spool": {"fault": None if model.stuck else "stuck"}})]
-        return [("plant", self.dice.choice(self.model.plants))]
+        if self.dice.random() < 0.1:
+            # More errors than the history holds.
+            return [("plant", dict(internal_fault=on)) for on in (True, False)] * self.dice.choice((4, 5))
+        return [("plant", self.dice.choice(model.plants))]
 
 
 MODELS = {
