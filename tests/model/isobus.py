@@ -2,7 +2,8 @@
 
 import struct
 
-from canopen import BUS_US, FLOAT, MEMORY_US, NEVER, Causes, Expected, scaled
+from canopen import BUS_US, MEMORY_US, NEVER, Expected, scaled
+from valve import FLOAT, Causes
 
 LONG = 1 << 31
 # name: (DTC, lamp), by priority

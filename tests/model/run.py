@@ -12,6 +12,7 @@ import time
 import canopen
 import hat
 import isobus
+import valve
 from bus import Bus
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -103,7 +104,7 @@ class Traffic:
         return self.dice.choices(choices, weights)[0]()
 
     def choices(self):
-        if not isinstance(self.model, canopen.Valve):
+        if not isinstance(self.model, valve.Valve):
             return [
                 (self.sdo_batch, 30), (self.nmt, 6), (self.lss_batch, 8), (self.pass_time, 8), (self.configure, 10),
                 (self.sync, 10), (self.everything, 1), (self.memory, 3), (self.plant, 5), (lambda: [("state",)], 2),
@@ -284,9 +285,9 @@ class Traffic:
         for word in dice.choice(((15, 15, 15), (3, 11, 15), (11, 15), (15, 15, 15, 3), (15, 3, 0, 0))):
             frames.append(self.download(0x6040, 0, word, 2))
         if dice.random() < 0.7:
-            frames.append(self.download(0x6300, 1, dice.choice((0, 5000, -16384, canopen.FLOAT)), 2))
+            frames.append(self.download(0x6300, 1, dice.choice((0, 5000, -16384, valve.FLOAT)), 2))
         # Now and then the set-point is kept up, for a second and more.
-        again = self.upload(0x6300, 1), self.download(0x6300, 1, dice.choice((5000, -16384, canopen.FLOAT, 2457, 2458)), 2)
+        again = self.upload(0x6300, 1), self.download(0x6300, 1, dice.choice((5000, -16384, valve.FLOAT, 2457, 2458)), 2)
         return self.frames(frames) + self.frames(list(again), 200) * dice.choice((0, 0, 3, 6))
 
     def rpdo(self):
@@ -317,7 +318,7 @@ class Traffic:
 
     def plant(self):
         model = self.model
-        if isinstance(model, canopen.Valve) and model.dsm != "active" and model.position() == 0 and self.dice.random() < 0.3:
+        if isinstance(model, valve.Valve) and model.dsm != "active" and model.position() == 0 and self.dice.random() < 0.3:
             return [("plant", {"spool": {"fault": None if model.stuck else "stuck"}})]
         if self.dice.random() < 0.1:
             # More errors than the history holds.
@@ -326,8 +327,8 @@ class Traffic:
 
 
 MODELS = {
-    "pvea-canopen": canopen.Valve,
-    "pveo-canopen": canopen.Valve,
+    "pvea-canopen": valve.Valve,
+    "pveo-canopen": valve.Valve,
     "hat1000": hat.Sensor,
     "hat3000": hat.Sensor,
     "pvea-isobus": isobus.Valve,
