@@ -500,10 +500,6 @@ class Valve(Causes, Node):
         on = not v[pdo, 1] >> 31
         wrong = []
         if value == v[index, sub]:
-            if sub == 0 and not on:
-                wrong = self.mapping_faults(index, value)
-            if wrong:
-                self.either = True
             return
         if on:
             wrong.append(PDO_IS_ON)
