@@ -1,0 +1,226 @@
+//! Scenarios that are refused before anything runs: the line, the key, and what is accepted.
+
+use super::*;
+
+/// A cyclic frame that is not there cannot be stopped: the one that was meant would go on.
+#[test]
+fn only_a_cyclic_frame_is_stopped() {
+    let cyclic = r#"{ send = "220#00", every_ms = 10 }, { send = "18EEFF27#", every_ms = 10 }"#;
+    for (steps, reason) in [
+        (r#"{ stop = "220" }"#.to_owned(), "stop: no frame \"220\" is sent in a cycle here; accepted: \"all\""),
+        (r#"{ send = "220#00" }, { stop = "220" }"#.to_owned(), "accepted: \"all\""),
+        (format!(r#"{cyclic}, {{ stop = "221" }}"#), "accepted: \"220\", \"18EEFF27\", \"all\""),
+        (format!(r#"{cyclic}, {{ stop = "00000220" }}"#), "no frame \"00000220\" is sent"),
+        (format!(r#"{cyclic}, {{ stop = "220" }}, {{ stop = "220" }}"#), "accepted: \"18EEFF27\", \"all\""),
+        (format!(r#"{cyclic}, {{ stop = "all" }}, {{ stop = "220" }}"#), "accepted: \"all\""),
+    ] {
+        let said = refused(&steps);
+        assert!(said.starts_with("stop: ") && said.contains(reason), "{steps}\n{said}");
+    }
+    passes(&format!(r#"{cyclic}, {{ send = "220#01", every_ms = 20 }}, {{ stop = "220" }}, {{ stop = "all" }}"#));
+}
+
+/// What a device can never show, or always shows, says nothing: refused, with what it can show.
+#[test]
+fn a_state_that_can_never_be_is_refused() {
+    let refused = |device: &str, state: &str| {
+        let [expect, never] = ["expect", "never"].map(|word| {
+            let text = format!("devices = [\"{device},name=boom\"]\nsteps = [\n  {{ {word} = {{ {state} }} }}, {{}} ]");
+            let (line, reason) = refusal(&text);
+            assert_eq!(line, Some(3), "{text}: {reason}");
+            // The table of the kind refuses what the schema of all kinds has let through.
+            let rest = reason.strip_prefix(word).and_then(|rest| rest.strip_prefix([':', '.']));
+            rest.unwrap_or_else(|| panic!("{reason}")).trim_start().to_owned()
+        });
+        assert_eq!(expect, never);
+        expect
+    };
+    for (device, state, reason) in [
+        ("pvea-isobus", r#"dsm = "active""#, "dsm \"active\": never so on boom; accepted: \"none\""),
+        ("pvea-canopen", r#"command = "extend""#, "command \"extend\": never so on boom; accepted: \"none\""),
+        ("pvea-isobus", r#"nmt = "operational""#, "nmt \"operational\": never so on boom; accepted: \"none\""),
+        ("hat1000", "set_point = 0", "set_point 0: never so on boom; accepted: \"none\""),
+        ("hat1000", "solenoids = false", "accepted: \"none\""),
+        ("hat1000", r#"led = { color = "green" }"#, "led green: never so on boom; accepted: \"none\""),
+        ("pvea-canopen", r#"name = "bom""#, "name \"bom\": never so on boom; accepted: \"boom\""),
+        ("pvea-canopen", r#"kind = "pvea""#, "kind \"pvea\": never so on boom; accepted: \"pvea-canopen\""),
+        (
+            "pvea-canopen",
+            "bit_rate = 800000",
+            "bit_rate 800000: never so on boom; accepted: 125000, 250000, 500000, \"none\"",
+        ),
+        ("pvea-isobus", "bit_rate = 500000", "bit_rate 500000: never so on boom; accepted: 250000, \"none\""),
+        ("pvea-canopen", "node_id = 200", "node_id 200: never so on boom; accepted: 1 to 127, \"none\""),
+        ("hat3000", "node_id = 0", "accepted: 1 to 127, \"none\""),
+        ("pvea-canopen", "bit_rate = 251000", "bit_rate 251000: accepted: 1000000, 800000, 500000, "),
+        ("pvea-canopen", "bit_rate = \"fast\"", "bit_rate \"fast\": accepted: 1000000, 800000, 500000, "),
+        ("pveo-isobus", "node_id = 0x20", "node_id 32: never so on boom; accepted: 128 to 143, \"none\""),
+        ("pvea-canopen", "position = { min = 100, max = -100 }", "position: min 100 is above max -100"),
+        ("pvea-canopen", "set_point = { min = 100, max = -100 }", "set_point: min 100 is above max -100"),
+        ("pvea-canopen", "position = {}", "position: an empty value says nothing; accepted: min, max, or both"),
+        ("pvea-canopen", "set_point = {}", "set_point: an empty value says nothing; accepted: min, max, or both"),
+        ("pvea-canopen", "led = {}", "led: an empty value says nothing; accepted: color, flashing, or both"),
+        ("pvea-canopen", "position = 16385", "position 16385: accepted: a whole number from -16384 to 16384"),
+        ("pvea-canopen", "position = { min = 20000 }", "-16384 to 16384"),
+        ("pvea-canopen", "position = \"none\"", "position \"none\": never so on boom; accepted: -16384 to 16384"),
+        ("pvea-isobus", "set_point = -16385", "-16384 to 16384"),
+        ("hat1000", "position = -1", "position -1: never so on boom; accepted: 0 to 16383, \"none\""),
+        ("hat1000", "position = { max = -1 }", "accepted: 0 to 16383, \"none\""),
+        (
+            "pvea-canopen",
+            r#"led = { color = "yellow", flashing = true }"#,
+            "led yellow flashing: never so on boom; accepted: green constant, green flashing, yellow constant, red constant, red flashing, off constant",
+        ),
+        ("pvea-canopen", r#"solenoids = "none""#, "accepted: false, true"),
+        (
+            "pvea-canopen",
+            r#"powered = false, dsm = "active""#,
+            "dsm and powered: never so at once on boom: powered is so without power alone",
+        ),
+        (
+            "pvea-isobus",
+            r#"faults = ["can-bus"], led = { color = "off" }"#,
+            "faults and led: never so at once on boom: led is so without power alone",
+        ),
+        ("pvea-isobus", r#"dsm = "none""#, "every state of boom is so"),
+        ("hat1000", r#"led = "none", set_point = "none""#, "every state of boom is so"),
+        ("hat1000", r#"name = "boom", kind = "hat1000""#, "every state of boom is so"),
+        ("pvea-canopen", "position = { min = -16384 }", "every state of boom is so"),
+    ] {
+        let said = refused(device, state);
+        assert!(said.contains(reason), "{device} {state}\n{said}");
+    }
+}
+
+/// A frame that no device on the bus can send never comes, whatever goes wrong.
+#[test]
+fn a_frame_that_can_never_come_is_refused() {
+    for (device, frame, reason) in [
+        ("pvea-canopen", "720#R1", "no device sends remote frames; accepted: data frames"),
+        ("pvea-isobus", "0CFE3080#R", "no device sends remote frames; accepted: data frames"),
+        ("pvea-isobus", "1A0", "no device on the bus sends identifiers of 11 bits; accepted: 8 digits"),
+    ] {
+        for what in [format!("\"{frame}\""), format!("[\"???\", \"????????\", \"{frame}\"]")] {
+            for word in ["expect", "never"] {
+                let text =
+                    format!("devices = [\"{device}\"]\nsteps = [\n  {{ {word} = {what} }}, {{ after_ms = 1 }} ]");
+                let (line, said) = refusal(&text);
+                assert_eq!(line, Some(3), "{said}");
+                assert!(said.starts_with(&format!("{word}: ")) && said.contains("no device"), "{said}");
+                if what.starts_with('"') {
+                    assert_eq!(said, format!("{word}: '{frame}': {reason}"));
+                }
+            }
+        }
+    }
+    for devices in [r#""hat1000""#, r#""pvea-isobus", "hat1000""#] {
+        let text = format!("devices = [{devices}]\nsteps = [{{ never = [\"7F0\", \"18DAF1??\"], for_ms = 1 }}]");
+        assert!(Scenario::parse(&text).is_ok(), "{devices}");
+    }
+}
+
+#[test]
+fn what_cannot_be_read_names_line_and_what_is_accepted() {
+    assert_eq!(refusal(""), (Some(1), "no devices; accepted: devices = [\"pvea-canopen@0x20\"]".to_owned()));
+    let valve = "title = \"x\"\ndevices = [\"pvea-canopen@0x20\"]\n";
+    assert_eq!(refusal(&format!("{valve}steps = []")).1, "no steps; accepted: steps = [{ expect = \"720#00\" }]");
+    for (text, line, reason) in [
+        (
+            "devices = [\n  \"pvea-canopen\",\n  \"pvex\" ]\nsteps = [{}]",
+            3,
+            "unknown kind 'pvex'; accepted: pvea-canopen",
+        ),
+        ("devices = [\"pvea-canopen\", \"pveo-canopen\"]\nsteps = [{}]", 1, "with @ID, or allow_clash = true"),
+        ("devices = [\"hat1000,name=a\", \"hat1000@2,name=a\"]\nsteps = [{}]", 1, "the name 'a' is given twice"),
+        (
+            "devices = [\"pvea-canopen\"]\nlinks = [\"a=b\"]\nsteps = [{}]",
+            2,
+            "'a' is no valve on the bus; accepted: pvea-canopen",
+        ),
+        ("devices = [\"pvea-canopen\"]\nbit_rate = 300\nsteps = [{}]", 2, "bit_rate 300: accepted: "),
+        (
+            "device = [\"pvea-canopen\"]",
+            1,
+            "unknown key 'device'; did you mean 'devices'?; accepted: allow_clash, bit_rate, devices, links,",
+        ),
+        ("devices = [\"pvea-canopen\"]\nsteps = [{ expect = \"720#00\" ]", 2, "inline table"),
+        ("devices = \"pvea-canopen\"", 1, "devices \"pvea-canopen\": accepted: a list"),
+    ] {
+        let (found, said) = refusal(text);
+        assert!(found == Some(line) && said.contains(reason), "{text}\n{found:?} {said}");
+    }
+}
+
+#[test]
+fn what_a_step_cannot_be() {
+    for (step, reason) in [
+        (r#"{ sent = "000#0100" }"#, "unknown key 'sent'; did you mean 'send'?; accepted: after_ms, any_order, at_ms,"),
+        (r#"{ send = "000#01?0" }"#, "send: '000#01?0' is no single frame"),
+        (r#"{ send = "00#01" }"#, "send: '00#01': no identifier; accepted: IDENTIFIER#DATA"),
+        (r#"{ expect = "1A0#0" }"#, "expect: '1A0#0': no whole bytes"),
+        ("{ expect = [] }", "expect: no frames"),
+        ("{ expect = {} }", "expect: an empty state"),
+        ("{ expect = 5 }", "expect 5: accepted: a frame as in \"1A0#0F00 0020\", a list of frames, or a state"),
+        (
+            r#"{ expect = { dsn = "active" } }"#,
+            "expect: unknown key 'dsn'; did you mean 'dsm'?; accepted: bit_rate, command, dsm,",
+        ),
+        (
+            r#"{ expect = { dsm = "actve" } }"#,
+            "expect.dsm: unknown value 'actve'; did you mean 'active'?; accepted: init, disabled",
+        ),
+        (
+            r#"{ expect = { faults = ["set-up"] } }"#,
+            "expect: 'set-up' is no fault of pvea-canopen; accepted: spool-not-at",
+        ),
+        (
+            r#"{ never = { position = "far" } }"#,
+            "never.position \"far\": accepted: a whole number from -16384 to 16384, {\"max\", \"min\"}, or \"none\"",
+        ),
+        ("{ plant = { suply_mv = 1 } }", "plant: unknown key 'suply_mv'; did you mean 'supply_mv'?"),
+        ("{ plant = { supply_mv = 100001 } }", "plant.supply_mv 100001: accepted: a whole number from 0 to 100000"),
+        ("{ plant = { supply_mv = 8.5 } }", "plant.supply_mv 8.5: accepted: a whole number from 0 to 100000"),
+        (
+            r#"{ plant = { spool = "bent" } }"#,
+            "plant.spool: unknown value 'bent'; accepted: ok, stuck, slow, drifting, no-float, or",
+        ),
+        ("{ plant = { angle_cdeg = 5 } }", "plant: angle_cdeg 5: no plant word of this kind"),
+        (r#"{ plant = { supply_mv = "none" } }"#, "plant.supply_mv \"none\": accepted: a whole number"),
+        ("{ plant = {} }", "plant: an empty change; accepted: any of its keys"),
+        (r#"{ expect = "1A0", within_ms = 0 }"#, "within_ms 0: no frame comes in no time; accepted: 1 and more"),
+        ("{ power = { on = true, reset = \"watchdog\" } }", "power: accepted: { on = true }"),
+        ("{ bus = { bit_rate = 1 } }", "bit_rate 1: accepted: "),
+        ("{ disturb = { frames = 1, extended = true } }", "disturb: extended without an id"),
+        (r#"{ stop = "22G" }"#, "stop: \"22G\" is no identifier; accepted: as in \"220\", or \"all\""),
+        (r#"{ disturb = { frames = 1, id = "22G" } }"#, "disturb: id \"22G\": accepted: 0 to 2047, or a text in hex"),
+        (r#"{ send = "220#00", every_ms = 0 }"#, "every_ms 0: accepted: a whole number from 1 to 4294967295"),
+        ("{ every_ms = 10 }", "every_ms: accepted with send"),
+        ("{ within_ms = 10 }", "within_ms: accepted with expect"),
+        ("{ for_ms = 10 }", "for_ms: accepted with never"),
+        (r#"{ expect = "1A0", any_order = true }"#, "any_order: accepted with several frames"),
+        ("{ at_ms = 1, after_ms = 1 }", "at_ms and after_ms: accepted: one of them"),
+        (r#"{ send = "220#00", stop = "220" }"#, "send and stop in one step; accepted: one of send, stop, plant,"),
+        (r#"{ expect = "1A0", never = "0A0" }"#, "expect and never in one step"),
+        (r#"{ device = "pvea-canopen", send = "220#00" }"#, "device: accepted with plant, power, or a state"),
+        (r#"{ device = "boom", power = { on = true } }"#, "device: no 'boom' on the bus; accepted: pvea-canopen"),
+    ] {
+        let said = refused(step);
+        assert!(said.contains(reason), "{step}\n{said}");
+    }
+    let two = "devices = [\"pvea-canopen\", \"hat1000\"]\nsteps = [{ expect = { position = 0 } }]";
+    assert_eq!(refusal(two).1, "device is missing, which one is meant? accepted: pvea-canopen, hat1000");
+}
+
+/// The line is that of the key, wherever the step begins.
+#[test]
+fn a_refusal_names_the_line_of_the_key() {
+    let text =
+        "devices = [\"pvea-canopen\"]\n[[steps]]\nnote = \"x\"\n[steps.plant]\nmemory = \"ok\"\nsupply_mv = 8.5\n";
+    let reason = "plant.supply_mv 8.5: accepted: a whole number from 0 to 100000".to_owned();
+    assert_eq!(refusal(text), (Some(6), reason));
+    let text = "devices = [\"pvea-canopen\"]\n[[steps]]\n[steps.expect]\nposition = {\n  max = 5,\n  mix = 5 }\n";
+    assert_eq!(
+        refusal(text),
+        (Some(6), "expect.position: unknown key 'mix'; did you mean 'min'?; accepted: max, min".to_owned())
+    );
+}
