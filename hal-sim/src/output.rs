@@ -1,4 +1,4 @@
-//! What commands write: it comes to its place, or the program ends with an error.
+//! Output of the commands: every byte reaches its place, or the program ends with an error.
 
 use std::io::{self, Write};
 

@@ -112,9 +112,9 @@ pub struct NotHeard {
     pub device: String,
     /// The instant from which the rates differed, in microseconds of virtual time.
     pub t_us: u64,
-    /// Whether they agree again.
+    /// True once the two rates agree again.
     pub is_over: bool,
-    /// What is wrong, and the remedy.
+    /// The sentence with cause and remedy.
     pub reason: String,
 }
 

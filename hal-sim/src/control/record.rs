@@ -41,7 +41,7 @@ pub(super) struct BusTrouble {
     pub t_us: u64,
     /// Whose frame was destroyed, or who changed its error mode.
     pub from: String,
-    /// What it is, as in the trace.
+    /// The meaning, as in the trace.
     pub meaning: String,
 }
 
@@ -63,7 +63,7 @@ pub(super) struct Passed {
     pub(super) from: Arc<str>,
 }
 
-/// What is kept of the bus.
+/// An entry of the record: a frame or an error of the bus.
 #[derive(Clone, Debug)]
 enum Kept {
     Frame(Passed),

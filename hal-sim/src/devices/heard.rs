@@ -28,7 +28,7 @@ pub struct NotHeard {
     pub device: String,
     /// The instant from which the rates differed.
     pub since: Instant,
-    /// Whether they agree again.
+    /// True once the two rates agree again.
     pub is_over: bool,
     /// The sentence for the user, with the remedy.
     pub reason: String,
@@ -50,7 +50,7 @@ pub struct RateWatch {
 struct Watched {
     node: NodeId,
     device: NamedDevice,
-    /// Whether the memory was empty at the start: the written bit rate counted.
+    /// True where the memory was empty at the start: the written bit rate counted.
     is_new: bool,
     /// The bit rate of the first start, until that comes.
     first_rate: Option<BitRate>,

@@ -1,6 +1,6 @@
 //! Files of other formats, refused as a whole instead of line by line.
 
-/// What a reader is told to do about it.
+/// The remedy, for the refusal.
 macro_rules! refusal {
     ($what:literal) => {
         concat!(
@@ -10,13 +10,13 @@ macro_rules! refusal {
     };
 }
 
-/// How many lines that are none there are at the begin of a text before it is no recording.
+/// Lines at the begin of a text that may fail to parse before the text is no recording.
 pub(super) const LINES: usize = 10;
 
 pub(super) const EMPTY: &str = refusal!("nothing in it");
 pub(super) const UNKNOWN: &str = refusal!("no recording of a known format");
 
-/// What the older format of Wireshark begins with: either byte order, times in microseconds or nanoseconds.
+/// First bytes of the older format of Wireshark: either byte order, times in microseconds or nanoseconds.
 const PCAP: [&[u8]; 4] =
     [&[0xD4, 0xC3, 0xB2, 0xA1], &[0xA1, 0xB2, 0xC3, 0xD4], &[0x4D, 0x3C, 0xB2, 0xA1], &[0xA1, 0xB2, 0x3C, 0x4D]];
 

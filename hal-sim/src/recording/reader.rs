@@ -25,7 +25,7 @@ pub struct Reader {
     /// The number of the line or the packet that was read last, from 1.
     number: u64,
     ended: bool,
-    /// Whether there was an entry, so that the file is a recording.
+    /// True after the first entry: the file is a recording.
     is_known: bool,
     /// The lines that are none before the first entry, and that entry.
     held: VecDeque<Result<Logged, ReadError>>,

@@ -51,7 +51,7 @@ pub(super) struct Trace {
     places: HashMap<Arc<str>, (NodeId, usize)>,
     printer: Printer,
     log: Option<Log>,
-    /// Whether the log has ended before the run.
+    /// True when the log has ended before the run.
     log_is_cut: bool,
     /// The layout for people; `None`: lines as `candump -L` writes them.
     layout: Option<Layout>,

@@ -62,7 +62,7 @@ pub(super) enum DeviceEntry {
 pub(super) struct DeviceTable {
     /// As in --device: KIND[@ID][,KEY=VALUE…], with name, serial, bit-rate, stroke-ms, return-ms, blank.
     pub(super) device: String,
-    /// Whether the device has to run at the bit rate of the bus; true by default.
+    /// True, the default: the device has to run at the bit rate of the bus.
     #[serde(default)]
     pub(super) heard: Option<bool>,
 }

@@ -26,7 +26,7 @@ const NO_TIME: Duration = Duration::from_ticks(0);
 pub struct Scenario {
     pub(super) title: String,
     pub(super) devices: Vec<NamedDevice>,
-    /// What the file says of each of them, beside what it is.
+    /// The entry of each device in the file.
     pub(super) entries: Vec<Entry>,
     links: Vec<NamedLink>,
     bit_rate: BitRate,
@@ -37,7 +37,7 @@ pub struct Scenario {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Entry {
     pub(super) line: usize,
-    /// Whether it has to run at the bit rate of the bus.
+    /// True where the device has to run at the bit rate of the bus.
     pub(super) heard: bool,
 }
 

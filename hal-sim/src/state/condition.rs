@@ -135,7 +135,7 @@ impl StateCondition {
     /// Refuses a condition that a device of this kind and name never fulfils. `none` is the word for null.
     ///
     /// # Errors
-    /// One line with the key, and the values that it can have.
+    /// A line with the key, and the values that it can have.
     pub(crate) fn check(&self, name: &str, kind: Kind, none: &str) -> Result<(), Invalid> {
         let known = kind.fault_names();
         if let Some(fault) = self.faults.iter().flatten().find(|fault| !known.contains(&fault.as_str())) {

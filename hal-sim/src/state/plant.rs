@@ -67,7 +67,7 @@ pub struct EncoderPlant {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Spool {
-    /// What is wrong with it; null, or "ok": nothing.
+    /// The fault of the spool; null or "ok": none.
     #[schema(required)]
     #[serde(deserialize_with = "Option::deserialize")]
     pub fault: Option<SpoolFaultName>,

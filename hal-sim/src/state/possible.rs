@@ -45,7 +45,7 @@ const COMMANDS: [Command; 6] =
 pub(crate) enum Values {
     /// Whole numbers.
     Numbers(RangeInclusive<i64>),
-    /// One value that is no number: a word, a truth value, null, an LED.
+    /// A value that is no number: a word, a truth value, null, an LED.
     One(Json),
     /// Any set of these names.
     Sets(Vec<&'static str>),
@@ -115,7 +115,7 @@ fn bit_rates(kind: Kind) -> Vec<Values> {
 /// word for null.
 ///
 /// # Errors
-/// One line with the key, its value, and the values that it can have.
+/// A line with the key, its value, and the values that it can have.
 pub(super) fn check(wanted: &[(String, Json)], kind: Kind, name: &str, none: &str) -> Result<(), String> {
     let [on, off] = [true, false].map(|powered| table(kind, name, powered));
     let (mut needs_on, mut needs_off) = (None, None);

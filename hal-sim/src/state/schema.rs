@@ -199,7 +199,7 @@ pub(crate) const IDENTIFIER: &str = "^(0[xX])?([01][0-9A-Fa-f]{7}|[0-9A-Fa-f]{1,
 /// The words for what a step of a scenario expects.
 const EXPECTED: &str = "a frame as in \"1A0#0F00 0020\", a list of frames, or a state as in { dsm = \"active\" }";
 
-/// What goes through a value and its schema at once.
+/// The walk through a value and its schema at once.
 struct Checker<'a> {
     schemas: &'a Schemas,
     null: &'a str,

@@ -88,7 +88,7 @@ impl Default for SpoolTimes {
     }
 }
 
-/// How fast solenoids and springs move the spool.
+/// The rates at which solenoids and springs move the spool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Rates {
     solenoids: Rate,
@@ -110,7 +110,7 @@ pub struct SpoolSense {
     pub lever: Option<Position>,
     /// The position that a sensor reads, on a board that has one: takes the model's place.
     pub measured: Option<Position>,
-    /// How long a stroke takes.
+    /// The times of a stroke.
     pub times: SpoolTimes,
 }
 

@@ -133,7 +133,7 @@ struct Pending {
     handed_out: bool,
     /// The fault log write in flight was begun for the restart.
     log_begun: bool,
-    /// That write has failed: it is not tried again.
+    /// The write begun for the restart has failed: it is not tried again.
     log_failed: bool,
 }
 

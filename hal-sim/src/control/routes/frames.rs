@@ -38,7 +38,7 @@ pub(super) struct WhichFrames {
     /// The identifier in hex, with or without 0x; without it all.
     #[param(pattern = "^(0[xX])?([01][0-9A-Fa-f]{7}|[0-9A-Fa-f]{1,7})$")]
     id: Option<String>,
-    /// Whether the identifier has 29 bits; by default one of eight digits has, and one above 0x7FF.
+    /// True for an identifier of 29 bits; by default those of eight digits and those above 0x7FF are.
     extended: Option<bool>,
 }
 

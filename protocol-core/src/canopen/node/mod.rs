@@ -82,7 +82,7 @@ pub(crate) struct Node<P: Product> {
     held: Configuration,
     /// The LSS stores that wait for the memory.
     lss_stores: u32,
-    /// What they are to store, as LSS had configured it when they were demanded: NMT start drops what is pending, and no
+    /// The configuration for these stores, as LSS had it when they were demanded: NMT start drops what is pending, and no
     /// store (A).
     to_store: Configuration,
     /// Enters operational by itself once boot-up and EMCYs are sent; an NMT command before that ends it (A).
