@@ -23,7 +23,7 @@ use super::nucleo::UART;
 /// Bytes that the DMA moves at a time: a line and the beginning of the next one.
 pub(super) const BUFFER: usize = 64;
 
-/// The line is idle after characters have come, or one of them came damaged.
+/// The line became idle after a character, or a character arrived damaged.
 static ARRIVED: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 /// Characters came damaged or were lost.
 static DAMAGED: AtomicBool = AtomicBool::new(false);

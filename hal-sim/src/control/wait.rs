@@ -24,7 +24,7 @@ struct Wait {
 #[derive(Debug)]
 enum Awaited {
     State(StateWatch),
-    /// A frame; with the last one of its identifier that was another one.
+    /// A frame, and the last other frame of that identifier.
     Frame(Pattern, Option<Frame>),
 }
 

@@ -38,7 +38,7 @@ pub struct NotHeard {
 #[derive(Debug)]
 pub struct RateWatch {
     devices: Vec<Watched>,
-    /// The world's number of changes at the last look; `None`: not looked yet.
+    /// The world's count of changes when the rates were last compared; `None` before the first comparison.
     looked_at: Option<u64>,
     /// The instant from which it is to be looked although no rate has changed.
     due: Instant,

@@ -35,7 +35,7 @@ impl PowerSave {
     }
 
     /// Notes when a spool that is out of neutral comes back.
-    pub(super) fn expect(&mut self, back: impl FnOnce() -> Instant) {
+    pub(super) fn note_return(&mut self, back: impl FnOnce() -> Instant) {
         if let Self::Returning(expected) = self {
             *expected = back();
         }

@@ -94,7 +94,7 @@ impl Valve {
             Drive::Off | Drive::Hand | Drive::EmergencyStop => Action::Release,
         };
         self.spool.act(action, here, now);
-        self.power_save.expect(|| self.spool.crosses(IN_NEUTRAL, now));
+        self.power_save.note_return(|| self.spool.crosses(IN_NEUTRAL, now));
     }
 
     /// Returns when the moving spool next crosses a level that a monitor looks at.
