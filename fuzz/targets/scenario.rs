@@ -1,0 +1,4 @@
+//! `cargo fuzz run scenario`.
+#![cfg_attr(fuzzing, no_main)]
+
+fuzz::target!(scenario);
