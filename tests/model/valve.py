@@ -552,9 +552,10 @@ class Valve(Causes, Node):
         return 0
 
     def lss_store(self):
-        if self.pending_node is not None:
-            self.stored_node = self.pending_node
-            self.held = None if self.held is None else self.pending_node
+        configured = self.held if self.pending_node is None else self.pending_node
+        if configured is not None:
+            self.stored_node = configured
+            self.held = None if self.held is None else configured
         if self.pending_rate is not None:
             self.stored_rate = self.pending_rate
 

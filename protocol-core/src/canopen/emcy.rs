@@ -12,7 +12,7 @@ use crate::wire::sdo::AbortCode;
 /// How many errors the history holds (SPEC 4.1).
 pub(crate) const HISTORY: usize = 8;
 
-/// The number of messages that can wait for the bus (SPEC 4.2): every fault of a device, and its end.
+/// The number of messages that can wait for the bus (A): every fault of a device, and its end.
 const QUEUE: usize = 16;
 
 /// The error history, object 0x1003. It is volatile (A).
