@@ -320,9 +320,11 @@ class Valve(Causes, Node):
     def other(self, identifier, data):
         values = self.values
         producer = values[0x1028, 1]
-        if (not producer >> 31 and identifier == producer & 0x7FF and len(data) == 8 and data[:2] == b"\0\x10"
-                and self.dsm == "active" and self.nmt in (PRE_OPERATIONAL, OPERATIONAL)):  # fmt: skip
-            self.hold_fault()
+        if not producer >> 31 and identifier == producer & 0x7FF:
+            stop = len(data) == 8 and data[:2] == b"\0\x10"
+            if stop and self.dsm == "active" and self.nmt in (PRE_OPERATIONAL, OPERATIONAL):
+                self.hold_fault()
+            return
         if self.nmt != OPERATIONAL:
             return
         rpdo = values[0x1400, 1]

@@ -354,6 +354,19 @@ fn an_emergency_stop_from_another_node() {
 }
 
 #[test]
+fn it_comes_before_an_rpdo_and_a_sync_with_its_identifier() {
+    for (index, sub) in [(0x1400, 1), (0x1005, 0)] {
+        let mut rig = listening();
+        if index == 0x1400 {
+            assert_eq!(rig.write(index, sub, 4, 0x8000_0220), Ok(()));
+        }
+        assert_eq!(rig.write(index, sub, 4, 0xA1), Ok(()));
+        rig.exchange(EMERGENCY_STOP, &[]);
+        assert_eq!(rig.read(0x6041, 0), 0x03, "{index:04X}");
+    }
+}
+
+#[test]
 fn in_either_device_mode_and_in_pre_operational_too() {
     for mode in [1, 2] {
         for state in ["000: 01 00", "000: 80 00"] {

@@ -73,6 +73,12 @@ impl Listening {
             *emcy_consumer = objects.emcy_consumer.key().unwrap_or(NONE);
             new.other = rules.other_protocol.map_or(new.other, |filter| filter(node_id));
             new.node = node_id.get();
+            // (A) An emergency stop is not lost to a PDO or SYNC that was given its identifier.
+            for key in [rpdo, sync] {
+                if *key == *emcy_consumer {
+                    *key = NONE;
+                }
+            }
         }
         // The mask may leave a bit of the group open.
         let others = group(new.other.key) | group(new.other.key | !new.other.mask);
@@ -113,7 +119,7 @@ impl Listening {
         filters
     }
 
-    /// Returns the service that a frame is for; of two with the same identifier the first.
+    /// Returns the service that a frame is for; an RPDO comes before a SYNC with the same identifier (A).
     #[inline(always)]
     pub(super) fn service(&self, frame: &Frame) -> Option<Service> {
         let key = frame.key();
