@@ -15,6 +15,12 @@ BLOCKED, EXTEND, RETRACT, FLOATING, HAND, STOP = 0, 1, 2, 3, 10, 14
 WORDS = {0: "blocked", 1: "extend", 2: "retract", 3: "float", 10: "hand", 14: "emergency-stop"}
 NAME = bytes.fromhex("0100200708FF0220")
 GLOBAL, NULL = 0xFF, 0xFE
+#: The longest way of the springs to neutral.
+SPRINGS_US = 150_000
+
+
+class Undecided(Exception):
+    """A neutral AVC that counts if the spool is in neutral, which a model without a moving spool does not know."""
 
 
 class Valve(Causes):
@@ -25,6 +31,7 @@ class Valve(Causes):
         self.plant = dict(supply_mv=24000, temperature_c=25, internal_fault=False)
         self.counters, self.active, self.shut_down, self.since = dict.fromkeys(CODES, 0), [], [], {}
         self.shutdown_at = self.guard_from = NEVER
+        self.away_until = 0
         self.state_now, self.set_point, self.neutral_count, self.changed = BLOCKED, 0, 0, 0
         self.flow_due, self.dm1_due, self.bam, self.claimed_again = NEVER, NEVER, [], -10_000_000
         self.claim_at = None
@@ -96,6 +103,7 @@ class Valve(Causes):
             self.shut_down.append(fault)
         if self.shutdown_at == NEVER:
             self.shutdown_at = self.now
+            self.away_until = self.now if self.position() == 0 else self.now + SPRINGS_US
         self.neutral_count = 0
         self.act(BLOCKED, 0)
         self.dm1_event(before)
@@ -184,6 +192,8 @@ class Valve(Causes):
             set_point = FLOAT
         if self.shut_down:
             neutral = state == BLOCKED or state in (EXTEND, RETRACT) and flow == 0
+            if neutral and not self.active and self.now < self.away_until:
+                raise Undecided
             self.neutral_count = self.neutral_count + 1 if neutral and not self.active else 0
             if self.neutral_count == 2:
                 self.shut_down, self.shutdown_at, self.neutral_count = [], NEVER, 0

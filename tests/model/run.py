@@ -37,6 +37,7 @@ class Run:
         self.bus = Bus(executable, kind)
         self.model = MODELS[kind](kind)
         self.done, self.log, self.requests, self.answers = [], [], 0, 0
+        self.undecided = False
 
     def step(self, step):
         """Does one step: `("frames", [(id, data)], ms)`, `("plant", {...})`, `("power",)` or `("state",)`."""
@@ -147,7 +148,8 @@ class Traffic:
 
     def value(self, index, sub):
         dice = self.dice
-        if dice.random() < 0.1:
+        # A random bit rate would be stored, and the device not heard any more.
+        if dice.random() < 0.1 and index != 0x2002:
             return dice.getrandbits(32)
         return dice.choice(self.model.worth(index, sub, dice))
 
@@ -360,6 +362,8 @@ def search(kind, executable, seed, requests):
                 run.step(step)
     except Difference as difference:
         return run, difference
+    except isobus.Undecided:
+        run.undecided = True
     finally:
         run.bus.close()
     return run, None
@@ -379,7 +383,7 @@ def shrink(kind, executable, steps, difference, seconds=60):
             return False
         try:
             run, found = play(kind, executable, candidate)
-        except (RuntimeError, EOFError, ValueError, KeyError):
+        except (RuntimeError, EOFError, ValueError, KeyError, isobus.Undecided):
             return False
         return found is not None and str(found)[:16] == sort
 
@@ -427,11 +431,12 @@ def main():
     first = arguments.seed if arguments.seed is not None else random.SystemRandom().randrange(1 << 32)
     failed = False
     for kind in arguments.kind or MODELS:
-        begin, sent, answers, seed = time.monotonic(), 0, 0, first
+        begin, sent, answers, undecided, seed = time.monotonic(), 0, 0, 0, first
         while sent < arguments.requests:
             run, difference = search(kind, executable, seed, min(arguments.episode, arguments.requests - sent))
             sent += run.requests
             answers += run.answers
+            undecided += run.undecided
             if difference is not None:
                 failed = True
                 print(f"{kind}, seed {seed}: {difference}", flush=True)
@@ -442,7 +447,8 @@ def main():
                 if not arguments.keep_going:
                     break
             seed += 1
-        print(f"{kind}: {sent} frames sent, {answers} of the device, from seed {first} on, "
+        broken_off = f", {undecided} episodes broken off" if undecided else ""
+        print(f"{kind}: {sent} frames sent, {answers} of the device, from seed {first} on{broken_off}, "
               f"{time.monotonic() - begin:.1f} s", flush=True)  # fmt: skip
         if answers < ANSWERS * sent:
             failed = True
