@@ -64,6 +64,17 @@ def test_a_wait_in_vain_and_the_end_tell_of_it() -> None:
         sim.set_bit_rate(500_000)
         with pytest.raises(NotHeard):
             sim.wait_frame(0x1A0, within_ms=10)
+    with Simulator(speed="step") as sim:
+        sim.wait_frame(0x720)
+        sim.set_bit_rate(500_000)
+        with pytest.raises(NotHeard):
+            sim.valve.wait(nmt="operational", within_ms=10)
+    with Simulator(speed="step") as sim:
+        sim.wait_frame(0x720)
+        sim.set_bit_rate(500_000)
+        sim.disturb(100_000)
+        with pytest.raises(NotHeard):
+            sim.send(0x000, "0100")
     sim = Simulator(speed="step")
     sim.wait_frame(0x720)
     sim.set_bit_rate(500_000)

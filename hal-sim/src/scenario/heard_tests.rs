@@ -47,6 +47,16 @@ fn a_device_that_is_asked_to_run_at_another_rate_fails_although_nothing_else_doe
     }
 }
 
+/// A bus that has the rate of the device a moment later had another one when that was switched on.
+#[test]
+fn the_first_power_up_has_no_second() {
+    let text = "bit_rate = 250000\ndevices = [\"hat1000,bit-rate=500k\"]\n\
+                steps = [{ after_ms = 10, bus = { bit_rate = 500000 } }, { after_ms = 2000 }]";
+    let outcome = Scenario::parse(text).expect("a scenario").run(1);
+    let told: Vec<_> = outcome.failures.iter().map(|failure| (failure.line, &*failure.headline)).collect();
+    assert_eq!(told, [(2, DEAF_SENSOR)]);
+}
+
 /// The remedy names what was written of the device, or what the product can do.
 #[test]
 fn the_remedy_fits_the_device() {
@@ -105,6 +115,22 @@ fn the_bus_and_a_device_meet_again_within_a_second() {
     };
     passes(VALVE, &leads(999));
     assert_eq!(failures(VALVE, &leads(1001)), [(3, LEFT_VALVE.to_owned())]);
+}
+
+/// A rate that was stored over SDO comes into force by reset node.
+#[test]
+fn a_reset_to_a_stored_rate_is_a_change_of_it() {
+    let reset = "{ expect = \"701#00\" },\n\
+                 { send = \"601#2F02 2002 0400 0000\", expect = \"581#6002 2002 0000 0000\" },\n\
+                 { send = \"601#2310 1004 7361 7665\", expect = \"581#6010 1004 0000 0000\" },\n\
+                 { send = \"000#8100\" },";
+    let follows =
+        |ms: u32| format!("{reset}\n{{ after_ms = {ms}, bus = {{ bit_rate = 125000 }} }}, {{ after_ms = 2000 }}");
+    const SENSOR: &str = "\"hat1000,bit-rate=250k\"";
+    passes(SENSOR, &follows(999));
+    let told = "hat1000 runs at 125 kbit/s and the bus at 250 kbit/s: it cannot communicate and will disturb the bus; \
+                use a bus at 125k";
+    assert_eq!(failures(SENSOR, &follows(1001)), [(6, told.to_owned())]);
 }
 
 #[test]

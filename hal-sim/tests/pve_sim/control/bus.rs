@@ -1,5 +1,6 @@
 //! The bus: bit rate, load, disturbances, and frames of clients.
 
+use rustix::process::Signal;
 use serde_json::{Value, json};
 
 use super::{Rig, micros};
@@ -59,6 +60,11 @@ fn who_is_not_heard_is_told_with_the_remedy() {
     let both = change(250_000);
     assert_eq!(both[0], told("pvea-canopen", 1_009_000, true, valve));
     assert_eq!((&both[1]["is_over"], &both[1]["t_us"]), (&json!(false), &json!(2_010_000)));
+    // Whoever looks at the terminal is told the same, once each.
+    let (_, said) = rig.simulator.end(Signal::TERM);
+    for reason in [sensor, valve] {
+        assert_eq!(said.matches(&format!("pve-sim: {reason}\n")).count(), 1, "{reason}: {said}");
+    }
 }
 
 /// Use case 5 of the manual, live: the master changes the rate of the valve, then its own.
