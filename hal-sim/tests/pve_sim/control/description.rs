@@ -168,7 +168,10 @@ fn every_refusal_is_described() {
             let described = call["responses"].as_object().expect("responses");
             let mut wanted = vec!["200", "403", "405", "503"];
             if call["requestBody"].is_object() {
-                wanted.extend(["400", "408", "413", "415"]);
+                wanted.extend(["408", "413", "415"]);
+            }
+            if call["requestBody"].is_object() || call["parameters"].is_array() {
+                wanted.push("400");
             }
             if path.contains("{name}") {
                 wanted.push("404");
@@ -182,6 +185,54 @@ fn every_refusal_is_described() {
     assert_eq!((&id["name"], &id["schema"]["type"]), (&json!("id"), &json!("string")));
     assert_eq!(id["schema"]["pattern"], description["components"]["schemas"]["Identifier"]["anyOf"][1]["pattern"]);
     assert!(!description.to_string().contains("\"int32\""));
+}
+
+/// The whole numbers in a schema that are no choice of words, each with its way there.
+fn numbers<'a>(description: &'a Value, schema: &'a Value, path: &str) -> Vec<(String, &'a Value)> {
+    let schema = resolved(description, schema);
+    let members = schema["properties"].as_object();
+    let choices = ["oneOf", "anyOf"].into_iter().filter_map(|several| schema[several].as_array()).flatten();
+    let inner = members.into_iter().flatten().map(|(key, member)| (key.as_str(), member));
+    let inner = inner.chain(choices.filter(|_| members.is_none()).map(|choice| ("", choice)));
+    let is_number = schema["type"].to_string().contains("integer") && !schema["enum"].is_array();
+    let own = is_number.then(|| (path.to_owned(), schema));
+    own.into_iter()
+        .chain(inner.flat_map(|(key, inner)| numbers(description, inner, &format!("{path}.{key}"))))
+        .collect()
+}
+
+/// What is taken has limits; and so have identifiers and bit rates, whoever says them.
+#[test]
+fn numbers_have_limits() {
+    let rig = Rig::stepped(&[]);
+    let description = rig.get("/openapi.json");
+    let calls = description["paths"].as_object().expect("paths").iter().flat_map(|(path, calls)| {
+        calls.as_object().expect("calls").iter().map(move |(method, call)| (format!("{method} {path}"), call))
+    });
+    for (name, call) in calls {
+        let parameters = call["parameters"].as_array().into_iter().flatten().map(|parameter| &parameter["schema"]);
+        let body = call["requestBody"].get("content").map(|content| &content["application/json"]["schema"]);
+        for (path, number) in parameters.chain(body).flat_map(|schema| numbers(&description, schema, &name)) {
+            assert!(number["minimum"].is_number() && number["maximum"].is_number(), "{path}: {number}");
+        }
+    }
+    let schemas = description["components"]["schemas"].as_object().expect("schemas");
+    let members = |key: &'static str| schemas.values().filter_map(move |schema| schema["properties"].get(key));
+    let ids: Vec<_> = members("id").flat_map(|id| numbers(&description, id, "id")).collect();
+    for (_, id) in &ids {
+        assert_eq!((&id["minimum"], &id["maximum"]), (&json!(0), &json!(0x1FFF_FFFF)), "{id}");
+    }
+    assert_eq!((ids.len(), members("bit_rate").count()), (5, 4));
+    let rates: Vec<_> = members("bit_rate").flat_map(|rate| numbers(&description, rate, "bit_rate")).collect();
+    assert_eq!(rates, []);
+}
+
+/// To JSON, 8000.0 and 8000 are one number.
+#[test]
+fn a_whole_number_may_have_a_fraction() {
+    let rig = Rig::stepped(&["--device", "pvea-canopen,name=valve"]);
+    let (status, answer) = rig.call("PATCH", "/devices/valve/plant", Some(r#"{"supply_mv": 8000.0}"#));
+    assert_eq!((status, &answer["plant"]["supply_mv"]), (200, &json!(8000)), "{answer}");
 }
 
 /// Limits are accepted as they are described, the values beside them are refused, and null where nothing says it.

@@ -195,6 +195,15 @@ fn a_pattern_of_a_frame_is_exact() {
     }
     let error = wait(json!({"id": "123", "data": "00"})).1;
     assert_eq!(error, "the frame 123: 00 did not come, and no other of its identifier");
+    // Of several, the last one: the spool that is let go moves.
+    rig.plant("valve", json!({"lever": 16384}));
+    rig.plant("valve", json!({"lever": null}));
+    let before = rig.trace().len();
+    let error = wait(json!({"id": "0CFE1383", "data": "00"})).1;
+    let trace = &rig.trace()[before..];
+    let [(_, first, _), .., (_, last, _)] = trace else { panic!("{trace:?}") };
+    assert!(first != last && last.starts_with("0CFE1383"), "{trace:?}");
+    assert!(error.contains(&format!("the last one of its identifier was {last}")), "{error}");
     for data in ["0", "0G", "00..00", "...", "R9", "000102030405060708"] {
         let body = json!({"frame": {"id": 1, "data": data}, "within_ms": 1}).to_string();
         let error = rig.refused("POST", "/wait", Some(&body), 400);
