@@ -100,26 +100,53 @@ fn objects_as_the_page_has_them() {
     }
 }
 
+/// All of them: what is not here takes every value of its type, or has no range.
 #[test]
 fn limits_are_where_the_page_has_a_range() {
-    let sheet = eds(Kind::from_name("hat1000").expect("a kind")).expect("an EDS");
-    let limits = |name: &str| {
-        let lines = section(&sheet, name);
-        let limit = |key: &str| lines.iter().find_map(|line| line.strip_prefix(key)).map(str::to_owned);
-        limit("LowLimit=").zip(limit("HighLimit="))
-    };
-    for (name, low, high) in [
-        ("1029sub1", "0", "2"),
-        ("2001sub2", "1", "255"), // 255 takes the node ID away
-        ("2002sub2", "0", "8"),
-        ("6003", "0", "16383"),
-        ("6509", "-8192", "8191"),
-    ] {
-        assert_eq!(limits(name), Some((low.to_owned(), high.to_owned())), "{name}");
-    }
-    // Every value of the type, or no range.
-    for name in ["1017", "1800sub2", "1800sub3", "1005", "1F80"] {
-        assert_eq!(limits(name), None, "{name}");
+    let valve = [
+        "1017: 0 to 32767",
+        "1400sub2: 255 to 255",
+        "1600sub0: 0 to 8",
+        "1A00sub0: 0 to 8",
+        "2001: 0 to 127",
+        "2002: 0 to 127",
+        "200F: 0 to 127",
+        "2019: 0 to 127",
+        "201D: 0 to 127",
+        "2023: 0 to 127",
+        "2024: 0 to 127",
+        "2040: 0 to 127",
+        "3300: -127 to 127",
+        "3301: -127 to 127",
+        "3302: -127 to 127",
+        "3303: -1000 to 1000",
+        "3304: -1000 to 1000",
+        "6042: 1 to 2",
+        "6300sub1: -16384 to 32767",
+        "6301sub1: -16384 to 32767",
+    ];
+    let sensor = [
+        "1029sub1: 0 to 2",
+        "1029sub2: 0 to 2",
+        "1A00sub0: 0 to 8",
+        "2001sub2: 1 to 255", // 255 takes the node ID away
+        "2002sub2: 0 to 8",
+        "6003: 0 to 16383",
+        "6004: 0 to 16383",
+        "6509: -8192 to 8191",
+    ];
+    for (kind, sheet) in sheets() {
+        let (mut object, mut low, mut found) = ("", "", Vec::new());
+        for line in sheet.lines() {
+            if let Some(name) = line.strip_prefix('[') {
+                object = name.trim_end_matches(']');
+            } else if let Some(limit) = line.strip_prefix("LowLimit=") {
+                low = limit;
+            } else if let Some(high) = line.strip_prefix("HighLimit=") {
+                found.push(format!("{object}: {low} to {high}"));
+            }
+        }
+        assert_eq!(found, if kind.name().starts_with("hat") { &sensor[..] } else { &valve }, "{kind}");
     }
 }
 
