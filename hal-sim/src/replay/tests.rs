@@ -15,11 +15,9 @@ use tempfile::NamedTempFile;
 use super::*;
 use crate::Memory;
 use crate::cli::{self, Request};
-use crate::kind::Simulated as _;
 use crate::recording::{Format, Writer};
 use crate::trace::{ErrorClass, Record, Timestamp};
 use crate::world::{EventKind, NodeId, SUPPLY_JITTER, TapId, World};
-use protocol_core::device::Senses;
 
 const START: Timestamp = Timestamp::from_micros(1_700_000_000_000_042);
 
@@ -57,8 +55,7 @@ impl Session {
         world.record_events(true);
         let master = world.add_gateway("master");
         for device in &options.devices {
-            let node = world.add_device(&device.name, device.kind.factory(device.birth), Memory::in_ram());
-            world.set_senses(node, Senses::healthy(device.kind));
+            device.add_to(&mut world, Memory::in_ram());
         }
         for NamedLink { valve, sensor, link } in &options.links {
             let (valve, sensor) = (world.find(valve).unwrap(), world.find(sensor).unwrap());

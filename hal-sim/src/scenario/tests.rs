@@ -45,6 +45,23 @@ fn refused(step: &str) -> String {
 /// The valve is in ACTIVE with a set-point of 25 %, in a cycle of 100 ms.
 const ACTIVE: &str = r#"{ send = "000#0120" }, { send = "220#0F00 0010", every_ms = 100, expect = { dsm = "active", position = 4096 } }"#;
 
+/// A spool of 1000 ms and back in 600 is half way after half of that.
+#[test]
+fn a_spool_takes_the_times_that_are_written() {
+    let half_way = |ms: u32| {
+        format!("{{ after_ms = {ms}, expect = {{ position = {{ min = 3896, max = 4296 }} }}, within_ms = 0 }}")
+    };
+    let text = format!(
+        "devices = [\"pvea-canopen@0x20,stroke-ms=1000,return-ms=600\"]\nsteps = [\n{{ expect = \"720#00\" }}, \
+         {{ send = \"000#0120\" }}, {{ send = \"220#0F00 0020\", every_ms = 50, expect = {{ dsm = \"active\" }} }},\n\
+         {}, {{ expect = {{ position = 8192 }} }}, {{ send = \"220#0000 0000\", every_ms = 50 }}, {}]",
+        half_way(250),
+        half_way(150)
+    );
+    let outcome = Scenario::parse(&text).expect(&text).run(1);
+    assert!(outcome.is_success(), "{}", outcome.failures("x.toml"));
+}
+
 #[test]
 fn a_state_at_the_instant_of_the_deadline_is_in_time() {
     passes(&format!(

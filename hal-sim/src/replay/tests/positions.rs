@@ -13,6 +13,17 @@ fn loggers_are_late() {
     as_logged(VALVE, &log(&records, Format::Candump));
 }
 
+/// A spool with times of its own is played with these.
+#[test]
+fn a_measured_spool_moves_as_it_was_measured() {
+    let measured = format!("{VALVE},stroke-ms=500,return-ms=400");
+    let mut session = Session::new(&measured);
+    session.send(10, &["000: 01 20", "220: 03 00 00 00", "220: 0B 00 00 00"]);
+    session.send(20, &["220: 0F 00 00 20"; 20]);
+    as_logged(&measured, &session.log());
+    assert!(!replayed(VALVE, &session.log()).is_as_logged());
+}
+
 /// The actual value is on four scales, and the answer of SDO tells it on each.
 #[test]
 fn loggers_are_late_on_every_scale() {
