@@ -472,6 +472,17 @@ fn the_help_lists_kinds_identifiers_and_keys_one_a_line() {
     assert!(printed("--help").lines().all(|line| line.chars().count() <= 120), "{help}");
 }
 
+/// No line of `--device` is broken on the 100 columns that help takes at the most: its keys would lose their columns.
+#[test]
+fn the_help_of_a_device_keeps_its_columns() {
+    let of_device = |columns| {
+        let help = Cli::command().term_width(columns).render_long_help().to_string();
+        let (_, rest) = help.split_once("--device").expect("an option");
+        rest.split_once("--link").expect("the next one").0.to_owned()
+    };
+    assert_eq!(of_device(100), of_device(1000));
+}
+
 #[test]
 fn the_help_names_every_option_and_its_default() {
     let help = printed("--help");

@@ -343,6 +343,7 @@ mod tests {
             for (word, _) in world.plant(device).map(Plant::text) {
                 assert!(help.contains(&format!("\n  {word} ")) && refusal.contains(word), "{word}");
             }
+            assert!(help.contains("\nCtrl-C "), "{help}");
             assert!(!help.contains(other) && !refusal.contains(other), "{help}\n{refusal}");
         }
     }
