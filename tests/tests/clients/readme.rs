@@ -88,6 +88,31 @@ fn the_first_drive_works_twice_in_a_row() {
     simulator.terminate();
 }
 
+/// Where no terminal is, nobody presses Enter. How far the spool comes until then is the machine's.
+#[test]
+fn the_first_drive_ends_by_itself_without_a_terminal() {
+    let simulator = Simulator::start::<&str>(&[]);
+    let script = block(BENCH, "canopen.Network()").replace(PORT, &simulator.address()[1]);
+    let run = Command::new(python()).args(["-c", &script]).stdin(Stdio::null()).output().expect("python runs");
+    let printed = String::from_utf8(run.stdout).expect("text");
+    assert!(run.status.success(), "{printed}{}", String::from_utf8_lossy(&run.stderr));
+    assert!(printed.contains("Enter ends\n"), "{printed}");
+    simulator.terminate();
+}
+
+/// What the README's command lines make is nobody's to commit.
+#[test]
+fn the_steps_of_the_readme_leave_the_clone_clean() {
+    let ignored = fs::read_to_string(root().join(".gitignore")).expect("the list");
+    let text: String = blocks(README).into_iter().map(|(_, block)| block).collect();
+    let words: Vec<&str> = text.split_whitespace().collect();
+    for (option, ending) in [("venv", "/"), ("--junit", "")] {
+        let mut made = words.windows(2).filter(|pair| pair[0] == option).map(|pair| format!("/{}{ending}", pair[1]));
+        let made = made.next().unwrap_or_else(|| panic!("{option} is not in the README"));
+        assert!(ignored.lines().any(|line| line == made), "{made}");
+    }
+}
+
 /// Each block of the README, by words in it, and what goes through it.
 #[test]
 fn every_block_of_the_readme_is_gone_through() {
