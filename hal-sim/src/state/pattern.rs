@@ -314,6 +314,7 @@ mod tests {
         ] {
             let error = text.parse::<Pattern>().expect_err(text);
             assert!(error.contains(why) && error.contains("accepted: IDENTIFIER#DATA"), "{text}: {error}");
+            assert!(error.contains("3 digits up to 7FF, or 8 up to 1FFFFFFF"), "{error}");
         }
         for text in ["1A0", "1A0#..", "1A0#0?", "1A?#00"] {
             assert_eq!(pattern(text).frame(), None, "{text}");

@@ -32,12 +32,11 @@ fn a_valve_is_broken_by_hand() {
 
 #[test]
 fn the_start_names_the_panel_and_the_words() {
-    let mut simulator = Simulator::serve(&["--http", "127.0.0.1:0"]);
-    let panel = format!("Panel: http://{}/", simulator.http());
-    let mut stderr = BufReader::new(simulator.process.stderr.take().expect("a pipe")).lines();
-    let mut next = || stderr.next().expect("a line").expect("text");
-    while next() != panel {}
-    assert_eq!(next(), "Type help for the words that change what a device senses, and status");
+    let simulator = Simulator::serve(&["--http", "127.0.0.1:0"]);
+    let panel = format!("\nPanel: http://{}/\n", simulator.http());
+    let (_, said) = simulator.end(Signal::TERM);
+    assert!(said.contains(&panel), "{said}");
+    assert!(said.contains("\nType help for the words that change what a device senses, and status\n"), "{said}");
 }
 
 /// Before the ready line, so that whoever has read that line finds the warning.
