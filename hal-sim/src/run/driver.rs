@@ -312,7 +312,7 @@ impl<O: Outside> Driver<O> {
         events.extend(self.world.take_events());
         for event in events.drain(..) {
             let at = self.start.at(event.at);
-            let told = self.errors.note(&event, at);
+            let told = self.errors.note(&event);
             // Clients first: they may answer.
             for _ in 0..self.clients.show(&event, at, told.as_ref().map(|(class, _)| *class)) {
                 self.report_overrun();

@@ -7,7 +7,7 @@ use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
 
 use crate::explain::Explainer;
-use crate::trace::{Errors, Layout, Timestamp};
+use crate::trace::{Errors, Layout};
 use crate::world::{Event, EventKind, NodeId, World};
 
 /// The most events that are kept: a second of a bus under full load.
@@ -80,7 +80,7 @@ impl History {
 
     /// Takes note of an event.
     pub(super) fn keep(&mut self, event: &Event, world: &World) {
-        let told = self.errors.note(event, Timestamp::default().at(event.at));
+        let told = self.errors.note(event);
         let what = match (&event.what, told) {
             (EventKind::Frame { frame, .. }, _) => Kept::Frame(*frame),
             (_, Some((_, text))) => Kept::Error(text),

@@ -8,7 +8,7 @@ use protocol_core::controller::BusErrorMode;
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, since};
 
-use super::{ErrorClass, Timestamp};
+use super::ErrorClass;
 use crate::bus::BusError;
 use crate::explain::explain_error;
 use crate::world::{Event, EventKind};
@@ -26,12 +26,12 @@ pub(crate) struct Errors {
     /// The frame of each sender that is being destroyed, with its last error frame.
     failing: HashMap<Arc<str>, (Frame, Instant)>,
     /// The controllers that are not error-active: mode and its begin.
-    troubled: HashMap<Arc<str>, (BusErrorMode, Timestamp)>,
+    troubled: HashMap<Arc<str>, (BusErrorMode, Instant)>,
 }
 
 impl Errors {
     /// Takes note of an event; returns the class and the words of an error that is told.
-    pub(crate) fn note(&mut self, event: &Event, at: Timestamp) -> Option<(ErrorClass, String)> {
+    pub(crate) fn note(&mut self, event: &Event) -> Option<(ErrorClass, String)> {
         match &event.what {
             EventKind::Frame { .. } => {
                 if !self.failing.is_empty() {
@@ -40,7 +40,7 @@ impl Errors {
                 None
             }
             EventKind::ErrorFrame { frame, error, .. } => self.error_frame(event, frame, *error),
-            EventKind::ErrorMode { to, .. } => Some(self.change(event, *to, at)),
+            EventKind::ErrorMode { to, .. } => Some(self.change(event, *to)),
             EventKind::FramesDropped { count } => {
                 let frames = if *count == 1 { "a frame" } else { "frames" };
                 let text = format!("{}: dropped {frames} that waited for the bus (×{count})", event.who);
@@ -60,10 +60,11 @@ impl Errors {
         (!told).then(|| (class(error), explain_error(error, frame, &event.who)))
     }
 
-    fn change(&mut self, event: &Event, to: BusErrorMode, at: Timestamp) -> (ErrorClass, String) {
+    /// The words have the length of the mode before, not its begin: traces count from the start or by the clock.
+    fn change(&mut self, event: &Event, to: BusErrorMode) -> (ErrorClass, String) {
         let before = match to {
             BusErrorMode::ErrorActive => self.troubled.remove(&event.who),
-            _ => self.troubled.insert(Arc::clone(&event.who), (to, at)),
+            _ => self.troubled.insert(Arc::clone(&event.who), (to, event.at)),
         };
         let class = match (before, to) {
             (_, BusErrorMode::ErrorPassive) => ErrorClass::ErrorPassive,
@@ -71,8 +72,11 @@ impl Errors {
             (Some((BusErrorMode::BusOff, _)), BusErrorMode::ErrorActive) => ErrorClass::Restarted,
             (_, BusErrorMode::ErrorActive) => ErrorClass::ErrorActive,
         };
-        let since = before.map_or_else(String::new, |(mode, since)| format!(", {} since {since}", name(mode)));
-        (class, format!("{}: {} after error frames ×{}{since}", event.who, name(to), self.count))
+        let before = before.map_or_else(String::new, |(mode, begin)| {
+            let micros = since(event.at, begin).as_micros();
+            format!(", {} for {}.{:03} ms", name(mode), micros / 1000, micros % 1000)
+        });
+        (class, format!("{}: {} after error frames ×{}{before}", event.who, name(to), self.count))
     }
 }
 

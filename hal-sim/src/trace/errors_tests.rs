@@ -30,11 +30,8 @@ fn mode(micros: u64, who: &str, from: BusErrorMode, to: BusErrorMode) -> Event {
 /// What is told of events, a line each.
 fn told(events: impl IntoIterator<Item = Event>) -> Vec<String> {
     let mut errors = Errors::default();
-    let lines = events.into_iter().filter_map(|event| {
-        let at = Timestamp::from_micros(event.at.as_micros());
-        errors.note(&event, at).map(|(class, text)| format!("{class:?} {text}"))
-    });
-    lines.collect()
+    let lines = events.into_iter().filter_map(|event| errors.note(&event));
+    lines.map(|(class, text)| format!("{class:?} {text}")).collect()
 }
 
 #[test]
@@ -59,10 +56,10 @@ fn each_change_of_a_mode_is_told_with_what_led_to_it() {
         [
             "BusError error frame: bit error in 123: 01 of the gateway",
             "ErrorPassive the gateway: error-passive after error frames ×16",
-            "BusOff the gateway: bus-off after error frames ×32, error-passive since 0.003000",
-            "Restarted the gateway: error-active after error frames ×32, bus-off since 0.006400",
+            "BusOff the gateway: bus-off after error frames ×32, error-passive for 3.400 ms",
+            "Restarted the gateway: error-active after error frames ×32, bus-off for 5.600 ms",
             "ErrorPassive valve: error-passive after error frames ×32",
-            "ErrorActive valve: error-active after error frames ×32, error-passive since 0.013000",
+            "ErrorActive valve: error-active after error frames ×32, error-passive for 2.000 ms",
         ]
     );
 }
