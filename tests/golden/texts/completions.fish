@@ -1,0 +1,104 @@
+# Print an optspec for argparse to handle cmd's options that are independent of any subcommand.
+function __fish_pve_sim_global_optspecs
+    string join \n device= link= allow-clash state= bus= beacon bit-rate= speed= seed= log= log-overwrite error-frames color= verbose http= no-http allow-remote h/help V/version
+end
+
+function __fish_pve_sim_needs_command
+    # Figure out if the current invocation already has a command.
+    set -l cmd (commandline -opc)
+    set -e cmd[1]
+    argparse -s (__fish_pve_sim_global_optspecs) -- $cmd 2>/dev/null
+    or return
+    if set -q argv[1]
+        # Also print the command, so this can be used to figure out what it is.
+        echo $argv[1]
+        return 1
+    end
+    return 0
+end
+
+function __fish_pve_sim_using_subcommand
+    set -l cmd (__fish_pve_sim_needs_command)
+    test -z "$cmd"
+    and return 1
+    contains -- $cmd[1] $argv
+end
+
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l device -d 'A device on the bus; repeatable [default: pvea-canopen@0x20]' -r
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l link -d 'The shaft of SENSOR follows the spool of VALVE, as a boom that the valve moves; repeatable' -r
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l state -d 'Keep each device\'s memory in DIR/NAME.nvm; without it the memory is lost at exit' -r -f -a "(__fish_complete_directories)"
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l bus -d 'Where the bus is reachable; repeatable: all of them are one bus [default: socketcand://127.0.0.1:29536/pve0]' -r
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l bit-rate -d 'The rate of the bus, in bit/s, or as in 250k and 1M [default: the rate of the first device: of a valve 250k, of an angle sensor 500k]' -r
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l speed -d 'Virtual time against wall time: a number above 0; or step: time moves only when the control interface tells it to, and what clients send waits for that' -r
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l seed -d 'The seed of everything random: 0–18446744073709551615' -r
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l log -d 'Write every frame to FILE: .asc as ASC, .pcapng as pcapng, all others in the format of candump -L' -r -F
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l color -d 'Colour in the trace: auto, as the terminal and NO_COLOR have it; always, which lays the trace out as on a terminal into a pipe, too; never' -r -f -a "auto\t'Laid out on a terminal, with colour unless the environment asks for none'
+always\t'Laid out with colour, into a pipe, too'
+never\t'Laid out on a terminal, without colour'"
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l http -d 'Where the control interface is reachable, port 0 takes a free one [default: 127.0.0.1:8408]' -r
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l allow-clash -d 'Accept devices with the same node ID, or the same address'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l beacon -d 'Announce the bus by UDP to port 42000, so that python-can and SavvyCAN find it'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l log-overwrite -d 'Write to the file of --log even if it has something in it, which is lost'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l error-frames -d 'Send error frames to clients, too: the first one, and each change of an error mode'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l verbose -d 'Show every cyclic frame on a terminal, also one that comes again as it was'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l no-http -d 'Serve no control interface'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -l allow-remote -d 'Let --http be an address that other machines reach, whoever does can switch everything; and let a bus of udp-multicast reach them'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -s h -l help -d 'Print help (see more with \'--help\')'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -s V -l version -d 'Print version'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "run" -d 'A stand-in device, or several, on a bus (the default command)'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "use-case" -d 'Plays the manuals\' use cases, a valve on ISOBUS or an angle sensor in virtual time, each frame with what it means; exit 1 if any frame differs'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "scenario" -d 'Runs scenarios from files in virtual time: devices, what happens to them, what has to come of it; exit 1 if an expectation fails, 2 before anything runs if a file cannot be read'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "decode" -d 'Explains a recorded log line by line, as the trace does; exit 1 if a line is none'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "replay" -d 'Plays a recorded log against stand-ins, from their power-up and in virtual time: what they send is compared with the log, all else is sent to them; exit 1 on differences'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "eds" -d 'Prints the EDS of a CANopen kind, from its object dictionary'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "dbc" -d 'Prints the DBC of an ISOBUS kind, with its messages at each address'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "completions" -d 'Prints the completion script for a shell'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "man" -d 'Prints the manual page, in roff'
+complete -c pve-sim -n "__fish_pve_sim_needs_command" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l device -d 'A device on the bus; repeatable [default: pvea-canopen@0x20]' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l link -d 'The shaft of SENSOR follows the spool of VALVE, as a boom that the valve moves; repeatable' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l state -d 'Keep each device\'s memory in DIR/NAME.nvm; without it the memory is lost at exit' -r -f -a "(__fish_complete_directories)"
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l bus -d 'Where the bus is reachable; repeatable: all of them are one bus [default: socketcand://127.0.0.1:29536/pve0]' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l bit-rate -d 'The rate of the bus, in bit/s, or as in 250k and 1M [default: the rate of the first device: of a valve 250k, of an angle sensor 500k]' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l speed -d 'Virtual time against wall time: a number above 0; or step: time moves only when the control interface tells it to, and what clients send waits for that' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l seed -d 'The seed of everything random: 0–18446744073709551615' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l log -d 'Write every frame to FILE: .asc as ASC, .pcapng as pcapng, all others in the format of candump -L' -r -F
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l color -d 'Colour in the trace: auto, as the terminal and NO_COLOR have it; always, which lays the trace out as on a terminal into a pipe, too; never' -r -f -a "auto\t'Laid out on a terminal, with colour unless the environment asks for none'
+always\t'Laid out with colour, into a pipe, too'
+never\t'Laid out on a terminal, without colour'"
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l http -d 'Where the control interface is reachable, port 0 takes a free one [default: 127.0.0.1:8408]' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l allow-clash -d 'Accept devices with the same node ID, or the same address'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l beacon -d 'Announce the bus by UDP to port 42000, so that python-can and SavvyCAN find it'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l log-overwrite -d 'Write to the file of --log even if it has something in it, which is lost'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l error-frames -d 'Send error frames to clients, too: the first one, and each change of an error mode'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l verbose -d 'Show every cyclic frame on a terminal, also one that comes again as it was'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l no-http -d 'Serve no control interface'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -l allow-remote -d 'Let --http be an address that other machines reach, whoever does can switch everything; and let a bus of udp-multicast reach them'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand run" -s h -l help -d 'Print help (see more with \'--help\')'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand use-case" -s h -l help -d 'Print help'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand scenario" -l junit -d 'Write the results to FILE as JUnit XML, a test case for each scenario' -r -F
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand scenario" -l seed -d 'The seed of everything random: 0–18446744073709551615' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand scenario" -l verbose -d 'Show all that is on the bus, with the notes of the steps'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand scenario" -l schema -d 'Print the format of a scenario as a JSON schema, for editors'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand scenario" -s h -l help -d 'Print help'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand decode" -l device -d 'A device that is known to be on the bus, as for run; repeatable. Without it, the frames tell' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand decode" -s h -l help -d 'Print help'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -l device -d 'A stand-in that takes the place of a device in the recording, as for run; repeatable' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -l link -d 'The shaft of SENSOR follows the spool of VALVE, as for run; repeatable' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -l tolerance-ms -d 'How much earlier or later a frame may come, in milliseconds; a position may differ by what is travelled in that time' -r
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -l from-boot-up -d 'Begin with the first boot-up, or address claim, of a device, and leave out all that is before'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand replay" -s h -l help -d 'Print help'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand eds" -s h -l help -d 'Print help'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand dbc" -s h -l help -d 'Print help'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand completions" -s h -l help -d 'Print help'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand man" -s h -l help -d 'Print help'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay eds dbc completions man help" -f -a "run" -d 'A stand-in device, or several, on a bus (the default command)'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay eds dbc completions man help" -f -a "use-case" -d 'Plays the manuals\' use cases, a valve on ISOBUS or an angle sensor in virtual time, each frame with what it means; exit 1 if any frame differs'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay eds dbc completions man help" -f -a "scenario" -d 'Runs scenarios from files in virtual time: devices, what happens to them, what has to come of it; exit 1 if an expectation fails, 2 before anything runs if a file cannot be read'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay eds dbc completions man help" -f -a "decode" -d 'Explains a recorded log line by line, as the trace does; exit 1 if a line is none'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay eds dbc completions man help" -f -a "replay" -d 'Plays a recorded log against stand-ins, from their power-up and in virtual time: what they send is compared with the log, all else is sent to them; exit 1 on differences'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay eds dbc completions man help" -f -a "eds" -d 'Prints the EDS of a CANopen kind, from its object dictionary'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay eds dbc completions man help" -f -a "dbc" -d 'Prints the DBC of an ISOBUS kind, with its messages at each address'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay eds dbc completions man help" -f -a "completions" -d 'Prints the completion script for a shell'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay eds dbc completions man help" -f -a "man" -d 'Prints the manual page, in roff'
+complete -c pve-sim -n "__fish_pve_sim_using_subcommand help; and not __fish_seen_subcommand_from run use-case scenario decode replay eds dbc completions man help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
