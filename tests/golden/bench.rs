@@ -136,12 +136,12 @@ impl Bench {
     /// The data of all frames of an identifier that come within so many milliseconds of these requests.
     fn exchange(&self, requests: &[String], identifier: &str, millis: u32) -> Vec<String> {
         self.simulator.put(requests);
-        let since = self.simulator.done("GET", "/time", "")["now_us"].as_u64();
+        let since = self.simulator.done("GET", "/time", "")["now_us"].as_u64().expect("a time");
         self.act(&format!("advance {millis}"));
         let trace = self.simulator.done("GET", "/trace?limit=1000", "");
         let identifier = u64::from_str_radix(identifier, 16).ok();
         let wanted = trace.as_array().expect("a list").iter();
-        let wanted = wanted.filter(|entry| entry["t_us"].as_u64() > since && entry["id"].as_u64() == identifier);
+        let wanted = wanted.filter(|entry| entry["t_us"].as_u64() > Some(since) && entry["id"].as_u64() == identifier);
         wanted.map(|entry| words(&entry["data"]).to_owned()).collect()
     }
 
@@ -166,7 +166,8 @@ impl Bench {
                 // In segments, of this length.
                 0x41 => {
                     let length = usize::from(u8::from_str_radix(&first[8..10], 16).expect("hex"));
-                    let segment = |number: usize| format!("{}00000000000000", if number % 2 == 0 { 60 } else { 70 });
+                    let segment =
+                        |number: usize| format!("{}00000000000000", if number.is_multiple_of(2) { 60 } else { 70 });
                     let requests = std::iter::once(initiate(object)).chain((0..length.div_ceil(7)).map(segment));
                     let segments = exchange(&requests.collect::<Vec<_>>());
                     segments[1..].iter().map(|segment| &segment[2..]).collect::<String>()[..2 * length].to_owned()

@@ -65,8 +65,11 @@ fn difference(name: &str, expected: &str, actual: &str) -> String {
         }
     };
     show(' ', &old, first.saturating_sub(CONTEXT), first);
-    show('-', &old, first, first + CONTEXT);
-    show('+', &new, first, first + CONTEXT);
+    // As far as none of them is the same again.
+    let differs = |number: &usize| old.get(*number) != new.get(*number);
+    let end = first + (first..first + CONTEXT).take_while(differs).count();
+    show('-', &old, first, end);
+    show('+', &new, first, end);
     let differing = old.iter().zip(&new).filter(|(old, new)| old != new).count() + old.len().abs_diff(new.len());
     let _ = writeln!(text, "{differing} lines differ; meant so: {RENEW}=1 cargo test --test golden\n");
     text
@@ -76,10 +79,10 @@ fn difference(name: &str, expected: &str, actual: &str) -> String {
 fn the_first_difference_is_shown_with_what_stands_before_it() {
     let text = difference("x.txt", "a\nb\nc 1 d\ne", "a\nb\nc 2 d\ne");
     assert!(
-        text.starts_with("tests/golden/x.txt:3: what is expected (-) and what came (+)\n  a\n  b\n- c 1 d\n"),
+        text.starts_with("tests/golden/x.txt:3: what is expected (-) and what came (+)\n  a\n  b\n- c 1 d\n+ c 2 d\n"),
         "{text}"
     );
-    assert!(text.contains("+ c 2 d\n+ e\n1 lines differ; "), "{text}");
+    assert!(text.contains("+ c 2 d\n1 lines differ; "), "{text}");
     let long = |end: &str| format!("{}{end}{}", "x".repeat(1000), "y".repeat(1000));
     let text = difference("x.txt", &long("old"), &long("new"));
     assert!(text.contains(&format!("- …{}old{}…\n", "x".repeat(WIDTH), "y".repeat(WIDTH - 3))), "{text}");
