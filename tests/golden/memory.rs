@@ -122,9 +122,24 @@ fn goes_on(kind: &str, content: &[u8], usual: &BTreeMap<String, String>) -> Stri
         (values, folder.said(&ended.stderr))
     };
     let node = node_id(kind, &folder);
-    let (_, said) = run(&stories::one_more(kind, node));
+    let (_, said) = run(&one_more(kind, node));
     let (after, later) = run(&[]);
     format!("{said}{later}{}", other_than(&after, usual))
+}
+
+/// What makes a device of this node ID store once more.
+fn one_more(kind: &str, node: Option<u64>) -> Vec<String> {
+    let node = node.unwrap_or(0x2C) as u32;
+    let lss = ["send 7E5#0401000000000000", "ask 7E5#112C000000000000 7E4", "ask 7E5#1700000000000000 7E4"];
+    let lss = lss.map(str::to_owned);
+    if kind.ends_with("isobus") {
+        return vec![stories::address(node, 0x8E)];
+    }
+    if node == 0x2C {
+        return lss.to_vec();
+    }
+    let sdo = |data: &str| format!("ask {:03X}#{data} {:03X}", 0x600 + node, 0x580 + node);
+    vec![sdo("2B17100010270000"), sdo("2310100173617665")]
 }
 
 /// The node ID that a device has with a file.
@@ -190,6 +205,23 @@ fn hat1000() {
 #[test]
 fn hat3000() {
     of_kind("hat3000", "hat1000", &[]);
+}
+
+/// The board keeps its records in the same way: its sectors behind the header of a file are the same device.
+#[test]
+fn memories_of_boards() {
+    let mut text = String::new();
+    for kind in KINDS {
+        let (_, usual) = start(kind, &written(kind, "new"), &BTreeMap::new());
+        for story in ["new", "set"] {
+            let path = folder().join(format!("board/{LAYOUT}/{kind}-{story}.hex"));
+            let sectors = dump::parse(&fs::read_to_string(path).expect("the memory of a board"));
+            let header = &written(kind, story)[..damage::HEADER];
+            let (told, _) = start(kind, &[header, &sectors].concat(), &usual);
+            let _ = write!(text, "== {kind}, {story}\n{told}\n");
+        }
+    }
+    check("board/read-by-the-program.txt", &text);
 }
 
 /// Writes the files that are missing, and no other.

@@ -3,7 +3,7 @@
 use super::written;
 
 /// Where the flash begins in a file, and the bytes of its two sectors.
-const HEADER: usize = 16;
+pub(crate) const HEADER: usize = 16;
 const SECTOR: usize = 16 * 1024;
 const ERASED: u8 = 0xFF;
 /// How far one flipped bit is from the next.

@@ -79,7 +79,7 @@ const SENSOR_PARAMETERS: &[&str] = &[
 ];
 
 /// UDS: the address of a valve on ISOBUS.
-fn address(from: u32, to: u32) -> String {
+pub(crate) fn address(from: u32, to: u32) -> String {
     format!("ask {:08X}#042E1001{to:02X} 1BC408F1", 0x1BC7_8800 | from)
 }
 
@@ -114,19 +114,4 @@ pub(crate) fn of(kind: &str) -> Vec<Story> {
         full.lines.push("ask 62A#2310100173617665 5AA".to_owned());
     }
     vec![blank, new, set, restored, full]
-}
-
-/// What makes a device of this node ID store once more.
-pub(crate) fn one_more(kind: &str, node: Option<u64>) -> Vec<String> {
-    let node = node.unwrap_or(0x2C) as u32;
-    let lss = ["send 7E5#0401000000000000", "ask 7E5#112C000000000000 7E4", "ask 7E5#1700000000000000 7E4"];
-    let lss = lss.map(str::to_owned);
-    if kind.ends_with("isobus") {
-        return vec![address(node, 0x8E)];
-    }
-    if node == 0x2C {
-        return lss.to_vec();
-    }
-    let sdo = |data: &str| format!("ask {:03X}#{data} {:03X}", 0x600 + node, 0x580 + node);
-    vec![sdo("2B17100010270000"), sdo("2310100173617665")]
 }

@@ -12,6 +12,7 @@ mod core_alone;
 mod damaged_lines;
 mod f446re;
 mod filters;
+mod golden;
 mod hands;
 mod layout;
 mod leds;
