@@ -5,15 +5,17 @@
 //! `cargo run --package fuzz --bin scenario FILE...` plays the ones that are given.
 #![forbid(unsafe_code)]
 
+mod devices;
 mod scenario;
 
+pub use devices::{devices, flash};
 pub use scenario::scenario;
 
 /// An attack: panics when its bytes break a promise.
 pub type Attack = fn(&[u8]);
 
 /// Every attack with its name: that of its target in `targets/` and of its folder in `cases/`.
-pub const ATTACKS: &[(&str, Attack)] = &[("scenario", scenario)];
+pub const ATTACKS: &[(&str, Attack)] = &[("scenario", scenario), ("devices", devices), ("flash", flash)];
 
 /// The program of a target: given to `cargo fuzz`, it runs the attack with what that one makes up; else with the content
 /// of the files on the command line.

@@ -1,0 +1,245 @@
+//! One or two devices and a master on a simulated bus, in virtual time.
+
+use hal_sim::bus::{Disturbance, EventKind};
+use hal_sim::{BitRate, Duration, Frame, Instant, Kind, Memory, NodeId, Setup, TapId, World};
+use protocol_core::controller::BusErrorMode;
+use protocol_core::device::plant::Plant;
+use protocol_core::time::{after, since};
+
+use super::ledger::Ledger;
+use super::well_formed::check;
+
+/// How many events of the simulated world an attack may take: what makes hours of a busy bus short.
+const EVENTS: u32 = 30_000;
+
+/// A flash that is told to fail at this operation never does.
+const NEVER_FAILS: u64 = u64::MAX;
+
+/// Twice the longest delay, and as long as a flood keeps the request waiting.
+const LSS_SILENCE: Duration = Duration::from_secs(135);
+
+/// A device on the bus.
+pub(super) struct Unit {
+    pub(super) node: NodeId,
+    pub(super) kind: Kind,
+    name: String,
+    /// What is known of its memory.
+    pub(super) ledger: Ledger,
+    /// Writes may have failed since it was last powered up.
+    pub(super) memory_hurt: bool,
+    /// Its memory held anything: records may be damaged until they are written.
+    pub(super) damaged: bool,
+    /// What it has sent since that was last taken.
+    sent: Vec<(Instant, Frame)>,
+}
+
+/// Devices and a master on a bus.
+pub(super) struct Bench {
+    pub(super) world: World,
+    /// The master, which also acknowledges; `None`: the devices are among themselves.
+    master: Option<TapId>,
+    /// Somebody whose frames are more urgent than all others.
+    flood: Option<TapId>,
+    pub(super) units: Vec<Unit>,
+    events_left: u32,
+    /// Until then LSS may keep a device silent.
+    silent_until: Instant,
+}
+
+impl Bench {
+    pub(super) fn new(bit_rate: BitRate) -> Self {
+        let mut world = World::new(bit_rate, 0);
+        world.record_events(true);
+        let master = Some(world.add_tap("master"));
+        Self { world, master, flood: None, units: Vec::new(), events_left: EVENTS, silent_until: Instant::MIN }
+    }
+
+    /// Adds a device, not yet powered. What its memory holds is known when that is new.
+    pub(super) fn add(&mut self, setup: Setup, memory: Memory, is_new: bool) {
+        let name = format!("device-{}", self.units.len());
+        let node = self.world.add_with(&name, setup, memory);
+        let ledger = Ledger::of(setup, is_new);
+        self.units.push(Unit {
+            node,
+            kind: setup.kind,
+            name,
+            ledger,
+            memory_hurt: false,
+            damaged: !is_new,
+            sent: Vec::new(),
+        });
+    }
+
+    pub(super) fn send(&mut self, frame: Frame) {
+        if let Some(master) = self.master {
+            self.world.send(master, frame);
+        }
+    }
+
+    /// Lets time pass, or as much of it as the attack may take.
+    pub(super) fn run(&mut self, time: Duration) {
+        let end = after(self.world.now(), time);
+        while self.world.next_event() <= end && self.events_left > 0 {
+            self.events_left -= 1;
+            self.world.step();
+        }
+        if self.events_left > 0 {
+            self.world.run_until(end);
+        }
+        self.listen();
+    }
+
+    /// Notes what the devices have sent; each frame is one that such a device may send.
+    fn listen(&mut self) {
+        for event in self.world.take_events() {
+            let EventKind::Frame { frame, .. } = event.what else { continue };
+            if let Some(unit) = self.units.iter_mut().find(|unit| *unit.name == *event.who) {
+                check(unit.kind, &frame);
+                unit.sent.push((event.at, frame));
+            }
+        }
+        if let Some(master) = self.master {
+            self.world.take_received(master);
+        }
+        if let Some(flood) = self.flood {
+            self.world.take_received(flood);
+        }
+    }
+
+    /// Forgets what the devices have sent.
+    pub(super) fn forget_sent(&mut self) {
+        self.listen();
+        self.units.iter_mut().for_each(|unit| unit.sent.clear());
+    }
+
+    /// Returns what a device sends in this time from now on.
+    pub(super) fn watch(&mut self, unit: usize, time: Duration) -> Vec<(Instant, Frame)> {
+        self.forget_sent();
+        self.events_left = u32::MAX;
+        self.run(time);
+        std::mem::take(&mut self.units[unit].sent)
+    }
+
+    /// Sends a request and waits for the answer of a device; `None` when there is none in the time that it may take.
+    pub(super) fn ask(&mut self, unit: usize, request: Frame, is_answer: impl Fn(&Frame) -> bool) -> Option<Frame> {
+        self.forget_sent();
+        self.send(request);
+        let end = after(self.world.now(), self.patience());
+        let mut seen = 0;
+        while self.world.next_event() <= end && self.events_left > 0 {
+            self.events_left -= 1;
+            self.world.step();
+            self.listen();
+            let sent = &self.units[unit].sent;
+            if let Some((_, answer)) = sent[seen..].iter().find(|(_, frame)| is_answer(frame)) {
+                return Some(*answer);
+            }
+            seen = sent.len();
+        }
+        None
+    }
+
+    /// Returns how long an answer takes at the most: a write of each record, and the frames that are more urgent.
+    fn patience(&self) -> Duration {
+        Duration::from_millis(250) + self.frame_time() * 50
+    }
+
+    /// Takes note of an LSS activation of a bit rate: the device is silent for twice the delay that it tells.
+    pub(super) fn silence_begins(&mut self) {
+        self.silent_until = after(self.world.now(), LSS_SILENCE);
+    }
+
+    /// Returns how long LSS may keep a device silent from now on.
+    pub(super) fn silence(&self) -> Duration {
+        since(self.silent_until, self.world.now())
+    }
+
+    /// Returns how long a frame takes at the most.
+    pub(super) fn frame_time(&self) -> Duration {
+        Duration::from_micros(160 * 1_000_000 / u64::from(self.world.bit_rate().bits_per_second()))
+    }
+
+    /// Returns the node ID or address in force.
+    pub(super) fn id(&self, unit: usize) -> Option<u8> {
+        self.world.device(self.units[unit].node)?.node_id()
+    }
+
+    /// Returns whether a device's controller is error-active.
+    pub(super) fn is_error_active(&self, unit: usize) -> bool {
+        self.world.port(self.units[unit].node).mode() == BusErrorMode::ErrorActive
+    }
+
+    /// Connects the master, or lets the devices be among themselves.
+    pub(super) fn connect_master(&mut self, connected: bool) {
+        if connected {
+            self.master.get_or_insert_with(|| self.world.add_tap("master"));
+        } else {
+            self.stop_flood();
+            if let Some(master) = self.master.take() {
+                self.world.remove_tap(master);
+            }
+        }
+    }
+
+    /// Lets somebody send so many frames that nobody is more urgent than.
+    pub(super) fn flood(&mut self, count: u16) {
+        let flood = *self.flood.get_or_insert_with(|| self.world.add_tap("flood"));
+        // NMT commands to a node that there is not.
+        let frame = Frame::of(protocol_core::frame::standard(0).into(), &[1, 0xFE]).expect("two bytes");
+        (0..count).for_each(|_| self.world.send(flood, frame));
+    }
+
+    fn stop_flood(&mut self) {
+        if let Some(flood) = self.flood.take() {
+            self.world.remove_tap(flood);
+        }
+    }
+
+    /// Sets bus and master to the bit rate of a device.
+    pub(super) fn follow_bit_rate(&mut self, unit: usize) {
+        if let Some(device) = self.world.device(self.units[unit].node) {
+            let rate = device.bit_rate();
+            if rate != self.world.bit_rate() {
+                self.world.set_bit_rate(rate);
+            }
+        }
+    }
+
+    /// Powers a device up that is off.
+    pub(super) fn power_on(&mut self, unit: usize) {
+        let Unit { node, memory_hurt, .. } = &mut self.units[unit];
+        if !self.world.is_powered(*node) {
+            let memory = self.world.memory_mut(*node);
+            *memory_hurt = memory.write_fails();
+            memory.flash_mut().fail_once_after(NEVER_FAILS);
+            self.world.power(*node, true);
+        }
+    }
+
+    pub(super) fn power_off(&mut self, unit: usize) {
+        self.world.power(self.units[unit].node, false);
+    }
+
+    /// Takes all disturbances away and leaves a device alone with the master, at the device's bit rate.
+    pub(super) fn calm(&mut self, unit: usize) {
+        self.events_left = u32::MAX;
+        self.world.clear_injectors();
+        self.world.disturb(Disturbance::default());
+        self.connect_master(true);
+        self.stop_flood();
+        if let Some(master) = self.master {
+            self.world.withdraw(master);
+        }
+        for number in 0..self.units.len() {
+            let Unit { node, kind, .. } = self.units[number];
+            let healthy = Plant::healthy(kind).words(self.world.now()).collect::<Vec<_>>();
+            self.world.set_plants(node, &healthy).expect("words of its own product");
+            self.world.force_bus_off(node, number != unit);
+            let flash = self.world.memory_mut(node).flash_mut();
+            flash.restore_power();
+            flash.fail_once_after(NEVER_FAILS);
+            self.power_on(number);
+        }
+        self.follow_bit_rate(unit);
+    }
+}

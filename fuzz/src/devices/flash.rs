@@ -1,0 +1,142 @@
+//! A device on a memory that holds anything, whose power is cut at any of its writes.
+
+use std::array;
+use std::sync::OnceLock;
+
+use hal_sim::memory::{ERASED, Flash, SECTOR, SIZE, TornErase, WORD};
+use hal_sim::{BitRate, Duration, Kind, Memory, Setup};
+use protocol_core::memory::{RecordKey, seal};
+
+use super::bench::Bench;
+use super::bytes::Bytes;
+use super::{STEPS_MAX, kind, ledger, rules, steps};
+
+/// The version of the records of all devices.
+const VERSION: u8 = 1;
+
+/// So many words are left in a sector that is nearly full: fewer than a few records take.
+const WORDS_LEFT: usize = 150;
+
+/// The most patches of a content.
+const PATCHES_MAX: u8 = 32;
+
+/// A device on a memory of any content.
+pub fn flash(bytes: &[u8]) {
+    let mut bytes = Bytes(bytes);
+    let kind = kind(bytes.u8());
+    let flash = content(&mut bytes, kind);
+    let mut bench = Bench::new(BitRate::Kbit250);
+    bench.add(Setup { bit_rate: Some(BitRate::Kbit250), ..Setup::<Kind>::new(kind) }, Memory::with_flash(flash), false);
+    bench.power_on(0);
+    bench.follow_bit_rate(0);
+    let ending = bytes.u8();
+    for _ in 0..STEPS_MAX {
+        if bytes.is_empty() {
+            break;
+        }
+        steps::act(&mut bench, &mut bytes);
+    }
+    rules::last_word(&mut bench, 0, ending.into());
+}
+
+/// Something well-formed, and patches.
+fn content(bytes: &mut Bytes<'_>, kind: Kind) -> Flash {
+    let [what, patches, torn_erase, noise] = bytes.array();
+    let mut flash = match what % 4 {
+        0 => Flash::new(),
+        1 => used(kind).clone(),
+        2 => nearly_full(kind, what >> 2),
+        _ => any_records(bytes),
+    };
+    let mut image = flash.image();
+    for _ in 0..patches % PATCHES_MAX {
+        patch(&mut image, bytes);
+    }
+    flash = Flash::from_image(image).expect("of its size");
+    flash.set_torn_erase(TornErase::ALL[usize::from(torn_erase) % TornErase::ALL.len()]);
+    flash.seed_noise(noise.into());
+    if let Some(operations) = torn_erase.checked_sub(0x80) {
+        flash.cut_power_after(operations.into());
+    }
+    flash
+}
+
+/// Damage, somewhere.
+fn patch(image: &mut [u8], bytes: &mut Bytes<'_>) {
+    let at = usize::from(bytes.u16()) % SIZE;
+    let what = bytes.u8();
+    let len = usize::from(what >> 3) * WORD;
+    let range = at..(at + len.max(1)).min(SIZE);
+    match what & 7 {
+        0 => image[at] ^= 1 << (what >> 3 & 7),
+        1 => image[range].fill(0),
+        2 => image[range].fill(ERASED),
+        3 => image[range].fill(bytes.u8()),
+        4 => image[range].iter_mut().for_each(|cell| *cell = bytes.u8()),
+        5 => image[at / SECTOR * SECTOR..][..SECTOR].fill(ERASED),
+        6 => {
+            let (front, back) = image.split_at_mut(SECTOR);
+            front.swap_with_slice(back);
+        }
+        _ => {
+            let mut noise = fastrand::Rng::with_seed(at as u64);
+            image[at / SECTOR * SECTOR..][..SECTOR].iter_mut().for_each(|cell| *cell = noise.u8(..));
+        }
+    }
+}
+
+/// Records that are intact, and hold anything. Not the parameters: their values are checked when a client writes them, and
+/// believed when they are intact.
+fn any_records(bytes: &mut Bytes<'_>) -> Flash {
+    let mut memory = Memory::in_ram();
+    for _ in 0..bytes.u8() % 8 {
+        let key =
+            bytes.one_of(&[RecordKey::Factory, RecordKey::LocalLayer, RecordKey::RestoreFlag, RecordKey::FaultLog]);
+        let [version, len] = bytes.array();
+        let payload: Vec<u8> = (0..len % 128).map(|_| bytes.u8()).collect();
+        let version = if version & 0x80 == 0 { VERSION } else { version };
+        if let Ok(record) = seal(version, &payload) {
+            memory.store(key, &record).expect("a healthy flash");
+        }
+    }
+    memory.flash().clone()
+}
+
+/// What is in the memory of a device whose clients have stored everything, some of it twice.
+fn used(kind: Kind) -> &'static Flash {
+    static FLASHES: OnceLock<[Flash; Kind::ALL.len()]> = OnceLock::new();
+    let flashes = FLASHES.get_or_init(|| array::from_fn(|number| use_up(Kind::ALL[number])));
+    &flashes[Kind::ALL.iter().position(|other| *other == kind).expect("a kind")]
+}
+
+fn use_up(kind: Kind) -> Flash {
+    let mut bench = Bench::new(BitRate::Kbit250);
+    bench.add(Setup { bit_rate: Some(BitRate::Kbit250), ..Setup::<Kind>::new(kind) }, Memory::in_ram(), true);
+    bench.power_on(0);
+    for internal_fault in [true, false] {
+        let node = bench.units[0].node;
+        bench.world.set_plant(node, hal_sim::Plant::InternalFault(internal_fault)).expect("a word of all products");
+        ledger::save(&mut bench, 0);
+        ledger::write_by_uds(&mut bench, 0, 0x83);
+        ledger::store_by_lss(&mut bench, 0, 0x21, Some(BitRate::Kbit250));
+        bench.run(Duration::from_secs(12));
+    }
+    ledger::load(&mut bench, 0);
+    bench.world.memory(bench.units[0].node).flash().clone()
+}
+
+/// The same, in a sector that is nearly full, and so many records later.
+fn nearly_full(kind: Kind, later: u8) -> Flash {
+    let mut memory = Memory::with_flash(used(kind).clone());
+    let image = memory.read_image();
+    let Ok(Some(payload)) = image.payload(RecordKey::LocalLayer, VERSION) else { return used(kind).clone() };
+    let record = seal(VERSION, payload).expect("a record");
+    let mut left = u32::from(later % 16);
+    while memory.flash().words_in_use() < SECTOR / WORD - WORDS_LEFT || left > 0 {
+        if memory.flash().words_in_use() >= SECTOR / WORD - WORDS_LEFT {
+            left -= 1;
+        }
+        memory.store(RecordKey::LocalLayer, &record).expect("a healthy flash");
+    }
+    memory.flash().clone()
+}

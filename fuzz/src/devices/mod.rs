@@ -1,0 +1,72 @@
+//! Attacks on the devices: behind their port on a bus, and behind their memory.
+//!
+//! The attack is followed by *the last word*: all disturbances are taken away, and what the devices do then is compared
+//! with plain rules, told here again from docs/behaviour.md.
+//!
+//! ```text
+//! flash        memories that hold anything
+//! bytes        the bytes of an attack
+//! bench        one or two devices and a master on a simulated bus
+//! steps        what can happen around them: frames, plants, power, bus, memory, clients, time
+//! frames       frames that are like those that the devices know
+//! client       a client that reads and writes objects
+//! objects      the objects that are stored, with their defaults
+//! ledger       what clients were told is stored, and what a start has to find therefore
+//! well_formed  what a device may send at any time
+//! rules/       the last word
+//! ```
+
+mod bench;
+mod bytes;
+mod client;
+mod flash;
+mod frames;
+mod ledger;
+mod objects;
+mod rules;
+mod steps;
+mod well_formed;
+
+use hal_sim::{Kind, Memory, Setup};
+use protocol_core::device::Protocol;
+
+pub use flash::flash;
+
+use bench::Bench;
+use bytes::Bytes;
+use rules::Ending;
+
+/// The serial number of the second device: no twin of the first.
+const SECOND_SERIAL: u32 = 2;
+
+/// The most steps of an attack.
+const STEPS_MAX: u32 = 300;
+
+/// One or two devices on a bus, and whatever can happen around them.
+pub fn devices(bytes: &[u8]) {
+    let mut bytes = Bytes(bytes);
+    let [first, second, how, ending] = bytes.array();
+    let kind = kind(first);
+    let rates = kind.bit_rates();
+    let mut bench = Bench::new(rates[usize::from(how >> 1) % rates.len()]);
+    let blank = how & 1 == 1 && kind.protocol() == Protocol::Canopen;
+    let setup = Setup::<Kind>::new(kind);
+    let node_id = setup.node_id.filter(|_| !blank);
+    bench.add(Setup { node_id, bit_rate: Some(bench.world.bit_rate()), ..setup }, Memory::in_ram(), true);
+    if let Some(second) = second.checked_sub(0x80) {
+        let setup = Setup::<Kind>::new(self::kind(second));
+        bench.add(Setup { serial: Some(SECOND_SERIAL), ..setup }, Memory::in_ram(), true);
+    }
+    (0..bench.units.len()).for_each(|unit| bench.power_on(unit));
+    for _ in 0..STEPS_MAX {
+        if bytes.is_empty() {
+            break;
+        }
+        steps::act(&mut bench, &mut bytes);
+    }
+    (0..bench.units.len()).for_each(|unit| rules::last_word(&mut bench, unit, Ending::from(ending)));
+}
+
+fn kind(byte: u8) -> Kind {
+    Kind::ALL[usize::from(byte) % Kind::ALL.len()]
+}

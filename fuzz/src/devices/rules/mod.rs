@@ -1,0 +1,78 @@
+//! The last word: what a device does when nothing is in its way any more.
+
+mod canopen;
+mod isobus;
+mod sensor;
+mod valve;
+
+use hal_sim::{Duration, Frame, Instant};
+use protocol_core::device::Protocol;
+use protocol_core::time::since;
+
+use super::bench::Bench;
+use super::ledger;
+
+/// After this a device has nothing left to do that was begun: what failed is tried again after 10 s (SPEC 4.5, 6).
+const SETTLED: Duration = Duration::from_millis(11_500);
+
+/// What a client stores before the power is cut.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Ending {
+    Nothing,
+    Save,
+    Load,
+    Lss,
+    Uds,
+}
+
+impl From<u8> for Ending {
+    fn from(byte: u8) -> Self {
+        match byte % 5 {
+            0 => Self::Nothing,
+            1 => Self::Save,
+            2 => Self::Load,
+            3 => Self::Lss,
+            _ => Self::Uds,
+        }
+    }
+}
+
+/// Takes all disturbances away and checks what a device does then, and after a power cut.
+pub(super) fn last_word(bench: &mut Bench, unit: usize, ending: Ending) {
+    bench.calm(unit);
+    bench.watch(unit, bench.silence().max(SETTLED));
+    // The rate may have been changed meanwhile.
+    bench.follow_bit_rate(unit);
+    bench.watch(unit, Duration::from_millis(100));
+    match bench.units[unit].kind.protocol() {
+        Protocol::Canopen => canopen::last_word(bench, unit, ending),
+        Protocol::Isobus => isobus::last_word(bench, unit, ending),
+    }
+}
+
+/// Stores what the attack says, and cuts the power the moment that a client was told so.
+fn cut(bench: &mut Bench, unit: usize, ending: Ending) {
+    let is_isobus = bench.units[unit].kind.protocol() == Protocol::Isobus;
+    let is_mute = is_isobus || bench.id(unit).is_none();
+    match ending {
+        Ending::Nothing => {}
+        Ending::Save => assert!(ledger::save(bench, unit) || is_mute, "a healthy memory takes everything"),
+        Ending::Load => ledger::load(bench, unit),
+        Ending::Lss => assert!(ledger::store_by_lss(bench, unit, 0x55, None) || is_isobus, "LSS stores"),
+        Ending::Uds => ledger::write_by_uds(bench, unit, 0x85),
+    }
+    bench.power_off(unit);
+    bench.watch(unit, Duration::from_millis(5));
+    bench.units[unit].ledger.start();
+}
+
+/// Frames come at this distance, but for what arbitration takes.
+#[track_caller]
+fn assert_period(bench: &Bench, sent: &[(Instant, Frame)], period: Duration) {
+    let late = bench.frame_time() * 2;
+    for pair in sent.windows(2) {
+        let distance = since(pair[1].0, pair[0].0);
+        let is_due = distance + late >= period && distance <= period + late;
+        assert!(is_due, "{} us for {} us between {}", distance.as_micros(), period.as_micros(), pair[0].1);
+    }
+}

@@ -1,0 +1,225 @@
+//! What can happen around the devices, read from the bytes of an attack.
+
+use hal_sim::bus::{BitErrors, Disturbance, Injector};
+use hal_sim::memory::TornErase;
+use hal_sim::{Duration, Frame, Kind, Plant};
+use protocol_core::actuator::SpoolFault;
+use protocol_core::device::{Protocol, StartCause};
+use protocol_core::frame::{Id, extended, standard};
+
+use super::bench::Bench;
+use super::bytes::Bytes;
+use super::{frames, ledger};
+
+/// How long the bus has after a frame, unless frames pile up.
+const PAUSE: Duration = Duration::from_millis(2);
+
+/// How long answers to earlier requests take.
+const SETTLED: Duration = Duration::from_millis(100);
+
+/// Bits of the first byte of a step: frames pile up; the second device. The others say what happens.
+const PILE_UP: u8 = 0x80;
+const SECOND: u8 = 0x40;
+
+/// Every frame on the bus is destroyed, or the frames of one device.
+struct Jammer(Option<String>);
+
+impl Injector for Jammer {
+    fn disturb(&mut self, from: &str, _: &Frame, bits: u32) -> Option<u32> {
+        self.0.as_ref().is_none_or(|jammed| jammed == from).then_some(bits / 2)
+    }
+}
+
+/// Lets the next step happen.
+pub(super) fn act(bench: &mut Bench, bytes: &mut Bytes<'_>) {
+    let step = bytes.u8();
+    let unit = usize::from(step & SECOND != 0) % bench.units.len();
+    let id = bench.id(unit).unwrap_or(bench.units[unit].kind.default_node_id());
+    let kind = bench.units[unit].kind;
+    let frame = match step & 0x3F {
+        0..=7 => frames::sdo(bytes, kind, id),
+        8 => Frame::full(standard(0x600 + u16::from(id & 0x7F)).into(), bytes.array()),
+        9 | 10 => frames::nmt(bytes, id),
+        11..=13 => frames::lss(bytes, kind),
+        14 | 15 => frames::rpdo(bytes, id),
+        16 => frames::sync_or_emcy(bytes),
+        17 | 18 => frames::uds(bytes, id),
+        19..=21 => frames::command(bytes, id),
+        22 | 23 => frames::request(bytes, id),
+        24 => frames::claim(bytes, id),
+        25 => frames::transport(bytes, id),
+        26 => frames::any(bytes),
+        other => return around(bench, unit, other, bytes),
+    };
+    send(bench, frame);
+    if step & PILE_UP == 0 {
+        bench.run(PAUSE);
+    }
+}
+
+/// Sends a frame of which anybody may know what it does.
+fn send(bench: &mut Bench, frame: Frame) {
+    for unit in &mut bench.units {
+        unit.ledger.hear(unit.kind, &frame);
+    }
+    if frame.id() == standard(0x7E5).into() && frame.bytes()[0] == 0x15 {
+        bench.silence_begins();
+    }
+    bench.send(frame);
+}
+
+/// Lets something other than a frame happen.
+fn around(bench: &mut Bench, unit: usize, step: u8, bytes: &mut Bytes<'_>) {
+    let node = bench.units[unit].node;
+    bench.forget_sent();
+    match step {
+        27..=31 => bench.run(time(bytes.u8())),
+        32..=35 => {
+            let plant = plant(bytes, bench.units[unit].kind);
+            // Words of the other product, and values that cannot be, are refused.
+            let _ = bench.world.set_plant(node, plant);
+            bench.units[unit].memory_hurt |= bench.world.memory(node).write_fails();
+        }
+        36 => {
+            bench.power_off(unit);
+            bench.run(time(bytes.u8()));
+            bench.units[unit].ledger.start();
+            bench.power_on(unit);
+        }
+        37 => {
+            bench.world.power_with(node, StartCause::Watchdog);
+            bench.units[unit].ledger.start();
+        }
+        38 => {
+            let operations = u64::from(bytes.u16() % 1024);
+            bench.world.memory_mut(node).flash_mut().cut_power_after(operations);
+        }
+        39 => {
+            let operations = u64::from(bytes.u16() % 1024);
+            bench.units[unit].memory_hurt = true;
+            bench.world.memory_mut(node).flash_mut().fail_once_after(operations);
+        }
+        40 => {
+            let flash = bench.world.memory_mut(node).flash_mut();
+            flash.set_torn_erase(TornErase::ALL[usize::from(bytes.u8()) % TornErase::ALL.len()]);
+            flash.seed_noise(bytes.u8().into());
+        }
+        41 => bench.world.disturb(Disturbance { frames: bytes.u8().into(), id: None }),
+        42 => match bytes.u8() % 4 {
+            0 => bench.world.clear_injectors(),
+            1 => bench.world.inject(Jammer(None)),
+            2 => bench.world.inject(Jammer(Some(bench.world.name(node).to_owned()))),
+            _ => {
+                let noise = BitErrors::one_in(u64::from(bytes.u8()) * 16 + 16, 0);
+                bench.world.inject(noise.expect("more than zero"));
+            }
+        },
+        43 => bench.connect_master(bytes.flag()),
+        44 => {
+            let on = bytes.flag();
+            bench.world.force_bus_off(node, on);
+        }
+        45 => bench.flood(u16::from(bytes.u8()) * 4),
+        46 => bench.follow_bit_rate(unit),
+        47..=51 => {
+            // What others have asked for is answered first.
+            bench.run(SETTLED);
+            store(bench, unit, step, bytes);
+        }
+        52 => commanded_address(bench, unit, bytes),
+        53 => activate(bench, unit),
+        54 => cyclic(bench, unit, bytes.u8()),
+        55 => {
+            let count = bytes.u8();
+            (0..count).for_each(|_| guard(bench, unit));
+        }
+        _ => bench.run(PAUSE),
+    }
+}
+
+/// A client stores something, and knows what.
+fn store(bench: &mut Bench, unit: usize, step: u8, bytes: &mut Bytes<'_>) {
+    match step {
+        47 | 48 => _ = ledger::save(bench, unit),
+        49 => ledger::load(bench, unit),
+        50 => {
+            let rates = bench.units[unit].kind.bit_rates();
+            let [node_id, rate] = bytes.array();
+            ledger::store_by_lss(bench, unit, node_id & 0x7F, rates.get(usize::from(rate)).copied());
+        }
+        _ => ledger::write_by_uds(bench, unit, bytes.u8()),
+    }
+}
+
+/// From a microsecond to hours, most of them short.
+fn time(byte: u8) -> Duration {
+    Duration::from_micros(u64::from(1 + (byte & 0xF)) << (2 * (byte >> 4)))
+}
+
+fn plant(bytes: &mut Bytes<'_>, kind: Kind) -> Plant {
+    let spool = [SpoolFault::None, SpoolFault::Stuck, SpoolFault::Slow, SpoolFault::Drifting, SpoolFault::NoFloat];
+    match (bytes.u8() % 8, kind) {
+        (0, _) => Plant::InternalFault(bytes.flag()),
+        (1, _) => Plant::MemoryFails(bytes.flag()),
+        (2 | 3, Kind::Pve(_)) => {
+            Plant::SupplyMv(bytes.known_or_any(&[24_000, 8_999, 9_000, 11_000, 11_001, 36_000, 36_001, 32_000, 31_999]))
+        }
+        (4, Kind::Pve(_)) => Plant::TemperatureC(bytes.one_of(&[25, 121, 120, 115, 114, -40, -41, -35, -34, i16::MIN])),
+        (5, Kind::Pve(_)) => Plant::Lever(bytes.flag().then(|| bytes.u16().cast_signed())),
+        (_, Kind::Pve(_)) => Plant::Spool(bytes.one_of(&spool)),
+        (2 | 3, Kind::Hat(_)) => Plant::AngleCdeg(u32::from(bytes.u16())),
+        (4 | 5, Kind::Hat(_)) => Plant::SpeedRpm(bytes.u32().cast_signed()),
+        (_, Kind::Hat(_)) => Plant::MeasuringError(bytes.flag()),
+    }
+}
+
+/// Somebody gives a valve on ISOBUS another address: three frames.
+fn commanded_address(bench: &mut Bench, unit: usize, bytes: &mut Bytes<'_>) {
+    let address = 0x80 | bytes.u8() & 0x1F;
+    let serial = if unit == 0 { 1 } else { super::SECOND_SERIAL as u8 };
+    let frame = |id, data| Frame::full(extended(id).into(), data);
+    send(bench, frame(0x1CEC_FF27, [0x20, 9, 0, 2, 0xFF, 0xD8, 0xFE, 0]));
+    send(bench, frame(0x1CEB_FF27, [1, serial, 0x00, 0x20, 0x07, 0x08, 0xFF, 0x02]));
+    send(bench, frame(0x1CEB_FF27, [2, 0x20, address, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF]));
+    bench.run(PAUSE);
+}
+
+/// A machine controller takes the device to work: use case 1, two commands on ISOBUS, NMT start of a sensor.
+fn activate(bench: &mut Bench, unit: usize) {
+    let Some(id) = bench.id(unit) else { return };
+    if bench.units[unit].kind.protocol() == Protocol::Canopen {
+        send(bench, Frame::of(standard(0).into(), &[1, id]).expect("two bytes"));
+    }
+    for _ in 0..3 {
+        guard(bench, unit);
+    }
+}
+
+/// A machine controller's cyclic command: a set-point, and 100 ms.
+fn guard(bench: &mut Bench, unit: usize) {
+    let Some(id) = bench.id(unit) else { return };
+    let frame: (Id, [u8; 8], u8) = match bench.units[unit].kind.protocol() {
+        Protocol::Canopen => (standard(0x200 + u16::from(id)).into(), [0x0F, 0, 0, 0x20, 0, 0, 0, 0], 4),
+        Protocol::Isobus => {
+            (extended(0x0CFE_3027 | u32::from(id & 0xF) << 8).into(), [0, 0xFF, 0x30, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF], 8)
+        }
+    };
+    let (id, data, len) = frame;
+    bench.send(Frame::with_len(id, data, len));
+    bench.run(Duration::from_millis(100));
+}
+
+/// A client sets a heartbeat and, of a sensor, a TPDO by its event timer.
+fn cyclic(bench: &mut Bench, unit: usize, ms: u8) {
+    let Some(id) = bench.id(unit).filter(|id| *id < 0x80).map(u16::from) else { return };
+    let [low, high] = (0x180 + id).to_le_bytes();
+    for data in [
+        [0x2B, 0x17, 0x10, 0, ms, 0, 0, 0],
+        [0x2F, 0x00, 0x18, 2, 0xFE, 0, 0, 0],
+        [0x2B, 0x00, 0x18, 5, ms, 0, 0, 0],
+        [0x23, 0x00, 0x18, 1, low, high, 0, 0],
+    ] {
+        send(bench, Frame::full(standard(0x600 + id).into(), data));
+    }
+    bench.run(PAUSE);
+}

@@ -1,0 +1,4 @@
+//! `cargo fuzz run devices`.
+#![cfg_attr(fuzzing, no_main)]
+
+fuzz::target!(devices);

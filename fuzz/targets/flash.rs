@@ -1,0 +1,4 @@
+//! `cargo fuzz run flash`.
+#![cfg_attr(fuzzing, no_main)]
+
+fuzz::target!(flash);
