@@ -2,6 +2,12 @@
 
 use std::io::{self, Write};
 
+/// Returns a text in one line: control characters in it, which somebody has written, are escaped.
+pub(crate) fn in_one_line(text: &str) -> String {
+    let escaped = |char: char| if char.is_control() { char.escape_default().to_string() } else { char.to_string() };
+    text.chars().map(escaped).collect()
+}
+
 /// The output of a command that goes on when nothing more can be written, and tells that at its end.
 #[derive(Debug)]
 pub struct Output<W: Write> {

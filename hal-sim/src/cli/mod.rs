@@ -17,6 +17,7 @@ use self::recordings::{DecodeArgs, ReplayArgs};
 use crate::decode::DecodeOptions;
 use crate::describe;
 use crate::kind::Kind;
+use crate::output::in_one_line;
 use crate::replay::ReplayOptions;
 use crate::run::RunOptions;
 use crate::scenario::Options;
@@ -180,6 +181,14 @@ fn use_cases(word: &str) -> Result<UseCases, String> {
 /// # Errors
 /// [`UsageError`] for anything that is not accepted.
 pub fn parse<I, T>(args: I) -> Result<Request, UsageError>
+where
+    I: IntoIterator<Item = T>,
+    T: Into<OsString> + Clone,
+{
+    read(args).map_err(|UsageError(reason)| UsageError(in_one_line(&reason)))
+}
+
+fn read<I, T>(args: I) -> Result<Request, UsageError>
 where
     I: IntoIterator<Item = T>,
     T: Into<OsString> + Clone,

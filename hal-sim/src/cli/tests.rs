@@ -41,6 +41,15 @@ fn printed(line: &str) -> String {
     }
 }
 
+/// What is quoted from the command line adds no lines of its own.
+#[test]
+fn a_refusal_is_one_line_whatever_it_quotes() {
+    for argument in ["--device=pvea\npve-sim ready", "\rhello", "--speed=1\u{1B}[2J", "--what\n\n"] {
+        let UsageError(text) = parse(["pve-sim", argument]).expect_err(argument);
+        assert!(!text.chars().any(char::is_control), "{text:?}");
+    }
+}
+
 #[test]
 fn defaults() {
     let options = run("");

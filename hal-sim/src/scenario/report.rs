@@ -7,6 +7,7 @@ use protocol_core::time::{Duration, Instant, since};
 
 use super::history::{Heard, History};
 use super::script::{Begin, Step, Wanted};
+use crate::output::in_one_line;
 use crate::state::{DeviceState, Pattern};
 
 /// What came of a scenario.
@@ -286,7 +287,7 @@ pub(super) fn time(at: Instant) -> String {
 impl fmt::Display for Outcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if !self.title.is_empty() {
-            write!(f, "{}; ", self.title)?;
+            write!(f, "{}; ", in_one_line(&self.title))?;
         }
         let steps = if self.steps == 1 { "step" } else { "steps" };
         write!(f, "{} {steps} in {}", self.steps, time(self.end))

@@ -11,6 +11,7 @@ use crate::bus::Disturbance;
 use crate::devices::{self, DeviceSpec, LinkSpec, NamedDevice, NamedLink};
 use crate::kind::Kind;
 use crate::memory::Memory;
+use crate::output::in_one_line;
 use crate::state::{
     self, BusChange, Disturb, Identifier, Invalid, Pattern, PlantChange, Power, PowerChange, StateCondition,
 };
@@ -115,6 +116,10 @@ impl Scenario {
     /// # Errors
     /// [`ReadError`] with the line of the first thing that is not accepted.
     pub fn parse(text: &str) -> Result<Self, ReadError> {
+        Self::read(text).map_err(|ReadError { line, reason }| ReadError { line, reason: in_one_line(&reason) })
+    }
+
+    fn read(text: &str) -> Result<Self, ReadError> {
         let ScenarioFile { title, devices, links, bit_rate, allow_clash, steps } = file::read(text)?;
         let at = |place: usize| move |reason: String| ReadError { line: Some(file::line_of(text, place)), reason };
         let first = devices.first().map_or(0, |device| device.span().start);

@@ -2,6 +2,16 @@
 
 use super::*;
 
+/// What is quoted from the file adds no lines of its own.
+#[test]
+fn a_refusal_and_a_verdict_are_one_line_whatever_they_quote() {
+    let (_, reason) = refusal("devices = [\"pvea-c\\nopen\"]\nsteps = [{}]");
+    assert!(reason.starts_with("unknown kind 'pvea-c\\nopen'"), "{reason}");
+    let text = "title = \"one\\n1 passed, 0 failed\"\ndevices = [\"hat1000\"]\nsteps = [{ expect = \"701\" }]";
+    let verdict = Scenario::parse(text).expect("a scenario").run(1).to_string();
+    assert!(verdict.starts_with("one\\n1 passed, 0 failed; 1 step in "), "{verdict}");
+}
+
 /// A cyclic frame that is not there cannot be stopped: the one that was meant would go on.
 #[test]
 fn only_a_cyclic_frame_is_stopped() {
