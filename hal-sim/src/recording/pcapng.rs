@@ -180,8 +180,7 @@ fn take(
     match block {
         PcapBlockOwned::NG(Block::SectionHeader(_)) => interfaces.clear(),
         PcapBlockOwned::NG(Block::InterfaceDescription(described)) => interfaces.push(Interface {
-            // A blank would end the name in a line of candump.
-            name: described.if_name().and_then(Result::ok).unwrap_or("can0").replace(char::is_whitespace, "_"),
+            name: name(described.if_name().and_then(Result::ok).unwrap_or_default()),
             link_type: described.linktype.0,
             resolution: resolution(described.if_tsresol),
             offset: described.if_tsoffset,
@@ -201,6 +200,12 @@ fn take(
         _ => {}
     }
     None
+}
+
+/// Returns the name of a bus in a line of candump, which a blank would end.
+fn name(told: &str) -> String {
+    let name = if told.is_empty() { "can0" } else { told };
+    name.replace(|char: char| char.is_whitespace() || char.is_control(), "_")
 }
 
 /// Returns the units in a second: a power of 10, or with the highest bit one of 2. One beyond all clocks counts as the

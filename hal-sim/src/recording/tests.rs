@@ -193,6 +193,19 @@ fn texts_as_editors_write_them() {
     assert!(errors.len() == 1 && errors[0].starts_with("1: no line of candump: "), "{errors:?}");
 }
 
+/// A line of candump has the name of its bus as one word.
+#[test]
+fn the_bus_of_pcapng_has_a_name_of_one_word() {
+    for (told, name) in [("", "can0"), ("a b", "a_b"), ("a\u{1B}\n", "a__"), ("vcan0", "vcan0")] {
+        let start = Timestamp::from_micros(1);
+        let mut writer = Writer::new(Vec::new(), Format::Pcapng, told, start).unwrap();
+        writer.write(&frame(1, "720: 00")).unwrap();
+        let mut reader = Reader::new(Cursor::new(writer.finish().unwrap()), Format::Pcapng).unwrap();
+        assert!(reader.next().is_some_and(|entry| entry.is_ok()));
+        assert_eq!(reader.bus(), name, "{told:?}");
+    }
+}
+
 /// The format before pcapng is refused as a whole, in one line.
 #[test]
 fn pcap_is_refused() {
