@@ -36,6 +36,7 @@ pub use message::Message;
 #[cfg(test)]
 pub(crate) use message::{Answer, Refusal, Waited};
 pub(crate) use server::Server;
+pub use server::serve;
 
 /// The name of the controller of the control interface in traces.
 pub(crate) const SENDER: &str = "http";

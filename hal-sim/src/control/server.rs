@@ -10,7 +10,8 @@ use axum::{Extension, Router};
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
-use tokio::net::{TcpListener, TcpStream};
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::net::TcpListener;
 use tokio::runtime;
 
 use super::connection::{Connection, Connections, Watched};
@@ -71,10 +72,12 @@ async fn accept(listener: TcpListener, router: Router, places: usize) {
             let _ = stream.try_write(FULL);
             continue;
         };
+        // Without it the events of the bus would wait for each other.
+        let _ = stream.set_nodelay(true);
         let (router, connections) = (router.clone(), Arc::clone(&connections));
         tokio::spawn(async move {
             tokio::select! {
-                () = serve(stream, router, Arc::clone(&connection)) => {}
+                () = converse(stream, router, Arc::clone(&connection)) => {}
                 () = connection.dismissed() => {}
             }
             connections.leave(&connection);
@@ -82,9 +85,14 @@ async fn accept(listener: TcpListener, router: Router, places: usize) {
     }
 }
 
-async fn serve(stream: TcpStream, router: Router, connection: Arc<Connection>) {
-    // Without it the events of the bus would wait for each other.
-    let _ = stream.set_nodelay(true);
+/// Serves one client over any stream, which counts as accepted at an address, until it leaves.
+pub async fn serve(stream: impl AsyncRead + AsyncWrite + Unpin, local: SocketAddr, world: Entrance) {
+    if let Some(connection) = Connections::new(1).admit(local) {
+        converse(stream, router(world), connection).await;
+    }
+}
+
+async fn converse(stream: impl AsyncRead + AsyncWrite + Unpin, router: Router, connection: Arc<Connection>) {
     let service = TowerToHyperService::new(router.layer(Extension(Arc::clone(&connection))));
     let stream = TokioIo::new(Watched { stream, connection });
     // Whatever ends a connection ends that one alone.

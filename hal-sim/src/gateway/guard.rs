@@ -17,7 +17,7 @@ use super::{Entrance, ToWorld};
 
 /// The verdict on the first bytes of a connection.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Verdict {
+pub enum Verdict {
     /// Bytes that begin both a message of the protocol and a request of a browser.
     #[default]
     Undecided,
@@ -28,11 +28,11 @@ pub(super) enum Verdict {
 }
 
 /// Judges one byte; all bytes before it were undecided.
-pub(super) type Judge = fn(u8) -> Verdict;
+pub type Judge = fn(u8) -> Verdict;
 
 /// A reader that fails for good at the first foreign byte, and passes nothing of the read that has it.
 #[derive(Debug)]
-pub(super) struct Guarded<R> {
+pub struct Guarded<R> {
     reader: R,
     judge: Judge,
     verdict: Verdict,
@@ -41,7 +41,8 @@ pub(super) struct Guarded<R> {
 
 impl<R> Guarded<R> {
     /// Returns a reader with its judge, and the warning of its bus.
-    pub(super) fn new(reader: R, judge: Judge, warning: Arc<ForeignWarning>) -> Self {
+    #[must_use]
+    pub fn new(reader: R, judge: Judge, warning: Arc<ForeignWarning>) -> Self {
         Self { reader, judge, verdict: Verdict::Undecided, warning }
     }
 }
@@ -69,7 +70,7 @@ impl<R: AsyncRead + Unpin> AsyncRead for Guarded<R> {
 
 /// The warning of foreign connections to one bus, told once.
 #[derive(Debug)]
-pub(super) struct ForeignWarning {
+pub struct ForeignWarning {
     url: String,
     world: Entrance,
     has_told: AtomicBool,
@@ -77,7 +78,8 @@ pub(super) struct ForeignWarning {
 
 impl ForeignWarning {
     /// Returns the warning of the bus at this URL.
-    pub(super) fn new(url: String, world: Entrance) -> Self {
+    #[must_use]
+    pub const fn new(url: String, world: Entrance) -> Self {
         Self { url, world, has_told: AtomicBool::new(false) }
     }
 

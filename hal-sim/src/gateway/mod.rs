@@ -28,11 +28,12 @@ pub mod slcan;
 mod socketcan;
 pub mod socketcand;
 mod tcp;
-mod udp_multicast;
+pub mod udp_multicast;
 
 pub use address::{Access, Address, Gateway, OpenError, Opening, Parse, Scheme};
 pub use bus_url::BusUrl;
 pub use entrance::{Arrival, Entrance, Inbox};
+pub use guard::{ForeignWarning, Guarded, Judge, Verdict};
 pub use outbox::{CREDIT, Credit, Leash, Mailbox, Outbox, Overrun, QUEUE};
 pub(crate) use tcp::{WAITING, joinable};
 

@@ -21,6 +21,7 @@ use crate::control::Desk;
 use crate::devices::RateWatch;
 use crate::explain::Explainer;
 use crate::gateway::{Arrival, ToWorld};
+use crate::kind::Kind;
 use crate::speed::Speed;
 use crate::trace::{Errors, Timestamp};
 use crate::world::{Event, SUPPLY_JITTER, World};
@@ -123,17 +124,22 @@ impl<O: Outside> Driver<O> {
         Ok(driver)
     }
 
+    /// Puts a control interface in charge, of a world with devices of these kinds; time passes from now on as `speed`
+    /// has it, which is the driver's or [`Speed::Step`].
+    #[must_use]
+    pub fn controlled(mut self, kinds: &[Kind], speed: Speed) -> Self {
+        self.is_stepped = speed == Speed::Step;
+        self.desk = Some(Desk::new(kinds, speed, &mut self.world));
+        self
+    }
+
     /// Powers the devices and runs until the end comes; then lets the devices store what they have to.
     ///
     /// Returns whether everything was stored, and the log and stdout took all that was written.
     pub(super) fn run(mut self) -> bool {
         self.power_on();
         while !self.outside.is_ending() {
-            if self.is_stepped {
-                self.turn_stepped();
-            } else {
-                self.turn();
-            }
+            self.turn();
         }
         self.warn_of_memories();
         self.world.flush_all();
@@ -166,8 +172,12 @@ impl<O: Outside> Driver<O> {
         }
     }
 
-    /// Lets the world catch up with the next message, which then takes effect, or with the clock, and waits.
+    /// Lets the world catch up with the next message, which then takes effect, or with the clock, and waits. Stepped time
+    /// passes as far as a call of the control interface has it.
     pub fn turn(&mut self) {
+        if self.is_stepped {
+            return self.turn_stepped();
+        }
         let now = self.outside.now();
         let warning = self.time.look(now, self.world.now());
         self.warn(warning);

@@ -30,8 +30,7 @@ mod session;
 #[cfg(unix)]
 mod terminal;
 
-#[cfg(test)]
-pub(super) use protocol::judge;
-pub use protocol::{Command, Parser, Refused, emit_frame};
+pub use protocol::{Command, Parser, Refused, emit_frame, judge};
 pub(super) use pty::SCHEME as PTY;
 pub(super) use server::SCHEME as TCP;
+pub use session::{End, Line, serve};

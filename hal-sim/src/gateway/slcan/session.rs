@@ -17,18 +17,18 @@ use crate::gateway::{ClientId, Entrance, Leash, Mailbox, Outbox, Reply, ToClient
 
 /// The serial line that a client is at.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Line<'a> {
+pub struct Line<'a> {
     /// Its URL, for warnings.
-    pub(super) url: &'a str,
+    pub url: &'a str,
     /// The time that a client has to open the channel; `None`: all the time that it takes.
-    pub(super) patience: Option<Duration>,
+    pub patience: Option<Duration>,
     /// The time that a client has to read its last answers after its own last word.
-    pub(super) farewell: Duration,
+    pub farewell: Duration,
 }
 
 /// Why a session has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum End {
+pub enum End {
     /// The client is gone.
     Left,
     /// The client did not read what it was sent.
@@ -36,7 +36,7 @@ pub(super) enum End {
 }
 
 /// Serves one client until it leaves, fails, or is told to go because it does not keep up.
-pub(super) async fn serve(
+pub async fn serve(
     reader: impl AsyncRead + Unpin,
     writer: impl AsyncWrite + Unpin,
     world: Entrance,

@@ -25,9 +25,9 @@ mod protocol;
 mod server;
 mod session;
 
-#[cfg(test)]
-pub(super) use protocol::judge;
-pub use protocol::{ECHO, HI, MESSAGE_MAX, OK, Parser, Request, RequestError, emit_error, emit_frame, emit_refusal};
+pub use protocol::{
+    ECHO, HI, MESSAGE_MAX, OK, Parser, Request, RequestError, emit_error, emit_frame, emit_refusal, judge,
+};
 pub(super) use server::SCHEME;
 pub use server::ServerAddress;
 pub use session::serve;

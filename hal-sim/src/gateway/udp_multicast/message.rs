@@ -46,7 +46,7 @@ const fn yes() -> bool {
 
 /// Why a datagram is no frame of this bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub(super) enum NoFrame {
+pub enum NoFrame {
     /// Something else.
     #[error("no message of python-can")]
     Nonsense,
@@ -65,7 +65,11 @@ pub(super) enum NoFrame {
 ///
 /// # Errors
 /// [`NoFrame`] for what is no frame of classic CAN.
-pub(super) fn parse(datagram: &[u8]) -> Result<Frame, NoFrame> {
+pub fn parse(datagram: &[u8]) -> Result<Frame, NoFrame> {
+    // A list without keys would be read, too, member by member.
+    if !matches!(datagram.first(), Some(0x80..=0x8F | 0xDE | 0xDF)) {
+        return Err(NoFrame::Nonsense);
+    }
     let message: Received<'_> = rmp_serde::from_slice(datagram).map_err(|_| NoFrame::Nonsense)?;
     if message.is_error_frame {
         return Err(NoFrame::Error);
@@ -92,7 +96,8 @@ fn frame(message: &Received<'_>) -> Option<Frame> {
 }
 
 /// Returns the datagram of a frame.
-pub(super) fn emit(at: Timestamp, frame: &Frame) -> Vec<u8> {
+#[must_use]
+pub fn emit(at: Timestamp, frame: &Frame) -> Vec<u8> {
     let arbitration_id = match frame.id() {
         Id::Standard(id) => id.as_raw().into(),
         Id::Extended(id) => id.as_raw(),
@@ -189,6 +194,7 @@ mod tests {
             assert_eq!(parse(&map(pairs)), Err(refusal), "{pairs:02X?}");
         }
         assert_eq!(parse(&[]), Err(NoFrame::Nonsense));
+        assert_eq!(parse(&bytes("9711c2c2c2c0c0c2")), Err(NoFrame::Nonsense), "a list of members without keys");
         assert_eq!(parse(&[0x91; 4096]), Err(NoFrame::Nonsense), "lists in lists");
     }
 

@@ -12,3 +12,4 @@ mod group;
 mod message;
 
 pub(super) use address::SCHEME;
+pub use message::{NoFrame, emit, parse};
