@@ -5,17 +5,32 @@
 //! `cargo run --package fuzz --bin scenario FILE...` plays the ones that are given.
 #![forbid(unsafe_code)]
 
+mod control;
 mod devices;
+mod files;
+mod gateways;
+mod room;
 mod scenario;
+mod simulator;
 
+pub use control::control;
 pub use devices::{devices, flash};
+pub use files::files;
+pub use gateways::gateways;
 pub use scenario::scenario;
 
 /// An attack: panics when its bytes break a promise.
 pub type Attack = fn(&[u8]);
 
 /// Every attack with its name: that of its target in `targets/` and of its folder in `cases/`.
-pub const ATTACKS: &[(&str, Attack)] = &[("scenario", scenario), ("devices", devices), ("flash", flash)];
+pub const ATTACKS: &[(&str, Attack)] = &[
+    ("control", control),
+    ("devices", devices),
+    ("files", files),
+    ("flash", flash),
+    ("gateways", gateways),
+    ("scenario", scenario),
+];
 
 /// The program of a target: given to `cargo fuzz`, it runs the attack with what that one makes up; else with the content
 /// of the files on the command line.

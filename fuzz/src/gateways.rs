@@ -1,0 +1,137 @@
+//! Streams and datagrams to the gateways.
+
+mod slcan;
+mod socketcand;
+mod udp_multicast;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use hal_sim::gateway::{ForeignWarning, Guarded, Judge};
+use hal_sim::{BitRate, Frame, World};
+use tokio::io::split;
+
+use self::slcan::Slcan;
+use self::socketcand::Socketcand;
+use crate::simulator::{Simulator, Stranger, play};
+
+/// Longest stream, in bytes: each of its pieces is one read.
+const STREAM_MAX: usize = 4096;
+
+/// Time in which all frames that wait are on the bus for certain.
+const BUS: Duration = Duration::from_millis(600);
+
+/// Socketcand holds everything back for 20 ms after it.
+const RAW_MODE: &[u8] = b"rawmode";
+
+/// Time for the frames of a stream, for each of its bytes: a frame takes more than five, and 540 µs at the most.
+const BYTE: Duration = Duration::from_micros(108);
+
+/// A client of any bytes. The first one says of which gateway: `l` slcan, `u` a datagram of udp_multicast, others
+/// socketcand; the second one how the stream is cut.
+///
+/// The answers are those of a second reading of the bytes, the bus has the frames that it has and no other, and
+/// afterwards the client and the next one are served.
+pub fn gateways(bytes: &[u8]) {
+    match bytes {
+        [b'u', _, datagram @ ..] => udp_multicast::datagram(datagram),
+        [b'l', cut, stream @ ..] => play(converse(Slcan::default(), *cut, stream)),
+        [_, cut, stream @ ..] => play(converse(Socketcand::default(), *cut, stream)),
+        _ => {}
+    }
+}
+
+/// A second reading of a protocol: what a stream comes to.
+trait Model {
+    /// What judges the first bytes of a connection.
+    const JUDGE: Judge;
+
+    /// What ends a message that is half said, and asks for a sign of life.
+    const LAST_WORD: &'static [u8];
+
+    /// A new client that sends 123#0A, and what it hears.
+    const NEXT: (&'static [u8], &'static str);
+
+    /// Serves a client.
+    fn serve(
+        reader: Guarded<tokio::io::ReadHalf<tokio::io::DuplexStream>>,
+        writer: tokio::io::WriteHalf<tokio::io::DuplexStream>,
+        world: hal_sim::gateway::Entrance,
+    ) -> impl Future<Output = ()> + Send + 'static;
+
+    /// Whether frames may wait for the bus after the client has left.
+    fn has_cycles(&self) -> bool {
+        false
+    }
+
+    /// Takes one read.
+    fn read(&mut self, piece: &[u8]);
+
+    /// Whether the connection was closed because no client begins so.
+    fn is_foreign(&self) -> bool;
+
+    /// Asserts that the answers are those that are due.
+    fn check_answers(&self, heard: &str);
+
+    /// Asserts that the frames on the bus are those that were asked for.
+    fn check_frames(&self, frames: &[Frame]);
+
+    /// Asserts what the client heard of a frame 7FF#01 of somebody else.
+    fn check_heard(&self, heard: &str);
+}
+
+/// Cuts a stream into the pieces in which it arrives.
+fn pieces(mut stream: &[u8], cut: u8) -> impl Iterator<Item = &[u8]> {
+    let mut seed = u32::from(cut);
+    std::iter::from_fn(move || {
+        seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let longest =
+            if cut == b'0' { stream.len() } else { 1 + (seed >> 24) as usize % (1 + usize::from(cut & 0x3F)) };
+        let (piece, rest) = stream.split_at(longest.min(stream.len()));
+        stream = rest;
+        (!piece.is_empty()).then_some(piece)
+    })
+}
+
+async fn converse<M: Model>(mut model: M, cut: u8, stream: &[u8]) {
+    if stream.len() > STREAM_MAX {
+        return;
+    }
+    let mut simulator = Simulator::new(World::new(BitRate::Kbit250, 1), |driver| driver);
+    let warning = Arc::new(ForeignWarning::new("tcp".to_owned(), simulator.entrance.clone()));
+    let join = |simulator: &Simulator| {
+        let (stranger, far) = Stranger::new();
+        let (reader, writer) = split(far);
+        let reader = Guarded::new(reader, M::JUDGE, Arc::clone(&warning));
+        tokio::spawn(M::serve(reader, writer, simulator.entrance.clone()));
+        stranger
+    };
+    let mut stranger = join(&simulator);
+    simulator.settle().await;
+    for piece in pieces(stream, cut).chain([M::LAST_WORD]) {
+        stranger.say(piece).await;
+        simulator.settle().await;
+        model.read(piece);
+    }
+    let modes = stream.windows(RAW_MODE.len()).filter(|word| *word == RAW_MODE).count();
+    simulator.pass(Duration::from_millis(20) * (1 + modes as u32) + BYTE * stream.len() as u32).await;
+    let (heard, has_hung_up) = stranger.heard();
+    assert_eq!(has_hung_up, model.is_foreign(), "{}", String::from_utf8_lossy(&heard));
+    model.check_answers(&String::from_utf8(heard).expect("text"));
+    model.check_frames(&simulator.witnessed());
+    simulator.send(&"7FF: 01".parse().expect("a frame"));
+    simulator.pass(Duration::from_millis(30)).await;
+    model.check_heard(&String::from_utf8(stranger.heard().0).expect("text"));
+    stranger.leave().await;
+    simulator.pass(if model.has_cycles() { BUS } else { Duration::from_millis(10) }).await;
+    simulator.witnessed();
+    let mut next = join(&simulator);
+    next.say(M::NEXT.0).await;
+    simulator.settle().await;
+    simulator.pass(Duration::from_millis(50)).await;
+    assert_eq!(String::from_utf8_lossy(&next.heard().0), M::NEXT.1);
+    assert_eq!(simulator.witnessed(), ["123: 0A".parse::<Frame>().expect("a frame")], "of the next client");
+    let stderr = simulator.end();
+    assert_eq!(stderr.matches("closed a connection").count(), usize::from(model.is_foreign()), "{stderr}");
+    assert!(stderr.lines().count() <= 2, "{stderr}");
+}

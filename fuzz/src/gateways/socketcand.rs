@@ -1,0 +1,247 @@
+//! A second reading of socketcand, message by message.
+
+use std::collections::BTreeSet;
+
+use hal_sim::Frame;
+use hal_sim::gateway::socketcand::{MESSAGE_MAX, judge, serve};
+use hal_sim::gateway::{Entrance, Guarded, Judge};
+use tokio::io::{DuplexStream, ReadHalf, WriteHalf};
+
+use super::Model;
+
+/// Most cyclic frames, and most subscriptions, of a client.
+const MOST: usize = 256;
+
+#[derive(Default)]
+pub(super) struct Socketcand {
+    is_client: bool,
+    is_foreign: bool,
+    place: Place,
+    message: Vec<u8>,
+    is_open: bool,
+    mode: Mode,
+    answers: Vec<Answer>,
+    sent: Vec<Frame>,
+    /// Identifiers with a cyclic frame, as they are printed.
+    cycles: BTreeSet<String>,
+    /// All frames that were ever sent in a cycle.
+    cyclic: Vec<Frame>,
+    /// Whether what comes next depends on the time, or on room.
+    is_beyond: bool,
+}
+
+#[derive(Clone, Copy, Default)]
+enum Place {
+    #[default]
+    Between,
+    Inside,
+    Skipping,
+}
+
+#[derive(Clone, Copy, Default, PartialEq)]
+enum Mode {
+    #[default]
+    Broadcast,
+    Raw,
+    Control,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Answer {
+    Hi,
+    Ok,
+    Echo,
+    Error,
+}
+
+impl Model for Socketcand {
+    const JUDGE: Judge = judge;
+    const LAST_WORD: &'static [u8] = b"> < echo >";
+    const NEXT: (&'static [u8], &'static str) = (b"< open pve0 >< rawmode >< send 123 1 0A >", "< hi >< ok >< ok >");
+
+    async fn serve(reader: Guarded<ReadHalf<DuplexStream>>, writer: WriteHalf<DuplexStream>, world: Entrance) {
+        serve(reader, writer, "pve0", world).await;
+    }
+
+    fn read(&mut self, piece: &[u8]) {
+        let first = piece.iter().find(|byte| !byte.is_ascii_whitespace());
+        if !self.is_client
+            && let Some(first) = first
+        {
+            self.is_client = *first == b'<';
+            self.is_foreign |= !self.is_client;
+        }
+        if self.is_foreign {
+            return;
+        }
+        for byte in piece {
+            match (self.place, byte) {
+                (Place::Inside, b'>') => {
+                    self.place = Place::Between;
+                    let message = String::from_utf8_lossy(&std::mem::take(&mut self.message)).into_owned();
+                    let words: Vec<&str> = message.split_ascii_whitespace().collect();
+                    let answer = self.obey(&words).unwrap_or(Some(Answer::Error));
+                    self.answers.extend(answer);
+                }
+                (Place::Inside, byte) => {
+                    let is_begun_anew = *byte == b'<';
+                    let is_too_long = self.message.len() == MESSAGE_MAX;
+                    if is_begun_anew || is_too_long {
+                        self.answers.push(Answer::Error);
+                        self.message.clear();
+                        self.place = if is_begun_anew { Place::Inside } else { Place::Skipping };
+                    } else {
+                        self.message.push(*byte);
+                    }
+                }
+                (Place::Skipping, b'>') => self.place = Place::Between,
+                (_, b'<') => self.place = Place::Inside,
+                _ => {}
+            }
+        }
+    }
+
+    fn is_foreign(&self) -> bool {
+        self.is_foreign
+    }
+
+    fn has_cycles(&self) -> bool {
+        !self.cyclic.is_empty()
+    }
+
+    fn check_answers(&self, heard: &str) {
+        let answers = heard.split_inclusive('>').filter_map(|message| {
+            let message = message.trim().strip_prefix('<').and_then(|message| message.strip_suffix('>'));
+            let message = message.unwrap_or_else(|| panic!("no message: {heard}")).trim();
+            match message.split(' ').next().unwrap_or_default() {
+                "hi" => Some(Answer::Hi),
+                "ok" => Some(Answer::Ok),
+                "echo" => Some(Answer::Echo),
+                "error" => Some(Answer::Error),
+                "stat" => None,
+                _ => panic!("nobody asked for {message}"),
+            }
+        });
+        let answers: Vec<Answer> = answers.collect();
+        // A client whose first bytes are foreign may have been greeted before.
+        let expected: Vec<Answer> = [Answer::Hi].into_iter().chain(self.answers.iter().copied()).collect();
+        assert!(self.is_beyond || answers == expected, "{answers:?}\n{expected:?}\n{heard}");
+    }
+
+    fn check_frames(&self, frames: &[Frame]) {
+        let mut sent = self.sent.iter().peekable();
+        for frame in frames {
+            if sent.peek() == Some(&frame) {
+                sent.next();
+            } else {
+                assert!(self.cyclic.contains(frame), "nobody asked for {frame}");
+            }
+        }
+        // Cycles may fill the bus.
+        assert!(sent.peek().is_none() || !self.cyclic.is_empty(), "{:?} was not sent", sent.peek());
+    }
+
+    fn check_heard(&self, heard: &str) {
+        if self.cyclic.is_empty() && self.mode == Mode::Raw {
+            assert!(heard.starts_with("< frame 7FF ") && heard.ends_with(" 01 >"), "{heard}");
+        } else if self.is_foreign || self.mode == Mode::Control {
+            assert!(!heard.contains("frame"), "{heard}");
+        }
+    }
+}
+
+impl Socketcand {
+    /// Returns the answer to a message, which may be none; `None` for a message that is refused.
+    fn obey(&mut self, words: &[&str]) -> Option<Option<Answer>> {
+        let is_broadcast = self.is_open && self.mode == Mode::Broadcast;
+        match words {
+            ["echo"] => Some(Some(Answer::Echo)),
+            ["open", "pve0"] if !self.is_open => {
+                self.is_open = true;
+                Some(Some(Answer::Ok))
+            }
+            ["rawmode"] if self.is_open => self.set(Mode::Raw),
+            ["bcmmode"] if self.is_open => self.set(Mode::Broadcast),
+            ["controlmode"] if self.is_open => self.set(Mode::Control),
+            ["send", id, length, data @ ..] if self.is_open => {
+                self.sent.push(frame(id, length, data)?);
+                Some(None)
+            }
+            ["statistics", ms] if self.is_open && self.mode == Mode::Control => ms.parse::<u32>().ok().map(|_| None),
+            ["subscribe", s, us, id] if is_broadcast => {
+                interval(s, us)?;
+                identifier(id).map(|_| None)
+            }
+            ["filter", s, us, id, length, data @ ..] if is_broadcast => {
+                interval(s, us)?;
+                frame(id, length, data).map(|_| None)
+            }
+            ["unsubscribe", id] if is_broadcast => identifier(id).map(|_| None),
+            ["add", s, us, id, length, data @ ..] if is_broadcast => {
+                let is_once = interval(s, us)? == 0;
+                self.cyclic.push(frame(id, length, data)?);
+                self.cycles.insert(identifier(id)?);
+                self.is_beyond |= is_once || self.cycles.len() >= MOST;
+                Some(None)
+            }
+            ["update", id, length, data @ ..] if is_broadcast => {
+                let frame = frame(id, length, data)?;
+                self.cycles.get(&identifier(id)?)?;
+                self.cyclic.push(frame);
+                Some(None)
+            }
+            ["delete", id] if is_broadcast => {
+                self.cycles.remove(&identifier(id)?);
+                Some(None)
+            }
+            _ => None,
+        }
+    }
+
+    fn set(&mut self, mode: Mode) -> Option<Option<Answer>> {
+        self.mode = mode;
+        Some(Some(Answer::Ok))
+    }
+}
+
+/// Returns the microseconds of an interval.
+fn interval(seconds: &str, micros: &str) -> Option<u64> {
+    let (seconds, micros): (u32, u32) = (seconds.parse().ok()?, micros.parse().ok()?);
+    Some(u64::from(seconds) * 1_000_000 + u64::from(micros))
+}
+
+fn frame(id: &str, length: &str, data: &[&str]) -> Option<Frame> {
+    let id = identifier(id)?;
+    let length = number(length, 8).filter(|length| *length <= 8)?;
+    if data.is_empty() && length > 0 {
+        return format!("{id}: R{length}").parse().ok();
+    }
+    let bytes: Option<Vec<String>> =
+        data.iter().map(|byte| number(byte, 8).map(|byte| format!("{byte:02X}"))).collect();
+    let bytes = bytes.filter(|bytes| bytes.len() as u64 == length)?;
+    format!("{id}: {}", bytes.join(" ")).parse().ok()
+}
+
+/// Returns an identifier as it is printed.
+fn identifier(word: &str) -> Option<String> {
+    const EXTENDED: u64 = 1 << 31;
+    let raw = number(word, 32)?;
+    let id = raw & !EXTENDED;
+    match id {
+        _ if word.len() == 8 || raw & EXTENDED != 0 => (id <= 0x1FFF_FFFF).then(|| format!("{id:08X}")),
+        0..=0x7FF => Some(format!("{id:03X}")),
+        _ => None,
+    }
+}
+
+/// Returns a number in hex of so many bits, which may be widened as a signed one to 32 or 64 bits.
+fn number(word: &str, bits: u32) -> Option<u64> {
+    let (sign, digits) = word.strip_prefix('-').map_or((1, word), |digits| (-1, digits));
+    let digits = digits.strip_prefix("0x").or(digits.strip_prefix("0X")).unwrap_or(digits);
+    let is_hex = !digits.is_empty() && digits.chars().all(|digit| digit.is_ascii_hexdigit());
+    let value = i128::from(u64::from_str_radix(digits, 16).ok().filter(|_| is_hex)?) * sign;
+    let value = value.rem_euclid(1 << 64);
+    let (end, half) = (1_i128 << bits, 1_i128 << (bits - 1));
+    let is_in = |width: u32| ((1_i128 << width) - half..1_i128 << width).contains(&value);
+    (value < end || is_in(32) || is_in(64)).then(|| value.rem_euclid(end) as u64)
+}

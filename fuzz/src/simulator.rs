@@ -1,0 +1,230 @@
+//! A simulator without sockets: its wall clock passes only when an attack says so, and clients come over streams in
+//! memory.
+
+use std::cell::Cell;
+use std::io::{self, Write};
+use std::rc::Rc;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use embedded_can::nb::Can as _;
+use hal_sim::gateway::{Arrival, Entrance, Inbox};
+use hal_sim::run::{Driver, Outside};
+use hal_sim::{Client, Frame, World};
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream, ReadHalf, WriteHalf, duplex, split};
+use tokio::task::yield_now;
+
+/// Bytes that a stream takes before somebody reads them.
+const STREAM: usize = 256 * 1024;
+
+/// Turns of the tasks in which an answer is on its way for certain.
+const YIELDS: usize = 160;
+
+/// Turns of the tasks in which what is due is done.
+const HOPS: usize = 16;
+
+/// Turns of the driver after which a world that has still something to do is left alone.
+const TURNS: usize = 200;
+
+/// A simulator that is driven by an attack.
+pub(crate) struct Simulator {
+    driver: Driver<Clock>,
+    state: Rc<ClockState>,
+    /// The way into the world.
+    pub(crate) entrance: Entrance,
+    witness: Client,
+    stderr: Receiver<Vec<u8>>,
+}
+
+/// Wall clock of a driver, which passes up to a horizon.
+pub(crate) struct Clock {
+    state: Rc<ClockState>,
+    inbox: Inbox,
+}
+
+struct ClockState {
+    now: Cell<Instant>,
+    horizon: Cell<Instant>,
+    /// Whether the driver waits at the horizon.
+    is_idle: Cell<bool>,
+    /// Number of messages that the world has got.
+    taken: Cell<u64>,
+}
+
+impl Outside for Clock {
+    fn now(&mut self) -> Instant {
+        self.state.now.get()
+    }
+
+    fn is_ending(&self) -> bool {
+        false
+    }
+
+    fn take(&mut self) -> Option<Arrival> {
+        let Arrival { message, .. } = self.inbox.messages.try_recv().ok()?;
+        self.state.taken.set(self.state.taken.get() + 1);
+        Some(Arrival { at: self.state.now.get(), message })
+    }
+
+    fn wait(&mut self, until: Option<Instant>) -> Option<Arrival> {
+        let taken = self.take();
+        if taken.is_none() {
+            let horizon = self.state.horizon.get();
+            let until = until.map_or(horizon, |until| until.min(horizon));
+            self.state.is_idle.set(self.state.now.get() >= horizon);
+            self.state.now.set(self.state.now.get().max(until));
+        }
+        taken
+    }
+
+    fn wait_awake(&mut self, until: Instant) -> Option<Arrival> {
+        self.wait(Some(until))
+    }
+}
+
+/// What is written to stderr, handed over at the end.
+struct Collected(Vec<u8>, Sender<Vec<u8>>);
+
+impl Write for Collected {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Drop for Collected {
+    fn drop(&mut self) {
+        let _ = self.1.send(std::mem::take(&mut self.0));
+    }
+}
+
+impl Simulator {
+    /// Powers the devices of a world; `prepare` may change its driver.
+    pub(crate) fn new(mut world: World, prepare: impl FnOnce(Driver<Clock>) -> Driver<Clock>) -> Self {
+        let now = Cell::new(Instant::now());
+        let (horizon, is_idle, taken) = (now.clone(), Cell::new(false), Cell::new(0));
+        let state = Rc::new(ClockState { now, horizon, is_idle, taken });
+        let (entrance, inbox) = Entrance::new();
+        let witness = world.client("witness");
+        let (sender, stderr) = channel();
+        let clock = Clock { state: Rc::clone(&state), inbox };
+        let driver = Driver::embedded(world, clock, 1.0, io::sink(), Collected(Vec::new(), sender));
+        let driver = prepare(driver.expect("a thread"));
+        Self { driver, state, entrance, witness, stderr }
+    }
+
+    /// Lets a span of wall time pass; returns false when the world is not ready with it after [`TURNS`].
+    pub(crate) fn run(&mut self, span: Duration) -> bool {
+        self.state.horizon.set(self.state.horizon.get() + span);
+        let turns = TURNS + usize::try_from(span.as_millis()).unwrap_or(TURNS);
+        for _ in 0..turns {
+            self.state.is_idle.set(false);
+            self.driver.turn();
+            if self.state.is_idle.get() {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Lets everything take effect that clients have said, and their answers come.
+    pub(crate) async fn settle(&mut self) {
+        for _ in 0..TURNS {
+            let before = self.state.taken.get();
+            for _ in 0..YIELDS {
+                yield_now().await;
+            }
+            self.run(Duration::ZERO);
+            for _ in 0..YIELDS {
+                yield_now().await;
+            }
+            if self.state.taken.get() == before {
+                return;
+            }
+        }
+    }
+
+    /// Lets a span of time pass, for the world and for its clients, with what comes of it.
+    pub(crate) async fn pass(&mut self, span: Duration) {
+        const STEP: Duration = Duration::from_millis(10);
+        let mut left = span;
+        while !left.is_zero() {
+            let step = left.min(STEP);
+            tokio::time::advance(step).await;
+            self.run(step);
+            for _ in 0..HOPS {
+                yield_now().await;
+            }
+            left -= step;
+        }
+        self.settle().await;
+    }
+
+    /// Returns the frames that were on the bus since the last call.
+    pub(crate) fn witnessed(&mut self) -> Vec<Frame> {
+        std::iter::from_fn(|| self.witness.receive().ok()).collect()
+    }
+
+    /// Sends a frame to everybody.
+    pub(crate) fn send(&mut self, frame: &Frame) {
+        self.witness.transmit(frame).expect("a world");
+    }
+
+    /// Ends; returns what stderr has.
+    pub(crate) fn end(self) -> String {
+        let Self { driver, stderr, .. } = self;
+        drop(driver);
+        String::from_utf8(stderr.recv().unwrap_or_default()).expect("text")
+    }
+}
+
+/// A client over a stream in memory.
+pub(crate) struct Stranger {
+    writer: WriteHalf<DuplexStream>,
+    heard: Arc<Mutex<(Vec<u8>, bool)>>,
+}
+
+impl Stranger {
+    /// Returns a client with its server's end.
+    pub(crate) fn new() -> (Self, DuplexStream) {
+        let (near, far) = duplex(STREAM);
+        let (mut reader, writer) = split(near);
+        let heard = Arc::<Mutex<(Vec<u8>, bool)>>::default();
+        let ear = Arc::clone(&heard);
+        tokio::spawn(async move {
+            let mut bytes = [0; 4096];
+            while let Ok(len @ 1..) = ReadHalf::read(&mut reader, &mut bytes).await {
+                ear.lock().unwrap_or_else(PoisonError::into_inner).0.extend_from_slice(&bytes[..len]);
+            }
+            ear.lock().unwrap_or_else(PoisonError::into_inner).1 = true;
+        });
+        (Self { writer, heard }, far)
+    }
+
+    /// Says something; a server that has hung up does not hear it.
+    pub(crate) async fn say(&mut self, bytes: &[u8]) {
+        let _ = self.writer.write_all(bytes).await;
+    }
+
+    /// Takes what was heard so far, and returns whether the server has hung up.
+    pub(crate) fn heard(&self) -> (Vec<u8>, bool) {
+        let mut heard = self.heard.lock().unwrap_or_else(PoisonError::into_inner);
+        (std::mem::take(&mut heard.0), heard.1)
+    }
+
+    /// Hangs up.
+    pub(crate) async fn leave(mut self) {
+        let _ = self.writer.shutdown().await;
+    }
+}
+
+/// Plays an attack on a clock that stands still.
+pub(crate) fn play(attack: impl Future<Output = ()>) {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_time().start_paused(true).build();
+    runtime.expect("a runtime").block_on(attack);
+}

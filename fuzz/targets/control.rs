@@ -1,0 +1,4 @@
+//! `cargo fuzz run control`.
+#![cfg_attr(fuzzing, no_main)]
+
+fuzz::target!(control);
