@@ -10,6 +10,7 @@ import functools
 import os
 import socket
 import struct
+import subprocess
 import sys
 import tempfile
 import time
@@ -30,16 +31,23 @@ take = functools.partial(waiting.take, patience=PATIENCE)
 def attached(path, *options):
     """A raw socket on the interface that slcand makes of a terminal."""
     # it looks for any other path in /dev
-    device = os.readlink(path)
-    with process("slcand", "-F", "-o", "-c", *options, device, INTERFACE):
-        deadline = time.monotonic() + PATIENCE
+    command = ("slcand", "-F", "-o", "-c", *options, os.readlink(path), INTERFACE)
+    deadline = time.monotonic() + PATIENCE
+    program = subprocess.Popen(command)
+    try:
         while not os.path.exists(f"/sys/class/net/{INTERFACE}"):
+            # On a starved machine it may end at once, as long as the interface before is going.
+            if program.poll() is not None:
+                program = subprocess.Popen(command)
             assert time.monotonic() < deadline, "slcand makes no interface"
         run("ip", "link", "set", INTERFACE, "up")
         with contextlib.closing(socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)) as link:
             link.bind((INTERFACE,))
             link.settimeout(PATIENCE)
             yield link
+    finally:
+        program.terminate()
+        equal("slcand", program.wait(PATIENCE) in (0, -15), True)
     while os.path.exists(f"/sys/class/net/{INTERFACE}"):
         assert time.monotonic() < deadline + PATIENCE, "the interface stays"
 
