@@ -15,12 +15,14 @@ BLOCKED, EXTEND, RETRACT, FLOATING, HAND, STOP = 0, 1, 2, 3, 10, 14
 WORDS = {0: "blocked", 1: "extend", 2: "retract", 3: "float", 10: "hand", 14: "emergency-stop"}
 NAME = bytes.fromhex("0100200708FF0220")
 GLOBAL, NULL = 0xFF, 0xFE
+#: The DTC of a spool that is not where it should be.
+SPOOL = bytes.fromhex("EC8F87")
 #: The longest way of the springs to neutral.
 SPRINGS_US = 150_000
 
 
 class Undecided(Exception):
-    """A neutral AVC that counts if the spool is in neutral, which a model without a moving spool does not know."""
+    """What depends on a moving spool, which the model has not: whether it is in neutral yet, how long it was behind."""
 
 
 class Valve(Causes):
@@ -52,6 +54,8 @@ class Valve(Causes):
     def hear(self, now, identifier, data):
         if identifier == LONG | 0x18EEFF00 | self.address and self.claim_at is None:
             self.claim_at = now
+        elif identifier & ~0xFF == LONG | 0x18FECA00 and data[2:5] == SPOOL and self.now < self.changed + 700_000:
+            raise Undecided
         elif identifier >> 8 == (LONG | 0x0CFE1000 | (self.address & 15) << 8) >> 8 and self.flow_due == NEVER:
             # The grid is what the first one shows: 250 ms after the claim.
             if not 249_000 < now - self.claim_at < 252_000:

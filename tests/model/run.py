@@ -18,6 +18,8 @@ from bus import Bus
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 #: Frames of the device for one sent, at the least: below, it was not heard, and nothing was compared.
 ANSWERS = 0.2
+#: Episodes that may be broken off because the model does not know enough, of all.
+UNDECIDED = 0.05
 
 
 class Difference(Exception):
@@ -450,6 +452,9 @@ def main():
         broken_off = f", {undecided} episodes broken off" if undecided else ""
         print(f"{kind}: {sent} frames sent, {answers} of the device, from seed {first} on{broken_off}, "
               f"{time.monotonic() - begin:.1f} s", flush=True)  # fmt: skip
+        if undecided * arguments.episode > UNDECIDED * sent + arguments.episode:
+            failed = True
+            print(f"{kind}: too many episodes were broken off")
         if answers < ANSWERS * sent:
             failed = True
             print(f"{kind}: the device was hardly heard")
