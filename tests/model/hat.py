@@ -145,6 +145,7 @@ class Sensor(Node):
     def grid(self):
         """The count of SYNCs and the grid of the event timer begin anew."""
         self.sync_count, self.last_sent, self.event_due = 0, None, NEVER
+        self.held_back &= self.values[0x1800, 2] >= 254
         self.timer_begins()
 
     def timer_begins(self):
@@ -162,7 +163,8 @@ class Sensor(Node):
 
     def send_event(self):
         self.held_back = False
-        self.inhibited_until = self.now + self.values[0x1800, 3] * 100
+        if self.mapped():
+            self.inhibited_until = self.now + self.values[0x1800, 3] * 100
         self.tpdo()
 
     def timers(self):

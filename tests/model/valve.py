@@ -487,15 +487,27 @@ class Valve(Causes, Node):
                     self.sync_count = 0
         elif index in (0x6300, 0x3300, 0x3303):
             self.take_set_point(self.checked_set_point(index, value))
+            self.may_repeat()
         elif index == 0x6040:
             self.take_control(value)
+            self.may_repeat()
         elif index == 0x6042:
             if value not in (1, 2):
                 raise Abort(NOT_ALLOWED)
             self.take_mode(value)
+            self.may_repeat()
         else:
             v[index, sub] = value
+            self.may_repeat()
         return None
+
+    def may_repeat(self):
+        """While a heartbeat waits for the bus, the device cannot know that its TPDO does not: a write may repeat it."""
+        if any(due.why == "heartbeat" for due in self.expected):
+            before = len(self.expected)
+            self.tpdo()
+            for due in self.expected[before:]:
+                due.optional = True
 
     def store_mapping(self, index, sub, value):
         v, pdo = self.values, index - 0x200
