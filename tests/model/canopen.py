@@ -18,6 +18,10 @@ EMERGENCIES = 16
 INITIALISING, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0, 4, 5, 0x7F
 
 
+class Undecided(Exception):
+    """What depends on a moving spool, which the model has not: whether it is in neutral yet, how long it was behind."""
+
+
 class Abort(Exception):
     """The codes that an SDO server may abort with: several where page and standard leave the choice."""
 

@@ -2,7 +2,7 @@
 
 import struct
 
-from canopen import BUS_US, MEMORY_US, NEVER, Expected, scaled
+from canopen import BUS_US, MEMORY_US, NEVER, Expected, Undecided, scaled
 from valve import FLOAT, Causes
 
 LONG = 1 << 31
@@ -19,10 +19,6 @@ GLOBAL, NULL = 0xFF, 0xFE
 SPOOL = bytes.fromhex("EC8F87")
 #: The longest way of the springs to neutral.
 SPRINGS_US = 150_000
-
-
-class Undecided(Exception):
-    """What depends on a moving spool, which the model has not: whether it is in neutral yet, how long it was behind."""
 
 
 class Valve(Causes):

@@ -364,7 +364,7 @@ def search(kind, executable, seed, requests):
                 run.step(step)
     except Difference as difference:
         return run, difference
-    except isobus.Undecided:
+    except canopen.Undecided:
         run.undecided = True
     finally:
         run.bus.close()
@@ -385,7 +385,7 @@ def shrink(kind, executable, steps, difference, seconds=60):
             return False
         try:
             run, found = play(kind, executable, candidate)
-        except (RuntimeError, EOFError, ValueError, KeyError, isobus.Undecided):
+        except (RuntimeError, EOFError, ValueError, KeyError, canopen.Undecided):
             return False
         return found is not None and str(found)[:16] == sort
 

@@ -4,7 +4,7 @@ import struct
 
 from canopen import (
     NEVER, NO_OBJECT, NO_SUB, NOT_ALLOWED, TOO_HIGH, TOO_LOW, NOT_MAPPABLE, PDO_TOO_LONG, SIGNATURE, PDO_IS_ON, SAVE,
-    LOAD, CLEAR, MEMORY_US, STOPPED, OPERATIONAL, PRE_OPERATIONAL, Abort, Node, scaled, restricted,
+    LOAD, CLEAR, MEMORY_US, STOPPED, OPERATIONAL, PRE_OPERATIONAL, Abort, Node, Undecided, scaled, restricted,
 )  # fmt: skip
 
 RPDO, TPDO = 0x1400, 0x1800
@@ -163,6 +163,11 @@ class Valve(Causes, Node):
 
     def heartbeat_period(self, milliseconds):
         return -(-milliseconds // 10) * 10
+
+    def hear(self, now, identifier, data):
+        super().hear(now, identifier, data)
+        if identifier == 0x80 + self.node and data[:2] == b"\x05\x83" and self.position() is None:
+            raise Undecided
 
     # Faults.
 
