@@ -23,9 +23,9 @@ use std::ffi::OsStr;
 
 use simulator::Simulator;
 
-/// A tenth of the speed of the wall clock, for valves that are kept active: a client that the machine does not let
+/// A quarter of the speed of the wall clock, for valves that are kept active: a client that the machine does not let
 /// run for a while is not to be taken for one that has stopped.
-const UNHURRIED: [&str; 2] = ["--speed", "0.1"];
+const UNHURRIED: [&str; 2] = ["--speed", "0.25"];
 
 /// Runs a script against a simulator of its own, and sees that end well.
 fn serve(script: &str, options: &[&str]) {
