@@ -84,7 +84,7 @@ class Node:
     # Time and frames.
 
     def expect(self, identifier, *answers, within=BUS_US, why=""):
-        emergencies = [e for e in self.expected if e.identifier == identifier and not e.optional and 0x81 <= identifier <= 0xFF]
+        emergencies = [e for e in self.expected if e.identifier == identifier and not e.optional and 0x81 <= identifier & 0x7FF <= 0xFF]
         if len(emergencies) >= EMERGENCIES:
             emergencies[0].optional = True
         self.expected.append(Expected(self.now, identifier, *answers, within=within, why=why))
