@@ -3,12 +3,13 @@
 use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
-use hal_sim::cli::{Request, parse};
 use hal_sim::devices::{DeviceSpec, NamedDevice, NamedLink, named};
-use hal_sim::gateway::{BusUrl, ToWorld};
-use hal_sim::run::RunOptions;
-use hal_sim::speed::Speed;
-use hal_sim::{Kind, Memory, World, control};
+use hal_sim::{Kind, Memory, World};
+use pve_sim::cli::{Request, parse};
+use pve_sim::control;
+use pve_sim::gateway::{BusUrl, ToWorld};
+use pve_sim::run::RunOptions;
+use pve_sim::speed::Speed;
 use serde_json::{Map, Value};
 use tokio::sync::oneshot;
 

@@ -7,11 +7,12 @@ use std::path::Path;
 use hal_sim::decode::{DecodeOptions, decode};
 use hal_sim::devices;
 use hal_sim::kind::Simulated as _;
-use hal_sim::memory::{Memory, SIZE};
+use hal_sim::memory::SIZE;
 use hal_sim::recording::{Format, Logged, ReadError, Reader, Writer};
 use hal_sim::replay::{self, ReplayOptions};
 use hal_sim::trace::{Entry, ErrorFrame, Record};
 use hal_sim::{BitRate, Duration, Kind, World};
+use pve_sim::state_file::{Opened, StateFile};
 
 use crate::room::{self, assert_one_line};
 
@@ -152,7 +153,7 @@ fn state_file(content: &[u8]) {
     fs::create_dir(&folder).expect("a folder");
     let file = folder.join("device.nvm");
     fs::write(&file, &content).expect("room");
-    let mut memory = match Memory::in_file(&folder, "device", kind.number()) {
+    let mut memory = match StateFile::open(&folder, "device", kind.number()).and_then(Opened::memory) {
         Ok(memory) => memory,
         Err(error) => {
             assert_one_line(&error.to_string());
@@ -167,7 +168,8 @@ fn state_file(content: &[u8]) {
     assert_eq!(aside, (!warnings.is_empty()).then_some(content), "what was damaged is kept, and nothing else");
     let image = memory.peek_image();
     drop(memory);
-    let mut again = Memory::in_file(&folder, "device", kind.number()).expect("what was written is read");
+    let mut again =
+        StateFile::open(&folder, "device", kind.number()).and_then(Opened::memory).expect("what was written is read");
     assert_eq!(again.take_warnings(), [] as [String; 0]);
     if warnings.is_empty() {
         assert_eq!(again.peek_image(), image, "two starts differ");

@@ -7,8 +7,8 @@ mod udp_multicast;
 use std::sync::Arc;
 use std::time::Duration;
 
-use hal_sim::gateway::{ForeignWarning, Guarded, Judge};
 use hal_sim::{BitRate, Frame, World};
+use pve_sim::gateway::{ForeignWarning, Guarded, Judge};
 use tokio::io::split;
 
 use self::slcan::Slcan;
@@ -56,7 +56,7 @@ trait Model {
     fn serve(
         reader: Guarded<tokio::io::ReadHalf<tokio::io::DuplexStream>>,
         writer: tokio::io::WriteHalf<tokio::io::DuplexStream>,
-        world: hal_sim::gateway::Entrance,
+        world: pve_sim::gateway::Entrance,
     ) -> impl Future<Output = ()> + Send + 'static;
 
     /// Whether frames may wait for the bus after the client has left.

@@ -3,7 +3,8 @@
 use std::collections::BTreeSet;
 use std::fs;
 
-use hal_sim::scenario::{self, BatchError, Options, ReadError, Scenario};
+use hal_sim::scenario::{ReadError, Scenario};
+use pve_sim::batch::{self, BatchError, Options};
 use toml::{Table, Value};
 
 use crate::room::{self, assert_one_line};
@@ -32,7 +33,7 @@ pub fn scenario(bytes: &[u8]) {
         },
         _ => {
             let mut out = Vec::new();
-            let Err(BatchError::Unreadable(lines)) = scenario::run(&options, &mut out) else {
+            let Err(BatchError::Unreadable(lines)) = batch::run(&options, &mut out) else {
                 panic!("a scenario that cannot be read was run")
             };
             let [line] = lines.as_slice() else { panic!("not one line: {lines:?}") };
@@ -53,7 +54,7 @@ pub fn scenario(bytes: &[u8]) {
     let verdict = outcome.to_string();
     assert_one_line(&verdict);
     let mut out = Vec::new();
-    let is_success = scenario::run(&options, &mut out).expect("a scenario that can be read");
+    let is_success = batch::run(&options, &mut out).expect("a scenario that can be read");
     assert_eq!(is_success, outcome.is_success(), "two runs differ");
     let out = String::from_utf8(out).expect("text");
     let (word, count) = if is_success { ("ok   ", "1 passed, 0 failed") } else { ("FAIL ", "0 passed, 1 failed") };

@@ -5,31 +5,25 @@
 //! memory/   a NOR flash in RAM, the record store on it, and the file that keeps it
 //! use_case/ the use cases of the manuals, frame by frame
 //! world/    devices, bus and plant in virtual time, event by event
+//! sender    frames sent on command, once or again and again
+//! devices/  the devices on the bus, as they are written
+//! state/    a device's state, what acts on it, and conditions on both, in words
+//! trace/    what happened on the bus, as other tools read it, and laid out for people
+//! explain/  the meaning of frames, in words
 //! ```
 //!
-//! Nothing in those waits, locks, prints or looks at a clock: whoever drives the [`World`] decides how
-//! virtual time passes. Two runs with one seed and the same calls are the same to the last bit. Around them lies what
-//! `pve-sim` makes of it:
+//! Behind features:
 //!
 //! ```text
-//! kind      the products, by name
-//! devices/  which of them are on the bus, as they are written
-//! speed     how virtual time passes against wall time
-//! trace/    what happened on the bus, as other tools read it, and laid out for people
-//! explain/  what a frame means, in words
-//! describe/ the products for other tools: EDS and DBC
-//! state/    a device's state, what acts on it, and conditions on both, in words
-//! sender    frames sent on command, once or again and again
-//! gateway/  clients of the bus that live outside: socketcand, SocketCAN, slcan, udp_multicast
-//! recording/ the bus in a file, in the formats of other tools
-//! decode    a recording, explained
-//! replay/   a recording of a device against its stand-in
-//! control/  state, faults and time over HTTP
-//! scenario/ scenarios from files, in virtual time
-//! run/      the world paced by the wall clock, with its clients, its trace and its memory
-//! cli/      the command line
-//! output   stdout of the commands
+//! scenario    scenario/  scenarios from files, in virtual time
+//! recording   recording/ the bus in a file, in the formats of other tools
+//!             decode     a recording, explained
+//!             replay/    a recording of a device against its stand-in
+//! describe    describe/  the products for other tools: EDS and DBC
 //! ```
+//!
+//! Nothing here waits, locks, prints, starts a thread or looks at a clock: whoever drives the [`World`] decides how
+//! virtual time passes. Two runs with one seed and the same calls are the same to the last bit.
 //!
 //! # Firmware under test
 //!
@@ -60,23 +54,23 @@
 #![forbid(unsafe_code)]
 
 pub mod bus;
-pub mod cli;
-pub mod control;
+#[cfg(feature = "recording")]
 pub mod decode;
+#[cfg(feature = "describe")]
 pub mod describe;
 pub mod devices;
 pub mod explain;
-pub mod gateway;
 pub mod kind;
 pub mod memory;
-pub mod output;
+#[cfg(feature = "recording")]
 pub mod recording;
+#[cfg(feature = "recording")]
 pub mod replay;
-pub mod run;
+#[cfg(feature = "scenario")]
 pub mod scenario;
-mod sender;
-pub mod speed;
+pub mod sender;
 pub mod state;
+pub mod text;
 pub mod trace;
 pub mod use_case;
 pub mod world;

@@ -21,7 +21,7 @@ const WAITING: usize = 256;
 const CYCLIC: usize = 64;
 
 /// The way of an answer back to the one who gave a frame to be sent.
-pub(crate) trait Receipt {
+pub trait Receipt {
     /// Tells the end of the frame on the bus, or why it was not sent.
     fn tell(self, sent: Result<Instant, Unsent>);
 
@@ -31,16 +31,19 @@ pub(crate) trait Receipt {
 
 /// Why a frame was not sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Unsent {
+pub enum Unsent {
     /// There is no room for it.
     TooMany(&'static str),
     /// It was cyclic and stopped before it was sent, or the bus did not take it in time.
     Withdrawn(&'static str),
 }
 
+/// The name of the control interface in traces: a device has another one.
+pub const CONTROL: &str = "http";
+
 /// A controller with its frames, and receipts of type `R` for them.
 #[derive(Debug)]
-pub(crate) struct Sender<R> {
+pub struct Sender<R> {
     tap: TapId,
     /// The frame that the controller has.
     sending: Option<Outgoing<R>>,
@@ -71,12 +74,12 @@ struct Cyclic {
 
 impl<R: Receipt> Sender<R> {
     /// Puts the controller on the bus, by its name in traces.
-    pub(crate) fn new(name: &str, world: &mut World) -> Self {
+    pub fn new(name: &str, world: &mut World) -> Self {
         Self { tap: world.add_gateway(name), sending: None, waiting: Vec::new(), cyclic: Vec::new() }
     }
 
     /// Sends a frame, again and again with a period: in the place of an earlier cyclic frame of the same identifier.
-    pub(crate) fn send(&mut self, frame: Frame, period: Option<Duration>, answer: R, world: &mut World) {
+    pub fn send(&mut self, frame: Frame, period: Option<Duration>, answer: R, world: &mut World) {
         if self.waiting.len() >= WAITING {
             return answer.tell(Err(Unsent::TooMany("too many frames wait for the bus")));
         }
@@ -93,7 +96,7 @@ impl<R: Receipt> Sender<R> {
     }
 
     /// Ends the cyclic frames of an identifier, or all; returns how many there were.
-    pub(crate) fn stop(&mut self, id: Option<Id>, world: &mut World) -> usize {
+    pub fn stop(&mut self, id: Option<Id>, world: &mut World) -> usize {
         let meant = |frame: &Frame| id.is_none_or(|id| frame.id() == id);
         let before = self.cyclic.len();
         self.cyclic.retain(|cyclic| !meant(&cyclic.frame));
@@ -116,7 +119,7 @@ impl<R: Receipt> Sender<R> {
     }
 
     /// Answers for what was sent, withdraws what waits for too long, and sends what is due.
-    pub(crate) fn attend(&mut self, world: &mut World) {
+    pub fn attend(&mut self, world: &mut World) {
         let now = world.now();
         if world.pending(self.tap) == 0
             && let Some(sent) = self.sending.take()
@@ -168,7 +171,7 @@ impl<R: Receipt> Sender<R> {
     }
 
     /// Returns when there is next something to do, after now.
-    pub(crate) fn due(&self, now: Instant) -> Instant {
+    pub fn due(&self, now: Instant) -> Instant {
         let deadlines = self.sending.iter().chain(&self.waiting).map(|outgoing| outgoing.deadline);
         let repeats = self.cyclic.iter().map(|cyclic| cyclic.next);
         deadlines.chain(repeats).filter(|due| *due > now).min().unwrap_or(NEVER)
@@ -176,14 +179,14 @@ impl<R: Receipt> Sender<R> {
 
     /// Returns the end of the time in which a client still waits for an answer; `None` when none does. A frame on the
     /// wire has no such end.
-    pub(crate) fn awaited(&self, now: Instant) -> Option<Instant> {
+    pub fn awaited(&self, now: Instant) -> Option<Instant> {
         let answers = |outgoing: &&Outgoing<R>| outgoing.answer.as_ref().is_some_and(|answer| !answer.is_given_up());
         let deadlines = self.sending.iter().chain(&self.waiting).filter(answers).map(|outgoing| outgoing.deadline);
         deadlines.map(|deadline| if deadline > now { deadline } else { NEVER }).max()
     }
 
     /// Returns whether nothing is to be sent.
-    pub(crate) const fn is_idle(&self) -> bool {
+    pub const fn is_idle(&self) -> bool {
         self.sending.is_none() && self.waiting.is_empty() && self.cyclic.is_empty()
     }
 }

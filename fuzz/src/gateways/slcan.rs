@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use hal_sim::Frame;
-use hal_sim::gateway::slcan::{Line, judge, serve};
-use hal_sim::gateway::{Entrance, Guarded, Judge};
+use pve_sim::gateway::slcan::{Line, judge, serve};
+use pve_sim::gateway::{Entrance, Guarded, Judge};
 use tokio::io::{DuplexStream, ReadHalf, WriteHalf};
 
 use super::Model;

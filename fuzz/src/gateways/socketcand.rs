@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use hal_sim::Frame;
-use hal_sim::gateway::socketcand::{MESSAGE_MAX, judge, serve};
-use hal_sim::gateway::{Entrance, Guarded, Judge};
+use pve_sim::gateway::socketcand::{MESSAGE_MAX, judge, serve};
+use pve_sim::gateway::{Entrance, Guarded, Judge};
 use tokio::io::{DuplexStream, ReadHalf, WriteHalf};
 
 use super::Model;

@@ -1,8 +1,8 @@
 //! A second reading of the datagrams of python-can's `udp_multicast`.
 
 use hal_sim::Frame;
-use hal_sim::gateway::udp_multicast::{emit, parse};
 use hal_sim::trace::Timestamp;
+use pve_sim::gateway::udp_multicast::{emit, parse};
 
 /// Deepest value that is read here.
 const DEPTH: u32 = 64;

@@ -40,7 +40,7 @@ pub struct NamedDevice {
 
 impl NamedDevice {
     /// Adds the device to a world, healthy and not yet powered.
-    pub(crate) fn add_to(&self, world: &mut World, memory: Memory) -> NodeId {
+    pub fn add_to(&self, world: &mut World, memory: Memory) -> NodeId {
         let node = world.add_with(&self.name, self.birth.of(self.kind), memory);
         let mut senses = *world.senses(node);
         if let Some(valve) = senses.valve_mut() {
@@ -63,7 +63,7 @@ pub struct NamedLink {
 }
 
 /// Links devices of a world.
-pub(crate) fn link_in(world: &mut World, links: &[NamedLink]) {
+pub fn link_in(world: &mut World, links: &[NamedLink]) {
     for NamedLink { valve, sensor, link } in links {
         if let (Some(valve), Some(sensor)) = (world.find(valve), world.find(sensor)) {
             // The names were checked: this is a valve and a free sensor.
@@ -74,7 +74,7 @@ pub(crate) fn link_in(world: &mut World, links: &[NamedLink]) {
 }
 
 /// Returns what explains the frames of these devices.
-pub(crate) fn explainer(devices: &[NamedDevice]) -> Explainer {
+pub fn explainer(devices: &[NamedDevice]) -> Explainer {
     let node = |device: &NamedDevice| Node { name: device.name.clone(), kind: device.kind, node_id: None };
     Explainer::new(devices.iter().map(node).collect())
 }

@@ -5,8 +5,8 @@ use std::str::FromStr;
 use protocol_core::actuator::SpoolTimes;
 use protocol_core::controller::BitRate;
 
-use crate::control::SENDER;
 use crate::kind::{Birth, Kind, Simulated};
+use crate::sender::CONTROL;
 
 /// The keys of a device.
 const KEYS: &str = "name=, serial=, bit-rate=, stroke-ms=, return-ms=, blank";
@@ -139,7 +139,7 @@ fn device_name(text: &str) -> Result<String, String> {
     if text.is_empty() || text.len() > NAME_MAX || !text.chars().all(allowed) {
         return Err(format!("'{text}' is no name of a device; accepted: 1–{NAME_MAX} characters of a–z, 0–9 and '-'"));
     }
-    if text == SENDER {
+    if text == CONTROL {
         return Err(format!("'{text}' is the name of the control interface in traces; accepted: another one"));
     }
     if is_reserved_by_windows(text) {

@@ -6,7 +6,7 @@ use protocol_core::wire::dm::{self, Lamp};
 use protocol_core::wire::dtc::Dtc;
 
 /// Returns a fault in words.
-pub(crate) const fn fault(fault: Fault) -> &'static str {
+pub const fn fault(fault: Fault) -> &'static str {
     match fault {
         Fault::SpoolNotAtSetPoint => "spool not at set-point",
         Fault::FloatNotReached => "float not reached",

@@ -160,7 +160,7 @@ fn estimated_flow(data: &[u8]) -> String {
 }
 
 /// Returns the state of an AVC or AVEF in words.
-pub(crate) const fn state(state: State) -> &'static str {
+pub const fn state(state: State) -> &'static str {
     match state {
         State::Blocked => "blocked",
         State::Extend => "extend",

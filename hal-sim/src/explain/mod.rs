@@ -29,8 +29,8 @@ mod sdo;
 mod uds;
 mod valve;
 
-pub(crate) use diagnostics::fault;
-pub(crate) use isobus::state as valve_state;
+pub use diagnostics::fault;
+pub use isobus::state as valve_state;
 pub use nature::{Mark, is_cyclic};
 pub use recorded::explain_error_frame;
 

@@ -1,8 +1,8 @@
 //! The non-volatile memory of one device: a flash with a record store on it, in RAM alone or kept in a file.
 
 mod cells;
+mod file;
 mod flash;
-mod state_file;
 
 #[cfg(test)]
 mod damage_tests;
@@ -13,19 +13,14 @@ mod read_tests;
 #[cfg(test)]
 mod setting_tests;
 #[cfg(test)]
-mod state_file_tests;
-#[cfg(test)]
 mod tests;
-
-use std::path::Path;
 
 use protocol_core::memory::{Image, Record, RecordKey, StoreError};
 
+pub use file::{Content, MemoryFile, MemoryFileError};
 pub use flash::{ERASED, Flash, FlashError, SECTOR, SIZE, TornErase, WORD};
-pub use state_file::StateFileError;
 
 use nvm::{BUFFER, Contents, Records, Unreadable};
-use state_file::{Content, StateFile};
 
 /// What fills a flash that cannot be read: no map writes so.
 const SPOILT: u8 = 0xA5;
@@ -34,7 +29,7 @@ const SPOILT: u8 = 0xA5;
 #[derive(Debug, Default)]
 pub struct Memory {
     flash: Flash,
-    file: Option<StateFile>,
+    file: Option<Box<dyn MemoryFile>>,
     /// What was there could not be read and was put aside: to be told with the next image.
     damaged: bool,
     /// The next image is to find the flash unreadable.
@@ -57,13 +52,24 @@ impl Memory {
         Self { flash, ..Self::default() }
     }
 
-    /// The memory that is kept in `dir/name.nvm`, for a device of this kind: see [`MemoryFile`].
+    /// Returns the memory that a file keeps; a new one where the file is new.
+    ///
+    /// Damaged content is put aside, and the memory starts empty and damaged: see
+    /// [`take_warnings`](Self::take_warnings).
     ///
     /// # Errors
-    /// When the file belongs to a device of another kind or is in use, or cannot be read, written or put aside. It is
-    /// not changed then.
-    pub fn in_file(dir: &Path, name: &str, kind: u32) -> Result<Self, StateFileError> {
-        MemoryFile::take(dir, name, kind)?.open()
+    /// When the file cannot be written or put aside. It is not changed then.
+    pub fn kept_in(file: Box<dyn MemoryFile>, content: Content) -> Result<Self, MemoryFileError> {
+        let mut memory = Self { file: Some(file), ..Self::default() };
+        match content {
+            Content::New => {}
+            // A copy is looked at: opening it may finish what a power cut left half done.
+            Content::Image(flash) if read(&mut flash.clone()).is_ok() => memory.flash = flash,
+            Content::Image(_) | Content::Damaged => memory.put_file_aside()?,
+        }
+        // A folder that cannot be written to is found out now.
+        memory.persist()?;
+        Ok(memory)
     }
 
     /// Everything stored, as a device finds it when it starts.
@@ -198,13 +204,13 @@ impl Memory {
         }
     }
 
-    fn persist_aside(&mut self) -> Result<(), StateFileError> {
+    fn persist_aside(&mut self) -> Result<(), MemoryFileError> {
         let (Some(file), Some(image)) = (&self.file, &self.put_aside) else { return Ok(()) };
         file.write(image)?;
         self.put_file_aside()
     }
 
-    fn put_file_aside(&mut self) -> Result<(), StateFileError> {
+    fn put_file_aside(&mut self) -> Result<(), MemoryFileError> {
         if let Some(file) = &self.file {
             let warning = file.put_aside()?;
             self.warnings.push(warning);
@@ -213,46 +219,8 @@ impl Memory {
         Ok(())
     }
 
-    fn persist(&self) -> Result<(), StateFileError> {
+    fn persist(&self) -> Result<(), MemoryFileError> {
         self.file.as_ref().map_or(Ok(()), |file| file.write(&self.flash.image()))
-    }
-}
-
-/// The file of a memory, taken and looked at, not yet changed. Nobody else gets it while this lives, or its memory.
-#[derive(Debug)]
-pub struct MemoryFile {
-    file: StateFile,
-    content: Content,
-}
-
-impl MemoryFile {
-    /// Takes `dir/name.nvm` for a device of this kind; there may be no such file yet.
-    ///
-    /// # Errors
-    /// When the file belongs to a device of another kind or is in use, or cannot be read.
-    pub fn take(dir: &Path, name: &str, kind: u32) -> Result<Self, StateFileError> {
-        StateFile::open(dir, name, kind).map(|(file, content)| Self { file, content })
-    }
-
-    /// The memory in it; a new one when there is none.
-    ///
-    /// A file that is damaged is put aside as `name.nvm.bad`, and the memory starts empty and damaged: see
-    /// [`take_warnings`](Memory::take_warnings).
-    ///
-    /// # Errors
-    /// When it cannot be written or put aside. It is not changed then.
-    pub fn open(self) -> Result<Memory, StateFileError> {
-        self.file.sweep();
-        let mut memory = Memory { file: Some(self.file), ..Memory::default() };
-        match self.content {
-            Content::New => {}
-            // A copy is looked at: opening it may finish what a power cut left half done.
-            Content::Image(flash) if read(&mut flash.clone()).is_ok() => memory.flash = flash,
-            Content::Image(_) | Content::Damaged => memory.put_file_aside()?,
-        }
-        // A directory that cannot be written to is found out now.
-        memory.persist()?;
-        Ok(memory)
     }
 }
 

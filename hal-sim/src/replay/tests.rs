@@ -14,7 +14,7 @@ use tempfile::NamedTempFile;
 
 use super::*;
 use crate::Memory;
-use crate::cli::{self, Request};
+use crate::devices::{self, DeviceSpec, LinkSpec};
 use crate::recording::{Format, Writer};
 use crate::trace::{ErrorClass, Record, Timestamp};
 use crate::world::{EventKind, NodeId, SUPPLY_JITTER, TapId, World};
@@ -24,14 +24,26 @@ const START: Timestamp = Timestamp::from_micros(1_700_000_000_000_042);
 /// How often a session notes where its devices are.
 const SAMPLE: Duration = Duration::from_micros(500);
 
-/// The options of a command line.
+/// The options of `pve-sim replay`, as they are written on a command line.
 fn options(line: &str, file: &NamedTempFile) -> ReplayOptions {
-    let path = file.path().to_str().unwrap();
-    let words = ["pve-sim", "replay", path].into_iter().chain(line.split_whitespace());
-    match cli::parse(words) {
-        Ok(Request::Replay(options)) => options,
-        other => panic!("{line}: {other:?}"),
+    let (mut devices, mut links) = (Vec::new(), Vec::new());
+    let (mut tolerance_ms, mut from_boot_up) = (5, false);
+    let mut words = line.split_whitespace();
+    while let Some(option) = words.next() {
+        let mut value = || words.next().expect("a value");
+        match option {
+            "--device" => devices.push(value().parse::<DeviceSpec>().expect("a device")),
+            "--link" => links.push(value().parse::<LinkSpec>().expect("a link")),
+            "--tolerance-ms" => tolerance_ms = value().parse().expect("a number"),
+            "--from-boot-up" => from_boot_up = true,
+            _ => panic!("{option}"),
+        }
     }
+    let mut devices = devices::named(devices).expect("names");
+    devices::share_bit_rate(&mut devices, None);
+    let links = devices::links(&devices, links).expect("links");
+    let tolerance = Duration::from_millis(tolerance_ms);
+    ReplayOptions { file: file.path().to_owned(), devices, links, tolerance, from_boot_up }
 }
 
 /// Devices and a master, recorded from the power-up on.

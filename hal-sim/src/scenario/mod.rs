@@ -4,15 +4,12 @@
 //! file     the file as it is written        script   the same, checked: everything in it can be done
 //! runner   goes through one                 schema   the format for editors
 //! report   what came of it, in words        history  what was on the bus
-//! batch    many of them, over the cores     junit    what came of it, for CI
 //! ```
 //!
 //! Each scenario has a world of its own: many run at once, and two runs with one seed are the same to the last byte.
 
-mod batch;
 mod file;
 mod history;
-mod junit;
 mod report;
 mod runner;
 mod schema;
@@ -23,7 +20,6 @@ mod heard_tests;
 #[cfg(test)]
 mod tests;
 
-pub use batch::{BatchError, Options, run};
 pub use report::Outcome;
 pub use schema::schema;
 pub use script::Scenario;
@@ -42,5 +38,11 @@ impl Scenario {
     #[must_use]
     pub fn run(&self, seed: u64) -> Outcome {
         runner::run(self, seed, false)
+    }
+
+    /// Runs the scenario, and keeps the [trace](Outcome::trace) of it.
+    #[must_use]
+    pub fn run_traced(&self, seed: u64) -> Outcome {
+        runner::run(self, seed, true)
     }
 }

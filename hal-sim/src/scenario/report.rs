@@ -7,8 +7,8 @@ use protocol_core::time::{Duration, Instant, since};
 
 use super::history::{Heard, History};
 use super::script::{Begin, Step, Wanted};
-use crate::output::in_one_line;
 use crate::state::{DeviceState, Pattern};
+use crate::text::in_one_line;
 
 /// What came of a scenario.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -46,6 +46,17 @@ impl Outcome {
     #[must_use]
     pub const fn is_success(&self) -> bool {
         self.failures.is_empty()
+    }
+
+    /// Returns all that was on the bus, with the notes of the steps, of a scenario that was run for it.
+    #[must_use]
+    pub fn trace(&self) -> &str {
+        &self.trace
+    }
+
+    /// Returns each failure in one line, of a scenario from this file.
+    pub fn headlines(&self, file: &str) -> impl Iterator<Item = String> {
+        self.failures.iter().map(move |failure| format!("{file}:{}: {}", failure.line, failure.headline))
     }
 
     /// Returns the failures in words, of a scenario from this file: lines with a margin, empty when there are none.

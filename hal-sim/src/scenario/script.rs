@@ -11,10 +11,10 @@ use crate::bus::Disturbance;
 use crate::devices::{self, DeviceSpec, LinkSpec, NamedDevice, NamedLink};
 use crate::kind::Kind;
 use crate::memory::Memory;
-use crate::output::in_one_line;
 use crate::state::{
     self, BusChange, Disturb, Identifier, Invalid, Pattern, PlantChange, Power, PowerChange, StateCondition,
 };
+use crate::text::in_one_line;
 use crate::world::{NodeId, World};
 
 /// The word for null.

@@ -16,12 +16,12 @@ use crate::bus::Disturbance;
 pub struct BusChange {
     /// The bit rate of the bus and of every client, in bit/s.
     #[schema(value_type = BitsPerSecond)]
-    pub(crate) bit_rate: u32,
+    pub bit_rate: u32,
 }
 
 /// The schema of a bit rate in bit/s.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct BitsPerSecond;
+pub struct BitsPerSecond;
 
 /// Frames to be destroyed.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
@@ -29,18 +29,18 @@ pub(crate) struct BitsPerSecond;
 pub struct Disturb {
     /// The number of attempts; 0 ends an earlier disturbance.
     #[schema(maximum = 4294967295_i64)]
-    pub(crate) frames: u32,
+    pub frames: u32,
     /// The identifier; without it any.
     #[serde(default, deserialize_with = "given")]
-    pub(crate) id: Option<Identifier>,
+    pub id: Option<Identifier>,
     /// Whether the identifier has 29 bits.
     #[serde(default, deserialize_with = "given")]
-    pub(crate) extended: Option<bool>,
+    pub extended: Option<bool>,
 }
 
 impl BusChange {
     /// Returns the bit rate.
-    pub(crate) fn bit_rate(self) -> Result<BitRate, Invalid> {
+    pub fn bit_rate(self) -> Result<BitRate, Invalid> {
         BitRate::from_bits_per_second(self.bit_rate).ok_or_else(|| {
             let rates: Vec<String> = BitRate::ALL.iter().map(|rate| rate.bits_per_second().to_string()).collect();
             Invalid(format!("bit_rate {}: accepted: {}", self.bit_rate, rates.join(", ")))
@@ -59,7 +59,7 @@ impl ToSchema for BitsPerSecond {}
 
 impl Disturb {
     /// Returns the disturbance.
-    pub(crate) fn disturbance(self) -> Result<Disturbance, Invalid> {
+    pub fn disturbance(self) -> Result<Disturbance, Invalid> {
         if self.id.is_none() && self.extended == Some(true) {
             return Err(Invalid("extended without an id".to_owned()));
         }

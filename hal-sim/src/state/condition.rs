@@ -136,7 +136,7 @@ impl StateCondition {
     ///
     /// # Errors
     /// A line with the key, and the values that it can have.
-    pub(crate) fn check(&self, name: &str, kind: Kind, none: &str) -> Result<(), Invalid> {
+    pub fn check(&self, name: &str, kind: Kind, none: &str) -> Result<(), Invalid> {
         let known = kind.fault_names();
         if let Some(fault) = self.faults.iter().flatten().find(|fault| !known.contains(&fault.as_str())) {
             return Err(Invalid(format!("'{fault}' is no fault of {name}; accepted: {}", known.join(", "))));
@@ -145,7 +145,7 @@ impl StateCondition {
     }
 
     /// Returns whether a device of this kind and name always fulfils the condition.
-    pub(crate) fn is_always_so(&self, name: &str, kind: Kind) -> bool {
+    pub fn is_always_so(&self, name: &str, kind: Kind) -> bool {
         possible::is_always_so(&self.keys(), kind, name)
     }
 
@@ -158,7 +158,7 @@ impl StateCondition {
     }
 
     /// Returns whether a state fulfils the condition.
-    pub(crate) fn holds(&self, state: &DeviceState) -> bool {
+    pub fn holds(&self, state: &DeviceState) -> bool {
         is(self.t_us.as_ref(), &state.t_us)
             && is(self.name.as_ref(), &state.name)
             && self.kind.as_ref().is_none_or(|kind| kind == state.kind)
@@ -177,7 +177,7 @@ impl StateCondition {
 
     /// Returns the positions that are still wanted in a state that does not fulfil the condition; `None` when it is not
     /// for the position that it does not.
-    pub(crate) fn wanted_positions(&self, state: &DeviceState) -> Option<RangeInclusive<i16>> {
+    pub fn wanted_positions(&self, state: &DeviceState) -> Option<RangeInclusive<i16>> {
         let (wanted, found) = (self.position.flatten()?, state.position?);
         (!wanted.holds(&found)).then(|| wanted.range())
     }

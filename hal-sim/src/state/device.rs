@@ -162,7 +162,7 @@ pub struct Fault {
 
 impl DeviceState {
     /// Returns the state of a device of this kind now.
-    pub(crate) fn of(node: NodeId, kind: Kind, world: &mut World) -> Self {
+    pub fn of(node: NodeId, kind: Kind, world: &mut World) -> Self {
         let view = world.view(node);
         let is_valve = matches!(kind, Kind::Pve(_));
         let valve = view.as_ref().and_then(|view| view.valve);

@@ -8,7 +8,10 @@ use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
 /// Reads a value that must not be null where it is given.
-pub(crate) fn given<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<T>, D::Error> {
+///
+/// # Errors
+/// Those of the value.
+pub fn given<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<T>, D::Error> {
     T::deserialize(value).map(Some)
 }
 
@@ -23,7 +26,10 @@ pub(crate) fn object<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -
 }
 
 /// Reads an object that must not be null where it is given.
-pub(crate) fn given_object<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<T>, D::Error> {
+///
+/// # Errors
+/// Those of the value.
+pub fn given_object<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<T>, D::Error> {
     object(value).map(Some)
 }
 

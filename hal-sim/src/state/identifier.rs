@@ -26,7 +26,7 @@ impl Identifier {
     ///
     /// # Errors
     /// [`Invalid`] for what is no identifier of that size.
-    pub(crate) fn id(&self, extended: Option<bool>) -> Result<Id, Invalid> {
+    pub fn id(&self, extended: Option<bool>) -> Result<Id, Invalid> {
         let (number, is_long) = match self {
             Self::Number(number) => (Some(*number), false),
             Self::Text(text) => {
@@ -50,7 +50,7 @@ impl Identifier {
     }
 
     /// Returns whether the identifier fits in 29 bits only.
-    pub(crate) fn needs_29_bits(&self) -> bool {
+    pub fn needs_29_bits(&self) -> bool {
         self.id(Some(true)).is_ok() && self.id(None).is_err()
     }
 }

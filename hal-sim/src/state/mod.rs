@@ -20,21 +20,19 @@ mod pattern;
 mod plant;
 mod possible;
 mod power;
-pub(crate) mod schema;
+pub mod schema;
 mod watch;
 
-pub(crate) use bus::BitsPerSecond;
-pub use bus::{BusChange, Disturb};
+pub use bus::{BitsPerSecond, BusChange, Disturb};
 pub use condition::{Condition, StateCondition};
 pub use device::*;
-pub(crate) use given::{given, given_object};
+pub use given::{given, given_object};
 pub use identifier::Identifier;
-pub use pattern::Pattern;
-pub(crate) use pattern::{DATA, DATA_PATTERN};
+pub use pattern::{DATA, DATA_PATTERN, Pattern};
 pub use plant::{PlantChange, PlantState};
-pub(crate) use possible::accepted;
+pub use possible::accepted;
 pub use power::{Power, PowerChange, ResetCause};
-pub(crate) use watch::StateWatch;
+pub use watch::StateWatch;
 
 /// A value that cannot be: one line that says what is accepted.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

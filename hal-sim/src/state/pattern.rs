@@ -24,11 +24,10 @@ struct Digits {
 const DATA_ACCEPTED: &str = "accepted: up to 8 bytes in hex, as in \"0F00 0020\"; in a wait also ? for any digit and .. at the end for any rest";
 
 /// The texts of the data of one frame, as a regular expression: bytes, or a remote frame.
-pub(crate) const DATA: &str = r"^[ \t]*((([0-9A-Fa-f][ \t]*){2}){0,8}|R[ \t]*([0-8][ \t]*)?)$";
+pub const DATA: &str = r"^[ \t]*((([0-9A-Fa-f][ \t]*){2}){0,8}|R[ \t]*([0-8][ \t]*)?)$";
 
 /// The texts of patterns of data, as a regular expression: bytes and any bytes after them, or a remote frame.
-pub(crate) const DATA_PATTERN: &str =
-    r"^[ \t]*((([0-9A-Fa-f?][ \t]*){2}){0,8}(\.[ \t]*\.[ \t]*)?|R[ \t]*([0-8][ \t]*)?)$";
+pub const DATA_PATTERN: &str = r"^[ \t]*((([0-9A-Fa-f?][ \t]*){2}){0,8}(\.[ \t]*\.[ \t]*)?|R[ \t]*([0-8][ \t]*)?)$";
 
 /// The frames that are meant.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -136,7 +135,7 @@ impl Pattern {
     ///
     /// # Errors
     /// [`Invalid`] for a text that means no data.
-    pub(crate) fn of_data(id: Id, data: Option<&str>) -> Result<Self, Invalid> {
+    pub fn of_data(id: Id, data: Option<&str>) -> Result<Self, Invalid> {
         let (is_extended, value, mask) = match id {
             Id::Standard(id) => (false, id.as_raw().into(), 0xFFF),
             Id::Extended(id) => (true, id.as_raw(), u32::MAX),
@@ -150,22 +149,22 @@ impl Pattern {
     }
 
     /// Returns whether a frame is one of those that are meant.
-    pub(crate) fn matches(&self, frame: &Frame) -> bool {
+    pub fn matches(&self, frame: &Frame) -> bool {
         self.has_id_of(frame) && self.differences(frame).is_some_and(|bytes| bytes.is_empty())
     }
 
     /// Returns whether remote frames are meant.
-    pub(crate) const fn is_remote(&self) -> bool {
+    pub const fn is_remote(&self) -> bool {
         matches!(self.content, Content::Remote(_))
     }
 
     /// Returns whether identifiers of 29 bits are meant.
-    pub(crate) const fn is_extended(&self) -> bool {
+    pub const fn is_extended(&self) -> bool {
         self.is_extended
     }
 
     /// Returns whether a frame has an identifier that is meant.
-    pub(crate) fn has_id_of(&self, frame: &Frame) -> bool {
+    pub fn has_id_of(&self, frame: &Frame) -> bool {
         match frame.id() {
             Id::Standard(id) => !self.is_extended && self.id.fit(id.as_raw().into()),
             Id::Extended(id) => self.is_extended && self.id.fit(id.as_raw()),
@@ -174,7 +173,7 @@ impl Pattern {
 
     /// Returns the places of the bytes in which a frame differs, missing ones and those beyond among them; `None` when
     /// it is a remote frame instead of a data frame, or the other way round, or asks for another length.
-    pub(crate) fn differences(&self, frame: &Frame) -> Option<Vec<usize>> {
+    pub fn differences(&self, frame: &Frame) -> Option<Vec<usize>> {
         match (&self.content, frame.is_remote()) {
             (Content::Any, false) => Some(Vec::new()),
             (Content::Remote(length), true) if frame.len() == *length => Some(Vec::new()),
@@ -192,7 +191,7 @@ impl Pattern {
     }
 
     /// Returns in words that a frame which is not meant differs in its length alone; `None` when it differs otherwise.
-    pub(crate) fn difference_in_length(&self, frame: &Frame) -> Option<String> {
+    pub fn difference_in_length(&self, frame: &Frame) -> Option<String> {
         let (wanted, is_least) = match &self.content {
             Content::Data(bytes, more) if !frame.is_remote() => (bytes.len(), *more == More::Any),
             Content::Remote(length) if frame.is_remote() => (usize::from(*length), false),
@@ -216,7 +215,7 @@ impl Pattern {
     }
 
     /// Returns the identifier, when just one is meant.
-    pub(crate) fn identifier(&self) -> Option<Id> {
+    pub fn identifier(&self) -> Option<Id> {
         let digits = if self.is_extended { 8 } else { 3 };
         if !self.id.are_exact(digits) {
             return None;
@@ -229,7 +228,7 @@ impl Pattern {
     }
 
     /// Returns the frame, when just one is meant.
-    pub(crate) fn frame(&self) -> Option<Frame> {
+    pub fn frame(&self) -> Option<Frame> {
         let id = self.identifier()?;
         match &self.content {
             Content::Remote(length) => Some(Frame::remote(id, *length)),

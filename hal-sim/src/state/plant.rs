@@ -155,7 +155,7 @@ pub struct PlantChange {
 
 impl PlantState {
     /// Returns what acts on a device now.
-    pub(crate) fn of(node: NodeId, world: &World) -> Self {
+    pub fn of(node: NodeId, world: &World) -> Self {
         let senses = world.senses(node);
         let (internal_fault, bus_off) = (senses.internal_fault, world.is_bus_off_forced(node));
         let memory = match world.memory(node) {
@@ -186,7 +186,7 @@ impl PlantState {
     }
 
     /// Returns the same without the angle, which moves by itself.
-    pub(crate) fn at_rest(&self) -> Self {
+    pub fn at_rest(&self) -> Self {
         match self {
             Self::Encoder(plant) => Self::Encoder(EncoderPlant { angle_cdeg: 0, ..plant.clone() }),
             valve => valve.clone(),
@@ -196,7 +196,7 @@ impl PlantState {
 
 impl PlantChange {
     /// Makes the change, all of it or nothing.
-    pub(crate) fn make(self, node: NodeId, world: &mut World) -> Result<(), Invalid> {
+    pub fn make(self, node: NodeId, world: &mut World) -> Result<(), Invalid> {
         if self.supply_mv.is_some_and(|millivolt| millivolt > SUPPLY_MAX_MV) {
             return Err(Invalid(format!("supply_mv: accepted: 0–{SUPPLY_MAX_MV}")));
         }

@@ -153,7 +153,7 @@ pub(super) fn is_always_so(wanted: &[(String, Json)], kind: Kind, name: &str) ->
 }
 
 /// Returns the values of a key in words, for a device of this kind and name. `none` is the word for null.
-pub(crate) fn accepted(key: &str, kind: Kind, name: &str, none: &str) -> String {
+pub fn accepted(key: &str, kind: Kind, name: &str, none: &str) -> String {
     let mut accepted: Vec<Values> = Vec::new();
     for powered in [true, false] {
         for (_, values) in table(kind, name, powered).into_iter().filter(|(known, _)| *known == key) {

@@ -25,10 +25,10 @@ pub enum Power {
 pub struct PowerChange {
     /// Whether it has power from now on; one that gets it boots.
     #[serde(default, deserialize_with = "given")]
-    pub(crate) on: Option<bool>,
+    pub on: Option<bool>,
     /// A reset of its processor.
     #[serde(default, deserialize_with = "given")]
-    pub(crate) reset: Option<ResetCause>,
+    pub reset: Option<ResetCause>,
 }
 
 /// A reset of a device's processor.
@@ -41,7 +41,7 @@ pub enum ResetCause {
 
 impl PowerChange {
     /// Returns what the device is switched to.
-    pub(crate) fn power(self) -> Result<Power, Invalid> {
+    pub fn power(self) -> Result<Power, Invalid> {
         match (self.on, self.reset) {
             (Some(false), None) => Ok(Power::Off),
             (Some(true), None) => Ok(Power::On),
@@ -53,7 +53,7 @@ impl PowerChange {
 
 impl Power {
     /// Switches a device, now; the error is why a device without power is not reset.
-    pub(crate) fn switch(self, node: NodeId, world: &mut World) -> Result<(), &'static str> {
+    pub fn switch(self, node: NodeId, world: &mut World) -> Result<(), &'static str> {
         match self {
             Self::Off => world.power(node, false),
             Self::On => world.power(node, true),

@@ -22,11 +22,11 @@ const NULLABLE: &[(&str, &[&str])] = &[
 
 /// Schemas by their names, in draft 2020-12.
 #[derive(Clone, Debug)]
-pub(crate) struct Schemas(Map<String, Value>);
+pub struct Schemas(Map<String, Value>);
 
 /// The way to a member of a value.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Place {
+pub enum Place {
     /// A member of an object.
     Key(String),
     /// An item of a list.
@@ -35,16 +35,16 @@ pub(crate) enum Place {
 
 /// A value that a schema does not accept.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Mismatch {
+pub struct Mismatch {
     /// The way to the member that is not accepted.
-    pub(crate) path: Vec<Place>,
+    pub path: Vec<Place>,
     /// The reason, with the name of the member and what is accepted there.
-    pub(crate) reason: String,
+    pub reason: String,
 }
 
 impl Schemas {
     /// Returns the schema of a type that is read, with all that it refers to. It is made once.
-    pub(crate) fn of<T: ToSchema + 'static>() -> &'static Self {
+    pub fn of<T: ToSchema + 'static>() -> &'static Self {
         static MADE: Mutex<BTreeMap<TypeId, &'static Schemas>> = Mutex::new(BTreeMap::new());
         MADE.lock().unwrap_or_else(PoisonError::into_inner).entry(TypeId::of::<T>()).or_insert_with(|| {
             let mut named = vec![(T::name().into_owned(), T::schema())];
@@ -67,12 +67,12 @@ impl Schemas {
     }
 
     /// Returns the schemas by their names.
-    pub(crate) const fn by_name(&self) -> &Map<String, Value> {
+    pub const fn by_name(&self) -> &Map<String, Value> {
         &self.0
     }
 
     /// Returns the value of a text that stands for the member of a schema: a number or a switch where one is accepted.
-    pub(crate) fn value_of(&self, name: &str, key: &str, text: &str) -> Value {
+    pub fn value_of(&self, name: &str, key: &str, text: &str) -> Value {
         let kind = self.0.get(name).and_then(|schema| schema["properties"][key]["type"].as_str());
         let is_number = !text.is_empty() && text.bytes().all(|digit| digit.is_ascii_digit());
         match (kind, text) {
@@ -87,7 +87,7 @@ impl Schemas {
     ///
     /// # Errors
     /// The first member that is not accepted.
-    pub(crate) fn check(&self, name: &str, value: &Value, null: &str) -> Result<(), Mismatch> {
+    pub fn check(&self, name: &str, value: &Value, null: &str) -> Result<(), Mismatch> {
         let Some(schema) = self.0.get(name) else { return Ok(()) };
         match (Checker { schemas: self, null }.mismatch(schema, value, &mut Vec::new())) {
             Some(mismatch) => Err(mismatch),
@@ -122,7 +122,7 @@ fn without_null(name: &str, schema: &mut Value) {
 }
 
 /// Takes the formats of integers out of a schema, of which none is that of a number without a sign: limits say more.
-pub(crate) fn without_formats(schema: &mut Value) {
+pub fn without_formats(schema: &mut Value) {
     match schema {
         Value::Object(members) => {
             if members.get("format").is_some_and(|format| *format == "int32" || *format == "int64") {
@@ -194,7 +194,7 @@ const STANDARD: &str = "^(0[xX])?0{0,4}[0-7]?[0-9A-Fa-f]{1,2}$";
 const EIGHT_DIGITS: &str = "^(0[xX])?[01][0-9A-Fa-f]{7}$";
 
 /// The texts of all identifiers.
-pub(crate) const IDENTIFIER: &str = "^(0[xX])?([01][0-9A-Fa-f]{7}|[0-9A-Fa-f]{1,7})$";
+pub const IDENTIFIER: &str = "^(0[xX])?([01][0-9A-Fa-f]{7}|[0-9A-Fa-f]{1,7})$";
 
 /// The words for what a step of a scenario expects.
 const EXPECTED: &str = "a frame as in \"1A0#0F00 0020\", a list of frames, or a state as in { dsm = \"active\" }";
@@ -398,7 +398,7 @@ fn is_within(schema: &Value, value: &Value) -> bool {
 }
 
 /// Returns a value whose whole numbers are written without a fraction: to JSON, 8.0 and 8 are one number.
-pub(crate) fn with_whole_numbers(value: Value) -> Value {
+pub fn with_whole_numbers(value: Value) -> Value {
     /// All whole numbers up to here are numbers of this type.
     const EXACT: f64 = (1_u64 << 53) as f64;
     match value {

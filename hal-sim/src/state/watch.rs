@@ -9,7 +9,7 @@ use crate::world::{NodeId, World};
 /// A condition on the state of a device. It is looked at after everything that happens in the world, and when it is
 /// due.
 #[derive(Debug)]
-pub(crate) struct StateWatch {
+pub struct StateWatch {
     node: NodeId,
     kind: Kind,
     condition: Box<StateCondition>,
@@ -19,12 +19,12 @@ pub(crate) struct StateWatch {
 
 impl StateWatch {
     /// Watches a device of this kind.
-    pub(crate) const fn new((node, kind): (NodeId, Kind), condition: Box<StateCondition>) -> Self {
+    pub const fn new((node, kind): (NodeId, Kind), condition: Box<StateCondition>) -> Self {
         Self { node, kind, condition, moves_there: NEVER }
     }
 
     /// Returns the state of the device now, and whether the condition holds.
-    pub(crate) fn look(&mut self, world: &mut World) -> (DeviceState, bool) {
+    pub fn look(&mut self, world: &mut World) -> (DeviceState, bool) {
         let state = DeviceState::of(self.node, self.kind, world);
         let holds = self.condition.holds(&state);
         let wanted = if holds { None } else { self.condition.wanted_positions(&state) };
@@ -33,7 +33,7 @@ impl StateWatch {
     }
 
     /// Returns when the condition can next hold although nothing happens; `until` when not before.
-    pub(crate) fn due(&self, until: Instant, world: &World) -> Instant {
+    pub fn due(&self, until: Instant, world: &World) -> Instant {
         let asked = self.condition.t_us.map_or(NEVER, Instant::from_micros);
         let limit = if asked > world.now() { asked.min(until) } else { until };
         if self.moves_there > world.now() { limit.min(self.moves_there) } else { world.next_position(self.node, limit) }

@@ -8,7 +8,7 @@ use protocol_core::frame::{ExtendedId, Frame, Id, StandardId};
 use super::{Entry, ErrorFrame, Timestamp, write_hex};
 
 /// Linux's mark of an error frame in an identifier.
-pub(crate) const ERROR_FLAG: u32 = 0x2000_0000;
+pub const ERROR_FLAG: u32 = 0x2000_0000;
 
 /// Writes a frame, without the end of the line. A 29-bit identifier has eight digits, a remote frame `R` and its
 /// length, unless that is 0, in place of the data.
@@ -35,7 +35,7 @@ pub fn write_error(out: &mut String, at: Timestamp, bus: &str, error: impl Into<
 }
 
 /// Writes an entry of either kind, without the end of the line.
-pub(crate) fn write_entry(out: &mut String, at: Timestamp, bus: &str, entry: &Entry) {
+pub fn write_entry(out: &mut String, at: Timestamp, bus: &str, entry: &Entry) {
     match entry {
         Entry::Frame(frame) => write_frame(out, at, bus, frame),
         Entry::Error(error) => write_error(out, at, bus, *error),
@@ -43,7 +43,7 @@ pub(crate) fn write_entry(out: &mut String, at: Timestamp, bus: &str, entry: &En
 }
 
 /// Why a line has no frame.
-pub(crate) type Reason = &'static str;
+pub type Reason = &'static str;
 
 /// What a CAN FD frame is refused as, in each format.
 pub(crate) const FD: Reason = "a CAN FD frame, which the devices do not know";
@@ -55,7 +55,7 @@ pub(crate) const NO_LINE: Reason = "no line of candump";
 ///
 /// # Errors
 /// Why the line has no entry.
-pub(crate) fn parse(line: &str) -> Result<(Option<Timestamp>, &str, Entry), Reason> {
+pub fn parse(line: &str) -> Result<(Option<Timestamp>, &str, Entry), Reason> {
     let line = line.trim();
     let (at, rest) = match line.strip_prefix('(').map(|rest| rest.split_once(')')) {
         Some(Some((time, rest))) => (Some(time.trim().parse().map_err(|_| "a time that is not in seconds")?), rest),

@@ -18,7 +18,7 @@ const OVER: Duration = Duration::from_secs(1);
 
 /// The errors of the bus, and those that were told.
 #[derive(Debug, Default)]
-pub(crate) struct Errors {
+pub struct Errors {
     /// The number of error frames since the trouble began.
     count: u64,
     /// The last error frame.
@@ -31,7 +31,7 @@ pub(crate) struct Errors {
 
 impl Errors {
     /// Takes note of an event; returns the class and the words of an error that is told.
-    pub(crate) fn note(&mut self, event: &Event) -> Option<(ErrorClass, String)> {
+    pub fn note(&mut self, event: &Event) -> Option<(ErrorClass, String)> {
         match &event.what {
             EventKind::Frame { .. } => {
                 if !self.failing.is_empty() {

@@ -46,7 +46,7 @@ const WARNING: Style = AnsiColor::Yellow.on_default().bold();
 const MINOR: Style = Style::new().dimmed();
 
 /// Lays the trace out.
-pub(crate) struct Layout {
+pub struct Layout {
     color: bool,
     /// Whether repeats are shown.
     verbose: bool,
@@ -69,22 +69,24 @@ struct Latest {
 }
 
 impl Layout {
-    pub(crate) fn new(color: bool, verbose: bool) -> Self {
+    /// Returns a layout, in color or not, that tells each frame or sums up repeated ones.
+    #[must_use]
+    pub fn new(color: bool, verbose: bool) -> Self {
         Self { color, verbose, columns: None, extended: false, latest: HashMap::new() }
     }
 
     /// Learns how many columns there are; `None`: lines are not broken.
-    pub(crate) fn fit(&mut self, columns: Option<usize>) {
+    pub fn fit(&mut self, columns: Option<usize>) {
         self.columns = columns;
     }
 
     /// Makes room for 29-bit identifiers from the first line on.
-    pub(crate) fn expect_extended(&mut self) {
+    pub fn expect_extended(&mut self) {
         self.extended = true;
     }
 
     /// Writes a frame, or counts it as a repeat. `from_device`: whether a device sent it.
-    pub(crate) fn frame(
+    pub fn frame(
         &mut self,
         out: &mut String,
         (at, who, frame): (Instant, &Arc<str>, &Frame),
@@ -111,7 +113,7 @@ impl Layout {
     }
 
     /// Writes the line of an error.
-    pub(crate) fn error(&mut self, out: &mut String, at: Instant, text: &str) {
+    pub fn error(&mut self, out: &mut String, at: Instant, text: &str) {
         self.tell_ended(out, at);
         self.time(out, at);
         self.styled(out, FAULT, &format!("!!  {text}"));
@@ -119,7 +121,7 @@ impl Layout {
     }
 
     /// Tells every repeat that was not told.
-    pub(crate) fn finish(&mut self, out: &mut String) {
+    pub fn finish(&mut self, out: &mut String) {
         self.tell_repeats(out, |_| true);
     }
 

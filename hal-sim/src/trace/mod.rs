@@ -5,20 +5,20 @@
 //! layout     the trace for people           errors     the error frames and error modes that are told
 //! ```
 
-pub(crate) mod candump;
+pub mod candump;
 mod errors;
 mod layout;
 mod record;
 mod timestamp;
 
 pub use candump::{write_error, write_frame};
-pub(crate) use errors::Errors;
-pub(crate) use layout::Layout;
+pub use errors::Errors;
+pub use layout::Layout;
 pub use record::{Entry, ErrorFrame, Record};
 pub use timestamp::{ParseTimestampError, Timestamp};
 
 /// Bytes in hex, two digits each, without blanks.
-pub(crate) fn write_hex(out: &mut String, bytes: &[u8]) {
+pub fn write_hex(out: &mut String, bytes: &[u8]) {
     const DIGITS: [char; 16] = ['0', '1', '2', '3', '4', '5', '6', '7', '8', '9', 'A', 'B', 'C', 'D', 'E', 'F'];
     for byte in bytes {
         out.push(DIGITS[usize::from(byte >> 4)]);

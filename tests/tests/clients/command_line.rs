@@ -1,5 +1,5 @@
 //! Wrong usage as a script sees it: the exit code, one line on stderr that names what is wrong, nothing on stdout, and
-//! nothing that was stored is touched. What `hal-sim/tests/pve_sim/` has is not here again.
+//! nothing that was stored is touched. What `pve-sim/tests/pve_sim/` has is not here again.
 
 use std::fs;
 use std::process::{Command, Stdio};

@@ -5,7 +5,7 @@ use std::fs;
 use std::io::Write;
 use std::process::{Command, Stdio};
 
-use hal_sim::cli;
+use pve_sim::cli;
 
 use crate::simulator::{PVE_SIM, Simulator, python, root};
 

@@ -22,7 +22,7 @@ const LIFE: u64 = 420;
 pub(crate) static PVE_SIM: LazyLock<PathBuf> = LazyLock::new(|| {
     let profile = profile();
     let mut build = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-    build.args(["build", "--quiet", "--package", "hal-sim", "--bin", "pve-sim"]).current_dir(root());
+    build.args(["build", "--quiet", "--package", "pve-sim", "--bin", "pve-sim"]).current_dir(root());
     if profile.file_name() == Some(OsStr::new("release")) {
         build.arg("--release");
     }

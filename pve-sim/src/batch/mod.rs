@@ -1,0 +1,125 @@
+//! Scenarios of a command line: read, run over the cores, told in their order.
+
+mod junit;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc;
+use std::thread;
+
+use hal_sim::scenario::{Outcome, ReadError, Scenario};
+
+/// What is to be run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// The files, in the order in which they are told.
+    pub files: Vec<PathBuf>,
+    /// Where results are written for CI; `None`: nowhere.
+    pub junit: Option<PathBuf>,
+    /// The seed of everything random.
+    pub seed: u64,
+    /// Whether the trace of each scenario is told, too.
+    pub verbose: bool,
+}
+
+/// Why scenarios did not run, or their results were not kept.
+#[derive(Debug, thiserror::Error)]
+pub enum BatchError {
+    /// Files that cannot be read: a line each. Nothing was run.
+    #[error("{}", .0.join("\n"))]
+    Unreadable(Vec<String>),
+    /// The file of `--junit` cannot be written.
+    #[error("--junit {}: {source}", path.display())]
+    Junit {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        source: io::Error,
+    },
+}
+
+/// A scenario with its file.
+struct Named<'a> {
+    file: &'a Path,
+    scenario: Scenario,
+}
+
+/// Reads all files, then runs the scenarios and tells the outcome of each on `out`; returns whether all was as
+/// expected. An `out` that takes nothing changes nothing.
+///
+/// # Errors
+/// [`BatchError`].
+pub fn run(options: &Options, out: &mut dyn Write) -> Result<bool, BatchError> {
+    let (read, refused): (Vec<_>, Vec<_>) = options.files.iter().map(|file| read(file)).partition(Result::is_ok);
+    let refused: Vec<String> = refused.into_iter().filter_map(Result::err).collect();
+    if !refused.is_empty() {
+        return Err(BatchError::Unreadable(refused));
+    }
+    let scenarios: Vec<Named<'_>> = read.into_iter().filter_map(Result::ok).collect();
+    let mut outcomes = Vec::with_capacity(scenarios.len());
+    let files: Vec<String> = scenarios.iter().map(|named| named.file.display().to_string()).collect();
+    over_the_cores(&scenarios, options, |outcome| {
+        let _ = tell(out, &files[outcomes.len()], &outcome);
+        outcomes.push(outcome);
+    });
+    let failed = outcomes.iter().filter(|outcome| !outcome.is_success()).count();
+    let _ = writeln!(out, "{} passed, {failed} failed", outcomes.len() - failed).and_then(|()| out.flush());
+    if let Some(path) = &options.junit {
+        let report = junit::report(&files, &outcomes);
+        fs::write(path, report).map_err(|source| BatchError::Junit { path: path.clone(), source })?;
+    }
+    Ok(failed == 0)
+}
+
+fn read(file: &Path) -> Result<Named<'_>, String> {
+    let refuse = |line: Option<usize>, reason: &dyn std::fmt::Display| {
+        let line = line.map_or_else(String::new, |line| format!("{line}:"));
+        format!("{}:{line} {reason}", file.display())
+    };
+    let text = fs::read_to_string(file).map_err(|error| refuse(None, &error))?;
+    let scenario = Scenario::parse(&text).map_err(|ReadError { line, reason }| refuse(line, &reason))?;
+    Ok(Named { file, scenario })
+}
+
+/// Runs scenarios on as many threads as there are cores, and hands their outcomes on in their order.
+fn over_the_cores(scenarios: &[Named<'_>], options: &Options, mut tell: impl FnMut(Outcome)) {
+    let threads = thread::available_parallelism().map_or(1, usize::from).min(scenarios.len());
+    let (next, (sender, receiver)) = (&AtomicUsize::new(0), mpsc::channel());
+    thread::scope(|scope| {
+        for _ in 0..threads {
+            let sender = sender.clone();
+            scope.spawn(move || {
+                while let Some((place, named)) = {
+                    let place = next.fetch_add(1, Ordering::Relaxed);
+                    scenarios.get(place).map(|named| (place, named))
+                } {
+                    if sender.send((place, run_one(&named.scenario, options))).is_err() {
+                        break;
+                    }
+                }
+            });
+        }
+        drop(sender);
+        let mut early: BTreeMap<usize, Outcome> = BTreeMap::new();
+        let mut turn = 0;
+        for (place, outcome) in receiver {
+            early.insert(place, outcome);
+            while let Some(outcome) = early.remove(&turn) {
+                tell(outcome);
+                turn += 1;
+            }
+        }
+    });
+}
+
+fn run_one(scenario: &Scenario, options: &Options) -> Outcome {
+    if options.verbose { scenario.run_traced(options.seed) } else { scenario.run(options.seed) }
+}
+
+fn tell(out: &mut dyn Write, file: &str, outcome: &Outcome) -> io::Result<()> {
+    let verdict = if outcome.is_success() { "ok   " } else { "FAIL " };
+    write!(out, "{}{verdict}{file}: {outcome}\n{}", outcome.trace(), outcome.failures(file))
+}

@@ -1,0 +1,265 @@
+//! The command line of `pve-sim`: what is accepted, and the one line that says why something is not.
+
+mod options;
+mod recordings;
+mod scenario;
+mod shell;
+
+pub use options::RunArgs;
+
+use std::ffi::OsString;
+
+use clap::error::{ContextKind, ErrorKind};
+use clap::{CommandFactory, Parser, Subcommand};
+use clap_complete::Shell;
+
+use self::recordings::{DecodeArgs, ReplayArgs};
+use crate::batch::Options;
+use crate::run::RunOptions;
+use hal_sim::decode::DecodeOptions;
+use hal_sim::describe;
+use hal_sim::kind::Kind;
+use hal_sim::replay::ReplayOptions;
+use hal_sim::text::in_one_line;
+use hal_sim::use_case::{self, UseCase};
+use scenario::ScenarioArgs;
+
+/// What the user asked for.
+#[derive(Debug)]
+pub enum Request {
+    /// Put devices on a bus.
+    Run(RunOptions),
+    /// Play these use cases.
+    UseCases(Vec<&'static UseCase>),
+    /// Run these scenarios.
+    Scenarios(Options),
+    /// Explain a recording.
+    Decode(DecodeOptions),
+    /// Replay a recording.
+    Replay(ReplayOptions),
+    /// Print this on stdout: the help, the version, the description of a kind, or what a shell reads.
+    Print(String),
+}
+
+const AFTER_HELP: &str = "\
+Examples:
+  pve-sim
+  pve-sim --device pvea-canopen@0x20 --device pveo-canopen@0x21,name=boom --bit-rate 250k
+  pve-sim --device pvea-isobus@0x83 --device pvea-canopen@0x20
+  pve-sim --device pvea-canopen --device hat1000,bit-rate=250k --link pvea-canopen=hat1000
+  pve-sim --device pvea-canopen,blank --state memory --log frames.log
+  pve-sim use-case isobus
+  pve-sim scenario scenarios/*.toml --junit results.xml
+  pve-sim decode frames.log
+  pve-sim replay frames.log --device pvea-canopen@0x20
+  pve-sim eds pvea-canopen > pvea.eds
+  pve-sim dbc pvea-isobus > pvea.dbc
+
+SIGINT, SIGTERM, SIGHUP and a reader of stdout that is gone end it; everything stored, exit 0.
+Exit codes: 1 a port in use, an interface that is not there, a file that cannot be opened, written or replaced, a
+state file of another kind, a use case or a replay that differs, an expectation of a scenario that fails, a line of a log that is
+none; 2 wrong usage, a scenario that cannot be read.";
+
+/// Wrong usage: one line that says what is wrong and what is accepted.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct UsageError(pub String);
+
+/// A stand-in for CAN hydraulic valves on a virtual bus that any tool can join.
+///
+/// Without a command it runs: the options of `run` can be given right away.
+#[derive(Debug, Parser)]
+#[command(
+    name = "pve-sim",
+    version,
+    args_conflicts_with_subcommands = true,
+    max_term_width = 120,
+    after_long_help = AFTER_HELP
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    run: RunArgs,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// A stand-in device, or several, on a bus (the default command)
+    Run(Box<RunArgs>),
+    /// Plays the manuals' use cases, a valve on ISOBUS or an angle sensor in virtual time, each frame with what it
+    /// means; exit 1 if any frame differs
+    UseCase {
+        /// Which one, or all; without it the titles are listed
+        #[arg(value_name = "1-6|isobus|hat|all", value_parser = use_cases)]
+        which: Option<UseCases>,
+    },
+    /// Runs scenarios from files in virtual time: devices, what happens to them, what has to come of it; exit 1 if an
+    /// expectation fails, 2 before anything runs if a file cannot be read
+    Scenario(ScenarioArgs),
+    /// Explains a recorded log line by line, as the trace does; exit 1 if a line is none
+    Decode(DecodeArgs),
+    /// Plays a recorded log against stand-ins, from their power-up and in virtual time: what they send is compared with
+    /// the log, all else is sent to them; exit 1 on differences
+    Replay(ReplayArgs),
+    /// Prints the EDS of a CANopen kind, from its object dictionary
+    Eds {
+        /// The kind
+        #[arg(value_name = "pvea-canopen|pveo-canopen|hat1000|hat3000", value_parser = eds)]
+        sheet: Description,
+    },
+    /// Prints the DBC of an ISOBUS kind, with its messages at each address
+    Dbc {
+        /// The kind
+        #[arg(value_name = "pvea-isobus|pveo-isobus", value_parser = dbc)]
+        database: Description,
+    },
+    /// Prints the completion script for a shell
+    Completions {
+        /// The shell
+        #[arg(value_name = "bash|zsh|fish|powershell|elvish", hide_possible_values = true)]
+        shell: Shell,
+    },
+    /// Prints the manual page, in roff
+    Man,
+}
+
+/// The text of an EDS or DBC.
+#[derive(Clone, Debug)]
+struct Description(String);
+
+fn eds(word: &str) -> Result<Description, String> {
+    description(word, ("eds", describe::eds), ("dbc", describe::dbc))
+}
+
+fn dbc(word: &str) -> Result<Description, String> {
+    description(word, ("dbc", describe::dbc), ("eds", describe::eds))
+}
+
+type Describe = fn(Kind) -> Option<String>;
+
+/// Returns the description of the kind that a word on the command line names. Where the kind has only the other one,
+/// the refusal names that command.
+fn description(
+    word: &str,
+    (command, describe): (&str, Describe),
+    (other, has_other): (&str, Describe),
+) -> Result<Description, String> {
+    let kind = Kind::from_name(word);
+    let text = kind.and_then(describe).map(Description);
+    text.ok_or_else(|| match kind.and_then(has_other) {
+        Some(_) => format!("this kind has no {}: pve-sim {other} {word}", command.to_uppercase()),
+        None => format!("no kind that has {} {}", if command == "eds" { "an" } else { "a" }, command.to_uppercase()),
+    })
+}
+
+/// Returns the use cases by name and title, a line each.
+fn titles() -> String {
+    let lines = use_case::all().into_iter().map(|case| format!("{:<8}{}\n", case.name, case.title));
+    lines.chain(["all     all of them, in this order\n".to_owned()]).collect()
+}
+
+/// The use cases that a word on the command line stands for.
+#[derive(Clone, Debug)]
+struct UseCases(Vec<&'static UseCase>);
+
+fn use_cases(word: &str) -> Result<UseCases, String> {
+    let cases = match word {
+        "all" => use_case::all(),
+        name => use_case::find(name).into_iter().collect(),
+    };
+    if cases.is_empty() {
+        let known: Vec<&str> = use_case::all().iter().map(|case| case.name).collect();
+        return Err(format!("no such use case; accepted: {}, all", known.join(", ")));
+    }
+    Ok(UseCases(cases))
+}
+
+/// Reads the arguments, the program's name first. A CR at the end of an argument, from a script with lines as Windows
+/// writes them, is not part of it.
+///
+/// # Errors
+/// [`UsageError`] for anything that is not accepted.
+pub fn parse<I, T>(args: I) -> Result<Request, UsageError>
+where
+    I: IntoIterator<Item = T>,
+    T: Into<OsString> + Clone,
+{
+    read(args).map_err(|UsageError(reason)| UsageError(in_one_line(&reason)))
+}
+
+fn read<I, T>(args: I) -> Result<Request, UsageError>
+where
+    I: IntoIterator<Item = T>,
+    T: Into<OsString> + Clone,
+{
+    match Cli::try_parse_from(args.into_iter().map(|arg| without_cr(arg.into()))) {
+        Ok(Cli { command: Some(Command::Run(run)), .. }) => RunOptions::try_from(*run).map(Request::Run),
+        Ok(Cli { command: Some(Command::UseCase { which: Some(which) }), .. }) => Ok(Request::UseCases(which.0)),
+        Ok(Cli { command: Some(Command::UseCase { which: None }), .. }) => Ok(Request::Print(titles())),
+        Ok(Cli { command: Some(Command::Decode(args)), .. }) => DecodeOptions::try_from(args).map(Request::Decode),
+        Ok(Cli { command: Some(Command::Replay(args)), .. }) => ReplayOptions::try_from(args).map(Request::Replay),
+        Ok(Cli { command: Some(Command::Eds { sheet: text } | Command::Dbc { database: text }), .. }) => {
+            Ok(Request::Print(text.0))
+        }
+        Ok(Cli { command: Some(Command::Scenario(scenario)), .. }) => scenario.try_into(),
+        Ok(Cli { command: Some(Command::Completions { shell }), .. }) => Ok(Request::Print(shell::completions(shell))),
+        Ok(Cli { command: Some(Command::Man), .. }) => Ok(Request::Print(shell::manual_page())),
+        Ok(Cli { command: None, run }) => RunOptions::try_from(run).map(Request::Run),
+        Err(error) if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => {
+            Ok(Request::Print(error.to_string()))
+        }
+        Err(error) => Err(UsageError(one_line(&error))),
+    }
+}
+
+fn without_cr(argument: OsString) -> OsString {
+    match argument.to_str().and_then(|text| text.strip_suffix('\r')) {
+        Some(text) => text.into(),
+        None => argument,
+    }
+}
+
+/// Returns clap's message without its paragraphs of usage, with its tip, and with what is accepted where clap leaves
+/// that out.
+fn one_line(error: &clap::Error) -> String {
+    let text = error.to_string();
+    let first: Vec<&str> = text.lines().take_while(|line| !line.is_empty()).map(str::trim).collect();
+    let what = first.join(" ");
+    let what = what.strip_prefix("error: ").unwrap_or(&what);
+    let tip = text.lines().find_map(|line| line.trim().strip_prefix("tip: "));
+    let tip = tip.map_or_else(String::new, |tip| format!("; {tip}"));
+    let accepted = match error.kind() {
+        ErrorKind::UnknownArgument => {
+            let given = error.get(ContextKind::InvalidArg).map(ToString::to_string).unwrap_or_default();
+            if given.starts_with('-') { names(option_names()) } else { names(command_names()) }
+        }
+        ErrorKind::InvalidSubcommand => names(command_names()),
+        ErrorKind::ArgumentConflict if error.get(ContextKind::InvalidSubcommand).is_some() => {
+            "; give the options after the command".to_owned()
+        }
+        _ => String::new(),
+    };
+    format!("{what}{tip}{accepted}")
+}
+
+fn names(names: Vec<String>) -> String {
+    format!("; accepted: {}", names.join(", "))
+}
+
+/// Returns the options of `run` that the help shows.
+fn option_names() -> Vec<String> {
+    let mut command = Cli::command();
+    command.build();
+    let shown = command.get_arguments().filter(|arg| !arg.is_hide_set());
+    shown.filter_map(|arg| arg.get_long()).map(|long| format!("--{long}")).collect()
+}
+
+fn command_names() -> Vec<String> {
+    let mut command = Cli::command();
+    command.build();
+    command.get_subcommands().map(|command| command.get_name().to_owned()).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,52 @@
+//! The options of `scenario`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::options::{DEFAULT_SEED, seed};
+use super::{Request, UsageError};
+use crate::batch::Options;
+use hal_sim::scenario;
+
+/// The options of `scenario`, as they were written.
+#[derive(Args, Debug)]
+pub(super) struct ScenarioArgs {
+    /// The scenarios, in the order in which they are told; the format: docs/scenarios.md
+    #[arg(value_name = "FILE.toml", required_unless_present = "schema")]
+    files: Vec<PathBuf>,
+
+    /// Write the results to FILE as JUnit XML, a test case for each scenario
+    #[arg(long, value_name = "FILE")]
+    junit: Option<PathBuf>,
+
+    /// The seed of everything random: 0–18446744073709551615
+    #[arg(long, value_name = "N", value_parser = seed, default_value_t = DEFAULT_SEED)]
+    seed: u64,
+
+    /// Show all that is on the bus, with the notes of the steps
+    #[arg(long)]
+    verbose: bool,
+
+    /// Print the format of a scenario as a JSON schema, for editors
+    #[arg(long, exclusive = true)]
+    schema: bool,
+}
+
+impl TryFrom<ScenarioArgs> for Request {
+    type Error = UsageError;
+
+    fn try_from(args: ScenarioArgs) -> Result<Self, UsageError> {
+        if args.schema {
+            return Ok(Self::Print(scenario::schema()));
+        }
+        // A scenario behind --junit would be lost.
+        if let Some(path) = args.junit.as_ref().filter(|path| path.extension().is_some_and(|end| end == "toml")) {
+            return Err(UsageError(format!(
+                "--junit {}: that is a scenario; accepted: a file for the results, as in results.xml",
+                path.display()
+            )));
+        }
+        Ok(Self::Scenarios(Options { files: args.files, junit: args.junit, seed: args.seed, verbose: args.verbose }))
+    }
+}

@@ -1,0 +1,195 @@
+//! What happens, for those who follow it: frames, and changes of devices.
+
+use std::sync::{Arc, OnceLock};
+
+use protocol_core::device::View;
+use protocol_core::time::{Duration, Instant, NEVER, after};
+use serde::Serialize;
+use tokio::sync::broadcast;
+
+use super::message::Refusal;
+use super::record::{BusTrouble, Passed};
+use hal_sim::kind::Kind;
+use hal_sim::state::{DeviceState, PlantState};
+use hal_sim::world::{NodeId, World};
+
+/// The most events that wait for a follower: about a second of a bus under full load. One that is slower loses the
+/// oldest.
+const WAITING: usize = 4096;
+
+/// The most followers.
+pub(super) const FOLLOWERS: usize = 64;
+
+/// How often a position that moves is told, in wall time.
+const SAMPLE: Duration = Duration::from_millis(20);
+
+/// Something that happened, put into JSON once for all who follow.
+#[derive(Debug)]
+pub(super) struct Happening {
+    what: What,
+    json: OnceLock<String>,
+}
+
+#[derive(Debug)]
+enum What {
+    /// A frame was on the bus; what it means.
+    Frame(Passed, String),
+    /// Something went wrong on the bus.
+    Error(BusTrouble),
+    /// A device has changed.
+    Device(DeviceState),
+}
+
+impl Happening {
+    /// Returns the name of the event.
+    pub(super) const fn name(&self) -> &'static str {
+        match self.what {
+            What::Frame(..) => "frame",
+            What::Error(_) => "error",
+            What::Device(_) => "device",
+        }
+    }
+
+    /// Returns the data of the event.
+    pub(super) fn json(&self) -> &str {
+        self.json.get_or_init(|| match &self.what {
+            What::Frame(passed, meaning) => json(&passed.record(meaning.clone())),
+            What::Error(trouble) => json(trouble),
+            What::Device(state) => json(state),
+        })
+    }
+}
+
+/// Returns a value as JSON. The numbers and texts of this interface have no value that JSON has not.
+pub(super) fn json(value: &impl Serialize) -> String {
+    serde_json::to_string(value).unwrap_or_default()
+}
+
+/// What happens from an instant on.
+#[derive(Debug)]
+pub struct Subscription {
+    /// The devices at that instant.
+    pub(super) states: Vec<DeviceState>,
+    pub(super) happenings: broadcast::Receiver<Arc<Happening>>,
+    /// As long as it is there, somebody follows.
+    pub(super) follower: Follower,
+}
+
+/// One of those who follow.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Follower(Arc<()>);
+
+/// Tells followers what happens.
+#[derive(Debug)]
+pub(super) struct Events {
+    channel: broadcast::Sender<Arc<Happening>>,
+    /// The one that stands for this end.
+    follower: Follower,
+    /// What was told of each device.
+    told: Vec<(NodeId, Kind, Told)>,
+    /// When positions are told next.
+    sample_at: Instant,
+    /// How often they are, in virtual time.
+    sample: Duration,
+}
+
+/// What was told of a device.
+#[derive(Clone, Debug, PartialEq)]
+struct Told {
+    view: Option<View>,
+    plant: PlantState,
+}
+
+impl Events {
+    /// Begins to watch; `speed` is that of virtual time.
+    pub(super) fn new(devices: &[(NodeId, Kind)], speed: f64, world: &mut World) -> Self {
+        let told = devices.iter().map(|(node, kind)| (*node, *kind, Told::of(*node, world))).collect();
+        let sample = Duration::from_ticks((SAMPLE.as_micros() as f64 * speed.max(1.0)) as u64);
+        Self {
+            channel: broadcast::Sender::new(WAITING),
+            follower: Follower::default(),
+            told,
+            sample_at: world.now(),
+            sample,
+        }
+    }
+
+    /// Lets a client follow.
+    pub(super) fn subscribe(&mut self, world: &mut World) -> Result<Subscription, Refusal> {
+        if self.followers() >= FOLLOWERS {
+            return Err(Refusal::TooMany("too many clients follow the events"));
+        }
+        // What others follow is told to them before; what nobody follows is new.
+        self.attend(world);
+        if !self.is_followed() {
+            self.told.iter_mut().for_each(|(node, _, told)| *told = Told::of(*node, world));
+        }
+        let states = self.told.iter().map(|(node, kind, _)| DeviceState::of(*node, *kind, world)).collect();
+        Ok(Subscription { states, happenings: self.channel.subscribe(), follower: self.follower.clone() })
+    }
+
+    /// Returns whether anybody follows.
+    pub(super) fn is_followed(&self) -> bool {
+        self.followers() > 0
+    }
+
+    fn followers(&self) -> usize {
+        Arc::strong_count(&self.follower.0) - 1
+    }
+
+    /// Tells a frame.
+    pub(super) fn show(&self, passed: &Passed, meaning: impl FnOnce() -> String) {
+        if self.is_followed() {
+            tell(&self.channel, What::Frame(passed.clone(), meaning()));
+        }
+    }
+
+    /// Tells what went wrong on the bus.
+    pub(super) fn show_trouble(&self, trouble: &BusTrouble) {
+        if self.is_followed() {
+            tell(&self.channel, What::Error(trouble.clone()));
+        }
+    }
+
+    /// Tells which devices have changed; of one that only moves, every now and then.
+    pub(super) fn attend(&mut self, world: &mut World) {
+        if !self.is_followed() {
+            return;
+        }
+        let samples = world.now() >= self.sample_at;
+        if samples {
+            self.sample_at = after(world.now(), self.sample);
+        }
+        let Self { told, channel, .. } = self;
+        for (node, kind, told) in told {
+            let now = Told::of(*node, world);
+            let changed = if samples { now != *told } else { now.at_rest() != told.at_rest() };
+            if changed {
+                *told = now;
+                tell(channel, What::Device(DeviceState::of(*node, *kind, world)));
+            }
+        }
+    }
+
+    /// Returns when positions are told next.
+    pub(super) fn due(&self) -> Instant {
+        if self.is_followed() { self.sample_at } else { NEVER }
+    }
+}
+
+/// Tells all followers; without any it is lost, as it should be.
+fn tell(channel: &broadcast::Sender<Arc<Happening>>, what: What) {
+    let _ = channel.send(Arc::new(Happening { what, json: OnceLock::new() }));
+}
+
+impl Told {
+    fn of(node: NodeId, world: &mut World) -> Self {
+        Self { view: world.view(node), plant: PlantState::of(node, world) }
+    }
+
+    /// Returns the same without what moves by itself.
+    fn at_rest(&self) -> Self {
+        let view = self.view.clone().map(|view| View { position: 0, ..view });
+        Self { view, plant: self.plant.at_rest() }
+    }
+}

@@ -1,0 +1,36 @@
+//! `/bus`: bit rate, load and disturbances.
+
+use axum::Json;
+
+use super::Control;
+use crate::control::error::{Body, Error, Failure};
+use crate::control::message::{BusState, Message};
+use hal_sim::state::{BusChange, Disturb};
+
+/// The state of the bus
+#[utoipa::path(get, path = "/bus", operation_id = "showBus", tag = "bus", responses((status = 200, body = BusState)))]
+pub(super) async fn show(control: Control) -> Result<Json<BusState>, Failure> {
+    control.ask(Message::Bus).await.map(Json)
+}
+
+/// Changes the bit rate of the bus and of every client: the master that changes its rate
+#[utoipa::path(
+    patch, path = "/bus", operation_id = "changeBus", tag = "bus",
+    request_body = BusChange,
+    responses((status = 200, body = BusState), (status = 400, body = Error))
+)]
+pub(super) async fn change(control: Control, Body(change): Body<BusChange>) -> Result<Json<BusState>, Failure> {
+    let bit_rate = change.bit_rate()?;
+    control.ask(|answer| Message::BitRate(bit_rate, answer)).await.map(Json)
+}
+
+/// Destroys the next attempts to send a frame by a bit error each, in the place of an earlier disturbance
+#[utoipa::path(
+    post, path = "/bus/disturb", operation_id = "disturbBus", tag = "bus",
+    request_body = Disturb,
+    responses((status = 200, body = BusState), (status = 400, body = Error))
+)]
+pub(super) async fn disturb(control: Control, Body(disturb): Body<Disturb>) -> Result<Json<BusState>, Failure> {
+    let disturbance = disturb.disturbance()?;
+    control.ask(|answer| Message::Disturb(disturbance, answer)).await.map(Json)
+}

@@ -1,0 +1,102 @@
+//! The description of the interface in OpenAPI.
+
+use std::sync::LazyLock;
+
+use axum::Json;
+use serde_json::{Value, json};
+use utoipa::{OpenApi, ToSchema};
+
+use super::{bus, devices, events, frames, time, trace, wait};
+use crate::control::error::Error;
+use crate::control::message::TimedOut;
+use crate::control::record::BusTrouble;
+use hal_sim::state::schema::{Schemas, without_formats};
+use hal_sim::state::{BusChange, Disturb, PlantChange, PowerChange};
+
+/// The calls and their schemas, as far as attributes say them.
+#[derive(OpenApi)]
+#[openapi(
+    info(
+        title = "pve-sim",
+        description = "Control interface of the stand-in for CAN hydraulic valves and angle sensors. Times are microseconds \
+                       of virtual time."
+    ),
+    servers((url = "/api/v1")),
+    paths(
+        devices::list,
+        devices::show,
+        devices::change_plant,
+        devices::power,
+        bus::show,
+        bus::change,
+        bus::disturb,
+        frames::send,
+        frames::stop,
+        wait::wait,
+        time::show,
+        time::advance,
+        trace::show,
+        events::follow,
+    ),
+    components(schemas(Error, TimedOut, BusTrouble, events::LostEvent))
+)]
+struct Calls;
+
+static DESCRIPTION: LazyLock<Value> = LazyLock::new(|| {
+    let mut description = json!(Calls::openapi());
+    without_formats(&mut description);
+    let schemas = &mut description["components"]["schemas"];
+    describe::<PlantChange>(schemas);
+    describe::<PowerChange>(schemas);
+    describe::<BusChange>(schemas);
+    describe::<Disturb>(schemas);
+    describe::<frames::FrameToSend>(schemas);
+    describe::<wait::Wait>(schemas);
+    describe::<time::Advance>(schemas);
+    // A text about a wait is one about a body, too.
+    schemas["NotInTime"] = json!({ "anyOf": schemas["NotInTime"]["oneOf"] });
+    let paths = description["paths"].as_object_mut().into_iter().flat_map(|paths| paths.values_mut());
+    paths.filter_map(Value::as_object_mut).flat_map(|path| path.values_mut()).for_each(add_refusals);
+    description
+});
+
+/// The description
+pub(super) async fn show() -> Json<&'static Value> {
+    Json(&DESCRIPTION)
+}
+
+/// Puts the schemas by which a body is read in the place of those that the attributes say.
+fn describe<T: ToSchema + 'static>(schemas: &mut Value) {
+    for (name, schema) in Schemas::of::<T>().by_name() {
+        schemas[name] = schema.clone();
+    }
+}
+
+/// Adds the refusals that every call has, and those of every body and every parameter.
+fn add_refusals(call: &mut Value) {
+    let has_body = call["requestBody"].is_object();
+    let refusals = [
+        ("400", has_body || call["parameters"].is_array(), "A value that is not accepted"),
+        ("403", true, "A Host that is neither loopback nor the address of this server, or the page of another origin"),
+        ("405", true, "Another method"),
+        ("408", has_body, "The body did not come within 10 s"),
+        ("413", has_body, "A body of more than 64 KiB"),
+        ("415", has_body, "Another Content-Type than application/json"),
+        ("503", true, "More than there is room for, or the simulator ends"),
+    ];
+    for (status, _, description) in refusals.into_iter().filter(|(_, applies, _)| *applies) {
+        let error = json!({ "$ref": "#/components/schemas/Error" });
+        let response = &mut call["responses"][status];
+        if response.is_null() {
+            *response = json!({ "description": description, "content": { "application/json": { "schema": error } } });
+        } else if response["description"] == "" {
+            response["description"] = description.into();
+        }
+    }
+    // The remaining ones are those of a device, a frame or a state.
+    let responses = call["responses"].as_object_mut().into_iter().flatten();
+    for (status, response) in responses.filter(|(_, response)| response["description"] == "") {
+        let description = if status == "404" { "No device of this name" } else { "Done" };
+        response["description"] = description.into();
+    }
+}

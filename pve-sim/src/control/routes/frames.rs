@@ -1,0 +1,107 @@
+//! `/bus/frames`: frames of clients, once or cyclic.
+
+use axum::Json;
+use protocol_core::time::Duration;
+use serde::Deserialize;
+use utoipa::openapi::RefOr;
+use utoipa::openapi::schema::{Object, Schema, Type};
+use utoipa::{IntoParams, PartialSchema, ToSchema};
+
+use super::Control;
+use crate::control::error::{Body, Error, Failure, Query};
+use crate::control::message::{Message, Sent, Stopped};
+use hal_sim::state::{DATA, DATA_PATTERN, Identifier, Pattern, given};
+
+/// A frame to be sent.
+#[derive(Clone, Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FrameToSend {
+    /// The identifier.
+    id: Identifier,
+    /// Whether the identifier has 29 bits.
+    #[serde(default, deserialize_with = "given")]
+    extended: Option<bool>,
+    /// Up to eight bytes, in hex; `R`, `R1` … for a remote frame.
+    #[schema(value_type = Data)]
+    data: String,
+    /// Sends it again and again, with this period.
+    #[serde(default, deserialize_with = "given")]
+    #[schema(minimum = 1, maximum = 4294967295_i64)]
+    every_ms: Option<u32>,
+}
+
+/// The cyclic frames that end.
+#[derive(Clone, Debug, Deserialize, IntoParams, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(super) struct WhichFrames {
+    /// The identifier in hex, with or without 0x; without it all.
+    #[param(pattern = "^(0[xX])?([01][0-9A-Fa-f]{7}|[0-9A-Fa-f]{1,7})$")]
+    id: Option<String>,
+    /// True for an identifier of 29 bits; by default those of eight digits and those above 0x7FF are.
+    extended: Option<bool>,
+}
+
+/// Sends a frame as a client would
+///
+/// The answer comes when the frame is on the bus: the first one, with `every_ms`. With `--speed step` this lets time
+/// pass.
+#[utoipa::path(
+    post, path = "/bus/frames", operation_id = "sendFrame", tag = "bus",
+    request_body = FrameToSend,
+    responses(
+        (status = 200, body = Sent),
+        (status = 400, body = Error),
+        (status = 409, body = Error, description = "Not on the bus within 1 s of virtual time: withdrawn")
+    )
+)]
+pub(super) async fn send(control: Control, Body(frame): Body<FrameToSend>) -> Result<Json<Sent>, Failure> {
+    let id = frame.id.id(frame.extended)?;
+    let period = frame.every_ms.map(|period| Duration::from_millis(period.into()));
+    let one = Pattern::of_data(id, Some(&frame.data))?.frame();
+    let frame =
+        one.ok_or_else(|| Failure::bad_request(format!("data \"{}\": accepted: bytes in hex alone", frame.data)))?;
+    control.ask_and_wait(|answer| Message::Send(frame, period, answer)).await.map(Json)
+}
+
+/// Ends cyclic frames
+#[utoipa::path(
+    delete, path = "/bus/frames", operation_id = "stopFrames", tag = "bus",
+    params(WhichFrames),
+    responses((status = 200, body = Stopped), (status = 400, body = Error))
+)]
+pub(super) async fn stop(control: Control, Query(which): Query<WhichFrames>) -> Result<Json<Stopped>, Failure> {
+    let id = match which.id.map(Identifier::Text) {
+        Some(id) => Some(id.id(which.extended.or_else(|| id.needs_29_bits().then_some(true)))?),
+        None if which.extended.is_some() => return Err(Failure::bad_request("extended without an id")),
+        None => None,
+    };
+    control.ask(|answer| Message::Stop(id, answer)).await.map(Json)
+}
+
+/// The schema of the data of one frame.
+pub(super) struct Data;
+
+/// The schema of a pattern of data.
+pub(super) struct DataPattern;
+
+impl PartialSchema for Data {
+    fn schema() -> RefOr<Schema> {
+        text(DATA)
+    }
+}
+
+impl PartialSchema for DataPattern {
+    fn schema() -> RefOr<Schema> {
+        text(DATA_PATTERN)
+    }
+}
+
+impl ToSchema for Data {}
+
+impl ToSchema for DataPattern {}
+
+/// Returns the schema of texts.
+fn text(pattern: &str) -> RefOr<Schema> {
+    Object::builder().schema_type(Type::String).pattern(Some(pattern)).into()
+}

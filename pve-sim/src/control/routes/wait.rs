@@ -1,0 +1,122 @@
+//! `/wait`: a state, or a frame.
+
+use axum::Json;
+use protocol_core::time::Duration;
+use serde::Deserialize;
+use serde_json::{Map, Value, json};
+use utoipa::ToSchema;
+
+use super::Control;
+use super::frames::DataPattern;
+use crate::control::error::{Body, Error, Failure};
+use crate::control::message::{Message, Refusal, TimedOut, Waited};
+use hal_sim::state::{Condition, DeviceState, Identifier, Pattern, StateCondition, given, given_object};
+
+/// What is waited for, and how long: a device with a state, or a frame.
+#[derive(Clone, Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Wait {
+    /// The name of the device.
+    #[serde(default, deserialize_with = "given")]
+    device: Option<String>,
+    /// The state of the device: any subset of it.
+    #[serde(default, deserialize_with = "given")]
+    #[schema(value_type = Option<StateCondition>)]
+    state: Option<Map<String, Value>>,
+    /// The frame.
+    #[serde(default, deserialize_with = "given_object")]
+    frame: Option<FrameToCome>,
+    /// The time in milliseconds of virtual time.
+    #[schema(maximum = 4294967295_i64)]
+    within_ms: u32,
+}
+
+/// A frame that is waited for.
+#[derive(Clone, Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FrameToCome {
+    /// The identifier.
+    id: Identifier,
+    /// Whether the identifier has 29 bits.
+    #[serde(default, deserialize_with = "given")]
+    extended: Option<bool>,
+    /// The data, in hex: these bytes and no others; `..` at the end stands for any rest, `?` for any digit, `R`, `R1` …
+    /// for a remote frame. Without it any data.
+    #[serde(default, deserialize_with = "given")]
+    #[schema(value_type = Option<DataPattern>)]
+    data: Option<String>,
+}
+
+/// The answer when the time is over: that of the wait, or that of the body.
+#[derive(serde::Serialize, ToSchema)]
+#[serde(untagged)]
+#[expect(dead_code, reason = "described, and never made")]
+enum NotInTime {
+    Wait(TimedOut),
+    Body(Error),
+}
+
+/// Waits until a device is in a state, or a frame is on the bus
+///
+/// Answers at the first instant when it holds, which can be now. With `--speed step` this lets time pass.
+#[utoipa::path(
+    post, path = "/wait", operation_id = "wait", tag = "wait",
+    request_body = Wait,
+    responses(
+        (status = 200, body = Waited),
+        (status = 400, body = Error, description = "An unknown key or value"),
+        (status = 404, body = Error),
+        (status = 408, body = NotInTime, description = "It did not hold within the time: what differs; or the body did not come")
+    )
+)]
+pub(super) async fn wait(control: Control, Body(wait): Body<Wait>) -> Result<Json<Waited>, Failure> {
+    let within = Duration::from_millis(wait.within_ms.into());
+    let condition = match wait {
+        Wait { device: Some(device), state: Some(state), frame: None, .. } => {
+            return for_state(&control, device, state, within).await.map(Json);
+        }
+        Wait { device: None, state: None, frame: Some(FrameToCome { id, extended, data }), .. } => {
+            Condition::Frame(Pattern::of_data(id.id(extended)?, data.as_deref())?)
+        }
+        _ => {
+            let accepted = "accepted: {\"device\", \"state\", \"within_ms\"} or {\"frame\", \"within_ms\"}";
+            return Err(Failure::bad_request(accepted));
+        }
+    };
+    control.ask_and_wait(|answer| Message::Wait(condition, within, answer)).await.map(Json)
+}
+
+/// Waits for a state; a refusal says which of its members differ.
+async fn for_state(
+    control: &Control,
+    device: String,
+    wanted: Map<String, Value>,
+    within: Duration,
+) -> Result<Waited, Failure> {
+    let condition = Condition::State(device, Box::new(condition(wanted.clone())?));
+    let waited = control.ask_and_wait(|answer| Message::Wait(condition, within, answer)).await;
+    waited.map_err(|failure| match failure {
+        Failure::World(Refusal::TimedOut(mut timed_out)) => {
+            if let Some(state) = &timed_out.state {
+                timed_out.error = format!("the state was not reached: {}", differences(wanted, state));
+            }
+            Failure::World(Refusal::TimedOut(timed_out))
+        }
+        other => other,
+    })
+}
+
+fn condition(members: Map<String, Value>) -> Result<StateCondition, Failure> {
+    serde_json::from_value(Value::Object(members)).map_err(|error| Failure::bad_request(error.to_string()))
+}
+
+/// Returns the members of a state that are not as wanted, in words.
+fn differences(wanted: Map<String, Value>, state: &DeviceState) -> String {
+    let mut seen = json!(state);
+    seen["faults"] = state.faults.iter().filter(|fault| fault.active).map(|fault| fault.fault).collect();
+    let differs = |(key, value): (String, Value)| {
+        let alone = condition(Map::from_iter([(key.clone(), value.clone())])).ok()?;
+        (!alone.holds(state)).then(|| format!("{key} is {}, not {value}", seen[&key]))
+    };
+    wanted.into_iter().filter_map(differs).collect::<Vec<_>>().join("; ")
+}

@@ -1,0 +1,411 @@
+//! What is read of a device and what its frames tell, at one virtual instant; and reading changes nothing.
+
+use proptest::prelude::*;
+use protocol_core::actuator::{Position, Scale};
+use protocol_core::controller::BitRate;
+use protocol_core::device::Setup;
+use protocol_core::encoder::STEPS;
+use protocol_core::time::{Duration, Instant, after};
+use protocol_core::wire::valve::{EstimatedFlow, State};
+
+use super::message::{Answer, Waited};
+use super::wait::Waits;
+use hal_sim::kind::Kind;
+use hal_sim::state::{Condition, DeviceState, FloatWord, PlantChange, SetPointValue, StateCondition, StateWatch};
+use hal_sim::world::{Event, Link, NodeId, TapId, World};
+
+/// What happens to a device.
+#[derive(Clone, Debug)]
+enum Act {
+    /// A frame.
+    Send(String),
+    /// A change of the plant.
+    Change(String),
+    /// The power is off for a while.
+    Cycle,
+}
+
+/// A world with devices and a master.
+struct Bench {
+    world: World,
+    devices: Vec<(NodeId, Kind)>,
+    master: TapId,
+    /// Whether states are read all the time.
+    reads: bool,
+}
+
+impl Bench {
+    fn new(kinds: &[&str], link: Option<Link>, reads: bool) -> Self {
+        let mut world = World::new(BitRate::Kbit250, 1);
+        world.record_events(true);
+        let master = world.add_gateway("master");
+        let devices: Vec<(NodeId, Kind)> = kinds
+            .iter()
+            .map(|name| (Kind::from_name(name).expect("a kind"), *name))
+            .map(|(kind, name)| {
+                let setup = Setup { bit_rate: Some(BitRate::Kbit250), ..Setup::<Kind>::new(kind) };
+                (world.add(name, setup), kind)
+            })
+            .collect();
+        if let Some(link) = link {
+            world.link(devices[0].0, devices[1].0, link).expect("a valve and a sensor");
+        }
+        devices.iter().for_each(|(node, _)| world.power(*node, true));
+        let mut bench = Self { world, devices, master, reads };
+        bench.pass(Duration::from_millis(10));
+        bench
+    }
+
+    fn state(&mut self, device: usize) -> DeviceState {
+        let (node, kind) = self.devices[device];
+        DeviceState::of(node, kind, &mut self.world)
+    }
+
+    fn read(&mut self) {
+        if self.reads {
+            (0..self.devices.len()).for_each(|device| drop(self.state(device)));
+        }
+    }
+
+    /// Lets time pass, event by event.
+    fn pass(&mut self, span: Duration) {
+        let end = after(self.world.now(), span);
+        while self.world.next_event() <= end {
+            self.world.step();
+            self.read();
+        }
+        self.world.run_until(end);
+        self.read();
+    }
+
+    fn act(&mut self, act: &Act) {
+        let (node, _) = self.devices[0];
+        match act {
+            Act::Send(frame) => self.world.send(self.master, frame.parse().expect("a frame")),
+            Act::Change(change) => {
+                let change: PlantChange = serde_json::from_str(change).expect("a change");
+                change.make(node, &mut self.world).expect("a change that can be");
+            }
+            Act::Cycle => {
+                self.world.power(node, false);
+                self.pass(Duration::from_millis(100));
+                self.world.power(node, true);
+            }
+        }
+        self.read();
+    }
+
+    /// Sends a frame; returns whether it came through, at the instant of its end.
+    fn sent(&mut self, frame: &str) -> bool {
+        self.world.send(self.master, frame.parse().expect("a frame"));
+        let end = after(self.world.now(), Duration::from_millis(50));
+        while self.world.pending(self.master) > 0 && self.world.next_event() <= end {
+            self.world.step();
+        }
+        self.world.pending(self.master) == 0
+    }
+
+    /// Reads an object of the first device by SDO, and the state at the instant at which the request has come.
+    fn read_object(&mut self, node_id: u8, index: u16, sub: u8) -> Option<(u32, DeviceState)> {
+        let [low, high] = index.to_le_bytes();
+        let request = format!("{:03X}: 40 {low:02X} {high:02X} {sub:02X} 00 00 00 00", 0x600 + u16::from(node_id));
+        if !self.sent(&request) {
+            return None;
+        }
+        let state = self.state(0);
+        self.world.take_events();
+        self.pass(Duration::from_millis(20));
+        let id = 0x580 + u32::from(node_id);
+        let events: Vec<Event> = self.world.take_events().collect();
+        let answer =
+            events.iter().filter_map(Event::frame).find(|frame| super::record::raw(frame.id()) == (id, false))?;
+        let [command, _, _, _, value @ ..] = *answer.bytes();
+        (command != 0x80).then_some((u32::from_le_bytes(value), state))
+    }
+}
+
+fn valve_act() -> impl Strategy<Value = Act> {
+    let set_point = (0_u16..16, any::<i16>()).prop_map(|(word, set_point)| {
+        let ([low, _], [first, second]) = (word.to_le_bytes(), set_point.to_le_bytes());
+        Act::Send(format!("220: {low:02X} 00 {first:02X} {second:02X}"))
+    });
+    let active = prop::sample::select(vec!["0F 00 00 20", "0F 00 00 C0", "0F 00 FF 7F", "03 00 00 00", "0B 00 00 00"]);
+    prop_oneof![
+        3 => set_point,
+        6 => active.prop_map(|data| Act::Send(format!("220: {data}"))),
+        1 => prop::sample::select(vec!["000: 01 00", "000: 02 00", "000: 80 00", "000: 81 00", "000: 82 00"])
+            .prop_map(|frame| Act::Send(frame.to_owned())),
+        3 => change(),
+        1 => Just(Act::Cycle),
+    ]
+}
+
+fn change() -> impl Strategy<Value = Act> {
+    let changes = vec![
+        r#"{"supply_mv": 8000}"#,
+        r#"{"supply_mv": 24000}"#,
+        r#"{"temperature_c": 130}"#,
+        r#"{"temperature_c": 25}"#,
+        r#"{"spool": {"fault": "stuck"}}"#,
+        r#"{"spool": {"fault": "drifting"}}"#,
+        r#"{"spool": {"fault": null}}"#,
+        r#"{"lever": 9000}"#,
+        r#"{"lever": null}"#,
+        r#"{"internal_fault": true}"#,
+        r#"{"internal_fault": false}"#,
+        r#"{"bus_off": true}"#,
+        r#"{"bus_off": false, "memory": "damaged"}"#,
+    ];
+    prop::sample::select(changes).prop_map(|change| Act::Change(change.to_owned()))
+}
+
+fn avc() -> impl Strategy<Value = Act> {
+    (0_u8..=250, prop::sample::select(vec![0_u8, 1, 1, 2, 2, 3, 10, 14]))
+        .prop_map(|(flow, state)| Act::Send(format!("0CFE3027: {flow:02X} FF {:02X} FF FF FF FF FF", 0x30 | state)))
+}
+
+/// The status word of a state of the device state machine.
+fn status_word(state: &DeviceState) -> Option<u32> {
+    use hal_sim::state::DeviceStateMachine::{Active, Disabled, FaultHold, Hold, Init};
+    state.dsm.map(|dsm| match dsm {
+        Init => 0x08,
+        Disabled => 0x09,
+        Hold => 0x0B,
+        Active => 0x0F,
+        FaultHold => 0x03,
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases.div_ceil(10)))]
+
+    /// SDO answers of a valve on CANopen, and what is read of it at the instant of the request.
+    #[test]
+    fn a_valve_on_canopen(acts in prop::collection::vec((valve_act(), 0_u64..200_000), 1..30)) {
+        let mut bench = Bench::new(&["pvea-canopen"], None, false);
+        bench.act(&Act::Send("000: 01 00".to_owned()));
+        let mut compared = 0;
+        for (act, span) in acts {
+            bench.act(&act);
+            bench.pass(Duration::from_micros(span));
+            if let Some((word, state)) = bench.read_object(0x20, 0x6041, 0) {
+                prop_assert_eq!(Some(word), status_word(&state));
+                compared += 1;
+            }
+            if let Some((set_point, state)) = bench.read_object(0x20, 0x6300, 1) {
+                let expected = match state.set_point {
+                    Some(SetPointValue::Position(position)) => position,
+                    Some(SetPointValue::Float(FloatWord::Float)) => 32767,
+                    None => return Err(TestCaseError::fail("no set-point")),
+                };
+                prop_assert_eq!(set_point as i16, expected);
+            }
+            if let Some((actual, state)) = bench.read_object(0x20, 0x6301, 1) {
+                let floats = actual as i16 == 32767 && state.set_point == Some(SetPointValue::Float(FloatWord::Float));
+                prop_assert!(floats || state.position == Some(actual as i16), "{} {:?}", actual as i16, state);
+            }
+            if let Some((register, state)) = bench.read_object(0x20, 0x1001, 0) {
+                prop_assert_eq!(register != 0, state.faults.iter().any(|fault| fault.active), "{:?}", state);
+            }
+        }
+        let state = bench.state(0);
+        prop_assert!(compared > 0 || state.nmt != Some(hal_sim::state::Nmt::Operational), "{:?}", state);
+    }
+
+    /// AVEF of a valve on ISOBUS at the instant at which it begins, on a bus with nothing else then.
+    #[test]
+    fn a_valve_on_isobus(acts in prop::collection::vec(prop_oneof![4 => avc(), 1 => change()], 1..30)) {
+        let mut bench = Bench::new(&["pvea-isobus"], None, false);
+        bench.pass(Duration::from_millis(500));
+        // From the middle between two AVEFs on.
+        let phase = bench.world.take_events().rfind(|event| event.frame().is_some()).expect("an AVEF").at;
+        bench.world.run_until(after(phase, Duration::from_millis(50)));
+        let (cycles, mut compared) = (acts.len(), 0);
+        for act in acts {
+            bench.act(&act);
+            let end = after(bench.world.now(), Duration::from_millis(100));
+            // It begins 100 ms after the last one has.
+            let mut states: Vec<(Instant, DeviceState)> = Vec::new();
+            while bench.world.next_event() <= end {
+                bench.world.step();
+                states.push((bench.world.now(), bench.state(0)));
+            }
+            bench.world.run_until(end);
+            let events: Vec<Event> = bench.world.take_events().collect();
+            for event in events {
+                let hal_sim::world::EventKind::Frame { frame, start } = event.what else { continue };
+                if super::record::raw(frame.id()) != (0x0CFE_1080, true) {
+                    continue;
+                }
+                let Some((_, state)) = states.iter().find(|(at, _)| *at == start) else { continue };
+                let position = state.position.and_then(Position::new).expect("it has power");
+                let percent = Scale::Percent.of_position(position);
+                let (extend, retract) = (percent.max(0) as u8, percent.min(0).unsigned_abs() as u8);
+                let expected = EstimatedFlow { extend, retract, state: command(state) }.emit();
+                prop_assert_eq!(*frame.bytes(), expected, "{:?}", state);
+                compared += 1;
+            }
+        }
+        prop_assert!(compared > 0 || cycles < 3 || state_is_bus_off(&mut bench), "{:?}", bench.state(0));
+    }
+
+    /// SDO answers of an angle sensor whose shaft turns, and what is read of it.
+    #[test]
+    fn an_angle_sensor(turns in prop::collection::vec((-3000_i32..3000, 0_u32..36_000, 0_u64..100_000), 1..20)) {
+        let mut bench = Bench::new(&["hat1000"], None, false);
+        for (speed_rpm, angle_cdeg, span) in turns {
+            bench.act(&Act::Change(format!(r#"{{"speed_rpm": {speed_rpm}, "angle_cdeg": {angle_cdeg}}}"#)));
+            bench.pass(Duration::from_micros(span));
+            let (position, state) = bench.read_object(1, 0x6004, 0).expect("an answer");
+            prop_assert_eq!(state.position, i16::try_from(position).ok());
+            prop_assert!(position < STEPS);
+        }
+    }
+
+    /// Whoever reads changes nothing: each frame comes at the instant at which it would have come.
+    #[test]
+    fn reading_changes_nothing(acts in prop::collection::vec((valve_act(), 0_u64..50_000), 1..20), rate in -9000_i32..9000) {
+        let run = |reads: bool| {
+            let link = Link { rate, min: 0, max: 35_999 };
+            let mut bench = Bench::new(&["pvea-canopen", "hat3000"], Some(link), reads);
+            for frame in ["000: 01 00", "601: 2F 00 18 02 FE 00 00 00", "601: 2B 00 18 05 0A 00 00 00", "601: 23 00 18 01 81 01 00 00"] {
+                bench.act(&Act::Send(frame.to_owned()));
+                bench.pass(Duration::from_millis(5));
+            }
+            for (act, span) in &acts {
+                bench.act(act);
+                bench.pass(Duration::from_micros(*span));
+            }
+            bench.pass(Duration::from_millis(300));
+            bench.world.take_events().collect::<Vec<Event>>()
+        };
+        prop_assert_eq!(run(true), run(false));
+    }
+}
+
+fn state_is_bus_off(bench: &mut Bench) -> bool {
+    bench.state(0).faults.iter().any(|fault| fault.fault == "can-bus" && fault.count != Some(0))
+}
+
+/// The state of AVEF that is the command of a device state.
+fn command(state: &DeviceState) -> State {
+    use hal_sim::state::Command::{Blocked, EmergencyStop, Extend, Float, Hand, Retract};
+    match state.command.expect("a valve on ISOBUS") {
+        Blocked => State::Blocked,
+        Extend => State::Extend,
+        Retract => State::Retract,
+        Float => State::Float,
+        Hand => State::HandOperation,
+        EmergencyStop => State::EmergencyStop,
+    }
+}
+
+/// The next position is found to the microsecond, and none between.
+#[test]
+fn the_next_position_of_a_spool_and_of_shafts() {
+    let mut bench = Bench::new(&["pvea-canopen", "hat1000"], Some(Link { rate: 36_000, min: 0, max: 35_999 }), false);
+    for frame in ["000: 01 00", "220: 0F 00 00 40", "220: 0F 00 00 40", "220: 0F 00 00 40", "220: 0F 00 00 40"] {
+        assert!(bench.sent(frame));
+    }
+    for device in [0, 1] {
+        let (node, _) = bench.devices[device];
+        for _ in 0..50 {
+            let now = bench.world.now();
+            let limit = after(now, Duration::from_millis(50)).min(bench.world.next_event());
+            let before = bench.state(device).position;
+            let next = bench.world.next_position(node, limit);
+            assert!(next > now && next <= limit);
+            bench.world.run_until(Instant::from_ticks(next.as_ticks() - 1));
+            assert_eq!(bench.state(device).position, before);
+            bench.world.run_until(next);
+            assert!(next == limit || bench.state(device).position != before || bench.world.next_event() <= next);
+        }
+    }
+    // A spool that rests is where it is.
+    bench.act(&Act::Cycle);
+    bench.pass(Duration::from_millis(500));
+    let limit = after(bench.world.now(), Duration::from_secs(3600));
+    for (node, _) in bench.devices.clone() {
+        assert_eq!(bench.world.next_position(node, limit), limit);
+    }
+}
+
+/// A wait for a position of a shaft that turns is answered at the first instant, and is looked at a few times a turn.
+#[test]
+fn a_wait_for_a_position_of_a_turning_shaft_costs_little() {
+    for (speed_rpm, wanted) in [(60, "{\"min\": 9000, \"max\": 9001}"), (-3000, "16383"), (3_500, "1"), (-1, "16380")] {
+        let mut bench = Bench::new(&["hat1000"], None, false);
+        bench.act(&Act::Change(format!(r#"{{"speed_rpm": {speed_rpm}}}"#)));
+        bench.pass(Duration::from_micros(777));
+        let (node, kind) = bench.devices[0];
+        let condition: StateCondition = serde_json::from_str(&format!(r#"{{"position": {wanted}}}"#)).expect("one");
+        let (answer, mut way) = Answer::new();
+        let mut waits = Waits::default();
+        let start = bench.world.now();
+        let shaft = *bench.world.senses(node).shaft().expect("a shaft");
+        let is_there = |at: &Instant| {
+            let position = shaft.position_at(*at);
+            condition.position == Some(serde_json::from_str(&position.to_string()).ok())
+                || (wanted.starts_with('{') && (9000..=9001).contains(&position))
+        };
+        let first = (0..).map(|ticks| after(start, Duration::from_ticks(ticks))).find(is_there).expect("an instant");
+        let within = Duration::from_secs(100);
+        let condition = Condition::State("hat1000".to_owned(), Box::new(condition.clone()));
+        waits.begin(condition, within, answer, &mut bench.world, |_| Ok((node, kind)));
+        let mut looks = 0;
+        while !waits.is_idle() {
+            let due = waits.due(&bench.world);
+            assert!(due > bench.world.now());
+            bench.world.run_until(due);
+            waits.attend(&mut bench.world);
+            looks += 1;
+        }
+        let Ok(Ok(Waited::Device(state))) = way.try_recv() else { panic!("no answer at {speed_rpm}") };
+        assert_eq!(Instant::from_micros(state.t_us), first, "{speed_rpm}");
+        assert!(looks < 50, "{looks} looks at {speed_rpm}");
+    }
+}
+
+/// So is a wait for a position of a shaft that follows a valve.
+#[test]
+fn a_wait_for_a_position_of_a_linked_shaft_costs_little() {
+    for (rate, wanted) in [(3_000, 60..=60), (36_000, 700..=701), (-3_000, 16_000..=16_323), (100, 2..=2)] {
+        let moving = || {
+            let link = Link { rate, min: 0, max: 35_999 };
+            let mut bench = Bench::new(&["pvea-canopen", "hat1000"], Some(link), false);
+            let angle = if rate < 0 { 35_999 } else { 0 };
+            bench.world.set_plant(bench.devices[1].0, hal_sim::world::Plant::AngleCdeg(angle)).expect("an angle");
+            for frame in ["000: 01 00", "220: 0F 00 00 40", "220: 0F 00 00 40", "220: 0F 00 00 40", "220: 0F 00 00 40"]
+            {
+                assert!(bench.sent(frame));
+            }
+            bench
+        };
+        let mut bench = moving();
+        let (node, _) = bench.devices[1];
+        let first = loop {
+            if bench.state(1).position.is_some_and(|position| wanted.contains(&position)) {
+                break bench.world.now();
+            }
+            let limit = bench.world.next_event();
+            assert!(limit < Instant::from_secs(1), "the valve still moves");
+            let next = bench.world.next_position(node, limit);
+            bench.world.run_until(next);
+        };
+        let mut bench = moving();
+        let (min, max) = (wanted.start(), wanted.end());
+        let condition =
+            serde_json::from_str(&format!(r#"{{"position": {{"min": {min}, "max": {max}}}}}"#)).expect("one");
+        let mut watch = StateWatch::new(bench.devices[1], condition);
+        let mut looks = 0;
+        while !watch.look(&mut bench.world).1 {
+            let event = bench.world.next_event();
+            let due = watch.due(event, &bench.world);
+            assert!(due > bench.world.now());
+            bench.world.run_until(due);
+            looks += u32::from(due < event);
+        }
+        assert_eq!(bench.world.now(), first, "{rate}");
+        assert!(looks < 100, "{looks} looks at {rate}");
+    }
+}

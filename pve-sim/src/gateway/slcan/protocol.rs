@@ -1,0 +1,196 @@
+//! The lines of slcan: bytes to commands, and frames to bytes. No I/O, no state but that of a line half read.
+
+use std::fmt::Write;
+
+use protocol_core::frame::{Frame, Id, MAX_LEN, extended, standard};
+
+use crate::gateway::guard::Verdict;
+use hal_sim::trace::{Timestamp, write_hex};
+
+/// The longest line without its CR: a frame with a 29-bit identifier, its length and eight bytes.
+const LINE_MAX: usize = 1 + 8 + 1 + 2 * MAX_LEN;
+
+/// The answer to a command that was carried out.
+pub(super) const OK: &str = "\r";
+/// The answer to any other line.
+pub(super) const BELL: &str = "\x07";
+/// The answer to a frame with an 11-bit identifier.
+pub(super) const SENT_STANDARD: &str = "z\r";
+/// The answer to a frame with a 29-bit identifier.
+pub(super) const SENT_EXTENDED: &str = "Z\r";
+/// The hardware's version, 1.0, and that of the program.
+pub(super) const VERSION: &str = concat!("V10", env!("CARGO_PKG_VERSION_MAJOR"), env!("CARGO_PKG_VERSION_MINOR"), "\r");
+/// The serial number of the adapter: four characters.
+pub(super) const SERIAL: &str = "NPVE0\r";
+
+/// The bit rates of `S0` to `S8`, in bit/s.
+const RATES: [u32; 9] = [10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];
+
+/// The clock of the bit timing registers of `s`, in Hz: half that of the adapters' controller, an SJA1000 at 16 MHz.
+const TIMING_CLOCK: u32 = 8_000_000;
+
+/// Time stamps count milliseconds from 0 to one less than this.
+const STAMP_END: u64 = 60_000;
+
+/// What a client asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Command {
+    /// `S0` to `S8`, `sXXYY`: the bit rate of the client's bus, in bit/s, with the channel closed.
+    SetRate(u32),
+    /// `O`
+    Open,
+    /// `L`: open, and send nothing.
+    Listen,
+    /// `C`
+    Close,
+    /// `tIIILDD…`, `TIIIIIIIILDD…`, `rIIIL`, `RIIIIIIIIL`
+    Send(Frame),
+    /// `F`: the status flags.
+    Flags,
+    /// `V`
+    Version,
+    /// `N`: the serial number.
+    Serial,
+    /// `Z1`, `Z0`: frames are to have time stamps, or none.
+    Stamps(bool),
+    /// `MXXXXXXXX`: the acceptance code.
+    Code(u32),
+    /// `mXXXXXXXX`: the acceptance mask.
+    Mask(u32),
+    /// `X1`: frames come by themselves, as they always do.
+    AutoSend,
+    /// An empty line, by which clients begin anew.
+    Nothing,
+}
+
+/// A line that is no command, or that asks for what there is not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Refused;
+
+/// Finds the lines in a stream of bytes, however it is cut into reads.
+#[derive(Debug, Default)]
+pub struct Parser {
+    /// At most one byte more than [`LINE_MAX`]: the line is too long then, and its rest is skipped.
+    line: Vec<u8>,
+}
+
+impl Parser {
+    /// Takes the next byte; returns a command when this was the last of its line.
+    pub fn push(&mut self, byte: u8) -> Option<Result<Command, Refused>> {
+        match byte {
+            b'\r' => {
+                let command = parse(&self.line).ok_or(Refused);
+                self.line.clear();
+                Some(command)
+            }
+            // Of those who end a line with both.
+            b'\n' => None,
+            _ => {
+                if self.line.len() <= LINE_MAX {
+                    self.line.push(byte);
+                }
+                None
+            }
+        }
+    }
+}
+
+/// Judges a byte of the first line of a connection. A command has letters and digits alone and is obeyed at its CR; a
+/// request line has a blank before its CR.
+#[must_use]
+pub const fn judge(byte: u8) -> Verdict {
+    match byte {
+        b'\r' => Verdict::Client,
+        b'\n' | b'0'..=b'9' | b'A'..=b'Z' | b'a'..=b'z' => Verdict::Undecided,
+        _ => Verdict::Foreign,
+    }
+}
+
+fn parse(line: &[u8]) -> Option<Command> {
+    match line {
+        [] => Some(Command::Nothing),
+        [b'S', index @ b'0'..=b'8'] => RATES.get(usize::from(index - b'0')).copied().map(Command::SetRate),
+        [b's', registers @ ..] if registers.len() == 4 => hex(registers).map(timing).map(Command::SetRate),
+        b"O" => Some(Command::Open),
+        b"L" => Some(Command::Listen),
+        b"C" => Some(Command::Close),
+        b"F" => Some(Command::Flags),
+        b"V" => Some(Command::Version),
+        b"N" => Some(Command::Serial),
+        b"Z0" => Some(Command::Stamps(false)),
+        b"Z1" => Some(Command::Stamps(true)),
+        b"X1" => Some(Command::AutoSend),
+        [b'M', code @ ..] if code.len() == 8 => hex(code).map(Command::Code),
+        [b'm', mask @ ..] if mask.len() == 8 => hex(mask).map(Command::Mask),
+        [kind @ (b't' | b'r'), rest @ ..] => {
+            let (id, rest) = rest.split_at_checked(3)?;
+            let id = u16::try_from(hex(id)?).ok().filter(|id| *id <= 0x7FF)?;
+            frame(standard(id).into(), rest, *kind == b'r').map(Command::Send)
+        }
+        [kind @ (b'T' | b'R'), rest @ ..] => {
+            let (id, rest) = rest.split_at_checked(8)?;
+            let id = hex(id).filter(|id| *id <= 0x1FFF_FFFF)?;
+            frame(extended(id).into(), rest, *kind == b'R').map(Command::Send)
+        }
+        _ => None,
+    }
+}
+
+/// Returns a length of one digit, and as many bytes as it says; of a remote frame none.
+fn frame(id: Id, text: &[u8], is_remote: bool) -> Option<Frame> {
+    let (digit, text) = text.split_first()?;
+    let len = digit.checked_sub(b'0').filter(|len| usize::from(*len) <= MAX_LEN)?;
+    if is_remote {
+        return text.is_empty().then(|| Frame::remote(id, len));
+    }
+    if text.len() != 2 * usize::from(len) {
+        return None;
+    }
+    let mut data = [0; MAX_LEN];
+    for (slot, digits) in data.iter_mut().zip(text.chunks_exact(2)) {
+        *slot = u8::try_from(hex(digits)?).ok()?;
+    }
+    Some(Frame::with_len(id, data, len))
+}
+
+/// Returns a number of at most eight hex digits.
+fn hex(digits: &[u8]) -> Option<u32> {
+    digits.iter().try_fold(0, |number, digit| Some(number << 4 | char::from(*digit).to_digit(16)?))
+}
+
+/// Returns the bit rate of the bit timing registers BTR0 (prescaler) and BTR1 (segments) of an SJA1000, in bit/s.
+const fn timing(registers: u32) -> u32 {
+    let prescaler = (registers >> 8 & 0x3F) + 1;
+    let segment_1 = (registers & 0xF) + 1;
+    let segment_2 = (registers >> 4 & 0x7) + 1;
+    TIMING_CLOCK / (prescaler * (1 + segment_1 + segment_2))
+}
+
+/// Appends a frame as a line, with the time in milliseconds where it is to have a stamp.
+pub fn emit_frame(out: &mut String, frame: &Frame, stamp: Option<Timestamp>) {
+    let is_remote = frame.is_remote();
+    // Writing to a string can't fail.
+    let _ = match frame.id() {
+        Id::Standard(id) => write!(out, "{}{:03X}{}", if is_remote { 'r' } else { 't' }, id.as_raw(), frame.len()),
+        Id::Extended(id) => write!(out, "{}{:08X}{}", if is_remote { 'R' } else { 'T' }, id.as_raw(), frame.len()),
+    };
+    write_hex(out, frame.data());
+    if let Some(at) = stamp {
+        let _ = write!(out, "{:04X}", at.as_micros() / 1000 % STAMP_END);
+    }
+    out.push('\r');
+}
+
+/// Returns the answer to `F`: bit 7 tells of an error on the bus.
+pub(super) const fn flags(has_error: bool) -> &'static str {
+    if has_error { "F80\r" } else { "F00\r" }
+}
+
+/// Returns the answer to a frame.
+pub(super) fn sent(frame: &Frame) -> &'static str {
+    if frame.is_extended() { SENT_EXTENDED } else { SENT_STANDARD }
+}
+
+#[cfg(test)]
+#[path = "protocol_tests.rs"]
+mod tests;

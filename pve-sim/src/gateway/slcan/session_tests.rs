@@ -1,0 +1,153 @@
+//! One client over a stream in memory. The world's end is the test's.
+
+use tokio::io::{duplex, split};
+
+use super::*;
+use crate::gateway::tcp::{FAREWELL, HANDSHAKE};
+use crate::gateway::{CREDIT, Inbox, QUEUE};
+use hal_sim::trace::Timestamp;
+use protocol_core::frame::{Frame, standard};
+
+const LINE: Line<'_> = Line { url: "slcan://", patience: Some(HANDSHAKE), farewell: FAREWELL };
+
+/// The outbox of the client that has joined.
+fn joined(inbox: &Inbox) -> Outbox {
+    match inbox.messages.try_recv().expect("a message").message {
+        ToWorld::Join(_, outbox) => outbox,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Lets the session run until it waits.
+async fn pass() {
+    for _ in 0..10 {
+        tokio::task::yield_now().await;
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_client_that_never_opens_the_channel_is_let_go() {
+    let (mut client, server) = duplex(64);
+    let (world, _inbox) = Entrance::new();
+    let (reader, writer) = split(server);
+    let start = Instant::now();
+    let session = tokio::spawn(serve(reader, writer, world, LINE));
+    client.write_all(b"V\rS5\rC\r").await.expect("room");
+    assert_eq!(session.await.expect("no panic"), End::Left);
+    assert!(start.elapsed() >= HANDSHAKE, "after {:?}", start.elapsed());
+}
+
+/// After it has closed the channel, too.
+#[tokio::test(start_paused = true)]
+async fn a_client_that_has_opened_the_channel_may_be_quiet() {
+    let (mut client, server) = duplex(64);
+    let (world, _inbox) = Entrance::new();
+    let (reader, writer) = split(server);
+    let session = tokio::spawn(serve(reader, writer, world, LINE));
+    client.write_all(b"O\rC\r").await.expect("room");
+    pass().await;
+    tokio::time::advance(10 * HANDSHAKE).await;
+    pass().await;
+    assert!(!session.is_finished());
+    drop(client);
+    assert_eq!(session.await.expect("no panic"), End::Left);
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_client_that_does_not_read_is_dismissed() {
+    let (_client, server) = duplex(64);
+    let (world, inbox) = Entrance::new();
+    let (reader, writer) = split(server);
+    let session = tokio::spawn(serve(reader, writer, world, LINE));
+    pass().await;
+    let outbox = joined(&inbox);
+    let frame = ToClient::Frame(Timestamp::from_micros(0), Frame::of(standard(0x123).into(), &[]).expect("a frame"));
+    let mut room = 0;
+    while outbox.post(frame.clone()).is_ok() {
+        room += 1;
+        assert!(room <= 2 * QUEUE);
+        pass().await;
+    }
+    assert_eq!(session.await.expect("no panic"), End::Dismissed);
+}
+
+#[tokio::test]
+async fn a_client_that_floods_is_not_read_beyond_its_credit() {
+    let (mut client, server) = duplex(64);
+    let (world, inbox) = Entrance::new();
+    let (reader, writer) = split(server);
+    tokio::spawn(serve(reader, writer, world, LINE));
+    let flood = tokio::spawn(async move {
+        client.write_all(b"O\r").await.expect("room");
+        while client.write_all(b"t1230\r").await.is_ok() {}
+    });
+    // Both ends run until the one waits for credit and the other for room: many times the turns that takes.
+    for _ in 0..100 * CREDIT {
+        tokio::task::yield_now().await;
+    }
+    flood.abort();
+    let messages: Vec<ToWorld> = inbox.messages.try_iter().map(|arrival| arrival.message).collect();
+    let sends = messages.iter().filter(|message| matches!(message, ToWorld::Send(..))).count();
+    // A frame and its answer; the channel was opened before.
+    assert_eq!(sends, CREDIT / 2);
+    assert_eq!(messages.len(), 1 + CREDIT, "who joins pays nothing");
+}
+
+#[tokio::test]
+async fn the_flags_tell_of_an_error_once() {
+    let (mut client, server) = duplex(64);
+    let (world, inbox) = Entrance::new();
+    let (reader, writer) = split(server);
+    tokio::spawn(serve(reader, writer, world, LINE));
+    client.write_all(b"O\r").await.expect("room");
+    pass().await;
+    let outbox = joined(&inbox);
+    for (error, answer) in [(false, "F00\r"), (true, "F80\r"), (false, "F00\r")] {
+        if error {
+            let error = ToClient::Error(Timestamp::from_micros(0), hal_sim::trace::ErrorClass::BusError);
+            outbox.post(error).expect("room");
+            pass().await;
+        }
+        client.write_all(b"F\r").await.expect("room");
+        pass().await;
+        let reply = inbox.messages.try_iter().last().expect("an answer").message;
+        assert!(matches!(&reply, ToWorld::Reply(_, reply) if reply.text == answer), "{reply:?}");
+    }
+}
+
+/// In one write, while a frame waits for the client: the frame was there before the channel was closed.
+#[tokio::test]
+async fn a_frame_comes_as_it_was_asked_for_when_it_came() {
+    let (mut client, server) = duplex(4096);
+    let (world, inbox) = Entrance::new();
+    let (reader, writer) = split(server);
+    tokio::spawn(serve(reader, writer, world, LINE));
+    pass().await;
+    let outbox = joined(&inbox);
+    let answer = async || {
+        pass().await;
+        while let Ok(arrival) = inbox.messages.try_recv() {
+            if let ToWorld::Reply(_, reply) | ToWorld::Listen(_, reply) | ToWorld::Unlisten(_, reply) = arrival.message
+            {
+                outbox.post(ToClient::Reply(reply)).expect("room");
+            }
+            pass().await;
+        }
+    };
+    let frame = |at, id| {
+        let frame = Frame::of(standard(id).into(), &[]).expect("a frame");
+        outbox.post(ToClient::Frame(Timestamp::from_micros(at), frame)).expect("room");
+    };
+    client.write_all(b"O\r").await.expect("room");
+    answer().await;
+    client.write_all(b"C\rZ1\rM24602460\rm001F001F\rO\r").await.expect("room");
+    pass().await;
+    frame(1_000, 0x456);
+    answer().await;
+    frame(2_000, 0x123);
+    frame(3_000, 0x456);
+    pass().await;
+    let mut told = vec![0; 4096];
+    let len = client.read(&mut told).await.expect("bytes");
+    assert_eq!(String::from_utf8_lossy(&told[..len]), "\rt4560\r\r\r\r\r\rt12300002\r");
+}

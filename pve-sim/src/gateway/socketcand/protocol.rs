@@ -1,0 +1,268 @@
+//! The text of socketcand: bytes to requests, and replies to bytes. No I/O, no state but that of a message half read.
+
+use std::fmt::Write;
+use std::time::Duration;
+
+use protocol_core::frame::{Frame, Id, MAX_LEN, extended, standard};
+
+use super::broadcast::Traffic;
+use crate::gateway::guard::Verdict;
+use hal_sim::trace::{ErrorClass, Timestamp, write_hex};
+
+/// The longest message, in bytes between `<` and `>`: that of a client that sends every number in 64 bits has 160.
+pub const MESSAGE_MAX: usize = 256;
+
+/// What a client is greeted with.
+pub const HI: &str = "< hi >";
+/// The answer to `< echo >`.
+pub const ECHO: &str = "< echo >";
+/// The answer to a request that was carried out.
+pub const OK: &str = "< ok >";
+
+/// What a client asks for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Request {
+    /// `< open NAME >`
+    Open(String),
+    /// `< rawmode >`
+    RawMode,
+    /// `< echo >`
+    Echo,
+    /// `< send ID LEN BYTE… >`
+    Send(Frame),
+    /// `< bcmmode >`
+    BcmMode,
+    /// `< subscribe S US ID >`: every frame of an identifier, or one in so much time.
+    Subscribe(Id, Duration),
+    /// `< filter S US ID LEN BYTE… >`: frames that differ from the one before in the bits of the mask.
+    Filter(Duration, Frame),
+    /// `< unsubscribe ID >`
+    Unsubscribe(Id),
+    /// `< add S US ID LEN BYTE… >`: a frame to be sent in a cycle; once, with 0.
+    Add(Duration, Frame),
+    /// `< update ID LEN BYTE… >`: other data for a cyclic frame.
+    Update(Frame),
+    /// `< delete ID >`
+    Delete(Id),
+    /// `< controlmode >`
+    ControlMode,
+    /// `< statistics MS >`; 0 ends them.
+    Statistics(Duration),
+}
+
+/// Why a message was refused; the text goes to the client.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum RequestError {
+    /// No such command.
+    #[error("unknown command")]
+    UnknownCommand,
+    /// A known command with more or fewer words than it has.
+    #[error("wrong number of arguments")]
+    Arguments,
+    /// No hex number of at most 29 bits.
+    #[error("bad identifier")]
+    Identifier,
+    /// Above 7FF, and not marked as extended.
+    #[error("an identifier above 7FF needs eight digits")]
+    NotExtended,
+    /// No length of a classic CAN frame.
+    #[error("bad length, 0 to 8 is accepted")]
+    Length,
+    /// Not as many bytes as the length says.
+    #[error("length and number of bytes differ")]
+    Count,
+    /// No seconds, or microseconds or milliseconds, in decimal.
+    #[error("bad time")]
+    Time,
+    /// No hex number of at most eight bits.
+    #[error("bad data byte")]
+    Byte,
+    /// More than [`MESSAGE_MAX`] bytes without an end.
+    #[error("message too long")]
+    TooLong,
+    /// Another message began before this one's end.
+    #[error("message without end")]
+    Interrupted,
+}
+
+/// Finds the messages in a stream of bytes, however it is cut into reads; what stands between them is skipped.
+#[derive(Debug, Default)]
+pub struct Parser {
+    state: State,
+    message: Vec<u8>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum State {
+    #[default]
+    Between,
+    Inside,
+    /// In a message that was too long: its rest is skipped.
+    Skipping,
+}
+
+impl Parser {
+    /// Takes the next byte; returns a message when this was its last, or what is wrong when it went wrong here.
+    pub fn push(&mut self, byte: u8) -> Option<Result<Request, RequestError>> {
+        match (self.state, byte) {
+            (State::Inside, b'<') => {
+                self.message.clear();
+                Some(Err(RequestError::Interrupted))
+            }
+            (State::Between | State::Skipping, b'<') => {
+                self.message.clear();
+                self.state = State::Inside;
+                None
+            }
+            (State::Inside, b'>') => {
+                self.state = State::Between;
+                Some(parse(&String::from_utf8_lossy(&self.message)))
+            }
+            (State::Inside, _) if self.message.len() == MESSAGE_MAX => {
+                self.state = State::Skipping;
+                Some(Err(RequestError::TooLong))
+            }
+            (State::Inside, _) => {
+                self.message.push(byte);
+                None
+            }
+            (State::Skipping, b'>') => {
+                self.state = State::Between;
+                None
+            }
+            (State::Between | State::Skipping, _) => None,
+        }
+    }
+}
+
+/// Judges a byte at the begin of a connection: a client sends `<`, after blanks at the most. No method of HTTP has either.
+#[must_use]
+pub const fn judge(byte: u8) -> Verdict {
+    match byte {
+        b'<' => Verdict::Client,
+        _ if byte.is_ascii_whitespace() => Verdict::Undecided,
+        _ => Verdict::Foreign,
+    }
+}
+
+/// Returns what stands between `<` and `>`.
+fn parse(message: &str) -> Result<Request, RequestError> {
+    let words: Vec<&str> = message.split_ascii_whitespace().collect();
+    match words.as_slice() {
+        ["open", name] => Ok(Request::Open((*name).to_owned())),
+        ["rawmode"] => Ok(Request::RawMode),
+        ["echo"] => Ok(Request::Echo),
+        ["send", id, len, bytes @ ..] => send(id, len, bytes).map(Request::Send),
+        ["bcmmode"] => Ok(Request::BcmMode),
+        ["subscribe", s, us, id] => Ok(Request::Subscribe(identifier(id)?, interval(s, us)?)),
+        ["filter", s, us, id, len, bytes @ ..] => Ok(Request::Filter(interval(s, us)?, send(id, len, bytes)?)),
+        ["unsubscribe", id] => identifier(id).map(Request::Unsubscribe),
+        ["add", s, us, id, len, bytes @ ..] => Ok(Request::Add(interval(s, us)?, send(id, len, bytes)?)),
+        ["update", id, len, bytes @ ..] => send(id, len, bytes).map(Request::Update),
+        ["delete", id] => identifier(id).map(Request::Delete),
+        ["controlmode"] => Ok(Request::ControlMode),
+        ["statistics", ms] => number(ms).map(|ms| Request::Statistics(Duration::from_millis(ms.into()))),
+        [
+            "open" | "rawmode" | "echo" | "send" | "bcmmode" | "subscribe" | "filter" | "unsubscribe" | "add"
+            | "update" | "delete" | "controlmode" | "statistics",
+            ..,
+        ] => Err(RequestError::Arguments),
+        _ => Err(RequestError::UnknownCommand),
+    }
+}
+
+fn send(id: &str, len: &str, bytes: &[&str]) -> Result<Frame, RequestError> {
+    let id = identifier(id)?;
+    let len = hex(len, 8).and_then(|len| u8::try_from(len).ok()).filter(|len| usize::from(*len) <= MAX_LEN);
+    let len = len.ok_or(RequestError::Length)?;
+    if bytes.is_empty() && len > 0 {
+        return Ok(Frame::remote(id, len));
+    }
+    if bytes.len() != usize::from(len) {
+        return Err(RequestError::Count);
+    }
+    let mut data = [0; MAX_LEN];
+    for (slot, word) in data.iter_mut().zip(bytes) {
+        let [byte, ..] = hex(word, 8).ok_or(RequestError::Byte)?.to_le_bytes();
+        *slot = byte;
+    }
+    Ok(Frame::with_len(id, data, len))
+}
+
+/// Seconds and microseconds, which stand in decimal.
+fn interval(seconds: &str, micros: &str) -> Result<Duration, RequestError> {
+    Ok(Duration::from_secs(number(seconds)?.into()) + Duration::from_micros(number(micros)?.into()))
+}
+
+fn number(word: &str) -> Result<u32, RequestError> {
+    word.parse().map_err(|_| RequestError::Time)
+}
+
+/// Reads an identifier. Eight digits make an extended identifier, and so does bit 31, the mark of clients that know
+/// SocketCAN's `can_id`: also as the sign of a number.
+fn identifier(word: &str) -> Result<Id, RequestError> {
+    const EXTENDED: u32 = 1 << 31;
+    const MAX: u32 = 0x1FFF_FFFF;
+    let raw = hex(word, 32).ok_or(RequestError::Identifier)?;
+    let number = raw & !EXTENDED;
+    match u16::try_from(number) {
+        _ if number > MAX => Err(RequestError::Identifier),
+        _ if word.len() == 8 || raw & EXTENDED != 0 => Ok(extended(number).into()),
+        Ok(number @ 0..=0x7FF) => Ok(standard(number).into()),
+        _ => Err(RequestError::NotExtended),
+    }
+}
+
+/// Returns a hex number of so many bits, as the reference daemon reads it: with or without `0x`, and with a sign or
+/// widened to 32 or 64 bits by clients that take it for a signed one, so that 80 becomes -80 or ffffff80.
+fn hex(word: &str, bits: u32) -> Option<u32> {
+    let (negative, digits) = word.strip_prefix('-').map_or((false, word), |digits| (true, digits));
+    let digits = digits.strip_prefix("0x").or_else(|| digits.strip_prefix("0X")).unwrap_or(digits);
+    if !digits.bytes().all(|digit| digit.is_ascii_hexdigit()) {
+        return None;
+    }
+    let number = u64::from_str_radix(digits, 16).ok()?;
+    let wide = if negative { number.wrapping_neg() } else { number };
+    let narrow = wide & ((1 << bits) - 1);
+    // The highest bit is the sign, and fills all above it.
+    let widened = narrow | u64::MAX << (bits - 1);
+    let fits = [narrow, widened, widened & u64::from(u32::MAX)].contains(&wide);
+    u32::try_from(narrow).ok().filter(|_| fits)
+}
+
+/// Writes `< frame 18A 1795223549.715344 0102 >`: no blank between the bytes, and two before the end when there is
+/// none.
+///
+/// A remote frame leaves nothing: the text has no sign for it.
+pub fn emit_frame(out: &mut String, at: Timestamp, frame: &Frame) {
+    if frame.is_remote() {
+        return;
+    }
+    // Writing to a string can't fail.
+    let _ = match frame.id() {
+        Id::Standard(id) => write!(out, "< frame {:03X} {at} ", id.as_raw()),
+        Id::Extended(id) => write!(out, "< frame {:08X} {at} ", id.as_raw()),
+    };
+    write_hex(out, frame.data());
+    out.push_str(" >");
+}
+
+/// Writes `< error 040 1795223549.715344 >`: an error frame.
+pub fn emit_error(out: &mut String, at: Timestamp, class: ErrorClass) {
+    let _ = write!(out, "< error {:03X} {at} >", class.code());
+}
+
+/// Writes `< stat RBYTES RFRAMES TBYTES TFRAMES >`: what came and what went.
+pub(super) fn emit_statistics(out: &mut String, [received, sent]: [Traffic; 2]) {
+    let _ = write!(out, "< stat {} {} {} {} >", received.bytes, received.frames, sent.bytes, sent.frames);
+}
+
+/// Returns `< error … >`: a message that was refused, and why.
+#[must_use]
+pub fn emit_refusal(error: RequestError) -> String {
+    format!("< error {error} >")
+}
+
+#[cfg(test)]
+#[path = "protocol_tests.rs"]
+mod tests;

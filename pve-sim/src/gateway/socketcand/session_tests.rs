@@ -1,0 +1,270 @@
+//! One client over a stream in memory, with a stand-in for the world that replies in order and keeps what is sent.
+
+use protocol_core::frame::{Frame, standard};
+use tokio::io::{DuplexStream, duplex, split};
+use tokio::sync::oneshot;
+
+use super::*;
+use crate::gateway::{Arrival, Inbox, QUEUE};
+use hal_sim::trace::{ErrorClass, Timestamp};
+
+/// How many bytes the stream takes in before somebody reads them.
+const STREAM: usize = 64 * 1024;
+
+fn frame(data: &[u8]) -> Frame {
+    Frame::of(standard(0x18A).into(), data).unwrap()
+}
+
+fn seen(data: &[u8]) -> ToClient {
+    ToClient::Frame(Timestamp::from_micros(1_000_000), frame(data))
+}
+
+/// A client's end of a session that is being served, and the world's end of all its messages.
+struct Setup {
+    client: DuplexStream,
+    /// What the client sent, once it has left.
+    sent: oneshot::Receiver<Vec<Frame>>,
+}
+
+/// Serves a client. The world posts `on_listen` as soon as the client listens.
+fn setup(on_listen: Vec<ToClient>) -> Setup {
+    let (client, server) = duplex(STREAM);
+    let (sender, inbox) = Entrance::new();
+    let (reader, writer) = split(server);
+    tokio::spawn(async move { serve(reader, writer, "pve0", sender).await });
+    let (result, sent) = oneshot::channel();
+    std::thread::spawn(move || result.send(world(&inbox, &on_listen)));
+    Setup { client, sent }
+}
+
+fn world(inbox: &Inbox, on_listen: &[ToClient]) -> Vec<Frame> {
+    let mut sent = Vec::new();
+    let mut outbox = None;
+    for Arrival { message, .. } in &inbox.messages {
+        match message {
+            ToWorld::Join(_, joined) => outbox = Some(joined),
+            ToWorld::Leave(_) => outbox = None,
+            ToWorld::End => break,
+            other => {
+                let outbox = outbox.as_ref().expect("a client that is there");
+                outbox.refund(1);
+                match other {
+                    ToWorld::Send(_, frame) => sent.push(frame),
+                    ToWorld::Reply(_, reply) => outbox.post(ToClient::Reply(reply)).expect("room"),
+                    ToWorld::Listen(_, reply) => {
+                        outbox.post(ToClient::Reply(reply)).expect("room");
+                        // the client that is told to go learns it from the session
+                        let _ = on_listen.iter().try_for_each(|message| outbox.post(message.clone()));
+                    }
+                    _ => {}
+                }
+            }
+        }
+    }
+    sent
+}
+
+/// The next message, exactly as many bytes as are expected.
+async fn expect(client: &mut (impl AsyncRead + Unpin), text: &str) {
+    let mut bytes = vec![0; text.len()];
+    client.read_exact(&mut bytes).await.expect(text);
+    assert_eq!(String::from_utf8_lossy(&bytes), text);
+}
+
+async fn say(client: &mut (impl AsyncWrite + Unpin), text: &str) {
+    client.write_all(text.as_bytes()).await.expect(text);
+}
+
+#[tokio::test(start_paused = true)]
+async fn frames_are_held_back_after_raw_mode_was_answered() {
+    let mut setup =
+        setup(vec![seen(&[1, 2]), ToClient::Error(Timestamp::from_micros(2), ErrorClass::BusOff), seen(&[])]);
+    say(&mut setup.client, "< open pve0 >< rawmode >").await;
+    expect(&mut setup.client, "< hi >< ok >< ok >").await;
+    let answered = Instant::now();
+    expect(&mut setup.client, "< frame 18A 1.000000 0102 >").await;
+    assert!(answered.elapsed() >= HOLD_BACK, "after {:?}", answered.elapsed());
+    expect(&mut setup.client, "< error 040 0.000002 >< frame 18A 1.000000  >").await;
+}
+
+#[tokio::test]
+async fn the_handshake_in_its_order_and_out_of_it() {
+    let mut setup = setup(Vec::new());
+    expect(&mut setup.client, "< hi >").await;
+    for (request, answer) in [
+        ("< rawmode >", "< error open the bus first >"),
+        ("< send 18A 0 >", "< error open the bus first >"),
+        ("< echo >", "< echo >"),
+        ("< open can0 >", "< error there is no bus of that name, only pve0 >"),
+        ("< open pve0 >", "< ok >"),
+        ("< open pve0 >", "< error the bus is open already >"),
+        ("< fly >", "< error unknown command >"),
+        ("< send 18A 2 1 f >< echo >", "< echo >"),
+        ("< send 18A 2 1 >", "< error length and number of bytes differ >"),
+        ("< rawmode >", "< ok >"),
+        ("< rawmode >", "< ok >"),
+        ("junk< echo >junk", "< echo >"),
+    ] {
+        say(&mut setup.client, request).await;
+        expect(&mut setup.client, answer).await;
+    }
+    drop(setup.client);
+    assert_eq!(setup.sent.await.expect("the world"), [frame(&[1, 15])]);
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_client_that_never_opens_the_bus_is_let_go() {
+    let mut setup = setup(Vec::new());
+    let start = Instant::now();
+    say(&mut setup.client, "< echo >").await;
+    let mut answers = String::new();
+    setup.client.read_to_string(&mut answers).await.expect("the end");
+    assert!(start.elapsed() >= HANDSHAKE, "after {:?}", start.elapsed());
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_client_that_has_opened_the_bus_may_be_quiet() {
+    let Setup { mut client, sent } = setup(Vec::new());
+    say(&mut client, "< open pve0 >").await;
+    // The session takes the request before the time passes, and would end after that.
+    for time in [0, 10] {
+        tokio::time::advance(time * HANDSHAKE).await;
+        for _ in 0..10 {
+            tokio::task::yield_now().await;
+        }
+    }
+    say(&mut client, "< send 18A 1 7 >").await;
+    drop(client);
+    assert_eq!(sent.await.expect("the world"), [frame(&[7])]);
+}
+
+#[tokio::test]
+async fn what_was_sent_before_the_end_counts_and_is_answered() {
+    let Setup { client, sent } = setup(Vec::new());
+    let (mut reader, mut writer) = split(client);
+    say(&mut writer, "< open pve0 >< send 18A 1 7 >< echo >").await;
+    writer.shutdown().await.expect("the end");
+    expect(&mut reader, "< hi >< ok >< echo >").await;
+    assert_eq!(reader.read(&mut [0; 8]).await.expect("the end"), 0);
+    assert_eq!(sent.await.expect("the world"), [frame(&[7])]);
+}
+
+/// Places are few: a client that has hung up halfway and reads nothing must not keep one.
+#[tokio::test(start_paused = true)]
+async fn a_client_that_says_its_last_word_and_does_not_read_is_let_go() {
+    let (client, server) = duplex(64);
+    let (sender, inbox) = Entrance::new();
+    let (reader, writer) = split(server);
+    let session = tokio::spawn(async move { serve(reader, writer, "pve0", sender).await });
+    std::thread::spawn(move || world(&inbox, &[]));
+    let (_reader, mut writer) = split(client);
+    for _ in 0..100 {
+        say(&mut writer, "< echo >").await;
+    }
+    writer.shutdown().await.expect("the end");
+    tokio::time::timeout(2 * FAREWELL, session).await.expect("the place is free").expect("no panic");
+}
+
+#[tokio::test]
+async fn a_client_that_dies_in_mid_frame_sends_nothing_of_it() {
+    let Setup { mut client, sent } = setup(Vec::new());
+    say(&mut client, "< open pve0 >< send 18A 1 7 >< send 18A 2 1 ").await;
+    drop(client);
+    assert_eq!(sent.await.expect("the world"), [frame(&[7])]);
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_client_that_does_not_keep_up_is_disconnected() {
+    let Setup { client, sent } = setup(vec![seen(&[0; 8]); 2 * QUEUE]);
+    let (mut reader, mut writer) = split(client);
+    say(&mut writer, "< open pve0 >< rawmode >").await;
+    // The world is done with the client while that has not read a byte yet.
+    assert_eq!(sent.await.expect("the world"), []);
+    let mut all = Vec::new();
+    reader.read_to_end(&mut all).await.expect("the end");
+    assert!(all.len() <= STREAM, "{} bytes of what fills the queue twice", all.len());
+}
+
+#[tokio::test]
+async fn a_client_that_floods_is_not_read_beyond_its_credit() {
+    let (client, server) = duplex(64);
+    let (sender, inbox) = Entrance::new();
+    let (reader, writer) = split(server);
+    tokio::spawn(async move { serve(reader, writer, "pve0", sender).await });
+    let (_reader, mut writer) = split(client);
+    let flood = tokio::spawn(async move {
+        say(&mut writer, "< open pve0 >").await;
+        loop {
+            say(&mut writer, "< send 18A 0 >").await;
+        }
+    });
+    // Both ends run until the one waits for credit and the other for room: many times the turns that takes.
+    for _ in 0..100 * crate::gateway::CREDIT {
+        tokio::task::yield_now().await;
+    }
+    flood.abort();
+    let sends = inbox.messages.try_iter().filter(|arrival| matches!(arrival.message, ToWorld::Send(..))).count();
+    assert_eq!(sends, crate::gateway::CREDIT - 2);
+}
+
+/// The dialogue of the reference client before it asks for raw mode.
+#[tokio::test(start_paused = true)]
+async fn a_client_gets_what_it_has_subscribed_to() {
+    let mut setup = setup(vec![
+        seen(&[1, 2]),
+        ToClient::Frame(Timestamp::from_micros(2), Frame::of(standard(0x720).into(), &[5]).unwrap()),
+    ]);
+    say(&mut setup.client, "< open pve0 >< subscribe 0 0 720 >").await;
+    expect(&mut setup.client, "< hi >< ok >< frame 720 0.000002 05 >").await;
+    say(&mut setup.client, "< subscribe 0 0 18A >").await;
+    // the world of this test shows its frames to whoever asks to listen
+    expect(&mut setup.client, "< frame 18A 1.000000 0102 >< frame 720 0.000002 05 >").await;
+    say(&mut setup.client, "< unsubscribe 720 >< subscribe 0 0 7FF >< echo >").await;
+    expect(&mut setup.client, "< frame 18A 1.000000 0102 >< echo >").await;
+    for (request, answer) in [
+        ("< statistics 100 >", "< error statistics need controlmode first >"),
+        ("< update 123 1 1 >", "< error nothing to update >"),
+        ("< controlmode >", "< ok >"),
+        ("< subscribe 0 0 18A >", "< error that needs bcmmode first >"),
+        ("< bcmmode >", "< ok >"),
+    ] {
+        say(&mut setup.client, request).await;
+        expect(&mut setup.client, answer).await;
+    }
+}
+
+/// Lets the session run to the end of a time.
+async fn pass(time: Duration) {
+    tokio::time::advance(time).await;
+    for _ in 0..10 {
+        tokio::task::yield_now().await;
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn cyclic_frames_are_sent_until_they_are_deleted() {
+    const CYCLE: Duration = Duration::from_millis(20);
+    let mut setup = setup(Vec::new());
+    for request in ["< open pve0 >< add 0 20000 18A 1 7 >", "< update 18A 1 8 >", "< delete 18A >"] {
+        say(&mut setup.client, request).await;
+        for _ in 0..4 {
+            pass(CYCLE).await;
+        }
+    }
+    drop(setup.client);
+    let mut sent = setup.sent.await.expect("the world");
+    assert!((7..=10).contains(&sent.len()), "{sent:?}");
+    sent.dedup();
+    assert_eq!(sent, [frame(&[7]), frame(&[8])]);
+}
+
+#[tokio::test(start_paused = true)]
+async fn statistics_come_in_control_mode() {
+    let mut setup = setup(Vec::new());
+    say(&mut setup.client, "< open pve0 >< send 18A 1 7 >< controlmode >").await;
+    expect(&mut setup.client, "< hi >< ok >< ok >").await;
+    say(&mut setup.client, "< statistics 1000 >").await;
+    let start = Instant::now();
+    expect(&mut setup.client, "< stat 0 0 1 1 >< stat 0 0 1 1 >").await;
+    assert!(start.elapsed() >= Duration::from_millis(2000), "{:?}", start.elapsed());
+}

@@ -1,0 +1,282 @@
+//! A multicast group: its sockets, and the way of frames through them.
+
+use std::io;
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket as StdSocket};
+use std::time::Duration;
+
+use protocol_core::frame::Frame;
+use socket2::{Domain, Socket, Type};
+use tokio::net::UdpSocket;
+use tokio::time::sleep;
+
+use super::message::{emit, parse};
+use crate::gateway::member::Member;
+use crate::gateway::{ClientId, Entrance, Mailbox, ToClient, ToWorld};
+
+/// The hops of a datagram that is to reach other machines: python-can's default, the local network.
+const HOPS: u32 = 1;
+
+/// The longest datagram that is read: longer ones are cut off, and are no message then. That of a frame has some 200
+/// bytes.
+const DATAGRAM_MAX: usize = 4096;
+
+/// How long to wait after an error of a read.
+const PAUSE: Duration = Duration::from_millis(100);
+
+/// A group that was joined.
+#[derive(Debug)]
+pub(super) struct Group {
+    address: SocketAddr,
+    incoming: UdpSocket,
+    outgoing: UdpSocket,
+    intake: Intake,
+    /// Whether the user knows that frames do not get out.
+    is_in_trouble: bool,
+}
+
+/// What becomes of a datagram of the group.
+#[derive(Debug)]
+struct Intake {
+    group: SocketAddr,
+    /// Where datagrams of this gateway come from: they come back.
+    own: SocketAddr,
+    /// Whether other machines take part.
+    is_remote: bool,
+    /// Whether the user knows that datagrams are ignored.
+    has_told: bool,
+}
+
+impl Group {
+    /// Joins a group. Needs a Tokio runtime.
+    ///
+    /// # Errors
+    /// When no interface takes multicast, or another program has the port for itself.
+    pub(super) fn join(address: SocketAddr, is_remote: bool) -> io::Result<Self> {
+        let incoming = incoming(address)?;
+        let outgoing = outgoing(address, if is_remote { HOPS } else { 0 })?;
+        let intake = Intake { group: address, own: outgoing.local_addr()?, is_remote, has_told: false };
+        Ok(Self { address, incoming, outgoing, intake, is_in_trouble: false })
+    }
+
+    /// Takes note of a datagram that was sent, or was not; returns what the user is told.
+    fn note(&mut self, error: Option<io::Error>) -> Option<String> {
+        let was_in_trouble = std::mem::replace(&mut self.is_in_trouble, error.is_some());
+        let text = match (was_in_trouble, error) {
+            (false, Some(error)) => format!("{error}: nothing is sent until frames pass again"),
+            (true, None) => "frames pass again".to_owned(),
+            (false, None) | (true, Some(_)) => return None,
+        };
+        Some(format!("udp-multicast://{}: {text}", self.address))
+    }
+}
+
+impl Member for Group {
+    async fn pass(&mut self, id: ClientId, Mailbox { mut queue, leash }: Mailbox, world: &Entrance) {
+        let mut datagram = [0; DATAGRAM_MAX];
+        loop {
+            tokio::select! {
+                () = leash.dismissed() => return,
+                // A bus that takes nothing more is still heard.
+                (credit, read) = async {
+                    (leash.credit().await, self.incoming.recv_from(&mut datagram).await)
+                } => match read {
+                    Ok((len, from)) => match self.intake.take(&datagram[..len], from) {
+                        Ok(Some(frame)) => {
+                            credit.spend();
+                            world.tell(ToWorld::Send(id, frame));
+                        }
+                        Ok(None) => {}
+                        Err(warning) => world.tell(ToWorld::Warn(warning)),
+                    },
+                    Err(_) => sleep(PAUSE).await,
+                },
+                message = queue.recv() => match message {
+                    Some(ToClient::Frame(at, frame)) => {
+                        let sent = self.outgoing.send(&emit(at, &frame)).await;
+                        if let Some(warning) = self.note(sent.err()) {
+                            world.tell(ToWorld::Warn(warning));
+                        }
+                    }
+                    Some(ToClient::Error(..) | ToClient::Reply(_)) => {}
+                    None => return,
+                },
+            }
+        }
+    }
+}
+
+impl Intake {
+    /// Returns the frame of a datagram that is one, and none of one's own.
+    ///
+    /// # Errors
+    /// What the user is told of the first datagram that is ignored.
+    fn take(&mut self, datagram: &[u8], from: SocketAddr) -> Result<Option<Frame>, String> {
+        if from == self.own {
+            return Ok(None);
+        }
+        let ignored = if self.is_remote || is_of_this_machine(from) {
+            match parse(datagram) {
+                Ok(frame) => return Ok(Some(frame)),
+                Err(reason) => reason.to_string(),
+            }
+        } else {
+            format!("a datagram of another machine, {}, without --allow-remote", from.ip())
+        };
+        if std::mem::replace(&mut self.has_told, true) {
+            return Ok(None);
+        }
+        Err(format!("udp-multicast://{}: {ignored} was ignored; more of them are not told", self.group))
+    }
+}
+
+/// Returns whether an address is one of this machine: no other can be bound.
+fn is_of_this_machine(mut address: SocketAddr) -> bool {
+    address.set_port(0);
+    StdSocket::bind(address).is_ok()
+}
+
+/// Returns a socket that gets what is sent to the group, on the interface to which the system sends it: python-can has
+/// it so.
+fn incoming(group: SocketAddr) -> io::Result<UdpSocket> {
+    let socket = Socket::new(Domain::for_address(group), Type::DGRAM, None)?;
+    // Others on this machine have the port, too.
+    socket.set_reuse_address(true)?;
+    #[cfg(unix)]
+    socket.set_reuse_port(true)?;
+    // Only Unix binds a group, which keeps other datagrams of the port away.
+    let bound = if cfg!(unix) { group } else { SocketAddr::new(unspecified(group), group.port()) };
+    socket.bind(&bound.into())?;
+    match group.ip() {
+        IpAddr::V4(group) => socket.join_multicast_v4(&group, &Ipv4Addr::UNSPECIFIED)?,
+        IpAddr::V6(group) => socket.join_multicast_v6(&group, 0)?,
+    }
+    to_tokio(socket)
+}
+
+/// Returns a socket that sends to the group.
+fn outgoing(group: SocketAddr, hops: u32) -> io::Result<UdpSocket> {
+    let socket = Socket::new(Domain::for_address(group), Type::DGRAM, None)?;
+    match group {
+        SocketAddr::V4(_) => socket.set_multicast_ttl_v4(hops)?,
+        SocketAddr::V6(_) => socket.set_multicast_hops_v6(hops)?,
+    }
+    socket.bind(&SocketAddr::new(unspecified(group), 0).into())?;
+    socket.connect(&group.into())?;
+    to_tokio(socket)
+}
+
+fn to_tokio(socket: Socket) -> io::Result<UdpSocket> {
+    socket.set_nonblocking(true)?;
+    UdpSocket::from_std(socket.into())
+}
+
+const fn unspecified(like: SocketAddr) -> IpAddr {
+    match like {
+        SocketAddr::V4(_) => IpAddr::V4(Ipv4Addr::UNSPECIFIED),
+        SocketAddr::V6(_) => IpAddr::V6(Ipv6Addr::UNSPECIFIED),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use protocol_core::frame::standard;
+
+    use tokio::time::timeout;
+
+    use super::*;
+    use crate::gateway::{CREDIT, Inbox, Outbox};
+    use hal_sim::trace::Timestamp;
+
+    const GROUP: &str = "239.74.163.2:43113";
+
+    fn intake(is_remote: bool) -> Intake {
+        let parse = |text: &str| text.parse().expect("an address");
+        Intake { group: parse(GROUP), own: parse("127.0.0.1:1"), is_remote, has_told: false }
+    }
+
+    fn datagram() -> (Vec<u8>, Frame) {
+        let frame = Frame::of(standard(0x123).into(), &[1]).expect("a frame");
+        (emit(Timestamp::from_micros(0), &frame), frame)
+    }
+
+    #[test]
+    fn datagrams_of_ones_own_and_of_other_machines_are_no_frames() {
+        let (datagram, frame) = datagram();
+        let from = |text: &str| text.parse().expect("an address");
+        let mut intake = intake(false);
+        assert_eq!(intake.take(&datagram, from("127.0.0.1:1")), Ok(None));
+        assert_eq!(intake.take(&datagram, from("127.0.0.1:2")), Ok(Some(frame)), "another program");
+        let told = intake.take(&datagram, from("192.0.2.1:1")).expect_err("it is told");
+        let expected = "udp-multicast://239.74.163.2:43113: a datagram of another machine, 192.0.2.1, without --allow-remote was \
+                        ignored; more of them are not told";
+        assert_eq!(told, expected);
+        assert_eq!(intake.take(&datagram, from("192.0.2.1:1")), Ok(None));
+        assert_eq!(intake.take(b"GET / HTTP/1.1", from("127.0.0.1:2")), Ok(None), "told once, of whatever kind");
+        assert_eq!(self::intake(true).take(&datagram, from("192.0.2.1:1")), Ok(Some(frame)));
+    }
+
+    /// A gateway whose datagrams come from the one socket and go to the other.
+    async fn group() -> (Group, UdpSocket, UdpSocket) {
+        let bind = || UdpSocket::bind("127.0.0.1:0");
+        let (incoming, outgoing) = (bind().await.expect("a socket"), bind().await.expect("a socket"));
+        let (sender, listener) = (bind().await.expect("a socket"), bind().await.expect("a socket"));
+        sender.connect(incoming.local_addr().expect("its address")).await.expect("an address");
+        outgoing.connect(listener.local_addr().expect("its address")).await.expect("an address");
+        let address = GROUP.parse().expect("an address");
+        let group = Group { address, incoming, outgoing, intake: intake(false), is_in_trouble: false };
+        (group, sender, listener)
+    }
+
+    /// The world's end of a gateway that has joined.
+    fn joined(inbox: &Inbox) -> Outbox {
+        let messages = std::iter::from_fn(|| inbox.messages.try_recv().ok()).map(|arrival| arrival.message);
+        let outbox =
+            messages.filter_map(|message| if let ToWorld::Join(_, outbox) = message { Some(outbox) } else { None });
+        let outbox = outbox.last().expect("it has joined");
+        outbox.refund(1);
+        outbox
+    }
+
+    /// Sends datagrams until the gateway's credit is spent.
+    async fn flood(sender: &UdpSocket, inbox: &Inbox) {
+        let (datagram, _) = datagram();
+        for _ in 0..CREDIT {
+            sender.send(&datagram).await.expect("room");
+            while inbox.messages.try_recv().is_err() {
+                tokio::task::yield_now().await;
+            }
+        }
+        sender.send(&datagram).await.expect("room");
+        // A gateway that would take it has done so by then.
+        sleep(PAUSE).await;
+        assert!(inbox.messages.try_recv().is_err(), "the credit is spent");
+    }
+
+    #[tokio::test]
+    async fn a_group_whose_frames_wait_for_the_bus_hears_it_all_the_same() {
+        let (world, inbox) = Entrance::new();
+        let (group, sender, listener) = group().await;
+        tokio::spawn(group.run(world));
+        let outbox = joined(&inbox);
+        flood(&sender, &inbox).await;
+        let (expected, frame) = datagram();
+        outbox.post(ToClient::Frame(Timestamp::from_micros(0), frame)).expect("room");
+        let mut heard = [0; DATAGRAM_MAX];
+        let len =
+            timeout(Duration::from_secs(5), listener.recv(&mut heard)).await.expect("it is heard").expect("a datagram");
+        assert_eq!(&heard[..len], expected);
+        outbox.refund(1);
+        while inbox.messages.try_recv().is_err() {
+            tokio::task::yield_now().await;
+        }
+    }
+
+    #[test]
+    fn nonsense_is_told_once() {
+        let from: SocketAddr = "127.0.0.1:2".parse().expect("an address");
+        let mut intake = intake(false);
+        let told = intake.take(b"", from).expect_err("it is told");
+        assert!(told.contains(": no message of python-can was ignored"), "{told}");
+        assert_eq!(intake.take(b"", from), Ok(None));
+    }
+}

@@ -1,0 +1,24 @@
+//! The program `pve-sim`: the simulation of [`hal_sim`] in real time, for every CAN tool.
+//!
+//! ```text
+//! cli/       the command line
+//! run/       the world paced by the wall clock, with its clients, its trace and its memory
+//! control/   state, faults and time over HTTP
+//! gateway/   clients of the bus that live outside: socketcand, SocketCAN, slcan, udp_multicast
+//! batch/     scenarios of a command line, over the cores, and their results for CI
+//! state_file the memory of a device in a file
+//! speed      virtual time against wall time
+//! output     stdout of the commands
+//! ```
+//!
+//! A library of its own for the sake of its tests; what a Rust program wants is [`hal_sim`].
+#![forbid(unsafe_code)]
+
+pub mod batch;
+pub mod cli;
+pub mod control;
+pub mod gateway;
+pub mod output;
+pub mod run;
+pub mod speed;
+pub mod state_file;

@@ -1,0 +1,136 @@
+//! `pve-sim`: the stand-in devices on the host. What it does is in the library; here are the exit codes.
+
+use std::fmt::{Arguments, Display};
+use std::io::{BufWriter, StdoutLock, Write};
+use std::process::ExitCode;
+use std::sync::mpsc::channel;
+use std::thread;
+use std::time::Duration;
+
+use hal_sim::decode::{DecodeOptions, decode};
+use hal_sim::replay::{ReplayOptions, replay};
+use hal_sim::use_case::{self, SimulatedBench, UseCase};
+use pve_sim::batch::{self, BatchError};
+use pve_sim::cli::{self, Request};
+use pve_sim::output::{Output, outlive_file_size_limit};
+use pve_sim::run;
+
+/// Something is in the way: a port in use, a file that cannot be opened.
+const FAILURE: u8 = 1;
+/// Wrong usage.
+const USAGE: u8 = 2;
+
+/// How long the end waits for a reader of stderr.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+fn main() -> ExitCode {
+    outlive_file_size_limit();
+    match cli::parse(std::env::args_os()) {
+        Ok(Request::Run(options)) => match run::run(&options) {
+            Ok(true) => ExitCode::SUCCESS,
+            // The user was told when it happened.
+            Ok(false) => ExitCode::from(FAILURE),
+            Err(error) => fail(FAILURE, &error),
+        },
+        Ok(Request::UseCases(cases)) => play(&cases),
+        Ok(Request::Scenarios(options)) => run_scenarios(&options),
+        Ok(Request::Decode(options)) => explain(&options),
+        Ok(Request::Replay(options)) => compare(&options),
+        Ok(Request::Print(text)) => {
+            let mut stdout = stdout();
+            print(&mut stdout, format_args!("{text}"));
+            end(stdout, true)
+        }
+        Err(error) => fail(USAGE, &error),
+    }
+}
+
+fn stdout() -> Output<StdoutLock<'static>> {
+    Output::new(std::io::stdout().lock())
+}
+
+/// Writes a text; the [`end`] tells what became of it.
+fn print(stdout: &mut impl Write, text: Arguments<'_>) {
+    let _ = stdout.write_fmt(text);
+}
+
+/// Ends a command that has done, or found, what it was to, or has not. Output that was cut is a failure.
+fn end(stdout: Output<impl Write>, success: bool) -> ExitCode {
+    match stdout.finish() {
+        Err(error) => fail(FAILURE, &format_args!("stdout: {error}")),
+        Ok(()) if success => ExitCode::SUCCESS,
+        Ok(()) => ExitCode::from(FAILURE),
+    }
+}
+
+fn run_scenarios(options: &batch::Options) -> ExitCode {
+    let mut stdout = stdout();
+    match batch::run(options, &mut stdout) {
+        Ok(success) => end(stdout, success),
+        Err(BatchError::Unreadable(lines)) => fail(USAGE, &lines.join("\npve-sim: ")),
+        Err(error) => fail(FAILURE, &error),
+    }
+}
+
+/// Plays the use cases and stops at the first frame that differs.
+fn play(cases: &[&'static UseCase]) -> ExitCode {
+    let mut stdout = stdout();
+    for (played, case) in cases.iter().enumerate() {
+        let mut print = |line: &str| print(&mut stdout, format_args!("{line}\n"));
+        if played > 0 {
+            print("");
+        }
+        if let Err(deviation) = use_case::play(case, &mut SimulatedBench::new(case), &mut print) {
+            return fail(FAILURE, &format_args!("use case {}: {deviation}", case.name));
+        }
+    }
+    end(stdout, true)
+}
+
+/// Explains a recording; lines that are none are told on stderr.
+fn explain(options: &DecodeOptions) -> ExitCode {
+    let mut stdout = BufWriter::with_capacity(1 << 16, std::io::stdout().lock());
+    match decode(options, &mut stdout, warn) {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::from(FAILURE),
+        Err(error) => fail(FAILURE, &error),
+    }
+}
+
+/// Replays a recording; differences and the summary are told on stdout, lines that are none on stderr.
+fn compare(options: &ReplayOptions) -> ExitCode {
+    let outcome = match replay(options) {
+        Ok(outcome) => outcome,
+        Err(error) => return fail(FAILURE, &error),
+    };
+    outcome.unread.iter().for_each(|line| warn(line));
+    let mut stdout = stdout();
+    print(&mut stdout, format_args!("{}", outcome.report(options)));
+    end(stdout, outcome.is_as_logged())
+}
+
+fn warn(line: &str) {
+    let _ = writeln!(std::io::stderr(), "pve-sim: {line}");
+}
+
+/// Tells on stderr why the program ends, and returns how. Writes on a thread of its own: a full pipe that nobody reads must not
+/// hold up the end, as a run that has begun to listen to signals is not ended by one.
+fn fail(code: u8, error: &dyn Display) -> ExitCode {
+    let line = format!("pve-sim: {error}\n");
+    let tell = |line: String| std::io::stderr().write_all(line.as_bytes());
+    let (alive, ended) = channel::<()>();
+    let writer = thread::Builder::new().spawn({
+        let line = line.clone();
+        move || {
+            let _ = tell(line);
+            drop(alive);
+        }
+    });
+    match writer {
+        // Nothing is ever sent: the channel closes with the end of the thread.
+        Ok(_) => drop(ended.recv_timeout(PATIENCE)),
+        // A system without threads is what the line tells of.
+        Err(_) => drop(tell(line)),
+    }
+    ExitCode::from(code)
+}

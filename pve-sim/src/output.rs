@@ -1,0 +1,106 @@
+//! Output of the commands: every byte reaches its place, or the program ends with an error.
+
+use std::io::{self, Write};
+
+/// The output of a command that goes on when nothing more can be written, and tells that at its end.
+#[derive(Debug)]
+pub struct Output<W: Write> {
+    out: W,
+    failure: Option<io::Error>,
+}
+
+impl<W: Write> Output<W> {
+    /// Returns the output onto `out`.
+    pub const fn new(out: W) -> Self {
+        Self { out, failure: None }
+    }
+
+    /// Hands everything on.
+    ///
+    /// # Errors
+    /// The first error of `out`; a reader that has gone is none, as it has seen what it wanted.
+    pub fn finish(mut self) -> io::Result<()> {
+        let flushed = self.flush();
+        debug_assert!(flushed.is_ok());
+        match self.failure {
+            Some(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(error),
+            _ => Ok(()),
+        }
+    }
+
+    /// Does something with `out`, or nothing after an error.
+    fn attempt<T>(&mut self, otherwise: T, act: impl FnOnce(&mut W) -> io::Result<T>) -> io::Result<T> {
+        if self.failure.is_some() {
+            return Ok(otherwise);
+        }
+        match act(&mut self.out) {
+            Err(error) if error.kind() != io::ErrorKind::Interrupted => {
+                self.failure = Some(error);
+                Ok(otherwise)
+            }
+            done => done,
+        }
+    }
+}
+
+impl<W: Write> Write for Output<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.attempt(bytes.len(), |out| out.write(bytes))
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.attempt((), Write::flush)
+    }
+}
+
+/// Lets a write beyond the largest file size (`ulimit -f`) fail, as one to a full disk does. Unix ends a process that
+/// does not handle the signal for it.
+#[cfg(unix)]
+pub fn outlive_file_size_limit() {
+    use tokio::signal::unix::{SignalKind, signal};
+
+    // The handler stays for as long as the process lives. Without one, the signal does what it did.
+    if let Ok(runtime) = tokio::runtime::Builder::new_current_thread().enable_io().build() {
+        let _context = runtime.enter();
+        drop(signal(SignalKind::from_raw(rustix::process::Signal::XFSZ.as_raw())));
+    }
+}
+
+/// Does nothing: Windows has no such limit.
+#[cfg(not(unix))]
+pub const fn outlive_file_size_limit() {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Has room for some bytes.
+    struct Room(usize, io::ErrorKind);
+
+    impl Write for Room {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            let room = bytes.len().min(self.0);
+            self.0 -= room;
+            if room == 0 { Err(self.1.into()) } else { Ok(room) }
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn what_does_not_come_to_its_place_is_told_at_the_end() {
+        for (room, kind, told) in [
+            (3, io::ErrorKind::StorageFull, Some(io::ErrorKind::StorageFull)),
+            (3, io::ErrorKind::BrokenPipe, None),
+            (20, io::ErrorKind::StorageFull, None),
+        ] {
+            let mut output = Output::new(Room(room, kind));
+            for _ in 0..5 {
+                output.write_all(b"abcd").unwrap();
+            }
+            assert_eq!(output.finish().err().map(|error| error.kind()), told);
+        }
+    }
+}

@@ -1,0 +1,219 @@
+//! Clients of a world without devices: what each of them gets, and in which order frames go out.
+
+use std::time::Duration as WallDuration;
+
+use protocol_core::controller::{BitRate, BusErrorMode};
+use protocol_core::frame::standard;
+use protocol_core::time::Duration;
+
+use super::*;
+use crate::gateway::{CREDIT, Mailbox, Reply};
+use hal_sim::bus::DestroyNext;
+
+struct Bench {
+    world: World,
+    clients: Clients,
+    mailboxes: Vec<(ClientId, Mailbox)>,
+}
+
+fn frame(id: u16, data: &[u8]) -> Frame {
+    Frame::of(standard(id).into(), data).unwrap()
+}
+
+impl Bench {
+    /// So many clients that listen.
+    fn new(count: usize) -> Self {
+        let mut world = World::new(BitRate::Kbit250, 1);
+        // somebody who acknowledges
+        world.add_gateway("somebody");
+        world.record_events(true);
+        let clients = Clients::new(&mut world, false);
+        let mut bench = Self { world, clients, mailboxes: Vec::new() };
+        for _ in 0..count {
+            let (id, (outbox, mut mailbox)) = (ClientId::next(), Outbox::new());
+            bench.apply(ToWorld::Join(id, outbox));
+            bench.apply(ToWorld::Listen(id, Reply::new("")));
+            mailbox.queue.try_recv().expect("the reply");
+            bench.mailboxes.push((id, mailbox));
+        }
+        bench
+    }
+
+    fn apply(&mut self, message: ToWorld) {
+        self.clients.apply(message, &mut self.world).expect("a client that keeps up");
+    }
+
+    fn send(&mut self, client: usize, frame: Frame) {
+        self.apply(ToWorld::Send(self.mailboxes[client].0, frame));
+    }
+
+    /// Lets everything go out; returns what did, all of it frames.
+    fn run(&mut self) -> Vec<Frame> {
+        let end = self.world.now() + Duration::from_secs(10);
+        let mut sent = Vec::new();
+        while self.world.next_event() <= end {
+            self.world.step();
+            for event in self.world.take_events() {
+                sent.push(*event.frame().expect("no error frame"));
+                assert_eq!(self.clients.show(&event, Timestamp::from_micros(0), None), 0);
+            }
+            self.clients.send(&mut self.world);
+        }
+        sent
+    }
+
+    /// What a client got.
+    fn heard(&mut self, client: usize) -> Vec<Frame> {
+        let queue = &mut self.mailboxes[client].1.queue;
+        std::iter::from_fn(|| queue.try_recv().ok())
+            .map(|message| match message {
+                ToClient::Frame(_, frame) => frame,
+                other => panic!("{other:?}"),
+            })
+            .collect()
+    }
+}
+
+/// As when all of them poll one object of one valve.
+#[test]
+fn equal_frames_of_several_clients_all_go_out() {
+    let mut bench = Bench::new(3);
+    let request = frame(0x620, &[0x40, 0, 0x10, 0]);
+    for client in [0, 1, 2, 0, 1, 2] {
+        bench.send(client, request);
+    }
+    assert_eq!(bench.run(), [request; 6]);
+    for client in 0..3 {
+        assert_eq!(bench.heard(client), [request; 4], "all but its own two");
+    }
+}
+
+#[test]
+fn frames_of_one_identifier_do_not_collide() {
+    let mut bench = Bench::new(3);
+    let frames: Vec<Frame> = (0..9).map(|number| frame(0x620, &[number])).collect();
+    for (number, frame) in frames.iter().enumerate() {
+        bench.send(number % 3, *frame);
+    }
+    assert_eq!(bench.run(), frames, "in the order they came in");
+    let others: Vec<Frame> = frames.iter().enumerate().filter(|(number, _)| number % 3 != 1).map(|(_, f)| *f).collect();
+    assert_eq!(bench.heard(1), others);
+}
+
+#[test]
+fn urgent_frames_overtake_those_of_other_clients_only() {
+    let mut bench = Bench::new(2);
+    for number in 0..3 {
+        bench.send(0, frame(0x700, &[number]));
+    }
+    bench.send(0, frame(0x001, &[]));
+    bench.send(1, frame(0x100, &[]));
+    let sent: Vec<String> = bench.run().iter().map(ToString::to_string).collect();
+    // The first one had the bus already.
+    assert_eq!(sent, ["700: 00", "100:", "700: 01", "700: 02", "001:"]);
+}
+
+#[test]
+fn what_a_client_sent_before_it_left_goes_out() {
+    let mut bench = Bench::new(2);
+    let frames = [frame(0x101, &[]), frame(0x102, &[]), frame(0x103, &[])];
+    for frame in frames {
+        bench.send(0, frame);
+    }
+    let (left, _mailbox) = bench.mailboxes.remove(0);
+    bench.apply(ToWorld::Leave(left));
+    bench.apply(ToWorld::Send(left, frame(0x104, &[])));
+    assert_eq!(bench.run(), frames);
+    assert_eq!(bench.heard(0), frames);
+}
+
+/// A flood of clients that send and leave.
+#[test]
+fn what_departed_clients_leave_behind_is_bounded() {
+    let mut bench = Bench::new(1);
+    for _ in 0..100 {
+        let (outbox, _mailbox) = Outbox::new();
+        let id = ClientId::next();
+        bench.apply(ToWorld::Join(id, outbox));
+        for _ in 0..CREDIT {
+            bench.apply(ToWorld::Send(id, frame(0x700, &[0; 8])));
+        }
+        bench.apply(ToWorld::Leave(id));
+        bench.apply(ToWorld::Leave(id));
+    }
+    // A modest one keeps its only frame.
+    let (outbox, _mailbox) = Outbox::new();
+    let modest = ClientId::next();
+    bench.apply(ToWorld::Join(modest, outbox));
+    bench.apply(ToWorld::Send(modest, frame(0x7FF, &[])));
+    bench.apply(ToWorld::Leave(modest));
+    let waiting: usize = bench.clients.waiting.values().map(VecDeque::len).sum();
+    assert!(waiting <= LEFT_BEHIND, "{waiting}");
+    assert!(bench.clients.waiting.contains_key(&modest));
+    // The one that the controller had already counts no more.
+    assert_eq!(bench.clients.take_dropped(), 100 * CREDIT - waiting);
+    assert_eq!(bench.run().len(), waiting + 1);
+    assert_eq!(bench.clients.left_behind, 0);
+}
+
+/// Something on the bus destroys all of it.
+#[test]
+fn a_frame_that_is_destroyed_ends_with_its_client() {
+    let mut world = World::new(BitRate::Kbit250, 1);
+    world.inject(DestroyNext::frames(u32::MAX));
+    world.record_events(true);
+    let mut clients = Clients::new(&mut world, false);
+    let (id, (outbox, _mailbox)) = (ClientId::next(), Outbox::new());
+    clients.apply(ToWorld::Join(id, outbox), &mut world).unwrap();
+    for number in 0..2 {
+        clients.apply(ToWorld::Send(id, frame(0x123, &[number])), &mut world).unwrap();
+    }
+    let mut step = |clients: &mut Clients| {
+        world.step();
+        let events: Vec<Event> = world.take_events().collect();
+        for event in &events {
+            clients.give_up(event, &mut world);
+        }
+        clients.send(&mut world);
+        events.iter().filter(|event| event.is_error_frame()).count()
+    };
+    // Nobody gives up a frame whose client is there.
+    let tried: usize = (0..200).map(|_| step(&mut clients)).sum();
+    assert!(tried > 20, "{tried}");
+    clients.let_go(id);
+    let tried: usize = (0..200).map(|_| step(&mut clients)).sum();
+    assert!(tried <= 2, "each of them once more at the most: {tried}");
+    assert!(clients.waiting.is_empty() && clients.sending.is_none());
+}
+
+/// Error frames come to those who want them, and as they are told.
+#[test]
+fn error_frames_are_for_clients_that_want_them() {
+    for wanted in [false, true] {
+        let mut bench = Bench::new(1);
+        bench.clients.error_frames = wanted;
+        let what = EventKind::ErrorMode { from: BusErrorMode::ErrorActive, to: BusErrorMode::ErrorPassive };
+        let event = Event { at: bench.world.now(), who: "valve".into(), what };
+        let at = Timestamp::from_micros(7);
+        for told in [None, Some(ErrorClass::ErrorPassive), None] {
+            assert_eq!(bench.clients.show(&event, at, told), 0);
+        }
+        let queue = &mut bench.mailboxes[0].1.queue;
+        let heard: Vec<ToClient> = std::iter::from_fn(|| queue.try_recv().ok()).collect();
+        let told = vec![ToClient::Error(at, ErrorClass::ErrorPassive)];
+        assert_eq!(heard, if wanted { told } else { Vec::new() });
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn credit_comes_back_with_each_frame_that_is_sent() {
+    let mut bench = Bench::new(1);
+    for round in 0..3 {
+        for _ in 0..CREDIT {
+            let spent = tokio::time::timeout(WallDuration::from_secs(1), bench.mailboxes[0].1.leash.spend());
+            spent.await.expect("credit");
+            bench.send(0, frame(0x123, &[round]));
+        }
+        assert_eq!(bench.run().len(), CREDIT);
+    }
+}

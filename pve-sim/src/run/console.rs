@@ -1,0 +1,350 @@
+//! Faults by hand: the words of the plant on stdin, as the console of the board takes them, a line each.
+//!
+//! ```text
+//! supply_mv 8000          with one device
+//! boom spool stuck        with several
+//! status
+//! ```
+
+use std::fmt::Write;
+
+use protocol_core::controller::BusErrorMode;
+use protocol_core::device::view::View;
+use protocol_core::device::{Device, ProductSenses};
+use serde::Serialize;
+
+use hal_sim::state::{Command, DeviceStateMachine, Led, Nmt, SetPointValue};
+use hal_sim::world::{NodeId, Plant, PlantError, World};
+
+/// The words of a product: what `help` says of them, and what the end of a refusal does.
+struct Words {
+    help: &'static str,
+    accepted: &'static str,
+}
+
+const VALVE: Words = Words {
+    help: "
+  supply_mv N          millivolt, 24000
+  temperature_c N      °C, 25
+  spool FAULT          ok, stuck, slow, drifting, no-float
+  lever N              position that the spool is pushed to by hand, -16384 to 16384, or off",
+    accepted: "supply_mv N, temperature_c N, spool ok|stuck|slow|drifting|no-float, lever N|off, ",
+};
+
+const ENCODER: Words = Words {
+    help: "
+  angle_cdeg N         angle of the shaft, 0 to 35999 1/100 degree
+  speed_rpm N          turns a minute, positive clockwise; the shaft goes on turning by itself
+  measuring_error ON   on, off",
+    accepted: "angle_cdeg N, speed_rpm N, measuring_error on|off, ",
+};
+
+const COMMON: Words = Words {
+    help: "
+  internal_fault ON    on, off
+  memory STATE         ok, write-fails
+  bus_off ON           on, off",
+    accepted: "internal_fault on|off, memory ok|write-fails, bus_off on|off, status, help",
+};
+
+/// Obeys a line; returns the answer, or why the line was refused. Of an empty line nothing is said.
+pub(super) fn obey(line: &str, world: &mut World) -> Result<Option<String>, String> {
+    let words: Vec<&str> = line.split_ascii_whitespace().collect();
+    let (name, words) = match words.as_slice() {
+        [] => return Ok(None),
+        [name, rest @ ..] if world.find(name).is_some() => (Some(*name), rest),
+        all => (None, all),
+    };
+    let named = name.and_then(|name| world.find(name));
+    match *words {
+        ["help"] if named.is_none() => Ok(Some(help(world))),
+        ["status"] => {
+            let told: Vec<NodeId> = world.devices().filter(|id| named.is_none_or(|named| *id == named)).collect();
+            Ok(Some(told.into_iter().map(|id| status(id, world)).collect::<Vec<_>>().join("\n")))
+        }
+        [word, value] => {
+            let node = named.or_else(|| only(world)).ok_or_else(|| which(world))?;
+            change(node, word, value, world)?;
+            Ok(Some("ok".to_owned()))
+        }
+        [name, word, value] if named.is_none() && Plant::parse(word, value).is_some() => {
+            Err(format!("no device '{name}'; accepted: {}", names(world)))
+        }
+        _ => Err(format!("'{}' is not understood; {}", line.trim(), accepted(named, world))),
+    }
+}
+
+fn change(node: NodeId, word: &str, value: &str, world: &mut World) -> Result<(), String> {
+    let why = match Plant::parse(word, value).map(|plant| world.set_plant(node, plant)) {
+        Some(Ok(())) => return Ok(()),
+        Some(Err(PlantError::Linked(_))) => {
+            return Err(format!("'{word} {value}' is refused: a valve turns this shaft"));
+        }
+        Some(Err(PlantError::OtherProduct(_))) => "is a word of another kind of device",
+        Some(Err(PlantError::OutOfRange(_))) => "is out of range",
+        None => "is not understood",
+    };
+    Err(format!("'{word} {value}' {why}; {}", accepted(Some(node), world)))
+}
+
+/// Returns the words of the devices there are, or of this one, in the order in which they are told.
+fn words(node: Option<NodeId>, world: &World) -> Vec<&'static Words> {
+    let is_there = |has: fn(&ProductSenses) -> bool| {
+        world.devices().filter(|id| node.is_none_or(|node| *id == node)).any(|id| has(&world.senses(id).product))
+    };
+    let products = [
+        (&VALVE, is_there(|senses| matches!(senses, ProductSenses::Valve(_)))),
+        (&ENCODER, is_there(|senses| matches!(senses, ProductSenses::Encoder(_)))),
+        (&COMMON, true),
+    ];
+    products.into_iter().filter_map(|(words, is_there)| is_there.then_some(words)).collect()
+}
+
+fn help(world: &World) -> String {
+    let words: String = words(None, world).into_iter().map(|words| words.help).collect();
+    format!(
+        "[NAME] WORD VALUE changes what a device senses; NAME may be left out with one device:{words}
+[NAME] status          state, position, LED and active faults of a device, or of all of them
+Ctrl-C                 ends the run, with everything stored
+help                   this"
+    )
+}
+
+fn accepted(node: Option<NodeId>, world: &World) -> String {
+    let words: String = words(node, world).into_iter().map(|words| words.accepted).collect();
+    format!("accepted: {words}")
+}
+
+/// Returns one line about a device: what the bus shows of it, its bus state, and what acts on it.
+fn status(id: NodeId, world: &mut World) -> String {
+    let mut text = format!("{}: ", world.name(id));
+    // Writing to a string can't fail.
+    let _ = match world.view(id) {
+        Some(view) => write!(text, "{}", shown(&view)),
+        None => write!(text, "no power"),
+    };
+    let bus = match world.senses(id).bus {
+        BusErrorMode::ErrorActive => "error-active",
+        BusErrorMode::ErrorPassive => "error-passive",
+        BusErrorMode::BusOff => "bus-off",
+    };
+    let dropped = world.device(id).map_or(0, Device::frames_dropped);
+    let _ = write!(text, ", bus {bus}, dropped {dropped}");
+    for plant in world.plant(id) {
+        let _ = write!(text, ", {plant}");
+    }
+    text
+}
+
+/// Returns a device's state in the words of the control interface, without what its kind does not have.
+fn shown(view: &View) -> String {
+    let node_id = view.node_id.map_or_else(|| "none".to_owned(), |node_id| format!("0x{node_id:02X}"));
+    let mut text = format!("node_id {node_id}, bit_rate {}", view.bit_rate.bits_per_second());
+    let valve = view.valve.as_ref();
+    let states = [
+        ("nmt", view.nmt.map(|state| word(Nmt::from(state)))),
+        ("dsm", valve.and_then(|valve| valve.dsm).map(|state| word(DeviceStateMachine::from(state)))),
+        ("command", valve.and_then(|valve| valve.command).map(|state| word(Command::from(state)))),
+        ("set_point", valve.map(|valve| word(SetPointValue::from(valve.set_point)))),
+        ("position", Some(view.position.to_string())),
+        (
+            "led",
+            valve
+                .map(|valve| Led::from(*valve))
+                .map(|led| word(led.color) + if led.flashing { " flashing" } else { "" }),
+        ),
+    ];
+    for (key, value) in states {
+        if let Some(value) = value {
+            let _ = write!(text, ", {key} {value}");
+        }
+    }
+    let active: Vec<_> = view.faults.iter().filter(|fault| fault.active).map(|fault| fault.name).collect();
+    let _ = write!(text, ", faults {}", if active.is_empty() { "none".to_owned() } else { active.join(" ") });
+    text
+}
+
+/// Returns a value as JSON has it, without quotation marks.
+fn word(value: impl Serialize) -> String {
+    serde_json::to_string(&value).unwrap_or_default().trim_matches('"').to_owned()
+}
+
+/// Returns the device, where there is one alone.
+fn only(world: &World) -> Option<NodeId> {
+    let mut devices = world.devices();
+    devices.next().filter(|_| devices.next().is_none())
+}
+
+fn which(world: &World) -> String {
+    format!("the name of the device has to come first; accepted: {}", names(world))
+}
+
+fn names(world: &World) -> String {
+    world.devices().map(|id| world.name(id)).collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use protocol_core::actuator::{Position, SpoolFault};
+    use protocol_core::controller::BitRate;
+    use protocol_core::device::{Senses, pve};
+    use protocol_core::encoder::Shaft;
+    use protocol_core::time::{Duration, after};
+
+    use super::*;
+    use hal_sim::kind::{Kind, Simulated as _};
+    use hal_sim::memory::Memory;
+    use hal_sim::world::Link;
+
+    fn world(names: &[&str]) -> World {
+        let kind = Kind::Pve(pve::Kind::PveaCanopen);
+        let mut world = World::new(BitRate::Kbit250, 1);
+        for name in names {
+            world.add_device(name, kind.factory(kind.default_birth()), Memory::in_ram());
+        }
+        world.power_all(protocol_core::time::Duration::from_ticks(0));
+        world.run_until(protocol_core::time::Instant::from_micros(10_000));
+        world
+    }
+
+    fn answer(line: &str, world: &mut World) -> String {
+        obey(line, world).unwrap_or_else(|refusal| panic!("{line}: {refusal}")).unwrap_or_default()
+    }
+
+    /// A world with one device, switched off.
+    fn world_of(kind: &str, name: &str) -> (World, NodeId) {
+        let kind = Kind::from_name(kind).expect("a kind");
+        let mut world = World::new(BitRate::Kbit500, 1);
+        let node = world.add_device(name, kind.factory(kind.default_birth()), Memory::in_ram());
+        world.set_senses(node, Senses::healthy(kind));
+        (world, node)
+    }
+
+    #[test]
+    fn an_angle_sensor_has_the_words_of_its_shaft_and_none_of_a_valve() {
+        let (mut world, sensor) = world_of("hat1000", "sensor");
+        for line in
+            ["angle_cdeg 9000", "speed_rpm -60", "measuring_error on", "internal_fault on", "memory write-fails"]
+        {
+            assert_eq!(answer(line, &mut world), "ok", "{line}");
+        }
+        let shaft = Shaft { angle_cdeg: 9_000, speed_rpm: -60, since: world.now(), measuring_error: true };
+        assert_eq!(*world.senses(sensor), Senses { internal_fault: true, ..Senses::encoder(shaft) });
+        world.run_until(after(world.now(), Duration::from_millis(500)));
+        assert_eq!(
+            answer("status", &mut world),
+            "sensor: no power, bus error-active, dropped 0, angle_cdeg 27000, speed_rpm -60, \
+             measuring_error on, internal_fault on, memory write-fails, bus_off off",
+            "half a turn back"
+        );
+        for (line, refusal) in [
+            ("supply_mv 8000", "'supply_mv 8000' is a word of another kind of device; accepted: angle_cdeg N, "),
+            ("angle_cdeg 36000", "'angle_cdeg 36000' is out of range; accepted: angle_cdeg N, "),
+            ("speed_rpm fast", "'speed_rpm fast' is not understood; accepted: angle_cdeg N, "),
+        ] {
+            let before = *world.senses(sensor);
+            let told = obey(line, &mut world).expect_err(line);
+            assert!(told.starts_with(refusal) && !told.contains("supply_mv N"), "{told}");
+            assert_eq!(*world.senses(sensor), before);
+        }
+        let help = answer("help", &mut world);
+        assert!(help.contains("\n  angle_cdeg N ") && !help.contains("supply_mv"), "{help}");
+    }
+
+    #[test]
+    fn a_shaft_that_a_valve_turns_takes_an_angle_and_no_speed() {
+        let (mut world, sensor) = world_of("hat3000", "angle");
+        let kind = Kind::Pve(pve::Kind::PveaCanopen);
+        let valve = world.add_device("boom", kind.factory(kind.default_birth()), Memory::in_ram());
+        world.link(valve, sensor, Link::default()).expect("a valve and a sensor");
+        assert_eq!(answer("angle angle_cdeg 4500", &mut world), "ok");
+        assert_eq!(answer("angle speed_rpm 0", &mut world), "ok");
+        assert_eq!(
+            obey("angle speed_rpm 1", &mut world),
+            Err("'speed_rpm 1' is refused: a valve turns this shaft".to_owned())
+        );
+        let status = answer("angle status", &mut world);
+        assert!(status.contains("angle_cdeg 4500, speed_rpm 0, "), "{status}");
+        let help = answer("help", &mut world);
+        assert!(help.contains("angle_cdeg N ") && help.contains("supply_mv N "), "{help}");
+    }
+
+    #[test]
+    fn every_word_changes_what_the_device_senses_and_keeps_the_others() {
+        let mut world = world(&["valve"]);
+        let valve = world.find("valve").expect("a valve");
+        for line in [
+            "supply_mv 8000",
+            "temperature_c -41\r",
+            " valve  spool stuck ",
+            "lever 4096",
+            "internal_fault on",
+            "memory write-fails",
+        ] {
+            assert_eq!(answer(line, &mut world), "ok", "{line}");
+        }
+        let senses = *world.senses(valve);
+        assert!(senses.internal_fault);
+        let sensed = senses.valve().expect("a valve");
+        assert_eq!((sensed.supply_mv, sensed.temperature_c), (8000, -41));
+        assert_eq!((sensed.spool.fault, sensed.spool.lever), (SpoolFault::Stuck, Position::new(4096)));
+        assert_eq!(answer("bus_off on", &mut world), "ok");
+        assert!(world.is_bus_off_forced(valve));
+        assert_eq!(answer("bus_off off", &mut world), "ok");
+        assert!(!world.is_bus_off_forced(valve));
+        assert_eq!(
+            answer("status", &mut world),
+            "valve: node_id 0x20, bit_rate 250000, nmt pre-operational, dsm fault-hold, set_point 0, position 0, led red, \
+             faults internal can-bus, bus bus-off, dropped 0, supply_mv 8000, temperature_c -41, \
+             spool stuck, lever 4096, internal_fault on, memory write-fails, bus_off off"
+        );
+    }
+
+    #[test]
+    fn several_devices_are_told_apart_by_name() {
+        let mut world = world(&["boom", "rear"]);
+        answer("rear supply_mv 8000", &mut world);
+        let supplies: Vec<u32> =
+            world.devices().map(|id| world.senses(id).valve().map_or(0, |valve| valve.supply_mv)).collect();
+        assert_eq!(supplies, [24_000, 8_000]);
+        assert_eq!(answer("status", &mut world).lines().count(), 2);
+        assert!(answer("rear status", &mut world).starts_with("rear: "));
+        assert_eq!(
+            obey("supply_mv 8000", &mut world),
+            Err("the name of the device has to come first; accepted: boom, rear".to_owned())
+        );
+        assert_eq!(obey("reer supply_mv 8000", &mut world), Err("no device 'reer'; accepted: boom, rear".to_owned()));
+    }
+
+    #[test]
+    fn what_is_not_understood_is_answered_by_what_is() {
+        let mut world = world(&["valve"]);
+        for line in [
+            "supply_mv",
+            "supply_mv x",
+            "lever 16385",
+            "spool bent",
+            "fly",
+            "other spool bent",
+            "valve help",
+            "status now",
+        ] {
+            let refusal = obey(line, &mut world).expect_err(line);
+            assert!(refusal.contains(line) && refusal.contains("supply_mv N") && !refusal.contains('\n'), "{refusal}");
+        }
+        assert_eq!(obey(" \r", &mut world), Ok(None));
+    }
+
+    #[test]
+    fn help_and_refusals_tell_every_word() {
+        for (kind, other) in [("pveo-canopen", "angle_cdeg"), ("hat3000", "lever")] {
+            let (mut world, device) = world_of(kind, "device");
+            let (help, refusal) = (answer("help", &mut world), obey("fly", &mut world).expect_err("no word"));
+            for (word, _) in world.plant(device).map(Plant::text) {
+                assert!(help.contains(&format!("\n  {word} ")) && refusal.contains(word), "{word}");
+            }
+            assert!(help.contains("\nCtrl-C "), "{help}");
+            assert!(!help.contains(other) && !refusal.contains(other), "{help}\n{refusal}");
+        }
+    }
+}

@@ -1,0 +1,383 @@
+//! The thread of the world: keeps its time, lets messages of clients take effect, and shows what was on the bus.
+//!
+//! A message takes effect at the virtual time of its arrival, after the world has caught up with that completely. The
+//! work between two looks at the clock is bounded by a number of events, so a world that is behind skips nothing and
+//! keeps nobody waiting for long.
+
+use std::collections::VecDeque;
+use std::io::{self, Write};
+use std::time::{Duration as WallDuration, Instant as WallInstant};
+
+use protocol_core::time::{Instant, NEVER, after};
+use tokio::sync::watch;
+
+use super::clients::Clients;
+use super::console;
+use super::outside::{Outside, WAKE_UP};
+use super::printer::Printer;
+use super::timekeeper::{NAP, Timekeeper};
+use super::trace::Trace;
+use crate::control::Desk;
+use crate::gateway::{Arrival, ToWorld};
+use crate::speed::Speed;
+use hal_sim::devices::RateWatch;
+use hal_sim::explain::Explainer;
+use hal_sim::kind::Kind;
+use hal_sim::trace::{Errors, Timestamp};
+use hal_sim::world::{Event, SUPPLY_JITTER, World};
+
+/// The most events between two looks at the clock: some milliseconds of work.
+const GO: usize = 1000;
+
+/// A wait longer than this has room for handing out the trace.
+const LULL: WallDuration = WallDuration::from_millis(1);
+
+/// The trace is handed out so often, even if there is no lull.
+const HAND_OUT: WallDuration = WallDuration::from_millis(20);
+
+/// Above speed 1 the thread stays awake for so long after a message. A client that works back to back sends the next
+/// one by then, and a wake-up would take more of its time than the bus does.
+const ALERT: WallDuration = WallDuration::from_micros(200);
+
+/// A world with everything that is connected to it.
+pub struct Driver<O> {
+    world: World,
+    clients: Clients,
+    /// The control interface, if there is one.
+    desk: Option<Desk>,
+    outside: O,
+    time: Timekeeper,
+    /// Time passes only when the control interface tells it to.
+    is_stepped: bool,
+    /// The wall time of virtual instant 0, for traces and clients.
+    start: Timestamp,
+    errors: Errors,
+    trace: Trace,
+    rates: RateWatch,
+    /// Messages that have not taken effect, oldest first.
+    arrivals: VecDeque<Arrival>,
+    /// The events that are being shown; the allocation is used again.
+    events: Vec<Event>,
+    /// The end of the start-up: all devices have power.
+    open: Instant,
+    /// The last time that the trace was handed out.
+    handed_out: WallInstant,
+    /// The end of [`ALERT`] after the last message.
+    awake_until: WallInstant,
+}
+
+impl<O: Outside> Driver<O> {
+    /// Returns a driver of a world whose devices are not powered yet. `start` is the wall time of virtual instant 0.
+    pub(super) fn new(
+        (mut world, rates): (World, RateWatch),
+        clients: Clients,
+        desk: Option<Desk>,
+        mut outside: O,
+        speed: Speed,
+        start: Timestamp,
+        trace: Trace,
+    ) -> Self {
+        world.record_events(true);
+        let now = outside.now();
+        let (factor, is_stepped) = match speed {
+            Speed::Factor(factor) => (factor, false),
+            Speed::Step => (1.0, true),
+        };
+        Self {
+            world,
+            clients,
+            desk,
+            outside,
+            time: Timekeeper::start(factor, now),
+            is_stepped,
+            start,
+            errors: Errors::default(),
+            trace,
+            rates,
+            arrivals: VecDeque::new(),
+            events: Vec::new(),
+            open: Instant::MAX,
+            handed_out: now,
+            awake_until: now,
+        }
+    }
+
+    /// Returns a driver for a program that has a wall clock and clients of its own, at a speed that is finite and above
+    /// zero. Powers the devices of the world, and keeps no log. Call [`turn`](Self::turn) again and again.
+    ///
+    /// # Errors
+    /// When the thread that writes to `stdout` and `stderr` cannot be started.
+    pub fn embedded(
+        mut world: World,
+        outside: O,
+        speed: f64,
+        stdout: impl Write + Send + 'static,
+        stderr: impl Write + Send + 'static,
+    ) -> io::Result<Self> {
+        let clients = Clients::new(&mut world, false);
+        let printer = Printer::start_with(stdout, stderr, watch::Sender::new(false))?;
+        let trace = Trace::new("pve0", Explainer::default(), printer, None, None);
+        let rates = RateWatch::new([], &mut world);
+        let mut driver =
+            Self::new((world, rates), clients, None, outside, Speed::Factor(speed), Timestamp::from_micros(0), trace);
+        driver.power_on();
+        Ok(driver)
+    }
+
+    /// Puts a control interface in charge, of a world with devices of these kinds; time passes from now on as `speed`
+    /// has it, which is the driver's or [`Speed::Step`].
+    #[must_use]
+    pub fn controlled(mut self, kinds: &[Kind], speed: Speed) -> Self {
+        self.is_stepped = speed == Speed::Step;
+        self.desk = Some(Desk::new(kinds, speed, &mut self.world));
+        self
+    }
+
+    /// Powers the devices and runs until the end comes; then lets the devices store what they have to.
+    ///
+    /// Returns whether everything was stored, and the log and stdout took all that was written.
+    pub(super) fn run(mut self) -> bool {
+        self.power_on();
+        while !self.outside.is_ending() {
+            self.turn();
+        }
+        self.warn_of_memories();
+        self.world.flush_all();
+        self.show();
+        let is_stored = !self.warn_of_memories();
+        self.trace.finish() && is_stored
+    }
+
+    /// Powers the first device at once, and the others with it, each at its own moment.
+    fn power_on(&mut self) {
+        self.let_join();
+        if let Some(first) = self.world.devices().next() {
+            self.world.power(first, true);
+        }
+        self.world.power_all(SUPPLY_JITTER);
+        self.open = after(self.world.now(), SUPPLY_JITTER);
+        self.trace.learn(&self.world);
+        // At once, so that nobody waits for it however slow time is; the wall clock follows. Stepped time stands at 0.
+        while !self.is_stepped && !self.go(self.open) {}
+    }
+
+    /// Lets those join that are there before the first device has power: a gateway to a network hears the boot-up.
+    fn let_join(&mut self) {
+        while let Some(arrival) = self.outside.take() {
+            self.arrivals.push_back(arrival);
+        }
+        let joins = |arrival: &Arrival| matches!(arrival.message, ToWorld::Join(..) | ToWorld::Listen(..));
+        while self.arrivals.front().is_some_and(joins) {
+            self.take_effect();
+        }
+    }
+
+    /// Lets the world catch up with the next message, which then takes effect, or with the clock, and waits. Stepped time
+    /// passes as far as a call of the control interface has it.
+    pub fn turn(&mut self) {
+        if self.is_stepped {
+            return self.turn_stepped();
+        }
+        let now = self.outside.now();
+        let warning = self.time.look(now, self.world.now());
+        self.warn(warning);
+        if self.arrivals.is_empty() {
+            self.arrivals.extend(self.outside.take());
+        }
+        let due = self.arrivals.front().map_or(Instant::MAX, |next| self.time.pace().at(next.at));
+        if !self.catch_up(self.time.pace().at(now).min(due)) {
+            let warning = self.time.fell_behind(self.world.now());
+            self.warn(warning);
+            self.hand_out();
+            return;
+        }
+        let warning = self.time.caught_up(self.world.now());
+        self.warn(warning);
+        if self.world.now() >= due {
+            self.take_effect();
+        } else {
+            self.wait(due);
+        }
+    }
+
+    /// Lets the messages that have come take effect, and then time pass, as far as a call of the control interface has
+    /// it.
+    fn turn_stepped(&mut self) {
+        while self.arrivals.len() < GO
+            && let Some(arrival) = self.outside.take()
+        {
+            self.arrivals.push_back(arrival);
+        }
+        while !self.arrivals.is_empty() {
+            self.take_effect();
+        }
+        for _ in 0..GO {
+            let Some(end) = self.desk.as_mut().and_then(|desk| desk.horizon(&mut self.world)) else {
+                self.hand_out();
+                let arrival = self.outside.wait(None);
+                self.arrivals.extend(arrival);
+                return;
+            };
+            self.go(end);
+        }
+        self.hand_out();
+    }
+
+    /// Waits for a message, or for the next event. Hands out the trace before a sleep, unless a client would wait for
+    /// that.
+    ///
+    /// When nobody listens, the naps do for the events: each still happens at its own virtual instant.
+    fn wait(&mut self, due: Instant) {
+        let now = self.time.looked();
+        let is_watched = self.desk.as_ref().is_some_and(Desk::is_watching);
+        let (naps, is_heard) = (self.time.minds_stalls(), self.clients.is_heard() || is_watched);
+        let event = if naps && !is_heard { NEVER } else { self.world.next_event().min(self.desk_due()) };
+        let next = self.time.pace().when(event.min(due));
+        let until = naps.then(|| now + NAP).into_iter().chain(next).min();
+        let is_overdue = now.saturating_duration_since(self.handed_out) >= HAND_OUT;
+        let is_at_work = now < self.awake_until;
+        if is_overdue || (!is_at_work && next.is_none_or(|next| next > now + LULL)) {
+            self.hand_out();
+            self.handed_out = now;
+        }
+        let arrival = match until {
+            _ if is_at_work => {
+                self.outside.wait_awake(next.map_or(self.awake_until, |next| next.min(self.awake_until)))
+            }
+            // The listeners get the event on time: the thread wakes up before it.
+            Some(event) if is_heard && until == next => match event.checked_sub(WAKE_UP).filter(|early| *early > now) {
+                Some(early) => self.outside.wait(Some(early)),
+                None => self.outside.wait_awake(event),
+            },
+            _ => self.outside.wait(until),
+        };
+        self.arrivals.extend(arrival);
+    }
+
+    /// Goes to `end` through all events until then, or through [`GO`] of them; returns whether it got there.
+    fn catch_up(&mut self, end: Instant) -> bool {
+        (0..GO).any(|_| self.go(end))
+    }
+
+    /// Goes to the next event, or to `end` when there is none until then; returns whether it got there.
+    fn go(&mut self, end: Instant) -> bool {
+        let (event, due) = (self.world.next_event(), self.desk_due());
+        if event.min(due) > end {
+            self.world.run_until(end);
+            self.warn_of_bit_rates();
+            return true;
+        }
+        if event <= due {
+            self.world.step();
+            self.show();
+            self.clients.send(&mut self.world);
+        } else {
+            self.world.run_until(due);
+        }
+        self.warn_of_bit_rates();
+        if let Some(desk) = &mut self.desk {
+            desk.attend(&mut self.world);
+        }
+        false
+    }
+
+    /// Returns when the control interface next has something to do although nothing happens.
+    fn desk_due(&self) -> Instant {
+        self.desk.as_ref().map_or(NEVER, |desk| desk.due(&self.world))
+    }
+
+    fn take_effect(&mut self) {
+        let Some(Arrival { at, message }) = self.arrivals.pop_front() else { return };
+        if !self.time.minds_stalls() {
+            self.awake_until = at + ALERT;
+        }
+        if let ToWorld::Warn(line) = message {
+            self.trace.warn(line);
+            return;
+        }
+        if let ToWorld::Control(message) = message {
+            if let Some(desk) = &mut self.desk {
+                desk.obey(message, self.trace.explainer(), &mut self.rates, &mut self.world);
+            }
+            return;
+        }
+        if let ToWorld::Typed(line, _obeyed) = message {
+            match console::obey(&line, &mut self.world) {
+                Ok(answer) => answer.into_iter().for_each(|answer| self.trace.answer(answer)),
+                Err(refusal) => self.trace.warn(refusal),
+            }
+            if let Some(desk) = &mut self.desk {
+                desk.attend(&mut self.world);
+            }
+            return;
+        }
+        if self.clients.apply(message, &mut self.world).is_err() {
+            self.report_overrun();
+        }
+    }
+
+    /// Shows new events to the clients, on stdout and in the log.
+    fn show(&mut self) {
+        let mut events = std::mem::take(&mut self.events);
+        events.extend(self.world.take_events());
+        for event in events.drain(..) {
+            let at = self.start.at(event.at);
+            let told = self.errors.note(&event);
+            // Clients first: they may answer.
+            for _ in 0..self.clients.show(&event, at, told.as_ref().map(|(class, _)| *class)) {
+                self.report_overrun();
+            }
+            if let Some(desk) = &mut self.desk {
+                desk.show(&event, told.as_ref().map(|(_, text)| text.as_str()), self.trace.explainer());
+            }
+            self.trace.tell(&event, at, told, &self.world);
+            self.clients.give_up(&event, &mut self.world);
+        }
+        self.events = events;
+    }
+
+    /// Hands everything to the readers of stdout, stderr and the log.
+    fn hand_out(&mut self) {
+        self.trace.hand_out();
+        self.warn_of_memories();
+        let dropped = self.clients.take_dropped();
+        if dropped > 0 {
+            self.trace
+                .warn(format!("clients left more frames behind than the bus takes: {dropped} of them were dropped"));
+        }
+    }
+
+    /// Tells which devices are not heard.
+    fn warn_of_bit_rates(&mut self) {
+        self.rates.look(&mut self.world);
+        for found in self.rates.take_found() {
+            self.trace.warn(found.reason);
+        }
+    }
+
+    /// Tells what the memories could not keep; returns whether there was anything.
+    fn warn_of_memories(&mut self) -> bool {
+        let mut warned = false;
+        for node in self.world.devices() {
+            for warning in self.world.memory_mut(node).take_warnings() {
+                self.trace.warn(warning);
+                warned = true;
+            }
+        }
+        warned
+    }
+
+    fn warn(&self, warning: Option<String>) {
+        if let Some(line) = warning {
+            self.trace.warn(line);
+        }
+    }
+
+    fn report_overrun(&self) {
+        self.trace.warn("a client that did not read was disconnected".to_owned());
+    }
+}
+
+#[cfg(test)]
+#[path = "driver_tests.rs"]
+mod tests;

@@ -1,0 +1,126 @@
+//! The file of `--log`: every frame, in the format of its name.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufWriter};
+use std::path::{Path, PathBuf};
+
+use super::system::{is_same_file, open_alone};
+use super::{LogOptions, RunError};
+use hal_sim::recording::{Format, Writer};
+use hal_sim::trace::{Record, Timestamp};
+
+/// The file of `--log`, which nobody else writes for as long as this lives.
+#[derive(Debug)]
+pub(super) struct Log {
+    path: PathBuf,
+    writer: Writer<BufWriter<File>>,
+}
+
+impl Log {
+    /// Refuses a file that a log must not replace; changes nothing. To be called before any file is made.
+    ///
+    /// # Errors
+    /// [`RunError::Log`] for what is no regular file, for anything in the folder of the state files or a state file
+    /// under another name, for the log of another run, and for a file that has something in it, unless it may be
+    /// overwritten.
+    pub(super) fn check(log: &LogOptions, state: Option<&Path>) -> Result<(), RunError> {
+        Self::check_place(log, state)?;
+        if matches!(open_alone(OpenOptions::new().write(true), &log.path), Ok(None)) {
+            return refuse(log, IN_USE);
+        }
+        Self::check_content(log)
+    }
+
+    fn check_place(log: &LogOptions, state: Option<&Path>) -> Result<(), RunError> {
+        if let Some(state) = state
+            && is_kept_in(&log.path, state)
+        {
+            return refuse(log, "a log is not written into the folder of --state, nor over a state file");
+        }
+        match fs::metadata(&log.path) {
+            Ok(found) if !found.is_file() => refuse(log, "a log is written to a regular file only"),
+            _ => Ok(()),
+        }
+    }
+
+    fn check_content(log: &LogOptions) -> Result<(), RunError> {
+        match fs::metadata(&log.path) {
+            Ok(found) if found.len() > 0 && !log.overwrite => {
+                refuse(log, "has something in it already; --log-overwrite replaces it")
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Opens the file, empties it, and begins the log of a bus at a time, once the state files are there.
+    ///
+    /// # Errors
+    /// [`RunError::File`] when the file cannot be opened, and the refusals of [`check`](Self::check), which is made
+    /// again: links and folders lead somewhere now that led nowhere before.
+    pub(super) fn create(
+        log: &LogOptions,
+        state: Option<&Path>,
+        bus: &str,
+        start: Timestamp,
+    ) -> Result<Self, RunError> {
+        let failed = |source| RunError::File { path: log.path.clone(), source };
+        // Nothing is lost before the second check.
+        let mut options = OpenOptions::new();
+        let file = open_alone(options.write(true).create(true).truncate(false), &log.path).map_err(failed)?;
+        let Some(file) = file else { return refuse(log, IN_USE) };
+        Self::check_place(log, state)?;
+        Self::check_content(log)?;
+        file.set_len(0).map_err(failed)?;
+        let writer = Writer::new(BufWriter::new(file), Format::of(&log.path), bus, start).map_err(failed)?;
+        Ok(Self { path: log.path.clone(), writer })
+    }
+
+    /// Adds an entry; the error is the line for the user.
+    pub(super) fn write(&mut self, record: &Record) -> Result<(), String> {
+        self.writer.write(record).map_err(|error| complaint(&self.path, &error))
+    }
+
+    /// Hands everything to the system; the error is the line for the user.
+    pub(super) fn flush(&mut self) -> Result<(), String> {
+        self.writer.flush().map_err(|error| complaint(&self.path, &error))
+    }
+
+    /// Writes the end of the log; the error is the line for the user.
+    pub(super) fn finish(self) -> Result<(), String> {
+        self.writer.finish().map(drop).map_err(|error| complaint(&self.path, &error))
+    }
+}
+
+const IN_USE: &str = "the log of another pve-sim, which still writes it";
+
+fn refuse<T>(log: &LogOptions, reason: &str) -> Result<T, RunError> {
+    Err(RunError::Log { path: log.path.clone(), reason: reason.to_owned() })
+}
+
+fn complaint(path: &Path, error: &io::Error) -> String {
+    format!("{}: {error}; nothing more is logged", path.display())
+}
+
+/// Returns whether a path leads into a folder, or is another name of a file in it.
+fn is_kept_in(path: &Path, folder: &Path) -> bool {
+    let Ok(folder) = fs::canonicalize(folder) else {
+        // The folder does not exist yet: the paths decide.
+        return std::path::absolute(path)
+            .ok()
+            .zip(std::path::absolute(folder).ok())
+            .is_some_and(|(p, f)| p.starts_with(f));
+    };
+    let within = fs::canonicalize(path).or_else(|_| {
+        let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        Ok::<_, io::Error>(fs::canonicalize(parent)?.join(path.file_name().unwrap_or_default()))
+    });
+    if within.is_ok_and(|path| path.starts_with(&folder)) {
+        return true;
+    }
+    let (Ok(found), Ok(files)) = (fs::metadata(path), fs::read_dir(&folder)) else { return false };
+    files.filter_map(|file| fs::metadata(file.ok()?.path()).ok()).any(|file| is_same_file(&file, &found))
+}
+
+#[cfg(test)]
+#[path = "log_tests.rs"]
+mod tests;

@@ -1,0 +1,74 @@
+//! Devices with their memories, put into a world and not yet powered.
+
+use std::fs;
+
+use protocol_core::controller::BitRate;
+use protocol_core::device::StartCause;
+use protocol_core::time::Instant;
+
+use super::{RunError, RunOptions};
+use crate::state_file::{StateFile, StateFileError};
+use hal_sim::devices::{self, NamedDevice, RateWatch};
+use hal_sim::kind::{Kind, Simulated};
+use hal_sim::memory::Memory;
+use hal_sim::world::World;
+
+/// Returns the world of the options, what watches the bit rates in it, and what the user should know about the memories,
+/// a line each.
+pub(super) fn world(options: &RunOptions) -> Result<(World, RateWatch, Vec<String>), RunError> {
+    let mut warnings = Vec::new();
+    let mut memories = Vec::new();
+    for memory in memories_of(options)? {
+        let mut memory = memory?;
+        warnings.extend(memory.take_warnings());
+        memories.push(memory);
+    }
+    let mut devices = options.devices.clone();
+    let bit_rate = options.bit_rate.or_else(|| first_rate(devices.first()?, memories.first()?));
+    let mut world = World::new(devices::share_bit_rate(&mut devices, bit_rate), options.seed);
+    for (device, memory) in devices.iter().zip(memories) {
+        device.add_to(&mut world, memory);
+    }
+    devices::link_in(&mut world, &options.links);
+    let mut rates = RateWatch::new(&devices, &mut world);
+    rates.look(&mut world);
+    rates.find_all();
+    warnings.extend(rates.take_found().into_iter().map(|found| found.reason));
+    Ok((world, rates, warnings))
+}
+
+/// Returns the bit rate that a device starts with, which its memory decides.
+fn first_rate(device: &NamedDevice, memory: &Memory) -> Option<BitRate> {
+    let mut factory = device.kind.factory(device.birth);
+    Some(factory(&memory.peek_image(), StartCause::PowerOn, Instant::from_ticks(0)).bit_rate())
+}
+
+/// Opens the memories of the devices, in their order. All files are taken before any is made or put aside: what is
+/// refused changes nothing that is stored.
+fn memories_of(options: &RunOptions) -> Result<impl Iterator<Item = Result<Memory, RunError>>, RunError> {
+    let mut files = Vec::new();
+    if let Some(dir) = &options.state {
+        fs::create_dir_all(dir).map_err(|source| RunError::File { path: dir.clone(), source })?;
+        for device in &options.devices {
+            let file = StateFile::open(dir, &device.name, device.kind.number());
+            files.push(file.map_err(|error| refusal(error, device))?);
+        }
+    }
+    let mut files = files.into_iter();
+    let memory = move |_| match files.next() {
+        Some(file) => Ok(file.memory()?),
+        None => Ok(Memory::in_ram()),
+    };
+    Ok(options.devices.iter().map(memory))
+}
+
+fn refusal(error: StateFileError, device: &NamedDevice) -> RunError {
+    match error {
+        StateFileError::OtherKind { path, found, .. } => RunError::OtherKind {
+            path,
+            found: Kind::from_number(found).map_or("an unknown kind".to_owned(), |kind| format!("a {kind}")),
+            expected: device.kind.name(),
+        },
+        error => error.into(),
+    }
+}

@@ -1,0 +1,279 @@
+//! A memory kept in a file: a header of 16 bytes and the raw flash image.
+//!
+//! Every change writes the whole file anew, under a name that nobody else has, syncs it, renames it over the old one
+//! and syncs the folder, which Windows cannot. Whatever instant the process is killed at, or the machine loses its
+//! power, the file is the old one or the new one, and it is the new one from the moment that the write has returned.
+//! Writing only the changed words would be faster, but could leave half a store behind that the *simulated* flash never
+//! saw; at 32 KiB and a handful of stores a second the whole file costs nothing.
+//!
+//! Only one simulator may have it: another one would not see what this one stores, and overwrite it. What is locked is
+//! a file beside it, for the file itself is another one after each write, and there is none before the first. The lock
+//! goes with the process, its file stays: to remove it would let two others lock two different ones.
+
+use std::ffi::OsString;
+use std::fs::{self, DirEntry, File, OpenOptions, TryLockError};
+use std::io::{self, ErrorKind, Read, Write};
+use std::path::{Path, PathBuf};
+use std::thread;
+use std::time::Duration;
+
+use tempfile::{Builder, NamedTempFile};
+
+use hal_sim::Memory;
+use hal_sim::memory::{Content, Flash, MemoryFile, MemoryFileError, SIZE};
+
+const MAGIC: [u8; 4] = *b"PNVM";
+const VERSION: u32 = 1;
+const HEADER: usize = 16;
+/// Letters and digits that make the name of an unfinished file unique.
+const UNFINISHED_SUFFIX: usize = 6;
+/// Pauses before a rename is tried again, in milliseconds: on Windows, a program that has the file open prevents it.
+const RENAME_PAUSES: [u64; if cfg!(windows) { 5 } else { 0 }] = [20; if cfg!(windows) { 5 } else { 0 }];
+
+/// A state file cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum StateFileError {
+    /// It keeps the memory of a device of another kind.
+    #[error("{}: the memory of another kind of device ({found}, not {expected})", path.display())]
+    OtherKind {
+        /// The file.
+        path: PathBuf,
+        /// The kind that it belongs to.
+        found: u32,
+        /// The kind that it was opened for.
+        expected: u32,
+    },
+    /// Another simulator has it.
+    #[error("{} is in use by another pve-sim", path.display())]
+    InUse {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The memory cannot be kept in it.
+    #[error(transparent)]
+    Unkept(#[from] MemoryFileError),
+    /// The file system refuses.
+    #[error("{}: cannot {action}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What could not be done.
+        action: &'static str,
+        /// Why.
+        source: io::Error,
+    },
+}
+
+/// A state file that was opened and read, and is not changed yet.
+#[derive(Debug)]
+pub struct Opened {
+    file: StateFile,
+    content: Content,
+}
+
+impl Opened {
+    /// Returns the memory in the file; a new one when there is none.
+    ///
+    /// A file that is damaged is put aside as `name.nvm.bad`, and the memory starts empty and damaged.
+    ///
+    /// # Errors
+    /// When the file cannot be written or put aside. It is not changed then.
+    pub fn memory(self) -> Result<Memory, StateFileError> {
+        self.file.sweep();
+        Ok(Memory::kept_in(Box::new(self.file), self.content)?)
+    }
+}
+
+/// The file that keeps a memory. Nobody else has it for as long as this lives.
+#[derive(Debug)]
+pub struct StateFile {
+    path: PathBuf,
+    kind: u32,
+    /// None where the file system has no locks.
+    _lock: Option<File>,
+}
+
+impl StateFile {
+    /// Opens and reads `dir/name.nvm` for a device of this kind; there may be no such file yet. The folder is made if
+    /// there is none.
+    ///
+    /// # Errors
+    /// When the file belongs to a device of another kind or is in use, or cannot be read.
+    pub fn open(dir: &Path, name: &str, kind: u32) -> Result<Opened, StateFileError> {
+        let mut file = Self { path: dir.join(format!("{name}.nvm")), kind, _lock: None };
+        fs::create_dir_all(dir).map_err(|error| file.error("make the directory", error))?;
+        // What a link leads to is replaced there, and two names of one file are one file.
+        if file.path.is_symlink() {
+            file.path = fs::canonicalize(&file.path).map_err(|error| file.error("follow the link", error))?;
+        }
+        // Before anything is opened or made: opening a pipe waits for somebody to write into it.
+        if fs::metadata(&file.path).is_ok_and(|found| !found.is_file()) {
+            return Err(file.error("read", io::Error::other("not a file")));
+        }
+        file._lock = file.lock()?;
+        let content = match file.read() {
+            Ok(bytes) => file.parse(bytes)?,
+            Err(error) if error.kind() == ErrorKind::NotFound => Content::New,
+            Err(error) => return Err(file.error("read", error)),
+        };
+        Ok(Opened { file, content })
+    }
+
+    fn lock(&self) -> Result<Option<File>, StateFileError> {
+        let lock = OpenOptions::new().write(true).create(true).truncate(false).open(self.beside("lock"));
+        let lock = lock.map_err(|error| self.error("lock", error))?;
+        match lock.try_lock() {
+            Ok(()) => Ok(Some(lock)),
+            Err(TryLockError::WouldBlock) => Err(StateFileError::InUse { path: self.path.clone() }),
+            Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => Ok(None),
+            Err(TryLockError::Error(error)) => Err(self.error("lock", error)),
+        }
+    }
+
+    /// Returns what is in it, up to the byte with which it is too long.
+    fn read(&self) -> io::Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        File::open(&self.path)?.take((HEADER + SIZE + 1) as u64).read_to_end(&mut bytes)?;
+        Ok(bytes)
+    }
+
+    /// Returns the name of the file with one more ending.
+    fn beside(&self, ending: &str) -> PathBuf {
+        let mut name = OsString::from(&self.path);
+        name.push(".");
+        name.push(ending);
+        name.into()
+    }
+
+    fn parse(&self, bytes: Vec<u8>) -> Result<Content, StateFileError> {
+        let Some((header, image)) = bytes.split_first_chunk::<HEADER>() else { return Ok(Content::Damaged) };
+        let word = |at: usize| u32::from_le_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]]);
+        let (version, found, size) = (word(4), word(8), word(12));
+        if !header.starts_with(&MAGIC) || version != VERSION || size as usize != SIZE {
+            return Ok(Content::Damaged);
+        }
+        if found != self.kind {
+            return Err(StateFileError::OtherKind { path: self.path.clone(), found, expected: self.kind });
+        }
+        Ok(Flash::from_image(image.to_vec()).map_or(Content::Damaged, Content::Image))
+    }
+
+    /// Returns how the names of unfinished files begin; [`UNFINISHED_SUFFIX`] letters and digits follow.
+    fn unfinished_prefix(&self) -> OsString {
+        let mut prefix = OsString::from(".");
+        prefix.push(self.path.file_name().unwrap_or_default());
+        prefix.push(".");
+        prefix
+    }
+
+    /// Removes the unfinished files that killed processes left beside this one: `.name.nvm.` and six letters or digits.
+    /// A name that ends in a plain word is somebody's copy.
+    fn sweep(&self) {
+        let Some(folder) = self.path.parent() else { return };
+        let prefix = self.unfinished_prefix();
+        let prefix = prefix.to_string_lossy();
+        let is_left_behind = |found: &DirEntry| {
+            let name = found.file_name();
+            let ending = name.to_str().and_then(|name| name.strip_prefix(&*prefix)).unwrap_or_default();
+            ending.len() == UNFINISHED_SUFFIX
+                && ending.bytes().all(|byte| byte.is_ascii_alphanumeric())
+                && !ending.bytes().all(|byte| byte.is_ascii_lowercase())
+                && found.file_type().is_ok_and(|kind| kind.is_file())
+        };
+        for found in fs::read_dir(folder).into_iter().flatten().flatten().filter(is_left_behind) {
+            // One that cannot be removed is in nobody's way.
+            let _ = fs::remove_file(found.path());
+        }
+    }
+
+    fn error(&self, action: &'static str, source: io::Error) -> StateFileError {
+        StateFileError::Io { path: self.path.clone(), action, source }
+    }
+}
+
+impl MemoryFile for StateFile {
+    fn write(&self, image: &[u8]) -> Result<(), MemoryFileError> {
+        let size = u32::try_from(image.len()).unwrap_or(u32::MAX);
+        let mut header = Vec::with_capacity(HEADER);
+        header.extend_from_slice(&MAGIC);
+        for word in [VERSION, self.kind, size] {
+            header.extend_from_slice(&word.to_le_bytes());
+        }
+        let replace = || -> io::Result<()> {
+            let folder = self.path.parent().unwrap_or(Path::new("."));
+            let mut unfinished = Builder::new();
+            let prefix = self.unfinished_prefix();
+            unfinished.prefix(&prefix).rand_bytes(UNFINISHED_SUFFIX);
+            #[cfg(unix)]
+            unfinished.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+            let mut file = unfinished.tempfile_in(folder)?;
+            file.write_all(&header)?;
+            file.write_all(image)?;
+            if let Ok(present) = fs::metadata(&self.path) {
+                file.as_file().set_permissions(present.permissions())?;
+                #[cfg(unix)]
+                give_to_owner_of(&present, file.as_file());
+            }
+            file.as_file().sync_all()?;
+            take_the_place(file, &self.path)?;
+            #[cfg(unix)]
+            File::open(folder)?.sync_all()?;
+            Ok(())
+        };
+        replace().map_err(|error| self.error("write", error).into())
+    }
+
+    /// Renames the file to the first free one of `name.nvm.bad`, `name.nvm.bad.2` and so on; a line about it. The
+    /// folder is synced by the write that follows.
+    fn put_aside(&self) -> Result<String, MemoryFileError> {
+        let name = |number: u32| match number {
+            1 => self.beside("bad"),
+            _ => self.beside(&format!("bad.{number}")),
+        };
+        for aside in (1..).map(name) {
+            // Making the name first, and only if nobody has it, so that nothing is ever overwritten.
+            match OpenOptions::new().write(true).create_new(true).open(&aside) {
+                Ok(_) => {}
+                Err(error) if error.kind() == ErrorKind::AlreadyExists => continue,
+                Err(error) => return Err(self.error("put the damaged file aside", error).into()),
+            }
+            return match fs::rename(&self.path, &aside) {
+                Ok(()) => Ok(format!(
+                    "{} is damaged: kept as {}, starting with defaults",
+                    self.path.display(),
+                    aside.display()
+                )),
+                Err(error) => {
+                    // The name is taken for nothing, and is still as empty as it was made.
+                    let _ = fs::remove_file(&aside);
+                    Err(self.error("put the damaged file aside", error).into())
+                }
+            };
+        }
+        unreachable!("there are more numbers than files")
+    }
+}
+
+/// Renames a finished file over the one at the path; where that fails, the file is removed.
+fn take_the_place(mut file: NamedTempFile, path: &Path) -> io::Result<()> {
+    for pause in RENAME_PAUSES {
+        match file.persist(path) {
+            Ok(_) => return Ok(()),
+            Err(refused) => file = refused.file,
+        }
+        thread::sleep(Duration::from_millis(pause));
+    }
+    file.persist(path)?;
+    Ok(())
+}
+
+/// Gives a file to the owner of another one, where that is allowed: root may run a simulator on somebody's files.
+#[cfg(unix)]
+fn give_to_owner_of(present: &fs::Metadata, file: &File) {
+    use std::os::unix::fs::{MetadataExt as _, fchown};
+    let _ = fchown(file, Some(present.uid()), Some(present.gid()));
+}
+
+#[cfg(test)]
+#[path = "state_file_tests.rs"]
+mod tests;
