@@ -131,7 +131,10 @@ impl Board {
                 continue;
             }
             let answer = self.look(calls, device);
-            self.link.settle(&mut self.attention).await;
+            if self.link.settle(&mut self.attention).await {
+                // Frames were received in the meantime: what they start counts from now.
+                now = Instant::now();
+            }
             if let Some(answer) = answer {
                 self.front.answer(answer);
             }

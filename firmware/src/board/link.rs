@@ -98,16 +98,16 @@ impl Link {
     }
 
     /// Waits until a controller that leaves the bus has left it, and has it join again, unless the plant cuts it off.
-    /// To be done before the controller is used again.
+    /// To be done before the controller is used again. Returns whether the controller was leaving, so that time has passed.
     ///
     /// A bus that is held dominant keeps the controller for as long as that lasts: each further call polls it once.
-    pub(super) async fn settle(&mut self, attention: &mut Attention) {
-        let Some(polls) = &mut self.leaving else { return };
+    pub(super) async fn settle(&mut self, attention: &mut Attention) -> bool {
+        let Some(polls) = &mut self.leaving else { return false };
         while !self.can.has_left() {
             match *polls {
                 // On a bus that is stuck no frame ever ends.
                 POLLS => self.can.reset(),
-                polls if polls >= 2 * POLLS => return,
+                polls if polls >= 2 * POLLS => return true,
                 _ => {}
             }
             *polls += 1;
@@ -117,5 +117,6 @@ impl Link {
         if let State::Up = self.state {
             self.can.join(self.bit_rate);
         }
+        true
     }
 }

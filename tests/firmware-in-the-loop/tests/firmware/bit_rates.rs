@@ -9,10 +9,10 @@ use hal_sim::WireEvent;
 use hal_sim::bus::FrameBits;
 use hal_sim::use_case::Bench;
 use protocol_core::controller::BitRate;
-use protocol_core::time::{Duration, Instant};
+use protocol_core::time::{Duration, Instant, since};
 
 use super::client::{ImageClient, SAVE, SENSOR, VALVE, frame};
-use super::overtaking::fill;
+use super::overtaking::{fill, heard, listen};
 
 /// The cycle of the heartbeat where one is watched.
 const HEARTBEAT_MS: u64 = 20;
@@ -344,4 +344,25 @@ fn a_bit_rate_that_changes_while_the_valve_is_kept_bus_off_is_that_of_the_way_ba
     client.wait_ms(10);
     assert_eq!(client.bench.rig.bits_per_second(board), Some(500_000));
     assert_eq!(client.status_of("bit_rate"), "500000");
+}
+
+/// The restart makes the controller leave the bus, which waits for the request on the wire: the heartbeat that the request
+/// starts counts from the end of the request, not from the restart.
+#[test]
+fn a_request_that_the_controller_waits_for_before_it_leaves_has_its_own_time() {
+    let mut client = ImageClient::booted();
+    let listener = listen(&mut client);
+    let request = "620: 2B 17 10 00 0A 00 00 00";
+    client.send("000: 82 20");
+    client.send(request);
+    client.listen_ms(40);
+    let seen = heard(&mut client, listener);
+    let ends = |text| seen.iter().filter(move |(_, sent)| *sent == frame(text)).map(|(at, _)| *at);
+    let request = ends(request).next().expect("the request is on the wire");
+    // The first heartbeat tells the new state at once.
+    let heartbeat = ends("720: 7F").nth(1).expect("there is a heartbeat");
+    let length = FrameBits::of(&frame("720: 7F")).on_wire() * 1_000_000 / BitRate::Kbit250.bits_per_second();
+    let cycle = since(heartbeat, request).as_micros() - u64::from(length);
+    assert!((10_000..10_100).contains(&cycle), "{cycle} us from the request to the second heartbeat: {seen:?}");
+    client.end_without_reset();
 }
