@@ -4,7 +4,7 @@ import struct
 
 from canopen import lss as service
 from encoder import PRODUCT, REVISION, VENDOR, at
-from valve import BOOT_UP, PATIENCE, connected, equal
+from valve import BOOT_UP, connected, equal
 
 #: Serial numbers of the sensor at node 1, the one at node 2, and the blank one.
 SERIALS = 1, 2, 7
@@ -12,14 +12,18 @@ NEW_ID = 0x30
 REQUEST, ANSWER = 0x7E5, 0x7E4
 
 
+def let_answer(valve):
+    """What was sent before is answered by the second of these reads: the answer to the first may go before LSS."""
+    for _ in range(2):
+        valve.network.nodes[1].sdo[0x1000].raw
+
+
 def identified(valve, revisions, serials):
     """How many sensors answer to identify remote slave with these limits, which are inclusive."""
     valve.heard.forget()
     for command, number in zip(range(0x46, 0x4C), (VENDOR, PRODUCT, *revisions, *serials)):
         valve.network.send_message(REQUEST, struct.pack("<BI3x", command, number))
-    # what was sent before is answered by the second of these: the answer to the first may go before LSS
-    for _ in range(2):
-        valve.network.nodes[1].sdo[0x1000].raw
+    let_answer(valve)
     heard = [bytes(frame.data) for frame in valve.heard.all() if frame.arbitration_id == ANSWER]
     equal("answers", set(heard) - {bytes([0x4F]) + bytes(7)}, set())
     return len(heard)
@@ -49,11 +53,9 @@ with connected() as valve:
     lss.send_switch_state_global(lss.WAITING_STATE)
 
     # in waiting the blank sensor alone takes part: the blank valve does in configuration only
-    lss.RESPONSE_TIMEOUT = 0.3
-    found, identity = lss.fast_scan()
+    found, identity = valve.fast_scan(lambda: let_answer(valve))
     assert found, "no blank sensor found"
     equal("identity", identity, [VENDOR, PRODUCT, REVISION, SERIALS[2]])
-    lss.RESPONSE_TIMEOUT = PATIENCE
     lss.configure_node_id(NEW_ID)
     lss.store_configuration()
     valve.heard.forget()

@@ -1,6 +1,6 @@
 """Drives the valve with AVCs that cantools writes and can-j1939 sends; reads AVEF with the same DBC."""
 
-from tractor import AVEF, DM1, VALVE, connected, equal
+from tractor import AVEF, DM1, connected, equal
 
 #: A state that no valve has.
 UNKNOWN = 4

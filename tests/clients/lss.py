@@ -3,7 +3,7 @@
 from canopen import lss as service
 from canopen.lss import LssError
 
-from valve import NODE_ID, PATIENCE, connected, equal
+from valve import NODE_ID, connected, equal
 
 OTHER_ID = 0x33
 
@@ -16,14 +16,13 @@ with connected() as valve:
     # a number that does not fit selects nobody
     valve.node.nmt.state = "STOPPED"
     lss.send_switch_state_global(lss.WAITING_STATE)
-    lss.RESPONSE_TIMEOUT = 0.5
-    try:
-        lss.send_switch_state_selective(*identity[:3], identity[3] ^ 1)
-    except LssError:
-        pass
-    else:
-        raise AssertionError("selected by a wrong serial number")
-    lss.RESPONSE_TIMEOUT = PATIENCE
+    with valve.silence_after(valve.until_now):
+        try:
+            lss.send_switch_state_selective(*identity[:3], identity[3] ^ 1)
+        except LssError:
+            pass
+        else:
+            raise AssertionError("selected by a wrong serial number")
 
     assert lss.send_switch_state_selective(*identity), "not selected by its identity"
     for command, number in zip(

@@ -12,6 +12,7 @@ from valve import (
     MAPPING_TOO_LONG,
     NODE_ID,
     NOT_MAPPABLE,
+    PATIENCE,
     WRONG_STATE,
     aborted,
     connected,
@@ -68,7 +69,7 @@ def by_the_api(valve):
     equal("frame", rpdo.data.hex(" "), "30 f8 00 02 01 00")
     with tpdo.receive_condition:
         rpdo.transmit()
-        assert tpdo.wait_for_reception(), "no TPDO"
+        assert tpdo.wait_for_reception(PATIENCE), "no TPDO"
     equal("6041, of the TPDO", tpdo[0x6041].raw, DISABLED)
     equal("length of the TPDO", len(tpdo.data), 8)
     equal("6042", node.sdo[0x6042].raw, 2)

@@ -5,10 +5,7 @@ import queue
 import subprocess
 import threading
 
-from waiting import equal
-
-#: Longest wait for the end of a program, seconds.
-PATIENCE = 120
+from waiting import PATIENCE, equal
 
 
 def run(*command):

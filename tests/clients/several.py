@@ -5,14 +5,12 @@ On the bus: pvea-canopen at 0x05 and 0x20, pveo-canopen at 0x7F, and a blank pve
 
 from canopen.lss import CS_INQUIRE_SERIAL_NUMBER
 
-from valve import ACTIVE, CYCLE, DISABLED, HOLD, INIT, NODE_ID, PATIENCE, connected, equal
+from valve import ACTIVE, CYCLE, DISABLED, HOLD, INIT, NODE_ID, connected, equal
 
 IDS = {0x05: 0x101, NODE_ID: 0x102, 0x7F: 0x103}
 ON_OFF = 0x7F
 BLANK_ID, BLANK_SERIAL = 0x40, 0x104
 PRODUCT = 0x01000019, 0x53360000, 0x00010020
-#: For LSS requests that nobody may answer, in seconds; a valve takes 1 ms.
-SILENCE = 1.0
 
 
 def serials(nodes):
@@ -67,7 +65,7 @@ def synchronised(valve, nodes):
     for _ in range(10):
         valve.heard.forget()
         valve.network.sync.transmit()
-        frames = [valve.heard.frames.get(timeout=PATIENCE) for _ in nodes]
+        frames = [valve.heard.next() for _ in nodes]
         # the spools are still on their way home
         seen = [(frame.arbitration_id, frame.data[0]) for frame in frames]
         equal("TPDOs", seen, [(0x180 + node_id, INIT) for node_id in sorted(nodes)])
@@ -78,7 +76,7 @@ def one_stopped(valve, nodes):
     nodes[0x05].nmt.state = "STOPPED"
     valve.heard.forget()
     valve.network.sync.transmit()
-    frames = [valve.heard.frames.get(timeout=PATIENCE).arbitration_id for _ in range(2)]
+    frames = [valve.heard.next().arbitration_id for _ in range(2)]
     equal("TPDOs", frames, [0x180 + NODE_ID, 0x180 + ON_OFF])
     valve.network.nmt.state = "PRE-OPERATIONAL"
 
@@ -106,10 +104,8 @@ def blank_one_found(valve, nodes):
     """Only the valve without an ID takes part in the scan; then it is a node like the others."""
     lss = valve.network.lss
     lss.send_switch_state_global(lss.CONFIGURATION_STATE)
-    lss.RESPONSE_TIMEOUT = SILENCE
-    found, identity = lss.fast_scan()
+    found, identity = valve.fast_scan(valve.until_now)
     equal("found", (found, identity), (True, [*PRODUCT, BLANK_SERIAL]))
-    lss.RESPONSE_TIMEOUT = PATIENCE
     lss.send_switch_state_global(lss.WAITING_STATE)
     assert lss.send_switch_state_selective(*identity), "the one found is not selected by what was found"
     lss.configure_node_id(BLANK_ID)

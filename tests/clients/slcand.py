@@ -6,26 +6,19 @@ for a frame or a line, with a time limit.
 
 import contextlib
 import faulthandler
-import functools
 import os
 import socket
-import struct
 import subprocess
 import sys
 import tempfile
 import time
 
-import waiting
-from processes import PATIENCE, process, run
-from waiting import equal
+from processes import process, run
+from raw import hear, send
+from waiting import LIFE, PATIENCE, equal, take
 
-#: After this a script that hangs says where, and ends.
-LIFE = 400
 INTERFACE = "slcan0"
 READ, ANSWER = (0x622, bytes.fromhex("4000100000000000")), (0x5A2, bytes.fromhex("4300100098010000"))
-
-take = functools.partial(waiting.take, patience=PATIENCE)
-
 
 @contextlib.contextmanager
 def attached(path, *options):
@@ -43,25 +36,12 @@ def attached(path, *options):
         run("ip", "link", "set", INTERFACE, "up")
         with contextlib.closing(socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)) as link:
             link.bind((INTERFACE,))
-            link.settimeout(PATIENCE)
             yield link
     finally:
         program.terminate()
         equal("slcand", program.wait(PATIENCE) in (0, -15), True)
     while os.path.exists(f"/sys/class/net/{INTERFACE}"):
         assert time.monotonic() < deadline + PATIENCE, "the interface stays"
-
-
-def send(link, identifier, data):
-    link.send(struct.pack("=IB3x8s", identifier, len(data), data))
-
-
-def hear(link, identifier):
-    """The data of the next frame with this identifier."""
-    while True:
-        number, length, data = struct.unpack("=IB3x8s", link.recv(16))
-        if number == identifier:
-            return data[:length]
 
 
 def interface():

@@ -6,29 +6,20 @@ or a line, with a time limit.
 
 import contextlib
 import faulthandler
-import functools
 import os
 import queue
 import re
 import socket
-import struct
 import subprocess
 import sys
 import tempfile
 import time
 
-import waiting
 from processes import process, run
-from waiting import equal
+from raw import hear, send
+from waiting import LIFE, PATIENCE, equal, take
 
-#: Longest wait for anything, seconds. Generous: time is real here, and the machine may be busy.
-PATIENCE = 120
-#: After this a script that hangs says where, and ends.
-LIFE = 400
 INTERFACE = "vcan0"
-
-take = functools.partial(waiting.take, patience=PATIENCE)
-
 
 @contextlib.contextmanager
 def simulator(*options):
@@ -44,23 +35,7 @@ def raw():
     """A socket that hears and sends every frame, as (identifier with its flags, data)."""
     link = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
     link.bind((INTERFACE,))
-    link.settimeout(PATIENCE)
     return link
-
-
-def send(link, identifier, data):
-    link.send(struct.pack("=IB3x8s", identifier, len(data), data))
-
-
-def hear(link, identifier):
-    """The data of the next frame with this identifier, which comes within the time limit of the socket."""
-    deadline = time.monotonic() + link.gettimeout()
-    while True:
-        if time.monotonic() > deadline:
-            raise TimeoutError(f"no {identifier:03X}")
-        number, length, data = struct.unpack("=IB3x8s", link.recv(16))
-        if number == identifier:
-            return data[:length]
 
 
 def tools():
@@ -71,12 +46,13 @@ def tools():
             return take(dump, lambda line: line.endswith(f" {INTERFACE} {frame}"))[1]
 
         # candump hears from when it has bound, which it does not tell
-        subprocess.run(["cansend", INTERFACE, "7FF#00"], check=True)
-        while True:
+        for _ in range(PATIENCE * 2):
             run("cansend", INTERFACE, "7FF#01")
             with contextlib.suppress(queue.Empty):
                 dump.get(timeout=0.5)
                 break
+        else:
+            raise AssertionError("candump hears nothing")
         with simulator("--device", "pvea-canopen@0x22") as (_, trace, _, _):
             dumped("722#00")
             dumped("0A2#0000000000000000")
@@ -206,11 +182,10 @@ def down():
                 run("ip", *command)
             with contextlib.closing(raw()) as link:
                 # whether the stand-in has opened the new interface shows in its answer alone
-                link.settimeout(0.5)
                 for _ in range(PATIENCE * 2):
                     send(link, *read)
                     with contextlib.suppress(TimeoutError):
-                        equal("answer", hear(link, answer[0]), answer[1])
+                        equal("answer", hear(link, answer[0], patience=0.5), answer[1])
                         break
                 else:
                     raise AssertionError(f"no answer after {come}")
@@ -235,8 +210,10 @@ def full():
                 client.sendall(b"< send 123 2 %x %x >" % (number >> 8, number & 0xFF))
             # the answer comes when the bus has had them all
             client.sendall(b"< echo >")
-            while b"< echo >" not in client.recv(4096):
-                pass
+            heard = b""
+            while b"< echo >" not in heard:
+                heard = heard[-8:] + client.recv(4096)
+                assert heard, "the connection ended"
 
         # a dozen frames find room in the queue, and each takes 2 ms
         run("tc", "qdisc", "add", "dev", INTERFACE, "root", "tbf", "rate", "64kbit", "burst", "32", "limit", "200")

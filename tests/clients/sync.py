@@ -2,7 +2,7 @@
 
 import can
 
-from valve import DISABLED, INIT, INVALID, NODE_ID, PATIENCE, Heard, aborted, connected, equal
+from valve import DISABLED, INIT, INVALID, NODE_ID, Heard, aborted, connected, equal
 
 SYNC, TPDO, SDO_ANSWER = 0x080, 0x180 + NODE_ID, 0x580 + NODE_ID
 #: Seconds from SYNC to SYNC: seldom enough that the answer to one is out before the next, on a busy machine as well.
@@ -91,14 +91,14 @@ def by_the_producer(valve, every, rounds):
         valve.network.sync.start(PERIOD)
         heard = [ear.expect(SYNC, b"")]
         while sum(frame.arbitration_id == TPDO for frame in heard) < rounds:
-            heard.append(ear.frames.get(timeout=PATIENCE))
+            heard.append(ear.next())
         valve.network.sync.stop()
         # the first read lets a last SYNC and what it causes go by, the second tells when that is over
         for _ in range(2):
             valve.node.sdo[0x1000].raw
         answered = 0
         while answered < 2:
-            heard.append(ear.frames.get(timeout=PATIENCE))
+            heard.append(ear.next())
             answered += heard[-1].arbitration_id == SDO_ANSWER
         notifier.stop()
     valve.node.tpdo[1].callbacks.clear()

@@ -14,12 +14,13 @@ import sys
 import can
 import cantools
 import j1939
+from j1939 import j1939_21
 
 import joining
-from waiting import PATIENCE, equal, take
+from waiting import LIFE, PATIENCE, equal, take
 
-#: After this a script that hangs says where, and ends.
-LIFE = 400
+#: can-j1939 gives up packets that the machine lets it see too late, unless it has as much patience as the scripts.
+j1939_21.J1939_21.Timeout.T1 = PATIENCE
 #: How often a state of can-j1939 is looked at, by its own timer, seconds.
 LOOK = 0.005
 #: Period of AVC, seconds: well inside the time guard of 250 ms.
@@ -135,21 +136,14 @@ class Tractor:
     def request(self, pgn, destination=VALVE):
         self.ca.send_request(0, pgn, destination)
 
-    def expect(self, pgn, source=VALVE, patience=PATIENCE):
+    def expect(self, pgn, source=VALVE):
         """The data of the next message of this group, put together from its packets if it came in several."""
-        return take(self.received, lambda message: message[:2] == (pgn, source), patience)[0][2]
+        return take(self.received, lambda message: message[:2] == (pgn, source))[0][2]
 
     def ask(self, pgn):
-        """Requests a group of the valve.
-
-        Again, where no answer came: can-j1939 gives a broadcast up whose packets a busy machine lets it see too late.
-        """
-        for _ in range(3):
-            self.request(pgn)
-            with contextlib.suppress(AssertionError):
-                return self.expect(pgn, patience=PATIENCE / 4)
+        """Requests a group of the valve."""
         self.request(pgn)
-        return self.expect(pgn, patience=PATIENCE / 4)
+        return self.expect(pgn)
 
     def send_command(self, _=None):
         """Sends an AVC, as cantools writes it."""

@@ -6,24 +6,18 @@ for a frame or a line, with a time limit.
 
 import contextlib
 import faulthandler
-import functools
 import os
 import socket
 import sys
+import time
 
 import can
 import canopen
 
-import waiting
-from processes import PATIENCE, process, run
-from waiting import equal
+from processes import process, run
+from waiting import LIFE, PATIENCE, equal, take
 
-#: After this a script that hangs says where, and ends.
-LIFE = 400
 PORT = 43113
-
-take = functools.partial(waiting.take, patience=PATIENCE)
-
 
 @contextlib.contextmanager
 def simulator(url, *options):
@@ -36,13 +30,14 @@ def simulator(url, *options):
 
 def hear(bus, identifier):
     """The next frame with this identifier."""
-    while True:
-        frame = ...  # nonsense: python-can raises
+    deadline = time.monotonic() + PATIENCE
+    while (left := deadline - time.monotonic()) > 0:
+        # of nonsense python-can complains
         with contextlib.suppress(can.CanOperationError):
-            frame = bus.recv(PATIENCE)
-        assert frame is not None, f"no {identifier:03X}"
-        if frame is not ... and frame.arbitration_id == identifier:
-            return frame
+            frame = bus.recv(left)
+            if frame is not None and frame.arbitration_id == identifier:
+                return frame
+    raise AssertionError(f"no {identifier:03X}")
 
 
 def read_identity(group, node_id):

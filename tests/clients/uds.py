@@ -71,8 +71,9 @@ faulthandler.dump_traceback_later(LIFE, exit=True)
 with can.Bus(interface="socketcand", host=HOST, port=int(PORT), channel=CHANNEL) as bus:
     if NODE >= FIRST_ADDRESS:
         # a valve on ISOBUS is silent until its claim has stood for 250 ms: then comes its first AVEF
-        while bus.recv(PATIENCE).arbitration_id != 0x0CFE1000 | (NODE & 0x0F) << 8 | NODE:
+        while (heard := bus.recv(PATIENCE)) and heard.arbitration_id != 0x0CFE1000 | (NODE & 0x0F) << 8 | NODE:
             pass
+        assert heard, "no AVEF"
     with tool(bus, 0x1BC00000 | NODE << 11 | TESTER) as client:
         read = lambda did: client.read_data_by_identifier_first(did)
         equal("F010", read(DIAGNOSTICS), b"\xa5")

@@ -16,11 +16,7 @@ import canopen
 from canopen.objectdictionary import ObjectDictionary, ODRecord, ODVariable, datatypes
 
 import joining
-
-#: Longest wait for any single frame, seconds. Generous: a busy machine is not a fault of the valve.
-PATIENCE = 120
-#: After this a script that hangs says where, and ends.
-LIFE = 400
+from waiting import LIFE, PATIENCE, equal
 
 NODE_ID = 0x20
 #: The address that a UDS tester has.
@@ -130,6 +126,12 @@ class Heard(can.Listener):
             heard.append(self.frames.get())
         return heard
 
+    def next(self):
+        """The next frame, whatever it is."""
+        for frame in self.following(PATIENCE):
+            return frame
+        raise AssertionError("nothing is heard")
+
     def forget(self):
         """Drops what was heard so far."""
         self.all()
@@ -166,6 +168,18 @@ class Heard(can.Listener):
         raise AssertionError(f"no {cob_id:03X} as wanted ({wanted}); last heard: {missed[-8:]}")
 
 
+class Answers(queue.Queue):
+    """Answers to LSS requests: there is one, or there is none, once `let_answer` has returned."""
+
+    def __init__(self, let_answer):
+        super().__init__()
+        self.let_answer = let_answer
+
+    def get(self, block=True, timeout=None):
+        self.let_answer()
+        return super().get(block=False)
+
+
 class Valve:
     """A network at the valve's bus."""
 
@@ -197,17 +211,32 @@ class Valve:
         self.heard.expect(0x700 + node.id, BOOT_UP)
         self.heard.expect(0x080 + node.id, NO_ERROR)
 
-    def until_now(self):
-        """All that the valve has had to say to what was sent before: identifiers of the frames heard since `forget`.
+    def until_now(self, witness=NODE_ID):
+        """All that the valves have had to say to what was sent before: identifiers of the frames heard since `forget`.
 
-        UDS is answered in every NMT state. Twice, as heartbeats and LSS let the first answer go before them.
+        UDS is answered in every NMT state, here by the valve of this node ID or address. Heartbeats and LSS let the first
+        answer go before them, and the second may follow it after a frame of a third valve.
         """
-        answer = 0x1BC00000 | self.node.id << 11 | TESTER
+        answer = 0x1BC00000 | witness << 11 | TESTER
         heard = []
-        for _ in range(2):
-            self.network.send_message(0x1BC00000 | TESTER << 11 | self.node.id, bytes.fromhex("03 22 F0 10"))
+        for _ in range(3):
+            self.network.send_message(0x1BC00000 | TESTER << 11 | witness, bytes.fromhex("03 22 F0 10"))
             heard += self.heard.until(answer)
         return [cob_id for cob_id in heard if cob_id != answer]
+
+    @contextlib.contextmanager
+    def silence_after(self, let_answer):
+        """LSS requests in here have no answer if there is none by the end of `let_answer`: no clock decides."""
+        self.network.lss.responses = Answers(let_answer)
+        try:
+            yield
+        finally:
+            self.network.lss.responses = queue.Queue()
+
+    def fast_scan(self, let_answer):
+        """python-canopen's fast scan, to most of whose requests nobody answers."""
+        with self.silence_after(let_answer):
+            return self.network.lss.fast_scan()
 
     def command(self, control_word, set_point=0):
         """Sends one RPDO."""
@@ -275,7 +304,3 @@ def aborted(*codes):
         assert abort.code in codes, f"abort code: {abort.code:08X}, not {names}"
     else:
         raise AssertionError(f"not aborted with {names}")
-
-
-def equal(what, seen, wanted):
-    assert seen == wanted, f"{what}: {seen!r}, not {wanted!r}"

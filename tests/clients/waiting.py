@@ -3,8 +3,10 @@
 import queue
 import time
 
-#: Longest wait for anything, seconds. Generous: a busy machine is not a fault of the device.
+#: Longest wait for anything, seconds of the wall clock: that a dead test ends with a sentence. No device is measured by it.
 PATIENCE = 120
+#: After this a script that hangs says where, and ends.
+LIFE = 900
 
 
 def take(source, what, patience=PATIENCE):

@@ -2,15 +2,16 @@
 //! nothing that was stored is touched. What `pve-sim/tests/pve_sim/` has is not here again.
 
 use std::fs;
-use std::process::{Command, Stdio};
+use std::process::Command;
 
+use crate::programs::output;
 use crate::simulator::PVE_SIM;
 
 const ANY_PORT: &str = "socketcand://127.0.0.1:0/pve0";
 
 /// Runs it with these options; it ends by itself, with this exit code and one line that has all these words.
 fn refused(code: i32, options: &[&str], words: &[&str]) {
-    let output = Command::new(&*PVE_SIM).args(options).stdin(Stdio::null()).output().expect("pve-sim runs");
+    let output = output(Command::new(&*PVE_SIM).args(options));
     let stderr = String::from_utf8(output.stderr).expect("text");
     assert_eq!(output.status.code(), Some(code), "{options:?}: {stderr}");
     assert_eq!(String::from_utf8_lossy(&output.stdout), "", "{options:?}");

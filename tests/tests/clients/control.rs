@@ -1,7 +1,8 @@
 //! The scripts that break valves over the control interface, in stepped time: every run is the same.
 
-use std::process::{Command, Stdio};
+use std::process::Command;
 
+use crate::programs::output;
 use crate::simulator::{Simulator, python, root};
 
 const OPTIONS: [&str; 8] = [
@@ -18,9 +19,9 @@ const OPTIONS: [&str; 8] = [
 /// Runs a script of `examples/` several times against one simulator; returns what it printed each time.
 fn printed(command: &mut Command, script: &str) -> String {
     let simulator = Simulator::start(&OPTIONS);
-    command.arg(root().join("examples").join(script)).arg(simulator.http()).stdin(Stdio::null());
+    command.arg(root().join("examples").join(script)).arg(simulator.http());
     let mut run = || {
-        let run = command.output().expect("it starts");
+        let run = output(command);
         let stderr = String::from_utf8_lossy(&run.stderr);
         assert!(run.status.success(), "{script}: {}\n{stderr}\n{}", run.status, simulator.said());
         String::from_utf8(run.stdout).expect("text")
@@ -38,8 +39,7 @@ fn printed(command: &mut Command, script: &str) -> String {
 fn schemathesis_finds_nothing() {
     let devices = ["--device", "pvea-canopen@0x20,name=boom", "--device", "hat1000,bit-rate=250k,name=angle"];
     let simulator = Simulator::start(&[&["--http", "127.0.0.1:0", "--speed", "step"], &devices[..]].concat());
-    // Ten seconds of work on two idle cores, so a busy machine has time enough.
-    let printed = simulator.serve_within(900, "openapi.py", &[simulator.http()]);
+    let printed = simulator.serve("openapi.py", &[simulator.http()]);
     assert!(printed.contains(" passed") && printed.contains("Operations:       13 selected"), "{printed}");
     simulator.terminate();
 }

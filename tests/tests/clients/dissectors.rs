@@ -11,9 +11,7 @@
 //! - The destination of a group that goes to all it reads off the group extension.
 
 use std::fs;
-use std::thread;
 
-use super::UNHURRIED;
 use super::simulator::Simulator;
 use super::tshark::{CANOPEN, Fields, ISOBUS, J1939, tshark};
 
@@ -377,19 +375,12 @@ fn every_frame_is_to_tshark_what_the_trace_says_it_is() {
     let path = log.to_str().expect("text");
     let devices = ["pvea-canopen", "hat1000,bit-rate=250k", "pvea-isobus@0x83"].map(|device| ["--device", device]);
     let options = ["--link", "pvea-canopen=hat1000", "--log", path];
-    let simulator = Simulator::start(&[devices.as_flattened(), &options, &UNHURRIED].concat());
-    thread::scope(|scope| {
-        scope.spawn(|| {
-            for script in ["isobus_join.py", "isobus_diagnostics.py"] {
-                simulator.serve(script, &[]);
-            }
-        });
-        for script in ["objects.py", "foreign.py", "fault.py"] {
-            simulator.serve(script, &[]);
-        }
-        simulator.serve("../../examples/boom.py", &["10"]);
-        simulator.serve("uds.py", &["0x20", "0x5B2E0100", "0x21"]);
-    });
+    let simulator = Simulator::start_wound(&[devices.as_flattened(), &options].concat());
+    for script in ["isobus_join.py", "isobus_diagnostics.py", "objects.py", "foreign.py", "fault.py"] {
+        simulator.serve(script, &[]);
+    }
+    simulator.serve("../../examples/boom.py", &["10"]);
+    simulator.serve("uds.py", &["0x20", "0x5B2E0100", "0x21"]);
     let trace = simulator.finish();
 
     let log = fs::read_to_string(&log).expect("the log");

@@ -10,6 +10,7 @@ mod control;
 mod dissectors;
 mod isobus;
 mod panel;
+mod programs;
 mod readme;
 mod recordings;
 mod simulator;
@@ -23,10 +24,6 @@ use std::ffi::OsStr;
 
 use simulator::Simulator;
 
-/// A quarter of the speed of the wall clock, for valves that are kept active: a client that the machine does not let
-/// run for a while is not to be taken for one that has stopped.
-const UNHURRIED: [&str; 2] = ["--speed", "0.25"];
-
 /// Runs a script against a simulator of its own, and sees that end well.
 fn serve(script: &str, options: &[&str]) {
     let simulator = Simulator::start(options);
@@ -34,18 +31,23 @@ fn serve(script: &str, options: &[&str]) {
     simulator.terminate();
 }
 
+/// The same with a valve that waits for its client.
+fn serve_wound(script: &str, options: &[&str]) {
+    let simulator = Simulator::start_wound(options);
+    simulator.serve(script, &[]);
+    simulator.terminate();
+}
+
 #[test]
 fn boots_goes_active_and_moves_the_spool() {
-    for speed in [&UNHURRIED[..], &[]] {
-        let simulator = Simulator::start(speed);
-        simulator.serve("boot.py", &["11149437"]);
-        simulator.terminate();
-    }
+    let simulator = Simulator::start_wound::<&str>(&[]);
+    simulator.serve("boot.py", &["11149437"]);
+    simulator.terminate();
 }
 
 #[test]
 fn falls_into_fault_hold_without_set_points_and_comes_back() {
-    serve("fault.py", &UNHURRIED);
+    serve_wound("fault.py", &[]);
 }
 
 #[test]
@@ -75,7 +77,7 @@ fn pdos_follow_sync() {
 
 #[test]
 fn emergencies_are_logged_and_consumed() {
-    serve("emcy.py", &UNHURRIED);
+    serve_wound("emcy.py", &[]);
 }
 
 #[test]
@@ -120,7 +122,7 @@ fn takes_another_bit_rate_by_lss() {
 
 #[test]
 fn a_blank_valve_is_found_by_fast_scan() {
-    serve("scan.py", &["--device", "pvea-canopen,blank"]);
+    serve("scan.py", &["--device", "pvea-canopen,blank", "--device", "pvea-isobus@0x83"]);
 }
 
 #[test]
@@ -135,7 +137,7 @@ fn several_valves_on_one_bus() {
         "--device",
         "pvea-canopen,blank,serial=0x104",
     ];
-    serve("several.py", &[&devices[..], &UNHURRIED].concat());
+    serve_wound("several.py", &devices);
 }
 
 #[test]
@@ -173,7 +175,7 @@ fn several_angle_sensors_and_a_blank_valve_by_lss() {
 fn a_boom_is_moved_to_an_angle_and_held_there() {
     let devices = ["pvea-canopen", "hat1000,bit-rate=250k", "pvea-isobus"].map(|device| ["--device", device]);
     let link = ["--link", "pvea-canopen=hat1000"];
-    let simulator = Simulator::start(&[devices.as_flattened(), &link].concat());
+    let simulator = Simulator::start_wound(&[devices.as_flattened(), &link].concat());
     for degrees in ["45", "80", "12.5"] {
         let steps = simulator.serve("../../examples/boom.py", &[degrees]);
         let (_, last) = steps.lines().last().and_then(|line| line.split_once(' ')).expect("an angle");

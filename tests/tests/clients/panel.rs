@@ -3,9 +3,10 @@
 //! `./test` installs both, playwright-core into `target/node`; the scripts are in `tests/clients/panel/`, one subject
 //! each. One of them is a foreign page, which attacks the ports of the bus.
 
-use std::process::{Command, Stdio};
+use std::process::Command;
 use std::sync::Mutex;
 
+use crate::programs::output;
 use crate::simulator::{PVE_SIM, modules, root};
 
 /// One browser at a time: each takes a processor and half a gigabyte.
@@ -14,12 +15,9 @@ static BROWSER: Mutex<()> = Mutex::new(());
 /// Runs a script, and shows what it printed.
 fn look(script: &str) {
     let _alone = BROWSER.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-    let run = Command::new("node")
-        .arg(root().join("tests/clients/panel").join(script))
-        .args([PVE_SIM.as_path(), &modules()])
-        .stdin(Stdio::null())
-        .output()
-        .unwrap_or_else(|error| panic!("node: {error}; ./test installs it"));
+    let mut node = Command::new("node");
+    node.arg(root().join("tests/clients/panel").join(script)).args([PVE_SIM.as_path(), &modules()]);
+    let run = output(&mut node);
     let said = [run.stdout, run.stderr].map(|said| String::from_utf8_lossy(&said).into_owned()).concat();
     assert!(run.status.success(), "{script}: {}\n{said}", run.status);
     print!("{said}");

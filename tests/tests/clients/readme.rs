@@ -2,11 +2,11 @@
 //! is what comes.
 
 use std::fs;
-use std::io::Write;
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 use pve_sim::cli;
 
+use crate::programs::{Program, output};
 use crate::simulator::{PVE_SIM, Simulator, python, root};
 
 /// The port that pages name; a test has one of its own.
@@ -44,24 +44,12 @@ fn block(page: &str, has: &str) -> String {
 
 /// Runs a block of Python as a visitor does, who presses Enter once the spool is there; returns what it printed.
 fn paste(script: &str, simulator: &Simulator, until: &str) -> String {
-    let script = script.replace(PORT, &simulator.address()[1]);
-    let mut client = Command::new(python())
-        .args(["-u", "-c", &script])
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .expect("python runs");
-    let mut stdin = client.stdin.take().expect("a pipe");
-    let mut stdout = std::io::BufReader::new(client.stdout.take().expect("a pipe"));
-    let mut printed = String::new();
-    while !printed.contains(until) {
-        let read = std::io::BufRead::read_line(&mut stdout, &mut printed).expect("text");
-        assert!(read > 0, "it ended after {printed}");
-    }
-    stdin.write_all(b"\n").expect("it waits for Enter");
-    std::io::Read::read_to_string(&mut stdout, &mut printed).expect("text");
-    assert!(client.wait().expect("it ends").success(), "{printed}");
-    printed
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("pasted.py");
+    fs::write(&path, script.replace(PORT, &simulator.address()[1])).expect("room");
+    let mut client = Program::start(simulator.python(&path).env("PYTHONUNBUFFERED", "1"));
+    client.until(until);
+    client.enter()
 }
 
 #[test]
@@ -72,7 +60,7 @@ fn the_first_drive_works_twice_in_a_row() {
     let promised = block(BENCH, "status 0x0009");
     let last = promised.lines().last().expect("a line");
     assert_eq!(block(README, "status 0x"), format!("{last}\n"), "the README shows the end");
-    let simulator = Simulator::start::<&str>(&[]);
+    let simulator = Simulator::start_wound::<&str>(&[]);
     for visit in 1..=2 {
         let printed = paste(&script, &simulator, last);
         let statuses: Vec<&str> = printed.lines().filter_map(|line| line.strip_prefix("status ")).collect();
@@ -93,7 +81,7 @@ fn the_first_drive_works_twice_in_a_row() {
 fn the_first_drive_ends_by_itself_without_a_terminal() {
     let simulator = Simulator::start::<&str>(&[]);
     let script = block(BENCH, "canopen.Network()").replace(PORT, &simulator.address()[1]);
-    let run = Command::new(python()).args(["-c", &script]).stdin(Stdio::null()).output().expect("python runs");
+    let run = output(Command::new(python()).args(["-c", &script]));
     let printed = String::from_utf8(run.stdout).expect("text");
     assert!(run.status.success(), "{printed}{}", String::from_utf8_lossy(&run.stderr));
     assert!(printed.contains("Enter ends\n"), "{printed}");
@@ -145,7 +133,7 @@ fn the_boom_of_the_guide_reaches_its_angle_twice_in_a_row() {
     let ["venv/bin/python", "examples/boom.py", "127.0.0.1", PORT, "pve0", degrees] = words[..] else {
         panic!("{client}")
     };
-    let simulator = Simulator::start(&options);
+    let simulator = Simulator::start_wound(&options);
     for _ in 1..=2 {
         let angles = simulator.serve("../../examples/boom.py", &[degrees]);
         let last = angles.lines().last().and_then(|line| line.split_once(' ')).expect("an angle").1;
@@ -168,7 +156,7 @@ fn the_scenarios_of_the_readme_pass() {
     let folder = tempfile::tempdir().expect("a folder");
     let results = folder.path().join("results.xml");
     let words = words.iter().map(|word| if *word == "results.xml" { results.as_os_str() } else { word.as_ref() });
-    let run = Command::new(&*PVE_SIM).args(words).current_dir(root()).output().expect("pve-sim runs");
+    let run = output(Command::new(&*PVE_SIM).args(words).current_dir(root()));
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stdout));
     assert!(fs::read_to_string(results).expect("the results").contains("failures=\"0\""));
 }
@@ -181,7 +169,7 @@ fn the_fault_of_the_guide_for_tools_happens() {
         Simulator::start(&["--speed", "step", "--device", "pvea-canopen@0x20,name=boom", "--http", "127.0.0.1:0"]);
     let script = block(TOOLS, "curl -sS -X PATCH").replace("curl -sS", "curl -sS --fail-with-body");
     let script = script.replace(URL, simulator.http());
-    let run = Command::new("sh").args(["-ec", &script]).output().expect("a shell");
+    let run = output(Command::new("sh").args(["-ec", &script]));
     let answers = String::from_utf8(run.stdout).expect("text");
     assert!(run.status.success(), "{answers}");
     assert!(answers.contains("EMCY: supply too low") && answers.contains("\"dsm\":\"fault-hold\""), "{answers}");
@@ -201,7 +189,7 @@ fn the_commands_for_the_board_are_there() {
 #[test]
 fn the_trace_begins_as_the_readme_shows_it() {
     let shown = block(README, "boot-up");
-    let simulator = Simulator::start(&["--color", "always"]);
+    let simulator = Simulator::start_wound(&["--color", "always"]);
     // Who has joined has seen the boot-up go by.
     simulator.serve("boot.py", &["11149437"]);
     let told = simulator.said();
@@ -234,19 +222,8 @@ fn the_logger_joins_as_the_pages_say() {
         let block = block(page, "can_logger ");
         let line = block.lines().find(|line| line.contains("can_logger ")).expect("a line");
         let arguments = line.split_once("can_logger ").expect("arguments").1.replace(PORT, &simulator.address()[1]);
-        let mut logger = Command::new(python().with_file_name("can_logger"))
-            .args(arguments.split(' '))
-            .stdout(Stdio::piped())
-            .spawn()
-            .expect("can_logger runs");
-        let mut printed = String::new();
-        let mut stdout = std::io::BufReader::new(logger.stdout.take().expect("a pipe"));
-        while !printed.contains("Can Logger (Started") {
-            let read = std::io::BufRead::read_line(&mut stdout, &mut printed).expect("text");
-            assert!(read > 0, "{page}: {line}: it ended after {printed}");
-        }
-        logger.kill().expect("it still runs");
-        logger.wait().expect("it ends");
+        let logger = python().with_file_name("can_logger");
+        Program::start(Command::new(logger).args(arguments.split(' '))).until("Can Logger (Started");
     }
     simulator.terminate();
 }

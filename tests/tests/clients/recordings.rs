@@ -2,12 +2,13 @@
 
 use std::fs::File;
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 use hal_sim::recording::{Format, Writer};
 use hal_sim::trace::{Entry, ErrorClass, Record, Timestamp};
 use protocol_core::frame::{Frame, Id};
 
+use super::programs::output;
 use super::simulator::{PVE_SIM, Simulator, python, root};
 
 /// Microseconds since 1970: no whole millisecond.
@@ -62,8 +63,8 @@ fn python_can_reads_a_log() {
         let path = dir.path().join(name);
         write(&path);
         // The dates of ASC have no time zone, and are in UTC.
-        let run = Command::new(python()).arg(root().join("tests/clients/log.py")).arg(&path).env("TZ", "UTC").output();
-        let run = run.expect("python runs");
+        let script = root().join("tests/clients/log.py");
+        let run = output(Command::new(python()).arg(script).arg(&path).env("TZ", "UTC"));
         assert!(run.status.success(), "{name}: {}", String::from_utf8_lossy(&run.stderr));
         let read = String::from_utf8(run.stdout).expect("text");
         assert_eq!(read.lines().collect::<Vec<_>>(), expected, "{name}");
@@ -88,10 +89,10 @@ fn tshark_reads_a_capture() {
         "-E",
         "occurrence=f",
     ]);
-    tshark.args(fields.iter().chain(&rest).flat_map(|field| ["-e", field])).stdin(Stdio::null());
-    let output = tshark.output().expect("tshark runs");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let read = String::from_utf8(output.stdout).expect("text");
+    tshark.args(fields.iter().chain(&rest).flat_map(|field| ["-e", field]));
+    let run = output(&mut tshark);
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let read = String::from_utf8(run.stdout).expect("text");
     let expected = records().into_iter().map(|Record { at, entry }| match entry {
         // The class, in the place of the identifier.
         Entry::Error(_) => format!("{at}000,,,,1,8,,1,,pve0"),
@@ -105,29 +106,31 @@ fn tshark_reads_a_capture() {
 }
 
 /// Runs a script against devices that write a log, and replays it against the same devices.
-fn replays(name: &str, script: &str, arguments: &[&str], devices: &[&str]) {
+fn replays(start: fn(&[&str]) -> Simulator, name: &str, script: &str, arguments: &[&str], devices: &[&str]) {
     let dir = tempfile::tempdir().expect("a folder");
     let path = dir.path().join(name);
     let path = path.to_str().expect("text");
     let devices: Vec<&str> = devices.iter().flat_map(|device| ["--device", *device]).collect();
-    let simulator = Simulator::start(&[&["--log", path][..], &devices].concat());
+    let simulator = start(&[&["--log", path][..], &devices].concat());
     simulator.serve(script, arguments);
     simulator.terminate();
-    let run = Command::new(&*PVE_SIM).args(["replay", path]).args(devices).output().expect("pve-sim runs");
+    let run = output(Command::new(&*PVE_SIM).args(["replay", path]).args(devices));
     let report = String::from_utf8_lossy(&run.stdout);
     assert!(run.status.success(), "{script}: {report}{}", String::from_utf8_lossy(&run.stderr));
     let compared = report.split(' ').next().and_then(|count| count.parse::<u32>().ok());
     assert!(compared.is_some_and(|count| count > 10), "{report}");
 }
 
-/// At the speed of the wall clock: what clients send comes whenever it comes.
+/// What clients send comes whenever it comes.
 #[test]
 fn sessions_of_clients_replay() {
-    replays("boot.log", "boot.py", &["11149437"], &["pvea-canopen@0x20"]);
-    replays("mapping.pcapng", "mapping.py", &[], &["pvea-canopen@0x20"]);
-    replays("sync.asc", "sync.py", &[], &["pvea-canopen@0x20"]);
-    replays("scan.log", "scan.py", &[], &["pvea-canopen,blank"]);
-    replays("hat.log", "hat.py", &[], &["hat1000"]);
-    replays("drive.log", "isobus_drive.py", &[], &["pvea-isobus@0x83"]);
-    replays("contend.log", "isobus_contend.py", &["lower"], &["pvea-isobus@0x83"]);
+    let free = |options: &[&str]| Simulator::start(options);
+    let wound = |options: &[&str]| Simulator::start_wound(options);
+    replays(wound, "boot.log", "boot.py", &["11149437"], &["pvea-canopen@0x20"]);
+    replays(free, "mapping.pcapng", "mapping.py", &[], &["pvea-canopen@0x20"]);
+    replays(free, "sync.asc", "sync.py", &[], &["pvea-canopen@0x20"]);
+    replays(free, "scan.log", "scan.py", &[], &["pvea-canopen,blank", "pvea-isobus@0x83"]);
+    replays(free, "hat.log", "hat.py", &[], &["hat1000"]);
+    replays(wound, "drive.log", "isobus_drive.py", &[], &["pvea-isobus@0x83"]);
+    replays(wound, "contend.log", "isobus_contend.py", &["lower"], &["pvea-isobus@0x83"]);
 }

@@ -12,11 +12,7 @@ use std::time::Duration;
 
 use rustix::process::{Pid, Signal, kill_process};
 
-/// How long the simulator may take to start or to end.
-const PATIENCE: Duration = Duration::from_secs(120);
-
-/// How long a script may take, in seconds: longer than those that say themselves where they hang.
-const LIFE: u64 = 420;
+use crate::programs::{LIFE, PATIENCE, output_within};
 
 /// The binary beside this test's own, built afresh: a test of a stale one would say nothing.
 pub(crate) static PVE_SIM: LazyLock<PathBuf> = LazyLock::new(|| {
@@ -58,6 +54,8 @@ pub(crate) struct Simulator {
     /// Its first line on stdout.
     ready: String,
     http: Option<String>,
+    /// Its clients wind its clock.
+    is_wound: bool,
     output: Arc<Mutex<String>>,
     /// Behind a lock, so that scripts can be served on several threads.
     ended: Mutex<Receiver<()>>,
@@ -66,6 +64,16 @@ pub(crate) struct Simulator {
 impl Simulator {
     pub(crate) fn start<S: AsRef<OsStr>>(arguments: &[S]) -> Self {
         Self::spawn(Command::new(&*PVE_SIM), arguments)
+    }
+
+    /// One whose time passes while a script runs, and stands still when the machine holds that up (`wound.py`): for
+    /// devices that wait for their clients. One script after the other.
+    pub(crate) fn start_wound<S: AsRef<OsStr>>(arguments: &[S]) -> Self {
+        let clock = ["--speed", "step", "--http", "127.0.0.1:0"].map(OsStr::new);
+        let arguments = clock.into_iter().chain(arguments.iter().map(AsRef::as_ref));
+        let mut simulator = Self::start(&arguments.collect::<Vec<_>>());
+        simulator.is_wound = true;
+        simulator
     }
 
     /// One that has fewer file descriptors than impolite clients take.
@@ -106,6 +114,7 @@ impl Simulator {
             address: Default::default(),
             ready: String::new(),
             http: None,
+            is_wound: false,
             output,
             ended: Mutex::new(ended),
         };
@@ -146,28 +155,18 @@ impl Simulator {
 
     /// Runs a script against it, and shows all there is to see when it fails; returns what the script printed.
     pub(crate) fn serve(&self, script: &str, arguments: &[&str]) -> String {
-        self.serve_within(LIFE, script, arguments)
+        self.run(LIFE, None, script, arguments)
     }
 
-    /// The same with a script that may take so many seconds.
-    pub(crate) fn serve_within(&self, seconds: u64, script: &str, arguments: &[&str]) -> String {
-        self.run(seconds, None, script, arguments)
+    /// The same with a script that works for so long.
+    pub(crate) fn serve_for(&self, work: Duration, script: &str, arguments: &[&str]) -> String {
+        self.run(work + LIFE, None, script, arguments)
     }
 
-    fn run(&self, seconds: u64, bus: Option<&str>, script: &str, arguments: &[&str]) -> String {
-        let python = python();
-        assert!(python.exists(), "{}: not there; ./test makes the environment", python.display());
-        let run = Command::new("timeout")
-            .arg(seconds.to_string())
-            .arg(python)
-            .arg(root().join("tests/clients").join(script))
-            .args(&self.address)
-            .args(arguments)
-            .env("PVE_SIM", &*PVE_SIM)
-            .envs(bus.map(|bus| ("CAN_BUS", bus)))
-            .stdin(Stdio::null())
-            .output()
-            .expect("timeout runs");
+    fn run(&self, life: Duration, bus: Option<&str>, script: &str, arguments: &[&str]) -> String {
+        let mut command = self.python(&root().join("tests/clients").join(script));
+        command.args(&self.address).args(arguments).envs(bus.map(|bus| ("CAN_BUS", bus)));
+        let run = output_within(life, &mut command);
         assert!(
             run.status.success(),
             "{script} {arguments:?}: {}\n--- client\n{}{}\n--- pve-sim\n{}",
@@ -177,6 +176,18 @@ impl Simulator {
             self.said(),
         );
         String::from_utf8_lossy(&run.stdout).into_owned()
+    }
+
+    /// A script with the clients, which winds the clock if somebody has to.
+    pub(crate) fn python(&self, script: &Path) -> Command {
+        let python = python();
+        assert!(python.exists(), "{}: not there; ./test makes the environment", python.display());
+        let mut command = Command::new(python);
+        if self.is_wound {
+            command.arg(root().join("tests/clients/wound.py")).env("CLOCK", self.http());
+        }
+        command.arg(script).env("PVE_SIM", &*PVE_SIM);
+        command
     }
 
     /// Ends it as a user does, and sees it end well.

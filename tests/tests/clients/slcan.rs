@@ -3,15 +3,15 @@
 
 use std::fs;
 
-use super::UNHURRIED;
 use super::simulator::Simulator;
 use super::socketcan::on_a_kernel;
 
-/// A simulator with an adapter over TCP, and what `can.Bus` wants to reach that.
-fn over_tcp(options: &[&str]) -> (Simulator, String) {
-    let simulator = Simulator::start(&[&["--bus", "slcan://127.0.0.1:0"], options].concat());
-    let bus = bus(&format!("socket://{}", simulator.bus("slcan://")));
-    (simulator, bus)
+/// An adapter over TCP.
+const OVER_TCP: [&str; 2] = ["--bus", "slcan://127.0.0.1:0"];
+
+/// What `can.Bus` wants to reach that.
+fn over_tcp(simulator: &Simulator) -> String {
+    bus(&format!("socket://{}", simulator.bus("slcan://")))
 }
 
 fn bus(channel: &str) -> String {
@@ -20,8 +20,8 @@ fn bus(channel: &str) -> String {
 
 #[test]
 fn python_canopen_drives_the_valve_over_tcp() {
-    let (simulator, bus) = over_tcp(&UNHURRIED);
-    simulator.serve_over(&bus, "boot.py", &["11149437"]);
+    let simulator = Simulator::start_wound(&OVER_TCP);
+    simulator.serve_over(&over_tcp(&simulator), "boot.py", &["11149437"]);
     simulator.terminate();
 }
 
@@ -30,7 +30,7 @@ fn python_canopen_drives_the_valve_on_a_terminal_again_and_again() {
     let dir = tempfile::tempdir().expect("a folder");
     let path = dir.path().join("pve0");
     let url = format!("slcan+pty:{}", path.display());
-    let simulator = Simulator::start(&[&["--bus", &url], &UNHURRIED[..]].concat());
+    let simulator = Simulator::start_wound(&["--bus", &url]);
     for _ in 0..2 {
         simulator.serve_over(&bus(simulator.bus("slcan+pty:")), "boot.py", &["11149437"]);
     }
@@ -40,15 +40,15 @@ fn python_canopen_drives_the_valve_on_a_terminal_again_and_again() {
 
 #[test]
 fn can_j1939_is_the_tractor() {
-    let (simulator, bus) = over_tcp(&[&["--device", "pvea-isobus@0x83"], &UNHURRIED[..]].concat());
-    simulator.serve_over(&bus, "isobus_drive.py", &[]);
+    let simulator = Simulator::start_wound(&[OVER_TCP, ["--device", "pvea-isobus@0x83"]].concat());
+    simulator.serve_over(&over_tcp(&simulator), "isobus_drive.py", &[]);
     simulator.terminate();
 }
 
 #[test]
 fn python_can_asks_the_adapter() {
-    let (simulator, bus) = over_tcp(&["--device", "pvea-canopen,blank"]);
-    simulator.serve_over(&bus, "slcan.py", &[]);
+    let simulator = Simulator::start(&[OVER_TCP, ["--device", "pvea-canopen,blank"]].concat());
+    simulator.serve_over(&over_tcp(&simulator), "slcan.py", &[]);
     let said = simulator.finish();
     let told = "a client set 500000 bit/s, the bus runs at 250000 bit/s: its channel is not opened";
     assert!(said.contains(told), "{said}");

@@ -2,21 +2,26 @@
 //!
 //! `tests/user-mode-linux/with-can` brings the kernel; the scripts start `pve-sim` in it.
 
-use std::process::{Command, Stdio};
+use std::process::Command;
+use std::time::Duration;
 
+use crate::programs::{LIFE, output};
 use crate::simulator::{PVE_SIM, python, root};
+
+/// The kernel ends before the test gives it up: it has something to say, too.
+const KERNEL_LIFE: Duration = LIFE.saturating_sub(Duration::from_secs(30));
 
 /// Runs a subject of a script on the kernel, and shows all there is to see when it fails.
 pub(crate) fn on_a_kernel(script: &str, subject: &str) {
-    let run = Command::new(root().join("tests/user-mode-linux/with-can"))
+    let mut command = Command::new(root().join("tests/user-mode-linux/with-can"));
+    command
         .arg(python())
         .arg(root().join("tests/clients").join(script))
         .arg(subject)
         .env("PVE_SIM", &*PVE_SIM)
-        .current_dir(root())
-        .stdin(Stdio::null())
-        .output()
-        .expect("bash runs");
+        .env("WITH_CAN_SECONDS", KERNEL_LIFE.as_secs().to_string())
+        .current_dir(root());
+    let run = output(&mut command);
     let (out, err) = (String::from_utf8_lossy(&run.stdout), String::from_utf8_lossy(&run.stderr));
     assert!(run.status.success(), "{script} {subject}: {}\n{out}{err}", run.status);
 }

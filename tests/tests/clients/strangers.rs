@@ -1,6 +1,7 @@
 //! Clients that are not valves' masters: a service tool by udsoncan and can-isotp, and a crowd that behaves badly.
 
 use std::fs;
+use std::time::Duration;
 
 use hal_sim::bus::FrameBits;
 use protocol_core::frame::Frame;
@@ -59,7 +60,11 @@ fn every_valve_of_a_full_bus_answers_in_time() {
 fn rough_clients_spoil_nothing() {
     let simulator = Simulator::start(&["--device", "pvea-canopen"]);
     let seconds = std::env::var("ROUGH_SECONDS").map_or(20, |seconds| seconds.parse().expect("a number"));
-    let told = simulator.serve_within(seconds + 120, "rough.py", &[&seconds.to_string(), &simulator.id().to_string()]);
+    let told = simulator.serve_for(
+        Duration::from_secs(seconds),
+        "rough.py",
+        &[&seconds.to_string(), &simulator.id().to_string()],
+    );
     print!("{told}");
     simulator.terminate();
 }

@@ -1,7 +1,9 @@
 //! What tshark says of a log, by the names of its fields.
 
 use std::collections::HashMap;
-use std::process::{Command, Stdio};
+use std::process::Command;
+
+use crate::programs::output;
 
 /// The fields of CANopen.
 pub(crate) const CANOPEN: &[&str] = &[
@@ -117,13 +119,13 @@ pub(crate) fn tshark(log: &str, protocol: &str, fields: &[&str]) -> Vec<Fields> 
     let mut tshark = Command::new("tshark");
     tshark.args(["-r", log, "-d", &format!("can.subdissector,{protocol}"), "-T", "fields", "-E", "separator=/t"]);
     let wanted = ["_ws.malformed", "_ws.col.Info"];
-    tshark.args(wanted.iter().chain(fields).flat_map(|field| ["-e", field])).stdin(Stdio::null());
-    let output = tshark.output().expect("tshark runs");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    tshark.args(wanted.iter().chain(fields).flat_map(|field| ["-e", field]));
+    let run = output(&mut tshark);
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     let name = |field: &str| field.split_once('.').expect("a protocol").1.to_owned();
     let frame = |line: &str| {
         let values = wanted.iter().chain(fields).zip(line.split('\t')).filter(|(_, value)| !value.is_empty());
         Fields(values.map(|(field, value)| (name(field), value.to_owned())).collect())
     };
-    String::from_utf8(output.stdout).expect("text").lines().map(frame).collect()
+    String::from_utf8(run.stdout).expect("text").lines().map(frame).collect()
 }

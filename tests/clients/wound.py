@@ -1,0 +1,61 @@
+"""Runs a script whose client winds the simulator's clock: SCRIPT [ARGUMENT...], the URL of the control interface in CLOCK.
+
+A client that the machine holds up must not lose a valve that it keeps active. The simulator runs with `--speed step`, and its
+time passes while this process runs: both clocks stand still together.
+"""
+
+import contextlib
+import http.client
+import os
+import pathlib
+import runpy
+import sys
+import threading
+import urllib.parse
+
+from waiting import PATIENCE, equal
+
+#: Virtual time that passes at once, milliseconds: less than two frames of CANopen take.
+TICK_MS = 2
+#: A quarter of the speed of the wall clock: another thread of this process may come a second late, too.
+SPEED = 0.25
+#: Devices start within the first milliseconds: a script joins a bus that is at work.
+START_MS = 5
+
+
+class Clock:
+    def __init__(self, url):
+        self.connection = http.client.HTTPConnection(urllib.parse.urlsplit(url).netloc, timeout=PATIENCE)
+
+    def advance(self, ms):
+        self.connection.request("POST", "/api/v1/time", f'{{"advance_ms": {ms}}}', {"Content-Type": "application/json"})
+        answer = self.connection.getresponse()
+        said = answer.read()
+        equal(f"status of {said}", answer.status, 200)
+
+    def wind(self, ended):
+        while not ended.wait(TICK_MS / 1000 / SPEED):
+            self.advance(TICK_MS)
+
+
+@contextlib.contextmanager
+def wound(url):
+    """Time passes as long as the context."""
+    clock = Clock(url)
+    clock.advance(START_MS)
+    ended = threading.Event()
+    thread = threading.Thread(target=clock.wind, args=[ended], daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join(PATIENCE)
+
+
+if __name__ == "__main__":
+    script = sys.argv[1]
+    del sys.argv[0]
+    sys.path.insert(0, str(pathlib.Path(script).resolve().parent))
+    with wound(os.environ["CLOCK"]):
+        runpy.run_path(script, run_name="__main__")
