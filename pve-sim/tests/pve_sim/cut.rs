@@ -41,7 +41,7 @@ fn words(command: &[String]) -> Vec<&str> {
 
 /// Exit code and stderr of a command with this stdout.
 fn told(command: &mut Command, stdout: impl Into<Stdio>) -> (Option<i32>, String) {
-    let output = command.stdout(stdout).output().expect("pve-sim runs");
+    let output = end_of(command.stdout(stdout));
     (output.status.code(), String::from_utf8(output.stderr).expect("text"))
 }
 
@@ -120,7 +120,7 @@ fn a_trace_that_is_cut_is_exit_1() {
     let state = dir.path().to_str().expect("text");
     let full = fs::OpenOptions::new().write(true).open("/dev/full").expect("a full disk");
     let arguments = ["--no-http", "--bus", "socketcand://127.0.0.1:0/pve0", "--state", state];
-    let mut process = pve_sim(&arguments).stdout(full).spawn().expect("pve-sim starts");
+    let (mut process, _watch) = spawn(pve_sim(&arguments).stdout(full));
     let mut stderr = std::io::BufReader::new(process.stderr.take().expect("a pipe"));
     let mut line = String::new();
     std::io::BufRead::read_line(&mut stderr, &mut line).expect("text");

@@ -67,7 +67,7 @@ fn a_refusal_that_nobody_reads_does_not_hold_up_its_end() {
     let address = taken.local_addr().expect("its address").to_string();
     for (arguments, code) in [(["--http", &address], 1), (["--speed", "none"], 2)] {
         let mut command = pve_sim(&[&arguments[..], &["--bus", "socketcand://127.0.0.1:0/pve0"]].concat());
-        let mut process = command.stderr(writer.try_clone().expect("a descriptor")).spawn().expect("pve-sim starts");
+        let (mut process, _watch) = spawn(command.stderr(writer.try_clone().expect("a descriptor")));
         let stdout = process.stdout.take().expect("a pipe");
         let patience = Timespec::try_from(PATIENCE).expect("a time");
         // Its end closes stdout.
@@ -99,7 +99,7 @@ fn a_signal_ends_it_while_its_ready_line_waits_for_a_reader() {
     let state = tempfile::tempdir().expect("a folder");
     let arguments =
         ["--no-http", "--bus", "socketcand://127.0.0.1:0/pve0", "--state", state.path().to_str().expect("text")];
-    let mut process = pve_sim(&arguments).stdout(writer).spawn().expect("pve-sim starts");
+    let (mut process, _watch) = spawn(pve_sim(&arguments).stdout(writer));
     // The state file is made before the ready line, and signals are listened to before that.
     while !state.path().join("pvea-canopen.nvm").exists() {
         assert_eq!(process.try_wait().expect("a process"), None);

@@ -111,7 +111,7 @@ fn a_file_that_is_not_there_is_exit_1() {
 /// A pipe is explained while it is written, and a reader that has enough ends it.
 #[test]
 fn a_pipe_is_explained_as_it_comes() {
-    let mut process = pve_sim(&["decode", "-"]).stdin(Stdio::piped()).spawn().expect("pve-sim starts");
+    let (mut process, _watch) = spawn(pve_sim(&["decode", "-"]).stdin(Stdio::piped()));
     let mut stdin = process.stdin.take().expect("a pipe");
     let mut stdout = BufReader::new(process.stdout.take().expect("a pipe"));
     let mut line = String::new();

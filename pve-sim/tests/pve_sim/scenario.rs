@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::simulator::{output, pve_sim, refusal};
+use crate::simulator::{output, pve_sim, refusal, spawn};
 
 /// A scenario that passes.
 const RIGHT: &str = "devices = [\"pvea-canopen@0x20\"]\nsteps = [{ expect = \"720#00\" }]\n";
@@ -173,7 +173,7 @@ fn two_runs_are_the_same_to_the_last_byte() {
 #[test]
 fn a_reader_that_is_gone_changes_nothing() {
     let (_folder, paths) = files(&[("right.toml", RIGHT)]);
-    let mut child = pve_sim(&["scenario", &paths[0]]).spawn().expect("it starts");
+    let (mut child, _watch) = spawn(&mut pve_sim(&["scenario", &paths[0]]));
     drop(child.stdout.take());
     assert_eq!(child.wait().expect("its end").code(), Some(0));
 }

@@ -3,6 +3,8 @@
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::process::{Child, ChildStdout, Command, Output, Stdio};
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
@@ -16,8 +18,36 @@ pub(crate) fn pve_sim(arguments: &[&str]) -> Command {
     command
 }
 
+/// The life of a process: the reads and waits of a test end with it.
+const LIFE: Duration = Duration::from_secs(900);
+
+/// Kills a process at the end of its [`LIFE`], unless it is dropped before.
+pub(crate) struct Watch {
+    _guard: Sender<()>,
+}
+
+/// Starts a process that ends with its watch, so that a test which waits for more fails and says so.
+pub(crate) fn spawn(command: &mut Command) -> (Child, Watch) {
+    let process = command.spawn().expect("pve-sim starts");
+    let (pid, name) = (Pid::from_child(&process), format!("{command:?}"));
+    let (guard, dropped) = channel();
+    thread::spawn(move || {
+        if dropped.recv_timeout(LIFE) == Err(RecvTimeoutError::Timeout) {
+            eprintln!("{name} has not ended within {LIFE:?}, and is killed");
+            let _ = kill_process(pid, Signal::KILL);
+        }
+    });
+    (process, Watch { _guard: guard })
+}
+
 pub(crate) fn output(arguments: &[&str]) -> Output {
-    pve_sim(arguments).output().expect("pve-sim runs")
+    end_of(&mut pve_sim(arguments))
+}
+
+/// Runs it to its end.
+pub(crate) fn end_of(command: &mut Command) -> Output {
+    let (process, _watch) = spawn(command);
+    process.wait_with_output().expect("it is our child")
 }
 
 /// The one line with which it refuses to start.
@@ -38,6 +68,7 @@ pub(crate) struct Simulator {
     pub(crate) process: Child,
     pub(crate) stdout: Option<BufReader<ChildStdout>>,
     pub(crate) ready: String,
+    _watch: Watch,
 }
 
 impl Simulator {
@@ -50,11 +81,11 @@ impl Simulator {
     }
 
     pub(crate) fn spawn(command: &mut Command) -> Self {
-        let mut process = command.spawn().expect("pve-sim starts");
+        let (mut process, watch) = spawn(command);
         let mut stdout = BufReader::new(process.stdout.take().expect("a pipe"));
         let mut ready = String::new();
         stdout.read_line(&mut ready).expect("the ready line");
-        Self { process, stdout: Some(stdout), ready: ready.trim_end().to_owned() }
+        Self { process, stdout: Some(stdout), ready: ready.trim_end().to_owned(), _watch: watch }
     }
 
     pub(crate) fn serve(arguments: &[&str]) -> Self {

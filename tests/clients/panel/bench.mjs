@@ -10,8 +10,15 @@ import { createInterface } from "node:readline";
 const [binary, modules] = process.argv.slice(2);
 const { chromium } = createRequire(`${modules}/`)("playwright-core");
 
-/** How long anything may take, in milliseconds. */
-export const PATIENCE = 60_000;
+/** The longest wait for anything, in milliseconds of the wall clock: a dead test ends with a sentence. No device is measured by it. */
+export const PATIENCE = 120_000;
+/** After this a script that hangs says so, and ends. */
+const LIFE = 900_000;
+
+setTimeout(() => {
+  console.error(`${process.argv[1]} has not ended within ${LIFE / 1000} s`);
+  process.exit(1);
+}, LIFE).unref();
 
 /** Starts a simulator; `url` is that of the control interface in its `ready` line. */
 export async function simulate(...options) {
@@ -47,7 +54,7 @@ export async function simulate(...options) {
 
 /** Opens an empty page in a browser, and ends both after the test. */
 export async function withBrowser(viewing, test) {
-  const browser = await chromium.launch({ executablePath: "/usr/bin/chromium", args: ["--no-sandbox"] });
+  const browser = await chromium.launch({ executablePath: "/usr/bin/chromium", args: ["--no-sandbox"], timeout: PATIENCE });
   try {
     const page = await browser.newPage(viewing);
     page.setDefaultTimeout(PATIENCE);

@@ -1,7 +1,7 @@
 // Every control is driven once, by the keyboard, and does what it says. Time moves only when told.
 
 import assert from "node:assert/strict";
-import { simulate, until, withPage } from "./bench.mjs";
+import { PATIENCE, simulate, until, withPage } from "./bench.mjs";
 
 const simulator = await simulate(
   "--speed", "step", "--device", "pvea-canopen", "--device", "hat1000,bit-rate=250k", "--device", "pvea-isobus",
@@ -15,7 +15,9 @@ await withPage({ url: simulator.url, expected: /status of 400/ }, async (page) =
 
   /** Marks a control as driven, and gives it the keyboard. */
   async function hold(control) {
-    await control.evaluate((element) => (element.dataset.driven = ""));
+    const element = await control.evaluateHandle((element) => ((element.dataset.driven = ""), element));
+    // The answer before, which the server has given, may still have to reach the page.
+    await element.waitForElementState("enabled", { timeout: PATIENCE });
     await control.focus();
     return control;
   }
@@ -146,16 +148,19 @@ await withPage({ url: simulator.url, expected: /status of 400/ }, async (page) =
   await lines.first().waitFor();
   assert.equal(await lines.count(), 1, "repeats are hidden");
   await (await hold(page.getByLabel("Hide repeats"))).press("Space");
-  await until(page, () => [...document.querySelectorAll("#frames li")].filter((row) => row.textContent.includes("5FE")).length >= 10);
+  const onTheBus = async () => (await simulator.call("GET", "/trace?limit=4096")).filter(({ id }) => id === 0x5fe).length;
+  const sent = await onTheBus();
+  assert(sent >= 10, `${sent} frames`);
+  const shows = (count) => [...document.querySelectorAll("#frames li")].filter((row) => row.textContent.includes("5FE")).length === count;
+  await until(page, shows, sent);
 
   // Paused, nothing is added; then it is all there.
   await (await hold(page.getByRole("button", { name: "Pause" }))).press("Enter");
-  const before = await lines.count();
   await advance(100);
   await page.locator("#trace-note", { hasText: "paused" }).waitFor();
-  assert.equal(await lines.count(), before);
+  assert.equal(await lines.count(), sent);
   await page.getByRole("button", { name: "Pause" }).press("Enter");
-  await until(page, (count) => [...document.querySelectorAll("#frames li")].filter((row) => row.textContent.includes("5FE")).length > count, before);
+  await until(page, shows, await onTheBus());
   await (await hold(page.getByRole("searchbox", { name: "Filter" }))).fill("http -5fe");
   await until(page, () => {
     const rows = [...document.querySelectorAll("#frames li")];

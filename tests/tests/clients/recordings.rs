@@ -118,7 +118,8 @@ fn replays(start: fn(&[&str]) -> Simulator, name: &str, script: &str, arguments:
     let report = String::from_utf8_lossy(&run.stdout);
     assert!(run.status.success(), "{script}: {report}{}", String::from_utf8_lossy(&run.stderr));
     let compared = report.split(' ').next().and_then(|count| count.parse::<u32>().ok());
-    assert!(compared.is_some_and(|count| count > 10), "{report}");
+    // The fewest are those of a valve that loses its address: four claims, and an AVEF.
+    assert!(compared.is_some_and(|count| count >= 5), "{report}");
 }
 
 /// What clients send comes whenever it comes.
