@@ -17,9 +17,9 @@ pub(crate) struct Preview<S> {
 }
 
 impl<S: NorFlash> Preview<S> {
-    /// Lets everything read and nothing change.
-    pub(crate) const fn looking(flash: S) -> Self {
-        Self { flash, looking: true, erased: [false; SECTORS] }
+    /// Lets everything read and nothing change; some sectors seem to be erased.
+    pub(crate) const fn looking(flash: S, erased: [bool; SECTORS]) -> Self {
+        Self { flash, looking: true, erased }
     }
 
     /// Lets everything through.

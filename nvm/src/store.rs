@@ -48,6 +48,9 @@ const SETTING: u8 = 0xFF;
 /// How the setting is encoded.
 const SETTING_VERSION: u8 = 1;
 
+/// A look at all sectors.
+const ALL: [bool; SECTORS] = [false; SECTORS];
+
 /// A store that does not read back is tried again behind what was in its way, say a bit that had flipped there: so
 /// often.
 const ATTEMPTS: usize = 3;
@@ -169,7 +172,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
                 image.put(key, bytes);
             }
         };
-        match self.scan(&mut visit) {
+        match self.scan(ALL, &mut visit) {
             Ok(()) if !found.any => {
                 // Noise mostly reads so: more of it than first stores leave behind was something else once.
                 let in_use = self.in_use().map_err(|_| Unreadable)?;
@@ -224,7 +227,7 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
     fn survey(&mut self, key: u8, bytes: &[u8]) -> Result<(Survey, bool), Error<F::Error>> {
         let mut survey = Survey::default();
         let mut holds = false;
-        self.scan(&mut |found, content| {
+        self.scan(ALL, &mut |found, content| {
             survey.note(found, content);
             if found == key {
                 holds = content == bytes;
@@ -233,9 +236,9 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         Ok((survey, holds))
     }
 
-    /// Goes through all items that are intact, from the oldest to the newest.
-    fn scan(&mut self, visit: &mut dyn FnMut(u8, &[u8])) -> Result<(), Error<F::Error>> {
-        let mut map = map(Preview::looking(&mut self.flash), None);
+    /// Goes through all items that are intact, from the oldest to the newest; those of some sectors are left out.
+    fn scan(&mut self, hidden: [bool; SECTORS], visit: &mut dyn FnMut(u8, &[u8])) -> Result<(), Error<F::Error>> {
+        let mut map = map(Preview::looking(&mut self.flash, hidden), None);
         // A sector that makes no sense is given up by a fetch, as it has to be, but not by a walk through the items.
         block_on(async {
             if matches!(map.fetch_all_items(self.buffer).await, Err(Error::Corrupted {})) {
@@ -275,19 +278,35 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
     pub fn clear(&mut self) -> Result<(), StoreError> {
         for _ in 0..ATTEMPTS {
             let mut found = Survey::default();
-            self.scan(&mut |key, bytes| found.note(key, bytes)).map_err(|_| StoreError)?;
+            self.scan(ALL, &mut |key, bytes| found.note(key, bytes)).map_err(|_| StoreError)?;
             if found.stored == 0 && found.inventory() == NOTHING {
                 return Ok(());
             }
-            self.store_item(INVENTORY, &[NOTHING], Some(SETTING)).map_err(|_| StoreError)?;
+            self.store_item(INVENTORY, &[NOTHING], Some(SETTING))?;
         }
         Err(StoreError)
     }
 
     /// Writes an item once. With `kept`, gives up the items of all other keys.
-    fn store_item(&mut self, key: u8, bytes: &[u8], kept: Option<u8>) -> Result<(), Error<F::Error>> {
+    fn store_item(&mut self, key: u8, bytes: &[u8], kept: Option<u8>) -> Result<(), StoreError> {
+        self.erase_noise()?;
         let mut map = map(Preview::writing(&mut self.flash), kept);
-        block_on(map.store_item(self.buffer, &key, &bytes))
+        block_on(map.store_item(self.buffer, &key, &bytes)).map_err(|_| StoreError)
+    }
+
+    /// Erases a sector that holds no item and passes for the older one of two: the map would take the newer one for an
+    /// unfinished copy of it, and give that up.
+    fn erase_noise(&mut self) -> Result<(), StoreError> {
+        for (sector, others) in [(0, [false, true]), (1, [true, false])] {
+            if self.flash.is_older(sector).map_err(|_| StoreError)? {
+                let mut holds = false;
+                self.scan(others, &mut |_, _| holds = true).map_err(|_| StoreError)?;
+                if !holds {
+                    self.flash.erase_sector(sector).map_err(|_| StoreError)?;
+                }
+            }
+        }
+        Ok(())
     }
 }
 

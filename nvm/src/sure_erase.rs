@@ -56,8 +56,18 @@ impl<F: NorFlash> SureErase<F> {
         Ok(opened)
     }
 
+    /// Returns whether a sector and the other one are begun, and the other one is not full: of two that the map uses, the
+    /// older one would be this.
+    pub(crate) fn is_older(&mut self, sector: usize) -> Result<bool, F::Error> {
+        let (start, other) = (sector * F::ERASE_SIZE, (1 - sector) * F::ERASE_SIZE);
+        let other_end = other + Self::SECTOR;
+        Ok(!self.is_erased(start, start + F::WRITE_SIZE)?
+            && !self.is_erased(other, other + F::WRITE_SIZE)?
+            && self.is_erased(other_end - F::WRITE_SIZE, other_end)?)
+    }
+
     /// Erases a sector.
-    fn erase_sector(&mut self, sector: usize) -> Result<(), F::Error> {
+    pub(crate) fn erase_sector(&mut self, sector: usize) -> Result<(), F::Error> {
         for number in 0..ANNOUNCEMENTS {
             if self.announcement(sector, number)? == [Some(ERASED); 2] {
                 let address = Self::address_of(sector, number);

@@ -126,8 +126,9 @@ fn a_sector_that_makes_no_sense_beside_one_that_does() {
     for count in [8, 160] {
         let (memory, newest) = with_history(count);
         let used = if memory.flash().erases() == 0 { 0 } else { SECTOR };
-        let marks = [(ERASED, 0), (ERASED, ERASED)];
-        for (seed, (front, end)) in marks.into_iter().cycle().take(4).enumerate() {
+        // The last two are those of a sector that is full, and of one that is in use.
+        let marks = [(ERASED, 0), (ERASED, ERASED), (0, 0), (0, ERASED)];
+        for (seed, (front, end)) in marks.into_iter().cycle().take(8).enumerate() {
             let mut random = fastrand::Rng::with_seed(seed as u64);
             let mut image = memory.flash().image();
             let other = &mut image[SECTOR - used..][..SECTOR - 128];
