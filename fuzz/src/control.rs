@@ -1,4 +1,4 @@
-//! What users and scripts say to a simulator: the words of its command line, lines on stdin, and calls over HTTP.
+//! Words of users and scripts to a simulator: of its command line, lines on stdin, and calls over HTTP.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
@@ -13,6 +13,7 @@ use pve_sim::speed::Speed;
 use serde_json::{Map, Value};
 use tokio::sync::oneshot;
 
+use crate::keyboard::Keyboard;
 use crate::room::assert_one_line;
 use crate::simulator::{Simulator, Stranger, play};
 
@@ -22,14 +23,17 @@ const LINES: usize = 16;
 /// Most devices of a world.
 const DEVICES: usize = 4;
 
+/// Ends what is typed without the end of a line.
+const END_OF_INPUT: u8 = 4;
+
 /// Methods of HTTP, by which a line is a call.
 const METHODS: [&str; 7] = ["GET ", "POST ", "PATCH ", "DELETE ", "PUT ", "HEAD ", "OPTIONS "];
 
 /// Lines of any bytes: the first one has the arguments of `pve-sim`; of the others those that begin with a method are
 /// calls, with a body after the path, those that begin with `!` are sent to the server as they are (0x01 is the end of a
-/// line), those with `+` let milliseconds pass, and all else is typed.
+/// line), those with `+` let milliseconds pass, and all else is typed; what ends with 0x04 is no line yet.
 ///
-/// What is refused is told in one line and changes nothing; what is accepted is done as a whole; and the next call is
+/// A refusal is told in one line and changes nothing; a change that is accepted is made as a whole; and the next call is
 /// answered.
 pub fn control(bytes: &[u8]) {
     let mut lines = bytes.split(|byte| *byte == b'\n');
@@ -59,7 +63,7 @@ fn options(arguments: &str) -> RunOptions {
     })
 }
 
-/// What was read is printed, and read again as it was.
+/// Asserts that the options are read again as they were from what is printed of them.
 fn check_words(options: &RunOptions) {
     for device in &options.devices {
         let NamedDevice { name, kind, birth, spool_times } = device;
@@ -114,6 +118,7 @@ async fn converse(options: RunOptions, lines: &[&[u8]]) {
     let simulator = simulator(&options);
     let observer = connect(&simulator);
     let mut desk = Desk { simulator, observer };
+    let mut keyboard = Keyboard::default();
     let mut typed = 0;
     for line in lines {
         let text = String::from_utf8_lossy(line);
@@ -125,9 +130,11 @@ async fn converse(options: RunOptions, lines: &[&[u8]]) {
             desk.raw(raw).await;
         } else if METHODS.iter().any(|method| text.starts_with(method)) {
             desk.call(&text, &before).await;
-        } else {
+        } else if let Some(begun) = line.strip_suffix(&[END_OF_INPUT]) {
+            keyboard.enter(begun, false);
+        } else if let Some(text) = keyboard.enter(line, true) {
             let (obeyed, done) = oneshot::channel();
-            desk.simulator.entrance.tell(ToWorld::Typed(text.to_string(), obeyed));
+            desk.simulator.entrance.tell(ToWorld::Typed(text.clone(), obeyed));
             desk.simulator.settle().await;
             drop(done);
             typed += 1;

@@ -9,6 +9,7 @@ mod control;
 mod devices;
 mod files;
 mod gateways;
+mod keyboard;
 mod room;
 mod scenario;
 mod simulator;

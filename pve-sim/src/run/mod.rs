@@ -39,6 +39,7 @@ mod trace;
 pub use driver::Driver;
 pub use options::{ColorChoice, LogOptions, RunOptions};
 pub use outside::Outside;
+pub use stdin::Lines;
 
 use std::io;
 use std::net::SocketAddr;

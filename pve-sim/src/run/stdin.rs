@@ -42,13 +42,14 @@ fn obey(world: &Entrance, mut read: impl FnMut(&mut [u8]) -> io::Result<usize>) 
 
 /// Lines out of bytes as they come.
 #[derive(Debug, Default)]
-struct Lines {
+pub struct Lines {
     /// At most one byte more than [`LINE`]: the line is too long then.
     line: Vec<u8>,
 }
 
 impl Lines {
-    fn push(&mut self, bytes: &[u8], mut tell: impl FnMut(String)) {
+    /// Takes bytes, and tells each line that ends in them.
+    pub fn push(&mut self, bytes: &[u8], mut tell: impl FnMut(String)) {
         for byte in bytes {
             match byte {
                 b'\n' => {
