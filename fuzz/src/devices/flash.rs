@@ -17,6 +17,9 @@ const VERSION: u8 = 1;
 /// So many words are left in a sector that is nearly full: fewer than a few records take.
 const WORDS_LEFT: usize = 150;
 
+/// So many records more are stored there at the most.
+const RECORDS_LATER: usize = 16;
+
 /// The most patches of a content.
 const PATCHES_MAX: u8 = 32;
 
@@ -44,8 +47,8 @@ fn content(bytes: &mut Bytes<'_>, kind: Kind) -> Flash {
     let [what, patches, torn_erase, noise] = bytes.array();
     let mut flash = match what % 4 {
         0 => Flash::new(),
-        1 => used(kind).clone(),
-        2 => nearly_full(kind, what >> 2),
+        1 => made(kind).used.clone(),
+        2 => made(kind).nearly_full[usize::from(what >> 2) % RECORDS_LATER].clone(),
         _ => any_records(bytes),
     };
     let mut image = flash.image();
@@ -102,11 +105,21 @@ fn any_records(bytes: &mut Bytes<'_>) -> Flash {
     memory.flash().clone()
 }
 
-/// What is in the memory of a device whose clients have stored everything, some of it twice.
-fn used(kind: Kind) -> &'static Flash {
-    static FLASHES: OnceLock<[Flash; Kind::ALL.len()]> = OnceLock::new();
-    let flashes = FLASHES.get_or_init(|| array::from_fn(|number| use_up(Kind::ALL[number])));
-    &flashes[Kind::ALL.iter().position(|other| *other == kind).expect("a kind")]
+/// Contents of the memories of each kind, made once.
+struct Made {
+    /// A device whose clients have stored everything, some of it twice.
+    used: Flash,
+    /// The same in a sector that is nearly full, and so many records later.
+    nearly_full: [Flash; RECORDS_LATER],
+}
+
+fn made(kind: Kind) -> &'static Made {
+    static MADE: [OnceLock<Made>; Kind::ALL.len()] = [const { OnceLock::new() }; Kind::ALL.len()];
+    let number = Kind::ALL.iter().position(|other| *other == kind).expect("a kind");
+    MADE[number].get_or_init(|| {
+        let used = use_up(kind);
+        Made { nearly_full: fill(&used), used }
+    })
 }
 
 fn use_up(kind: Kind) -> Flash {
@@ -125,18 +138,23 @@ fn use_up(kind: Kind) -> Flash {
     bench.world.memory(bench.units[0].node).flash().clone()
 }
 
-/// The same, in a sector that is nearly full, and so many records later.
-fn nearly_full(kind: Kind, later: u8) -> Flash {
-    let mut memory = Memory::with_flash(used(kind).clone());
+/// Stores the local layer until the sector is nearly full, and on from there; without one there is nothing to store.
+fn fill(used: &Flash) -> [Flash; RECORDS_LATER] {
+    let mut memory = Memory::with_flash(used.clone());
     let image = memory.read_image();
-    let Ok(Some(payload)) = image.payload(RecordKey::LocalLayer, VERSION) else { return used(kind).clone() };
-    let record = seal(VERSION, payload).expect("a record");
-    let mut left = u32::from(later % 16);
-    while memory.flash().words_in_use() < SECTOR / WORD - WORDS_LEFT || left > 0 {
-        if memory.flash().words_in_use() >= SECTOR / WORD - WORDS_LEFT {
-            left -= 1;
+    let local_layer = image.payload(RecordKey::LocalLayer, VERSION).ok().flatten();
+    let record = local_layer.map(|payload| seal(VERSION, payload).expect("a record"));
+    let store = |memory: &mut Memory| {
+        if let Some(record) = &record {
+            memory.store(RecordKey::LocalLayer, record).expect("a healthy flash");
         }
-        memory.store(RecordKey::LocalLayer, &record).expect("a healthy flash");
+    };
+    while record.is_some() && memory.flash().words_in_use() < SECTOR / WORD - WORDS_LEFT {
+        store(&mut memory);
     }
-    memory.flash().clone()
+    array::from_fn(|_| {
+        let flash = memory.flash().clone();
+        store(&mut memory);
+        flash
+    })
 }
