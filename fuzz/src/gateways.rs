@@ -8,8 +8,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use hal_sim::{BitRate, Frame, World};
-use pve_sim::gateway::{ForeignWarning, Guarded, Judge};
-use tokio::io::split;
+use pve_sim::gateway::{Entrance, ForeignWarning, Guarded, Judge};
+use tokio::io::{DuplexStream, ReadHalf, WriteHalf, split};
 
 use self::slcan::Slcan;
 use self::socketcand::Socketcand;
@@ -41,25 +41,28 @@ pub fn gateways(bytes: &[u8]) {
     }
 }
 
+/// A connection of a client, as the server of a gateway takes it.
+struct Connection {
+    reader: Guarded<ReadHalf<DuplexStream>>,
+    writer: WriteHalf<DuplexStream>,
+    world: Entrance,
+}
+
 /// A second reading of a protocol: what a stream comes to.
 trait Model {
-    /// What judges the first bytes of a connection.
+    /// The judge of the first bytes of a connection.
     const JUDGE: Judge;
 
-    /// What ends a message that is half said, and asks for a sign of life.
+    /// The end of a message that is half said, and a question for a sign of life.
     const LAST_WORD: &'static [u8];
 
     /// A new client that sends 123#0A, and what it hears.
     const NEXT: (&'static [u8], &'static str);
 
     /// Serves a client.
-    fn serve(
-        reader: Guarded<tokio::io::ReadHalf<tokio::io::DuplexStream>>,
-        writer: tokio::io::WriteHalf<tokio::io::DuplexStream>,
-        world: pve_sim::gateway::Entrance,
-    ) -> impl Future<Output = ()> + Send + 'static;
+    fn serve(client: Connection) -> impl Future<Output = ()> + Send + 'static;
 
-    /// Whether frames may wait for the bus after the client has left.
+    /// Returns whether frames may wait for the bus after the client has left.
     fn has_cycles(&self) -> bool {
         false
     }
@@ -67,7 +70,7 @@ trait Model {
     /// Takes one read.
     fn read(&mut self, piece: &[u8]);
 
-    /// Whether the connection was closed because no client begins so.
+    /// Returns whether the connection was closed because no client begins so.
     fn is_foreign(&self) -> bool;
 
     /// Asserts that the answers are those that are due.
@@ -103,7 +106,7 @@ async fn converse<M: Model>(mut model: M, cut: u8, stream: &[u8]) {
         let (stranger, far) = Stranger::new();
         let (reader, writer) = split(far);
         let reader = Guarded::new(reader, M::JUDGE, Arc::clone(&warning));
-        tokio::spawn(M::serve(reader, writer, simulator.entrance.clone()));
+        tokio::spawn(M::serve(Connection { reader, writer, world: simulator.entrance.clone() }));
         stranger
     };
     let mut stranger = join(&simulator);

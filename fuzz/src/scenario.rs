@@ -43,6 +43,10 @@ pub fn scenario(bytes: &[u8]) {
                 let number = number.unwrap_or(1);
                 assert!((1..=text.split('\n').count()).contains(&number), "no line {number} in the file: {reason}");
                 assert!(line.ends_with(&format!(":{number}: {reason}")), "{line}");
+                let place = toml::from_str::<Table>(text).err().and_then(|error| error.span());
+                if let Some(begun) = place.and_then(|place| text.get(..place.start)) {
+                    assert_eq!(number, begun.split('\n').count(), "the line that is no TOML: {reason}");
+                }
             }
             return;
         }

@@ -3,11 +3,10 @@
 use std::time::Duration;
 
 use hal_sim::Frame;
+use pve_sim::gateway::Judge;
 use pve_sim::gateway::slcan::{Line, judge, serve};
-use pve_sim::gateway::{Entrance, Guarded, Judge};
-use tokio::io::{DuplexStream, ReadHalf, WriteHalf};
 
-use super::Model;
+use super::{Connection, Model};
 
 const OK: &str = "\r";
 const BELL: &str = "\x07";
@@ -42,7 +41,7 @@ impl Model for Slcan {
     const LAST_WORD: &'static [u8] = b"\rV\r";
     const NEXT: (&'static [u8], &'static str) = (b"\rO\rt12310A\r", "\r\rz\r");
 
-    async fn serve(reader: Guarded<ReadHalf<DuplexStream>>, writer: WriteHalf<DuplexStream>, world: Entrance) {
+    async fn serve(Connection { reader, writer, world }: Connection) {
         let line = Line { url: "tcp", patience: Some(Duration::from_secs(60)), farewell: Duration::ZERO };
         serve(reader, writer, world, line).await;
     }

@@ -3,11 +3,10 @@
 use std::collections::BTreeSet;
 
 use hal_sim::Frame;
+use pve_sim::gateway::Judge;
 use pve_sim::gateway::socketcand::{MESSAGE_MAX, judge, serve};
-use pve_sim::gateway::{Entrance, Guarded, Judge};
-use tokio::io::{DuplexStream, ReadHalf, WriteHalf};
 
-use super::Model;
+use super::{Connection, Model};
 
 /// Most cyclic frames, and most subscriptions, of a client.
 const MOST: usize = 256;
@@ -26,7 +25,7 @@ pub(super) struct Socketcand {
     cycles: BTreeSet<String>,
     /// All frames that were ever sent in a cycle.
     cyclic: Vec<Frame>,
-    /// Whether what comes next depends on the time, or on room.
+    /// Set once what comes next depends on the time, or on room.
     is_beyond: bool,
 }
 
@@ -59,7 +58,7 @@ impl Model for Socketcand {
     const LAST_WORD: &'static [u8] = b"> < echo >";
     const NEXT: (&'static [u8], &'static str) = (b"< open pve0 >< rawmode >< send 123 1 0A >", "< hi >< ok >< ok >");
 
-    async fn serve(reader: Guarded<ReadHalf<DuplexStream>>, writer: WriteHalf<DuplexStream>, world: Entrance) {
+    async fn serve(Connection { reader, writer, world }: Connection) {
         serve(reader, writer, "pve0", world).await;
     }
 

@@ -87,7 +87,7 @@ fn frame(pairs: &[(Value<'_>, Value<'_>)]) -> Meaning {
 /// Reads MessagePack.
 struct Reader<'a> {
     bytes: &'a [u8],
-    /// Whether it has met what nobody sends: the rest is not read.
+    /// Set once it has met what nobody sends: the rest is not read.
     is_beyond: bool,
 }
 
