@@ -84,7 +84,7 @@ fn explain(file: &Path, records: &[Record], refused: &[String], is_cut: bool) {
     }
 }
 
-/// What is written in a format is read as it was, as far as the format tells it.
+/// Records that are written in a format are read as they were, as far as the format tells them.
 fn write(records: &[Record], format: Format) {
     let start = records.iter().map(|record| record.at).min().unwrap_or_default();
     if records.is_empty() || records.iter().any(|record| record.at.as_micros() > LAST) {

@@ -46,7 +46,7 @@ pub(crate) struct Clock {
 struct ClockState {
     now: Cell<Instant>,
     horizon: Cell<Instant>,
-    /// Whether the driver waits at the horizon.
+    /// Set while the driver waits at the horizon.
     is_idle: Cell<bool>,
     /// Number of messages that the world has got.
     taken: Cell<u64>,
@@ -83,7 +83,7 @@ impl Outside for Clock {
     }
 }
 
-/// What is written to stderr, handed over at the end.
+/// Content of stderr, handed over at the end.
 struct Collected(Vec<u8>, Sender<Vec<u8>>);
 
 impl Write for Collected {

@@ -1,4 +1,4 @@
-//! One or two devices and a master on a simulated bus, in virtual time.
+//! A bench for one or two devices and a master on a simulated bus, in virtual time.
 
 use hal_sim::bus::{Disturbance, EventKind};
 use hal_sim::{BitRate, Duration, Frame, Instant, Kind, Memory, NodeId, Setup, TapId, World};
@@ -9,7 +9,7 @@ use protocol_core::time::{after, since};
 use super::ledger::Ledger;
 use super::well_formed::check;
 
-/// How many events of the simulated world an attack may take: what makes hours of a busy bus short.
+/// Events of the simulated world that an attack may take: this makes hours of a busy bus short.
 const EVENTS: u32 = 30_000;
 
 /// A flash that is told to fail at this operation never does.
@@ -23,13 +23,13 @@ pub(super) struct Unit {
     pub(super) node: NodeId,
     pub(super) kind: Kind,
     name: String,
-    /// What is known of its memory.
+    /// Knowledge of its memory.
     pub(super) ledger: Ledger,
     /// Writes may have failed since it was last powered up.
     pub(super) memory_hurt: bool,
     /// Its memory held anything: records may be damaged until they are written.
     pub(super) damaged: bool,
-    /// What it has sent since that was last taken.
+    /// Frames that it has sent since they were last taken.
     sent: Vec<(Instant, Frame)>,
 }
 

@@ -1,4 +1,4 @@
-//! What clients were told is stored, and what a start has to find therefore (SPEC 4.5, 6 and 9).
+//! Account of what clients were told is stored, and of what a start has to find therefore (SPEC 4.5, 6 and 9).
 
 use hal_sim::{BitRate, Frame, Kind, Setup};
 use protocol_core::device::Protocol;
@@ -12,18 +12,18 @@ use super::objects::{self, default};
 #[derive(Debug)]
 struct Group {
     objects: Vec<Object>,
-    /// What the next start can find; `None`: anything.
+    /// Contents that the next start can find; `None`: any.
     possible: Option<Vec<Stored>>,
 }
 
-/// What a start finds.
+/// Content that a start finds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Stored {
     Defaults,
     Values(Vec<Answer>),
 }
 
-/// What is known of the memory of a device.
+/// Knowledge of the memory of a device.
 #[derive(Debug)]
 pub(super) struct Ledger {
     groups: Vec<Group>,
@@ -34,7 +34,7 @@ pub(super) struct Ledger {
     load_asked: bool,
 }
 
-/// What came of a request to store something.
+/// Outcome of a request to store something.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Told {
     Stored,
@@ -160,12 +160,12 @@ fn others(bench: &Bench, unit: usize) -> impl Iterator<Item = usize> {
     (0..bench.units.len()).filter(move |other| *other != unit).filter(on_bus)
 }
 
-/// Whether another device may answer in the place of this one.
+/// Returns whether another device may answer in the place of this one.
 fn has_twin(bench: &Bench, unit: usize) -> bool {
     others(bench, unit).any(|other| bench.id(other) == bench.id(unit))
 }
 
-/// Whether LSS reaches this device alone.
+/// Returns whether LSS reaches this device alone.
 fn is_alone(bench: &Bench, unit: usize) -> bool {
     others(bench, unit).all(|other| bench.units[other].kind.protocol() != Protocol::Canopen)
 }

@@ -42,7 +42,7 @@ const SECOND_SERIAL: u32 = 2;
 /// The most steps of an attack.
 const STEPS_MAX: u32 = 300;
 
-/// One or two devices on a bus, and whatever can happen around them.
+/// Attacks one or two devices on a bus by whatever can happen around them.
 pub fn devices(bytes: &[u8]) {
     let mut bytes = Bytes(bytes);
     let [first, second, how, ending] = bytes.array();

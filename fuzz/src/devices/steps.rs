@@ -1,4 +1,4 @@
-//! What can happen around the devices, read from the bytes of an attack.
+//! Events around the devices, read from the bytes of an attack.
 
 use hal_sim::bus::{BitErrors, Disturbance, Injector};
 use hal_sim::memory::TornErase;
@@ -11,10 +11,10 @@ use super::bench::Bench;
 use super::bytes::Bytes;
 use super::{frames, ledger};
 
-/// How long the bus has after a frame, unless frames pile up.
+/// Time that the bus has after a frame, unless frames pile up.
 const PAUSE: Duration = Duration::from_millis(2);
 
-/// How long answers to earlier requests take.
+/// Time that answers to earlier requests take.
 const SETTLED: Duration = Duration::from_millis(100);
 
 /// Bits of the first byte of a step: frames pile up; the second device. The others say what happens.

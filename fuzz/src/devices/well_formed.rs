@@ -1,4 +1,4 @@
-//! What a device may send at any time, whatever happens around it.
+//! Frames that a device may send at any time, whatever happens around it.
 
 use hal_sim::{Frame, Kind};
 use protocol_core::device::Protocol;

@@ -1,4 +1,4 @@
-//! What the CANopen devices have in common (SPEC 4.2, 4.4, 4.5).
+//! Rules that the CANopen devices have in common (SPEC 4.2, 4.4, 4.5).
 
 use hal_sim::{Duration, Frame, Kind};
 use protocol_core::frame::{Id, standard};
@@ -156,7 +156,7 @@ fn blank(bench: &mut Bench, unit: usize) {
     assert_eq!(lss(bench, [0x5E, 0]), ["7E4: 5E FF 00 00 00 00 00 00"]);
 }
 
-/// How often each fault of a valve has occurred: of a sensor there is no such number.
+/// Returns the occurrences of each fault of a valve: of a sensor there is no such number.
 fn counters(bench: &mut Bench, unit: usize) -> Vec<u32> {
     let objects: &[u16] = match bench.units[unit].kind {
         // Each start finds the damage anew.

@@ -15,7 +15,7 @@ use super::ledger;
 /// After this a device has nothing left to do that was begun: what failed is tried again after 10 s (SPEC 4.5, 6).
 const SETTLED: Duration = Duration::from_millis(11_500);
 
-/// What a client stores before the power is cut.
+/// Store of a client before the power is cut.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Ending {
     Nothing,

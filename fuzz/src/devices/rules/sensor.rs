@@ -79,7 +79,7 @@ fn under(bench: &mut Bench, unit: usize, cob_id: u32, time: Duration) -> Vec<(ha
     sent.into_iter().filter(|(_, frame)| frame.id() == id_of(cob_id)).collect()
 }
 
-/// What the objects that the TPDO maps read: whole bytes.
+/// Returns what the objects that the TPDO maps read: whole bytes.
 fn content(bench: &mut Bench, unit: usize) -> Vec<u8> {
     let mut bytes = Vec::new();
     for entry in 1..=number(bench, unit, (0x1A00, 0)) {

@@ -77,7 +77,7 @@ pub(super) fn synchronous(bench: &mut Bench, unit: usize) {
     nmt(bench, unit, 0x80, id);
 }
 
-/// What the objects that the TPDO maps read, bit by bit.
+/// Returns what the objects that the TPDO maps read, bit by bit.
 fn content(bench: &mut Bench, unit: usize) -> Vec<u8> {
     let (mut bits, mut len) = (0, 0);
     for entry in 1..=number(bench, unit, (0x1A00, 0)) {
