@@ -10,7 +10,7 @@ use crate::frame::Frame;
 const ANSWERS: usize = 8;
 
 /// The answers that wait. When there is no room, the newest is dropped; its owner counts it.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Answers {
     waiting: Vec<Frame, ANSWERS>,
     /// The number of answers that the controller took since it was last idle.

@@ -16,7 +16,7 @@ pub(crate) const HISTORY: usize = 8;
 const QUEUE: usize = 16;
 
 /// The error history, object 0x1003. It is volatile (A).
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct ErrorHistory {
     /// The newest first.
     fields: [u32; HISTORY],
@@ -100,7 +100,7 @@ struct Waiting {
 /// The EMCYs that wait for the bus, in order: the newest 16, so that the last one always goes out.
 ///
 /// A message that the controller took stays here until it is known to be on the bus.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct EmcyQueue {
     messages: Vec<Waiting, QUEUE>,
     /// The number of messages at the front that the controller has.
@@ -219,7 +219,7 @@ impl EmcyQueue {
 }
 
 /// The identifier of the node's own EMCYs, object 0x1014.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct EmcyProducer {
     cob_id: CobId,
 }
@@ -279,7 +279,7 @@ impl EmcyProducer {
 }
 
 /// Listens for the EMCY of one other node, object 0x1028:1.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct EmcyConsumer {
     cob_id: CobId,
 }

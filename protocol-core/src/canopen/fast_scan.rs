@@ -9,7 +9,7 @@ const WHO_IS_THERE: u8 = 0x80;
 ///
 /// After the serial number a standard master names 0 as next, the manual's sequence 4, which is no number: either way
 /// the next scan begins with part 0.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct ScanPosition {
     part: Part,
 }

@@ -19,7 +19,7 @@ pub(crate) struct Rules {
 }
 
 /// The producer of the heartbeat, which tells the NMT state periodically.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct HeartbeatProducer {
     rules: &'static Rules,
     /// As written, in units; 0 is off.

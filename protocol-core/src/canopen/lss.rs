@@ -153,7 +153,7 @@ pub(crate) struct Switch {
 }
 
 /// The LSS slave of a node.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct LssSlave {
     state: State,
     /// How many numbers of a switch selective have agreed so far: none when waiting is entered.

@@ -75,7 +75,7 @@ impl Reset {
 }
 
 /// The NMT state of a node.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct NmtSlave {
     state: State,
 }

@@ -59,7 +59,7 @@ impl Rules {
 }
 
 /// One PDO.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Pdo {
     cob_id: CobId,
     transmission: Transmission,

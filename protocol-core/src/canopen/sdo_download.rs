@@ -6,7 +6,7 @@ use super::dictionary::{Place, TEXT_MAX};
 use crate::wire::sdo::{AbortCode, Segment};
 
 /// A segmented download in progress. Nothing is written before the last segment.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Download {
     place: Place,
     announced: Option<u32>,

@@ -40,14 +40,14 @@ pub(crate) enum Step<'a> {
 }
 
 /// A server for one client at a time.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct SdoServer {
     transfer: Transfer,
     /// When the next segment is overdue; [`NEVER`] while none is expected.
     timeout: Instant,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 enum Transfer {
     /// Nothing is in progress.
     Idle,

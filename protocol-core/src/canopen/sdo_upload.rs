@@ -6,7 +6,7 @@ use super::dictionary::TEXT_MAX;
 use crate::wire::sdo::{AbortCode, Multiplexer, Segment};
 
 /// A segmented upload in progress: a copy of the object, so that all segments are of one moment.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Upload {
     object: Multiplexer,
     data: Vec<u8, TEXT_MAX>,

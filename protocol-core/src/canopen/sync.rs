@@ -4,7 +4,7 @@ use crate::wire::cob_id::CobId;
 use crate::wire::sdo::AbortCode;
 
 /// Listens for SYNC.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct SyncConsumer {
     cob_id: CobId,
 }

@@ -26,7 +26,7 @@ pub(crate) enum AtSync {
 }
 
 /// What makes a TPDO due.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Transmission {
     kind: u8,
     /// In 100 µs; 0 is off.

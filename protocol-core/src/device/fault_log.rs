@@ -10,7 +10,7 @@ pub const FAULT_LOG_DELAY: Duration = Duration::from_millis(500);
 pub const FAULT_LOG_INTERVAL: Duration = Duration::from_secs(10);
 
 /// The time at which the fault log is due.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct FaultLogClock {
     /// [`NEVER`] while the memory holds the present counters, or is being given them.
     due: Instant,

@@ -114,7 +114,7 @@ pub trait Body: Storing + Sized {
 }
 
 /// What every device has.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Base {
     now: Instant,
     /// The writes to the memory.
@@ -125,7 +125,7 @@ pub struct Base {
 }
 
 /// The restarts under way.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Pending {
     /// Waits until nothing is being written and all is sent.
     wanted: Option<Restart>,
@@ -239,7 +239,7 @@ impl Base {
 }
 
 /// A device: a body, and what every device has.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Host<B: Body> {
     body: B,
     base: Base,

@@ -59,7 +59,7 @@ impl Write {
 }
 
 /// The writes that wait, and the one in flight.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Writes {
     /// The newest first. The last one is the next to be written, or in flight.
     queue: Vec<Write, PLACES, u8>,

@@ -38,7 +38,7 @@ enum State {
 }
 
 /// A controller's claim of its address.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct AddressClaim {
     name: Name,
     address: Address,

@@ -10,7 +10,7 @@ use crate::wire::j1939_id::{Address, J1939Id, Pgn, Priority};
 pub const PERIOD: Duration = Duration::from_millis(1000);
 
 /// DM1: the one active trouble code that the product shows.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Dm1 {
     active: Option<Trouble>,
     /// The last change since a DM1 was rendered. The next DM1 then restarts the period.

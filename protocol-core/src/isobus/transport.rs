@@ -56,7 +56,7 @@ struct Sending<const SIZE: usize> {
 }
 
 /// Sends messages of up to `SIZE` bytes to all, one at a time.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct BamSender<const SIZE: usize> {
     sending: Option<Sending<SIZE>>,
 }
@@ -174,7 +174,7 @@ pub struct Message<const SIZE: usize> {
     pub payload: Vec<u8, SIZE>,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Receiving<const SIZE: usize> {
     message: Message<SIZE>,
     size: usize,
@@ -188,7 +188,7 @@ struct Receiving<const SIZE: usize> {
 ///
 /// It only listens, so it has no deadline: a message that stopped keeps its place until its sender is heard again, or
 /// another one needs the place. A sender for whom there is none is not heard; nobody else's message suffers for it.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct BamReceiver<const SENDERS: usize, const SIZE: usize> {
     wanted: &'static [Pgn],
     receiving: Vec<Receiving<SIZE>, SENDERS>,

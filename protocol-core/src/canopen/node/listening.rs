@@ -41,7 +41,7 @@ const fn group(key: u32) -> u32 {
 }
 
 /// The [keys](crate::frame::key) of the frames that the node listens to.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Listening {
     /// By service, the most frequent first.
     keys: [u32; SERVICES],

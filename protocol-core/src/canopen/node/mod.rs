@@ -62,7 +62,7 @@ pub(crate) enum Demand<T> {
 }
 
 /// A node on the bus, with the services of CiA 301 and CiA 305.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Node<P: Product> {
     objects: Communication,
     nmt: NmtSlave,

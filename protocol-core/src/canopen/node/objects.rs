@@ -17,7 +17,7 @@ use crate::wire::sdo::AbortCode;
 pub(super) const STORES_ON_COMMAND: u32 = 1;
 
 /// What errors do to the NMT state, by their class.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct ErrorBehaviours {
     communication: ErrorBehaviour,
     product: ErrorBehaviour,
@@ -40,7 +40,7 @@ impl ErrorBehaviours {
 }
 
 /// The communication objects. What they do without a product is compiled once for all products of an image.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Communication {
     pub(super) node_id: Option<NodeId>,
     pub(super) history: ErrorHistory,

@@ -32,7 +32,7 @@ enum BootUp {
 }
 
 /// A cyclic frame: of several that are owed only the latest is sent.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Latest {
     owed: bool,
     /// The key of the frame that the controller took and may have still.
@@ -60,7 +60,7 @@ impl Latest {
 }
 
 /// The frames that a node owes to the bus.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Owed {
     boot_up: BootUp,
     heartbeat: Latest,

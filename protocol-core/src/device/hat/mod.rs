@@ -46,7 +46,7 @@ pub type Setup = super::Setup<Kind>;
 pub type Hat = Host<HatSensor>;
 
 /// The body of a sensor.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct HatSensor {
     setup: Setup,
     pub(super) objects: HatObjects,

@@ -93,7 +93,7 @@ pub(in crate::device) enum Task {
 }
 
 /// The state behind the objects.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(in crate::device) struct HatObjects {
     kind: Kind,
     pub(super) identity: Address,

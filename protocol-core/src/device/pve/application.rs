@@ -11,7 +11,7 @@ use crate::time::Instant;
 pub(super) const FLOAT: i16 = 32767;
 
 /// The application: what a set-point or a control word does to the valve, whatever service brought it.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Application {
     pub(super) valve: Valve,
     machine: StateMachine,

@@ -24,7 +24,7 @@ struct Shutdown {
 }
 
 /// An auxiliary valve (ISO 11783-7).
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct AuxiliaryValve {
     pub(super) valve: Valve,
     /// The last valid command; block before the first.

@@ -94,7 +94,7 @@ const PDO: pdo::Rules = pdo::Rules {
 };
 
 /// The state behind the product's objects.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct ValveObjects {
     pub(super) kind: Kind,
     pub(super) application: Application,

@@ -30,7 +30,7 @@ pub enum Service {
 type Group = u32;
 
 /// The identifiers of the services.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Groups {
     own: Address,
     command: Group,

@@ -63,7 +63,7 @@ pub trait Product {
 }
 
 /// A node on ISOBUS, whose DM2 has up to `DM2` bytes.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Node<const DM2: usize> {
     rules: &'static Rules,
     groups: Groups,

@@ -22,7 +22,7 @@ pub(super) enum Executed {
 }
 
 /// The restore flag: what it stands for, and what it is to become.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Load {
     pub(super) executed: Executed,
     /// A client has asked for the next start to load the defaults: what the flag is written as.

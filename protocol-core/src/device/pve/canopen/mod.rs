@@ -41,7 +41,7 @@ use crate::wire::lss::LssNodeId;
 pub type PveCanopen = Host<CanopenValve>;
 
 /// The body of a valve on CANopen.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct CanopenValve {
     setup: Setup,
     pub(super) objects: ValveObjects,

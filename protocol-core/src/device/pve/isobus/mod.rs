@@ -45,7 +45,7 @@ const CLEARINGS: usize = 8;
 pub type PveIsobus = Host<IsobusValve>;
 
 /// The body of a valve on ISOBUS.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct IsobusValve {
     setup: Setup,
     factory: Factory,
