@@ -6,9 +6,7 @@ use firmware::plant::{Change, Inapplicable, Plant};
 use firmware::settings::Settings;
 use nvm::Contents;
 use protocol_core::controller::BusErrorMode;
-use protocol_core::device::hat::Hat;
-use protocol_core::device::pve::{PveCanopen, PveIsobus};
-use protocol_core::device::{Device, Effect, Kind, Protocol, Restart, StartCause};
+use protocol_core::device::{AnyDevice, Device, Effect, Restart, StartCause};
 use protocol_core::memory::{Image, StoreError};
 use protocol_core::pump::{pump, receive};
 use protocol_core::time::NEVER;
@@ -56,47 +54,21 @@ pub(super) async fn run(
         .await
 }
 
-/// A device of any kind, which may be served by an executor of its own.
-type AnyDevice = dyn Device + Send;
-
-/// The one device of the board, in place.
-enum Place {
-    Canopen(PveCanopen),
-    Isobus(PveIsobus),
-    Sensor(Hat),
-}
+/// The device, which may be served by an executor of its own.
+type SendDevice = dyn Device + Send;
 
 /// Starts the device in its place.
-fn power_on(settings: &Settings, image: &Image, cause: StartCause) -> &'static mut AnyDevice {
-    let now = Instant::now();
-    match place(settings) {
-        Place::Canopen(device) => {
-            device.start_up(image, cause, now);
-            device
-        }
-        Place::Isobus(device) => {
-            device.start_up(image, cause, now);
-            device
-        }
-        Place::Sensor(device) => {
-            device.start_up(image, cause, now);
-            device
-        }
-    }
+fn power_on(settings: &Settings, image: &Image, cause: StartCause) -> &'static mut SendDevice {
+    let device = place(settings);
+    device.start_up(image, cause, Instant::now());
+    device.as_dyn_mut()
 }
 
 // Kept apart: it is as large as a device on the stack, and gone from there when that is in its place.
 #[inline(never)]
-fn place(settings: &Settings) -> &'static mut Place {
-    static DEVICE: StaticCell<Place> = StaticCell::new();
-    let setup = settings.setup();
-    DEVICE.init_with(|| match setup.kind {
-        Kind::Pve(kind) => match kind.protocol() {
-            Protocol::Canopen => Place::Canopen(PveCanopen::new(setup.with_kind(kind))),
-            Protocol::Isobus => Place::Isobus(PveIsobus::new(setup.with_kind(kind))),
-        },
-        Kind::Hat(kind) => Place::Sensor(Hat::new(setup.with_kind(kind))),
-    })
+fn place(settings: &Settings) -> &'static mut AnyDevice {
+    static DEVICE: StaticCell<AnyDevice> = StaticCell::new();
+    DEVICE.init_with(|| AnyDevice::new(settings.setup()))
 }
 
 /// What stands between the device and the world.
@@ -117,7 +89,7 @@ struct Board {
 
 impl Board {
     /// Runs the device for ever.
-    async fn serve(mut self, device: &mut AnyDevice) -> ! {
+    async fn serve(mut self, device: &mut SendDevice) -> ! {
         device.sense(&self.plant.senses, Instant::now());
         self.link.set_bit_rate(device.bit_rate());
         let (mut now, mut due) = (Instant::now(), Instant::MIN);
@@ -154,7 +126,7 @@ impl Board {
 
     /// Hands the device what has changed beside its frames: the error mode, the memory, console and button. Returns the
     /// answer to a line that was typed, if it is known.
-    fn look(&mut self, calls: Calls, device: &mut AnyDevice) -> Option<Answer> {
+    fn look(&mut self, calls: Calls, device: &mut SendDevice) -> Option<Answer> {
         if calls.include(Caller::Errors) || self.plant.senses.bus != BusErrorMode::ErrorActive {
             self.look_at_bus(device);
         }
@@ -165,14 +137,14 @@ impl Board {
     }
 
     /// Returns when there is something to do although nobody calls.
-    fn next_look(&self, device: &AnyDevice, now: Instant) -> Instant {
+    fn next_look(&self, device: &SendDevice, now: Instant) -> Instant {
         let due = if self.restarting.is_some() { NEVER } else { device.deadline() };
         let is_calm = self.plant.senses.bus == BusErrorMode::ErrorActive && !can::retry();
         due.min(now + if is_calm { FEED } else { LOOK })
     }
 
     /// Tells the device how its controller stands to the bus.
-    fn look_at_bus(&mut self, device: &mut AnyDevice) {
+    fn look_at_bus(&mut self, device: &mut SendDevice) {
         let mode = self.link.follow(self.plant.bus_off);
         if mode != self.plant.senses.bus {
             self.plant.senses.bus = mode;
@@ -181,7 +153,7 @@ impl Board {
     }
 
     /// Tells the device what has become of its requests to the memory.
-    fn look_at_memory(&mut self, device: &mut AnyDevice) {
+    fn look_at_memory(&mut self, device: &mut SendDevice) {
         while let Some(done) = self.memory.take() {
             match done {
                 Done::Stored(key, result) => device.stored(key, result, Instant::now()),
@@ -200,7 +172,7 @@ impl Board {
     }
 
     /// Obeys console and button. Returns the answer to a line, if it is known.
-    fn look_at_front(&mut self, device: &mut AnyDevice) -> Option<Answer> {
+    fn look_at_front(&mut self, device: &mut SendDevice) -> Option<Answer> {
         if let Some(plant) = self.front.pressed(&self.plant) {
             self.set_plant(plant, device);
         }
@@ -226,7 +198,7 @@ impl Board {
         self.memory.ask(Request::Become(settings)).err().map(|_| Answer::Refused("the memory is busy"))
     }
 
-    fn change_plant(&mut self, change: Change, device: &mut AnyDevice) -> Answer {
+    fn change_plant(&mut self, change: Change, device: &mut SendDevice) -> Answer {
         let mut plant = self.plant;
         match plant.change(change, Instant::now()) {
             Ok(()) => {
@@ -238,13 +210,13 @@ impl Board {
         }
     }
 
-    fn set_plant(&mut self, plant: Plant, device: &mut AnyDevice) {
+    fn set_plant(&mut self, plant: Plant, device: &mut SendDevice) {
         self.plant = plant;
         device.sense(&plant.senses, Instant::now());
         self.look_at_bus(device);
     }
 
-    fn carry_out(&mut self, effect: Effect, device: &mut AnyDevice) {
+    fn carry_out(&mut self, effect: Effect, device: &mut SendDevice) {
         match effect {
             Effect::Store(key, record) => {
                 let asked = if self.plant.memory_fails {

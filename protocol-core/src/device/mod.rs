@@ -3,6 +3,7 @@
 //! A device is sans-IO: frames, time and what it senses go in; frames, effects and outputs come out. It never blocks,
 //! reads no clock and touches no hardware. [`pump`](crate::pump::pump) connects one with a controller.
 
+mod any;
 #[cfg(feature = "names")]
 mod description;
 pub mod fault_log;
@@ -16,6 +17,7 @@ mod senses;
 pub mod view;
 pub mod writes;
 
+pub use any::AnyDevice;
 #[cfg(feature = "names")]
 pub use description::{Capabilities, describe};
 pub use kind::{Kind, Protocol, Setup};

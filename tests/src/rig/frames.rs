@@ -29,7 +29,7 @@ impl Rig {
         let passes = !frame.is_remote() && self.filters().iter().any(|filter| filter.passes(&frame));
         let sent = self.wire.sent.len();
         self.finish_write();
-        self.device.handle(&frame, self.now);
+        self.device.as_dyn_mut().handle(&frame, self.now);
         self.pump();
         assert!(passes || self.wire.sent.len() == sent, "{frame} is answered, but passes no filter");
     }

@@ -33,6 +33,6 @@ impl Rig {
             self.records.insert(write.key, write.record.to_vec());
             self.writes.push(write.key);
         }
-        self.device.stored(write.key, if fails { Err(StoreError) } else { Ok(()) }, now);
+        self.device.as_dyn_mut().stored(write.key, if fails { Err(StoreError) } else { Ok(()) }, now);
     }
 }

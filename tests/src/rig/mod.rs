@@ -13,9 +13,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use hal_sim::world::Write;
 use protocol_core::controller::{BitRate, BusErrorMode, Filters};
-use protocol_core::device::hat::Hat;
-use protocol_core::device::pve::{Kind, PveCanopen, PveIsobus, Setup};
-use protocol_core::device::{self, Device, Effect, Protocol, StartCause, ValveOutputs};
+use protocol_core::device::pve::{Kind, Setup};
+use protocol_core::device::{self, AnyDevice, Device, Effect, StartCause, ValveOutputs};
 use protocol_core::memory::{Image, RecordKey};
 use protocol_core::pump::pump;
 use protocol_core::time::{Duration, Instant};
@@ -25,24 +24,10 @@ use wire::Wire;
 
 use crate::Senses;
 
-/// The device of a setup.
-fn power_on(setup: device::Setup, image: &Image, cause: StartCause, now: Instant) -> Box<dyn Device> {
-    match setup.kind {
-        device::Kind::Hat(kind) => Box::new(Hat::power_on(setup.with_kind(kind), image, cause, now)),
-        device::Kind::Pve(kind) => {
-            let setup = setup.with_kind(kind);
-            match kind.protocol() {
-                Protocol::Canopen => Box::new(PveCanopen::power_on(setup, image, cause, now)),
-                Protocol::Isobus => Box::new(PveIsobus::power_on(setup, image, cause, now)),
-            }
-        }
-    }
-}
-
 /// A device on a rig.
 pub struct Rig {
     setup: device::Setup,
-    device: Box<dyn Device>,
+    device: AnyDevice,
     wire: Wire,
     now: Instant,
     senses: device::Senses,
@@ -90,7 +75,7 @@ impl Rig {
     pub fn power_on(setup: impl Into<device::Setup>) -> Self {
         let setup = setup.into();
         let now = Instant::from_secs(1);
-        let device = power_on(setup, &Image::empty(), StartCause::PowerOn, now);
+        let device = AnyDevice::power_on(setup, &Image::empty(), StartCause::PowerOn, now);
         let mut rig = Self {
             setup,
             device,
@@ -106,7 +91,7 @@ impl Rig {
             write: None,
             bit_rates: Vec::new(),
         };
-        rig.device.sense(&rig.senses, now);
+        rig.device.as_dyn_mut().sense(&rig.senses, now);
         rig.pump();
         rig
     }
@@ -149,7 +134,7 @@ impl Rig {
             self.wire.clear();
         }
         self.wire.bus_off = bus_off;
-        self.device.sense(&self.senses, self.now);
+        self.device.as_dyn_mut().sense(&self.senses, self.now);
         self.pump();
         self.drain();
     }
@@ -169,14 +154,14 @@ impl Rig {
 
     /// Asks for everything to be stored.
     pub fn flush(&mut self) {
-        self.device.flush(self.now);
+        self.device.as_dyn_mut().flush(self.now);
         self.pump();
     }
 
     /// The device.
     #[must_use]
     pub fn device(&self) -> &dyn Device {
-        &*self.device
+        self.device.as_dyn()
     }
 
     /// What the valve drives.
@@ -185,13 +170,13 @@ impl Rig {
     /// When it is no valve.
     #[must_use]
     pub fn outputs(&self) -> ValveOutputs {
-        self.device.outputs().valve().expect("a valve")
+        self.device.as_dyn().outputs().valve().expect("a valve")
     }
 
     /// The node ID in force.
     #[must_use]
     pub fn node_id(&self) -> Option<u8> {
-        self.device.node_id()
+        self.device.as_dyn().node_id()
     }
 
     /// The present instant.
@@ -209,8 +194,8 @@ impl Rig {
     fn restart_by(&mut self, cause: StartCause) {
         self.write = None;
         self.wire.power_cycle();
-        self.device = power_on(self.setup, &self.image(), cause, self.now);
-        self.device.sense(&self.senses, self.now);
+        self.device = AnyDevice::power_on(self.setup, &self.image(), cause, self.now);
+        self.device.as_dyn_mut().sense(&self.senses, self.now);
         self.pump();
     }
 
@@ -224,13 +209,13 @@ impl Rig {
     fn pump(&mut self) {
         self.wire.now = self.now;
         self.pump_all();
-        assert!(self.device.deadline() > self.now, "what was due by {} us is due still", self.now.as_micros());
+        assert!(self.device.as_dyn().deadline() > self.now, "what was due by {} us is due still", self.now.as_micros());
     }
 
     fn pump_all(&mut self) {
         loop {
             self.finish_write();
-            match pump(&mut *self.device, &mut self.wire, self.now) {
+            match pump(self.device.as_dyn_mut(), &mut self.wire, self.now) {
                 None => return,
                 Some(Effect::Store(key, record)) => self.begin_write(key, record),
                 Some(Effect::SetBitRate(bit_rate)) => {
@@ -240,7 +225,7 @@ impl Rig {
                 Some(Effect::Restart(scope)) => {
                     self.wire.clear();
                     let image = self.image();
-                    self.device.restart(scope, &image, self.now);
+                    self.device.as_dyn_mut().restart(scope, &image, self.now);
                 }
             }
         }

@@ -17,8 +17,10 @@ impl Rig {
     pub fn advance_by(&mut self, duration: Duration) {
         let end = after(self.now, duration);
         loop {
-            let due =
-                self.write.as_ref().map_or(self.device.deadline(), |write| write.done.min(self.device.deadline()));
+            let due = self
+                .write
+                .as_ref()
+                .map_or(self.device.as_dyn().deadline(), |write| write.done.min(self.device.as_dyn().deadline()));
             if due > end {
                 break;
             }
