@@ -267,15 +267,16 @@ class Traffic:
             new = (dice.choice((0, 1, 1, 2, 2, 3, 10, 14)), dice.choice((0, 1, 10, 125, 250)))
             if new != self.what:
                 self.what, self.since = new, model.now
-        return steps + [("frames", [self.avc(*self.what, dice.choice((0x30, 0x00, 0xC0)))], dice.choice((20, 100, 100, 100, 200)))] * 5
+        return [*steps, ("cycle", self.avc(*self.what, dice.choice((0x30, 0x00, 0xC0))), dice.choice((20, 100, 100, 100, 200)), 5)]
 
     def recover(self):
         """Neutral AVCs, at times with one in between that is not: of a valve that is shut down, two in a row count."""
         self.what, self.since = (BLOCKED, 0), self.model.now
-        words = [(BLOCKED, 0)] * self.dice.choice((1, 2, 8))
+        steps = self.wait_for_the_spool()
         if self.model.shut_down and self.dice.random() < 0.5:
             words = [(BLOCKED, 0), (EXTEND, 125)] * self.dice.choice((1, 2))
-        return self.wait_for_the_spool() + [("frames", [self.avc(*word)], 100) for word in words]
+            return steps + [("frames", [self.avc(*word)], 100) for word in words]
+        return [*steps, ("cycle", self.avc(BLOCKED, 0), 100, self.dice.choice((1, 2, 8)))]
 
     def pause(self):
         return [("frames", [], self.dice.choice((50, 260, 1100, 2200)))]

@@ -42,11 +42,16 @@ class Run:
         self.undecided = False
 
     def step(self, step):
-        """Does one step: `("frames", [(id, data)], ms)`, `("plant", {...})`, `("power",)` or `("state",)`."""
+        """Does one step: `("frames", [(id, data)], ms)`, `("cycle", (id, data), ms, count)`, `("plant", {...})`, `("power",)`
+        or `("state",)`."""
         self.done.append(step)
         if step[0] == "frames":
             self.requests += len(step[1])
             self.compare(*self.bus.play(step[1], step[2]))
+        elif step[0] == "cycle":
+            now, log = self.bus.cycle(*step[1:])
+            self.requests += sum(not from_device for _, from_device, _, _ in log)
+            self.compare(now, log)
         elif step[0] == "plant":
             state = self.bus.call("PATCH", "/devices/dut/plant", step[1])
             self.log.append(f"{state['t_us'] / 1000:10.3f}    plant {step[1]}")
@@ -389,6 +394,11 @@ def shrink(kind, executable, steps, difference, seconds=60):
             return False
         return found is not None and str(found)[:16] == sort
 
+    single = []
+    for step in steps:
+        single += [("frames", [step[1]], step[2])] * step[3] if step[0] == "cycle" else [step]
+    if fails(single):
+        steps = single
     size = max(1, len(steps) // 2)
     while size:
         at = len(steps) - size
