@@ -13,6 +13,8 @@ SIZES = {"U8": 1, "I8": 1, "U16": 2, "I16": 2, "U32": 4, "I32": 4}
 SAVE, LOAD, CLEAR = 0x65766173, 0x64616F6C, 0x73646B70
 # The longest time that the simulated memory takes for an answer, and a frame for its way to the bus.
 MEMORY_US, BUS_US = 400_000, 20_000
+#: A bus that is free for longer than this was free when a frame could have begun.
+FREE_US = 50
 #: How many EMCYs wait for the bus at the most: the oldest are dropped.
 EMERGENCIES = 16
 INITIALISING, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0, 4, 5, 0x7F
@@ -59,6 +61,12 @@ def scaled(value, to, of):
     return magnitude if value >= 0 else -magnitude
 
 
+def longest(identifier, data):
+    """Returns the bits that a frame takes at the most, with all that may be stuffed and the intermission."""
+    fixed, stuffed = (67, 54) if identifier >> 31 else (47, 34)
+    return fixed + 8 * len(data) + (stuffed + 8 * len(data) - 1) // 4
+
+
 def restricted(identifier):
     return any(
         low <= identifier <= high
@@ -66,7 +74,27 @@ def restricted(identifier):
     )
 
 
-class Node:
+class Sender:
+    """What waits for the bus, and for how long nothing but the bus can have held it back."""
+
+    bit_us = 4
+    # The ends of the last frame, and of the last time at which the bus was free for certain.
+    frame_end = free = 0
+
+    def occupied(self, now, identifier, data):
+        """Looks at a frame of the bus, at its end, before the time until then has passed."""
+        begin = now - longest(identifier, data) * self.bit_us
+        if begin > self.frame_end + FREE_US:
+            self.free = begin
+        self.frame_end = now
+
+    def merge(self, why):
+        """A frame for which the bus was never free may give way to its successor, or be sent as well."""
+        for due in self.expected:
+            due.optional |= due.why.startswith(why) and due.due >= self.free
+
+
+class Node(Sender):
     """The services that valves and sensors share: SDO server, NMT, heartbeat, LSS."""
 
     identity = ()
@@ -193,8 +221,8 @@ class Node:
         return milliseconds
 
     def beat(self):
-        # On a bus that is taken, heartbeats wait; the page does not say how many of them are sent then.
-        self.waiting_may_go()
+        # The page does not say how many of the heartbeats that wait for the bus are sent.
+        self.merge("heartbeat")
         self.expect(0x700 + self.node, bytes([self.nmt]), why="heartbeat")
         self.heartbeat_due += self.heartbeat_period(self.heartbeat_time()) * 1000
 
@@ -203,7 +231,17 @@ class Node:
         for due in self.expected:
             due.optional |= due.why in (whys or ("heartbeat",))
 
-    # SDO server. `self.entry` gives (type, access, value); `self.store` writes or raises Abort.
+    # SDO server. `self.objects` gives (type, access, value) by sub-index; `self.store` writes or raises Abort.
+
+    def entry(self, index, sub):
+        subs = self.objects(index)
+        if subs is None:
+            raise Abort(NO_OBJECT)
+        if index == 0x1003 and 1 <= sub <= 8 and sub > len(self.history):
+            return "U32", "absent", None
+        if sub not in subs:
+            raise Abort(NO_SUB)
+        return subs[sub]
 
     def answer(self, data, **more):
         self.expect(0x580 + self.node, data.ljust(8, b"\0"), **more)

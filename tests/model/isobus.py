@@ -2,7 +2,7 @@
 
 import struct
 
-from canopen import BUS_US, MEMORY_US, NEVER, Expected, Undecided, scaled
+from canopen import BUS_US, MEMORY_US, NEVER, Expected, Sender, Undecided, scaled
 from valve import FLOAT, Causes
 
 LONG = 1 << 31
@@ -21,7 +21,7 @@ SPOOL = bytes.fromhex("EC8F87")
 SPRINGS_US = 150_000
 
 
-class Valve(Causes):
+class Valve(Causes, Sender):
     coldest = -1000  # ISOBUS has no limit below
 
     def __init__(self, kind):
@@ -44,7 +44,7 @@ class Valve(Causes):
         if identifier in (0x18EEFF00, 0x18FECA00, 0x18FECB00) or why == "AVEF":
             # One that still waits for the bus answers both, or is out of date.
             for waiting in self.expected:
-                waiting.optional |= waiting.identifier == LONG | identifier | self.address
+                waiting.optional |= waiting.identifier == LONG | identifier | self.address and waiting.due >= self.free
         self.expected.append(Expected(at, LONG | identifier | self.address, *answers, within=within, why=why))
 
     def hear(self, now, identifier, data):

@@ -75,6 +75,7 @@ class Run:
         model = self.model
         for at, from_device, identifier, data in log:
             self.log.append(f"{at / 1000:10.3f} {'←' if from_device else '→'} {written(identifier, data)}")
+            model.occupied(at, identifier, data)
             if not from_device:
                 model.receive(at, identifier, data)
                 continue

@@ -3,7 +3,7 @@
 import struct
 
 from canopen import (
-    NEVER, NO_OBJECT, NO_SUB, NOT_ALLOWED, TOO_HIGH, TOO_LOW, NOT_MAPPABLE, PDO_TOO_LONG, SIGNATURE, PDO_IS_ON, SAVE,
+    NEVER, NOT_ALLOWED, TOO_HIGH, TOO_LOW, NOT_MAPPABLE, PDO_TOO_LONG, SIGNATURE, PDO_IS_ON, SAVE,
     LOAD, CLEAR, MEMORY_US, STOPPED, OPERATIONAL, PRE_OPERATIONAL, Abort, Node, Undecided, scaled, restricted,
 )  # fmt: skip
 
@@ -340,6 +340,8 @@ class Valve(Causes, Node):
             if kind != 0xFF:
                 self.sync_count += 1
                 if self.sync_count % kind == 0:
+                    # Of one that still waits at the next SYNC, page and manual say nothing, and CiA 301 only with a 0x1007.
+                    self.merge("TPDO")
                     self.tpdo()
 
     def entries(self, index):
@@ -391,16 +393,6 @@ class Valve(Causes, Node):
         self.expect(self.values[0x1800, 1] & 0x7FF, data, why=f"TPDO, {self.dsm}")
 
     # Objects.
-
-    def entry(self, index, sub):
-        subs = self.objects(index)
-        if subs is None:
-            raise Abort(NO_OBJECT)
-        if index == 0x1003 and 1 <= sub <= 8 and sub > len(self.history):
-            return "U32", "absent", None
-        if sub not in subs:
-            raise Abort(NO_SUB)
-        return subs[sub]
 
     def objects(self, index):
         v = self.values
