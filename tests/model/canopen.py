@@ -15,6 +15,8 @@ SAVE, LOAD, CLEAR = 0x65766173, 0x64616F6C, 0x73646B70
 MEMORY_US, BUS_US = 400_000, 20_000
 #: A bus that is free for longer than this was free when a frame could have begun.
 FREE_US = 50
+#: The longest time from the instant at which a frame is due until it begins on a free bus.
+LATE_US = 300
 #: How many EMCYs wait for the bus at the most: the oldest are dropped.
 EMERGENCIES = 16
 INITIALISING, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0, 4, 5, 0x7F
@@ -87,6 +89,10 @@ class Sender:
         if begin > self.frame_end + FREE_US:
             self.free = begin
         self.frame_end = now
+
+    def late(self, due):
+        """Tells of a frame that nothing held back."""
+        return not due.optional and due.within <= BUS_US and due.due + LATE_US < self.free
 
     def merge(self, why):
         """A frame for which the bus was never free may give way to its successor, or be sent as well."""

@@ -119,7 +119,8 @@ class Valve(Causes, Sender):
 
     def send_packet(self):
         _, data = self.bam.pop(0)
-        self.due(0x1CEBFF00, data, why="packet of DM2")
+        # 100 ms from the begin of the one before, or from its end: the page does not say.
+        self.due(0x1CEBFF00, data, why="packet of DM2", within=2 * BUS_US)
 
     def timers(self):
         result = self.delays() + [(self.flow_due, self.flow), (self.dm1_due, self.dm1_again)]

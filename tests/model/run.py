@@ -91,13 +91,15 @@ class Run:
             if not due.matches(data):
                 right = " or ".join(written(identifier, answer) for answer in due.answers)
                 raise Difference(f"{written(identifier, data)}, the model has {right} {due.why}")
+            if model.late(due):
+                raise Difference(f"{written(identifier, data)} {due.why} is late, due at {due.due / 1000:.3f} ms")
             model.expected.remove(due)
         model.advance(now)
         if model.restart_by < now:
             raise Difference("no boot-up after a reset")
         model.expected = [due for due in model.expected if not due.optional or due.due + due.within >= now]
         for due in model.expected:
-            if due.due + due.within < now:
+            if due.due + due.within < now or model.late(due):
                 right = " or ".join(written(due.identifier, answer) for answer in due.answers)
                 raise Difference(f"not sent: {right} {due.why}, due at {due.due / 1000:.3f} ms")
 
