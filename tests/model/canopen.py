@@ -23,7 +23,7 @@ INITIALISING, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0, 4, 5, 0x7F
 
 
 class Undecided(Exception):
-    """What depends on a moving spool, which the model has not: whether it is in neutral yet, how long it was behind."""
+    """Something that the model does not know: a spool in neutral yet, how long it was behind, a counter that nobody has told."""
 
 
 class Abort(Exception):
@@ -97,7 +97,7 @@ class Sender:
     def merge(self, why):
         """A frame for which the bus was never free may give way to its successor, or be sent as well."""
         for due in self.expected:
-            due.optional |= due.why.startswith(why) and due.due >= self.free
+            due.optional |= due.why.startswith(why) and due.due + LATE_US >= self.free
 
 
 class Node(Sender):

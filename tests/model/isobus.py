@@ -2,7 +2,7 @@
 
 import struct
 
-from canopen import BUS_US, MEMORY_US, NEVER, Expected, Sender, Undecided, scaled
+from canopen import BUS_US, LATE_US, MEMORY_US, NEVER, Expected, Sender, Undecided, scaled
 from valve import FLOAT, Causes
 
 LONG = 1 << 31
@@ -19,6 +19,8 @@ GLOBAL, NULL = 0xFF, 0xFE
 SPOOL = bytes.fromhex("EC8F87")
 #: The longest way of the springs to neutral.
 SPRINGS_US = 150_000
+#: How exactly the grid of the AVEF is known: bits are stuffed, or not.
+GRID_US = 50
 
 
 class Valve(Causes, Sender):
@@ -28,12 +30,13 @@ class Valve(Causes, Sender):
         self.kind, self.address, self.now, self.expected = kind, 0x80, 0, []
         self.plant = dict(supply_mv=24000, temperature_c=25, internal_fault=False)
         self.counters, self.active, self.shut_down, self.since = dict.fromkeys(CODES, 0), [], [], {}
+        # Counters before the last DM3, the instant until which it may not have been carried out, and those that it may have left.
+        self.before_dm3, self.dm3_until, self.kept = {}, 0, {}
         self.shutdown_at = self.guard_from = NEVER
         self.away_until = 0
         self.state_now, self.set_point, self.neutral_count, self.changed = BLOCKED, 0, 0, 0
         self.flow_due, self.dm1_due, self.bam, self.claimed_again = NEVER, NEVER, [], -10_000_000
-        self.claim_at = None
-        self.commanded = False
+        self.claim_at, self.commanded_at = None, -GRID_US
         self.restart_by = NEVER
         self.due(0x18EEFF00, NAME)
 
@@ -44,14 +47,19 @@ class Valve(Causes, Sender):
         if identifier in (0x18EEFF00, 0x18FECA00, 0x18FECB00) or why == "AVEF":
             # One that still waits for the bus answers both, or is out of date.
             for waiting in self.expected:
-                waiting.optional |= waiting.identifier == LONG | identifier | self.address and waiting.due >= self.free
+                waiting.optional |= waiting.identifier == LONG | identifier | self.address and waiting.due + LATE_US >= self.free
         self.expected.append(Expected(at, LONG | identifier | self.address, *answers, within=within, why=why))
 
     def hear(self, now, identifier, data):
         if identifier == LONG | 0x18EEFF00 | self.address and self.claim_at is None:
             self.claim_at = now
-        elif identifier & ~0xFF == LONG | 0x18FECA00 and data[2:5] == SPOOL and self.now < self.changed + 700_000:
+        elif identifier == LONG | 0x18FECA00 | self.address and data[2:5] == SPOOL and self.now < self.changed + 700_000:
             raise Undecided
+        elif identifier == LONG | 0x18FECA00 | self.address and len(data) == 8:
+            for fault in list(self.kept):
+                if data[2:5] == struct.pack("<I", CODES[fault][0])[:3]:
+                    kept = self.kept.pop(fault)
+                    self.counters[fault] = kept if data[5] == kept else self.counters[fault]
         elif identifier >> 8 == (LONG | 0x0CFE1000 | (self.address & 15) << 8) >> 8 and self.flow_due == NEVER:
             # The grid is what the first one shows: 250 ms after the claim.
             if not 249_000 < now - self.claim_at < 252_000:
@@ -70,7 +78,8 @@ class Valve(Causes, Sender):
         return [*flows, 0x30 | self.state_now, *[0xFF] * 5]
 
     def flow(self, grid=True):
-        self.due(0x0CFE1000 | (self.address & 15) << 8, self.flow_data(), why="AVEF")
+        answers = [self.flow_data()] + [[None] * 8] * (self.now < self.commanded_at + GRID_US)
+        self.due(0x0CFE1000 | (self.address & 15) << 8, *answers, why="AVEF")
         if grid:
             self.flow_due = self.now + 100_000
 
@@ -80,8 +89,9 @@ class Valve(Causes, Sender):
     def dm1(self):
         fault = self.highest()
         code, lamp = CODES[fault] if fault else (0, 0)
-        count = self.counters[fault] if fault else 0
-        self.due(0x18FECA00, bytes([lamp, 0xFF]) + struct.pack("<I", code | count << 24) + b"\xff\xff", why="DM1")
+        counts = [self.counters[fault], self.kept.get(fault, self.counters[fault])] if fault else [0]
+        data = [bytes([lamp, 0xFF]) + struct.pack("<I", code | count << 24) + b"\xff\xff" for count in counts]
+        self.due(0x18FECA00, *data, why="DM1")
 
     def dm1_event(self, before):
         if self.highest() != before:
@@ -99,6 +109,9 @@ class Valve(Causes, Sender):
         self.since.pop(fault, None)
         self.active.append(fault)
         self.counters[fault] = min(127, self.counters[fault] + 1)
+        if fault in self.before_dm3 and self.now < self.dm3_until:
+            # The page does not say whether DM3 acts when it is received or when the memory is written.
+            self.kept[fault] = min(127, self.before_dm3[fault] + 1)
         if fault not in self.shut_down:
             self.shut_down.append(fault)
         if self.shutdown_at == NEVER:
@@ -177,8 +190,9 @@ class Valve(Causes, Sender):
         flow, state, failsafe = data[0], data[2] & 15, data[2] >> 6
         if state not in WORDS or failsafe in (1, 2) or state in (EXTEND, RETRACT) and flow > 250:
             return
+        self.commanded_at = self.now
         for due in self.expected:
-            # An AVEF that waits for this AVC to end may be of either instant.
+            # An AVEF that is due while this AVC is on the bus may be of either instant.
             if due.why == "AVEF":
                 due.answers += ([None] * 8,)
         self.guard_from = self.now
@@ -215,8 +229,11 @@ class Valve(Causes, Sender):
         elif number == 0xFECB:
             self.dm2()
         elif number == 0xFECC:
-            for fault in self.previous():
+            previous = self.previous()
+            self.before_dm3, self.dm3_until = {fault: self.counters[fault] for fault in previous}, self.now + MEMORY_US
+            for fault in previous:
                 self.counters[fault] = 0
+                self.kept.pop(fault, None)
             if addressed and source < NULL:
                 self.due(0x18E8FF00, bytes([0, 0xFF, 0xFF, 0xFF, source]) + pgn, why="DM3 done", within=MEMORY_US)
         elif addressed and source < NULL:
@@ -226,6 +243,8 @@ class Valve(Causes, Sender):
         if self.bam:
             return
         faults = self.previous()
+        if set(faults) & set(self.kept):
+            raise Undecided
         lamp = max([CODES[fault][1] for fault in faults], default=0)
         codes = b"".join(struct.pack("<I", CODES[fault][0] | self.counters[fault] << 24) for fault in faults)
         data = bytes([lamp, 0xFF]) + (codes or bytes(4))
