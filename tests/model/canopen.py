@@ -34,6 +34,12 @@ class Abort(Exception):
         self.codes = codes
 
 
+def written(identifier, data):
+    """Writes a frame as the manual does."""
+    name = f"{identifier & 0x1FFFFFFF:08X}" if identifier >> 31 else f"{identifier:03X}"
+    return f"{name}: " + " ".join("__" if byte is None else f"{byte:02X}" for byte in data)
+
+
 class Expected:
     """A frame that is due: `answers` are the data that are right, None in them for a byte that is not known."""
 
@@ -45,6 +51,10 @@ class Expected:
         return any(
             len(answer) == len(data) and all(e is None or e == g for e, g in zip(answer, data)) for answer in self.answers
         )
+
+    def __str__(self):
+        right = " or ".join(written(self.identifier, answer) for answer in self.answers)
+        return f"{right} {self.why}, due at {self.due / 1000:.3f} ms"
 
 
 def number(kind, data):
