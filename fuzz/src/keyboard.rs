@@ -1,6 +1,6 @@
 //! Bytes on stdin, which become the lines of the console.
 
-use hal_sim::run::Lines;
+use pve_sim::run::Lines;
 
 /// Longest line, in bytes.
 const LINE: usize = 256;
