@@ -7,10 +7,10 @@ use std::path::Path;
 use hal_sim::decode::{DecodeOptions, decode};
 use hal_sim::devices;
 use hal_sim::kind::Simulated as _;
+use hal_sim::log::{Entry, ErrorFrame, Record};
 use hal_sim::memory::SIZE;
 use hal_sim::recording::{Format, Logged, ReadError, Reader, Writer};
 use hal_sim::replay::{self, ReplayOptions};
-use hal_sim::trace::{Entry, ErrorFrame, Record};
 use hal_sim::{BitRate, Duration, Kind, World};
 use pve_sim::state_file::{Opened, StateFile};
 

@@ -5,9 +5,9 @@ use std::path::PathBuf;
 
 use crate::devices::NamedDevice;
 use crate::explain::{Explainer, Node, explain_error_frame};
+use crate::log::Entry;
+use crate::log::candump::write_entry;
 use crate::recording::{Logged, ReadError, Reader};
-use crate::trace::Entry;
-use crate::trace::candump::write_entry;
 
 /// The options of `decode`.
 #[derive(Clone, Debug, PartialEq)]

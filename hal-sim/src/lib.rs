@@ -8,8 +8,9 @@
 //! sender    frames sent on command, once or again and again
 //! devices/  the devices on the bus, as they are written
 //! state/    a device's state, what acts on it, and conditions on both, in words
-//! trace/    what happened on the bus, as other tools read it, and laid out for people
+//! log/      frames and error frames with their times, as other tools write them
 //! explain/  the meaning of frames, in words
+//! trace/    what happened on the bus, laid out for people
 //! ```
 //!
 //! Behind features:
@@ -61,6 +62,7 @@ pub mod describe;
 pub mod devices;
 pub mod explain;
 pub mod kind;
+pub mod log;
 pub mod memory;
 #[cfg(feature = "recording")]
 pub mod recording;

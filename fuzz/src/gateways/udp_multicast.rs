@@ -1,7 +1,7 @@
 //! A second reading of the datagrams of python-can's `udp_multicast`.
 
 use hal_sim::Frame;
-use hal_sim::trace::Timestamp;
+use hal_sim::log::Timestamp;
 use pve_sim::gateway::udp_multicast::{emit, parse};
 
 /// Deepest value that is read here.

@@ -10,7 +10,7 @@ use protocol_core::wire::sdo::{Answer, Multiplexer};
 
 use super::{Explainer, Node};
 use crate::kind::Kind;
-use crate::trace::ErrorFrame;
+use crate::log::ErrorFrame;
 
 /// What all valves on CANopen are taken for, and all angle sensors, and all valves on ISOBUS: within each family the
 /// same frames mean the same.
@@ -149,7 +149,7 @@ pub fn explain_error_frame(error: &ErrorFrame) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::trace::ErrorClass;
+    use crate::log::ErrorClass;
 
     /// What is said of a frame, after the frames before it.
     fn said(before: &[&str], text: &str) -> String {

@@ -8,8 +8,8 @@ use std::io::{self, Write};
 use protocol_core::frame::{ExtendedId, Frame, Id, StandardId};
 
 use super::date::{self, Date};
-use crate::trace::candump::{FD, Reason};
-use crate::trace::{Entry, ErrorFrame, Record, Timestamp};
+use crate::log::candump::{FD, Reason};
+use crate::log::{Entry, ErrorFrame, Record, Timestamp};
 
 /// The channel that all frames are on.
 const CHANNEL: u8 = 1;

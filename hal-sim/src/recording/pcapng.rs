@@ -6,8 +6,8 @@ use pcap_parser::traits::{PcapNGPacketBlock as _, PcapReaderIterator as _};
 use pcap_parser::{Block, PcapBlockOwned, PcapError, PcapNGReader};
 use protocol_core::frame::{ExtendedId, Frame, Id, StandardId};
 
-use crate::trace::candump::{ERROR_FLAG, FD, Reason};
-use crate::trace::{Entry, ErrorFrame, Record, Timestamp};
+use crate::log::candump::{ERROR_FLAG, FD, Reason};
+use crate::log::{Entry, ErrorFrame, Record, Timestamp};
 
 /// The bytes that a file begins with, whatever its byte order.
 pub(super) const MAGIC: [u8; 4] = [0x0A, 0x0D, 0x0D, 0x0A];

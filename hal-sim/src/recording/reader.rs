@@ -8,8 +8,8 @@ use std::path::Path;
 
 use super::pcapng::{MAGIC, PacketError, Packets};
 use super::{Format, asc, foreign};
-use crate::trace::candump::{self, Reason};
-use crate::trace::{Record, Timestamp};
+use crate::log::candump::{self, Reason};
+use crate::log::{Record, Timestamp};
 
 /// The longest line that is read, in bytes: more than any line of a log has.
 const LINE_MAX: u64 = 4096;

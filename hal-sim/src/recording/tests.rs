@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use protocol_core::frame::{Frame, extended, standard};
 
 use super::*;
-use crate::trace::{Entry, ErrorClass, ErrorFrame, Record, Timestamp};
+use crate::log::{Entry, ErrorClass, ErrorFrame, Record, Timestamp};
 
 /// The wall time of the first entry, in microseconds: no whole millisecond.
 const START: u64 = 1_700_000_000_000_042;

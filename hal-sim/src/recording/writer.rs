@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 use std::io::{self, Write};
 
 use super::{Format, asc, pcapng};
-use crate::trace::candump::write_entry;
-use crate::trace::{Record, Timestamp};
+use crate::log::candump::write_entry;
+use crate::log::{Record, Timestamp};
 
 /// Writes a recording of a bus.
 #[derive(Debug)]

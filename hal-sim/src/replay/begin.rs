@@ -10,8 +10,8 @@ use crate::Memory;
 use crate::bus::FrameBits;
 use crate::devices::NamedDevice;
 use crate::kind::Simulated as _;
+use crate::log::{Entry, Timestamp};
 use crate::recording::{Logged, ReadError, Reader};
-use crate::trace::{Entry, Timestamp};
 use crate::world::{EventKind, World};
 
 /// How long after its power-up a device has said something, or says nothing by itself (A).

@@ -42,8 +42,8 @@ use self::lane::{Item, Lane, Verdict};
 use self::own::is_claim;
 use self::stage::Stage;
 use crate::devices::{NamedDevice, NamedLink};
+use crate::log::Entry;
 use crate::recording::{Logged, ReadError, Reader};
-use crate::trace::Entry;
 
 /// How many rounds there are at most. Each is for identifiers that the one before made known.
 const ROUNDS: usize = 4;

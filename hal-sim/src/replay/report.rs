@@ -6,7 +6,7 @@ use protocol_core::frame::Frame;
 use protocol_core::time::Duration;
 
 use super::{Outcome, ReplayOptions};
-use crate::trace::Timestamp;
+use crate::log::Timestamp;
 
 /// A frame of the log that the stand-in did not send as it was, or one that it sent besides.
 #[derive(Clone, Debug, PartialEq, Eq)]

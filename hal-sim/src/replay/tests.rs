@@ -15,8 +15,8 @@ use tempfile::NamedTempFile;
 use super::*;
 use crate::Memory;
 use crate::devices::{self, DeviceSpec, LinkSpec};
+use crate::log::{ErrorClass, Record, Timestamp};
 use crate::recording::{Format, Writer};
-use crate::trace::{ErrorClass, Record, Timestamp};
 use crate::world::{EventKind, NodeId, SUPPLY_JITTER, TapId, World};
 
 const START: Timestamp = Timestamp::from_micros(1_700_000_000_000_042);

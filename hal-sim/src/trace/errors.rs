@@ -8,9 +8,9 @@ use protocol_core::controller::BusErrorMode;
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, since};
 
-use super::ErrorClass;
 use crate::bus::BusError;
 use crate::explain::explain_error;
+use crate::log::ErrorClass;
 use crate::world::{Event, EventKind};
 
 /// An error frame after a pause longer than this is a first one again.

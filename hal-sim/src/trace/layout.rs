@@ -14,8 +14,8 @@ use anstyle::{AnsiColor, Style};
 use protocol_core::frame::{Frame, Id};
 use protocol_core::time::{Duration, Instant, since};
 
-use super::write_hex;
 use crate::explain::{Mark, is_cyclic};
+use crate::log::write_hex;
 
 /// A frame that comes again as it was, and later than this, is news again.
 const CYCLE: Duration = Duration::from_secs(2);

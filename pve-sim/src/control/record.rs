@@ -9,7 +9,7 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use hal_sim::explain::Explainer;
-use hal_sim::trace::write_hex;
+use hal_sim::log::write_hex;
 
 /// The most frames and errors that are kept: a second of a bus under full load, and minutes of a usual one.
 pub(super) const KEPT: usize = 4096;

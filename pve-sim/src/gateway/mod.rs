@@ -46,7 +46,7 @@ use protocol_core::frame::Frame;
 use tokio::sync::oneshot;
 
 use crate::control::Message;
-use hal_sim::trace::{ErrorClass, Timestamp};
+use hal_sim::log::{ErrorClass, Timestamp};
 
 /// A client, for as long as it is connected; the number is not used again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, VecDeque};
 use protocol_core::frame::Frame;
 
 use crate::gateway::{ClientId, Outbox, Overrun, ToClient, ToWorld};
-use hal_sim::trace::{ErrorClass, Timestamp};
+use hal_sim::log::{ErrorClass, Timestamp};
 use hal_sim::world::{Event, EventKind, TapId, World};
 
 /// The name of their controller in traces. No device's name has a blank.

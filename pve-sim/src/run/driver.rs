@@ -23,7 +23,8 @@ use crate::speed::Speed;
 use hal_sim::devices::RateWatch;
 use hal_sim::explain::Explainer;
 use hal_sim::kind::Kind;
-use hal_sim::trace::{Errors, Timestamp};
+use hal_sim::log::Timestamp;
+use hal_sim::trace::Errors;
 use hal_sim::world::{Event, SUPPLY_JITTER, World};
 
 /// The most events between two looks at the clock: some milliseconds of work.

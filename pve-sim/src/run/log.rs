@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use super::system::{is_same_file, open_alone};
 use super::{LogOptions, RunError};
+use hal_sim::log::{Record, Timestamp};
 use hal_sim::recording::{Format, Writer};
-use hal_sim::trace::{Record, Timestamp};
 
 /// The file of `--log`, which nobody else writes for as long as this lives.
 #[derive(Debug)]

@@ -3,7 +3,7 @@
 use std::fs;
 
 use super::*;
-use hal_sim::trace::Entry;
+use hal_sim::log::Entry;
 
 fn log(path: &Path, overwrite: bool) -> LogOptions {
     LogOptions { path: path.to_owned(), overwrite }

@@ -57,7 +57,7 @@ use clients::Clients;
 use end::End;
 use hal_sim::devices;
 use hal_sim::kind::Kind;
-use hal_sim::trace::Timestamp;
+use hal_sim::log::Timestamp;
 use log::Log;
 use outside::System;
 use printer::Printer;

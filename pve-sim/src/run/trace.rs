@@ -14,8 +14,9 @@ use super::log::Log;
 use super::options::ColorChoice;
 use super::printer::Printer;
 use hal_sim::explain::Explainer;
-use hal_sim::trace::candump::write_entry;
-use hal_sim::trace::{Entry, ErrorClass, Layout, Record, Timestamp};
+use hal_sim::log::candump::write_entry;
+use hal_sim::log::{Entry, ErrorClass, Record, Timestamp};
+use hal_sim::trace::Layout;
 use hal_sim::world::{Event, EventKind, NodeId, World};
 
 /// Lines are printed at the latest when they have so many bytes.

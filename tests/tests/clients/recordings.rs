@@ -4,8 +4,8 @@ use std::fs::File;
 use std::path::Path;
 use std::process::Command;
 
+use hal_sim::log::{Entry, ErrorClass, Record, Timestamp};
 use hal_sim::recording::{Format, Writer};
-use hal_sim::trace::{Entry, ErrorClass, Record, Timestamp};
 use protocol_core::frame::{Frame, Id};
 
 use super::programs::output;

@@ -2,7 +2,7 @@
 
 use hal_sim::Memory;
 use hal_sim::bus::BitErrors;
-use hal_sim::trace::{ErrorClass, Timestamp, write_error, write_frame};
+use hal_sim::log::{ErrorClass, Timestamp, write_error, write_frame};
 use hal_sim::world::{EventKind, SUPPLY_JITTER};
 use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::time::Duration;

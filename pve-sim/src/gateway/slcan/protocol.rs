@@ -5,7 +5,7 @@ use std::fmt::Write;
 use protocol_core::frame::{Frame, Id, MAX_LEN, extended, standard};
 
 use crate::gateway::guard::Verdict;
-use hal_sim::trace::{Timestamp, write_hex};
+use hal_sim::log::{Timestamp, write_hex};
 
 /// The longest line without its CR: a frame with a 29-bit identifier, its length and eight bytes.
 const LINE_MAX: usize = 1 + 8 + 1 + 2 * MAX_LEN;

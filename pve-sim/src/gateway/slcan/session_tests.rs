@@ -5,7 +5,7 @@ use tokio::io::{duplex, split};
 use super::*;
 use crate::gateway::tcp::{FAREWELL, HANDSHAKE};
 use crate::gateway::{CREDIT, Inbox, QUEUE};
-use hal_sim::trace::Timestamp;
+use hal_sim::log::Timestamp;
 use protocol_core::frame::{Frame, standard};
 
 const LINE: Line<'_> = Line { url: "slcan://", patience: Some(HANDSHAKE), farewell: FAREWELL };
@@ -104,7 +104,7 @@ async fn the_flags_tell_of_an_error_once() {
     let outbox = joined(&inbox);
     for (error, answer) in [(false, "F00\r"), (true, "F80\r"), (false, "F00\r")] {
         if error {
-            let error = ToClient::Error(Timestamp::from_micros(0), hal_sim::trace::ErrorClass::BusError);
+            let error = ToClient::Error(Timestamp::from_micros(0), hal_sim::log::ErrorClass::BusError);
             outbox.post(error).expect("room");
             pass().await;
         }

@@ -7,7 +7,7 @@ use protocol_core::frame::{Frame, Id, MAX_LEN, extended, standard};
 
 use super::broadcast::Traffic;
 use crate::gateway::guard::Verdict;
-use hal_sim::trace::{ErrorClass, Timestamp, write_hex};
+use hal_sim::log::{ErrorClass, Timestamp, write_hex};
 
 /// The longest message, in bytes between `<` and `>`: that of a client that sends every number in 64 bits has 160.
 pub const MESSAGE_MAX: usize = 256;

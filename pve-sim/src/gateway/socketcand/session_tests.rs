@@ -6,7 +6,7 @@ use tokio::sync::oneshot;
 
 use super::*;
 use crate::gateway::{Arrival, Inbox, QUEUE};
-use hal_sim::trace::{ErrorClass, Timestamp};
+use hal_sim::log::{ErrorClass, Timestamp};
 
 /// How many bytes the stream takes in before somebody reads them.
 const STREAM: usize = 64 * 1024;

@@ -185,7 +185,7 @@ mod tests {
 
     use super::*;
     use crate::gateway::{CREDIT, Inbox, Outbox};
-    use hal_sim::trace::Timestamp;
+    use hal_sim::log::Timestamp;
 
     const GROUP: &str = "239.74.163.2:43113";
 

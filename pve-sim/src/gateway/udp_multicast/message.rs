@@ -4,7 +4,7 @@ use protocol_core::frame::{Frame, Id, MAX_LEN, extended, standard};
 use serde::{Deserialize, Serialize};
 use serde_bytes::Bytes;
 
-use hal_sim::trace::Timestamp;
+use hal_sim::log::Timestamp;
 
 /// A message as this gateway sends it: with all keys.
 #[derive(Debug, Serialize)]

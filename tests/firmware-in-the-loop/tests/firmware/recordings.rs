@@ -9,7 +9,7 @@ use hal_sim::devices::NamedDevice;
 use hal_sim::kind::Birth;
 use hal_sim::recording::{Format, Writer};
 use hal_sim::replay::{Outcome, ReplayOptions, replay};
-use hal_sim::trace::{Entry, Record, Timestamp};
+use hal_sim::log::{Entry, Record, Timestamp};
 use hal_sim::use_case::{Bench, Device, find, play};
 use protocol_core::actuator::SpoolTimes;
 use protocol_core::controller::BitRate;

@@ -1,0 +1,69 @@
+//! Entries of a log: frames and error frames with their times, and the notation of candump for them.
+//!
+//! ```text
+//! record     an entry                       timestamp  the time of a frame
+//! candump    a line of candump -L
+//! ```
+
+pub mod candump;
+mod record;
+mod timestamp;
+
+pub use candump::{write_error, write_frame};
+pub use record::{Entry, ErrorFrame, Record};
+pub use timestamp::{ParseTimestampError, Timestamp};
+
+/// Bytes in hex, two digits each, without blanks.
+pub fn write_hex(out: &mut String, bytes: &[u8]) {
+    const DIGITS: [char; 16] = ['0', '1', '2', '3', '4', '5', '6', '7', '8', '9', 'A', 'B', 'C', 'D', 'E', 'F'];
+    for byte in bytes {
+        out.push(DIGITS[usize::from(byte >> 4)]);
+        out.push(DIGITS[usize::from(byte & 0xF)]);
+    }
+}
+
+/// The classes of error frames of Linux (`linux/can/error.h`), which logs and gateways share.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ErrorClass {
+    /// Nobody acknowledged a frame.
+    NoAcknowledge,
+    /// A frame was destroyed.
+    BusError,
+    /// A controller has become error-passive.
+    ErrorPassive,
+    /// A controller is error-active again.
+    ErrorActive,
+    /// A controller has left the bus.
+    BusOff,
+    /// A controller was bus-off and takes part again.
+    Restarted,
+    /// A device dropped frames that it had to send.
+    TransmitOverflow,
+}
+
+impl ErrorClass {
+    /// Returns the class as Linux numbers it.
+    #[must_use]
+    pub const fn code(self) -> u32 {
+        match self {
+            Self::ErrorPassive | Self::ErrorActive | Self::TransmitOverflow => 0x004,
+            Self::NoAcknowledge => 0x020,
+            Self::BusOff => 0x040,
+            Self::BusError => 0x080,
+            Self::Restarted => 0x100,
+        }
+    }
+
+    /// Returns the data bytes of the error frame: of what the class leaves open, byte 1 has what the controller tells.
+    #[must_use]
+    pub const fn data(self) -> [u8; 8] {
+        let controller = match self {
+            // receive or transmit counter: one bit for each
+            Self::ErrorPassive => 0x30,
+            Self::ErrorActive => 0x40,
+            Self::TransmitOverflow => 0x02,
+            Self::NoAcknowledge | Self::BusError | Self::BusOff | Self::Restarted => 0,
+        };
+        [0, controller, 0, 0, 0, 0, 0, 0]
+    }
+}
