@@ -10,7 +10,7 @@ use std::thread::JoinHandle;
 
 use rigless::cpu::armv7m::windows;
 use rigless::device::ResetCause;
-use rigless::emulator::{self, Driver, Host, Settled, Start, Stop, StopReason, Watch};
+use rigless::emulator::{self, Driver, Hit, Host, Settled, Start, Stop, StopReason, Watch};
 use rigless::machine::{Board, Target, armv7m};
 use rigless::mcu::{Mcu, Operate};
 use rigless::session::Session;
@@ -36,7 +36,7 @@ pub type Nanos = u64;
 /// Where the emulator has stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reached {
-    /// When.
+    /// The time of the arrival.
     pub at: Nanos,
     /// How many instructions were executed until then.
     pub instructions: u64,
@@ -49,7 +49,7 @@ pub struct Reached {
 /// A reset of the part.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reset {
-    /// When.
+    /// The time of the arrival.
     pub at: Nanos,
     /// By what, in the emulator's words.
     pub cause: String,
@@ -60,6 +60,8 @@ pub struct Reset {
 pub struct Arrival {
     /// Where the function begins.
     pub address: u64,
+    /// The time of the arrival.
+    pub at: Nanos,
     /// How many instructions were executed until then.
     pub instructions: u64,
 }
@@ -427,7 +429,8 @@ impl Driver<Nucleo> for Conductor {
                 }
             }
             Settled::Hit(hit) => {
-                self.arrivals.push(Arrival { address: hit.address, instructions: hit.instruction_count });
+                let Hit { address, at, instruction_count: instructions, .. } = hit;
+                self.arrivals.push(Arrival { address, at: at.0, instructions });
             }
             _ => {}
         }

@@ -24,6 +24,17 @@ const SLICE: Duration = Duration::from_micros(20);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BoardId(usize);
 
+/// An event on the bus as a board's controller notices it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Noticed {
+    /// The controller began to listen at so many bits per second, or left the bus.
+    OnBus(Option<u64>),
+    /// The wire changed.
+    Wire(WireEvent),
+    /// A frame of the controller itself begins.
+    Sends(Frame),
+}
+
 /// A world with emulated boards.
 pub struct Rig {
     /// The world; whoever lets time pass does it by [`Rig::run_until`].
@@ -49,6 +60,8 @@ struct Board {
     sending_since: Instant,
     /// How long its last frame took.
     last_sent: Option<Duration>,
+    /// The events of its controller, if they are recorded.
+    noticed: Option<Vec<(Instant, Noticed)>>,
     power_cuts: u64,
     /// How many bytes of the stack were used at the most before the last power cut, if that is watched.
     stack: Option<u64>,
@@ -77,6 +90,7 @@ impl Rig {
             length_code: None,
             sending_since: self.world.now(),
             last_sent: None,
+            noticed: None,
             power_cuts: 0,
             stack: None,
         });
@@ -171,6 +185,12 @@ impl Rig {
     #[must_use]
     pub fn resets(&self, id: BoardId) -> Vec<Reset> {
         self.boards[id.0].machine.as_ref().map(|machine| machine.summary().resets).unwrap_or_default()
+    }
+
+    /// Takes the events that the controller of a board has noticed since the last call, oldest first. The first call
+    /// begins the record.
+    pub fn take_noticed(&mut self, id: BoardId) -> Vec<(Instant, Noticed)> {
+        self.boards[id.0].noticed.replace(Vec::new()).unwrap_or_default()
     }
 
     /// From the next power-up on, it is watched how much of its stack a board uses.
@@ -309,6 +329,10 @@ impl Board {
                 WireEvent::Sent => self.last_sent = Some(since(at, self.sending_since)),
                 _ => {}
             }
+            if let Some(noticed) = &mut self.noticed {
+                let own = if event == (WireEvent::Begins { own: true }) { shared.can.offer() } else { None };
+                noticed.push((at, own.map_or(Noticed::Wire(event), |message| Noticed::Sends(message.frame))));
+            }
             match (event, self.length_code) {
                 (WireEvent::Received(frame), Some(dlc)) => shared.can.receive(Message { frame: full(&frame), dlc }),
                 _ => shared.can.hear(event),
@@ -334,6 +358,9 @@ impl Board {
         let on_bus = shared.on_bus();
         if on_bus != self.on_bus {
             self.on_bus = on_bus;
+            if let Some(noticed) = &mut self.noticed {
+                noticed.push((world.now(), Noticed::OnBus(on_bus.map(|(rate, _)| rate))));
+            }
             match on_bus {
                 Some((rate, silent)) => world.attach(self.controller, bit_rate(rate), silent),
                 None => world.detach(self.controller),

@@ -1,6 +1,7 @@
 //! The flashed images on the emulated boards: on the NUCLEO-F429ZI, and in `f446re` what differs on the NUCLEO-F446RE.
 //! `./run` builds them first.
 
+mod against_host;
 mod angle_sensor;
 mod bit_rates;
 mod budgets;
