@@ -19,7 +19,7 @@ for word in (0x0003, 0x000B):                                      # the valve: 
 
 calm = 0
 while calm < 50:                                                   # one second within half a degree
-    frame = bus.recv(5) or sys.exit("the sensor is silent")
+    frame = bus.recv(60) or sys.exit("the sensor is silent")
     if frame.arbitration_id == 0x181:
         angle = int.from_bytes(frame.data, "little") * 360 / 16384
         away = float(degrees) - angle

@@ -38,7 +38,9 @@ def test_the_environment_names_another_command(monkeypatch: pytest.MonkeyPatch, 
 
 
 def test_the_module_runs_the_command() -> None:
-    ran = subprocess.run([sys.executable, "-m", "pve_sim", "eds", "pvea"], capture_output=True, text=True, check=False)
+    ran = subprocess.run(
+        [sys.executable, "-m", "pve_sim", "eds", "pvea"], capture_output=True, text=True, timeout=PATIENCE, check=False
+    )
     assert ran.returncode == 2 and "pvea-canopen" in ran.stderr
 
 

@@ -19,7 +19,11 @@ def blocks(language: str) -> list[str]:
 
 def test_a_controller_meets_a_valve_that_breaks(pytester: pytest.Pytester) -> None:
     shutil.copy(ROOT / "examples/boom.py", pytester.path / "controller.py")
-    pytester.makepyfile(blocks("python")[0])
+    # A tenth of the speed: a controller that the machine holds up for two seconds has not stopped. So its way is shorter.
+    pytester.makeini("[pytest]\npve_sim_speed = 0.1\n")
+    guide = blocks("python")[0].replace("timeout=60", "timeout=600")
+    shorter = guide.replace("controller(pve_sim, 60)", "controller(pve_sim, 20)").replace("60 * 16384", "20 * 16384")
+    pytester.makepyfile(shorter)
     pytester.runpytest_subprocess().assert_outcomes(passed=2)
 
 
