@@ -17,7 +17,8 @@ from processes import process, run
 from raw import hear, send
 from waiting import LIFE, PATIENCE, equal, take
 
-INTERFACE = "slcan0"
+#: A name that the kernel does not give: once it is there, slcand has done with it.
+INTERFACE = "pveslcan"
 READ, ANSWER = (0x622, bytes.fromhex("4000100000000000")), (0x5A2, bytes.fromhex("4300100098010000"))
 
 @contextlib.contextmanager
@@ -29,7 +30,7 @@ def attached(path, *options):
     program = subprocess.Popen(command)
     try:
         while not os.path.exists(f"/sys/class/net/{INTERFACE}"):
-            # On a starved machine it may end at once, as long as the interface before is going.
+            # It may end at once, as long as the interface before is going.
             if program.poll() is not None:
                 program = subprocess.Popen(command)
             assert time.monotonic() < deadline, "slcand makes no interface"

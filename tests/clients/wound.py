@@ -11,15 +11,18 @@ import pathlib
 import runpy
 import sys
 import threading
+import time
 import traceback
 import urllib.parse
 
 from waiting import PATIENCE, equal
 
-#: Virtual time that passes at once, milliseconds: less than two frames of CANopen take.
-TICK_MS = 2
 #: A quarter of the speed of the wall clock: another thread of this process may come a second late, too.
 SPEED = 0.25
+#: Between two advances, seconds of the wall clock.
+TICK = 0.008
+#: The most that passes at once, milliseconds of virtual time, however late the machine is: much less than a time guard.
+LONGEST_MS = 20
 #: Devices start within the first milliseconds: a script joins a bus that is at work.
 START_MS = 5
 
@@ -44,8 +47,11 @@ class Clock:
 
     def wind(self, ended):
         try:
-            while not ended.wait(TICK_MS / 1000 / SPEED):
-                self.advance(TICK_MS)
+            last = time.monotonic()
+            while not ended.wait(TICK):
+                now = time.monotonic()
+                self.advance(min(LONGEST_MS, max(1, round((now - last) * 1000 * SPEED))))
+                last = now
         except Exception:
             # nothing comes any more of what the script waits for
             traceback.print_exc()
