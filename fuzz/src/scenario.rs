@@ -43,10 +43,7 @@ pub fn scenario(bytes: &[u8]) {
                 let number = number.unwrap_or(1);
                 assert!((1..=text.split('\n').count()).contains(&number), "no line {number} in the file: {reason}");
                 assert!(line.ends_with(&format!(":{number}: {reason}")), "{line}");
-                let place = toml::from_str::<Table>(text).err().and_then(|error| error.span());
-                if let Some(begun) = place.and_then(|place| text.get(..place.start)) {
-                    assert_eq!(number, begun.split('\n').count(), "the line that is no TOML: {reason}");
-                }
+                check_place(text, number);
             }
             return;
         }
@@ -73,6 +70,17 @@ pub fn scenario(bytes: &[u8]) {
     assert!(junit.chars().all(is_xml), "no XML: {junit:?}");
     assert_eq!(junit.matches("<testcase ").count(), 1, "{junit}");
     assert_eq!(junit.matches("<failure ").count(), usize::from(!is_success), "{junit}");
+}
+
+/// Asserts that a refusal names the line where the file stops being TOML; where it does not, one that says something.
+fn check_place(text: &str, number: usize) {
+    let error = toml::from_str::<Table>(text).err();
+    if let Some(begun) = error.and_then(|error| error.span()).and_then(|place| text.get(..place.start)) {
+        assert_eq!(number, begun.split('\n').count(), "no TOML");
+    } else {
+        let line = text.split('\n').nth(number - 1).unwrap_or_default().trim();
+        assert!(number == 1 || !line.is_empty() && !line.starts_with('#'), "nothing in line {number}");
+    }
 }
 
 /// Asserts that the trace goes forward in time, up to the end, and has no frame of the scenario but these.
