@@ -19,6 +19,7 @@ class Sensor(Node):
         self.identity = (0xDA, 925010 if kind == "hat1000" else 925011, 0x00010007, 1)
         self.saved = {"C": None, "A": None}
         self.raw, self.measuring_error, self.fault, self.inhibited_until = 0, False, False, 0
+        self.starting = False
         super().__init__(1)
 
     def power_cut(self, now):
@@ -84,8 +85,20 @@ class Sensor(Node):
             super().restart(action)
 
     def start_by_itself(self):
-        if self.nmt == PRE_OPERATIONAL and self.values[0x1F80, 0] == 0x0C:
+        self.starting = self.nmt == PRE_OPERATIONAL and self.values[0x1F80, 0] == 0x0C
+
+    def hear(self, now, identifier, data):
+        super().hear(now, identifier, data)
+        waiting = [due for due in self.expected if due.why in ("boot-up", "EMCY") and not due.optional]
+        if self.starting and all(due.identifier == identifier for due in waiting[:1]) and not waiting[1:]:
+            # Boot-up and EMCYs are on the bus with this one.
+            self.now = now
+            self.starting = False
             self.enter(OPERATIONAL)
+
+    def command(self, command):
+        self.starting = False
+        super().command(command)
 
     def heartbeat_time(self):
         return self.values[0x1017, 0]
