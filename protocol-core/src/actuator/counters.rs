@@ -47,9 +47,11 @@ impl Counters {
         self
     }
 
-    /// Sets the counters of these faults to 0. Returns whether any changed.
-    pub(super) fn clear(&mut self, faults: FaultSet) -> bool {
-        faults.into_iter().fold(false, |changed, fault| self.set(fault, 0) | changed)
+    /// Sets the counters of these faults to 0.
+    pub(super) fn clear(&mut self, faults: FaultSet) {
+        for fault in faults {
+            self.set(fault, 0);
+        }
     }
 
     /// Counts one more. Returns whether the counter changed: it stops at 127.

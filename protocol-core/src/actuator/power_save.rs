@@ -41,12 +41,12 @@ impl PowerSave {
         }
     }
 
-    /// Returns when the state changes next, if the spool comes to rest at `rests`; in neutral, if `neutral`.
-    pub(super) fn due(self, neutral: bool, rests: Instant) -> Instant {
+    /// Returns when the state changes next, if the spool comes to rest at `rests`.
+    pub(super) fn due(self, rests: Instant) -> Instant {
         match self {
             Self::Returning(back) => back,
-            Self::Waiting(due) if neutral => due.max(rests),
-            Self::Off | Self::Waiting(_) | Self::On => NEVER,
+            Self::Waiting(due) => due.max(rests),
+            Self::Off | Self::On => NEVER,
         }
     }
 }

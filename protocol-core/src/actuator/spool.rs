@@ -229,8 +229,8 @@ impl Spool {
         self.path.destination()
     }
 
-    /// Returns where and since when the spool rests, or will, if nothing else happens to it.
-    pub(super) const fn rests(&self) -> (Travel, Instant) {
+    /// Returns since when the spool rests, or will, if nothing else happens to it.
+    pub(super) const fn rests(&self) -> Instant {
         self.path.rests()
     }
 

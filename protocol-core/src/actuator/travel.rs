@@ -231,13 +231,12 @@ impl Path {
         self.approach.to
     }
 
-    /// Returns where and since when the spool rests, or will.
-    pub(super) const fn rests(&self) -> (Travel, Instant) {
-        let last = match &self.creep {
-            Some(creep) => creep,
-            None => &self.approach,
-        };
-        (last.to, last.end)
+    /// Returns since when the spool rests, or will.
+    pub(super) const fn rests(&self) -> Instant {
+        match &self.creep {
+            Some(creep) => creep.end,
+            None => self.approach.end,
+        }
     }
 
     /// Returns the first microsecond after `now` at which the spool enters or leaves the band; [`NEVER`] if it does
@@ -274,7 +273,7 @@ mod tests {
         assert_eq!(path.at(at_us(7 + 250_000)), Travel::NEUTRAL);
         assert!(path.at(at_us(7 + 499_999)) < Travel::FULL_B);
         assert_eq!(path.at(at_us(7 + 500_000)), Travel::FULL_B);
-        assert_eq!(path.rests(), (Travel::FULL_B, at_us(7 + 500_000)));
+        assert_eq!(path.rests(), at_us(7 + 500_000));
     }
 
     #[test]

@@ -290,9 +290,9 @@ impl Valve {
         self.faults.set(Fault::CanBus, bus_off);
     }
 
-    /// Sets the occurrence counters of these faults to 0.
+    /// Sets the occurrence counters of these faults to 0. It counts as stored: the memory has the zeros already.
     pub fn clear_counters(&mut self, faults: FaultSet) {
-        self.faults.counters_changed |= self.faults.counters.clear(faults);
+        self.faults.counters.clear(faults);
     }
 
     /// Sets all occurrence counters to 0, and returns what they were. It counts as stored: whoever takes them has the

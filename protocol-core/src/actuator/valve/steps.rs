@@ -76,8 +76,8 @@ impl Valve {
         self.in_float.observe(Reading { trips: short, clears: neutral }, &mut self.faults, now);
 
         self.spool_due = self.at_set_point.due().min(self.in_float.due());
-        let (resting_place, rests) = self.spool.rests();
-        self.spool_due = self.spool_due.min(self.power_save.due(IN_NEUTRAL.contains(resting_place), rests));
+        let rests = self.spool.rests();
+        self.spool_due = self.spool_due.min(self.power_save.due(rests));
         if now < rests {
             self.spool_due = self.spool_due.min(self.next_crossing(wanted, now));
         }
@@ -86,7 +86,7 @@ impl Valve {
     /// Decides on power save and lets the solenoids act on the spool, which is `here`.
     fn energise(&mut self, here: Travel, neutral: bool, now: Instant) {
         let commanded = self.drive == Drive::Regulate(SetPoint::NEUTRAL);
-        self.power_save.update(commanded, neutral, self.spool.rests().1, now);
+        self.power_save.update(commanded, neutral, self.spool.rests(), now);
         let action = match self.drive {
             Drive::Regulate(_) if self.power_save() => Action::Release,
             Drive::Regulate(SetPoint::Position(position)) => Action::Move(self.target(position)),

@@ -149,13 +149,6 @@ impl Owed {
         self.tpdo.owed
     }
 
-    /// Owes nothing of a TPDO that is off or has another key now.
-    pub(super) fn rekey_tpdo(&mut self, key: Option<u32>) {
-        if key.is_none() || self.tpdo.taken.is_some_and(|taken| Some(taken) != key) {
-            self.settle_tpdo();
-        }
-    }
-
     /// Owes an EMCY; `entered` says whether the history has an entry for it.
     pub(super) fn owe_emcy(&mut self, message: Emcy, entered: bool) {
         if !self.emcys.push(message, entered) {

@@ -48,7 +48,7 @@ impl<P: Product> Node<P> {
 
     /// Returns the reset that an NMT command demands.
     pub(crate) fn reset_demanded(&self, frame: &Frame) -> Option<Reset> {
-        if frame.is_remote() || self.listening.service(frame) != Some(Service::Nmt) {
+        if self.listening.service(frame) != Some(Service::Nmt) {
             return None;
         }
         nmt::parse(frame.data()).and_then(|(command, _)| Reset::of(command))
@@ -195,7 +195,10 @@ impl<P: Product> Node<P> {
         let emcys = self.objects.emcy.key();
         self.objects.write_own(object, number, rules, objects, now)?;
         self.listening.update(&self.objects, rules);
-        self.owed.rekey_tpdo(self.objects.tpdo.key());
+        // Its identifier changes only while it is off.
+        if self.objects.tpdo.key().is_none() {
+            self.owed.settle_tpdo();
+        }
         if emcys.is_some() && emcys != self.objects.emcy.key() {
             self.owed.drop_emcys(emcys);
         }

@@ -160,7 +160,7 @@ impl Application {
     fn drive(&self) -> Drive {
         match (self.machine.state(), self.mode) {
             (DeviceState::Active, DeviceMode::FullOperational) => Drive::Regulate(self.in_force),
-            (DeviceState::Active, DeviceMode::HandOperation) => Drive::Hand,
+            // Hand operation too: the monitors of the spool run only while the valve regulates.
             _ => Drive::Off,
         }
     }

@@ -52,8 +52,6 @@ impl IsobusValve {
     fn end_clearing(&mut self, asked: FaultSet, stored: bool) {
         if stored {
             self.auxiliary.valve.clear_counters(asked.intersection(self.clearable));
-            // The memory holds the zeros already.
-            self.auxiliary.valve.take_counters_changed();
         }
         let node = &mut self.node;
         self.clearing.retain(|clearing| {
