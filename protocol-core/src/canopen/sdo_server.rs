@@ -243,7 +243,7 @@ impl SdoServer {
 }
 
 /// Returns the value of a download of up to four bytes. Without a size, a number's own length is taken from the front,
-/// and of a text the bytes before the zeros at its end.
+/// and of a text the bytes before the zeros at its end (A).
 fn expedited<'a>(entry: &Entry, size: Option<u8>, [_, _, _, _, data @ ..]: &'a Bytes) -> Result<Value<'a>, AbortCode> {
     if let Some(size) = size {
         entry.check_length(usize::from(size))?;

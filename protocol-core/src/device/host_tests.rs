@@ -1,5 +1,6 @@
 //! The host with a body that has one timer, one fault log and one answer.
 
+use super::super::fault_log::FAULT_LOG_INTERVAL;
 use super::*;
 use crate::memory::Image;
 use crate::memory::seal;
@@ -12,10 +13,13 @@ const SAVE: Write = Write::new(RecordKey::Parameters, Asker::Sdo);
 /// Not among the writes of the body.
 const UNLISTED: Write = Write::new(RecordKey::Parameters, Asker::Uds);
 
-/// Obeys the first byte of a frame: 1 saves, 2 counts a fault, 3 asks for an unlisted write, 0x81 and 0x82 reset.
+/// Obeys the first byte of a frame: 1 saves, 2 counts a fault, 3 asks for an unlisted write, 4 is due at once, 0x81 and 0x82
+/// reset.
 struct Obedient {
     beat: Instant,
     polled: heapless::Vec<Instant, 8>,
+    /// Whether the last poll found an internal fault.
+    found_fault: bool,
     owed: bool,
     starts: heapless::Vec<Restart, 8>,
     saved: Option<bool>,
@@ -63,6 +67,7 @@ impl Body for Obedient {
             1 => base.writes.ask(SAVE),
             2 => base.fault_log.changed(base.now()),
             3 => base.writes.ask(UNLISTED),
+            4 => self.beat = base.now(),
             _ => {}
         }
         if let Some(scope) = demanded(frame) {
@@ -79,6 +84,7 @@ impl Body for Obedient {
     fn poll(&mut self, base: &mut Base) {
         if base.now() >= self.beat {
             self.polled.push(base.now()).unwrap();
+            self.found_fault = self.senses.internal_fault;
             self.beat = after(self.beat, Duration::from_millis(100));
         }
     }
@@ -149,6 +155,7 @@ fn started() -> Host<Obedient> {
     let mut host = Host::new(Obedient {
         beat: NEVER,
         polled: heapless::Vec::new(),
+        found_fault: false,
         owed: false,
         starts: heapless::Vec::new(),
         saved: None,
@@ -192,6 +199,24 @@ fn what_is_due_acts_before_a_frame_that_comes_later() {
 }
 
 #[test]
+fn what_a_frame_makes_due_at_once_acts_at_once() {
+    let mut host = started();
+    tell(&mut host, "4", START);
+    assert_eq!(host.body().polled, [START]);
+    assert_eq!(host.deadline(), after(START, Duration::from_millis(100)));
+}
+
+/// And what is due at that instant on the new ones.
+#[test]
+fn what_was_due_before_new_senses_acts_on_the_old_ones() {
+    for (at, on_new) in [(100, true), (101, false)] {
+        let mut host = started();
+        host.sense(&Senses { internal_fault: true, ..Senses::default() }, after(START, Duration::from_millis(at)));
+        assert_eq!((host.body().polled.len(), host.body().found_fault), (1, on_new), "{at} ms");
+    }
+}
+
+#[test]
 fn a_restart_waits_for_writes_and_for_the_bus() {
     let mut host = started();
     tell(&mut host, "1", START);
@@ -204,6 +229,8 @@ fn a_restart_waits_for_writes_and_for_the_bus() {
     assert_eq!(host.next_effect(false), None);
     assert_eq!(host.next_effect(true), Some(Effect::Restart(Restart::Communication)));
     assert_eq!(host.next_effect(true), None, "handed out once");
+    tell(&mut host, "1", START);
+    assert_eq!(host.next_effect(true), None, "it takes no frames before it is carried out");
     host.restart(Restart::Communication, &Image::empty(), START);
     assert_eq!(host.body().starts, [Restart::Application, Restart::Communication]);
     assert!(!host.base.is_restarting());
@@ -226,6 +253,7 @@ fn a_restart_that_is_demanded_while_one_is_carried_out_follows_it() {
     tell(&mut host, "82", START);
     assert_eq!(host.next_effect(true), Some(Effect::Restart(Restart::Communication)));
     tell(&mut host, "81", START);
+    assert_eq!(host.next_effect(true), None);
     host.restart(Restart::Communication, &Image::empty(), START);
     assert_eq!(host.next_effect(true), Some(Effect::Restart(Restart::Application)));
     host.restart(Restart::Application, &Image::empty(), START);
@@ -241,6 +269,26 @@ fn the_fault_log_is_written_before_a_restart_and_tried_once() {
         assert_eq!(host.next_effect(true), store(RecordKey::FaultLog));
         host.stored(RecordKey::FaultLog, if works { Ok(()) } else { Err(StoreError) }, START);
         assert_eq!(host.next_effect(true), Some(Effect::Restart(Restart::Application)));
+    }
+}
+
+/// Reset communication leaves the counters as they are, so their log is still to be written; reset application takes them
+/// from the memory.
+#[test]
+fn a_fault_log_that_failed_before_a_restart() {
+    let retried = after(START, FAULT_LOG_INTERVAL);
+    for (order, scope, effect) in
+        [("82", Restart::Communication, store(RecordKey::FaultLog)), ("81", Restart::Application, None)]
+    {
+        let mut host = started();
+        tell(&mut host, "2", START);
+        tell(&mut host, order, START);
+        assert_eq!(host.next_effect(true), store(RecordKey::FaultLog));
+        host.stored(RecordKey::FaultLog, Err(StoreError), START);
+        assert_eq!(host.next_effect(true), Some(Effect::Restart(scope)));
+        host.restart(scope, &Image::empty(), START);
+        host.poll(retried);
+        assert_eq!(host.next_effect(true), effect, "{scope:?}");
     }
 }
 
@@ -290,7 +338,7 @@ fn a_failed_log_is_tried_again_after_the_interval() {
     assert_eq!(host.next_effect(true), store(RecordKey::FaultLog));
     let failed = after(START, Duration::from_millis(520));
     host.stored(RecordKey::FaultLog, Err(StoreError), failed);
-    assert_eq!(host.base.fault_log.due(), after(failed, super::super::fault_log::FAULT_LOG_INTERVAL));
+    assert_eq!(host.base.fault_log.due(), after(failed, FAULT_LOG_INTERVAL));
 }
 
 /// The queue may have no place for it.

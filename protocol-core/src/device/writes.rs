@@ -185,10 +185,10 @@ mod tests {
         let dm3 = Write::new(RecordKey::FaultLog, Asker::Dm3);
         writes.ask(dm3.with(0b01));
         assert_eq!(writes.begin(), Some(dm3.with(0b01)));
-        writes.ask(dm3.with(0b10));
-        writes.ask(dm3.with(0b100));
+        writes.ask(dm3.with(0b011));
+        writes.ask(dm3.with(0b110));
         assert_eq!(writes.end(RecordKey::FaultLog), Some(dm3.with(0b01)));
-        assert_eq!(writes.begin(), Some(dm3.with(0b110)));
+        assert_eq!(writes.begin(), Some(dm3.with(0b111)));
     }
 
     #[test]

@@ -43,6 +43,19 @@ fn answers_are_not_sent_in_the_silence() {
     }
 }
 
+/// A reset in the silence begins anew: a fault of before is told as every start tells it, once.
+#[test]
+fn emcys_do_not_outlive_a_reset_in_the_silence() {
+    let mut valve = held();
+    valve.send(ACTIVATE);
+    valve.hold_bus(false);
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.send("000: 82 20");
+    switches_silently(&mut valve);
+    valve.advance(1);
+    assert_eq!(valve.take(), [BOOT[0], BOOT[1], INTERNAL_ERROR]);
+}
+
 /// The bus is free again after the switch: what waits would be at the wrong rate.
 #[test]
 fn answers_are_not_sent_at_the_new_rate() {

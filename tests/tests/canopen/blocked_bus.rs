@@ -168,6 +168,25 @@ fn synchronous_tpdos_tell_the_present_state() {
     assert_eq!(valve.take(), ["1A0: 0F 00 00 00"]);
 }
 
+/// A change that comes while the TPDO is in the controller, without another RPDO: by SDO, or by a fault.
+#[test]
+fn a_waiting_tpdo_tells_the_state_as_it_is_sent() {
+    let mut valve = Rig::booted();
+    valve.exchange("000: 01 20", &[]);
+    valve.hold_bus(true);
+    valve.send("220: 0F 00 00 00");
+    assert_eq!(valve.pending(), 1);
+    valve.send("620: 2B 40 60 00 0F 00 00 00");
+    valve.hold_bus(false);
+    assert_eq!(valve.take(), ["1A0: 0B 00 00 00", "5A0: 60 40 60 00 00 00 00 00"]);
+
+    valve.hold_bus(true);
+    valve.send("220: 0F 00 00 00");
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.hold_bus(false);
+    assert_eq!(valve.take(), ["0A0: 00 10 01 01 00 00 00 00", "1A0: 03 00 00 00"]);
+}
+
 /// PDOs are sent in operational only.
 #[test]
 fn no_tpdo_after_operational() {
@@ -185,13 +204,37 @@ fn no_tpdo_after_operational() {
 /// A PDO that was switched off or given another identifier does not go out under the old one.
 #[test]
 fn no_tpdo_of_a_pdo_that_is_off() {
+    const OFF: &str = "620: 23 00 18 01 A0 01 00 80";
+    const IS_OFF: &str = "5A0: 60 00 18 01 00 00 00 00";
     let mut valve = Rig::booted();
     valve.exchange("000: 01 20", &[]);
     valve.hold_bus(true);
     valve.send("220: 0F 00 00 00");
-    valve.send("620: 23 00 18 01 A0 01 00 80");
+    valve.send(OFF);
     valve.hold_bus(false);
-    assert_eq!(valve.take(), ["5A0: 60 00 18 01 00 00 00 00"]);
+    assert_eq!(valve.take(), [IS_OFF]);
+
+    // Nor does one that the controller has not taken yet, for the EMCY before it.
+    let mut valve = Rig::booted();
+    valve.exchange("000: 01 20", &[]);
+    valve.hold_bus(true);
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.send("220: 0F 00 00 00");
+    valve.send(OFF);
+    assert_eq!(valve.pending(), 1);
+    valve.hold_bus(false);
+    assert_eq!(valve.take(), ["0A0: 00 10 01 01 00 00 00 00", IS_OFF]);
+}
+
+/// An EMCY outlives the writes of all other objects.
+#[test]
+fn a_waiting_emcy_and_a_write_of_another_object() {
+    let mut valve = Rig::booted();
+    valve.hold_bus(true);
+    valve.sense(|senses| senses.internal_fault = true);
+    valve.send("620: 23 05 10 00 90 00 00 00");
+    valve.hold_bus(false);
+    assert_eq!(valve.take(), ["0A0: 00 10 01 01 00 00 00 00", "5A0: 60 05 10 00 00 00 00 00"]);
 }
 
 /// A heartbeat that was switched off is not sent.

@@ -454,3 +454,15 @@ proptest! {
 }
 
 const SAVE: &str = "620: 23 10 10 01 73 61 76 65";
+
+/// The mode that is in force already changes nothing: the spool stays at its set-point.
+#[test]
+fn the_same_mode_again() {
+    let mut valve = Rig::booted();
+    valve.activate();
+    valve.exchange("220: 0F 00 00 20", &["1A0: 0F 00 00 00"]);
+    valve.advance(200);
+    assert_eq!(valve.write(0x6042, 0, 1, 1), Ok(()));
+    valve.advance(40);
+    assert_eq!((valve.status(), valve.read(0x6301, 1)), (0x0F, 0x2000));
+}

@@ -108,6 +108,25 @@ fn clearing_clears_all_of_them() {
     assert_eq!(valve.read(0x2024, 0), 1);
 }
 
+/// The log that the valve writes for itself clears nothing, and answers no client.
+#[test]
+fn clearing_waits_for_its_own_write() {
+    for fails in [false, true] {
+        let mut valve = Rig::booted();
+        fault(&mut valve);
+        valve.write_time = Duration::from_millis(30);
+        valve.flush();
+        if fails {
+            valve.failing_writes.insert(0);
+        }
+        valve.exchange(CLEAR, &[]);
+        valve.advance(30);
+        assert!(!valve.take().contains(&COUNTERS_CLEARED.to_owned()), "the first write fails: {fails}");
+        valve.advance(30);
+        assert!(valve.take().contains(&COUNTERS_CLEARED.to_owned()), "the first write fails: {fails}");
+    }
+}
+
 /// When the memory fails the counters are what they were.
 #[test]
 fn clearing_fails() {

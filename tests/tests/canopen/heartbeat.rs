@@ -115,6 +115,37 @@ fn the_boot_up_counts_as_the_first() {
     expect_after(&mut rig, 200, "720: 7F");
 }
 
+/// After a pause one heartbeat goes out, whatever was missed; the pace is kept, or begins anew after a whole period.
+#[test]
+fn a_late_poll() {
+    for (late, until_next) in [(30, 70), (99, 1), (100, 100), (250, 100)] {
+        let mut rig = Rig::booted();
+        set(&mut rig, 100);
+        rig.expect("720: 7F");
+        rig.leap(Duration::from_millis(100 + late));
+        rig.expect("720: 7F");
+        rig.expect_nothing();
+        expect_after(&mut rig, until_next, "720: 7F");
+    }
+}
+
+/// A valve whose reset waits for the memory is no node of the bus any more.
+#[test]
+fn none_while_a_reset_waits() {
+    for reset in ["000: 81 00", "000: 82 00"] {
+        let mut rig = Rig::booted();
+        set(&mut rig, 100);
+        rig.expect("720: 7F");
+        rig.write_time = Duration::from_secs(1);
+        rig.exchange("620: 23 10 10 01 73 61 76 65", &[]);
+        rig.exchange(reset, &[]);
+        rig.advance(999);
+        rig.expect_nothing();
+        rig.advance(1);
+        assert_eq!(rig.take(), ["720: 00", "0A0: 00 00 00 00 00 00 00 00"]);
+    }
+}
+
 #[test]
 fn a_time_that_was_not_stored_is_gone_with_a_reset() {
     for reset in ["000: 81 00", "000: 82 00"] {

@@ -196,6 +196,21 @@ fn what_comes_between_a_switch_selective() {
     }
 }
 
+/// Identify remote slave is no service of the valve (SPEC 4.4): six bounds that all hold are not answered.
+#[test]
+fn identify_remote_slave_is_not_answered() {
+    const HOLDS: [&str; 6] =
+        ["46 19 00 00 01", "47 00 00 36 53", "48 20 00 01 00", "49 20 00 01 00", "4A 00 01 2E 5B", "4B 00 01 2E 5B"];
+    for nmt in STATES {
+        for state in ["04 00", "04 01"] {
+            let mut valve = valve_in(nmt);
+            for request in [state].iter().chain(&HOLDS) {
+                lss(&mut valve, request, None);
+            }
+        }
+    }
+}
+
 #[test]
 fn node_ids_1_to_127_are_taken() {
     for node_id in 0..=255_u8 {

@@ -46,6 +46,21 @@ fn the_larger_of_two_that_wait_for_the_bus() {
     }
 }
 
+/// Only an NMT command for the valve itself makes a reset that waits the larger one.
+#[test]
+fn what_does_not_widen_a_reset_that_waits() {
+    for other in ["000: 81 21", "220: 81 20", "220: 81 00", "080: 81 20", "000: R2"] {
+        let mut valve = Rig::booted();
+        valve.write_time = Duration::from_millis(300);
+        valve.send(SAVE);
+        valve.send("000: 82 20");
+        valve.send(other);
+        valve.advance(300);
+        assert_eq!(valve.take(), BOOT, "{other}");
+        assert_eq!(valve.status(), FAULT_HOLD, "{other}");
+    }
+}
+
 /// A new node ID that waits for the memory is in force after the larger reset, too.
 #[test]
 fn a_stored_node_id_with_two_resets() {

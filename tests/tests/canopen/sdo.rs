@@ -76,6 +76,21 @@ fn expedited_without_a_size() {
     rig.exchange("620: 40 28 10 01 00 00 00 00", &["5A0: 43 28 10 01 A1 00 00 00"]);
 }
 
+/// A text ends where the zeros begin that nothing follows (A).
+#[test]
+fn a_text_without_a_size() {
+    for (written, read) in [
+        ("61 62 00 00", "5A0: 4B 53 60 00 61 62 00 00"),
+        ("61 62 63 64", "5A0: 43 53 60 00 61 62 63 64"),
+        ("61 00 62 00", "5A0: 47 53 60 00 61 00 62 00"),
+        ("00 00 00 00", "5A0: 41 53 60 00 00 00 00 00"),
+    ] {
+        let mut rig = Rig::booted();
+        rig.exchange(&format!("620: 22 53 60 00 {written}"), &["5A0: 60 53 60 00 00 00 00 00"]);
+        rig.exchange("620: 40 53 60 00 00 00 00 00", &[read]);
+    }
+}
+
 #[test]
 fn a_segmented_upload_frame_by_frame() {
     let mut rig = Rig::booted();

@@ -1,8 +1,10 @@
 //! Every EMCY with its register, its entry in 0x1003, and its end (SPEC 9).
 
 use protocol_core::controller::BusErrorMode;
-use protocol_core::memory::RecordKey;
-use protocol_core::time::Duration;
+use protocol_core::device::hat::{Hat, Kind, Setup};
+use protocol_core::device::{Device as _, Senses, StartCause, Viewable as _};
+use protocol_core::memory::{Image, RecordKey};
+use protocol_core::time::{Duration, Instant};
 use tests::Rig;
 
 use super::{LOAD, SAVE, blank, booted};
@@ -385,6 +387,22 @@ fn the_history_is_eight_deep_and_volatile() {
     assert_eq!(history(&mut rig), [0; 0]);
 }
 
+/// People and tools are shown how many entries of the history each error has.
+#[test]
+fn the_view_counts_the_entries() {
+    let now = Instant::from_secs(1);
+    let mut hat = Hat::power_on(Setup::new(Kind::Hat1000), &Image::empty(), StartCause::PowerOn, now);
+    let healthy = Senses::healthy(Kind::Hat1000.into());
+    for _ in 0..3 {
+        hat.sense(&Senses { internal_fault: true, ..healthy }, now);
+        hat.sense(&healthy, now);
+    }
+    hat.sense(&Senses { bus: BusErrorMode::ErrorPassive, ..healthy }, now);
+    let faults = hat.view(now).faults.into_iter().map(|fault| (fault.name, fault.active, fault.count));
+    let expected = [("set-up", false, 0), ("controller", false, 3), ("error-passive", true, 1), ("can-bus", false, 0)];
+    assert_eq!(faults.collect::<Vec<_>>(), expected);
+}
+
 #[test]
 fn under_a_changed_29_bit_cob_id() {
     let mut rig = booted();
@@ -402,6 +420,36 @@ fn under_a_changed_29_bit_cob_id() {
     rig.exchange("000: 82 00", &[BOOT_UP, "0ABCDEF0: 00 FF 81 02 00 00 00 00"]);
     rig.power_cycle();
     assert_eq!(rig.take(), [BOOT_UP, "0ABCDEF0: 00 FF 81 02 00 00 00 00"]);
+}
+
+/// In the order of arbitration, after answers and the heartbeat if its identifier says so.
+#[test]
+fn under_an_identifier_less_urgent_than_answers() {
+    for (cob_id, told, place) in [
+        (0x081, CONTROLLER, 0),
+        (0x6A0, "6A0: 00 FF 81 02 00 00 00 00", 1),
+        (0x3FFF_FFFF, "1FFFFFFF: 00 FF 81 02 00 00 00 00", 2),
+    ] {
+        let mut rig = booted();
+        assert_eq!(rig.write(0x1014, 0, 4, 0x8000_0081), Ok(()));
+        assert_eq!(rig.write(0x1014, 0, 4, cob_id), Ok(()));
+        for (index, sub, size, value) in
+            [(0x1029, 2, 1, 1), (0x1800, 2, 1, 1), (0x1800, 1, 4, 0x080), (0x1017, 0, 2, 100)]
+        {
+            assert_eq!(rig.write(index, sub, size, value), Ok(()));
+        }
+        rig.exchange("000: 01 00", &["701: 7F"]);
+        // A TPDO more urgent than all keeps them out of the controller until the bus is free.
+        rig.hold_bus(true);
+        rig.send("080:");
+        rig.advance(100);
+        rig.send("601: 40 01 10 00 00 00 00 00");
+        internal_fault(&mut rig, true);
+        rig.hold_bus(false);
+        let mut expected = vec!["581: 4F 01 10 00 00 00 00 00", "701: 05"];
+        expected.insert(place, told);
+        assert_eq!(rig.take()[1..], expected);
+    }
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! What a master sees of the angle sensors (SPEC 9).
 
+mod blocked_bus;
 mod commissioning;
 mod emcy;
 mod fast_scan;

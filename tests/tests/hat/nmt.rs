@@ -107,6 +107,19 @@ fn it_starts_itself_once_and_leaves_lss_configuration() {
     rig.exchange("7E5: 5E 00 00 00 00 00 00 00", &[]);
 }
 
+/// Leaving operational by itself is no start, and entering it is one, whoever leaves it.
+#[test]
+fn it_leaves_lss_configuration_as_it_starts_itself() {
+    let mut rig = self_starting();
+    rig.hold_bus(true);
+    rig.power_cycle();
+    rig.send("7E5: 04 01 00 00 00 00 00 00");
+    rig.hold_bus(false);
+    assert_eq!(rig.take(), ["701: 00"]);
+    rig.exchange("000: 80 00", &[]);
+    rig.exchange("7E5: 5E 00 00 00 00 00 00 00", &[]);
+}
+
 #[test]
 fn a_command_before_the_boot_up_is_out_has_the_last_word() {
     let mut rig = self_starting();

@@ -299,6 +299,26 @@ fn a_slow_memory() {
     assert_eq!(valve.node_id(), Some(0x83));
 }
 
+/// Until the bus lets it restart, the valve is off: it moves nothing, obeys nobody, and misses no command.
+#[test]
+fn a_restart_that_waits_for_the_bus() {
+    let mut valve = Rig::claimed();
+    valve.advance_cyclic(300, EXTEND);
+    assert!(valve.outputs().solenoids);
+    valve.take();
+    valve.hold_bus(true);
+    valve.advance(100);
+    command(&mut valve, 0x81, 0x27);
+    assert!(!valve.outputs().solenoids);
+    valve.send(EXTEND);
+    assert!(!valve.outputs().solenoids, "it takes no command");
+    valve.advance(1000);
+    valve.hold_bus(false);
+    let sent = valve.take();
+    assert_eq!(sent.last().map(String::as_str), Some("18EEFF81: 01 00 20 07 08 FF 02 20"));
+    assert!(!sent.iter().any(|frame| frame.starts_with("18FECA")), "no fault 8: {sent:?}");
+}
+
 /// Of two that follow each other both are stored; the last one is in force.
 #[test]
 fn two_in_a_row() {

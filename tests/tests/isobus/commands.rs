@@ -1,11 +1,14 @@
 //! Auxiliary valve command and estimated flow: what is taken, what is ignored, what the spool does and what is told of
 //! it (SPEC 1, 2, 5).
 
-use protocol_core::actuator::Position;
-use protocol_core::device::pve::{Kind, Setup};
-use protocol_core::time::Duration;
-use tests::Rig;
+use protocol_core::actuator::{Position, SetPoint};
+use protocol_core::device::pve::{Kind, PveIsobus, Setup};
+use protocol_core::device::{Device as _, Senses, StartCause, Viewable as _};
+use protocol_core::memory::Image;
+use protocol_core::time::{Duration, Instant};
+use protocol_core::wire::valve::State;
 use tests::isobus::{AVEF_BLOCKED, BLOCK, EXTEND, FLOAT, HAND, RETRACT, STOP};
+use tests::{Rig, frame};
 
 /// DM1 of time guarding, its first occurrence.
 const TIME_GUARDING: &str = "18FECA83: 04 FF E9 8F 93 01 FF FF";
@@ -307,4 +310,27 @@ fn no_flow_is_neutral() {
         valve.advance_cyclic(2000, &neutral);
         valve.expect_news(&[]);
     }
+}
+
+/// People and tools are shown the set-point of the state that AVEF tells.
+#[test]
+fn the_view_shows_the_set_point_of_the_state() {
+    let now = Instant::from_secs(1);
+    let setup = Setup { node_id: Some(0x83), ..Setup::new(Kind::PveaIsobus) };
+    let mut valve = PveIsobus::power_on(setup, &Image::empty(), StartCause::PowerOn, now);
+    let shown = |valve: &PveIsobus| {
+        let view = valve.view(now).valve.unwrap();
+        (view.command.unwrap(), view.set_point)
+    };
+    for (command, state, set_point) in [
+        (EXTEND, State::Extend, SetPoint::Position(Position::MAX)),
+        (HAND, State::HandOperation, SetPoint::NEUTRAL),
+        (FLOAT, State::Float, SetPoint::Float),
+        (RETRACT, State::Retract, SetPoint::Position(Position::MIN)),
+    ] {
+        valve.handle(&frame(command), now);
+        assert_eq!(shown(&valve), (state, set_point));
+    }
+    valve.sense(&Senses { internal_fault: true, ..Senses::default() }, now);
+    assert_eq!(shown(&valve), (State::Blocked, SetPoint::NEUTRAL), "shut down");
 }

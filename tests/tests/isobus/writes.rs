@@ -78,6 +78,27 @@ fn a_dm3_repeated_many_times() {
     assert!(valve.writes.len() <= 2, "{:?}", valve.writes);
 }
 
+/// Two tools that ask for more than the write under way clears share the next one, and each has its answer.
+#[test]
+fn dm3_of_several_tools() {
+    let mut valve = Rig::with_two_previously_active();
+    valve.write_time = Duration::from_secs(2);
+    valve.send(DM3_REQUEST);
+    // Time guarding becomes the third one.
+    valve.advance(300);
+    valve.recover();
+    for tool in [0x28, 0x29_u8] {
+        valve.send(&format!("18EA83{tool:02X}: CC FE 00"));
+    }
+    assert_eq!(valve.take_under("18E8FF83"), [""; 0]);
+    valve.advance_cyclic(1500, BLOCK);
+    assert_eq!(valve.take_under("18E8FF83"), [DM3_DONE]);
+    valve.advance_cyclic(5000, BLOCK);
+    let done = |tool: u8| format!("18E8FF83: 00 FF FF FF {tool:02X} CC FE 00");
+    assert_eq!(valve.take_under("18E8FF83"), [done(0x28), done(0x29)]);
+    valve.exchange("18EA8327: CB FE 00", &["18FECB83: 00 FF 00 00 00 00 FF FF"]);
+}
+
 /// A commanded address that is repeated while it is stored restarts the valve without delay, under it.
 #[test]
 fn a_commanded_address_repeated_many_times() {

@@ -103,6 +103,16 @@ fn a_drifting_spool_is_not_left_alone() {
     assert!(rig.valve.solenoids());
 }
 
+/// The springs hold the spool, and nothing is left that could drift.
+#[test]
+fn a_spool_does_not_drift_while_the_solenoids_are_off() {
+    let mut rig = saving();
+    rig.spool(1000, SpoolFault::Drifting);
+    rig.valve.poll(ms(5000));
+    assert_eq!(rig.position(5000), 0);
+    assert!(rig.valve.power_save());
+}
+
 #[test]
 fn is_not_for_a_valve_that_does_not_regulate() {
     for drive in [Drive::Off, Drive::Hand, Drive::EmergencyStop] {

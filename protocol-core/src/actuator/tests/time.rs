@@ -199,3 +199,19 @@ fn the_end_of_time_is_survived() {
     rig.valve.poll(NEVER);
     assert_eq!(rig.position(0), 0);
 }
+
+/// A set-point that comes when the time guard has run out comes too late, polled for or not.
+#[test]
+fn what_is_due_at_the_instant_of_a_set_point_happens_before_it() {
+    for polled in [true, false] {
+        let mut rig = Rig::new(CANOPEN);
+        rig.drive(0, to(8192));
+        rig.valve.start_guard(ms(0));
+        rig.valve.poll(ms(240));
+        if polled {
+            rig.valve.poll(ms(250));
+        }
+        rig.valve.command(to(4096), ms(250));
+        assert!(rig.valve.take_changes().activated.contains(Fault::TimeGuarding), "polled: {polled}");
+    }
+}

@@ -90,6 +90,7 @@ fn resets_are_the_devices() {
     rig.sent();
     rig.exchange("605: 2F 00 62 00 09 00 00 00");
     assert_eq!(rig.take("000: 82 05"), Some(Demand::Reset(Reset::Communication)));
+    assert_eq!(rig.take("000: 01 05"), None);
     assert!(rig.exchange("605: 40 00 10 00 00 00 00 00").is_empty(), "it takes no part until the restart");
     rig.start(Reset::Communication, Some(6), None);
     assert_eq!(rig.sent(), ["706: 00"]);

@@ -87,6 +87,21 @@ fn an_emcy_is_not_aborted_with_a_tpdo_under_its_identifier() {
     assert_eq!(rig.node.take_abort(), None);
 }
 
+/// They arbitrate alike, and a controller may send either first: the TPDO is not even handed out before the EMCY is sent.
+#[test]
+fn an_emcy_before_a_tpdo_under_its_identifier() {
+    let mut rig = operational();
+    rig.exchange("605: 23 00 18 01 00 00 00 80");
+    rig.exchange("605: 23 00 18 01 85 00 00 00");
+    rig.held = true;
+    rig.node.send_emcy(Emcy { code: 0x4200, ..Emcy::default() });
+    rig.exchange("205: 01");
+    assert_eq!(next(&mut rig).unwrap().data()[..2], [0x00, 0x42]);
+    assert_eq!(next(&mut rig), None);
+    rig.node.all_sent();
+    assert_eq!(next(&mut rig).unwrap().data(), [1, 0]);
+}
+
 #[test]
 fn what_is_given_back_is_owed_again() {
     let mut rig = operational();
@@ -121,6 +136,30 @@ fn bus_off_keeps_emcys_and_the_boot_up_and_counts_answers() {
     rig.node.set_bus_off(false);
     rig.held = false;
     assert_eq!(rig.sent(), ["705: 00", "085: 00 00 00 00 00 00 00 00"]);
+}
+
+/// Bus-off and the silence of LSS drop what the controller had: given back later, it is not sent, nor counted twice.
+#[test]
+fn what_is_given_back_too_late_is_not_sent() {
+    for by_bus_off in [true, false] {
+        let mut rig = operational();
+        rig.exchange("000: 80 00");
+        rig.held = true;
+        rig.exchange("605: 40 00 10 00 00 00 00 00");
+        let answer = next(&mut rig).unwrap();
+        if by_bus_off {
+            rig.node.set_bus_off(true);
+        } else {
+            rig.exchange("7E5: 04 01 00 00 00 00 00 00");
+            rig.exchange("7E5: 15 00 00 00 00 00 00 00");
+        }
+        rig.node.give_back(answer);
+        rig.node.set_bus_off(false);
+        rig.node.poll(&rig.lamp, rig.now);
+        rig.held = false;
+        assert!(rig.sent().is_empty(), "bus-off: {by_bus_off}");
+        assert_eq!(rig.node.frames_dropped(), 1, "bus-off: {by_bus_off}");
+    }
 }
 
 extern crate std;

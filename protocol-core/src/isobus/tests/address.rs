@@ -191,6 +191,25 @@ fn the_delays_differ_by_time_and_by_name() {
     assert_eq!(delay(name, 1_000_000), delay(name, 1_000_000));
 }
 
+/// Two that lose together answer at different times, however little tells their NAMEs apart.
+#[test]
+fn controllers_that_lose_together_do_not_collide() {
+    let delay = |name: u64, now: u64| {
+        let mut claim = AddressClaim::new(Name::from_bytes(name.to_le_bytes()), OWN);
+        assert_eq!(claim.contend(OWN, Name::from_bytes([0; 8]), us(now)), Outcome::Lost);
+        claim.deadline()
+    };
+    for bit in 0..21 {
+        let other = NAME.raw() ^ 1 << bit;
+        let collisions = (0..1000).filter(|step| {
+            let now = 1_000_000 + 7919 * step;
+            delay(NAME.raw(), now) == delay(other, now)
+        });
+        let collisions = collisions.count();
+        assert!(collisions < 50, "{collisions} of 1000, bit {bit}");
+    }
+}
+
 #[test]
 fn a_commanded_address_is_for_its_name() {
     let payload = [0x01, 0x00, 0x20, 0x07, 0x08, 0xFF, 0x02, 0x20, 0x81];

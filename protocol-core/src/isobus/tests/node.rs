@@ -143,6 +143,19 @@ fn a_claim_then_reports() {
     rig.expect(&["0CFF2083: 07 00 00 00 00 00 00 00"]);
 }
 
+/// After a pause one report goes out, whatever was missed; after a whole period its cycle begins anew.
+#[test]
+fn a_late_report() {
+    for (late, until_next) in [(200, 300), (499, 1), (500, 500), (700, 500)] {
+        let mut rig = Rig::claimed();
+        rig.now += Duration::from_millis(500 + late);
+        rig.node.run_timers(rig.now);
+        assert_eq!(rig.node.deadline(), after(rig.now, Duration::from_millis(until_next)), "{late} ms late");
+        rig.pump();
+        rig.expect(&[EMPTY]);
+    }
+}
+
 #[test]
 fn what_the_product_learns() {
     let mut rig = Rig::claimed();
@@ -163,26 +176,29 @@ fn what_the_product_learns() {
     assert_eq!(rig.node.service(&frame("0CFF1027: 01")), None, "obeys nobody");
 }
 
+/// Whether the controller or the node puts them in order.
 #[test]
 fn answers_and_messages_in_the_order_of_arbitration() {
-    let mut rig = Rig::claimed();
-    rig.block(true);
-    rig.room = 0;
-    for request in ["CB FE 00", "CA FE 00", "00 EE 00", "00 12 00", "20 FF 00", "00 13 00"] {
-        rig.send(&std::format!("18EA8327: {request}"));
+    for room in [9, 1] {
+        let mut rig = Rig::claimed();
+        rig.block(true);
+        rig.room = 0;
+        for request in ["CB FE 00", "CA FE 00", "00 EE 00", "00 12 00", "20 FF 00", "00 13 00"] {
+            rig.send(&std::format!("18EA8327: {request}"));
+        }
+        rig.send("1CEC8327: 10 09 00 02 FF D8 FE 00");
+        rig.room = room;
+        rig.block(false);
+        rig.expect(&[
+            EMPTY,
+            "18E8FF83: 01 FF FF FF 27 00 12 00",
+            "18E8FF83: 01 FF FF FF 27 00 13 00",
+            CLAIM,
+            CLEAR,
+            "18FECB83: 00 FF 00 00 00 00 FF FF",
+            "1CEC2783: FF 02 FF FF FF D8 FE 00",
+        ]);
     }
-    rig.send("1CEC8327: 10 09 00 02 FF D8 FE 00");
-    rig.room = 9;
-    rig.block(false);
-    rig.expect(&[
-        EMPTY,
-        "18E8FF83: 01 FF FF FF 27 00 12 00",
-        "18E8FF83: 01 FF FF FF 27 00 13 00",
-        CLAIM,
-        CLEAR,
-        "18FECB83: 00 FF 00 00 00 00 FF FF",
-        "1CEC2783: FF 02 FF FF FF D8 FE 00",
-    ]);
 }
 
 /// What waited in the mailboxes is replaced: the bus hears the present state once.
@@ -280,6 +296,27 @@ fn a_broadcast_that_the_bus_keeps_waiting_is_given_up() {
     assert_eq!(rig.sent.len(), 3);
 }
 
+/// Whatever else the controller gives back meanwhile, a packet that it has is sent, and the next one follows.
+#[test]
+fn a_broadcast_goes_on_when_another_message_is_given_back() {
+    let mut rig = Rig::claimed();
+    rig.product.previously_active = std::vec![LEAK, DRY];
+    rig.send("18EA8327: CB FE 00");
+    rig.block(true);
+    rig.room = 1;
+    rig.advance(100);
+    assert_eq!(rig.mailboxes, [frame("1CEBFF83: 01 10 FF 00 F0 E1 01 01")]);
+    rig.send("18EA8327: CA FE 00");
+    rig.block(false);
+    rig.advance(100);
+    rig.expect(&[
+        "1CECFF83: 20 0A 00 02 FF CB FE 00",
+        "1CEBFF83: 01 10 FF 00 F0 E1 01 01",
+        CLEAR,
+        "1CEBFF83: 02 F0 E1 03 FF FF FF FF",
+    ]);
+}
+
 #[test]
 fn a_restart_gives_a_broadcast_up() {
     let mut rig = Rig::claimed();
@@ -369,8 +406,12 @@ fn bus_off() {
     rig.block(true);
     rig.send("18EA8327: 00 12 00");
     rig.send("18EA8327: 00 EE 00");
-    rig.mailboxes.clear();
+    let lost = core::mem::take(&mut rig.mailboxes);
+    assert_eq!(lost.len(), 2);
     rig.node.set_bus_off(true);
+    for frame in lost {
+        rig.node.give_back(frame);
+    }
     rig.set_active(Some(LEAK));
     rig.send("18EA8327: 20 FF 00");
     rig.block(false);

@@ -96,6 +96,30 @@ fn its_execution_fails() {
     assert!(!has_own(&mut valve));
 }
 
+/// A write of it that fails is tried again after 10 s, and not before, whatever the valve does meanwhile; and the defaults
+/// are stored, whatever a client has set by then.
+#[test]
+fn its_execution_is_tried_again_after_10_s() {
+    let mut valve = Rig::booted();
+    write_own(&mut valve);
+    valve.exchange(SAVE, &[SAVED]);
+    valve.exchange(LOAD, &[LOADED]);
+    valve.failing_writes.insert(0);
+    valve.power_cycle();
+    assert_eq!(valve.take(), [BOOT[0], BOOT[1], INTERNAL_ERROR]);
+    valve.writes.clear();
+    // Heartbeats, which keep the timers busy.
+    valve.write(0x1017, 0, 2, 100).unwrap();
+    valve.advance(9_999);
+    assert_eq!(valve.writes, [RecordKey::FaultLog]);
+    valve.advance(1);
+    assert_eq!(valve.writes, [RecordKey::FaultLog, RecordKey::Parameters, RecordKey::RestoreFlag]);
+    valve.power_cycle();
+    valve.take();
+    assert!(!has_own(&mut valve));
+    assert_eq!(valve.read(0x1017, 0), 0, "a default");
+}
+
 /// Identity and numbers are factory data: never touched by it; nor are node ID, bit rate and counters.
 #[test]
 fn what_it_does_not_touch() {
