@@ -99,6 +99,30 @@ fn dm3_of_several_tools() {
     valve.exchange("18EA8327: CB FE 00", &["18FECB83: 00 FF 00 00 00 00 FF FF"]);
 }
 
+/// The first write fails, the one that the second tool has asked for does not: nobody is told that it failed.
+#[test]
+fn dm3_that_fails_and_is_carried_out_for_another_tool() {
+    let mut valve = Rig::with_two_previously_active();
+    valve.write_time = Duration::from_millis(50);
+    valve.failing_writes.insert(0);
+    valve.send(DM3_REQUEST);
+    valve.send("18EA8328: CC FE 00");
+    valve.advance(50);
+    assert_eq!(valve.take_under("18E8FF83"), [""; 0]);
+    valve.advance(50);
+    assert_eq!(valve.take_under("18E8FF83"), [DM3_DONE, "18E8FF83: 00 FF FF FF 28 CC FE 00"]);
+
+    // The last one has nobody behind it.
+    let mut valve = Rig::with_two_previously_active();
+    valve.write_time = Duration::from_millis(50);
+    valve.failing_writes.extend([0, 1]);
+    valve.send(DM3_REQUEST);
+    valve.send("18EA8328: CC FE 00");
+    valve.advance(100);
+    let failed = |tool: u8| format!("18E8FF83: 01 FF FF FF {tool:02X} CC FE 00");
+    assert_eq!(valve.take_under("18E8FF83"), [failed(0x27), failed(0x28)]);
+}
+
 /// A commanded address that is repeated while it is stored restarts the valve without delay, under it.
 #[test]
 fn a_commanded_address_repeated_many_times() {

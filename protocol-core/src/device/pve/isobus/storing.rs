@@ -48,14 +48,19 @@ impl IsobusValve {
         }
     }
 
-    /// Clears the counters in force when the memory has them cleared, and answers every DM3 that asked for no more.
-    fn end_clearing(&mut self, asked: FaultSet, stored: bool) {
+    /// Clears the counters in force when the memory has them cleared, and answers every DM3 that asked for no more. After a
+    /// failure, the write that waits answers what it clears as well (A).
+    fn end_clearing(&mut self, asked: FaultSet, stored: bool, base: &Base) {
+        let mut later = FaultSet::EMPTY;
         if stored {
             self.auxiliary.valve.clear_counters(asked.intersection(self.clearable));
+        } else if let Some(waiting) = base.writes.iter().find(|write| write.asked_by == Asker::Dm3) {
+            later = FaultSet::from_bits(waiting.value);
         }
         let node = &mut self.node;
         self.clearing.retain(|clearing| {
-            let answered = clearing.asked.difference(asked).is_empty();
+            let is_in = |faults| clearing.asked.difference(faults).is_empty();
+            let answered = is_in(asked) && !is_in(later);
             if answered {
                 node.acknowledge(&clearing.request, stored);
             }
@@ -95,7 +100,7 @@ impl Storing for IsobusValve {
                 self.auxiliary.switch_off(base.now());
                 base.request_restart(Restart::Application);
             }
-            Asker::Dm3 => self.end_clearing(FaultSet::from_bits(write.value), stored),
+            Asker::Dm3 => self.end_clearing(FaultSet::from_bits(write.value), stored, base),
             _ => {}
         }
     }
