@@ -7,10 +7,8 @@
 //! world/    devices, bus and plant in virtual time, event by event
 //! sender    frames sent on command, once or again and again
 //! devices/  the devices on the bus, as they are written
-//! state/    a device's state, what acts on it, and conditions on both, in words
 //! log/      frames and error frames with their times, as other tools write them
 //! explain/  the meaning of frames, in words
-//! trace/    what happened on the bus, laid out for people
 //! ```
 //!
 //! Behind features:
@@ -21,6 +19,8 @@
 //!             decode     a recording, explained
 //!             replay/    a recording of a device against its stand-in
 //! describe    describe/  the products for other tools: EDS and DBC
+//! state       state/     a device's state as data, what acts on it, and conditions on both
+//! trace       trace/     what happened on the bus, laid out for people
 //! ```
 //!
 //! Nothing here waits, locks, prints, starts a thread or looks at a clock: whoever drives the [`World`] decides how
@@ -71,8 +71,10 @@ pub mod replay;
 #[cfg(feature = "scenario")]
 pub mod scenario;
 pub mod sender;
+#[cfg(feature = "state")]
 pub mod state;
 pub mod text;
+#[cfg(feature = "trace")]
 pub mod trace;
 pub mod use_case;
 pub mod world;
