@@ -57,8 +57,7 @@ pub(crate) struct Simulator {
     /// Its clients wind its clock.
     is_wound: bool,
     output: Arc<Mutex<String>>,
-    /// Behind a lock, so that scripts can be served on several threads.
-    ended: Mutex<Receiver<()>>,
+    ended: Receiver<()>,
 }
 
 impl Simulator {
@@ -116,7 +115,7 @@ impl Simulator {
             http: None,
             is_wound: false,
             output,
-            ended: Mutex::new(ended),
+            ended,
         };
         let line = first_line.recv_timeout(PATIENCE).expect("pve-sim says that it is ready");
         simulator.address = address(&line).unwrap_or_else(|| {
@@ -199,7 +198,7 @@ impl Simulator {
     pub(crate) fn finish(mut self) -> String {
         let pid = Pid::from_child(&self.process);
         kill_process(pid, Signal::TERM).expect("it still runs");
-        self.ended.get_mut().unwrap().recv_timeout(PATIENCE).expect("SIGTERM ends it");
+        self.ended.recv_timeout(PATIENCE).expect("SIGTERM ends it");
         let status = self.process.wait().expect("it is our child");
         assert!(status.success(), "SIGTERM: {status}\n{}", self.said());
         self.said()
