@@ -67,7 +67,9 @@ impl Bus {
     pub fn start_recovery(&mut self, id: PortId, now: Instant) {
         let port = &self.ports[id.0];
         if port.mode() == BusErrorMode::BusOff && port.recovery.is_none() {
-            self.begin_recovery(id, nanos(now).max(port.joined_at));
+            // During a frame, its end is the first sequence.
+            let joined_at = if port.joined_at == Nanos::MAX { 0 } else { port.joined_at };
+            self.begin_recovery(id, nanos(now).max(joined_at));
         }
     }
 

@@ -5,7 +5,7 @@ use protocol_core::frame::{Frame, standard};
 use protocol_core::time::Instant;
 
 use super::WireEvent::{self, Begins, Ends, Joined, LostArbitration, NotReceived, NotSent, Received, Recovered, Sent};
-use super::{Bus, BusError, DestroyNext, FrameBits, PortId};
+use super::{Bus, BusError, DestroyNext, FrameBits, INTERMISSION, PortId};
 
 const RATE: BitRate = BitRate::Kbit250;
 const BIT_US: u64 = 4;
@@ -26,6 +26,20 @@ impl Bench {
         let controller = bus.add_external("controller".into(), RATE);
         bus.attach(controller, RATE, silent, start);
         Self { bus, controller, client, now: start }
+    }
+
+    /// The controller has destroyed frames until it is bus-off.
+    fn in_bus_off() -> Self {
+        let mut bench = Self::new(false);
+        bench.run(100);
+        bench.bus.inject(Box::new(DestroyNext::frames_of("controller", 32)));
+        while bench.bus.port(bench.controller).mode() != BusErrorMode::BusOff {
+            bench.offer(frame(0x101, &[]));
+            let next = bench.bus.next_event().as_micros();
+            bench.run(next);
+        }
+        bench.happened();
+        bench
     }
 
     fn run(&mut self, until_us: u64) {
@@ -77,6 +91,21 @@ fn it_takes_part_after_eleven_recessive_bits() {
 }
 
 #[test]
+fn a_frame_that_begins_before_eleven_recessive_bits_is_waited_for() {
+    let mut bench = Bench::new(false);
+    bench.bus.add_tap("listener".into(), RATE, bench.now);
+    bench.run(5 * BIT_US);
+    bench.send(frame(0x100, &[]));
+    let end = 5 * BIT_US + length_us(&frame(0x100, &[]));
+    // The acknowledge delimiter, the end of frame and the intermission are 11 recessive bits.
+    let joined = end + u64::from(INTERMISSION) * BIT_US;
+    bench.run(end);
+    assert_eq!(bench.happened(), []);
+    bench.run(1000);
+    assert_eq!(bench.events(), [(joined, Joined)]);
+}
+
+#[test]
 fn the_less_urgent_frame_loses_and_the_winner_is_received() {
     let mut bench = Bench::new(false);
     bench.run(100);
@@ -117,15 +146,7 @@ fn a_silent_one_hears_but_acknowledges_and_sends_nothing() {
 
 #[test]
 fn it_comes_back_from_bus_off_only_when_it_wants_to() {
-    let mut bench = Bench::new(false);
-    bench.run(100);
-    bench.bus.inject(Box::new(DestroyNext::frames_of("controller", 32)));
-    while bench.bus.port(bench.controller).mode() != BusErrorMode::BusOff {
-        bench.offer(frame(0x101, &[]));
-        let next = bench.bus.next_event().as_micros();
-        bench.run(next);
-    }
-    bench.happened();
+    let mut bench = Bench::in_bus_off();
     let idle = bench.now.as_micros() + 10_000_000;
     bench.run(idle);
     assert_eq!(bench.happened(), [], "it waits");
@@ -133,4 +154,22 @@ fn it_comes_back_from_bus_off_only_when_it_wants_to() {
     bench.run(idle + 10_000_000);
     assert_eq!(bench.events(), [(idle + 128 * 11 * BIT_US, Recovered)]);
     assert_eq!(bench.bus.port(bench.controller).mode(), BusErrorMode::ErrorActive);
+}
+
+#[test]
+fn a_recovery_that_begins_during_a_frame_counts_from_its_end() {
+    let mut bench = Bench::in_bus_off();
+    bench.bus.add_tap("listener".into(), RATE, bench.now);
+    bench.bus.detach(bench.controller, false, bench.now);
+    let start = bench.now.as_micros() + 1000;
+    bench.run(start);
+    bench.send(frame(0x100, &[]));
+    bench.run(start + 10 * BIT_US);
+    bench.bus.attach(bench.controller, RATE, false, bench.now);
+    bench.bus.start_recovery(bench.controller, bench.now);
+    bench.run(start + 1_000_000);
+    // The end of the frame and the intermission are the first of the 128 sequences.
+    let end = start + length_us(&frame(0x100, &[])) + u64::from(INTERMISSION) * BIT_US;
+    let recovered = end + 127 * 11 * BIT_US;
+    assert!(bench.events().contains(&(recovered, Recovered)), "not at {recovered}");
 }

@@ -41,12 +41,16 @@ impl Bus {
         group.unlist(id, port.hears());
     }
 
-    /// Lets those take part from a start of frame on that have seen enough recessive bits by then.
+    /// Lets those take part from a start of frame on that have seen enough recessive bits by then; the others wait for
+    /// the end of that frame.
     pub(super) fn admit(&mut self, start: Nanos) {
         let mut place = 0;
         while let Some(id) = self.joining.get(place).copied() {
             let port = &mut self.ports[id.0];
             if port.joined_at > start {
+                // The 11 recessive bits are counted anew, from the end of the frame.
+                port.joined_at = Nanos::MAX;
+                port.ready_at = Nanos::MAX;
                 place += 1;
                 continue;
             }
