@@ -35,7 +35,7 @@ use crate::time::Instant;
 pub enum Effect {
     /// Write this record; answer with [`Device::stored`]. One at a time: the next is handed out after the answer.
     Store(RecordKey, Record),
-    /// Run the bus at this bit rate from now on; what the controller took and has not sent is dropped.
+    /// Run the bus at this bit rate from now on. The device has [withdrawn](Device::take_abort) all frames before.
     SetBitRate(BitRate),
     /// Read the memory again and call [`Device::restart`], then set the controller to [`Device::bit_rate`].
     Restart(Restart),
