@@ -16,7 +16,7 @@ use protocol_core::controller::BitRate;
 use protocol_core::device::pve::{Kind, PveCanopen, Setup};
 use protocol_core::memory::Image;
 use pve_sim::gateway::socketcand::{Parser, Request, emit_frame};
-use pve_sim::gateway::{Arrival, ClientId, Mailbox, Outbox, Reply, ToClient, ToWorld};
+use pve_sim::inbox::{Arrival, ClientId, Mailbox, Outbox, Reply, ToClient, ToWorld};
 use pve_sim::run::{Driver, Outside};
 
 /// A wall clock that passes only when the driver waits, and what clients say.

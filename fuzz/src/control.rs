@@ -6,8 +6,9 @@ use std::time::Duration;
 use hal_sim::devices::{DeviceSpec, NamedDevice, NamedLink, named};
 use hal_sim::{Kind, Memory, World};
 use pve_sim::cli::{Request, parse};
-use pve_sim::control;
-use pve_sim::gateway::{BusUrl, ToWorld};
+use pve_sim::gateway::BusUrl;
+use pve_sim::http;
+use pve_sim::inbox::ToWorld;
 use pve_sim::run::RunOptions;
 use pve_sim::speed::Speed;
 use serde_json::{Map, Value};
@@ -151,7 +152,7 @@ async fn converse(options: RunOptions, lines: &[&[u8]]) {
 fn connect(simulator: &Simulator) -> Stranger {
     let (stranger, far) = Stranger::new();
     let local = SocketAddr::from((Ipv4Addr::LOCALHOST, 8408));
-    tokio::spawn(control::serve(far, local, simulator.entrance.clone()));
+    tokio::spawn(http::serve(far, local, simulator.entrance.clone()));
     stranger
 }
 

@@ -8,7 +8,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use hal_sim::{BitRate, Frame, World};
-use pve_sim::gateway::{Entrance, ForeignWarning, Guarded, Judge};
+use pve_sim::gateway::{ForeignWarning, Guarded, Judge};
+use pve_sim::inbox::Entrance;
 use tokio::io::{DuplexStream, ReadHalf, WriteHalf, split};
 
 use self::slcan::Slcan;

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use embedded_can::nb::Can as _;
 use hal_sim::{Client, Frame, World};
-use pve_sim::gateway::{Arrival, Entrance, Inbox};
+use pve_sim::inbox::{Arrival, Entrance, Inbox};
 use pve_sim::run::{Driver, Outside};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream, ReadHalf, WriteHalf, duplex, split};
 use tokio::task::yield_now;

@@ -3,8 +3,10 @@
 //! ```text
 //! cli/       the command line
 //! run/       the world paced by the wall clock, with its clients, its trace and its memory
-//! control/   state, faults and time over HTTP
+//! http/      state, faults and time over HTTP, and the panel
 //! gateway/   clients of the bus that live outside: socketcand, SocketCAN, slcan, udp_multicast
+//! inbox/     the messages between clients and the world
+//! control/   the control interface at the world's end
 //! batch/     scenarios of a command line, over the cores, and their results for CI
 //! state_file the memory of a device in a file
 //! speed      virtual time against wall time
@@ -18,6 +20,8 @@ pub mod batch;
 pub mod cli;
 pub mod control;
 pub mod gateway;
+pub mod http;
+pub mod inbox;
 pub mod output;
 pub mod run;
 pub mod speed;

@@ -7,9 +7,10 @@ use protocol_core::time::{Duration, Instant, NEVER, after};
 
 use super::events::Events;
 use super::message::{
-    Answer, BusState, DisturbState, Message, NotHeard, Refusal, Sent, SpeedValue, StepWord, Stopped, Time, Waited,
+    Answer, BusState, DisturbState, Message, NotHeard, Sent, SpeedValue, StepWord, Stopped, Time, Waited,
 };
 use super::record::{BusTrouble, Frames, Passed, raw};
+use super::refusal::Refusal;
 use super::wait::Waits;
 use crate::speed::Speed;
 use hal_sim::devices::RateWatch;

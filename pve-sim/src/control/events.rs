@@ -7,8 +7,8 @@ use protocol_core::time::{Duration, Instant, NEVER, after};
 use serde::Serialize;
 use tokio::sync::broadcast;
 
-use super::message::Refusal;
 use super::record::{BusTrouble, Passed};
+use super::refusal::Refusal;
 use hal_sim::kind::Kind;
 use hal_sim::state::{DeviceState, PlantState};
 use hal_sim::world::{NodeId, World};
@@ -18,14 +18,14 @@ use hal_sim::world::{NodeId, World};
 const WAITING: usize = 4096;
 
 /// The most followers.
-pub(super) const FOLLOWERS: usize = 64;
+pub(crate) const FOLLOWERS: usize = 64;
 
 /// How often a position that moves is told, in wall time.
 const SAMPLE: Duration = Duration::from_millis(20);
 
 /// Something that happened, put into JSON once for all who follow.
 #[derive(Debug)]
-pub(super) struct Happening {
+pub(crate) struct Happening {
     what: What,
     json: OnceLock<String>,
 }
@@ -42,7 +42,7 @@ enum What {
 
 impl Happening {
     /// Returns the name of the event.
-    pub(super) const fn name(&self) -> &'static str {
+    pub(crate) const fn name(&self) -> &'static str {
         match self.what {
             What::Frame(..) => "frame",
             What::Error(_) => "error",
@@ -51,7 +51,7 @@ impl Happening {
     }
 
     /// Returns the data of the event.
-    pub(super) fn json(&self) -> &str {
+    pub(crate) fn json(&self) -> &str {
         self.json.get_or_init(|| match &self.what {
             What::Frame(passed, meaning) => json(&passed.record(meaning.clone())),
             What::Error(trouble) => json(trouble),
@@ -61,7 +61,7 @@ impl Happening {
 }
 
 /// Returns a value as JSON. The numbers and texts of this interface have no value that JSON has not.
-pub(super) fn json(value: &impl Serialize) -> String {
+pub(crate) fn json(value: &impl Serialize) -> String {
     serde_json::to_string(value).unwrap_or_default()
 }
 
@@ -69,19 +69,19 @@ pub(super) fn json(value: &impl Serialize) -> String {
 #[derive(Debug)]
 pub struct Subscription {
     /// The devices at that instant.
-    pub(super) states: Vec<DeviceState>,
-    pub(super) happenings: broadcast::Receiver<Arc<Happening>>,
+    pub(crate) states: Vec<DeviceState>,
+    pub(crate) happenings: broadcast::Receiver<Arc<Happening>>,
     /// As long as it is there, somebody follows.
-    pub(super) follower: Follower,
+    pub(crate) follower: Follower,
 }
 
 /// One of those who follow.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Follower(Arc<()>);
+pub(crate) struct Follower(Arc<()>);
 
 /// Tells followers what happens.
 #[derive(Debug)]
-pub(super) struct Events {
+pub(crate) struct Events {
     channel: broadcast::Sender<Arc<Happening>>,
     /// The one that stands for this end.
     follower: Follower,
@@ -102,7 +102,7 @@ struct Told {
 
 impl Events {
     /// Begins to watch; `speed` is that of virtual time.
-    pub(super) fn new(devices: &[(NodeId, Kind)], speed: f64, world: &mut World) -> Self {
+    pub(crate) fn new(devices: &[(NodeId, Kind)], speed: f64, world: &mut World) -> Self {
         let told = devices.iter().map(|(node, kind)| (*node, *kind, Told::of(*node, world))).collect();
         let sample = Duration::from_ticks((SAMPLE.as_micros() as f64 * speed.max(1.0)) as u64);
         Self {
@@ -115,7 +115,7 @@ impl Events {
     }
 
     /// Lets a client follow.
-    pub(super) fn subscribe(&mut self, world: &mut World) -> Result<Subscription, Refusal> {
+    pub(crate) fn subscribe(&mut self, world: &mut World) -> Result<Subscription, Refusal> {
         if self.followers() >= FOLLOWERS {
             return Err(Refusal::TooMany("too many clients follow the events"));
         }
@@ -129,7 +129,7 @@ impl Events {
     }
 
     /// Returns whether anybody follows.
-    pub(super) fn is_followed(&self) -> bool {
+    pub(crate) fn is_followed(&self) -> bool {
         self.followers() > 0
     }
 
@@ -138,21 +138,21 @@ impl Events {
     }
 
     /// Tells a frame.
-    pub(super) fn show(&self, passed: &Passed, meaning: impl FnOnce() -> String) {
+    pub(crate) fn show(&self, passed: &Passed, meaning: impl FnOnce() -> String) {
         if self.is_followed() {
             tell(&self.channel, What::Frame(passed.clone(), meaning()));
         }
     }
 
     /// Tells what went wrong on the bus.
-    pub(super) fn show_trouble(&self, trouble: &BusTrouble) {
+    pub(crate) fn show_trouble(&self, trouble: &BusTrouble) {
         if self.is_followed() {
             tell(&self.channel, What::Error(trouble.clone()));
         }
     }
 
     /// Tells which devices have changed; of one that only moves, every now and then.
-    pub(super) fn attend(&mut self, world: &mut World) {
+    pub(crate) fn attend(&mut self, world: &mut World) {
         if !self.is_followed() {
             return;
         }
@@ -172,7 +172,7 @@ impl Events {
     }
 
     /// Returns when positions are told next.
-    pub(super) fn due(&self) -> Instant {
+    pub(crate) fn due(&self) -> Instant {
         if self.is_followed() { self.sample_at } else { NEVER }
     }
 }

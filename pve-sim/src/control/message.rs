@@ -9,10 +9,11 @@ use utoipa::ToSchema;
 
 use super::events::Subscription;
 use super::record::{Excerpt, FrameRecord};
+use super::refusal::Refusal;
 use hal_sim::bus::Disturbance;
 use hal_sim::devices;
 use hal_sim::sender::{Receipt, Unsent};
-use hal_sim::state::{BitsPerSecond, Condition, DeviceState, Invalid, PlantChange, Power};
+use hal_sim::state::{BitsPerSecond, Condition, DeviceState, PlantChange, Power};
 
 /// A message to the world. Each takes effect at the virtual instant of its arrival, and its answer tells of one
 /// instant.
@@ -51,43 +52,6 @@ pub enum Message {
 /// The way of an answer back to the client.
 #[derive(Debug)]
 pub struct Answer<T>(oneshot::Sender<Result<T, Refusal>>);
-
-/// Why a message was refused; nothing has changed then.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum Refusal {
-    /// There is no such device.
-    #[error("no device '{name}'; there are: {known}")]
-    UnknownDevice {
-        /// The name.
-        name: String,
-        /// The names that there are.
-        known: String,
-    },
-    /// A value that cannot be.
-    #[error("{0}")]
-    Invalid(String),
-    /// Not as things are now.
-    #[error("{0}")]
-    Conflict(String),
-    /// A condition did not hold in time.
-    #[error("{}", .0.error)]
-    TimedOut(Box<TimedOut>),
-    /// More of it than there is room for.
-    #[error("{0}")]
-    TooMany(&'static str),
-}
-
-/// A condition did not hold in time.
-#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
-pub struct TimedOut {
-    /// What did not happen.
-    pub error: String,
-    /// The end of the time, in microseconds of virtual time.
-    pub t_us: u64,
-    /// The state of the device then; null when a frame was waited for.
-    #[schema(required)]
-    pub state: Option<DeviceState>,
-}
 
 /// The state of the bus.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
@@ -187,12 +151,6 @@ pub enum Waited {
     Frame(FrameRecord),
 }
 
-impl From<Invalid> for Refusal {
-    fn from(Invalid(reason): Invalid) -> Self {
-        Self::Invalid(reason)
-    }
-}
-
 impl Receipt for Answer<Sent> {
     fn tell(self, sent: Result<Instant, Unsent>) {
         self.send(sent.map(|end| Sent { t_us: end.as_micros() }).map_err(Refusal::from));
@@ -200,15 +158,6 @@ impl Receipt for Answer<Sent> {
 
     fn is_given_up(&self) -> bool {
         self.is_given_up()
-    }
-}
-
-impl From<Unsent> for Refusal {
-    fn from(unsent: Unsent) -> Self {
-        match unsent {
-            Unsent::TooMany(reason) => Self::TooMany(reason),
-            Unsent::Withdrawn(reason) => Self::Conflict(reason.to_owned()),
-        }
     }
 }
 
@@ -221,12 +170,12 @@ impl<T> Answer<T> {
     }
 
     /// Sends the answer. A client that is gone gets nothing.
-    pub(super) fn send(self, answer: Result<T, Refusal>) {
+    pub(crate) fn send(self, answer: Result<T, Refusal>) {
         let _ = self.0.send(answer);
     }
 
     /// Returns whether the client is gone.
-    pub(super) fn is_given_up(&self) -> bool {
+    pub(crate) fn is_given_up(&self) -> bool {
         self.0.is_closed()
     }
 }

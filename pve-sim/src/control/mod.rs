@@ -1,31 +1,20 @@
-//! The control interface: state, faults and time of the simulator over HTTP, under `/api/v1`, and the panel, which uses
-//! it.
+//! The control interface at the world's end: it obeys messages, and watches the world for those who wait or follow.
 //!
 //! ```text
-//! server      the socket                connection the connections, and which goes when there are too many
-//! guard       which requests are refused: foreign hosts, foreign pages
-//! error       refusals as JSON, and what reads a request
-//! routes/     the calls, by resource, their description in OpenAPI, and the panel at `/`
-//!
-//! message     what the calls ask of the world, and its answers
+//! message     what is asked of the world, and its answers     refusal   why something was refused
 //! record      frames as JSON
-//!
-//! desk        the world's end: obeys messages, and watches the world
-//! wait        clients that wait          events     clients that follow
+//! desk        obeys messages, and watches the world
+//! wait        clients that wait                               events    clients that follow
 //! ```
 //!
 //! The world obeys each message at the virtual instant of its arrival, and an answer tells of one instant. Nobody but
 //! the desk touches the world, and the desk waits for nobody.
 
-mod connection;
 mod desk;
-mod error;
-mod events;
-mod guard;
-mod message;
-mod record;
-mod routes;
-mod server;
+pub(crate) mod events;
+pub(crate) mod message;
+pub(crate) mod record;
+pub(crate) mod refusal;
 mod wait;
 
 #[cfg(test)]
@@ -34,6 +23,6 @@ mod tests;
 pub(crate) use desk::Desk;
 pub use message::Message;
 #[cfg(test)]
-pub(crate) use message::{Answer, Refusal, Waited};
-pub(crate) use server::Server;
-pub use server::serve;
+pub(crate) use message::{Answer, Waited};
+#[cfg(test)]
+pub(crate) use refusal::Refusal;

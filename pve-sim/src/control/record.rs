@@ -12,7 +12,7 @@ use hal_sim::explain::Explainer;
 use hal_sim::log::write_hex;
 
 /// The most frames and errors that are kept: a second of a bus under full load, and minutes of a usual one.
-pub(super) const KEPT: usize = 4096;
+pub(crate) const KEPT: usize = 4096;
 
 /// A frame that was on the bus.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
@@ -36,7 +36,7 @@ pub struct FrameRecord {
 /// that were dropped.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(deny_unknown_fields)]
-pub(super) struct BusTrouble {
+pub(crate) struct BusTrouble {
     /// When, in microseconds of virtual time.
     pub t_us: u64,
     /// Whose frame was destroyed, or who changed its error mode.
@@ -48,7 +48,7 @@ pub(super) struct BusTrouble {
 /// An entry of the trace.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(untagged)]
-pub(super) enum TraceRecord {
+pub(crate) enum TraceRecord {
     /// A frame.
     Frame(FrameRecord),
     /// An error of the bus: an entry without `id`.
@@ -57,10 +57,10 @@ pub(super) enum TraceRecord {
 
 /// A frame with its end and its sender.
 #[derive(Clone, Debug)]
-pub(super) struct Passed {
-    pub(super) at: Instant,
-    pub(super) frame: Frame,
-    pub(super) from: Arc<str>,
+pub(crate) struct Passed {
+    pub(crate) at: Instant,
+    pub(crate) frame: Frame,
+    pub(crate) from: Arc<str>,
 }
 
 /// An entry of the record: a frame or an error of the bus.
@@ -79,7 +79,7 @@ pub struct Excerpt {
 
 impl Excerpt {
     /// Returns the records, oldest first.
-    pub(super) fn records(&self) -> Vec<TraceRecord> {
+    pub(crate) fn records(&self) -> Vec<TraceRecord> {
         let meaning = |passed: &Passed| self.explainer.explain(&passed.frame, Some(&passed.from));
         let record = |kept: &Kept| match kept {
             Kept::Frame(passed) => TraceRecord::Frame(passed.record(meaning(passed))),
@@ -91,21 +91,21 @@ impl Excerpt {
 
 /// The last frames and errors.
 #[derive(Debug, Default)]
-pub(super) struct Frames(VecDeque<Kept>);
+pub(crate) struct Frames(VecDeque<Kept>);
 
 impl Frames {
     /// Keeps a frame.
-    pub(super) fn keep(&mut self, passed: Passed) {
+    pub(crate) fn keep(&mut self, passed: Passed) {
         self.push(Kept::Frame(passed));
     }
 
     /// Keeps an error of the bus.
-    pub(super) fn keep_error(&mut self, trouble: BusTrouble) {
+    pub(crate) fn keep_error(&mut self, trouble: BusTrouble) {
         self.push(Kept::Error(trouble));
     }
 
     /// Returns the last entries, with what explains them.
-    pub(super) fn last(&self, limit: usize, explainer: &Explainer) -> Excerpt {
+    pub(crate) fn last(&self, limit: usize, explainer: &Explainer) -> Excerpt {
         let kept = self.0.iter().skip(self.0.len().saturating_sub(limit)).cloned().collect();
         Excerpt { kept, explainer: explainer.clone() }
     }
@@ -121,7 +121,7 @@ impl Frames {
 
 impl Passed {
     /// Returns the record of the frame.
-    pub(super) fn record(&self, meaning: String) -> FrameRecord {
+    pub(crate) fn record(&self, meaning: String) -> FrameRecord {
         let mut data = String::new();
         write_hex(&mut data, self.frame.data());
         let (id, extended) = raw(self.frame.id());
@@ -130,7 +130,7 @@ impl Passed {
 }
 
 /// Returns the number of an identifier, and whether it has 29 bits.
-pub(super) fn raw(id: Id) -> (u32, bool) {
+pub(crate) fn raw(id: Id) -> (u32, bool) {
     match id {
         Id::Standard(id) => (id.as_raw().into(), false),
         Id::Extended(id) => (id.as_raw(), true),

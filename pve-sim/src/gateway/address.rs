@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use tokio::sync::Semaphore;
 
-use super::Entrance;
+use crate::inbox::Entrance;
 
 /// The name of a bus whose URL has none.
 const UNNAMED: &str = "pve0";

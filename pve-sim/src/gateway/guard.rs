@@ -13,7 +13,7 @@ use std::task::{Context, Poll, ready};
 
 use tokio::io::{AsyncRead, ReadBuf};
 
-use super::{Entrance, ToWorld};
+use crate::inbox::{Entrance, ToWorld};
 
 /// The verdict on the first bytes of a connection.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

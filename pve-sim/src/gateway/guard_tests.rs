@@ -4,7 +4,8 @@ use proptest::prelude::*;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, duplex};
 
 use super::*;
-use crate::gateway::{Inbox, slcan, socketcand};
+use crate::gateway::{slcan, socketcand};
+use crate::inbox::Inbox;
 
 /// Both protocols, each with a text that sends a frame.
 const PROTOCOLS: [(Judge, &str); 2] =

@@ -1,6 +1,6 @@
 //! Gateways that are one client of the world for as long as it runs: a multicast group, an interface of the kernel.
 
-use super::{ClientId, Entrance, Mailbox, ToWorld};
+use crate::inbox::{ClientId, Entrance, Mailbox, ToWorld};
 
 /// A gateway that is one client of the world.
 pub(super) trait Member: Send + Sized {

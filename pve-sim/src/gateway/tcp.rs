@@ -14,9 +14,9 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::timeout;
 
-use super::Entrance;
 use super::address::OpenError;
 use super::guard::{ForeignWarning, Guarded, Judge};
+use crate::inbox::Entrance;
 
 /// How long to wait before the next try when no connection can be accepted, as when the process has no descriptor left.
 const RETRY: Duration = Duration::from_millis(50);

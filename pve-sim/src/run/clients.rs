@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 use protocol_core::frame::Frame;
 
-use crate::gateway::{ClientId, Outbox, Overrun, ToClient, ToWorld};
+use crate::inbox::{ClientId, Outbox, Overrun, ToClient, ToWorld};
 use hal_sim::log::{ErrorClass, Timestamp};
 use hal_sim::world::{Event, EventKind, TapId, World};
 

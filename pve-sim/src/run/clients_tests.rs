@@ -7,7 +7,7 @@ use protocol_core::frame::standard;
 use protocol_core::time::Duration;
 
 use super::*;
-use crate::gateway::{CREDIT, Mailbox, Reply};
+use crate::inbox::{CREDIT, Mailbox, Reply};
 use hal_sim::bus::DestroyNext;
 
 struct Bench {

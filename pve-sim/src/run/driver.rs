@@ -18,7 +18,7 @@ use super::printer::Printer;
 use super::timekeeper::{NAP, Timekeeper};
 use super::trace::Trace;
 use crate::control::Desk;
-use crate::gateway::{Arrival, ToWorld};
+use crate::inbox::{Arrival, ToWorld};
 use crate::speed::Speed;
 use hal_sim::devices::RateWatch;
 use hal_sim::explain::Explainer;

@@ -8,7 +8,7 @@ use protocol_core::device::pve;
 use protocol_core::frame::Frame;
 
 use super::*;
-use crate::gateway::{ClientId, Mailbox, Outbox, Reply, ToClient};
+use crate::inbox::{ClientId, Mailbox, Outbox, Reply, ToClient};
 use hal_sim::kind::{Kind, Simulated};
 use hal_sim::memory::Memory;
 

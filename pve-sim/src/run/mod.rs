@@ -50,8 +50,10 @@ use std::thread::{self, JoinHandle};
 use tokio::runtime;
 use tokio::sync::{Semaphore, oneshot, watch};
 
-use crate::control::{self, Desk};
-use crate::gateway::{Access, BusUrl, Entrance, Gateway, OpenError, WAITING, joinable};
+use crate::control::Desk;
+use crate::gateway::{Access, BusUrl, Gateway, OpenError, WAITING, joinable};
+use crate::http;
+use crate::inbox::Entrance;
 use crate::state_file::StateFileError;
 use clients::Clients;
 use end::End;
@@ -135,7 +137,7 @@ fn also_in_use(http: Option<SocketAddr>) -> String {
 
 /// Returns true where the address belongs to somebody else.
 fn is_in_use(address: SocketAddr) -> bool {
-    control::Server::bind(address).is_err_and(|error| error.kind() == io::ErrorKind::AddrInUse)
+    http::Server::bind(address).is_err_and(|error| error.kind() == io::ErrorKind::AddrInUse)
 }
 
 /// The most clients, on all buses together.
@@ -190,7 +192,7 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     let mut control = None;
     if let Some(address) = options.http {
         let bind = |source| RunError::Http { address, source };
-        let server = control::Server::bind(address).map_err(bind)?;
+        let server = http::Server::bind(address).map_err(bind)?;
         control = Some((server.address().map_err(bind)?, server));
     }
     let http = control.as_ref().map(|(address, _)| *address);

@@ -3,7 +3,7 @@
 use std::sync::mpsc::{RecvTimeoutError, TryRecvError};
 use std::time::{Duration, Instant as WallInstant};
 
-use crate::gateway::{Arrival, Inbox};
+use crate::inbox::{Arrival, Inbox};
 
 /// The wall clock, and messages of clients. In tests the clock runs only while the driver waits.
 pub trait Outside {

@@ -5,7 +5,7 @@ use std::io::{self, Read};
 use tokio::sync::oneshot;
 
 use super::system;
-use crate::gateway::{Entrance, ToWorld};
+use crate::inbox::{Entrance, ToWorld};
 
 /// The longest line, in bytes; longer ones are cut, and end with [`CUT`].
 const LINE: usize = 256;

@@ -10,7 +10,8 @@ use tokio::time::sleep;
 
 use super::session::{self, End, Line};
 use super::terminal::Terminal;
-use crate::gateway::{Access, Address, Entrance, Gateway, OpenError, Opening, Parse, Scheme, ToWorld};
+use crate::gateway::{Access, Address, Gateway, OpenError, Opening, Parse, Scheme};
+use crate::inbox::{Entrance, ToWorld};
 
 const FORM: &str = "slcan+pty:PATH";
 

@@ -8,7 +8,8 @@ use tokio::sync::Semaphore;
 use super::protocol::{BELL, judge};
 use super::session::{self, Line};
 use crate::gateway::tcp::{Endpoint, FAREWELL, HANDSHAKE, Listener, Protocol, joinable};
-use crate::gateway::{Access, Address, Entrance, Gateway, Opening, Parse, Scheme};
+use crate::gateway::{Access, Address, Gateway, Opening, Parse, Scheme};
+use crate::inbox::Entrance;
 
 const FORM: &str = "slcan://HOST:PORT";
 

@@ -12,8 +12,8 @@ use tokio::time::{Instant, sleep, timeout_at};
 
 use super::filter::Filter;
 use super::protocol::{BELL, Command, OK, Parser, Refused, SERIAL, VERSION, emit_frame, flags, sent};
-use crate::gateway::outbox::BATCH;
-use crate::gateway::{ClientId, Entrance, Leash, Mailbox, Outbox, Reply, ToClient, ToWorld};
+use crate::inbox::BATCH;
+use crate::inbox::{ClientId, Entrance, Leash, Mailbox, Outbox, Reply, ToClient, ToWorld};
 
 /// The serial line that a client is at.
 #[derive(Clone, Copy, Debug)]

@@ -4,7 +4,7 @@ use tokio::io::{duplex, split};
 
 use super::*;
 use crate::gateway::tcp::{FAREWELL, HANDSHAKE};
-use crate::gateway::{CREDIT, Inbox, QUEUE};
+use crate::inbox::{CREDIT, Inbox, QUEUE};
 use hal_sim::log::Timestamp;
 use protocol_core::frame::{Frame, standard};
 

@@ -20,7 +20,8 @@ mod linux {
 
     use crate::gateway::member::Member;
     use crate::gateway::socketcan::interface::Interface;
-    use crate::gateway::{Access, Address, Entrance, Gateway, OpenError, Opening};
+    use crate::gateway::{Access, Address, Gateway, OpenError, Opening};
+    use crate::inbox::Entrance;
 
     /// The longest name of an interface that Linux gives, in characters.
     const NAME_MAX: usize = 15;

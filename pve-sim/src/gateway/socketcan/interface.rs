@@ -11,7 +11,7 @@ use tokio::time::{Instant, sleep, sleep_until};
 
 use super::health::{Health, Verdict, is_gone};
 use crate::gateway::member::Member;
-use crate::gateway::{ClientId, Entrance, Mailbox, ToClient, ToWorld};
+use crate::inbox::{ClientId, Entrance, Mailbox, ToClient, ToWorld};
 
 /// How long to wait before a frame is tried again while the interface's queue is full.
 const RETRY: Duration = Duration::from_millis(1);

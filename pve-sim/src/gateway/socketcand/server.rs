@@ -9,9 +9,9 @@ use tokio::sync::Semaphore;
 use super::beacon::Beacon;
 use super::protocol::judge;
 use super::session;
-use crate::gateway::Entrance;
 use crate::gateway::address::{Access, Address, Gateway, OpenError, Opening, Parse, Scheme};
 use crate::gateway::tcp::{Endpoint, Listener, Protocol, joinable};
+use crate::inbox::Entrance;
 
 const FORM: &str = "socketcand://HOST:PORT/NAME";
 

@@ -12,9 +12,9 @@ use super::broadcast::{Broadcast, Full, Mode};
 use super::protocol::{
     ECHO, HI, OK, Parser, Request, RequestError, emit_error, emit_frame, emit_refusal, emit_statistics,
 };
-use crate::gateway::outbox::BATCH;
 use crate::gateway::tcp::{FAREWELL, HANDSHAKE};
-use crate::gateway::{ClientId, Entrance, Leash, Mailbox, Outbox, Reply, ToClient, ToWorld};
+use crate::inbox::BATCH;
+use crate::inbox::{ClientId, Entrance, Leash, Mailbox, Outbox, Reply, ToClient, ToWorld};
 
 /// How long frames are held back after raw mode was answered: python-can takes what comes in one read with the answer
 /// for a wrong answer.

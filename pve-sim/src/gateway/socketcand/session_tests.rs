@@ -5,7 +5,7 @@ use tokio::io::{DuplexStream, duplex, split};
 use tokio::sync::oneshot;
 
 use super::*;
-use crate::gateway::{Arrival, Inbox, QUEUE};
+use crate::inbox::{Arrival, Inbox, QUEUE};
 use hal_sim::log::{ErrorClass, Timestamp};
 
 /// How many bytes the stream takes in before somebody reads them.
@@ -199,12 +199,12 @@ async fn a_client_that_floods_is_not_read_beyond_its_credit() {
         }
     });
     // Both ends run until the one waits for credit and the other for room: many times the turns that takes.
-    for _ in 0..100 * crate::gateway::CREDIT {
+    for _ in 0..100 * crate::inbox::CREDIT {
         tokio::task::yield_now().await;
     }
     flood.abort();
     let sends = inbox.messages.try_iter().filter(|arrival| matches!(arrival.message, ToWorld::Send(..))).count();
-    assert_eq!(sends, crate::gateway::CREDIT - 2);
+    assert_eq!(sends, crate::inbox::CREDIT - 2);
 }
 
 /// The dialogue of the reference client before it asks for raw mode.

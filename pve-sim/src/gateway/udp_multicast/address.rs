@@ -8,7 +8,8 @@ use tokio::sync::Semaphore;
 
 use super::group::Group;
 use crate::gateway::member::Member;
-use crate::gateway::{Access, Address, Entrance, Gateway, Opening, Parse, Scheme};
+use crate::gateway::{Access, Address, Gateway, Opening, Parse, Scheme};
+use crate::inbox::Entrance;
 
 const FORM: &str = "udp-multicast://GROUP:PORT";
 

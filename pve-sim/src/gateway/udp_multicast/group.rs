@@ -11,7 +11,7 @@ use tokio::time::sleep;
 
 use super::message::{emit, parse};
 use crate::gateway::member::Member;
-use crate::gateway::{ClientId, Entrance, Mailbox, ToClient, ToWorld};
+use crate::inbox::{ClientId, Entrance, Mailbox, ToClient, ToWorld};
 
 /// The hops of a datagram that is to reach other machines: python-can's default, the local network.
 const HOPS: u32 = 1;
@@ -184,7 +184,7 @@ mod tests {
     use tokio::time::timeout;
 
     use super::*;
-    use crate::gateway::{CREDIT, Inbox, Outbox};
+    use crate::inbox::{CREDIT, Inbox, Outbox};
     use hal_sim::log::Timestamp;
 
     const GROUP: &str = "239.74.163.2:43113";

@@ -8,8 +8,9 @@ use utoipa::ToSchema;
 
 use super::Control;
 use super::frames::DataPattern;
-use crate::control::error::{Body, Error, Failure};
-use crate::control::message::{Message, Refusal, TimedOut, Waited};
+use crate::control::message::{Message, Waited};
+use crate::control::refusal::{Refusal, TimedOut};
+use crate::http::error::{Body, Error, Failure};
 use hal_sim::state::{Condition, DeviceState, Identifier, Pattern, StateCondition, given, given_object};
 
 /// What is waited for, and how long: a device with a state, or a frame.

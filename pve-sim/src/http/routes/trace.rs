@@ -5,9 +5,9 @@ use serde::Deserialize;
 use utoipa::{IntoParams, ToSchema};
 
 use super::Control;
-use crate::control::error::{Error, Failure, Query};
 use crate::control::message::Message;
 use crate::control::record::{KEPT, TraceRecord};
+use crate::http::error::{Error, Failure, Query};
 
 /// How many frames, when nobody says.
 const LIMIT: usize = 100;

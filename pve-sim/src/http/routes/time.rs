@@ -6,8 +6,8 @@ use serde::Deserialize;
 use utoipa::ToSchema;
 
 use super::Control;
-use crate::control::error::{Body, Error, Failure};
 use crate::control::message::{Message, Time};
+use crate::http::error::{Body, Error, Failure};
 
 /// The time that is to pass.
 #[derive(Clone, Copy, Debug, Deserialize, ToSchema)]

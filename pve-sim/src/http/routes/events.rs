@@ -12,9 +12,9 @@ use tokio_stream::{Stream, StreamExt as _};
 use utoipa::ToSchema;
 
 use super::Control;
-use crate::control::error::{Error, Failure};
 use crate::control::events::{Follower, Happening, Subscription, json};
 use crate::control::message::Message;
+use crate::http::error::{Error, Failure};
 
 /// A quiet bus sends a comment so often: a client that is gone is noticed.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);

@@ -14,7 +14,7 @@ use serde_json::{Map, Value};
 use tokio::time::timeout;
 use utoipa::ToSchema;
 
-use super::message::Refusal;
+use crate::control::refusal::Refusal;
 use hal_sim::state::Invalid;
 use hal_sim::state::schema::{Schemas, with_whole_numbers};
 

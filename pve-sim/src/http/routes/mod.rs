@@ -21,8 +21,8 @@ use axum::{Router, middleware};
 use super::connection::Connection;
 use super::error::Failure;
 use super::guard::guard;
-use super::message::{Answer, Message};
-use crate::gateway::{Entrance, ToWorld};
+use crate::control::message::{Answer, Message};
+use crate::inbox::{Entrance, ToWorld};
 
 /// The longest body of a request, in bytes.
 const BODY: usize = 64 * 1024;

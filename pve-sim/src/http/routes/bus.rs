@@ -3,8 +3,8 @@
 use axum::Json;
 
 use super::Control;
-use crate::control::error::{Body, Error, Failure};
 use crate::control::message::{BusState, Message};
+use crate::http::error::{Body, Error, Failure};
 use hal_sim::state::{BusChange, Disturb};
 
 /// The state of the bus

@@ -14,7 +14,7 @@ pub const QUEUE: usize = 8192;
 pub const CREDIT: usize = 1024;
 
 /// How many messages to a client go out in one write, at most.
-pub(super) const BATCH: usize = 256;
+pub(crate) const BATCH: usize = 256;
 
 /// The world's end of one client.
 #[derive(Clone, Debug)]

@@ -8,8 +8,8 @@ use utoipa::openapi::schema::{Object, Schema, Type};
 use utoipa::{IntoParams, PartialSchema, ToSchema};
 
 use super::Control;
-use crate::control::error::{Body, Error, Failure, Query};
 use crate::control::message::{Message, Sent, Stopped};
+use crate::http::error::{Body, Error, Failure, Query};
 use hal_sim::state::{DATA, DATA_PATTERN, Identifier, Pattern, given};
 
 /// A frame to be sent.

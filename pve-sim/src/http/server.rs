@@ -16,7 +16,7 @@ use tokio::runtime;
 
 use super::connection::{Connection, Connections, Watched};
 use super::routes::router;
-use crate::gateway::Entrance;
+use crate::inbox::Entrance;
 
 /// How long to wait before the next try when no connection can be accepted, as when the process has no descriptor left.
 const RETRY: Duration = Duration::from_millis(50);

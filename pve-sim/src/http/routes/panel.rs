@@ -4,7 +4,7 @@ use axum::http::{HeaderName, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 
 use super::not_found;
-use crate::control::error::Name;
+use crate::http::error::Name;
 
 /// A file of the panel.
 struct File {

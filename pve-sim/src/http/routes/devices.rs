@@ -3,8 +3,8 @@
 use axum::Json;
 
 use super::Control;
-use crate::control::error::{Body, Error, Failure, Name};
 use crate::control::message::Message;
+use crate::http::error::{Body, Error, Failure, Name};
 use hal_sim::state::{DeviceState, PlantChange, PowerChange};
 
 /// The states of all devices
