@@ -74,6 +74,26 @@ fn a_burst_while_the_devices_task_is_held_loses_nothing() {
     client.end_without_reset();
 }
 
+/// A frame on the wire takes longer than the receive interrupt: only a processor that stands still lets a FIFO fill.
+#[test]
+fn a_fifo_that_is_full_before_the_processor_runs_loses_nothing() {
+    let mut client = ImageClient::booted();
+    let board = client.bench.board;
+    for fifo in [0, 1] {
+        assign_filters(&client, fifo);
+        {
+            let mut shared = client.bench.rig.connections(board).can.lock();
+            for sub in 1..=3 {
+                shared.can.receive(Message::from(frame(&format!("620: 40 18 10 0{sub} 00 00 00 00"))));
+            }
+        }
+        client.expect("5A0: 43 18 10 01 19 00 00 01");
+        client.expect("5A0: 43 18 10 02 00 00 36 53");
+        client.expect("5A0: 43 18 10 03 20 00 01 00");
+    }
+    client.end_without_reset();
+}
+
 #[test]
 fn an_overrun_of_the_controller_is_counted_once_and_what_comes_after_it_is_received() {
     let mut client = ImageClient::booted();
