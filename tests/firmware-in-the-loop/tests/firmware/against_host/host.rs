@@ -38,8 +38,6 @@ const READ: u64 = 100_000;
 const LINE: u64 = 100_000;
 /// The longest time in which the image leaves the bus, at the end of a frame, and joins it at another bit rate.
 const REJOIN: u64 = 50_000;
-/// The bits of the longest frame: one may be on the wire when the image joins the bus.
-const FRAME: u32 = 160;
 /// The bits for which an error-passive sender waits after its own frame (ISO 11898-1).
 const SUSPEND: u32 = 8;
 
@@ -223,7 +221,7 @@ impl<'a> Host<'a> {
 
     fn notice(&mut self, at: u64, event: WireEvent) -> Result<(), Difference> {
         match event {
-            WireEvent::Joined => (self.joined, self.free) = (at, Some(at + self.bits(FRAME))),
+            WireEvent::Joined => (self.joined, self.free) = (at, Some(at)),
             WireEvent::LostArbitration => self.lost_arbitration = true,
             WireEvent::Begins { .. } => {
                 let is_allowed = self.free.take().is_none_or(|free| free <= at);
