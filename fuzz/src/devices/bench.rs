@@ -220,6 +220,13 @@ impl Bench {
         self.world.power(self.units[unit].node, false);
     }
 
+    /// Takes back what the master has not sent yet.
+    pub(super) fn withdraw(&mut self) {
+        if let Some(master) = self.master {
+            self.world.withdraw(master);
+        }
+    }
+
     /// Takes all disturbances away and leaves a device alone with the master, at the device's bit rate.
     pub(super) fn calm(&mut self, unit: usize) {
         self.events_left = u32::MAX;
@@ -227,9 +234,7 @@ impl Bench {
         self.world.disturb(Disturbance::default());
         self.connect_master(true);
         self.stop_flood();
-        if let Some(master) = self.master {
-            self.world.withdraw(master);
-        }
+        self.withdraw();
         for number in 0..self.units.len() {
             let Unit { node, kind, .. } = self.units[number];
             let healthy = Plant::healthy(kind).words(self.world.now()).collect::<Vec<_>>();

@@ -1,11 +1,12 @@
 //! A device on a memory that holds anything, whose power is cut at any of its writes.
 
 use std::array;
+use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
 use hal_sim::memory::{ERASED, Flash, SECTOR, SIZE, TornErase, WORD};
 use hal_sim::{BitRate, Duration, Kind, Memory, Setup};
-use protocol_core::memory::{RecordKey, seal};
+use protocol_core::memory::{Image, RecordKey, seal};
 
 use super::bench::Bench;
 use super::bytes::Bytes;
@@ -55,13 +56,28 @@ fn content(bytes: &mut Bytes<'_>, kind: Kind) -> Flash {
     for _ in 0..patches % PATCHES_MAX {
         patch(&mut image, bytes);
     }
-    flash = Flash::from_image(image).expect("of its size");
+    let damaged = Flash::from_image(image).expect("of its size");
+    assert_told(flash, &damaged);
+    flash = damaged;
     flash.set_torn_erase(TornErase::ALL[usize::from(torn_erase) % TornErase::ALL.len()]);
     flash.seed_noise(noise.into());
     if let Some(operations) = torn_erase.checked_sub(0x80) {
         flash.cut_power_after(operations.into());
     }
     flash
+}
+
+/// Asserts that a single bit that flips loses no record unless that is told.
+fn assert_told(intact: Flash, damaged: &Flash) {
+    let flipped: u32 = intact.image().iter().zip(damaged.image()).map(|(is, was)| (is ^ was).count_ones()).sum();
+    let [before, after] = [intact, damaged.clone()].map(|flash| Memory::with_flash(flash).peek_image());
+    if flipped > 1 || after.is_damaged() {
+        return;
+    }
+    for key in RecordKey::ALL {
+        let is_there = |image: &Image| !matches!(image.payload(key, VERSION), Ok(None));
+        assert!(is_there(&after) || !is_there(&before), "{key:?} is lost, and nobody knows");
+    }
 }
 
 /// Damage, somewhere.
@@ -88,19 +104,28 @@ fn patch(image: &mut [u8], bytes: &mut Bytes<'_>) {
     }
 }
 
-/// Records that are intact, and hold anything. Not the parameters: their values are checked when a client writes them, and
-/// believed when they are intact.
+/// Records that hold anything, each intact or with a wrong checksum: of these, and of those of another version, nothing is
+/// read. Not the parameters: their values are checked when a client writes them, and believed when they are intact.
 fn any_records(bytes: &mut Bytes<'_>) -> Flash {
     let mut memory = Memory::in_ram();
+    let mut stored = BTreeMap::new();
     for _ in 0..bytes.u8() % 8 {
         let key =
             bytes.one_of(&[RecordKey::Factory, RecordKey::LocalLayer, RecordKey::RestoreFlag, RecordKey::FaultLog]);
-        let [version, len] = bytes.array();
+        let [how, len] = bytes.array();
         let payload: Vec<u8> = (0..len % 128).map(|_| bytes.u8()).collect();
-        let version = if version & 0x80 == 0 { VERSION } else { version };
-        if let Ok(record) = seal(version, &payload) {
-            memory.store(key, &record).expect("a healthy flash");
+        let version = if how & 0x80 == 0 { VERSION } else { how };
+        let Ok(mut record) = seal(version, &payload) else { continue };
+        let is_intact = how & 0xC0 != 0x40;
+        if let Some(checksum) = record.last_mut().filter(|_| !is_intact) {
+            *checksum ^= 1;
         }
+        memory.store(key, &record).expect("a healthy flash");
+        stored.insert(key, (is_intact && version == VERSION).then_some(payload));
+    }
+    let image = memory.peek_image();
+    for (key, payload) in stored {
+        assert_eq!(image.payload(key, VERSION).ok().flatten(), payload.as_deref(), "{key:?}");
     }
     memory.flash().clone()
 }

@@ -2,6 +2,7 @@
 
 use hal_sim::{Duration, Frame, Kind};
 use protocol_core::frame::{Id, standard};
+use protocol_core::time::since;
 
 use super::super::bench::Bench;
 use super::super::client::{number, read};
@@ -64,11 +65,15 @@ fn quiet(bench: &mut Bench, unit: usize, id: u8) {
     assert!(others.is_empty() || is_sensor && heartbeat.data() == [OPERATIONAL], "{heartbeat} and {others:?}");
 }
 
-/// A device that answers is left as it is; one that does not is stopped. Then all are pre-operational and error-active.
+/// A device that answers is left as it is; one that does not is stopped, or fills the bus with a PDO, which is more urgent
+/// than an SDO. Then all are pre-operational and error-active.
 fn wake(bench: &mut Bench, unit: usize, id: u8) {
     if read(bench, unit, (0x1000, 0)).is_none() {
-        let heartbeats = bench.watch(unit, Duration::from_millis(200));
-        assert!(heartbeats.iter().all(|(_, frame)| frame.data() == [STOPPED]), "no answer, and {heartbeats:?}");
+        let sent = bench.watch(unit, Duration::from_millis(200));
+        let is_stopped = sent.iter().all(|(_, frame)| frame.data() == [STOPPED]);
+        let is_full = sent.windows(2).all(|pair| since(pair[1].0, pair[0].0) <= bench.frame_time());
+        assert!(is_stopped || is_full && sent.len() > 10, "no answer, and {sent:?}");
+        bench.withdraw();
     }
     nmt(bench, unit, 0x80, id);
     for _ in 0..FRAMES_TO_ACTIVE {
