@@ -1,6 +1,6 @@
 //! What the board is: a setting of its own in the memory, beside the records of the device.
 
-use protocol_core::device::{Kind, Protocol, Setup, hat, pve};
+use protocol_core::device::{Kind, Setup, pve};
 
 /// How many bytes a setting takes.
 pub const LEN: usize = 7;
@@ -52,10 +52,7 @@ impl Settings {
     /// Returns the same without a node ID; `None` for a kind that always has one.
     #[must_use]
     pub const fn new_blank(kind: Kind, serial: Option<u32>) -> Option<Self> {
-        match kind.protocol() {
-            Protocol::Canopen => Some(Self { blank: true, ..Self::new(kind, serial) }),
-            Protocol::Isobus => None,
-        }
+        if kind.can_be_blank() { Some(Self { blank: true, ..Self::new(kind, serial) }) } else { None }
     }
 
     /// Returns what a new memory of the device is filled with.
@@ -74,14 +71,14 @@ impl Settings {
             | flag(self.chosen, CHOSEN)
             | flag(self.serial.is_some(), SERIAL);
         let [a, b, c, d] = self.serial.unwrap_or(0).to_le_bytes();
-        [VERSION, number(self.kind), flags, a, b, c, d]
+        [VERSION, self.kind.number() - FIRST, flags, a, b, c, d]
     }
 
     /// Returns the setting of bytes; `None` for those of another layout.
     #[must_use]
     pub fn decode(bytes: &[u8]) -> Option<Self> {
         let &[VERSION, kind, flags, a, b, c, d] = bytes else { return None };
-        let kind = Kind::ALL.into_iter().find(|known| number(*known) == kind)?;
+        let kind = Kind::from_number(kind.checked_add(FIRST)?)?;
         let is_set = |bit: u8| flags & bit != 0;
         let serial = is_set(SERIAL).then_some(u32::from_le_bytes([a, b, c, d]));
         let settings = Self { kind, blank: is_set(BLANK), fresh: is_set(FRESH), chosen: is_set(CHOSEN), serial };
@@ -89,17 +86,8 @@ impl Settings {
     }
 }
 
-/// Returns what a kind is stored as: never changed.
-const fn number(kind: Kind) -> u8 {
-    match kind {
-        Kind::Pve(pve::Kind::PveaCanopen) => 0,
-        Kind::Pve(pve::Kind::PveoCanopen) => 1,
-        Kind::Pve(pve::Kind::PveaIsobus) => 2,
-        Kind::Pve(pve::Kind::PveoIsobus) => 3,
-        Kind::Hat(hat::Kind::Hat1000) => 4,
-        Kind::Hat(hat::Kind::Hat3000) => 5,
-    }
-}
+/// The settings store the [number](Kind::number) of a kind from 0 on: a 0 for 1.
+const FIRST: u8 = 1;
 
 /// `PVE_KIND` at the time of the build.
 const DEFAULT_KIND: Kind = match option_env!("PVE_KIND") {
@@ -129,6 +117,8 @@ const fn is_equal(left: &[u8], right: &[u8]) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use protocol_core::device::hat;
+
     use super::*;
 
     const CANOPEN: Kind = Kind::Pve(pve::Kind::PveoCanopen);
@@ -148,10 +138,25 @@ mod tests {
     }
 
     #[test]
+    fn kinds_are_stored_from_0_on() {
+        let names = ["pvea-canopen", "pveo-canopen", "pvea-isobus", "pveo-isobus", "hat1000", "hat3000"];
+        for (stored, name) in (0..).zip(names) {
+            let bytes = Settings::new(named(name), None).encode();
+            assert_eq!(bytes, [1, stored, 6, 0, 0, 0, 0], "{name}");
+        }
+    }
+
+    #[test]
     fn what_is_none_does_not() {
-        for bytes in
-            [&[][..], &[1, 0, 0], &[2, 0, 0, 0, 0, 0, 0], &[1, 6, 0, 0, 0, 0, 0], &[1, 0, 16, 0, 0, 0, 0], &[0; 8]]
-        {
+        for bytes in [
+            &[][..],
+            &[1, 0, 0],
+            &[2, 0, 0, 0, 0, 0, 0],
+            &[1, 6, 0, 0, 0, 0, 0],
+            &[1, 255, 0, 0, 0, 0, 0],
+            &[1, 0, 16, 0, 0, 0, 0],
+            &[0; 8],
+        ] {
             assert_eq!(Settings::decode(bytes), None, "{bytes:?}");
         }
     }

@@ -67,12 +67,12 @@ fn options(arguments: &str) -> RunOptions {
 /// Asserts that the options are read again as they were from what is printed of them.
 fn check_words(options: &RunOptions) {
     for device in &options.devices {
-        let NamedDevice { name, kind, birth, spool_times } = device;
-        let id = birth.node_id.map_or_else(|| ",blank".to_owned(), |id| format!("@{id}"));
-        let mut text = format!("{kind}{id},name={name}");
-        text.extend(birth.serial.map(|serial| format!(",serial=0x{serial:X}")));
-        text.extend(birth.bit_rate.map(|rate| format!(",bit-rate={}", rate.bits_per_second())));
-        if matches!(kind, Kind::Pve(_)) {
+        let NamedDevice { name, setup, spool_times } = device;
+        let id = setup.node_id.map_or_else(|| ",blank".to_owned(), |id| format!("@{id}"));
+        let mut text = format!("{}{id},name={name}", setup.kind);
+        text.extend(setup.serial.map(|serial| format!(",serial=0x{serial:X}")));
+        text.extend(setup.bit_rate.map(|rate| format!(",bit-rate={}", rate.bits_per_second())));
+        if matches!(setup.kind, Kind::Pve(_)) {
             text += &format!(",stroke-ms={},return-ms={}", spool_times.stroke_ms(), spool_times.return_ms());
         }
         let spec: DeviceSpec = text.parse().unwrap_or_else(|error| panic!("{text}: {error}"));
@@ -80,7 +80,8 @@ fn check_words(options: &RunOptions) {
     }
     for NamedLink { valve, sensor, link } in &options.links {
         assert!(link.min < link.max, "{link:?}");
-        let kind = |name: &String| options.devices.iter().find(|device| device.name == *name).map(|device| device.kind);
+        let kind =
+            |name: &String| options.devices.iter().find(|device| device.name == *name).map(|device| device.setup.kind);
         assert!(matches!((kind(valve), kind(sensor)), (Some(Kind::Pve(_)), Some(Kind::Hat(_)))));
     }
     for bus in &options.buses {
@@ -92,16 +93,16 @@ fn check_words(options: &RunOptions) {
 }
 
 fn simulator(options: &RunOptions) -> Simulator {
-    let rate = options.bit_rate.or_else(|| options.devices.first()?.birth.bit_rate);
+    let rate = options.bit_rate.or_else(|| options.devices.first()?.setup.bit_rate);
     let mut world = World::new(rate.unwrap_or(hal_sim::BitRate::Kbit250), options.seed);
     for device in &options.devices {
-        world.add_with(&device.name, device.birth.of(device.kind), Memory::in_ram());
+        world.add_with(&device.name, device.setup, Memory::in_ram());
     }
     for NamedLink { valve, sensor, link } in &options.links {
         let (valve, sensor) = (world.find(valve).expect("a valve"), world.find(sensor).expect("a sensor"));
         world.link(valve, sensor, *link).expect("a valve and a sensor");
     }
-    let kinds: Vec<Kind> = options.devices.iter().map(|device| device.kind).collect();
+    let kinds: Vec<Kind> = options.devices.iter().map(|device| device.setup.kind).collect();
     let speed = if options.speed == Speed::Step { Speed::Step } else { Speed::Factor(1.0) };
     Simulator::new(world, |driver| driver.controlled(&kinds, speed))
 }

@@ -6,7 +6,6 @@ use std::path::Path;
 
 use hal_sim::decode::{DecodeOptions, decode};
 use hal_sim::devices;
-use hal_sim::kind::Simulated as _;
 use hal_sim::log::{Entry, ErrorFrame, Record};
 use hal_sim::memory::SIZE;
 use hal_sim::recording::{Format, Logged, ReadError, Reader, Writer};
@@ -153,7 +152,7 @@ fn state_file(content: &[u8]) {
     fs::create_dir(&folder).expect("a folder");
     let file = folder.join("device.nvm");
     fs::write(&file, &content).expect("room");
-    let mut memory = match StateFile::open(&folder, "device", kind.number()).and_then(Opened::memory) {
+    let mut memory = match StateFile::open(&folder, "device", kind.number().into()).and_then(Opened::memory) {
         Ok(memory) => memory,
         Err(error) => {
             assert_one_line(&error.to_string());
@@ -168,14 +167,14 @@ fn state_file(content: &[u8]) {
     assert_eq!(aside, (!warnings.is_empty()).then_some(content), "what was damaged is kept, and nothing else");
     let image = memory.peek_image();
     drop(memory);
-    let mut again =
-        StateFile::open(&folder, "device", kind.number()).and_then(Opened::memory).expect("what was written is read");
+    let again = StateFile::open(&folder, "device", kind.number().into()).and_then(Opened::memory);
+    let mut again = again.expect("what was written is read");
     assert_eq!(again.take_warnings(), [] as [String; 0]);
     if warnings.is_empty() {
         assert_eq!(again.peek_image(), image, "two starts differ");
     }
     let mut world = World::new(BitRate::Kbit250, 1);
-    let device = world.add_with("device", kind.default_birth().of(kind), again);
+    let device = world.add_with("device", kind, again);
     world.power(device, true);
     world.run_for(Duration::from_millis(200));
     assert!(world.is_powered(device));

@@ -42,8 +42,11 @@ pub enum DecodeError {
 pub fn decode(options: &DecodeOptions, out: &mut impl Write, mut warn: impl FnMut(&str)) -> Result<bool, DecodeError> {
     let unread = |source| DecodeError::Read { path: options.file.clone(), source };
     let mut reader = Reader::open(&options.file).map_err(unread)?;
-    let node =
-        |device: &NamedDevice| Node { name: device.name.clone(), kind: device.kind, node_id: device.birth.node_id };
+    let node = |device: &NamedDevice| Node {
+        name: device.name.clone(),
+        kind: device.setup.kind,
+        node_id: device.setup.node_id,
+    };
     let mut explainer = Explainer::new(options.devices.iter().map(node).collect());
     let mut all_read = true;
     let mut line = String::new();

@@ -62,6 +62,20 @@ fn what_was_stored_is_there_the_next_time() {
 }
 
 #[test]
+fn the_clone_of_a_memory_leaves_the_file_to_the_original() {
+    let dir = directory();
+    let mut memory = open(&dir);
+    memory.store(RecordKey::Parameters, &record(b"kept")).unwrap();
+    let mut clone = memory.clone();
+    assert_eq!(parameters(&clone.read_image()), Some(&b"kept"[..]));
+    clone.store(RecordKey::Parameters, &record(b"in RAM")).unwrap();
+    assert_eq!(parameters(&clone.read_image()), Some(&b"in RAM"[..]));
+    drop(memory);
+    // The file is free, and as the original left it, although the clone is there.
+    assert_eq!(parameters(&open(&dir).read_image()), Some(&b"kept"[..]));
+}
+
+#[test]
 fn the_file_is_a_header_and_the_flash() {
     let dir = directory();
     let mut memory = open(&dir);

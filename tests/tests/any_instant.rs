@@ -2,13 +2,11 @@
 
 use std::convert::Infallible;
 
-use hal_sim::kind::Simulated;
-use hal_sim::world::SimDevice;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
 use protocol_core::controller::{BusErrorMode, Controller, Filter, Filters};
-use protocol_core::device::{Effect, Kind, ProductSenses, Protocol, Senses, StartCause};
+use protocol_core::device::{AnyDevice, Device, Effect, Kind, ProductSenses, Protocol, Senses, StartCause};
 use protocol_core::frame::Frame;
 use protocol_core::memory::Image;
 use protocol_core::pump::pump;
@@ -140,7 +138,7 @@ fn event() -> impl Strategy<Value = Event> {
 }
 
 /// Pumps until there is nothing left to do at this instant.
-fn pump_all(device: &mut dyn SimDevice, bus: &mut FreeBus, now: Instant) {
+fn pump_all(device: &mut dyn Device, bus: &mut FreeBus, now: Instant) {
     loop {
         bus.step();
         match pump(device, bus, now) {
@@ -167,8 +165,9 @@ proptest! {
         };
         let (mut can, frames) = (FreeBus::default(), frames(kind));
         let mut now = at(start, Instant::MIN);
-        let mut device = kind.factory(kind.default_birth())(&Image::empty(), StartCause::PowerOn, now);
-        pump_all(&mut *device, &mut can, now);
+        let mut device = AnyDevice::power_on(kind.into(), &Image::empty(), StartCause::PowerOn, now);
+        let device = device.as_dyn_mut();
+        pump_all(device, &mut can, now);
         for (time, event) in events {
             now = at(time, now);
             can = FreeBus::default();
@@ -184,7 +183,7 @@ proptest! {
                 }
                 Event::Flush => device.flush(now),
             }
-            pump_all(&mut *device, &mut can, now);
+            pump_all(device, &mut can, now);
             prop_assert!(now.as_ticks() >= END || device.deadline() > now, "what was due by {now:?} is due still");
         }
     }

@@ -22,6 +22,7 @@ const PILE_UP: u8 = 0x80;
 const SECOND: u8 = 0x40;
 
 /// Every frame on the bus is destroyed, or the frames of one device.
+#[derive(Clone)]
 struct Jammer(Option<String>);
 
 impl Injector for Jammer {

@@ -36,7 +36,7 @@ impl Rank {
 }
 
 /// The ports that have something to send.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Contenders {
     /// Those that may send: the most urgent one last, of equals the one with the lowest number.
     ready: Vec<Rank>,

@@ -73,7 +73,7 @@ impl Event {
 }
 
 /// The events that nobody has taken yet.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Journal {
     recording: bool,
     events: Vec<Event>,

@@ -32,7 +32,7 @@ impl Bench {
     fn in_bus_off() -> Self {
         let mut bench = Self::new(false);
         bench.run(100);
-        bench.bus.inject(Box::new(DestroyNext::frames_of("controller", 32)));
+        bench.bus.inject(DestroyNext::frames_of("controller", 32));
         while bench.bus.port(bench.controller).mode() != BusErrorMode::BusOff {
             bench.offer(frame(0x101, &[]));
             let next = bench.bus.next_event().as_micros();
@@ -122,11 +122,11 @@ fn the_less_urgent_frame_loses_and_the_winner_is_received() {
 fn a_destroyed_frame_is_told_to_sender_and_listener() {
     let mut bench = Bench::new(false);
     bench.run(100);
-    bench.bus.inject(Box::new(DestroyNext::frames(1)));
+    bench.bus.inject(DestroyNext::frames(1));
     bench.offer(frame(0x101, &[]));
     bench.run(400);
     assert_eq!(bench.happened(), [Joined, Begins { own: true }, NotSent(BusError::Bit), Ends]);
-    bench.bus.inject(Box::new(DestroyNext::frames(1)));
+    bench.bus.inject(DestroyNext::frames(1));
     bench.send(frame(0x102, &[]));
     bench.run(600);
     let happened = bench.happened();

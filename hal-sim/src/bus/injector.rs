@@ -11,8 +11,25 @@ pub trait Injector: Send {
     fn disturb(&mut self, from: &str, frame: &Frame, bits: u32) -> Option<u32>;
 }
 
+/// An [`Injector`] on a bus, which is cloned with the bus.
+pub(super) trait Injects: Injector {
+    fn boxed(&self) -> Box<dyn Injects>;
+}
+
+impl<T: Injector + Clone + 'static> Injects for T {
+    fn boxed(&self) -> Box<dyn Injects> {
+        Box::new(self.clone())
+    }
+}
+
+impl Clone for Box<dyn Injects> {
+    fn clone(&self) -> Self {
+        (**self).boxed()
+    }
+}
+
 /// Every bit is wrong with the same probability.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct BitErrors {
     threshold: u64,
     random: fastrand::Rng,
@@ -52,7 +69,7 @@ impl Injector for Disturbance {
 }
 
 /// The next so many frames are destroyed, of everybody or of one sender.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct DestroyNext {
     left: u32,
     from: Option<Arc<str>>,

@@ -9,7 +9,7 @@ use protocol_core::frame::Frame;
 use super::PortId;
 
 /// The ports that take part at one bit rate.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Group {
     pub(super) rate: BitRate,
     /// Its members, in the order of their numbers.
@@ -32,7 +32,7 @@ pub(super) struct Group {
 const STANDARD: usize = 1 << 11;
 
 /// The filters that look at the same bits of an identifier.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Mask {
     bits: u32,
     /// Who wants to find what there, in the order of their numbers.

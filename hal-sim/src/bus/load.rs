@@ -8,7 +8,7 @@ const SECOND: Nanos = 1_000_000_000;
 const PART: Nanos = SECOND / PARTS as Nanos;
 
 /// The busy time of the last second.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Load {
     busy: [Nanos; PARTS],
     /// The number of the latest part, counted from the start of the world.

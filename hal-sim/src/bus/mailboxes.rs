@@ -13,13 +13,13 @@ use super::transmit::Full;
 pub(super) const MAILBOXES: usize = 3;
 
 /// Three mailboxes.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Mailboxes {
     /// The frames that wait, each more urgent than the one before.
     waiting: Vec<Mailbox>,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Mailbox {
     frame: Frame,
     /// The frame is on the wire, and cannot be handed back.

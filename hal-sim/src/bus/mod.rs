@@ -58,6 +58,7 @@ pub use wire_event::WireEvent;
 use clock::{Nanos, instant, nanos};
 use contenders::{Contenders, Contends};
 use event::Journal;
+use injector::Injects;
 use listeners::Group;
 use load::Load;
 use transmission::Transmission;
@@ -67,7 +68,7 @@ use transmission::Transmission;
 pub struct PortId(pub(crate) usize);
 
 /// The bus and everything that is connected to it.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Bus {
     ports: Vec<Port>,
     /// The ports of clients that are gone, to be used again.
@@ -89,7 +90,7 @@ pub struct Bus {
     free_at: Nanos,
     /// The ports of devices for which something changed since they were last asked for.
     touched: Vec<PortId>,
-    injectors: Vec<Box<dyn Injector>>,
+    injectors: Vec<Box<dyn Injects>>,
     /// What disturbs the bus on command.
     disturbance: Disturbance,
     load: Load,
@@ -194,8 +195,8 @@ impl Bus {
     }
 
     /// Adds something that disturbs the bus.
-    pub fn inject(&mut self, injector: Box<dyn Injector>) {
-        self.injectors.push(injector);
+    pub fn inject(&mut self, injector: impl Injector + Clone + 'static) {
+        self.injectors.push(Box::new(injector));
     }
 
     /// Disturbs the bus on command, in the place of an earlier disturbance.

@@ -21,7 +21,7 @@ use super::wire_event::{External, WireEvent};
 pub const RECEIVE_QUEUE: usize = 256;
 
 /// A CAN controller on the bus.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Port {
     pub(super) name: Arc<str>,
     /// Whether a device is behind it, to be told what happens.
@@ -117,6 +117,12 @@ impl Port {
             contends: Contends::No,
             external: None,
         }
+    }
+
+    /// Returns its name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
     }
 
     /// Returns the bit rate that it is set to.

@@ -92,7 +92,7 @@ fn a_lone_sender_becomes_error_passive_and_stays_so() {
 #[test]
 fn a_sender_that_nobody_understands_goes_bus_off_and_recovers() {
     let mut bench = Bench::of(3);
-    bench.bus.inject(Box::new(DestroyNext::frames_of("a", 32)));
+    bench.bus.inject(DestroyNext::frames_of("a", 32));
     bench.send(0, frame(0x123, &[1]));
     let mut last = bench.now;
     for errors in 1..=32 {
@@ -258,7 +258,7 @@ fn a_controller_takes_part_after_eleven_recessive_bits() {
 fn random_bit_errors_delay_but_lose_nothing() {
     let run = |seed| {
         let mut bench = Bench::of(2);
-        bench.bus.inject(Box::new(BitErrors::one_in(500, seed).unwrap()));
+        bench.bus.inject(BitErrors::one_in(500, seed).unwrap());
         for number in 0..100 {
             bench.send(0, frame(0x200, &[number]));
             bench.run_for(Duration::from_millis(20));
@@ -296,7 +296,7 @@ fn the_load_is_that_of_the_last_second() {
 #[test]
 fn filters_keep_frames_away_and_not_the_error_counters() {
     let mut bench = Bench::of(3);
-    bench.bus.inject(Box::new(DestroyNext::frames(3)));
+    bench.bus.inject(DestroyNext::frames(3));
     bench.send(0, frame(1, &[]));
     bench.run_for(Duration::from_millis(10));
     assert_eq!(bench.receive(1), Some(frame(1, &[])), "everything passes where there are none");

@@ -22,7 +22,7 @@ pub(super) const ERROR_FRAME: u32 = 2 * ERROR_FLAG + ERROR_DELIMITER;
 const LONE_ERROR_FRAME: u32 = ERROR_FLAG + ERROR_DELIMITER;
 
 /// What is on the wire.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Transmission {
     pub(super) frame: Frame,
     pub(super) rate: BitRate,
@@ -36,7 +36,7 @@ pub(super) struct Transmission {
 }
 
 /// Why a frame is not sent.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Failure {
     pub(super) error: BusError,
     /// Whether listeners at another bit rate than everybody else destroyed it.

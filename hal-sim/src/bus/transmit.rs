@@ -9,7 +9,7 @@ use protocol_core::frame::Frame;
 use super::mailboxes::Mailboxes;
 
 /// Frames that wait for the bus.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) enum Transmit {
     /// A device's controller: the most urgent frame goes first.
     Mailboxes(Mailboxes),

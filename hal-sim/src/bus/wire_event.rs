@@ -38,7 +38,7 @@ pub enum WireEvent {
 }
 
 /// What a port with a controller elsewhere has beyond the others.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct External {
     events: VecDeque<(Instant, WireEvent)>,
     /// Whether it has to be told that it has joined.

@@ -10,10 +10,10 @@
 //!   ([`RateWatch::find_at`]).
 
 use protocol_core::controller::BitRate;
+use protocol_core::device::Setup;
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
 use super::NamedDevice;
-use crate::kind::Simulated as _;
 use crate::world::{NodeId, World};
 
 /// Time for bus and device to meet again after one of them has changed its bit rate.
@@ -74,7 +74,7 @@ impl RateWatch {
     /// Watches devices of a world, none of which has been switched on.
     #[must_use]
     pub fn new<'a>(devices: impl IntoIterator<Item = &'a NamedDevice>, world: &mut World) -> Self {
-        let mut watch = |device: &NamedDevice| {
+        let watch = |device: &NamedDevice| {
             let node = world.find(&device.name)?;
             Some(Watched {
                 node,
@@ -87,7 +87,7 @@ impl RateWatch {
             })
         };
         Self {
-            devices: devices.into_iter().filter_map(&mut watch).collect(),
+            devices: devices.into_iter().filter_map(watch).collect(),
             looked_at: None,
             due: NEVER,
             found: Vec::new(),
@@ -191,7 +191,7 @@ impl Watched {
 /// Returns the sentence about a device, with the remedy. What is written of a device counts for a new memory alone.
 fn reason(device: &NamedDevice, is_new: bool, rate: BitRate, bus: BitRate) -> String {
     let kilobits = |rate: BitRate| rate.bits_per_second() / 1000;
-    let other_device = (is_new && device.birth.bit_rate == Some(rate) && device.kind.bit_rates().contains(&bus))
+    let other_device = (is_new && device.setup.bit_rate == Some(rate) && device.setup.kind.bit_rates().contains(&bus))
         .then(|| format!("{},bit-rate={}k, or ", written(device), kilobits(bus)));
     format!(
         "{} runs at {} kbit/s and the bus at {} kbit/s: it cannot communicate and will disturb the bus; use {}a bus at {}k",
@@ -204,10 +204,10 @@ fn reason(device: &NamedDevice, is_new: bool, rate: BitRate, bus: BitRate) -> St
 }
 
 /// Returns a device as `--device` has it, without a serial number and a bit rate.
-fn written(NamedDevice { name, kind, birth, .. }: &NamedDevice) -> String {
+fn written(NamedDevice { name, setup: Setup { kind, node_id, .. }, .. }: &NamedDevice) -> String {
     let mut text = kind.name().to_owned();
-    match birth.node_id {
-        id if id == kind.default_birth().node_id => {}
+    match *node_id {
+        Some(id) if id == kind.default_node_id() => {}
         Some(id) => text.push_str(&format!("@0x{id:02X}")),
         None => text.push_str(",blank"),
     }

@@ -65,7 +65,7 @@ fn angle(text: &str) -> Result<u32, String> {
 /// One line about a name that is no such device, or a sensor that follows two valves.
 pub fn links(devices: &[NamedDevice], specs: Vec<LinkSpec>) -> Result<Vec<NamedLink>, String> {
     let known = |name: &str, wanted: fn(Kind) -> bool, what: &str| {
-        let fits = |device: &&NamedDevice| wanted(device.kind);
+        let fits = |device: &&NamedDevice| wanted(device.setup.kind);
         if devices.iter().filter(fits).any(|device| device.name == name) {
             return Ok(());
         }

@@ -19,9 +19,10 @@ pub use spec::{DeviceSpec, bit_rate};
 
 use protocol_core::actuator::SpoolTimes;
 use protocol_core::controller::BitRate;
+use protocol_core::device::Setup;
 
 use crate::explain::{Explainer, Node};
-use crate::kind::{Birth, Kind, Simulated};
+use crate::kind::Kind;
 use crate::memory::Memory;
 use crate::world::{Link, NodeId, World};
 
@@ -30,10 +31,8 @@ use crate::world::{Link, NodeId, World};
 pub struct NamedDevice {
     /// Its name; no other device has it.
     pub name: String,
-    /// What it is.
-    pub kind: Kind,
-    /// What a new memory is filled with.
-    pub birth: Birth,
+    /// What it is, and what a new memory is filled with.
+    pub setup: Setup,
     /// The times of its spool, of a valve.
     pub spool_times: SpoolTimes,
 }
@@ -41,7 +40,7 @@ pub struct NamedDevice {
 impl NamedDevice {
     /// Adds the device to a world, healthy and not yet powered.
     pub fn add_to(&self, world: &mut World, memory: Memory) -> NodeId {
-        let node = world.add_with(&self.name, self.birth.of(self.kind), memory);
+        let node = world.add_with(&self.name, self.setup, memory);
         let mut senses = *world.senses(node);
         if let Some(valve) = senses.valve_mut() {
             valve.spool.times = self.spool_times;
@@ -75,7 +74,7 @@ pub fn link_in(world: &mut World, links: &[NamedLink]) {
 
 /// Returns what explains the frames of these devices.
 pub fn explainer(devices: &[NamedDevice]) -> Explainer {
-    let node = |device: &NamedDevice| Node { name: device.name.clone(), kind: device.kind, node_id: None };
+    let node = |device: &NamedDevice| Node { name: device.name.clone(), kind: device.setup.kind, node_id: None };
     Explainer::new(devices.iter().map(node).collect())
 }
 
@@ -100,11 +99,11 @@ pub fn named(specs: Vec<DeviceSpec>) -> Result<Vec<NamedDevice>, String> {
     };
     let devices = specs.into_iter().map(|spec| {
         let name = spec.name.unwrap_or_else(|| {
-            let name = free(spec.kind, &taken);
+            let name = free(spec.setup.kind, &taken);
             taken.push(name.clone());
             name
         });
-        NamedDevice { name, kind: spec.kind, birth: spec.birth, spool_times: spec.spool_times }
+        NamedDevice { name, setup: spec.setup, spool_times: spec.spool_times }
     });
     let mut devices: Vec<NamedDevice> = devices.collect();
     number(&mut devices);
@@ -115,23 +114,23 @@ pub fn named(specs: Vec<DeviceSpec>) -> Result<Vec<NamedDevice>, String> {
 /// first.
 fn number(devices: &mut [NamedDevice]) {
     let mut taken: Vec<_> =
-        devices.iter().filter_map(|device| Some(device.kind.known_by(device.birth.serial?))).collect();
-    for NamedDevice { kind, birth, .. } in devices {
+        devices.iter().filter_map(|device| Some(device.setup.kind.known_by(device.setup.serial?))).collect();
+    for NamedDevice { setup: Setup { kind, serial: given, .. }, .. } in devices {
         let first = kind.default_serial();
         let candidates = || (first..=u32::MAX).chain(0..first);
-        let serial = birth.serial.or_else(|| candidates().find(|serial| !taken.contains(&kind.known_by(*serial))));
+        let serial = given.or_else(|| candidates().find(|serial| !taken.contains(&kind.known_by(*serial))));
         taken.extend(serial.map(|serial| kind.known_by(serial)));
-        birth.serial = serial;
+        *given = serial;
     }
 }
 
 /// Gives each device without a bit rate that of the bus, if it can run at it, and returns that: the one that was asked
 /// for, or else the first device's.
 pub fn share_bit_rate(devices: &mut [NamedDevice], bus: Option<BitRate>) -> BitRate {
-    let of_first = |first: &NamedDevice| first.birth.bit_rate.or(first.kind.bit_rates().first().copied());
+    let of_first = |first: &NamedDevice| first.setup.bit_rate.or(first.setup.kind.bit_rates().first().copied());
     let bus = bus.or_else(|| devices.first().and_then(of_first)).unwrap_or(BitRate::Kbit250);
-    for NamedDevice { kind, birth, .. } in devices {
-        birth.bit_rate = birth.bit_rate.or(Some(bus).filter(|rate| kind.bit_rates().contains(rate)));
+    for NamedDevice { setup: Setup { kind, bit_rate, .. }, .. } in devices {
+        *bit_rate = bit_rate.or(Some(bus).filter(|rate| kind.bit_rates().contains(rate)));
     }
     bus
 }
@@ -142,14 +141,14 @@ pub fn share_bit_rate(devices: &mut [NamedDevice], bus: Option<BitRate>) -> BitR
 /// One line that names the first two.
 pub fn refuse_clashes(devices: &[NamedDevice]) -> Result<(), String> {
     for (position, device) in devices.iter().enumerate() {
-        let Some(id) = device.birth.node_id else { continue };
-        let earlier = devices.iter().take(position).find(|other| other.birth.node_id == Some(id));
+        let Some(id) = device.setup.node_id else { continue };
+        let earlier = devices.iter().take(position).find(|other| other.setup.node_id == Some(id));
         if let Some(earlier) = earlier {
             return Err(format!(
                 "{} and {} both have {} 0x{id:02X}; give each its own",
                 earlier.name,
                 device.name,
-                device.kind.id_name()
+                device.setup.kind.protocol().id_name()
             ));
         }
     }

@@ -4,8 +4,9 @@ use std::str::FromStr;
 
 use protocol_core::actuator::SpoolTimes;
 use protocol_core::controller::BitRate;
+use protocol_core::device::Setup;
 
-use crate::kind::{Birth, Kind, Simulated};
+use crate::kind::Kind;
 use crate::sender::CONTROL;
 
 /// The keys of a device.
@@ -17,10 +18,8 @@ const NAME_MAX: usize = 32;
 /// A device as it was asked for.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DeviceSpec {
-    /// What it is.
-    pub kind: Kind,
-    /// What a new memory is filled with.
-    pub birth: Birth,
+    /// What it is, and what a new memory is filled with.
+    pub setup: Setup,
     /// The name that was given; `None`: it gets one after its kind.
     pub name: Option<String>,
     /// The times of its spool, of a valve.
@@ -31,7 +30,7 @@ impl DeviceSpec {
     /// Returns a device of this kind as it leaves the factory.
     #[must_use]
     pub fn new(kind: Kind) -> Self {
-        Self { kind, birth: kind.default_birth(), name: None, spool_times: SpoolTimes::DEFAULT }
+        Self { setup: kind.into(), name: None, spool_times: SpoolTimes::DEFAULT }
     }
 }
 
@@ -51,7 +50,7 @@ impl FromStr for DeviceSpec {
         })?;
         let mut spec = Self::new(kind);
         if let Some(id) = id {
-            spec.birth.node_id = Some(node_id(kind, id)?);
+            spec.setup.node_id = Some(node_id(kind, id)?);
         }
         let mut seen = Vec::new();
         let (mut stroke_ms, mut return_ms) = (SpoolTimes::DEFAULT.stroke_ms(), SpoolTimes::DEFAULT.return_ms());
@@ -66,8 +65,8 @@ impl FromStr for DeviceSpec {
             seen.push(key);
             match (key, value) {
                 ("name", Some(name)) => spec.name = Some(device_name(name)?),
-                ("bit-rate", Some(rate)) => spec.birth.bit_rate = Some(bit_rate_of(kind, rate)?),
-                ("serial", Some(serial)) => spec.birth.serial = Some(serial_number(serial)?),
+                ("bit-rate", Some(rate)) => spec.setup.bit_rate = Some(bit_rate_of(kind, rate)?),
+                ("serial", Some(serial)) => spec.setup.serial = Some(serial_number(serial)?),
                 ("stroke-ms" | "return-ms", _) if matches!(kind, Kind::Hat(_)) => {
                     return Err(format!("'{key}' is of a valve's spool; a {kind} has none"));
                 }
@@ -79,7 +78,7 @@ impl FromStr for DeviceSpec {
                 ("blank", None) if id.is_some() => {
                     return Err("a blank device has no node ID; accepted: @ID or blank, not both".to_owned());
                 }
-                ("blank", None) => spec.birth.node_id = None,
+                ("blank", None) => spec.setup.node_id = None,
                 ("blank", Some(_)) => return Err("'blank' takes no value".to_owned()),
                 ("name" | "serial" | "bit-rate" | "stroke-ms" | "return-ms", None) => {
                     return Err(format!("'{key}' needs a value, as in {key}=…"));
@@ -95,7 +94,10 @@ fn node_id(kind: Kind, text: &str) -> Result<u8, String> {
     let range = kind.node_ids();
     number(text).and_then(|id| u8::try_from(id).ok()).filter(|id| range.contains(id)).ok_or_else(|| {
         let (low, high) = (range.start(), range.end());
-        format!("'{text}' is no {} of {kind}; accepted: {low}–{high}, or 0x{low:02X}–0x{high:02X}", kind.id_name())
+        format!(
+            "'{text}' is no {} of {kind}; accepted: {low}–{high}, or 0x{low:02X}–0x{high:02X}",
+            kind.protocol().id_name()
+        )
     })
 }
 

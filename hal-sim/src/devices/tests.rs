@@ -65,7 +65,7 @@ fn devices_share_the_rate_of_the_bus() {
     ] {
         let mut devices = devices(texts);
         let bus = share_bit_rate(&mut devices, bus);
-        let rate = |device: &NamedDevice| device.birth.bit_rate.map_or(0, |rate| rate.bits_per_second() / 1000);
+        let rate = |device: &NamedDevice| device.setup.bit_rate.map_or(0, |rate| rate.bits_per_second() / 1000);
         assert_eq!(devices.iter().map(rate).collect::<Vec<_>>(), rates, "{texts:?}");
         assert!(rates.contains(&(bus.bits_per_second() / 1000)), "{texts:?}: {bus:?}");
     }

@@ -39,6 +39,21 @@ pub struct Memory {
     warnings: Vec<String>,
 }
 
+/// The clone of a memory in a file is in RAM, with what the file holds.
+impl Clone for Memory {
+    fn clone(&self) -> Self {
+        let Self { flash, file: _, damaged, spoilt, put_aside, warnings } = self;
+        Self {
+            flash: flash.clone(),
+            file: None,
+            damaged: *damaged,
+            spoilt: *spoilt,
+            put_aside: put_aside.clone(),
+            warnings: warnings.clone(),
+        }
+    }
+}
+
 impl Memory {
     /// A new memory that is lost with the process.
     #[must_use]

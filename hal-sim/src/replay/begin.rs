@@ -1,15 +1,12 @@
 //! When each device of a recording was switched on: told by its first frame.
 
-use protocol_core::device::Senses;
 use protocol_core::frame::{Frame, Id};
 use protocol_core::time::{Duration, Instant, after, since};
 
 use super::own::{is_claim, is_of};
 use super::{ReplayError, ReplayOptions};
-use crate::Memory;
 use crate::bus::FrameBits;
 use crate::devices::NamedDevice;
-use crate::kind::Simulated as _;
 use crate::log::{Entry, Timestamp};
 use crate::recording::{Logged, ReadError, Reader};
 use crate::world::{EventKind, World};
@@ -88,7 +85,7 @@ impl Search {
     fn look(self, entrance: Entrance, first: &First, device: &NamedDevice, exactly: bool) -> Self {
         let frame = &entrance.frame;
         let is_own =
-            !frame.is_remote() && device.birth.node_id.is_some_and(|id| is_of(frame, device.kind.protocol(), id));
+            !frame.is_remote() && device.setup.node_id.is_some_and(|id| is_of(frame, device.setup.kind.protocol(), id));
         match self {
             Self::Perhaps { spoke: true, .. } if first.frame == *frame => Self::Before,
             _ if first.frame == *frame => Self::Found(entrance),
@@ -204,12 +201,11 @@ fn is_like(first: &Frame, frame: &Frame) -> bool {
 
 /// Returns what a device sends first when it is alone on a bus of its own bit rate.
 fn first_frame(device: &NamedDevice) -> Option<First> {
-    let rate = device.birth.bit_rate.or(device.kind.bit_rates().first().copied())?;
+    let rate = device.setup.bit_rate.or(device.setup.kind.bit_rates().first().copied())?;
     let mut world = World::new(rate, 0);
     world.record_events(true);
     world.add_gateway("the log");
-    let node = world.add_device(&device.name, device.kind.factory(device.birth), Memory::in_ram());
-    world.set_senses(node, Senses::healthy(device.kind));
+    let node = world.add(&device.name, device.setup);
     world.power(node, true);
     let begin = world.now();
     while world.next_event() <= after(begin, SILENT) {

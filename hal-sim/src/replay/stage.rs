@@ -36,7 +36,7 @@ pub(super) struct Stage {
 impl Stage {
     pub(super) fn new(options: &ReplayOptions, begin: &Begin) -> Self {
         let first = options.devices.first();
-        let rate = first.and_then(|device| device.birth.bit_rate.or(device.kind.bit_rates().first().copied()));
+        let rate = first.and_then(|device| device.setup.bit_rate.or(device.setup.kind.bit_rates().first().copied()));
         let mut world = World::new(rate.unwrap_or(protocol_core::controller::BitRate::Kbit250), 0);
         world.record_events(true);
         let mut nodes = Vec::new();
@@ -56,13 +56,16 @@ impl Stage {
         to_come.sort_by(|one, other| other.cmp(one));
         let known = options.devices.iter().map(|device| Node {
             name: device.name.clone(),
-            kind: device.kind,
-            node_id: device.birth.node_id,
+            kind: device.setup.kind,
+            node_id: device.setup.node_id,
         });
         Self {
             places: options.devices.iter().enumerate().map(|(at, device)| (device.name.as_str().into(), at)).collect(),
             explainer: Explainer::new(known.collect()),
-            positions: PositionTolerance::new(options.devices.iter().map(|device| device.kind), options.tolerance),
+            positions: PositionTolerance::new(
+                options.devices.iter().map(|device| device.setup.kind),
+                options.tolerance,
+            ),
             world,
             others,
             to_come,

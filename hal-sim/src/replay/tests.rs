@@ -62,7 +62,7 @@ impl Session {
     fn new(line: &str) -> Self {
         let options = options(line, &NamedTempFile::new().unwrap());
         let first = &options.devices[0];
-        let rate = first.birth.bit_rate.unwrap_or(first.kind.bit_rates()[0]);
+        let rate = first.setup.bit_rate.unwrap_or(first.setup.kind.bit_rates()[0]);
         let mut world = World::new(rate, 7);
         world.record_events(true);
         let master = world.add_gateway("master");

@@ -40,7 +40,7 @@ pub(super) fn run(scenario: &Scenario, seed: u64, traced: bool) -> Outcome {
     let mut world = scenario.world(seed);
     world.record_events(true);
     let sender = Sender::new(OWN, &mut world);
-    let kinds = scenario.devices.iter().map(|device| device.kind);
+    let kinds = scenario.devices.iter().map(|device| device.setup.kind);
     let devices = world.devices().zip(kinds).collect();
     world.power_all(SUPPLY_JITTER);
     let history = History::new(OWN, devices::explainer(&scenario.devices), traced, &world);

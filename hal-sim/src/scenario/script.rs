@@ -224,7 +224,7 @@ struct Trial {
 impl Trial {
     fn new(scenario: &Scenario) -> Self {
         let world = scenario.world(0);
-        let kinds = scenario.devices.iter().map(|device| (device.kind, device.name.clone()));
+        let kinds = scenario.devices.iter().map(|device| (device.setup.kind, device.name.clone()));
         let devices = world.devices().zip(kinds).map(|(node, (kind, name))| (node, kind, name)).collect();
         Self { world, devices, cyclic: Vec::new() }
     }

@@ -4,7 +4,7 @@ use protocol_core::time::{Instant, NEVER};
 
 /// The due times of all devices, as a tournament: of two neighbours the one that is due earlier goes on to the next
 /// round, of equals the one with the lower number. A device that is due at another time replays its own rounds only.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Agenda {
     /// When each device is due, by its number.
     due: Vec<Instant>,

@@ -1,6 +1,7 @@
 //! Clients that a program owns: a CAN controller for code that is generic over [`embedded_can::nb::Can`].
 
-use std::sync::mpsc::{self, Receiver, Sender, TryRecvError};
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use embedded_can::ErrorKind;
 use protocol_core::frame::Frame;
@@ -14,12 +15,10 @@ use super::{TapId, World};
 /// frames are there when the call returns. `transmit` takes every frame. To wait for a frame by `nb::block!` is to wait
 /// for ever: let the world run, and look again.
 ///
-/// A client that is dropped leaves the bus, with all that it had to send.
+/// A client that is dropped leaves the bus, with all that it had to send. It stays with its world when that is cloned:
+/// see [`World::take_client`].
 #[derive(Debug)]
-pub struct Client {
-    sent: Sender<Frame>,
-    received: Receiver<Frame>,
-}
+pub struct Client(Shared);
 
 /// The world of a client was dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -37,60 +36,116 @@ impl embedded_can::nb::Can for Client {
     type Error = WorldGone;
 
     fn transmit(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, WorldGone> {
-        self.sent.send(*frame).map(|()| None).map_err(|_| nb::Error::Other(WorldGone))
+        let mut queues = self.0.lock();
+        if queues.world_gone {
+            return Err(nb::Error::Other(WorldGone));
+        }
+        queues.sent.push_back(*frame);
+        Ok(None)
     }
 
     fn receive(&mut self) -> nb::Result<Frame, WorldGone> {
-        self.received.try_recv().map_err(|error| match error {
-            TryRecvError::Empty => nb::Error::WouldBlock,
-            TryRecvError::Disconnected => nb::Error::Other(WorldGone),
-        })
+        let mut queues = self.0.lock();
+        let none = if queues.world_gone { nb::Error::Other(WorldGone) } else { nb::Error::WouldBlock };
+        queues.received.pop_front().ok_or(none)
+    }
+}
+
+impl Drop for Client {
+    fn drop(&mut self) {
+        self.0.lock().client_gone = true;
+    }
+}
+
+/// The frames between a client and its world.
+#[derive(Clone, Debug, Default)]
+struct Queues {
+    sent: VecDeque<Frame>,
+    received: VecDeque<Frame>,
+    client_gone: bool,
+    world_gone: bool,
+}
+
+/// The same queues at both ends.
+#[derive(Debug, Default)]
+struct Shared(Arc<Mutex<Queues>>);
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, Queues> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 /// The world's end of a [`Client`].
 pub(super) struct Connection {
     tap: TapId,
-    sent: Receiver<Frame>,
-    received: Sender<Frame>,
+    queues: Shared,
+    /// The client is that of the world that this one was cloned from; nobody has taken one in its place yet.
+    untaken: bool,
+}
+
+/// A connection to a client of its own, with the frames that were under way.
+impl Clone for Connection {
+    fn clone(&self) -> Self {
+        let queues = Shared(Arc::new(Mutex::new(self.queues.lock().clone())));
+        Self { tap: self.tap, queues, untaken: true }
+    }
+}
+
+impl Drop for Connection {
+    fn drop(&mut self) {
+        self.queues.lock().world_gone = true;
+    }
 }
 
 impl World {
     /// Adds a client that the caller owns, as firmware owns its CAN controller: it sends in the order it is told to,
     /// hears everything but its own frames, and acknowledges.
     pub fn client(&mut self, name: &str) -> Client {
-        let tap = self.add_tap(name);
-        let (sent, to_bus) = mpsc::channel();
-        let (from_bus, received) = mpsc::channel();
-        self.clients.push(Connection { tap, sent: to_bus, received: from_bus });
-        Client { sent, received }
+        let mut connection = Connection { tap: self.add_tap(name), queues: Shared::default(), untaken: true };
+        let client = connection.take();
+        self.clients.push(connection);
+        client
+    }
+
+    /// Takes the client of that name in the clone of a world, in the place of the original's: with all that the
+    /// original had sent and had not received yet. Until then it is on the bus, and hears. `None` when there is no such
+    /// client, or somebody has it.
+    pub fn take_client(&mut self, name: &str) -> Option<Client> {
+        let is_it = |connection: &&mut Connection| {
+            let is_there = connection.untaken && !connection.queues.lock().client_gone;
+            is_there && self.bus.port(connection.tap.0).name() == name
+        };
+        self.clients.iter_mut().find(is_it).map(Connection::take)
     }
 
     /// Gives to the bus what clients have sent, and lets those go that were dropped.
     pub(super) fn take_from_clients(&mut self) {
         let mut clients = std::mem::take(&mut self.clients);
-        clients.retain(|Connection { tap, sent, .. }| {
-            loop {
-                match sent.try_recv() {
-                    Ok(frame) => self.send(*tap, frame),
-                    Err(TryRecvError::Empty) => return true,
-                    Err(TryRecvError::Disconnected) => {
-                        self.remove_tap(*tap);
-                        return false;
-                    }
-                }
+        clients.retain(|Connection { tap, queues, .. }| {
+            let mut queues = queues.lock();
+            for frame in queues.sent.drain(..) {
+                self.send(*tap, frame);
             }
+            if queues.client_gone {
+                self.remove_tap(*tap);
+            }
+            !queues.client_gone
         });
         self.clients = clients;
     }
 
     /// Hands to clients what they have heard.
     pub(super) fn give_to_clients(&mut self) {
-        for Connection { tap, received, .. } in &self.clients {
-            for (_, frame) in self.bus.port_mut(tap.0).take_received() {
-                // A client that was dropped meanwhile is let go by the next call.
-                let _ = received.send(frame);
-            }
+        for Connection { tap, queues, .. } in &self.clients {
+            queues.lock().received.extend(self.bus.port_mut(tap.0).take_received().map(|(_, frame)| frame));
         }
+    }
+}
+
+impl Connection {
+    fn take(&mut self) -> Client {
+        self.untaken = false;
+        Client(Shared(Arc::clone(&self.queues.0)))
     }
 }

@@ -54,7 +54,7 @@ const CDEG: i128 = 2 * Valve::STROKE as i128 * 1_000_000;
 const MICROSECOND: Duration = Duration::from_micros(1);
 
 /// A link at work.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Coupling {
     valve: NodeId,
     sensor: NodeId,

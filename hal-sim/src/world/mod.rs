@@ -23,7 +23,7 @@ use std::sync::Arc;
 use std::vec::Drain;
 
 use protocol_core::controller::BitRate;
-use protocol_core::device::{Device, Outputs, Senses, Setup, StartCause};
+use protocol_core::device::{AnyDevice, Device, Outputs, Senses, Setup, StartCause};
 use protocol_core::frame::Frame;
 use protocol_core::memory::Image;
 use protocol_core::time::{Duration, Instant};
@@ -39,7 +39,6 @@ pub use run::FLUSH_PATIENCE;
 pub use crate::bus::{Event, EventKind};
 
 use crate::bus::{Bus, Disturbance, Injector, Port, PortId};
-use crate::kind::{Birth, Simulated};
 use crate::memory::Memory;
 
 use agenda::Agenda;
@@ -56,6 +55,11 @@ pub struct NodeId(usize);
 pub struct TapId(PortId);
 
 /// Devices, their plant and their memory on one bus, in virtual time.
+///
+/// The clone of a world goes on as the original would: the same calls come to the same, at the same instants. Two things
+/// stay with the original: the file that keeps a memory, for the clone has its own memory in RAM; and each [`Client`],
+/// in whose place the clone has another one, to be taken with [`take_client`](Self::take_client).
+#[derive(Clone)]
 pub struct World {
     now: Instant,
     bit_rate: BitRate,
@@ -108,10 +112,12 @@ impl World {
     /// Adds a healthy device with this memory, not yet powered. Where the memory holds something, it decides, not the
     /// setup. A setup without a bit rate takes that of the bus, if the product can run at it.
     pub fn add_with(&mut self, name: &str, setup: impl Into<Setup>, memory: Memory) -> NodeId {
-        let Setup { kind, node_id, serial, bit_rate } = setup.into();
-        let bit_rate = bit_rate.or(Some(self.bit_rate).filter(|rate| kind.bit_rates().contains(rate)));
-        let node = self.add_device(name, kind.factory(Birth { node_id, serial, bit_rate }), memory);
-        self.set_senses(node, Senses::healthy(kind));
+        let setup: Setup = setup.into();
+        let bit_rate = setup.bit_rate.or(Some(self.bit_rate).filter(|rate| setup.kind.bit_rates().contains(rate)));
+        let setup = Setup { bit_rate, ..setup };
+        let power_on = move |image: &Image, cause, now| AnyDevice::power_on(setup, image, cause, now).into();
+        let node = self.add_device(name, power_on, memory);
+        self.set_senses(node, Senses::healthy(setup.kind));
         node
     }
 
@@ -119,7 +125,7 @@ impl World {
     pub fn add_device(
         &mut self,
         name: &str,
-        factory: impl FnMut(&Image, StartCause, Instant) -> Box<dyn SimDevice> + Send + 'static,
+        factory: impl Fn(&Image, StartCause, Instant) -> Box<dyn SimDevice> + Send + Sync + 'static,
         memory: Memory,
     ) -> NodeId {
         let name: Arc<str> = name.into();
@@ -130,7 +136,7 @@ impl World {
         self.nodes.push(Node {
             name,
             port,
-            factory: Box::new(factory),
+            factory: Arc::new(factory),
             memory,
             senses: Senses::default(),
             power: Power::Off,
@@ -314,12 +320,11 @@ impl World {
     }
 
     /// Returns the bit rate that a device is set to; without power, the one that it would start with.
-    pub(crate) fn device_rate(&mut self, node: NodeId) -> BitRate {
-        let now = self.now;
-        let Node { factory, memory, power, .. } = &mut self.nodes[node.0];
+    pub(crate) fn device_rate(&self, node: NodeId) -> BitRate {
+        let Node { factory, memory, power, .. } = &self.nodes[node.0];
         match power {
             Power::On(device) => device.bit_rate(),
-            _ => factory(&memory.peek_image(), StartCause::PowerOn, now).bit_rate(),
+            _ => factory(&memory.peek_image(), StartCause::PowerOn, self.now).bit_rate(),
         }
     }
 
@@ -346,8 +351,8 @@ impl World {
     }
 
     /// Adds something that disturbs the bus.
-    pub fn inject(&mut self, injector: impl Injector + 'static) {
-        self.bus.inject(Box::new(injector));
+    pub fn inject(&mut self, injector: impl Injector + Clone + 'static) {
+        self.bus.inject(injector);
     }
 
     /// Destroys the next attempts to send a frame, in the place of an earlier such disturbance.

@@ -3,7 +3,7 @@
 use std::any::Any;
 use std::sync::Arc;
 
-use protocol_core::device::{Device, Effect, Senses, StartCause, Viewable};
+use protocol_core::device::{AnyDevice, Device, Effect, Senses, StartCause, Viewable};
 use protocol_core::memory::{Image, Record, RecordKey};
 use protocol_core::pump::pump;
 use protocol_core::time::{Duration, Instant, NEVER, after};
@@ -16,23 +16,49 @@ pub const WRITE_TIME: Duration = Duration::from_millis(10);
 /// How long the fault log takes to be written: the real device takes at least so long to clear its counters (A).
 pub const FAULT_LOG_WRITE_TIME: Duration = Duration::from_millis(50);
 
-/// A [`Device`] that can be moved to the thread of the world, and looked at.
+/// A [`Device`] that can be moved to the thread of the world, cloned with it, and looked at.
 pub trait SimDevice: Device + Viewable + Any + Send {
+    /// Returns the same device once more.
+    fn boxed(&self) -> Box<dyn SimDevice>;
+
     /// Pumps the device through its controller, see [`pump`]. One call for a whole pass: each step of it knows what the
     /// device is.
     fn pump(&mut self, can: &mut Port, now: Instant) -> Option<Effect>;
 }
 
-impl<T: Device + Viewable + Any + Send> SimDevice for T {
+impl<T: Device + Viewable + Any + Send + Clone> SimDevice for T {
+    fn boxed(&self) -> Box<dyn SimDevice> {
+        Box::new(self.clone())
+    }
+
     fn pump(&mut self, can: &mut Port, now: Instant) -> Option<Effect> {
         pump(self, can, now)
     }
 }
 
-/// Builds a device from what its memory holds, why it starts, and when.
-pub type Factory = Box<dyn FnMut(&Image, StartCause, Instant) -> Box<dyn SimDevice> + Send>;
+impl Clone for Box<dyn SimDevice> {
+    fn clone(&self) -> Self {
+        (**self).boxed()
+    }
+}
+
+/// Each product as what it is: a pass of the pump then knows it.
+impl From<AnyDevice> for Box<dyn SimDevice> {
+    fn from(device: AnyDevice) -> Self {
+        match device {
+            AnyDevice::PveCanopen(device) => Box::new(device),
+            AnyDevice::PveIsobus(device) => Box::new(device),
+            AnyDevice::Hat(device) => Box::new(device),
+        }
+    }
+}
+
+/// Builds a device from what its memory holds, why it starts, and when: the same from the same, in each clone of a
+/// world.
+pub type Factory = Arc<dyn Fn(&Image, StartCause, Instant) -> Box<dyn SimDevice> + Send + Sync>;
 
 /// One device with its hardware.
+#[derive(Clone)]
 pub(super) struct Node {
     pub(super) name: Arc<str>,
     pub(super) port: PortId,
@@ -48,6 +74,7 @@ pub(super) struct Node {
 }
 
 /// Whether a device has power.
+#[derive(Clone)]
 pub(super) enum Power {
     Off,
     /// It starts then, for this reason.
@@ -56,7 +83,7 @@ pub(super) enum Power {
 }
 
 /// A record on its way into the memory.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Write {
     /// The key that it is written under.
     pub key: RecordKey,

@@ -35,6 +35,7 @@ pub(crate) enum Command {
     Drop = 6,
 }
 
+#[derive(Clone)]
 pub(crate) struct Probe {
     pub(crate) id: u8,
     pub(crate) rate: BitRate,
@@ -70,7 +71,7 @@ impl Plan {
         Self { period: Some(period), ..self }
     }
 
-    pub(crate) fn factory(self) -> impl FnMut(&Image, StartCause, Instant) -> Box<dyn SimDevice> + Send + 'static {
+    pub(crate) fn factory(self) -> impl Fn(&Image, StartCause, Instant) -> Box<dyn SimDevice> + Send + Sync + 'static {
         move |image, cause, now| Box::new(Probe::start(self, image, cause, now))
     }
 }

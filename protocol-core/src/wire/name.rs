@@ -8,6 +8,9 @@ use crate::frame::Frame;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Name(u64);
 
+/// The bits of an identity number.
+pub const IDENTITY_NUMBER: u32 = 0x1F_FFFF;
+
 /// What a NAME consists of; of every field the bits that it has count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Fields {
@@ -44,7 +47,7 @@ impl Name {
                 | (fields.function_instance as u64 & 0x1F) << 35
                 | (fields.ecu_instance as u64 & 0x7) << 32
                 | (fields.manufacturer_code as u64 & 0x7FF) << 21
-                | fields.identity_number as u64 & 0x1F_FFFF,
+                | (fields.identity_number & IDENTITY_NUMBER) as u64,
         )
     }
 
@@ -60,7 +63,7 @@ impl Name {
             function_instance: (self.0 >> 35) as u8 & 0x1F,
             ecu_instance: (self.0 >> 32) as u8 & 0x7,
             manufacturer_code: (self.0 >> 21) as u16 & 0x7FF,
-            identity_number: self.0 as u32 & 0x1F_FFFF,
+            identity_number: self.0 as u32 & IDENTITY_NUMBER,
         }
     }
 

@@ -4,13 +4,13 @@ use std::path::PathBuf;
 
 use protocol_core::actuator::SpoolTimes;
 use protocol_core::controller::BitRate;
-use protocol_core::device::pve;
+use protocol_core::device::{Setup, pve};
 
 use super::*;
 use crate::run::{ColorChoice, LogOptions, RunOptions};
 use crate::speed::Speed;
 use hal_sim::devices::{NamedDevice, NamedLink};
-use hal_sim::kind::{Birth, Kind};
+use hal_sim::kind::Kind;
 use hal_sim::world::Link;
 
 const PVEA: Kind = Kind::Pve(pve::Kind::PveaCanopen);
@@ -58,8 +58,7 @@ fn defaults() {
         RunOptions {
             devices: vec![NamedDevice {
                 name: "pvea-canopen".to_owned(),
-                kind: PVEA,
-                birth: Birth { node_id: Some(0x20), serial: Some(0x5B2E_0100), bit_rate: None },
+                setup: Setup { serial: Some(0x5B2E_0100), ..PVEA.into() },
                 spool_times: SpoolTimes::DEFAULT,
             }],
             links: vec![],
@@ -96,7 +95,7 @@ fn options_with_and_without_the_word_run() {
     let options = run(line);
     assert_eq!(run(&format!("run {line}")), options);
     let devices: Vec<_> =
-        options.devices.iter().map(|d| (d.name.as_str(), d.kind, d.birth.node_id, d.birth.serial)).collect();
+        options.devices.iter().map(|d| (d.name.as_str(), d.setup.kind, d.setup.node_id, d.setup.serial)).collect();
     assert_eq!(
         devices,
         [
@@ -138,7 +137,7 @@ fn default_names_avoid_those_that_were_given() {
 #[test]
 fn default_serial_numbers_are_the_next_free_ones() {
     let serials = |line: &str| -> Vec<u32> {
-        run(line).devices.iter().map(|device| device.birth.serial.expect("a number")).collect()
+        run(line).devices.iter().map(|device| device.setup.serial.expect("a number")).collect()
     };
     // One product code for both kinds: numbers of one do for the other.
     let three = "--device pvea-canopen@1 --device pveo-canopen@2 --device pvea-canopen,blank";
@@ -166,7 +165,8 @@ fn one_node_id_for_two_devices_only_when_it_is_meant() {
 fn isobus_kinds_beside_canopen_ones() {
     let options = run("--device pvea-isobus --device pvea-isobus@0x83,serial=2 --device pveo-isobus@143 \
                        --device pveo-canopen --bit-rate 250k");
-    let devices: Vec<_> = options.devices.iter().map(|d| (d.name.as_str(), d.kind.name(), d.birth.node_id)).collect();
+    let devices: Vec<_> =
+        options.devices.iter().map(|d| (d.name.as_str(), d.setup.kind.name(), d.setup.node_id)).collect();
     assert_eq!(
         devices,
         [
@@ -360,8 +360,8 @@ fn angle_sensors_beside_valves() {
     let devices: Vec<_> = options
         .devices
         .iter()
-        .map(|NamedDevice { name, kind, birth, .. }| {
-            (name.as_str(), kind.name(), birth.node_id, birth.serial, birth.bit_rate)
+        .map(|NamedDevice { name, setup, .. }| {
+            (name.as_str(), setup.kind.name(), setup.node_id, setup.serial, setup.bit_rate)
         })
         .collect();
     let rate = Some(BitRate::Kbit125);

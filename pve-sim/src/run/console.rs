@@ -192,15 +192,14 @@ mod tests {
     use protocol_core::time::{Duration, after};
 
     use super::*;
-    use hal_sim::kind::{Kind, Simulated as _};
-    use hal_sim::memory::Memory;
+    use hal_sim::kind::Kind;
     use hal_sim::world::Link;
 
     fn world(names: &[&str]) -> World {
         let kind = Kind::Pve(pve::Kind::PveaCanopen);
         let mut world = World::new(BitRate::Kbit250, 1);
         for name in names {
-            world.add_device(name, kind.factory(kind.default_birth()), Memory::in_ram());
+            world.add(name, kind);
         }
         world.power_all(protocol_core::time::Duration::from_ticks(0));
         world.run_until(protocol_core::time::Instant::from_micros(10_000));
@@ -215,7 +214,7 @@ mod tests {
     fn world_of(kind: &str, name: &str) -> (World, NodeId) {
         let kind = Kind::from_name(kind).expect("a kind");
         let mut world = World::new(BitRate::Kbit500, 1);
-        let node = world.add_device(name, kind.factory(kind.default_birth()), Memory::in_ram());
+        let node = world.add(name, kind);
         world.set_senses(node, Senses::healthy(kind));
         (world, node)
     }
@@ -255,7 +254,7 @@ mod tests {
     fn a_shaft_that_a_valve_turns_takes_an_angle_and_no_speed() {
         let (mut world, sensor) = world_of("hat3000", "angle");
         let kind = Kind::Pve(pve::Kind::PveaCanopen);
-        let valve = world.add_device("boom", kind.factory(kind.default_birth()), Memory::in_ram());
+        let valve = world.add("boom", kind);
         world.link(valve, sensor, Link::default()).expect("a valve and a sensor");
         assert_eq!(answer("angle angle_cdeg 4500", &mut world), "ok");
         assert_eq!(answer("angle speed_rpm 0", &mut world), "ok");

@@ -9,8 +9,7 @@ use protocol_core::frame::Frame;
 
 use super::*;
 use crate::inbox::{ClientId, Mailbox, Outbox, Reply, ToClient};
-use hal_sim::kind::{Kind, Simulated};
-use hal_sim::memory::Memory;
+use hal_sim::kind::Kind;
 
 #[path = "control_tests.rs"]
 mod control_tests;
@@ -114,7 +113,7 @@ fn millis(millis: u64) -> WallDuration {
 fn driver(speed: f64, start: WallInstant, before: Vec<ToWorld>, said: Said) -> Driver<Script> {
     let mut world = World::new(BitRate::Kbit250, 1);
     let kind = Kind::Pve(pve::Kind::PveaCanopen);
-    world.add_device("valve", kind.factory(kind.default_birth()), Memory::in_ram());
+    world.add("valve", kind);
     let plan = before.into_iter().map(|message| (start, Happening::Message(message))).collect();
     let (work, awake) = (WallDuration::ZERO, WallDuration::ZERO);
     let script = Script { now: start, work, end: start, plan, waits: 0, sleeps: 0, awake };

@@ -225,7 +225,7 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     let layout = trace::layout(options.color, options.verbose);
     let trace = Trace::new(bus, devices::explainer(&options.devices), printer, log, layout);
     let clients = Clients::new(&mut world, options.error_frames);
-    let kinds: Vec<Kind> = options.devices.iter().map(|device| device.kind).collect();
+    let kinds: Vec<Kind> = options.devices.iter().map(|device| device.setup.kind).collect();
     let desk = http.map(|_| Desk::new(&kinds, options.speed, &mut world));
     let driver = Driver::new((world, rates), clients, desk, System::new(inbox), options.speed, start, trace);
     let (alive, ended) = oneshot::channel::<()>();

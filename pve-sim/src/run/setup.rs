@@ -3,13 +3,13 @@
 use std::fs;
 
 use protocol_core::controller::BitRate;
-use protocol_core::device::StartCause;
+use protocol_core::device::{AnyDevice, StartCause};
 use protocol_core::time::Instant;
 
 use super::{RunError, RunOptions};
 use crate::state_file::{StateFile, StateFileError};
 use hal_sim::devices::{self, NamedDevice, RateWatch};
-use hal_sim::kind::{Kind, Simulated};
+use hal_sim::kind::Kind;
 use hal_sim::memory::Memory;
 use hal_sim::world::World;
 
@@ -39,8 +39,9 @@ pub(super) fn world(options: &RunOptions) -> Result<(World, RateWatch, Vec<Strin
 
 /// Returns the bit rate that a device starts with, which its memory decides.
 fn first_rate(device: &NamedDevice, memory: &Memory) -> Option<BitRate> {
-    let mut factory = device.kind.factory(device.birth);
-    Some(factory(&memory.peek_image(), StartCause::PowerOn, Instant::from_ticks(0)).bit_rate())
+    let start = Instant::from_ticks(0);
+    let device = AnyDevice::power_on(device.setup, &memory.peek_image(), StartCause::PowerOn, start);
+    Some(device.as_dyn().bit_rate())
 }
 
 /// Opens the memories of the devices, in their order. All files are taken before any is made or put aside: what is
@@ -50,7 +51,7 @@ fn memories_of(options: &RunOptions) -> Result<impl Iterator<Item = Result<Memor
     if let Some(dir) = &options.state {
         fs::create_dir_all(dir).map_err(|source| RunError::File { path: dir.clone(), source })?;
         for device in &options.devices {
-            let file = StateFile::open(dir, &device.name, device.kind.number());
+            let file = StateFile::open(dir, &device.name, device.setup.kind.number().into());
             files.push(file.map_err(|error| refusal(error, device))?);
         }
     }
@@ -66,8 +67,11 @@ fn refusal(error: StateFileError, device: &NamedDevice) -> RunError {
     match error {
         StateFileError::OtherKind { path, found, .. } => RunError::OtherKind {
             path,
-            found: Kind::from_number(found).map_or("an unknown kind".to_owned(), |kind| format!("a {kind}")),
-            expected: device.kind.name(),
+            found: u8::try_from(found)
+                .ok()
+                .and_then(Kind::from_number)
+                .map_or("an unknown kind".to_owned(), |kind| format!("a {kind}")),
+            expected: device.setup.kind.name(),
         },
         error => error.into(),
     }

@@ -5,12 +5,11 @@
 
 use std::collections::VecDeque;
 
-use hal_sim::kind::{Birth, Simulated};
 use hal_sim::use_case::{Bench, Device, Plant, UseCase};
 use hal_sim::world::SUPPLY_JITTER;
-use hal_sim::{Memory, NodeId, TapId, World};
+use hal_sim::{NodeId, TapId, World};
 use protocol_core::controller::BitRate;
-use protocol_core::device::Senses;
+use protocol_core::device::Setup;
 use protocol_core::frame::Frame;
 use protocol_core::time::Instant;
 
@@ -63,10 +62,8 @@ impl ImageBench {
 }
 
 pub(crate) fn add_host_device(world: &mut World, device: &Device) -> NodeId {
-    let birth = Birth { node_id: Some(device.node_id), serial: device.serial, bit_rate: None };
-    let node = world.add_device(device.kind.name(), device.kind.factory(birth), Memory::in_ram());
-    world.set_senses(node, Senses::healthy(device.kind));
-    node
+    let setup = Setup { node_id: Some(device.node_id), serial: device.serial, ..Setup::from(device.kind) };
+    world.add(device.kind.name(), setup)
 }
 
 impl Bench for ImageBench {

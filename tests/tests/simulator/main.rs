@@ -4,6 +4,7 @@ mod angle_sensor;
 mod bit_rot;
 mod bus_physics;
 mod busy_bus;
+mod clone;
 mod determinism;
 mod held_bus;
 mod power_cuts;

@@ -54,3 +54,26 @@ fn a_client_is_told_that_its_world_is_gone() {
     assert_eq!(client.transmit(&std_frame(0x123, &[])), Err(nb::Error::Other(WorldGone)));
     assert_eq!(client.receive(), Err(nb::Error::Other(WorldGone)));
 }
+
+#[test]
+fn a_client_stays_with_its_world_and_the_clone_has_another_one() {
+    let mut bench = Bench::of(1);
+    let mut client = bench.world.client("controller");
+    let (question, answer) = (std_frame(ECHO + 1, &[1]), std_frame(ECHO_ANSWER + 1, &[1]));
+    client.transmit(&question).unwrap();
+    let mut clone = bench.world.clone();
+    drop(client);
+    bench.run_for(10);
+    // The frame that was under way is the clone's, too, whether its client was taken or not.
+    clone.run_for(Duration::from_millis(10));
+    let mut taken = clone.take_client("controller").unwrap();
+    assert_eq!(received(&mut taken), [answer]);
+    assert!(clone.take_client("controller").is_none(), "somebody has it");
+    assert!(clone.take_client("nobody").is_none());
+    assert!(bench.world.take_client("controller").is_none(), "it was dropped");
+    taken.transmit(&question).unwrap();
+    clone.run_for(Duration::from_millis(10));
+    assert_eq!(received(&mut taken), [answer]);
+    drop(clone);
+    assert_eq!(taken.receive(), Err(nb::Error::Other(WorldGone)));
+}

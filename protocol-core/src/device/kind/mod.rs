@@ -10,6 +10,7 @@ use super::hat::Error;
 use super::view::FAULTS;
 use crate::actuator::Fault;
 use crate::controller::BitRate;
+use crate::wire::name::IDENTITY_NUMBER;
 
 /// A product.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -27,6 +28,17 @@ pub enum Protocol {
     Canopen,
     /// ISO 11783-7, J1939.
     Isobus,
+}
+
+impl Protocol {
+    /// Returns the word of its standard for the number in the identifiers of a device.
+    #[must_use]
+    pub const fn id_name(self) -> &'static str {
+        match self {
+            Self::Canopen => "node ID",
+            Self::Isobus => "address",
+        }
+    }
 }
 
 impl Kind {
@@ -55,12 +67,47 @@ impl Kind {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
     }
 
-    /// Returns the protocol. A device on CANopen can be without a node ID.
+    /// Returns the number that memories store, from 1 on: never changed.
+    #[must_use]
+    pub const fn number(self) -> u8 {
+        match self {
+            Self::Pve(pve::Kind::PveaCanopen) => 1,
+            Self::Pve(pve::Kind::PveoCanopen) => 2,
+            Self::Pve(pve::Kind::PveaIsobus) => 3,
+            Self::Pve(pve::Kind::PveoIsobus) => 4,
+            Self::Hat(hat::Kind::Hat1000) => 5,
+            Self::Hat(hat::Kind::Hat3000) => 6,
+        }
+    }
+
+    /// Returns the kind of that number.
+    #[must_use]
+    pub fn from_number(number: u8) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.number() == number)
+    }
+
+    /// Returns the protocol.
     #[must_use]
     pub const fn protocol(self) -> Protocol {
         match self {
             Self::Pve(kind) => kind.protocol(),
             Self::Hat(_) => Protocol::Canopen,
+        }
+    }
+
+    /// Returns whether it can be without a node ID. A device on ISOBUS always has an address.
+    #[must_use]
+    pub const fn can_be_blank(self) -> bool {
+        matches!(self.protocol(), Protocol::Canopen)
+    }
+
+    /// Returns the number that distinguishes a device on the bus: on CANopen the whole serial number, a part of the LSS
+    /// address; on ISOBUS its low 21 bits, the identity number of the NAME (SPEC 1).
+    #[must_use]
+    pub const fn known_by(self, serial: u32) -> (Protocol, u32) {
+        match self.protocol() {
+            Protocol::Canopen => (Protocol::Canopen, serial),
+            Protocol::Isobus => (Protocol::Isobus, serial & IDENTITY_NUMBER),
         }
     }
 
@@ -188,5 +235,18 @@ impl From<hat::Kind> for Kind {
 impl<K: Into<Kind>> From<K> for Setup {
     fn from(kind: K) -> Self {
         Self::new(kind.into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_as_memories_have_them() {
+        let names = [1, 2, 3, 4, 5, 6].map(|number| Kind::from_number(number).map(Kind::name));
+        let stored = ["pvea-canopen", "pveo-canopen", "pvea-isobus", "pveo-isobus", "hat1000", "hat3000"];
+        assert_eq!(names, stored.map(Some));
+        assert_eq!([0, 7, 255].map(Kind::from_number), [None; 3]);
     }
 }

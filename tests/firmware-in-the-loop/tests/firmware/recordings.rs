@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use firmware_in_the_loop::bench::ImageBench;
 use firmware_in_the_loop::board::NUCLEO_F429ZI;
 use hal_sim::devices::NamedDevice;
-use hal_sim::kind::Birth;
 use hal_sim::recording::{Format, Writer};
 use hal_sim::replay::{Outcome, ReplayOptions, replay};
 use hal_sim::log::{Entry, Record, Timestamp};
 use hal_sim::use_case::{Bench, Device, find, play};
 use protocol_core::actuator::SpoolTimes;
 use protocol_core::controller::BitRate;
+use protocol_core::device::Setup;
 use protocol_core::time::{Duration, after};
 
 use super::client::{ON_ISOBUS, SENSOR, VALVE, frame};
@@ -48,8 +48,7 @@ fn log(bench: &mut ImageBench, name: &str) -> PathBuf {
 fn replays(file: PathBuf, devices: &[Device]) -> u64 {
     let named = |device: &Device| NamedDevice {
         name: device.kind.name().to_owned(),
-        kind: device.kind,
-        birth: Birth { node_id: Some(device.node_id), serial: device.serial, bit_rate: None },
+        setup: Setup { node_id: Some(device.node_id), serial: device.serial, ..Setup::from(device.kind) },
         spool_times: SpoolTimes::DEFAULT,
     };
     let options = ReplayOptions {

@@ -25,8 +25,6 @@ const FUNCTION: u8 = 255;
 const VEHICLE_SYSTEM: u8 = 1;
 /// Industry group in the NAME: agricultural and forestry equipment.
 const INDUSTRY_GROUP: u8 = 2;
-/// The bits of the serial number that are the identity number in the NAME.
-const IDENTITY_MASK: u32 = 0x1F_FFFF;
 
 /// Returns the NAME (SPEC 1): with the manual's serial number, `01 00 20 07 08 FF 02 20`.
 pub(super) fn name(factory: &Factory) -> Name {
@@ -39,7 +37,8 @@ pub(super) fn name(factory: &Factory) -> Name {
         function_instance: factory.function_instance,
         ecu_instance: 0,
         manufacturer_code: MANUFACTURER,
-        identity_number: factory.identity.serial & IDENTITY_MASK,
+        // As many bits of it as the NAME has.
+        identity_number: factory.identity.serial,
     })
 }
 
