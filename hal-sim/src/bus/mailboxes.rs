@@ -7,8 +7,6 @@
 use protocol_core::controller::Filter;
 use protocol_core::frame::Frame;
 
-use super::transmit::Full;
-
 /// How many there are.
 pub(super) const MAILBOXES: usize = 3;
 
@@ -27,6 +25,10 @@ struct Mailbox {
     /// The frame is not repeated when its attempt fails.
     aborted: bool,
 }
+
+/// The frame has to wait: there is no room for it now.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Full;
 
 impl Mailboxes {
     /// Takes a frame. Returns the least urgent one when all mailboxes are full, but never the one on the wire.

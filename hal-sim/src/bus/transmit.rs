@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 use protocol_core::controller::Filter;
 use protocol_core::frame::Frame;
 
-use super::mailboxes::Mailboxes;
+use super::mailboxes::{Full, Mailboxes};
 
 /// Frames that wait for the bus.
 #[derive(Clone, Debug)]
@@ -18,10 +18,6 @@ pub(super) enum Transmit {
     /// A controller that lives elsewhere: its most urgent frame, and whether that is on the wire.
     Offer(Option<Frame>, bool),
 }
-
-/// The frame has to wait: there is no room for it now.
-#[derive(Debug, PartialEq, Eq)]
-pub(super) struct Full;
 
 impl Transmit {
     pub(super) fn mailboxes() -> Self {
