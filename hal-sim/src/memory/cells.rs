@@ -1,6 +1,11 @@
 //! The cells of a flash, as far as they were ever written: hundreds of devices on one host use little of theirs.
 
-use super::flash::{ERASED, SECTOR, SIZE};
+/// The bytes of a sector: what is erased at once. Sectors 12 and 13 of the board's STM32F429.
+pub const SECTOR: usize = 16 * 1024;
+/// The bytes of the whole flash.
+pub const SIZE: usize = 2 * SECTOR;
+/// What an erased byte reads.
+pub const ERASED: u8 = 0xFF;
 
 /// The cells of each sector up to the last one that was written; the rest is erased and takes no room.
 #[derive(Clone, Debug, Default)]

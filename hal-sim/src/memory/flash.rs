@@ -4,16 +4,10 @@ use embedded_storage::nor_flash::{
     ErrorType, MultiwriteNorFlash, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 
-use super::cells::Cells;
+use super::cells::{Cells, ERASED, SECTOR, SIZE};
 
-/// The bytes of a sector: what is erased at once. Sectors 12 and 13 of the board's STM32F429.
-pub const SECTOR: usize = 16 * 1024;
-/// The bytes of the whole flash.
-pub const SIZE: usize = 2 * SECTOR;
 /// The bytes of a word: what is written at once.
 pub const WORD: usize = 4;
-/// What an erased byte reads.
-pub const ERASED: u8 = 0xFF;
 
 /// A NOR flash in RAM: two sectors, words of four bytes, bits that writing only clears.
 #[derive(Clone, Debug)]

@@ -17,8 +17,9 @@ mod tests;
 
 use protocol_core::memory::{Image, Record, RecordKey, StoreError};
 
+pub use cells::{ERASED, SECTOR, SIZE};
 pub use file::{Content, MemoryFile, MemoryFileError};
-pub use flash::{ERASED, Flash, FlashError, SECTOR, SIZE, TornErase, WORD};
+pub use flash::{Flash, FlashError, TornErase, WORD};
 
 use nvm::{BUFFER, Contents, Records, Unreadable};
 
