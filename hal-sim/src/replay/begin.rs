@@ -3,7 +3,7 @@
 use protocol_core::frame::{Frame, Id};
 use protocol_core::time::{Duration, Instant, after, since};
 
-use super::own::{is_claim, is_of};
+use super::identifier::{is_claim, is_of};
 use super::{ReplayError, ReplayOptions};
 use crate::bus::FrameBits;
 use crate::devices::NamedDevice;

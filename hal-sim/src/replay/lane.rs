@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, after, since};
 
-use super::own::is_cannot_claim;
+use super::identifier::is_cannot_claim;
 use super::position::{Fields, PositionTolerance};
 
 /// How much later or earlier than in the log a frame is still taken for the same one, beyond the tolerance (A).

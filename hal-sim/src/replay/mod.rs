@@ -3,6 +3,7 @@
 //! ```text
 //! mod      from the recording to the summary: rounds
 //! begin    when each device was switched on
+//! identifier  identifiers of a device, and of address claims
 //! stage    the stand-ins on a bus, in virtual time, with what they send
 //! own      which frames of the recording are of devices that the stand-ins stand for
 //! lane     frames of one identifier, as logged and as sent, in pairs
@@ -20,6 +21,7 @@
 //! what is known now.
 
 mod begin;
+mod identifier;
 mod lane;
 mod own;
 mod position;
@@ -38,8 +40,8 @@ use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, after, since};
 
 use self::begin::Begin;
+use self::identifier::{id_of_key, is_claim};
 use self::lane::{Item, Lane, Verdict};
-use self::own::is_claim;
 use self::stage::Stage;
 use crate::devices::{NamedDevice, NamedLink};
 use crate::log::Entry;
@@ -167,7 +169,7 @@ fn play_rounds(options: &ReplayOptions, begin: &Begin, rounds: usize) -> Result<
         own = player.own;
         own.extend(&misplayed);
     }
-    let ids: Vec<String> = misplayed.into_iter().map(own::id_of_key).collect();
+    let ids: Vec<String> = misplayed.into_iter().map(id_of_key).collect();
     Err(ReplayError::Misplayed { path: options.file.clone(), ids: ids.join(", ") })
 }
 
