@@ -1,12 +1,11 @@
 //! The object dictionary (SPEC 9), as one table. Names are those of CiA 301 below 0x2000, of the manual up to 0x5FFF,
 //! and of CiA 406 from 0x6000 on.
 
-use super::objects::HatObject::{
+use self::HatObject::{
     Alarms, BitRateDemanded, BitRateInForce, DeviceName, HardwareVersion, NodeIdDemanded, NodeIdInForce, Offset,
     Position, Preset, SerialNumber, SoftwareVersion,
 };
-use super::objects::Task::{Load, Save};
-use super::objects::{HatObject, Part, Task};
+use self::Task::{Load, Save};
 use crate::canopen::dictionary::DataType::{I32, Text, U8, U16, U32};
 use crate::canopen::dictionary::DefaultValue::{NodeIdPlus, Number};
 use crate::canopen::dictionary::Mappable::Tpdo as IntoTpdo;
@@ -33,6 +32,45 @@ const VERSIONS: u32 = 0x0107_0302;
 
 /// The TPDO leaves the factory switched off.
 const TPDO_OFF: u32 = cob_id::CobId::OFF | Function::Tpdo1 as u32;
+
+/// The product's own objects.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::device) enum HatObject {
+    DeviceName,
+    HardwareVersion,
+    SoftwareVersion,
+    NodeIdInForce,
+    NodeIdDemanded,
+    BitRateInForce,
+    BitRateDemanded,
+    Preset,
+    Position,
+    Alarms,
+    Offset,
+    SerialNumber,
+}
+
+/// What the sub-indices of 0x1010 and 0x1011 are about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::device) enum Part {
+    /// Communication and application.
+    All,
+    /// 0x1000–0x1FFF
+    Communication,
+    /// 0x6000–0x9FFF
+    Application,
+    /// 0x2001 and 0x2002
+    Lss,
+}
+
+/// What the signatures of 0x1010 and 0x1011 ask for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::device) enum Task {
+    /// "save"
+    Save(Part),
+    /// "load"
+    Load(Part),
+}
 
 /// Returns the description of an object; `None` when there is no such object.
 #[must_use]

@@ -19,9 +19,9 @@ pub use super::kind::hat::Kind;
 pub use dictionary::entry;
 pub use errors::Error;
 
-use dictionary::DICTIONARY;
+use dictionary::{DICTIONARY, Task};
 use errors::Errors;
-use objects::{HatObjects, Task};
+use objects::HatObjects;
 use records::{LAYER, VERSION, decode_serial, identity, new_layer};
 
 use super::host::{Base, Body, Host};

@@ -1,7 +1,7 @@
 //! The sensor as its object dictionary sees it (SPEC 9): what lies behind the product's own objects, and its rules.
 
 use super::Kind;
-use super::dictionary::{DICTIONARY, STARTS_ITSELF, WAITS};
+use super::dictionary::{DICTIONARY, HatObject, STARTS_ITSELF, Task, WAITS};
 use super::errors::Errors;
 #[cfg(feature = "names")]
 use crate::canopen::dictionary::Initial;
@@ -52,45 +52,6 @@ pub(in crate::device) const RULES: Rules = Rules {
     },
     other_protocol: None,
 };
-
-/// The product's own objects.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::device) enum HatObject {
-    DeviceName,
-    HardwareVersion,
-    SoftwareVersion,
-    NodeIdInForce,
-    NodeIdDemanded,
-    BitRateInForce,
-    BitRateDemanded,
-    Preset,
-    Position,
-    Alarms,
-    Offset,
-    SerialNumber,
-}
-
-/// What the sub-indices of 0x1010 and 0x1011 are about.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::device) enum Part {
-    /// Communication and application.
-    All,
-    /// 0x1000–0x1FFF
-    Communication,
-    /// 0x6000–0x9FFF
-    Application,
-    /// 0x2001 and 0x2002
-    Lss,
-}
-
-/// What the signatures of 0x1010 and 0x1011 ask for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::device) enum Task {
-    /// "save"
-    Save(Part),
-    /// "load"
-    Load(Part),
-}
 
 /// The state behind the objects.
 #[derive(Clone, Debug)]

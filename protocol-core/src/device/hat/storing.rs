@@ -3,7 +3,7 @@
 use heapless::VecView;
 
 use super::HatSensor;
-use super::objects::{Part, Task};
+use super::dictionary::{Part, Task};
 use super::records::LAYER;
 use crate::canopen::dictionary::Group;
 use crate::canopen::lss::Configuration;
