@@ -1,8 +1,8 @@
 //! Worlds of many valves, for the benches.
 
-use hal_sim::{Memory, TapId, World};
+use hal_sim::{TapId, World};
 use protocol_core::controller::BitRate;
-use protocol_core::device::pve::{Kind, PveCanopen, Setup};
+use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, after};
 
@@ -12,6 +12,7 @@ const NODE_IDS: usize = 127;
 const SYNC_PERIOD: Duration = Duration::from_micros(8_800);
 
 /// Valves and a client on a bus of 250 kbit/s.
+#[derive(Clone)]
 pub(crate) struct Scene {
     world: World,
     client: TapId,
@@ -31,11 +32,7 @@ impl Scene {
             let serial = u32::try_from(number).expect("a small number");
             let node_id = u8::try_from(number % NODE_IDS).expect("a node ID") + 1;
             let setup = Setup { node_id: Some(node_id), serial: Some(serial), ..Setup::new(Kind::PveaCanopen) };
-            world.add_device(
-                &format!("valve-{number}"),
-                move |image, cause, now| Box::new(PveCanopen::power_on(setup, image, cause, now)),
-                Memory::in_ram(),
-            );
+            world.add(&format!("valve-{number}"), setup);
         }
         Self { world, client }
     }

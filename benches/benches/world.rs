@@ -48,6 +48,13 @@ fn sdo_round_trip((mut scene, frame): (Box<Scene>, Frame)) -> Box<Scene> {
     scene
 }
 
+// The clone of a world of two valves: a campaign makes one for each fault.
+#[library_benchmark]
+#[bench::valves_2(args = (Scene::idle(2)), config = budget(44_000))]
+fn clone(scene: Box<Scene>) -> [Box<Scene>; 2] {
+    [scene.clone(), scene]
+}
+
 // A second of 20 valves that answer every SYNC, at 80 % load.
 #[library_benchmark]
 #[bench::valves_20(args = (Scene::sync_driven()), config = budget(5_900_000))]
@@ -64,7 +71,7 @@ fn heartbeats(mut scene: Box<Scene>) -> Box<Scene> {
     scene
 }
 
-library_benchmark_group!(name = frames, benchmarks = [foreign_frame, sdo_round_trip]);
+library_benchmark_group!(name = frames, benchmarks = [foreign_frame, sdo_round_trip, clone]);
 library_benchmark_group!(name = seconds, benchmarks = [sync_driven, heartbeats]);
 
 main!(library_benchmark_groups = [frames, seconds]);
