@@ -172,17 +172,17 @@ class Valve(Causes, Sender):
             return
         identifier &= LONG - 1
         source, target, pgn = identifier & 0xFF, identifier >> 8 & 0xFF, identifier >> 8 & 0x3FFFF
-        if source == self.address and pgn >> 16 != 3 and pgn & 0xFF00 != 0xEE00 and self.flow_due < NEVER:
+        if source == self.address and pgn >> 16 != 3 and pgn & ~0xFF != 0xEE00 and self.flow_due < NEVER:
             if now >= self.claimed_again + 5_000_000:
                 self.claimed_again = now
                 self.due(0x18EEFF00, NAME, why="claim: somebody uses the address")
         if pgn == 0xFE30 + (self.address & 15) and len(data) == 8:
             self.command(data)
-        elif pgn & 0xFF00 == 0xEA00 and target in (self.address, GLOBAL) and len(data) >= 3:
+        elif pgn & ~0xFF == 0xEA00 and target in (self.address, GLOBAL) and len(data) >= 3:
             self.request(source, target != GLOBAL, data[:3])
-        elif pgn & 0xFF00 == 0xEC00 and target == self.address and len(data) == 8 and data[0] == 16 and source < NULL:
+        elif pgn & ~0xFF == 0xEC00 and target == self.address and len(data) == 8 and data[0] == 16 and source < NULL:
             self.due(0x1CEC0000 | source << 8, b"\xff\x02\xff\xff\xff" + data[5:], why="connection abort")
-        elif pgn & 0xFF00 == 0xEE00 and source == self.address and len(data) == 8 and data != NAME:
+        elif pgn & ~0xFF == 0xEE00 and source == self.address and len(data) == 8 and data != NAME:
             if int.from_bytes(data, "little") > int.from_bytes(NAME, "little"):
                 self.due(0x18EEFF00, NAME, why="claim against a higher NAME")
 

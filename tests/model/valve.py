@@ -15,6 +15,8 @@ MAPPABLE = {
 DUMMIES = {1: 1, 2: 8, 3: 16, 4: 32, 5: 8, 6: 16, 7: 32}
 STATUS = {"init": 0x08, "disabled": 0x09, "hold": 0x0B, "active": 0x0F, "fault-hold": 0x03}
 FLOAT = 32767
+#: Provisional: a fault that begins while a TPDO is on the bus makes the device send another one. Page: one for every RPDO or SYNC.
+TPDO_AGAIN_AT_FAULT = True
 
 # name: (EMCY code, own bits of the error register, delay in us, object of the counter), by priority
 FAULTS = {
@@ -200,6 +202,8 @@ class Valve(Causes, Node):
         self.history = [FAULTS[fault][0] | self.counters[fault] << 16, *self.history][:8]
         self.emergency(fault)
         self.hold_fault()
+        if TPDO_AGAIN_AT_FAULT and self.nmt == OPERATIONAL and any(due.why.startswith("TPDO") for due in self.expected):
+            self.may_send_tpdo()
 
     def clear(self, fault):
         self.active.remove(fault)
@@ -501,10 +505,13 @@ class Valve(Causes, Node):
     def may_repeat(self):
         """While a heartbeat waits for the bus, the device cannot know that its TPDO does not: a write may repeat it."""
         if any(due.why == "heartbeat" for due in self.expected):
-            before = len(self.expected)
-            self.tpdo()
-            for due in self.expected[before:]:
-                due.optional = True
+            self.may_send_tpdo()
+
+    def may_send_tpdo(self):
+        before = len(self.expected)
+        self.tpdo()
+        for due in self.expected[before:]:
+            due.optional = True
 
     def store_mapping(self, index, sub, value):
         v, pdo = self.values, index - 0x200
