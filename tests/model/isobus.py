@@ -36,7 +36,7 @@ class Valve(Causes, Sender):
         self.away_until = 0
         self.state_now, self.set_point, self.neutral_count, self.changed = BLOCKED, 0, 0, 0
         self.flow_due, self.dm1_due, self.bam, self.claimed_again = NEVER, NEVER, [], -10_000_000
-        self.claim_at, self.commanded_at = None, -GRID_US
+        self.claim_at, self.either_until = None, 0
         self.restart_by = NEVER
         self.due(0x18EEFF00, NAME)
 
@@ -78,7 +78,7 @@ class Valve(Causes, Sender):
         return [*flows, 0x30 | self.state_now, *[0xFF] * 5]
 
     def flow(self, grid=True):
-        answers = [self.flow_data()] + [[None] * 8] * (self.now < self.commanded_at + GRID_US)
+        answers = [self.flow_data()] + [[None] * 8] * (self.now < self.either_until)
         self.due(0x0CFE1000 | (self.address & 15) << 8, *answers, why="AVEF")
         if grid:
             self.flow_due = self.now + 100_000
@@ -156,8 +156,15 @@ class Valve(Causes, Sender):
 
     def act(self, state, set_point):
         if (state, set_point) != (self.state_now, self.set_point):
+            self.either_flow(self.now - GRID_US)
             self.changed = self.now
         self.state_now, self.set_point = state, set_point
+
+    def either_flow(self, since):
+        self.either_until = self.now + GRID_US
+        for due in self.expected:
+            if due.why == "AVEF" and due.due > since:
+                due.answers += ([None] * 8,)
 
     def position(self):
         if self.now < self.changed + 700_000:
@@ -190,11 +197,8 @@ class Valve(Causes, Sender):
         flow, state, failsafe = data[0], data[2] & 15, data[2] >> 6
         if state not in WORDS or failsafe in (1, 2) or state in (EXTEND, RETRACT) and flow > 250:
             return
-        self.commanded_at = self.now
-        for due in self.expected:
-            # An AVEF that is due while this AVC is on the bus may be of either instant.
-            if due.why == "AVEF":
-                due.answers += ([None] * 8,)
+        # An AVEF that is due while this AVC is on the bus may be of either instant.
+        self.either_flow(-NEVER)
         self.guard_from = self.now
         if "time-guarding" in self.active:
             self.clear("time-guarding")
