@@ -17,6 +17,8 @@ STATUS = {"init": 0x08, "disabled": 0x09, "hold": 0x0B, "active": 0x0F, "fault-h
 FLOAT = 32767
 #: Provisional: a fault that begins while a TPDO is on the bus makes the device send another one. Page: one for every RPDO or SYNC.
 TPDO_AGAIN_AT_FAULT = True
+#: Provisional: a TPDO for which the bus was never free gives way to that of the next RPDO. Page: one for every RPDO.
+TPDO_OF_RPDO_MERGES = True
 
 # name: (EMCY code, own bits of the error register, delay in us, object of the counter), by priority
 FAULTS = {
@@ -377,6 +379,8 @@ class Valve(Causes, Node):
         if set_point is not None:
             self.take_set_point(set_point)
         if self.values[0x1800, 2] == 0xFF:
+            if TPDO_OF_RPDO_MERGES:
+                self.merge("TPDO")
             self.tpdo()
 
     def tpdo(self):
