@@ -8,8 +8,8 @@
 
 use gungraun::prelude::*;
 use gungraun::{Callgrind, EventKind};
+use hal_sim::Kind;
 use hal_sim::explain::{Explainer, Node};
-use hal_sim::kind::Kind;
 use hal_sim::log::{Timestamp, write_frame};
 use protocol_core::device::pve;
 use protocol_core::frame::Frame;

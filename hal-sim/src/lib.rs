@@ -61,7 +61,6 @@ pub mod decode;
 pub mod describe;
 pub mod devices;
 pub mod explain;
-pub mod kind;
 pub mod log;
 pub mod memory;
 #[cfg(feature = "recording")]

@@ -7,7 +7,7 @@ use protocol_core::wire::j1939_id::Address;
 
 use super::layout::{Message, Role, Signal, commanded_address, messages};
 use super::product::Product;
-use crate::kind::Kind;
+use crate::Kind;
 
 /// The bit of an identifier that marks it as one of 29 bits.
 const EXTENDED: u32 = 1 << 31;

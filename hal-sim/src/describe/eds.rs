@@ -8,7 +8,7 @@ use protocol_core::controller::BitRate;
 use protocol_core::device::{Capabilities, describe};
 
 use super::product::Product;
-use crate::kind::Kind;
+use crate::Kind;
 
 /// The version of CiA 306 that the sheet follows.
 const EDS_VERSION: &str = "4.0";

@@ -1,6 +1,6 @@
 //! What the head of an EDS says of a product (SPEC 1).
 
-use crate::kind::Kind;
+use crate::Kind;
 
 /// The words for a product.
 pub(super) struct Product {

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use protocol_core::encoder::TURN_CDEG;
 
 use super::{NamedDevice, NamedLink};
-use crate::kind::Kind;
+use crate::Kind;
 use crate::world::Link;
 
 /// The most that a shaft can turn in a second at full stroke, in 1/100 degree: 6,000 turns a minute (A).

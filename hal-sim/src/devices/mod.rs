@@ -21,8 +21,8 @@ use protocol_core::actuator::SpoolTimes;
 use protocol_core::controller::BitRate;
 use protocol_core::device::Setup;
 
+use crate::Kind;
 use crate::explain::{Explainer, Node};
-use crate::kind::Kind;
 use crate::memory::Memory;
 use crate::world::{Link, NodeId, World};
 

@@ -6,7 +6,7 @@ use protocol_core::actuator::SpoolTimes;
 use protocol_core::controller::BitRate;
 use protocol_core::device::Setup;
 
-use crate::kind::Kind;
+use crate::Kind;
 use crate::sender::CONTROL;
 
 /// The keys of a device.

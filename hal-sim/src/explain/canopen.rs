@@ -12,7 +12,7 @@ use super::diagnostics::fault;
 use super::object::angle;
 use super::valve::{command, state, stroke};
 use super::{Context, hex, lss, sdo};
-use crate::kind::Kind;
+use crate::Kind;
 
 pub(super) fn explain(id: u16, frame: &Frame, context: &Context<'_>) -> Option<String> {
     let node = (id & 0x7F) as u8;

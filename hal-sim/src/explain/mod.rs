@@ -41,8 +41,8 @@ use protocol_core::frame::{Frame, Id};
 use self::block::Blocks;
 use self::recorded::Evidence;
 use self::uds::Writes;
+use crate::Kind;
 use crate::bus::BusError;
-use crate::kind::Kind;
 
 /// A device as the explanations know it.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -7,7 +7,7 @@ use protocol_core::wire::sdo::Multiplexer;
 
 use super::valve::{command, state, stroke};
 use super::{hex, text_or_hex};
-use crate::kind::Kind;
+use crate::Kind;
 
 fn entry(object: Multiplexer, kind: Option<Kind>) -> Option<&'static Entry> {
     match kind? {

@@ -9,7 +9,7 @@ use protocol_core::wire::name::Name;
 use protocol_core::wire::sdo::{Answer, Multiplexer};
 
 use super::{Explainer, Node};
-use crate::kind::Kind;
+use crate::Kind;
 use crate::log::ErrorFrame;
 
 /// What all valves on CANopen are taken for, and all angle sensors, and all valves on ISOBUS: within each family the

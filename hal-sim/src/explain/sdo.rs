@@ -4,7 +4,7 @@ use protocol_core::wire::sdo::{AbortCode, Answer, Multiplexer, Request, Segment}
 
 use super::object::{self, object, value};
 use super::text_or_hex;
-use crate::kind::Kind;
+use crate::Kind;
 
 pub(super) fn request(bytes: &[u8; 8], kind: Option<Kind>) -> String {
     match Request::parse(bytes) {

@@ -6,7 +6,9 @@
 //! identifier  identifiers of a device, and of address claims
 //! stage    the stand-ins on a bus, in virtual time, with what they send
 //! own      which frames of the recording are of devices that the stand-ins stand for
+//! item     a frame, as logged or as sent
 //! lane     frames of one identifier, as logged and as sent, in pairs
+//! fields   the fields of a frame that hold a position
 //! position how much a position may differ
 //! report   differences in words
 //! ```
@@ -21,7 +23,9 @@
 //! what is known now.
 
 mod begin;
+mod fields;
 mod identifier;
+mod item;
 mod lane;
 mod own;
 mod position;
@@ -41,7 +45,8 @@ use protocol_core::time::{Duration, Instant, after, since};
 
 use self::begin::Begin;
 use self::identifier::{id_of_key, is_claim};
-use self::lane::{Item, Lane, Verdict};
+use self::item::Item;
+use self::lane::{Lane, Verdict};
 use self::stage::Stage;
 use crate::devices::{NamedDevice, NamedLink};
 use crate::log::Entry;

@@ -9,7 +9,7 @@ use protocol_core::time::{Instant, after};
 
 use super::ReplayOptions;
 use super::begin::{Begin, length};
-use super::lane::Item;
+use super::item::Item;
 use super::own;
 use super::position::{GRID, PositionTolerance};
 use super::report::{Difference, What};

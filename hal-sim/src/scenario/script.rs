@@ -7,9 +7,9 @@ use protocol_core::time::Duration;
 
 use super::ReadError;
 use super::file::{self, DeviceEntry, Expected, PATIENCE, ScenarioFile, StepTable};
+use crate::Kind;
 use crate::bus::Disturbance;
 use crate::devices::{self, DeviceSpec, LinkSpec, NamedDevice, NamedLink};
-use crate::kind::Kind;
 use crate::memory::Memory;
 use crate::state::{
     self, BusChange, Disturb, Identifier, Invalid, Pattern, PlantChange, Power, PowerChange, StateCondition,

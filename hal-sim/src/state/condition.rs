@@ -9,7 +9,7 @@ use super::Invalid;
 use super::device::{Color, Command, DeviceState, DeviceStateMachine, Led, Nmt, SetPointValue};
 use super::given::{Object, given, object, present};
 use super::{BitsPerSecond, Pattern, possible};
-use crate::kind::Kind;
+use crate::Kind;
 
 /// What is waited for.
 #[derive(Clone, Debug)]

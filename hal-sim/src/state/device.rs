@@ -9,7 +9,7 @@ use utoipa::ToSchema;
 
 use super::BitsPerSecond;
 use super::plant::PlantState;
-use crate::kind::Kind;
+use crate::Kind;
 use crate::world::{NodeId, World};
 
 /// The state of a device at one instant of virtual time. Without power there is none of node ID, bit rate, NMT state,

@@ -10,7 +10,7 @@ use serde::Serialize;
 use serde_json::{Value as Json, json};
 
 use super::device::{Color, Command, DeviceStateMachine, FloatWord, Led, Nmt};
-use crate::kind::Kind;
+use crate::Kind;
 
 /// The full stroke of a spool, in both directions (SPEC 2).
 const STROKE: RangeInclusive<i64> = -16384..=16384;

@@ -11,7 +11,7 @@ use utoipa::ToSchema;
 use utoipa::openapi::{RefOr, schema};
 
 use super::Invalid;
-use crate::kind::Kind;
+use crate::Kind;
 
 /// The members that may be null, by their schemas. Every other member that is left out may not be null instead.
 const NULLABLE: &[(&str, &[&str])] = &[

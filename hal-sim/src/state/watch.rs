@@ -3,7 +3,7 @@
 use protocol_core::time::{Instant, NEVER};
 
 use super::{DeviceState, StateCondition};
-use crate::kind::Kind;
+use crate::Kind;
 use crate::world::{NodeId, World};
 
 /// A condition on the state of a device. It is looked at after everything that happens in the world, and when it is

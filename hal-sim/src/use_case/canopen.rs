@@ -5,7 +5,7 @@ use protocol_core::device::pve;
 
 use super::script::Step::{Cycle, Cyclic, Expect, ExpectPosition, MasterBitRate, Note, PowerCycle, Send, Wait};
 use super::script::{Device, Position, Step, UseCase};
-use crate::kind::Kind;
+use crate::Kind;
 use crate::world::Plant;
 
 const fn valve(node_id: u8) -> Device {

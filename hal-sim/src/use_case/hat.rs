@@ -6,7 +6,7 @@ use protocol_core::device::hat;
 
 use super::script::Step::{Expect, MasterBitRate, Note, PowerCycle, Send, Steady, Unsteady, Wait};
 use super::script::{Device, Step, UseCase};
-use crate::kind::Kind;
+use crate::Kind;
 use crate::world::Plant::{AngleCdeg, InternalFault, MeasuringError};
 
 /// The angle sensor.

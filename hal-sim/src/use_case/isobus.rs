@@ -9,7 +9,7 @@ use protocol_core::device::pve;
 
 use super::script::Step::{Cycles, Expect, Note, Pause, Plant, PowerCycle, Repeat, Send, Steady, Unsteady, Wait};
 use super::script::{Device, Step, UseCase};
-use crate::kind::Kind;
+use crate::Kind;
 use crate::world::Plant::{BusOff, InternalFault, Lever, Spool, SupplyMv, TemperatureC};
 
 /// The valve on ISOBUS.

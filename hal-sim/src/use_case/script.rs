@@ -2,7 +2,7 @@
 
 use protocol_core::controller::BitRate;
 
-use crate::kind::Kind;
+use crate::Kind;
 use crate::world::Plant;
 
 /// A use case.

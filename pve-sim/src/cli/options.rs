@@ -11,8 +11,8 @@ use super::UsageError;
 use crate::gateway::BusUrl;
 use crate::run::{ColorChoice, LogOptions, RunOptions};
 use crate::speed::Speed;
+use hal_sim::Kind;
 use hal_sim::devices::{self, DeviceSpec, LinkSpec, NamedDevice, NamedLink};
-use hal_sim::kind::Kind;
 
 /// The seed of a run that was given none: two runs with the same seed and the same input are the same.
 pub(super) const DEFAULT_SEED: u64 = 1;

@@ -9,8 +9,8 @@ use protocol_core::device::{Setup, pve};
 use super::*;
 use crate::run::{ColorChoice, LogOptions, RunOptions};
 use crate::speed::Speed;
+use hal_sim::Kind;
 use hal_sim::devices::{NamedDevice, NamedLink};
-use hal_sim::kind::Kind;
 use hal_sim::world::Link;
 
 const PVEA: Kind = Kind::Pve(pve::Kind::PveaCanopen);

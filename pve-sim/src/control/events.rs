@@ -9,7 +9,7 @@ use tokio::sync::broadcast;
 
 use super::record::{BusTrouble, Passed};
 use super::refusal::Refusal;
-use hal_sim::kind::Kind;
+use hal_sim::Kind;
 use hal_sim::state::{DeviceState, PlantState};
 use hal_sim::world::{NodeId, World};
 

@@ -10,7 +10,7 @@ use protocol_core::wire::valve::{EstimatedFlow, State};
 
 use super::message::{Answer, Waited};
 use super::wait::Waits;
-use hal_sim::kind::Kind;
+use hal_sim::Kind;
 use hal_sim::state::{Condition, DeviceState, FloatWord, PlantChange, SetPointValue, StateCondition, StateWatch};
 use hal_sim::world::{Event, Link, NodeId, TapId, World};
 

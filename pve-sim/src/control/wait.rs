@@ -6,7 +6,7 @@ use protocol_core::time::{Duration, Instant, NEVER, after};
 use super::message::{Answer, Waited};
 use super::record::{FrameRecord, Passed};
 use super::refusal::{Refusal, TimedOut};
-use hal_sim::kind::Kind;
+use hal_sim::Kind;
 use hal_sim::state::{Condition, DeviceState, Pattern, StateWatch};
 use hal_sim::world::{NodeId, World};
 

@@ -192,7 +192,7 @@ mod tests {
     use protocol_core::time::{Duration, after};
 
     use super::*;
-    use hal_sim::kind::Kind;
+    use hal_sim::Kind;
     use hal_sim::world::Link;
 
     fn world(names: &[&str]) -> World {

@@ -9,7 +9,7 @@ use protocol_core::frame::Frame;
 
 use super::*;
 use crate::inbox::{ClientId, Mailbox, Outbox, Reply, ToClient};
-use hal_sim::kind::Kind;
+use hal_sim::Kind;
 
 #[path = "control_tests.rs"]
 mod control_tests;

@@ -8,8 +8,8 @@ use protocol_core::time::Instant;
 
 use super::{RunError, RunOptions};
 use crate::state_file::{StateFile, StateFileError};
+use hal_sim::Kind;
 use hal_sim::devices::{self, NamedDevice, RateWatch};
-use hal_sim::kind::Kind;
 use hal_sim::memory::Memory;
 use hal_sim::world::World;
 

@@ -5,8 +5,9 @@ use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use syn::punctuated::Punctuated;
 use syn::visit::{self, Visit};
-use syn::{Attribute, Item, ItemMod, ItemUse, UseTree};
+use syn::{Attribute, Expr, ExprLit, Item, ItemMod, ItemUse, Lit, Meta, Token, UseTree};
 
 /// A module, by its path in the crate.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -116,7 +117,10 @@ impl Crate {
                 item => reader.visit_item(item),
             }
         }
-        self.files.insert(module, reader.contents);
+        // A module may have a file for each system.
+        let contents = self.files.entry(module).or_default();
+        contents.paths.extend(reader.contents.paths);
+        contents.names.extend(reader.contents.names);
     }
 
     fn read_module(&mut self, inner: &ItemMod, folder: &Path, outer: &Module) {
@@ -125,9 +129,15 @@ impl Crate {
         match &inner.content {
             Some((_, items)) => self.read_items(items.clone(), &inside, module),
             None => {
-                let candidates = [folder.join(format!("{name}.rs")), inside.join("mod.rs")];
-                let file: Option<PathBuf> = candidates.into_iter().find(|file| file.exists());
-                self.read_file(&file.unwrap_or_else(|| panic!("no file for {module}")), &inside, module);
+                let mut files: Vec<PathBuf> = paths(&inner.attrs).iter().map(|path| folder.join(path)).collect();
+                if files.is_empty() {
+                    let candidates = [folder.join(format!("{name}.rs")), inside.join("mod.rs")];
+                    files.extend(candidates.into_iter().find(|file| file.exists()));
+                }
+                assert!(!files.is_empty(), "no file for {module}");
+                for file in files {
+                    self.read_file(&file, &inside, module.clone());
+                }
             }
         }
     }
@@ -193,6 +203,25 @@ impl<'ast> Visit<'ast> for Reader {
 fn is_for_tests(attributes: &[Attribute]) -> bool {
     attributes.iter().any(|attribute| {
         attribute.path().is_ident("cfg")
-            && attribute.parse_args::<syn::Meta>().is_ok_and(|meta| meta.path().is_ident("test"))
+            && attribute.parse_args::<Meta>().is_ok_and(|meta| meta.path().is_ident("test"))
     })
+}
+
+/// Returns the files of `#[path = "…"]`, also where a `cfg_attr` has it.
+fn paths(attributes: &[Attribute]) -> Vec<String> {
+    let path_of = |meta: Meta| match meta {
+        Meta::NameValue(pair) if pair.path.is_ident("path") => match pair.value {
+            Expr::Lit(ExprLit { lit: Lit::Str(path), .. }) => Some(path.value()),
+            _ => None,
+        },
+        _ => None,
+    };
+    let metas = attributes.iter().flat_map(|attribute| match &attribute.meta {
+        Meta::List(list) if list.path.is_ident("cfg_attr") => {
+            let inner = list.parse_args_with(Punctuated::<Meta, Token![,]>::parse_terminated);
+            inner.into_iter().flatten().collect()
+        }
+        meta => vec![meta.clone()],
+    });
+    metas.filter_map(path_of).collect()
 }

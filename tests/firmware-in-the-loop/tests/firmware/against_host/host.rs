@@ -8,13 +8,12 @@ use std::collections::{BTreeMap, VecDeque};
 
 use firmware_in_the_loop::rig::Noticed;
 use hal_sim::bus::INTERMISSION;
-use hal_sim::kind::{Birth, Simulated};
 use hal_sim::use_case::Device;
 use hal_sim::world::SimDevice;
 use hal_sim::{Memory, WireEvent, memory};
 use protocol_core::controller::BusErrorMode;
 use protocol_core::device::plant::{Change, Plant};
-use protocol_core::device::{Effect, Restart, StartCause};
+use protocol_core::device::{AnyDevice, Effect, Restart, Setup, StartCause};
 use protocol_core::frame::Frame;
 use protocol_core::memory::{Record, RecordKey, StoreError};
 use protocol_core::pump::pump;
@@ -274,9 +273,10 @@ impl<'a> Host<'a> {
         let now = Instant::from_micros(clock);
         match (call, &mut self.device) {
             (Call::Start, _) => {
-                let birth = Birth { node_id: Some(self.setup.node_id), serial: self.setup.serial, bit_rate: None };
+                let Device { kind, node_id, serial } = self.setup;
+                let setup = Setup { node_id: Some(node_id), serial, ..Setup::from(kind) };
                 let image = self.memory.read_image();
-                self.device = Some(self.setup.kind.factory(birth)(&image, StartCause::PowerOn, now));
+                self.device = Some(AnyDevice::power_on(setup, &image, StartCause::PowerOn, now).into());
                 (self.starting, self.leaving) = (true, Some(at));
                 return Ok(());
             }

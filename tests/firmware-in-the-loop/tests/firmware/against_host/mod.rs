@@ -27,7 +27,6 @@ mod recorder;
 mod traffic;
 
 use firmware_in_the_loop::content;
-use hal_sim::kind::Simulated;
 use hal_sim::use_case::Device;
 use protocol_core::device::{Kind, Protocol, hat, pve};
 

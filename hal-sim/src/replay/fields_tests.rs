@@ -29,13 +29,3 @@ fn a_value_comes_back_as_its_positions() {
         assert_eq!(found, encoding.positions().count(), "{encoding:?}");
     }
 }
-
-#[test]
-fn a_turn_is_a_circle() {
-    let track = |kind| Track { kind, samples: VecDeque::new(), looked: Instant::MIN };
-    let hat = track(Kind::from_name("hat1000").unwrap());
-    assert!(hat.is_between(16_380, 3, &(0..=0)) && hat.is_between(3, 16_380, &(16_383..=16_383)));
-    assert!(!hat.is_between(16_380, 3, &(8000..=8000)) && !hat.is_between(16_380, 3, &(4..=4)));
-    let valve = track(Kind::from_name("pvea-canopen").unwrap());
-    assert!(valve.is_between(-20, 300, &(0..=0)) && !valve.is_between(-20, 300, &(301..=16_384)));
-}

@@ -1,0 +1,185 @@
+//! The fields of frames that hold the position of their sender, by mapping, object or message, and their encodings.
+
+use std::ops::RangeInclusive;
+
+use protocol_core::actuator::{Position, Scale};
+use protocol_core::device::Protocol;
+use protocol_core::encoder::POSITION_MAX;
+use protocol_core::frame::{Frame, Id};
+use protocol_core::wire::cob_id::Function;
+use protocol_core::wire::j1939_id::{J1939Id, Pgn};
+use protocol_core::wire::pdo_mapping::MappingEntry;
+
+use crate::Kind;
+
+/// The value of 0x6301 while the spool floats (SPEC 2).
+const FLOAT: i32 = 32_767;
+
+/// The value of an AVEF for no flow (SPEC 5).
+const NO_FLOW: i32 = 125;
+
+/// The fields of a frame that carry the position of its sender.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Fields([Option<Field>; 8]);
+
+/// A number in the data of a frame, least significant bit first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Field {
+    /// The place of its lowest bit.
+    shift: u8,
+    bits: u8,
+    pub(super) encoding: Encoding,
+}
+
+/// The encoding of a position in a field.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Encoding {
+    /// 0x6301
+    Spool,
+    /// 0x3301
+    Per127,
+    /// 0x3302
+    Inverted,
+    /// 0x3304
+    Per1000,
+    /// 0x6004
+    Shaft,
+    /// The first byte of an AVEF.
+    Extend,
+    /// The second byte of an AVEF.
+    Retract,
+}
+
+impl Encoding {
+    /// Returns the encoding of an object that holds the position, and its length in bits; `None` for another object.
+    const fn of_object(index: u16, sub: u8) -> Option<(Self, u8)> {
+        match (index, sub) {
+            (0x6301, 1) => Some((Self::Spool, 16)),
+            (0x3301, 0) => Some((Self::Per127, 8)),
+            (0x3302, 0) => Some((Self::Inverted, 8)),
+            (0x3304, 0) => Some((Self::Per1000, 16)),
+            (0x6004, 0) => Some((Self::Shaft, 32)),
+            _ => None,
+        }
+    }
+
+    /// Returns every position that a device can be at.
+    const fn positions(self) -> RangeInclusive<i32> {
+        match self {
+            Self::Shaft => 0..=POSITION_MAX as i32,
+            _ => -(Position::FULL as i32)..=Position::FULL as i32,
+        }
+    }
+
+    /// Returns the value of the field at a position: it rises with the position, or [falls](Self::falls).
+    pub(super) fn encode(self, position: i32) -> i32 {
+        let on = |scale: Scale| i32::from(scale.of_position(Position::clamped(position)));
+        match self {
+            Self::Spool | Self::Shaft => position,
+            Self::Per127 => on(Scale::Per127),
+            Self::Inverted => -on(Scale::Per127),
+            Self::Per1000 => on(Scale::Per1000),
+            Self::Extend => NO_FLOW + on(Scale::Percent).max(0),
+            Self::Retract => NO_FLOW - on(Scale::Percent).min(0),
+        }
+    }
+
+    const fn falls(self) -> bool {
+        matches!(self, Self::Inverted | Self::Retract)
+    }
+
+    /// Returns the value of the field while the spool floats; `None` for a field that still holds the position then.
+    pub(super) fn encode_float(self) -> Option<i32> {
+        match self {
+            Self::Spool => Some(FLOAT),
+            Self::Per127 | Self::Inverted | Self::Per1000 => Some(self.encode(Position::FULL.into())),
+            Self::Shaft | Self::Extend | Self::Retract => None,
+        }
+    }
+
+    /// Returns the positions at which the field holds a value; empty when there is none.
+    pub(super) fn decode(self, value: i32) -> RangeInclusive<i32> {
+        let value = if self.falls() { -value } else { value };
+        let rising = |position: i32| if self.falls() { -self.encode(position) } else { self.encode(position) };
+        first(self.positions(), |position| rising(position) >= value)..=first(self.positions(), |position| {
+            rising(position) > value
+        }) - 1
+    }
+}
+
+/// Returns the first position of a range from which on `is` holds; the one after the range when it never does.
+fn first(positions: RangeInclusive<i32>, is: impl Fn(i32) -> bool) -> i32 {
+    let (mut low, mut high) = (*positions.start(), *positions.end() + 1);
+    while low < high {
+        let middle = low + (high - low) / 2;
+        if is(middle) { high = middle } else { low = middle + 1 }
+    }
+    low
+}
+
+impl Field {
+    pub(super) fn mask(self) -> u64 {
+        u64::MAX.unbounded_shr(64 - u32::from(self.bits)).unbounded_shl(self.shift.into())
+    }
+
+    /// Returns the value of the field in a frame, with the sign of its encoding.
+    pub(super) fn read(self, frame: &Frame) -> i32 {
+        let value = ((bits(frame) & self.mask()) >> self.shift) as u32;
+        let above = 32 - u32::from(self.bits);
+        match self.encoding {
+            Encoding::Extend | Encoding::Retract => value as i32,
+            _ => (value << above) as i32 >> above,
+        }
+    }
+}
+
+pub(super) const fn bits(frame: &Frame) -> u64 {
+    u64::from_le_bytes(*frame.bytes())
+}
+
+impl Fields {
+    /// Returns the fields of a frame that a device of this kind has sent, while its TPDO has this key and mapping.
+    pub(super) fn of(frame: &Frame, kind: Kind, tpdo: Option<(u32, &[MappingEntry])>) -> Self {
+        let mut fields = Self::default();
+        let mut places = fields.0.iter_mut();
+        let mut add = |shift: u8, (encoding, bits): (Encoding, u8)| {
+            if let Some(place) = places.next() {
+                *place = Some(Field { shift, bits, encoding });
+            }
+        };
+        match (tpdo, frame.id(), kind.protocol()) {
+            (Some((key, mapping)), ..) if key == frame.key() => {
+                let mut shift: u8 = 0;
+                for entry in mapping {
+                    Encoding::of_object(entry.index, entry.sub).into_iter().for_each(|field| add(shift, field));
+                    shift = shift.saturating_add(entry.bits);
+                }
+            }
+            (_, Id::Standard(id), Protocol::Canopen) if id.as_raw() & !0x7F == Function::SdoAnswer as u16 => {
+                // An answer to the upload of at most four bytes.
+                if let &[0x42..=0x43 | 0x47 | 0x4B | 0x4F, low, high, sub, ..] = frame.data() {
+                    Encoding::of_object(u16::from_le_bytes([low, high]), sub)
+                        .into_iter()
+                        .for_each(|field| add(32, field));
+                }
+            }
+            (_, Id::Extended(id), Protocol::Isobus) => {
+                let id = J1939Id::from_raw(id.as_raw());
+                if id.pgn() == Pgn::avef(id.source().get()) {
+                    add(0, (Encoding::Extend, 8));
+                    add(8, (Encoding::Retract, 8));
+                }
+            }
+            _ => {}
+        }
+        fields
+    }
+
+    pub(super) fn iter(&self) -> impl Iterator<Item = Field> {
+        self.0.into_iter().flatten()
+    }
+}
+
+#[cfg(test)]
+#[path = "fields_tests.rs"]
+mod tests;
