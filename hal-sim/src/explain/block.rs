@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 
 use protocol_core::frame::{Frame, Id};
+use protocol_core::wire::cob_id::{Function, classify};
 
 use super::text_or_hex;
 
@@ -69,12 +70,11 @@ impl Blocks {
     /// Takes notice of a frame on the bus.
     pub(super) fn observe(&mut self, frame: &Frame) {
         let (Id::Standard(id), Some(&bytes)) = (frame.id(), frame.eight()) else { return };
-        let from = match id.as_raw() {
-            0x581..=0x5FF => Party::Server,
-            0x601..=0x67F => Party::Client,
+        let (from, node) = match classify(id) {
+            Some((Function::SdoAnswer, node)) => (Party::Server, node.get()),
+            Some((Function::SdoRequest, node)) => (Party::Client, node.get()),
             _ => return,
         };
-        let node = (id.as_raw() & 0x7F) as u8;
         let [command, acknowledged, size, _, initial_size, ..] = bytes;
         let transfer = self.0.get_mut(&node);
         match (from, command >> 5, command & 0b11, transfer) {

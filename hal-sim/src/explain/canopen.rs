@@ -3,7 +3,8 @@
 
 use protocol_core::device::hat;
 use protocol_core::device::pve::FAULT_CODES;
-use protocol_core::frame::Frame;
+use protocol_core::frame::{Frame, StandardId};
+use protocol_core::wire::cob_id::{Function, classify};
 use protocol_core::wire::emcy::{Emcy, NO_ERROR};
 use protocol_core::wire::nmt::{self, Command, State, Target};
 
@@ -14,10 +15,12 @@ use super::valve::{command, state, stroke};
 use super::{Context, hex, lss, sdo};
 use crate::Kind;
 
-pub(super) fn explain(id: u16, frame: &Frame, context: &Context<'_>) -> Option<String> {
+pub(super) fn explain(id: StandardId, frame: &Frame, context: &Context<'_>) -> Option<String> {
+    if let Some((function, node)) = classify(id) {
+        return of_node(function, node.get(), frame, context);
+    }
+    let id = id.as_raw();
     let node = (id & 0x7F) as u8;
-    let from_device = |text: String| format!("{}: {text}", context.sender(node));
-    let to_device = |text: String| format!("{} → {}: {text}", context.commander(), context.name(node));
     let data = frame.data();
     match id {
         0x000 => Some(format!("master: {}", network(data, context)?)),
@@ -28,27 +31,37 @@ pub(super) fn explain(id: u16, frame: &Frame, context: &Context<'_>) -> Option<S
             None => text,
         }),
         0x7E5 => Some(format!("master: {}", lss::request(frame.eight()?))),
-        0x081..=0x0FF => emergency(frame, context.kind(node)).map(from_device),
-        0x181..=0x1FF => Some(from_device(tpdo(data, context.kind(node)))),
-        0x201..=0x27F => Some(to_device(rpdo(data))),
         // PDOs 2 to 4, which the stand-ins do not have
-        0x281..=0x2FF | 0x381..=0x3FF | 0x481..=0x4FF => Some(from_device(format!("TPDO {}: {}", id >> 8, hex(data)))),
-        0x301..=0x37F | 0x401..=0x47F | 0x501..=0x57F => {
-            Some(to_device(format!("RPDO {}: {}", (id >> 8) - 1, hex(data))))
+        0x281..=0x2FF | 0x381..=0x3FF | 0x481..=0x4FF => {
+            Some(format!("{}: TPDO {}: {}", context.sender(node), id >> 8, hex(data)))
         }
-        0x581..=0x5FF => {
+        0x301..=0x37F | 0x401..=0x47F | 0x501..=0x57F => {
+            Some(format!("{} → {}: RPDO {}: {}", context.commander(), context.name(node), (id >> 8) - 1, hex(data)))
+        }
+        _ => None,
+    }
+}
+
+fn of_node(function: Function, node: u8, frame: &Frame, context: &Context<'_>) -> Option<String> {
+    let from_device = |text: String| format!("{}: {text}", context.sender(node));
+    let to_device = |text: String| format!("{} → {}: {text}", context.commander(), context.name(node));
+    let data = frame.data();
+    match function {
+        Function::Emcy => emergency(frame, context.kind(node)).map(from_device),
+        Function::Tpdo1 => Some(from_device(tpdo(data, context.kind(node)))),
+        Function::Rpdo1 => Some(to_device(rpdo(data))),
+        Function::SdoAnswer => {
             let bytes = frame.eight()?;
             let segment = context.blocks.segment(node, Party::Server, bytes);
             segment.or_else(|| sdo::answer(bytes, context.kind(node))).map(from_device)
         }
-        0x601..=0x67F => {
+        Function::SdoRequest => {
             let bytes = frame.eight()?;
             let kind = context.node(node).map(|node| node.kind);
             let segment = context.blocks.segment(node, Party::Client, bytes);
             Some(to_device(segment.unwrap_or_else(|| sdo::request(bytes, kind))))
         }
-        0x701..=0x77F => heartbeat(data).map(from_device),
-        _ => None,
+        Function::Heartbeat => heartbeat(data).map(from_device),
     }
 }
 

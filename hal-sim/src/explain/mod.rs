@@ -115,7 +115,7 @@ impl Explainer {
             Some(format!("remote frame, length {}", frame.len()))
         } else {
             match frame.id() {
-                Id::Standard(id) => canopen::explain(id.as_raw(), frame, context),
+                Id::Standard(id) => canopen::explain(id, frame, context),
                 Id::Extended(id) => uds::explain(id.as_raw(), frame.data(), context)
                     .or_else(|| isobus::explain(id.as_raw(), frame, context)),
             }

@@ -1,6 +1,7 @@
 //! What is remarkable about a frame beside its meaning: for colours, and for what a trace may leave out.
 
 use protocol_core::frame::{Frame, Id};
+use protocol_core::wire::cob_id::{Function, LSS_ANSWER, LSS_REQUEST, NMT, classify};
 use protocol_core::wire::dm;
 use protocol_core::wire::emcy::{Emcy, NO_ERROR};
 use protocol_core::wire::j1939_id::{J1939Id, Pgn};
@@ -38,10 +39,7 @@ fn source(frame: &Frame) -> Option<u8> {
         return None;
     }
     match frame.id() {
-        Id::Standard(id) => match id.as_raw() {
-            raw @ (0x081..=0x0FF | 0x181..=0x1FF | 0x581..=0x5FF | 0x701..=0x77F) => Some((raw & 0x7F) as u8),
-            _ => None,
-        },
+        Id::Standard(id) => classify(id).filter(|(function, _)| function.is_from_node()).map(|(_, node)| node.get()),
         Id::Extended(id) => match parse_id(id.as_raw()) {
             Some((source, _)) => uds::device(source),
             None => Some(J1939Id::from_raw(id.as_raw()).source().get()),
@@ -51,7 +49,7 @@ fn source(frame: &Frame) -> Option<u8> {
 
 fn tells_fault(frame: &Frame) -> bool {
     match frame.id() {
-        Id::Standard(id) if (0x081..=0x0FF).contains(&id.as_raw()) => {
+        Id::Standard(id) if matches!(classify(id), Some((Function::Emcy, _))) => {
             frame.eight().is_some_and(|bytes| Emcy::parse(bytes).code != NO_ERROR)
         }
         Id::Extended(id) if J1939Id::from_raw(id.as_raw()).pgn() == Pgn::DM1 => {
@@ -66,8 +64,10 @@ fn tells_fault(frame: &Frame) -> bool {
 #[must_use]
 pub fn is_cyclic(frame: &Frame) -> bool {
     match frame.id() {
-        // NMT, EMCY, SDO, LSS
-        Id::Standard(id) => !matches!(id.as_raw(), 0x000 | 0x081..=0x0FF | 0x581..=0x67F | 0x7E4 | 0x7E5),
+        Id::Standard(id) => match classify(id) {
+            Some((function, _)) => matches!(function, Function::Tpdo1 | Function::Rpdo1 | Function::Heartbeat),
+            None => !matches!(id.as_raw(), NMT | LSS_ANSWER | LSS_REQUEST),
+        },
         Id::Extended(id) => {
             let pgn = J1939Id::from_raw(id.as_raw()).pgn();
             let once = [

@@ -4,6 +4,7 @@
 use protocol_core::device::pve::DeviceState;
 use protocol_core::device::{hat, pve};
 use protocol_core::frame::{Frame, Id};
+use protocol_core::wire::cob_id::{Function, classify};
 use protocol_core::wire::j1939_id::{Address, J1939Id, Pgn};
 use protocol_core::wire::name::Name;
 use protocol_core::wire::sdo::{Answer, Multiplexer};
@@ -57,22 +58,22 @@ impl Explainer {
 
 /// Returns the node ID or address of a sender, and the kind that its frame shows.
 fn told(frame: &Frame) -> Option<(u8, Kind, Evidence)> {
-    let (kind, evidence) = match frame.id() {
-        Id::Standard(id) => match id.as_raw() {
-            0x581..=0x5FF => (by_object(Answer::parse(frame.eight()?)?)?, Evidence::Proof),
-            0x181..=0x1FF => (by_pdo(frame.data())?, Evidence::Likeness),
-            _ => return None,
-        },
+    match frame.id() {
+        Id::Standard(id) => {
+            let (function, node) = classify(id)?;
+            let (kind, evidence) = match function {
+                Function::SdoAnswer => (by_object(Answer::parse(frame.eight()?)?)?, Evidence::Proof),
+                Function::Tpdo1 => (by_pdo(frame.data())?, Evidence::Likeness),
+                _ => return None,
+            };
+            Some((node.get(), kind, evidence))
+        }
         Id::Extended(id) => {
             let id = J1939Id::from_raw(id.as_raw());
             let is_claim = id.pgn() == Pgn::ADDRESS_CLAIMED && id.source() != Address::NULL;
             let is_valve = is_claim && is_valve(Name::from_bytes(*frame.eight()?));
-            return is_valve.then_some((id.source().get(), ISOBUS_VALVE, Evidence::Proof));
+            is_valve.then_some((id.source().get(), ISOBUS_VALVE, Evidence::Proof))
         }
-    };
-    match frame.id() {
-        Id::Standard(id) => Some(((id.as_raw() & 0x7F) as u8, kind, evidence)),
-        Id::Extended(_) => None,
     }
 }
 

@@ -2,6 +2,7 @@
 
 use protocol_core::frame::{Frame, Id};
 use protocol_core::time::{Duration, Instant, after, since};
+use protocol_core::wire::cob_id::{Function, classify};
 
 use super::identifier::{is_claim, is_of};
 use super::{ReplayError, ReplayOptions};
@@ -194,7 +195,7 @@ impl Begin {
 /// Returns whether a frame can be the first one with other data: it has its identifier, and is no heartbeat, which has
 /// that of the boot-up.
 fn is_like(first: &Frame, frame: &Frame) -> bool {
-    let is_heartbeat = matches!(frame.id(), Id::Standard(id) if (0x701..=0x77F).contains(&id.as_raw()))
+    let is_heartbeat = matches!(frame.id(), Id::Standard(id) if matches!(classify(id), Some((Function::Heartbeat, _))))
         && matches!(frame.data(), [0x04 | 0x05 | 0x7F]);
     first.key() == frame.key() && !frame.is_remote() && !is_heartbeat
 }

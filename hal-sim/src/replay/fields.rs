@@ -6,7 +6,7 @@ use protocol_core::actuator::{Position, Scale};
 use protocol_core::device::Protocol;
 use protocol_core::encoder::POSITION_MAX;
 use protocol_core::frame::{Frame, Id};
-use protocol_core::wire::cob_id::Function;
+use protocol_core::wire::cob_id::{Function, classify};
 use protocol_core::wire::j1939_id::{J1939Id, Pgn};
 use protocol_core::wire::pdo_mapping::MappingEntry;
 
@@ -155,7 +155,7 @@ impl Fields {
                     shift = shift.saturating_add(entry.bits);
                 }
             }
-            (_, Id::Standard(id), Protocol::Canopen) if id.as_raw() & !0x7F == Function::SdoAnswer as u16 => {
+            (_, Id::Standard(id), Protocol::Canopen) if matches!(classify(id), Some((Function::SdoAnswer, _))) => {
                 // An answer to the upload of at most four bytes.
                 if let &[0x42..=0x43 | 0x47 | 0x4B | 0x4F, low, high, sub, ..] = frame.data() {
                     Encoding::of_object(u16::from_le_bytes([low, high]), sub)

@@ -2,6 +2,7 @@
 
 use protocol_core::device::Protocol;
 use protocol_core::frame::{Frame, Id};
+use protocol_core::wire::cob_id::classify;
 use protocol_core::wire::j1939_id::{Address, J1939Id, Pgn};
 use protocol_core::wire::uds;
 
@@ -12,8 +13,7 @@ const EXTENDED: u32 = 1 << 29;
 pub(super) fn is_of(frame: &Frame, protocol: Protocol, node_id: u8) -> bool {
     match (frame.id(), protocol) {
         (Id::Standard(id), Protocol::Canopen) => {
-            matches!(id.as_raw(), 0x081..=0x0FF | 0x181..=0x1FF | 0x581..=0x5FF | 0x701..=0x77F)
-                && id.as_raw() & 0x7F == u16::from(node_id)
+            classify(id).is_some_and(|(function, node)| function.is_from_node() && node.get() == node_id)
         }
         (Id::Standard(_), Protocol::Isobus) => false,
         (Id::Extended(id), protocol) => match uds::parse_id(id.as_raw()) {

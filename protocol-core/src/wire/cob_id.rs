@@ -54,6 +54,25 @@ pub enum Function {
     Heartbeat = 0x700,
 }
 
+impl Function {
+    /// All of them.
+    const ALL: [Self; 6] = [Self::Emcy, Self::Tpdo1, Self::Rpdo1, Self::SdoAnswer, Self::SdoRequest, Self::Heartbeat];
+
+    /// Returns true for what a node sends, and false for what is sent to it.
+    #[must_use]
+    pub const fn is_from_node(self) -> bool {
+        !matches!(self, Self::Rpdo1 | Self::SdoRequest)
+    }
+}
+
+/// Returns the function and the node of an identifier; `None` for one that goes by no node, and for PDOs 2 to 4.
+#[must_use]
+pub fn classify(id: StandardId) -> Option<(Function, NodeId)> {
+    let (function, node) = (id.as_raw() & !0x7F, id.as_raw() & 0x7F);
+    let function = Function::ALL.into_iter().find(|known| *known as u16 == function)?;
+    Some((function, NodeId::new(u8::try_from(node).ok()?)?))
+}
+
 /// NMT commands, to all.
 pub const NMT: u16 = 0x000;
 /// LSS, from the slaves.
@@ -155,6 +174,24 @@ mod tests {
         assert_eq!(NodeId::new(128), None);
         assert_eq!(NodeId::new(1).map(NodeId::get), Some(1));
         assert_eq!(NodeId::new(127).map(|id| id.id(Function::Heartbeat).as_raw()), Some(0x77F));
+    }
+
+    #[test]
+    fn each_identifier_of_the_predefined_connection_set_is_classified() {
+        for raw in 0..=0x7FF {
+            let found = classify(StandardId::new(raw).unwrap());
+            let function = match raw {
+                0x081..=0x0FF => Some(Function::Emcy),
+                0x181..=0x1FF => Some(Function::Tpdo1),
+                0x201..=0x27F => Some(Function::Rpdo1),
+                0x581..=0x5FF => Some(Function::SdoAnswer),
+                0x601..=0x67F => Some(Function::SdoRequest),
+                0x701..=0x77F => Some(Function::Heartbeat),
+                _ => None,
+            };
+            assert_eq!(found.map(|(function, _)| function), function, "{raw:X}");
+            assert!(found.is_none_or(|(function, node)| node.raw_id(function) == raw), "{raw:X}");
+        }
     }
 
     #[test]
