@@ -23,7 +23,7 @@ INITIALISING, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0, 4, 5, 0x7F
 
 
 class Undecided(Exception):
-    """Something that the model does not know: a spool in neutral yet, how long it was behind, a counter that nobody has told."""
+    """What depends on a moving spool, which the model has not: whether it is in neutral yet, how long it was behind."""
 
 
 class Abort(Exception):

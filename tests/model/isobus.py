@@ -247,17 +247,16 @@ class Valve(Causes, Sender):
         if self.bam:
             return
         faults = self.previous()
-        if set(faults) & set(self.kept):
-            raise Undecided
         lamp = max([CODES[fault][1] for fault in faults], default=0)
-        codes = b"".join(struct.pack("<I", CODES[fault][0] | self.counters[fault] << 24) for fault in faults)
-        data = bytes([lamp, 0xFF]) + (codes or bytes(4))
+        data = [lamp, 0xFF]
+        for fault in faults:
+            data += [*struct.pack("<I", CODES[fault][0])[:3], None if fault in self.kept else self.counters[fault]]
         if len(faults) < 2:
-            self.due(0x18FECB00, data + b"\xff\xff", why="DM2")
+            self.due(0x18FECB00, (data + [0] * 4)[:6] + [0xFF] * 2, why="DM2")
             return
         packets = -(-len(data) // 7)
         self.due(0x1CECFF00, struct.pack("<BHBB", 0x20, len(data), packets, 0xFF) + b"\xcb\xfe\0", why="BAM of DM2")
-        parts = [bytes([i + 1]) + data[7 * i : 7 * i + 7].ljust(7, b"\xff") for i in range(packets)]
+        parts = [([i + 1] + data[7 * i : 7 * i + 7] + [0xFF] * 7)[:8] for i in range(packets)]
         self.bam = [(self.now + 100_000 * (i + 1), part) for i, part in enumerate(parts)]
 
     def state(self):

@@ -72,7 +72,10 @@ class Run:
             model.occupied(at, identifier, data)
             model.advance(at)
             for due in model.expected:
-                if model.late(due):
+                if due.identifier == identifier and not from_device:
+                    # Frames of two senders under one identifier destroy each other, which is not seen here.
+                    due.due = at
+                elif model.late(due):
                     raise Difference(f"late: {due}")
             if not from_device:
                 model.receive(at, identifier, data)
