@@ -93,10 +93,10 @@ class Sender:
     # The ends of the last frame, and of the last time at which the bus was free for certain.
     frame_end = free = 0
 
-    def occupied(self, now, identifier, data):
-        """Looks at a frame of the bus, at its end, before the time until then has passed."""
+    def occupied(self, now, identifier, data, destroyed):
+        """Looks at a frame of the bus, at its end, before the time until then has passed. Others may have been destroyed before it."""
         begin = now - longest(identifier, data) * self.bit_us
-        if begin > self.frame_end + FREE_US:
+        if begin > self.frame_end + FREE_US and not destroyed:
             self.free = begin
         self.frame_end = now
 
