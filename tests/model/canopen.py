@@ -166,6 +166,8 @@ class Node(Sender):
 
     def hear(self, now, identifier, data):
         """Looks at a frame of the device for what the model cannot know: the end of a restart."""
+        if identifier == 0x580 + self.node and data[0] == 0x80 and self.transfer is not None and self.transfer.get("too_long"):
+            self.transfer = None
         if self.restarting is not None and 0x701 <= identifier <= 0x77F and data == b"\0":
             action, self.restarting, self.restart_by = self.restarting, None, NEVER
             self.now = now - 300  # the boot-up's way
@@ -336,7 +338,14 @@ class Node(Sender):
         kind, size = transfer["kind"], transfer["size"]
         longest = size if size is not None else SIZES.get(kind, 10)
         if len(transfer["write"]) > longest:
-            raise Abort(MISMATCH, TOO_LONG)
+            abort = Abort(MISMATCH, TOO_LONG)
+            if data[0] & 1 or len(transfer["write"]) > SIZES.get(kind, 10):
+                raise abort
+            # More than was announced, less than the object takes: refused at once or with the last segment, CiA 301 does not say.
+            self.abort(transfer["mux"], *abort.codes)
+            self.expected[-1].answers += (bytes([0x20 | toggle]).ljust(8, b"\0"),)
+            self.transfer = transfer | {"too_long": True}
+            return
         if not data[0] & 1:
             self.answer(bytes([0x20 | toggle]))
             return
