@@ -15,10 +15,6 @@ MAPPABLE = {
 DUMMIES = {1: 1, 2: 8, 3: 16, 4: 32, 5: 8, 6: 16, 7: 32}
 STATUS = {"init": 0x08, "disabled": 0x09, "hold": 0x0B, "active": 0x0F, "fault-hold": 0x03}
 FLOAT = 32767
-#: Provisional: a fault that begins while a TPDO is on the bus makes the device send another one. Page: one for every RPDO or SYNC.
-TPDO_AGAIN_AT_FAULT = True
-#: Provisional: a TPDO for which the bus was never free gives way to that of the next RPDO. Page: one for every RPDO.
-TPDO_OF_RPDO_MERGES = True
 
 # name: (EMCY code, own bits of the error register, delay in us, object of the counter), by priority
 FAULTS = {
@@ -204,7 +200,7 @@ class Valve(Causes, Node):
         self.history = [FAULTS[fault][0] | self.counters[fault] << 16, *self.history][:8]
         self.emergency(fault)
         self.hold_fault()
-        if TPDO_AGAIN_AT_FAULT and self.nmt == OPERATIONAL and any(due.why.startswith("TPDO") for due in self.expected):
+        if self.nmt == OPERATIONAL and any(due.why.startswith("TPDO") for due in self.expected):
             self.may_send_tpdo()
 
     def clear(self, fault):
@@ -379,8 +375,7 @@ class Valve(Causes, Node):
         if set_point is not None:
             self.take_set_point(set_point)
         if self.values[0x1800, 2] == 0xFF:
-            if TPDO_OF_RPDO_MERGES:
-                self.merge("TPDO")
+            self.merge("TPDO")
             self.tpdo()
 
     def tpdo(self):
