@@ -7,6 +7,7 @@
 //! gateway/   clients of the bus that live outside: socketcand, SocketCAN, slcan, udp_multicast
 //! inbox/     the messages between clients and the world
 //! control/   the control interface at the world's end
+//! remote/    a running simulator, asked by the commands set and status
 //! batch/     scenarios of a command line, over the cores, and their results for CI
 //! state_file the memory of a device in a file
 //! speed      virtual time against wall time
@@ -23,6 +24,7 @@ pub mod gateway;
 pub mod http;
 pub mod inbox;
 pub mod output;
+pub mod remote;
 pub mod run;
 pub mod speed;
 pub mod state_file;

@@ -9,10 +9,12 @@ use std::time::Duration;
 
 use hal_sim::decode::{DecodeOptions, decode};
 use hal_sim::replay::{ReplayOptions, replay};
+use hal_sim::text::in_one_line;
 use hal_sim::use_case::{self, SimulatedBench, UseCase};
 use pve_sim::batch::{self, BatchError};
 use pve_sim::cli::{self, Request};
 use pve_sim::output::{Output, outlive_file_size_limit};
+use pve_sim::remote::{self, StatusOptions};
 use pve_sim::run;
 
 /// Something is in the way: a port in use, a file that cannot be opened.
@@ -36,11 +38,12 @@ fn main() -> ExitCode {
         Ok(Request::Scenarios(options)) => run_scenarios(&options),
         Ok(Request::Decode(options)) => explain(&options),
         Ok(Request::Replay(options)) => compare(&options),
-        Ok(Request::Print(text)) => {
-            let mut stdout = stdout();
-            print(&mut stdout, format_args!("{text}"));
-            end(stdout, true)
-        }
+        Ok(Request::Set(options)) => match remote::set(&options) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(error) => fail(FAILURE, &in_one_line(&error.to_string())),
+        },
+        Ok(Request::Status(options)) => show(&options),
+        Ok(Request::Print(text)) => print_all(&text),
         Err(error) => fail(USAGE, &error),
     }
 }
@@ -52,6 +55,13 @@ fn stdout() -> Output<StdoutLock<'static>> {
 /// Writes a text; the [`end`] tells what became of it.
 fn print(stdout: &mut impl Write, text: Arguments<'_>) {
     let _ = stdout.write_fmt(text);
+}
+
+/// Writes a text that is all that a command has to say.
+fn print_all(text: &str) -> ExitCode {
+    let mut stdout = stdout();
+    print(&mut stdout, format_args!("{text}"));
+    end(stdout, true)
 }
 
 /// Ends a command that has done, or found, what it was to, or has not. Output that was cut is a failure.
@@ -107,6 +117,14 @@ fn compare(options: &ReplayOptions) -> ExitCode {
     let mut stdout = stdout();
     print(&mut stdout, format_args!("{}", outcome.report(options)));
     end(stdout, outcome.is_as_logged())
+}
+
+/// Shows the devices of a running simulator.
+fn show(options: &StatusOptions) -> ExitCode {
+    match remote::status(options) {
+        Ok(text) => print_all(&text),
+        Err(error) => fail(FAILURE, &in_one_line(&error.to_string())),
+    }
 }
 
 fn warn(line: &str) {

@@ -2,6 +2,7 @@
 
 mod options;
 mod recordings;
+mod remote;
 mod scenario;
 mod shell;
 
@@ -14,7 +15,9 @@ use clap::{CommandFactory, Parser, Subcommand};
 use clap_complete::Shell;
 
 use self::recordings::{DecodeArgs, ReplayArgs};
+use self::remote::{SetArgs, StatusArgs};
 use crate::batch::Options;
+use crate::remote::{SetOptions, StatusOptions};
 use crate::run::RunOptions;
 use hal_sim::Kind;
 use hal_sim::decode::DecodeOptions;
@@ -37,6 +40,10 @@ pub enum Request {
     Decode(DecodeOptions),
     /// Replay a recording.
     Replay(ReplayOptions),
+    /// Change what a device of a running simulator senses.
+    Set(SetOptions),
+    /// Show the devices of a running simulator.
+    Status(StatusOptions),
     /// Print this on stdout: the help, the version, the description of a kind, or what a shell reads.
     Print(String),
 }
@@ -52,13 +59,15 @@ Examples:
   pve-sim scenario scenarios/*.toml --junit results.xml
   pve-sim decode frames.log
   pve-sim replay frames.log --device pvea-canopen@0x20
+  pve-sim set boom supply_mv=8000 spool=stuck
+  pve-sim status boom
   pve-sim eds pvea-canopen > pvea.eds
   pve-sim dbc pvea-isobus > pvea.dbc
 
 SIGINT, SIGTERM, SIGHUP and a reader of stdout that is gone end it; everything stored, exit 0.
 Exit codes: 1 a port in use, an interface that is not there, a file that cannot be opened, written or replaced, a
 state file of another kind, a use case or a replay that differs, an expectation of a scenario that fails, a line of a log that is
-none; 2 wrong usage, a scenario that cannot be read.";
+none, a simulator that refuses or cannot be reached; 2 wrong usage, a scenario that cannot be read.";
 
 /// Wrong usage: one line that says what is wrong and what is accepted.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -102,6 +111,12 @@ enum Command {
     /// Plays a recorded log against stand-ins, from their power-up and in virtual time: what they send is compared with
     /// the log, all else is sent to them; exit 1 on differences
     Replay(ReplayArgs),
+    /// Changes what a device of a running simulator senses, as lines on its stdin do; exit 1 if the simulator refuses
+    /// the change or cannot be reached
+    Set(SetArgs),
+    /// Prints the states of the devices of a running simulator; exit 1 if it has no such device or cannot be
+    /// reached
+    Status(StatusArgs),
     /// Prints the EDS of a CANopen kind, from its object dictionary
     Eds {
         /// The kind
@@ -199,6 +214,8 @@ where
         Ok(Cli { command: Some(Command::UseCase { which: None }), .. }) => Ok(Request::Print(titles())),
         Ok(Cli { command: Some(Command::Decode(args)), .. }) => DecodeOptions::try_from(args).map(Request::Decode),
         Ok(Cli { command: Some(Command::Replay(args)), .. }) => ReplayOptions::try_from(args).map(Request::Replay),
+        Ok(Cli { command: Some(Command::Set(args)), .. }) => SetOptions::try_from(args).map(Request::Set),
+        Ok(Cli { command: Some(Command::Status(args)), .. }) => Ok(Request::Status(args.into())),
         Ok(Cli { command: Some(Command::Eds { sheet: text } | Command::Dbc { database: text }), .. }) => {
             Ok(Request::Print(text.0))
         }

@@ -18,7 +18,7 @@ use hal_sim::devices::{self, DeviceSpec, LinkSpec, NamedDevice, NamedLink};
 pub(super) const DEFAULT_SEED: u64 = 1;
 
 /// Where the control interface is reachable when nobody says.
-const DEFAULT_HTTP: SocketAddr = SocketAddr::V4(SocketAddrV4::new(Ipv4Addr::LOCALHOST, 8408));
+pub(super) const DEFAULT_HTTP: SocketAddr = SocketAddr::V4(SocketAddrV4::new(Ipv4Addr::LOCALHOST, 8408));
 
 /// What runs when no device is given.
 const DEFAULT_KIND: Kind = Kind::Pve(pve::Kind::PveaCanopen);

@@ -6,7 +6,9 @@ use protocol_core::actuator::SpoolTimes;
 use protocol_core::controller::BitRate;
 use protocol_core::device::{Setup, pve};
 
+use super::options::DEFAULT_HTTP;
 use super::*;
+use crate::remote::PlantWord;
 use crate::run::{ColorChoice, LogOptions, RunOptions};
 use crate::speed::Speed;
 use hal_sim::Kind;
@@ -320,7 +322,7 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ),
         (
             "walk",
-            "unrecognized subcommand 'walk'; accepted: run, use-case, scenario, decode, replay, eds, dbc, completions, man, help",
+            "unrecognized subcommand 'walk'; accepted: run, use-case, scenario, decode, replay, set, status, eds, dbc, completions, man, help",
         ),
         (
             "eds pvea-isobus",
@@ -336,7 +338,7 @@ fn wrong_usage_gets_one_line_that_says_what_is_accepted() {
         ("--devce pvea-canopen", "a similar argument exists: '--device'; accepted: --device, --link, --allow-clash"),
         (
             "runn",
-            "a similar subcommand exists: 'run'; accepted: run, use-case, scenario, decode, replay, eds, dbc, completions, man, help",
+            "a similar subcommand exists: 'run'; accepted: run, use-case, scenario, decode, replay, set, status, eds, dbc, completions, man, help",
         ),
         ("--beacon=loud", "unexpected value 'loud' for '--beacon' found"),
         ("--verbose=2", "unexpected value '2' for '--verbose' found"),
@@ -528,6 +530,43 @@ fn terminals_are_on_unix() {
     assert!(
         refused("--bus slcan+pty:/tmp/pve0").contains("slcan+pty:PATH exists on Unix alone; accepted: socketcand://")
     );
+}
+
+#[test]
+fn a_running_simulator() {
+    let word = |name: &str, value: &str| PlantWord { name: name.to_owned(), value: value.to_owned() };
+    let Ok(Request::Set(options)) = parse(args("set boom lever=-4000 spool=a=b --http [::1]:80")) else {
+        panic!("it is right");
+    };
+    assert_eq!((options.http, options.device.as_str()), ("[::1]:80".parse().unwrap(), "boom"));
+    assert_eq!(options.words, [word("lever", "-4000"), word("spool", "a=b")]);
+    let Ok(Request::Set(options)) = parse(args("set boom lever=off")) else { panic!("it is right") };
+    assert_eq!(options.http, DEFAULT_HTTP);
+    let status = |line: &str| match parse(args(line)) {
+        Ok(Request::Status(options)) => options,
+        other => panic!("{line}: {other:?}"),
+    };
+    assert_eq!(status("status"), StatusOptions { http: DEFAULT_HTTP, device: None, json: false });
+    let http = "127.0.0.1:9".parse().unwrap();
+    assert_eq!(
+        status("status boom --json --http 0.0.0.0:9"),
+        StatusOptions { http, device: Some("boom".to_owned()), json: true }
+    );
+    for (line, part) in [
+        ("set", "<DEVICE> <WORD=VALUE>..."),
+        ("set boom", "<WORD=VALUE>..."),
+        ("set lever=off", "<WORD=VALUE>..."),
+        ("set boom lever", "accepted: WORD=VALUE, as in supply_mv=8000"),
+        ("set boom =off", "accepted: WORD=VALUE, as in supply_mv=8000"),
+        ("set boom lever=off spool=ok lever=off", "lever is given twice; accepted: once"),
+        ("set boom lever=off --http 8408", "accepted: ADDR:PORT, as in 127.0.0.1:8408"),
+        ("status boom arm", "'arm'"),
+        ("status --http 127.0.0.1:0", "accepted: ADDR:PORT, as in 127.0.0.1:8408"),
+        ("--http 127.0.0.1:9 status", "give the options after the command"),
+    ] {
+        let text = refused(line);
+        assert!(text.contains(part) && !text.contains('\n'), "{line}: {text}");
+    }
 }
 
 #[test]

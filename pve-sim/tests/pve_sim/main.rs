@@ -14,6 +14,7 @@ mod files;
 mod mutations;
 mod options;
 mod recordings;
+mod remote;
 mod scenario;
 mod shell;
 mod simulator;

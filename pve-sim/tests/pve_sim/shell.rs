@@ -31,7 +31,9 @@ fn a_completion_script_names_every_option_and_command() {
             // fish has the name alone, after -l.
             assert!(script.contains(option.trim_start_matches('-')), "{shell}: {option}");
         }
-        for command in ["run", "use-case", "decode", "replay", "eds", "dbc", "completions", "man", "help"] {
+        for command in
+            ["run", "use-case", "decode", "replay", "set", "status", "eds", "dbc", "completions", "man", "help"]
+        {
             assert!(script.contains(command), "{shell}: {command}");
         }
     }
@@ -65,7 +67,7 @@ fn the_manual_page_has_every_option_and_no_fault() {
     for option in documented("| option |") {
         assert!(plain.contains(&format!("\\fB{option}\\fR")), "{option}");
     }
-    for command in ["run [OPTIONS]", "use-case [", "eds <", "dbc <", "completions <", "man"] {
+    for command in ["run [OPTIONS]", "use-case [", "set [", "status [", "eds <", "dbc <", "completions <", "man"] {
         assert!(plain.contains(&format!("\\fBpve-sim {command}")), "{command}");
     }
     let format = ["--warnings", "--encoding=UTF-8", "--local-file", "-"];

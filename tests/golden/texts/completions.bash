@@ -43,6 +43,12 @@ _pve__sim() {
             pve__sim,scenario)
                 cmd="pve__sim__subcmd__scenario"
                 ;;
+            pve__sim,set)
+                cmd="pve__sim__subcmd__set"
+                ;;
+            pve__sim,status)
+                cmd="pve__sim__subcmd__status"
+                ;;
             pve__sim,use-case)
                 cmd="pve__sim__subcmd__use__subcmd__case"
                 ;;
@@ -73,6 +79,12 @@ _pve__sim() {
             pve__sim__subcmd__help,scenario)
                 cmd="pve__sim__subcmd__help__subcmd__scenario"
                 ;;
+            pve__sim__subcmd__help,set)
+                cmd="pve__sim__subcmd__help__subcmd__set"
+                ;;
+            pve__sim__subcmd__help,status)
+                cmd="pve__sim__subcmd__help__subcmd__status"
+                ;;
             pve__sim__subcmd__help,use-case)
                 cmd="pve__sim__subcmd__help__subcmd__use__subcmd__case"
                 ;;
@@ -83,7 +95,7 @@ _pve__sim() {
 
     case "${cmd}" in
         pve__sim)
-            opts="-h -V --device --link --allow-clash --state --bus --beacon --bit-rate --speed --seed --log --log-overwrite --error-frames --color --verbose --http --no-http --allow-remote --help --version run use-case scenario decode replay eds dbc completions man help"
+            opts="-h -V --device --link --allow-clash --state --bus --beacon --bit-rate --speed --seed --log --log-overwrite --error-frames --color --verbose --http --no-http --allow-remote --help --version run use-case scenario decode replay set status eds dbc completions man help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 1 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -211,7 +223,7 @@ _pve__sim() {
             return 0
             ;;
         pve__sim__subcmd__help)
-            opts="run use-case scenario decode replay eds dbc completions man help"
+            opts="run use-case scenario decode replay set status eds dbc completions man help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -337,6 +349,34 @@ _pve__sim() {
             return 0
             ;;
         pve__sim__subcmd__help__subcmd__scenario)
+            opts=""
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
+        pve__sim__subcmd__help__subcmd__set)
+            opts=""
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
+        pve__sim__subcmd__help__subcmd__status)
             opts=""
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
@@ -484,6 +524,42 @@ _pve__sim() {
                     return 0
                     ;;
                 --seed)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
+        pve__sim__subcmd__set)
+            opts="-h --http --help"
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
+                --http)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
+        pve__sim__subcmd__status)
+            opts="-h --json --http --help"
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
+                --http)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;

@@ -109,6 +109,24 @@ _arguments "${_arguments_options[@]}" : \
 ':file -- The recording\: candump -L, the screen of candump with times, ASC or pcapng, by what is in it:_files' \
 && ret=0
 ;;
+(set)
+_arguments "${_arguments_options[@]}" : \
+'--http=[The control interface of the simulator, as in its ready line]:ADDR:PORT:_default' \
+'-h[Print help]' \
+'--help[Print help]' \
+':device -- The name of the device:_default' \
+'*::words -- A plant word and its value, as stdin of the simulator or PATCH /devices/NAME/plant accept them\: supply_mv=8000 spool=stuck lever=off; several words change at the same instant, or none of them:_default' \
+&& ret=0
+;;
+(status)
+_arguments "${_arguments_options[@]}" : \
+'--http=[The control interface of the simulator, as in its ready line]:ADDR:PORT:_default' \
+'--json[Print the answer of GET /devices, or of GET /devices/NAME, as it is]' \
+'-h[Print help]' \
+'--help[Print help]' \
+'::device -- The name of the device; without it, all devices are shown:_default' \
+&& ret=0
+;;
 (eds)
 _arguments "${_arguments_options[@]}" : \
 '-h[Print help]' \
@@ -168,6 +186,14 @@ _arguments "${_arguments_options[@]}" : \
 _arguments "${_arguments_options[@]}" : \
 && ret=0
 ;;
+(set)
+_arguments "${_arguments_options[@]}" : \
+&& ret=0
+;;
+(status)
+_arguments "${_arguments_options[@]}" : \
+&& ret=0
+;;
 (eds)
 _arguments "${_arguments_options[@]}" : \
 && ret=0
@@ -205,6 +231,8 @@ _pve-sim_commands() {
 'scenario:Runs scenarios from files in virtual time\: devices, what happens to them, what has to come of it; exit 1 if an expectation fails, 2 before anything runs if a file cannot be read' \
 'decode:Explains a recorded log line by line, as the trace does; exit 1 if a line is none' \
 'replay:Plays a recorded log against stand-ins, from their power-up and in virtual time\: what they send is compared with the log, all else is sent to them; exit 1 on differences' \
+'set:Changes what a device of a running simulator senses, as lines on its stdin do; exit 1 if the simulator refuses the change or cannot be reached' \
+'status:Prints the states of the devices of a running simulator; exit 1 if it has no such device or cannot be reached' \
 'eds:Prints the EDS of a CANopen kind, from its object dictionary' \
 'dbc:Prints the DBC of an ISOBUS kind, with its messages at each address' \
 'completions:Prints the completion script for a shell' \
@@ -241,6 +269,8 @@ _pve-sim__subcmd__help_commands() {
 'scenario:Runs scenarios from files in virtual time\: devices, what happens to them, what has to come of it; exit 1 if an expectation fails, 2 before anything runs if a file cannot be read' \
 'decode:Explains a recorded log line by line, as the trace does; exit 1 if a line is none' \
 'replay:Plays a recorded log against stand-ins, from their power-up and in virtual time\: what they send is compared with the log, all else is sent to them; exit 1 on differences' \
+'set:Changes what a device of a running simulator senses, as lines on its stdin do; exit 1 if the simulator refuses the change or cannot be reached' \
+'status:Prints the states of the devices of a running simulator; exit 1 if it has no such device or cannot be reached' \
 'eds:Prints the EDS of a CANopen kind, from its object dictionary' \
 'dbc:Prints the DBC of an ISOBUS kind, with its messages at each address' \
 'completions:Prints the completion script for a shell' \
@@ -294,6 +324,16 @@ _pve-sim__subcmd__help__subcmd__scenario_commands() {
     local commands; commands=()
     _describe -t commands 'pve-sim help scenario commands' commands "$@"
 }
+(( $+functions[_pve-sim__subcmd__help__subcmd__set_commands] )) ||
+_pve-sim__subcmd__help__subcmd__set_commands() {
+    local commands; commands=()
+    _describe -t commands 'pve-sim help set commands' commands "$@"
+}
+(( $+functions[_pve-sim__subcmd__help__subcmd__status_commands] )) ||
+_pve-sim__subcmd__help__subcmd__status_commands() {
+    local commands; commands=()
+    _describe -t commands 'pve-sim help status commands' commands "$@"
+}
 (( $+functions[_pve-sim__subcmd__help__subcmd__use-case_commands] )) ||
 _pve-sim__subcmd__help__subcmd__use-case_commands() {
     local commands; commands=()
@@ -318,6 +358,16 @@ _pve-sim__subcmd__run_commands() {
 _pve-sim__subcmd__scenario_commands() {
     local commands; commands=()
     _describe -t commands 'pve-sim scenario commands' commands "$@"
+}
+(( $+functions[_pve-sim__subcmd__set_commands] )) ||
+_pve-sim__subcmd__set_commands() {
+    local commands; commands=()
+    _describe -t commands 'pve-sim set commands' commands "$@"
+}
+(( $+functions[_pve-sim__subcmd__status_commands] )) ||
+_pve-sim__subcmd__status_commands() {
+    local commands; commands=()
+    _describe -t commands 'pve-sim status commands' commands "$@"
 }
 (( $+functions[_pve-sim__subcmd__use-case_commands] )) ||
 _pve-sim__subcmd__use-case_commands() {

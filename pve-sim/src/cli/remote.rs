@@ -1,0 +1,77 @@
+//! The options of `set` and `status`.
+
+use std::net::SocketAddr;
+
+use clap::Args;
+use clap::builder::NonEmptyStringValueParser;
+
+use super::UsageError;
+use super::options::DEFAULT_HTTP;
+use crate::gateway::joinable;
+use crate::remote::{PlantWord, SetOptions, StatusOptions};
+
+/// The options of `set`, as they were written.
+#[derive(Args, Debug)]
+pub(super) struct SetArgs {
+    /// The name of the device
+    #[arg(value_name = "DEVICE", value_parser = NonEmptyStringValueParser::new())]
+    device: String,
+
+    /// A plant word and its value, as stdin of the simulator or PATCH /devices/NAME/plant accept them: supply_mv=8000
+    /// spool=stuck lever=off; several words change at the same instant, or none of them
+    #[arg(value_name = "WORD=VALUE", required = true)]
+    words: Vec<PlantWord>,
+
+    #[command(flatten)]
+    simulator: SimulatorArgs,
+}
+
+/// The options of `status`, as they were written.
+#[derive(Args, Debug)]
+pub(super) struct StatusArgs {
+    /// The name of the device; without it, all devices are shown
+    #[arg(value_name = "DEVICE", value_parser = NonEmptyStringValueParser::new())]
+    device: Option<String>,
+
+    /// Print the answer of GET /devices, or of GET /devices/NAME, as it is
+    #[arg(long)]
+    json: bool,
+
+    #[command(flatten)]
+    simulator: SimulatorArgs,
+}
+
+/// The simulator that is asked.
+#[derive(Args, Debug)]
+struct SimulatorArgs {
+    /// The control interface of the simulator, as in its ready line
+    #[arg(long, value_name = "ADDR:PORT", value_parser = address, default_value_t = DEFAULT_HTTP)]
+    http: SocketAddr,
+}
+
+impl TryFrom<SetArgs> for SetOptions {
+    type Error = UsageError;
+
+    fn try_from(args: SetArgs) -> Result<Self, UsageError> {
+        let words = args.words;
+        for (place, PlantWord { name, .. }) in words.iter().enumerate() {
+            if words.iter().take(place).any(|earlier| earlier.name == *name) {
+                return Err(UsageError(format!("set: {name} is given twice; accepted: once")));
+            }
+        }
+        Ok(Self { http: args.simulator.http, device: args.device, words })
+    }
+}
+
+impl From<StatusArgs> for StatusOptions {
+    fn from(args: StatusArgs) -> Self {
+        Self { http: args.simulator.http, device: args.device, json: args.json }
+    }
+}
+
+/// Reads the address of a simulator. An interface that is bound to all addresses is reached by loopback.
+fn address(text: &str) -> Result<SocketAddr, String> {
+    let address: Option<SocketAddr> = text.parse().ok();
+    let address = address.filter(|address| address.port() != 0).map(joinable);
+    address.ok_or_else(|| format!("accepted: ADDR:PORT, as in {DEFAULT_HTTP}"))
+}

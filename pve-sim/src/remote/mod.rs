@@ -1,0 +1,172 @@
+//! `pve-sim set` and `pve-sim status`: a running simulator, over its control interface.
+//!
+//! ```text
+//! mod    requests, answers and failures
+//! words  plant words as they are typed, as JSON
+//! table  device states for people
+//! ```
+
+mod table;
+mod words;
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use percent_encoding::{NON_ALPHANUMERIC, utf8_percent_encode};
+use serde::Deserialize;
+use serde_json::Value;
+use ureq::http::StatusCode;
+use ureq::{Agent, Body, http};
+
+pub use words::PlantWord;
+
+/// The longest wait for an answer. The simulator answers these requests at once, however slow its time is.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// The options of `set`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SetOptions {
+    /// The address of the control interface.
+    pub http: SocketAddr,
+    /// The name of the device.
+    pub device: String,
+    /// The words, each of them once.
+    pub words: Vec<PlantWord>,
+}
+
+/// The options of `status`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StatusOptions {
+    /// The address of the control interface.
+    pub http: SocketAddr,
+    /// The name of the device, or `None` for all devices.
+    pub device: Option<String>,
+    /// Print the JSON of the control interface.
+    pub json: bool,
+}
+
+/// A failed request.
+#[derive(Debug, thiserror::Error)]
+pub enum RemoteError {
+    /// The simulator refused the request, in its own words.
+    #[error("{0}")]
+    Refused(String),
+    /// The address cannot be reached.
+    #[error("no simulator at {0}: {1}; {REMEDY}")]
+    Unreachable(SocketAddr, std::io::Error),
+    /// The address accepts connections and does not answer in time.
+    #[error("no answer from {0} within {1:?}; {REMEDY}")]
+    Silent(SocketAddr, Duration),
+    /// Another program answers at the address.
+    #[error("{0} is not the control interface of pve-sim: {1}; {REMEDY}")]
+    OtherServer(SocketAddr, String),
+}
+
+const REMEDY: &str = "start pve-sim, or give the address from its ready line as --http ADDR:PORT";
+
+/// Changes plant words of a device, all of them or none.
+///
+/// # Errors
+/// [`RemoteError`]; nothing has changed if the simulator refused it.
+pub fn set(options: &SetOptions) -> Result<(), RemoteError> {
+    let change: Value = options.words.iter().map(|word| (word.name.clone(), word.json())).collect();
+    let simulator = Simulator::at(options.http, PATIENCE);
+    simulator.change_plant(&options.device, &change).map(drop)
+}
+
+/// Returns the states of the devices as text for stdout.
+///
+/// # Errors
+/// [`RemoteError`]
+pub fn status(options: &StatusOptions) -> Result<String, RemoteError> {
+    let simulator = Simulator::at(options.http, PATIENCE);
+    let body = match &options.device {
+        Some(device) => simulator.device(device)?,
+        None => simulator.devices()?,
+    };
+    if options.json {
+        return Ok(body + "\n");
+    }
+    table::of(&body).map_err(|error| simulator.other_server(error))
+}
+
+/// A running simulator.
+struct Simulator {
+    address: SocketAddr,
+    patience: Duration,
+    agent: Agent,
+}
+
+impl Simulator {
+    fn at(address: SocketAddr, patience: Duration) -> Self {
+        // A proxy from the environment cannot reach the loopback addresses of this machine.
+        let config = Agent::config_builder().proxy(None).max_redirects(0).http_status_as_error(false);
+        Self { address, patience, agent: config.timeout_global(Some(patience)).build().into() }
+    }
+
+    fn devices(&self) -> Result<String, RemoteError> {
+        self.answer(self.agent.get(self.url("")).call())
+    }
+
+    fn device(&self, name: &str) -> Result<String, RemoteError> {
+        self.answer(self.agent.get(self.url(&in_path(name))).call())
+    }
+
+    fn change_plant(&self, name: &str, change: &Value) -> Result<String, RemoteError> {
+        let request = self.agent.patch(self.url(&(in_path(name) + "/plant")));
+        self.answer(request.content_type("application/json").send(change.to_string()))
+    }
+
+    fn url(&self, path: &str) -> String {
+        format!("http://{}/api/v1/devices{path}", self.address)
+    }
+
+    /// Returns the body of a successful answer.
+    fn answer(&self, answer: Result<http::Response<Body>, ureq::Error>) -> Result<String, RemoteError> {
+        let mut answer = answer.map_err(|error| self.failure(error))?;
+        let body = answer.body_mut().read_to_string().map_err(|error| self.failure(error))?;
+        if answer.status() == StatusCode::OK {
+            return Ok(body);
+        }
+        let refusal: Option<Refusal> = serde_json::from_str(&body).ok();
+        Err(refusal.map_or_else(|| self.other_server(answer.status()), |Refusal { error }| RemoteError::Refused(error)))
+    }
+
+    fn failure(&self, error: ureq::Error) -> RemoteError {
+        match error {
+            ureq::Error::Io(error) => RemoteError::Unreachable(self.address, error),
+            ureq::Error::Timeout(_) => RemoteError::Silent(self.address, self.patience),
+            error => self.other_server(error),
+        }
+    }
+
+    fn other_server(&self, reason: impl ToString) -> RemoteError {
+        RemoteError::OtherServer(self.address, reason.to_string())
+    }
+}
+
+/// The body of an answer that refuses a request.
+#[derive(Deserialize)]
+struct Refusal {
+    error: String,
+}
+
+/// Returns the part of a path that names a device, whatever characters the name has.
+fn in_path(name: &str) -> String {
+    format!("/{}", utf8_percent_encode(name, NON_ALPHANUMERIC))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::TcpListener;
+
+    use super::*;
+
+    #[test]
+    fn a_silent_server_is_told_after_a_while() {
+        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+        let address = listener.local_addr().expect("its address");
+        let error = Simulator::at(address, Duration::from_millis(1)).devices().expect_err("nobody answers");
+        assert!(matches!(error, RemoteError::Silent(at, _) if at == address), "{error}");
+    }
+}

@@ -1,0 +1,51 @@
+//! Plant words as they are typed, as the JSON that the control interface reads.
+
+use std::str::FromStr;
+
+use hal_sim::world::Plant;
+use protocol_core::device::plant;
+use serde_json::Value;
+
+/// A plant word and its value, as typed: `supply_mv=8000`. The simulator judges both.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PlantWord {
+    /// The word.
+    pub name: String,
+    /// The value.
+    pub value: String,
+}
+
+impl FromStr for PlantWord {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.split_once('=') {
+            Some((name, value)) if !name.is_empty() => Ok(Self { name: name.to_owned(), value: value.to_owned() }),
+            _ => Err("accepted: WORD=VALUE, as in supply_mv=8000".to_owned()),
+        }
+    }
+}
+
+impl PlantWord {
+    /// Returns the value as JSON: a value that the console accepts keeps its meaning, any other one is read as JSON, or
+    /// is a text.
+    pub(super) fn json(&self) -> Value {
+        match Plant::parse(&self.name, &self.value) {
+            Some(change) => of_console(change),
+            None => serde_json::from_str(&self.value).unwrap_or_else(|_| self.value.as_str().into()),
+        }
+    }
+}
+
+/// Returns the JSON of a change. The console's words for a switch and for a free lever are no words in JSON.
+fn of_console(change: Plant) -> Value {
+    match change {
+        Plant::Lever(None) => Value::Null,
+        Plant::MeasuringError(on) | Plant::InternalFault(on) | Plant::BusOff(on) => on.into(),
+        change => match change.text().1 {
+            plant::Value::Natural(number) => number.into(),
+            plant::Value::Integer(number) => number.into(),
+            plant::Value::Word(word) => word.into(),
+        },
+    }
+}
