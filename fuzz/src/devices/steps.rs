@@ -165,7 +165,7 @@ fn plant(bytes: &mut Bytes<'_>, kind: Kind) -> Plant {
         (2 | 3, Kind::Pve(_)) => {
             Plant::SupplyMv(bytes.known_or_any(&[24_000, 8_999, 9_000, 11_000, 11_001, 36_000, 36_001, 32_000, 31_999]))
         }
-        (4, Kind::Pve(_)) => Plant::TemperatureC(bytes.one_of(&[25, 121, 120, 115, 114, -40, -41, -35, -34, i16::MIN])),
+        (4, Kind::Pve(_)) => Plant::TemperatureC(bytes.one_of(&[25, 121, 120, 115, 114, -40, -41, -35, -34, -273])),
         (5, Kind::Pve(_)) => Plant::Lever(bytes.flag().then(|| bytes.u16().cast_signed())),
         (_, Kind::Pve(_)) => Plant::Spool(bytes.one_of(&spool)),
         (2 | 3, Kind::Hat(_)) => Plant::AngleCdeg(u32::from(bytes.u16())),

@@ -1,20 +1,13 @@
 //! What acts on a device from outside, as JSON: its state, and changes of it.
 
-use std::ops::RangeInclusive;
-
 use protocol_core::actuator::SpoolFault;
+use protocol_core::device::plant::{SUPPLY_MAX_MV, TEMPERATURES_C};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::Invalid;
 use super::given::{given, object, present};
 use crate::world::{NodeId, Plant, World};
-
-/// The highest supply that can be set, in millivolt (A): far beyond what any monitor tells apart.
-const SUPPLY_MAX_MV: u32 = 100_000;
-
-/// The temperatures that can be set, in °C (A): far beyond what any monitor tells apart.
-const TEMPERATURES_C: RangeInclusive<i16> = -273..=1000;
 
 /// What acts on a device from outside.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]

@@ -2,11 +2,18 @@
 //! them and tells them; and the faults of a button.
 
 use core::fmt;
+use core::ops::RangeInclusive;
 
 use super::{Kind, ProductSenses, Senses};
 use crate::actuator::{Position, SpoolFault, ValveSenses};
 use crate::encoder::{Shaft, TURN_CDEG};
 use crate::time::Instant;
+
+/// The highest supply that can be set, in millivolt (A): far beyond what any monitor tells apart.
+pub const SUPPLY_MAX_MV: u32 = 100_000;
+
+/// The temperatures that can be set, in °C (A): far beyond what any monitor tells apart.
+pub const TEMPERATURES_C: RangeInclusive<i16> = -273..=1000;
 
 /// What acts on a device. Of the senses all but the error mode of the bus, which is the controller's to tell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,9 +29,9 @@ pub struct Plant {
 /// A change of what acts on a device. Its text is the word and the value that a console takes: `supply_mv 8500`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Change {
-    /// Valves: the supply, in millivolt.
+    /// Valves: the supply, in millivolt, up to [`SUPPLY_MAX_MV`].
     SupplyMv(u32),
-    /// Valves: the temperature, in °C.
+    /// Valves: the temperature, in °C, one of [`TEMPERATURES_C`].
     TemperatureC(i16),
     /// Valves: what is wrong with the spool.
     Spool(SpoolFault),
@@ -159,8 +166,15 @@ impl Change {
     pub fn apply(self, senses: &mut Senses, now: Instant) -> Result<(), Inapplicable> {
         use Inapplicable::{OtherProduct, OutOfRange};
         match self {
-            Self::SupplyMv(millivolt) => senses.valve_mut().ok_or(OtherProduct)?.supply_mv = millivolt,
-            Self::TemperatureC(celsius) => senses.valve_mut().ok_or(OtherProduct)?.temperature_c = celsius,
+            Self::SupplyMv(millivolt) => {
+                let valve = senses.valve_mut().ok_or(OtherProduct)?;
+                valve.supply_mv = Some(millivolt).filter(|millivolt| *millivolt <= SUPPLY_MAX_MV).ok_or(OutOfRange)?;
+            }
+            Self::TemperatureC(celsius) => {
+                let valve = senses.valve_mut().ok_or(OtherProduct)?;
+                valve.temperature_c =
+                    Some(celsius).filter(|celsius| TEMPERATURES_C.contains(celsius)).ok_or(OutOfRange)?;
+            }
             Self::Spool(fault) => senses.valve_mut().ok_or(OtherProduct)?.spool.fault = fault,
             Self::Lever(pushed) => {
                 let valve = senses.valve_mut().ok_or(OtherProduct)?;
@@ -411,7 +425,14 @@ mod tests {
                 assert_eq!(plant, Plant::healthy(kind));
             }
         }
-        for (kind, line) in [(VALVE, "lever 16385"), (VALVE, "lever -16385"), (SENSOR, "angle_cdeg 36000")] {
+        for (kind, line) in [
+            (VALVE, "supply_mv 100001"),
+            (VALVE, "temperature_c 1001"),
+            (VALVE, "temperature_c -274"),
+            (VALVE, "lever 16385"),
+            (VALVE, "lever -16385"),
+            (SENSOR, "angle_cdeg 36000"),
+        ] {
             let mut plant = Plant::healthy(kind);
             assert_eq!(plant.change(parse(line).unwrap(), NOW), Err(Inapplicable::OutOfRange), "{line}");
             assert_eq!(plant, Plant::healthy(kind));
