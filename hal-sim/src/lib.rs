@@ -23,7 +23,7 @@
 //! trace       trace/     what happened on the bus, laid out for people
 //! ```
 //!
-//! Nothing here waits, locks, prints, starts a thread or looks at a clock: whoever drives the [`World`] decides how
+//! Nothing here waits, prints, starts a thread or looks at a clock: whoever drives the [`World`] decides how
 //! virtual time passes. Two runs with one seed and the same calls are the same to the last bit.
 //!
 //! # Firmware under test
