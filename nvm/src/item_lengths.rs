@@ -6,6 +6,10 @@
 //! such a header is handed out with a checksum that is never right: the map then looks for the next header word by
 //! word, and finds what lies behind, whatever was claimed.
 //!
+//! Erased words end a sector for the map, and damage can leave some between two items. What is stored into such a gap
+//! would be lost as soon as it is closed: the older items behind it would count as the newer ones. So erased words with
+//! anything behind them are stepped over, too.
+//!
 //! In the same way all items but those of one key are given up: they read as removed, and no sector has room, so that
 //! the map moves to its other sector, takes along what it still sees, and erases the rest.
 
@@ -31,6 +35,8 @@ pub(crate) struct ItemLengths<S, const MAX: usize> {
     flash: S,
     /// Where the data of the last header lies, if it is as long as a header.
     data: Option<u32>,
+    /// Erased words with something behind them, as far as they were looked at.
+    gap: Range<u32>,
     /// The only key whose items are seen, while all others are given up.
     kept: Option<u8>,
     /// Whether erased words count as taken, so that the map closes its sector and moves to the other one.
@@ -46,7 +52,7 @@ impl<S: NorFlash, const MAX: usize> ItemLengths<S, MAX> {
     pub(crate) const fn new(flash: S, kept: Option<u8>) -> Self {
         // A sector's state is read by single units.
         const { assert!(S::READ_SIZE < Self::HEADER) }
-        Self { flash, data: None, kept, full: kept.is_some() }
+        Self { flash, data: None, gap: 0..0, kept, full: kept.is_some() }
     }
 
     /// Returns whether the data follow a header, and not the next one. Behind a header with a wrong checksum the map
@@ -55,10 +61,36 @@ impl<S: NorFlash, const MAX: usize> ItemLengths<S, MAX> {
         S::WRITE_SIZE < Self::HEADER || checksum(&header[LENGTH]).to_le_bytes() == header[CHECKSUM]
     }
 
+    /// Returns whether anything follows behind the erased words at `offset`, in a sector that is begun.
+    fn is_gap(&mut self, offset: u32) -> Result<bool, S::Error> {
+        if self.gap.contains(&offset) {
+            return Ok(true);
+        }
+        let sector = offset as usize / S::ERASE_SIZE * S::ERASE_SIZE;
+        let mut bytes = [0; 4 * WORD_MAX];
+        let mark = &mut bytes[..S::WRITE_SIZE];
+        self.flash.read(sector as u32, mark)?;
+        if mark.iter().all(|byte| *byte == ERASED) {
+            return Ok(false);
+        }
+        // The last word is the mark of a full sector.
+        let end = sector + S::ERASE_SIZE - S::WRITE_SIZE;
+        for start in (offset as usize..end).step_by(bytes.len()) {
+            let bytes = &mut bytes[..(end - start).min(4 * WORD_MAX)];
+            self.flash.read(start as u32, bytes)?;
+            if let Some(used) = bytes.iter().position(|byte| *byte != ERASED) {
+                self.gap = offset..(start + used) as u32;
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
     /// Looks at what was read as the header at `offset`.
     fn check(&mut self, offset: u32, header: &mut [u8]) -> Result<(), S::Error> {
         self.data = None;
-        if !self.full && header.iter().all(|byte| *byte == ERASED) {
+        let is_erased = header.iter().all(|byte| *byte == ERASED);
+        if is_erased && !self.full && !self.is_gap(offset)? {
             return Ok(());
         }
         let data = offset + Self::HEADER as u32;
@@ -116,12 +148,12 @@ impl<S: NorFlash, const MAX: usize> NorFlash for ItemLengths<S, MAX> {
     const ERASE_SIZE: usize = S::ERASE_SIZE;
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), S::Error> {
-        self.data = None;
+        (self.data, self.gap) = (None, 0..0);
         self.flash.erase(from, to)
     }
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), S::Error> {
-        self.data = None;
+        (self.data, self.gap) = (None, 0..0);
         self.full = false;
         self.flash.write(offset, bytes)
     }

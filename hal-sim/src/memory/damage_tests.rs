@@ -159,3 +159,28 @@ fn noise_full_of_items_does_no_harm() {
         assert_eq!(payload(&memory.read_image(), RecordKey::Parameters).as_deref(), Some(&b"new"[..]), "seed {seed}");
     }
 }
+
+#[test]
+fn nothing_is_lost_in_a_gap_between_items() {
+    let (memory, _) = with_history(12);
+    let items = items(memory.flash());
+    for (first, from) in items.iter().enumerate().skip(6) {
+        for to in &items[first + 1..] {
+            let mut image = memory.flash().image();
+            image[*from..*to].fill(ERASED);
+            let mut memory = Memory::with_flash(Flash::from_image(image).unwrap());
+            let mut stored = Vec::new();
+            // What is stored first lies in the gap, and what comes later closes it.
+            for number in 100..106 {
+                let key = RecordKey::ALL[1 + number as usize % 5];
+                memory.store(key, &record(&numbered(number))).unwrap();
+                stored.retain(|(other, _)| *other != key);
+                stored.push((key, numbered(number)));
+                let image = memory.read_image();
+                for (key, content) in &stored {
+                    assert_eq!(payload(&image, *key).as_ref(), Some(content), "{key:?}, {from}..{to}, store {number}");
+                }
+            }
+        }
+    }
+}
