@@ -18,6 +18,12 @@ const NEVER_FAILS: u64 = u64::MAX;
 /// Twice the longest delay, and as long as a flood keeps the request waiting.
 const LSS_SILENCE: Duration = Duration::from_secs(135);
 
+/// Time that the answer to a request takes that the bus has had.
+const ANSWERED: Duration = Duration::from_millis(100);
+
+/// A client waits so many times for the answers to others.
+const WAITS: usize = 20;
+
 /// A device on the bus.
 pub(super) struct Unit {
     pub(super) node: NodeId,
@@ -137,6 +143,21 @@ impl Bench {
             seen = sent.len();
         }
         None
+    }
+
+    /// Waits until the requests of others are answered: a client takes their answers for its own. Returns false when that
+    /// takes too long.
+    pub(super) fn settle(&mut self) -> bool {
+        (0..WAITS).any(|_| {
+            let all_asked = self.master.is_none_or(|master| self.world.pending(master) == 0);
+            self.run(ANSWERED);
+            let all_answered = self.units.iter().all(|unit| {
+                let port = self.world.port(unit.node);
+                let is_off = port.mode() == BusErrorMode::BusOff;
+                self.world.is_bus_off_forced(unit.node) || !is_off && port.pending() == 0
+            });
+            all_asked && all_answered
+        })
     }
 
     /// Returns how long an answer takes at the most: a write of each record, and the frames that are more urgent.

@@ -14,9 +14,6 @@ use super::{frames, ledger};
 /// Time that the bus has after a frame, unless frames pile up.
 const PAUSE: Duration = Duration::from_millis(2);
 
-/// Time that answers to earlier requests take.
-const SETTLED: Duration = Duration::from_millis(100);
-
 /// Bits of the first byte of a step: frames pile up; the second device. The others say what happens.
 const PILE_UP: u8 = 0x80;
 const SECOND: u8 = 0x40;
@@ -123,9 +120,9 @@ fn around(bench: &mut Bench, unit: usize, step: u8, bytes: &mut Bytes<'_>) {
         45 => bench.flood(u16::from(bytes.u8()) * 4),
         46 => bench.follow_bit_rate(unit),
         47..=51 => {
-            // What others have asked for is answered first.
-            bench.run(SETTLED);
-            store(bench, unit, step, bytes);
+            if bench.settle() {
+                store(bench, unit, step, bytes);
+            }
         }
         52 => commanded_address(bench, unit, bytes),
         53 => activate(bench, unit),
