@@ -289,25 +289,42 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
 
     /// Writes an item once. With `kept`, gives up the items of all other keys.
     fn store_item(&mut self, key: u8, bytes: &[u8], kept: Option<u8>) -> Result<(), StoreError> {
-        self.erase_noise()?;
+        self.tidy().map_err(|_| StoreError)?;
         let mut map = map(Preview::writing(&mut self.flash), kept);
         block_on(map.store_item(self.buffer, &key, &bytes)).map_err(|_| StoreError)
     }
 
-    /// Erases a sector that holds no item and passes for the older one of two: the map would take the newer one for an
-    /// unfinished copy of it, and give that up.
-    fn erase_noise(&mut self) -> Result<(), StoreError> {
-        for (sector, others) in [(0, [false, true]), (1, [true, false])] {
-            if self.flash.is_older(sector).map_err(|_| StoreError)? {
-                let mut holds = false;
-                self.scan(others, &mut |_, _| holds = true).map_err(|_| StoreError)?;
-                if !holds {
-                    self.flash.erase_sector(sector).map_err(|_| StoreError)?;
-                }
+    /// Puts right what the map would lose all items by: damage in one sector, and none of them in the other one.
+    fn tidy(&mut self) -> Result<(), Error<F::Error>> {
+        for sector in 0..SECTORS {
+            let other = 1 - sector;
+            // The map would take the newer sector for an unfinished copy of the older one, and give that up.
+            if self.flash.is_older(sector).map_err(storage)? && !self.holds_items(sector)? {
+                self.flash.erase_sector(sector).map_err(storage)?;
+            }
+            // The map would take a sector that has lost its mark for an empty one.
+            if self.flash.is_unmarked(sector).map_err(storage)?
+                && self.holds_items(sector)?
+                && !self.holds_items(other)?
+            {
+                self.flash.erase_sector(other).map_err(storage)?;
+                self.flash.mark(sector).map_err(storage)?;
             }
         }
         Ok(())
     }
+
+    fn holds_items(&mut self, sector: usize) -> Result<bool, Error<F::Error>> {
+        let mut hidden = [true; SECTORS];
+        hidden[sector] = false;
+        let mut holds = false;
+        self.scan(hidden, &mut |_, _| holds = true)?;
+        Ok(holds)
+    }
+}
+
+const fn storage<E>(value: E) -> Error<E> {
+    Error::Storage { value }
 }
 
 fn record_key(key: u8) -> Option<RecordKey> {

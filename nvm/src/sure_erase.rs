@@ -21,6 +21,8 @@ const ANNOUNCEMENTS: usize = 16;
 /// Announces an erase. Neither a word that a cut has torn nor one with a flipped bit reads so.
 const ANNOUNCED: u8 = 0x5A;
 const DONE: u8 = 0;
+/// The mark at the front of a sector that is begun.
+const BEGUN: u8 = 0;
 /// What an erased byte reads.
 pub const ERASED: u8 = 0xFF;
 
@@ -64,6 +66,17 @@ impl<F: NorFlash> SureErase<F> {
         Ok(!self.is_erased(start, start + F::WRITE_SIZE)?
             && !self.is_erased(other, other + F::WRITE_SIZE)?
             && self.is_erased(other_end - F::WRITE_SIZE, other_end)?)
+    }
+
+    /// Returns whether a sector is not begun: of one that holds items, the mark is lost.
+    pub(crate) fn is_unmarked(&mut self, sector: usize) -> Result<bool, F::Error> {
+        let start = sector * F::ERASE_SIZE;
+        self.is_erased(start, start + F::WRITE_SIZE)
+    }
+
+    /// Marks a sector as begun.
+    pub(crate) fn mark(&mut self, sector: usize) -> Result<(), F::Error> {
+        self.flash.write((sector * F::ERASE_SIZE) as u32, &[BEGUN; WORD_MAX][..F::WRITE_SIZE])
     }
 
     /// Erases a sector.

@@ -184,3 +184,20 @@ fn nothing_is_lost_in_a_gap_between_items() {
         }
     }
 }
+
+#[test]
+fn a_sector_without_its_mark_keeps_its_items() {
+    // The last of these fills its sector.
+    for count in [12, 147, 148, 149] {
+        for other in [ERASED, 0] {
+            let (memory, newest) = with_history(count);
+            assert_eq!(memory.flash().erases(), 0);
+            let mut image = memory.flash().image();
+            image[..WORD].fill(ERASED);
+            image[SECTOR..].fill(other);
+            let mut memory = Memory::with_flash(Flash::from_image(image).unwrap());
+            assert_eq!(held(&mut memory), newest);
+            lives_on(&mut memory, &newest[0], &format!("{count} stores beside {other:02X}"));
+        }
+    }
+}
