@@ -8,7 +8,7 @@ use crate::time::Instant;
 
 /// A device of any product, in place: as large as the largest.
 #[derive(Clone, Debug)]
-#[expect(clippy::large_enum_variant, reason = "a board has one device, and no allocator to put it elsewhere")]
+#[allow(clippy::large_enum_variant, reason = "a board has one device, and no allocator to put it elsewhere")]
 pub enum AnyDevice {
     /// A valve on CANopen.
     PveCanopen(PveCanopen),

@@ -97,7 +97,7 @@ pub struct Host<'a> {
     setup: &'a Device,
     run: &'a Run,
     delays: &'a Delays,
-    device: Option<Box<dyn SimDevice + Send>>,
+    device: Option<Box<dyn SimDevice>>,
     /// The device has no senses yet.
     starting: bool,
     can: Mailboxes,
@@ -273,7 +273,7 @@ impl<'a> Host<'a> {
         let now = Instant::from_micros(clock);
         match (call, &mut self.device) {
             (Call::Start, _) => {
-                let Device { kind, node_id, serial } = self.setup;
+                let Device { kind, node_id, serial } = *self.setup;
                 let setup = Setup { node_id: Some(node_id), serial, ..Setup::from(kind) };
                 let image = self.memory.read_image();
                 self.device = Some(AnyDevice::power_on(setup, &image, StartCause::PowerOn, now).into());
