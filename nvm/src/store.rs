@@ -203,6 +203,10 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
     fn put(&mut self, key: u8, bytes: &[u8]) -> Result<Survey, StoreError> {
         let before = self.survey(key, bytes);
         if let Ok((Survey { any: false, .. }, _)) = before {
+            // What reads as nothing must not come back as items of the map that begins here.
+            if self.in_use().map_err(|_| StoreError)? > 0 {
+                (0..SECTORS).try_for_each(|sector| self.flash.erase_sector(sector)).map_err(|_| StoreError)?;
+            }
             self.write(INVENTORY, &[NOTHING], false)?;
         }
         self.write(key, bytes, before.is_ok_and(|(_, holds)| holds))

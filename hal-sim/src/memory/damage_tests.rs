@@ -201,3 +201,23 @@ fn a_sector_without_its_mark_keeps_its_items() {
         }
     }
 }
+
+/// Items behind a begin of a sector that was lost, too few to be told from what power cuts leave of first stores.
+#[test]
+fn what_read_as_nothing_does_not_come_back() {
+    let mut memory = Memory::in_ram();
+    for key in [RecordKey::RestoreFlag, RecordKey::FaultLog] {
+        memory.store(key, &record(&[])).unwrap();
+    }
+    let mut image = memory.flash().image();
+    // The mark of the sector, and the first item.
+    image[..40].fill(ERASED);
+    let mut memory = Memory::with_flash(Flash::from_image(image).unwrap());
+    assert!(memory.read_image().is_new());
+    memory.store(RecordKey::LocalLayer, &record(b"new")).unwrap();
+    let image = memory.read_image();
+    assert_eq!(image.payload(RecordKey::LocalLayer, 1), Ok(Some(&b"new"[..])));
+    for key in [RecordKey::RestoreFlag, RecordKey::FaultLog] {
+        assert_eq!(image.payload(key, 1), Ok(None), "{key:?}");
+    }
+}
