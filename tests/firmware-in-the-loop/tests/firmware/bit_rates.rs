@@ -354,6 +354,10 @@ fn a_request_that_the_controller_waits_for_before_it_leaves_has_its_own_time() {
     let listener = listen(&mut client);
     let request = "620: 2B 17 10 00 0A 00 00 00";
     client.send("000: 82 20");
+    // The memory is read first; the request is on the wire when that is done.
+    for _ in 0..3 {
+        client.send("7FF: 00 00 00 00 00 00 00 00");
+    }
     client.send(request);
     client.listen_ms(40);
     let seen = heard(&mut client, listener);

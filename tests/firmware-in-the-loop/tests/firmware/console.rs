@@ -19,8 +19,8 @@ fn each_word_of_a_valve_is_seen_in_the_status() {
         ImageClient::booted(),
         "pvea-canopen",
         &[
-            ("supply_mv", &["8500", "0", "4294967295", "24000"]),
-            ("temperature_c", &["130", "-41", "25"]),
+            ("supply_mv", &["8500", "0", "100000", "24000"]),
+            ("temperature_c", &["130", "-41", "1000", "-273", "25"]),
             ("spool", &["stuck", "slow", "drifting", "no-float", "ok"]),
             ("lever", &["4000", "-16384", "off"]),
         ],
