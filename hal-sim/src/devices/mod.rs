@@ -31,7 +31,7 @@ use crate::world::{Link, NodeId, World};
 pub struct NamedDevice {
     /// Its name; no other device has it.
     pub name: String,
-    /// What it is, and what a new memory is filled with.
+    /// The kind, and the values for a new memory.
     pub setup: Setup,
     /// The times of its spool, of a valve.
     pub spool_times: SpoolTimes,

@@ -18,7 +18,7 @@ const NAME_MAX: usize = 32;
 /// A device as it was asked for.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DeviceSpec {
-    /// What it is, and what a new memory is filled with.
+    /// The kind, and the values for a new memory.
     pub setup: Setup,
     /// The name that was given; `None`: it gets one after its kind.
     pub name: Option<String>,

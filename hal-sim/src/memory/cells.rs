@@ -4,7 +4,7 @@
 pub const SECTOR: usize = 16 * 1024;
 /// The bytes of the whole flash.
 pub const SIZE: usize = 2 * SECTOR;
-/// What an erased byte reads.
+/// The value of an erased byte.
 pub const ERASED: u8 = 0xFF;
 
 /// The cells of each sector up to the last one that was written; the rest is erased and takes no room.

@@ -18,7 +18,7 @@ pub(crate) struct Crate {
     files: BTreeMap<Module, Contents>,
 }
 
-/// What a module has.
+/// The contents of a module.
 #[derive(Default)]
 struct Contents {
     /// Paths in its code, as they are written.

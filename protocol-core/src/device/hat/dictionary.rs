@@ -50,7 +50,7 @@ pub(in crate::device) enum HatObject {
     SerialNumber,
 }
 
-/// What the sub-indices of 0x1010 and 0x1011 are about.
+/// The parameters that a sub-index of 0x1010 and 0x1011 stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::device) enum Part {
     /// Communication and application.
@@ -63,7 +63,7 @@ pub(in crate::device) enum Part {
     Lss,
 }
 
-/// What the signatures of 0x1010 and 0x1011 ask for.
+/// The task that a signature in 0x1010 or 0x1011 asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::device) enum Task {
     /// "save"
