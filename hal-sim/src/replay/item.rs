@@ -5,7 +5,8 @@ use protocol_core::time::{Duration, Instant};
 
 use super::fields::Fields;
 
-/// The longest time before or after its place in the log at which a frame is still the same one, beyond the tolerance (A).
+/// The longest time before or after its place in the log at which a frame is still the same one, beyond the
+/// tolerance (A).
 pub(super) const PATIENCE: Duration = Duration::from_secs(1);
 
 /// A frame that was logged, or sent by a stand-in.
