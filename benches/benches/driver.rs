@@ -11,10 +11,11 @@ use std::time::Instant;
 
 use gungraun::prelude::*;
 use gungraun::{Callgrind, EventKind};
-use hal_sim::{Memory, World};
+use hal_sim::Memory;
+use hal_sim::devices::NamedDevice;
+use hal_sim::simulation::Simulation;
 use protocol_core::controller::BitRate;
-use protocol_core::device::pve::{Kind, PveCanopen, Setup};
-use protocol_core::memory::Image;
+use protocol_core::device::pve::{Kind, Setup};
 use pve_sim::gateway::socketcand::{Parser, Request, emit_frame};
 use pve_sim::inbox::{Arrival, ClientId, Mailbox, Outbox, Reply, ToClient, ToWorld};
 use pve_sim::run::{Driver, Outside};
@@ -62,16 +63,14 @@ struct Scene {
 impl Scene {
     /// Valves that have booted; nothing is allocated any more.
     fn idle(valves: u8) -> Box<Self> {
-        let mut world = World::new(BitRate::Kbit250, 0);
+        let mut simulation = Simulation::new(BitRate::Kbit250, 0);
         for id in 1..=valves {
             let setup = Setup { node_id: Some(id), serial: Some(id.into()), ..Setup::new(Kind::PveaCanopen) };
-            let power_on =
-                move |image: &Image, cause, now| Box::new(PveCanopen::power_on(setup, image, cause, now)) as _;
-            world.add_device(&format!("valve-{id}"), power_on, Memory::in_ram());
+            simulation.add(&NamedDevice::new(&format!("valve-{id}"), setup), Memory::in_ram());
         }
         let (start, (messages, receiver)) = (Instant::now(), channel());
         let outside = Outdoors { now: start, messages: receiver };
-        let driver = Driver::embedded(world, outside, 1.0, io::sink(), io::sink()).expect("a thread");
+        let driver = Driver::embedded(simulation, outside, 1.0, io::sink(), io::sink()).expect("a thread");
         let (client, (outbox, mailbox)) = (ClientId::next(), Outbox::new());
         let (parser, out) = (Parser::default(), String::with_capacity(256));
         let mut scene = Box::new(Self { driver, start, messages, client, mailbox, parser, out });

@@ -4,7 +4,8 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
 use hal_sim::devices::{DeviceSpec, NamedDevice, NamedLink, named};
-use hal_sim::{Kind, Memory, World};
+use hal_sim::simulation::Simulation;
+use hal_sim::{Kind, Memory};
 use pve_sim::cli::{Request, parse};
 use pve_sim::gateway::BusUrl;
 use pve_sim::http;
@@ -94,17 +95,13 @@ fn check_words(options: &RunOptions) {
 
 fn simulator(options: &RunOptions) -> Simulator {
     let rate = options.bit_rate.or_else(|| options.devices.first()?.setup.bit_rate);
-    let mut world = World::new(rate.unwrap_or(hal_sim::BitRate::Kbit250), options.seed);
+    let mut simulation = Simulation::new(rate.unwrap_or(hal_sim::BitRate::Kbit250), options.seed);
     for device in &options.devices {
-        world.add_with(&device.name, device.setup, Memory::in_ram());
+        simulation.add(device, Memory::in_ram());
     }
-    for NamedLink { valve, sensor, link } in &options.links {
-        let (valve, sensor) = (world.find(valve).expect("a valve"), world.find(sensor).expect("a sensor"));
-        world.link(valve, sensor, *link).expect("a valve and a sensor");
-    }
-    let kinds: Vec<Kind> = options.devices.iter().map(|device| device.setup.kind).collect();
+    simulation.link(&options.links);
     let speed = if options.speed == Speed::Step { Speed::Step } else { Speed::Factor(1.0) };
-    Simulator::new(world, |driver| driver.controlled(&kinds, speed))
+    Simulator::new(simulation, |driver| driver.controlled(speed))
 }
 
 /// A simulator, and the connection that looks at it.

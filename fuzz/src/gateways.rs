@@ -7,7 +7,8 @@ mod udp_multicast;
 use std::sync::Arc;
 use std::time::Duration;
 
-use hal_sim::{BitRate, Frame, World};
+use hal_sim::simulation::Simulation;
+use hal_sim::{BitRate, Frame};
 use pve_sim::gateway::{ForeignWarning, Guarded, Judge};
 use pve_sim::inbox::Entrance;
 use tokio::io::{DuplexStream, ReadHalf, WriteHalf, split};
@@ -101,7 +102,7 @@ async fn converse<M: Model>(mut model: M, cut: u8, stream: &[u8]) {
     if stream.len() > STREAM_MAX {
         return;
     }
-    let mut simulator = Simulator::new(World::new(BitRate::Kbit250, 1), |driver| driver);
+    let mut simulator = Simulator::new(Simulation::new(BitRate::Kbit250, 1), |driver| driver);
     let warning = Arc::new(ForeignWarning::new("tcp".to_owned(), simulator.entrance.clone()));
     let join = |simulator: &Simulator| {
         let (stranger, far) = Stranger::new();

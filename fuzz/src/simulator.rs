@@ -9,7 +9,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use embedded_can::nb::Can as _;
-use hal_sim::{Client, Frame, World};
+use hal_sim::simulation::Simulation;
+use hal_sim::{Client, Frame};
 use pve_sim::inbox::{Arrival, Entrance, Inbox};
 use pve_sim::run::{Driver, Outside};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream, ReadHalf, WriteHalf, duplex, split};
@@ -104,16 +105,16 @@ impl Drop for Collected {
 }
 
 impl Simulator {
-    /// Powers the devices of a world; `prepare` may change its driver.
-    pub(crate) fn new(mut world: World, prepare: impl FnOnce(Driver<Clock>) -> Driver<Clock>) -> Self {
+    /// Powers the devices of a simulation; `prepare` may change its driver.
+    pub(crate) fn new(mut simulation: Simulation, prepare: impl FnOnce(Driver<Clock>) -> Driver<Clock>) -> Self {
         let now = Cell::new(Instant::now());
         let (horizon, is_idle, taken) = (now.clone(), Cell::new(false), Cell::new(0));
         let state = Rc::new(ClockState { now, horizon, is_idle, taken });
         let (entrance, inbox) = Entrance::new();
-        let witness = world.client("witness");
+        let witness = simulation.world_mut().client("witness");
         let (sender, stderr) = channel();
         let clock = Clock { state: Rc::clone(&state), inbox };
-        let driver = Driver::embedded(world, clock, 1.0, io::sink(), Collected(Vec::new(), sender));
+        let driver = Driver::embedded(simulation, clock, 1.0, io::sink(), Collected(Vec::new(), sender));
         let driver = prepare(driver.expect("a thread"));
         Self { driver, state, entrance, witness, stderr }
     }

@@ -5,7 +5,6 @@
 //! memory/   a NOR flash in RAM, the record store on it, and the file that keeps it
 //! use_case/ the use cases of the manuals, frame by frame
 //! world/    devices, bus and plant in virtual time, event by event
-//! sender    frames sent on command, once or again and again
 //! devices/  the devices on the bus, as they are written
 //! log/      frames and error frames with their times, as other tools write them
 //! explain/  the meaning of frames, in words
@@ -19,6 +18,7 @@
 //!             decode     a recording, explained
 //!             replay/    a recording of a device against its stand-in
 //! describe    describe/  the products for other tools: EDS and DBC
+//! simulation  simulation/ a world, commands to it, and what has happened
 //! state       state/     a device's state as data, what acts on it, and conditions on both
 //! trace       trace/     what happened on the bus, laid out for people
 //! ```
@@ -69,7 +69,8 @@ pub mod recording;
 pub mod replay;
 #[cfg(feature = "scenario")]
 pub mod scenario;
-pub mod sender;
+#[cfg(feature = "simulation")]
+pub mod simulation;
 #[cfg(feature = "state")]
 pub mod state;
 pub mod text;

@@ -35,7 +35,7 @@ pub struct NotHeard {
 }
 
 /// Watches that devices run at the bit rate of their bus.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct RateWatch {
     devices: Vec<Watched>,
     /// The world's count of changes when the rates were last compared; `None` before the first comparison.
@@ -46,7 +46,7 @@ pub struct RateWatch {
     found: Vec<NotHeard>,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Watched {
     node: NodeId,
     device: NamedDevice,
@@ -70,28 +70,30 @@ struct Spell {
     bus: BitRate,
 }
 
+/// Watches nothing.
+impl Default for RateWatch {
+    fn default() -> Self {
+        Self { devices: Vec::new(), looked_at: None, due: NEVER, found: Vec::new() }
+    }
+}
+
 impl RateWatch {
-    /// Watches devices of a world, none of which has been switched on.
-    #[must_use]
-    pub fn new<'a>(devices: impl IntoIterator<Item = &'a NamedDevice>, world: &mut World) -> Self {
-        let watch = |device: &NamedDevice| {
-            let node = world.find(&device.name)?;
-            Some(Watched {
-                node,
-                device: device.clone(),
-                is_new: world.memory(node).peek_image().is_new(),
-                first_rate: Some(world.device_rate(node)),
-                was_powered: false,
-                spell: None,
-                told: None,
-            })
-        };
-        Self {
-            devices: devices.into_iter().filter_map(watch).collect(),
-            looked_at: None,
-            due: NEVER,
-            found: Vec::new(),
-        }
+    /// Watches one more device of a world, which has not been switched on.
+    pub fn watch(&mut self, node: NodeId, device: &NamedDevice, world: &World) {
+        self.devices.push(Watched {
+            node,
+            device: device.clone(),
+            is_new: world.memory(node).peek_image().is_new(),
+            first_rate: Some(world.device_rate(node)),
+            was_powered: false,
+            spell: None,
+            told: None,
+        });
+    }
+
+    /// Watches a device no longer.
+    pub fn ignore(&mut self, node: NodeId) {
+        self.devices.retain(|watched| watched.node != node);
     }
 
     /// Looks at the bit rates of now. To be called after everything that happens in the world, and when it is

@@ -15,14 +15,13 @@ mod tests;
 
 pub use heard::{GRACE, NotHeard, RateWatch};
 pub use link::{LinkSpec, links};
-pub use spec::{DeviceSpec, bit_rate};
+pub use spec::{CONTROL, DeviceSpec, bit_rate};
 
 use protocol_core::actuator::SpoolTimes;
 use protocol_core::controller::BitRate;
 use protocol_core::device::Setup;
 
 use crate::Kind;
-use crate::explain::{Explainer, Node};
 use crate::memory::Memory;
 use crate::world::{Link, NodeId, World};
 
@@ -38,6 +37,12 @@ pub struct NamedDevice {
 }
 
 impl NamedDevice {
+    /// A device of a kind, or with a setup, whose spool has the usual times.
+    #[must_use]
+    pub fn new(name: &str, setup: impl Into<Setup>) -> Self {
+        Self { name: name.to_owned(), setup: setup.into(), spool_times: SpoolTimes::default() }
+    }
+
     /// Adds the device to a world, healthy and not yet powered.
     pub fn add_to(&self, world: &mut World, memory: Memory) -> NodeId {
         let node = world.add_with(&self.name, self.setup, memory);
@@ -70,12 +75,6 @@ pub fn link_in(world: &mut World, links: &[NamedLink]) {
             debug_assert_eq!(linked, Ok(()));
         }
     }
-}
-
-/// Returns what explains the frames of these devices.
-pub fn explainer(devices: &[NamedDevice]) -> Explainer {
-    let node = |device: &NamedDevice| Node { name: device.name.clone(), kind: device.setup.kind, node_id: None };
-    Explainer::new(devices.iter().map(node).collect())
 }
 
 /// Returns the devices with a name each, that of their kind, then kind-2, kind-3 …, as far as they are free, and with a

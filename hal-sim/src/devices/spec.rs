@@ -7,7 +7,6 @@ use protocol_core::controller::BitRate;
 use protocol_core::device::Setup;
 
 use crate::Kind;
-use crate::sender::CONTROL;
 
 /// The keys of a device.
 const KEYS: &str = "name=, serial=, bit-rate=, stroke-ms=, return-ms=, blank";
@@ -33,6 +32,9 @@ impl DeviceSpec {
         Self { setup: kind.into(), name: None, spool_times: SpoolTimes::DEFAULT }
     }
 }
+
+/// The name of the control interface in traces: a device has another one.
+pub const CONTROL: &str = "http";
 
 impl FromStr for DeviceSpec {
     type Err = String;

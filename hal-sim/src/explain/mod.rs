@@ -74,6 +74,12 @@ impl Explainer {
         Self { given: nodes.len(), nodes, ..Self::default() }
     }
 
+    /// Adds a device.
+    pub fn add(&mut self, node: Node) {
+        self.nodes.insert(self.given, node);
+        self.given += 1;
+    }
+
     /// Returns the devices; their node IDs change.
     pub fn nodes_mut(&mut self) -> &mut [Node] {
         &mut self.nodes

@@ -3,13 +3,12 @@
 //! ```text
 //! file     the file as it is written        script   the same, checked: everything in it can be done
 //! runner   goes through one                 schema   the format for editors
-//! report   what came of it, in words        history  what was on the bus
+//! report   what came of it, in words
 //! ```
 //!
 //! Each scenario has a world of its own: many run at once, and two runs with one seed are the same to the last byte.
 
 mod file;
-mod history;
 mod report;
 mod runner;
 mod schema;
@@ -24,6 +23,8 @@ pub use report::Outcome;
 pub use schema::schema;
 pub use script::Scenario;
 
+use crate::simulation::Simulation;
+
 /// A scenario that cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReadError {
@@ -37,12 +38,19 @@ impl Scenario {
     /// Runs the scenario in a world of its own.
     #[must_use]
     pub fn run(&self, seed: u64) -> Outcome {
-        runner::run(self, seed, false)
+        runner::run(self, seed, false, &mut |_| {})
     }
 
     /// Runs the scenario, and keeps the [trace](Outcome::trace) of it.
     #[must_use]
     pub fn run_traced(&self, seed: u64) -> Outcome {
-        runner::run(self, seed, true)
+        runner::run(self, seed, true, &mut |_| {})
+    }
+
+    /// Runs the scenario as [`run_traced`](Self::run_traced) does, and calls `watch` after everything that happens in
+    /// its simulation. A clone that is put in the place of the simulation goes on as that would.
+    #[must_use]
+    pub fn run_watched(&self, seed: u64, mut watch: impl FnMut(&mut Simulation)) -> Outcome {
+        runner::run(self, seed, true, &mut watch)
     }
 }

@@ -5,8 +5,8 @@ use std::fmt::{self, Write as _};
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, since};
 
-use super::history::{Heard, History};
 use super::script::{Begin, Step, Wanted};
+use crate::simulation::{Heard, History};
 use crate::state::{DeviceState, Pattern};
 use crate::text::in_one_line;
 

@@ -1,60 +1,31 @@
-//! Goes through a scenario in a world of its own, step by step, and gathers what was not as expected.
-
-use std::cell::Cell;
-use std::rc::Rc;
+//! Goes through a scenario in a simulation of its own, step by step, and gathers what was not as expected.
 
 use protocol_core::frame::Frame;
-use protocol_core::time::{Duration, Instant, NEVER, after};
+use protocol_core::time::{Duration, Instant, NEVER, after, since};
 
-use super::history::{Heard, History};
 use super::report::{Failure, Outcome};
-use super::script::{Act, Begin, Expect, Never, Scenario, Step, Wanted, What};
-use crate::Kind;
-use crate::devices::{self, NotHeard, RateWatch};
-use crate::sender::{Receipt, Sender, Unsent};
-use crate::state::{DeviceState, Invalid, Pattern, StateWatch};
-use crate::world::{Event, NodeId, SUPPLY_JITTER, World};
+use super::script::{Begin, Expect, Never, Scenario, Step, Wanted, What};
+use crate::devices::NotHeard;
+use crate::simulation::{Command, Executed, Heard, History, Refusal, Reply, Simulation, Ticket};
+use crate::state::Pattern;
+use crate::trace::Layout;
+use crate::world::SUPPLY_JITTER;
 
 /// Who sends the frames of a scenario, in traces. No device can have that name.
 const OWN: &str = "the master";
 
-/// A frame that is sent is on the bus or withdrawn by then.
-const SENT: Duration = Duration::from_secs(2);
-
-/// The way of an answer about a frame back to the step that sent it.
-#[derive(Clone, Debug, Default)]
-struct Sent(Rc<Cell<Option<Result<Instant, Unsent>>>>);
-
-impl Receipt for Sent {
-    fn tell(self, sent: Result<Instant, Unsent>) {
-        self.0.set(Some(sent));
-    }
-
-    fn is_given_up(&self) -> bool {
-        false
-    }
-}
-
-/// Runs a scenario; `traced`: with all of its trace.
-pub(super) fn run(scenario: &Scenario, seed: u64, traced: bool) -> Outcome {
-    let mut world = scenario.world(seed);
-    world.record_events(true);
-    let sender = Sender::new(OWN, &mut world);
-    let kinds = scenario.devices.iter().map(|device| device.setup.kind);
-    let devices = world.devices().zip(kinds).collect();
-    world.power_all(SUPPLY_JITTER);
-    let history = History::new(OWN, devices::explainer(&scenario.devices), traced, &world);
-    let mut rates = RateWatch::new(scenario.heard(), &mut world);
-    rates.look(&mut world);
+/// Runs a scenario; `traced`: with all of its trace. Calls `watch` after everything that happens.
+pub(super) fn run(scenario: &Scenario, seed: u64, traced: bool, watch: &mut dyn FnMut(&mut Simulation)) -> Outcome {
+    let mut simulation = scenario.simulation(seed);
+    simulation.send_as(OWN);
+    simulation.power_up(SUPPLY_JITTER);
     let mut runner = Runner {
         scenario,
-        world,
-        sender,
-        devices,
-        history,
-        rates,
+        simulation,
+        watch,
+        trace: traced.then(|| Trace { layout: Layout::new(false, false), text: String::new() }),
         step: None,
-        events: Vec::new(),
+        ended: Vec::new(),
         guards: Vec::new(),
         failures: Vec::new(),
         shown: 0,
@@ -67,26 +38,30 @@ pub(super) fn run(scenario: &Scenario, seed: u64, traced: bool) -> Outcome {
         runner.pass(end);
     }
     runner.end_guards();
-    runner.rates.find_all();
+    runner.simulation.rates_mut().find_all();
     runner.fail_unheard();
     runner.outcome()
 }
 
 struct Runner<'a> {
     scenario: &'a Scenario,
-    world: World,
-    sender: Sender<Sent>,
-    devices: Vec<(NodeId, Kind)>,
-    history: History,
-    rates: RateWatch,
+    simulation: Simulation,
+    watch: &'a mut dyn FnMut(&mut Simulation),
+    /// All that happened, laid out as it does.
+    trace: Option<Trace>,
     /// The step that goes on.
     step: Option<&'a Step>,
-    /// Events on their way into the history; the allocation is used again.
-    events: Vec<Event>,
+    /// The commands that have come to their ends.
+    ended: Vec<(Ticket, Result<Reply, Refusal>)>,
     guards: Vec<Guard<'a>>,
     failures: Vec<Failure>,
     /// The first event that no failure has shown.
     shown: u64,
+}
+
+struct Trace {
+    layout: Layout,
+    text: String,
 }
 
 /// What must not come.
@@ -95,22 +70,24 @@ struct Guard<'a> {
     since: Instant,
     until: Instant,
     what: Guarded<'a>,
+    /// The wait for the state, or for the end of the time.
+    ticket: Ticket,
 }
 
+#[derive(Clone, Copy)]
 enum Guarded<'a> {
     /// Frames, in the events from that number on.
     Frames(&'a [Pattern], u64),
-    State(&'a Wanted, StateWatch),
+    State(&'a Wanted),
 }
 
 /// What the time that passes is for.
 enum Goal<'a> {
     /// It passes.
     None,
-    /// A frame was sent, or not.
-    Sent(&'a Sent),
+    /// A command comes to its end.
+    Command(Ticket),
     Frames(Frames<'a>),
-    State(StateWatch),
 }
 
 /// Frames that have to come.
@@ -129,35 +106,29 @@ impl<'a> Runner<'a> {
         self.begin(step);
         self.step = Some(step);
         // The first event that counts for the step: a frame from before it fulfils nothing.
-        let mark = self.history.next();
-        if let Some(note) = &step.note {
-            self.history.note(note);
+        let mark = self.simulation.history().next();
+        if let (Some(note), Some(trace)) = (&step.note, &mut self.trace) {
+            trace.note(note);
         }
-        if let Some(act) = &step.act {
-            self.act(step, act);
+        if let Some(act) = &step.act
+            && let Err(refusal) = self.run(act)
+        {
+            self.fail(Failure::undone(step, &name(act), &refusal.to_string()));
         }
         if let Some(Expect { what, any_order, within }) = &step.expect {
-            let until = after(self.world.now(), *within);
             match what {
-                What::Frames(patterns) => self.expect_frames(step, patterns, *any_order, mark, until),
-                What::State(wanted) => self.expect_state(step, wanted, until),
+                What::Frames(patterns) => self.expect_frames(step, patterns, *any_order, mark, *within),
+                What::State(wanted) => self.expect_state(step, wanted, *within),
             }
         }
-        if let Some(Never { what, span }) = &step.never {
-            let since = self.world.now();
-            let until = span.map_or(NEVER, |span| after(since, span));
-            let what = match what {
-                What::Frames(patterns) => Guarded::Frames(patterns, self.history.next()),
-                What::State(wanted) => Guarded::State(wanted, self.watch(wanted)),
-            };
-            self.guards.push(Guard { step, since, until, what });
-            self.guard();
+        if let Some(never) = &step.never {
+            self.never(step, never);
         }
     }
 
     /// Lets time pass until a step begins.
     fn begin(&mut self, step: &Step) {
-        let now = self.world.now();
+        let now = self.simulation.now();
         let begin = match step.begin {
             Begin::Now => return,
             Begin::After(pause) => after(now, pause),
@@ -170,37 +141,24 @@ impl<'a> Runner<'a> {
         self.pass(begin);
     }
 
-    fn act(&mut self, step: &Step, act: &Act) {
-        match act {
-            Act::Send(frame, period) => {
-                let sent = Sent::default();
-                self.sender.send(*frame, *period, sent.clone(), &mut self.world);
-                self.pass_until(after(self.world.now(), SENT), &mut Goal::Sent(&sent));
-                if let Some(Err(Unsent::TooMany(reason) | Unsent::Withdrawn(reason))) = sent.0.get() {
-                    self.fail(Failure::undone(step, &format!("send {frame}"), reason));
-                }
+    /// Carries out a command, and lets time pass until it has come to its end.
+    fn run(&mut self, command: &Command) -> Result<Reply, Refusal> {
+        let executed = self.simulation.execute(command.clone());
+        self.look();
+        match executed? {
+            Executed::Done(reply) => Ok(reply),
+            Executed::Pending(ticket) => {
+                self.pass_until(NEVER, &mut Goal::Command(ticket));
+                let place = self.ended.iter().position(|(known, _)| *known == ticket);
+                place.map_or(Err(Refusal::Conflict("time is at its end".to_owned())), |place| {
+                    self.ended.swap_remove(place).1
+                })
             }
-            Act::Stop(id) => {
-                self.sender.stop(*id, &mut self.world);
-            }
-            Act::Plant(device, change) => {
-                let made = change.clone().make(self.devices[*device].0, &mut self.world);
-                if let Err(Invalid(reason)) = made {
-                    self.fail(Failure::undone(step, "plant", &reason));
-                }
-            }
-            Act::Power(device, power) => {
-                if let Err(reason) = power.switch(self.devices[*device].0, &mut self.world) {
-                    self.fail(Failure::undone(step, "power", reason));
-                }
-            }
-            Act::Bus(bit_rate) => self.world.set_bit_rate(*bit_rate),
-            Act::Disturb(disturbance) => self.world.disturb(*disturbance),
         }
-        self.attend();
     }
 
-    fn expect_frames(&mut self, step: &Step, patterns: &[Pattern], any_order: bool, from: u64, until: Instant) {
+    fn expect_frames(&mut self, step: &Step, patterns: &[Pattern], any_order: bool, from: u64, within: Duration) {
+        let until = after(self.simulation.now(), within);
         let wanted = patterns.iter().map(|pattern| (pattern, None)).collect();
         let mut goal = Goal::Frames(Frames { wanted, any_order, next: from, mark: from });
         let came = self.pass_until(until, &mut goal);
@@ -208,27 +166,34 @@ impl<'a> Runner<'a> {
         if !came {
             let missing = wanted.iter().filter(|(_, frame)| frame.is_none());
             let missing: Vec<&Pattern> = missing.map(|(pattern, _)| *pattern).collect();
-            let failure = Failure::frames(step, patterns, &missing, (from, mark), &self.history);
+            let failure = Failure::frames(step, patterns, &missing, (from, mark), self.simulation.history());
             self.fail(failure);
         }
     }
 
-    fn expect_state(&mut self, step: &Step, wanted: &Wanted, until: Instant) {
-        let mut goal = Goal::State(self.watch(wanted));
-        if !self.pass_until(until, &mut goal) {
-            let state = self.state(wanted);
-            self.fail(Failure::state(step, wanted, &state));
+    fn expect_state(&mut self, step: &Step, wanted: &Wanted, within: Duration) {
+        if let Err(Refusal::TimedOut(timed_out)) = self.run(&Command::Wait(wanted.condition(), within))
+            && let Some(state) = &timed_out.state
+        {
+            self.fail(Failure::state(step, wanted, state));
         }
     }
 
-    fn state(&mut self, wanted: &Wanted) -> DeviceState {
-        let (node, kind) = self.devices[wanted.device];
-        DeviceState::of(node, kind, &mut self.world)
-    }
-
-    /// Watches a state.
-    fn watch(&self, wanted: &Wanted) -> StateWatch {
-        StateWatch::new(self.devices[wanted.device], Box::new(wanted.condition.clone()))
+    /// Lets frames or a state not come from now on.
+    fn never(&mut self, step: &'a Step, Never { what, span }: &'a Never) {
+        let since_now = self.simulation.now();
+        let until = span.map_or(NEVER, |span| after(since_now, span));
+        let within = since(until, since_now);
+        let (what, command) = match what {
+            What::Frames(patterns) => {
+                (Guarded::Frames(patterns, self.simulation.history().next()), Command::Advance(within))
+            }
+            What::State(wanted) => (Guarded::State(wanted), Command::Wait(wanted.condition(), within)),
+        };
+        if let Ok(Executed::Pending(ticket)) = self.simulation.execute(command) {
+            self.guards.push(Guard { step, since: since_now, until, what, ticket });
+        }
+        self.look();
     }
 
     /// Lets time pass until an instant, with everything that is due by then.
@@ -243,106 +208,71 @@ impl<'a> Runner<'a> {
             if self.is_reached(goal) {
                 return true;
             }
-            let (now, event) = (self.world.now(), self.world.next_event());
-            if now >= end && event > end {
-                return false;
+            if self.simulation.go(end) {
+                self.look();
+                return self.is_reached(goal);
             }
-            let due = self.due(end, goal);
-            if event <= due && event <= end && event != NEVER {
-                self.world.step();
-            } else {
-                self.world.run_until(due.min(end));
-            }
-            self.attend();
+            self.look();
+            (self.watch)(&mut self.simulation);
         }
     }
 
-    fn is_reached(&mut self, goal: &mut Goal<'_>) -> bool {
+    fn is_reached(&self, goal: &mut Goal<'_>) -> bool {
         match goal {
             Goal::None => false,
-            Goal::Sent(sent) => sent.0.get().is_some(),
+            Goal::Command(ticket) => self.ended.iter().any(|(known, _)| known == ticket),
             Goal::Frames(frames) => {
-                frames.look(&self.history);
+                frames.look(self.simulation.history());
                 frames.are_all_there()
             }
-            Goal::State(watch) => watch.look(&mut self.world).1,
         }
-    }
-
-    /// Returns when there is next something to do although nothing happens in the world, after now.
-    fn due(&self, end: Instant, goal: &Goal<'_>) -> Instant {
-        let now = self.world.now();
-        let sought = match goal {
-            Goal::State(watch) if end > now => watch.due(end, &self.world),
-            _ => end,
-        };
-        let guarded = self.guards.iter().filter(|guard| guard.until > now).filter_map(|guard| match &guard.what {
-            Guarded::State(_, watch) => Some(watch.due(guard.until.min(end), &self.world)),
-            Guarded::Frames(..) => None,
-        });
-        guarded.fold(sought, Instant::min).min(self.sender.due(now)).min(self.rates.due(now))
     }
 
     /// Takes note of what happened, and does what is due.
-    fn attend(&mut self) {
-        let mut events = std::mem::take(&mut self.events);
-        events.extend(self.world.take_events());
-        for event in events.drain(..) {
-            self.history.keep(&event, &self.world);
+    fn look(&mut self) {
+        while let Some(happened) = self.simulation.take_event() {
+            if let Some(Trace { layout, text }) = &mut self.trace {
+                happened.lay_out(text, layout, self.simulation.history().explainer());
+            }
         }
-        self.events = events;
-        if !self.sender.is_idle() {
-            self.sender.attend(&mut self.world);
-        }
-        self.look_at_rates();
-        self.guard();
-    }
-
-    /// Looks for devices that are not heard. What must not come and is over is looked at first: it was claimed of the
-    /// time before.
-    fn look_at_rates(&mut self) {
-        let now = self.world.now();
-        for guard in self.guards.iter().filter(|guard| guard.until < now) {
-            self.rates.find_at(guard.until);
-        }
-        self.rates.look(&mut self.world);
+        self.simulation.poll();
+        self.ended.extend(self.simulation.take_completed());
+        // What must not come was claimed of the time up to its end.
+        let now = self.simulation.now();
         if self.guards.iter().any(|guard| guard.until == now) {
-            self.rates.find_at(now);
+            self.simulation.rates_mut().find_at(now);
         }
         self.fail_unheard();
+        self.guard();
     }
 
     /// Adds a failure for each device that was found not to be heard: at the device when that was so from the start, else
     /// at the step that goes on.
     fn fail_unheard(&mut self) {
-        for NotHeard { device, since, reason, .. } in self.rates.take_found() {
+        for NotHeard { device, since, reason, .. } in self.simulation.rates_mut().take_found() {
             let place = self.scenario.devices.iter().position(|known| known.name == device);
             let entry = place.and_then(|place| self.scenario.entries.get(place));
             let step = self.step.filter(|_| since > Instant::from_ticks(0));
             let line = step.map(|step| step.line).or(entry.map(|entry| entry.line)).unwrap_or(1);
-            let failure = Failure::not_heard(line, reason).with(self.world.now(), Vec::new());
+            let failure = Failure::not_heard(line, reason).with(self.simulation.now(), Vec::new());
             self.failures.push(failure);
         }
     }
 
     /// Looks whether something came that must not.
     fn guard(&mut self) {
-        if self.guards.is_empty() {
-            return;
+        for mut guard in std::mem::take(&mut self.guards) {
+            let ended = self.ended.iter().position(|(known, _)| *known == guard.ticket);
+            let ended = ended.map(|place| self.ended.swap_remove(place).1);
+            match self.violation(&mut guard, ended.as_ref()) {
+                Some(failure) => {
+                    self.simulation.forget(guard.ticket);
+                    self.fail(failure);
+                }
+                None if ended.is_some() => self.end_guard(&guard),
+                None => self.guards.push(guard),
+            }
         }
-        let mut guards = std::mem::take(&mut self.guards);
-        guards.retain_mut(|guard| match self.violation(guard) {
-            Some(failure) => {
-                self.fail(failure);
-                false
-            }
-            None if guard.until >= self.world.now() => true,
-            None => {
-                self.end_guard(guard);
-                false
-            }
-        });
-        self.guards = guards;
     }
 
     /// Ends what must not come, and has not, with the scenario.
@@ -354,9 +284,9 @@ impl<'a> Runner<'a> {
 
     /// Fails a step whose condition could not have come: no time has passed since, or its instant was not in it.
     fn end_guard(&mut self, guard: &Guard<'_>) {
-        let end = guard.until.min(self.world.now());
+        let end = guard.until.min(self.simulation.now());
         let instant = match &guard.what {
-            Guarded::State(wanted, _) => wanted.condition.t_us.map(Instant::from_micros),
+            Guarded::State(wanted) => wanted.condition.t_us.map(Instant::from_micros),
             Guarded::Frames(..) => None,
         };
         let reason = match instant {
@@ -369,43 +299,64 @@ impl<'a> Runner<'a> {
         self.fail(Failure::undone(guard.step, "never", reason));
     }
 
-    fn violation(&mut self, guard: &mut Guard<'_>) -> Option<Failure> {
-        match &mut guard.what {
-            Guarded::Frames(patterns, next) => {
-                let mut heard = self.history.heard_since(*next).filter(|heard| heard.at <= guard.until);
+    /// Returns what came that must not; `ended`: how the wait of the guard came to its end.
+    fn violation(&mut self, guard: &mut Guard<'_>, ended: Option<&Result<Reply, Refusal>>) -> Option<Failure> {
+        let history = self.simulation.history();
+        match (&mut guard.what, ended) {
+            (Guarded::Frames(patterns, next), _) => {
                 let is_it = |heard: Heard| Some((heard, patterns.iter().find(|it| it.matches(&heard.frame))?));
-                let found = heard.find_map(is_it);
-                *next = self.history.next();
-                found.map(|(heard, pattern)| Failure::came(guard.step, pattern, &heard, &self.history))
+                let found = history.heard_since(*next).find_map(is_it);
+                *next = history.next();
+                found.map(|(heard, pattern)| Failure::came(guard.step, pattern, &heard, history))
             }
-            Guarded::State(wanted, watch) => {
-                if self.world.now() > guard.until {
-                    return None;
-                }
-                let (state, holds) = watch.look(&mut self.world);
-                holds.then(|| Failure::held(guard.step, wanted, &state))
-            }
+            (Guarded::State(wanted), Some(Ok(Reply::Device(state)))) => Some(Failure::held(guard.step, wanted, state)),
+            (Guarded::State(_), _) => None,
         }
     }
 
     /// Adds a failure at this instant, with what was on the bus before it.
     fn fail(&mut self, failure: Failure) {
-        let at = self.world.now();
-        let until = failure.until().unwrap_or_else(|| self.history.next());
-        self.failures.push(failure.with(at, self.history.excerpt(self.shown, until)));
+        let (at, history) = (self.simulation.now(), self.simulation.history());
+        let until = failure.until().unwrap_or_else(|| history.next());
+        self.failures.push(failure.with(at, history.excerpt(self.shown, until)));
         self.shown = self.shown.max(until);
     }
 
     fn outcome(mut self) -> Outcome {
-        let errors = self.history.errors();
+        let errors = self.simulation.history().errors();
         self.failures.iter_mut().for_each(|failure| failure.show_errors(&errors));
         Outcome {
             title: self.scenario.title.clone(),
             steps: self.scenario.steps.len(),
-            end: self.world.now(),
+            end: self.simulation.now(),
             failures: self.failures,
-            trace: self.history.finish(),
+            trace: self.trace.map_or_else(String::new, Trace::finish),
         }
+    }
+}
+
+impl Trace {
+    fn note(&mut self, note: &str) {
+        self.layout.finish(&mut self.text);
+        for line in note.lines() {
+            self.text.push_str("-- ");
+            self.text.push_str(line);
+            self.text.push('\n');
+        }
+    }
+
+    fn finish(mut self) -> String {
+        self.layout.finish(&mut self.text);
+        self.text
+    }
+}
+
+/// Returns the command of a step as a failure names it.
+fn name(command: &Command) -> String {
+    match command {
+        Command::Send(frame, _) => format!("send {frame}"),
+        Command::Power(..) => "power".to_owned(),
+        _ => "plant".to_owned(),
     }
 }
 

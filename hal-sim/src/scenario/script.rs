@@ -1,21 +1,20 @@
 //! A scenario that was read and checked: everything in it can be done.
 
 use protocol_core::controller::BitRate;
-use protocol_core::device::Protocol;
+use protocol_core::device::{Protocol, Setup};
 use protocol_core::frame::{Frame, Id};
 use protocol_core::time::Duration;
 
 use super::ReadError;
 use super::file::{self, DeviceEntry, Expected, PATIENCE, ScenarioFile, StepTable};
-use crate::Kind;
 use crate::bus::Disturbance;
 use crate::devices::{self, DeviceSpec, LinkSpec, NamedDevice, NamedLink};
 use crate::memory::Memory;
+use crate::simulation::{Command, Simulation};
 use crate::state::{
-    self, BusChange, Disturb, Identifier, Invalid, Pattern, PlantChange, Power, PowerChange, StateCondition,
+    self, BusChange, Condition, Disturb, Identifier, Invalid, Pattern, Power, PowerChange, StateCondition,
 };
 use crate::text::in_one_line;
-use crate::world::{NodeId, World};
 
 /// The word for null.
 const NONE: &str = "\"none\"";
@@ -49,7 +48,7 @@ pub(super) struct Step {
     pub(super) line: usize,
     pub(super) note: Option<String>,
     pub(super) begin: Begin,
-    pub(super) act: Option<Act>,
+    pub(super) act: Option<Command>,
     pub(super) expect: Option<Expect>,
     pub(super) never: Option<Never>,
 }
@@ -63,18 +62,6 @@ pub(super) enum Begin {
     After(Duration),
     /// At an instant, by its distance from the start.
     At(Duration),
-}
-
-/// What is done.
-#[derive(Debug)]
-pub(super) enum Act {
-    Send(Frame, Option<Duration>),
-    /// Of an identifier, or all.
-    Stop(Option<Id>),
-    Plant(usize, PlantChange),
-    Power(usize, Power),
-    Bus(BitRate),
-    Disturb(Disturbance),
 }
 
 /// What has to come.
@@ -103,8 +90,8 @@ pub(super) enum What {
 /// A state of a device.
 #[derive(Debug)]
 pub(super) struct Wanted {
-    /// The device, by its place in the scenario.
-    pub(super) device: usize,
+    /// The name of the device.
+    device: String,
     pub(super) condition: StateCondition,
     /// The condition of each key alone, with the key and its value as in the file.
     pub(super) keys: Vec<(String, String, StateCondition)>,
@@ -166,19 +153,17 @@ impl Scenario {
         Ok(scenario)
     }
 
-    /// Returns the devices that have to be heard.
-    pub(super) fn heard(&self) -> impl Iterator<Item = &NamedDevice> {
-        self.devices.iter().zip(&self.entries).filter(|(_, entry)| entry.heard).map(|(device, _)| device)
-    }
-
-    /// Returns a world with the devices, not yet powered.
-    pub(super) fn world(&self, seed: u64) -> World {
-        let mut world = World::new(self.bit_rate, seed);
-        for device in &self.devices {
-            device.add_to(&mut world, Memory::in_ram());
+    /// Returns a simulation of the devices, not yet powered.
+    pub(super) fn simulation(&self, seed: u64) -> Simulation {
+        let mut simulation = Simulation::new(self.bit_rate, seed);
+        for (device, entry) in self.devices.iter().zip(&self.entries) {
+            let node = simulation.add(device, Memory::in_ram());
+            if !entry.heard {
+                simulation.rates_mut().ignore(node);
+            }
         }
-        devices::link_in(&mut world, &self.links);
-        world
+        simulation.link(&self.links);
+        simulation
     }
 }
 
@@ -200,6 +185,13 @@ fn refuse_unwatched(steps: &[Step]) -> Result<(), ReadError> {
     Err(ReadError { line: Some(step.line), reason: reason.to_owned() })
 }
 
+impl Wanted {
+    /// Returns the condition of a wait.
+    pub(super) fn condition(&self) -> Condition {
+        Condition::State(self.device.clone(), Box::new(self.condition.clone()))
+    }
+}
+
 impl Step {
     /// Returns whether time can pass in the step.
     fn can_take_time(&self) -> bool {
@@ -209,24 +201,21 @@ impl Step {
             Begin::At(_) => true,
         };
         let expects = matches!(&self.expect, Some(expect) if expect.within > NO_TIME);
-        waits || expects || matches!(self.act, Some(Act::Send(..)))
+        waits || expects || matches!(self.act, Some(Command::Send(..)))
     }
 }
 
 /// What the steps are tried on.
 struct Trial {
-    world: World,
-    devices: Vec<(NodeId, Kind, String)>,
+    simulation: Simulation,
+    devices: Vec<NamedDevice>,
     /// The identifiers of the cyclic frames.
     cyclic: Vec<Id>,
 }
 
 impl Trial {
     fn new(scenario: &Scenario) -> Self {
-        let world = scenario.world(0);
-        let kinds = scenario.devices.iter().map(|device| (device.setup.kind, device.name.clone()));
-        let devices = world.devices().zip(kinds).map(|(node, (kind, name))| (node, kind, name)).collect();
-        Self { world, devices, cyclic: Vec::new() }
+        Self { simulation: scenario.simulation(0), devices: scenario.devices.clone(), cyclic: Vec::new() }
     }
 
     /// Checks a step, and does to the trial what it does to the plant.
@@ -242,7 +231,7 @@ impl Trial {
             return Err("expect and never in one step; accepted: a step for each".to_owned());
         }
         refuse_two_acts(&table)?;
-        let device = if about_device { self.device(table.device.as_deref())? } else { 0 };
+        let device = &self.device(table.device.as_deref(), about_device)?;
         let begin = match (table.at_ms, table.after_ms) {
             (None, None) => Begin::Now,
             (Some(at), None) => Begin::At(millis(at)),
@@ -258,26 +247,26 @@ impl Trial {
             return Err("every_ms: accepted with send".to_owned());
         }
         if let Some(which) = table.stop {
-            act = Some(Act::Stop(self.stop(&which)?));
+            act = Some(Command::Stop(self.stop(&which)?));
         }
         if let Some(change) = table.plant {
-            act = Some(Act::Plant(device, self.plant(device, change).map_err(within("plant"))?));
+            act = Some(self.plant(device, change).map_err(within("plant"))?);
         }
         if let Some(change) = table.power {
-            act = Some(Act::Power(device, power(change).map_err(within("power"))?));
+            act = Some(Command::Power(device.name.clone(), power(change).map_err(within("power"))?));
         }
         if let Some(change) = table.bus {
-            act = Some(Act::Bus(bit_rate(change).map_err(within("bus"))?));
+            act = Some(Command::BitRate(bit_rate(change).map_err(within("bus"))?));
         }
         if let Some(change) = table.disturb {
-            act = Some(Act::Disturb(disturbance(change).map_err(within("disturb"))?));
+            act = Some(Command::Disturb(disturbance(change).map_err(within("disturb"))?));
         }
         Ok(Step { line, note: table.note, begin, act, expect, never })
     }
 
     fn expect(
         &self,
-        device: usize,
+        device: &NamedDevice,
         expected: Option<Expected>,
         any_order: Option<bool>,
         within_ms: Option<u32>,
@@ -300,7 +289,12 @@ impl Trial {
         Ok(Some(Expect { what, any_order: any_order.unwrap_or(false), within }))
     }
 
-    fn never(&self, device: usize, expected: Option<Expected>, for_ms: Option<u32>) -> Result<Option<Never>, String> {
+    fn never(
+        &self,
+        device: &NamedDevice,
+        expected: Option<Expected>,
+        for_ms: Option<u32>,
+    ) -> Result<Option<Never>, String> {
         match expected {
             Some(_) if for_ms == Some(0) => Err("for_ms 0: accepted: 1 and more".to_owned()),
             Some(expected) => {
@@ -312,25 +306,26 @@ impl Trial {
         }
     }
 
-    /// Returns the place of the device of that name, or of the only one.
-    fn device(&self, name: Option<&str>) -> Result<usize, String> {
-        let names = || self.devices.iter().map(|(.., name)| name.as_str()).collect::<Vec<_>>().join(", ");
-        match name {
-            Some(name) => {
-                let place = self.devices.iter().position(|(.., known)| known == name);
-                place.ok_or_else(|| format!("device: no '{name}' on the bus; accepted: {}", names()))
+    /// Returns the device of that name, or the only one; any where none is meant.
+    fn device(&self, name: Option<&str>, is_meant: bool) -> Result<NamedDevice, String> {
+        let names = || self.devices.iter().map(|device| device.name.as_str()).collect::<Vec<_>>().join(", ");
+        let found = match (name, self.devices.as_slice()) {
+            (Some(name), devices) => {
+                devices.iter().find(|known| known.name == name).ok_or(format!("no '{name}' on the bus"))
             }
-            None if self.devices.len() == 1 => Ok(0),
-            None => Err(format!("device is missing, which one is meant? accepted: {}", names())),
-        }
+            (None, [only]) => Ok(only),
+            (None, [any, ..]) if !is_meant => Ok(any),
+            (None, _) => return Err(format!("device is missing, which one is meant? accepted: {}", names())),
+        };
+        found.cloned().map_err(|reason| format!("device: {reason}; accepted: {}", names()))
     }
 
-    fn send(&mut self, text: &str, every_ms: Option<u32>) -> Result<Act, String> {
+    fn send(&mut self, text: &str, every_ms: Option<u32>) -> Result<Command, String> {
         let (frame, period) = (one_frame(text)?, period(every_ms)?);
         if period.is_some() && !self.cyclic.contains(&frame.id()) {
             self.cyclic.push(frame.id());
         }
-        Ok(Act::Send(frame, period))
+        Ok(Command::Send(frame, period))
     }
 
     /// Returns the identifier whose cyclic frame ends, which there has to be; `None`: all end.
@@ -348,14 +343,13 @@ impl Trial {
         Ok(Some(id))
     }
 
-    fn plant(&mut self, device: usize, change: toml::Table) -> Result<PlantChange, String> {
+    fn plant(&mut self, device: &NamedDevice, change: toml::Table) -> Result<Command, String> {
         if change.is_empty() {
             return Err("an empty change; accepted: any of its keys, as in { supply_mv = 8000 }".to_owned());
         }
-        let change: PlantChange = file::table(change)?;
-        let (node, ..) = self.devices[device];
-        change.clone().make(node, &mut self.world).map_err(|Invalid(reason)| reason)?;
-        Ok(change)
+        let command = Command::Plant(device.name.clone(), file::table(change)?);
+        self.simulation.execute(command.clone()).map_err(|refusal| refusal.to_string())?;
+        Ok(command)
     }
 
     /// Returns the frames of a text, which a device on the bus can send.
@@ -365,14 +359,14 @@ impl Trial {
             return Err(format!("'{text}': no device sends remote frames; accepted: data frames"));
         }
         // Every kind can send under 29 bits: valves answer UDS so, and a COB-ID of an angle sensor can have them.
-        let is_canopen = |(_, kind, _): &(NodeId, Kind, String)| kind.protocol() == Protocol::Canopen;
+        let is_canopen = |device: &NamedDevice| device.setup.kind.protocol() == Protocol::Canopen;
         if !pattern.is_extended() && !self.devices.iter().any(is_canopen) {
             return Err(format!("'{text}': no device on the bus sends identifiers of 11 bits; accepted: 8 digits"));
         }
         Ok(pattern)
     }
 
-    fn what(&self, device: usize, expected: Expected) -> Result<What, String> {
+    fn what(&self, device: &NamedDevice, expected: Expected) -> Result<What, String> {
         let state = match expected {
             Expected::Frame(frame) => return self.frame_to_come(&frame).map(|frame| What::Frames(vec![frame])),
             Expected::Frames(frames) if frames.is_empty() => {
@@ -390,7 +384,7 @@ impl Trial {
             }
             Expected::State(state) => state,
         };
-        let (_, kind, name) = &self.devices[device];
+        let NamedDevice { name, setup: Setup { kind, .. }, .. } = device;
         let keys = state.clone().into_iter().map(|(key, value)| {
             let alone: Result<StateCondition, String> =
                 file::table([(key.clone(), value.clone())].into_iter().collect());
@@ -406,7 +400,7 @@ impl Trial {
         if condition.is_always_so(name, *kind) {
             return Err(format!("every state of {name} is so; accepted: values that it does not always have"));
         }
-        Ok(What::State(Wanted { device, condition, keys }))
+        Ok(What::State(Wanted { device: name.clone(), condition, keys }))
     }
 }
 

@@ -1,13 +1,11 @@
 //! What acts on a device from outside, as JSON: its state, and changes of it.
 
 use protocol_core::actuator::SpoolFault;
-use protocol_core::device::plant::{SUPPLY_MAX_MV, TEMPERATURES_C};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::Invalid;
 use super::given::{given, object, present};
-use crate::world::{NodeId, Plant, World};
+use crate::world::{NodeId, Plant, PlantError, World};
 
 /// What acts on a device from outside.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
@@ -189,15 +187,11 @@ impl PlantState {
 
 impl PlantChange {
     /// Makes the change, all of it or nothing.
-    pub fn make(self, node: NodeId, world: &mut World) -> Result<(), Invalid> {
-        if self.supply_mv.is_some_and(|millivolt| millivolt > SUPPLY_MAX_MV) {
-            return Err(Invalid(format!("supply_mv: accepted: 0–{SUPPLY_MAX_MV}")));
-        }
-        if self.temperature_c.is_some_and(|celsius| !TEMPERATURES_C.contains(&celsius)) {
-            let (min, max) = TEMPERATURES_C.into_inner();
-            return Err(Invalid(format!("temperature_c: accepted: {min}–{max}")));
-        }
-        world.set_plants(node, &self.plants()).map_err(|error| Invalid(error.to_string()))?;
+    ///
+    /// # Errors
+    /// [`PlantError`] for the first thing that cannot be; nothing has changed then.
+    pub fn make(self, node: NodeId, world: &mut World) -> Result<(), PlantError> {
+        world.set_plants(node, &self.plants())?;
         if let Some(memory) = self.memory {
             let cell = world.memory_mut(node);
             cell.set_write_fails(memory == Memory::WriteFails);
@@ -220,6 +214,27 @@ impl PlantChange {
             self.bus_off.map(Plant::BusOff),
         ];
         plants.into_iter().flatten().collect()
+    }
+}
+
+impl From<Plant> for PlantChange {
+    fn from(plant: Plant) -> Self {
+        let mut change = Self::default();
+        match plant {
+            Plant::SupplyMv(millivolt) => change.supply_mv = Some(millivolt),
+            Plant::TemperatureC(celsius) => change.temperature_c = Some(celsius),
+            Plant::Spool(fault) => {
+                change.spool = Some(SpoolChange::Word(name(fault).unwrap_or(SpoolFaultName::Ok)));
+            }
+            Plant::Lever(pushed) => change.lever = Some(pushed),
+            Plant::AngleCdeg(angle) => change.angle_cdeg = Some(angle),
+            Plant::SpeedRpm(speed) => change.speed_rpm = Some(speed),
+            Plant::MeasuringError(there) => change.measuring_error = Some(there),
+            Plant::InternalFault(there) => change.internal_fault = Some(there),
+            Plant::MemoryFails(fails) => change.memory = Some(if fails { Memory::WriteFails } else { Memory::Ok }),
+            Plant::BusOff(there) => change.bus_off = Some(there),
+        }
+        change
     }
 }
 

@@ -8,7 +8,7 @@ use crate::world::{NodeId, World};
 
 /// A condition on the state of a device. It is looked at after everything that happens in the world, and when it is
 /// due.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct StateWatch {
     node: NodeId,
     kind: Kind,

@@ -17,7 +17,7 @@ use crate::world::{Event, EventKind};
 const OVER: Duration = Duration::from_secs(1);
 
 /// The errors of the bus, and those that were told.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Errors {
     /// The number of error frames since the trouble began.
     count: u64,

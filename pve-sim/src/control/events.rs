@@ -7,9 +7,9 @@ use protocol_core::time::{Duration, Instant, NEVER, after};
 use serde::Serialize;
 use tokio::sync::broadcast;
 
-use super::record::{BusTrouble, Passed};
-use super::refusal::Refusal;
 use hal_sim::Kind;
+use hal_sim::explain::Explainer;
+use hal_sim::simulation::{BusTrouble, Happened, Passed, Refusal, Simulation};
 use hal_sim::state::{DeviceState, PlantState};
 use hal_sim::world::{NodeId, World};
 
@@ -102,8 +102,10 @@ struct Told {
 
 impl Events {
     /// Begins to watch; `speed` is that of virtual time.
-    pub(crate) fn new(devices: &[(NodeId, Kind)], speed: f64, world: &mut World) -> Self {
-        let told = devices.iter().map(|(node, kind)| (*node, *kind, Told::of(*node, world))).collect();
+    pub(crate) fn new(speed: f64, simulation: &mut Simulation) -> Self {
+        let devices = simulation.devices().to_vec();
+        let world = simulation.world_mut();
+        let told = devices.into_iter().map(|(node, kind)| (node, kind, Told::of(node, world))).collect();
         let sample = Duration::from_ticks((SAMPLE.as_micros() as f64 * speed.max(1.0)) as u64);
         Self {
             channel: broadcast::Sender::new(WAITING),
@@ -115,17 +117,21 @@ impl Events {
     }
 
     /// Lets a client follow.
-    pub(crate) fn subscribe(&mut self, world: &mut World) -> Result<Subscription, Refusal> {
+    pub(crate) fn subscribe(&mut self, simulation: &mut Simulation) -> Result<Subscription, Refusal> {
         if self.followers() >= FOLLOWERS {
             return Err(Refusal::TooMany("too many clients follow the events"));
         }
         // What others follow is told to them before; what nobody follows is new.
-        self.attend(world);
+        self.poll(simulation);
         if !self.is_followed() {
+            let world = simulation.world_mut();
             self.told.iter_mut().for_each(|(node, _, told)| *told = Told::of(*node, world));
         }
-        let states = self.told.iter().map(|(node, kind, _)| DeviceState::of(*node, *kind, world)).collect();
-        Ok(Subscription { states, happenings: self.channel.subscribe(), follower: self.follower.clone() })
+        Ok(Subscription {
+            states: simulation.states(),
+            happenings: self.channel.subscribe(),
+            follower: self.follower.clone(),
+        })
     }
 
     /// Returns whether anybody follows.
@@ -137,25 +143,25 @@ impl Events {
         Arc::strong_count(&self.follower.0) - 1
     }
 
-    /// Tells a frame.
-    pub(crate) fn show(&self, passed: &Passed, meaning: impl FnOnce() -> String) {
-        if self.is_followed() {
-            tell(&self.channel, What::Frame(passed.clone(), meaning()));
+    /// Tells what happened on the bus, by what explains it.
+    pub(crate) fn show(&self, happened: &Happened, explainer: &Explainer) {
+        if !self.is_followed() {
+            return;
         }
-    }
-
-    /// Tells what went wrong on the bus.
-    pub(crate) fn show_trouble(&self, trouble: &BusTrouble) {
-        if self.is_followed() {
-            tell(&self.channel, What::Error(trouble.clone()));
+        if let Some(passed) = happened.passed() {
+            let meaning = explainer.explain(&passed.frame, Some(&passed.from));
+            tell(&self.channel, What::Frame(passed, meaning));
+        } else if let Some(trouble) = happened.trouble() {
+            tell(&self.channel, What::Error(trouble));
         }
     }
 
     /// Tells which devices have changed; of one that only moves, every now and then.
-    pub(crate) fn attend(&mut self, world: &mut World) {
+    pub(crate) fn poll(&mut self, simulation: &mut Simulation) {
         if !self.is_followed() {
             return;
         }
+        let world = simulation.world_mut();
         let samples = world.now() >= self.sample_at;
         if samples {
             self.sample_at = after(world.now(), self.sample);

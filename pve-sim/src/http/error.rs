@@ -14,7 +14,7 @@ use serde_json::{Map, Value};
 use tokio::time::timeout;
 use utoipa::ToSchema;
 
-use crate::control::refusal::Refusal;
+use hal_sim::simulation::Refusal;
 use hal_sim::state::Invalid;
 use hal_sim::state::schema::{Schemas, with_whole_numbers};
 
@@ -80,7 +80,7 @@ impl IntoResponse for Failure {
 const fn status(refusal: &Refusal) -> StatusCode {
     match refusal {
         Refusal::UnknownDevice { .. } => StatusCode::NOT_FOUND,
-        Refusal::Invalid(_) => StatusCode::BAD_REQUEST,
+        Refusal::Plant(_) | Refusal::Invalid(_) => StatusCode::BAD_REQUEST,
         Refusal::Conflict(_) => StatusCode::CONFLICT,
         Refusal::TimedOut(_) => StatusCode::REQUEST_TIMEOUT,
         Refusal::TooMany(_) => StatusCode::SERVICE_UNAVAILABLE,

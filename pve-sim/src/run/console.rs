@@ -13,7 +13,8 @@ use protocol_core::device::view::View;
 use protocol_core::device::{Device, ProductSenses};
 use serde::Serialize;
 
-use hal_sim::state::{Command, DeviceStateMachine, Led, Nmt, SetPointValue};
+use hal_sim::simulation::{Command, Refusal, Simulation};
+use hal_sim::state::{self, DeviceStateMachine, Led, Nmt, SetPointValue};
 use hal_sim::world::{NodeId, Plant, PlantError, World};
 
 /// The words of a product: what `help` says of them, and what the end of a refusal does.
@@ -48,8 +49,9 @@ const COMMON: Words = Words {
 };
 
 /// Obeys a line; returns the answer, or why the line was refused. Of an empty line nothing is said.
-pub(super) fn obey(line: &str, world: &mut World) -> Result<Option<String>, String> {
+pub(super) fn obey(line: &str, simulation: &mut Simulation) -> Result<Option<String>, String> {
     let words: Vec<&str> = line.split_ascii_whitespace().collect();
+    let world = simulation.world_mut();
     let (name, words) = match words.as_slice() {
         [] => return Ok(None),
         [name, rest @ ..] if world.find(name).is_some() => (Some(*name), rest),
@@ -64,7 +66,7 @@ pub(super) fn obey(line: &str, world: &mut World) -> Result<Option<String>, Stri
         }
         [word, value] => {
             let node = named.or_else(|| only(world)).ok_or_else(|| which(world))?;
-            change(node, word, value, world)?;
+            change(node, word, value, simulation)?;
             Ok(Some("ok".to_owned()))
         }
         [name, word, value] if named.is_none() && Plant::parse(word, value).is_some() => {
@@ -74,17 +76,20 @@ pub(super) fn obey(line: &str, world: &mut World) -> Result<Option<String>, Stri
     }
 }
 
-fn change(node: NodeId, word: &str, value: &str, world: &mut World) -> Result<(), String> {
-    let why = match Plant::parse(word, value).map(|plant| world.set_plant(node, plant)) {
-        Some(Ok(())) => return Ok(()),
-        Some(Err(PlantError::Linked(_))) => {
+fn change(node: NodeId, word: &str, value: &str, simulation: &mut Simulation) -> Result<(), String> {
+    let name = simulation.world().name(node).to_owned();
+    let change = Plant::parse(word, value).map(|plant| Command::Plant(name, plant.into()));
+    let why = match change.map(|change| simulation.execute(change)) {
+        Some(Ok(_)) => return Ok(()),
+        Some(Err(Refusal::Plant(PlantError::Linked(_)))) => {
             return Err(format!("'{word} {value}' is refused: a valve turns this shaft"));
         }
-        Some(Err(PlantError::OtherProduct(_))) => "is a word of another kind of device",
-        Some(Err(PlantError::OutOfRange(_))) => "is out of range",
-        None => "is not understood",
+        Some(Err(Refusal::Plant(PlantError::OtherProduct(_)))) => "is a word of another kind of device".to_owned(),
+        Some(Err(Refusal::Plant(PlantError::OutOfRange(_)))) => "is out of range".to_owned(),
+        Some(Err(other)) => format!("is refused: {other}"),
+        None => "is not understood".to_owned(),
     };
-    Err(format!("'{word} {value}' {why}; {}", accepted(Some(node), world)))
+    Err(format!("'{word} {value}' {why}; {}", accepted(Some(node), simulation.world())))
 }
 
 /// Returns the words of the devices there are, or of this one, in the order in which they are told.
@@ -144,7 +149,7 @@ fn shown(view: &View) -> String {
     let states = [
         ("nmt", view.nmt.map(|state| word(Nmt::from(state)))),
         ("dsm", valve.and_then(|valve| valve.dsm).map(|state| word(DeviceStateMachine::from(state)))),
-        ("command", valve.and_then(|valve| valve.command).map(|state| word(Command::from(state)))),
+        ("command", valve.and_then(|valve| valve.command).map(|state| word(state::Command::from(state)))),
         ("set_point", valve.map(|valve| word(SetPointValue::from(valve.set_point)))),
         ("position", Some(view.position.to_string())),
         (
@@ -192,46 +197,46 @@ mod tests {
     use protocol_core::time::{Duration, after};
 
     use super::*;
-    use hal_sim::Kind;
+    use hal_sim::devices::NamedDevice;
     use hal_sim::world::Link;
+    use hal_sim::{Kind, Memory};
 
-    fn world(names: &[&str]) -> World {
-        let kind = Kind::Pve(pve::Kind::PveaCanopen);
-        let mut world = World::new(BitRate::Kbit250, 1);
+    fn simulation(names: &[&str]) -> Simulation {
+        let mut simulation = Simulation::new(BitRate::Kbit250, 1);
         for name in names {
-            world.add(name, kind);
+            let device = NamedDevice::new(name, Kind::Pve(pve::Kind::PveaCanopen));
+            simulation.add(&device, Memory::in_ram());
         }
-        world.power_all(protocol_core::time::Duration::from_ticks(0));
-        world.run_until(protocol_core::time::Instant::from_micros(10_000));
-        world
+        simulation.power_up(Duration::from_ticks(0));
+        simulation.run_until(protocol_core::time::Instant::from_micros(10_000));
+        simulation
     }
 
-    fn answer(line: &str, world: &mut World) -> String {
-        obey(line, world).unwrap_or_else(|refusal| panic!("{line}: {refusal}")).unwrap_or_default()
+    fn answer(line: &str, simulation: &mut Simulation) -> String {
+        obey(line, simulation).unwrap_or_else(|refusal| panic!("{line}: {refusal}")).unwrap_or_default()
     }
 
     /// A world with one device, switched off.
-    fn world_of(kind: &str, name: &str) -> (World, NodeId) {
+    fn simulation_of(kind: &str, name: &str) -> (Simulation, NodeId) {
         let kind = Kind::from_name(kind).expect("a kind");
-        let mut world = World::new(BitRate::Kbit500, 1);
-        let node = world.add(name, kind);
-        world.set_senses(node, Senses::healthy(kind));
-        (world, node)
+        let mut simulation = Simulation::new(BitRate::Kbit500, 1);
+        let node = simulation.add(&NamedDevice::new(name, kind), Memory::in_ram());
+        (simulation, node)
     }
 
     #[test]
     fn an_angle_sensor_has_the_words_of_its_shaft_and_none_of_a_valve() {
-        let (mut world, sensor) = world_of("hat1000", "sensor");
+        let (mut simulation, sensor) = simulation_of("hat1000", "sensor");
         for line in
             ["angle_cdeg 9000", "speed_rpm -60", "measuring_error on", "internal_fault on", "memory write-fails"]
         {
-            assert_eq!(answer(line, &mut world), "ok", "{line}");
+            assert_eq!(answer(line, &mut simulation), "ok", "{line}");
         }
-        let shaft = Shaft { angle_cdeg: 9_000, speed_rpm: -60, since: world.now(), measuring_error: true };
-        assert_eq!(*world.senses(sensor), Senses { internal_fault: true, ..Senses::encoder(shaft) });
-        world.run_until(after(world.now(), Duration::from_millis(500)));
+        let shaft = Shaft { angle_cdeg: 9_000, speed_rpm: -60, since: simulation.now(), measuring_error: true };
+        assert_eq!(*simulation.world().senses(sensor), Senses { internal_fault: true, ..Senses::encoder(shaft) });
+        simulation.run_until(after(simulation.now(), Duration::from_millis(500)));
         assert_eq!(
-            answer("status", &mut world),
+            answer("status", &mut simulation),
             "sensor: no power, bus error-active, dropped 0, angle_cdeg 27000, speed_rpm -60, \
              measuring_error on, internal_fault on, memory write-fails, bus_off off",
             "half a turn back"
@@ -241,37 +246,37 @@ mod tests {
             ("angle_cdeg 36000", "'angle_cdeg 36000' is out of range; accepted: angle_cdeg N, "),
             ("speed_rpm fast", "'speed_rpm fast' is not understood; accepted: angle_cdeg N, "),
         ] {
-            let before = *world.senses(sensor);
-            let told = obey(line, &mut world).expect_err(line);
+            let before = *simulation.world().senses(sensor);
+            let told = obey(line, &mut simulation).expect_err(line);
             assert!(told.starts_with(refusal) && !told.contains("supply_mv N"), "{told}");
-            assert_eq!(*world.senses(sensor), before);
+            assert_eq!(*simulation.world().senses(sensor), before);
         }
-        let help = answer("help", &mut world);
+        let help = answer("help", &mut simulation);
         assert!(help.contains("\n  angle_cdeg N ") && !help.contains("supply_mv"), "{help}");
     }
 
     #[test]
     fn a_shaft_that_a_valve_turns_takes_an_angle_and_no_speed() {
-        let (mut world, sensor) = world_of("hat3000", "angle");
+        let (mut simulation, sensor) = simulation_of("hat3000", "angle");
         let kind = Kind::Pve(pve::Kind::PveaCanopen);
-        let valve = world.add("boom", kind);
-        world.link(valve, sensor, Link::default()).expect("a valve and a sensor");
-        assert_eq!(answer("angle angle_cdeg 4500", &mut world), "ok");
-        assert_eq!(answer("angle speed_rpm 0", &mut world), "ok");
+        let valve = simulation.add(&NamedDevice::new("boom", kind), Memory::in_ram());
+        simulation.world_mut().link(valve, sensor, Link::default()).expect("a valve and a sensor");
+        assert_eq!(answer("angle angle_cdeg 4500", &mut simulation), "ok");
+        assert_eq!(answer("angle speed_rpm 0", &mut simulation), "ok");
         assert_eq!(
-            obey("angle speed_rpm 1", &mut world),
+            obey("angle speed_rpm 1", &mut simulation),
             Err("'speed_rpm 1' is refused: a valve turns this shaft".to_owned())
         );
-        let status = answer("angle status", &mut world);
+        let status = answer("angle status", &mut simulation);
         assert!(status.contains("angle_cdeg 4500, speed_rpm 0, "), "{status}");
-        let help = answer("help", &mut world);
+        let help = answer("help", &mut simulation);
         assert!(help.contains("angle_cdeg N ") && help.contains("supply_mv N "), "{help}");
     }
 
     #[test]
     fn every_word_changes_what_the_device_senses_and_keeps_the_others() {
-        let mut world = world(&["valve"]);
-        let valve = world.find("valve").expect("a valve");
+        let mut simulation = simulation(&["valve"]);
+        let valve = simulation.world().find("valve").expect("a valve");
         for line in [
             "supply_mv 8000",
             "temperature_c -41\r",
@@ -280,19 +285,19 @@ mod tests {
             "internal_fault on",
             "memory write-fails",
         ] {
-            assert_eq!(answer(line, &mut world), "ok", "{line}");
+            assert_eq!(answer(line, &mut simulation), "ok", "{line}");
         }
-        let senses = *world.senses(valve);
+        let senses = *simulation.world().senses(valve);
         assert!(senses.internal_fault);
         let sensed = senses.valve().expect("a valve");
         assert_eq!((sensed.supply_mv, sensed.temperature_c), (8000, -41));
         assert_eq!((sensed.spool.fault, sensed.spool.lever), (SpoolFault::Stuck, Position::new(4096)));
-        assert_eq!(answer("bus_off on", &mut world), "ok");
-        assert!(world.is_bus_off_forced(valve));
-        assert_eq!(answer("bus_off off", &mut world), "ok");
-        assert!(!world.is_bus_off_forced(valve));
+        assert_eq!(answer("bus_off on", &mut simulation), "ok");
+        assert!(simulation.world().is_bus_off_forced(valve));
+        assert_eq!(answer("bus_off off", &mut simulation), "ok");
+        assert!(!simulation.world().is_bus_off_forced(valve));
         assert_eq!(
-            answer("status", &mut world),
+            answer("status", &mut simulation),
             "valve: node_id 0x20, bit_rate 250000, nmt pre-operational, dsm fault-hold, set_point 0, position 0, led red, \
              faults internal can-bus, bus bus-off, dropped 0, supply_mv 8000, temperature_c -41, \
              spool stuck, lever 4096, internal_fault on, memory write-fails, bus_off off"
@@ -301,23 +306,29 @@ mod tests {
 
     #[test]
     fn several_devices_are_told_apart_by_name() {
-        let mut world = world(&["boom", "rear"]);
-        answer("rear supply_mv 8000", &mut world);
-        let supplies: Vec<u32> =
-            world.devices().map(|id| world.senses(id).valve().map_or(0, |valve| valve.supply_mv)).collect();
+        let mut simulation = simulation(&["boom", "rear"]);
+        answer("rear supply_mv 8000", &mut simulation);
+        let supplies: Vec<u32> = simulation
+            .world()
+            .devices()
+            .map(|id| simulation.world().senses(id).valve().map_or(0, |valve| valve.supply_mv))
+            .collect();
         assert_eq!(supplies, [24_000, 8_000]);
-        assert_eq!(answer("status", &mut world).lines().count(), 2);
-        assert!(answer("rear status", &mut world).starts_with("rear: "));
+        assert_eq!(answer("status", &mut simulation).lines().count(), 2);
+        assert!(answer("rear status", &mut simulation).starts_with("rear: "));
         assert_eq!(
-            obey("supply_mv 8000", &mut world),
+            obey("supply_mv 8000", &mut simulation),
             Err("the name of the device has to come first; accepted: boom, rear".to_owned())
         );
-        assert_eq!(obey("reer supply_mv 8000", &mut world), Err("no device 'reer'; accepted: boom, rear".to_owned()));
+        assert_eq!(
+            obey("reer supply_mv 8000", &mut simulation),
+            Err("no device 'reer'; accepted: boom, rear".to_owned())
+        );
     }
 
     #[test]
     fn what_is_not_understood_is_answered_by_what_is() {
-        let mut world = world(&["valve"]);
+        let mut simulation = simulation(&["valve"]);
         for line in [
             "supply_mv",
             "supply_mv x",
@@ -328,18 +339,18 @@ mod tests {
             "valve help",
             "status now",
         ] {
-            let refusal = obey(line, &mut world).expect_err(line);
+            let refusal = obey(line, &mut simulation).expect_err(line);
             assert!(refusal.contains(line) && refusal.contains("supply_mv N") && !refusal.contains('\n'), "{refusal}");
         }
-        assert_eq!(obey(" \r", &mut world), Ok(None));
+        assert_eq!(obey(" \r", &mut simulation), Ok(None));
     }
 
     #[test]
     fn help_and_refusals_tell_every_word() {
         for (kind, other) in [("pveo-canopen", "angle_cdeg"), ("hat3000", "lever")] {
-            let (mut world, device) = world_of(kind, "device");
-            let (help, refusal) = (answer("help", &mut world), obey("fly", &mut world).expect_err("no word"));
-            for (word, _) in world.plant(device).map(Plant::text) {
+            let (mut simulation, device) = simulation_of(kind, "device");
+            let (help, refusal) = (answer("help", &mut simulation), obey("fly", &mut simulation).expect_err("no word"));
+            for (word, _) in simulation.world().plant(device).map(Plant::text) {
                 assert!(help.contains(&format!("\n  {word} ")) && refusal.contains(word), "{word}");
             }
             assert!(help.contains("\nCtrl-C "), "{help}");

@@ -3,7 +3,8 @@
 use tokio::sync::oneshot::{Receiver, error::TryRecvError};
 
 use super::*;
-use crate::control::{Answer, Message, Refusal};
+use crate::control::{Answer, Message};
+use hal_sim::simulation::{Command, Refusal, Reply};
 
 /// The end of an answer's way.
 type Way<T> = Receiver<Result<T, Refusal>>;
@@ -11,8 +12,7 @@ type Way<T> = Receiver<Result<T, Refusal>>;
 impl Rig {
     fn with_desk(speed: f64) -> Self {
         let mut rig = Self::new(speed);
-        let kinds = [Kind::Pve(pve::Kind::PveaCanopen)];
-        rig.driver.desk = Some(Desk::new(&kinds, Speed::Factor(speed), &mut rig.driver.world));
+        rig.driver.desk = Some(Desk::new(Speed::Factor(speed), &mut rig.driver.simulation));
         rig
     }
 
@@ -24,16 +24,16 @@ impl Rig {
     }
 
     /// Makes a call with a body as clients send it.
-    fn change(&mut self, at: WallDuration, change: &str) -> Way<hal_sim::state::DeviceState> {
+    fn change(&mut self, at: WallDuration, change: &str) -> Way<Reply> {
         let change = serde_json::from_str(change).expect("a change");
-        self.call(at, |answer| Message::Plant("valve".to_owned(), change, answer))
+        self.call(at, |answer| Message::Execute(Command::Plant("valve".to_owned(), change), answer))
     }
 
-    fn wait_for(&mut self, at: WallDuration, state: &str, within: u64) -> Way<crate::control::Waited> {
+    fn wait_for(&mut self, at: WallDuration, state: &str, within: u64) -> Way<Reply> {
         let condition = Box::new(serde_json::from_str(state).expect("a condition"));
         let condition = hal_sim::state::Condition::State("valve".to_owned(), condition);
         let within = protocol_core::time::Duration::from_millis(within);
-        self.call(at, |answer| Message::Wait(condition, within, answer))
+        self.call(at, |answer| Message::Execute(Command::Wait(condition, within), answer))
     }
 }
 
@@ -84,7 +84,7 @@ fn a_stall_moves_no_stamp() {
     let mut rig = Rig::with_desk(1.0);
     let frame: Frame = "100: 01".parse().expect("a frame");
     let period = Some(protocol_core::time::Duration::from_millis(20));
-    let sent = rig.call(millis(100), |answer| Message::Send(frame, period, answer));
+    let sent = rig.call(millis(100), |answer| Message::Execute(Command::Send(frame, period), answer));
     let waited = rig.wait_for(millis(200), r#"{"powered": false}"#, 1_000);
     rig.stall(millis(500), WallDuration::from_secs(10));
     rig.run_until(WallDuration::from_secs(15));
@@ -126,7 +126,7 @@ fn nobody_is_kept_in_mind() {
     let mut rig = Rig::with_desk(1.0);
     drop(rig.wait_for(millis(100), r#"{"powered": false}"#, u64::from(u32::MAX)));
     rig.run_until(millis(300));
-    assert!(rig.driver.desk.as_ref().is_some_and(|desk| !desk.is_watching()));
+    assert!(!rig.driver.simulation.is_busy());
     let mut rig = Rig::new(1.0);
     let mut time = rig.call(millis(100), Message::Time);
     rig.run_until(millis(200));

@@ -20,12 +20,9 @@ use super::trace::Trace;
 use crate::control::Desk;
 use crate::inbox::{Arrival, ToWorld};
 use crate::speed::Speed;
-use hal_sim::Kind;
-use hal_sim::devices::RateWatch;
-use hal_sim::explain::Explainer;
 use hal_sim::log::Timestamp;
-use hal_sim::trace::Errors;
-use hal_sim::world::{Event, SUPPLY_JITTER, World};
+use hal_sim::simulation::Simulation;
+use hal_sim::world::SUPPLY_JITTER;
 
 /// The most events between two looks at the clock: some milliseconds of work.
 const GO: usize = 1000;
@@ -40,9 +37,9 @@ const HAND_OUT: WallDuration = WallDuration::from_millis(20);
 /// one by then, and a wake-up would take more of its time than the bus does.
 const ALERT: WallDuration = WallDuration::from_micros(200);
 
-/// A world with everything that is connected to it.
+/// A simulation with everything that is connected to it.
 pub struct Driver<O> {
-    world: World,
+    simulation: Simulation,
     clients: Clients,
     /// The control interface, if there is one.
     desk: Option<Desk>,
@@ -52,13 +49,9 @@ pub struct Driver<O> {
     is_stepped: bool,
     /// The wall time of virtual instant 0, for traces and clients.
     start: Timestamp,
-    errors: Errors,
     trace: Trace,
-    rates: RateWatch,
     /// Messages that have not taken effect, oldest first.
     arrivals: VecDeque<Arrival>,
-    /// The events that are being shown; the allocation is used again.
-    events: Vec<Event>,
     /// The end of the start-up: all devices have power.
     open: Instant,
     /// The last time that the trace was handed out.
@@ -68,9 +61,9 @@ pub struct Driver<O> {
 }
 
 impl<O: Outside> Driver<O> {
-    /// Returns a driver of a world whose devices are not powered yet. `start` is the wall time of virtual instant 0.
+    /// Returns a driver of a simulation whose devices are not powered yet. `start` is the wall time of virtual instant 0.
     pub(super) fn new(
-        (mut world, rates): (World, RateWatch),
+        simulation: Simulation,
         clients: Clients,
         desk: Option<Desk>,
         mut outside: O,
@@ -78,25 +71,21 @@ impl<O: Outside> Driver<O> {
         start: Timestamp,
         trace: Trace,
     ) -> Self {
-        world.record_events(true);
         let now = outside.now();
         let (factor, is_stepped) = match speed {
             Speed::Factor(factor) => (factor, false),
             Speed::Step => (1.0, true),
         };
         Self {
-            world,
+            simulation,
             clients,
             desk,
             outside,
             time: Timekeeper::start(factor, now),
             is_stepped,
             start,
-            errors: Errors::default(),
             trace,
-            rates,
             arrivals: VecDeque::new(),
-            events: Vec::new(),
             open: Instant::MAX,
             handed_out: now,
             awake_until: now,
@@ -104,33 +93,32 @@ impl<O: Outside> Driver<O> {
     }
 
     /// Returns a driver for a program that has a wall clock and clients of its own, at a speed that is finite and above
-    /// zero. Powers the devices of the world, and keeps no log. Call [`turn`](Self::turn) again and again.
+    /// zero. Powers the devices, and keeps no log. Call [`turn`](Self::turn) again and again.
     ///
     /// # Errors
     /// When the thread that writes to `stdout` and `stderr` cannot be started.
     pub fn embedded(
-        mut world: World,
+        mut simulation: Simulation,
         outside: O,
         speed: f64,
         stdout: impl Write + Send + 'static,
         stderr: impl Write + Send + 'static,
     ) -> io::Result<Self> {
-        let clients = Clients::new(&mut world, false);
+        let clients = Clients::new(simulation.world_mut(), false);
         let printer = Printer::start_with(stdout, stderr, watch::Sender::new(false))?;
-        let trace = Trace::new("pve0", Explainer::default(), printer, None, None);
-        let rates = RateWatch::new([], &mut world);
-        let mut driver =
-            Self::new((world, rates), clients, None, outside, Speed::Factor(speed), Timestamp::from_micros(0), trace);
+        let trace = Trace::new("pve0", printer, None, None);
+        let start = Timestamp::from_micros(0);
+        let mut driver = Self::new(simulation, clients, None, outside, Speed::Factor(speed), start, trace);
         driver.power_on();
         Ok(driver)
     }
 
-    /// Puts a control interface in charge, of a world with devices of these kinds; time passes from now on as `speed`
-    /// has it, which is the driver's or [`Speed::Step`].
+    /// Puts a control interface in charge; time passes from now on as `speed` has it, which is the driver's or
+    /// [`Speed::Step`].
     #[must_use]
-    pub fn controlled(mut self, kinds: &[Kind], speed: Speed) -> Self {
+    pub fn controlled(mut self, speed: Speed) -> Self {
         self.is_stepped = speed == Speed::Step;
-        self.desk = Some(Desk::new(kinds, speed, &mut self.world));
+        self.desk = Some(Desk::new(speed, &mut self.simulation));
         self
     }
 
@@ -143,7 +131,7 @@ impl<O: Outside> Driver<O> {
             self.turn();
         }
         self.warn_of_memories();
-        self.world.flush_all();
+        self.simulation.world_mut().flush_all();
         self.show();
         let is_stored = !self.warn_of_memories();
         self.trace.finish() && is_stored
@@ -152,12 +140,13 @@ impl<O: Outside> Driver<O> {
     /// Powers the first device at once, and the others with it, each at its own moment.
     fn power_on(&mut self) {
         self.let_join();
-        if let Some(first) = self.world.devices().next() {
-            self.world.power(first, true);
+        let world = self.simulation.world_mut();
+        if let Some(first) = world.devices().next() {
+            world.power(first, true);
         }
-        self.world.power_all(SUPPLY_JITTER);
-        self.open = after(self.world.now(), SUPPLY_JITTER);
-        self.trace.learn(&self.world);
+        self.simulation.power_up(SUPPLY_JITTER);
+        self.open = after(self.simulation.now(), SUPPLY_JITTER);
+        self.trace.fit(&self.simulation);
         // At once, so that nobody waits for it however slow time is; the wall clock follows. Stepped time stands at 0.
         while !self.is_stepped && !self.go(self.open) {}
     }
@@ -180,21 +169,21 @@ impl<O: Outside> Driver<O> {
             return self.turn_stepped();
         }
         let now = self.outside.now();
-        let warning = self.time.look(now, self.world.now());
+        let warning = self.time.look(now, self.simulation.now());
         self.warn(warning);
         if self.arrivals.is_empty() {
             self.arrivals.extend(self.outside.take());
         }
         let due = self.arrivals.front().map_or(Instant::MAX, |next| self.time.pace().at(next.at));
         if !self.catch_up(self.time.pace().at(now).min(due)) {
-            let warning = self.time.fell_behind(self.world.now());
+            let warning = self.time.fell_behind(self.simulation.now());
             self.warn(warning);
             self.hand_out();
             return;
         }
-        let warning = self.time.caught_up(self.world.now());
+        let warning = self.time.caught_up(self.simulation.now());
         self.warn(warning);
-        if self.world.now() >= due {
+        if self.simulation.now() >= due {
             self.take_effect();
         } else {
             self.wait(due);
@@ -213,7 +202,7 @@ impl<O: Outside> Driver<O> {
             self.take_effect();
         }
         for _ in 0..GO {
-            let Some(end) = self.desk.as_mut().and_then(|desk| desk.horizon(&mut self.world)) else {
+            let Some(end) = self.desk.as_mut().and_then(|desk| desk.advance_limit(&mut self.simulation)) else {
                 self.hand_out();
                 let arrival = self.outside.wait(None);
                 self.arrivals.extend(arrival);
@@ -230,9 +219,9 @@ impl<O: Outside> Driver<O> {
     /// When nobody listens, the naps do for the events: each still happens at its own virtual instant.
     fn wait(&mut self, due: Instant) {
         let now = self.time.looked();
-        let is_watched = self.desk.as_ref().is_some_and(Desk::is_watching);
+        let is_watched = self.simulation.is_busy() || self.desk.as_ref().is_some_and(Desk::is_followed);
         let (naps, is_heard) = (self.time.minds_stalls(), self.clients.is_heard() || is_watched);
-        let event = if naps && !is_heard { NEVER } else { self.world.next_event().min(self.desk_due()) };
+        let event = if naps && !is_heard { NEVER } else { self.next() };
         let next = self.time.pace().when(event.min(due));
         let until = naps.then(|| now + NAP).into_iter().chain(next).min();
         let is_overdue = now.saturating_duration_since(self.handed_out) >= HAND_OUT;
@@ -262,29 +251,31 @@ impl<O: Outside> Driver<O> {
 
     /// Goes to the next event, or to `end` when there is none until then; returns whether it got there.
     fn go(&mut self, end: Instant) -> bool {
-        let (event, due) = (self.world.next_event(), self.desk_due());
-        if event.min(due) > end {
-            self.world.run_until(end);
-            self.warn_of_bit_rates();
-            return true;
-        }
-        if event <= due {
-            self.world.step();
-            self.show();
-            self.clients.send(&mut self.world);
+        let followers = self.desk.as_ref().map_or(NEVER, Desk::due);
+        let has_arrived = if followers <= end && followers < self.simulation.next() {
+            self.simulation.go(followers);
+            false
         } else {
-            self.world.run_until(due);
-        }
-        self.warn_of_bit_rates();
-        if let Some(desk) = &mut self.desk {
-            desk.attend(&mut self.world);
-        }
-        false
+            self.simulation.go(end)
+        };
+        self.show();
+        self.clients.send(self.simulation.world_mut());
+        self.poll();
+        has_arrived
     }
 
-    /// Returns when the control interface next has something to do although nothing happens.
-    fn desk_due(&self) -> Instant {
-        self.desk.as_ref().map_or(NEVER, |desk| desk.due(&self.world))
+    /// Returns when there is next something to do: an event, or what is due although nothing happens.
+    fn next(&self) -> Instant {
+        self.desk.as_ref().map_or(NEVER, Desk::due).min(self.simulation.next())
+    }
+
+    /// Does what is due, and answers those who wait for it.
+    fn poll(&mut self) {
+        self.simulation.poll();
+        self.warn_of_bit_rates();
+        if let Some(desk) = &mut self.desk {
+            desk.poll(&mut self.simulation);
+        }
     }
 
     fn take_effect(&mut self) {
@@ -298,43 +289,39 @@ impl<O: Outside> Driver<O> {
         }
         if let ToWorld::Control(message) = message {
             if let Some(desk) = &mut self.desk {
-                desk.obey(message, self.trace.explainer(), &mut self.rates, &mut self.world);
+                desk.obey(message, &mut self.simulation);
             }
             return;
         }
         if let ToWorld::Typed(line, _obeyed) = message {
-            match console::obey(&line, &mut self.world) {
+            match console::obey(&line, &mut self.simulation) {
                 Ok(answer) => answer.into_iter().for_each(|answer| self.trace.answer(answer)),
                 Err(refusal) => self.trace.warn(refusal),
             }
             if let Some(desk) = &mut self.desk {
-                desk.attend(&mut self.world);
+                desk.poll(&mut self.simulation);
             }
             return;
         }
-        if self.clients.apply(message, &mut self.world).is_err() {
+        if self.clients.apply(message, self.simulation.world_mut()).is_err() {
             self.report_overrun();
         }
     }
 
     /// Shows new events to the clients, on stdout and in the log.
     fn show(&mut self) {
-        let mut events = std::mem::take(&mut self.events);
-        events.extend(self.world.take_events());
-        for event in events.drain(..) {
-            let at = self.start.at(event.at);
-            let told = self.errors.note(&event);
+        while let Some(happened) = self.simulation.take_event() {
+            let at = self.start.at(happened.event.at);
             // Clients first: they may answer.
-            for _ in 0..self.clients.show(&event, at, told.as_ref().map(|(class, _)| *class)) {
+            for _ in 0..self.clients.show(&happened.event, at, happened.error.as_ref().map(|(class, _)| *class)) {
                 self.report_overrun();
             }
-            if let Some(desk) = &mut self.desk {
-                desk.show(&event, told.as_ref().map(|(_, text)| text.as_str()), self.trace.explainer());
+            if let Some(desk) = &self.desk {
+                desk.show(&happened, &self.simulation);
             }
-            self.trace.tell(&event, at, told, &self.world);
-            self.clients.give_up(&event, &mut self.world);
+            self.trace.tell(&happened, at, self.simulation.history().explainer());
+            self.clients.give_up(&happened.event, self.simulation.world_mut());
         }
-        self.events = events;
     }
 
     /// Hands everything to the readers of stdout, stderr and the log.
@@ -350,8 +337,7 @@ impl<O: Outside> Driver<O> {
 
     /// Tells which devices are not heard.
     fn warn_of_bit_rates(&mut self) {
-        self.rates.look(&mut self.world);
-        for found in self.rates.take_found() {
+        for found in self.simulation.rates_mut().take_found() {
             self.trace.warn(found.reason);
         }
     }
@@ -359,8 +345,9 @@ impl<O: Outside> Driver<O> {
     /// Tells what the memories could not keep; returns whether there was anything.
     fn warn_of_memories(&mut self) -> bool {
         let mut warned = false;
-        for node in self.world.devices() {
-            for warning in self.world.memory_mut(node).take_warnings() {
+        let world = self.simulation.world_mut();
+        for node in world.devices() {
+            for warning in world.memory_mut(node).take_warnings() {
                 self.trace.warn(warning);
                 warned = true;
             }

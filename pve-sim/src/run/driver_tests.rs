@@ -9,7 +9,8 @@ use protocol_core::frame::Frame;
 
 use super::*;
 use crate::inbox::{ClientId, Mailbox, Outbox, Reply, ToClient};
-use hal_sim::Kind;
+use hal_sim::devices::NamedDevice;
+use hal_sim::{Kind, Memory};
 
 #[path = "control_tests.rs"]
 mod control_tests;
@@ -111,13 +112,12 @@ fn millis(millis: u64) -> WallDuration {
 
 /// Returns the driver of a valve, which has power, with what has happened before that.
 fn driver(speed: f64, start: WallInstant, before: Vec<ToWorld>, said: Said) -> Driver<Script> {
-    let mut world = World::new(BitRate::Kbit250, 1);
-    let kind = Kind::Pve(pve::Kind::PveaCanopen);
-    world.add("valve", kind);
+    let mut simulation = Simulation::new(BitRate::Kbit250, 1);
+    simulation.add(&NamedDevice::new("valve", Kind::Pve(pve::Kind::PveaCanopen)), Memory::in_ram());
     let plan = before.into_iter().map(|message| (start, Happening::Message(message))).collect();
     let (work, awake) = (WallDuration::ZERO, WallDuration::ZERO);
     let script = Script { now: start, work, end: start, plan, waits: 0, sleeps: 0, awake };
-    Driver::embedded(world, script, speed, io::sink(), said).unwrap()
+    Driver::embedded(simulation, script, speed, io::sink(), said).unwrap()
 }
 
 impl Rig {
@@ -372,7 +372,7 @@ fn a_busy_bus_that_nobody_listens_to_wakes_nobody_up() {
     rig.run_until(millis(10_030));
     let waits = rig.driver.outside.waits - before;
     assert!(waits < 600, "{waits} times in 10 s");
-    assert!(rig.driver.world.now() > Instant::from_secs(10), "{:?}", rig.driver.world.now());
+    assert!(rig.driver.simulation.world().now() > Instant::from_secs(10), "{:?}", rig.driver.simulation.world().now());
 }
 
 /// The bus counts nanoseconds in 64 bits: a frame on the wire must not overrun them.
@@ -418,7 +418,7 @@ fn nobody_waits_for_devices_to_start() {
     rig.run_until(millis(1));
     assert!(rig.driver.clients.is_heard());
     assert_eq!(rig.driver.arrivals.len(), 0);
-    assert_eq!(rig.driver.world.now(), Instant::from_micros(5000));
+    assert_eq!(rig.driver.simulation.world().now(), Instant::from_micros(5000));
 }
 
 #[test]

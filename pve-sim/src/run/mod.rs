@@ -57,8 +57,6 @@ use crate::inbox::Entrance;
 use crate::state_file::StateFileError;
 use clients::Clients;
 use end::End;
-use hal_sim::Kind;
-use hal_sim::devices;
 use hal_sim::log::Timestamp;
 use log::Log;
 use outside::System;
@@ -201,9 +199,9 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     if let Some(log) = &options.log {
         Log::check(log, options.state.as_deref())?;
     }
-    let (mut world, rates, warnings) = aside({
+    let (mut simulation, warnings) = aside({
         let options = options.clone();
-        move || setup::world(&options)
+        move || setup::simulation(&options)
     })
     .await?;
     let bus = options.buses.first().map_or("can0", |url| url.address().name());
@@ -223,11 +221,10 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     }
     stdin::listen(entrance.clone());
     let layout = trace::layout(options.color, options.verbose);
-    let trace = Trace::new(bus, devices::explainer(&options.devices), printer, log, layout);
-    let clients = Clients::new(&mut world, options.error_frames);
-    let kinds: Vec<Kind> = options.devices.iter().map(|device| device.setup.kind).collect();
-    let desk = http.map(|_| Desk::new(&kinds, options.speed, &mut world));
-    let driver = Driver::new((world, rates), clients, desk, System::new(inbox), options.speed, start, trace);
+    let trace = Trace::new(bus, printer, log, layout);
+    let clients = Clients::new(simulation.world_mut(), options.error_frames);
+    let desk = http.map(|_| Desk::new(options.speed, &mut simulation));
+    let driver = Driver::new(simulation, clients, desk, System::new(inbox), options.speed, start, trace);
     let (alive, ended) = oneshot::channel::<()>();
     let world = thread::Builder::new().name("world".to_owned()).spawn(move || {
         let _alive = alive;

@@ -9,13 +9,12 @@ use protocol_core::time::Instant;
 use super::{RunError, RunOptions};
 use crate::state_file::{StateFile, StateFileError};
 use hal_sim::Kind;
-use hal_sim::devices::{self, NamedDevice, RateWatch};
+use hal_sim::devices::{self, NamedDevice};
 use hal_sim::memory::Memory;
-use hal_sim::world::World;
+use hal_sim::simulation::Simulation;
 
-/// Returns the world of the options, what watches the bit rates in it, and what the user should know about the memories,
-/// a line each.
-pub(super) fn world(options: &RunOptions) -> Result<(World, RateWatch, Vec<String>), RunError> {
+/// Returns the simulation of the options, and what the user should know about memories and bit rates, a line each.
+pub(super) fn simulation(options: &RunOptions) -> Result<(Simulation, Vec<String>), RunError> {
     let mut warnings = Vec::new();
     let mut memories = Vec::new();
     for memory in memories_of(options)? {
@@ -25,16 +24,15 @@ pub(super) fn world(options: &RunOptions) -> Result<(World, RateWatch, Vec<Strin
     }
     let mut devices = options.devices.clone();
     let bit_rate = options.bit_rate.or_else(|| first_rate(devices.first()?, memories.first()?));
-    let mut world = World::new(devices::share_bit_rate(&mut devices, bit_rate), options.seed);
+    let mut simulation = Simulation::new(devices::share_bit_rate(&mut devices, bit_rate), options.seed);
     for (device, memory) in devices.iter().zip(memories) {
-        device.add_to(&mut world, memory);
+        simulation.add(device, memory);
     }
-    devices::link_in(&mut world, &options.links);
-    let mut rates = RateWatch::new(&devices, &mut world);
-    rates.look(&mut world);
-    rates.find_all();
-    warnings.extend(rates.take_found().into_iter().map(|found| found.reason));
-    Ok((world, rates, warnings))
+    simulation.link(&options.links);
+    simulation.poll();
+    simulation.rates_mut().find_all();
+    warnings.extend(simulation.rates_mut().take_found().into_iter().map(|found| found.reason));
+    Ok((simulation, warnings))
 }
 
 /// Returns the bit rate that a device starts with, which its memory decides.

@@ -1,12 +1,9 @@
 //! The trace of a run, on stdout and in the log: there as `candump -L`, with what a frame means, and for people laid
 //! out.
 
-use std::collections::HashMap;
 use std::io::IsTerminal as _;
-use std::sync::Arc;
 
 use anstream::AutoStream;
-use protocol_core::device::Device;
 use protocol_core::device::pve::Protocol;
 use terminal_size::{Width, terminal_size};
 
@@ -15,9 +12,9 @@ use super::options::ColorChoice;
 use super::printer::Printer;
 use hal_sim::explain::Explainer;
 use hal_sim::log::candump::write_entry;
-use hal_sim::log::{Entry, ErrorClass, Record, Timestamp};
+use hal_sim::log::{Entry, Record, Timestamp};
+use hal_sim::simulation::{Happened, Simulation};
 use hal_sim::trace::Layout;
-use hal_sim::world::{Event, EventKind, NodeId, World};
 
 /// Lines are printed at the latest when they have so many bytes.
 const BATCH: usize = 32 * 1024;
@@ -47,9 +44,6 @@ pub(super) fn layout(color: ColorChoice, verbose: bool) -> Option<Layout> {
 pub(super) struct Trace {
     /// The name of the bus.
     bus: String,
-    explainer: Explainer,
-    /// The place of each device in the explainer.
-    places: HashMap<Arc<str>, (NodeId, usize)>,
     printer: Printer,
     log: Option<Log>,
     /// True when the log has ended before the run.
@@ -63,78 +57,38 @@ pub(super) struct Trace {
 }
 
 impl Trace {
-    /// Returns a trace of the devices that the explainer knows, as `candump -L` or for people.
-    pub(super) fn new(
-        bus: &str,
-        explainer: Explainer,
-        printer: Printer,
-        log: Option<Log>,
-        layout: Option<Layout>,
-    ) -> Self {
-        Self {
-            layout,
-            bus: bus.to_owned(),
-            explainer,
-            places: HashMap::new(),
-            printer,
-            log,
-            log_is_cut: false,
-            line: String::new(),
-            lines: String::new(),
-        }
+    /// Returns a trace, as `candump -L` or for people.
+    pub(super) fn new(bus: &str, printer: Printer, log: Option<Log>, layout: Option<Layout>) -> Self {
+        Self { layout, bus: bus.to_owned(), printer, log, log_is_cut: false, line: String::new(), lines: String::new() }
     }
 
-    /// Returns what explains the frames, with the node IDs of now.
-    pub(super) const fn explainer(&self) -> &Explainer {
-        &self.explainer
-    }
-
-    /// Learns the present node IDs of all devices: those of the explainer, in the same order.
-    pub(super) fn learn(&mut self, world: &World) {
-        if let Some(layout) = &mut self.layout
-            && self.explainer.nodes_mut().iter().any(|node| node.kind.protocol() == Protocol::Isobus)
-        {
+    /// Makes room for the identifiers of these devices.
+    pub(super) fn fit(&mut self, simulation: &Simulation) {
+        let is_isobus = simulation.devices().iter().any(|(_, kind)| kind.protocol() == Protocol::Isobus);
+        if let Some(layout) = self.layout.as_mut().filter(|_| is_isobus) {
             layout.expect_extended();
-        }
-        for (place, id) in world.devices().enumerate() {
-            self.places.insert(world.name(id).into(), (id, place));
-            self.look_at(id, place, world);
         }
     }
 
     /// Writes the line of a frame, or of an error that is told.
-    pub(super) fn tell(&mut self, event: &Event, at: Timestamp, error: Option<(ErrorClass, String)>, world: &World) {
-        let entry = match (&event.what, &error) {
-            (EventKind::Frame { frame, .. }, _) => Entry::Frame(*frame),
-            (_, Some((class, _))) => Entry::Error((*class).into()),
-            (_, None) => return,
+    pub(super) fn tell(&mut self, happened: &Happened, at: Timestamp, explainer: &Explainer) {
+        let Happened { event, error, .. } = happened;
+        let entry = match (event.frame(), error) {
+            (Some(frame), _) => Entry::Frame(*frame),
+            (None, Some((class, _))) => Entry::Error((*class).into()),
+            (None, None) => return,
         };
         self.line.clear();
         write_entry(&mut self.line, at, &self.bus, &entry);
         self.log(|log| log.write(&Record { at, entry }));
-        // With the node IDs before the frame: the frame may change them.
-        let from_device = self.places.contains_key(&event.who);
-        match (&event.what, error, &mut self.layout) {
-            (EventKind::Frame { frame, .. }, _, Some(layout)) => {
-                let meaning = || self.explainer.explain_and_mark(frame, Some(&event.who));
-                layout.frame(&mut self.lines, (event.at, &event.who, frame), from_device, meaning);
-            }
-            (EventKind::Frame { frame, .. }, _, None) => {
-                self.plain(&self.explainer.explain(frame, Some(&event.who)));
-            }
-            (_, Some((_, text)), Some(layout)) => layout.error(&mut self.lines, event.at, &text),
-            (_, Some((_, text)), None) => self.plain(&text),
-            (_, None, _) => {}
-        }
-        if let EventKind::Frame { frame, .. } = &event.what {
-            self.explainer.observe(frame);
+        match (&mut self.layout, event.frame(), error) {
+            (Some(layout), ..) => happened.lay_out(&mut self.lines, layout, explainer),
+            (None, Some(frame), _) => self.plain(&explainer.explain(frame, Some(&event.who))),
+            (None, None, Some((_, text))) => self.plain(text),
+            (None, None, None) => {}
         }
         if self.lines.len() >= BATCH {
             self.print();
-        }
-        // A device with a new node ID sends a frame of its own: boot-up, or a claim.
-        if let Some((id, place)) = self.places.get(&event.who).copied() {
-            self.look_at(id, place, world);
         }
     }
 
@@ -178,12 +132,6 @@ impl Trace {
             self.log_is_cut = true;
         }
         self.printer.finish() && !self.log_is_cut
-    }
-
-    fn look_at(&mut self, id: NodeId, place: usize, world: &World) {
-        if let Some(node) = self.explainer.nodes_mut().get_mut(place) {
-            node.node_id = world.device(id).and_then(Device::node_id);
-        }
     }
 
     fn print(&mut self) {

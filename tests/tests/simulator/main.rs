@@ -6,6 +6,7 @@ mod bus_physics;
 mod busy_bus;
 mod clone;
 mod determinism;
+mod fork;
 mod held_bus;
 mod power_cuts;
 mod use_cases;

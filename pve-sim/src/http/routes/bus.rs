@@ -3,8 +3,9 @@
 use axum::Json;
 
 use super::Control;
-use crate::control::message::{BusState, Message};
+use crate::control::message::Message;
 use crate::http::error::{Body, Error, Failure};
+use hal_sim::simulation::{BusState, Command, Reply};
 use hal_sim::state::{BusChange, Disturb};
 
 /// The state of the bus
@@ -19,9 +20,8 @@ pub(super) async fn show(control: Control) -> Result<Json<BusState>, Failure> {
     request_body = BusChange,
     responses((status = 200, body = BusState), (status = 400, body = Error))
 )]
-pub(super) async fn change(control: Control, Body(change): Body<BusChange>) -> Result<Json<BusState>, Failure> {
-    let bit_rate = change.bit_rate()?;
-    control.ask(|answer| Message::BitRate(bit_rate, answer)).await.map(Json)
+pub(super) async fn change(control: Control, Body(change): Body<BusChange>) -> Result<Json<Reply>, Failure> {
+    control.execute(Command::BitRate(change.bit_rate()?)).await
 }
 
 /// Destroys the next attempts to send a frame by a bit error each, in the place of an earlier disturbance
@@ -30,7 +30,6 @@ pub(super) async fn change(control: Control, Body(change): Body<BusChange>) -> R
     request_body = Disturb,
     responses((status = 200, body = BusState), (status = 400, body = Error))
 )]
-pub(super) async fn disturb(control: Control, Body(disturb): Body<Disturb>) -> Result<Json<BusState>, Failure> {
-    let disturbance = disturb.disturbance()?;
-    control.ask(|answer| Message::Disturb(disturbance, answer)).await.map(Json)
+pub(super) async fn disturb(control: Control, Body(disturb): Body<Disturb>) -> Result<Json<Reply>, Failure> {
+    control.execute(Command::Disturb(disturb.disturbance()?)).await
 }

@@ -7,9 +7,9 @@ use serde_json::{Value, json};
 use utoipa::{OpenApi, ToSchema};
 
 use super::{bus, devices, events, frames, time, trace, wait};
-use crate::control::record::BusTrouble;
-use crate::control::refusal::TimedOut;
 use crate::http::error::Error;
+use hal_sim::simulation::BusTrouble;
+use hal_sim::simulation::TimedOut;
 use hal_sim::state::schema::{Schemas, without_formats};
 use hal_sim::state::{BusChange, Disturb, PlantChange, PowerChange};
 

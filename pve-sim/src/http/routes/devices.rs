@@ -5,6 +5,7 @@ use axum::Json;
 use super::Control;
 use crate::control::message::Message;
 use crate::http::error::{Body, Error, Failure, Name};
+use hal_sim::simulation::{Command, Reply};
 use hal_sim::state::{DeviceState, PlantChange, PowerChange};
 
 /// The states of all devices
@@ -38,8 +39,8 @@ pub(super) async fn change_plant(
     control: Control,
     Name(name): Name,
     Body(change): Body<PlantChange>,
-) -> Result<Json<DeviceState>, Failure> {
-    control.ask(|answer| Message::Plant(name, change, answer)).await.map(Json)
+) -> Result<Json<Reply>, Failure> {
+    control.execute(Command::Plant(name, change)).await
 }
 
 /// Cuts the power, boots a device, or resets its processor, now
@@ -58,7 +59,6 @@ pub(super) async fn power(
     control: Control,
     Name(name): Name,
     Body(change): Body<PowerChange>,
-) -> Result<Json<DeviceState>, Failure> {
-    let power = change.power()?;
-    control.ask(|answer| Message::Power(name, power, answer)).await.map(Json)
+) -> Result<Json<Reply>, Failure> {
+    control.execute(Command::Power(name, change.power()?)).await
 }

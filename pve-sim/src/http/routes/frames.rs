@@ -8,8 +8,8 @@ use utoipa::openapi::schema::{Object, Schema, Type};
 use utoipa::{IntoParams, PartialSchema, ToSchema};
 
 use super::Control;
-use crate::control::message::{Message, Sent, Stopped};
 use crate::http::error::{Body, Error, Failure, Query};
+use hal_sim::simulation::{Command, Reply, Sent, Stopped};
 use hal_sim::state::{DATA, DATA_PATTERN, Identifier, Pattern, given};
 
 /// A frame to be sent.
@@ -55,13 +55,13 @@ pub(super) struct WhichFrames {
         (status = 409, body = Error, description = "Not on the bus within 1 s of virtual time: withdrawn")
     )
 )]
-pub(super) async fn send(control: Control, Body(frame): Body<FrameToSend>) -> Result<Json<Sent>, Failure> {
+pub(super) async fn send(control: Control, Body(frame): Body<FrameToSend>) -> Result<Json<Reply>, Failure> {
     let id = frame.id.id(frame.extended)?;
     let period = frame.every_ms.map(|period| Duration::from_millis(period.into()));
     let one = Pattern::of_data(id, Some(&frame.data))?.frame();
     let frame =
         one.ok_or_else(|| Failure::bad_request(format!("data \"{}\": accepted: bytes in hex alone", frame.data)))?;
-    control.ask_and_wait(|answer| Message::Send(frame, period, answer)).await.map(Json)
+    control.execute(Command::Send(frame, period)).await
 }
 
 /// Ends cyclic frames
@@ -70,13 +70,13 @@ pub(super) async fn send(control: Control, Body(frame): Body<FrameToSend>) -> Re
     params(WhichFrames),
     responses((status = 200, body = Stopped), (status = 400, body = Error))
 )]
-pub(super) async fn stop(control: Control, Query(which): Query<WhichFrames>) -> Result<Json<Stopped>, Failure> {
+pub(super) async fn stop(control: Control, Query(which): Query<WhichFrames>) -> Result<Json<Reply>, Failure> {
     let id = match which.id.map(Identifier::Text) {
         Some(id) => Some(id.id(which.extended.or_else(|| id.needs_29_bits().then_some(true)))?),
         None if which.extended.is_some() => return Err(Failure::bad_request("extended without an id")),
         None => None,
     };
-    control.ask(|answer| Message::Stop(id, answer)).await.map(Json)
+    control.execute(Command::Stop(id)).await
 }
 
 /// The schema of the data of one frame.

@@ -16,13 +16,14 @@ use axum::extract::{DefaultBodyLimit, FromRequestParts};
 use axum::http::StatusCode;
 use axum::http::request::Parts;
 use axum::routing::{get, patch, post};
-use axum::{Router, middleware};
+use axum::{Json, Router, middleware};
 
 use super::connection::Connection;
 use super::error::Failure;
 use super::guard::guard;
 use crate::control::message::{Answer, Message};
 use crate::inbox::{Entrance, ToWorld};
+use hal_sim::simulation::{Command, Reply};
 
 /// The longest body of a request, in bytes.
 const BODY: usize = 64 * 1024;
@@ -47,6 +48,14 @@ impl Control {
     async fn ask_and_wait<T>(&self, message: impl FnOnce(Answer<T>) -> Message) -> Result<T, Failure> {
         let _waits = self.connection.wait().ok_or_else(Failure::crowded)?;
         self.ask(message).await
+    }
+
+    /// Has a command carried out, and waits for its end.
+    async fn execute(&self, command: Command) -> Result<Json<Reply>, Failure> {
+        let takes_time = command.takes_time();
+        let message = |answer| Message::Execute(command, answer);
+        let reply = if takes_time { self.ask_and_wait(message).await } else { self.ask(message).await };
+        reply.map(Json)
     }
 }
 

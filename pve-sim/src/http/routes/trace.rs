@@ -6,8 +6,8 @@ use utoipa::{IntoParams, ToSchema};
 
 use super::Control;
 use crate::control::message::Message;
-use crate::control::record::{KEPT, TraceRecord};
 use crate::http::error::{Error, Failure, Query};
+use hal_sim::simulation::{KEPT, TraceRecord};
 
 /// How many frames, when nobody says.
 const LIMIT: usize = 100;

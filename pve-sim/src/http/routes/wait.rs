@@ -8,9 +8,8 @@ use utoipa::ToSchema;
 
 use super::Control;
 use super::frames::DataPattern;
-use crate::control::message::{Message, Waited};
-use crate::control::refusal::{Refusal, TimedOut};
 use crate::http::error::{Body, Error, Failure};
+use hal_sim::simulation::{Command, FrameRecord, Refusal, Reply, TimedOut};
 use hal_sim::state::{Condition, DeviceState, Identifier, Pattern, StateCondition, given, given_object};
 
 /// What is waited for, and how long: a device with a state, or a frame.
@@ -48,6 +47,17 @@ pub(super) struct FrameToCome {
     data: Option<String>,
 }
 
+/// A condition holds.
+#[derive(serde::Serialize, ToSchema)]
+#[serde(untagged)]
+#[expect(dead_code, reason = "described, and never made")]
+enum Waited {
+    /// The device, at the first instant.
+    Device(Box<DeviceState>),
+    /// The frame.
+    Frame(FrameRecord),
+}
+
 /// The answer when the time is over: that of the wait, or that of the body.
 #[derive(serde::Serialize, ToSchema)]
 #[serde(untagged)]
@@ -70,11 +80,11 @@ enum NotInTime {
         (status = 408, body = NotInTime, description = "It did not hold within the time: what differs; or the body did not come")
     )
 )]
-pub(super) async fn wait(control: Control, Body(wait): Body<Wait>) -> Result<Json<Waited>, Failure> {
+pub(super) async fn wait(control: Control, Body(wait): Body<Wait>) -> Result<Json<Reply>, Failure> {
     let within = Duration::from_millis(wait.within_ms.into());
     let condition = match wait {
         Wait { device: Some(device), state: Some(state), frame: None, .. } => {
-            return for_state(&control, device, state, within).await.map(Json);
+            return for_state(&control, device, state, within).await;
         }
         Wait { device: None, state: None, frame: Some(FrameToCome { id, extended, data }), .. } => {
             Condition::Frame(Pattern::of_data(id.id(extended)?, data.as_deref())?)
@@ -84,7 +94,7 @@ pub(super) async fn wait(control: Control, Body(wait): Body<Wait>) -> Result<Jso
             return Err(Failure::bad_request(accepted));
         }
     };
-    control.ask_and_wait(|answer| Message::Wait(condition, within, answer)).await.map(Json)
+    control.execute(Command::Wait(condition, within)).await
 }
 
 /// Waits for a state; a refusal says which of its members differ.
@@ -93,9 +103,9 @@ async fn for_state(
     device: String,
     wanted: Map<String, Value>,
     within: Duration,
-) -> Result<Waited, Failure> {
+) -> Result<Json<Reply>, Failure> {
     let condition = Condition::State(device, Box::new(condition(wanted.clone())?));
-    let waited = control.ask_and_wait(|answer| Message::Wait(condition, within, answer)).await;
+    let waited = control.execute(Command::Wait(condition, within)).await;
     waited.map_err(|failure| match failure {
         Failure::World(Refusal::TimedOut(mut timed_out)) => {
             if let Some(state) = &timed_out.state {

@@ -2,17 +2,13 @@
 
 use proptest::prelude::*;
 use protocol_core::actuator::{Position, Scale};
-use protocol_core::controller::BitRate;
 use protocol_core::device::Setup;
 use protocol_core::encoder::STEPS;
-use protocol_core::time::{Duration, Instant, after};
 use protocol_core::wire::valve::{EstimatedFlow, State};
 
-use super::message::{Answer, Waited};
-use super::wait::Waits;
-use hal_sim::Kind;
-use hal_sim::state::{Condition, DeviceState, FloatWord, PlantChange, SetPointValue, StateCondition, StateWatch};
-use hal_sim::world::{Event, Link, NodeId, TapId, World};
+use super::*;
+use crate::state::{FloatWord, PlantChange, SetPointValue, StateCondition};
+use crate::world::{Link, TapId};
 
 /// What happens to a device.
 #[derive(Clone, Debug)]
@@ -117,8 +113,7 @@ impl Bench {
         self.pass(Duration::from_millis(20));
         let id = 0x580 + u32::from(node_id);
         let events: Vec<Event> = self.world.take_events().collect();
-        let answer =
-            events.iter().filter_map(Event::frame).find(|frame| super::record::raw(frame.id()) == (id, false))?;
+        let answer = events.iter().filter_map(Event::frame).find(|frame| raw(frame.id()) == (id, false))?;
         let [command, _, _, _, value @ ..] = *answer.bytes();
         (command != 0x80).then_some((u32::from_le_bytes(value), state))
     }
@@ -166,7 +161,7 @@ fn avc() -> impl Strategy<Value = Act> {
 
 /// The status word of a state of the device state machine.
 fn status_word(state: &DeviceState) -> Option<u32> {
-    use hal_sim::state::DeviceStateMachine::{Active, Disabled, FaultHold, Hold, Init};
+    use crate::state::DeviceStateMachine::{Active, Disabled, FaultHold, Hold, Init};
     state.dsm.map(|dsm| match dsm {
         Init => 0x08,
         Disabled => 0x09,
@@ -209,7 +204,7 @@ proptest! {
             }
         }
         let state = bench.state(0);
-        prop_assert!(compared > 0 || state.nmt != Some(hal_sim::state::Nmt::Operational), "{:?}", state);
+        prop_assert!(compared > 0 || state.nmt != Some(crate::state::Nmt::Operational), "{:?}", state);
     }
 
     /// AVEF of a valve on ISOBUS at the instant at which it begins, on a bus with nothing else then.
@@ -233,8 +228,8 @@ proptest! {
             bench.world.run_until(end);
             let events: Vec<Event> = bench.world.take_events().collect();
             for event in events {
-                let hal_sim::world::EventKind::Frame { frame, start } = event.what else { continue };
-                if super::record::raw(frame.id()) != (0x0CFE_1080, true) {
+                let crate::world::EventKind::Frame { frame, start } = event.what else { continue };
+                if raw(frame.id()) != (0x0CFE_1080, true) {
                     continue;
                 }
                 let Some((_, state)) = states.iter().find(|(at, _)| *at == start) else { continue };
@@ -289,7 +284,7 @@ fn state_is_bus_off(bench: &mut Bench) -> bool {
 
 /// The state of AVEF that is the command of a device state.
 fn command(state: &DeviceState) -> State {
-    use hal_sim::state::Command::{Blocked, EmergencyStop, Extend, Float, Hand, Retract};
+    use crate::state::Command::{Blocked, EmergencyStop, Extend, Float, Hand, Retract};
     match state.command.expect("a valve on ISOBUS") {
         Blocked => State::Blocked,
         Extend => State::Extend,
@@ -339,8 +334,7 @@ fn a_wait_for_a_position_of_a_turning_shaft_costs_little() {
         bench.pass(Duration::from_micros(777));
         let (node, kind) = bench.devices[0];
         let condition: StateCondition = serde_json::from_str(&format!(r#"{{"position": {wanted}}}"#)).expect("one");
-        let (answer, mut way) = Answer::new();
-        let mut waits = Waits::default();
+        let (mut waits, mut completed) = (Waits::default(), Completed::new());
         let start = bench.world.now();
         let shaft = *bench.world.senses(node).shaft().expect("a shaft");
         let is_there = |at: &Instant| {
@@ -349,20 +343,39 @@ fn a_wait_for_a_position_of_a_turning_shaft_costs_little() {
                 || (wanted.starts_with('{') && (9000..=9001).contains(&position))
         };
         let first = (0..).map(|ticks| after(start, Duration::from_ticks(ticks))).find(is_there).expect("an instant");
-        let within = Duration::from_secs(100);
-        let condition = Condition::State("hat1000".to_owned(), Box::new(condition.clone()));
-        waits.begin(condition, within, answer, &mut bench.world, |_| Ok((node, kind)));
+        let watch = StateWatch::new((node, kind), Box::new(condition));
+        waits.begin(Awaited::State(watch), after(start, Duration::from_secs(100)), Ticket(1));
+        waits.poll(&mut bench.world, &mut completed);
         let mut looks = 0;
-        while !waits.is_idle() {
+        while !waits.is_empty() {
             let due = waits.due(&bench.world);
             assert!(due > bench.world.now());
             bench.world.run_until(due);
-            waits.attend(&mut bench.world);
+            waits.poll(&mut bench.world, &mut completed);
             looks += 1;
         }
-        let Ok(Ok(Waited::Device(state))) = way.try_recv() else { panic!("no answer at {speed_rpm}") };
+        let [(Ticket(1), Ok(Reply::Device(state)))] = completed.as_slice() else { panic!("no answer at {speed_rpm}") };
         assert_eq!(Instant::from_micros(state.t_us), first, "{speed_rpm}");
         assert!(looks < 50, "{looks} looks at {speed_rpm}");
+    }
+}
+
+/// Nobody moves the shaft, and time still passes: the next position is not sought until the end of the wait.
+#[test]
+fn a_wait_without_end_for_a_linked_shaft_that_stands_costs_little() {
+    let mut simulation = Simulation::new(BitRate::Kbit250, 1);
+    for (name, kind) in [("boom", "pvea-canopen"), ("angle", "hat1000")] {
+        simulation.add(&NamedDevice::new(name, Kind::from_name(kind).expect("a kind")), Memory::in_ram());
+    }
+    simulation.link(&[NamedLink { valve: "boom".to_owned(), sensor: "angle".to_owned(), link: Link::default() }]);
+    for _ in 0..2 {
+        let condition = serde_json::from_str(r#"{"position": 5000}"#).expect("a condition");
+        let wait = Command::Wait(Condition::State("angle".to_owned(), condition), Duration::MAX);
+        assert!(matches!(simulation.execute(wait), Ok(Executed::Pending(_))));
+        let end = after(simulation.now(), Duration::from_secs(10));
+        simulation.run_until(end);
+        assert!(simulation.is_busy() && simulation.now() == end);
+        simulation.power_up(Duration::from_ticks(0));
     }
 }
 
@@ -374,7 +387,7 @@ fn a_wait_for_a_position_of_a_linked_shaft_costs_little() {
             let link = Link { rate, min: 0, max: 35_999 };
             let mut bench = Bench::new(&["pvea-canopen", "hat1000"], Some(link), false);
             let angle = if rate < 0 { 35_999 } else { 0 };
-            bench.world.set_plant(bench.devices[1].0, hal_sim::world::Plant::AngleCdeg(angle)).expect("an angle");
+            bench.world.set_plant(bench.devices[1].0, crate::world::Plant::AngleCdeg(angle)).expect("an angle");
             for frame in ["000: 01 00", "220: 0F 00 00 40", "220: 0F 00 00 40", "220: 0F 00 00 40", "220: 0F 00 00 40"]
             {
                 assert!(bench.sent(frame));

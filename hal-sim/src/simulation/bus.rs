@@ -1,0 +1,75 @@
+//! The state of the bus, as JSON.
+
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use super::history::raw;
+use crate::devices::{self, RateWatch};
+use crate::state::BitsPerSecond;
+use crate::world::World;
+
+/// The state of the bus.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
+pub struct BusState {
+    /// The instant of which all of it is true, in microseconds of virtual time.
+    pub t_us: u64,
+    /// The bit rate, in bit/s.
+    #[schema(value_type = BitsPerSecond)]
+    pub bit_rate: u32,
+    /// How busy the bus was in the last second, in percent.
+    pub load: u8,
+    /// The frames that are going to be destroyed.
+    pub disturb: DisturbState,
+    /// The devices that run at another bit rate than the bus, and those that did for longer than a change takes.
+    pub not_heard: Vec<NotHeard>,
+}
+
+/// A device that runs at another bit rate than the bus, or did: it cannot communicate.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
+pub struct NotHeard {
+    /// The name of the device.
+    pub device: String,
+    /// The instant from which the rates differed, in microseconds of virtual time.
+    pub t_us: u64,
+    /// True once the two rates agree again.
+    pub is_over: bool,
+    /// The sentence with cause and remedy.
+    pub reason: String,
+}
+
+/// Frames that are going to be destroyed.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
+pub struct DisturbState {
+    /// The number of attempts.
+    pub frames: u32,
+    /// Their identifier; null: any.
+    #[schema(required, maximum = 536870911)]
+    pub id: Option<u32>,
+    /// Whether the identifier has 29 bits.
+    pub extended: bool,
+}
+
+impl BusState {
+    /// Returns the state of the bus now, by what watches its bit rate.
+    pub(super) fn of(world: &World, rates: &RateWatch) -> Self {
+        let disturbance = world.disturbance();
+        let id = disturbance.id.filter(|_| disturbance.frames > 0).map(raw);
+        Self {
+            t_us: world.now().as_micros(),
+            bit_rate: world.bit_rate().bits_per_second(),
+            load: world.load(),
+            disturb: DisturbState {
+                frames: disturbance.frames,
+                id: id.map(|(id, _)| id),
+                extended: id.is_some_and(|(_, extended)| extended),
+            },
+            not_heard: rates.all().into_iter().map(NotHeard::from).collect(),
+        }
+    }
+}
+
+impl From<devices::NotHeard> for NotHeard {
+    fn from(devices::NotHeard { device, since, is_over, reason }: devices::NotHeard) -> Self {
+        Self { device, t_us: since.as_micros(), is_over, reason }
+    }
+}

@@ -1,0 +1,374 @@
+//! What happened on the bus, the last of which is kept, with what explains it.
+
+use std::collections::{HashMap, VecDeque};
+use std::sync::Arc;
+
+use protocol_core::frame::{Frame, Id};
+use protocol_core::time::Instant;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use crate::Kind;
+use crate::explain::{Explainer, Node};
+use crate::log::{ErrorClass, write_hex};
+use crate::trace::{Errors, Layout};
+use crate::world::{Event, EventKind, NodeId, World};
+
+/// The most frames and errors that are kept: a second of a bus under full load, and minutes of a usual one.
+pub const KEPT: usize = 4096;
+
+/// The most entries that an excerpt shows, repeats of cyclic frames included.
+const SHOWN: usize = 256;
+
+/// The most lines of an excerpt.
+const LINES: usize = 12;
+
+/// A frame that was on the bus.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
+pub struct FrameRecord {
+    /// Its end, in microseconds of virtual time.
+    pub t_us: u64,
+    /// The identifier.
+    #[schema(maximum = 536870911)]
+    pub id: u32,
+    /// Whether the identifier has 29 bits.
+    pub extended: bool,
+    /// The data, in hex.
+    pub data: String,
+    /// Who sent it: a device by its name, `http`, or the gateway of other clients.
+    pub from: String,
+    /// What it means.
+    pub meaning: String,
+}
+
+/// An error of the bus: the first error frame of a frame that is being destroyed, a change of an error mode, or frames
+/// that were dropped.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BusTrouble {
+    /// When, in microseconds of virtual time.
+    pub t_us: u64,
+    /// Whose frame was destroyed, or who changed its error mode.
+    pub from: String,
+    /// The meaning, as in the trace.
+    pub meaning: String,
+}
+
+/// An entry of the trace.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
+#[serde(untagged)]
+pub enum TraceRecord {
+    /// A frame.
+    Frame(FrameRecord),
+    /// An error of the bus: an entry without `id`.
+    Error(BusTrouble),
+}
+
+/// A frame with its end and its sender.
+#[derive(Clone, Debug)]
+pub struct Passed {
+    /// Its end.
+    pub at: Instant,
+    /// The frame.
+    pub frame: Frame,
+    /// The name of the device or client that sent it.
+    pub from: Arc<str>,
+}
+
+/// Something that happened on the bus, as it is kept.
+#[derive(Clone, Debug)]
+pub struct Happened {
+    /// The event.
+    pub event: Event,
+    /// The class and the words of an error that users are told of.
+    pub error: Option<(ErrorClass, String)>,
+    /// Whether a device sent it.
+    pub is_from_device: bool,
+}
+
+/// The last events of a bus, by their numbers from the start.
+#[derive(Clone, Debug, Default)]
+pub struct History {
+    /// The name of the controller that sends what is commanded.
+    own: String,
+    /// The devices by their names, with their places.
+    places: HashMap<Arc<str>, (NodeId, usize)>,
+    errors: Errors,
+    /// What explains the oldest entry that is kept.
+    oldest: Explainer,
+    /// What explains the latest entry, or the next one when none is kept.
+    latest: Explainer,
+    /// The number of the oldest entry that is kept.
+    first: u64,
+    entries: VecDeque<Entry>,
+}
+
+/// An event that is kept.
+#[derive(Clone, Debug)]
+struct Entry {
+    at: Instant,
+    who: Arc<str>,
+    what: Kept,
+    /// The device that sent it, by its place, with its node ID after that.
+    device: Option<(usize, Option<u8>)>,
+}
+
+#[derive(Clone, Debug)]
+enum Kept {
+    Frame(Frame),
+    /// An error that is told.
+    Error(String),
+}
+
+/// A frame of somebody else than the sender of commands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Heard {
+    /// The number of the event.
+    pub number: u64,
+    /// The end of the frame.
+    pub at: Instant,
+    /// The frame.
+    pub frame: Frame,
+}
+
+/// The last frames and errors, and what explains them: that is left to others than the world.
+#[derive(Clone, Debug)]
+pub struct Excerpt {
+    entries: Vec<Entry>,
+    /// The number of entries at the begin that are not asked for.
+    skipped: usize,
+    explainer: Explainer,
+}
+
+impl Excerpt {
+    /// Returns the records, oldest first.
+    #[must_use]
+    pub fn records(mut self) -> Vec<TraceRecord> {
+        let mut records = Vec::new();
+        for (place, entry) in self.entries.iter().enumerate() {
+            if place >= self.skipped {
+                records.push(entry.record(&self.explainer));
+            }
+            entry.teach(&mut self.explainer);
+        }
+        records
+    }
+}
+
+impl History {
+    /// Notes a device that was added to the world.
+    pub(super) fn add_device(&mut self, name: &str, kind: Kind, node: NodeId) {
+        self.places.insert(name.into(), (node, self.places.len()));
+        for explainer in [&mut self.oldest, &mut self.latest] {
+            explainer.add(Node { name: name.to_owned(), kind, node_id: None });
+        }
+    }
+
+    /// Notes the name of the controller that sends what is commanded.
+    pub(super) fn set_own(&mut self, name: &str) {
+        name.clone_into(&mut self.own);
+    }
+
+    /// Learns the node IDs that devices have now, before anything has happened.
+    pub(super) fn learn(&mut self, world: &World) {
+        for (node, place) in self.places.values() {
+            for explainer in [&mut self.oldest, &mut self.latest] {
+                explainer.nodes_mut()[*place].node_id = world.device(*node).and_then(|device| device.node_id());
+            }
+        }
+    }
+
+    /// Keeps an event.
+    pub(super) fn keep(&mut self, event: Event, world: &World) -> Happened {
+        let error = self.errors.note(&event);
+        let device = self.places.get(&event.who).copied();
+        let what = match (&event.what, &error) {
+            (EventKind::Frame { frame, .. }, _) => Some(Kept::Frame(*frame)),
+            (_, Some((_, text))) => Some(Kept::Error(text.clone())),
+            (_, None) => None,
+        };
+        if let Some(what) = what {
+            let node_id = |node| world.device(node).and_then(|device| device.node_id());
+            let device = device.map(|(node, place)| (place, node_id(node)));
+            self.push(Entry { at: event.at, who: Arc::clone(&event.who), what, device });
+        }
+        Happened { is_from_device: device.is_some(), event, error }
+    }
+
+    fn push(&mut self, entry: Entry) {
+        if let Some(before) = self.entries.back() {
+            before.teach(&mut self.latest);
+        }
+        if self.entries.len() == KEPT
+            && let Some(oldest) = self.entries.pop_front()
+        {
+            oldest.teach(&mut self.oldest);
+            self.first += 1;
+        }
+        self.entries.push_back(entry);
+    }
+
+    /// Returns what explains the event that was kept last, with the node IDs before it: the frame may change them.
+    pub const fn explainer(&self) -> &Explainer {
+        &self.latest
+    }
+
+    /// Returns the number that the next event gets.
+    #[must_use]
+    pub fn next(&self) -> u64 {
+        self.first + self.entries.len() as u64
+    }
+
+    /// Returns the last frames and errors, so many at most.
+    #[must_use]
+    pub fn last(&self, limit: usize) -> Excerpt {
+        Excerpt {
+            entries: self.entries.iter().cloned().collect(),
+            skipped: self.entries.len().saturating_sub(limit),
+            explainer: self.oldest.clone(),
+        }
+    }
+
+    /// Returns the frames of others than the sender of commands, from the event of that number on, as far as they are
+    /// kept.
+    pub fn heard_since(&self, number: u64) -> impl Iterator<Item = Heard> {
+        let skipped = self.place(number);
+        let numbered = (self.first + skipped as u64..).zip(self.entries.range(skipped..));
+        numbered.filter_map(|(number, entry)| match entry.what {
+            Kept::Frame(frame) if *entry.who != *self.own => Some(Heard { number, at: entry.at, frame }),
+            _ => None,
+        })
+    }
+
+    /// Returns the place of the event of a number among those that are kept.
+    fn place(&self, number: u64) -> usize {
+        usize::try_from(number.saturating_sub(self.first)).unwrap_or(usize::MAX).min(self.entries.len())
+    }
+
+    /// Returns what a frame means that a device sends, with the node IDs of now.
+    #[must_use]
+    pub fn explain(&self, frame: &Frame) -> String {
+        let mut explainer = self.latest.clone();
+        self.entries.back().into_iter().for_each(|entry| entry.teach(&mut explainer));
+        explainer.explain(frame, None)
+    }
+
+    /// Returns the errors of the bus, the first ones that are kept, laid out as the trace does: a line each.
+    #[must_use]
+    pub fn errors(&self) -> Vec<String> {
+        let (mut layout, mut text) = (Layout::new(false, false), String::new());
+        for entry in self.entries.iter().filter(|entry| matches!(entry.what, Kept::Error(_))).take(LINES) {
+            entry.lay_out(&mut text, &mut layout, &self.oldest);
+        }
+        layout.finish(&mut text);
+        text.lines().map(str::to_owned).collect()
+    }
+
+    /// Returns the last events from one number up to another, laid out as the trace does: a line each.
+    #[must_use]
+    pub fn excerpt(&self, from: u64, until: u64) -> Vec<String> {
+        let end = self.place(until);
+        let begin = self.place(from).max(end.saturating_sub(SHOWN));
+        let mut explainer = self.oldest.clone();
+        let (mut layout, mut text) = (Layout::new(false, false), String::new());
+        for (place, entry) in self.entries.iter().take(end).enumerate() {
+            if place >= begin {
+                entry.lay_out(&mut text, &mut layout, &explainer);
+            }
+            entry.teach(&mut explainer);
+        }
+        layout.finish(&mut text);
+        let lines: Vec<&str> = text.lines().collect();
+        lines[lines.len().saturating_sub(LINES)..].iter().map(ToString::to_string).collect()
+    }
+}
+
+impl Entry {
+    /// Writes the event.
+    fn lay_out(&self, text: &mut String, layout: &mut Layout, explainer: &Explainer) {
+        match &self.what {
+            Kept::Frame(frame) => {
+                let meaning = || explainer.explain_and_mark(frame, Some(&self.who));
+                layout.frame(text, (self.at, &self.who, frame), self.device.is_some(), meaning);
+            }
+            Kept::Error(error) => layout.error(text, self.at, error),
+        }
+    }
+
+    fn record(&self, explainer: &Explainer) -> TraceRecord {
+        let Self { at, who, what, .. } = self;
+        match what {
+            Kept::Frame(frame) => {
+                let passed = Passed { at: *at, frame: *frame, from: Arc::clone(who) };
+                TraceRecord::Frame(passed.record(explainer.explain(frame, Some(who))))
+            }
+            Kept::Error(meaning) => TraceRecord::Error(BusTrouble::new(*at, who, meaning)),
+        }
+    }
+
+    /// Lets an explainer know what happened.
+    fn teach(&self, explainer: &mut Explainer) {
+        if let Kept::Frame(frame) = &self.what {
+            explainer.observe(frame);
+        }
+        if let Some((place, node_id)) = self.device
+            && let Some(node) = explainer.nodes_mut().get_mut(place)
+        {
+            node.node_id = node_id;
+        }
+    }
+}
+
+impl Happened {
+    /// Returns the frame, if it was one.
+    #[must_use]
+    pub fn passed(&self) -> Option<Passed> {
+        let Event { at, who, .. } = &self.event;
+        self.event.frame().map(|frame| Passed { at: *at, frame: *frame, from: Arc::clone(who) })
+    }
+
+    /// Returns the error that users are told of, if it was one.
+    #[must_use]
+    pub fn trouble(&self) -> Option<BusTrouble> {
+        self.error.as_ref().map(|(_, meaning)| BusTrouble::new(self.event.at, &self.event.who, meaning))
+    }
+
+    /// Writes the event in the layout for people.
+    pub fn lay_out(&self, text: &mut String, layout: &mut Layout, explainer: &Explainer) {
+        let Event { at, who, .. } = &self.event;
+        match (self.event.frame(), &self.error) {
+            (Some(frame), _) => {
+                let meaning = || explainer.explain_and_mark(frame, Some(who));
+                layout.frame(text, (*at, who, frame), self.is_from_device, meaning);
+            }
+            (None, Some((_, error))) => layout.error(text, *at, error),
+            (None, None) => {}
+        }
+    }
+}
+
+impl BusTrouble {
+    fn new(at: Instant, from: &str, meaning: &str) -> Self {
+        Self { t_us: at.as_micros(), from: from.to_owned(), meaning: meaning.to_owned() }
+    }
+}
+
+impl Passed {
+    /// Returns the record of the frame.
+    #[must_use]
+    pub fn record(&self, meaning: String) -> FrameRecord {
+        let mut data = String::new();
+        write_hex(&mut data, self.frame.data());
+        let (id, extended) = raw(self.frame.id());
+        FrameRecord { t_us: self.at.as_micros(), id, extended, data, from: self.from.to_string(), meaning }
+    }
+}
+
+/// Returns the number of an identifier, and whether it has 29 bits.
+#[must_use]
+pub fn raw(id: Id) -> (u32, bool) {
+    match id {
+        Id::Standard(id) => (id.as_raw().into(), false),
+        Id::Extended(id) => (id.as_raw(), true),
+    }
+}

@@ -1,0 +1,355 @@
+//! A world with everything that is asked of it: devices by their names, commands to them, and what has happened.
+//!
+//! ```text
+//! command    what can be asked of a simulation, and what comes of it
+//! sender     frames that are sent on command, once or again and again
+//! waits      commands that wait: for a state, for a frame, for time to pass
+//! history    what happened on the bus, and what explains it
+//! bus        the state of the bus
+//! ```
+//!
+//! A call of the control interface, a step of a scenario and a line that somebody types are read into a [`Command`], and
+//! [`Simulation::execute`] is the one place that carries it out.
+
+mod bus;
+mod command;
+mod history;
+mod sender;
+mod waits;
+
+#[cfg(test)]
+mod tests;
+
+use std::collections::VecDeque;
+
+use protocol_core::controller::BitRate;
+use protocol_core::time::{Duration, Instant, after};
+
+pub use bus::{BusState, DisturbState, NotHeard};
+pub use command::{Advanced, Command, Executed, Refusal, Reply, Sent, Stopped, Ticket, TimedOut};
+pub use history::{BusTrouble, Excerpt, FrameRecord, Happened, Heard, History, KEPT, Passed, TraceRecord, raw};
+
+use crate::Kind;
+use crate::devices::{self, NamedDevice, NamedLink, RateWatch};
+use crate::memory::Memory;
+use crate::state::{Condition, DeviceState, StateWatch};
+use crate::world::{Event, NodeId, World};
+use sender::{Completed, Sender};
+use waits::{Awaited, Waits};
+
+/// A world, and commands to it.
+///
+/// Time passes event by event: [`go`](Self::go), then [`take_event`](Self::take_event) for what happened, then
+/// [`poll`](Self::poll). [`run`](Self::run) and [`run_until`](Self::run_until) do all of it.
+///
+/// The clone of a simulation goes on as the original would, with the same commands under way.
+#[derive(Clone)]
+pub struct Simulation {
+    world: World,
+    devices: Vec<(NodeId, Kind)>,
+    sender: Option<Sender>,
+    waits: Waits,
+    rates: RateWatch,
+    history: History,
+    /// What happened and was not taken yet; the allocation is used again.
+    events: VecDeque<Event>,
+    completed: Completed,
+    /// The number of commands so far that take time.
+    tickets: u64,
+}
+
+impl Simulation {
+    /// An empty simulation at instant 0.
+    #[must_use]
+    pub fn new(bit_rate: BitRate, seed: u64) -> Self {
+        let mut world = World::new(bit_rate, seed);
+        world.record_events(true);
+        Self {
+            world,
+            devices: Vec::new(),
+            sender: None,
+            waits: Waits::default(),
+            rates: RateWatch::default(),
+            history: History::default(),
+            events: VecDeque::new(),
+            completed: Completed::new(),
+            tickets: 0,
+        }
+    }
+
+    /// Adds a device with this memory, healthy and not yet powered.
+    pub fn add(&mut self, device: &NamedDevice, memory: Memory) -> NodeId {
+        let node = device.add_to(&mut self.world, memory);
+        self.devices.push((node, device.setup.kind));
+        self.rates.watch(node, device, &self.world);
+        self.history.add_device(&device.name, device.setup.kind, node);
+        node
+    }
+
+    /// Links shafts to the valves that they follow.
+    pub fn link(&mut self, links: &[NamedLink]) {
+        devices::link_in(&mut self.world, links);
+    }
+
+    /// Puts the controller on the bus that sends what is commanded, by its name in traces.
+    pub fn send_as(&mut self, name: &str) {
+        self.sender = Some(Sender::new(name, &mut self.world));
+        self.history.set_own(name);
+    }
+
+    /// Powers all devices that are off, each at its own moment up to `jitter` from now.
+    pub fn power_up(&mut self, jitter: Duration) {
+        self.world.power_all(jitter);
+        self.history.learn(&self.world);
+        self.rates.look(&mut self.world);
+    }
+
+    /// The world.
+    #[must_use]
+    pub const fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// The world, to be changed; time passes by [`go`](Self::go) alone.
+    pub const fn world_mut(&mut self) -> &mut World {
+        &mut self.world
+    }
+
+    /// The virtual time.
+    #[must_use]
+    pub const fn now(&self) -> Instant {
+        self.world.now()
+    }
+
+    /// The devices with their kinds, in the order in which they were added.
+    #[must_use]
+    pub fn devices(&self) -> &[(NodeId, Kind)] {
+        &self.devices
+    }
+
+    /// What happened on the bus.
+    #[must_use]
+    pub const fn history(&self) -> &History {
+        &self.history
+    }
+
+    /// What watches that devices run at the bit rate of their bus.
+    pub const fn rates_mut(&mut self) -> &mut RateWatch {
+        &mut self.rates
+    }
+
+    /// The states of all devices.
+    pub fn states(&mut self) -> Vec<DeviceState> {
+        self.devices.iter().map(|(node, kind)| DeviceState::of(*node, *kind, &mut self.world)).collect()
+    }
+
+    /// The state of the device of a name.
+    ///
+    /// # Errors
+    /// [`Refusal::UnknownDevice`]
+    pub fn state(&mut self, name: &str) -> Result<DeviceState, Refusal> {
+        let (node, kind) = self.find(name)?;
+        Ok(DeviceState::of(node, kind, &mut self.world))
+    }
+
+    /// The state of the bus.
+    pub fn bus(&mut self) -> BusState {
+        self.rates.look(&mut self.world);
+        BusState::of(&self.world, &self.rates)
+    }
+
+    /// The device of a name, and its kind.
+    ///
+    /// # Errors
+    /// [`Refusal::UnknownDevice`]
+    pub fn find(&self, name: &str) -> Result<(NodeId, Kind), Refusal> {
+        let found = self.devices.iter().find(|(node, _)| self.world.name(*node) == name);
+        found.copied().ok_or_else(|| Refusal::UnknownDevice { name: name.to_owned(), known: self.names() })
+    }
+
+    /// The names of the devices, with commas.
+    fn names(&self) -> String {
+        self.devices.iter().map(|(node, _)| self.world.name(*node)).collect::<Vec<_>>().join(", ")
+    }
+
+    /// Carries out a command, at this instant.
+    ///
+    /// # Errors
+    /// [`Refusal`]; nothing has changed then.
+    pub fn execute(&mut self, command: Command) -> Result<Executed, Refusal> {
+        let reply = match command {
+            Command::Plant(name, change) => {
+                let (node, _) = self.find(&name)?;
+                change.make(node, &mut self.world)?;
+                Reply::Device(Box::new(self.state(&name)?))
+            }
+            Command::Power(name, power) => {
+                let (node, _) = self.find(&name)?;
+                power.switch(node, &mut self.world).map_err(|reason| Refusal::Conflict(reason.to_owned()))?;
+                Reply::Device(Box::new(self.state(&name)?))
+            }
+            Command::BitRate(bit_rate) => {
+                self.world.set_bit_rate(bit_rate);
+                Reply::Bus(self.bus())
+            }
+            Command::Disturb(disturbance) => {
+                self.world.disturb(disturbance);
+                Reply::Bus(self.bus())
+            }
+            Command::Stop(id) => {
+                let Self { sender, world, completed, .. } = self;
+                Reply::Stopped(Stopped {
+                    stopped: sender.as_mut().map_or(0, |sender| sender.stop(id, world, completed)),
+                })
+            }
+            Command::Send(frame, period) => {
+                let ticket = self.ticket();
+                let Self { sender, world, completed, .. } = self;
+                let sender = sender.as_mut().ok_or_else(|| Refusal::Conflict("nobody sends here".to_owned()))?;
+                sender.send(frame, period, ticket, world, completed)?;
+                self.poll();
+                return Ok(Executed::Pending(ticket));
+            }
+            Command::Wait(condition, within) => {
+                let awaited = self.awaited(condition)?;
+                return Ok(Executed::Pending(self.wait(awaited, within)));
+            }
+            Command::Advance(span) => return Ok(Executed::Pending(self.wait(Awaited::Time, span))),
+        };
+        self.poll();
+        Ok(Executed::Done(reply))
+    }
+
+    fn ticket(&mut self) -> Ticket {
+        self.tickets += 1;
+        Ticket(self.tickets)
+    }
+
+    fn wait(&mut self, awaited: Awaited, within: Duration) -> Ticket {
+        let ticket = self.ticket();
+        self.waits.begin(awaited, after(self.world.now(), within), ticket);
+        self.poll();
+        ticket
+    }
+
+    fn awaited(&self, condition: Condition) -> Result<Awaited, Refusal> {
+        match condition {
+            Condition::Frame(pattern) => Ok(Awaited::Frame(pattern, None)),
+            Condition::State(name, condition) => {
+                let device = self.find(&name)?;
+                condition.check(&name, device.1, "null").map_err(|invalid| Refusal::Invalid(invalid.0))?;
+                Ok(Awaited::State(StateWatch::new(device, condition)))
+            }
+        }
+    }
+
+    /// Lets go of somebody who waited for the end of a command. A frame is sent all the same.
+    pub fn forget(&mut self, ticket: Ticket) {
+        self.waits.forget(ticket);
+        if let Some(sender) = &mut self.sender {
+            sender.forget(ticket);
+        }
+        self.completed.retain(|(known, _)| *known != ticket);
+    }
+
+    /// Takes the commands that have come to their ends since this was last called.
+    pub fn take_completed(&mut self) -> Vec<(Ticket, Result<Reply, Refusal>)> {
+        std::mem::take(&mut self.completed)
+    }
+
+    /// Goes to the next event, to what is due although nothing happens, or to `end` when there is neither until then;
+    /// returns whether it got there. What happened is to be [taken](Self::take_event) then, before the next
+    /// [`poll`](Self::poll).
+    pub fn go(&mut self, end: Instant) -> bool {
+        let (event, due) = (self.world.next_event(), self.due());
+        if event.min(due) > end {
+            self.world.run_until(end);
+            return true;
+        }
+        if event <= due {
+            self.world.step();
+        } else {
+            self.world.run_until(due);
+        }
+        false
+    }
+
+    /// Takes the next thing that happened on the bus. As long as it is the last one that was taken,
+    /// [`History::explainer`] explains it.
+    pub fn take_event(&mut self) -> Option<Happened> {
+        if self.events.is_empty() {
+            self.events.extend(self.world.take_events());
+        }
+        let happened = self.history.keep(self.events.pop_front()?, &self.world);
+        if !self.waits.is_empty()
+            && let Some(passed) = happened.passed()
+        {
+            let explainer = self.history.explainer();
+            let record = || passed.record(explainer.explain(&passed.frame, Some(&passed.from)));
+            self.waits.show(&passed, record, &mut self.completed);
+        }
+        Some(happened)
+    }
+
+    /// Does what is due at this instant, and looks at what is waited for: to be called after everything that happens.
+    pub fn poll(&mut self) {
+        if let Some(sender) = &mut self.sender {
+            sender.poll(&mut self.world, &mut self.completed);
+        }
+        self.waits.poll(&mut self.world, &mut self.completed);
+        self.rates.look(&mut self.world);
+    }
+
+    /// Returns when there is next something to do: an event of the world, or what is due although nothing happens.
+    #[must_use]
+    pub fn next(&self) -> Instant {
+        self.world.next_event().min(self.due())
+    }
+
+    fn due(&self) -> Instant {
+        let rates = self.rates.due(self.world.now());
+        let sender = self.sender.as_ref().map_or(rates, |sender| rates.min(sender.due(self.world.now())));
+        if self.waits.is_empty() { sender } else { sender.min(self.waits.due(&self.world)) }
+    }
+
+    /// Returns how far time has to pass for the commands that are under way; `None` when there are none.
+    #[must_use]
+    pub fn advance_limit(&self) -> Option<Instant> {
+        let sender = self.sender.as_ref().and_then(|sender| sender.advance_limit(self.world.now()));
+        self.waits.advance_limit().max(sender)
+    }
+
+    /// Returns whether something is waited for, or to be sent.
+    #[must_use]
+    pub fn is_busy(&self) -> bool {
+        !self.waits.is_empty() || self.sender.as_ref().is_some_and(|sender| !sender.is_idle())
+    }
+
+    /// Carries out a command, and lets time pass until it has come to its end.
+    ///
+    /// # Errors
+    /// [`Refusal`]
+    pub fn run(&mut self, command: Command) -> Result<Reply, Refusal> {
+        let ticket = match self.execute(command)? {
+            Executed::Done(reply) => return Ok(reply),
+            Executed::Pending(ticket) => ticket,
+        };
+        loop {
+            if let Some(place) = self.completed.iter().position(|(known, _)| *known == ticket) {
+                return self.completed.remove(place).1;
+            }
+            self.go(Instant::MAX);
+            while self.take_event().is_some() {}
+            self.poll();
+        }
+    }
+
+    /// Lets everything happen that is due until `end`, and goes there.
+    pub fn run_until(&mut self, end: Instant) {
+        while !self.go(end) {
+            while self.take_event().is_some() {}
+            self.poll();
+        }
+        self.poll();
+    }
+}

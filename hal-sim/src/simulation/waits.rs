@@ -1,0 +1,118 @@
+//! Commands that wait: for a state, for a frame, or for time to pass.
+
+use protocol_core::frame::Frame;
+use protocol_core::time::{Duration, Instant, NEVER, after};
+
+use super::command::{Advanced, Refusal, Reply, Ticket, TimedOut};
+use super::history::{FrameRecord, Passed};
+use super::sender::Completed;
+use crate::state::{Pattern, StateWatch};
+use crate::world::World;
+
+/// How far ahead a position is sought at once: that of a linked shaft is, step by step.
+const FORESIGHT: Duration = Duration::from_secs(1);
+
+/// What is waited for, oldest first.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Waits(Vec<Wait>);
+
+#[derive(Clone, Debug)]
+struct Wait {
+    what: Awaited,
+    until: Instant,
+    ticket: Ticket,
+}
+
+/// What is waited for.
+#[derive(Clone, Debug)]
+pub(super) enum Awaited {
+    State(StateWatch),
+    /// A frame, and the last other frame of that identifier.
+    Frame(Pattern, Option<Frame>),
+    /// The end of the time.
+    Time,
+}
+
+impl Waits {
+    /// Waits from now on.
+    pub(super) fn begin(&mut self, what: Awaited, until: Instant, ticket: Ticket) {
+        self.0.push(Wait { what, until, ticket });
+    }
+
+    /// Ends the waits for what is so now, and those whose time is up: all that happens at the last instant counts.
+    pub(super) fn poll(&mut self, world: &mut World, completed: &mut Completed) {
+        if self.0.is_empty() {
+            return;
+        }
+        let is_over = |until: Instant, world: &World| until <= world.now() && world.next_event() > world.now();
+        self.0.retain_mut(|Wait { what, until, ticket }| {
+            let end = match what {
+                Awaited::State(watch) => match watch.look(world) {
+                    (state, true) => Some(Ok(Reply::Device(Box::new(state)))),
+                    (state, false) => is_over(*until, world)
+                        .then(|| Err(timed_out("the state was not reached".to_owned(), Some(state), world))),
+                },
+                Awaited::Frame(pattern, other) => {
+                    is_over(*until, world).then(|| Err(timed_out(missing(pattern, other.as_ref()), None, world)))
+                }
+                Awaited::Time => {
+                    is_over(*until, world).then(|| Ok(Reply::Advanced(Advanced { now_us: world.now().as_micros() })))
+                }
+            };
+            end.map(|end| completed.push((*ticket, end))).is_none()
+        });
+    }
+
+    /// Ends the waits for this frame.
+    pub(super) fn show(&mut self, passed: &Passed, record: impl Fn() -> FrameRecord, completed: &mut Completed) {
+        self.0.retain_mut(|Wait { what, ticket, .. }| {
+            let Awaited::Frame(pattern, other) = what else { return true };
+            if pattern.matches(&passed.frame) {
+                completed.push((*ticket, Ok(Reply::Frame(record()))));
+                return false;
+            }
+            if pattern.has_id_of(&passed.frame) {
+                *other = Some(passed.frame);
+            }
+            true
+        });
+    }
+
+    /// Gives a wait up.
+    pub(super) fn forget(&mut self, ticket: Ticket) {
+        self.0.retain(|wait| wait.ticket != ticket);
+    }
+
+    /// Returns when a condition can next hold although nothing happens, or the time of one is up.
+    pub(super) fn due(&self, world: &World) -> Instant {
+        let near = world.next_event().min(after(world.now(), FORESIGHT));
+        let due = |Wait { what, until, .. }: &Wait| match what {
+            Awaited::State(watch) => watch.due(near.min(*until), world),
+            Awaited::Frame(..) | Awaited::Time => *until,
+        };
+        self.0.iter().map(due).min().unwrap_or(NEVER)
+    }
+
+    /// Returns the end of the time of the one that may take longest; `None` when there is none.
+    pub(super) fn advance_limit(&self) -> Option<Instant> {
+        self.0.iter().map(|wait| wait.until).max()
+    }
+
+    /// Returns whether nothing is waited for.
+    pub(super) const fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+}
+
+/// Returns which frame did not come, and which one of its identifier came last instead.
+fn missing(pattern: &Pattern, other: Option<&Frame>) -> String {
+    let Some(other) = other else {
+        return format!("the frame {pattern} did not come, and no other of its identifier");
+    };
+    let length = pattern.difference_in_length(other).map_or_else(String::new, |length| format!(", which {length}"));
+    format!("the frame {pattern} did not come; the last one of its identifier was {other}{length}")
+}
+
+fn timed_out(error: String, state: Option<crate::state::DeviceState>, world: &World) -> Refusal {
+    Refusal::TimedOut(Box::new(TimedOut { error, t_us: world.now().as_micros(), state }))
+}
