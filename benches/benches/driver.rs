@@ -7,7 +7,7 @@
 
 use std::io;
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use gungraun::prelude::*;
 use gungraun::{Callgrind, EventKind};
@@ -39,13 +39,9 @@ impl Outside for Outdoors {
         self.messages.try_recv().ok()
     }
 
-    fn wait(&mut self, until: Option<Instant>) -> Option<Arrival> {
+    fn wait(&mut self, until: Option<Instant>, _: Duration) -> Option<Arrival> {
         self.now = self.now.max(until?);
         self.take()
-    }
-
-    fn wait_awake(&mut self, until: Instant) -> Option<Arrival> {
-        self.wait(Some(until))
     }
 }
 

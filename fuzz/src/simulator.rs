@@ -68,7 +68,7 @@ impl Outside for Clock {
         Some(Arrival { at: self.state.now.get(), message })
     }
 
-    fn wait(&mut self, until: Option<Instant>) -> Option<Arrival> {
+    fn wait(&mut self, until: Option<Instant>, _: Duration) -> Option<Arrival> {
         let taken = self.take();
         if taken.is_none() {
             let horizon = self.state.horizon.get();
@@ -77,10 +77,6 @@ impl Outside for Clock {
             self.state.now.set(self.state.now.get().max(until));
         }
         taken
-    }
-
-    fn wait_awake(&mut self, until: Instant) -> Option<Arrival> {
-        self.wait(Some(until))
     }
 }
 

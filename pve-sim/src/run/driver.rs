@@ -13,9 +13,9 @@ use tokio::sync::watch;
 
 use super::clients::Clients;
 use super::console;
-use super::outside::{Outside, WAKE_UP};
+use super::outside::{Outside, SPIN_TIME, WAKE_UP};
 use super::printer::Printer;
-use super::timekeeper::{NAP, Timekeeper};
+use super::timekeeper::{MAX_SLEEP, Timekeeper};
 use super::trace::Trace;
 use crate::control::Desk;
 use crate::inbox::{Arrival, ToWorld};
@@ -25,17 +25,10 @@ use hal_sim::simulation::Simulation;
 use hal_sim::world::SUPPLY_JITTER;
 
 /// The most events between two looks at the clock: some milliseconds of work.
-const GO: usize = 1000;
+const EVENT_BATCH: usize = 1000;
 
 /// A wait longer than this has room for handing out the trace.
-const LULL: WallDuration = WallDuration::from_millis(1);
-
-/// The trace is handed out so often, even if there is no lull.
-const HAND_OUT: WallDuration = WallDuration::from_millis(20);
-
-/// Above speed 1 the thread stays awake for so long after a message. A client that works back to back sends the next
-/// one by then, and a wake-up would take more of its time than the bus does.
-const ALERT: WallDuration = WallDuration::from_micros(200);
+const IDLE_GAP: WallDuration = WallDuration::from_millis(1);
 
 /// A simulation with everything that is connected to it.
 pub struct Driver<O> {
@@ -56,7 +49,7 @@ pub struct Driver<O> {
     open: Instant,
     /// The last time that the trace was handed out.
     handed_out: WallInstant,
-    /// The end of [`ALERT`] after the last message.
+    /// The end of [`SPIN_TIME`] after the last message.
     awake_until: WallInstant,
 }
 
@@ -193,7 +186,7 @@ impl<O: Outside> Driver<O> {
     /// Lets the messages that have come take effect, and then time pass, as far as a call of the control interface has
     /// it.
     fn turn_stepped(&mut self) {
-        while self.arrivals.len() < GO
+        while self.arrivals.len() < EVENT_BATCH
             && let Some(arrival) = self.outside.take()
         {
             self.arrivals.push_back(arrival);
@@ -201,10 +194,10 @@ impl<O: Outside> Driver<O> {
         while !self.arrivals.is_empty() {
             self.take_effect();
         }
-        for _ in 0..GO {
+        for _ in 0..EVENT_BATCH {
             let Some(end) = self.desk.as_mut().and_then(|desk| desk.advance_limit(&mut self.simulation)) else {
                 self.hand_out();
-                let arrival = self.outside.wait(None);
+                let arrival = self.outside.wait(None, WallDuration::ZERO);
                 self.arrivals.extend(arrival);
                 return;
             };
@@ -214,39 +207,36 @@ impl<O: Outside> Driver<O> {
     }
 
     /// Waits for a message, or for the next event. Hands out the trace before a sleep, unless a client would wait for
-    /// that.
+    /// that, and at least as often as the thread looks at the clock.
     ///
-    /// When nobody listens, the naps do for the events: each still happens at its own virtual instant.
+    /// When nobody listens, the looks at the clock do for the events: each still happens at its own virtual instant.
     fn wait(&mut self, due: Instant) {
         let now = self.time.looked();
         let is_watched = self.simulation.is_busy() || self.desk.as_ref().is_some_and(Desk::is_followed);
-        let (naps, is_heard) = (self.time.minds_stalls(), self.clients.is_heard() || is_watched);
-        let event = if naps && !is_heard { NEVER } else { self.next() };
+        let (looks, is_heard) = (self.time.minds_stalls(), self.clients.is_heard() || is_watched);
+        let event = if looks && !is_heard { NEVER } else { self.next() };
         let next = self.time.pace().when(event.min(due));
-        let until = naps.then(|| now + NAP).into_iter().chain(next).min();
-        let is_overdue = now.saturating_duration_since(self.handed_out) >= HAND_OUT;
         let is_at_work = now < self.awake_until;
-        if is_overdue || (!is_at_work && next.is_none_or(|next| next > now + LULL)) {
+        let is_overdue = now.saturating_duration_since(self.handed_out) >= MAX_SLEEP;
+        if is_overdue || (!is_at_work && next.is_none_or(|next| next > now + IDLE_GAP)) {
             self.hand_out();
             self.handed_out = now;
         }
-        let arrival = match until {
-            _ if is_at_work => {
-                self.outside.wait_awake(next.map_or(self.awake_until, |next| next.min(self.awake_until)))
-            }
+        let limit = if is_at_work { Some(self.awake_until) } else { looks.then(|| now + MAX_SLEEP) };
+        let until = limit.into_iter().chain(next).min();
+        let spin = match until {
+            _ if is_at_work => SPIN_TIME,
             // The listeners get the event on time: the thread wakes up before it.
-            Some(event) if is_heard && until == next => match event.checked_sub(WAKE_UP).filter(|early| *early > now) {
-                Some(early) => self.outside.wait(Some(early)),
-                None => self.outside.wait_awake(event),
-            },
-            _ => self.outside.wait(until),
+            Some(_) if is_heard && until == next => WAKE_UP,
+            _ => WallDuration::ZERO,
         };
+        let arrival = self.outside.wait(until, spin);
         self.arrivals.extend(arrival);
     }
 
-    /// Goes to `end` through all events until then, or through [`GO`] of them; returns whether it got there.
+    /// Goes to `end` through all events until then, or through [`EVENT_BATCH`] of them; returns whether it got there.
     fn catch_up(&mut self, end: Instant) -> bool {
-        (0..GO).any(|_| self.go(end))
+        (0..EVENT_BATCH).any(|_| self.go(end))
     }
 
     /// Goes to the next event, or to `end` when there is none until then; returns whether it got there.
@@ -281,7 +271,7 @@ impl<O: Outside> Driver<O> {
     fn take_effect(&mut self) {
         let Some(Arrival { at, message }) = self.arrivals.pop_front() else { return };
         if !self.time.minds_stalls() {
-            self.awake_until = at + ALERT;
+            self.awake_until = at + SPIN_TIME;
         }
         if let ToWorld::Warn(line) = message {
             self.trace.warn(line);

@@ -67,15 +67,11 @@ impl Outside for Script {
         None
     }
 
-    fn wait(&mut self, until: Option<WallInstant>) -> Option<Arrival> {
-        self.sleeps += 1;
-        self.pass(until)
-    }
-
-    fn wait_awake(&mut self, until: WallInstant) -> Option<Arrival> {
-        let before = self.now;
-        let arrival = self.pass(Some(until));
-        self.awake += self.now.saturating_duration_since(before);
+    fn wait(&mut self, until: Option<WallInstant>, spin: WallDuration) -> Option<Arrival> {
+        let early = until.map_or(self.end, |until| until - spin).max(self.now);
+        self.sleeps += u64::from(early > self.now || until.is_none());
+        let arrival = self.pass(until);
+        self.awake += self.now.saturating_duration_since(early);
         arrival
     }
 }

@@ -16,15 +16,17 @@ pub trait Outside {
     /// Takes the next message, if there is one.
     fn take(&mut self) -> Option<Arrival>;
 
-    /// Waits for the next message, until an instant or for ever; `None` when the time is up.
-    fn wait(&mut self, until: Option<WallInstant>) -> Option<Arrival>;
-
-    /// Waits as [`wait`](Self::wait) does, for a short time, and returns without the delay of waking up.
-    fn wait_awake(&mut self, until: WallInstant) -> Option<Arrival>;
+    /// Waits for the next message, until an instant or for ever; `None` when the time is up. The thread is awake for the
+    /// last `spin` of the time, and then returns without the delay of waking up.
+    fn wait(&mut self, until: Option<WallInstant>, spin: Duration) -> Option<Arrival>;
 }
 
-/// The time that a system mostly takes to wake a thread up.
+/// The time that a system mostly takes to wake a thread up: the spin before an event that somebody listens to.
 pub(super) const WAKE_UP: Duration = Duration::from_micros(50);
+
+/// The spin after a message, above speed 1. A client that works back to back sends the next one by then, and a wake-up
+/// would take more of its time than the bus does.
+pub(super) const SPIN_TIME: Duration = Duration::from_micros(200);
 
 /// The gateway and its clients give a yielded processor back sooner than this.
 const TAKEN: Duration = Duration::from_micros(100);
@@ -63,19 +65,18 @@ impl Outside for System {
         taken.ok()
     }
 
-    fn wait(&mut self, until: Option<WallInstant>) -> Option<Arrival> {
-        let waited = match until {
-            Some(until) => self.inbox.messages.recv_timeout(until.saturating_duration_since(WallInstant::now())),
-            None => self.inbox.messages.recv().map_err(|_| RecvTimeoutError::Disconnected),
-        };
-        self.deserted |= matches!(waited, Err(RecvTimeoutError::Disconnected));
-        waited.ok()
-    }
-
-    /// Sleeps all the same while others want the processor: a thread that has used up its share of it waits longer for
-    /// the next one than a wake-up takes. What is due sooner than a sleep would end is waited for awake.
-    fn wait_awake(&mut self, until: WallInstant) -> Option<Arrival> {
+    /// While others want the processor the thread sleeps instead of spinning: one that has used up its share waits
+    /// longer for the next one than a wake-up takes. What is due sooner than a sleep would end is waited for awake.
+    fn wait(&mut self, until: Option<WallInstant>, spin: Duration) -> Option<Arrival> {
+        let Some(until) = until else { return self.sleep(None) };
         let mut now = WallInstant::now();
+        let early = until.checked_sub(spin).unwrap_or(now);
+        if early > now {
+            if let Some(arrival) = self.sleep(Some(early)) {
+                return Some(arrival);
+            }
+            now = WallInstant::now();
+        }
         while now < until && !self.is_ending() {
             if let Some(arrival) = self.take() {
                 return Some(arrival);
@@ -84,7 +85,7 @@ impl Outside for System {
             if until.saturating_duration_since(now) <= WAKE_UP {
                 std::hint::spin_loop();
             } else if now < self.shared_until {
-                return self.wait(Some(until));
+                return self.sleep(Some(until));
             } else {
                 std::thread::yield_now();
             }
@@ -94,5 +95,16 @@ impl Outside for System {
             }
         }
         None
+    }
+}
+
+impl System {
+    fn sleep(&mut self, until: Option<WallInstant>) -> Option<Arrival> {
+        let waited = match until {
+            Some(until) => self.inbox.messages.recv_timeout(until.saturating_duration_since(WallInstant::now())),
+            None => self.inbox.messages.recv().map_err(|_| RecvTimeoutError::Disconnected),
+        };
+        self.deserted |= matches!(waited, Err(RecvTimeoutError::Disconnected));
+        waited.ok()
     }
 }

@@ -17,7 +17,7 @@ const STALL: WallDuration = WallDuration::from_millis(50);
 
 /// The longest sleep at a speed up to 1: a stall shows only to a thread that looks at the clock. The rest of [`STALL`]
 /// is for a system that wakes the thread up late.
-pub(super) const NAP: WallDuration = WallDuration::from_millis(20);
+pub(super) const MAX_SLEEP: WallDuration = WallDuration::from_millis(20);
 
 /// A speed is out of reach when the world has worked for longer than this without getting nearer.
 const BEHIND: WallDuration = WallDuration::from_secs(1);
