@@ -14,7 +14,7 @@ use super::own;
 use super::position::{GRID, PositionTolerance};
 use super::report::{Difference, What};
 use crate::Memory;
-use crate::devices::NamedLink;
+use crate::devices::link_in;
 use crate::explain::{Explainer, Node};
 use crate::world::{EventKind, NodeId, TapId, World};
 
@@ -45,13 +45,7 @@ impl Stage {
         }
         // After the devices: where one of them and the log send the same frame at once, it is the device's.
         let others = world.add_gateway("the log");
-        for NamedLink { valve, sensor, link } in &options.links {
-            if let (Some(valve), Some(sensor)) = (world.find(valve), world.find(sensor)) {
-                // The options were checked: this is a valve and a free sensor.
-                let linked = world.link(valve, sensor, *link);
-                debug_assert_eq!(linked, Ok(()));
-            }
-        }
+        link_in(&mut world, &options.links);
         let mut to_come: Vec<_> = begin.power_ups().iter().map(|power_up| power_up.at).zip(nodes.clone()).collect();
         to_come.sort_by(|one, other| other.cmp(one));
         let known = options.devices.iter().map(|device| Node {
