@@ -20,9 +20,6 @@ use crate::simulator::{Simulator, Stranger, play};
 /// Longest stream, in bytes: each of its pieces is one read.
 const STREAM_MAX: usize = 4096;
 
-/// Time in which all frames that wait are on the bus for certain.
-const BUS: Duration = Duration::from_millis(600);
-
 /// Socketcand holds everything back for 20 ms after it.
 const RAW_MODE: &[u8] = b"rawmode";
 
@@ -63,11 +60,6 @@ trait Model {
 
     /// Serves a client.
     fn serve(client: Connection) -> impl Future<Output = ()> + Send + 'static;
-
-    /// Returns whether frames may wait for the bus after the client has left.
-    fn has_cycles(&self) -> bool {
-        false
-    }
 
     /// Takes one read.
     fn read(&mut self, piece: &[u8]);
@@ -128,7 +120,7 @@ async fn converse<M: Model>(mut model: M, cut: u8, stream: &[u8]) {
     simulator.pass(Duration::from_millis(30)).await;
     model.check_heard(&String::from_utf8(stranger.heard().0).expect("text"));
     stranger.leave().await;
-    simulator.pass(if model.has_cycles() { BUS } else { Duration::from_millis(10) }).await;
+    simulator.pass(Duration::from_millis(10)).await;
     simulator.witnessed();
     let mut next = join(&simulator);
     next.say(M::NEXT.0).await;

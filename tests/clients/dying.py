@@ -149,7 +149,7 @@ def nonsense(valve, witness):
         b"< send xyz 1 1 >",
         b"< send 123 1 -81 >",
         b"< send \xff\xfe 1 1 >",
-        b"< filter 0 0 123 7FF >",
+        b"< subscribe 0 0 123 >",
         b"<" + 1000 * b" 1" + b" >",
     ):
         client.say(wrong)

@@ -21,9 +21,8 @@ pub(super) struct Slcan {
     channel: Channel,
     rate: Option<u32>,
     has_stamps: bool,
-    has_filter: bool,
     /// As at the last opening.
-    opened: (bool, bool),
+    is_stamped: bool,
     answers: String,
     frames: Vec<Frame>,
 }
@@ -79,12 +78,11 @@ impl Model for Slcan {
     }
 
     fn check_heard(&self, heard: &str) {
-        let (has_stamps, has_filter) = self.opened;
         let line = if self.is_foreign || self.channel == Channel::Closed { "" } else { "t7FF101" };
-        match (has_filter, has_stamps && !line.is_empty()) {
-            (true, _) => {}
-            (false, true) => assert!(heard.starts_with(line) && heard.len() == line.len() + 5, "{heard:?}"),
-            (false, false) => assert_eq!(heard.trim_end(), line),
+        if self.is_stamped && !line.is_empty() {
+            assert!(heard.starts_with(line) && heard.len() == line.len() + 5, "{heard:?}");
+        } else {
+            assert_eq!(heard.trim_end(), line);
         }
     }
 }
@@ -109,7 +107,7 @@ impl Slcan {
             }
             Some('O' | 'L') if rest.is_empty() && is_closed && self.rate.is_none_or(|rate| rate == BUS_RATE) => {
                 self.channel = if command == Some('O') { Channel::Open } else { Channel::Listening };
-                self.opened = (self.has_stamps, self.has_filter);
+                self.is_stamped = self.has_stamps;
                 Some(OK)
             }
             Some('S') if is_closed && rest.len() == 1 => {
@@ -125,10 +123,6 @@ impl Slcan {
             }
             Some('Z') if is_closed && matches!(rest, "0" | "1") => {
                 self.has_stamps = rest == "1";
-                Some(OK)
-            }
-            Some('M' | 'm') if is_closed && is_hex && rest.len() == 8 => {
-                self.has_filter = true;
                 Some(OK)
             }
             Some(kind @ ('t' | 'T' | 'r' | 'R')) if is_hex && self.channel == Channel::Open => {

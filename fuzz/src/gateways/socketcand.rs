@@ -1,15 +1,10 @@
 //! A second reading of socketcand, message by message.
 
-use std::collections::BTreeSet;
-
 use hal_sim::Frame;
 use pve_sim::gateway::Judge;
 use pve_sim::gateway::socketcand::{MESSAGE_MAX, judge, serve};
 
 use super::{Connection, Model};
-
-/// Most cyclic frames, and most subscriptions, of a client.
-const MOST: usize = 256;
 
 #[derive(Default)]
 pub(super) struct Socketcand {
@@ -18,15 +13,9 @@ pub(super) struct Socketcand {
     place: Place,
     message: Vec<u8>,
     is_open: bool,
-    mode: Mode,
+    is_raw: bool,
     answers: Vec<Answer>,
     sent: Vec<Frame>,
-    /// Identifiers with a cyclic frame, as they are printed.
-    cycles: BTreeSet<String>,
-    /// All frames that were ever sent in a cycle.
-    cyclic: Vec<Frame>,
-    /// Set once what comes next depends on the time, or on room.
-    is_beyond: bool,
 }
 
 #[derive(Clone, Copy, Default)]
@@ -35,14 +24,6 @@ enum Place {
     Between,
     Inside,
     Skipping,
-}
-
-#[derive(Clone, Copy, Default, PartialEq)]
-enum Mode {
-    #[default]
-    Broadcast,
-    Raw,
-    Control,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -104,47 +85,33 @@ impl Model for Socketcand {
         self.is_foreign
     }
 
-    fn has_cycles(&self) -> bool {
-        !self.cyclic.is_empty()
-    }
-
     fn check_answers(&self, heard: &str) {
-        let answers = heard.split_inclusive('>').filter_map(|message| {
+        let answers = heard.split_inclusive('>').map(|message| {
             let message = message.trim().strip_prefix('<').and_then(|message| message.strip_suffix('>'));
             let message = message.unwrap_or_else(|| panic!("no message: {heard}")).trim();
             match message.split(' ').next().unwrap_or_default() {
-                "hi" => Some(Answer::Hi),
-                "ok" => Some(Answer::Ok),
-                "echo" => Some(Answer::Echo),
-                "error" => Some(Answer::Error),
-                "stat" => None,
+                "hi" => Answer::Hi,
+                "ok" => Answer::Ok,
+                "echo" => Answer::Echo,
+                "error" => Answer::Error,
                 _ => panic!("nobody asked for {message}"),
             }
         });
         let answers: Vec<Answer> = answers.collect();
         // A client whose first bytes are foreign may have been greeted before.
         let expected: Vec<Answer> = [Answer::Hi].into_iter().chain(self.answers.iter().copied()).collect();
-        assert!(self.is_beyond || answers == expected, "{answers:?}\n{expected:?}\n{heard}");
+        assert_eq!(answers, expected, "{heard}");
     }
 
     fn check_frames(&self, frames: &[Frame]) {
-        let mut sent = self.sent.iter().peekable();
-        for frame in frames {
-            if sent.peek() == Some(&frame) {
-                sent.next();
-            } else {
-                assert!(self.cyclic.contains(frame), "nobody asked for {frame}");
-            }
-        }
-        // Cycles may fill the bus.
-        assert!(sent.peek().is_none() || !self.cyclic.is_empty(), "{:?} was not sent", sent.peek());
+        assert_eq!(frames, self.sent);
     }
 
     fn check_heard(&self, heard: &str) {
-        if self.cyclic.is_empty() && self.mode == Mode::Raw {
+        if self.is_raw {
             assert!(heard.starts_with("< frame 7FF ") && heard.ends_with(" 01 >"), "{heard}");
-        } else if self.is_foreign || self.mode == Mode::Control {
-            assert!(!heard.contains("frame"), "{heard}");
+        } else {
+            assert_eq!(heard, "");
         }
     }
 }
@@ -152,61 +119,23 @@ impl Model for Socketcand {
 impl Socketcand {
     /// Returns the answer to a message, which may be none; `None` for a message that is refused.
     fn obey(&mut self, words: &[&str]) -> Option<Option<Answer>> {
-        let is_broadcast = self.is_open && self.mode == Mode::Broadcast;
         match words {
             ["echo"] => Some(Some(Answer::Echo)),
             ["open", "pve0"] if !self.is_open => {
                 self.is_open = true;
                 Some(Some(Answer::Ok))
             }
-            ["rawmode"] if self.is_open => self.set(Mode::Raw),
-            ["bcmmode"] if self.is_open => self.set(Mode::Broadcast),
-            ["controlmode"] if self.is_open => self.set(Mode::Control),
+            ["rawmode"] if self.is_open => {
+                self.is_raw = true;
+                Some(Some(Answer::Ok))
+            }
             ["send", id, length, data @ ..] if self.is_open => {
                 self.sent.push(frame(id, length, data)?);
-                Some(None)
-            }
-            ["statistics", ms] if self.is_open && self.mode == Mode::Control => ms.parse::<u32>().ok().map(|_| None),
-            ["subscribe", s, us, id] if is_broadcast => {
-                interval(s, us)?;
-                identifier(id).map(|_| None)
-            }
-            ["filter", s, us, id, length, data @ ..] if is_broadcast => {
-                interval(s, us)?;
-                frame(id, length, data).map(|_| None)
-            }
-            ["unsubscribe", id] if is_broadcast => identifier(id).map(|_| None),
-            ["add", s, us, id, length, data @ ..] if is_broadcast => {
-                let is_once = interval(s, us)? == 0;
-                self.cyclic.push(frame(id, length, data)?);
-                self.cycles.insert(identifier(id)?);
-                self.is_beyond |= is_once || self.cycles.len() >= MOST;
-                Some(None)
-            }
-            ["update", id, length, data @ ..] if is_broadcast => {
-                let frame = frame(id, length, data)?;
-                self.cycles.get(&identifier(id)?)?;
-                self.cyclic.push(frame);
-                Some(None)
-            }
-            ["delete", id] if is_broadcast => {
-                self.cycles.remove(&identifier(id)?);
                 Some(None)
             }
             _ => None,
         }
     }
-
-    fn set(&mut self, mode: Mode) -> Option<Option<Answer>> {
-        self.mode = mode;
-        Some(Some(Answer::Ok))
-    }
-}
-
-/// Returns the microseconds of an interval.
-fn interval(seconds: &str, micros: &str) -> Option<u64> {
-    let (seconds, micros): (u32, u32) = (seconds.parse().ok()?, micros.parse().ok()?);
-    Some(u64::from(seconds) * 1_000_000 + u64::from(micros))
 }
 
 fn frame(id: &str, length: &str, data: &[&str]) -> Option<Frame> {

@@ -61,6 +61,8 @@ fn the_dialogue_with_an_adapter() {
         ("F", BELL),
         ("t1230", BELL),
         ("S9", BELL),
+        ("M00000000", BELL),
+        ("mFFFFFFFF", BELL),
         // another bit rate than that of the bus
         ("S4", "\r"),
         ("O", BELL),
@@ -82,8 +84,6 @@ fn the_dialogue_with_an_adapter() {
         ("S5", BELL),
         ("s011C", BELL),
         ("Z1", BELL),
-        ("M00000000", BELL),
-        ("mFFFFFFFF", BELL),
         ("L", BELL),
         ("F", "F00\r"),
         ("t18A20102", "z\r"),
@@ -135,19 +135,15 @@ fn everybody_hears_the_others_and_nobody_himself() {
 }
 
 #[test]
-fn time_stamps_and_filters_are_set_with_the_channel_closed() {
+fn time_stamps_are_set_with_the_channel_closed() {
     let simulator = start(&[]);
     let mut sender = open(&simulator);
     let mut client = adapter(&simulator);
-    // 123 in both filters
-    for text in ["Z1", "M24602460", "m001F001F", "O"] {
+    for text in ["Z1", "O"] {
         command(&mut client, text, "\r");
     }
-    for frame in ["t122111", "t123209FF", "T000001230", "t1230"] {
-        let answer = if frame.starts_with('T') { "Z\r" } else { "z\r" };
-        command(&mut sender, frame, answer);
-    }
     for expected in ["t123209FF", "t1230"] {
+        command(&mut sender, expected, "z\r");
         let line = line(&mut client);
         let stamp = line.trim_end().strip_prefix(expected).unwrap_or_else(|| panic!("{line:?}"));
         assert_eq!(stamp.len(), 4, "{line:?}");

@@ -14,14 +14,12 @@
 //!
 //! ```text
 //! protocol  bytes ↔ commands and answers, no I/O
-//! filter    the acceptance filter of commands M and m
 //! session   one client, over any stream
 //! server    the gateway over TCP
 //! pty       the gateway on a pseudo-terminal
 //! terminal  the pseudo-terminal, and the link to it
 //! ```
 
-mod filter;
 mod protocol;
 #[cfg_attr(not(unix), path = "pty_elsewhere.rs")]
 mod pty;

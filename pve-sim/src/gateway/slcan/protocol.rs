@@ -53,10 +53,6 @@ pub enum Command {
     Serial,
     /// `Z1`, `Z0`: frames are to have time stamps, or none.
     Stamps(bool),
-    /// `MXXXXXXXX`: the acceptance code.
-    Code(u32),
-    /// `mXXXXXXXX`: the acceptance mask.
-    Mask(u32),
     /// `X1`: frames come by themselves, as they always do.
     AutoSend,
     /// An empty line, by which clients begin anew.
@@ -120,8 +116,6 @@ fn parse(line: &[u8]) -> Option<Command> {
         b"Z0" => Some(Command::Stamps(false)),
         b"Z1" => Some(Command::Stamps(true)),
         b"X1" => Some(Command::AutoSend),
-        [b'M', code @ ..] if code.len() == 8 => hex(code).map(Command::Code),
-        [b'm', mask @ ..] if mask.len() == 8 => hex(mask).map(Command::Mask),
         [kind @ (b't' | b'r'), rest @ ..] => {
             let (id, rest) = rest.split_at_checked(3)?;
             let id = u16::try_from(hex(id)?).ok().filter(|id| *id <= 0x7FF)?;

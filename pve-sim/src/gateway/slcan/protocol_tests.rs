@@ -89,9 +89,8 @@ fn what_is_no_command_is_refused() {
         "Z",
         "Z2",
         "X0",
-        "M1",
-        "mABC",
-        "M1234567G",
+        "M00000000",
+        "mFFFFFFFF",
         "t",
         "t12",
         "t123",
@@ -154,7 +153,7 @@ proptest! {
     }
 
     #[test]
-    fn near_frames_do_not_panic(line in "[tTrRsSmM][0-9a-fA-F]{0,30}") {
+    fn near_frames_do_not_panic(line in "[tTrRsS][0-9a-fA-F]{0,30}") {
         let _ = command(&line);
     }
 }

@@ -10,7 +10,6 @@ use tokio::sync::mpsc::Receiver;
 use tokio::sync::oneshot;
 use tokio::time::{Instant, sleep, timeout_at};
 
-use super::filter::Filter;
 use super::protocol::{BELL, Command, OK, Parser, Refused, SERIAL, VERSION, emit_frame, flags, sent};
 use crate::inbox::BATCH;
 use crate::inbox::{ClientId, Entrance, Leash, Mailbox, Outbox, Reply, ToClient, ToWorld};
@@ -73,18 +72,11 @@ struct Client<'a> {
 struct Talk {
     /// The answers that were asked for.
     asked: u64,
-    /// The openings whose answer was not written yet: the number of that answer, and what holds from it on. A frame before it
-    /// came to the channel as it was opened before.
-    opened: VecDeque<(u64, Settings)>,
+    /// The openings whose answer was not written yet: the number of that answer, and whether frames have time stamps from it
+    /// on. A frame before it came to the channel as it was opened before.
+    opened: VecDeque<(u64, bool)>,
     /// Whether there was an error since the client last asked for the flags.
     has_error: bool,
-}
-
-/// How frames come to the client.
-#[derive(Clone, Copy, Debug, Default)]
-struct Settings {
-    filter: Filter,
-    has_stamps: bool,
 }
 
 /// The client's channel.
@@ -93,8 +85,8 @@ struct Channel {
     state: State,
     /// The bit rate that the client has set, in bit/s.
     rate: Option<u32>,
-    /// In force from the next opening.
-    settings: Settings,
+    /// Whether frames have time stamps from the next opening on.
+    has_stamps: bool,
     /// Whether it was opened at any time.
     was_open: bool,
     /// Whether the user knows that the client has set another bit rate than that of the bus.
@@ -144,21 +136,13 @@ impl Client<'_> {
                 OK
             }
             (Ok(Command::Stamps(on)), State::Closed) => {
-                channel.settings.has_stamps = on;
-                OK
-            }
-            (Ok(Command::Code(code)), State::Closed) => {
-                channel.settings.filter.code = code;
-                OK
-            }
-            (Ok(Command::Mask(mask)), State::Closed) => {
-                channel.settings.filter.mask = mask;
+                channel.has_stamps = on;
                 OK
             }
             (Ok(command @ (Command::Open | Command::Listen)), State::Closed) if self.is_at_rate(channel).await => {
                 channel.state = if command == Command::Open { State::Open } else { State::Listening };
                 channel.was_open = true;
-                return self.ask(ToWorld::Listen(self.id, Reply::new(OK)), Some(channel.settings)).await;
+                return self.ask(ToWorld::Listen(self.id, Reply::new(OK)), Some(channel.has_stamps)).await;
             }
             (Ok(Command::Close), State::Open | State::Listening) => {
                 channel.state = State::Closed;
@@ -177,13 +161,13 @@ impl Client<'_> {
         self.ask(ToWorld::Reply(self.id, Reply::new(answer)), None).await;
     }
 
-    /// Asks the world for an answer, from which on these settings hold.
-    async fn ask(&self, message: ToWorld, settings: Option<Settings>) {
+    /// Asks the world for an answer; one that opens the channel says whether frames have time stamps from then on.
+    async fn ask(&self, message: ToWorld, has_stamps: Option<bool>) {
         self.leash.spend().await;
         let mut talk = lock(&self.talk);
         talk.asked += 1;
         let answer = talk.asked;
-        talk.opened.extend(settings.map(|settings| (answer, settings)));
+        talk.opened.extend(has_stamps.map(|has_stamps| (answer, has_stamps)));
         drop(talk);
         self.world.tell(message);
     }
@@ -218,21 +202,17 @@ async fn write(
 ) -> std::io::Result<()> {
     let mut batch = Vec::with_capacity(BATCH);
     let mut out = String::new();
-    let (mut settings, mut answers) = (Settings::default(), 0);
+    let (mut has_stamps, mut answers) = (false, 0);
     while queue.recv_many(&mut batch, BATCH).await > 0 {
         for message in batch.drain(..) {
             match message {
-                ToClient::Frame(at, frame) => {
-                    if settings.filter.accepts(&frame) {
-                        emit_frame(&mut out, &frame, settings.has_stamps.then_some(at));
-                    }
-                }
+                ToClient::Frame(at, frame) => emit_frame(&mut out, &frame, has_stamps.then_some(at)),
                 ToClient::Error(..) => lock(talk).has_error = true,
                 ToClient::Reply(reply) => {
                     out.push_str(&reply.text);
                     answers += 1;
                     if let Some((_, opened)) = lock(talk).opened.pop_front_if(|(answer, _)| *answer == answers) {
-                        settings = opened;
+                        has_stamps = opened;
                     }
                 }
             }

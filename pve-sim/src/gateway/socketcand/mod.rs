@@ -13,14 +13,13 @@
 //! < frame 1A0 1795223549.715344 0100 >
 //! ```
 //!
-//! Before `< rawmode >`, or after `< bcmmode >`, a client gets what it has subscribed to, and may have frames sent in a
-//! cycle; after `< controlmode >` it gets statistics.
+//! The reference daemon's other modes (`bcmmode`, `controlmode`, `isotpmode`) do not exist here: no client of the README's
+//! table asks for them.
 //!
 //! Remote frames: the text has no sign for them. A `send` with a length and no byte is what python-can makes of one,
 //! and is taken as one; remote frames that others send are not passed on, as they could only be passed on as data.
 
 mod beacon;
-mod broadcast;
 mod protocol;
 mod server;
 mod session;

@@ -1,11 +1,9 @@
 //! The text of socketcand: bytes to requests, and replies to bytes. No I/O, no state but that of a message half read.
 
 use std::fmt::Write;
-use std::time::Duration;
 
 use protocol_core::frame::{Frame, Id, MAX_LEN, extended, standard};
 
-use super::broadcast::Traffic;
 use crate::gateway::guard::Verdict;
 use hal_sim::log::{ErrorClass, Timestamp, write_hex};
 
@@ -30,31 +28,13 @@ pub enum Request {
     Echo,
     /// `< send ID LEN BYTE… >`
     Send(Frame),
-    /// `< bcmmode >`
-    BcmMode,
-    /// `< subscribe S US ID >`: every frame of an identifier, or one in so much time.
-    Subscribe(Id, Duration),
-    /// `< filter S US ID LEN BYTE… >`: frames that differ from the one before in the bits of the mask.
-    Filter(Duration, Frame),
-    /// `< unsubscribe ID >`
-    Unsubscribe(Id),
-    /// `< add S US ID LEN BYTE… >`: a frame to be sent in a cycle; once, with 0.
-    Add(Duration, Frame),
-    /// `< update ID LEN BYTE… >`: other data for a cyclic frame.
-    Update(Frame),
-    /// `< delete ID >`
-    Delete(Id),
-    /// `< controlmode >`
-    ControlMode,
-    /// `< statistics MS >`; 0 ends them.
-    Statistics(Duration),
 }
 
 /// Why a message was refused; the text goes to the client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RequestError {
     /// No such command.
-    #[error("unknown command")]
+    #[error("unknown command; accepted: open, rawmode, send, echo")]
     UnknownCommand,
     /// A known command with more or fewer words than it has.
     #[error("wrong number of arguments")]
@@ -71,9 +51,6 @@ pub enum RequestError {
     /// Not as many bytes as the length says.
     #[error("length and number of bytes differ")]
     Count,
-    /// No seconds, or microseconds or milliseconds, in decimal.
-    #[error("bad time")]
-    Time,
     /// No hex number of at most eight bits.
     #[error("bad data byte")]
     Byte,
@@ -153,20 +130,7 @@ fn parse(message: &str) -> Result<Request, RequestError> {
         ["rawmode"] => Ok(Request::RawMode),
         ["echo"] => Ok(Request::Echo),
         ["send", id, len, bytes @ ..] => send(id, len, bytes).map(Request::Send),
-        ["bcmmode"] => Ok(Request::BcmMode),
-        ["subscribe", s, us, id] => Ok(Request::Subscribe(identifier(id)?, interval(s, us)?)),
-        ["filter", s, us, id, len, bytes @ ..] => Ok(Request::Filter(interval(s, us)?, send(id, len, bytes)?)),
-        ["unsubscribe", id] => identifier(id).map(Request::Unsubscribe),
-        ["add", s, us, id, len, bytes @ ..] => Ok(Request::Add(interval(s, us)?, send(id, len, bytes)?)),
-        ["update", id, len, bytes @ ..] => send(id, len, bytes).map(Request::Update),
-        ["delete", id] => identifier(id).map(Request::Delete),
-        ["controlmode"] => Ok(Request::ControlMode),
-        ["statistics", ms] => number(ms).map(|ms| Request::Statistics(Duration::from_millis(ms.into()))),
-        [
-            "open" | "rawmode" | "echo" | "send" | "bcmmode" | "subscribe" | "filter" | "unsubscribe" | "add"
-            | "update" | "delete" | "controlmode" | "statistics",
-            ..,
-        ] => Err(RequestError::Arguments),
+        ["open" | "rawmode" | "echo" | "send", ..] => Err(RequestError::Arguments),
         _ => Err(RequestError::UnknownCommand),
     }
 }
@@ -187,15 +151,6 @@ fn send(id: &str, len: &str, bytes: &[&str]) -> Result<Frame, RequestError> {
         *slot = byte;
     }
     Ok(Frame::with_len(id, data, len))
-}
-
-/// Seconds and microseconds, which stand in decimal.
-fn interval(seconds: &str, micros: &str) -> Result<Duration, RequestError> {
-    Ok(Duration::from_secs(number(seconds)?.into()) + Duration::from_micros(number(micros)?.into()))
-}
-
-fn number(word: &str) -> Result<u32, RequestError> {
-    word.parse().map_err(|_| RequestError::Time)
 }
 
 /// Reads an identifier. Eight digits make an extended identifier, and so does bit 31, the mark of clients that know
@@ -250,11 +205,6 @@ pub fn emit_frame(out: &mut String, at: Timestamp, frame: &Frame) {
 /// Writes `< error 040 1795223549.715344 >`: an error frame.
 pub fn emit_error(out: &mut String, at: Timestamp, class: ErrorClass) {
     let _ = write!(out, "< error {:03X} {at} >", class.code());
-}
-
-/// Writes `< stat RBYTES RFRAMES TBYTES TFRAMES >`: what came and what went.
-pub(super) fn emit_statistics(out: &mut String, [received, sent]: [Traffic; 2]) {
-    let _ = write!(out, "< stat {} {} {} {} >", received.bytes, received.frames, sent.bytes, sent.frames);
 }
 
 /// Returns `< error … >`: a message that was refused, and why.
