@@ -129,7 +129,7 @@ impl Socketcand {
                 self.is_raw = true;
                 Some(Some(Answer::Ok))
             }
-            ["send", id, length, data @ ..] if self.is_open => {
+            ["send", id, length, data @ ..] if self.is_raw => {
                 self.sent.push(frame(id, length, data)?);
                 Some(None)
             }

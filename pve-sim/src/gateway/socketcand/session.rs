@@ -41,6 +41,8 @@ struct Client<'a> {
 enum Stage {
     Greeted,
     Open,
+    /// In raw mode: frames pass in both directions.
+    Raw,
 }
 
 impl Client<'_> {
@@ -55,7 +57,7 @@ impl Client<'_> {
             let read = reader.read(&mut bytes);
             let read = match stage {
                 Stage::Greeted => timeout_at(patience, read).await.unwrap_or(Ok(0)),
-                Stage::Open => read.await,
+                Stage::Open | Stage::Raw => read.await,
             };
             let len = match read {
                 Ok(0) | Err(_) => break,
@@ -82,12 +84,14 @@ impl Client<'_> {
                 self.id,
                 Reply::new(format!("< error there is no bus of that name, only {} >", self.bus)),
             ),
-            (Ok(Request::Open(_)), Stage::Open) => reply("< error the bus is open already >"),
+            (Ok(Request::Open(_)), Stage::Open | Stage::Raw) => reply("< error the bus is open already >"),
             (Ok(_), Stage::Greeted) => reply("< error open the bus first >"),
-            (Ok(Request::RawMode), Stage::Open) => {
+            (Ok(Request::RawMode), Stage::Open | Stage::Raw) => {
+                *stage = Stage::Raw;
                 ToWorld::Listen(self.id, Reply { text: OK.into(), pause: HOLD_BACK })
             }
-            (Ok(Request::Send(frame)), Stage::Open) => ToWorld::Send(self.id, frame),
+            (Ok(Request::Send(_)), Stage::Open) => reply("< error ask for rawmode first >"),
+            (Ok(Request::Send(frame)), Stage::Raw) => ToWorld::Send(self.id, frame),
         }
     }
 }
