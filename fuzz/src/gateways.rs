@@ -9,9 +9,8 @@ use std::time::Duration;
 
 use hal_sim::simulation::Simulation;
 use hal_sim::{BitRate, Frame};
-use pve_sim::gateway::{ForeignWarning, Guarded, Judge};
-use pve_sim::inbox::Entrance;
-use tokio::io::{DuplexStream, ReadHalf, WriteHalf, split};
+use pve_sim::gateway::{Dialogue, ForeignWarning, enter};
+use tokio::io::split;
 
 use self::slcan::Slcan;
 use self::socketcand::Socketcand;
@@ -40,26 +39,16 @@ pub fn gateways(bytes: &[u8]) {
     }
 }
 
-/// A connection of a client, as the server of a gateway takes it.
-struct Connection {
-    reader: Guarded<ReadHalf<DuplexStream>>,
-    writer: WriteHalf<DuplexStream>,
-    world: Entrance,
-}
-
 /// A second reading of a protocol: what a stream comes to.
 trait Model {
-    /// The judge of the first bytes of a connection.
-    const JUDGE: Judge;
-
     /// The end of a message that is half said, and a question for a sign of life.
     const LAST_WORD: &'static [u8];
 
     /// A new client that sends 123#0A, and what it hears.
     const NEXT: (&'static [u8], &'static str);
 
-    /// Serves a client.
-    fn serve(client: Connection) -> impl Future<Output = ()> + Send + 'static;
+    /// Returns the dialogue with a client that has just come.
+    fn dialogue() -> impl Dialogue + 'static;
 
     /// Takes one read.
     fn read(&mut self, piece: &[u8]);
@@ -99,8 +88,7 @@ async fn converse<M: Model>(mut model: M, cut: u8, stream: &[u8]) {
     let join = |simulator: &Simulator| {
         let (stranger, far) = Stranger::new();
         let (reader, writer) = split(far);
-        let reader = Guarded::new(reader, M::JUDGE, Arc::clone(&warning));
-        tokio::spawn(M::serve(Connection { reader, writer, world: simulator.entrance.clone() }));
+        tokio::spawn(enter(reader, writer, simulator.entrance.clone(), Arc::clone(&warning), M::dialogue()));
         stranger
     };
     let mut stranger = join(&simulator);

@@ -1,12 +1,10 @@
 //! A second reading of slcan, line by line as docs/pve-sim.md has it.
 
-use std::time::Duration;
-
 use hal_sim::Frame;
-use pve_sim::gateway::Judge;
-use pve_sim::gateway::slcan::{Line, judge, serve};
+use pve_sim::gateway::Dialogue;
+use pve_sim::gateway::slcan::Session;
 
-use super::{Connection, Model};
+use super::Model;
 
 const OK: &str = "\r";
 const BELL: &str = "\x07";
@@ -36,13 +34,11 @@ enum Channel {
 }
 
 impl Model for Slcan {
-    const JUDGE: Judge = judge;
     const LAST_WORD: &'static [u8] = b"\rV\r";
     const NEXT: (&'static [u8], &'static str) = (b"\rO\rt12310A\r", "\r\rz\r");
 
-    async fn serve(Connection { reader, writer, world }: Connection) {
-        let line = Line { url: "tcp", patience: Some(Duration::from_secs(60)), farewell: Duration::ZERO };
-        serve(reader, writer, world, line).await;
+    fn dialogue() -> impl Dialogue + 'static {
+        Session::new("tcp".into())
     }
 
     fn read(&mut self, piece: &[u8]) {

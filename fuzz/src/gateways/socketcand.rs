@@ -1,10 +1,10 @@
 //! A second reading of socketcand, message by message.
 
 use hal_sim::Frame;
-use pve_sim::gateway::Judge;
-use pve_sim::gateway::socketcand::{MESSAGE_MAX, judge, serve};
+use pve_sim::gateway::Dialogue;
+use pve_sim::gateway::socketcand::{MESSAGE_MAX, Session};
 
-use super::{Connection, Model};
+use super::Model;
 
 #[derive(Default)]
 pub(super) struct Socketcand {
@@ -35,12 +35,11 @@ enum Answer {
 }
 
 impl Model for Socketcand {
-    const JUDGE: Judge = judge;
     const LAST_WORD: &'static [u8] = b"> < echo >";
     const NEXT: (&'static [u8], &'static str) = (b"< open pve0 >< rawmode >< send 123 1 0A >", "< hi >< ok >< ok >");
 
-    async fn serve(Connection { reader, writer, world }: Connection) {
-        serve(reader, writer, "pve0", world).await;
+    fn dialogue() -> impl Dialogue + 'static {
+        Session::new("pve0".into())
     }
 
     fn read(&mut self, piece: &[u8]) {

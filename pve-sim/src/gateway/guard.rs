@@ -32,7 +32,7 @@ pub type Judge = fn(u8) -> Verdict;
 
 /// A reader that fails for good at the first foreign byte, and passes nothing of the read that has it.
 #[derive(Debug)]
-pub struct Guarded<R> {
+pub(super) struct Guarded<R> {
     reader: R,
     judge: Judge,
     verdict: Verdict,
@@ -41,8 +41,7 @@ pub struct Guarded<R> {
 
 impl<R> Guarded<R> {
     /// Returns a reader with its judge, and the warning of its bus.
-    #[must_use]
-    pub fn new(reader: R, judge: Judge, warning: Arc<ForeignWarning>) -> Self {
+    pub(super) fn new(reader: R, judge: Judge, warning: Arc<ForeignWarning>) -> Self {
         Self { reader, judge, verdict: Verdict::Undecided, warning }
     }
 }

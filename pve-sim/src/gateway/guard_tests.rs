@@ -4,12 +4,14 @@ use proptest::prelude::*;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, duplex};
 
 use super::*;
-use crate::gateway::{slcan, socketcand};
+use crate::gateway::{Dialogue as _, slcan, socketcand};
 use crate::inbox::Inbox;
 
 /// Both protocols, each with a text that sends a frame.
-const PROTOCOLS: [(Judge, &str); 2] =
-    [(socketcand::judge, "< open pve0 >< rawmode >< send 123 1 1 >"), (slcan::judge, "\rO\rt123101\r")];
+const PROTOCOLS: [(Judge, &str); 2] = [
+    (socketcand::Session::JUDGE, "< open pve0 >< rawmode >< send 123 1 1 >"),
+    (slcan::Session::JUDGE, "\rO\rt123101\r"),
+];
 
 /// The bytes that a session gets of a connection which sends these parts and ends, and the warnings of the user.
 fn taken(judge: Judge, parts: &[&[u8]]) -> (Vec<u8>, Vec<String>) {
@@ -80,9 +82,9 @@ fn nothing_that_a_browser_sends_is_taken() {
 #[test]
 fn whatever_a_client_begins_with_is_taken() {
     let clients: [(Judge, &[&str]); 2] = [
-        (socketcand::judge, &["< open pve0 >", "<open pve0>", " \t\r\n< echo >GET / HTTP/1.1\r\n\r\n"]),
+        (socketcand::Session::JUDGE, &["< open pve0 >", "<open pve0>", " \t\r\n< echo >GET / HTTP/1.1\r\n\r\n"]),
         (
-            slcan::judge,
+            slcan::Session::JUDGE,
             // python-can with and without a bit rate, SavvyCAN, and a command that the adapter refuses.
             &["C\rS5\rO\r", "O\r", "\r\r\rV\r", "\r\n\nC\r\n", "A0\r", "V\rt123 \r", "T1FFFFFFF80102030405060708\r\0"],
         ),

@@ -3,8 +3,9 @@
 //! ```text
 //! bus_url      the URLs of --bus: every gateway has one line there
 //! address      what a gateway is to the simulator: Scheme, Address, Gateway
-//! tcp          gateways over TCP: the listening socket, and the connections that it accepts
+//! tcp          gateways over TCP: the listening socket, and the one way in for their clients
 //! guard        the first bytes over TCP: connections of web pages are closed before anything is obeyed
+//! session      one client over a stream, from its first byte to its last
 //! socketcand/  a bus over TCP in readable text
 //! socketcan/   an interface of the Linux kernel
 //! slcan/       an adapter on a serial line, over TCP or on a pseudo-terminal
@@ -16,6 +17,7 @@ mod address;
 mod bus_url;
 mod guard;
 mod member;
+mod session;
 pub mod slcan;
 mod socketcan;
 pub mod socketcand;
@@ -24,5 +26,7 @@ pub mod udp_multicast;
 
 pub use address::{Access, Address, Gateway, OpenError, Opening, Parse, Scheme};
 pub use bus_url::BusUrl;
-pub use guard::{ForeignWarning, Guarded, Judge, Verdict};
+pub use guard::{ForeignWarning, Judge, Verdict};
+pub use session::{Client, Dialogue, End};
+pub use tcp::enter;
 pub(crate) use tcp::{WAITING, joinable};

@@ -1,4 +1,4 @@
-//! Gateways over TCP: the address to listen at, the listening socket, and the connections that it accepts.
+//! Gateways over TCP: the address to listen at, the listening socket, and the one way in for the clients that it accepts.
 
 use std::fmt;
 use std::io;
@@ -8,14 +8,15 @@ use std::sync::Arc;
 use std::task::{Context, Poll};
 use std::time::Duration;
 
-use tokio::io::{AsyncRead, ReadBuf};
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::timeout;
 
 use super::address::OpenError;
-use super::guard::{ForeignWarning, Guarded, Judge};
+use super::guard::{ForeignWarning, Guarded};
+use super::session::{Dialogue, End, Limits, serve};
 use crate::inbox::Entrance;
 
 /// How long to wait before the next try when no connection can be accepted, as when the process has no descriptor left.
@@ -86,30 +87,17 @@ pub(super) struct Listener {
     pub(super) address: SocketAddr,
 }
 
-/// A protocol over TCP.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Protocol {
-    /// Judges the first bytes of a connection.
-    pub(super) judge: Judge,
-    /// The answer to a client that finds no place.
-    pub(super) no_place: &'static [u8],
-}
-
 impl Listener {
-    /// Serves clients for ever, a session each; each takes one of the places. A client that finds none is told so and let
-    /// go. The reader of a foreign connection fails, and the first one is told to the user; `url` names the bus there.
-    pub(super) async fn run<S>(
+    /// Serves clients for ever, each in a dialogue of its own and on one of the places. A client that finds none is told so
+    /// and let go. The first foreign connection is told to the user; `url` names the bus there.
+    pub(super) async fn run<D: Dialogue + 'static>(
         self,
-        protocol: Protocol,
         url: String,
         world: Entrance,
         places: Arc<Semaphore>,
-        session: impl Fn(Guarded<Prompt>, OwnedWriteHalf) -> S + Send + Sync + 'static,
-    ) where
-        S: Future<Output = ()> + Send + 'static,
-    {
-        let warning = Arc::new(ForeignWarning::new(url, world));
-        let session = Arc::new(session);
+        dialogue: impl Fn() -> D + Send,
+    ) {
+        let warning = Arc::new(ForeignWarning::new(url, world.clone()));
         let waiting = Arc::new(Semaphore::new(WAITING));
         loop {
             let Ok((stream, _)) = self.listener.accept().await else {
@@ -117,18 +105,31 @@ impl Listener {
                 continue;
             };
             let (places, waiting) = (Arc::clone(&places), Arc::clone(&waiting));
-            let (session, warning) = (Arc::clone(&session), Arc::clone(&warning));
+            let (world, warning, dialogue) = (world.clone(), Arc::clone(&warning), dialogue());
             tokio::spawn(async move {
                 match place(places, &waiting).await {
                     Some(_place) => {
                         let (reader, writer) = halves(stream);
-                        session(Guarded::new(reader, protocol.judge, warning), writer).await;
+                        enter(reader, writer, world, warning, dialogue).await;
                     }
-                    None => drop(stream.try_write(protocol.no_place)),
+                    None => drop(stream.try_write(D::NO_PLACE.as_bytes())),
                 }
             });
         }
     }
+}
+
+/// Serves a client over TCP that has a place, until it leaves or is told to go. A connection that does not begin as a client
+/// does is closed before anything is obeyed.
+pub async fn enter<D: Dialogue>(
+    reader: impl AsyncRead + Unpin,
+    writer: impl AsyncWrite + Unpin,
+    world: Entrance,
+    warning: Arc<ForeignWarning>,
+    dialogue: D,
+) -> End {
+    let limits = Limits { patience: Some(HANDSHAKE), farewell: FAREWELL };
+    serve(Guarded::new(reader, D::JUDGE, warning), writer, world, limits, dialogue).await
 }
 
 /// Returns one of the places. Where there is none, it waits for one, if few others do.

@@ -14,7 +14,7 @@
 //!
 //! ```text
 //! protocol  bytes ↔ commands and answers, no I/O
-//! session   one client, over any stream
+//! session   one client
 //! server    the gateway over TCP
 //! pty       the gateway on a pseudo-terminal
 //! terminal  the pseudo-terminal, and the link to it
@@ -28,7 +28,7 @@ mod session;
 #[cfg(unix)]
 mod terminal;
 
-pub use protocol::{Command, Parser, Refused, emit_frame, judge};
+pub use protocol::{Command, Parser, Refused, emit_frame};
 pub(super) use pty::SCHEME as PTY;
 pub(super) use server::SCHEME as TCP;
-pub use session::{End, Line, serve};
+pub use session::Session;

@@ -94,7 +94,7 @@ impl Parser {
 /// Judges a byte of the first line of a connection. A command has letters and digits alone and is obeyed at its CR; a
 /// request line has a blank before its CR.
 #[must_use]
-pub const fn judge(byte: u8) -> Verdict {
+pub(super) const fn judge(byte: u8) -> Verdict {
     match byte {
         b'\r' => Verdict::Client,
         b'\n' | b'0'..=b'9' | b'A'..=b'Z' | b'a'..=b'z' => Verdict::Undecided,

@@ -8,8 +8,9 @@ use std::time::Duration;
 use tokio::sync::Semaphore;
 use tokio::time::sleep;
 
-use super::session::{self, End, Line};
+use super::session::Session;
 use super::terminal::Terminal;
+use crate::gateway::session::{End, Limits, serve};
 use crate::gateway::{Access, Address, Gateway, OpenError, Opening, Parse, Scheme};
 use crate::inbox::{Entrance, ToWorld};
 
@@ -84,15 +85,16 @@ impl Pty {
     /// Serves one client after the other, for ever.
     async fn run(mut self: Box<Self>, world: Entrance) {
         let url = self.url();
+        let name: Arc<str> = url.as_str().into();
         // Nobody else waits for the place.
-        let line = Line { url: &url, patience: None, farewell: Duration::ZERO };
+        let limits = Limits { patience: None, farewell: Duration::ZERO };
         loop {
             while !self.terminal.is_in_use() {
                 sleep(LOOK).await;
             }
             let done = match self.terminal.halves() {
                 Ok((reader, writer)) => {
-                    let end = session::serve(reader, writer, world.clone(), line).await;
+                    let end = serve(reader, writer, world.clone(), limits, Session::new(Arc::clone(&name))).await;
                     // The next client may have opened it already, and keeps it. One who is dismissed sees it go away,
                     // as when an adapter is pulled out.
                     if end == End::Left && self.terminal.reset().is_ok() { Ok(()) } else { self.terminal.renew() }

@@ -5,9 +5,8 @@ use std::sync::Arc;
 
 use tokio::sync::Semaphore;
 
-use super::protocol::{BELL, judge};
-use super::session::{self, Line};
-use crate::gateway::tcp::{Endpoint, FAREWELL, HANDSHAKE, Listener, Protocol, joinable};
+use super::session::Session;
+use crate::gateway::tcp::{Endpoint, Listener, joinable};
 use crate::gateway::{Access, Address, Gateway, Opening, Parse, Scheme};
 use crate::inbox::Entrance;
 
@@ -15,8 +14,6 @@ const FORM: &str = "slcan://HOST:PORT";
 
 /// The URLs of this gateway.
 pub(in crate::gateway) const SCHEME: Scheme = Scheme { prefix: "slcan://", form: FORM, parse: Parse::With(parse) };
-
-const PROTOCOL: Protocol = Protocol { judge, no_place: BELL.as_bytes() };
 
 /// Where the adapter is to be served.
 #[derive(Clone, Debug)]
@@ -61,13 +58,7 @@ impl Gateway for Server {
 
     fn start(self: Box<Self>, world: Entrance, places: Arc<Semaphore>) {
         let url = self.url();
-        let line_url: Arc<str> = url.as_str().into();
-        tokio::spawn(self.0.run(PROTOCOL, url, world.clone(), places, move |reader, writer| {
-            let (url, world) = (Arc::clone(&line_url), world.clone());
-            async move {
-                let line = Line { url: &url, patience: Some(HANDSHAKE), farewell: FAREWELL };
-                session::serve(reader, writer, world, line).await;
-            }
-        }));
+        let name: Arc<str> = url.as_str().into();
+        tokio::spawn(self.0.run(url, world, places, move || Session::new(Arc::clone(&name))));
     }
 }

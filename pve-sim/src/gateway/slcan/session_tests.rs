@@ -1,14 +1,25 @@
 //! One client over a stream in memory. The world's end is the test's.
 
-use tokio::io::{duplex, split};
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream, duplex, split};
+use tokio::task::JoinHandle;
+use tokio::time::Instant;
 
 use super::*;
-use crate::gateway::tcp::{FAREWELL, HANDSHAKE};
-use crate::inbox::{CREDIT, Inbox, QUEUE};
+use crate::gateway::session::End;
+use crate::gateway::tcp::HANDSHAKE;
+use crate::gateway::{ForeignWarning, enter};
+use crate::inbox::{CREDIT, Entrance, Inbox, Outbox, QUEUE};
 use hal_sim::log::Timestamp;
 use protocol_core::frame::{Frame, standard};
 
-const LINE: Line<'_> = Line { url: "slcan://", patience: Some(HANDSHAKE), farewell: FAREWELL };
+/// Serves a client over a stream of so many bytes.
+fn serve(room: usize) -> (DuplexStream, Inbox, JoinHandle<End>) {
+    let (client, server) = duplex(room);
+    let (world, inbox) = Entrance::new();
+    let (reader, writer) = split(server);
+    let warning = Arc::new(ForeignWarning::new("slcan://".to_owned(), world.clone()));
+    (client, inbox, tokio::spawn(enter(reader, writer, world, warning, Session::new("slcan://".into()))))
+}
 
 /// The outbox of the client that has joined.
 fn joined(inbox: &Inbox) -> Outbox {
@@ -27,11 +38,8 @@ async fn pass() {
 
 #[tokio::test(start_paused = true)]
 async fn a_client_that_never_opens_the_channel_is_let_go() {
-    let (mut client, server) = duplex(64);
-    let (world, _inbox) = Entrance::new();
-    let (reader, writer) = split(server);
     let start = Instant::now();
-    let session = tokio::spawn(serve(reader, writer, world, LINE));
+    let (mut client, _inbox, session) = serve(64);
     client.write_all(b"V\rS5\rC\r").await.expect("room");
     assert_eq!(session.await.expect("no panic"), End::Left);
     assert!(start.elapsed() >= HANDSHAKE, "after {:?}", start.elapsed());
@@ -40,10 +48,7 @@ async fn a_client_that_never_opens_the_channel_is_let_go() {
 /// After it has closed the channel, too.
 #[tokio::test(start_paused = true)]
 async fn a_client_that_has_opened_the_channel_may_be_quiet() {
-    let (mut client, server) = duplex(64);
-    let (world, _inbox) = Entrance::new();
-    let (reader, writer) = split(server);
-    let session = tokio::spawn(serve(reader, writer, world, LINE));
+    let (mut client, _inbox, session) = serve(64);
     client.write_all(b"O\rC\r").await.expect("room");
     pass().await;
     tokio::time::advance(10 * HANDSHAKE).await;
@@ -55,10 +60,7 @@ async fn a_client_that_has_opened_the_channel_may_be_quiet() {
 
 #[tokio::test(start_paused = true)]
 async fn a_client_that_does_not_read_is_dismissed() {
-    let (_client, server) = duplex(64);
-    let (world, inbox) = Entrance::new();
-    let (reader, writer) = split(server);
-    let session = tokio::spawn(serve(reader, writer, world, LINE));
+    let (_client, inbox, session) = serve(64);
     pass().await;
     let outbox = joined(&inbox);
     let frame = ToClient::Frame(Timestamp::from_micros(0), Frame::of(standard(0x123).into(), &[]).expect("a frame"));
@@ -73,10 +75,7 @@ async fn a_client_that_does_not_read_is_dismissed() {
 
 #[tokio::test]
 async fn a_client_that_floods_is_not_read_beyond_its_credit() {
-    let (mut client, server) = duplex(64);
-    let (world, inbox) = Entrance::new();
-    let (reader, writer) = split(server);
-    tokio::spawn(serve(reader, writer, world, LINE));
+    let (mut client, inbox, _session) = serve(64);
     let flood = tokio::spawn(async move {
         client.write_all(b"O\r").await.expect("room");
         while client.write_all(b"t1230\r").await.is_ok() {}
@@ -95,10 +94,7 @@ async fn a_client_that_floods_is_not_read_beyond_its_credit() {
 
 #[tokio::test]
 async fn the_flags_tell_of_an_error_once() {
-    let (mut client, server) = duplex(64);
-    let (world, inbox) = Entrance::new();
-    let (reader, writer) = split(server);
-    tokio::spawn(serve(reader, writer, world, LINE));
+    let (mut client, inbox, _session) = serve(64);
     client.write_all(b"O\r").await.expect("room");
     pass().await;
     let outbox = joined(&inbox);
@@ -118,10 +114,7 @@ async fn the_flags_tell_of_an_error_once() {
 /// In one write, while a frame waits for the client: the frame was there before the channel was closed.
 #[tokio::test]
 async fn a_frame_comes_as_it_was_asked_for_when_it_came() {
-    let (mut client, server) = duplex(4096);
-    let (world, inbox) = Entrance::new();
-    let (reader, writer) = split(server);
-    tokio::spawn(serve(reader, writer, world, LINE));
+    let (mut client, inbox, _session) = serve(4096);
     pass().await;
     let outbox = joined(&inbox);
     let answer = async || {

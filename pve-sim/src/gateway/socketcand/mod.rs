@@ -24,9 +24,7 @@ mod protocol;
 mod server;
 mod session;
 
-pub use protocol::{
-    ECHO, HI, MESSAGE_MAX, OK, Parser, Request, RequestError, emit_error, emit_frame, emit_refusal, judge,
-};
+pub use protocol::{ECHO, HI, MESSAGE_MAX, OK, Parser, Request, RequestError, emit_error, emit_frame, emit_refusal};
 pub(super) use server::SCHEME;
 pub use server::ServerAddress;
-pub use session::serve;
+pub use session::Session;

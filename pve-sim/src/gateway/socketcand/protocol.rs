@@ -114,7 +114,7 @@ impl Parser {
 
 /// Judges a byte at the begin of a connection: a client sends `<`, after blanks at the most. No method of HTTP has either.
 #[must_use]
-pub const fn judge(byte: u8) -> Verdict {
+pub(super) const fn judge(byte: u8) -> Verdict {
     match byte {
         b'<' => Verdict::Client,
         _ if byte.is_ascii_whitespace() => Verdict::Undecided,

@@ -7,10 +7,9 @@ use std::sync::Arc;
 use tokio::sync::Semaphore;
 
 use super::beacon::Beacon;
-use super::protocol::judge;
-use super::session;
+use super::session::Session;
 use crate::gateway::address::{Access, Address, Gateway, OpenError, Opening, Parse, Scheme};
-use crate::gateway::tcp::{Endpoint, Listener, Protocol, joinable};
+use crate::gateway::tcp::{Endpoint, Listener, joinable};
 use crate::inbox::Entrance;
 
 const FORM: &str = "socketcand://HOST:PORT/NAME";
@@ -20,8 +19,6 @@ pub(in crate::gateway) const SCHEME: Scheme = Scheme { prefix: "socketcand://", 
 
 /// The longest name of a bus, in characters: fits a line of the trace and every client's field for it.
 const NAME_MAX: usize = 32;
-
-const PROTOCOL: Protocol = Protocol { judge, no_place: b"< error too many clients >" };
 
 /// Where a bus is to be served.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -102,10 +99,7 @@ impl Gateway for Server {
         if let Some(beacon) = beacon {
             tokio::spawn(beacon.run());
         }
-        tokio::spawn(listener.run(PROTOCOL, url, world.clone(), places, move |reader, writer| {
-            let (name, world) = (Arc::clone(&name), world.clone());
-            async move { session::serve(reader, writer, &name, world).await }
-        }));
+        tokio::spawn(listener.run(url, world, places, move || Session::new(Arc::clone(&name))));
     }
 }
 

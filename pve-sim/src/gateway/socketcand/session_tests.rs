@@ -1,11 +1,16 @@
 //! One client over a stream in memory, with a stand-in for the world that replies in order and keeps what is sent.
 
 use protocol_core::frame::{Frame, standard};
-use tokio::io::{DuplexStream, duplex, split};
+use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _, DuplexStream, duplex, split};
 use tokio::sync::oneshot;
+use tokio::task::JoinHandle;
+use tokio::time::Instant;
 
 use super::*;
-use crate::inbox::{Arrival, Inbox, QUEUE};
+use crate::gateway::session::End;
+use crate::gateway::tcp::{FAREWELL, HANDSHAKE};
+use crate::gateway::{ForeignWarning, enter};
+use crate::inbox::{Arrival, Entrance, Inbox, QUEUE};
 use hal_sim::log::{ErrorClass, Timestamp};
 
 /// How many bytes the stream takes in before somebody reads them.
@@ -26,12 +31,18 @@ struct Setup {
     sent: oneshot::Receiver<Vec<Frame>>,
 }
 
-/// Serves a client. The world posts `on_listen` as soon as the client listens.
-fn setup(on_listen: Vec<ToClient>) -> Setup {
-    let (client, server) = duplex(STREAM);
+/// Serves a client over a stream of so many bytes.
+fn serve(room: usize) -> (DuplexStream, Inbox, JoinHandle<End>) {
+    let (client, server) = duplex(room);
     let (sender, inbox) = Entrance::new();
     let (reader, writer) = split(server);
-    tokio::spawn(async move { serve(reader, writer, "pve0", sender).await });
+    let warning = Arc::new(ForeignWarning::new("socketcand://".to_owned(), sender.clone()));
+    (client, inbox, tokio::spawn(enter(reader, writer, sender, warning, Session::new("pve0".into()))))
+}
+
+/// Serves a client. The world posts `on_listen` as soon as the client listens.
+fn setup(on_listen: Vec<ToClient>) -> Setup {
+    let (client, inbox, _session) = serve(STREAM);
     let (result, sent) = oneshot::channel();
     std::thread::spawn(move || result.send(world(&inbox, &on_listen)));
     Setup { client, sent }
@@ -153,10 +164,7 @@ async fn what_was_sent_before_the_end_counts_and_is_answered() {
 /// Places are few: a client that has hung up halfway and reads nothing must not keep one.
 #[tokio::test(start_paused = true)]
 async fn a_client_that_says_its_last_word_and_does_not_read_is_let_go() {
-    let (client, server) = duplex(64);
-    let (sender, inbox) = Entrance::new();
-    let (reader, writer) = split(server);
-    let session = tokio::spawn(async move { serve(reader, writer, "pve0", sender).await });
+    let (client, inbox, session) = serve(64);
     std::thread::spawn(move || world(&inbox, &[]));
     let (_reader, mut writer) = split(client);
     for _ in 0..100 {
@@ -188,10 +196,7 @@ async fn a_client_that_does_not_keep_up_is_disconnected() {
 
 #[tokio::test]
 async fn a_client_that_floods_is_not_read_beyond_its_credit() {
-    let (client, server) = duplex(64);
-    let (sender, inbox) = Entrance::new();
-    let (reader, writer) = split(server);
-    tokio::spawn(async move { serve(reader, writer, "pve0", sender).await });
+    let (client, inbox, _session) = serve(64);
     let (_reader, mut writer) = split(client);
     let flood = tokio::spawn(async move {
         say(&mut writer, "< open pve0 >< rawmode >").await;
