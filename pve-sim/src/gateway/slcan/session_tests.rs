@@ -1,12 +1,12 @@
 //! One client over a stream in memory. The world's end is the test's.
 
-use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream, duplex, split};
+use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _, DuplexStream, duplex, split};
 use tokio::task::JoinHandle;
 use tokio::time::Instant;
 
 use super::*;
 use crate::gateway::session::End;
-use crate::gateway::tcp::HANDSHAKE;
+use crate::gateway::tcp::{FAREWELL, HANDSHAKE};
 use crate::gateway::{ForeignWarning, enter};
 use crate::inbox::{CREDIT, Entrance, Inbox, Outbox, QUEUE};
 use hal_sim::log::Timestamp;
@@ -15,10 +15,18 @@ use protocol_core::frame::{Frame, standard};
 /// Serves a client over a stream of so many bytes.
 fn serve(room: usize) -> (DuplexStream, Inbox, JoinHandle<End>) {
     let (client, server) = duplex(room);
-    let (world, inbox) = Entrance::new();
     let (reader, writer) = split(server);
+    let (inbox, session) = serve_halves(reader, writer);
+    (client, inbox, session)
+}
+
+fn serve_halves(
+    reader: impl AsyncRead + Unpin + Send + 'static,
+    writer: impl AsyncWrite + Unpin + Send + 'static,
+) -> (Inbox, JoinHandle<End>) {
+    let (world, inbox) = Entrance::new();
     let warning = Arc::new(ForeignWarning::new("slcan://".to_owned(), world.clone()));
-    (client, inbox, tokio::spawn(enter(reader, writer, world, warning, Session::new("slcan://".into()))))
+    (inbox, tokio::spawn(enter(reader, writer, world, warning, Session::new("slcan://".into()))))
 }
 
 /// The outbox of the client that has joined.
@@ -71,6 +79,24 @@ async fn a_client_that_does_not_read_is_dismissed() {
         pass().await;
     }
     assert_eq!(session.await.expect("no panic"), End::Dismissed);
+}
+
+/// It gets no farewell: there is nothing that it could still read.
+#[tokio::test(start_paused = true)]
+async fn a_client_that_takes_nothing_more_is_heard_to_its_last_word() {
+    let (mut client, reader) = duplex(64);
+    let (_, writer) = duplex(64);
+    let (inbox, session) = serve_halves(reader, writer);
+    client.write_all(b"O\r").await.expect("room");
+    pass().await;
+    joined(&inbox).post(ToClient::Reply(Reply::new("\r"))).expect("room");
+    pass().await;
+    let start = Instant::now();
+    client.write_all(b"t1230\r").await.expect("it is heard");
+    drop(client);
+    assert_eq!(session.await.expect("no panic"), End::Left);
+    assert!(start.elapsed() < FAREWELL, "after {:?}", start.elapsed());
+    assert!(inbox.messages.try_iter().any(|arrival| matches!(arrival.message, ToWorld::Send(..))));
 }
 
 #[tokio::test]
