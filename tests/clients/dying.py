@@ -30,10 +30,9 @@ class Client:
         self.socket.sendall(text)
 
     def hear(self):
-        """The next answer; frames on the bus are for the witness."""
+        """The next message."""
         message = b""
-        while not message.endswith(b">") or message.startswith(b"< frame "):
-            message = b"" if message.endswith(b">") else message
+        while not message.endswith(b">"):
             byte = self.socket.recv(1)
             assert byte, f"the connection ended after {message}"
             message += byte
@@ -43,8 +42,6 @@ class Client:
         equal("greeting", self.hear(), b"< hi >")
         self.say(b"< open " + self.channel + b" >")
         equal("answer to open", self.hear(), b"< ok >")
-        self.say(b"< rawmode >")
-        equal("answer to rawmode", self.hear(), b"< ok >")
 
     def leave(self):
         self.socket.close()
@@ -139,10 +136,6 @@ def nonsense(valve, witness):
         assert client.hear().startswith(b"< error "), wrong
     client.say(b"< open pve0 >")
     equal("answer to open", client.hear(), b"< ok >")
-    client.say(SEND)
-    equal("answer to a frame", client.hear(), b"< error ask for rawmode first >")
-    client.say(b"< rawmode >")
-    equal("answer to rawmode", client.hear(), b"< ok >")
     for wrong in (
         b"< open pve0 >",
         b"< send >",

@@ -55,10 +55,10 @@ def rude(seed, end):
                     for _ in range(noise.randrange(50)):
                         client.recv(4096)
                 case 4:
-                    client.sendall(OPEN + b"< rawmode >" + b"".join(frames(noise, noise.randrange(5))))
+                    client.sendall(OPEN + b"".join(frames(noise, noise.randrange(5))))
                 case 5:
                     message = b"".join(frames(noise, 1))
-                    client.sendall(OPEN + b"< rawmode >" + message[: noise.randrange(len(message))])
+                    client.sendall(OPEN + message[: noise.randrange(len(message))])
                 case 6:
                     client.sendall(b"<" * noise.randrange(5000))
             if noise.random() < 0.5:

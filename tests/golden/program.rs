@@ -157,7 +157,6 @@ impl Simulator {
         };
         say("", "< hi >");
         say("< open pve0 >", "< ok >");
-        say("< rawmode >", "< ok >");
         let send = |frame: &String| {
             let (id, data) = frame.split_once('#').expect("a frame");
             let bytes: String =

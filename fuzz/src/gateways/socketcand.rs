@@ -128,7 +128,7 @@ impl Socketcand {
                 self.is_raw = true;
                 Some(Some(Answer::Ok))
             }
-            ["send", id, length, data @ ..] if self.is_raw => {
+            ["send", id, length, data @ ..] if self.is_open => {
                 self.sent.push(frame(id, length, data)?);
                 Some(None)
             }

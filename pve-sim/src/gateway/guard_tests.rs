@@ -8,10 +8,8 @@ use crate::gateway::{Dialogue as _, slcan, socketcand};
 use crate::inbox::Inbox;
 
 /// Both protocols, each with a text that sends a frame.
-const PROTOCOLS: [(Judge, &str); 2] = [
-    (socketcand::Session::JUDGE, "< open pve0 >< rawmode >< send 123 1 1 >"),
-    (slcan::Session::JUDGE, "\rO\rt123101\r"),
-];
+const PROTOCOLS: [(Judge, &str); 2] =
+    [(socketcand::Session::JUDGE, "< open pve0 >< send 123 1 1 >"), (slcan::Session::JUDGE, "\rO\rt123101\r")];
 
 /// The bytes that a session gets of a connection which sends these parts and ends, and the warnings of the user.
 fn taken(judge: Judge, parts: &[&[u8]]) -> (Vec<u8>, Vec<String>) {

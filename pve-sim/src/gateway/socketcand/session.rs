@@ -25,8 +25,6 @@ pub struct Session {
 enum Stage {
     Greeted,
     Open,
-    /// In raw mode: frames pass in both directions.
-    Raw,
 }
 
 impl Session {
@@ -48,14 +46,10 @@ impl Session {
             (Ok(Request::Open(_)), Stage::Greeted) => {
                 ToWorld::Reply(id, Reply::new(format!("< error there is no bus of that name, only {} >", self.bus)))
             }
-            (Ok(Request::Open(_)), Stage::Open | Stage::Raw) => reply("< error the bus is open already >"),
+            (Ok(Request::Open(_)), Stage::Open) => reply("< error the bus is open already >"),
             (Ok(_), Stage::Greeted) => reply("< error open the bus first >"),
-            (Ok(Request::RawMode), Stage::Open | Stage::Raw) => {
-                self.stage = Stage::Raw;
-                ToWorld::Listen(id, Reply { text: OK.into(), pause: HOLD_BACK })
-            }
-            (Ok(Request::Send(_)), Stage::Open) => reply("< error ask for rawmode first >"),
-            (Ok(Request::Send(frame)), Stage::Raw) => ToWorld::Send(id, frame),
+            (Ok(Request::RawMode), Stage::Open) => ToWorld::Listen(id, Reply { text: OK.into(), pause: HOLD_BACK }),
+            (Ok(Request::Send(frame)), Stage::Open) => ToWorld::Send(id, frame),
         }
     }
 }
