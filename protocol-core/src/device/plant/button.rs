@@ -1,0 +1,63 @@
+//! The faults of a button, for a board without a console.
+
+use super::Plant;
+use crate::actuator::{SpoolFault, ValveSenses};
+use crate::device::{ProductSenses, Senses};
+
+/// The faults that the button goes through, one a press.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Injection {
+    /// A healthy device.
+    #[default]
+    None,
+    /// Valves: supply under 9 V.
+    SupplyLow,
+    /// Valves: supply over 36 V.
+    SupplyHigh,
+    /// Valves: hotter than 120 °C.
+    Temperature,
+    /// Valves: the spool is stuck.
+    SpoolStuck,
+    /// Encoders: a measuring error.
+    MeasuringError,
+    /// An internal fault.
+    Internal,
+}
+
+impl Injection {
+    /// Returns the one that the next press brings to the product of these senses.
+    #[must_use]
+    pub const fn next(self, product: &ProductSenses) -> Self {
+        match (self, product) {
+            (Self::None, ProductSenses::Valve(_)) => Self::SupplyLow,
+            (Self::None, ProductSenses::Encoder(_)) => Self::MeasuringError,
+            (Self::SupplyLow, _) => Self::SupplyHigh,
+            (Self::SupplyHigh, _) => Self::Temperature,
+            (Self::Temperature, _) => Self::SpoolStuck,
+            (Self::SpoolStuck | Self::MeasuringError, _) => Self::Internal,
+            (Self::Internal, _) => Self::None,
+        }
+    }
+
+    /// Returns the plant with this fault in the place of the ones that the button can bring; the rest stays.
+    #[must_use]
+    pub fn applied_to(self, plant: Plant) -> Plant {
+        let mut senses = Senses { internal_fault: self == Self::Internal, ..plant.senses };
+        match &mut senses.product {
+            ProductSenses::Valve(valve) => {
+                let ValveSenses { supply_mv, temperature_c, .. } = ValveSenses::default();
+                *valve = ValveSenses { supply_mv, temperature_c, ..*valve };
+                valve.spool.fault = SpoolFault::None;
+                match self {
+                    Self::SupplyLow => valve.supply_mv = 8_500,
+                    Self::SupplyHigh => valve.supply_mv = 37_000,
+                    Self::Temperature => valve.temperature_c = 130,
+                    Self::SpoolStuck => valve.spool.fault = SpoolFault::Stuck,
+                    Self::None | Self::MeasuringError | Self::Internal => {}
+                }
+            }
+            ProductSenses::Encoder(shaft) => shaft.measuring_error = self == Self::MeasuringError,
+        }
+        Plant { senses, ..plant }
+    }
+}

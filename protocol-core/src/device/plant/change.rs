@@ -1,0 +1,204 @@
+//! A change of the plant: read from a word and its value, told as such, and made.
+
+use core::fmt;
+
+use super::words::{
+    ANGLE_CDEG, BUS_OFF, INTERNAL_FAULT, LEVER, MEASURING_ERROR, MEMORY, OFF, OK, ON, SPEED_RPM, SPOOL, SPOOL_WORDS,
+    SUPPLY_MV, TEMPERATURE_C, WORDS, WRITE_FAILS, Word,
+};
+use crate::actuator::{Position, SpoolFault};
+use crate::device::{ProductSenses, Senses};
+use crate::encoder::Shaft;
+use crate::time::Instant;
+
+/// A change of what acts on a device; the range is that of its [word](Self::word). Its text is the word and the value that a console takes: `supply_mv 8500`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Change {
+    /// Valves: the supply, in millivolt.
+    SupplyMv(u32),
+    /// Valves: the temperature, in °C.
+    TemperatureC(i16),
+    /// Valves: what is wrong with the spool.
+    Spool(SpoolFault),
+    /// Valves: where the hand lever pushes the spool; `None`: it is let go.
+    Lever(Option<i16>),
+    /// Encoders: the angle of the shaft, in 1/100 degree. A shaft that turns goes on from there.
+    AngleCdeg(u32),
+    /// Encoders: the speed of the shaft, in turns a minute, positive clockwise. It turns from where it is, to a whole
+    /// 1/100 degree.
+    SpeedRpm(i32),
+    /// Encoders: the sensor unit detects a measuring error.
+    MeasuringError(bool),
+    /// An internal fault is there, or taken away.
+    InternalFault(bool),
+    /// Every write to the memory fails, or none.
+    MemoryFails(bool),
+    /// The CAN controller is kept bus-off, or left to recover.
+    BusOff(bool),
+}
+
+/// A device cannot be changed so.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Inapplicable {
+    /// Another product has that.
+    OtherProduct,
+    /// The value cannot be.
+    OutOfRange,
+}
+
+/// What a word stands at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Value {
+    /// A number that is not negative.
+    Natural(u32),
+    /// A number.
+    Integer(i32),
+    /// Another word.
+    Word(&'static str),
+}
+
+impl Change {
+    /// Reads a word and its value; `None` when they are not understood.
+    #[must_use]
+    pub fn parse(word: &str, value: &str) -> Option<Self> {
+        Some(match word {
+            SUPPLY_MV => Self::SupplyMv(natural(value, DECIMAL)?),
+            TEMPERATURE_C => Self::TemperatureC(small(value)?),
+            SPOOL => Self::Spool(SPOOL_WORDS.iter().zip(SPOOL_FAULTS).find(|(name, _)| **name == value)?.1),
+            LEVER if value == OFF => Self::Lever(None),
+            LEVER => Self::Lever(Some(small(value)?)),
+            ANGLE_CDEG => Self::AngleCdeg(natural(value, DECIMAL)?),
+            SPEED_RPM => Self::SpeedRpm(integer(value)?),
+            MEASURING_ERROR => Self::MeasuringError(switch(value)?),
+            INTERNAL_FAULT => Self::InternalFault(switch(value)?),
+            MEMORY if value == WRITE_FAILS => Self::MemoryFails(true),
+            MEMORY if value == OK => Self::MemoryFails(false),
+            BUS_OFF => Self::BusOff(switch(value)?),
+            _ => return None,
+        })
+    }
+
+    /// Returns the word in the table.
+    #[must_use]
+    pub const fn word(self) -> &'static Word {
+        let [supply_mv, temperature_c, spool, lever, angle_cdeg, speed_rpm, measuring_error, common @ ..] = &WORDS;
+        let [internal_fault, memory, bus_off] = common;
+        match self {
+            Self::SupplyMv(_) => supply_mv,
+            Self::TemperatureC(_) => temperature_c,
+            Self::Spool(_) => spool,
+            Self::Lever(_) => lever,
+            Self::AngleCdeg(_) => angle_cdeg,
+            Self::SpeedRpm(_) => speed_rpm,
+            Self::MeasuringError(_) => measuring_error,
+            Self::InternalFault(_) => internal_fault,
+            Self::MemoryFails(_) => memory,
+            Self::BusOff(_) => bus_off,
+        }
+    }
+
+    /// Returns the word and the value.
+    #[must_use]
+    pub fn text(self) -> (&'static str, Value) {
+        (self.word().name, self.value())
+    }
+
+    fn value(self) -> Value {
+        match self {
+            Self::SupplyMv(number) | Self::AngleCdeg(number) => Value::Natural(number),
+            Self::TemperatureC(number) | Self::Lever(Some(number)) => Value::Integer(number.into()),
+            Self::SpeedRpm(speed) => Value::Integer(speed),
+            Self::Lever(None) => Value::Word(OFF),
+            Self::Spool(fault) => {
+                let known = SPOOL_WORDS.iter().zip(SPOOL_FAULTS).find(|(_, known)| *known == fault);
+                Value::Word(known.map_or("", |(name, _)| name))
+            }
+            Self::MeasuringError(on) | Self::InternalFault(on) | Self::BusOff(on) => {
+                Value::Word(if on { ON } else { OFF })
+            }
+            Self::MemoryFails(fails) => Value::Word(if fails { WRITE_FAILS } else { OK }),
+        }
+    }
+
+    /// Changes what a device senses, at this instant. Memory and bus-off are the platform's, and no sense.
+    ///
+    /// # Errors
+    /// [`Inapplicable`]; nothing is changed then.
+    pub fn apply(self, senses: &mut Senses, now: Instant) -> Result<(), Inapplicable> {
+        use ProductSenses::{Encoder, Valve};
+        let word = self.word();
+        if word.product.is_some_and(|product| product != (&senses.product).into()) {
+            return Err(Inapplicable::OtherProduct);
+        }
+        if !word.values.contain(self.value()) {
+            return Err(Inapplicable::OutOfRange);
+        }
+        match (self, &mut senses.product) {
+            (Self::SupplyMv(millivolt), Valve(valve)) => valve.supply_mv = millivolt,
+            (Self::TemperatureC(celsius), Valve(valve)) => valve.temperature_c = celsius,
+            (Self::Spool(fault), Valve(valve)) => valve.spool.fault = fault,
+            (Self::Lever(pushed), Valve(valve)) => valve.spool.lever = pushed.and_then(Position::new),
+            (Self::AngleCdeg(angle_cdeg), Encoder(shaft)) => *shaft = Shaft { angle_cdeg, since: now, ..*shaft },
+            (Self::SpeedRpm(speed_rpm), Encoder(shaft)) => {
+                *shaft = Shaft { angle_cdeg: shaft.angle_at(now), speed_rpm, since: now, ..*shaft };
+            }
+            (Self::MeasuringError(there), Encoder(shaft)) => shaft.measuring_error = there,
+            (Self::InternalFault(there), _) => senses.internal_fault = there,
+            // Memory and bus-off; the words of the other product are refused above.
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for Change {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (word, value) = self.text();
+        write!(f, "{word} {value}")
+    }
+}
+
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Natural(number) => number.fmt(f),
+            Self::Integer(number) => number.fmt(f),
+            Self::Word(word) => f.write_str(word),
+        }
+    }
+}
+
+const DECIMAL: u32 = 10;
+
+/// The faults of a spool, in the order of [`SPOOL_WORDS`].
+const SPOOL_FAULTS: [SpoolFault; SPOOL_WORDS.len()] =
+    [SpoolFault::None, SpoolFault::Stuck, SpoolFault::Slow, SpoolFault::Drifting, SpoolFault::NoFloat];
+
+/// Reads a number without a minus sign. The one place for all numbers of a console: each reading takes 100 to 200 bytes
+/// of flash.
+#[inline(never)]
+#[must_use]
+pub fn natural(value: &str, radix: u32) -> Option<u32> {
+    u32::from_str_radix(value, radix).ok()
+}
+
+#[inline(never)]
+fn integer(value: &str) -> Option<i32> {
+    match value.strip_prefix('-') {
+        Some(signed) if signed.starts_with('+') => None,
+        Some(digits) => 0i32.checked_sub_unsigned(natural(digits, DECIMAL)?),
+        None => natural(value, DECIMAL)?.try_into().ok(),
+    }
+}
+
+fn small(value: &str) -> Option<i16> {
+    integer(value)?.try_into().ok()
+}
+
+fn switch(value: &str) -> Option<bool> {
+    match value {
+        ON => Some(true),
+        OFF => Some(false),
+        _ => None,
+    }
+}

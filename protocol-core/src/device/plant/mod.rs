@@ -1,0 +1,73 @@
+//! What acts on a device from outside: its plant, by the words and units of the control interface, as a console takes
+//! them and tells them; and the faults of a button.
+
+mod button;
+mod change;
+mod words;
+
+pub use button::Injection;
+pub use change::{Change, Inapplicable, Value, natural};
+pub use words::{Product, Values, WORDS, Word};
+
+use super::{Kind, ProductSenses, Senses};
+use crate::actuator::{Position, ValveSenses};
+use crate::time::Instant;
+
+/// What acts on a device. Of the senses all but the error mode of the bus, which is the controller's to tell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Plant {
+    /// What the device senses.
+    pub senses: Senses,
+    /// Every write to the memory fails.
+    pub memory_fails: bool,
+    /// The controller is kept off the bus, as in bus-off.
+    pub bus_off: bool,
+}
+
+impl Plant {
+    /// Returns the plant of a healthy device of this kind.
+    #[must_use]
+    pub fn healthy(kind: Kind) -> Self {
+        Self { senses: Senses::healthy(kind), memory_fails: false, bus_off: false }
+    }
+
+    /// Changes one thing, at this instant.
+    ///
+    /// # Errors
+    /// [`Inapplicable`]; nothing is changed then.
+    pub fn change(&mut self, change: Change, now: Instant) -> Result<(), Inapplicable> {
+        match change {
+            Change::MemoryFails(fails) => self.memory_fails = fails,
+            Change::BusOff(there) => self.bus_off = there,
+            change => change.apply(&mut self.senses, now)?,
+        }
+        Ok(())
+    }
+
+    /// Returns the changes that would make any plant of the product this one: one for each of its words.
+    pub fn words(&self, now: Instant) -> impl Iterator<Item = Change> + use<> {
+        let own = match &self.senses.product {
+            ProductSenses::Valve(ValveSenses { supply_mv, temperature_c, spool }) => [
+                Some(Change::SupplyMv(*supply_mv)),
+                Some(Change::TemperatureC(*temperature_c)),
+                Some(Change::Spool(spool.fault)),
+                Some(Change::Lever(spool.lever.map(Position::raw))),
+            ],
+            ProductSenses::Encoder(shaft) => [
+                Some(Change::AngleCdeg(shaft.angle_at(now))),
+                Some(Change::SpeedRpm(shaft.speed_rpm)),
+                Some(Change::MeasuringError(shaft.measuring_error)),
+                None,
+            ],
+        };
+        let common = [
+            Change::InternalFault(self.senses.internal_fault),
+            Change::MemoryFails(self.memory_fails),
+            Change::BusOff(self.bus_off),
+        ];
+        own.into_iter().flatten().chain(common)
+    }
+}
+
+#[cfg(test)]
+mod tests;

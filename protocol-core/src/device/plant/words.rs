@@ -1,0 +1,255 @@
+//! The words of the plant: one table for consoles, control interface, scenarios, panel and pages. The word of a change is
+//! [`Change::word`](super::Change::word).
+
+use core::fmt;
+
+use super::{Plant, Value};
+use crate::actuator::Position;
+use crate::device::{Kind, ProductSenses, hat, pve};
+use crate::encoder::TURN_CDEG;
+use crate::time::Instant;
+use crate::wire::decimal::decimal;
+
+/// The highest supply that can be set, in millivolt (A): far beyond what any monitor tells apart.
+const SUPPLY_MAX_MV: i32 = 100_000;
+/// The lowest temperature that can be set, in °C (A): far beyond what any monitor tells apart.
+const TEMPERATURE_MIN_C: i32 = -273;
+/// The highest temperature that can be set, in °C (A): far beyond what any monitor tells apart.
+const TEMPERATURE_MAX_C: i32 = 1000;
+
+pub(super) const SUPPLY_MV: &str = "supply_mv";
+pub(super) const TEMPERATURE_C: &str = "temperature_c";
+pub(super) const SPOOL: &str = "spool";
+pub(super) const LEVER: &str = "lever";
+pub(super) const ANGLE_CDEG: &str = "angle_cdeg";
+pub(super) const SPEED_RPM: &str = "speed_rpm";
+pub(super) const MEASURING_ERROR: &str = "measuring_error";
+pub(super) const INTERNAL_FAULT: &str = "internal_fault";
+pub(super) const MEMORY: &str = "memory";
+pub(super) const BUS_OFF: &str = "bus_off";
+
+pub(super) const ON: &str = "on";
+pub(super) const OFF: &str = "off";
+pub(super) const OK: &str = "ok";
+pub(super) const WRITE_FAILS: &str = "write-fails";
+/// The words of a spool, in the order of `SPOOL_FAULTS`.
+pub(super) const SPOOL_WORDS: [&str; 5] = [OK, "stuck", "slow", "drifting", "no-float"];
+
+const SWITCH: Values = Values::Words(&[ON, OFF]);
+
+/// The words of the plant, those of a product together, in the order in which consoles print them.
+pub static WORDS: [Word; 10] = [
+    Word {
+        name: SUPPLY_MV,
+        values: Values::Number { min: 0, max: SUPPLY_MAX_MV, unit: "mV" },
+        help: "supply voltage",
+        product: Some(Product::Valve),
+    },
+    Word {
+        name: TEMPERATURE_C,
+        values: Values::Number { min: TEMPERATURE_MIN_C, max: TEMPERATURE_MAX_C, unit: "°C" },
+        help: "temperature",
+        product: Some(Product::Valve),
+    },
+    Word {
+        name: SPOOL,
+        values: Values::Words(&SPOOL_WORDS),
+        help: "fault of the spool",
+        product: Some(Product::Valve),
+    },
+    Word {
+        name: LEVER,
+        values: Values::NumberOrOff { min: Position::MIN.raw() as i32, max: Position::MAX.raw() as i32 },
+        help: "position that the spool is pushed to by hand, 16384 is 100 %",
+        product: Some(Product::Valve),
+    },
+    Word {
+        name: ANGLE_CDEG,
+        values: Values::Number { min: 0, max: TURN_CDEG as i32 - 1, unit: "1/100 degree" },
+        help: "angle of the shaft",
+        product: Some(Product::Encoder),
+    },
+    Word {
+        name: SPEED_RPM,
+        values: Values::Number { min: i32::MIN, max: i32::MAX, unit: "turns a minute" },
+        help: "the shaft turns by itself, clockwise when positive",
+        product: Some(Product::Encoder),
+    },
+    Word { name: MEASURING_ERROR, values: SWITCH, help: "measuring error", product: Some(Product::Encoder) },
+    Word { name: INTERNAL_FAULT, values: SWITCH, help: "internal fault", product: None },
+    Word {
+        name: MEMORY,
+        values: Values::Words(&[OK, WRITE_FAILS]),
+        help: "whether the memory can be written",
+        product: None,
+    },
+    Word { name: BUS_OFF, values: SWITCH, help: "keeps the controller off the bus", product: None },
+];
+
+/// A word of the plant. Its text is the word with its values in short: `lever N|off`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Word {
+    /// The word: the key of JSON and TOML, too.
+    pub name: &'static str,
+    /// The values that it can stand at.
+    pub values: Values,
+    /// The quantity, for a line of help.
+    pub help: &'static str,
+    /// The product that has it; `None`: every product.
+    pub product: Option<Product>,
+}
+
+/// The values of a word. Their text is a list: `0 to 100000 mV`, `on, off`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Values {
+    /// Whole numbers.
+    Number {
+        /// The lowest one.
+        min: i32,
+        /// The highest one.
+        max: i32,
+        /// Their unit.
+        unit: &'static str,
+    },
+    /// Whole numbers without a unit, or `off`.
+    NumberOrOff {
+        /// The lowest one.
+        min: i32,
+        /// The highest one.
+        max: i32,
+    },
+    /// One of these words.
+    Words(&'static [&'static str]),
+}
+
+/// What a device is, as far as its plant is concerned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Product {
+    /// A valve.
+    Valve,
+    /// An angle sensor.
+    Encoder,
+}
+
+impl Product {
+    /// Returns the words of this product, in the order of [`WORDS`].
+    pub fn words(self) -> impl Iterator<Item = &'static Word> {
+        WORDS.iter().filter(move |word| word.product.is_none_or(|product| product == self))
+    }
+}
+
+impl From<&ProductSenses> for Product {
+    fn from(senses: &ProductSenses) -> Self {
+        match senses {
+            ProductSenses::Valve(_) => Self::Valve,
+            ProductSenses::Encoder(_) => Self::Encoder,
+        }
+    }
+}
+
+impl Word {
+    /// Returns what the word stands at when a device is healthy.
+    #[must_use]
+    pub fn healthy(&self) -> Option<Value> {
+        let kind = match self.product {
+            Some(Product::Valve) | None => Kind::Pve(pve::Kind::PveaCanopen),
+            Some(Product::Encoder) => Kind::Hat(hat::Kind::Hat1000),
+        };
+        let mut words = Plant::healthy(kind).words(Instant::MIN);
+        words.find_map(|change| Some(change.text()).filter(|(name, _)| *name == self.name)).map(|(_, value)| value)
+    }
+
+    /// Gives a line of help to `put`, part by part: the word, then from this column on what it is, and its values.
+    pub fn tell(&self, column: usize, put: &mut dyn FnMut(&str)) {
+        put(self.name);
+        (self.name.len()..column).for_each(|_| put(" "));
+        put(self.help);
+        put(": ");
+        self.values.tell(put);
+    }
+}
+
+impl Values {
+    /// Returns whether a word of these values can stand at this one.
+    #[must_use]
+    pub fn contain(&self, value: Value) -> bool {
+        let number = match value {
+            Value::Natural(number) => i32::try_from(number).ok(),
+            Value::Integer(number) => Some(number),
+            Value::Word(word) => {
+                return match self {
+                    Self::Number { .. } => false,
+                    Self::NumberOrOff { .. } => word == OFF,
+                    Self::Words(words) => words.contains(&word),
+                };
+            }
+        };
+        self.range().zip(number).is_some_and(|((min, max), number)| (min..=max).contains(&number))
+    }
+
+    /// Returns the lowest and the highest number; `None` where there are words alone.
+    #[must_use]
+    pub const fn range(&self) -> Option<(i32, i32)> {
+        match *self {
+            Self::Number { min, max, .. } | Self::NumberOrOff { min, max } => Some((min, max)),
+            Self::Words(_) => None,
+        }
+    }
+
+    /// Gives the list of values to `put`, part by part. The firmware has no room for formatting.
+    fn tell(&self, put: &mut dyn FnMut(&str)) {
+        if let Some((min, max)) = self.range() {
+            tell_number(min, put);
+            put(" to ");
+            tell_number(max, put);
+        }
+        match self {
+            Self::Number { unit, .. } => {
+                put(" ");
+                put(unit);
+            }
+            Self::NumberOrOff { .. } => put(", or off"),
+            Self::Words(words) => tell_words(words, ", ", put),
+        }
+    }
+}
+
+fn tell_number(number: i32, put: &mut dyn FnMut(&str)) {
+    if number < 0 {
+        put("-");
+    }
+    put(core::str::from_utf8(&decimal(number.unsigned_abs())).unwrap_or_default());
+}
+
+fn tell_words(words: &[&str], between: &str, put: &mut dyn FnMut(&str)) {
+    let mut first = true;
+    for word in words {
+        if !core::mem::take(&mut first) {
+            put(between);
+        }
+        put(word);
+    }
+}
+
+impl fmt::Display for Word {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} ", self.name)?;
+        match self.values {
+            Values::Number { .. } => f.write_str("N"),
+            Values::NumberOrOff { .. } => f.write_str("N|off"),
+            Values::Words(words) => all_of(f, |put| tell_words(words, "|", put)),
+        }
+    }
+}
+
+impl fmt::Display for Values {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        all_of(f, |put| self.tell(put))
+    }
+}
+
+fn all_of(f: &mut fmt::Formatter<'_>, tell: impl FnOnce(&mut dyn FnMut(&str))) -> fmt::Result {
+    let mut told = Ok(());
+    tell(&mut |part| told = told.and_then(|()| f.write_str(part)));
+    told
+}
