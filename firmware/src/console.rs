@@ -1,38 +1,21 @@
 //! The lines of the console.
 
-use protocol_core::device::{Kind, ProductSenses};
+use protocol_core::device::Kind;
 
-use crate::plant::{Change, natural};
+use crate::plant::{Change, Word, natural};
 
-/// What can be said to every kind, a word a line.
+/// The help of the board's own words, a word a line; that of the plant's words comes first.
 pub const HELP: &str = "\
-internal_fault on|off\r\n\
-memory ok|write-fails\r\n\
-bus_off on|off                    keeps the controller off the bus\r\n\
-status                            what it is, and what acts on it\r\n\
-kind KIND [SERIAL]                becomes a new device: pvea-canopen, pveo-canopen, pvea-isobus, pveo-isobus, \
-hat1000, hat3000\r\n\
-blank [SERIAL]                    becomes a new device without a node ID\r\n\
-power-cycle                       restarts\r\n";
+status              what it is, and what acts on it\r\n\
+kind KIND [SERIAL]  becomes a new device: pvea-canopen, pveo-canopen, pvea-isobus, pveo-isobus, hat1000, hat3000\r\n\
+blank [SERIAL]      becomes a new device without a node ID\r\n\
+power-cycle         restarts\r\n";
 
-const VALVE_HELP: &str = "\
-supply_mv N                       supply voltage in mV\r\n\
-temperature_c N                   temperature in degrees Celsius\r\n\
-spool ok|stuck|slow|drifting|no-float\r\n\
-lever N|off                       hand lever, 16384 is 100 %\r\n";
-
-const SENSOR_HELP: &str = "\
-angle_cdeg N                      angle of the shaft, 0 to 35999 1/100 degree\r\n\
-speed_rpm N                       turns a minute, by itself; positive is clockwise\r\n\
-measuring_error on|off\r\n";
-
-/// Returns what can be said to a product besides, a word a line.
-#[must_use]
-pub const fn help_of(product: &ProductSenses) -> &'static str {
-    match product {
-        ProductSenses::Valve(_) => VALVE_HELP,
-        ProductSenses::Encoder(_) => SENSOR_HELP,
-    }
+/// Gives the help of a word of the plant to `put`, part by part: a line, in the columns of [`HELP`].
+pub fn tell_help(word: &Word, put: &mut dyn FnMut(&str)) {
+    const COLUMN: usize = "kind KIND [SERIAL]  ".len();
+    word.tell(COLUMN, put);
+    put("\r\n");
 }
 
 /// The answer to a line that is not understood.
@@ -90,10 +73,10 @@ fn serial(word: Option<&str>) -> Option<Option<u32>> {
 mod tests {
     extern crate std;
     use std::format;
+    use std::string::String;
 
     use super::*;
-    use crate::plant::Plant;
-    use protocol_core::time::Instant;
+    use crate::plant::WORDS;
 
     #[test]
     fn every_command() {
@@ -131,16 +114,15 @@ mod tests {
     }
 
     #[test]
-    fn help_tells_every_word_of_the_product_and_no_other() {
-        let sets = Kind::ALL.map(Plant::healthy);
-        for plant in sets {
-            let help = format!("{}{HELP}", help_of(&plant.senses.product));
-            for other in sets {
-                for (word, _) in other.words(Instant::MIN).map(Change::text) {
-                    let is_own = plant.words(Instant::MIN).any(|own| own.text().0 == word);
-                    assert_eq!(help.lines().any(|line| line.starts_with(word)), is_own, "{word}");
-                }
-            }
+    fn the_help_of_a_word_is_a_line_in_the_columns_of_the_others() {
+        let mut help = String::new();
+        WORDS.iter().for_each(|word| tell_help(word, &mut |part| help.push_str(part)));
+        assert!(help.starts_with("supply_mv           supply voltage: 0 to 100000 mV\r\n"), "{help}");
+        help.push_str(HELP);
+        assert_eq!(help.lines().count(), WORDS.len() + 4);
+        for line in help.split_terminator("\r\n") {
+            let (word, rest) = line.split_at(20);
+            assert!(word.ends_with(' ') && !rest.starts_with(' ') && line.chars().count() <= 120, "{line}");
         }
     }
 }

@@ -3,8 +3,9 @@
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Timer};
-use firmware::console::{DAMAGED, HELP, USAGE};
+use firmware::console::{DAMAGED, HELP, USAGE, tell_help};
 use firmware::line::{Arrival, Line};
+use firmware::plant::Product;
 use heapless::Vec;
 use static_cell::ConstStaticCell;
 
@@ -17,7 +18,7 @@ const LAST_TWO: Duration = Duration::from_millis(1);
 /// The longest answer to `status`.
 const STATUS: usize = 352;
 
-/// The lines of `status`.
+/// The lines of `status`, or one of `help`.
 pub(super) type Text = Vec<u8, STATUS>;
 
 /// A line that was typed, with room for the lines of `status`. There is one: the console's task hands it to the
@@ -42,8 +43,8 @@ pub(super) enum Answer {
     Restart,
     /// How the device is: in the [`Exchange`].
     Status,
-    /// All words: these of the product, and those of every kind.
-    Help(&'static str),
+    /// All words of this product.
+    Help(Product),
     /// Not understood.
     Usage,
     /// Lost or altered in transmission.
@@ -77,7 +78,7 @@ pub(super) async fn run(mut port: Port, lines: &'static Lines, answers: &'static
                     answer
                 }
             };
-            tell(&mut port.transmitter, &answer, &exchange.status).await;
+            tell(&mut port.transmitter, &answer, &mut exchange.status).await;
             if let Answer::Restart = answer {
                 Timer::after(LAST_TWO).await;
                 reset::power_cycle();
@@ -86,16 +87,25 @@ pub(super) async fn run(mut port: Port, lines: &'static Lines, answers: &'static
     }
 }
 
-async fn tell(transmitter: &mut Transmitter, answer: &Answer, status: &Text) {
-    let (first, second, last): (&[u8], &[u8], &str) = match answer {
-        Answer::Done | Answer::Restart => (b"", b"", "ok"),
-        Answer::Status => (status, b"", "ok"),
-        Answer::Help(own) => (own.as_bytes(), HELP.as_bytes(), "ok"),
-        Answer::Usage => (b"", b"", USAGE),
-        Answer::Damaged => (b"", b"", DAMAGED),
-        Answer::Refused(why) => (b"", b"", why),
+async fn tell(transmitter: &mut Transmitter, answer: &Answer, text: &mut Text) {
+    if let Answer::Help(product) = answer {
+        for word in product.words() {
+            text.clear();
+            tell_help(word, &mut |part| {
+                let _ = text.extend_from_slice(part.as_bytes());
+            });
+            transmitter.send(text).await;
+        }
+    }
+    let (first, last): (&[u8], &str) = match answer {
+        Answer::Done | Answer::Restart => (b"", "ok"),
+        Answer::Status => (text, "ok"),
+        Answer::Help(_) => (HELP.as_bytes(), "ok"),
+        Answer::Usage => (b"", USAGE),
+        Answer::Damaged => (b"", DAMAGED),
+        Answer::Refused(why) => (b"", why),
     };
-    for part in [first, second, last.as_bytes(), b"\r\n"] {
+    for part in [first, last.as_bytes(), b"\r\n"] {
         transmitter.send(part).await;
     }
 }

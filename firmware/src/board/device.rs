@@ -1,7 +1,7 @@
 //! The device's task, above all others. It alone feeds the watchdog, and only while the memory answers its requests.
 
 use embassy_time::{Duration, Instant};
-use firmware::console::{Command, OTHER_KIND, help_of};
+use firmware::console::{Command, OTHER_KIND};
 use firmware::plant::{Change, Inapplicable, Plant};
 use firmware::settings::Settings;
 use nvm::Contents;
@@ -185,7 +185,7 @@ impl Board {
             Command::Kind(kind, serial) => self.become_new(Some(Settings::new(kind, serial))),
             Command::Blank(serial) => self.become_new(Settings::new_blank(self.settings.kind, serial)),
             Command::PowerCycle => Some(Answer::Restart),
-            Command::Help => Some(Answer::Help(help_of(&self.plant.senses.product))),
+            Command::Help => Some(Answer::Help((&self.plant.senses.product).into())),
         }
     }
 
