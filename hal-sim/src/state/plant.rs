@@ -109,26 +109,22 @@ pub enum Memory {
 pub struct PlantChange {
     /// Valves: the supply, in millivolt, up to 100000.
     #[serde(default, deserialize_with = "given")]
-    #[schema(maximum = 100_000)]
     pub supply_mv: Option<u32>,
     /// Valves: the temperature, in °C, −273…1000.
     #[serde(default, deserialize_with = "given")]
-    #[schema(minimum = -273, maximum = 1000)]
     pub temperature_c: Option<i16>,
     /// Valves: the spool.
     #[serde(default, deserialize_with = "given")]
     pub spool: Option<SpoolChange>,
     /// Valves: the position that the spool is pushed to by hand, −16384…16384; null: it is let go.
     #[serde(default, deserialize_with = "present")]
-    #[schema(value_type = Option<i16>, minimum = -16384, maximum = 16384)]
+    #[schema(value_type = Option<i16>)]
     pub lever: Option<Option<i16>>,
     /// Angle sensors: the angle of the shaft, 0…35999 1/100 degree.
     #[serde(default, deserialize_with = "given")]
-    #[schema(maximum = 35_999)]
     pub angle_cdeg: Option<u32>,
     /// Angle sensors: the speed of the shaft in turns a minute, positive clockwise; 0 for a shaft that follows a valve.
     #[serde(default, deserialize_with = "given")]
-    #[schema(minimum = -2147483648_i64, maximum = 2147483647)]
     pub speed_rpm: Option<i32>,
     /// Angle sensors: a measuring error.
     #[serde(default, deserialize_with = "given")]
@@ -258,4 +254,41 @@ const FAULTS: [(SpoolFaultName, SpoolFault); 4] = [
 
 fn name(fault: SpoolFault) -> Option<SpoolFaultName> {
     FAULTS.into_iter().find(|(_, known)| *known == fault).map(|(name, _)| name)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use protocol_core::device::plant::WORDS;
+    use serde_json::json;
+
+    use super::*;
+    use crate::state::schema::Schemas;
+
+    #[test]
+    fn the_members_of_a_change_are_the_words_of_the_plant() {
+        let schemas = Schemas::of::<PlantChange>();
+        let members = schemas.by_name()["PlantChange"]["properties"].as_object().expect("members");
+        let words: BTreeSet<&str> = WORDS.iter().map(|word| word.name).collect();
+        assert_eq!(members.keys().map(String::as_str).collect::<BTreeSet<_>>(), words);
+        for word in &WORDS {
+            let refusal = |value| {
+                schemas.check("PlantChange", &json!({ word.name: value }), "null").map_err(|mismatch| mismatch.reason)
+            };
+            let Some((min, max)) = word.values.range() else {
+                let told = refusal(json!("bent")).expect_err(word.name);
+                let values = word.values.to_string().replace("on, off", "true or false");
+                assert!(told.contains(&format!("accepted: {values}")), "{told}");
+                continue;
+            };
+            assert_eq!((refusal(min.into()), refusal(max.into())), (Ok(()), Ok(())), "{word}");
+            for beyond in [i64::from(min) - 1, i64::from(max) + 1] {
+                let told = refusal(beyond.into()).expect_err(word.name);
+                assert!(told.contains(&format!("a whole number from {min} to {max}")), "{told}");
+            }
+            let description = members[word.name]["description"].as_str().unwrap_or_default();
+            assert!(max == i32::MAX || description.contains(&max.to_string()), "{word}: {description}");
+        }
+    }
 }

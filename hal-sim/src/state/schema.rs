@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
 use protocol_core::actuator::Position;
+use protocol_core::device::plant::{Product, WORDS};
 use serde_json::{Map, Value, json};
 use utoipa::ToSchema;
 use utoipa::openapi::{RefOr, schema};
@@ -135,7 +136,7 @@ pub fn without_formats(schema: &mut Value) {
     }
 }
 
-/// Adds the dependencies between members, which no attribute of a field can say.
+/// Adds what no attribute of a field can say: the dependencies between members, and what tables of the core hold.
 fn restrict(name: &str, schema: &mut Value) {
     let members = schema.get("properties").and_then(Value::as_object);
     if members.is_some_and(|members| members.contains_key("id") && members.contains_key("extended")) {
@@ -160,12 +161,17 @@ fn restrict(name: &str, schema: &mut Value) {
             schema["maxProperties"] = 1.into();
         }
         "PlantChange" => {
-            let only = |own: &[&str]| {
-                let keys = own.iter().chain(&["internal_fault", "memory", "bus_off"]);
-                json!({ "properties": keys.map(|key| ((*key).to_owned(), json!({}))).collect::<Map<_, _>>(), "additionalProperties": false })
+            for word in &WORDS {
+                if let Some((min, max)) = word.values.range() {
+                    schema["properties"][word.name]["minimum"] = min.into();
+                    schema["properties"][word.name]["maximum"] = max.into();
+                }
+            }
+            let only = |product: Product| {
+                let keys = product.words().map(|word| (word.name.to_owned(), json!({})));
+                json!({ "properties": keys.collect::<Map<_, _>>(), "additionalProperties": false })
             };
-            let valve = only(&["supply_mv", "temperature_c", "spool", "lever"]);
-            schema["anyOf"] = json!([valve, only(&["angle_cdeg", "speed_rpm", "measuring_error"])]);
+            schema["anyOf"] = json!([only(Product::Valve), only(Product::Encoder)]);
         }
         "StateCondition" => {
             let mut faults: Vec<&str> = Kind::ALL.iter().flat_map(|kind| kind.fault_names()).collect();

@@ -13,7 +13,7 @@ pub enum PlantError {
     #[error("{0}: no plant word of this kind of device")]
     OtherProduct(Plant),
     /// A value that cannot be.
-    #[error("{0}: out of range")]
+    #[error("{0}: out of range, {values}", values = .0.word().values)]
     OutOfRange(Plant),
     /// The valve at the other end of the link turns the shaft.
     #[error("{0}: the shaft is linked to a valve")]

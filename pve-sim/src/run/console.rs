@@ -9,44 +9,14 @@
 use std::fmt::Write;
 
 use protocol_core::controller::BusErrorMode;
+use protocol_core::device::Device;
+use protocol_core::device::plant::{Product, WORDS, Word};
 use protocol_core::device::view::View;
-use protocol_core::device::{Device, ProductSenses};
 use serde::Serialize;
 
 use hal_sim::simulation::{Command, Refusal, Simulation};
 use hal_sim::state::{self, DeviceStateMachine, Led, Nmt, SetPointValue};
 use hal_sim::world::{NodeId, Plant, PlantError, World};
-
-/// The words of a product: what `help` says of them, and what the end of a refusal does.
-struct Words {
-    help: &'static str,
-    accepted: &'static str,
-}
-
-const VALVE: Words = Words {
-    help: "
-  supply_mv N          millivolt, 24000
-  temperature_c N      °C, 25
-  spool FAULT          ok, stuck, slow, drifting, no-float
-  lever N              position that the spool is pushed to by hand, -16384 to 16384, or off",
-    accepted: "supply_mv N, temperature_c N, spool ok|stuck|slow|drifting|no-float, lever N|off, ",
-};
-
-const ENCODER: Words = Words {
-    help: "
-  angle_cdeg N         angle of the shaft, 0 to 35999 1/100 degree
-  speed_rpm N          turns a minute, positive clockwise; the shaft goes on turning by itself
-  measuring_error ON   on, off",
-    accepted: "angle_cdeg N, speed_rpm N, measuring_error on|off, ",
-};
-
-const COMMON: Words = Words {
-    help: "
-  internal_fault ON    on, off
-  memory STATE         ok, write-fails
-  bus_off ON           on, off",
-    accepted: "internal_fault on|off, memory ok|write-fails, bus_off on|off, status, help",
-};
 
 /// Obeys a line; returns the answer, or why the line was refused. Of an empty line nothing is said.
 pub(super) fn obey(line: &str, simulation: &mut Simulation) -> Result<Option<String>, String> {
@@ -85,7 +55,9 @@ fn change(node: NodeId, word: &str, value: &str, simulation: &mut Simulation) ->
             return Err(format!("'{word} {value}' is refused: a valve turns this shaft"));
         }
         Some(Err(Refusal::Plant(PlantError::OtherProduct(_)))) => "is a word of another kind of device".to_owned(),
-        Some(Err(Refusal::Plant(PlantError::OutOfRange(_)))) => "is out of range".to_owned(),
+        Some(Err(Refusal::Plant(PlantError::OutOfRange(plant)))) => {
+            format!("is out of range, {}", plant.word().values)
+        }
         Some(Err(other)) => format!("is refused: {other}"),
         None => "is not understood".to_owned(),
     };
@@ -93,31 +65,30 @@ fn change(node: NodeId, word: &str, value: &str, simulation: &mut Simulation) ->
 }
 
 /// Returns the words of the devices there are, or of this one, in the order in which they are told.
-fn words(node: Option<NodeId>, world: &World) -> Vec<&'static Words> {
-    let is_there = |has: fn(&ProductSenses) -> bool| {
-        world.devices().filter(|id| node.is_none_or(|node| *id == node)).any(|id| has(&world.senses(id).product))
-    };
-    let products = [
-        (&VALVE, is_there(|senses| matches!(senses, ProductSenses::Valve(_)))),
-        (&ENCODER, is_there(|senses| matches!(senses, ProductSenses::Encoder(_)))),
-        (&COMMON, true),
-    ];
-    products.into_iter().filter_map(|(words, is_there)| is_there.then_some(words)).collect()
+fn words(node: Option<NodeId>, world: &World) -> impl Iterator<Item = &'static Word> {
+    let devices = world.devices().filter(move |id| node.is_none_or(|node| *id == node));
+    let products: Vec<Product> = devices.map(|id| (&world.senses(id).product).into()).collect();
+    WORDS.iter().filter(move |word| word.product.is_none_or(|product| products.contains(&product)))
 }
 
 fn help(world: &World) -> String {
-    let words: String = words(None, world).into_iter().map(|words| words.help).collect();
-    format!(
-        "[NAME] WORD VALUE changes what a device senses; NAME may be left out with one device:{words}
+    let mut text = "[NAME] WORD VALUE changes what a device senses; NAME may be left out with one device:".to_owned();
+    for word in words(None, world) {
+        text += "\n  ";
+        word.tell(21, &mut |part| text += part);
+        if let (Some(_), Some(healthy)) = (word.values.range(), word.healthy()) {
+            text += &format!("; at first {healthy}");
+        }
+    }
+    text + "
 [NAME] status          state, position, LED and active faults of a device, or of all of them
 Ctrl-C                 ends the run, with everything stored
 help                   this"
-    )
 }
 
 fn accepted(node: Option<NodeId>, world: &World) -> String {
-    let words: String = words(node, world).into_iter().map(|words| words.accepted).collect();
-    format!("accepted: {words}")
+    let words: String = words(node, world).map(|word| format!("{word}, ")).collect();
+    format!("accepted: {words}status, help")
 }
 
 /// Returns one line about a device: what the bus shows of it, its bus state, and what acts on it.
@@ -243,7 +214,10 @@ mod tests {
         );
         for (line, refusal) in [
             ("supply_mv 8000", "'supply_mv 8000' is a word of another kind of device; accepted: angle_cdeg N, "),
-            ("angle_cdeg 36000", "'angle_cdeg 36000' is out of range; accepted: angle_cdeg N, "),
+            (
+                "angle_cdeg 36000",
+                "'angle_cdeg 36000' is out of range, 0 to 35999 1/100 degree; accepted: angle_cdeg N, ",
+            ),
             ("speed_rpm fast", "'speed_rpm fast' is not understood; accepted: angle_cdeg N, "),
         ] {
             let before = *simulation.world().senses(sensor);
@@ -252,7 +226,11 @@ mod tests {
             assert_eq!(*simulation.world().senses(sensor), before);
         }
         let help = answer("help", &mut simulation);
-        assert!(help.contains("\n  angle_cdeg N ") && !help.contains("supply_mv"), "{help}");
+        assert!(
+            help.contains("\n  angle_cdeg           angle of the shaft: 0 to 35999 1/100 degree; at first 0\n")
+                && !help.contains("supply_mv"),
+            "{help}"
+        );
     }
 
     #[test]
@@ -270,7 +248,10 @@ mod tests {
         let status = answer("angle status", &mut simulation);
         assert!(status.contains("angle_cdeg 4500, speed_rpm 0, "), "{status}");
         let help = answer("help", &mut simulation);
-        assert!(help.contains("angle_cdeg N ") && help.contains("supply_mv N "), "{help}");
+        assert!(
+            help.contains("\n  angle_cdeg ") && help.contains("supply voltage: 0 to 100000 mV; at first 24000\n"),
+            "{help}"
+        );
     }
 
     #[test]
