@@ -85,9 +85,9 @@ class Valve(Device[ValveState]):
     def plant(self, **change: Unpack[ValveChange]) -> ValveState:
         """Changes what acts on the valve: all of it, or nothing.
 
-        `supply_mv` 0 to 100000; `temperature_c` -273 to 1000; `spool` "ok", "stuck", "slow", "drifting" or "no-float",
-        alone or as `{"fault": …}`, or None for "ok"; `lever` the position that the spool is pushed to by hand, -16384 to
-        16384, or None; `internal_fault`; `memory` "ok", "write-fails" or "damaged"; `bus_off`.
+        `supply_mv` 0 to 100000 mV; `temperature_c` -273 to 1000 °C; `spool` "ok", "stuck", "slow", "drifting" or
+        "no-float", alone or as `{"fault": …}`, or None for "ok"; `lever` the position that the spool is pushed to by
+        hand, -16384 to 16384, or None; `internal_fault`; `memory` "ok", "write-fails" or "damaged"; `bus_off`.
 
         Raises:
             InvalidValue: an unknown field, or a value out of range.
@@ -120,8 +120,8 @@ class Sensor(Device[SensorState]):
     def plant(self, **change: Unpack[SensorChange]) -> SensorState:
         """Changes what acts on the sensor: all of it, or nothing.
 
-        `angle_cdeg` 0 to 35999 1/100 degree; `speed_rpm` turns a minute, positive clockwise; `measuring_error`;
-        `internal_fault`; `memory` "ok", "write-fails" or "damaged"; `bus_off`.
+        `angle_cdeg` 0 to 35999 1/100 degree; `speed_rpm` -2147483648 to 2147483647 turns a minute, positive clockwise;
+        `measuring_error`; `internal_fault`; `memory` "ok", "write-fails" or "damaged"; `bus_off`.
 
         Raises:
             InvalidValue: an unknown field, or a value out of range.
