@@ -4,7 +4,7 @@ use core::fmt;
 
 use super::words::{
     ANGLE_CDEG, BUS_OFF, INTERNAL_FAULT, LEVER, MEASURING_ERROR, MEMORY, OFF, OK, ON, SPEED_RPM, SPOOL, SPOOL_WORDS,
-    SUPPLY_MV, TEMPERATURE_C, WORDS, WRITE_FAILS, Word,
+    SUPPLY_MV, TEMPERATURE_C, Value, WORDS, WRITE_FAILS, Word,
 };
 use crate::actuator::{Position, SpoolFault};
 use crate::device::{ProductSenses, Senses};
@@ -44,17 +44,6 @@ pub enum Inapplicable {
     OtherProduct,
     /// The value cannot be.
     OutOfRange,
-}
-
-/// What a word stands at.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Value {
-    /// A number that is not negative.
-    Natural(u32),
-    /// A number.
-    Integer(i32),
-    /// Another word.
-    Word(&'static str),
 }
 
 impl Change {
@@ -155,16 +144,6 @@ impl fmt::Display for Change {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (word, value) = self.text();
         write!(f, "{word} {value}")
-    }
-}
-
-impl fmt::Display for Value {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Natural(number) => number.fmt(f),
-            Self::Integer(number) => number.fmt(f),
-            Self::Word(word) => f.write_str(word),
-        }
     }
 }
 

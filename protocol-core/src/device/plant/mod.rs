@@ -6,8 +6,8 @@ mod change;
 mod words;
 
 pub use button::Injection;
-pub use change::{Change, Inapplicable, Value, natural};
-pub use words::{Product, Values, WORDS, Word};
+pub use change::{Change, Inapplicable, natural};
+pub use words::{Product, Value, Values, WORDS, Word};
 
 use super::{Kind, ProductSenses, Senses};
 use crate::actuator::{Position, ValveSenses};

@@ -3,7 +3,7 @@
 
 use core::fmt;
 
-use super::{Plant, Value};
+use super::Plant;
 use crate::actuator::Position;
 use crate::device::{Kind, ProductSenses, hat, pve};
 use crate::encoder::TURN_CDEG;
@@ -120,6 +120,17 @@ pub enum Values {
     },
     /// One of these words.
     Words(&'static [&'static str]),
+}
+
+/// What a word stands at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Value {
+    /// A number that is not negative.
+    Natural(u32),
+    /// A number.
+    Integer(i32),
+    /// Another word.
+    Word(&'static str),
 }
 
 /// What a device is, as far as its plant is concerned.
@@ -248,6 +259,16 @@ impl fmt::Display for Word {
 impl fmt::Display for Values {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         all_of(f, |put| self.tell(put))
+    }
+}
+
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Natural(number) => number.fmt(f),
+            Self::Integer(number) => number.fmt(f),
+            Self::Word(word) => f.write_str(word),
+        }
     }
 }
 
