@@ -9,11 +9,12 @@
 use std::fmt::Write;
 
 use protocol_core::controller::BusErrorMode;
-use protocol_core::device::Device;
-use protocol_core::device::plant::{Product, WORDS, Word};
+use protocol_core::device::plant::{Product, Values, WORDS, Word};
 use protocol_core::device::view::View;
+use protocol_core::device::{Device, Kind};
 use serde::Serialize;
 
+use hal_sim::devices::NamedDevice;
 use hal_sim::simulation::{Command, Refusal, Simulation};
 use hal_sim::state::{self, DeviceStateMachine, Led, Nmt, SetPointValue};
 use hal_sim::world::{NodeId, Plant, PlantError, World};
@@ -43,6 +44,40 @@ pub(super) fn obey(line: &str, simulation: &mut Simulation) -> Result<Option<Str
             Err(format!("no device '{name}'; accepted: {}", names(world)))
         }
         _ => Err(format!("'{}' is not understood; {}", line.trim(), accepted(named, world))),
+    }
+}
+
+/// Returns the words that may follow these in a line: names, words, and values that are words. Whether a value is out of
+/// range is no matter here.
+pub(super) fn candidates(before: &[&str], devices: &[NamedDevice]) -> Vec<String> {
+    let (named, words) = match before {
+        [name, rest @ ..] if let Some(device) = devices.iter().find(|device| device.name == *name) => {
+            (Some(device), rest)
+        }
+        all => (None, all),
+    };
+    let changed = named.or(if let [only] = devices { Some(only) } else { None });
+    let own = changed.into_iter().flat_map(|device| product(device.setup.kind).words());
+    let found: Vec<&str> = match *words {
+        [] => {
+            let names = devices.iter().filter(|_| named.is_none()).map(|device| device.name.as_str());
+            let asked = ["status", "help"].into_iter().take(if named.is_none() { 2 } else { 1 });
+            names.chain(own.map(|word| word.name)).chain(asked).collect()
+        }
+        [typed] => match own.filter(|word| word.name == typed).map(|word| word.values).next() {
+            Some(Values::Words(values)) => values.to_vec(),
+            Some(Values::NumberOrOff { .. }) => vec!["off"],
+            Some(Values::Number { .. }) | None => Vec::new(),
+        },
+        _ => Vec::new(),
+    };
+    found.into_iter().map(str::to_owned).collect()
+}
+
+const fn product(kind: Kind) -> Product {
+    match kind {
+        Kind::Pve(_) => Product::Valve,
+        Kind::Hat(_) => Product::Encoder,
     }
 }
 
@@ -168,9 +203,8 @@ mod tests {
     use protocol_core::time::{Duration, after};
 
     use super::*;
-    use hal_sim::devices::NamedDevice;
+    use hal_sim::Memory;
     use hal_sim::world::Link;
-    use hal_sim::{Kind, Memory};
 
     fn simulation(names: &[&str]) -> Simulation {
         let mut simulation = Simulation::new(BitRate::Kbit250, 1);
@@ -305,6 +339,24 @@ mod tests {
             obey("reer supply_mv 8000", &mut simulation),
             Err("no device 'reer'; accepted: boom, rear".to_owned())
         );
+    }
+
+    #[test]
+    fn a_line_is_completed_by_what_would_be_obeyed() {
+        let kind = |name: &str| Kind::from_name(name).expect("a kind");
+        let boom = NamedDevice::new("boom", kind("pvea-canopen"));
+        let both = [boom.clone(), NamedDevice::new("sensor", kind("hat1000"))];
+        let told = |before: &[&str], devices: &[NamedDevice]| candidates(before, devices).join(" ");
+        let valve = "supply_mv temperature_c spool lever internal_fault memory bus_off status";
+        assert_eq!(told(&[], &both), "boom sensor status help");
+        assert_eq!(told(&["boom"], &both), valve);
+        assert_eq!(told(&[], &both[..1]), format!("boom {valve} help"));
+        assert_eq!(told(&["sensor", "measuring_error"], &both), "on off");
+        assert_eq!(told(&["spool"], &both[..1]), "ok stuck slow drifting no-float");
+        assert_eq!(told(&["boom", "lever"], &both[..1]), "off");
+        for nothing in [&["spool"][..], &["boom", "supply_mv"], &["boom", "status"], &["boom", "spool", "ok"]] {
+            assert_eq!(told(nothing, &both), "", "{nothing:?}");
+        }
     }
 
     #[test]

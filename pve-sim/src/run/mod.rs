@@ -12,6 +12,8 @@
 //! clients     the world's end of every gateway
 //! trace       the bus on stdout and in the log
 //! stdin       lines that the user types
+//! editor      such lines on a terminal: apart from the trace, with history and completion
+//! screen      that terminal: the trace above the line being typed
 //! console     faults by hand: what such a line does
 //! printer     stdout and stderr, on a thread of their own: neither may hold the world up
 //! log         the file of --log
@@ -24,12 +26,14 @@
 mod clients;
 mod console;
 mod driver;
+mod editor;
 mod end;
 mod log;
 mod options;
 mod outside;
 mod pace;
 mod printer;
+mod screen;
 mod setup;
 mod stdin;
 mod system;
@@ -56,6 +60,7 @@ use crate::http;
 use crate::inbox::Entrance;
 use crate::state_file::StateFileError;
 use clients::Clients;
+use editor::Typing;
 use end::End;
 use hal_sim::log::Timestamp;
 use log::Log;
@@ -177,6 +182,8 @@ struct Running {
     world: JoinHandle<bool>,
     /// Ends with the world's thread.
     ended: oneshot::Receiver<()>,
+    /// Restores the terminal when all is over.
+    _typing: Option<Typing>,
 }
 
 async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result<Running, RunError> {
@@ -208,7 +215,11 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     let start = Timestamp::now();
     let log = options.log.as_ref();
     let log = log.map(|log| Log::create(log, options.state.as_deref(), bus, start)).transpose()?;
-    let printer = Printer::start(reader_gone)?;
+    let typing = Typing::new();
+    let printer = match &typing {
+        Some(typing) => Printer::start_with(typing.screen(), typing.screen(), reader_gone.clone())?,
+        None => Printer::start(reader_gone.clone())?,
+    };
     announce(&printer, &gateways, http, warnings);
     let (entrance, inbox) = Entrance::new();
     let (clients, connections) = places(options);
@@ -219,7 +230,10 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     if let Some((_, server)) = control {
         server.start(entrance.clone(), connections)?;
     }
-    stdin::listen(entrance.clone());
+    match &typing {
+        Some(typing) => typing.listen(entrance.clone(), &options.devices, reader_gone),
+        None => stdin::listen(entrance.clone()),
+    }
     let layout = trace::layout(options.color, options.verbose);
     let trace = Trace::new(bus, printer, log, layout);
     let clients = Clients::new(simulation.world_mut(), options.error_frames);
@@ -231,7 +245,7 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
         system::be_punctual();
         driver.run()
     })?;
-    Ok(Running { entrance, world, ended })
+    Ok(Running { entrance, world, ended, _typing: typing })
 }
 
 impl Running {

@@ -29,15 +29,18 @@ fn obey(world: &Entrance, mut read: impl FnMut(&mut [u8]) -> io::Result<usize>) 
     loop {
         match read(&mut bytes) {
             Ok(0) => break,
-            Ok(len) => lines.push(&bytes[..len], |line| {
-                let (obeyed, done) = oneshot::channel();
-                world.tell(ToWorld::Typed(line, obeyed));
-                let _ = done.blocking_recv();
-            }),
+            Ok(len) => lines.push(&bytes[..len], |line| tell(world, line)),
             Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
             Err(_) => break,
         }
     }
+}
+
+/// Has the world obey a line.
+pub(super) fn tell(world: &Entrance, line: String) {
+    let (obeyed, done) = oneshot::channel();
+    world.tell(ToWorld::Typed(line, obeyed));
+    let _ = done.blocking_recv();
 }
 
 /// Lines out of bytes as they come.

@@ -19,6 +19,8 @@ mod scenario;
 mod shell;
 mod simulator;
 mod slcan;
+#[cfg(target_os = "linux")]
+mod typing;
 
 use std::fs;
 use std::net::TcpListener;

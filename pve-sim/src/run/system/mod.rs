@@ -6,6 +6,7 @@
 //! | SIGHUP ignored by a parent stays ignored | yes | no | no SIGHUP |
 //! | a reader of stdout that is gone | at once | with the next line | with the next line |
 //! | a job in the background leaves the terminal alone | yes | yes | no such jobs |
+//! | the terminal of a line editor is restored | yes | yes | not by Ctrl-Break |
 //! | clients limited by the files that may be open | yes | yes | no such limit |
 //! | a second name of a file is recognised | links | links | symbolic links |
 //! | a log has one writer | by a lock | by a lock | by how it is opened |
@@ -20,4 +21,7 @@ mod own;
 #[path = "windows.rs"]
 mod own;
 
-pub(super) use own::{Signals, be_punctual, is_same_file, max_open_files, open_alone, wait_for_hangup, wait_for_input};
+pub(super) use own::{
+    HAS_JOBS, Modes, Signals, be_punctual, interrupt, is_same_file, max_open_files, open_alone, suspend,
+    wait_for_foreground, wait_for_hangup, wait_for_input,
+};

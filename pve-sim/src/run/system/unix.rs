@@ -9,14 +9,18 @@ use std::task::Poll;
 use std::time::Duration;
 
 use rustix::event::{PollFd, PollFlags, poll};
+use rustix::fs::fstat;
 use rustix::io::Errno;
-use rustix::process::{Resource, getpgrp, getrlimit};
-use rustix::termios::tcgetpgrp;
-use tokio::signal::unix::{Signal, SignalKind, signal};
+use rustix::process::{Resource, Signal, getpgrp, getrlimit, kill_current_process_group};
+use rustix::termios::{OptionalActions, Termios, tcgetattr, tcgetpgrp, tcsetattr};
+use tokio::signal::unix::{self, SignalKind, signal};
+
+/// The time between two looks at whose the terminal is: the shell reads what is typed now, and needs time to do so.
+const BACKGROUND: Duration = Duration::from_millis(200);
 
 /// The signals that end a run.
 #[derive(Debug)]
-pub(in crate::run) struct Signals(Vec<Signal>);
+pub(in crate::run) struct Signals(Vec<unix::Signal>);
 
 impl Signals {
     /// Listens to SIGINT, SIGTERM and SIGHUP; not to a SIGHUP that is ignored, as under `nohup`.
@@ -67,9 +71,6 @@ pub(in crate::run) fn wait_for_hangup() -> bool {
 /// Waits until stdin can be read; returns whether there is one. A job in the background must not read from its
 /// terminal: the system would stop it.
 pub(in crate::run) fn wait_for_input() -> bool {
-    /// The shell reads what is typed now, and needs time to do so.
-    const BACKGROUND: Duration = Duration::from_millis(200);
-
     let stdin = io::stdin();
     loop {
         let mut polled = [PollFd::new(&stdin, PollFlags::IN)];
@@ -78,10 +79,57 @@ pub(in crate::run) fn wait_for_input() -> bool {
             Err(_) => return false,
             Ok(_) => {}
         }
-        match tcgetpgrp(&stdin) {
-            Ok(foreground) if foreground != getpgrp() => std::thread::sleep(BACKGROUND),
-            // In the foreground, or no terminal.
-            _ => return true,
+        if !is_in_background() {
+            return true;
+        }
+        std::thread::sleep(BACKGROUND);
+    }
+}
+
+/// Waits until this job may use the terminal.
+pub(in crate::run) fn wait_for_foreground() {
+    while is_in_background() {
+        std::thread::sleep(BACKGROUND);
+    }
+}
+
+/// Returns false in the foreground, and without a terminal.
+fn is_in_background() -> bool {
+    tcgetpgrp(io::stdin()).is_ok_and(|foreground| foreground != getpgrp())
+}
+
+/// Whether a key stops a job, which the shell continues in the background or in the foreground.
+pub(in crate::run) const HAS_JOBS: bool = true;
+
+/// Stops this job, as the terminal does for Ctrl-Z. Returns when it goes on, or when nobody could continue it.
+pub(in crate::run) fn suspend() {
+    let _ = kill_current_process_group(Signal::TSTP);
+    // Another thread may take the signal, and stops this one a little later.
+    std::thread::sleep(BACKGROUND);
+}
+
+/// Interrupts this job, as the terminal does for Ctrl-C.
+pub(in crate::run) fn interrupt() {
+    let _ = kill_current_process_group(Signal::INT);
+}
+
+/// The modes of the terminal.
+#[derive(Debug)]
+pub(in crate::run) struct Modes(Termios);
+
+impl Modes {
+    /// Returns the modes of the terminal that is stdin, stdout and stderr; `None` when they are not one.
+    pub(in crate::run) fn of_the_terminal() -> Option<Self> {
+        let device = fstat(io::stdin()).ok()?.st_rdev;
+        let is_one = fstat(io::stdout()).ok()?.st_rdev == device && fstat(io::stderr()).ok()?.st_rdev == device;
+        tcgetattr(io::stdin()).ok().filter(|_| is_one).map(Self)
+    }
+
+    /// Restores them, unless the terminal is another job's.
+    pub(in crate::run) fn restore(&self) {
+        if !is_in_background() {
+            // At once: a terminal that takes no output would never drain.
+            let _ = tcsetattr(io::stdin(), OptionalActions::Now, &self.0);
         }
     }
 }

@@ -53,6 +53,34 @@ pub(in crate::run) const fn wait_for_input() -> bool {
     true
 }
 
+/// Returns at once, as [`wait_for_input`].
+pub(in crate::run) const fn wait_for_foreground() {}
+
+/// Whether a key stops a job: none does.
+pub(in crate::run) const HAS_JOBS: bool = false;
+
+/// Does nothing: no key asks for it.
+pub(in crate::run) const fn suspend() {}
+
+/// Does nothing: whoever calls this ends the run.
+pub(in crate::run) const fn interrupt() {}
+
+/// The modes of the console, which only its line editor restores: the standard library cannot.
+#[derive(Debug)]
+pub(in crate::run) struct Modes;
+
+impl Modes {
+    /// Returns the modes; a process has one console.
+    #[expect(clippy::unnecessary_wraps, reason = "Unix has several terminals")]
+    pub(in crate::run) const fn of_the_terminal() -> Option<Self> {
+        Some(Self)
+    }
+
+    /// Does nothing: the shell sets its own.
+    #[expect(clippy::unused_self, reason = "the one of Unix has them")]
+    pub(in crate::run) const fn restore(&self) {}
+}
+
 /// Returns that files and sockets have no common limit.
 pub(in crate::run) const fn max_open_files() -> Option<u64> {
     None

@@ -1,0 +1,229 @@
+//! The lines that are typed on a terminal, by a line editor: apart from the trace, with history and completion.
+
+use std::borrow::Cow;
+use std::io::{self, IsTerminal as _};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use rustyline::completion::Completer;
+use rustyline::error::ReadlineError;
+use rustyline::highlight::Highlighter;
+use rustyline::hint::Hinter;
+use rustyline::history::DefaultHistory;
+use rustyline::validate::Validator;
+use rustyline::{
+    Cmd, ColorMode, CompletionType, ConditionalEventHandler, Config, Context, Event, EventContext, EventHandler,
+    Helper, KeyCode, KeyEvent, Modifiers, RepeatCount,
+};
+use tokio::sync::watch;
+
+use super::screen::{self, Screen};
+use super::stdin::{self, Lines};
+use super::{console, system};
+use crate::inbox::Entrance;
+use hal_sim::devices::NamedDevice;
+
+/// What stands before the line.
+const PROMPT: &str = "> ";
+
+/// How long the bytes of one key may take, in milliseconds.
+const KEY_MS: u16 = 100;
+
+/// An editor of lines on the terminal of the run, which leaves the terminal as it was when this is dropped.
+pub(super) struct Typing {
+    screen: Screen,
+    modes: Modes,
+}
+
+/// The modes of the terminal without an editor.
+type Modes = Arc<Mutex<system::Modes>>;
+
+impl Typing {
+    /// Returns the editor where stdin, stdout and stderr are one terminal, of a kind that it can draw on.
+    pub(super) fn new() -> Option<Self> {
+        let are_terminals = io::stdin().is_terminal() && io::stdout().is_terminal() && io::stderr().is_terminal();
+        let modes = system::Modes::of_the_terminal().filter(|_| are_terminals)?;
+        let screen = Screen::default();
+        Editor::new(&screen, &Arc::default(), &[])?;
+        Some(Self { screen, modes: Arc::new(Mutex::new(modes)) })
+    }
+
+    /// Returns where text is printed above the line.
+    pub(super) fn screen(&self) -> Screen {
+        self.screen.clone()
+    }
+
+    /// Starts the thread that reads lines; it tells when Ctrl-C ends the run. Nobody waits for the thread.
+    pub(super) fn listen(&self, world: Entrance, devices: &[NamedDevice], end: watch::Sender<bool>) {
+        let (screen, modes, devices) = (self.screen.clone(), Arc::clone(&self.modes), Arc::from(devices));
+        let _ = std::thread::Builder::new().name("stdin".to_owned()).spawn(move || {
+            let typed = edit(&screen, &modes, &world, &devices);
+            if typed == Typed::Interrupt {
+                // As the terminal would: to all processes of the job.
+                system::interrupt();
+            }
+            if matches!(typed, Typed::Interrupt | Typed::Signal) {
+                end.send_replace(true);
+            }
+        });
+    }
+}
+
+impl Drop for Typing {
+    fn drop(&mut self) {
+        if self.screen.close() {
+            self.modes.lock().unwrap_or_else(PoisonError::into_inner).restore();
+            // Off the line that was being typed.
+            screen::print(b"\n");
+        }
+    }
+}
+
+/// Has the world obey lines until typing ends; returns why.
+fn edit(screen: &Screen, modes: &Modes, world: &Entrance, devices: &Arc<[NamedDevice]>) -> Typed {
+    let (mut lines, mut history) = (Lines::default(), Vec::new());
+    loop {
+        // A job in the background must not touch its terminal. Each stay in the foreground has an editor of its own: the
+        // screen may wait for an editor until that is dropped.
+        system::wait_for_foreground();
+        if let Some(found) = system::Modes::of_the_terminal() {
+            *modes.lock().unwrap_or_else(PoisonError::into_inner) = found;
+        }
+        let Some(mut editor) = Editor::new(screen, devices, &history) else { return Typed::End };
+        let typed = loop {
+            match editor.line(screen) {
+                Typed::Line(line) => lines.push(format!("{line}\n").as_bytes(), |line| stdin::tell(world, line)),
+                Typed::Garbage => {}
+                other => break other,
+            }
+        };
+        if typed != Typed::Suspend {
+            return typed;
+        }
+        history = editor.editor.history().into_iter().cloned().collect();
+        drop(editor);
+        system::suspend();
+    }
+}
+
+/// What was typed.
+#[derive(Debug, PartialEq)]
+enum Typed {
+    /// A line, without its end.
+    Line(String),
+    /// Bytes that are no text.
+    Garbage,
+    /// Ctrl-Z.
+    Suspend,
+    /// Ctrl-C.
+    Interrupt,
+    /// Nothing: SIGINT came, which the editor takes for itself.
+    Signal,
+    /// Ctrl-D; or the terminal has gone.
+    End,
+}
+
+struct Editor {
+    editor: rustyline::Editor<Assistant, DefaultHistory>,
+    key: Key,
+}
+
+impl Editor {
+    /// Returns an editor; `None` where the terminal cannot be drawn on.
+    fn new(screen: &Screen, devices: &Arc<[NamedDevice]>, history: &[String]) -> Option<Self> {
+        let config = Config::builder()
+            .auto_add_history(true)
+            .completion_type(CompletionType::List)
+            .completion_show_all_if_ambiguous(true)
+            .bracketed_paste(false)
+            .keyseq_timeout(Some(KEY_MS))
+            // The editor asks for the colours of the prompt with each redraw: that is when it fetches the trace.
+            .color_mode(ColorMode::Forced)
+            .build();
+        let mut editor = rustyline::Editor::with_config(config).ok()?;
+        screen.attach(Box::new(editor.create_external_printer().ok()?));
+        editor.set_helper(Some(Assistant { screen: screen.clone(), devices: Arc::clone(devices) }));
+        for line in history {
+            editor.add_history_entry(line.as_str()).ok()?;
+        }
+        let key = Key::default();
+        let leaving = if system::HAS_JOBS { &[INTERRUPT, SUSPEND][..] } else { &[INTERRUPT] };
+        for leaves in leaving {
+            editor.bind_sequence(*leaves, EventHandler::Conditional(Box::new(Leave(Arc::clone(&key)))));
+        }
+        // A search would keep the trace waiting.
+        for searches in ['R', 'S'] {
+            editor.bind_sequence(KeyEvent::ctrl(searches), Cmd::Noop);
+        }
+        Some(Self { editor, key })
+    }
+
+    fn line(&mut self, screen: &Screen) -> Typed {
+        // Between two lines the terminal itself obeys Ctrl-Z.
+        system::wait_for_foreground();
+        if !screen.begin_line() {
+            return Typed::End;
+        }
+        let line = self.editor.readline(PROMPT);
+        screen.end_line();
+        let key = self.key.lock().unwrap_or_else(PoisonError::into_inner).take();
+        match (line, key) {
+            (Ok(line), _) => Typed::Line(line),
+            (Err(ReadlineError::Interrupted), Some(SUSPEND)) => Typed::Suspend,
+            (Err(ReadlineError::Interrupted), Some(_)) => Typed::Interrupt,
+            (Err(ReadlineError::Interrupted), None) => Typed::Signal,
+            (Err(ReadlineError::Io(error)), _) if error.kind() == io::ErrorKind::InvalidData => Typed::Garbage,
+            (Err(_), _) => Typed::End,
+        }
+    }
+}
+
+const INTERRUPT: KeyEvent = KeyEvent(KeyCode::Char('C'), Modifiers::CTRL);
+const SUSPEND: KeyEvent = KeyEvent(KeyCode::Char('Z'), Modifiers::CTRL);
+
+/// The key that has left the line.
+type Key = Arc<Mutex<Option<KeyEvent>>>;
+
+/// Leaves the line, and notes the key.
+struct Leave(Key);
+
+impl ConditionalEventHandler for Leave {
+    fn handle(&self, event: &Event, _: RepeatCount, _: bool, _: &EventContext<'_>) -> Option<Cmd> {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = event.get(0).copied();
+        Some(Cmd::Interrupt)
+    }
+}
+
+/// What the editor asks while a line is being typed.
+struct Assistant {
+    screen: Screen,
+    devices: Arc<[NamedDevice]>,
+}
+
+impl Completer for Assistant {
+    type Candidate = String;
+
+    fn complete(&self, line: &str, end: usize, _: &Context<'_>) -> rustyline::Result<(usize, Vec<String>)> {
+        let typed = &line[..end];
+        let start = typed.rfind(|c: char| c.is_ascii_whitespace()).map_or(0, |blank| blank + 1);
+        let (before, begun) = typed.split_at(start);
+        let before: Vec<&str> = before.split_ascii_whitespace().collect();
+        let mut candidates = console::candidates(&before, &self.devices);
+        candidates.retain(|word| word.starts_with(begun));
+        Ok((start, candidates.into_iter().map(|word| word + " ").collect()))
+    }
+}
+
+impl Highlighter for Assistant {
+    /// Returns the prompt, with the lines above it that are not printed yet.
+    fn highlight_prompt<'b, 's: 'b, 'p: 'b>(&'s self, prompt: &'p str, _: bool) -> Cow<'b, str> {
+        Cow::Owned(self.screen.draw() + prompt)
+    }
+}
+
+impl Hinter for Assistant {
+    type Hint = String;
+}
+
+impl Validator for Assistant {}
+
+impl Helper for Assistant {}

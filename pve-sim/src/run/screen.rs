@@ -1,0 +1,144 @@
+//! One terminal for the trace and for the line being typed: text is printed above that line.
+//!
+//! `rustyline` prints above the line by messages to it, and a message that it has not read when the line ends is lost.
+//! Text waits here instead: the editor fetches it with each redraw, a message only makes it redraw, and what still
+//! waits at the end of the line is printed then.
+
+use std::io::{self, Write};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use rustyline::ExternalPrinter;
+
+/// Makes the editor redraw its line. The editor ends each message with a new line; the way up before it takes that back.
+const REDRAW: &str = "\x1b[A\n";
+
+/// The longest wait for an editor that is about to change the modes of the terminal.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// Asks the editor to redraw its line.
+type Redraw = Box<dyn ExternalPrinter + Send>;
+
+/// The terminal; clones share it. What is written is shown at each flush.
+#[derive(Clone, Default)]
+pub(super) struct Screen {
+    shared: Arc<Shared>,
+    text: Vec<u8>,
+}
+
+#[derive(Default)]
+struct Shared {
+    state: Mutex<State>,
+    changed: Condvar,
+    /// Locked for as long as the editor has not taken a message.
+    redraw: Mutex<Option<Redraw>>,
+}
+
+#[derive(Default)]
+struct State {
+    line: Line,
+    /// Lines that the editor is to print above its own.
+    waiting: String,
+}
+
+/// The line being typed.
+#[derive(Clone, Copy, Default, PartialEq)]
+enum Line {
+    /// None: text is written to the terminal.
+    #[default]
+    None,
+    /// The editor is about to take the terminal.
+    Begun,
+    /// The editor has drawn it.
+    Drawn,
+    /// The run is over: no further line begins.
+    Over,
+}
+
+impl Screen {
+    /// Makes this editor the one that redraws the line.
+    pub(super) fn attach(&self, redraw: Redraw) {
+        *self.shared.redraw.lock().unwrap_or_else(PoisonError::into_inner) = Some(redraw);
+    }
+
+    /// Gives the terminal to the editor; returns whether the run still goes on.
+    pub(super) fn begin_line(&self) -> bool {
+        let mut state = self.state();
+        if state.line != Line::Over {
+            state.line = Line::Begun;
+        }
+        state.line != Line::Over
+    }
+
+    /// Returns what is to be printed above the line, which is being drawn.
+    pub(super) fn draw(&self) -> String {
+        let mut state = self.state();
+        if state.line == Line::Begun {
+            state.line = Line::Drawn;
+        }
+        self.shared.changed.notify_all();
+        std::mem::take(&mut state.waiting)
+    }
+
+    /// Takes the terminal back from the editor.
+    pub(super) fn end_line(&self) {
+        let mut state = self.state();
+        print(state.waiting.as_bytes());
+        state.waiting.clear();
+        if state.line != Line::Over {
+            state.line = Line::None;
+        }
+        self.shared.changed.notify_all();
+    }
+
+    /// Ends the typing of lines; returns whether one is being typed, in which case the editor has changed the modes of
+    /// the terminal.
+    pub(super) fn close(&self) -> bool {
+        let state = self.state();
+        let is_begun = |state: &mut State| state.line == Line::Begun;
+        let waited = self.shared.changed.wait_timeout_while(state, PATIENCE, is_begun);
+        let (mut state, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        std::mem::replace(&mut state.line, Line::Over) != Line::None
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.shared.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Write for Screen {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.text.extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    /// Prints what was written. Waits for the editor, as for any terminal that does not take more.
+    fn flush(&mut self) -> io::Result<()> {
+        let text = std::mem::take(&mut self.text);
+        let mut state = self.state();
+        if matches!(state.line, Line::None | Line::Over) {
+            return print_to(io::stdout(), &text);
+        }
+        state.waiting.push_str(&String::from_utf8_lossy(&text));
+        drop(state);
+        // Without the lock: the editor may be drawing.
+        if let Some(redraw) = &mut *self.shared.redraw.lock().unwrap_or_else(PoisonError::into_inner) {
+            // An editor that has gone prints the text at the end of its line.
+            let _ = redraw.print(REDRAW.to_owned());
+        }
+        let is_waiting = |state: &mut State| !state.waiting.is_empty();
+        drop(self.shared.changed.wait_while(self.state(), is_waiting));
+        Ok(())
+    }
+}
+
+/// Writes to the terminal.
+pub(super) fn print(text: &[u8]) {
+    // The printer notices a terminal that has gone with its next text.
+    let _ = print_to(io::stdout(), text);
+}
+
+fn print_to(mut out: impl Write, text: &[u8]) -> io::Result<()> {
+    out.write_all(text)?;
+    out.flush()
+}
