@@ -79,6 +79,11 @@ pub mod trace;
 pub mod use_case;
 pub mod world;
 
+/// The examples of the page compile and pass.
+#[cfg(all(doctest, feature = "simulation"))]
+#[doc = include_str!("../../docs/rust.md")]
+mod page {}
+
 pub use protocol_core::controller::BitRate;
 pub use protocol_core::device::hat::Kind as SensorKind;
 pub use protocol_core::device::pve::Kind as ValveKind;
