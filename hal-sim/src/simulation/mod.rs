@@ -23,7 +23,7 @@ mod tests;
 use std::collections::VecDeque;
 
 use protocol_core::controller::BitRate;
-use protocol_core::time::{Duration, Instant, after};
+use protocol_core::time::{Duration, Instant, NEVER, after};
 
 pub use bus::{BusState, DisturbState, NotHeard};
 pub use command::{Advanced, Command, Executed, Refusal, Reply, Sent, Stopped, Ticket, TimedOut};
@@ -262,7 +262,7 @@ impl Simulation {
     /// [`poll`](Self::poll).
     pub fn go(&mut self, end: Instant) -> bool {
         let (event, due) = (self.world.next_event(), self.due());
-        if event.min(due) > end {
+        if event.min(due) > end || event.min(due) == NEVER {
             self.world.run_until(end);
             return true;
         }
@@ -328,7 +328,7 @@ impl Simulation {
     /// Carries out a command, and lets time pass until it has come to its end.
     ///
     /// # Errors
-    /// [`Refusal`]
+    /// [`Refusal`]; of a command that has not come to its end when time has, [`Refusal::Conflict`].
     pub fn run(&mut self, command: Command) -> Result<Reply, Refusal> {
         let ticket = match self.execute(command)? {
             Executed::Done(reply) => return Ok(reply),
@@ -338,7 +338,10 @@ impl Simulation {
             if let Some(place) = self.completed.iter().position(|(known, _)| *known == ticket) {
                 return self.completed.remove(place).1;
             }
-            self.go(Instant::MAX);
+            if self.now() == NEVER {
+                return Err(Refusal::Conflict("time is at its end".to_owned()));
+            }
+            self.go(NEVER);
             while self.take_event().is_some() {}
             self.poll();
         }
@@ -346,10 +349,13 @@ impl Simulation {
 
     /// Lets everything happen that is due until `end`, and goes there.
     pub fn run_until(&mut self, end: Instant) {
-        while !self.go(end) {
+        loop {
+            let has_arrived = self.go(end);
             while self.take_event().is_some() {}
             self.poll();
+            if has_arrived {
+                break;
+            }
         }
-        self.poll();
     }
 }

@@ -379,6 +379,43 @@ fn a_wait_without_end_for_a_linked_shaft_that_stands_costs_little() {
     }
 }
 
+/// Nothing is looked at while nothing can come of it, and the end of time is an end.
+#[test]
+fn a_wait_to_the_end_of_time_ends() {
+    let mut simulation = Simulation::new(BitRate::Kbit250, 1);
+    simulation.add(&NamedDevice::new("boom", Kind::from_name("pvea-canopen").expect("a kind")), Memory::in_ram());
+    simulation.send_as("master");
+    let state = |text: &str| Condition::State("boom".to_owned(), serde_json::from_str(text).expect("a condition"));
+    let frame = Condition::Frame("7FF#00".parse().expect("a frame"));
+    for (condition, span) in [
+        (state(r#"{"nmt": "stopped"}"#), Duration::from_secs(1_000_000_000)),
+        (frame, Duration::MAX),
+        (state(r#"{"dsm": "active"}"#), Duration::MAX),
+    ] {
+        let refused = simulation.clone().run(Command::Wait(condition, span));
+        assert!(matches!(refused, Err(Refusal::TimedOut(_))), "{refused:?}");
+    }
+    assert!(simulation.clone().run(Command::Advance(Duration::MAX)).is_ok());
+    simulation.run_until(Instant::from_ticks(u64::MAX - 1000));
+    let frame = "100: 01".parse().expect("a frame");
+    let _ = simulation.run(Command::Send(frame, Some(Duration::from_millis(1))));
+    simulation.run_until(NEVER);
+    assert_eq!(simulation.now(), NEVER);
+}
+
+/// What happened at an instant is there when a simulation has run to it.
+#[test]
+fn running_to_now_takes_what_has_happened() {
+    let mut simulation = Simulation::new(BitRate::Kbit250, 1);
+    simulation.add(&NamedDevice::new("boom", Kind::from_name("pvea-canopen").expect("a kind")), Memory::in_ram());
+    simulation.power_up(Duration::from_ticks(0));
+    simulation.run_until(Instant::from_millis(100));
+    let (before, change) = (simulation.history().next(), serde_json::from_str(r#"{"bus_off": true}"#).expect("one"));
+    assert!(simulation.execute(Command::Plant("boom".to_owned(), change)).is_ok());
+    simulation.run_until(simulation.now());
+    assert!(simulation.history().next() > before && simulation.take_event().is_none());
+}
+
 /// So is a wait for a position of a shaft that follows a valve.
 #[test]
 fn a_wait_for_a_position_of_a_linked_shaft_costs_little() {

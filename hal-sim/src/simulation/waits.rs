@@ -1,16 +1,13 @@
 //! Commands that wait: for a state, for a frame, or for time to pass.
 
 use protocol_core::frame::Frame;
-use protocol_core::time::{Duration, Instant, NEVER, after};
+use protocol_core::time::{Instant, NEVER};
 
 use super::command::{Advanced, Refusal, Reply, Ticket, TimedOut};
 use super::history::{FrameRecord, Passed};
 use super::sender::Completed;
 use crate::state::{Pattern, StateWatch};
 use crate::world::World;
-
-/// How far ahead a position is sought at once: that of a linked shaft is, step by step.
-const FORESIGHT: Duration = Duration::from_secs(1);
 
 /// What is waited for, oldest first.
 #[derive(Clone, Debug, Default)]
@@ -44,7 +41,9 @@ impl Waits {
         if self.0.is_empty() {
             return;
         }
-        let is_over = |until: Instant, world: &World| until <= world.now() && world.next_event() > world.now();
+        let is_over = |until: Instant, world: &World| {
+            until <= world.now() && (world.next_event() > world.now() || world.now() == NEVER)
+        };
         self.0.retain_mut(|Wait { what, until, ticket }| {
             let end = match what {
                 Awaited::State(watch) => match watch.look(world) {
@@ -85,9 +84,8 @@ impl Waits {
 
     /// Returns when a condition can next hold although nothing happens, or the time of one is up.
     pub(super) fn due(&self, world: &World) -> Instant {
-        let near = world.next_event().min(after(world.now(), FORESIGHT));
         let due = |Wait { what, until, .. }: &Wait| match what {
-            Awaited::State(watch) => watch.due(near.min(*until), world),
+            Awaited::State(watch) => watch.due(*until, world),
             Awaited::Frame(..) | Awaited::Time => *until,
         };
         self.0.iter().map(due).min().unwrap_or(NEVER)

@@ -1,10 +1,13 @@
 //! A condition on a device's state, looked at at every instant at which it may begin to hold.
 
-use protocol_core::time::{Instant, NEVER};
+use protocol_core::time::{Duration, Instant, NEVER, after};
 
 use super::{DeviceState, StateCondition};
 use crate::Kind;
 use crate::world::{NodeId, World};
+
+/// How far ahead a position is sought at once: that of a shaft that follows a valve is, step by step.
+const FORESIGHT: Duration = Duration::from_secs(1);
 
 /// A condition on the state of a device. It is looked at after everything that happens in the world, and when it is
 /// due.
@@ -36,6 +39,10 @@ impl StateWatch {
     pub fn due(&self, until: Instant, world: &World) -> Instant {
         let asked = self.condition.t_us.map_or(NEVER, Instant::from_micros);
         let limit = if asked > world.now() { asked.min(until) } else { until };
-        if self.moves_there > world.now() { limit.min(self.moves_there) } else { world.next_position(self.node, limit) }
+        if self.moves_there > world.now() {
+            return limit.min(self.moves_there);
+        }
+        let near = world.next_event().min(after(world.now(), FORESIGHT));
+        world.next_position(self.node, limit.min(near))
     }
 }

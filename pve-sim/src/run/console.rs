@@ -25,7 +25,8 @@ pub(super) fn obey(line: &str, simulation: &mut Simulation) -> Result<Option<Str
     let world = simulation.world_mut();
     let (name, words) = match words.as_slice() {
         [] => return Ok(None),
-        [name, rest @ ..] if world.find(name).is_some() => (Some(*name), rest),
+        // A device can be called like a word: `status` alone is the word, and `spool stuck` a change.
+        [name, rest @ ..] if world.find(name).is_some() && !is_word(name, rest) => (Some(*name), rest),
         all => (None, all),
     };
     let named = name.and_then(|name| world.find(name));
@@ -78,6 +79,15 @@ const fn product(kind: Kind) -> Product {
     match kind {
         Kind::Pve(_) => Product::Valve,
         Kind::Hat(_) => Product::Encoder,
+    }
+}
+
+/// Returns whether a line is one without the name of a device.
+fn is_word(word: &str, rest: &[&str]) -> bool {
+    match rest {
+        [] => true,
+        [value] => Plant::parse(word, value).is_some(),
+        _ => false,
     }
 }
 
@@ -357,6 +367,17 @@ mod tests {
         for nothing in [&["spool"][..], &["boom", "supply_mv"], &["boom", "status"], &["boom", "spool", "ok"]] {
             assert_eq!(told(nothing, &both), "", "{nothing:?}");
         }
+    }
+
+    #[test]
+    fn a_device_may_be_called_like_a_word() {
+        let mut named = simulation(&["status"]);
+        assert!(answer("status", &mut named).starts_with("status: ") && answer("help", &mut named).contains("spool"));
+        assert!(answer("status status", &mut named).starts_with("status: "));
+        let mut named = simulation(&["spool"]);
+        assert_eq!(answer("spool stuck", &mut named), "ok");
+        assert_eq!(answer("spool spool slow", &mut named), "ok");
+        assert!(answer("spool status", &mut named).contains("spool slow"));
     }
 
     #[test]

@@ -281,6 +281,7 @@ impl<O: Outside> Driver<O> {
             if let Some(desk) = &mut self.desk {
                 desk.obey(message, &mut self.simulation);
             }
+            self.show();
             return;
         }
         if let ToWorld::Typed(line, _obeyed) = message {
@@ -288,6 +289,7 @@ impl<O: Outside> Driver<O> {
                 Ok(answer) => answer.into_iter().for_each(|answer| self.trace.answer(answer)),
                 Err(refusal) => self.trace.warn(refusal),
             }
+            self.show();
             if let Some(desk) = &mut self.desk {
                 desk.poll(&mut self.simulation);
             }

@@ -132,8 +132,8 @@ impl Editor {
     fn new(screen: &Screen, devices: &Arc<[NamedDevice]>, history: &[String]) -> Option<Self> {
         let config = Config::builder()
             .auto_add_history(true)
-            .completion_type(CompletionType::List)
-            .completion_show_all_if_ambiguous(true)
+            // A list of candidates would ask page by page, and keep the trace waiting.
+            .completion_type(CompletionType::Circular)
             .bracketed_paste(false)
             .keyseq_timeout(Some(KEY_MS))
             // The editor asks for the colours of the prompt with each redraw: that is when it fetches the trace.
@@ -150,9 +150,12 @@ impl Editor {
         for leaves in leaving {
             editor.bind_sequence(*leaves, EventHandler::Conditional(Box::new(Leave(Arc::clone(&key)))));
         }
-        // A search would keep the trace waiting.
-        for searches in ['R', 'S'] {
-            editor.bind_sequence(KeyEvent::ctrl(searches), Cmd::Noop);
+        // A search, or a key that waits for another one, would keep the trace waiting.
+        for waits in ['R', 'S', 'V', 'Q', 'X', ']'] {
+            editor.bind_sequence(KeyEvent::ctrl(waits), Cmd::Noop);
+        }
+        for digit in ('0'..='9').chain(['-']) {
+            editor.bind_sequence(KeyEvent::alt(digit), Cmd::Noop);
         }
         Some(Self { editor, key })
     }
