@@ -107,7 +107,7 @@ fn every_block_of_the_readme_is_gone_through() {
     const FIRST_DRIVE: &str = "the_first_drive_works_twice_in_a_row";
     let known = [
         ("cargo run\n", "every test: it is Simulator::start"),
-        ("./test\n", "what runs this test"),
+        ("./test ", "what runs this test"),
         ("pvea-canopen: boot-up", "the_trace_begins_as_the_readme_shows_it"),
         ("pip install python-can", "the_readme_installs_what_is_tested"),
         ("venv/bin/python examples/drive.py", FIRST_DRIVE),
