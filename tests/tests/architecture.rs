@@ -1,4 +1,4 @@
-//! The rooms of the crates and the imports between them, as CONTRIBUTING.md draws them, and no circle between files.
+//! The rooms of the crates and the imports between them, as docs/architecture.md describes them, and no circle between files.
 //!
 //! The modules are followed from `lib.rs` on; what is compiled for tests alone is left out.
 
