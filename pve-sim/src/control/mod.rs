@@ -2,18 +2,18 @@
 //!
 //! ```text
 //! message     what is asked of the world, and its answers
-//! desk        hands commands to the simulation, and answers to those who gave them
+//! server      hands commands to the simulation, and answers to those who gave them
 //! events      clients that follow
 //! ```
 //!
 //! The world obeys each message at the virtual instant of its arrival, and an answer tells of one instant. Nobody but
-//! the desk touches the world, and the desk waits for nobody.
+//! the server touches the world, and it waits for nobody.
 
-mod desk;
 pub(crate) mod events;
 pub(crate) mod message;
+mod server;
 
-pub(crate) use desk::Desk;
 #[cfg(test)]
 pub(crate) use message::Answer;
 pub use message::Message;
+pub(crate) use server::ControlServer;

@@ -17,7 +17,7 @@ use super::outside::{Outside, SPIN_TIME, WAKE_UP};
 use super::printer::Printer;
 use super::timekeeper::{MAX_SLEEP, Timekeeper};
 use super::trace::Trace;
-use crate::control::Desk;
+use crate::control::ControlServer;
 use crate::inbox::{Arrival, ToWorld};
 use crate::speed::Speed;
 use hal_sim::log::Timestamp;
@@ -35,7 +35,7 @@ pub struct Driver<O> {
     simulation: Simulation,
     clients: Clients,
     /// The control interface, if there is one.
-    desk: Option<Desk>,
+    control: Option<ControlServer>,
     outside: O,
     time: Timekeeper,
     /// Time passes only when the control interface tells it to.
@@ -58,7 +58,7 @@ impl<O: Outside> Driver<O> {
     pub(super) fn new(
         simulation: Simulation,
         clients: Clients,
-        desk: Option<Desk>,
+        control: Option<ControlServer>,
         mut outside: O,
         speed: Speed,
         start: Timestamp,
@@ -72,7 +72,7 @@ impl<O: Outside> Driver<O> {
         Self {
             simulation,
             clients,
-            desk,
+            control,
             outside,
             time: Timekeeper::start(factor, now),
             is_stepped,
@@ -111,7 +111,7 @@ impl<O: Outside> Driver<O> {
     #[must_use]
     pub fn controlled(mut self, speed: Speed) -> Self {
         self.is_stepped = speed == Speed::Step;
-        self.desk = Some(Desk::new(speed, &mut self.simulation));
+        self.control = Some(ControlServer::new(speed, &mut self.simulation));
         self
     }
 
@@ -195,7 +195,8 @@ impl<O: Outside> Driver<O> {
             self.take_effect();
         }
         for _ in 0..EVENT_BATCH {
-            let Some(end) = self.desk.as_mut().and_then(|desk| desk.advance_limit(&mut self.simulation)) else {
+            let Some(end) = self.control.as_mut().and_then(|control| control.advance_limit(&mut self.simulation))
+            else {
                 self.hand_out();
                 let arrival = self.outside.wait(None, WallDuration::ZERO);
                 self.arrivals.extend(arrival);
@@ -212,7 +213,7 @@ impl<O: Outside> Driver<O> {
     /// When nobody listens, the looks at the clock do for the events: each still happens at its own virtual instant.
     fn wait(&mut self, due: Instant) {
         let now = self.time.looked();
-        let is_watched = self.simulation.is_busy() || self.desk.as_ref().is_some_and(Desk::is_followed);
+        let is_watched = self.simulation.is_busy() || self.control.as_ref().is_some_and(ControlServer::is_followed);
         let (looks, is_heard) = (self.time.minds_stalls(), self.clients.is_heard() || is_watched);
         let event = if looks && !is_heard { NEVER } else { self.next() };
         let next = self.time.pace().when(event.min(due));
@@ -241,7 +242,7 @@ impl<O: Outside> Driver<O> {
 
     /// Goes to the next event, or to `end` when there is none until then; returns whether it got there.
     fn go(&mut self, end: Instant) -> bool {
-        let followers = self.desk.as_ref().map_or(NEVER, Desk::due);
+        let followers = self.control.as_ref().map_or(NEVER, ControlServer::due);
         let has_arrived = if followers <= end && followers < self.simulation.next() {
             self.simulation.go(followers);
             false
@@ -256,15 +257,15 @@ impl<O: Outside> Driver<O> {
 
     /// Returns when there is next something to do: an event, or what is due although nothing happens.
     fn next(&self) -> Instant {
-        self.desk.as_ref().map_or(NEVER, Desk::due).min(self.simulation.next())
+        self.control.as_ref().map_or(NEVER, ControlServer::due).min(self.simulation.next())
     }
 
     /// Does what is due, and answers those who wait for it.
     fn poll(&mut self) {
         self.simulation.poll();
         self.warn_of_bit_rates();
-        if let Some(desk) = &mut self.desk {
-            desk.poll(&mut self.simulation);
+        if let Some(control) = &mut self.control {
+            control.poll(&mut self.simulation);
         }
     }
 
@@ -278,8 +279,8 @@ impl<O: Outside> Driver<O> {
             return;
         }
         if let ToWorld::Control(message) = message {
-            if let Some(desk) = &mut self.desk {
-                desk.obey(message, &mut self.simulation);
+            if let Some(control) = &mut self.control {
+                control.obey(message, &mut self.simulation);
             }
             self.show();
             return;
@@ -290,8 +291,8 @@ impl<O: Outside> Driver<O> {
                 Err(refusal) => self.trace.warn(refusal),
             }
             self.show();
-            if let Some(desk) = &mut self.desk {
-                desk.poll(&mut self.simulation);
+            if let Some(control) = &mut self.control {
+                control.poll(&mut self.simulation);
             }
             return;
         }
@@ -308,8 +309,8 @@ impl<O: Outside> Driver<O> {
             for _ in 0..self.clients.show(&happened.event, at, happened.error.as_ref().map(|(class, _)| *class)) {
                 self.report_overrun();
             }
-            if let Some(desk) = &self.desk {
-                desk.show(&happened, &self.simulation);
+            if let Some(control) = &self.control {
+                control.show(&happened, &self.simulation);
             }
             self.trace.tell(&happened, at, self.simulation.history().explainer());
             self.clients.give_up(&happened.event, self.simulation.world_mut());

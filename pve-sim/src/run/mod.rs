@@ -54,7 +54,7 @@ use std::thread::{self, JoinHandle};
 use tokio::runtime;
 use tokio::sync::{Semaphore, oneshot, watch};
 
-use crate::control::Desk;
+use crate::control::ControlServer;
 use crate::gateway::{Access, BusUrl, Gateway, OpenError, WAITING, joinable};
 use crate::http;
 use crate::inbox::Entrance;
@@ -237,8 +237,8 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
     let layout = trace::layout(options.color, options.verbose);
     let trace = Trace::new(bus, printer, log, layout);
     let clients = Clients::new(simulation.world_mut(), options.error_frames);
-    let desk = http.map(|_| Desk::new(options.speed, &mut simulation));
-    let driver = Driver::new(simulation, clients, desk, System::new(inbox), options.speed, start, trace);
+    let control = http.map(|_| ControlServer::new(options.speed, &mut simulation));
+    let driver = Driver::new(simulation, clients, control, System::new(inbox), options.speed, start, trace);
     let (alive, ended) = oneshot::channel::<()>();
     let world = thread::Builder::new().name("world".to_owned()).spawn(move || {
         let _alive = alive;

@@ -11,7 +11,7 @@ use protocol_core::time::Instant;
 
 /// The world's end of the control interface.
 #[derive(Debug)]
-pub(crate) struct Desk {
+pub(crate) struct ControlServer {
     speed: Speed,
     events: Events,
     /// The commands under way.
@@ -27,7 +27,7 @@ enum Caller {
     Time(Answer<Time>),
 }
 
-impl Desk {
+impl ControlServer {
     /// Puts the control interface in charge of a simulation.
     pub(crate) fn new(speed: Speed, simulation: &mut Simulation) -> Self {
         simulation.send_as(CONTROL);
