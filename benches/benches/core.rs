@@ -120,12 +120,12 @@ fn pdo_due() -> Box<Exchange<Hat>> {
 
 /// A controller that has one frame to be read and takes every frame.
 #[derive(Default)]
-struct Mailbox {
+struct ClientEnd {
     received: Option<Frame>,
     taken: Option<Frame>,
 }
 
-impl embedded_can::nb::Can for Mailbox {
+impl embedded_can::nb::Can for ClientEnd {
     type Frame = Frame;
     type Error = core::convert::Infallible;
 
@@ -141,7 +141,7 @@ impl embedded_can::nb::Can for Mailbox {
     }
 }
 
-impl Controller for Mailbox {
+impl Controller for ClientEnd {
     #[inline(always)]
     fn is_idle(&self) -> bool {
         self.taken.is_none()
@@ -155,7 +155,7 @@ impl Controller for Mailbox {
 /// A valve, and a controller with the frame that it is about to receive.
 struct Exchange<D> {
     valve: D,
-    can: Mailbox,
+    can: ClientEnd,
     now: Instant,
     /// Whether there is something to be done.
     effect: bool,
@@ -185,7 +185,7 @@ impl<D> Exchange<D> {
 
 impl<D> From<Box<Case<D>>> for Box<Exchange<D>> {
     fn from(case: Box<Case<D>>) -> Self {
-        let can = Mailbox { received: Some(case.frame), taken: None };
+        let can = ClientEnd { received: Some(case.frame), taken: None };
         Box::new(Exchange { valve: case.valve, can, now: case.now, effect: false })
     }
 }

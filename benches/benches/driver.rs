@@ -17,7 +17,7 @@ use hal_sim::simulation::Simulation;
 use protocol_core::controller::BitRate;
 use protocol_core::device::pve::{Kind, Setup};
 use pve_sim::gateway::socketcand::{Parser, Request, emit_frame};
-use pve_sim::inbox::{Arrival, ClientId, Mailbox, Outbox, Reply, ToClient, ToWorld};
+use pve_sim::inbox::{Arrival, ClientEnd, ClientId, ClientQueue, Reply, ToClient, ToWorld};
 use pve_sim::run::{Driver, Outside};
 
 /// A wall clock that passes only when the driver waits, and what clients say.
@@ -51,7 +51,7 @@ struct Scene {
     start: Instant,
     messages: Sender<Arrival>,
     client: ClientId,
-    mailbox: Mailbox,
+    client_end: ClientEnd,
     parser: Parser,
     out: String,
 }
@@ -67,16 +67,16 @@ impl Scene {
         let (start, (messages, receiver)) = (Instant::now(), channel());
         let outside = Outdoors { now: start, messages: receiver };
         let driver = Driver::embedded(simulation, outside, 1.0, io::sink(), io::sink()).expect("a thread");
-        let (client, (outbox, mailbox)) = (ClientId::next(), Outbox::new());
+        let (client, (to_client, client_end)) = (ClientId::next(), ClientQueue::new());
         let (parser, out) = (Parser::default(), String::with_capacity(256));
-        let mut scene = Box::new(Self { driver, start, messages, client, mailbox, parser, out });
-        scene.tell(ToWorld::Join(client, outbox));
+        let mut scene = Box::new(Self { driver, start, messages, client, client_end, parser, out });
+        scene.tell(ToWorld::Join(client, to_client));
         scene.tell(ToWorld::Listen(client, Reply::new("")));
         // The start of all valves is over then.
         for _ in 0..1_000 {
             scene.driver.turn();
         }
-        while scene.mailbox.queue.try_recv().is_ok() {}
+        while scene.client_end.queue.try_recv().is_ok() {}
         for _ in 0..3 {
             scene.exchange();
         }
@@ -90,7 +90,7 @@ impl Scene {
     /// Lets the simulator run until the client gets something.
     fn hear(&mut self) -> ToClient {
         loop {
-            if let Ok(message) = self.mailbox.queue.try_recv() {
+            if let Ok(message) = self.client_end.queue.try_recv() {
                 return message;
             }
             self.driver.turn();

@@ -1,11 +1,11 @@
 //! Gateways that are one client of the world for as long as it runs: a multicast group, an interface of the kernel.
 
-use crate::inbox::{ClientId, Entrance, Mailbox, ToWorld};
+use crate::inbox::{ClientEnd, ClientId, Entrance, ToWorld};
 
 /// A gateway that is one client of the world.
 pub(super) trait Member: Send + Sized {
     /// Passes frames. Ends only when more of them came than the gateway takes.
-    fn pass(&mut self, id: ClientId, mailbox: Mailbox, world: &Entrance) -> impl Future<Output = ()> + Send;
+    fn pass(&mut self, id: ClientId, client_end: ClientEnd, world: &Entrance) -> impl Future<Output = ()> + Send;
 
     /// Joins the world at once, so that a world that starts later sends its first frame to the gateway, too; the returned
     /// future passes frames for ever.
@@ -13,10 +13,10 @@ pub(super) trait Member: Send + Sized {
         let mut joined = world.join();
         async move {
             loop {
-                let (id, mailbox) = joined;
+                let (id, client_end) = joined;
                 // What the world gives back for joining.
-                mailbox.leash.spend().await;
-                self.pass(id, mailbox, &world).await;
+                client_end.leash.spend().await;
+                self.pass(id, client_end, &world).await;
                 // What waits is dropped, and the gateway joins anew.
                 world.tell(ToWorld::Leave(id));
                 joined = world.join();

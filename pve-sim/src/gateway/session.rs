@@ -8,7 +8,7 @@ use tokio::sync::mpsc::Receiver;
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
 use super::guard::Judge;
-use crate::inbox::{BATCH, ClientId, Entrance, Leash, Mailbox, Outbox, Reply, ToClient, ToWorld};
+use crate::inbox::{BATCH, ClientEnd, ClientId, ClientQueue, Entrance, Leash, Reply, ToClient, ToWorld};
 
 /// The protocol of one client: its requests, and how it gets answers and frames.
 pub trait Dialogue: Send {
@@ -73,9 +73,9 @@ pub(super) async fn serve(
     limits: Limits,
     dialogue: impl Dialogue,
 ) -> End {
-    let (outbox, Mailbox { queue, leash }) = Outbox::new();
+    let (to_client, ClientEnd { queue, leash }) = ClientQueue::new();
     let client = Client { id: ClientId::next(), world, leash };
-    client.world.tell(ToWorld::Join(client.id, outbox));
+    client.world.tell(ToWorld::Join(client.id, to_client));
     let mut write = pin!(write(writer, queue, dialogue.emitter()));
     let mut listen = pin!(listen(reader, dialogue, &client, limits.patience));
     let end = tokio::select! {

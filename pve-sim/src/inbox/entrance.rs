@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Instant as WallInstant;
 
-use super::{ClientId, Mailbox, Outbox, Reply, ToWorld};
+use super::{ClientEnd, ClientId, ClientQueue, Reply, ToWorld};
 
 /// The clients' end of the channel: for gateways, and for the end of the simulator.
 #[derive(Clone, Debug)]
@@ -47,12 +47,12 @@ impl Entrance {
 
     /// Joins as a new client that gets everything from now on. The world gives credit back for it: one message.
     #[must_use]
-    pub fn join(&self) -> (ClientId, Mailbox) {
-        let (outbox, mailbox) = Outbox::new();
+    pub fn join(&self) -> (ClientId, ClientEnd) {
+        let (to_client, client_end) = ClientQueue::new();
         let id = ClientId::next();
-        self.tell(ToWorld::Join(id, outbox));
+        self.tell(ToWorld::Join(id, to_client));
         self.tell(ToWorld::Listen(id, Reply::new("")));
-        (id, mailbox)
+        (id, client_end)
     }
 
     /// Ends the simulator, before messages that still wait for the world.

@@ -2,19 +2,19 @@
 //!
 //! The world runs on a thread of its own and never waits for a client. What a client wants comes to it as [`ToWorld`]
 //! messages over one channel, the [`Entrance`], each with the wall instant of its arrival; what the client is to see
-//! goes into the client's own bounded queue, its [`Outbox`], and a client whose queue is full is disconnected.
+//! goes into the client's own bounded queue, its [`ClientQueue`], and a client whose queue is full is disconnected.
 //!
 //! ```text
 //! entrance     the way from clients into the world
-//! outbox       the way from the world to a client, and what bounds both
+//! client_queue the way from the world to a client, and what bounds both
 //! ```
 
+mod client_queue;
 mod entrance;
-mod outbox;
 
+pub(crate) use client_queue::BATCH;
+pub use client_queue::{CREDIT, ClientEnd, ClientQueue, Credit, Leash, Overrun, QUEUE};
 pub use entrance::{Arrival, Entrance, Inbox};
-pub(crate) use outbox::BATCH;
-pub use outbox::{CREDIT, Credit, Leash, Mailbox, Outbox, Overrun, QUEUE};
 
 use std::borrow::Cow;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -44,7 +44,7 @@ impl ClientId {
 #[derive(Debug)]
 pub enum ToWorld {
     /// It is there, and hears nothing yet.
-    Join(ClientId, Outbox),
+    Join(ClientId, ClientQueue),
     /// It gets what is on the bus from now on, after this reply.
     Listen(ClientId, Reply),
     /// It sends a frame.

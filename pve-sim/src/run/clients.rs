@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 use protocol_core::frame::Frame;
 
-use crate::inbox::{ClientId, Outbox, Overrun, ToClient, ToWorld};
+use crate::inbox::{ClientId, ClientQueue, Overrun, ToClient, ToWorld};
 use hal_sim::log::{ErrorClass, Timestamp};
 use hal_sim::world::{Event, EventKind, TapId, World};
 
@@ -39,7 +39,7 @@ pub(super) struct Clients {
 }
 
 struct Client {
-    outbox: Outbox,
+    to_client: ClientQueue,
     listening: bool,
 }
 
@@ -68,8 +68,8 @@ impl Clients {
     /// Lets a message take effect; an error tells that the client was dismissed.
     pub(super) fn apply(&mut self, message: ToWorld, world: &mut World) -> Result<(), Overrun> {
         match message {
-            ToWorld::Join(id, outbox) => {
-                self.clients.insert(id, Client { outbox, listening: false });
+            ToWorld::Join(id, to_client) => {
+                self.clients.insert(id, Client { to_client, listening: false });
             }
             ToWorld::Leave(id) => self.let_go(id),
             ToWorld::Send(id, frame) => {
@@ -120,8 +120,9 @@ impl Clients {
             _ => return 0,
         };
         let listeners = self.clients.iter().filter(|(id, client)| client.listening && Some(**id) != sender);
-        let overrun: Vec<ClientId> =
-            listeners.filter_map(|(id, client)| client.outbox.post(message.clone()).is_err().then_some(*id)).collect();
+        let overrun: Vec<ClientId> = listeners
+            .filter_map(|(id, client)| client.to_client.post(message.clone()).is_err().then_some(*id))
+            .collect();
         overrun.iter().for_each(|id| self.let_go(*id));
         overrun.len()
     }
@@ -142,7 +143,7 @@ impl Clients {
             return;
         }
         if let Some(client) = self.sending.take().and_then(|sender| self.clients.get(&sender)) {
-            client.outbox.refund(1);
+            client.to_client.refund(1);
         }
         // The most urgent frame of those that are next for their clients; of equals the one that waits longest.
         let heads = self.waiting.iter().filter_map(|(id, queue)| Some((*id, queue.front()?)));
@@ -164,8 +165,8 @@ impl Clients {
 
     fn post(&mut self, id: ClientId, message: ToClient) -> Result<(), Overrun> {
         let Some(client) = self.clients.get(&id) else { return Ok(()) };
-        client.outbox.refund(1);
-        let posted = client.outbox.post(message);
+        client.to_client.refund(1);
+        let posted = client.to_client.post(message);
         if posted.is_err() {
             self.let_go(id);
         }

@@ -7,13 +7,13 @@ use protocol_core::frame::standard;
 use protocol_core::time::Duration;
 
 use super::*;
-use crate::inbox::{CREDIT, Mailbox, Reply};
+use crate::inbox::{CREDIT, ClientEnd, Reply};
 use hal_sim::bus::DestroyNext;
 
 struct Bench {
     world: World,
     clients: Clients,
-    mailboxes: Vec<(ClientId, Mailbox)>,
+    client_ends: Vec<(ClientId, ClientEnd)>,
 }
 
 fn frame(id: u16, data: &[u8]) -> Frame {
@@ -28,13 +28,13 @@ impl Bench {
         world.add_gateway("somebody");
         world.record_events(true);
         let clients = Clients::new(&mut world, false);
-        let mut bench = Self { world, clients, mailboxes: Vec::new() };
+        let mut bench = Self { world, clients, client_ends: Vec::new() };
         for _ in 0..count {
-            let (id, (outbox, mut mailbox)) = (ClientId::next(), Outbox::new());
-            bench.apply(ToWorld::Join(id, outbox));
+            let (id, (to_client, mut client_end)) = (ClientId::next(), ClientQueue::new());
+            bench.apply(ToWorld::Join(id, to_client));
             bench.apply(ToWorld::Listen(id, Reply::new("")));
-            mailbox.queue.try_recv().expect("the reply");
-            bench.mailboxes.push((id, mailbox));
+            client_end.queue.try_recv().expect("the reply");
+            bench.client_ends.push((id, client_end));
         }
         bench
     }
@@ -44,7 +44,7 @@ impl Bench {
     }
 
     fn send(&mut self, client: usize, frame: Frame) {
-        self.apply(ToWorld::Send(self.mailboxes[client].0, frame));
+        self.apply(ToWorld::Send(self.client_ends[client].0, frame));
     }
 
     /// Lets everything go out; returns what did, all of it frames.
@@ -64,7 +64,7 @@ impl Bench {
 
     /// What a client got.
     fn heard(&mut self, client: usize) -> Vec<Frame> {
-        let queue = &mut self.mailboxes[client].1.queue;
+        let queue = &mut self.client_ends[client].1.queue;
         std::iter::from_fn(|| queue.try_recv().ok())
             .map(|message| match message {
                 ToClient::Frame(_, frame) => frame,
@@ -120,7 +120,7 @@ fn what_a_client_sent_before_it_left_goes_out() {
     for frame in frames {
         bench.send(0, frame);
     }
-    let (left, _mailbox) = bench.mailboxes.remove(0);
+    let (left, _client_end) = bench.client_ends.remove(0);
     bench.apply(ToWorld::Leave(left));
     bench.apply(ToWorld::Send(left, frame(0x104, &[])));
     assert_eq!(bench.run(), frames);
@@ -132,9 +132,9 @@ fn what_a_client_sent_before_it_left_goes_out() {
 fn what_departed_clients_leave_behind_is_bounded() {
     let mut bench = Bench::new(1);
     for _ in 0..100 {
-        let (outbox, _mailbox) = Outbox::new();
+        let (to_client, _client_end) = ClientQueue::new();
         let id = ClientId::next();
-        bench.apply(ToWorld::Join(id, outbox));
+        bench.apply(ToWorld::Join(id, to_client));
         for _ in 0..CREDIT {
             bench.apply(ToWorld::Send(id, frame(0x700, &[0; 8])));
         }
@@ -142,9 +142,9 @@ fn what_departed_clients_leave_behind_is_bounded() {
         bench.apply(ToWorld::Leave(id));
     }
     // A modest one keeps its only frame.
-    let (outbox, _mailbox) = Outbox::new();
+    let (to_client, _client_end) = ClientQueue::new();
     let modest = ClientId::next();
-    bench.apply(ToWorld::Join(modest, outbox));
+    bench.apply(ToWorld::Join(modest, to_client));
     bench.apply(ToWorld::Send(modest, frame(0x7FF, &[])));
     bench.apply(ToWorld::Leave(modest));
     let waiting: usize = bench.clients.waiting.values().map(VecDeque::len).sum();
@@ -163,8 +163,8 @@ fn a_frame_that_is_destroyed_ends_with_its_client() {
     world.inject(DestroyNext::frames(u32::MAX));
     world.record_events(true);
     let mut clients = Clients::new(&mut world, false);
-    let (id, (outbox, _mailbox)) = (ClientId::next(), Outbox::new());
-    clients.apply(ToWorld::Join(id, outbox), &mut world).unwrap();
+    let (id, (to_client, _client_end)) = (ClientId::next(), ClientQueue::new());
+    clients.apply(ToWorld::Join(id, to_client), &mut world).unwrap();
     for number in 0..2 {
         clients.apply(ToWorld::Send(id, frame(0x123, &[number])), &mut world).unwrap();
     }
@@ -198,7 +198,7 @@ fn error_frames_are_for_clients_that_want_them() {
         for told in [None, Some(ErrorClass::ErrorPassive), None] {
             assert_eq!(bench.clients.show(&event, at, told), 0);
         }
-        let queue = &mut bench.mailboxes[0].1.queue;
+        let queue = &mut bench.client_ends[0].1.queue;
         let heard: Vec<ToClient> = std::iter::from_fn(|| queue.try_recv().ok()).collect();
         let told = vec![ToClient::Error(at, ErrorClass::ErrorPassive)];
         assert_eq!(heard, if wanted { told } else { Vec::new() });
@@ -210,7 +210,7 @@ async fn credit_comes_back_with_each_frame_that_is_sent() {
     let mut bench = Bench::new(1);
     for round in 0..3 {
         for _ in 0..CREDIT {
-            let spent = tokio::time::timeout(WallDuration::from_secs(1), bench.mailboxes[0].1.leash.spend());
+            let spent = tokio::time::timeout(WallDuration::from_secs(1), bench.client_ends[0].1.leash.spend());
             spent.await.expect("credit");
             bench.send(0, frame(0x123, &[round]));
         }

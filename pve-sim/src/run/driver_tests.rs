@@ -8,7 +8,7 @@ use protocol_core::device::pve;
 use protocol_core::frame::Frame;
 
 use super::*;
-use crate::inbox::{ClientId, Mailbox, Outbox, Reply, ToClient};
+use crate::inbox::{ClientEnd, ClientId, ClientQueue, Reply, ToClient};
 use hal_sim::devices::NamedDevice;
 use hal_sim::{Kind, Memory};
 
@@ -96,9 +96,9 @@ struct Rig {
     start: WallInstant,
     sender: ClientId,
     listener: ClientId,
-    mailbox: Mailbox,
+    client_end: ClientEnd,
     heard: Vec<(u64, Frame)>,
-    _sender_mailbox: Mailbox,
+    _sender_end: ClientEnd,
     said: Said,
 }
 
@@ -121,11 +121,11 @@ impl Rig {
         let (said, start) = (Said::default(), WallInstant::now());
         let driver = driver(speed, start, Vec::new(), said.clone());
         let (sender, listener) = (ClientId::next(), ClientId::next());
-        let (outbox, mailbox) = Outbox::new();
-        let (sender_outbox, _sender_mailbox) = Outbox::new();
-        let mut rig = Self { driver, start, sender, listener, mailbox, heard: Vec::new(), _sender_mailbox, said };
-        rig.plan(millis(0), Happening::Message(ToWorld::Join(sender, sender_outbox)));
-        rig.plan(millis(0), Happening::Message(ToWorld::Join(listener, outbox)));
+        let (to_client, client_end) = ClientQueue::new();
+        let (sender_queue, _sender_end) = ClientQueue::new();
+        let mut rig = Self { driver, start, sender, listener, client_end, heard: Vec::new(), _sender_end, said };
+        rig.plan(millis(0), Happening::Message(ToWorld::Join(sender, sender_queue)));
+        rig.plan(millis(0), Happening::Message(ToWorld::Join(listener, to_client)));
         rig.plan(millis(0), Happening::Message(ToWorld::Listen(listener, Reply::new(""))));
         rig
     }
@@ -158,7 +158,7 @@ impl Rig {
     /// The listener reads what came.
     fn listen(&mut self) {
         let micros = |at: Timestamp| at.to_string().replace('.', "").parse().expect("digits");
-        while let Ok(message) = self.mailbox.queue.try_recv() {
+        while let Ok(message) = self.client_end.queue.try_recv() {
             if let ToClient::Frame(at, frame) = message {
                 self.heard.push((micros(at), frame));
             }
@@ -397,11 +397,11 @@ fn a_speed_that_is_reached_is_not_complained_about() {
 /// A gateway to a network joins before the world begins.
 #[test]
 fn who_has_joined_before_the_devices_start_hears_their_boot_up() {
-    let (id, (outbox, mut mailbox)) = (ClientId::next(), Outbox::new());
-    let before = vec![ToWorld::Join(id, outbox), ToWorld::Listen(id, Reply::new(""))];
+    let (id, (to_client, mut client_end)) = (ClientId::next(), ClientQueue::new());
+    let before = vec![ToWorld::Join(id, to_client), ToWorld::Listen(id, Reply::new(""))];
     let mut driver = driver(1.0, WallInstant::now(), before, Said::default());
     driver.turn();
-    let heard: Vec<ToClient> = std::iter::from_fn(|| mailbox.queue.try_recv().ok()).collect();
+    let heard: Vec<ToClient> = std::iter::from_fn(|| client_end.queue.try_recv().ok()).collect();
     let boot_up = "720: 00".parse::<Frame>().expect("a frame");
     assert!(heard.iter().any(|message| matches!(message, ToClient::Frame(_, frame) if *frame == boot_up)));
 }

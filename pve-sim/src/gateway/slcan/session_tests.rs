@@ -8,7 +8,7 @@ use super::*;
 use crate::gateway::session::End;
 use crate::gateway::tcp::{FAREWELL, HANDSHAKE};
 use crate::gateway::{ForeignWarning, enter};
-use crate::inbox::{CREDIT, Entrance, Inbox, Outbox, QUEUE};
+use crate::inbox::{CREDIT, ClientQueue, Entrance, Inbox, QUEUE};
 use hal_sim::log::Timestamp;
 use protocol_core::frame::{Frame, standard};
 
@@ -29,10 +29,10 @@ fn serve_halves(
     (inbox, tokio::spawn(enter(reader, writer, world, warning, Session::new("slcan://".into()))))
 }
 
-/// The outbox of the client that has joined.
-fn joined(inbox: &Inbox) -> Outbox {
+/// The queue of the client that has joined.
+fn joined(inbox: &Inbox) -> ClientQueue {
     match inbox.messages.try_recv().expect("a message").message {
-        ToWorld::Join(_, outbox) => outbox,
+        ToWorld::Join(_, to_client) => to_client,
         other => panic!("{other:?}"),
     }
 }
@@ -70,10 +70,10 @@ async fn a_client_that_has_opened_the_channel_may_be_quiet() {
 async fn a_client_that_does_not_read_is_dismissed() {
     let (_client, inbox, session) = serve(64);
     pass().await;
-    let outbox = joined(&inbox);
+    let to_client = joined(&inbox);
     let frame = ToClient::Frame(Timestamp::from_micros(0), Frame::of(standard(0x123).into(), &[]).expect("a frame"));
     let mut room = 0;
-    while outbox.post(frame.clone()).is_ok() {
+    while to_client.post(frame.clone()).is_ok() {
         room += 1;
         assert!(room <= 2 * QUEUE);
         pass().await;
@@ -123,11 +123,11 @@ async fn the_flags_tell_of_an_error_once() {
     let (mut client, inbox, _session) = serve(64);
     client.write_all(b"O\r").await.expect("room");
     pass().await;
-    let outbox = joined(&inbox);
+    let to_client = joined(&inbox);
     for (error, answer) in [(false, "F00\r"), (true, "F80\r"), (false, "F00\r")] {
         if error {
             let error = ToClient::Error(Timestamp::from_micros(0), hal_sim::log::ErrorClass::BusError);
-            outbox.post(error).expect("room");
+            to_client.post(error).expect("room");
             pass().await;
         }
         client.write_all(b"F\r").await.expect("room");
@@ -142,20 +142,20 @@ async fn the_flags_tell_of_an_error_once() {
 async fn a_frame_comes_as_it_was_asked_for_when_it_came() {
     let (mut client, inbox, _session) = serve(4096);
     pass().await;
-    let outbox = joined(&inbox);
+    let to_client = joined(&inbox);
     let answer = async || {
         pass().await;
         while let Ok(arrival) = inbox.messages.try_recv() {
             if let ToWorld::Reply(_, reply) | ToWorld::Listen(_, reply) | ToWorld::Unlisten(_, reply) = arrival.message
             {
-                outbox.post(ToClient::Reply(reply)).expect("room");
+                to_client.post(ToClient::Reply(reply)).expect("room");
             }
             pass().await;
         }
     };
     let frame = |at, id| {
         let frame = Frame::of(standard(id).into(), &[]).expect("a frame");
-        outbox.post(ToClient::Frame(Timestamp::from_micros(at), frame)).expect("room");
+        to_client.post(ToClient::Frame(Timestamp::from_micros(at), frame)).expect("room");
     };
     client.write_all(b"O\r").await.expect("room");
     answer().await;

@@ -11,7 +11,7 @@ use tokio::time::{Instant, sleep, sleep_until};
 
 use super::health::{Health, Verdict, is_gone};
 use crate::gateway::member::Member;
-use crate::inbox::{ClientId, Entrance, Mailbox, ToClient, ToWorld};
+use crate::inbox::{ClientEnd, ClientId, Entrance, ToClient, ToWorld};
 
 /// How long to wait before a frame is tried again while the interface's queue is full.
 const RETRY: Duration = Duration::from_millis(1);
@@ -85,7 +85,7 @@ impl Interface {
 }
 
 impl Member for Interface {
-    async fn pass(&mut self, id: ClientId, Mailbox { mut queue, leash }: Mailbox, world: &Entrance) {
+    async fn pass(&mut self, id: ClientId, ClientEnd { mut queue, leash }: ClientEnd, world: &Entrance) {
         let mut waiting: Option<Waiting> = None;
         loop {
             let next_try = waiting.as_ref().map(|waiting| waiting.next_try);

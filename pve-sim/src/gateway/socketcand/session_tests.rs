@@ -50,22 +50,22 @@ fn setup(on_listen: Vec<ToClient>) -> Setup {
 
 fn world(inbox: &Inbox, on_listen: &[ToClient]) -> Vec<Frame> {
     let mut sent = Vec::new();
-    let mut outbox = None;
+    let mut to_client = None;
     for Arrival { message, .. } in &inbox.messages {
         match message {
-            ToWorld::Join(_, joined) => outbox = Some(joined),
-            ToWorld::Leave(_) => outbox = None,
+            ToWorld::Join(_, joined) => to_client = Some(joined),
+            ToWorld::Leave(_) => to_client = None,
             ToWorld::End => break,
             other => {
-                let outbox = outbox.as_ref().expect("a client that is there");
-                outbox.refund(1);
+                let to_client = to_client.as_ref().expect("a client that is there");
+                to_client.refund(1);
                 match other {
                     ToWorld::Send(_, frame) => sent.push(frame),
-                    ToWorld::Reply(_, reply) => outbox.post(ToClient::Reply(reply)).expect("room"),
+                    ToWorld::Reply(_, reply) => to_client.post(ToClient::Reply(reply)).expect("room"),
                     ToWorld::Listen(_, reply) => {
-                        outbox.post(ToClient::Reply(reply)).expect("room");
+                        to_client.post(ToClient::Reply(reply)).expect("room");
                         // the client that is told to go learns it from the session
-                        let _ = on_listen.iter().try_for_each(|message| outbox.post(message.clone()));
+                        let _ = on_listen.iter().try_for_each(|message| to_client.post(message.clone()));
                     }
                     _ => {}
                 }

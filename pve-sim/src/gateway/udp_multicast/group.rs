@@ -11,7 +11,7 @@ use tokio::time::sleep;
 
 use super::message::{emit, parse};
 use crate::gateway::member::Member;
-use crate::inbox::{ClientId, Entrance, Mailbox, ToClient, ToWorld};
+use crate::inbox::{ClientEnd, ClientId, Entrance, ToClient, ToWorld};
 
 /// The hops of a datagram that is to reach other machines: python-can's default, the local network.
 const HOPS: u32 = 1;
@@ -71,7 +71,7 @@ impl Group {
 }
 
 impl Member for Group {
-    async fn pass(&mut self, id: ClientId, Mailbox { mut queue, leash }: Mailbox, world: &Entrance) {
+    async fn pass(&mut self, id: ClientId, ClientEnd { mut queue, leash }: ClientEnd, world: &Entrance) {
         let mut datagram = [0; DATAGRAM_MAX];
         loop {
             tokio::select! {
@@ -184,7 +184,7 @@ mod tests {
     use tokio::time::timeout;
 
     use super::*;
-    use crate::inbox::{CREDIT, Inbox, Outbox};
+    use crate::inbox::{CREDIT, ClientQueue, Inbox};
     use hal_sim::log::Timestamp;
 
     const GROUP: &str = "239.74.163.2:43113";
@@ -228,13 +228,13 @@ mod tests {
     }
 
     /// The world's end of a gateway that has joined.
-    fn joined(inbox: &Inbox) -> Outbox {
+    fn joined(inbox: &Inbox) -> ClientQueue {
         let messages = std::iter::from_fn(|| inbox.messages.try_recv().ok()).map(|arrival| arrival.message);
-        let outbox =
-            messages.filter_map(|message| if let ToWorld::Join(_, outbox) = message { Some(outbox) } else { None });
-        let outbox = outbox.last().expect("it has joined");
-        outbox.refund(1);
-        outbox
+        let to_client = messages
+            .filter_map(|message| if let ToWorld::Join(_, to_client) = message { Some(to_client) } else { None });
+        let to_client = to_client.last().expect("it has joined");
+        to_client.refund(1);
+        to_client
     }
 
     /// Sends datagrams until the gateway's credit is spent.
@@ -257,15 +257,15 @@ mod tests {
         let (world, inbox) = Entrance::new();
         let (group, sender, listener) = group().await;
         tokio::spawn(group.run(world));
-        let outbox = joined(&inbox);
+        let to_client = joined(&inbox);
         flood(&sender, &inbox).await;
         let (expected, frame) = datagram();
-        outbox.post(ToClient::Frame(Timestamp::from_micros(0), frame)).expect("room");
+        to_client.post(ToClient::Frame(Timestamp::from_micros(0), frame)).expect("room");
         let mut heard = [0; DATAGRAM_MAX];
         let len =
             timeout(Duration::from_secs(5), listener.recv(&mut heard)).await.expect("it is heard").expect("a datagram");
         assert_eq!(&heard[..len], expected);
-        outbox.refund(1);
+        to_client.refund(1);
         while inbox.messages.try_recv().is_err() {
             tokio::task::yield_now().await;
         }

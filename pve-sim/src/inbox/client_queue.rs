@@ -18,14 +18,14 @@ pub(crate) const BATCH: usize = 256;
 
 /// The world's end of one client.
 #[derive(Clone, Debug)]
-pub struct Outbox {
+pub struct ClientQueue {
     queue: mpsc::Sender<ToClient>,
     leash: Leash,
 }
 
-/// The client's end of an [`Outbox`]. When the world drops the outbox, the queue ends.
+/// The client's end of a [`ClientQueue`]. When the world drops the queue, the end closes.
 #[derive(Debug)]
-pub struct Mailbox {
+pub struct ClientEnd {
     /// What the client is to get.
     pub queue: mpsc::Receiver<ToClient>,
     /// What the client may do, and whether it still may.
@@ -56,13 +56,13 @@ impl Credit<'_> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Overrun;
 
-impl Outbox {
-    /// Returns an outbox, and the client's end of it.
+impl ClientQueue {
+    /// Returns the queue, and the client's end of it.
     #[must_use]
-    pub fn new() -> (Self, Mailbox) {
+    pub fn new() -> (Self, ClientEnd) {
         let (sender, queue) = mpsc::channel(QUEUE);
         let leash = Leash { dismissed: Arc::default(), credit: Arc::new(Semaphore::new(CREDIT)) };
-        (Self { queue: sender, leash: leash.clone() }, Mailbox { queue, leash })
+        (Self { queue: sender, leash: leash.clone() }, ClientEnd { queue, leash })
     }
 
     /// Puts something into the queue, never waiting.
