@@ -15,7 +15,7 @@ pub(super) trait Member: Send + Sized {
             loop {
                 let (id, client_end) = joined;
                 // What the world gives back for joining.
-                client_end.leash.spend().await;
+                client_end.permits.spend().await;
                 self.pass(id, client_end, &world).await;
                 // What waits is dropped, and the gateway joins anew.
                 world.tell(ToWorld::Leave(id));

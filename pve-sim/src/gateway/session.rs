@@ -8,7 +8,7 @@ use tokio::sync::mpsc::Receiver;
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
 use super::guard::Judge;
-use crate::inbox::{BATCH, ClientEnd, ClientId, ClientQueue, Entrance, Leash, Reply, ToClient, ToWorld};
+use crate::inbox::{BATCH, ClientEnd, ClientId, ClientQueue, Entrance, Permits, Reply, ToClient, ToWorld};
 
 /// The protocol of one client: its requests, and how it gets answers and frames.
 pub trait Dialogue: Send {
@@ -36,13 +36,13 @@ pub trait Dialogue: Send {
 pub struct Client {
     pub(super) id: ClientId,
     pub(super) world: Entrance,
-    leash: Leash,
+    permits: Permits,
 }
 
 impl Client {
-    /// Sends the world a message of this client, as soon as the client has credit for it.
+    /// Sends the world a message of this client, as soon as the client has a permit for it.
     pub(super) async fn tell(&self, message: ToWorld) {
-        self.leash.spend().await;
+        self.permits.spend().await;
         self.world.tell(message);
     }
 }
@@ -73,13 +73,13 @@ pub(super) async fn serve(
     limits: Limits,
     dialogue: impl Dialogue,
 ) -> End {
-    let (to_client, ClientEnd { queue, leash }) = ClientQueue::new();
-    let client = Client { id: ClientId::next(), world, leash };
+    let (to_client, ClientEnd { queue, permits }) = ClientQueue::new();
+    let client = Client { id: ClientId::next(), world, permits };
     client.world.tell(ToWorld::Join(client.id, to_client));
     let mut write = pin!(write(writer, queue, dialogue.emitter()));
     let mut listen = pin!(listen(reader, dialogue, &client, limits.patience));
     let end = tokio::select! {
-        () = client.leash.dismissed() => End::Dismissed,
+        () = client.permits.dismissed() => End::Dismissed,
         () = async {
             tokio::select! {
                 // A client that has said its last word still gets the answers: the queue ends when the world has let it go.

@@ -1,4 +1,4 @@
-//! What ties one client to the world: a bounded queue towards it, and the credit that bounds what it may send.
+//! What ties one client to the world: a bounded queue towards it, and the permits that bound what it may send.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use super::ToClient;
 pub const QUEUE: usize = 8192;
 
 /// How many messages of one client may wait for the world and the bus; beyond that its socket is not read.
-pub const CREDIT: usize = 1024;
+pub const PERMITS: usize = 1024;
 
 /// How many messages to a client go out in one write, at most.
 pub(crate) const BATCH: usize = 256;
@@ -20,7 +20,7 @@ pub(crate) const BATCH: usize = 256;
 #[derive(Clone, Debug)]
 pub struct ClientQueue {
     queue: mpsc::Sender<ToClient>,
-    leash: Leash,
+    permits: Permits,
 }
 
 /// The client's end of a [`ClientQueue`]. When the world drops the queue, the end closes.
@@ -29,22 +29,22 @@ pub struct ClientEnd {
     /// What the client is to get.
     pub queue: mpsc::Receiver<ToClient>,
     /// What the client may do, and whether it still may.
-    pub leash: Leash,
+    pub permits: Permits,
 }
 
 /// What the client may do, and whether it still may.
 #[derive(Clone, Debug)]
-pub struct Leash {
+pub struct Permits {
     dismissed: Arc<Notify>,
-    credit: Arc<Semaphore>,
+    free: Arc<Semaphore>,
 }
 
 /// The right to send one message to the world. Dropped, it goes back.
 #[derive(Debug)]
-pub struct Credit<'a>(Option<SemaphorePermit<'a>>);
+pub struct Permit<'a>(Option<SemaphorePermit<'a>>);
 
-impl Credit<'_> {
-    /// Sends the message: the world gives the credit back when it is done.
+impl Permit<'_> {
+    /// Sends the message: the world gives the permit back when it is done.
     pub fn spend(self) {
         if let Some(permit) = self.0 {
             permit.forget();
@@ -61,8 +61,8 @@ impl ClientQueue {
     #[must_use]
     pub fn new() -> (Self, ClientEnd) {
         let (sender, queue) = mpsc::channel(QUEUE);
-        let leash = Leash { dismissed: Arc::default(), credit: Arc::new(Semaphore::new(CREDIT)) };
-        (Self { queue: sender, leash: leash.clone() }, ClientEnd { queue, leash })
+        let permits = Permits { dismissed: Arc::default(), free: Arc::new(Semaphore::new(PERMITS)) };
+        (Self { queue: sender, permits: permits.clone() }, ClientEnd { queue, permits })
     }
 
     /// Puts something into the queue, never waiting.
@@ -75,27 +75,27 @@ impl ClientQueue {
             // The session has ended by itself, and says so on its own.
             Err(mpsc::error::TrySendError::Closed(_)) => Ok(()),
             Err(mpsc::error::TrySendError::Full(_)) => {
-                self.leash.dismissed.notify_one();
+                self.permits.dismissed.notify_one();
                 Err(Overrun)
             }
         }
     }
 
-    /// Gives credit back for messages that are done: replied to, or sent on the bus.
+    /// Gives permits back for messages that are done: replied to, or sent on the bus.
     pub fn refund(&self, messages: usize) {
-        self.leash.credit.add_permits(messages);
+        self.permits.free.add_permits(messages);
     }
 }
 
-impl Leash {
+impl Permits {
     /// Waits until one more message may be sent to the world.
     pub async fn spend(&self) {
-        self.credit().await.spend();
+        self.permit().await.spend();
     }
 
     /// Waits until one more message may be sent to the world, for a gateway that has other things to do while it waits.
-    pub async fn credit(&self) -> Credit<'_> {
-        Credit(self.credit.acquire().await.ok())
+    pub async fn permit(&self) -> Permit<'_> {
+        Permit(self.free.acquire().await.ok())
     }
 
     /// Waits until the world tells the client to go.

@@ -45,7 +45,7 @@ impl Entrance {
         let _ = self.messages.send(Arrival { at: WallInstant::now(), message });
     }
 
-    /// Joins as a new client that gets everything from now on. The world gives credit back for it: one message.
+    /// Joins as a new client that gets everything from now on. The world gives a permit back for it.
     #[must_use]
     pub fn join(&self) -> (ClientId, ClientEnd) {
         let (to_client, client_end) = ClientQueue::new();

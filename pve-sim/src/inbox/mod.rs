@@ -13,7 +13,7 @@ mod client_queue;
 mod entrance;
 
 pub(crate) use client_queue::BATCH;
-pub use client_queue::{CREDIT, ClientEnd, ClientQueue, Credit, Leash, Overrun, QUEUE};
+pub use client_queue::{ClientEnd, ClientQueue, Overrun, PERMITS, Permit, Permits, QUEUE};
 pub use entrance::{Arrival, Entrance, Inbox};
 
 use std::borrow::Cow;

@@ -136,7 +136,7 @@ impl Clients {
         }
     }
 
-    /// Gives the controller its next frame once it has sent the last one, and credit back for that: to be called after
+    /// Gives the controller its next frame once it has sent the last one, and a permit back for that: to be called after
     /// every event, before the next frame starts.
     pub(super) fn send(&mut self, world: &mut World) {
         if world.pending(self.tap) > 0 {

@@ -7,7 +7,7 @@ use protocol_core::frame::standard;
 use protocol_core::time::Duration;
 
 use super::*;
-use crate::inbox::{CREDIT, ClientEnd, Reply};
+use crate::inbox::{ClientEnd, PERMITS, Reply};
 use hal_sim::bus::DestroyNext;
 
 struct Bench {
@@ -135,7 +135,7 @@ fn what_departed_clients_leave_behind_is_bounded() {
         let (to_client, _client_end) = ClientQueue::new();
         let id = ClientId::next();
         bench.apply(ToWorld::Join(id, to_client));
-        for _ in 0..CREDIT {
+        for _ in 0..PERMITS {
             bench.apply(ToWorld::Send(id, frame(0x700, &[0; 8])));
         }
         bench.apply(ToWorld::Leave(id));
@@ -151,7 +151,7 @@ fn what_departed_clients_leave_behind_is_bounded() {
     assert!(waiting <= LEFT_BEHIND, "{waiting}");
     assert!(bench.clients.waiting.contains_key(&modest));
     // The one that the controller had already counts no more.
-    assert_eq!(bench.clients.take_dropped(), 100 * CREDIT - waiting);
+    assert_eq!(bench.clients.take_dropped(), 100 * PERMITS - waiting);
     assert_eq!(bench.run().len(), waiting + 1);
     assert_eq!(bench.clients.left_behind, 0);
 }
@@ -209,11 +209,11 @@ fn error_frames_are_for_clients_that_want_them() {
 async fn credit_comes_back_with_each_frame_that_is_sent() {
     let mut bench = Bench::new(1);
     for round in 0..3 {
-        for _ in 0..CREDIT {
-            let spent = tokio::time::timeout(WallDuration::from_secs(1), bench.client_ends[0].1.leash.spend());
-            spent.await.expect("credit");
+        for _ in 0..PERMITS {
+            let spent = tokio::time::timeout(WallDuration::from_secs(1), bench.client_ends[0].1.permits.spend());
+            spent.await.expect("permit");
             bench.send(0, frame(0x123, &[round]));
         }
-        assert_eq!(bench.run().len(), CREDIT);
+        assert_eq!(bench.run().len(), PERMITS);
     }
 }

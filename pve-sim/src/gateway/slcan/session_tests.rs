@@ -8,7 +8,7 @@ use super::*;
 use crate::gateway::session::End;
 use crate::gateway::tcp::{FAREWELL, HANDSHAKE};
 use crate::gateway::{ForeignWarning, enter};
-use crate::inbox::{CREDIT, ClientQueue, Entrance, Inbox, QUEUE};
+use crate::inbox::{ClientQueue, Entrance, Inbox, PERMITS, QUEUE};
 use hal_sim::log::Timestamp;
 use protocol_core::frame::{Frame, standard};
 
@@ -106,16 +106,16 @@ async fn a_client_that_floods_is_not_read_beyond_its_credit() {
         client.write_all(b"O\r").await.expect("room");
         while client.write_all(b"t1230\r").await.is_ok() {}
     });
-    // Both ends run until the one waits for credit and the other for room: many times the turns that takes.
-    for _ in 0..100 * CREDIT {
+    // Both ends run until the one waits for a permit and the other for room: many times the turns that takes.
+    for _ in 0..100 * PERMITS {
         tokio::task::yield_now().await;
     }
     flood.abort();
     let messages: Vec<ToWorld> = inbox.messages.try_iter().map(|arrival| arrival.message).collect();
     let sends = messages.iter().filter(|message| matches!(message, ToWorld::Send(..))).count();
     // A frame and its answer; the channel was opened before.
-    assert_eq!(sends, CREDIT / 2);
-    assert_eq!(messages.len(), 1 + CREDIT, "who joins pays nothing");
+    assert_eq!(sends, PERMITS / 2);
+    assert_eq!(messages.len(), 1 + PERMITS, "who joins pays nothing");
 }
 
 #[tokio::test]

@@ -85,21 +85,21 @@ impl Interface {
 }
 
 impl Member for Interface {
-    async fn pass(&mut self, id: ClientId, ClientEnd { mut queue, leash }: ClientEnd, world: &Entrance) {
+    async fn pass(&mut self, id: ClientId, ClientEnd { mut queue, permits }: ClientEnd, world: &Entrance) {
         let mut waiting: Option<Waiting> = None;
         loop {
             let next_try = waiting.as_ref().map(|waiting| waiting.next_try);
             tokio::select! {
-                () = leash.dismissed() => return,
+                () = permits.dismissed() => return,
                 // A bus that takes nothing more is still heard.
-                (credit, read) = async {
-                    (leash.credit().await, read(&self.socket).await)
+                (permit, read) = async {
+                    (permits.permit().await, read(&self.socket).await)
                 }, if self.next_look.is_none() => match read {
                     Ok(frame) => {
                         tell(world, self.health.hear());
                         // Neither error frames nor frames of CAN FD come: nobody has asked the kernel for them.
                         if let Some(frame) = same(&frame) {
-                            credit.spend();
+                            permit.spend();
                             world.tell(ToWorld::Send(id, frame));
                         }
                     }

@@ -203,11 +203,11 @@ async fn a_client_that_floods_is_not_read_beyond_its_credit() {
             say(&mut writer, "< send 18A 0 >").await;
         }
     });
-    // Both ends run until the one waits for credit and the other for room: many times the turns that takes.
-    for _ in 0..100 * crate::inbox::CREDIT {
+    // Both ends run until the one waits for a permit and the other for room: many times the turns that takes.
+    for _ in 0..100 * crate::inbox::PERMITS {
         tokio::task::yield_now().await;
     }
     flood.abort();
     let sends = inbox.messages.try_iter().filter(|arrival| matches!(arrival.message, ToWorld::Send(..))).count();
-    assert_eq!(sends, crate::inbox::CREDIT - 2);
+    assert_eq!(sends, crate::inbox::PERMITS - 2);
 }

@@ -71,18 +71,18 @@ impl Group {
 }
 
 impl Member for Group {
-    async fn pass(&mut self, id: ClientId, ClientEnd { mut queue, leash }: ClientEnd, world: &Entrance) {
+    async fn pass(&mut self, id: ClientId, ClientEnd { mut queue, permits }: ClientEnd, world: &Entrance) {
         let mut datagram = [0; DATAGRAM_MAX];
         loop {
             tokio::select! {
-                () = leash.dismissed() => return,
+                () = permits.dismissed() => return,
                 // A bus that takes nothing more is still heard.
-                (credit, read) = async {
-                    (leash.credit().await, self.incoming.recv_from(&mut datagram).await)
+                (permit, read) = async {
+                    (permits.permit().await, self.incoming.recv_from(&mut datagram).await)
                 } => match read {
                     Ok((len, from)) => match self.intake.take(&datagram[..len], from) {
                         Ok(Some(frame)) => {
-                            credit.spend();
+                            permit.spend();
                             world.tell(ToWorld::Send(id, frame));
                         }
                         Ok(None) => {}
@@ -184,7 +184,7 @@ mod tests {
     use tokio::time::timeout;
 
     use super::*;
-    use crate::inbox::{CREDIT, ClientQueue, Inbox};
+    use crate::inbox::{ClientQueue, Inbox, PERMITS};
     use hal_sim::log::Timestamp;
 
     const GROUP: &str = "239.74.163.2:43113";
@@ -237,10 +237,10 @@ mod tests {
         to_client
     }
 
-    /// Sends datagrams until the gateway's credit is spent.
+    /// Sends datagrams until the gateway's permits are spent.
     async fn flood(sender: &UdpSocket, inbox: &Inbox) {
         let (datagram, _) = datagram();
-        for _ in 0..CREDIT {
+        for _ in 0..PERMITS {
             sender.send(&datagram).await.expect("room");
             while inbox.messages.try_recv().is_err() {
                 tokio::task::yield_now().await;
@@ -249,7 +249,7 @@ mod tests {
         sender.send(&datagram).await.expect("room");
         // A gateway that would take it has done so by then.
         sleep(PAUSE).await;
-        assert!(inbox.messages.try_recv().is_err(), "the credit is spent");
+        assert!(inbox.messages.try_recv().is_err(), "the permits are spent");
     }
 
     #[tokio::test]
