@@ -133,7 +133,7 @@ async fn converse(options: RunOptions, lines: &[&[u8]]) {
             keyboard.enter(begun, false);
         } else if let Some(text) = keyboard.enter(line, true) {
             let (obeyed, done) = oneshot::channel();
-            desk.simulator.entrance.tell(ToWorld::Typed(text.clone(), obeyed));
+            desk.simulator.world_sender.tell(ToWorld::Typed(text.clone(), obeyed));
             desk.simulator.settle().await;
             drop(done);
             typed += 1;
@@ -150,7 +150,7 @@ async fn converse(options: RunOptions, lines: &[&[u8]]) {
 fn connect(simulator: &Simulator) -> Stranger {
     let (stranger, far) = Stranger::new();
     let local = SocketAddr::from((Ipv4Addr::LOCALHOST, 8408));
-    tokio::spawn(http::serve(far, local, simulator.entrance.clone()));
+    tokio::spawn(http::serve(far, local, simulator.world_sender.clone()));
     stranger
 }
 

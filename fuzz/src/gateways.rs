@@ -84,11 +84,11 @@ async fn converse<M: Model>(mut model: M, cut: u8, stream: &[u8]) {
         return;
     }
     let mut simulator = Simulator::new(Simulation::new(BitRate::Kbit250, 1), |driver| driver);
-    let warning = Arc::new(ForeignWarning::new("tcp".to_owned(), simulator.entrance.clone()));
+    let warning = Arc::new(ForeignWarning::new("tcp".to_owned(), simulator.world_sender.clone()));
     let join = |simulator: &Simulator| {
         let (stranger, far) = Stranger::new();
         let (reader, writer) = split(far);
-        tokio::spawn(enter(reader, writer, simulator.entrance.clone(), Arc::clone(&warning), M::dialogue()));
+        tokio::spawn(enter(reader, writer, simulator.world_sender.clone(), Arc::clone(&warning), M::dialogue()));
         stranger
     };
     let mut stranger = join(&simulator);

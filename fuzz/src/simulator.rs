@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use embedded_can::nb::Can as _;
 use hal_sim::simulation::Simulation;
 use hal_sim::{Client, Frame};
-use pve_sim::inbox::{Arrival, Entrance, Inbox};
+use pve_sim::inbox::{Arrival, Inbox, WorldSender};
 use pve_sim::run::{Driver, Outside};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream, ReadHalf, WriteHalf, duplex, split};
 use tokio::task::yield_now;
@@ -33,7 +33,7 @@ pub(crate) struct Simulator {
     driver: Driver<Clock>,
     state: Rc<ClockState>,
     /// The way into the world.
-    pub(crate) entrance: Entrance,
+    pub(crate) world_sender: WorldSender,
     witness: Client,
     stderr: Receiver<Vec<u8>>,
 }
@@ -106,13 +106,13 @@ impl Simulator {
         let now = Cell::new(Instant::now());
         let (horizon, is_idle, taken) = (now.clone(), Cell::new(false), Cell::new(0));
         let state = Rc::new(ClockState { now, horizon, is_idle, taken });
-        let (entrance, inbox) = Entrance::new();
+        let (world_sender, inbox) = WorldSender::new();
         let witness = simulation.world_mut().client("witness");
         let (sender, stderr) = channel();
         let clock = Clock { state: Rc::clone(&state), inbox };
         let driver = Driver::embedded(simulation, clock, 1.0, io::sink(), Collected(Vec::new(), sender));
         let driver = prepare(driver.expect("a thread"));
-        Self { driver, state, entrance, witness, stderr }
+        Self { driver, state, world_sender, witness, stderr }
     }
 
     /// Lets a span of wall time pass; returns false when the world is not ready with it after [`TURNS`].

@@ -54,26 +54,26 @@ enum Search {
     /// Nothing.
     Open,
     /// It is this entry.
-    Found(Entrance),
+    Found(FirstFrame),
     /// It is this claim with another NAME, unless the device's own one comes: then that was of a contender. `spoke`:
     /// something else was sent from the address since then.
-    Perhaps { claim: Entrance, spoke: bool },
+    Perhaps { claim: FirstFrame, spoke: bool },
     /// It was before the log: the device has sent something else.
     Before,
 }
 
 /// The first frame of a device in the log, its number and its time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Entrance {
+struct FirstFrame {
     number: u64,
     at: Timestamp,
     frame: Frame,
 }
 
 impl Search {
-    const fn found(self) -> Option<Entrance> {
+    const fn found(self) -> Option<FirstFrame> {
         match self {
-            Self::Found(entrance) | Self::Perhaps { claim: entrance, .. } => Some(entrance),
+            Self::Found(entry) | Self::Perhaps { claim: entry, .. } => Some(entry),
             Self::Open | Self::Before => None,
         }
     }
@@ -83,21 +83,21 @@ impl Search {
     }
 
     /// Goes on with a frame of the log; `first` is what the stand-in sends first.
-    fn look(self, entrance: Entrance, first: &First, device: &NamedDevice, exactly: bool) -> Self {
-        let frame = &entrance.frame;
+    fn look(self, entry: FirstFrame, first: &First, device: &NamedDevice, exactly: bool) -> Self {
+        let frame = &entry.frame;
         let is_own =
             !frame.is_remote() && device.setup.node_id.is_some_and(|id| is_of(frame, device.setup.kind.protocol(), id));
         match self {
             Self::Perhaps { spoke: true, .. } if first.frame == *frame => Self::Before,
-            _ if first.frame == *frame => Self::Found(entrance),
+            _ if first.frame == *frame => Self::Found(entry),
             Self::Perhaps { claim, spoke } => {
                 Self::Perhaps { claim, spoke: spoke || (is_own && !is_claim(frame.key())) }
             }
             _ if !exactly && is_like(&first.frame, frame) => {
                 if is_claim(frame.key()) {
-                    Self::Perhaps { claim: entrance, spoke: false }
+                    Self::Perhaps { claim: entry, spoke: false }
                 } else {
-                    Self::Found(entrance)
+                    Self::Found(entry)
                 }
             }
             _ if is_own && !exactly => Self::Before,
@@ -123,8 +123,8 @@ impl Begin {
             let Entry::Frame(frame) = record.entry else { continue };
             for ((first, found), device) in firsts.iter().zip(&mut found).zip(&options.devices) {
                 if let Some(first) = first.as_ref().filter(|_| !found.is_over()) {
-                    let entrance = Entrance { number, at: record.at, frame };
-                    *found = found.look(entrance, first, device, options.from_boot_up);
+                    let entry = FirstFrame { number, at: record.at, frame };
+                    *found = found.look(entry, first, device, options.from_boot_up);
                 }
             }
             if firsts.iter().zip(&found).all(|(first, found)| first.is_none() || found.is_over()) {
@@ -139,13 +139,15 @@ impl Begin {
                 return Err(ReplayError::NotThere { path, what, name });
             }
         }
-        let found: Vec<Option<Entrance>> = found.into_iter().map(Search::found).collect();
+        let found: Vec<Option<FirstFrame>> = found.into_iter().map(Search::found).collect();
         if options.from_boot_up {
-            let earliest = found.iter().flatten().min_by_key(|entrance| entrance.number);
-            start = earliest.map_or(start, |entrance| (entrance.number, entrance.at));
+            let earliest = found.iter().flatten().min_by_key(|entry| entry.number);
+            start = earliest.map_or(start, |entry| (entry.number, entry.at));
         }
-        let power_up = |(first, found): (&Option<First>, &Option<Entrance>)| match (first, found) {
-            (Some(First { delay, .. }), Some(Entrance { at, .. })) => at.as_micros().saturating_sub(delay.as_micros()),
+        let power_up = |(first, found): (&Option<First>, &Option<FirstFrame>)| match (first, found) {
+            (Some(First { delay, .. }), Some(FirstFrame { at, .. })) => {
+                at.as_micros().saturating_sub(delay.as_micros())
+            }
             _ => start.1.as_micros().saturating_sub(LEAD.as_micros()),
         };
         let power_ups: Vec<u64> = firsts.iter().zip(&found).map(power_up).collect();
@@ -154,8 +156,8 @@ impl Begin {
         let devices = firsts.into_iter().zip(found).zip(power_ups).map(|((first, found), at)| PowerUp {
             at: Instant::from_micros(at - zero),
             frame: first.map(|first| first.frame),
-            logged: found.map(|entrance| entrance.frame),
-            number: found.map(|entrance| entrance.number),
+            logged: found.map(|entry| entry.frame),
+            number: found.map(|entry| entry.number),
         });
         Ok(Self { zero: Timestamp::from_micros(zero), first: start, devices: devices.collect() })
     }

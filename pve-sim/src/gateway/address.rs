@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use tokio::sync::Semaphore;
 
-use crate::inbox::Entrance;
+use crate::inbox::WorldSender;
 
 /// The name of a bus whose URL has none.
 const UNNAMED: &str = "pve0";
@@ -75,7 +75,7 @@ pub trait Gateway: Send {
     fn hint(&self) -> String;
 
     /// Serves clients on the runtime of the caller, until that ends. Each client of a server takes one of the places.
-    fn start(self: Box<Self>, world: Entrance, places: Arc<Semaphore>);
+    fn start(self: Box<Self>, world: WorldSender, places: Arc<Semaphore>);
 }
 
 /// Why a gateway cannot be opened.

@@ -13,7 +13,7 @@ use std::task::{Context, Poll, ready};
 
 use tokio::io::{AsyncRead, ReadBuf};
 
-use crate::inbox::{Entrance, ToWorld};
+use crate::inbox::{ToWorld, WorldSender};
 
 /// The verdict on the first bytes of a connection.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -71,14 +71,14 @@ impl<R: AsyncRead + Unpin> AsyncRead for Guarded<R> {
 #[derive(Debug)]
 pub struct ForeignWarning {
     url: String,
-    world: Entrance,
+    world: WorldSender,
     has_told: AtomicBool,
 }
 
 impl ForeignWarning {
     /// Returns the warning of the bus at this URL.
     #[must_use]
-    pub const fn new(url: String, world: Entrance) -> Self {
+    pub const fn new(url: String, world: WorldSender) -> Self {
         Self { url, world, has_told: AtomicBool::new(false) }
     }
 

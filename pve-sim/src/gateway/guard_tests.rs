@@ -13,7 +13,7 @@ const PROTOCOLS: [(Judge, &str); 2] =
 
 /// The bytes that a session gets of a connection which sends these parts and ends, and the warnings of the user.
 fn taken(judge: Judge, parts: &[&[u8]]) -> (Vec<u8>, Vec<String>) {
-    let (world, Inbox { messages, .. }) = Entrance::new();
+    let (world, Inbox { messages, .. }) = WorldSender::new();
     let warning = Arc::new(ForeignWarning::new("socketcand://".to_owned(), world));
     let runtime = tokio::runtime::Builder::new_current_thread().build().expect("a runtime");
     let taken = runtime.block_on(async {

@@ -8,7 +8,7 @@ use tokio::sync::mpsc::Receiver;
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
 use super::guard::Judge;
-use crate::inbox::{BATCH, ClientEnd, ClientId, ClientQueue, Entrance, Permits, Reply, ToClient, ToWorld};
+use crate::inbox::{BATCH, ClientEnd, ClientId, ClientQueue, Permits, Reply, ToClient, ToWorld, WorldSender};
 
 /// The protocol of one client: its requests, and how it gets answers and frames.
 pub trait Dialogue: Send {
@@ -35,7 +35,7 @@ pub trait Dialogue: Send {
 #[derive(Debug)]
 pub struct Client {
     pub(super) id: ClientId,
-    pub(super) world: Entrance,
+    pub(super) world: WorldSender,
     permits: Permits,
 }
 
@@ -69,7 +69,7 @@ pub enum End {
 pub(super) async fn serve(
     reader: impl AsyncRead + Unpin,
     writer: impl AsyncWrite + Unpin,
-    world: Entrance,
+    world: WorldSender,
     limits: Limits,
     dialogue: impl Dialogue,
 ) -> End {

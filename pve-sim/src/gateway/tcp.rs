@@ -17,7 +17,7 @@ use tokio::time::timeout;
 use super::address::OpenError;
 use super::guard::{ForeignWarning, Guarded};
 use super::session::{Dialogue, End, Limits, serve};
-use crate::inbox::Entrance;
+use crate::inbox::WorldSender;
 
 /// How long to wait before the next try when no connection can be accepted, as when the process has no descriptor left.
 const RETRY: Duration = Duration::from_millis(50);
@@ -93,7 +93,7 @@ impl Listener {
     pub(super) async fn run<D: Dialogue + 'static>(
         self,
         url: String,
-        world: Entrance,
+        world: WorldSender,
         places: Arc<Semaphore>,
         dialogue: impl Fn() -> D + Send,
     ) {
@@ -124,7 +124,7 @@ impl Listener {
 pub async fn enter<D: Dialogue>(
     reader: impl AsyncRead + Unpin,
     writer: impl AsyncWrite + Unpin,
-    world: Entrance,
+    world: WorldSender,
     warning: Arc<ForeignWarning>,
     dialogue: D,
 ) -> End {

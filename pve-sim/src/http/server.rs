@@ -16,7 +16,7 @@ use tokio::runtime;
 
 use super::connection::{Connection, Connections, Watched};
 use super::routes::router;
-use crate::inbox::Entrance;
+use crate::inbox::WorldSender;
 
 /// How long to wait before the next try when no connection can be accepted, as when the process has no descriptor left.
 const RETRY: Duration = Duration::from_millis(50);
@@ -49,7 +49,7 @@ impl Server {
 
     /// Serves clients for as long as the process lives, so many at once, on a thread of its own: however much they ask
     /// for, no client of the bus waits for it.
-    pub(crate) fn start(self, world: Entrance, places: usize) -> io::Result<()> {
+    pub(crate) fn start(self, world: WorldSender, places: usize) -> io::Result<()> {
         let runtime = runtime::Builder::new_current_thread().enable_all().build()?;
         let listener = {
             let _runtime = runtime.enter();
@@ -86,7 +86,7 @@ async fn accept(listener: TcpListener, router: Router, places: usize) {
 }
 
 /// Serves one client over any stream, which counts as accepted at an address, until it leaves.
-pub async fn serve(stream: impl AsyncRead + AsyncWrite + Unpin, local: SocketAddr, world: Entrance) {
+pub async fn serve(stream: impl AsyncRead + AsyncWrite + Unpin, local: SocketAddr, world: WorldSender) {
     if let Some(connection) = Connections::new(1).admit(local) {
         converse(stream, router(world), connection).await;
     }

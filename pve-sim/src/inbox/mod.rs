@@ -1,20 +1,20 @@
 //! The messages between clients and the world, and their two ways.
 //!
 //! The world runs on a thread of its own and never waits for a client. What a client wants comes to it as [`ToWorld`]
-//! messages over one channel, the [`Entrance`], each with the wall instant of its arrival; what the client is to see
+//! messages over one channel, the [`WorldSender`], each with the wall instant of its arrival; what the client is to see
 //! goes into the client's own bounded queue, its [`ClientQueue`], and a client whose queue is full is disconnected.
 //!
 //! ```text
-//! entrance     the way from clients into the world
+//! world_sender the way from clients into the world
 //! client_queue the way from the world to a client, and what bounds both
 //! ```
 
 mod client_queue;
-mod entrance;
+mod world_sender;
 
 pub(crate) use client_queue::BATCH;
 pub use client_queue::{ClientEnd, ClientQueue, Overrun, PERMITS, Permit, Permits, QUEUE};
-pub use entrance::{Arrival, Entrance, Inbox};
+pub use world_sender::{Arrival, Inbox, WorldSender};
 
 use std::borrow::Cow;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -63,7 +63,7 @@ pub enum ToWorld {
     Control(Message),
     /// The user typed this line. The sender is dropped when the line has taken effect.
     Typed(String, oneshot::Sender<()>),
-    /// The simulator is to end: see [`Entrance::end`].
+    /// The simulator is to end: see [`WorldSender::end`].
     End,
 }
 

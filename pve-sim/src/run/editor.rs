@@ -19,7 +19,7 @@ use tokio::sync::watch;
 use super::screen::{self, Screen};
 use super::stdin::{self, Lines};
 use super::{console, system};
-use crate::inbox::Entrance;
+use crate::inbox::WorldSender;
 use hal_sim::devices::NamedDevice;
 
 /// What stands before the line.
@@ -53,7 +53,7 @@ impl Typing {
     }
 
     /// Starts the thread that reads lines; it tells when Ctrl-C ends the run. Nobody waits for the thread.
-    pub(super) fn listen(&self, world: Entrance, devices: &[NamedDevice], end: watch::Sender<bool>) {
+    pub(super) fn listen(&self, world: WorldSender, devices: &[NamedDevice], end: watch::Sender<bool>) {
         let (screen, modes, devices) = (self.screen.clone(), Arc::clone(&self.modes), Arc::from(devices));
         let _ = std::thread::Builder::new().name("stdin".to_owned()).spawn(move || {
             let typed = edit(&screen, &modes, &world, &devices);
@@ -79,7 +79,7 @@ impl Drop for Typing {
 }
 
 /// Has the world obey lines until typing ends; returns why.
-fn edit(screen: &Screen, modes: &Modes, world: &Entrance, devices: &Arc<[NamedDevice]>) -> Typed {
+fn edit(screen: &Screen, modes: &Modes, world: &WorldSender, devices: &Arc<[NamedDevice]>) -> Typed {
     let (mut lines, mut history) = (Lines::default(), Vec::new());
     loop {
         // A job in the background must not touch its terminal. Each stay in the foreground has an editor of its own: the

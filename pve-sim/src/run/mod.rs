@@ -57,7 +57,7 @@ use tokio::sync::{Semaphore, oneshot, watch};
 use crate::control::ControlServer;
 use crate::gateway::{Access, BusUrl, Gateway, OpenError, WAITING, joinable};
 use crate::http;
-use crate::inbox::Entrance;
+use crate::inbox::WorldSender;
 use crate::state_file::StateFileError;
 use clients::Clients;
 use editor::Typing;
@@ -178,7 +178,7 @@ pub fn run(options: &RunOptions) -> Result<bool, RunError> {
 
 /// A simulator with all its sockets and its world.
 struct Running {
-    entrance: Entrance,
+    world_sender: WorldSender,
     world: JoinHandle<bool>,
     /// Ends with the world's thread.
     ended: oneshot::Receiver<()>,
@@ -221,18 +221,18 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
         None => Printer::start(reader_gone.clone())?,
     };
     announce(&printer, &gateways, http, warnings);
-    let (entrance, inbox) = Entrance::new();
+    let (world_sender, inbox) = WorldSender::new();
     let (clients, connections) = places(options);
     let places = Arc::new(Semaphore::new(clients));
     for gateway in gateways {
-        gateway.start(entrance.clone(), Arc::clone(&places));
+        gateway.start(world_sender.clone(), Arc::clone(&places));
     }
     if let Some((_, server)) = control {
-        server.start(entrance.clone(), connections)?;
+        server.start(world_sender.clone(), connections)?;
     }
     match &typing {
-        Some(typing) => typing.listen(entrance.clone(), &options.devices, reader_gone),
-        None => stdin::listen(entrance.clone()),
+        Some(typing) => typing.listen(world_sender.clone(), &options.devices, reader_gone),
+        None => stdin::listen(world_sender.clone()),
     }
     let layout = trace::layout(options.color, options.verbose);
     let trace = Trace::new(bus, printer, log, layout);
@@ -245,7 +245,7 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
         system::be_punctual();
         driver.run()
     })?;
-    Ok(Running { entrance, world, ended, _typing: typing })
+    Ok(Running { world_sender, world, ended, _typing: typing })
 }
 
 impl Running {
@@ -257,7 +257,7 @@ impl Running {
             // The sender is never used: the receiver wakes up when the thread is gone.
             _ = self.ended => {}
         }
-        self.entrance.end();
+        self.world_sender.end();
         self.world.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     }
 }

@@ -5,7 +5,7 @@ use std::io::{self, Read};
 use tokio::sync::oneshot;
 
 use super::system;
-use crate::inbox::{Entrance, ToWorld};
+use crate::inbox::{ToWorld, WorldSender};
 
 /// The longest line, in bytes; longer ones are cut, and end with [`CUT`].
 const LINE: usize = 256;
@@ -14,7 +14,7 @@ const LINE: usize = 256;
 const CUT: char = '…';
 
 /// Starts the thread, which nobody waits for. Without it nothing can be typed.
-pub(super) fn listen(world: Entrance) {
+pub(super) fn listen(world: WorldSender) {
     let _ = std::thread::Builder::new().name("stdin".to_owned()).spawn(move || {
         let stdin = io::stdin();
         obey(&world, |bytes| if system::wait_for_input() { stdin.lock().read(bytes) } else { Ok(0) });
@@ -23,7 +23,7 @@ pub(super) fn listen(world: Entrance) {
 
 /// Has the world obey the lines of an input, one at a time: a writer that is faster than the world waits, and others
 /// come between its lines.
-fn obey(world: &Entrance, mut read: impl FnMut(&mut [u8]) -> io::Result<usize>) {
+fn obey(world: &WorldSender, mut read: impl FnMut(&mut [u8]) -> io::Result<usize>) {
     let mut lines = Lines::default();
     let mut bytes = [0; LINE];
     loop {
@@ -37,7 +37,7 @@ fn obey(world: &Entrance, mut read: impl FnMut(&mut [u8]) -> io::Result<usize>) 
 }
 
 /// Has the world obey a line.
-pub(super) fn tell(world: &Entrance, line: String) {
+pub(super) fn tell(world: &WorldSender, line: String) {
     let (obeyed, done) = oneshot::channel();
     world.tell(ToWorld::Typed(line, obeyed));
     let _ = done.blocking_recv();
@@ -107,7 +107,7 @@ mod tests {
     #[test]
     fn stdin_is_not_read_before_the_world_has_obeyed_a_line() {
         const READS: usize = 1000;
-        let (world, inbox) = Entrance::new();
+        let (world, inbox) = WorldSender::new();
         let reads = Arc::<AtomicUsize>::default();
         let reader = thread::spawn({
             let reads = Arc::clone(&reads);

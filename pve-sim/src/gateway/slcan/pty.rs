@@ -12,7 +12,7 @@ use super::session::Session;
 use super::terminal::Terminal;
 use crate::gateway::session::{End, Limits, serve};
 use crate::gateway::{Access, Address, Gateway, OpenError, Opening, Parse, Scheme};
-use crate::inbox::{Entrance, ToWorld};
+use crate::inbox::{ToWorld, WorldSender};
 
 const FORM: &str = "slcan+pty:PATH";
 
@@ -76,14 +76,14 @@ impl Gateway for Pty {
         )
     }
 
-    fn start(self: Box<Self>, world: Entrance, _: Arc<Semaphore>) {
+    fn start(self: Box<Self>, world: WorldSender, _: Arc<Semaphore>) {
         tokio::spawn(self.run(world));
     }
 }
 
 impl Pty {
     /// Serves one client after the other, for ever.
-    async fn run(mut self: Box<Self>, world: Entrance) {
+    async fn run(mut self: Box<Self>, world: WorldSender) {
         let url = self.url();
         let name: Arc<str> = url.as_str().into();
         // Nobody else waits for the place.

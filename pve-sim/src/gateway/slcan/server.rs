@@ -8,7 +8,7 @@ use tokio::sync::Semaphore;
 use super::session::Session;
 use crate::gateway::tcp::{Endpoint, Listener, joinable};
 use crate::gateway::{Access, Address, Gateway, Opening, Parse, Scheme};
-use crate::inbox::Entrance;
+use crate::inbox::WorldSender;
 
 const FORM: &str = "slcan://HOST:PORT";
 
@@ -56,7 +56,7 @@ impl Gateway for Server {
         )
     }
 
-    fn start(self: Box<Self>, world: Entrance, places: Arc<Semaphore>) {
+    fn start(self: Box<Self>, world: WorldSender, places: Arc<Semaphore>) {
         let url = self.url();
         let name: Arc<str> = url.as_str().into();
         tokio::spawn(self.0.run(url, world, places, move || Session::new(Arc::clone(&name))));

@@ -8,7 +8,7 @@ use super::*;
 use crate::gateway::session::End;
 use crate::gateway::tcp::{FAREWELL, HANDSHAKE};
 use crate::gateway::{ForeignWarning, enter};
-use crate::inbox::{ClientQueue, Entrance, Inbox, PERMITS, QUEUE};
+use crate::inbox::{ClientQueue, Inbox, PERMITS, QUEUE, WorldSender};
 use hal_sim::log::Timestamp;
 use protocol_core::frame::{Frame, standard};
 
@@ -24,7 +24,7 @@ fn serve_halves(
     reader: impl AsyncRead + Unpin + Send + 'static,
     writer: impl AsyncWrite + Unpin + Send + 'static,
 ) -> (Inbox, JoinHandle<End>) {
-    let (world, inbox) = Entrance::new();
+    let (world, inbox) = WorldSender::new();
     let warning = Arc::new(ForeignWarning::new("slcan://".to_owned(), world.clone()));
     (inbox, tokio::spawn(enter(reader, writer, world, warning, Session::new("slcan://".into()))))
 }

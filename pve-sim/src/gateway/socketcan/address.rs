@@ -21,7 +21,7 @@ mod linux {
     use crate::gateway::member::Member;
     use crate::gateway::socketcan::interface::Interface;
     use crate::gateway::{Access, Address, Gateway, OpenError, Opening};
-    use crate::inbox::Entrance;
+    use crate::inbox::WorldSender;
 
     /// The longest name of an interface that Linux gives, in characters.
     const NAME_MAX: usize = 15;
@@ -92,7 +92,7 @@ mod linux {
             )
         }
 
-        fn start(self: Box<Self>, world: Entrance, _: Arc<Semaphore>) {
+        fn start(self: Box<Self>, world: WorldSender, _: Arc<Semaphore>) {
             tokio::spawn(self.interface.run(world));
         }
     }

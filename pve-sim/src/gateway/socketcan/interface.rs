@@ -11,7 +11,7 @@ use tokio::time::{Instant, sleep, sleep_until};
 
 use super::health::{Health, Verdict, is_gone};
 use crate::gateway::member::Member;
-use crate::inbox::{ClientEnd, ClientId, Entrance, ToClient, ToWorld};
+use crate::inbox::{ClientEnd, ClientId, ToClient, ToWorld, WorldSender};
 
 /// How long to wait before a frame is tried again while the interface's queue is full.
 const RETRY: Duration = Duration::from_millis(1);
@@ -49,7 +49,7 @@ impl Interface {
     }
 
     /// Gives a frame to the interface. Returns one that is to be tried again.
-    fn send(&mut self, waiting: Waiting, world: &Entrance) -> Option<Waiting> {
+    fn send(&mut self, waiting: Waiting, world: &WorldSender) -> Option<Waiting> {
         match self.socket.get_ref().write_frame(&waiting.frame) {
             Ok(()) => {
                 tell(world, self.health.pass());
@@ -85,7 +85,7 @@ impl Interface {
 }
 
 impl Member for Interface {
-    async fn pass(&mut self, id: ClientId, ClientEnd { mut queue, permits }: ClientEnd, world: &Entrance) {
+    async fn pass(&mut self, id: ClientId, ClientEnd { mut queue, permits }: ClientEnd, world: &WorldSender) {
         let mut waiting: Option<Waiting> = None;
         loop {
             let next_try = waiting.as_ref().map(|waiting| waiting.next_try);
@@ -148,7 +148,7 @@ async fn read(socket: &AsyncFd<CanSocket>) -> io::Result<CanFrame> {
     socket.async_io(Interest::READABLE | Interest::ERROR, CanSocket::read_frame).await
 }
 
-fn tell(world: &Entrance, warning: Option<String>) {
+fn tell(world: &WorldSender, warning: Option<String>) {
     if let Some(warning) = warning {
         world.tell(ToWorld::Warn(warning));
     }

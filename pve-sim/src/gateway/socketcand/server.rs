@@ -10,7 +10,7 @@ use super::beacon::Beacon;
 use super::session::Session;
 use crate::gateway::address::{Access, Address, Gateway, OpenError, Opening, Parse, Scheme};
 use crate::gateway::tcp::{Endpoint, Listener, joinable};
-use crate::inbox::Entrance;
+use crate::inbox::WorldSender;
 
 const FORM: &str = "socketcand://HOST:PORT/NAME";
 
@@ -93,7 +93,7 @@ impl Gateway for Server {
         hint(self.listener.address, &self.name)
     }
 
-    fn start(self: Box<Self>, world: Entrance, places: Arc<Semaphore>) {
+    fn start(self: Box<Self>, world: WorldSender, places: Arc<Semaphore>) {
         let url = self.url();
         let Self { listener, name, beacon } = *self;
         if let Some(beacon) = beacon {

@@ -10,7 +10,7 @@ use super::*;
 use crate::gateway::session::End;
 use crate::gateway::tcp::{FAREWELL, HANDSHAKE};
 use crate::gateway::{ForeignWarning, enter};
-use crate::inbox::{Arrival, Entrance, Inbox, QUEUE};
+use crate::inbox::{Arrival, Inbox, QUEUE, WorldSender};
 use hal_sim::log::{ErrorClass, Timestamp};
 
 /// How many bytes the stream takes in before somebody reads them.
@@ -34,7 +34,7 @@ struct Setup {
 /// Serves a client over a stream of so many bytes.
 fn serve(room: usize) -> (DuplexStream, Inbox, JoinHandle<End>) {
     let (client, server) = duplex(room);
-    let (sender, inbox) = Entrance::new();
+    let (sender, inbox) = WorldSender::new();
     let (reader, writer) = split(server);
     let warning = Arc::new(ForeignWarning::new("socketcand://".to_owned(), sender.clone()));
     (client, inbox, tokio::spawn(enter(reader, writer, sender, warning, Session::new("pve0".into()))))

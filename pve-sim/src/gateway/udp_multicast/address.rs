@@ -9,7 +9,7 @@ use tokio::sync::Semaphore;
 use super::group::Group;
 use crate::gateway::member::Member;
 use crate::gateway::{Access, Address, Gateway, Opening, Parse, Scheme};
-use crate::inbox::Entrance;
+use crate::inbox::WorldSender;
 
 const FORM: &str = "udp-multicast://GROUP:PORT";
 
@@ -75,7 +75,7 @@ impl Gateway for Joined {
         )
     }
 
-    fn start(self: Box<Self>, world: Entrance, _: Arc<Semaphore>) {
+    fn start(self: Box<Self>, world: WorldSender, _: Arc<Semaphore>) {
         tokio::spawn(self.group.run(world));
     }
 }

@@ -11,7 +11,7 @@ use tokio::time::sleep;
 
 use super::message::{emit, parse};
 use crate::gateway::member::Member;
-use crate::inbox::{ClientEnd, ClientId, Entrance, ToClient, ToWorld};
+use crate::inbox::{ClientEnd, ClientId, ToClient, ToWorld, WorldSender};
 
 /// The hops of a datagram that is to reach other machines: python-can's default, the local network.
 const HOPS: u32 = 1;
@@ -71,7 +71,7 @@ impl Group {
 }
 
 impl Member for Group {
-    async fn pass(&mut self, id: ClientId, ClientEnd { mut queue, permits }: ClientEnd, world: &Entrance) {
+    async fn pass(&mut self, id: ClientId, ClientEnd { mut queue, permits }: ClientEnd, world: &WorldSender) {
         let mut datagram = [0; DATAGRAM_MAX];
         loop {
             tokio::select! {
@@ -254,7 +254,7 @@ mod tests {
 
     #[tokio::test]
     async fn a_group_whose_frames_wait_for_the_bus_hears_it_all_the_same() {
-        let (world, inbox) = Entrance::new();
+        let (world, inbox) = WorldSender::new();
         let (group, sender, listener) = group().await;
         tokio::spawn(group.run(world));
         let to_client = joined(&inbox);

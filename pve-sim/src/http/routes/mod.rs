@@ -22,7 +22,7 @@ use super::connection::Connection;
 use super::error::Failure;
 use super::guard::guard;
 use crate::control::message::{Answer, Message};
-use crate::inbox::{Entrance, ToWorld};
+use crate::inbox::{ToWorld, WorldSender};
 use hal_sim::simulation::{Command, Reply};
 
 /// The longest body of a request, in bytes.
@@ -31,7 +31,7 @@ const BODY: usize = 64 * 1024;
 /// The way of the calls to the world.
 #[derive(Clone, Debug)]
 pub(super) struct Control {
-    world: Entrance,
+    world: WorldSender,
     connection: Arc<Connection>,
 }
 
@@ -59,10 +59,10 @@ impl Control {
     }
 }
 
-impl FromRequestParts<Entrance> for Control {
+impl FromRequestParts<WorldSender> for Control {
     type Rejection = Failure;
 
-    async fn from_request_parts(parts: &mut Parts, world: &Entrance) -> Result<Self, Failure> {
+    async fn from_request_parts(parts: &mut Parts, world: &WorldSender) -> Result<Self, Failure> {
         // Every connection has it.
         let connection = parts.extensions.get::<Arc<Connection>>().ok_or_else(Failure::ending)?;
         Ok(Self { world: world.clone(), connection: Arc::clone(connection) })
@@ -70,7 +70,7 @@ impl FromRequestParts<Entrance> for Control {
 }
 
 /// Returns all routes.
-pub(super) fn router(world: Entrance) -> Router {
+pub(super) fn router(world: WorldSender) -> Router {
     let api = Router::new()
         .route("/devices", get(devices::list))
         .route("/devices/{name}", get(devices::show))

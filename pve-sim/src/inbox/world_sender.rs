@@ -9,7 +9,7 @@ use super::{ClientEnd, ClientId, ClientQueue, Reply, ToWorld};
 
 /// The clients' end of the channel: for gateways, and for the end of the simulator.
 #[derive(Clone, Debug)]
-pub struct Entrance {
+pub struct WorldSender {
     messages: Sender<Arrival>,
     ending: Arc<AtomicBool>,
 }
@@ -31,7 +31,7 @@ pub struct Arrival {
     pub message: ToWorld,
 }
 
-impl Entrance {
+impl WorldSender {
     /// Returns both ends.
     #[must_use]
     pub fn new() -> (Self, Inbox) {
