@@ -18,15 +18,15 @@ use protocol_core::controller::BitRate;
 use protocol_core::device::pve::{Kind, Setup};
 use pve_sim::gateway::socketcand::{Parser, Request, emit_frame};
 use pve_sim::inbox::{Arrival, ClientEnd, ClientId, ClientQueue, Reply, ToClient, ToWorld};
-use pve_sim::run::{Driver, Outside};
+use pve_sim::run::{Driver, Platform};
 
 /// A wall clock that passes only when the driver waits, and what clients say.
-struct Outdoors {
+struct TestPlatform {
     now: Instant,
     messages: Receiver<Arrival>,
 }
 
-impl Outside for Outdoors {
+impl Platform for TestPlatform {
     fn now(&mut self) -> Instant {
         self.now
     }
@@ -47,7 +47,7 @@ impl Outside for Outdoors {
 
 /// A simulator of valves at node IDs 1, 2, 3 …, with one client that listens.
 struct Scene {
-    driver: Driver<Outdoors>,
+    driver: Driver<TestPlatform>,
     start: Instant,
     messages: Sender<Arrival>,
     client: ClientId,
@@ -65,7 +65,7 @@ impl Scene {
             simulation.add(&NamedDevice::new(&format!("valve-{id}"), setup), Memory::in_ram());
         }
         let (start, (messages, receiver)) = (Instant::now(), channel());
-        let outside = Outdoors { now: start, messages: receiver };
+        let outside = TestPlatform { now: start, messages: receiver };
         let driver = Driver::embedded(simulation, outside, 1.0, io::sink(), io::sink()).expect("a thread");
         let (client, (to_client, client_end)) = (ClientId::next(), ClientQueue::new());
         let (parser, out) = (Parser::default(), String::with_capacity(256));

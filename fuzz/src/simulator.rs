@@ -12,7 +12,7 @@ use embedded_can::nb::Can as _;
 use hal_sim::simulation::Simulation;
 use hal_sim::{Client, Frame};
 use pve_sim::inbox::{Arrival, Inbox, WorldSender};
-use pve_sim::run::{Driver, Outside};
+use pve_sim::run::{Driver, Platform};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream, ReadHalf, WriteHalf, duplex, split};
 use tokio::task::yield_now;
 
@@ -53,7 +53,7 @@ struct ClockState {
     taken: Cell<u64>,
 }
 
-impl Outside for Clock {
+impl Platform for Clock {
     fn now(&mut self) -> Instant {
         self.state.now.get()
     }

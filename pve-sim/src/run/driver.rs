@@ -13,7 +13,7 @@ use tokio::sync::watch;
 
 use super::clients::Clients;
 use super::console;
-use super::outside::{Outside, SPIN_TIME, WAKE_UP};
+use super::platform::{Platform, SPIN_TIME, WAKE_UP};
 use super::printer::Printer;
 use super::timekeeper::{MAX_SLEEP, Timekeeper};
 use super::trace::Trace;
@@ -36,7 +36,7 @@ pub struct Driver<O> {
     clients: Clients,
     /// The control interface, if there is one.
     control: Option<ControlServer>,
-    outside: O,
+    platform: O,
     time: Timekeeper,
     /// Time passes only when the control interface tells it to.
     is_stepped: bool,
@@ -53,18 +53,18 @@ pub struct Driver<O> {
     awake_until: WallInstant,
 }
 
-impl<O: Outside> Driver<O> {
+impl<O: Platform> Driver<O> {
     /// Returns a driver of a simulation whose devices are not powered yet. `start` is the wall time of virtual instant 0.
     pub(super) fn new(
         simulation: Simulation,
         clients: Clients,
         control: Option<ControlServer>,
-        mut outside: O,
+        mut platform: O,
         speed: Speed,
         start: Timestamp,
         trace: Trace,
     ) -> Self {
-        let now = outside.now();
+        let now = platform.now();
         let (factor, is_stepped) = match speed {
             Speed::Factor(factor) => (factor, false),
             Speed::Step => (1.0, true),
@@ -73,7 +73,7 @@ impl<O: Outside> Driver<O> {
             simulation,
             clients,
             control,
-            outside,
+            platform,
             time: Timekeeper::start(factor, now),
             is_stepped,
             start,
@@ -92,7 +92,7 @@ impl<O: Outside> Driver<O> {
     /// When the thread that writes to `stdout` and `stderr` cannot be started.
     pub fn embedded(
         mut simulation: Simulation,
-        outside: O,
+        platform: O,
         speed: f64,
         stdout: impl Write + Send + 'static,
         stderr: impl Write + Send + 'static,
@@ -101,7 +101,7 @@ impl<O: Outside> Driver<O> {
         let printer = Printer::start_with(stdout, stderr, watch::Sender::new(false))?;
         let trace = Trace::new("pve0", printer, None, None);
         let start = Timestamp::from_micros(0);
-        let mut driver = Self::new(simulation, clients, None, outside, Speed::Factor(speed), start, trace);
+        let mut driver = Self::new(simulation, clients, None, platform, Speed::Factor(speed), start, trace);
         driver.power_on();
         Ok(driver)
     }
@@ -120,7 +120,7 @@ impl<O: Outside> Driver<O> {
     /// Returns whether everything was stored, and the log and stdout took all that was written.
     pub(super) fn run(mut self) -> bool {
         self.power_on();
-        while !self.outside.is_ending() {
+        while !self.platform.is_ending() {
             self.turn();
         }
         self.warn_of_memories();
@@ -146,7 +146,7 @@ impl<O: Outside> Driver<O> {
 
     /// Lets those join that are there before the first device has power: a gateway to a network hears the boot-up.
     fn let_join(&mut self) {
-        while let Some(arrival) = self.outside.take() {
+        while let Some(arrival) = self.platform.take() {
             self.arrivals.push_back(arrival);
         }
         let joins = |arrival: &Arrival| matches!(arrival.message, ToWorld::Join(..) | ToWorld::Listen(..));
@@ -161,11 +161,11 @@ impl<O: Outside> Driver<O> {
         if self.is_stepped {
             return self.turn_stepped();
         }
-        let now = self.outside.now();
+        let now = self.platform.now();
         let warning = self.time.look(now, self.simulation.now());
         self.warn(warning);
         if self.arrivals.is_empty() {
-            self.arrivals.extend(self.outside.take());
+            self.arrivals.extend(self.platform.take());
         }
         let due = self.arrivals.front().map_or(Instant::MAX, |next| self.time.pace().at(next.at));
         if !self.catch_up(self.time.pace().at(now).min(due)) {
@@ -187,7 +187,7 @@ impl<O: Outside> Driver<O> {
     /// it.
     fn turn_stepped(&mut self) {
         while self.arrivals.len() < EVENT_BATCH
-            && let Some(arrival) = self.outside.take()
+            && let Some(arrival) = self.platform.take()
         {
             self.arrivals.push_back(arrival);
         }
@@ -198,7 +198,7 @@ impl<O: Outside> Driver<O> {
             let Some(end) = self.control.as_mut().and_then(|control| control.advance_limit(&mut self.simulation))
             else {
                 self.hand_out();
-                let arrival = self.outside.wait(None, WallDuration::ZERO);
+                let arrival = self.platform.wait(None, WallDuration::ZERO);
                 self.arrivals.extend(arrival);
                 return;
             };
@@ -231,7 +231,7 @@ impl<O: Outside> Driver<O> {
             Some(_) if is_heard && until == next => WAKE_UP,
             _ => WallDuration::ZERO,
         };
-        let arrival = self.outside.wait(until, spin);
+        let arrival = self.platform.wait(until, spin);
         self.arrivals.extend(arrival);
     }
 

@@ -15,7 +15,7 @@ use hal_sim::{Kind, Memory};
 #[path = "control_tests.rs"]
 mod control_tests;
 
-/// What happens outside, in the order of time.
+/// Events from the platform, in the order of time.
 enum Happening {
     Message(ToWorld),
     /// The process stands still for so long; what arrives meanwhile is found afterwards.
@@ -47,7 +47,7 @@ impl Script {
     }
 }
 
-impl Outside for Script {
+impl Platform for Script {
     fn now(&mut self) -> WallInstant {
         self.now += self.work;
         self.now
@@ -132,8 +132,8 @@ impl Rig {
 
     fn plan(&mut self, at: WallDuration, happening: Happening) {
         let at = self.start + at;
-        let place = self.driver.outside.plan.partition_point(|(other, _)| *other <= at);
-        self.driver.outside.plan.insert(place, (at, happening));
+        let place = self.driver.platform.plan.partition_point(|(other, _)| *other <= at);
+        self.driver.platform.plan.insert(place, (at, happening));
     }
 
     fn send(&mut self, at: WallDuration, frame: &str) {
@@ -148,8 +148,8 @@ impl Rig {
 
     /// Runs until a wall time.
     fn run_until(&mut self, end: WallDuration) {
-        self.driver.outside.end = self.start + end;
-        while !self.driver.outside.is_ending() {
+        self.driver.platform.end = self.start + end;
+        while !self.driver.platform.is_ending() {
             self.driver.turn();
             self.listen();
         }
@@ -331,7 +331,7 @@ fn pauses_are_told_once_a_minute() {
 #[test]
 fn a_speed_that_cannot_be_reached_is_told_once_and_keeps_nobody_waiting() {
     let mut rig = Rig::new(1e7);
-    rig.driver.outside.work = millis(5);
+    rig.driver.platform.work = millis(5);
     rig.send(millis(0), "620: 2B 17 10 00 0A 00 00 00");
     rig.send(millis(1100), READ);
     rig.send(millis(1200), READ);
@@ -347,7 +347,7 @@ fn a_pause_does_not_prove_a_speed_out_of_reach() {
     let mut rig = Rig::new(100.0);
     rig.send(millis(0), "620: 2B 17 10 00 0A 00 00 00");
     rig.run_until(millis(100));
-    rig.driver.outside.work = millis(40);
+    rig.driver.platform.work = millis(40);
     rig.stall(millis(200), WallDuration::from_secs(3));
     rig.send(WallDuration::from_secs(19), READ);
     rig.run_until(WallDuration::from_secs(20));
@@ -364,9 +364,9 @@ fn a_busy_bus_that_nobody_listens_to_wakes_nobody_up() {
     rig.run_until(millis(20));
     rig.plan(millis(20), Happening::Message(ToWorld::Leave(rig.listener)));
     rig.run_until(millis(30));
-    let before = rig.driver.outside.waits;
+    let before = rig.driver.platform.waits;
     rig.run_until(millis(10_030));
-    let waits = rig.driver.outside.waits - before;
+    let waits = rig.driver.platform.waits - before;
     assert!(waits < 600, "{waits} times in 10 s");
     assert!(rig.driver.simulation.world().now() > Instant::from_secs(10), "{:?}", rig.driver.simulation.world().now());
 }
@@ -432,7 +432,7 @@ fn frames_wait_until_all_devices_have_started() {
 fn an_idle_world_is_looked_at_a_few_times_a_second() {
     let mut rig = Rig::new(1.0);
     rig.run_until(WallDuration::from_secs(100));
-    assert!(rig.driver.outside.waits < 100 * 60, "{}", rig.driver.outside.waits);
+    assert!(rig.driver.platform.waits < 100 * 60, "{}", rig.driver.platform.waits);
 }
 
 /// 100 requests in 10 ms: a thread that slept between them would keep the client waiting for its wake-ups.
@@ -443,12 +443,12 @@ fn above_speed_1_nothing_sleeps_while_a_client_works_back_to_back() {
         rig.send(WallDuration::from_micros(micros), READ);
     }
     rig.run_until(millis(1));
-    let before = rig.driver.outside.sleeps;
+    let before = rig.driver.platform.sleeps;
     rig.run_until(millis(11));
-    assert_eq!(rig.driver.outside.sleeps, before);
-    let before = rig.driver.outside.awake;
+    assert_eq!(rig.driver.platform.sleeps, before);
+    let before = rig.driver.platform.awake;
     rig.run_until(millis(1011));
-    let awake = rig.driver.outside.awake - before;
+    let awake = rig.driver.platform.awake - before;
     assert!(awake < millis(1), "awake for {awake:?} of the second after the last request");
     assert_eq!(rig.frames_of("5A0:").len(), 101);
 }
@@ -461,7 +461,7 @@ fn at_speed_1_a_client_at_work_lets_the_machine_sleep() {
         rig.send(millis(at), READ);
     }
     rig.run_until(millis(1020));
-    let awake = rig.driver.outside.awake;
+    let awake = rig.driver.platform.awake;
     assert!(awake < millis(12), "awake for {awake:?} of a second");
     assert_eq!(rig.frames_of("5A0:").len(), 100);
 }

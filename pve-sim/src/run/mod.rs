@@ -8,7 +8,7 @@
 //! driver      the thread of the world: its time, its clients, its trace
 //! timekeeper  the virtual time of a run, and time that gets lost
 //! pace        wall time ↔ virtual time
-//! outside     the wall clock and the messages of clients, as the driver sees them
+//! platform     the wall clock and the messages of clients, as the driver sees them
 //! clients     the world's end of every gateway
 //! trace       the bus on stdout and in the log
 //! stdin       lines that the user types
@@ -30,8 +30,8 @@ mod editor;
 mod end;
 mod log;
 mod options;
-mod outside;
 mod pace;
+mod platform;
 mod printer;
 mod screen;
 mod setup;
@@ -42,7 +42,7 @@ mod trace;
 
 pub use driver::Driver;
 pub use options::{ColorChoice, LogOptions, RunOptions};
-pub use outside::Outside;
+pub use platform::Platform;
 pub use stdin::Lines;
 
 use std::io;
@@ -64,7 +64,7 @@ use editor::Typing;
 use end::End;
 use hal_sim::log::Timestamp;
 use log::Log;
-use outside::System;
+use platform::System;
 use printer::Printer;
 use trace::Trace;
 

@@ -1,4 +1,4 @@
-//! The outside of the world, as the driver sees it: the wall clock, and messages of clients.
+//! The platform of the driver: the wall clock, and messages of clients.
 
 use std::sync::mpsc::{RecvTimeoutError, TryRecvError};
 use std::time::{Duration, Instant as WallInstant};
@@ -6,7 +6,7 @@ use std::time::{Duration, Instant as WallInstant};
 use crate::inbox::{Arrival, Inbox};
 
 /// The wall clock, and messages of clients. In tests the clock runs only while the driver waits.
-pub trait Outside {
+pub trait Platform {
     /// Returns the wall time.
     fn now(&mut self) -> WallInstant;
 
@@ -50,7 +50,7 @@ impl System {
     }
 }
 
-impl Outside for System {
+impl Platform for System {
     fn now(&mut self) -> WallInstant {
         WallInstant::now()
     }
