@@ -25,7 +25,7 @@ const SAMPLE: Duration = Duration::from_millis(20);
 
 /// Something that happened, put into JSON once for all who follow.
 #[derive(Debug)]
-pub(crate) struct Happening {
+pub(crate) struct ControlEvent {
     what: What,
     json: OnceLock<String>,
 }
@@ -40,7 +40,7 @@ enum What {
     Device(DeviceState),
 }
 
-impl Happening {
+impl ControlEvent {
     /// Returns the name of the event.
     pub(crate) const fn name(&self) -> &'static str {
         match self.what {
@@ -70,7 +70,7 @@ pub(crate) fn json(value: &impl Serialize) -> String {
 pub struct Subscription {
     /// The devices at that instant.
     pub(crate) states: Vec<DeviceState>,
-    pub(crate) happenings: broadcast::Receiver<Arc<Happening>>,
+    pub(crate) events: broadcast::Receiver<Arc<ControlEvent>>,
     /// As long as it is there, somebody follows.
     pub(crate) follower: Follower,
 }
@@ -82,7 +82,7 @@ pub(crate) struct Follower(Arc<()>);
 /// Tells followers what happens.
 #[derive(Debug)]
 pub(crate) struct Events {
-    channel: broadcast::Sender<Arc<Happening>>,
+    channel: broadcast::Sender<Arc<ControlEvent>>,
     /// The one that stands for this end.
     follower: Follower,
     /// What was told of each device.
@@ -129,7 +129,7 @@ impl Events {
         }
         Ok(Subscription {
             states: simulation.states(),
-            happenings: self.channel.subscribe(),
+            events: self.channel.subscribe(),
             follower: self.follower.clone(),
         })
     }
@@ -184,8 +184,8 @@ impl Events {
 }
 
 /// Tells all followers; without any it is lost, as it should be.
-fn tell(channel: &broadcast::Sender<Arc<Happening>>, what: What) {
-    let _ = channel.send(Arc::new(Happening { what, json: OnceLock::new() }));
+fn tell(channel: &broadcast::Sender<Arc<ControlEvent>>, what: What) {
+    let _ = channel.send(Arc::new(ControlEvent { what, json: OnceLock::new() }));
 }
 
 impl Told {

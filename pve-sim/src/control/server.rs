@@ -40,7 +40,7 @@ impl ControlServer {
     }
 
     /// Obeys a message at the world's instant.
-    pub(crate) fn obey(&mut self, message: Message, simulation: &mut Simulation) {
+    pub(crate) fn execute(&mut self, message: Message, simulation: &mut Simulation) {
         match message {
             Message::Execute(command, answer) => self.take(command, Caller::Reply(answer), simulation),
             Message::Advance(_, answer) if self.speed != Speed::Step => answer.send(Err(Refusal::Conflict(

@@ -20,7 +20,7 @@ use hal_sim::state::{self, DeviceStateMachine, Led, Nmt, SetPointValue};
 use hal_sim::world::{NodeId, Plant, PlantError, World};
 
 /// Obeys a line; returns the answer, or why the line was refused. Of an empty line nothing is said.
-pub(super) fn obey(line: &str, simulation: &mut Simulation) -> Result<Option<String>, String> {
+pub(super) fn execute(line: &str, simulation: &mut Simulation) -> Result<Option<String>, String> {
     let words: Vec<&str> = line.split_ascii_whitespace().collect();
     let world = simulation.world_mut();
     let (name, words) = match words.as_slice() {
@@ -228,7 +228,7 @@ mod tests {
     }
 
     fn answer(line: &str, simulation: &mut Simulation) -> String {
-        obey(line, simulation).unwrap_or_else(|refusal| panic!("{line}: {refusal}")).unwrap_or_default()
+        execute(line, simulation).unwrap_or_else(|refusal| panic!("{line}: {refusal}")).unwrap_or_default()
     }
 
     /// A world with one device, switched off.
@@ -265,7 +265,7 @@ mod tests {
             ("speed_rpm fast", "'speed_rpm fast' is not understood; accepted: angle_cdeg N, "),
         ] {
             let before = *simulation.world().senses(sensor);
-            let told = obey(line, &mut simulation).expect_err(line);
+            let told = execute(line, &mut simulation).expect_err(line);
             assert!(told.starts_with(refusal) && !told.contains("supply_mv N"), "{told}");
             assert_eq!(*simulation.world().senses(sensor), before);
         }
@@ -286,7 +286,7 @@ mod tests {
         assert_eq!(answer("angle angle_cdeg 4500", &mut simulation), "ok");
         assert_eq!(answer("angle speed_rpm 0", &mut simulation), "ok");
         assert_eq!(
-            obey("angle speed_rpm 1", &mut simulation),
+            execute("angle speed_rpm 1", &mut simulation),
             Err("'speed_rpm 1' is refused: a valve turns this shaft".to_owned())
         );
         let status = answer("angle status", &mut simulation);
@@ -342,11 +342,11 @@ mod tests {
         assert_eq!(answer("status", &mut simulation).lines().count(), 2);
         assert!(answer("rear status", &mut simulation).starts_with("rear: "));
         assert_eq!(
-            obey("supply_mv 8000", &mut simulation),
+            execute("supply_mv 8000", &mut simulation),
             Err("the name of the device has to come first; accepted: boom, rear".to_owned())
         );
         assert_eq!(
-            obey("reer supply_mv 8000", &mut simulation),
+            execute("reer supply_mv 8000", &mut simulation),
             Err("no device 'reer'; accepted: boom, rear".to_owned())
         );
     }
@@ -393,17 +393,18 @@ mod tests {
             "valve help",
             "status now",
         ] {
-            let refusal = obey(line, &mut simulation).expect_err(line);
+            let refusal = execute(line, &mut simulation).expect_err(line);
             assert!(refusal.contains(line) && refusal.contains("supply_mv N") && !refusal.contains('\n'), "{refusal}");
         }
-        assert_eq!(obey(" \r", &mut simulation), Ok(None));
+        assert_eq!(execute(" \r", &mut simulation), Ok(None));
     }
 
     #[test]
     fn help_and_refusals_tell_every_word() {
         for (kind, other) in [("pveo-canopen", "angle_cdeg"), ("hat3000", "lever")] {
             let (mut simulation, device) = simulation_of(kind, "device");
-            let (help, refusal) = (answer("help", &mut simulation), obey("fly", &mut simulation).expect_err("no word"));
+            let (help, refusal) =
+                (answer("help", &mut simulation), execute("fly", &mut simulation).expect_err("no word"));
             for (word, _) in simulation.world().plant(device).map(Plant::text) {
                 assert!(help.contains(&format!("\n  {word} ")) && refusal.contains(word), "{word}");
             }

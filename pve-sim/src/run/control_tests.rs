@@ -19,7 +19,7 @@ impl Rig {
     /// Makes a call at a wall time.
     fn call<T>(&mut self, at: WallDuration, message: impl FnOnce(Answer<T>) -> Message) -> Way<T> {
         let (answer, way) = Answer::new();
-        self.plan(at, Happening::Message(ToWorld::Control(message(answer))));
+        self.plan(at, PlatformEvent::Message(ToWorld::Control(message(answer))));
         way
     }
 
@@ -37,8 +37,8 @@ impl Rig {
     }
 }
 
-fn typed(line: &str) -> Happening {
-    Happening::Message(ToWorld::Typed(line.to_owned(), tokio::sync::oneshot::channel().0))
+fn typed(line: &str) -> PlatformEvent {
+    PlatformEvent::Message(ToWorld::Typed(line.to_owned(), tokio::sync::oneshot::channel().0))
 }
 
 fn told<T: serde::Serialize>(mut way: Way<T>) -> serde_json::Value {

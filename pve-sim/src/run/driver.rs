@@ -280,13 +280,13 @@ impl<O: Platform> Driver<O> {
         }
         if let ToWorld::Control(message) = message {
             if let Some(control) = &mut self.control {
-                control.obey(message, &mut self.simulation);
+                control.execute(message, &mut self.simulation);
             }
             self.show();
             return;
         }
         if let ToWorld::Typed(line, _obeyed) = message {
-            match console::obey(&line, &mut self.simulation) {
+            match console::execute(&line, &mut self.simulation) {
                 Ok(answer) => answer.into_iter().for_each(|answer| self.trace.answer(answer)),
                 Err(refusal) => self.trace.warn(refusal),
             }

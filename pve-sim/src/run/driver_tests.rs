@@ -16,7 +16,7 @@ use hal_sim::{Kind, Memory};
 mod control_tests;
 
 /// Events from the platform, in the order of time.
-enum Happening {
+enum PlatformEvent {
     Message(ToWorld),
     /// The process stands still for so long; what arrives meanwhile is found afterwards.
     Stall(WallDuration),
@@ -28,7 +28,7 @@ struct Script {
     /// How long everything takes that the driver does between two looks at the clock.
     work: WallDuration,
     end: WallInstant,
-    plan: VecDeque<(WallInstant, Happening)>,
+    plan: VecDeque<(WallInstant, PlatformEvent)>,
     /// How often the driver has waited.
     waits: u64,
     /// How often it slept.
@@ -58,10 +58,10 @@ impl Platform for Script {
     }
 
     fn take(&mut self) -> Option<Arrival> {
-        while let Some((at, happening)) = self.plan.pop_front_if(|(at, _)| *at <= self.now) {
-            match happening {
-                Happening::Message(message) => return Some(Arrival { at: at.max(self.now), message }),
-                Happening::Stall(length) => self.now += length,
+        while let Some((at, event)) = self.plan.pop_front_if(|(at, _)| *at <= self.now) {
+            match event {
+                PlatformEvent::Message(message) => return Some(Arrival { at: at.max(self.now), message }),
+                PlatformEvent::Stall(length) => self.now += length,
             }
         }
         None
@@ -110,7 +110,7 @@ fn millis(millis: u64) -> WallDuration {
 fn driver(speed: f64, start: WallInstant, before: Vec<ToWorld>, said: Said) -> Driver<Script> {
     let mut simulation = Simulation::new(BitRate::Kbit250, 1);
     simulation.add(&NamedDevice::new("valve", Kind::Pve(pve::Kind::PveaCanopen)), Memory::in_ram());
-    let plan = before.into_iter().map(|message| (start, Happening::Message(message))).collect();
+    let plan = before.into_iter().map(|message| (start, PlatformEvent::Message(message))).collect();
     let (work, awake) = (WallDuration::ZERO, WallDuration::ZERO);
     let script = Script { now: start, work, end: start, plan, waits: 0, sleeps: 0, awake };
     Driver::embedded(simulation, script, speed, io::sink(), said).unwrap()
@@ -124,26 +124,26 @@ impl Rig {
         let (to_client, client_end) = ClientQueue::new();
         let (sender_queue, _sender_end) = ClientQueue::new();
         let mut rig = Self { driver, start, sender, listener, client_end, heard: Vec::new(), _sender_end, said };
-        rig.plan(millis(0), Happening::Message(ToWorld::Join(sender, sender_queue)));
-        rig.plan(millis(0), Happening::Message(ToWorld::Join(listener, to_client)));
-        rig.plan(millis(0), Happening::Message(ToWorld::Listen(listener, Reply::new(""))));
+        rig.plan(millis(0), PlatformEvent::Message(ToWorld::Join(sender, sender_queue)));
+        rig.plan(millis(0), PlatformEvent::Message(ToWorld::Join(listener, to_client)));
+        rig.plan(millis(0), PlatformEvent::Message(ToWorld::Listen(listener, Reply::new(""))));
         rig
     }
 
-    fn plan(&mut self, at: WallDuration, happening: Happening) {
+    fn plan(&mut self, at: WallDuration, event: PlatformEvent) {
         let at = self.start + at;
         let place = self.driver.platform.plan.partition_point(|(other, _)| *other <= at);
-        self.driver.platform.plan.insert(place, (at, happening));
+        self.driver.platform.plan.insert(place, (at, event));
     }
 
     fn send(&mut self, at: WallDuration, frame: &str) {
         let frame = frame.parse().expect("a frame");
         let sender = self.sender;
-        self.plan(at, Happening::Message(ToWorld::Send(sender, frame)));
+        self.plan(at, PlatformEvent::Message(ToWorld::Send(sender, frame)));
     }
 
     fn stall(&mut self, at: WallDuration, length: WallDuration) {
-        self.plan(at, Happening::Stall(length));
+        self.plan(at, PlatformEvent::Stall(length));
     }
 
     /// Runs until a wall time.
@@ -362,7 +362,7 @@ fn a_busy_bus_that_nobody_listens_to_wakes_nobody_up() {
     let mut rig = Rig::new(1.0);
     rig.send(millis(10), "620: 2B 17 10 00 01 00 00 00");
     rig.run_until(millis(20));
-    rig.plan(millis(20), Happening::Message(ToWorld::Leave(rig.listener)));
+    rig.plan(millis(20), PlatformEvent::Message(ToWorld::Leave(rig.listener)));
     rig.run_until(millis(30));
     let before = rig.driver.platform.waits;
     rig.run_until(millis(10_030));

@@ -17,13 +17,13 @@ const CUT: char = '…';
 pub(super) fn listen(world: WorldSender) {
     let _ = std::thread::Builder::new().name("stdin".to_owned()).spawn(move || {
         let stdin = io::stdin();
-        obey(&world, |bytes| if system::wait_for_input() { stdin.lock().read(bytes) } else { Ok(0) });
+        execute(&world, |bytes| if system::wait_for_input() { stdin.lock().read(bytes) } else { Ok(0) });
     });
 }
 
 /// Has the world obey the lines of an input, one at a time: a writer that is faster than the world waits, and others
 /// come between its lines.
-fn obey(world: &WorldSender, mut read: impl FnMut(&mut [u8]) -> io::Result<usize>) {
+fn execute(world: &WorldSender, mut read: impl FnMut(&mut [u8]) -> io::Result<usize>) {
     let mut lines = Lines::default();
     let mut bytes = [0; LINE];
     loop {
@@ -112,7 +112,7 @@ mod tests {
         let reader = thread::spawn({
             let reads = Arc::clone(&reads);
             move || {
-                obey(&world, |bytes| {
+                execute(&world, |bytes| {
                     let is_over = reads.fetch_add(1, Ordering::SeqCst) == READS;
                     bytes[..14].copy_from_slice(b"status\nstatus\n");
                     Ok(if is_over { 0 } else { 14 })

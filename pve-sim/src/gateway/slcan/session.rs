@@ -75,7 +75,7 @@ impl Session {
     }
 
     /// Carries a line out, and answers it.
-    async fn obey(&mut self, command: Result<Command, Refused>, client: &Client) {
+    async fn execute(&mut self, command: Result<Command, Refused>, client: &Client) {
         let answer = match (command, self.state) {
             (Ok(Command::Nothing | Command::AutoSend), _) => OK,
             (Ok(Command::Version), _) => VERSION,
@@ -145,7 +145,7 @@ impl Dialogue for Session {
     async fn hear(&mut self, bytes: &[u8], client: &Client) {
         for byte in bytes {
             if let Some(command) = self.parser.push(*byte) {
-                self.obey(command, client).await;
+                self.execute(command, client).await;
             }
         }
     }

@@ -12,7 +12,7 @@ use tokio_stream::{Stream, StreamExt as _};
 use utoipa::ToSchema;
 
 use super::Control;
-use crate::control::events::{Follower, Happening, Subscription, json};
+use crate::control::events::{ControlEvent, Follower, Subscription, json};
 use crate::control::message::Message;
 use crate::http::error::{Error, Failure};
 
@@ -40,17 +40,17 @@ pub(super) struct LostEvent {
     )
 )]
 pub(super) async fn follow(control: Control) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, Failure> {
-    let Subscription { states, happenings, follower } = control.ask(Message::Subscribe).await?;
+    let Subscription { states, events, follower } = control.ask(Message::Subscribe).await?;
     let first = tokio_stream::iter(states).map(|state| event("device", &json(&state)));
-    let next = BroadcastStream::new(happenings).map(move |happening| follower.event(happening));
+    let next = BroadcastStream::new(events).map(move |event| follower.event(event));
     Ok(Sse::new(first.chain(next).map(Ok)).keep_alive(KeepAlive::new().interval(KEEP_ALIVE)))
 }
 
 impl Follower {
     /// The event of something that happened, or that was missed.
-    fn event(&self, happening: Result<Arc<Happening>, BroadcastStreamRecvError>) -> Event {
-        match happening {
-            Ok(happening) => event(happening.name(), happening.json()),
+    fn event(&self, received: Result<Arc<ControlEvent>, BroadcastStreamRecvError>) -> Event {
+        match received {
+            Ok(received) => event(received.name(), received.json()),
             Err(BroadcastStreamRecvError::Lagged(events)) => event("lost", &json(&LostEvent { events })),
         }
     }
