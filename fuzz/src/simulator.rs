@@ -38,7 +38,7 @@ pub(crate) struct Simulator {
     stderr: Receiver<Vec<u8>>,
 }
 
-/// Wall clock of a driver, which passes up to a horizon.
+/// Wall clock of a driver, which passes up to a limit.
 pub(crate) struct Clock {
     state: Rc<ClockState>,
     inbox: Inbox,
@@ -46,8 +46,8 @@ pub(crate) struct Clock {
 
 struct ClockState {
     now: Cell<Instant>,
-    horizon: Cell<Instant>,
-    /// Set while the driver waits at the horizon.
+    limit: Cell<Instant>,
+    /// Set while the driver waits at the limit.
     is_idle: Cell<bool>,
     /// Number of messages that the world has got.
     taken: Cell<u64>,
@@ -71,9 +71,9 @@ impl Platform for Clock {
     fn wait(&mut self, until: Option<Instant>, _: Duration) -> Option<Arrival> {
         let taken = self.take();
         if taken.is_none() {
-            let horizon = self.state.horizon.get();
-            let until = until.map_or(horizon, |until| until.min(horizon));
-            self.state.is_idle.set(self.state.now.get() >= horizon);
+            let limit = self.state.limit.get();
+            let until = until.map_or(limit, |until| until.min(limit));
+            self.state.is_idle.set(self.state.now.get() >= limit);
             self.state.now.set(self.state.now.get().max(until));
         }
         taken
@@ -104,8 +104,8 @@ impl Simulator {
     /// Powers the devices of a simulation; `prepare` may change its driver.
     pub(crate) fn new(mut simulation: Simulation, prepare: impl FnOnce(Driver<Clock>) -> Driver<Clock>) -> Self {
         let now = Cell::new(Instant::now());
-        let (horizon, is_idle, taken) = (now.clone(), Cell::new(false), Cell::new(0));
-        let state = Rc::new(ClockState { now, horizon, is_idle, taken });
+        let (limit, is_idle, taken) = (now.clone(), Cell::new(false), Cell::new(0));
+        let state = Rc::new(ClockState { now, limit, is_idle, taken });
         let (world_sender, inbox) = WorldSender::new();
         let witness = simulation.world_mut().client("witness");
         let (sender, stderr) = channel();
@@ -117,7 +117,7 @@ impl Simulator {
 
     /// Lets a span of wall time pass; returns false when the world is not ready with it after [`TURNS`].
     pub(crate) fn run(&mut self, span: Duration) -> bool {
-        self.state.horizon.set(self.state.horizon.get() + span);
+        self.state.limit.set(self.state.limit.get() + span);
         let turns = TURNS + usize::try_from(span.as_millis()).unwrap_or(TURNS);
         for _ in 0..turns {
             self.state.is_idle.set(false);

@@ -53,7 +53,7 @@ impl Model for Slcan {
         for byte in piece.iter().filter(|byte| **byte != b'\n') {
             if *byte == b'\r' {
                 let line = std::mem::take(&mut self.line);
-                let answer = str::from_utf8(&line).ok().and_then(|line| self.obey(line));
+                let answer = str::from_utf8(&line).ok().and_then(|line| self.execute(line));
                 self.answers.push_str(answer.unwrap_or(BELL));
             } else {
                 self.line.push(*byte);
@@ -85,7 +85,7 @@ impl Model for Slcan {
 
 impl Slcan {
     /// Returns the answer to a line; `None`: it is not carried out.
-    fn obey(&mut self, line: &str) -> Option<&'static str> {
+    fn execute(&mut self, line: &str) -> Option<&'static str> {
         let is_closed = self.channel == Channel::Closed;
         let mut chars = line.chars();
         let command = chars.next();

@@ -59,7 +59,7 @@ impl Model for Socketcand {
                     self.place = Place::Between;
                     let message = String::from_utf8_lossy(&std::mem::take(&mut self.message)).into_owned();
                     let words: Vec<&str> = message.split_ascii_whitespace().collect();
-                    let answer = self.obey(&words).unwrap_or(Some(Answer::Error));
+                    let answer = self.execute(&words).unwrap_or(Some(Answer::Error));
                     self.answers.extend(answer);
                 }
                 (Place::Inside, byte) => {
@@ -117,7 +117,7 @@ impl Model for Socketcand {
 
 impl Socketcand {
     /// Returns the answer to a message, which may be none; `None` for a message that is refused.
-    fn obey(&mut self, words: &[&str]) -> Option<Option<Answer>> {
+    fn execute(&mut self, words: &[&str]) -> Option<Option<Answer>> {
         match words {
             ["echo"] => Some(Some(Answer::Echo)),
             ["open", "pve0"] if !self.is_open => {

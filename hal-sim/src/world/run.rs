@@ -86,7 +86,7 @@ impl World {
         self.bus.finish(now);
         self.service_touched();
         while let Some(number) = self.agenda.due_by(now) {
-            self.attend(NodeId(number));
+            self.poll_device(NodeId(number));
         }
         self.bus.begin(now);
         self.service_touched();
@@ -113,7 +113,7 @@ impl World {
     }
 
     /// Does what is due for a device, other than from the bus.
-    fn attend(&mut self, id: NodeId) {
+    fn poll_device(&mut self, id: NodeId) {
         let now = self.now;
         if let Power::Coming(_, cause) = self.nodes[id.0].power {
             self.boot(id, cause);

@@ -104,8 +104,8 @@ impl NmtSlave {
         core::mem::replace(&mut self.state, state) != state
     }
 
-    /// Obeys a command: done is the state that was entered. A node that still initialises obeys none.
-    pub(crate) fn obey(&mut self, command: Command) -> Outcome<State, Reset> {
+    /// Executes a command: done is the state that was entered. A node that still initialises executes none.
+    pub(crate) fn execute(&mut self, command: Command) -> Outcome<State, Reset> {
         let entered = match command {
             _ if self.state == State::Initialising => return Outcome::Nothing,
             Command::Start => State::Operational,

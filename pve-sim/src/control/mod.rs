@@ -1,4 +1,4 @@
-//! The control interface at the world's end: it obeys messages, and watches the world for those who wait or follow.
+//! The control interface at the world's end: it executes messages and watches the world for waiting and following clients.
 //!
 //! ```text
 //! message     what is asked of the world, and its answers
@@ -6,7 +6,7 @@
 //! events      clients that follow
 //! ```
 //!
-//! The world obeys each message at the virtual instant of its arrival, and an answer tells of one instant. Nobody but
+//! The world executes each message at the virtual instant of its arrival, and an answer tells of one instant. Nobody but
 //! the server touches the world, and it waits for nobody.
 
 pub(crate) mod events;

@@ -78,7 +78,7 @@ impl Drop for Typing {
     }
 }
 
-/// Has the world obey lines until typing ends; returns why.
+/// Executes lines until typing ends; returns the reason.
 fn edit(screen: &Screen, modes: &Modes, world: &WorldSender, devices: &Arc<[NamedDevice]>) -> Typed {
     let (mut lines, mut history) = (Lines::default(), Vec::new());
     loop {
@@ -161,7 +161,7 @@ impl Editor {
     }
 
     fn line(&mut self, screen: &Screen) -> Typed {
-        // Between two lines the terminal itself obeys Ctrl-Z.
+        // Between two lines the terminal itself handles Ctrl-Z.
         system::wait_for_foreground();
         if !screen.begin_line() {
             return Typed::End;

@@ -21,7 +21,7 @@ pub(super) fn listen(world: WorldSender) {
     });
 }
 
-/// Has the world obey the lines of an input, one at a time: a writer that is faster than the world waits, and others
+/// Executes the lines of an input, one at a time: a writer that is faster than the world waits, and others
 /// come between its lines.
 fn execute(world: &WorldSender, mut read: impl FnMut(&mut [u8]) -> io::Result<usize>) {
     let mut lines = Lines::default();
@@ -36,7 +36,7 @@ fn execute(world: &WorldSender, mut read: impl FnMut(&mut [u8]) -> io::Result<us
     }
 }
 
-/// Has the world obey a line.
+/// Executes a line.
 pub(super) fn tell(world: &WorldSender, line: String) {
     let (obeyed, done) = oneshot::channel();
     world.tell(ToWorld::Typed(line, obeyed));

@@ -30,7 +30,7 @@ pub(super) fn layout(color: ColorChoice, verbose: bool) -> Option<Layout> {
     };
     let people = stdout.is_terminal() || color == ColorChoice::Always;
     if people && wished {
-        // Tells a console of Windows to obey escape sequences; elsewhere this does nothing.
+        // Tells a console of Windows to interpret escape sequences; elsewhere this does nothing.
         let _ = AutoStream::always_ansi(stdout);
     }
     people.then(|| {

@@ -59,7 +59,7 @@ impl<P: Product> Node<P> {
         if target != Target::All && self.objects.node_id.map(Target::Node) != Some(target) {
             return None;
         }
-        match self.nmt.obey(command) {
+        match self.nmt.execute(command) {
             Outcome::Demand(reset) => {
                 self.leave_bus();
                 return Some(Demand::Reset(reset));

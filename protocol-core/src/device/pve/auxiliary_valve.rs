@@ -54,7 +54,7 @@ impl AuxiliaryValve {
     }
 
     /// Obeys a valid AVC.
-    pub(super) fn obey(&mut self, command: Command, now: Instant) {
+    pub(super) fn execute(&mut self, command: Command, now: Instant) {
         if !self.guarded {
             self.guarded = true;
             self.valve.start_guard(now);

@@ -173,7 +173,7 @@ fn what_the_product_learns() {
     assert_eq!(commanded, Indication::CommandedAddress(Address::new(0x81)));
     assert_eq!(rig.send("1BC78883: 03 22 F0 10"), Indication::OtherProtocol);
     assert_eq!(rig.send(LOSE), Indication::AddressLost);
-    assert_eq!(rig.node.service(&frame("0CFF1027: 01")), None, "obeys nobody");
+    assert_eq!(rig.node.service(&frame("0CFF1027: 01")), None, "ignores everybody");
 }
 
 /// Whether the controller or the node puts them in order.

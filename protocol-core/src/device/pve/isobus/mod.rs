@@ -145,7 +145,7 @@ impl Body for IsobusValve {
             Indication::Nothing => {}
             Indication::Command => {
                 if let Ok(command) = Command::parse(frame.data()) {
-                    self.auxiliary.obey(command, base.now());
+                    self.auxiliary.execute(command, base.now());
                 }
             }
             Indication::OtherProtocol => self.serve_uds(frame, base),
