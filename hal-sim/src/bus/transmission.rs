@@ -59,8 +59,8 @@ impl Transmission {
     }
 }
 
-/// The earliest thing that goes wrong.
-struct Fate {
+/// The earliest error of a transmission.
+struct Disruption {
     error: BusError,
     /// From the start of frame to the first bit of the error flag.
     bits: u32,
@@ -132,20 +132,23 @@ impl Bus {
         if collision.is_none() && injected.is_none() && disturber.is_none() && heard {
             return transmission;
         }
-        let fate = |error, bits, by| Fate { error, bits, by_other_rate: false, by };
-        let fates = [
+        let disruption = |error, bits, by| Disruption { error, bits, by_other_rate: false, by };
+        let disruptions = [
             collision,
-            injected.map(|bit| fate(BusError::Bit, bit + 1, None)),
-            disturber.map(|by| Fate { by_other_rate: heard, ..fate(BusError::Stuff, WRONG_RATE_SEEN, Some(by)) }),
-            (!heard).then(|| fate(BusError::Acknowledgement, on_wire - AFTER_ACK_SLOT, None)),
+            injected.map(|bit| disruption(BusError::Bit, bit + 1, None)),
+            disturber.map(|by| Disruption {
+                by_other_rate: heard,
+                ..disruption(BusError::Stuff, WRONG_RATE_SEEN, Some(by))
+            }),
+            (!heard).then(|| disruption(BusError::Acknowledgement, on_wire - AFTER_ACK_SLOT, None)),
         ];
-        if let Some(fate) = fates.into_iter().flatten().min_by_key(|fate| fate.bits) {
+        if let Some(disruption) = disruptions.into_iter().flatten().min_by_key(|disruption| disruption.bits) {
             let error_frame = if heard || disturber.is_some() { ERROR_FRAME } else { LONE_ERROR_FRAME };
-            let by = fate.by.unwrap_or(first);
-            transmission.set_end(start + bit_times(fate.bits + error_frame, rate));
+            let by = disruption.by.unwrap_or(first);
+            transmission.set_end(start + bit_times(disruption.bits + error_frame, rate));
             transmission.failure = Some(Box::new(Failure {
-                error: fate.error,
-                by_other_rate: fate.by_other_rate,
+                error: disruption.error,
+                by_other_rate: disruption.by_other_rate,
                 signalled_by: Some(self.ports[by.0].name.clone()),
                 gone: None,
             }));
@@ -174,13 +177,18 @@ impl Bus {
     /// Returns what comes of several senders that are still at it after the identifier: equal frames go out as one,
     /// different ones collide at the first different bit. There the recessive sender sees the error; if it is
     /// error-passive, nobody hears it complain, and the dominant frame goes on without it.
-    fn resolve(&mut self, start: Nanos) -> Option<Fate> {
+    fn resolve(&mut self, start: Nanos) -> Option<Disruption> {
         while self.senders.len() > 1 {
             let senders = &self.senders;
             let first = self.head_of(senders[0]);
             let rate = self.ports[senders[0].0].rate;
             if senders.iter().any(|id| self.ports[id.0].rate != rate) {
-                return Some(Fate { error: BusError::Bit, bits: MIXED_RATES_SEEN, by_other_rate: false, by: None });
+                return Some(Disruption {
+                    error: BusError::Bit,
+                    bits: MIXED_RATES_SEEN,
+                    by_other_rate: false,
+                    by: None,
+                });
             }
             let differences = senders[1..].iter().filter_map(|id| first.first_difference(self.head_of(*id)));
             let parting = differences.min_by_key(|difference| difference.bit)?;
@@ -191,7 +199,7 @@ impl Bus {
             let losers: Vec<PortId> = senders.iter().copied().filter(recessive).collect();
             let by = losers.iter().find(|id| self.ports[id.0].mode() == BusErrorMode::ErrorActive).copied();
             if by.is_some() {
-                return Some(Fate { error: BusError::Bit, bits: parting.bit + 1, by_other_rate: false, by });
+                return Some(Disruption { error: BusError::Bit, bits: parting.bit + 1, by_other_rate: false, by });
             }
             self.senders.retain(|id| !losers.contains(id));
             let at = start + bit_times(parting.bit + 1, rate);

@@ -12,7 +12,7 @@
 //! isobus    address claim, requests, transport, AVC, AVEF       diagnostics   faults, DM1, DM2
 //! uds       UDS lite                                            valve    control word, status word, stroke
 //! recorded  what a recording tells of devices that nobody has named, and its error frames
-//! nature    whether a frame is of a cycle, is trouble, or comes from somebody else than it seems
+//! highlight    whether a frame is of a cycle, is trouble, or comes from somebody else than it seems
 //! ```
 //!
 //! Imports run one way: `canopen` → `sdo` → `object` → `valve`.
@@ -20,9 +20,9 @@
 mod block;
 mod canopen;
 mod diagnostics;
+mod highlight;
 mod isobus;
 mod lss;
-mod nature;
 mod object;
 mod recorded;
 mod sdo;
@@ -30,8 +30,8 @@ mod uds;
 mod valve;
 
 pub use diagnostics::fault;
+pub use highlight::{Mark, is_cyclic};
 pub use isobus::state as valve_state;
-pub use nature::{Mark, is_cyclic};
 pub use recorded::explain_error_frame;
 
 use std::collections::BTreeMap;
@@ -105,7 +105,7 @@ impl Explainer {
     pub fn explain_and_mark(&self, frame: &Frame, from: Option<&str>) -> (String, Mark) {
         let context = self.context(from);
         match self.meaning(frame, &context) {
-            Some(text) => (text, nature::mark(frame, &context)),
+            Some(text) => (text, highlight::mark(frame, &context)),
             None => ("unknown".to_owned(), Mark::Unknown),
         }
     }

@@ -1,16 +1,16 @@
 //! `pve-sim replay`: a recording of devices against their stand-ins, in virtual time.
 //!
 //! ```text
-//! mod      from the recording to the summary: rounds
-//! begin    when each device was switched on
-//! identifier  identifiers of a device, and of address claims
-//! stage    the stand-ins on a bus, in virtual time, with what they send
-//! own      which frames of the recording are of devices that the stand-ins stand for
-//! item     a frame, as logged or as sent
-//! lane     frames of one identifier, as logged and as sent, in pairs
-//! fields   the fields of a frame that hold a position
-//! position how much a position may differ
-//! report   differences in words
+//! mod           from the recording to the summary: rounds
+//! timeline      the instant at which each device was switched on
+//! identifier    identifiers of a device, and of address claims
+//! replay_bus    the simulated devices on a bus, in virtual time, with the frames they send
+//! attribution   the frames of the recording that are those of the replayed devices
+//! item          a frame, as logged or as sent
+//! frame_matcher frames of one identifier, as logged and as sent, in pairs
+//! fields        the fields of a frame that hold a position
+//! position      the tolerance of a position
+//! report        differences in words
 //! ```
 //!
 //! The log has no instant of power-up; each stand-in is switched on so that its first frame (boot-up, or address claim)
@@ -22,15 +22,15 @@
 //! PDO with another COB-ID. Then that frame was played as one of somebody else, and the round is played once more with
 //! what is known now.
 
-mod begin;
+mod attribution;
 mod fields;
+mod frame_matcher;
 mod identifier;
 mod item;
-mod lane;
-mod own;
 mod position;
+mod replay_bus;
 mod report;
-mod stage;
+mod timeline;
 
 pub use report::{Difference, What};
 
@@ -43,11 +43,11 @@ use std::path::PathBuf;
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, after, since};
 
-use self::begin::Begin;
+use self::frame_matcher::{FrameMatcher, Verdict};
 use self::identifier::{id_of_key, is_claim};
 use self::item::Item;
-use self::lane::{Lane, Verdict};
-use self::stage::Stage;
+use self::replay_bus::ReplayBus;
+use self::timeline::Timeline;
 use crate::devices::{NamedDevice, NamedLink};
 use crate::log::Entry;
 use crate::recording::{Logged, ReadError, Reader};
@@ -153,16 +153,16 @@ pub fn replay(options: &ReplayOptions) -> Result<Outcome, ReplayError> {
         let twice = "a replay reads more than once: accepted is a regular file";
         return Err(unread(io::Error::new(io::ErrorKind::InvalidInput, twice)));
     }
-    let begin = Begin::find(options)?;
-    play_rounds(options, &begin, ROUNDS)
+    let timeline = Timeline::find(options)?;
+    play_rounds(options, &timeline, ROUNDS)
 }
 
 /// Plays a recording until every frame of the stand-ins is known as theirs, so many times at the most.
-fn play_rounds(options: &ReplayOptions, begin: &Begin, rounds: usize) -> Result<Outcome, ReplayError> {
+fn play_rounds(options: &ReplayOptions, timeline: &Timeline, rounds: usize) -> Result<Outcome, ReplayError> {
     let mut own = BTreeSet::new();
     let mut misplayed = BTreeSet::new();
     for _ in 0..rounds {
-        let mut player = Player::new(options, begin, own);
+        let mut player = Player::new(options, timeline, own);
         player.play()?;
         misplayed = player.misplayed();
         if misplayed.is_empty() {
@@ -181,14 +181,14 @@ fn play_rounds(options: &ReplayOptions, begin: &Begin, rounds: usize) -> Result<
 /// One round.
 struct Player<'a> {
     options: &'a ReplayOptions,
-    begin: &'a Begin,
-    stage: Stage,
+    timeline: &'a Timeline,
+    bus: ReplayBus,
     /// The identifiers that the stand-ins are known to send under, beside those of their node IDs, as
     /// [keys](Frame::key).
     own: BTreeSet<u32>,
     /// The identifiers under which frames of the log were sent.
     played: BTreeSet<u32>,
-    lanes: BTreeMap<u32, Lane>,
+    matchers: BTreeMap<u32, FrameMatcher>,
     /// The places of the stand-ins that have sent something.
     heard: BTreeSet<usize>,
     /// The last time that pairs were looked for.
@@ -197,17 +197,17 @@ struct Player<'a> {
 }
 
 impl<'a> Player<'a> {
-    fn new(options: &'a ReplayOptions, begin: &'a Begin, own: BTreeSet<u32>) -> Self {
+    fn new(options: &'a ReplayOptions, timeline: &'a Timeline, own: BTreeSet<u32>) -> Self {
         Self {
-            stage: Stage::new(options, begin),
+            bus: ReplayBus::new(options, timeline),
             options,
-            begin,
+            timeline,
             own,
             played: BTreeSet::new(),
-            lanes: BTreeMap::new(),
+            matchers: BTreeMap::new(),
             heard: BTreeSet::new(),
             paired: Instant::from_ticks(0),
-            outcome: Outcome { power_ups: begin.entries(), ..Outcome::default() },
+            outcome: Outcome { power_ups: timeline.entries(), ..Outcome::default() },
         }
     }
 
@@ -223,7 +223,7 @@ impl<'a> Player<'a> {
                 }
                 Err(ReadError::Io(source)) => return Err(unread(source)),
             };
-            let Some(at) = self.begin.instant(&logged) else { continue };
+            let Some(at) = self.timeline.instant(&logged) else { continue };
             if since(at, end) > GAP && end > Instant::from_ticks(0) {
                 self.name(&format_args!("{}: more than a day after the entry before it", logged.number));
                 continue;
@@ -238,10 +238,10 @@ impl<'a> Player<'a> {
             }
             if since(at, self.paired) >= PAIRING {
                 self.paired = at;
-                self.pair(self.stage.now().min(at), None);
+                self.pair(self.bus.now().min(at), None);
             }
         }
-        self.stage.run_before(after(end, self.options.tolerance));
+        self.bus.run_before(after(end, self.options.tolerance));
         self.collect();
         self.pair(Instant::MAX, Some(end));
         self.outcome.told.sort_by_key(|difference| (difference.at, difference.number));
@@ -257,23 +257,23 @@ impl<'a> Player<'a> {
 
     /// Takes a frame of the log: to be compared, or to be sent.
     fn take(&mut self, logged: &Logged, frame: Frame, at: Instant) {
-        self.stage.run_to_start(&frame, at);
+        self.bus.run_to_start(&frame, at);
         self.collect();
-        if self.begin.is_first(logged.number) || self.stage.is_own(&frame, &self.own, self.begin) {
+        if self.timeline.is_first(logged.number) || self.bus.is_own(&frame, &self.own, self.timeline) {
             self.outcome.compared += 1;
-            self.lanes.entry(frame.key()).or_default().logged.push_back(Item::logged(at, frame, logged.number));
+            self.matchers.entry(frame.key()).or_default().logged.push_back(Item::logged(at, frame, logged.number));
         } else {
             self.outcome.played += 1;
             self.played.insert(frame.key());
-            self.stage.send(frame);
+            self.bus.send(frame);
         }
     }
 
     /// Takes what the stand-ins have sent.
     fn collect(&mut self) {
-        for item in self.stage.take_sent() {
+        for item in self.bus.take_sent() {
             self.heard.extend(item.device);
-            self.lanes.entry(item.frame.key()).or_default().sent.push_back(item);
+            self.matchers.entry(item.frame.key()).or_default().sent.push_back(item);
         }
     }
 
@@ -281,14 +281,14 @@ impl<'a> Player<'a> {
     /// after its end, is not missing there.
     fn pair(&mut self, known: Instant, end: Option<Instant>) {
         let tolerance = self.options.tolerance;
-        for lane in self.lanes.values_mut() {
-            while let Some(verdict) = lane.next(known, tolerance, self.stage.positions()) {
+        for matcher in self.matchers.values_mut() {
+            while let Some(verdict) = matcher.next(known, tolerance, self.bus.positions()) {
                 let (what, item, other) = match verdict {
                     Verdict::AsLogged => continue,
                     Verdict::Missing(item) => (What::Missing, item, None),
                     Verdict::Additional(item) => {
                         let is_after = end.is_some_and(|end| after(item.at, tolerance) > end);
-                        if is_after || after(item.at, tolerance) < self.begin.opened() {
+                        if is_after || after(item.at, tolerance) < self.timeline.opened() {
                             continue;
                         }
                         (What::Additional, item, None)
@@ -299,12 +299,12 @@ impl<'a> Player<'a> {
                 };
                 self.outcome.differences += 1;
                 if self.outcome.told.len() < TOLD {
-                    let difference = self.stage.difference(what, &item, other.as_ref(), self.begin);
+                    let difference = self.bus.difference(what, &item, other.as_ref(), self.timeline);
                     self.outcome.told.push(difference);
                 }
             }
         }
-        self.stage.forget(known);
+        self.bus.forget(known);
     }
 
     /// Returns the name of a stand-in that has sent nothing, as a blank one that LSS never asks: nothing of it was
@@ -318,7 +318,7 @@ impl<'a> Player<'a> {
     /// Returns the identifiers that the stand-ins have sent under, and that frames of the log were played under. Claims
     /// for one address are of several.
     fn misplayed(&self) -> BTreeSet<u32> {
-        let sent = self.stage.sent_keys().iter().copied().filter(|key| !is_claim(*key));
+        let sent = self.bus.sent_keys().iter().copied().filter(|key| !is_claim(*key));
         sent.filter(|key| self.played.contains(key) && !self.own.contains(key)).collect()
     }
 }

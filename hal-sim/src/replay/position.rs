@@ -43,8 +43,8 @@ struct Track {
 impl Track {
     /// Returns the samples from the one in force at an instant up to another instant.
     fn between(&self, from: Instant, until: Instant) -> impl Iterator<Item = &Sample> + Clone {
-        let begin = self.samples.partition_point(|sample| sample.at <= from).saturating_sub(1);
-        self.samples.iter().skip(begin).take_while(move |sample| sample.at <= until)
+        let first = self.samples.partition_point(|sample| sample.at <= from).saturating_sub(1);
+        self.samples.iter().skip(first).take_while(move |sample| sample.at <= until)
     }
 
     /// Returns whether one of these positions lies between two samples.

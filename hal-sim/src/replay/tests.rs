@@ -407,7 +407,7 @@ fn identifiers_that_change() {
     assert_eq!(as_logged(blank, &file), own as u64);
     // In one round the frames of the TPDO were sent to the stand-in: that is no comparison.
     let options = options(blank, &file);
-    let error = play_rounds(&options, &Begin::find(&options).unwrap(), 1).unwrap_err().to_string();
+    let error = play_rounds(&options, &Timeline::find(&options).unwrap(), 1).unwrap_err().to_string();
     assert!(error.ends_with("though a stand-in sends them: 1C2"), "{error}");
 }
 

@@ -202,7 +202,7 @@ impl Mutation {
     }
 }
 
-/// Sees that a recording has at least so many different frames that begin and go on so.
+/// Sees that a recording has at least so many different frames that timeline and go on so.
 fn has(recording: &Recording, frames: &[(&str, &str, usize)]) {
     let own: BTreeSet<String> = recording.own.iter().map(|place| recording.frame(*place).1.to_string()).collect();
     for (start, rest, least) in frames {

@@ -8,21 +8,21 @@ use protocol_core::frame::{Frame, Id, standard};
 use protocol_core::wire::j1939_id::{Address, J1939Id};
 use protocol_core::wire::name::Name;
 
-use super::begin::Begin;
 use super::identifier::{is_claim, is_of};
+use super::timeline::Timeline;
 use crate::explain::Node;
 
 /// Answers to LSS: whoever is asked by LSS sends them.
 const LSS_ANSWER: u16 = 0x7E4;
 
 /// Returns whether a frame is of a device. `keys` are identifiers that stand-ins have sent under.
-pub(super) fn is_own(frame: &Frame, nodes: &[Node], keys: &BTreeSet<u32>, begin: &Begin) -> bool {
+pub(super) fn is_own(frame: &Frame, nodes: &[Node], keys: &BTreeSet<u32>, timeline: &Timeline) -> bool {
     // A remote frame has the identifier of the answer that it asks for.
     if frame.is_remote() {
         return false;
     }
     if is_claim(frame.key()) {
-        return is_own_claim(frame, nodes, begin);
+        return is_own_claim(frame, nodes, timeline);
     }
     let is_lss = frame.id() == Id::Standard(standard(LSS_ANSWER));
     is_lss && nodes.iter().any(|node| node.kind.protocol() == Protocol::Canopen)
@@ -32,7 +32,7 @@ pub(super) fn is_own(frame: &Frame, nodes: &[Node], keys: &BTreeSet<u32>, begin:
 
 /// Returns whether a claim is of a device: by its NAME, that of the stand-in or that of its first claim in the log.
 /// Where the log has none, another NAME of the same product at the address of the device is taken for its own.
-fn is_own_claim(frame: &Frame, nodes: &[Node], begin: &Begin) -> bool {
+fn is_own_claim(frame: &Frame, nodes: &[Node], timeline: &Timeline) -> bool {
     let name_of = |frame: &Frame| frame.eight().map(|bytes| Name::from_bytes(*bytes));
     let Some(name) = name_of(frame) else { return false };
     let source = match frame.id() {
@@ -40,7 +40,7 @@ fn is_own_claim(frame: &Frame, nodes: &[Node], begin: &Begin) -> bool {
         Id::Standard(_) => Address::NULL,
     };
     let product = |name: Name| (name.fields().manufacturer_code, name.fields().function);
-    begin.power_ups().iter().zip(nodes).any(|(power_up, node)| {
+    timeline.power_ups().iter().zip(nodes).any(|(power_up, node)| {
         let Some(own) = power_up.frame.filter(|first| is_claim(first.key())).as_ref().and_then(name_of) else {
             return false;
         };

@@ -20,7 +20,7 @@ const LEAD: Duration = Duration::from_secs(1);
 
 /// The time line of a replay.
 #[derive(Debug)]
-pub(super) struct Begin {
+pub(super) struct Timeline {
     /// The time of the log at virtual instant 0.
     zero: Timestamp,
     /// The first entry that counts, and its time.
@@ -106,7 +106,7 @@ impl Search {
     }
 }
 
-impl Begin {
+impl Timeline {
     /// Looks for the first frames of the devices.
     pub(super) fn find(options: &ReplayOptions) -> Result<Self, ReplayError> {
         let firsts: Vec<Option<First>> = options.devices.iter().map(first_frame).collect();
@@ -210,11 +210,11 @@ fn first_frame(device: &NamedDevice) -> Option<First> {
     world.add_gateway("the log");
     let node = world.add(&device.name, device.setup);
     world.power(node, true);
-    let begin = world.now();
-    while world.next_event() <= after(begin, SILENT) {
+    let start = world.now();
+    while world.next_event() <= after(start, SILENT) {
         world.step();
         let first = world.take_events().find_map(|event| match event.what {
-            EventKind::Frame { frame, .. } => Some(First { frame, delay: since(event.at, begin) }),
+            EventKind::Frame { frame, .. } => Some(First { frame, delay: since(event.at, start) }),
             _ => None,
         });
         if first.is_some() {

@@ -8,18 +8,18 @@ use protocol_core::frame::Frame;
 use protocol_core::time::{Instant, after};
 
 use super::ReplayOptions;
-use super::begin::{Begin, length};
+use super::attribution;
 use super::item::Item;
-use super::own;
 use super::position::{GRID, PositionTolerance};
 use super::report::{Difference, What};
+use super::timeline::{Timeline, length};
 use crate::Memory;
 use crate::devices::link_in;
 use crate::explain::{Explainer, Node};
 use crate::world::{EventKind, NodeId, TapId, World};
 
 /// The bus of a replay.
-pub(super) struct Stage {
+pub(super) struct ReplayBus {
     world: World,
     others: TapId,
     /// The devices that are not switched on yet, the last one first.
@@ -33,8 +33,8 @@ pub(super) struct Stage {
     positions: PositionTolerance,
 }
 
-impl Stage {
-    pub(super) fn new(options: &ReplayOptions, begin: &Begin) -> Self {
+impl ReplayBus {
+    pub(super) fn new(options: &ReplayOptions, timeline: &Timeline) -> Self {
         let first = options.devices.first();
         let rate = first.and_then(|device| device.setup.bit_rate.or(device.setup.kind.bit_rates().first().copied()));
         let mut world = World::new(rate.unwrap_or(protocol_core::controller::BitRate::Kbit250), 0);
@@ -46,7 +46,7 @@ impl Stage {
         // After the devices: where one of them and the log send the same frame at once, it is the device's.
         let others = world.add_gateway("the log");
         link_in(&mut world, &options.links);
-        let mut to_come: Vec<_> = begin.power_ups().iter().map(|power_up| power_up.at).zip(nodes.clone()).collect();
+        let mut to_come: Vec<_> = timeline.power_ups().iter().map(|power_up| power_up.at).zip(nodes.clone()).collect();
         to_come.sort_by(|one, other| other.cmp(one));
         let known = options.devices.iter().map(|device| Node {
             name: device.name.clone(),
@@ -115,7 +115,7 @@ impl Stage {
     /// Takes note of what has happened at an instant.
     fn look(&mut self) {
         self.positions.sample(&mut self.world, &self.nodes);
-        let begin = self.sent.len();
+        let first = self.sent.len();
         for event in self.world.take_events() {
             let EventKind::Frame { frame, .. } = event.what else { continue };
             if let Some(&place) = self.places.get(&event.who) {
@@ -123,7 +123,7 @@ impl Stage {
                 self.sent.push(Item::sent(event.at, frame, place));
             }
         }
-        for item in self.sent.iter_mut().skip(begin) {
+        for item in self.sent.iter_mut().skip(first) {
             if let Some((place, node)) = item.device.and_then(|place| Some((place, *self.nodes.get(place)?))) {
                 item.fields = self.positions.fields(place, &item.frame, self.world.tpdo(node));
             }
@@ -159,9 +159,9 @@ impl Stage {
     }
 
     /// Returns whether a frame of the log is of a device that a stand-in stands for.
-    pub(super) fn is_own(&mut self, frame: &Frame, keys: &BTreeSet<u32>, begin: &Begin) -> bool {
+    pub(super) fn is_own(&mut self, frame: &Frame, keys: &BTreeSet<u32>, timeline: &Timeline) -> bool {
         self.update_ids();
-        own::is_own(frame, self.explainer.nodes_mut(), keys, begin)
+        attribution::is_own(frame, self.explainer.nodes_mut(), keys, timeline)
     }
 
     /// Takes the node IDs of devices that are switched on; of the others those that they were made with.
@@ -174,7 +174,13 @@ impl Stage {
     }
 
     /// Returns a difference in words.
-    pub(super) fn difference(&mut self, what: What, item: &Item, other: Option<&Item>, begin: &Begin) -> Difference {
+    pub(super) fn difference(
+        &mut self,
+        what: What,
+        item: &Item,
+        other: Option<&Item>,
+        timeline: &Timeline,
+    ) -> Difference {
         self.update_ids();
         let logged = Some(item).filter(|_| what != What::Additional);
         let sent = if what == What::Additional { Some(item) } else { other };
@@ -183,6 +189,12 @@ impl Stage {
             self.places.iter().find(|(_, at)| **at == place).map(|(name, _)| name.to_string())
         };
         let say = |item: &Item| (item.frame, self.explainer.explain(&item.frame, name(item).as_deref()));
-        Difference { at: begin.time(item.at), number: item.number, what, logged: logged.map(say), sent: sent.map(say) }
+        Difference {
+            at: timeline.time(item.at),
+            number: item.number,
+            what,
+            logged: logged.map(say),
+            sent: sent.map(say),
+        }
     }
 }

@@ -42,7 +42,7 @@ pub(super) enum Verdict {
 
 /// The frames of an identifier that have no verdict, oldest first.
 #[derive(Debug, Default)]
-pub(super) struct Lane {
+pub(super) struct FrameMatcher {
     pub(super) logged: VecDeque<Item>,
     pub(super) sent: VecDeque<Item>,
 }
@@ -55,7 +55,7 @@ enum Step {
     Additional,
 }
 
-impl Lane {
+impl FrameMatcher {
     /// Returns the next verdict, with all frames known up to an instant; `None` when it has to wait for more.
     pub(super) fn next(
         &mut self,
