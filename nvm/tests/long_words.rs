@@ -47,7 +47,7 @@ impl NorFlash for Flash {
 fn clearing_steps_over_a_torn_header() {
     let mut flash = Flash([ERASED; 2 * SECTOR]);
     let mut buffer = [0; BUFFER];
-    let mut records = Records::open(&mut flash, &mut buffer).unwrap();
+    let mut records = Records::new(&mut flash, &mut buffer);
     records.store_setting(b"kind").unwrap();
     records.store(RecordKey::LocalLayer, &seal(1, b"\x20\x03").unwrap()).unwrap();
     // The power was cut in the word that is the header of an item of eight bytes: the length is there, its checksum is
@@ -55,7 +55,7 @@ fn clearing_steps_over_a_torn_header() {
     let end = flash.0.chunks_exact(WORD).position(|word| word == [ERASED; WORD]).unwrap() * WORD;
     flash.write(end as u32, &[0x62, 0xD0, 0xE7, 0x75, 8, 0, 0xFF, 0xFF]).unwrap();
 
-    let mut records = Records::open(&mut flash, &mut buffer).unwrap();
+    let mut records = Records::new(&mut flash, &mut buffer);
     assert_eq!(records.clear(), Ok(()));
     let mut contents = Contents::empty();
     records.read(&mut contents).unwrap();

@@ -24,6 +24,11 @@ use hal_sim::memory::{Content, Flash, MemoryFile, MemoryFileError, SIZE};
 
 const MAGIC: [u8; 4] = *b"PNVM";
 const VERSION: u32 = 1;
+/// How the memory is laid out, beside the number of the kind: 0 was that of programs before this one. They take a file of
+/// another layout for one of another kind, refuse it, and leave it as it is.
+const LAYOUT: u32 = 1;
+/// The number of the kind has so many bits, the layout has the others.
+const KIND_BITS: u32 = 8;
 const HEADER: usize = 16;
 /// Letters and digits that make the name of an unfinished file unique.
 const UNFINISHED_SUFFIX: usize = 6;
@@ -42,6 +47,12 @@ pub enum StateFileError {
         found: u32,
         /// The kind that it was opened for.
         expected: u32,
+    },
+    /// A later program wrote it.
+    #[error("{}: written by a later pve-sim", path.display())]
+    Later {
+        /// The file.
+        path: PathBuf,
     },
     /// Another simulator has it.
     #[error("{} is in use by another pve-sim", path.display())]
@@ -149,8 +160,12 @@ impl StateFile {
         let Some((header, image)) = bytes.split_first_chunk::<HEADER>() else { return Ok(Content::Damaged) };
         let word = |at: usize| u32::from_le_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]]);
         let (version, found, size) = (word(4), word(8), word(12));
+        let (layout, found) = (found >> KIND_BITS, found & ((1 << KIND_BITS) - 1));
         if !header.starts_with(&MAGIC) || version != VERSION || size as usize != SIZE {
             return Ok(Content::Damaged);
+        }
+        if layout > LAYOUT {
+            return Err(StateFileError::Later { path: self.path.clone() });
         }
         if found != self.kind {
             return Err(StateFileError::OtherKind { path: self.path.clone(), found, expected: self.kind });
@@ -196,7 +211,7 @@ impl MemoryFile for StateFile {
         let size = u32::try_from(image.len()).unwrap_or(u32::MAX);
         let mut header = Vec::with_capacity(HEADER);
         header.extend_from_slice(&MAGIC);
-        for word in [VERSION, self.kind, size] {
+        for word in [VERSION, LAYOUT << KIND_BITS | self.kind, size] {
             header.extend_from_slice(&word.to_le_bytes());
         }
         let replace = || -> io::Result<()> {

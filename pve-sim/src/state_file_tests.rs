@@ -11,8 +11,8 @@ use hal_sim::memory::{Flash, SIZE};
 
 use super::{StateFile, StateFileError};
 
-const KIND: u32 = 11_149_437;
-const OTHER_KIND: u32 = 925_010;
+const KIND: u32 = 125;
+const OTHER_KIND: u32 = 82;
 const HEADER: usize = 16;
 
 fn record(payload: &[u8]) -> Record {
@@ -82,8 +82,21 @@ fn the_file_is_a_header_and_the_flash() {
     memory.store(RecordKey::Parameters, &record(b"kept")).unwrap();
     let bytes = fs::read(path(&dir)).unwrap();
     assert_eq!(bytes.len(), HEADER + SIZE);
-    assert_eq!(bytes[..HEADER], *b"PNVM\x01\0\0\0\x7D\x20\xAA\0\0\x80\0\0");
+    assert_eq!(bytes[..HEADER], *b"PNVM\x01\0\0\0\x7D\x01\0\0\0\x80\0\0");
     assert!(bytes[HEADER..] == *memory.flash().image());
+}
+
+/// Programs before this one take the number behind the kind for a part of it, and refuse the file as it is.
+#[test]
+fn a_file_of_a_later_program_is_refused_and_left_alone() {
+    let dir = directory();
+    open(&dir).store(RecordKey::Parameters, &record(b"kept")).unwrap();
+    let mut bytes = fs::read(path(&dir)).unwrap();
+    bytes[9] += 1;
+    fs::write(path(&dir), &bytes).unwrap();
+    let error = in_file(dir.path(), "valve", KIND).unwrap_err();
+    assert!(matches!(error, StateFileError::Later { .. }), "{error}");
+    assert!(fs::read(path(&dir)).unwrap() == bytes);
 }
 
 #[test]

@@ -19,7 +19,9 @@ use super::program::Simulator;
 use stories::Story;
 
 /// The layout that the program writes.
-const LAYOUT: &str = "v1";
+const LAYOUT: &str = "v2";
+/// The layouts that programs before it wrote.
+const EARLIER: [&str; 1] = ["v1"];
 
 /// How long a device has to start, and to tell what it found.
 const START: &str = "advance 500";
@@ -31,7 +33,11 @@ fn device(kind: &str) -> String {
 
 /// The bytes of a file of a kind, as a story left it.
 fn written(kind: &str, story: &str) -> Vec<u8> {
-    let path = folder().join(format!("state/{LAYOUT}/{kind}-{story}.hex"));
+    written_in(LAYOUT, kind, story)
+}
+
+fn written_in(layout: &str, kind: &str, story: &str) -> Vec<u8> {
+    let path = folder().join(format!("state/{layout}/{kind}-{story}.hex"));
     dump::parse(&fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display())))
 }
 
@@ -161,6 +167,14 @@ fn of_kind(kind: &str, other: &str, damaged: &[(String, Vec<u8>)]) {
         let (told, _) = start(kind, &content, &usual);
         let _ = write!(text, "== {name}\n{told}-- stores once more\n{}\n", goes_on(kind, &content, &usual));
     }
+    for layout in EARLIER {
+        for Story { name, .. } in stories::of(kind) {
+            let content = written_in(layout, kind, name);
+            let (told, _) = start(kind, &content, &usual);
+            let goes_on = goes_on(kind, &content, &usual);
+            let _ = write!(text, "== {name}, of {layout}\n{told}-- stores once more\n{goes_on}\n");
+        }
+    }
     let mut seen = BTreeMap::new();
     for (name, content) in damage::of_the_file(kind, other).iter().chain(damaged) {
         let (told, _) = start(kind, content, &usual);
@@ -213,12 +227,14 @@ fn memories_of_boards() {
     let mut text = String::new();
     for kind in KINDS {
         let (_, usual) = start(kind, &written(kind, "new"), &BTreeMap::new());
-        for story in ["new", "set"] {
-            let path = folder().join(format!("board/{LAYOUT}/{kind}-{story}.hex"));
-            let sectors = dump::parse(&fs::read_to_string(path).expect("the memory of a board"));
-            let header = &written(kind, story)[..damage::HEADER];
-            let (told, _) = start(kind, &[header, &sectors].concat(), &usual);
-            let _ = write!(text, "== {kind}, {story}\n{told}\n");
+        for layout in EARLIER.into_iter().chain([LAYOUT]) {
+            for story in ["new", "set"] {
+                let path = folder().join(format!("board/{layout}/{kind}-{story}.hex"));
+                let sectors = dump::parse(&fs::read_to_string(path).expect("the memory of a board"));
+                let header = &written_in(layout, kind, story)[..damage::HEADER];
+                let (told, _) = start(kind, &[header, &sectors].concat(), &usual);
+                let _ = write!(text, "== {kind}, {story}, of {layout}\n{told}\n");
+            }
         }
     }
     check("board/read-by-the-program.txt", &text);

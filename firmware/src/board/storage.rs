@@ -138,8 +138,7 @@ impl Memory {
 
     /// Reads everything; the setting, if there is one.
     fn read(&mut self, contents: &mut Contents) -> Option<Settings> {
-        let read = self.records().map_err(|_| Unreadable).and_then(|mut records| records.read(contents));
-        if let Err(Unreadable) = read {
+        if let Err(Unreadable) = self.records().read(contents) {
             self.begin_anew(contents);
         }
         contents.setting.as_deref().and_then(Settings::decode)
@@ -149,27 +148,27 @@ impl Memory {
     fn begin_anew(&mut self, contents: &mut Contents) {
         let erased = self.sectors.erase_all().is_ok();
         defmt::error!("the memory was damaged; erased: {}", erased);
-        if let (Some(setting), Ok(mut records)) = (&contents.setting, self.records()) {
+        if let Some(setting) = &contents.setting {
             // Without it the board would be the kind that the image was built for.
-            let _ = records.store_setting(setting);
+            let _ = self.records().store_setting(setting);
         }
         contents.image.clear();
         contents.image.set_damaged();
     }
 
     fn store(&mut self, key: RecordKey, record: &Record) -> Result<(), StoreError> {
-        self.records()?.store(key, record)
+        self.records().store(key, record)
     }
 
     fn clear(&mut self) -> Result<(), StoreError> {
-        self.records()?.clear()
+        self.records().clear()
     }
 
     fn set(&mut self, settings: Settings) -> Result<(), StoreError> {
-        self.records()?.store_setting(&settings.encode())
+        self.records().store_setting(&settings.encode())
     }
 
-    fn records(&mut self) -> Result<Records<'_, &mut Sectors>, StoreError> {
-        Records::open(&mut self.sectors, &mut self.buffer).map_err(|_| StoreError)
+    const fn records(&mut self) -> Records<'_, &mut Sectors> {
+        Records::new(&mut self.sectors, &mut self.buffer)
     }
 }

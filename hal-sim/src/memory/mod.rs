@@ -242,13 +242,13 @@ impl Memory {
 
 fn read(flash: &mut Flash) -> Result<Image, Unreadable> {
     let mut buffer = [0; BUFFER];
-    let mut records = Records::open(flash, &mut buffer).map_err(|_| Unreadable)?;
+    let mut records = Records::new(flash, &mut buffer);
     let mut contents = Contents::empty();
     records.read(&mut contents).map(|()| contents.image)
 }
 
 fn store(flash: &mut Flash, key: RecordKey, record: &Record) -> Result<(), StoreError> {
     let mut buffer = [0; BUFFER];
-    let mut records = Records::open(flash, &mut buffer).map_err(|_| StoreError)?;
+    let mut records = Records::new(flash, &mut buffer);
     records.store(key, record)
 }

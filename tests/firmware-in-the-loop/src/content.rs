@@ -64,7 +64,7 @@ fn with_setting(content: Vec<u8>, kind: Kind) -> Vec<u8> {
     let mut flash = memory::Flash::from_image(content).expect("it is as long as a flash");
     let mut buffer = [0; nvm::BUFFER];
     let setting = Settings { fresh: false, ..Settings::new(kind, None) }.encode();
-    let mut records = Records::open(&mut flash, &mut buffer).expect("this flash does not fail");
+    let mut records = Records::new(&mut flash, &mut buffer);
     records.store_setting(&setting).expect("this flash does not fail");
     flash.image().to_vec()
 }

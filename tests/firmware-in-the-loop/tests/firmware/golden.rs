@@ -31,7 +31,9 @@ use protocol_core::controller::BitRate;
 use super::client::{Client, ImageClient, frame};
 
 /// The layout that the image writes.
-const LAYOUT: &str = "v1";
+const LAYOUT: &str = "v2";
+/// The layouts that images before it wrote.
+const EARLIER: [&str; 1] = ["v1"];
 /// The bytes of the memory.
 const SIZE: usize = 2 * SECTOR_SIZE;
 const KINDS: [&str; 6] = ["pvea-canopen", "pveo-canopen", "pvea-isobus", "pveo-isobus", "hat1000", "hat3000"];
@@ -202,8 +204,8 @@ fn found(board: &'static Board, kind: &str, memory: &[u8], rate: BitRate) -> Str
 }
 
 /// The memory of a kind, as a story left it.
-fn written(kind: &str, story: &str) -> Vec<u8> {
-    let path = expected::folder().join(format!("board/{LAYOUT}/{kind}-{story}.hex"));
+fn written(layout: &str, kind: &str, story: &str) -> Vec<u8> {
+    let path = expected::folder().join(format!("board/{layout}/{kind}-{story}.hex"));
     dump::parse(&fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display())))
 }
 
@@ -215,12 +217,13 @@ fn stories_of(kind: &str) -> Vec<stories::Story> {
 /// What a board makes of the memories of a kind.
 fn of_kind(kind: &str) {
     let mut text = String::new();
-    for story in stories_of(kind) {
-        let memory = written(kind, story.name);
+    let layouts = [LAYOUT].into_iter().chain(EARLIER);
+    for (layout, story) in layouts.flat_map(|layout| stories_of(kind).into_iter().map(move |story| (layout, story))) {
+        let memory = written(layout, kind, story.name);
         let has_moved = !kind.ends_with("isobus") && matches!(story.name, "set" | "load");
         let rate = if has_moved { BitRate::Kbit125 } else { first_rate(kind) };
         let told = found(&NUCLEO_F429ZI, kind, &memory, rate);
-        let _ = write!(text, "== {}\n{told}\n", story.name);
+        let _ = write!(text, "== {}, of {layout}\n{told}\n", story.name);
         if story.name == "set" {
             assert_eq!(found(&NUCLEO_F446RE, kind, &memory, rate), told, "both boards read alike");
         }

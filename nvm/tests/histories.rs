@@ -1,0 +1,189 @@
+//! Random histories of stores with power cuts, on flashes with words of 1 to 32 bytes: a cut leaves a record old or new, and
+//! all others as they were; no word is written twice. On some flashes a torn word cannot be read.
+
+use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
+use nvm::{BUFFER, Contents, ERASED, Records};
+use protocol_core::memory::{Memory as _, RecordKey, StoreError, seal};
+
+const SECTOR: usize = 2048;
+
+/// Two sectors in RAM with words of `W` bytes.
+#[derive(Clone)]
+struct Flash<const W: usize> {
+    cells: Vec<u8>,
+    /// Words that were written since their sector was erased.
+    written: Vec<bool>,
+    /// Words that cannot be read.
+    torn: Vec<bool>,
+    /// Whether torn words cannot be read.
+    corrects_errors: bool,
+    /// The word writes and erases until the power is cut.
+    power_for: Option<u64>,
+    random: fastrand::Rng,
+}
+
+impl<const W: usize> Flash<W> {
+    fn new(corrects_errors: bool, seed: u64) -> Self {
+        let words = 2 * SECTOR / W;
+        Self {
+            cells: vec![ERASED; 2 * SECTOR],
+            written: vec![false; words],
+            torn: vec![false; words],
+            corrects_errors,
+            power_for: None,
+            random: fastrand::Rng::with_seed(seed),
+        }
+    }
+
+    /// Returns whether the power lasts for one more operation.
+    fn is_powered(&mut self) -> Result<bool, NorFlashErrorKind> {
+        match &mut self.power_for {
+            None => Ok(true),
+            Some(0) => {
+                self.power_for = Some(u64::MAX);
+                Ok(false)
+            }
+            Some(u64::MAX) => Err(NorFlashErrorKind::Other),
+            Some(left) => {
+                *left -= 1;
+                Ok(true)
+            }
+        }
+    }
+
+    fn is_dead(&self) -> bool {
+        self.power_for == Some(u64::MAX)
+    }
+}
+
+impl<const W: usize> ErrorType for Flash<W> {
+    type Error = NorFlashErrorKind;
+}
+
+impl<const W: usize> ReadNorFlash for Flash<W> {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
+        let start = offset as usize;
+        let words = start / W..(start + bytes.len()).div_ceil(W);
+        if self.is_dead() || self.torn[words].contains(&true) {
+            return Err(NorFlashErrorKind::Other);
+        }
+        bytes.copy_from_slice(&self.cells[start..][..bytes.len()]);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        self.cells.len()
+    }
+}
+
+impl<const W: usize> NorFlash for Flash<W> {
+    const WRITE_SIZE: usize = W;
+    const ERASE_SIZE: usize = SECTOR;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
+        assert_eq!((from as usize % SECTOR, to - from), (0, SECTOR as u32));
+        let is_done = self.is_powered()?;
+        let torn = self.random.usize(..5);
+        let reached = self.random.usize(..SECTOR);
+        for at in from as usize..to as usize {
+            let place = at - from as usize;
+            let is_erased = is_done || (torn == 0 && place < reached) || (torn == 1 && place > reached);
+            self.cells[at] = match torn {
+                _ if is_erased => ERASED,
+                2 => 0,
+                3 => self.random.u8(..),
+                4 => self.cells[at] | self.random.u8(..),
+                _ => self.cells[at],
+            };
+            self.written[at / W] = !is_done;
+            self.torn[at / W] = !is_done && self.corrects_errors && self.random.bool();
+        }
+        if is_done { Ok(()) } else { Err(NorFlashErrorKind::Other) }
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
+        assert!((offset as usize).is_multiple_of(W) && bytes.len().is_multiple_of(W));
+        for (word, content) in bytes.chunks_exact(W).enumerate() {
+            let word = offset as usize / W + word;
+            assert!(!self.written[word], "word {word} of {W} bytes is written twice");
+            let is_done = self.is_powered()?;
+            self.written[word] = true;
+            for (cell, byte) in self.cells[word * W..][..W].iter_mut().zip(content) {
+                *cell = if is_done { *byte } else { *byte | self.random.u8(..) };
+            }
+            if !is_done {
+                // A word that reads as an erased one cannot be told from it.
+                self.written[word] = self.cells[word * W..][..W].iter().any(|cell| *cell != ERASED);
+                self.torn[word] = self.written[word] && self.corrects_errors && self.random.bool();
+                return Err(NorFlashErrorKind::Other);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What is held: each record, and the setting.
+type Held = (Vec<Option<Vec<u8>>>, Option<Vec<u8>>);
+
+fn held<const W: usize>(flash: &mut Flash<W>) -> Held {
+    let mut buffer = [0; BUFFER];
+    let mut contents = Contents::empty();
+    let read = Records::new(flash, &mut buffer).read(&mut contents);
+    assert_eq!(read, Ok(()), "it makes sense");
+    let record = |key| contents.image.sealed(key).expect("nothing is damaged").map(<[u8]>::to_vec);
+    (RecordKey::ALL.into_iter().map(record).collect(), contents.setting.map(|setting| setting.to_vec()))
+}
+
+/// Plays a history; returns how often the power was cut.
+fn play<const W: usize>(corrects_errors: bool, seed: u64) -> u32 {
+    let mut random = fastrand::Rng::with_seed(seed);
+    let mut flash = Flash::<W>::new(corrects_errors, seed);
+    let (mut before, mut cuts) = (held(&mut flash), 0);
+    for step in 0..random.u32(1..120) {
+        let key = RecordKey::ALL[random.usize(..6)];
+        let length = random.usize(..100);
+        let payload: Vec<u8> = (0..length).map(|_| random.u8(..)).collect();
+        let record = seal(1, &payload).expect("a record");
+        let (choice, mut after) = (random.u32(..20), before.clone());
+        match choice {
+            0 => after.0.fill(None),
+            1 => after.1 = Some(payload[..payload.len().min(8)].to_vec()),
+            _ => after.0[key.position()] = Some(record.to_vec()),
+        }
+        flash.power_for = random.bool().then(|| random.u64(..80));
+        let mut buffer = [0; BUFFER];
+        let mut records = Records::new(&mut flash, &mut buffer);
+        let done: Result<(), StoreError> = match choice {
+            0 => records.clear(),
+            1 => records.store_setting(&payload[..payload.len().min(8)]),
+            _ => records.store(key, &record),
+        };
+        let was_cut = flash.is_dead();
+        flash.power_for = None;
+        cuts += u32::from(was_cut);
+        let found = held(&mut flash);
+        let what = format!("words of {W} bytes, seed {seed}, step {step}, choice {choice}, {done:?}, cut: {was_cut}");
+        assert!(done.is_ok() || was_cut, "{what}");
+        assert!(found == after || (was_cut && found == before), "{what}");
+        before = found;
+    }
+    cuts
+}
+
+#[test]
+fn a_cut_leaves_everything_old_or_new() {
+    let histories = std::env::var("NVM_HISTORIES").map_or(60, |count| count.parse().expect("a number"));
+    for corrects_errors in [false, true] {
+        let mut cuts = 0;
+        for seed in 0..histories {
+            cuts += play::<1>(corrects_errors, seed);
+            cuts += play::<2>(corrects_errors, seed);
+            cuts += play::<4>(corrects_errors, seed);
+            cuts += play::<8>(corrects_errors, seed);
+            cuts += play::<32>(corrects_errors, seed);
+        }
+        assert!(cuts > 1000, "{cuts}");
+    }
+}
