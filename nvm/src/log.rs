@@ -397,7 +397,9 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         while at < end {
             let len = step.min(end - at);
             self.read(at, len)?;
-            if let Some(byte) = self.buffer[..len].iter().position(|byte| *byte != ERASED) {
+            if !is_blank(&self.buffer[..len])
+                && let Some(byte) = self.buffer[..len].iter().position(|byte| *byte != ERASED)
+            {
                 return Ok(Some(at + byte / F::WRITE_SIZE * F::WRITE_SIZE));
             }
             at += len;
@@ -423,4 +425,10 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         let ends = [0, F::ERASE_SIZE - F::WRITE_SIZE, F::ERASE_SIZE, 2 * F::ERASE_SIZE - F::WRITE_SIZE];
         if is_alive || ends.into_iter().any(&mut can_read) { Ok(()) } else { Err(error) }
     }
+}
+
+/// Looks at four bytes at a time: a start of the board goes through all of its memory.
+fn is_blank(bytes: &[u8]) -> bool {
+    let (words, rest) = bytes.as_chunks::<4>();
+    words.iter().all(|word| *word == [ERASED; 4]) && rest.iter().all(|byte| *byte == ERASED)
 }

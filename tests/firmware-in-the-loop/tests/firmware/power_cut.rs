@@ -1,8 +1,8 @@
 //! The power is cut while parameters are stored: afterwards all of them are old or all are new (SPEC 6).
 //!
 //! The instants are random, the same in each run. Half of them are in a store that writes words only, the others in one
-//! that moves what the flash holds and erases a sector, and half of those in the erase: it takes nearly all of the
-//! time.
+//! that moves what the flash holds and erases a sector, and half of those in the erase: it takes nearly all of the time,
+//! and the new values are complete before it begins.
 
 use std::ops::Range;
 
@@ -131,7 +131,7 @@ pub fn cuts(board: &'static Board, worn: bool, seed: u64) {
         assert!(is_new || !answered, "saved and answered, but not there: cut {number} at {at} us");
         *(if is_new { &mut new } else { &mut old }) += 1;
     }
-    assert!(old >= CUTS / 2 && new >= CUTS / 20, "{old} old, {new} new: cut before all, or after all");
+    assert!(old >= CUTS / 5 && new >= CUTS / 20, "{old} old, {new} new: cut before all, or after all");
     scene.client.end_without_reset();
 }
 

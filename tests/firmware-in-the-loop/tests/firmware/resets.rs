@@ -27,7 +27,7 @@ pub const AT_ONCE: Duration = Duration::from_millis(20);
 /// What writes a record, and nobody but the memory's task calls.
 const STORES: [&str; 1] = ["nvm::store::Records<F>::write"];
 /// What the memory's task calls as the board starts, and whenever it looks for what is stored.
-const SCANS: [&str; 1] = ["nvm::store::Records<F>::scan"];
+const SCANS: [&str; 1] = ["nvm::log::Log<F>::scan"];
 /// The log's output, called when the log is taken.
 const WRITES_LOG: [&str; 1] = ["defmt_rtt::channel::Channel::write_all"];
 /// What the handler runs that polls the device's task.
