@@ -66,7 +66,7 @@ function place(states) {
 function lose() {
   bus.close();
   early = null;
-  showLink("lost", "the simulator is away; trying again");
+  showLink("lost", "Connection lost. Reconnecting…");
 }
 
 function hear(frame) {

@@ -135,7 +135,7 @@ impl Parser {
         let words: Vec<&str> = rest.split_whitespace().collect();
         let entry = match words.as_slice() {
             [device, channel, direction, rest @ ..] if device.eq_ignore_ascii_case("CANFD") && is_on_bus(direction) => {
-                self.channel = channel.parse().map_err(|_| "a channel that is none")?;
+                self.channel = channel.parse().map_err(|_| "invalid channel")?;
                 Entry::Frame(self.frame_of_fd_controller(rest)?)
             }
             [device, ..] if device.eq_ignore_ascii_case("CANFD") => return Err(FD),
@@ -168,7 +168,7 @@ impl Parser {
             words => words.to_vec(),
         };
         let [id, _, _, code, length, rest @ ..] = words.as_slice() else { return Err("fewer words than a frame has") };
-        let length: usize = length.parse().map_err(|_| "a length that is none")?;
+        let length: usize = length.parse().map_err(|_| "invalid length")?;
         let flags = rest.get(length.saturating_add(2)).and_then(|flags| u32::from_str_radix(flags, 16).ok());
         match flags {
             Some(flags) if flags & EXTENDED_DATA_LENGTH != 0 => Err(FD),
@@ -185,14 +185,14 @@ impl Parser {
             Some(id) => number(id).and_then(ExtendedId::new).map(Id::Extended),
             None => number(id).and_then(|id| u16::try_from(id).ok()).and_then(StandardId::new).map(Id::Standard),
         };
-        let id = id.ok_or("an identifier that is none")?;
+        let id = id.ok_or("invalid identifier")?;
         let length = |text: &str| number(text).and_then(|code| u8::try_from(code).ok()).filter(|code| *code <= 15);
         match *rest {
             ["r" | "R", ref rest @ ..] => {
                 Ok(Frame::remote(id, rest.first().and_then(|text| length(text)).unwrap_or(0)))
             }
             ["d" | "D", code, ref rest @ ..] => {
-                let wanted = length(code).ok_or("a length that is none")?.min(8);
+                let wanted = length(code).ok_or("invalid length")?.min(8);
                 let mut data = [0; 8];
                 let bytes = rest.get(..usize::from(wanted)).ok_or("fewer bytes than the length says")?;
                 for (room, byte) in data.iter_mut().zip(bytes) {

@@ -194,7 +194,7 @@ fn take(
             }
             let at = interface.time(u64::from(packet.ts_high) << 32 | u64::from(packet.ts_low));
             let entry = entry(packet.packet_data());
-            return Some(entry.and_then(|entry| Ok(Record { at: at.ok_or("a time that is none")?, entry })));
+            return Some(entry.and_then(|entry| Ok(Record { at: at.ok_or("invalid time")?, entry })));
         }
         PcapBlockOwned::NG(Block::SimplePacket(_)) => return Some(Err("a packet without a time")),
         _ => {}

@@ -269,7 +269,7 @@ fn a_process_that_stands_still_is_no_master_that_does() {
             rig.run_until(millis(1300 + stall));
             assert!(rig.stayed_active(), "{stall} ms, {offset} ms after a set-point, at {speed}");
             let said = rig.end();
-            assert!(said.len() == 1 && said[0].contains("stood still for"), "{said:?}");
+            assert!(said.len() == 1 && said[0].contains("the host paused for"), "{said:?}");
         }
     }
 }

@@ -99,7 +99,7 @@ impl Timekeeper {
             std::mem::replace(&mut self.stalls, Stalls { told: Some(now), ..Stalls::default() });
         let times = if count == 1 { String::new() } else { format!(" ({count} times)") };
         let seconds = time.as_secs_f64();
-        Some(format!("stood still for {seconds:.3} s{times}: that time did not happen on the bus"))
+        Some(format!("the host paused for {seconds:.3} s{times}; virtual time was held"))
     }
 
     /// Notes that the world, at `world`, has done a go of work and is still behind; returns a warning for the user.
