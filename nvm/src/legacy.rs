@@ -64,15 +64,22 @@ impl<F: NorFlash> Log<'_, F> {
         Ok(())
     }
 
-    /// Puts the content of an item behind the place of the header of an entry in the buffer.
-    pub(crate) fn read_legacy(&mut self, at: usize, length: usize) -> Result<(), F::Error> {
-        self.read(at + Self::LEGACY_HEADER, (1 + length).next_multiple_of(F::WRITE_SIZE))?;
+    /// Puts the content of an item behind the place of the header of an entry in the buffer; returns whether it is still
+    /// intact.
+    pub(crate) fn read_legacy(&mut self, at: usize, length: usize) -> Result<bool, F::Error> {
+        let end = (at / F::ERASE_SIZE) * F::ERASE_SIZE + Self::LEGACY_SECTOR - F::WRITE_SIZE;
+        let is_intact = self.legacy_item_at(at, end)? == Some(1 + length);
         self.buffer.copy_within(1..=length, ENTRY_HEADER);
-        Ok(())
+        Ok(is_intact)
+    }
+
+    /// Returns whether the items of the first sector are newer than those of the second.
+    pub(crate) fn is_legacy_newer_in_front(&mut self) -> Result<bool, F::Error> {
+        Ok(self.is_legacy_full(1)? && !self.is_legacy_full(0)?)
     }
 
     /// Returns whether a sector is marked as full: the other one has newer items.
-    pub(crate) fn is_legacy_full(&mut self, sector: usize) -> Result<bool, F::Error> {
+    fn is_legacy_full(&mut self, sector: usize) -> Result<bool, F::Error> {
         self.is_word_of(sector * F::ERASE_SIZE + Self::LEGACY_SECTOR - F::WRITE_SIZE, FULL)
     }
 

@@ -2,23 +2,24 @@
 //! is intact counts.
 //!
 //! An entry has a sequence number and a checksum, and begins at a word. Sectors are searched word by word, so that damage
-//! hides nothing but itself, whatever it looks like. When the sector in use is full, the newest entry of each key is copied
-//! into the other one, and the full sector is erased when all of them read back. Entries of a full sector are older than
-//! those of the next, so a cut leaves nothing to be decided: a copy is as good as what it was made from, and what half an
-//! erase leaves over is older than both.
+//! hides nothing but itself, whatever it looks like. When the sector in use is full, the other one is erased, and the newest
+//! entry of each key is copied into it. The full sector stays as it is until the next move: a cut leaves nothing to be
+//! decided, since a copy is as good as its original, and an erase that was cut is simply done again.
 //!
 //! No word is written twice between two erases, and a word that cannot be read (a torn one, on a flash with error
 //! correction) is damage like any other.
 
 use core::ops::Range;
 
-use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
+use crc::{CRC_32_ISCSI, Crc, NoTable};
 use embedded_storage::nor_flash::NorFlash;
 use protocol_core::memory::StoreError;
 
 use crate::{BUFFER, ERASED, INVENTORY, ITEM_MAX, KEYS, SECTORS, SETTING, WORD_MAX, place_of};
 
-const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
+/// Another polynomial than that of the records: of a content that ends in its own checksum, the same one would not depend on
+/// the content.
+const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISCSI);
 
 /// The mark of an entry, its key, its length, whether it is a beginning, its sequence number, and the checksum of all of
 /// it.
@@ -50,22 +51,25 @@ struct Found {
     is_beginning: bool,
 }
 
+/// The newest entry of each key.
+type Newest = [Option<Found>; KEYS];
+
 /// What a walk through a sector has found.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy)]
 struct Walk {
-    /// The sequence numbers of the first entry and of the last.
-    sequences: Option<(u32, u32)>,
-    /// The keys of which there is any entry, a bit each, by their places.
-    keys: u8,
-    /// Where the next entry goes.
-    free: usize,
+    /// The sequence number of the last entry.
+    last: Option<u32>,
+    /// Where the next entry goes, and where the room for it ends.
+    room: (usize, usize),
     is_blank: bool,
 }
 
 /// What there is in the flash.
 struct Survey {
     /// The newest entry of each key that counts.
-    newest: [Option<Found>; KEYS],
+    newest: Newest,
+    /// The same of each sector.
+    newest_in: [Newest; SECTORS],
     walks: [Walk; SECTORS],
     /// The sequence number of the next entry.
     next: u32,
@@ -77,6 +81,7 @@ struct Survey {
 struct Spot {
     sector: usize,
     free: usize,
+    end: usize,
     next: u32,
 }
 
@@ -115,43 +120,48 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         if self.put(&mut spot, source)? {
             return Ok(());
         }
-        // All that counts lies in one sector before it is moved.
-        self.settle(None)?;
-        self.move_on(key, source)
+        // All that counts lies in one sector before the other one is erased.
+        let old = self.settle(None)?.sector;
+        let (survey, mut spot) = self.begin_sector(1 - old)?;
+        let others = survey.newest.iter().flatten().filter(|found| found.key != key);
+        self.put_all(&mut spot, others.copied().map(Source::Copy).chain([source]))
     }
 
     /// Begins anew: of all entries the setting stays alone. A cut leaves all of them, or the setting and the inventory.
     pub(crate) fn begin_anew(&mut self, inventory: &[u8]) -> Result<(), StoreError> {
         let old = self.settle(None)?.sector;
-        let target = 1 - old;
-        let survey = self.survey().map_err(|_| StoreError)?;
-        self.make_blank(target, survey.walks[target].is_blank)?;
-        let mut spot = Spot { sector: target, free: target * F::ERASE_SIZE, next: survey.next };
+        let (survey, mut spot) = self.begin_sector(1 - old)?;
         let setting = survey.newest[place_of(SETTING)].map(Source::Copy);
-        for source in setting.into_iter().chain([Source::Bytes(INVENTORY, inventory, true)]) {
-            if !self.put(&mut spot, source)? {
-                return Err(StoreError);
-            }
-        }
+        let beginning = Source::Bytes(INVENTORY, inventory, true);
+        self.put_all(&mut spot, setting.into_iter().chain([beginning]))?;
         self.erase(old)
     }
 
     /// Finishes a move that was cut, but for the entry of one key; returns where the next entry goes.
     fn settle(&mut self, but: Option<u8>) -> Result<Spot, StoreError> {
-        for _ in 0..SECTORS {
-            let survey = self.survey().map_err(|_| StoreError)?;
-            let mut spot = self.begin(&survey)?;
-            if self.copy_from_other(&survey, &mut spot, but)? {
+        let survey = self.survey().map_err(|_| StoreError)?;
+        let mut spot = self.spot(&survey).map_err(|_| StoreError)?;
+        let other = 1 - spot.sector;
+        let is_left = |found: &&Found| Self::sector_of(found.at) == other && Some(found.key) != but;
+        let mut left = survey.newest.iter().flatten().filter(is_left).copied();
+        if left.try_fold(true, |fits, found| Ok(fits && self.put(&mut spot, Source::Copy(found))?))? {
+            return Ok(spot);
+        }
+        // The copies do not fit behind damage. A sector that holds copies alone can be erased; what is left of a sector
+        // that holds more is a version from before damage, and is given up with the next move.
+        for place in 0..KEYS {
+            let held = survey.newest[place].filter(|found| Self::sector_of(found.at) == spot.sector);
+            let is_copy = match (held, survey.newest_in[other][place]) {
+                (Some(held), Some(original)) => self.is_copy(&held, &original).map_err(|_| StoreError)?,
+                (held, _) => held.is_none(),
+            };
+            if !is_copy {
                 return Ok(spot);
             }
-            // The copies do not fit behind damage. Erased is what the other sector has, too.
-            let keys = |sector: usize| survey.walks[sector].keys;
-            if keys(spot.sector) & !keys(1 - spot.sector) != 0 {
-                return Err(StoreError);
-            }
-            self.erase(spot.sector)?;
         }
-        Err(StoreError)
+        self.erase(spot.sector)?;
+        let survey = self.survey().map_err(|_| StoreError)?;
+        self.spot(&survey).map_err(|_| StoreError)
     }
 
     /// Returns whether anything is left over in the sector that is not in use.
@@ -170,46 +180,54 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(words * F::WRITE_SIZE)
     }
 
-    /// Returns where the next entry goes. A sector without entries and without room is erased.
-    fn begin(&mut self, survey: &Survey) -> Result<Spot, StoreError> {
-        let holds = |sector: usize| survey.newest.iter().flatten().any(|found| found.at / F::ERASE_SIZE == sector);
-        let sector = survey.active.unwrap_or_else(|| usize::from(holds(0)));
-        let Walk { sequences, mut free, is_blank, .. } = survey.walks[sector];
-        let has_room = free + BUFFER * KEYS <= (sector + 1) * F::ERASE_SIZE;
-        if sequences.is_none() && !is_blank && !has_room {
-            self.erase(sector)?;
-            free = sector * F::ERASE_SIZE;
-        }
-        Ok(Spot { sector, free, next: survey.next })
+    /// Returns where the next entry goes.
+    fn spot(&mut self, survey: &Survey) -> Result<Spot, F::Error> {
+        let holds = [0, 1].map(|sector| survey.newest_in[sector].iter().any(Option::is_some));
+        let (sector, is_legacy) = match (survey.active, holds) {
+            (Some(sector), _) => (sector, false),
+            (None, [false, false]) => (0, false),
+            // A move of the layout before this one was cut: the newer sector still has room.
+            (None, [true, true]) => (usize::from(!self.is_legacy_newer_in_front()?), false),
+            (None, [_, second]) => (usize::from(second), true),
+        };
+        let (free, end) = survey.walks[sector].room;
+        // A sector of the layout before this one takes no entry: it is moved.
+        Ok(Spot { sector, free: if is_legacy { end } else { free }, end, next: survey.next })
     }
 
-    /// Copies what counts of the other sector, but for one key; returns whether there was room for it.
-    fn copy_from_other(&mut self, survey: &Survey, spot: &mut Spot, but: Option<u8>) -> Result<bool, StoreError> {
-        for found in survey.newest.iter().flatten() {
-            let is_there = self.sector_of(found.at) == spot.sector;
-            if !is_there && Some(found.key) != but && !self.put(spot, Source::Copy(*found))? {
-                return Ok(false);
+    /// Erases a sector, also one that reads as erased: an erase that was cut may have come so far and no further.
+    fn begin_sector(&mut self, sector: usize) -> Result<(Survey, Spot), StoreError> {
+        self.erase(sector)?;
+        let survey = self.survey().map_err(|_| StoreError)?;
+        let (free, end) = survey.walks[sector].room;
+        let next = survey.next;
+        Ok((survey, Spot { sector, free, end, next }))
+    }
+
+    fn put_all<'a>(
+        &mut self,
+        spot: &mut Spot,
+        sources: impl IntoIterator<Item = Source<'a>>,
+    ) -> Result<(), StoreError> {
+        for source in sources {
+            if !self.put(spot, source)? {
+                return Err(StoreError);
             }
         }
-        Ok(true)
+        Ok(())
     }
 
-    /// Moves to the other sector with an entry: copies what counts, and erases the full sector when all of it reads back.
-    fn move_on(&mut self, key: u8, source: Source<'_>) -> Result<(), StoreError> {
-        let survey = self.survey().map_err(|_| StoreError)?;
-        let old = survey.active.ok_or(StoreError)?;
-        let target = 1 - old;
-        self.make_blank(target, survey.walks[target].is_blank)?;
-        let mut spot = Spot { sector: target, free: target * F::ERASE_SIZE, next: survey.next };
-        if self.copy_from_other(&survey, &mut spot, Some(key))? && self.put(&mut spot, source)? {
-            return self.erase(old);
-        }
-        Err(StoreError)
+    /// Returns whether two entries have the same content.
+    fn is_copy(&mut self, one: &Found, other: &Found) -> Result<bool, F::Error> {
+        let mut content = |found: &Found| -> Result<u32, F::Error> {
+            self.read_item(found)?;
+            Ok(CRC.checksum(&self.buffer[HEADER..HEADER + found.length]))
+        };
+        Ok(one.length == other.length && content(one)? == content(other)?)
     }
 
     /// Writes an entry and reads it back; returns false when there is no room for it.
     fn put(&mut self, spot: &mut Spot, source: Source<'_>) -> Result<bool, StoreError> {
-        let end = (spot.sector + 1) * F::ERASE_SIZE;
         for _ in 0..ATTEMPTS {
             let (key, length, is_beginning) = match source {
                 Source::Bytes(key, bytes, is_beginning) => {
@@ -218,13 +236,15 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
                     (key, bytes.len(), is_beginning)
                 }
                 Source::Copy(found) => {
-                    self.read_item(&found).map_err(|_| StoreError)?;
+                    if !self.read_item(&found).map_err(|_| StoreError)? {
+                        return Err(StoreError);
+                    }
                     // The copy of a beginning is none: what was copied before it, or will be after it, counts.
                     (found.key, found.length, false)
                 }
             };
             let size = (HEADER + length).next_multiple_of(F::WRITE_SIZE);
-            if spot.free + size > end {
+            if spot.free + size > spot.end {
                 return Ok(false);
             }
             self.buffer[HEADER + length..size].fill(0);
@@ -234,7 +254,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
             self.buffer[CHECKSUM].copy_from_slice(&checksum);
             let at = spot.free;
             self.flash.write(at as u32, &self.buffer[..size]).map_err(|_| StoreError)?;
-            if self.entry_at(at, end).map_err(|_| StoreError)?.is_some_and(|found| found.sequence == spot.next) {
+            if self.entry_at(at, spot.end).map_err(|_| StoreError)?.is_some_and(|found| found.sequence == spot.next) {
                 spot.free += size;
                 spot.next += 1;
                 return Ok(true);
@@ -244,17 +264,13 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Err(StoreError)
     }
 
-    /// Puts the content of an item behind the place of a header in the buffer.
-    fn read_item(&mut self, found: &Found) -> Result<(), F::Error> {
+    /// Puts the content of an item behind the place of a header in the buffer; returns whether it is still intact.
+    fn read_item(&mut self, found: &Found) -> Result<bool, F::Error> {
         if found.sequence == 0 {
             return self.read_legacy(found.at, found.length);
         }
-        let size = (HEADER + found.length).next_multiple_of(F::WRITE_SIZE);
-        self.read(found.at, size)
-    }
-
-    fn make_blank(&mut self, sector: usize, is_blank: bool) -> Result<(), StoreError> {
-        if is_blank { Ok(()) } else { self.erase(sector) }
+        let end = (Self::sector_of(found.at) + 1) * F::ERASE_SIZE;
+        Ok(self.entry_at(found.at, end)? == Some(*found))
     }
 
     fn erase(&mut self, sector: usize) -> Result<(), StoreError> {
@@ -262,7 +278,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         self.flash.erase(start as u32, (start + F::ERASE_SIZE) as u32).map_err(|_| StoreError)
     }
 
-    const fn sector_of(&self, at: usize) -> usize {
+    const fn sector_of(at: usize) -> usize {
         at / F::ERASE_SIZE
     }
 
@@ -279,7 +295,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
             [Some(first), Some(second)] => second < first,
             [Some(_), None] => true,
             [None, Some(_)] => false,
-            [None, None] => self.is_legacy_full(1)? && !self.is_legacy_full(0)?,
+            [None, None] => self.is_legacy_newer_in_front()?,
         };
         if is_second_older {
             order.reverse();
@@ -305,34 +321,41 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
     }
 
     fn survey(&mut self) -> Result<Survey, F::Error> {
-        let blank = |sector| Walk { free: sector * F::ERASE_SIZE, is_blank: true, ..Walk::default() };
-        let mut survey = Survey { newest: [None; KEYS], walks: [0, 1].map(blank), next: 1, active: None };
+        let blank =
+            |sector| Walk { last: None, room: (sector * F::ERASE_SIZE, (sector + 1) * F::ERASE_SIZE), is_blank: true };
+        let mut survey = Survey {
+            newest: [None; KEYS],
+            newest_in: [[None; KEYS]; SECTORS],
+            walks: [0, 1].map(blank),
+            next: 1,
+            active: None,
+        };
         let order = self.order()?;
         for sector in order.into_iter().flatten() {
-            let newest = &mut survey.newest;
+            let Survey { newest, newest_in, .. } = &mut survey;
             self.legacy_items(sector, &mut |at, key, bytes| {
-                let length = bytes.len();
-                newest[place_of(key)] = Some(Found { at, sequence: 0, key, length, is_beginning: false });
+                let found = Some(Found { at, sequence: 0, key, length: bytes.len(), is_beginning: false });
+                newest[place_of(key)] = found;
+                newest_in[sector][place_of(key)] = found;
             })?;
         }
         for sector in order.into_iter().flatten() {
-            let newest = &mut survey.newest;
+            let Survey { newest, newest_in, .. } = &mut survey;
             let walk = self.walk(sector, &mut |found, _| {
-                if found.is_beginning {
-                    newest.iter_mut().for_each(|newest| *newest = newest.filter(|newest| newest.key == SETTING));
+                for newest in [&mut *newest, &mut newest_in[sector]] {
+                    if found.is_beginning {
+                        newest.iter_mut().for_each(|newest| *newest = newest.filter(|newest| newest.key == SETTING));
+                    }
+                    newest[place_of(found.key)] = Some(found);
                 }
-                newest[place_of(found.key)] = Some(found);
             })?;
-            if let Some((_, last)) = walk.sequences
+            if let Some(last) = walk.last
                 && last >= survey.next
             {
-                survey.next = last.saturating_add(1);
+                survey.next = last + 1;
                 survey.active = Some(sector);
             }
             survey.walks[sector] = walk;
-        }
-        for found in survey.newest.iter().flatten().filter(|found| found.sequence == 0) {
-            survey.walks[found.at / F::ERASE_SIZE].keys |= 1 << place_of(found.key);
         }
         Ok(survey)
     }
@@ -340,25 +363,25 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
     /// Goes through the entries of a sector, from the oldest to the newest.
     fn walk(&mut self, sector: usize, visit: &mut dyn FnMut(Found, &[u8])) -> Result<Walk, F::Error> {
         let (start, end) = (sector * F::ERASE_SIZE, (sector + 1) * F::ERASE_SIZE);
-        let mut walk = Walk { free: start, is_blank: true, ..Walk::default() };
-        let (mut at, mut damage) = (start, None);
+        let (mut last, mut is_blank, mut gap) = (None, true, None);
+        let (mut at, mut free) = (start, start);
         while let Some(next) = self.next_written(at, end)? {
-            walk.is_blank = false;
+            is_blank = false;
             if let Some(found) = self.entry_at(next, end)? {
-                let first = walk.sequences.map_or(found.sequence, |(first, _)| first);
-                walk.sequences = Some((first, found.sequence));
-                walk.keys |= 1 << place_of(found.key);
+                last = Some(found.sequence);
                 visit(found, &self.buffer[HEADER..HEADER + found.length]);
                 at = next + (HEADER + found.length).next_multiple_of(F::WRITE_SIZE);
-                (walk.free, damage) = (at, None);
+                (free, gap) = (at, None);
             } else {
+                if free + BUFFER <= next {
+                    gap.get_or_insert((free, next));
+                }
                 // An entry that was cut ends in words that may have been written, and read as erased ones.
                 at = next + F::WRITE_SIZE;
-                let begin = *damage.get_or_insert(next);
-                walk.free = at.max(begin + BUFFER);
+                free = next + BUFFER;
             }
         }
-        Ok(walk)
+        Ok(Walk { last, room: gap.unwrap_or((free, end)), is_blank })
     }
 
     /// Returns the entry that begins at a word, if one does; it is in the buffer then.
@@ -380,7 +403,8 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         let is_intact = self.checksum(length) == self.buffer[CHECKSUM];
         let sequence = u32::from_le_bytes([s0, s1, s2, s3]);
         let found = Found { at, sequence, key, length, is_beginning: is_beginning == 1 };
-        Ok(Some(found).filter(|_| is_intact && sequence != 0))
+        // No entry could follow the last number.
+        Ok(Some(found).filter(|_| is_intact && sequence != 0 && sequence != u32::MAX))
     }
 
     /// Returns the checksum of the entry in the buffer, with so long a content.

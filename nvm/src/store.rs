@@ -200,7 +200,11 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
         if found.stored == 0 && found.inventory() == NOTHING && !self.log.has_leftovers().map_err(|_| StoreError)? {
             return Ok(());
         }
-        self.log.begin_anew(&[NOTHING])
+        self.log.begin_anew(&[NOTHING]).or_else(|error| {
+            // A failure may have come so late that all is gone.
+            let (found, _) = self.survey(INVENTORY, &[])?;
+            if found.stored == 0 && found.inventory() == NOTHING { Ok(()) } else { Err(error) }
+        })
     }
 }
 
