@@ -1,18 +1,22 @@
 //! What the tests share.
 //!
 //! ```text
-//! answers  which requests have had none
-//! rig      one device on a bus of its own: for what a device says and does
-//! senses   what a valve senses
-//! hostile  what can happen to any device, for random tests
-//! bench    valves and a master in a simulated world: for bus errors, flashes, several devices
+//! answers        which requests have had none
+//! rig            one device on a bus of its own: for what a device says and does
+//! senses         what a valve senses
+//! hostile        what can happen to any device, for random tests
+//! nmt, lss, sdo  frames of these services, which read like the manuals
+//! bench          valves and a master in a simulated world: for bus errors, flashes, several devices
 //! ```
 
 mod answers;
 mod bench;
 pub mod hostile;
 pub mod isobus;
+pub mod lss;
+pub mod nmt;
 mod rig;
+pub mod sdo;
 mod senses;
 
 pub use answers::unanswered;

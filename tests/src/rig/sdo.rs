@@ -3,6 +3,7 @@
 use protocol_core::frame::Frame;
 
 use super::Rig;
+use crate::sdo::{LOAD, SAVE};
 
 impl Rig {
     /// The status word, read over SDO.
@@ -38,6 +39,35 @@ impl Rig {
             [0x60, ..] => Ok(()),
             [0x80, _, _, _, code @ ..] => Err(u32::from_le_bytes(*code)),
             _ => panic!("no answer to a download: {answer}"),
+        }
+    }
+
+    /// Has the device store what this sub-index of 0x1010 is about.
+    ///
+    /// # Panics
+    /// When it refuses.
+    #[track_caller]
+    pub fn save(&mut self, sub: u8) {
+        assert_eq!(self.write(0x1010, sub, 4, SAVE), Ok(()), "save {sub}");
+    }
+
+    /// Has the device restore what this sub-index of 0x1011 is about.
+    ///
+    /// # Panics
+    /// When it refuses.
+    #[track_caller]
+    pub fn load(&mut self, sub: u8) {
+        assert_eq!(self.write(0x1011, sub, 4, LOAD), Ok(()), "load {sub}");
+    }
+
+    /// Writes objects: index, sub-index, bytes, value.
+    ///
+    /// # Panics
+    /// When one is refused.
+    #[track_caller]
+    pub fn write_all(&mut self, objects: &[(u16, u8, u8, u32)]) {
+        for (index, sub, size, value) in objects {
+            assert_eq!(self.write(*index, *sub, *size, *value), Ok(()), "{index:04X}:{sub} := {value:X}");
         }
     }
 

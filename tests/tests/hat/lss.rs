@@ -1,26 +1,14 @@
-//! LSS: every service in every state, and the two pairs of node ID and bit rate (SPEC 9).
+//! LSS, where the sensors have rules of their own: identify remote slave, and the pairs of node ID and bit rate (SPEC 9).
 
 use protocol_core::controller::BitRate;
 use protocol_core::device::hat::{Kind, Setup};
 use protocol_core::time::Duration;
-use tests::Rig;
+use tests::lss::{
+    ACTIVATE, IDENTIFIED, IDENTIFY_NON_CONFIGURED, NON_CONFIGURED, STORE, STORED, TO_CONFIGURATION, TO_WAITING,
+};
+use tests::{Rig, sdo};
 
-use super::{INVALID, LOAD, SAVE, blank, booted, booted_as};
-
-const TO_WAITING: &str = "7E5: 04 00 00 00 00 00 00 00";
-const TO_CONFIGURATION: &str = "7E5: 04 01 00 00 00 00 00 00";
-const STORE: &str = "7E5: 17 00 00 00 00 00 00 00";
-const STORED: &str = "7E4: 17 00 00 00 00 00 00 00";
-
-fn node_id(rig: &mut Rig, node_id: u8, error: u8) {
-    let answer = format!("7E4: 11 {error:02X} 00 00 00 00 00 00");
-    rig.exchange(&format!("7E5: 11 {node_id:02X} 00 00 00 00 00 00"), &[&answer]);
-}
-
-fn bit_rate(rig: &mut Rig, table: u8, index: u8, error: u8) {
-    let answer = format!("7E4: 13 {error:02X} 00 00 00 00 00 00");
-    rig.exchange(&format!("7E5: 13 {table:02X} {index:02X} 00 00 00 00 00"), &[&answer]);
-}
+use super::{INVALID, blank, booted, booted_as};
 
 /// In LSS configuration.
 fn configuration() -> Rig {
@@ -29,16 +17,7 @@ fn configuration() -> Rig {
     rig
 }
 
-/// The numbers of a new HAT 1000.
-const SELECT: [&str; 4] = [
-    "7E5: 40 DA 00 00 00 00 00 00",
-    "7E5: 41 52 1D 0E 00 00 00 00",
-    "7E5: 42 07 00 01 00 00 00 00",
-    "7E5: 43 01 00 00 00 00 00 00",
-];
-const SELECTED: &str = "7E4: 44 00 00 00 00 00 00 00";
-
-/// The six bounds around it.
+/// The six bounds around the numbers of a new HAT 1000.
 const REMOTE: [&str; 6] = [
     "7E5: 46 DA 00 00 00 00 00 00",
     "7E5: 47 52 1D 0E 00 00 00 00",
@@ -47,13 +26,6 @@ const REMOTE: [&str; 6] = [
     "7E5: 4A 01 00 00 00 00 00 00",
     "7E5: 4B 01 00 00 00 00 00 00",
 ];
-const IDENTIFIED: &str = "7E4: 4F 00 00 00 00 00 00 00";
-
-fn select(rig: &mut Rig, answered: bool) {
-    let [first @ .., last] = SELECT;
-    first.iter().for_each(|number| rig.exchange(number, &[]));
-    rig.exchange(last, if answered { &[SELECTED] } else { &[] });
-}
 
 fn identify(rig: &mut Rig, bounds: [&str; 6]) -> bool {
     let [first @ .., last] = bounds;
@@ -65,85 +37,22 @@ fn identify(rig: &mut Rig, bounds: [&str; 6]) -> bool {
 }
 
 #[test]
-fn the_state_table() {
-    // Request, answered in waiting, in configuration.
-    for (request, waiting, configuring) in [
-        ("7E5: 11 0C 00 00 00 00 00 00", false, true),
-        ("7E5: 13 00 04 00 00 00 00 00", false, true),
-        (STORE, false, true),
-        ("7E5: 5A 00 00 00 00 00 00 00", false, true),
-        ("7E5: 5B 00 00 00 00 00 00 00", false, true),
-        ("7E5: 5C 00 00 00 00 00 00 00", false, true),
-        ("7E5: 5D 00 00 00 00 00 00 00", false, true),
-        ("7E5: 5E 00 00 00 00 00 00 00", false, true),
-    ] {
-        let mut rig = booted();
-        rig.send(request);
-        assert_eq!(!rig.take().is_empty(), waiting, "{request} in waiting");
-        rig.exchange(TO_CONFIGURATION, &[]);
-        rig.send(request);
-        assert_eq!(!rig.take().is_empty(), configuring, "{request} in configuration");
-    }
-    // Activation has no answer: the rate tells.
-    let mut rig = booted();
-    rig.exchange("7E5: 15 00 00 00 00 00 00 00", &[]);
-    assert_eq!(rig.bit_rates(), []);
-    rig.exchange(TO_CONFIGURATION, &[]);
-    rig.exchange("7E5: 15 00 00 00 00 00 00 00", &[]);
-    assert_eq!(rig.bit_rates(), [BitRate::Kbit500]);
-    select(&mut rig, false);
-    assert!(identify(&mut rig, REMOTE));
-    rig.exchange(TO_WAITING, &[]);
-    assert!(identify(&mut rig, REMOTE));
-    select(&mut rig, true);
-    rig.exchange("7E5: 5E 00 00 00 00 00 00 00", &["7E4: 5E 01 00 00 00 00 00 00"]);
-    // Identify non-configured: in both, without a node ID.
+fn identify_remote_slave_is_answered_in_both_lss_states() {
     for switch in [TO_WAITING, TO_CONFIGURATION] {
+        for mut rig in [booted(), blank()] {
+            rig.exchange(switch, &[]);
+            assert!(identify(&mut rig, REMOTE));
+        }
+        // Not in operational, and what was begun before it is not gone on with.
+        let mut rig = booted();
         rig.exchange(switch, &[]);
-        rig.exchange("7E5: 4C 00 00 00 00 00 00 00", &[]);
-        let mut blank = blank();
-        blank.exchange(switch, &[]);
-        blank.exchange("7E5: 4C 00 00 00 00 00 00 00", &["7E4: 50 00 00 00 00 00 00 00"]);
-        assert!(identify(&mut blank, REMOTE));
-    }
-}
-
-#[test]
-fn in_which_nmt_states() {
-    let mut rig = configuration();
-    rig.exchange("000: 02 00", &[]);
-    rig.exchange(STORE, &[STORED]);
-    rig.exchange("000: 80 00", &[]);
-    rig.exchange(STORE, &[STORED]);
-    rig.exchange("000: 01 00", &[]);
-    for request in [STORE, TO_CONFIGURATION, REMOTE[0]] {
-        rig.exchange(request, &[]);
-    }
-    rig.exchange("000: 80 00", &[]);
-    rig.exchange(STORE, &[]);
-    // What was begun before operational is not gone on with after it.
-    for sequence in [&SELECT[..], &REMOTE] {
-        let (begin, end) = sequence.split_at(2);
+        let (begin, end) = REMOTE.split_at(2);
         begin.iter().for_each(|request| rig.exchange(request, &[]));
         rig.exchange("000: 01 00", &[]);
+        assert!(!identify(&mut rig, REMOTE));
         rig.exchange("000: 80 00", &[]);
         end.iter().for_each(|request| rig.exchange(request, &[]));
     }
-}
-
-#[test]
-fn inquiries() {
-    let mut rig = configuration();
-    for (request, answer) in
-        [("5A", "DA 00 00 00"), ("5B", "52 1D 0E 00"), ("5C", "07 00 01 00"), ("5D", "01 00 00 00")]
-    {
-        rig.exchange(&format!("7E5: {request} 00 00 00 00 00 00 00"), &[&format!("7E4: {request} {answer} 00 00 00")]);
-    }
-    node_id(&mut rig, 12, 0);
-    rig.exchange("7E5: 5E 00 00 00 00 00 00 00", &["7E4: 5E 01 00 00 00 00 00 00"]);
-    let mut rig = blank();
-    rig.exchange(TO_CONFIGURATION, &[]);
-    rig.exchange("7E5: 5E 00 00 00 00 00 00 00", &["7E4: 5E FF 00 00 00 00 00 00"]);
 }
 
 #[test]
@@ -194,38 +103,9 @@ fn identify_remote_slave_limits_are_inclusive_and_in_order() {
 }
 
 #[test]
-fn a_mismatch_of_switch_selective_starts_over() {
-    let mut rig = booted();
-    rig.exchange(SELECT[0], &[]);
-    rig.exchange("7E5: 41 53 1D 0E 00 00 00 00", &[]);
-    rig.exchange(SELECT[2], &[]);
-    rig.exchange(SELECT[3], &[]);
-    select(&mut rig, true);
-}
-
-#[test]
-fn node_ids_that_are_taken() {
-    let mut rig = configuration();
-    for id in 0..=255 {
-        node_id(&mut rig, id, if matches!(id, 1..=127 | 255) { 0 } else { 255 });
-    }
-}
-
-#[test]
-fn bit_rates_that_are_taken() {
-    let mut rig = configuration();
-    for index in 0..=255 {
-        bit_rate(&mut rig, 0, index, u8::from(!matches!(index, 0..=4 | 6..=8)));
-    }
-    for table in [1, 128, 255] {
-        bit_rate(&mut rig, table, 2, 1);
-    }
-}
-
-#[test]
 fn a_store_that_fails() {
     let mut rig = configuration();
-    node_id(&mut rig, 12, 0);
+    rig.configure_node_id(12);
     rig.writes_fail = true;
     rig.exchange(STORE, &["7E4: 17 FF 00 00 00 00 00 00"]);
     assert_eq!(rig.read(0x1001, 0), 0, "no error of the sensor");
@@ -235,50 +115,25 @@ fn a_store_that_fails() {
     assert_eq!(rig.read(0x2001, 2), 12);
 }
 
+/// A sensor with a node ID waits for its reset: to waiting takes over nothing, neither pending nor stored.
 #[test]
-fn a_pending_node_id_without_store() {
-    // Reset communication takes it over, and it is held until power-off.
-    let mut rig = configuration();
-    node_id(&mut rig, 12, 0);
-    rig.exchange(TO_WAITING, &[]);
-    assert_eq!(rig.node_id(), Some(1), "no restart on 04 00");
-    rig.exchange("000: 82 00", &["70C: 00"]);
-    assert_eq!((rig.read(0x2001, 1), rig.read(0x2001, 2)), (12, 1), "the demanded one reads what is stored");
-    rig.exchange("000: 82 00", &["70C: 00"]);
-    rig.exchange("000: 81 00", &["70C: 00"]);
-    rig.power_cycle();
-    assert_eq!(rig.take(), ["701: 00"]);
-    // Reset node drops it.
-    rig.exchange(TO_CONFIGURATION, &[]);
-    node_id(&mut rig, 12, 0);
-    rig.exchange("000: 81 00", &["701: 00"]);
-    rig.exchange("000: 82 00", &["701: 00"]);
-    // Operational does not.
-    rig.exchange(TO_CONFIGURATION, &[]);
-    node_id(&mut rig, 12, 0);
-    rig.exchange("000: 01 00", &[]);
-    rig.exchange("000: 82 00", &["70C: 00"]);
-    // Nor does a switch to waiting when it is stored: a device with a node ID waits for its reset.
-    rig.power_cycle();
-    assert_eq!(rig.take(), ["701: 00"]);
-    rig.exchange(TO_CONFIGURATION, &[]);
-    node_id(&mut rig, 12, 0);
-    rig.exchange(STORE, &[STORED]);
-    rig.exchange(TO_WAITING, &[]);
-    assert_eq!(rig.node_id(), Some(1));
-    rig.exchange("000: 82 00", &["70C: 00"]);
-}
-
-#[test]
-fn a_held_node_id_can_be_stored() {
-    let mut rig = configuration();
-    node_id(&mut rig, 12, 0);
-    rig.exchange("000: 82 00", &["70C: 00"]);
-    rig.exchange(TO_CONFIGURATION, &[]);
-    rig.exchange(STORE, &[STORED]);
-    assert_eq!(rig.read(0x2001, 2), 12);
-    rig.power_cycle();
-    assert_eq!(rig.take(), ["70C: 00"]);
+fn a_pending_node_id_waits_for_a_reset() {
+    for stored in [false, true] {
+        let mut rig = configuration();
+        rig.configure_node_id(12);
+        if stored {
+            rig.exchange(STORE, &[STORED]);
+        }
+        rig.exchange(TO_WAITING, &[]);
+        assert_eq!(rig.node_id(), Some(1));
+        rig.exchange("000: 82 00", &["70C: 00"]);
+        let demanded = if stored { 12 } else { 1 };
+        assert_eq!((rig.read(0x2001, 1), rig.read(0x2001, 2)), (12, demanded), "the demanded one reads what is stored");
+        // What is held can be stored.
+        rig.exchange(TO_CONFIGURATION, &[]);
+        rig.exchange(STORE, &[STORED]);
+        assert_eq!(rig.read(0x2001, 2), 12);
+    }
 }
 
 #[test]
@@ -286,7 +141,7 @@ fn lss_store_stores_what_is_pending_and_updates_what_is_demanded() {
     let mut rig = configuration();
     assert_eq!(rig.write(0x2001, 2, 1, 5), Ok(()));
     assert_eq!(rig.write(0x2002, 2, 1, 3), Ok(()));
-    node_id(&mut rig, 12, 0);
+    rig.configure_node_id(12);
     rig.exchange(STORE, &[STORED]);
     assert_eq!((rig.read(0x2001, 2), rig.read(0x2002, 2)), (12, 3));
     rig.exchange("000: 81 00", &["70C: 00"]);
@@ -294,31 +149,11 @@ fn lss_store_stores_what_is_pending_and_updates_what_is_demanded() {
 }
 
 #[test]
-fn one_lss_store_keeps_what_another_has_stored() {
-    for rate_first in [false, true] {
-        let mut rig = configuration();
-        if rate_first {
-            bit_rate(&mut rig, 0, 4, 0);
-            rig.exchange(STORE, &[STORED]);
-        }
-        node_id(&mut rig, 12, 0);
-        rig.exchange(STORE, &[STORED]);
-        if !rate_first {
-            bit_rate(&mut rig, 0, 4, 0);
-            rig.exchange(STORE, &[STORED]);
-        }
-        rig.power_cycle();
-        assert_eq!(rig.take(), ["70C: 00"]);
-        assert_eq!(rig.device().bit_rate(), BitRate::Kbit125);
-    }
-}
-
-#[test]
 fn lss_store_stores_what_is_pending_again_when_it_was_overwritten() {
-    for (index, signature) in [(0x1010, SAVE), (0x1011, LOAD)] {
+    for (index, signature) in [(0x1010, sdo::SAVE), (0x1011, sdo::LOAD)] {
         let mut rig = configuration();
-        node_id(&mut rig, 12, 0);
-        bit_rate(&mut rig, 0, 4, 0);
+        rig.configure_node_id(12);
+        rig.configure_bit_rate(4);
         rig.exchange(STORE, &[STORED]);
         assert_eq!(rig.write(0x2001, 2, 1, 9), Ok(()));
         assert_eq!(rig.write(0x2002, 2, 1, 3), Ok(()));
@@ -335,9 +170,9 @@ fn lss_store_stores_what_is_pending_again_when_it_was_overwritten() {
 #[test]
 fn lss_store_does_not_store_what_is_held_when_it_was_overwritten() {
     let mut rig = configuration();
-    node_id(&mut rig, 12, 0);
-    bit_rate(&mut rig, 0, 4, 0);
-    rig.exchange("7E5: 15 00 00 00 00 00 00 00", &[]);
+    rig.configure_node_id(12);
+    rig.configure_bit_rate(4);
+    rig.exchange(ACTIVATE, &[]);
     rig.exchange("000: 82 00", &["70C: 00"]);
     for (object, value) in [("2F 01 20 02", "09"), ("2F 02 20 02", "03"), ("23 10 10 04", "73 61 76 65")] {
         let padding = " 00".repeat(4 - (value.len() + 1) / 3);
@@ -362,7 +197,7 @@ fn save_stores_the_demanded_pair() {
     assert_eq!((rig.read(0x2001, 2), rig.read(0x2002, 2)), (1, 2));
     assert_eq!(rig.write(0x2001, 2, 1, 12), Ok(()));
     assert_eq!(rig.write(0x2002, 2, 1, 4), Ok(()));
-    assert_eq!(rig.write(0x1010, 4, 4, SAVE), Ok(()));
+    rig.save(4);
     assert_eq!(rig.node_id(), Some(1));
     rig.exchange("000: 82 00", &["70C: 00"]);
     assert_eq!((rig.device().bit_rate(), rig.read(0x2002, 1), rig.read(0x2002, 2)), (BitRate::Kbit500, 2, 4));
@@ -376,7 +211,7 @@ fn no_node_id_and_the_way_back() {
     let mut rig = booted();
     assert_eq!(rig.write(0x2001, 2, 1, 255), Ok(()));
     assert_eq!(rig.read(0x2001, 2), 255);
-    assert_eq!(rig.write(0x1010, 4, 4, SAVE), Ok(()));
+    rig.save(4);
     rig.exchange("000: 82 00", &[]);
     assert_eq!(rig.node_id(), None);
     for frame in ["601: 40 00 10 00 00 00 00 00", "000: 81 00", "080:"] {
@@ -384,12 +219,12 @@ fn no_node_id_and_the_way_back() {
     }
     rig.power_cycle();
     rig.expect_nothing();
-    rig.exchange("7E5: 4C 00 00 00 00 00 00 00", &["7E4: 50 00 00 00 00 00 00 00"]);
+    rig.exchange(IDENTIFY_NON_CONFIGURED, &[NON_CONFIGURED]);
     rig.exchange(TO_CONFIGURATION, &[]);
-    node_id(&mut rig, 12, 0);
+    rig.configure_node_id(12);
     // Pending and not stored: 04 00 does nothing.
     rig.exchange(TO_WAITING, &[]);
-    rig.exchange("7E5: 4C 00 00 00 00 00 00 00", &[]);
+    rig.exchange(IDENTIFY_NON_CONFIGURED, &[]);
     rig.exchange(TO_CONFIGURATION, &[]);
     rig.exchange(STORE, &[STORED]);
     rig.exchange(TO_WAITING, &["70C: 00"]);
@@ -405,7 +240,7 @@ fn to_waiting_while_the_new_node_id_is_stored() {
         rig.write_time = Duration::from_millis(10);
         rig.writes_fail = fails;
         rig.exchange(TO_CONFIGURATION, &[]);
-        node_id(&mut rig, 12, 0);
+        rig.configure_node_id(12);
         rig.exchange(STORE, &[]);
         rig.exchange(TO_WAITING, &[]);
         rig.advance(100);
@@ -416,7 +251,7 @@ fn to_waiting_while_the_new_node_id_is_stored() {
     let mut rig = blank();
     rig.write_time = Duration::from_millis(10);
     rig.exchange(TO_CONFIGURATION, &[]);
-    node_id(&mut rig, 12, 0);
+    rig.configure_node_id(12);
     for request in [STORE, TO_WAITING, TO_CONFIGURATION] {
         rig.exchange(request, &[]);
     }
@@ -428,95 +263,55 @@ fn to_waiting_while_the_new_node_id_is_stored() {
 #[test]
 fn lss_takes_the_node_id_away() {
     let mut rig = configuration();
-    node_id(&mut rig, 255, 0);
+    rig.configure_node_id(255);
     rig.exchange(TO_WAITING, &[]);
     assert_eq!(rig.node_id(), Some(1));
     rig.exchange("000: 82 00", &[]);
     assert_eq!(rig.node_id(), None);
-    rig.exchange("7E5: 4C 00 00 00 00 00 00 00", &["7E4: 50 00 00 00 00 00 00 00"]);
+    rig.exchange(IDENTIFY_NON_CONFIGURED, &[NON_CONFIGURED]);
     rig.power_cycle();
     assert_eq!(rig.take(), ["701: 00"], "not stored");
     rig.exchange(TO_CONFIGURATION, &[]);
-    node_id(&mut rig, 255, 0);
+    rig.configure_node_id(255);
     rig.exchange(STORE, &[STORED]);
     assert_eq!(rig.read(0x2001, 2), 255);
     rig.exchange("000: 81 00", &[]);
     assert_eq!(rig.node_id(), None);
     // Taken away again while there is none: it stays unconfigured, and what is pending stays so.
     rig.exchange(TO_CONFIGURATION, &[]);
-    node_id(&mut rig, 255, 0);
+    rig.configure_node_id(255);
     rig.exchange(STORE, &[STORED]);
-    bit_rate(&mut rig, 0, 4, 0);
+    rig.configure_bit_rate(4);
     rig.exchange(TO_WAITING, &[]);
-    rig.exchange("7E5: 4C 00 00 00 00 00 00 00", &["7E4: 50 00 00 00 00 00 00 00"]);
+    rig.exchange(IDENTIFY_NON_CONFIGURED, &[NON_CONFIGURED]);
     rig.exchange(TO_CONFIGURATION, &[]);
     rig.exchange(STORE, &[STORED]);
     rig.power_cycle();
     assert_eq!(rig.device().bit_rate(), BitRate::Kbit125);
 }
 
-#[test]
-fn an_unactivated_bit_rate_dies_at_a_reset() {
-    for reset in ["000: 81 00", "000: 82 00"] {
-        let mut rig = configuration();
-        bit_rate(&mut rig, 0, 4, 0);
-        rig.exchange(reset, &["701: 00"]);
-        rig.exchange(TO_CONFIGURATION, &[]);
-        rig.exchange("7E5: 15 00 00 00 00 00 00 00", &[]);
-        rig.exchange(STORE, &[STORED]);
-        assert_eq!(rig.bit_rates(), [BitRate::Kbit500], "{reset}");
-        assert_eq!(rig.read(0x2002, 2), 2);
-    }
-}
-
+/// The numbers of the bit rate in force and of the demanded one follow what LSS does.
 #[test]
 fn an_activated_unstored_bit_rate_lasts_to_reset_node() {
     let mut rig = configuration();
-    bit_rate(&mut rig, 0, 4, 0);
-    rig.exchange("7E5: 15 00 00 00 00 00 00 00", &[]);
-    assert_eq!(rig.bit_rates(), [BitRate::Kbit125]);
-    rig.exchange("000: 82 00", &["701: 00"]);
-    assert_eq!(rig.device().bit_rate(), BitRate::Kbit125);
-    assert_eq!((rig.read(0x2002, 1), rig.read(0x2002, 2)), (4, 2));
-    rig.exchange("000: 81 00", &["701: 00"]);
-    assert_eq!((rig.device().bit_rate(), rig.read(0x2002, 1)), (BitRate::Kbit500, 2));
+    rig.configure_bit_rate(4);
+    rig.exchange(ACTIVATE, &[]);
+    for (reset, numbers) in [("000: 82 00", (4, 2)), ("000: 81 00", (2, 2))] {
+        rig.exchange(reset, &["701: 00"]);
+        assert_eq!((rig.read(0x2002, 1), rig.read(0x2002, 2)), numbers);
+    }
     rig.exchange(TO_CONFIGURATION, &[]);
     rig.exchange(STORE, &[STORED]);
     assert_eq!(rig.read(0x2002, 2), 2, "it is forgotten");
 }
 
 #[test]
-fn activation_is_silent_for_both_delays() {
-    let mut rig = configuration();
-    assert_eq!(rig.write(0x1017, 0, 2, 10), Ok(()));
-    rig.take();
-    bit_rate(&mut rig, 0, 8, 0);
-    rig.exchange("7E5: 15 64 00 00 00 00 00 00", &[]);
-    rig.advance_by(Duration::from_micros(99_999));
-    assert_eq!(rig.bit_rates(), []);
-    rig.advance_by(Duration::from_micros(1));
-    assert_eq!(rig.bit_rates(), [BitRate::Kbit10]);
-    rig.exchange(STORE, &[]);
-    rig.advance(99);
-    rig.expect_nothing();
-    rig.advance(1);
-    rig.take();
-    rig.exchange(STORE, &[STORED]);
-}
-
-#[test]
-fn all_eight_bit_rates_by_both_ways() {
+fn all_eight_bit_rates_as_objects() {
     for rate in BitRate::ALL {
         let mut rig = booted();
-        assert_eq!(rig.write(0x2002, 2, 1, rate.table_index().into()), Ok(()));
-        assert_eq!(rig.write(0x1010, 4, 4, SAVE), Ok(()));
+        rig.write_all(&[(0x2002, 2, 1, rate.table_index().into())]);
+        rig.save(4);
         rig.exchange("000: 81 00", &["701: 00"]);
-        assert_eq!(rig.device().bit_rate(), rate);
-        let mut rig = configuration();
-        bit_rate(&mut rig, 0, rate.table_index(), 0);
-        rig.exchange(STORE, &[STORED]);
-        rig.power_cycle();
-        rig.take();
         assert_eq!(rig.device().bit_rate(), rate);
     }
     assert_eq!(booted().write(0x2002, 2, 1, 5), INVALID);
@@ -526,7 +321,7 @@ fn all_eight_bit_rates_by_both_ways() {
 fn every_lss_store_has_its_answer() {
     let mut rig = configuration();
     rig.write_time = Duration::from_millis(10);
-    node_id(&mut rig, 12, 0);
+    rig.configure_node_id(12);
     for _ in 0..3 {
         rig.exchange(STORE, &[]);
     }
@@ -551,8 +346,8 @@ fn what_is_demanded_while_lss_stores_stays() {
     ] {
         let mut rig = configuration();
         rig.write_time = Duration::from_millis(10);
-        node_id(&mut rig, 12, 0);
-        bit_rate(&mut rig, 0, 4, 0);
+        rig.configure_node_id(12);
+        rig.configure_bit_rate(4);
         if memory_is_busy {
             rig.exchange("601: 23 10 10 03 73 61 76 65", &[]);
         }
@@ -564,31 +359,11 @@ fn what_is_demanded_while_lss_stores_stays() {
         assert_eq!(rig.take(), [STORED]);
         assert_eq!((rig.read(0x2001, 2), rig.read(0x2002, 2)), demanded, "{index:04X} := {value}");
         // The next store is newer.
-        node_id(&mut rig, 13, 0);
-        bit_rate(&mut rig, 0, 6, 0);
+        rig.configure_node_id(13);
+        rig.configure_bit_rate(6);
         rig.exchange(STORE, &[]);
         rig.advance(10);
         assert_eq!(rig.take(), [STORED]);
         assert_eq!((rig.read(0x2001, 2), rig.read(0x2002, 2)), (13, 6));
-    }
-}
-
-/// The master is answered in operational too, and what it asked for is stored.
-#[test]
-fn a_store_that_nmt_start_comes_into() {
-    for memory_is_busy in [false, true] {
-        let mut rig = configuration();
-        rig.write_time = Duration::from_millis(10);
-        node_id(&mut rig, 12, 0);
-        if memory_is_busy {
-            rig.exchange("601: 23 10 10 03 73 61 76 65", &[]);
-        }
-        rig.exchange(STORE, &[]);
-        rig.exchange("000: 01 00", &[]);
-        rig.advance(50);
-        let sent = rig.take();
-        assert_eq!(sent.iter().filter(|frame| *frame == STORED).count(), 1, "{sent:?}");
-        rig.power_cycle();
-        assert_eq!(rig.take(), ["70C: 00"], "busy: {memory_is_busy}");
     }
 }

@@ -3,7 +3,6 @@
 mod blocked_bus;
 mod commissioning;
 mod emcy;
-mod fast_scan;
 mod lss;
 mod nmt;
 mod object_dictionary;

@@ -1,0 +1,80 @@
+//! LSS requests and answers; zeros fill what is not given.
+
+use crate::Rig;
+
+/// Switch state global: to waiting.
+pub const TO_WAITING: &str = "7E5: 04 00 00 00 00 00 00 00";
+/// Switch state global: to configuration.
+pub const TO_CONFIGURATION: &str = "7E5: 04 01 00 00 00 00 00 00";
+/// Store configuration.
+pub const STORE: &str = "7E5: 17 00 00 00 00 00 00 00";
+/// The answer to [`STORE`].
+pub const STORED: &str = "7E4: 17 00 00 00 00 00 00 00";
+/// Activate bit timing, without a delay.
+pub const ACTIVATE: &str = "7E5: 15 00 00 00 00 00 00 00";
+/// Inquire node ID, which a slave in configuration alone answers.
+pub const INQUIRE_NODE_ID: &str = "7E5: 5E 00 00 00 00 00 00 00";
+/// Identify non-configured remote slave.
+pub const IDENTIFY_NON_CONFIGURED: &str = "7E5: 4C 00 00 00 00 00 00 00";
+/// The answer to [`IDENTIFY_NON_CONFIGURED`].
+pub const NON_CONFIGURED: &str = "7E4: 50 00 00 00 00 00 00 00";
+/// The answer to fast scan and to identify remote slave.
+pub const IDENTIFIED: &str = "7E4: 4F 00 00 00 00 00 00 00";
+
+/// The request of these bytes.
+#[must_use]
+pub fn request(bytes: &str) -> String {
+    format!("7E5: {bytes}{}", zeros(bytes))
+}
+
+/// The answer of these bytes.
+#[must_use]
+pub fn answer(bytes: &str) -> String {
+    format!("7E4: {bytes}{}", zeros(bytes))
+}
+
+fn zeros(bytes: &str) -> String {
+    " 00".repeat(8 - bytes.split(' ').count())
+}
+
+/// Activate bit timing, with this switch delay.
+#[must_use]
+pub fn activate(delay_ms: u16) -> String {
+    let [low, high] = delay_ms.to_le_bytes();
+    request(&format!("15 {low:02X} {high:02X}"))
+}
+
+/// Fast scan: number, bit check, LSS sub, LSS next.
+#[must_use]
+pub fn fast_scan(number: u32, bit_check: u8, sub: u8, next: u8) -> String {
+    let [a, b, c, d] = number.to_le_bytes();
+    request(&format!("51 {a:02X} {b:02X} {c:02X} {d:02X} {bit_check:02X} {sub:02X} {next:02X}"))
+}
+
+impl Rig {
+    /// Sends an LSS request; the answer must be this one.
+    #[track_caller]
+    pub fn lss(&mut self, bytes: &str, expected: Option<&str>) {
+        let expected = expected.map(answer);
+        let expected: Vec<&str> = expected.as_deref().into_iter().collect();
+        self.exchange(&request(bytes), &expected);
+    }
+
+    /// Configures a node ID by LSS, which the device takes.
+    #[track_caller]
+    pub fn configure_node_id(&mut self, node_id: u8) {
+        self.lss(&format!("11 {node_id:02X}"), Some("11"));
+    }
+
+    /// Configures a bit rate by LSS, which the device takes.
+    #[track_caller]
+    pub fn configure_bit_rate(&mut self, index: u8) {
+        self.lss(&format!("13 00 {index:02X}"), Some("13"));
+    }
+
+    /// Whether the device is in LSS configuration.
+    pub fn is_configuring(&mut self) -> bool {
+        self.send(INQUIRE_NODE_ID);
+        !self.take().is_empty()
+    }
+}
