@@ -77,6 +77,56 @@ impl Rig {
         assert_eq!(sent, answers, "answers to {request}");
     }
 
+    /// Sends these frames, one after the other.
+    #[track_caller]
+    pub fn send_all(&mut self, requests: &[&str]) {
+        for request in requests {
+            self.send(request);
+        }
+    }
+
+    /// Sends these frames, to none of which the device must answer.
+    #[track_caller]
+    pub fn silent_to(&mut self, requests: &[&str]) {
+        for request in requests {
+            self.exchange(request, &[]);
+        }
+    }
+
+    /// Lets so many milliseconds pass, in which the device must send nothing.
+    #[track_caller]
+    pub fn silent_for(&mut self, ms: u64) {
+        self.advance(ms);
+        self.expect_nothing();
+    }
+
+    /// Lets so many milliseconds pass; the device must have sent these then, and nothing more.
+    #[track_caller]
+    pub fn advance_sends(&mut self, ms: u64, frames: &[impl AsRef<str>]) {
+        self.advance(ms);
+        self.expect_all(frames);
+    }
+
+    /// Takes the power away and gives it back; the device must send these, and nothing more.
+    #[track_caller]
+    pub fn power_cycle_sends(&mut self, frames: &[impl AsRef<str>]) {
+        self.power_cycle();
+        self.expect_all(frames);
+    }
+
+    /// Lets go of the bus; the device must send these, and nothing more.
+    #[track_caller]
+    pub fn free_bus_sends(&mut self, frames: &[impl AsRef<str>]) {
+        self.hold_bus(false);
+        self.expect_all(frames);
+    }
+
+    #[track_caller]
+    fn expect_all(&mut self, frames: &[impl AsRef<str>]) {
+        let frames: Vec<&str> = frames.iter().map(AsRef::as_ref).collect();
+        assert_eq!(self.take(), frames, "at {} us", self.now.as_micros());
+    }
+
     /// Brings the device to ACTIVE by use case 1, with set-point 0, at this instant; its TPDOs are taken.
     ///
     /// # Panics

@@ -127,6 +127,12 @@ impl Rig {
         self.take_senses(senses);
     }
 
+    /// An internal fault of any device comes and goes.
+    pub fn internal_fault_comes_and_goes(&mut self) {
+        self.sense_hat(|senses| senses.internal_fault = true);
+        self.sense_hat(|senses| senses.internal_fault = false);
+    }
+
     fn take_senses(&mut self, senses: device::Senses) {
         self.senses = senses;
         let bus_off = self.senses.bus == BusErrorMode::BusOff;

@@ -189,13 +189,11 @@ fn load_of_a_blank_valve() {
     assign(&mut valve, 0x21);
     valve.exchange("621: 23 11 10 01 6C 6F 61 64", &["5A1: 60 11 10 01 00 00 00 00"]);
     valve.power_cycle();
-    valve.advance(1000);
-    valve.expect_nothing();
+    valve.silent_for(1000);
     let led = valve.outputs().led;
     assert_eq!(led, blank_led(), "yellow: no node ID");
     assign(&mut valve, 0x22);
-    valve.advance(1000);
-    valve.expect_nothing();
+    valve.silent_for(1000);
     assert_eq!((valve.read(0x1001, 0), valve.read(0x1400, 1)), (0, 0x222));
 }
 
@@ -244,8 +242,7 @@ fn a_save_repeated_many_times() {
         valve.send(SAVE);
         valve.advance(1);
     }
-    valve.advance(10_000);
-    assert_eq!(valve.take(), [SAVED]);
+    valve.advance_sends(10_000, &[SAVED]);
     assert!(valve.writes.len() <= 2, "{:?}", valve.writes);
 }
 
@@ -291,10 +288,8 @@ fn lss_store_leaves_what_uds_wrote() {
     valve.exchange(CONFIGURE, &[]);
     valve.exchange(RATE_500K, &[RATE_TAKEN]);
     valve.write_time = Duration::from_millis(50);
-    valve.send("1BC78821: 04 2E 10 01 30");
-    valve.send(LSS_STORE);
-    valve.advance(100);
-    assert_eq!(valve.take(), [UDS_WRITTEN, LSS_STORED]);
+    valve.send_all(&["1BC78821: 04 2E 10 01 30", LSS_STORE]);
+    valve.advance_sends(100, &[UDS_WRITTEN, LSS_STORED]);
     valve.power_cycle();
     assert_eq!((valve.node_id(), valve.device().bit_rate()), (Some(0x30), BitRate::Kbit500));
 }
@@ -307,10 +302,7 @@ fn lss_store_leaves_a_rate_that_nobody_configured() {
     valve.exchange(RATE_500K, &[RATE_TAKEN]);
     valve.exchange(LSS_STORE, &[LSS_STORED]);
     // What is pending is dropped.
-    valve.exchange("000: 01 00", &[]);
-    valve.exchange("000: 80 00", &[]);
-    valve.exchange(CONFIGURE, &[]);
-    valve.exchange("7E5: 15 0A 00 00 00 00 00 00", &[]);
+    valve.silent_to(&["000: 01 00", "000: 80 00", CONFIGURE, "7E5: 15 0A 00 00 00 00 00 00"]);
     valve.advance(20);
     valve.exchange(LSS_STORE, &[LSS_STORED]);
     valve.power_cycle();
@@ -341,8 +333,7 @@ mod uds_waits {
     fn for_the_fault_log() {
         let mut valve = Rig::booted();
         valve.write_time = Duration::from_millis(500);
-        valve.sense(|senses| senses.internal_fault = true);
-        valve.sense(|senses| senses.internal_fault = false);
+        valve.internal_fault_comes_and_goes();
         valve.advance(600);
         writes(&mut valve);
     }
@@ -376,8 +367,7 @@ mod uds_waits {
         valve.write_time = Duration::from_millis(50);
         valve.exchange(UDS_WRITE, &[]);
         valve.exchange("1BC79020: 04 2E 10 01 31", &["1BC408F1: 03 7F 2E 22"]);
-        valve.advance(50);
-        assert_eq!(valve.take(), [UDS_WRITTEN]);
+        valve.advance_sends(50, &[UDS_WRITTEN]);
         valve.power_cycle();
         assert_eq!(valve.node_id(), Some(0x30));
     }

@@ -47,8 +47,7 @@ fn its_rates() {
         assert_eq!(position(&mut valve), expected, "{set_point} after {ms} ms");
         // with the device stopped the springs take it back from there
         let back = u64::from(expected.unsigned_abs()) * 150 / 16384;
-        valve.exchange("000: 02 00", &[]);
-        valve.exchange("000: 80 00", &[]);
+        valve.silent_to(&["000: 02 00", "000: 80 00"]);
         valve.advance(back);
         assert_eq!(position(&mut valve), 0, "{set_point}, back after {back} ms");
     }

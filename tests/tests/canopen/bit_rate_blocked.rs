@@ -25,8 +25,7 @@ fn switches_silently(valve: &mut Rig) {
     assert_eq!(valve.bit_rates(), []);
     valve.advance(1);
     assert_eq!(valve.bit_rates(), [BitRate::Kbit500]);
-    valve.advance(99);
-    valve.expect_nothing();
+    valve.silent_for(99);
 }
 
 /// The bus is free again before the switch: what waits would be at the old rate, in the silence.
@@ -34,12 +33,10 @@ fn switches_silently(valve: &mut Rig) {
 fn answers_are_not_sent_in_the_silence() {
     for request in ["620: 40 00 10 00 00 00 00 00", "7E5: 5E 00 00 00 00 00 00 00", "1BC78820: 03 22 F0 10"] {
         let mut valve = held();
-        valve.send(request);
-        valve.send(ACTIVATE);
+        valve.send_all(&[request, ACTIVATE]);
         valve.hold_bus(false);
         switches_silently(&mut valve);
-        valve.advance(1000);
-        valve.expect_nothing();
+        valve.silent_for(1000);
     }
 }
 
@@ -52,20 +49,17 @@ fn emcys_do_not_outlive_a_reset_in_the_silence() {
     valve.sense(|senses| senses.internal_fault = true);
     valve.send("000: 82 20");
     switches_silently(&mut valve);
-    valve.advance(1);
-    assert_eq!(valve.take(), [BOOT[0], BOOT[1], INTERNAL_ERROR]);
+    valve.advance_sends(1, &[BOOT[0], BOOT[1], INTERNAL_ERROR]);
 }
 
 /// The bus is free again after the switch: what waits would be at the wrong rate.
 #[test]
 fn answers_are_not_sent_at_the_new_rate() {
     let mut valve = held();
-    valve.send("620: 40 00 10 00 00 00 00 00");
-    valve.send(ACTIVATE);
+    valve.send_all(&["620: 40 00 10 00 00 00 00 00", ACTIVATE]);
     switches_silently(&mut valve);
     valve.hold_bus(false);
-    valve.advance(1000);
-    valve.expect_nothing();
+    valve.silent_for(1000);
 }
 
 /// The master has moved and acknowledges no more: the heartbeat that it does not get must not keep the valve.
@@ -89,8 +83,7 @@ fn a_heartbeat_that_nobody_acknowledges() {
             valve.advance(1);
         }
         valve.take();
-        valve.advance(100);
-        assert_eq!(valve.take(), ["720: 7F"]);
+        valve.advance_sends(100, &["720: 7F"]);
     }
 }
 
@@ -106,8 +99,7 @@ fn an_emcy_waits_for_the_end_of_the_silence() {
         }
         switches_silently(&mut valve);
         valve.hold_bus(false);
-        valve.advance(1);
-        assert_eq!(valve.take(), [INTERNAL_ERROR]);
+        valve.advance_sends(1, &[INTERNAL_ERROR]);
     }
 }
 
@@ -119,16 +111,13 @@ fn a_boot_up_waits_for_the_end_of_the_silence() {
         valve.hold_bus(true);
         valve.power_cycle();
         assert_eq!(valve.pending(), 1);
-        valve.send("7E5: 04 01 00 00 00 00 00 00");
-        valve.send("7E5: 13 00 02 00 00 00 00 00");
-        valve.send(ACTIVATE);
+        valve.send_all(&["7E5: 04 01 00 00 00 00 00 00", "7E5: 13 00 02 00 00 00 00 00", ACTIVATE]);
         if free {
             valve.hold_bus(false);
         }
         switches_silently(&mut valve);
         valve.hold_bus(false);
-        valve.advance(1);
-        assert_eq!(valve.take(), BOOT);
+        valve.advance_sends(1, &BOOT);
     }
 }
 
@@ -141,8 +130,7 @@ fn reset_communication_in_the_silence() {
         valve.send(ACTIVATE);
         valve.advance(at);
         valve.send("000: 82 20");
-        valve.advance(199 - at);
-        valve.expect_nothing();
+        valve.silent_for(199 - at);
         assert_eq!(valve.bit_rates(), [BitRate::Kbit500], "reset after {at} ms");
         valve.advance(1);
         assert_eq!(valve.take(), BOOT, "reset after {at} ms");

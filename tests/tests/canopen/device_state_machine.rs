@@ -42,8 +42,7 @@ const EMERGENCY_STOP: [u32; 5] = [INIT, DISABLED, HOLD, FAULT_HOLD, FAULT_HOLD];
 /// A valve in this state, in NMT pre-operational or operational, brought there by SDO.
 fn valve_in(state: u32, operational: bool, mode: u32) -> Rig {
     let mut valve = Rig::booted();
-    valve.write(0x1028, 1, 4, 0xA1).unwrap();
-    valve.write(0x6042, 0, 1, mode).unwrap();
+    valve.write_all(&[(0x1028, 1, 4, 0xA1), (0x6042, 0, 1, mode)]);
     if operational {
         valve.send("000: 01 00");
     }
@@ -187,9 +186,7 @@ fn an_sdo_and_an_rpdo_go_the_way_out_together() {
 #[test]
 fn a_set_point_over_sdo_does_not_come_between_the_two_words() {
     let mut valve = valve_in(FAULT_HOLD, true, 1);
-    valve.write(0x6040, 0, 2, 0x03).unwrap();
-    valve.write(0x6300, 1, 2, 0x1000).unwrap();
-    valve.write(0x6040, 0, 2, 0x0B).unwrap();
+    valve.write_all(&[(0x6040, 0, 2, 0x03), (0x6300, 1, 2, 0x1000), (0x6040, 0, 2, 0x0B)]);
     assert_eq!(valve.status(), HOLD);
 }
 
@@ -252,8 +249,7 @@ fn what_acts_in_which_state() {
 #[test]
 fn on_entering_active_the_set_point_is_neutral_until_the_next() {
     let mut valve = valve_in(HOLD, true, 1);
-    valve.write(0x6300, 1, 2, 0x4000).unwrap();
-    valve.write(0x6040, 0, 2, 0x07).unwrap();
+    valve.write_all(&[(0x6300, 1, 2, 0x4000), (0x6040, 0, 2, 0x07)]);
     valve.advance(200);
     assert_eq!((valve.read(0x6301, 1), valve.read(0x6300, 1)), (0, 0x4000));
     valve.write(0x3300, 0, 1, 127).unwrap();
@@ -286,10 +282,8 @@ fn a_change_of_mode_begins_with_a_neutral_set_point_too() {
 fn a_change_of_mode_restarts_the_monitors() {
     let mut valve = valve_in(ACTIVE, true, 1);
     valve.advance(200);
-    valve.write(0x6042, 0, 1, 2).unwrap();
-    valve.write(0x6042, 0, 1, 1).unwrap();
-    valve.advance(249);
-    valve.expect_nothing();
+    valve.write_all(&[(0x6042, 0, 1, 2), (0x6042, 0, 1, 1)]);
+    valve.silent_for(249);
     valve.advance(1);
     valve.expect("0A0: 03 80 91 01 00 00 00 00");
 
@@ -300,8 +294,7 @@ fn a_change_of_mode_restarts_the_monitors() {
         valve.take_under("0A0")
     };
     assert!(feed(&mut valve, 400).is_empty());
-    valve.write(0x6042, 0, 1, 2).unwrap();
-    valve.write(0x6042, 0, 1, 1).unwrap();
+    valve.write_all(&[(0x6042, 0, 1, 2), (0x6042, 0, 1, 1)]);
     assert!(feed(&mut valve, 499).is_empty());
     assert_eq!(feed(&mut valve, 1), ["0A0: 05 83 21 01 00 00 00 00"]);
 }
@@ -312,8 +305,7 @@ fn the_mode_in_force_written_again_restarts_nothing() {
     let mut valve = valve_in(ACTIVE, true, 1);
     valve.advance(200);
     valve.write(0x6042, 0, 1, 1).unwrap();
-    valve.advance(49);
-    valve.expect_nothing();
+    valve.silent_for(49);
     valve.advance(1);
     valve.expect("0A0: 03 80 91 01 00 00 00 00");
 }

@@ -73,14 +73,12 @@ fn a_fault_comes_counts_and_goes() {
                 rig.advance_by(Duration::from_micros(1));
             }
             rig.expect(&format!("0A0: {} {count:02X} 00 00 00 00", row.emcy));
-            rig.advance(10_000);
-            rig.expect_nothing();
+            rig.silent_for(10_000);
             assert_eq!((rig.read(0x1001, 0), rig.read(0x6041, 0)), (row.register, 0x03), "{}", row.emcy);
             assert_eq!(rig.read(row.counter, 0), count);
             rig.sense(row.healthy);
             rig.expect(NO_ERROR);
-            rig.advance(10_000);
-            rig.expect_nothing();
+            rig.silent_for(10_000);
             assert_eq!((rig.read(0x1001, 0), rig.read(row.counter, 0)), (0, count));
         }
         if row.counter == INTERNAL.counter {
@@ -96,8 +94,7 @@ fn no_set_point_in_time() {
     rig.advance(250);
     rig.expect("0A0: 03 80 91 01 00 00 00 00");
     assert_eq!((rig.read(0x1001, 0), rig.read(0x2023, 0)), (0x91, 1));
-    rig.advance(10_000);
-    rig.expect_nothing();
+    rig.silent_for(10_000);
     // The next valid set-point ends it.
     rig.exchange("220: 00 00 00 00", &[NO_ERROR, "1A0: 03 00 00 00"]);
     assert_eq!((rig.read(0x1001, 0), rig.read(0x2023, 0)), (0, 1));
@@ -118,9 +115,7 @@ fn a_spool_that_does_not_follow() {
     rig.sense(|senses| senses.spool.fault = SpoolFault::NoFloat);
     feed(&mut rig, "00 00", 200);
     assert_eq!(emcys(&mut rig), [NO_ERROR]);
-    rig.send("220: 03 00 00 00");
-    rig.send("220: 0B 00 00 00");
-    rig.send("220: 0F 00 00 00");
+    rig.send_all(&["220: 03 00 00 00", "220: 0B 00 00 00", "220: 0F 00 00 00"]);
     rig.take();
     feed(&mut rig, "FF 7F", 1000);
     assert_eq!(emcys(&mut rig), ["0A0: 05 83 21 02 00 00 00 00"]);
@@ -169,8 +164,7 @@ fn several_at_once_are_told_by_priority() {
     rig.sense(SUPPLY_LOW.cause);
     rig.advance(1750);
     rig.sense(HOT.cause);
-    rig.advance(250);
-    assert_eq!(rig.take(), ["0A0: 01 83 09 01 00 00 00 00", "0A0: 12 34 0D 01 00 00 00 00"]);
+    rig.advance_sends(250, &["0A0: 01 83 09 01 00 00 00 00", "0A0: 12 34 0D 01 00 00 00 00"]);
     assert_eq!(rig.read(0x1003, 1), 0x0001_3412, "the last one told is the newest");
     assert_eq!(rig.read(0x1003, 2), 0x0001_8301);
 }
@@ -223,11 +217,9 @@ fn both_of_an_injected_fault_and_bus_off_at_once() {
 fn a_cause_at_power_up_activates_from_init_after_its_delay() {
     let mut rig = Rig::booted();
     rig.sense(SUPPLY_LOW.cause);
-    rig.power_cycle();
-    assert_eq!(rig.take(), [BOOT_UP, NO_ERROR]);
+    rig.power_cycle_sends(&[BOOT_UP, NO_ERROR]);
     assert_eq!(rig.read(0x6041, 0), 0x08);
-    rig.advance(1999);
-    rig.expect_nothing();
+    rig.silent_for(1999);
     rig.advance(1);
     rig.expect("0A0: 12 34 05 01 00 00 00 00");
     assert_eq!(rig.read(0x6041, 0), 0x03);
@@ -239,8 +231,7 @@ fn bus_off_is_told_when_the_bus_is_back() {
         let mut rig = Rig::booted();
         rig.send(start);
         rig.sense(|senses| senses.bus = BusOff);
-        rig.advance(500);
-        rig.expect_nothing();
+        rig.silent_for(500);
         rig.sense(|senses| senses.bus = ErrorActive);
         assert_eq!(rig.take(), ["0A0: 40 81 11 01 00 00 00 00", NO_ERROR]);
         assert_eq!((rig.read(0x2019, 0), rig.read(0x6041, 0)), (1, 0x03));
@@ -268,8 +259,7 @@ fn in_stopped_an_emcy_is_logged_and_counted_and_never_sent() {
     let mut rig = Rig::booted();
     rig.exchange("000: 02 00", &[]);
     rig.sense(INTERNAL.cause);
-    rig.advance(1000);
-    rig.expect_nothing();
+    rig.silent_for(1000);
     rig.exchange("000: 80 00", &[]);
     assert_eq!((rig.read(0x1001, 0), rig.read(0x2024, 0)), (0x01, 1));
     assert_eq!((rig.read(0x1003, 0), rig.read(0x1003, 1)), (1, 0x0001_1000));
@@ -282,8 +272,7 @@ fn in_stopped_an_emcy_is_logged_and_counted_and_never_sent() {
     rig.exchange("000: 02 00", &[]);
     rig.sense(INTERNAL.healthy);
     rig.exchange("000: 01 00", &[]);
-    rig.advance(1000);
-    rig.expect_nothing();
+    rig.silent_for(1000);
     assert_eq!(rig.read(0x1001, 0), 0);
 }
 
@@ -317,8 +306,7 @@ fn after_reset_application_what_lasts_is_found_and_counted_anew() {
     rig.expect("0A0: 12 34 05 01 00 00 00 00");
     rig.exchange("000: 81 00", &[BOOT_UP, NO_ERROR]);
     assert_eq!((rig.read(0x1001, 0), rig.read(0x6041, 0)), (0, 0x08));
-    rig.advance(1999);
-    rig.expect_nothing();
+    rig.silent_for(1999);
     rig.advance(1);
     rig.expect("0A0: 12 34 05 02 00 00 00 00");
 }
@@ -346,8 +334,7 @@ fn an_emergency_stop_from_another_node() {
         assert_eq!(rig.read(counter, 0), 0);
     }
     rig.exchange("220: 0F 00 00 40", &["1A0: 03 00 00 40"]);
-    rig.advance(1000);
-    rig.expect_nothing();
+    rig.silent_for(1000);
     // D11 leads out at once.
     rig.exchange("220: 03 00 00 00", &["1A0: 03 00 00 00"]);
     rig.exchange("220: 0B 00 00 00", &["1A0: 0B 00 00 00"]);
@@ -372,8 +359,7 @@ fn in_either_device_mode_and_in_pre_operational_too() {
         for state in ["000: 01 00", "000: 80 00"] {
             let mut rig = listening();
             assert_eq!(rig.write(0x6042, 0, 1, mode), Ok(()));
-            rig.exchange(state, &[]);
-            rig.exchange(EMERGENCY_STOP, &[]);
+            rig.silent_to(&[state, EMERGENCY_STOP]);
             assert_eq!(rig.read(0x6041, 0), 0x03, "mode {mode}, {state}");
         }
     }

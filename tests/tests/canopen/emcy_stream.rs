@@ -70,8 +70,7 @@ impl Event {
                 valve.send(&format!("220: {word:02X} 00 {low:02X} {high:02X}"));
             }
             Self::ResetCommunication => {
-                valve.send("000: 82 00");
-                valve.send("000: 01 00");
+                valve.send_all(&["000: 82 00", "000: 01 00"]);
             }
             Self::Pass(ms) => valve.advance(ms),
             Self::Leap(ms) => valve.leap(protocol_core::time::Duration::from_millis(ms)),

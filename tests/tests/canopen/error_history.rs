@@ -8,8 +8,7 @@ const BOOT: [&str; 2] = ["720: 00", "0A0: 00 00 00 00 00 00 00 00"];
 
 /// An internal error comes and goes.
 fn internal(rig: &mut Rig) {
-    rig.sense(|senses| senses.internal_fault = true);
-    rig.sense(|senses| senses.internal_fault = false);
+    rig.internal_fault_comes_and_goes();
     rig.take();
 }
 

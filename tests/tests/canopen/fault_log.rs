@@ -8,8 +8,7 @@ const CLEAR: &str = "620: 23 11 10 05 70 6B 64 73";
 const COUNTERS_CLEARED: &str = "5A0: 60 11 10 05 00 00 00 00";
 
 fn fault(valve: &mut Rig) {
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.internal_fault_comes_and_goes();
     valve.take();
 }
 
@@ -152,8 +151,7 @@ fn a_fault_during_the_clearing() {
     valve.exchange(CLEAR, &[]);
     valve.advance(25);
     fault(&mut valve);
-    valve.advance(25);
-    assert_eq!(valve.take(), [COUNTERS_CLEARED]);
+    valve.advance_sends(25, &[COUNTERS_CLEARED]);
     assert_eq!((valve.read(0x200F, 0), valve.read(0x2024, 0)), (0, 1));
     valve.advance(20_000);
     valve.power_cycle();

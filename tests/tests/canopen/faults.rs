@@ -108,12 +108,10 @@ fn each_is_told_after_its_delay_and_ends_at_once() {
         let name = row.name;
         let mut valve = Rig::booted();
         valve.sense(row.tolerated);
-        valve.advance(10_000);
-        valve.expect_nothing();
+        valve.silent_for(10_000);
         valve.sense(row.trips);
         if row.delay_ms > 0 {
-            valve.advance(row.delay_ms - 1);
-            valve.expect_nothing();
+            valve.silent_for(row.delay_ms - 1);
             assert_eq!((valve.read(0x1001, 0), valve.status()), (0, 0x08), "{name}: not yet");
             valve.advance(1);
         }
@@ -147,8 +145,7 @@ fn a_cause_that_ends_a_moment_before_its_delay_begins_anew() {
         valve.advance(row.delay_ms - 1);
         valve.sense(row.tolerated);
         valve.sense(row.trips);
-        valve.advance(row.delay_ms - 1);
-        valve.expect_nothing();
+        valve.silent_for(row.delay_ms - 1);
         valve.advance(1);
         assert_eq!(valve.take(), [row.emcy(1)], "{}", row.name);
     }
@@ -165,8 +162,7 @@ fn a_cause_at_power_up_activates_after_its_normal_delay() {
         valve.expect("720: 00");
         valve.expect(CLEARED);
         if row.delay_ms > 0 {
-            valve.advance(row.delay_ms - 1);
-            valve.expect_nothing();
+            valve.silent_for(row.delay_ms - 1);
             assert_eq!(valve.status(), 0x08, "{}: from INIT", row.name);
             valve.advance(1);
         }
@@ -216,10 +212,8 @@ fn several_at_once() {
     valve.sense(|senses| senses.supply_mv = 8_000);
     valve.advance(1750);
     valve.sense(|senses| senses.temperature_c = 130);
-    valve.advance(249);
-    valve.expect_nothing();
-    valve.advance(1);
-    assert_eq!(valve.take(), [emcy(0x8301, 0x09, 1), emcy(0x3412, 0x0D, 1)]);
+    valve.silent_for(249);
+    valve.advance_sends(1, &[emcy(0x8301, 0x09, 1), emcy(0x3412, 0x0D, 1)]);
     valve.sense(|senses| senses.internal_fault = true);
     assert_eq!(valve.take(), [emcy(0x1000, 0x0D, 1)]);
     assert_eq!(valve.read(0x1003, 0), 3);
@@ -271,15 +265,13 @@ mod bus_off {
         set(&mut valve, BusErrorMode::BusOff);
         valve.expect_nothing();
         assert!(!valve.outputs().solenoids);
-        valve.advance(250);
-        valve.expect_nothing();
+        valve.silent_for(250);
         set(&mut valve, BusErrorMode::ErrorActive);
         assert_eq!(valve.take(), [emcy(0x8140, 0x11, 1), CLEARED.to_owned()]);
         assert_eq!((valve.status(), valve.read(0x1001, 0), valve.read(0x2019, 0)), (0x03, 0, 1));
         assert_eq!(valve.read(0x1003, 1), 0x0001_8140);
         // the NMT state is what it was, and the heartbeat goes on in its old rhythm
-        valve.advance(50);
-        assert_eq!(valve.take(), ["720: 05"]);
+        valve.advance_sends(50, &["720: 05"]);
     }
 
     /// Error passive is no recovery from bus-off to be waited for, nor a fault.
@@ -336,8 +328,7 @@ mod bus_off {
         set(&mut valve, BusErrorMode::BusOff);
         valve.advance(1000);
         valve.power_cycle();
-        valve.advance(1000);
-        valve.expect_nothing();
+        valve.silent_for(1000);
         set(&mut valve, BusErrorMode::ErrorActive);
         let sent = valve.take();
         assert_eq!(sent, ["720: 00", CLEARED, "0A0: 40 81 11 02 00 00 00 00", CLEARED]);
@@ -362,8 +353,7 @@ mod memory {
     fn a_damaged_memory_lasts_until_the_next_start() {
         let mut valve = Rig::booted();
         valve.memory_damaged = true;
-        valve.power_cycle();
-        assert_eq!(valve.take(), ["720: 00", CLEARED, "0A0: 00 10 01 01 00 00 00 00"]);
+        valve.power_cycle_sends(&["720: 00", CLEARED, "0A0: 00 10 01 01 00 00 00 00"]);
         valve.write(0x1010, 1, 4, 0x6576_6173).unwrap();
         valve.advance(20_000);
         assert_eq!((valve.read(0x1001, 0), valve.take().len()), (1, 0));

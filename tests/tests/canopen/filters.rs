@@ -39,9 +39,7 @@ fn a_valve_on_canopen_listens_to_seven_identifiers() {
 #[test]
 fn filters_follow_the_cob_ids() {
     let mut rig = Rig::booted();
-    assert_eq!(rig.write(0x1005, 0, 4, 0x85), Ok(()));
-    assert_eq!(rig.write(0x1028, 1, 4, 0xA1), Ok(()));
-    assert_eq!(rig.write(0x1400, 1, 4, 0x8000_0220), Ok(()));
+    rig.write_all(&[(0x1005, 0, 4, 0x85), (0x1028, 1, 4, 0xA1), (0x1400, 1, 4, 0x8000_0220)]);
     expect(rig.filters(), &["085:", "0A1: 00 10"], &["080:", "220: 0F 00"]);
     assert_eq!(rig.write(0x1400, 1, 4, 0x301), Ok(()));
     expect(rig.filters(), &["301: 0F 00", "620: 40"], &["220: 0F 00"]);

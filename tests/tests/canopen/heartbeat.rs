@@ -22,8 +22,7 @@ fn expect_after(rig: &mut Rig, ms: u64, heartbeat: &str) {
 #[test]
 fn off_by_default() {
     let mut rig = Rig::booted();
-    rig.advance(100_000);
-    rig.expect_nothing();
+    rig.silent_for(100_000);
 }
 
 /// (R) the manual's example, which calls it 1000 ms: the unit is 1 ms.
@@ -69,8 +68,7 @@ fn every_write_of_a_time_begins_at_once_and_0_ends_it() {
     assert_eq!(rig.write(TIME.0, TIME.1, 2, 0x8000), Err(0x0609_0031));
     expect_after(&mut rig, 30, "720: 7F");
     set(&mut rig, 0);
-    rig.advance(100_000);
-    rig.expect_nothing();
+    rig.silent_for(100_000);
 }
 
 #[test]
@@ -110,8 +108,7 @@ fn the_boot_up_counts_as_the_first() {
         assert_eq!(rig.read(TIME.0, TIME.1), 195);
     }
     rig.advance(70);
-    rig.power_cycle();
-    assert_eq!(rig.take(), boot);
+    rig.power_cycle_sends(&boot);
     expect_after(&mut rig, 200, "720: 7F");
 }
 
@@ -137,12 +134,9 @@ fn none_while_a_reset_waits() {
         set(&mut rig, 100);
         rig.expect("720: 7F");
         rig.write_time = Duration::from_secs(1);
-        rig.exchange("620: 23 10 10 01 73 61 76 65", &[]);
-        rig.exchange(reset, &[]);
-        rig.advance(999);
-        rig.expect_nothing();
-        rig.advance(1);
-        assert_eq!(rig.take(), ["720: 00", "0A0: 00 00 00 00 00 00 00 00"]);
+        rig.silent_to(&["620: 23 10 10 01 73 61 76 65", reset]);
+        rig.silent_for(999);
+        rig.advance_sends(1, &["720: 00", "0A0: 00 00 00 00 00 00 00 00"]);
     }
 }
 
@@ -154,8 +148,7 @@ fn a_time_that_was_not_stored_is_gone_with_a_reset() {
         rig.expect("720: 7F");
         rig.exchange(reset, &["720: 00", "0A0: 00 00 00 00 00 00 00 00"]);
         assert_eq!(rig.read(TIME.0, TIME.1), 0);
-        rig.advance(10_000);
-        rig.expect_nothing();
+        rig.silent_for(10_000);
     }
 }
 
@@ -179,6 +172,5 @@ fn nobody_is_guarded() {
     for request in ["720: R1", "720: R0", "720: R8", "721: 05", "720: 05", "701: 00"] {
         rig.exchange(request, &[]);
     }
-    rig.advance(10_000);
-    rig.expect_nothing();
+    rig.silent_for(10_000);
 }

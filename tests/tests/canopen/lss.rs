@@ -26,8 +26,7 @@ fn configuring() -> Rig {
 #[test]
 fn use_case_5() {
     let mut valve = Rig::booted();
-    valve.exchange("000: 02 00", &[]);
-    valve.exchange("7E5: 04 01 00 00 00 00 00 00", &[]);
+    valve.silent_to(&["000: 02 00", "7E5: 04 01 00 00 00 00 00 00"]);
     valve.exchange("7E5: 13 00 02 00 00 00 00 00", &["7E4: 13 00 00 00 00 00 00 00"]);
     valve.exchange("7E5: 15 00 00 00 00 00 00 00", &[]);
     assert_eq!(valve.bit_rates(), [BitRate::Kbit500]);
@@ -57,8 +56,7 @@ fn identify_remote_slave_is_not_answered() {
     for state in [TO_WAITING, TO_CONFIGURATION] {
         for order in ["000: 80 00", "000: 02 00", "000: 01 00"] {
             for mut valve in [Rig::booted(), blank()] {
-                valve.exchange(order, &[]);
-                valve.exchange(state, &[]);
+                valve.silent_to(&[order, state]);
                 HOLDS.iter().for_each(|bound| valve.lss(bound, None));
             }
         }
@@ -70,9 +68,7 @@ fn identify_remote_slave_is_not_answered() {
 fn a_start_during_the_silence() {
     let mut valve = configuring();
     valve.configure_bit_rate(2);
-    valve.exchange(&activate(100), &[]);
-    valve.exchange("000: 01 00", &[]);
-    valve.exchange("220: 01 00 00 00", &[]);
+    valve.silent_to(&[&activate(100), "000: 01 00", "220: 01 00 00 00"]);
     valve.advance(200);
     assert_eq!(valve.bit_rates(), [BitRate::Kbit500]);
     valve.exchange("220: 01 00 00 00", &["1A0: 09 00 00 00"]);
@@ -116,8 +112,7 @@ fn an_id_configured_while_another_is_being_stored() {
     valve.exchange(STORE, &[]);
     valve.configure_node_id(0x17);
     valve.exchange(TO_WAITING, &[]);
-    valve.advance(30);
-    assert_eq!(valve.take(), [STORED, BOOT_AS_17[0], BOOT_AS_17[1]]);
+    valve.advance_sends(30, &[STORED, BOOT_AS_17[0], BOOT_AS_17[1]]);
     valve.power_cycle();
     assert_eq!(valve.node_id(), Some(0x18));
 }
@@ -130,8 +125,7 @@ fn store_stores_what_was_configured() {
     valve.exchange(TO_CONFIGURATION, &[]);
     valve.configure_bit_rate(2);
     valve.exchange(STORE, &[STORED]);
-    valve.power_cycle();
-    assert_eq!(valve.take(), BOOT_AS_17);
+    valve.power_cycle_sends(&BOOT_AS_17);
     assert_eq!(valve.device().bit_rate(), BitRate::Kbit500);
 }
 
@@ -158,6 +152,5 @@ fn an_id_configured_during_the_first_write() {
     valve.exchange(TO_CONFIGURATION, &[]);
     valve.configure_node_id(0x17);
     valve.exchange(TO_WAITING, &[]);
-    valve.advance(200);
-    assert_eq!(valve.take(), BOOT_AS_17);
+    valve.advance_sends(200, &BOOT_AS_17);
 }

@@ -14,19 +14,15 @@ mod time_guarding {
     fn after_250_ms_without_a_set_point() {
         let mut valve = Rig::booted();
         valve.activate();
-        valve.advance(249);
-        valve.expect_nothing();
+        valve.silent_for(249);
         valve.send("220: 0F 00 00 00");
         valve.take();
-        valve.advance(249);
-        valve.expect_nothing();
-        valve.advance(1);
-        assert_eq!(valve.take(), [TIMED_OUT]);
+        valve.silent_for(249);
+        valve.advance_sends(1, &[TIMED_OUT]);
         assert_eq!((valve.status(), valve.read(0x1001, 0), valve.read(0x2023, 0)), (0x03, 0x91, 1));
         assert_eq!(valve.read(0x1003, 1), 0x0001_8003);
         // once: it waits for the next set-point
-        valve.advance(10_000);
-        valve.expect_nothing();
+        valve.silent_for(10_000);
     }
 
     #[test]
@@ -67,8 +63,7 @@ mod time_guarding {
             valve.expect_nothing();
             valve.exchange("620: 2B 00 63 01 00 10 00 00", &[CLEARED, "5A0: 60 00 63 01 00 00 00 00"]);
             assert_eq!(valve.read(0x1001, 0), 0);
-            valve.advance(10_000);
-            valve.expect_nothing();
+            valve.silent_for(10_000);
         }
     }
 
@@ -89,11 +84,9 @@ mod time_guarding {
         let mut valve = Rig::booted();
         valve.activate();
         valve.write(0x6042, 0, 1, 2).unwrap();
-        valve.advance(10_000);
-        valve.expect_nothing();
+        valve.silent_for(10_000);
         valve.write(0x6042, 0, 1, 1).unwrap();
-        valve.advance(249);
-        valve.expect_nothing();
+        valve.silent_for(249);
         valve.advance(1);
         valve.expect(TIMED_OUT);
     }
@@ -115,8 +108,7 @@ mod time_guarding {
             valve.advance(200);
             way(&mut valve);
             valve.take();
-            valve.advance(10_000);
-            valve.expect_nothing();
+            valve.silent_for(10_000);
         }
     }
 
@@ -129,8 +121,7 @@ mod time_guarding {
         valve.expect(TIMED_OUT);
         valve.exchange("000: 82 00", &["720: 00", CLEARED, TIMED_OUT]);
         valve.exchange("000: 81 00", &["720: 00", CLEARED]);
-        valve.advance(10_000);
-        valve.expect_nothing();
+        valve.silent_for(10_000);
     }
 
     /// NMT start and pre-operational change nothing: without RPDOs the guard acts by itself.
@@ -138,8 +129,7 @@ mod time_guarding {
     fn pre_operational_lets_it_act() {
         let mut valve = Rig::booted();
         valve.activate();
-        valve.exchange("000: 80 00", &[]);
-        valve.exchange("220: 0F 00 00 00", &[]);
+        valve.silent_to(&["000: 80 00", "220: 0F 00 00 00"]);
         valve.advance(250);
         valve.expect(TIMED_OUT);
     }
@@ -193,8 +183,7 @@ mod spool {
         let mut valve = commanded("00 40");
         valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
         assert!(regulate(&mut valve, 300, "00 40").is_empty());
-        valve.send("220: 0F 00 00 00");
-        valve.send("220: 0F 00 00 40");
+        valve.send_all(&["220: 0F 00 00 00", "220: 0F 00 00 40"]);
         assert!(regulate(&mut valve, 499, "00 40").is_empty());
         assert_eq!(regulate(&mut valve, 1, "00 40")[0], AWAY);
     }
@@ -236,10 +225,8 @@ mod spool {
         assert!(regulate(&mut valve, 2000, "00 00").is_empty());
         valve.sense(|senses| senses.spool.fault = SpoolFault::None);
         // 95 % of the 150 ms from full stroke
-        valve.advance(142);
-        valve.expect_nothing();
-        valve.advance(1);
-        assert_eq!(valve.take(), [CLEARED]);
+        valve.silent_for(142);
+        valve.advance_sends(1, &[CLEARED]);
     }
 
     #[test]
@@ -291,12 +278,10 @@ mod spool {
         valve.activate();
         valve.write(0x6042, 0, 1, 2).unwrap();
         lever(&mut valve, 16384);
-        valve.advance(10_000);
-        valve.expect_nothing();
+        valve.silent_for(10_000);
         assert_eq!((valve.status(), valve.read(0x201D, 0), valve.read(0x6301, 1)), (0x0F, 0, 16384));
         valve.sense(|senses| senses.supply_mv = 40_000);
-        valve.advance(2000);
-        assert_eq!(valve.take(), ["0A0: 11 34 05 01 00 00 00 00"]);
+        valve.advance_sends(2000, &["0A0: 11 34 05 01 00 00 00 00"]);
         assert_eq!(valve.status(), 0x03);
     }
 }

@@ -44,8 +44,7 @@ fn a_reset_does_not_swallow_an_answer() {
     for reset in ["000: 81 00", "000: 82 00"] {
         let mut valve = Rig::booted();
         valve.hold_bus(true);
-        valve.send("620: 40 00 10 00 00 00 00 00");
-        valve.send(reset);
+        valve.send_all(&["620: 40 00 10 00 00 00 00 00", reset]);
         valve.hold_bus(false);
         assert_eq!(valve.take(), ["5A0: 43 00 10 00 98 01 00 00", BOOT[0], BOOT[1]], "{reset}");
     }
@@ -83,8 +82,7 @@ fn what_survives() {
     ];
     for communication in [true, false] {
         let mut valve = Rig::booted();
-        valve.sense(|senses| senses.internal_fault = true);
-        valve.sense(|senses| senses.internal_fault = false);
+        valve.internal_fault_comes_and_goes();
         for (index, sub, size, value, ..) in table {
             valve.take();
             valve.write(index, sub, size, value).unwrap();
@@ -133,8 +131,7 @@ fn reset_application_with_active_faults() {
     valve.expect(TEMPERATURE);
     valve.exchange("000: 81 00", &BOOT);
     assert_eq!((valve.read(0x1001, 0), valve.status(), valve.read(0x1003, 0)), (0, 0x08, 0));
-    valve.advance(249);
-    valve.expect_nothing();
+    valve.silent_for(249);
     valve.advance(1);
     valve.expect("0A0: 01 83 09 02 00 00 00 00");
     // those without delay at once
@@ -150,8 +147,7 @@ fn reset_communication_does_not_restart_a_delay() {
     valve.sense(|senses| senses.temperature_c = 130);
     valve.advance(200);
     valve.exchange("000: 82 00", &BOOT);
-    valve.advance(49);
-    valve.expect_nothing();
+    valve.silent_for(49);
     valve.advance(1);
     valve.expect(TEMPERATURE);
 }
@@ -182,12 +178,10 @@ fn a_bus_off_that_begins_during_a_reset() {
     for (reset, count) in [("000: 81 00", 2), ("000: 82 00", 1)] {
         let mut valve = Rig::booted();
         valve.write_time = Duration::from_millis(50);
-        valve.send("620: 23 10 10 01 73 61 76 65");
-        valve.send(reset);
+        valve.send_all(&["620: 23 10 10 01 73 61 76 65", reset]);
         valve.advance(25);
         valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
-        valve.advance(1000);
-        valve.expect_nothing();
+        valve.silent_for(1000);
         valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
         let bus_off = format!("0A0: 40 81 11 {count:02X} 00 00 00 00");
         assert_eq!(valve.take(), [BOOT[0], BOOT[1], &bus_off, CLEARED], "{reset}");
@@ -198,8 +192,7 @@ fn a_bus_off_that_begins_during_a_reset() {
 #[test]
 fn stopped_lets_only_nmt_heartbeat_lss_and_uds_through() {
     let mut valve = Rig::booted();
-    valve.write(0x1028, 1, 4, 0xA1).unwrap();
-    valve.write(0x1017, 0, 2, 100).unwrap();
+    valve.write_all(&[(0x1028, 1, 4, 0xA1), (0x1017, 0, 2, 100)]);
     valve.take();
     valve.activate();
     valve.exchange("000: 02 00", &[]);
@@ -212,8 +205,7 @@ fn stopped_lets_only_nmt_heartbeat_lss_and_uds_through() {
     ] {
         valve.exchange(silent, &[]);
     }
-    valve.advance(100);
-    assert_eq!(valve.take(), ["720: 04"]);
+    valve.advance_sends(100, &["720: 04"]);
     valve.exchange("1BC78820: 03 22 F0 10", &["1BC100F1: 04 62 F0 10 A5"]);
     valve.exchange("7E5: 04 01 00 00 00 00 00 00", &[]);
     valve.exchange("7E5: 5E 00 00 00 00 00 00 00", &["7E4: 5E 20 00 00 00 00 00 00"]);
@@ -227,8 +219,7 @@ fn emcys_of_stopped_are_not_sent_later() {
     for (leave, sent) in [("000: 01 00", &[][..]), ("000: 80 00", &[]), ("000: 81 00", &BOOT)] {
         let mut valve = Rig::booted();
         valve.exchange("000: 02 00", &[]);
-        valve.sense(|senses| senses.internal_fault = true);
-        valve.sense(|senses| senses.internal_fault = false);
+        valve.internal_fault_comes_and_goes();
         valve.expect_nothing();
         valve.exchange(leave, sent);
         assert_eq!(valve.read(0x2024, 0), 1, "{leave}");
@@ -263,8 +254,7 @@ fn a_stop_is_no_fault() {
     valve.exchange("000: 02 00", &[]);
     assert!(!valve.outputs().solenoids);
     valve.exchange("000: 02 00", &[]);
-    valve.advance(10_000);
-    valve.expect_nothing();
+    valve.silent_for(10_000);
     valve.exchange("000: 01 00", &[]);
     assert_eq!((valve.read(0x1001, 0), valve.read(0x1003, 0), valve.read(0x6301, 1)), (0, 0, 0));
     // D11 leaves it at once
@@ -276,11 +266,9 @@ fn a_stop_is_no_fault() {
 #[test]
 fn pdos_in_operational_alone() {
     let mut valve = Rig::booted();
-    valve.exchange("220: 0F 00 00 00", &[]);
-    valve.exchange("000: 01 00", &[]);
+    valve.silent_to(&["220: 0F 00 00 00", "000: 01 00"]);
     valve.exchange("220: 0F 00 00 00", &["1A0: 09 00 00 00"]);
-    valve.exchange("000: 80 00", &[]);
-    valve.exchange("220: 0F 00 00 00", &[]);
+    valve.silent_to(&["000: 80 00", "220: 0F 00 00 00"]);
     assert_eq!(valve.status(), 0x09);
 }
 
@@ -306,10 +294,8 @@ fn without_a_node_id() {
     ] {
         valve.exchange(frame, &[]);
     }
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.sense(|senses| senses.internal_fault = false);
-    valve.advance(10_000);
-    valve.expect_nothing();
+    valve.internal_fault_comes_and_goes();
+    valve.silent_for(10_000);
     valve.power_cycle();
     valve.expect_nothing();
     assert_eq!(valve.node_id(), None, "and it stays so");

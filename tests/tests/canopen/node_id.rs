@@ -40,8 +40,7 @@ fn at(node_id: u8) -> Rig {
 #[test]
 fn use_case_3() {
     let mut valve = Rig::booted();
-    valve.exchange("000: 02 00", &[]);
-    valve.exchange("7E5: 04 01 00 00 00 00 00 00", &[]);
+    valve.silent_to(&["000: 02 00", "7E5: 04 01 00 00 00 00 00 00"]);
     valve.exchange("7E5: 11 17 00 00 00 00 00 00", &["7E4: 11 00 00 00 00 00 00 00"]);
     valve.exchange("7E5: 17 00 00 00 00 00 00 00", &["7E4: 17 00 00 00 00 00 00 00"]);
     valve.exchange("7E5: 04 00 00 00 00 00 00 00", &["717: 00", "097: 00 00 00 00 00 00 00 00"]);
@@ -142,9 +141,7 @@ fn by_uds_it_is_in_force_after_a_restart() {
 #[test]
 fn uds_after_an_id_that_is_held() {
     let mut valve = Rig::booted();
-    valve.send("7E5: 04 01 00 00 00 00 00 00");
-    valve.send("7E5: 11 17 00 00 00 00 00 00");
-    valve.send("7E5: 04 00 00 00 00 00 00 00");
+    valve.send_all(&["7E5: 04 01 00 00 00 00 00 00", "7E5: 11 17 00 00 00 00 00 00", "7E5: 04 00 00 00 00 00 00 00"]);
     valve.take();
     assert_eq!(valve.node_id(), Some(0x17));
     valve.exchange("1BC78817: 03 22 10 01", &["1BC0B8F1: 04 62 10 01 20"]);

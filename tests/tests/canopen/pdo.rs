@@ -24,8 +24,7 @@ fn rpdo(values: &[(u32, u16)]) -> String {
 fn held(entries: &[u32]) -> Rig {
     let mut rig = Rig::booted();
     rig.map(RPDO, entries);
-    assert_eq!(rig.write(0x6040, 0, 2, 0x0001), Ok(()));
-    assert_eq!(rig.write(0x6040, 0, 2, 0x0003), Ok(()));
+    rig.write_all(&[(0x6040, 0, 2, 0x0001), (0x6040, 0, 2, 0x0003)]);
     rig.send("000: 01 00");
     rig.expect_nothing();
     rig
@@ -58,12 +57,9 @@ fn pdos_are_for_operational_alone() {
     assert_eq!((rig.read(0x6041, 0), rig.read(0x6040, 0)), (0x08, 0));
     rig.exchange("000: 01 00", &[]);
     rig.exchange("220: 0F 00 00 00", &["1A0: 09 00 00 00"]);
-    rig.exchange("000: 80 00", &[]);
-    rig.exchange("220: 0F 00 00 00", &[]);
+    rig.silent_to(&["000: 80 00", "220: 0F 00 00 00"]);
     assert_eq!(rig.read(0x6041, 0), 0x09);
-    rig.exchange("000: 02 00", &[]);
-    rig.exchange("220: 0F 00 00 00", &[]);
-    rig.exchange("000: 01 00", &[]);
+    rig.silent_to(&["000: 02 00", "220: 0F 00 00 00", "000: 01 00"]);
     // Stop has led to FAULT_HOLD.
     rig.exchange("220: 0F 00 00 00", &["1A0: 03 00 00 00"]);
 }
@@ -100,8 +96,7 @@ fn the_values_of_one_rpdo_act_in_their_own_order() {
         assert_eq!(rig.read(0x6301, 1), 0x2000, "{entries:X?}");
         // To hand operation: the set-point acts no more.
         rig.exchange(&frame(2, 0x0F, 0x4000), &["1A0: 0F 00 00 20"]);
-        rig.advance(500);
-        rig.expect_nothing();
+        rig.silent_for(500);
         assert_eq!((rig.read(0x6301, 1), rig.read(0x6300, 1), rig.read(0x6042, 0)), (0, 0x4000, 2), "{entries:X?}");
     }
 }
@@ -165,8 +160,7 @@ fn an_invalid_set_point_does_not_feed_the_time_guard() {
         rig.advance(200);
         rig.send(&format!("220: 0F 00 {set_point}"));
         rig.take();
-        rig.advance(49);
-        rig.expect_nothing();
+        rig.silent_for(49);
         rig.advance(1);
         let faults = rig.take();
         assert_eq!(faults.is_empty(), fed, "{set_point}: {faults:?}");

@@ -25,8 +25,7 @@ const DUMMIES: [u32; 7] = [0x0001_0001, 0x0002_0008, 0x0003_0010, 0x0004_0020, 0
 /// Both PDOs off.
 fn off() -> Rig {
     let mut rig = Rig::booted();
-    assert_eq!(rig.write(RPDO, 1, 4, RPDO_OFF), Ok(()));
-    assert_eq!(rig.write(TPDO, 1, 4, TPDO_OFF), Ok(()));
+    rig.write_all(&[(RPDO, 1, 4, RPDO_OFF), (TPDO, 1, 4, TPDO_OFF)]);
     rig
 }
 
@@ -61,7 +60,7 @@ fn the_manuals_procedure() {
 #[test]
 fn the_procedure_of_cia_301() {
     let mut rig = moved();
-    for (index, sub, size, value) in [
+    rig.write_all(&[
         (TPDO, 1, 4, TPDO_OFF),
         (TPDO_MAPPING, 0, 1, 0),
         (TPDO_MAPPING, 1, 4, 0x3301_0008),
@@ -71,9 +70,7 @@ fn the_procedure_of_cia_301() {
         (TPDO_MAPPING, 5, 4, 0x6041_0010),
         (TPDO_MAPPING, 0, 1, 5),
         (TPDO, 1, 4, TPDO_ON),
-    ] {
-        assert_eq!(rig.write(index, sub, size, value), Ok(()), "{index:04X}:{sub}");
-    }
+    ]);
     rig.exchange("220: 0F 00 00 10", &["1A0: 20 E0 FA 00 00 10 0F 00"]);
 }
 
@@ -167,9 +164,7 @@ fn the_bits_are_counted_when_the_number_is_written() {
         for sub in 1..=3 {
             assert_eq!(rig.write(mapping, sub, 4, word), Ok(()));
         }
-        assert_eq!(rig.write(mapping, 4, 4, byte), Ok(()));
-        assert_eq!(rig.write(mapping, 5, 4, 0x0002_0008), Ok(()));
-        assert_eq!(rig.write(mapping, 6, 4, 0x0001_0001), Ok(()));
+        rig.write_all(&[(mapping, 4, 4, byte), (mapping, 5, 4, 0x0002_0008), (mapping, 6, 4, 0x0001_0001)]);
         // 48, 56 and 64 bits
         for count in [3, 4, 5] {
             assert_eq!(rig.write(mapping, 0, 1, count), Ok(()), "{count}");
@@ -195,9 +190,7 @@ fn the_bits_are_counted_again_when_the_pdo_is_switched_on() {
         assert_eq!(rig.write(communication, 1, 4, on), Err(TOO_MANY_BITS));
         assert_eq!(rig.read(communication, 1), on | 0x8000_0000, "it stays off");
         // The number that is held can be written, whatever it counts.
-        assert_eq!(rig.write(mapping, 0, 1, 5), Ok(()));
-        assert_eq!(rig.write(mapping, 0, 1, 4), Ok(()));
-        assert_eq!(rig.write(communication, 1, 4, on), Ok(()));
+        rig.write_all(&[(mapping, 0, 1, 5), (mapping, 0, 1, 4), (communication, 1, 4, on)]);
     }
 }
 
@@ -254,12 +247,9 @@ fn as_many_bytes_as_the_bits_need() {
 fn the_default_entries_all_counted() {
     let mut rig = Rig::booted();
     for (communication, mapping, on) in [(RPDO, RPDO_MAPPING, RPDO_ON), (TPDO, TPDO_MAPPING, TPDO_ON)] {
-        assert_eq!(rig.write(communication, 1, 4, on | 0x8000_0000), Ok(()));
-        assert_eq!(rig.write(mapping, 0, 1, 8), Ok(()));
-        assert_eq!(rig.write(communication, 1, 4, on), Ok(()));
+        rig.write_all(&[(communication, 1, 4, on | 0x8000_0000), (mapping, 0, 1, 8), (communication, 1, 4, on)]);
     }
-    rig.exchange("000: 01 00", &[]);
-    rig.exchange("220: 0F 00 00 00", &[]);
+    rig.silent_to(&["000: 01 00", "220: 0F 00 00 00"]);
     rig.exchange("220: 0F 00 00 00 FF", &["1A0: 09 00 00 00 00"]);
 }
 
@@ -296,8 +286,7 @@ fn an_rpdo_unpacks_bit_by_bit() {
 fn an_rpdo_of_gaps_alone_still_brings_a_tpdo() {
     let mut rig = Rig::booted();
     rig.map(RPDO, &[DUMMIES[4]]);
-    rig.exchange("000: 01 00", &[]);
-    rig.exchange("220:", &[]);
+    rig.silent_to(&["000: 01 00", "220:"]);
     rig.exchange("220: FF", &["1A0: 08 00 00 00"]);
     assert_eq!(rig.read(0x6040, 0), 0);
 }

@@ -71,13 +71,10 @@ fn an_identifier_that_cannot_be_used_is_refused() {
 fn a_pdo_with_nothing_mapped() {
     for (communication, mapping, identifier) in PDOS {
         let mut valve = Rig::booted();
-        assert_eq!(valve.write(communication, 1, 4, OFF | identifier), Ok(()));
-        assert_eq!(valve.write(mapping, 0, 1, 0), Ok(()));
+        valve.write_all(&[(communication, 1, 4, OFF | identifier), (mapping, 0, 1, 0)]);
         assert_eq!(valve.write(communication, 1, 4, identifier), Err(INVALID_VALUE), "{communication:04X}");
         assert_eq!(valve.read(communication, 1), OFF | identifier);
-        valve.send("000: 01 20");
-        valve.send("220: 01 00 00 00");
-        valve.send("220:");
+        valve.send_all(&["000: 01 20", "220: 01 00 00 00", "220:"]);
         valve.expect_nothing();
         // "save" keeps it off.
         valve.exchange("620: 23 10 10 01 73 61 76 65", &["5A0: 60 10 10 01 00 00 00 00"]);
@@ -85,8 +82,7 @@ fn a_pdo_with_nothing_mapped() {
         valve.take();
         assert_eq!((valve.read(communication, 1), valve.read(mapping, 0)), (OFF | identifier, 0));
 
-        assert_eq!(valve.write(mapping, 1, 4, 0x0007_0020), Ok(()));
-        assert_eq!(valve.write(mapping, 0, 1, 1), Ok(()));
+        valve.write_all(&[(mapping, 1, 4, 0x0007_0020), (mapping, 0, 1, 1)]);
         assert_eq!(valve.write(communication, 1, 4, identifier), Ok(()), "{communication:04X}");
     }
 }

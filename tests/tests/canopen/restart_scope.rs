@@ -52,9 +52,7 @@ fn what_does_not_widen_a_reset_that_waits() {
     for other in ["000: 81 21", "220: 81 20", "220: 81 00", "080: 81 20", "000: R2"] {
         let mut valve = Rig::booted();
         valve.write_time = Duration::from_millis(300);
-        valve.send(SAVE);
-        valve.send("000: 82 20");
-        valve.send(other);
+        valve.send_all(&[SAVE, "000: 82 20", other]);
         valve.advance(300);
         assert_eq!(valve.take(), BOOT, "{other}");
         assert_eq!(valve.status(), FAULT_HOLD, "{other}");
@@ -66,19 +64,15 @@ fn what_does_not_widen_a_reset_that_waits() {
 fn a_stored_node_id_with_two_resets() {
     let mut valve = Rig::booted();
     valve.write_time = Duration::from_millis(300);
-    valve.send("1BC78820: 04 2E 10 01 21");
-    valve.send("000: 82 20");
-    valve.send("000: 81 20");
-    valve.advance(300);
-    assert_eq!(valve.take(), ["1BC408F1: 03 6E 10 01", "721: 00", "0A1: 00 00 00 00 00 00 00 00"]);
+    valve.send_all(&["1BC78820: 04 2E 10 01 21", "000: 82 20", "000: 81 20"]);
+    valve.advance_sends(300, &["1BC408F1: 03 6E 10 01", "721: 00", "0A1: 00 00 00 00 00 00 00 00"]);
     assert_eq!(valve.status(), INIT);
 }
 
 /// A valve in FAULT_HOLD, operational, without a fault.
 fn in_fault_hold() -> Rig {
     let mut valve = Rig::booted();
-    valve.exchange("000: 02 20", &[]);
-    valve.exchange("000: 01 20", &[]);
+    valve.silent_to(&["000: 02 20", "000: 01 20"]);
     assert_eq!(valve.status(), FAULT_HOLD);
     valve
 }
@@ -115,10 +109,7 @@ fn a_reset_or_stop_forgets_half_a_fault_reset() {
 #[test]
 fn pre_operational_forgets_nothing() {
     let mut valve = in_fault_hold();
-    valve.send("220: 03 00 00 00");
-    valve.send("000: 80 20");
-    valve.send("000: 01 20");
-    valve.send("220: 0B 00 00 00");
+    valve.send_all(&["220: 03 00 00 00", "000: 80 20", "000: 01 20", "220: 0B 00 00 00"]);
     valve.take();
     assert_eq!(valve.status(), HOLD);
 }
@@ -136,8 +127,7 @@ fn a_count_that_falls_while_a_reset_waits() {
             valve.send("620: 40 00 10 00 00 00 00 00");
         }
         valve.send("000: 81 20");
-        valve.sense(|senses| senses.internal_fault = true);
-        valve.sense(|senses| senses.internal_fault = false);
+        valve.internal_fault_comes_and_goes();
         valve.advance(10);
         valve.hold_bus(false);
         valve.advance(1000);

@@ -222,8 +222,7 @@ fn a_client_that_falls_silent_is_told_after_five_seconds() {
         rig.expect_nothing();
         rig.advance_by(Duration::from_micros(1));
         rig.expect(&format!("5A0: 80 {object} {TIMEOUT}"));
-        rig.advance(2 * TIMEOUT_MS);
-        rig.expect_nothing();
+        rig.silent_for(2 * TIMEOUT_MS);
         assert_no_transfer(&mut rig);
         assert_not_written(&mut rig);
     }
@@ -235,17 +234,14 @@ fn every_segment_gives_another_five_seconds() {
     begin_upload(&mut rig);
     rig.advance(TIMEOUT_MS - 1);
     rig.exchange("620: 70 00 00 00 00 00 00 00", &["5A0: 10 6D 31 5F 4D 5F 52 31"]);
-    rig.advance(TIMEOUT_MS - 1);
-    rig.expect_nothing();
+    rig.silent_for(TIMEOUT_MS - 1);
     // What is no SDO request does not count.
-    rig.send("620: 60 00 00 00 00 00 00");
-    rig.send("080:");
+    rig.send_all(&["620: 60 00 00 00 00 00 00", "080:"]);
     rig.advance(1);
     rig.expect(&format!("5A0: 80 0A 10 00 {TIMEOUT}"));
     // The last segment ends it: nothing is left to time out.
     assert!(rig.read_segmented(0x100A, 0).is_ok());
-    rig.advance(2 * TIMEOUT_MS);
-    rig.expect_nothing();
+    rig.silent_for(2 * TIMEOUT_MS);
 }
 
 #[test]
@@ -254,8 +250,7 @@ fn a_client_that_aborts_gets_no_answer() {
         let mut rig = Rig::booted();
         begin(&mut rig);
         rig.exchange(&format!("620: 80 {object} 00 00 00 08"), &[]);
-        rig.advance(2 * TIMEOUT_MS);
-        rig.expect_nothing();
+        rig.silent_for(2 * TIMEOUT_MS);
         assert_no_transfer(&mut rig);
         assert_not_written(&mut rig);
         // nor without a transfer
@@ -335,8 +330,7 @@ fn other_frames_are_ignored() {
     }
     // In mid-transfer, too.
     begin_upload(&mut rig);
-    rig.exchange("620: 70 00 00 00 00 00 00", &[]);
-    rig.exchange("620: 40 18 10 01", &[]);
+    rig.silent_to(&["620: 70 00 00 00 00 00 00", "620: 40 18 10 01"]);
     rig.exchange("620: 70 00 00 00 00 00 00 00", &["5A0: 10 6D 31 5F 4D 5F 52 31"]);
 }
 
@@ -353,8 +347,7 @@ fn answered_in_pre_operational_and_operational_alone() {
     ] {
         rig.send(command);
         rig.exchange(request, answers);
-        rig.advance(2 * TIMEOUT_MS);
-        rig.expect_nothing();
+        rig.silent_for(2 * TIMEOUT_MS);
     }
 }
 
@@ -366,8 +359,7 @@ fn stop_and_resets_end_a_transfer_silently() {
             let mut rig = Rig::booted();
             begin(&mut rig);
             rig.exchange(command, sent);
-            rig.advance(TIMEOUT_MS);
-            rig.expect_nothing();
+            rig.silent_for(TIMEOUT_MS);
             rig.send("000: 80 00");
             assert_no_transfer(&mut rig);
             assert_not_written(&mut rig);
@@ -379,8 +371,7 @@ fn stop_and_resets_end_a_transfer_silently() {
 fn start_and_pre_operational_do_not_end_a_transfer() {
     let mut rig = Rig::booted();
     begin_download(&mut rig);
-    rig.send("000: 01 00");
-    rig.send("000: 80 00");
+    rig.send_all(&["000: 01 00", "000: 80 00"]);
     rig.exchange("620: 1B 66 74 00 00 00 00 00", &["5A0: 30 00 00 00 00 00 00 00"]);
 }
 
@@ -402,16 +393,14 @@ fn a_write_to_the_memory_is_answered_when_it_is_done() {
         requests.iter().for_each(|request| rig.send(request));
         let answers = rig.take();
         assert_eq!(answers.len(), requests.len() - 1, "{answers:?}");
-        rig.advance(79);
-        rig.expect_nothing();
+        rig.silent_for(79);
         rig.advance(1);
         rig.expect(done);
         // However long it takes: a memory that writes is no client that is silent.
         rig.write_time = Duration::from_millis(2 * TIMEOUT_MS);
         requests.iter().for_each(|request| rig.send(request));
         rig.take();
-        rig.advance(2 * TIMEOUT_MS - 1);
-        rig.expect_nothing();
+        rig.silent_for(2 * TIMEOUT_MS - 1);
         rig.advance(1);
         rig.expect(done);
     }
@@ -439,8 +428,7 @@ fn a_client_that_goes_on_gets_no_late_answer() {
         rig.exchange("620: 23 10 10 01 73 61 76 65", &[]);
         rig.advance(40);
         rig.exchange(request, answer);
-        rig.advance(1000);
-        rig.expect_nothing();
+        rig.silent_for(1000);
     }
 }
 

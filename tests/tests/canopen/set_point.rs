@@ -210,8 +210,7 @@ fn a_pveo_is_all_or_nothing() {
 fn reset_application_forgets_it() {
     let mut rig = Rig::booted();
     assert_eq!(write(&mut rig, SET_POINT, 1234), Ok(()));
-    assert_eq!(rig.write(0x6040, 0, 2, 0x0F), Ok(()));
-    assert_eq!(rig.write(0x6042, 0, 1, 2), Ok(()));
+    rig.write_all(&[(0x6040, 0, 2, 0x0F), (0x6042, 0, 1, 2)]);
     rig.send("000: 82 00");
     rig.take();
     assert_eq!((rig.read(0x6040, 0), rig.read(0x6042, 0)), (0x0F, 2));

@@ -61,8 +61,7 @@ fn act(valve: &mut Rig, event: Event) {
         Event::Request(number) => valve.send(REQUESTS[number].0),
         Event::Other(frame) => valve.send(frame),
         Event::Activate => {
-            valve.send("7E5: 04 01 00 00 00 00 00 00");
-            valve.send(&format!("7E5: 15 {DELAY_MS:02X} 00 00 00 00 00 00"));
+            valve.send_all(&["7E5: 04 01 00 00 00 00 00 00", &format!("7E5: 15 {DELAY_MS:02X} 00 00 00 00 00 00")]);
         }
         Event::HoldBus(held) => valve.hold_bus(held),
         Event::BusOff(off) => {

@@ -83,8 +83,7 @@ fn each_write_is_answered_when_the_memory_holds_it() {
         let mut valve = slow(50);
         valve.writes.clear();
         valve.exchange(request, &[]);
-        valve.advance(49);
-        valve.expect_nothing();
+        valve.silent_for(49);
         assert_eq!(valve.writes, []);
         valve.advance(1);
         assert_eq!((valve.take(), valve.writes.as_slice()), (vec![answer.to_owned()], &[key][..]), "{request}");
@@ -146,13 +145,10 @@ fn a_reset_during_a_write_waits() {
         for reset in ["000: 81 00", "000: 82 00"] {
             let mut valve = slow(50);
             valve.writes.clear();
-            valve.exchange(request, &[]);
-            valve.exchange(reset, &[]);
+            valve.silent_to(&[request, reset]);
             // it takes no part in the bus meanwhile
-            valve.exchange("620: 40 00 10 00 00 00 00 00", &[]);
-            valve.exchange("000: 82 00", &[]);
-            valve.advance(49);
-            valve.expect_nothing();
+            valve.silent_to(&["620: 40 00 10 00 00 00 00 00", "000: 82 00"]);
+            valve.silent_for(49);
             valve.advance(1);
             let moved = request.contains("2E 10 01 21");
             let boot = if moved { ["721: 00", "0A1: 00 00 00 00 00 00 00 00"] } else { BOOT };
@@ -203,16 +199,11 @@ fn saved_parameters_come_back_at_every_start() {
 #[test]
 fn what_is_saved() {
     let mut valve = Rig::booted();
-    valve.write(0x1400, 1, 4, 0x8000_0220).unwrap();
-    valve.write(0x1800, 1, 4, 0x8000_01A0).unwrap();
+    valve.write_all(&[(0x1400, 1, 4, 0x8000_0220), (0x1800, 1, 4, 0x8000_01A0)]);
     for sub in 1..=8 {
-        valve.write(0x1600, sub, 4, 0x6300_0110).unwrap();
-        valve.write(0x1A00, sub, 4, 0x6301_0110).unwrap();
+        valve.write_all(&[(0x1600, sub, 4, 0x6300_0110), (0x1A00, sub, 4, 0x6301_0110)]);
     }
-    valve.write(0x1600, 0, 1, 4).unwrap();
-    valve.write(0x1A00, 0, 1, 3).unwrap();
-    valve.write(0x1400, 1, 4, 0x333).unwrap();
-    valve.write(0x1800, 1, 4, 0xC000_0334).unwrap();
+    valve.write_all(&[(0x1600, 0, 1, 4), (0x1A00, 0, 1, 3), (0x1400, 1, 4, 0x333), (0x1800, 1, 4, 0xC000_0334)]);
     for (index, sub, size, value) in [(0x6042, 0, 1, 2), (0x6040, 0, 2, 1), (0x6300, 1, 2, 99)] {
         valve.write(index, sub, size, value).unwrap();
     }
@@ -235,8 +226,7 @@ fn a_save_that_is_asked_for_again() {
     valve.exchange(SAVE, &[]);
     valve.advance(10);
     valve.exchange(SAVE, &[]);
-    valve.advance(100);
-    assert_eq!(valve.take(), [SAVED]);
+    valve.advance_sends(100, &[SAVED]);
 }
 
 /// Another request in the middle starts anew: it is answered, the save is not, and is stored all the same.
@@ -246,8 +236,7 @@ fn a_read_in_the_middle_of_a_save() {
     write_own(&mut valve);
     valve.exchange(SAVE, &[]);
     assert_eq!(valve.read(0x1000, 0), 0x198);
-    valve.advance(100);
-    valve.expect_nothing();
+    valve.silent_for(100);
     valve.power_cycle();
     valve.take();
     assert!(has_own(&mut valve));
@@ -258,8 +247,7 @@ fn a_read_in_the_middle_of_a_save() {
 fn a_stop_during_a_save() {
     let mut valve = slow(50);
     write_own(&mut valve);
-    valve.exchange(SAVE, &[]);
-    valve.exchange("000: 02 00", &[]);
+    valve.silent_to(&[SAVE, "000: 02 00"]);
     valve.advance(100);
     valve.exchange("000: 80 00", &[]);
     valve.power_cycle();
@@ -274,8 +262,7 @@ fn a_bit_rate_while_a_node_id_is_stored() {
     valve.exchange("1BC78820: 04 2E 10 01 21", &[]);
     valve.exchange("7E5: 13 00 02 00 00 00 00 00", &["7E4: 13 00 00 00 00 00 00 00"]);
     valve.exchange(LSS_STORE, &[]);
-    valve.advance(100);
-    assert_eq!(valve.take(), ["1BC408F1: 03 6E 10 01", "7E4: 17 00 00 00 00 00 00 00"]);
+    valve.advance_sends(100, &["1BC408F1: 03 6E 10 01", "7E4: 17 00 00 00 00 00 00 00"]);
     valve.power_cycle();
     assert_eq!((valve.node_id(), valve.device().bit_rate().bits_per_second()), (Some(0x21), 500_000));
 }
@@ -285,12 +272,9 @@ fn a_bit_rate_while_a_node_id_is_stored() {
 fn writes_one_after_the_other() {
     let mut valve = slow(50);
     valve.writes.clear();
-    valve.exchange(SAVE, &[]);
-    valve.exchange(LSS_STORE, &[]);
-    valve.advance(50);
-    assert_eq!(valve.take(), [SAVED]);
-    valve.advance(50);
-    assert_eq!(valve.take(), ["7E4: 17 00 00 00 00 00 00 00"]);
+    valve.silent_to(&[SAVE, LSS_STORE]);
+    valve.advance_sends(50, &[SAVED]);
+    valve.advance_sends(50, &["7E4: 17 00 00 00 00 00 00 00"]);
     assert_eq!(valve.writes, [RecordKey::Parameters, RecordKey::LocalLayer]);
 }
 
@@ -316,8 +300,6 @@ fn a_stray_segment_while_a_client_waits() {
     }
     // The client's own abort ends its wait.
     let mut valve = slow(30);
-    valve.exchange("620: 23 10 10 01 73 61 76 65", &[]);
-    valve.exchange("620: 80 10 10 01 00 00 00 08", &[]);
-    valve.advance(100);
-    valve.expect_nothing();
+    valve.silent_to(&["620: 23 10 10 01 73 61 76 65", "620: 80 10 10 01 00 00 00 08"]);
+    valve.silent_for(100);
 }

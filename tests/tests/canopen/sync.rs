@@ -35,21 +35,14 @@ fn every_type_from_1_to_240() {
 fn syncs_are_counted_from_entering_operational() {
     let mut rig = Rig::booted();
     assert_eq!(rig.write(0x1800, 2, 1, 3), Ok(()));
-    rig.exchange("080:", &[]);
-    rig.exchange("080:", &[]);
-    rig.exchange("000: 01 00", &[]);
+    rig.silent_to(&["080:", "080:", "000: 01 00"]);
     expect_at(&mut rig, 3);
     // Started again while it is operational: it does not enter.
-    rig.exchange("080:", &[]);
-    rig.exchange("000: 01 00", &[]);
+    rig.silent_to(&["080:", "000: 01 00"]);
     expect_at(&mut rig, 2);
     // Left and entered again.
     for leave in ["000: 80 00", "000: 02 00"] {
-        rig.exchange("080:", &[]);
-        rig.exchange("080:", &[]);
-        rig.exchange(leave, &[]);
-        rig.exchange("080:", &[]);
-        rig.exchange("000: 01 00", &[]);
+        rig.silent_to(&["080:", "080:", leave, "080:", "000: 01 00"]);
         for sent in [false, false, true] {
             rig.send("080:");
             assert_eq!(!rig.take().is_empty(), sent);
@@ -104,8 +97,7 @@ fn a_tpdo_that_is_off_heeds_no_sync() {
     let mut rig = synchronous(2);
     rig.exchange("080:", &[]);
     assert_eq!(rig.write(0x1800, 1, 4, 0x8000_01A0), Ok(()));
-    rig.exchange("080:", &[]);
-    rig.exchange("080:", &[]);
+    rig.silent_to(&["080:", "080:"]);
     assert_eq!(rig.write(0x1800, 1, 4, 0x0000_01A0), Ok(()));
     expect_at(&mut rig, 2);
 }
@@ -141,8 +133,7 @@ fn toggling_bit_30_counts_on() {
         rig.exchange("080:", &[]);
         assert_eq!(rig.write(0x1800, 1, 4, cob_id), Ok(()));
         assert_eq!(rig.read(0x1800, 1), cob_id);
-        rig.exchange("080:", &[]);
-        rig.exchange("080:", &[]);
+        rig.silent_to(&["080:", "080:"]);
         rig.exchange("080:", SENT);
     }
 }

@@ -187,13 +187,11 @@ fn while_the_memory_is_written() {
     ask(&mut valve, "04 2E 10 01 80", NODE_ID_ANSWER, "03 7F 2E 31");
     ask(&mut valve, "04 2E F0 10 00", ANSWER, "03 7F 2E 33");
     ask(&mut valve, "03 22 10 01", ANSWER, "04 62 10 01 20");
-    valve.advance(50);
-    assert_eq!(valve.take(), ["5A0: 60 10 10 01 00 00 00 00"]);
+    valve.advance_sends(50, &["5A0: 60 10 10 01 00 00 00 00"]);
     // not stored yet
     ask(&mut valve, "03 22 10 01", ANSWER, "04 62 10 01 20");
     ask(&mut valve, "04 2E 10 01 22", NODE_ID_ANSWER, "03 7F 2E 22");
-    valve.advance(50);
-    assert_eq!(valve.take(), ["1BC408F1: 03 6E 10 01"]);
+    valve.advance_sends(50, &["1BC408F1: 03 6E 10 01"]);
     ask(&mut valve, "03 22 10 01", ANSWER, "04 62 10 01 21");
 
     valve.writes_fail = true;

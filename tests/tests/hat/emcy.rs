@@ -55,8 +55,7 @@ fn error_passive() {
 fn bus_off_is_told_when_it_is_over() {
     let mut rig = booted();
     bus(&mut rig, BusErrorMode::BusOff);
-    rig.advance(100);
-    rig.expect_nothing();
+    rig.silent_for(100);
     bus(&mut rig, BusErrorMode::ErrorActive);
     assert_eq!(rig.take(), [RECOVERED, GONE]);
     assert_eq!((rig.read(0x1001, 0), history(&mut rig)), (0, vec![0x0004_8140]));
@@ -66,11 +65,9 @@ fn bus_off_is_told_when_it_is_over() {
 fn a_reset_during_bus_off_does_not_tell_the_recovery_twice() {
     let mut rig = booted();
     rig.write_time = Duration::from_millis(10);
-    rig.send("601: 23 10 10 02 73 61 76 65");
-    rig.send("000: 82 00");
+    rig.send_all(&["601: 23 10 10 02 73 61 76 65", "000: 82 00"]);
     bus(&mut rig, BusErrorMode::BusOff);
-    rig.advance(20);
-    rig.expect_nothing();
+    rig.silent_for(20);
     bus(&mut rig, BusErrorMode::ErrorActive);
     assert_eq!(rig.take(), [BOOT_UP, RECOVERED, GONE]);
     assert_eq!(history(&mut rig), [0x0004_8140]);
@@ -178,13 +175,11 @@ fn a_reset_during_bus_off_and_the_emcys_that_wait() {
     for (lasts, told) in [(true, &[BOOT_UP, "081: 00 FF 91 02 00 00 00 00"][..]), (false, &[BOOT_UP])] {
         let mut rig = booted();
         rig.write_time = Duration::from_millis(10);
-        rig.send("601: 23 10 10 02 73 61 76 65");
-        rig.send("000: 82 00");
+        rig.send_all(&["601: 23 10 10 02 73 61 76 65", "000: 82 00"]);
         bus(&mut rig, BusErrorMode::BusOff);
         internal_fault(&mut rig, true);
         internal_fault(&mut rig, lasts);
-        rig.advance(20);
-        rig.expect_nothing();
+        rig.silent_for(20);
         bus(&mut rig, BusErrorMode::ErrorActive);
         let end =
             if lasts { ["081: 40 81 91 04 00 00 00 00", "081: 00 00 81 00 00 00 00 00"] } else { [RECOVERED, GONE] };
@@ -225,7 +220,7 @@ fn errors_of_one_instant_are_told_in_their_order() {
     rig.sense_hat(|senses| (senses.internal_fault, senses.bus) = (true, BusErrorMode::ErrorPassive));
     assert_eq!(rig.take(), [CONTROLLER, "081: 20 81 91 03 00 00 00 00"]);
     // A reset of the communication tells those that it leaves in the same order.
-    assert_eq!(rig.write(0x1010, 2, 4, SAVE), Ok(()));
+    rig.save(2);
     rig.records.get_mut(&RecordKey::Parameters).unwrap()[2] ^= 1;
     rig.sense_hat(|senses| senses.bus = BusErrorMode::ErrorActive);
     rig.power_cycle();
@@ -243,7 +238,7 @@ fn a_damaged_record_is_told_after_the_boot_up_and_ends_when_it_is_written() {
         for ((index, sub), signature) in [(save, SAVE), (load, LOAD)] {
             let mut rig = booted();
             for sub in 2..=4 {
-                assert_eq!(rig.write(0x1010, sub, 4, SAVE), Ok(()));
+                rig.save(sub);
             }
             rig.records.get_mut(&key).unwrap()[2] ^= 1;
             for restart in 0..3 {
@@ -257,8 +252,7 @@ fn a_damaged_record_is_told_after_the_boot_up_and_ends_when_it_is_written() {
             }
             rig.send(&format!("601: 23 {:02X} 10 {sub:02X} {}", index & 0xFF, bytes(signature)));
             assert_eq!(rig.take(), [GONE, &format!("581: 60 {:02X} 10 {sub:02X} 00 00 00 00", index & 0xFF)]);
-            rig.power_cycle();
-            assert_eq!(rig.take(), [BOOT_UP]);
+            rig.power_cycle_sends(&[BOOT_UP]);
         }
     }
 }
@@ -270,13 +264,12 @@ fn bytes(number: u32) -> String {
 #[test]
 fn two_damaged_records_are_one_error() {
     let mut rig = booted();
-    assert_eq!(rig.write(0x1010, 1, 4, SAVE), Ok(()));
+    rig.save(1);
     for key in [RecordKey::Parameters, RecordKey::Application] {
         rig.records.get_mut(&key).unwrap().truncate(3);
     }
-    rig.power_cycle();
-    assert_eq!(rig.take(), [BOOT_UP, SET_UP]);
-    assert_eq!(rig.write(0x1010, 2, 4, SAVE), Ok(()));
+    rig.power_cycle_sends(&[BOOT_UP, SET_UP]);
+    rig.save(2);
     assert_eq!(rig.read(0x1001, 0), 0x81);
     rig.exchange("601: 23 10 10 03 73 61 76 65", &[GONE, "581: 60 10 10 03 00 00 00 00"]);
 }
@@ -285,13 +278,11 @@ fn two_damaged_records_are_one_error() {
 fn a_damaged_memory_lasts_to_the_next_start() {
     let mut rig = booted();
     rig.memory_damaged = true;
-    rig.power_cycle();
-    assert_eq!(rig.take(), [BOOT_UP, SET_UP]);
-    assert_eq!(rig.write(0x1010, 1, 4, SAVE), Ok(()));
+    rig.power_cycle_sends(&[BOOT_UP, SET_UP]);
+    rig.save(1);
     assert_eq!(rig.read(0x1001, 0), 0x81);
     rig.memory_damaged = false;
-    rig.power_cycle();
-    assert_eq!(rig.take(), [BOOT_UP]);
+    rig.power_cycle_sends(&[BOOT_UP]);
 }
 
 /// A memory tells once that it was damaged, and the error lasts all the same.
@@ -299,12 +290,11 @@ fn a_damaged_memory_lasts_to_the_next_start() {
 fn a_damaged_memory_lasts_over_reset_communication() {
     let mut rig = booted();
     rig.memory_damaged = true;
-    rig.power_cycle();
-    assert_eq!(rig.take(), [BOOT_UP, SET_UP]);
+    rig.power_cycle_sends(&[BOOT_UP, SET_UP]);
     rig.memory_damaged = false;
     for _ in 0..2 {
         rig.exchange("000: 82 00", &[BOOT_UP, SET_UP]);
-        assert_eq!(rig.write(0x1010, 1, 4, SAVE), Ok(()));
+        rig.save(1);
         assert_eq!((rig.read(0x1001, 0), history(&mut rig)), (0x81, vec![0x0001_FF00]), "entered once");
     }
     rig.exchange("000: 81 00", &[BOOT_UP]);
@@ -351,9 +341,7 @@ fn an_error_that_no_emcy_could_tell_is_entered_when_reset_communication_tells_it
     for stored in [false, true] {
         let mut rig = if stored { booted() } else { blank() };
         if stored {
-            assert_eq!(rig.write(0x1010, 2, 4, SAVE), Ok(()));
-            assert_eq!(rig.write(0x2001, 2, 1, 255), Ok(()));
-            assert_eq!(rig.write(0x1010, 4, 4, SAVE), Ok(()));
+            rig.write_all(&[(0x1010, 2, 4, SAVE), (0x2001, 2, 1, 255), (0x1010, 4, 4, SAVE)]);
             rig.power_cycle();
         }
         bus(&mut rig, BusErrorMode::ErrorPassive);
@@ -416,10 +404,9 @@ fn under_a_changed_29_bit_cob_id() {
     assert_eq!(rig.take(), ["0ABCDEF0: 00 00 00 00 00 00 00 00"]);
     internal_fault(&mut rig, true);
     assert_eq!(rig.take(), ["0ABCDEF0: 00 FF 81 02 00 00 00 00"]);
-    assert_eq!(rig.write(0x1010, 2, 4, SAVE), Ok(()));
+    rig.save(2);
     rig.exchange("000: 82 00", &[BOOT_UP, "0ABCDEF0: 00 FF 81 02 00 00 00 00"]);
-    rig.power_cycle();
-    assert_eq!(rig.take(), [BOOT_UP, "0ABCDEF0: 00 FF 81 02 00 00 00 00"]);
+    rig.power_cycle_sends(&[BOOT_UP, "0ABCDEF0: 00 FF 81 02 00 00 00 00"]);
 }
 
 /// In the order of arbitration, after answers and the heartbeat if its identifier says so.
@@ -431,8 +418,7 @@ fn under_an_identifier_less_urgent_than_answers() {
         (0x3FFF_FFFF, "1FFFFFFF: 00 FF 81 02 00 00 00 00", 2),
     ] {
         let mut rig = booted();
-        assert_eq!(rig.write(0x1014, 0, 4, 0x8000_0081), Ok(()));
-        assert_eq!(rig.write(0x1014, 0, 4, cob_id), Ok(()));
+        rig.write_all(&[(0x1014, 0, 4, 0x8000_0081), (0x1014, 0, 4, cob_id)]);
         for (index, sub, size, value) in
             [(0x1029, 2, 1, 1), (0x1800, 2, 1, 1), (0x1800, 1, 4, 0x080), (0x1017, 0, 2, 100)]
         {
@@ -459,8 +445,7 @@ fn an_emcy_that_waits_under_an_identifier_that_is_gone_is_not_sent() {
     internal_fault(&mut rig, true);
     assert_eq!(rig.pending(), 1);
     rig.send("601: 23 14 10 00 81 00 00 80");
-    rig.hold_bus(false);
-    assert_eq!(rig.take(), ["581: 60 14 10 00 00 00 00 00"]);
+    rig.free_bus_sends(&["581: 60 14 10 00 00 00 00 00"]);
 }
 
 /// CiA 301 reserves no identifier of an EMCY: one that waits under the TPDO's is told all the same.

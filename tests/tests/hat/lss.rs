@@ -85,8 +85,7 @@ fn identify_remote_slave_limits_are_inclusive_and_in_order() {
         assert!(!identify(&mut rig, swapped), "{one} and {other} swapped");
     }
     // Begun anew in the middle, and broken off by a switch to waiting.
-    rig.exchange(bounds[0], &[]);
-    rig.exchange(bounds[1], &[]);
+    rig.silent_to(&[bounds[0], bounds[1]]);
     assert!(identify(&mut rig, bounds));
     let (begin, end) = bounds.split_at(2);
     begin.iter().for_each(|bound| rig.exchange(bound, &[]));
@@ -139,8 +138,7 @@ fn a_pending_node_id_waits_for_a_reset() {
 #[test]
 fn lss_store_stores_what_is_pending_and_updates_what_is_demanded() {
     let mut rig = configuration();
-    assert_eq!(rig.write(0x2001, 2, 1, 5), Ok(()));
-    assert_eq!(rig.write(0x2002, 2, 1, 3), Ok(()));
+    rig.write_all(&[(0x2001, 2, 1, 5), (0x2002, 2, 1, 3)]);
     rig.configure_node_id(12);
     rig.exchange(STORE, &[STORED]);
     assert_eq!((rig.read(0x2001, 2), rig.read(0x2002, 2)), (12, 3));
@@ -155,9 +153,7 @@ fn lss_store_stores_what_is_pending_again_when_it_was_overwritten() {
         rig.configure_node_id(12);
         rig.configure_bit_rate(4);
         rig.exchange(STORE, &[STORED]);
-        assert_eq!(rig.write(0x2001, 2, 1, 9), Ok(()));
-        assert_eq!(rig.write(0x2002, 2, 1, 3), Ok(()));
-        assert_eq!(rig.write(index, 4, 4, signature), Ok(()));
+        rig.write_all(&[(0x2001, 2, 1, 9), (0x2002, 2, 1, 3), (index, 4, 4, signature)]);
         rig.exchange(STORE, &[STORED]);
         assert_eq!((rig.read(0x2001, 2), rig.read(0x2002, 2)), (12, 4));
         rig.power_cycle();
@@ -181,22 +177,19 @@ fn lss_store_does_not_store_what_is_held_when_it_was_overwritten() {
     }
     rig.exchange(TO_CONFIGURATION, &[]);
     rig.exchange(STORE, &[STORED]);
-    rig.power_cycle();
-    assert_eq!(rig.take(), ["709: 00"]);
+    rig.power_cycle_sends(&["709: 00"]);
     assert_eq!(rig.device().bit_rate(), BitRate::Kbit250);
 }
 
 #[test]
 fn save_stores_the_demanded_pair() {
     let mut rig = booted();
-    assert_eq!(rig.write(0x2001, 2, 1, 12), Ok(()));
-    assert_eq!(rig.write(0x2002, 2, 1, 4), Ok(()));
+    rig.write_all(&[(0x2001, 2, 1, 12), (0x2002, 2, 1, 4)]);
     assert_eq!((rig.read(0x2001, 1), rig.read(0x2002, 1)), (1, 2), "in force as before");
     // Unsaved, it is lost.
     rig.exchange("000: 82 00", &["701: 00"]);
     assert_eq!((rig.read(0x2001, 2), rig.read(0x2002, 2)), (1, 2));
-    assert_eq!(rig.write(0x2001, 2, 1, 12), Ok(()));
-    assert_eq!(rig.write(0x2002, 2, 1, 4), Ok(()));
+    rig.write_all(&[(0x2001, 2, 1, 12), (0x2002, 2, 1, 4)]);
     rig.save(4);
     assert_eq!(rig.node_id(), Some(1));
     rig.exchange("000: 82 00", &["70C: 00"]);
@@ -223,9 +216,7 @@ fn no_node_id_and_the_way_back() {
     rig.exchange(TO_CONFIGURATION, &[]);
     rig.configure_node_id(12);
     // Pending and not stored: 04 00 does nothing.
-    rig.exchange(TO_WAITING, &[]);
-    rig.exchange(IDENTIFY_NON_CONFIGURED, &[]);
-    rig.exchange(TO_CONFIGURATION, &[]);
+    rig.silent_to(&[TO_WAITING, IDENTIFY_NON_CONFIGURED, TO_CONFIGURATION]);
     rig.exchange(STORE, &[STORED]);
     rig.exchange(TO_WAITING, &["70C: 00"]);
     assert_eq!((rig.read(0x2001, 1), rig.read(0x2001, 2)), (12, 12));
@@ -241,10 +232,8 @@ fn to_waiting_while_the_new_node_id_is_stored() {
         rig.writes_fail = fails;
         rig.exchange(TO_CONFIGURATION, &[]);
         rig.configure_node_id(12);
-        rig.exchange(STORE, &[]);
-        rig.exchange(TO_WAITING, &[]);
-        rig.advance(100);
-        assert_eq!(rig.take(), sent);
+        rig.silent_to(&[STORE, TO_WAITING]);
+        rig.advance_sends(100, sent);
         assert_eq!(rig.node_id(), if fails { None } else { Some(12) });
     }
     // A master that goes back to configuration is served there first.
@@ -255,8 +244,7 @@ fn to_waiting_while_the_new_node_id_is_stored() {
     for request in [STORE, TO_WAITING, TO_CONFIGURATION] {
         rig.exchange(request, &[]);
     }
-    rig.advance(100);
-    assert_eq!(rig.take(), [STORED]);
+    rig.advance_sends(100, &[STORED]);
     rig.exchange(TO_WAITING, &["70C: 00"]);
 }
 
@@ -355,15 +343,13 @@ fn what_is_demanded_while_lss_stores_stays() {
         rig.advance(5);
         let (index, value) = object;
         assert_eq!(rig.write(index, 2, 1, value), Ok(()));
-        rig.advance(50);
-        assert_eq!(rig.take(), [STORED]);
+        rig.advance_sends(50, &[STORED]);
         assert_eq!((rig.read(0x2001, 2), rig.read(0x2002, 2)), demanded, "{index:04X} := {value}");
         // The next store is newer.
         rig.configure_node_id(13);
         rig.configure_bit_rate(6);
         rig.exchange(STORE, &[]);
-        rig.advance(10);
-        assert_eq!(rig.take(), [STORED]);
+        rig.advance_sends(10, &[STORED]);
         assert_eq!((rig.read(0x2001, 2), rig.read(0x2002, 2)), (13, 6));
     }
 }

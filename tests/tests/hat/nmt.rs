@@ -12,10 +12,8 @@ const STARTS_ITSELF: u32 = 0x0C;
 /// A sensor that starts itself, with TPDO 1 every 10 ms, stored.
 fn self_starting() -> Rig {
     let mut rig = booted();
-    for (index, sub, size, value) in [(0x1F80, 0, 4, STARTS_ITSELF), (0x1800, 5, 2, 10), (0x1800, 1, 4, 0x181)] {
-        assert_eq!(rig.write(index, sub, size, value), Ok(()));
-    }
-    assert_eq!(rig.write(0x1010, 2, 4, SAVE), Ok(()));
+    rig.write_all(&[(0x1F80, 0, 4, STARTS_ITSELF), (0x1800, 5, 2, 10), (0x1800, 1, 4, 0x181)]);
+    rig.save(2);
     rig
 }
 
@@ -72,21 +70,18 @@ fn the_heartbeat_has_no_step_of_10_ms() {
 #[test]
 fn it_starts_itself_after_every_boot_up_and_not_before() {
     let mut rig = self_starting();
-    rig.advance(50);
-    rig.expect_nothing();
+    rig.silent_for(50);
     for restart in [Rig::power_cycle, |rig: &mut Rig| rig.send("000: 81 00"), |rig: &mut Rig| rig.send("000: 82 00")] {
         restart(&mut rig);
-        rig.advance(20);
-        assert_eq!(rig.take(), ["701: 00", "181: 00 00 00 00", "181: 00 00 00 00"]);
+        rig.advance_sends(20, &["701: 00", "181: 00 00 00 00", "181: 00 00 00 00"]);
         assert_eq!(state(&mut rig), 0x05);
         rig.take();
     }
     // 0x08 does not.
     assert_eq!(rig.write(0x1F80, 0, 4, 0x08), Ok(()));
     assert_eq!(state(&mut rig), 0x05, "acts at the next boot-up");
-    assert_eq!(rig.write(0x1010, 2, 4, SAVE), Ok(()));
-    rig.power_cycle();
-    assert_eq!(rig.take(), ["701: 00"]);
+    rig.save(2);
+    rig.power_cycle_sends(&["701: 00"]);
     assert_eq!(state(&mut rig), 0x7F);
 }
 
@@ -96,12 +91,10 @@ fn it_starts_itself_once_and_leaves_lss_configuration() {
     rig.hold_bus(true);
     rig.power_cycle();
     rig.send("7E5: 04 01 00 00 00 00 00 00");
-    rig.hold_bus(false);
-    assert_eq!(rig.take(), ["701: 00"]);
+    rig.free_bus_sends(&["701: 00"]);
     rig.sense_hat(|senses| senses.internal_fault = true);
     assert_eq!(rig.take(), ["081: 00 FF 81 02 00 00 00 00"]);
-    rig.advance(100);
-    rig.expect_nothing();
+    rig.silent_for(100);
     assert_eq!(state(&mut rig), 0x7F, "0x1029:2 has ended operational");
     rig.take();
     rig.exchange("7E5: 5E 00 00 00 00 00 00 00", &[]);
@@ -114,10 +107,8 @@ fn it_leaves_lss_configuration_as_it_starts_itself() {
     rig.hold_bus(true);
     rig.power_cycle();
     rig.send("7E5: 04 01 00 00 00 00 00 00");
-    rig.hold_bus(false);
-    assert_eq!(rig.take(), ["701: 00"]);
-    rig.exchange("000: 80 00", &[]);
-    rig.exchange("7E5: 5E 00 00 00 00 00 00 00", &[]);
+    rig.free_bus_sends(&["701: 00"]);
+    rig.silent_to(&["000: 80 00", "7E5: 5E 00 00 00 00 00 00 00"]);
 }
 
 #[test]
@@ -127,20 +118,17 @@ fn a_command_before_the_boot_up_is_out_has_the_last_word() {
     rig.power_cycle();
     rig.send("000: 80 00");
     rig.hold_bus(false);
-    rig.advance(20);
-    assert_eq!(rig.take(), ["701: 00"]);
+    rig.advance_sends(20, &["701: 00"]);
 }
 
 #[test]
 fn pending_emcys_come_before_operational_and_do_not_hold_it_back() {
     let mut rig = self_starting();
-    assert_eq!(rig.write(0x1029, 2, 1, 2), Ok(()));
-    assert_eq!(rig.write(0x1010, 1, 4, SAVE), Ok(()));
+    rig.write_all(&[(0x1029, 2, 1, 2), (0x1010, 1, 4, SAVE)]);
     rig.records.get_mut(&RecordKey::Application).unwrap()[3] ^= 1;
     rig.sense_hat(|senses| senses.internal_fault = true);
     rig.take();
-    rig.power_cycle();
-    assert_eq!(rig.take(), ["701: 00", "081: 00 FF 81 01 00 00 00 00", "081: 00 FF 81 02 00 00 00 00"]);
+    rig.power_cycle_sends(&["701: 00", "081: 00 FF 81 01 00 00 00 00", "081: 00 FF 81 02 00 00 00 00"]);
     assert_eq!(state(&mut rig), 0x05);
     rig.take();
     // Nor does a watchdog reset.
@@ -170,8 +158,7 @@ fn a_sensor_that_is_alone_starts_when_somebody_comes() {
 /// What a controller error, or bus-off, does in operational with this value in 0x1029.
 fn reaction(sub: u8, value: u32, cause: impl FnOnce(&mut Rig)) -> u8 {
     let mut rig = booted();
-    assert_eq!(rig.write(0x1029, sub, 1, value), Ok(()));
-    assert_eq!(rig.write(0x1029, 3 - sub, 1, 1), Ok(()));
+    rig.write_all(&[(0x1029, sub, 1, value), (0x1029, 3 - sub, 1, 1)]);
     rig.exchange("000: 01 00", &[]);
     cause(&mut rig);
     rig.take();
@@ -216,16 +203,13 @@ fn of_two_errors_of_one_instant_the_first_acts() {
 #[test]
 fn a_wider_reset_replaces_one_that_waits() {
     let mut rig = booted();
-    rig.sense_hat(|senses| senses.internal_fault = true);
-    rig.sense_hat(|senses| senses.internal_fault = false);
+    rig.internal_fault_comes_and_goes();
     rig.take();
     for (command, entries) in [("000: 82 00", 1), ("000: 81 00", 0)] {
         rig.write_time = Duration::from_millis(10);
         rig.send("601: 23 10 10 02 73 61 76 65");
-        rig.exchange("000: 82 00", &[]);
-        rig.exchange(command, &[]);
-        rig.advance(10);
-        assert_eq!(rig.take(), ["701: 00"]);
+        rig.silent_to(&["000: 82 00", command]);
+        rig.advance_sends(10, &["701: 00"]);
         assert_eq!(rig.read(0x1003, 0), entries, "{command}");
     }
 }

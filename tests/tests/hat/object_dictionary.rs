@@ -222,8 +222,7 @@ fn the_mapping_in_the_order_of_cia_301_only() {
         assert_eq!(rig.write(0x1A00, sub, 4, entry), Ok(()), "{entry:X}");
     }
     assert_eq!(rig.write(0x1A00, 0, 1, 5), TOO_LONG);
-    assert_eq!(rig.write(0x1A00, 0, 1, 4), Ok(()));
-    assert_eq!(rig.write(0x1800, 1, 4, 0x181), Ok(()));
+    rig.write_all(&[(0x1A00, 0, 1, 4), (0x1800, 1, 4, 0x181)]);
     assert_eq!(rig.write(0x1A00, 0, 1, 0), STATE, "on");
     assert_eq!(rig.write(0x1800, 3, 2, 1), STATE, "on");
     assert_eq!(rig.write(0x1800, 3, 2, 0), Ok(()), "rewritten");
@@ -262,8 +261,7 @@ fn reserved_and_29_bit_identifiers_of_the_pdo() {
         assert_eq!(rig.write(0x1800, 1, 4, refused), INVALID, "{refused:X}");
         assert_eq!(rig.write(0x1800, 1, 4, refused | OFF), Ok(()), "off: not looked at");
     }
-    assert_eq!(rig.write(0x1800, 1, 4, 0x2000_0181), Ok(()));
-    assert_eq!(rig.write(0x1800, 2, 1, 1), Ok(()));
+    rig.write_all(&[(0x1800, 1, 4, 0x2000_0181), (0x1800, 2, 1, 1)]);
     rig.exchange("000: 01 00", &[]);
     rig.exchange("080:", &["00000181: 00 00 00 00"]);
 }

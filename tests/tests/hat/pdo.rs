@@ -14,8 +14,7 @@ fn turn_to(rig: &mut Rig, angle: u32) {
 /// Operational, with TPDO 1 of this type switched on.
 fn operational(kind: u32) -> Rig {
     let mut rig = booted();
-    assert_eq!(rig.write(0x1800, 2, 1, kind), Ok(()));
-    assert_eq!(rig.write(0x1800, 1, 4, 0x181), Ok(()));
+    rig.write_all(&[(0x1800, 2, 1, kind), (0x1800, 1, 4, 0x181)]);
     rig.exchange("000: 01 00", &[]);
     rig
 }
@@ -24,8 +23,7 @@ fn operational(kind: u32) -> Rig {
 fn it_is_off_when_it_leaves_the_factory() {
     let mut rig = booted();
     assert_eq!(rig.write(0x1800, 2, 1, 1), Ok(()));
-    rig.exchange("000: 01 00", &[]);
-    rig.exchange("080:", &[]);
+    rig.silent_to(&["000: 01 00", "080:"]);
 }
 
 #[test]
@@ -35,16 +33,13 @@ fn one_that_is_not_saved_is_off_after_either_reset() {
         for (sub, size, value) in [(2, 1, 1), (5, 2, 10)] {
             assert_eq!(rig.write(0x1800, sub, size, value), Ok(()));
         }
-        assert_eq!(rig.write(0x1010, 2, 4, SAVE), Ok(()));
-        assert_eq!(rig.write(0x1800, 1, 4, 0x181), Ok(()));
+        rig.write_all(&[(0x1010, 2, 4, SAVE), (0x1800, 1, 4, 0x181)]);
         rig.exchange("000: 01 00", &[]);
         rig.exchange("080:", &["181: 00 00 00 00"]);
         rig.exchange(reset, &["701: 00"]);
-        rig.exchange("000: 01 00", &[]);
-        rig.exchange("080:", &[]);
+        rig.silent_to(&["000: 01 00", "080:"]);
         assert_eq!(rig.write(0x1800, 2, 1, 254), Ok(()));
-        rig.advance(100);
-        rig.expect_nothing();
+        rig.silent_for(100);
     }
 }
 
@@ -76,9 +71,7 @@ fn type_0_sends_at_the_first_sync_and_then_what_has_changed() {
     turn_to(&mut rig, 9_000);
     rig.exchange("080:", &[]);
     // Operational is entered anew.
-    rig.exchange("000: 80 00", &[]);
-    rig.exchange("080:", &[]);
-    rig.exchange("000: 01 00", &[]);
+    rig.silent_to(&["000: 80 00", "080:", "000: 01 00"]);
     rig.exchange("080:", &["181: 00 10 00 00"]);
     // The type is written.
     assert_eq!(rig.write(0x1800, 2, 1, 0), Ok(()));
@@ -120,21 +113,17 @@ fn a_synchronous_pdo_tells_the_position_at_the_sync() {
     rig.hold_bus(true);
     rig.exchange("080:", &[]);
     rig.advance(10);
-    rig.hold_bus(false);
-    assert_eq!(rig.take(), ["181: 00 10 00 00"]);
+    rig.free_bus_sends(&["181: 00 10 00 00"]);
 }
 
 #[test]
 fn all_four_objects() {
     let mut rig = operational(1);
-    assert_eq!(rig.write(0x1800, 1, 4, 0x8000_0181), Ok(()));
-    assert_eq!(rig.write(0x1A00, 0, 1, 0), Ok(()));
+    rig.write_all(&[(0x1800, 1, 4, 0x8000_0181), (0x1A00, 0, 1, 0)]);
     for (sub, entry) in [(1, 0x6503_0010), (2, 0x1001_0008), (3, 0x6004_0020)] {
         assert_eq!(rig.write(0x1A00, sub, 4, entry), Ok(()));
     }
-    assert_eq!(rig.write(0x1A00, 0, 1, 3), Ok(()));
-    assert_eq!(rig.write(0x1800, 1, 4, 0x181), Ok(()));
-    assert_eq!(rig.write(0x1029, 2, 1, 1), Ok(()));
+    rig.write_all(&[(0x1A00, 0, 1, 3), (0x1800, 1, 4, 0x181), (0x1029, 2, 1, 1)]);
     rig.sense_hat(|senses| {
         senses.internal_fault = true;
         senses.product = ProductSenses::Encoder(Shaft { measuring_error: true, ..Shaft::at(9_000) });
@@ -153,15 +142,12 @@ fn all_four_objects() {
 #[test]
 fn a_pdo_of_nothing_can_be_on_and_is_not_sent() {
     let mut rig = booted();
-    for (index, sub, size, value) in [(0x1A00, 0, 1, 0), (0x1800, 1, 4, 0x181), (0x1800, 2, 1, 1), (0x1800, 5, 2, 1)] {
-        assert_eq!(rig.write(index, sub, size, value), Ok(()));
-    }
+    rig.write_all(&[(0x1A00, 0, 1, 0), (0x1800, 1, 4, 0x181), (0x1800, 2, 1, 1), (0x1800, 5, 2, 1)]);
     rig.exchange("000: 01 00", &[]);
     for kind in [0, 1, 254, 255] {
         assert_eq!(rig.write(0x1800, 2, 1, kind), Ok(()));
         rig.exchange("080:", &[]);
-        rig.advance(10);
-        rig.expect_nothing();
+        rig.silent_for(10);
     }
 }
 
@@ -170,8 +156,7 @@ fn a_29_bit_sync() {
     let mut rig = operational(1);
     assert_eq!(rig.write(0x1005, 0, 4, 0x3234_5678), Ok(()));
     rig.exchange("12345678:", &["181: 00 00 00 00"]);
-    rig.exchange("080:", &[]);
-    rig.exchange("678:", &[]);
+    rig.silent_to(&["080:", "678:"]);
 }
 
 #[test]

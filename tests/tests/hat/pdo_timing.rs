@@ -10,9 +10,7 @@ use super::booted;
 /// TPDO 1 on, with this event timer in ms and inhibit time in 100 µs, in pre-operational.
 fn cyclic(event_timer: u32, inhibit: u32) -> Rig {
     let mut rig = booted();
-    for (index, sub, size, value) in [(0x1800, 3, 2, inhibit), (0x1800, 5, 2, event_timer), (0x1800, 1, 4, 0x181)] {
-        assert_eq!(rig.write(index, sub, size, value), Ok(()));
-    }
+    rig.write_all(&[(0x1800, 3, 2, inhibit), (0x1800, 5, 2, event_timer), (0x1800, 1, 4, 0x181)]);
     rig
 }
 
@@ -28,8 +26,7 @@ fn a_fixed_grid_from_entering_operational() {
     for kind in [254, 255] {
         let mut rig = cyclic(1, 0);
         assert_eq!(rig.write(0x1800, 2, 1, kind), Ok(()));
-        rig.advance(10);
-        rig.expect_nothing();
+        rig.silent_for(10);
         rig.advance_by(Duration::from_micros(333));
         let start = rig.now();
         rig.exchange("000: 01 00", &[]);
@@ -98,11 +95,9 @@ fn a_timer_of_0_and_synchronous_types_send_nothing_by_themselves() {
     rig.exchange("000: 01 00", &[]);
     for (sub, size, value) in [(2, 1, 1), (2, 1, 0), (2, 1, 254), (5, 2, 0)] {
         assert_eq!(rig.write(0x1800, sub, size, value), Ok(()));
-        rig.advance(9);
-        rig.expect_nothing();
+        rig.silent_for(9);
     }
-    rig.advance(1_000);
-    rig.expect_nothing();
+    rig.silent_for(1_000);
     rig.exchange("080:", &[]);
 }
 
@@ -175,8 +170,7 @@ fn a_request_that_waits_for_the_inhibit_time_ends_with_its_grid() {
         rig.advance(25);
         assert_eq!(times(&mut rig, start), [10_000], "that of 20 ms waits");
         assert_eq!(rig.write(0x1800, sub, size, value), Ok(()));
-        rig.advance(200);
-        rig.expect_nothing();
+        rig.silent_for(200);
     }
 }
 
@@ -193,13 +187,10 @@ fn an_inhibit_time_is_for_the_event_timer_alone() {
 #[test]
 fn an_emcy_goes_before_the_pdo_of_the_same_instant() {
     let mut rig = cyclic(10, 0);
-    assert_eq!(rig.write(0x1014, 0, 4, 0x8000_0081), Ok(()));
-    assert_eq!(rig.write(0x1014, 0, 4, 0x3FFF_FFFF), Ok(()));
-    assert_eq!(rig.write(0x1029, 2, 1, 1), Ok(()));
+    rig.write_all(&[(0x1014, 0, 4, 0x8000_0081), (0x1014, 0, 4, 0x3FFF_FFFF), (0x1029, 2, 1, 1)]);
     rig.exchange("000: 01 00", &[]);
     rig.hold_bus(true);
     rig.sense_hat(|senses| senses.internal_fault = true);
     rig.advance(10);
-    rig.hold_bus(false);
-    assert_eq!(rig.take(), ["1FFFFFFF: 00 FF 81 02 00 00 00 00", "181: 00 00 00 00"]);
+    rig.free_bus_sends(&["1FFFFFFF: 00 FF 81 02 00 00 00 00", "181: 00 00 00 00"]);
 }

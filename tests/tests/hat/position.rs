@@ -91,8 +91,7 @@ fn an_unsaved_preset_is_lost_at_either_reset() {
         assert_eq!(rig.write(0x6003, 0, 4, 5), Ok(()));
         rig.exchange(reset, &["701: 00"]);
         assert_eq!((position(&mut rig), rig.read(0x6003, 0), rig.read(0x6509, 0)), (4_096, 0, 0), "{reset}");
-        assert_eq!(rig.write(0x6003, 0, 4, 5), Ok(()));
-        assert_eq!(rig.write(0x1010, 3, 4, SAVE), Ok(()));
+        rig.write_all(&[(0x6003, 0, 4, 5), (0x1010, 3, 4, SAVE)]);
         rig.exchange(reset, &["701: 00"]);
         assert_eq!((position(&mut rig), rig.read(0x6003, 0)), (5, 5), "{reset}");
         assert_eq!(rig.read(0x6509, 0) as i32, 5 - 4_096);

@@ -43,8 +43,7 @@ fn act(rig: &mut Rig, event: Event) {
         Event::Internal(fault) => rig.sense_hat(|senses| senses.internal_fault = fault),
         Event::Toggle(times) => {
             for _ in 0..times {
-                rig.sense_hat(|senses| senses.internal_fault = true);
-                rig.sense_hat(|senses| senses.internal_fault = false);
+                rig.internal_fault_comes_and_goes();
             }
         }
         Event::Nmt(command) => rig.send(&format!("000: {command:02X} 00")),
@@ -66,9 +65,7 @@ proptest! {
     fn the_last_emcy_tells_the_present_register(events in vec(event(), 1..80), passive in any::<bool>()) {
         let mut rig = booted();
         // A TPDO with every SYNC, and no error that stops it.
-        for (index, sub, size, value) in [(0x1800, 2, 1, 1), (0x1800, 1, 4, 0x181), (0x1029, 1, 1, 1), (0x1029, 2, 1, 1)] {
-            assert_eq!(rig.write(index, sub, size, value), Ok(()));
-        }
+        rig.write_all(&[(0x1800, 2, 1, 1), (0x1800, 1, 4, 0x181), (0x1029, 1, 1, 1), (0x1029, 2, 1, 1)]);
         let mut sent = Vec::new();
         for event in events {
             act(&mut rig, event);

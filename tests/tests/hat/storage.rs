@@ -49,7 +49,7 @@ fn save_touches_its_groups_and_no_other() {
         let mut rig = booted();
         change_all(&mut rig);
         rig.writes.clear();
-        assert_eq!(rig.write(0x1010, sub, 4, SAVE), Ok(()));
+        rig.save(sub);
         assert_eq!(rig.writes.len(), if sub == 1 { 2 } else { 1 });
         assert_eq!(changed(&mut rig), [true; 4], "the running values stay");
         rig.power_cycle();
@@ -66,11 +66,10 @@ fn load_touches_its_groups_and_no_other_and_acts_at_the_next_reset() {
         {
             let mut rig = booted();
             change_all(&mut rig);
-            assert_eq!(rig.write(0x1010, 1, 4, SAVE), Ok(()));
-            assert_eq!(rig.write(0x1010, 4, 4, SAVE), Ok(()));
+            rig.write_all(&[(0x1010, 1, 4, SAVE), (0x1010, 4, 4, SAVE)]);
             rig.exchange("000: 81 00", &["709: 00"]);
             assert_eq!(changed(&mut rig), [true; 4]);
-            assert_eq!(rig.write(0x1011, sub, 4, LOAD), Ok(()));
+            rig.load(sub);
             assert_eq!(changed(&mut rig), [true; 4], "the running values stay");
             restart(&mut rig);
             rig.take();
@@ -84,8 +83,7 @@ fn a_save_after_a_load_stores_the_running_values() {
     let mut rig = booted();
     change_all(&mut rig);
     for sub in 1..=4 {
-        assert_eq!(rig.write(0x1011, sub, 4, LOAD), Ok(()));
-        assert_eq!(rig.write(0x1010, sub, 4, SAVE), Ok(()));
+        rig.write_all(&[(0x1011, sub, 4, LOAD), (0x1010, sub, 4, SAVE)]);
     }
     rig.power_cycle();
     rig.take();
@@ -96,9 +94,9 @@ fn a_save_after_a_load_stores_the_running_values() {
 fn restored_lss_parameters_are_in_force_by_their_resets() {
     let mut rig = booted();
     change_all(&mut rig);
-    assert_eq!(rig.write(0x1010, 4, 4, SAVE), Ok(()));
+    rig.save(4);
     rig.exchange("000: 81 00", &["709: 00"]);
-    assert_eq!(rig.write(0x1011, 4, 4, LOAD), Ok(()));
+    rig.load(4);
     rig.exchange("000: 82 00", &["701: 00"]);
     assert_eq!((rig.read(0x2002, 1), rig.read(0x2002, 2)), (3, 2), "the rate waits for reset node");
     rig.exchange("000: 81 00", &["701: 00"]);
@@ -109,14 +107,12 @@ fn restored_lss_parameters_are_in_force_by_their_resets() {
 fn saved_cob_ids_are_absolute_and_load_makes_them_follow() {
     let mut rig = booted();
     for (sub, value) in [(2, 9), (2, 17)] {
-        assert_eq!(rig.write(0x1010, 2, 4, SAVE), Ok(()));
-        assert_eq!(rig.write(0x2001, sub, 1, value), Ok(()));
-        assert_eq!(rig.write(0x1010, 4, 4, SAVE), Ok(()));
+        rig.write_all(&[(0x1010, 2, 4, SAVE), (0x2001, sub, 1, value), (0x1010, 4, 4, SAVE)]);
         rig.send("000: 82 00");
         rig.take();
         assert_eq!((rig.read(0x1014, 0), rig.read(0x1800, 1)), (0x81, 0x8000_0181));
     }
-    assert_eq!(rig.write(0x1011, 2, 4, LOAD), Ok(()));
+    rig.load(2);
     rig.exchange("000: 82 00", &["711: 00"]);
     assert_eq!((rig.read(0x1014, 0), rig.read(0x1800, 1)), (0x91, 0x8000_0191));
 }
@@ -143,7 +139,7 @@ fn every_communication_object_is_kept() {
         assert_eq!(rig.write(index, sub, size, value), Ok(()), "{index:04X}:{sub}");
         rig.take();
     }
-    assert_eq!(rig.write(0x1010, 2, 4, SAVE), Ok(()));
+    rig.save(2);
     rig.power_cycle();
     rig.take();
     for (index, sub, _, value) in objects {
@@ -172,16 +168,12 @@ fn the_answer_comes_after_the_last_write() {
     let mut rig = booted();
     rig.write_time = Duration::from_millis(10);
     rig.exchange("601: 23 10 10 01 73 61 76 65", &[]);
-    rig.advance(10);
-    rig.expect_nothing();
+    rig.silent_for(10);
     // Asked again during the second write: answered when both groups are stored anew.
     rig.exchange("601: 23 10 10 01 73 61 76 65", &[]);
-    rig.advance(29);
-    rig.expect_nothing();
-    rig.advance(1);
-    assert_eq!(rig.take(), ["581: 60 10 10 01 00 00 00 00"]);
-    rig.advance(100);
-    rig.expect_nothing();
+    rig.silent_for(29);
+    rig.advance_sends(1, &["581: 60 10 10 01 00 00 00 00"]);
+    rig.silent_for(100);
 }
 
 #[test]
@@ -189,12 +181,9 @@ fn resets_wait_for_the_writes() {
     let mut rig = booted();
     rig.write_time = Duration::from_millis(10);
     change_all(&mut rig);
-    rig.exchange("601: 23 10 10 01 73 61 76 65", &[]);
-    rig.exchange("000: 81 00", &[]);
-    rig.advance(19);
-    rig.expect_nothing();
-    rig.advance(1);
-    assert_eq!(rig.take(), ["701: 00"]);
+    rig.silent_to(&["601: 23 10 10 01 73 61 76 65", "000: 81 00"]);
+    rig.silent_for(19);
+    rig.advance_sends(1, &["701: 00"]);
     assert_eq!(changed(&mut rig), [true, true, false, false]);
 }
 
@@ -207,8 +196,7 @@ fn a_power_cut_at_any_write() {
                 let mut rig = booted();
                 if index == 0x1011 {
                     change_all(&mut rig);
-                    assert_eq!(rig.write(0x1010, 1, 4, SAVE), Ok(()));
-                    assert_eq!(rig.write(0x1010, 4, 4, SAVE), Ok(()));
+                    rig.write_all(&[(0x1010, 1, 4, SAVE), (0x1010, 4, 4, SAVE)]);
                 } else {
                     change_all(&mut rig);
                 }
@@ -244,13 +232,10 @@ fn a_new_memory_is_filled_with_factory_data_and_lss_parameters_alone() {
     rig.take();
     rig.records.clear();
     rig.write_time = Duration::from_millis(10);
-    rig.power_cycle();
-    assert_eq!(rig.take(), ["701: 00"]);
-    assert_eq!(rig.write(0x2001, 2, 1, 9), Ok(()));
-    assert_eq!(rig.write(0x2002, 2, 1, 3), Ok(()));
+    rig.power_cycle_sends(&["701: 00"]);
+    rig.write_all(&[(0x2001, 2, 1, 9), (0x2002, 2, 1, 3)]);
     rig.advance(50);
-    rig.power_cycle();
-    assert_eq!(rig.take(), ["701: 00"]);
+    rig.power_cycle_sends(&["701: 00"]);
     assert_eq!(rig.device().bit_rate(), BitRate::Kbit500);
 }
 
@@ -263,8 +248,7 @@ fn the_memory_decides_and_not_what_a_new_sensor_is_made_as() {
     for (key, payload) in [(RecordKey::Factory, &[8, 0, 0, 0][..]), (RecordKey::LocalLayer, &[6, 4])] {
         rig.records.insert(key, seal(1, payload).expect("room").to_vec());
     }
-    rig.power_cycle();
-    assert_eq!(rig.take(), ["706: 00"]);
+    rig.power_cycle_sends(&["706: 00"]);
     rig.send("606: 40 18 10 04 00 00 00 00");
     assert_eq!(rig.take(), ["586: 43 18 10 04 08 00 00 00"]);
     assert_eq!(rig.device().bit_rate(), BitRate::Kbit125);
@@ -282,8 +266,7 @@ fn damaged_lss_parameters_are_those_of_a_new_sensor() {
         let mut rig = Rig::power_on(setup);
         rig.take();
         rig.records.get_mut(&RecordKey::LocalLayer).unwrap()[3] ^= 1;
-        rig.power_cycle();
-        assert_eq!(rig.take(), [format!("70{node_id}: 00"), format!("08{node_id}: 00 FF 81 01 00 00 00 00")]);
+        rig.power_cycle_sends(&[format!("70{node_id}: 00"), format!("08{node_id}: 00 FF 81 01 00 00 00 00")]);
         assert_eq!(rig.device().bit_rate(), bit_rate);
     }
 }
@@ -292,13 +275,12 @@ fn damaged_lss_parameters_are_those_of_a_new_sensor() {
 fn the_offset_is_stored_as_it_is_not_as_the_preset() {
     let mut rig = booted();
     rig.sense_hat(|senses| senses.product = ProductSenses::Encoder(Shaft::at(9_000)));
-    assert_eq!(rig.write(0x6003, 0, 4, 16_383), Ok(()));
-    assert_eq!(rig.write(0x1010, 1, 4, SAVE), Ok(()));
+    rig.write_all(&[(0x6003, 0, 4, 16_383), (0x1010, 1, 4, SAVE)]);
     rig.sense_hat(|senses| senses.product = ProductSenses::Encoder(Shaft::at(0)));
     rig.power_cycle();
     rig.take();
     assert_eq!((rig.read(0x6003, 0), rig.read(0x6004, 0)), (16_383, 12_287));
-    assert_eq!(rig.write(0x1011, 3, 4, LOAD), Ok(()));
+    rig.load(3);
     rig.exchange("000: 82 00", &["701: 00"]);
     assert_eq!((rig.read(0x6003, 0), rig.read(0x6004, 0), rig.read(0x6509, 0)), (0, 0, 0));
 }
@@ -342,7 +324,7 @@ fn a_record_of_another_length_is_damaged() {
     for key in [RecordKey::LocalLayer, RecordKey::Parameters, RecordKey::Application] {
         for longer in [false, true] {
             let mut rig = booted();
-            assert_eq!(rig.write(0x1010, 1, 4, SAVE), Ok(()));
+            rig.save(1);
             let mut payload = open(1, &rig.records[&key]).expect("intact").to_vec();
             if longer {
                 payload.push(0);
@@ -366,10 +348,8 @@ fn a_task_is_answered_by_its_own_writes() {
         if fails {
             rig.failing_writes.insert(0);
         }
-        rig.exchange(communication, &[]);
-        rig.exchange(application, &[]);
-        rig.advance(19);
-        rig.expect_nothing();
+        rig.silent_to(&[communication, application]);
+        rig.silent_for(19);
         rig.advance(1);
         assert_eq!(rig.take(), ["581: 60 10 10 03 00 00 00 00"], "the first one fails: {fails}");
     }
@@ -381,8 +361,6 @@ fn a_task_is_answered_by_its_own_writes() {
     {
         rig.exchange(request, &[]);
     }
-    rig.advance(20);
-    assert_eq!(rig.take(), ["7E4: 17 00 00 00 00 00 00 00", "581: 60 10 10 03 00 00 00 00"]);
-    rig.advance(100);
-    rig.expect_nothing();
+    rig.advance_sends(20, &["7E4: 17 00 00 00 00 00 00 00", "581: 60 10 10 03 00 00 00 00"]);
+    rig.silent_for(100);
 }

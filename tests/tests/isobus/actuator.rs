@@ -116,8 +116,7 @@ fn the_end_of_hand_operation_and_emergency_stop() {
         valve.sense(|senses| senses.spool.lever = Position::new(8192));
         valve.advance_cyclic(2000, command);
         // what is ignored ends nothing
-        valve.send("0CFE3327: FB FF 31 FF FF FF FF FF");
-        valve.send("0CFE3327: 00 FF 34 FF FF FF FF FF");
+        valve.send_all(&["0CFE3327: FB FF 31 FF FF FF FF FF", "0CFE3327: 00 FF 34 FF FF FF FF FF"]);
         assert_eq!(valve.flow()[2], if command == HAND { 0x3A } else { 0x3E });
         valve.send(BLOCK);
         assert_eq!(valve.flow(), [0xAF, 0x7D, 0x30]);

@@ -71,9 +71,7 @@ fn a_requested_dm1_tells_the_present_state() {
 fn a_burst_of_requests_for_the_claim() {
     let mut valve = Rig::with_two_previously_active();
     valve.hold_bus(true);
-    valve.send(DM1_REQUEST);
-    valve.send(DM2_REQUEST);
-    valve.send("18EA8328: 00 FF 00");
+    valve.send_all(&[DM1_REQUEST, DM2_REQUEST, "18EA8328: 00 FF 00"]);
     for _ in 0..600 {
         valve.send(CLAIM_REQUEST);
     }
@@ -210,8 +208,6 @@ fn the_first_dm1_after_a_held_claim() {
     valve.advance(3000);
     valve.hold_bus(false);
     valve.expect(CLAIM);
-    valve.advance(249);
-    valve.expect_nothing();
-    valve.advance(1);
-    assert_eq!(valve.take(), [AVEF_BLOCKED, INTERNAL]);
+    valve.silent_for(249);
+    valve.advance_sends(1, &[AVEF_BLOCKED, INTERNAL]);
 }

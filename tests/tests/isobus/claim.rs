@@ -67,11 +67,9 @@ fn nothing_but_claims_for_250_ms() {
     for request in
         ["18EA8327: CA FE 00", "18EA8327: CB FE 00", "18EA8327: CC FE 00", "18EA8327: 13 FE 00", "18EA8327: 00 FF 00"]
     {
-        valve.exchange(request, &[]);
-        valve.exchange(&request.replace("EA83", "EAFF"), &[]);
+        valve.silent_to(&[request, &request.replace("EA83", "EAFF")]);
     }
-    valve.exchange("1BC78883: 03 22 F0 10", &[]);
-    valve.exchange("1BC78883: 04 2E 10 01 84", &[]);
+    valve.silent_to(&["1BC78883: 03 22 F0 10", "1BC78883: 04 2E 10 01 84"]);
     // what is asked of it about the claim itself is told
     valve.exchange("18EA8327: 00 EE 00", &[CLAIM]);
     valve.exchange("18EAFF27: 00 EE 00", &[CLAIM]);
@@ -118,8 +116,7 @@ fn the_wait_counts_from_the_claim_on_the_bus() {
         let mut valve = Rig::claimed();
         valve.hold_bus(true);
         valve.power_cycle();
-        valve.advance(held);
-        valve.expect_nothing();
+        valve.silent_for(held);
         valve.hold_bus(false);
         valve.expect(CLAIM);
         valve.advance_by(ALMOST);
@@ -136,8 +133,7 @@ fn the_wait_counts_from_the_end_of_bus_off() {
         let mut valve = Rig::claimed();
         valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
         valve.power_cycle();
-        valve.advance(off);
-        valve.expect_nothing();
+        valve.silent_for(off);
         valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
         valve.expect(CLAIM);
         valve.advance_by(ALMOST);
@@ -187,8 +183,7 @@ fn a_defence_within_the_wait_does_not_prolong_it() {
         valve.expect(CLAIM);
         valve.advance(200);
         valve.exchange(claim, &[CLAIM]);
-        valve.advance(49);
-        valve.expect_nothing();
+        valve.silent_for(49);
         valve.advance(1);
         valve.expect(AVEF_BLOCKED);
         valve.expect_nothing();
@@ -207,8 +202,7 @@ fn a_lower_name_takes_the_address() {
             assert_eq!(valve.node_id(), None);
             valve.advance(CANNOT_CLAIM_MAX);
             valve.expect(CANNOT_CLAIM);
-            valve.advance(10_000);
-            valve.expect_nothing();
+            valve.silent_for(10_000);
         }
     }
 }
@@ -332,15 +326,13 @@ fn a_lost_valve_is_silent() {
         BLOCK,
     ] {
         valve.exchange(frame, &[]);
-        valve.advance(300);
-        valve.expect_nothing();
+        valve.silent_for(300);
     }
     // whatever goes wrong
     valve.sense(|senses| senses.internal_fault = true);
     valve.advance(5000);
     valve.sense(|senses| senses.internal_fault = false);
-    valve.advance(5000);
-    valve.expect_nothing();
+    valve.silent_for(5000);
     assert_eq!(valve.node_id(), None);
     // nothing was written by UDS
     valve.power_cycle();
@@ -355,16 +347,13 @@ fn a_lost_valve_answers_requests_to_all_for_its_claim() {
         valve.exchange("18EAFF27: 00 EE 00", &[]);
         valve.advance(CANNOT_CLAIM_MAX);
         valve.expect(CANNOT_CLAIM);
-        valve.advance(1000);
-        valve.expect_nothing();
+        valve.silent_for(1000);
     }
     // two that come while one is owed are answered at once
-    valve.send("18EAFF27: 00 EE 00");
-    valve.send("18EAFF28: 00 EE 00");
+    valve.send_all(&["18EAFF27: 00 EE 00", "18EAFF28: 00 EE 00"]);
     valve.advance(CANNOT_CLAIM_MAX);
     valve.expect(CANNOT_CLAIM);
-    valve.advance(1000);
-    valve.expect_nothing();
+    valve.silent_for(1000);
 }
 
 /// One request more does not put the answer off.
@@ -412,8 +401,7 @@ fn a_lost_valve_is_blocked_and_takes_no_command() {
 fn what_was_under_way_is_dropped_with_the_address() {
     let mut valve = Rig::claimed();
     valve.hold_bus(true);
-    valve.send("18EA8327: CA FE 00");
-    valve.send("1BC78883: 03 22 F0 10");
+    valve.send_all(&["18EA8327: CA FE 00", "1BC78883: 03 22 F0 10"]);
     valve.advance(300);
     valve.send(LOWER_NAME);
     valve.hold_bus(false);
@@ -431,8 +419,7 @@ fn answers_that_wait_for_the_memory_are_dropped_with_the_address() {
     ] {
         for loses in [false, true] {
             let mut valve = Rig::claimed();
-            valve.sense(|senses| senses.internal_fault = true);
-            valve.sense(|senses| senses.internal_fault = false);
+            valve.internal_fault_comes_and_goes();
             valve.recover();
             valve.advance_cyclic(20_000, BLOCK);
             valve.take();

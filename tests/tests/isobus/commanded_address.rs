@@ -368,8 +368,7 @@ fn causes_last_over_the_restart() {
     valve.write_time = Duration::from_millis(50);
     command(&mut valve, 0x81, 0x27);
     valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
-    valve.advance(500);
-    valve.expect_nothing();
+    valve.silent_for(500);
     assert_eq!((valve.node_id(), valve.outputs().led), (Some(0x81), Led::RED));
     valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
     valve.take_claim();
@@ -380,8 +379,7 @@ fn causes_last_over_the_restart() {
 fn counters_survive_the_restart() {
     let mut valve = Rig::claimed();
     for _ in 0..3 {
-        valve.sense(|senses| senses.internal_fault = true);
-        valve.sense(|senses| senses.internal_fault = false);
+        valve.internal_fault_comes_and_goes();
     }
     valve.recover();
     valve.take();

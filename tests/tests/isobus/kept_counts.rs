@@ -25,8 +25,7 @@ fn restarts(valve: &mut Rig) {
 /// A valve that an internal error has shut down; the error is gone, the shutdown lasts, all is stored.
 fn shut_down() -> Rig {
     let mut valve = Rig::claimed();
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.internal_fault_comes_and_goes();
     valve.advance(20_000);
     valve.take();
     valve
@@ -113,8 +112,7 @@ fn dm3_with_a_failing_memory() {
         let sent = valve.take_news();
         assert!(sent.iter().any(|frame| Some(frame.as_str()) == answer), "{request}: {sent:?}");
         valve.writes_fail = false;
-        valve.send(BLOCK);
-        valve.send(DM3_REQUEST);
+        valve.send_all(&[BLOCK, DM3_REQUEST]);
         valve.advance_cyclic(200, BLOCK);
         assert!(valve.take_news().contains(&DM3_DONE.to_owned()));
     }
@@ -159,8 +157,7 @@ fn a_count_that_falls_while_a_restart_waits() {
     valve.send("1CECFF27: 20 09 00 02 FF D8 FE 00");
     valve.send("1CEBFF27: 01 01 00 20 07 08 FF 02");
     valve.send("1CEBFF27: 02 20 84 FF FF FF FF FF");
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.internal_fault_comes_and_goes();
     valve.advance(10);
     valve.hold_bus(false);
     valve.advance(250);
@@ -181,8 +178,7 @@ fn a_count_that_falls_while_the_memory_writes() {
         valve.send("1CEBFF27: 01 01 00 20 07 08 FF 02");
         valve.send("1CEBFF27: 02 20 84 FF FF FF FF FF");
         valve.advance(at);
-        valve.sense(|senses| senses.internal_fault = true);
-        valve.sense(|senses| senses.internal_fault = false);
+        valve.internal_fault_comes_and_goes();
         valve.advance(1000);
         let sent = valve.take();
         assert!(sent.contains(&"18EEFF84: 01 00 20 07 08 FF 02 20".to_owned()), "{at} ms: {sent:?}");
@@ -215,8 +211,7 @@ fn the_first_count_after_dm3() {
     valve.advance_cyclic(20_000, BLOCK);
     valve.take();
     valve.exchange(DM3_REQUEST, &[DM3_DONE]);
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.internal_fault_comes_and_goes();
     valve.advance_cyclic(1000, BLOCK);
     restarts(&mut valve);
     valve.exchange(DM2_REQUEST, &[DM2_INTERNAL]);

@@ -15,8 +15,7 @@ const INTERNAL: &str = "18FECA83: 10 FF FA 8F 8B 01 FF FF";
 
 /// An internal error comes and goes, and its shutdown is ended.
 fn undergo_internal_error(valve: &mut Rig) {
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.internal_fault_comes_and_goes();
     valve.recover();
     valve.take();
 }
@@ -89,8 +88,7 @@ fn a_watchdog_reset() {
     let mut valve = Rig::claimed();
     valve.watchdog_reset();
     valve.expect(CLAIM);
-    valve.advance(249);
-    valve.expect_nothing();
+    valve.silent_for(249);
     valve.advance(1);
     valve.expect(AVEF_BLOCKED);
     valve.expect(INTERNAL);
@@ -230,9 +228,7 @@ fn dm3_of_two_askers() {
     undergo_internal_error(&mut valve);
     settle(&mut valve);
     valve.write_time = Duration::from_millis(50);
-    valve.exchange(DM3_REQUEST, &[]);
-    valve.exchange("18EA83F9: CC FE 00", &[]);
-    valve.exchange("18EAFF28: CC FE 00", &[]);
+    valve.silent_to(&[DM3_REQUEST, "18EA83F9: CC FE 00", "18EAFF28: CC FE 00"]);
     valve.advance_cyclic(200, BLOCK);
     valve.expect_news(&[DM3_DONE, "18E8FF83: 00 FF FF FF F9 CC FE 00"]);
     expect_dm2(&mut valve, DM2_NONE);

@@ -21,8 +21,7 @@ fn no_acknowledgement() {
     for source in NOBODY {
         for fails in [false, true] {
             let mut valve = Rig::claimed();
-            valve.sense(|senses| senses.internal_fault = true);
-            valve.sense(|senses| senses.internal_fault = false);
+            valve.internal_fault_comes_and_goes();
             valve.recover();
             valve.advance_cyclic(20_000, BLOCK);
             valve.take();

@@ -56,8 +56,7 @@ fn not_again_for_five_seconds() {
     valve.send(FOREIGN[0]);
     valve.expect_news(&[CLAIM]);
     // Other reasons to claim are another matter.
-    valve.send(HIGHER_NAME);
-    valve.send("18EAFF27: 00 EE 00");
+    valve.send_all(&[HIGHER_NAME, "18EAFF27: 00 EE 00"]);
     valve.expect_news(&[CLAIM, CLAIM]);
 }
 

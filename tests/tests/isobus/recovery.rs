@@ -60,8 +60,7 @@ fn one_is_not_enough() {
         // and that one broke the row
         valve.send(command);
         assert!(!acts(&mut valve), "{command}");
-        valve.send(command);
-        valve.send(command);
+        valve.send_all(&[command, command]);
         assert!(acts(&mut valve), "{command}");
     }
 }
@@ -75,9 +74,7 @@ fn without_them_it_never_ends() {
             valve.send(command);
         }
         assert_eq!(valve.flow(), BLOCKED, "{command}");
-        valve.send(BLOCK);
-        valve.send(command);
-        valve.send(BLOCK);
+        valve.send_all(&[BLOCK, command, BLOCK]);
         assert!(!acts(&mut valve), "{command} between them");
     }
 }
@@ -100,9 +97,7 @@ fn what_is_ignored_breaks_no_row() {
     assert!(acts(&mut valve));
     // nor do they count
     let mut valve = shut_down();
-    valve.send(BLOCK);
-    valve.send("0CFE3327: 00 FF 70 FF FF FF FF FF");
-    valve.send("0CFE3427: 00 FF 30 FF FF FF FF FF");
+    valve.send_all(&[BLOCK, "0CFE3327: 00 FF 70 FF FF FF FF FF", "0CFE3427: 00 FF 30 FF FF FF FF FF"]);
     assert!(!acts(&mut valve));
 }
 
@@ -110,8 +105,7 @@ fn what_is_ignored_breaks_no_row() {
 #[test]
 fn no_time_need_pass_between_them() {
     let mut valve = shut_down();
-    valve.send(BLOCK);
-    valve.send("0CFE3328: 00 FF 30 FF FF FF FF FF");
+    valve.send_all(&[BLOCK, "0CFE3328: 00 FF 30 FF FF FF FF FF"]);
     assert!(acts(&mut valve));
 }
 
@@ -147,8 +141,7 @@ fn the_way_back_of_the_spool() {
     let mut valve = Rig::claimed();
     valve.send(EXTEND);
     valve.advance_cyclic(400, EXTEND);
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.internal_fault_comes_and_goes();
     for _ in 0..14 {
         valve.send(BLOCK);
         valve.advance(10);
@@ -157,8 +150,7 @@ fn the_way_back_of_the_spool() {
     valve.send(BLOCK);
     assert!(!acts(&mut valve));
     valve.advance(10);
-    valve.send(BLOCK);
-    valve.send(BLOCK);
+    valve.send_all(&[BLOCK, BLOCK]);
     assert!(acts(&mut valve));
 }
 
@@ -185,8 +177,7 @@ fn all_causes_must_be_gone() {
         assert!(!acts(&mut valve));
         valve.send(BLOCK);
         assert!(!acts(&mut valve), "one");
-        valve.send(BLOCK);
-        valve.send(BLOCK);
+        valve.send_all(&[BLOCK, BLOCK]);
         assert!(acts(&mut valve), "two");
     }
 }
@@ -196,12 +187,10 @@ fn all_causes_must_be_gone() {
 fn a_fault_breaks_the_row() {
     let mut valve = shut_down();
     valve.send(BLOCK);
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.internal_fault_comes_and_goes();
     valve.send(BLOCK);
     assert!(!acts(&mut valve));
-    valve.send(BLOCK);
-    valve.send(BLOCK);
+    valve.send_all(&[BLOCK, BLOCK]);
     assert!(acts(&mut valve));
 }
 
@@ -231,8 +220,7 @@ fn the_end_of_time_guarding_counts() {
     valve.advance(200);
     valve.send(BLOCK);
     assert!(!acts(&mut valve));
-    valve.send(BLOCK);
-    valve.send(BLOCK);
+    valve.send_all(&[BLOCK, BLOCK]);
     assert!(acts(&mut valve));
 }
 
@@ -248,8 +236,7 @@ fn neutral_commands_too_far_apart() {
     let mut valve = shut_down();
     valve.send(BLOCK);
     valve.advance(300);
-    valve.send(BLOCK);
-    valve.send(BLOCK);
+    valve.send_all(&[BLOCK, BLOCK]);
     assert!(acts(&mut valve));
 }
 

@@ -43,8 +43,7 @@ fn a_spool_that_is_out_of_neutral_as_a_shutdown_begins() {
     valve.sense(|senses| senses.spool.lever = percent(10));
     valve.advance_cyclic(2000, BLOCK);
     valve.expect_news(&[]);
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.internal_fault_comes_and_goes();
     valve.advance_cyclic(1000, BLOCK);
     valve.expect_news(&[INTERNAL, DM1_CLEAR, SPOOL]);
 }
@@ -55,8 +54,7 @@ fn a_spool_in_neutral_in_a_shutdown() {
     for held in [0, 4, -4] {
         let mut valve = Rig::claimed();
         valve.sense(|senses| senses.spool.lever = percent(held));
-        valve.sense(|senses| senses.internal_fault = true);
-        valve.sense(|senses| senses.internal_fault = false);
+        valve.internal_fault_comes_and_goes();
         valve.advance_cyclic(1000, BLOCK);
         valve.expect_news(&[INTERNAL, DM1_CLEAR]);
         valve.send("0CFE3327: FA FF 31 FF FF FF FF FF");
@@ -71,8 +69,7 @@ fn not_in_hand_operation() {
         let mut valve = Rig::claimed();
         let command = format!("0CFE3327: 00 FF {state} FF FF FF FF FF");
         valve.send(&command);
-        valve.sense(|senses| senses.internal_fault = true);
-        valve.sense(|senses| senses.internal_fault = false);
+        valve.internal_fault_comes_and_goes();
         valve.sense(|senses| senses.spool.lever = percent(10));
         valve.advance_cyclic(2000, &command);
         valve.expect_news(&[INTERNAL, DM1_CLEAR]);
@@ -95,8 +92,7 @@ fn a_watchdog_reset_without_a_bus() {
             valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
             valve.hold_bus(false);
             valve.expect(CLAIM);
-            valve.advance(249);
-            valve.expect_nothing();
+            valve.silent_for(249);
             valve.advance(2000);
             let sent = valve.take_news();
             assert!(sent.contains(&INTERNAL.to_owned()), "bus-off {bus_off}, {at} ms: {sent:?}");

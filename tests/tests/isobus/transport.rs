@@ -75,8 +75,7 @@ fn not_while_it_may_not_send() {
 #[test]
 fn a_broadcast_goes_on() {
     let mut valve = Rig::claimed();
-    valve.exchange("1CECFF27: 20 09 00 02 FF D8 FE 00", &[]);
-    valve.exchange("1CEBFF27: 01 01 00 20 07 08 FF 02", &[]);
+    valve.silent_to(&["1CECFF27: 20 09 00 02 FF D8 FE 00", "1CEBFF27: 01 01 00 20 07 08 FF 02"]);
     valve.exchange(RTS, &[ABORT]);
     valve.exchange("1CEBFF27: 02 20 81 FF FF FF FF FF", &["18EEFF81: 01 00 20 07 08 FF 02 20"]);
 }

@@ -17,8 +17,7 @@ fn a_restart_that_waits_lets_the_spool_go() {
     let mut valve = Rig::claimed();
     valve.advance_cyclic(1000, EXTEND);
     valve.write_time = Duration::from_millis(150);
-    valve.send(ANNOUNCE);
-    valve.send(NAME);
+    valve.send_all(&[ANNOUNCE, NAME]);
     valve.hold_bus(true);
     valve.send(ADDRESS_85);
     valve.advance_cyclic(500, EXTEND);
@@ -72,10 +71,7 @@ fn a_count_that_falls_while_dm3_and_a_restart_wait() {
     let mut valve = Rig::with_two_previously_active();
     valve.advance_cyclic(20_000, BLOCK);
     valve.write_time = Duration::from_millis(400);
-    valve.send(ANNOUNCE);
-    valve.send(NAME);
-    valve.send(ADDRESS_85);
-    valve.send("18EA8327: CC FE 00");
+    valve.send_all(&[ANNOUNCE, NAME, ADDRESS_85, "18EA8327: CC FE 00"]);
     valve.advance(300);
     // Due at 550 ms: after the restart is wanted, before the memory has cleared the counters.
     valve.sense(|senses| senses.temperature_c = 130);
@@ -98,8 +94,7 @@ fn two_commands_one_of_which_fails() {
             valve.send(&ANNOUNCE.replace("FF27", &format!("FF{source:02X}")));
             valve.send(&NAME.replace("FF27", &format!("FF{source:02X}")));
         }
-        valve.send(ADDRESS_85);
-        valve.send("1CEBFF28: 02 20 86 FF FF FF FF FF");
+        valve.send_all(&[ADDRESS_85, "1CEBFF28: 02 20 86 FF FF FF FF FF"]);
         valve.take();
         valve.advance(1000);
         assert_eq!(valve.node_id(), Some(address), "write {failing} fails: {:?}", valve.take());
@@ -112,8 +107,7 @@ fn an_address_that_is_contended_while_a_restart_waits() {
     for (claim, defended) in [(HIGHER_NAME, true), (LOWER_NAME, false)] {
         let mut valve = Rig::claimed();
         // A count, to be stored before the restart.
-        valve.sense(|senses| senses.internal_fault = true);
-        valve.sense(|senses| senses.internal_fault = false);
+        valve.internal_fault_comes_and_goes();
         valve.write_time = Duration::from_millis(400);
         for frame in [ANNOUNCE, NAME, ADDRESS_85] {
             valve.send(frame);

@@ -34,8 +34,7 @@ fn uds_waits_for_the_first_start() {
 fn uds_waits_for_the_fault_log() {
     let mut valve = Rig::claimed();
     valve.write_time = Duration::from_millis(500);
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.internal_fault_comes_and_goes();
     valve.advance(600);
     writes(&mut valve);
 }
@@ -105,8 +104,7 @@ fn dm3_that_fails_and_is_carried_out_for_another_tool() {
     let mut valve = Rig::with_two_previously_active();
     valve.write_time = Duration::from_millis(50);
     valve.failing_writes.insert(0);
-    valve.send(DM3_REQUEST);
-    valve.send("18EA8328: CC FE 00");
+    valve.send_all(&[DM3_REQUEST, "18EA8328: CC FE 00"]);
     valve.advance(50);
     assert_eq!(valve.take_under("18E8FF83"), [""; 0]);
     valve.advance(50);
@@ -116,8 +114,7 @@ fn dm3_that_fails_and_is_carried_out_for_another_tool() {
     let mut valve = Rig::with_two_previously_active();
     valve.write_time = Duration::from_millis(50);
     valve.failing_writes.extend([0, 1]);
-    valve.send(DM3_REQUEST);
-    valve.send("18EA8328: CC FE 00");
+    valve.send_all(&[DM3_REQUEST, "18EA8328: CC FE 00"]);
     valve.advance(100);
     let failed = |tool: u8| format!("18E8FF83: 01 FF FF FF {tool:02X} CC FE 00");
     assert_eq!(valve.take_under("18E8FF83"), [failed(0x27), failed(0x28)]);

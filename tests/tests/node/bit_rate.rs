@@ -86,10 +86,8 @@ fn the_silence() {
             node.exchange(frame, &[]);
             node.advance(20);
         }
-        node.advance(379);
-        node.expect_nothing();
-        node.advance(1);
-        node.expect_nothing();
+        node.silent_for(379);
+        node.silent_for(1);
         node.advance(50);
         assert_eq!(node.take(), [heartbeat(kind.node_id, 0x7F)], "600 ms after the first");
         // The requests were not served later, and configuration was not left.
@@ -109,8 +107,7 @@ fn an_emcy_waits() {
             if stopped {
                 node.exchange(STOP, &[]);
             }
-            node.advance(199);
-            node.expect_nothing();
+            node.silent_for(199);
             node.advance(1);
             if stopped {
                 node.exchange(ENTER_PRE_OPERATIONAL, &[]);
@@ -128,8 +125,7 @@ fn what_waits_for_the_bus_is_dropped() {
     each_kind(|kind| {
         let mut node = configured(kind);
         node.hold_bus(true);
-        node.send(&sdo::read(kind.node_id, 0x1000, 0));
-        node.send(ACTIVATE);
+        node.send_all(&[&sdo::read(kind.node_id, 0x1000, 0), ACTIVATE]);
         node.hold_bus(false);
         node.expect_nothing();
         assert_eq!(node.bit_rates(), [OTHER.1]);
@@ -210,8 +206,7 @@ fn pending_and_neither_is_dropped() {
         for reset in RESETS {
             let mut node = configured(kind);
             kind.boots(&mut node, reset, kind.node_id);
-            node.exchange(TO_CONFIGURATION, &[]);
-            node.exchange(ACTIVATE, &[]);
+            node.silent_to(&[TO_CONFIGURATION, ACTIVATE]);
             assert_eq!(node.bit_rates(), [kind.bit_rate], "{reset}");
             node.exchange(STORE, &[&answer("17")]);
             kind.starts(&mut node, kind.node_id);

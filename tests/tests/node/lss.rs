@@ -295,8 +295,7 @@ fn start_leaves_configuration() {
             let mut node = kind.configuring();
             node.configure_node_id(0x17);
             node.configure_bit_rate(KBIT_125);
-            node.exchange(START, &[]);
-            node.exchange(ENTER_PRE_OPERATIONAL, &[]);
+            node.silent_to(&[START, ENTER_PRE_OPERATIONAL]);
             assert!(!node.is_configuring());
             node
         };
@@ -323,8 +322,7 @@ fn a_store_that_start_comes_into() {
             if memory_is_busy {
                 node.exchange(&sdo::write(kind.node_id, 0x1010, 1, b"save"), &[]);
             }
-            node.exchange(STORE, &[]);
-            node.exchange(START, &[]);
+            node.silent_to(&[STORE, START]);
             node.advance(100);
             let sent = node.take();
             assert_eq!(sent.iter().filter(|frame| *frame == STORED).count(), 1, "{sent:?}");
@@ -341,8 +339,7 @@ fn a_store_stores_what_was_configured_when_it_was_asked_for() {
         let mut node = kind.configuring();
         node.write_time = Duration::from_millis(30);
         node.configure_node_id(0x17);
-        node.exchange(&sdo::write(kind.node_id, 0x1010, 1, b"save"), &[]);
-        node.exchange(STORE, &[]);
+        node.silent_to(&[&sdo::write(kind.node_id, 0x1010, 1, b"save"), STORE]);
         node.configure_node_id(0x18);
         node.advance(100);
         node.take();
@@ -389,8 +386,7 @@ fn store_is_answered_when_the_memory_holds_it() {
         {
             node.writes_fail = fails;
             node.exchange(STORE, &[]);
-            node.advance(29);
-            node.expect_nothing();
+            node.silent_for(29);
             node.advance(1);
             let mut sent = node.take();
             sent.sort();
@@ -429,8 +425,7 @@ fn a_store_keeps_what_another_has_stored() {
                     node.configure_node_id(0x17)
                 }
                 node.exchange(STORE, &[STORED]);
-                node.exchange(START, &[]);
-                node.exchange(ENTER_PRE_OPERATIONAL, &[]);
+                node.silent_to(&[START, ENTER_PRE_OPERATIONAL]);
             }
             kind.starts(&mut node, 0x17);
             assert_eq!(node.device().bit_rate(), BitRate::Kbit125);

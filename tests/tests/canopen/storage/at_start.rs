@@ -112,10 +112,8 @@ fn a_corrupt_record_is_well_with_its_next_write() {
     }
     let mut valve = Rig::booted();
     valve.records.insert(RecordKey::FaultLog, vec![0; 8]);
-    valve.power_cycle();
-    assert_eq!(valve.take(), [BOOT[0], BOOT[1], INTERNAL_ERROR]);
-    valve.advance(1000);
-    assert_eq!(valve.take(), [CLEARED]);
+    valve.power_cycle_sends(&[BOOT[0], BOOT[1], INTERNAL_ERROR]);
+    valve.advance_sends(1000, &[CLEARED]);
 }
 
 /// A corrupt record at a reset application is found and counted again.
@@ -134,6 +132,5 @@ fn a_corrupt_record_is_found_by_every_start() {
 fn a_damaged_node_id_is_the_default_one() {
     let mut valve = Rig::power_on(Setup { node_id: None, ..Setup::new(Kind::PveaCanopen) });
     valve.records.insert(RecordKey::LocalLayer, vec![1, 2, 3]);
-    valve.power_cycle();
-    assert_eq!(valve.take(), [BOOT[0], BOOT[1], INTERNAL_ERROR]);
+    valve.power_cycle_sends(&[BOOT[0], BOOT[1], INTERNAL_ERROR]);
 }

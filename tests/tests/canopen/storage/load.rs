@@ -87,12 +87,10 @@ fn its_execution_fails() {
     valve.exchange(SAVE, &[SAVED]);
     valve.exchange(LOAD, &[LOADED]);
     valve.writes_fail = true;
-    valve.power_cycle();
-    assert_eq!(valve.take(), [BOOT[0], BOOT[1], INTERNAL_ERROR]);
+    valve.power_cycle_sends(&[BOOT[0], BOOT[1], INTERNAL_ERROR]);
     assert!(!has_own(&mut valve));
     valve.writes_fail = false;
-    valve.power_cycle();
-    assert_eq!(valve.take(), BOOT);
+    valve.power_cycle_sends(&BOOT);
     assert!(!has_own(&mut valve));
 }
 
@@ -105,8 +103,7 @@ fn its_execution_is_tried_again_after_10_s() {
     valve.exchange(SAVE, &[SAVED]);
     valve.exchange(LOAD, &[LOADED]);
     valve.failing_writes.insert(0);
-    valve.power_cycle();
-    assert_eq!(valve.take(), [BOOT[0], BOOT[1], INTERNAL_ERROR]);
+    valve.power_cycle_sends(&[BOOT[0], BOOT[1], INTERNAL_ERROR]);
     valve.writes.clear();
     // Heartbeats, which keep the timers busy.
     valve.write(0x1017, 0, 2, 100).unwrap();
@@ -124,15 +121,13 @@ fn its_execution_is_tried_again_after_10_s() {
 #[test]
 fn what_it_does_not_touch() {
     let mut valve = configuring();
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.sense(|senses| senses.internal_fault = false);
+    valve.internal_fault_comes_and_goes();
     valve.advance(1000);
     valve.take();
     valve.exchange("1BC78820: 04 2E 10 01 21", &["1BC408F1: 03 6E 10 01"]);
     let before = valve.records.clone();
     valve.exchange(LOAD, &[LOADED]);
-    valve.power_cycle();
-    assert_eq!(valve.take(), ["721: 00", "0A1: 00 00 00 00 00 00 00 00"]);
+    valve.power_cycle_sends(&["721: 00", "0A1: 00 00 00 00 00 00 00 00"]);
     for key in [RecordKey::Factory, RecordKey::LocalLayer, RecordKey::FaultLog] {
         assert_eq!(valve.records[&key], before[&key], "{key:?}");
     }

@@ -185,10 +185,8 @@ fn bus_off() {
     valve.take();
     valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
     assert!(!valve.outputs().solenoids);
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.sense(|senses| senses.internal_fault = false);
-    valve.advance(10_050);
-    valve.expect_nothing();
+    valve.internal_fault_comes_and_goes();
+    valve.silent_for(10_050);
     valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
     // time guarding has been active for long: with bus-off gone, that is what shows
     valve.expect(TIME_GUARDING);
@@ -219,8 +217,7 @@ fn bus_off_empties_the_queue() {
     let mut valve = Rig::claimed();
     valve.hold_bus(true);
     valve.sense(|senses| senses.internal_fault = true);
-    valve.send(DM1_REQUEST);
-    valve.send(DM2_REQUEST);
+    valve.send_all(&[DM1_REQUEST, DM2_REQUEST]);
     valve.advance(500);
     valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
     valve.send("18EA8327: 00 EE 00");

@@ -143,8 +143,7 @@ fn requests_during_a_running_bam() {
             valve.advance(1);
         }
     }
-    valve.send(BLOCK);
-    valve.send(DM2_REQUEST);
+    valve.send_all(&[BLOCK, DM2_REQUEST]);
     valve.expect_news(&DM2_FOUR[..1]);
 }
 
