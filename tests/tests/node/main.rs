@@ -4,3 +4,4 @@ mod bit_rate;
 mod fast_scan;
 mod kinds;
 mod lss;
+mod object_dictionary;
