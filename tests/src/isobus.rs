@@ -48,7 +48,16 @@ impl Rig {
         rig
     }
 
-    /// The same, whose internal error and temperature fault are previously active: two packets of DM2.
+    /// A [`Rig::claimed`] that has been commanded to extend for so many milliseconds.
+    #[must_use]
+    pub fn extending(ms: u64) -> Self {
+        let mut rig = Self::claimed();
+        rig.send(EXTEND);
+        rig.advance_cyclic(ms, EXTEND);
+        rig
+    }
+
+    /// A [`Rig::claimed`] whose internal error and temperature fault are previously active: two packets of DM2.
     #[must_use]
     pub fn with_two_previously_active() -> Self {
         let mut rig = Self::claimed();
@@ -87,6 +96,34 @@ impl Rig {
         assert_eq!(self.take_news(), frames, "at {at} us");
     }
 
+    /// Lets so many milliseconds pass; the valve must have sent these then, beside its estimated flow, and nothing more.
+    #[track_caller]
+    pub fn advance_news(&mut self, ms: u64, frames: &[&str]) {
+        self.advance(ms);
+        self.expect_news(frames);
+    }
+
+    /// The same under this command every 100 ms.
+    #[track_caller]
+    pub fn advance_cyclic_news(&mut self, ms: u64, command: &str, frames: &[&str]) {
+        self.advance_cyclic(ms, command);
+        self.expect_news(frames);
+    }
+
+    /// The valve must send its estimated flow alone for so many milliseconds less one, and then these.
+    #[track_caller]
+    pub fn no_news_until(&mut self, ms: u64, frames: &[&str]) {
+        self.advance_news(ms - 1, &[]);
+        self.advance_news(1, frames);
+    }
+
+    /// Changes what the valve senses; it must send these, beside its estimated flow, and nothing more.
+    #[track_caller]
+    pub fn sense_news(&mut self, change: impl FnOnce(&mut Senses), frames: &[&str]) {
+        self.sense(change);
+        self.expect_news(frames);
+    }
+
     /// The estimated flow, as an answer to a request for it: its first three bytes.
     ///
     /// # Panics
@@ -104,5 +141,19 @@ impl Rig {
     /// Commands block twice, as recovery wants it, 100 ms apart, the first after 100 ms.
     pub fn recover(&mut self) {
         self.advance_cyclic(200, BLOCK);
+    }
+
+    /// Ends a shutdown, and gives the memory time to hold everything.
+    pub fn recover_and_settle(&mut self) {
+        self.recover();
+        self.advance_cyclic(20_000, BLOCK);
+        self.take();
+    }
+
+    /// Takes the power away and gives it back; the claim and the first AVEF are taken.
+    #[track_caller]
+    pub fn restart(&mut self) {
+        self.power_cycle();
+        self.take_claim();
     }
 }

@@ -92,8 +92,7 @@ fn all_entries_0_and_then_the_new_ones() {
             assert_eq!(mapping(rig, pdo), expected);
             // "save" keeps it, the unused entries included.
             write_all(rig, [(0x1010, 1, 4, u32::from_le_bytes(*b"save"))]);
-            rig.power_cycle();
-            rig.take();
+            rig.start_anew();
             assert_eq!((mapping(rig, pdo), rig.read(pdo.communication, 1)), (expected, cob_id));
         }
     });

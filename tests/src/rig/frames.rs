@@ -1,9 +1,11 @@
 //! What the rig's master sends and hears, as the manuals print it.
 
+use protocol_core::device;
 use protocol_core::frame::Frame;
-use protocol_core::time::Instant;
+use protocol_core::time::{Duration, Instant};
 
 use super::Rig;
+use crate::Senses;
 
 /// The frame of a text in the manuals' notation, `5A0: 43 18 10 01 19 00 00 01`.
 ///
@@ -121,8 +123,33 @@ impl Rig {
         self.expect_all(frames);
     }
 
+    /// The device must send nothing for so many milliseconds less a microsecond, and then these.
     #[track_caller]
-    fn expect_all(&mut self, frames: &[impl AsRef<str>]) {
+    pub fn silent_until(&mut self, ms: u64, frames: &[impl AsRef<str>]) {
+        const STEP: Duration = Duration::from_micros(1);
+        self.advance_by(Duration::from_millis(ms) - STEP);
+        self.expect_nothing();
+        self.advance_by(STEP);
+        self.expect_all(frames);
+    }
+
+    /// Changes what a valve senses; it must send these, and nothing more.
+    #[track_caller]
+    pub fn sense_sends(&mut self, change: impl FnOnce(&mut Senses), frames: &[&str]) {
+        self.sense(change);
+        self.expect_all(frames);
+    }
+
+    /// Changes what a sensor senses; it must send these, and nothing more.
+    #[track_caller]
+    pub fn sense_hat_sends(&mut self, change: impl FnOnce(&mut device::Senses), frames: &[&str]) {
+        self.sense_hat(change);
+        self.expect_all(frames);
+    }
+
+    /// The device must have sent these, and nothing more.
+    #[track_caller]
+    pub fn expect_all(&mut self, frames: &[impl AsRef<str>]) {
         let frames: Vec<&str> = frames.iter().map(AsRef::as_ref).collect();
         assert_eq!(self.take(), frames, "at {} us", self.now.as_micros());
     }

@@ -70,6 +70,15 @@ impl Rig {
         rig
     }
 
+    /// The same in ACTIVE, with set-point 0.
+    #[must_use]
+    #[track_caller]
+    pub fn active() -> Self {
+        let mut rig = Self::booted();
+        rig.activate();
+        rig
+    }
+
     /// A device that was just powered up, with a memory that was never written.
     #[must_use]
     pub fn power_on(setup: impl Into<device::Setup>) -> Self {
@@ -99,6 +108,12 @@ impl Rig {
     /// Takes the power away and gives it back: what was being written is lost.
     pub fn power_cycle(&mut self) {
         self.restart_by(StartCause::PowerOn);
+    }
+
+    /// Takes the power away and gives it back; the frames of the boot are taken.
+    pub fn start_anew(&mut self) {
+        self.power_cycle();
+        self.take();
     }
 
     /// The watchdog resets the processor.

@@ -67,8 +67,7 @@ fn prepared(executing_load: bool) -> Rig {
     if executing_load {
         valve.exchange(Load.request(), &[Load.acknowledgement()]);
         valve.write_time = WRITE_TIME;
-        valve.power_cycle();
-        valve.take();
+        valve.start_anew();
     }
     valve.write(0x1028, 1, 4, OWN).unwrap();
     valve.exchange("7E5: 04 01 00 00 00 00 00 00", &[]);

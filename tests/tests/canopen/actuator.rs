@@ -7,8 +7,7 @@ const AWAY: &str = "0A0: 05 83 21 01 00 00 00 00";
 const CLEARED: &str = "0A0: 00 00 00 00 00 00 00 00";
 
 fn active() -> Rig {
-    let mut valve = Rig::booted();
-    valve.activate();
+    let valve = Rig::active();
     valve
 }
 
@@ -150,8 +149,7 @@ fn a_measured_position() {
     assert_eq!(position(&mut valve), 1234);
     // away for 500 ms; it is not in neutral (819), so the fault lasts until it is
     assert_eq!(drive(&mut valve, 16384, 1), [AWAY]);
-    valve.sense(|senses| senses.spool.measured = Position::new(820));
-    valve.expect_nothing();
+    valve.sense_sends(|senses| senses.spool.measured = Position::new(820), &[]);
     valve.sense(|senses| senses.spool.measured = Position::new(819));
     valve.expect(CLEARED);
 }

@@ -193,8 +193,7 @@ fn a_set_point_over_sdo_does_not_come_between_the_two_words() {
 /// Use case 2: back in ACTIVE with the cyclic control word.
 #[test]
 fn the_cyclic_control_word_leads_back_to_active() {
-    let mut valve = Rig::booted();
-    valve.activate();
+    let mut valve = Rig::active();
     valve.sense(|senses| senses.internal_fault = true);
     valve.take();
     valve.exchange("220: 0F 00 00 10", &["1A0: 03 00 00 00"]);
@@ -283,9 +282,7 @@ fn a_change_of_mode_restarts_the_monitors() {
     let mut valve = valve_in(ACTIVE, true, 1);
     valve.advance(200);
     valve.write_all(&[(0x6042, 0, 1, 2), (0x6042, 0, 1, 1)]);
-    valve.silent_for(249);
-    valve.advance(1);
-    valve.expect("0A0: 03 80 91 01 00 00 00 00");
+    valve.silent_until(250, &["0A0: 03 80 91 01 00 00 00 00"]);
 
     let mut valve = valve_in(ACTIVE, true, 1);
     valve.sense(|senses| senses.spool.lever = protocol_core::actuator::Position::new(8192));
@@ -305,9 +302,7 @@ fn the_mode_in_force_written_again_restarts_nothing() {
     let mut valve = valve_in(ACTIVE, true, 1);
     valve.advance(200);
     valve.write(0x6042, 0, 1, 1).unwrap();
-    valve.silent_for(49);
-    valve.advance(1);
-    valve.expect("0A0: 03 80 91 01 00 00 00 00");
+    valve.silent_until(50, &["0A0: 03 80 91 01 00 00 00 00"]);
 }
 
 #[test]
@@ -450,8 +445,7 @@ const SAVE: &str = "620: 23 10 10 01 73 61 76 65";
 /// The mode that is in force already changes nothing: the spool stays at its set-point.
 #[test]
 fn the_same_mode_again() {
-    let mut valve = Rig::booted();
-    valve.activate();
+    let mut valve = Rig::active();
     valve.exchange("220: 0F 00 00 20", &["1A0: 0F 00 00 00"]);
     valve.advance(200);
     assert_eq!(valve.write(0x6042, 0, 1, 1), Ok(()));

@@ -95,7 +95,6 @@ fn it_survives_reset_communication_alone() {
     rig.exchange("000: 81 00", &BOOT);
     assert_history(&mut rig, &[]);
     internal(&mut rig);
-    rig.power_cycle();
-    rig.take();
+    rig.start_anew();
     assert_history(&mut rig, &[]);
 }

@@ -35,8 +35,7 @@ fn its_rhythm() {
     assert!(written_at.windows(2).all(|pair| pair[1] - pair[0] >= 10_000), "{written_at:?}");
     assert!(written_at.len() >= 5, "but not seldomer than that: {written_at:?}");
     let count = valve.read(0x2024, 0);
-    valve.power_cycle();
-    valve.take();
+    valve.start_anew();
     assert_eq!((valve.read(0x2024, 0), count), (count, 127));
 }
 
@@ -70,8 +69,7 @@ fn before_a_restart_on_command() {
         restart(&mut valve);
         valve.take();
         assert_eq!(valve.read(0x2024, 0), 1);
-        valve.power_cycle();
-        valve.take();
+        valve.start_anew();
         assert_eq!(valve.read(0x2024, 0), 1);
     }
 }
@@ -83,8 +81,7 @@ fn a_power_cut_before_it_is_written() {
     fault(&mut valve);
     valve.advance(1000);
     fault(&mut valve);
-    valve.power_cycle();
-    valve.take();
+    valve.start_anew();
     assert_eq!(valve.read(0x2024, 0), 1);
 }
 
@@ -100,8 +97,7 @@ fn clearing_clears_all_of_them() {
         assert_eq!(valve.read(index, 0), 0, "{index:04X}");
     }
     assert_eq!((valve.read(0x1001, 0), valve.read(0x1003, 0)), (0x09, 2), "faults and history stay");
-    valve.power_cycle();
-    valve.take();
+    valve.start_anew();
     assert_eq!(valve.read(0x2024, 0), 0);
     fault(&mut valve);
     assert_eq!(valve.read(0x2024, 0), 1);
@@ -135,8 +131,7 @@ fn clearing_fails() {
     valve.writes_fail = true;
     valve.exchange(CLEAR, &["0A0: 00 10 01 02 00 00 00 00", "5A0: 80 11 10 05 00 00 06 06"]);
     assert_eq!(valve.read(0x2024, 0), 2);
-    valve.power_cycle();
-    valve.take();
+    valve.start_anew();
     assert_eq!(valve.read(0x2024, 0), 1);
 }
 
@@ -154,8 +149,7 @@ fn a_fault_during_the_clearing() {
     valve.advance_sends(25, &[COUNTERS_CLEARED]);
     assert_eq!((valve.read(0x200F, 0), valve.read(0x2024, 0)), (0, 1));
     valve.advance(20_000);
-    valve.power_cycle();
-    valve.take();
+    valve.start_anew();
     assert_eq!((valve.read(0x200F, 0), valve.read(0x2024, 0)), (0, 1));
 }
 
@@ -178,8 +172,7 @@ fn the_first_count_after_a_clearing() {
         fault(&mut valve);
         valve.advance(8000);
         assert_eq!(log_writes(&valve), writes, "once in 10 s");
-        valve.power_cycle();
-        valve.take();
+        valve.start_anew();
         assert_eq!(valve.read(0x2024, 0), 1, "a count before: {before}, cleared after {at} ms");
     }
 }
@@ -198,8 +191,7 @@ fn a_clearing_that_fails_is_not_followed_by_a_write_at_once() {
     assert_eq!(log_writes(&valve), writes);
     valve.advance(1);
     assert_eq!(log_writes(&valve), writes + 1);
-    valve.power_cycle();
-    valve.take();
+    valve.start_anew();
     assert_eq!(valve.read(0x2024, 0), 2);
 }
 

@@ -174,8 +174,7 @@ fn a_cause_at_power_up_activates_after_its_normal_delay() {
 #[test]
 fn every_fault_shuts_the_regulation_down() {
     for row in ROWS.into_iter().filter(|row| !row.is_bus_off()) {
-        let mut valve = Rig::booted();
-        valve.activate();
+        let mut valve = Rig::active();
         valve.send("220: 0F 00 00 40");
         valve.advance_cyclic(1000, "220: 0F 00 00 40");
         valve.take();
@@ -200,8 +199,7 @@ fn counters_stop_at_127_and_go_on_being_told() {
         assert_eq!(valve.take(), [emcy(0x1000, 0x01, count)]);
         assert_eq!((valve.read(0x2024, 0), valve.read(0x2040, 0)), (count, count));
         assert_eq!(valve.read(0x1003, 1), count << 16 | 0x1000);
-        valve.sense(|senses| senses.internal_fault = false);
-        assert_eq!(valve.take(), [CLEARED]);
+        valve.sense_sends(|senses| senses.internal_fault = false, &[CLEARED]);
     }
 }
 
@@ -212,34 +210,27 @@ fn several_at_once() {
     valve.sense(|senses| senses.supply_mv = 8_000);
     valve.advance(1750);
     valve.sense(|senses| senses.temperature_c = 130);
-    valve.silent_for(249);
-    valve.advance_sends(1, &[emcy(0x8301, 0x09, 1), emcy(0x3412, 0x0D, 1)]);
-    valve.sense(|senses| senses.internal_fault = true);
-    assert_eq!(valve.take(), [emcy(0x1000, 0x0D, 1)]);
+    valve.silent_until(250, &[emcy(0x8301, 0x09, 1), emcy(0x3412, 0x0D, 1)]);
+    valve.sense_sends(|senses| senses.internal_fault = true, &[&emcy(0x1000, 0x0D, 1)]);
     assert_eq!(valve.read(0x1003, 0), 3);
     assert_eq!([1, 2, 3].map(|sub| valve.read(0x1003, sub)), [0x0001_1000, 0x0001_3412, 0x0001_8301]);
 
-    valve.sense(|senses| senses.temperature_c = 25);
-    valve.expect_nothing();
+    valve.sense_sends(|senses| senses.temperature_c = 25, &[]);
     assert_eq!(valve.read(0x1001, 0), 0x05);
-    valve.sense(|senses| senses.supply_mv = 24_000);
-    valve.expect_nothing();
-    valve.sense(|senses| senses.internal_fault = false);
-    assert_eq!(valve.take(), [CLEARED]);
+    valve.sense_sends(|senses| senses.supply_mv = 24_000, &[]);
+    valve.sense_sends(|senses| senses.internal_fault = false, &[CLEARED]);
 }
 
 /// The time guard and a temperature at the instant of an RPDO: the EMCYs first, then the TPDO, which shows FAULT_HOLD.
 #[test]
 fn an_emcy_goes_before_the_tpdo_of_the_same_instant() {
-    let mut valve = Rig::booted();
-    valve.activate();
+    let mut valve = Rig::active();
     valve.sense(|senses| senses.temperature_c = 130);
     valve.leap(protocol_core::time::Duration::from_millis(250));
     let told = [emcy(0x8301, 0x09, 1), emcy(0x8003, 0x99, 1)];
     assert_eq!(valve.take(), told);
 
-    let mut valve = Rig::booted();
-    valve.activate();
+    let mut valve = Rig::active();
     valve.sense(|senses| senses.temperature_c = 130);
     valve.hold_bus(true);
     valve.advance(250);
@@ -291,8 +282,7 @@ mod bus_off {
         set(&mut valve, BusErrorMode::BusOff);
         set(&mut valve, BusErrorMode::ErrorActive);
         assert_eq!(valve.take(), [emcy(0x8140, 0x11, 1)]);
-        valve.sense(|senses| senses.internal_fault = false);
-        assert_eq!(valve.take(), [CLEARED]);
+        valve.sense_sends(|senses| senses.internal_fault = false, &[CLEARED]);
     }
 
     /// EMCYs are told all the same, each activation in its turn: they are how the master learns what happened.
@@ -304,8 +294,7 @@ mod bus_off {
         valve.advance(250);
         set(&mut valve, BusErrorMode::ErrorActive);
         assert_eq!(valve.take(), [emcy(0x8140, 0x11, 1), emcy(0x8301, 0x19, 1)]);
-        valve.sense(|senses| senses.temperature_c = 25);
-        assert_eq!(valve.take(), [CLEARED]);
+        valve.sense_sends(|senses| senses.temperature_c = 25, &[CLEARED]);
     }
 
     /// An answer that waits for a busy bus is lost with it.
@@ -373,8 +362,7 @@ mod memory {
         assert_eq!(valve.write(0x1010, 1, 4, 0x6576_6173), Err(0x0606_0000));
         valve.writes_fail = false;
         valve.expect_nothing();
-        valve.sense(|senses| senses.internal_fault = false);
-        valve.expect_nothing();
+        valve.sense_sends(|senses| senses.internal_fault = false, &[]);
         valve.exchange("620: 23 10 10 01 73 61 76 65", &[CLEARED, "5A0: 60 10 10 01 00 00 00 00"]);
         assert_eq!(valve.read(0x2024, 0), 1);
     }

@@ -9,16 +9,6 @@ fn set(rig: &mut Rig, ms: u32) {
     assert_eq!(rig.write(TIME.0, TIME.1, 2, ms), Ok(()));
 }
 
-/// The next heartbeat comes after exactly this time, and nothing before it.
-#[track_caller]
-fn expect_after(rig: &mut Rig, ms: u64, heartbeat: &str) {
-    rig.advance_by(Duration::from_micros(ms * 1000 - 1));
-    rig.expect_nothing();
-    rig.advance_by(Duration::from_micros(1));
-    rig.expect(heartbeat);
-    rig.expect_nothing();
-}
-
 #[test]
 fn off_by_default() {
     let mut rig = Rig::booted();
@@ -31,7 +21,7 @@ fn the_manuals_example() {
     let mut rig = Rig::booted();
     rig.exchange("620: 2B 17 10 00 64 00 00 00", &["5A0: 60 17 10 00 00 00 00 00", "720: 7F"]);
     for _ in 0..20 {
-        expect_after(&mut rig, 100, "720: 7F");
+        rig.silent_until(100, &["720: 7F"]);
     }
 }
 
@@ -44,7 +34,7 @@ fn the_period_is_rounded_up_to_10_ms_and_reads_back_as_written() {
         set(&mut rig, written);
         rig.expect("720: 7F");
         for _ in 0..3 {
-            expect_after(&mut rig, period, "720: 7F");
+            rig.silent_until(period, &["720: 7F"]);
         }
         assert_eq!(rig.read(TIME.0, TIME.1), written);
     }
@@ -58,15 +48,15 @@ fn every_write_of_a_time_begins_at_once_and_0_ends_it() {
     rig.advance(30);
     set(&mut rig, 50);
     rig.expect("720: 7F");
-    expect_after(&mut rig, 50, "720: 7F");
+    rig.silent_until(50, &["720: 7F"]);
     rig.advance(30);
     set(&mut rig, 50);
     rig.expect("720: 7F");
-    expect_after(&mut rig, 50, "720: 7F");
+    rig.silent_until(50, &["720: 7F"]);
     // A time that is refused changes nothing.
     rig.advance(20);
     assert_eq!(rig.write(TIME.0, TIME.1, 2, 0x8000), Err(0x0609_0031));
-    expect_after(&mut rig, 30, "720: 7F");
+    rig.silent_until(30, &["720: 7F"]);
     set(&mut rig, 0);
     rig.silent_for(100_000);
 }
@@ -88,7 +78,7 @@ fn it_tells_the_nmt_state_and_keeps_its_pace() {
     ] {
         rig.advance(60);
         rig.exchange(command, &[]);
-        expect_after(&mut rig, 40, &format!("720: {state}"));
+        rig.silent_until(40, &[&format!("720: {state}")]);
     }
 }
 
@@ -103,13 +93,13 @@ fn the_boot_up_counts_as_the_first() {
         rig.advance(70);
         rig.exchange(reset, &boot);
         for _ in 0..3 {
-            expect_after(&mut rig, 200, "720: 7F");
+            rig.silent_until(200, &["720: 7F"]);
         }
         assert_eq!(rig.read(TIME.0, TIME.1), 195);
     }
     rig.advance(70);
     rig.power_cycle_sends(&boot);
-    expect_after(&mut rig, 200, "720: 7F");
+    rig.silent_until(200, &["720: 7F"]);
 }
 
 /// After a pause one heartbeat goes out, whatever was missed; the pace is kept, or begins anew after a whole period.
@@ -120,9 +110,8 @@ fn a_late_poll() {
         set(&mut rig, 100);
         rig.expect("720: 7F");
         rig.leap(Duration::from_millis(100 + late));
-        rig.expect("720: 7F");
-        rig.expect_nothing();
-        expect_after(&mut rig, until_next, "720: 7F");
+        rig.expect_all(&["720: 7F"]);
+        rig.silent_until(until_next, &["720: 7F"]);
     }
 }
 
@@ -135,8 +124,7 @@ fn none_while_a_reset_waits() {
         rig.expect("720: 7F");
         rig.write_time = Duration::from_secs(1);
         rig.silent_to(&["620: 23 10 10 01 73 61 76 65", reset]);
-        rig.silent_for(999);
-        rig.advance_sends(1, &["720: 00", "0A0: 00 00 00 00 00 00 00 00"]);
+        rig.silent_until(1_000, &["720: 00", "0A0: 00 00 00 00 00 00 00 00"]);
     }
 }
 
@@ -162,7 +150,7 @@ fn what_falls_into_bus_off_is_not_sent_afterwards() {
     rig.advance(350);
     rig.sense(|senses| senses.bus = ErrorActive);
     assert_eq!(rig.take(), ["0A0: 40 81 11 01 00 00 00 00", "0A0: 00 00 00 00 00 00 00 00"]);
-    expect_after(&mut rig, 50, "720: 7F");
+    rig.silent_until(50, &["720: 7F"]);
 }
 
 /// No node guarding, and no consumer.

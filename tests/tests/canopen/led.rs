@@ -73,8 +73,7 @@ fn the_order_of_the_faults() {
     assert_eq!(led(&valve), RED_FLASHING);
 
     // a fault of the spool is of higher priority than the internal error, and bus-off wins over it
-    let mut valve = Rig::booted();
-    valve.activate();
+    let mut valve = Rig::active();
     valve.send("220: 0F 00 00 40");
     valve.advance_cyclic(300, "220: 0F 00 00 40");
     valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
@@ -90,8 +89,7 @@ fn the_order_of_the_faults() {
 /// De-energised after 200 ms of ACTIVE with set-point 0.
 #[test]
 fn power_save() {
-    let mut valve = Rig::booted();
-    valve.activate();
+    let mut valve = Rig::active();
     assert_eq!((led(&valve), solenoids(&valve)), (GREEN, true));
     valve.advance(199);
     assert_eq!((led(&valve), solenoids(&valve)), (GREEN, true));
@@ -126,8 +124,7 @@ fn a_spool_that_moves_ends_power_save_at_once() {
 
 /// In power save.
 fn saving() -> Rig {
-    let mut valve = Rig::booted();
-    valve.activate();
+    let mut valve = Rig::active();
     valve.advance(200);
     valve.send("220: 0F 00 00 00");
     assert_eq!((led(&valve), solenoids(&valve)), (GREEN_FLASHING, false));
@@ -144,8 +141,7 @@ fn outside_active_the_solenoids_are_off_at_once() {
         |valve| valve.send("000: 81 00"),
     ];
     for way in ways {
-        let mut valve = Rig::booted();
-        valve.activate();
+        let mut valve = Rig::active();
         valve.send("220: 0F 00 00 40");
         valve.take();
         assert!(solenoids(&valve));

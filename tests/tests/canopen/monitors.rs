@@ -12,13 +12,11 @@ mod time_guarding {
 
     #[test]
     fn after_250_ms_without_a_set_point() {
-        let mut valve = Rig::booted();
-        valve.activate();
+        let mut valve = Rig::active();
         valve.silent_for(249);
         valve.send("220: 0F 00 00 00");
         valve.take();
-        valve.silent_for(249);
-        valve.advance_sends(1, &[TIMED_OUT]);
+        valve.silent_until(250, &[TIMED_OUT]);
         assert_eq!((valve.status(), valve.read(0x1001, 0), valve.read(0x2023, 0)), (0x03, 0x91, 1));
         assert_eq!(valve.read(0x1003, 1), 0x0001_8003);
         // once: it waits for the next set-point
@@ -38,8 +36,7 @@ mod time_guarding {
             (0x3303, 0, 2, 1001, false),
         ];
         for (index, sub, size, value, feeds) in feeds {
-            let mut valve = Rig::booted();
-            valve.activate();
+            let mut valve = Rig::active();
             valve.advance(200);
             let _ = valve.write(index, sub, size, value);
             valve.advance(50);
@@ -54,8 +51,7 @@ mod time_guarding {
         let pre_operational: fn(&mut Rig) = |valve| valve.send("000: 80 00");
         let hand: fn(&mut Rig) = |valve| valve.write(0x6042, 0, 1, 2).unwrap();
         for prepare in [fault_hold, pre_operational, hand] {
-            let mut valve = Rig::booted();
-            valve.activate();
+            let mut valve = Rig::active();
             valve.advance(250);
             valve.expect(TIMED_OUT);
             prepare(&mut valve);
@@ -70,8 +66,7 @@ mod time_guarding {
     /// A set-point of an RPDO ends it too, and then the way out of FAULT_HOLD is open.
     #[test]
     fn use_case_2_with_the_time_guard() {
-        let mut valve = Rig::booted();
-        valve.activate();
+        let mut valve = Rig::active();
         valve.advance(250);
         valve.expect(TIMED_OUT);
         valve.exchange("220: 03 00 00 00", &[CLEARED, "1A0: 03 00 00 00"]);
@@ -81,14 +76,11 @@ mod time_guarding {
 
     #[test]
     fn it_begins_with_entering_active_by_whatever_way() {
-        let mut valve = Rig::booted();
-        valve.activate();
+        let mut valve = Rig::active();
         valve.write(0x6042, 0, 1, 2).unwrap();
         valve.silent_for(10_000);
         valve.write(0x6042, 0, 1, 1).unwrap();
-        valve.silent_for(249);
-        valve.advance(1);
-        valve.expect(TIMED_OUT);
+        valve.silent_until(250, &[TIMED_OUT]);
     }
 
     /// Outside ACTIVE full operational nothing is guarded.
@@ -115,8 +107,7 @@ mod time_guarding {
     /// Reset communication tells it again until a set-point ends it; reset application forgets it.
     #[test]
     fn over_the_resets() {
-        let mut valve = Rig::booted();
-        valve.activate();
+        let mut valve = Rig::active();
         valve.advance(250);
         valve.expect(TIMED_OUT);
         valve.exchange("000: 82 00", &["720: 00", CLEARED, TIMED_OUT]);
@@ -127,8 +118,7 @@ mod time_guarding {
     /// NMT start and pre-operational change nothing: without RPDOs the guard acts by itself.
     #[test]
     fn pre_operational_lets_it_act() {
-        let mut valve = Rig::booted();
-        valve.activate();
+        let mut valve = Rig::active();
         valve.silent_to(&["000: 80 00", "220: 0F 00 00 00"]);
         valve.advance(250);
         valve.expect(TIMED_OUT);
@@ -147,8 +137,7 @@ mod spool {
 
     /// In ACTIVE, with this set-point just sent.
     fn commanded(set_point: &str) -> Rig {
-        let mut valve = Rig::booted();
-        valve.activate();
+        let mut valve = Rig::active();
         valve.send(&format!("220: 0F 00 {set_point}"));
         valve.take();
         valve
@@ -200,8 +189,7 @@ mod spool {
     /// Gone as soon as it is there, on purpose; the shutdown lasts.
     #[test]
     fn stuck_in_neutral() {
-        let mut valve = Rig::booted();
-        valve.activate();
+        let mut valve = Rig::active();
         valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
         valve.send("220: 0F 00 00 40");
         valve.take();
@@ -231,8 +219,7 @@ mod spool {
 
     #[test]
     fn float_not_reached_within_1000_ms() {
-        let mut valve = Rig::booted();
-        valve.activate();
+        let mut valve = Rig::active();
         valve.sense(|senses| senses.spool.fault = SpoolFault::NoFloat);
         valve.send("220: 0F 00 FF 7F");
         valve.take();
@@ -255,8 +242,7 @@ mod spool {
 
     #[test]
     fn both_share_counter_code_and_history() {
-        let mut valve = Rig::booted();
-        valve.activate();
+        let mut valve = Rig::active();
         valve.sense(|senses| senses.spool.fault = SpoolFault::NoFloat);
         valve.send("220: 0F 00 FF 7F");
         assert_eq!(regulate(&mut valve, 2000, "FF 7F"), [AWAY, CLEARED]);
@@ -274,8 +260,7 @@ mod spool {
     /// In hand operation neither reported nor logged; all other faults act as always.
     #[test]
     fn not_in_hand_operation() {
-        let mut valve = Rig::booted();
-        valve.activate();
+        let mut valve = Rig::active();
         valve.write(0x6042, 0, 1, 2).unwrap();
         lever(&mut valve, 16384);
         valve.silent_for(10_000);

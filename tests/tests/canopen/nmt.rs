@@ -116,8 +116,7 @@ fn reset_communication_with_active_faults() {
     }
     assert_eq!((valve.read(0x1003, 0), valve.read(0x2024, 0), valve.read(0x200F, 0)), (2, 1, 1));
     assert_eq!((valve.read(0x1001, 0), valve.status()), (0x09, 0x03));
-    valve.sense(|senses| senses.internal_fault = false);
-    valve.expect_nothing();
+    valve.sense_sends(|senses| senses.internal_fault = false, &[]);
     valve.sense(|senses| senses.temperature_c = 25);
     valve.expect(CLEARED);
 }
@@ -131,9 +130,7 @@ fn reset_application_with_active_faults() {
     valve.expect(TEMPERATURE);
     valve.exchange("000: 81 00", &BOOT);
     assert_eq!((valve.read(0x1001, 0), valve.status(), valve.read(0x1003, 0)), (0, 0x08, 0));
-    valve.silent_for(249);
-    valve.advance(1);
-    valve.expect("0A0: 01 83 09 02 00 00 00 00");
+    valve.silent_until(250, &["0A0: 01 83 09 02 00 00 00 00"]);
     // those without delay at once
     valve.sense(|senses| senses.internal_fault = true);
     valve.take();
@@ -147,9 +144,7 @@ fn reset_communication_does_not_restart_a_delay() {
     valve.sense(|senses| senses.temperature_c = 130);
     valve.advance(200);
     valve.exchange("000: 82 00", &BOOT);
-    valve.silent_for(49);
-    valve.advance(1);
-    valve.expect(TEMPERATURE);
+    valve.silent_until(50, &[TEMPERATURE]);
 }
 
 /// A fault that falls due while the reset waits for the memory is told once, behind the reset EMCY.
@@ -237,8 +232,7 @@ fn emcys_of_stopped_are_not_sent_later() {
     // bus-off and back while stopped
     valve.exchange("000: 02 00", &[]);
     valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
-    valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
-    valve.expect_nothing();
+    valve.sense_sends(|senses| senses.bus = BusErrorMode::ErrorActive, &[]);
     valve.exchange("000: 80 00", &[]);
     assert_eq!(valve.read(0x2019, 0), 1);
 }
@@ -246,8 +240,7 @@ fn emcys_of_stopped_are_not_sent_later() {
 /// No EMCY for the shutdown that a stop is; the second one does nothing.
 #[test]
 fn a_stop_is_no_fault() {
-    let mut valve = Rig::booted();
-    valve.activate();
+    let mut valve = Rig::active();
     valve.send("220: 0F 00 00 40");
     valve.advance(200);
     valve.take();

@@ -119,8 +119,7 @@ fn the_defaults_are_those_of_the_node_id_of_the_start() {
         change(&mut valve, 0x17);
         valve.take();
         assert_eq!(cob_ids(&mut valve), [0x97, 0x217, 0x197]);
-        valve.power_cycle();
-        valve.take();
+        valve.start_anew();
         assert_eq!(cob_ids(&mut valve), [0x97, 0x217, 0x197]);
     }
 }

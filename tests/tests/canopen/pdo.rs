@@ -155,8 +155,7 @@ fn what_is_invalid_is_dropped_and_the_rest_acts() {
 #[test]
 fn an_invalid_set_point_does_not_feed_the_time_guard() {
     for (set_point, fed) in [("00 00", true), ("FF 7F", true), ("01 40", false), ("FF BF", false), ("FE 7F", false)] {
-        let mut rig = Rig::booted();
-        rig.activate();
+        let mut rig = Rig::active();
         rig.advance(200);
         rig.send(&format!("220: 0F 00 {set_point}"));
         rig.take();
@@ -229,12 +228,8 @@ fn a_pdo_that_is_off_is_not_there() {
 /// An EMCY that falls due at the same instant goes out first, and the TPDO shows FAULT_HOLD.
 #[test]
 fn an_emcy_goes_before_the_tpdo_of_the_same_instant() {
-    let mut rig = Rig::booted();
-    rig.activate();
+    let mut rig = Rig::active();
     // The set-point of the very instant at which the time guard falls due comes too late.
     rig.leap_to(Duration::from_millis(250), "220: 0F 00 00 00");
-    rig.expect("0A0: 03 80 91 01 00 00 00 00");
-    rig.expect("0A0: 00 00 00 00 00 00 00 00");
-    rig.expect("1A0: 03 00 00 00");
-    rig.expect_nothing();
+    rig.expect_all(&["0A0: 03 80 91 01 00 00 00 00", "0A0: 00 00 00 00 00 00 00 00", "1A0: 03 00 00 00"]);
 }

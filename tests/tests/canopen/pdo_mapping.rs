@@ -31,8 +31,7 @@ fn off() -> Rig {
 
 /// An operational valve in ACTIVE whose spool was moved to 0x1000.
 fn moved() -> Rig {
-    let mut rig = Rig::booted();
-    rig.activate();
+    let mut rig = Rig::active();
     rig.send("220: 0F 00 00 10");
     rig.advance(100);
     rig.expect("1A0: 0F 00 00 00");

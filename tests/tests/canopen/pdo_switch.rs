@@ -23,8 +23,7 @@ fn any_value_with_bit_31_switches_a_pdo_off() {
             valve.exchange("220: 0F 00 00 00", &[]);
             // Stored and loaded as it was written.
             valve.exchange("620: 23 10 10 01 73 61 76 65", &["5A0: 60 10 10 01 00 00 00 00"]);
-            valve.power_cycle();
-            valve.take();
+            valve.start_anew();
             assert_eq!(valve.read(communication, 1), value);
         }
     }
@@ -78,8 +77,7 @@ fn a_pdo_with_nothing_mapped() {
         valve.expect_nothing();
         // "save" keeps it off.
         valve.exchange("620: 23 10 10 01 73 61 76 65", &["5A0: 60 10 10 01 00 00 00 00"]);
-        valve.power_cycle();
-        valve.take();
+        valve.start_anew();
         assert_eq!((valve.read(communication, 1), valve.read(mapping, 0)), (OFF | identifier, 0));
 
         valve.write_all(&[(mapping, 1, 4, 0x0007_0020), (mapping, 0, 1, 1)]);

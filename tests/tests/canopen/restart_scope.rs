@@ -148,8 +148,7 @@ fn told_after(order: &str) -> Vec<String> {
 fn a_valve_that_waits_for_its_reset_is_guarded() {
     for order in ["81", "82"] {
         for slow_memory in [false, true] {
-            let mut valve = Rig::booted();
-            valve.activate();
+            let mut valve = Rig::active();
             valve.send("220: 0F 00 00 40");
             if slow_memory {
                 valve.write_time = Duration::from_secs(5);

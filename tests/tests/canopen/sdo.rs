@@ -393,9 +393,7 @@ fn a_write_to_the_memory_is_answered_when_it_is_done() {
         requests.iter().for_each(|request| rig.send(request));
         let answers = rig.take();
         assert_eq!(answers.len(), requests.len() - 1, "{answers:?}");
-        rig.silent_for(79);
-        rig.advance(1);
-        rig.expect(done);
+        rig.silent_until(80, &[done]);
         // However long it takes: a memory that writes is no client that is silent.
         rig.write_time = Duration::from_millis(2 * TIMEOUT_MS);
         requests.iter().for_each(|request| rig.send(request));

@@ -124,8 +124,7 @@ fn a_set_point_is_held_in_any_state_and_acts_in_active_alone() {
 
 #[test]
 fn hand_operation_begins_and_ends_with_neutral() {
-    let mut rig = Rig::booted();
-    rig.activate();
+    let mut rig = Rig::active();
     hold(&mut rig, SET_POINT, 8192, 300);
     assert_eq!(actual(&mut rig).0, 8192);
     assert_eq!(rig.write(0x6042, 0, 1, 2), Ok(()));
@@ -141,8 +140,7 @@ fn hand_operation_begins_and_ends_with_neutral() {
 
 #[test]
 fn the_actual_value_in_all_its_scales() {
-    let mut rig = Rig::booted();
-    rig.activate();
+    let mut rig = Rig::active();
     for value in [16384, -16384, 1, -1, 64, 65, 8192, -8192, 5000, -12345, 0] {
         hold(&mut rig, SET_POINT, value, 700);
         let per_127 = convert(value, 127, 16384);
@@ -154,8 +152,7 @@ fn the_actual_value_in_all_its_scales() {
 /// Neutral to full stroke takes 250 ms, so that 1 ms is 65.5 steps; float is reached within 5 % of full stroke.
 #[test]
 fn the_actual_value_reads_float_when_float_is_reached() {
-    let mut rig = Rig::booted();
-    rig.activate();
+    let mut rig = Rig::active();
     assert_eq!(write(&mut rig, SET_POINT, FLOAT), Ok(()));
     rig.advance(125);
     assert_eq!(actual(&mut rig), (8192, 64, -64, 500));

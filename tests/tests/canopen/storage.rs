@@ -208,8 +208,7 @@ fn what_is_saved() {
         valve.write(index, sub, size, value).unwrap();
     }
     valve.exchange(SAVE, &[SAVED]);
-    valve.power_cycle();
-    valve.take();
+    valve.start_anew();
     let stored = [(0x1400, 1, 0x333), (0x1400, 2, 0xFF), (0x1600, 0, 4), (0x1800, 1, 0xC000_0334), (0x1A00, 0, 3)];
     for (index, sub, value) in stored.into_iter().chain([(0x6042, 0, 1), (0x6040, 0, 0), (0x6300, 1, 0)]) {
         assert_eq!(valve.read(index, sub), value, "{index:04X}:{sub}");
@@ -237,8 +236,7 @@ fn a_read_in_the_middle_of_a_save() {
     valve.exchange(SAVE, &[]);
     assert_eq!(valve.read(0x1000, 0), 0x198);
     valve.silent_for(100);
-    valve.power_cycle();
-    valve.take();
+    valve.start_anew();
     assert!(has_own(&mut valve));
 }
 
@@ -250,8 +248,7 @@ fn a_stop_during_a_save() {
     valve.silent_to(&[SAVE, "000: 02 00"]);
     valve.advance(100);
     valve.exchange("000: 80 00", &[]);
-    valve.power_cycle();
-    valve.take();
+    valve.start_anew();
     assert!(has_own(&mut valve));
 }
 

@@ -92,8 +92,7 @@ fn it_starts_itself_once_and_leaves_lss_configuration() {
     rig.power_cycle();
     rig.send("7E5: 04 01 00 00 00 00 00 00");
     rig.free_bus_sends(&["701: 00"]);
-    rig.sense_hat(|senses| senses.internal_fault = true);
-    assert_eq!(rig.take(), ["081: 00 FF 81 02 00 00 00 00"]);
+    rig.sense_hat_sends(|senses| senses.internal_fault = true, &["081: 00 FF 81 02 00 00 00 00"]);
     rig.silent_for(100);
     assert_eq!(state(&mut rig), 0x7F, "0x1029:2 has ended operational");
     rig.take();

@@ -95,8 +95,7 @@ fn an_unsaved_preset_is_lost_at_either_reset() {
         rig.exchange(reset, &["701: 00"]);
         assert_eq!((position(&mut rig), rig.read(0x6003, 0)), (5, 5), "{reset}");
         assert_eq!(rig.read(0x6509, 0) as i32, 5 - 4_096);
-        rig.power_cycle();
-        rig.take();
+        rig.start_anew();
         assert_eq!(position(&mut rig), 5);
     }
 }

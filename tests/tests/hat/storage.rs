@@ -52,8 +52,7 @@ fn save_touches_its_groups_and_no_other() {
         rig.save(sub);
         assert_eq!(rig.writes.len(), if sub == 1 { 2 } else { 1 });
         assert_eq!(changed(&mut rig), [true; 4], "the running values stay");
-        rig.power_cycle();
-        rig.take();
+        rig.start_anew();
         assert_eq!(changed(&mut rig), groups, "1010:{sub}");
     }
 }
@@ -85,8 +84,7 @@ fn a_save_after_a_load_stores_the_running_values() {
     for sub in 1..=4 {
         rig.write_all(&[(0x1011, sub, 4, LOAD), (0x1010, sub, 4, SAVE)]);
     }
-    rig.power_cycle();
-    rig.take();
+    rig.start_anew();
     assert_eq!(changed(&mut rig), [true; 4]);
 }
 
@@ -140,8 +138,7 @@ fn every_communication_object_is_kept() {
         rig.take();
     }
     rig.save(2);
-    rig.power_cycle();
-    rig.take();
+    rig.start_anew();
     for (index, sub, _, value) in objects {
         assert_eq!(rig.read(index, sub), value, "{index:04X}:{sub}");
     }
@@ -171,8 +168,7 @@ fn the_answer_comes_after_the_last_write() {
     rig.silent_for(10);
     // Asked again during the second write: answered when both groups are stored anew.
     rig.exchange("601: 23 10 10 01 73 61 76 65", &[]);
-    rig.silent_for(29);
-    rig.advance_sends(1, &["581: 60 10 10 01 00 00 00 00"]);
+    rig.silent_until(30, &["581: 60 10 10 01 00 00 00 00"]);
     rig.silent_for(100);
 }
 
@@ -182,8 +178,7 @@ fn resets_wait_for_the_writes() {
     rig.write_time = Duration::from_millis(10);
     change_all(&mut rig);
     rig.silent_to(&["601: 23 10 10 01 73 61 76 65", "000: 81 00"]);
-    rig.silent_for(19);
-    rig.advance_sends(1, &["701: 00"]);
+    rig.silent_until(20, &["701: 00"]);
     assert_eq!(changed(&mut rig), [true, true, false, false]);
 }
 
@@ -277,8 +272,7 @@ fn the_offset_is_stored_as_it_is_not_as_the_preset() {
     rig.sense_hat(|senses| senses.product = ProductSenses::Encoder(Shaft::at(9_000)));
     rig.write_all(&[(0x6003, 0, 4, 16_383), (0x1010, 1, 4, SAVE)]);
     rig.sense_hat(|senses| senses.product = ProductSenses::Encoder(Shaft::at(0)));
-    rig.power_cycle();
-    rig.take();
+    rig.start_anew();
     assert_eq!((rig.read(0x6003, 0), rig.read(0x6004, 0)), (16_383, 12_287));
     rig.load(3);
     rig.exchange("000: 82 00", &["701: 00"]);

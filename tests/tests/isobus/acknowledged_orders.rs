@@ -57,9 +57,7 @@ fn prepared() -> Rig {
     valve.sense(|senses| senses.temperature_c = 130);
     valve.advance_cyclic(300, BLOCK);
     valve.sense(|senses| senses.temperature_c = 25);
-    valve.recover();
-    valve.advance_cyclic(20_000, BLOCK);
-    valve.take();
+    valve.recover_and_settle();
     valve.write_time = Duration::from_millis(10);
     valve
 }

@@ -84,9 +84,7 @@ fn power_save_comes_back() {
 
 #[test]
 fn hand_operation() {
-    let mut valve = Rig::claimed();
-    valve.send(EXTEND);
-    valve.advance_cyclic(300, EXTEND);
+    let mut valve = Rig::extending(300);
     assert!(solenoids(&valve));
     valve.send(HAND);
     assert!(!solenoids(&valve));
@@ -101,8 +99,7 @@ fn hand_operation() {
         valve.advance_cyclic(3000, HAND);
     }
     valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
-    valve.advance_cyclic(3000, HAND);
-    valve.expect_news(&[]);
+    valve.advance_cyclic_news(3000, HAND, &[]);
     valve.send("18EA8327: CB FE 00");
     valve.expect_news(&["18FECB83: 00 FF 00 00 00 00 FF FF"]);
 }
@@ -120,10 +117,8 @@ fn the_end_of_hand_operation_and_emergency_stop() {
         assert_eq!(valve.flow()[2], if command == HAND { 0x3A } else { 0x3E });
         valve.send(BLOCK);
         assert_eq!(valve.flow(), [0xAF, 0x7D, 0x30]);
-        valve.advance_cyclic(499, BLOCK);
-        valve.expect_news(&[]);
-        valve.advance(1);
-        valve.expect_news(&["18FECA83: 10 FF EC 8F 87 01 FF FF"]);
+        valve.advance_cyclic_news(499, BLOCK, &[]);
+        valve.advance_news(1, &["18FECA83: 10 FF EC 8F 87 01 FF FF"]);
 
         for (next, state) in [(EXTEND, 0x31), (RETRACT, 0x32), (FLOAT, 0x33), (HAND, 0x3A), (STOP, 0x3E)] {
             let mut valve = Rig::claimed();
@@ -147,8 +142,7 @@ fn emergency_stop() {
     assert_eq!(valve.flow(), [0x7D, 0xE1, 0x3E]);
     valve.advance_cyclic(150, STOP);
     assert_eq!(valve.flow(), [0x7D, 0x7D, 0x3E]);
-    valve.advance_cyclic(5000, STOP);
-    valve.expect_news(&[]);
+    valve.advance_cyclic_news(5000, STOP, &[]);
     // straight back to work
     valve.send(EXTEND);
     assert!(solenoids(&valve));
@@ -165,22 +159,16 @@ fn float() {
             valve.expect(&format!("0CFE1383: {flow} 7D 33 FF FF FF FF FF"));
             valve.send(FLOAT);
         }
-        valve.advance_cyclic(5000, FLOAT);
-        valve.expect_news(&[]);
+        valve.advance_cyclic_news(5000, FLOAT, &[]);
         // pulled out of it: 5 % are near enough
         valve.sense(|senses| senses.spool.lever = Position::new(16384 - 819));
-        valve.advance_cyclic(3000, FLOAT);
-        valve.expect_news(&[]);
+        valve.advance_cyclic_news(3000, FLOAT, &[]);
         valve.sense(|senses| senses.spool.lever = Position::new(16384 - 821));
-        valve.advance_cyclic(999, FLOAT);
-        valve.expect_news(&[]);
-        valve.advance(1);
-        valve.expect_news(&["18FECA83: 10 FF EE 8F 87 01 FF FF"]);
+        valve.advance_cyclic_news(999, FLOAT, &[]);
+        valve.advance_news(1, &["18FECA83: 10 FF EE 8F 87 01 FF FF"]);
         // until the spool is in neutral
-        valve.advance_cyclic(300, FLOAT);
-        valve.expect_news(&[]);
-        valve.sense(|senses| senses.spool.lever = Position::new(819));
-        valve.expect_news(&[DM1_CLEAR]);
+        valve.advance_cyclic_news(300, FLOAT, &[]);
+        valve.sense_news(|senses| senses.spool.lever = Position::new(819), &[DM1_CLEAR]);
     }
 }
 
@@ -214,8 +202,7 @@ fn an_on_off_valve() {
     valve.sense(|senses| senses.spool.lever = Position::new(8192));
     let half = "0CFE3327: 7D FF 31 FF FF FF FF FF";
     valve.send(half);
-    valve.advance_cyclic(500, half);
-    valve.expect_news(&["18FECA83: 10 FF EC 8F 87 01 FF FF"]);
+    valve.advance_cyclic_news(500, half, &["18FECA83: 10 FF EC 8F 87 01 FF FF"]);
 }
 
 #[test]

@@ -208,6 +208,5 @@ fn the_first_dm1_after_a_held_claim() {
     valve.advance(3000);
     valve.hold_bus(false);
     valve.expect(CLAIM);
-    valve.silent_for(249);
-    valve.advance_sends(1, &[AVEF_BLOCKED, INTERNAL]);
+    valve.silent_until(250, &[AVEF_BLOCKED, INTERNAL]);
 }

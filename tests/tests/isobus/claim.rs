@@ -9,9 +9,8 @@ use protocol_core::time::Duration;
 use tests::Rig;
 use tests::isobus::{AVEF_BLOCKED, BLOCK, CANNOT_CLAIM, CLAIM, DM1_CLEAR, EXTEND, HIGHER_NAME, LOWER_NAME, RETRACT};
 
-/// One microsecond short of the wait.
-const ALMOST: Duration = Duration::from_micros(249_999);
-const ONE: Duration = Duration::from_micros(1);
+/// How long a valve waits after its claim.
+const WAIT_MS: u64 = 250;
 /// The longest delay of a cannot-claim, in milliseconds.
 const CANNOT_CLAIM_MAX: u64 = 153;
 
@@ -23,9 +22,7 @@ fn setup(address: u8) -> Setup {
 fn lost() -> Rig {
     let mut valve = Rig::claimed();
     valve.exchange(LOWER_NAME, &[]);
-    valve.advance(CANNOT_CLAIM_MAX);
-    valve.expect(CANNOT_CLAIM);
-    valve.expect_nothing();
+    valve.advance_sends(CANNOT_CLAIM_MAX, &[CANNOT_CLAIM]);
     valve
 }
 
@@ -35,9 +32,7 @@ fn every_address_of_both_kinds() {
         for address in 0x80..=0x8F_u8 {
             let mut valve = Rig::power_on(Setup { node_id: Some(address), ..Setup::new(kind) });
             valve.expect(&format!("18EEFF{address:02X}: 01 00 20 07 08 FF 02 20"));
-            valve.advance(250);
-            valve.expect(&format!("0CFE1{:X}{address:02X}: 7D 7D 30 FF FF FF FF FF", address & 0xF));
-            valve.expect_nothing();
+            valve.advance_sends(250, &[&format!("0CFE1{:X}{address:02X}: 7D 7D 30 FF FF FF FF FF", address & 0xF)]);
         }
         for other in [None, Some(0x7F), Some(0x90), Some(0), Some(0xFE), Some(0xFF)] {
             let mut valve = Rig::power_on(Setup { node_id: other, ..Setup::new(kind) });
@@ -74,12 +69,7 @@ fn nothing_but_claims_for_250_ms() {
     valve.exchange("18EA8327: 00 EE 00", &[CLAIM]);
     valve.exchange("18EAFF27: 00 EE 00", &[CLAIM]);
     valve.sense(|senses| senses.internal_fault = true);
-    valve.advance_by(ALMOST);
-    valve.expect_nothing();
-    valve.advance_by(ONE);
-    valve.expect(AVEF_BLOCKED);
-    valve.expect("18FECA83: 10 FF FA 8F 8B 01 FF FF");
-    valve.expect_nothing();
+    valve.silent_until(WAIT_MS, &[AVEF_BLOCKED, "18FECA83: 10 FF FA 8F 8B 01 FF FF"]);
     valve.exchange("1BC78883: 03 22 10 01", &["1BC418F1: 04 62 10 01 83"]);
 }
 
@@ -90,9 +80,7 @@ fn commands_act_within_the_wait() {
     valve.send(EXTEND);
     valve.advance(200);
     valve.send(EXTEND);
-    valve.advance(50);
-    valve.expect("0CFE1383: E1 7D 31 FF FF FF FF FF");
-    valve.expect_nothing();
+    valve.advance_sends(50, &["0CFE1383: E1 7D 31 FF FF FF FF FF"]);
 }
 
 /// The guard begins with the first command, within the wait as well.
@@ -101,12 +89,7 @@ fn time_guarding_within_the_wait() {
     let mut valve = Rig::power_on(setup(0x83));
     valve.expect(CLAIM);
     valve.send(BLOCK);
-    valve.advance_by(ALMOST);
-    valve.expect_nothing();
-    valve.advance_by(ONE);
-    valve.expect(AVEF_BLOCKED);
-    valve.expect("18FECA83: 04 FF E9 8F 93 01 FF FF");
-    valve.expect_nothing();
+    valve.silent_until(WAIT_MS, &[AVEF_BLOCKED, "18FECA83: 04 FF E9 8F 93 01 FF FF"]);
 }
 
 /// The claim does not reach a busy bus: the wait has not begun.
@@ -119,11 +102,7 @@ fn the_wait_counts_from_the_claim_on_the_bus() {
         valve.silent_for(held);
         valve.hold_bus(false);
         valve.expect(CLAIM);
-        valve.advance_by(ALMOST);
-        valve.expect_nothing();
-        valve.advance_by(ONE);
-        valve.expect(AVEF_BLOCKED);
-        valve.expect_nothing();
+        valve.silent_until(WAIT_MS, &[AVEF_BLOCKED]);
     }
 }
 
@@ -136,12 +115,7 @@ fn the_wait_counts_from_the_end_of_bus_off() {
         valve.silent_for(off);
         valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
         valve.expect(CLAIM);
-        valve.advance_by(ALMOST);
-        valve.expect_nothing();
-        valve.advance_by(ONE);
-        valve.expect(AVEF_BLOCKED);
-        valve.expect(DM1_CLEAR);
-        valve.expect_nothing();
+        valve.silent_until(WAIT_MS, &[AVEF_BLOCKED, DM1_CLEAR]);
     }
 }
 
@@ -170,9 +144,7 @@ fn a_higher_name_is_answered_by_a_claim() {
         valve.exchange(claim, &[CLAIM]);
         // and nothing is waited for
         valve.exchange("18EA8327: CA FE 00", &[DM1_CLEAR]);
-        valve.advance(100);
-        valve.expect(AVEF_BLOCKED);
-        valve.expect_nothing();
+        valve.advance_sends(100, &[AVEF_BLOCKED]);
     }
 }
 
@@ -183,10 +155,7 @@ fn a_defence_within_the_wait_does_not_prolong_it() {
         valve.expect(CLAIM);
         valve.advance(200);
         valve.exchange(claim, &[CLAIM]);
-        valve.silent_for(49);
-        valve.advance(1);
-        valve.expect(AVEF_BLOCKED);
-        valve.expect_nothing();
+        valve.silent_until(50, &[AVEF_BLOCKED]);
     }
 }
 
@@ -226,9 +195,7 @@ fn what_is_no_contention() {
             valve.exchange(claim, &[]);
         }
         assert_eq!(valve.node_id(), Some(0x83), "{claim}");
-        valve.advance(100);
-        valve.expect(AVEF_BLOCKED);
-        valve.expect_nothing();
+        valve.advance_sends(100, &[AVEF_BLOCKED]);
     }
 }
 
@@ -371,9 +338,7 @@ fn many_requests_to_a_lost_valve() {
 
 #[test]
 fn a_lost_valve_is_blocked_and_takes_no_command() {
-    let mut valve = Rig::claimed();
-    valve.send(EXTEND);
-    valve.advance_cyclic(400, EXTEND);
+    let mut valve = Rig::extending(400);
     assert_eq!(valve.flow(), [0xE1, 0x7D, 0x31]);
     valve.send(LOWER_NAME);
     valve.advance(100);
@@ -391,8 +356,7 @@ fn a_lost_valve_is_blocked_and_takes_no_command() {
     valve.expect("18EEFF84: 01 00 20 07 08 FF 02 20");
     valve.advance(250);
     valve.expect("0CFE1484: 7D 7D 30 FF FF FF FF FF");
-    valve.advance(2000);
-    valve.expect_news(&[]);
+    valve.advance_news(2000, &[]);
     valve.exchange("18EA8427: CB FE 00", &["18FECB84: 00 FF 00 00 00 00 FF FF"]);
 }
 
@@ -405,9 +369,7 @@ fn what_was_under_way_is_dropped_with_the_address() {
     valve.advance(300);
     valve.send(LOWER_NAME);
     valve.hold_bus(false);
-    valve.advance(2000);
-    valve.expect(CANNOT_CLAIM);
-    valve.expect_nothing();
+    valve.advance_sends(2000, &[CANNOT_CLAIM]);
 }
 
 /// A write that was begun is done, but nobody may be told.
@@ -420,16 +382,13 @@ fn answers_that_wait_for_the_memory_are_dropped_with_the_address() {
         for loses in [false, true] {
             let mut valve = Rig::claimed();
             valve.internal_fault_comes_and_goes();
-            valve.recover();
-            valve.advance_cyclic(20_000, BLOCK);
-            valve.take();
+            valve.recover_and_settle();
             valve.write_time = Duration::from_millis(400);
             valve.exchange(request, &[]);
             if loses {
                 valve.exchange(LOWER_NAME, &[]);
             }
-            valve.advance_cyclic(1000, BLOCK);
-            valve.expect_news(&[if loses { CANNOT_CLAIM } else { answer }]);
+            valve.advance_cyclic_news(1000, BLOCK, &[if loses { CANNOT_CLAIM } else { answer }]);
         }
     }
 }
@@ -437,8 +396,7 @@ fn answers_that_wait_for_the_memory_are_dropped_with_the_address() {
 #[test]
 fn a_restart_claims_the_lost_address_again() {
     let mut valve = lost();
-    valve.power_cycle();
-    valve.take_claim();
+    valve.restart();
     assert_eq!(valve.node_id(), Some(0x83));
     valve.watchdog_reset();
     valve.expect(CLAIM);
@@ -453,7 +411,5 @@ fn a_storm_of_claims() {
         valve.exchange("18EAFF27: 00 EE 00", &[CLAIM]);
         valve.exchange("18EA8328: 00 EE 00", &[CLAIM]);
     }
-    valve.advance(100);
-    valve.expect(AVEF_BLOCKED);
-    valve.expect_nothing();
+    valve.advance_sends(100, &[AVEF_BLOCKED]);
 }

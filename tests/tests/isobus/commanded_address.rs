@@ -68,8 +68,7 @@ fn every_address() {
             let mut valve = Rig::claimed_as(Setup { node_id: Some(0x83), ..Setup::new(kind) });
             command(&mut valve, address, 0x27);
             if (0x80..=0x8F).contains(&address) {
-                valve.expect(&format!("18EEFF{address:02X}: 01 00 20 07 08 FF 02 20"));
-                valve.expect_nothing();
+                valve.expect_all(&[&format!("18EEFF{address:02X}: 01 00 20 07 08 FF 02 20")]);
             } else {
                 expect_no_notice(&mut valve, &format!("{address:02X}"));
             }
@@ -80,9 +79,7 @@ fn every_address() {
 /// The present address too is stored, and restarts the valve.
 #[test]
 fn its_own_address() {
-    let mut valve = Rig::claimed();
-    valve.send(EXTEND);
-    valve.advance_cyclic(400, EXTEND);
+    let mut valve = Rig::extending(400);
     valve.take();
     let writes = valve.writes.len();
     command(&mut valve, 0x83, 0x27);
@@ -255,9 +252,7 @@ fn whenever_it_comes() {
             assert!(sent.iter().all(|frame| frame == CANNOT_CLAIM), "{sent:?}");
             command(&mut valve, 0x85, 0x27);
             valve.expect("18EEFF85: 01 00 20 07 08 FF 02 20");
-            valve.advance(250);
-            valve.expect("0CFE1585: 7D 7D 30 FF FF FF FF FF");
-            valve.expect_nothing();
+            valve.advance_sends(250, &["0CFE1585: 7D 7D 30 FF FF FF FF FF"]);
         }
     }
 }
@@ -267,8 +262,7 @@ fn whenever_it_comes() {
 fn the_lost_address_again() {
     let mut valve = Rig::claimed();
     valve.send(LOWER_NAME);
-    valve.advance(200);
-    valve.expect_news(&[CANNOT_CLAIM]);
+    valve.advance_news(200, &[CANNOT_CLAIM]);
     command(&mut valve, 0x83, 0x27);
     valve.expect(CLAIM);
     valve.exchange(LOWER_NAME, &[]);
@@ -286,9 +280,7 @@ fn a_slow_memory() {
     valve.expect("0CFE1383: A5 7D 31 FF FF FF FF FF");
     valve.exchange("18EA8327: CA FE 00", &[DM1_CLEAR]);
     valve.expect_nothing();
-    valve.advance(1);
-    valve.expect("18EEFF81: 01 00 20 07 08 FF 02 20");
-    valve.expect_nothing();
+    valve.advance_sends(1, &["18EEFF81: 01 00 20 07 08 FF 02 20"]);
 
     // the power fails before: the old address
     let mut valve = Rig::claimed();
@@ -340,8 +332,7 @@ fn the_memory_fails() {
     valve.expect_news(&[INTERNAL]);
     assert_eq!(valve.node_id(), Some(0x83));
     assert_eq!(valve.flow()[2], 0x30, "shut down");
-    valve.advance_cyclic(500, BLOCK);
-    valve.expect_news(&[]);
+    valve.advance_cyclic_news(500, BLOCK, &[]);
     // gone with the next write of that record that succeeds, which restarts the valve; it is counted
     valve.writes_fail = false;
     command(&mut valve, 0x81, 0x27);
@@ -349,8 +340,7 @@ fn the_memory_fails() {
     valve.take_claim();
     assert_eq!(valve.node_id(), Some(0x81));
     valve.exchange("18EA8127: CA FE 00", &["18FECA81: 00 FF 00 00 00 00 FF FF"]);
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.expect_news(&["18FECA81: 10 FF FA 8F 8B 02 FF FF"]);
+    valve.sense_news(|senses| senses.internal_fault = true, &["18FECA81: 10 FF FA 8F 8B 02 FF FF"]);
 }
 
 /// A cause that lasts over the restart is found again by it, and counted again.

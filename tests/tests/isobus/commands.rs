@@ -172,8 +172,7 @@ fn on_and_off() {
         assert_eq!(after_commands(&mut valve, &command(0x31)), [0x7D + percent, 0x7D, 0x31]);
         assert_eq!(after_commands(&mut valve, &command(0x32)), [0x7D, 0x7D + percent, 0x32]);
         // and monitor 1 agrees with that
-        valve.advance_cyclic(2000, &command(0x32));
-        valve.expect_news(&[]);
+        valve.advance_cyclic_news(2000, &command(0x32), &[]);
     }
 }
 
@@ -237,8 +236,7 @@ fn estimated_flow_by_a_late_platform() {
 fn estimated_flow_after_a_pause_of_the_platform() {
     let mut valve = Rig::claimed();
     valve.leap(Duration::from_millis(1234));
-    valve.expect(AVEF_BLOCKED);
-    valve.expect_nothing();
+    valve.expect_all(&[AVEF_BLOCKED]);
     let mut times = Vec::new();
     for ms in 0..400 {
         valve.advance(1);
@@ -258,8 +256,7 @@ fn a_held_bus_gets_the_latest_flow_alone() {
     valve.send(EXTEND);
     valve.advance_cyclic(350, EXTEND);
     valve.hold_bus(false);
-    valve.expect("0CFE1383: E1 7D 31 FF FF FF FF FF");
-    valve.expect_nothing();
+    valve.expect_all(&["0CFE1383: E1 7D 31 FF FF FF FF FF"]);
     valve.advance(50);
     valve.expect("0CFE1383: E1 7D 31 FF FF FF FF FF");
 }
@@ -306,8 +303,7 @@ fn no_flow_is_neutral() {
         after_commands(&mut valve, EXTEND);
         let neutral = format!("0CFE3327: 00 FF {state:02X} FF FF FF FF FF");
         assert_eq!(after_commands(&mut valve, &neutral), [0x7D, 0x7D, state]);
-        valve.advance_cyclic(2000, &neutral);
-        valve.expect_news(&[]);
+        valve.advance_cyclic_news(2000, &neutral, &[]);
     }
 }
 

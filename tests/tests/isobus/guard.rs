@@ -79,10 +79,8 @@ fn it_begins_anew_after_a_restart() {
     let mut valve = Rig::claimed();
     valve.send(BLOCK);
     valve.advance(200);
-    valve.power_cycle();
-    valve.take_claim();
-    valve.advance(1000);
-    valve.expect_news(&[]);
+    valve.restart();
+    valve.advance_news(1000, &[]);
 
     valve.send(BLOCK);
     valve.take();
@@ -90,8 +88,7 @@ fn it_begins_anew_after_a_restart() {
     valve.send("1CEBFF27: 01 01 00 20 07 08 FF 02");
     valve.send("1CEBFF27: 02 20 83 FF FF FF FF FF");
     valve.take_claim();
-    valve.advance(1000);
-    valve.expect_news(&[]);
+    valve.advance_news(1000, &[]);
 }
 
 #[test]
@@ -121,10 +118,8 @@ fn it_runs_in_every_state() {
     let mut valve = Rig::claimed();
     valve.send(EXTEND);
     for (count, command) in (1..).zip(COMMANDS.into_iter().cycle().take(12)) {
-        valve.advance(250);
-        valve.expect_news(&[&format!("18FECA83: 04 FF E9 8F 93 {count:02X} FF FF")]);
-        valve.advance(300);
-        valve.expect_news(&[]);
+        valve.advance_news(250, &[&format!("18FECA83: 04 FF E9 8F 93 {count:02X} FF FF")]);
+        valve.advance_news(300, &[]);
         // shut down since the first, and still
         valve.send(command);
         valve.expect_news(&[DM1_CLEAR]);
@@ -138,13 +133,9 @@ fn it_runs_in_every_state() {
 fn silence_is_one_fault() {
     let mut valve = Rig::claimed();
     valve.send(BLOCK);
-    valve.advance(250);
-    valve.expect_news(&[FAULT]);
+    valve.advance_news(250, &[FAULT]);
     for _ in 0..20 {
-        valve.advance(999);
-        valve.expect_news(&[]);
-        valve.advance(1);
-        valve.expect_news(&[FAULT]);
+        valve.no_news_until(1_000, &[FAULT]);
     }
     valve.exchange("18EA8327: 13 FE 00", &[AVEF_BLOCKED]);
 }

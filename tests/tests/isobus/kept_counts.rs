@@ -71,8 +71,7 @@ fn dm3_after_key_off_in_a_shutdown() {
             restarts(&mut valve);
         }
         valve.exchange(DM2_REQUEST, &[DM2_NONE]);
-        valve.sense(|senses| senses.internal_fault = true);
-        valve.expect_news(&[INTERNAL]);
+        valve.sense_news(|senses| senses.internal_fault = true, &[INTERNAL]);
     }
 }
 
@@ -102,9 +101,7 @@ fn dm3_with_a_failing_memory() {
         [(DM3_REQUEST, Some(DM3_REFUSED)), ("18EA83F9: CC FE 00", Some("18E8FF83: 01 FF FF FF F9 CC FE 00"))]
     {
         let mut valve = shut_down();
-        valve.recover();
-        valve.advance_cyclic(20_000, BLOCK);
-        valve.take();
+        valve.recover_and_settle();
         valve.writes_fail = true;
         valve.write_time = Duration::from_millis(50);
         valve.send(request);
@@ -122,9 +119,7 @@ fn dm3_with_a_failing_memory() {
 #[test]
 fn a_global_dm3_with_a_failing_memory() {
     let mut valve = shut_down();
-    valve.recover();
-    valve.advance_cyclic(20_000, BLOCK);
-    valve.take();
+    valve.recover_and_settle();
     valve.writes_fail = true;
     valve.send("18EAFF27: CC FE 00");
     valve.advance_cyclic(100, BLOCK);
@@ -135,17 +130,14 @@ fn a_global_dm3_with_a_failing_memory() {
 #[test]
 fn a_power_cut_at_the_acknowledgement() {
     let mut valve = shut_down();
-    valve.recover();
-    valve.advance_cyclic(20_000, BLOCK);
-    valve.take();
+    valve.recover_and_settle();
     valve.write_time = Duration::from_millis(50);
     valve.send(DM3_REQUEST);
     valve.advance_cyclic(50, BLOCK);
     assert!(valve.take_news().contains(&DM3_DONE.to_owned()));
     restarts(&mut valve);
     valve.exchange(DM2_REQUEST, &[DM2_NONE]);
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.expect_news(&[INTERNAL]);
+    valve.sense_news(|senses| senses.internal_fault = true, &[INTERNAL]);
 }
 
 /// A fault between the store of a commanded address and the restart is written before it.
@@ -191,9 +183,7 @@ fn a_count_that_falls_while_the_memory_writes() {
 #[test]
 fn each_dm3_is_acknowledged() {
     let mut valve = shut_down();
-    valve.recover();
-    valve.advance_cyclic(20_000, BLOCK);
-    valve.take();
+    valve.recover_and_settle();
     valve.write_time = Duration::from_millis(50);
     for _ in 0..3 {
         valve.send(DM3_REQUEST);
@@ -207,9 +197,7 @@ fn each_dm3_is_acknowledged() {
 #[test]
 fn the_first_count_after_dm3() {
     let mut valve = shut_down();
-    valve.recover();
-    valve.advance_cyclic(20_000, BLOCK);
-    valve.take();
+    valve.recover_and_settle();
     valve.exchange(DM3_REQUEST, &[DM3_DONE]);
     valve.internal_fault_comes_and_goes();
     valve.advance_cyclic(1000, BLOCK);

@@ -57,8 +57,7 @@ fn a_bam_under_way() {
     valve.advance(70);
     valve.send(BLOCK);
     valve.exchange("18EA8327: CB FE 00", &["1CECFF83: 20 0A 00 02 FF CB FE 00"]);
-    valve.advance(40);
-    valve.expect_news(&[]);
+    valve.advance_news(40, &[]);
     valve.hold_bus(true);
     while valve.pending() == 0 {
         valve.advance(1);

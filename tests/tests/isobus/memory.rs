@@ -41,8 +41,7 @@ fn a_new_memory_is_filled_once() {
     let mut valve = Rig::claimed();
     assert_eq!(valve.writes, [RecordKey::Factory, RecordKey::LocalLayer]);
     settle(&mut valve);
-    valve.power_cycle();
-    valve.take_claim();
+    valve.restart();
     valve.advance(20_000);
     assert_eq!(valve.writes.len(), 2);
     valve.expect_news(&[]);
@@ -66,20 +65,17 @@ fn counters_and_list_survive_a_loss_of_power() {
     undergo_internal_error(&mut valve);
     settle(&mut valve);
     for _ in 0..3 {
-        valve.power_cycle();
-        valve.take_claim();
+        valve.restart();
         expect_dm2(&mut valve, "18FECB83: 10 FF FA 8F 8B 02 FF FF");
     }
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.expect_news(&["18FECA83: 10 FF FA 8F 8B 03 FF FF"]);
+    valve.sense_news(|senses| senses.internal_fault = true, &["18FECA83: 10 FF FA 8F 8B 03 FF FF"]);
     // the watchdog takes nothing away either, and counts for itself
     valve.sense(|senses| senses.internal_fault = false);
     valve.recover();
     settle(&mut valve);
     valve.watchdog_reset();
     valve.expect(CLAIM);
-    valve.advance(250);
-    valve.expect_news(&["18FECA83: 10 FF FA 8F 8B 04 FF FF", DM1_CLEAR]);
+    valve.advance_news(250, &["18FECA83: 10 FF FA 8F 8B 04 FF FF", DM1_CLEAR]);
 }
 
 /// It has been reported, and so it is gone; the shutdown is there to be ended.
@@ -88,12 +84,7 @@ fn a_watchdog_reset() {
     let mut valve = Rig::claimed();
     valve.watchdog_reset();
     valve.expect(CLAIM);
-    valve.silent_for(249);
-    valve.advance(1);
-    valve.expect(AVEF_BLOCKED);
-    valve.expect(INTERNAL);
-    valve.expect(DM1_CLEAR);
-    valve.expect_nothing();
+    valve.silent_until(250, &[AVEF_BLOCKED, INTERNAL, DM1_CLEAR]);
     valve.send(EXTEND);
     assert_eq!(valve.flow()[2], 0x30);
     valve.recover();
@@ -135,8 +126,7 @@ fn a_recovery_is_not_written() {
     valve.sense(|senses| senses.internal_fault = false);
     settle(&mut valve);
     assert_eq!(fault_log_writes(&valve), writes);
-    valve.power_cycle();
-    valve.take_claim();
+    valve.restart();
     expect_dm2(&mut valve, "18FECB83: 10 FF FA 8F 8B 01 FF FF");
 }
 
@@ -153,8 +143,7 @@ fn a_counter_that_stands() {
     expect_dm2(&mut valve, DM2_NONE);
     settle(&mut valve);
     valve.sense(|senses| senses.internal_fault = false);
-    valve.power_cycle();
-    valve.take_claim();
+    valve.restart();
     expect_dm2(&mut valve, "18FECB83: 10 FF FA 8F 8B 7F FF FF");
 }
 
@@ -168,17 +157,13 @@ fn a_loss_of_power_in_a_shutdown() {
         valve.advance(300);
         valve.sense(|senses| senses.temperature_c = if gone { 25 } else { 130 });
         valve.advance(1000);
-        valve.power_cycle();
-        valve.take_claim();
+        valve.restart();
         expect_dm2(&mut valve, if gone { "18FECB83: 04 FF F1 8F 90 01 FF FF" } else { DM2_NONE });
         if !gone {
             // found again after its delay, which began with the power
             valve.power_cycle();
-            valve.advance(249);
-            valve.expect(CLAIM);
-            valve.expect_nothing();
-            valve.advance(1);
-            valve.expect_news(&["18FECA83: 04 FF F1 8F 90 02 FF FF"]);
+            valve.advance_sends(249, &[CLAIM]);
+            valve.advance_news(1, &["18FECA83: 04 FF F1 8F 90 02 FF FF"]);
         }
     }
 }
@@ -190,8 +175,7 @@ fn a_fault_log_of_an_earlier_version() {
         let mut valve = Rig::claimed();
         let log = seal(1, &[0, 0, 5, 0, 0, 0, 0, 0, list]).unwrap();
         valve.records.insert(RecordKey::FaultLog, log.to_vec());
-        valve.power_cycle();
-        valve.take_claim();
+        valve.restart();
         expect_dm2(&mut valve, "18FECB83: 10 FF FA 8F 8B 05 FF FF");
     }
 }
@@ -204,21 +188,16 @@ fn dm3_in_the_memory() {
     settle(&mut valve);
     valve.write_time = Duration::from_millis(50);
     valve.exchange(DM3_REQUEST, &[]);
-    valve.advance(49);
-    valve.expect_news(&[]);
+    valve.advance_news(49, &[]);
     // the power fails: nothing has happened
-    valve.power_cycle();
-    valve.take_claim();
+    valve.restart();
     expect_dm2(&mut valve, "18FECB83: 10 FF FA 8F 8B 01 FF FF");
 
     valve.exchange(DM3_REQUEST, &[]);
-    valve.advance(50);
-    valve.expect_news(&[DM3_DONE]);
-    valve.power_cycle();
-    valve.take_claim();
+    valve.advance_news(50, &[DM3_DONE]);
+    valve.restart();
     expect_dm2(&mut valve, DM2_NONE);
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.expect_news(&[INTERNAL]);
+    valve.sense_news(|senses| senses.internal_fault = true, &[INTERNAL]);
 }
 
 /// Two who ask are both told.
@@ -229,8 +208,7 @@ fn dm3_of_two_askers() {
     settle(&mut valve);
     valve.write_time = Duration::from_millis(50);
     valve.silent_to(&[DM3_REQUEST, "18EA83F9: CC FE 00", "18EAFF28: CC FE 00"]);
-    valve.advance_cyclic(200, BLOCK);
-    valve.expect_news(&[DM3_DONE, "18E8FF83: 00 FF FF FF F9 CC FE 00"]);
+    valve.advance_cyclic_news(200, BLOCK, &[DM3_DONE, "18E8FF83: 00 FF FF FF F9 CC FE 00"]);
     expect_dm2(&mut valve, DM2_NONE);
 }
 
@@ -243,16 +221,13 @@ fn dm3_and_a_fault_meanwhile() {
     valve.write_time = Duration::from_millis(50);
     valve.exchange(DM3_REQUEST, &[]);
     valve.advance(10);
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.expect_news(&["18FECA83: 10 FF FA 8F 8B 02 FF FF"]);
-    valve.advance(40);
-    valve.expect_news(&[DM3_DONE]);
+    valve.sense_news(|senses| senses.internal_fault = true, &["18FECA83: 10 FF FA 8F 8B 02 FF FF"]);
+    valve.advance_news(40, &[DM3_DONE]);
     valve.sense(|senses| senses.internal_fault = false);
     valve.recover();
     expect_dm2(&mut valve, "18FECB83: 10 FF FA 8F 8B 02 FF FF");
     settle(&mut valve);
-    valve.power_cycle();
-    valve.take_claim();
+    valve.restart();
     expect_dm2(&mut valve, "18FECB83: 10 FF FA 8F 8B 02 FF FF");
 }
 
@@ -284,8 +259,7 @@ fn dm3_of_an_empty_list_needs_no_memory() {
     valve.exchange(DM3_REQUEST, &[DM3_DONE]);
     valve.writes_fail = true;
     valve.exchange(DM3_REQUEST, &[DM3_DONE]);
-    valve.advance(1000);
-    valve.expect_news(&[]);
+    valve.advance_news(1000, &[]);
 }
 
 /// It is tried again, ten seconds apart, and the error ends with the first success.
@@ -294,8 +268,7 @@ fn a_fault_log_that_cannot_be_written() {
     let mut valve = Rig::claimed();
     valve.writes_fail = true;
     valve.sense(|senses| senses.temperature_c = 130);
-    valve.advance_cyclic(300, BLOCK);
-    valve.expect_news(&["18FECA83: 04 FF F1 8F 90 01 FF FF"]);
+    valve.advance_cyclic_news(300, BLOCK, &["18FECA83: 04 FF F1 8F 90 01 FF FF"]);
     valve.advance_cyclic(900, BLOCK);
     assert_eq!(valve.take_news().first().map(String::as_str), Some(INTERNAL));
     valve.sense(|senses| senses.temperature_c = 25);
@@ -321,8 +294,7 @@ fn corrupt_records() {
             valve.power_cycle();
             let address = if key == RecordKey::LocalLayer { 0x80 } else { 0x85 };
             valve.expect(&format!("18EEFF{address:02X}: 01 00 20 07 08 FF 02 20"));
-            valve.advance(250);
-            valve.expect_news(&[&format!("18FECA{address:02X}: 10 FF FA 8F 8B 01 FF FF")]);
+            valve.advance_news(250, &[&format!("18FECA{address:02X}: 10 FF FA 8F 8B 01 FF FF")]);
             let dm2 = if key == RecordKey::FaultLog { "00 FF 00 00 00 00" } else { "04 FF F1 8F 90 01" };
             valve.send(&format!("18EA{address:02X}27: CB FE 00"));
             valve.expect_news(&[&format!("18FECB{address:02X}: {dm2} FF FF")]);
@@ -350,8 +322,7 @@ fn records_that_make_no_sense() {
         valve.records.insert(key, seal(1, payload).unwrap().to_vec());
         valve.power_cycle();
         valve.expect("18EEFF80: 01 00 20 07 08 FF 02 20");
-        valve.advance(250);
-        valve.expect_news(&["18FECA80: 10 FF FA 8F 8B 01 FF FF"]);
+        valve.advance_news(250, &["18FECA80: 10 FF FA 8F 8B 01 FF FF"]);
     }
 }
 
@@ -367,10 +338,8 @@ fn a_corrupt_record_ends_with_its_next_write() {
     let mut sent = valve.take_news();
     sent.sort();
     assert_eq!(sent, [DM1_CLEAR, "1BC408F1: 03 6E 10 01"]);
-    valve.power_cycle();
-    valve.take_claim();
-    valve.advance(1000);
-    valve.expect_news(&[]);
+    valve.restart();
+    valve.advance_news(1000, &[]);
 }
 
 /// Until the next start, whatever is written.
@@ -380,18 +349,12 @@ fn a_damaged_memory() {
     valve.memory_damaged = true;
     valve.power_cycle();
     valve.expect(CLAIM);
-    valve.advance(250);
-    valve.expect_news(&[INTERNAL]);
+    valve.advance_news(250, &[INTERNAL]);
     valve.memory_damaged = false;
     valve.exchange("1BC78883: 04 2E 10 01 83", &["1BC408F1: 03 6E 10 01"]);
-    valve.advance(999);
-    valve.expect_news(&[]);
-    valve.advance(1);
-    valve.expect_news(&[INTERNAL]);
-    valve.power_cycle();
-    valve.take_claim();
-    valve.advance(1000);
-    valve.expect_news(&[]);
+    valve.no_news_until(1_000, &[INTERNAL]);
+    valve.restart();
+    valve.advance_news(1000, &[]);
 }
 
 /// Asked for by the platform, at once.
@@ -400,7 +363,6 @@ fn flush() {
     let mut valve = Rig::claimed();
     undergo_internal_error(&mut valve);
     valve.flush();
-    valve.power_cycle();
-    valve.take_claim();
+    valve.restart();
     expect_dm2(&mut valve, "18FECB83: 10 FF FA 8F 8B 01 FF FF");
 }

@@ -22,9 +22,7 @@ fn no_acknowledgement() {
         for fails in [false, true] {
             let mut valve = Rig::claimed();
             valve.internal_fault_comes_and_goes();
-            valve.recover();
-            valve.advance_cyclic(20_000, BLOCK);
-            valve.take();
+            valve.recover_and_settle();
             valve.writes_fail = fails;
             valve.write_time = Duration::from_millis(50);
             valve.send(&format!("18EA83{source}: CC FE 00"));

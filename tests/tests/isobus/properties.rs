@@ -210,8 +210,7 @@ fn assert_serves(rig: &mut Rig) {
     rig.records.clear();
     rig.sense(|senses| *senses = Senses::default());
     rig.hold_bus(false);
-    rig.power_cycle();
-    rig.take_claim();
+    rig.restart();
     assert_eq!(rig.node_id(), Some(0x83));
     rig.recover();
     rig.take();
@@ -399,15 +398,12 @@ proptest! {
             rig.send_frame(Frame::full(extended(0x18EE_FF83).into(), name.to_le_bytes()));
             if name < own {
                 prop_assert_eq!(rig.node_id(), None);
-                rig.advance(153);
-                rig.expect(CANNOT_CLAIM);
-                rig.expect_nothing();
+                rig.advance_sends(153, &[CANNOT_CLAIM]);
                 return Ok(());
             }
             let answers = rig.take_news();
             prop_assert_eq!(answers, if name > own { vec![CLAIM] } else { vec![] });
-            rig.advance(ms);
-            rig.expect_news(&[]);
+            rig.advance_news(ms, &[]);
         }
         prop_assert_eq!(rig.node_id(), Some(0x83));
     }

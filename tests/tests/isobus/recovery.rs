@@ -18,14 +18,10 @@ const BLOCKED: [u8; 3] = [0x7D, 0x7D, 0x30];
 
 /// A valve that an internal error has shut down while it extended; the error is gone, the spool is in neutral.
 fn shut_down() -> Rig {
-    let mut valve = Rig::claimed();
-    valve.send(EXTEND);
-    valve.advance_cyclic(400, EXTEND);
+    let mut valve = Rig::extending(400);
     valve.sense(|senses| senses.internal_fault = true);
-    valve.advance_cyclic(200, EXTEND);
-    valve.expect_news(&["18FECA83: 10 FF FA 8F 8B 01 FF FF"]);
-    valve.sense(|senses| senses.internal_fault = false);
-    valve.expect_news(&[DM1_CLEAR]);
+    valve.advance_cyclic_news(200, EXTEND, &["18FECA83: 10 FF FA 8F 8B 01 FF FF"]);
+    valve.sense_news(|senses| senses.internal_fault = false, &[DM1_CLEAR]);
     assert_eq!(valve.flow(), BLOCKED);
     valve
 }
@@ -138,9 +134,7 @@ fn the_spool_must_be_in_neutral() {
 /// Neutral commands that come while the springs still work do not count.
 #[test]
 fn the_way_back_of_the_spool() {
-    let mut valve = Rig::claimed();
-    valve.send(EXTEND);
-    valve.advance_cyclic(400, EXTEND);
+    let mut valve = Rig::extending(400);
     valve.internal_fault_comes_and_goes();
     for _ in 0..14 {
         valve.send(BLOCK);
@@ -212,9 +206,7 @@ fn the_end_of_time_guarding_counts() {
         assert_eq!(acts(&mut valve), counts, "{command}");
     }
     // with the spool in neutral, that is
-    let mut valve = Rig::claimed();
-    valve.send(EXTEND);
-    valve.advance_cyclic(400, EXTEND);
+    let mut valve = Rig::extending(400);
     valve.advance(260);
     valve.send(BLOCK);
     valve.advance(200);
@@ -276,36 +268,26 @@ fn a_spool_that_does_not_follow() {
     let mut valve = Rig::claimed();
     valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
     valve.send(EXTEND);
-    valve.advance_cyclic(499, EXTEND);
-    valve.expect_news(&[]);
-    valve.advance(1);
-    valve.expect_news(&[fault, DM1_CLEAR]);
+    valve.advance_cyclic_news(499, EXTEND, &[]);
+    valve.advance_news(1, &[fault, DM1_CLEAR]);
     assert_eq!(valve.flow(), BLOCKED);
-    valve.advance_cyclic(1000, EXTEND);
-    valve.expect_news(&[]);
+    valve.advance_cyclic_news(1000, EXTEND, &[]);
     valve.recover();
     assert!(acts(&mut valve));
 
     // at full stroke: until it is in neutral
-    let mut valve = Rig::claimed();
-    valve.send(EXTEND);
-    valve.advance_cyclic(400, EXTEND);
+    let mut valve = Rig::extending(400);
     valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
     valve.send(BLOCK);
-    valve.advance_cyclic(499, BLOCK);
-    valve.expect_news(&[]);
-    valve.advance(1);
-    valve.expect_news(&[fault]);
+    valve.advance_cyclic_news(499, BLOCK, &[]);
+    valve.advance_news(1, &[fault]);
     assert_eq!(valve.flow(), [0xE1, 0x7D, 0x30]);
     valve.advance_cyclic(999, BLOCK);
-    valve.advance(1);
-    valve.expect_news(&[fault]);
+    valve.advance_news(1, &[fault]);
     valve.sense(|senses| senses.spool.fault = SpoolFault::None);
-    valve.advance_cyclic(142, BLOCK);
-    valve.expect_news(&[]);
+    valve.advance_cyclic_news(142, BLOCK, &[]);
     // within 5 % after 142.5 ms
-    valve.advance(1);
-    valve.expect_news(&[DM1_CLEAR]);
+    valve.advance_news(1, &[DM1_CLEAR]);
     valve.recover();
     assert!(acts(&mut valve));
 }
@@ -318,15 +300,11 @@ fn a_spool_that_does_not_reach_float() {
     valve.advance_cyclic(999, FLOAT);
     assert_eq!(valve.flow(), [0xCD, 0x7D, 0x33]);
     valve.expect_news(&[]);
-    valve.advance(1);
-    valve.expect_news(&["18FECA83: 10 FF EE 8F 87 01 FF FF"]);
+    valve.advance_news(1, &["18FECA83: 10 FF EE 8F 87 01 FF FF"]);
     // 80 % to 5 % by springs that take 150 ms for 100 %
-    valve.advance_cyclic(112, FLOAT);
-    valve.expect_news(&[]);
-    valve.advance(1);
-    valve.expect_news(&[DM1_CLEAR]);
-    valve.advance_cyclic(1500, FLOAT);
-    valve.expect_news(&[]);
+    valve.advance_cyclic_news(112, FLOAT, &[]);
+    valve.advance_news(1, &[DM1_CLEAR]);
+    valve.advance_cyclic_news(1500, FLOAT, &[]);
     valve.recover();
     valve.take();
     valve.exchange("18EA8327: CB FE 00", &["18FECB83: 10 FF EE 8F 87 01 FF FF"]);
@@ -374,8 +352,7 @@ fn the_limit_of_monitor_1() {
     for (position, trips) in [(2457, false), (-2457, false), (2459, true), (-2459, true)] {
         let mut valve = Rig::claimed();
         valve.sense(|senses| senses.spool.lever = Position::new(position));
-        valve.advance(499);
-        valve.expect_news(&[]);
+        valve.advance_news(499, &[]);
         valve.advance(1);
         assert_eq!(valve.take_news().len(), usize::from(trips), "{position}");
     }
@@ -397,13 +374,10 @@ fn everything_works_the_same_in_hand_operation_and_emergency_stop() {
         valve.send(command);
         valve.sense(|senses| senses.spool.lever = Position::new(10_000));
         valve.sense(|senses| senses.supply_mv = 8_000);
-        valve.advance_cyclic(2000, command);
-        valve.expect_news(&["18FECA83: 04 FF 73 02 04 01 FF FF"]);
+        valve.advance_cyclic_news(2000, command, &["18FECA83: 04 FF 73 02 04 01 FF FF"]);
         assert_eq!(valve.flow()[2], 0x30, "shut down");
-        valve.sense(|senses| senses.supply_mv = 24_000);
-        valve.expect_news(&[DM1_CLEAR]);
-        valve.advance_cyclic(2000, command);
-        valve.expect_news(&[]);
+        valve.sense_news(|senses| senses.supply_mv = 24_000, &[DM1_CLEAR]);
+        valve.advance_cyclic_news(2000, command, &[]);
         valve.sense(|senses| senses.spool.lever = None);
         valve.advance_cyclic(200, command);
         valve.recover();
@@ -412,7 +386,6 @@ fn everything_works_the_same_in_hand_operation_and_emergency_stop() {
         valve.take();
         valve.exchange("18EA8327: CB FE 00", &["18FECB83: 04 FF 73 02 04 01 FF FF"]);
         // time guarding as well
-        valve.advance(250);
-        valve.expect_news(&["18FECA83: 04 FF E9 8F 93 01 FF FF"]);
+        valve.advance_news(250, &["18FECA83: 04 FF E9 8F 93 01 FF FF"]);
     }
 }

@@ -92,12 +92,7 @@ fn many_requests_on_a_busy_bus() {
     }
     valve.send("18EA8327: 00 FF 00");
     valve.hold_bus(false);
-    valve.expect(AVEF_BLOCKED);
-    valve.expect("18E8FF83: 01 FF FF FF 27 00 FF 00");
-    valve.expect(CLAIM);
-    valve.expect(DM1_CLEAR);
-    valve.expect(DM2_NONE);
-    valve.expect_nothing();
+    valve.expect_all(&[AVEF_BLOCKED, "18E8FF83: 01 FF FF FF 27 00 FF 00", CLAIM, DM1_CLEAR, DM2_NONE]);
 }
 
 /// Nothing is answered while the bus cannot be used, nor afterwards.
@@ -109,7 +104,5 @@ fn requests_in_bus_off() {
         valve.exchange(&format!("18EA8327: {group}"), &[]);
     }
     valve.exchange("18EA8327: 00 FF 00", &[]);
-    valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
-    valve.expect(DM1_CLEAR);
-    valve.expect_nothing();
+    valve.sense_sends(|senses| senses.bus = BusErrorMode::ErrorActive, &[DM1_CLEAR]);
 }

@@ -22,8 +22,7 @@ fn a_spool_held_out_of_neutral_in_a_shutdown() {
         valve.send(BLOCK);
         valve.sense(|senses| senses.internal_fault = true);
         valve.advance_cyclic(100, BLOCK);
-        valve.sense(|senses| senses.internal_fault = false);
-        valve.expect_news(&[INTERNAL, DM1_CLEAR]);
+        valve.sense_news(|senses| senses.internal_fault = false, &[INTERNAL, DM1_CLEAR]);
         valve.sense(|senses| senses.spool.lever = percent(held));
         valve.advance_cyclic(700, BLOCK);
         assert_eq!(valve.take_news(), [SPOOL], "{held} %");
@@ -41,11 +40,9 @@ fn a_spool_held_out_of_neutral_in_a_shutdown() {
 fn a_spool_that_is_out_of_neutral_as_a_shutdown_begins() {
     let mut valve = Rig::claimed();
     valve.sense(|senses| senses.spool.lever = percent(10));
-    valve.advance_cyclic(2000, BLOCK);
-    valve.expect_news(&[]);
+    valve.advance_cyclic_news(2000, BLOCK, &[]);
     valve.internal_fault_comes_and_goes();
-    valve.advance_cyclic(1000, BLOCK);
-    valve.expect_news(&[INTERNAL, DM1_CLEAR, SPOOL]);
+    valve.advance_cyclic_news(1000, BLOCK, &[INTERNAL, DM1_CLEAR, SPOOL]);
 }
 
 /// Within 5 % it is in neutral, and nothing keeps the valve down.
@@ -55,8 +52,7 @@ fn a_spool_in_neutral_in_a_shutdown() {
         let mut valve = Rig::claimed();
         valve.sense(|senses| senses.spool.lever = percent(held));
         valve.internal_fault_comes_and_goes();
-        valve.advance_cyclic(1000, BLOCK);
-        valve.expect_news(&[INTERNAL, DM1_CLEAR]);
+        valve.advance_cyclic_news(1000, BLOCK, &[INTERNAL, DM1_CLEAR]);
         valve.send("0CFE3327: FA FF 31 FF FF FF FF FF");
         assert_eq!(valve.flow()[2], 0x31, "{held} %");
     }
@@ -71,8 +67,7 @@ fn not_in_hand_operation() {
         valve.send(&command);
         valve.internal_fault_comes_and_goes();
         valve.sense(|senses| senses.spool.lever = percent(10));
-        valve.advance_cyclic(2000, &command);
-        valve.expect_news(&[INTERNAL, DM1_CLEAR]);
+        valve.advance_cyclic_news(2000, &command, &[INTERNAL, DM1_CLEAR]);
     }
 }
 

@@ -17,8 +17,7 @@ fn the_manuals_example() {
     assert_eq!(valve.node_id(), Some(0x83));
     valve.exchange("1BC78883: 03 22 10 01", &["1BC418F1: 04 62 10 01 86"]);
     valve.exchange("18EA8327: 00 EE 00", &["18EEFF83: 01 00 20 07 08 FF 02 20"]);
-    valve.power_cycle();
-    valve.take_claim();
+    valve.restart();
     assert_eq!(valve.node_id(), Some(0x86));
     valve.exchange("1BC78883: 03 22 10 01", &[]);
     valve.exchange("1BC78886: 03 22 10 01", &["1BC430F1: 04 62 10 01 86"]);
@@ -122,8 +121,7 @@ fn while_the_memory_is_written_and_when_it_fails() {
     valve.exchange("1BC78883: 04 2E 10 01 86", &[]);
     valve.exchange("1BC78883: 04 2E 10 01 87", &["1BC408F1: 03 7F 2E 22"]);
     valve.exchange("1BC78883: 03 22 10 01", &["1BC418F1: 04 62 10 01 83"]);
-    valve.advance(50);
-    valve.expect_news(&["1BC408F1: 03 6E 10 01"]);
+    valve.advance_news(50, &["1BC408F1: 03 6E 10 01"]);
     valve.exchange("1BC78883: 03 22 10 01", &["1BC418F1: 04 62 10 01 86"]);
 
     valve.writes_fail = true;

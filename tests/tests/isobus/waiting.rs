@@ -46,8 +46,7 @@ fn a_code_that_passed_on_a_bus_that_is_held() {
     valve.advance_cyclic(10_000, BLOCK);
     valve.hold_bus(false);
     assert_eq!(valve.take_news(), [DM1_CLEAR]);
-    valve.advance_cyclic(3000, BLOCK);
-    valve.expect_news(&[]);
+    valve.advance_cyclic_news(3000, BLOCK, &[]);
 }
 
 /// The memory has done what was asked, but the answer cannot go out.

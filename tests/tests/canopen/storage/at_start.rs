@@ -29,8 +29,7 @@ fn the_memory_decides() {
     assert_eq!(valve.read(0x1018, 4), 7);
     let mut other = Rig::booted();
     other.records = records;
-    other.power_cycle();
-    other.take();
+    other.start_anew();
     assert_eq!(other.read(0x1018, 4), 7);
 }
 
@@ -121,8 +120,7 @@ fn a_corrupt_record_is_well_with_its_next_write() {
 fn a_corrupt_record_is_found_by_every_start() {
     let mut valve = Rig::booted();
     valve.records.insert(RecordKey::Parameters, vec![0; 8]);
-    valve.power_cycle();
-    valve.take();
+    valve.start_anew();
     valve.exchange("000: 81 00", &[BOOT[0], BOOT[1], "0A0: 00 10 01 02 00 00 00 00"]);
     valve.exchange("000: 82 00", &[BOOT[0], BOOT[1], "0A0: 00 10 01 02 00 00 00 00"]);
 }

@@ -23,8 +23,7 @@ fn is_executed_by_the_next_start() {
         // once only
         write_own(&mut valve);
         valve.exchange(SAVE, &[SAVED]);
-        valve.power_cycle();
-        valve.take();
+        valve.start_anew();
         assert!(has_own(&mut valve));
     }
 }
@@ -36,8 +35,7 @@ fn a_save_does_not_take_the_flag_away() {
     valve.exchange(LOAD, &[LOADED]);
     write_own(&mut valve);
     valve.exchange(SAVE, &[SAVED]);
-    valve.power_cycle();
-    valve.take();
+    valve.start_anew();
     assert!(!has_own(&mut valve));
 }
 
@@ -62,19 +60,16 @@ fn a_power_cut_during_its_execution() {
         valve.exchange(SAVE, &[SAVED]);
         valve.exchange(LOAD, &[LOADED]);
         valve.write_time = Duration::from_millis(50);
-        valve.power_cycle();
-        valve.take();
+        valve.start_anew();
         assert!(!has_own(&mut valve), "cut after {ms} ms");
         valve.advance(ms);
-        valve.power_cycle();
-        valve.take();
+        valve.start_anew();
         assert!(!has_own(&mut valve), "cut after {ms} ms");
         valve.advance(100);
         valve.write_time = Duration::from_ticks(0);
         write_own(&mut valve);
         valve.exchange(SAVE, &[SAVED]);
-        valve.power_cycle();
-        valve.take();
+        valve.start_anew();
         assert!(has_own(&mut valve), "cut after {ms} ms: executed in the end");
     }
 }
@@ -111,8 +106,7 @@ fn its_execution_is_tried_again_after_10_s() {
     assert_eq!(valve.writes, [RecordKey::FaultLog]);
     valve.advance(1);
     assert_eq!(valve.writes, [RecordKey::FaultLog, RecordKey::Parameters, RecordKey::RestoreFlag]);
-    valve.power_cycle();
-    valve.take();
+    valve.start_anew();
     assert!(!has_own(&mut valve));
     assert_eq!(valve.read(0x1017, 0), 0, "a default");
 }

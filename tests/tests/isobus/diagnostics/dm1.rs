@@ -8,17 +8,14 @@ fn every_fault_in_its_bytes() {
         let mut valve = Rig::claimed();
         valve.sense(change);
         if let Some(almost) = delay.checked_sub(1) {
-            valve.advance(almost);
-            valve.expect_news(&[]);
+            valve.advance_news(almost, &[]);
             valve.advance_by(Duration::from_micros(999));
             valve.expect_news(&[]);
             valve.advance_by(ONE);
         }
         valve.expect_news(&[dm1]);
-        valve.sense(|senses| *senses = Senses::default());
-        valve.expect_news(&[DM1_CLEAR]);
-        valve.advance(5000);
-        valve.expect_news(&[]);
+        valve.sense_news(|senses| *senses = Senses::default(), &[DM1_CLEAR]);
+        valve.advance_news(5000, &[]);
     }
 }
 
@@ -34,8 +31,7 @@ fn limits() {
     ] {
         let mut valve = Rig::claimed();
         valve.sense(change);
-        valve.advance(10_000);
-        valve.expect_news(&[]);
+        valve.advance_news(10_000, &[]);
     }
     type Change = fn(&mut Senses);
     let hysteresis: [(Cause, Change, Change); 3] = [
@@ -76,8 +72,7 @@ fn a_fault_that_comes_and_goes_within_its_delay_leaves_no_trace() {
         valve.take();
         // the first real one is the first
         valve.sense(change);
-        valve.advance_cyclic(delay, BLOCK);
-        valve.expect_news(&[dm1]);
+        valve.advance_cyclic_news(delay, BLOCK, &[dm1]);
     }
 }
 
@@ -86,53 +81,41 @@ fn a_fault_that_comes_and_goes_within_its_delay_leaves_no_trace() {
 fn the_highest_priority_alone() {
     let mut valve = Rig::claimed();
     valve.sense(|senses| senses.supply_mv = 8_000);
-    valve.advance(2000);
-    valve.expect_news(&[SUPPLY_LOW]);
+    valve.advance_news(2000, &[SUPPLY_LOW]);
     valve.sense(|senses| senses.temperature_c = 130);
-    valve.advance(250);
-    valve.expect_news(&[TEMPERATURE]);
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.expect_news(&[INTERNAL]);
+    valve.advance_news(250, &[TEMPERATURE]);
+    valve.sense_news(|senses| senses.internal_fault = true, &[INTERNAL]);
     // going in another order: those that do not show make no difference
-    valve.sense(|senses| senses.temperature_c = 25);
-    valve.expect_news(&[]);
-    valve.sense(|senses| senses.internal_fault = false);
-    valve.expect_news(&[SUPPLY_LOW]);
-    valve.sense(|senses| senses.supply_mv = 24_000);
-    valve.expect_news(&[DM1_CLEAR]);
+    valve.sense_news(|senses| senses.temperature_c = 25, &[]);
+    valve.sense_news(|senses| senses.internal_fault = false, &[SUPPLY_LOW]);
+    valve.sense_news(|senses| senses.supply_mv = 24_000, &[DM1_CLEAR]);
 
     let mut valve = Rig::claimed();
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.expect_news(&[INTERNAL]);
+    valve.sense_news(|senses| senses.internal_fault = true, &[INTERNAL]);
     valve.advance(400);
     valve.sense(|senses| senses.temperature_c = 130);
-    valve.advance(300);
-    valve.expect_news(&[]);
+    valve.advance_news(300, &[]);
     valve.advance_by(Duration::from_micros(299_999));
     valve.expect_news(&[]);
     valve.advance_by(ONE);
     valve.expect_news(&[INTERNAL]);
     // it was counted all the same, once
-    valve.sense(|senses| senses.internal_fault = false);
-    valve.expect_news(&[TEMPERATURE]);
+    valve.sense_news(|senses| senses.internal_fault = false, &[TEMPERATURE]);
 }
 
 #[test]
 fn every_second_while_active() {
     let mut valve = Rig::claimed();
     valve.advance_by(Duration::from_micros(33_333));
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.expect_news(&[INTERNAL]);
+    valve.sense_news(|senses| senses.internal_fault = true, &[INTERNAL]);
     for _ in 0..20 {
         valve.advance_by(Duration::from_micros(999_999));
         valve.expect_news(&[]);
         valve.advance_by(ONE);
         valve.expect_news(&[INTERNAL]);
     }
-    valve.sense(|senses| senses.internal_fault = false);
-    valve.expect_news(&[DM1_CLEAR]);
-    valve.advance(10_000);
-    valve.expect_news(&[]);
+    valve.sense_news(|senses| senses.internal_fault = false, &[DM1_CLEAR]);
+    valve.advance_news(10_000, &[]);
 }
 
 /// A change restarts the second; a request is answered and does not.
@@ -140,29 +123,17 @@ fn every_second_while_active() {
 fn what_restarts_the_second() {
     let mut valve = Rig::claimed();
     valve.sense(|senses| senses.temperature_c = 130);
-    valve.advance(250);
-    valve.expect_news(&[TEMPERATURE]);
+    valve.advance_news(250, &[TEMPERATURE]);
     valve.advance(700);
     valve.exchange_news(DM1_REQUEST, &[TEMPERATURE]);
     valve.exchange_news("18EAFF27: CA FE 00", &[TEMPERATURE]);
-    valve.advance(299);
-    valve.expect_news(&[]);
-    valve.advance(1);
-    valve.expect_news(&[TEMPERATURE]);
+    valve.no_news_until(300, &[TEMPERATURE]);
     valve.advance(700);
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.expect_news(&[INTERNAL]);
-    valve.advance(999);
-    valve.expect_news(&[]);
-    valve.advance(1);
-    valve.expect_news(&[INTERNAL]);
+    valve.sense_news(|senses| senses.internal_fault = true, &[INTERNAL]);
+    valve.no_news_until(1_000, &[INTERNAL]);
     valve.advance(300);
-    valve.sense(|senses| senses.internal_fault = false);
-    valve.expect_news(&[TEMPERATURE]);
-    valve.advance(999);
-    valve.expect_news(&[]);
-    valve.advance(1);
-    valve.expect_news(&[TEMPERATURE]);
+    valve.sense_news(|senses| senses.internal_fault = false, &[TEMPERATURE]);
+    valve.no_news_until(1_000, &[TEMPERATURE]);
 }
 
 /// Asked for when nothing is active, and when something was.
@@ -179,9 +150,7 @@ fn dm1_without_a_fault() {
 /// Bus-off outshines what is below it, is told only in the counters, and ends with its recovery.
 #[test]
 fn bus_off() {
-    let mut valve = Rig::claimed();
-    valve.send(EXTEND);
-    valve.advance_cyclic(300, EXTEND);
+    let mut valve = Rig::extending(300);
     valve.take();
     valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
     assert!(!valve.outputs().solenoids);
@@ -189,11 +158,8 @@ fn bus_off() {
     valve.silent_for(10_050);
     valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
     // time guarding has been active for long: with bus-off gone, that is what shows
-    valve.expect(TIME_GUARDING);
-    valve.expect_nothing();
-    valve.advance(50);
-    valve.expect("0CFE1383: 7D 7D 30 FF FF FF FF FF");
-    valve.expect_nothing();
+    valve.expect_all(&[TIME_GUARDING]);
+    valve.advance_sends(50, &["0CFE1383: 7D 7D 30 FF FF FF FF FF"]);
     valve.recover();
     expect_dm2(
         &mut valve,
@@ -207,8 +173,7 @@ fn bus_off() {
     let mut valve = Rig::claimed();
     valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
     valve.advance(10);
-    valve.sense(|senses| senses.bus = BusErrorMode::ErrorPassive);
-    valve.expect_news(&[DM1_CLEAR]);
+    valve.sense_news(|senses| senses.bus = BusErrorMode::ErrorPassive, &[DM1_CLEAR]);
 }
 
 /// Whatever was on its way when the bus went off is not sent afterwards.
@@ -224,6 +189,5 @@ fn bus_off_empties_the_queue() {
     valve.hold_bus(false);
     valve.expect_nothing();
     valve.sense(|senses| senses.internal_fault = false);
-    valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
-    valve.expect_news(&[DM1_CLEAR]);
+    valve.sense_news(|senses| senses.bus = BusErrorMode::ErrorActive, &[DM1_CLEAR]);
 }

@@ -73,8 +73,7 @@ fn expect_bam(valve: &mut Rig, request: &str, frames: &[&str]) {
         } {}
         assert!((50..=200).contains(&waited), "{frame}: after {waited} ms");
     }
-    valve.advance_cyclic(500, BLOCK);
-    valve.expect_news(&[]);
+    valve.advance_cyclic_news(500, BLOCK, &[]);
 }
 
 /// Without a severe one the lamp is amber. Three faults are 14 bytes: two packets without a rest.
@@ -156,8 +155,7 @@ fn the_list_changes_during_a_running_bam() {
     valve.expect_news(&DM2_FOUR[..1]);
     valve.exchange_news(DM3_REQUEST, &[DM3_DONE]);
     valve.exchange_news(DM2_REQUEST, &[]);
-    valve.advance_cyclic(1000, BLOCK);
-    valve.expect_news(&DM2_FOUR[1..]);
+    valve.advance_cyclic_news(1000, BLOCK, &DM2_FOUR[1..]);
     expect_dm2(&mut valve, &[DM2_NONE]);
 }
 
@@ -217,6 +215,5 @@ fn bus_off_ends_a_running_bam() {
     valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
     valve.advance_cyclic(100, BLOCK);
     valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
-    valve.advance_cyclic(1000, BLOCK);
-    valve.expect_news(&[DM1_CLEAR]);
+    valve.advance_cyclic_news(1000, BLOCK, &[DM1_CLEAR]);
 }

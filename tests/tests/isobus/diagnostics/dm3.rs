@@ -14,8 +14,7 @@ fn dm3_clears_the_list_and_its_counters() {
             valve.take();
             valve.exchange_news(request, acknowledgement.as_slice());
             expect_dm2(&mut valve, &[DM2_NONE]);
-            valve.sense(|senses| senses.internal_fault = true);
-            valve.expect_news(&[INTERNAL]);
+            valve.sense_news(|senses| senses.internal_fault = true, &[INTERNAL]);
         }
     }
 }
@@ -27,12 +26,10 @@ fn dm3_leaves_what_is_not_previously_active() {
     undergo(&mut valve, CAUSES_TEMPERATURE);
     undergo(&mut valve, CAUSES_SUPPLY_HIGH);
     valve.sense(|senses| senses.temperature_c = 130);
-    valve.advance_cyclic(300, BLOCK);
-    valve.expect_news(&["18FECA83: 04 FF F1 8F 90 02 FF FF"]);
+    valve.advance_cyclic_news(300, BLOCK, &["18FECA83: 04 FF F1 8F 90 02 FF FF"]);
     valve.exchange_news(DM3_REQUEST, &[DM3_DONE]);
     valve.exchange_news(DM1_REQUEST, &["18FECA83: 04 FF F1 8F 90 02 FF FF"]);
-    valve.sense(|senses| senses.temperature_c = 25);
-    valve.expect_news(&[DM1_CLEAR]);
+    valve.sense_news(|senses| senses.temperature_c = 25, &[DM1_CLEAR]);
     valve.exchange_news(DM3_REQUEST, &[DM3_DONE]);
     valve.recover();
     expect_dm2(&mut valve, &["18FECB83: 04 FF F1 8F 90 02 FF FF"]);
@@ -54,12 +51,10 @@ fn counters_stop_at_127() {
     for count in 1..=300 {
         valve.sense(|senses| senses.internal_fault = true);
         valve.expect_news(&[&format!("18FECA83: 10 FF FA 8F 8B {:02X} FF FF", count.min(127))]);
-        valve.sense(|senses| senses.internal_fault = false);
-        valve.expect_news(&[DM1_CLEAR]);
+        valve.sense_news(|senses| senses.internal_fault = false, &[DM1_CLEAR]);
     }
     valve.sense(|senses| senses.temperature_c = 130);
-    valve.advance(250);
-    valve.expect_news(&[TEMPERATURE]);
+    valve.advance_news(250, &[TEMPERATURE]);
     valve.sense(|senses| senses.temperature_c = 25);
     valve.recover();
     expect_dm2(
@@ -77,15 +72,12 @@ fn both_faults_of_the_spool_count_for_themselves() {
     let mut valve = Rig::claimed();
     for count in 1..=3 {
         valve.sense(|senses| senses.spool.lever = Position::new(8192));
-        valve.advance(500);
-        valve.expect_news(&[&format!("18FECA83: 10 FF EC 8F 87 {count:02X} FF FF")]);
+        valve.advance_news(500, &[&format!("18FECA83: 10 FF EC 8F 87 {count:02X} FF FF")]);
         valve.sense(|senses| senses.spool.lever = None);
-        valve.advance(150);
-        valve.expect_news(&[DM1_CLEAR]);
+        valve.advance_news(150, &[DM1_CLEAR]);
     }
     valve.recover();
     valve.sense(|senses| senses.spool.fault = SpoolFault::NoFloat);
     valve.send(FLOAT);
-    valve.advance_cyclic(1000, FLOAT);
-    valve.expect_news(&["18FECA83: 10 FF EE 8F 87 01 FF FF"]);
+    valve.advance_cyclic_news(1000, FLOAT, &["18FECA83: 10 FF EE 8F 87 01 FF FF"]);
 }

@@ -54,8 +54,7 @@ fn undergo(valve: &mut Rig, (change, delay): Cause) {
 fn expect_dm2(valve: &mut Rig, frames: &[&str]) {
     valve.take();
     valve.send(DM2_REQUEST);
-    valve.advance_cyclic(1000, BLOCK);
-    valve.expect_news(frames);
+    valve.advance_cyclic_news(1000, BLOCK, frames);
 }
 
 /// Internal error, temperature, supply high and low, brought about in another order.
