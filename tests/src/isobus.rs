@@ -32,6 +32,23 @@ pub const AVEF_BLOCKED: &str = "0CFE1383: 7D 7D 30 FF FF FF FF FF";
 /// DM1 when the last fault has cleared.
 pub const DM1_CLEAR: &str = "18FECA83: 00 FF 00 00 00 00 FF FF";
 
+/// The request for DM1.
+pub const DM1_REQUEST: &str = "18EA8327: CA FE 00";
+/// The request for DM2.
+pub const DM2_REQUEST: &str = "18EA8327: CB FE 00";
+/// DM2 without a fault.
+pub const DM2_NONE: &str = "18FECB83: 00 FF 00 00 00 00 FF FF";
+/// The request for DM3.
+pub const DM3_REQUEST: &str = "18EA8327: CC FE 00";
+/// The acknowledgement of DM3.
+pub const DM3_DONE: &str = "18E8FF83: 00 FF FF FF 27 CC FE 00";
+/// DM1 of the first internal error.
+pub const INTERNAL: &str = "18FECA83: 10 FF FA 8F 8B 01 FF FF";
+/// DM1 of the first temperature fault.
+pub const TEMPERATURE: &str = "18FECA83: 04 FF F1 8F 90 01 FF FF";
+/// DM1 of the first time guarding.
+pub const TIME_GUARDING: &str = "18FECA83: 04 FF E9 8F 93 01 FF FF";
+
 impl Rig {
     /// A `pvea-isobus` at 0x83, fresh from the factory, whose wait after the claim is over; claim and first AVEF are
     /// taken.
@@ -141,6 +158,13 @@ impl Rig {
     /// Commands block twice, as recovery wants it, 100 ms apart, the first after 100 ms.
     pub fn recover(&mut self) {
         self.advance_cyclic(200, BLOCK);
+    }
+
+    /// Commands this address by BAM from this source.
+    pub fn command_address(&mut self, address: u8, source: u8) {
+        self.send(&format!("1CECFF{source:02X}: 20 09 00 02 FF D8 FE 00"));
+        self.send(&format!("1CEBFF{source:02X}: 01 01 00 20 07 08 FF 02"));
+        self.send(&format!("1CEBFF{source:02X}: 02 20 {address:02X} FF FF FF FF FF"));
     }
 
     /// Ends a shutdown, and gives the memory time to hold everything.

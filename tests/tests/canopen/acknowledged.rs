@@ -7,19 +7,11 @@ use protocol_core::memory::RecordKey;
 use protocol_core::time::Duration;
 use tests::Rig;
 
-const BOOT: [&str; 2] = ["720: 00", CLEARED];
-const CLEARED: &str = "0A0: 00 00 00 00 00 00 00 00";
+use super::{BOOT, CLEAR, COUNTERS_CLEARED, LOAD, LOADED, LSS_STORE, SAVE, SAVED};
 
-const SAVE: &str = "620: 23 10 10 01 73 61 76 65";
-const SAVED: &str = "5A0: 60 10 10 01 00 00 00 00";
 const NOT_SAVED: &str = "5A0: 80 10 10 01 00 00 06 06";
-const LOAD: &str = "620: 23 11 10 01 6C 6F 61 64";
-const LOADED: &str = "5A0: 60 11 10 01 00 00 00 00";
 const NOT_LOADED: &str = "5A0: 80 11 10 01 00 00 06 06";
-const CLEAR: &str = "620: 23 11 10 05 70 6B 64 73";
-const COUNTERS_CLEARED: &str = "5A0: 60 11 10 05 00 00 00 00";
 const CONFIGURE: &str = "7E5: 04 01 00 00 00 00 00 00";
-const LSS_STORE: &str = "7E5: 17 00 00 00 00 00 00 00";
 const LSS_STORED: &str = "7E4: 17 00 00 00 00 00 00 00";
 const RATE_500K: &str = "7E5: 13 00 02 00 00 00 00 00";
 const RATE_TAKEN: &str = "7E4: 13 00 00 00 00 00 00 00";
@@ -72,50 +64,6 @@ fn executing_load(failing: &[usize]) -> Rig {
     valve
 }
 
-#[test]
-fn a_save_while_load_is_executed() {
-    for delay in [0, 10, 49, 50, 60, 99, 100, 101] {
-        let mut valve = executing_load(&[]);
-        valve.advance(delay);
-        change(&mut valve);
-        ask(&mut valve, SAVE, SAVED);
-        boots(&mut valve);
-        assert!(has_own(&mut valve), "asked {delay} ms after the start");
-        valve.advance(1000);
-        boots(&mut valve);
-        assert!(has_own(&mut valve), "asked {delay} ms after the start, a start later");
-    }
-}
-
-#[test]
-fn a_load_while_load_is_executed() {
-    for (delay, later) in [(0, 0), (10, 0), (10, 1000), (60, 0), (60, 1000)] {
-        let mut valve = executing_load(&[]);
-        valve.advance(delay);
-        change(&mut valve);
-        ask(&mut valve, SAVE, SAVED);
-        ask(&mut valve, LOAD, LOADED);
-        valve.advance(later);
-        boots(&mut valve);
-        assert!(!has_own(&mut valve), "asked {delay} ms after the start, cut {later} ms after the answer");
-    }
-}
-
-/// A "save" between "load" and the start does not take the flag away (R); the one that is executed must not either.
-#[test]
-fn load_then_save_while_load_is_executed() {
-    for later in [0, 1000] {
-        let mut valve = executing_load(&[]);
-        valve.advance(10);
-        change(&mut valve);
-        ask(&mut valve, LOAD, LOADED);
-        ask(&mut valve, SAVE, SAVED);
-        valve.advance(later);
-        boots(&mut valve);
-        assert!(!has_own(&mut valve), "cut {later} ms after the answer");
-    }
-}
-
 /// The "load" that was acknowledged outlives a "save" whose write of the flag fails, and the "save" after that.
 #[test]
 fn load_then_a_save_that_fails_while_load_is_executed() {
@@ -140,24 +88,17 @@ fn a_load_that_fails_while_load_is_executed_and_a_save() {
     assert!(has_own(&mut valve));
 }
 
+/// The defaults, or the flag, could not be stored.
 #[test]
-fn a_save_after_the_defaults_could_not_be_stored() {
-    let mut valve = executing_load(&[0]);
-    valve.advance(1000);
-    change(&mut valve);
-    ask(&mut valve, SAVE, SAVED);
-    boots(&mut valve);
-    assert!(has_own(&mut valve));
-}
-
-#[test]
-fn a_save_after_the_flag_could_not_be_cleared() {
-    let mut valve = executing_load(&[1]);
-    valve.advance(1000);
-    change(&mut valve);
-    ask(&mut valve, SAVE, SAVED);
-    boots(&mut valve);
-    assert!(has_own(&mut valve));
+fn a_save_after_an_executed_load_that_failed() {
+    for failing in [0, 1] {
+        let mut valve = executing_load(&[failing]);
+        valve.advance(1000);
+        change(&mut valve);
+        ask(&mut valve, SAVE, SAVED);
+        boots(&mut valve);
+        assert!(has_own(&mut valve), "write {failing} failed");
+    }
 }
 
 /// What could not be stored at the start is tried again; the internal error ends with it.
@@ -264,20 +205,6 @@ fn a_reset_after_many_repetitions() {
     }
 }
 
-/// The same record asked for by two clients: each has its answer.
-#[test]
-fn each_lss_store_is_answered() {
-    let mut valve = Rig::booted();
-    valve.exchange(CONFIGURE, &[]);
-    valve.write_time = Duration::from_millis(50);
-    for _ in 0..3 {
-        valve.send(LSS_STORE);
-        valve.advance(1);
-    }
-    valve.advance(1000);
-    assert_eq!(valve.take(), [LSS_STORED; 3]);
-}
-
 /// LSS store writes what LSS configured, nothing else: an ID written by UDS stays.
 #[test]
 fn lss_store_leaves_what_uds_wrote() {
@@ -313,38 +240,28 @@ fn lss_store_leaves_a_rate_that_nobody_configured() {
 mod uds_waits {
     use super::*;
 
-    #[track_caller]
-    fn writes(valve: &mut Rig) {
-        ask(valve, UDS_WRITE, UDS_WRITTEN);
-        valve.power_cycle();
-        assert_eq!(valve.node_id(), Some(0x30));
-    }
-
     #[test]
-    fn for_the_first_start() {
-        let mut valve = Rig::booted();
-        valve.records.clear();
-        valve.write_time = Duration::from_millis(50);
-        valve.power_cycle();
-        writes(&mut valve);
-    }
-
-    #[test]
-    fn for_the_fault_log() {
-        let mut valve = Rig::booted();
-        valve.write_time = Duration::from_millis(500);
-        valve.internal_fault_comes_and_goes();
-        valve.advance(600);
-        writes(&mut valve);
-    }
-
-    #[test]
-    fn for_another_record() {
-        for request in [SAVE, LOAD, CLEAR] {
+    fn for_other_writes() {
+        let cases: [(&str, u64, fn(&mut Rig)); 5] = [
+            ("the first start", 50, |valve| {
+                valve.records.clear();
+                valve.power_cycle();
+            }),
+            ("the fault log", 500, |valve| {
+                valve.internal_fault_comes_and_goes();
+                valve.advance(600);
+            }),
+            ("the parameters", 50, |valve| valve.send(SAVE)),
+            ("the restore flag", 50, |valve| valve.send(LOAD)),
+            ("the counters", 50, |valve| valve.send(CLEAR)),
+        ];
+        for (what, write_ms, begin) in cases {
             let mut valve = Rig::booted();
-            valve.write_time = Duration::from_millis(50);
-            valve.send(request);
-            writes(&mut valve);
+            valve.write_time = Duration::from_millis(write_ms);
+            begin(&mut valve);
+            ask(&mut valve, UDS_WRITE, UDS_WRITTEN);
+            valve.power_cycle();
+            assert_eq!(valve.node_id(), Some(0x30), "{what}");
         }
     }
 

@@ -3,12 +3,12 @@
 use protocol_core::actuator::{Position, SpoolFault};
 use tests::Rig;
 
+use super::CLEARED;
+
 const AWAY: &str = "0A0: 05 83 21 01 00 00 00 00";
-const CLEARED: &str = "0A0: 00 00 00 00 00 00 00 00";
 
 fn active() -> Rig {
-    let valve = Rig::active();
-    valve
+    Rig::active()
 }
 
 fn set(valve: &mut Rig, set_point: i16) {

@@ -4,8 +4,8 @@ use protocol_core::controller::BitRate;
 use protocol_core::time::Duration;
 use tests::Rig;
 
-const BOOT: [&str; 2] = ["720: 00", "0A0: 00 00 00 00 00 00 00 00"];
-const INTERNAL_ERROR: &str = "0A0: 00 10 01 01 00 00 00 00";
+use super::{BOOT, INTERNAL_ERROR};
+
 /// Twice 100 ms.
 const ACTIVATE: &str = "7E5: 15 64 00 00 00 00 00 00";
 

@@ -4,7 +4,7 @@
 use protocol_core::controller::BusErrorMode;
 use tests::Rig;
 
-const CLEARED: &str = "0A0: 00 00 00 00 00 00 00 00";
+use super::CLEARED;
 
 /// The newest messages of an EMCY story that are kept.
 const KEPT: usize = 16;

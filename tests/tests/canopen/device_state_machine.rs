@@ -3,6 +3,8 @@
 use proptest::prelude::*;
 use tests::Rig;
 
+use super::SAVE;
+
 const INIT: u32 = 0x08;
 const DISABLED: u32 = 0x09;
 const HOLD: u32 = 0x0B;
@@ -439,8 +441,6 @@ proptest! {
         }
     }
 }
-
-const SAVE: &str = "620: 23 10 10 01 73 61 76 65";
 
 /// The mode that is in force already changes nothing: the spool stays at its set-point.
 #[test]

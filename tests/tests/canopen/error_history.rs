@@ -3,8 +3,9 @@
 use protocol_core::controller::BusErrorMode::{BusOff, ErrorActive};
 use tests::Rig;
 
+use super::BOOT;
+
 const NO_DATA: u32 = 0x0800_0024;
-const BOOT: [&str; 2] = ["720: 00", "0A0: 00 00 00 00 00 00 00 00"];
 
 /// An internal error comes and goes.
 fn internal(rig: &mut Rig) {

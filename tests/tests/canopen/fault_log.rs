@@ -4,8 +4,7 @@ use protocol_core::memory::RecordKey;
 use protocol_core::time::Duration;
 use tests::Rig;
 
-const CLEAR: &str = "620: 23 11 10 05 70 6B 64 73";
-const COUNTERS_CLEARED: &str = "5A0: 60 11 10 05 00 00 00 00";
+use super::{CLEAR, COUNTERS_CLEARED};
 
 fn fault(valve: &mut Rig) {
     valve.internal_fault_comes_and_goes();

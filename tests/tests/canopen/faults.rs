@@ -3,7 +3,7 @@
 use protocol_core::controller::BusErrorMode;
 use tests::{Rig, Senses};
 
-const CLEARED: &str = "0A0: 00 00 00 00 00 00 00 00";
+use super::CLEARED;
 
 /// A cause that is sensed: what brings the fault, what is just not enough, and what ends it.
 struct Row {

@@ -7,7 +7,8 @@ use protocol_core::time::Duration;
 use tests::Rig;
 use tests::lss::{IDENTIFIED, STORE, STORED, TO_CONFIGURATION, TO_WAITING, activate};
 
-const BOOT: [&str; 2] = ["720: 00", "0A0: 00 00 00 00 00 00 00 00"];
+use super::BOOT;
+
 const BOOT_AS_17: [&str; 2] = ["717: 00", "097: 00 00 00 00 00 00 00 00"];
 
 fn blank() -> Rig {

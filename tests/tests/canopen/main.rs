@@ -33,3 +33,24 @@ mod silence;
 mod storage;
 mod sync;
 mod uds;
+
+/// What the boot of a valve at node 0x20 sends.
+const BOOT: [&str; 2] = ["720: 00", "0A0: 00 00 00 00 00 00 00 00"];
+/// The EMCY that says that no error is left.
+const CLEARED: &str = "0A0: 00 00 00 00 00 00 00 00";
+/// The EMCY of the first internal error.
+const INTERNAL_ERROR: &str = "0A0: 00 10 01 01 00 00 00 00";
+/// "save"
+const SAVE: &str = "620: 23 10 10 01 73 61 76 65";
+/// The answer to [`SAVE`].
+const SAVED: &str = "5A0: 60 10 10 01 00 00 00 00";
+/// "load"
+const LOAD: &str = "620: 23 11 10 01 6C 6F 61 64";
+/// The answer to [`LOAD`].
+const LOADED: &str = "5A0: 60 11 10 01 00 00 00 00";
+/// Clears the counters.
+const CLEAR: &str = "620: 23 11 10 05 70 6B 64 73";
+/// The answer to [`CLEAR`].
+const COUNTERS_CLEARED: &str = "5A0: 60 11 10 05 00 00 00 00";
+/// LSS store.
+const LSS_STORE: &str = "7E5: 17 00 00 00 00 00 00 00";

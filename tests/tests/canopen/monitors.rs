@@ -3,7 +3,7 @@
 use protocol_core::actuator::{Position, SpoolFault};
 use tests::Rig;
 
-const CLEARED: &str = "0A0: 00 00 00 00 00 00 00 00";
+use super::CLEARED;
 
 mod time_guarding {
     use super::*;

@@ -5,8 +5,8 @@ use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::time::Duration;
 use tests::Rig;
 
-const BOOT: [&str; 2] = ["720: 00", CLEARED];
-const CLEARED: &str = "0A0: 00 00 00 00 00 00 00 00";
+use super::{BOOT, CLEARED};
+
 const TEMPERATURE: &str = "0A0: 01 83 09 01 00 00 00 00";
 
 #[test]

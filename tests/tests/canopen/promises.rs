@@ -8,7 +8,7 @@ use protocol_core::controller::BusErrorMode;
 use protocol_core::time::Duration;
 use tests::{Rig, unanswered};
 
-const CLEARED: &str = "0A0: 00 00 00 00 00 00 00 00";
+use super::CLEARED;
 
 /// What can happen to a valve and its bus.
 #[derive(Clone, Copy, Debug)]

@@ -3,8 +3,8 @@
 use protocol_core::time::Duration;
 use tests::Rig;
 
-const BOOT: [&str; 2] = ["720: 00", "0A0: 00 00 00 00 00 00 00 00"];
-const SAVE: &str = "620: 23 10 10 01 73 61 76 65";
+use super::{BOOT, SAVE};
+
 const INIT: u32 = 0x08;
 const HOLD: u32 = 0x0B;
 const FAULT_HOLD: u32 = 0x03;

@@ -10,16 +10,7 @@ use protocol_core::memory::RecordKey;
 use protocol_core::time::Duration;
 use tests::Rig;
 
-const BOOT: [&str; 2] = ["720: 00", CLEARED];
-const CLEARED: &str = "0A0: 00 00 00 00 00 00 00 00";
-const INTERNAL_ERROR: &str = "0A0: 00 10 01 01 00 00 00 00";
-
-const SAVE: &str = "620: 23 10 10 01 73 61 76 65";
-const SAVED: &str = "5A0: 60 10 10 01 00 00 00 00";
-const LOAD: &str = "620: 23 11 10 01 6C 6F 61 64";
-const LOADED: &str = "5A0: 60 11 10 01 00 00 00 00";
-const CLEAR: &str = "620: 23 11 10 05 70 6B 64 73";
-const COUNTERS_CLEARED: &str = "5A0: 60 11 10 05 00 00 00 00";
+use super::{BOOT, CLEAR, CLEARED, COUNTERS_CLEARED, INTERNAL_ERROR, LOAD, LOADED, LSS_STORE, SAVE, SAVED};
 
 /// What asks for a write: the request, its answer, the answer when the memory fails, and the record.
 const REQUESTS: [(&str, &str, &str, RecordKey); 5] = [
@@ -29,7 +20,6 @@ const REQUESTS: [(&str, &str, &str, RecordKey); 5] = [
     (LSS_STORE, "7E4: 17 00 00 00 00 00 00 00", "7E4: 17 02 00 00 00 00 00 00", RecordKey::LocalLayer),
     ("1BC78820: 04 2E 10 01 21", "1BC408F1: 03 6E 10 01", "1BC408F1: 03 7F 2E 72", RecordKey::LocalLayer),
 ];
-const LSS_STORE: &str = "7E5: 17 00 00 00 00 00 00 00";
 
 /// Parameters of one's own: an object, its size, what is written.
 const OWN: [(u16, u8, u8, u32); 5] = [
@@ -164,21 +154,6 @@ fn a_reset_during_a_write_waits() {
 }
 
 #[test]
-fn wrong_signatures_store_nothing() {
-    let mut valve = Rig::booted();
-    valve.writes.clear();
-    for (index, sub) in [(0x1010, 1), (0x1011, 1), (0x1011, 5)] {
-        for value in [0, 1, 0x7361_7665, 0x6C6F_6164, 0x706B_6473, u32::MAX] {
-            assert_eq!(valve.write(index, sub, 4, value), Err(0x0800_0020), "{index:04X}:{sub} {value:08X}");
-        }
-    }
-    assert_eq!(valve.write(0x1011, 1, 4, 0x6576_6173), Err(0x0800_0020));
-    assert_eq!(valve.write(0x1011, 5, 4, 0x6461_6F6C), Err(0x0800_0020));
-    assert_eq!(valve.write(0x1010, 1, 4, 0x7364_6B70), Err(0x0800_0020));
-    assert_eq!(valve.writes, []);
-}
-
-#[test]
 fn saved_parameters_come_back_at_every_start() {
     for restart in ["000: 81 00", "000: 82 00", ""] {
         let mut valve = Rig::booted();
@@ -216,16 +191,6 @@ fn what_is_saved() {
     for sub in 1..=8 {
         assert_eq!((valve.read(0x1600, sub), valve.read(0x1A00, sub)), (0x6300_0110, 0x6301_0110));
     }
-}
-
-/// A client that asks again gives up its first request: one answer, to the last.
-#[test]
-fn a_save_that_is_asked_for_again() {
-    let mut valve = slow(50);
-    valve.exchange(SAVE, &[]);
-    valve.advance(10);
-    valve.exchange(SAVE, &[]);
-    valve.advance_sends(100, &[SAVED]);
 }
 
 /// Another request in the middle starts anew: it is answered, the save is not, and is stored all the same.
@@ -273,30 +238,4 @@ fn writes_one_after_the_other() {
     valve.advance_sends(50, &[SAVED]);
     valve.advance_sends(50, &["7E4: 17 00 00 00 00 00 00 00"]);
     assert_eq!(valve.writes, [RecordKey::Parameters, RecordKey::LocalLayer]);
-}
-
-/// Segments and unknown commands are another client's: they are refused, and the one that waits is answered.
-#[test]
-fn a_stray_segment_while_a_client_waits() {
-    for (stray, refused) in [
-        ("620: 60 00 00 00 00 00 00 00", "5A0: 80 00 00 00 01 00 04 05"),
-        ("620: 01 00 00 00 00 00 00 00", "5A0: 80 00 00 00 01 00 04 05"),
-        ("620: C6 17 10 00 02 00 00 00", "5A0: 80 17 10 00 01 00 04 05"),
-    ] {
-        for (order, answer) in [
-            ("620: 23 10 10 01 73 61 76 65", "5A0: 60 10 10 01 00 00 00 00"),
-            ("620: 23 11 10 01 6C 6F 61 64", "5A0: 60 11 10 01 00 00 00 00"),
-            ("620: 23 11 10 05 70 6B 64 73", "5A0: 60 11 10 05 00 00 00 00"),
-        ] {
-            let mut valve = slow(30);
-            valve.exchange(order, &[]);
-            valve.exchange(stray, &[refused]);
-            valve.advance(30);
-            assert_eq!(valve.take(), [answer], "{order}, {stray}");
-        }
-    }
-    // The client's own abort ends its wait.
-    let mut valve = slow(30);
-    valve.silent_to(&["620: 23 10 10 01 73 61 76 65", "620: 80 10 10 01 00 00 00 08"]);
-    valve.silent_for(100);
 }

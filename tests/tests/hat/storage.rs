@@ -10,7 +10,7 @@ use protocol_core::memory::{RecordKey, open, seal};
 use protocol_core::time::Duration;
 use tests::Rig;
 
-use super::{LOAD, SAVE, booted, booted_as};
+use super::{LOAD, SAVE, booted};
 
 /// The marker of each group: object, size, default, another value.
 const COMMUNICATION: (u16, u8, u8, u32, u32) = (0x1017, 0, 2, 0, 0xFFFF);
@@ -172,16 +172,6 @@ fn the_answer_comes_after_the_last_write() {
     rig.silent_for(100);
 }
 
-#[test]
-fn resets_wait_for_the_writes() {
-    let mut rig = booted();
-    rig.write_time = Duration::from_millis(10);
-    change_all(&mut rig);
-    rig.silent_to(&["601: 23 10 10 01 73 61 76 65", "000: 81 00"]);
-    rig.silent_until(20, &["701: 00"]);
-    assert_eq!(changed(&mut rig), [true, true, false, false]);
-}
-
 /// A power cut at any instant of any write leaves each group old or new, and what was acknowledged is kept.
 #[test]
 fn a_power_cut_at_any_write() {
@@ -234,21 +224,6 @@ fn a_new_memory_is_filled_with_factory_data_and_lss_parameters_alone() {
     assert_eq!(rig.device().bit_rate(), BitRate::Kbit500);
 }
 
-#[test]
-fn the_memory_decides_and_not_what_a_new_sensor_is_made_as() {
-    let setup =
-        Setup { node_id: Some(5), serial: Some(7), bit_rate: Some(BitRate::Kbit250), ..Setup::new(Kind::Hat1000) };
-    let mut rig = booted_as(setup);
-    assert_eq!((rig.node_id(), rig.read(0x1018, 4), rig.device().bit_rate()), (Some(5), 7, BitRate::Kbit250));
-    for (key, payload) in [(RecordKey::Factory, &[8, 0, 0, 0][..]), (RecordKey::LocalLayer, &[6, 4])] {
-        rig.records.insert(key, seal(1, payload).expect("room").to_vec());
-    }
-    rig.power_cycle_sends(&["706: 00"]);
-    rig.send("606: 40 18 10 04 00 00 00 00");
-    assert_eq!(rig.take(), ["586: 43 18 10 04 08 00 00 00"]);
-    assert_eq!(rig.device().bit_rate(), BitRate::Kbit125);
-}
-
 /// A damaged record held a node ID: the sensor starts with that of a new one, and a blank one with the factory's.
 #[test]
 fn damaged_lss_parameters_are_those_of_a_new_sensor() {
@@ -277,39 +252,6 @@ fn the_offset_is_stored_as_it_is_not_as_the_preset() {
     rig.load(3);
     rig.exchange("000: 82 00", &["701: 00"]);
     assert_eq!((rig.read(0x6003, 0), rig.read(0x6004, 0), rig.read(0x6509, 0)), (0, 0, 0));
-}
-
-#[test]
-fn a_save_that_is_asked_for_again_is_answered_by_its_own_writes() {
-    let mut rig = booted();
-    rig.write_time = Duration::from_millis(50);
-    rig.failing_writes.insert(0);
-    let save = "601: 23 10 10 01 73 61 76 65";
-    rig.send(save);
-    rig.advance(10);
-    rig.send(save);
-    rig.advance(500);
-    assert_eq!(rig.take(), ["581: 60 10 10 01 00 00 00 00"], "both records were written after the second request");
-}
-
-/// Segments and unknown commands are another client's: they are refused, and the one that waits is answered.
-#[test]
-fn a_stray_segment_while_a_client_waits() {
-    for (stray, refused) in [
-        ("601: 60 00 00 00 00 00 00 00", "581: 80 00 00 00 01 00 04 05"),
-        ("601: 01 00 00 00 00 00 00 00", "581: 80 00 00 00 01 00 04 05"),
-        ("601: C6 17 10 00 02 00 00 00", "581: 80 17 10 00 01 00 04 05"),
-    ] {
-        for (fails, answer) in [(false, "581: 60 10 10 03 00 00 00 00"), (true, "581: 80 10 10 03 00 00 06 06")] {
-            let mut rig = booted();
-            rig.write_time = Duration::from_millis(10);
-            rig.writes_fail = fails;
-            rig.exchange("601: 23 10 10 03 73 61 76 65", &[]);
-            rig.exchange(stray, &[refused]);
-            rig.advance(100);
-            assert_eq!(rig.take(), [answer], "{stray}");
-        }
-    }
 }
 
 /// Intact, and of another firmware: it does not fit the objects.

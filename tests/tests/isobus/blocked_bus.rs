@@ -3,13 +3,9 @@
 
 use protocol_core::controller::BusErrorMode;
 use tests::Rig;
-use tests::isobus::{AVEF_BLOCKED, BLOCK, CLAIM, DM1_CLEAR};
+use tests::isobus::{AVEF_BLOCKED, BLOCK, CLAIM, DM1_CLEAR, DM1_REQUEST, DM2_REQUEST, INTERNAL, TEMPERATURE};
 
 const DM1: &str = "18FECA83";
-const INTERNAL: &str = "18FECA83: 10 FF FA 8F 8B 01 FF FF";
-const TEMPERATURE: &str = "18FECA83: 04 FF F1 8F 90 01 FF FF";
-const DM1_REQUEST: &str = "18EA8327: CA FE 00";
-const DM2_REQUEST: &str = "18EA8327: CB FE 00";
 const CLAIM_REQUEST: &str = "18EAFF27: 00 EE 00";
 
 /// Internal error and temperature: two packets of DM2.

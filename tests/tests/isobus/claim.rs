@@ -350,9 +350,7 @@ fn a_lost_valve_is_blocked_and_takes_no_command() {
     assert_eq!((outputs.solenoids, outputs.led), (false, Led::YELLOW));
     assert_eq!(valve.take_under("18EEFFFE").len(), 1);
     // under a new address it is in neutral, and no guard has missed anything
-    valve.send("1CECFF27: 20 09 00 02 FF D8 FE 00");
-    valve.send("1CEBFF27: 01 01 00 20 07 08 FF 02");
-    valve.send("1CEBFF27: 02 20 84 FF FF FF FF FF");
+    valve.command_address(0x84, 0x27);
     valve.expect("18EEFF84: 01 00 20 07 08 FF 02 20");
     valve.advance(250);
     valve.expect("0CFE1484: 7D 7D 30 FF FF FF FF FF");

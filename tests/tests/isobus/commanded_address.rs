@@ -5,27 +5,12 @@ use protocol_core::controller::BusErrorMode;
 use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::time::Duration;
 use tests::Rig;
-use tests::isobus::{BLOCK, CANNOT_CLAIM, CLAIM, DM1_CLEAR, EXTEND, LOWER_NAME};
+use tests::isobus::{BLOCK, CANNOT_CLAIM, CLAIM, DM1_CLEAR, EXTEND, INTERNAL, LOWER_NAME};
 
 /// The manual's example: address 0x81 for the valve of this NAME.
 const ANNOUNCE: &str = "1CECFF27: 20 09 00 02 FF D8 FE 00";
 const FIRST: &str = "1CEBFF27: 01 01 00 20 07 08 FF 02";
 const SECOND: &str = "1CEBFF27: 02 20 81 FF FF FF FF FF";
-
-const INTERNAL: &str = "18FECA83: 10 FF FA 8F 8B 01 FF FF";
-
-fn send_all(valve: &mut Rig, frames: &[&str]) {
-    for frame in frames {
-        valve.send(frame);
-    }
-}
-
-/// Commands this address from this source.
-fn command(valve: &mut Rig, address: u8, source: u8) {
-    valve.send(&format!("1CECFF{source:02X}: 20 09 00 02 FF D8 FE 00"));
-    valve.send(&format!("1CEBFF{source:02X}: 01 01 00 20 07 08 FF 02"));
-    valve.send(&format!("1CEBFF{source:02X}: 02 20 {address:02X} FF FF FF FF FF"));
-}
 
 /// The valve must have taken no notice: nothing sent, the old address.
 #[track_caller]
@@ -66,7 +51,7 @@ fn every_address() {
     for kind in [Kind::PveaIsobus, Kind::PveoIsobus] {
         for address in 0..=255_u8 {
             let mut valve = Rig::claimed_as(Setup { node_id: Some(0x83), ..Setup::new(kind) });
-            command(&mut valve, address, 0x27);
+            valve.command_address(address, 0x27);
             if (0x80..=0x8F).contains(&address) {
                 valve.expect_all(&[&format!("18EEFF{address:02X}: 01 00 20 07 08 FF 02 20")]);
             } else {
@@ -82,7 +67,7 @@ fn its_own_address() {
     let mut valve = Rig::extending(400);
     valve.take();
     let writes = valve.writes.len();
-    command(&mut valve, 0x83, 0x27);
+    valve.command_address(0x83, 0x27);
     valve.expect(CLAIM);
     assert_eq!(valve.writes.len(), writes + 1);
     valve.advance(250);
@@ -99,7 +84,7 @@ fn another_name_is_not_meant() {
         (FIRST, "1CEBFF27: 02 A0 81 FF FF FF FF FF"),
     ] {
         let mut valve = Rig::claimed();
-        send_all(&mut valve, &[ANNOUNCE, first, second]);
+        valve.send_all(&[ANNOUNCE, first, second]);
         expect_no_notice(&mut valve, second);
     }
 }
@@ -112,7 +97,7 @@ fn what_does_not_count() {
         ["00ECFF27: 20 09 00 02 FF D8 FE 00", "18EBFF27: 01 01 00 20 07 08 FF 02", "04EBFF27: 02 20 81 12 34 56 78 9A"],
     ] {
         let mut valve = Rig::claimed();
-        send_all(&mut valve, &frames);
+        valve.send_all(&frames);
         valve.expect("18EEFF81: 01 00 20 07 08 FF 02 20");
     }
 }
@@ -159,12 +144,12 @@ const SPOILT: [(&str, &[&str]); 26] = [
 fn spoilt_trains() {
     for (why, frames) in SPOILT {
         let mut valve = Rig::claimed();
-        send_all(&mut valve, frames);
+        valve.send_all(frames);
         expect_no_notice(&mut valve, why);
 
         let mut valve = Rig::claimed();
-        send_all(&mut valve, frames);
-        send_all(&mut valve, &[ANNOUNCE, FIRST, SECOND]);
+        valve.send_all(frames);
+        valve.send_all(&[ANNOUNCE, FIRST, SECOND]);
         assert_eq!(valve.take_news(), ["18EEFF81: 01 00 20 07 08 FF 02 20"], "{why}");
     }
 }
@@ -195,9 +180,9 @@ fn gaps() {
 #[test]
 fn a_new_announcement_replaces_the_old() {
     let mut valve = Rig::claimed();
-    send_all(&mut valve, &[ANNOUNCE, FIRST, ANNOUNCE, SECOND]);
+    valve.send_all(&[ANNOUNCE, FIRST, ANNOUNCE, SECOND]);
     assert_eq!(valve.node_id(), Some(0x83));
-    send_all(&mut valve, &[ANNOUNCE, FIRST, ANNOUNCE, FIRST, SECOND]);
+    valve.send_all(&[ANNOUNCE, FIRST, ANNOUNCE, FIRST, SECOND]);
     assert_eq!(valve.node_id(), Some(0x81));
 }
 
@@ -235,7 +220,7 @@ fn senders_that_fell_silent() {
         valve.send(&format!("1CECFF{source:02X}: 20 09 00 02 FF D8 FE 00"));
     }
     valve.advance(751);
-    command(&mut valve, 0x84, 0xF9);
+    valve.command_address(0x84, 0xF9);
     assert_eq!(valve.node_id(), Some(0x84));
 }
 
@@ -246,11 +231,11 @@ fn whenever_it_comes() {
         for waited in [0, 100, 249, 250, 1000] {
             let mut valve = Rig::power_on(Setup { node_id: Some(0x83), ..Setup::new(Kind::PveaIsobus) });
             valve.expect(CLAIM);
-            send_all(&mut valve, before);
+            valve.send_all(before);
             valve.advance(waited);
             let sent = valve.take_news();
             assert!(sent.iter().all(|frame| frame == CANNOT_CLAIM), "{sent:?}");
-            command(&mut valve, 0x85, 0x27);
+            valve.command_address(0x85, 0x27);
             valve.expect("18EEFF85: 01 00 20 07 08 FF 02 20");
             valve.advance_sends(250, &["0CFE1585: 7D 7D 30 FF FF FF FF FF"]);
         }
@@ -263,7 +248,7 @@ fn the_lost_address_again() {
     let mut valve = Rig::claimed();
     valve.send(LOWER_NAME);
     valve.advance_news(200, &[CANNOT_CLAIM]);
-    command(&mut valve, 0x83, 0x27);
+    valve.command_address(0x83, 0x27);
     valve.expect(CLAIM);
     valve.exchange(LOWER_NAME, &[]);
     assert_eq!(valve.node_id(), None);
@@ -274,7 +259,7 @@ fn the_lost_address_again() {
 fn a_slow_memory() {
     let mut valve = Rig::claimed();
     valve.write_time = Duration::from_millis(150);
-    command(&mut valve, 0x81, 0x27);
+    valve.command_address(0x81, 0x27);
     valve.send(EXTEND);
     valve.advance(149);
     valve.expect("0CFE1383: A5 7D 31 FF FF FF FF FF");
@@ -285,7 +270,7 @@ fn a_slow_memory() {
     // the power fails before: the old address
     let mut valve = Rig::claimed();
     valve.write_time = Duration::from_millis(150);
-    command(&mut valve, 0x81, 0x27);
+    valve.command_address(0x81, 0x27);
     valve.advance(149);
     valve.power_cycle();
     assert_eq!(valve.node_id(), Some(0x83));
@@ -300,7 +285,7 @@ fn a_restart_that_waits_for_the_bus() {
     valve.take();
     valve.hold_bus(true);
     valve.advance(100);
-    command(&mut valve, 0x81, 0x27);
+    valve.command_address(0x81, 0x27);
     assert!(!valve.outputs().solenoids);
     valve.send(EXTEND);
     assert!(!valve.outputs().solenoids, "it takes no command");
@@ -316,8 +301,8 @@ fn a_restart_that_waits_for_the_bus() {
 fn two_in_a_row() {
     let mut valve = Rig::claimed();
     valve.write_time = Duration::from_millis(50);
-    command(&mut valve, 0x81, 0x27);
-    command(&mut valve, 0x82, 0x28);
+    valve.command_address(0x81, 0x27);
+    valve.command_address(0x82, 0x28);
     valve.advance(1000);
     assert_eq!(valve.node_id(), Some(0x82));
 }
@@ -328,14 +313,14 @@ fn the_memory_fails() {
     let mut valve = Rig::claimed();
     valve.send(EXTEND);
     valve.writes_fail = true;
-    command(&mut valve, 0x81, 0x27);
+    valve.command_address(0x81, 0x27);
     valve.expect_news(&[INTERNAL]);
     assert_eq!(valve.node_id(), Some(0x83));
     assert_eq!(valve.flow()[2], 0x30, "shut down");
     valve.advance_cyclic_news(500, BLOCK, &[]);
     // gone with the next write of that record that succeeds, which restarts the valve; it is counted
     valve.writes_fail = false;
-    command(&mut valve, 0x81, 0x27);
+    valve.command_address(0x81, 0x27);
     valve.expect(DM1_CLEAR);
     valve.take_claim();
     assert_eq!(valve.node_id(), Some(0x81));
@@ -349,14 +334,14 @@ fn causes_last_over_the_restart() {
     let mut valve = Rig::claimed();
     valve.sense(|senses| senses.internal_fault = true);
     valve.take();
-    command(&mut valve, 0x81, 0x27);
+    valve.command_address(0x81, 0x27);
     valve.take_claim();
     valve.expect_news(&["18FECA81: 10 FF FA 8F 8B 02 FF FF"]);
 
     // bus-off that comes while the address is stored: the claim waits for its end
     let mut valve = Rig::claimed();
     valve.write_time = Duration::from_millis(50);
-    command(&mut valve, 0x81, 0x27);
+    valve.command_address(0x81, 0x27);
     valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
     valve.silent_for(500);
     assert_eq!((valve.node_id(), valve.outputs().led), (Some(0x81), Led::RED));
@@ -373,7 +358,7 @@ fn counters_survive_the_restart() {
     }
     valve.recover();
     valve.take();
-    command(&mut valve, 0x81, 0x27);
+    valve.command_address(0x81, 0x27);
     valve.take_claim();
     valve.exchange("18EA8127: CB FE 00", &["18FECB81: 10 FF FA 8F 8B 03 FF FF"]);
 }

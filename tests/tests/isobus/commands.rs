@@ -7,11 +7,10 @@ use protocol_core::device::{Device as _, Senses, StartCause, Viewable as _};
 use protocol_core::memory::Image;
 use protocol_core::time::{Duration, Instant};
 use protocol_core::wire::valve::State;
-use tests::isobus::{AVEF_BLOCKED, BLOCK, EXTEND, FLOAT, HAND, RETRACT, STOP};
+use tests::isobus::{AVEF_BLOCKED, BLOCK, EXTEND, FLOAT, HAND, RETRACT, STOP, TIME_GUARDING};
 use tests::{Rig, frame};
 
 /// DM1 of time guarding, its first occurrence.
-const TIME_GUARDING: &str = "18FECA83: 04 FF E9 8F 93 01 FF FF";
 
 /// States by their bits, and what the estimated flow shows 600 ms after full flow was commanded.
 const STATES: [(u8, [u8; 3]); 6] = [

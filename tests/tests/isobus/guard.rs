@@ -84,9 +84,7 @@ fn it_begins_anew_after_a_restart() {
 
     valve.send(BLOCK);
     valve.take();
-    valve.send("1CECFF27: 20 09 00 02 FF D8 FE 00");
-    valve.send("1CEBFF27: 01 01 00 20 07 08 FF 02");
-    valve.send("1CEBFF27: 02 20 83 FF FF FF FF FF");
+    valve.command_address(0x83, 0x27);
     valve.take_claim();
     valve.advance_news(1000, &[]);
 }

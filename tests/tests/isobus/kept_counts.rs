@@ -3,15 +3,10 @@
 use protocol_core::actuator::SpoolFault;
 use protocol_core::time::Duration;
 use tests::Rig;
-use tests::isobus::{BLOCK, CLAIM, DM1_CLEAR};
+use tests::isobus::{BLOCK, CLAIM, DM1_CLEAR, DM2_NONE, DM2_REQUEST, DM3_DONE, DM3_REQUEST, INTERNAL};
 
-const DM2_REQUEST: &str = "18EA8327: CB FE 00";
-const DM2_NONE: &str = "18FECB83: 00 FF 00 00 00 00 FF FF";
 const DM2_INTERNAL: &str = "18FECB83: 10 FF FA 8F 8B 01 FF FF";
-const DM3_REQUEST: &str = "18EA8327: CC FE 00";
-const DM3_DONE: &str = "18E8FF83: 00 FF FF FF 27 CC FE 00";
 const DM3_REFUSED: &str = "18E8FF83: 01 FF FF FF 27 CC FE 00";
-const INTERNAL: &str = "18FECA83: 10 FF FA 8F 8B 01 FF FF";
 
 #[track_caller]
 fn restarts(valve: &mut Rig) {
@@ -146,9 +141,7 @@ fn a_count_that_falls_while_a_restart_waits() {
     let mut valve = Rig::claimed();
     valve.hold_bus(true);
     valve.send("18EA8327: 00 FF 00");
-    valve.send("1CECFF27: 20 09 00 02 FF D8 FE 00");
-    valve.send("1CEBFF27: 01 01 00 20 07 08 FF 02");
-    valve.send("1CEBFF27: 02 20 84 FF FF FF FF FF");
+    valve.command_address(0x84, 0x27);
     valve.internal_fault_comes_and_goes();
     valve.advance(10);
     valve.hold_bus(false);
@@ -166,9 +159,7 @@ fn a_count_that_falls_while_the_memory_writes() {
         valve.advance(250);
         valve.sense(|senses| senses.temperature_c = 25);
         valve.write_time = Duration::from_millis(50);
-        valve.send("1CECFF27: 20 09 00 02 FF D8 FE 00");
-        valve.send("1CEBFF27: 01 01 00 20 07 08 FF 02");
-        valve.send("1CEBFF27: 02 20 84 FF FF FF FF FF");
+        valve.command_address(0x84, 0x27);
         valve.advance(at);
         valve.internal_fault_comes_and_goes();
         valve.advance(1000);

@@ -5,13 +5,9 @@ use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::memory::{RecordKey, seal};
 use protocol_core::time::Duration;
 use tests::Rig;
-use tests::isobus::{AVEF_BLOCKED, BLOCK, CLAIM, DM1_CLEAR, EXTEND};
-
-const DM2_REQUEST: &str = "18EA8327: CB FE 00";
-const DM2_NONE: &str = "18FECB83: 00 FF 00 00 00 00 FF FF";
-const DM3_REQUEST: &str = "18EA8327: CC FE 00";
-const DM3_DONE: &str = "18E8FF83: 00 FF FF FF 27 CC FE 00";
-const INTERNAL: &str = "18FECA83: 10 FF FA 8F 8B 01 FF FF";
+use tests::isobus::{
+    AVEF_BLOCKED, BLOCK, CLAIM, DM1_CLEAR, DM2_NONE, DM2_REQUEST, DM3_DONE, DM3_REQUEST, EXTEND, INTERNAL,
+};
 
 /// An internal error comes and goes, and its shutdown is ended.
 fn undergo_internal_error(valve: &mut Rig) {

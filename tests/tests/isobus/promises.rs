@@ -7,10 +7,8 @@ use proptest::sample::select;
 use protocol_core::controller::BusErrorMode;
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, since};
-use tests::isobus::{BLOCK, CANNOT_CLAIM, CLAIM, EXTEND, HIGHER_NAME, LOWER_NAME};
+use tests::isobus::{BLOCK, CANNOT_CLAIM, CLAIM, DM1_REQUEST, EXTEND, HIGHER_NAME, LOWER_NAME};
 use tests::{Rig, unanswered};
-
-const DM1_REQUEST: &str = "18EA8327: CA FE 00";
 
 /// The longest distance of two packets.
 const GAP_MAX: Duration = Duration::from_millis(200);

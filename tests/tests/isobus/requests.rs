@@ -2,9 +2,7 @@
 
 use protocol_core::controller::BusErrorMode;
 use tests::Rig;
-use tests::isobus::{AVEF_BLOCKED, CLAIM, DM1_CLEAR};
-
-const DM2_NONE: &str = "18FECB83: 00 FF 00 00 00 00 FF FF";
+use tests::isobus::{AVEF_BLOCKED, CLAIM, DM1_CLEAR, DM2_NONE};
 
 /// The groups that it sends, and what comes of a request.
 const SUPPORTED: [(&str, &str); 4] =

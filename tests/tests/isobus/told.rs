@@ -3,9 +3,8 @@
 use protocol_core::actuator::Position;
 use protocol_core::controller::BusErrorMode;
 use tests::Rig;
-use tests::isobus::{BLOCK, CLAIM, DM1_CLEAR};
+use tests::isobus::{BLOCK, CLAIM, DM1_CLEAR, INTERNAL};
 
-const INTERNAL: &str = "18FECA83: 10 FF FA 8F 8B 01 FF FF";
 const SPOOL: &str = "18FECA83: 10 FF EC 8F 87 01 FF FF";
 
 /// So many percent of full stroke.

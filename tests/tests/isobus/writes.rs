@@ -2,12 +2,10 @@
 
 use protocol_core::time::Duration;
 use tests::Rig;
-use tests::isobus::BLOCK;
+use tests::isobus::{BLOCK, DM3_DONE, DM3_REQUEST};
 
 const UDS_WRITE: &str = "1BC78883: 04 2E 10 01 85";
 const UDS_WRITTEN: &str = "1BC408F1: 03 6E 10 01";
-const DM3_REQUEST: &str = "18EA8327: CC FE 00";
-const DM3_DONE: &str = "18E8FF83: 00 FF FF FF 27 CC FE 00";
 
 #[track_caller]
 fn writes(valve: &mut Rig) {
@@ -126,9 +124,7 @@ fn a_commanded_address_repeated_many_times() {
     let mut valve = Rig::claimed();
     valve.write_time = Duration::from_millis(300);
     for source in 0..16_u8 {
-        valve.send(&format!("1CECFF{source:02X}: 20 09 00 02 FF D8 FE 00"));
-        valve.send(&format!("1CEBFF{source:02X}: 01 01 00 20 07 08 FF 02"));
-        valve.send(&format!("1CEBFF{source:02X}: 02 20 84 FF FF FF FF FF"));
+        valve.command_address(0x84, source);
         valve.advance(1);
     }
     valve.advance(600);

@@ -5,3 +5,4 @@ mod fast_scan;
 mod kinds;
 mod lss;
 mod object_dictionary;
+mod storage;

@@ -2,37 +2,6 @@
 
 use super::*;
 
-/// A memory that was never written: the factory record and the default node ID.
-#[test]
-fn a_new_memory_is_filled() {
-    let valve = Rig::booted();
-    assert_eq!(valve.writes, [RecordKey::Factory, RecordKey::LocalLayer]);
-    let mut again = Rig::booted();
-    again.writes.clear();
-    again.power_cycle();
-    assert_eq!((again.take(), again.writes.len()), (BOOT.map(str::to_owned).to_vec(), 0), "once");
-}
-
-#[test]
-fn a_blank_valve_stays_blank() {
-    let mut valve = Rig::power_on(Setup { node_id: None, ..Setup::new(Kind::PveaCanopen) });
-    assert_eq!(valve.writes, [RecordKey::Factory, RecordKey::LocalLayer]);
-    valve.power_cycle();
-    assert_eq!((valve.node_id(), valve.take().len()), (None, 0));
-}
-
-/// A memory decides; what the device is made as only fills a new one.
-#[test]
-fn the_memory_decides() {
-    let mut valve = Rig::booted_as(Setup { serial: Some(7), ..Setup::new(Kind::PveaCanopen) });
-    let records = valve.records.clone();
-    assert_eq!(valve.read(0x1018, 4), 7);
-    let mut other = Rig::booted();
-    other.records = records;
-    other.start_anew();
-    assert_eq!(other.read(0x1018, 4), 7);
-}
-
 /// Everything stored, then one record spoilt in every way that a memory can.
 fn full() -> Rig {
     let mut valve = configuring();

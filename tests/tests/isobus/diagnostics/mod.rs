@@ -7,22 +7,16 @@ mod dm3;
 use protocol_core::actuator::{Position, SpoolFault};
 use protocol_core::controller::BusErrorMode;
 use protocol_core::time::Duration;
-use tests::isobus::{BLOCK, DM1_CLEAR, EXTEND, FLOAT};
+use tests::isobus::{
+    BLOCK, DM1_CLEAR, DM1_REQUEST, DM2_NONE, DM2_REQUEST, DM3_DONE, DM3_REQUEST, EXTEND, FLOAT, INTERNAL, TEMPERATURE,
+    TIME_GUARDING,
+};
 use tests::{Rig, Senses};
 
 const ONE: Duration = Duration::from_micros(1);
 
-const DM1_REQUEST: &str = "18EA8327: CA FE 00";
-const DM2_REQUEST: &str = "18EA8327: CB FE 00";
-const DM2_NONE: &str = "18FECB83: 00 FF 00 00 00 00 FF FF";
-const DM3_REQUEST: &str = "18EA8327: CC FE 00";
-const DM3_DONE: &str = "18E8FF83: 00 FF FF FF 27 CC FE 00";
-
-const INTERNAL: &str = "18FECA83: 10 FF FA 8F 8B 01 FF FF";
-const TEMPERATURE: &str = "18FECA83: 04 FF F1 8F 90 01 FF FF";
 const SUPPLY_HIGH: &str = "18FECA83: 04 FF 73 02 03 01 FF FF";
 const SUPPLY_LOW: &str = "18FECA83: 04 FF 73 02 04 01 FF FF";
-const TIME_GUARDING: &str = "18FECA83: 04 FF E9 8F 93 01 FF FF";
 
 /// A change of the senses that causes a fault, and the fault's delay in milliseconds.
 type Cause = (fn(&mut Senses), u64);
