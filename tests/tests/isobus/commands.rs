@@ -10,8 +10,6 @@ use protocol_core::wire::valve::State;
 use tests::isobus::{AVEF_BLOCKED, BLOCK, EXTEND, FLOAT, HAND, RETRACT, STOP, TIME_GUARDING};
 use tests::{Rig, frame};
 
-/// DM1 of time guarding, its first occurrence.
-
 /// States by their bits, and what the estimated flow shows 600 ms after full flow was commanded.
 const STATES: [(u8, [u8; 3]); 6] = [
     (0, [0x7D, 0x7D, 0x30]),

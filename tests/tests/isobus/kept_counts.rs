@@ -6,11 +6,8 @@ use tests::Rig;
 use tests::isobus::{BLOCK, CLAIM, DM1_CLEAR, DM2_NONE, DM2_REQUEST, DM3_DONE, DM3_REQUEST, INTERNAL};
 
 const DM2_INTERNAL: &str = "18FECB83: 10 FF FA 8F 8B 01 FF FF";
-const DM3_REFUSED: &str = "18E8FF83: 01 FF FF FF 27 CC FE 00";
-
 #[track_caller]
 fn restarts(valve: &mut Rig) {
-    valve.take();
     valve.power_cycle();
     valve.expect(CLAIM);
     valve.advance(250);
@@ -46,13 +43,6 @@ fn key_off_with_an_active_fault() {
     valve.recover();
     valve.take();
     valve.exchange(DM2_REQUEST, &["18FECB83: 10 FF FA 8F 8B 02 FF FF"]);
-
-    let mut valve = Rig::claimed();
-    valve.sense(|senses| senses.temperature_c = 130);
-    valve.advance(20_000);
-    valve.sense(|senses| senses.temperature_c = 25);
-    restarts(&mut valve);
-    valve.exchange(DM2_REQUEST, &["18FECB83: 04 FF F1 8F 90 01 FF FF"]);
 }
 
 /// What DM3 says is cleared, is: the next occurrence is the first.
@@ -89,52 +79,6 @@ fn key_off_with_a_stuck_spool() {
     valve.exchange(DM2_REQUEST, &["18FECB83: 10 FF EC 8F 87 02 FF FF"]);
 }
 
-/// Until the memory has refused: the acknowledgement is negative when it was asked for by one, and nothing is cleared.
-#[test]
-fn dm3_with_a_failing_memory() {
-    for (request, answer) in
-        [(DM3_REQUEST, Some(DM3_REFUSED)), ("18EA83F9: CC FE 00", Some("18E8FF83: 01 FF FF FF F9 CC FE 00"))]
-    {
-        let mut valve = shut_down();
-        valve.recover_and_settle();
-        valve.writes_fail = true;
-        valve.write_time = Duration::from_millis(50);
-        valve.send(request);
-        valve.advance_cyclic(50, BLOCK);
-        let sent = valve.take_news();
-        assert!(sent.iter().any(|frame| Some(frame.as_str()) == answer), "{request}: {sent:?}");
-        valve.writes_fail = false;
-        valve.send_all(&[BLOCK, DM3_REQUEST]);
-        valve.advance_cyclic(200, BLOCK);
-        assert!(valve.take_news().contains(&DM3_DONE.to_owned()));
-    }
-}
-
-/// Asked for by all: silent, whatever the memory says.
-#[test]
-fn a_global_dm3_with_a_failing_memory() {
-    let mut valve = shut_down();
-    valve.recover_and_settle();
-    valve.writes_fail = true;
-    valve.send("18EAFF27: CC FE 00");
-    valve.advance_cyclic(100, BLOCK);
-    assert!(valve.take_news().iter().all(|frame| frame.starts_with("18FECA83")));
-}
-
-/// Once it is acknowledged, a power cut brings nothing back.
-#[test]
-fn a_power_cut_at_the_acknowledgement() {
-    let mut valve = shut_down();
-    valve.recover_and_settle();
-    valve.write_time = Duration::from_millis(50);
-    valve.send(DM3_REQUEST);
-    valve.advance_cyclic(50, BLOCK);
-    assert!(valve.take_news().contains(&DM3_DONE.to_owned()));
-    restarts(&mut valve);
-    valve.exchange(DM2_REQUEST, &[DM2_NONE]);
-    valve.sense_news(|senses| senses.internal_fault = true, &[INTERNAL]);
-}
-
 /// A fault between the store of a commanded address and the restart is written before it.
 #[test]
 fn a_count_that_falls_while_a_restart_waits() {
@@ -168,20 +112,6 @@ fn a_count_that_falls_while_the_memory_writes() {
         valve.sense(|senses| senses.internal_fault = true);
         assert_eq!(valve.take_news(), ["18FECA84: 10 FF FA 8F 8B 02 FF FF"], "{at} ms");
     }
-}
-
-/// Three requests that one write serves, or two: each has its acknowledgement.
-#[test]
-fn each_dm3_is_acknowledged() {
-    let mut valve = shut_down();
-    valve.recover_and_settle();
-    valve.write_time = Duration::from_millis(50);
-    for _ in 0..3 {
-        valve.send(DM3_REQUEST);
-        valve.advance(1);
-    }
-    valve.advance_cyclic(500, BLOCK);
-    assert_eq!(valve.take_news(), [DM3_DONE; 3]);
 }
 
 /// The first change after a DM3 is a first one: it is stored within 1 s.

@@ -227,24 +227,34 @@ fn dm3_and_a_fault_meanwhile() {
     expect_dm2(&mut valve, "18FECB83: 10 FF FA 8F 8B 02 FF FF");
 }
 
-/// Acknowledged as not done, nothing cleared, an internal error until a write of the log succeeds.
+/// Acknowledged as not done to one who asks, silent to all; nothing cleared, an internal error until a write of the log
+/// succeeds.
 #[test]
 fn dm3_with_a_memory_that_fails() {
-    let mut valve = Rig::claimed();
-    valve.sense(|senses| senses.temperature_c = 130);
-    valve.advance_cyclic(300, BLOCK);
-    valve.sense(|senses| senses.temperature_c = 25);
-    settle(&mut valve);
-    valve.writes_fail = true;
-    valve.send(DM3_REQUEST);
-    valve.expect_news(&["18E8FF83: 01 FF FF FF 27 CC FE 00", INTERNAL]);
-    expect_dm2(&mut valve, "18FECB83: 04 FF F1 8F 90 01 FF FF");
-    valve.writes_fail = false;
-    valve.send(DM3_REQUEST);
-    let mut sent = valve.take_news();
-    sent.sort();
-    assert_eq!(sent, [DM3_DONE, DM1_CLEAR]);
-    expect_dm2(&mut valve, DM2_NONE);
+    for (request, refused) in [
+        (DM3_REQUEST, &["18E8FF83: 01 FF FF FF 27 CC FE 00", INTERNAL][..]),
+        ("18EA83F9: CC FE 00", &["18E8FF83: 01 FF FF FF F9 CC FE 00", INTERNAL]),
+        ("18EAFF27: CC FE 00", &[INTERNAL]),
+    ] {
+        let mut valve = Rig::claimed();
+        valve.sense(|senses| senses.temperature_c = 130);
+        valve.advance_cyclic(300, BLOCK);
+        valve.sense(|senses| senses.temperature_c = 25);
+        settle(&mut valve);
+        valve.write_time = Duration::from_millis(50);
+        valve.writes_fail = true;
+        valve.send(request);
+        valve.advance_news(49, &[]);
+        valve.advance_news(1, refused);
+        expect_dm2(&mut valve, "18FECB83: 04 FF F1 8F 90 01 FF FF");
+        valve.writes_fail = false;
+        valve.send(DM3_REQUEST);
+        valve.advance(50);
+        let mut sent = valve.take_news();
+        sent.sort();
+        assert_eq!(sent, [DM3_DONE, DM1_CLEAR], "{request}");
+        expect_dm2(&mut valve, DM2_NONE);
+    }
 }
 
 /// An empty list needs no memory: acknowledged at once, whether that is slow or fails.
