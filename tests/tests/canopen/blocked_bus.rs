@@ -110,32 +110,6 @@ fn no_emcy_in_stopped() {
     assert_eq!(valve.read(0x1003, 1), 0x0001_1000, "logged");
 }
 
-#[test]
-fn heartbeats_tell_the_present_state() {
-    for (command, state) in [("01", "05"), ("02", "04")] {
-        let mut valve = Rig::booted();
-        assert_eq!(valve.write(0x1017, 0, 2, 100), Ok(()));
-        valve.take();
-        valve.hold_bus(true);
-        valve.advance(100);
-        valve.send(&format!("000: {command} 20"));
-        valve.advance(100);
-        valve.free_bus_sends(&[format!("720: {state}")]);
-    }
-}
-
-/// A state that changes while the heartbeat waits is told by that heartbeat.
-#[test]
-fn a_waiting_heartbeat_tells_the_state_as_it_is_sent() {
-    let mut valve = Rig::booted();
-    assert_eq!(valve.write(0x1017, 0, 2, 1000), Ok(()));
-    valve.take();
-    valve.hold_bus(true);
-    valve.advance(1000);
-    valve.send("000: 01 20");
-    valve.free_bus_sends(&["720: 05"]);
-}
-
 /// Several set-points on a held bus: one TPDO, sampled when it is sent.
 #[test]
 fn tpdos_tell_the_present_state() {
@@ -221,18 +195,6 @@ fn a_waiting_emcy_and_a_write_of_another_object() {
     valve.sense(|senses| senses.internal_fault = true);
     valve.send("620: 23 05 10 00 90 00 00 00");
     valve.free_bus_sends(&["0A0: 00 10 01 01 00 00 00 00", "5A0: 60 05 10 00 00 00 00 00"]);
-}
-
-/// A heartbeat that was switched off is not sent.
-#[test]
-fn no_heartbeat_that_is_off() {
-    let mut valve = Rig::booted();
-    assert_eq!(valve.write(0x1017, 0, 2, 100), Ok(()));
-    valve.take();
-    valve.hold_bus(true);
-    valve.advance(100);
-    valve.send("620: 2B 17 10 00 00 00 00 00");
-    valve.free_bus_sends(&["5A0: 60 17 10 00 00 00 00 00"]);
 }
 
 /// Answers do not go stale, and each request is answered or counted, whoever asked.

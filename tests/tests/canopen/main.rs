@@ -14,7 +14,6 @@ mod error_history;
 mod fault_log;
 mod faults;
 mod filters;
-mod heartbeat;
 mod led;
 mod lss;
 mod monitors;

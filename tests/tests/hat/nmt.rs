@@ -2,7 +2,6 @@
 
 use protocol_core::controller::BusErrorMode;
 use protocol_core::memory::RecordKey;
-use protocol_core::time::Duration;
 use tests::Rig;
 
 use super::{SAVE, booted};
@@ -38,32 +37,6 @@ impl WriteAnyway for Rig {
         let [a, b, ..] = value.to_le_bytes();
         self.send(&format!("601: {:02X} {low:02X} {high:02X} 00 {a:02X} {b:02X} 00 00", 0x23 | (4 - size) << 2));
         self.take_next().map(drop)
-    }
-}
-
-#[test]
-fn boots_into_pre_operational_and_obeys_all_five_commands() {
-    let mut rig = booted();
-    assert_eq!(state(&mut rig), 0x7F);
-    for (command, entered) in [("000: 01 01", 0x05), ("000: 02 01", 0x04), ("000: 80 00", 0x7F), ("000: 01 02", 0x7F)] {
-        rig.exchange(command, &[]);
-        assert_eq!(state(&mut rig), entered, "{command}");
-    }
-    rig.exchange("000: 81 01", &["701: 00"]);
-    rig.exchange("000: 82 01", &["701: 00"]);
-}
-
-#[test]
-fn the_heartbeat_has_no_step_of_10_ms() {
-    let mut rig = booted();
-    for time in [1, 7, 0xFFFF_u32] {
-        let start = rig.now();
-        assert_eq!(rig.write(0x1017, 0, 2, time), Ok(()));
-        rig.advance(u64::from(time) * 3);
-        let sent: Vec<_> = rig.take_timed().iter().map(|(at, _)| at.as_millis() - start.as_millis()).collect();
-        let time = u64::from(time);
-        assert_eq!(sent, [0, time, 2 * time, 3 * time]);
-        assert_eq!(rig.write(0x1017, 0, 2, 0), Ok(()));
     }
 }
 
@@ -196,20 +169,6 @@ fn of_two_errors_of_one_instant_the_first_acts() {
             rig.sense_hat(|senses| senses.bus = BusErrorMode::ErrorActive);
         };
         assert_eq!(reaction(2, controller_error, both), entered, "{controller_error}, {bus_off}");
-    }
-}
-
-#[test]
-fn a_wider_reset_replaces_one_that_waits() {
-    let mut rig = booted();
-    rig.internal_fault_comes_and_goes();
-    rig.take();
-    for (command, entries) in [("000: 82 00", 1), ("000: 81 00", 0)] {
-        rig.write_time = Duration::from_millis(10);
-        rig.send("601: 23 10 10 02 73 61 76 65");
-        rig.silent_to(&["000: 82 00", command]);
-        rig.advance_sends(10, &["701: 00"]);
-        assert_eq!(rig.read(0x1003, 0), entries, "{command}");
     }
 }
 

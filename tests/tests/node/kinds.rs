@@ -22,6 +22,10 @@ pub(super) struct Kind {
 pub(super) struct Rules {
     /// A reset EMCY follows the boot-up.
     pub(super) reset_emcy: bool,
+    /// The heartbeat runs at the next multiple of this.
+    pub(super) heartbeat_step_ms: u64,
+    /// The longest time of the heartbeat.
+    pub(super) heartbeat_max_ms: u32,
     /// The EMCY of an internal fault of a node without another, and its entry in 0x1003.
     pub(super) internal_fault: (&'static str, u32),
     /// What "configure node ID" refuses with.
@@ -45,6 +49,8 @@ pub(super) struct Rules {
 /// SPEC 3, 4.
 const VALVE: Rules = Rules {
     reset_emcy: true,
+    heartbeat_step_ms: 10,
+    heartbeat_max_ms: 0x7FFF,
     internal_fault: ("00 10 01 01 00 00 00 00", 0x0001_1000),
     refused_node_id: "11 01",
     node_id_can_go: false,
@@ -60,6 +66,8 @@ const VALVE_BIT_RATES: [(u8, BitRate); 3] = [(2, Kbit500), (3, Kbit250), (4, Kbi
 /// SPEC 9.
 const SENSOR: Rules = Rules {
     reset_emcy: false,
+    heartbeat_step_ms: 1,
+    heartbeat_max_ms: 0xFFFF,
     internal_fault: ("00 FF 81 02 00 00 00 00", 0x0002_FF00),
     refused_node_id: "11 FF",
     node_id_can_go: true,

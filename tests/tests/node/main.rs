@@ -2,7 +2,9 @@
 
 mod bit_rate;
 mod fast_scan;
+mod heartbeat;
 mod kinds;
 mod lss;
+mod nmt;
 mod object_dictionary;
 mod storage;
