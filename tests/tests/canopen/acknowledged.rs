@@ -5,14 +5,14 @@ use protocol_core::controller::BitRate;
 use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::memory::RecordKey;
 use protocol_core::time::Duration;
-use tests::Rig;
+use tests::{Rig, lss};
 
-use super::{BOOT, CLEAR, COUNTERS_CLEARED, LOAD, LOADED, LSS_STORE, SAVE, SAVED};
+use super::{BOOT, CLEAR, COUNTERS_CLEARED, LOAD, LOADED, SAVE, SAVED};
 
 const NOT_SAVED: &str = "5A0: 80 10 10 01 00 00 06 06";
 const NOT_LOADED: &str = "5A0: 80 11 10 01 00 00 06 06";
-const CONFIGURE: &str = "7E5: 04 01 00 00 00 00 00 00";
-const LSS_STORED: &str = "7E4: 17 00 00 00 00 00 00 00";
+const CONFIGURE: &str = lss::TO_CONFIGURATION;
+const LSS_STORED: &str = lss::STORED;
 const RATE_500K: &str = "7E5: 13 00 02 00 00 00 00 00";
 const RATE_TAKEN: &str = "7E4: 13 00 00 00 00 00 00 00";
 const UDS_WRITE: &str = "1BC78820: 04 2E 10 01 30";
@@ -123,7 +123,7 @@ fn load_of_a_blank_valve() {
     let assign = |valve: &mut Rig, id: u8| {
         valve.send(CONFIGURE);
         valve.exchange(&format!("7E5: 11 {id:02X} 00 00 00 00 00 00"), &["7E4: 11 00 00 00 00 00 00 00"]);
-        valve.send("7E5: 04 00 00 00 00 00 00 00");
+        valve.send(lss::TO_WAITING);
         let booted = [format!("7{id:02X}: 00"), format!("{:03X}: 00 00 00 00 00 00 00 00", 0x80 + u16::from(id))];
         assert_eq!(valve.take(), booted);
     };
@@ -211,11 +211,11 @@ fn lss_store_leaves_what_uds_wrote() {
     let mut valve = Rig::booted();
     valve.exchange(CONFIGURE, &[]);
     valve.exchange("7E5: 11 21 00 00 00 00 00 00", &["7E4: 11 00 00 00 00 00 00 00"]);
-    valve.exchange("7E5: 04 00 00 00 00 00 00 00", &["721: 00", "0A1: 00 00 00 00 00 00 00 00"]);
+    valve.exchange(lss::TO_WAITING, &["721: 00", "0A1: 00 00 00 00 00 00 00 00"]);
     valve.exchange(CONFIGURE, &[]);
     valve.exchange(RATE_500K, &[RATE_TAKEN]);
     valve.write_time = Duration::from_millis(50);
-    valve.send_all(&["1BC78821: 04 2E 10 01 30", LSS_STORE]);
+    valve.send_all(&["1BC78821: 04 2E 10 01 30", lss::STORE]);
     valve.advance_sends(100, &[UDS_WRITTEN, LSS_STORED]);
     valve.power_cycle();
     assert_eq!((valve.node_id(), valve.device().bit_rate()), (Some(0x30), BitRate::Kbit500));
@@ -227,11 +227,11 @@ fn lss_store_leaves_a_rate_that_nobody_configured() {
     let mut valve = Rig::booted();
     valve.exchange(CONFIGURE, &[]);
     valve.exchange(RATE_500K, &[RATE_TAKEN]);
-    valve.exchange(LSS_STORE, &[LSS_STORED]);
+    valve.exchange(lss::STORE, &[LSS_STORED]);
     // What is pending is dropped.
     valve.silent_to(&["000: 01 00", "000: 80 00", CONFIGURE, "7E5: 15 0A 00 00 00 00 00 00"]);
     valve.advance(20);
-    valve.exchange(LSS_STORE, &[LSS_STORED]);
+    valve.exchange(lss::STORE, &[LSS_STORED]);
     valve.power_cycle();
     assert_eq!(valve.device().bit_rate(), BitRate::Kbit500);
 }
@@ -242,7 +242,8 @@ mod uds_waits {
 
     #[test]
     fn for_other_writes() {
-        let cases: [(&str, u64, fn(&mut Rig)); 5] = [
+        type Case = (&'static str, u64, fn(&mut Rig));
+        let cases: [Case; 5] = [
             ("the first start", 50, |valve| {
                 valve.records.clear();
                 valve.power_cycle();
@@ -271,7 +272,7 @@ mod uds_waits {
         valve.exchange(CONFIGURE, &[]);
         valve.exchange(RATE_500K, &[RATE_TAKEN]);
         valve.write_time = Duration::from_millis(50);
-        valve.send(LSS_STORE);
+        valve.send(lss::STORE);
         ask(&mut valve, UDS_WRITE, UDS_WRITTEN);
         valve.power_cycle();
         assert_eq!((valve.node_id(), valve.device().bit_rate()), (Some(0x30), BitRate::Kbit500));

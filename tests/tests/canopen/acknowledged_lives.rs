@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use protocol_core::controller::BitRate;
 use protocol_core::time::Duration;
-use tests::Rig;
+use tests::{Rig, lss};
 
 /// 0x1028:1 when it is off, the default.
 const DEFAULT: u32 = 0x8000_0000;
@@ -76,7 +76,7 @@ impl Life {
         let own = valve.node_id().expect("a node ID");
         valve.take();
         let parameter = valve.read(0x1028, 1);
-        valve.send("7E5: 04 01 00 00 00 00 00 00");
+        valve.send(lss::TO_CONFIGURATION);
         valve.take();
         Self {
             parameter: Kept::found(parameter),
@@ -102,7 +102,7 @@ impl Life {
             }
             Event::Rate(rate) => {
                 valve.send(&format!("7E5: 13 00 {:02X} 00 00 00 00 00", rate.table_index()));
-                valve.send("7E5: 17 00 00 00 00 00 00 00");
+                valve.send(lss::STORE);
                 self.rate.values.push(rate);
             }
             Event::NodeId(node_id) => {
@@ -120,7 +120,7 @@ impl Life {
                 Some(loaded) if loaded.starts_with("1 10") => self.load_acknowledged = true,
                 _ => {}
             }
-            self.rate.acknowledged += usize::from(frame == "7E4: 17 00 00 00 00 00 00 00");
+            self.rate.acknowledged += usize::from(frame == lss::STORED);
             self.node_id.acknowledged += usize::from(frame == "1BC408F1: 03 6E 10 01");
         }
     }

@@ -5,7 +5,10 @@ use std::collections::BTreeSet;
 
 use protocol_core::controller::BitRate;
 use protocol_core::time::Duration;
+use tests::lss;
 use tests::{Rig, frame};
+
+use super::{CLEAR, COUNTERS_CLEARED, LOAD, LOADED, SAVE, SAVED};
 
 /// What a client can have stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -26,20 +29,20 @@ impl Store {
 
     const fn request(self) -> &'static str {
         match self {
-            Save => "620: 23 10 10 01 73 61 76 65",
-            Load => "620: 23 11 10 01 6C 6F 61 64",
-            ClearCounters => "620: 23 11 10 05 70 6B 64 73",
-            Lss => "7E5: 17 00 00 00 00 00 00 00",
+            Save => SAVE,
+            Load => LOAD,
+            ClearCounters => CLEAR,
+            Lss => lss::STORE,
             Uds => "1BC78820: 04 2E 10 01 30",
         }
     }
 
     const fn acknowledgement(self) -> &'static str {
         match self {
-            Save => "5A0: 60 10 10 01 00 00 00 00",
-            Load => "5A0: 60 11 10 01 00 00 00 00",
-            ClearCounters => "5A0: 60 11 10 05 00 00 00 00",
-            Lss => "7E4: 17 00 00 00 00 00 00 00",
+            Save => SAVED,
+            Load => LOADED,
+            ClearCounters => COUNTERS_CLEARED,
+            Lss => lss::STORED,
             Uds => "1BC408F1: 03 6E 10 01",
         }
     }
@@ -70,7 +73,7 @@ fn prepared(executing_load: bool) -> Rig {
         valve.start_anew();
     }
     valve.write(0x1028, 1, 4, OWN).unwrap();
-    valve.exchange("7E5: 04 01 00 00 00 00 00 00", &[]);
+    valve.exchange(lss::TO_CONFIGURATION, &[]);
     valve.exchange("7E5: 13 00 02 00 00 00 00 00", &["7E4: 13 00 00 00 00 00 00 00"]);
     valve.write_time = WRITE_TIME;
     valve.take();

@@ -2,7 +2,7 @@
 
 use protocol_core::controller::BitRate;
 use protocol_core::time::Duration;
-use tests::Rig;
+use tests::{Rig, lss};
 
 use super::{BOOT, INTERNAL_ERROR};
 
@@ -12,7 +12,7 @@ const ACTIVATE: &str = "7E5: 15 64 00 00 00 00 00 00";
 /// A valve on a held bus, with 500 kbit/s pending.
 fn held() -> Rig {
     let mut valve = Rig::booted();
-    valve.exchange("7E5: 04 01 00 00 00 00 00 00", &[]);
+    valve.exchange(lss::TO_CONFIGURATION, &[]);
     valve.exchange("7E5: 13 00 02 00 00 00 00 00", &["7E4: 13 00 00 00 00 00 00 00"]);
     valve.hold_bus(true);
     valve
@@ -31,7 +31,7 @@ fn switches_silently(valve: &mut Rig) {
 /// The bus is free again before the switch: what waits would be at the old rate, in the silence.
 #[test]
 fn answers_are_not_sent_in_the_silence() {
-    for request in ["620: 40 00 10 00 00 00 00 00", "7E5: 5E 00 00 00 00 00 00 00", "1BC78820: 03 22 F0 10"] {
+    for request in ["620: 40 00 10 00 00 00 00 00", lss::INQUIRE_NODE_ID, "1BC78820: 03 22 F0 10"] {
         let mut valve = held();
         valve.send_all(&[request, ACTIVATE]);
         valve.hold_bus(false);
@@ -111,7 +111,7 @@ fn a_boot_up_waits_for_the_end_of_the_silence() {
         valve.hold_bus(true);
         valve.power_cycle();
         assert_eq!(valve.pending(), 1);
-        valve.send_all(&["7E5: 04 01 00 00 00 00 00 00", "7E5: 13 00 02 00 00 00 00 00", ACTIVATE]);
+        valve.send_all(&[lss::TO_CONFIGURATION, "7E5: 13 00 02 00 00 00 00 00", ACTIVATE]);
         if free {
             valve.hold_bus(false);
         }

@@ -2,7 +2,7 @@
 //! story (SPEC 4.2).
 
 use protocol_core::controller::BusErrorMode;
-use tests::Rig;
+use tests::{Rig, lss};
 
 use super::CLEARED;
 
@@ -206,7 +206,7 @@ fn every_request_is_answered_or_counted() {
     for round in 0..20 {
         valve.send(&format!("1BC{:05X}: 03 22 F0 10", 0x78820 + (round << 11)));
         asked.push(format!("1BC{:05X}: 04 62 F0 10 A5", 0x10000 | (0xF1 + round)));
-        valve.send_all(&["7E5: 04 01 00 00 00 00 00 00", "7E5: 5E 00 00 00 00 00 00 00"]);
+        valve.send_all(&[lss::TO_CONFIGURATION, lss::INQUIRE_NODE_ID]);
         asked.push("7E4: 5E 20 00 00 00 00 00 00".to_owned());
         valve.send("620: 40 01 10 00 00 00 00 00");
         asked.push("5A0: 4F 01 10 00 00 00 00 00".to_owned());

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use tests::Rig;
 
-use super::SAVE;
+use super::{SAVE, SAVED};
 
 const INIT: u32 = 0x08;
 const DISABLED: u32 = 0x09;
@@ -416,7 +416,7 @@ proptest! {
     fn any_walk_through_the_states(steps in prop::collection::vec(step(), 1..60)) {
         let mut valve = Rig::booted();
         valve.write(0x1028, 1, 4, 0xA1).unwrap();
-        valve.exchange(SAVE, &["5A0: 60 10 10 01 00 00 00 00"]);
+        valve.exchange(SAVE, &[SAVED]);
         let mut model = Model { state: INIT, reset_begun: false, fault: false, nmt: 0x80 };
         for step in steps {
             model.take(step);

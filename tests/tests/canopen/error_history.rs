@@ -3,7 +3,7 @@
 use protocol_core::controller::BusErrorMode::{BusOff, ErrorActive};
 use tests::Rig;
 
-use super::BOOT;
+use super::{BOOT, SAVE, SAVED};
 
 const NO_DATA: u32 = 0x0800_0024;
 
@@ -90,7 +90,7 @@ fn it_survives_reset_communication_alone() {
     let mut rig = Rig::booted();
     internal(&mut rig);
     bus_off(&mut rig);
-    rig.exchange("620: 23 10 10 01 73 61 76 65", &["5A0: 60 10 10 01 00 00 00 00"]);
+    rig.exchange(SAVE, &[SAVED]);
     rig.exchange("000: 82 00", &BOOT);
     assert_history(&mut rig, &[0x0001_8140, 0x0001_1000]);
     rig.exchange("000: 81 00", &BOOT);

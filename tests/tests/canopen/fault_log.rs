@@ -2,9 +2,9 @@
 
 use protocol_core::memory::RecordKey;
 use protocol_core::time::Duration;
-use tests::Rig;
+use tests::{Rig, lss};
 
-use super::{CLEAR, COUNTERS_CLEARED};
+use super::{CLEAR, COUNTERS_CLEARED, SAVE};
 
 fn fault(valve: &mut Rig) {
     valve.internal_fault_comes_and_goes();
@@ -50,9 +50,9 @@ fn nothing_is_written_without_a_change() {
 fn before_a_restart_on_command() {
     let by_nmt: fn(&mut Rig) = |valve| valve.send("000: 81 00");
     let by_lss: fn(&mut Rig) = |valve| {
-        valve.send("7E5: 04 01 00 00 00 00 00 00");
+        valve.send(lss::TO_CONFIGURATION);
         valve.send("7E5: 11 21 00 00 00 00 00 00");
-        valve.send("7E5: 04 00 00 00 00 00 00 00");
+        valve.send(lss::TO_WAITING);
     };
     let by_communication: fn(&mut Rig) = |valve| {
         valve.send("000: 82 00");
@@ -199,7 +199,7 @@ fn a_clearing_that_fails_is_not_followed_by_a_write_at_once() {
 fn a_clearing_that_fails_while_a_restart_waits() {
     let mut valve = Rig::booted();
     valve.write_time = Duration::from_millis(50);
-    valve.send("620: 23 10 10 01 73 61 76 65");
+    valve.send(SAVE);
     fault(&mut valve);
     valve.send(CLEAR);
     valve.failing_writes = [1].into();

@@ -3,7 +3,7 @@
 use protocol_core::controller::BusErrorMode;
 use tests::{Rig, Senses};
 
-use super::CLEARED;
+use super::{CLEARED, SAVE, SAVED};
 
 /// A cause that is sensed: what brings the fault, what is just not enough, and what ends it.
 struct Row {
@@ -363,7 +363,7 @@ mod memory {
         valve.writes_fail = false;
         valve.expect_nothing();
         valve.sense_sends(|senses| senses.internal_fault = false, &[]);
-        valve.exchange("620: 23 10 10 01 73 61 76 65", &[CLEARED, "5A0: 60 10 10 01 00 00 00 00"]);
+        valve.exchange(SAVE, &[CLEARED, SAVED]);
         assert_eq!(valve.read(0x2024, 0), 1);
     }
 }

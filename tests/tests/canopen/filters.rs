@@ -2,6 +2,7 @@
 
 use protocol_core::controller::Filters;
 use protocol_core::device::pve::{Kind, Setup};
+use tests::lss;
 use tests::{Rig, frame};
 
 /// Whether a frame of each of these identifiers is let through.
@@ -48,10 +49,10 @@ fn filters_follow_the_cob_ids() {
 #[test]
 fn filters_follow_the_node_id() {
     let mut rig = Rig::booted();
-    for request in ["000: 02 00", "7E5: 04 01 00 00 00 00 00 00", "7E5: 11 17 00 00 00 00 00 00"] {
+    for request in ["000: 02 00", lss::TO_CONFIGURATION, "7E5: 11 17 00 00 00 00 00 00"] {
         rig.send(request);
     }
-    rig.send("7E5: 04 00 00 00 00 00 00 00");
+    rig.send(lss::TO_WAITING);
     rig.advance(100);
     assert_eq!(rig.node_id(), Some(0x17));
     expect(rig.filters(), &["217: 0F 00", "617: 40", "1BC78817: 03"], &["220: 0F 00", "620: 40", "1BC78820: 03"]);

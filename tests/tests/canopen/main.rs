@@ -51,5 +51,3 @@ const LOADED: &str = "5A0: 60 11 10 01 00 00 00 00";
 const CLEAR: &str = "620: 23 11 10 05 70 6B 64 73";
 /// The answer to [`CLEAR`].
 const COUNTERS_CLEARED: &str = "5A0: 60 11 10 05 00 00 00 00";
-/// LSS store.
-const LSS_STORE: &str = "7E5: 17 00 00 00 00 00 00 00";

@@ -2,9 +2,9 @@
 
 use protocol_core::controller::BusErrorMode;
 use protocol_core::time::Duration;
-use tests::Rig;
+use tests::{Rig, lss};
 
-use super::{BOOT, CLEARED};
+use super::{BOOT, CLEARED, SAVE};
 
 const TEMPERATURE: &str = "0A0: 01 83 09 01 00 00 00 00";
 
@@ -116,7 +116,7 @@ fn a_fault_that_falls_due_during_a_reset_is_told_once() {
         valve.write_time = Duration::from_millis(save_ms);
         valve.sense(|senses| senses.temperature_c = 130);
         valve.advance(200);
-        valve.send("620: 23 10 10 01 73 61 76 65");
+        valve.send(SAVE);
         valve.exchange("000: 82 00", &[]);
         // The fault log is written before the restart when the fault falls due before it.
         valve.advance(2 * save_ms);
@@ -134,7 +134,7 @@ fn a_bus_off_that_begins_during_a_reset() {
     for (reset, count) in [("000: 81 00", 2), ("000: 82 00", 1)] {
         let mut valve = Rig::booted();
         valve.write_time = Duration::from_millis(50);
-        valve.send_all(&["620: 23 10 10 01 73 61 76 65", reset]);
+        valve.send_all(&[SAVE, reset]);
         valve.advance(25);
         valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
         valve.silent_for(1000);
@@ -163,8 +163,8 @@ fn stopped_lets_only_nmt_heartbeat_lss_and_uds_through() {
     }
     valve.advance_sends(100, &["720: 04"]);
     valve.exchange("1BC78820: 03 22 F0 10", &["1BC100F1: 04 62 F0 10 A5"]);
-    valve.exchange("7E5: 04 01 00 00 00 00 00 00", &[]);
-    valve.exchange("7E5: 5E 00 00 00 00 00 00 00", &["7E4: 5E 20 00 00 00 00 00 00"]);
+    valve.exchange(lss::TO_CONFIGURATION, &[]);
+    valve.exchange(lss::INQUIRE_NODE_ID, &["7E4: 5E 20 00 00 00 00 00 00"]);
     valve.exchange("000: 80 00", &[]);
     assert_eq!((valve.read(0x6042, 0), valve.read(0x6300, 1), valve.status()), (1, 0, 0x03));
 }

@@ -2,6 +2,8 @@
 
 use tests::Rig;
 
+use super::{SAVE, SAVED};
+
 const OFF: u32 = 0x8000_0000;
 const INVALID_VALUE: u32 = 0x0609_0030;
 
@@ -22,7 +24,7 @@ fn any_value_with_bit_31_switches_a_pdo_off() {
             valve.send("000: 01 20");
             valve.exchange("220: 0F 00 00 00", &[]);
             // Stored and loaded as it was written.
-            valve.exchange("620: 23 10 10 01 73 61 76 65", &["5A0: 60 10 10 01 00 00 00 00"]);
+            valve.exchange(SAVE, &[SAVED]);
             valve.start_anew();
             assert_eq!(valve.read(communication, 1), value);
         }
@@ -76,7 +78,7 @@ fn a_pdo_with_nothing_mapped() {
         valve.send_all(&["000: 01 20", "220: 01 00 00 00", "220:"]);
         valve.expect_nothing();
         // "save" keeps it off.
-        valve.exchange("620: 23 10 10 01 73 61 76 65", &["5A0: 60 10 10 01 00 00 00 00"]);
+        valve.exchange(SAVE, &[SAVED]);
         valve.start_anew();
         assert_eq!((valve.read(communication, 1), valve.read(mapping, 0)), (OFF | identifier, 0));
 

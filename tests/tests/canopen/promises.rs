@@ -6,9 +6,10 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use protocol_core::controller::BusErrorMode;
 use protocol_core::time::Duration;
+use tests::lss;
 use tests::{Rig, unanswered};
 
-use super::CLEARED;
+use super::{CLEARED, SAVE};
 
 /// What can happen to a valve and its bus.
 #[derive(Clone, Copy, Debug)]
@@ -71,7 +72,7 @@ fn act(valve: &mut Rig, event: Event) {
         Event::Rpdo(word) => valve.send(&format!("220: {word:02X} 00 00 00")),
         Event::WriteTime(ms) => valve.write_time = Duration::from_millis(ms),
         Event::WritesFail(fail) => valve.writes_fail = fail,
-        Event::Save => valve.send("620: 23 10 10 01 73 61 76 65"),
+        Event::Save => valve.send(SAVE),
     }
 }
 
@@ -86,7 +87,7 @@ fn free_the_bus(valve: &mut Rig) {
 const REQUESTS: [(&str, &str); 5] = [
     ("620: 40 00 10 00 00 00 00 00", "5A0: 43 00 10 00 98 01 00 00"),
     ("620: 40 99 99 00 00 00 00 00", "5A0: 80 99 99 00 00 00 02 06"),
-    ("7E5: 5E 00 00 00 00 00 00 00", "7E4: 5E 20 00 00 00 00 00 00"),
+    (lss::INQUIRE_NODE_ID, "7E4: 5E 20 00 00 00 00 00 00"),
     ("1BC78820: 03 22 F0 10", "1BC100F1: 04 62 F0 10 A5"),
     ("1BC79020: 02 10 03", "1BC100F2: 03 7F 10 11"),
 ];
@@ -193,7 +194,7 @@ proptest! {
         1..150,
     )) {
         let mut valve = Rig::booted();
-        valve.exchange("7E5: 04 01 00 00 00 00 00 00", &[]);
+        valve.exchange(lss::TO_CONFIGURATION, &[]);
         assert_eq!(valve.write(0x1017, 0, 2, 100), Ok(()));
         let mut asked = [0_usize; REQUESTS.len()];
         let mut sent = Vec::new();

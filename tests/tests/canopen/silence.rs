@@ -6,7 +6,10 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use protocol_core::controller::BusErrorMode;
 use protocol_core::time::{Duration, Instant, after};
+use tests::lss;
 use tests::{Rig, unanswered};
+
+use super::{CLEAR, SAVE, SAVED};
 
 /// The delay of the activation, in ms, which runs twice.
 const DELAY_MS: u64 = 50;
@@ -14,8 +17,8 @@ const DELAY_MS: u64 = 50;
 /// A request, and its answer.
 const REQUESTS: [(&str, &str); 4] = [
     ("620: 40 00 10 00 00 00 00 00", "5A0: 43 00 10 00 98 01 00 00"),
-    ("620: 23 10 10 01 73 61 76 65", "5A0: 60 10 10 01 00 00 00 00"),
-    ("7E5: 5E 00 00 00 00 00 00 00", "7E4: 5E 20 00 00 00 00 00 00"),
+    (SAVE, SAVED),
+    (lss::INQUIRE_NODE_ID, "7E4: 5E 20 00 00 00 00 00 00"),
     ("1BC78820: 03 22 F0 10", "1BC100F1: 04 62 F0 10 A5"),
 ];
 
@@ -38,10 +41,10 @@ fn event() -> impl Strategy<Value = Event> {
         "000: 02 20",
         "000: 01 20",
         "220: 0F 00 00 00",
-        "7E5: 04 01 00 00 00 00 00 00",
+        lss::TO_CONFIGURATION,
         "7E5: 13 00 02 00 00 00 00 00",
-        "7E5: 17 00 00 00 00 00 00 00",
-        "620: 23 11 10 05 70 6B 64 73",
+        lss::STORE,
+        CLEAR,
         "620: 2B 17 10 00 14 00 00 00",
     ];
     prop_oneof![
@@ -61,7 +64,7 @@ fn act(valve: &mut Rig, event: Event) {
         Event::Request(number) => valve.send(REQUESTS[number].0),
         Event::Other(frame) => valve.send(frame),
         Event::Activate => {
-            valve.send_all(&["7E5: 04 01 00 00 00 00 00 00", &format!("7E5: 15 {DELAY_MS:02X} 00 00 00 00 00 00")]);
+            valve.send_all(&[lss::TO_CONFIGURATION, &format!("7E5: 15 {DELAY_MS:02X} 00 00 00 00 00 00")]);
         }
         Event::HoldBus(held) => valve.hold_bus(held),
         Event::BusOff(off) => {
@@ -110,7 +113,7 @@ proptest! {
     #[test]
     fn each_request_is_answered_or_counted(events in vec(event(), 1..80), write_ms in 0..=60_u64) {
         let mut valve = Rig::booted();
-        valve.send("7E5: 04 01 00 00 00 00 00 00");
+        valve.send(lss::TO_CONFIGURATION);
         valve.write_time = Duration::from_millis(write_ms);
         let mut asked = [0_usize; REQUESTS.len()];
         let mut sent = Vec::new();

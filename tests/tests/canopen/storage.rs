@@ -8,16 +8,16 @@ use std::collections::BTreeMap;
 use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::memory::RecordKey;
 use protocol_core::time::Duration;
-use tests::Rig;
+use tests::{Rig, lss};
 
-use super::{BOOT, CLEAR, CLEARED, COUNTERS_CLEARED, INTERNAL_ERROR, LOAD, LOADED, LSS_STORE, SAVE, SAVED};
+use super::{BOOT, CLEAR, CLEARED, COUNTERS_CLEARED, INTERNAL_ERROR, LOAD, LOADED, SAVE, SAVED};
 
 /// What asks for a write: the request, its answer, the answer when the memory fails, and the record.
 const REQUESTS: [(&str, &str, &str, RecordKey); 5] = [
     (SAVE, SAVED, "5A0: 80 10 10 01 00 00 06 06", RecordKey::Parameters),
     (LOAD, LOADED, "5A0: 80 11 10 01 00 00 06 06", RecordKey::RestoreFlag),
     (CLEAR, COUNTERS_CLEARED, "5A0: 80 11 10 05 00 00 06 06", RecordKey::FaultLog),
-    (LSS_STORE, "7E4: 17 00 00 00 00 00 00 00", "7E4: 17 02 00 00 00 00 00 00", RecordKey::LocalLayer),
+    (lss::STORE, lss::STORED, "7E4: 17 02 00 00 00 00 00 00", RecordKey::LocalLayer),
     ("1BC78820: 04 2E 10 01 21", "1BC408F1: 03 6E 10 01", "1BC408F1: 03 7F 2E 72", RecordKey::LocalLayer),
 ];
 
@@ -33,7 +33,7 @@ const DEFAULTS: [u32; 4] = [0x80, 0, 0x8000_0000, 0xFF];
 
 fn configuring() -> Rig {
     let mut valve = Rig::booted();
-    valve.exchange("7E5: 04 01 00 00 00 00 00 00", &[]);
+    valve.exchange(lss::TO_CONFIGURATION, &[]);
     valve
 }
 
@@ -223,8 +223,8 @@ fn a_bit_rate_while_a_node_id_is_stored() {
     let mut valve = slow(50);
     valve.exchange("1BC78820: 04 2E 10 01 21", &[]);
     valve.exchange("7E5: 13 00 02 00 00 00 00 00", &["7E4: 13 00 00 00 00 00 00 00"]);
-    valve.exchange(LSS_STORE, &[]);
-    valve.advance_sends(100, &["1BC408F1: 03 6E 10 01", "7E4: 17 00 00 00 00 00 00 00"]);
+    valve.exchange(lss::STORE, &[]);
+    valve.advance_sends(100, &["1BC408F1: 03 6E 10 01", lss::STORED]);
     valve.power_cycle();
     assert_eq!((valve.node_id(), valve.device().bit_rate().bits_per_second()), (Some(0x21), 500_000));
 }
@@ -234,8 +234,8 @@ fn a_bit_rate_while_a_node_id_is_stored() {
 fn writes_one_after_the_other() {
     let mut valve = slow(50);
     valve.writes.clear();
-    valve.silent_to(&[SAVE, LSS_STORE]);
+    valve.silent_to(&[SAVE, lss::STORE]);
     valve.advance_sends(50, &[SAVED]);
-    valve.advance_sends(50, &["7E4: 17 00 00 00 00 00 00 00"]);
+    valve.advance_sends(50, &[lss::STORED]);
     assert_eq!(valve.writes, [RecordKey::Parameters, RecordKey::LocalLayer]);
 }

@@ -4,6 +4,8 @@ use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::time::Duration;
 use tests::Rig;
 
+use super::{SAVE, SAVED};
+
 /// From tool 0xF1 to node 0x20, and back.
 const REQUEST: &str = "1BC78820";
 const ANSWER: &str = "1BC100F1";
@@ -181,13 +183,13 @@ fn the_manuals_example() {
 fn while_the_memory_is_written() {
     let mut valve = Rig::booted();
     valve.write_time = Duration::from_millis(50);
-    valve.exchange("620: 23 10 10 01 73 61 76 65", &[]);
+    valve.exchange(SAVE, &[]);
     // it waits for the memory, and is under way
     ask(&mut valve, "04 2E 10 01 21", NODE_ID_ANSWER, "");
     ask(&mut valve, "04 2E 10 01 80", NODE_ID_ANSWER, "03 7F 2E 31");
     ask(&mut valve, "04 2E F0 10 00", ANSWER, "03 7F 2E 33");
     ask(&mut valve, "03 22 10 01", ANSWER, "04 62 10 01 20");
-    valve.advance_sends(50, &["5A0: 60 10 10 01 00 00 00 00"]);
+    valve.advance_sends(50, &[SAVED]);
     // not stored yet
     ask(&mut valve, "03 22 10 01", ANSWER, "04 62 10 01 20");
     ask(&mut valve, "04 2E 10 01 22", NODE_ID_ANSWER, "03 7F 2E 22");

@@ -5,7 +5,7 @@ use protocol_core::device::hat::{Hat, Kind, Setup};
 use protocol_core::device::{Device as _, Senses, StartCause, Viewable as _};
 use protocol_core::memory::{Image, RecordKey};
 use protocol_core::time::{Duration, Instant};
-use tests::Rig;
+use tests::{Rig, lss, sdo};
 
 use super::{LOAD, SAVE, blank, booted};
 
@@ -65,7 +65,7 @@ fn bus_off_is_told_when_it_is_over() {
 fn a_reset_during_bus_off_does_not_tell_the_recovery_twice() {
     let mut rig = booted();
     rig.write_time = Duration::from_millis(10);
-    rig.send_all(&["601: 23 10 10 02 73 61 76 65", "000: 82 00"]);
+    rig.send_all(&[&sdo::write(1, 0x1010, 2, b"save"), "000: 82 00"]);
     bus(&mut rig, BusErrorMode::BusOff);
     rig.silent_for(20);
     bus(&mut rig, BusErrorMode::ErrorActive);
@@ -175,7 +175,7 @@ fn a_reset_during_bus_off_and_the_emcys_that_wait() {
     for (lasts, told) in [(true, &[BOOT_UP, "081: 00 FF 91 02 00 00 00 00"][..]), (false, &[BOOT_UP])] {
         let mut rig = booted();
         rig.write_time = Duration::from_millis(10);
-        rig.send_all(&["601: 23 10 10 02 73 61 76 65", "000: 82 00"]);
+        rig.send_all(&[&sdo::write(1, 0x1010, 2, b"save"), "000: 82 00"]);
         bus(&mut rig, BusErrorMode::BusOff);
         internal_fault(&mut rig, true);
         internal_fault(&mut rig, lasts);
@@ -271,7 +271,7 @@ fn two_damaged_records_are_one_error() {
     rig.power_cycle_sends(&[BOOT_UP, SET_UP]);
     rig.save(2);
     assert_eq!(rig.read(0x1001, 0), 0x81);
-    rig.exchange("601: 23 10 10 03 73 61 76 65", &[GONE, "581: 60 10 10 03 00 00 00 00"]);
+    rig.exchange(&sdo::write(1, 0x1010, 3, b"save"), &[GONE, &sdo::written(1, 0x1010, 3)]);
 }
 
 #[test]
@@ -351,7 +351,7 @@ fn an_error_that_no_emcy_could_tell_is_entered_when_reset_communication_tells_it
             rig.send(&format!("7E5: {request} 00 00 00 00 00 00"));
         }
         rig.take();
-        rig.exchange("7E5: 04 00 00 00 00 00 00 00", &[BOOT_UP, CONTROLLER]);
+        rig.exchange(lss::TO_WAITING, &[BOOT_UP, CONTROLLER]);
         assert_eq!(history(&mut rig), [0x0002_FF00], "what an EMCY told, stored: {stored}");
     }
 }

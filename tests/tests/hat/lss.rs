@@ -313,10 +313,10 @@ fn every_lss_store_has_its_answer() {
     for _ in 0..3 {
         rig.exchange(STORE, &[]);
     }
-    rig.send("601: 23 10 10 04 73 61 76 65");
+    rig.send(&sdo::write(1, 0x1010, 4, b"save"));
     rig.advance(100);
     let sent = rig.take();
-    assert_eq!(sent, [STORED, STORED, STORED, "581: 60 10 10 04 00 00 00 00"]);
+    assert_eq!(sent, [STORED, STORED, STORED, &sdo::written(1, 0x1010, 4)]);
     rig.power_cycle();
     assert_eq!(rig.take(), ["70C: 00"], "the demanded pair was updated before it was saved");
 }
@@ -337,7 +337,7 @@ fn what_is_demanded_while_lss_stores_stays() {
         rig.configure_node_id(12);
         rig.configure_bit_rate(4);
         if memory_is_busy {
-            rig.exchange("601: 23 10 10 03 73 61 76 65", &[]);
+            rig.exchange(&sdo::write(1, 0x1010, 3, b"save"), &[]);
         }
         rig.exchange(STORE, &[]);
         rig.advance(5);

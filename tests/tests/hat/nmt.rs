@@ -2,7 +2,7 @@
 
 use protocol_core::controller::BusErrorMode;
 use protocol_core::memory::RecordKey;
-use tests::Rig;
+use tests::{Rig, lss};
 
 use super::{SAVE, booted};
 
@@ -63,13 +63,13 @@ fn it_starts_itself_once_and_leaves_lss_configuration() {
     let mut rig = self_starting();
     rig.hold_bus(true);
     rig.power_cycle();
-    rig.send("7E5: 04 01 00 00 00 00 00 00");
+    rig.send(lss::TO_CONFIGURATION);
     rig.free_bus_sends(&["701: 00"]);
     rig.sense_hat_sends(|senses| senses.internal_fault = true, &["081: 00 FF 81 02 00 00 00 00"]);
     rig.silent_for(100);
     assert_eq!(state(&mut rig), 0x7F, "0x1029:2 has ended operational");
     rig.take();
-    rig.exchange("7E5: 5E 00 00 00 00 00 00 00", &[]);
+    rig.exchange(lss::INQUIRE_NODE_ID, &[]);
 }
 
 /// Leaving operational by itself is no start, and entering it is one, whoever leaves it.
@@ -78,9 +78,9 @@ fn it_leaves_lss_configuration_as_it_starts_itself() {
     let mut rig = self_starting();
     rig.hold_bus(true);
     rig.power_cycle();
-    rig.send("7E5: 04 01 00 00 00 00 00 00");
+    rig.send(lss::TO_CONFIGURATION);
     rig.free_bus_sends(&["701: 00"]);
-    rig.silent_to(&["000: 80 00", "7E5: 5E 00 00 00 00 00 00 00"]);
+    rig.silent_to(&["000: 80 00", lss::INQUIRE_NODE_ID]);
 }
 
 #[test]

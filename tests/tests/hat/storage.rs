@@ -8,7 +8,7 @@ use protocol_core::device::hat::{Kind, Setup};
 use protocol_core::encoder::Shaft;
 use protocol_core::memory::{RecordKey, open, seal};
 use protocol_core::time::Duration;
-use tests::Rig;
+use tests::{Rig, lss, sdo};
 
 use super::{LOAD, SAVE, booted};
 
@@ -164,11 +164,11 @@ fn a_failed_write_is_an_abort_and_no_emcy() {
 fn the_answer_comes_after_the_last_write() {
     let mut rig = booted();
     rig.write_time = Duration::from_millis(10);
-    rig.exchange("601: 23 10 10 01 73 61 76 65", &[]);
+    rig.exchange(&sdo::write(1, 0x1010, 1, b"save"), &[]);
     rig.silent_for(10);
     // Asked again during the second write: answered when both groups are stored anew.
-    rig.exchange("601: 23 10 10 01 73 61 76 65", &[]);
-    rig.silent_until(30, &["581: 60 10 10 01 00 00 00 00"]);
+    rig.exchange(&sdo::write(1, 0x1010, 1, b"save"), &[]);
+    rig.silent_until(30, &[&sdo::written(1, 0x1010, 1)]);
     rig.silent_for(100);
 }
 
@@ -277,7 +277,7 @@ fn a_record_of_another_length_is_damaged() {
 /// A client that turns to something else is answered about that alone, and when that is done.
 #[test]
 fn a_task_is_answered_by_its_own_writes() {
-    let (communication, application) = ("601: 23 10 10 02 73 61 76 65", "601: 23 10 10 03 73 61 76 65");
+    let (communication, application) = (&sdo::write(1, 0x1010, 2, b"save"), &sdo::write(1, 0x1010, 3, b"save"));
     for fails in [false, true] {
         let mut rig = booted();
         rig.write_time = Duration::from_millis(10);
@@ -287,16 +287,14 @@ fn a_task_is_answered_by_its_own_writes() {
         rig.silent_to(&[communication, application]);
         rig.silent_for(19);
         rig.advance(1);
-        assert_eq!(rig.take(), ["581: 60 10 10 03 00 00 00 00"], "the first one fails: {fails}");
+        assert_eq!(rig.take(), [sdo::written(1, 0x1010, 3)], "the first one fails: {fails}");
     }
     // Back to what still waits, behind a write for LSS: the other task's record is written later.
     let mut rig = booted();
     rig.write_time = Duration::from_millis(10);
-    for request in
-        ["7E5: 04 01 00 00 00 00 00 00", "7E5: 17 00 00 00 00 00 00 00", application, communication, application]
-    {
+    for request in [lss::TO_CONFIGURATION, lss::STORE, application, communication, application] {
         rig.exchange(request, &[]);
     }
-    rig.advance_sends(20, &["7E4: 17 00 00 00 00 00 00 00", "581: 60 10 10 03 00 00 00 00"]);
+    rig.advance_sends(20, &[lss::STORED, &sdo::written(1, 0x1010, 3)]);
     rig.silent_for(100);
 }

@@ -8,7 +8,7 @@ fn full() -> Rig {
     write_own(&mut valve);
     valve.exchange(SAVE, &[SAVED]);
     valve.exchange("7E5: 13 00 02 00 00 00 00 00", &["7E4: 13 00 00 00 00 00 00 00"]);
-    valve.exchange(LSS_STORE, &["7E4: 17 00 00 00 00 00 00 00"]);
+    valve.exchange(lss::STORE, &["7E4: 17 00 00 00 00 00 00 00"]);
     valve.sense(|senses| senses.temperature_c = 130);
     valve.advance(250);
     valve.sense(|senses| senses.temperature_c = 25);
@@ -62,7 +62,7 @@ fn full_records() -> BTreeMap<RecordKey, Vec<u8>> {
 #[test]
 fn a_corrupt_record_is_well_with_its_next_write() {
     let mends: [(RecordKey, &str, &str); 3] = [
-        (RecordKey::LocalLayer, LSS_STORE, "7E4: 17 00 00 00 00 00 00 00"),
+        (RecordKey::LocalLayer, lss::STORE, "7E4: 17 00 00 00 00 00 00 00"),
         (RecordKey::Parameters, SAVE, SAVED),
         (RecordKey::RestoreFlag, LOAD, LOADED),
     ];
