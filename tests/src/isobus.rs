@@ -1,6 +1,7 @@
 //! A valve on ISOBUS on the rig: at 0x83, where the manual's examples have it, and its master at 0x27.
 
 use protocol_core::device::pve::{Kind, Setup};
+use protocol_core::time::Duration;
 
 use crate::{Rig, Senses};
 
@@ -127,11 +128,14 @@ impl Rig {
         self.expect_news(frames);
     }
 
-    /// The valve must send its estimated flow alone for so many milliseconds less one, and then these.
+    /// The valve must send its estimated flow alone for so many milliseconds less a microsecond, and then these.
     #[track_caller]
     pub fn no_news_until(&mut self, ms: u64, frames: &[&str]) {
-        self.advance_news(ms - 1, &[]);
-        self.advance_news(1, frames);
+        const STEP: Duration = Duration::from_micros(1);
+        self.advance_by(Duration::from_millis(ms) - STEP);
+        self.expect_news(&[]);
+        self.advance_by(STEP);
+        self.expect_news(frames);
     }
 
     /// Changes what the valve senses; it must send these, beside its estimated flow, and nothing more.

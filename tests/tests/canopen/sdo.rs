@@ -218,10 +218,7 @@ fn a_client_that_falls_silent_is_told_after_five_seconds() {
     for (begin, object) in TRANSFERS {
         let mut rig = Rig::booted();
         begin(&mut rig);
-        rig.advance_by(Duration::from_micros(TIMEOUT_MS * 1000 - 1));
-        rig.expect_nothing();
-        rig.advance_by(Duration::from_micros(1));
-        rig.expect(&format!("5A0: 80 {object} {TIMEOUT}"));
+        rig.silent_until(TIMEOUT_MS, &[&format!("5A0: 80 {object} {TIMEOUT}")]);
         rig.silent_for(2 * TIMEOUT_MS);
         assert_no_transfer(&mut rig);
         assert_not_written(&mut rig);

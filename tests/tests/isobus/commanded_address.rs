@@ -30,10 +30,7 @@ fn the_manuals_example() {
     valve.advance(39);
     valve.exchange(SECOND, &["18EEFF81: 01 00 20 07 08 FF 02 20"]);
     // from here on it is a start like any other
-    valve.advance_by(Duration::from_micros(249_999));
-    valve.expect_nothing();
-    valve.advance_by(Duration::from_micros(1));
-    valve.expect("0CFE1181: 7D 7D 30 FF FF FF FF FF");
+    valve.silent_until(250, &["0CFE1181: 7D 7D 30 FF FF FF FF FF"]);
     valve.exchange("18EA8327: 00 EE 00", &[]);
     valve.exchange("18EA8127: 00 EE 00", &["18EEFF81: 01 00 20 07 08 FF 02 20"]);
     valve.send(EXTEND);

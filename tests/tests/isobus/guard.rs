@@ -48,10 +48,7 @@ fn the_fault_comes_after_250_ms() {
     valve.send(EXTEND);
     valve.advance_by(ALMOST);
     valve.send(EXTEND);
-    valve.advance_by(ALMOST);
-    valve.expect_news(&[]);
-    valve.advance_by(ONE);
-    valve.expect_news(&[FAULT]);
+    valve.no_news_until(250, &[FAULT]);
 }
 
 #[test]
@@ -66,10 +63,7 @@ fn it_begins_with_the_first_valid_command() {
         }
         valve.expect_news(&[]);
         valve.send(BLOCK);
-        valve.advance_by(ALMOST);
-        valve.expect_news(&[]);
-        valve.advance_by(ONE);
-        valve.expect_news(&[FAULT]);
+        valve.no_news_until(250, &[FAULT]);
     }
 }
 

@@ -13,8 +13,6 @@ use tests::isobus::{
 };
 use tests::{Rig, Senses};
 
-const ONE: Duration = Duration::from_micros(1);
-
 const SUPPLY_HIGH: &str = "18FECA83: 04 FF 73 02 03 01 FF FF";
 const SUPPLY_LOW: &str = "18FECA83: 04 FF 73 02 04 01 FF FF";
 
