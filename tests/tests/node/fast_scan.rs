@@ -108,6 +108,7 @@ fn the_bits_from_bit_check_upward() {
                     let number = own ^ 1 << bit;
                     assert_eq!(ask(&mut node, number, bit_check, sub, sub), agrees, "{sub} {bit_check} {bit}");
                 }
+                assert_eq!(node.is_configuring(), !kind.rules.scan_selects, "a number of another selects nobody");
                 assert!(ask(&mut node, own, bit_check, sub, sub));
             }
         }
