@@ -35,6 +35,9 @@ pub(super) struct ScenarioFile {
     /// Accepts devices with the same node ID, or the same address.
     #[serde(default)]
     pub(super) allow_clash: bool,
+    /// True: each frame of a device has to be expected by a step, in this order. By default others may come between.
+    #[serde(default)]
+    pub(super) strict: bool,
     /// What happens, from top to bottom.
     #[serde(default)]
     #[schema(value_type = Vec<StepTable>, required)]
@@ -104,11 +107,13 @@ pub(super) struct StepTable {
     #[serde(default)]
     pub(super) send: Option<String>,
     /// Sends the frame again and again with this period, in the place of an earlier cyclic frame of the same
-    /// identifier.
+    /// identifier. In a strict scenario, in a step that sends nothing: the expected frame comes again and again with
+    /// this period, until a frame of that identifier is expected or stopped.
     #[serde(default)]
     #[schema(minimum = 1, maximum = 4294967295_i64)]
     pub(super) every_ms: Option<u32>,
-    /// Ends the cyclic frame of an identifier, as in "220", which there has to be; or of "all".
+    /// Ends the cyclic frame of an identifier, as in "220", which there has to be; or of "all". In a strict scenario
+    /// also one that is expected.
     #[serde(default)]
     #[schema(value_type = Option<Stop>)]
     pub(super) stop: Option<Identifier>,

@@ -3,27 +3,35 @@
 //! ```text
 //! file     the file as it is written        script   the same, checked: everything in it can be done
 //! runner   goes through one                 schema   the format for editors
-//! report   what came of it, in words
+//! strict   each frame claimed by a step     report   what came of it, in words
+//! bench    where one is played
 //! ```
 //!
 //! Each scenario has a world of its own: many run at once, and two runs with one seed are the same to the last byte.
 
+mod bench;
 mod file;
 mod report;
 mod runner;
 mod schema;
 mod script;
+mod strict;
 
 #[cfg(test)]
 mod heard_tests;
 #[cfg(test)]
 mod tests;
 
+pub use bench::Bench;
 pub use report::Outcome;
 pub use schema::schema;
 pub use script::Scenario;
 
 use crate::simulation::Simulation;
+use crate::world::SUPPLY_JITTER;
+
+/// Who sends the frames of a scenario, in traces. No device can have that name.
+pub const OWN: &str = "the master";
 
 /// A scenario that cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -38,19 +46,34 @@ impl Scenario {
     /// Runs the scenario in a world of its own.
     #[must_use]
     pub fn run(&self, seed: u64) -> Outcome {
-        runner::run(self, seed, false, &mut |_| {})
+        runner::run(self, &mut self.powered(seed), false, &mut |_| {})
     }
 
     /// Runs the scenario, and keeps the [trace](Outcome::trace) of it.
     #[must_use]
     pub fn run_traced(&self, seed: u64) -> Outcome {
-        runner::run(self, seed, true, &mut |_| {})
+        self.play(&mut self.powered(seed))
     }
 
     /// Runs the scenario as [`run_traced`](Self::run_traced) does, and calls `watch` after everything that happens in
     /// its simulation. A clone that is put in the place of the simulation goes on as that would.
     #[must_use]
     pub fn run_watched(&self, seed: u64, mut watch: impl FnMut(&mut Simulation)) -> Outcome {
-        runner::run(self, seed, true, &mut watch)
+        runner::run(self, &mut self.powered(seed), true, &mut watch)
+    }
+
+    /// Plays the scenario on a bench whose devices are powered, and keeps the [trace](Outcome::trace) of it. Where the
+    /// bench cannot look at a state that the scenario expects, nothing happens, and that is a failure.
+    #[must_use]
+    pub fn play(&self, bench: &mut impl Bench) -> Outcome {
+        runner::run(self, bench, true, &mut |_| {})
+    }
+
+    /// Returns a simulation of the scenario, with power.
+    fn powered(&self, seed: u64) -> Simulation {
+        let mut simulation = self.simulation(seed);
+        simulation.send_as(OWN);
+        simulation.power_up(SUPPLY_JITTER);
+        simulation
     }
 }

@@ -6,6 +6,7 @@ use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, since};
 
 use super::script::{Begin, Step, Wanted};
+use super::strict::Odd;
 use crate::simulation::{Heard, History};
 use crate::state::{DeviceState, Pattern};
 use crate::text::in_one_line;
@@ -148,6 +149,24 @@ impl Failure {
         Self::new(step, format!("expect {wanted}{}", within(step)), details)
     }
 
+    /// Adds what was not as a strict scenario expects to the failure of frames that did not come.
+    pub(super) fn because(mut self, odd: &Odd, history: &History) -> Self {
+        // The frame that was seen in its place needs no further words.
+        let is_told = |heard: &Heard| {
+            let seen = format!("seen      {}  at {}", heard.frame, time(heard.at));
+            self.details.iter().any(|line| line.starts_with(&seen))
+        };
+        if !matches!(odd, Odd::Unclaimed(heard) if is_told(heard)) {
+            self.details.push(format!("strict    {}", odd.reason(history)));
+        }
+        self
+    }
+
+    /// Returns the failure of a step in which something was not as a strict scenario expects.
+    pub(super) fn odd(step: &Step, odd: &Odd, history: &History) -> Self {
+        Self::new(step, "strict".to_owned(), vec![format!("strict    {}", odd.reason(history))])
+    }
+
     /// Returns the failure of a state that did not come.
     pub(super) fn state(step: &Step, wanted: &Wanted, state: &DeviceState) -> Self {
         let keys = wanted.keys.iter().filter(|(.., alone)| !alone.holds(state));
@@ -204,6 +223,20 @@ impl Failure {
         let _ = writeln!(out, "    {}", if excerpt.is_empty() { nothing } else { since });
         for line in excerpt {
             let _ = writeln!(out, "    {line}");
+        }
+    }
+}
+
+impl Odd {
+    /// Returns what is wrong, in one line.
+    fn reason(&self, history: &History) -> String {
+        let came = |Heard { at, frame, .. }: &Heard| format!("{frame}  at {}  {}", time(*at), history.explain(frame));
+        match self {
+            Self::Unclaimed(heard) => format!("no step expects  {}", came(heard)),
+            Self::Early(heard, pause) => format!("again after {} already  {}", span(*pause), came(heard)),
+            Self::Missing { pattern, period, last } => {
+                format!("not again since {}, every {} ms: {pattern}", time(*last), period.as_millis())
+            }
         }
     }
 }
@@ -290,7 +323,11 @@ fn value_of(key: &str, state: &DeviceState) -> String {
 
 /// Returns an instant in milliseconds since the start.
 pub(super) fn time(at: Instant) -> String {
-    let micros = since(at, Instant::from_ticks(0)).as_micros();
+    span(since(at, Instant::from_ticks(0)))
+}
+
+fn span(span: Duration) -> String {
+    let micros = span.as_micros();
     format!("{}.{:03} ms", micros / 1000, micros % 1000)
 }
 

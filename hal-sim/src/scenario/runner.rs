@@ -3,26 +3,28 @@
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, NEVER, after, since};
 
+use super::Bench;
 use super::report::{Failure, Outcome};
 use super::script::{Begin, Expect, Never, Scenario, Step, Wanted, What};
+use super::strict::Claims;
 use crate::devices::NotHeard;
 use crate::simulation::{Command, Executed, Heard, History, Refusal, Reply, Simulation, Ticket};
 use crate::state::Pattern;
 use crate::trace::Layout;
-use crate::world::SUPPLY_JITTER;
 
-/// Who sends the frames of a scenario, in traces. No device can have that name.
-const OWN: &str = "the master";
-
-/// Runs a scenario; `traced`: with all of its trace. Calls `watch` after everything that happens.
-pub(super) fn run(scenario: &Scenario, seed: u64, traced: bool, watch: &mut dyn FnMut(&mut Simulation)) -> Outcome {
-    let mut simulation = scenario.simulation(seed);
-    simulation.send_as(OWN);
-    simulation.power_up(SUPPLY_JITTER);
+/// Runs a scenario on a bench whose devices are powered; `traced`: with all of its trace. Calls `watch` after everything
+/// that happens.
+pub(super) fn run(
+    scenario: &Scenario,
+    bench: &mut impl Bench,
+    traced: bool,
+    watch: &mut dyn FnMut(&mut Simulation),
+) -> Outcome {
     let mut runner = Runner {
         scenario,
-        simulation,
+        bench,
         watch,
+        claims: scenario.strict.then(Claims::default),
         trace: traced.then(|| Trace { layout: Layout::new(false, false), text: String::new() }),
         step: None,
         ended: Vec::new(),
@@ -30,23 +32,35 @@ pub(super) fn run(scenario: &Scenario, seed: u64, traced: bool, watch: &mut dyn 
         failures: Vec::new(),
         shown: 0,
     };
+    if runner.refuse_states() {
+        return runner.outcome();
+    }
     for step in &scenario.steps {
         runner.step(step);
+        // What comes after a frame that is not as expected means nothing.
+        if runner.claims.is_some() && !runner.failures.is_empty() {
+            return runner.outcome();
+        }
     }
     let end = runner.guards.iter().map(|guard| guard.until).filter(|until| *until != NEVER).max();
     if let Some(end) = end {
         runner.pass(end);
     }
+    if let Some(last) = scenario.steps.last() {
+        runner.settle(last);
+    }
     runner.end_guards();
-    runner.simulation.rates_mut().find_all();
+    runner.bench.simulation_mut().rates_mut().find_all();
     runner.fail_unheard();
     runner.outcome()
 }
 
-struct Runner<'a> {
+struct Runner<'a, B> {
     scenario: &'a Scenario,
-    simulation: Simulation,
+    bench: &'a mut B,
     watch: &'a mut dyn FnMut(&mut Simulation),
+    /// Of a strict scenario: which frames of devices were expected.
+    claims: Option<Claims<'a>>,
     /// All that happened, laid out as it does.
     trace: Option<Trace>,
     /// The step that goes on.
@@ -91,44 +105,91 @@ enum Goal<'a> {
 }
 
 /// Frames that have to come.
-struct Frames<'a> {
+pub(super) struct Frames<'a> {
     /// Each with the frame that fulfils it; `None`: it has not come.
     wanted: Vec<(&'a Pattern, Option<Frame>)>,
     any_order: bool,
     /// The next event to be looked at.
     next: u64,
-    /// The event after the last one that was expected.
+    /// The event after the last one that was expected, and its time.
     mark: u64,
+    last: Instant,
 }
 
-impl<'a> Runner<'a> {
+impl<'a, B: Bench> Runner<'a, B> {
+    /// Refuses states of devices that the bench cannot ask for them, before anything happens; returns whether it did.
+    fn refuse_states(&mut self) -> bool {
+        for step in &self.scenario.steps {
+            let expected = step.expect.as_ref().map(|expect| &expect.what);
+            for what in expected.into_iter().chain(step.never.as_ref().map(|never| &never.what)) {
+                if let What::State(wanted) = what
+                    && self.bench.simulation().find(wanted.device()).is_err()
+                {
+                    let reason = "its state cannot be looked at here; accepted: frames";
+                    self.fail(Failure::undone(step, &format!("a state of {}", wanted.device()), reason));
+                }
+            }
+        }
+        !self.failures.is_empty()
+    }
+
     fn step(&mut self, step: &'a Step) {
         self.begin(step);
+        self.settle(step);
+        if self.claims.is_some() && !self.failures.is_empty() {
+            return;
+        }
         self.step = Some(step);
         // The first event that counts for the step: a frame from before it fulfils nothing.
-        let mark = self.simulation.history().next();
+        let mark = self.bench.simulation().history().next();
         if let (Some(note), Some(trace)) = (&step.note, &mut self.trace) {
             trace.note(note);
         }
-        if let Some(act) = &step.act
-            && let Err(refusal) = self.run(act)
-        {
-            self.fail(Failure::undone(step, &name(act), &refusal.to_string()));
+        if let Some(act) = &step.act {
+            self.act(step, act);
         }
-        if let Some(Expect { what, any_order, within }) = &step.expect {
-            match what {
-                What::Frames(patterns) => self.expect_frames(step, patterns, *any_order, mark, *within),
-                What::State(wanted) => self.expect_state(step, wanted, *within),
+        if let Some(expect) = &step.expect {
+            match &expect.what {
+                What::Frames(patterns) => self.expect_frames(step, expect, patterns, mark),
+                What::State(wanted) => self.expect_state(step, wanted, expect.within),
             }
         }
         if let Some(never) = &step.never {
             self.never(step, never);
         }
+        self.settle(step);
+    }
+
+    fn act(&mut self, step: &'a Step, act: &Command) {
+        // What the devices send meanwhile is for the step's own expectation.
+        let expects = matches!(&step.expect, Some(Expect { what: What::Frames(_), .. }));
+        let claims = self.claims.take_if(|_| expects);
+        let done = self.run(act);
+        self.claims = claims.or(self.claims.take());
+        match (done, act, &mut self.claims) {
+            (Err(_), _, Some(claims)) if claims.are_broken() => {}
+            (Err(refusal), ..) => self.fail(Failure::undone(step, &name(act), &refusal.to_string())),
+            (Ok(_), Command::Stop(which), Some(claims)) => claims.end(*which),
+            _ => {}
+        }
+    }
+
+    /// Fails a step in which something came that nobody claims, or did not come again.
+    fn settle(&mut self, step: &Step) {
+        if let Some(odd) = self.claims.as_mut().and_then(Claims::take_odd) {
+            let failure = Failure::odd(step, &odd, self.bench.simulation().history());
+            self.fail(failure);
+        }
+    }
+
+    /// Returns whether something is not as a strict scenario expects.
+    fn is_broken(&self) -> bool {
+        self.claims.as_ref().is_some_and(Claims::are_broken)
     }
 
     /// Lets time pass until a step begins.
     fn begin(&mut self, step: &Step) {
-        let now = self.simulation.now();
+        let now = self.bench.simulation().now();
         let begin = match step.begin {
             Begin::Now => return,
             Begin::After(pause) => after(now, pause),
@@ -143,7 +204,7 @@ impl<'a> Runner<'a> {
 
     /// Carries out a command, and lets time pass until it has come to its end.
     fn run(&mut self, command: &Command) -> Result<Reply, Refusal> {
-        let executed = self.simulation.execute(command.clone());
+        let executed = self.bench.execute(command.clone());
         self.look();
         match executed? {
             Executed::Done(reply) => Ok(reply),
@@ -157,16 +218,23 @@ impl<'a> Runner<'a> {
         }
     }
 
-    fn expect_frames(&mut self, step: &Step, patterns: &[Pattern], any_order: bool, from: u64, within: Duration) {
-        let until = after(self.simulation.now(), within);
+    fn expect_frames(&mut self, step: &Step, expect: &'a Expect, patterns: &'a [Pattern], from: u64) {
+        let now = self.bench.simulation().now();
         let wanted = patterns.iter().map(|pattern| (pattern, None)).collect();
-        let mut goal = Goal::Frames(Frames { wanted, any_order, next: from, mark: from });
-        let came = self.pass_until(until, &mut goal);
-        let Goal::Frames(Frames { wanted, mark, .. }) = goal else { return };
+        let Expect { any_order, within, every, .. } = *expect;
+        let mut goal = Goal::Frames(Frames { wanted, any_order, next: from, mark: from, last: now });
+        let came = self.pass_until(after(now, within), &mut goal);
+        let Goal::Frames(Frames { wanted, mark, last, .. }) = goal else { return };
+        if let (true, Some(period), [pattern], Some(claims)) = (came, every, patterns, &mut self.claims) {
+            claims.begin(pattern, period, last);
+        }
         if !came {
             let missing = wanted.iter().filter(|(_, frame)| frame.is_none());
             let missing: Vec<&Pattern> = missing.map(|(pattern, _)| *pattern).collect();
-            let failure = Failure::frames(step, patterns, &missing, (from, mark), self.simulation.history());
+            let history = self.bench.simulation().history();
+            let odd = self.claims.as_mut().and_then(Claims::take_odd);
+            let failure = Failure::frames(step, patterns, &missing, (from, mark), history);
+            let failure = odd.map_or(failure.clone(), |odd| failure.because(&odd, history));
             self.fail(failure);
         }
     }
@@ -181,16 +249,16 @@ impl<'a> Runner<'a> {
 
     /// Lets frames or a state not come from now on.
     fn never(&mut self, step: &'a Step, Never { what, span }: &'a Never) {
-        let since_now = self.simulation.now();
+        let since_now = self.bench.simulation().now();
         let until = span.map_or(NEVER, |span| after(since_now, span));
         let within = since(until, since_now);
         let (what, command) = match what {
             What::Frames(patterns) => {
-                (Guarded::Frames(patterns, self.simulation.history().next()), Command::Advance(within))
+                (Guarded::Frames(patterns, self.bench.simulation().history().next()), Command::Advance(within))
             }
             What::State(wanted) => (Guarded::State(wanted), Command::Wait(wanted.condition(), within)),
         };
-        if let Ok(Executed::Pending(ticket)) = self.simulation.execute(command) {
+        if let Ok(Executed::Pending(ticket)) = self.bench.execute(command) {
             self.guards.push(Guard { step, since: since_now, until, what, ticket });
         }
         self.look();
@@ -208,39 +276,51 @@ impl<'a> Runner<'a> {
             if self.is_reached(goal) {
                 return true;
             }
-            if self.simulation.go(end) {
+            if self.is_broken() {
+                return false;
+            }
+            if self.bench.go(end) {
                 self.look();
                 return self.is_reached(goal);
             }
             self.look();
-            (self.watch)(&mut self.simulation);
+            (self.watch)(self.bench.simulation_mut());
         }
     }
 
-    fn is_reached(&self, goal: &mut Goal<'_>) -> bool {
-        match goal {
-            Goal::None => false,
-            Goal::Command(ticket) => self.ended.iter().any(|(known, _)| known == ticket),
-            Goal::Frames(frames) => {
-                frames.look(self.simulation.history());
+    fn is_reached(&mut self, goal: &mut Goal<'_>) -> bool {
+        let simulation = self.bench.simulation();
+        match (goal, &mut self.claims) {
+            (Goal::Frames(frames), None) => {
+                frames.look(simulation.history());
                 frames.are_all_there()
+            }
+            (Goal::Frames(frames), Some(claims)) => {
+                claims.look(simulation.now(), simulation.history(), Some(frames));
+                frames.are_all_there()
+            }
+            (goal, claims) => {
+                if let Some(claims) = claims {
+                    claims.look(simulation.now(), simulation.history(), None);
+                }
+                matches!(goal, Goal::Command(ticket) if self.ended.iter().any(|(known, _)| known == ticket))
             }
         }
     }
 
     /// Takes note of what happened, and does what is due.
     fn look(&mut self) {
-        while let Some(happened) = self.simulation.take_event() {
+        while let Some(happened) = self.bench.simulation_mut().take_event() {
             if let Some(Trace { layout, text }) = &mut self.trace {
-                happened.lay_out(text, layout, self.simulation.history().explainer());
+                happened.lay_out(text, layout, self.bench.simulation().history().explainer());
             }
         }
-        self.simulation.poll();
-        self.ended.extend(self.simulation.take_completed());
+        self.bench.simulation_mut().poll();
+        self.ended.extend(self.bench.simulation_mut().take_completed());
         // What must not come was claimed of the time up to its end.
-        let now = self.simulation.now();
+        let now = self.bench.simulation().now();
         if self.guards.iter().any(|guard| guard.until == now) {
-            self.simulation.rates_mut().find_at(now);
+            self.bench.simulation_mut().rates_mut().find_at(now);
         }
         self.fail_unheard();
         self.guard();
@@ -249,12 +329,12 @@ impl<'a> Runner<'a> {
     /// Adds a failure for each device that was found not to be heard: at the device when that was so from the start, else
     /// at the step that goes on.
     fn fail_unheard(&mut self) {
-        for NotHeard { device, since, reason, .. } in self.simulation.rates_mut().take_found() {
+        for NotHeard { device, since, reason, .. } in self.bench.simulation_mut().rates_mut().take_found() {
             let place = self.scenario.devices.iter().position(|known| known.name == device);
             let entry = place.and_then(|place| self.scenario.entries.get(place));
             let step = self.step.filter(|_| since > Instant::from_ticks(0));
             let line = step.map(|step| step.line).or(entry.map(|entry| entry.line)).unwrap_or(1);
-            let failure = Failure::not_heard(line, reason).with(self.simulation.now(), Vec::new());
+            let failure = Failure::not_heard(line, reason).with(self.bench.simulation().now(), Vec::new());
             self.failures.push(failure);
         }
     }
@@ -266,7 +346,7 @@ impl<'a> Runner<'a> {
             let ended = ended.map(|place| self.ended.swap_remove(place).1);
             match self.violation(&mut guard, ended.as_ref()) {
                 Some(failure) => {
-                    self.simulation.forget(guard.ticket);
+                    self.bench.simulation_mut().forget(guard.ticket);
                     self.fail(failure);
                 }
                 None if ended.is_some() => self.end_guard(&guard),
@@ -284,7 +364,7 @@ impl<'a> Runner<'a> {
 
     /// Fails a step whose condition could not have come: no time has passed since, or its instant was not in it.
     fn end_guard(&mut self, guard: &Guard<'_>) {
-        let end = guard.until.min(self.simulation.now());
+        let end = guard.until.min(self.bench.simulation().now());
         let instant = match &guard.what {
             Guarded::State(wanted) => wanted.condition.t_us.map(Instant::from_micros),
             Guarded::Frames(..) => None,
@@ -301,7 +381,7 @@ impl<'a> Runner<'a> {
 
     /// Returns what came that must not; `ended`: how the wait of the guard came to its end.
     fn violation(&mut self, guard: &mut Guard<'_>, ended: Option<&Result<Reply, Refusal>>) -> Option<Failure> {
-        let history = self.simulation.history();
+        let history = self.bench.simulation().history();
         match (&mut guard.what, ended) {
             (Guarded::Frames(patterns, next), _) => {
                 let is_it = |heard: Heard| Some((heard, patterns.iter().find(|it| it.matches(&heard.frame))?));
@@ -316,19 +396,19 @@ impl<'a> Runner<'a> {
 
     /// Adds a failure at this instant, with what was on the bus before it.
     fn fail(&mut self, failure: Failure) {
-        let (at, history) = (self.simulation.now(), self.simulation.history());
+        let (at, history) = (self.bench.simulation().now(), self.bench.simulation().history());
         let until = failure.until().unwrap_or_else(|| history.next());
         self.failures.push(failure.with(at, history.excerpt(self.shown, until)));
         self.shown = self.shown.max(until);
     }
 
     fn outcome(mut self) -> Outcome {
-        let errors = self.simulation.history().errors();
+        let errors = self.bench.simulation().history().errors();
         self.failures.iter_mut().for_each(|failure| failure.show_errors(&errors));
         Outcome {
             title: self.scenario.title.clone(),
             steps: self.scenario.steps.len(),
-            end: self.simulation.now(),
+            end: self.bench.simulation().now(),
             failures: self.failures,
             trace: self.trace.map_or_else(String::new, Trace::finish),
         }
@@ -366,22 +446,27 @@ impl Frames<'_> {
         if self.next == history.next() {
             return;
         }
-        for Heard { number, frame, .. } in history.heard_since(self.next) {
-            if self.take(frame) {
-                self.mark = number + 1;
-                if self.are_all_there() {
-                    break;
-                }
+        for heard in history.heard_since(self.next) {
+            if self.claim(&heard) && self.are_all_there() {
+                break;
             }
         }
         self.next = history.next();
     }
 
-    fn are_all_there(&self) -> bool {
+    /// Lets a frame fulfil one of those that have not come; returns whether it does.
+    pub(super) fn claim(&mut self, heard: &Heard) -> bool {
+        let fulfils = self.take(heard.frame);
+        if fulfils {
+            (self.mark, self.last) = (heard.number + 1, heard.at);
+        }
+        fulfils
+    }
+
+    pub(super) fn are_all_there(&self) -> bool {
         self.wanted.iter().all(|(_, frame)| frame.is_some())
     }
 
-    /// Lets a frame fulfil one of those that have not come; returns whether it does.
     fn take(&mut self, frame: Frame) -> bool {
         if self.any_order {
             let mut tried = vec![false; self.wanted.len()];

@@ -30,6 +30,8 @@ pub struct Scenario {
     pub(super) entries: Vec<Entry>,
     links: Vec<NamedLink>,
     bit_rate: BitRate,
+    /// Whether each frame of a device has to be expected.
+    pub(super) strict: bool,
     pub(super) steps: Vec<Step>,
 }
 
@@ -70,6 +72,8 @@ pub(super) struct Expect {
     pub(super) what: What,
     pub(super) any_order: bool,
     pub(super) within: Duration,
+    /// The period in which the frame comes again, after that.
+    pub(super) every: Option<Duration>,
 }
 
 /// What must not come.
@@ -107,7 +111,7 @@ impl Scenario {
     }
 
     fn read(text: &str) -> Result<Self, ReadError> {
-        let ScenarioFile { title, devices, links, bit_rate, allow_clash, steps } = file::read(text)?;
+        let ScenarioFile { title, devices, links, bit_rate, allow_clash, strict, steps } = file::read(text)?;
         let at = |place: usize| move |reason: String| ReadError { line: Some(file::line_of(text, place)), reason };
         let first = devices.first().map_or(0, |device| device.span().start);
         let mut entries = Vec::new();
@@ -141,7 +145,7 @@ impl Scenario {
         if steps.is_empty() {
             return Err(at(0)("no steps; accepted: steps = [{ expect = \"720#00\" }]".to_owned()));
         }
-        let mut scenario = Self { title, devices, entries, links, bit_rate, steps: Vec::new() };
+        let mut scenario = Self { title, devices, entries, links, bit_rate, strict, steps: Vec::new() };
         // What cannot be done in a world is refused before anything runs.
         let mut trial = Trial::new(&scenario);
         for step in steps {
@@ -150,6 +154,10 @@ impl Scenario {
             scenario.steps.push(step);
         }
         refuse_unwatched(&scenario.steps)?;
+        let expects_frames = |step: &Step| matches!(&step.expect, Some(Expect { what: What::Frames(_), .. }));
+        if strict && !scenario.steps.iter().any(expects_frames) {
+            return Err(at(0)("strict: no step expects a frame; accepted: with expect = \"720#00\"".to_owned()));
+        }
         Ok(scenario)
     }
 
@@ -186,9 +194,24 @@ fn refuse_unwatched(steps: &[Step]) -> Result<(), ReadError> {
 }
 
 impl Wanted {
+    /// Returns the name of the device.
+    pub(super) fn device(&self) -> &str {
+        &self.device
+    }
+
     /// Returns the condition of a wait.
     pub(super) fn condition(&self) -> Condition {
         Condition::State(self.device.clone(), Box::new(self.condition.clone()))
+    }
+}
+
+impl What {
+    /// Returns the frames; none for a state.
+    fn frames(&self) -> &[Pattern] {
+        match self {
+            Self::Frames(frames) => frames,
+            Self::State(_) => &[],
+        }
     }
 }
 
@@ -209,13 +232,15 @@ impl Step {
 struct Trial {
     simulation: Simulation,
     devices: Vec<NamedDevice>,
+    strict: bool,
     /// The identifiers of the cyclic frames.
     cyclic: Vec<Id>,
 }
 
 impl Trial {
     fn new(scenario: &Scenario) -> Self {
-        Self { simulation: scenario.simulation(0), devices: scenario.devices.clone(), cyclic: Vec::new() }
+        let (simulation, devices) = (scenario.simulation(0), scenario.devices.clone());
+        Self { simulation, devices, strict: scenario.strict, cyclic: Vec::new() }
     }
 
     /// Checks a step, and does to the trial what it does to the plant.
@@ -238,13 +263,13 @@ impl Trial {
             (None, Some(after)) => Begin::After(millis(after)),
             (Some(_), Some(_)) => return Err("at_ms and after_ms: accepted: one of them in a step".to_owned()),
         };
-        let expect = self.expect(device, table.expect, table.any_order, table.within_ms)?;
+        let mut expect = self.expect(device, table.expect, table.any_order, table.within_ms)?;
         let never = self.never(device, table.never, table.for_ms)?;
         let mut act = None;
         if let Some(frame) = table.send {
             act = Some(self.send(&frame, table.every_ms)?);
-        } else if table.every_ms.is_some() {
-            return Err("every_ms: accepted with send".to_owned());
+        } else if let Some(period) = period(table.every_ms)? {
+            self.expect_again(expect.as_mut(), period)?;
         }
         if let Some(which) = table.stop {
             act = Some(Command::Stop(self.stop(&which)?));
@@ -286,7 +311,24 @@ impl Trial {
             return Err("within_ms 0: no frame comes in no time; accepted: 1 and more, or a state".to_owned());
         }
         let within = within_ms.map_or(PATIENCE, millis);
-        Ok(Some(Expect { what, any_order: any_order.unwrap_or(false), within }))
+        Ok(Some(Expect { what, any_order: any_order.unwrap_or(false), within, every: None }))
+    }
+
+    /// Lets a step of a strict scenario expect its frame again and again.
+    fn expect_again(&mut self, expect: Option<&mut Expect>, period: Duration) -> Result<(), String> {
+        let expect = expect.filter(|_| self.strict);
+        let expect = expect.and_then(|expect| match expect.what.frames() {
+            [frame] => frame.identifier().map(|id| (expect, id)),
+            _ => None,
+        });
+        let Some((expect, id)) = expect else {
+            return Err("every_ms: accepted with send; in a strict scenario also with one expected frame".to_owned());
+        };
+        if !self.cyclic.contains(&id) {
+            self.cyclic.push(id);
+        }
+        expect.every = Some(period);
+        Ok(())
     }
 
     fn never(
@@ -299,6 +341,10 @@ impl Trial {
             Some(_) if for_ms == Some(0) => Err("for_ms 0: accepted: 1 and more".to_owned()),
             Some(expected) => {
                 let what = self.what(device, expected).map_err(within("never"))?;
+                if self.strict && matches!(what, What::Frames(_)) {
+                    let accepted = "accepted: a state, or no strict = true";
+                    return Err(format!("never: in a strict scenario no frame comes that is not expected; {accepted}"));
+                }
                 Ok(Some(Never { what, span: for_ms.map(millis) }))
             }
             None if for_ms.is_some() => Err("for_ms: accepted with never".to_owned()),

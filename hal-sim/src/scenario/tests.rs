@@ -7,6 +7,7 @@ use proptest::prelude::*;
 use super::*;
 
 mod refusals;
+mod strict;
 
 /// Runs the steps with one valve, which has booted.
 fn outcome(steps: &str) -> Outcome {

@@ -43,9 +43,7 @@ const ALSO_TRUE: &[(&str, usize, &str, &str)] = &[
         "the first answer to the cyclic set-points is from DISABLED",
     ),
     ("lost-avc", 2, "expect: the key is never", "nobody waits for the first AVEF: the AVC comes before it"),
-    ("use-case-6", 9, "expect: the key is never", "nobody waits for the answer to \"load\": \"save\" takes its place"),
     ("bus-off", 3, "expect: the key is never", "nobody waits for the position: the bus-off comes before it"),
-    ("use-case-1", 6, "expect: the key is never", "nobody waits for 50 %: the next set-point comes before it"),
     ("boom-and-sensor", 9, "expect: the key is never", "nobody waits for neutral: the next set-point comes before it"),
     (
         "lost-avc",

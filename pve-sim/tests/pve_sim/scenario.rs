@@ -59,7 +59,7 @@ fn the_scenarios_of_the_repository_pass() {
 #[test]
 fn use_case_2_is_short() {
     let text = fs::read_to_string(repository("scenarios/use-case-2.toml")).expect("the scenario");
-    assert!(text.lines().count() < 30, "{text}");
+    assert!(text.lines().count() <= 30, "{text}");
 }
 
 #[test]

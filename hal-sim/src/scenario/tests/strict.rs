@@ -1,0 +1,126 @@
+//! Strict scenarios: each frame of a device is claimed by a step, in order, and those that come again keep their cycle.
+
+use super::*;
+
+fn strictly(steps: &str) -> Outcome {
+    let text = format!("strict = true\ndevices = [\"pvea-canopen@0x20\"]\nsteps = [\n{steps}\n]");
+    Scenario::parse(&text).unwrap_or_else(|error| panic!("{error:?}")).run(1)
+}
+
+/// Runs the steps, after a line each for the boot and the start, with one failure; returns what is said of it.
+fn differs(steps: &str) -> String {
+    let outcome = strictly(&format!("{BOOT}\n{steps}"));
+    let text = outcome.failures("x.toml");
+    assert_eq!(outcome.failures.len(), 1, "{steps}\n{text}");
+    text
+}
+
+fn agrees(steps: &str) {
+    let outcome = strictly(&format!("{BOOT}\n{steps}"));
+    assert!(outcome.is_success(), "{steps}\n{}", outcome.failures("x.toml"));
+}
+
+const BOOT: &str =
+    "{ expect = [\"720#00\", \"0A0#0000 0000 0000 0000\"] },\n{ send = \"000#0100\" },\n{ send = \"220#0000 0000\" },";
+/// The answer to that set-point.
+const ANSWER: &str = "{ expect = \"1A0#0800 0000\" },";
+/// A set-point in a cycle of 100 ms, and its answers.
+const CYCLE: &str = "{ send = \"220#0000 0000\", every_ms = 100 }, { expect = \"1A0#0800 0000\", every_ms = 100 },";
+
+#[test]
+fn a_frame_that_no_step_expects_fails_at_the_step_in_which_it_comes() {
+    agrees(&format!("{ANSWER} {{ after_ms = 200 }}"));
+    for (steps, said) in [
+        ("{ after_ms = 200 }", "x.toml:7: strict: failed at "),
+        // Too early for the step that expects it.
+        ("{ after_ms = 20, expect = \"1A0\" }", "x.toml:7: strict: failed at "),
+        // Another one is expected before it.
+        ("\n{ expect = [\"720\", \"1A0\"] }", "x.toml:8: expect 2 frames, of which 0 came within 1000 ms: failed at "),
+        // The state never comes; the frame does.
+        ("{ expect = { dsm = \"active\" } }", "x.toml:7: strict: failed at "),
+    ] {
+        let text = differs(steps);
+        assert!(text.contains(said), "{steps}\n{text}");
+        assert!(text.contains("    strict    no step expects  1A0: 08 00 00 00  at "), "{steps}\n{text}");
+    }
+    let text = differs("{ expect = \"1A0#0900 0000\" }");
+    assert!(text.contains("x.toml:7: expect 1A0: 09 00 00 00 within 1000 ms: failed at "), "{text}");
+    assert!(text.contains("    seen      1A0: 08 00 00 00  at ") && !text.contains("no step"), "{text}");
+    // The same scenario is not strict.
+    passes("{ send = \"000#0100\" }, { send = \"220#0000 0000\" }, { after_ms = 200 }");
+}
+
+#[test]
+fn a_strict_scenario_ends_with_its_first_failure() {
+    let text = differs("{ expect = \"1A0#0900 0000\" }, { expect = \"7FF\", within_ms = 60000 }");
+    assert!(text.contains("failed at 5."), "at once: {text}");
+}
+
+#[test]
+fn frames_come_in_their_order_unless_any_will_do() {
+    let (steps, swapped) = ("[\"720#00\", \"0A0#..\"]", "[\"0A0#..\", \"720#00\"]");
+    assert!(strictly(&format!("{{ expect = {steps} }}")).is_success());
+    assert!(!strictly(&format!("{{ expect = {swapped} }}")).is_success());
+    assert!(strictly(&format!("{{ expect = {swapped}, any_order = true }}")).is_success());
+}
+
+/// A frame of a cycle may come at any time, but in its cycle, until another one of its identifier, or a stop.
+#[test]
+fn a_frame_that_comes_again_keeps_its_cycle() {
+    let start = format!("{ANSWER} {CYCLE}");
+    agrees(&format!("{start} {{ after_ms = 1000 }}"));
+    let slower =
+        format!("{start} {{ after_ms = 95, send = \"220#0000 0000\", every_ms = 160 }},\n{{ after_ms = 500 }}");
+    let text = differs(&slower);
+    assert!(text.contains("x.toml:8: strict: ") && text.contains("not again since "), "{text}");
+    assert!(text.contains(", every 100 ms: 1A0: 08 00 00 00"), "{text}");
+    let faster = format!("{start} {{ after_ms = 95, send = \"220#0000 0000\", every_ms = 40 }},\n{{ after_ms = 500 }}");
+    assert!(differs(&faster).contains("already  1A0: 08 00 00 00  at "));
+    let text = differs(&format!(
+        "{start} {{ after_ms = 95, send = \"220#0300 0000\", every_ms = 100 }},\n{{ after_ms = 500 }}"
+    ));
+    assert!(text.contains("no step expects  1A0: "), "other data: {text}");
+    // None comes again after another one of its identifier was expected.
+    let text = differs(&format!("{start} {{ expect = \"1A0\" }},\n{{ after_ms = 500 }}"));
+    assert!(text.contains("x.toml:8: strict: ") && text.contains("no step expects  1A0: "), "{text}");
+    // None has to after a stop.
+    let stopped = "{ stop = \"220\" }, { stop = \"1A0\" }, { after_ms = 1000 }";
+    agrees(&format!("{start} {stopped}"));
+    let text = differs(&format!("{start} {{ stop = \"220\" }},\n{{ after_ms = 1000 }}"));
+    assert!(text.contains("not again since "), "{text}");
+}
+
+/// A frame that comes while the step's own frame waits for the bus is the step's.
+#[test]
+fn what_comes_while_the_step_sends_is_the_steps() {
+    let steps = "{ expect = \"720#00\" }, { send = \"7FF#00\", expect = \"0A0#0000 0000 0000 0000\" }";
+    let outcome = strictly(steps);
+    assert!(outcome.is_success(), "{}", outcome.failures("x.toml"));
+}
+
+#[test]
+fn a_strict_scenario_that_cannot_look_is_refused() {
+    let refusal =
+        |steps: &str| refusal(&format!("strict = true\ndevices = [\"pvea-canopen@0x20\"]\nsteps = [\n{steps}\n]"));
+    for steps in ["{ after_ms = 1 }", "{ expect = { dsm = \"active\" } }"] {
+        let (line, reason) = refusal(steps);
+        assert_eq!(reason, "strict: no step expects a frame; accepted: with expect = \"720#00\"");
+        assert_eq!(line, Some(1));
+    }
+    let (line, reason) = refusal("{ expect = \"720#00\" },\n{ never = \"0A0\", for_ms = 10 }");
+    assert_eq!(line, Some(5));
+    assert!(reason.starts_with("never: in a strict scenario no frame comes that is not expected; accepted: "));
+    for step in [
+        "{ every_ms = 100 }",
+        "{ expect = { dsm = \"active\" }, every_ms = 100 }",
+        "{ expect = [\"720\", \"0A0\"], every_ms = 100 }",
+        "{ expect = \"7?0\", every_ms = 100 }",
+    ] {
+        let (line, reason) = refusal(&format!("{{ expect = \"720#00\" }},\n{step}"));
+        assert_eq!(line, Some(5), "{step}");
+        assert_eq!(reason, "every_ms: accepted with send; in a strict scenario also with one expected frame");
+    }
+    assert!(refusal("{ expect = \"720\", every_ms = 0 }").1.starts_with("every_ms 0: "));
+    // Not strict: the frame is not sent.
+    assert!(refused("{ expect = \"720\", every_ms = 100 }").starts_with("every_ms: accepted with send"));
+}
