@@ -9,6 +9,7 @@
 //! control/   the control interface at the world's end
 //! remote/    a running simulator, asked by the commands set and status
 //! batch/     scenarios of a command line, over the cores, and their results for CI
+//! use_case   the scenarios that the program carries
 //! state_file the memory of a device in a file
 //! speed      virtual time against wall time
 //! output     stdout of the commands
@@ -28,3 +29,4 @@ pub mod remote;
 pub mod run;
 pub mod speed;
 pub mod state_file;
+pub mod use_case;

@@ -10,7 +10,6 @@ use std::time::Duration;
 use hal_sim::decode::{DecodeOptions, decode};
 use hal_sim::replay::{ReplayOptions, replay};
 use hal_sim::text::in_one_line;
-use hal_sim::use_case::{self, SimulatedBench, UseCase};
 use pve_sim::batch::{self, BatchError};
 use pve_sim::cli::{self, Request};
 use pve_sim::output::{Output, outlive_file_size_limit};
@@ -34,8 +33,8 @@ fn main() -> ExitCode {
             Ok(false) => ExitCode::from(FAILURE),
             Err(error) => fail(FAILURE, &error),
         },
-        Ok(Request::UseCases(cases)) => play(&cases),
-        Ok(Request::Scenarios(options)) => run_scenarios(&options),
+        Ok(Request::UseCases(cases)) => run_scenarios(|out| batch::play(&cases, out)),
+        Ok(Request::Scenarios(options)) => run_scenarios(|out| batch::run(&options, out)),
         Ok(Request::Decode(options)) => explain(&options),
         Ok(Request::Replay(options)) => compare(&options),
         Ok(Request::Set(options)) => match remote::set(&options) {
@@ -73,28 +72,13 @@ fn end(stdout: Output<impl Write>, success: bool) -> ExitCode {
     }
 }
 
-fn run_scenarios(options: &batch::Options) -> ExitCode {
+fn run_scenarios(run: impl FnOnce(&mut dyn Write) -> Result<bool, BatchError>) -> ExitCode {
     let mut stdout = stdout();
-    match batch::run(options, &mut stdout) {
+    match run(&mut stdout) {
         Ok(success) => end(stdout, success),
         Err(BatchError::Unreadable(lines)) => fail(USAGE, &lines.join("\npve-sim: ")),
         Err(error) => fail(FAILURE, &error),
     }
-}
-
-/// Plays the use cases and stops at the first frame that differs.
-fn play(cases: &[&'static UseCase]) -> ExitCode {
-    let mut stdout = stdout();
-    for (played, case) in cases.iter().enumerate() {
-        let mut print = |line: &str| print(&mut stdout, format_args!("{line}\n"));
-        if played > 0 {
-            print("");
-        }
-        if let Err(deviation) = use_case::play(case, &mut SimulatedBench::new(case), &mut print) {
-            return fail(FAILURE, &format_args!("use case {}: {deviation}", case.name));
-        }
-    }
-    end(stdout, true)
 }
 
 /// Explains a recording; lines that are none are told on stderr.

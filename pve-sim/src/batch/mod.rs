@@ -12,6 +12,8 @@ use std::thread;
 
 use hal_sim::scenario::{Outcome, ReadError, Scenario};
 
+use crate::use_case::UseCase;
+
 /// What is to be run.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Options {
@@ -53,34 +55,54 @@ struct Named<'a> {
 /// # Errors
 /// [`BatchError`].
 pub fn run(options: &Options, out: &mut dyn Write) -> Result<bool, BatchError> {
-    let (read, refused): (Vec<_>, Vec<_>) = options.files.iter().map(|file| read(file)).partition(Result::is_ok);
-    let refused: Vec<String> = refused.into_iter().filter_map(Result::err).collect();
-    if !refused.is_empty() {
-        return Err(BatchError::Unreadable(refused));
+    let scenarios = all_or_none(options.files.iter().map(|file| read(file)))?;
+    let (files, outcomes) = run_all(&scenarios, options, out);
+    if let Some(path) = &options.junit {
+        let report = junit::report(&files, &outcomes);
+        fs::write(path, report).map_err(|source| BatchError::Junit { path: path.clone(), source })?;
     }
-    let scenarios: Vec<Named<'_>> = read.into_iter().filter_map(Result::ok).collect();
+    Ok(outcomes.iter().all(Outcome::is_success))
+}
+
+/// Runs use cases, and tells all that is on the bus; returns whether all was as expected.
+///
+/// # Errors
+/// [`BatchError::Unreadable`]
+pub fn play(cases: &[UseCase], out: &mut dyn Write) -> Result<bool, BatchError> {
+    let scenarios = all_or_none(cases.iter().map(|case| parse(Path::new(case.file), case.text)))?;
+    let options = Options { files: Vec::new(), junit: None, seed: 1, verbose: true };
+    Ok(run_all(&scenarios, &options, out).1.iter().all(Outcome::is_success))
+}
+
+fn all_or_none<'a>(read: impl Iterator<Item = Result<Named<'a>, String>>) -> Result<Vec<Named<'a>>, BatchError> {
+    let (read, refused): (Vec<_>, Vec<_>) = read.partition(Result::is_ok);
+    let refused: Vec<String> = refused.into_iter().filter_map(Result::err).collect();
+    if refused.is_empty() { Ok(read.into_iter().flatten().collect()) } else { Err(BatchError::Unreadable(refused)) }
+}
+
+/// Runs the scenarios and tells the outcome of each; returns their files and outcomes.
+fn run_all(scenarios: &[Named<'_>], options: &Options, out: &mut dyn Write) -> (Vec<String>, Vec<Outcome>) {
     let mut outcomes = Vec::with_capacity(scenarios.len());
     let files: Vec<String> = scenarios.iter().map(|named| named.file.display().to_string()).collect();
-    over_the_cores(&scenarios, options, |outcome| {
+    over_the_cores(scenarios, options, |outcome| {
         let _ = tell(out, &files[outcomes.len()], &outcome);
         outcomes.push(outcome);
     });
     let failed = outcomes.iter().filter(|outcome| !outcome.is_success()).count();
     let _ = writeln!(out, "{} passed, {failed} failed", outcomes.len() - failed).and_then(|()| out.flush());
-    if let Some(path) = &options.junit {
-        let report = junit::report(&files, &outcomes);
-        fs::write(path, report).map_err(|source| BatchError::Junit { path: path.clone(), source })?;
-    }
-    Ok(failed == 0)
+    (files, outcomes)
 }
 
 fn read(file: &Path) -> Result<Named<'_>, String> {
-    let refuse = |line: Option<usize>, reason: &dyn std::fmt::Display| {
+    let text = fs::read_to_string(file).map_err(|error| format!("{}: {error}", file.display()))?;
+    parse(file, &text)
+}
+
+fn parse<'a>(file: &'a Path, text: &str) -> Result<Named<'a>, String> {
+    let scenario = Scenario::parse(text).map_err(|ReadError { line, reason }| {
         let line = line.map_or_else(String::new, |line| format!("{line}:"));
         format!("{}:{line} {reason}", file.display())
-    };
-    let text = fs::read_to_string(file).map_err(|error| refuse(None, &error))?;
-    let scenario = Scenario::parse(&text).map_err(|ReadError { line, reason }| refuse(line, &reason))?;
+    })?;
     Ok(Named { file, scenario })
 }
 

@@ -19,12 +19,12 @@ use self::remote::{SetArgs, StatusArgs};
 use crate::batch::Options;
 use crate::remote::{SetOptions, StatusOptions};
 use crate::run::RunOptions;
+use crate::use_case::{self, UseCase};
 use hal_sim::Kind;
 use hal_sim::decode::DecodeOptions;
 use hal_sim::describe;
 use hal_sim::replay::ReplayOptions;
 use hal_sim::text::in_one_line;
-use hal_sim::use_case::{self, UseCase};
 use scenario::ScenarioArgs;
 
 /// What the user asked for.
@@ -33,7 +33,7 @@ pub enum Request {
     /// Put devices on a bus.
     Run(RunOptions),
     /// Play these use cases.
-    UseCases(Vec<&'static UseCase>),
+    UseCases(Vec<UseCase>),
     /// Run these scenarios.
     Scenarios(Options),
     /// Explain a recording.
@@ -170,21 +170,19 @@ fn description(
 
 /// Returns the use cases by name and title, a line each.
 fn titles() -> String {
-    let lines = use_case::all().into_iter().map(|case| format!("{:<8}{}\n", case.name, case.title));
+    let lines = use_case::ALL.iter().map(|case| format!("{:<8}{}\n", case.name, case.title()));
     lines.chain(["all     all of them, in this order\n".to_owned()]).collect()
 }
 
 /// The use cases that a word on the command line stands for.
 #[derive(Clone, Debug)]
-struct UseCases(Vec<&'static UseCase>);
+struct UseCases(Vec<UseCase>);
 
 fn use_cases(word: &str) -> Result<UseCases, String> {
-    let cases = match word {
-        "all" => use_case::all(),
-        name => use_case::find(name).into_iter().collect(),
-    };
+    let is_meant = |case: &&UseCase| word == "all" || word == case.name;
+    let cases: Vec<UseCase> = use_case::ALL.iter().filter(is_meant).copied().collect();
     if cases.is_empty() {
-        let known: Vec<&str> = use_case::all().iter().map(|case| case.name).collect();
+        let known: Vec<&str> = use_case::ALL.iter().map(|case| case.name).collect();
         return Err(format!("no such use case; accepted: {}, all", known.join(", ")));
     }
     Ok(UseCases(cases))

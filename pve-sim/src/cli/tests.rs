@@ -451,8 +451,9 @@ fn every_kind_has_one_description() {
 #[test]
 fn use_case_without_a_name_lists_the_titles() {
     let titles = printed("use-case");
-    for case in use_case::all() {
-        assert!(titles.contains(&format!("{:<8}{}\n", case.name, case.title)), "{titles}");
+    for case in use_case::ALL {
+        assert!(titles.contains(&format!("{:<8}{}\n", case.name, case.title())), "{titles}");
+        assert!(case.text.contains(&format!("title = \"Use case {}: {}\"\n", case.name, case.title())), "{titles}");
     }
 }
 
