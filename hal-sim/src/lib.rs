@@ -3,7 +3,6 @@
 //! ```text
 //! bus/      a CAN bus: frame lengths, arbitration, acknowledgement, error confinement; and the ports on it
 //! memory/   a NOR flash in RAM, the record store on it, and the file that keeps it
-//! use_case/ the use cases of the manuals, frame by frame
 //! world/    devices, bus and plant in virtual time, event by event
 //! devices/  the devices on the bus, as they are written
 //! log/      frames and error frames with their times, as other tools write them
@@ -76,7 +75,6 @@ pub mod state;
 pub mod text;
 #[cfg(feature = "trace")]
 pub mod trace;
-pub mod use_case;
 pub mod world;
 
 /// The examples of the page compile and pass.

@@ -54,7 +54,6 @@ const HOUSES: [House; 3] = [
             ("decode", "devices explain log recording"),
             ("replay", "bus devices explain log memory recording world"),
             ("scenario", "bus devices memory simulation state text trace world"),
-            ("use_case", "world"),
         ],
     },
     House {

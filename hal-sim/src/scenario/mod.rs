@@ -4,13 +4,14 @@
 //! file     the file as it is written        script   the same, checked: everything in it can be done
 //! runner   goes through one                 schema   the format for editors
 //! strict   each frame claimed by a step     report   what came of it, in words
-//! bench    where one is played
+//! frames   those that have to come          bench    where one is played
 //! ```
 //!
 //! Each scenario has a world of its own: many run at once, and two runs with one seed are the same to the last byte.
 
 mod bench;
 mod file;
+mod frames;
 mod report;
 mod runner;
 mod schema;

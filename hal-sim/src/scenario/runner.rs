@@ -1,14 +1,14 @@
 //! Goes through a scenario in a simulation of its own, step by step, and gathers what was not as expected.
 
-use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, NEVER, after, since};
 
-use super::Bench;
+use super::bench::Bench;
+use super::frames::Frames;
 use super::report::{Failure, Outcome};
 use super::script::{Begin, Expect, Never, Scenario, Step, Wanted, What};
 use super::strict::Claims;
 use crate::devices::NotHeard;
-use crate::simulation::{Command, Executed, Heard, History, Refusal, Reply, Simulation, Ticket};
+use crate::simulation::{Command, Executed, Heard, Refusal, Reply, Simulation, Ticket};
 use crate::state::Pattern;
 use crate::trace::Layout;
 
@@ -102,18 +102,6 @@ enum Goal<'a> {
     /// A command comes to its end.
     Command(Ticket),
     Frames(Frames<'a>),
-}
-
-/// Frames that have to come.
-pub(super) struct Frames<'a> {
-    /// Each with the frame that fulfils it; `None`: it has not come.
-    wanted: Vec<(&'a Pattern, Option<Frame>)>,
-    any_order: bool,
-    /// The next event to be looked at.
-    next: u64,
-    /// The event after the last one that was expected, and its time.
-    mark: u64,
-    last: Instant,
 }
 
 impl<'a, B: Bench> Runner<'a, B> {
@@ -437,60 +425,5 @@ fn name(command: &Command) -> String {
         Command::Send(frame, _) => format!("send {frame}"),
         Command::Power(..) => "power".to_owned(),
         _ => "plant".to_owned(),
-    }
-}
-
-impl Frames<'_> {
-    /// Looks at what has come since the last look.
-    fn look(&mut self, history: &History) {
-        if self.next == history.next() {
-            return;
-        }
-        for heard in history.heard_since(self.next) {
-            if self.claim(&heard) && self.are_all_there() {
-                break;
-            }
-        }
-        self.next = history.next();
-    }
-
-    /// Lets a frame fulfil one of those that have not come; returns whether it does.
-    pub(super) fn claim(&mut self, heard: &Heard) -> bool {
-        let fulfils = self.take(heard.frame);
-        if fulfils {
-            (self.mark, self.last) = (heard.number + 1, heard.at);
-        }
-        fulfils
-    }
-
-    pub(super) fn are_all_there(&self) -> bool {
-        self.wanted.iter().all(|(_, frame)| frame.is_some())
-    }
-
-    fn take(&mut self, frame: Frame) -> bool {
-        if self.any_order {
-            let mut tried = vec![false; self.wanted.len()];
-            return self.place(frame, &mut tried);
-        }
-        let first = self.wanted.iter_mut().find(|(_, frame)| frame.is_none());
-        let fulfilled = first.filter(|(pattern, _)| pattern.matches(&frame));
-        fulfilled.is_some_and(|(_, place)| place.replace(frame).is_none())
-    }
-
-    /// Finds a place for a frame that may come at any. One in its place makes room when there is another place for
-    /// that: a pattern for many frames takes none away from one for few.
-    fn place(&mut self, frame: Frame, tried: &mut [bool]) -> bool {
-        for place in 0..self.wanted.len() {
-            let (pattern, holder) = self.wanted[place];
-            if tried[place] || !pattern.matches(&frame) {
-                continue;
-            }
-            tried[place] = true;
-            if holder.is_none_or(|holder| self.place(holder, tried)) {
-                self.wanted[place].1 = Some(frame);
-                return true;
-            }
-        }
-        false
     }
 }

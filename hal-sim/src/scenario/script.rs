@@ -161,6 +161,18 @@ impl Scenario {
         Ok(scenario)
     }
 
+    /// Returns the devices, in the order of the file.
+    #[must_use]
+    pub fn devices(&self) -> &[NamedDevice] {
+        &self.devices
+    }
+
+    /// Returns the bit rate of the bus.
+    #[must_use]
+    pub const fn bit_rate(&self) -> BitRate {
+        self.bit_rate
+    }
+
     /// Returns a simulation of the devices, not yet powered.
     pub(super) fn simulation(&self, seed: u64) -> Simulation {
         let mut simulation = Simulation::new(self.bit_rate, seed);

@@ -3,7 +3,7 @@
 use protocol_core::frame::Id;
 use protocol_core::time::{Duration, Instant, after, since};
 
-use super::runner::Frames;
+use super::frames::Frames;
 use crate::simulation::{Heard, History};
 use crate::state::Pattern;
 

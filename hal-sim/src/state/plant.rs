@@ -196,7 +196,8 @@ impl PlantChange {
         Ok(())
     }
 
-    fn plants(&self) -> Vec<Plant> {
+    /// Returns the changes one by one, without that of the memory.
+    pub fn plants(&self) -> Vec<Plant> {
         let Self { supply_mv, temperature_c, spool, lever, angle_cdeg, speed_rpm, measuring_error, .. } = *self;
         let plants = [
             supply_mv.map(Plant::SupplyMv),

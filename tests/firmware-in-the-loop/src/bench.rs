@@ -1,23 +1,45 @@
-//! The bench of the use cases with the flashed image in the place of the first valve.
+//! The flashed image on a bus with a master; and as the first device of a scenario.
 //!
 //! The image is not told what it is: its flash holds what a host device of that node ID and serial number has stored in
-//! its own. Further valves of a use case are host devices.
+//! its own.
 
 use std::collections::VecDeque;
 
-use hal_sim::use_case::{Bench, Device, Plant, UseCase};
+use hal_sim::scenario::{Bench, OWN, Scenario};
+use hal_sim::simulation::{Command, Executed, Refusal, Reply, Simulation};
+use hal_sim::state::Power;
 use hal_sim::world::SUPPLY_JITTER;
-use hal_sim::{NodeId, TapId, World};
+use hal_sim::{Memory, TapId};
 use protocol_core::controller::BitRate;
-use protocol_core::device::Setup;
+use protocol_core::device::{Kind, Setup};
 use protocol_core::frame::Frame;
-use protocol_core::time::Instant;
+use protocol_core::time::{Duration, Instant, after};
 
 use crate::board::Board;
 use crate::content;
 use crate::rig::{BoardId, Rig};
 
-/// One emulated board, host devices and a master.
+/// How long the image runs at most until it is looked at: its timers are not the world's.
+const LOOK: Duration = Duration::from_millis(10);
+
+/// What an image is made with.
+#[derive(Clone, Copy, Debug)]
+pub struct Device {
+    /// The product.
+    pub kind: Kind,
+    /// Its node ID.
+    pub node_id: u8,
+    /// Its serial number; `None` for the kind's.
+    pub serial: Option<u32>,
+}
+
+impl From<&Device> for Setup {
+    fn from(device: &Device) -> Self {
+        Self { node_id: Some(device.node_id), serial: device.serial, ..Self::from(device.kind) }
+    }
+}
+
+/// One emulated board and a master.
 pub struct ImageBench {
     /// The board and its world.
     pub rig: Rig,
@@ -25,71 +47,40 @@ pub struct ImageBench {
     pub board: BoardId,
     /// The master.
     pub master: TapId,
-    others: Vec<NodeId>,
     received: VecDeque<Frame>,
 }
 
 impl ImageBench {
-    /// What a use case wants: its devices, switched off, at the bit rate that they start with.
-    ///
-    /// # Panics
-    /// When the use case has no device.
+    /// The image as this device, switched off.
     #[must_use]
-    pub fn new(board: &'static Board, case: &UseCase) -> Self {
-        let (first, others) = case.devices.split_first().expect("a use case has a device");
-        Self::with_devices(board, case.bit_rate(), first, others)
+    pub fn with_device(board: &'static Board, bit_rate: BitRate, device: &Device) -> Self {
+        Self::with_memory(board, bit_rate, &content::stored_by(device))
     }
 
-    /// The image as the device `first`, and host devices, switched off.
+    /// The image with these bytes in its memory, switched off.
     #[must_use]
-    pub fn with_devices(board: &'static Board, bit_rate: BitRate, first: &Device, others: &[Device]) -> Self {
-        Self::with_memory(board, bit_rate, &content::stored_by(first), others)
-    }
-
-    /// The image with these bytes in its memory, and host devices, switched off.
-    #[must_use]
-    pub fn with_memory(board: &'static Board, bit_rate: BitRate, memory: &[u8], others: &[Device]) -> Self {
+    pub fn with_memory(board: &'static Board, bit_rate: BitRate, memory: &[u8]) -> Self {
         let mut rig = Rig::new(bit_rate);
         let master = rig.world.add_tap("master");
         let board = rig.add_board(board, "board", memory);
-        let others = others.iter().map(|device| add_host_device(&mut rig.world, device)).collect();
-        Self { rig, board, master, others, received: VecDeque::new() }
+        Self { rig, board, master, received: VecDeque::new() }
     }
 
-    fn collect(&mut self) {
-        self.received.extend(self.rig.world.take_received(self.master).map(|(_, frame)| frame));
-    }
-}
-
-pub(crate) fn add_host_device(world: &mut World, device: &Device) -> NodeId {
-    let setup = Setup { node_id: Some(device.node_id), serial: device.serial, ..Setup::from(device.kind) };
-    world.add(device.kind.name(), setup)
-}
-
-impl Bench for ImageBench {
-    fn power_cycle(&mut self) {
+    /// Cuts the power of the board and gives it back; the first time, switches it on.
+    pub fn power_cycle(&mut self) {
         self.rig.power(self.board, false);
-        for other in &self.others {
-            self.rig.world.power(*other, false);
-        }
         self.rig.power(self.board, true);
-        if !self.others.is_empty() {
-            // A host device boots in no time. The use cases want the first valve first, and the supply lets them start
-            // so.
-            self.rig.run_for(SUPPLY_JITTER);
-        }
-        for other in &self.others {
-            self.rig.world.power(*other, true);
-        }
     }
 
-    fn send(&mut self, frame: Frame) {
+    /// Sends a frame of the master, as soon as the bus lets it.
+    pub fn send(&mut self, frame: Frame) {
         self.rig.world.send(self.master, frame);
     }
 
-    fn receive(&mut self, until: Instant) -> Option<Frame> {
+    /// Returns the next frame of the board, as soon as it comes, at the latest at `until`.
+    pub fn receive(&mut self, until: Instant) -> Option<Frame> {
         loop {
-            self.collect();
+            self.received.extend(self.rig.world.take_received(self.master).map(|(_, frame)| frame));
             if let Some(frame) = self.received.pop_front() {
                 return Some(frame);
             }
@@ -100,24 +91,118 @@ impl Bench for ImageBench {
         }
     }
 
-    fn set_plant(&mut self, plant: Plant) {
-        self.rig.type_line(self.board, &plant.to_string());
-        for other in &self.others {
-            if let Plant::SupplyMv(millivolt) = plant {
-                let mut senses = *self.rig.world.senses(*other);
-                if let Some(valve) = senses.valve_mut() {
-                    valve.supply_mv = millivolt;
-                }
-                self.rig.world.set_senses(*other, senses);
-            }
-        }
-    }
-
-    fn set_bit_rate(&mut self, bit_rate: BitRate) {
+    /// Changes the bit rate of the master.
+    pub fn set_bit_rate(&mut self, bit_rate: BitRate) {
         self.rig.world.set_bit_rate(bit_rate);
     }
 
-    fn now(&self) -> Instant {
+    /// Returns the present instant.
+    #[must_use]
+    pub fn now(&self) -> Instant {
         self.rig.world.now()
+    }
+}
+
+/// The bench of a scenario whose first device is an emulated board; the further ones are host devices.
+///
+/// The bus, its master and the host devices are a simulation. Its world is the rig's while the board runs.
+pub struct ScenarioBench {
+    simulation: Simulation,
+    rig: Rig,
+    board: BoardId,
+    /// The name of the board's device in the scenario.
+    name: String,
+}
+
+impl ScenarioBench {
+    /// Returns what a scenario wants, switched off.
+    ///
+    /// # Panics
+    /// When the scenario has no device.
+    #[must_use]
+    pub fn new(board: &'static Board, scenario: &Scenario) -> Self {
+        let (first, others) = scenario.devices().split_first().expect("a scenario has a device");
+        let mut simulation = Simulation::new(scenario.bit_rate(), 0);
+        simulation.send_as(OWN);
+        for other in others {
+            simulation.add(other, Memory::in_ram());
+        }
+        let mut rig = Rig::new(scenario.bit_rate());
+        std::mem::swap(simulation.world_mut(), &mut rig.world);
+        let board = rig.add_board(board, &first.name, &content::stored_by(first.setup));
+        std::mem::swap(simulation.world_mut(), &mut rig.world);
+        Self { simulation, rig, board, name: first.name.clone() }
+    }
+
+    /// Watches how much of its stack the board uses, from its power-up on.
+    pub fn watch_stack(&mut self) {
+        self.rig.watch_stack(self.board);
+    }
+
+    /// Returns how many bytes of its stack the board has used at the most.
+    #[must_use]
+    pub fn stack(&self) -> u64 {
+        self.rig.stack(self.board)
+    }
+
+    /// Switches all devices on.
+    pub fn power_up(&mut self) {
+        self.on_rig(|rig, board| rig.power(board, true));
+        self.simulation.power_up(SUPPLY_JITTER);
+    }
+
+    /// Does something with the rig, whose world the simulation's is meanwhile.
+    fn on_rig<T>(&mut self, act: impl FnOnce(&mut Rig, BoardId) -> T) -> T {
+        std::mem::swap(self.simulation.world_mut(), &mut self.rig.world);
+        let done = act(&mut self.rig, self.board);
+        std::mem::swap(self.simulation.world_mut(), &mut self.rig.world);
+        done
+    }
+}
+
+impl Bench for ScenarioBench {
+    fn simulation(&self) -> &Simulation {
+        &self.simulation
+    }
+
+    fn simulation_mut(&mut self) -> &mut Simulation {
+        &mut self.simulation
+    }
+
+    fn go(&mut self, end: Instant) -> bool {
+        let now = self.simulation.now();
+        let until = end.min(self.simulation.next()).min(after(now, LOOK)).max(now);
+        self.on_rig(|rig, _| rig.step(until));
+        self.simulation.now() >= end
+    }
+
+    fn execute(&mut self, command: Command) -> Result<Executed, Refusal> {
+        match command {
+            Command::Plant(name, change) if name == self.name => {
+                if change.memory.is_some() {
+                    return Err(Refusal::Conflict("the memory of a board is its flash".to_owned()));
+                }
+                let lines = change.plants().into_iter().map(|plant| plant.to_string());
+                self.on_rig(|rig, board| lines.for_each(|line| rig.type_line(board, &line)));
+            }
+            Command::Power(name, power) if name == self.name => match power {
+                Power::On => self.on_rig(|rig, board| rig.power(board, true)),
+                Power::Off => self.on_rig(|rig, board| rig.power(board, false)),
+                Power::Watchdog => {
+                    return Err(Refusal::Conflict("the watchdog of a board is its own".to_owned()));
+                }
+            },
+            command => return self.simulation.execute(command),
+        }
+        Ok(Executed::Done(Reply::Bus(self.simulation.bus())))
+    }
+}
+
+/// What a board has done wrong is told at its power cut.
+impl Drop for ScenarioBench {
+    fn drop(&mut self) {
+        if !std::thread::panicking() {
+            self.on_rig(|rig, board| rig.power(board, false));
+        }
     }
 }

@@ -3,15 +3,12 @@
 
 use firmware::settings::Settings;
 use hal_sim::memory;
-use hal_sim::use_case::Device;
 use hal_sim::{Memory, World};
 use nvm::Records;
-use protocol_core::device::Kind;
+use protocol_core::device::{Kind, Setup};
 use protocol_core::frame::Frame;
 use protocol_core::memory::{Record, RecordKey, seal};
 use protocol_core::time::{Duration, after};
-
-use crate::bench::add_host_device;
 
 /// How long a new device takes at most to have stored what it was made with, or a record.
 const STORE: Duration = Duration::from_secs(2);
@@ -22,23 +19,24 @@ const MANY: usize = 1000;
 
 /// The flash of a host device that was switched on once, with the setting that makes the image the same kind.
 #[must_use]
-pub fn stored_by(device: &Device) -> Vec<u8> {
+pub fn stored_by(device: impl Into<Setup>) -> Vec<u8> {
     stored_after(device, &[])
 }
 
 /// The same, and then it was sent these frames, with time to store after each.
 #[must_use]
-pub fn stored_after(device: &Device, frames: &[Frame]) -> Vec<u8> {
-    let mut world = World::new(device.kind.bit_rates()[0], 0);
+pub fn stored_after(device: impl Into<Setup>, frames: &[Frame]) -> Vec<u8> {
+    let setup = device.into();
+    let mut world = World::new(setup.kind.bit_rates()[0], 0);
     let client = world.add_tap("client");
-    let node = add_host_device(&mut world, device);
+    let node = world.add(setup.kind.name(), setup);
     world.power(node, true);
     world.run_until(after(world.now(), STORE));
     for frame in frames {
         world.send(client, *frame);
         world.run_until(after(world.now(), STORE));
     }
-    with_setting(world.memory(node).flash().image().to_vec(), device.kind)
+    with_setting(world.memory(node).flash().image().to_vec(), setup.kind)
 }
 
 /// The same content, but the parameters were saved so often that saving them once more erases a sector.

@@ -1,4 +1,4 @@
-//! What needs the whole simulator: physics of the bus, power cuts at any write, determinism, use cases.
+//! What needs the whole simulator: physics of the bus, power cuts at any write, determinism.
 
 mod angle_sensor;
 mod bit_rot;
@@ -9,5 +9,4 @@ mod determinism;
 mod fork;
 mod held_bus;
 mod power_cuts;
-mod use_cases;
 mod write_failures;

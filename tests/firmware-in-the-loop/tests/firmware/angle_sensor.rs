@@ -1,7 +1,6 @@
 //! The angle sensor on the board: its shaft, by the words of the console; cyclic transmission; kind, LEDs and button.
 
 use hal_sim::bus::FrameBits;
-use hal_sim::use_case::Bench;
 use protocol_core::controller::BitRate;
 use protocol_core::time::{Instant, since};
 

@@ -7,7 +7,6 @@ use firmware_in_the_loop::content;
 use firmware_in_the_loop::flash::Operation;
 use hal_sim::WireEvent;
 use hal_sim::bus::FrameBits;
-use hal_sim::use_case::Bench;
 use protocol_core::controller::BitRate;
 use protocol_core::time::{Duration, Instant, since};
 

@@ -3,15 +3,15 @@
 
 use std::io::Write as _;
 
-use firmware_in_the_loop::bench::ImageBench;
+use firmware_in_the_loop::bench::{ImageBench, ScenarioBench};
 use firmware_in_the_loop::board::NUCLEO_F429ZI;
 use firmware_in_the_loop::content;
 use firmware_in_the_loop::image::Image;
-use hal_sim::use_case::{Bench, all, play};
 use protocol_core::controller::BitRate;
 use protocol_core::frame::Frame;
 
-use super::client::{Client, ImageClient, SAVE, VALVE, download, frame};
+use super::client::{ImageClient, SAVE, VALVE, download, frame};
+use super::use_cases;
 
 pub const KIB: u64 = 1024;
 /// The image with all kinds, in flash.
@@ -74,27 +74,29 @@ fn ram_with_the_stack_at_its_deepest() {
     // A new memory, one that stores with an erase, and one that makes no sense: the ways through the record store.
     let noise: Vec<u8> = (0..32 * KIB).map(|place| (place * 31 % 251) as u8).collect();
     for (name, content) in [("new", vec![0xFF; 32 * 1024]), ("worn", content::worn(&saved)), ("damaged", noise)] {
-        let bench = ImageBench::with_memory(&NUCLEO_F429ZI, BitRate::Kbit250, &content, &[]);
-        let mut client = Client { bench, aside: Default::default() };
+        let bench = ImageBench::with_memory(&NUCLEO_F429ZI, BitRate::Kbit250, &content);
+        let mut client = ImageClient { bench, aside: Default::default() };
         client.bench.rig.watch_stack(client.bench.board);
         client.bench.power_cycle();
         heavy_mix(&mut client);
-        deepest = deepest.max(print_stack(&client.bench, &format!("with a {name} memory")));
+        deepest =
+            deepest.max(print_stack(client.bench.rig.stack(client.bench.board), &format!("with a {name} memory")));
     }
-    for case in all() {
-        let mut bench = ImageBench::new(&NUCLEO_F429ZI, case);
-        bench.rig.watch_stack(bench.board);
+    for name in use_cases::ALL {
+        let scenario = use_cases::use_case(name);
+        let mut bench = ScenarioBench::new(&NUCLEO_F429ZI, &scenario);
+        bench.watch_stack();
+        bench.power_up();
         // Whether the valve does what it has to is for the use cases' own tests.
-        let _ = play(case, &mut bench, &mut |_| {});
-        deepest = deepest.max(print_stack(&bench, &format!("in use case {}", case.name)));
+        let _ = scenario.play(&mut bench);
+        deepest = deepest.max(print_stack(bench.stack(), &format!("in use case {name}")));
     }
     let ram = symbols.total().ram + deepest;
     print(&format!("RAM: {} variables, {} stack, together {} of {}", symbols.total().ram, deepest, kib(ram), kib(RAM)));
     assert!(ram <= RAM, "{ram} bytes of RAM");
 }
 
-fn print_stack(bench: &ImageBench, when: &str) -> u64 {
-    let used = bench.rig.stack(bench.board);
+fn print_stack(used: u64, when: &str) -> u64 {
     print(&format!("stack {when}: {used} bytes"));
     used
 }

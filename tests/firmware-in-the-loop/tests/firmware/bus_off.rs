@@ -7,7 +7,7 @@ use protocol_core::controller::{BitRate, BusErrorMode};
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant};
 
-use super::client::{Client, ImageClient, VALVE};
+use super::client::{ImageClient, VALVE};
 
 /// 128 sequences of 11 recessive bits at 250 kbit/s, in microseconds.
 const RECOVERY: u64 = 128 * 11 * 4;
@@ -31,7 +31,7 @@ fn run_to(client: &mut ImageClient, wanted: BusErrorMode) -> Instant {
 
 #[test]
 fn it_is_silent_recovers_after_128_sequences_and_tells() {
-    let mut client = Client::powered(ImageBench::with_devices(&NUCLEO_F429ZI, BitRate::Kbit250, &VALVE, &[]));
+    let mut client = ImageClient::powered(ImageBench::with_device(&NUCLEO_F429ZI, BitRate::Kbit250, &VALVE));
     client.wait_ms(50);
     client.bench.rig.world.inject(DestroyNext::frames_of("board", FAILURES));
     client.send("620: 40 18 10 01 00 00 00 00");

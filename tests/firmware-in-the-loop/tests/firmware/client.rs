@@ -2,10 +2,9 @@
 
 use std::collections::VecDeque;
 
-use firmware_in_the_loop::bench::ImageBench;
+use firmware_in_the_loop::bench::{Device, ImageBench};
 use firmware_in_the_loop::board::{Board, NUCLEO_F429ZI};
 use firmware_in_the_loop::machine::Machine;
-use hal_sim::use_case::{Bench, Device};
 use protocol_core::controller::BitRate;
 use protocol_core::device::{Kind, hat, pve};
 use protocol_core::frame::Frame;
@@ -25,16 +24,13 @@ pub fn frame(text: &str) -> Frame {
     text.parse().unwrap_or_else(|error| panic!("{text:?}: {error}"))
 }
 
-/// A master.
-pub struct Client<B> {
+/// A master of an emulated valve.
+pub struct ImageClient {
     /// What it is connected to.
-    pub bench: B,
+    pub bench: ImageBench,
     /// Frames that came while it waited for another one.
     pub aside: VecDeque<Frame>,
 }
-
-/// A master of an emulated valve.
-pub type ImageClient = Client<ImageBench>;
 
 impl ImageClient {
     /// The valve, booted at 250 kbit/s.
@@ -44,12 +40,12 @@ impl ImageClient {
 
     /// The valve on this board, booted at 250 kbit/s.
     pub fn booted_on(board: &'static Board) -> Self {
-        Self::powered(ImageBench::with_devices(board, BitRate::Kbit250, &VALVE, &[]))
+        Self::powered(ImageBench::with_device(board, BitRate::Kbit250, &VALVE))
     }
 
     /// The valve on ISOBUS, after the wait that follows its claim.
     pub fn on_isobus() -> Self {
-        let bench = ImageBench::with_devices(&NUCLEO_F429ZI, BitRate::Kbit250, &ON_ISOBUS, &[]);
+        let bench = ImageBench::with_device(&NUCLEO_F429ZI, BitRate::Kbit250, &ON_ISOBUS);
         let mut client = Self { bench, aside: VecDeque::new() };
         client.bench.power_cycle();
         client.expect("18EEFF83: 01 00 20 07 08 FF 02 20");
@@ -60,7 +56,7 @@ impl ImageClient {
 
     /// The angle sensor, booted at 500 kbit/s.
     pub fn sensor() -> Self {
-        let bench = ImageBench::with_devices(&NUCLEO_F429ZI, BitRate::Kbit500, &SENSOR, &[]);
+        let bench = ImageBench::with_device(&NUCLEO_F429ZI, BitRate::Kbit500, &SENSOR);
         let mut client = Self { bench, aside: VecDeque::new() };
         client.bench.power_cycle();
         client.expect("720: 00");
@@ -69,7 +65,7 @@ impl ImageClient {
 
     /// The valve with these bytes in its memory, booted at 250 kbit/s.
     pub fn with_memory(board: &'static Board, content: &[u8]) -> Self {
-        Self::powered(ImageBench::with_memory(board, BitRate::Kbit250, content, &[]))
+        Self::powered(ImageBench::with_memory(board, BitRate::Kbit250, content))
     }
 
     /// The emulated board.
@@ -91,9 +87,9 @@ impl ImageClient {
     }
 }
 
-impl<B: Bench> Client<B> {
+impl ImageClient {
     /// Switches the valve on and takes its boot-up.
-    pub fn powered(bench: B) -> Self {
+    pub fn powered(bench: ImageBench) -> Self {
         let mut client = Self { bench, aside: VecDeque::new() };
         client.bench.power_cycle();
         client.expect("720: 00");

@@ -1,6 +1,5 @@
 //! The words of the console (docs/board.md): what acts on the valve, what it is, and its power.
 
-use hal_sim::use_case::Bench;
 use protocol_core::device::Kind;
 use protocol_core::time::Duration;
 

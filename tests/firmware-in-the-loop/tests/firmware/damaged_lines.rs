@@ -3,7 +3,6 @@
 use firmware_in_the_loop::board::{NUCLEO_F429ZI, NUCLEO_F446RE};
 use firmware_in_the_loop::broken::Break;
 use firmware_in_the_loop::part::{Damage, Flag};
-use hal_sim::use_case::Bench as _;
 
 use super::client::ImageClient;
 use super::f446re::{about_to_erase, begin_erase};

@@ -6,13 +6,12 @@ use firmware_in_the_loop::broken::Break;
 use firmware_in_the_loop::content;
 use firmware_in_the_loop::flash::Operation;
 use firmware_in_the_loop::image::Image;
-use hal_sim::use_case::Bench as _;
 use protocol_core::controller::BitRate;
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, since};
 
 use super::budgets::{FLASH, KIB};
-use super::client::{Client, ImageClient, SAVE, VALVE, download, frame};
+use super::client::{ImageClient, SAVE, VALVE, download, frame};
 use super::resets::{AT_ONCE, WATCHDOG, resets_by};
 
 /// The typical erase of a sector of 16 KiB by words, and the longest one (DS10693), in milliseconds.
@@ -133,7 +132,7 @@ fn the_longest_erase_is_shorter_than_the_watchdog_by_the_fastest_oscillator() {
 
 #[test]
 fn while_words_are_written_no_frame_is_lost() {
-    let mut client = Client::powered(ImageBench::with_memory(
+    let mut client = ImageClient::powered(ImageBench::with_memory(
         &NUCLEO_F446RE,
         BitRate::Kbit500,
         &content::stored_after(
@@ -141,7 +140,6 @@ fn while_words_are_written_no_frame_is_lost() {
             &["7E5: 04 01 00 00 00 00 00 00", "7E5: 13 00 02 00 00 00 00 00", "7E5: 17 00 00 00 00 00 00 00"]
                 .map(frame),
         ),
-        &[],
     ));
     let board = client.bench.board;
     client.send("000: 01 00");

@@ -25,10 +25,9 @@ use std::fs;
 use firmware_in_the_loop::bench::ImageBench;
 use firmware_in_the_loop::board::{Board, NUCLEO_F429ZI, NUCLEO_F446RE};
 use firmware_in_the_loop::flash::{ERASED, SECTOR_SIZE};
-use hal_sim::use_case::Bench;
 use protocol_core::controller::BitRate;
 
-use super::client::{Client, ImageClient, frame};
+use super::client::{ImageClient, frame};
 
 /// The layout that the image writes.
 const LAYOUT: &str = "v2";
@@ -89,7 +88,7 @@ const SENSOR: &[(u16, u8)] = &[
 
 /// A board with this memory, switched on; the bus at the first rate of its kind, or at another one.
 fn started(board: &'static Board, memory: &[u8], rate: BitRate) -> ImageClient {
-    let mut client = Client { bench: ImageBench::with_memory(board, rate, memory, &[]), aside: VecDeque::new() };
+    let mut client = ImageClient { bench: ImageBench::with_memory(board, rate, memory), aside: VecDeque::new() };
     client.bench.power_cycle();
     client
 }

@@ -4,7 +4,6 @@
 use firmware_in_the_loop::bxcan::registers::{BTR, MCR, TI0R, mcr};
 use hal_sim::TapId;
 use hal_sim::bus::{DestroyNext, FrameBits};
-use hal_sim::use_case::Bench;
 use protocol_core::controller::BitRate;
 use protocol_core::frame::{Frame, Id};
 use protocol_core::time::{Instant, since};

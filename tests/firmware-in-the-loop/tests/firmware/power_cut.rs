@@ -8,7 +8,6 @@ use std::ops::Range;
 
 use firmware_in_the_loop::board::{Board, NUCLEO_F429ZI};
 use firmware_in_the_loop::content;
-use hal_sim::use_case::Bench;
 use protocol_core::time::Instant;
 
 use super::client::{ImageClient, SAVE, VALVE, download, frame};

@@ -3,26 +3,30 @@
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use firmware_in_the_loop::bench::ImageBench;
+use firmware_in_the_loop::bench::{Device, ImageBench, ScenarioBench};
 use firmware_in_the_loop::board::NUCLEO_F429ZI;
 use hal_sim::devices::NamedDevice;
 use hal_sim::log::{Entry, Record, Timestamp};
 use hal_sim::recording::{Format, Writer};
 use hal_sim::replay::{Outcome, ReplayOptions, replay};
-use hal_sim::use_case::{Bench, Device, find, play};
+use hal_sim::scenario::Bench as _;
+use hal_sim::simulation::{KEPT, TraceRecord};
+use hal_sim::state::Pattern;
 use protocol_core::actuator::SpoolTimes;
 use protocol_core::controller::BitRate;
 use protocol_core::device::Setup;
-use protocol_core::time::{Duration, after};
+use protocol_core::frame::Frame;
+use protocol_core::time::{Duration, Instant, after};
 
 use super::client::{ON_ISOBUS, SENSOR, VALVE, frame};
+use super::use_cases::use_case;
 
 /// The wall time of virtual instant 0.
 const START: Timestamp = Timestamp::from_micros(1_700_000_000_000_000);
 
 /// A bench whose events are recorded, with the image booted.
 fn recorded(bit_rate: BitRate, device: &Device) -> ImageBench {
-    let mut bench = ImageBench::with_devices(&NUCLEO_F429ZI, bit_rate, device, &[]);
+    let mut bench = ImageBench::with_device(&NUCLEO_F429ZI, bit_rate, device);
     bench.rig.world.record_events(true);
     bench.power_cycle();
     let booted = after(bench.now(), Duration::from_millis(50));
@@ -32,13 +36,16 @@ fn recorded(bit_rate: BitRate, device: &Device) -> ImageBench {
 
 /// Writes what was on the bus as a log.
 fn log(bench: &mut ImageBench, name: &str) -> PathBuf {
+    let events = bench.rig.world.take_events();
+    write(name, events.filter_map(|event| Some((event.at, *event.frame()?))))
+}
+
+fn write(name: &str, frames: impl Iterator<Item = (Instant, Frame)>) -> PathBuf {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     let file = File::create(&path).expect("a file");
     let mut writer = Writer::new(file, Format::of(&path), "can0", START).expect("room");
-    for event in bench.rig.world.take_events() {
-        if let Some(frame) = event.frame() {
-            writer.write(&Record { at: START.at(event.at), entry: Entry::Frame(*frame) }).expect("room");
-        }
+    for (at, frame) in frames {
+        writer.write(&Record { at: START.at(at), entry: Entry::Frame(frame) }).expect("room");
     }
     writer.finish().expect("room");
     path
@@ -75,11 +82,19 @@ fn send(bench: &mut ImageBench, ms: u64, frames: &[&str]) {
 /// The one in which nothing but the master acts on the valve.
 #[test]
 fn a_use_case() {
-    let case = find("1").expect("the first one");
-    let mut bench = ImageBench::new(&NUCLEO_F429ZI, case);
-    bench.rig.world.record_events(true);
-    play(case, &mut bench, &mut |_| ()).expect("the use case passes");
-    assert!(replays(log(&mut bench, "use-case-1.log"), case.devices) > 5);
+    let scenario = use_case("1");
+    let mut bench = ScenarioBench::new(&NUCLEO_F429ZI, &scenario);
+    bench.power_up();
+    assert!(scenario.play(&mut bench).is_success());
+    let frames = bench.simulation().history().last(KEPT).records().into_iter().filter_map(|record| match record {
+        TraceRecord::Frame(frame) => {
+            let text = format!("{:03X}#{}", frame.id, frame.data);
+            let frame_sent = text.parse::<Pattern>().expect("a frame").frame().expect("one");
+            Some((Instant::from_micros(frame.t_us), frame_sent))
+        }
+        TraceRecord::Error(_) => None,
+    });
+    assert!(replays(write("use-case-1.log", frames), &[VALVE]) > 5);
 }
 
 /// The spool on its way: its position in PDOs and by SDO.

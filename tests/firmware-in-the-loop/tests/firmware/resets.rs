@@ -6,11 +6,10 @@ use firmware_in_the_loop::broken::Break;
 use firmware_in_the_loop::content;
 use firmware_in_the_loop::image::Image;
 use firmware_in_the_loop::part::Connections;
-use hal_sim::use_case::Bench;
 use protocol_core::controller::BitRate;
 use protocol_core::time::{Duration, after};
 
-use super::client::{Client, ImageClient, SAVE, VALVE, frame};
+use super::client::{ImageClient, SAVE, VALVE, frame};
 
 /// What the device's task calls for an SDO request, and nobody else: each after what it is inlined into, should it be.
 pub const HANDLES_SDO: [&str; 4] = [
@@ -136,8 +135,8 @@ fn a_fault_inside_a_call_of_the_log_resets_at_once() {
 /// A board that is switched on and waits for something in vain is reset by the watchdog, and starts when that is there.
 fn starts_after_a_wait(mend: impl Fn(&Connections), damage: impl Fn(&Connections)) {
     for board in [&NUCLEO_F429ZI, &NUCLEO_F446RE] {
-        let bench = ImageBench::with_devices(board, BitRate::Kbit250, &VALVE, &[]);
-        let mut client = Client { bench, aside: Default::default() };
+        let bench = ImageBench::with_device(board, BitRate::Kbit250, &VALVE);
+        let mut client = ImageClient { bench, aside: Default::default() };
         damage(client.bench.rig.connections(client.bench.board));
         client.bench.power_cycle();
         while client.machine().reached().resets == 0 {
@@ -247,8 +246,8 @@ fn a_memory_that_hangs_at_the_start_is_ended_by_the_watchdog() {
 #[test]
 fn a_start_that_erases_all_is_not_ended_by_the_watchdog() {
     let noise: Vec<u8> = (0..32 * 1024).map(|place| (place * 31 % 251) as u8).collect();
-    let bench = ImageBench::with_memory(&NUCLEO_F429ZI, BitRate::Kbit250, &noise, &[]);
-    let mut client = Client { bench, aside: Default::default() };
+    let bench = ImageBench::with_memory(&NUCLEO_F429ZI, BitRate::Kbit250, &noise);
+    let mut client = ImageClient { bench, aside: Default::default() };
     let board = client.bench.board;
     client.bench.rig.connections(board).flash.lock().set_slow(true);
     client.bench.power_cycle();

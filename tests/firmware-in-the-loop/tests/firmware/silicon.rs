@@ -6,11 +6,10 @@ use firmware_in_the_loop::board::{NUCLEO_F429ZI, NUCLEO_F446RE};
 use firmware_in_the_loop::broken::Break;
 use firmware_in_the_loop::content;
 use firmware_in_the_loop::image::Image;
-use hal_sim::use_case::Bench as _;
 use protocol_core::controller::BitRate;
 use protocol_core::frame::{Frame, standard};
 
-use super::client::{Client, ImageClient, SAVE, VALVE, download, frame};
+use super::client::{ImageClient, SAVE, VALVE, download, frame};
 
 /// Registers (RM0090, PM0214).
 const RCC_CR: u64 = 0x4002_3800;
@@ -182,12 +181,12 @@ fn the_pin_that_disturbs_early_silicon_is_held() {
 #[test]
 fn a_start_through_a_bootloader_uses_the_vectors_of_the_image() {
     for board in [&NUCLEO_F429ZI, &NUCLEO_F446RE] {
-        let mut bench = ImageBench::with_devices(board, BitRate::Kbit250, &VALVE, &[]);
+        let mut bench = ImageBench::with_device(board, BitRate::Kbit250, &VALVE);
         bench.power_cycle();
         let core = bench.rig.connections(bench.board).core.clone();
         core.watch(VTOR);
         core.write(VTOR, ROM);
-        let mut client = Client { bench, aside: Default::default() };
+        let mut client = ImageClient { bench, aside: Default::default() };
         client.expect("720: 00");
         assert_eq!(core.get(VTOR), Some(board.flash.start as u32), "{}", board.name);
         client.end_without_reset();

@@ -9,7 +9,7 @@ use protocol_core::controller::BitRate;
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, after, since};
 
-use super::client::{Client, ImageClient, SAVE, VALVE, download, frame};
+use super::client::{ImageClient, SAVE, VALVE, download, frame};
 
 /// How long the traffic lasts.
 const WINDOW: Duration = Duration::from_secs(2);
@@ -35,7 +35,7 @@ fn active() -> ImageClient {
     let mut frames: Vec<Frame> = lss.map(frame).to_vec();
     frames.push(frame("620: 23 10 10 01 73 61 76 65"));
     let content = content::worn(&content::stored_after(&VALVE, &frames));
-    let mut client = Client::powered(ImageBench::with_memory(&NUCLEO_F429ZI, BitRate::Kbit500, &content, &[]));
+    let mut client = ImageClient::powered(ImageBench::with_memory(&NUCLEO_F429ZI, BitRate::Kbit500, &content));
     client.send("000: 01 00");
     for status in ["09", "0B", "0F"] {
         client.send("220: 0F 00 00 00");
@@ -159,7 +159,7 @@ fn in_full_traffic_nothing_is_lost_while_it_stores_and_erases() {
     println!("{answers} TPDOs, the latest {} us after its RPDO", longest.as_micros());
 
     // What was saved is there after a start.
-    hal_sim::use_case::Bench::power_cycle(&mut client.bench);
+    client.bench.power_cycle();
     client.aside.clear();
     client.expect("720: 00");
     assert_eq!((client.read(0x1028, 1), client.read(0x6053, 0)), (0xA1, NAME));
@@ -171,8 +171,8 @@ fn in_full_traffic_nothing_is_lost_while_it_stores_and_erases() {
 fn a_memory_that_makes_no_sense_is_erased_as_a_whole_before_anything_is_written() {
     let noise: Vec<u8> = (0..2 * SECTOR_SIZE).map(|place| (place * 31 % 251) as u8).collect();
     for board in [&NUCLEO_F429ZI, &NUCLEO_F446RE] {
-        let bench = ImageBench::with_memory(board, BitRate::Kbit250, &noise, &[]);
-        let client = Client::powered(bench);
+        let bench = ImageBench::with_memory(board, BitRate::Kbit250, &noise);
+        let client = ImageClient::powered(bench);
         let flash = client.bench.rig.connections(client.bench.board).flash.lock();
         let begun: Vec<_> = flash.journal().iter().map(Operation::erased).collect();
         assert_eq!(begun[..2], [Some(0), Some(SECTOR_SIZE)], "{}", board.name);

@@ -1,18 +1,32 @@
-//! The use cases of the manuals, written once for host device and image (SPEC 8).
+//! The use cases of the manuals, the files that the host's devices pass, with the image in the place of the first device.
 
-use firmware_in_the_loop::bench::ImageBench;
+use firmware_in_the_loop::bench::ScenarioBench;
 use firmware_in_the_loop::board::{Board, NUCLEO_F429ZI, NUCLEO_F446RE};
-use hal_sim::use_case::{find, play};
+use hal_sim::scenario::{Outcome, Scenario};
+
+/// Returns the use case of a name.
+pub fn use_case(name: &str) -> Scenario {
+    let path = format!("{}/../../scenarios/use-case-{name}.toml", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"));
+    Scenario::parse(&text).unwrap_or_else(|error| panic!("{path}: {error:?}"))
+}
+
+fn played(board: &'static Board, scenario: &Scenario) -> Outcome {
+    let mut bench = ScenarioBench::new(board, scenario);
+    bench.power_up();
+    scenario.play(&mut bench)
+}
 
 fn passes(board: &'static Board, name: &str) {
-    let case = find(name).unwrap_or_else(|| panic!("there is no use case {name}"));
-    let mut lines = Vec::new();
-    let result = play(case, &mut ImageBench::new(board, case), &mut |line| lines.push(line.to_owned()));
-    result.unwrap_or_else(|deviation| panic!("{}\n{deviation}", lines.join("\n")));
+    let outcome = played(board, &use_case(name));
+    assert!(outcome.is_success(), "{}{}", outcome.trace(), outcome.failures(&format!("use-case-{name}.toml")));
 }
 
 macro_rules! use_cases {
     ($($test:ident: $name:literal,)*) => {
+        /// The names of all.
+        pub const ALL: &[&str] = &[$($name),*];
+
         $(#[test]
         fn $test() {
             passes(&NUCLEO_F429ZI, $name);
@@ -26,12 +40,6 @@ macro_rules! use_cases {
                 passes(&NUCLEO_F446RE, $name);
             })*
         }
-
-        #[test]
-        fn none_is_left_out() {
-            let names: Vec<_> = hal_sim::use_case::all().into_iter().map(|case| case.name).collect();
-            assert_eq!(names, [$($name),*]);
-        }
     };
 }
 
@@ -42,6 +50,36 @@ use_cases! {
     use_case_4: "4",
     use_case_5: "5",
     use_case_6: "6",
-    use_case_isobus: "isobus",
     use_case_hat: "hat",
+    use_case_isobus: "isobus",
+}
+
+#[test]
+fn no_use_case_is_left_out() {
+    let folder = format!("{}/../../scenarios", env!("CARGO_MANIFEST_DIR"));
+    let files = std::fs::read_dir(folder).expect("the scenarios").map(|file| file.expect("a file").file_name());
+    let mut names: Vec<String> = files
+        .filter_map(|file| Some(file.to_str()?.strip_prefix("use-case-")?.strip_suffix(".toml")?.to_owned()))
+        .collect();
+    names.sort();
+    assert_eq!(names, ALL);
+}
+
+/// A board shows its frames, not its state.
+#[test]
+fn what_a_board_cannot_be_asked_for_is_refused() {
+    let run = |step: &str| {
+        let text = format!("devices = [\"pvea-canopen@0x20\"]\nsteps = [\n{{ expect = \"720#00\" }},\n{step}\n]");
+        let outcome = played(&NUCLEO_F429ZI, &Scenario::parse(&text).unwrap_or_else(|error| panic!("{error:?}")));
+        assert!(!outcome.is_success(), "{step}");
+        (outcome.failures("x.toml"), outcome.trace().to_owned())
+    };
+    for step in [r#"{ expect = { dsm = "init" } }"#, r#"{ never = { dsm = "active" }, for_ms = 10 }"#] {
+        let (told, trace) = run(step);
+        assert!(told.contains("x.toml:4: a state of pvea-canopen: "), "{told}");
+        assert!(told.contains("its state cannot be looked at here; accepted: frames"), "{told}");
+        assert_eq!(trace, "", "nothing has happened");
+    }
+    assert!(run(r#"{ power = { reset = "watchdog" } }"#).0.contains("the watchdog of a board is its own"));
+    assert!(run(r#"{ plant = { memory = "damaged" } }"#).0.contains("the memory of a board is its flash"));
 }

@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 use std::time::{Duration, Instant};
 
+use firmware_in_the_loop::bench::Device;
 use firmware_in_the_loop::rig::Noticed;
 use hal_sim::WireEvent;
-use hal_sim::use_case::Device;
 
 use super::host::{Delay, Delays, Difference, Host, REACTION, Trigger};
 use super::recorder::{Event, Recorder, Run};

@@ -6,9 +6,9 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
+use firmware_in_the_loop::bench::Device;
 use firmware_in_the_loop::rig::Noticed;
 use hal_sim::bus::INTERMISSION;
-use hal_sim::use_case::Device;
 use hal_sim::world::SimDevice;
 use hal_sim::{Memory, WireEvent, memory};
 use protocol_core::controller::BusErrorMode;

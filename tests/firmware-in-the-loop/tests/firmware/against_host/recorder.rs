@@ -81,7 +81,7 @@ pub struct Recorder {
 impl Recorder {
     /// Returns a board without power, with this content of its memory, which makes it start at this bit rate.
     pub fn new(content: &[u8], bit_rate: BitRate) -> Self {
-        let mut bench = ImageBench::with_memory(&NUCLEO_F429ZI, bit_rate, content, &[]);
+        let mut bench = ImageBench::with_memory(&NUCLEO_F429ZI, bit_rate, content);
         // Acknowledges the frames of the master while the board is off the bus.
         bench.rig.world.add_gateway("listener");
         let (powered_on, mode) = (bench.rig.world.now(), BusErrorMode::ErrorActive);

@@ -1,0 +1,74 @@
+//! Frames that have to come, each fulfilled by one that does.
+
+use protocol_core::frame::Frame;
+use protocol_core::time::Instant;
+
+use crate::simulation::{Heard, History};
+use crate::state::Pattern;
+
+/// Frames that have to come.
+pub(super) struct Frames<'a> {
+    /// Each with the frame that fulfils it; `None`: it has not come.
+    pub(super) wanted: Vec<(&'a Pattern, Option<Frame>)>,
+    pub(super) any_order: bool,
+    /// The next event to be looked at.
+    pub(super) next: u64,
+    /// The event after the last one that was expected, and its time.
+    pub(super) mark: u64,
+    pub(super) last: Instant,
+}
+
+impl Frames<'_> {
+    /// Looks at what has come since the last look.
+    pub(super) fn look(&mut self, history: &History) {
+        if self.next == history.next() {
+            return;
+        }
+        for heard in history.heard_since(self.next) {
+            if self.claim(&heard) && self.are_all_there() {
+                break;
+            }
+        }
+        self.next = history.next();
+    }
+
+    /// Lets a frame fulfil one of those that have not come; returns whether it does.
+    pub(super) fn claim(&mut self, heard: &Heard) -> bool {
+        let fulfils = self.take(heard.frame);
+        if fulfils {
+            (self.mark, self.last) = (heard.number + 1, heard.at);
+        }
+        fulfils
+    }
+
+    pub(super) fn are_all_there(&self) -> bool {
+        self.wanted.iter().all(|(_, frame)| frame.is_some())
+    }
+
+    fn take(&mut self, frame: Frame) -> bool {
+        if self.any_order {
+            let mut tried = vec![false; self.wanted.len()];
+            return self.place(frame, &mut tried);
+        }
+        let first = self.wanted.iter_mut().find(|(_, frame)| frame.is_none());
+        let fulfilled = first.filter(|(pattern, _)| pattern.matches(&frame));
+        fulfilled.is_some_and(|(_, place)| place.replace(frame).is_none())
+    }
+
+    /// Finds a place for a frame that may come at any. One in its place makes room when there is another place for
+    /// that: a pattern for many frames takes none away from one for few.
+    fn place(&mut self, frame: Frame, tried: &mut [bool]) -> bool {
+        for place in 0..self.wanted.len() {
+            let (pattern, holder) = self.wanted[place];
+            if tried[place] || !pattern.matches(&frame) {
+                continue;
+            }
+            tried[place] = true;
+            if holder.is_none_or(|holder| self.place(holder, tried)) {
+                self.wanted[place].1 = Some(frame);
+                return true;
+            }
+        }
+        false
+    }
+}
