@@ -7,8 +7,7 @@ use protocol_core::actuator::Color;
 use protocol_core::memory::{Image, RecordKey, seal};
 use tests::Bench;
 
-/// The version of all records.
-const VERSION: u8 = 1;
+use super::records::VERSION;
 
 /// The records of a valve.
 const KEYS: [RecordKey; 5] =

@@ -9,4 +9,5 @@ mod determinism;
 mod fork;
 mod held_bus;
 mod power_cuts;
+mod records;
 mod write_failures;

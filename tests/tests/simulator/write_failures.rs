@@ -1,50 +1,23 @@
 //! The flash fails at any one word write or erase of an operation that stores (SPEC 4.2, 4.4, 6, 7): the client is
 //! told, the internal error is raised, the old values stay; or it went well in spite of it.
 
-use hal_sim::memory::{Flash, SECTOR, TornErase, WORD};
+use hal_sim::memory::{Flash, TornErase};
 use hal_sim::{Memory, NodeId};
 use protocol_core::actuator::Color;
-use protocol_core::memory::{RecordKey, seal};
+use protocol_core::memory::RecordKey::{self, Factory, FaultLog, LocalLayer, Parameters, RestoreFlag};
+use protocol_core::memory::seal;
 use tests::Bench;
 
-const VERSION: u8 = 1;
+use super::records::{VERSION, records, store_again, wear};
 
 /// A request, what it is answered with, and what when the memory fails; the record.
 const REQUESTS: [(&str, &str, &str, RecordKey); 5] = [
-    (
-        "620: 23 10 10 01 73 61 76 65",
-        "5A0: 60 10 10 01 00 00 00 00",
-        "5A0: 80 10 10 01 00 00 06 06",
-        RecordKey::Parameters,
-    ),
-    (
-        "620: 23 11 10 01 6C 6F 61 64",
-        "5A0: 60 11 10 01 00 00 00 00",
-        "5A0: 80 11 10 01 00 00 06 06",
-        RecordKey::RestoreFlag,
-    ),
-    (
-        "620: 23 11 10 05 70 6B 64 73",
-        "5A0: 60 11 10 05 00 00 00 00",
-        "5A0: 80 11 10 05 00 00 06 06",
-        RecordKey::FaultLog,
-    ),
-    (
-        "7E5: 17 00 00 00 00 00 00 00",
-        "7E4: 17 00 00 00 00 00 00 00",
-        "7E4: 17 02 00 00 00 00 00 00",
-        RecordKey::LocalLayer,
-    ),
-    ("1BC78820: 04 2E 10 01 22", "1BC408F1: 03 6E 10 01", "1BC408F1: 03 7F 2E 72", RecordKey::LocalLayer),
+    ("620: 23 10 10 01 73 61 76 65", "5A0: 60 10 10 01 00 00 00 00", "5A0: 80 10 10 01 00 00 06 06", Parameters),
+    ("620: 23 11 10 01 6C 6F 61 64", "5A0: 60 11 10 01 00 00 00 00", "5A0: 80 11 10 01 00 00 06 06", RestoreFlag),
+    ("620: 23 11 10 05 70 6B 64 73", "5A0: 60 11 10 05 00 00 00 00", "5A0: 80 11 10 05 00 00 06 06", FaultLog),
+    ("7E5: 17 00 00 00 00 00 00 00", "7E4: 17 00 00 00 00 00 00 00", "7E4: 17 02 00 00 00 00 00 00", LocalLayer),
+    ("1BC78820: 04 2E 10 01 22", "1BC408F1: 03 6E 10 01", "1BC408F1: 03 7F 2E 72", LocalLayer),
 ];
-
-type Records = [Option<Vec<u8>>; RecordKey::ALL.len()];
-
-fn records(flash: &Flash) -> Records {
-    let image = Memory::with_flash(flash.clone()).read_image();
-    assert!(!image.is_damaged());
-    RecordKey::ALL.map(|key| image.payload(key, VERSION).expect("intact").map(<[u8]>::to_vec))
-}
 
 /// A valve that has something else to store than its memory holds: a parameter, a counter, an LSS node ID.
 fn prepared(flash: &Flash) -> (Bench, NodeId) {
@@ -70,25 +43,19 @@ fn stored() -> Flash {
 /// A flash so full that whatever is stored has to empty a sector.
 fn full() -> Flash {
     let mut memory = Memory::with_flash(stored());
-    let kept = |memory: &Memory, key: RecordKey| {
-        seal(VERSION, records(memory.flash())[key.position()].as_ref().unwrap()).unwrap()
-    };
-    let (factory, layer) = (kept(&memory, RecordKey::Factory), kept(&memory, RecordKey::LocalLayer));
-    while memory.flash().words_in_use() < SECTOR / WORD - 150 {
-        memory.store(RecordKey::Factory, &factory).unwrap();
-    }
+    wear(&mut memory);
     // Records of two lengths leave any rest.
     for longer in 0..5 {
         let mut memory = Memory::with_flash(memory.flash().clone());
         for _ in 0..longer {
-            memory.store(RecordKey::Factory, &factory).unwrap();
+            store_again(&mut memory, Factory);
         }
         loop {
             let before = memory.flash().clone();
-            memory.store(RecordKey::LocalLayer, &layer).unwrap();
+            store_again(&mut memory, LocalLayer);
             if memory.flash().erases() > 0 {
                 let mut shortest = Memory::with_flash(before.clone());
-                shortest.store(RecordKey::RestoreFlag, &seal(VERSION, &[1]).unwrap()).unwrap();
+                shortest.store(RestoreFlag, &seal(VERSION, &[1]).unwrap()).unwrap();
                 if shortest.flash().erases() > 0 {
                     return before;
                 }
@@ -116,12 +83,9 @@ fn fail_everywhere(flash: &Flash, (request, done, failed, key): (&str, &str, &st
         let found = records(bench.world.memory(valve).flash());
         let what = format!("{request}, failure {failure}: {heard:?}");
         if heard == [done] {
-            let others = |records: &Records| {
-                let mut others = records.clone();
-                others[key.position()] = None;
-                others
-            };
-            assert!(found[key.position()] != before[key.position()] && others(&found) == others(&before), "{what}");
+            let changed: Vec<_> =
+                RecordKey::ALL.into_iter().filter(|key| found[key.position()] != before[key.position()]).collect();
+            assert_eq!(changed, [key], "{what}");
             let flash = bench.world.memory(valve).flash();
             if flash.word_writes() + flash.erases() - operations < failure {
                 return (told, harmless);

@@ -4,17 +4,13 @@
 mod sensor;
 mod valve;
 
-use hal_sim::memory::{Flash, SECTOR, TornErase, WORD};
+use hal_sim::memory::{Flash, TornErase};
 use hal_sim::{Memory, NodeId};
 use protocol_core::memory::RecordKey::{self, Factory, LocalLayer};
 use protocol_core::memory::seal;
 use tests::Bench;
 
-/// The version of all records.
-const VERSION: u8 = 1;
-
-/// The payload of each record.
-type Records = [Option<Vec<u8>>; RecordKey::ALL.len()];
+use super::records::{Records, VERSION, records, store_again, wear};
 
 /// A product that stores.
 struct Product {
@@ -68,12 +64,6 @@ fn store_by_lss(bench: &mut Bench, _: NodeId) {
     for request in ["11 21 00", "13 00 02", "17 00 00"] {
         bench.ask(&format!("7E5: {request} 00 00 00 00 00"));
     }
-}
-
-fn records(flash: &Flash) -> Records {
-    let image = Memory::with_flash(flash.clone()).read_image();
-    assert!(!image.is_damaged());
-    RecordKey::ALL.map(|key| image.payload(key, VERSION).expect("intact").map(<[u8]>::to_vec))
 }
 
 /// A flash that was never anything but this.
@@ -252,8 +242,7 @@ impl Product {
         let mut states = Vec::new();
         loop {
             let flash = memory.flash().clone();
-            let layer = records(&flash)[LocalLayer.position()].clone();
-            memory.store(LocalLayer, &seal(VERSION, &layer.expect("stored at the first start")).unwrap()).unwrap();
+            store_again(&mut memory, LocalLayer);
             if self.run_through(operation, &flash).erases() > erases {
                 states.push(flash);
             }
@@ -266,12 +255,7 @@ impl Product {
     /// A flash whose first sector has some 600 bytes left.
     fn worn(&self) -> Flash {
         let mut memory = Memory::with_flash(self.prepared(FIRST_START, &Flash::new()));
-        let factory = records(memory.flash())[Factory.position()].clone();
-        let factory = seal(VERSION, &factory.expect("stored at the first start")).unwrap();
-        while memory.flash().words_in_use() < SECTOR / WORD - 150 {
-            memory.store(Factory, &factory).unwrap();
-        }
-        assert_eq!(memory.flash().erases(), 0);
+        wear(&mut memory);
         memory.flash().clone()
     }
 

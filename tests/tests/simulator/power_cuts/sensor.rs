@@ -7,7 +7,7 @@ use protocol_core::device::Senses;
 use protocol_core::device::hat::{Hat, Kind, Setup};
 use protocol_core::encoder::Shaft;
 use protocol_core::memory::Image;
-use protocol_core::memory::RecordKey::{Application, LocalLayer, Parameters};
+use protocol_core::memory::RecordKey::{self, Application, LocalLayer, Parameters};
 use tests::Bench;
 
 use super::{ACT, Operation, Product, store_by_lss, write_all};
@@ -21,56 +21,25 @@ pub(super) const PRODUCT: Product = Product {
     operations: &OPERATIONS,
 };
 
-const BOTH: &[protocol_core::memory::RecordKey] = &[Parameters, Application];
+const BOTH: &[RecordKey] = &[Parameters, Application];
 
 const OPERATIONS: [Operation; 10] = [
     Operation { name: "first save", act: save_all, writes: BOTH, ..ACT },
-    Operation { name: "save", before: save_others, act: save_all, writes: BOTH, ..ACT },
-    Operation {
-        name: "save of communication",
-        before: save_others,
-        act: |bench, sensor| save(bench, sensor, 2),
-        writes: &[Parameters],
-        ..ACT
-    },
-    Operation {
-        name: "save of application",
-        before: save_others,
-        act: |bench, sensor| save(bench, sensor, 3),
-        writes: &[Application],
-        ..ACT
-    },
-    Operation {
-        name: "save of LSS",
-        before: save_others,
-        act: |bench, sensor| save(bench, sensor, 4),
-        writes: &[LocalLayer],
-        ..ACT
-    },
-    Operation { name: "load", before: save_others, act: |bench, sensor| load(bench, sensor, 1), writes: BOTH, ..ACT },
-    Operation {
-        name: "load of communication",
-        before: save_others,
-        act: |bench, sensor| load(bench, sensor, 2),
-        writes: &[Parameters],
-        ..ACT
-    },
-    Operation {
-        name: "load of application",
-        before: save_others,
-        act: |bench, sensor| load(bench, sensor, 3),
-        writes: &[Application],
-        ..ACT
-    },
-    Operation {
-        name: "load of LSS",
-        before: save_others,
-        act: |bench, sensor| load(bench, sensor, 4),
-        writes: &[LocalLayer],
-        ..ACT
-    },
-    Operation { name: "LSS store", before: save_others, act: store_by_lss, writes: &[LocalLayer], ..ACT },
+    stored("save", save_all, BOTH),
+    stored("save of communication", |bench, sensor| save(bench, sensor, 2), &[Parameters]),
+    stored("save of application", |bench, sensor| save(bench, sensor, 3), &[Application]),
+    stored("save of LSS", |bench, sensor| save(bench, sensor, 4), &[LocalLayer]),
+    stored("load", |bench, sensor| load(bench, sensor, 1), BOTH),
+    stored("load of communication", |bench, sensor| load(bench, sensor, 2), &[Parameters]),
+    stored("load of application", |bench, sensor| load(bench, sensor, 3), &[Application]),
+    stored("load of LSS", |bench, sensor| load(bench, sensor, 4), &[LocalLayer]),
+    stored("LSS store", store_by_lss, &[LocalLayer]),
 ];
+
+/// An operation of a sensor that has stored other values of every group.
+const fn stored(name: &'static str, act: fn(&mut Bench, NodeId), writes: &'static [RecordKey]) -> Operation {
+    Operation { name, before: save_others, act, writes, ..ACT }
+}
 
 fn with_flash(flash: Flash) -> (Bench, NodeId) {
     let mut bench = Bench::default();
