@@ -88,6 +88,20 @@ impl Warm {
     }
 }
 
+/// Hands methods of a trait on to a field.
+macro_rules! hand_on {
+    ($field:ident, & $($name:ident($self:ident $(, $argument:ident: $type:ty)*) $(-> $result:ty)?;)*) => {
+        $(fn $name(&$self $(, $argument: $type)*) $(-> $result)? {
+            $self.$field.$name($($argument),*)
+        })*
+    };
+    ($field:ident, &mut $($name:ident($self:ident $(, $argument:ident: $type:ty)*) $(-> $result:ty)?;)*) => {
+        $(fn $name(&mut $self $(, $argument: $type)*) $(-> $result)? {
+            $self.$field.$name($($argument),*)
+        })*
+    };
+}
+
 /// The bus, behind which the processor does not go on when an access has begun an operation that holds it.
 struct Held<'a> {
     bus: &'a mut dyn CoreBus,
@@ -95,41 +109,23 @@ struct Held<'a> {
 }
 
 impl CoreBus for Held<'_> {
-    fn access(&mut self, access: Access, from_code: bool) -> Option<u64> {
-        self.bus.access(access, from_code)
-    }
-
-    fn time(&self, instructions: u64) -> VirtualNanos {
-        self.bus.time(instructions)
-    }
-
-    fn queued(&mut self) -> Vec<Queued> {
-        self.bus.queued()
-    }
-
     fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32> {
         let on = self.bus.carry_on(instructions, event);
         on.filter(|_| !self.flash.holds(self.bus.time(instructions)))
     }
 
-    fn acknowledge(&mut self, line: InterruptLine, instructions: u64) -> Option<u64> {
-        self.bus.acknowledge(line, instructions)
+    hand_on! { bus, &
+        time(self, instructions: u64) -> VirtualNanos;
     }
 
-    fn read_checked(&mut self, access: Access, report: bool) -> Option<Checked> {
-        self.bus.read_checked(access, report)
-    }
-
-    fn write_checked(&mut self, access: Access) -> Option<bool> {
-        self.bus.write_checked(access)
-    }
-
-    fn stops_before(&mut self, access: &Access) -> bool {
-        self.bus.stops_before(access)
-    }
-
-    fn send_trace(&mut self, bytes: &[u8]) {
-        self.bus.send_trace(bytes);
+    hand_on! { bus, &mut
+        access(self, access: Access, from_code: bool) -> Option<u64>;
+        queued(self) -> Vec<Queued>;
+        acknowledge(self, line: InterruptLine, instructions: u64) -> Option<u64>;
+        read_checked(self, access: Access, report: bool) -> Option<Checked>;
+        write_checked(self, access: Access) -> Option<bool>;
+        stops_before(self, access: &Access) -> bool;
+        send_trace(self, bytes: &[u8]);
     }
 }
 
@@ -156,137 +152,47 @@ impl Processor for Warm {
         ran
     }
 
-    fn retired(&self) -> u64 {
-        self.inner.retired()
-    }
-
-    fn ask(&mut self, queued: Queued) {
-        self.inner.ask(queued);
-    }
-
-    fn maps(&self, start: u64, length: u64) -> bool {
-        self.inner.maps(start, length)
-    }
-
-    fn page_size(&self) -> u64 {
-        self.inner.page_size()
-    }
-
     #[allow(unsafe_code, reason = "the trait's, handed on as it comes")]
     unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
         // SAFETY: the caller's promise is the one that is asked for.
         unsafe { self.inner.map(start, length, host, writable) };
     }
 
-    fn boot(&mut self, table: u64, read: &dyn Fn(u64, Width) -> Option<u64>) {
-        self.inner.boot(table, read);
+    hand_on! { inner, &
+        retired(self) -> u64;
+        maps(self, start: u64, length: u64) -> bool;
+        page_size(self) -> u64;
+        next_event(self) -> Option<VirtualNanos>;
+        waiting(self) -> bool;
+        pc(self) -> u64;
+        gdb_register(self, number: usize) -> Option<Vec<u8>>;
+        target_xml(self) -> &'static str;
+        data_model(self) -> DataModel;
+        byte_order(self, address: u64) -> Endian;
+        save(self) -> Vec<u8>;
+        bit_alias(self, address: u64, width: Width) -> Option<BitAlias>;
+        own_ranges(self) -> Vec<Range<u64>>;
+        host_call(self, read: &mut dyn FnMut(u64, Width) -> Option<u64>) -> Option<HostCall>;
     }
 
-    fn take_reset_request(&mut self) -> bool {
-        self.inner.take_reset_request()
-    }
-
-    fn next_event(&self) -> Option<VirtualNanos> {
-        self.inner.next_event()
-    }
-
-    fn on_event(&mut self, now: VirtualNanos) {
-        self.inner.on_event(now);
-    }
-
-    fn waiting(&self) -> bool {
-        self.inner.waiting()
-    }
-
-    fn pc(&self) -> u64 {
-        self.inner.pc()
-    }
-
-    fn add_breakpoint(&mut self, address: u64) -> bool {
-        self.inner.add_breakpoint(address)
-    }
-
-    fn remove_breakpoint(&mut self, address: u64) {
-        self.inner.remove_breakpoint(address);
-    }
-
-    fn pass_breakpoint(&mut self, address: u64) {
-        self.inner.pass_breakpoint(address);
-    }
-
-    fn attach_debugger(&mut self, attached: bool) {
-        self.inner.attach_debugger(attached);
-    }
-
-    fn hold_interrupts(&mut self, held: bool) {
-        self.inner.hold_interrupts(held);
-    }
-
-    fn gdb_register(&self, number: usize) -> Option<Vec<u8>> {
-        self.inner.gdb_register(number)
-    }
-
-    fn set_gdb_register(&mut self, number: usize, bytes: &[u8]) -> bool {
-        self.inner.set_gdb_register(number, bytes)
-    }
-
-    fn debugger_access(&mut self, write: Option<u64>, address: u64, width: Width, now: VirtualNanos) -> Option<u64> {
-        self.inner.debugger_access(write, address, width, now)
-    }
-
-    fn take_debugger_trace(&mut self) -> Vec<u8> {
-        self.inner.take_debugger_trace()
-    }
-
-    fn target_xml(&self) -> &'static str {
-        self.inner.target_xml()
-    }
-
-    fn data_model(&self) -> DataModel {
-        self.inner.data_model()
-    }
-
-    fn byte_order(&self, address: u64) -> Endian {
-        self.inner.byte_order(address)
-    }
-
-    fn save(&self) -> Vec<u8> {
-        self.inner.save()
-    }
-
-    fn load(&mut self, bytes: &[u8]) -> Result<(), Error> {
-        self.inner.load(bytes)
-    }
-
-    fn monitor_command(&mut self, command: &str) -> Option<String> {
-        self.inner.monitor_command(command)
-    }
-
-    fn debugger_halted(&mut self, why: HaltReason) -> bool {
-        self.inner.debugger_halted(why)
-    }
-
-    fn bit_alias(&self, address: u64, width: Width) -> Option<BitAlias> {
-        self.inner.bit_alias(address, width)
-    }
-
-    fn own_ranges(&self) -> Vec<Range<u64>> {
-        self.inner.own_ranges()
-    }
-
-    fn check_reads(&mut self, every: bool) {
-        self.inner.check_reads(every);
-    }
-
-    fn check_words(&mut self, words: &[u64]) {
-        self.inner.check_words(words);
-    }
-
-    fn host_call(&self, read: &mut dyn FnMut(u64, Width) -> Option<u64>) -> Option<HostCall> {
-        self.inner.host_call(read)
-    }
-
-    fn answer_host_call(&mut self, answer: Option<u64>) {
-        self.inner.answer_host_call(answer);
+    hand_on! { inner, &mut
+        ask(self, queued: Queued);
+        boot(self, table: u64, read: &dyn Fn(u64, Width) -> Option<u64>);
+        take_reset_request(self) -> bool;
+        on_event(self, now: VirtualNanos);
+        add_breakpoint(self, address: u64) -> bool;
+        remove_breakpoint(self, address: u64);
+        pass_breakpoint(self, address: u64);
+        attach_debugger(self, attached: bool);
+        hold_interrupts(self, held: bool);
+        set_gdb_register(self, number: usize, bytes: &[u8]) -> bool;
+        debugger_access(self, write: Option<u64>, address: u64, width: Width, now: VirtualNanos) -> Option<u64>;
+        take_debugger_trace(self) -> Vec<u8>;
+        load(self, bytes: &[u8]) -> Result<(), Error>;
+        monitor_command(self, command: &str) -> Option<String>;
+        debugger_halted(self, why: HaltReason) -> bool;
+        check_reads(self, every: bool);
+        check_words(self, words: &[u64]);
+        answer_host_call(self, answer: Option<u64>);
     }
 }

@@ -118,12 +118,6 @@ impl Default for Flash {
 
 /// What a test does with it.
 impl Flash {
-    /// That of an STM32F429ZI, with these bytes from the start of the memory on.
-    #[must_use]
-    pub fn with_content(content: &[u8]) -> Self {
-        Self::of(Layout::TWO_BANKS, content)
-    }
-
     /// With these bytes from the start of the memory on.
     #[must_use]
     pub fn of(layout: Layout, content: &[u8]) -> Self {

@@ -20,8 +20,6 @@ pub const KEY2: u32 = 0xCDEF_89AB;
 pub mod acr {
     /// Data cache enable.
     pub const DCEN: u32 = 1 << 10;
-    /// Instruction cache reset.
-    pub const ICRST: u32 = 1 << 11;
     /// Data cache reset.
     pub const DCRST: u32 = 1 << 12;
     /// The bits there are.

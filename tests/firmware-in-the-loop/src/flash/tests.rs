@@ -5,10 +5,17 @@ use super::*;
 const WORD: u32 = 2 << cr::PSIZE;
 const MS: Nanos = 1_000_000;
 
-fn unlocked() -> Flash {
-    let mut flash = Flash::default();
+/// An erase of the first sector by words.
+const ERASE: u32 = cr::SER | cr::STRT | 0x10 << cr::SNB | WORD;
+
+fn unlock(flash: &mut Flash) {
     flash.write_register(KEYR, KEY1, 0);
     flash.write_register(KEYR, KEY2, 0);
+}
+
+fn unlocked() -> Flash {
+    let mut flash = Flash::default();
+    unlock(&mut flash);
     flash
 }
 
@@ -27,17 +34,14 @@ fn two_keys_unlock_and_a_wrong_one_locks_for_good() {
     let mut flash = Flash::default();
     flash.write_register(CR, cr::PG, 0);
     assert_eq!(flash.read_register(CR, 0), Some(cr::LOCK));
-    flash.write_register(KEYR, KEY1, 0);
-    flash.write_register(KEYR, KEY2, 0);
+    unlock(&mut flash);
     assert_eq!(flash.read_register(CR, 0), Some(0));
     flash.write_register(CR, cr::LOCK, 0);
     flash.write_register(KEYR, 7, 0);
-    flash.write_register(KEYR, KEY1, 0);
-    flash.write_register(KEYR, KEY2, 0);
+    unlock(&mut flash);
     assert_eq!(flash.read_register(CR, 0), Some(cr::LOCK));
     flash.reset(0, 0);
-    flash.write_register(KEYR, KEY1, 0);
-    flash.write_register(KEYR, KEY2, 0);
+    unlock(&mut flash);
     assert_eq!(flash.read_register(CR, 0), Some(0));
 }
 
@@ -95,6 +99,10 @@ fn the_end_and_errors_interrupt_when_that_is_enabled() {
     assert!(!flash.interrupt());
     flash.settle(PROGRAM_TIME);
     assert!(flash.interrupt());
+    flash.write_register(CR, cr::PG | WORD, PROGRAM_TIME);
+    assert!(!flash.interrupt(), "disabled again");
+    assert_eq!(status(&mut flash, PROGRAM_TIME), sr::EOP, "the flag stands");
+    flash.write_register(CR, cr::PG | WORD | cr::EOPIE, PROGRAM_TIME);
     flash.write_register(SR, sr::EOP, PROGRAM_TIME);
     assert!(!flash.interrupt());
     flash.set_fails(true);
@@ -106,7 +114,7 @@ fn the_end_and_errors_interrupt_when_that_is_enabled() {
 
 #[test]
 fn an_erase_tells_of_its_end_by_interrupt_and_keeps_its_settings() {
-    let control = cr::SER | 0x10 << cr::SNB | WORD | cr::EOPIE | cr::ERRIE;
+    let control = ERASE & !cr::STRT | cr::EOPIE | cr::ERRIE;
     let mut flash = unlocked();
     flash.write_register(CR, control, 0);
     flash.write_register(CR, control | cr::STRT, 0);
@@ -125,35 +133,15 @@ fn an_erase_tells_of_its_end_by_interrupt_and_keeps_its_settings() {
 fn an_erase_that_fails_tells_so_by_interrupt_at_once() {
     let mut flash = unlocked();
     flash.set_fails(true);
-    flash.write_register(CR, cr::SER | cr::STRT | 0x10 << cr::SNB | WORD | cr::EOPIE | cr::ERRIE, 0);
+    flash.write_register(CR, ERASE | cr::EOPIE | cr::ERRIE, 0);
     assert_eq!((status(&mut flash, 0), flash.due()), (sr::WRPERR | sr::OPERR, None));
     assert!(flash.interrupt());
     flash.write_register(SR, sr::OPERR, 0);
     assert!(!flash.interrupt());
     assert_eq!(status(&mut flash, 0), sr::WRPERR, "each flag is cleared by itself");
     flash.set_fails(false);
-    flash.write_register(CR, cr::SER | cr::STRT | 0x10 << cr::SNB | WORD | cr::EOPIE | cr::ERRIE, 0);
+    flash.write_register(CR, ERASE | cr::EOPIE | cr::ERRIE, 0);
     assert_eq!(flash.due(), Some(250 * MS), "it works again");
-}
-
-#[test]
-fn an_interrupt_that_is_disabled_again_does_not_stand() {
-    let mut flash = unlocked();
-    flash.write_register(CR, cr::PG | WORD | cr::EOPIE, 0);
-    flash.write(0, 4, 0, 0);
-    flash.settle(PROGRAM_TIME);
-    flash.write_register(CR, cr::PG | WORD, PROGRAM_TIME);
-    assert!(!flash.interrupt());
-    assert_eq!(status(&mut flash, PROGRAM_TIME), sr::EOP, "the flag does");
-}
-
-#[test]
-fn the_status_and_bank_1_may_be_read_during_an_operation() {
-    let mut flash = unlocked();
-    flash.write_register(CR, cr::SER | cr::STRT | 0x10 << cr::SNB | WORD, 0);
-    assert_eq!(status(&mut flash, 1000), sr::BSY);
-    assert_eq!(flash.read_register(CR, 1000).map(|control| control & cr::STRT), Some(cr::STRT));
-    assert_eq!(flash.take_complaints(), Vec::<String>::new());
 }
 
 #[test]
@@ -170,7 +158,10 @@ fn the_journal_tells_when_what_began_since_the_power_came() {
 #[test]
 fn what_would_stall_the_processor_is_complained_of() {
     let mut flash = unlocked();
-    flash.write_register(CR, cr::SER | cr::STRT | 0x10 << cr::SNB | WORD, 0);
+    flash.write_register(CR, ERASE, 0);
+    assert_eq!(status(&mut flash, 1000), sr::BSY);
+    assert_eq!(flash.read_register(CR, 1000), Some(ERASE));
+    assert_eq!(flash.take_complaints(), Vec::<String>::new(), "the registers may be read");
     flash.read(SECTOR_SIZE, 4, 1000);
     flash.write(0, 4, 0, 2000);
     flash.write_register(CR, 0, 3000);
@@ -211,10 +202,9 @@ fn a_cut_tears_only_what_is_under_way() {
 
 #[test]
 fn a_cut_erase_leaves_a_mixture() {
-    let mut flash = Flash::with_content(&[0; SECTOR_SIZE]);
-    flash.write_register(KEYR, KEY1, 0);
-    flash.write_register(KEYR, KEY2, 0);
-    flash.write_register(CR, cr::SER | cr::STRT | 0x10 << cr::SNB | WORD, 0);
+    let mut flash = Flash::of(Layout::TWO_BANKS, &[0; SECTOR_SIZE]);
+    unlock(&mut flash);
+    flash.write_register(CR, ERASE, 0);
     flash.reset(100 * MS, 3);
     let erased = flash.content(SECTOR_SIZE).iter().filter(|byte| **byte == ERASED).count();
     assert!((1..SECTOR_SIZE).contains(&erased), "{erased}");
@@ -246,8 +236,7 @@ fn the_data_cache_has_to_be_off_while_bank_2_changes_and_reset_before_it_is_on_a
 #[test]
 fn with_one_bank_an_operation_holds_the_processor_to_its_end() {
     let mut flash = Flash::of(Layout::ONE_BANK, &[0; SECTOR_SIZE]);
-    flash.write_register(KEYR, KEY1, 0);
-    flash.write_register(KEYR, KEY2, 0);
+    unlock(&mut flash);
     flash.write_register(ACR, acr::DCEN, 0);
     let done = programmed(&mut flash, SECTOR_SIZE, 0, 0);
     assert!(flash.holds(0) && flash.holds(done - 1) && !flash.holds(done));
@@ -272,6 +261,6 @@ fn a_slow_flash_takes_the_longest_times_of_the_data_sheet() {
     flash.write(0, 4, 0, 0);
     assert_eq!(flash.due(), Some(100_000));
     flash.settle(100_000);
-    flash.write_register(CR, cr::SER | cr::STRT | 0x10 << cr::SNB | WORD, 100_000);
+    flash.write_register(CR, ERASE, 100_000);
     assert_eq!(flash.due(), Some(100_000 + 500 * MS));
 }

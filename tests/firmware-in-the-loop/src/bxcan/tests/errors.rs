@@ -25,6 +25,10 @@ fn fail(can: &mut BxCan, error: BusError) {
     can.hear(Ends);
 }
 
+fn fail_times(can: &mut BxCan, times: u32) {
+    (0..times).for_each(|_| fail(can, BusError::Bit));
+}
+
 fn disturb(can: &mut BxCan, first: bool) {
     can.hear(Begins { own: false });
     can.hear(NotReceived { first });
@@ -33,11 +37,8 @@ fn disturb(can: &mut BxCan, first: bool) {
 
 /// On the bus, with a request that fails `times` times.
 fn failing(control: u32, times: u32) -> BxCan {
-    let mut can = on_bus(control);
-    request(&mut can, 0, &std(0x100, &[]));
-    for _ in 0..times {
-        fail(&mut can, BusError::Bit);
-    }
+    let mut can = requested(control);
+    fail_times(&mut can, times);
     can
 }
 
@@ -72,8 +73,7 @@ fn a_frame_that_no_filter_takes_counts_as_received() {
 #[test]
 fn warning_from_96_passive_above_127() {
     for transmitting in [true, false] {
-        let mut can = on_bus(0);
-        request(&mut can, 0, &std(0x100, &[]));
+        let mut can = requested(0);
         let mut seen = Vec::new();
         for _ in 0..16 {
             if transmitting {
@@ -103,8 +103,7 @@ fn a_passive_receiver_is_active_again_after_one_message() {
 
 #[test]
 fn alone_on_the_bus_it_gets_passive_but_never_bus_off() {
-    let mut can = on_bus(0);
-    request(&mut can, 0, &std(0x100, &[]));
+    let mut can = requested(0);
     for _ in 0..100 {
         fail(&mut can, BusError::Acknowledgement);
     }
@@ -151,9 +150,7 @@ fn without_abom_software_enters_and_leaves_initialization() {
     can.hear(Recovered);
     assert_eq!(flags(&can), 0);
     // The next time it has to be asked again.
-    for _ in 0..32 {
-        fail(&mut can, BusError::Bit);
-    }
+    fail_times(&mut can, 32);
     assert!(!can.is_recovering());
 }
 
@@ -180,9 +177,8 @@ fn the_last_error_code_is_cleared_by_a_good_frame_and_can_be_set_to_watch_it() {
 #[test]
 fn each_error_flag_raises_the_interrupt_for_as_long_as_it_stands() {
     for (enable, failures) in [(ier::EWGIE, 12), (ier::EPVIE, 16), (ier::BOFIE, 32), (ier::LECIE, 1)] {
-        let mut can = on_bus(0);
+        let mut can = requested(0);
         can.write(IER, enable | ier::ERRIE);
-        request(&mut can, 0, &std(0x100, &[]));
         for count in 1..=failures {
             assert!(!can.interrupts().status, "{count} of {failures}");
             fail(&mut can, BusError::Bit);
@@ -202,23 +198,17 @@ fn each_error_flag_raises_the_interrupt_for_as_long_as_it_stands() {
 
 #[test]
 fn an_error_whose_interrupt_is_not_enabled_is_not_noted() {
-    let mut can = on_bus(0);
+    let mut can = requested(0);
     can.write(IER, ier::ERRIE);
-    request(&mut can, 0, &std(0x100, &[]));
-    for _ in 0..32 {
-        fail(&mut can, BusError::Bit);
-    }
+    fail_times(&mut can, 32);
     assert_eq!(can.read(MSR) & msr::ERRI, 0);
 }
 
 #[test]
 fn the_way_back_raises_no_interrupt() {
-    let mut can = on_bus(mcr::ABOM);
+    let mut can = requested(mcr::ABOM);
     can.write(IER, ier::EWGIE | ier::EPVIE | ier::BOFIE | ier::ERRIE);
-    request(&mut can, 0, &std(0x100, &[]));
-    for _ in 0..32 {
-        fail(&mut can, BusError::Bit);
-    }
+    fail_times(&mut can, 32);
     assert!(can.interrupts().status);
     can.hear(Recovered);
     can.write(MSR, msr::ERRI);

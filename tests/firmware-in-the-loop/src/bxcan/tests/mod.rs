@@ -12,13 +12,19 @@ use protocol_core::frame::{Frame, Id, extended, standard};
 use super::registers::*;
 use super::{BxCan, Presence};
 
-/// Out of reset, through initialization with these bits of MCR, and on the bus; FIFO 0 takes everything.
-fn on_bus(control: u32) -> BxCan {
+/// Out of reset and through initialization with these values of MCR and BTR; FIFO 0 takes everything.
+fn set_up(control: u32, timing: u32) -> BxCan {
     let mut can = BxCan::default();
     can.write(MCR, control | mcr::INRQ);
-    can.write(BTR, 0x001C_0009);
+    can.write(BTR, timing);
     accept_all(&mut can, 0);
     can.write(MCR, control);
+    can
+}
+
+/// The same at some bit rate, on the bus.
+fn on_bus(control: u32) -> BxCan {
+    let mut can = set_up(control, 0x001C_0009);
     can.hear(Joined);
     assert_eq!(can.read(MSR) & (msr::INAK | msr::SLAK), 0, "it is on the bus");
     can
@@ -36,6 +42,11 @@ fn accept_all(can: &mut BxCan, fifo: u32) {
     can.write(FMR, can.read(FMR) & !1);
 }
 
+/// Frames with these identifiers come.
+fn receive_all(can: &mut BxCan, ids: std::ops::RangeInclusive<u16>) {
+    ids.for_each(|id| receive(can, std(id, &[])));
+}
+
 /// Requests the transmission of a frame from a mailbox.
 fn request(can: &mut BxCan, mailbox: u32, frame: &Frame) {
     let at = TI0R + 0x10 * mailbox;
@@ -47,6 +58,13 @@ fn request(can: &mut BxCan, mailbox: u32, frame: &Frame) {
     can.write(at + 8, u32::from_le_bytes(frame.bytes()[..4].try_into().unwrap()));
     can.write(at + 12, u32::from_le_bytes(frame.bytes()[4..].try_into().unwrap()));
     can.write(at, id | u32::from(frame.is_remote()) << 1 | 1);
+}
+
+/// On the bus, with a request in mailbox 0.
+fn requested(control: u32) -> BxCan {
+    let mut can = on_bus(control);
+    request(&mut can, 0, &std(0x100, &[]));
+    can
 }
 
 fn receive(can: &mut BxCan, frame: Frame) {

@@ -114,11 +114,7 @@ fn a_master_reset_goes_to_sleep_with_empty_fifos() {
 
 #[test]
 fn a_silent_one_receives_and_sends_nothing() {
-    let mut can = BxCan::default();
-    can.write(MCR, mcr::INRQ);
-    can.write(BTR, btr::SILM);
-    accept_all(&mut can, 0);
-    can.write(MCR, 0);
+    let mut can = set_up(0, btr::SILM);
     can.hear(Joined);
     assert!(matches!(can.presence(), Presence::On { silent: true, .. }));
     request(&mut can, 0, &std(1, &[]));
@@ -130,11 +126,7 @@ fn a_silent_one_receives_and_sends_nothing() {
 #[test]
 fn loop_back_receives_the_own_messages_off_the_bus() {
     for silent in [0, btr::SILM] {
-        let mut can = BxCan::default();
-        can.write(MCR, mcr::INRQ);
-        can.write(BTR, btr::LBKM | silent);
-        accept_all(&mut can, 0);
-        can.write(MCR, 0);
+        let mut can = set_up(0, btr::LBKM | silent);
         assert!(is_off(&can), "what the bus says is disregarded");
         assert_eq!(can.read(MSR) & 3, 0);
         request(&mut can, 1, &std(0x155, &[1, 2, 3]));

@@ -13,9 +13,7 @@ fn take(can: &mut BxCan, fifo: u32) -> [u32; 4] {
 #[test]
 fn a_release_takes_some_accesses_or_the_next_frame_on_the_bus() {
     let mut can = on_bus(0);
-    for id in 1..=3 {
-        receive(&mut can, std(id, &[]));
-    }
+    receive_all(&mut can, 1..=3);
     can.write(RF0R, rfr::FULL | rfr::RFOM);
     can.pass_access(RF0R);
     assert_eq!((can.read(RF0R), can.read(RI0R) >> 21), (3 | rfr::RFOM, 1), "the output is still the same");
@@ -56,28 +54,17 @@ fn the_third_message_fills_it_and_software_clears_that() {
 }
 
 #[test]
-fn an_overrun_overwrites_the_last_message() {
-    let mut can = on_bus(0);
-    for id in 1..=5 {
-        receive(&mut can, std(id, &[]));
+fn an_overrun_overwrites_the_last_message_or_drops_the_new_one_when_locked() {
+    for (control, kept) in [(0, [1, 2, 5]), (mcr::RFLM, [1, 2, 3])] {
+        let mut can = on_bus(control);
+        receive_all(&mut can, 1..=5);
+        assert_eq!(can.read(RF0R), 3 | rfr::FULL | rfr::FOVR);
+        let ids = [0; 3].map(|_: u32| take(&mut can, 0)[0] >> 21);
+        assert_eq!(ids, kept);
+        assert_eq!(can.lost(), [2, 0]);
+        can.write(RF0R, rfr::FOVR | rfr::FULL);
+        assert_eq!(can.read(RF0R), 0);
     }
-    assert_eq!(can.read(RF0R), 3 | rfr::FULL | rfr::FOVR);
-    let ids = [0; 3].map(|_: u32| take(&mut can, 0)[0] >> 21);
-    assert_eq!(ids, [1, 2, 5]);
-    assert_eq!(can.lost(), [2, 0]);
-    can.write(RF0R, rfr::FOVR | rfr::FULL);
-    assert_eq!(can.read(RF0R), 0);
-}
-
-#[test]
-fn a_locked_fifo_drops_the_new_message() {
-    let mut can = on_bus(mcr::RFLM);
-    for id in 1..=5 {
-        receive(&mut can, std(id, &[]));
-    }
-    assert_eq!(can.read(RF0R), 3 | rfr::FULL | rfr::FOVR);
-    let ids = [0; 3].map(|_: u32| take(&mut can, 0)[0] >> 21);
-    assert_eq!(ids, [1, 2, 3]);
 }
 
 #[test]
@@ -85,9 +72,7 @@ fn the_two_fifos_do_not_touch_each_other() {
     let mut can = on_bus(0);
     receive(&mut can, std(1, &[]));
     accept_all(&mut can, 1);
-    for id in 2..=5 {
-        receive(&mut can, std(id, &[]));
-    }
+    receive_all(&mut can, 2..=5);
     assert_eq!((can.read(RF0R), can.read(RF1R)), (1, 3 | rfr::FULL | rfr::FOVR));
     assert_eq!(take(&mut can, 1)[0] >> 21, 2);
     assert_eq!(take(&mut can, 0)[0] >> 21, 1);

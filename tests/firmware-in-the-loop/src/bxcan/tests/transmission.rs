@@ -1,7 +1,7 @@
 //! 32.7.1 and 32.7.2: mailboxes, priority, abort, retransmission.
 
 use hal_sim::BusError;
-use hal_sim::WireEvent::{Begins, Ends, LostArbitration, NotSent, Sent};
+use hal_sim::WireEvent::{self, Begins, Ends, LostArbitration, NotSent, Sent};
 
 use super::*;
 
@@ -22,6 +22,11 @@ fn empty(can: &BxCan) -> u32 {
 fn begin(can: &mut BxCan) {
     can.offer().expect("something to send");
     can.hear(Begins { own: true });
+}
+
+fn end(can: &mut BxCan, how: WireEvent) {
+    can.hear(how);
+    can.hear(Ends);
 }
 
 #[test]
@@ -127,15 +132,13 @@ fn a_more_urgent_frame_overtakes_the_waiting_but_not_the_one_on_the_wire() {
     begin(&mut can);
     request(&mut can, 1, &std(0x100, &[]));
     assert_eq!(can.offer().unwrap().frame, std(0x300, &[]));
-    can.hear(NotSent(BusError::Bit));
-    can.hear(Ends);
+    end(&mut can, NotSent(BusError::Bit));
     assert_eq!(can.offer().unwrap().frame, std(0x100, &[]), "what failed has to wait for it");
 }
 
 #[test]
 fn what_is_only_pending_is_aborted_at_once() {
-    let mut can = on_bus(0);
-    request(&mut can, 0, &std(0x100, &[]));
+    let mut can = requested(0);
     request(&mut can, 1, &std(0x200, &[]));
     can.write(TSR, tsr::ABRQ << 8);
     assert_eq!(can.read(TSR) & 0xFFFF, tsr::RQCP << 8);
@@ -153,18 +156,16 @@ fn an_abort_of_an_empty_mailbox_does_nothing() {
 
 #[test]
 fn an_abort_of_what_is_on_the_wire_lets_it_succeed_or_ends_with_its_failure() {
-    for (end, status) in [
+    for (how, status) in [
         (Sent, tsr::RQCP | tsr::TXOK),
         (NotSent(BusError::Bit), tsr::RQCP | tsr::TERR),
         (LostArbitration, tsr::RQCP | tsr::ALST),
     ] {
-        let mut can = on_bus(0);
-        request(&mut can, 0, &std(0x100, &[]));
+        let mut can = requested(0);
         begin(&mut can);
         can.write(TSR, tsr::ABRQ);
         assert_eq!((can.read(TSR) & 0xFF, empty(&can)), (tsr::ABRQ, 0b110), "not yet");
-        can.hear(end);
-        can.hear(Ends);
+        end(&mut can, how);
         assert_eq!((can.read(TSR) & 0xFF, empty(&can)), (status, 0b111));
         assert_eq!(can.offer(), None);
     }
@@ -172,12 +173,10 @@ fn an_abort_of_what_is_on_the_wire_lets_it_succeed_or_ends_with_its_failure() {
 
 #[test]
 fn a_failed_attempt_is_repeated_by_itself() {
-    let mut can = on_bus(0);
-    request(&mut can, 0, &std(0x100, &[]));
+    let mut can = requested(0);
     for (failure, status) in [(NotSent(BusError::Bit), tsr::TERR), (LostArbitration, tsr::ALST)] {
         begin(&mut can);
-        can.hear(failure);
-        can.hear(Ends);
+        end(&mut can, failure);
         assert_eq!((can.read(TSR) & 0xFF, empty(&can)), (status, 0b110));
         assert!(can.offer().is_some());
     }
@@ -187,38 +186,24 @@ fn a_failed_attempt_is_repeated_by_itself() {
 
 #[test]
 fn with_nart_there_is_one_attempt() {
-    for (end, status) in [
+    for (how, status) in [
         (NotSent(BusError::Acknowledgement), tsr::RQCP | tsr::TERR),
         (LostArbitration, tsr::RQCP | tsr::ALST),
         (Sent, tsr::RQCP | tsr::TXOK),
     ] {
-        let mut can = on_bus(mcr::NART);
-        request(&mut can, 0, &std(0x100, &[]));
+        let mut can = requested(mcr::NART);
         begin(&mut can);
-        can.hear(end);
-        can.hear(Ends);
+        end(&mut can, how);
         assert_eq!(can.read(TSR), EMPTY | status);
         assert_eq!(can.offer(), None);
     }
 }
 
 #[test]
-fn arbitration_is_lost_without_having_been_on_the_wire() {
-    let mut can = on_bus(mcr::NART);
-    request(&mut can, 1, &std(0x100, &[]));
-    can.offer();
-    can.hear(LostArbitration);
-    can.hear(Begins { own: false });
-    assert_eq!(can.read(TSR) >> 8 & 0xFF, tsr::RQCP | tsr::ALST);
-}
-
-#[test]
 fn single_flags_are_cleared_by_ones() {
-    let mut can = on_bus(0);
-    request(&mut can, 0, &std(0x100, &[]));
+    let mut can = requested(0);
     begin(&mut can);
-    can.hear(NotSent(BusError::Bit));
-    can.hear(Ends);
+    end(&mut can, NotSent(BusError::Bit));
     can.write(TSR, tsr::ALST);
     assert_eq!(can.read(TSR) & 0xFF, tsr::TERR);
     can.write(TSR, tsr::TERR);
@@ -242,28 +227,27 @@ fn three_waiting_and_a_more_urgent_one_takes_the_place_of_the_least_urgent() {
     can.write(TSR, tsr::RQCP << 8);
     assert!(!can.interrupts().transmit);
     request(&mut can, 1, &std(0x080, &[]));
-    can.hear(Sent);
-    can.hear(Ends);
+    end(&mut can, Sent);
     assert_eq!([send(&mut can), send(&mut can)], [std(0x080, &[]), std(0x200, &[])]);
     assert_eq!(can.offer(), None);
 }
 
 #[test]
 fn one_that_lost_arbitration_waits_and_can_be_taken_back_at_once() {
-    let mut can = on_bus(0);
-    request(&mut can, 0, &std(0x300, &[]));
-    can.offer();
-    can.hear(LostArbitration);
-    can.hear(Begins { own: false });
-    can.write(TSR, tsr::ABRQ);
-    assert_eq!((can.read(TSR) & 0xFF, empty(&can)), (tsr::RQCP | tsr::ALST, 0b111), "during the other's frame");
-    assert_eq!(can.offer(), None);
+    for (control, aborts) in [(0, tsr::ABRQ), (mcr::NART, 0)] {
+        let mut can = requested(control);
+        can.offer();
+        can.hear(LostArbitration);
+        can.hear(Begins { own: false });
+        can.write(TSR, aborts);
+        assert_eq!((can.read(TSR) & 0xFF, empty(&can)), (tsr::RQCP | tsr::ALST, 0b111), "during the other's frame");
+        assert_eq!(can.offer(), None);
+    }
 }
 
 #[test]
 fn an_abort_does_not_touch_the_other_mailboxes() {
-    let mut can = on_bus(0);
-    request(&mut can, 0, &std(0x100, &[]));
+    let mut can = requested(0);
     send(&mut can);
     request(&mut can, 1, &std(0x200, &[]));
     request(&mut can, 2, &std(0x300, &[]));
@@ -280,8 +264,7 @@ fn what_comes_in_the_middle_of_a_frame_takes_part_in_the_next_arbitration() {
     request(&mut can, 0, &std(0x200, &[0]));
     request(&mut can, 2, &std(0x200, &[2]));
     assert_eq!(can.offer().unwrap().frame, std(0x300, &[]), "what is on the wire is not exchanged");
-    can.hear(Sent);
-    can.hear(Ends);
+    end(&mut can, Sent);
     // Of equal identifiers the lower mailbox goes first, whichever was asked for first.
     assert_eq!([send(&mut can), send(&mut can)], [std(0x200, &[0]), std(0x200, &[2])]);
     request(&mut can, 2, &std(0x200, &[3]));
