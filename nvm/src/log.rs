@@ -46,7 +46,7 @@ struct Found {
     /// 0 of an item of the layout before this one: older than every entry.
     sequence: u32,
     key: u8,
-    length: usize,
+    length: u8,
     /// Nothing counts that is older, but the setting.
     is_beginning: bool,
 }
@@ -68,13 +68,18 @@ struct Walk {
 struct Survey {
     /// The newest entry of each key that counts.
     newest: Newest,
-    /// The same of each sector.
-    newest_in: [Newest; SECTORS],
     walks: [Walk; SECTORS],
     /// The sequence number of the next entry.
     next: u32,
     /// The sector with the last entry.
     active: Option<usize>,
+}
+
+impl Survey {
+    const fn spot_in(&self, sector: usize) -> Spot {
+        let (free, end) = self.walks[sector].room;
+        Spot { sector, free, end, next: self.next }
+    }
 }
 
 /// Where an entry is to be written.
@@ -149,18 +154,12 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         }
         // The copies do not fit behind damage. A sector that holds copies alone can be erased; what is left of a sector
         // that holds more is a version from before damage, and is given up with the next move.
-        for place in 0..KEYS {
-            let held = survey.newest[place].filter(|found| Self::sector_of(found.at) == spot.sector);
-            let is_copy = match (held, survey.newest_in[other][place]) {
-                (Some(held), Some(original)) => self.is_copy(&held, &original).map_err(|_| StoreError)?,
-                (held, _) => held.is_none(),
-            };
-            if !is_copy {
+        for held in survey.newest.iter().flatten().filter(|found| Self::sector_of(found.at) == spot.sector) {
+            if !self.has_copy(other, held).map_err(|_| StoreError)? {
                 return Ok(spot);
             }
         }
-        self.erase(spot.sector)?;
-        let survey = self.survey().map_err(|_| StoreError)?;
+        let (survey, _) = self.begin_sector(spot.sector)?;
         self.spot(&survey).map_err(|_| StoreError)
     }
 
@@ -182,7 +181,8 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
 
     /// Returns where the next entry goes.
     fn spot(&mut self, survey: &Survey) -> Result<Spot, F::Error> {
-        let holds = [0, 1].map(|sector| survey.newest_in[sector].iter().any(Option::is_some));
+        let holds =
+            [0, 1].map(|sector| survey.newest.iter().flatten().any(|found| Self::sector_of(found.at) == sector));
         let (sector, is_legacy) = match (survey.active, holds) {
             (Some(sector), _) => (sector, false),
             (None, [false, false]) => (0, false),
@@ -190,18 +190,21 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
             (None, [true, true]) => (usize::from(!self.is_legacy_newer_in_front()?), false),
             (None, [_, second]) => (usize::from(second), true),
         };
-        let (free, end) = survey.walks[sector].room;
-        // A sector of the layout before this one takes no entry: it is moved.
-        Ok(Spot { sector, free: if is_legacy { end } else { free }, end, next: survey.next })
+        let mut spot = survey.spot_in(sector);
+        if is_legacy {
+            // A sector of the layout before this one takes no entry: it is moved.
+            spot.free = spot.end;
+        }
+        Ok(spot)
     }
 
-    /// Erases a sector, also one that reads as erased: an erase that was cut may have come so far and no further.
+    /// Erases a sector, also one that reads as erased: an erase that was cut may have come so far and no further. Returns
+    /// what there is then.
     fn begin_sector(&mut self, sector: usize) -> Result<(Survey, Spot), StoreError> {
         self.erase(sector)?;
         let survey = self.survey().map_err(|_| StoreError)?;
-        let (free, end) = survey.walks[sector].room;
-        let next = survey.next;
-        Ok((survey, Spot { sector, free, end, next }))
+        let spot = survey.spot_in(sector);
+        Ok((survey, spot))
     }
 
     fn put_all<'a>(
@@ -217,13 +220,21 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(())
     }
 
-    /// Returns whether two entries have the same content.
-    fn is_copy(&mut self, one: &Found, other: &Found) -> Result<bool, F::Error> {
-        let mut content = |found: &Found| -> Result<u32, F::Error> {
-            self.read_item(found)?;
-            Ok(CRC.checksum(&self.buffer[HEADER..HEADER + found.length]))
+    /// Returns whether the newest entry of a key in a sector has the same content.
+    fn has_copy(&mut self, sector: usize, held: &Found) -> Result<bool, F::Error> {
+        if !self.read_item(held)? {
+            return Ok(false);
+        }
+        let content = CRC.checksum(&self.buffer[HEADER..HEADER + usize::from(held.length)]);
+        let mut is_same = false;
+        let mut compare = |key: u8, bytes: &[u8]| {
+            if key == held.key {
+                is_same = bytes.len() == usize::from(held.length) && CRC.checksum(bytes) == content;
+            }
         };
-        Ok(one.length == other.length && content(one)? == content(other)?)
+        self.legacy_items(sector, &mut |_, key, bytes| compare(key, bytes))?;
+        self.walk(sector, &mut |found, bytes| compare(found.key, bytes))?;
+        Ok(is_same && !held.is_beginning)
     }
 
     /// Writes an entry and reads it back; returns false when there is no room for it.
@@ -240,7 +251,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
                         return Err(StoreError);
                     }
                     // The copy of a beginning is none: what was copied before it, or will be after it, counts.
-                    (found.key, found.length, false)
+                    (found.key, usize::from(found.length), false)
                 }
             };
             let size = (HEADER + length).next_multiple_of(F::WRITE_SIZE);
@@ -267,7 +278,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
     /// Puts the content of an item behind the place of a header in the buffer; returns whether it is still intact.
     fn read_item(&mut self, found: &Found) -> Result<bool, F::Error> {
         if found.sequence == 0 {
-            return self.read_legacy(found.at, found.length);
+            return self.read_legacy(found.at, usize::from(found.length));
         }
         let end = (Self::sector_of(found.at) + 1) * F::ERASE_SIZE;
         Ok(self.entry_at(found.at, end)? == Some(*found))
@@ -323,31 +334,22 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
     fn survey(&mut self) -> Result<Survey, F::Error> {
         let blank =
             |sector| Walk { last: None, room: (sector * F::ERASE_SIZE, (sector + 1) * F::ERASE_SIZE), is_blank: true };
-        let mut survey = Survey {
-            newest: [None; KEYS],
-            newest_in: [[None; KEYS]; SECTORS],
-            walks: [0, 1].map(blank),
-            next: 1,
-            active: None,
-        };
+        let mut survey = Survey { newest: [None; KEYS], walks: [0, 1].map(blank), next: 1, active: None };
         let order = self.order()?;
         for sector in order.into_iter().flatten() {
-            let Survey { newest, newest_in, .. } = &mut survey;
+            let newest = &mut survey.newest;
             self.legacy_items(sector, &mut |at, key, bytes| {
-                let found = Some(Found { at, sequence: 0, key, length: bytes.len(), is_beginning: false });
-                newest[place_of(key)] = found;
-                newest_in[sector][place_of(key)] = found;
+                let length = bytes.len() as u8;
+                newest[place_of(key)] = Some(Found { at, sequence: 0, key, length, is_beginning: false });
             })?;
         }
         for sector in order.into_iter().flatten() {
-            let Survey { newest, newest_in, .. } = &mut survey;
+            let newest = &mut survey.newest;
             let walk = self.walk(sector, &mut |found, _| {
-                for newest in [&mut *newest, &mut newest_in[sector]] {
-                    if found.is_beginning {
-                        newest.iter_mut().for_each(|newest| *newest = newest.filter(|newest| newest.key == SETTING));
-                    }
-                    newest[place_of(found.key)] = Some(found);
+                if found.is_beginning {
+                    newest.iter_mut().for_each(|newest| *newest = newest.filter(|newest| newest.key == SETTING));
                 }
+                newest[place_of(found.key)] = Some(found);
             })?;
             if let Some(last) = walk.last
                 && last >= survey.next
@@ -369,8 +371,9 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
             is_blank = false;
             if let Some(found) = self.entry_at(next, end)? {
                 last = Some(found.sequence);
-                visit(found, &self.buffer[HEADER..HEADER + found.length]);
-                at = next + (HEADER + found.length).next_multiple_of(F::WRITE_SIZE);
+                let length = usize::from(found.length);
+                visit(found, &self.buffer[HEADER..HEADER + length]);
+                at = next + (HEADER + length).next_multiple_of(F::WRITE_SIZE);
                 (free, gap) = (at, None);
             } else {
                 if free + BUFFER <= next {
@@ -402,7 +405,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         self.read(at, size)?;
         let is_intact = self.checksum(length) == self.buffer[CHECKSUM];
         let sequence = u32::from_le_bytes([s0, s1, s2, s3]);
-        let found = Found { at, sequence, key, length, is_beginning: is_beginning == 1 };
+        let found = Found { at, sequence, key, length: length as u8, is_beginning: is_beginning == 1 };
         // No entry could follow the last number.
         Ok(Some(found).filter(|_| is_intact && sequence != 0 && sequence != u32::MAX))
     }

@@ -321,9 +321,8 @@ fn a_store_that_ends_while_the_bus_is_left_is_noticed() {
 #[test]
 fn two_stores_that_end_while_the_bus_is_left_are_both_noticed() {
     let mut client = save_while_the_bus_is_left(Some("blank"));
-    client.wait_ms(20);
+    client.wait_ms(700);
     assert_eq!(client.bench.rig.printed(client.bench.board), "ok\r\n");
-    client.wait_ms(400);
     assert_eq!(client.status_of("node_id"), "none");
 }
 

@@ -148,7 +148,7 @@ fn a_new_node_id_is_heard_and_the_old_one_no_longer() {
 fn without_a_node_id_it_hears_lss_alone() {
     let mut client = ImageClient::booted();
     client.bench.rig.type_line(client.bench.board, "blank");
-    client.wait_ms(300);
+    client.wait_ms(600);
     client.aside.clear();
     let others = ["000: 01 00", "080:", "220: 00 00 00 00", "620: 40 18 10 01 00 00 00 00", "1BC78820: 03 22 10 01"];
     assert_eq!(through(&mut client, &others), Vec::<&str>::new());
