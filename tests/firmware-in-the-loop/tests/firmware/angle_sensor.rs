@@ -24,9 +24,7 @@ fn cyclic(ms: u16) -> (ImageClient, Instant) {
     client.write(0x1800, 1, 4, 0x1A0);
     let listener = listen(&mut client);
     client.send("000: 01 20");
-    while client.bench.rig.world.pending(client.bench.master) > 0 {
-        client.step();
-    }
+    client.finish_sending();
     let (started, _) = heard(&mut client, listener).pop().expect("the start");
     (client, started)
 }
@@ -48,11 +46,10 @@ fn positions(client: &mut ImageClient, ms: u64) -> Vec<(Instant, i64)> {
 #[test]
 fn a_pdo_a_millisecond_is_on_time() {
     let (mut client, started) = cyclic(1);
-    let board = client.bench.board;
     let mut seen = Vec::new();
     // The console and the LEDs are busy meanwhile; they are below the device.
     for line in ["status", "help", "speed_rpm 100", "nonsense"] {
-        client.bench.rig.type_line(board, line);
+        client.type_line(line);
         seen.extend(positions(&mut client, 500));
     }
     let late: Vec<i64> = (1..)
@@ -122,7 +119,6 @@ fn the_words_of_the_shaft_show_on_the_bus() {
 #[test]
 fn a_valve_becomes_a_sensor_and_stays_one() {
     let mut client = ImageClient::booted();
-    let board = client.bench.board;
     assert_eq!(client.obeyed("kind hat3000 77"), Vec::<String>::new());
     client.bench.set_bit_rate(BitRate::Kbit500);
     for _ in 0..2 {
@@ -135,20 +131,18 @@ fn a_valve_becomes_a_sensor_and_stays_one() {
             ("601: 70 00 00 00 00 00 00 00", "581: 1D 30 00 00 00 00 00 00"),
             ("601: 40 18 10 04 00 00 00 00", "581: 43 18 10 04 4D 00 00 00"),
         ] {
-            client.send(request);
-            client.expect(answer);
+            client.exchange(request, answer);
         }
         client.bench.power_cycle();
     }
     client.expect("701: 00");
-    client.bench.rig.type_line(board, "blank");
+    client.type_line("blank");
     client.wait_ms(500);
     assert_eq!(client.status_of("node_id"), "none");
     assert_eq!(client.leds(), Shown::Yellow, "no node ID");
     assert_eq!(client.listen_ms(10), [], "no boot-up");
     client.send("7E5: 04 01 00 00 00 00 00 00");
-    client.send("7E5: 5E 00 00 00 00 00 00 00");
-    client.expect("7E4: 5E FF 00 00 00 00 00 00");
+    client.exchange("7E5: 5E 00 00 00 00 00 00 00", "7E4: 5E FF 00 00 00 00 00 00");
 }
 
 #[test]

@@ -3,7 +3,6 @@
 use firmware_in_the_loop::board::NUCLEO_F429ZI;
 use firmware_in_the_loop::bxcan::BitTiming;
 use firmware_in_the_loop::bxcan::registers::{BTR, TSR};
-use firmware_in_the_loop::content;
 use firmware_in_the_loop::flash::Operation;
 use hal_sim::WireEvent;
 use hal_sim::bus::FrameBits;
@@ -48,14 +47,13 @@ fn each_bit_rate_of_an_angle_sensor_is_exact_and_samples_where_cia_says() {
 #[test]
 fn an_angle_sensor_goes_through_all_bit_rates_by_its_parameters() {
     let mut client = ImageClient::sensor();
-    assert_eq!(client.bench.rig.bits_per_second(client.bench.board), Some(500_000), "that of a new memory");
+    assert_eq!(client.bits_per_second(), Some(500_000), "that of a new memory");
     for rate in BitRate::ALL {
         client.write(0x2002, 2, 1, rate.table_index().into());
         client.write(0x1010, 4, 4, SAVE);
         client.send("000: 81 20");
-        let board = client.bench.board;
         let start = client.now_us();
-        while client.bench.rig.bits_per_second(board) != Some(rate.bits_per_second().into())
+        while client.bits_per_second() != Some(rate.bits_per_second().into())
             || client.bench.rig.world.pending(client.bench.master) > 0
         {
             client.step();
@@ -70,13 +68,22 @@ fn an_angle_sensor_goes_through_all_bit_rates_by_its_parameters() {
     }
 }
 
+/// Sets a bit rate by LSS, for whatever comes next.
+fn set_by_lss(client: &mut ImageClient, rate: BitRate) {
+    client.send("7E5: 04 01 00 00 00 00 00 00");
+    client.exchange(&format!("7E5: 13 00 {:02X} 00 00 00 00 00", rate.table_index()), "7E4: 13 00 00 00 00 00 00 00");
+}
+
+/// Switches to a bit rate by LSS, with delays of 50 ms.
+fn switch_by_lss(client: &mut ImageClient, rate: BitRate) {
+    set_by_lss(client, rate);
+    client.send("7E5: 15 32 00 00 00 00 00 00");
+}
+
 /// Stores a bit rate by LSS, and switches the device off and on on a bus that has it.
 fn configure_by_lss(client: &mut ImageClient, rate: BitRate) {
-    client.send("7E5: 04 01 00 00 00 00 00 00");
-    client.send(&format!("7E5: 13 00 {:02X} 00 00 00 00 00", rate.table_index()));
-    client.expect("7E4: 13 00 00 00 00 00 00 00");
-    client.send("7E5: 17 00 00 00 00 00 00 00");
-    client.expect("7E4: 17 00 00 00 00 00 00 00");
+    set_by_lss(client, rate);
+    client.exchange("7E5: 17 00 00 00 00 00 00 00", "7E4: 17 00 00 00 00 00 00 00");
     client.wait_ms(20);
     client.bench.set_bit_rate(rate);
     client.bench.power_cycle();
@@ -103,12 +110,8 @@ fn assert_exact(client: &ImageClient, rate: BitRate, text: &str) {
 fn a_bit_rate_is_changed_at_run_time_with_both_delays() {
     let mut client = ImageClient::booted();
     client.send("000: 02 00");
-    client.send("7E5: 04 01 00 00 00 00 00 00");
-    client.send("7E5: 13 00 02 00 00 00 00 00");
-    client.expect("7E4: 13 00 00 00 00 00 00 00");
-    client.send("7E5: 15 32 00 00 00 00 00 00");
-    let board = client.bench.board;
-    let rate = |client: &ImageClient| client.bench.rig.bits_per_second(board);
+    switch_by_lss(&mut client, BitRate::Kbit500);
+    let rate = |client: &ImageClient| client.bits_per_second();
     client.wait_ms(45);
     assert_eq!(rate(&client), Some(250_000));
     client.wait_ms(10);
@@ -117,26 +120,22 @@ fn a_bit_rate_is_changed_at_run_time_with_both_delays() {
     client.send("7E5: 5E 00 00 00 00 00 00 00");
     assert_eq!(client.receive_for(Duration::from_millis(30)), None, "silent for the second delay");
     client.wait_ms(30);
-    client.send("7E5: 5E 00 00 00 00 00 00 00");
-    client.expect("7E4: 5E 20 00 00 00 00 00 00");
+    client.exchange("7E5: 5E 00 00 00 00 00 00 00", "7E4: 5E 20 00 00 00 00 00 00");
 }
 
 #[test]
 fn what_waits_is_dropped_when_the_bit_rate_changes() {
     let mut client = ImageClient::booted();
-    let board = client.bench.board;
-    client.send("7E5: 04 01 00 00 00 00 00 00");
-    client.send("7E5: 13 00 02 00 00 00 00 00");
-    client.send("7E5: 15 32 00 00 00 00 00 00");
+    switch_by_lss(&mut client, BitRate::Kbit500);
     client.wait_ms(5);
     // Nobody acknowledges what is sent now.
     let master = client.bench.master;
     client.bench.rig.world.remove_tap(master);
     fill(&mut client, 0, "7FF:");
-    let empty = |client: &ImageClient| client.bench.rig.connections(board).can.lock().can.read(TSR) >> 26 & 0b111;
+    let empty = |client: &ImageClient| client.connections().can.lock().can.read(TSR) >> 26 & 0b111;
     let start = client.now_us();
-    while client.bench.rig.bits_per_second(board) != Some(500_000) {
-        if client.bench.rig.bits_per_second(board) == Some(250_000) {
+    while client.bits_per_second() != Some(500_000) {
+        if client.bits_per_second() == Some(250_000) {
             assert_eq!(empty(&client), 0b110, "it waits");
         }
         client.step();
@@ -155,18 +154,16 @@ fn about_to_switch() -> (ImageClient, u64) {
     client.send("7E5: 13 00 04 00 00 00 00 00");
     while client.receive() != Some(frame("7E4: 13 00 00 00 00 00 00 00")) {}
     client.send("7E5: 15 32 00 00 00 00 00 00");
-    while client.bench.rig.world.pending(client.bench.master) > 0 {
-        client.step();
-    }
+    client.finish_sending();
     let switch = client.now_us() + 50_000;
-    assert_eq!(client.bench.rig.bits_per_second(client.bench.board), Some(20_000));
+    assert_eq!(client.bits_per_second(), Some(20_000));
     (client, switch)
 }
 
 /// Lets time pass until the controller has left its bit rate.
 fn left(client: &mut ImageClient) -> u64 {
     let start = client.now_us();
-    while client.bench.rig.bits_per_second(client.bench.board) == Some(20_000) {
+    while client.bits_per_second() == Some(20_000) {
         client.step();
         assert!(client.now_us() < start + 200_000, "the bit rate has not changed");
     }
@@ -194,40 +191,39 @@ fn the_frame_on_the_wire_ends_before_the_bit_rate_changes() {
 #[test]
 fn on_a_bus_where_no_frame_ever_ends_the_bit_rate_changes_all_the_same() {
     let (mut client, switch) = about_to_switch();
-    let board = client.bench.board;
     client.bench.rig.run_until(Instant::from_micros(switch - 1000));
-    client.bench.rig.connections(board).can.lock().can.hear(WireEvent::Begins { own: false });
+    client.connections().can.lock().can.hear(WireEvent::Begins { own: false });
     let late = left(&mut client) - switch;
     assert!((20_000..30_000).contains(&late), "{late} us after its instant");
     client.bench.set_bit_rate(BitRate::Kbit125);
     client.wait_ms(100);
-    assert_eq!(client.bench.rig.bits_per_second(board), Some(125_000));
+    assert_eq!(client.bits_per_second(), Some(125_000));
     client.send("7E5: 5E 00 00 00 00 00 00 00");
     client.aside.clear();
     while client.receive() != Some(frame("7E4: 5E 20 00 00 00 00 00 00")) {}
     client.end_without_reset();
 }
 
-/// A transceiver without supply, for example.
+/// Holds the bus dominant, as a transceiver without supply does, or releases it.
+fn hold_dominant(client: &ImageClient, held: bool) {
+    let mut shared = client.connections().can.lock();
+    shared.can.hold_dominant(held);
+    shared.changed = true;
+}
+
 #[test]
 fn on_a_bus_that_is_held_dominant_the_bit_rate_changes_when_it_is_released() {
     let (mut client, switch) = about_to_switch();
-    let board = client.bench.board;
     client.bench.rig.run_until(Instant::from_micros(switch - 1000));
-    let hold = |client: &ImageClient, held| {
-        let mut shared = client.bench.rig.connections(board).can.lock();
-        shared.can.hold_dominant(held);
-        shared.changed = true;
-    };
-    hold(&client, true);
+    hold_dominant(&client, true);
     // Longer than the watchdog's time.
     client.bench.rig.run_until(Instant::from_micros(switch + 2_000_000));
     assert_eq!(client.status_of("bit_rate"), "125000");
-    assert_ne!(client.bench.rig.bits_per_second(board), Some(125_000));
-    hold(&client, false);
+    assert_ne!(client.bits_per_second(), Some(125_000));
+    hold_dominant(&client, false);
     client.bench.set_bit_rate(BitRate::Kbit125);
     client.wait_ms(200);
-    assert_eq!(client.bench.rig.bits_per_second(board), Some(125_000));
+    assert_eq!(client.bits_per_second(), Some(125_000));
     client.aside.clear();
     client.expect("720: 7F");
     client.end_without_reset();
@@ -236,18 +232,13 @@ fn on_a_bus_that_is_held_dominant_the_bit_rate_changes_when_it_is_released() {
 #[test]
 fn a_controller_that_is_kept_bus_off_on_a_bus_that_is_held_dominant_comes_back_when_it_is_released() {
     let mut client = ImageClient::booted();
-    let board = client.bench.board;
     client.wait_ms(50);
-    client.bench.rig.connections(board).can.lock().can.hold_dominant(true);
+    hold_dominant(&client, true);
     client.obeyed("bus_off on");
     client.obeyed("bus_off off");
     client.wait_ms(1000);
     assert_eq!(client.status_of("bus"), "bus-off");
-    {
-        let mut shared = client.bench.rig.connections(board).can.lock();
-        shared.can.hold_dominant(false);
-        shared.changed = true;
-    }
+    hold_dominant(&client, false);
     client.wait_ms(50);
     assert_eq!(client.status_of("bus"), "error-active");
     client.aside.clear();
@@ -258,53 +249,49 @@ fn a_controller_that_is_kept_bus_off_on_a_bus_that_is_held_dominant_comes_back_w
 #[test]
 fn the_console_says_that_it_is_off_the_bus_when_it_is() {
     let (mut client, _) = about_to_switch();
-    let board = client.bench.board;
-    client.bench.rig.connections(board).terminal.lock().typed.extend(b"bus_off on");
+    client.connections().terminal.lock().typed.extend(b"bus_off on");
     client.wait_ms(5);
-    client.bench.rig.printed(board);
+    client.printed();
     client.send("7FF: 55 55 55 55 55 55 55 55");
-    client.bench.rig.connections(board).terminal.lock().typed.push_back(b'\n');
+    client.connections().terminal.lock().typed.push_back(b'\n');
     let mut said = String::new();
     while said.is_empty() {
         client.bench.rig.run_for(SOON);
-        said = client.bench.rig.printed(board);
+        said = client.printed();
     }
     assert_eq!(client.bench.rig.world.pending(client.bench.master), 0, "the frame on the wire has ended");
-    assert_eq!(client.bench.rig.bits_per_second(board), None);
+    assert_eq!(client.bits_per_second(), None);
 }
 
 /// The valve saves its parameters, and the erase in that ends while its controller waits for the end of a frame to leave
 /// the bus, in vain; a line has perhaps asked the memory for something more.
 fn save_while_the_bus_is_left(line: Option<&str>) -> ImageClient {
-    let saved = content::stored_after(&VALVE, &[frame("620: 23 10 10 01 73 61 76 65")]);
-    let mut client = ImageClient::with_memory(&NUCLEO_F429ZI, &content::worn(&saved));
+    let mut client = ImageClient::about_to_erase(&NUCLEO_F429ZI);
     let board = client.bench.board;
-    client.send("7E5: 04 01 00 00 00 00 00 00");
-    client.send("7E5: 13 00 02 00 00 00 00 00");
-    client.expect("7E4: 13 00 00 00 00 00 00 00");
+    set_by_lss(&mut client, BitRate::Kbit500);
     client.send("620: 23 10 10 01 73 61 76 65");
     let until = loop {
-        let last = client.bench.rig.connections(board).flash.lock().journal().last().copied();
+        let last = client.connections().flash.lock().journal().last().copied();
         if let Some(erase) = last.filter(Operation::is_erase) {
             break client.bench.rig.instant(board, erase.until).as_micros();
         }
         client.step();
     };
-    client.bench.rig.printed(board);
-    line.into_iter().for_each(|line| client.bench.rig.type_line(board, line));
+    client.printed();
+    line.into_iter().for_each(|line| client.type_line(line));
     client.bench.rig.run_until(Instant::from_micros(until - 58_000));
     client.send("7E5: 15 32 00 00 00 00 00 00");
     client.bench.rig.run_until(Instant::from_micros(until - 10_000));
-    client.bench.rig.connections(board).can.lock().can.hear(WireEvent::Begins { own: false });
+    client.connections().can.lock().can.hear(WireEvent::Begins { own: false });
     client.bench.rig.run_until(Instant::from_micros(until + 4_000));
     if line.is_none() {
         // Comes after the end of the store.
-        client.bench.rig.type_line(board, "lever off");
+        client.type_line("lever off");
     }
     client.bench.rig.run_until(Instant::from_micros(until + 8_000));
-    assert_eq!(client.bench.rig.bits_per_second(board), Some(250_000), "it waits for the end of the frame");
+    assert_eq!(client.bits_per_second(), Some(250_000), "it waits for the end of the frame");
     client.bench.rig.run_until(Instant::from_micros(until + 20_000));
-    assert_ne!(client.bench.rig.bits_per_second(board), Some(250_000));
+    assert_ne!(client.bits_per_second(), Some(250_000));
     client.bench.set_bit_rate(BitRate::Kbit500);
     client
 }
@@ -313,7 +300,7 @@ fn save_while_the_bus_is_left(line: Option<&str>) -> ImageClient {
 fn a_store_that_ends_while_the_bus_is_left_is_noticed() {
     let mut client = save_while_the_bus_is_left(None);
     client.wait_ms(100);
-    assert_eq!(client.bench.rig.printed(client.bench.board), "ok\r\n");
+    assert_eq!(client.printed(), "ok\r\n");
     client.write(0x1010, 1, 4, SAVE);
     client.end_without_reset();
 }
@@ -322,25 +309,21 @@ fn a_store_that_ends_while_the_bus_is_left_is_noticed() {
 fn two_stores_that_end_while_the_bus_is_left_are_both_noticed() {
     let mut client = save_while_the_bus_is_left(Some("blank"));
     client.wait_ms(700);
-    assert_eq!(client.bench.rig.printed(client.bench.board), "ok\r\n");
+    assert_eq!(client.printed(), "ok\r\n");
     assert_eq!(client.status_of("node_id"), "none");
 }
 
 #[test]
 fn a_bit_rate_that_changes_while_the_valve_is_kept_bus_off_is_that_of_the_way_back() {
     let mut client = ImageClient::booted();
-    let board = client.bench.board;
-    client.send("7E5: 04 01 00 00 00 00 00 00");
-    client.send("7E5: 13 00 02 00 00 00 00 00");
-    client.expect("7E4: 13 00 00 00 00 00 00 00");
-    client.send("7E5: 15 32 00 00 00 00 00 00");
+    switch_by_lss(&mut client, BitRate::Kbit500);
     client.wait_ms(5);
     client.obeyed("bus_off on");
     client.wait_ms(100);
-    assert_eq!(client.bench.rig.bits_per_second(board), None);
+    assert_eq!(client.bits_per_second(), None);
     client.obeyed("bus_off off");
     client.wait_ms(10);
-    assert_eq!(client.bench.rig.bits_per_second(board), Some(500_000));
+    assert_eq!(client.bits_per_second(), Some(500_000));
     assert_eq!(client.status_of("bit_rate"), "500000");
 }
 

@@ -4,7 +4,9 @@ use std::collections::VecDeque;
 
 use firmware_in_the_loop::bench::{Device, ImageBench};
 use firmware_in_the_loop::board::{Board, NUCLEO_F429ZI};
-use firmware_in_the_loop::machine::Machine;
+use firmware_in_the_loop::content;
+use firmware_in_the_loop::machine::{Machine, Reset};
+use firmware_in_the_loop::part::Connections;
 use protocol_core::controller::BitRate;
 use protocol_core::device::{Kind, hat, pve};
 use protocol_core::frame::Frame;
@@ -46,8 +48,7 @@ impl ImageClient {
     /// The valve on ISOBUS, after the wait that follows its claim.
     pub fn on_isobus() -> Self {
         let bench = ImageBench::with_device(&NUCLEO_F429ZI, BitRate::Kbit250, &ON_ISOBUS);
-        let mut client = Self { bench, aside: VecDeque::new() };
-        client.bench.power_cycle();
+        let mut client = Self::started(bench);
         client.expect("18EEFF83: 01 00 20 07 08 FF 02 20");
         client.wait_ms(260);
         client.aside.clear();
@@ -57,8 +58,7 @@ impl ImageClient {
     /// The angle sensor, booted at 500 kbit/s.
     pub fn sensor() -> Self {
         let bench = ImageBench::with_device(&NUCLEO_F429ZI, BitRate::Kbit500, &SENSOR);
-        let mut client = Self { bench, aside: VecDeque::new() };
-        client.bench.power_cycle();
+        let mut client = Self::started(bench);
         client.expect("720: 00");
         client
     }
@@ -68,6 +68,52 @@ impl ImageClient {
         Self::powered(ImageBench::with_memory(board, BitRate::Kbit250, content))
     }
 
+    /// The valve on this board, booted; to save its parameters erases a sector of its memory.
+    pub fn about_to_erase(board: &'static Board) -> Self {
+        let saved = content::stored_after(&VALVE, &[frame("620: 23 10 10 01 73 61 76 65")]);
+        Self::with_memory(board, &content::worn(&saved))
+    }
+
+    /// Brings the valve to ACTIVE by RPDOs with this identifier.
+    pub fn activate(&mut self, rpdo: &str) {
+        self.send("000: 01 00");
+        for status in ["09", "0B", "0F"] {
+            self.exchange(&format!("{rpdo}: 0F 00 00 00"), &format!("1A0: {status} 00 00 00"));
+        }
+    }
+
+    /// What is connected to the board.
+    pub fn connections(&self) -> &Connections {
+        self.bench.rig.connections(self.bench.board)
+    }
+
+    /// Types a line at the console.
+    pub fn type_line(&mut self, line: &str) {
+        self.bench.rig.type_line(self.bench.board, line);
+    }
+
+    /// What the console has printed since this was last asked.
+    pub fn printed(&mut self) -> String {
+        self.bench.rig.printed(self.bench.board)
+    }
+
+    /// The bit rate of the board's controller while it is on the bus.
+    pub fn bits_per_second(&self) -> Option<u64> {
+        self.bench.rig.bits_per_second(self.bench.board)
+    }
+
+    /// The resets of the board but for those that came with the power.
+    pub fn resets(&self) -> Vec<Reset> {
+        self.bench.rig.resets(self.bench.board)
+    }
+
+    /// Goes on until all that the master has sent is out.
+    pub fn finish_sending(&mut self) {
+        while self.bench.rig.world.pending(self.bench.master) > 0 {
+            self.step();
+        }
+    }
+
     /// The emulated board.
     pub fn machine(&self) -> &Machine {
         self.bench.rig.machine(self.bench.board).expect("it is under power")
@@ -75,9 +121,8 @@ impl ImageClient {
 
     /// Cuts the power and looks whether the part was ever reset; there was no reset unless a test wanted one.
     pub fn end_without_reset(mut self) {
-        let board = self.bench.board;
-        self.bench.rig.power(board, false);
-        assert_eq!(self.bench.rig.resets(board), []);
+        self.bench.rig.power(self.bench.board, false);
+        assert_eq!(self.resets(), []);
     }
 
     /// Goes on until something happens, or a while.
@@ -88,13 +133,24 @@ impl ImageClient {
 }
 
 impl ImageClient {
-    /// Switches the valve on and takes its boot-up.
-    pub fn powered(bench: ImageBench) -> Self {
+    /// Switches the device on.
+    pub fn started(bench: ImageBench) -> Self {
         let mut client = Self { bench, aside: VecDeque::new() };
         client.bench.power_cycle();
-        client.expect("720: 00");
-        client.expect("0A0: 00 00 00 00 00 00 00 00");
         client
+    }
+
+    /// Switches the valve on and takes its boot-up.
+    pub fn powered(bench: ImageBench) -> Self {
+        let mut client = Self::started(bench);
+        client.expect_boot();
+        client
+    }
+
+    /// Takes the boot-up of a valve without an error.
+    pub fn expect_boot(&mut self) {
+        self.expect("720: 00");
+        self.expect("0A0: 00 00 00 00 00 00 00 00");
     }
 
     pub fn now_us(&self) -> u64 {
@@ -116,6 +172,12 @@ impl ImageClient {
     pub fn expect(&mut self, text: &str) {
         let received = self.receive().map_or("nothing".to_owned(), |frame| frame.to_string());
         assert_eq!(received, text, "at {} us", self.now_us());
+    }
+
+    /// Sends a frame; the next one that comes must be this one.
+    pub fn exchange(&mut self, request: &str, answer: &str) {
+        self.send(request);
+        self.expect(answer);
     }
 
     pub fn wait_ms(&mut self, ms: u64) {

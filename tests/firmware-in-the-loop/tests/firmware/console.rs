@@ -72,15 +72,14 @@ fn a_word_of_another_kind_is_refused() {
 #[test]
 fn a_terminal_ends_lines_as_it_likes_and_takes_characters_back() {
     let mut client = ImageClient::booted();
-    let board = client.bench.board;
     for (typed, answers) in [
         ("supply_mv 850\u{7F}\u{8}4500\r", "ok\r\n"),
         ("temperature_c 99\r\n", "ok\r\n"),
         ("lever 4000\nlever off\r\n", "ok\r\nok\r\n"),
     ] {
-        client.bench.rig.connections(board).terminal.lock().typed.extend(typed.bytes());
+        client.connections().terminal.lock().typed.extend(typed.bytes());
         client.wait_ms(50);
-        assert_eq!(client.bench.rig.printed(board), answers, "{typed:?}");
+        assert_eq!(client.printed(), answers, "{typed:?}");
     }
     for (name, value) in [("supply_mv", "84500"), ("temperature_c", "99"), ("lever", "off")] {
         assert_eq!(client.status_of(name), value, "{name}");
@@ -189,14 +188,13 @@ fn kept_bus_off_it_is_silent_until_it_may_recover() {
 #[test]
 fn let_go_it_takes_128_sequences_of_11_bits_to_recover() {
     for (mut client, bit_us) in [(ImageClient::booted(), 4), (ImageClient::sensor(), 2)] {
-        let board = client.bench.board;
         client.obeyed("bus_off on");
-        client.bench.rig.connections(board).terminal.lock().typed.extend(b"bus_off off");
+        client.connections().terminal.lock().typed.extend(b"bus_off off");
         client.wait_ms(10);
-        assert_eq!(client.bench.rig.bits_per_second(board), None);
-        client.bench.rig.connections(board).terminal.lock().typed.push_back(b'\n');
+        assert_eq!(client.bits_per_second(), None);
+        client.connections().terminal.lock().typed.push_back(b'\n');
         let start = client.now_us();
-        while client.bench.rig.bits_per_second(board).is_none() {
+        while client.bits_per_second().is_none() {
             assert!(client.now_us() < start + 100_000, "it does not come back");
             client.step();
         }
@@ -210,41 +208,33 @@ fn let_go_it_takes_128_sequences_of_11_bits_to_recover() {
 #[test]
 fn a_kind_that_cannot_be_stored_is_refused_and_nothing_starts_anew() {
     let mut client = ImageClient::booted();
-    let board = client.bench.board;
-    client.bench.rig.printed(board);
-    client.bench.rig.connections(board).flash.lock().set_fails(true);
-    client.bench.rig.type_line(board, "kind pveo-canopen");
+    client.printed();
+    client.connections().flash.lock().set_fails(true);
+    client.type_line("kind pveo-canopen");
     client.wait_ms(300);
-    assert_eq!(client.bench.rig.printed(board), "the memory failed\r\n");
+    assert_eq!(client.printed(), "the memory failed\r\n");
     assert_eq!(client.listen_ms(1), []);
-    client.bench.rig.connections(board).flash.lock().set_fails(false);
+    client.connections().flash.lock().set_fails(false);
     assert_eq!(client.status_of("kind"), "pvea-canopen");
-    client.bench.rig.type_line(board, "kind pveo-canopen");
+    client.type_line("kind pveo-canopen");
     client.expect("720: 00");
     assert_eq!(client.status_of("kind"), "pveo-canopen");
 }
 
 #[test]
-fn a_power_cycle_starts_it_as_power_would() {
+fn a_power_cycle_starts_it_as_power_would_and_loses_nothing_stored() {
     let mut client = ImageClient::booted();
-    client.write(0x1800, 2, 1, 5);
-    client.bench.rig.type_line(client.bench.board, "power-cycle");
-    client.expect("720: 00");
-    client.expect(NO_ERROR);
-    assert_eq!(client.read(0x1800, 2), 0xFF, "it was not stored");
-    assert_eq!(client.read(0x2024, 0), 0, "it is not a fault");
-    assert_eq!(client.listen_ms(700), []);
-}
-
-#[test]
-fn a_power_cycle_stores_nothing_but_loses_nothing_stored() {
-    let mut client = ImageClient::booted();
-    client.write(0x1800, 2, 1, 5);
-    client.write(0x1010, 1, 4, SAVE);
-    client.bench.rig.type_line(client.bench.board, "power-cycle");
-    client.expect("720: 00");
-    client.expect(NO_ERROR);
-    assert_eq!(client.read(0x1800, 2), 5);
+    for (save, kept) in [(false, 0xFF), (true, 5)] {
+        client.write(0x1800, 2, 1, 5);
+        if save {
+            client.write(0x1010, 1, 4, SAVE);
+        }
+        client.type_line("power-cycle");
+        client.expect_boot();
+        assert_eq!(client.read(0x1800, 2), kept, "saved: {save}");
+        assert_eq!(client.read(0x2024, 0), 0, "it is not a fault");
+        assert_eq!(client.listen_ms(700), []);
+    }
 }
 
 #[test]
@@ -252,7 +242,7 @@ fn cut_off_again_while_it_recovers_it_stays_off() {
     let mut client = ImageClient::booted();
     client.obeyed("bus_off on");
     for line in ["bus_off off", "bus_off on"] {
-        client.bench.rig.type_line(client.bench.board, line);
+        client.type_line(line);
     }
     client.wait_ms(100);
     assert_eq!(client.status_of("bus"), "bus-off");
@@ -263,7 +253,7 @@ fn cut_off_again_while_it_recovers_it_stays_off() {
 fn a_line_that_comes_while_the_board_starts_is_answered() {
     for delay in [40, 120, 240] {
         let mut client = ImageClient::booted();
-        client.bench.rig.type_line(client.bench.board, "kind pveo-canopen");
+        client.type_line("kind pveo-canopen");
         client.wait_ms(delay);
         assert_eq!(client.status_of("kind"), "pveo-canopen", "after {delay} ms");
     }
@@ -274,8 +264,7 @@ fn another_kind_is_a_new_device_and_back_again() {
     let mut client = ImageClient::booted();
     client.write(0x6053, 0, 4, u32::from_le_bytes(*b"MINE"));
     client.write(0x1010, 1, 4, SAVE);
-    let board = client.bench.board;
-    client.bench.rig.type_line(board, "kind pvea-isobus");
+    client.type_line("kind pvea-isobus");
     client.expect(CLAIM);
     assert_eq!(client.status_of("kind"), "pvea-isobus");
     client.aside.clear();
@@ -283,7 +272,7 @@ fn another_kind_is_a_new_device_and_back_again() {
     client.expect(CLAIM);
     client.wait_ms(300);
     client.aside.clear();
-    client.bench.rig.type_line(board, "kind pveo-canopen");
+    client.type_line("kind pveo-canopen");
     loop {
         // It may send another message before it starts anew.
         let frame = client.receive().expect("a boot-up").to_string();
@@ -301,23 +290,19 @@ fn another_kind_is_a_new_device_and_back_again() {
 #[test]
 fn a_new_device_has_nothing_of_the_one_before_and_keeps_what_it_is_told() {
     let mut client = ImageClient::booted();
-    let start = |client: &mut ImageClient| {
-        client.expect("720: 00");
-        client.expect(NO_ERROR);
-    };
     client.write(0x1028, 1, 4, 0xA1);
     client.write(0x1010, 1, 4, SAVE);
-    client.bench.rig.type_line(client.bench.board, "kind pveo-canopen");
-    start(&mut client);
+    client.type_line("kind pveo-canopen");
+    client.expect_boot();
     for at in ["first", "second"] {
         assert_eq!(client.read(0x1028, 1), 0x8000_0000, "at its {at} start");
         client.bench.power_cycle();
-        start(&mut client);
+        client.expect_boot();
     }
     client.write(0x1028, 1, 4, 0xA2);
     client.write(0x1010, 1, 4, SAVE);
     client.bench.power_cycle();
-    start(&mut client);
+    client.expect_boot();
     assert_eq!(client.read(0x1028, 1), 0xA2);
     assert_eq!(client.status_of("kind"), "pveo-canopen");
 }
@@ -325,7 +310,7 @@ fn a_new_device_has_nothing_of_the_one_before_and_keeps_what_it_is_told() {
 #[test]
 fn a_new_device_can_have_a_serial_number_of_its_own() {
     let mut client = ImageClient::booted();
-    client.bench.rig.type_line(client.bench.board, "kind pvea-isobus 0x107");
+    client.type_line("kind pvea-isobus 0x107");
     for _ in 0..2 {
         client.expect("18EEFF80: 07 01 20 07 08 FF 02 20");
         client.wait_ms(300);
@@ -337,25 +322,19 @@ fn a_new_device_can_have_a_serial_number_of_its_own() {
 #[test]
 fn a_blank_one_waits_for_lss() {
     let mut client = ImageClient::booted();
-    let board = client.bench.board;
     for _ in 0..2 {
-        client.bench.rig.type_line(board, "blank");
+        client.type_line("blank");
         assert_eq!(client.receive_for(Duration::from_millis(500)), None, "no boot-up");
         client.bench.power_cycle();
         assert_eq!(client.receive_for(Duration::from_millis(500)), None, "no boot-up, it stays blank");
     }
     assert_eq!(client.try_sdo([0x40, 0x18, 0x10, 1, 0, 0, 0, 0]), None);
     client.send("7E5: 04 01 00 00 00 00 00 00");
-    client.send("7E5: 4C 00 00 00 00 00 00 00");
-    client.expect("7E4: 50 00 00 00 00 00 00 00");
-    client.send("7E5: 51 00 00 00 00 80 00 00");
-    client.expect("7E4: 4F 00 00 00 00 00 00 00");
-    client.send("7E5: 11 21 00 00 00 00 00 00");
-    client.expect("7E4: 11 00 00 00 00 00 00 00");
-    client.send("7E5: 17 00 00 00 00 00 00 00");
-    client.expect("7E4: 17 00 00 00 00 00 00 00");
-    client.send("7E5: 04 00 00 00 00 00 00 00");
-    client.expect("721: 00");
+    client.exchange("7E5: 4C 00 00 00 00 00 00 00", "7E4: 50 00 00 00 00 00 00 00");
+    client.exchange("7E5: 51 00 00 00 00 80 00 00", "7E4: 4F 00 00 00 00 00 00 00");
+    client.exchange("7E5: 11 21 00 00 00 00 00 00", "7E4: 11 00 00 00 00 00 00 00");
+    client.exchange("7E5: 17 00 00 00 00 00 00 00", "7E4: 17 00 00 00 00 00 00 00");
+    client.exchange("7E5: 04 00 00 00 00 00 00 00", "721: 00");
     client.expect("0A1: 00 00 00 00 00 00 00 00");
     client.bench.power_cycle();
     client.expect("721: 00");

@@ -22,16 +22,15 @@ const CHARACTERS_PER_MS: usize = 12;
 
 /// Types characters, and lets them come. Returns the lines of the answer.
 fn answers(client: &mut ImageClient, typed: &str, ms: u64) -> Vec<String> {
-    let board = client.bench.board;
-    client.bench.rig.printed(board);
-    client.bench.rig.connections(board).terminal.lock().typed.extend(typed.bytes());
+    client.printed();
+    client.connections().terminal.lock().typed.extend(typed.bytes());
     client.wait_ms(ms);
-    client.bench.rig.printed(board).lines().map(str::to_owned).collect()
+    client.printed().lines().map(str::to_owned).collect()
 }
 
 /// Has the character at a place of what is typed next come damaged.
 fn damage(client: &ImageClient, place: usize, damage: Damage) {
-    client.bench.rig.connections(client.bench.board).terminal.lock().damage = Some((place, damage));
+    client.connections().terminal.lock().damage = Some((place, damage));
 }
 
 /// Some of the lines were obeyed, the others are told to be damaged, and no other line was made of them.

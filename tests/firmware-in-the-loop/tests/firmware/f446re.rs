@@ -2,7 +2,6 @@
 
 use firmware_in_the_loop::bench::ImageBench;
 use firmware_in_the_loop::board::NUCLEO_F446RE;
-use firmware_in_the_loop::broken::Break;
 use firmware_in_the_loop::content;
 use firmware_in_the_loop::flash::Operation;
 use firmware_in_the_loop::image::Image;
@@ -12,7 +11,6 @@ use protocol_core::time::{Duration, Instant, since};
 
 use super::budgets::{FLASH, KIB};
 use super::client::{ImageClient, SAVE, VALVE, download, frame};
-use super::resets::{AT_ONCE, WATCHDOG, resets_by};
 
 /// The typical erase of a sector of 16 KiB by words, and the longest one (DS10693), in milliseconds.
 const ERASE_MS: u64 = 250;
@@ -28,8 +26,7 @@ const STEP_MS: u64 = 111;
 
 /// The valve with its heartbeat on. To save its parameters once more erases a sector.
 pub fn about_to_erase() -> ImageClient {
-    let saved = content::stored_after(&VALVE, &[frame("620: 23 10 10 01 73 61 76 65")]);
-    let mut client = ImageClient::with_memory(&NUCLEO_F446RE, &content::worn(&saved));
+    let mut client = ImageClient::about_to_erase(&NUCLEO_F446RE);
     client.write(0x1017, 0, 2, HEARTBEAT_MS as u32);
     client.wait_ms(20);
     client.aside.clear();
@@ -41,7 +38,7 @@ pub fn begin_erase(client: &mut ImageClient) -> (Instant, Instant) {
     client.bench.send(Frame::full(frame("620: 00").id(), download(0x1010, 1, 4, SAVE)));
     let board = client.bench.board;
     loop {
-        let last = client.bench.rig.connections(board).flash.lock().journal().last().copied();
+        let last = client.connections().flash.lock().journal().last().copied();
         if let Some(erase) = last.filter(Operation::is_erase) {
             let at = |nanos| client.bench.rig.instant(board, nanos);
             return (at(erase.from), at(erase.until));
@@ -62,7 +59,6 @@ fn watch_until(client: &mut ImageClient, until: Instant) -> Vec<(u64, String)> {
 #[test]
 fn during_an_erase_nothing_is_sent_and_the_controller_holds_three_frames() {
     let mut client = about_to_erase();
-    let board = client.bench.board;
     let (from, until) = begin_erase(&mut client);
     assert_eq!(since(until, from), Duration::from_millis(ERASE_MS));
     let before = client.machine().reached().instructions;
@@ -75,7 +71,7 @@ fn during_an_erase_nothing_is_sent_and_the_controller_holds_three_frames() {
     assert_eq!(silent, [], "while the processor stands");
     assert_eq!(client.bench.rig.world.pending(client.bench.master), 0, "all were acknowledged");
     assert_eq!(client.machine().reached().instructions, before, "the processor stands");
-    assert_ne!(client.bench.rig.connections(board).can.lock().can.lost(), [0, 0]);
+    assert_ne!(client.connections().can.lock().can.lost(), [0, 0]);
 
     // A request takes the place of the one before: the save is not answered.
     let answers = client.listen_ms(20);
@@ -90,8 +86,7 @@ fn during_an_erase_nothing_is_sent_and_the_controller_holds_three_frames() {
 fn an_erase_costs_the_clock_no_time() {
     for slow in [false, true] {
         let mut client = about_to_erase();
-        let board = client.bench.board;
-        client.bench.rig.connections(board).flash.lock().set_slow(slow);
+        client.connections().flash.lock().set_slow(slow);
         let beat = |client: &mut ImageClient| {
             let until = Instant::from_micros(client.now_us() + HEARTBEAT_MS * 1100);
             let mut frames = watch_until(client, until).into_iter().rev();
@@ -112,9 +107,8 @@ fn an_erase_costs_the_clock_no_time() {
 #[test]
 fn the_longest_erase_is_shorter_than_the_watchdog_by_the_fastest_oscillator() {
     let mut client = about_to_erase();
-    let board = client.bench.board;
-    client.bench.rig.connections(board).flash.lock().set_slow(true);
-    client.bench.rig.connections(board).oscillators.lock().watchdog = FASTEST_LSI_HZ;
+    client.connections().flash.lock().set_slow(true);
+    client.connections().oscillators.lock().watchdog = FASTEST_LSI_HZ;
     client.bench.power_cycle();
     client.wait_ms(20);
     client.aside.clear();
@@ -124,8 +118,7 @@ fn the_longest_erase_is_shorter_than_the_watchdog_by_the_fastest_oscillator() {
     client.wait_ms(LONGEST_ERASE_MS + 100);
     client.bench.power_cycle();
     client.aside.clear();
-    client.expect("720: 00");
-    client.expect("0A0: 00 00 00 00 00 00 00 00");
+    client.expect_boot();
     assert_eq!(client.read(0x1028, 1), 0xA1);
     client.end_without_reset();
 }
@@ -141,19 +134,18 @@ fn while_words_are_written_no_frame_is_lost() {
                 .map(frame),
         ),
     ));
-    let board = client.bench.board;
     client.send("000: 01 00");
     client.bench.send(Frame::full(frame("620: 00").id(), download(0x1010, 1, 4, SAVE)));
-    let before = client.bench.rig.connections(board).can.lock().can.came()[0];
+    let before = client.connections().can.lock().can.came()[0];
     for number in 0..100 {
         client.send(&format!("220: 0F 00 {number:02X} 00"));
     }
     client.wait_ms(40);
-    let came = client.bench.rig.connections(board).can.lock().can.came()[0] - before;
+    let came = client.connections().can.lock().can.came()[0] - before;
     assert!(came >= 100, "{came} frames");
-    let (programs, erases) = client.bench.rig.connections(board).flash.lock().wear();
+    let (programs, erases) = client.connections().flash.lock().wear();
     assert!(programs > 20 && erases == 0, "{programs} words, {erases} erases");
-    assert_eq!(client.bench.rig.connections(board).can.lock().can.lost(), [0, 0]);
+    assert_eq!(client.connections().can.lock().can.lost(), [0, 0]);
     assert!(client.aside.contains(&frame("5A0: 60 10 10 01 00 00 00 00")), "{:?}", client.aside);
     client.end_without_reset();
 }
@@ -161,12 +153,6 @@ fn while_words_are_written_no_frame_is_lost() {
 #[test]
 fn the_power_is_cut_while_a_sector_is_erased() {
     super::power_cut::cuts(&NUCLEO_F446RE, true, 5);
-}
-
-#[test]
-fn a_device_task_that_hangs_is_ended_by_the_watchdog_and_a_panic_resets() {
-    resets_by(&NUCLEO_F446RE, Break::Hang, WATCHDOG, "IWDG");
-    resets_by(&NUCLEO_F446RE, Break::Panic, AT_ONCE, "Core");
 }
 
 #[test]

@@ -34,7 +34,7 @@ const FOR_NOBODY: [&str; 23] = [
 
 /// How many messages the filters have let through.
 fn came(client: &ImageClient) -> u64 {
-    client.bench.rig.connections(client.bench.board).can.lock().can.came().iter().sum()
+    client.connections().can.lock().can.came().iter().sum()
 }
 
 /// How many of these frames the filters let through; answers are put aside.
@@ -97,13 +97,11 @@ fn an_rpdo_that_was_moved_is_heard_where_it_is() {
     client.write(0x1400, 1, 4, 0x8000_0224);
     client.write(0x1400, 1, 4, 0x224);
     assert_eq!(pass(&mut client, &["220: 00 00 00 00"]), 0);
-    client.send("224: 00 00 00 00");
-    client.expect("1A0: 08 00 00 00");
+    client.exchange("224: 00 00 00 00", "1A0: 08 00 00 00");
     client.write(0x1005, 0, 4, 0x90);
     client.write(0x1800, 2, 1, 1);
     assert_eq!(pass(&mut client, &["080:"]), 0);
-    client.send("090:");
-    client.expect("1A0: 08 00 00 00");
+    client.exchange("090:", "1A0: 08 00 00 00");
 }
 
 #[test]
@@ -112,14 +110,9 @@ fn an_emergency_stop_producer_is_heard_when_it_is_set_and_while_it_is_on() {
     let emergency = "0A1: 00 10 01 00 00 00 00 00";
     assert_eq!(pass(&mut client, &[emergency]), 0);
     client.write(0x1028, 1, 4, 0xA1);
-    client.send("000: 01 00");
-    for status in ["09", "0B", "0F"] {
-        client.send("220: 0F 00 00 00");
-        client.expect(&format!("1A0: {status} 00 00 00"));
-    }
+    client.activate("220");
     client.send(emergency);
-    client.send("220: 00 00 00 00");
-    client.expect("1A0: 03 00 00 00");
+    client.exchange("220: 00 00 00 00", "1A0: 03 00 00 00");
     client.write(0x1028, 1, 4, 0x8000_00A1);
     assert_eq!(pass(&mut client, &[emergency]), 0);
 }
@@ -128,26 +121,21 @@ fn an_emergency_stop_producer_is_heard_when_it_is_set_and_while_it_is_on() {
 fn a_new_node_id_is_heard_and_the_old_one_no_longer() {
     let mut client = ImageClient::booted();
     client.send("7E5: 04 01 00 00 00 00 00 00");
-    client.send("7E5: 11 24 00 00 00 00 00 00");
-    client.expect("7E4: 11 00 00 00 00 00 00 00");
-    client.send("7E5: 04 00 00 00 00 00 00 00");
-    client.expect("724: 00");
+    client.exchange("7E5: 11 24 00 00 00 00 00 00", "7E4: 11 00 00 00 00 00 00 00");
+    client.exchange("7E5: 04 00 00 00 00 00 00 00", "724: 00");
     client.expect("0A4: 00 00 00 00 00 00 00 00");
     client.send("000: 01 00");
     let old = ["220: 00 00 00 00", "620: 40 18 10 01 00 00 00 00", "1BC78820: 03 22 10 01"];
     assert_eq!(through(&mut client, &old), Vec::<&str>::new());
-    client.send("224: 00 00 00 00");
-    client.expect("1A4: 08 00 00 00");
-    client.send("624: 40 18 10 01 00 00 00 00");
-    client.expect("5A4: 43 18 10 01 19 00 00 01");
-    client.send("1BC78824: 03 22 10 01");
-    client.expect("1BC120F1: 04 62 10 01 20");
+    client.exchange("224: 00 00 00 00", "1A4: 08 00 00 00");
+    client.exchange("624: 40 18 10 01 00 00 00 00", "5A4: 43 18 10 01 19 00 00 01");
+    client.exchange("1BC78824: 03 22 10 01", "1BC120F1: 04 62 10 01 20");
 }
 
 #[test]
 fn without_a_node_id_it_hears_lss_alone() {
     let mut client = ImageClient::booted();
-    client.bench.rig.type_line(client.bench.board, "blank");
+    client.type_line("blank");
     client.wait_ms(600);
     client.aside.clear();
     let others = ["000: 01 00", "080:", "220: 00 00 00 00", "620: 40 18 10 01 00 00 00 00", "1BC78820: 03 22 10 01"];
@@ -160,7 +148,7 @@ fn filters_are_changed_without_losing_a_frame() {
     let mut client = ImageClient::booted();
     client.send("000: 01 00");
     client.wait_ms(5);
-    let gaps = |client: &ImageClient| client.bench.rig.connections(client.bench.board).can.lock().can.filter_gaps();
+    let gaps = |client: &ImageClient| client.connections().can.lock().can.filter_gaps();
     let before = gaps(&client);
     let heard = came(&client);
     // Each of these writes changes what is listened to; the frames go out back to back.

@@ -18,7 +18,6 @@ mod program {
     }
 }
 
-use std::collections::VecDeque;
 use std::fmt::Write as _;
 use std::fs;
 
@@ -88,9 +87,7 @@ const SENSOR: &[(u16, u8)] = &[
 
 /// A board with this memory, switched on; the bus at the first rate of its kind, or at another one.
 fn started(board: &'static Board, memory: &[u8], rate: BitRate) -> ImageClient {
-    let mut client = ImageClient { bench: ImageBench::with_memory(board, rate, memory), aside: VecDeque::new() };
-    client.bench.power_cycle();
-    client
+    ImageClient::started(ImageBench::with_memory(board, rate, memory))
 }
 
 /// Plays a story on a board whose memory is erased; what its sectors hold then.
@@ -113,7 +110,7 @@ fn told(kind: &str, story: &stories::Story) -> Vec<u8> {
     client.wait_ms(11_000);
     let board = client.bench.board;
     client.bench.rig.power(board, false);
-    client.bench.rig.connections(board).flash.lock().content(SIZE).to_vec()
+    client.connections().flash.lock().content(SIZE).to_vec()
 }
 
 /// Does what a line of a story says.

@@ -34,15 +34,14 @@ impl ImageClient {
     ///
     /// The end is a line `ok`, or one that points to the help: [`Err`].
     pub fn console(&mut self, line: &str) -> Result<Vec<String>, String> {
-        let board = self.bench.board;
-        self.bench.rig.printed(board);
-        self.bench.rig.type_line(board, line);
+        self.printed();
+        self.type_line(line);
         let end = after(self.bench.rig.world.now(), PATIENCE);
         let mut answer = String::new();
         loop {
             assert!(self.bench.rig.world.now() < end, "{line:?} is answered {answer:?}");
             self.step();
-            answer += &self.bench.rig.printed(board);
+            answer += &self.printed();
             let Some(complete) = answer.strip_suffix("\r\n") else { continue };
             let mut lines: Vec<String> = complete.split("\r\n").map(str::to_owned).collect();
             match lines.pop() {

@@ -1,4 +1,4 @@
-//! The LEDs in every state that they have a light for (SPEC 2).
+//! The LEDs in each light that they have (SPEC 2). Which state has which light the core's tests tell.
 
 use super::client::ImageClient;
 use super::hands::Shown;
@@ -8,38 +8,10 @@ const DRIVE: &str = "220: 0F 00 00 20";
 /// ACTIVE with the set-point 0.
 const NEUTRAL: &str = "220: 0F 00 00 00";
 
-/// Booted, started, and through the states to ACTIVE.
-fn active() -> ImageClient {
-    let mut client = ImageClient::booted();
-    client.send("000: 01 00");
-    for status in ["09", "0B", "0F"] {
-        client.send(NEUTRAL);
-        client.expect(&format!("1A0: {status} 00 00 00"));
-    }
-    client
-}
-
-#[test]
-fn yellow_while_it_is_disabled() {
-    let mut client = ImageClient::booted();
-    assert_eq!(client.leds(), Shown::Yellow, "INIT");
-    client.send("000: 01 00");
-    for (word, state) in [("01", "DISABLED"), ("03", "HOLD")] {
-        client.send(&format!("220: {word} 00 00 00"));
-        assert_eq!(client.leds(), Shown::Yellow, "{state}");
-    }
-}
-
-#[test]
-fn yellow_in_hand_operation() {
-    let mut client = active();
-    client.write(0x6042, 0, 1, 2);
-    assert_eq!(client.leds_while_sending(Some(DRIVE)), Shown::Yellow);
-}
-
 #[test]
 fn green_while_it_regulates_and_flashing_in_power_save() {
-    let mut client = active();
+    let mut client = ImageClient::booted();
+    client.activate("220");
     assert_eq!(client.leds_while_sending(Some(DRIVE)), Shown::Green);
     for _ in 0..5 {
         client.send(NEUTRAL);
@@ -51,6 +23,7 @@ fn green_while_it_regulates_and_flashing_in_power_save() {
 #[test]
 fn red_for_an_internal_error_and_flashing_for_another_fault() {
     let mut client = ImageClient::booted();
+    assert_eq!(client.leds(), Shown::Yellow, "INIT");
     client.obeyed("temperature_c 130");
     client.wait_ms(600);
     assert_eq!(client.leds(), Shown::RedFlashing, "temperature");
@@ -72,14 +45,6 @@ fn red_in_bus_off() {
     assert_eq!(client.leds(), Shown::Red);
     client.obeyed("bus_off off");
     assert_eq!(client.leds(), Shown::RedFlashing, "FAULT_HOLD without a fault");
-}
-
-#[test]
-fn yellow_without_a_node_id() {
-    let mut client = ImageClient::booted();
-    client.bench.rig.type_line(client.bench.board, "blank");
-    client.wait_ms(300);
-    assert_eq!(client.leds(), Shown::Yellow);
 }
 
 #[test]

@@ -41,11 +41,7 @@ fn scene() -> ImageClient {
     client.write(0x1400, 1, 4, 0x8000_0220);
     client.write(0x1400, 1, 4, 0x8000_0090);
     client.write(0x1400, 1, 4, 0x90);
-    client.send("000: 01 00");
-    for status in ["09", "0B", "0F"] {
-        client.send("090: 0F 00 00 00");
-        client.expect(&format!("1A0: {status} 00 00 00"));
-    }
+    client.activate("090");
     client
 }
 
@@ -66,7 +62,7 @@ fn five_services_that_were_made_in_the_opposite_order() {
     in_flood(&mut client, Some("1BC78820: 03 22 10 01"), 2);
     in_flood(&mut client, Some("620: 40 18 10 01 00 00 00 00"), 2);
     in_flood(&mut client, Some("090: 0F 00 00 00"), 2);
-    client.bench.rig.type_line(client.bench.board, "internal_fault on");
+    client.type_line("internal_fault on");
     in_flood(&mut client, None, 10);
     assert_eq!(client.aside, [], "the flood leaves no room");
     assert_eq!(
@@ -80,7 +76,7 @@ fn five_services_that_were_made_in_the_opposite_order() {
             "720: 05",
         ]
     );
-    assert_eq!(client.bench.rig.connections(client.bench.board).can.lock().can.lost(), [0, 0]);
+    assert_eq!(client.connections().can.lock().can.lost(), [0, 0]);
     client.end_without_reset();
 }
 
@@ -92,7 +88,7 @@ fn equal_identifiers_go_in_the_order_they_were_made_in() {
     for word in
         ["internal_fault on", "internal_fault off", "internal_fault on", "internal_fault off", "internal_fault on"]
     {
-        client.bench.rig.type_line(client.bench.board, word);
+        client.type_line(word);
         in_flood(&mut client, None, 8);
     }
     in_flood(&mut client, Some("090: 0F 00 00 00"), 2);
@@ -136,9 +132,7 @@ fn in_random_traffic_nothing_is_lost_or_doubled() {
             client.send(FLOOD);
         }
         // From an empty bus on, so that the next requests come at any distance from the answers.
-        while client.bench.rig.world.pending(client.bench.master) > 0 {
-            client.step();
-        }
+        client.finish_sending();
         let pause = client.now_us() + random.u64(..1500);
         client.bench.rig.run_until(protocol_core::time::Instant::from_micros(pause));
     }
@@ -178,7 +172,7 @@ pub fn heard(client: &mut ImageClient, listener: TapId) -> Vec<(Instant, Frame)>
 /// Runs bus and controller at a bit rate that a valve cannot be told, behind the firmware's back.
 fn set_timing(client: &mut ImageClient, rate: BitRate) {
     {
-        let mut shared = client.bench.rig.connections(client.bench.board).can.lock();
+        let mut shared = client.connections().can.lock();
         let control = shared.can.read(MCR);
         shared.can.write(MCR, control | mcr::INRQ);
         shared.can.write(BTR, firmware::bit_timing::BitTiming::of(rate).register());
@@ -195,7 +189,7 @@ fn frames_leave_back_to_back_at_1_mbit() {
     set_timing(&mut client, BitRate::Kbit1000);
     // Each is less urgent than the one before: the TPDO is staged behind the emergency, the heartbeat waits in the
     // device.
-    client.bench.rig.type_line(client.bench.board, "internal_fault on");
+    client.type_line("internal_fault on");
     in_flood(&mut client, None, 35);
     in_flood(&mut client, Some("090: 0F 00 00 00"), 200);
     let listener = listen(&mut client);
@@ -215,7 +209,7 @@ fn frames_leave_back_to_back_at_1_mbit() {
 pub fn fill(client: &mut ImageClient, mailbox: u32, text: &str) {
     let frame = frame(text);
     let Id::Standard(id) = frame.id() else { panic!("{text}: only standard identifiers here") };
-    let mut shared = client.bench.rig.connections(client.bench.board).can.lock();
+    let mut shared = client.connections().can.lock();
     let at = TI0R + 0x10 * mailbox;
     shared.can.write(at + 4, frame.len().into());
     shared.can.write(at, u32::from(id.as_raw()) << 21 | 1);
@@ -225,22 +219,21 @@ pub fn fill(client: &mut ImageClient, mailbox: u32, text: &str) {
 /// The answer to an SDO request is on the wire, more urgent frames fill the other mailboxes, and an emergency comes:
 /// what is on the bus from the answer on. MSR.TXM reads as is given.
 fn emergency_while_an_answer_is_on_the_wire(client: &mut ImageClient, txm: Option<bool>) -> Vec<String> {
-    let board = client.bench.board;
-    client.bench.rig.connections(board).terminal.lock().typed.extend(b"internal_fault on");
+    client.connections().terminal.lock().typed.extend(b"internal_fault on");
     client.wait_ms(10);
     let listener = listen(client);
     client.send("620: 40 18 10 01 00 00 00 00");
     let is_sending = |client: &ImageClient| {
-        let shared = client.bench.rig.connections(board).can.lock();
+        let shared = client.connections().can.lock();
         shared.can.read(firmware_in_the_loop::bxcan::registers::MSR) & 1 << 8 != 0
     };
     while !is_sending(client) {
         client.step();
     }
-    client.bench.rig.connections(board).can.lock().can.show_sending(txm);
+    client.connections().can.lock().can.show_sending(txm);
     fill(client, 1, "1A1:");
     fill(client, 2, "1A2:");
-    client.bench.rig.connections(board).terminal.lock().typed.push_back(b'\n');
+    client.connections().terminal.lock().typed.push_back(b'\n');
     client.listen_ms(20);
     heard(client, listener).iter().skip(1).map(|(_, frame)| frame.to_string()).collect()
 }
@@ -292,12 +285,11 @@ fn an_urgent_frame_does_not_wait_for_an_interrupt_that_does_not_come() {
     (0..).zip(waiting).for_each(|(mailbox, text)| fill(&mut client, mailbox, text));
     flood(&mut client, 2);
     // The controller is about to lose arbitration when the emergency comes.
-    let board = client.bench.board;
-    client.bench.rig.connections(board).can.lock().can.show_sending(Some(true));
-    client.bench.rig.type_line(board, "internal_fault on");
+    client.connections().can.lock().can.show_sending(Some(true));
+    client.type_line("internal_fault on");
     flood(&mut client, 4);
     assert_eq!(client.aside, []);
-    client.bench.rig.connections(board).can.lock().can.show_sending(None);
+    client.connections().can.lock().can.show_sending(None);
     flood(&mut client, 4);
     client.wait_ms(0);
     assert_eq!(client.aside.pop_front().map(|frame| frame.to_string()).as_deref(), Some(EMERGENCY));
@@ -308,15 +300,12 @@ fn an_urgent_frame_does_not_wait_for_an_interrupt_that_does_not_come() {
 #[test]
 fn who_leaves_the_bus_drops_the_frame_on_the_wire_when_it_is_destroyed() {
     let mut client = scene();
-    let board = client.bench.board;
-    client.bench.rig.connections(board).terminal.lock().typed.extend(b"bus_off on");
+    client.connections().terminal.lock().typed.extend(b"bus_off on");
     client.wait_ms(10);
     client.bench.rig.world.inject(DestroyNext::frames_of("board", 1));
     client.send("620: 40 18 10 01 00 00 00 00");
-    while client.bench.rig.world.pending(client.bench.master) > 0 {
-        client.step();
-    }
-    client.bench.rig.connections(board).terminal.lock().typed.push_back(b'\n');
+    client.finish_sending();
+    client.connections().terminal.lock().typed.push_back(b'\n');
     client.wait_ms(20);
     client.obeyed("bus_off off");
     client.wait_ms(50);
@@ -329,7 +318,7 @@ fn a_frame_that_is_out_of_date_is_taken_back_from_the_controller() {
     let mut client = ImageClient::on_isobus();
     // A message with the position waits in a mailbox when the spool is moved, and when the next one is due.
     in_flood(&mut client, None, 150);
-    client.bench.rig.type_line(client.bench.board, "lever 16384");
+    client.type_line("lever 16384");
     in_flood(&mut client, None, 400);
     client.aside.clear();
     let position = |frames: Vec<String>| -> Vec<String> {

@@ -47,10 +47,10 @@ impl Scene {
         let client = &mut self.client;
         let board = client.bench.board;
         client.bench.rig.power(board, false);
-        client.bench.rig.connections(board).flash.lock().restore(&self.flash);
+        client.connections().flash.lock().restore(&self.flash);
         client.aside.clear();
         client.bench.power_cycle();
-        boot(client);
+        client.expect_boot();
         for (index, sub, size, _, new) in PARAMETERS {
             client.write(index, sub, size, new);
         }
@@ -92,7 +92,7 @@ impl Scene {
     /// Whether the new values are there, and nothing else is the matter.
     fn found_new(&mut self) -> bool {
         let client = &mut self.client;
-        boot(client);
+        client.expect_boot();
         let found = PARAMETERS.map(|(index, sub, ..)| client.read(index, sub));
         assert_eq!(client.read(0x1001, 0), 0, "a fault is active");
         assert_eq!(client.read(0x2024, 0), 0, "there was an internal error");
@@ -100,11 +100,6 @@ impl Scene {
         assert!(found == old || found == new, "mixed: {found:X?}");
         found == new
     }
-}
-
-fn boot(client: &mut ImageClient) {
-    client.expect("720: 00");
-    client.expect("0A0: 00 00 00 00 00 00 00 00");
 }
 
 /// Random instants within the operations of a kind, the gaps around them included, and behind the last one.

@@ -10,7 +10,7 @@ use super::resets::HANDLES_SDO;
 
 /// Puts all filters of the board's controller to a FIFO, behind the firmware's back.
 fn assign_filters(client: &ImageClient, fifo: u32) {
-    let mut shared = client.bench.rig.connections(client.bench.board).can.lock();
+    let mut shared = client.connections().can.lock();
     let master = shared.can.read(FMR);
     shared.can.write(FMR, master | 1);
     shared.can.write(FFA1R, if fifo == 0 { 0 } else { u32::MAX });
@@ -32,9 +32,9 @@ fn length_codes_from_9_to_15_do_no_harm_in_either_fifo() {
             for id in [0x18EA_FFFE, 0x1BC7_8820] {
                 client.bench.rig.world.send(client.bench.master, Frame::full(extended(id).into(), [0; 8]));
             }
-            let before = client.bench.rig.connections(board).can.lock().can.came();
+            let before = client.connections().can.lock().can.came();
             client.listen_ms(20);
-            let came = client.bench.rig.connections(board).can.lock().can.came();
+            let came = client.connections().can.lock().can.came();
             assert!(came[fifo as usize] >= before[fifo as usize] + 5, "hardly anything reached FIFO {fifo}");
             // An SDO request is eight bytes long, and a length code above 8 means 8.
             assert_eq!(client.read(0x1018, 1), 0x0100_0019, "FIFO {fifo}, length code {code}");
@@ -42,8 +42,7 @@ fn length_codes_from_9_to_15_do_no_harm_in_either_fifo() {
             assert_eq!(client.read(0x1018, 1), 0x0100_0019, "FIFO {fifo}, after length code {code}");
         }
     }
-    client.bench.rig.power(board, false);
-    assert_eq!(client.bench.rig.resets(board), []);
+    client.end_without_reset();
 }
 
 /// Holds the device's task in an SDO request while so many set-points come, and lets it go.
@@ -53,9 +52,7 @@ fn held_for(client: &mut ImageClient, frames: usize) {
     for number in 0..frames {
         client.send(&format!("220: 00 00 {:02X} 00", number & 0xFF));
     }
-    while client.bench.rig.world.pending(client.bench.master) > 0 {
-        client.step();
-    }
+    client.finish_sending();
     hold.mend(client.machine());
     client.expect("5A0: 43 18 10 01 19 00 00 01");
     client.wait_ms(300);
@@ -65,7 +62,7 @@ fn held_for(client: &mut ImageClient, frames: usize) {
 fn a_burst_while_the_devices_task_is_held_loses_nothing() {
     let mut client = ImageClient::booted();
     held_for(&mut client, 250);
-    assert_eq!(client.bench.rig.connections(client.bench.board).can.lock().can.lost(), [0, 0], "in the controller");
+    assert_eq!(client.connections().can.lock().can.lost(), [0, 0], "in the controller");
     assert_eq!(client.status_of("overruns"), "0");
     // The queue holds 256, beside the request that the task is held in.
     held_for(&mut client, 260);
@@ -78,11 +75,10 @@ fn a_burst_while_the_devices_task_is_held_loses_nothing() {
 #[test]
 fn a_fifo_that_is_full_before_the_processor_runs_loses_nothing() {
     let mut client = ImageClient::booted();
-    let board = client.bench.board;
     for fifo in [0, 1] {
         assign_filters(&client, fifo);
         {
-            let mut shared = client.bench.rig.connections(board).can.lock();
+            let mut shared = client.connections().can.lock();
             for sub in 1..=3 {
                 shared.can.receive(Message::from(frame(&format!("620: 40 18 10 0{sub} 00 00 00 00"))));
             }
@@ -97,12 +93,11 @@ fn a_fifo_that_is_full_before_the_processor_runs_loses_nothing() {
 #[test]
 fn an_overrun_of_the_controller_is_counted_once_and_what_comes_after_it_is_received() {
     let mut client = ImageClient::booted();
-    let board = client.bench.board;
     for fifo in [0, 1] {
         assign_filters(&client, fifo);
         let before: u32 = client.status_of("overruns").parse().expect("a number");
         {
-            let mut shared = client.bench.rig.connections(board).can.lock();
+            let mut shared = client.connections().can.lock();
             // More than a FIFO holds, before the processor gets to run.
             (0..5).for_each(|_| shared.can.receive(Message::from(frame("220: 00 00 00 00"))));
         }

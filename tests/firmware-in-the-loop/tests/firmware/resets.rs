@@ -1,9 +1,8 @@
 //! What goes wrong in the image ends in a reset, and the next start raises the internal error (SPEC 2).
 
 use firmware_in_the_loop::bench::ImageBench;
-use firmware_in_the_loop::board::{Board, NUCLEO_F429ZI, NUCLEO_F446RE};
+use firmware_in_the_loop::board::{NUCLEO_F429ZI, NUCLEO_F446RE};
 use firmware_in_the_loop::broken::Break;
-use firmware_in_the_loop::content;
 use firmware_in_the_loop::image::Image;
 use firmware_in_the_loop::part::Connections;
 use protocol_core::controller::BitRate;
@@ -19,7 +18,7 @@ pub const HANDLES_SDO: [&str; 4] = [
     "CanopenValve as protocol_core::device::host::Body>::handle",
 ];
 /// The watchdog's time, with some room.
-pub const WATCHDOG: Duration = Duration::from_millis(2500);
+const WATCHDOG: Duration = Duration::from_millis(2500);
 /// A panic resets by itself: long before the watchdog does.
 pub const AT_ONCE: Duration = Duration::from_millis(20);
 
@@ -72,8 +71,7 @@ fn wait_for_reset(client: &mut ImageClient, patience: Duration) -> Duration {
 
 /// Boot-up, and then the internal error, for the `count`th time; it is gone as soon as it was told.
 fn expect_internal_error(client: &mut ImageClient, count: u8) {
-    client.expect("720: 00");
-    client.expect(NO_ERROR);
+    client.expect_boot();
     client.expect(&format!("0A0: 00 10 01 {count:02X} 00 00 00 00"));
     client.expect(NO_ERROR);
     assert_eq!(client.read(0x1003, 1), 0x1000 | u32::from(count) << 16, "the history");
@@ -81,36 +79,38 @@ fn expect_internal_error(client: &mut ImageClient, count: u8) {
     assert_eq!(client.read(0x1001, 0), 0);
 }
 
-/// A device's task that is broken so resets the processor by this cause; twice, and the valve works after each.
-pub fn resets_by(board: &'static Board, how: Break, patience: Duration, cause: &str) {
-    let mut client = ImageClient::booted_on(board);
-    client.wait_ms(200);
-    for count in 1..=2 {
-        let took = break_and_wait(&mut client, how, patience);
-        println!("{how:?}: reset after {took}");
-        expect_internal_error(&mut client, count);
-        assert_eq!(client.read(0x1018, 1), 0x0100_0019, "it works");
-        // Meanwhile the counter is stored.
-        client.wait_ms(11_000);
-        assert_eq!(client.listen_ms(1), []);
+/// A device's task that is broken so resets the processor by this cause, on each board; twice, and the valve works
+/// after each.
+fn resets_by(how: Break, patience: Duration, cause: &str) {
+    for board in [&NUCLEO_F429ZI, &NUCLEO_F446RE] {
+        let mut client = ImageClient::booted_on(board);
+        client.wait_ms(200);
+        for count in 1..=2 {
+            let took = break_and_wait(&mut client, how, patience);
+            println!("{}, {how:?}: reset after {took}", board.name);
+            expect_internal_error(&mut client, count);
+            assert_eq!(client.read(0x1018, 1), 0x0100_0019, "it works");
+            // Meanwhile the counter is stored.
+            client.wait_ms(11_000);
+            assert_eq!(client.listen_ms(1), []);
+        }
+        let resets = client.resets();
+        assert!(resets.len() == 2 && resets.iter().all(|reset| reset.cause.contains(cause)), "{resets:?}");
+        client.bench.power_cycle();
+        client.expect_boot();
+        assert_eq!(client.listen_ms(100), [], "power that comes is no internal error");
+        assert_eq!(client.read(0x2024, 0), 2, "but its counter was kept");
     }
-    let resets = client.bench.rig.resets(client.bench.board);
-    assert!(resets.len() == 2 && resets.iter().all(|reset| reset.cause.contains(cause)), "{resets:?}");
-    client.bench.power_cycle();
-    client.expect("720: 00");
-    client.expect(NO_ERROR);
-    assert_eq!(client.listen_ms(100), [], "power that comes is no internal error");
-    assert_eq!(client.read(0x2024, 0), 2, "but its counter was kept");
 }
 
 #[test]
 fn a_device_task_that_hangs_is_ended_by_the_watchdog() {
-    resets_by(&NUCLEO_F429ZI, Break::Hang, WATCHDOG, "IWDG");
+    resets_by(Break::Hang, WATCHDOG, "IWDG");
 }
 
 #[test]
 fn a_panic_resets_at_once() {
-    resets_by(&NUCLEO_F429ZI, Break::Panic, AT_ONCE, "Core");
+    resets_by(Break::Panic, AT_ONCE, "Core");
 }
 
 #[test]
@@ -128,7 +128,7 @@ fn a_fault_inside_a_call_of_the_log_resets_at_once() {
     break_and_wait(&mut client, Break::Panic, AT_ONCE);
     log.mend(client.machine());
     expect_internal_error(&mut client, 1);
-    let resets = client.bench.rig.resets(client.bench.board);
+    let resets = client.resets();
     assert!(resets.iter().all(|reset| reset.cause.contains("Core")), "{resets:?}");
 }
 
@@ -137,16 +137,16 @@ fn starts_after_a_wait(mend: impl Fn(&Connections), damage: impl Fn(&Connections
     for board in [&NUCLEO_F429ZI, &NUCLEO_F446RE] {
         let bench = ImageBench::with_device(board, BitRate::Kbit250, &VALVE);
         let mut client = ImageClient { bench, aside: Default::default() };
-        damage(client.bench.rig.connections(client.bench.board));
+        damage(client.connections());
         client.bench.power_cycle();
         while client.machine().reached().resets == 0 {
             assert!(client.now_us() < WATCHDOG.as_micros(), "{}: no reset", board.name);
             client.step();
         }
-        mend(client.bench.rig.connections(client.bench.board));
+        mend(client.connections());
         while client.receive() != Some(frame("0A0: 00 10 01 01 00 00 00 00")) {}
         assert_eq!(client.read(0x1018, 1), 0x0100_0019);
-        let resets = client.bench.rig.resets(client.bench.board);
+        let resets = client.resets();
         assert!(resets.iter().all(|reset| reset.cause.contains("IWDG")), "{resets:?}");
     }
 }
@@ -165,12 +165,10 @@ fn a_start_on_a_bus_that_is_held_dominant_is_tried_again() {
 
 #[test]
 fn a_reset_in_the_middle_of_an_erase_loses_nothing() {
-    let saved = content::stored_after(&VALVE, &[frame("620: 23 10 10 01 73 61 76 65")]);
-    let mut client = ImageClient::with_memory(&NUCLEO_F429ZI, &content::worn(&saved));
+    let mut client = ImageClient::about_to_erase(&NUCLEO_F429ZI);
     client.write(0x1028, 1, 4, 0xA1);
     client.send("620: 23 10 10 01 73 61 76 65");
-    let board = client.bench.board;
-    while client.bench.rig.connections(board).flash.lock().journal().last().is_none_or(|last| !last.is_erase()) {
+    while client.connections().flash.lock().journal().last().is_none_or(|last| !last.is_erase()) {
         client.step();
     }
     break_and_wait(&mut client, Break::Panic, AT_ONCE);
@@ -180,8 +178,7 @@ fn a_reset_in_the_middle_of_an_erase_loses_nothing() {
     client.write(0x1028, 1, 4, 0xA2);
     client.write(0x1010, 1, 4, SAVE);
     client.bench.power_cycle();
-    client.expect("720: 00");
-    client.expect(NO_ERROR);
+    client.expect_boot();
     assert_eq!(client.read(0x1028, 1), 0xA2);
 }
 
@@ -194,7 +191,7 @@ fn a_memory_that_hangs_is_ended_by_the_watchdog() {
     assert!(HANGING_MEMORY.contains(&took.as_micros()), "{took}");
     expect_internal_error(&mut client, 1);
     client.write(0x1010, 1, 4, SAVE);
-    let resets = client.bench.rig.resets(client.bench.board);
+    let resets = client.resets();
     assert!(resets.len() == 1 && resets[0].cause.contains("IWDG"), "{resets:?}");
 }
 
@@ -205,7 +202,7 @@ fn a_memory_that_hangs_is_given_no_more_time_by_another_request() {
     let hanging = Break::Hang.apply(client.machine(), &STORES);
     client.send("620: 23 10 10 01 73 61 76 65");
     client.wait_ms(2000);
-    client.bench.rig.type_line(client.bench.board, "blank");
+    client.type_line("blank");
     let took = wait_for_reset(&mut client, Duration::from_micros(HANGING_MEMORY.end - 2_000_000));
     assert!(took.as_micros() + 2_000_000 >= HANGING_MEMORY.start, "{took}");
     hanging.mend(client.machine());
@@ -214,15 +211,13 @@ fn a_memory_that_hangs_is_given_no_more_time_by_another_request() {
 
 #[test]
 fn an_erase_that_never_ends_is_ended_by_the_watchdog() {
-    let saved = content::stored_after(&VALVE, &[frame("620: 23 10 10 01 73 61 76 65")]);
-    let mut client = ImageClient::with_memory(&NUCLEO_F429ZI, &content::worn(&saved));
-    let board = client.bench.board;
+    let mut client = ImageClient::about_to_erase(&NUCLEO_F429ZI);
     client.wait_ms(200);
-    client.bench.rig.connections(board).flash.lock().set_stuck(true);
+    client.connections().flash.lock().set_stuck(true);
     client.send("620: 23 10 10 01 73 61 76 65");
     let took = wait_for_reset(&mut client, Duration::from_micros(HANGING_MEMORY.end));
     assert!(HANGING_MEMORY.contains(&took.as_micros()), "{took}");
-    client.bench.rig.connections(board).flash.lock().set_stuck(false);
+    client.connections().flash.lock().set_stuck(false);
     expect_internal_error(&mut client, 1);
     client.write(0x1010, 1, 4, SAVE);
 }
@@ -232,13 +227,13 @@ fn a_memory_that_hangs_at_the_start_is_ended_by_the_watchdog() {
     let mut client = ImageClient::booted();
     client.wait_ms(200);
     let hanging = Break::Hang.apply(client.machine(), &SCANS);
-    client.bench.rig.type_line(client.bench.board, "power-cycle");
+    client.type_line("power-cycle");
     wait_for_reset(&mut client, AT_ONCE);
     let took = wait_for_reset(&mut client, Duration::from_micros(HANGING_MEMORY.end));
     assert!(HANGING_MEMORY.contains(&took.as_micros()), "{took}");
     hanging.mend(client.machine());
     expect_internal_error(&mut client, 1);
-    let resets = client.bench.rig.resets(client.bench.board);
+    let resets = client.resets();
     assert!(resets.last().is_some_and(|last| last.cause.contains("IWDG")), "{resets:?}");
 }
 
@@ -248,12 +243,11 @@ fn a_start_that_erases_all_is_not_ended_by_the_watchdog() {
     let noise: Vec<u8> = (0..32 * 1024).map(|place| (place * 31 % 251) as u8).collect();
     let bench = ImageBench::with_memory(&NUCLEO_F429ZI, BitRate::Kbit250, &noise);
     let mut client = ImageClient { bench, aside: Default::default() };
-    let board = client.bench.board;
-    client.bench.rig.connections(board).flash.lock().set_slow(true);
+    client.connections().flash.lock().set_slow(true);
     client.bench.power_cycle();
     let booted = client.receive_for(Duration::from_secs(4)).map(|frame| frame.to_string());
     assert_eq!(booted.as_deref(), Some("720: 00"));
-    let erases = client.bench.rig.connections(board).flash.lock().wear().1;
+    let erases = client.connections().flash.lock().wear().1;
     assert!(erases >= 2 && client.now_us() > 1_000_000, "{erases} erases, {} us", client.now_us());
     // That all was lost is told, once: the next start finds a memory.
     client.expect(NO_ERROR);
@@ -261,8 +255,7 @@ fn a_start_that_erases_all_is_not_ended_by_the_watchdog() {
     client.wait_ms(1000);
     client.bench.power_cycle();
     client.aside.clear();
-    client.expect("720: 00");
-    client.expect(NO_ERROR);
+    client.expect_boot();
     assert_eq!(client.listen_ms(200), []);
     assert_eq!(client.read(0x2024, 0), 1);
     client.end_without_reset();
@@ -283,8 +276,7 @@ fn a_reset_that_was_wanted_is_none_of_the_watchdogs_before_it() {
         expect_internal_error(&mut client, 1);
         client.wait_ms(200);
         client.obeyed("power-cycle");
-        client.expect("720: 00");
-        client.expect(NO_ERROR);
+        client.expect_boot();
         assert_eq!(client.listen_ms(200), [], "{how:?}");
     }
 }
@@ -297,8 +289,7 @@ fn power_that_comes_with_the_mark_of_a_panic_in_the_noise_is_no_internal_error()
     client.bench.rig.power(board, false);
     client.bench.rig.power(board, true);
     client.machine().write(marker, b"INAP");
-    client.expect("720: 00");
-    client.expect(NO_ERROR);
+    client.expect_boot();
     assert_eq!(client.listen_ms(200), []);
     client.end_without_reset();
 }

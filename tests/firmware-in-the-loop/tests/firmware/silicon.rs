@@ -4,7 +4,6 @@
 use firmware_in_the_loop::bench::ImageBench;
 use firmware_in_the_loop::board::{NUCLEO_F429ZI, NUCLEO_F446RE};
 use firmware_in_the_loop::broken::Break;
-use firmware_in_the_loop::content;
 use firmware_in_the_loop::image::Image;
 use protocol_core::controller::BitRate;
 use protocol_core::frame::{Frame, standard};
@@ -66,43 +65,33 @@ fn word(client: &ImageClient, address: u64) -> u32 {
 
 #[test]
 fn the_clock_comes_from_the_st_link_and_the_flash_is_as_fast_as_it_can_be() {
-    check_clock(&ImageClient::booted());
-    check_clock(&ImageClient::booted_on(&NUCLEO_F446RE));
-}
-
-fn check_clock(client: &ImageClient) {
-    let register = |address| client.machine().register(address);
-    assert_eq!(register(RCC_CR) >> 16 & 0b111, 0b111, "HSE is on, ready, and bypassed: no crystal is fitted");
-    assert_eq!(register(RCC_CFGR) >> 2 & 0b11, 0b10, "the PLL is the system clock");
-    assert_eq!(register(RCC_CFGR) >> 10 & 0b111, 0b101, "APB1 is a quarter of it");
-    assert_eq!(register(FLASH_ACR) >> 8 & 0b111, 0b111, "{ACCELERATOR}");
-    assert_eq!(register(FLASH_ACR) & 0xF, 5, "wait states at 160 MHz (RM0090 table 11, RM0390 table 5)");
-    assert_eq!(register(DBGMCU_APB1_FZ) >> 12 & 1, 1, "the watchdog stands while a debugger halts the core");
+    for board in [&NUCLEO_F429ZI, &NUCLEO_F446RE] {
+        println!("{}", board.name);
+        let client = ImageClient::booted_on(board);
+        let register = |address| client.machine().register(address);
+        assert_eq!(register(RCC_CR) >> 16 & 0b111, 0b111, "HSE is on, ready, and bypassed: no crystal is fitted");
+        assert_eq!(register(RCC_CFGR) >> 2 & 0b11, 0b10, "the PLL is the system clock");
+        assert_eq!(register(RCC_CFGR) >> 10 & 0b111, 0b101, "APB1 is a quarter of it");
+        assert_eq!(register(FLASH_ACR) >> 8 & 0b111, 0b111, "{ACCELERATOR}");
+        assert_eq!(register(FLASH_ACR) & 0xF, 5, "wait states at 160 MHz (RM0090 table 11, RM0390 table 5)");
+        assert_eq!(register(DBGMCU_APB1_FZ) >> 12 & 1, 1, "the watchdog stands while a debugger halts the core");
+    }
 }
 
 #[test]
 fn what_was_written_leaves_the_flash_as_fast_as_it_was() {
-    let saved = content::stored_after(&VALVE, &[frame("620: 23 10 10 01 73 61 76 65")]);
-    let mut client = ImageClient::with_memory(&NUCLEO_F429ZI, &content::worn(&saved));
-    let board = client.bench.board;
+    let mut client = ImageClient::about_to_erase(&NUCLEO_F429ZI);
     let instructions = |client: &ImageClient| client.machine().reached().instructions;
     let before = instructions(&client);
     client.write(0x1010, 1, 4, SAVE);
     let took = instructions(&client) - before;
-    let journal = client.bench.rig.connections(board).flash.lock().journal().to_vec();
+    let journal = client.connections().flash.lock().journal().to_vec();
     let erases: Vec<_> = journal.iter().filter(|operation| operation.is_erase()).collect();
     let &[erase] = &erases[..] else { panic!("a sector is erased, not {}", erases.len()) };
     assert_eq!(erase.until - erase.from, 250_000_000, "by words (DS9405)");
     assert!(took < 20_000_000, "{took} instructions: the processor sleeps meanwhile");
     assert_eq!(client.machine().register(FLASH_ACR) >> 8 & 0b111, 0b111, "{ACCELERATOR}");
     client.end_without_reset();
-}
-
-/// The bus is modelled from the registers of CAN1 on: nothing else would miss the pins.
-#[test]
-fn can1_is_at_the_pins_of_the_transceiver() {
-    check_pins(&ImageClient::booted(), GPIOD, 0, 1);
-    check_pins(&ImageClient::booted_on(&NUCLEO_F446RE), GPIOB, 8, 9);
 }
 
 #[test]
@@ -124,47 +113,52 @@ fn the_console_is_quiet_without_an_st_link() {
     }
 }
 
-fn check_pins(client: &ImageClient, port: u64, rx: u64, tx: u64) {
-    let two_bits = |register: u64, pin: u64| client.machine().register(port + register) >> (2 * pin) & 0b11;
-    for pin in [rx, tx] {
-        assert_eq!(two_bits(GPIO_MODER, pin), 0b10, "pin {pin} is that of a peripheral");
-        let functions = client.machine().register(port + GPIO_AFRL + pin / 8 * 4);
-        assert_eq!(
-            functions >> (pin % 8 * 4) & 0xF,
-            9,
-            "pin {pin} has the function CAN1 (DS9405 table 12, DS10693 table 11)"
-        );
+/// The bus is modelled from the registers of CAN1 on: nothing else would miss the pins.
+#[test]
+fn can1_is_at_the_pins_of_the_transceiver() {
+    for (board, port, rx, tx) in [(&NUCLEO_F429ZI, GPIOD, 0, 1), (&NUCLEO_F446RE, GPIOB, 8, 9)] {
+        println!("{}", board.name);
+        let client = ImageClient::booted_on(board);
+        let two_bits = |register: u64, pin: u64| client.machine().register(port + register) >> (2 * pin) & 0b11;
+        for pin in [rx, tx] {
+            assert_eq!(two_bits(GPIO_MODER, pin), 0b10, "pin {pin} is that of a peripheral");
+            let functions = client.machine().register(port + GPIO_AFRL + pin / 8 * 4);
+            assert_eq!(
+                functions >> (pin % 8 * 4) & 0xF,
+                9,
+                "pin {pin} has the function CAN1 (DS9405 table 12, DS10693 table 11)"
+            );
+        }
+        assert_eq!(two_bits(GPIO_PUPDR, rx), 0b01, "without a transceiver the bus reads recessive");
+        assert_eq!(two_bits(GPIO_OSPEEDR, tx), 0b01, "medium speed: edges of 10 ns, fast enough for 1 Mbit/s");
+        assert_eq!(client.machine().register(port + GPIO_OTYPER) >> tx & 1, 0, "push-pull");
     }
-    assert_eq!(two_bits(GPIO_PUPDR, rx), 0b01, "without a transceiver the bus reads recessive");
-    assert_eq!(two_bits(GPIO_OSPEEDR, tx), 0b01, "medium speed: edges of 10 ns, fast enough for 1 Mbit/s");
-    assert_eq!(client.machine().register(port + GPIO_OTYPER) >> tx & 1, 0, "push-pull");
 }
 
 #[test]
 fn interrupts_have_the_priorities_of_the_table() {
-    check_priorities(ImageClient::booted(), &CONSOLE_F429);
-    check_priorities(ImageClient::booted_on(&NUCLEO_F446RE), &CONSOLE_F446);
-}
-
-fn check_priorities(mut client: ImageClient, console: &Console) {
-    let core = client.bench.rig.connections(client.bench.board).core.clone();
-    (0..16).for_each(|word| core.watch(NVIC_IPR + 4 * word));
-    client.wait_ms(10);
-    let priority = |line: u64| core.get(NVIC_IPR + (line & !3)).expect("it is watched") >> (8 * (line & 3)) & 0xFF;
-    let mut above = 0;
-    for lines in PRIORITIES {
-        let (_, first) = lines[0];
-        for (name, line) in lines {
-            assert_eq!(priority(*line), priority(first), "{name}");
+    for (board, console) in [(&NUCLEO_F429ZI, CONSOLE_F429), (&NUCLEO_F446RE, CONSOLE_F446)] {
+        println!("{}", board.name);
+        let mut client = ImageClient::booted_on(board);
+        let core = client.connections().core.clone();
+        (0..16).for_each(|word| core.watch(NVIC_IPR + 4 * word));
+        client.wait_ms(10);
+        let priority = |line: u64| core.get(NVIC_IPR + (line & !3)).expect("it is watched") >> (8 * (line & 3)) & 0xFF;
+        let mut above = 0;
+        for lines in PRIORITIES {
+            let (_, first) = lines[0];
+            for (name, line) in lines {
+                assert_eq!(priority(*line), priority(first), "{name}");
+            }
+            assert!(priority(first) > above, "{lines:?}: {} is not below {above}", priority(first));
+            above = priority(first);
         }
-        assert!(priority(first) > above, "{lines:?}: {} is not below {above}", priority(first));
-        above = priority(first);
+        for stream in console.streams {
+            assert_eq!(priority(stream), above, "DMA for the console");
+        }
+        let [.., (_, device)] = PRIORITIES[2] else { panic!("the device's task is missing") };
+        assert!((priority(*device) + 1..above).contains(&priority(console.uart)), "the console's UART");
     }
-    for stream in console.streams {
-        assert_eq!(priority(stream), above, "DMA for the console");
-    }
-    let [.., (_, device)] = PRIORITIES[2] else { panic!("the device's task is missing") };
-    assert!((priority(*device) + 1..above).contains(&priority(console.uart)), "the console's UART");
 }
 
 #[test]
@@ -196,9 +190,8 @@ fn a_start_through_a_bootloader_uses_the_vectors_of_the_image() {
 #[test]
 fn nothing_is_written_while_the_supply_is_too_low() {
     let mut client = ImageClient::booted();
-    let board = client.bench.board;
     assert_eq!(client.machine().register(PWR_CR) >> 4 & 0b1111, 0b1101, "the detector is on, at 2.93 V");
-    let operations = |client: &ImageClient| client.bench.rig.connections(board).flash.lock().journal().len();
+    let operations = |client: &ImageClient| client.connections().flash.lock().journal().len();
     client.write(0x1028, 1, 4, 0xA1);
     let before = operations(&client);
     client.machine().supply(2850);
@@ -216,15 +209,12 @@ fn nothing_is_written_while_the_supply_is_too_low() {
 #[test]
 fn errors_that_go_on_do_not_interrupt_again() {
     let mut client = ImageClient::booted();
-    let board = client.bench.board;
-    let interrupts = |client: &ImageClient| client.bench.rig.connections(board).can.lock().can.error_interrupts();
+    let interrupts = |client: &ImageClient| client.connections().can.lock().can.error_interrupts();
     let before = interrupts(&client);
     let master = client.bench.master;
     // Alone on the bus: the answer is tried again and again.
     client.bench.send(Frame::full(standard(0x620).into(), [0x40, 0x18, 0x10, 1, 0, 0, 0, 0]));
-    while client.bench.rig.world.pending(master) > 0 {
-        client.step();
-    }
+    client.finish_sending();
     client.bench.rig.world.remove_tap(master);
     client.wait_ms(1000);
     assert_eq!(client.status_of("bus"), "error-passive");

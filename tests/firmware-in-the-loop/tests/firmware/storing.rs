@@ -36,11 +36,7 @@ fn active() -> ImageClient {
     frames.push(frame("620: 23 10 10 01 73 61 76 65"));
     let content = content::worn(&content::stored_after(&VALVE, &frames));
     let mut client = ImageClient::powered(ImageBench::with_memory(&NUCLEO_F429ZI, BitRate::Kbit500, &content));
-    client.send("000: 01 00");
-    for status in ["09", "0B", "0F"] {
-        client.send("220: 0F 00 00 00");
-        client.expect(&format!("1A0: {status} 00 00 00"));
-    }
+    client.activate("220");
     client
 }
 
@@ -110,8 +106,7 @@ fn check_answers(trace: &[Event]) -> (Duration, usize, usize) {
 #[test]
 fn in_full_traffic_nothing_is_lost_while_it_stores_and_erases() {
     let mut client = active();
-    let board = client.bench.board;
-    let erased = |client: &ImageClient| client.bench.rig.connections(board).flash.lock().wear();
+    let erased = |client: &ImageClient| client.connections().flash.lock().wear();
     let before = erased(&client);
     client.bench.rig.world.record_events(true);
     let requests = [
@@ -150,7 +145,7 @@ fn in_full_traffic_nothing_is_lost_while_it_stores_and_erases() {
             "5A0: 43 18 10 01 19 00 00 01",
         ]
     );
-    assert_eq!(client.bench.rig.connections(board).can.lock().can.lost(), [0, 0]);
+    assert_eq!(client.connections().can.lock().can.lost(), [0, 0]);
     for (name, value) in
         client.status().iter().filter(|(name, _)| name.contains("overruns") || name.contains("dropped"))
     {
@@ -173,7 +168,7 @@ fn a_memory_that_makes_no_sense_is_erased_as_a_whole_before_anything_is_written(
     for board in [&NUCLEO_F429ZI, &NUCLEO_F446RE] {
         let bench = ImageBench::with_memory(board, BitRate::Kbit250, &noise);
         let client = ImageClient::powered(bench);
-        let flash = client.bench.rig.connections(client.bench.board).flash.lock();
+        let flash = client.connections().flash.lock();
         let begun: Vec<_> = flash.journal().iter().map(Operation::erased).collect();
         assert_eq!(begun[..2], [Some(0), Some(SECTOR_SIZE)], "{}", board.name);
         assert!(begun[2..].iter().all(Option::is_none), "{}: {begun:?}", board.name);
@@ -183,8 +178,7 @@ fn a_memory_that_makes_no_sense_is_erased_as_a_whole_before_anything_is_written(
 /// A device that starts anew has no answers: what comes waits for the one that it becomes.
 #[test]
 fn a_request_that_comes_while_the_device_restarts_is_answered_after_its_boot_up() {
-    let saved = content::stored_after(&VALVE, &[frame("620: 23 10 10 01 73 61 76 65")]);
-    let mut client = ImageClient::with_memory(&NUCLEO_F429ZI, &content::worn(&saved));
+    let mut client = ImageClient::about_to_erase(&NUCLEO_F429ZI);
     client.send("000: 81 20");
     client.send("620: 40 18 10 01 00 00 00 00");
     for text in ["720: 00", "0A0: 00 00 00 00 00 00 00 00", "5A0: 43 18 10 01 19 00 00 01"] {
