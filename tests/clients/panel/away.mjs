@@ -9,7 +9,7 @@ await withPage({ url: first.url, expected: /ERR_/ }, async (page) => {
   assert.equal(await page.locator("article").count(), 2);
   await first.end();
   await page.locator("#link[data-link=lost]").waitFor();
-  assert.match(await page.locator("#link").textContent(), /away/);
+  assert.match(await page.locator("#link").textContent(), /Connection lost/);
 
   const second = await simulate("--http", http, "--device", "pvea-canopen@0x22", "--device", "hat1000,bit-rate=250k");
   await page.locator("#link[data-link=there]").waitFor();
