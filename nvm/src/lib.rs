@@ -38,7 +38,7 @@ pub const BUFFER: usize = (log::HEADER + ITEM_MAX).next_multiple_of(WORD_MAX);
 /// The key of the inventory.
 const INVENTORY: u8 = 0;
 
-/// The key of the setting: as far from those of the records as can be.
+/// The key of the setting. It differs in many bits from the keys of the records.
 const SETTING: u8 = 0xFF;
 
 /// The number of keys: the inventory, the records and the setting.

@@ -169,7 +169,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(survey.active.is_some_and(|active| !survey.walks[1 - active].is_blank))
     }
 
-    /// Returns how many bytes are not erased, in whole words.
+    /// Returns the number of bytes in written words.
     pub(crate) fn in_use(&mut self) -> Result<usize, F::Error> {
         let (mut at, mut words) = (0, 0);
         while let Some(next) = self.next_written(at, SECTORS * F::ERASE_SIZE)? {

@@ -1,7 +1,6 @@
 //! Records under their keys in a flash: in a [log](crate::log) of entries.
 //!
-//! What the log does not do is added here: an inventory of the keys ever stored tells a record that was lost from one that
-//! was never written.
+//! The store adds an inventory of the keys ever stored to the log: it tells a lost record from one that was never written.
 //!
 //! Nothing is kept between two operations: what counts is what a start would find, and a start goes through the entries
 //! once, from the oldest to the newest.

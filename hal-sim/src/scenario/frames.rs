@@ -1,4 +1,4 @@
-//! Frames that have to come, each fulfilled by one that does.
+//! Expected frames, and the received frames that match them.
 
 use protocol_core::frame::Frame;
 use protocol_core::time::Instant;

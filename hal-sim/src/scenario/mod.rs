@@ -4,12 +4,11 @@
 //! file     the file as it is written        script   the same, checked: everything in it can be done
 //! runner   goes through one                 schema   the format for editors
 //! strict   each frame claimed by a step     report   what came of it, in words
-//! frames   those that have to come          bench    where one is played
+//! frames   those that are expected           target   a simulation, or one with a board in it
 //! ```
 //!
 //! Each scenario has a world of its own: many run at once, and two runs with one seed are the same to the last byte.
 
-mod bench;
 mod file;
 mod frames;
 mod report;
@@ -17,16 +16,17 @@ mod runner;
 mod schema;
 mod script;
 mod strict;
+mod target;
 
 #[cfg(test)]
 mod heard_tests;
 #[cfg(test)]
 mod tests;
 
-pub use bench::Bench;
 pub use report::Outcome;
 pub use schema::schema;
 pub use script::Scenario;
+pub use target::Target;
 
 use crate::simulation::Simulation;
 use crate::world::SUPPLY_JITTER;
@@ -63,11 +63,11 @@ impl Scenario {
         runner::run(self, &mut self.powered(seed), true, &mut watch)
     }
 
-    /// Plays the scenario on a bench whose devices are powered, and keeps the [trace](Outcome::trace) of it. Where the
-    /// bench cannot look at a state that the scenario expects, nothing happens, and that is a failure.
+    /// Plays the scenario on a target whose devices are powered, and keeps the [trace](Outcome::trace) of it. Where the
+    /// target cannot look at a state that the scenario expects, nothing happens, and that is a failure.
     #[must_use]
-    pub fn play(&self, bench: &mut impl Bench) -> Outcome {
-        runner::run(self, bench, true, &mut |_| {})
+    pub fn play(&self, target: &mut impl Target) -> Outcome {
+        runner::run(self, target, true, &mut |_| {})
     }
 
     /// Returns a simulation of the scenario, with power.

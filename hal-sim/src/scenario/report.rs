@@ -6,7 +6,7 @@ use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, since};
 
 use super::script::{Begin, Step, Wanted};
-use super::strict::Odd;
+use super::strict::Deviation;
 use crate::simulation::{Heard, History};
 use crate::state::{DeviceState, Pattern};
 use crate::text::in_one_line;
@@ -149,22 +149,22 @@ impl Failure {
         Self::new(step, format!("expect {wanted}{}", within(step)), details)
     }
 
-    /// Adds what was not as a strict scenario expects to the failure of frames that did not come.
-    pub(super) fn because(mut self, odd: &Odd, history: &History) -> Self {
+    /// Adds a deviation from a strict scenario to the failure of missing frames.
+    pub(super) fn because(mut self, deviation: &Deviation, history: &History) -> Self {
         // The frame that was seen in its place needs no further words.
         let is_told = |heard: &Heard| {
             let seen = format!("seen      {}  at {}", heard.frame, time(heard.at));
             self.details.iter().any(|line| line.starts_with(&seen))
         };
-        if !matches!(odd, Odd::Unclaimed(heard) if is_told(heard)) {
-            self.details.push(format!("strict    {}", odd.reason(history)));
+        if !matches!(deviation, Deviation::Unclaimed(heard) if is_told(heard)) {
+            self.details.push(format!("strict    {}", deviation.reason(history)));
         }
         self
     }
 
     /// Returns the failure of a step in which something was not as a strict scenario expects.
-    pub(super) fn odd(step: &Step, odd: &Odd, history: &History) -> Self {
-        Self::new(step, "strict".to_owned(), vec![format!("strict    {}", odd.reason(history))])
+    pub(super) fn deviation(step: &Step, deviation: &Deviation, history: &History) -> Self {
+        Self::new(step, "strict".to_owned(), vec![format!("strict    {}", deviation.reason(history))])
     }
 
     /// Returns the failure of a state that did not come.
@@ -227,7 +227,7 @@ impl Failure {
     }
 }
 
-impl Odd {
+impl Deviation {
     /// Returns what is wrong, in one line.
     fn reason(&self, history: &History) -> String {
         let came = |Heard { at, frame, .. }: &Heard| format!("{frame}  at {}  {}", time(*at), history.explain(frame));

@@ -2,27 +2,27 @@
 
 use protocol_core::time::{Duration, Instant, NEVER, after, since};
 
-use super::bench::Bench;
 use super::frames::Frames;
 use super::report::{Failure, Outcome};
 use super::script::{Begin, Expect, Never, Scenario, Step, Wanted, What};
 use super::strict::Claims;
+use super::target::Target;
 use crate::devices::NotHeard;
 use crate::simulation::{Command, Executed, Heard, Refusal, Reply, Simulation, Ticket};
 use crate::state::Pattern;
 use crate::trace::Layout;
 
-/// Runs a scenario on a bench whose devices are powered; `traced`: with all of its trace. Calls `watch` after everything
+/// Runs a scenario on a target whose devices are powered; `traced`: with all of its trace. Calls `watch` after everything
 /// that happens.
 pub(super) fn run(
     scenario: &Scenario,
-    bench: &mut impl Bench,
+    target: &mut impl Target,
     traced: bool,
     watch: &mut dyn FnMut(&mut Simulation),
 ) -> Outcome {
     let mut runner = Runner {
         scenario,
-        bench,
+        target,
         watch,
         claims: scenario.strict.then(Claims::default),
         trace: traced.then(|| Trace { layout: Layout::new(false, false), text: String::new() }),
@@ -50,14 +50,14 @@ pub(super) fn run(
         runner.settle(last);
     }
     runner.end_guards();
-    runner.bench.simulation_mut().rates_mut().find_all();
+    runner.target.simulation_mut().rates_mut().find_all();
     runner.fail_unheard();
     runner.outcome()
 }
 
 struct Runner<'a, B> {
     scenario: &'a Scenario,
-    bench: &'a mut B,
+    target: &'a mut B,
     watch: &'a mut dyn FnMut(&mut Simulation),
     /// Of a strict scenario: which frames of devices were expected.
     claims: Option<Claims<'a>>,
@@ -104,14 +104,14 @@ enum Goal<'a> {
     Frames(Frames<'a>),
 }
 
-impl<'a, B: Bench> Runner<'a, B> {
-    /// Refuses states of devices that the bench cannot ask for them, before anything happens; returns whether it did.
+impl<'a, B: Target> Runner<'a, B> {
+    /// Refuses states of devices that the target cannot ask for them, before anything happens; returns whether it did.
     fn refuse_states(&mut self) -> bool {
         for step in &self.scenario.steps {
             let expected = step.expect.as_ref().map(|expect| &expect.what);
             for what in expected.into_iter().chain(step.never.as_ref().map(|never| &never.what)) {
                 if let What::State(wanted) = what
-                    && self.bench.simulation().find(wanted.device()).is_err()
+                    && self.target.simulation().find(wanted.device()).is_err()
                 {
                     let reason = "its state cannot be looked at here; accepted: frames";
                     self.fail(Failure::undone(step, &format!("a state of {}", wanted.device()), reason));
@@ -129,7 +129,7 @@ impl<'a, B: Bench> Runner<'a, B> {
         }
         self.step = Some(step);
         // The first event that counts for the step: a frame from before it fulfils nothing.
-        let mark = self.bench.simulation().history().next();
+        let mark = self.target.simulation().history().next();
         if let (Some(note), Some(trace)) = (&step.note, &mut self.trace) {
             trace.note(note);
         }
@@ -164,8 +164,8 @@ impl<'a, B: Bench> Runner<'a, B> {
 
     /// Fails a step in which something came that nobody claims, or did not come again.
     fn settle(&mut self, step: &Step) {
-        if let Some(odd) = self.claims.as_mut().and_then(Claims::take_odd) {
-            let failure = Failure::odd(step, &odd, self.bench.simulation().history());
+        if let Some(deviation) = self.claims.as_mut().and_then(Claims::take_deviation) {
+            let failure = Failure::deviation(step, &deviation, self.target.simulation().history());
             self.fail(failure);
         }
     }
@@ -177,7 +177,7 @@ impl<'a, B: Bench> Runner<'a, B> {
 
     /// Lets time pass until a step begins.
     fn begin(&mut self, step: &Step) {
-        let now = self.bench.simulation().now();
+        let now = self.target.simulation().now();
         let begin = match step.begin {
             Begin::Now => return,
             Begin::After(pause) => after(now, pause),
@@ -192,7 +192,7 @@ impl<'a, B: Bench> Runner<'a, B> {
 
     /// Carries out a command, and lets time pass until it has come to its end.
     fn run(&mut self, command: &Command) -> Result<Reply, Refusal> {
-        let executed = self.bench.execute(command.clone());
+        let executed = self.target.execute(command.clone());
         self.look();
         match executed? {
             Executed::Done(reply) => Ok(reply),
@@ -207,7 +207,7 @@ impl<'a, B: Bench> Runner<'a, B> {
     }
 
     fn expect_frames(&mut self, step: &Step, expect: &'a Expect, patterns: &'a [Pattern], from: u64) {
-        let now = self.bench.simulation().now();
+        let now = self.target.simulation().now();
         let wanted = patterns.iter().map(|pattern| (pattern, None)).collect();
         let Expect { any_order, within, every, .. } = *expect;
         let mut goal = Goal::Frames(Frames { wanted, any_order, next: from, mark: from, last: now });
@@ -219,10 +219,10 @@ impl<'a, B: Bench> Runner<'a, B> {
         if !came {
             let missing = wanted.iter().filter(|(_, frame)| frame.is_none());
             let missing: Vec<&Pattern> = missing.map(|(pattern, _)| *pattern).collect();
-            let history = self.bench.simulation().history();
-            let odd = self.claims.as_mut().and_then(Claims::take_odd);
+            let history = self.target.simulation().history();
+            let deviation = self.claims.as_mut().and_then(Claims::take_deviation);
             let failure = Failure::frames(step, patterns, &missing, (from, mark), history);
-            let failure = odd.map_or(failure.clone(), |odd| failure.because(&odd, history));
+            let failure = deviation.map_or(failure.clone(), |deviation| failure.because(&deviation, history));
             self.fail(failure);
         }
     }
@@ -237,16 +237,16 @@ impl<'a, B: Bench> Runner<'a, B> {
 
     /// Lets frames or a state not come from now on.
     fn never(&mut self, step: &'a Step, Never { what, span }: &'a Never) {
-        let since_now = self.bench.simulation().now();
+        let since_now = self.target.simulation().now();
         let until = span.map_or(NEVER, |span| after(since_now, span));
         let within = since(until, since_now);
         let (what, command) = match what {
             What::Frames(patterns) => {
-                (Guarded::Frames(patterns, self.bench.simulation().history().next()), Command::Advance(within))
+                (Guarded::Frames(patterns, self.target.simulation().history().next()), Command::Advance(within))
             }
             What::State(wanted) => (Guarded::State(wanted), Command::Wait(wanted.condition(), within)),
         };
-        if let Ok(Executed::Pending(ticket)) = self.bench.execute(command) {
+        if let Ok(Executed::Pending(ticket)) = self.target.execute(command) {
             self.guards.push(Guard { step, since: since_now, until, what, ticket });
         }
         self.look();
@@ -267,17 +267,17 @@ impl<'a, B: Bench> Runner<'a, B> {
             if self.is_broken() {
                 return false;
             }
-            if self.bench.go(end) {
+            if self.target.go(end) {
                 self.look();
                 return self.is_reached(goal);
             }
             self.look();
-            (self.watch)(self.bench.simulation_mut());
+            (self.watch)(self.target.simulation_mut());
         }
     }
 
     fn is_reached(&mut self, goal: &mut Goal<'_>) -> bool {
-        let simulation = self.bench.simulation();
+        let simulation = self.target.simulation();
         match (goal, &mut self.claims) {
             (Goal::Frames(frames), None) => {
                 frames.look(simulation.history());
@@ -298,17 +298,17 @@ impl<'a, B: Bench> Runner<'a, B> {
 
     /// Takes note of what happened, and does what is due.
     fn look(&mut self) {
-        while let Some(happened) = self.bench.simulation_mut().take_event() {
+        while let Some(happened) = self.target.simulation_mut().take_event() {
             if let Some(Trace { layout, text }) = &mut self.trace {
-                happened.lay_out(text, layout, self.bench.simulation().history().explainer());
+                happened.lay_out(text, layout, self.target.simulation().history().explainer());
             }
         }
-        self.bench.simulation_mut().poll();
-        self.ended.extend(self.bench.simulation_mut().take_completed());
+        self.target.simulation_mut().poll();
+        self.ended.extend(self.target.simulation_mut().take_completed());
         // What must not come was claimed of the time up to its end.
-        let now = self.bench.simulation().now();
+        let now = self.target.simulation().now();
         if self.guards.iter().any(|guard| guard.until == now) {
-            self.bench.simulation_mut().rates_mut().find_at(now);
+            self.target.simulation_mut().rates_mut().find_at(now);
         }
         self.fail_unheard();
         self.guard();
@@ -317,12 +317,12 @@ impl<'a, B: Bench> Runner<'a, B> {
     /// Adds a failure for each device that was found not to be heard: at the device when that was so from the start, else
     /// at the step that goes on.
     fn fail_unheard(&mut self) {
-        for NotHeard { device, since, reason, .. } in self.bench.simulation_mut().rates_mut().take_found() {
+        for NotHeard { device, since, reason, .. } in self.target.simulation_mut().rates_mut().take_found() {
             let place = self.scenario.devices.iter().position(|known| known.name == device);
             let entry = place.and_then(|place| self.scenario.entries.get(place));
             let step = self.step.filter(|_| since > Instant::from_ticks(0));
             let line = step.map(|step| step.line).or(entry.map(|entry| entry.line)).unwrap_or(1);
-            let failure = Failure::not_heard(line, reason).with(self.bench.simulation().now(), Vec::new());
+            let failure = Failure::not_heard(line, reason).with(self.target.simulation().now(), Vec::new());
             self.failures.push(failure);
         }
     }
@@ -334,7 +334,7 @@ impl<'a, B: Bench> Runner<'a, B> {
             let ended = ended.map(|place| self.ended.swap_remove(place).1);
             match self.violation(&mut guard, ended.as_ref()) {
                 Some(failure) => {
-                    self.bench.simulation_mut().forget(guard.ticket);
+                    self.target.simulation_mut().forget(guard.ticket);
                     self.fail(failure);
                 }
                 None if ended.is_some() => self.end_guard(&guard),
@@ -352,7 +352,7 @@ impl<'a, B: Bench> Runner<'a, B> {
 
     /// Fails a step whose condition could not have come: no time has passed since, or its instant was not in it.
     fn end_guard(&mut self, guard: &Guard<'_>) {
-        let end = guard.until.min(self.bench.simulation().now());
+        let end = guard.until.min(self.target.simulation().now());
         let instant = match &guard.what {
             Guarded::State(wanted) => wanted.condition.t_us.map(Instant::from_micros),
             Guarded::Frames(..) => None,
@@ -369,7 +369,7 @@ impl<'a, B: Bench> Runner<'a, B> {
 
     /// Returns what came that must not; `ended`: how the wait of the guard came to its end.
     fn violation(&mut self, guard: &mut Guard<'_>, ended: Option<&Result<Reply, Refusal>>) -> Option<Failure> {
-        let history = self.bench.simulation().history();
+        let history = self.target.simulation().history();
         match (&mut guard.what, ended) {
             (Guarded::Frames(patterns, next), _) => {
                 let is_it = |heard: Heard| Some((heard, patterns.iter().find(|it| it.matches(&heard.frame))?));
@@ -384,19 +384,19 @@ impl<'a, B: Bench> Runner<'a, B> {
 
     /// Adds a failure at this instant, with what was on the bus before it.
     fn fail(&mut self, failure: Failure) {
-        let (at, history) = (self.bench.simulation().now(), self.bench.simulation().history());
+        let (at, history) = (self.target.simulation().now(), self.target.simulation().history());
         let until = failure.until().unwrap_or_else(|| history.next());
         self.failures.push(failure.with(at, history.excerpt(self.shown, until)));
         self.shown = self.shown.max(until);
     }
 
     fn outcome(mut self) -> Outcome {
-        let errors = self.bench.simulation().history().errors();
+        let errors = self.target.simulation().history().errors();
         self.failures.iter_mut().for_each(|failure| failure.show_errors(&errors));
         Outcome {
             title: self.scenario.title.clone(),
             steps: self.scenario.steps.len(),
-            end: self.bench.simulation().now(),
+            end: self.target.simulation().now(),
             failures: self.failures,
             trace: self.trace.map_or_else(String::new, Trace::finish),
         }

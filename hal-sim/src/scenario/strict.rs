@@ -13,7 +13,7 @@ pub(super) struct Claims<'a> {
     /// The next event to be looked at.
     next: u64,
     again: Vec<Again<'a>>,
-    odd: Option<Odd>,
+    deviation: Option<Deviation>,
 }
 
 /// A frame that comes again and again.
@@ -23,8 +23,8 @@ struct Again<'a> {
     last: Instant,
 }
 
-/// What must not be in a strict scenario.
-pub(super) enum Odd {
+/// A deviation from a strict scenario.
+pub(super) enum Deviation {
     /// A frame came that no step expects.
     Unclaimed(Heard),
     /// A frame came again so long after the one before: too early.
@@ -37,15 +37,15 @@ impl<'a> Claims<'a> {
     /// Looks at what has come up to now, for the frames that are wanted first.
     pub(super) fn look(&mut self, now: Instant, history: &History, mut wanted: Option<&mut Frames<'_>>) {
         for heard in history.heard_since(self.next) {
-            if self.odd.is_some() || wanted.as_ref().is_some_and(|wanted| wanted.are_all_there()) {
+            if self.deviation.is_some() || wanted.as_ref().is_some_and(|wanted| wanted.are_all_there()) {
                 return;
             }
             self.find_missing(heard.at);
             self.next = heard.number + 1;
             if wanted.as_mut().is_some_and(|wanted| wanted.claim(&heard)) {
                 self.end(Some(heard.frame.id()));
-            } else if self.odd.is_none() {
-                self.odd = self.repeat(heard);
+            } else if self.deviation.is_none() {
+                self.deviation = self.repeat(heard);
             }
         }
         self.next = history.next();
@@ -53,19 +53,19 @@ impl<'a> Claims<'a> {
     }
 
     /// Takes a frame as one that comes again, or finds that it is none.
-    fn repeat(&mut self, heard: Heard) -> Option<Odd> {
+    fn repeat(&mut self, heard: Heard) -> Option<Deviation> {
         let known = self.again.iter_mut().find(|again| again.pattern.matches(&heard.frame));
-        let Some(again) = known else { return Some(Odd::Unclaimed(heard)) };
+        let Some(again) = known else { return Some(Deviation::Unclaimed(heard)) };
         let pause = since(heard.at, std::mem::replace(&mut again.last, heard.at));
-        (pause < again.period / 2).then_some(Odd::Early(heard, pause))
+        (pause < again.period / 2).then_some(Deviation::Early(heard, pause))
     }
 
     fn find_missing(&mut self, now: Instant) {
         let late = |again: &&Again<'_>| now > after(again.last, again.period + again.period / 2);
-        if self.odd.is_none()
+        if self.deviation.is_none()
             && let Some(Again { pattern, period, last }) = self.again.iter().find(late)
         {
-            self.odd = Some(Odd::Missing { pattern: (*pattern).clone(), period: *period, last: *last });
+            self.deviation = Some(Deviation::Missing { pattern: (*pattern).clone(), period: *period, last: *last });
         }
     }
 
@@ -79,13 +79,13 @@ impl<'a> Claims<'a> {
         self.again.retain(|again| id.is_some() && again.pattern.identifier() != id);
     }
 
-    /// Returns whether something is not as expected.
+    /// Returns whether there is a deviation.
     pub(super) const fn are_broken(&self) -> bool {
-        self.odd.is_some()
+        self.deviation.is_some()
     }
 
-    /// Takes what is not as expected.
-    pub(super) fn take_odd(&mut self) -> Option<Odd> {
-        self.odd.take()
+    /// Takes the deviation.
+    pub(super) fn take_deviation(&mut self) -> Option<Deviation> {
+        self.deviation.take()
     }
 }

@@ -5,7 +5,7 @@
 
 use std::collections::VecDeque;
 
-use hal_sim::scenario::{Bench, OWN, Scenario};
+use hal_sim::scenario::{OWN, Scenario, Target};
 use hal_sim::simulation::{Command, Executed, Refusal, Reply, Simulation};
 use hal_sim::state::Power;
 use hal_sim::world::SUPPLY_JITTER;
@@ -103,10 +103,10 @@ impl ImageBench {
     }
 }
 
-/// The bench of a scenario whose first device is an emulated board; the further ones are host devices.
+/// The target of a scenario whose first device is an emulated board; the other devices are host devices.
 ///
 /// The bus, its master and the host devices are a simulation. Its world is the rig's while the board runs.
-pub struct ScenarioBench {
+pub struct BoardTarget {
     simulation: Simulation,
     rig: Rig,
     board: BoardId,
@@ -114,7 +114,7 @@ pub struct ScenarioBench {
     name: String,
 }
 
-impl ScenarioBench {
+impl BoardTarget {
     /// Returns what a scenario wants, switched off.
     ///
     /// # Panics
@@ -160,7 +160,7 @@ impl ScenarioBench {
     }
 }
 
-impl Bench for ScenarioBench {
+impl Target for BoardTarget {
     fn simulation(&self) -> &Simulation {
         &self.simulation
     }
@@ -199,7 +199,7 @@ impl Bench for ScenarioBench {
 }
 
 /// What a board has done wrong is told at its power cut.
-impl Drop for ScenarioBench {
+impl Drop for BoardTarget {
     fn drop(&mut self) {
         if !std::thread::panicking() {
             self.on_rig(|rig, board| rig.power(board, false));

@@ -1,4 +1,4 @@
-//! The objects that only the sensors have, and what they take otherwise than the valves (SPEC 9).
+//! The objects that only the sensors have, and the values that they accept and the valves do not (SPEC 9).
 
 use protocol_core::device::hat::{Kind, Setup};
 use tests::Rig;

@@ -146,7 +146,7 @@ fn without_a_node_id() {
     });
 }
 
-/// Every node ID boots, answers and obeys under its own identifiers.
+/// A device of every node ID boots, answers and executes commands under its own identifiers.
 #[test]
 fn every_node_id() {
     each_kind(|kind| {

@@ -29,7 +29,7 @@ enum Access {
 
 use Access::{Ro, Rw};
 
-/// Index, sub-indices, bytes, access, value of a new node.
+/// A row: index, sub-indices, bytes, access, and the value in a new node.
 type Row = (u16, RangeInclusive<u8>, u8, Access, u32);
 
 /// A `pvea-canopen` or `pveo-canopen` at node 0x20.

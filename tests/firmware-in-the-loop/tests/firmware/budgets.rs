@@ -3,7 +3,7 @@
 
 use std::io::Write as _;
 
-use firmware_in_the_loop::bench::{ImageBench, ScenarioBench};
+use firmware_in_the_loop::bench::{BoardTarget, ImageBench};
 use firmware_in_the_loop::board::NUCLEO_F429ZI;
 use firmware_in_the_loop::content;
 use firmware_in_the_loop::image::Image;
@@ -84,7 +84,7 @@ fn ram_with_the_stack_at_its_deepest() {
     }
     for name in use_cases::ALL {
         let scenario = use_cases::use_case(name);
-        let mut bench = ScenarioBench::new(&NUCLEO_F429ZI, &scenario);
+        let mut bench = BoardTarget::new(&NUCLEO_F429ZI, &scenario);
         bench.watch_stack();
         bench.power_up();
         // Whether the valve does what it has to is for the use cases' own tests.

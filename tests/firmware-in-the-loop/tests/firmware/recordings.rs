@@ -3,13 +3,13 @@
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use firmware_in_the_loop::bench::{Device, ImageBench, ScenarioBench};
+use firmware_in_the_loop::bench::{BoardTarget, Device, ImageBench};
 use firmware_in_the_loop::board::NUCLEO_F429ZI;
 use hal_sim::devices::NamedDevice;
 use hal_sim::log::{Entry, Record, Timestamp};
 use hal_sim::recording::{Format, Writer};
 use hal_sim::replay::{Outcome, ReplayOptions, replay};
-use hal_sim::scenario::Bench as _;
+use hal_sim::scenario::Target as _;
 use hal_sim::simulation::{KEPT, TraceRecord};
 use hal_sim::state::Pattern;
 use protocol_core::actuator::SpoolTimes;
@@ -83,7 +83,7 @@ fn send(bench: &mut ImageBench, ms: u64, frames: &[&str]) {
 #[test]
 fn a_use_case() {
     let scenario = use_case("1");
-    let mut bench = ScenarioBench::new(&NUCLEO_F429ZI, &scenario);
+    let mut bench = BoardTarget::new(&NUCLEO_F429ZI, &scenario);
     bench.power_up();
     assert!(scenario.play(&mut bench).is_success());
     let frames = bench.simulation().history().last(KEPT).records().into_iter().filter_map(|record| match record {

@@ -1,6 +1,6 @@
 //! The use cases of the manuals, the files that the host's devices pass, with the image in the place of the first device.
 
-use firmware_in_the_loop::bench::ScenarioBench;
+use firmware_in_the_loop::bench::BoardTarget;
 use firmware_in_the_loop::board::{Board, NUCLEO_F429ZI, NUCLEO_F446RE};
 use hal_sim::scenario::{Outcome, Scenario};
 
@@ -12,7 +12,7 @@ pub fn use_case(name: &str) -> Scenario {
 }
 
 fn played(board: &'static Board, scenario: &Scenario) -> Outcome {
-    let mut bench = ScenarioBench::new(board, scenario);
+    let mut bench = BoardTarget::new(board, scenario);
     bench.power_up();
     scenario.play(&mut bench)
 }

@@ -1,23 +1,23 @@
-//! Where a scenario is played.
+//! The target of a scenario: a simulation, or a simulation with an emulated board in it.
 
 use protocol_core::time::Instant;
 
 use crate::simulation::{Command, Executed, Refusal, Simulation};
 
-/// Where a scenario is played: a simulation, of which a device can be something else, as a board.
-pub trait Bench {
+/// The target of a scenario: a simulation, in which a device can be something else, such as a board.
+pub trait Target {
     /// The bus, with the devices of which the state is known, and what has happened.
     fn simulation(&self) -> &Simulation;
 
     /// The same, to be changed; time passes by [`go`](Self::go) alone.
     fn simulation_mut(&mut self) -> &mut Simulation;
 
-    /// As [`Simulation::go`].
+    /// Lets time pass like [`Simulation::go`].
     fn go(&mut self, end: Instant) -> bool {
         self.simulation_mut().go(end)
     }
 
-    /// As [`Simulation::execute`].
+    /// Executes a command like [`Simulation::execute`].
     ///
     /// # Errors
     /// [`Refusal`]; nothing has changed then.
@@ -26,7 +26,7 @@ pub trait Bench {
     }
 }
 
-impl Bench for Simulation {
+impl Target for Simulation {
     fn simulation(&self) -> &Simulation {
         self
     }
