@@ -1,10 +1,12 @@
-//! A log of entries in a NOR flash of two sectors: an entry is appended behind the others, and the newest one of a key that
-//! is intact counts.
+//! A log of entries in a NOR flash of two sectors: an entry is appended behind the others, and the newest intact one of a
+//! key counts.
 //!
 //! An entry has a sequence number and a checksum, and begins at a word. Sectors are searched word by word, so that damage
-//! hides nothing but itself, whatever it looks like. When the sector in use is full, the other one is erased, and the newest
-//! entry of each key is copied into it. The full sector stays as it is until the next move: a cut leaves nothing to be
-//! decided, since a copy is as good as its original, and an erase that was cut is simply done again.
+//! hides nothing but itself, whatever it looks like.
+//!
+//! When the sector in use is full, the log moves: the other sector is erased, the newest entry of each key is copied into
+//! it, and the entry to be stored comes last and completes the move. The full sector stays as it is until the next move. A
+//! sector that holds nothing but copies belongs to a move that was cut, which begins anew with its erase.
 //!
 //! No word is written twice between two erases, and a word that cannot be read (a torn one, on a flash with error
 //! correction) is damage like any other.
@@ -21,8 +23,7 @@ use crate::{BUFFER, ERASED, INVENTORY, ITEM_MAX, KEYS, SECTORS, SETTING, WORD_MA
 /// the content.
 const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISCSI);
 
-/// The mark of an entry, its key, its length, whether it is a beginning, its sequence number, and the checksum of all of
-/// it.
+/// The mark of an entry, its key, its length, its kind, its sequence number, and the checksum of all of it.
 pub(crate) const HEADER: usize = 12;
 
 /// What every entry begins with: a word that was written does not read as an erased one.
@@ -39,6 +40,17 @@ pub(crate) struct Log<'buffer, F> {
     pub(crate) buffer: &'buffer mut [u8; BUFFER],
 }
 
+/// Why an entry was written.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    /// The content of another entry, which is about to be erased or older than damage.
+    Copy = 0,
+    /// A new content.
+    Stored = 1,
+    /// A new content, and no older entry counts, but the setting.
+    Beginning = 2,
+}
+
 /// An entry as it is found.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct Found {
@@ -47,8 +59,7 @@ struct Found {
     sequence: u32,
     key: u8,
     length: u8,
-    /// Nothing counts that is older, but the setting.
-    is_beginning: bool,
+    kind: Kind,
 }
 
 /// The newest entry of each key.
@@ -57,8 +68,10 @@ type Newest = [Option<Found>; KEYS];
 /// What a walk through a sector has found.
 #[derive(Clone, Copy)]
 struct Walk {
-    /// The sequence number of the last entry.
-    last: Option<u32>,
+    /// The sequence number of the last entry; 0 without one.
+    last: u32,
+    /// The sequence number of the last entry that is not a copy; 0 without one.
+    last_new: u32,
     /// Where the next entry goes, and where the room for it ends.
     room: (usize, usize),
     is_blank: bool,
@@ -69,22 +82,23 @@ struct Survey {
     /// The newest entry of each key that counts.
     newest: Newest,
     walks: [Walk; SECTORS],
-    /// The sequence number of the next entry.
-    next: u32,
-    /// The sector with the last entry.
-    active: Option<usize>,
+    /// The sector in use.
+    home: usize,
+    /// Whether the sector in use takes no entry: a move from it was cut, or it has the layout before this one.
+    is_move_due: bool,
 }
 
 impl Survey {
-    const fn spot_in(&self, sector: usize) -> Spot {
+    /// Returns where the next entry of a sector goes.
+    fn spot_in(&self, sector: usize) -> Spot {
         let (free, end) = self.walks[sector].room;
-        Spot { sector, free, end, next: self.next }
+        let last = self.walks.iter().map(|walk| walk.last).max().unwrap_or(0);
+        Spot { free, end, next: last + 1 }
     }
 }
 
-/// Where an entry is to be written.
+/// Where an entry is to be written, and its sequence number.
 struct Spot {
-    sector: usize,
     free: usize,
     end: usize,
     next: u32,
@@ -93,7 +107,7 @@ struct Spot {
 /// What is written in an entry.
 #[derive(Clone, Copy)]
 enum Source<'a> {
-    Bytes(u8, &'a [u8], bool),
+    New(Kind, u8, &'a [u8]),
     /// The content of another entry.
     Copy(Found),
 }
@@ -113,60 +127,64 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
             self.legacy_items(sector, &mut |_, key, bytes| visit(key, bytes, false))?;
         }
         for sector in order.into_iter().flatten() {
-            self.walk(sector, &mut |found, bytes| visit(found.key, bytes, found.is_beginning))?;
+            self.walk(sector, &mut |found, bytes| visit(found.key, bytes, found.kind == Kind::Beginning))?;
         }
         Ok(())
     }
 
     /// Appends an entry; the one before it of that key counts until this one is complete.
     pub(crate) fn append(&mut self, key: u8, bytes: &[u8]) -> Result<(), StoreError> {
-        let source = Source::Bytes(key, bytes, false);
-        let mut spot = self.settle(Some(key))?;
-        if self.put(&mut spot, source)? {
+        let source = Source::New(Kind::Stored, key, bytes);
+        let survey = self.gather()?;
+        if !survey.is_move_due && self.put(&mut survey.spot_in(survey.home), source)? {
             return Ok(());
         }
-        // All that counts lies in one sector before the other one is erased.
-        let old = self.settle(None)?.sector;
-        let (survey, mut spot) = self.begin_sector(1 - old)?;
-        let others = survey.newest.iter().flatten().filter(|found| found.key != key);
-        self.put_all(&mut spot, others.copied().map(Source::Copy).chain([source]))
+        self.move_from(survey.home, &|found| found.key != key, source)
     }
 
     /// Begins anew: of all entries the setting stays alone. A cut leaves all of them, or the setting and the inventory.
     pub(crate) fn begin_anew(&mut self, inventory: &[u8]) -> Result<(), StoreError> {
-        let old = self.settle(None)?.sector;
-        let (survey, mut spot) = self.begin_sector(1 - old)?;
-        let setting = survey.newest[place_of(SETTING)].map(Source::Copy);
-        let beginning = Source::Bytes(INVENTORY, inventory, true);
-        self.put_all(&mut spot, setting.into_iter().chain([beginning]))?;
+        let old = self.gather()?.home;
+        let beginning = Source::New(Kind::Beginning, INVENTORY, inventory);
+        self.move_from(old, &|found| found.key == SETTING, beginning)?;
         self.erase(old)
     }
 
-    /// Finishes a move that was cut, but for the entry of one key; returns where the next entry goes.
-    fn settle(&mut self, but: Option<u8>) -> Result<Spot, StoreError> {
+    /// Copies what counts and lies in the other sector into the one in use: versions from before damage, and the rest of a
+    /// move of the layout before this one. Damage that leaves no room for them costs them.
+    fn gather(&mut self) -> Result<Survey, StoreError> {
         let survey = self.survey().map_err(|_| StoreError)?;
-        let mut spot = self.spot(&survey).map_err(|_| StoreError)?;
-        let other = 1 - spot.sector;
-        let is_left = |found: &&Found| Self::sector_of(found.at) == other && Some(found.key) != but;
-        let mut left = survey.newest.iter().flatten().filter(is_left).copied();
-        if left.try_fold(true, |fits, found| Ok(fits && self.put(&mut spot, Source::Copy(found))?))? {
-            return Ok(spot);
+        let is_left = |found: &&Found| !survey.is_move_due && Self::sector_of(found.at) != survey.home;
+        let mut left = survey.newest.iter().flatten().filter(is_left).peekable();
+        if left.peek().is_none() {
+            return Ok(survey);
         }
-        // The copies do not fit behind damage. A sector that holds copies alone can be erased; what is left of a sector
-        // that holds more is a version from before damage, and is given up with the next move.
-        for held in survey.newest.iter().flatten().filter(|found| Self::sector_of(found.at) == spot.sector) {
-            if !self.has_copy(other, held).map_err(|_| StoreError)? {
-                return Ok(spot);
+        let mut spot = survey.spot_in(survey.home);
+        for found in left {
+            self.put(&mut spot, Source::Copy(*found))?;
+        }
+        self.survey().map_err(|_| StoreError)
+    }
+
+    /// Moves to the other sector: erases it, also if it reads as erased, since an erase that was cut may have come so far
+    /// and no further; copies the entries to be kept, and writes the one that completes the move.
+    fn move_from(&mut self, home: usize, is_kept: &dyn Fn(&Found) -> bool, last: Source<'_>) -> Result<(), StoreError> {
+        self.erase(1 - home)?;
+        let survey = self.survey().map_err(|_| StoreError)?;
+        let mut spot = survey.spot_in(1 - home);
+        let kept = survey.newest.iter().flatten().filter(|found| is_kept(found));
+        for source in kept.copied().map(Source::Copy).chain([last]) {
+            if !self.put(&mut spot, source)? {
+                return Err(StoreError);
             }
         }
-        let (survey, _) = self.begin_sector(spot.sector)?;
-        self.spot(&survey).map_err(|_| StoreError)
+        Ok(())
     }
 
     /// Returns whether anything is left over in the sector that is not in use.
     pub(crate) fn has_leftovers(&mut self) -> Result<bool, F::Error> {
         let survey = self.survey()?;
-        Ok(survey.active.is_some_and(|active| !survey.walks[1 - active].is_blank))
+        Ok(!survey.walks[1 - survey.home].is_blank)
     }
 
     /// Returns the number of bytes in written words.
@@ -179,79 +197,20 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(words * F::WRITE_SIZE)
     }
 
-    /// Returns where the next entry goes.
-    fn spot(&mut self, survey: &Survey) -> Result<Spot, F::Error> {
-        let holds =
-            [0, 1].map(|sector| survey.newest.iter().flatten().any(|found| Self::sector_of(found.at) == sector));
-        let (sector, is_legacy) = match (survey.active, holds) {
-            (Some(sector), _) => (sector, false),
-            (None, [false, false]) => (0, false),
-            // A move of the layout before this one was cut: the newer sector still has room.
-            (None, [true, true]) => (usize::from(!self.is_legacy_newer_in_front()?), false),
-            (None, [_, second]) => (usize::from(second), true),
-        };
-        let mut spot = survey.spot_in(sector);
-        if is_legacy {
-            // A sector of the layout before this one takes no entry: it is moved.
-            spot.free = spot.end;
-        }
-        Ok(spot)
-    }
-
-    /// Erases a sector, also one that reads as erased: an erase that was cut may have come so far and no further. Returns
-    /// what there is then.
-    fn begin_sector(&mut self, sector: usize) -> Result<(Survey, Spot), StoreError> {
-        self.erase(sector)?;
-        let survey = self.survey().map_err(|_| StoreError)?;
-        let spot = survey.spot_in(sector);
-        Ok((survey, spot))
-    }
-
-    fn put_all<'a>(
-        &mut self,
-        spot: &mut Spot,
-        sources: impl IntoIterator<Item = Source<'a>>,
-    ) -> Result<(), StoreError> {
-        for source in sources {
-            if !self.put(spot, source)? {
-                return Err(StoreError);
-            }
-        }
-        Ok(())
-    }
-
-    /// Returns whether the newest entry of a key in a sector has the same content.
-    fn has_copy(&mut self, sector: usize, held: &Found) -> Result<bool, F::Error> {
-        if !self.read_item(held)? {
-            return Ok(false);
-        }
-        let content = CRC.checksum(&self.buffer[HEADER..HEADER + usize::from(held.length)]);
-        let mut is_same = false;
-        let mut compare = |key: u8, bytes: &[u8]| {
-            if key == held.key {
-                is_same = bytes.len() == usize::from(held.length) && CRC.checksum(bytes) == content;
-            }
-        };
-        self.legacy_items(sector, &mut |_, key, bytes| compare(key, bytes))?;
-        self.walk(sector, &mut |found, bytes| compare(found.key, bytes))?;
-        Ok(is_same && !held.is_beginning)
-    }
-
     /// Writes an entry and reads it back; returns false when there is no room for it.
     fn put(&mut self, spot: &mut Spot, source: Source<'_>) -> Result<bool, StoreError> {
         for _ in 0..ATTEMPTS {
-            let (key, length, is_beginning) = match source {
-                Source::Bytes(key, bytes, is_beginning) => {
+            let (kind, key, length) = match source {
+                Source::New(kind, key, bytes) => {
                     let room = self.buffer.get_mut(HEADER..HEADER + bytes.len()).ok_or(StoreError)?;
                     room.copy_from_slice(bytes);
-                    (key, bytes.len(), is_beginning)
+                    (kind, key, bytes.len())
                 }
                 Source::Copy(found) => {
                     if !self.read_item(&found).map_err(|_| StoreError)? {
                         return Err(StoreError);
                     }
-                    // The copy of a beginning is none: what was copied before it, or will be after it, counts.
-                    (found.key, usize::from(found.length), false)
+                    (Kind::Copy, found.key, usize::from(found.length))
                 }
             };
             let size = (HEADER + length).next_multiple_of(F::WRITE_SIZE);
@@ -259,7 +218,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
                 return Ok(false);
             }
             self.buffer[HEADER + length..size].fill(0);
-            self.buffer[..4].copy_from_slice(&[MARK, key, length as u8, u8::from(is_beginning)]);
+            self.buffer[..4].copy_from_slice(&[MARK, key, length as u8, kind as u8]);
             self.buffer[4..8].copy_from_slice(&spot.next.to_le_bytes());
             let checksum = self.checksum(length);
             self.buffer[CHECKSUM].copy_from_slice(&checksum);
@@ -332,45 +291,55 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
     }
 
     fn survey(&mut self) -> Result<Survey, F::Error> {
-        let blank =
-            |sector| Walk { last: None, room: (sector * F::ERASE_SIZE, (sector + 1) * F::ERASE_SIZE), is_blank: true };
-        let mut survey = Survey { newest: [None; KEYS], walks: [0, 1].map(blank), next: 1, active: None };
+        let blank = |sector| Walk {
+            last: 0,
+            last_new: 0,
+            room: (sector * F::ERASE_SIZE, (sector + 1) * F::ERASE_SIZE),
+            is_blank: true,
+        };
+        let (mut newest, mut walks): (Newest, _) = ([None; KEYS], [0, 1].map(blank));
         let order = self.order()?;
         for sector in order.into_iter().flatten() {
-            let newest = &mut survey.newest;
             self.legacy_items(sector, &mut |at, key, bytes| {
                 let length = bytes.len() as u8;
-                newest[place_of(key)] = Some(Found { at, sequence: 0, key, length, is_beginning: false });
+                newest[place_of(key)] = Some(Found { at, sequence: 0, key, length, kind: Kind::Copy });
             })?;
         }
+        let has_legacy = [0, 1].map(|sector| newest.iter().flatten().any(|found| Self::sector_of(found.at) == sector));
         for sector in order.into_iter().flatten() {
-            let newest = &mut survey.newest;
-            let walk = self.walk(sector, &mut |found, _| {
-                if found.is_beginning {
+            walks[sector] = self.walk(sector, &mut |found, _| {
+                if found.kind == Kind::Beginning {
                     newest.iter_mut().for_each(|newest| *newest = newest.filter(|newest| newest.key == SETTING));
                 }
                 newest[place_of(found.key)] = Some(found);
             })?;
-            if let Some(last) = walk.last
-                && last >= survey.next
-            {
-                survey.next = last + 1;
-                survey.active = Some(sector);
-            }
-            survey.walks[sector] = walk;
         }
-        Ok(survey)
+        let (lasts, last_news) = (walks.map(|walk| walk.last), walks.map(|walk| walk.last_new));
+        let (home, is_move_due) = match (last_news, has_legacy) {
+            ([0, 0], [false, false]) => (usize::from(lasts[1] > lasts[0]), false),
+            // A move of the layout before this one was cut: the newer sector still has room.
+            ([0, 0], [true, true]) => (usize::from(!self.is_legacy_newer_in_front()?), false),
+            ([0, 0], [_, second]) => (usize::from(second), true),
+            ([first, second], _) => {
+                let home = usize::from(second > first);
+                (home, lasts[1 - home] > lasts[home])
+            }
+        };
+        Ok(Survey { newest, walks, home, is_move_due })
     }
 
     /// Goes through the entries of a sector, from the oldest to the newest.
     fn walk(&mut self, sector: usize, visit: &mut dyn FnMut(Found, &[u8])) -> Result<Walk, F::Error> {
         let (start, end) = (sector * F::ERASE_SIZE, (sector + 1) * F::ERASE_SIZE);
-        let (mut last, mut is_blank, mut gap) = (None, true, None);
+        let (mut last, mut last_new, mut is_blank, mut gap) = (0, 0, true, None);
         let (mut at, mut free) = (start, start);
         while let Some(next) = self.next_written(at, end)? {
             is_blank = false;
             if let Some(found) = self.entry_at(next, end)? {
-                last = Some(found.sequence);
+                last = found.sequence;
+                if found.kind != Kind::Copy {
+                    last_new = last;
+                }
                 let length = usize::from(found.length);
                 visit(found, &self.buffer[HEADER..HEADER + length]);
                 at = next + (HEADER + length).next_multiple_of(F::WRITE_SIZE);
@@ -384,7 +353,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
                 free = next + BUFFER;
             }
         }
-        Ok(Walk { last, room: gap.unwrap_or((free, end)), is_blank })
+        Ok(Walk { last, last_new, room: gap.unwrap_or((free, end)), is_blank })
     }
 
     /// Returns the entry that begins at a word, if one does; it is in the buffer then.
@@ -394,9 +363,9 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
             return Ok(None);
         }
         self.read(at, head)?;
-        let [MARK, key, length, is_beginning @ (0 | 1), s0, s1, s2, s3, ..] = *self.buffer else {
-            return Ok(None);
-        };
+        let [MARK, key, length, kind, s0, s1, s2, s3, ..] = *self.buffer else { return Ok(None) };
+        let kinds = [Kind::Copy, Kind::Stored, Kind::Beginning];
+        let Some(kind) = kinds.get(usize::from(kind)).copied() else { return Ok(None) };
         let length = usize::from(length);
         let size = (HEADER + length).next_multiple_of(F::WRITE_SIZE);
         if length > ITEM_MAX || at + size > end || !crate::is_key(key) {
@@ -405,7 +374,7 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         self.read(at, size)?;
         let is_intact = self.checksum(length) == self.buffer[CHECKSUM];
         let sequence = u32::from_le_bytes([s0, s1, s2, s3]);
-        let found = Found { at, sequence, key, length: length as u8, is_beginning: is_beginning == 1 };
+        let found = Found { at, sequence, key, length: length as u8, kind };
         // No entry could follow the last number.
         Ok(Some(found).filter(|_| is_intact && sequence != 0 && sequence != u32::MAX))
     }
