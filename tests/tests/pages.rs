@@ -1,4 +1,5 @@
-//! The pages of the repository: every relative link leads somewhere, and every anchor is a heading there.
+//! The pages of the repository: every relative link leads somewhere, every anchor is a heading there, and the changelog
+//! has this version.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -74,4 +75,13 @@ fn every_link_leads_to_a_file_and_every_anchor_to_a_heading() {
     }
     assert!(dead.is_empty(), "{}", dead.join("\n"));
     assert!(followed > 50, "only {followed} links were found");
+}
+
+#[test]
+fn the_changelog_has_this_version() {
+    let text = fs::read_to_string(root().join("CHANGELOG.md")).expect("the changelog");
+    let versions: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("## [")).collect();
+    assert_eq!(versions[0], "Unreleased]");
+    let newest = format!("{}] - ", env!("CARGO_PKG_VERSION"));
+    assert!(versions[1].starts_with(&newest), "{}", versions[1]);
 }
