@@ -190,6 +190,7 @@ fn scenarios() {
     let mut files: Vec<String> = fs::read_dir(root().join("scenarios"))
         .expect("a folder")
         .map(|file| file.expect("a file").file_name().into_string().expect("text"))
+        .filter(|file| file.ends_with(".toml"))
         .collect();
     files.sort();
     let play = |file: &String| {

@@ -116,6 +116,7 @@ fn mutations(wanted: usize) -> Vec<Mutation> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios");
     let mut paths: Vec<_> =
         fs::read_dir(folder).expect("the scenarios").map(|file| file.expect("a file").path()).collect();
+    paths.retain(|path| path.extension().is_some_and(|extension| extension == "toml"));
     paths.sort();
     let scenarios: Vec<(String, Table)> = paths
         .iter()

@@ -40,8 +40,9 @@ fn files(texts: &[(&str, &str)]) -> (tempfile::TempDir, Vec<String>) {
 fn the_scenarios_of_the_repository_pass() {
     let found = fs::read_dir(repository("scenarios")).expect("the folder");
     let mut paths: Vec<String> = found.map(|file| file.expect("a file").path().display().to_string()).collect();
+    paths.retain(|path| path.ends_with(".toml"));
     paths.sort();
-    assert!(paths.len() >= 13 && paths.iter().all(|path| path.ends_with(".toml")), "{paths:?}");
+    assert!(paths.len() >= 13, "{paths:?}");
     for path in &paths {
         let text = fs::read_to_string(path).expect("a scenario");
         assert!(text.starts_with("#:schema ../docs/scenario.schema.json\ntitle = "), "{path}");
