@@ -21,8 +21,11 @@ mod tshark;
 mod udp_multicast;
 
 use std::ffi::OsStr;
+use std::fs;
+use std::process::Command;
 
-use simulator::Simulator;
+use programs::output;
+use simulator::{PVE_SIM, Simulator};
 
 /// Runs a script against a simulator of its own, and sees that end well.
 fn serve(script: &str, options: &[&str]) {
@@ -183,4 +186,23 @@ fn a_boom_is_moved_to_an_angle_and_held_there() {
         assert!((last - wanted).abs() < 0.5, "at {last}, not {wanted}");
     }
     simulator.terminate();
+}
+
+/// The examples that read a description, twice in a row: the first visit leaves a fault.
+#[test]
+fn valves_are_driven_by_the_names_of_their_descriptions() {
+    for (description, kind, example, last) in [
+        ("eds", "pvea-canopen", "canopen_names.py", "EMCY 8003: Monitoring\n"),
+        ("dbc", "pvea-isobus", "isobus.py", "DM1: time guarding (SPN 298985), received network data in error\n"),
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join(format!("pvea.{description}"));
+        fs::write(&file, output(Command::new(&*PVE_SIM).args([description, kind])).stdout).expect("room");
+        let simulator = Simulator::start_wound(&["--device", kind]);
+        for _ in 1..=2 {
+            let printed = simulator.serve(&format!("../../examples/{example}"), &[file.to_str().expect("text")]);
+            assert!(printed.ends_with(last), "{printed}");
+        }
+        simulator.terminate();
+    }
 }

@@ -133,7 +133,9 @@ fn the_boom_of_the_guide_reaches_its_angle_twice_in_a_row() {
     let ["venv/bin/python", "examples/boom.py", "127.0.0.1", PORT, "pve0", degrees] = words[..] else {
         panic!("{client}")
     };
-    let simulator = Simulator::start_wound(&options);
+    let folder = tempfile::tempdir().expect("a folder");
+    let log = folder.path().join("boom.log");
+    let simulator = Simulator::start_wound(&[&options[..], &["--log", log.to_str().expect("text")]].concat());
     for _ in 1..=2 {
         let angles = simulator.serve("../../examples/boom.py", &[degrees]);
         let last = angles.lines().last().and_then(|line| line.split_once(' ')).expect("an angle").1;
@@ -141,6 +143,9 @@ fn the_boom_of_the_guide_reaches_its_angle_twice_in_a_row() {
         assert!((last - wanted).abs() < 0.5, "{angles}");
     }
     simulator.terminate();
+    let drawn = output(Command::new(python()).arg(root().join("examples/step_response.py")).arg(log).arg(degrees));
+    let picture = String::from_utf8(drawn.stdout).expect("text");
+    assert!(picture.starts_with("<svg") && picture.matches("<polyline").count() == 3, "{picture}");
 }
 
 #[test]
