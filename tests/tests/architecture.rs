@@ -1,4 +1,4 @@
-//! The rooms of the crates and the imports between them, as docs/architecture.md describes them, and no circle between files.
+//! The imports that docs/architecture.md allows: between crates, between the modules of a crate; and no circle between files.
 //!
 //! The modules are followed from `lib.rs` on; what is compiled for tests alone is left out.
 
@@ -6,107 +6,105 @@
 mod imports;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::Path;
 use std::process::Command;
 
 use imports::{Crate, Module};
 
-/// The rooms of a crate from the ground up: each may import the rooms named beside it, which stand above it in the list.
-struct House {
-    sources: &'static str,
-    rooms: &'static [(&'static str, &'static str)],
+/// A block of the page: from the ground up, each name with those that it may import, which stand before it.
+struct Table {
+    /// The first line of the block: the folder of the sources.
+    sources: String,
+    rows: Vec<(String, Vec<String>)>,
 }
 
-const HOUSES: [House; 3] = [
-    House {
-        sources: "protocol-core/src",
-        rooms: &[
-            ("time", ""),
-            ("frame", ""),
-            ("outcome", ""),
-            ("memory", ""),
-            ("controller", "frame"),
-            ("answers", "controller frame"),
-            ("wire", "frame"),
-            ("actuator", "time"),
-            ("encoder", "time"),
-            ("uds", "frame wire"),
-            ("canopen", "answers controller frame outcome time wire"),
-            ("isobus", "answers controller frame time wire"),
-            ("device", "actuator canopen controller encoder frame isobus memory time uds wire"),
-            ("pump", "controller device time"),
-        ],
-    },
-    House {
-        sources: "hal-sim/src",
-        rooms: &[
-            ("text", ""),
-            ("bus", ""),
-            ("memory", ""),
-            ("world", "bus memory"),
-            ("log", ""),
-            ("explain", "bus log"),
-            ("trace", "bus explain log"),
-            ("devices", "memory world"),
-            ("state", "bus world"),
-            ("simulation", "bus devices explain log memory state trace world"),
-            ("describe", "explain"),
-            ("recording", "log"),
-            ("decode", "devices explain log recording"),
-            ("replay", "bus devices explain log memory recording world"),
-            ("scenario", "bus devices memory simulation state text trace world"),
-        ],
-    },
-    House {
-        sources: "pve-sim/src",
-        rooms: &[
-            ("speed", ""),
-            ("output", ""),
-            ("state_file", ""),
-            ("use_case", ""),
-            ("batch", "use_case"),
-            ("remote", ""),
-            ("control", "speed"),
-            ("inbox", "control"),
-            ("gateway", "inbox"),
-            ("http", "control inbox"),
-            ("run", "control gateway http inbox speed state_file"),
-            ("cli", "batch gateway remote run speed use_case"),
-        ],
-    },
-];
+/// The folders with a table of modules.
+const SOURCES: [&str; 3] = ["protocol-core/src", "hal-sim/src", "pve-sim/src"];
+
+/// The first line of the table of crates.
+const CRATES: &str = "crates";
 
 /// Names of the crate itself stand at its root.
 const ROOT: &str = "";
 
-#[test]
-fn rooms_import_what_stands_below_them() {
-    for House { sources, rooms } in HOUSES {
-        let house = Crate::read(sources);
-        let row = |room: &str| rooms.iter().position(|(name, _)| *name == room);
+fn file(path: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path);
+    fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+impl Table {
+    /// Reads the block of the page that begins with this line.
+    fn read(title: &str) -> Self {
+        let page = file("docs/architecture.md");
+        let block = page.split("```").find_map(|block| block.strip_prefix(&format!("text\n{title}\n")));
+        let block = block.unwrap_or_else(|| panic!("docs/architecture.md has no block {title}"));
+        let row = |line: &str| {
+            let (name, imports) = line.split_once('→').unwrap_or_else(|| panic!("{title}: {line} has no arrow"));
+            (name.trim().to_owned(), imports.split_whitespace().map(str::to_owned).collect())
+        };
+        let rows = block.lines().rev().map(row).collect();
+        Self { sources: title.to_owned(), rows }
+    }
+
+    /// Compares the table with the imports that there are: all are in it, each from below, and no others.
+    fn check(&self, imports: impl IntoIterator<Item = (String, String, String)>) {
+        let Self { sources, rows } = self;
+        let place = |name: &str| {
+            let place = rows.iter().position(|(known, _)| known == name);
+            place.unwrap_or_else(|| panic!("{sources}: {name} is not in docs/architecture.md"))
+        };
         let mut used = BTreeSet::new();
-        for (from, to) in house.imports() {
-            let (from_room, to_room) = (from.room(), to.room());
-            if from_room == to_room || from_room == ROOT || to_room == ROOT {
-                continue;
-            }
-            let here = row(from_room).unwrap_or_else(|| panic!("{sources}: {from_room} is not in the table"));
-            let there = row(to_room).unwrap_or_else(|| panic!("{sources}: {to_room} is not in the table"));
-            let is_named = rooms[here].1.split(' ').any(|name| name == to_room) && there < here;
-            assert!(is_named, "{sources}: {from} imports {to}: {to_room} is not below {from_room}");
-            used.insert((here, to_room.to_owned()));
+        for (from, to, what) in imports {
+            let (here, there) = (place(&from), place(&to));
+            let is_allowed = rows[here].1.contains(&to) && there < here;
+            assert!(is_allowed, "{sources}: {what}: no arrow down from {from} to {to} in docs/architecture.md");
+            used.insert((from, to));
         }
         // A line that allows more than there is would let an import in unseen.
-        for (here, (name, below)) in rooms.iter().enumerate() {
-            for room in below.split(' ').filter(|room| !room.is_empty()) {
-                assert!(used.contains(&(here, room.to_owned())), "{sources}: {name} does not import {room} any more");
+        for (from, below) in rows {
+            for to in below {
+                let is_used = used.contains(&(from.clone(), to.clone()));
+                assert!(is_used, "{sources}: {from} does not import {to} any more");
             }
         }
     }
 }
 
 #[test]
+fn crates_depend_on_what_stands_below_them() {
+    let table = Table::read(CRATES);
+    let names: Vec<&String> = table.rows.iter().map(|(name, _)| name).collect();
+    let mut found = Vec::new();
+    for from in &names {
+        let manifest = file(&format!("{from}/Cargo.toml"));
+        let sections = manifest.split("\n[").filter(|section| {
+            let title = section.split(']').next().unwrap_or_default();
+            title.ends_with("dependencies") && !title.ends_with("dev-dependencies")
+        });
+        let keys = sections.flat_map(|section| section.lines().filter_map(|line| line.split(['.', ' ']).next()));
+        let keys: BTreeSet<&str> = keys.collect();
+        let own = names.iter().filter(|name| keys.contains(name.as_str()));
+        found.extend(own.map(|to| ((*from).clone(), (*to).clone(), format!("{from}/Cargo.toml"))));
+    }
+    table.check(found);
+}
+
+#[test]
+fn modules_import_what_stands_below_them() {
+    for sources in SOURCES {
+        let imports = Crate::read(sources).imports().into_iter().filter_map(|(from, to)| {
+            let (here, there) = (from.top().to_owned(), to.top().to_owned());
+            let is_between = here != there && here != ROOT && there != ROOT;
+            is_between.then(|| (here, there, format!("{from} imports {to}")))
+        });
+        Table::read(sources).check(imports);
+    }
+}
+
+#[test]
 fn no_files_import_each_other_in_a_circle() {
-    for House { sources, .. } in HOUSES {
+    for sources in SOURCES {
         let mut imports: BTreeMap<Module, BTreeSet<Module>> = BTreeMap::new();
         for (from, to) in Crate::read(sources).imports() {
             // A folder's own file and those in it are one subject.

@@ -28,8 +28,8 @@ struct Contents {
 }
 
 impl Module {
-    /// Returns the room: the first part of the path, empty at the root.
-    pub(crate) fn room(&self) -> &str {
+    /// Returns the top-level module: the first part of the path, empty at the root.
+    pub(crate) fn top(&self) -> &str {
         self.0.first().map_or("", String::as_str)
     }
 
@@ -55,10 +55,10 @@ impl Crate {
     /// Reads the sources of a crate in a folder of the repository.
     pub(crate) fn read(sources: &str) -> Self {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(sources);
-        let mut house = Self { files: BTreeMap::new() };
-        house.read_file(&folder.join("lib.rs"), &folder, Module::default());
-        assert!(house.files.len() > 5, "{sources}: a crate has modules");
-        house
+        let mut read = Self { files: BTreeMap::new() };
+        read.read_file(&folder.join("lib.rs"), &folder, Module::default());
+        assert!(read.files.len() > 5, "{sources}: a crate has modules");
+        read
     }
 
     /// Returns each import: the module that has it, and the one in which its target stands.
