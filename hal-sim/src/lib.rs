@@ -1,29 +1,36 @@
-//! The host's hardware for the stand-in devices, as a library: a deterministic world in virtual time.
+//! The simulation as a library: CAN valves and angle sensors on a bus, deterministic, in virtual time.
+//!
+//! # Layers
+//!
+//! At the bottom stand [`bus`] and [`memory`], the hardware of the host: controllers on one wire, and a flash with its
+//! records. [`world`] runs devices on them event by event, each through its controller and with its plant. [`devices`]
+//! sets such devices up. [`log`] and [`explain`] look at a bus from outside: what was on it, and what it means.
 //!
 //! ```text
-//! bus/      a CAN bus: frame lengths, arbitration, acknowledgement, error confinement; and the ports on it
-//! memory/   a NOR flash in RAM, the record store on it, and the file that keeps it
 //! world/    devices, bus and plant in virtual time, event by event
-//! devices/  the devices on the bus, as they are written
-//! log/      frames and error frames with their times, as other tools write them
+//! devices/  devices as a command line names them, links between them, and whether they are heard
 //! explain/  the meaning of frames, in words
+//! log/      frames and error frames with their times, as other tools write them
+//! memory/   a NOR flash in RAM, the record store on it, and the file that keeps it
+//! bus/      a CAN bus: frame lengths, arbitration, acknowledgement, error confinement; and the ports on it
+//! text      a text in one line, for messages
 //! ```
 //!
-//! Behind features:
+//! Features add what stands above the world:
 //!
 //! ```text
-//! scenario    scenario/  scenarios from files, in virtual time
-//! recording   recording/ the bus in a file, in the formats of other tools
-//!             decode     a recording, explained
-//!             replay/    a recording of a device against its stand-in
-//! describe    describe/  the products for other tools: EDS and DBC
-//! simulation  simulation/ a world, commands to it, and what has happened
-//! state       state/     a device's state as data, what acts on it, and conditions on both
-//! trace       trace/     what happened on the bus, laid out for people
+//! simulation  simulation/  a world, commands to it by the names of its devices, and what has happened
+//! scenario    scenario/    scenarios from TOML files
+//! recording   recording/   the bus in a file, in the formats of other tools
+//!             decode       a recording, explained
+//!             replay/      a recording of a device against its simulation
+//! describe    describe/    the products for other tools: EDS and DBC
+//! state       state/       a device's state as data, its plant, and conditions on both
+//! trace       trace/       the bus laid out for people
 //! ```
 //!
-//! Nothing here waits, prints, starts a thread or looks at a clock: whoever drives the [`World`] decides how
-//! virtual time passes. Two runs with one seed and the same calls are the same to the last bit.
+//! Nothing here waits, prints, starts a thread or reads a clock: the caller of [`World`] lets virtual time pass. Two
+//! runs with one seed and the same calls are the same to the last bit.
 //!
 //! # Firmware under test
 //!

@@ -1,5 +1,11 @@
-//! The non-volatile memory of the devices: records in a NOR flash of two sectors. The host runs it over a simulated
-//! flash, the board over its own: what a power cut cannot break there, it cannot break here.
+//! The non-volatile memory of the devices: records in a NOR flash of two sectors. The host runs it on a simulated
+//! flash, the board on its own, so a power cut that breaks nothing here breaks nothing there.
+//!
+//! # Layers
+//!
+//! The log writes entries into one sector until that is full, then copies the newest ones into the other. Above it, the
+//! store keeps a record for each key, an inventory of the keys that were ever stored, and one setting of the platform.
+//! Beside the log, a reader of the layout before this one takes over the records of older flashes.
 //!
 //! ```text
 //! store    records under their keys, and which were ever stored
@@ -9,6 +15,50 @@
 //!
 //! Every call runs to its end: a flash that takes its time blocks the caller, which on the board is a task below all
 //! others. Nothing can be dropped half done.
+//!
+//! # A record in a flash
+//!
+//! ```
+//! # use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
+//! # struct Flash([u8; 4096]);
+//! # impl ErrorType for Flash {
+//! #     type Error = NorFlashErrorKind;
+//! # }
+//! # impl ReadNorFlash for Flash {
+//! #     const READ_SIZE: usize = 1;
+//! #     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
+//! #         bytes.copy_from_slice(&self.0[offset as usize..][..bytes.len()]);
+//! #         Ok(())
+//! #     }
+//! #     fn capacity(&self) -> usize {
+//! #         self.0.len()
+//! #     }
+//! # }
+//! # impl NorFlash for Flash {
+//! #     const WRITE_SIZE: usize = 4;
+//! #     const ERASE_SIZE: usize = 2048;
+//! #     fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
+//! #         self.0[from as usize..to as usize].fill(nvm::ERASED);
+//! #         Ok(())
+//! #     }
+//! #     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
+//! #         self.0[offset as usize..][..bytes.len()].copy_from_slice(bytes);
+//! #         Ok(())
+//! #     }
+//! # }
+//! use nvm::{BUFFER, Contents, Records};
+//! use protocol_core::memory::{RecordKey, seal};
+//!
+//! let mut flash = Flash([nvm::ERASED; 4096]); // two sectors in RAM, a `NorFlash`
+//! let mut buffer = [0; BUFFER];
+//! let mut records = Records::new(&mut flash, &mut buffer);
+//! records.store(RecordKey::LocalLayer, &seal(1, b"node").unwrap()).unwrap();
+//! records.store(RecordKey::LocalLayer, &seal(1, b"new").unwrap()).unwrap();
+//!
+//! let mut contents = Contents::empty();
+//! records.read(&mut contents).unwrap(); // as at the next start
+//! assert_eq!(contents.image.payload(RecordKey::LocalLayer, 1), Ok(Some(&b"new"[..])));
+//! ```
 #![no_std]
 #![forbid(unsafe_code)]
 

@@ -1,19 +1,50 @@
-//! The stand-in devices without hardware: a sans-IO protocol core for CAN hydraulic valves and angle sensors.
+//! CAN hydraulic valves and angle sensors without hardware: a sans-IO protocol core for CANopen and ISOBUS.
 //!
-//! No allocator, no clock, no I/O, no `unsafe`; integers only; no input from the bus may panic it. Imports run one way:
+//! The crate uses no allocator, no clock, no I/O and no `unsafe`. It computes in integers, and no input from the bus
+//! makes it panic.
+//!
+//! # Layers
+//!
+//! Imports run downwards. At the bottom, [`wire`] converts between bytes and meaning, in total functions without state.
+//! Above it stand the services, which know no product: [`canopen`], [`isobus`], and [`uds`], which both protocols
+//! share. Beside them stand the machines, which know no protocol: [`actuator`] is the valve, [`encoder`] the angle
+//! sensor. [`device`] composes the products from services and machines, behind the trait [`Device`](device::Device). At
+//! the top, [`pump`] moves frames between a CAN controller and a device.
 //!
 //! ```text
-//! wire/       bytes ↔ meaning: total functions, no state
-//! actuator/   the valve without a protocol                encoder    the angle sensor without one
-//! canopen/    services that know no product: CANopen     uds    the identifier server
-//! isobus/     the same: J1939 and ISO 11783
-//! memory/     records and their encoding              answers  the queue of answers that both nodes have
-//! device/     the products, each a composition of the above, and `Device`, their common face
 //! pump        moves frames between a CAN controller and a device
-//! frame, time, controller, outcome   what all of them share
+//! device/     the products, and Device, the trait that all of them implement
+//! canopen/    the services of CANopen           uds         the identifier server
+//! isobus/     those of J1939 and ISO 11783      answers     the queue of answers that both nodes have
+//! actuator/   the valve without a protocol      encoder     the angle sensor without one
+//! memory/     records and their encoding
+//! wire/       messages: one file each
+//! frame, time, controller, outcome              the types that all of them share
 //! ```
 //!
-//! What the devices do, with every table, is in the repository's `docs/behaviour.md`; "SPEC 4.2" in a comment is its
+//! # A device on a bus
+//!
+//! Frames, time and what the device senses go in; frames and effects come out.
+//!
+//! ```
+//! use protocol_core::device::{AnyDevice, Kind, Senses, Setup, StartCause, pve};
+//! use protocol_core::memory::Image;
+//! use protocol_core::time::Instant;
+//!
+//! let now = Instant::from_secs(1);
+//! let kind = Kind::Pve(pve::Kind::PveaCanopen);
+//! let mut valve = AnyDevice::power_on(Setup::<Kind>::new(kind), &Image::empty(), StartCause::PowerOn, now);
+//! let valve = valve.as_dyn_mut();
+//! valve.sense(&Senses::healthy(kind), now);
+//! assert_eq!(valve.next_frame(now).unwrap().to_string(), "720: 00"); // boot-up
+//! valve.all_sent(now);
+//! assert_eq!(valve.next_frame(now).unwrap().to_string(), "0A0: 00 00 00 00 00 00 00 00"); // EMCY: no error
+//! valve.all_sent(now);
+//! assert!(valve.handle(&"620: 40 17 10 00 00 00 00 00".parse().unwrap(), now)); // SDO: reads the heartbeat time
+//! assert_eq!(valve.next_frame(now).unwrap().to_string(), "5A0: 4B 17 10 00 00 00 00 00");
+//! ```
+//!
+//! The repository's `docs/behaviour.md` says what the devices do, with every table; "SPEC 4.2" in a comment is its
 //! section 4.2.
 #![no_std]
 #![forbid(unsafe_code)]

@@ -1,21 +1,36 @@
 //! The program `pve-sim`: the simulation of [`hal_sim`] in real time, for every CAN tool.
 //!
+//! # Layers
+//!
+//! [`cli`] turns a command line into a [`Request`](cli::Request), which `main` executes. For `run`, [`run`] paces the
+//! world by the wall clock on a thread of its own. Clients live on another thread: [`gateway`] serves those of the bus,
+//! [`http`] those of the control interface. Their messages reach the world through [`inbox`], and [`control`] answers
+//! them there. The other commands have no clients: [`batch`] runs scenarios, [`remote`] asks a running simulator.
+//!
 //! ```text
 //! cli/       the command line
 //! run/       the world paced by the wall clock, with its clients, its trace and its memory
 //! http/      state, faults and time over HTTP, and the panel
-//! gateway/   clients of the bus that live outside: socketcand, SocketCAN, slcan, udp_multicast
+//! gateway/   clients of the bus: socketcand, SocketCAN, slcan, udp_multicast
 //! inbox/     the messages between clients and the world
 //! control/   the control interface at the world's end
-//! remote/    a running simulator, asked by the commands set and status
-//! batch/     scenarios of a command line, over the cores, and their results for CI
+//! remote/    the commands set and status, which ask a running simulator
+//! batch/     scenarios of a command line on all cores, and their results for CI
 //! use_case   the scenarios that the program carries
 //! state_file the memory of a device in a file
 //! speed      virtual time against wall time
 //! output     stdout of the commands
 //! ```
 //!
-//! A library of its own for the sake of its tests; what a Rust program wants is [`hal_sim`].
+//! This library exists for its tests; a Rust program wants [`hal_sim`].
+//!
+//! ```
+//! use pve_sim::cli::{self, Request};
+//!
+//! let Ok(Request::Print(eds)) = cli::parse(["pve-sim", "eds", "pvea-canopen"]) else { panic!("wrong usage") };
+//! assert!(eds.contains("ParameterName=Device control word"));
+//! assert!(cli::parse(["pve-sim", "eds", "pvea-isobus"]).is_err(), "a kind on ISOBUS has a DBC");
+//! ```
 #![forbid(unsafe_code)]
 
 pub mod batch;
