@@ -103,7 +103,7 @@ impl<F: NorFlash> Log<'_, F> {
     }
 
     /// Returns whether an erase of the sector was announced and not done.
-    fn is_being_erased(&mut self, sector: usize) -> Result<bool, F::Error> {
+    pub(crate) fn is_being_erased(&mut self, sector: usize) -> Result<bool, F::Error> {
         let first = (1 - sector) * F::ERASE_SIZE + Self::LEGACY_SECTOR;
         for number in 0..ANNOUNCEMENTS {
             let at = first + number * 2 * F::WRITE_SIZE;

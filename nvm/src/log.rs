@@ -153,15 +153,13 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
     /// Copies what counts and lies in the other sector into the one in use: versions from before damage, and the rest of a
     /// move of the layout before this one. Damage that leaves no room for them costs them.
     fn gather(&mut self) -> Result<Survey, StoreError> {
-        let survey = self.survey().map_err(|_| StoreError)?;
-        let is_left = |found: &&Found| !survey.is_move_due && Self::sector_of(found.at) != survey.home;
-        let mut left = survey.newest.iter().flatten().filter(is_left).peekable();
-        if left.peek().is_none() {
-            return Ok(survey);
-        }
-        let mut spot = survey.spot_in(survey.home);
-        for found in left {
-            self.put(&mut spot, Source::Copy(*found))?;
+        for _ in 0..KEYS {
+            let survey = self.survey().map_err(|_| StoreError)?;
+            let is_left = |found: &&Found| !survey.is_move_due && Self::sector_of(found.at) != survey.home;
+            let Some(left) = survey.newest.iter().flatten().find(is_left) else { return Ok(survey) };
+            if !self.put(&mut survey.spot_in(survey.home), Source::Copy(*left))? {
+                return Ok(survey);
+            }
         }
         self.survey().map_err(|_| StoreError)
     }
@@ -171,7 +169,8 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
     fn move_from(&mut self, home: usize, is_kept: &dyn Fn(&Found) -> bool, last: Source<'_>) -> Result<(), StoreError> {
         self.erase(1 - home)?;
         let survey = self.survey().map_err(|_| StoreError)?;
-        let mut spot = survey.spot_in(1 - home);
+        // Also beyond a word that does not read as erased: an entry that meets it is written again behind it.
+        let mut spot = Spot { end: (2 - home) * F::ERASE_SIZE, ..survey.spot_in(1 - home) };
         let kept = survey.newest.iter().flatten().filter(|found| is_kept(found));
         for source in kept.copied().map(Source::Copy).chain([last]) {
             if !self.put(&mut spot, source)? {
@@ -181,18 +180,24 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         Ok(())
     }
 
-    /// Returns whether anything is left over in the sector that is not in use.
+    /// Returns whether there is more than entries in one sector: leftovers in the other one, or nothing but damage.
     pub(crate) fn has_leftovers(&mut self) -> Result<bool, F::Error> {
-        let survey = self.survey()?;
-        Ok(!survey.walks[1 - survey.home].is_blank)
+        let Survey { newest, walks, home, .. } = self.survey()?;
+        Ok(!walks[1 - home].is_blank || (newest.iter().all(Option::is_none) && !walks[home].is_blank))
     }
 
-    /// Returns the number of bytes in written words.
+    /// Returns the number of bytes in written words, but for what an erase that was cut has left.
     pub(crate) fn in_use(&mut self) -> Result<usize, F::Error> {
-        let (mut at, mut words) = (0, 0);
-        while let Some(next) = self.next_written(at, SECTORS * F::ERASE_SIZE)? {
-            words += 1;
-            at = next + F::WRITE_SIZE;
+        let mut words = 0;
+        for sector in 0..SECTORS {
+            let (mut at, end) = (sector * F::ERASE_SIZE, (sector + 1) * F::ERASE_SIZE);
+            if self.is_being_erased(sector)? {
+                continue;
+            }
+            while let Some(next) = self.next_written(at, end)? {
+                words += 1;
+                at = next + F::WRITE_SIZE;
+            }
         }
         Ok(words * F::WRITE_SIZE)
     }
@@ -316,6 +321,9 @@ impl<'buffer, F: NorFlash> Log<'buffer, F> {
         }
         let (lasts, last_news) = (walks.map(|walk| walk.last), walks.map(|walk| walk.last_new));
         let (home, is_move_due) = match (last_news, has_legacy) {
+            // An erase of the layout before this one was cut: it is done again, before what announces it is erased.
+            ([0, 0], [false, false]) if lasts == [0, 0] && self.is_being_erased(0)? => (1, true),
+            ([0, 0], [false, false]) if lasts == [0, 0] && self.is_being_erased(1)? => (0, true),
             ([0, 0], [false, false]) => (usize::from(lasts[1] > lasts[0]), false),
             // A move of the layout before this one was cut: the newer sector still has room.
             ([0, 0], [true, true]) => (usize::from(!self.is_legacy_newer_in_front()?), false),

@@ -195,15 +195,20 @@ impl<'buffer, F: NorFlash> Records<'buffer, F> {
     /// # Errors
     /// [`StoreError`] when the flash fails.
     pub fn clear(&mut self) -> Result<(), StoreError> {
-        let (found, _) = self.survey(INVENTORY, &[])?;
-        if found.stored == 0 && found.inventory() == NOTHING && !self.log.has_leftovers().map_err(|_| StoreError)? {
+        if self.is_clear()? {
             return Ok(());
         }
         self.log.begin_anew(&[NOTHING]).or_else(|error| {
             // A failure may have come so late that all is gone.
-            let (found, _) = self.survey(INVENTORY, &[])?;
-            if found.stored == 0 && found.inventory() == NOTHING { Ok(()) } else { Err(error) }
+            if self.is_clear()? { Ok(()) } else { Err(error) }
         })
+    }
+
+    /// Returns whether there is no record, nor what is left of one.
+    fn is_clear(&mut self) -> Result<bool, StoreError> {
+        let (found, _) = self.survey(INVENTORY, &[])?;
+        let has_leftovers = self.log.has_leftovers().map_err(|_| StoreError)?;
+        Ok(found.stored == 0 && found.inventory() == NOTHING && !has_leftovers)
     }
 }
 
