@@ -1,7 +1,7 @@
 """Reads and writes every object of a device by the EDS that pve-sim prints: HOST PORT CHANNEL KIND NODE-ID SERIAL.
 
 The device is as it left the factory. What the EDS says of an object is compared with what the device does: default,
-type, access, and into which PDO it can be mapped; what is not in the EDS is not in the device.
+type, access, and into which PDO it can be mapped; and there is nothing beside it.
 """
 
 import os
@@ -123,17 +123,19 @@ def same_mapping(sdo, dictionary):
                 sdo.download(mapping, 1, dummy)
 
 
-def nothing_else(sdo, dictionary):
-    for index in (*range(0x1000, 0x2100), *range(0x3300, 0x3310), *range(0x6000, 0x6600)):
-        if index not in dictionary:
-            with aborted(NO_OBJECT):
-                sdo.upload(index, 0)
+def nothing_beside(sdo, dictionary):
+    """Neighbours alone: tests/node/object_dictionary.rs looks everywhere."""
+    for entry in dictionary.values():
+        if entry.index < 0x1000:
             continue
-        entry = dictionary[index]
+        for index in (entry.index - 1, entry.index + 1):
+            if index not in dictionary:
+                with aborted(NO_OBJECT):
+                    sdo.upload(index, 0)
         for sub in range(1, 12):
             if isinstance(entry, ODVariable) or sub not in entry:
                 with aborted(NO_SUB):
-                    sdo.upload(index, sub)
+                    sdo.upload(entry.index, sub)
 
 
 with connected() as valve:
@@ -145,5 +147,5 @@ with connected() as valve:
     same_values(node.sdo, dictionary)
     same_limits(node.sdo, dictionary)
     same_values(node.sdo, dictionary)
-    nothing_else(node.sdo, dictionary)
+    nothing_beside(node.sdo, dictionary)
     same_mapping(node.sdo, dictionary)

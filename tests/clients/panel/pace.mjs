@@ -5,7 +5,7 @@ import { PATIENCE, simulate, withPage } from "./bench.mjs";
 
 const VALVES = 20;
 const FIRST = 0x10;
-const RECORDED_MS = 8000;
+const RECORDED_MS = 3000;
 /** A busy machine draws seldom: then it is recorded again. */
 const LEAST_FRAMES = 20;
 /** What half of the frames may take at most, in milliseconds: the others may wait for a machine with other things to do. */

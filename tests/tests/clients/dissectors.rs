@@ -12,7 +12,7 @@
 
 use std::fs;
 
-use super::simulator::Simulator;
+use super::simulator::{FREE, Start, WOUND};
 use super::tshark::{CANOPEN, Fields, ISOBUS, J1939, tshark};
 
 /// The devices of the run, by the numbers with which tshark calls them.
@@ -371,24 +371,32 @@ fn is_block_segment(explanation: &str) -> bool {
 #[test]
 fn every_frame_is_to_tshark_what_the_trace_says_it_is() {
     let dir = tempfile::tempdir().expect("a folder");
-    let log = dir.path().join("frames.log");
-    let path = log.to_str().expect("text");
+    let path = |name: &str| dir.path().join(name).to_str().expect("text").to_owned();
     let devices = ["pvea-canopen", "hat1000,bit-rate=250k", "pvea-isobus@0x83"].map(|device| ["--device", device]);
-    let options = ["--link", "pvea-canopen=hat1000", "--log", path];
-    let simulator = Simulator::start_wound(&[devices.as_flattened(), &options].concat());
-    for script in ["isobus_join.py", "isobus_diagnostics.py", "objects.py", "foreign.py", "fault.py"] {
-        simulator.serve(script, &[]);
-    }
-    simulator.serve("../../examples/boom.py", &["10"]);
-    simulator.serve("uds.py", &["0x20", "0x5B2E0100", "0x21"]);
-    let trace = simulator.finish();
+    let run = |start: Start, log: &str, scripts: &[(&str, &[&str])]| {
+        let options = ["--link", "pvea-canopen=hat1000", "--log", log];
+        let simulator = start(&[devices.as_flattened(), &options].concat());
+        scripts.iter().for_each(|(script, arguments)| _ = simulator.serve(script, arguments));
+        (simulator.finish(), fs::read_to_string(log).expect("the log"))
+    };
+    let at_leisure: [(&str, &[&str]); 4] = [
+        ("isobus_join.py", &[]),
+        ("objects.py", &[]),
+        ("foreign.py", &[]),
+        ("uds.py", &["0x20", "0x5B2E0100", "0x21"]),
+    ];
+    let wound: [(&str, &[&str]); 3] =
+        [("isobus_diagnostics.py", &[]), ("fault.py", &[]), ("../../examples/boom.py", &["10"])];
+    let runs = [run(FREE, &path("leisure.log"), &at_leisure), run(WOUND, &path("wound.log"), &wound)];
+    let [trace, log] = [runs.each_ref().map(|run| &*run.0).concat(), runs.each_ref().map(|run| &*run.1).concat()];
+    let path = path("both.log");
+    fs::write(&path, &log).expect("room");
 
-    let log = fs::read_to_string(&log).expect("the log");
     let frames = trace.lines().filter(|line| line.starts_with('('));
     let lines: Vec<(&str, &str)> = frames.map(|line| line.split_once("  ").expect("an explanation")).collect();
     assert!(lines.iter().map(|(frame, _)| *frame).eq(log.lines()), "the trace has the frames of the log");
     let [by_canopen, by_j1939, by_isobus] = [("canopen", CANOPEN), ("j1939", J1939), ("isobus", ISOBUS)]
-        .map(|(protocol, fields)| tshark(path, protocol, fields));
+        .map(|(protocol, fields)| tshark(&path, protocol, fields));
     assert_eq!([by_canopen.len(), by_j1939.len(), by_isobus.len()], [lines.len(); 3]);
 
     let mut differences = Vec::new();

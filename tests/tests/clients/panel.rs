@@ -23,37 +23,12 @@ fn look(script: &str) {
     print!("{said}");
 }
 
-#[test]
-fn a_supply_of_8_volts_is_seen() {
-    look("fault.mjs");
-}
-
-#[test]
-fn every_control_of_the_panel_is_driven_by_the_keyboard() {
-    look("controls.mjs");
-}
-
-#[test]
-fn colours_sliders_and_the_filter_serve_the_eye() {
-    look("sight.mjs");
-}
-
-#[test]
-fn a_device_at_another_bit_rate_is_named_with_the_remedy() {
-    look("rates.mjs");
-}
-
-#[test]
-fn the_panel_outlives_the_simulator() {
-    look("away.mjs");
-}
-
-#[test]
-fn twenty_valves_leave_the_browser_time() {
-    look("pace.mjs");
-}
-
-#[test]
-fn a_web_page_sends_nothing_to_the_bus() {
-    look("foreign.mjs");
+calls! {
+    a_supply_of_8_volts_is_seen: look("fault.mjs");
+    every_control_of_the_panel_is_driven_by_the_keyboard: look("controls.mjs");
+    colours_sliders_and_the_filter_serve_the_eye: look("sight.mjs");
+    a_device_at_another_bit_rate_is_named_with_the_remedy: look("rates.mjs");
+    the_panel_outlives_the_simulator: look("away.mjs");
+    twenty_valves_leave_the_browser_time: look("pace.mjs");
+    a_web_page_sends_nothing_to_the_bus: look("foreign.mjs");
 }

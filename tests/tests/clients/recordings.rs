@@ -9,7 +9,7 @@ use hal_sim::recording::{Format, Writer};
 use protocol_core::frame::{Frame, Id};
 
 use super::programs::output;
-use super::simulator::{PVE_SIM, Simulator, python, root};
+use super::simulator::{PVE_SIM, Start, python, root};
 
 /// Microseconds since 1970: no whole millisecond.
 const START: u64 = 1_700_000_000_123_456;
@@ -105,13 +105,13 @@ fn tshark_reads_a_capture() {
     assert_eq!(read.lines().collect::<Vec<_>>(), expected.collect::<Vec<_>>());
 }
 
-/// Runs a script against devices that write a log, and replays it against the same devices.
-fn replays(start: fn(&[&str]) -> Simulator, name: &str, script: &str, arguments: &[&str], devices: &[&str]) {
+/// Serves a script with a simulator that writes a log of this name, and replays that against the same devices. What
+/// clients send comes whenever it comes.
+pub(crate) fn serve_and_replay(start: Start, log: &str, script: &str, arguments: &[&str], devices: &[&str]) {
     let dir = tempfile::tempdir().expect("a folder");
-    let path = dir.path().join(name);
+    let path = dir.path().join(log);
     let path = path.to_str().expect("text");
-    let devices: Vec<&str> = devices.iter().flat_map(|device| ["--device", *device]).collect();
-    let simulator = start(&[&["--log", path][..], &devices].concat());
+    let simulator = start(&[&["--log", path][..], devices].concat());
     simulator.serve(script, arguments);
     simulator.terminate();
     let run = output(Command::new(&*PVE_SIM).args(["replay", path]).args(devices));
@@ -120,18 +120,4 @@ fn replays(start: fn(&[&str]) -> Simulator, name: &str, script: &str, arguments:
     let compared = report.split(' ').next().and_then(|count| count.parse::<u32>().ok());
     // The fewest are those of a valve that loses its address: four claims, and an AVEF.
     assert!(compared.is_some_and(|count| count >= 5), "{report}");
-}
-
-/// What clients send comes whenever it comes.
-#[test]
-fn sessions_of_clients_replay() {
-    let free = |options: &[&str]| Simulator::start(options);
-    let wound = |options: &[&str]| Simulator::start_wound(options);
-    replays(wound, "boot.log", "boot.py", &["11149437"], &["pvea-canopen@0x20"]);
-    replays(free, "mapping.pcapng", "mapping.py", &[], &["pvea-canopen@0x20"]);
-    replays(free, "sync.asc", "sync.py", &[], &["pvea-canopen@0x20"]);
-    replays(free, "scan.log", "scan.py", &[], &["pvea-canopen,blank", "pvea-isobus@0x83"]);
-    replays(free, "hat.log", "hat.py", &[], &["hat1000"]);
-    replays(wound, "drive.log", "isobus_drive.py", &[], &["pvea-isobus@0x83"]);
-    replays(wound, "contend.log", "isobus_contend.py", &["lower"], &["pvea-isobus@0x83"]);
 }

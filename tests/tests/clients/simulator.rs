@@ -60,6 +60,13 @@ pub(crate) struct Simulator {
     ended: Receiver<()>,
 }
 
+/// Starts a simulator with these arguments.
+pub(crate) type Start = fn(&[&str]) -> Simulator;
+/// One that runs in real time.
+pub(crate) const FREE: Start = |arguments| Simulator::start(arguments);
+/// One whose clients wind its clock.
+pub(crate) const WOUND: Start = |arguments| Simulator::start_wound(arguments);
+
 impl Simulator {
     pub(crate) fn start<S: AsRef<OsStr>>(arguments: &[S]) -> Self {
         Self::spawn(Command::new(&*PVE_SIM), arguments)

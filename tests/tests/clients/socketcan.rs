@@ -26,27 +26,10 @@ pub(crate) fn on_a_kernel(script: &str, subject: &str) {
     assert!(run.status.success(), "{script} {subject}: {}\n{out}{err}", run.status);
 }
 
-#[test]
-fn can_utils_join() {
-    on_a_kernel("socketcan.py", "tools");
-}
-
-#[test]
-fn python_canopen_is_the_master() {
-    on_a_kernel("socketcan.py", "master");
-}
-
-#[test]
-fn the_kernels_j1939_stack_is_the_tractor() {
-    on_a_kernel("socketcan.py", "j1939");
-}
-
-#[test]
-fn an_interface_that_goes_down_or_away_comes_back() {
-    on_a_kernel("socketcan.py", "down");
-}
-
-#[test]
-fn a_full_queue_loses_nothing() {
-    on_a_kernel("socketcan.py", "full");
+calls! {
+    can_utils_join: on_a_kernel("socketcan.py", "tools");
+    python_canopen_is_the_master: on_a_kernel("socketcan.py", "master");
+    the_kernels_j1939_stack_is_the_tractor: on_a_kernel("socketcan.py", "j1939");
+    an_interface_that_goes_down_or_away_comes_back: on_a_kernel("socketcan.py", "down");
+    a_full_queue_loses_nothing: on_a_kernel("socketcan.py", "full");
 }

@@ -59,7 +59,7 @@ fn every_valve_of_a_full_bus_answers_in_time() {
 #[test]
 fn rough_clients_spoil_nothing() {
     let simulator = Simulator::start(&["--device", "pvea-canopen"]);
-    let seconds = std::env::var("ROUGH_SECONDS").map_or(20, |seconds| seconds.parse().expect("a number"));
+    let seconds = std::env::var("ROUGH_SECONDS").map_or(10, |seconds| seconds.parse().expect("a number"));
     let told = simulator.serve_for(
         Duration::from_secs(seconds),
         "rough.py",

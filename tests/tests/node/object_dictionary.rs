@@ -4,6 +4,7 @@ use std::cmp::Ordering;
 use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 
+use protocol_core::device::describe;
 use tests::Rig;
 use tests::sdo::{LOAD, SAVE};
 
@@ -246,8 +247,15 @@ impl Kind {
         }
     }
 
+    /// Every object, sub-index by sub-index.
+    fn places(&self) -> BTreeSet<(u16, u8)> {
+        let numbers = self.numbers().map(|row| (row.0, row.1));
+        let history = EMPTY_HISTORY.1.map(|sub| (EMPTY_HISTORY.0, sub));
+        numbers.chain(self.texts().map(|row| (row.0, 0))).chain(history).collect()
+    }
+
     fn indices(&self) -> BTreeSet<u16> {
-        self.numbers().map(|row| row.0).chain(self.texts().map(|row| row.0)).collect()
+        self.places().into_iter().map(|(index, _)| index).collect()
     }
 }
 
@@ -314,12 +322,7 @@ fn there_is_no_other_index() {
 fn there_is_no_other_sub_index() {
     each_kind(|kind| {
         let mut rig = kind.booted();
-        let known: BTreeSet<(u16, u8)> = kind
-            .numbers()
-            .map(|row| (row.0, row.1))
-            .chain(kind.texts().map(|row| (row.0, 0)))
-            .chain(EMPTY_HISTORY.1.map(|sub| (EMPTY_HISTORY.0, sub)))
-            .collect();
+        let known = kind.places();
         for index in kind.indices() {
             for sub in (0..=255).filter(|sub| !known.contains(&(index, *sub))) {
                 for command in [0x40, 0x2F, 0x21] {
@@ -327,6 +330,16 @@ fn there_is_no_other_sub_index() {
                 }
             }
         }
+    });
+}
+
+#[test]
+fn the_data_sheet_lists_every_object_and_no_other() {
+    each_kind(|kind| {
+        let mut listed = BTreeSet::new();
+        describe(kind.setup.kind, |entry, _| _ = listed.insert((entry.object().index, entry.object().sub)))
+            .expect("a dictionary");
+        assert_eq!(listed, kind.places());
     });
 }
 
