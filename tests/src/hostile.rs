@@ -5,6 +5,7 @@ use std::fmt::Debug;
 
 use proptest::prelude::*;
 use proptest::sample::select;
+use protocol_core::controller::BusErrorMode;
 use protocol_core::frame::{Frame, Id, extended, standard};
 use protocol_core::memory::RecordKey;
 use protocol_core::time::Duration;
@@ -36,6 +37,22 @@ pub enum Disturbance {
     MemoryDamaged(bool),
     /// A bit of a record rots.
     Rot(RecordKey, usize, u8),
+    /// The bus sends the controller into this mode.
+    Bus(BusErrorMode),
+    /// The internal fault is there, or is not.
+    Internal(bool),
+    /// The internal fault comes and goes so many times.
+    Toggle(usize),
+    /// A valve is too hot, or is not.
+    Hot(bool),
+    /// The supply of a valve is too low, or is not.
+    SupplyLow(bool),
+    /// Somebody sends a frame.
+    Send(&'static str),
+    /// Somebody sends a frame so many times.
+    Burst(usize, &'static str),
+    /// So many milliseconds pass, in which a frame comes every 100 ms.
+    Cyclic(u64, &'static str),
 }
 
 impl Disturbance {
@@ -54,6 +71,21 @@ impl Disturbance {
             1 => Just(Self::WatchdogReset),
             1 => prop::bool::weighted(0.2).prop_map(Self::MemoryDamaged),
             1 => (select(&RecordKey::ALL[..]), any::<usize>(), 0..8_u8).prop_map(|(key, at, bit)| Self::Rot(key, at, bit)),
+        ]
+    }
+
+    /// The controller is bus-off, or is well.
+    pub fn bus_off() -> impl Strategy<Value = Self> {
+        select(&[BusErrorMode::ErrorActive, BusErrorMode::BusOff][..]).prop_map(Self::Bus)
+    }
+
+    /// Faults of a valve come and go.
+    pub fn faults() -> impl Strategy<Value = Self> {
+        prop_oneof![
+            4 => any::<bool>().prop_map(Self::Internal),
+            1 => (1..30_usize).prop_map(Self::Toggle),
+            2 => any::<bool>().prop_map(Self::Hot),
+            1 => any::<bool>().prop_map(Self::SupplyLow),
         ]
     }
 
@@ -82,8 +114,54 @@ impl Disturbance {
                     record[at] ^= 1 << bit;
                 }
             }
+            Self::Bus(mode) => rig.sense_hat(|senses| senses.bus = *mode),
+            Self::Internal(there) => rig.sense_hat(|senses| senses.internal_fault = *there),
+            Self::Toggle(times) => (0..*times).for_each(|_| rig.internal_fault_comes_and_goes()),
+            Self::Hot(there) => rig.sense(|senses| senses.temperature_c = if *there { 130 } else { 25 }),
+            Self::SupplyLow(there) => rig.sense(|senses| senses.supply_mv = if *there { 8_000 } else { 24_000 }),
+            Self::Send(text) => rig.send(text),
+            Self::Burst(times, text) => (0..*times).for_each(|_| rig.send(text)),
+            Self::Cyclic(ms, text) => rig.advance_cyclic(*ms, text),
         }
     }
+}
+
+/// A request by its number in a list, or something around it.
+#[derive(Clone, Debug)]
+pub enum Asked {
+    /// The request of this number.
+    Request(usize),
+    /// Something else.
+    Other(Disturbance),
+}
+
+/// Sends requests, each with its answer, amid disturbances, and frees the bus by `free`: each request is answered once, or
+/// counted as dropped.
+///
+/// # Panics
+/// When one is answered twice, or more answers are missing than frames were dropped.
+#[track_caller]
+pub fn answered_or_counted(rig: &mut Rig, requests: &[(&str, &str)], events: &[Asked], free: impl FnOnce(&mut Rig)) {
+    let (mut asked, mut sent) = (vec![0_usize; requests.len()], Vec::new());
+    for event in events {
+        match event {
+            Asked::Request(number) => {
+                asked[*number] += 1;
+                rig.send(requests[*number].0);
+            }
+            Asked::Other(disturbance) => disturbance.act(rig),
+        }
+        sent.extend(rig.take());
+    }
+    free(rig);
+    sent.extend(rig.take());
+    let missing = requests.iter().zip(asked).map(|((request, answer), asked)| {
+        let answered = sent.iter().filter(|frame| frame == answer).count();
+        assert!(answered <= asked, "{request}: asked {asked} times, answered {answered} times");
+        asked - answered
+    });
+    let (missing, dropped) = (missing.sum::<usize>(), usize::try_from(rig.device().frames_dropped()).expect("a few"));
+    assert!(missing <= dropped, "{missing} answers are missing, {dropped} frames dropped");
 }
 
 /// Lets everything in the way of a device end: what is being written, and the delays of LSS.

@@ -1,15 +1,14 @@
 //! What the tests share.
 //!
 //! ```text
-//! answers        which requests have had none
-//! rig            one device on a bus of its own: for what a device says and does
-//! senses         what a valve senses
-//! hostile        what can happen to any device, for random tests
-//! nmt, lss, sdo  frames of these services, which read like the manuals
-//! bench          valves and a master in a simulated world: for bus errors, flashes, several devices
+//! rig                   one device on a bus of its own: for what a device says and does
+//! senses                what a valve senses
+//! hostile               what can happen to any device, for random tests
+//! nmt, lss, sdo, uds    frames of these services, which read like the manuals
+//! isobus                a valve on ISOBUS on the rig
+//! bench                 valves and a master in a simulated world: for bus errors, flashes, several devices
 //! ```
 
-mod answers;
 mod bench;
 pub mod hostile;
 pub mod isobus;
@@ -18,8 +17,8 @@ pub mod nmt;
 mod rig;
 pub mod sdo;
 mod senses;
+pub mod uds;
 
-pub use answers::unanswered;
 pub use bench::Bench;
 pub use rig::{Rig, frame};
 pub use senses::Senses;

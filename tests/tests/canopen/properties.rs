@@ -4,11 +4,8 @@
 //! The rig itself looks after every step that nothing is due any more.
 
 use proptest::collection::vec;
-use proptest::option;
 use proptest::prelude::*;
 use proptest::sample::select;
-use protocol_core::actuator::{Position, SpoolFault};
-use protocol_core::controller::BusErrorMode;
 use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::frame::{Frame, Id, extended, standard};
 use tests::hostile::{self, Disturbance, To, anything, check_services, distorted, lss, nmt, sdo};
@@ -99,36 +96,12 @@ fn uds() -> impl Strategy<Value = Event> {
     (any::<u16>(), request).prop_map(|(source, (len, data))| Event::Uds(source & 0x7FF, len, data))
 }
 
-fn senses() -> impl Strategy<Value = Senses> {
-    let supply_mv = prop_oneof![4 => Just(24_000), 1 => any::<u32>(), 1 => select(&[8_999, 9_000, 36_000, 36_001][..])];
-    let temperature_c = prop_oneof![4 => Just(25), 1 => any::<i16>(), 1 => select(&[-41, -40, 120, 121][..])];
-    let bus = prop_oneof![
-        6 => Just(BusErrorMode::ErrorActive),
-        1 => Just(BusErrorMode::ErrorPassive),
-        1 => Just(BusErrorMode::BusOff)
-    ];
-    let fault = prop_oneof![
-        4 => Just(SpoolFault::None),
-        1 => select(&[SpoolFault::Stuck, SpoolFault::Slow, SpoolFault::Drifting, SpoolFault::NoFloat][..])
-    ];
-    let position = || option::weighted(0.1, (-16384..=16384_i16).prop_map(|raw| Position::new(raw).unwrap()));
-    (supply_mv, temperature_c, prop::bool::weighted(0.1), bus, fault, position(), position()).prop_map(
-        |(supply_mv, temperature_c, internal_fault, bus, fault, lever, measured)| {
-            let mut senses = Senses { supply_mv, temperature_c, internal_fault, bus, ..Senses::default() };
-            senses.spool.fault = fault;
-            senses.spool.lever = lever;
-            senses.spool.measured = measured;
-            senses
-        },
-    )
-}
-
 fn event() -> impl Strategy<Value = Event> {
     prop_oneof![
         37 => frame(),
         3 => uds(),
         2 => Just(Event::Activate),
-        4 => senses().prop_map(Event::Sense),
+        4 => Senses::any().prop_map(Event::Sense),
         28 => Disturbance::any().prop_map(Event::Around),
         6 => Just(Event::Look),
     ]

@@ -4,51 +4,23 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
 use protocol_core::controller::BusErrorMode;
-use tests::Rig;
+use tests::hostile::Disturbance;
 
 use super::booted;
 
-/// What can happen to a sensor and its bus.
-#[derive(Clone, Copy, Debug)]
-enum Event {
-    Advance(u64),
-    HoldBus(bool),
-    Bus(BusErrorMode),
-    Internal(bool),
-    /// The internal fault comes and goes so many times.
-    Toggle(usize),
-    /// An NMT command to all, but "stop": in stopped EMCYs are logged and not sent.
-    Nmt(u8),
-    Sync,
-}
-
-fn event() -> impl Strategy<Value = Event> {
+fn event() -> impl Strategy<Value = Disturbance> {
     let modes = [BusErrorMode::ErrorActive, BusErrorMode::ErrorPassive, BusErrorMode::BusOff];
+    // Of the NMT commands not "stop": in stopped EMCYs are logged and not sent.
+    let orders = ["000: 01 00", "000: 80 00", "000: 81 00", "000: 82 00"];
     prop_oneof![
-        4 => (0..=300_u64).prop_map(Event::Advance),
-        3 => any::<bool>().prop_map(Event::HoldBus),
-        3 => select(modes.to_vec()).prop_map(Event::Bus),
-        3 => any::<bool>().prop_map(Event::Internal),
-        1 => (1..30_usize).prop_map(Event::Toggle),
-        2 => select(&[0x01, 0x80, 0x81, 0x82][..]).prop_map(Event::Nmt),
-        2 => Just(Event::Sync),
+        4 => (0..=300_u64).prop_map(Disturbance::Advance),
+        3 => any::<bool>().prop_map(Disturbance::HoldBus),
+        3 => select(modes.to_vec()).prop_map(Disturbance::Bus),
+        3 => any::<bool>().prop_map(Disturbance::Internal),
+        1 => (1..30_usize).prop_map(Disturbance::Toggle),
+        2 => select(orders.to_vec()).prop_map(Disturbance::Send),
+        2 => Just(Disturbance::Send("080:")),
     ]
-}
-
-fn act(rig: &mut Rig, event: Event) {
-    match event {
-        Event::Advance(ms) => rig.advance(ms),
-        Event::HoldBus(held) => rig.hold_bus(held),
-        Event::Bus(mode) => rig.sense_hat(|senses| senses.bus = mode),
-        Event::Internal(fault) => rig.sense_hat(|senses| senses.internal_fault = fault),
-        Event::Toggle(times) => {
-            for _ in 0..times {
-                rig.internal_fault_comes_and_goes();
-            }
-        }
-        Event::Nmt(command) => rig.send(&format!("000: {command:02X} 00")),
-        Event::Sync => rig.send("080:"),
-    }
 }
 
 /// The error register of the last EMCY since the last boot-up; 0 without one.
@@ -68,11 +40,12 @@ proptest! {
         rig.write_all(&[(0x1800, 2, 1, 1), (0x1800, 1, 4, 0x181), (0x1029, 1, 1, 1), (0x1029, 2, 1, 1)]);
         let mut sent = Vec::new();
         for event in events {
-            act(&mut rig, event);
+            event.act(&mut rig);
             sent.append(&mut rig.take());
         }
         rig.hold_bus(false);
-        act(&mut rig, Event::Bus(if passive { BusErrorMode::ErrorPassive } else { BusErrorMode::ErrorActive }));
+        let mode = if passive { BusErrorMode::ErrorPassive } else { BusErrorMode::ErrorActive };
+        Disturbance::Bus(mode).act(&mut rig);
         rig.advance(1_000);
         sent.append(&mut rig.take());
         let register = rig.read(0x1001, 0);

@@ -7,53 +7,25 @@ use proptest::sample::select;
 use protocol_core::controller::BusErrorMode;
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, since};
+use tests::Rig;
+use tests::hostile::{Asked, Disturbance, answered_or_counted};
 use tests::isobus::{BLOCK, CANNOT_CLAIM, CLAIM, DM1_REQUEST, EXTEND, HIGHER_NAME, LOWER_NAME};
-use tests::{Rig, unanswered};
 
 /// The longest distance of two packets.
 const GAP_MAX: Duration = Duration::from_millis(200);
 /// The shortest.
 const GAP_MIN: Duration = Duration::from_millis(50);
 
-/// What can happen to a valve and its bus.
-#[derive(Clone, Copy, Debug)]
-enum Event {
-    Advance(u64),
-    /// The same with a command every 100 ms.
-    Commanded(u64, &'static str),
-    HoldBus(bool),
-    BusOff(bool),
-    Internal(bool),
-    Temperature(bool),
-    SupplyLow(bool),
-    /// The internal fault comes and goes so many times.
-    Toggle(usize),
-    Send(&'static str),
-    /// The same frame so many times.
-    Burst(usize, &'static str),
-    WriteTime(u64),
-    WritesFail(bool),
-}
-
-fn time() -> impl Strategy<Value = Event> {
+fn time() -> impl Strategy<Value = Disturbance> {
     prop_oneof![
-        3 => (1..=120_u64).prop_map(Event::Advance),
-        1 => (120..=2000_u64).prop_map(Event::Advance),
-        3 => (100..=3000_u64, select(&[BLOCK, EXTEND][..])).prop_map(|(ms, command)| Event::Commanded(ms, command)),
-    ]
-}
-
-fn faults() -> impl Strategy<Value = Event> {
-    prop_oneof![
-        4 => any::<bool>().prop_map(Event::Internal),
-        2 => any::<bool>().prop_map(Event::Temperature),
-        1 => any::<bool>().prop_map(Event::SupplyLow),
-        1 => (1..30_usize).prop_map(Event::Toggle),
+        3 => (1..=120_u64).prop_map(Disturbance::Advance),
+        1 => (120..=2000_u64).prop_map(Disturbance::Advance),
+        3 => (100..=3000_u64, select(&[BLOCK, EXTEND][..])).prop_map(|(ms, command)| Disturbance::Cyclic(ms, command)),
     ]
 }
 
 /// Requests for all that the valve sends, and one that it refuses.
-fn request() -> impl Strategy<Value = Event> {
+fn request() -> impl Strategy<Value = Disturbance> {
     let requests = [
         DM1_REQUEST,
         "18EAFF27: CB FE 00",
@@ -66,45 +38,22 @@ fn request() -> impl Strategy<Value = Event> {
     ];
     let requests = select(requests.to_vec());
     prop_oneof![
-        6 => requests.clone().prop_map(Event::Send),
-        1 => (1..60_usize, requests).prop_map(|(times, request)| Event::Burst(times, request)),
+        6 => requests.clone().prop_map(Disturbance::Send),
+        1 => (1..60_usize, requests).prop_map(|(times, request)| Disturbance::Burst(times, request)),
     ]
 }
 
-fn blocks() -> impl Strategy<Value = Event> {
-    prop_oneof![4 => any::<bool>().prop_map(Event::HoldBus), 1 => any::<bool>().prop_map(Event::BusOff)]
+fn blocks() -> impl Strategy<Value = Disturbance> {
+    prop_oneof![4 => any::<bool>().prop_map(Disturbance::HoldBus), 1 => Disturbance::bus_off()]
 }
 
-fn memory() -> impl Strategy<Value = Event> {
-    prop_oneof![(0..=100_u64).prop_map(Event::WriteTime), any::<bool>().prop_map(Event::WritesFail)]
-}
-
-fn act(valve: &mut Rig, event: Event) {
-    match event {
-        Event::Advance(ms) => valve.advance(ms),
-        Event::Commanded(ms, command) => valve.advance_cyclic(ms, command),
-        Event::HoldBus(held) => valve.hold_bus(held),
-        Event::BusOff(off) => {
-            valve.sense(|senses| senses.bus = if off { BusErrorMode::BusOff } else { BusErrorMode::ErrorActive });
-        }
-        Event::Internal(there) => valve.sense(|senses| senses.internal_fault = there),
-        Event::Temperature(there) => valve.sense(|senses| senses.temperature_c = if there { 130 } else { 25 }),
-        Event::SupplyLow(there) => valve.sense(|senses| senses.supply_mv = if there { 8_000 } else { 24_000 }),
-        Event::Toggle(times) => {
-            for there in [true, false].into_iter().cycle().take(2 * times) {
-                valve.sense(|senses| senses.internal_fault = there);
-            }
-        }
-        Event::Send(text) => valve.send(text),
-        Event::Burst(times, text) => (0..times).for_each(|_| valve.send(text)),
-        Event::WriteTime(ms) => valve.write_time = Duration::from_millis(ms),
-        Event::WritesFail(fail) => valve.writes_fail = fail,
-    }
+fn memory() -> impl Strategy<Value = Disturbance> {
+    prop_oneof![(0..=100_u64).prop_map(Disturbance::WriteTime), any::<bool>().prop_map(Disturbance::WritesFail)]
 }
 
 /// Frees the bus for one second, with commands.
 fn free_the_bus(valve: &mut Rig) {
-    act(valve, Event::BusOff(false));
+    Disturbance::Bus(BusErrorMode::ErrorActive).act(valve);
     valve.hold_bus(false);
     valve.advance_cyclic(1000, BLOCK);
 }
@@ -146,25 +95,19 @@ const REQUESTS: [(&str, &str); 5] = [
     ("1BC79083: 02 10 03", "1BC418F2: 03 7F 10 11"),
 ];
 
-#[derive(Clone, Copy, Debug)]
-enum Asked {
-    Request(usize),
-    Other(Event),
-}
-
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     /// One second after the bus is free the last DM1 tells the present state.
     #[test]
     fn the_last_dm1_is_true(
-        events in vec(prop_oneof![6 => time(), 8 => faults(), 2 => request(), 3 => blocks(), 1 => memory()], 0..80),
-        blocked in vec(prop_oneof![2 => time(), 8 => faults(), 1 => request()], 0..40),
+        events in vec(prop_oneof![6 => time(), 8 => Disturbance::faults(), 2 => request(), 3 => blocks(), 1 => memory()], 0..80),
+        blocked in vec(prop_oneof![2 => time(), 8 => Disturbance::faults(), 1 => request()], 0..40),
     ) {
         let mut valve = Rig::claimed();
         let mut last = None;
-        for event in events.into_iter().chain([Event::HoldBus(true)]).chain(blocked) {
-            act(&mut valve, event);
+        for event in events.into_iter().chain([Disturbance::HoldBus(true)]).chain(blocked) {
+            event.act(&mut valve);
             last = valve.take_under("18FECA83").pop().or(last);
         }
         free_the_bus(&mut valve);
@@ -181,10 +124,10 @@ proptest! {
     fn every_bam_is_whole_or_given_up(events in vec(
         prop_oneof![
             8 => time(),
-            4 => Just(Event::Send("18EAFF27: CB FE 00")),
+            4 => Just(Disturbance::Send("18EAFF27: CB FE 00")),
             4 => request(),
             4 => blocks(),
-            1 => faults(),
+            1 => Disturbance::faults(),
             1 => memory(),
         ],
         1..120,
@@ -192,7 +135,7 @@ proptest! {
         let mut valve = Rig::with_two_previously_active();
         let mut receiver = Receiver::default();
         for event in events {
-            act(&mut valve, event);
+            event.act(&mut valve);
             for (at, frame) in valve.take_timed() {
                 receiver.hear(at, &frame)?;
             }
@@ -209,41 +152,27 @@ proptest! {
     fn each_request_is_answered_or_counted(events in vec(
         prop_oneof![
             12 => (0..REQUESTS.len()).prop_map(Asked::Request),
-            2 => Just(Asked::Other(Event::Burst(30, "18EAFF27: 00 EE 00"))),
-            2 => any::<bool>().prop_map(|held| Asked::Other(Event::HoldBus(held))),
+            2 => Just(Asked::Other(Disturbance::Burst(30, "18EAFF27: 00 EE 00"))),
+            2 => any::<bool>().prop_map(|held| Asked::Other(Disturbance::HoldBus(held))),
             4 => time().prop_map(Asked::Other),
-            2 => faults().prop_map(Asked::Other),
-            1 => (0..=100_u64).prop_map(|ms| Asked::Other(Event::WriteTime(ms))),
+            2 => Disturbance::faults().prop_map(Asked::Other),
+            1 => (0..=100_u64).prop_map(|ms| Asked::Other(Disturbance::WriteTime(ms))),
         ],
         1..150,
     )) {
         let mut valve = Rig::claimed();
-        let mut asked = [0_usize; REQUESTS.len()];
-        let mut sent = Vec::new();
-        for event in events {
-            match event {
-                Asked::Request(number) => {
-                    asked[number] += 1;
-                    valve.send(REQUESTS[number].0);
-                }
-                Asked::Other(event) => act(&mut valve, event),
-            }
-            sent.extend(valve.take());
-        }
-        free_the_bus(&mut valve);
-        valve.advance(1000);
-        sent.extend(valve.take());
-        let missing = unanswered(&REQUESTS, &asked, &sent);
-        let dropped = usize::try_from(valve.device().frames_dropped()).unwrap();
-        prop_assert!(missing <= dropped, "{} answers are missing, {} frames dropped", missing, dropped);
+        answered_or_counted(&mut valve, &REQUESTS, &events, |valve| {
+            free_the_bus(valve);
+            valve.advance(1000);
+        });
         valve.exchange("18EAFF27: 00 EE 00", &[CLAIM]);
     }
 
     /// From the loss of the address on nothing leaves but the cannot-claim, whatever waited where.
     #[test]
     fn nothing_leaves_under_a_lost_address(
-        before in vec(prop_oneof![4 => time(), 3 => faults(), 8 => request(), 4 => blocks(), 1 => memory()], 0..60),
-        after in vec(prop_oneof![4 => time(), 3 => faults(), 8 => request(), 4 => blocks(), 1 => memory()], 0..60),
+        before in vec(prop_oneof![4 => time(), 3 => Disturbance::faults(), 8 => request(), 4 => blocks(), 1 => memory()], 0..60),
+        after in vec(prop_oneof![4 => time(), 3 => Disturbance::faults(), 8 => request(), 4 => blocks(), 1 => memory()], 0..60),
         starting in any::<bool>(),
     ) {
         let mut valve = Rig::with_two_previously_active();
@@ -252,13 +181,13 @@ proptest! {
             valve.power_cycle();
         }
         for event in before {
-            act(&mut valve, event);
+            event.act(&mut valve);
         }
         valve.take();
         valve.send(LOWER_NAME);
         prop_assert_eq!(valve.node_id(), None);
         for event in after {
-            act(&mut valve, event);
+            event.act(&mut valve);
             let sent = valve.take();
             prop_assert!(sent.iter().all(|frame| frame == CANNOT_CLAIM), "{:?} after {:?}", sent, event);
         }

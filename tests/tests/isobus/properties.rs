@@ -7,11 +7,8 @@
 use std::collections::BTreeMap;
 
 use proptest::collection::vec;
-use proptest::option;
 use proptest::prelude::*;
 use proptest::sample::select;
-use protocol_core::actuator::{Position, SpoolFault};
-use protocol_core::controller::BusErrorMode;
 use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::frame::{Frame, Id, extended, standard};
 use protocol_core::time::Duration;
@@ -116,35 +113,11 @@ fn plain_frame() -> impl Strategy<Value = Frame> {
     ]
 }
 
-fn senses() -> impl Strategy<Value = Senses> {
-    let supply_mv = prop_oneof![4 => Just(24_000), 1 => any::<u32>(), 1 => select(&[8_999, 9_000, 36_000, 36_001][..])];
-    let temperature_c = prop_oneof![4 => Just(25), 1 => any::<i16>(), 1 => select(&[120, 121][..])];
-    let bus = prop_oneof![
-        6 => Just(BusErrorMode::ErrorActive),
-        1 => Just(BusErrorMode::ErrorPassive),
-        1 => Just(BusErrorMode::BusOff)
-    ];
-    let fault = prop_oneof![
-        4 => Just(SpoolFault::None),
-        1 => select(&[SpoolFault::Stuck, SpoolFault::Slow, SpoolFault::Drifting, SpoolFault::NoFloat][..])
-    ];
-    let position = || option::weighted(0.1, (-16384..=16384_i16).prop_map(|raw| Position::new(raw).unwrap()));
-    (supply_mv, temperature_c, prop::bool::weighted(0.1), bus, fault, position(), position()).prop_map(
-        |(supply_mv, temperature_c, internal_fault, bus, fault, lever, measured)| {
-            let mut senses = Senses { supply_mv, temperature_c, internal_fault, bus, ..Senses::default() };
-            senses.spool.fault = fault;
-            senses.spool.lever = lever;
-            senses.spool.measured = measured;
-            senses
-        },
-    )
-}
-
 fn event() -> impl Strategy<Value = Event> {
     prop_oneof![
         40 => plain_frame().prop_map(Event::Frame),
         20 => transport_frame().prop_map(Event::Frame),
-        6 => senses().prop_map(Event::Sense),
+        6 => Senses::any().prop_map(Event::Sense),
         32 => Disturbance::any().prop_map(Event::Around),
     ]
 }
@@ -350,7 +323,7 @@ proptest! {
     /// Nobody but a commanded address gives a voice back to a valve that has lost its address.
     #[test]
     fn a_lost_valve_is_silent(setup in setup(), events in vec(
-        prop_oneof![6 => plain_frame().prop_map(Event::Frame), 1 => senses().prop_map(Event::Sense), 3 => (0..400_u64).prop_map(|ms| Event::Around(Disturbance::Advance(ms)))],
+        prop_oneof![6 => plain_frame().prop_map(Event::Frame), 1 => Senses::any().prop_map(Event::Sense), 3 => (0..400_u64).prop_map(|ms| Event::Around(Disturbance::Advance(ms)))],
         1..150,
     )) {
         let mut rig = Rig::claimed_as(setup);
