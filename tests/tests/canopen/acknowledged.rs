@@ -2,12 +2,11 @@
 
 use protocol_core::actuator::Led;
 use protocol_core::controller::BitRate;
-use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::memory::RecordKey;
 use protocol_core::time::Duration;
 use tests::{Rig, lss};
 
-use super::{BOOT, CLEAR, COUNTERS_CLEARED, LOAD, LOADED, SAVE, SAVED};
+use super::{BOOT, CLEAR, LOAD, LOADED, SAVE, SAVED, blank};
 
 const NOT_SAVED: &str = "5A0: 80 10 10 01 00 00 06 06";
 const NOT_LOADED: &str = "5A0: 80 11 10 01 00 00 06 06";
@@ -119,7 +118,7 @@ fn an_executed_load_that_failed_is_tried_again() {
 /// A blank valve whose ID was never stored has no defaults to store when "load" is executed.
 #[test]
 fn load_of_a_blank_valve() {
-    let mut valve = Rig::power_on(Setup { node_id: None, ..Setup::new(Kind::PveaCanopen) });
+    let mut valve = blank();
     let assign = |valve: &mut Rig, id: u8| {
         valve.send(CONFIGURE);
         valve.exchange(&format!("7E5: 11 {id:02X} 00 00 00 00 00 00"), &["7E4: 11 00 00 00 00 00 00 00"]);
@@ -131,60 +130,10 @@ fn load_of_a_blank_valve() {
     valve.exchange("621: 23 11 10 01 6C 6F 61 64", &["5A1: 60 11 10 01 00 00 00 00"]);
     valve.power_cycle();
     valve.silent_for(1000);
-    let led = valve.outputs().led;
-    assert_eq!(led, blank_led(), "yellow: no node ID");
+    assert_eq!(valve.outputs().led, Led::YELLOW, "no node ID");
     assign(&mut valve, 0x22);
     valve.silent_for(1000);
     assert_eq!((valve.read(0x1001, 0), valve.read(0x1400, 1)), (0, 0x222));
-}
-
-fn blank_led() -> Led {
-    Rig::power_on(Setup { node_id: None, ..Setup::new(Kind::PveaCanopen) }).outputs().led
-}
-
-fn internal_errors(valve: &mut Rig) -> u32 {
-    valve.take();
-    valve.read(0x2024, 0)
-}
-
-/// Zero, and one for the fault that occurs while the counters are cleared.
-#[test]
-fn a_fault_while_the_counters_are_cleared() {
-    let mut valve = Rig::booted();
-    for active in [true, false].into_iter().cycle().take(10) {
-        valve.sense(|senses| senses.internal_fault = active);
-    }
-    valve.advance(2000);
-    assert_eq!(internal_errors(&mut valve), 5);
-    valve.write_time = Duration::from_millis(50);
-    valve.send(CLEAR);
-    valve.advance(10);
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.advance(40);
-    assert!(valve.take().contains(&COUNTERS_CLEARED.to_owned()));
-    let mut cut = Rig::booted();
-    cut.records = valve.records.clone();
-    cut.power_cycle();
-    assert!(internal_errors(&mut cut) <= 1, "after a power cut at the answer");
-    assert_eq!(internal_errors(&mut valve), 1);
-    valve.advance(20_000);
-    valve.sense(|senses| senses.internal_fault = false);
-    valve.power_cycle();
-    assert_eq!(internal_errors(&mut valve), 1);
-}
-
-/// A client that repeats "save" while it is stored: one more write at the most, one answer, and no abort.
-#[test]
-fn a_save_repeated_many_times() {
-    let mut valve = Rig::booted();
-    valve.writes.clear();
-    valve.write_time = Duration::from_millis(300);
-    for _ in 0..18 {
-        valve.send(SAVE);
-        valve.advance(1);
-    }
-    valve.advance_sends(10_000, &[SAVED]);
-    assert!(valve.writes.len() <= 2, "{:?}", valve.writes);
 }
 
 #[test]

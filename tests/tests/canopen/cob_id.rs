@@ -83,7 +83,7 @@ fn bits_29_to_31() {
 #[test]
 fn an_emcy_consumer_that_is_off_takes_anything() {
     let mut rig = Rig::booted();
-    for value in [OFF, OFF | 0x7FF, OFF | EXTENDED | 0x1FFF_FFFF, 0xFFFF_FFFF, OFF | BIT_30] {
+    for value in [OFF, OFF | 0x7FF, OFF | 0x001, OFF | EXTENDED | 0x1FFF_FFFF, 0xFFFF_FFFF, OFF | BIT_30] {
         assert_eq!(write(&mut rig, EMCY_CONSUMER, value), Ok(()));
         assert_eq!(rig.read(EMCY_CONSUMER.0, EMCY_CONSUMER.1), value);
     }

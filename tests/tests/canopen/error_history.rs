@@ -46,17 +46,6 @@ fn newest_first_with_code_and_counter() {
 }
 
 #[test]
-fn an_error_that_goes_leaves_no_entry_and_takes_none_away() {
-    let mut rig = Rig::booted();
-    rig.sense(|senses| senses.internal_fault = true);
-    rig.take();
-    assert_history(&mut rig, &[0x0001_1000]);
-    rig.sense(|senses| senses.internal_fault = false);
-    rig.take();
-    assert_history(&mut rig, &[0x0001_1000]);
-}
-
-#[test]
 fn the_ninth_pushes_the_oldest_out() {
     let mut rig = Rig::booted();
     let mut expected = Vec::new();

@@ -1,206 +1,13 @@
-//! The faults (SPEC 2 and 3): limits, delays, what each is told by, and how it ends.
+//! The EMCYs of faults: several at once, bus-off, and the memory's (SPEC 2, 3).
 
 use protocol_core::controller::BusErrorMode;
+use protocol_core::time::Duration;
 use tests::{Rig, Senses};
 
 use super::{CLEARED, SAVE, SAVED};
 
-/// A cause that is sensed: what brings the fault, what is just not enough, and what ends it.
-struct Row {
-    name: &'static str,
-    trips: fn(&mut Senses),
-    tolerated: fn(&mut Senses),
-    delay_ms: u64,
-    code: u16,
-    register: u8,
-    counters: &'static [u16],
-    /// Within the limit, but not within the hysteresis.
-    not_clear_yet: fn(&mut Senses),
-    clears: fn(&mut Senses),
-}
-
-const ROWS: [Row; 6] = [
-    Row {
-        name: "internal error",
-        trips: |senses| senses.internal_fault = true,
-        tolerated: |_| {},
-        delay_ms: 0,
-        code: 0x1000,
-        register: 0x01,
-        counters: &[0x2024, 0x2040],
-        not_clear_yet: |_| {},
-        clears: |senses| senses.internal_fault = false,
-    },
-    Row {
-        name: "CAN bus error",
-        trips: |senses| senses.bus = BusErrorMode::BusOff,
-        tolerated: |senses| senses.bus = BusErrorMode::ErrorPassive,
-        delay_ms: 0,
-        code: 0x8140,
-        register: 0x11,
-        counters: &[0x2019],
-        not_clear_yet: |_| {},
-        clears: |senses| senses.bus = BusErrorMode::ErrorActive,
-    },
-    Row {
-        name: "temperature, hot",
-        trips: |senses| senses.temperature_c = 121,
-        tolerated: |senses| senses.temperature_c = 120,
-        delay_ms: 250,
-        code: 0x8301,
-        register: 0x09,
-        counters: &[0x200F],
-        not_clear_yet: |senses| senses.temperature_c = 116,
-        clears: |senses| senses.temperature_c = 115,
-    },
-    Row {
-        name: "temperature, cold",
-        trips: |senses| senses.temperature_c = -41,
-        tolerated: |senses| senses.temperature_c = -40,
-        delay_ms: 250,
-        code: 0x8301,
-        register: 0x09,
-        counters: &[0x200F],
-        not_clear_yet: |senses| senses.temperature_c = -36,
-        clears: |senses| senses.temperature_c = -35,
-    },
-    Row {
-        name: "supply too high",
-        trips: |senses| senses.supply_mv = 36_001,
-        tolerated: |senses| senses.supply_mv = 36_000,
-        delay_ms: 2000,
-        code: 0x3411,
-        register: 0x05,
-        counters: &[0x2001],
-        not_clear_yet: |senses| senses.supply_mv = 32_000,
-        clears: |senses| senses.supply_mv = 31_999,
-    },
-    Row {
-        name: "supply too low",
-        trips: |senses| senses.supply_mv = 8_999,
-        tolerated: |senses| senses.supply_mv = 9_000,
-        delay_ms: 2000,
-        code: 0x3412,
-        register: 0x05,
-        counters: &[0x2002],
-        not_clear_yet: |senses| senses.supply_mv = 11_000,
-        clears: |senses| senses.supply_mv = 11_001,
-    },
-];
-
 fn emcy(code: u16, register: u8, count: u32) -> String {
     format!("0A0: {:02X} {:02X} {register:02X} {count:02X} 00 00 00 00", code & 0xFF, code >> 8)
-}
-
-impl Row {
-    fn emcy(&self, count: u32) -> String {
-        emcy(self.code, self.register, count)
-    }
-
-    fn is_bus_off(&self) -> bool {
-        self.code == 0x8140
-    }
-}
-
-#[test]
-fn each_is_told_after_its_delay_and_ends_at_once() {
-    for row in ROWS {
-        let name = row.name;
-        let mut valve = Rig::booted();
-        valve.sense(row.tolerated);
-        valve.silent_for(10_000);
-        valve.sense(row.trips);
-        if row.delay_ms > 0 {
-            valve.silent_for(row.delay_ms - 1);
-            assert_eq!((valve.read(0x1001, 0), valve.status()), (0, 0x08), "{name}: not yet");
-            valve.advance(1);
-        }
-        if row.is_bus_off() {
-            valve.expect_nothing();
-            valve.sense(row.clears);
-        } else {
-            assert_eq!(valve.take(), [row.emcy(1)], "{name}");
-            assert_eq!(valve.read(0x1001, 0), u32::from(row.register), "{name}");
-            valve.sense(row.not_clear_yet);
-            valve.expect_nothing();
-            valve.sense(row.clears);
-            valve.send("620: 40 01 10 00 00 00 00 00");
-            assert_eq!(valve.take(), [CLEARED, "5A0: 4F 01 10 00 00 00 00 00"], "{name}");
-        }
-        valve.take();
-        assert_eq!(valve.read(0x1001, 0), 0, "{name}");
-        assert_eq!(valve.status(), 0x03, "{name}: it stays shut down");
-        assert_eq!((valve.read(0x1003, 0), valve.read(0x1003, 1)), (1, 0x0001_0000 | u32::from(row.code)), "{name}");
-        for index in [0x2001, 0x2002, 0x200F, 0x2019, 0x201D, 0x2023, 0x2024, 0x2040] {
-            assert_eq!(valve.read(index, 0), u32::from(row.counters.contains(&index)), "{name}: {index:04X}");
-        }
-    }
-}
-
-#[test]
-fn a_cause_that_ends_a_moment_before_its_delay_begins_anew() {
-    for row in ROWS.into_iter().filter(|row| row.delay_ms > 0) {
-        let mut valve = Rig::booted();
-        valve.sense(row.trips);
-        valve.advance(row.delay_ms - 1);
-        valve.sense(row.tolerated);
-        valve.sense(row.trips);
-        valve.silent_for(row.delay_ms - 1);
-        valve.advance(1);
-        assert_eq!(valve.take(), [row.emcy(1)], "{}", row.name);
-    }
-}
-
-#[test]
-fn a_cause_at_power_up_activates_after_its_normal_delay() {
-    for row in ROWS.into_iter().filter(|row| !row.is_bus_off()) {
-        let mut valve = Rig::booted();
-        valve.sense(row.trips);
-        valve.advance(5_000);
-        valve.take();
-        valve.power_cycle();
-        valve.expect("720: 00");
-        valve.expect(CLEARED);
-        if row.delay_ms > 0 {
-            valve.silent_for(row.delay_ms - 1);
-            assert_eq!(valve.status(), 0x08, "{}: from INIT", row.name);
-            valve.advance(1);
-        }
-        assert_eq!(valve.take(), [row.emcy(2)], "{}", row.name);
-        assert_eq!(valve.status(), 0x03);
-    }
-}
-
-#[test]
-fn every_fault_shuts_the_regulation_down() {
-    for row in ROWS.into_iter().filter(|row| !row.is_bus_off()) {
-        let mut valve = Rig::active();
-        valve.send("220: 0F 00 00 40");
-        valve.advance_cyclic(1000, "220: 0F 00 00 40");
-        valve.take();
-        valve.sense(row.trips);
-        valve.advance_cyclic(row.delay_ms, "220: 0F 00 00 40");
-        assert_eq!(valve.take_under("0A0"), [row.emcy(1)], "{}", row.name);
-        assert_eq!((valve.status(), valve.outputs().solenoids), (0x03, false), "{}", row.name);
-        assert_eq!(valve.read(0x6301, 1), 16384, "from where the springs take it");
-        valve.advance(75);
-        assert_eq!(valve.read(0x6301, 1), 8192);
-        valve.advance(75);
-        assert_eq!(valve.read(0x6301, 1), 0, "{}", row.name);
-    }
-}
-
-#[test]
-fn counters_stop_at_127_and_go_on_being_told() {
-    let mut valve = Rig::booted();
-    for count in 1..=130 {
-        valve.sense(|senses| senses.internal_fault = true);
-        let count = count.min(127);
-        assert_eq!(valve.take(), [emcy(0x1000, 0x01, count)]);
-        assert_eq!((valve.read(0x2024, 0), valve.read(0x2040, 0)), (count, count));
-        assert_eq!(valve.read(0x1003, 1), count << 16 | 0x1000);
-        valve.sense_sends(|senses| senses.internal_fault = false, &[CLEARED]);
-    }
 }
 
 /// Three that fall due at the same instant: one EMCY each, by priority; only the end of the last is told.
@@ -218,7 +25,29 @@ fn several_at_once() {
     valve.sense_sends(|senses| senses.temperature_c = 25, &[]);
     assert_eq!(valve.read(0x1001, 0), 0x05);
     valve.sense_sends(|senses| senses.supply_mv = 24_000, &[]);
+    assert_eq!(valve.read(0x1001, 0), 0x01);
     valve.sense_sends(|senses| senses.internal_fault = false, &[CLEARED]);
+}
+
+/// The register is that of 0x1001: one fault goes at the look at which another comes.
+#[test]
+fn a_fault_that_goes_when_another_comes_is_not_in_its_register() {
+    let mut valve = Rig::booted();
+    valve.sense(|senses| senses.supply_mv = 8_000);
+    valve.silent_until(2000, &[emcy(0x3412, 0x05, 1)]);
+    let swap = |senses: &mut Senses| (senses.supply_mv, senses.internal_fault) = (24_000, true);
+    valve.sense_sends(swap, &[&emcy(0x1000, 0x01, 1)]);
+    assert_eq!(valve.read(0x1001, 0), 0x01);
+    // Several come: those that stay are in it, each from its own EMCY on.
+    valve.sense(|senses| senses.supply_mv = 40_000);
+    valve.silent_until(2000, &[emcy(0x3411, 0x05, 1)]);
+    valve.sense(|senses| senses.temperature_c = 130);
+    valve.advance(249);
+    valve.sense_sends(|senses| (senses.supply_mv, senses.internal_fault) = (24_000, false), &[CLEARED]);
+    valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
+    valve.advance(1);
+    valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
+    assert_eq!(valve.take(), [emcy(0x8140, 0x11, 1), emcy(0x8301, 0x19, 1)]);
 }
 
 /// The time guard and a temperature at the instant of an RPDO: the EMCYs first, then the TPDO, which shows FAULT_HOLD.
@@ -226,7 +55,7 @@ fn several_at_once() {
 fn an_emcy_goes_before_the_tpdo_of_the_same_instant() {
     let mut valve = Rig::active();
     valve.sense(|senses| senses.temperature_c = 130);
-    valve.leap(protocol_core::time::Duration::from_millis(250));
+    valve.leap(Duration::from_millis(250));
     let told = [emcy(0x8301, 0x09, 1), emcy(0x8003, 0x99, 1)];
     assert_eq!(valve.take(), told);
 
@@ -283,6 +112,16 @@ mod bus_off {
         set(&mut valve, BusErrorMode::ErrorActive);
         assert_eq!(valve.take(), [emcy(0x8140, 0x11, 1)]);
         valve.sense_sends(|senses| senses.internal_fault = false, &[CLEARED]);
+    }
+
+    #[test]
+    fn with_a_fault_of_the_same_instant() {
+        let mut valve = Rig::booted();
+        valve.sense(|senses| (senses.internal_fault, senses.bus) = (true, BusErrorMode::BusOff));
+        valve.expect_nothing();
+        set(&mut valve, BusErrorMode::ErrorActive);
+        assert_eq!(valve.take(), [emcy(0x1000, 0x01, 1), emcy(0x8140, 0x11, 1)]);
+        assert_eq!(valve.read(0x1001, 0), 0x01);
     }
 
     /// EMCYs are told all the same, each activation in its turn: they are how the master learns what happened.

@@ -1,12 +1,12 @@
-//! LED, power save and the on/off kind (SPEC 1, 2).
+//! The LED, and the solenoids outside ACTIVE (SPEC 1, 2).
 
-use protocol_core::actuator::{Color, Led, Position, SpoolFault};
+use protocol_core::actuator::{Color, Led, SpoolFault};
 use protocol_core::controller::BusErrorMode;
-use protocol_core::device::pve::{Kind, Setup};
 use tests::Rig;
 
+use super::blank;
+
 const GREEN: (Color, bool) = (Color::Green, false);
-const GREEN_FLASHING: (Color, bool) = (Color::Green, true);
 const YELLOW: (Color, bool) = (Color::Yellow, false);
 const RED: (Color, bool) = (Color::Red, false);
 const RED_FLASHING: (Color, bool) = (Color::Red, true);
@@ -18,10 +18,6 @@ fn led(valve: &Rig) -> (Color, bool) {
 
 fn solenoids(valve: &Rig) -> bool {
     valve.outputs().solenoids
-}
-
-fn blank() -> Rig {
-    Rig::power_on(Setup { node_id: None, ..Setup::new(Kind::PveaCanopen) })
 }
 
 #[test]
@@ -86,51 +82,6 @@ fn the_order_of_the_faults() {
     assert_eq!(led(&valve), RED);
 }
 
-/// De-energised after 200 ms of ACTIVE with set-point 0.
-#[test]
-fn power_save() {
-    let mut valve = Rig::active();
-    assert_eq!((led(&valve), solenoids(&valve)), (GREEN, true));
-    valve.advance(199);
-    assert_eq!((led(&valve), solenoids(&valve)), (GREEN, true));
-    valve.advance(1);
-    assert_eq!((led(&valve), solenoids(&valve)), (GREEN_FLASHING, false));
-    valve.advance_cyclic(1000, "220: 0F 00 00 00");
-}
-
-#[test]
-fn a_set_point_ends_power_save_at_once() {
-    for set_point in ["01 00", "FF FF", "FF 7F", "00 40"] {
-        let mut valve = saving();
-        valve.send(&format!("220: 0F 00 {set_point}"));
-        assert_eq!((led(&valve), solenoids(&valve)), (GREEN, true), "{set_point}");
-        // blocked again: another 200 ms
-        valve.send("220: 0F 00 00 00");
-        valve.advance(100);
-        valve.send("220: 0F 00 00 00");
-        assert_eq!((led(&valve), solenoids(&valve)), (GREEN, true), "{set_point}");
-    }
-}
-
-#[test]
-fn a_spool_that_moves_ends_power_save_at_once() {
-    let mut valve = saving();
-    valve.sense(|senses| senses.spool.lever = Position::new(4000));
-    assert_eq!((led(&valve), solenoids(&valve)), (GREEN, true));
-    valve.sense(|senses| senses.spool.lever = None);
-    valve.advance_cyclic(400, "220: 0F 00 00 00");
-    assert_eq!((led(&valve), solenoids(&valve)), (GREEN_FLASHING, false), "and it begins again");
-}
-
-/// In power save.
-fn saving() -> Rig {
-    let mut valve = Rig::active();
-    valve.advance(200);
-    valve.send("220: 0F 00 00 00");
-    assert_eq!((led(&valve), solenoids(&valve)), (GREEN_FLASHING, false));
-    valve
-}
-
 #[test]
 fn outside_active_the_solenoids_are_off_at_once() {
     let ways: [fn(&mut Rig); 5] = [
@@ -147,21 +98,5 @@ fn outside_active_the_solenoids_are_off_at_once() {
         assert!(solenoids(&valve));
         way(&mut valve);
         assert!(!solenoids(&valve));
-    }
-}
-
-/// PVEO: any set-point but 0 is full stroke, for the spool and for monitor 1; objects read back what was written.
-#[test]
-fn the_on_off_kind() {
-    for (set_point, raw, full) in [("01 00", 1, 0x4000), ("00 20", 0x2000, 0x4000), ("FF FF", 0xFFFF, 0xC000)] {
-        let mut valve = Rig::booted_pveo();
-        valve.activate();
-        valve.send(&format!("220: 0F 00 {set_point}"));
-        valve.advance_cyclic(2000, &format!("220: 0F 00 {set_point}"));
-        assert_eq!(valve.take_under("0A0"), [""; 0], "monitor 1 knows");
-        assert_eq!((valve.read(0x6300, 1), valve.read(0x6301, 1)), (raw, full), "{set_point}");
-        valve.advance_cyclic(2000, "220: 0F 00 00 00");
-        assert_eq!(valve.take_under("0A0"), [""; 0]);
-        assert_eq!(valve.read(0x6301, 1), 0);
     }
 }

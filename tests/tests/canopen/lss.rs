@@ -2,20 +2,13 @@
 //! 4.5).
 
 use protocol_core::controller::BitRate;
-use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::time::Duration;
 use tests::Rig;
 use tests::lss::{IDENTIFIED, STORE, STORED, TO_CONFIGURATION, TO_WAITING, activate};
 
-use super::BOOT;
+use super::{BOOT, blank};
 
 const BOOT_AS_17: [&str; 2] = ["717: 00", "097: 00 00 00 00 00 00 00 00"];
-
-fn blank() -> Rig {
-    let mut valve = Rig::power_on(Setup { node_id: None, ..Setup::new(Kind::PveaCanopen) });
-    valve.expect_nothing();
-    valve
-}
 
 /// A valve in pre-operational and LSS configuration.
 fn configuring() -> Rig {

@@ -3,13 +3,12 @@
 mod acknowledged;
 mod acknowledged_lives;
 mod acknowledged_orders;
-mod actuator;
 mod bit_rate_blocked;
 mod blocked_bus;
 mod cob_id;
 mod device_state_machine;
-mod emcy;
 mod emcy_stream;
+mod emergency_stop;
 mod error_history;
 mod fault_log;
 mod faults;
@@ -31,7 +30,9 @@ mod set_point;
 mod silence;
 mod storage;
 mod sync;
-mod uds;
+
+use protocol_core::device::pve::{Kind, Setup};
+use tests::Rig;
 
 /// What the boot of a valve at node 0x20 sends.
 const BOOT: [&str; 2] = ["720: 00", "0A0: 00 00 00 00 00 00 00 00"];
@@ -51,3 +52,10 @@ const LOADED: &str = "5A0: 60 11 10 01 00 00 00 00";
 const CLEAR: &str = "620: 23 11 10 05 70 6B 64 73";
 /// The answer to [`CLEAR`].
 const COUNTERS_CLEARED: &str = "5A0: 60 11 10 05 00 00 00 00";
+
+/// A valve without a node ID.
+fn blank() -> Rig {
+    let mut valve = Rig::power_on(Setup { node_id: None, ..Setup::new(Kind::PveaCanopen) });
+    valve.expect_nothing();
+    valve
+}

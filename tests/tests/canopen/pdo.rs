@@ -64,22 +64,6 @@ fn pdos_are_for_operational_alone() {
     rig.exchange("220: 0F 00 00 00", &["1A0: 03 00 00 00"]);
 }
 
-/// INIT, DISABLED, HOLD, ACTIVE and FAULT_HOLD all send.
-#[test]
-fn a_tpdo_is_sent_in_every_device_state() {
-    let mut rig = Rig::booted();
-    rig.exchange("000: 01 00", &[]);
-    rig.exchange("220: 00 00 00 00", &["1A0: 08 00 00 00"]);
-    for (word, status) in [("01", "09"), ("03", "0B"), ("07", "0F")] {
-        for _ in 0..2 {
-            rig.exchange(&format!("220: {word} 00 00 00"), &[&format!("1A0: {status} 00 00 00")]);
-        }
-    }
-    rig.sense(|senses| senses.internal_fault = true);
-    rig.take();
-    rig.exchange("220: 0F 00 00 00", &["1A0: 03 00 00 00"]);
-}
-
 /// Mode, control word, set-point: their order in the mapping does not matter.
 #[test]
 fn the_values_of_one_rpdo_act_in_their_own_order() {

@@ -289,17 +289,3 @@ fn an_rpdo_of_gaps_alone_still_brings_a_tpdo() {
     rig.exchange("220: FF", &["1A0: 08 00 00 00"]);
     assert_eq!(rig.read(0x6040, 0), 0);
 }
-
-/// Reset communication takes the parameters back from the memory, that is here: the defaults.
-#[test]
-fn a_mapping_that_was_not_stored_is_gone_with_a_reset() {
-    for reset in ["000: 81 00", "000: 82 00"] {
-        let mut rig = Rig::booted();
-        rig.map(TPDO, &[0x3304_0010]);
-        assert_eq!(rig.write(TPDO, 2, 1, 5), Ok(()));
-        rig.exchange(reset, &["720: 00", "0A0: 00 00 00 00 00 00 00 00"]);
-        assert_eq!(rig.read(TPDO_MAPPING, 0), 2);
-        assert_eq!(rig.read(TPDO_MAPPING, 1), 0x6041_0010);
-        assert_eq!(rig.read(TPDO, 2), 0xFF);
-    }
-}

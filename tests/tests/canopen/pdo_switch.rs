@@ -45,28 +45,6 @@ fn a_pdo_that_is_off_takes_another_value() {
     }
 }
 
-/// The same of the emergency-stop consumer.
-#[test]
-fn the_emcy_consumer_is_off_with_any_value() {
-    for value in OFF_VALUES {
-        let mut valve = Rig::booted();
-        assert_eq!(valve.write(0x1028, 1, 4, value), Ok(()), "{value:08X}");
-        assert_eq!(valve.read(0x1028, 1), value);
-    }
-}
-
-/// A PDO that is on stays refused: 29-bit, reserved.
-#[test]
-fn an_identifier_that_cannot_be_used_is_refused() {
-    for (communication, _, identifier) in PDOS {
-        for value in [0x2000_0220, 0x0000_0001, 0x0000_0101, 0x0000_05A0, 0x0000_07FF] {
-            let mut valve = Rig::booted();
-            assert_eq!(valve.write(communication, 1, 4, OFF | identifier), Ok(()));
-            assert_eq!(valve.write(communication, 1, 4, value), Err(INVALID_VALUE), "{value:08X}");
-        }
-    }
-}
-
 /// (A) A PDO with nothing mapped cannot be switched on; one that only has dummies can.
 #[test]
 fn a_pdo_with_nothing_mapped() {

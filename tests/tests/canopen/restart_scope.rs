@@ -9,6 +9,17 @@ const INIT: u32 = 0x08;
 const HOLD: u32 = 0x0B;
 const FAULT_HOLD: u32 = 0x03;
 
+/// A write to the memory, or an answer that the bus does not take: a reset waits for either.
+fn waits(valve: &mut Rig, slow_memory: bool) {
+    if slow_memory {
+        valve.write_time = Duration::from_millis(300);
+        valve.send(SAVE);
+    } else {
+        valve.hold_bus(true);
+        valve.send("620: 40 00 10 00 00 00 00 00");
+    }
+}
+
 /// A reset that comes while another one waits: the larger one is carried out, once.
 #[track_caller]
 fn resets(valve: &mut Rig, orders: [&str; 2]) {
@@ -27,22 +38,13 @@ fn resets(valve: &mut Rig, orders: [&str; 2]) {
 const ORDERS: [[&str; 2]; 4] = [["82", "81"], ["81", "82"], ["82", "82"], ["81", "81"]];
 
 #[test]
-fn the_larger_of_two_that_wait_for_the_memory() {
+fn the_larger_of_two_that_wait() {
     for orders in ORDERS {
-        let mut valve = Rig::booted();
-        valve.write_time = Duration::from_millis(300);
-        valve.send(SAVE);
-        resets(&mut valve, orders);
-    }
-}
-
-#[test]
-fn the_larger_of_two_that_wait_for_the_bus() {
-    for orders in ORDERS {
-        let mut valve = Rig::booted();
-        valve.hold_bus(true);
-        valve.send("620: 40 00 10 00 00 00 00 00");
-        resets(&mut valve, orders);
+        for slow_memory in [false, true] {
+            let mut valve = Rig::booted();
+            waits(&mut valve, slow_memory);
+            resets(&mut valve, orders);
+        }
     }
 }
 
@@ -119,13 +121,7 @@ fn pre_operational_forgets_nothing() {
 fn a_count_that_falls_while_a_reset_waits() {
     for slow_memory in [false, true] {
         let mut valve = Rig::booted();
-        if slow_memory {
-            valve.write_time = Duration::from_millis(300);
-            valve.send(SAVE);
-        } else {
-            valve.hold_bus(true);
-            valve.send("620: 40 00 10 00 00 00 00 00");
-        }
+        waits(&mut valve, slow_memory);
         valve.send("000: 81 20");
         valve.internal_fault_comes_and_goes();
         valve.advance(10);

@@ -3,6 +3,8 @@
 use protocol_core::time::Duration;
 use tests::{Rig, frame};
 
+use super::BOOT;
+
 /// A segmented transfer is aborted after so long without a segment.
 const TIMEOUT_MS: u64 = 5000;
 
@@ -10,15 +12,25 @@ const TOGGLE: &str = "00 00 03 05";
 const TIMEOUT: &str = "00 00 04 05";
 const UNKNOWN_COMMAND: &str = "01 00 04 05";
 
-/// Starts a segmented upload of 0x100A and fetches one segment.
-fn begin_upload(rig: &mut Rig) {
+/// Starts a segmented upload of 0x100A.
+fn initiate_upload(rig: &mut Rig) {
     rig.exchange("620: 40 0A 10 00 00 00 00 00", &["5A0: 41 0A 10 00 2F 00 00 00"]);
+}
+
+/// The same, and fetches one segment.
+fn begin_upload(rig: &mut Rig) {
+    initiate_upload(rig);
     rig.exchange("620: 60 00 00 00 00 00 00 00", &["5A0: 00 41 50 50 2D 5F 53 36"]);
 }
 
-/// Starts a segmented download of 0x6053 and sends one segment.
-fn begin_download(rig: &mut Rig) {
+/// Starts a segmented download of 0x6053.
+fn initiate_download(rig: &mut Rig) {
     rig.exchange("620: 21 53 60 00 09 00 00 00", &["5A0: 60 53 60 00 00 00 00 00"]);
+}
+
+/// The same, and sends one segment.
+fn begin_download(rig: &mut Rig) {
+    initiate_download(rig);
     rig.exchange("620: 00 62 6F 6F 6D 20 6C 65", &["5A0: 20 00 00 00 00 00 00 00"]);
 }
 
@@ -192,25 +204,45 @@ fn data_of_another_length_than_announced_is_refused() {
     }
 }
 
+/// Each way, how far it has come, the object as an abort names it, the next segment with the wrong toggle bit, and one of the
+/// other way.
+const UNDER_WAY: [(Begin, &str, &str, &str); 4] = [
+    (initiate_upload, "0A 10 00", "620: 70 00 00 00 00 00 00 00", "620: 1B 66 74 00 00 00 00 00"),
+    (begin_upload, "0A 10 00", "620: 60 00 00 00 00 00 00 00", "620: 1B 66 74 00 00 00 00 00"),
+    (initiate_download, "53 60 00", "620: 10 62 6F 6F 6D 20 6C 65", "620: 70 00 00 00 00 00 00 00"),
+    (begin_download, "53 60 00", "620: 0B 66 74 00 00 00 00 00", "620: 70 00 00 00 00 00 00 00"),
+];
+
 #[test]
-fn a_toggle_bit_that_does_not_alternate_ends_the_transfer() {
-    let abort = |object: &str| format!("5A0: 80 {object} {TOGGLE}");
-    let mut rig = Rig::booted();
-    // in the first segment
-    rig.exchange("620: 40 0A 10 00 00 00 00 00", &["5A0: 41 0A 10 00 2F 00 00 00"]);
-    rig.exchange("620: 70 00 00 00 00 00 00 00", &[&abort("0A 10 00")]);
-    assert_no_transfer(&mut rig);
-    rig.exchange("620: 21 53 60 00 09 00 00 00", &["5A0: 60 53 60 00 00 00 00 00"]);
-    rig.exchange("620: 10 62 6F 6F 6D 20 6C 65", &[&abort("53 60 00")]);
-    assert_no_transfer(&mut rig);
-    // in a later one
-    begin_upload(&mut rig);
-    rig.exchange("620: 60 00 00 00 00 00 00 00", &[&abort("0A 10 00")]);
-    assert_no_transfer(&mut rig);
-    begin_download(&mut rig);
-    rig.exchange("620: 0B 66 74 00 00 00 00 00", &[&abort("53 60 00")]);
-    assert_no_transfer(&mut rig);
-    assert_not_written(&mut rig);
+fn what_ends_a_transfer() {
+    for (begin, object, wrong_toggle, other_way) in UNDER_WAY {
+        let abort = |code: &str| format!("5A0: 80 {object} {code}");
+        let [toggle, unknown] = [TOGGLE, UNKNOWN_COMMAND].map(abort);
+        let client_aborts = format!("620: 80 {object} 00 00 00 08");
+        for (frame, answers) in [
+            (wrong_toggle, &[toggle.as_str()][..]),
+            (other_way, &[unknown.as_str()]),
+            ("620: A0 0A 10 00 7F 00 00 00", &["5A0: 80 0A 10 00 01 00 04 05"]),
+            (&client_aborts, &[]),
+            ("000: 02 00", &[]),
+            ("000: 81 00", &BOOT),
+            ("000: 82 00", &BOOT),
+            ("620: 40 18 10 01 00 00 00 00", &["5A0: 43 18 10 01 19 00 00 01"]),
+            ("620: 2B 00 63 01 01 00 00 00", &["5A0: 60 00 63 01 00 00 00 00"]),
+            // One that fails, too.
+            ("620: 40 00 00 00 00 00 00 00", &["5A0: 80 00 00 00 00 00 02 06"]),
+        ] {
+            let mut rig = Rig::booted();
+            begin(&mut rig);
+            rig.exchange(frame, answers);
+            rig.silent_for(2 * TIMEOUT_MS);
+            rig.send("000: 80 00");
+            assert_no_transfer(&mut rig);
+            assert_not_written(&mut rig);
+        }
+    }
+    // Without one, an abort is nothing to answer.
+    Rig::booted().exchange("620: 80 00 00 00 00 00 00 08", &[]);
 }
 
 #[test]
@@ -242,33 +274,9 @@ fn every_segment_gives_another_five_seconds() {
 }
 
 #[test]
-fn a_client_that_aborts_gets_no_answer() {
-    for (begin, object) in TRANSFERS {
-        let mut rig = Rig::booted();
-        begin(&mut rig);
-        rig.exchange(&format!("620: 80 {object} 00 00 00 08"), &[]);
-        rig.silent_for(2 * TIMEOUT_MS);
-        assert_no_transfer(&mut rig);
-        assert_not_written(&mut rig);
-        // nor without a transfer
-        rig.exchange("620: 80 00 00 00 00 00 00 08", &[]);
-    }
-}
-
-#[test]
 fn a_new_initiate_starts_anew() {
     for (begin, _) in TRANSFERS {
         let mut rig = Rig::booted();
-        begin(&mut rig);
-        rig.exchange("620: 40 18 10 01 00 00 00 00", &["5A0: 43 18 10 01 19 00 00 01"]);
-        assert_no_transfer(&mut rig);
-        begin(&mut rig);
-        rig.exchange("620: 2B 00 63 01 01 00 00 00", &["5A0: 60 00 63 01 00 00 00 00"]);
-        assert_no_transfer(&mut rig);
-        // one that fails, too
-        begin(&mut rig);
-        rig.exchange("620: 40 00 00 00 00 00 00 00", &["5A0: 80 00 00 00 00 00 02 06"]);
-        assert_no_transfer(&mut rig);
         begin(&mut rig);
         begin_download(&mut rig);
         begin(&mut rig);
@@ -278,18 +286,6 @@ fn a_new_initiate_starts_anew() {
     }
 }
 
-#[test]
-fn a_segment_of_the_other_kind_ends_the_transfer() {
-    let mut rig = Rig::booted();
-    begin_upload(&mut rig);
-    rig.exchange("620: 1B 66 74 00 00 00 00 00", &["5A0: 80 0A 10 00 01 00 04 05"]);
-    assert_no_transfer(&mut rig);
-    begin_download(&mut rig);
-    rig.exchange("620: 70 00 00 00 00 00 00 00", &["5A0: 80 53 60 00 01 00 04 05"]);
-    assert_no_transfer(&mut rig);
-    assert_not_written(&mut rig);
-}
-
 /// Block transfer (A0 upload, C0 download) and what CiA 301 reserves (E0).
 #[test]
 fn unknown_commands_and_block_transfer_are_refused() {
@@ -297,11 +293,6 @@ fn unknown_commands_and_block_transfer_are_refused() {
     for command in 0xA0..=0xFF {
         let answer = format!("5A0: 80 53 60 00 {UNKNOWN_COMMAND}");
         rig.exchange(&format!("620: {command:02X} 53 60 00 0A 00 00 00"), &[&answer]);
-    }
-    for (begin, _) in TRANSFERS {
-        begin(&mut rig);
-        rig.exchange("620: A0 0A 10 00 7F 00 00 00", &[&format!("5A0: 80 0A 10 00 {UNKNOWN_COMMAND}")]);
-        assert_no_transfer(&mut rig);
     }
     assert_not_written(&mut rig);
 }
@@ -345,22 +336,6 @@ fn answered_in_pre_operational_and_operational_alone() {
         rig.send(command);
         rig.exchange(request, answers);
         rig.silent_for(2 * TIMEOUT_MS);
-    }
-}
-
-#[test]
-fn stop_and_resets_end_a_transfer_silently() {
-    let boot = &["720: 00", "0A0: 00 00 00 00 00 00 00 00"][..];
-    for (begin, _) in TRANSFERS {
-        for (command, sent) in [("000: 02 00", &[][..]), ("000: 81 00", boot), ("000: 82 00", boot)] {
-            let mut rig = Rig::booted();
-            begin(&mut rig);
-            rig.exchange(command, sent);
-            rig.silent_for(TIMEOUT_MS);
-            rig.send("000: 80 00");
-            assert_no_transfer(&mut rig);
-            assert_not_written(&mut rig);
-        }
     }
 }
 
@@ -410,20 +385,6 @@ fn a_write_to_a_memory_that_fails_is_aborted() {
         let answers = rig.take();
         assert!(answers.contains(&"5A0: 80 10 10 01 00 00 06 06".to_owned()), "{answers:?}");
         assert_eq!(answers.len(), requests.len() + 1, "the answers, and the EMCY of the internal error: {answers:?}");
-    }
-}
-
-#[test]
-fn a_client_that_goes_on_gets_no_late_answer() {
-    for (request, answer) in
-        [("620: 40 18 10 01 00 00 00 00", &["5A0: 43 18 10 01 19 00 00 01"][..]), ("620: 80 10 10 01 00 00 00 08", &[])]
-    {
-        let mut rig = Rig::booted();
-        rig.write_time = Duration::from_millis(80);
-        rig.exchange("620: 23 10 10 01 73 61 76 65", &[]);
-        rig.advance(40);
-        rig.exchange(request, answer);
-        rig.silent_for(1000);
     }
 }
 

@@ -97,48 +97,6 @@ fn what_is_out_of_range_is_refused_and_the_set_point_stays() {
 }
 
 #[test]
-fn a_set_point_is_held_in_any_state_and_acts_in_active_alone() {
-    let mut rig = Rig::booted();
-    for (word, status) in [(0x00, 0x08), (0x01, 0x09), (0x03, 0x0B)] {
-        assert_eq!(rig.write(0x6040, 0, 2, word), Ok(()));
-        assert_eq!(rig.read(0x6041, 0), status);
-        hold(&mut rig, SET_POINT, 16384, 500);
-        assert_eq!((views(&mut rig).0, actual(&mut rig).0), (16384, 0));
-    }
-    // On entering ACTIVE it is neutral that is in force, though another one is held.
-    assert_eq!(rig.write(0x6040, 0, 2, 0x07), Ok(()));
-    assert_eq!(rig.read(0x6041, 0), 0x0F);
-    rig.advance(200);
-    assert_eq!((views(&mut rig).0, actual(&mut rig).0), (16384, 0));
-    hold(&mut rig, SET_POINT, 16384, 300);
-    assert_eq!(actual(&mut rig).0, 16384);
-    // A fault: the spool goes back to neutral, the set-point is held.
-    rig.advance(500);
-    rig.expect("0A0: 03 80 91 01 00 00 00 00");
-    assert_eq!(rig.read(0x6041, 0), 0x03);
-    assert_eq!((views(&mut rig).0, actual(&mut rig).0), (16384, 0));
-    rig.exchange("620: 2B 03 33 00 01 00 00 00", &["0A0: 00 00 00 00 00 00 00 00", "5A0: 60 03 33 00 00 00 00 00"]);
-    hold(&mut rig, SET_POINT, -5, 300);
-    assert_eq!((views(&mut rig).0, actual(&mut rig).0), (-5, 0));
-}
-
-#[test]
-fn hand_operation_begins_and_ends_with_neutral() {
-    let mut rig = Rig::active();
-    hold(&mut rig, SET_POINT, 8192, 300);
-    assert_eq!(actual(&mut rig).0, 8192);
-    assert_eq!(rig.write(0x6042, 0, 1, 2), Ok(()));
-    hold(&mut rig, SET_POINT, 8192, 300);
-    assert_eq!((views(&mut rig).0, actual(&mut rig).0), (8192, 0));
-    assert_eq!(rig.write(0x6042, 0, 1, 1), Ok(()));
-    rig.advance(200);
-    assert_eq!((views(&mut rig).0, actual(&mut rig).0), (8192, 0));
-    hold(&mut rig, SET_POINT, 8192, 300);
-    assert_eq!(actual(&mut rig).0, 8192);
-    assert_eq!(rig.read(0x6041, 0), 0x0F);
-}
-
-#[test]
 fn the_actual_value_in_all_its_scales() {
     let mut rig = Rig::active();
     for value in [16384, -16384, 1, -1, 64, 65, 8192, -8192, 5000, -12345, 0] {
@@ -169,14 +127,6 @@ fn the_actual_value_reads_float_when_float_is_reached() {
     assert_eq!(actual(&mut rig), (FLOAT, 127, -127, 1000));
 }
 
-#[test]
-fn of_a_spool_that_is_moved_by_hand() {
-    let mut rig = Rig::booted();
-    rig.sense(|senses| senses.spool.lever = protocol_core::actuator::Position::new(-4000));
-    rig.advance(500);
-    assert_eq!(actual(&mut rig), (-4000, -31, 31, -244));
-}
-
 /// Any set-point but neutral is full stroke for a PVEO; what is read back is what was written.
 #[test]
 fn a_pveo_is_all_or_nothing() {
@@ -201,18 +151,4 @@ fn a_pveo_is_all_or_nothing() {
         assert_eq!((read, actual(&mut rig).0), (value, position), "{object:04X?} := {value}");
     }
     assert_eq!(rig.read(0x6041, 0), 0x0F);
-}
-
-#[test]
-fn reset_application_forgets_it() {
-    let mut rig = Rig::booted();
-    assert_eq!(write(&mut rig, SET_POINT, 1234), Ok(()));
-    rig.write_all(&[(0x6040, 0, 2, 0x0F), (0x6042, 0, 1, 2)]);
-    rig.send("000: 82 00");
-    rig.take();
-    assert_eq!((rig.read(0x6040, 0), rig.read(0x6042, 0)), (0x0F, 2));
-    rig.send("000: 81 00");
-    rig.take();
-    assert_eq!(views(&mut rig), (0, 0, 0));
-    assert_eq!((rig.read(0x6040, 0), rig.read(0x6042, 0)), (0, 1));
 }

@@ -5,12 +5,11 @@ mod load;
 
 use std::collections::BTreeMap;
 
-use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::memory::RecordKey;
 use protocol_core::time::Duration;
 use tests::{Rig, lss};
 
-use super::{BOOT, CLEAR, CLEARED, COUNTERS_CLEARED, INTERNAL_ERROR, LOAD, LOADED, SAVE, SAVED};
+use super::{BOOT, CLEAR, CLEARED, COUNTERS_CLEARED, INTERNAL_ERROR, LOAD, LOADED, SAVE, SAVED, blank};
 
 /// What asks for a write: the request, its answer, the answer when the memory fails, and the record.
 const REQUESTS: [(&str, &str, &str, RecordKey); 5] = [
@@ -48,6 +47,26 @@ fn write_own(valve: &mut Rig) {
         valve.write(index, sub, size, value).unwrap();
         valve.take();
     }
+}
+
+#[track_caller]
+fn save_own(valve: &mut Rig) {
+    write_own(valve);
+    valve.exchange(SAVE, &[SAVED]);
+}
+
+/// A valve with parameters of its own, saved.
+fn saved() -> Rig {
+    let mut valve = Rig::booted();
+    save_own(&mut valve);
+    valve
+}
+
+/// The same, to whose next start the defaults come back.
+fn loading() -> Rig {
+    let mut valve = saved();
+    valve.exchange(LOAD, &[LOADED]);
+    valve
 }
 
 #[track_caller]
@@ -156,9 +175,7 @@ fn a_reset_during_a_write_waits() {
 #[test]
 fn saved_parameters_come_back_at_every_start() {
     for restart in ["000: 81 00", "000: 82 00", ""] {
-        let mut valve = Rig::booted();
-        write_own(&mut valve);
-        valve.exchange(SAVE, &[SAVED]);
+        let mut valve = saved();
         valve.write(0x1005, 0, 4, 0x90).unwrap();
         if restart.is_empty() {
             valve.power_cycle();
@@ -215,18 +232,6 @@ fn a_stop_during_a_save() {
     valve.exchange("000: 80 00", &[]);
     valve.start_anew();
     assert!(has_own(&mut valve));
-}
-
-/// Node ID and bit rate lie in one record: a store of the one does not undo that of the other.
-#[test]
-fn a_bit_rate_while_a_node_id_is_stored() {
-    let mut valve = slow(50);
-    valve.exchange("1BC78820: 04 2E 10 01 21", &[]);
-    valve.exchange("7E5: 13 00 02 00 00 00 00 00", &["7E4: 13 00 00 00 00 00 00 00"]);
-    valve.exchange(lss::STORE, &[]);
-    valve.advance_sends(100, &["1BC408F1: 03 6E 10 01", lss::STORED]);
-    valve.power_cycle();
-    assert_eq!((valve.node_id(), valve.device().bit_rate().bits_per_second()), (Some(0x21), 500_000));
 }
 
 /// What is written while another write is under way waits its turn.

@@ -7,7 +7,7 @@ use protocol_core::memory::{Image, RecordKey};
 use protocol_core::time::{Duration, Instant};
 use tests::{Rig, lss, sdo};
 
-use super::{LOAD, SAVE, blank, booted};
+use super::{SAVE, blank, booted};
 
 const SET_UP: &str = "081: 00 FF 81 01 00 00 00 00";
 const CONTROLLER: &str = "081: 00 FF 81 02 00 00 00 00";
@@ -235,7 +235,7 @@ fn a_damaged_record_is_told_after_the_boot_up_and_ends_when_it_is_written() {
         (RecordKey::Parameters, (0x1010, 2), (0x1011, 2)),
         (RecordKey::Application, (0x1010, 3), (0x1011, 3)),
     ] {
-        for ((index, sub), signature) in [(save, SAVE), (load, LOAD)] {
+        for ((index, sub), signature) in [(save, b"save"), (load, b"load")] {
             let mut rig = booted();
             for sub in 2..=4 {
                 rig.save(sub);
@@ -250,15 +250,10 @@ fn a_damaged_record_is_told_after_the_boot_up_and_ends_when_it_is_written() {
                 assert_eq!(rig.take(), [BOOT_UP, SET_UP], "{key:?}");
                 assert_eq!((rig.read(0x1001, 0), history(&mut rig)), (0x81, vec![0x0001_FF00]), "entered once");
             }
-            rig.send(&format!("601: 23 {:02X} 10 {sub:02X} {}", index & 0xFF, bytes(signature)));
-            assert_eq!(rig.take(), [GONE, &format!("581: 60 {:02X} 10 {sub:02X} 00 00 00 00", index & 0xFF)]);
+            rig.exchange(&sdo::write(1, index, sub, signature), &[GONE, &sdo::written(1, index, sub)]);
             rig.power_cycle_sends(&[BOOT_UP]);
         }
     }
-}
-
-fn bytes(number: u32) -> String {
-    number.to_le_bytes().map(|byte| format!("{byte:02X}")).join(" ")
 }
 
 #[test]

@@ -15,6 +15,7 @@ mod storage;
 
 use protocol_core::device::hat::{Kind, Setup};
 use tests::Rig;
+use tests::sdo::{LOAD, SAVE};
 
 /// A HAT 1000 at node 1, fresh from the factory, booted.
 fn booted() -> Rig {
@@ -35,11 +36,6 @@ fn blank() -> Rig {
     rig.expect_nothing();
     rig
 }
-
-/// "save"
-const SAVE: u32 = u32::from_le_bytes(*b"save");
-/// "load"
-const LOAD: u32 = u32::from_le_bytes(*b"load");
 
 /// The value that a number of so many bytes cannot have.
 const INVALID: Result<(), u32> = Err(0x0609_0030);

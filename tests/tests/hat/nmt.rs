@@ -2,7 +2,7 @@
 
 use protocol_core::controller::BusErrorMode;
 use protocol_core::memory::RecordKey;
-use tests::{Rig, lss};
+use tests::{Rig, lss, sdo};
 
 use super::{SAVE, booted};
 
@@ -16,28 +16,15 @@ fn self_starting() -> Rig {
     rig
 }
 
-/// The NMT state, as the heartbeat tells it.
+/// The NMT state, as the heartbeat tells it; a sensor that is stopped does not answer.
 fn state(rig: &mut Rig) -> u8 {
-    if rig.write_anyway(0x1017, 2, 1000).is_none() {
+    rig.send(&sdo::write(1, 0x1017, 0, &1000_u16.to_le_bytes()));
+    if rig.take_next().is_none() {
         return 0x04;
     }
     let state = rig.take_next().expect("a heartbeat").data()[0];
     assert_eq!(rig.write(0x1017, 0, 2, 0), Ok(()));
     state
-}
-
-trait WriteAnyway {
-    fn write_anyway(&mut self, index: u16, size: u8, value: u32) -> Option<()>;
-}
-
-impl WriteAnyway for Rig {
-    /// Writes an object; `None` when that is not answered: stopped.
-    fn write_anyway(&mut self, index: u16, size: u8, value: u32) -> Option<()> {
-        let [low, high] = index.to_le_bytes();
-        let [a, b, ..] = value.to_le_bytes();
-        self.send(&format!("601: {:02X} {low:02X} {high:02X} 00 {a:02X} {b:02X} 00 00", 0x23 | (4 - size) << 2));
-        self.take_next().map(drop)
-    }
 }
 
 #[test]

@@ -1,11 +1,11 @@
-//! The actuator under ISOBUS: power save, hand operation, emergency stop, float, LED, the on/off kind (SPEC 1, 2, 5).
+//! The actuator under ISOBUS: power save, hand operation, emergency stop, LED (SPEC 1, 2, 5).
 
 use protocol_core::actuator::{Led, Position, SpoolFault};
 use protocol_core::controller::BusErrorMode;
 use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::time::Duration;
 use tests::Rig;
-use tests::isobus::{BLOCK, DM1_CLEAR, EXTEND, FLOAT, HAND, LOWER_NAME, RETRACT, STOP};
+use tests::isobus::{BLOCK, EXTEND, FLOAT, HAND, LOWER_NAME, RETRACT, STOP};
 
 const ONE: Duration = Duration::from_micros(1);
 const NOTHING: &str = "0CFE3327: 00 FF 31 FF FF FF FF FF";
@@ -16,10 +16,6 @@ fn solenoids(valve: &Rig) -> bool {
 
 fn led(valve: &Rig) -> Led {
     valve.outputs().led
-}
-
-fn on_off() -> Rig {
-    Rig::claimed_as(Setup { node_id: Some(0x83), ..Setup::new(Kind::PveoIsobus) })
 }
 
 /// 200 ms after power-up, before any command: the valve is blocked from the beginning.
@@ -53,32 +49,6 @@ fn what_ends_power_save() {
         valve.send(command);
         assert_eq!(solenoids(&valve), energised, "{command}");
         assert_eq!(led(&valve) == Led::GREEN, energised, "{command}");
-    }
-    // a spool that is moved
-    let mut valve = Rig::claimed();
-    valve.sense(|senses| senses.spool.lever = Position::new(5000));
-    assert!(solenoids(&valve));
-    valve.sense(|senses| senses.spool.lever = None);
-    valve.advance(199);
-    assert!(solenoids(&valve));
-    valve.advance(300);
-    assert!(!solenoids(&valve));
-    valve.expect_news(&[]);
-}
-
-/// Block again from 20 %: the spool needs 37.5 ms to come within 5 %, and the 200 ms count from there.
-#[test]
-fn power_save_comes_back() {
-    for neutral in [BLOCK, NOTHING] {
-        let mut valve = Rig::claimed();
-        valve.send("0CFE3327: 32 FF 31 FF FF FF FF FF");
-        valve.advance_cyclic(200, "0CFE3327: 32 FF 31 FF FF FF FF FF");
-        valve.send(neutral);
-        valve.advance(237);
-        assert!(solenoids(&valve), "{neutral}");
-        valve.advance(1);
-        assert!(!solenoids(&valve), "{neutral}");
-        assert_eq!(led(&valve), Led::GREEN_FLASHING);
     }
 }
 
@@ -149,62 +119,6 @@ fn emergency_stop() {
     assert_eq!(led(&valve), Led::GREEN);
 }
 
-/// To the B side at the solenoids' rate; monitor 1 is off, monitor 2 gives it one second.
-#[test]
-fn float() {
-    for mut valve in [Rig::claimed(), on_off()] {
-        valve.send(FLOAT);
-        for flow in ["A5", "CD", "E1", "E1"] {
-            valve.advance(100);
-            valve.expect(&format!("0CFE1383: {flow} 7D 33 FF FF FF FF FF"));
-            valve.send(FLOAT);
-        }
-        valve.advance_cyclic_news(5000, FLOAT, &[]);
-        // pulled out of it: 5 % are near enough
-        valve.sense(|senses| senses.spool.lever = Position::new(16384 - 819));
-        valve.advance_cyclic_news(3000, FLOAT, &[]);
-        valve.sense(|senses| senses.spool.lever = Position::new(16384 - 821));
-        valve.advance_cyclic_news(999, FLOAT, &[]);
-        valve.advance_news(1, &["18FECA83: 10 FF EE 8F 87 01 FF FF"]);
-        // until the spool is in neutral
-        valve.advance_cyclic_news(300, FLOAT, &[]);
-        valve.sense_news(|senses| senses.spool.lever = Position::new(819), &[DM1_CLEAR]);
-    }
-}
-
-/// The lever wins over the solenoids.
-#[test]
-fn the_hand_lever_wins() {
-    let mut valve = Rig::claimed();
-    valve.sense(|senses| senses.spool.lever = Position::new(-8192));
-    for (command, state) in [(EXTEND, 0x31), (FLOAT, 0x33), (BLOCK, 0x30), (HAND, 0x3A)] {
-        valve.send(command);
-        assert_eq!(valve.flow(), [0x7D, 0xAF, state]);
-    }
-}
-
-/// Retract and extend, the smallest and the largest flow: full stroke, and as fast as the solenoids are.
-#[test]
-fn an_on_off_valve() {
-    for flow in [1, 250] {
-        let mut valve = on_off();
-        let command = format!("0CFE3327: {flow:02X} FF 32 FF FF FF FF FF");
-        valve.send(&command);
-        valve.advance(125);
-        assert_eq!(valve.flow(), [0x7D, 0xAF, 0x32]);
-        valve.advance(125 - 50);
-        valve.send(&command);
-        valve.advance(50);
-        assert_eq!(valve.flow(), [0x7D, 0xE1, 0x32]);
-    }
-    // 86 % is too little for a valve that knows full stroke alone
-    let mut valve = on_off();
-    valve.sense(|senses| senses.spool.lever = Position::new(8192));
-    let half = "0CFE3327: 7D FF 31 FF FF FF FF FF";
-    valve.send(half);
-    valve.advance_cyclic_news(500, half, &["18FECA83: 10 FF EC 8F 87 01 FF FF"]);
-}
-
 #[test]
 fn the_led() {
     let mut valve = Rig::claimed();
@@ -230,20 +144,4 @@ fn the_led() {
     assert_eq!(led(&valve), Led::YELLOW, "cannot claim");
     valve.sense(|senses| senses.internal_fault = true);
     assert_eq!(led(&valve), Led::RED, "a fault comes first");
-}
-
-/// Solenoids off at once, whatever the fault.
-#[test]
-fn a_shutdown_de_energises() {
-    let mut valve = Rig::claimed();
-    valve.send(FLOAT);
-    valve.advance_cyclic(400, FLOAT);
-    valve.sense(|senses| senses.internal_fault = true);
-    assert!(!solenoids(&valve));
-    assert_eq!(valve.flow(), [0xE1, 0x7D, 0x30]);
-    valve.advance(150);
-    assert_eq!(valve.flow(), [0x7D, 0x7D, 0x30]);
-    // a spool that is moved does not energise them
-    valve.sense(|senses| senses.spool.lever = Position::new(4000));
-    assert!(!solenoids(&valve));
 }

@@ -2,8 +2,8 @@
 //! (SPEC 5).
 
 use protocol_core::controller::BusErrorMode;
-use tests::Rig;
 use tests::isobus::{AVEF_BLOCKED, BLOCK, CLAIM, DM1_CLEAR, DM1_REQUEST, DM2_REQUEST, INTERNAL, TEMPERATURE};
+use tests::{Rig, Senses};
 
 const DM1: &str = "18FECA83";
 const CLAIM_REQUEST: &str = "18EAFF27: 00 EE 00";
@@ -12,54 +12,30 @@ const CLAIM_REQUEST: &str = "18EAFF27: 00 EE 00";
 const DM2_TWO: [&str; 3] =
     ["1CECFF83: 20 0A 00 02 FF CB FE 00", "1CEBFF83: 01 10 FF FA 8F 8B 01 F1", "1CEBFF83: 02 8F 90 01 FF FF FF FF"];
 
-/// The tool is unplugged for 15 s: of all that changed meanwhile the present state alone is told.
+/// The tool is unplugged for a while: of all that changed meanwhile, and of what was asked, the present state alone is told.
 #[test]
 fn dm1_tells_the_present_state() {
-    let mut valve = Rig::claimed();
-    valve.hold_bus(true);
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.advance_cyclic(15_000, BLOCK);
-    valve.sense(|senses| senses.internal_fault = false);
-    valve.advance_cyclic(500, BLOCK);
-    valve.hold_bus(false);
-    assert_eq!(valve.take_under(DM1), [DM1_CLEAR]);
-    valve.advance_cyclic(2000, BLOCK);
-    assert_eq!(valve.take_under(DM1), [""; 0]);
-}
-
-#[test]
-fn dm1_of_a_fault_that_lasts() {
-    let mut valve = Rig::claimed();
-    valve.hold_bus(true);
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.advance_cyclic(5_500, BLOCK);
-    valve.hold_bus(false);
-    assert_eq!(valve.take_under(DM1), [INTERNAL]);
-    valve.advance_cyclic(1000, BLOCK);
-    assert_eq!(valve.take_under(DM1), [INTERNAL]);
-}
-
-#[test]
-fn dm1_of_another_fault() {
-    let mut valve = Rig::claimed();
-    valve.hold_bus(true);
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.sense(|senses| senses.temperature_c = 130);
-    valve.advance_cyclic(300, BLOCK);
-    valve.sense(|senses| senses.internal_fault = false);
-    valve.hold_bus(false);
-    assert_eq!(valve.take_under(DM1), [TEMPERATURE]);
-}
-
-/// An answer to a request tells the state as it is sent, too.
-#[test]
-fn a_requested_dm1_tells_the_present_state() {
-    let mut valve = Rig::claimed();
-    valve.hold_bus(true);
-    valve.send(DM1_REQUEST);
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.hold_bus(false);
-    assert_eq!(valve.take_under(DM1), [INTERNAL]);
+    type Change = fn(&mut Senses);
+    let internal: Change = |senses| senses.internal_fault = true;
+    let both: Change = |senses| (senses.internal_fault, senses.temperature_c) = (true, 130);
+    for (request, change, ms, later, told) in [
+        (BLOCK, internal, 15_000, (|senses| senses.internal_fault = false) as Change, DM1_CLEAR),
+        (BLOCK, internal, 5_500, |_| {}, INTERNAL),
+        (BLOCK, both, 300, |senses| senses.internal_fault = false, TEMPERATURE),
+        (DM1_REQUEST, internal, 0, |_| {}, INTERNAL),
+    ] {
+        let mut valve = Rig::claimed();
+        valve.hold_bus(true);
+        valve.send(request);
+        valve.sense(change);
+        valve.advance_cyclic(ms, BLOCK);
+        valve.sense(later);
+        valve.advance_cyclic(400, BLOCK);
+        valve.hold_bus(false);
+        assert_eq!(valve.take_under(DM1), [told]);
+        valve.advance_cyclic(1000, BLOCK);
+        assert_eq!(valve.take_under(DM1), vec![told; usize::from(told != DM1_CLEAR)]);
+    }
 }
 
 /// A burst of requests for the claim pushes nothing else out.
@@ -126,19 +102,6 @@ fn a_bam_is_given_up() {
         valve.advance_cyclic(1000, BLOCK);
         assert_eq!(valve.take_news(), DM2_TWO);
     }
-}
-
-/// A shorter one delays it.
-#[test]
-fn a_bam_survives_a_short_block() {
-    let mut valve = Rig::with_two_previously_active();
-    valve.exchange(DM2_REQUEST, &DM2_TWO[..1]);
-    valve.hold_bus(true);
-    valve.advance(150);
-    valve.send(BLOCK);
-    valve.hold_bus(false);
-    valve.advance_cyclic(500, BLOCK);
-    assert_eq!(valve.take_news(), DM2_TWO[1..]);
 }
 
 /// One that was asked for in bus-off, or was under way when the bus was lost, is given up, the announcement included.

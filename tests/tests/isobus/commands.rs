@@ -160,19 +160,6 @@ fn every_flow() {
     }
 }
 
-/// A PVEO knows full stroke alone.
-#[test]
-fn on_and_off() {
-    for (flow, percent) in [(0, 0), (1, 100), (2, 100), (125, 100), (250, 100)] {
-        let mut valve = Rig::claimed_as(Setup { node_id: Some(0x83), ..Setup::new(Kind::PveoIsobus) });
-        let command = |state: u8| format!("0CFE3327: {flow:02X} FF {state:02X} FF FF FF FF FF");
-        assert_eq!(after_commands(&mut valve, &command(0x31)), [0x7D + percent, 0x7D, 0x31]);
-        assert_eq!(after_commands(&mut valve, &command(0x32)), [0x7D, 0x7D + percent, 0x32]);
-        // and monitor 1 agrees with that
-        valve.advance_cyclic_news(2000, &command(0x32), &[]);
-    }
-}
-
 /// The solenoids take 250 ms for a full stroke, the springs, which act in block, are steered by the solenoids as well.
 #[test]
 fn the_way_of_the_spool_as_it_is_told() {

@@ -23,28 +23,6 @@ fn shut_down() -> Rig {
     valve
 }
 
-/// Key-off during a shutdown: a fault whose count was written is previously active then.
-#[test]
-fn key_off_in_a_shutdown() {
-    let mut valve = shut_down();
-    valve.exchange(DM2_REQUEST, &[DM2_NONE]);
-    restarts(&mut valve);
-    valve.exchange(DM2_REQUEST, &[DM2_INTERNAL]);
-}
-
-/// Key-off while the fault is active; at the next start its cause is gone.
-#[test]
-fn key_off_with_an_active_fault() {
-    let mut valve = Rig::claimed();
-    valve.sense(|senses| senses.internal_fault = true);
-    valve.advance(20_000);
-    restarts(&mut valve);
-    valve.sense(|senses| senses.internal_fault = false);
-    valve.recover();
-    valve.take();
-    valve.exchange(DM2_REQUEST, &["18FECB83: 10 FF FA 8F 8B 02 FF FF"]);
-}
-
 /// What DM3 says is cleared, is: the next occurrence is the first.
 #[test]
 fn dm3_after_key_off_in_a_shutdown() {

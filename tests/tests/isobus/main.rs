@@ -20,6 +20,5 @@ mod recovery;
 mod requests;
 mod told;
 mod transport;
-mod uds;
 mod waiting;
 mod writes;

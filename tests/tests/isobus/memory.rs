@@ -22,6 +22,14 @@ fn settle(valve: &mut Rig) {
     valve.take();
 }
 
+/// A valve whose internal error is previously active, and stored.
+fn after_an_internal_error() -> Rig {
+    let mut valve = Rig::claimed();
+    undergo_internal_error(&mut valve);
+    settle(&mut valve);
+    valve
+}
+
 #[track_caller]
 fn expect_dm2(valve: &mut Rig, dm2: &str) {
     valve.take();
@@ -179,9 +187,7 @@ fn a_fault_log_of_an_earlier_version() {
 /// Acknowledged when the memory holds it, not before.
 #[test]
 fn dm3_in_the_memory() {
-    let mut valve = Rig::claimed();
-    undergo_internal_error(&mut valve);
-    settle(&mut valve);
+    let mut valve = after_an_internal_error();
     valve.write_time = Duration::from_millis(50);
     valve.exchange(DM3_REQUEST, &[]);
     valve.advance_news(49, &[]);
@@ -199,9 +205,7 @@ fn dm3_in_the_memory() {
 /// Two who ask are both told.
 #[test]
 fn dm3_of_two_askers() {
-    let mut valve = Rig::claimed();
-    undergo_internal_error(&mut valve);
-    settle(&mut valve);
+    let mut valve = after_an_internal_error();
     valve.write_time = Duration::from_millis(50);
     valve.silent_to(&[DM3_REQUEST, "18EA83F9: CC FE 00", "18EAFF28: CC FE 00"]);
     valve.advance_cyclic_news(200, BLOCK, &[DM3_DONE, "18E8FF83: 00 FF FF FF F9 CC FE 00"]);
@@ -211,9 +215,7 @@ fn dm3_of_two_askers() {
 /// A fault that occurs while DM3 is written keeps its counter.
 #[test]
 fn dm3_and_a_fault_meanwhile() {
-    let mut valve = Rig::claimed();
-    undergo_internal_error(&mut valve);
-    settle(&mut valve);
+    let mut valve = after_an_internal_error();
     valve.write_time = Duration::from_millis(50);
     valve.exchange(DM3_REQUEST, &[]);
     valve.advance(10);

@@ -1,7 +1,7 @@
 //! Shutdown by a fault, and the way out of it: all causes gone, then two neutral commands in a row, each with the spool
 //! in neutral (SPEC 2, 5).
 
-use protocol_core::actuator::{Position, SpoolFault};
+use protocol_core::actuator::Position;
 use protocol_core::controller::BusErrorMode;
 use tests::isobus::{BLOCK, DM1_CLEAR, EXTEND, FLOAT, HAND, RETRACT, STOP};
 use tests::{Rig, Senses};
@@ -32,6 +32,61 @@ fn acts(valve: &mut Rig) -> bool {
     valve.flow()[2] == 0x31
 }
 
+/// What comes after a shutdown, and whether the valve acts then: `N` any neutral command, `X` any other, `i` any that is
+/// ignored, `b` block of another master, `!` an internal error that comes and goes, a number so many milliseconds.
+const WAYS: [(&str, bool); 16] = [
+    ("N 100 N", true),
+    // no time need pass between them
+    ("N N", true),
+    ("N b", true),
+    ("N", false),
+    ("X 100 X 100 X", false),
+    ("N X N", false),
+    ("N X N N", true),
+    ("X N N", true),
+    // commands that are ignored neither come between nor count
+    ("N i N", true),
+    ("N i", false),
+    ("i i", false),
+    // the shutdown by a fault needs two of its own, even when it is gone at once
+    ("N ! N", false),
+    ("N ! N N", true),
+    ("N N !", false),
+    // more than 250 ms apart, the second ends time guarding, and is the first again
+    ("N 300 N", false),
+    ("N 300 N N", true),
+];
+
+const IGNORED: [&str; 6] = [
+    "0CFE3327: FB FF 31 FF FF FF FF FF",
+    "0CFE3327: 00 FF 34 FF FF FF FF FF",
+    "0CFE3327: 00 FF 70 FF FF FF FF FF",
+    "0CFE3427: FA FF 31 FF FF FF FF FF",
+    "0CFE3427: 00 FF 30 FF FF FF FF FF",
+    "0CFE3327: FA FF 31 FF FF FF FF",
+];
+
+#[test]
+fn the_ways_out_of_a_shutdown() {
+    for (way, expected) in WAYS {
+        for (number, other) in (0..).zip(NOT_NEUTRAL.into_iter().cycle().take(IGNORED.len())) {
+            let (neutral, ignored) = (NEUTRAL[number % NEUTRAL.len()], IGNORED[number]);
+            let mut valve = shut_down();
+            for step in way.split(' ') {
+                match step {
+                    "N" => valve.send(neutral),
+                    "X" => valve.send(other),
+                    "i" => valve.send(ignored),
+                    "b" => valve.send("0CFE3328: 00 FF 30 FF FF FF FF FF"),
+                    "!" => valve.internal_fault_comes_and_goes(),
+                    ms => valve.advance(ms.parse().unwrap()),
+                }
+            }
+            assert_eq!(acts(&mut valve), expected, "{way}: {neutral}, {other}, {ignored}");
+        }
+    }
+}
+
 #[test]
 fn two_neutral_commands() {
     for first in NEUTRAL {
@@ -45,64 +100,6 @@ fn two_neutral_commands() {
             assert!(acts(&mut valve), "{first} {second}");
         }
     }
-}
-
-#[test]
-fn one_is_not_enough() {
-    for command in NEUTRAL {
-        let mut valve = shut_down();
-        valve.send(command);
-        assert!(!acts(&mut valve), "{command}");
-        // and that one broke the row
-        valve.send(command);
-        assert!(!acts(&mut valve), "{command}");
-        valve.send_all(&[command, command]);
-        assert!(acts(&mut valve), "{command}");
-    }
-}
-
-#[test]
-fn without_them_it_never_ends() {
-    for command in NOT_NEUTRAL {
-        let mut valve = shut_down();
-        for _ in 0..50 {
-            valve.advance(100);
-            valve.send(command);
-        }
-        assert_eq!(valve.flow(), BLOCKED, "{command}");
-        valve.send_all(&[BLOCK, command, BLOCK]);
-        assert!(!acts(&mut valve), "{command} between them");
-    }
-}
-
-/// Commands that are ignored do not come between.
-#[test]
-fn what_is_ignored_breaks_no_row() {
-    let mut valve = shut_down();
-    valve.send(BLOCK);
-    for ignored in [
-        "0CFE3327: FB FF 31 FF FF FF FF FF",
-        "0CFE3327: 00 FF 34 FF FF FF FF FF",
-        "0CFE3327: 00 FF 70 FF FF FF FF FF",
-        "0CFE3427: FA FF 31 FF FF FF FF FF",
-        "0CFE3327: FA FF 31 FF FF FF FF",
-    ] {
-        valve.send(ignored);
-    }
-    valve.send(BLOCK);
-    assert!(acts(&mut valve));
-    // nor do they count
-    let mut valve = shut_down();
-    valve.send_all(&[BLOCK, "0CFE3327: 00 FF 70 FF FF FF FF FF", "0CFE3427: 00 FF 30 FF FF FF FF FF"]);
-    assert!(!acts(&mut valve));
-}
-
-/// Two together, and two of two masters.
-#[test]
-fn no_time_need_pass_between_them() {
-    let mut valve = shut_down();
-    valve.send_all(&[BLOCK, "0CFE3328: 00 FF 30 FF FF FF FF FF"]);
-    assert!(acts(&mut valve));
 }
 
 /// Within 5 % of the full stroke, both ways, at both commands.
@@ -176,18 +173,6 @@ fn all_causes_must_be_gone() {
     }
 }
 
-/// A fault between the two neutral commands: its shutdown needs two of its own, even when it is gone at once.
-#[test]
-fn a_fault_breaks_the_row() {
-    let mut valve = shut_down();
-    valve.send(BLOCK);
-    valve.internal_fault_comes_and_goes();
-    valve.send(BLOCK);
-    assert!(!acts(&mut valve));
-    valve.send_all(&[BLOCK, BLOCK]);
-    assert!(acts(&mut valve));
-}
-
 /// The command that ends fault 8 counts as the first when it is neutral, and only then.
 #[test]
 fn the_end_of_time_guarding_counts() {
@@ -212,22 +197,6 @@ fn the_end_of_time_guarding_counts() {
     valve.advance(200);
     valve.send(BLOCK);
     assert!(!acts(&mut valve));
-    valve.send_all(&[BLOCK, BLOCK]);
-    assert!(acts(&mut valve));
-}
-
-/// A row that time guarding breaks: two neutral commands more than 250 ms apart. The second ends fault 8, so it is the
-/// first again.
-#[test]
-fn neutral_commands_too_far_apart() {
-    let mut valve = shut_down();
-    valve.send(BLOCK);
-    valve.advance(300);
-    valve.send(BLOCK);
-    assert!(!acts(&mut valve));
-    let mut valve = shut_down();
-    valve.send(BLOCK);
-    valve.advance(300);
     valve.send_all(&[BLOCK, BLOCK]);
     assert!(acts(&mut valve));
 }
@@ -258,56 +227,6 @@ fn two_faults() {
             "1CEBFF83: 02 8F 90 01 FF FF FF FF",
         ]);
     }
-}
-
-/// Spool faults: stuck in neutral, on its way and short of float.
-#[test]
-fn a_spool_that_does_not_follow() {
-    let fault = "18FECA83: 10 FF EC 8F 87 01 FF FF";
-    // in neutral: gone at once
-    let mut valve = Rig::claimed();
-    valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
-    valve.send(EXTEND);
-    valve.advance_cyclic_news(499, EXTEND, &[]);
-    valve.advance_news(1, &[fault, DM1_CLEAR]);
-    assert_eq!(valve.flow(), BLOCKED);
-    valve.advance_cyclic_news(1000, EXTEND, &[]);
-    valve.recover();
-    assert!(acts(&mut valve));
-
-    // at full stroke: until it is in neutral
-    let mut valve = Rig::extending(400);
-    valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
-    valve.send(BLOCK);
-    valve.advance_cyclic_news(499, BLOCK, &[]);
-    valve.advance_news(1, &[fault]);
-    assert_eq!(valve.flow(), [0xE1, 0x7D, 0x30]);
-    valve.advance_cyclic(999, BLOCK);
-    valve.advance_news(1, &[fault]);
-    valve.sense(|senses| senses.spool.fault = SpoolFault::None);
-    valve.advance_cyclic_news(142, BLOCK, &[]);
-    // within 5 % after 142.5 ms
-    valve.advance_news(1, &[DM1_CLEAR]);
-    valve.recover();
-    assert!(acts(&mut valve));
-}
-
-#[test]
-fn a_spool_that_does_not_reach_float() {
-    let mut valve = Rig::claimed();
-    valve.sense(|senses| senses.spool.fault = SpoolFault::NoFloat);
-    valve.send(FLOAT);
-    valve.advance_cyclic(999, FLOAT);
-    assert_eq!(valve.flow(), [0xCD, 0x7D, 0x33]);
-    valve.expect_news(&[]);
-    valve.advance_news(1, &["18FECA83: 10 FF EE 8F 87 01 FF FF"]);
-    // 80 % to 5 % by springs that take 150 ms for 100 %
-    valve.advance_cyclic_news(112, FLOAT, &[]);
-    valve.advance_news(1, &[DM1_CLEAR]);
-    valve.advance_cyclic_news(1500, FLOAT, &[]);
-    valve.recover();
-    valve.take();
-    valve.exchange("18EA8327: CB FE 00", &["18FECB83: 10 FF EE 8F 87 01 FF FF"]);
 }
 
 /// Monitor 1 runs in blocked too, before the first command as well, and in a shutdown; not in hand operation and
@@ -344,26 +263,6 @@ fn where_the_spool_is_looked_at() {
             }
         }
     }
-}
-
-/// 15 % away is near enough; the time counts on while the set-point changes and the spool stays away.
-#[test]
-fn the_limit_of_monitor_1() {
-    for (position, trips) in [(2457, false), (-2457, false), (2459, true), (-2459, true)] {
-        let mut valve = Rig::claimed();
-        valve.sense(|senses| senses.spool.lever = Position::new(position));
-        valve.advance_news(499, &[]);
-        valve.advance(1);
-        assert_eq!(valve.take_news().len(), usize::from(trips), "{position}");
-    }
-    let mut valve = Rig::claimed();
-    valve.sense(|senses| senses.spool.fault = SpoolFault::Stuck);
-    for command in [EXTEND, RETRACT, EXTEND, RETRACT, EXTEND] {
-        valve.send(command);
-        valve.expect_news(&[]);
-        valve.advance(100);
-    }
-    valve.expect_news(&["18FECA83: 10 FF EC 8F 87 01 FF FF", DM1_CLEAR]);
 }
 
 /// A fault is counted and shuts down in hand operation and emergency stop as anywhere; the spool stays the lever's.

@@ -95,18 +95,6 @@ fn a_watchdog_reset_without_a_bus() {
     }
 }
 
-/// Its end follows at the same instant: it does not wait for the next frame.
-#[test]
-fn a_watchdog_reset_is_over_when_it_is_told() {
-    let mut valve = Rig::claimed();
-    valve.watchdog_reset();
-    valve.advance(300);
-    let sent = valve.take_timed().into_iter().map(|(at, frame)| (at, frame.to_string()));
-    let dm1: Vec<_> = sent.filter(|(_, frame)| frame.starts_with("18FECA")).collect();
-    assert_eq!(dm1.iter().map(|(_, frame)| frame.as_str()).collect::<Vec<_>>(), [INTERNAL, DM1_CLEAR]);
-    assert_eq!(dm1[0].0, dm1[1].0);
-}
-
 /// The bus is lost in the middle of the claim wait.
 #[test]
 fn a_watchdog_reset_with_a_bus_off_in_the_wait() {

@@ -10,23 +10,6 @@ const ANNOUNCE: &str = "1CECFF27: 20 09 00 02 FF D8 FE 00";
 const NAME: &str = "1CEBFF27: 01 01 00 20 07 08 FF 02";
 const ADDRESS_85: &str = "1CEBFF27: 02 20 85 FF FF FF FF FF";
 
-/// A commanded address is stored, its restart waits for a bus that is blocked: no command and no time guard acts any
-/// more.
-#[test]
-fn a_restart_that_waits_lets_the_spool_go() {
-    let mut valve = Rig::claimed();
-    valve.advance_cyclic(1000, EXTEND);
-    valve.write_time = Duration::from_millis(150);
-    valve.send_all(&[ANNOUNCE, NAME]);
-    valve.hold_bus(true);
-    valve.send(ADDRESS_85);
-    valve.advance_cyclic(500, EXTEND);
-    assert_eq!((valve.node_id(), valve.pending()), (Some(0x83), 1));
-    assert!(!valve.outputs().solenoids);
-    valve.hold_bus(false);
-    assert_eq!(valve.node_id(), Some(0x85));
-}
-
 /// A fault came and went at one instant, and the bus did not take its DM1: the present state replaces it.
 #[test]
 fn a_code_that_passed_on_a_bus_that_is_held() {

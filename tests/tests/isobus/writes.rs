@@ -7,42 +7,33 @@ use tests::isobus::{BLOCK, DM3_DONE, DM3_REQUEST};
 const UDS_WRITE: &str = "1BC78883: 04 2E 10 01 85";
 const UDS_WRITTEN: &str = "1BC408F1: 03 6E 10 01";
 
-#[track_caller]
-fn writes(valve: &mut Rig) {
-    valve.take();
-    valve.send(UDS_WRITE);
-    valve.advance_cyclic(2000, BLOCK);
-    let sent = valve.take();
-    assert!(sent.contains(&UDS_WRITTEN.to_owned()), "{:?}", sent.iter().find(|frame| frame.starts_with("1BC")));
-    valve.power_cycle();
-    assert_eq!(valve.node_id(), Some(0x85));
-}
-
 #[test]
-fn uds_waits_for_the_first_start() {
-    let mut valve = Rig::claimed();
-    valve.records.clear();
-    valve.write_time = Duration::from_millis(300);
-    valve.power_cycle();
-    valve.advance(251);
-    writes(&mut valve);
-}
-
-#[test]
-fn uds_waits_for_the_fault_log() {
-    let mut valve = Rig::claimed();
-    valve.write_time = Duration::from_millis(500);
-    valve.internal_fault_comes_and_goes();
-    valve.advance(600);
-    writes(&mut valve);
-}
-
-#[test]
-fn uds_waits_for_dm3() {
-    let mut valve = Rig::with_two_previously_active();
-    valve.write_time = Duration::from_millis(50);
-    valve.send(DM3_REQUEST);
-    writes(&mut valve);
+fn uds_waits_for_other_writes() {
+    type Case = (u64, fn() -> Rig, fn(&mut Rig));
+    let cases: [Case; 3] = [
+        (300, Rig::claimed, |valve| {
+            valve.records.clear();
+            valve.power_cycle();
+            valve.advance(251);
+        }),
+        (500, Rig::claimed, |valve| {
+            valve.internal_fault_comes_and_goes();
+            valve.advance(600);
+        }),
+        (50, Rig::with_two_previously_active, |valve| valve.send(DM3_REQUEST)),
+    ];
+    for (write_ms, valve, begin) in cases {
+        let mut valve = valve();
+        valve.write_time = Duration::from_millis(write_ms);
+        begin(&mut valve);
+        valve.take();
+        valve.send(UDS_WRITE);
+        valve.advance_cyclic(2000, BLOCK);
+        let sent = valve.take();
+        assert!(sent.contains(&UDS_WRITTEN.to_owned()), "{write_ms} ms: {sent:?}");
+        valve.power_cycle();
+        assert_eq!(valve.node_id(), Some(0x85));
+    }
 }
 
 /// Another client's write of the same identifier refuses.

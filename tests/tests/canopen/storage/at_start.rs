@@ -5,8 +5,7 @@ use super::*;
 /// Everything stored, then one record spoilt in every way that a memory can.
 fn full() -> Rig {
     let mut valve = configuring();
-    write_own(&mut valve);
-    valve.exchange(SAVE, &[SAVED]);
+    save_own(&mut valve);
     valve.exchange("7E5: 13 00 02 00 00 00 00 00", &["7E4: 13 00 00 00 00 00 00 00"]);
     valve.exchange(lss::STORE, &["7E4: 17 00 00 00 00 00 00 00"]);
     valve.sense(|senses| senses.temperature_c = 130);
@@ -97,7 +96,7 @@ fn a_corrupt_record_is_found_by_every_start() {
 /// A blank valve whose node ID was damaged is not blank: it had one.
 #[test]
 fn a_damaged_node_id_is_the_default_one() {
-    let mut valve = Rig::power_on(Setup { node_id: None, ..Setup::new(Kind::PveaCanopen) });
+    let mut valve = blank();
     valve.records.insert(RecordKey::LocalLayer, vec![1, 2, 3]);
     valve.power_cycle_sends(&[BOOT[0], BOOT[1], INTERNAL_ERROR]);
 }

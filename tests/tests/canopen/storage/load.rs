@@ -6,10 +6,7 @@ use super::*;
 #[test]
 fn is_executed_by_the_next_start() {
     for restart in ["000: 81 00", ""] {
-        let mut valve = Rig::booted();
-        write_own(&mut valve);
-        valve.exchange(SAVE, &[SAVED]);
-        valve.exchange(LOAD, &[LOADED]);
+        let mut valve = loading();
         assert!(has_own(&mut valve), "not before");
         valve.writes.clear();
         if restart.is_empty() {
@@ -21,8 +18,7 @@ fn is_executed_by_the_next_start() {
         assert!(!has_own(&mut valve));
         assert_eq!(valve.writes, [RecordKey::Parameters, RecordKey::RestoreFlag]);
         // once only
-        write_own(&mut valve);
-        valve.exchange(SAVE, &[SAVED]);
+        save_own(&mut valve);
         valve.start_anew();
         assert!(has_own(&mut valve));
     }
@@ -33,18 +29,14 @@ fn is_executed_by_the_next_start() {
 fn a_save_does_not_take_the_flag_away() {
     let mut valve = Rig::booted();
     valve.exchange(LOAD, &[LOADED]);
-    write_own(&mut valve);
-    valve.exchange(SAVE, &[SAVED]);
+    save_own(&mut valve);
     valve.start_anew();
     assert!(!has_own(&mut valve));
 }
 
 #[test]
 fn a_reset_of_the_communication_does_not_execute_it() {
-    let mut valve = Rig::booted();
-    write_own(&mut valve);
-    valve.exchange(SAVE, &[SAVED]);
-    valve.exchange(LOAD, &[LOADED]);
+    let mut valve = loading();
     valve.exchange("000: 82 00", &BOOT);
     assert!(has_own(&mut valve));
     valve.exchange("000: 81 00", &BOOT);
@@ -55,10 +47,7 @@ fn a_reset_of_the_communication_does_not_execute_it() {
 #[test]
 fn a_power_cut_during_its_execution() {
     for ms in [0, 25, 75, 100] {
-        let mut valve = Rig::booted();
-        write_own(&mut valve);
-        valve.exchange(SAVE, &[SAVED]);
-        valve.exchange(LOAD, &[LOADED]);
+        let mut valve = loading();
         valve.write_time = Duration::from_millis(50);
         valve.start_anew();
         assert!(!has_own(&mut valve), "cut after {ms} ms");
@@ -67,8 +56,7 @@ fn a_power_cut_during_its_execution() {
         assert!(!has_own(&mut valve), "cut after {ms} ms");
         valve.advance(100);
         valve.write_time = Duration::from_ticks(0);
-        write_own(&mut valve);
-        valve.exchange(SAVE, &[SAVED]);
+        save_own(&mut valve);
         valve.start_anew();
         assert!(has_own(&mut valve), "cut after {ms} ms: executed in the end");
     }
@@ -77,10 +65,7 @@ fn a_power_cut_during_its_execution() {
 /// The memory fails while the defaults are stored: they are used, the error is told, the flag stays.
 #[test]
 fn its_execution_fails() {
-    let mut valve = Rig::booted();
-    write_own(&mut valve);
-    valve.exchange(SAVE, &[SAVED]);
-    valve.exchange(LOAD, &[LOADED]);
+    let mut valve = loading();
     valve.writes_fail = true;
     valve.power_cycle_sends(&[BOOT[0], BOOT[1], INTERNAL_ERROR]);
     assert!(!has_own(&mut valve));
@@ -93,10 +78,7 @@ fn its_execution_fails() {
 /// are stored, whatever a client has set by then.
 #[test]
 fn its_execution_is_tried_again_after_10_s() {
-    let mut valve = Rig::booted();
-    write_own(&mut valve);
-    valve.exchange(SAVE, &[SAVED]);
-    valve.exchange(LOAD, &[LOADED]);
+    let mut valve = loading();
     valve.failing_writes.insert(0);
     valve.power_cycle_sends(&[BOOT[0], BOOT[1], INTERNAL_ERROR]);
     valve.writes.clear();

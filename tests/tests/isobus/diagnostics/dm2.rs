@@ -204,16 +204,3 @@ fn a_fault_that_is_active_again() {
     valve.recover();
     expect_dm2(&mut valve, &[DM2_FOUR[0], "1CEBFF83: 01 10 FF FA 8F 8B 02 F1", DM2_FOUR[2], DM2_FOUR[3]]);
 }
-
-/// A running DM2 is not continued after bus-off: nobody could make sense of its rest.
-#[test]
-fn bus_off_ends_a_running_bam() {
-    let mut valve = four_previously_active();
-    valve.send(DM2_REQUEST);
-    valve.advance_cyclic(100, BLOCK);
-    assert_eq!(valve.take_news().len(), 2);
-    valve.sense(|senses| senses.bus = BusErrorMode::BusOff);
-    valve.advance_cyclic(100, BLOCK);
-    valve.sense(|senses| senses.bus = BusErrorMode::ErrorActive);
-    valve.advance_cyclic_news(1000, BLOCK, &[DM1_CLEAR]);
-}

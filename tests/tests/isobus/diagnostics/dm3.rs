@@ -44,29 +44,6 @@ fn dm3_leaves_what_is_not_previously_active() {
     );
 }
 
-/// Each trouble code has a counter of its own, those of the spool too; it stops at 127 and DM1 still comes.
-#[test]
-fn counters_stop_at_127() {
-    let mut valve = Rig::claimed();
-    for count in 1..=300 {
-        valve.sense(|senses| senses.internal_fault = true);
-        valve.expect_news(&[&format!("18FECA83: 10 FF FA 8F 8B {:02X} FF FF", count.min(127))]);
-        valve.sense_news(|senses| senses.internal_fault = false, &[DM1_CLEAR]);
-    }
-    valve.sense(|senses| senses.temperature_c = 130);
-    valve.advance_news(250, &[TEMPERATURE]);
-    valve.sense(|senses| senses.temperature_c = 25);
-    valve.recover();
-    expect_dm2(
-        &mut valve,
-        &[
-            "1CECFF83: 20 0A 00 02 FF CB FE 00",
-            "1CEBFF83: 01 10 FF FA 8F 8B 7F F1",
-            "1CEBFF83: 02 8F 90 01 FF FF FF FF",
-        ],
-    );
-}
-
 #[test]
 fn both_faults_of_the_spool_count_for_themselves() {
     let mut valve = Rig::claimed();
