@@ -1,6 +1,6 @@
 //! Worlds of many valves, for the benches.
 
-use hal_sim::{TapId, World};
+use hal_sim::{ClientPortId, World};
 use protocol_core::controller::BitRate;
 use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::frame::Frame;
@@ -15,7 +15,7 @@ const SYNC_PERIOD: Duration = Duration::from_micros(8_800);
 #[derive(Clone)]
 pub(crate) struct Scene {
     world: World,
-    client: TapId,
+    client: ClientPortId,
 }
 
 /// A frame as the manuals print it.
@@ -27,7 +27,7 @@ impl Scene {
     /// So many valves at node IDs 1, 2, 3 …, again from 1 after 127; not powered.
     fn new(valves: usize) -> Self {
         let mut world = World::new(BitRate::Kbit250, 0);
-        let client = world.add_tap("client");
+        let client = world.add_client_port("client");
         for number in 0..valves {
             let serial = u32::try_from(number).expect("a small number");
             let node_id = u8::try_from(number % NODE_IDS).expect("a node ID") + 1;

@@ -98,4 +98,4 @@ pub use protocol_core::time::{Duration, Instant};
 
 pub use bus::{BusError, Port, WireEvent};
 pub use memory::Memory;
-pub use world::{Client, ControllerId, Event, EventKind, NodeId, Plant, TapId, World};
+pub use world::{Client, ClientPortId, ControllerId, Event, EventKind, NodeId, Plant, World};

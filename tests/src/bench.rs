@@ -2,7 +2,7 @@
 
 use hal_sim::bus::Confinement;
 use hal_sim::memory::Flash;
-use hal_sim::{Memory, NodeId, TapId, World};
+use hal_sim::{ClientPortId, Memory, NodeId, World};
 use protocol_core::controller::{BitRate, BusErrorMode};
 use protocol_core::device::ValveOutputs;
 use protocol_core::device::pve::{Kind, PveCanopen, Setup};
@@ -20,7 +20,7 @@ pub struct Bench {
     /// The world that they are in.
     pub world: World,
     /// The master.
-    pub master: TapId,
+    pub master: ClientPortId,
 }
 
 impl Default for Bench {
@@ -34,7 +34,7 @@ impl Bench {
     #[must_use]
     pub fn with_seed(seed: u64) -> Self {
         let mut world = World::new(BitRate::Kbit250, seed);
-        let master = world.add_tap("master");
+        let master = world.add_client_port("master");
         Self { world, master }
     }
 

@@ -1,7 +1,7 @@
 //! A bench for one or two devices and a master on a simulated bus, in virtual time.
 
 use hal_sim::bus::{Disturbance, EventKind};
-use hal_sim::{BitRate, Duration, Frame, Instant, Kind, Memory, NodeId, Setup, TapId, World};
+use hal_sim::{BitRate, ClientPortId, Duration, Frame, Instant, Kind, Memory, NodeId, Setup, World};
 use protocol_core::controller::BusErrorMode;
 use protocol_core::device::plant::Plant;
 use protocol_core::time::{after, since};
@@ -43,9 +43,9 @@ pub(super) struct Unit {
 pub(super) struct Bench {
     pub(super) world: World,
     /// The master, which also acknowledges; `None`: the devices are among themselves.
-    master: Option<TapId>,
+    master: Option<ClientPortId>,
     /// Somebody whose frames are more urgent than all others.
-    flood: Option<TapId>,
+    flood: Option<ClientPortId>,
     pub(super) units: Vec<Unit>,
     events_left: u32,
     /// Until then LSS may keep a device silent.
@@ -56,7 +56,7 @@ impl Bench {
     pub(super) fn new(bit_rate: BitRate) -> Self {
         let mut world = World::new(bit_rate, 0);
         world.record_events(true);
-        let master = Some(world.add_tap("master"));
+        let master = Some(world.add_client_port("master"));
         Self { world, master, flood: None, units: Vec::new(), events_left: EVENTS, silent_until: Instant::MIN }
     }
 
@@ -193,18 +193,18 @@ impl Bench {
     /// Connects the master, or lets the devices be among themselves.
     pub(super) fn connect_master(&mut self, connected: bool) {
         if connected {
-            self.master.get_or_insert_with(|| self.world.add_tap("master"));
+            self.master.get_or_insert_with(|| self.world.add_client_port("master"));
         } else {
             self.stop_flood();
             if let Some(master) = self.master.take() {
-                self.world.remove_tap(master);
+                self.world.remove_client_port(master);
             }
         }
     }
 
     /// Lets somebody send so many frames that nobody is more urgent than.
     pub(super) fn flood(&mut self, count: u16) {
-        let flood = *self.flood.get_or_insert_with(|| self.world.add_tap("flood"));
+        let flood = *self.flood.get_or_insert_with(|| self.world.add_client_port("flood"));
         // NMT commands to a node that there is not.
         let frame = Frame::of(protocol_core::frame::standard(0).into(), &[1, 0xFE]).expect("two bytes");
         (0..count).for_each(|_| self.world.send(flood, frame));
@@ -212,7 +212,7 @@ impl Bench {
 
     fn stop_flood(&mut self) {
         if let Some(flood) = self.flood.take() {
-            self.world.remove_tap(flood);
+            self.world.remove_client_port(flood);
         }
     }
 

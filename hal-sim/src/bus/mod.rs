@@ -104,8 +104,8 @@ impl Bus {
     }
 
     /// A new client, connected at once: its adapter has long been on the bus.
-    pub fn add_tap(&mut self, name: Arc<str>, rate: BitRate, now: Instant) -> PortId {
-        self.add_connected(Port::of_tap(name, rate), now)
+    pub fn add_client_port(&mut self, name: Arc<str>, rate: BitRate, now: Instant) -> PortId {
+        self.add_connected(Port::of_client(name, rate), now)
     }
 
     /// A client that keeps nothing of what it hears, connected at once.

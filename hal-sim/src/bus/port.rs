@@ -77,7 +77,7 @@ impl Port {
     }
 
     /// Returns a client's place on the bus, not yet connected.
-    pub(super) fn of_tap(name: Arc<str>, rate: BitRate) -> Self {
+    pub(super) fn of_client(name: Arc<str>, rate: BitRate) -> Self {
         Self::new(name, rate, Transmit::queue(), usize::MAX)
     }
 

@@ -82,7 +82,7 @@ fn a_lone_sender_becomes_error_passive_and_stays_so() {
     assert_eq!((bench.counters(0), bench.mode(0)), ((128, 0), BusErrorMode::ErrorPassive));
 
     // Somebody comes who acknowledges: the frame gets through at last.
-    let late = bench.bus.add_tap("late".into(), RATE, bench.now);
+    let late = bench.bus.add_client_port("late".into(), RATE, bench.now);
     bench.run_for(Duration::from_millis(5));
     assert_eq!(bench.frames(), [sent]);
     assert_eq!((bench.counters(0), bench.mode(0)), ((127, 0), BusErrorMode::ErrorActive));

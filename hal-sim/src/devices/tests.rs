@@ -14,7 +14,7 @@ fn a_spool_takes_the_times_that_are_written() {
     let devices = devices(&["pvea-canopen@1,name=slow,stroke-ms=500,return-ms=400", "pvea-canopen@2,name=usual"]);
     let mut world = World::new(BitRate::Kbit250, 1);
     let nodes: Vec<NodeId> = devices.iter().map(|device| device.add_to(&mut world, Memory::in_ram())).collect();
-    let client = world.add_tap("master");
+    let client = world.add_client_port("master");
     for round in 0..2 {
         nodes.iter().for_each(|node| world.power(*node, true));
         world.run_for(Duration::from_millis(20));

@@ -16,12 +16,12 @@ use super::timeline::{Timeline, length};
 use crate::Memory;
 use crate::devices::link_in;
 use crate::explain::{Explainer, Node};
-use crate::world::{EventKind, NodeId, TapId, World};
+use crate::world::{ClientPortId, EventKind, NodeId, World};
 
 /// The bus of a replay.
 pub(super) struct ReplayBus {
     world: World,
-    others: TapId,
+    others: ClientPortId,
     /// The devices that are not switched on yet, the last one first.
     to_come: Vec<(Instant, NodeId)>,
     /// The place of each device, by its name.

@@ -17,7 +17,7 @@ use crate::Memory;
 use crate::devices::{self, DeviceSpec, LinkSpec};
 use crate::log::{ErrorClass, Record, Timestamp};
 use crate::recording::{Format, Writer};
-use crate::world::{EventKind, NodeId, SUPPLY_JITTER, TapId, World};
+use crate::world::{ClientPortId, EventKind, NodeId, SUPPLY_JITTER, World};
 
 const START: Timestamp = Timestamp::from_micros(1_700_000_000_000_042);
 
@@ -49,7 +49,7 @@ fn options(line: &str, file: &NamedTempFile) -> ReplayOptions {
 /// Devices and a master, recorded from the power-up on.
 struct Session {
     world: World,
-    master: TapId,
+    master: ClientPortId,
     records: Vec<Record>,
     /// Who sent each record.
     senders: Vec<Arc<str>>,

@@ -4,7 +4,7 @@ use protocol_core::frame::{Frame, Id};
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
 use super::command::{Refusal, Reply, Sent, Ticket};
-use crate::world::{TapId, World};
+use crate::world::{ClientPortId, World};
 
 /// How long a frame waits for the bus before it is withdrawn.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -27,7 +27,7 @@ pub(super) type Completed = Vec<(Ticket, Result<Reply, Refusal>)>;
 /// A controller with its frames.
 #[derive(Clone, Debug)]
 pub(super) struct Sender {
-    tap: TapId,
+    port: ClientPortId,
     /// The frame that the controller has.
     sending: Option<Outgoing>,
     /// The frames after it.
@@ -58,7 +58,7 @@ struct Cyclic {
 impl Sender {
     /// Puts the controller on the bus, by its name in traces.
     pub(super) fn new(name: &str, world: &mut World) -> Self {
-        Self { tap: world.add_gateway(name), sending: None, waiting: Vec::new(), cyclic: Vec::new() }
+        Self { port: world.add_gateway(name), sending: None, waiting: Vec::new(), cyclic: Vec::new() }
     }
 
     /// Sends a frame, again and again with a period: in the place of an earlier cyclic frame of the same identifier.
@@ -96,12 +96,12 @@ impl Sender {
             outgoing.refuse(STOPPED, completed);
         }
         if let Some(outgoing) = self.sending.as_mut().filter(|outgoing| outgoing.is_cyclic && meant(&outgoing.frame)) {
-            if world.is_sending(self.tap) {
+            if world.is_sending(self.port) {
                 // A frame on the wire goes to its end. One that is destroyed there is not sent again.
                 outgoing.is_cyclic = false;
                 outgoing.deadline = world.now();
             } else if let Some(outgoing) = self.sending.take() {
-                world.withdraw(self.tap);
+                world.withdraw(self.port);
                 outgoing.refuse(STOPPED, completed);
                 self.load(world);
             }
@@ -115,7 +115,7 @@ impl Sender {
             return;
         }
         let now = world.now();
-        if world.pending(self.tap) == 0
+        if world.pending(self.port) == 0
             && let Some(sent) = self.sending.take()
             && let Some(ticket) = sent.ticket
         {
@@ -123,10 +123,10 @@ impl Sender {
         }
         let is_late = |outgoing: &mut Outgoing| outgoing.deadline <= now;
         let mut late: Vec<Outgoing> = self.waiting.extract_if(.., is_late).collect();
-        if !world.is_sending(self.tap)
+        if !world.is_sending(self.port)
             && let Some(outgoing) = self.sending.take_if(is_late)
         {
-            world.withdraw(self.tap);
+            world.withdraw(self.port);
             late.push(outgoing);
         }
         for outgoing in late {
@@ -160,7 +160,7 @@ impl Sender {
         let urgency = |(place, outgoing): &(usize, &Outgoing)| (outgoing.frame.arbitration(), *place);
         let Some((next, _)) = self.waiting.iter().enumerate().min_by_key(urgency) else { return };
         let outgoing = self.waiting.remove(next);
-        world.send(self.tap, outgoing.frame);
+        world.send(self.port, outgoing.frame);
         self.sending = Some(outgoing);
     }
 

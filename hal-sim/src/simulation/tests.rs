@@ -8,7 +8,7 @@ use protocol_core::wire::valve::{EstimatedFlow, State};
 
 use super::*;
 use crate::state::{FloatWord, PlantChange, SetPointValue, StateCondition};
-use crate::world::{Link, TapId};
+use crate::world::{ClientPortId, Link};
 
 /// What happens to a device.
 #[derive(Clone, Debug)]
@@ -25,7 +25,7 @@ enum Act {
 struct Bench {
     world: World,
     devices: Vec<(NodeId, Kind)>,
-    master: TapId,
+    master: ClientPortId,
     /// Whether states are read all the time.
     reads: bool,
 }

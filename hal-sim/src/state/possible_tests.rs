@@ -10,14 +10,14 @@ use serde_json::{Value as Json, json};
 use super::*;
 use crate::bus::Disturbance;
 use crate::state::{DeviceState, PlantChange, Power};
-use crate::world::{NodeId, TapId, World};
+use crate::world::{ClientPortId, NodeId, World};
 
 const NAME: &str = "boom";
 
 /// A device on a bus, with every state that it showed.
 struct Bench {
     world: World,
-    tap: TapId,
+    master: ClientPortId,
     node: NodeId,
     kind: Kind,
     /// The values of each key, with power and without, and how often each came.
@@ -29,8 +29,8 @@ impl Bench {
         let kind = setup.kind;
         let mut world = World::new(kind.bit_rates()[0], 1);
         let node = world.add(NAME, setup);
-        let tap = world.add_tap("master");
-        let mut bench = Self { world, tap, node, kind, seen: BTreeMap::new() };
+        let master = world.add_client_port("master");
+        let mut bench = Self { world, master, node, kind, seen: BTreeMap::new() };
         bench.pass(2);
         bench.power(Power::On);
         bench.pass(300);
@@ -76,7 +76,7 @@ impl Bench {
     }
 
     fn send(&mut self, frame: &str) {
-        self.world.send(self.tap, frame.parse().expect("a frame"));
+        self.world.send(self.master, frame.parse().expect("a frame"));
         self.pass(5);
     }
 

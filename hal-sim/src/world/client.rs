@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use embedded_can::ErrorKind;
 use protocol_core::frame::Frame;
 
-use super::{TapId, World};
+use super::{ClientPortId, World};
 
 /// A client of a world's bus, made by [`World::client`].
 ///
@@ -78,7 +78,7 @@ impl Shared {
 
 /// The world's end of a [`Client`].
 pub(super) struct Connection {
-    tap: TapId,
+    port: ClientPortId,
     queues: Shared,
     /// The client is that of the world that this one was cloned from; nobody has taken one in its place yet.
     untaken: bool,
@@ -88,7 +88,7 @@ pub(super) struct Connection {
 impl Clone for Connection {
     fn clone(&self) -> Self {
         let queues = Shared(Arc::new(Mutex::new(self.queues.lock().clone())));
-        Self { tap: self.tap, queues, untaken: true }
+        Self { port: self.port, queues, untaken: true }
     }
 }
 
@@ -102,7 +102,7 @@ impl World {
     /// Adds a client that the caller owns, as firmware owns its CAN controller: it sends in the order it is told to,
     /// hears everything but its own frames, and acknowledges.
     pub fn client(&mut self, name: &str) -> Client {
-        let mut connection = Connection { tap: self.add_tap(name), queues: Shared::default(), untaken: true };
+        let mut connection = Connection { port: self.add_client_port(name), queues: Shared::default(), untaken: true };
         let client = connection.take();
         self.clients.push(connection);
         client
@@ -114,7 +114,7 @@ impl World {
     pub fn take_client(&mut self, name: &str) -> Option<Client> {
         let is_it = |connection: &&mut Connection| {
             let is_there = connection.untaken && !connection.queues.lock().client_gone;
-            is_there && self.bus.port(connection.tap.0).name() == name
+            is_there && self.bus.port(connection.port.0).name() == name
         };
         self.clients.iter_mut().find(is_it).map(Connection::take)
     }
@@ -122,13 +122,13 @@ impl World {
     /// Gives to the bus what clients have sent, and lets those go that were dropped.
     pub(super) fn take_from_clients(&mut self) {
         let mut clients = std::mem::take(&mut self.clients);
-        clients.retain(|Connection { tap, queues, .. }| {
+        clients.retain(|Connection { port, queues, .. }| {
             let mut queues = queues.lock();
             for frame in queues.sent.drain(..) {
-                self.send(*tap, frame);
+                self.send(*port, frame);
             }
             if queues.client_gone {
-                self.remove_tap(*tap);
+                self.remove_client_port(*port);
             }
             !queues.client_gone
         });
@@ -137,8 +137,8 @@ impl World {
 
     /// Hands to clients what they have heard.
     pub(super) fn give_to_clients(&mut self) {
-        for Connection { tap, queues, .. } in &self.clients {
-            queues.lock().received.extend(self.bus.port_mut(tap.0).take_received().map(|(_, frame)| frame));
+        for Connection { port, queues, .. } in &self.clients {
+            queues.lock().received.extend(self.bus.port_mut(port.0).take_received().map(|(_, frame)| frame));
         }
     }
 }

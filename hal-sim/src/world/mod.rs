@@ -52,7 +52,7 @@ pub struct NodeId(usize);
 
 /// A client of a world's bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct TapId(PortId);
+pub struct ClientPortId(PortId);
 
 /// Devices, their plant and their memory on one bus, in virtual time.
 ///
@@ -70,7 +70,7 @@ pub struct World {
     agenda: Agenda,
     /// The shafts that follow a valve.
     couplings: Vec<Coupling>,
-    /// Which device a port belongs to, by the port's number; `None` for a tap.
+    /// Which device a port belongs to, by the port's number; `None` for a client's port.
     owners: Vec<Option<NodeId>>,
     random: fastrand::Rng,
     /// The list of ports that are being looked at, to be used again.
@@ -245,61 +245,61 @@ impl World {
 
     /// Adds a client: it sends in the order it is told to, hears everything but its own frames, and acknowledges. What
     /// it hears is kept until it is [taken](Self::take_received), however much.
-    pub fn add_tap(&mut self, name: &str) -> TapId {
-        let port = self.bus.add_tap(name.into(), self.bit_rate, self.now);
+    pub fn add_client_port(&mut self, name: &str) -> ClientPortId {
+        let port = self.bus.add_client_port(name.into(), self.bit_rate, self.now);
         self.own(port, None);
-        TapId(port)
+        ClientPortId(port)
     }
 
     /// Adds a gateway: a client that keeps nothing of what it hears. It has a second controller that sends nothing and
     /// so acknowledges whatever its clients send, even when a device sends the very same frame at the same moment; and
     /// a lone device does not go error-passive.
-    pub fn add_gateway(&mut self, name: &str) -> TapId {
+    pub fn add_gateway(&mut self, name: &str) -> ClientPortId {
         let listener = format!("{name}, listening");
         let [port, listener] = [name, &listener].map(|name| self.bus.add_gateway(name.into(), self.bit_rate, self.now));
         self.own(port, None);
         self.own(listener, None);
-        TapId(port)
+        ClientPortId(port)
     }
 
-    /// Takes a client away, with all that it had to send. Its [`TapId`] may be given to another client.
-    pub fn remove_tap(&mut self, tap: TapId) {
-        self.bus.remove(tap.0, self.now);
+    /// Takes a client away, with all that it had to send. Its [`ClientPortId`] may be given to another client.
+    pub fn remove_client_port(&mut self, port: ClientPortId) {
+        self.bus.remove(port.0, self.now);
     }
 
     /// Gives a client's frame to the bus.
-    pub fn send(&mut self, tap: TapId, frame: Frame) {
+    pub fn send(&mut self, port: ClientPortId, frame: Frame) {
         // A client's queue takes everything.
-        let _ = embedded_can::nb::Can::transmit(self.bus.port_mut(tap.0), &frame);
-        self.bus.refresh(tap.0, self.now);
+        let _ = embedded_can::nb::Can::transmit(self.bus.port_mut(port.0), &frame);
+        self.bus.refresh(port.0, self.now);
     }
 
     /// Takes back what a client has given to the bus; a frame on the wire is cut off.
-    pub fn withdraw(&mut self, tap: TapId) {
-        self.bus.drop_pending(tap.0, self.now);
+    pub fn withdraw(&mut self, port: ClientPortId) {
+        self.bus.drop_pending(port.0, self.now);
     }
 
     /// How many frames of a client are not sent yet, the one on the wire included.
     #[must_use]
-    pub fn pending(&self, tap: TapId) -> usize {
-        self.bus.port(tap.0).pending()
+    pub fn pending(&self, port: ClientPortId) -> usize {
+        self.bus.port(port.0).pending()
     }
 
     /// Whether a frame of a client is on the wire.
     #[must_use]
-    pub fn is_sending(&self, tap: TapId) -> bool {
-        self.bus.is_sending(tap.0)
+    pub fn is_sending(&self, port: ClientPortId) -> bool {
+        self.bus.is_sending(port.0)
     }
 
     /// What a client has heard since this was last asked, oldest first, each with the end of the frame.
-    pub fn take_received(&mut self, tap: TapId) -> std::collections::vec_deque::Drain<'_, (Instant, Frame)> {
-        self.bus.port_mut(tap.0).take_received()
+    pub fn take_received(&mut self, port: ClientPortId) -> std::collections::vec_deque::Drain<'_, (Instant, Frame)> {
+        self.bus.port_mut(port.0).take_received()
     }
 
     /// The controller of a client.
     #[must_use]
-    pub fn tap_port(&self, tap: TapId) -> &Port {
-        self.bus.port(tap.0)
+    pub fn client_port(&self, port: ClientPortId) -> &Port {
+        self.bus.port(port.0)
     }
 
     /// The bit rate of the bus: that of its clients, and the one that a new device's controller starts with.

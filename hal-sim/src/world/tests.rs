@@ -30,7 +30,7 @@ fn bits(count: u32) -> Duration {
 /// A world with devices 1, 2 …, powered since instant 0, and a client; run to 10 ms.
 struct Bench {
     world: World,
-    tap: TapId,
+    client: ClientPortId,
     nodes: Vec<NodeId>,
 }
 
@@ -44,10 +44,10 @@ impl Bench {
         world.record_events(true);
         let add = |id| world.add_device(&format!("probe-{id}"), plan(id).factory(), Memory::in_ram());
         let nodes = (1..=count).map(add).collect();
-        let tap = world.add_tap("client");
+        let client = world.add_client_port("client");
         world.power_all(Duration::from_ticks(0));
         world.run_until(millis(10));
-        Self { world, tap, nodes }
+        Self { world, client, nodes }
     }
 
     fn probe(&self, number: usize) -> &Probe {
@@ -60,7 +60,7 @@ impl Bench {
     }
 
     fn command(&mut self, what: Command, id: u8, data: &[u8]) {
-        self.world.send(self.tap, command(what, id, data));
+        self.world.send(self.client, command(what, id, data));
     }
 
     /// The frames and error frames since this was last asked.
@@ -70,7 +70,7 @@ impl Bench {
     }
 
     fn received(&mut self) -> Vec<Frame> {
-        self.world.take_received(self.tap).map(|(_, frame)| frame).collect()
+        self.world.take_received(self.client).map(|(_, frame)| frame).collect()
     }
 }
 
@@ -95,8 +95,8 @@ fn nothing_happens_in_an_idle_world() {
 fn a_device_answers_a_client() {
     let mut bench = Bench::of(1);
     let (question, answer) = (std_frame(ECHO + 1, &[1, 2, 3]), std_frame(ECHO_ANSWER + 1, &[1, 2, 3]));
-    bench.world.send(bench.tap, question);
-    assert_eq!((bench.world.pending(bench.tap), bench.world.next_event()), (1, millis(10)));
+    bench.world.send(bench.client, question);
+    assert_eq!((bench.world.pending(bench.client), bench.world.next_event()), (1, millis(10)));
     bench.run_for(10);
     let first = after(millis(10), bits(FrameBits::of(&question).on_wire()));
     let second = after(first, bits(3 + FrameBits::of(&answer).on_wire()));
@@ -108,32 +108,32 @@ fn a_device_answers_a_client() {
             Event { at: second, who: "probe-1".into(), what: EventKind::Frame { frame: answer, start: answered } },
         ]
     );
-    assert_eq!(bench.world.pending(bench.tap), 0);
-    let received: Vec<_> = bench.world.take_received(bench.tap).collect();
+    assert_eq!(bench.world.pending(bench.client), 0);
+    let received: Vec<_> = bench.world.take_received(bench.client).collect();
     assert_eq!(received, [(second, answer)]);
-    assert_eq!(bench.world.take_received(bench.tap).count(), 0);
+    assert_eq!(bench.world.take_received(bench.client).count(), 0);
 }
 
 #[test]
 fn clients_hear_each_other_but_not_themselves() {
     let mut bench = Bench::of(0);
-    let other = bench.world.add_tap("other");
+    let other = bench.world.add_client_port("other");
     for byte in 0..10 {
         // Clients keep their order, whatever the identifiers.
-        bench.world.send(bench.tap, std_frame(0x700 - u16::from(byte), &[byte]));
+        bench.world.send(bench.client, std_frame(0x700 - u16::from(byte), &[byte]));
     }
     bench.run_for(100);
     assert_eq!(bench.received(), []);
     let heard: Vec<_> = bench.world.take_received(other).map(|(_, frame)| frame.data()[0]).collect();
     assert_eq!(heard, (0..10).collect::<Vec<_>>());
     // Alone on the bus again, nobody acknowledges; a client that goes takes its frames along.
-    bench.world.remove_tap(other);
-    bench.world.send(bench.tap, std_frame(1, &[]));
+    bench.world.remove_client_port(other);
+    bench.world.send(bench.client, std_frame(1, &[]));
     bench.run_for(100);
-    assert_eq!(bench.world.pending(bench.tap), 1);
-    assert_eq!(bench.world.tap_port(bench.tap).mode(), BusErrorMode::ErrorPassive);
-    bench.world.remove_tap(bench.tap);
-    assert_eq!(bench.world.pending(bench.tap), 0);
+    assert_eq!(bench.world.pending(bench.client), 1);
+    assert_eq!(bench.world.client_port(bench.client).mode(), BusErrorMode::ErrorPassive);
+    bench.world.remove_client_port(bench.client);
+    assert_eq!(bench.world.pending(bench.client), 0);
     bench.run_for(100);
     assert_eq!(bench.world.next_event(), NEVER);
 }
@@ -142,7 +142,7 @@ fn clients_hear_each_other_but_not_themselves() {
 fn clients_come_and_go_without_a_trace() {
     let mut bench = Bench::of(1);
     for round in 0..1000_u16 {
-        let visitor = bench.world.add_tap("visitor");
+        let visitor = bench.world.add_client_port("visitor");
         bench.world.send(visitor, std_frame(ECHO + 1, &round.to_le_bytes()));
         bench.run_for(1);
         let heard: Vec<_> = bench.world.take_received(visitor).map(|(_, frame)| frame).collect();
@@ -150,7 +150,7 @@ fn clients_come_and_go_without_a_trace() {
         // Gone in the middle of a frame of its own.
         bench.world.send(visitor, std_frame(0x123, &[]));
         bench.world.step();
-        bench.world.remove_tap(visitor);
+        bench.world.remove_client_port(visitor);
     }
     bench.run_for(10);
     let broken = |event: &Event| event.is_error_frame() && event.who.as_ref() == "visitor";
@@ -174,7 +174,7 @@ fn a_gateway_without_a_client_acknowledges_and_keeps_nothing() {
 #[test]
 fn a_step_is_one_instant() {
     let mut bench = Bench::of(1);
-    bench.world.send(bench.tap, std_frame(ECHO + 1, &[]));
+    bench.world.send(bench.client, std_frame(ECHO + 1, &[]));
     let mut instants = Vec::new();
     while bench.world.next_event() != NEVER {
         bench.world.step();
@@ -193,7 +193,7 @@ fn a_write_takes_its_time_and_is_answered_once_the_memory_holds_it() {
     {
         bench.command(what, 1, b"abc");
         bench.run_for(100);
-        let (at, _) = bench.world.take_received(bench.tap).next_back().unwrap();
+        let (at, _) = bench.world.take_received(bench.client).next_back().unwrap();
         // The write begins when the answer is on the bus.
         let stored = *bench.probe(0).stored.last().unwrap();
         assert_eq!(stored, (key, Ok(()), after(at, time)));
@@ -231,7 +231,7 @@ fn a_power_cut_at_any_moment_of_a_write_leaves_the_old_or_the_new_record() {
         let _ = bench.received();
         bench.command(Command::Store, 1, b"after");
         // The answer goes out, then the write begins.
-        while bench.world.take_received(bench.tap).count() == 0 {
+        while bench.world.take_received(bench.client).count() == 0 {
             bench.world.step();
         }
         let cut_at = after(bench.world.now(), Duration::from_micros(cut));
@@ -322,7 +322,7 @@ fn bus_off_is_sensed_and_so_is_the_recovery() {
     bench.world.force_bus_off(node, true);
     assert!(bench.world.is_bus_off_forced(node));
     assert_eq!(bench.probe(0).senses.bus, BusErrorMode::BusOff);
-    bench.world.send(bench.tap, std_frame(ECHO + 1, &[]));
+    bench.world.send(bench.client, std_frame(ECHO + 1, &[]));
     bench.run_for(100);
     assert_eq!(bench.received(), []);
     bench.world.force_bus_off(node, false);
@@ -331,7 +331,7 @@ fn bus_off_is_sensed_and_so_is_the_recovery() {
         bench.world.step();
     }
     assert_eq!(since(bench.world.now(), released), bits(128 * 11));
-    bench.world.send(bench.tap, std_frame(ECHO + 1, &[]));
+    bench.world.send(bench.client, std_frame(ECHO + 1, &[]));
     bench.run_for(100);
     assert_eq!(bench.received(), [std_frame(ECHO_ANSWER + 1, &[])]);
     // The switch outlasts the power.
@@ -347,7 +347,7 @@ fn bus_off_is_sensed_and_so_is_the_recovery() {
 fn a_sender_that_is_disturbed_goes_through_every_mode() {
     let mut bench = Bench::of(1);
     bench.world.inject(DestroyNext::frames_of("probe-1", 32));
-    bench.world.send(bench.tap, std_frame(ECHO + 1, &[7]));
+    bench.world.send(bench.client, std_frame(ECHO + 1, &[7]));
     let mut modes = vec![BusErrorMode::ErrorActive];
     while bench.world.next_event() != NEVER {
         bench.world.step();
@@ -377,7 +377,7 @@ fn the_master_follows_a_device_to_another_bit_rate() {
     bench.world.set_bit_rate(BitRate::Kbit500);
     assert_eq!(bench.world.bit_rate(), BitRate::Kbit500);
     bench.trace();
-    bench.world.send(bench.tap, std_frame(ECHO + 1, &[]));
+    bench.world.send(bench.client, std_frame(ECHO + 1, &[]));
     bench.run_for(10);
     assert_eq!(bench.received(), [std_frame(ECHO_ANSWER + 1, &[])]);
     assert!(bench.trace().iter().all(|event| event.frame().is_some()), "no error frame");
@@ -386,7 +386,7 @@ fn the_master_follows_a_device_to_another_bit_rate() {
 #[test]
 fn a_device_at_another_bit_rate_is_not_heard() {
     let mut bench = Bench::with(2, 1, |id| Plan::new(id, if id == 1 { BitRate::Kbit125 } else { RATE }));
-    bench.world.send(bench.tap, std_frame(ECHO + 1, &[]));
+    bench.world.send(bench.client, std_frame(ECHO + 1, &[]));
     bench.run_for(100);
     assert_eq!((bench.received(), bench.probe(0).heard), (vec![], 0));
     // It has disturbed 15 attempts, then it is error-passive.
@@ -431,7 +431,7 @@ fn a_shutdown_stores_on_a_dead_bus_too() {
     let mut bench = Bench::with(1, 1, |id| Plan::new(id, RATE).beating(Duration::from_millis(10)));
     bench.command(Command::Later, 1, b"late");
     bench.run_for(5);
-    bench.world.remove_tap(bench.tap);
+    bench.world.remove_client_port(bench.client);
     bench.run_for(100);
     assert!(bench.world.port(bench.nodes[0]).pending() > 0);
     bench.world.flush_all();

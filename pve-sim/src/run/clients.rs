@@ -10,7 +10,7 @@ use protocol_core::frame::Frame;
 
 use crate::inbox::{ClientId, ClientQueue, Overrun, ToClient, ToWorld};
 use hal_sim::log::{ErrorClass, Timestamp};
-use hal_sim::world::{Event, EventKind, TapId, World};
+use hal_sim::world::{ClientPortId, Event, EventKind, World};
 
 /// The name of their controller in traces. No device's name has a blank.
 const NAME: &str = "the gateway";
@@ -25,7 +25,7 @@ pub(super) struct Clients {
     error_frames: bool,
     /// Their controller. It keeps nothing of what it hears: that comes to the clients by the events, in which frames
     /// and error frames are in their order.
-    tap: TapId,
+    port: ClientPortId,
     /// Whose frame the controller has.
     sending: Option<ClientId>,
     /// What else waits for the bus, also of clients that have left. No queue is empty.
@@ -56,7 +56,7 @@ impl Clients {
         Self {
             clients: BTreeMap::new(),
             error_frames,
-            tap: world.add_gateway(NAME),
+            port: world.add_gateway(NAME),
             sending: None,
             waiting: BTreeMap::new(),
             left_behind: 0,
@@ -132,14 +132,14 @@ impl Clients {
     pub(super) fn give_up(&mut self, event: &Event, world: &mut World) {
         let left = self.sending.is_some_and(|sender| !self.clients.contains_key(&sender));
         if event.is_error_frame() && *event.who == *NAME && left {
-            world.withdraw(self.tap);
+            world.withdraw(self.port);
         }
     }
 
     /// Gives the controller its next frame once it has sent the last one, and a permit back for that: to be called after
     /// every event, before the next frame starts.
     pub(super) fn send(&mut self, world: &mut World) {
-        if world.pending(self.tap) > 0 {
+        if world.pending(self.port) > 0 {
             return;
         }
         if let Some(client) = self.sending.take().and_then(|sender| self.clients.get(&sender)) {
@@ -151,7 +151,7 @@ impl Clients {
         let Some(id) = next.map(|(id, _)| id) else { return };
         if let Some(queue) = self.waiting.get_mut(&id) {
             if let Some(Waiting { frame, .. }) = queue.pop_front() {
-                world.send(self.tap, frame);
+                world.send(self.port, frame);
                 self.sending = Some(id);
                 if !self.clients.contains_key(&id) {
                     self.left_behind -= 1;

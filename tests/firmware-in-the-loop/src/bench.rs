@@ -9,7 +9,7 @@ use hal_sim::scenario::{OWN, Scenario, Target};
 use hal_sim::simulation::{Command, Executed, Refusal, Reply, Simulation};
 use hal_sim::state::Power;
 use hal_sim::world::SUPPLY_JITTER;
-use hal_sim::{Memory, TapId};
+use hal_sim::{ClientPortId, Memory};
 use protocol_core::controller::BitRate;
 use protocol_core::device::{Kind, Setup};
 use protocol_core::frame::Frame;
@@ -46,7 +46,7 @@ pub struct ImageBench {
     /// The board.
     pub board: BoardId,
     /// The master.
-    pub master: TapId,
+    pub master: ClientPortId,
     received: VecDeque<Frame>,
 }
 
@@ -61,7 +61,7 @@ impl ImageBench {
     #[must_use]
     pub fn with_memory(board: &'static Board, bit_rate: BitRate, memory: &[u8]) -> Self {
         let mut rig = Rig::new(bit_rate);
-        let master = rig.world.add_tap("master");
+        let master = rig.world.add_client_port("master");
         let board = rig.add_board(board, "board", memory);
         Self { rig, board, master, received: VecDeque::new() }
     }

@@ -28,7 +28,7 @@ pub fn stored_by(device: impl Into<Setup>) -> Vec<u8> {
 pub fn stored_after(device: impl Into<Setup>, frames: &[Frame]) -> Vec<u8> {
     let setup = device.into();
     let mut world = World::new(setup.kind.bit_rates()[0], 0);
-    let client = world.add_tap("client");
+    let client = world.add_client_port("client");
     let node = world.add(setup.kind.name(), setup);
     world.power(node, true);
     world.run_until(after(world.now(), STORE));

@@ -1,7 +1,7 @@
 //! Angle sensors in a world: their shaft as plant, linked to a valve, and their PDOs in time (SPEC 9).
 
 use hal_sim::world::{EventKind, Link, LinkError, Plant, PlantError};
-use hal_sim::{Kind, NodeId, Setup, TapId, World};
+use hal_sim::{ClientPortId, Kind, NodeId, Setup, World};
 use protocol_core::actuator::Valve;
 use protocol_core::controller::BitRate;
 use protocol_core::device::pve::PveCanopen;
@@ -13,7 +13,7 @@ const RATE: BitRate = BitRate::Kbit250;
 /// A machine: a valve at 0x20, a sensor at 1 and a valve on ISOBUS at 0x83, booted, and a master, at 250 kbit/s.
 struct Machine {
     world: World,
-    master: TapId,
+    master: ClientPortId,
     valve: NodeId,
     sensor: NodeId,
     other: NodeId,
@@ -22,7 +22,7 @@ struct Machine {
 impl Machine {
     fn booted() -> Self {
         let mut world = World::new(RATE, 0);
-        let master = world.add_tap("master");
+        let master = world.add_client_port("master");
         let [valve, sensor, other] =
             [("pvea-canopen", 0x20), ("hat1000", 1), ("pvea-isobus", 0x83)].map(|(name, id)| {
                 let kind = Kind::from_name(name).expect("a kind");

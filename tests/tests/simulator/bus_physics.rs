@@ -125,13 +125,13 @@ fn bus_off_again_and_again() {
 #[test]
 fn a_valve_alone_waits_for_company() {
     let (mut bench, valve) = Bench::with_flash(hal_sim::memory::Flash::new());
-    bench.world.remove_tap(bench.master);
+    bench.world.remove_client_port(bench.master);
     bench.world.power(valve, true);
     bench.run_for(60_000);
     // Nobody acknowledges its boot-up: error-passive, never bus-off, and no fault.
     assert_eq!((bench.mode(valve), bench.errors(valve).transmit_errors()), (BusErrorMode::ErrorPassive, 128));
     assert_eq!(bench.outputs(valve).led.color, Color::Yellow);
-    bench.master = bench.world.add_tap("late master");
+    bench.master = bench.world.add_client_port("late master");
     bench.run_for(10);
     assert_eq!(bench.take(), ["720: 00", CLEARED]);
     assert_eq!(bench.mode(valve), BusErrorMode::ErrorActive);
@@ -142,7 +142,7 @@ fn a_valve_alone_waits_for_company() {
 #[test]
 fn a_second_valve_is_company_enough() {
     let mut bench = Bench::default();
-    bench.world.remove_tap(bench.master);
+    bench.world.remove_client_port(bench.master);
     let valves = [0x20, 0x21].map(|node_id| {
         let setup = Setup { node_id: Some(node_id), ..Setup::new(Kind::PveaCanopen) };
         bench.add(setup, Memory::in_ram())
@@ -182,7 +182,7 @@ fn use_case_5_with_a_master_that_is_late() {
     assert!(seen > 20, "{seen}");
     assert_eq!(bench.take(), [""; 0], "nothing is heard");
     assert_eq!(bench.mode(valve), BusErrorMode::ErrorPassive);
-    assert_eq!(bench.world.tap_port(bench.master).mode(), BusErrorMode::ErrorPassive);
+    assert_eq!(bench.world.client_port(bench.master).mode(), BusErrorMode::ErrorPassive);
     assert_eq!(bench.outputs(valve).led.color, Color::Yellow, "no fault");
     bench.world.set_bit_rate(BitRate::Kbit500);
     bench.run_for(300);
@@ -351,7 +351,7 @@ fn valves_on_one_node_id_drive_each_other_bus_off_and_recover() {
 fn a_client_that_sends_what_the_valve_sends_does_not_jam_the_bus() {
     let (mut bench, valve) = Bench::booted();
     assert!(bench.write(0x20, (0x1017, 0, 2, 100)));
-    bench.world.remove_tap(bench.master);
+    bench.world.remove_client_port(bench.master);
     bench.master = bench.world.add_gateway("gateway");
     while bench.world.port(valve).pending() == 0 {
         bench.world.step();

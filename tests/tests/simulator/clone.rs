@@ -4,7 +4,7 @@ use embedded_can::nb::Can as _;
 use hal_sim::bus::{BitErrors, DestroyNext, Disturbance};
 use hal_sim::memory::TornErase;
 use hal_sim::world::{Link, Plant, SUPPLY_JITTER};
-use hal_sim::{Client, ControllerId, Event, NodeId, TapId, WireEvent, World};
+use hal_sim::{Client, ClientPortId, ControllerId, Event, NodeId, WireEvent, World};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -20,7 +20,7 @@ use tests::frame;
 struct Cast {
     world: World,
     devices: Vec<(Kind, NodeId)>,
-    tap: TapId,
+    port: ClientPortId,
     controller: ControllerId,
 }
 
@@ -162,11 +162,11 @@ impl Run {
         if let (Some(valve), Some(sensor)) = (valve, find(|kind| matches!(kind, Kind::Hat(_)))) {
             world.link(valve, sensor, Link::default()).expect("a valve and a sensor");
         }
-        let (tap, client) = (world.add_tap("tap"), world.client("client"));
+        let (port, client) = (world.add_client_port("client port"), world.client("client"));
         let controller = world.add_controller("controller");
         world.attach(controller, BitRate::Kbit250, false);
         world.power_all(SUPPLY_JITTER);
-        Self { cast: Cast { world, devices, tap, controller }, client: Some(client) }
+        Self { cast: Cast { world, devices, port, controller }, client: Some(client) }
     }
 
     /// The same world once more, with a client in the place of the one that this has.
@@ -181,7 +181,7 @@ impl Run {
     }
 
     fn make(&mut self, call: &Call) -> Seen {
-        let Self { cast: Cast { world, devices, tap, controller }, client } = self;
+        let Self { cast: Cast { world, devices, port, controller }, client } = self;
         let at = |device: usize| devices[device % devices.len()];
         let node = |device: usize| at(device).1;
         let frame = |device: usize, which: usize| {
@@ -194,7 +194,7 @@ impl Run {
             Call::Step => world.step(),
             Call::PowerAll => world.power_all(SUPPLY_JITTER),
             Call::Power(device, on) => world.power(node(*device), *on),
-            Call::Send(device, which) => world.send(*tap, frame(*device, *which)),
+            Call::Send(device, which) => world.send(*port, frame(*device, *which)),
             Call::Transmit(device, which) => {
                 if let Some(client) = client {
                     client.transmit(&frame(*device, *which)).expect("a world");
@@ -223,7 +223,7 @@ impl Run {
     }
 
     fn look(&mut self) -> Seen {
-        let Self { cast: Cast { world, devices, tap, controller }, client } = self;
+        let Self { cast: Cast { world, devices, port, controller }, client } = self;
         let received = client.iter_mut().flat_map(|client| std::iter::from_fn(|| client.receive().ok())).collect();
         let devices = devices.iter().map(|(_, node)| DeviceSeen {
             view: world.view(*node),
@@ -239,10 +239,10 @@ impl Run {
             now: world.now(),
             next: world.next_event(),
             events: world.take_events().collect(),
-            heard: world.take_received(*tap).collect(),
+            heard: world.take_received(*port).collect(),
             received,
             wire: world.take_wire_events(*controller).into_iter().flatten().collect(),
-            pending: world.pending(*tap),
+            pending: world.pending(*port),
             load: world.load(),
             disturbance: world.disturbance(),
         }

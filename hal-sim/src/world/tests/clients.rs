@@ -42,9 +42,9 @@ fn a_client_that_is_dropped_leaves_the_bus() {
     let mut client = bench.world.client("controller");
     client.transmit(&std_frame(0x123, &[])).unwrap();
     drop(client);
-    bench.world.send(bench.tap, std_frame(0x124, &[]));
+    bench.world.send(bench.client, std_frame(0x124, &[]));
     bench.run_for(100);
-    assert_eq!(bench.world.pending(bench.tap), 1, "nobody acknowledges");
+    assert_eq!(bench.world.pending(bench.client), 1, "nobody acknowledges");
     assert_eq!(bench.trace().iter().filter(|event| event.who.as_ref() == "controller").count(), 0);
 }
 

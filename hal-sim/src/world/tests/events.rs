@@ -13,11 +13,11 @@ fn changes(bench: &mut Bench, who: &str) -> Vec<EventKind> {
 fn a_world_records_nothing_until_it_is_told_to() {
     let mut bench = Bench::of(1);
     bench.world.record_events(false);
-    bench.world.send(bench.tap, std_frame(ECHO + 1, &[]));
+    bench.world.send(bench.client, std_frame(ECHO + 1, &[]));
     bench.run_for(10);
     assert_eq!(bench.world.take_events().count(), 0);
     bench.world.record_events(true);
-    bench.world.send(bench.tap, std_frame(ECHO + 1, &[]));
+    bench.world.send(bench.client, std_frame(ECHO + 1, &[]));
     bench.run_for(10);
     assert_eq!(bench.world.take_events().count(), 2);
     assert_eq!(bench.world.take_events().count(), 0, "taken once");
@@ -29,7 +29,7 @@ fn every_change_of_an_error_mode_is_told_the_recovery_too() {
 
     let mut bench = Bench::of(1);
     bench.world.inject(DestroyNext::frames_of("probe-1", 32));
-    bench.world.send(bench.tap, std_frame(ECHO + 1, &[7]));
+    bench.world.send(bench.client, std_frame(ECHO + 1, &[7]));
     bench.run_for(1000);
     let modes = [(ErrorActive, ErrorPassive), (ErrorPassive, BusOff), (BusOff, ErrorActive)];
     assert_eq!(changes(&mut bench, "probe-1"), modes.map(|(from, to)| EventKind::ErrorMode { from, to }));
@@ -42,7 +42,7 @@ fn an_error_frame_names_its_sender_and_who_signals_it() {
     let mut bench = Bench::with(2, 1, |id| Plan::new(id, if id == 1 { BitRate::Kbit125 } else { RATE }));
     let start = bench.world.now();
     let frame = std_frame(ECHO + 2, &[]);
-    bench.world.send(bench.tap, frame);
+    bench.world.send(bench.client, frame);
     bench.run_for(1);
     let first = bench.trace().into_iter().next().expect("an error frame");
     assert_eq!(&*first.who, "client");

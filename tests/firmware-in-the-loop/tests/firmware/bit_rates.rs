@@ -130,7 +130,7 @@ fn what_waits_is_dropped_when_the_bit_rate_changes() {
     client.wait_ms(5);
     // Nobody acknowledges what is sent now.
     let master = client.bench.master;
-    client.bench.rig.world.remove_tap(master);
+    client.bench.rig.world.remove_client_port(master);
     fill(&mut client, 0, "7FF:");
     let empty = |client: &ImageClient| client.connections().can.lock().can.read(TSR) >> 26 & 0b111;
     let start = client.now_us();

@@ -64,10 +64,10 @@ fn error_passive_is_not_bus_off() {
 fn alone_on_the_bus_it_waits_and_comes_back() {
     let mut client = ImageClient::booted();
     let master = client.bench.master;
-    client.bench.rig.world.remove_tap(master);
+    client.bench.rig.world.remove_client_port(master);
     client.wait_ms(3000);
     assert_ne!(mode(&client), BusErrorMode::BusOff);
-    client.bench.master = client.bench.rig.world.add_tap("another master");
+    client.bench.master = client.bench.rig.world.add_client_port("another master");
     client.wait_ms(100);
     assert_eq!(client.listen_ms(1), []);
     assert_eq!(client.read(0x1018, 1), 0x0100_0019);
@@ -82,14 +82,14 @@ fn in_traffic_it_counts_the_ends_of_frames_and_each_time_is_counted() {
         client.send("620: 40 18 10 01 00 00 00 00");
         let off = run_to(&mut client, BusErrorMode::BusOff);
         // Somebody else acknowledges.
-        let listener = client.bench.rig.world.add_tap("listener");
+        let listener = client.bench.rig.world.add_client_port("listener");
         (0..200).for_each(|_| client.send("7FF: 00 00 00 00 00 00 00 00"));
         let back = run_to(&mut client, BusErrorMode::ErrorActive);
         let heard = client.bench.rig.world.take_received(listener).count();
         let took = back.as_micros() - off.as_micros();
         assert!((126..=129).contains(&heard) && took > 4 * RECOVERY, "{heard} frames, {took} us");
         client.finish_sending();
-        client.bench.rig.world.remove_tap(listener);
+        client.bench.rig.world.remove_client_port(listener);
         let told: Vec<String> = client.listen_ms(50).iter().map(Frame::to_string).collect();
         let can_error = format!("0A0: 40 81 11 {count:02X} 00 00 00 00");
         assert_eq!(told, [can_error.as_str(), "0A0: 00 00 00 00 00 00 00 00"]);

@@ -2,7 +2,7 @@
 //! was made in: three mailboxes, and a queue behind them.
 
 use firmware_in_the_loop::bxcan::registers::{BTR, MCR, TI0R, mcr};
-use hal_sim::TapId;
+use hal_sim::ClientPortId;
 use hal_sim::bus::{DestroyNext, FrameBits};
 use protocol_core::controller::BitRate;
 use protocol_core::frame::{Frame, Id};
@@ -160,12 +160,12 @@ fn a_frame_that_is_destroyed_is_sent_once_in_the_end() {
 }
 
 /// Listens to all frames from now on.
-pub fn listen(client: &mut ImageClient) -> TapId {
-    client.bench.rig.world.add_tap("listener")
+pub fn listen(client: &mut ImageClient) -> ClientPortId {
+    client.bench.rig.world.add_client_port("listener")
 }
 
 /// The frames that a listener has heard, each with its end.
-pub fn heard(client: &mut ImageClient, listener: TapId) -> Vec<(Instant, Frame)> {
+pub fn heard(client: &mut ImageClient, listener: ClientPortId) -> Vec<(Instant, Frame)> {
     client.bench.rig.world.take_received(listener).collect()
 }
 

@@ -215,12 +215,12 @@ fn errors_that_go_on_do_not_interrupt_again() {
     // Alone on the bus: the answer is tried again and again.
     client.bench.send(Frame::full(standard(0x620).into(), [0x40, 0x18, 0x10, 1, 0, 0, 0, 0]));
     client.finish_sending();
-    client.bench.rig.world.remove_tap(master);
+    client.bench.rig.world.remove_client_port(master);
     client.wait_ms(1000);
     assert_eq!(client.status_of("bus"), "error-passive");
     assert_eq!(interrupts(&client) - before, 1);
     assert_eq!(client.status_of("error_interrupts"), "1");
-    client.bench.master = client.bench.rig.world.add_tap("another master");
+    client.bench.master = client.bench.rig.world.add_client_port("another master");
     client.wait_ms(100);
     client.aside.clear();
     // Error-active again, and it would be told of the next time.
