@@ -239,8 +239,8 @@ impl Rig {
         let now = self.world.now();
         let several = self.boards.iter().filter(|board| board.powered).count() > 1;
         let limit = if several { until.min(after(now, SLICE)) } else { until };
-        let horizon = self.world.next_event().clamp(now, limit.max(now));
-        let reached = self.run_boards(horizon);
+        let limit = self.world.next_event().clamp(now, limit.max(now));
+        let reached = self.run_boards(limit);
         self.offer_anew(reached);
         self.world.run_until(reached);
         self.exchange();
@@ -259,13 +259,13 @@ impl Rig {
         }
     }
 
-    /// Lets the boards run to `horizon`; says how far all of them have come.
-    fn run_boards(&mut self, horizon: Instant) -> Instant {
-        let running = |board: &mut &mut Board| board.powered && board.reached() < horizon;
+    /// Runs the boards to `limit`; returns the instant that all of them have reached.
+    fn run_boards(&mut self, limit: Instant) -> Instant {
+        let running = |board: &mut &mut Board| board.powered && board.reached() < limit;
         let mut started: Vec<&mut Board> =
             self.boards.iter_mut().filter_map(|mut board| running(&mut board).then_some(board)).collect();
         for board in &mut started {
-            let until = horizon.as_micros() * 1000 - board.began;
+            let until = limit.as_micros() * 1000 - board.began;
             if let Some(machine) = &board.machine {
                 machine.start(until);
             }
@@ -276,7 +276,7 @@ impl Rig {
             }
         }
         let reached = self.boards.iter().filter(|board| board.powered).map(Board::reached);
-        reached.min().unwrap_or(horizon).min(horizon)
+        reached.min().unwrap_or(limit).min(limit)
     }
 
     /// Tells the boards what happened on the bus, and the bus what the boards want.
