@@ -1,6 +1,6 @@
 //! What a frame costs around the world, in instructions of the host: read from a client, written to one, logged and
 //! explained. What clients get by the wall clock, and the processor time of the whole simulator, is measured by
-//! `cargo bench --package hal-sim`.
+//! `cargo bench --package benches`.
 //!
 //! The limits are budgets: at most a fifth above what was measured.
 

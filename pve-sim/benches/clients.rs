@@ -1,4 +1,4 @@
-//! What clients of `pve-sim` get, by the wall clock: `cargo bench --package hal-sim --bench clients`, on a machine that
+//! What clients of `pve-sim` get, by the wall clock: `cargo bench --package pve-sim --bench clients`, on a machine that
 //! does nothing else. It prints figures and has no limits: they are those of a machine.
 
 #![allow(missing_docs, reason = "a program")]

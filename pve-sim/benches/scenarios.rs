@@ -1,4 +1,4 @@
-//! How long 1,000 scenarios of 10 s virtual time take: `cargo bench --package hal-sim --bench scenarios`, on a machine
+//! How long 1,000 scenarios of 10 s virtual time take: `cargo bench --package pve-sim --bench scenarios`, on a machine
 //! that does nothing else. It prints figures and has no limits: they are those of a machine.
 
 #![allow(missing_docs, reason = "a program")]

@@ -3,9 +3,9 @@
 
 use std::fs;
 
-use super::bench::{Bench, KINDS, NAME};
 use super::expected::{check, check_all, folder};
 use super::program::{Simulator, printed, root, run};
+use super::rig::{KINDS, NAME, Rig};
 
 /// The start of a log, whatever the clock said.
 const START_US: u64 = 1_700_000_000_000_000;
@@ -146,10 +146,10 @@ fn lived(kind: &str, ending: &str) -> (String, std::path::PathBuf, tempfile::Tem
     let log = dir.path().join(format!("life.{ending}"));
     let device = format!("{kind},name={NAME}");
     let simulator = Simulator::started(&["--device", &device, "--log", log.to_str().expect("text")]);
-    let bench = Bench::new(simulator, kind);
-    bench.play(life(kind));
-    let trace = bench.trace();
-    let ended = bench.simulator.end();
+    let rig = Rig::new(simulator, kind);
+    rig.play(life(kind));
+    let trace = rig.trace();
+    let ended = rig.simulator.end();
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     (trace, log, dir)
 }

@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! program    the executable, run to its end, or running with its time standing
-//! bench      what is done to running devices, and what can be read from them
+//! rig        what is done to running devices, and what can be read from them
 //! expected   the files, and the one way to renew them
 //! texts      help, refusals, descriptions        frames     use cases, scenarios, logs
 //! http       the control interface               memory     what becomes of state files
@@ -15,10 +15,10 @@
 //! Only on Linux: other systems serve other buses, and say so.
 #![cfg(target_os = "linux")]
 
-mod bench;
 mod expected;
 mod frames;
 mod http;
 mod memory;
 mod program;
+mod rig;
 mod texts;

@@ -13,9 +13,9 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-use super::bench::{Bench, KINDS, NAME};
 use super::expected::{check, folder};
 use super::program::Simulator;
+use super::rig::{KINDS, NAME, Rig};
 use stories::Story;
 
 /// The layout that the program writes.
@@ -102,12 +102,12 @@ fn start(kind: &str, content: &[u8], usual: &BTreeMap<String, String>) -> (Strin
             (format!("exit {code}\n{}", folder.said(&ended.stderr)), BTreeMap::new())
         }
         Ok(simulator) => {
-            let bench = Bench::new(simulator, kind);
-            bench.play(&[START]);
-            let (mut text, state, values) = (bench.trace(), bench.state(), bench.values());
+            let rig = Rig::new(simulator, kind);
+            rig.play(&[START]);
+            let (mut text, state, values) = (rig.trace(), rig.state(), rig.values());
             text += &state;
             text += &other_than(&values, usual);
-            text += &folder.said(&bench.simulator.end().stderr);
+            text += &folder.said(&rig.simulator.end().stderr);
             (text, values)
         }
     };
@@ -119,11 +119,11 @@ fn start(kind: &str, content: &[u8], usual: &BTreeMap<String, String>) -> (Strin
 fn goes_on(kind: &str, content: &[u8], usual: &BTreeMap<String, String>) -> String {
     let folder = Folder::with(content);
     let run = |lines: &[String]| {
-        let bench = Bench::new(Simulator::started(&["--state", folder.path(), "--device", &device(kind)]), kind);
-        bench.play(&[START]);
-        bench.play(lines);
-        let values = bench.values();
-        let ended = bench.simulator.end();
+        let rig = Rig::new(Simulator::started(&["--state", folder.path(), "--device", &device(kind)]), kind);
+        rig.play(&[START]);
+        rig.play(lines);
+        let values = rig.values();
+        let ended = rig.simulator.end();
         assert_eq!(ended.code, Some(0), "{}", ended.stderr);
         (values, folder.said(&ended.stderr))
     };
@@ -150,10 +150,10 @@ fn one_more(kind: &str, node: Option<u64>) -> Vec<String> {
 
 /// The node ID that a device has with a file.
 fn node_id(kind: &str, folder: &Folder) -> Option<u64> {
-    let bench = Bench::new(Simulator::started(&["--state", folder.path(), "--device", &device(kind)]), kind);
-    bench.play(&[START]);
-    let state = bench.simulator.done("GET", &format!("/devices/{NAME}"), "");
-    bench.simulator.end();
+    let rig = Rig::new(Simulator::started(&["--state", folder.path(), "--device", &device(kind)]), kind);
+    rig.play(&[START]);
+    let state = rig.simulator.done("GET", &format!("/devices/{NAME}"), "");
+    rig.simulator.end();
     state["node_id"].as_u64()
 }
 
@@ -259,9 +259,9 @@ fn write_what_is_missing() {
 fn tell(kind: &str, story: &Story) -> Vec<u8> {
     let folder = Folder::empty();
     let device = format!("{}{}", device(kind), if story.blank { ",blank" } else { "" });
-    let bench = Bench::new(Simulator::started(&["--state", folder.path(), "--device", &device]), kind);
-    bench.play(&story.lines);
-    let ended = bench.simulator.end();
+    let rig = Rig::new(Simulator::started(&["--state", folder.path(), "--device", &device]), kind);
+    rig.play(&story.lines);
+    let ended = rig.simulator.end();
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     read(&folder.file())
 }

@@ -6,10 +6,10 @@
 //! hostile               what can happen to any device, for random tests
 //! nmt, lss, sdo, uds    frames of these services, which read like the manuals
 //! isobus                a valve on ISOBUS on the rig
-//! bench                 valves and a master in a simulated world: for bus errors, flashes, several devices
+//! bus_rig               valves and a master in a simulated world: for bus errors, flashes, several devices
 //! ```
 
-mod bench;
+mod bus_rig;
 pub mod hostile;
 pub mod isobus;
 pub mod lss;
@@ -19,6 +19,6 @@ pub mod sdo;
 mod senses;
 pub mod uds;
 
-pub use bench::Bench;
+pub use bus_rig::BusRig;
 pub use rig::{Rig, frame};
 pub use senses::Senses;

@@ -3,7 +3,7 @@
 use hal_sim::Frame;
 use protocol_core::frame::standard;
 
-use super::bench::Bench;
+use super::rig::Rig;
 
 /// Index and sub-index of an object.
 pub(super) type Object = (u16, u8);
@@ -15,8 +15,8 @@ pub(super) type Answer = Result<Vec<u8>, u32>;
 const SEGMENTS_MAX: usize = 10;
 
 /// Sends the request of an SDO transfer; the data of the answer. Answers to earlier clients come before it.
-fn transfer(bench: &mut Bench, unit: usize, request: [u8; 8]) -> Option<[u8; 8]> {
-    let id = u16::from(bench.id(unit).filter(|id| *id < 0x80)?);
+fn transfer(rig: &mut Rig, unit: usize, request: [u8; 8]) -> Option<[u8; 8]> {
+    let id = u16::from(rig.id(unit).filter(|id| *id < 0x80)?);
     let answer_id = standard(0x580 + id).into();
     let frame = Frame::full(standard(0x600 + id).into(), request);
     // Segments have no multiplexer, and other transfers have one.
@@ -25,7 +25,7 @@ fn transfer(bench: &mut Bench, unit: usize, request: [u8; 8]) -> Option<[u8; 8]>
         let data = frame.bytes();
         frame.id() == answer_id && if is_segment { matches!(data[0] >> 5, 0 | 4) } else { data[1..4] == request[1..4] }
     };
-    bench.ask(unit, frame, answers).map(|answer| *answer.bytes())
+    rig.ask(unit, frame, answers).map(|answer| *answer.bytes())
 }
 
 fn request(command: u8, (index, sub): Object, value: [u8; 4]) -> [u8; 8] {
@@ -34,8 +34,8 @@ fn request(command: u8, (index, sub): Object, value: [u8; 4]) -> [u8; 8] {
 }
 
 /// Reads an object, expedited or in segments; `None` without an answer.
-pub(super) fn read(bench: &mut Bench, unit: usize, object: Object) -> Option<Answer> {
-    let [command, _, _, _, value @ ..] = transfer(bench, unit, request(0x40, object, [0; 4]))?;
+pub(super) fn read(rig: &mut Rig, unit: usize, object: Object) -> Option<Answer> {
+    let [command, _, _, _, value @ ..] = transfer(rig, unit, request(0x40, object, [0; 4]))?;
     match command {
         0x43 | 0x47 | 0x4B | 0x4F => return Some(Ok(value[..4 - usize::from(command >> 2 & 3)].to_vec())),
         0x41 => {}
@@ -45,7 +45,7 @@ pub(super) fn read(bench: &mut Bench, unit: usize, object: Object) -> Option<Ans
     let mut bytes = Vec::new();
     for segment in 0..SEGMENTS_MAX {
         let toggle = if segment % 2 == 0 { 0x00 } else { 0x10 };
-        let [command, data @ ..] = transfer(bench, unit, [0x60 | toggle, 0, 0, 0, 0, 0, 0, 0])?;
+        let [command, data @ ..] = transfer(rig, unit, [0x60 | toggle, 0, 0, 0, 0, 0, 0, 0])?;
         assert_eq!(command & 0xF0, toggle, "segment {segment} of {object:04X?}");
         bytes.extend(&data[..7 - usize::from(command >> 1 & 7)]);
         if command & 1 == 1 {
@@ -57,25 +57,25 @@ pub(super) fn read(bench: &mut Bench, unit: usize, object: Object) -> Option<Ans
 }
 
 /// Writes up to four bytes to an object; the abort code if it is refused, `None` without an answer.
-pub(super) fn write(bench: &mut Bench, unit: usize, object: Object, bytes: &[u8]) -> Option<Result<(), u32>> {
+pub(super) fn write(rig: &mut Rig, unit: usize, object: Object, bytes: &[u8]) -> Option<Result<(), u32>> {
     let mut value = [0; 4];
     value[..bytes.len()].copy_from_slice(bytes);
     let command = 0x23 | (4 - bytes.len() as u8) << 2;
-    let [command, _, _, _, code @ ..] = transfer(bench, unit, request(command, object, value))?;
+    let [command, _, _, _, code @ ..] = transfer(rig, unit, request(command, object, value))?;
     Some(if command == 0x60 { Ok(()) } else { Err(u32::from_le_bytes(code)) })
 }
 
 /// Reads a number that every device of the kind has.
 #[track_caller]
-pub(super) fn number(bench: &mut Bench, unit: usize, object: Object) -> u32 {
-    let bytes = read(bench, unit, object).unwrap_or_else(|| panic!("{object:04X?} is not answered"));
+pub(super) fn number(rig: &mut Rig, unit: usize, object: Object) -> u32 {
+    let bytes = read(rig, unit, object).unwrap_or_else(|| panic!("{object:04X?} is not answered"));
     let bytes = bytes.unwrap_or_else(|code| panic!("{object:04X?} is refused with {code:08X}"));
     bytes.iter().rev().fold(0, |number, byte| number << 8 | u32::from(*byte))
 }
 
 /// Writes to an object that takes the value now.
 #[track_caller]
-pub(super) fn set(bench: &mut Bench, unit: usize, object: Object, bytes: &[u8]) {
-    let answer = write(bench, unit, object, bytes);
+pub(super) fn set(rig: &mut Rig, unit: usize, object: Object, bytes: &[u8]) {
+    let answer = write(rig, unit, object, bytes);
     assert_eq!(answer, Some(Ok(())), "{object:04X?} := {bytes:02X?}");
 }

@@ -8,8 +8,8 @@ use hal_sim::memory::{ERASED, Flash, SECTOR, SIZE, TornErase, WORD};
 use hal_sim::{BitRate, Duration, Kind, Memory, Setup};
 use protocol_core::memory::{Image, RecordKey, seal};
 
-use super::bench::Bench;
 use super::bytes::Bytes;
+use super::rig::Rig;
 use super::{STEPS_MAX, kind, ledger, rules, steps};
 
 /// The version of the records of all devices.
@@ -29,18 +29,18 @@ pub fn flash(bytes: &[u8]) {
     let mut bytes = Bytes(bytes);
     let kind = kind(bytes.u8());
     let flash = content(&mut bytes, kind);
-    let mut bench = Bench::new(BitRate::Kbit250);
-    bench.add(Setup { bit_rate: Some(BitRate::Kbit250), ..Setup::<Kind>::new(kind) }, Memory::with_flash(flash), false);
-    bench.power_on(0);
-    bench.follow_bit_rate(0);
+    let mut rig = Rig::new(BitRate::Kbit250);
+    rig.add(Setup { bit_rate: Some(BitRate::Kbit250), ..Setup::<Kind>::new(kind) }, Memory::with_flash(flash), false);
+    rig.power_on(0);
+    rig.follow_bit_rate(0);
     let ending = bytes.u8();
     for _ in 0..STEPS_MAX {
         if bytes.is_empty() {
             break;
         }
-        steps::act(&mut bench, &mut bytes);
+        steps::act(&mut rig, &mut bytes);
     }
-    rules::last_word(&mut bench, 0, ending.into());
+    rules::last_word(&mut rig, 0, ending.into());
 }
 
 /// Something well-formed, and patches.
@@ -148,19 +148,19 @@ fn made(kind: Kind) -> &'static Made {
 }
 
 fn use_up(kind: Kind) -> Flash {
-    let mut bench = Bench::new(BitRate::Kbit250);
-    bench.add(Setup { bit_rate: Some(BitRate::Kbit250), ..Setup::<Kind>::new(kind) }, Memory::in_ram(), true);
-    bench.power_on(0);
+    let mut rig = Rig::new(BitRate::Kbit250);
+    rig.add(Setup { bit_rate: Some(BitRate::Kbit250), ..Setup::<Kind>::new(kind) }, Memory::in_ram(), true);
+    rig.power_on(0);
     for internal_fault in [true, false] {
-        let node = bench.units[0].node;
-        bench.world.set_plant(node, hal_sim::Plant::InternalFault(internal_fault)).expect("a word of all products");
-        ledger::save(&mut bench, 0);
-        ledger::write_by_uds(&mut bench, 0, 0x83);
-        ledger::store_by_lss(&mut bench, 0, 0x21, Some(BitRate::Kbit250));
-        bench.run(Duration::from_secs(12));
+        let node = rig.units[0].node;
+        rig.world.set_plant(node, hal_sim::Plant::InternalFault(internal_fault)).expect("a word of all products");
+        ledger::save(&mut rig, 0);
+        ledger::write_by_uds(&mut rig, 0, 0x83);
+        ledger::store_by_lss(&mut rig, 0, 0x21, Some(BitRate::Kbit250));
+        rig.run(Duration::from_secs(12));
     }
-    ledger::load(&mut bench, 0);
-    bench.world.memory(bench.units[0].node).flash().clone()
+    ledger::load(&mut rig, 0);
+    rig.world.memory(rig.units[0].node).flash().clone()
 }
 
 /// Stores the local layer until the sector is nearly full, and on from there; without one there is nothing to store.

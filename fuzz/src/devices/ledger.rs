@@ -4,9 +4,9 @@ use hal_sim::{BitRate, Frame, Kind, Setup};
 use protocol_core::device::Protocol;
 use protocol_core::frame::{Id, standard};
 
-use super::bench::Bench;
 use super::client::{self, Answer, Object};
 use super::objects::{self, default};
+use super::rig::Rig;
 
 /// A group of objects that is stored as one record: a power cut leaves it old or new.
 #[derive(Debug)]
@@ -120,19 +120,19 @@ impl Ledger {
     }
 
     /// Checks a device that was just powered up, by what its objects read.
-    pub(super) fn check(bench: &mut Bench, unit: usize) {
-        let id = bench.id(unit);
-        let device = &bench.units[unit];
-        let rate = bench.world.device(device.node).expect("powered").bit_rate();
+    pub(super) fn check(rig: &mut Rig, unit: usize) {
+        let id = rig.id(unit);
+        let device = &rig.units[unit];
+        let rate = rig.world.device(device.node).expect("powered").bit_rate();
         let Ledger { ids, rates, .. } = &device.ledger;
         assert!(ids.as_ref().is_none_or(|ids| ids.contains(&id)), "starts as {id:?} of {ids:?}");
         assert!(rates.as_ref().is_none_or(|rates| rates.contains(&rate)), "starts at {rate:?} of {rates:?}");
         let Some(id) = id.filter(|_| device.kind.protocol() == Protocol::Canopen) else { return };
         let kind = device.kind;
         for number in 0..device.ledger.groups.len() {
-            let Group { objects, possible } = &bench.units[unit].ledger.groups[number];
+            let Group { objects, possible } = &rig.units[unit].ledger.groups[number];
             let (objects, Some(possible)) = (objects.clone(), possible.clone()) else { continue };
-            let found = read_all(bench, unit, &objects).expect("an answer");
+            let found = read_all(rig, unit, &objects).expect("an answer");
             let is_default =
                 |id| objects.iter().zip(&found).all(|(object, found)| *found == Ok(default(kind, id, *object)));
             let holds = possible.iter().any(|stored| match stored {
@@ -145,50 +145,50 @@ impl Ledger {
     }
 }
 
-fn read_all(bench: &mut Bench, unit: usize, objects: &[Object]) -> Option<Vec<Answer>> {
-    objects.iter().map(|object| client::read(bench, unit, *object)).collect()
+fn read_all(rig: &mut Rig, unit: usize, objects: &[Object]) -> Option<Vec<Answer>> {
+    objects.iter().map(|object| client::read(rig, unit, *object)).collect()
 }
 
 /// Two devices with one node ID were told to store something: nobody knows which of them has answered.
-fn forget_all(bench: &mut Bench) {
-    bench.units.iter_mut().for_each(|unit| unit.ledger.forget());
+fn forget_all(rig: &mut Rig) {
+    rig.units.iter_mut().for_each(|unit| unit.ledger.forget());
 }
 
 /// The other devices on the bus: one that is kept bus-off hears nothing.
-fn others(bench: &Bench, unit: usize) -> impl Iterator<Item = usize> {
-    let on_bus = move |other: &usize| !bench.world.is_bus_off_forced(bench.units[*other].node);
-    (0..bench.units.len()).filter(move |other| *other != unit).filter(on_bus)
+fn others(rig: &Rig, unit: usize) -> impl Iterator<Item = usize> {
+    let on_bus = move |other: &usize| !rig.world.is_bus_off_forced(rig.units[*other].node);
+    (0..rig.units.len()).filter(move |other| *other != unit).filter(on_bus)
 }
 
 /// Returns whether another device may answer in the place of this one.
-fn has_twin(bench: &Bench, unit: usize) -> bool {
-    others(bench, unit).any(|other| bench.id(other) == bench.id(unit))
+fn has_twin(rig: &Rig, unit: usize) -> bool {
+    others(rig, unit).any(|other| rig.id(other) == rig.id(unit))
 }
 
 /// Returns whether LSS reaches this device alone.
-fn is_alone(bench: &Bench, unit: usize) -> bool {
-    others(bench, unit).all(|other| bench.units[other].kind.protocol() != Protocol::Canopen)
+fn is_alone(rig: &Rig, unit: usize) -> bool {
+    others(rig, unit).all(|other| rig.units[other].kind.protocol() != Protocol::Canopen)
 }
 
 /// A client reads all parameters and stores them with "save". Whether it was told so.
-pub(super) fn save(bench: &mut Bench, unit: usize) -> bool {
-    let count = bench.units[unit].ledger.groups.len();
+pub(super) fn save(rig: &mut Rig, unit: usize) -> bool {
+    let count = rig.units[unit].ledger.groups.len();
     let mut values = Vec::new();
     for number in 0..count {
-        let objects = bench.units[unit].ledger.groups[number].objects.clone();
-        let Some(found) = read_all(bench, unit, &objects) else { return false };
+        let objects = rig.units[unit].ledger.groups[number].objects.clone();
+        let Some(found) = read_all(rig, unit, &objects) else { return false };
         values.push(Stored::Values(found));
     }
     if values.is_empty() {
         return false;
     }
-    let twin = has_twin(bench, unit);
-    let mut told = Told::from(client::write(bench, unit, (0x1010, 1), b"save"));
+    let twin = has_twin(rig, unit);
+    let mut told = Told::from(client::write(rig, unit, (0x1010, 1), b"save"));
     if twin {
-        forget_all(bench);
+        forget_all(rig);
         return false;
     }
-    let ledger = &mut bench.units[unit].ledger;
+    let ledger = &mut rig.units[unit].ledger;
     let was_told = told == Told::Stored;
     // Of two records one may be written, and the other not.
     if told == Told::Refused && count > 1 {
@@ -205,13 +205,13 @@ pub(super) fn save(bench: &mut Bench, unit: usize) -> bool {
 }
 
 /// A client asks for the defaults.
-pub(super) fn load(bench: &mut Bench, unit: usize) {
-    let twin = has_twin(bench, unit);
-    let mut told = Told::from(client::write(bench, unit, (0x1011, 1), b"load"));
+pub(super) fn load(rig: &mut Rig, unit: usize) {
+    let twin = has_twin(rig, unit);
+    let mut told = Told::from(client::write(rig, unit, (0x1011, 1), b"load"));
     if twin {
-        return forget_all(bench);
+        return forget_all(rig);
     }
-    let ledger = &mut bench.units[unit].ledger;
+    let ledger = &mut rig.units[unit].ledger;
     if told == Told::Refused && ledger.groups.len() > 1 {
         told = Told::Nothing;
     }
@@ -222,16 +222,16 @@ pub(super) fn load(bench: &mut Bench, unit: usize) {
 }
 
 /// A client stores a node ID, and perhaps a bit rate, by LSS.
-pub(super) fn store_by_lss(bench: &mut Bench, unit: usize, node_id: u8, rate: Option<BitRate>) -> bool {
+pub(super) fn store_by_lss(rig: &mut Rig, unit: usize, node_id: u8, rate: Option<BitRate>) -> bool {
     let node_id = node_id.clamp(1, 0x7F);
     let mut lss = |request: [u8; 3]| {
         let [command, a, b] = request;
         let frame = Frame::full(standard(0x7E5).into(), [command, a, b, 0, 0, 0, 0, 0]);
-        if !is_alone(bench, unit) {
-            bench.units.iter_mut().for_each(|unit| unit.ledger.hear(unit.kind, &frame));
+        if !is_alone(rig, unit) {
+            rig.units.iter_mut().for_each(|unit| unit.ledger.hear(unit.kind, &frame));
         }
         let answers = |answer: &Frame| answer.id() == standard(0x7E4).into() && answer.bytes()[0] == command;
-        bench.ask(unit, frame, answers).map(|answer| if answer.bytes()[1] == 0 { Ok(()) } else { Err(0) })
+        rig.ask(unit, frame, answers).map(|answer| if answer.bytes()[1] == 0 { Ok(()) } else { Err(0) })
     };
     lss([0x04, 1, 0]);
     let mut asked = lss([0x11, node_id, 0]);
@@ -239,8 +239,8 @@ pub(super) fn store_by_lss(bench: &mut Bench, unit: usize, node_id: u8, rate: Op
         asked = lss([0x13, 0, rate.table_index()]);
     }
     let told = if asked == Some(Ok(())) { Told::from(lss([0x17, 0, 0])) } else { Told::Nothing };
-    let alone = is_alone(bench, unit);
-    let ledger = &mut bench.units[unit].ledger;
+    let alone = is_alone(rig, unit);
+    let ledger = &mut rig.units[unit].ledger;
     if alone {
         note(&mut ledger.ids, Some(node_id), told);
         if let Some(rate) = rate {
@@ -253,20 +253,20 @@ pub(super) fn store_by_lss(bench: &mut Bench, unit: usize, node_id: u8, rate: Op
 }
 
 /// A client writes the node ID by UDS.
-pub(super) fn write_by_uds(bench: &mut Bench, unit: usize, node_id: u8) {
-    let Some(present) = bench.id(unit) else { return };
+pub(super) fn write_by_uds(rig: &mut Rig, unit: usize, node_id: u8) {
+    let Some(present) = rig.id(unit) else { return };
     let id = |raw| protocol_core::frame::extended(raw).into();
     let request = Frame::of(id(0x1BC7_8800 | u32::from(present)), &[4, 0x2E, 0x10, 0x01, node_id]).expect("five bytes");
-    let twin = has_twin(bench, unit);
-    let answer = bench.ask(unit, request, |frame| frame.id() == id(0x1BC4_08F1) && frame.bytes()[2] != 0x22);
+    let twin = has_twin(rig, unit);
+    let answer = rig.ask(unit, request, |frame| frame.id() == id(0x1BC4_08F1) && frame.bytes()[2] != 0x22);
     let told = match answer.map(|answer| answer.bytes()[1]) {
         Some(0x6E) => Told::Stored,
         Some(_) => Told::Refused,
         None => Told::Nothing,
     };
     if twin {
-        forget_all(bench);
+        forget_all(rig);
     } else {
-        note(&mut bench.units[unit].ledger.ids, Some(node_id), told);
+        note(&mut rig.units[unit].ledger.ids, Some(node_id), told);
     }
 }

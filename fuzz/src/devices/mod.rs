@@ -6,7 +6,7 @@
 //! ```text
 //! flash        memories that hold anything
 //! bytes        the bytes of an attack
-//! bench        one or two devices and a master on a simulated bus
+//! rig        one or two devices and a master on a simulated bus
 //! steps        what can happen around them: frames, plants, power, bus, memory, clients, time
 //! frames       frames that are like those that the devices know
 //! client       a client that reads and writes objects
@@ -16,13 +16,13 @@
 //! rules/       the last word
 //! ```
 
-mod bench;
 mod bytes;
 mod client;
 mod flash;
 mod frames;
 mod ledger;
 mod objects;
+mod rig;
 mod rules;
 mod steps;
 mod well_formed;
@@ -32,8 +32,8 @@ use protocol_core::device::Protocol;
 
 pub use flash::flash;
 
-use bench::Bench;
 use bytes::Bytes;
+use rig::Rig;
 use rules::Ending;
 
 /// The serial number of the second device: no twin of the first.
@@ -48,23 +48,23 @@ pub fn devices(bytes: &[u8]) {
     let [first, second, how, ending] = bytes.array();
     let kind = kind(first);
     let rates = kind.bit_rates();
-    let mut bench = Bench::new(rates[usize::from(how >> 1) % rates.len()]);
+    let mut rig = Rig::new(rates[usize::from(how >> 1) % rates.len()]);
     let blank = how & 1 == 1 && kind.protocol() == Protocol::Canopen;
     let setup = Setup::<Kind>::new(kind);
     let node_id = setup.node_id.filter(|_| !blank);
-    bench.add(Setup { node_id, bit_rate: Some(bench.world.bit_rate()), ..setup }, Memory::in_ram(), true);
+    rig.add(Setup { node_id, bit_rate: Some(rig.world.bit_rate()), ..setup }, Memory::in_ram(), true);
     if let Some(second) = second.checked_sub(0x80) {
         let setup = Setup::<Kind>::new(self::kind(second));
-        bench.add(Setup { serial: Some(SECOND_SERIAL), ..setup }, Memory::in_ram(), true);
+        rig.add(Setup { serial: Some(SECOND_SERIAL), ..setup }, Memory::in_ram(), true);
     }
-    (0..bench.units.len()).for_each(|unit| bench.power_on(unit));
+    (0..rig.units.len()).for_each(|unit| rig.power_on(unit));
     for _ in 0..STEPS_MAX {
         if bytes.is_empty() {
             break;
         }
-        steps::act(&mut bench, &mut bytes);
+        steps::act(&mut rig, &mut bytes);
     }
-    (0..bench.units.len()).for_each(|unit| rules::last_word(&mut bench, unit, Ending::from(ending)));
+    (0..rig.units.len()).for_each(|unit| rules::last_word(&mut rig, unit, Ending::from(ending)));
 }
 
 fn kind(byte: u8) -> Kind {

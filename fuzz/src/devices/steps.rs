@@ -7,8 +7,8 @@ use protocol_core::actuator::SpoolFault;
 use protocol_core::device::{Protocol, StartCause};
 use protocol_core::frame::{Id, extended, standard};
 
-use super::bench::Bench;
 use super::bytes::Bytes;
+use super::rig::Rig;
 use super::{frames, ledger};
 
 /// Time that the bus has after a frame, unless frames pile up.
@@ -29,11 +29,11 @@ impl Injector for Jammer {
 }
 
 /// Lets the next step happen.
-pub(super) fn act(bench: &mut Bench, bytes: &mut Bytes<'_>) {
+pub(super) fn act(rig: &mut Rig, bytes: &mut Bytes<'_>) {
     let step = bytes.u8();
-    let unit = usize::from(step & SECOND != 0) % bench.units.len();
-    let id = bench.id(unit).unwrap_or(bench.units[unit].kind.default_node_id());
-    let kind = bench.units[unit].kind;
+    let unit = usize::from(step & SECOND != 0) % rig.units.len();
+    let id = rig.id(unit).unwrap_or(rig.units[unit].kind.default_node_id());
+    let kind = rig.units[unit].kind;
     let frame = match step & 0x3F {
         0..=7 => frames::sdo(bytes, kind, id),
         8 => Frame::full(standard(0x600 + u16::from(id & 0x7F)).into(), bytes.array()),
@@ -47,105 +47,105 @@ pub(super) fn act(bench: &mut Bench, bytes: &mut Bytes<'_>) {
         24 => frames::claim(bytes, id),
         25 => frames::transport(bytes, id),
         26 => frames::any(bytes),
-        other => return around(bench, unit, other, bytes),
+        other => return around(rig, unit, other, bytes),
     };
-    send(bench, frame);
+    send(rig, frame);
     if step & PILE_UP == 0 {
-        bench.run(PAUSE);
+        rig.run(PAUSE);
     }
 }
 
 /// Sends a frame of which anybody may know what it does.
-fn send(bench: &mut Bench, frame: Frame) {
-    for unit in &mut bench.units {
+fn send(rig: &mut Rig, frame: Frame) {
+    for unit in &mut rig.units {
         unit.ledger.hear(unit.kind, &frame);
     }
     if frame.id() == standard(0x7E5).into() && frame.bytes()[0] == 0x15 {
-        bench.silence_begins();
+        rig.silence_begins();
     }
-    bench.send(frame);
+    rig.send(frame);
 }
 
 /// Lets something other than a frame happen.
-fn around(bench: &mut Bench, unit: usize, step: u8, bytes: &mut Bytes<'_>) {
-    let node = bench.units[unit].node;
-    bench.forget_sent();
+fn around(rig: &mut Rig, unit: usize, step: u8, bytes: &mut Bytes<'_>) {
+    let node = rig.units[unit].node;
+    rig.forget_sent();
     match step {
-        27..=31 => bench.run(time(bytes.u8())),
+        27..=31 => rig.run(time(bytes.u8())),
         32..=35 => {
-            let plant = plant(bytes, bench.units[unit].kind);
+            let plant = plant(bytes, rig.units[unit].kind);
             // Words of the other product, and values that cannot be, are refused.
-            let _ = bench.world.set_plant(node, plant);
-            bench.units[unit].memory_hurt |= bench.world.memory(node).write_fails();
+            let _ = rig.world.set_plant(node, plant);
+            rig.units[unit].memory_hurt |= rig.world.memory(node).write_fails();
         }
         36 => {
-            bench.power_off(unit);
-            bench.run(time(bytes.u8()));
-            bench.units[unit].ledger.start();
-            bench.power_on(unit);
+            rig.power_off(unit);
+            rig.run(time(bytes.u8()));
+            rig.units[unit].ledger.start();
+            rig.power_on(unit);
         }
         37 => {
-            bench.world.power_with(node, StartCause::Watchdog);
-            bench.units[unit].ledger.start();
+            rig.world.power_with(node, StartCause::Watchdog);
+            rig.units[unit].ledger.start();
         }
         38 => {
             let operations = u64::from(bytes.u16() % 1024);
-            bench.world.memory_mut(node).flash_mut().cut_power_after(operations);
+            rig.world.memory_mut(node).flash_mut().cut_power_after(operations);
         }
         39 => {
             let operations = u64::from(bytes.u16() % 1024);
-            bench.units[unit].memory_hurt = true;
-            bench.world.memory_mut(node).flash_mut().fail_once_after(operations);
+            rig.units[unit].memory_hurt = true;
+            rig.world.memory_mut(node).flash_mut().fail_once_after(operations);
         }
         40 => {
-            let flash = bench.world.memory_mut(node).flash_mut();
+            let flash = rig.world.memory_mut(node).flash_mut();
             flash.set_torn_erase(TornErase::ALL[usize::from(bytes.u8()) % TornErase::ALL.len()]);
             flash.seed_noise(bytes.u8().into());
         }
-        41 => bench.world.disturb(Disturbance { frames: bytes.u8().into(), id: None }),
+        41 => rig.world.disturb(Disturbance { frames: bytes.u8().into(), id: None }),
         42 => match bytes.u8() % 4 {
-            0 => bench.world.clear_injectors(),
-            1 => bench.world.inject(Jammer(None)),
-            2 => bench.world.inject(Jammer(Some(bench.world.name(node).to_owned()))),
+            0 => rig.world.clear_injectors(),
+            1 => rig.world.inject(Jammer(None)),
+            2 => rig.world.inject(Jammer(Some(rig.world.name(node).to_owned()))),
             _ => {
                 let noise = BitErrors::one_in(u64::from(bytes.u8()) * 16 + 16, 0);
-                bench.world.inject(noise.expect("more than zero"));
+                rig.world.inject(noise.expect("more than zero"));
             }
         },
-        43 => bench.connect_master(bytes.flag()),
+        43 => rig.connect_master(bytes.flag()),
         44 => {
             let on = bytes.flag();
-            bench.world.force_bus_off(node, on);
+            rig.world.force_bus_off(node, on);
         }
-        45 => bench.flood(u16::from(bytes.u8()) * 4),
-        46 => bench.follow_bit_rate(unit),
+        45 => rig.flood(u16::from(bytes.u8()) * 4),
+        46 => rig.follow_bit_rate(unit),
         47..=51 => {
-            if bench.settle() {
-                store(bench, unit, step, bytes);
+            if rig.settle() {
+                store(rig, unit, step, bytes);
             }
         }
-        52 => commanded_address(bench, unit, bytes),
-        53 => activate(bench, unit),
-        54 => cyclic(bench, unit, bytes.u8()),
+        52 => commanded_address(rig, unit, bytes),
+        53 => activate(rig, unit),
+        54 => cyclic(rig, unit, bytes.u8()),
         55 => {
             let count = bytes.u8();
-            (0..count).for_each(|_| guard(bench, unit));
+            (0..count).for_each(|_| guard(rig, unit));
         }
-        _ => bench.run(PAUSE),
+        _ => rig.run(PAUSE),
     }
 }
 
 /// A client stores something, and knows what.
-fn store(bench: &mut Bench, unit: usize, step: u8, bytes: &mut Bytes<'_>) {
+fn store(rig: &mut Rig, unit: usize, step: u8, bytes: &mut Bytes<'_>) {
     match step {
-        47 | 48 => _ = ledger::save(bench, unit),
-        49 => ledger::load(bench, unit),
+        47 | 48 => _ = ledger::save(rig, unit),
+        49 => ledger::load(rig, unit),
         50 => {
-            let rates = bench.units[unit].kind.bit_rates();
+            let rates = rig.units[unit].kind.bit_rates();
             let [node_id, rate] = bytes.array();
-            ledger::store_by_lss(bench, unit, node_id & 0x7F, rates.get(usize::from(rate)).copied());
+            ledger::store_by_lss(rig, unit, node_id & 0x7F, rates.get(usize::from(rate)).copied());
         }
-        _ => ledger::write_by_uds(bench, unit, bytes.u8()),
+        _ => ledger::write_by_uds(rig, unit, bytes.u8()),
     }
 }
 
@@ -172,44 +172,44 @@ fn plant(bytes: &mut Bytes<'_>, kind: Kind) -> Plant {
 }
 
 /// Somebody gives a valve on ISOBUS another address: three frames.
-fn commanded_address(bench: &mut Bench, unit: usize, bytes: &mut Bytes<'_>) {
+fn commanded_address(rig: &mut Rig, unit: usize, bytes: &mut Bytes<'_>) {
     let address = 0x80 | bytes.u8() & 0x1F;
     let serial = if unit == 0 { 1 } else { super::SECOND_SERIAL as u8 };
     let frame = |id, data| Frame::full(extended(id).into(), data);
-    send(bench, frame(0x1CEC_FF27, [0x20, 9, 0, 2, 0xFF, 0xD8, 0xFE, 0]));
-    send(bench, frame(0x1CEB_FF27, [1, serial, 0x00, 0x20, 0x07, 0x08, 0xFF, 0x02]));
-    send(bench, frame(0x1CEB_FF27, [2, 0x20, address, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF]));
-    bench.run(PAUSE);
+    send(rig, frame(0x1CEC_FF27, [0x20, 9, 0, 2, 0xFF, 0xD8, 0xFE, 0]));
+    send(rig, frame(0x1CEB_FF27, [1, serial, 0x00, 0x20, 0x07, 0x08, 0xFF, 0x02]));
+    send(rig, frame(0x1CEB_FF27, [2, 0x20, address, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF]));
+    rig.run(PAUSE);
 }
 
 /// A machine controller takes the device to work: use case 1, two commands on ISOBUS, NMT start of a sensor.
-fn activate(bench: &mut Bench, unit: usize) {
-    let Some(id) = bench.id(unit) else { return };
-    if bench.units[unit].kind.protocol() == Protocol::Canopen {
-        send(bench, Frame::of(standard(0).into(), &[1, id]).expect("two bytes"));
+fn activate(rig: &mut Rig, unit: usize) {
+    let Some(id) = rig.id(unit) else { return };
+    if rig.units[unit].kind.protocol() == Protocol::Canopen {
+        send(rig, Frame::of(standard(0).into(), &[1, id]).expect("two bytes"));
     }
     for _ in 0..3 {
-        guard(bench, unit);
+        guard(rig, unit);
     }
 }
 
 /// A machine controller's cyclic command: a set-point, and 100 ms.
-fn guard(bench: &mut Bench, unit: usize) {
-    let Some(id) = bench.id(unit) else { return };
-    let frame: (Id, [u8; 8], u8) = match bench.units[unit].kind.protocol() {
+fn guard(rig: &mut Rig, unit: usize) {
+    let Some(id) = rig.id(unit) else { return };
+    let frame: (Id, [u8; 8], u8) = match rig.units[unit].kind.protocol() {
         Protocol::Canopen => (standard(0x200 + u16::from(id)).into(), [0x0F, 0, 0, 0x20, 0, 0, 0, 0], 4),
         Protocol::Isobus => {
             (extended(0x0CFE_3027 | u32::from(id & 0xF) << 8).into(), [0, 0xFF, 0x30, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF], 8)
         }
     };
     let (id, data, len) = frame;
-    bench.send(Frame::with_len(id, data, len));
-    bench.run(Duration::from_millis(100));
+    rig.send(Frame::with_len(id, data, len));
+    rig.run(Duration::from_millis(100));
 }
 
 /// A client sets a heartbeat and, of a sensor, a TPDO by its event timer.
-fn cyclic(bench: &mut Bench, unit: usize, ms: u8) {
-    let Some(id) = bench.id(unit).filter(|id| *id < 0x80).map(u16::from) else { return };
+fn cyclic(rig: &mut Rig, unit: usize, ms: u8) {
+    let Some(id) = rig.id(unit).filter(|id| *id < 0x80).map(u16::from) else { return };
     let [low, high] = (0x180 + id).to_le_bytes();
     for data in [
         [0x2B, 0x17, 0x10, 0, ms, 0, 0, 0],
@@ -217,7 +217,7 @@ fn cyclic(bench: &mut Bench, unit: usize, ms: u8) {
         [0x2B, 0x00, 0x18, 5, ms, 0, 0, 0],
         [0x23, 0x00, 0x18, 1, low, high, 0, 0],
     ] {
-        send(bench, Frame::full(standard(0x600 + id).into(), data));
+        send(rig, Frame::full(standard(0x600 + id).into(), data));
     }
-    bench.run(PAUSE);
+    rig.run(PAUSE);
 }

@@ -10,14 +10,14 @@ use super::{Bus, BusError, DestroyNext, FrameBits, INTERMISSION, PortId};
 const RATE: BitRate = BitRate::Kbit250;
 const BIT_US: u64 = 4;
 
-struct Bench {
+struct Rig {
     bus: Bus,
     controller: PortId,
     client: PortId,
     now: Instant,
 }
 
-impl Bench {
+impl Rig {
     /// A controller and a client, at 250 kbit/s; the controller begins to listen at 0.
     fn new(silent: bool) -> Self {
         let start = Instant::from_micros(0);
@@ -30,16 +30,16 @@ impl Bench {
 
     /// The controller has destroyed frames until it is bus-off.
     fn in_bus_off() -> Self {
-        let mut bench = Self::new(false);
-        bench.run(100);
-        bench.bus.inject(DestroyNext::frames_of("controller", 32));
-        while bench.bus.port(bench.controller).mode() != BusErrorMode::BusOff {
-            bench.offer(frame(0x101, &[]));
-            let next = bench.bus.next_event().as_micros();
-            bench.run(next);
+        let mut rig = Self::new(false);
+        rig.run(100);
+        rig.bus.inject(DestroyNext::frames_of("controller", 32));
+        while rig.bus.port(rig.controller).mode() != BusErrorMode::BusOff {
+            rig.offer(frame(0x101, &[]));
+            let next = rig.bus.next_event().as_micros();
+            rig.run(next);
         }
-        bench.happened();
-        bench
+        rig.happened();
+        rig
     }
 
     fn run(&mut self, until_us: u64) {
@@ -82,94 +82,94 @@ fn length_us(frame: &Frame) -> u64 {
 
 #[test]
 fn it_takes_part_after_eleven_recessive_bits() {
-    let mut bench = Bench::new(false);
-    bench.offer(frame(0x123, &[1]));
-    bench.run(1000);
+    let mut rig = Rig::new(false);
+    rig.offer(frame(0x123, &[1]));
+    rig.run(1000);
     let joined = 11 * BIT_US;
     let end = joined + length_us(&frame(0x123, &[1]));
-    assert_eq!(bench.events(), [(joined, Joined), (joined, Begins { own: true }), (end, Sent), (end, Ends)]);
+    assert_eq!(rig.events(), [(joined, Joined), (joined, Begins { own: true }), (end, Sent), (end, Ends)]);
 }
 
 #[test]
 fn a_frame_that_begins_before_eleven_recessive_bits_is_waited_for() {
-    let mut bench = Bench::new(false);
-    bench.bus.add_client_port("listener".into(), RATE, bench.now);
-    bench.run(5 * BIT_US);
-    bench.send(frame(0x100, &[]));
+    let mut rig = Rig::new(false);
+    rig.bus.add_client_port("listener".into(), RATE, rig.now);
+    rig.run(5 * BIT_US);
+    rig.send(frame(0x100, &[]));
     let end = 5 * BIT_US + length_us(&frame(0x100, &[]));
     // The acknowledge delimiter, the end of frame and the intermission are 11 recessive bits.
     let joined = end + u64::from(INTERMISSION) * BIT_US;
-    bench.run(end);
-    assert_eq!(bench.happened(), []);
-    bench.run(1000);
-    assert_eq!(bench.events(), [(joined, Joined)]);
+    rig.run(end);
+    assert_eq!(rig.happened(), []);
+    rig.run(1000);
+    assert_eq!(rig.events(), [(joined, Joined)]);
 }
 
 #[test]
 fn the_less_urgent_frame_loses_and_the_winner_is_received() {
-    let mut bench = Bench::new(false);
-    bench.run(100);
-    bench.send(frame(0x100, &[7]));
-    bench.offer(frame(0x101, &[]));
+    let mut rig = Rig::new(false);
+    rig.run(100);
+    rig.send(frame(0x100, &[7]));
+    rig.offer(frame(0x101, &[]));
     let won = frame(0x100, &[7]);
-    bench.run(100 + length_us(&won));
-    assert_eq!(bench.happened(), [Joined, LostArbitration, Begins { own: false }, Received(won), Ends]);
-    bench.run(1000);
-    assert_eq!(bench.happened(), [Begins { own: true }, Sent, Ends], "the offer stands");
+    rig.run(100 + length_us(&won));
+    assert_eq!(rig.happened(), [Joined, LostArbitration, Begins { own: false }, Received(won), Ends]);
+    rig.run(1000);
+    assert_eq!(rig.happened(), [Begins { own: true }, Sent, Ends], "the offer stands");
 }
 
 #[test]
 fn a_destroyed_frame_is_told_to_sender_and_listener() {
-    let mut bench = Bench::new(false);
-    bench.run(100);
-    bench.bus.inject(DestroyNext::frames(1));
-    bench.offer(frame(0x101, &[]));
-    bench.run(400);
-    assert_eq!(bench.happened(), [Joined, Begins { own: true }, NotSent(BusError::Bit), Ends]);
-    bench.bus.inject(DestroyNext::frames(1));
-    bench.send(frame(0x102, &[]));
-    bench.run(600);
-    let happened = bench.happened();
+    let mut rig = Rig::new(false);
+    rig.run(100);
+    rig.bus.inject(DestroyNext::frames(1));
+    rig.offer(frame(0x101, &[]));
+    rig.run(400);
+    assert_eq!(rig.happened(), [Joined, Begins { own: true }, NotSent(BusError::Bit), Ends]);
+    rig.bus.inject(DestroyNext::frames(1));
+    rig.send(frame(0x102, &[]));
+    rig.run(600);
+    let happened = rig.happened();
     assert_eq!(happened[..3], [Begins { own: false }, NotReceived { first: false }, Ends]);
 }
 
 #[test]
 fn a_silent_one_hears_but_acknowledges_and_sends_nothing() {
-    let mut bench = Bench::new(true);
-    bench.run(100);
-    bench.offer(frame(0x101, &[]));
-    bench.send(frame(0x102, &[]));
-    bench.run(400);
-    assert_eq!(bench.bus.port(bench.client).confinement().transmit_errors(), 8, "nobody acknowledged");
-    assert!(!bench.happened().contains(&Begins { own: true }));
+    let mut rig = Rig::new(true);
+    rig.run(100);
+    rig.offer(frame(0x101, &[]));
+    rig.send(frame(0x102, &[]));
+    rig.run(400);
+    assert_eq!(rig.bus.port(rig.client).confinement().transmit_errors(), 8, "nobody acknowledged");
+    assert!(!rig.happened().contains(&Begins { own: true }));
 }
 
 #[test]
 fn it_comes_back_from_bus_off_only_when_it_wants_to() {
-    let mut bench = Bench::in_bus_off();
-    let idle = bench.now.as_micros() + 10_000_000;
-    bench.run(idle);
-    assert_eq!(bench.happened(), [], "it waits");
-    bench.bus.start_recovery(bench.controller, bench.now);
-    bench.run(idle + 10_000_000);
-    assert_eq!(bench.events(), [(idle + 128 * 11 * BIT_US, Recovered)]);
-    assert_eq!(bench.bus.port(bench.controller).mode(), BusErrorMode::ErrorActive);
+    let mut rig = Rig::in_bus_off();
+    let idle = rig.now.as_micros() + 10_000_000;
+    rig.run(idle);
+    assert_eq!(rig.happened(), [], "it waits");
+    rig.bus.start_recovery(rig.controller, rig.now);
+    rig.run(idle + 10_000_000);
+    assert_eq!(rig.events(), [(idle + 128 * 11 * BIT_US, Recovered)]);
+    assert_eq!(rig.bus.port(rig.controller).mode(), BusErrorMode::ErrorActive);
 }
 
 #[test]
 fn a_recovery_that_begins_during_a_frame_counts_from_its_end() {
-    let mut bench = Bench::in_bus_off();
-    bench.bus.add_client_port("listener".into(), RATE, bench.now);
-    bench.bus.detach(bench.controller, false, bench.now);
-    let start = bench.now.as_micros() + 1000;
-    bench.run(start);
-    bench.send(frame(0x100, &[]));
-    bench.run(start + 10 * BIT_US);
-    bench.bus.attach(bench.controller, RATE, false, bench.now);
-    bench.bus.start_recovery(bench.controller, bench.now);
-    bench.run(start + 1_000_000);
+    let mut rig = Rig::in_bus_off();
+    rig.bus.add_client_port("listener".into(), RATE, rig.now);
+    rig.bus.detach(rig.controller, false, rig.now);
+    let start = rig.now.as_micros() + 1000;
+    rig.run(start);
+    rig.send(frame(0x100, &[]));
+    rig.run(start + 10 * BIT_US);
+    rig.bus.attach(rig.controller, RATE, false, rig.now);
+    rig.bus.start_recovery(rig.controller, rig.now);
+    rig.run(start + 1_000_000);
     // The end of the frame and the intermission are the first of the 128 sequences.
     let end = start + length_us(&frame(0x100, &[])) + u64::from(INTERMISSION) * BIT_US;
     let recovered = end + 127 * 11 * BIT_US;
-    assert!(bench.events().contains(&(recovered, Recovered)), "not at {recovered}");
+    assert!(rig.events().contains(&(recovered, Recovered)), "not at {recovered}");
 }

@@ -31,13 +31,13 @@ mod transmit;
 mod wire_event;
 
 #[cfg(test)]
-mod bench;
-#[cfg(test)]
 mod bits_tests;
 #[cfg(test)]
 mod collision_tests;
 #[cfg(test)]
 mod external_tests;
+#[cfg(test)]
+mod rig;
 #[cfg(test)]
 mod tests;
 

@@ -22,7 +22,7 @@ enum Act {
 }
 
 /// A world with devices and a master.
-struct Bench {
+struct Rig {
     world: World,
     devices: Vec<(NodeId, Kind)>,
     master: ClientPortId,
@@ -30,7 +30,7 @@ struct Bench {
     reads: bool,
 }
 
-impl Bench {
+impl Rig {
     fn new(kinds: &[&str], link: Option<Link>, reads: bool) -> Self {
         let mut world = World::new(BitRate::Kbit250, 1);
         world.record_events(true);
@@ -47,9 +47,9 @@ impl Bench {
             world.link(devices[0].0, devices[1].0, link).expect("a valve and a sensor");
         }
         devices.iter().for_each(|(node, _)| world.power(*node, true));
-        let mut bench = Self { world, devices, master, reads };
-        bench.pass(Duration::from_millis(10));
-        bench
+        let mut rig = Self { world, devices, master, reads };
+        rig.pass(Duration::from_millis(10));
+        rig
     }
 
     fn state(&mut self, device: usize) -> DeviceState {
@@ -177,17 +177,17 @@ proptest! {
     /// SDO answers of a valve on CANopen, and what is read of it at the instant of the request.
     #[test]
     fn a_valve_on_canopen(acts in prop::collection::vec((valve_act(), 0_u64..200_000), 1..30)) {
-        let mut bench = Bench::new(&["pvea-canopen"], None, false);
-        bench.act(&Act::Send("000: 01 00".to_owned()));
+        let mut rig = Rig::new(&["pvea-canopen"], None, false);
+        rig.act(&Act::Send("000: 01 00".to_owned()));
         let mut compared = 0;
         for (act, span) in acts {
-            bench.act(&act);
-            bench.pass(Duration::from_micros(span));
-            if let Some((word, state)) = bench.read_object(0x20, 0x6041, 0) {
+            rig.act(&act);
+            rig.pass(Duration::from_micros(span));
+            if let Some((word, state)) = rig.read_object(0x20, 0x6041, 0) {
                 prop_assert_eq!(Some(word), status_word(&state));
                 compared += 1;
             }
-            if let Some((set_point, state)) = bench.read_object(0x20, 0x6300, 1) {
+            if let Some((set_point, state)) = rig.read_object(0x20, 0x6300, 1) {
                 let expected = match state.set_point {
                     Some(SetPointValue::Position(position)) => position,
                     Some(SetPointValue::Float(FloatWord::Float)) => 32767,
@@ -195,38 +195,38 @@ proptest! {
                 };
                 prop_assert_eq!(set_point as i16, expected);
             }
-            if let Some((actual, state)) = bench.read_object(0x20, 0x6301, 1) {
+            if let Some((actual, state)) = rig.read_object(0x20, 0x6301, 1) {
                 let floats = actual as i16 == 32767 && state.set_point == Some(SetPointValue::Float(FloatWord::Float));
                 prop_assert!(floats || state.position == Some(actual as i16), "{} {:?}", actual as i16, state);
             }
-            if let Some((register, state)) = bench.read_object(0x20, 0x1001, 0) {
+            if let Some((register, state)) = rig.read_object(0x20, 0x1001, 0) {
                 prop_assert_eq!(register != 0, state.faults.iter().any(|fault| fault.active), "{:?}", state);
             }
         }
-        let state = bench.state(0);
+        let state = rig.state(0);
         prop_assert!(compared > 0 || state.nmt != Some(crate::state::Nmt::Operational), "{:?}", state);
     }
 
     /// AVEF of a valve on ISOBUS at the instant at which it begins, on a bus with nothing else then.
     #[test]
     fn a_valve_on_isobus(acts in prop::collection::vec(prop_oneof![4 => avc(), 1 => change()], 1..30)) {
-        let mut bench = Bench::new(&["pvea-isobus"], None, false);
-        bench.pass(Duration::from_millis(500));
+        let mut rig = Rig::new(&["pvea-isobus"], None, false);
+        rig.pass(Duration::from_millis(500));
         // From the middle between two AVEFs on.
-        let phase = bench.world.take_events().rfind(|event| event.frame().is_some()).expect("an AVEF").at;
-        bench.world.run_until(after(phase, Duration::from_millis(50)));
+        let phase = rig.world.take_events().rfind(|event| event.frame().is_some()).expect("an AVEF").at;
+        rig.world.run_until(after(phase, Duration::from_millis(50)));
         let (cycles, mut compared) = (acts.len(), 0);
         for act in acts {
-            bench.act(&act);
-            let end = after(bench.world.now(), Duration::from_millis(100));
+            rig.act(&act);
+            let end = after(rig.world.now(), Duration::from_millis(100));
             // It begins 100 ms after the last one has.
             let mut states: Vec<(Instant, DeviceState)> = Vec::new();
-            while bench.world.next_event() <= end {
-                bench.world.step();
-                states.push((bench.world.now(), bench.state(0)));
+            while rig.world.next_event() <= end {
+                rig.world.step();
+                states.push((rig.world.now(), rig.state(0)));
             }
-            bench.world.run_until(end);
-            let events: Vec<Event> = bench.world.take_events().collect();
+            rig.world.run_until(end);
+            let events: Vec<Event> = rig.world.take_events().collect();
             for event in events {
                 let crate::world::EventKind::Frame { frame, start } = event.what else { continue };
                 if raw(frame.id()) != (0x0CFE_1080, true) {
@@ -241,17 +241,17 @@ proptest! {
                 compared += 1;
             }
         }
-        prop_assert!(compared > 0 || cycles < 3 || state_is_bus_off(&mut bench), "{:?}", bench.state(0));
+        prop_assert!(compared > 0 || cycles < 3 || state_is_bus_off(&mut rig), "{:?}", rig.state(0));
     }
 
     /// SDO answers of an angle sensor whose shaft turns, and what is read of it.
     #[test]
     fn an_angle_sensor(turns in prop::collection::vec((-3000_i32..3000, 0_u32..36_000, 0_u64..100_000), 1..20)) {
-        let mut bench = Bench::new(&["hat1000"], None, false);
+        let mut rig = Rig::new(&["hat1000"], None, false);
         for (speed_rpm, angle_cdeg, span) in turns {
-            bench.act(&Act::Change(format!(r#"{{"speed_rpm": {speed_rpm}, "angle_cdeg": {angle_cdeg}}}"#)));
-            bench.pass(Duration::from_micros(span));
-            let (position, state) = bench.read_object(1, 0x6004, 0).expect("an answer");
+            rig.act(&Act::Change(format!(r#"{{"speed_rpm": {speed_rpm}, "angle_cdeg": {angle_cdeg}}}"#)));
+            rig.pass(Duration::from_micros(span));
+            let (position, state) = rig.read_object(1, 0x6004, 0).expect("an answer");
             prop_assert_eq!(state.position, i16::try_from(position).ok());
             prop_assert!(position < STEPS);
         }
@@ -262,24 +262,24 @@ proptest! {
     fn reading_changes_nothing(acts in prop::collection::vec((valve_act(), 0_u64..50_000), 1..20), rate in -9000_i32..9000) {
         let run = |reads: bool| {
             let link = Link { rate, min: 0, max: 35_999 };
-            let mut bench = Bench::new(&["pvea-canopen", "hat3000"], Some(link), reads);
+            let mut rig = Rig::new(&["pvea-canopen", "hat3000"], Some(link), reads);
             for frame in ["000: 01 00", "601: 2F 00 18 02 FE 00 00 00", "601: 2B 00 18 05 0A 00 00 00", "601: 23 00 18 01 81 01 00 00"] {
-                bench.act(&Act::Send(frame.to_owned()));
-                bench.pass(Duration::from_millis(5));
+                rig.act(&Act::Send(frame.to_owned()));
+                rig.pass(Duration::from_millis(5));
             }
             for (act, span) in &acts {
-                bench.act(act);
-                bench.pass(Duration::from_micros(*span));
+                rig.act(act);
+                rig.pass(Duration::from_micros(*span));
             }
-            bench.pass(Duration::from_millis(300));
-            bench.world.take_events().collect::<Vec<Event>>()
+            rig.pass(Duration::from_millis(300));
+            rig.world.take_events().collect::<Vec<Event>>()
         };
         prop_assert_eq!(run(true), run(false));
     }
 }
 
-fn state_is_bus_off(bench: &mut Bench) -> bool {
-    bench.state(0).faults.iter().any(|fault| fault.fault == "can-bus" && fault.count != Some(0))
+fn state_is_bus_off(rig: &mut Rig) -> bool {
+    rig.state(0).faults.iter().any(|fault| fault.fault == "can-bus" && fault.count != Some(0))
 }
 
 /// The state of AVEF that is the command of a device state.
@@ -298,30 +298,30 @@ fn command(state: &DeviceState) -> State {
 /// The next position is found to the microsecond, and none between.
 #[test]
 fn the_next_position_of_a_spool_and_of_shafts() {
-    let mut bench = Bench::new(&["pvea-canopen", "hat1000"], Some(Link { rate: 36_000, min: 0, max: 35_999 }), false);
+    let mut rig = Rig::new(&["pvea-canopen", "hat1000"], Some(Link { rate: 36_000, min: 0, max: 35_999 }), false);
     for frame in ["000: 01 00", "220: 0F 00 00 40", "220: 0F 00 00 40", "220: 0F 00 00 40", "220: 0F 00 00 40"] {
-        assert!(bench.sent(frame));
+        assert!(rig.sent(frame));
     }
     for device in [0, 1] {
-        let (node, _) = bench.devices[device];
+        let (node, _) = rig.devices[device];
         for _ in 0..50 {
-            let now = bench.world.now();
-            let limit = after(now, Duration::from_millis(50)).min(bench.world.next_event());
-            let before = bench.state(device).position;
-            let next = bench.world.next_position(node, limit);
+            let now = rig.world.now();
+            let limit = after(now, Duration::from_millis(50)).min(rig.world.next_event());
+            let before = rig.state(device).position;
+            let next = rig.world.next_position(node, limit);
             assert!(next > now && next <= limit);
-            bench.world.run_until(Instant::from_ticks(next.as_ticks() - 1));
-            assert_eq!(bench.state(device).position, before);
-            bench.world.run_until(next);
-            assert!(next == limit || bench.state(device).position != before || bench.world.next_event() <= next);
+            rig.world.run_until(Instant::from_ticks(next.as_ticks() - 1));
+            assert_eq!(rig.state(device).position, before);
+            rig.world.run_until(next);
+            assert!(next == limit || rig.state(device).position != before || rig.world.next_event() <= next);
         }
     }
     // A spool that rests is where it is.
-    bench.act(&Act::Cycle);
-    bench.pass(Duration::from_millis(500));
-    let limit = after(bench.world.now(), Duration::from_secs(3600));
-    for (node, _) in bench.devices.clone() {
-        assert_eq!(bench.world.next_position(node, limit), limit);
+    rig.act(&Act::Cycle);
+    rig.pass(Duration::from_millis(500));
+    let limit = after(rig.world.now(), Duration::from_secs(3600));
+    for (node, _) in rig.devices.clone() {
+        assert_eq!(rig.world.next_position(node, limit), limit);
     }
 }
 
@@ -329,14 +329,14 @@ fn the_next_position_of_a_spool_and_of_shafts() {
 #[test]
 fn a_wait_for_a_position_of_a_turning_shaft_costs_little() {
     for (speed_rpm, wanted) in [(60, "{\"min\": 9000, \"max\": 9001}"), (-3000, "16383"), (3_500, "1"), (-1, "16380")] {
-        let mut bench = Bench::new(&["hat1000"], None, false);
-        bench.act(&Act::Change(format!(r#"{{"speed_rpm": {speed_rpm}}}"#)));
-        bench.pass(Duration::from_micros(777));
-        let (node, kind) = bench.devices[0];
+        let mut rig = Rig::new(&["hat1000"], None, false);
+        rig.act(&Act::Change(format!(r#"{{"speed_rpm": {speed_rpm}}}"#)));
+        rig.pass(Duration::from_micros(777));
+        let (node, kind) = rig.devices[0];
         let condition: StateCondition = serde_json::from_str(&format!(r#"{{"position": {wanted}}}"#)).expect("one");
         let (mut waits, mut completed) = (Waits::default(), Completed::new());
-        let start = bench.world.now();
-        let shaft = *bench.world.senses(node).shaft().expect("a shaft");
+        let start = rig.world.now();
+        let shaft = *rig.world.senses(node).shaft().expect("a shaft");
         let is_there = |at: &Instant| {
             let position = shaft.position_at(*at);
             condition.position == Some(serde_json::from_str(&position.to_string()).ok())
@@ -345,13 +345,13 @@ fn a_wait_for_a_position_of_a_turning_shaft_costs_little() {
         let first = (0..).map(|ticks| after(start, Duration::from_ticks(ticks))).find(is_there).expect("an instant");
         let watch = StateWatch::new((node, kind), Box::new(condition));
         waits.begin(Awaited::State(watch), after(start, Duration::from_secs(100)), Ticket(1));
-        waits.poll(&mut bench.world, &mut completed);
+        waits.poll(&mut rig.world, &mut completed);
         let mut looks = 0;
         while !waits.is_empty() {
-            let due = waits.due(&bench.world);
-            assert!(due > bench.world.now());
-            bench.world.run_until(due);
-            waits.poll(&mut bench.world, &mut completed);
+            let due = waits.due(&rig.world);
+            assert!(due > rig.world.now());
+            rig.world.run_until(due);
+            waits.poll(&mut rig.world, &mut completed);
             looks += 1;
         }
         let [(Ticket(1), Ok(Reply::Device(state)))] = completed.as_slice() else { panic!("no answer at {speed_rpm}") };
@@ -422,40 +422,40 @@ fn a_wait_for_a_position_of_a_linked_shaft_costs_little() {
     for (rate, wanted) in [(3_000, 60..=60), (36_000, 700..=701), (-3_000, 16_000..=16_323), (100, 2..=2)] {
         let moving = || {
             let link = Link { rate, min: 0, max: 35_999 };
-            let mut bench = Bench::new(&["pvea-canopen", "hat1000"], Some(link), false);
+            let mut rig = Rig::new(&["pvea-canopen", "hat1000"], Some(link), false);
             let angle = if rate < 0 { 35_999 } else { 0 };
-            bench.world.set_plant(bench.devices[1].0, crate::world::Plant::AngleCdeg(angle)).expect("an angle");
+            rig.world.set_plant(rig.devices[1].0, crate::world::Plant::AngleCdeg(angle)).expect("an angle");
             for frame in ["000: 01 00", "220: 0F 00 00 40", "220: 0F 00 00 40", "220: 0F 00 00 40", "220: 0F 00 00 40"]
             {
-                assert!(bench.sent(frame));
+                assert!(rig.sent(frame));
             }
-            bench
+            rig
         };
-        let mut bench = moving();
-        let (node, _) = bench.devices[1];
+        let mut rig = moving();
+        let (node, _) = rig.devices[1];
         let first = loop {
-            if bench.state(1).position.is_some_and(|position| wanted.contains(&position)) {
-                break bench.world.now();
+            if rig.state(1).position.is_some_and(|position| wanted.contains(&position)) {
+                break rig.world.now();
             }
-            let limit = bench.world.next_event();
+            let limit = rig.world.next_event();
             assert!(limit < Instant::from_secs(1), "the valve still moves");
-            let next = bench.world.next_position(node, limit);
-            bench.world.run_until(next);
+            let next = rig.world.next_position(node, limit);
+            rig.world.run_until(next);
         };
-        let mut bench = moving();
+        let mut rig = moving();
         let (min, max) = (wanted.start(), wanted.end());
         let condition =
             serde_json::from_str(&format!(r#"{{"position": {{"min": {min}, "max": {max}}}}}"#)).expect("one");
-        let mut watch = StateWatch::new(bench.devices[1], condition);
+        let mut watch = StateWatch::new(rig.devices[1], condition);
         let mut looks = 0;
-        while !watch.look(&mut bench.world).1 {
-            let event = bench.world.next_event();
-            let due = watch.due(event, &bench.world);
-            assert!(due > bench.world.now());
-            bench.world.run_until(due);
+        while !watch.look(&mut rig.world).1 {
+            let event = rig.world.next_event();
+            let due = watch.due(event, &rig.world);
+            assert!(due > rig.world.now());
+            rig.world.run_until(due);
             looks += u32::from(due < event);
         }
-        assert_eq!(bench.world.now(), first, "{rate}");
+        assert_eq!(rig.world.now(), first, "{rate}");
         assert!(looks < 100, "{looks} looks at {rate}");
     }
 }

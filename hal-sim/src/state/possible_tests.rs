@@ -15,7 +15,7 @@ use crate::world::{ClientPortId, NodeId, World};
 const NAME: &str = "boom";
 
 /// A device on a bus, with every state that it showed.
-struct Bench {
+struct Rig {
     world: World,
     master: ClientPortId,
     node: NodeId,
@@ -24,17 +24,17 @@ struct Bench {
     seen: BTreeMap<(bool, String), Vec<Json>>,
 }
 
-impl Bench {
+impl Rig {
     fn new(setup: Setup) -> Self {
         let kind = setup.kind;
         let mut world = World::new(kind.bit_rates()[0], 1);
         let node = world.add(NAME, setup);
         let master = world.add_client_port("master");
-        let mut bench = Self { world, master, node, kind, seen: BTreeMap::new() };
-        bench.pass(2);
-        bench.power(Power::On);
-        bench.pass(300);
-        bench
+        let mut rig = Self { world, master, node, kind, seen: BTreeMap::new() };
+        rig.pass(2);
+        rig.power(Power::On);
+        rig.pass(300);
+        rig
     }
 
     /// Lets time pass, and takes note of each state in it: none is outside of the table.
@@ -117,7 +117,7 @@ impl Bench {
         for powered in [true, false] {
             for (key, values) in table(kind, NAME, powered) {
                 let seen: Vec<&Json> =
-                    benches.iter().filter_map(|bench| bench.seen.get(&(powered, key.to_owned()))).flatten().collect();
+                    benches.iter().filter_map(|rig| rig.seen.get(&(powered, key.to_owned()))).flatten().collect();
                 let has = |value: &Json| seen.iter().any(|seen| is_part(value, seen));
                 for value in values {
                     let missing: Vec<Json> = match value {
@@ -143,71 +143,71 @@ fn valves(proportional: pve::Kind, on_off: pve::Kind) -> [Kind; 2] {
 #[test]
 fn a_valve_on_canopen_shows_the_table_and_nothing_else() {
     for kind in valves(pve::Kind::PveaCanopen, pve::Kind::PveoCanopen) {
-        let mut blank = Bench::new(Setup { node_id: None, ..Setup::<Kind>::new(kind) });
+        let mut blank = Rig::new(Setup { node_id: None, ..Setup::<Kind>::new(kind) });
         blank.send("7E5: 04 01 00 00 00 00 00 00");
-        let mut bench = Bench::new(Setup::<Kind>::new(kind));
-        bench.send("000: 01 20");
+        let mut rig = Rig::new(Setup::<Kind>::new(kind));
+        rig.send("000: 01 20");
         for word in ["01", "03", "0F"] {
-            bench.send(&format!("220: {word} 00 00 00"));
+            rig.send(&format!("220: {word} 00 00 00"));
         }
-        bench.drive("220: 0F 00 00 40", 500);
-        bench.drive("220: 0F 00 00 C0", 800);
-        bench.drive("220: 0F 00 FF 7F", 800);
+        rig.drive("220: 0F 00 00 40", 500);
+        rig.drive("220: 0F 00 00 C0", 800);
+        rig.drive("220: 0F 00 FF 7F", 800);
         let [neutral, full, float] = ["00 00", "00 40", "FF 7F"].map(|point| format!("220: 0F 00 {point}"));
-        bench.break_valve(&neutral, &full, &float, &["220: 03 00 00 00", "220: 0B 00 00 00"]);
+        rig.break_valve(&neutral, &full, &float, &["220: 03 00 00 00", "220: 0B 00 00 00"]);
         for command in ["000: 02 20", "000: 80 20"] {
-            bench.send(command);
+            rig.send(command);
         }
-        bench.power(Power::Off);
-        bench.pass(5);
-        Bench::assert_all_seen(&[bench, blank]);
+        rig.power(Power::Off);
+        rig.pass(5);
+        Rig::assert_all_seen(&[rig, blank]);
     }
 }
 
 #[test]
 fn a_valve_on_isobus_shows_the_table_and_nothing_else() {
     for kind in valves(pve::Kind::PveaIsobus, pve::Kind::PveoIsobus) {
-        let mut bench = Bench::new(Setup::<Kind>::new(kind));
+        let mut rig = Rig::new(Setup::<Kind>::new(kind));
         let avc = |flow: &str, state: &str| format!("0CFE3027: {flow} FF F{state} FF FF FF FF FF");
         for (flow, state) in [("FA", "1"), ("FA", "2"), ("00", "3"), ("00", "A"), ("00", "E"), ("00", "0")] {
-            bench.drive(&avc(flow, state), 800);
+            rig.drive(&avc(flow, state), 800);
         }
-        bench.break_valve(&avc("00", "0"), &avc("FA", "1"), &avc("00", "3"), &[]);
-        bench.send("18EEFF80: 00 00 20 07 08 FF 02 20");
-        bench.pass(200);
-        bench.power(Power::Off);
-        bench.pass(5);
-        Bench::assert_all_seen(&[bench]);
+        rig.break_valve(&avc("00", "0"), &avc("FA", "1"), &avc("00", "3"), &[]);
+        rig.send("18EEFF80: 00 00 20 07 08 FF 02 20");
+        rig.pass(200);
+        rig.power(Power::Off);
+        rig.pass(5);
+        Rig::assert_all_seen(&[rig]);
     }
 }
 
 #[test]
 fn an_angle_sensor_shows_the_table_and_nothing_else() {
     for kind in [hat::Kind::Hat1000, hat::Kind::Hat3000].map(Kind::Hat) {
-        let blank = Bench::new(Setup { node_id: None, ..Setup::<Kind>::new(kind) });
-        let mut bench = Bench::new(Setup::<Kind>::new(kind));
+        let blank = Rig::new(Setup { node_id: None, ..Setup::<Kind>::new(kind) });
+        let mut rig = Rig::new(Setup::<Kind>::new(kind));
         for command in ["000: 01 01", "000: 02 01", "000: 80 01"] {
-            bench.send(command);
+            rig.send(command);
         }
         for angle_cdeg in [0, 35_999] {
-            bench.plant(json!({"angle_cdeg": angle_cdeg}));
+            rig.plant(json!({"angle_cdeg": angle_cdeg}));
         }
-        bench.plant(json!({"internal_fault": true}));
-        bench.pass(20);
-        bench.plant(json!({"internal_fault": false, "bus_off": true}));
-        bench.pass(20);
-        bench.plant(json!({"bus_off": false}));
-        bench.pass(50);
-        bench.world.disturb(Disturbance { frames: 20, id: Some(standard(0x581).into()) });
-        bench.send("601: 40 00 10 00 00 00 00 00");
-        bench.pass(50);
-        bench.plant(json!({"memory": "damaged"}));
+        rig.plant(json!({"internal_fault": true}));
+        rig.pass(20);
+        rig.plant(json!({"internal_fault": false, "bus_off": true}));
+        rig.pass(20);
+        rig.plant(json!({"bus_off": false}));
+        rig.pass(50);
+        rig.world.disturb(Disturbance { frames: 20, id: Some(standard(0x581).into()) });
+        rig.send("601: 40 00 10 00 00 00 00 00");
+        rig.pass(50);
+        rig.plant(json!({"memory": "damaged"}));
         for power in [Power::Off, Power::On] {
-            bench.pass(5);
-            bench.power(power);
+            rig.pass(5);
+            rig.power(power);
         }
-        bench.pass(50);
-        Bench::assert_all_seen(&[bench, blank]);
+        rig.pass(50);
+        Rig::assert_all_seen(&[rig, blank]);
     }
 }
 

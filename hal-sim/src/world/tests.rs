@@ -28,13 +28,13 @@ fn bits(count: u32) -> Duration {
 }
 
 /// A world with devices 1, 2 …, powered since instant 0, and a client; run to 10 ms.
-struct Bench {
+struct Rig {
     world: World,
     client: ClientPortId,
     nodes: Vec<NodeId>,
 }
 
-impl Bench {
+impl Rig {
     fn of(count: u8) -> Self {
         Self::with(count, 1, |id| Plan::new(id, RATE))
     }
@@ -82,80 +82,80 @@ fn a_world_can_be_moved_to_another_thread() {
 
 #[test]
 fn nothing_happens_in_an_idle_world() {
-    let mut bench = Bench::of(2);
-    assert_eq!(bench.world.next_event(), NEVER);
-    bench.world.step();
-    assert_eq!(bench.world.now(), millis(10));
-    bench.run_for(1_000_000);
-    assert_eq!(bench.world.now(), millis(1_000_010));
-    assert_eq!(bench.world.take_events().count(), 0);
+    let mut rig = Rig::of(2);
+    assert_eq!(rig.world.next_event(), NEVER);
+    rig.world.step();
+    assert_eq!(rig.world.now(), millis(10));
+    rig.run_for(1_000_000);
+    assert_eq!(rig.world.now(), millis(1_000_010));
+    assert_eq!(rig.world.take_events().count(), 0);
 }
 
 #[test]
 fn a_device_answers_a_client() {
-    let mut bench = Bench::of(1);
+    let mut rig = Rig::of(1);
     let (question, answer) = (std_frame(ECHO + 1, &[1, 2, 3]), std_frame(ECHO_ANSWER + 1, &[1, 2, 3]));
-    bench.world.send(bench.client, question);
-    assert_eq!((bench.world.pending(bench.client), bench.world.next_event()), (1, millis(10)));
-    bench.run_for(10);
+    rig.world.send(rig.client, question);
+    assert_eq!((rig.world.pending(rig.client), rig.world.next_event()), (1, millis(10)));
+    rig.run_for(10);
     let first = after(millis(10), bits(FrameBits::of(&question).on_wire()));
     let second = after(first, bits(3 + FrameBits::of(&answer).on_wire()));
     let answered = after(first, bits(3));
     assert_eq!(
-        bench.trace(),
+        rig.trace(),
         [
             Event { at: first, who: "client".into(), what: EventKind::Frame { frame: question, start: millis(10) } },
             Event { at: second, who: "probe-1".into(), what: EventKind::Frame { frame: answer, start: answered } },
         ]
     );
-    assert_eq!(bench.world.pending(bench.client), 0);
-    let received: Vec<_> = bench.world.take_received(bench.client).collect();
+    assert_eq!(rig.world.pending(rig.client), 0);
+    let received: Vec<_> = rig.world.take_received(rig.client).collect();
     assert_eq!(received, [(second, answer)]);
-    assert_eq!(bench.world.take_received(bench.client).count(), 0);
+    assert_eq!(rig.world.take_received(rig.client).count(), 0);
 }
 
 #[test]
 fn clients_hear_each_other_but_not_themselves() {
-    let mut bench = Bench::of(0);
-    let other = bench.world.add_client_port("other");
+    let mut rig = Rig::of(0);
+    let other = rig.world.add_client_port("other");
     for byte in 0..10 {
         // Clients keep their order, whatever the identifiers.
-        bench.world.send(bench.client, std_frame(0x700 - u16::from(byte), &[byte]));
+        rig.world.send(rig.client, std_frame(0x700 - u16::from(byte), &[byte]));
     }
-    bench.run_for(100);
-    assert_eq!(bench.received(), []);
-    let heard: Vec<_> = bench.world.take_received(other).map(|(_, frame)| frame.data()[0]).collect();
+    rig.run_for(100);
+    assert_eq!(rig.received(), []);
+    let heard: Vec<_> = rig.world.take_received(other).map(|(_, frame)| frame.data()[0]).collect();
     assert_eq!(heard, (0..10).collect::<Vec<_>>());
     // Alone on the bus again, nobody acknowledges; a client that goes takes its frames along.
-    bench.world.remove_client_port(other);
-    bench.world.send(bench.client, std_frame(1, &[]));
-    bench.run_for(100);
-    assert_eq!(bench.world.pending(bench.client), 1);
-    assert_eq!(bench.world.client_port(bench.client).mode(), BusErrorMode::ErrorPassive);
-    bench.world.remove_client_port(bench.client);
-    assert_eq!(bench.world.pending(bench.client), 0);
-    bench.run_for(100);
-    assert_eq!(bench.world.next_event(), NEVER);
+    rig.world.remove_client_port(other);
+    rig.world.send(rig.client, std_frame(1, &[]));
+    rig.run_for(100);
+    assert_eq!(rig.world.pending(rig.client), 1);
+    assert_eq!(rig.world.client_port(rig.client).mode(), BusErrorMode::ErrorPassive);
+    rig.world.remove_client_port(rig.client);
+    assert_eq!(rig.world.pending(rig.client), 0);
+    rig.run_for(100);
+    assert_eq!(rig.world.next_event(), NEVER);
 }
 
 #[test]
 fn clients_come_and_go_without_a_trace() {
-    let mut bench = Bench::of(1);
+    let mut rig = Rig::of(1);
     for round in 0..1000_u16 {
-        let visitor = bench.world.add_client_port("visitor");
-        bench.world.send(visitor, std_frame(ECHO + 1, &round.to_le_bytes()));
-        bench.run_for(1);
-        let heard: Vec<_> = bench.world.take_received(visitor).map(|(_, frame)| frame).collect();
+        let visitor = rig.world.add_client_port("visitor");
+        rig.world.send(visitor, std_frame(ECHO + 1, &round.to_le_bytes()));
+        rig.run_for(1);
+        let heard: Vec<_> = rig.world.take_received(visitor).map(|(_, frame)| frame).collect();
         assert_eq!(heard, [std_frame(ECHO_ANSWER + 1, &round.to_le_bytes())]);
         // Gone in the middle of a frame of its own.
-        bench.world.send(visitor, std_frame(0x123, &[]));
-        bench.world.step();
-        bench.world.remove_client_port(visitor);
+        rig.world.send(visitor, std_frame(0x123, &[]));
+        rig.world.step();
+        rig.world.remove_client_port(visitor);
     }
-    bench.run_for(10);
+    rig.run_for(10);
     let broken = |event: &Event| event.is_error_frame() && event.who.as_ref() == "visitor";
-    assert_eq!(bench.trace().into_iter().filter(broken).count(), 1000);
-    assert_eq!(bench.world.owners.len(), 3, "one device, one client, one place for all the visitors");
+    assert_eq!(rig.trace().into_iter().filter(broken).count(), 1000);
+    assert_eq!(rig.world.owners.len(), 3, "one device, one client, one place for all the visitors");
 }
 
 #[test]
@@ -173,12 +173,12 @@ fn a_gateway_without_a_client_acknowledges_and_keeps_nothing() {
 
 #[test]
 fn a_step_is_one_instant() {
-    let mut bench = Bench::of(1);
-    bench.world.send(bench.client, std_frame(ECHO + 1, &[]));
+    let mut rig = Rig::of(1);
+    rig.world.send(rig.client, std_frame(ECHO + 1, &[]));
     let mut instants = Vec::new();
-    while bench.world.next_event() != NEVER {
-        bench.world.step();
-        instants.push(bench.world.now());
+    while rig.world.next_event() != NEVER {
+        rig.world.step();
+        instants.push(rig.world.now());
     }
     assert!(instants.is_sorted_by(|a, b| a < b), "{instants:?}");
     // start and end of the question, start and end of the answer
@@ -187,171 +187,171 @@ fn a_step_is_one_instant() {
 
 #[test]
 fn a_write_takes_its_time_and_is_answered_once_the_memory_holds_it() {
-    let mut bench = Bench::of(1);
+    let mut rig = Rig::of(1);
     for (what, key, time) in
         [(Command::Store, RecordKey::Parameters, WRITE_TIME), (Command::Log, RecordKey::FaultLog, FAULT_LOG_WRITE_TIME)]
     {
-        bench.command(what, 1, b"abc");
-        bench.run_for(100);
-        let (at, _) = bench.world.take_received(bench.client).next_back().unwrap();
+        rig.command(what, 1, b"abc");
+        rig.run_for(100);
+        let (at, _) = rig.world.take_received(rig.client).next_back().unwrap();
         // The write begins when the answer is on the bus.
-        let stored = *bench.probe(0).stored.last().unwrap();
+        let stored = *rig.probe(0).stored.last().unwrap();
         assert_eq!(stored, (key, Ok(()), after(at, time)));
     }
-    bench.world.power(bench.nodes[0], false);
-    bench.world.power(bench.nodes[0], true);
-    assert_eq!(bench.probe(0).parameters.as_deref(), Some(&b"abc"[..]));
+    rig.world.power(rig.nodes[0], false);
+    rig.world.power(rig.nodes[0], true);
+    assert_eq!(rig.probe(0).parameters.as_deref(), Some(&b"abc"[..]));
 }
 
 #[test]
 fn a_failing_memory_is_reported_and_keeps_what_it_had() {
-    let mut bench = Bench::of(1);
-    bench.command(Command::Store, 1, b"old");
-    bench.run_for(100);
-    bench.world.memory_mut(bench.nodes[0]).set_write_fails(true);
-    bench.command(Command::Store, 1, b"new");
-    bench.run_for(100);
-    assert_eq!(bench.probe(0).stored.last().unwrap().1, Err(StoreError));
-    bench.world.power(bench.nodes[0], false);
-    bench.world.power(bench.nodes[0], true);
-    assert_eq!(bench.probe(0).parameters.as_deref(), Some(&b"old"[..]));
-    bench.world.memory_mut(bench.nodes[0]).set_write_fails(false);
-    bench.command(Command::Store, 1, b"new");
-    bench.run_for(100);
-    assert_eq!(bench.probe(0).stored.last().unwrap().1, Ok(()));
+    let mut rig = Rig::of(1);
+    rig.command(Command::Store, 1, b"old");
+    rig.run_for(100);
+    rig.world.memory_mut(rig.nodes[0]).set_write_fails(true);
+    rig.command(Command::Store, 1, b"new");
+    rig.run_for(100);
+    assert_eq!(rig.probe(0).stored.last().unwrap().1, Err(StoreError));
+    rig.world.power(rig.nodes[0], false);
+    rig.world.power(rig.nodes[0], true);
+    assert_eq!(rig.probe(0).parameters.as_deref(), Some(&b"old"[..]));
+    rig.world.memory_mut(rig.nodes[0]).set_write_fails(false);
+    rig.command(Command::Store, 1, b"new");
+    rig.run_for(100);
+    assert_eq!(rig.probe(0).stored.last().unwrap().1, Ok(()));
 }
 
 #[test]
 fn a_power_cut_at_any_moment_of_a_write_leaves_the_old_or_the_new_record() {
     let (mut old, mut new) = (0, 0);
     for cut in (0..=10_000).step_by(100) {
-        let mut bench = Bench::of(1);
-        bench.command(Command::Store, 1, b"before");
-        bench.run_for(100);
-        let _ = bench.received();
-        bench.command(Command::Store, 1, b"after");
+        let mut rig = Rig::of(1);
+        rig.command(Command::Store, 1, b"before");
+        rig.run_for(100);
+        let _ = rig.received();
+        rig.command(Command::Store, 1, b"after");
         // The answer goes out, then the write begins.
-        while bench.world.take_received(bench.client).count() == 0 {
-            bench.world.step();
+        while rig.world.take_received(rig.client).count() == 0 {
+            rig.world.step();
         }
-        let cut_at = after(bench.world.now(), Duration::from_micros(cut));
-        bench.world.run_until(cut_at);
-        bench.world.power(bench.nodes[0], false);
-        assert!(bench.world.device(bench.nodes[0]).is_none());
-        bench.run_for(100);
-        bench.world.power(bench.nodes[0], true);
-        match bench.probe(0).parameters.as_deref() {
+        let cut_at = after(rig.world.now(), Duration::from_micros(cut));
+        rig.world.run_until(cut_at);
+        rig.world.power(rig.nodes[0], false);
+        assert!(rig.world.device(rig.nodes[0]).is_none());
+        rig.run_for(100);
+        rig.world.power(rig.nodes[0], true);
+        match rig.probe(0).parameters.as_deref() {
             Some(b"before") => old += 1,
             Some(b"after") => new += 1,
             other => panic!("cut after {cut} us: {other:?}"),
         }
         // And it can be written again.
-        bench.command(Command::Store, 1, b"again");
-        bench.run_for(100);
-        assert_eq!(bench.probe(0).stored.last().unwrap().1, Ok(()));
+        rig.command(Command::Store, 1, b"again");
+        rig.run_for(100);
+        assert_eq!(rig.probe(0).stored.last().unwrap().1, Ok(()));
     }
     assert!(old > 50 && new > 0, "{old} old, {new} new");
 }
 
 #[test]
 fn a_damaged_memory_is_told_at_one_start() {
-    let mut bench = Bench::of(1);
-    bench.world.memory_mut(bench.nodes[0]).flash_mut().fill(|cell| (cell * 7) as u8);
+    let mut rig = Rig::of(1);
+    rig.world.memory_mut(rig.nodes[0]).flash_mut().fill(|cell| (cell * 7) as u8);
     for damaged in [true, false] {
-        bench.world.power(bench.nodes[0], false);
-        bench.world.power(bench.nodes[0], true);
-        assert_eq!(bench.probe(0).damaged, damaged);
+        rig.world.power(rig.nodes[0], false);
+        rig.world.power(rig.nodes[0], true);
+        assert_eq!(rig.probe(0).damaged, damaged);
     }
 }
 
 #[test]
 fn power_off_is_at_once() {
-    let mut bench = Bench::with(1, 1, |id| Plan::new(id, RATE).beating(Duration::from_millis(10)));
-    bench.run_for(5);
-    assert_eq!(bench.received().len(), 2);
-    bench.world.power(bench.nodes[0], false);
-    assert_eq!((bench.world.outputs(bench.nodes[0]), bench.world.next_event()), (None, NEVER));
-    bench.run_for(1000);
-    assert_eq!(bench.received(), []);
-    bench.world.power_with(bench.nodes[0], StartCause::Watchdog);
-    assert_eq!(bench.probe(0).cause, StartCause::Watchdog);
-    assert!(bench.world.outputs(bench.nodes[0]).is_some());
-    bench.run_for(5);
-    assert_eq!(bench.received(), [std_frame(HEARTBEAT + 1, &[5])]);
+    let mut rig = Rig::with(1, 1, |id| Plan::new(id, RATE).beating(Duration::from_millis(10)));
+    rig.run_for(5);
+    assert_eq!(rig.received().len(), 2);
+    rig.world.power(rig.nodes[0], false);
+    assert_eq!((rig.world.outputs(rig.nodes[0]), rig.world.next_event()), (None, NEVER));
+    rig.run_for(1000);
+    assert_eq!(rig.received(), []);
+    rig.world.power_with(rig.nodes[0], StartCause::Watchdog);
+    assert_eq!(rig.probe(0).cause, StartCause::Watchdog);
+    assert!(rig.world.outputs(rig.nodes[0]).is_some());
+    rig.run_for(5);
+    assert_eq!(rig.received(), [std_frame(HEARTBEAT + 1, &[5])]);
     // A watchdog reset starts a running device anew, power that is already there does not.
-    bench.world.power(bench.nodes[0], true);
-    assert_eq!(bench.probe(0).cause, StartCause::Watchdog);
-    bench.world.power_with(bench.nodes[0], StartCause::Watchdog);
-    bench.run_for(5);
-    assert_eq!(bench.received(), [std_frame(HEARTBEAT + 1, &[5])]);
+    rig.world.power(rig.nodes[0], true);
+    assert_eq!(rig.probe(0).cause, StartCause::Watchdog);
+    rig.world.power_with(rig.nodes[0], StartCause::Watchdog);
+    rig.run_for(5);
+    assert_eq!(rig.received(), [std_frame(HEARTBEAT + 1, &[5])]);
 }
 
 #[test]
 fn a_restart_reads_the_memory_again() {
-    let mut bench = Bench::of(1);
-    bench.command(Command::Store, 1, b"abc");
-    bench.run_for(100);
-    assert_eq!(bench.probe(0).parameters, None);
-    bench.command(Command::Restart, 1, &[]);
-    bench.run_for(100);
-    let probe = bench.probe(0);
+    let mut rig = Rig::of(1);
+    rig.command(Command::Store, 1, b"abc");
+    rig.run_for(100);
+    assert_eq!(rig.probe(0).parameters, None);
+    rig.command(Command::Restart, 1, &[]);
+    rig.run_for(100);
+    let probe = rig.probe(0);
     assert_eq!((probe.restarts, probe.parameters.as_deref()), (1, Some(&b"abc"[..])));
     // The answer to the command was not swallowed.
-    assert_eq!(bench.received().last(), Some(&std_frame(DONE + 1, &[4])));
+    assert_eq!(rig.received().last(), Some(&std_frame(DONE + 1, &[4])));
 }
 
 #[test]
 fn the_plant_reaches_the_device_at_once() {
-    let mut bench = Bench::of(1);
-    let node = bench.nodes[0];
-    let low = Senses { internal_fault: true, bus: BusErrorMode::BusOff, ..*bench.world.senses(node) };
-    bench.world.set_senses(node, low);
+    let mut rig = Rig::of(1);
+    let node = rig.nodes[0];
+    let low = Senses { internal_fault: true, bus: BusErrorMode::BusOff, ..*rig.world.senses(node) };
+    rig.world.set_senses(node, low);
     let expected = Senses { bus: BusErrorMode::ErrorActive, ..low };
-    assert_eq!(bench.probe(0).senses, expected);
+    assert_eq!(rig.probe(0).senses, expected);
     // The plant stays as it is while the device is off.
-    bench.world.power(node, false);
-    bench.world.power(node, true);
-    assert_eq!(bench.probe(0).senses, expected);
-    assert_eq!(bench.world.senses(node), &expected);
+    rig.world.power(node, false);
+    rig.world.power(node, true);
+    assert_eq!(rig.probe(0).senses, expected);
+    assert_eq!(rig.world.senses(node), &expected);
 }
 
 #[test]
 fn bus_off_is_sensed_and_so_is_the_recovery() {
-    let mut bench = Bench::of(2);
-    let node = bench.nodes[0];
-    bench.world.force_bus_off(node, true);
-    assert!(bench.world.is_bus_off_forced(node));
-    assert_eq!(bench.probe(0).senses.bus, BusErrorMode::BusOff);
-    bench.world.send(bench.client, std_frame(ECHO + 1, &[]));
-    bench.run_for(100);
-    assert_eq!(bench.received(), []);
-    bench.world.force_bus_off(node, false);
-    let released = bench.world.now();
-    while bench.probe(0).senses.bus == BusErrorMode::BusOff {
-        bench.world.step();
+    let mut rig = Rig::of(2);
+    let node = rig.nodes[0];
+    rig.world.force_bus_off(node, true);
+    assert!(rig.world.is_bus_off_forced(node));
+    assert_eq!(rig.probe(0).senses.bus, BusErrorMode::BusOff);
+    rig.world.send(rig.client, std_frame(ECHO + 1, &[]));
+    rig.run_for(100);
+    assert_eq!(rig.received(), []);
+    rig.world.force_bus_off(node, false);
+    let released = rig.world.now();
+    while rig.probe(0).senses.bus == BusErrorMode::BusOff {
+        rig.world.step();
     }
-    assert_eq!(since(bench.world.now(), released), bits(128 * 11));
-    bench.world.send(bench.client, std_frame(ECHO + 1, &[]));
-    bench.run_for(100);
-    assert_eq!(bench.received(), [std_frame(ECHO_ANSWER + 1, &[])]);
+    assert_eq!(since(rig.world.now(), released), bits(128 * 11));
+    rig.world.send(rig.client, std_frame(ECHO + 1, &[]));
+    rig.run_for(100);
+    assert_eq!(rig.received(), [std_frame(ECHO_ANSWER + 1, &[])]);
     // The switch outlasts the power.
-    bench.world.force_bus_off(node, true);
-    bench.world.power(node, false);
-    bench.world.power(node, true);
-    assert_eq!(bench.probe(0).senses.bus, BusErrorMode::BusOff);
-    bench.run_for(1000);
-    assert_eq!(bench.probe(0).senses.bus, BusErrorMode::BusOff);
+    rig.world.force_bus_off(node, true);
+    rig.world.power(node, false);
+    rig.world.power(node, true);
+    assert_eq!(rig.probe(0).senses.bus, BusErrorMode::BusOff);
+    rig.run_for(1000);
+    assert_eq!(rig.probe(0).senses.bus, BusErrorMode::BusOff);
 }
 
 #[test]
 fn a_sender_that_is_disturbed_goes_through_every_mode() {
-    let mut bench = Bench::of(1);
-    bench.world.inject(DestroyNext::frames_of("probe-1", 32));
-    bench.world.send(bench.client, std_frame(ECHO + 1, &[7]));
+    let mut rig = Rig::of(1);
+    rig.world.inject(DestroyNext::frames_of("probe-1", 32));
+    rig.world.send(rig.client, std_frame(ECHO + 1, &[7]));
     let mut modes = vec![BusErrorMode::ErrorActive];
-    while bench.world.next_event() != NEVER {
-        bench.world.step();
-        let mode = bench.probe(0).senses.bus;
+    while rig.world.next_event() != NEVER {
+        rig.world.step();
+        let mode = rig.probe(0).senses.bus;
         if modes.last() != Some(&mode) {
             modes.push(mode);
         }
@@ -359,55 +359,55 @@ fn a_sender_that_is_disturbed_goes_through_every_mode() {
     use BusErrorMode::{BusOff, ErrorActive, ErrorPassive};
     assert_eq!(modes, [ErrorActive, ErrorPassive, BusOff, ErrorActive]);
     let answer = std_frame(ECHO_ANSWER + 1, &[7]);
-    let errors = bench.trace().into_iter().filter(|event| {
+    let errors = rig.trace().into_iter().filter(|event| {
         matches!(&event.what, EventKind::ErrorFrame { frame, error: BusError::Bit, .. } if *frame == answer)
             && event.who.as_ref() == "probe-1"
     });
     assert_eq!(errors.count(), 32);
-    assert_eq!(bench.received(), [], "what waited in the controller is out of date after the recovery");
+    assert_eq!(rig.received(), [], "what waited in the controller is out of date after the recovery");
 }
 
 #[test]
 fn the_master_follows_a_device_to_another_bit_rate() {
-    let mut bench = Bench::of(1);
-    bench.command(Command::Rate, 1, &[BitRate::Kbit500.table_index()]);
-    bench.run_for(10);
-    assert_eq!(bench.received(), [std_frame(DONE + 1, &[3])]);
-    assert_eq!(bench.world.port(bench.nodes[0]).bit_rate(), BitRate::Kbit500);
-    bench.world.set_bit_rate(BitRate::Kbit500);
-    assert_eq!(bench.world.bit_rate(), BitRate::Kbit500);
-    bench.trace();
-    bench.world.send(bench.client, std_frame(ECHO + 1, &[]));
-    bench.run_for(10);
-    assert_eq!(bench.received(), [std_frame(ECHO_ANSWER + 1, &[])]);
-    assert!(bench.trace().iter().all(|event| event.frame().is_some()), "no error frame");
+    let mut rig = Rig::of(1);
+    rig.command(Command::Rate, 1, &[BitRate::Kbit500.table_index()]);
+    rig.run_for(10);
+    assert_eq!(rig.received(), [std_frame(DONE + 1, &[3])]);
+    assert_eq!(rig.world.port(rig.nodes[0]).bit_rate(), BitRate::Kbit500);
+    rig.world.set_bit_rate(BitRate::Kbit500);
+    assert_eq!(rig.world.bit_rate(), BitRate::Kbit500);
+    rig.trace();
+    rig.world.send(rig.client, std_frame(ECHO + 1, &[]));
+    rig.run_for(10);
+    assert_eq!(rig.received(), [std_frame(ECHO_ANSWER + 1, &[])]);
+    assert!(rig.trace().iter().all(|event| event.frame().is_some()), "no error frame");
 }
 
 #[test]
 fn a_device_at_another_bit_rate_is_not_heard() {
-    let mut bench = Bench::with(2, 1, |id| Plan::new(id, if id == 1 { BitRate::Kbit125 } else { RATE }));
-    bench.world.send(bench.client, std_frame(ECHO + 1, &[]));
-    bench.run_for(100);
-    assert_eq!((bench.received(), bench.probe(0).heard), (vec![], 0));
+    let mut rig = Rig::with(2, 1, |id| Plan::new(id, if id == 1 { BitRate::Kbit125 } else { RATE }));
+    rig.world.send(rig.client, std_frame(ECHO + 1, &[]));
+    rig.run_for(100);
+    assert_eq!((rig.received(), rig.probe(0).heard), (vec![], 0));
     // It has disturbed 15 attempts, then it is error-passive.
-    let errors = bench.trace().iter().filter(|event| event.is_error_frame()).count();
-    assert_eq!((errors, bench.probe(0).senses.bus), (15, BusErrorMode::ErrorPassive));
-    assert_eq!(bench.probe(1).heard, 1);
+    let errors = rig.trace().iter().filter(|event| event.is_error_frame()).count();
+    assert_eq!((errors, rig.probe(0).senses.bus), (15, BusErrorMode::ErrorPassive));
+    assert_eq!(rig.probe(1).heard, 1);
 }
 
 #[test]
 fn two_runs_with_one_seed_are_the_same() {
     let run = |seed| {
-        let mut bench = Bench::with(5, seed, |id| Plan::new(id, RATE).beating(Duration::from_millis(7)));
-        for node in bench.nodes.clone() {
-            bench.world.power(node, false);
+        let mut rig = Rig::with(5, seed, |id| Plan::new(id, RATE).beating(Duration::from_millis(7)));
+        for node in rig.nodes.clone() {
+            rig.world.power(node, false);
         }
-        bench.world.power_all(SUPPLY_JITTER);
+        rig.world.power_all(SUPPLY_JITTER);
         for byte in 0..20 {
-            bench.command(Command::Store, byte % 5 + 1, &[byte]);
-            bench.run_for(13);
+            rig.command(Command::Store, byte % 5 + 1, &[byte]);
+            rig.run_for(13);
         }
-        let text: Vec<_> = bench.world.take_events().map(|event| format!("{event:?}\n")).collect();
+        let text: Vec<_> = rig.world.take_events().map(|event| format!("{event:?}\n")).collect();
         assert!(text.len() > 100);
         text.concat()
     };
@@ -417,47 +417,47 @@ fn two_runs_with_one_seed_are_the_same() {
 
 #[test]
 fn a_shutdown_stores_what_waits() {
-    let mut bench = Bench::of(2);
-    bench.command(Command::Later, 1, b"late");
-    bench.run_for(1000);
-    assert_eq!(bench.probe(0).stored, []);
-    bench.world.flush_all();
-    assert_eq!(bench.probe(0).stored.len(), 1);
-    assert_eq!(bench.world.now(), after(millis(1010), WRITE_TIME));
+    let mut rig = Rig::of(2);
+    rig.command(Command::Later, 1, b"late");
+    rig.run_for(1000);
+    assert_eq!(rig.probe(0).stored, []);
+    rig.world.flush_all();
+    assert_eq!(rig.probe(0).stored.len(), 1);
+    assert_eq!(rig.world.now(), after(millis(1010), WRITE_TIME));
 }
 
 #[test]
 fn a_shutdown_stores_on_a_dead_bus_too() {
-    let mut bench = Bench::with(1, 1, |id| Plan::new(id, RATE).beating(Duration::from_millis(10)));
-    bench.command(Command::Later, 1, b"late");
-    bench.run_for(5);
-    bench.world.remove_client_port(bench.client);
-    bench.run_for(100);
-    assert!(bench.world.port(bench.nodes[0]).pending() > 0);
-    bench.world.flush_all();
-    assert_eq!(bench.probe(0).stored.iter().map(|stored| stored.1).collect::<Vec<_>>(), [Ok(())]);
-    assert!(bench.world.now() <= after(millis(115), FLUSH_PATIENCE + WRITE_TIME));
+    let mut rig = Rig::with(1, 1, |id| Plan::new(id, RATE).beating(Duration::from_millis(10)));
+    rig.command(Command::Later, 1, b"late");
+    rig.run_for(5);
+    rig.world.remove_client_port(rig.client);
+    rig.run_for(100);
+    assert!(rig.world.port(rig.nodes[0]).pending() > 0);
+    rig.world.flush_all();
+    assert_eq!(rig.probe(0).stored.iter().map(|stored| stored.1).collect::<Vec<_>>(), [Ok(())]);
+    assert!(rig.world.now() <= after(millis(115), FLUSH_PATIENCE + WRITE_TIME));
 }
 
 #[test]
 fn devices_are_found_by_name() {
-    let bench = Bench::of(3);
-    assert_eq!(bench.world.find("probe-2"), Some(bench.nodes[1]));
-    assert_eq!(bench.world.find("probe-4"), None);
-    assert_eq!(bench.world.devices().collect::<Vec<_>>(), bench.nodes);
-    assert_eq!(bench.world.device(bench.nodes[2]).and_then(|device| device.node_id()), Some(3));
+    let rig = Rig::of(3);
+    assert_eq!(rig.world.find("probe-2"), Some(rig.nodes[1]));
+    assert_eq!(rig.world.find("probe-4"), None);
+    assert_eq!(rig.world.devices().collect::<Vec<_>>(), rig.nodes);
+    assert_eq!(rig.world.device(rig.nodes[2]).and_then(|device| device.node_id()), Some(3));
 }
 
 #[test]
 fn a_power_cut_planned_for_a_word_takes_the_device_along() {
-    let mut bench = Bench::of(1);
-    bench.world.memory_mut(bench.nodes[0]).flash_mut().cut_power_after(2);
-    bench.command(Command::Store, 1, b"abc");
-    bench.run_for(100);
-    assert!(!bench.world.is_powered(bench.nodes[0]));
-    bench.world.power(bench.nodes[0], true);
-    assert_eq!((bench.probe(0).parameters.as_deref(), bench.probe(0).damaged), (None, false));
-    bench.command(Command::Store, 1, b"abc");
-    bench.run_for(100);
-    assert_eq!(bench.probe(0).stored.last().unwrap().1, Ok(()));
+    let mut rig = Rig::of(1);
+    rig.world.memory_mut(rig.nodes[0]).flash_mut().cut_power_after(2);
+    rig.command(Command::Store, 1, b"abc");
+    rig.run_for(100);
+    assert!(!rig.world.is_powered(rig.nodes[0]));
+    rig.world.power(rig.nodes[0], true);
+    assert_eq!((rig.probe(0).parameters.as_deref(), rig.probe(0).damaged), (None, false));
+    rig.command(Command::Store, 1, b"abc");
+    rig.run_for(100);
+    assert_eq!(rig.probe(0).stored.last().unwrap().1, Ok(()));
 }

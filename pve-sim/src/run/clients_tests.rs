@@ -10,7 +10,7 @@ use super::*;
 use crate::inbox::{ClientEnd, PERMITS, Reply};
 use hal_sim::bus::DestroyNext;
 
-struct Bench {
+struct Rig {
     world: World,
     clients: Clients,
     client_ends: Vec<(ClientId, ClientEnd)>,
@@ -20,7 +20,7 @@ fn frame(id: u16, data: &[u8]) -> Frame {
     Frame::of(standard(id).into(), data).unwrap()
 }
 
-impl Bench {
+impl Rig {
     /// So many clients that listen.
     fn new(count: usize) -> Self {
         let mut world = World::new(BitRate::Kbit250, 1);
@@ -28,15 +28,15 @@ impl Bench {
         world.add_gateway("somebody");
         world.record_events(true);
         let clients = Clients::new(&mut world, false);
-        let mut bench = Self { world, clients, client_ends: Vec::new() };
+        let mut rig = Self { world, clients, client_ends: Vec::new() };
         for _ in 0..count {
             let (id, (to_client, mut client_end)) = (ClientId::next(), ClientQueue::new());
-            bench.apply(ToWorld::Join(id, to_client));
-            bench.apply(ToWorld::Listen(id, Reply::new("")));
+            rig.apply(ToWorld::Join(id, to_client));
+            rig.apply(ToWorld::Listen(id, Reply::new("")));
             client_end.queue.try_recv().expect("the reply");
-            bench.client_ends.push((id, client_end));
+            rig.client_ends.push((id, client_end));
         }
-        bench
+        rig
     }
 
     fn apply(&mut self, message: ToWorld) {
@@ -77,83 +77,83 @@ impl Bench {
 /// As when all of them poll one object of one valve.
 #[test]
 fn equal_frames_of_several_clients_all_go_out() {
-    let mut bench = Bench::new(3);
+    let mut rig = Rig::new(3);
     let request = frame(0x620, &[0x40, 0, 0x10, 0]);
     for client in [0, 1, 2, 0, 1, 2] {
-        bench.send(client, request);
+        rig.send(client, request);
     }
-    assert_eq!(bench.run(), [request; 6]);
+    assert_eq!(rig.run(), [request; 6]);
     for client in 0..3 {
-        assert_eq!(bench.heard(client), [request; 4], "all but its own two");
+        assert_eq!(rig.heard(client), [request; 4], "all but its own two");
     }
 }
 
 #[test]
 fn frames_of_one_identifier_do_not_collide() {
-    let mut bench = Bench::new(3);
+    let mut rig = Rig::new(3);
     let frames: Vec<Frame> = (0..9).map(|number| frame(0x620, &[number])).collect();
     for (number, frame) in frames.iter().enumerate() {
-        bench.send(number % 3, *frame);
+        rig.send(number % 3, *frame);
     }
-    assert_eq!(bench.run(), frames, "in the order they came in");
+    assert_eq!(rig.run(), frames, "in the order they came in");
     let others: Vec<Frame> = frames.iter().enumerate().filter(|(number, _)| number % 3 != 1).map(|(_, f)| *f).collect();
-    assert_eq!(bench.heard(1), others);
+    assert_eq!(rig.heard(1), others);
 }
 
 #[test]
 fn urgent_frames_overtake_those_of_other_clients_only() {
-    let mut bench = Bench::new(2);
+    let mut rig = Rig::new(2);
     for number in 0..3 {
-        bench.send(0, frame(0x700, &[number]));
+        rig.send(0, frame(0x700, &[number]));
     }
-    bench.send(0, frame(0x001, &[]));
-    bench.send(1, frame(0x100, &[]));
-    let sent: Vec<String> = bench.run().iter().map(ToString::to_string).collect();
+    rig.send(0, frame(0x001, &[]));
+    rig.send(1, frame(0x100, &[]));
+    let sent: Vec<String> = rig.run().iter().map(ToString::to_string).collect();
     // The first one had the bus already.
     assert_eq!(sent, ["700: 00", "100:", "700: 01", "700: 02", "001:"]);
 }
 
 #[test]
 fn what_a_client_sent_before_it_left_goes_out() {
-    let mut bench = Bench::new(2);
+    let mut rig = Rig::new(2);
     let frames = [frame(0x101, &[]), frame(0x102, &[]), frame(0x103, &[])];
     for frame in frames {
-        bench.send(0, frame);
+        rig.send(0, frame);
     }
-    let (left, _client_end) = bench.client_ends.remove(0);
-    bench.apply(ToWorld::Leave(left));
-    bench.apply(ToWorld::Send(left, frame(0x104, &[])));
-    assert_eq!(bench.run(), frames);
-    assert_eq!(bench.heard(0), frames);
+    let (left, _client_end) = rig.client_ends.remove(0);
+    rig.apply(ToWorld::Leave(left));
+    rig.apply(ToWorld::Send(left, frame(0x104, &[])));
+    assert_eq!(rig.run(), frames);
+    assert_eq!(rig.heard(0), frames);
 }
 
 /// A flood of clients that send and leave.
 #[test]
 fn what_departed_clients_leave_behind_is_bounded() {
-    let mut bench = Bench::new(1);
+    let mut rig = Rig::new(1);
     for _ in 0..100 {
         let (to_client, _client_end) = ClientQueue::new();
         let id = ClientId::next();
-        bench.apply(ToWorld::Join(id, to_client));
+        rig.apply(ToWorld::Join(id, to_client));
         for _ in 0..PERMITS {
-            bench.apply(ToWorld::Send(id, frame(0x700, &[0; 8])));
+            rig.apply(ToWorld::Send(id, frame(0x700, &[0; 8])));
         }
-        bench.apply(ToWorld::Leave(id));
-        bench.apply(ToWorld::Leave(id));
+        rig.apply(ToWorld::Leave(id));
+        rig.apply(ToWorld::Leave(id));
     }
     // A modest one keeps its only frame.
     let (to_client, _client_end) = ClientQueue::new();
     let modest = ClientId::next();
-    bench.apply(ToWorld::Join(modest, to_client));
-    bench.apply(ToWorld::Send(modest, frame(0x7FF, &[])));
-    bench.apply(ToWorld::Leave(modest));
-    let waiting: usize = bench.clients.waiting.values().map(VecDeque::len).sum();
+    rig.apply(ToWorld::Join(modest, to_client));
+    rig.apply(ToWorld::Send(modest, frame(0x7FF, &[])));
+    rig.apply(ToWorld::Leave(modest));
+    let waiting: usize = rig.clients.waiting.values().map(VecDeque::len).sum();
     assert!(waiting <= LEFT_BEHIND, "{waiting}");
-    assert!(bench.clients.waiting.contains_key(&modest));
+    assert!(rig.clients.waiting.contains_key(&modest));
     // The one that the controller had already counts no more.
-    assert_eq!(bench.clients.take_dropped(), 100 * PERMITS - waiting);
-    assert_eq!(bench.run().len(), waiting + 1);
-    assert_eq!(bench.clients.left_behind, 0);
+    assert_eq!(rig.clients.take_dropped(), 100 * PERMITS - waiting);
+    assert_eq!(rig.run().len(), waiting + 1);
+    assert_eq!(rig.clients.left_behind, 0);
 }
 
 /// Something on the bus destroys all of it.
@@ -190,15 +190,15 @@ fn a_frame_that_is_destroyed_ends_with_its_client() {
 #[test]
 fn error_frames_are_for_clients_that_want_them() {
     for wanted in [false, true] {
-        let mut bench = Bench::new(1);
-        bench.clients.error_frames = wanted;
+        let mut rig = Rig::new(1);
+        rig.clients.error_frames = wanted;
         let what = EventKind::ErrorMode { from: BusErrorMode::ErrorActive, to: BusErrorMode::ErrorPassive };
-        let event = Event { at: bench.world.now(), who: "valve".into(), what };
+        let event = Event { at: rig.world.now(), who: "valve".into(), what };
         let at = Timestamp::from_micros(7);
         for told in [None, Some(ErrorClass::ErrorPassive), None] {
-            assert_eq!(bench.clients.show(&event, at, told), 0);
+            assert_eq!(rig.clients.show(&event, at, told), 0);
         }
-        let queue = &mut bench.client_ends[0].1.queue;
+        let queue = &mut rig.client_ends[0].1.queue;
         let heard: Vec<ToClient> = std::iter::from_fn(|| queue.try_recv().ok()).collect();
         let told = vec![ToClient::Error(at, ErrorClass::ErrorPassive)];
         assert_eq!(heard, if wanted { told } else { Vec::new() });
@@ -207,13 +207,13 @@ fn error_frames_are_for_clients_that_want_them() {
 
 #[tokio::test(start_paused = true)]
 async fn credit_comes_back_with_each_frame_that_is_sent() {
-    let mut bench = Bench::new(1);
+    let mut rig = Rig::new(1);
     for round in 0..3 {
         for _ in 0..PERMITS {
-            let spent = tokio::time::timeout(WallDuration::from_secs(1), bench.client_ends[0].1.permits.spend());
+            let spent = tokio::time::timeout(WallDuration::from_secs(1), rig.client_ends[0].1.permits.spend());
             spent.await.expect("permit");
-            bench.send(0, frame(0x123, &[round]));
+            rig.send(0, frame(0x123, &[round]));
         }
-        assert_eq!(bench.run().len(), PERMITS);
+        assert_eq!(rig.run().len(), PERMITS);
     }
 }

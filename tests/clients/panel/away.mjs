@@ -1,7 +1,7 @@
 // The simulator goes away and comes back, and is then another one: the page says so, and shows what there is.
 
 import assert from "node:assert/strict";
-import { simulate, withPage } from "./bench.mjs";
+import { simulate, withPage } from "./rig.mjs";
 
 const first = await simulate("--device", "pvea-canopen", "--device", "pveo-canopen@0x21");
 const http = new URL(first.url).host;

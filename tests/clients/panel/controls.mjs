@@ -1,7 +1,7 @@
 // Every control is driven once, by the keyboard, and does what it says. Time moves only when told.
 
 import assert from "node:assert/strict";
-import { PATIENCE, simulate, until, withPage } from "./bench.mjs";
+import { PATIENCE, simulate, until, withPage } from "./rig.mjs";
 
 const simulator = await simulate(
   "--speed", "step", "--device", "pvea-canopen", "--device", "hat1000,bit-rate=250k", "--device", "pvea-isobus",

@@ -1,7 +1,7 @@
 // The supply falls to 8 V: after 2 s the LED is red and flashes, the valve is in fault-hold, and EMCY 3412 stands in the trace.
 
 import assert from "node:assert/strict";
-import { simulate, withPage } from "./bench.mjs";
+import { simulate, withPage } from "./rig.mjs";
 
 const simulator = await simulate();
 await withPage({ url: simulator.url }, async (page) => {

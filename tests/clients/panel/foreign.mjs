@@ -5,7 +5,7 @@ import assert from "node:assert/strict";
 import { once } from "node:events";
 import { createServer as createSite } from "node:http";
 import { connect, createServer } from "node:net";
-import { PATIENCE, simulate, withBrowser } from "./bench.mjs";
+import { PATIENCE, simulate, withBrowser } from "./rig.mjs";
 
 const simulator = await simulate("--bus", "slcan://127.0.0.1:0", "--device", "pvea-canopen,blank");
 const port = (scheme) => Number(new RegExp(` bus=${scheme}://127\\.0\\.0\\.1:(\\d+)`).exec(simulator.ready)[1]);

@@ -1,7 +1,7 @@
 // Twenty valves at work: the time that the page's script takes in a frame of the screen, seen in the browser's own trace.
 
 import assert from "node:assert/strict";
-import { PATIENCE, simulate, withPage } from "./bench.mjs";
+import { PATIENCE, simulate, withPage } from "./rig.mjs";
 
 const VALVES = 20;
 const FIRST = 0x10;

@@ -2,7 +2,7 @@
 //
 // A master drives a boom to and fro, and an angle sensor measures it.
 
-import { simulate, withPage } from "./bench.mjs";
+import { simulate, withPage } from "./rig.mjs";
 
 const [, , , , file] = process.argv;
 const simulator = await simulate(

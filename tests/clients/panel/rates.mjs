@@ -1,7 +1,7 @@
 // A device at another bit rate than the bus is named with the remedy, from the start and after a change, as long as that lasts.
 
 import assert from "node:assert/strict";
-import { simulate, until, withPage } from "./bench.mjs";
+import { simulate, until, withPage } from "./rig.mjs";
 
 const REMEDY =
   "hat1000 runs at 500 kbit/s and the bus at 250 kbit/s: it cannot communicate and will disturb the bus; use hat1000,bit-rate=250k, or a bus at 500k";

@@ -1,7 +1,7 @@
 // What eyes see on a wide screen: colours that can be told apart and agree, controls wide enough, a filter that answers.
 
 import assert from "node:assert/strict";
-import { simulate, until, withPage } from "./bench.mjs";
+import { simulate, until, withPage } from "./rig.mjs";
 
 const simulator = await simulate("--device", "pvea-canopen", "--device", "hat1000,bit-rate=250k");
 

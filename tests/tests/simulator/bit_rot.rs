@@ -5,7 +5,7 @@ use hal_sim::memory::{Flash, SIZE, WORD};
 use hal_sim::{Memory, NodeId};
 use protocol_core::actuator::Color;
 use protocol_core::memory::{Image, RecordKey, seal};
-use tests::Bench;
+use tests::BusRig;
 
 use super::records::VERSION;
 
@@ -26,30 +26,30 @@ const LOAD: u32 = u32::from_le_bytes(*b"load");
 impl Stored {
     /// Each record but the factory's was stored more than once.
     fn with_history() -> Self {
-        let (mut bench, valve) = Bench::booted();
+        let (mut rig, valve) = BusRig::booted();
         let mut stored = Self { flash: Flash::new(), versions: Default::default() };
-        stored.note(&bench, valve);
+        stored.note(&rig, valve);
         let node_id = 0x20;
-        assert!(bench.write(node_id, (0x1011, 1, 4, LOAD)));
-        stored.note(&bench, valve);
-        bench.world.power(valve, false);
-        bench.boot(valve);
-        stored.note(&bench, valve);
+        assert!(rig.write(node_id, (0x1011, 1, 4, LOAD)));
+        stored.note(&rig, valve);
+        rig.world.power(valve, false);
+        rig.boot(valve);
+        stored.note(&rig, valve);
         for type_ in [11, 22] {
-            assert!(bench.write(node_id, (0x1800, 2, 1, type_)));
-            assert!(bench.write(node_id, (0x1010, 1, 4, SAVE)));
-            stored.note(&bench, valve);
+            assert!(rig.write(node_id, (0x1800, 2, 1, type_)));
+            assert!(rig.write(node_id, (0x1010, 1, 4, SAVE)));
+            stored.note(&rig, valve);
         }
         for internal_fault in [true, false, true, false] {
-            bench.sense(valve, |senses| senses.internal_fault = internal_fault);
-            bench.run_for(11_000);
-            stored.note(&bench, valve);
+            rig.sense(valve, |senses| senses.internal_fault = internal_fault);
+            rig.run_for(11_000);
+            stored.note(&rig, valve);
         }
-        bench.take();
-        bench.send("7E5: 04 01 00 00 00 00 00 00");
-        bench.exchange("7E5: 11 21 00 00 00 00 00 00", "7E4: 11 00 00 00 00 00 00 00");
-        bench.exchange("7E5: 17 00 00 00 00 00 00 00", "7E4: 17 00 00 00 00 00 00 00");
-        stored.note(&bench, valve);
+        rig.take();
+        rig.send("7E5: 04 01 00 00 00 00 00 00");
+        rig.exchange("7E5: 11 21 00 00 00 00 00 00", "7E4: 11 00 00 00 00 00 00 00");
+        rig.exchange("7E5: 17 00 00 00 00 00 00 00", "7E4: 17 00 00 00 00 00 00 00");
+        stored.note(&rig, valve);
         let counts = stored.versions.each_ref().map(Vec::len);
         assert_eq!(counts, [1, 2, 3, 2, 2]);
         stored
@@ -65,8 +65,8 @@ impl Stored {
         Self { flash: memory.flash().clone(), versions }
     }
 
-    fn note(&mut self, bench: &Bench, valve: NodeId) {
-        self.flash = bench.world.memory(valve).flash().clone();
+    fn note(&mut self, rig: &BusRig, valve: NodeId) {
+        self.flash = rig.world.memory(valve).flash().clone();
         let image = Memory::with_flash(self.flash.clone()).read_image();
         for (key, versions) in KEYS.into_iter().zip(&mut self.versions) {
             if let Some(payload) = image.payload(key, VERSION).unwrap()
@@ -119,9 +119,9 @@ fn lost(image: &Image) -> Vec<RecordKey> {
 }
 
 /// The valve boots, with this EMCY for what is lost.
-fn boot(flash: &Flash, image: &Image) -> (Bench, NodeId, u16) {
-    let (mut bench, valve) = Bench::with_flash(flash.clone());
-    let frames = bench.boot(valve);
+fn boot(flash: &Flash, image: &Image) -> (BusRig, NodeId, u16) {
+    let (mut rig, valve) = BusRig::with_flash(flash.clone());
+    let frames = rig.boot(valve);
     let node_id = match image.payload(RecordKey::LocalLayer, VERSION) {
         Ok(Some(layer)) => u16::from(layer[0]),
         _ => 0x20,
@@ -134,9 +134,9 @@ fn boot(flash: &Flash, image: &Image) -> (Bench, NodeId, u16) {
         expected.push(format!("{:03X}: 00 10 01 {:02X} 00 00 00 00", 0x080 + node_id, before + 1));
     }
     assert_eq!(frames, expected, "lost: {:?}", lost(image));
-    let red = bench.outputs(valve).led.color == Color::Red;
+    let red = rig.outputs(valve).led.color == Color::Red;
     assert_eq!(red, !lost(image).is_empty());
-    (bench, valve, node_id)
+    (rig, valve, node_id)
 }
 
 #[test]
@@ -161,24 +161,24 @@ fn a_flipped_bit_in_the_only_version_of_a_record_is_told() {
     expected.extend(KEYS.map(|key| vec![key]));
     assert_eq!(all_lost, expected, "one at a time, and each");
     for (image, flash) in &images {
-        let (mut bench, _, node_id) = boot(flash, image);
+        let (mut rig, _, node_id) = boot(flash, image);
         let node_id = u8::try_from(node_id).unwrap();
         // What is not lost is as it was, what is lost has its default.
         let lost = lost(image);
         let saved = if lost == [RecordKey::Parameters] { 0xFF } else { 22 };
-        assert_eq!(bench.read(node_id, 0x1800, 2), Some(saved));
-        assert_eq!(bench.read(node_id, 0x1018, 4), Some(0x5B2E_0100));
+        assert_eq!(rig.read(node_id, 0x1800, 2), Some(saved));
+        assert_eq!(rig.read(node_id, 0x1018, 4), Some(0x5B2E_0100));
         let count = if lost == [RecordKey::FaultLog] { 1 } else { 2 + u32::from(!lost.is_empty()) };
-        assert_eq!(bench.read(node_id, 0x2024, 0), Some(count));
+        assert_eq!(rig.read(node_id, 0x2024, 0), Some(count));
         // A fault of the memory lasts until that record is written again: "save" is one, the log writes itself.
-        assert_eq!(bench.read(node_id, 0x1001, 0), Some(u32::from(!lost.is_empty())));
-        bench.send(&format!("{:03X}: 23 10 10 01 73 61 76 65", 0x600 + u16::from(node_id)));
-        bench.run_for(1000);
+        assert_eq!(rig.read(node_id, 0x1001, 0), Some(u32::from(!lost.is_empty())));
+        rig.send(&format!("{:03X}: 23 10 10 01 73 61 76 65", 0x600 + u16::from(node_id)));
+        rig.run_for(1000);
         let over = lost == [RecordKey::Parameters] || lost == [RecordKey::FaultLog];
         let cleared = format!("{:03X}:{}", 0x080 + u16::from(node_id), " 00".repeat(8));
-        assert_eq!(bench.take().contains(&cleared), over, "{lost:?}");
+        assert_eq!(rig.take().contains(&cleared), over, "{lost:?}");
         let lasts = u32::from(!lost.is_empty() && !over);
-        assert_eq!(bench.read(node_id, 0x1001, 0), Some(lasts), "{lost:?}");
+        assert_eq!(rig.read(node_id, 0x1001, 0), Some(lasts), "{lost:?}");
     }
 }
 
@@ -218,14 +218,14 @@ fn whole_words_gone_wrong_never_give_a_wrong_value() {
                 }
             }
         }
-        let (mut bench, valve) = Bench::with_flash(rotten.clone());
+        let (mut rig, valve) = BusRig::with_flash(rotten.clone());
         let image = Memory::with_flash(rotten).read_image();
         for (key, versions) in KEYS.into_iter().zip(&stored.versions) {
             if let Ok(Some(payload)) = image.payload(key, VERSION) {
                 assert!(versions.iter().any(|version| version == payload), "{key:?}, seed {seed}");
             }
         }
-        let frames = bench.boot(valve);
-        assert!(frames.len() >= 2 && bench.world.is_powered(valve), "seed {seed}: {frames:?}");
+        let frames = rig.boot(valve);
+        assert!(frames.len() >= 2 && rig.world.is_powered(valve), "seed {seed}: {frames:?}");
     }
 }

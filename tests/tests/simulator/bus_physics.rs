@@ -7,26 +7,26 @@ use protocol_core::actuator::Color;
 use protocol_core::controller::{BitRate, BusErrorMode};
 use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::time::{Duration, Instant, after, since};
-use tests::Bench;
+use tests::BusRig;
 
 const CLEARED: &str = "0A0: 00 00 00 00 00 00 00 00";
 
 /// Brings the valve at node 0x20 to ACTIVE.
-fn activate(bench: &mut Bench) {
-    bench.send("000: 01 00");
+fn activate(rig: &mut BusRig) {
+    rig.send("000: 01 00");
     for status in ["09", "0B", "0F"] {
-        bench.exchange("220: 0F 00 00 00", &format!("1A0: {status} 00 00 00"));
+        rig.exchange("220: 0F 00 00 00", &format!("1A0: {status} 00 00 00"));
     }
 }
 
 /// Records everything from now on.
-fn watch(bench: &mut Bench) {
-    bench.world.record_events(true);
+fn watch(rig: &mut BusRig) {
+    rig.world.record_events(true);
 }
 
 /// The error frames since this was last asked.
-fn errors(bench: &mut Bench) -> usize {
-    bench.world.take_events().filter(Event::is_error_frame).count()
+fn errors(rig: &mut BusRig) -> usize {
+    rig.world.take_events().filter(Event::is_error_frame).count()
 }
 
 /// A controller goes bus-off.
@@ -38,340 +38,340 @@ fn bits(count: u64, rate: BitRate) -> Duration {
 
 /// Steps until `reached`.
 #[track_caller]
-fn run_to(bench: &mut Bench, reached: impl Fn(&Bench) -> bool) -> Instant {
-    let end = after(bench.world.now(), Duration::from_secs(10));
-    while !reached(bench) {
-        assert!(bench.world.next_event() <= end, "it never comes to that");
-        bench.world.step();
+fn run_to(rig: &mut BusRig, reached: impl Fn(&BusRig) -> bool) -> Instant {
+    let end = after(rig.world.now(), Duration::from_secs(10));
+    while !reached(rig) {
+        assert!(rig.world.next_event() <= end, "it never comes to that");
+        rig.world.step();
     }
-    bench.world.now()
+    rig.world.now()
 }
 
 #[test]
 fn bus_off_and_the_way_back() {
-    let (mut bench, valve) = Bench::booted();
-    activate(&mut bench);
-    bench.send("220: 0F 00 00 20");
-    bench.run_for(100);
-    bench.take();
+    let (mut rig, valve) = BusRig::booted();
+    activate(&mut rig);
+    rig.send("220: 0F 00 00 20");
+    rig.run_for(100);
+    rig.take();
     // Whatever the valve sends is destroyed 32 times: that is 8 for each, and 256 is too many.
-    bench.world.inject(DestroyNext::frames_of("valve-1", 32));
-    watch(&mut bench);
-    bench.send("220: 0F 00 00 20");
-    let passive = run_to(&mut bench, |bench| bench.mode(valve) == BusErrorMode::ErrorPassive);
-    assert_eq!((bench.errors(valve).transmit_errors(), errors(&mut bench)), (128, 16));
-    assert!(bench.outputs(valve).solenoids, "error-passive is no fault");
-    let off = run_to(&mut bench, |bench| bench.mode(valve) == BusErrorMode::BusOff);
-    assert!(off > passive && errors(&mut bench) == 16);
+    rig.world.inject(DestroyNext::frames_of("valve-1", 32));
+    watch(&mut rig);
+    rig.send("220: 0F 00 00 20");
+    let passive = run_to(&mut rig, |rig| rig.mode(valve) == BusErrorMode::ErrorPassive);
+    assert_eq!((rig.errors(valve).transmit_errors(), errors(&mut rig)), (128, 16));
+    assert!(rig.outputs(valve).solenoids, "error-passive is no fault");
+    let off = run_to(&mut rig, |rig| rig.mode(valve) == BusErrorMode::BusOff);
+    assert!(off > passive && errors(&mut rig) == 16);
     // The CAN error, at once: solenoids off, LED red, and neither frame nor acknowledgement.
-    assert!(!bench.outputs(valve).solenoids);
-    let led = bench.outputs(valve).led;
+    assert!(!rig.outputs(valve).solenoids);
+    let led = rig.outputs(valve).led;
     assert_eq!((led.color, led.flashing), (Color::Red, false));
-    assert_eq!(bench.take(), [""; 0]);
+    assert_eq!(rig.take(), [""; 0]);
     // Back after 128 times 11 recessive bits, not a bit earlier.
-    let back = run_to(&mut bench, |bench| bench.mode(valve) != BusErrorMode::BusOff);
+    let back = run_to(&mut rig, |rig| rig.mode(valve) != BusErrorMode::BusOff);
     assert_eq!(since(back, off), bits(128 * 11, BitRate::Kbit250));
-    assert_eq!((bench.mode(valve), bench.errors(valve).transmit_errors()), (BusErrorMode::ErrorActive, 0));
-    bench.run_for(10);
+    assert_eq!((rig.mode(valve), rig.errors(valve).transmit_errors()), (BusErrorMode::ErrorActive, 0));
+    rig.run_for(10);
     // The TPDO that it could not send would say that the valve is active: it is not sent any more.
-    assert_eq!(bench.take(), ["0A0: 40 81 11 01 00 00 00 00", CLEARED]);
-    assert!(bench.outputs(valve).led.flashing, "FAULT_HOLD without a fault");
-    assert_eq!(bench.read(0x20, 0x2019, 0), Some(1));
+    assert_eq!(rig.take(), ["0A0: 40 81 11 01 00 00 00 00", CLEARED]);
+    assert!(rig.outputs(valve).led.flashing, "FAULT_HOLD without a fault");
+    assert_eq!(rig.read(0x20, 0x2019, 0), Some(1));
     // It is operational still, and is let out of FAULT_HOLD as after any fault.
     for (control, status) in [("0F", "03"), ("03", "03"), ("0B", "0B"), ("0F", "0F")] {
-        let answer = bench.ask(&format!("220: {control} 00 00 00")).expect("a TPDO");
+        let answer = rig.ask(&format!("220: {control} 00 00 00")).expect("a TPDO");
         assert!(answer.starts_with(&format!("1A0: {status} 00")), "{answer}");
     }
 }
 
 #[test]
 fn the_way_back_on_a_busy_bus() {
-    let (mut bench, valve) = Bench::booted();
-    let other = bench.add_booted(0x21);
-    bench.world.inject(DestroyNext::frames_of("valve-1", 32));
-    bench.send("620: 40 00 10 00 00 00 00 00");
-    let off = run_to(&mut bench, |bench| bench.mode(valve) == BusErrorMode::BusOff);
+    let (mut rig, valve) = BusRig::booted();
+    let other = rig.add_booted(0x21);
+    rig.world.inject(DestroyNext::frames_of("valve-1", 32));
+    rig.send("620: 40 00 10 00 00 00 00 00");
+    let off = run_to(&mut rig, |rig| rig.mode(valve) == BusErrorMode::BusOff);
     // A frame breaks the recessive bits off, and counts with what follows it for one sequence, however long it is.
     for _ in 0..1000 {
-        bench.send("7FF: 00 00 00 00 00 00 00 00");
+        rig.send("7FF: 00 00 00 00 00 00 00 00");
     }
-    let back = run_to(&mut bench, |bench| bench.mode(valve) != BusErrorMode::BusOff);
+    let back = run_to(&mut rig, |rig| rig.mode(valve) != BusErrorMode::BusOff);
     let frame = bits(114, BitRate::Kbit250);
     let counted = since(back, off).as_ticks() / frame.as_ticks();
     assert!((110..=150).contains(&counted), "{counted} frames");
-    assert_eq!(bench.mode(other), BusErrorMode::ErrorActive);
+    assert_eq!(rig.mode(other), BusErrorMode::ErrorActive);
 }
 
 #[test]
 fn bus_off_before_the_boot_up_is_out() {
-    let (mut bench, valve) = Bench::with_flash(hal_sim::memory::Flash::new());
-    bench.world.inject(DestroyNext::frames_of("valve-1", 32));
-    let frames = bench.boot(valve);
+    let (mut rig, valve) = BusRig::with_flash(hal_sim::memory::Flash::new());
+    rig.world.inject(DestroyNext::frames_of("valve-1", 32));
+    let frames = rig.boot(valve);
     assert_eq!(frames, ["720: 00", CLEARED, "0A0: 40 81 11 01 00 00 00 00", CLEARED]);
 }
 
 #[test]
 fn bus_off_again_and_again() {
-    let (mut bench, valve) = Bench::booted();
+    let (mut rig, valve) = BusRig::booted();
     for count in 1..=3 {
-        bench.world.inject(DestroyNext::frames_of("valve-1", 32));
-        bench.send("620: 40 00 10 00 00 00 00 00");
-        bench.run_for(100);
-        assert_eq!(bench.take(), [format!("0A0: 40 81 11 {count:02X} 00 00 00 00"), CLEARED.to_owned()]);
-        assert_eq!(bench.mode(valve), BusErrorMode::ErrorActive);
+        rig.world.inject(DestroyNext::frames_of("valve-1", 32));
+        rig.send("620: 40 00 10 00 00 00 00 00");
+        rig.run_for(100);
+        assert_eq!(rig.take(), [format!("0A0: 40 81 11 {count:02X} 00 00 00 00"), CLEARED.to_owned()]);
+        assert_eq!(rig.mode(valve), BusErrorMode::ErrorActive);
     }
 }
 
 #[test]
 fn a_valve_alone_waits_for_company() {
-    let (mut bench, valve) = Bench::with_flash(hal_sim::memory::Flash::new());
-    bench.world.remove_client_port(bench.master);
-    bench.world.power(valve, true);
-    bench.run_for(60_000);
+    let (mut rig, valve) = BusRig::with_flash(hal_sim::memory::Flash::new());
+    rig.world.remove_client_port(rig.master);
+    rig.world.power(valve, true);
+    rig.run_for(60_000);
     // Nobody acknowledges its boot-up: error-passive, never bus-off, and no fault.
-    assert_eq!((bench.mode(valve), bench.errors(valve).transmit_errors()), (BusErrorMode::ErrorPassive, 128));
-    assert_eq!(bench.outputs(valve).led.color, Color::Yellow);
-    bench.master = bench.world.add_client_port("late master");
-    bench.run_for(10);
-    assert_eq!(bench.take(), ["720: 00", CLEARED]);
-    assert_eq!(bench.mode(valve), BusErrorMode::ErrorActive);
-    activate(&mut bench);
-    assert_eq!(bench.read(0x20, 0x2019, 0), Some(0), "no CAN error was counted");
+    assert_eq!((rig.mode(valve), rig.errors(valve).transmit_errors()), (BusErrorMode::ErrorPassive, 128));
+    assert_eq!(rig.outputs(valve).led.color, Color::Yellow);
+    rig.master = rig.world.add_client_port("late master");
+    rig.run_for(10);
+    assert_eq!(rig.take(), ["720: 00", CLEARED]);
+    assert_eq!(rig.mode(valve), BusErrorMode::ErrorActive);
+    activate(&mut rig);
+    assert_eq!(rig.read(0x20, 0x2019, 0), Some(0), "no CAN error was counted");
 }
 
 #[test]
 fn a_second_valve_is_company_enough() {
-    let mut bench = Bench::default();
-    bench.world.remove_client_port(bench.master);
+    let mut rig = BusRig::default();
+    rig.world.remove_client_port(rig.master);
     let valves = [0x20, 0x21].map(|node_id| {
         let setup = Setup { node_id: Some(node_id), ..Setup::new(Kind::PveaCanopen) };
-        bench.add(setup, Memory::in_ram())
+        rig.add(setup, Memory::in_ram())
     });
     for valve in valves {
-        bench.world.power(valve, true);
-        bench.run_for(10);
+        rig.world.power(valve, true);
+        rig.run_for(10);
     }
     for valve in valves {
-        assert_eq!((bench.mode(valve), bench.world.port(valve).pending()), (BusErrorMode::ErrorActive, 0));
+        assert_eq!((rig.mode(valve), rig.world.port(valve).pending()), (BusErrorMode::ErrorActive, 0));
     }
 }
 
 #[test]
 fn use_case_5_with_a_master_that_is_late() {
-    let (mut bench, valve) = Bench::booted();
+    let (mut rig, valve) = BusRig::booted();
     // It has something to say: a heartbeat every 100 ms.
-    assert!(bench.write(0x20, (0x1017, 0, 2, 100)));
-    bench.send("7E5: 04 01 00 00 00 00 00 00");
-    bench.run_for(5);
-    bench.take();
-    bench.exchange("7E5: 13 00 02 00 00 00 00 00", "7E4: 13 00 00 00 00 00 00 00");
+    assert!(rig.write(0x20, (0x1017, 0, 2, 100)));
+    rig.send("7E5: 04 01 00 00 00 00 00 00");
+    rig.run_for(5);
+    rig.take();
+    rig.exchange("7E5: 13 00 02 00 00 00 00 00", "7E4: 13 00 00 00 00 00 00 00");
     // 20 ms until it switches, 20 ms more until it speaks; the master takes a second.
-    bench.send("7E5: 15 14 00 00 00 00 00 00");
-    bench.run_for(15);
-    assert_eq!(bench.world.port(valve).bit_rate(), BitRate::Kbit250);
-    bench.run_for(10);
-    assert_eq!(bench.world.port(valve).bit_rate(), BitRate::Kbit500);
-    bench.take();
-    watch(&mut bench);
+    rig.send("7E5: 15 14 00 00 00 00 00 00");
+    rig.run_for(15);
+    assert_eq!(rig.world.port(valve).bit_rate(), BitRate::Kbit250);
+    rig.run_for(10);
+    assert_eq!(rig.world.port(valve).bit_rate(), BitRate::Kbit500);
+    rig.take();
+    watch(&mut rig);
     for _ in 0..10 {
-        bench.send("080:");
-        bench.run_for(100);
+        rig.send("080:");
+        rig.run_for(100);
     }
     // Each disturbs the other until it is error-passive, and no further.
-    let seen = errors(&mut bench);
+    let seen = errors(&mut rig);
     assert!(seen > 20, "{seen}");
-    assert_eq!(bench.take(), [""; 0], "nothing is heard");
-    assert_eq!(bench.mode(valve), BusErrorMode::ErrorPassive);
-    assert_eq!(bench.world.client_port(bench.master).mode(), BusErrorMode::ErrorPassive);
-    assert_eq!(bench.outputs(valve).led.color, Color::Yellow, "no fault");
-    bench.world.set_bit_rate(BitRate::Kbit500);
-    bench.run_for(300);
-    let heard = bench.take();
+    assert_eq!(rig.take(), [""; 0], "nothing is heard");
+    assert_eq!(rig.mode(valve), BusErrorMode::ErrorPassive);
+    assert_eq!(rig.world.client_port(rig.master).mode(), BusErrorMode::ErrorPassive);
+    assert_eq!(rig.outputs(valve).led.color, Color::Yellow, "no fault");
+    rig.world.set_bit_rate(BitRate::Kbit500);
+    rig.run_for(300);
+    let heard = rig.take();
     assert!(heard.len() >= 2 && heard.iter().all(|frame| frame == "720: 7F"), "{heard:?}");
-    bench.run_for(5000);
-    assert_eq!(bench.mode(valve), BusErrorMode::ErrorActive, "{:?}", bench.errors(valve));
-    bench.take();
-    bench.exchange("7E5: 17 00 00 00 00 00 00 00", "7E4: 17 00 00 00 00 00 00 00");
-    bench.world.power(valve, false);
-    assert_eq!(bench.boot(valve), ["720: 00", CLEARED]);
-    assert_eq!(bench.world.port(valve).bit_rate(), BitRate::Kbit500);
-    assert_eq!(bench.read(0x20, 0x2019, 0), Some(0), "it never was bus-off");
+    rig.run_for(5000);
+    assert_eq!(rig.mode(valve), BusErrorMode::ErrorActive, "{:?}", rig.errors(valve));
+    rig.take();
+    rig.exchange("7E5: 17 00 00 00 00 00 00 00", "7E4: 17 00 00 00 00 00 00 00");
+    rig.world.power(valve, false);
+    assert_eq!(rig.boot(valve), ["720: 00", CLEARED]);
+    assert_eq!(rig.world.port(valve).bit_rate(), BitRate::Kbit500);
+    assert_eq!(rig.read(0x20, 0x2019, 0), Some(0), "it never was bus-off");
 }
 
 #[test]
 fn a_master_that_never_changes_its_rate_gets_the_valve_back() {
-    let (mut bench, valve) = Bench::booted();
-    bench.send("7E5: 04 01 00 00 00 00 00 00");
-    bench.exchange("7E5: 13 00 04 00 00 00 00 00", "7E4: 13 00 00 00 00 00 00 00");
-    bench.send("7E5: 15 00 00 00 00 00 00 00");
-    bench.run_for(100);
-    assert_eq!(bench.world.port(valve).bit_rate(), BitRate::Kbit125);
-    assert_eq!(bench.read(0x20, 0x1000, 0), None);
+    let (mut rig, valve) = BusRig::booted();
+    rig.send("7E5: 04 01 00 00 00 00 00 00");
+    rig.exchange("7E5: 13 00 04 00 00 00 00 00", "7E4: 13 00 00 00 00 00 00 00");
+    rig.send("7E5: 15 00 00 00 00 00 00 00");
+    rig.run_for(100);
+    assert_eq!(rig.world.port(valve).bit_rate(), BitRate::Kbit125);
+    assert_eq!(rig.read(0x20, 0x1000, 0), None);
     // Not stored: the next start is at 250 kbit/s. The request, which the master has tried ever since, is answered now.
-    bench.world.power(valve, false);
-    assert_eq!(bench.boot(valve), ["720: 00", CLEARED, "5A0: 43 00 10 00 98 01 00 00"]);
+    rig.world.power(valve, false);
+    assert_eq!(rig.boot(valve), ["720: 00", CLEARED, "5A0: 43 00 10 00 98 01 00 00"]);
 }
 
 #[test]
 fn a_valve_with_the_wrong_bit_rate_harms_nobody_for_long() {
-    let (mut bench, intruder) = Bench::booted();
-    bench.send("7E5: 04 01 00 00 00 00 00 00");
+    let (mut rig, intruder) = BusRig::booted();
+    rig.send("7E5: 04 01 00 00 00 00 00 00");
     for (request, answer) in [("13 00 04", "13 00 00"), ("17 00 00", "17 00 00")] {
-        bench.exchange(&format!("7E5: {request} 00 00 00 00 00"), &format!("7E4: {answer} 00 00 00 00 00"));
+        rig.exchange(&format!("7E5: {request} 00 00 00 00 00"), &format!("7E4: {answer} 00 00 00 00 00"));
     }
-    bench.world.power(intruder, false);
-    let valve = bench.add_booted(0x21);
-    bench.send("000: 01 00");
-    let cycle = |bench: &mut Bench, cycles: u32| {
+    rig.world.power(intruder, false);
+    let valve = rig.add_booted(0x21);
+    rig.send("000: 01 00");
+    let cycle = |rig: &mut BusRig, cycles: u32| {
         let mut answered = 0;
         for _ in 0..cycles {
-            bench.send("221: 0F 00 00 00");
-            bench.run_for(100);
-            answered += bench.take().iter().filter(|frame| frame.starts_with("1A1: ")).count();
+            rig.send("221: 0F 00 00 00");
+            rig.run_for(100);
+            answered += rig.take().iter().filter(|frame| frame.starts_with("1A1: ")).count();
         }
         answered
     };
-    assert_eq!(cycle(&mut bench, 5), 5);
-    assert_eq!(bench.read(0x21, 0x6041, 0), Some(0x0F));
-    watch(&mut bench);
-    bench.world.power(intruder, true);
-    assert_eq!(cycle(&mut bench, 50), 50, "no cycle is lost, and none is late enough for the time guarding");
-    let seen: Vec<Event> = bench.world.take_events().collect();
+    assert_eq!(cycle(&mut rig, 5), 5);
+    assert_eq!(rig.read(0x21, 0x6041, 0), Some(0x0F));
+    watch(&mut rig);
+    rig.world.power(intruder, true);
+    assert_eq!(cycle(&mut rig, 50), 50, "no cycle is lost, and none is late enough for the time guarding");
+    let seen: Vec<Event> = rig.world.take_events().collect();
     assert!(seen.iter().filter(|event| event.is_error_frame()).count() > 32);
     assert!(seen.iter().all(|event| event.frame().is_none() || event.who.as_ref() != "valve-1"));
-    assert_eq!(bench.read(0x21, 0x6041, 0), Some(0x0F));
-    assert_ne!(bench.mode(valve), BusErrorMode::BusOff);
-    assert_ne!(bench.mode(intruder), BusErrorMode::ErrorActive);
+    assert_eq!(rig.read(0x21, 0x6041, 0), Some(0x0F));
+    assert_ne!(rig.mode(valve), BusErrorMode::BusOff);
+    assert_ne!(rig.mode(intruder), BusErrorMode::ErrorActive);
     // It is gone: all is as before.
-    bench.world.power(intruder, false);
-    assert_eq!(cycle(&mut bench, 150), 150);
-    assert_eq!((bench.mode(valve), bench.errors(valve).receive_errors()), (BusErrorMode::ErrorActive, 0));
+    rig.world.power(intruder, false);
+    assert_eq!(cycle(&mut rig, 150), 150);
+    assert_eq!((rig.mode(valve), rig.errors(valve).receive_errors()), (BusErrorMode::ErrorActive, 0));
     // And heard by a master that knows its bit rate.
-    bench.world.power(valve, false);
-    bench.world.set_bit_rate(BitRate::Kbit125);
-    let heard = bench.boot(intruder);
+    rig.world.power(valve, false);
+    rig.world.set_bit_rate(BitRate::Kbit125);
+    let heard = rig.boot(intruder);
     assert_eq!(heard[..2], ["720: 00", CLEARED], "{heard:?}");
 }
 
 #[test]
 fn valves_that_share_a_node_id() {
-    let mut bench = Bench::default();
+    let mut rig = BusRig::default();
     let valves: Vec<NodeId> = (0..3)
         .map(|number| {
             let setup = Setup { serial: Some(0x1111_1111 << number), ..Setup::new(Kind::PveaCanopen) };
-            bench.add(setup, Memory::in_ram())
+            rig.add(setup, Memory::in_ram())
         })
         .collect();
-    watch(&mut bench);
-    bench.world.power_all(Duration::from_ticks(0));
-    bench.run_for(50);
+    watch(&mut rig);
+    rig.world.power_all(Duration::from_ticks(0));
+    rig.run_for(50);
     // What they say is the same to the last bit: one frame.
-    assert_eq!((bench.take(), errors(&mut bench)), (vec!["720: 00".to_owned(), CLEARED.to_owned()], 0));
-    bench.exchange("620: 40 00 10 00 00 00 00 00", "5A0: 43 00 10 00 98 01 00 00");
-    assert_eq!(errors(&mut bench), 0);
+    assert_eq!((rig.take(), errors(&mut rig)), (vec!["720: 00".to_owned(), CLEARED.to_owned()], 0));
+    rig.exchange("620: 40 00 10 00 00 00 00 00", "5A0: 43 00 10 00 98 01 00 00");
+    assert_eq!(errors(&mut rig), 0);
     // Here they differ. They collide until they are error-passive; then one after the other gets through, by its bits.
-    bench.send("620: 40 18 10 04 00 00 00 00");
-    bench.run_for(100);
-    let mut answers = bench.take();
+    rig.send("620: 40 18 10 04 00 00 00 00");
+    rig.run_for(100);
+    let mut answers = rig.take();
     answers.sort();
     let expected = ["11 11 11 11", "22 22 22 22", "44 44 44 44"].map(|serial| format!("5A0: 43 18 10 04 {serial}"));
     assert_eq!(answers, expected);
-    let seen = errors(&mut bench);
+    let seen = errors(&mut rig);
     assert!((16..50).contains(&seen), "{seen}");
-    assert!(valves.iter().all(|valve| bench.mode(*valve) != BusErrorMode::BusOff));
+    assert!(valves.iter().all(|valve| rig.mode(*valve) != BusErrorMode::BusOff));
     // LSS tells them apart by their serial numbers.
     for (number, serial) in [(1_u8, "22 22 22 22"), (2, "44 44 44 44")] {
-        bench.send("7E5: 04 00 00 00 00 00 00 00");
+        rig.send("7E5: 04 00 00 00 00 00 00 00");
         for select in ["40 19 00 00 01", "41 00 00 36 53", "42 20 00 01 00"] {
-            bench.send(&format!("7E5: {select} 00 00 00"));
+            rig.send(&format!("7E5: {select} 00 00 00"));
         }
-        bench.exchange(&format!("7E5: 43 {serial} 00 00 00"), "7E4: 44 00 00 00 00 00 00 00");
-        bench.exchange(&format!("7E5: 11 {:02X} 00 00 00 00 00 00", 0x20 + number), "7E4: 11 00 00 00 00 00 00 00");
-        bench.exchange("7E5: 17 00 00 00 00 00 00 00", "7E4: 17 00 00 00 00 00 00 00");
-        bench.exchange("7E5: 04 00 00 00 00 00 00 00", &format!("{:03X}: 00", 0x720 + u16::from(number)));
-        bench.run_for(10);
-        bench.take();
+        rig.exchange(&format!("7E5: 43 {serial} 00 00 00"), "7E4: 44 00 00 00 00 00 00 00");
+        rig.exchange(&format!("7E5: 11 {:02X} 00 00 00 00 00 00", 0x20 + number), "7E4: 11 00 00 00 00 00 00 00");
+        rig.exchange("7E5: 17 00 00 00 00 00 00 00", "7E4: 17 00 00 00 00 00 00 00");
+        rig.exchange("7E5: 04 00 00 00 00 00 00 00", &format!("{:03X}: 00", 0x720 + u16::from(number)));
+        rig.run_for(10);
+        rig.take();
     }
     for number in 0..3 {
-        assert_eq!(bench.read(0x20 + number, 0x1018, 4), Some(0x1111_1111 << number));
+        assert_eq!(rig.read(0x20 + number, 0x1018, 4), Some(0x1111_1111 << number));
     }
 }
 
 #[test]
 fn noise_delays_frames_and_loses_none() {
-    let (mut bench, valve) = Bench::booted();
-    activate(&mut bench);
-    watch(&mut bench);
+    let (mut rig, valve) = BusRig::booted();
+    activate(&mut rig);
+    watch(&mut rig);
     // A bit in 1000 is wrong: every tenth frame is destroyed.
-    bench.world.inject(BitErrors::one_in(1000, 7).expect("not zero"));
+    rig.world.inject(BitErrors::one_in(1000, 7).expect("not zero"));
     for cycle in 0..500 {
-        bench.send("220: 0F 00 00 00");
-        bench.run_for(20);
-        assert_eq!(bench.take(), ["1A0: 0F 00 00 00"], "cycle {cycle}");
+        rig.send("220: 0F 00 00 00");
+        rig.run_for(20);
+        assert_eq!(rig.take(), ["1A0: 0F 00 00 00"], "cycle {cycle}");
     }
-    let seen = errors(&mut bench);
+    let seen = errors(&mut rig);
     assert!((60..140).contains(&seen), "{seen}");
-    bench.world.clear_injectors();
-    assert_eq!(bench.mode(valve), BusErrorMode::ErrorActive);
-    assert_eq!(bench.read(0x20, 0x1001, 0), Some(0));
+    rig.world.clear_injectors();
+    assert_eq!(rig.mode(valve), BusErrorMode::ErrorActive);
+    assert_eq!(rig.read(0x20, 0x1001, 0), Some(0));
 }
 
 #[test]
 fn valves_on_one_node_id_drive_each_other_bus_off_and_recover() {
-    let mut bench = Bench::default();
+    let mut rig = BusRig::default();
     let valves = [0x1111_1111, 0x2222_2222].map(|serial| {
         let setup = Setup { serial: Some(serial), ..Setup::new(Kind::PveaCanopen) };
-        bench.add(setup, Memory::in_ram())
+        rig.add(setup, Memory::in_ram())
     });
-    bench.world.power_all(Duration::from_ticks(0));
-    bench.run_for(50);
-    bench.take();
+    rig.world.power_all(Duration::from_ticks(0));
+    rig.run_for(50);
+    rig.take();
     // Their serial numbers differ: the second one loses the third bit, each time.
     let mut requests = 0;
-    let seen = |bench: &mut Bench| bench.world.take_events().any(|event| event.what == BUS_OFF);
-    watch(&mut bench);
-    while !seen(&mut bench) {
+    let seen = |rig: &mut BusRig| rig.world.take_events().any(|event| event.what == BUS_OFF);
+    watch(&mut rig);
+    while !seen(&mut rig) {
         requests += 1;
-        assert!(requests < 40, "{:?}", bench.errors(valves[1]));
-        bench.send("620: 40 18 10 04 00 00 00 00");
-        bench.run_for(5);
+        assert!(requests < 40, "{:?}", rig.errors(valves[1]));
+        rig.send("620: 40 18 10 04 00 00 00 00");
+        rig.run_for(5);
     }
-    bench.run_for(100);
-    assert_eq!((bench.mode(valves[1]), bench.errors(valves[1]).transmit_errors()), (BusErrorMode::ErrorActive, 0));
+    rig.run_for(100);
+    assert_eq!((rig.mode(valves[1]), rig.errors(valves[1]).transmit_errors()), (BusErrorMode::ErrorActive, 0));
     assert!(requests > 15, "{requests} requests");
-    assert!(bench.take().contains(&"0A0: 40 81 11 01 00 00 00 00".to_owned()), "it tells that it was bus-off");
+    assert!(rig.take().contains(&"0A0: 40 81 11 01 00 00 00 00".to_owned()), "it tells that it was bus-off");
     // Both answer again.
-    bench.send("620: 40 00 10 00 00 00 00 00");
-    bench.run_for(50);
-    assert!(bench.take().contains(&"5A0: 43 00 10 00 98 01 00 00".to_owned()));
-    assert!(valves.iter().all(|valve| bench.mode(*valve) == BusErrorMode::ErrorActive));
+    rig.send("620: 40 00 10 00 00 00 00 00");
+    rig.run_for(50);
+    assert!(rig.take().contains(&"5A0: 43 00 10 00 98 01 00 00".to_owned()));
+    assert!(valves.iter().all(|valve| rig.mode(*valve) == BusErrorMode::ErrorActive));
 }
 
 #[test]
 fn a_client_that_sends_what_the_valve_sends_does_not_jam_the_bus() {
-    let (mut bench, valve) = Bench::booted();
-    assert!(bench.write(0x20, (0x1017, 0, 2, 100)));
-    bench.world.remove_client_port(bench.master);
-    bench.master = bench.world.add_gateway("gateway");
-    while bench.world.port(valve).pending() == 0 {
-        bench.world.step();
+    let (mut rig, valve) = BusRig::booted();
+    assert!(rig.write(0x20, (0x1017, 0, 2, 100)));
+    rig.world.remove_client_port(rig.master);
+    rig.master = rig.world.add_gateway("gateway");
+    while rig.world.port(valve).pending() == 0 {
+        rig.world.step();
     }
     // A frame that is on the wire while the next heartbeat falls due: that and the client's own start at the same bit.
-    let due_soon = after(bench.world.now(), Duration::from_micros(99_800));
-    bench.world.run_until(due_soon);
-    bench.send("7FF: 00 00 00 00 00 00 00 00");
-    bench.send("720: 7F");
-    watch(&mut bench);
-    bench.run_for(10);
-    let seen: Vec<Event> = bench.world.take_events().collect();
+    let due_soon = after(rig.world.now(), Duration::from_micros(99_800));
+    rig.world.run_until(due_soon);
+    rig.send("7FF: 00 00 00 00 00 00 00 00");
+    rig.send("720: 7F");
+    watch(&mut rig);
+    rig.run_for(10);
+    let seen: Vec<Event> = rig.world.take_events().collect();
     assert_eq!(seen.iter().filter(|event| event.is_error_frame()).count(), 0, "{seen:?}");
     let frames: Vec<String> = seen.iter().filter_map(Event::frame).map(ToString::to_string).collect();
     assert_eq!(frames, ["7FF: 00 00 00 00 00 00 00 00", "720: 7F"], "two senders, one frame");
-    assert_eq!((bench.world.pending(bench.master), bench.world.port(valve).pending()), (0, 0));
+    assert_eq!((rig.world.pending(rig.master), rig.world.port(valve).pending()), (0, 0));
     // The bus goes on.
-    bench.send("000: 81 20");
-    bench.run_for(50);
+    rig.send("000: 81 20");
+    rig.run_for(50);
     let frames: Vec<String> =
-        bench.world.take_events().filter_map(|event| event.frame().map(ToString::to_string)).collect();
+        rig.world.take_events().filter_map(|event| event.frame().map(ToString::to_string)).collect();
     assert_eq!(frames, ["000: 81 20", "720: 00", CLEARED]);
 }

@@ -6,47 +6,47 @@ use hal_sim::log::{ErrorClass, Timestamp, write_error, write_frame};
 use hal_sim::world::{EventKind, SUPPLY_JITTER};
 use protocol_core::device::pve::{Kind, Setup};
 use protocol_core::time::Duration;
-use tests::Bench;
+use tests::BusRig;
 
 const VALVES: u8 = 20;
 
 /// A busy second of 20 valves on one supply, driven by SYNC, with bit errors, faults, stores and power cuts. As
 /// `candump -L`.
 fn trace(seed: u64, jitter: Duration) -> String {
-    let mut bench = Bench::with_seed(seed);
+    let mut rig = BusRig::with_seed(seed);
     let valves: Vec<_> = (1..=VALVES)
         .map(|number| {
             let kind = if number % 2 == 0 { Kind::PveaCanopen } else { Kind::PveoCanopen };
             let setup = Setup { node_id: Some(number), serial: Some(u32::from(number)), ..Setup::new(kind) };
-            bench.add(setup, Memory::in_ram())
+            rig.add(setup, Memory::in_ram())
         })
         .collect();
-    bench.world.record_events(true);
-    bench.world.power_all(jitter);
-    bench.run_for(100);
-    bench.world.inject(BitErrors::one_in(20_000, 1).expect("not zero"));
+    rig.world.record_events(true);
+    rig.world.power_all(jitter);
+    rig.run_for(100);
+    rig.world.inject(BitErrors::one_in(20_000, 1).expect("not zero"));
     for number in 1..=u16::from(VALVES) {
-        bench.send(&format!("{:03X}: 2F 00 18 02 01 00 00 00", 0x600 + number));
+        rig.send(&format!("{:03X}: 2F 00 18 02 01 00 00 00", 0x600 + number));
     }
-    bench.send("000: 01 00");
+    rig.send("000: 01 00");
     for cycle in 0..50_u16 {
-        bench.send("080:");
+        rig.send("080:");
         for number in 1..=u16::from(VALVES) {
             let [low, high] = (cycle * 300 + number).to_le_bytes();
-            bench.send(&format!("{:03X}: 0F 00 {low:02X} {high:02X}", 0x200 + number));
+            rig.send(&format!("{:03X}: 0F 00 {low:02X} {high:02X}", 0x200 + number));
         }
         let valve = valves[usize::from(cycle % 7)];
         match cycle % 10 {
-            3 => bench.send(&format!("{:03X}: 23 10 10 01 73 61 76 65", 0x600 + cycle % 20 + 1)),
-            5 => bench.sense(valve, |senses| senses.internal_fault = !senses.internal_fault),
-            7 => bench.world.power(valve, cycle % 20 == 7),
+            3 => rig.send(&format!("{:03X}: 23 10 10 01 73 61 76 65", 0x600 + cycle % 20 + 1)),
+            5 => rig.sense(valve, |senses| senses.internal_fault = !senses.internal_fault),
+            7 => rig.world.power(valve, cycle % 20 == 7),
             _ => {}
         }
-        bench.run_for(20);
+        rig.run_for(20);
     }
     let start = Timestamp::from_micros(1_700_000_000_000_000);
     let mut trace = String::new();
-    for event in bench.world.take_events() {
+    for event in rig.world.take_events() {
         match &event.what {
             EventKind::Frame { frame, .. } => write_frame(&mut trace, start.at(event.at), "pve0", frame),
             EventKind::ErrorFrame { .. } => write_error(&mut trace, start.at(event.at), "pve0", ErrorClass::BusError),

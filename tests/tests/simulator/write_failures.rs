@@ -6,7 +6,7 @@ use hal_sim::{Memory, NodeId};
 use protocol_core::actuator::Color;
 use protocol_core::memory::RecordKey::{self, Factory, FaultLog, LocalLayer, Parameters, RestoreFlag};
 use protocol_core::memory::seal;
-use tests::Bench;
+use tests::BusRig;
 
 use super::records::{VERSION, records, store_again, wear};
 
@@ -20,24 +20,24 @@ const REQUESTS: [(&str, &str, &str, RecordKey); 5] = [
 ];
 
 /// A valve that has something else to store than its memory holds: a parameter, a counter, an LSS node ID.
-fn prepared(flash: &Flash) -> (Bench, NodeId) {
-    let (mut bench, valve) = Bench::with_flash(flash.clone());
-    bench.boot(valve);
-    assert!(bench.write(0x20, (0x1800, 2, 1, 99)));
-    bench.send("7E5: 04 01 00 00 00 00 00 00");
-    bench.exchange("7E5: 11 21 00 00 00 00 00 00", "7E4: 11 00 00 00 00 00 00 00");
-    (bench, valve)
+fn prepared(flash: &Flash) -> (BusRig, NodeId) {
+    let (mut rig, valve) = BusRig::with_flash(flash.clone());
+    rig.boot(valve);
+    assert!(rig.write(0x20, (0x1800, 2, 1, 99)));
+    rig.send("7E5: 04 01 00 00 00 00 00 00");
+    rig.exchange("7E5: 11 21 00 00 00 00 00 00", "7E4: 11 00 00 00 00 00 00 00");
+    (rig, valve)
 }
 
 /// A valve with "save" done and a fault logged.
 fn stored() -> Flash {
-    let (mut bench, valve) = Bench::booted();
-    assert!(bench.write(0x20, (0x1010, 1, 4, u32::from_le_bytes(*b"save"))));
+    let (mut rig, valve) = BusRig::booted();
+    assert!(rig.write(0x20, (0x1010, 1, 4, u32::from_le_bytes(*b"save"))));
     for internal_fault in [true, false] {
-        bench.sense(valve, |senses| senses.internal_fault = internal_fault);
+        rig.sense(valve, |senses| senses.internal_fault = internal_fault);
     }
-    bench.run_for(1000);
-    bench.world.memory(valve).flash().clone()
+    rig.run_for(1000);
+    rig.world.memory(valve).flash().clone()
 }
 
 /// A flash so full that whatever is stored has to empty a sector.
@@ -71,22 +71,22 @@ fn fail_everywhere(flash: &Flash, (request, done, failed, key): (&str, &str, &st
     let before = records(flash);
     let (mut told, mut harmless) = (0, 0);
     for failure in 0.. {
-        let (mut bench, valve) = prepared(flash);
-        let flash = bench.world.memory_mut(valve).flash_mut();
+        let (mut rig, valve) = prepared(flash);
+        let flash = rig.world.memory_mut(valve).flash_mut();
         flash.set_torn_erase(TornErase::ALL[failure as usize % 5]);
         flash.seed_noise(failure);
         flash.fail_once_after(failure);
         let operations = flash.word_writes() + flash.erases();
-        bench.send(request);
-        bench.run_for(100);
-        let heard = bench.take();
-        let found = records(bench.world.memory(valve).flash());
+        rig.send(request);
+        rig.run_for(100);
+        let heard = rig.take();
+        let found = records(rig.world.memory(valve).flash());
         let what = format!("{request}, failure {failure}: {heard:?}");
         if heard == [done] {
             let changed: Vec<_> =
                 RecordKey::ALL.into_iter().filter(|key| found[key.position()] != before[key.position()]).collect();
             assert_eq!(changed, [key], "{what}");
-            let flash = bench.world.memory(valve).flash();
+            let flash = rig.world.memory(valve).flash();
             if flash.word_writes() + flash.erases() - operations < failure {
                 return (told, harmless);
             }
@@ -96,15 +96,15 @@ fn fail_everywhere(flash: &Flash, (request, done, failed, key): (&str, &str, &st
         assert!(heard.len() == 2 && heard.contains(&failed.to_owned()), "{what}");
         assert!(heard.iter().any(|frame| frame.starts_with("0A0: 00 10 01 02")), "{what}");
         assert!(found == before, "{what}");
-        assert_eq!(bench.outputs(valve).led.color, Color::Red, "{what}");
+        assert_eq!(rig.outputs(valve).led.color, Color::Red, "{what}");
         told += 1;
         // Asked again, all is well.
-        bench.send(request);
-        bench.run_for(100);
-        let heard = bench.take();
+        rig.send(request);
+        rig.run_for(100);
+        let heard = rig.take();
         assert!(heard.contains(&done.to_owned()), "{what}, then {heard:?}");
         assert!(heard.contains(&"0A0: 00 00 00 00 00 00 00 00".to_owned()), "{what}, then {heard:?}");
-        let found = records(bench.world.memory(valve).flash());
+        let found = records(rig.world.memory(valve).flash());
         assert!(found[key.position()] != before[key.position()], "{what}");
     }
     unreachable!("it ends when nothing fails")
@@ -131,22 +131,22 @@ fn a_failure_at_any_write_or_erase_of_a_request_that_empties_a_sector() {
 #[test]
 fn a_memory_that_takes_nothing() {
     for (request, done, failed, _) in REQUESTS {
-        let (mut bench, valve) = prepared(&stored());
-        let image = bench.world.memory(valve).flash().image();
-        bench.world.memory_mut(valve).set_write_fails(true);
-        bench.send(request);
-        bench.run_for(100);
-        assert!(bench.take().contains(&failed.to_owned()), "{request}");
-        assert!(bench.world.memory(valve).flash().image() == image, "{request}");
+        let (mut rig, valve) = prepared(&stored());
+        let image = rig.world.memory(valve).flash().image();
+        rig.world.memory_mut(valve).set_write_fails(true);
+        rig.send(request);
+        rig.run_for(100);
+        assert!(rig.take().contains(&failed.to_owned()), "{request}");
+        assert!(rig.world.memory(valve).flash().image() == image, "{request}");
         // The fault itself cannot be logged either, and is told once for all that.
-        bench.run_for(30_000);
-        assert_eq!(bench.take(), [""; 0], "{request}");
+        rig.run_for(30_000);
+        assert_eq!(rig.take(), [""; 0], "{request}");
         // A start finds the old values, and no fault: nothing is damaged.
-        bench.world.power(valve, false);
-        assert_eq!(bench.boot(valve), ["720: 00", "0A0: 00 00 00 00 00 00 00 00"], "{request}");
-        assert_eq!(bench.read(0x20, 0x1800, 2), Some(0xFF), "{request}");
-        bench.world.memory_mut(valve).set_write_fails(false);
-        bench.send("7E5: 04 01 00 00 00 00 00 00");
-        bench.exchange(request, done);
+        rig.world.power(valve, false);
+        assert_eq!(rig.boot(valve), ["720: 00", "0A0: 00 00 00 00 00 00 00 00"], "{request}");
+        assert_eq!(rig.read(0x20, 0x1800, 2), Some(0xFF), "{request}");
+        rig.world.memory_mut(valve).set_write_fails(false);
+        rig.send("7E5: 04 01 00 00 00 00 00 00");
+        rig.exchange(request, done);
     }
 }

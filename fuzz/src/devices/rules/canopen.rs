@@ -4,9 +4,9 @@ use hal_sim::{Duration, Frame, Kind};
 use protocol_core::frame::{Id, standard};
 use protocol_core::time::since;
 
-use super::super::bench::Bench;
 use super::super::client::{number, read};
 use super::super::ledger::Ledger;
+use super::super::rig::Rig;
 use super::{Ending, assert_period, cut, sensor, valve};
 
 const STOPPED: u8 = 0x04;
@@ -16,160 +16,160 @@ const PRE_OPERATIONAL: u8 = 0x7F;
 /// An error-passive controller is active again after so many frames.
 const FRAMES_TO_ACTIVE: u32 = 300;
 
-pub(super) fn last_word(bench: &mut Bench, unit: usize, ending: Ending) {
-    let Some(id) = bench.id(unit) else { return blank(bench, unit) };
-    if bench.is_error_active(unit) {
-        quiet(bench, unit, id);
+pub(super) fn last_word(rig: &mut Rig, unit: usize, ending: Ending) {
+    let Some(id) = rig.id(unit) else { return blank(rig, unit) };
+    if rig.is_error_active(unit) {
+        quiet(rig, unit, id);
     }
-    wake(bench, unit, id);
-    state(bench, unit);
-    heartbeat(bench, unit, id);
-    match bench.units[unit].kind {
-        Kind::Pve(_) => valve::synchronous(bench, unit),
-        Kind::Hat(_) => sensor::pdos(bench, unit),
+    wake(rig, unit, id);
+    state(rig, unit);
+    heartbeat(rig, unit, id);
+    match rig.units[unit].kind {
+        Kind::Pve(_) => valve::synchronous(rig, unit),
+        Kind::Hat(_) => sensor::pdos(rig, unit),
     }
-    let counters = counters(bench, unit);
-    cut(bench, unit, ending);
-    bench.power_on(unit);
-    bench.follow_bit_rate(unit);
-    let booted = bench.watch(unit, Duration::from_millis(50));
-    let Some(id) = bench.id(unit) else { return blank(bench, unit) };
-    boot(bench, unit, id, &booted);
-    Ledger::check(bench, unit);
-    assert_eq!(self::counters(bench, unit), counters, "the fault log");
-    state(bench, unit);
-    if let Kind::Pve(_) = bench.units[unit].kind {
-        valve::serves(bench, unit, id);
+    let counters = counters(rig, unit);
+    cut(rig, unit, ending);
+    rig.power_on(unit);
+    rig.follow_bit_rate(unit);
+    let booted = rig.watch(unit, Duration::from_millis(50));
+    let Some(id) = rig.id(unit) else { return blank(rig, unit) };
+    boot(rig, unit, id, &booted);
+    Ledger::check(rig, unit);
+    assert_eq!(self::counters(rig, unit), counters, "the fault log");
+    state(rig, unit);
+    if let Kind::Pve(_) = rig.units[unit].kind {
+        valve::serves(rig, unit, id);
     }
 }
 
 /// An NMT command, and a little time.
-pub(super) fn nmt(bench: &mut Bench, unit: usize, command: u8, id: u8) -> Vec<Frame> {
-    bench.forget_sent();
-    bench.send(Frame::of(standard(0).into(), &[command, id]).expect("two bytes"));
+pub(super) fn nmt(rig: &mut Rig, unit: usize, command: u8, id: u8) -> Vec<Frame> {
+    rig.forget_sent();
+    rig.send(Frame::of(standard(0).into(), &[command, id]).expect("two bytes"));
     let heartbeat = standard(0x700 + u16::from(id)).into();
-    let sent = bench.watch(unit, bench.frame_time() * 8 + Duration::from_millis(1));
+    let sent = rig.watch(unit, rig.frame_time() * 8 + Duration::from_millis(1));
     sent.into_iter().map(|(_, frame)| frame).filter(|frame| frame.id() != heartbeat).collect()
 }
 
 /// Nobody asks: heartbeats of one state, one as long after the other; of a sensor its TPDO too, with one content.
-fn quiet(bench: &mut Bench, unit: usize, id: u8) {
-    let sent = bench.watch(unit, Duration::from_millis(1500));
+fn quiet(rig: &mut Rig, unit: usize, id: u8) {
+    let sent = rig.watch(unit, Duration::from_millis(1500));
     let is_heartbeat = |frame: &Frame| frame.id() == standard(0x700 + u16::from(id)).into();
     let (heartbeats, others): (Vec<_>, Vec<_>) = sent.into_iter().partition(|(_, frame)| is_heartbeat(frame));
     let same = |sent: &[(_, Frame)]| sent.windows(2).all(|pair| pair[0].1 == pair[1].1);
     assert!(same(&heartbeats) && same(&others), "{heartbeats:?} {others:?}");
     let Some((_, heartbeat)) = heartbeats.first() else { return };
     assert!(matches!(heartbeat.data(), [STOPPED | OPERATIONAL | PRE_OPERATIONAL]), "{heartbeat}");
-    let is_sensor = matches!(bench.units[unit].kind, Kind::Hat(_));
+    let is_sensor = matches!(rig.units[unit].kind, Kind::Hat(_));
     assert!(others.is_empty() || is_sensor && heartbeat.data() == [OPERATIONAL], "{heartbeat} and {others:?}");
 }
 
 /// A device that answers is left as it is; one that does not is stopped, or fills the bus with a PDO, which is more urgent
 /// than an SDO. Then all are pre-operational and error-active.
-fn wake(bench: &mut Bench, unit: usize, id: u8) {
-    if read(bench, unit, (0x1000, 0)).is_none() {
-        let sent = bench.watch(unit, Duration::from_millis(200));
+fn wake(rig: &mut Rig, unit: usize, id: u8) {
+    if read(rig, unit, (0x1000, 0)).is_none() {
+        let sent = rig.watch(unit, Duration::from_millis(200));
         let is_stopped = sent.iter().all(|(_, frame)| frame.data() == [STOPPED]);
-        let is_full = sent.windows(2).all(|pair| since(pair[1].0, pair[0].0) <= bench.frame_time());
+        let is_full = sent.windows(2).all(|pair| since(pair[1].0, pair[0].0) <= rig.frame_time());
         assert!(is_stopped || is_full && sent.len() > 10, "no answer, and {sent:?}");
-        bench.withdraw();
+        rig.withdraw();
     }
-    nmt(bench, unit, 0x80, id);
+    nmt(rig, unit, 0x80, id);
     for _ in 0..FRAMES_TO_ACTIVE {
-        number(bench, unit, (0x1000, 0));
-        if bench.is_error_active(unit) {
+        number(rig, unit, (0x1000, 0));
+        if rig.is_error_active(unit) {
             break;
         }
     }
-    assert!(bench.is_error_active(unit), "it stays error-passive");
-    bench.watch(unit, Duration::from_millis(100));
+    assert!(rig.is_error_active(unit), "it stays error-passive");
+    rig.watch(unit, Duration::from_millis(100));
     // One answer, and one only.
     let request = Frame::full(standard(0x600 + u16::from(id)).into(), [0x40, 0x00, 0x10, 0, 0, 0, 0, 0]);
-    bench.send(request);
+    rig.send(request);
     let heartbeat = Id::from(standard(0x700 + u16::from(id)));
-    let sent = bench.watch(unit, bench.frame_time() * 10 + Duration::from_millis(2)).into_iter();
+    let sent = rig.watch(unit, rig.frame_time() * 10 + Duration::from_millis(2)).into_iter();
     let sent: Vec<Frame> = sent.map(|(_, frame)| frame).filter(|frame| frame.id() != heartbeat).collect();
-    let device_type = if matches!(bench.units[unit].kind, Kind::Pve(_)) { [0x98, 1, 0, 0] } else { [0x96, 1, 1, 0] };
+    let device_type = if matches!(rig.units[unit].kind, Kind::Pve(_)) { [0x98, 1, 0, 0] } else { [0x96, 1, 1, 0] };
     let [a, b, c, d] = device_type;
     let answer = Frame::full(standard(0x580 + u16::from(id)).into(), [0x43, 0x00, 0x10, 0, a, b, c, d]);
     assert_eq!(sent, [answer]);
 }
 
 /// The heartbeat has the period that 0x1017 says; a valve's is a multiple of 10 ms.
-fn heartbeat(bench: &mut Bench, unit: usize, id: u8) {
-    let time = u64::from(number(bench, unit, (0x1017, 0)));
-    let is_valve = matches!(bench.units[unit].kind, Kind::Pve(_));
+fn heartbeat(rig: &mut Rig, unit: usize, id: u8) {
+    let time = u64::from(number(rig, unit, (0x1017, 0)));
+    let is_valve = matches!(rig.units[unit].kind, Kind::Pve(_));
     let period = Duration::from_millis(if is_valve { time.next_multiple_of(10) } else { time });
     // A client's requests are more urgent than a heartbeat.
-    bench.watch(unit, bench.frame_time() * 4);
-    let sent = bench.watch(unit, period * 5 / 2 + Duration::from_millis(300));
+    rig.watch(unit, rig.frame_time() * 4);
+    let sent = rig.watch(unit, period * 5 / 2 + Duration::from_millis(300));
     for (_, frame) in &sent {
         assert_eq!(frame.id(), standard(0x700 + u16::from(id)).into(), "{frame}");
         assert_eq!(frame.data(), [PRE_OPERATIONAL], "{frame}");
     }
     if time == 0 {
         assert_eq!(sent, [], "no heartbeat");
-    } else if period > bench.frame_time() * 4 {
+    } else if period > rig.frame_time() * 4 {
         assert!(sent.len() >= 2, "{} heartbeats of {time} ms", sent.len());
-        assert_period(bench, &sent, period);
+        assert_period(rig, &sent, period);
     }
 }
 
 /// Error register, history and the state of the product.
-fn state(bench: &mut Bench, unit: usize) {
-    let register = number(bench, unit, (0x1001, 0));
-    let count = number(bench, unit, (0x1003, 0));
+fn state(rig: &mut Rig, unit: usize) {
+    let register = number(rig, unit, (0x1001, 0));
+    let count = number(rig, unit, (0x1003, 0));
     assert!(count <= 8);
     for sub in 1..=8 {
-        let entry = read(bench, unit, (0x1003, sub)).expect("an answer");
+        let entry = read(rig, unit, (0x1003, sub)).expect("an answer");
         assert_eq!(entry.is_ok(), u32::from(sub) <= count, "entry {sub} of {count}: {entry:?}");
     }
-    match bench.units[unit].kind {
-        Kind::Pve(_) => valve::state(bench, unit, register),
-        Kind::Hat(_) => sensor::state(bench, unit, register),
+    match rig.units[unit].kind {
+        Kind::Pve(_) => valve::state(rig, unit, register),
+        Kind::Hat(_) => sensor::state(rig, unit, register),
     }
 }
 
 /// A start sends its boot-up first; a valve then its reset EMCY, a sensor whatever its NMT state lets it send.
-fn boot(bench: &Bench, unit: usize, id: u8, sent: &[(hal_sim::Instant, Frame)]) {
+fn boot(rig: &Rig, unit: usize, id: u8, sent: &[(hal_sim::Instant, Frame)]) {
     let frames: Vec<String> = sent.iter().map(|(_, frame)| frame.to_string()).collect();
     let id = u16::from(id);
     assert_eq!(frames.first(), Some(&format!("{:03X}: 00", 0x700 + id)), "{frames:?}");
-    if let Kind::Pve(_) = bench.units[unit].kind {
+    if let Kind::Pve(_) = rig.units[unit].kind {
         assert_eq!(frames.get(1), Some(&format!("{:03X}: 00 00 00 00 00 00 00 00", 0x080 + id)), "{frames:?}");
         let heartbeat = format!("{:03X}: 7F", 0x700 + id);
         // A record that is damaged is told, and perhaps written anew.
         let (internal_error, no_error) = (format!("{:03X}: 00 10 01", 0x080 + id), frames[1].clone());
         let of_damage = |frame: &String| frame.starts_with(&internal_error) || *frame == no_error;
-        let damaged = bench.units[unit].damaged;
+        let damaged = rig.units[unit].damaged;
         let is_known = |frame: &String| *frame == heartbeat || damaged && of_damage(frame);
         assert!(frames[2..].iter().all(is_known), "{frames:?}");
     }
 }
 
 /// A device without a node ID is silent, and LSS finds it.
-fn blank(bench: &mut Bench, unit: usize) {
-    assert_eq!(bench.watch(unit, Duration::from_secs(2)), []);
-    let lss = |bench: &mut Bench, bytes: [u8; 2]| {
+fn blank(rig: &mut Rig, unit: usize) {
+    assert_eq!(rig.watch(unit, Duration::from_secs(2)), []);
+    let lss = |rig: &mut Rig, bytes: [u8; 2]| {
         let [command, mode] = bytes;
-        bench.send(Frame::full(standard(0x7E5).into(), [command, mode, 0, 0, 0, 0, 0, 0]));
-        let sent = bench.watch(unit, bench.frame_time() * 10 + Duration::from_millis(2));
+        rig.send(Frame::full(standard(0x7E5).into(), [command, mode, 0, 0, 0, 0, 0, 0]));
+        let sent = rig.watch(unit, rig.frame_time() * 10 + Duration::from_millis(2));
         sent.iter().map(|(_, frame)| frame.to_string()).collect::<Vec<_>>()
     };
-    assert!(lss(bench, [0x04, 1]).is_empty());
-    assert_eq!(lss(bench, [0x5E, 0]), ["7E4: 5E FF 00 00 00 00 00 00"]);
+    assert!(lss(rig, [0x04, 1]).is_empty());
+    assert_eq!(lss(rig, [0x5E, 0]), ["7E4: 5E FF 00 00 00 00 00 00"]);
 }
 
 /// Returns the occurrences of each fault of a valve: of a sensor there is no such number.
-fn counters(bench: &mut Bench, unit: usize) -> Vec<u32> {
-    let objects: &[u16] = match bench.units[unit].kind {
+fn counters(rig: &mut Rig, unit: usize) -> Vec<u32> {
+    let objects: &[u16] = match rig.units[unit].kind {
         // Each start finds the damage anew.
-        Kind::Pve(_) if bench.units[unit].damaged => &[0x2001, 0x2002, 0x200F, 0x2019, 0x201D, 0x2023],
+        Kind::Pve(_) if rig.units[unit].damaged => &[0x2001, 0x2002, 0x200F, 0x2019, 0x201D, 0x2023],
         Kind::Pve(_) => &[0x2001, 0x2002, 0x200F, 0x2019, 0x201D, 0x2023, 0x2024],
         Kind::Hat(_) => &[],
     };
-    let counters: Vec<u32> = objects.iter().map(|index| number(bench, unit, (*index, 0))).collect();
+    let counters: Vec<u32> = objects.iter().map(|index| number(rig, unit, (*index, 0))).collect();
     assert!(counters.iter().all(|count| *count <= 0x7F));
     counters
 }

@@ -9,8 +9,8 @@ use hal_sim::{Duration, Frame, Instant};
 use protocol_core::device::Protocol;
 use protocol_core::time::since;
 
-use super::bench::Bench;
 use super::ledger;
+use super::rig::Rig;
 
 /// After this a device has nothing left to do that was begun: what failed is tried again after 10 s (SPEC 4.5, 6).
 const SETTLED: Duration = Duration::from_millis(11_500);
@@ -38,49 +38,49 @@ impl From<u8> for Ending {
 }
 
 /// Takes all disturbances away and checks what a device does then, and after a power cut.
-pub(super) fn last_word(bench: &mut Bench, unit: usize, ending: Ending) {
-    bench.calm(unit);
-    bench.watch(unit, bench.silence().max(SETTLED));
+pub(super) fn last_word(rig: &mut Rig, unit: usize, ending: Ending) {
+    rig.calm(unit);
+    rig.watch(unit, rig.silence().max(SETTLED));
     // The rate may have been changed meanwhile.
-    bench.follow_bit_rate(unit);
-    bench.watch(unit, Duration::from_millis(100));
-    match bench.units[unit].kind.protocol() {
-        Protocol::Canopen => canopen::last_word(bench, unit, ending),
-        Protocol::Isobus => isobus::last_word(bench, unit, ending),
+    rig.follow_bit_rate(unit);
+    rig.watch(unit, Duration::from_millis(100));
+    match rig.units[unit].kind.protocol() {
+        Protocol::Canopen => canopen::last_word(rig, unit, ending),
+        Protocol::Isobus => isobus::last_word(rig, unit, ending),
     }
 }
 
 /// Stores what the attack says, and cuts the power the moment that a client was told so.
-fn cut(bench: &mut Bench, unit: usize, ending: Ending) {
-    let is_isobus = bench.units[unit].kind.protocol() == Protocol::Isobus;
-    let is_mute = is_isobus || bench.id(unit).is_none();
+fn cut(rig: &mut Rig, unit: usize, ending: Ending) {
+    let is_isobus = rig.units[unit].kind.protocol() == Protocol::Isobus;
+    let is_mute = is_isobus || rig.id(unit).is_none();
     match ending {
         Ending::Nothing => {}
-        Ending::Save => assert!(ledger::save(bench, unit) || is_mute, "a healthy memory takes everything"),
-        Ending::Load => ledger::load(bench, unit),
+        Ending::Save => assert!(ledger::save(rig, unit) || is_mute, "a healthy memory takes everything"),
+        Ending::Load => ledger::load(rig, unit),
         Ending::Lss => {
-            let is_stored = ledger::store_by_lss(bench, unit, 0x55, None);
-            bench.withdraw();
+            let is_stored = ledger::store_by_lss(rig, unit, 0x55, None);
+            rig.withdraw();
             // A heartbeat is more urgent than LSS, and one of each millisecond takes a slow bus for itself.
-            assert!(is_stored || is_isobus || fills_bus(bench, unit), "LSS stores");
+            assert!(is_stored || is_isobus || fills_bus(rig, unit), "LSS stores");
         }
-        Ending::Uds => ledger::write_by_uds(bench, unit, 0x85),
+        Ending::Uds => ledger::write_by_uds(rig, unit, 0x85),
     }
-    bench.power_off(unit);
-    bench.watch(unit, Duration::from_millis(5));
-    bench.units[unit].ledger.start();
+    rig.power_off(unit);
+    rig.watch(unit, Duration::from_millis(5));
+    rig.units[unit].ledger.start();
 }
 
 /// Returns whether a device sends one frame after the other.
-fn fills_bus(bench: &mut Bench, unit: usize) -> bool {
-    let sent = bench.watch(unit, Duration::from_millis(200));
-    sent.len() > 10 && sent.windows(2).all(|pair| since(pair[1].0, pair[0].0) <= bench.frame_time())
+fn fills_bus(rig: &mut Rig, unit: usize) -> bool {
+    let sent = rig.watch(unit, Duration::from_millis(200));
+    sent.len() > 10 && sent.windows(2).all(|pair| since(pair[1].0, pair[0].0) <= rig.frame_time())
 }
 
 /// Frames come at this distance, but for what arbitration takes.
 #[track_caller]
-fn assert_period(bench: &Bench, sent: &[(Instant, Frame)], period: Duration) {
-    let late = bench.frame_time() * 2;
+fn assert_period(rig: &Rig, sent: &[(Instant, Frame)], period: Duration) {
+    let late = rig.frame_time() * 2;
     for pair in sent.windows(2) {
         let distance = since(pair[1].0, pair[0].0);
         let is_due = distance + late >= period && distance <= period + late;

@@ -11,41 +11,41 @@ fn received(client: &mut Client) -> Vec<Frame> {
 
 #[test]
 fn a_client_talks_to_a_device_in_the_time_of_the_world() {
-    let mut bench = Bench::of(1);
-    let mut client = bench.world.client("controller");
+    let mut rig = Rig::of(1);
+    let mut client = rig.world.client("controller");
     let (question, answer) = (std_frame(ECHO + 1, &[1]), std_frame(ECHO_ANSWER + 1, &[1]));
     assert_eq!(client.transmit(&question), Ok(None));
-    assert_eq!(bench.trace(), [], "time stands still");
+    assert_eq!(rig.trace(), [], "time stands still");
     assert_eq!(client.receive(), Err(nb::Error::WouldBlock));
-    bench.run_for(10);
-    let trace = bench.trace();
+    rig.run_for(10);
+    let trace = rig.trace();
     assert_eq!((trace[0].frame(), trace[0].who.as_ref()), (Some(&question), "controller"));
     assert_eq!(trace[0].what, EventKind::Frame { frame: question, start: millis(10) });
     assert_eq!(received(&mut client), [answer]);
-    assert_eq!(bench.received(), [question, answer]);
+    assert_eq!(rig.received(), [question, answer]);
 }
 
 #[test]
 fn a_step_takes_the_frames_of_clients_too() {
-    let mut bench = Bench::of(0);
-    let (mut one, mut other) = (bench.world.client("one"), bench.world.client("other"));
+    let mut rig = Rig::of(0);
+    let (mut one, mut other) = (rig.world.client("one"), rig.world.client("other"));
     one.transmit(&std_frame(0x123, &[])).unwrap();
-    bench.world.step();
-    bench.world.step();
+    rig.world.step();
+    rig.world.step();
     assert_eq!(received(&mut other), [std_frame(0x123, &[])]);
     assert_eq!(received(&mut one), [], "its own frame");
 }
 
 #[test]
 fn a_client_that_is_dropped_leaves_the_bus() {
-    let mut bench = Bench::of(0);
-    let mut client = bench.world.client("controller");
+    let mut rig = Rig::of(0);
+    let mut client = rig.world.client("controller");
     client.transmit(&std_frame(0x123, &[])).unwrap();
     drop(client);
-    bench.world.send(bench.client, std_frame(0x124, &[]));
-    bench.run_for(100);
-    assert_eq!(bench.world.pending(bench.client), 1, "nobody acknowledges");
-    assert_eq!(bench.trace().iter().filter(|event| event.who.as_ref() == "controller").count(), 0);
+    rig.world.send(rig.client, std_frame(0x124, &[]));
+    rig.run_for(100);
+    assert_eq!(rig.world.pending(rig.client), 1, "nobody acknowledges");
+    assert_eq!(rig.trace().iter().filter(|event| event.who.as_ref() == "controller").count(), 0);
 }
 
 #[test]
@@ -57,20 +57,20 @@ fn a_client_is_told_that_its_world_is_gone() {
 
 #[test]
 fn a_client_stays_with_its_world_and_the_clone_has_another_one() {
-    let mut bench = Bench::of(1);
-    let mut client = bench.world.client("controller");
+    let mut rig = Rig::of(1);
+    let mut client = rig.world.client("controller");
     let (question, answer) = (std_frame(ECHO + 1, &[1]), std_frame(ECHO_ANSWER + 1, &[1]));
     client.transmit(&question).unwrap();
-    let mut clone = bench.world.clone();
+    let mut clone = rig.world.clone();
     drop(client);
-    bench.run_for(10);
+    rig.run_for(10);
     // The frame that was under way is the clone's, too, whether its client was taken or not.
     clone.run_for(Duration::from_millis(10));
     let mut taken = clone.take_client("controller").unwrap();
     assert_eq!(received(&mut taken), [answer]);
     assert!(clone.take_client("controller").is_none(), "somebody has it");
     assert!(clone.take_client("nobody").is_none());
-    assert!(bench.world.take_client("controller").is_none(), "it was dropped");
+    assert!(rig.world.take_client("controller").is_none(), "it was dropped");
     taken.transmit(&question).unwrap();
     clone.run_for(Duration::from_millis(10));
     assert_eq!(received(&mut taken), [answer]);

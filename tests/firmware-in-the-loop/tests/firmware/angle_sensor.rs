@@ -120,7 +120,7 @@ fn the_words_of_the_shaft_show_on_the_bus() {
 fn a_valve_becomes_a_sensor_and_stays_one() {
     let mut client = ImageClient::booted();
     assert_eq!(client.obeyed("kind hat3000 77"), Vec::<String>::new());
-    client.bench.set_bit_rate(BitRate::Kbit500);
+    client.rig.set_bit_rate(BitRate::Kbit500);
     for _ in 0..2 {
         client.expect("701: 00");
         assert_eq!(client.status_of("kind"), "hat3000");
@@ -133,7 +133,7 @@ fn a_valve_becomes_a_sensor_and_stays_one() {
         ] {
             client.exchange(request, answer);
         }
-        client.bench.power_cycle();
+        client.rig.power_cycle();
     }
     client.expect("701: 00");
     client.type_line("blank");

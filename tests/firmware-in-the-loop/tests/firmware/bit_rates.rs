@@ -54,12 +54,12 @@ fn an_angle_sensor_goes_through_all_bit_rates_by_its_parameters() {
         client.send("000: 81 20");
         let start = client.now_us();
         while client.bits_per_second() != Some(rate.bits_per_second().into())
-            || client.bench.rig.world.pending(client.bench.master) > 0
+            || client.rig.boards.world.pending(client.rig.master) > 0
         {
             client.step();
             assert!(client.now_us() < start + 100_000, "{rate:?} is not in force");
         }
-        client.bench.set_bit_rate(rate);
+        client.rig.set_bit_rate(rate);
         client.aside.clear();
         // The boot-up may have met the old bit rate of the bus: what counts is that the sensor answers at the new one.
         client.wait_ms(100);
@@ -85,18 +85,18 @@ fn configure_by_lss(client: &mut ImageClient, rate: BitRate) {
     set_by_lss(client, rate);
     client.exchange("7E5: 17 00 00 00 00 00 00 00", "7E4: 17 00 00 00 00 00 00 00");
     client.wait_ms(20);
-    client.bench.set_bit_rate(rate);
-    client.bench.power_cycle();
+    client.rig.set_bit_rate(rate);
+    client.rig.power_cycle();
 }
 
 /// The frame that the board has sent last took as long as its bits do, and the controller samples where it should.
 fn assert_exact(client: &ImageClient, rate: BitRate, text: &str) {
-    let (rig, board) = (&client.bench.rig, client.bench.board);
-    let took = rig.last_sent(board).expect("it was sent").as_micros();
+    let (boards, board) = (&client.rig.boards, client.rig.board);
+    let took = boards.last_sent(board).expect("it was sent").as_micros();
     let bits = FrameBits::of(&frame(text)).on_wire();
     let expected = u64::from(bits) * 1_000_000 / u64::from(rate.bits_per_second());
     assert!(took.abs_diff(expected) <= 1, "{rate:?}: {text} took {took} us instead of {expected} us");
-    let shared = rig.connections(board).can.lock();
+    let shared = boards.connections(board).can.lock();
     let timing = BitTiming::of(shared.can.read(BTR));
     assert_eq!(timing.bits_per_second(shared.clock_hz), Some(rate.bits_per_second().into()));
     let sample_point = if rate == BitRate::Kbit800 { 900 } else { 875 };
@@ -116,7 +116,7 @@ fn a_bit_rate_is_changed_at_run_time_with_both_delays() {
     assert_eq!(rate(&client), Some(250_000));
     client.wait_ms(10);
     assert_eq!(rate(&client), Some(500_000));
-    client.bench.set_bit_rate(BitRate::Kbit500);
+    client.rig.set_bit_rate(BitRate::Kbit500);
     client.send("7E5: 5E 00 00 00 00 00 00 00");
     assert_eq!(client.receive_for(Duration::from_millis(30)), None, "silent for the second delay");
     client.wait_ms(30);
@@ -129,8 +129,8 @@ fn what_waits_is_dropped_when_the_bit_rate_changes() {
     switch_by_lss(&mut client, BitRate::Kbit500);
     client.wait_ms(5);
     // Nobody acknowledges what is sent now.
-    let master = client.bench.master;
-    client.bench.rig.world.remove_client_port(master);
+    let master = client.rig.master;
+    client.rig.boards.world.remove_client_port(master);
     fill(&mut client, 0, "7FF:");
     let empty = |client: &ImageClient| client.connections().can.lock().can.read(TSR) >> 26 & 0b111;
     let start = client.now_us();
@@ -173,14 +173,14 @@ fn left(client: &mut ImageClient) -> u64 {
 #[test]
 fn the_frame_on_the_wire_ends_before_the_bit_rate_changes() {
     let (mut client, switch) = about_to_switch();
-    client.bench.rig.run_until(Instant::from_micros(switch - 1000));
+    client.rig.boards.run_until(Instant::from_micros(switch - 1000));
     client.send("7FF: 55 55 55 55 55 55 55 55");
-    client.bench.rig.run_until(Instant::from_micros(switch + 3000));
-    assert!(client.bench.rig.world.pending(client.bench.master) > 0, "the frame is on the wire");
+    client.rig.boards.run_until(Instant::from_micros(switch + 3000));
+    assert!(client.rig.boards.world.pending(client.rig.master) > 0, "the frame is on the wire");
     left(&mut client);
-    assert_eq!(client.bench.rig.world.pending(client.bench.master), 0, "it was acknowledged");
+    assert_eq!(client.rig.boards.world.pending(client.rig.master), 0, "it was acknowledged");
     // What is due next is on time, though the task has waited for something else meanwhile.
-    client.bench.set_bit_rate(BitRate::Kbit125);
+    client.rig.set_bit_rate(BitRate::Kbit125);
     client.aside.clear();
     client.expect("720: 7F");
     let late = client.now_us() - switch;
@@ -191,11 +191,11 @@ fn the_frame_on_the_wire_ends_before_the_bit_rate_changes() {
 #[test]
 fn on_a_bus_where_no_frame_ever_ends_the_bit_rate_changes_all_the_same() {
     let (mut client, switch) = about_to_switch();
-    client.bench.rig.run_until(Instant::from_micros(switch - 1000));
+    client.rig.boards.run_until(Instant::from_micros(switch - 1000));
     client.connections().can.lock().can.hear(WireEvent::Begins { own: false });
     let late = left(&mut client) - switch;
     assert!((20_000..30_000).contains(&late), "{late} us after its instant");
-    client.bench.set_bit_rate(BitRate::Kbit125);
+    client.rig.set_bit_rate(BitRate::Kbit125);
     client.wait_ms(100);
     assert_eq!(client.bits_per_second(), Some(125_000));
     client.send("7E5: 5E 00 00 00 00 00 00 00");
@@ -214,14 +214,14 @@ fn hold_dominant(client: &ImageClient, held: bool) {
 #[test]
 fn on_a_bus_that_is_held_dominant_the_bit_rate_changes_when_it_is_released() {
     let (mut client, switch) = about_to_switch();
-    client.bench.rig.run_until(Instant::from_micros(switch - 1000));
+    client.rig.boards.run_until(Instant::from_micros(switch - 1000));
     hold_dominant(&client, true);
     // Longer than the watchdog's time.
-    client.bench.rig.run_until(Instant::from_micros(switch + 2_000_000));
+    client.rig.boards.run_until(Instant::from_micros(switch + 2_000_000));
     assert_eq!(client.status_of("bit_rate"), "125000");
     assert_ne!(client.bits_per_second(), Some(125_000));
     hold_dominant(&client, false);
-    client.bench.set_bit_rate(BitRate::Kbit125);
+    client.rig.set_bit_rate(BitRate::Kbit125);
     client.wait_ms(200);
     assert_eq!(client.bits_per_second(), Some(125_000));
     client.aside.clear();
@@ -256,10 +256,10 @@ fn the_console_says_that_it_is_off_the_bus_when_it_is() {
     client.connections().terminal.lock().typed.push_back(b'\n');
     let mut said = String::new();
     while said.is_empty() {
-        client.bench.rig.run_for(SOON);
+        client.rig.boards.run_for(SOON);
         said = client.printed();
     }
-    assert_eq!(client.bench.rig.world.pending(client.bench.master), 0, "the frame on the wire has ended");
+    assert_eq!(client.rig.boards.world.pending(client.rig.master), 0, "the frame on the wire has ended");
     assert_eq!(client.bits_per_second(), None);
 }
 
@@ -267,32 +267,32 @@ fn the_console_says_that_it_is_off_the_bus_when_it_is() {
 /// the bus, in vain; a line has perhaps asked the memory for something more.
 fn save_while_the_bus_is_left(line: Option<&str>) -> ImageClient {
     let mut client = ImageClient::about_to_erase(&NUCLEO_F429ZI);
-    let board = client.bench.board;
+    let board = client.rig.board;
     set_by_lss(&mut client, BitRate::Kbit500);
     client.send("620: 23 10 10 01 73 61 76 65");
     let until = loop {
         let last = client.connections().flash.lock().journal().last().copied();
         if let Some(erase) = last.filter(Operation::is_erase) {
-            break client.bench.rig.instant(board, erase.until).as_micros();
+            break client.rig.boards.instant(board, erase.until).as_micros();
         }
         client.step();
     };
     client.printed();
     line.into_iter().for_each(|line| client.type_line(line));
-    client.bench.rig.run_until(Instant::from_micros(until - 58_000));
+    client.rig.boards.run_until(Instant::from_micros(until - 58_000));
     client.send("7E5: 15 32 00 00 00 00 00 00");
-    client.bench.rig.run_until(Instant::from_micros(until - 10_000));
+    client.rig.boards.run_until(Instant::from_micros(until - 10_000));
     client.connections().can.lock().can.hear(WireEvent::Begins { own: false });
-    client.bench.rig.run_until(Instant::from_micros(until + 4_000));
+    client.rig.boards.run_until(Instant::from_micros(until + 4_000));
     if line.is_none() {
         // Comes after the end of the store.
         client.type_line("lever off");
     }
-    client.bench.rig.run_until(Instant::from_micros(until + 8_000));
+    client.rig.boards.run_until(Instant::from_micros(until + 8_000));
     assert_eq!(client.bits_per_second(), Some(250_000), "it waits for the end of the frame");
-    client.bench.rig.run_until(Instant::from_micros(until + 20_000));
+    client.rig.boards.run_until(Instant::from_micros(until + 20_000));
     assert_ne!(client.bits_per_second(), Some(250_000));
-    client.bench.set_bit_rate(BitRate::Kbit500);
+    client.rig.set_bit_rate(BitRate::Kbit500);
     client
 }
 

@@ -3,10 +3,10 @@
 
 use std::io::Write as _;
 
-use firmware_in_the_loop::bench::{BoardTarget, ImageBench};
 use firmware_in_the_loop::board::NUCLEO_F429ZI;
 use firmware_in_the_loop::content;
 use firmware_in_the_loop::image::Image;
+use firmware_in_the_loop::rig::{BoardTarget, ImageRig};
 use protocol_core::controller::BitRate;
 use protocol_core::frame::Frame;
 
@@ -74,22 +74,21 @@ fn ram_with_the_stack_at_its_deepest() {
     // A new memory, one that stores with an erase, and one that makes no sense: the ways through the record store.
     let noise: Vec<u8> = (0..32 * KIB).map(|place| (place * 31 % 251) as u8).collect();
     for (name, content) in [("new", vec![0xFF; 32 * 1024]), ("worn", content::worn(&saved)), ("damaged", noise)] {
-        let bench = ImageBench::with_memory(&NUCLEO_F429ZI, BitRate::Kbit250, &content);
-        let mut client = ImageClient { bench, aside: Default::default() };
-        client.bench.rig.watch_stack(client.bench.board);
-        client.bench.power_cycle();
+        let rig = ImageRig::with_memory(&NUCLEO_F429ZI, BitRate::Kbit250, &content);
+        let mut client = ImageClient { rig, aside: Default::default() };
+        client.rig.boards.watch_stack(client.rig.board);
+        client.rig.power_cycle();
         heavy_mix(&mut client);
-        deepest =
-            deepest.max(print_stack(client.bench.rig.stack(client.bench.board), &format!("with a {name} memory")));
+        deepest = deepest.max(print_stack(client.rig.boards.stack(client.rig.board), &format!("with a {name} memory")));
     }
     for name in use_cases::ALL {
         let scenario = use_cases::use_case(name);
-        let mut bench = BoardTarget::new(&NUCLEO_F429ZI, &scenario);
-        bench.watch_stack();
-        bench.power_up();
+        let mut rig = BoardTarget::new(&NUCLEO_F429ZI, &scenario);
+        rig.watch_stack();
+        rig.power_up();
         // Whether the valve does what it has to is for the use cases' own tests.
-        let _ = scenario.play(&mut bench);
-        deepest = deepest.max(print_stack(bench.stack(), &format!("in use case {name}")));
+        let _ = scenario.play(&mut rig);
+        deepest = deepest.max(print_stack(rig.stack(), &format!("in use case {name}")));
     }
     let ram = symbols.total().ram + deepest;
     print(&format!("RAM: {} variables, {} stack, together {} of {}", symbols.total().ram, deepest, kib(ram), kib(RAM)));
@@ -118,9 +117,9 @@ fn heavy_mix(client: &mut ImageClient) {
         }
         let words =
             ["internal_fault on", "status", "internal_fault off", "nonsense", "supply_mv 8500", "supply_mv 24000"];
-        client.bench.rig.type_line(client.bench.board, words[round as usize % words.len()]);
+        client.rig.boards.type_line(client.rig.board, words[round as usize % words.len()]);
         if round % 10 == 5 {
-            client.bench.send(Frame::full(frame("620: 00").id(), download(0x1010, 1, 4, SAVE)));
+            client.rig.send(Frame::full(frame("620: 00").id(), download(0x1010, 1, 4, SAVE)));
         }
         client.wait_ms(20);
     }
@@ -136,7 +135,7 @@ fn instructions(client: &mut ImageClient, text: &str) -> u64 {
     // What the device does by itself now and then is not the frame's: the least of some is without it.
     let counts = (0..9).map(|_| {
         client.send(text);
-        while client.bench.rig.world.pending(client.bench.master) > 0 {
+        while client.rig.boards.world.pending(client.rig.master) > 0 {
             client.step();
         }
         let before = client.machine().reached().instructions;

@@ -13,8 +13,8 @@ const RECOVERY: u64 = 128 * 11 * 4;
 const FAILURES: u32 = 32;
 
 fn mode(client: &ImageClient) -> BusErrorMode {
-    let rig = &client.bench.rig;
-    rig.world.controller_port(rig.controller(client.bench.board)).mode()
+    let boards = &client.rig.boards;
+    boards.world.controller_port(boards.controller(client.rig.board)).mode()
 }
 
 /// Runs until the mode is as wanted; says when.
@@ -24,7 +24,7 @@ fn run_to(client: &mut ImageClient, wanted: BusErrorMode) -> Instant {
         assert!(client.now_us() < end, "still {:?}", mode(client));
         client.step();
     }
-    client.bench.rig.world.now()
+    client.rig.boards.world.now()
 }
 
 #[test]
@@ -35,7 +35,7 @@ fn it_is_silent_recovers_after_128_sequences_and_tells() {
     {
         let mut client = ImageClient::booted();
         client.wait_ms(50);
-        client.bench.rig.world.inject(DestroyNext::frames_of("board", FAILURES));
+        client.rig.boards.world.inject(DestroyNext::frames_of("board", FAILURES));
         requests.iter().for_each(|request| client.send(request));
         let off = run_to(&mut client, BusErrorMode::BusOff);
         let back = run_to(&mut client, BusErrorMode::ErrorActive);
@@ -54,7 +54,7 @@ fn it_is_silent_recovers_after_128_sequences_and_tells() {
 #[test]
 fn error_passive_is_not_bus_off() {
     let mut client = ImageClient::booted();
-    client.bench.rig.world.inject(DestroyNext::frames_of("board", FAILURES - 1));
+    client.rig.boards.world.inject(DestroyNext::frames_of("board", FAILURES - 1));
     assert_eq!(client.read(0x1018, 1), 0x0100_0019, "the 32nd attempt");
     assert_eq!(client.listen_ms(100), []);
     assert_eq!(mode(&client), BusErrorMode::ErrorPassive);
@@ -63,11 +63,11 @@ fn error_passive_is_not_bus_off() {
 #[test]
 fn alone_on_the_bus_it_waits_and_comes_back() {
     let mut client = ImageClient::booted();
-    let master = client.bench.master;
-    client.bench.rig.world.remove_client_port(master);
+    let master = client.rig.master;
+    client.rig.boards.world.remove_client_port(master);
     client.wait_ms(3000);
     assert_ne!(mode(&client), BusErrorMode::BusOff);
-    client.bench.master = client.bench.rig.world.add_client_port("another master");
+    client.rig.master = client.rig.boards.world.add_client_port("another master");
     client.wait_ms(100);
     assert_eq!(client.listen_ms(1), []);
     assert_eq!(client.read(0x1018, 1), 0x0100_0019);
@@ -78,18 +78,18 @@ fn alone_on_the_bus_it_waits_and_comes_back() {
 fn in_traffic_it_counts_the_ends_of_frames_and_each_time_is_counted() {
     let mut client = ImageClient::booted();
     for count in 1..=2 {
-        client.bench.rig.world.inject(DestroyNext::frames_of("board", FAILURES));
+        client.rig.boards.world.inject(DestroyNext::frames_of("board", FAILURES));
         client.send("620: 40 18 10 01 00 00 00 00");
         let off = run_to(&mut client, BusErrorMode::BusOff);
         // Somebody else acknowledges.
-        let listener = client.bench.rig.world.add_client_port("listener");
+        let listener = client.rig.boards.world.add_client_port("listener");
         (0..200).for_each(|_| client.send("7FF: 00 00 00 00 00 00 00 00"));
         let back = run_to(&mut client, BusErrorMode::ErrorActive);
-        let heard = client.bench.rig.world.take_received(listener).count();
+        let heard = client.rig.boards.world.take_received(listener).count();
         let took = back.as_micros() - off.as_micros();
         assert!((126..=129).contains(&heard) && took > 4 * RECOVERY, "{heard} frames, {took} us");
         client.finish_sending();
-        client.bench.rig.world.remove_client_port(listener);
+        client.rig.boards.world.remove_client_port(listener);
         let told: Vec<String> = client.listen_ms(50).iter().map(Frame::to_string).collect();
         let can_error = format!("0A0: 40 81 11 {count:02X} 00 00 00 00");
         assert_eq!(told, [can_error.as_str(), "0A0: 00 00 00 00 00 00 00 00"]);

@@ -2,11 +2,11 @@
 
 use std::collections::VecDeque;
 
-use firmware_in_the_loop::bench::{Device, ImageBench};
 use firmware_in_the_loop::board::{Board, NUCLEO_F429ZI};
 use firmware_in_the_loop::content;
 use firmware_in_the_loop::machine::{Machine, Reset};
 use firmware_in_the_loop::part::Connections;
+use firmware_in_the_loop::rig::{Device, ImageRig};
 use protocol_core::controller::BitRate;
 use protocol_core::device::{Kind, hat, pve};
 use protocol_core::frame::Frame;
@@ -29,7 +29,7 @@ pub fn frame(text: &str) -> Frame {
 /// A master of an emulated valve.
 pub struct ImageClient {
     /// What it is connected to.
-    pub bench: ImageBench,
+    pub rig: ImageRig,
     /// Frames that came while it waited for another one.
     pub aside: VecDeque<Frame>,
 }
@@ -42,13 +42,13 @@ impl ImageClient {
 
     /// The valve on this board, booted at 250 kbit/s.
     pub fn booted_on(board: &'static Board) -> Self {
-        Self::powered(ImageBench::with_device(board, BitRate::Kbit250, &VALVE))
+        Self::powered(ImageRig::with_device(board, BitRate::Kbit250, &VALVE))
     }
 
     /// The valve on ISOBUS, after the wait that follows its claim.
     pub fn on_isobus() -> Self {
-        let bench = ImageBench::with_device(&NUCLEO_F429ZI, BitRate::Kbit250, &ON_ISOBUS);
-        let mut client = Self::started(bench);
+        let rig = ImageRig::with_device(&NUCLEO_F429ZI, BitRate::Kbit250, &ON_ISOBUS);
+        let mut client = Self::started(rig);
         client.expect("18EEFF83: 01 00 20 07 08 FF 02 20");
         client.wait_ms(260);
         client.aside.clear();
@@ -57,15 +57,15 @@ impl ImageClient {
 
     /// The angle sensor, booted at 500 kbit/s.
     pub fn sensor() -> Self {
-        let bench = ImageBench::with_device(&NUCLEO_F429ZI, BitRate::Kbit500, &SENSOR);
-        let mut client = Self::started(bench);
+        let rig = ImageRig::with_device(&NUCLEO_F429ZI, BitRate::Kbit500, &SENSOR);
+        let mut client = Self::started(rig);
         client.expect("720: 00");
         client
     }
 
     /// The valve with these bytes in its memory, booted at 250 kbit/s.
     pub fn with_memory(board: &'static Board, content: &[u8]) -> Self {
-        Self::powered(ImageBench::with_memory(board, BitRate::Kbit250, content))
+        Self::powered(ImageRig::with_memory(board, BitRate::Kbit250, content))
     }
 
     /// The valve on this board, booted; to save its parameters erases a sector of its memory.
@@ -84,65 +84,65 @@ impl ImageClient {
 
     /// What is connected to the board.
     pub fn connections(&self) -> &Connections {
-        self.bench.rig.connections(self.bench.board)
+        self.rig.boards.connections(self.rig.board)
     }
 
     /// Types a line at the console.
     pub fn type_line(&mut self, line: &str) {
-        self.bench.rig.type_line(self.bench.board, line);
+        self.rig.boards.type_line(self.rig.board, line);
     }
 
     /// What the console has printed since this was last asked.
     pub fn printed(&mut self) -> String {
-        self.bench.rig.printed(self.bench.board)
+        self.rig.boards.printed(self.rig.board)
     }
 
     /// The bit rate of the board's controller while it is on the bus.
     pub fn bits_per_second(&self) -> Option<u64> {
-        self.bench.rig.bits_per_second(self.bench.board)
+        self.rig.boards.bits_per_second(self.rig.board)
     }
 
     /// The resets of the board but for those that came with the power.
     pub fn resets(&self) -> Vec<Reset> {
-        self.bench.rig.resets(self.bench.board)
+        self.rig.boards.resets(self.rig.board)
     }
 
     /// Goes on until all that the master has sent is out.
     pub fn finish_sending(&mut self) {
-        while self.bench.rig.world.pending(self.bench.master) > 0 {
+        while self.rig.boards.world.pending(self.rig.master) > 0 {
             self.step();
         }
     }
 
     /// The emulated board.
     pub fn machine(&self) -> &Machine {
-        self.bench.rig.machine(self.bench.board).expect("it is under power")
+        self.rig.boards.machine(self.rig.board).expect("it is under power")
     }
 
     /// Cuts the power and looks whether the part was ever reset; there was no reset unless a test wanted one.
     pub fn end_without_reset(mut self) {
-        self.bench.rig.power(self.bench.board, false);
+        self.rig.boards.power(self.rig.board, false);
         assert_eq!(self.resets(), []);
     }
 
     /// Goes on until something happens, or a while.
     pub fn step(&mut self) {
-        let limit = after(self.bench.now(), Duration::from_millis(10));
-        self.bench.rig.step(limit);
+        let limit = after(self.rig.now(), Duration::from_millis(10));
+        self.rig.boards.step(limit);
     }
 }
 
 impl ImageClient {
     /// Switches the device on.
-    pub fn started(bench: ImageBench) -> Self {
-        let mut client = Self { bench, aside: VecDeque::new() };
-        client.bench.power_cycle();
+    pub fn started(rig: ImageRig) -> Self {
+        let mut client = Self { rig, aside: VecDeque::new() };
+        client.rig.power_cycle();
         client
     }
 
     /// Switches the valve on and takes its boot-up.
-    pub fn powered(bench: ImageBench) -> Self {
-        let mut client = Self::started(bench);
+    pub fn powered(rig: ImageRig) -> Self {
+        let mut client = Self::started(rig);
         client.expect_boot();
         client
     }
@@ -154,11 +154,11 @@ impl ImageClient {
     }
 
     pub fn now_us(&self) -> u64 {
-        self.bench.now().as_micros()
+        self.rig.now().as_micros()
     }
 
     pub fn send(&mut self, text: &str) {
-        self.bench.send(frame(text));
+        self.rig.send(frame(text));
     }
 
     pub fn receive(&mut self) -> Option<Frame> {
@@ -166,7 +166,7 @@ impl ImageClient {
     }
 
     pub fn receive_for(&mut self, time: Duration) -> Option<Frame> {
-        self.aside.pop_front().or_else(|| self.bench.receive(after(self.bench.now(), time)))
+        self.aside.pop_front().or_else(|| self.rig.receive(after(self.rig.now(), time)))
     }
 
     pub fn expect(&mut self, text: &str) {
@@ -181,17 +181,17 @@ impl ImageClient {
     }
 
     pub fn wait_ms(&mut self, ms: u64) {
-        let end = after(self.bench.now(), Duration::from_millis(ms));
-        while let Some(frame) = self.bench.receive(end) {
+        let end = after(self.rig.now(), Duration::from_millis(ms));
+        while let Some(frame) = self.rig.receive(end) {
             self.aside.push_back(frame);
         }
     }
 
     /// All frames that come in so many milliseconds.
     pub fn listen_ms(&mut self, ms: u64) -> Vec<Frame> {
-        let end = after(self.bench.now(), Duration::from_millis(ms));
+        let end = after(self.rig.now(), Duration::from_millis(ms));
         let mut frames: Vec<_> = self.aside.drain(..).collect();
-        while let Some(frame) = self.bench.receive(end) {
+        while let Some(frame) = self.rig.receive(end) {
             frames.push(frame);
         }
         frames
@@ -203,10 +203,10 @@ impl ImageClient {
     }
 
     pub fn try_sdo(&mut self, request: [u8; 8]) -> Option<[u8; 8]> {
-        self.bench.send(Frame::full(protocol_core::frame::standard(0x620).into(), request));
-        let end = after(self.bench.now(), PATIENCE);
+        self.rig.send(Frame::full(protocol_core::frame::standard(0x620).into(), request));
+        let end = after(self.rig.now(), PATIENCE);
         loop {
-            let frame = self.bench.receive(end)?;
+            let frame = self.rig.receive(end)?;
             if frame.to_string().starts_with("5A0:") {
                 return frame.eight().copied();
             }

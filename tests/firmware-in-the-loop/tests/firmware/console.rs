@@ -175,7 +175,7 @@ fn a_memory_that_fails_refuses_to_save_and_is_an_internal_error() {
 fn kept_bus_off_it_is_silent_until_it_may_recover() {
     let mut client = ImageClient::booted();
     // Somebody else acknowledges the request, or it would be repeated until the valve is back.
-    client.bench.rig.world.add_gateway("listener");
+    client.rig.boards.world.add_gateway("listener");
     client.obeyed("bus_off on");
     assert_eq!(client.try_sdo([0x40, 0x18, 0x10, 1, 0, 0, 0, 0]), None);
     client.obeyed("bus_off off");
@@ -268,7 +268,7 @@ fn another_kind_is_a_new_device_and_back_again() {
     client.expect(CLAIM);
     assert_eq!(client.status_of("kind"), "pvea-isobus");
     client.aside.clear();
-    client.bench.power_cycle();
+    client.rig.power_cycle();
     client.expect(CLAIM);
     client.wait_ms(300);
     client.aside.clear();
@@ -296,12 +296,12 @@ fn a_new_device_has_nothing_of_the_one_before_and_keeps_what_it_is_told() {
     client.expect_boot();
     for at in ["first", "second"] {
         assert_eq!(client.read(0x1028, 1), 0x8000_0000, "at its {at} start");
-        client.bench.power_cycle();
+        client.rig.power_cycle();
         client.expect_boot();
     }
     client.write(0x1028, 1, 4, 0xA2);
     client.write(0x1010, 1, 4, SAVE);
-    client.bench.power_cycle();
+    client.rig.power_cycle();
     client.expect_boot();
     assert_eq!(client.read(0x1028, 1), 0xA2);
     assert_eq!(client.status_of("kind"), "pveo-canopen");
@@ -315,7 +315,7 @@ fn a_new_device_can_have_a_serial_number_of_its_own() {
         client.expect("18EEFF80: 07 01 20 07 08 FF 02 20");
         client.wait_ms(300);
         client.aside.clear();
-        client.bench.power_cycle();
+        client.rig.power_cycle();
     }
 }
 
@@ -325,7 +325,7 @@ fn a_blank_one_waits_for_lss() {
     for _ in 0..2 {
         client.type_line("blank");
         assert_eq!(client.receive_for(Duration::from_millis(500)), None, "no boot-up");
-        client.bench.power_cycle();
+        client.rig.power_cycle();
         assert_eq!(client.receive_for(Duration::from_millis(500)), None, "no boot-up, it stays blank");
     }
     assert_eq!(client.try_sdo([0x40, 0x18, 0x10, 1, 0, 0, 0, 0]), None);
@@ -336,6 +336,6 @@ fn a_blank_one_waits_for_lss() {
     client.exchange("7E5: 17 00 00 00 00 00 00 00", "7E4: 17 00 00 00 00 00 00 00");
     client.exchange("7E5: 04 00 00 00 00 00 00 00", "721: 00");
     client.expect("0A1: 00 00 00 00 00 00 00 00");
-    client.bench.power_cycle();
+    client.rig.power_cycle();
     client.expect("721: 00");
 }

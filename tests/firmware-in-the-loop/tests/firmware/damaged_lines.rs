@@ -54,7 +54,7 @@ fn a_line_that_comes_during_an_erase_arrives_whole() {
     let mut client = about_to_erase();
     let (_, until) = begin_erase(&mut client);
     assert_eq!(answers(&mut client, "supply_mv 23000\n", 100), Vec::<String>::new(), "the processor stands");
-    assert!(client.bench.now() < until, "it still does");
+    assert!(client.rig.now() < until, "it still does");
     assert_eq!(answers(&mut client, "", 250), ["ok"]);
     assert_eq!(client.status_of("supply_mv"), "23000");
     client.end_without_reset();

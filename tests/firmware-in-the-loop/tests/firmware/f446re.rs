@@ -1,10 +1,10 @@
 //! What differs on the NUCLEO-F446RE: one LED, and a processor that stands while its only flash bank is erased.
 
-use firmware_in_the_loop::bench::ImageBench;
 use firmware_in_the_loop::board::NUCLEO_F446RE;
 use firmware_in_the_loop::content;
 use firmware_in_the_loop::flash::Operation;
 use firmware_in_the_loop::image::Image;
+use firmware_in_the_loop::rig::ImageRig;
 use protocol_core::controller::BitRate;
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, since};
@@ -35,12 +35,12 @@ pub fn about_to_erase() -> ImageClient {
 
 /// Asks it to save, and goes on until a sector is being erased. Returns the erase, in the time of the world.
 pub fn begin_erase(client: &mut ImageClient) -> (Instant, Instant) {
-    client.bench.send(Frame::full(frame("620: 00").id(), download(0x1010, 1, 4, SAVE)));
-    let board = client.bench.board;
+    client.rig.send(Frame::full(frame("620: 00").id(), download(0x1010, 1, 4, SAVE)));
+    let board = client.rig.board;
     loop {
         let last = client.connections().flash.lock().journal().last().copied();
         if let Some(erase) = last.filter(Operation::is_erase) {
-            let at = |nanos| client.bench.rig.instant(board, nanos);
+            let at = |nanos| client.rig.boards.instant(board, nanos);
             return (at(erase.from), at(erase.until));
         }
         client.step();
@@ -50,7 +50,7 @@ pub fn begin_erase(client: &mut ImageClient) -> (Instant, Instant) {
 /// Lets time pass to an instant; returns the frames that the valve has sent, each with the time of its end.
 fn watch_until(client: &mut ImageClient, until: Instant) -> Vec<(u64, String)> {
     let mut frames: Vec<_> = client.aside.drain(..).map(|frame| (0, frame.to_string())).collect();
-    while let Some(frame) = client.bench.receive(until) {
+    while let Some(frame) = client.rig.receive(until) {
         frames.push((client.now_us(), frame.to_string()));
     }
     frames
@@ -69,7 +69,7 @@ fn during_an_erase_nothing_is_sent_and_the_controller_holds_three_frames() {
     }
     let silent = watch_until(&mut client, Instant::from_micros(until.as_micros() - 1));
     assert_eq!(silent, [], "while the processor stands");
-    assert_eq!(client.bench.rig.world.pending(client.bench.master), 0, "all were acknowledged");
+    assert_eq!(client.rig.boards.world.pending(client.rig.master), 0, "all were acknowledged");
     assert_eq!(client.machine().reached().instructions, before, "the processor stands");
     assert_ne!(client.connections().can.lock().can.lost(), [0, 0]);
 
@@ -95,7 +95,7 @@ fn an_erase_costs_the_clock_no_time() {
         let before = beat(&mut client);
         let (_, until) = begin_erase(&mut client);
         client.expect("5A0: 60 10 10 01 00 00 00 00");
-        assert!(client.bench.now() > until, "the save is answered when it is done");
+        assert!(client.rig.now() > until, "the save is answered when it is done");
         let after = beat(&mut client);
         let cycles = (after - before + HEARTBEAT_MS * 500) / (HEARTBEAT_MS * 1000);
         let late = after.abs_diff(before + cycles * HEARTBEAT_MS * 1000);
@@ -109,14 +109,14 @@ fn the_longest_erase_is_shorter_than_the_watchdog_by_the_fastest_oscillator() {
     let mut client = about_to_erase();
     client.connections().flash.lock().set_slow(true);
     client.connections().oscillators.lock().watchdog = FASTEST_LSI_HZ;
-    client.bench.power_cycle();
+    client.rig.power_cycle();
     client.wait_ms(20);
     client.aside.clear();
     client.write(0x1028, 1, 4, 0xA1);
     let (from, until) = begin_erase(&mut client);
     assert_eq!(since(until, from), Duration::from_millis(LONGEST_ERASE_MS));
     client.wait_ms(LONGEST_ERASE_MS + 100);
-    client.bench.power_cycle();
+    client.rig.power_cycle();
     client.aside.clear();
     client.expect_boot();
     assert_eq!(client.read(0x1028, 1), 0xA1);
@@ -125,7 +125,7 @@ fn the_longest_erase_is_shorter_than_the_watchdog_by_the_fastest_oscillator() {
 
 #[test]
 fn while_words_are_written_no_frame_is_lost() {
-    let mut client = ImageClient::powered(ImageBench::with_memory(
+    let mut client = ImageClient::powered(ImageRig::with_memory(
         &NUCLEO_F446RE,
         BitRate::Kbit500,
         &content::stored_after(
@@ -135,7 +135,7 @@ fn while_words_are_written_no_frame_is_lost() {
         ),
     ));
     client.send("000: 01 00");
-    client.bench.send(Frame::full(frame("620: 00").id(), download(0x1010, 1, 4, SAVE)));
+    client.rig.send(Frame::full(frame("620: 00").id(), download(0x1010, 1, 4, SAVE)));
     let before = client.connections().can.lock().can.came()[0];
     for number in 0..100 {
         client.send(&format!("220: 0F 00 {number:02X} 00"));

@@ -21,9 +21,9 @@ mod program {
 use std::fmt::Write as _;
 use std::fs;
 
-use firmware_in_the_loop::bench::ImageBench;
 use firmware_in_the_loop::board::{Board, NUCLEO_F429ZI, NUCLEO_F446RE};
 use firmware_in_the_loop::flash::{ERASED, SECTOR_SIZE};
+use firmware_in_the_loop::rig::ImageRig;
 use protocol_core::controller::BitRate;
 
 use super::client::{ImageClient, frame};
@@ -87,7 +87,7 @@ const SENSOR: &[(u16, u8)] = &[
 
 /// A board with this memory, switched on; the bus at the first rate of its kind, or at another one.
 fn started(board: &'static Board, memory: &[u8], rate: BitRate) -> ImageClient {
-    ImageClient::started(ImageBench::with_memory(board, rate, memory))
+    ImageClient::started(ImageRig::with_memory(board, rate, memory))
 }
 
 /// Plays a story on a board whose memory is erased; what its sectors hold then.
@@ -100,7 +100,7 @@ fn told(kind: &str, story: &stories::Story) -> Vec<u8> {
         client.wait_ms(BECOME);
     }
     client.obeyed(&new);
-    client.bench.set_bit_rate(first_rate(kind));
+    client.rig.set_bit_rate(first_rate(kind));
     client.wait_ms(BECOME);
     client.aside.clear();
     for line in &story.lines {
@@ -108,8 +108,8 @@ fn told(kind: &str, story: &stories::Story) -> Vec<u8> {
     }
     // The fault log is written within 10 s.
     client.wait_ms(11_000);
-    let board = client.bench.board;
-    client.bench.rig.power(board, false);
+    let board = client.rig.board;
+    client.rig.boards.power(board, false);
     client.connections().flash.lock().content(SIZE).to_vec()
 }
 
@@ -118,7 +118,7 @@ fn act(client: &mut ImageClient, line: &str) {
     let (word, rest) = line.split_once(' ').unwrap_or((line, ""));
     match word {
         "advance" => client.wait_ms(rest.parse().expect("a number")),
-        "send" => client.bench.send(of_candump(rest)),
+        "send" => client.rig.send(of_candump(rest)),
         "ask" => {
             let (text, answer) = rest.rsplit_once(' ').expect("a frame and an identifier");
             exchange(client, text, answer);
@@ -129,9 +129,9 @@ fn act(client: &mut ImageClient, line: &str) {
                 client.obeyed(&pair.replace(['"', ':'], ""));
             }
         }
-        "power" if rest.contains("true") => client.bench.power_cycle(),
+        "power" if rest.contains("true") => client.rig.power_cycle(),
         "power" => {}
-        "rate" => client.bench.set_bit_rate(match rest {
+        "rate" => client.rig.set_bit_rate(match rest {
             "125000" => BitRate::Kbit125,
             _ => panic!("no such rate: {line}"),
         }),
@@ -149,7 +149,7 @@ fn of_candump(text: &str) -> protocol_core::frame::Frame {
 /// Sends a request; the answer under an identifier.
 fn exchange(client: &mut ImageClient, request: &str, identifier: &str) -> String {
     client.aside.clear();
-    client.bench.send(of_candump(request));
+    client.rig.send(of_candump(request));
     let head = format!("{identifier}: ");
     loop {
         let frame = client.receive().unwrap_or_else(|| panic!("no answer to {request}")).to_string();

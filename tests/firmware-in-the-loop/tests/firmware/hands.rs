@@ -36,10 +36,10 @@ impl ImageClient {
     pub fn console(&mut self, line: &str) -> Result<Vec<String>, String> {
         self.printed();
         self.type_line(line);
-        let end = after(self.bench.rig.world.now(), PATIENCE);
+        let end = after(self.rig.boards.world.now(), PATIENCE);
         let mut answer = String::new();
         loop {
-            assert!(self.bench.rig.world.now() < end, "{line:?} is answered {answer:?}");
+            assert!(self.rig.boards.world.now() < end, "{line:?} is answered {answer:?}");
             self.step();
             answer += &self.printed();
             let Some(complete) = answer.strip_suffix("\r\n") else { continue };
@@ -96,11 +96,11 @@ impl ImageClient {
     /// The same, while this frame is sent every 100 ms.
     pub fn leds_while_sending(&mut self, cyclic: Option<&str>) -> Shown {
         // A change shows from the next half period on.
-        let mut next = self.bench.rig.world.now();
+        let mut next = self.rig.boards.world.now();
         let start = after(next, Duration::from_millis(HALF_PERIOD + LOOK));
         let mut levels: Vec<((bool, bool), u64)> = Vec::new();
-        while since(self.bench.rig.world.now(), start) < WATCHED {
-            if let Some(frame) = cyclic.filter(|_| self.bench.rig.world.now() >= next) {
+        while since(self.rig.boards.world.now(), start) < WATCHED {
+            if let Some(frame) = cyclic.filter(|_| self.rig.boards.world.now() >= next) {
                 self.send(frame);
                 next = after(next, CYCLE);
             }
@@ -108,7 +108,7 @@ impl ImageClient {
             let is_high = |(port, pin)| self.machine().is_high(port, pin);
             let level = (is_high(red), is_high(green));
             match levels.last_mut() {
-                _ if self.bench.rig.world.now() < start => {}
+                _ if self.rig.boards.world.now() < start => {}
                 Some((last, ms)) if *last == level => *ms += LOOK,
                 _ => levels.push((level, LOOK)),
             }

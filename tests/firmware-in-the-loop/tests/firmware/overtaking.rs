@@ -25,7 +25,7 @@ fn in_flood(client: &mut ImageClient, text: Option<&str>, ms: u64) {
         client.send(FLOOD);
     }
     // Up to the last frame of the flood, which the next call follows.
-    while client.bench.rig.world.pending(client.bench.master) > 2 {
+    while client.rig.boards.world.pending(client.rig.master) > 2 {
         client.step();
     }
 }
@@ -134,7 +134,7 @@ fn in_random_traffic_nothing_is_lost_or_doubled() {
         // From an empty bus on, so that the next requests come at any distance from the answers.
         client.finish_sending();
         let pause = client.now_us() + random.u64(..1500);
-        client.bench.rig.run_until(protocol_core::time::Instant::from_micros(pause));
+        client.rig.boards.run_until(protocol_core::time::Instant::from_micros(pause));
     }
     let frames = sent(&mut client);
     let count = |start: &str| frames.iter().filter(|frame| frame.starts_with(start)).count();
@@ -149,7 +149,7 @@ fn in_random_traffic_nothing_is_lost_or_doubled() {
 #[test]
 fn a_frame_that_is_destroyed_is_sent_once_in_the_end() {
     let mut client = scene();
-    client.bench.rig.world.inject(DestroyNext::frames_of("board", 3));
+    client.rig.boards.world.inject(DestroyNext::frames_of("board", 3));
     client.send("620: 40 18 10 01 00 00 00 00");
     client.send("090: 0F 00 00 00");
     client.send("1BC78820: 03 22 10 01");
@@ -161,12 +161,12 @@ fn a_frame_that_is_destroyed_is_sent_once_in_the_end() {
 
 /// Listens to all frames from now on.
 pub fn listen(client: &mut ImageClient) -> ClientPortId {
-    client.bench.rig.world.add_client_port("listener")
+    client.rig.boards.world.add_client_port("listener")
 }
 
 /// The frames that a listener has heard, each with its end.
 pub fn heard(client: &mut ImageClient, listener: ClientPortId) -> Vec<(Instant, Frame)> {
-    client.bench.rig.world.take_received(listener).collect()
+    client.rig.boards.world.take_received(listener).collect()
 }
 
 /// Runs bus and controller at a bit rate that a valve cannot be told, behind the firmware's back.
@@ -178,7 +178,7 @@ fn set_timing(client: &mut ImageClient, rate: BitRate) {
         shared.can.write(BTR, firmware::bit_timing::BitTiming::of(rate).register());
         shared.can.write(MCR, control);
     }
-    client.bench.set_bit_rate(rate);
+    client.rig.set_bit_rate(rate);
     client.wait_ms(10);
 }
 
@@ -262,7 +262,7 @@ fn a_frame_that_is_taken_back_on_the_wire_and_then_destroyed_is_sent_once() {
     // Where it is not taken back, the emergency waits for up to a millisecond.
     for (txm, first) in [(None, ["1A1:", EMERGENCY, "1A2:"]), (Some(false), [EMERGENCY, "1A1:", "1A2:"])] {
         let mut client = scene();
-        client.bench.rig.world.inject(DestroyNext::frames_of("board", 1));
+        client.rig.boards.world.inject(DestroyNext::frames_of("board", 1));
         let seen = emergency_while_an_answer_is_on_the_wire(&mut client, txm);
         assert_eq!(seen[..3], first, "{txm:?}");
         assert_eq!(seen.iter().filter(|text| *text == ANSWER).count(), 1, "{txm:?}: {seen:?}");
@@ -275,7 +275,7 @@ fn an_urgent_frame_does_not_wait_for_an_interrupt_that_does_not_come() {
     // Less urgent than an emergency, more urgent than all else.
     let flood = |client: &mut ImageClient, ms: u64| {
         (0..PER_MS * ms).for_each(|_| client.send("0B0: 00 00 00 00 00 00 00 00"));
-        while client.bench.rig.world.pending(client.bench.master) > 2 {
+        while client.rig.boards.world.pending(client.rig.master) > 2 {
             client.step();
         }
     };
@@ -302,7 +302,7 @@ fn who_leaves_the_bus_drops_the_frame_on_the_wire_when_it_is_destroyed() {
     let mut client = scene();
     client.connections().terminal.lock().typed.extend(b"bus_off on");
     client.wait_ms(10);
-    client.bench.rig.world.inject(DestroyNext::frames_of("board", 1));
+    client.rig.boards.world.inject(DestroyNext::frames_of("board", 1));
     client.send("620: 40 18 10 01 00 00 00 00");
     client.finish_sending();
     client.connections().terminal.lock().typed.push_back(b'\n');

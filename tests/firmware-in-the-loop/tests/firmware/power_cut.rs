@@ -45,18 +45,18 @@ impl Scene {
     /// From the power on; says when saving was asked for.
     fn set(&mut self) -> Instant {
         let client = &mut self.client;
-        let board = client.bench.board;
-        client.bench.rig.power(board, false);
+        let board = client.rig.board;
+        client.rig.boards.power(board, false);
         client.connections().flash.lock().restore(&self.flash);
         client.aside.clear();
-        client.bench.power_cycle();
+        client.rig.power_cycle();
         client.expect_boot();
         for (index, sub, size, _, new) in PARAMETERS {
             client.write(index, sub, size, new);
         }
         client.listen_ms(2);
-        let asked = client.bench.rig.world.now();
-        client.bench.send(protocol_core::frame::Frame::full(frame("620: 00").id(), download(0x1010, 1, 4, SAVE)));
+        let asked = client.rig.boards.world.now();
+        client.rig.send(protocol_core::frame::Frame::full(frame("620: 00").id(), download(0x1010, 1, 4, SAVE)));
         asked
     }
 
@@ -65,10 +65,10 @@ impl Scene {
         let asked = self.set();
         let client = &mut self.client;
         client.expect("5A0: 60 10 10 01 00 00 00 00");
-        let rig = &client.bench.rig;
-        let board = client.bench.board;
-        let flash = rig.connections(board).flash.lock();
-        let at = |nanos: u64| (rig.instant(board, nanos).as_micros()).checked_sub(asked.as_micros());
+        let boards = &client.rig.boards;
+        let board = client.rig.board;
+        let flash = boards.connections(board).flash.lock();
+        let at = |nanos: u64| (boards.instant(board, nanos).as_micros()).checked_sub(asked.as_micros());
         let span = |operation: &firmware_in_the_loop::flash::Operation| {
             Some((at(operation.from)?..at(operation.until)?, operation.is_erase()))
         };
@@ -81,11 +81,11 @@ impl Scene {
         let client = &mut self.client;
         let until = Instant::from_micros(asked.as_micros() + after_us);
         let mut answered = false;
-        while let Some(frame) = client.bench.receive(until) {
+        while let Some(frame) = client.rig.receive(until) {
             assert_eq!(frame.to_string(), "5A0: 60 10 10 01 00 00 00 00");
             answered = true;
         }
-        client.bench.power_cycle();
+        client.rig.power_cycle();
         answered
     }
 

@@ -20,17 +20,17 @@ fn assign_filters(client: &ImageClient, fifo: u32) {
 #[test]
 fn length_codes_from_9_to_15_do_no_harm_in_either_fifo() {
     let mut client = ImageClient::booted();
-    let board = client.bench.board;
+    let board = client.rig.board;
     for fifo in [0, 1] {
         assign_filters(&client, fifo);
         for code in 9..=15 {
-            client.bench.rig.set_length_code(board, Some(code));
+            client.rig.boards.set_length_code(board, Some(code));
             for id in [0x000, 0x080, 0x220, 0x620, 0x7E5] {
-                client.bench.rig.world.send(client.bench.master, Frame::full(standard(id).into(), [0xFF; 8]));
-                client.bench.rig.world.send(client.bench.master, Frame::remote(standard(id).into(), 8));
+                client.rig.boards.world.send(client.rig.master, Frame::full(standard(id).into(), [0xFF; 8]));
+                client.rig.boards.world.send(client.rig.master, Frame::remote(standard(id).into(), 8));
             }
             for id in [0x18EA_FFFE, 0x1BC7_8820] {
-                client.bench.rig.world.send(client.bench.master, Frame::full(extended(id).into(), [0; 8]));
+                client.rig.boards.world.send(client.rig.master, Frame::full(extended(id).into(), [0; 8]));
             }
             let before = client.connections().can.lock().can.came();
             client.listen_ms(20);
@@ -38,7 +38,7 @@ fn length_codes_from_9_to_15_do_no_harm_in_either_fifo() {
             assert!(came[fifo as usize] >= before[fifo as usize] + 5, "hardly anything reached FIFO {fifo}");
             // An SDO request is eight bytes long, and a length code above 8 means 8.
             assert_eq!(client.read(0x1018, 1), 0x0100_0019, "FIFO {fifo}, length code {code}");
-            client.bench.rig.set_length_code(board, None);
+            client.rig.boards.set_length_code(board, None);
             assert_eq!(client.read(0x1018, 1), 0x0100_0019, "FIFO {fifo}, after length code {code}");
         }
     }

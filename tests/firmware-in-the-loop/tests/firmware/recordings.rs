@@ -3,8 +3,8 @@
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use firmware_in_the_loop::bench::{BoardTarget, Device, ImageBench};
 use firmware_in_the_loop::board::NUCLEO_F429ZI;
+use firmware_in_the_loop::rig::{BoardTarget, Device, ImageRig};
 use hal_sim::devices::NamedDevice;
 use hal_sim::log::{Entry, Record, Timestamp};
 use hal_sim::recording::{Format, Writer};
@@ -24,19 +24,19 @@ use super::use_cases::use_case;
 /// The wall time of virtual instant 0.
 const START: Timestamp = Timestamp::from_micros(1_700_000_000_000_000);
 
-/// A bench whose events are recorded, with the image booted.
-fn recorded(bit_rate: BitRate, device: &Device) -> ImageBench {
-    let mut bench = ImageBench::with_device(&NUCLEO_F429ZI, bit_rate, device);
-    bench.rig.world.record_events(true);
-    bench.power_cycle();
-    let booted = after(bench.now(), Duration::from_millis(50));
-    while bench.receive(booted).is_some() {}
-    bench
+/// A rig whose events are recorded, with the image booted.
+fn recorded(bit_rate: BitRate, device: &Device) -> ImageRig {
+    let mut rig = ImageRig::with_device(&NUCLEO_F429ZI, bit_rate, device);
+    rig.boards.world.record_events(true);
+    rig.power_cycle();
+    let booted = after(rig.now(), Duration::from_millis(50));
+    while rig.receive(booted).is_some() {}
+    rig
 }
 
 /// Writes what was on the bus as a log.
-fn log(bench: &mut ImageBench, name: &str) -> PathBuf {
-    let events = bench.rig.world.take_events();
+fn log(rig: &mut ImageRig, name: &str) -> PathBuf {
+    let events = rig.boards.world.take_events();
     write(name, events.filter_map(|event| Some((event.at, *event.frame()?))))
 }
 
@@ -71,11 +71,11 @@ fn replays(file: PathBuf, devices: &[Device]) -> u64 {
 }
 
 /// Lets the master send frames, so many milliseconds apart.
-fn send(bench: &mut ImageBench, ms: u64, frames: &[&str]) {
+fn send(rig: &mut ImageRig, ms: u64, frames: &[&str]) {
     for text in frames {
-        bench.send(frame(text));
-        let next = after(bench.now(), Duration::from_millis(ms));
-        while bench.receive(next).is_some() {}
+        rig.send(frame(text));
+        let next = after(rig.now(), Duration::from_millis(ms));
+        while rig.receive(next).is_some() {}
     }
 }
 
@@ -83,10 +83,10 @@ fn send(bench: &mut ImageBench, ms: u64, frames: &[&str]) {
 #[test]
 fn a_use_case() {
     let scenario = use_case("1");
-    let mut bench = BoardTarget::new(&NUCLEO_F429ZI, &scenario);
-    bench.power_up();
-    assert!(scenario.play(&mut bench).is_success());
-    let frames = bench.simulation().history().last(KEPT).records().into_iter().filter_map(|record| match record {
+    let mut rig = BoardTarget::new(&NUCLEO_F429ZI, &scenario);
+    rig.power_up();
+    assert!(scenario.play(&mut rig).is_success());
+    let frames = rig.simulation().history().last(KEPT).records().into_iter().filter_map(|record| match record {
         TraceRecord::Frame(frame) => {
             let text = format!("{:03X}#{}", frame.id, frame.data);
             let frame_sent = text.parse::<Pattern>().expect("a frame").frame().expect("one");
@@ -100,29 +100,29 @@ fn a_use_case() {
 /// The spool on its way: its position in PDOs and by SDO.
 #[test]
 fn a_spool_that_moves() {
-    let mut bench = recorded(BitRate::Kbit250, &VALVE);
-    send(&mut bench, 50, &["000: 01 20", "620: 2B 17 10 00 64 00 00 00", "220: 03 00 00 00", "220: 0B 00 00 00"]);
-    send(&mut bench, 20, &["220: 0F 00 00 20"; 20]);
-    send(&mut bench, 7, &["220: 0F 00 00 E0", "620: 40 01 63 01 00 00 00 00", "220: 0F 00 00 E0"].repeat(10));
+    let mut rig = recorded(BitRate::Kbit250, &VALVE);
+    send(&mut rig, 50, &["000: 01 20", "620: 2B 17 10 00 64 00 00 00", "220: 03 00 00 00", "220: 0B 00 00 00"]);
+    send(&mut rig, 20, &["220: 0F 00 00 20"; 20]);
+    send(&mut rig, 7, &["220: 0F 00 00 E0", "620: 40 01 63 01 00 00 00 00", "220: 0F 00 00 E0"].repeat(10));
     // The master is gone: time guarding.
-    send(&mut bench, 600, &["620: 40 03 10 01 00 00 00 00"]);
-    assert!(replays(log(&mut bench, "spool.asc"), &[VALVE]) > 60);
+    send(&mut rig, 600, &["620: 40 03 10 01 00 00 00 00"]);
+    assert!(replays(log(&mut rig, "spool.asc"), &[VALVE]) > 60);
 }
 
 #[test]
 fn a_valve_on_isobus() {
-    let mut bench = recorded(BitRate::Kbit250, &ON_ISOBUS);
-    send(&mut bench, 300, &["18EEFF27: 02 00 20 00 00 82 00 A0"]);
-    send(&mut bench, 100, &["0CFE3327: 7D FF 31 FF FF FF FF FF"; 10]);
-    send(&mut bench, 100, &["0CFE3327: FA FF 32 FF FF FF FF FF"; 5]);
-    send(&mut bench, 400, &["18EAFF27: 00 EE 00", "18EA8327: CB FE 00"]);
-    assert!(replays(log(&mut bench, "isobus.pcapng"), &[ON_ISOBUS]) > 15);
+    let mut rig = recorded(BitRate::Kbit250, &ON_ISOBUS);
+    send(&mut rig, 300, &["18EEFF27: 02 00 20 00 00 82 00 A0"]);
+    send(&mut rig, 100, &["0CFE3327: 7D FF 31 FF FF FF FF FF"; 10]);
+    send(&mut rig, 100, &["0CFE3327: FA FF 32 FF FF FF FF FF"; 5]);
+    send(&mut rig, 400, &["18EAFF27: 00 EE 00", "18EA8327: CB FE 00"]);
+    assert!(replays(log(&mut rig, "isobus.pcapng"), &[ON_ISOBUS]) > 15);
 }
 
 #[test]
 fn an_angle_sensor() {
-    let mut bench = recorded(BitRate::Kbit500, &SENSOR);
-    send(&mut bench, 50, &["000: 01 20", "620: 2B 17 10 00 64 00 00 00", "620: 40 04 60 00 00 00 00 00"]);
-    send(&mut bench, 300, &["080:", "620: 23 03 60 00 10 00 00 00", "620: 40 04 60 00 00 00 00 00"]);
-    assert!(replays(log(&mut bench, "sensor.log"), &[SENSOR]) > 10);
+    let mut rig = recorded(BitRate::Kbit500, &SENSOR);
+    send(&mut rig, 50, &["000: 01 20", "620: 2B 17 10 00 64 00 00 00", "620: 40 04 60 00 00 00 00 00"]);
+    send(&mut rig, 300, &["080:", "620: 23 03 60 00 10 00 00 00", "620: 40 04 60 00 00 00 00 00"]);
+    assert!(replays(log(&mut rig, "sensor.log"), &[SENSOR]) > 10);
 }

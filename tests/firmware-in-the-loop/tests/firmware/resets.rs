@@ -1,10 +1,10 @@
 //! What goes wrong in the image ends in a reset, and the next start raises the internal error (SPEC 2).
 
-use firmware_in_the_loop::bench::ImageBench;
 use firmware_in_the_loop::board::{NUCLEO_F429ZI, NUCLEO_F446RE};
 use firmware_in_the_loop::broken::Break;
 use firmware_in_the_loop::image::Image;
 use firmware_in_the_loop::part::Connections;
+use firmware_in_the_loop::rig::ImageRig;
 use protocol_core::controller::BitRate;
 use protocol_core::time::{Duration, after};
 
@@ -58,10 +58,10 @@ fn break_there_and_wait(
 /// Waits for a reset, at most so long, while frames for the device go on coming.
 fn wait_for_reset(client: &mut ImageClient, patience: Duration) -> Duration {
     let before = client.machine().reached().resets;
-    let start = client.bench.now();
+    let start = client.rig.now();
     while client.machine().reached().resets == before {
-        assert!(client.bench.now() < after(start, patience), "no reset within {patience}");
-        if client.bench.rig.world.pending(client.bench.master) == 0 {
+        assert!(client.rig.now() < after(start, patience), "no reset within {patience}");
+        if client.rig.boards.world.pending(client.rig.master) == 0 {
             client.send("080:");
         }
         client.step();
@@ -96,7 +96,7 @@ fn resets_by(how: Break, patience: Duration, cause: &str) {
         }
         let resets = client.resets();
         assert!(resets.len() == 2 && resets.iter().all(|reset| reset.cause.contains(cause)), "{resets:?}");
-        client.bench.power_cycle();
+        client.rig.power_cycle();
         client.expect_boot();
         assert_eq!(client.listen_ms(100), [], "power that comes is no internal error");
         assert_eq!(client.read(0x2024, 0), 2, "but its counter was kept");
@@ -135,10 +135,10 @@ fn a_fault_inside_a_call_of_the_log_resets_at_once() {
 /// A board that is switched on and waits for something in vain is reset by the watchdog, and starts when that is there.
 fn starts_after_a_wait(mend: impl Fn(&Connections), damage: impl Fn(&Connections)) {
     for board in [&NUCLEO_F429ZI, &NUCLEO_F446RE] {
-        let bench = ImageBench::with_device(board, BitRate::Kbit250, &VALVE);
-        let mut client = ImageClient { bench, aside: Default::default() };
+        let rig = ImageRig::with_device(board, BitRate::Kbit250, &VALVE);
+        let mut client = ImageClient { rig, aside: Default::default() };
         damage(client.connections());
-        client.bench.power_cycle();
+        client.rig.power_cycle();
         while client.machine().reached().resets == 0 {
             assert!(client.now_us() < WATCHDOG.as_micros(), "{}: no reset", board.name);
             client.step();
@@ -177,7 +177,7 @@ fn a_reset_in_the_middle_of_an_erase_loses_nothing() {
     assert!(kept == 0xA1 || kept == 0x8000_0000, "{kept:#x}");
     client.write(0x1028, 1, 4, 0xA2);
     client.write(0x1010, 1, 4, SAVE);
-    client.bench.power_cycle();
+    client.rig.power_cycle();
     client.expect_boot();
     assert_eq!(client.read(0x1028, 1), 0xA2);
 }
@@ -241,10 +241,10 @@ fn a_memory_that_hangs_at_the_start_is_ended_by_the_watchdog() {
 #[test]
 fn a_start_that_erases_all_is_not_ended_by_the_watchdog() {
     let noise: Vec<u8> = (0..32 * 1024).map(|place| (place * 31 % 251) as u8).collect();
-    let bench = ImageBench::with_memory(&NUCLEO_F429ZI, BitRate::Kbit250, &noise);
-    let mut client = ImageClient { bench, aside: Default::default() };
+    let rig = ImageRig::with_memory(&NUCLEO_F429ZI, BitRate::Kbit250, &noise);
+    let mut client = ImageClient { rig, aside: Default::default() };
     client.connections().flash.lock().set_slow(true);
-    client.bench.power_cycle();
+    client.rig.power_cycle();
     let booted = client.receive_for(Duration::from_secs(4)).map(|frame| frame.to_string());
     assert_eq!(booted.as_deref(), Some("720: 00"));
     let erases = client.connections().flash.lock().wear().1;
@@ -253,7 +253,7 @@ fn a_start_that_erases_all_is_not_ended_by_the_watchdog() {
     client.expect(NO_ERROR);
     client.expect("0A0: 00 10 01 01 00 00 00 00");
     client.wait_ms(1000);
-    client.bench.power_cycle();
+    client.rig.power_cycle();
     client.aside.clear();
     client.expect_boot();
     assert_eq!(client.listen_ms(200), []);
@@ -285,9 +285,9 @@ fn a_reset_that_was_wanted_is_none_of_the_watchdogs_before_it() {
 fn power_that_comes_with_the_mark_of_a_panic_in_the_noise_is_no_internal_error() {
     let mut client = ImageClient::booted();
     let marker = Image::of(&NUCLEO_F429ZI).symbols().address("firmware::board::reset::MARKER").expect("a marker");
-    let board = client.bench.board;
-    client.bench.rig.power(board, false);
-    client.bench.rig.power(board, true);
+    let board = client.rig.board;
+    client.rig.boards.power(board, false);
+    client.rig.boards.power(board, true);
     client.machine().write(marker, b"INAP");
     client.expect_boot();
     assert_eq!(client.listen_ms(200), []);

@@ -1,10 +1,10 @@
 //! What the emulator would let pass and silicon does not: how the processor is set up, and what it does at the edges of
 //! the manual and of the errata sheet.
 
-use firmware_in_the_loop::bench::ImageBench;
 use firmware_in_the_loop::board::{NUCLEO_F429ZI, NUCLEO_F446RE};
 use firmware_in_the_loop::broken::Break;
 use firmware_in_the_loop::image::Image;
+use firmware_in_the_loop::rig::ImageRig;
 use protocol_core::controller::BitRate;
 use protocol_core::frame::{Frame, standard};
 
@@ -175,12 +175,12 @@ fn the_pin_that_disturbs_early_silicon_is_held() {
 #[test]
 fn a_start_through_a_bootloader_uses_the_vectors_of_the_image() {
     for board in [&NUCLEO_F429ZI, &NUCLEO_F446RE] {
-        let mut bench = ImageBench::with_device(board, BitRate::Kbit250, &VALVE);
-        bench.power_cycle();
-        let core = bench.rig.connections(bench.board).core.clone();
+        let mut rig = ImageRig::with_device(board, BitRate::Kbit250, &VALVE);
+        rig.power_cycle();
+        let core = rig.boards.connections(rig.board).core.clone();
         core.watch(VTOR);
         core.write(VTOR, ROM);
-        let mut client = ImageClient { bench, aside: Default::default() };
+        let mut client = ImageClient { rig, aside: Default::default() };
         client.expect("720: 00");
         assert_eq!(core.get(VTOR), Some(board.flash.start as u32), "{}", board.name);
         client.end_without_reset();
@@ -199,7 +199,7 @@ fn nothing_is_written_while_the_supply_is_too_low() {
     assert_eq!(operations(&client), before);
     client.machine().supply(3300);
     client.write(0x1010, 1, 4, SAVE);
-    client.bench.power_cycle();
+    client.rig.power_cycle();
     while client.receive() != Some(frame("720: 00")) {}
     client.aside.clear();
     assert_eq!(client.read(0x1028, 1), 0xA1);
@@ -211,16 +211,16 @@ fn errors_that_go_on_do_not_interrupt_again() {
     let mut client = ImageClient::booted();
     let interrupts = |client: &ImageClient| client.connections().can.lock().can.error_interrupts();
     let before = interrupts(&client);
-    let master = client.bench.master;
+    let master = client.rig.master;
     // Alone on the bus: the answer is tried again and again.
-    client.bench.send(Frame::full(standard(0x620).into(), [0x40, 0x18, 0x10, 1, 0, 0, 0, 0]));
+    client.rig.send(Frame::full(standard(0x620).into(), [0x40, 0x18, 0x10, 1, 0, 0, 0, 0]));
     client.finish_sending();
-    client.bench.rig.world.remove_client_port(master);
+    client.rig.boards.world.remove_client_port(master);
     client.wait_ms(1000);
     assert_eq!(client.status_of("bus"), "error-passive");
     assert_eq!(interrupts(&client) - before, 1);
     assert_eq!(client.status_of("error_interrupts"), "1");
-    client.bench.master = client.bench.rig.world.add_client_port("another master");
+    client.rig.master = client.rig.boards.world.add_client_port("another master");
     client.wait_ms(100);
     client.aside.clear();
     // Error-active again, and it would be told of the next time.
@@ -228,7 +228,7 @@ fn errors_that_go_on_do_not_interrupt_again() {
         client.read(0x1018, 1);
     }
     assert_eq!(client.status_of("bus"), "error-active");
-    client.bench.rig.world.inject(hal_sim::bus::DestroyNext::frames_of("board", 3));
+    client.rig.boards.world.inject(hal_sim::bus::DestroyNext::frames_of("board", 3));
     client.read(0x1018, 1);
     assert_eq!(client.status_of("error_interrupts"), "2");
     client.end_without_reset();

@@ -1,9 +1,9 @@
 //! The bus goes on while the memory is written and erased: nothing is lost, and every answer is on time.
 
-use firmware_in_the_loop::bench::ImageBench;
 use firmware_in_the_loop::board::{NUCLEO_F429ZI, NUCLEO_F446RE};
 use firmware_in_the_loop::content;
 use firmware_in_the_loop::flash::{Operation, SECTOR_SIZE};
+use firmware_in_the_loop::rig::ImageRig;
 use hal_sim::Event;
 use protocol_core::controller::BitRate;
 use protocol_core::frame::Frame;
@@ -35,7 +35,7 @@ fn active() -> ImageClient {
     let mut frames: Vec<Frame> = lss.map(frame).to_vec();
     frames.push(frame("620: 23 10 10 01 73 61 76 65"));
     let content = content::worn(&content::stored_after(&VALVE, &frames));
-    let mut client = ImageClient::powered(ImageBench::with_memory(&NUCLEO_F429ZI, BitRate::Kbit500, &content));
+    let mut client = ImageClient::powered(ImageRig::with_memory(&NUCLEO_F429ZI, BitRate::Kbit500, &content));
     client.activate("220");
     client
 }
@@ -48,26 +48,26 @@ fn rpdo(number: usize) -> Frame {
 
 /// Keeps the bus full for the window; the requests go out one after the other, each when the last one was answered.
 fn fill(client: &mut ImageClient, requests: &[[u8; 8]]) -> usize {
-    let start = client.bench.rig.world.now();
-    let (rig, master) = (&mut client.bench.rig, client.bench.master);
+    let start = client.rig.boards.world.now();
+    let (boards, master) = (&mut client.rig.boards, client.rig.master);
     let mut requests = requests.iter();
     let mut rpdos = 0;
     let mut answered = true;
-    while since(rig.world.now(), start) < WINDOW {
-        while rig.world.pending(master) < 2 * WAITING {
-            rig.world.send(master, rpdo(rpdos));
-            FOR_OTHERS.iter().for_each(|text| rig.world.send(master, frame(text)));
+    while since(boards.world.now(), start) < WINDOW {
+        while boards.world.pending(master) < 2 * WAITING {
+            boards.world.send(master, rpdo(rpdos));
+            FOR_OTHERS.iter().for_each(|text| boards.world.send(master, frame(text)));
             rpdos += 1;
             if rpdos % REQUEST_EVERY == 0 && std::mem::take(&mut answered) {
                 match requests.next() {
-                    Some(request) => rig.world.send(master, Frame::full(frame("620: 00").id(), *request)),
+                    Some(request) => boards.world.send(master, Frame::full(frame("620: 00").id(), *request)),
                     None => answered = true,
                 }
             }
         }
-        rig.step(after(start, WINDOW));
-        assert!(rig.world.pending(master) >= WAITING, "the bus ran dry");
-        answered |= rig.world.take_received(master).any(|(_, frame)| frame.to_string().starts_with("5A0:"));
+        boards.step(after(start, WINDOW));
+        assert!(boards.world.pending(master) >= WAITING, "the bus ran dry");
+        answered |= boards.world.take_received(master).any(|(_, frame)| frame.to_string().starts_with("5A0:"));
     }
     assert_eq!(requests.len(), 0, "there was no time for all requests");
     rpdos
@@ -108,7 +108,7 @@ fn in_full_traffic_nothing_is_lost_while_it_stores_and_erases() {
     let mut client = active();
     let erased = |client: &ImageClient| client.connections().flash.lock().wear();
     let before = erased(&client);
-    client.bench.rig.world.record_events(true);
+    client.rig.boards.world.record_events(true);
     let requests = [
         // Its heartbeat never wins this bus.
         download(0x1017, 0, 2, 100),
@@ -120,14 +120,14 @@ fn in_full_traffic_nothing_is_lost_while_it_stores_and_erases() {
         [0x40, 0x18, 0x10, 1, 0, 0, 0, 0],
     ];
     let rpdos = fill(&mut client, &requests);
-    let busy = client.bench.rig.world.load();
+    let busy = client.rig.boards.world.load();
     client.wait_ms(20);
     let after = erased(&client);
     assert!(after.1 > before.1, "no sector was erased in the window");
     assert!(after.0 > before.0 + 40, "hardly a word was written in the window");
     assert!(busy >= 99, "the bus was busy for {busy} %");
 
-    let trace: Vec<Event> = client.bench.rig.world.take_events().collect();
+    let trace: Vec<Event> = client.rig.boards.world.take_events().collect();
     let (longest, answers, more) = check_answers(&trace);
     assert_eq!(answers, rpdos);
     assert!(more <= requests.len(), "{more} TPDOs that nothing asked for");
@@ -154,7 +154,7 @@ fn in_full_traffic_nothing_is_lost_while_it_stores_and_erases() {
     println!("{answers} TPDOs, the latest {} us after its RPDO", longest.as_micros());
 
     // What was saved is there after a start.
-    client.bench.power_cycle();
+    client.rig.power_cycle();
     client.aside.clear();
     client.expect("720: 00");
     assert_eq!((client.read(0x1028, 1), client.read(0x6053, 0)), (0xA1, NAME));
@@ -166,8 +166,8 @@ fn in_full_traffic_nothing_is_lost_while_it_stores_and_erases() {
 fn a_memory_that_makes_no_sense_is_erased_as_a_whole_before_anything_is_written() {
     let noise: Vec<u8> = (0..2 * SECTOR_SIZE).map(|place| (place * 31 % 251) as u8).collect();
     for board in [&NUCLEO_F429ZI, &NUCLEO_F446RE] {
-        let bench = ImageBench::with_memory(board, BitRate::Kbit250, &noise);
-        let client = ImageClient::powered(bench);
+        let rig = ImageRig::with_memory(board, BitRate::Kbit250, &noise);
+        let client = ImageClient::powered(rig);
         let flash = client.connections().flash.lock();
         let begun: Vec<_> = flash.journal().iter().map(Operation::erased).collect();
         assert_eq!(begun[..2], [Some(0), Some(SECTOR_SIZE)], "{}", board.name);

@@ -1,7 +1,7 @@
 //! The use cases of the manuals, the files that the host's devices pass, with the image in the place of the first device.
 
-use firmware_in_the_loop::bench::BoardTarget;
 use firmware_in_the_loop::board::{Board, NUCLEO_F429ZI, NUCLEO_F446RE};
+use firmware_in_the_loop::rig::BoardTarget;
 use hal_sim::scenario::{Outcome, Scenario};
 
 /// Returns the use case of a name.
@@ -12,9 +12,9 @@ pub fn use_case(name: &str) -> Scenario {
 }
 
 fn played(board: &'static Board, scenario: &Scenario) -> Outcome {
-    let mut bench = BoardTarget::new(board, scenario);
-    bench.power_up();
-    scenario.play(&mut bench)
+    let mut rig = BoardTarget::new(board, scenario);
+    rig.power_up();
+    scenario.play(&mut rig)
 }
 
 fn passes(board: &'static Board, name: &str) {

@@ -8,14 +8,14 @@ use hal_sim::memory::{Flash, TornErase};
 use hal_sim::{Memory, NodeId};
 use protocol_core::memory::RecordKey::{self, Factory, LocalLayer};
 use protocol_core::memory::seal;
-use tests::Bench;
+use tests::BusRig;
 
 use super::records::{Records, VERSION, records, store_again, wear};
 
 /// A product that stores.
 struct Product {
     /// A bus with a master and one of them with this memory, switched off.
-    with_flash: fn(Flash) -> (Bench, NodeId),
+    with_flash: fn(Flash) -> (BusRig, NodeId),
     /// What it sends when it boots without an error, by its node ID.
     boots: fn(u16) -> Vec<String>,
     /// Error register, serial number, and of each record something, as an SDO request names them.
@@ -29,9 +29,9 @@ struct Product {
 struct Operation {
     name: &'static str,
     /// What was done with the device before.
-    before: fn(&mut Bench, NodeId),
+    before: fn(&mut BusRig, NodeId),
     /// What is done while the power is cut, after the start or, if `at_start`, with it.
-    act: fn(&mut Bench, NodeId),
+    act: fn(&mut BusRig, NodeId),
     at_start: bool,
     /// What it writes, in this order.
     writes: &'static [RecordKey],
@@ -44,25 +44,25 @@ const ACT: Operation =
 
 const FIRST_START: Operation = Operation { name: "first start", at_start: true, writes: &[Factory, LocalLayer], ..ACT };
 
-fn nothing(bench: &mut Bench, _: NodeId) {
-    bench.run_for(50);
+fn nothing(rig: &mut BusRig, _: NodeId) {
+    rig.run_for(50);
 }
 
-fn node_id(bench: &Bench, device: NodeId) -> u8 {
-    bench.world.device(device).and_then(|device| device.node_id()).unwrap_or(0)
+fn node_id(rig: &BusRig, device: NodeId) -> u8 {
+    rig.world.device(device).and_then(|device| device.node_id()).unwrap_or(0)
 }
 
 /// Writes objects, as far as the power lasts.
-fn write_all(bench: &mut Bench, device: NodeId, values: &[(u16, u8, u8, u32)]) {
-    let node_id = node_id(bench, device);
-    let _ = values.iter().all(|write| bench.write(node_id, *write));
+fn write_all(rig: &mut BusRig, device: NodeId, values: &[(u16, u8, u8, u32)]) {
+    let node_id = node_id(rig, device);
+    let _ = values.iter().all(|write| rig.write(node_id, *write));
 }
 
 /// Stores by LSS, as far as the power lasts.
-fn store_by_lss(bench: &mut Bench, _: NodeId) {
-    bench.send("7E5: 04 01 00 00 00 00 00 00");
+fn store_by_lss(rig: &mut BusRig, _: NodeId) {
+    rig.send("7E5: 04 01 00 00 00 00 00 00");
     for request in ["11 21 00", "13 00 02", "17 00 00"] {
-        bench.ask(&format!("7E5: {request} 00 00 00 00 00"));
+        rig.ask(&format!("7E5: {request} 00 00 00 00 00"));
     }
 }
 
@@ -79,23 +79,23 @@ fn flash_with(records: &Records) -> Flash {
 
 impl Product {
     /// Switches one with this flash on, its master at the bit rate that it has stored. What was on the bus.
-    fn boot(&self, flash: &Flash) -> (Bench, NodeId, Vec<String>) {
-        let (mut bench, device) = (self.with_flash)(flash.clone());
-        bench.world.power(device, true);
-        bench.world.set_bit_rate(bench.world.port(device).bit_rate());
-        let frames = bench.boot(device);
-        (bench, device, frames)
+    fn boot(&self, flash: &Flash) -> (BusRig, NodeId, Vec<String>) {
+        let (mut rig, device) = (self.with_flash)(flash.clone());
+        rig.world.power(device, true);
+        rig.world.set_bit_rate(rig.world.port(device).bit_rate());
+        let frames = rig.boot(device);
+        (rig, device, frames)
     }
 
     /// What a master sees of what one has stored; it has booted without an error.
     #[track_caller]
     fn observe(&self, flash: &Flash, what: &str) -> Vec<String> {
-        let (mut bench, device, frames) = self.boot(flash);
-        let node_id = u16::from(node_id(&bench, device));
+        let (mut rig, device, frames) = self.boot(flash);
+        let node_id = u16::from(node_id(&rig, device));
         assert_eq!(frames, (self.boots)(node_id), "{what}");
-        let mut seen = vec![format!("{} bit/s", bench.world.port(device).bit_rate().bits_per_second())];
+        let mut seen = vec![format!("{} bit/s", rig.world.port(device).bit_rate().bits_per_second())];
         for object in self.objects {
-            let answer = bench.ask(&format!("{:03X}: 40 {object} 00 00 00 00", 0x600 + node_id));
+            let answer = rig.ask(&format!("{:03X}: 40 {object} 00 00 00 00", 0x600 + node_id));
             seen.push(answer.unwrap_or_else(|| panic!("{what}: no answer about {object}")));
         }
         seen
@@ -104,19 +104,19 @@ impl Product {
     /// Does an operation, with the power cut after so many word writes and erases; from the start on, if `at_start`.
     /// What is in the flash then.
     fn run(&self, operation: Operation, flash: &Flash, cut: u64, at_start: bool) -> Flash {
-        let (mut bench, device) = (self.with_flash)(flash.clone());
-        let plan = |bench: &mut Bench| bench.world.memory_mut(device).flash_mut().cut_power_after(cut);
+        let (mut rig, device) = (self.with_flash)(flash.clone());
+        let plan = |rig: &mut BusRig| rig.world.memory_mut(device).flash_mut().cut_power_after(cut);
         if at_start {
-            plan(&mut bench);
+            plan(&mut rig);
         }
-        bench.world.power(device, true);
-        bench.world.set_bit_rate(bench.world.port(device).bit_rate());
-        bench.boot(device);
+        rig.world.power(device, true);
+        rig.world.set_bit_rate(rig.world.port(device).bit_rate());
+        rig.boot(device);
         if !at_start {
-            plan(&mut bench);
+            plan(&mut rig);
         }
-        (operation.act)(&mut bench, device);
-        bench.world.memory(device).flash().clone()
+        (operation.act)(&mut rig, device);
+        rig.world.memory(device).flash().clone()
     }
 
     /// Does an operation to its end.
@@ -228,10 +228,10 @@ impl Case {
 impl Product {
     /// One as it leaves the factory, of which `before` was done.
     fn prepared(&self, operation: Operation, flash: &Flash) -> Flash {
-        let (mut bench, device) = (self.with_flash)(flash.clone());
-        bench.boot(device);
-        (operation.before)(&mut bench, device);
-        bench.world.memory(device).flash().clone()
+        let (mut rig, device) = (self.with_flash)(flash.clone());
+        rig.boot(device);
+        (operation.before)(&mut rig, device);
+        rig.world.memory(device).flash().clone()
     }
 
     /// The states of a nearly full sector, from the first in which the operation has to empty the other one to the

@@ -8,7 +8,7 @@ use protocol_core::device::hat::{Hat, Kind, Setup};
 use protocol_core::encoder::Shaft;
 use protocol_core::memory::Image;
 use protocol_core::memory::RecordKey::{self, Application, LocalLayer, Parameters};
-use tests::Bench;
+use tests::BusRig;
 
 use super::{ACT, Operation, Product, store_by_lss, write_all};
 
@@ -26,49 +26,49 @@ const BOTH: &[RecordKey] = &[Parameters, Application];
 const OPERATIONS: [Operation; 10] = [
     Operation { name: "first save", act: save_all, writes: BOTH, ..ACT },
     stored("save", save_all, BOTH),
-    stored("save of communication", |bench, sensor| save(bench, sensor, 2), &[Parameters]),
-    stored("save of application", |bench, sensor| save(bench, sensor, 3), &[Application]),
-    stored("save of LSS", |bench, sensor| save(bench, sensor, 4), &[LocalLayer]),
-    stored("load", |bench, sensor| load(bench, sensor, 1), BOTH),
-    stored("load of communication", |bench, sensor| load(bench, sensor, 2), &[Parameters]),
-    stored("load of application", |bench, sensor| load(bench, sensor, 3), &[Application]),
-    stored("load of LSS", |bench, sensor| load(bench, sensor, 4), &[LocalLayer]),
+    stored("save of communication", |rig, sensor| save(rig, sensor, 2), &[Parameters]),
+    stored("save of application", |rig, sensor| save(rig, sensor, 3), &[Application]),
+    stored("save of LSS", |rig, sensor| save(rig, sensor, 4), &[LocalLayer]),
+    stored("load", |rig, sensor| load(rig, sensor, 1), BOTH),
+    stored("load of communication", |rig, sensor| load(rig, sensor, 2), &[Parameters]),
+    stored("load of application", |rig, sensor| load(rig, sensor, 3), &[Application]),
+    stored("load of LSS", |rig, sensor| load(rig, sensor, 4), &[LocalLayer]),
     stored("LSS store", store_by_lss, &[LocalLayer]),
 ];
 
 /// An operation of a sensor that has stored other values of every group.
-const fn stored(name: &'static str, act: fn(&mut Bench, NodeId), writes: &'static [RecordKey]) -> Operation {
+const fn stored(name: &'static str, act: fn(&mut BusRig, NodeId), writes: &'static [RecordKey]) -> Operation {
     Operation { name, before: save_others, act, writes, ..ACT }
 }
 
-fn with_flash(flash: Flash) -> (Bench, NodeId) {
-    let mut bench = Bench::default();
+fn with_flash(flash: Flash) -> (BusRig, NodeId) {
+    let mut rig = BusRig::default();
     let setup = Setup { bit_rate: Some(BitRate::Kbit250), ..Setup::new(Kind::Hat1000) };
     let factory = move |image: &Image, cause, now| Box::new(Hat::power_on(setup, image, cause, now)) as _;
-    let sensor = bench.world.add_device("sensor", factory, Memory::with_flash(flash));
-    bench.world.set_senses(sensor, Senses::encoder(Shaft::at(9_000)));
-    (bench, sensor)
+    let sensor = rig.world.add_device("sensor", factory, Memory::with_flash(flash));
+    rig.world.set_senses(sensor, Senses::encoder(Shaft::at(9_000)));
+    (rig, sensor)
 }
 
 /// Changes every group and stores one, or two.
-fn save(bench: &mut Bench, sensor: NodeId, sub: u8) {
+fn save(rig: &mut BusRig, sensor: NodeId, sub: u8) {
     let save = (0x1010, sub, 4, u32::from_le_bytes(*b"save"));
     let values =
         [(0x1029, 1, 1, 2), (0x1800, 5, 2, 222), (0x6003, 0, 4, 2222), (0x2001, 2, 1, 0x22), (0x2002, 2, 1, 4)];
-    write_all(bench, sensor, &[&values[..], &[save]].concat());
+    write_all(rig, sensor, &[&values[..], &[save]].concat());
 }
 
-fn save_all(bench: &mut Bench, sensor: NodeId) {
-    save(bench, sensor, 1);
+fn save_all(rig: &mut BusRig, sensor: NodeId) {
+    save(rig, sensor, 1);
 }
 
 /// Stores other values of every group.
-fn save_others(bench: &mut Bench, sensor: NodeId) {
+fn save_others(rig: &mut BusRig, sensor: NodeId) {
     let save = |sub| (0x1010, sub, 4, u32::from_le_bytes(*b"save"));
     let values = [(0x1029, 1, 1, 1), (0x1800, 5, 2, 111), (0x6003, 0, 4, 1111), (0x2001, 2, 1, 0x11), save(1), save(4)];
-    write_all(bench, sensor, &values);
+    write_all(rig, sensor, &values);
 }
 
-fn load(bench: &mut Bench, sensor: NodeId, sub: u8) {
-    write_all(bench, sensor, &[(0x1011, sub, 4, u32::from_le_bytes(*b"load"))]);
+fn load(rig: &mut BusRig, sensor: NodeId, sub: u8) {
+    write_all(rig, sensor, &[(0x1011, sub, 4, u32::from_le_bytes(*b"load"))]);
 }

@@ -2,12 +2,12 @@
 
 use hal_sim::NodeId;
 use protocol_core::memory::RecordKey::{FaultLog, LocalLayer, Parameters, RestoreFlag};
-use tests::Bench;
+use tests::BusRig;
 
 use super::{ACT, Operation, Product, node_id, store_by_lss, write_all};
 
 pub(super) const PRODUCT: Product = Product {
-    with_flash: Bench::with_flash,
+    with_flash: BusRig::with_flash,
     boots: |node_id| {
         vec![format!("{:03X}: 00", 0x700 + node_id), format!("{:03X}:{}", 0x080 + node_id, " 00".repeat(8))]
     },
@@ -41,51 +41,51 @@ const OPERATIONS: [Operation; 9] = [
 ];
 
 /// Writes parameters and stores them, as far as the power lasts.
-fn save(bench: &mut Bench, valve: NodeId, parameters: &[(u16, u8, u8, u32)]) {
+fn save(rig: &mut BusRig, valve: NodeId, parameters: &[(u16, u8, u8, u32)]) {
     let save = (0x1010, 1, 4, u32::from_le_bytes(*b"save"));
-    write_all(bench, valve, &[parameters, &[save]].concat());
+    write_all(rig, valve, &[parameters, &[save]].concat());
 }
 
-fn save_one(bench: &mut Bench, valve: NodeId) {
-    save(bench, valve, &[(0x1028, 1, 4, 0xA1), (0x1800, 2, 1, 11), (0x6053, 0, 4, u32::from_le_bytes(*b"one "))]);
+fn save_one(rig: &mut BusRig, valve: NodeId) {
+    save(rig, valve, &[(0x1028, 1, 4, 0xA1), (0x1800, 2, 1, 11), (0x6053, 0, 4, u32::from_le_bytes(*b"one "))]);
 }
 
-fn save_two(bench: &mut Bench, valve: NodeId) {
-    save(bench, valve, &[(0x1028, 1, 4, 0xA2), (0x1800, 2, 1, 22), (0x6053, 0, 4, u32::from_le_bytes(*b"two "))]);
+fn save_two(rig: &mut BusRig, valve: NodeId) {
+    save(rig, valve, &[(0x1028, 1, 4, 0xA2), (0x1800, 2, 1, 22), (0x6053, 0, 4, u32::from_le_bytes(*b"two "))]);
 }
 
-fn load(bench: &mut Bench, valve: NodeId) {
-    write_all(bench, valve, &[(0x1011, 1, 4, u32::from_le_bytes(*b"load"))]);
+fn load(rig: &mut BusRig, valve: NodeId) {
+    write_all(rig, valve, &[(0x1011, 1, 4, u32::from_le_bytes(*b"load"))]);
 }
 
-fn save_and_load(bench: &mut Bench, valve: NodeId) {
-    save_one(bench, valve);
-    load(bench, valve);
+fn save_and_load(rig: &mut BusRig, valve: NodeId) {
+    save_one(rig, valve);
+    load(rig, valve);
 }
 
-fn write_node_id(bench: &mut Bench, valve: NodeId) {
-    let id = 0x1BC0_0000 | 0xF1 << 11 | u32::from(node_id(bench, valve));
-    bench.ask(&format!("{id:08X}: 04 2E 10 01 22"));
+fn write_node_id(rig: &mut BusRig, valve: NodeId) {
+    let id = 0x1BC0_0000 | 0xF1 << 11 | u32::from(node_id(rig, valve));
+    rig.ask(&format!("{id:08X}: 04 2E 10 01 22"));
 }
 
-fn blink(bench: &mut Bench, valve: NodeId) {
+fn blink(rig: &mut BusRig, valve: NodeId) {
     for internal_fault in [true, false] {
-        bench.sense(valve, |senses| senses.internal_fault = internal_fault);
+        rig.sense(valve, |senses| senses.internal_fault = internal_fault);
     }
 }
 
 /// A fault that comes and goes, and the time until it is logged.
-fn fault(bench: &mut Bench, valve: NodeId) {
-    blink(bench, valve);
-    bench.run_for(700);
+fn fault(rig: &mut BusRig, valve: NodeId) {
+    blink(rig, valve);
+    rig.run_for(700);
 }
 
-fn fault_and_reset(bench: &mut Bench, valve: NodeId) {
-    blink(bench, valve);
-    bench.send("000: 81 00");
-    bench.run_for(100);
+fn fault_and_reset(rig: &mut BusRig, valve: NodeId) {
+    blink(rig, valve);
+    rig.send("000: 81 00");
+    rig.run_for(100);
 }
 
-fn clear_counters(bench: &mut Bench, valve: NodeId) {
-    write_all(bench, valve, &[(0x1011, 5, 4, u32::from_le_bytes(*b"pkds"))]);
+fn clear_counters(rig: &mut BusRig, valve: NodeId) {
+    write_all(rig, valve, &[(0x1011, 5, 4, u32::from_le_bytes(*b"pkds"))]);
 }

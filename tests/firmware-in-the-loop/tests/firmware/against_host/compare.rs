@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 use std::time::{Duration, Instant};
 
-use firmware_in_the_loop::bench::Device;
-use firmware_in_the_loop::rig::Noticed;
+use firmware_in_the_loop::boards::Noticed;
+use firmware_in_the_loop::rig::Device;
 use hal_sim::WireEvent;
 
 use super::host::{Delay, Delays, Difference, Host, REACTION, Trigger};

@@ -6,8 +6,8 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use firmware_in_the_loop::bench::Device;
-use firmware_in_the_loop::rig::Noticed;
+use firmware_in_the_loop::boards::Noticed;
+use firmware_in_the_loop::rig::Device;
 use hal_sim::bus::INTERMISSION;
 use hal_sim::world::SimDevice;
 use hal_sim::{Memory, WireEvent, memory};

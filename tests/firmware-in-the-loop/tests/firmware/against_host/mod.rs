@@ -26,8 +26,8 @@ mod mailboxes;
 mod recorder;
 mod traffic;
 
-use firmware_in_the_loop::bench::Device;
 use firmware_in_the_loop::content;
+use firmware_in_the_loop::rig::Device;
 use protocol_core::device::{Kind, Protocol, hat, pve};
 
 use super::budgets::print;

@@ -1,8 +1,8 @@
 //! Plays steps on the emulated board, and records what happened to its image.
 
-use firmware_in_the_loop::bench::ImageBench;
 use firmware_in_the_loop::board::NUCLEO_F429ZI;
-use firmware_in_the_loop::rig::Noticed;
+use firmware_in_the_loop::boards::Noticed;
+use firmware_in_the_loop::rig::ImageRig;
 use hal_sim::world::Plant;
 use protocol_core::controller::{BitRate, BusErrorMode};
 use protocol_core::time::{Duration, Instant, after, since};
@@ -68,7 +68,7 @@ pub struct Run {
 
 /// The emulated board and its master.
 pub struct Recorder {
-    bench: ImageBench,
+    rig: ImageRig,
     content: Vec<u8>,
     bit_rate: BitRate,
     /// The addresses of the functions of [`CALLS`].
@@ -81,55 +81,55 @@ pub struct Recorder {
 impl Recorder {
     /// Returns a board without power, with this content of its memory, which makes it start at this bit rate.
     pub fn new(content: &[u8], bit_rate: BitRate) -> Self {
-        let mut bench = ImageBench::with_memory(&NUCLEO_F429ZI, bit_rate, content);
+        let mut rig = ImageRig::with_memory(&NUCLEO_F429ZI, bit_rate, content);
         // Acknowledges the frames of the master while the board is off the bus.
-        bench.rig.world.add_gateway("listener");
-        let (powered_on, mode) = (bench.rig.world.now(), BusErrorMode::ErrorActive);
-        Self { bench, content: content.to_vec(), bit_rate, calls: Vec::new(), powered_on, mode, run: Run::default() }
+        rig.boards.world.add_gateway("listener");
+        let (powered_on, mode) = (rig.boards.world.now(), BusErrorMode::ErrorActive);
+        Self { rig, content: content.to_vec(), bit_rate, calls: Vec::new(), powered_on, mode, run: Run::default() }
     }
 
     /// Plays steps on the board, whose memory is as at first; returns its runs.
     pub fn play(&mut self, steps: &[Step]) -> Vec<Run> {
-        let (board, master) = (self.bench.board, self.bench.master);
-        self.bench.rig.connections(board).flash.lock().restore(&self.content);
-        self.bench.rig.world.set_bit_rate(self.bit_rate);
+        let (board, master) = (self.rig.board, self.rig.master);
+        self.rig.boards.connections(board).flash.lock().restore(&self.content);
+        self.rig.boards.world.set_bit_rate(self.bit_rate);
         let mut runs = Vec::new();
         self.power_on();
         for step in steps {
             match step {
-                Step::Send(frame) => self.bench.rig.world.send(master, *frame),
+                Step::Send(frame) => self.rig.boards.world.send(master, *frame),
                 Step::Pass(micros) => self.pass(Duration::from_micros(*micros)),
                 Step::Type(plant) => {
-                    let at = self.micros(self.bench.rig.world.now());
+                    let at = self.micros(self.rig.boards.world.now());
                     self.run.events.push((at, Event::Typed(*plant)));
-                    self.bench.rig.type_line(board, &plant.to_string());
+                    self.rig.boards.type_line(board, &plant.to_string());
                 }
                 Step::PowerCycle => {
-                    self.bench.rig.world.withdraw(master);
+                    self.rig.boards.world.withdraw(master);
                     runs.push(self.power_off());
                     self.power_on();
                 }
             }
         }
-        let patience = after(self.bench.rig.world.now(), LAST_FRAMES);
-        while self.bench.rig.world.pending(master) > 0 && self.bench.rig.world.now() < patience {
+        let patience = after(self.rig.boards.world.now(), LAST_FRAMES);
+        while self.rig.boards.world.pending(master) > 0 && self.rig.boards.world.now() < patience {
             self.pass(Duration::from_millis(1));
         }
-        self.bench.rig.world.withdraw(master);
+        self.rig.boards.world.withdraw(master);
         self.pass(LAST_ANSWERS);
         runs.push(self.power_off());
-        assert_eq!(self.bench.rig.resets(board), [], "the image was reset");
+        assert_eq!(self.rig.boards.resets(board), [], "the image was reset");
         runs
     }
 
     fn power_on(&mut self) {
-        let board = self.bench.board;
+        let board = self.rig.board;
         self.run = Run { found: self.flash(), ..Run::default() };
-        self.powered_on = self.bench.rig.world.now();
+        self.powered_on = self.rig.boards.world.now();
         self.mode = BusErrorMode::ErrorActive;
-        self.bench.rig.take_noticed(board);
-        self.bench.rig.power(board, true);
-        let machine = self.bench.rig.machine(board).expect("it is powered");
+        self.rig.boards.take_noticed(board);
+        self.rig.boards.power(board, true);
+        let machine = self.rig.boards.machine(board).expect("it is powered");
         if self.calls.is_empty() {
             for (name, count, call) in CALLS {
                 let found = machine.image().symbols().functions(&[name]);
@@ -141,31 +141,31 @@ impl Recorder {
         // Those of the run before are recorded.
         let _ = machine.arrivals();
         let patience = after(self.powered_on, BOOT);
-        while self.bench.rig.bits_per_second(board).is_none() && self.bench.rig.world.now() < patience {
+        while self.rig.boards.bits_per_second(board).is_none() && self.rig.boards.world.now() < patience {
             self.step(patience);
         }
     }
 
     fn power_off(&mut self) -> Run {
-        let board = self.bench.board;
+        let board = self.rig.board;
         let mut run = std::mem::take(&mut self.run);
-        let noticed = self.bench.rig.take_noticed(board);
+        let noticed = self.rig.boards.take_noticed(board);
         run.events.extend(noticed.into_iter().map(|(at, noticed)| (self.micros(at), Event::Noticed(noticed))));
-        for arrival in self.bench.rig.machine(board).map(|machine| machine.arrivals()).unwrap_or_default() {
+        for arrival in self.rig.boards.machine(board).map(|machine| machine.arrivals()).unwrap_or_default() {
             let call = self.calls.iter().find(|(address, _)| *address == arrival.address);
             let (_, call) = call.expect("no other function is watched");
-            run.events.push((self.micros(self.bench.rig.instant(board, arrival.at)), Event::Called(*call)));
+            run.events.push((self.micros(self.rig.boards.instant(board, arrival.at)), Event::Called(*call)));
         }
         run.events.sort_by_key(|(at, _)| *at);
-        run.end = self.micros(self.bench.rig.world.now());
-        self.bench.rig.power(board, false);
+        run.end = self.micros(self.rig.boards.world.now());
+        self.rig.boards.power(board, false);
         run.left = self.flash();
         self.pass(POWER_OFF);
         run
     }
 
     fn flash(&self) -> Vec<u8> {
-        let flash = self.bench.rig.connections(self.bench.board).flash.lock();
+        let flash = self.rig.boards.connections(self.rig.board).flash.lock();
         flash.content(self.content.len()).to_vec()
     }
 
@@ -175,8 +175,8 @@ impl Recorder {
     }
 
     fn pass(&mut self, time: Duration) {
-        let end = after(self.bench.rig.world.now(), time);
-        while self.bench.rig.world.now() < end {
+        let end = after(self.rig.boards.world.now(), time);
+        while self.rig.boards.world.now() < end {
             self.step(end);
         }
     }
@@ -184,16 +184,17 @@ impl Recorder {
     /// Goes to the next instant at which something happens. The master follows the bit rate of the board at once, before
     /// the board has joined the bus.
     fn step(&mut self, limit: Instant) {
-        let rig = &mut self.bench.rig;
-        rig.step(limit);
-        let rate = rig.bits_per_second(self.bench.board).and_then(|rate| u32::try_from(rate).ok());
-        if let Some(rate) = rate.and_then(BitRate::from_bits_per_second).filter(|rate| *rate != rig.world.bit_rate()) {
-            rig.world.set_bit_rate(rate);
+        let boards = &mut self.rig.boards;
+        boards.step(limit);
+        let rate = boards.bits_per_second(self.rig.board).and_then(|rate| u32::try_from(rate).ok());
+        if let Some(rate) = rate.and_then(BitRate::from_bits_per_second).filter(|rate| *rate != boards.world.bit_rate())
+        {
+            boards.world.set_bit_rate(rate);
         }
-        rig.world.take_received(self.bench.master);
-        let mode = rig.world.controller_port(rig.controller(self.bench.board)).mode();
+        boards.world.take_received(self.rig.master);
+        let mode = boards.world.controller_port(boards.controller(self.rig.board)).mode();
         if std::mem::replace(&mut self.mode, mode) != mode {
-            let at = since(rig.world.now(), self.powered_on).as_micros();
+            let at = since(boards.world.now(), self.powered_on).as_micros();
             self.run.events.push((at, Event::Mode(mode)));
         }
     }

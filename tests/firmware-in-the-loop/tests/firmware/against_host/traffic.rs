@@ -1,7 +1,7 @@
 //! Random traffic, legal and hostile, for each kind of device.
 
 use fastrand::Rng;
-use firmware_in_the_loop::bench::Device;
+use firmware_in_the_loop::rig::Device;
 use hal_sim::world::Plant;
 use protocol_core::actuator::SpoolFault;
 use protocol_core::device::{Kind, Protocol};

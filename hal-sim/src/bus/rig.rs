@@ -36,13 +36,13 @@ pub(super) struct Ended {
 }
 
 /// A bus with device ports `a`, `b`, `c` …, connected and ready at instant 1 ms.
-pub(super) struct Bench {
+pub(super) struct Rig {
     pub(super) bus: Bus,
     pub(super) now: Instant,
     pub(super) ended: Vec<(Instant, Ended)>,
 }
 
-impl Bench {
+impl Rig {
     pub(super) fn of(count: u8) -> Self {
         Self::at(RATE, count)
     }

@@ -16,20 +16,20 @@ use super::{Senses, frame};
 const PATIENCE: Duration = Duration::from_millis(500);
 
 /// Valves and a master on a bus of 250 kbit/s, in virtual time.
-pub struct Bench {
+pub struct BusRig {
     /// The world that they are in.
     pub world: World,
     /// The master.
     pub master: ClientPortId,
 }
 
-impl Default for Bench {
+impl Default for BusRig {
     fn default() -> Self {
         Self::with_seed(0)
     }
 }
 
-impl Bench {
+impl BusRig {
     /// A bus with a master alone.
     #[must_use]
     pub fn with_seed(seed: u64) -> Self {
@@ -41,17 +41,17 @@ impl Bench {
     /// A bus with a master and one `pvea-canopen` with this memory, switched off; of a new memory it becomes node 0x20.
     #[must_use]
     pub fn with_flash(flash: Flash) -> (Self, NodeId) {
-        let mut bench = Self::default();
-        let valve = bench.add(Setup::new(Kind::PveaCanopen), Memory::with_flash(flash));
-        (bench, valve)
+        let mut rig = Self::default();
+        let valve = rig.add(Setup::new(Kind::PveaCanopen), Memory::with_flash(flash));
+        (rig, valve)
     }
 
     /// A bus with a master and one `pvea-canopen` at node 0x20, fresh from the factory, booted; its frames are taken.
     #[must_use]
     pub fn booted() -> (Self, NodeId) {
-        let (mut bench, valve) = Self::with_flash(Flash::new());
-        bench.boot(valve);
-        (bench, valve)
+        let (mut rig, valve) = Self::with_flash(Flash::new());
+        rig.boot(valve);
+        (rig, valve)
     }
 
     /// Adds a valve, switched off.

@@ -21,12 +21,12 @@ const UDS: [&str; 9] = ["1001", "F010", "F1FA", "F192", "F193", "F194", "F195", 
 const PATIENCE: u32 = 1000;
 
 /// A running device, alone on its bus.
-pub(crate) struct Bench {
+pub(crate) struct Rig {
     pub(crate) simulator: Simulator,
     kind: String,
 }
 
-impl Bench {
+impl Rig {
     pub(crate) fn new(simulator: Simulator, kind: &str) -> Self {
         Self { simulator, kind: kind.to_owned() }
     }

@@ -1,4 +1,4 @@
-//! A bench for one or two devices and a master on a simulated bus, in virtual time.
+//! A rig for one or two devices and a master on a simulated bus, in virtual time.
 
 use hal_sim::bus::{Disturbance, EventKind};
 use hal_sim::{BitRate, ClientPortId, Duration, Frame, Instant, Kind, Memory, NodeId, Setup, World};
@@ -40,7 +40,7 @@ pub(super) struct Unit {
 }
 
 /// Devices and a master on a bus.
-pub(super) struct Bench {
+pub(super) struct Rig {
     pub(super) world: World,
     /// The master, which also acknowledges; `None`: the devices are among themselves.
     master: Option<ClientPortId>,
@@ -52,7 +52,7 @@ pub(super) struct Bench {
     silent_until: Instant,
 }
 
-impl Bench {
+impl Rig {
     pub(super) fn new(bit_rate: BitRate) -> Self {
         let mut world = World::new(bit_rate, 0);
         world.record_events(true);
