@@ -3,25 +3,25 @@
 use crc::{CRC_15_CAN, Crc, Table};
 use protocol_core::frame::{Frame, Id};
 
-/// Sixteen bytes in one step: all that a frame has.
+/// A table of sixteen bytes: the CRC of a whole frame takes one step.
 static CRC: Crc<u16, Table<16>> = Crc::<u16, Table<16>>::new(&CRC_15_CAN);
 const CRC_BITS: u32 = 15;
 
-/// CRC delimiter, ACK slot, ACK delimiter and end of frame: what follows the CRC sequence, never stuffed.
+/// CRC delimiter, ACK slot, ACK delimiter and end of frame: the bits after the CRC sequence, never stuffed.
 const TRAILER: u32 = 1 + 1 + 1 + 7;
-/// From the end of the ACK slot to the end of the frame: ACK delimiter and end of frame.
+/// ACK delimiter and end of frame: the bits after the ACK slot.
 pub(super) const AFTER_ACK_SLOT: u32 = 1 + 7;
 /// The recessive bits between two frames.
 pub const INTERMISSION: u32 = 3;
-/// How many recessive bits in a row tell a controller that the bus is idle.
+/// The number of consecutive recessive bits that tell a controller that the bus is idle.
 pub const BUS_IDLE: u32 = 11;
-/// What an error-passive sender waits beyond the intermission before it sends again.
+/// Suspend transmission: the bits that an error-passive sender waits beyond the intermission.
 pub(super) const SUSPEND: u32 = 8;
-/// An error flag.
+/// The bits of an error flag.
 pub(super) const ERROR_FLAG: u32 = 6;
 /// The recessive bits after an error flag.
 pub(super) const ERROR_DELIMITER: u32 = 8;
-/// After this many equal bits a stuff bit follows.
+/// The number of equal bits after which a stuff bit follows.
 const STUFF_AFTER: u8 = 5;
 
 /// A frame from its start to the end of the CRC sequence, before stuffing.
@@ -58,13 +58,14 @@ impl FrameBits {
         bits
     }
 
-    /// Returns the bits on the wire, stuff bits included, from the start to the end of frame; without the intermission.
+    /// Returns the number of bits on the wire, stuff bits included, from start of frame to end of frame, without the
+    /// intermission.
     #[must_use]
     pub fn on_wire(self) -> u32 {
         self.len + self.stuff_bits(self.len) + TRAILER
     }
 
-    /// Returns the bits on the wire up to and with the ACK slot.
+    /// Returns the number of bits on the wire from start of frame to the ACK slot, inclusive.
     #[must_use]
     pub fn to_ack_slot(self) -> u32 {
         self.on_wire() - AFTER_ACK_SLOT
@@ -86,10 +87,10 @@ impl FrameBits {
         self.len += len;
     }
 
-    /// Returns the stuff bits among the first `len` bits.
+    /// Returns the number of stuff bits among the first `len` bits.
     pub(super) fn stuff_bits(self, len: u32) -> u32 {
-        // Whole bytes: in front of the start of frame as many bits, in turn recessive and dominant, as there is room
-        // for.
+        // The table is indexed by whole bytes: alternating bits that end recessive fill the space before the start of
+        // frame.
         let bits = ALTERNATING << len | self.value >> (self.len - len);
         let unused = (u128::BITS - len) as usize / 8;
         let (mut state, mut sum) = (0, 0_u16);
@@ -106,14 +107,14 @@ impl FrameBits {
 /// Dominant and recessive bits in turn, the last one recessive: no run of equal bits.
 const ALTERNATING: u128 = 0x5555_5555_5555_5555_5555_5555_5555_5555;
 
-/// How many states there is room for: those of [`run`], up to a power of two.
+/// The number of states in the table: those of [`run`], rounded up to a power of two.
 const STATES: usize = 16;
-/// The bits of a step that hold the state after it: where the table is to be looked at with the next byte.
+/// The bits of a step that hold the state after it: the index of the next look-up.
 const STATE: u16 = (STATES as u16 - 1) << 8;
 /// The bits of a step that hold its stuff bits.
 const COUNT: u16 = 0xFF;
 
-/// What a byte does to a run of equal bits, by the state before the byte, and the byte.
+/// The effect of a byte on a run of equal bits, by the state before the byte and the byte.
 static STUFF: [u16; STATES * 256] = {
     let mut table = [0; STATES * 256];
     let mut state = 0;
@@ -152,11 +153,11 @@ const fn step(state: u8, byte: u8) -> u16 {
     (run(last, length) as u16) << 8 | stuffed
 }
 
-/// Where two frames that are sent at once part.
+/// The first bit at which two frames sent at the same time differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Difference {
     /// The bit on the wire, counted from 0 at the start of frame.
     pub bit: u32,
-    /// Whether this frame, not the other one, is dominant there.
+    /// The frame that was asked is dominant at this bit; the other one is recessive.
     pub dominant: bool,
 }

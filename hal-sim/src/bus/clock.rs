@@ -28,7 +28,7 @@ pub(super) const fn instant(nanos: Nanos) -> Instant {
     if nanos == Nanos::MAX { NEVER } else { Instant::from_ticks(nanos.div_ceil(1000)) }
 }
 
-/// Returns how long `bits` take.
+/// Returns the duration of `bits`.
 #[inline]
 pub(super) const fn bit_times(bits: u32, rate: BitRate) -> Nanos {
     bits as Nanos * BIT[rate.table_index() as usize]

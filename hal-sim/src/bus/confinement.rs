@@ -1,16 +1,16 @@
-//! Fault confinement (ISO 11898-1, 12.1): the error counters of one controller, and what they let it do.
+//! Fault confinement (ISO 11898-1, 12.1): the error counters of one controller and its error mode.
 
 use protocol_core::controller::BusErrorMode;
 
-/// From this value on a counter makes the controller error-passive.
+/// The counter value from which the controller is error-passive.
 const PASSIVE_FROM: u16 = 128;
-/// From this value on the transmit counter takes the controller off the bus.
+/// The transmit counter value from which the controller is bus-off.
 const BUS_OFF_FROM: u16 = 256;
-/// What a receive counter above 127 becomes with a frame received; the standard allows 119 to 127.
+/// The receive counter after a frame received while it was above 127; the standard allows 119 to 127.
 const RECEIVED_WHILE_PASSIVE: u16 = 119;
-/// Where the receive counter stops: it decides nothing above 127.
+/// The limit of the receive counter: higher values change no mode.
 const RECEIVE_LIMIT: u16 = 255;
-/// How many sequences of 11 recessive bits a controller that is bus-off waits for.
+/// The number of sequences of 11 recessive bits that end bus-off.
 pub(super) const RECOVERY_SEQUENCES: u32 = 128;
 
 /// The error counters of one controller.
@@ -64,29 +64,28 @@ impl Confinement {
         self.settle();
     }
 
-    /// Counts a frame that nobody acknowledged. An error-passive sender does not count that: a lone node never gets to
-    /// bus-off.
+    /// Counts a missing acknowledgement. An error-passive sender does not count it: a lone node never goes bus-off.
     pub(super) fn no_acknowledgement(&mut self) {
         if self.mode == BusErrorMode::ErrorActive {
             self.transmit_error();
         }
     }
 
-    /// Counts an error in a frame of somebody else; `first` when this controller's error flag was the first one, which
-    /// it knows by the dominant bit of the others' flags after its own.
+    /// Counts an error in another controller's frame. `first`: this controller sent the first error flag, which it
+    /// recognises by dominant bits of the others' flags after its own.
     pub(super) const fn receive_error(&mut self, first: bool) {
         let raised = self.receive + if first { 1 + 8 } else { 1 };
         self.receive = if raised < RECEIVE_LIMIT { raised } else { RECEIVE_LIMIT };
         self.settle();
     }
 
-    /// Enters bus-off, whatever the counters say.
+    /// Enters bus-off, whatever the counters hold.
     pub(super) const fn force_bus_off(&mut self) {
         self.transmit = BUS_OFF_FROM;
         self.settle();
     }
 
-    /// Works out the mode anew. Bus-off ends with a recovery only.
+    /// Updates the mode from the counters. Only a recovery ends bus-off.
     const fn settle(&mut self) {
         self.mode = if matches!(self.mode, BusErrorMode::BusOff) || self.transmit >= BUS_OFF_FROM {
             BusErrorMode::BusOff
@@ -97,7 +96,7 @@ impl Confinement {
         };
     }
 
-    /// Comes back to the bus, as new.
+    /// Returns to the bus with cleared counters.
     pub(super) fn recover(&mut self) {
         *self = Self::default();
     }

@@ -1,20 +1,20 @@
-//! Who has something to send, in the order of arbitration: the winner of the bus is found at once.
+//! The ports with a frame to send, in the order of arbitration: the winner is the last entry.
 
 use super::PortId;
 
-/// Where a port is among the contenders.
+/// The place of a port among the contenders.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Contends {
     /// The port has nothing to send.
     #[default]
     No,
-    /// The port may not send yet: it joins, is suspended or bus-off, or came after the bus was free.
+    /// The port may not send yet: it is joining, suspended, bus-off, or came after the bus was free.
     Waiting,
     /// The port may send as soon as the bus is free, at this arbitration key.
     Ready(u32),
 }
 
-/// A port that may send, in the order of arbitration: above the key, below the number of the port.
+/// The arbitration rank of a port: the key first, then the port number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Rank(u64);
 
@@ -35,12 +35,12 @@ impl Rank {
     }
 }
 
-/// The ports that have something to send.
+/// The ports with a frame to send.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Contenders {
-    /// Those that may send: the most urgent one last, of equals the one with the lowest number.
+    /// The ports that may send: the most urgent one last; among equals, the lowest number last.
     ready: Vec<Rank>,
-    /// Those that may not send yet, in no order.
+    /// The ports that may not send yet, unordered.
     waiting: Vec<PortId>,
 }
 
@@ -49,12 +49,12 @@ impl Contenders {
         self.ready.is_empty() && self.waiting.is_empty()
     }
 
-    /// Returns whether somebody may send as soon as the bus is free.
+    /// Returns whether a port may send as soon as the bus is free.
     pub(super) const fn is_any_ready(&self) -> bool {
         !self.ready.is_empty()
     }
 
-    /// Returns those that may not send yet.
+    /// Returns the ports that may not send yet.
     pub(super) fn waiting(&self) -> &[PortId] {
         &self.waiting
     }
@@ -66,7 +66,7 @@ impl Contenders {
             Contends::Waiting => self.waiting.retain(|other| *other != id),
             Contends::Ready(key) => {
                 let rank = Rank::of(key, id);
-                // The winner of the bus, as a rule.
+                // Usually the winner of the bus.
                 if self.ready.last() == Some(&rank) {
                     self.ready.pop();
                 } else {
@@ -84,7 +84,7 @@ impl Contenders {
         }
     }
 
-    /// Makes those ready for which `key` gives an arbitration key.
+    /// Makes those waiting ports ready for which `key` returns an arbitration key.
     #[inline]
     pub(super) fn promote(&mut self, mut key: impl FnMut(PortId) -> Option<u32>) {
         let mut place = 0;
@@ -99,7 +99,7 @@ impl Contenders {
         }
     }
 
-    /// Adds those who are still sending when the identifiers are through: one, as a rule.
+    /// Adds the ports that still send after the identifier: usually one.
     #[inline]
     pub(super) fn winners(&self, into: &mut Vec<PortId>) {
         let Some((first, others)) = self.ready.split_last() else { return };
@@ -112,7 +112,7 @@ impl Contenders {
         }
     }
 
-    /// Returns where a contender is, or belongs.
+    /// Returns the index of a contender, or its insertion point.
     fn place_of(&self, rank: Rank) -> usize {
         self.ready.partition_point(|other| *other > rank)
     }

@@ -1,12 +1,12 @@
-//! Why a frame was destroyed.
+//! The reasons for a destroyed frame.
 
-/// Why a frame was destroyed (ISO 11898-1, error types).
+/// The reason for a destroyed frame (ISO 11898-1, error types).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BusError {
-    /// A sender read back another bit than it sent.
+    /// The sender read back a different bit than it sent.
     Bit,
-    /// A listener could not make sense of the bits: another bit rate, or a sender that fell silent.
+    /// A listener read bits that break the stuffing rule: another bit rate, or a sender that fell silent.
     Stuff,
-    /// Nobody acknowledged.
+    /// No controller acknowledged the frame.
     Acknowledgement,
 }

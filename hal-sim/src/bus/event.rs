@@ -1,4 +1,4 @@
-//! What happened on the bus, in the order of time: frames, error frames, changes of error modes, dropped frames.
+//! Bus events in the order of time: frames, error frames, changes of error modes, dropped frames.
 
 use std::sync::Arc;
 use std::vec::Drain;
@@ -9,54 +9,54 @@ use protocol_core::time::Instant;
 
 use super::error::BusError;
 
-/// Something that happened on the bus.
+/// An event on the bus.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Event {
-    /// When: the end of a frame or an error frame, the instant of a change.
+    /// The instant of the event: the end of a frame or an error frame, or the instant of a change.
     pub at: Instant,
     /// The device, client or controller that sent the frame, changed its mode, or dropped frames.
     pub who: Arc<str>,
-    /// What it was.
+    /// The kind of the event, with its data.
     pub what: EventKind,
 }
 
 /// The kinds of events.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum EventKind {
-    /// A frame that was acknowledged.
+    /// An acknowledged frame.
     Frame {
         /// The frame.
         frame: Frame,
-        /// The begin of its start-of-frame bit.
+        /// The beginning of its start-of-frame bit.
         start: Instant,
     },
     /// An error frame that destroyed an attempt to send `frame`.
     ErrorFrame {
         /// The frame that was not sent.
         frame: Frame,
-        /// The begin of its start-of-frame bit.
+        /// The beginning of its start-of-frame bit.
         start: Instant,
-        /// Why it was destroyed.
+        /// The reason for the error frame.
         error: BusError,
         /// The controller that sent the first error flag.
         signalled_by: Arc<str>,
     },
-    /// The error counters of a controller changed its mode; from bus-off to error-active it has recovered.
+    /// A change of a controller's error mode; from bus-off to error-active: a recovery.
     ErrorMode {
         /// The mode until now.
         from: BusErrorMode,
         /// The mode from now on.
         to: BusErrorMode,
     },
-    /// A device dropped frames that it had to send: nobody will ever see them.
+    /// Frames that a device dropped unsent.
     FramesDropped {
-        /// How many since the last such event.
+        /// The number of frames dropped since the last such event.
         count: u32,
     },
 }
 
 impl Event {
-    /// Returns the frame that was sent; `None` for everything else.
+    /// Returns the acknowledged frame; `None` for all other events.
     #[must_use]
     pub const fn frame(&self) -> Option<&Frame> {
         match &self.what {
@@ -72,7 +72,7 @@ impl Event {
     }
 }
 
-/// The events that nobody has taken yet.
+/// The events that have not been taken yet.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Journal {
     recording: bool,
@@ -80,7 +80,7 @@ pub(super) struct Journal {
 }
 
 impl Journal {
-    /// Records from now on, or no longer; what was recorded is dropped with the end of recording.
+    /// Starts or stops recording. Stopping drops the recorded events.
     pub(super) fn record(&mut self, on: bool) {
         self.recording = on;
         if !on {
@@ -88,7 +88,7 @@ impl Journal {
         }
     }
 
-    /// Notes an event, if somebody wants to know.
+    /// Records an event, if recording is on.
     #[inline]
     pub(super) fn note(&mut self, event: impl FnOnce() -> Option<Event>) {
         if self.recording {

@@ -1,8 +1,8 @@
-//! Ports whose controller lives elsewhere: the emulated one of a firmware image.
+//! Ports with an external controller: the emulated controller of a firmware image.
 //!
-//! The bus does for it what the wire does, and tells it what happened; mailboxes, filters, counters that software reads
-//! and the decision to recover from bus-off are the controller's own. It offers one frame at a time, its most urgent
-//! one, and offers anew whenever something happened.
+//! The bus plays the wire and reports what a controller would notice on it. Mailboxes, filters, the error counters that
+//! software reads, and the decision to recover from bus-off belong to the controller. It offers one frame at a time,
+//! its most urgent one, and repeats the offer after each event.
 
 use std::collections::vec_deque::Drain;
 use std::sync::Arc;
@@ -18,20 +18,20 @@ use super::wire_event::WireEvent;
 use super::{Bus, PortId};
 
 impl Bus {
-    /// Returns a controller that lives elsewhere, not connected yet.
+    /// Adds an external controller, not connected yet.
     pub fn add_external(&mut self, name: Arc<str>, rate: BitRate) -> PortId {
         let id = self.add(Port::of_external(name, rate));
         self.externals.push(id);
         id
     }
 
-    /// Returns whether the controller of a port lives elsewhere.
+    /// Returns whether a port has an external controller.
     #[must_use]
     pub fn is_external(&self, id: PortId) -> bool {
         self.ports[id.0].external.is_some()
     }
 
-    /// Connects a controller with what its error counters hold. It takes part once it has seen the bus idle.
+    /// Connects a controller and keeps its error counters. It takes part once it has seen the bus idle.
     pub fn attach(&mut self, id: PortId, rate: BitRate, silent: bool, now: Instant) {
         self.leave(id);
         let port = &mut self.ports[id.0];
@@ -44,7 +44,7 @@ impl Bus {
         self.join(id, now);
     }
 
-    /// Takes a controller off the bus; its error counters stay, unless it is `reset`.
+    /// Takes a controller off the bus. `reset` clears its error counters.
     pub fn detach(&mut self, id: PortId, reset: bool, now: Instant) {
         self.disconnect(id, now);
         if reset {
@@ -55,7 +55,7 @@ impl Bus {
         }
     }
 
-    /// Takes what a controller would send next. One whose frame is on the wire is not asked before the end of that.
+    /// Sets the frame that a controller sends next. While its frame is on the wire, the offer stands.
     pub fn offer(&mut self, id: PortId, frame: Option<Frame>, now: Instant) {
         let port = &mut self.ports[id.0];
         let silent = port.is_silent();
@@ -63,22 +63,22 @@ impl Bus {
         self.refresh(id, now);
     }
 
-    /// Lets a controller that is bus-off begin to count sequences of 11 recessive bits.
+    /// Lets a bus-off controller begin to count sequences of 11 recessive bits.
     pub fn start_recovery(&mut self, id: PortId, now: Instant) {
         let port = &self.ports[id.0];
         if port.mode() == BusErrorMode::BusOff && port.recovery.is_none() {
-            // During a frame, its end is the first sequence.
+            // A frame on the wire: its end counts as the first sequence.
             let joined_at = if port.joined_at == Nanos::MAX { 0 } else { port.joined_at };
             self.begin_recovery(id, nanos(now).max(joined_at));
         }
     }
 
-    /// Returns what a controller has noticed since this was last asked.
+    /// Takes the wire events of a controller since the last call; `None` for a controller of this bus.
     pub(crate) fn take_wire_events(&mut self, id: PortId) -> Option<Drain<'_, (Instant, WireEvent)>> {
         self.ports[id.0].external.as_mut().map(|external| external.take())
     }
 
-    /// Returns when the next controller has to be told that it has joined.
+    /// Returns when the next controller joins and has to be told.
     #[inline]
     pub(super) fn next_joining(&self) -> Nanos {
         let due = |id: &PortId| {
@@ -88,7 +88,7 @@ impl Bus {
         self.externals.iter().filter_map(due).min().unwrap_or(Nanos::MAX)
     }
 
-    /// Tells those that have joined by `now`.
+    /// Tells the controllers that have joined by `now`.
     pub(super) fn tell_joined(&mut self, now: Nanos) {
         for id in &self.externals {
             let port = &mut self.ports[id.0];
@@ -102,7 +102,7 @@ impl Bus {
         }
     }
 
-    /// Tells those who contended and lost the arbitration, before the frame itself begins.
+    /// Tells the controllers that lost the arbitration, before the frame begins.
     pub(super) fn tell_losers(&mut self, start: Nanos) {
         for id in &self.externals {
             let port = &mut self.ports[id.0];
@@ -112,7 +112,7 @@ impl Bus {
         }
     }
 
-    /// Tells everybody who was on the bus by the start of a frame that it begins.
+    /// Tells all controllers on the bus at the start of a frame that it begins.
     pub(super) fn tell_begin(&mut self, start: Nanos) {
         for id in &self.externals {
             let port = &mut self.ports[id.0];
@@ -125,7 +125,7 @@ impl Bus {
         }
     }
 
-    /// Tells everybody who was told of its begin that a frame has ended.
+    /// Tells all controllers that saw a frame begin that it has ended.
     pub(super) fn tell_end(&mut self, end: Nanos) {
         for id in &self.externals {
             if let Some(external) = &mut self.ports[id.0].external

@@ -1,17 +1,17 @@
-//! Bit errors on purpose: what disturbs the bus from outside.
+//! Deliberate bit errors: disturbances from outside the bus.
 
 use std::sync::Arc;
 
 use protocol_core::frame::{Frame, Id};
 
-/// Something that can flip a bit of a frame on the wire, which destroys it for everybody.
+/// An injector of bit errors, each of which destroys the frame for all controllers.
 pub trait Injector: Send {
-    /// Looks at a frame that starts now, sent by the port named `from`, `bits` long; the bit to be destroyed, if any,
-    /// counted from 0.
+    /// Returns the bit to be destroyed, counted from 0, if any. The frame starts now; the port named `from` sends its
+    /// `bits` bits.
     fn disturb(&mut self, from: &str, frame: &Frame, bits: u32) -> Option<u32>;
 }
 
-/// An [`Injector`] on a bus, which is cloned with the bus.
+/// An [`Injector`] that is cloned with its bus.
 pub(super) trait Injects: Injector {
     fn boxed(&self) -> Box<dyn Injects>;
 }
@@ -28,7 +28,7 @@ impl Clone for Box<dyn Injects> {
     }
 }
 
-/// Every bit is wrong with the same probability.
+/// An injector with the same error probability for each bit.
 #[derive(Clone, Debug)]
 pub struct BitErrors {
     threshold: u64,
@@ -36,7 +36,7 @@ pub struct BitErrors {
 }
 
 impl BitErrors {
-    /// Returns an injector by which one bit in `one_in` is wrong on average; `None` for zero.
+    /// Returns an injector that flips one bit in `one_in` on average; `None` for zero.
     #[must_use]
     pub fn one_in(one_in: u64, seed: u64) -> Option<Self> {
         Some(Self { threshold: u64::MAX.checked_div(one_in)?, random: fastrand::Rng::with_seed(seed) })
@@ -49,12 +49,12 @@ impl Injector for BitErrors {
     }
 }
 
-/// The next so many attempts to send a frame are destroyed, by a bit error each.
+/// A disturbance on command: a bit error destroys each of the next attempts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Disturbance {
-    /// The number of attempts that are left.
+    /// The number of attempts left.
     pub frames: u32,
-    /// The identifier of the frames; `None`: any.
+    /// The identifier of the destroyed frames; `None` for all.
     pub id: Option<Id>,
 }
 
@@ -68,7 +68,7 @@ impl Injector for Disturbance {
     }
 }
 
-/// The next so many frames are destroyed, of everybody or of one sender.
+/// An injector that destroys the next frames of one sender or of all.
 #[derive(Clone, Debug)]
 pub struct DestroyNext {
     left: u32,
@@ -76,7 +76,7 @@ pub struct DestroyNext {
 }
 
 impl DestroyNext {
-    /// Returns an injector that destroys the next `count` frames, whoever sends them.
+    /// Returns an injector that destroys the next `count` frames of any sender.
     #[must_use]
     pub const fn frames(count: u32) -> Self {
         Self { left: count, from: None }

@@ -1,4 +1,4 @@
-//! Who listens at one bit rate, and to what: a frame costs those whose filters let it through.
+//! The listeners at one bit rate, by filter: a frame costs only the ports whose filters accept it.
 
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
@@ -12,30 +12,30 @@ use super::PortId;
 #[derive(Clone, Debug)]
 pub(super) struct Group {
     pub(super) rate: BitRate,
-    /// Its members, in the order of their numbers.
+    /// The members, by number.
     pub(super) members: Vec<PortId>,
-    /// How many of them acknowledge: all but silent ones.
+    /// The number of members that acknowledge: all but the silent ones.
     pub(super) audible: usize,
-    /// How many of those are error-active: their error flags destroy a frame.
+    /// The number of error-active members among those: their error flags destroy a frame.
     pub(super) active: usize,
-    /// The members whose receive error counter is above 0: what is received changes no other.
+    /// The members whose receive error counter is above 0: a received frame changes only these.
     pub(super) counting: Vec<PortId>,
-    /// The members that hear everything.
+    /// The members without filters.
     open: Vec<PortId>,
-    /// Who hears which standard identifier, by a filter for that one alone: nearly all that CANopen listens to.
+    /// The listeners of each standard identifier by a filter for it alone: most of CANopen.
     standard: Vec<Vec<PortId>>,
-    /// What other filters let through, by the bits that they look at.
+    /// All other filters, by the bits that they compare.
     masks: Vec<Mask>,
 }
 
-/// How many standard identifiers there are.
+/// The number of standard identifiers.
 const STANDARD: usize = 1 << 11;
 
-/// The filters that look at the same bits of an identifier.
+/// The filters that compare the same bits of an identifier.
 #[derive(Clone, Debug)]
 struct Mask {
     bits: u32,
-    /// Who wants to find what there, in the order of their numbers.
+    /// The listeners by the compared bits, each list by number.
     wanted: HashMap<u32, Vec<PortId>, BuildHasherDefault<Multiply>>,
 }
 
@@ -54,16 +54,16 @@ impl Hasher for Multiply {
 
     #[inline]
     fn write_u32(&mut self, number: u32) {
-        // 2 to the power of 64 by the golden ratio: neighbours go far from each other.
+        // 2 to the power of 64 divided by the golden ratio: it spreads neighbouring values.
         self.0 = (self.0 ^ u64::from(number)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
         self.0 ^= self.0 >> 32;
     }
 }
 
-/// What a port is to hear.
+/// The frames that a port receives.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Hears<'a> {
-    /// Nothing is kept of what it hears.
+    /// None: received frames are not kept.
     Nothing,
     /// Every frame.
     Everything,
@@ -85,14 +85,14 @@ impl Group {
         }
     }
 
-    /// Calls `tell` with lists of the members that are to hear a frame, its sender perhaps among them. A member with
-    /// several filters for it can be in several lists.
+    /// Calls `tell` with lists of the members that receive a frame, perhaps its sender among them. A member with
+    /// several matching filters can be in several lists.
     #[inline]
     pub(super) fn hearers(&self, frame: &Frame, mut tell: impl FnMut(&[PortId])) {
         if !self.open.is_empty() {
             tell(&self.open);
         }
-        // No filter lets a remote frame through.
+        // Filters accept data frames only.
         if frame.is_remote() {
             return;
         }
@@ -106,7 +106,7 @@ impl Group {
         }
     }
 
-    /// Lists what a port is to hear.
+    /// Adds a port to the lists.
     pub(super) fn list(&mut self, id: PortId, hears: Hears<'_>) {
         match hears {
             Hears::Nothing => {}
@@ -122,7 +122,7 @@ impl Group {
         }
     }
 
-    /// Takes from the lists what a port was to hear.
+    /// Removes a port from the lists.
     pub(super) fn unlist(&mut self, id: PortId, hears: Hears<'_>) {
         match hears {
             Hears::Nothing => {}
@@ -139,7 +139,7 @@ impl Group {
         }
     }
 
-    /// Returns who has a filter.
+    /// Returns the listeners of a filter.
     fn wanted(&mut self, filter: Filter) -> &mut Vec<PortId> {
         if let Some(id) = standard(filter) {
             self.standard.resize(STANDARD, Vec::new());
@@ -152,7 +152,7 @@ impl Group {
         self.masks[place].wanted.entry(filter.key & filter.mask).or_default()
     }
 
-    /// Gives the room back for a filter that nobody has any more.
+    /// Frees the list of a filter without listeners.
     fn forget(&mut self, filter: Filter) {
         if let Some(mask) = self.masks.iter_mut().find(|mask| mask.bits == filter.mask) {
             mask.wanted.remove(&(filter.key & filter.mask));

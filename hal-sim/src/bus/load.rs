@@ -1,8 +1,8 @@
-//! How busy the bus was in the last second.
+//! The load of the bus in the last second.
 
 use super::clock::Nanos;
 
-/// The second is looked at in so many parts.
+/// The number of parts that the second is divided into.
 const PARTS: usize = 100;
 const SECOND: Nanos = 1_000_000_000;
 const PART: Nanos = SECOND / PARTS as Nanos;
@@ -22,7 +22,7 @@ impl Default for Load {
 }
 
 impl Load {
-    /// Notes that the bus was busy for `time`, until `end`.
+    /// Adds `time` of a busy bus that ends at `end`.
     pub(super) fn add(&mut self, time: Nanos, end: Nanos) {
         let part = end / PART;
         for skipped in (self.latest + 1..=part).take(PARTS) {
@@ -32,7 +32,7 @@ impl Load {
         self.busy[index(part)] += time;
     }
 
-    /// Returns the percentage of the second before `now`.
+    /// Returns the load in the second before `now`, in percent.
     pub(super) fn percent(&self, now: Nanos) -> u8 {
         let oldest = (now / PART + 1).saturating_sub(PARTS as u64);
         let known = (self.latest + 1).saturating_sub(PARTS as u64);

@@ -1,40 +1,39 @@
 //! The transmit mailboxes of a device's controller, as bxCAN and its driver use them (RM0090 32.7.1).
 //!
-//! bxCAN sends equal identifiers in the order of the mailboxes' numbers. So that frames keep their order, the driver
-//! takes a frame beyond the first one only if it is strictly more urgent than every other: the last one taken goes
-//! first.
+//! bxCAN sends equal identifiers in the order of the mailboxes' numbers. To keep the order of frames, the driver
+//! accepts a further frame only if it is strictly more urgent than all waiting ones: the last one accepted goes first.
 
 use protocol_core::controller::Filter;
 use protocol_core::frame::Frame;
 
-/// How many there are.
+/// The number of mailboxes.
 pub(super) const MAILBOXES: usize = 3;
 
 /// Three mailboxes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Mailboxes {
-    /// The frames that wait, each more urgent than the one before.
+    /// The waiting frames, each more urgent than the one before.
     waiting: Vec<Mailbox>,
 }
 
 #[derive(Clone, Debug)]
 struct Mailbox {
     frame: Frame,
-    /// The frame is on the wire, and cannot be handed back.
+    /// The frame is on the wire and cannot be handed back.
     on_wire: bool,
     /// The frame is not repeated when its attempt fails.
     aborted: bool,
 }
 
-/// The frame has to wait: there is no room for it now.
+/// No mailbox is free for the frame now.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Full;
 
 impl Mailboxes {
-    /// Takes a frame. Returns the least urgent one when all mailboxes are full, but never the one on the wire.
+    /// Stores a frame. Returns the least urgent frame when all mailboxes are full, but never the one on the wire.
     ///
     /// # Errors
-    /// [`Full`] when a frame waits that is as urgent, or more.
+    /// [`Full`] when an equally or more urgent frame waits.
     pub(super) fn put(&mut self, frame: Frame) -> Result<Option<Frame>, Full> {
         if self.head().is_some_and(|head| head.arbitration() <= frame.arbitration()) {
             return Err(Full);
@@ -52,14 +51,14 @@ impl Mailboxes {
         self.waiting.last().map(|mailbox| &mailbox.frame)
     }
 
-    /// Notes that the most urgent frame is on the wire now.
+    /// Marks the most urgent frame as on the wire.
     pub(super) fn sending(&mut self) {
         if let Some(head) = self.waiting.last_mut() {
             head.on_wire = true;
         }
     }
 
-    /// Notes that the frame on the wire was sent, or has to be tried again.
+    /// Ends the attempt on the wire: the frame was sent, or waits for a retry.
     pub(super) fn sent(&mut self, success: bool) {
         self.waiting.retain_mut(|mailbox| {
             let done = std::mem::take(&mut mailbox.on_wire) && (success || mailbox.aborted);
@@ -67,7 +66,7 @@ impl Mailboxes {
         });
     }
 
-    /// Drops the frames of these identifiers that wait; one on the wire is not repeated.
+    /// Drops the waiting frames with these identifiers; the frame on the wire is not repeated.
     pub(super) fn abort(&mut self, which: Filter) {
         self.waiting.retain_mut(|mailbox| {
             let meant = which.passes(&mailbox.frame);
@@ -76,7 +75,7 @@ impl Mailboxes {
         });
     }
 
-    /// Drops everything.
+    /// Drops all frames.
     pub(super) fn clear(&mut self) {
         self.waiting.clear();
     }

@@ -1,4 +1,4 @@
-//! Who takes part: joining and leaving, changes of the error mode, bus-off and the way back.
+//! Bus integration: joining, leaving, changes of the error mode, bus-off and recovery.
 
 use protocol_core::controller::BusErrorMode;
 use protocol_core::time::Instant;
@@ -12,10 +12,10 @@ use super::wire_event::WireEvent;
 use super::{Bus, Event, EventKind, PortId};
 
 impl Bus {
-    /// Lets a controller synchronise: after 11 recessive bits it takes part. One that is bus-off has to recover first.
+    /// Lets a controller join: it takes part after 11 recessive bits. A bus-off controller has to recover first.
     pub(super) fn join(&mut self, id: PortId, now: Instant) {
         let port = &mut self.ports[id.0];
-        // While a frame is on the wire: not before its end, whenever that is.
+        // A busy bus: the port waits for the end of the frame, whenever that is.
         let busy = self.current.is_some();
         port.joined_at = if busy { Nanos::MAX } else { nanos(now) + bit_times(BUS_IDLE, port.rate) };
         port.ready_at = if port.takes_part() { port.joined_at } else { Nanos::MAX };
@@ -24,7 +24,7 @@ impl Bus {
         self.refresh(id, now);
     }
 
-    /// Takes a port from the list of those that take part, or are about to.
+    /// Removes a port from the list of members, or of joining ports.
     pub(super) fn leave(&mut self, id: PortId) {
         self.joining.retain(|other| *other != id);
         let port = &mut self.ports[id.0];
@@ -41,14 +41,14 @@ impl Bus {
         group.unlist(id, port.hears());
     }
 
-    /// Lets those take part from a start of frame on that have seen enough recessive bits by then; the others wait for
-    /// the end of that frame.
+    /// Admits the ports that have seen enough recessive bits by a start of frame; the others wait for the end of that
+    /// frame.
     pub(super) fn admit(&mut self, start: Nanos) {
         let mut place = 0;
         while let Some(id) = self.joining.get(place).copied() {
             let port = &mut self.ports[id.0];
             if port.joined_at > start {
-                // The 11 recessive bits are counted anew, from the end of the frame.
+                // The port counts the 11 recessive bits again from the end of the frame.
                 port.joined_at = Nanos::MAX;
                 port.ready_at = Nanos::MAX;
                 place += 1;
@@ -72,7 +72,7 @@ impl Bus {
         }
     }
 
-    /// Puts new filters in the place of the old ones.
+    /// Replaces the filters of a port.
     pub(super) fn refilter(&mut self, id: PortId) {
         let port = &mut self.ports[id.0];
         let Some(filters) = port.new_filters.take() else { return };
@@ -85,8 +85,8 @@ impl Bus {
         }
     }
 
-    /// Takes a port out of step that lost a bit while it was error-passive: nobody hears it complain, and the frame
-    /// that won goes on without it. Its error flag has no end before that frame has one.
+    /// Takes an error-passive port that lost a bit out of step: the winning frame goes on regardless of its passive
+    /// error flag, which cannot end before that frame does.
     pub(super) fn fall_out_of_step(&mut self, id: PortId, at: Instant) {
         self.change(id, at, Confinement::transmit_error);
         let port = &mut self.ports[id.0];
@@ -100,8 +100,7 @@ impl Bus {
         }
     }
 
-    /// Changes the error counters of a port, and with them perhaps its error mode. The way into bus-off, for every
-    /// port.
+    /// Changes the error counters of a port, and its error mode accordingly. All ports go bus-off here.
     #[inline]
     pub(super) fn change(&mut self, id: PortId, at: Instant, change: impl FnOnce(&mut Confinement)) {
         let port = &mut self.ports[id.0];
@@ -127,7 +126,7 @@ impl Bus {
         }
         if to == BusErrorMode::BusOff {
             port.ready_at = Nanos::MAX;
-            // Whether a controller that lives elsewhere comes back is its own decision.
+            // An external controller decides by itself whether it recovers.
             let recovers = port.external.is_none() && !port.held;
             self.leave(id);
             self.refresh(id, at);
@@ -155,9 +154,8 @@ impl Bus {
         self.recovering.iter().filter_map(due).min().unwrap_or(Nanos::MAX)
     }
 
-    /// Counts a sequence of recessive bits. The end of a frame, or of an error frame, and the intermission are 11
-    /// recessive bits: one sequence for those on their way back from bus-off, and what controllers that joined in the
-    /// meantime waited for.
+    /// Counts a sequence of recessive bits. The end of a frame or error frame and the intermission are 11 recessive
+    /// bits: one sequence towards recovery, and the idle time that joining controllers wait for.
     pub(super) fn count_idle_sequence(&mut self) {
         for place in 0..self.joining.len() {
             let id = self.joining[place];
@@ -179,7 +177,7 @@ impl Bus {
         }
     }
 
-    /// Counts the recessive bits of the idle time that ends at `start`.
+    /// Counts the recessive bits of the idle time before `start`.
     pub(super) fn pass_recovery_time(&mut self, start: Nanos) {
         for id in &self.recovering {
             let port = &mut self.ports[id.0];
@@ -192,7 +190,7 @@ impl Bus {
         }
     }
 
-    /// Brings those back whose time has come.
+    /// Returns recovered controllers to the bus.
     pub(super) fn recover(&mut self, now: Nanos) {
         if self.current.is_some() {
             return;

@@ -1,15 +1,15 @@
 //! A CAN bus in virtual time (ISO 11898-1): arbitration, acknowledgement, errors and their confinement.
 //!
-//! One frame or error frame is on the wire at a time. How it ends is known when it starts (`transmission`); what the
-//! end means for each port is worked out then (`outcome`). Between the two the bus costs nothing, and a frame costs
-//! those who care for it: contenders are kept in the order of arbitration (`contenders`), listeners by bit rate and
-//! filter (`listeners`), and only error counters that can change are looked at.
+//! One frame or error frame is on the wire at a time. Its end is computed at its start (`transmission`) and applied to
+//! each port at the end (`outcome`). In between, the bus costs nothing, and a frame costs only the ports that it
+//! concerns: contenders are kept in the order of arbitration (`contenders`), listeners by bit rate and filter
+//! (`listeners`), and only error counters that can change are visited.
 //!
-//! A port becomes a member of its bit rate's group once it is in step, and is one until it leaves, loses a bit or goes
-//! bus-off (`membership`). A port that is no member neither hears nor acknowledges.
+//! A port becomes a member of its bit rate's group once it is in step, and remains one until it leaves, loses a bit or
+//! goes bus-off (`membership`). Only members receive and acknowledge.
 //!
-//! What is simplified: an attempt that fails is cut at the bit where the first error is seen, and all controllers see
-//! the error frame at once. Oscillator tolerance, resynchronisation and overload frames are left out.
+//! Simplifications: a failed attempt ends at the bit of the first error, and all controllers see the error frame at
+//! once. Oscillator tolerance, resynchronisation and overload frames are left out.
 
 mod alone;
 mod bits;
@@ -63,57 +63,57 @@ use listeners::Group;
 use load::Load;
 use transmission::Transmission;
 
-/// A port of the bus, by its number.
+/// The number of a port on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct PortId(pub(crate) usize);
 
-/// The bus and everything that is connected to it.
+/// The bus and all connected controllers.
 #[derive(Clone, Default)]
 pub struct Bus {
     ports: Vec<Port>,
-    /// The ports of clients that are gone, to be used again.
+    /// The free port numbers of removed clients.
     vacant: Vec<PortId>,
     contenders: Contenders,
     /// The ports that take part, by bit rate.
     groups: Vec<Group>,
-    /// The ports that are about to take part: they wait for recessive bits.
+    /// The joining ports: they wait for recessive bits.
     joining: Vec<PortId>,
-    /// The ports whose controllers live elsewhere.
+    /// The ports with an external controller.
     externals: Vec<PortId>,
-    /// The ports that are bus-off and on their way back.
+    /// The bus-off ports that are recovering.
     recovering: Vec<PortId>,
     /// The frame on the wire.
     current: Option<Transmission>,
-    /// Who sends it; several when they send the same, or when none of them has noticed the others yet.
+    /// The senders of the frame: several when they send the same frame, or have not noticed each other yet.
     senders: Vec<PortId>,
-    /// From when on the next frame may start.
+    /// The instant from which the next frame may start.
     free_at: Nanos,
-    /// The ports of devices for which something changed since they were last asked for.
+    /// The ports of devices with a change since the last [`swap_touched`](Self::swap_touched).
     touched: Vec<PortId>,
     injectors: Vec<Box<dyn Injects>>,
-    /// What disturbs the bus on command.
+    /// The disturbance on command.
     disturbance: Disturbance,
     load: Load,
     journal: Journal,
 }
 
 impl Bus {
-    /// A new controller of a device, not connected yet.
+    /// Adds the controller of a new device, not connected yet.
     pub fn add_device(&mut self, name: Arc<str>, rate: BitRate) -> PortId {
         self.add(Port::of_device(name, rate))
     }
 
-    /// A new client, connected at once: its adapter has long been on the bus.
+    /// Adds a client, connected at once: its adapter has long been on the bus.
     pub fn add_client_port(&mut self, name: Arc<str>, rate: BitRate, now: Instant) -> PortId {
         self.add_connected(Port::of_client(name, rate), now)
     }
 
-    /// A client that keeps nothing of what it hears, connected at once.
+    /// Adds a client that discards received frames, connected at once.
     pub fn add_gateway(&mut self, name: Arc<str>, rate: BitRate, now: Instant) -> PortId {
         self.add_connected(Port::of_gateway(name, rate), now)
     }
 
-    /// Takes a client away for good. Its number may be given to another one.
+    /// Removes a client. Its number becomes free.
     pub fn remove(&mut self, id: PortId, now: Instant) {
         self.disconnect(id, now);
         if !self.vacant.contains(&id) {
@@ -121,14 +121,14 @@ impl Bus {
         }
     }
 
-    /// A port.
+    /// Returns a port.
     #[inline]
     #[must_use]
     pub fn port(&self, id: PortId) -> &Port {
         &self.ports[id.0]
     }
 
-    /// A port that a device is pumped through; to be followed by [`refresh`](Self::refresh).
+    /// Returns a port for the pump of its device; call [`refresh`](Self::refresh) afterwards.
     #[inline]
     pub(crate) fn port_mut(&mut self, id: PortId) -> &mut Port {
         &mut self.ports[id.0]
@@ -145,7 +145,7 @@ impl Bus {
         self.join(id, now);
     }
 
-    /// Takes a controller off the bus, with all that it had to send or to read. A frame that it is sending breaks off.
+    /// Takes a controller off the bus and drops its waiting and received frames. A frame that it is sending breaks off.
     pub fn disconnect(&mut self, id: PortId, now: Instant) {
         self.fall_silent(id, now);
         self.leave(id);
@@ -158,20 +158,20 @@ impl Bus {
         self.refresh(id, now);
     }
 
-    /// Drops what a port has to send.
+    /// Drops the waiting frames of a port.
     pub fn drop_pending(&mut self, id: PortId, now: Instant) {
         self.fall_silent(id, now);
         self.ports[id.0].transmit.clear();
         self.refresh(id, now);
     }
 
-    /// Whether a frame of a port is on the wire.
+    /// Returns whether a frame of a port is on the wire.
     #[must_use]
     pub fn is_sending(&self, id: PortId) -> bool {
         self.senders.contains(&id)
     }
 
-    /// Sets a port to a bit rate. A new rate starts its controller anew, error counters aside.
+    /// Sets the bit rate of a port. A new rate restarts its controller but keeps the error counters.
     pub fn set_bit_rate(&mut self, id: PortId, rate: BitRate, now: Instant) {
         if self.ports[id.0].rate == rate {
             return;
@@ -182,7 +182,7 @@ impl Bus {
         self.join(id, now);
     }
 
-    /// Takes a port off the bus as if its transmit error counter had overrun, or lets it recover from that.
+    /// Forces a port bus-off, as an overrun of its transmit error counter does, or lets it recover.
     pub fn force_bus_off(&mut self, id: PortId, on: bool, now: Instant) {
         self.ports[id.0].held = on;
         if on {
@@ -194,28 +194,28 @@ impl Bus {
         }
     }
 
-    /// Adds something that disturbs the bus.
+    /// Adds an injector of bit errors.
     pub fn inject(&mut self, injector: impl Injector + Clone + 'static) {
         self.injectors.push(Box::new(injector));
     }
 
-    /// Disturbs the bus on command, in the place of an earlier disturbance.
+    /// Sets the disturbance on command; it replaces an earlier one.
     pub const fn disturb(&mut self, disturbance: Disturbance) {
         self.disturbance = disturbance;
     }
 
-    /// What is left of the disturbance on command.
+    /// Returns the rest of the disturbance on command.
     #[must_use]
     pub const fn disturbance(&self) -> Disturbance {
         self.disturbance
     }
 
-    /// Takes away all injectors.
+    /// Removes all injectors.
     pub fn clear_injectors(&mut self) {
         self.injectors.clear();
     }
 
-    /// [Looks](Self::refresh) at a port that its device has used since the last look.
+    /// [Refreshes](Self::refresh) a port that its device has used since the last refresh.
     #[inline]
     pub(crate) fn refresh_used(&mut self, id: PortId, now: Instant) {
         if self.ports[id.0].used {
@@ -223,7 +223,7 @@ impl Bus {
         }
     }
 
-    /// Looks at what a port has to send and to hear now.
+    /// Updates a port's place among the contenders, and its filters.
     #[inline]
     pub fn refresh(&mut self, id: PortId, now: Instant) {
         let port = &mut self.ports[id.0];
@@ -247,7 +247,7 @@ impl Bus {
         }
     }
 
-    /// When something is next due on the bus.
+    /// Returns the instant of the next event on the bus.
     #[must_use]
     pub fn next_event(&self) -> Instant {
         let mut due = match &self.current {
@@ -261,36 +261,36 @@ impl Bus {
         due
     }
 
-    /// Records from now on what happens, to be taken with [`take_events`](Self::take_events); or does so no longer.
+    /// Starts recording events for [`take_events`](Self::take_events), or stops.
     pub fn record_events(&mut self, on: bool) {
         self.journal.record(on);
     }
 
-    /// Takes what happened since this was last called, oldest first.
+    /// Takes the recorded events, oldest first.
     pub fn take_events(&mut self) -> Drain<'_, Event> {
         self.journal.take()
     }
 
-    /// Notes that the device behind a port dropped frames.
+    /// Records that the device of a port dropped frames.
     pub(crate) fn note_dropped(&mut self, id: PortId, count: u32, now: Instant) {
         let who = &self.ports[id.0].name;
         self.journal.note(|| Some(Event { at: now, who: who.clone(), what: EventKind::FramesDropped { count } }));
     }
 
-    /// How much of the second before `now` the bus was busy, in percent.
+    /// Returns the load of the bus in the second before `now`, in percent.
     #[must_use]
     pub fn load(&self, now: Instant) -> u8 {
         self.load.percent(nanos(now))
     }
 
-    /// Whether there are ports to be [taken](Self::swap_touched).
+    /// Returns whether [`swap_touched`](Self::swap_touched) would return ports.
     #[inline]
     pub(crate) const fn is_any_touched(&self) -> bool {
         !self.touched.is_empty()
     }
 
-    /// The devices' ports that received something, sent something or changed their error mode, in the order of their
-    /// numbers, into an empty `ports`.
+    /// Moves the devices' ports that received something, sent something or changed their error mode into the empty
+    /// `ports`, by number.
     #[inline]
     pub(crate) fn swap_touched(&mut self, ports: &mut Vec<PortId>) {
         std::mem::swap(&mut self.touched, ports);

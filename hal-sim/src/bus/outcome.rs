@@ -11,7 +11,7 @@ use super::wire_event::WireEvent;
 use super::{Bus, BusError, Event, EventKind, PortId};
 
 impl Bus {
-    /// Ends what is due to end by `now`.
+    /// Ends the frames and error frames that are due by `now`.
     pub fn finish(&mut self, now: Instant) {
         if self.current.as_ref().is_some_and(|transmission| transmission.over <= now) {
             self.end();
@@ -24,10 +24,10 @@ impl Bus {
         }
     }
 
-    /// Ends what is on the wire.
+    /// Ends the frame or error frame on the wire.
     fn end(&mut self) {
         let Some(mut transmission) = self.current.take() else { return };
-        // Whoever acknowledged it may have been switched off while the frame was on the wire.
+        // The only controller that acknowledged may have been switched off while the frame was on the wire.
         if transmission.failure.is_none() && !self.is_heard(transmission.rate) {
             let signalled_by = self.senders.first().map(|id| self.ports[id.0].name.clone());
             let error = BusError::Acknowledgement;
@@ -39,7 +39,7 @@ impl Bus {
         let error = transmission.error();
         match error {
             None => self.deliver(&transmission),
-            // A missing acknowledgement is seen by nobody else: there is nobody else.
+            // A sender without an acknowledgement is alone: no other controller sees the error.
             Some(BusError::Acknowledgement) => {}
             Some(_) => self.count_errors(&transmission),
         }
@@ -51,7 +51,7 @@ impl Bus {
         self.tell_end(transmission.end);
     }
 
-    /// Notes what was on the wire.
+    /// Records the frame or error frame.
     fn note(&mut self, transmission: &Transmission) {
         let (ports, sender) = (&self.ports, self.senders.first());
         self.journal.note(|| {
@@ -61,7 +61,7 @@ impl Bus {
             let Some(failure) = failure else {
                 return Some(Event { at, who: sender?, what: EventKind::Frame { frame, start } });
             };
-            // Without a witness a sender fell silent, and nobody listened.
+            // Nobody signals an error when the sender fell silent and nobody listened.
             let signalled_by = failure.signalled_by.clone()?;
             let what = EventKind::ErrorFrame { frame, start, error: failure.error, signalled_by };
             Some(Event { at, who: sender.or_else(|| failure.gone.clone())?, what })
@@ -81,7 +81,7 @@ impl Bus {
         groups[place].hearers(frame, |hearers| {
             for id in hearers {
                 let port = &mut ports[id.0];
-                // Several of its filters may let the frame through.
+                // Several filters of the port may accept the frame.
                 if std::mem::replace(&mut port.heard, *end) == *end {
                     continue;
                 }
@@ -93,7 +93,7 @@ impl Bus {
         });
     }
 
-    /// Counts a received frame for those whom it matters to: a counter that is 0 stays so.
+    /// Counts a received frame down at the members with a receive error counter above 0.
     fn count_received(&mut self, place: usize, at: Instant) {
         let mut counting = std::mem::take(&mut self.groups[place].counting);
         counting.retain(|id| {
@@ -105,12 +105,12 @@ impl Bus {
         self.groups[place].counting = counting;
     }
 
-    /// Counts an error for everybody who saw it.
+    /// Counts an error at all controllers that saw it.
     fn count_errors(&mut self, transmission: &Transmission) {
         let by_other_rate = transmission.failure.as_ref().is_some_and(|failure| failure.by_other_rate);
         for group in 0..self.groups.len() {
             let other_rate = by_other_rate && self.groups[group].rate != transmission.rate;
-            // Receive errors take nobody off the bus: the members stay what they are.
+            // Receive errors never cause bus-off: the members stay the same.
             for place in 0..self.groups[group].members.len() {
                 let id = self.groups[group].members[place];
                 if self.senders.contains(&id) {

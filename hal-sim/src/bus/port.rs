@@ -1,4 +1,4 @@
-//! A port of the bus: the CAN controller of a device, or the place where a client is connected.
+//! A port of the bus: the CAN controller of a device or a client.
 
 use std::collections::VecDeque;
 use std::collections::vec_deque::Drain;
@@ -17,76 +17,76 @@ use super::listeners::Hears;
 use super::transmit::Transmit;
 use super::wire_event::{External, WireEvent};
 
-/// How many received frames a device's controller holds, as the firmware's queue does.
+/// The number of received frames that a device's controller holds, as the firmware's queue does.
 pub const RECEIVE_QUEUE: usize = 256;
 
 /// A CAN controller on the bus.
 #[derive(Clone, Debug)]
 pub struct Port {
     pub(super) name: Arc<str>,
-    /// Whether a device is behind it, to be told what happens.
+    /// The port belongs to a device, which is told of events.
     pub(super) is_device: bool,
     pub(super) rate: BitRate,
     pub(super) connected: bool,
     pub(super) confinement: Confinement,
     pub(super) transmit: Transmit,
     pub(super) received: VecDeque<(Instant, Frame)>,
-    /// What a device's controller lets through; everything where there are none.
+    /// The filters of a device's controller; `None` accepts all frames.
     pub(super) filters: Option<Box<Filters>>,
-    /// Whether its device has changed what it sends or hears since the bus looked at it.
+    /// The device has changed its frames or filters since the last refresh.
     pub(super) used: bool,
-    /// The filters that take their place as soon as the bus looks at the port.
+    /// The filters that apply from the next refresh.
     pub(super) new_filters: Option<Box<Filters>>,
-    /// How many received frames there is room for.
+    /// The capacity of the receive queue.
     room: usize,
     overruns: u32,
-    /// The end of the last frame that it heard or sent.
+    /// The end of the last frame that it received or sent.
     pub(super) heard: Nanos,
-    /// It takes part from then on; the end of time while that waits for the end of a frame.
+    /// The instant from which it takes part; the end of time while it waits for the end of a frame.
     pub(super) joined_at: Nanos,
-    /// It sends from then on; the end of time while it may not.
+    /// The instant from which it sends; the end of time while it may not.
     pub(super) ready_at: Nanos,
-    /// Whether it takes part: the bus lists it among the listeners at its bit rate.
+    /// The bus lists the port among the members at its bit rate.
     pub(super) member: bool,
-    /// It lost a bit while it was error-passive, and suspends its transmission when it is in step again.
+    /// It lost a bit while error-passive, and suspends its transmission once it is in step again.
     pub(super) suspended: bool,
-    /// It is kept bus-off.
+    /// The port is forced bus-off.
     pub(super) held: bool,
     pub(super) recovery: Option<Recovery>,
-    /// Where it is among the contenders.
+    /// The place of the port among the contenders.
     pub(super) contends: Contends,
-    /// What it has beyond the others when its controller lives elsewhere.
+    /// The state of an external controller.
     pub(super) external: Option<Box<External>>,
 }
 
-/// How far a controller has got on its way back from bus-off.
+/// The progress of a recovery from bus-off.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Recovery {
-    /// How many sequences of 11 recessive bits are missing.
+    /// The number of sequences of 11 recessive bits left to count.
     pub(super) left: u32,
-    /// Since when they count, the bus being idle.
+    /// The instant from which they count on the idle bus.
     pub(super) since: Nanos,
 }
 
 impl Port {
-    /// Returns the controller of a device, not yet connected.
+    /// Returns the port of a device, not connected yet.
     pub(super) fn of_device(name: Arc<str>, rate: BitRate) -> Self {
         let mut port = Self::new(name, rate, Transmit::mailboxes(), RECEIVE_QUEUE);
         port.is_device = true;
         port
     }
 
-    /// Returns a client's place on the bus, not yet connected.
+    /// Returns the port of a client, not connected yet.
     pub(super) fn of_client(name: Arc<str>, rate: BitRate) -> Self {
         Self::new(name, rate, Transmit::queue(), usize::MAX)
     }
 
-    /// Returns the place of a gateway without a client, not yet connected.
+    /// Returns the port of a gateway, which keeps no received frame, not connected yet.
     pub(super) fn of_gateway(name: Arc<str>, rate: BitRate) -> Self {
         Self::new(name, rate, Transmit::queue(), 0)
     }
 
-    /// Returns the place of a controller that lives elsewhere, not yet connected.
+    /// Returns the port of an external controller, not connected yet.
     pub(super) fn of_external(name: Arc<str>, rate: BitRate) -> Self {
         let mut port = Self::new(name, rate, Transmit::offer(), usize::MAX);
         port.external = Some(Box::default());
@@ -119,61 +119,61 @@ impl Port {
         }
     }
 
-    /// Returns its name.
+    /// Returns the name of the port.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Returns the bit rate that it is set to.
+    /// Returns the bit rate of the port.
     #[must_use]
     pub const fn bit_rate(&self) -> BitRate {
         self.rate
     }
 
-    /// Returns the mode that its error counters put it into.
+    /// Returns the error mode.
     #[inline]
     #[must_use]
     pub const fn mode(&self) -> BusErrorMode {
         self.confinement.mode()
     }
 
-    /// Returns its error counters.
+    /// Returns the error counters.
     #[must_use]
     pub const fn confinement(&self) -> Confinement {
         self.confinement
     }
 
-    /// Returns how many frames wait for the bus, the one on the wire included.
+    /// Returns the number of waiting frames, the one on the wire included.
     #[must_use]
     pub fn pending(&self) -> usize {
         self.transmit.len()
     }
 
-    /// Returns how many received frames were lost because nobody read them.
+    /// Returns the number of received frames lost in a full queue.
     #[must_use]
     pub const fn overruns(&self) -> u32 {
         self.overruns
     }
 
-    /// Returns what it has heard since this was last asked, oldest first.
+    /// Takes the received frames, oldest first.
     pub(crate) fn take_received(&mut self) -> Drain<'_, (Instant, Frame)> {
         self.received.drain(..)
     }
 
-    /// Returns whether it may take part in what happens on the bus.
+    /// Returns whether the port is connected and not bus-off.
     #[inline]
     pub(super) const fn takes_part(&self) -> bool {
         self.connected && !matches!(self.confinement.mode(), BusErrorMode::BusOff)
     }
 
-    /// Returns whether nobody notices that it listens.
+    /// Returns whether the port only listens.
     #[inline]
     pub(super) fn is_silent(&self) -> bool {
         self.external.as_ref().is_some_and(|external| external.silent)
     }
 
-    /// Returns what it is to hear.
+    /// Returns the frames that the port receives.
     pub(super) const fn hears(&self) -> Hears<'_> {
         match &self.filters {
             _ if self.room == 0 => Hears::Nothing,
@@ -182,13 +182,13 @@ impl Port {
         }
     }
 
-    /// Returns when it is back on the bus, if that stays idle.
+    /// Returns when a recovering port is back, if the bus stays idle.
     pub(super) fn recovered_at(&self) -> Option<Nanos> {
         let recovery = self.recovery?;
         Some(recovery.since + bit_times(recovery.left * BUS_IDLE, self.rate))
     }
 
-    /// Takes a frame that its filters let through.
+    /// Stores a received frame.
     #[inline]
     pub(super) fn deliver(&mut self, frame: &Frame, at: Instant) {
         if let Some(external) = &mut self.external {
@@ -200,7 +200,7 @@ impl Port {
         }
     }
 
-    /// Tells a controller that lives elsewhere.
+    /// Records an event for an external controller.
     #[inline]
     pub(super) fn tell(&mut self, at: Nanos, event: WireEvent) {
         if let Some(external) = &mut self.external {

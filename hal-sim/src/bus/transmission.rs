@@ -1,4 +1,4 @@
-//! The start of a frame: who wins the bus, and how the attempt will end.
+//! The start of a frame: the winner of the bus, and how the attempt will end.
 
 use std::sync::Arc;
 
@@ -12,38 +12,38 @@ use super::injector::Injector as _;
 use super::wire_event::WireEvent;
 use super::{Bus, BusError, PortId};
 
-/// After so many bits a controller at another bit rate has seen something impossible (A).
+/// The number of bits after which a controller at another bit rate sees an error (A).
 const WRONG_RATE_SEEN: u32 = 20;
-/// After so many bits two senders at different bit rates have disturbed each other (A).
+/// The number of bits after which two senders at different bit rates destroy each other's frames (A).
 const MIXED_RATES_SEEN: u32 = 6;
-/// The flag of the first, the flags of the others that answer it, and the delimiter.
+/// The bits of an error frame: the first flag, the flags that answer it, and the delimiter.
 pub(super) const ERROR_FRAME: u32 = 2 * ERROR_FLAG + ERROR_DELIMITER;
-/// An error frame that nobody answers.
+/// The bits of an error frame that no other controller answers.
 const LONE_ERROR_FRAME: u32 = ERROR_FLAG + ERROR_DELIMITER;
 
-/// What is on the wire.
+/// The frame or error frame on the wire.
 #[derive(Clone, Debug)]
 pub(super) struct Transmission {
     pub(super) frame: Frame,
     pub(super) rate: BitRate,
     pub(super) start: Nanos,
-    /// When the frame or the error frame ends.
+    /// The end of the frame or error frame.
     pub(super) end: Nanos,
-    /// The instant at which it has ended.
+    /// The first instant of the world's time that is not before the end.
     pub(super) over: Instant,
-    /// Why it ends as an error frame: rare, and kept elsewhere.
+    /// The failure of the attempt: rare, and boxed to keep the success small.
     pub(super) failure: Option<Box<Failure>>,
 }
 
-/// Why a frame is not sent.
+/// The failure of an attempt to send.
 #[derive(Clone, Debug)]
 pub(super) struct Failure {
     pub(super) error: BusError,
-    /// Whether listeners at another bit rate than everybody else destroyed it.
+    /// Listeners at another bit rate than all others destroyed the frame.
     pub(super) by_other_rate: bool,
-    /// The name of the controller whose error flag is the first; none where nobody signals an error.
+    /// The name of the controller with the first error flag; `None` without an error flag.
     pub(super) signalled_by: Option<Arc<str>>,
-    /// The name of the last sender, once all of them have fallen silent.
+    /// The name of the last sender, once all senders have fallen silent.
     pub(super) gone: Option<Arc<str>>,
 }
 
@@ -62,15 +62,15 @@ impl Transmission {
 /// The earliest error of a transmission.
 struct Disruption {
     error: BusError,
-    /// From the start of frame to the first bit of the error flag.
+    /// The bits from the start of frame to the error flag.
     bits: u32,
     by_other_rate: bool,
-    /// Whose error flag is the first; the sender's where there is none.
+    /// The controller with the first error flag; without a flag, the sender.
     by: Option<PortId>,
 }
 
 impl Bus {
-    /// Lets the most urgent frame start if the bus is free for one.
+    /// Starts the most urgent frame if the bus is free.
     pub fn begin(&mut self, now: Instant) {
         if self.current.is_some() || self.contenders.is_empty() {
             return;
@@ -104,7 +104,7 @@ impl Bus {
         self.current = Some(transmission);
     }
 
-    /// Returns when the next frame may start.
+    /// Returns the instant of the next possible start of frame.
     pub(super) fn next_start(&self) -> Nanos {
         if self.contenders.is_any_ready() {
             return self.free_at;
@@ -113,7 +113,7 @@ impl Bus {
         ready.min().map_or(Nanos::MAX, |ready| ready.max(self.free_at))
     }
 
-    /// Works out how the attempt of those who won the bus ends.
+    /// Computes the end of the winners' attempt.
     fn transmit(&mut self, start: Nanos) -> Transmission {
         let collision = if self.senders.len() > 1 { self.resolve(start) } else { None };
         let first = self.senders[0];
@@ -156,10 +156,10 @@ impl Bus {
         transmission
     }
 
-    /// Returns whether somebody acknowledges what is sent at a bit rate.
+    /// Returns whether a controller acknowledges frames at a bit rate.
     pub(super) fn is_heard(&self, rate: BitRate) -> bool {
         let listeners = self.groups.iter().find(|group| group.rate == rate).map_or(0, |group| group.audible);
-        // Senders take part themselves.
+        // Senders are members too.
         let senders = &self.senders;
         listeners > senders.len() || listeners > senders.iter().filter(|id| self.ports[id.0].rate == rate).count()
     }
@@ -174,9 +174,9 @@ impl Bus {
         others.filter_map(|group| group.members.iter().find(disturbs)).min().copied()
     }
 
-    /// Returns what comes of several senders that are still at it after the identifier: equal frames go out as one,
-    /// different ones collide at the first different bit. There the recessive sender sees the error; if it is
-    /// error-passive, nobody hears it complain, and the dominant frame goes on without it.
+    /// Resolves several senders that still send after the identifier. Equal frames go out as one; different frames
+    /// collide at the first different bit, where the recessive sender sees the error. An error-passive sender cannot
+    /// signal it, and the dominant frame goes on.
     fn resolve(&mut self, start: Nanos) -> Option<Disruption> {
         while self.senders.len() > 1 {
             let senders = &self.senders;
@@ -225,7 +225,7 @@ impl Bus {
         FrameBits::of(self.ports[id.0].transmit.head().expect("a sender has something to send"))
     }
 
-    /// Stops the sender in the middle of its frame: the others see an error where the bits end.
+    /// Silences a sender in the middle of its frame: the others see an error where its bits end.
     pub(super) fn fall_silent(&mut self, id: PortId, now: Instant) {
         let Some(transmission) = &mut self.current else { return };
         if !self.senders.contains(&id) {

@@ -1,5 +1,5 @@
-//! What a port has to send: the mailboxes of a device's controller, the queue of a client, the offer of a controller
-//! that lives elsewhere.
+//! The frames that a port has to send: the mailboxes of a device, the queue of a client, the offer of an external
+//! controller.
 
 use std::collections::VecDeque;
 
@@ -11,11 +11,11 @@ use super::mailboxes::{Full, Mailboxes};
 /// Frames that wait for the bus.
 #[derive(Clone, Debug)]
 pub(super) enum Transmit {
-    /// A device's controller: the most urgent frame goes first.
+    /// Mailboxes of a device's controller: the most urgent frame goes first.
     Mailboxes(Mailboxes),
-    /// A client: everything in the order it came in, however much.
+    /// Unlimited queue of a client: first in, first out.
     Queue(VecDeque<Frame>),
-    /// A controller that lives elsewhere: its most urgent frame, and whether that is on the wire.
+    /// Offer of an external controller: its most urgent frame, and whether it is on the wire.
     Offer(Option<Frame>, bool),
 }
 
@@ -32,17 +32,17 @@ impl Transmit {
         Self::Offer(None, false)
     }
 
-    /// Takes what a controller that lives elsewhere would send next; one whose frame is on the wire is not asked.
+    /// Sets the offer of an external controller, unless its frame is on the wire.
     pub(super) const fn set_offer(&mut self, frame: Option<Frame>) {
         if let Self::Offer(offer, false) = self {
             *offer = frame;
         }
     }
 
-    /// Takes a frame, perhaps giving back a less urgent one.
+    /// Stores a frame; may return a less urgent one.
     ///
     /// # Errors
-    /// [`Full`] when it has to wait.
+    /// [`Full`] when the frame has to wait.
     pub(super) fn put(&mut self, frame: Frame) -> Result<Option<Frame>, Full> {
         match self {
             Self::Mailboxes(mailboxes) => mailboxes.put(frame),
@@ -64,7 +64,7 @@ impl Transmit {
         }
     }
 
-    /// Notes that the head is on the wire now and cannot be given back.
+    /// Marks the head as on the wire: it cannot be handed back.
     pub(super) fn sending(&mut self) {
         match self {
             Self::Mailboxes(mailboxes) => mailboxes.sending(),
@@ -73,7 +73,7 @@ impl Transmit {
         }
     }
 
-    /// Notes that the frame on the wire was sent, or has to be tried again.
+    /// Ends the attempt on the wire: the frame was sent, or waits for a retry.
     pub(super) fn sent(&mut self, success: bool) {
         match self {
             Self::Mailboxes(mailboxes) => mailboxes.sent(success),
@@ -86,7 +86,7 @@ impl Transmit {
         }
     }
 
-    /// Drops the frames of these identifiers that wait; one on the wire is not repeated.
+    /// Drops the waiting frames with these identifiers; the frame on the wire is not repeated.
     pub(super) fn abort(&mut self, which: Filter) {
         match self {
             Self::Mailboxes(mailboxes) => mailboxes.abort(which),

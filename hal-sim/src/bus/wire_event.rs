@@ -1,4 +1,4 @@
-//! What the bus tells a controller that lives elsewhere.
+//! The events that an external controller notices on the wire.
 
 use std::collections::VecDeque;
 use std::collections::vec_deque::Drain;
@@ -8,44 +8,45 @@ use protocol_core::time::Instant;
 
 use super::error::BusError;
 
-/// What a controller notices of the bus.
+/// An event that an external controller notices on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WireEvent {
-    /// It has seen 11 recessive bits and takes part.
+    /// The controller has seen 11 recessive bits and takes part.
     Joined,
-    /// A frame begins; `own` when the one that it offered is among the contenders and has won.
+    /// A frame begins.
     Begins {
-        /// Whether this controller sends it.
+        /// This controller sends the frame: its offer has won the arbitration.
         own: bool,
     },
-    /// A more urgent frame of somebody else has won against the one that it offered.
+    /// Another controller's more urgent frame has won against the offer.
     LostArbitration,
-    /// Its frame was sent and acknowledged.
+    /// The controller's own frame was sent and acknowledged.
     Sent,
-    /// Its frame was destroyed, or not acknowledged, or lost a bit to the same identifier with other data.
+    /// The controller's own frame was destroyed, not acknowledged, or lost a bit to the same identifier with other
+    /// data.
     NotSent(BusError),
-    /// It received a frame.
+    /// A frame was received.
     Received(Frame),
-    /// A frame of somebody else was destroyed; `first` when this controller's error flag was the first.
+    /// Another controller's frame was destroyed.
     NotReceived {
-        /// Whether it was the first to see the error.
+        /// This controller sent the first error flag.
         first: bool,
     },
-    /// What was on the wire has ended.
+    /// The frame or error frame on the wire has ended.
     Ends,
-    /// It was bus-off, and has seen 128 sequences of 11 recessive bits.
+    /// The controller, bus-off until now, has seen 128 sequences of 11 recessive bits.
     Recovered,
 }
 
-/// What a port with a controller elsewhere has beyond the others.
+/// The state of an external controller's port.
 #[derive(Clone, Debug, Default)]
 pub(super) struct External {
     events: VecDeque<(Instant, WireEvent)>,
-    /// Whether it has to be told that it has joined.
+    /// The controller has not been told yet that it has joined.
     pub(super) joining: bool,
-    /// Whether it was told of the begin of what is on the wire.
+    /// The controller was told that the current frame begins.
     pub(super) in_frame: bool,
-    /// It sends no dominant bit: neither frames nor acknowledgements nor error flags.
+    /// The controller sends no dominant bit: no frames, acknowledgements or error flags.
     pub(super) silent: bool,
 }
 
@@ -54,12 +55,12 @@ impl External {
         self.events.push_back((at, event));
     }
 
-    /// Takes what it was told, oldest first.
+    /// Takes the recorded events, oldest first.
     pub(super) fn take(&mut self) -> Drain<'_, (Instant, WireEvent)> {
         self.events.drain(..)
     }
 
-    /// Lets the controller leave the bus.
+    /// Takes the controller off the bus.
     pub(super) fn leave(&mut self) {
         self.joining = false;
         self.in_frame = false;
