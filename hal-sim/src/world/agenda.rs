@@ -1,17 +1,17 @@
-//! Which device is next due, and when.
+//! The agenda: the next due device and its due time.
 
 use protocol_core::time::{Instant, NEVER};
 
-/// The due times of all devices, as a tournament: of two neighbours the one that is due earlier goes on to the next
-/// round, of equals the one with the lower number. A device that is due at another time replays its own rounds only.
+/// The due times of all devices, as a tournament: of two neighbours, the one due earlier advances; of equals, the one
+/// with the lower number. A new due time replays only the rounds of its device.
 #[derive(Clone, Debug)]
 pub(super) struct Agenda {
-    /// When each device is due, by its number.
+    /// The due time of each device, by number.
     due: Vec<Instant>,
-    /// The winners: that of the final at 1, those of the matches before it at 2 and 3, and so on, as in a heap. In the
-    /// last places the devices themselves, [`NOBODY`] where there is none.
+    /// The winners as in a heap: of the final at 1, of the matches before it at 2 and 3, and so on. The devices
+    /// themselves fill the last places, with [`NOBODY`] in empty ones.
     winners: Vec<usize>,
-    /// When the winner of the final is due.
+    /// The due time of the winner.
     next: Instant,
 }
 
@@ -24,7 +24,7 @@ impl Default for Agenda {
 }
 
 impl Agenda {
-    /// Makes room for one more device, which is not due.
+    /// Adds a device that is not due.
     pub(super) fn add(&mut self) {
         self.due.push(NEVER);
         let places = self.due.len().next_power_of_two();
@@ -36,7 +36,7 @@ impl Agenda {
         }
     }
 
-    /// Sets when a device is due.
+    /// Sets the due time of a device.
     #[inline]
     pub(super) fn set(&mut self, node: usize, due: Instant) {
         if self.due[node] != due {
@@ -45,13 +45,13 @@ impl Agenda {
         }
     }
 
-    /// Returns when the next device is due.
+    /// Returns the earliest due time.
     #[inline]
     pub(super) const fn next(&self) -> Instant {
         self.next
     }
 
-    /// Returns the next device that is due by `now`.
+    /// Returns the next device due by `now`.
     #[inline]
     pub(super) fn due_by(&self, now: Instant) -> Option<usize> {
         if self.next <= now { self.winners.get(1).copied() } else { None }
@@ -63,7 +63,7 @@ impl Agenda {
         self.play(node);
     }
 
-    /// Plays the matches of a device anew.
+    /// Replays the matches of a device.
     fn play(&mut self, node: usize) {
         let mut place = (self.winners.len() / 2 + node) / 2;
         while place > 0 {
@@ -87,7 +87,7 @@ mod tests {
     use super::*;
 
     proptest! {
-        /// Whatever is set in whatever order: the earliest is next, of equals the one with the lowest number.
+        /// For any due times in any order, the earliest is next; among equals, the lowest number.
         #[test]
         fn the_earliest_is_next(sets in prop::collection::vec((0..40_usize, 0..20_u64), 0..200)) {
             let mut agenda = Agenda::default();

@@ -1,4 +1,4 @@
-//! Clients that a program owns: a CAN controller for code that is generic over [`embedded_can::nb::Can`].
+//! Clients owned by the caller: CAN controllers for code that is generic over [`embedded_can::nb::Can`].
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -10,17 +10,17 @@ use super::{ClientPortId, World};
 
 /// A client of a world's bus, made by [`World::client`].
 ///
-/// Virtual time passes in the calls of the [`World`] alone. A transmitted frame goes to the bus at the beginning of the
-/// next [`World::run_for`], [`World::run_until`] or [`World::step`], at the instant that the world is at then; received
-/// frames are there when the call returns. `transmit` takes every frame. To wait for a frame by `nb::block!` is to wait
-/// for ever: let the world run, and look again.
+/// Virtual time passes only in calls of the [`World`]. A transmitted frame goes to the bus at the beginning of the next
+/// [`World::run_for`], [`World::run_until`] or [`World::step`], at the world's present instant; received frames are
+/// available when that call returns. `transmit` accepts every frame. `nb::block!` on `receive` never returns: run the
+/// world, then receive again.
 ///
-/// A client that is dropped leaves the bus, with all that it had to send. It stays with its world when that is cloned:
-/// see [`World::take_client`].
+/// A dropped client leaves the bus, and its waiting frames are lost. A client stays with its original world when that
+/// is cloned: see [`World::take_client`].
 #[derive(Debug)]
 pub struct Client(Shared);
 
-/// The world of a client was dropped.
+/// The error of a client whose world was dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the world of this client was dropped")]
 pub struct WorldGone;
@@ -66,7 +66,7 @@ struct Queues {
     world_gone: bool,
 }
 
-/// The same queues at both ends.
+/// The queues, shared by both ends.
 #[derive(Debug, Default)]
 struct Shared(Arc<Mutex<Queues>>);
 
@@ -80,11 +80,12 @@ impl Shared {
 pub(super) struct Connection {
     port: ClientPortId,
     queues: Shared,
-    /// The client is that of the world that this one was cloned from; nobody has taken one in its place yet.
+    /// The client belongs to the world that this one was cloned from, and [`World::take_client`] has not replaced it
+    /// yet.
     untaken: bool,
 }
 
-/// A connection to a client of its own, with the frames that were under way.
+/// The clone has queues of its own, with the same frames.
 impl Clone for Connection {
     fn clone(&self) -> Self {
         let queues = Shared(Arc::new(Mutex::new(self.queues.lock().clone())));
@@ -99,8 +100,8 @@ impl Drop for Connection {
 }
 
 impl World {
-    /// Adds a client that the caller owns, as firmware owns its CAN controller: it sends in the order it is told to,
-    /// hears everything but its own frames, and acknowledges.
+    /// Adds a client that the caller owns, as firmware owns its CAN controller. It sends in the order of its calls,
+    /// receives all frames but its own, and acknowledges.
     pub fn client(&mut self, name: &str) -> Client {
         let mut connection = Connection { port: self.add_client_port(name), queues: Shared::default(), untaken: true };
         let client = connection.take();
@@ -108,9 +109,8 @@ impl World {
         client
     }
 
-    /// Takes the client of that name in the clone of a world, in the place of the original's: with all that the
-    /// original had sent and had not received yet. Until then it is on the bus, and hears. `None` when there is no such
-    /// client, or somebody has it.
+    /// Takes the named client of a cloned world, with the frames that the original had sent and not yet received. Until
+    /// then it is on the bus and receives. Returns `None` for an unknown client, or one that is taken already.
     pub fn take_client(&mut self, name: &str) -> Option<Client> {
         let is_it = |connection: &&mut Connection| {
             let is_there = connection.untaken && !connection.queues.lock().client_gone;
@@ -119,7 +119,7 @@ impl World {
         self.clients.iter_mut().find(is_it).map(Connection::take)
     }
 
-    /// Gives to the bus what clients have sent, and lets those go that were dropped.
+    /// Moves sent frames to the bus and removes dropped clients.
     pub(super) fn take_from_clients(&mut self) {
         let mut clients = std::mem::take(&mut self.clients);
         clients.retain(|Connection { port, queues, .. }| {
@@ -135,7 +135,7 @@ impl World {
         self.clients = clients;
     }
 
-    /// Hands to clients what they have heard.
+    /// Moves received frames to the clients.
     pub(super) fn give_to_clients(&mut self) {
         for Connection { port, queues, .. } in &self.clients {
             queues.lock().received.extend(self.bus.port_mut(port.0).take_received().map(|(_, frame)| frame));

@@ -1,4 +1,4 @@
-//! Controllers that live elsewhere, on the bus of this world: see [`WireEvent`].
+//! External controllers on the bus of this world: see [`WireEvent`].
 
 use std::collections::vec_deque::Drain;
 
@@ -9,50 +9,50 @@ use protocol_core::time::Instant;
 use super::World;
 use crate::bus::{Port, PortId, WireEvent};
 
-/// A controller on a world's bus that lives elsewhere.
+/// An external controller on a world's bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ControllerId(PortId);
 
 impl World {
-    /// Adds a controller that lives elsewhere, off the bus.
+    /// Adds an external controller, off the bus.
     pub fn add_controller(&mut self, name: &str) -> ControllerId {
         let port = self.bus.add_external(name.into(), self.bit_rate);
         self.own(port, None);
         ControllerId(port)
     }
 
-    /// Lets the controller listen for 11 recessive bits at a bit rate, and then takes part; a silent one hears but
-    /// is not heard.
+    /// Connects the controller at a bit rate; it takes part after 11 recessive bits. A silent controller receives but
+    /// never drives the bus.
     pub fn attach(&mut self, controller: ControllerId, rate: BitRate, silent: bool) {
         self.bus.attach(controller.0, rate, silent, self.now);
     }
 
-    /// Lets the controller leave the bus; its error counters stay.
+    /// Takes the controller off the bus; its error counters stay.
     pub fn detach(&mut self, controller: ControllerId) {
         self.bus.detach(controller.0, false, self.now);
     }
 
-    /// Lets the controller leave the bus, as new: its chip was reset or lost its supply.
+    /// Takes the controller off the bus and clears its error counters: its chip was reset or lost its supply.
     pub fn reset_controller(&mut self, controller: ControllerId) {
         self.bus.detach(controller.0, true, self.now);
     }
 
-    /// Takes what the controller would send next; to be said again after each of its events.
+    /// Sets the frame that the controller sends next; call it again after each of the controller's events.
     pub fn offer(&mut self, controller: ControllerId, frame: Option<Frame>) {
         self.bus.offer(controller.0, frame, self.now);
     }
 
-    /// Lets a controller in bus-off begin to count 128 sequences of 11 recessive bits.
+    /// Lets a bus-off controller begin to count 128 sequences of 11 recessive bits.
     pub fn start_recovery(&mut self, controller: ControllerId) {
         self.bus.start_recovery(controller.0, self.now);
     }
 
-    /// Returns what the controller has noticed since this was last asked, each with its instant.
+    /// Takes the wire events of the controller since the last call, each with its instant.
     pub fn take_wire_events(&mut self, controller: ControllerId) -> Option<Drain<'_, (Instant, WireEvent)>> {
         self.bus.take_wire_events(controller.0)
     }
 
-    /// Returns the port of the controller: its error mode as the bus sees it.
+    /// Returns the port of the controller, with its error mode as the bus sees it.
     #[must_use]
     pub fn controller_port(&self, controller: ControllerId) -> &Port {
         self.bus.port(controller.0)

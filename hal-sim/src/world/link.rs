@@ -1,8 +1,8 @@
-//! A valve moves what a sensor measures: the shaft follows the integral of the valve's spool.
+//! Links: the shaft of a sensor follows the integral of a valve's spool position.
 //!
 //! The flow is linear in the spool's position, and the spool moves along straight lines in time, so the integral is a
-//! sum of trapezoids in whole numbers. It is reckoned when somebody looks at the shaft or something happens to the
-//! valve, and comes out the same however often that is.
+//! sum of trapezoids in integers. It is updated when the shaft is read or the valve changes, and does not depend on the
+//! number of updates.
 
 use protocol_core::actuator::Valve;
 use protocol_core::device::Senses;
@@ -12,14 +12,14 @@ use protocol_core::time::{Duration, Instant, after, since};
 use super::node::Power;
 use super::{NodeId, World};
 
-/// How a sensor's shaft follows a valve.
+/// A link: how a sensor's shaft follows a valve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Link {
-    /// The speed at full stroke towards the B-port, in 1/100 degree a second; negative: the angle falls.
+    /// The speed at full stroke towards the B-port, in 1/100 degree per second; negative when the angle falls.
     pub rate: i32,
-    /// The lower end stop, in 1/100 degree: the angle can come to it.
+    /// The lower end stop, inclusive, in 1/100 degree.
     pub min: u32,
-    /// The upper end stop, in 1/100 degree: the angle can come to it. At least the lower one, below a turn.
+    /// The upper end stop, inclusive, in 1/100 degree: at least the lower one, and below a turn.
     pub max: u32,
 }
 
@@ -30,46 +30,45 @@ impl Default for Link {
     }
 }
 
-/// Two devices cannot be linked.
+/// The reason why two devices cannot be linked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LinkError {
-    /// The first one is an encoder.
+    /// The first device is not a valve.
     #[error("not a valve")]
     NoValve,
-    /// The second one has no shaft.
+    /// The second device is not an angle sensor.
     #[error("not an angle sensor")]
     NoSensor,
-    /// The shaft follows another valve.
+    /// The shaft already follows a valve.
     #[error("the sensor is linked already")]
     Linked,
-    /// The end stops are not in order, or not below a turn.
+    /// The end stops are out of order, or not below a turn.
     #[error("no end stops: 0 to 35999 1/100 degree, the lower first")]
     Stops,
 }
 
-/// 1/100 degree in the unit of the integral: twice the parts of the full stroke in a second, for the halves of
-/// trapezoids.
+/// 1/100 degree in the unit of the integral: twice the steps of the full stroke times microseconds, because a trapezoid
+/// has a factor of one half.
 const CDEG: i128 = 2 * Valve::STROKE as i128 * 1_000_000;
 
 const MICROSECOND: Duration = Duration::from_micros(1);
 
-/// A link at work.
+/// A link in use.
 #[derive(Clone, Debug)]
 pub(super) struct Coupling {
     valve: NodeId,
     sensor: NodeId,
     link: Link,
-    /// The angle at `reckoned`, in parts of [`CDEG`].
+    /// The angle at `reckoned`, in units of 1/[`CDEG`] of 1/100 degree.
     angle: i128,
     reckoned: Instant,
 }
 
 impl World {
-    /// Lets the shaft of a sensor follow a valve. A shaft that is beyond an end stop is put to it, one that turns
-    /// stands.
+    /// Links the shaft of a sensor to a valve. A shaft beyond an end stop moves to it; a turning shaft stops.
     ///
     /// # Errors
-    /// [`LinkError`] for what cannot be linked.
+    /// [`LinkError`] for devices that cannot be linked, and for wrong end stops.
     pub fn link(&mut self, valve: NodeId, sensor: NodeId, link: Link) -> Result<(), LinkError> {
         if self.senses(valve).valve().is_none() {
             return Err(LinkError::NoValve);
@@ -94,7 +93,7 @@ impl World {
         self.coupling_of(sensor).is_some()
     }
 
-    /// Returns the angle of a device's shaft now, in 1/100 degree; `None` for a device without one.
+    /// Returns the present angle of a device's shaft, in 1/100 degree; `None` for a device without a shaft.
     #[must_use]
     pub fn angle_cdeg(&self, node: NodeId) -> Option<u32> {
         let shaft = self.nodes[node.0].senses.shaft()?;
@@ -107,8 +106,7 @@ impl World {
         self.couplings.iter().find(|coupling| coupling.sensor == sensor)
     }
 
-    /// Brings the links of a device up to now: before anything happens to a valve, and before a sensor looks at its
-    /// shaft.
+    /// Updates the links of a device to now: before a valve changes, and before a sensor reads its shaft.
     #[inline]
     pub(super) fn follow_links(&mut self, node: NodeId) {
         if !self.couplings.is_empty() {
@@ -139,14 +137,14 @@ impl World {
         }
     }
 
-    /// Takes note of an angle that was set from outside: the link goes on from there.
+    /// Sets the angle of a link from outside; the link continues from there.
     pub(super) fn turn_link(&mut self, sensor: NodeId, angle_cdeg: u32) {
         if let Some(coupling) = self.couplings.iter_mut().find(|coupling| coupling.sensor == sensor) {
             coupling.angle = i128::from(angle_cdeg) * CDEG;
         }
     }
 
-    /// Senses with the angle of the link, which is up to date, in the place of their own.
+    /// Returns the senses with the angle of the link, which must be up to date.
     pub(super) fn as_linked(&self, sensor: NodeId, mut senses: Senses) -> Senses {
         if let Some(coupling) = self.couplings.iter().find(|coupling| coupling.sensor == sensor)
             && let Some(shaft) = senses.shaft_mut()
@@ -157,8 +155,7 @@ impl World {
         senses
     }
 
-    /// Returns the valve of a device that is powered. Without power its spool counts as in neutral (A), as at its next
-    /// start.
+    /// Returns the valve of a powered device. Without power its spool counts as neutral (A), as at its next start.
     pub(super) fn valve(&self, node: NodeId) -> Option<&Valve> {
         match &self.nodes[node.0].power {
             Power::On(device) => device.valve(),
@@ -168,13 +165,13 @@ impl World {
 }
 
 impl Coupling {
-    /// Returns the angle at an instant from the last one reckoned on, in 1/100 degree, if nothing else happens to the
-    /// valve.
+    /// Returns the angle at an instant from the last update on, in 1/100 degree, if the valve does not change until
+    /// then.
     pub(super) fn angle_at(&self, world: &World, at: Instant) -> u32 {
         self.angle_cdeg(self.reckon(world.valve(self.valve), at))
     }
 
-    /// Returns the speed at full stroke, in 1/100 degree a second: the shaft turns no faster.
+    /// Returns the speed at full stroke, in 1/100 degree per second: the highest speed of the shaft.
     pub(super) const fn rate(&self) -> i32 {
         self.link.rate
     }
@@ -183,8 +180,7 @@ impl Coupling {
         u32::try_from(angle.div_euclid(CDEG)).unwrap_or(0)
     }
 
-    /// Returns the angle at `now`, which is not before the last one reckoned. Nothing has happened to the valve in
-    /// between.
+    /// Returns the angle at `now`, at or after the last update. The valve has not changed in between.
     fn reckon(&self, valve: Option<&Valve>, now: Instant) -> i128 {
         let Some(valve) = valve else { return self.angle };
         let (mut angle, mut at) = (self.angle, self.reckoned);
@@ -195,8 +191,8 @@ impl Coupling {
                 at = end;
                 continue;
             }
-            // A spool that passes neutral turns the flow: up to the microsecond in which it does, that one, and the
-            // rest.
+            // The flow changes sign where the spool passes neutral: three parts, up to the microsecond of the passage,
+            // that microsecond, and the rest.
             let micros = i128::from(since(end, at).as_micros());
             let end = if from * to < 0 {
                 let passes = Duration::from_micros(u64::try_from(from * micros / (from - to)).unwrap_or(0));
@@ -211,7 +207,7 @@ impl Coupling {
         angle
     }
 
-    /// Returns the angle after so much flow. A stop holds the shaft, and one that is beyond it already goes no further.
+    /// Returns the angle after some flow. An end stop holds the shaft; a shaft beyond a stop goes no further.
     fn moved(&self, angle: i128, flow: i128) -> i128 {
         let (min, max) = (i128::from(self.link.min) * CDEG, i128::from(self.link.max) * CDEG);
         let turned = flow * i128::from(self.link.rate);

@@ -1,8 +1,8 @@
 //! The world: devices, their plant and their memory on one bus, in virtual time, event by event.
 //!
-//! At each instant the order is fixed: first what ends on the bus and those who hear it, then the devices that are due,
-//! both in the order of their numbers, and at last the next frame starts. So a run depends on nothing but the calls and
-//! the seed.
+//! The order within one instant is fixed: first the frames that end on the bus and their receivers, then the due
+//! devices, both by number, and finally the start of the next frame. A run therefore depends only on the calls and the
+//! seed.
 
 mod agenda;
 mod client;
@@ -46,41 +46,41 @@ use client::Connection;
 use link::Coupling;
 use node::{Node, Power};
 
-/// A device of a world, by its number in the order of [`World::add_device`].
+/// The number of a device, in the order of [`World::add_device`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct NodeId(usize);
 
-/// A client of a world's bus.
+/// The port of a client on a world's bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ClientPortId(PortId);
 
 /// Devices, their plant and their memory on one bus, in virtual time.
 ///
-/// The clone of a world goes on as the original would: the same calls come to the same, at the same instants. Two things
-/// stay with the original: the file that keeps a memory, for the clone has its own memory in RAM; and each [`Client`],
-/// in whose place the clone has another one, to be taken with [`take_client`](Self::take_client).
+/// The clone of a world continues as the original would: the same calls have the same results at the same instants. Two
+/// things stay with the original: the file behind a memory, because the clone keeps its memory in RAM; and each
+/// [`Client`], which [`take_client`](Self::take_client) replaces in the clone.
 #[derive(Clone)]
 pub struct World {
     now: Instant,
     bit_rate: BitRate,
-    /// The number of changes of the bus's rate, and of a device's: power-ups and restarts among them.
+    /// The number of changes of the bit rate, of the bus or of a device, power-ups and restarts included.
     rate_changes: u64,
     bus: Bus,
     nodes: Vec<Node>,
     agenda: Agenda,
-    /// The shafts that follow a valve.
+    /// The links.
     couplings: Vec<Coupling>,
-    /// Which device a port belongs to, by the port's number; `None` for a client's port.
+    /// The owner of each port, by the port's number; `None` for a client's port.
     owners: Vec<Option<NodeId>>,
     random: fastrand::Rng,
-    /// The list of ports that are being looked at, to be used again.
+    /// A buffer for the ports that are being served, kept for its capacity.
     touched: Vec<PortId>,
-    /// The clients that somebody else owns.
+    /// The clients owned by the caller.
     clients: Vec<Connection>,
 }
 
 impl World {
-    /// An empty world at instant 0.
+    /// Returns an empty world at instant 0.
     #[must_use]
     pub fn new(bit_rate: BitRate, seed: u64) -> Self {
         Self {
@@ -98,19 +98,19 @@ impl World {
         }
     }
 
-    /// The virtual time.
+    /// Returns the virtual time.
     #[must_use]
     pub const fn now(&self) -> Instant {
         self.now
     }
 
-    /// Adds a healthy device with a new memory, not yet powered: a kind as it leaves the factory, or a [`Setup`].
+    /// Adds a healthy, unpowered device with a new memory: a kind in factory state, or a [`Setup`].
     pub fn add(&mut self, name: &str, setup: impl Into<Setup>) -> NodeId {
         self.add_with(name, setup, Memory::in_ram())
     }
 
-    /// Adds a healthy device with this memory, not yet powered. Where the memory holds something, it decides, not the
-    /// setup. A setup without a bit rate takes that of the bus, if the product can run at it.
+    /// Adds a healthy, unpowered device with this memory. The content of the memory takes precedence over the setup. A
+    /// setup without a bit rate takes that of the bus if the product supports it.
     pub fn add_with(&mut self, name: &str, setup: impl Into<Setup>, memory: Memory) -> NodeId {
         let setup: Setup = setup.into();
         let bit_rate = setup.bit_rate.or(Some(self.bit_rate).filter(|rate| setup.kind.bit_rates().contains(rate)));
@@ -121,7 +121,7 @@ impl World {
         node
     }
 
-    /// Adds a device of any make, not yet powered. `factory` builds it from its memory each time it is powered up.
+    /// Adds an unpowered device of any make. `factory` builds it from its memory at each power-up.
     pub fn add_device(
         &mut self,
         name: &str,
@@ -147,24 +147,24 @@ impl World {
         id
     }
 
-    /// All devices.
+    /// Returns all devices.
     pub fn devices(&self) -> impl Iterator<Item = NodeId> + use<> {
         (0..self.nodes.len()).map(NodeId)
     }
 
-    /// The name of a device.
+    /// Returns the name of a device.
     #[must_use]
     pub fn name(&self, node: NodeId) -> &str {
         &self.nodes[node.0].name
     }
 
-    /// The device of that name.
+    /// Returns the device of that name.
     #[must_use]
     pub fn find(&self, name: &str) -> Option<NodeId> {
         self.devices().find(|node| self.name(*node) == name)
     }
 
-    /// A device, while it is powered.
+    /// Returns a powered device.
     #[must_use]
     pub fn device(&self, node: NodeId) -> Option<&dyn Device> {
         match &self.nodes[node.0].power {
@@ -173,7 +173,7 @@ impl World {
         }
     }
 
-    /// A device as what it is, while it is powered and a `T`.
+    /// Returns a powered device as a `T`.
     #[must_use]
     pub fn device_as<T: Device + 'static>(&self, node: NodeId) -> Option<&T> {
         match &self.nodes[node.0].power {
@@ -182,21 +182,21 @@ impl World {
         }
     }
 
-    /// What a device drives, while it is powered.
+    /// Returns the outputs of a powered device.
     #[must_use]
     pub fn outputs(&self, node: NodeId) -> Option<Outputs> {
         self.device(node).map(Device::outputs)
     }
 
-    /// What a device senses. The bus mode in it is its controller's; the shaft in it, where it follows a valve, is as
-    /// the device last saw it.
+    /// Returns what a device senses. The bus mode is that of its controller; the angle of a linked shaft is the one
+    /// that the device sampled last.
     #[must_use]
     pub fn senses(&self, node: NodeId) -> &Senses {
         &self.nodes[node.0].senses
     }
 
-    /// Changes what a device senses. The bus mode in it is not looked at: see [`force_bus_off`](Self::force_bus_off);
-    /// nor is the angle of a shaft that follows a valve: see [`set_plant`](Self::set_plant).
+    /// Sets what a device senses. The bus mode is ignored: see [`force_bus_off`](Self::force_bus_off); so is the angle
+    /// of a linked shaft: see [`set_plant`](Self::set_plant).
     pub fn set_senses(&mut self, node: NodeId, senses: Senses) {
         self.follow_links(node);
         let now = self.now;
@@ -209,24 +209,24 @@ impl World {
         }
     }
 
-    /// The memory of a device.
+    /// Returns the memory of a device.
     #[must_use]
     pub fn memory(&self, node: NodeId) -> &Memory {
         &self.nodes[node.0].memory
     }
 
-    /// The memory of a device, to inject faults into.
+    /// Returns the memory of a device, to inject faults into.
     pub fn memory_mut(&mut self, node: NodeId) -> &mut Memory {
         &mut self.nodes[node.0].memory
     }
 
-    /// The CAN controller of a device: its error counters and what waits in it.
+    /// Returns the CAN controller of a device: error counters and waiting frames.
     #[must_use]
     pub fn port(&self, node: NodeId) -> &Port {
         self.bus.port(self.nodes[node.0].port)
     }
 
-    /// Keeps the controller of a device bus-off, or lets it recover: after 128 sequences of 11 recessive bits.
+    /// Forces the controller of a device bus-off, or lets it recover after 128 sequences of 11 recessive bits.
     pub fn force_bus_off(&mut self, node: NodeId, on: bool) {
         let Node { port, power, forced_bus_off, .. } = &mut self.nodes[node.0];
         let port = *port;
@@ -237,23 +237,23 @@ impl World {
         self.service(node);
     }
 
-    /// Whether the controller of a device is kept bus-off.
+    /// Returns whether the controller of a device is forced bus-off.
     #[must_use]
     pub fn is_bus_off_forced(&self, node: NodeId) -> bool {
         self.nodes[node.0].forced_bus_off
     }
 
-    /// Adds a client: it sends in the order it is told to, hears everything but its own frames, and acknowledges. What
-    /// it hears is kept until it is [taken](Self::take_received), however much.
+    /// Adds a client that sends in the order of its calls, receives all frames but its own, and acknowledges. Received
+    /// frames are kept without a limit until they are [taken](Self::take_received).
     pub fn add_client_port(&mut self, name: &str) -> ClientPortId {
         let port = self.bus.add_client_port(name.into(), self.bit_rate, self.now);
         self.own(port, None);
         ClientPortId(port)
     }
 
-    /// Adds a gateway: a client that keeps nothing of what it hears. It has a second controller that sends nothing and
-    /// so acknowledges whatever its clients send, even when a device sends the very same frame at the same moment; and
-    /// a lone device does not go error-passive.
+    /// Adds a gateway: a client that discards received frames. A second controller, which never sends, acknowledges all
+    /// frames of the gateway, even when a device sends the same frame at the same moment; and it keeps a lone device
+    /// from going error-passive.
     pub fn add_gateway(&mut self, name: &str) -> ClientPortId {
         let listener = format!("{name}, listening");
         let [port, listener] = [name, &listener].map(|name| self.bus.add_gateway(name.into(), self.bit_rate, self.now));
@@ -262,53 +262,53 @@ impl World {
         ClientPortId(port)
     }
 
-    /// Takes a client away, with all that it had to send. Its [`ClientPortId`] may be given to another client.
+    /// Removes a client and its waiting frames. Its [`ClientPortId`] may be reused.
     pub fn remove_client_port(&mut self, port: ClientPortId) {
         self.bus.remove(port.0, self.now);
     }
 
-    /// Gives a client's frame to the bus.
+    /// Sends a frame from a client.
     pub fn send(&mut self, port: ClientPortId, frame: Frame) {
-        // A client's queue takes everything.
+        // A client's queue has no limit.
         let _ = embedded_can::nb::Can::transmit(self.bus.port_mut(port.0), &frame);
         self.bus.refresh(port.0, self.now);
     }
 
-    /// Takes back what a client has given to the bus; a frame on the wire is cut off.
+    /// Withdraws the waiting frames of a client; a frame on the wire breaks off.
     pub fn withdraw(&mut self, port: ClientPortId) {
         self.bus.drop_pending(port.0, self.now);
     }
 
-    /// How many frames of a client are not sent yet, the one on the wire included.
+    /// Returns the number of waiting frames of a client, the one on the wire included.
     #[must_use]
     pub fn pending(&self, port: ClientPortId) -> usize {
         self.bus.port(port.0).pending()
     }
 
-    /// Whether a frame of a client is on the wire.
+    /// Returns whether a frame of a client is on the wire.
     #[must_use]
     pub fn is_sending(&self, port: ClientPortId) -> bool {
         self.bus.is_sending(port.0)
     }
 
-    /// What a client has heard since this was last asked, oldest first, each with the end of the frame.
+    /// Takes the frames that a client has received, oldest first, each with the end of the frame.
     pub fn take_received(&mut self, port: ClientPortId) -> std::collections::vec_deque::Drain<'_, (Instant, Frame)> {
         self.bus.port_mut(port.0).take_received()
     }
 
-    /// The controller of a client.
+    /// Returns the CAN controller of a client.
     #[must_use]
     pub fn client_port(&self, port: ClientPortId) -> &Port {
         self.bus.port(port.0)
     }
 
-    /// The bit rate of the bus: that of its clients, and the one that a new device's controller starts with.
+    /// Returns the bit rate of the bus: that of its clients, and the initial one of a new device's controller.
     #[must_use]
     pub const fn bit_rate(&self) -> BitRate {
         self.bit_rate
     }
 
-    /// Changes the bit rate of the bus and of all its clients: the master that changes its rate.
+    /// Changes the bit rate of the bus and of all its clients, as a master that changes its rate.
     pub fn set_bit_rate(&mut self, bit_rate: BitRate) {
         self.bit_rate = bit_rate;
         self.rate_changes += 1;
@@ -319,7 +319,7 @@ impl World {
         }
     }
 
-    /// Returns the bit rate that a device is set to; without power, the one that it would start with.
+    /// Returns the bit rate of a device; without power, that of its next start.
     pub(crate) fn device_rate(&self, node: NodeId) -> BitRate {
         let Node { factory, memory, power, .. } = &self.nodes[node.0];
         match power {
@@ -328,56 +328,56 @@ impl World {
         }
     }
 
-    /// Returns whether a device is changing its bit rate, and silent meanwhile.
+    /// Returns whether a device is switching its bit rate, and therefore silent.
     pub(crate) fn is_switching_bit_rate(&self, node: NodeId) -> bool {
         matches!(&self.nodes[node.0].power, Power::On(device) if device.is_switching_bit_rate())
     }
 
-    /// Returns the number of changes of the bus's bit rate, and of the devices': power-ups and restarts among them.
+    /// Returns the number of changes of the bit rate, of the bus or of a device, power-ups and restarts included.
     pub(crate) const fn rate_changes(&self) -> u64 {
         self.rate_changes
     }
 
-    /// Sets the controller of a device to a bit rate.
+    /// Sets the bit rate of a device's controller.
     fn set_device_rate(&mut self, node: NodeId, rate: BitRate) {
         self.rate_changes += 1;
         self.bus.set_bit_rate(self.nodes[node.0].port, rate, self.now);
     }
 
-    /// How busy the bus was in the last second, in percent.
+    /// Returns the load of the bus in the last second, in percent.
     #[must_use]
     pub fn load(&self) -> u8 {
         self.bus.load(self.now)
     }
 
-    /// Adds something that disturbs the bus.
+    /// Adds an injector of bit errors.
     pub fn inject(&mut self, injector: impl Injector + Clone + 'static) {
         self.bus.inject(injector);
     }
 
-    /// Destroys the next attempts to send a frame, in the place of an earlier such disturbance.
+    /// Destroys the next attempts to send a frame; replaces an earlier such disturbance.
     pub const fn disturb(&mut self, disturbance: Disturbance) {
         self.bus.disturb(disturbance);
     }
 
-    /// What is left of the last [`disturb`](Self::disturb).
+    /// Returns the rest of the last [`disturb`](Self::disturb).
     #[must_use]
     pub const fn disturbance(&self) -> Disturbance {
         self.bus.disturbance()
     }
 
-    /// Takes away all injectors.
+    /// Removes all injectors.
     pub fn clear_injectors(&mut self) {
         self.bus.clear_injectors();
     }
 
-    /// Records from now on what happens, to be taken with [`take_events`](Self::take_events); or does so no longer.
-    /// A new world records nothing: events that nobody takes would fill the memory.
+    /// Starts recording events for [`take_events`](Self::take_events), or stops. A new world records nothing: events
+    /// that nobody takes would fill the memory.
     pub fn record_events(&mut self, on: bool) {
         self.bus.record_events(on);
     }
 
-    /// Takes what happened since this was last called, oldest first.
+    /// Takes the recorded events, oldest first.
     pub fn take_events(&mut self) -> Drain<'_, Event> {
         self.bus.take_events()
     }
@@ -388,7 +388,7 @@ impl World {
         }
     }
 
-    /// A random time up to `limit`, the same in each run with one seed.
+    /// Returns a random time up to `limit`, reproducible by the seed.
     fn jitter(&mut self, limit: Duration) -> Duration {
         Duration::from_ticks(self.random.u64(..=limit.as_ticks()))
     }

@@ -1,4 +1,4 @@
-//! One device with its hardware: power, memory, plant, and a port on the bus.
+//! A device with its hardware: power, memory, plant, and a port on the bus.
 
 use std::any::Any;
 use std::sync::Arc;
@@ -11,18 +11,18 @@ use protocol_core::time::{Duration, Instant, NEVER, after};
 use crate::bus::{Port, PortId};
 use crate::memory::Memory;
 
-/// How long a record takes to be written (A).
+/// The time to write a record (A).
 pub const WRITE_TIME: Duration = Duration::from_millis(10);
-/// How long the fault log takes to be written: the real device takes at least so long to clear its counters (A).
+/// The time to write the fault log: the lower limit of the real device's time to clear its counters (A).
 pub const FAULT_LOG_WRITE_TIME: Duration = Duration::from_millis(50);
 
-/// A [`Device`] that can be moved to the thread of the world, cloned with it, and looked at.
+/// A [`Device`] that can be moved to another thread, cloned with its world, and viewed.
 pub trait SimDevice: Device + Viewable + Any + Send {
-    /// Returns the same device once more.
+    /// Returns a clone.
     fn boxed(&self) -> Box<dyn SimDevice>;
 
-    /// Pumps the device through its controller, see [`pump`]. One call for a whole pass: each step of it knows what the
-    /// device is.
+    /// Pumps the device through its controller, see [`pump`]. One dynamic call covers a whole pass of the pump, whose
+    /// steps are then static calls.
     fn pump(&mut self, can: &mut Port, now: Instant) -> Option<Effect>;
 }
 
@@ -42,7 +42,7 @@ impl Clone for Box<dyn SimDevice> {
     }
 }
 
-/// Each product as what it is: a pass of the pump then knows it.
+/// Boxes the product itself, so that the pump calls it statically.
 impl From<AnyDevice> for Box<dyn SimDevice> {
     fn from(device: AnyDevice) -> Self {
         match device {
@@ -53,11 +53,11 @@ impl From<AnyDevice> for Box<dyn SimDevice> {
     }
 }
 
-/// Builds a device from what its memory holds, why it starts, and when: the same from the same, in each clone of a
-/// world.
+/// Builds a device from the content of its memory, the cause of the start and its instant. The result depends on
+/// nothing else, so that clones of a world agree.
 pub type Factory = Arc<dyn Fn(&Image, StartCause, Instant) -> Box<dyn SimDevice> + Send + Sync>;
 
-/// One device with its hardware.
+/// A device with its hardware.
 #[derive(Clone)]
 pub(super) struct Node {
     pub(super) name: Arc<str>,
@@ -69,34 +69,34 @@ pub(super) struct Node {
     /// The record that is being written.
     pub(super) write: Option<Write>,
     pub(super) forced_bus_off: bool,
-    /// How many frames the device had dropped when it was last looked at.
+    /// The device's count of dropped frames at the last service.
     pub(super) frames_dropped: u32,
 }
 
-/// Whether a device has power.
+/// The power state of a device.
 #[derive(Clone)]
 pub(super) enum Power {
     Off,
-    /// It starts then, for this reason.
+    /// The device starts at this instant, for this reason.
     Coming(Instant, StartCause),
     On(Box<dyn SimDevice>),
 }
 
-/// A record on its way into the memory.
+/// A write in progress.
 #[derive(Clone, Debug)]
 pub struct Write {
-    /// The key that it is written under.
+    /// The key of the record.
     pub key: RecordKey,
-    /// Its bytes, sealed.
+    /// The bytes of the record, sealed.
     pub record: Record,
-    /// The instant at which the write began.
+    /// The beginning of the write.
     pub began: Instant,
-    /// The instant at which the memory holds it, unless the write fails.
+    /// The end of the write, after which the memory holds the record unless the write fails.
     pub done: Instant,
 }
 
 impl Write {
-    /// Begins to write a record, which takes so long: [`write_time`] as a rule.
+    /// Begins to write a record; the duration is usually [`write_time`].
     #[must_use]
     pub fn begin(key: RecordKey, record: Record, now: Instant, takes: Duration) -> Self {
         Self { key, record, began: now, done: after(now, takes) }
@@ -104,7 +104,7 @@ impl Write {
 }
 
 impl Node {
-    /// Returns when something is next due for it, other than from the bus.
+    /// Returns the device's next due time, bus events aside.
     pub(super) fn due(&self) -> Instant {
         match &self.power {
             Power::Off => NEVER,
@@ -114,13 +114,13 @@ impl Node {
     }
 }
 
-/// Returns when a device that is powered, or the record on its way into the memory, is next due.
+/// Returns the next due time of a powered device or its write in progress.
 #[inline]
 pub(super) fn due(device: &dyn SimDevice, write: Option<&Write>) -> Instant {
     device.deadline().min(write.map_or(NEVER, |write| write.done))
 }
 
-/// Returns how long the memory takes to write the record under `key`.
+/// Returns the time to write the record under `key`.
 #[must_use]
 pub const fn write_time(key: RecordKey) -> Duration {
     match key {

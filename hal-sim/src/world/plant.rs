@@ -1,38 +1,38 @@
-//! What acts on a device besides the bus: its plant, by the words and units of the control interface.
+//! The plant of a device: all that acts on it besides the bus, in the words and units of the control interface.
 
-/// A change of what acts on a device.
+/// A change of a device's plant.
 pub use protocol_core::device::plant::Change as Plant;
 use protocol_core::device::plant::Inapplicable;
 
 use super::{NodeId, World};
 
-/// The plant of a device cannot be changed so.
+/// The reason why a plant change is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PlantError {
-    /// Another product has that.
+    /// The device is another product, without this word.
     #[error("{0}: no plant word of this kind of device")]
     OtherProduct(Plant),
-    /// A value that cannot be.
+    /// The value is out of range.
     #[error("{0}: out of range, {values}", values = .0.word().values)]
     OutOfRange(Plant),
-    /// The valve at the other end of the link turns the shaft.
+    /// The shaft follows a valve, by a link.
     #[error("{0}: the shaft is linked to a valve")]
     Linked(Plant),
 }
 
 impl World {
-    /// Changes what acts on a device from outside, now.
+    /// Changes one plant word of a device now.
     ///
     /// # Errors
-    /// [`PlantError`]; nothing is changed then.
+    /// [`PlantError`]; the plant is unchanged.
     pub fn set_plant(&mut self, node: NodeId, plant: Plant) -> Result<(), PlantError> {
         self.set_plants(node, &[plant])
     }
 
-    /// Changes several things that act on a device from outside, all at once.
+    /// Changes several plant words of a device at the same instant.
     ///
     /// # Errors
-    /// [`PlantError`] for the first that cannot be; nothing is changed then.
+    /// [`PlantError`] for the first refused change; the plant is unchanged.
     pub fn set_plants(&mut self, node: NodeId, plants: &[Plant]) -> Result<(), PlantError> {
         self.follow_links(node);
         let mut senses = *self.senses(node);
@@ -45,7 +45,7 @@ impl World {
                 Inapplicable::OutOfRange => PlantError::OutOfRange(plant),
             })?;
         }
-        // The senses of a linked shaft come from its link.
+        // The senses of a linked shaft are set by its link.
         for plant in plants {
             if let Plant::AngleCdeg(angle) = *plant {
                 self.turn_link(node, angle);
@@ -64,7 +64,7 @@ impl World {
         Ok(())
     }
 
-    /// Returns what acts on a device from outside, by each word that it has.
+    /// Returns the plant of a device, one change for each word that it has.
     pub fn plant(&self, node: NodeId) -> impl Iterator<Item = Plant> + use<> {
         let mut senses = *self.senses(node);
         if let (Some(shaft), Some(angle)) = (senses.shaft_mut(), self.angle_cdeg(node)) {

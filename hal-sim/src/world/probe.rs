@@ -1,4 +1,4 @@
-//! A small device for the tests: a heartbeat, an echo, and commands that ask for each effect.
+//! A small device for the tests: a heartbeat, an echo, and commands that request each effect.
 
 use protocol_core::controller::{BitRate, Filter, Filters};
 use protocol_core::device::{Device, Effect, Outputs, Restart, Senses, StartCause, View, Viewable};
@@ -8,12 +8,12 @@ use protocol_core::time::{Duration, Instant, NEVER, after};
 
 use super::SimDevice;
 
-/// Frames with this identifier plus the node ID are answered under [`ECHO_ANSWER`] plus the node ID.
+/// The identifier of echo requests, plus the node ID; the answer is [`ECHO_ANSWER`] plus the node ID.
 pub(crate) const ECHO: u16 = 0x600;
 pub(crate) const ECHO_ANSWER: u16 = 0x580;
 /// A command for the node ID in byte 1: see [`Command`].
 pub(crate) const COMMAND: u16 = 0x000;
-/// Says which command was carried out, and how.
+/// The identifier of the report that a command was carried out, with its outcome.
 pub(crate) const DONE: u16 = 0x080;
 pub(crate) const HEARTBEAT: u16 = 0x700;
 
@@ -54,7 +54,7 @@ pub(crate) struct Probe {
     pub(crate) dropped: u32,
 }
 
-/// What [`Probe`] needs to be built.
+/// The configuration of a [`Probe`].
 #[derive(Clone, Copy)]
 pub(crate) struct Plan {
     pub(crate) id: u8,
@@ -109,7 +109,7 @@ impl Probe {
             5 => self.later = Some(store(RecordKey::Parameters)),
             _ => {}
         }
-        // The answer has to be out before the effect.
+        // The report goes out before the effect.
         self.out.push(Frame::of(standard(DONE + u16::from(self.id)).into(), &[command]).unwrap());
     }
 }
@@ -152,7 +152,7 @@ impl Device for Probe {
         true
     }
 
-    /// Returns `None`: a probe without filters hears everything.
+    /// Returns `None`: a probe has no filters.
     fn take_filters(&mut self) -> Option<Filters> {
         None
     }
@@ -188,7 +188,7 @@ impl Device for Probe {
         !self.out.is_empty()
     }
 
-    /// Hands out everything in order, once all is sent.
+    /// Hands out effects in order, once all frames are sent.
     fn next_effect(&mut self, all_sent: bool) -> Option<Effect> {
         (all_sent && !self.effects.is_empty()).then(|| self.effects.remove(0))
     }

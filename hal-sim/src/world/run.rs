@@ -1,4 +1,4 @@
-//! Time passes: from event to event, and what each one sets going.
+//! The passing of time: events and their consequences.
 
 use protocol_core::controller::BusErrorMode;
 use protocol_core::device::Effect;
@@ -8,19 +8,19 @@ use protocol_core::time::{Duration, Instant, NEVER, after};
 use super::node::{Node, Power, Write, due, write_time};
 use super::{NodeId, World};
 
-/// How long an orderly shutdown waits for the bus to take what devices have to send before they store (A).
+/// The time limit of an orderly shutdown for the bus to take the devices' frames before they store (A).
 pub const FLUSH_PATIENCE: Duration = Duration::from_secs(1);
 
 const TICK: Duration = Duration::from_ticks(1);
 
 impl World {
-    /// Returns when something is next due: now or later; [`NEVER`] when nothing is.
+    /// Returns the instant of the next event, now or later; [`NEVER`] without one.
     #[must_use]
     pub fn next_event(&self) -> Instant {
         self.bus.next_event().min(self.agenda.next()).max(self.now)
     }
 
-    /// Goes to the next event and lets everything happen that is due then. Nothing happens when nothing is due.
+    /// Advances to the next event and processes all that is due then; does nothing without a next event.
     pub fn step(&mut self) {
         self.take_from_clients();
         let next = self.next_event();
@@ -30,12 +30,12 @@ impl World {
         self.give_to_clients();
     }
 
-    /// Lets so much time pass, with everything that is due in it.
+    /// Advances by `time` and processes all events on the way.
     pub fn run_for(&mut self, time: Duration) {
         self.run_until(after(self.now, time));
     }
 
-    /// Lets everything happen that is due until `end`, and goes there.
+    /// Advances to `end` and processes all events up to and including `end`.
     pub fn run_until(&mut self, end: Instant) {
         self.take_from_clients();
         loop {
@@ -49,8 +49,8 @@ impl World {
         self.give_to_clients();
     }
 
-    /// Lets everything happen that is due before `end`, and goes there. Frames that are [sent](Self::send) then take
-    /// part in the arbitration at `end`.
+    /// Advances to `end` and processes all events before it. Frames [sent](Self::send) then take part in the
+    /// arbitration at `end`.
     pub fn run_before(&mut self, end: Instant) {
         while self.next_event() < end {
             self.step();
@@ -58,10 +58,10 @@ impl World {
         self.now = self.now.max(end);
     }
 
-    /// Asks all devices to store what waits to be stored, and runs until they have: for an orderly shutdown.
+    /// Lets all devices store their pending records, and runs until they have: for an orderly shutdown.
     ///
-    /// A device stores only when all that it has to send is on the bus. On a bus that takes nothing its frames are
-    /// dropped after [`FLUSH_PATIENCE`].
+    /// A device stores only after all its frames are on the bus. If the bus does not take them, they are dropped after
+    /// [`FLUSH_PATIENCE`].
     pub fn flush_all(&mut self) {
         let now = self.now;
         for id in self.devices() {
@@ -80,7 +80,7 @@ impl World {
         }
     }
 
-    /// Goes to an instant and lets everything happen that is due then.
+    /// Advances to an instant and processes all that is due then.
     fn happen(&mut self, now: Instant) {
         self.now = now;
         self.bus.finish(now);
@@ -112,7 +112,7 @@ impl World {
         self.touched = touched;
     }
 
-    /// Does what is due for a device, other than from the bus.
+    /// Processes what is due for a device, bus events aside.
     fn poll_device(&mut self, id: NodeId) {
         let now = self.now;
         if let Power::Coming(_, cause) = self.nodes[id.0].power {
@@ -130,7 +130,7 @@ impl World {
         if let Some(Write { key, record, .. }) = write.take_if(|write| write.done <= by) {
             let result = memory.store(key, &record);
             if memory.flash().is_dead() {
-                // A power cut that was planned for this word takes the device along.
+                // A power cut planned for this word of the memory.
                 self.cut_power(id);
             } else if let Power::On(device) = power {
                 device.stored(key, result, now);
@@ -138,7 +138,7 @@ impl World {
         }
     }
 
-    /// Tells a device what is new on its port, and does what it asks for.
+    /// Serves a device: pumps its frames, carries out its effects, records the outcome.
     pub(super) fn service(&mut self, id: NodeId) {
         self.follow_links(id);
         while let Some(effect) = self.pump(id) {
@@ -146,7 +146,7 @@ impl World {
         }
     }
 
-    /// Pumps a device. Without anything to be carried out it is served then: takes note of what has come of it.
+    /// Pumps a device. Without a pending effect, the service ends with a record of the outcome.
     fn pump(&mut self, id: NodeId) -> Option<Effect> {
         let Self { nodes, bus, agenda, now, .. } = self;
         let now = *now;
@@ -171,7 +171,7 @@ impl World {
         *frames_dropped = dropped;
         bus.refresh_used(port_id, now);
         let due = due(&**device, write.as_ref());
-        // A device that wants to be polled at once again gets a tick later, or time would stand still.
+        // A device that is due at once again gets the next tick; otherwise time would stand still.
         agenda.set(id.0, if due <= now { after(now, TICK) } else { due });
         None
     }
@@ -185,7 +185,7 @@ impl World {
     }
 
     fn begin_write(&mut self, id: NodeId, key: RecordKey, record: Record) {
-        // The core asks for one at a time; if it ever did not, the first one must not be lost.
+        // The core requests one write at a time; if it ever requested two, the first must not be lost.
         self.finish_write(id, NEVER);
         self.nodes[id.0].write = Some(Write::begin(key, record, self.now, write_time(key)));
     }
@@ -196,7 +196,7 @@ impl World {
         !matches!(node.power, Power::On(_)) || (node.write.is_none() && self.bus.port(node.port).pending() == 0)
     }
 
-    /// Lets a device store what it has to, whatever it has to send.
+    /// Lets a device store its pending records, and drops its waiting frames.
     fn settle(&mut self, id: NodeId) {
         while !self.is_settled(id) {
             self.bus.drop_pending(self.nodes[id.0].port, self.now);

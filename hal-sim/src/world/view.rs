@@ -1,4 +1,4 @@
-//! The state of the devices at the world's instant, and when a position is next another one.
+//! The view of a device at the world's instant, and the next change of its position.
 
 use std::ops::RangeInclusive;
 
@@ -10,8 +10,8 @@ use protocol_core::wire::pdo_mapping::MappingEntry;
 use super::node::Power;
 use super::{NodeId, World};
 
-/// The longest step in which a linked shaft is looked at: a spool that passes neutral turns it round, and in this time
-/// it comes nowhere near another position and back.
+/// The longest step between two looks at a linked shaft: a spool that passes neutral reverses the shaft, but within
+/// this time the shaft cannot reach another position and return.
 const LINKED_STEP: Duration = Duration::from_micros(64);
 
 const SECOND: Duration = Duration::from_secs(1);
@@ -19,7 +19,7 @@ const SECOND: Duration = Duration::from_secs(1);
 const MINUTE: Duration = Duration::from_secs(60);
 
 impl World {
-    /// Returns the state of a device now; `None` without power.
+    /// Returns the view of a device now; `None` without power.
     pub fn view(&mut self, node: NodeId) -> Option<View> {
         self.follow_links(node);
         match &self.nodes[node.0].power {
@@ -28,8 +28,8 @@ impl World {
         }
     }
 
-    /// Returns the [key](protocol_core::frame::Frame::key) of TPDO 1 of a device and the objects that it maps; `None`
-    /// while it is off, and without power.
+    /// Returns the [key](protocol_core::frame::Frame::key) and the mapped objects of TPDO 1 of a device; `None` while
+    /// the TPDO is disabled, and without power.
     #[must_use]
     pub fn tpdo(&self, node: NodeId) -> Option<(u32, &[MappingEntry])> {
         match &self.nodes[node.0].power {
@@ -38,19 +38,19 @@ impl World {
         }
     }
 
-    /// Returns whether the spool of a valve floats: its objects then tell float, and no position (SPEC 2).
+    /// Returns whether the spool of a valve floats: its objects then hold float instead of a position (SPEC 2).
     #[must_use]
     pub fn floats(&self, node: NodeId) -> bool {
         self.valve(node).is_some_and(|valve| valve.float_reached(self.now))
     }
 
-    /// Returns the first instant after now at which the position of a device can be another one, if nothing else
-    /// happens; `limit` when it is the same until then.
+    /// Returns the next instant at which the position of a device can differ from the present one, if nothing else
+    /// happens; `limit` if it stays the same until then.
     #[must_use]
     pub fn next_position(&self, node: NodeId, limit: Instant) -> Instant {
         let now = self.now;
         let linked = self.coupling_of(node).is_some();
-        // Up to its next bend the spool moves in one direction, and comes to no position twice.
+        // Between two bends the spool moves in one direction and passes each position once.
         let limit = self.valve(node).map_or(limit, |valve| valve.bends(now).min(limit));
         let here = self.position_at(node, now);
         let (mut same, mut step) = (now, Duration::from_ticks(1));
@@ -69,9 +69,9 @@ impl World {
         limit
     }
 
-    /// Returns an instant up to which the position of a device stays outside of a range that it is outside of now, if
-    /// nothing else happens. Of a shaft that turns by itself it is near the last one; of one that follows a valve it is
-    /// what the fastest valve would take; of a spool it is now.
+    /// Returns an instant until which the position of a device, now outside a range, stays outside, if nothing else
+    /// happens: for a shaft that turns by itself, near the last such instant; for a linked shaft, the time of the
+    /// fastest valve; for a spool, now.
     #[must_use]
     pub fn outside_until(&self, node: NodeId, range: &RangeInclusive<i16>) -> Instant {
         let Some(shaft) = self.senses(node).shaft() else { return self.now };
@@ -81,7 +81,7 @@ impl World {
         if min > max {
             return NEVER;
         }
-        // The shorter way round. The last step of it takes no time when the shaft is at its edge.
+        // The shorter way round. The last step takes no time when the shaft is at its edge.
         let turn = i64::from(STEPS);
         let steps = (min - position).rem_euclid(turn).min((position - max).rem_euclid(turn));
         let whole_steps = u64::try_from(steps - 1).unwrap_or(0);
@@ -98,7 +98,7 @@ impl World {
         micros.map_or(NEVER, |micros| after(self.now, Duration::from_micros(micros)))
     }
 
-    /// Returns the first instant of another position, after `same` and at `other` at the latest.
+    /// Returns the first instant of another position: after `same`, at `other` at the latest.
     fn first_other(&self, node: NodeId, here: i64, mut same: Instant, mut other: Instant) -> Instant {
         while since(other, same) > Duration::from_ticks(1) {
             let middle = after(same, Duration::from_ticks(since(other, same).as_ticks() / 2));
@@ -111,7 +111,8 @@ impl World {
         other
     }
 
-    /// Returns the position of a spool, or the raw one of a shaft, at an instant from now on, if nothing else happens.
+    /// Returns the position of a spool, or the raw position of a shaft, at an instant from now on, if nothing else
+    /// happens.
     fn position_at(&self, node: NodeId, at: Instant) -> i64 {
         let raw = |shaft: &Shaft| i64::from(shaft.position_at(at));
         match (self.coupling_of(node), self.senses(node).shaft(), self.valve(node)) {
