@@ -14,11 +14,11 @@ use crate::recording::{Logged, ReadError, Reader};
 pub struct DecodeOptions {
     /// The recording; `-` is stdin.
     pub file: PathBuf,
-    /// The devices that are known to be on the bus.
+    /// The devices known to be on the bus.
     pub devices: Vec<NamedDevice>,
 }
 
-/// Why a recording cannot be explained, or not further.
+/// The reason why decoding failed.
 #[derive(Debug, thiserror::Error)]
 pub enum DecodeError {
     /// The recording cannot be read.
@@ -26,19 +26,19 @@ pub enum DecodeError {
     Read {
         /// The file.
         path: PathBuf,
-        /// Why not.
+        /// The cause.
         source: io::Error,
     },
-    /// Nothing can be written.
+    /// The output cannot be written.
     #[error("stdout: {0}")]
     Write(io::Error),
 }
 
-/// Explains a recording on `out`, and hands each line that is none to `warn`; returns whether there was none of those.
-/// A reader of `out` that is gone ends it.
+/// Writes the explanation of a recording to `out` and passes each unreadable line to `warn`; returns whether every line
+/// was readable. Ends without an error when the reader of `out` has gone.
 ///
 /// # Errors
-/// [`DecodeError`] when the recording cannot be read, or `out` not be written.
+/// [`DecodeError`] when the recording cannot be read, or `out` cannot be written.
 pub fn decode(options: &DecodeOptions, out: &mut impl Write, mut warn: impl FnMut(&str)) -> Result<bool, DecodeError> {
     let unread = |source| DecodeError::Read { path: options.file.clone(), source };
     let mut reader = Reader::open(&options.file).map_err(unread)?;
@@ -51,7 +51,7 @@ pub fn decode(options: &DecodeOptions, out: &mut impl Write, mut warn: impl FnMu
     let mut all_read = true;
     let mut line = String::new();
     loop {
-        // Somebody may wait for the explanation of what another program has logged so far.
+        // A reader may be waiting for the explanation of the log so far.
         if reader.may_wait() && !is_read(out.flush())? {
             return Ok(all_read);
         }
@@ -75,7 +75,7 @@ pub fn decode(options: &DecodeOptions, out: &mut impl Write, mut warn: impl FnMu
             }
             Some(Err(error @ ReadError::NoEntry { .. })) => {
                 all_read = false;
-                // After the lines before it, where both go to one terminal.
+                // After the earlier lines, where both go to the same terminal.
                 if !is_read(out.flush())? {
                     return Ok(all_read);
                 }
@@ -91,7 +91,7 @@ pub fn decode(options: &DecodeOptions, out: &mut impl Write, mut warn: impl FnMu
     Ok(all_read)
 }
 
-/// Returns whether somebody still reads what is written.
+/// Returns whether the output still has a reader.
 fn is_read(written: io::Result<()>) -> Result<bool, DecodeError> {
     match written {
         Ok(()) => Ok(true),

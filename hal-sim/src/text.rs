@@ -1,6 +1,6 @@
-//! Texts of users in messages.
+//! User input in messages.
 
-/// Returns a text in one line: control characters, which a user may have written, are escaped.
+/// Returns a text in one line: its control characters are escaped.
 #[must_use]
 pub fn in_one_line(text: &str) -> String {
     let escaped = |char: char| if char.is_control() { char.escape_default().to_string() } else { char.to_string() };

@@ -1,4 +1,4 @@
-//! The CAN database of a product on ISOBUS: its messages at each address that it can have.
+//! The DBC of a product on ISOBUS: its messages at each possible address.
 
 use std::fmt::Write as _;
 
@@ -9,13 +9,13 @@ use super::layout::{Message, Role, Signal, commanded_address, messages};
 use super::product::Product;
 use crate::Kind;
 
-/// The bit of an identifier that marks it as one of 29 bits.
+/// The bit of a DBC identifier that marks 29 bits.
 const EXTENDED: u32 = 1 << 31;
 
 /// The node that sends commands.
 const MASTER: &str = "Master";
 
-/// What a DBC has in the place of a node that it does not name.
+/// The DBC placeholder for an unnamed node.
 const ANYBODY: &str = "Vector__XXX";
 
 /// Returns the DBC of a product, in ASCII; `None` for a kind that is not on ISOBUS.
@@ -25,7 +25,7 @@ pub fn dbc(kind: Kind) -> Option<String> {
         return None;
     }
     let mut database = String::new();
-    // Writing to a text cannot fail.
+    // Writing to a string cannot fail.
     let _ = write(&mut database, kind);
     Some(database)
 }

@@ -1,4 +1,4 @@
-//! The electronic data sheet of a product on CANopen (CiA 306), from the table that is its object dictionary.
+//! The electronic data sheet of a product on CANopen (CiA 306), from the table of its object dictionary.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -10,24 +10,24 @@ use protocol_core::device::{Capabilities, describe};
 use super::product::Product;
 use crate::Kind;
 
-/// The version of CiA 306 that the sheet follows.
+/// The version of CiA 306 of the sheet.
 const EDS_VERSION: &str = "4.0";
 
-/// The date of the sheet's first version, month first. It is no clock's: the same version writes the same sheet.
+/// The date of the sheet's first version, month first: a constant, so that a version always writes the same sheet.
 const DATE: &str = "11-22-2026";
 const TIME: &str = "12:00AM";
 
 /// The objects of CiA 301 that every device has.
 const MANDATORY: [u16; 3] = [0x1000, 0x1001, 0x1018];
 
-/// One line each; CiA 306 has no other place for them.
+/// The comments of the sheet, the only place for such text in CiA 306.
 const COMMENTS: [&str; 3] = [
     "Of a stand-in for the product, written by pve-sim from its object dictionary.",
     "A serial number differs from device to device: it has no default.",
     "Where sub-indices have gaps, sub-index 0 is what the product says and not their count.",
 ];
 
-/// An object with its sub-indices, as the sheet lists them.
+/// An object with its sub-indices, as listed in the sheet.
 #[derive(Default)]
 struct Object {
     rows: Vec<Row>,
@@ -38,7 +38,7 @@ struct Row {
     default: Option<String>,
 }
 
-/// Returns the EDS of a product, in ASCII; `None` for a kind that has no object dictionary.
+/// Returns the EDS of a product, in ASCII; `None` for a kind without an object dictionary.
 #[must_use]
 pub fn eds(kind: Kind) -> Option<String> {
     let mut objects = BTreeMap::<u16, Object>::new();
@@ -53,7 +53,7 @@ pub fn eds(kind: Kind) -> Option<String> {
         objects.entry(entry.object().index).or_default().rows.push(row);
     })?;
     let mut sheet = String::new();
-    // Writing to a text cannot fail.
+    // Writing to a string cannot fail.
     let _ = write(&mut sheet, kind, identity, capabilities, &objects);
     Some(sheet)
 }
@@ -152,7 +152,7 @@ impl Row {
     }
 }
 
-/// Returns the names of an object and of its sub-index 0, with capitals: a row has both in one.
+/// Returns the capitalised names of an object and of its sub-index 0: a row combines both.
 fn names(entry: &Entry) -> (&'static str, String) {
     let (object, own) = entry.name.split_once(": ").unwrap_or((entry.name, "highest sub-index"));
     let mut letters = own.chars();
@@ -160,7 +160,7 @@ fn names(entry: &Entry) -> (&'static str, String) {
     (object, first.into_iter().chain(letters).collect())
 }
 
-/// Returns whether CiA 301, or the device profile, has a structure at an index; the others are arrays.
+/// Returns whether CiA 301 or the device profile defines a record at an index; the others are arrays.
 const fn is_record(index: u16) -> bool {
     matches!(index, 0x1018 | 0x1400..=0x1BFF | 0x6300 | 0x6301)
 }
@@ -178,7 +178,7 @@ const fn type_index(data_type: DataType) -> u16 {
     }
 }
 
-/// Returns the access over SDO, and by PDO: `rww` can be mapped into an RPDO alone, `rwr` into a TPDO alone.
+/// Returns the access by SDO and PDO: `rww` can be mapped into RPDOs only, `rwr` into TPDOs only.
 const fn access_type(access: Access, mappable: Mappable) -> &'static str {
     match (access, mappable) {
         (Access::Ro, _) => "ro",
@@ -188,7 +188,7 @@ const fn access_type(access: Access, mappable: Mappable) -> &'static str {
     }
 }
 
-/// Returns a default as the sheet has it; `None` where there is none.
+/// Returns a default in the form of the sheet; `None` without one.
 fn default(data_type: DataType, initial: Initial<'_>) -> Option<String> {
     match initial {
         Initial::Individual => None,

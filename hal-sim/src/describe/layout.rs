@@ -1,4 +1,4 @@
-//! Messages and signals of the valves on ISOBUS (SPEC 5), as a DBC describes them.
+//! Messages and signals of the valves on ISOBUS (SPEC 5), for the DBC.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -11,7 +11,7 @@ use protocol_core::wire::valve::State;
 
 use crate::explain;
 
-/// A master's address: that of the manual's examples. The valve listens to any.
+/// The master's address in the examples of the manual. The valve accepts commands from any address.
 pub(super) const MASTER: Address = Address::new(0x27);
 
 /// A message.
@@ -19,7 +19,7 @@ pub(super) struct Message {
     pub(super) name: String,
     pub(super) id: J1939Id,
     pub(super) len: usize,
-    /// Whether the valve sends it; otherwise the master does.
+    /// The valve sends the message; otherwise the master does.
     pub(super) from_valve: bool,
     /// The period, in milliseconds.
     pub(super) cycle_ms: Option<u16>,
@@ -36,25 +36,25 @@ pub(super) struct Signal {
     pub(super) bits: (u8, u8),
     pub(super) factor: f64,
     pub(super) offset: f64,
-    /// The physical values that it can have.
+    /// The range of physical values.
     pub(super) range: RangeInclusive<f64>,
     pub(super) unit: &'static str,
     pub(super) values: Vec<(u32, String)>,
 }
 
-/// The part of a signal in the multiplexing of its message.
+/// The role of a signal in the multiplexing of its message.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Role {
-    /// There whatever the message says.
+    /// Present in every message.
     Plain,
-    /// Selects the signals of its value.
+    /// Selects other signals by its value.
     Selector,
-    /// There when the selector has this value.
+    /// Present when the selector has this value.
     Selected(u8),
 }
 
 impl Signal {
-    /// Returns a number as it stands in the message.
+    /// Returns a signal with the raw value.
     fn raw(name: &'static str, first: u8, len: u8) -> Self {
         let max = (1_u64 << len) - 1;
         Self {
@@ -86,10 +86,10 @@ impl Signal {
     }
 }
 
-/// Returns all messages of the valve at an address, and those that a master sends to it.
+/// Returns all messages of the valve at an address, and those from a master to it.
 pub(super) fn messages(valve: Address) -> Vec<Message> {
     let address = valve.get();
-    // AVC and AVEF go by the low four bits of the address, all others by the address.
+    // AVC and AVEF depend on the low four bits of the address, all others on the whole address.
     let number = address & 0xF;
     let global = |priority, pgn| J1939Id::global(priority, pgn, valve);
     let to_valve = |priority, pgn| J1939Id::new(priority, pgn, valve, MASTER);
@@ -193,7 +193,7 @@ pub(super) fn messages(valve: Address) -> Vec<Message> {
     ]
 }
 
-/// Returns the message of a master to all valves, which comes in packets.
+/// Returns the multi-packet message of a master to all valves.
 pub(super) fn commanded_address() -> Message {
     let signals = name().into_iter().chain([Signal::raw("NewAddress", 64, 8)]).collect();
     Message {
@@ -216,12 +216,12 @@ fn fail_safe_mode() -> Signal {
     Signal::raw("FailSafeMode", 22, 2).values([(0, "blocked"), (1, "float"), (3, "not available")])
 }
 
-/// Returns a lamp, or how it flashes (SAE J1939-73).
+/// Returns the signal of a lamp, or of its flashing (SAE J1939-73).
 fn lamp(name: &'static str, first: u8) -> Signal {
     Signal::raw(name, first, 2).values([(0, "off"), (1, "on"), (3, "not available")])
 }
 
-/// Returns the first eight bytes of DM1 and DM2 (SAE J1939-73 5.7.1, SPEC 3). The bits of an SPN do not lie together.
+/// Returns the first eight bytes of DM1 and DM2 (SAE J1939-73 5.7.1, SPEC 3). The bits of an SPN are not contiguous.
 fn troubles() -> Vec<Signal> {
     vec![
         lamp("ProtectLamp", 0),
@@ -248,7 +248,7 @@ const FMIS: [(u32, &str); 7] = [
     (19, "received network data in error"),
 ];
 
-/// Returns the names of the valve's SPNs by their low 16 bits: the faults that have it, and the whole number.
+/// Returns the names of the valve's SPNs by their low 16 bits: their faults, and the whole number.
 fn spns() -> BTreeMap<u32, String> {
     let mut spns = BTreeMap::from([(0, "none".to_owned())]);
     for FaultCodes { fault, dtc, .. } in FAULT_CODES {
@@ -260,7 +260,7 @@ fn spns() -> BTreeMap<u32, String> {
     spns
 }
 
-/// Returns the fields of a NAME (SAE J1939-81).
+/// Returns the signals of a NAME (SAE J1939-81).
 fn name() -> Vec<Signal> {
     vec![
         Signal::raw("IdentityNumber", 0, 21),
@@ -282,8 +282,8 @@ fn name() -> Vec<Signal> {
     ]
 }
 
-/// Returns a message of the transport protocol's connections (SAE J1939-21 5.10.3): the control byte says what the
-/// others mean.
+/// Returns a connection management message of the transport protocol (SAE J1939-21 5.10.3): the control byte selects
+/// the other signals.
 fn connection() -> Vec<Signal> {
     const BAM: u8 = 32;
     const ABORT: u8 = 255;
@@ -297,7 +297,7 @@ fn connection() -> Vec<Signal> {
     ]
 }
 
-/// Returns a parameter group number.
+/// Returns the signal of a parameter group number.
 fn group(first: u8) -> Signal {
     let groups = [
         (Pgn::ADDRESS_CLAIMED, "address claim"),

@@ -1,7 +1,7 @@
 //! Descriptions of the products for other tools: an EDS for masters on CANopen, a DBC for analysers on ISOBUS.
 //!
 //! ```text
-//! eds     an electronic data sheet (CiA 306)         product   what its head says of a product
+//! eds     an electronic data sheet (CiA 306)         product   the product data in its head
 //! dbc     a CAN database                             layout    the messages and signals in it
 //! ```
 

@@ -1,14 +1,14 @@
-//! What the head of an EDS says of a product (SPEC 1).
+//! The product data in the head of an EDS (SPEC 1).
 
 use crate::Kind;
 
-/// The words for a product.
+/// The product data.
 pub(super) struct Product {
     /// The maker.
     pub(super) vendor: &'static str,
-    /// The product as its maker calls it.
+    /// The product name of the maker.
     pub(super) name: &'static str,
-    /// The number to order it by.
+    /// The order code.
     pub(super) order_code: u32,
 }
 

@@ -1,12 +1,12 @@
-//! Devices that run at another bit rate than the bus: found in one place, and told in one sentence by every surface.
+//! Devices at another bit rate than the bus: one detection and one message for all interfaces.
 //!
-//! Such a device cannot communicate, and whatever is not expected of it does not come: a test on that bus proves
-//! nothing. [`RateWatch`] finds a device
+//! Such a device cannot communicate, and frames that a test forbids do not come either: the test proves nothing.
+//! [`RateWatch`] finds a device
 //!
 //! - at each power-up, as soon as time passes after it;
-//! - [`GRACE`] after the bit rate of the bus or of the device has changed: one of the two comes first. While LSS changes
-//!   the bit rate of a device, from activate bit timing to the end of the second delay, this time does not run;
-//! - at once when the run ends ([`RateWatch::find_all`]), or a claim that something did not come
+//! - [`GRACE`] after a change of the bit rate of the bus or the device, because one of the two changes first. The time
+//!   stops while LSS switches the device's bit rate, from activate bit timing to the end of the second delay;
+//! - at once at the end of the run ([`RateWatch::find_all`]), or of a forbidden frame's or state's time
 //!   ([`RateWatch::find_at`]).
 
 use protocol_core::controller::BitRate;
@@ -16,12 +16,12 @@ use protocol_core::time::{Duration, Instant, NEVER, after};
 use super::NamedDevice;
 use crate::world::{NodeId, World};
 
-/// Time for bus and device to meet again after one of them has changed its bit rate.
+/// The time allowed between the bit rate changes of bus and device.
 pub const GRACE: Duration = Duration::from_secs(1);
 
 const TICK: Duration = Duration::from_ticks(1);
 
-/// A device that runs at another bit rate than the bus, or did.
+/// A device that runs, or ran, at another bit rate than the bus.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NotHeard {
     /// The name of the device.
@@ -30,19 +30,19 @@ pub struct NotHeard {
     pub since: Instant,
     /// True once the two rates agree again.
     pub is_over: bool,
-    /// The sentence for the user, with the remedy.
+    /// The message with the cause and the remedy.
     pub reason: String,
 }
 
-/// Watches that devices run at the bit rate of their bus.
+/// The watch over the devices' bit rates.
 #[derive(Clone, Debug)]
 pub struct RateWatch {
     devices: Vec<Watched>,
-    /// The world's count of changes when the rates were last compared; `None` before the first comparison.
+    /// The world's count of rate changes at the last comparison; `None` before the first one.
     looked_at: Option<u64>,
-    /// The instant from which it is to be looked although no rate has changed.
+    /// The next instant to compare the rates without a change.
     due: Instant,
-    /// The devices that were found and not yet taken.
+    /// The devices found and not taken yet.
     found: Vec<NotHeard>,
 }
 
@@ -50,27 +50,27 @@ pub struct RateWatch {
 struct Watched {
     node: NodeId,
     device: NamedDevice,
-    /// True where the memory was empty at the start: the written bit rate counted.
+    /// The memory was empty at the start: the bit rate of the setup counted.
     is_new: bool,
-    /// The bit rate of the first start, until that comes.
+    /// The bit rate of the first start, until then.
     first_rate: Option<BitRate>,
     was_powered: bool,
     spell: Option<Spell>,
     told: Option<NotHeard>,
 }
 
-/// The time in which a device is not heard.
+/// A period of different bit rates.
 #[derive(Clone, Copy, Debug)]
 struct Spell {
     since: Instant,
-    /// The end of the time to put it right; [`NEVER`] while LSS changes the rate.
+    /// The end of the grace period; [`NEVER`] while LSS switches the rate.
     due: Instant,
     is_told: bool,
     rate: BitRate,
     bus: BitRate,
 }
 
-/// Watches nothing.
+/// A watch without devices.
 impl Default for RateWatch {
     fn default() -> Self {
         Self { devices: Vec::new(), looked_at: None, due: NEVER, found: Vec::new() }
@@ -78,7 +78,7 @@ impl Default for RateWatch {
 }
 
 impl RateWatch {
-    /// Watches one more device of a world, which has not been switched on.
+    /// Begins to watch a device of a world that has not been switched on yet.
     pub fn watch(&mut self, node: NodeId, device: &NamedDevice, world: &World) {
         self.devices.push(Watched {
             node,
@@ -91,13 +91,12 @@ impl RateWatch {
         });
     }
 
-    /// Watches a device no longer.
+    /// Stops watching a device.
     pub fn ignore(&mut self, node: NodeId) {
         self.devices.retain(|watched| watched.node != node);
     }
 
-    /// Looks at the bit rates of now. To be called after everything that happens in the world, and when it is
-    /// [due](Self::due).
+    /// Compares the present bit rates. To be called after every event of the world, and when it is [due](Self::due).
     pub fn look(&mut self, world: &mut World) {
         let (now, changes) = (world.now(), world.rate_changes());
         if self.looked_at == Some(changes) && now < self.due {
@@ -109,30 +108,30 @@ impl RateWatch {
         self.due = self.devices.iter().filter_map(due).min().map_or(NEVER, |due| if due == NEVER { now } else { due });
     }
 
-    /// Takes the devices that were found since this was last called, each of them once in a spell.
+    /// Takes the devices found since the last call, each once per period.
     pub fn take_found(&mut self) -> Vec<NotHeard> {
         std::mem::take(&mut self.found)
     }
 
-    /// Returns when the next look is due although nothing happens, after now; [`NEVER`] if it is not.
+    /// Returns when the next comparison is due without an event, after now; [`NEVER`] if none is.
     #[must_use]
     pub fn due(&self, now: Instant) -> Instant {
         if self.due > now { self.due } else { NEVER }
     }
 
-    /// Finds the devices that are not heard now: the run ends.
+    /// Finds the devices at another bit rate now, at the end of the run.
     pub fn find_all(&mut self) {
         self.found.extend(self.devices.iter_mut().filter_map(|device| device.find_if(|_| true)));
     }
 
-    /// Finds the devices that were not heard at this instant, which no look came after: a claim ends there that
-    /// something did not come. A device whose rate LSS is changing is silent by rule.
+    /// Finds the devices at another bit rate at this instant, which had no comparison of its own, because the time of a
+    /// prohibition ends there. A device whose rate LSS switches is silent by rule, and not found.
     pub fn find_at(&mut self, instant: Instant) {
         let was_deaf = |spell: &Spell| spell.due != NEVER && spell.since <= instant;
         self.found.extend(self.devices.iter_mut().filter_map(|device| device.find_if(was_deaf)));
     }
 
-    /// Returns the devices that are not heard now, and those that were found before, each once.
+    /// Returns the devices at another bit rate now, and those found before, each once.
     #[must_use]
     pub fn all(&self) -> Vec<NotHeard> {
         let state = |device: &Watched| match &device.spell {
@@ -155,7 +154,7 @@ impl Watched {
         let rate = if is_powered { Some(world.device_rate(self.node)) } else { self.first_rate };
         let bus = world.bit_rate();
         let Some(rate) = rate.filter(|rate| *rate != bus) else {
-            // Nobody may have looked when its time was up.
+            // The comparison at the end of the grace period may be missing.
             let told = self.find_if(|spell| now >= spell.due);
             self.spell = None;
             if let Some(told) = &mut self.told {
@@ -175,7 +174,7 @@ impl Watched {
         self.find_if(|spell| now >= spell.due)
     }
 
-    /// Returns the device, once in a spell, if that is as it is wanted.
+    /// Returns the device, once per period, if the period fulfils `is_wanted`.
     fn find_if(&mut self, is_wanted: impl Fn(&Spell) -> bool) -> Option<NotHeard> {
         let spell = self.spell.as_mut().filter(|spell| !spell.is_told && is_wanted(spell))?;
         spell.is_told = true;
@@ -190,7 +189,7 @@ impl Watched {
     }
 }
 
-/// Returns the sentence about a device, with the remedy. What is written of a device counts for a new memory alone.
+/// Returns the message about a device, with the remedy. The setup counts only for a new memory.
 fn reason(device: &NamedDevice, is_new: bool, rate: BitRate, bus: BitRate) -> String {
     let kilobits = |rate: BitRate| rate.bits_per_second() / 1000;
     let other_device = (is_new && device.setup.bit_rate == Some(rate) && device.setup.kind.bit_rates().contains(&bus))
@@ -205,7 +204,7 @@ fn reason(device: &NamedDevice, is_new: bool, rate: BitRate, bus: BitRate) -> St
     )
 }
 
-/// Returns a device as `--device` has it, without a serial number and a bit rate.
+/// Returns a device in the form of `--device`, without a serial number and a bit rate.
 fn written(NamedDevice { name, setup: Setup { kind, node_id, .. }, .. }: &NamedDevice) -> String {
     let mut text = kind.name().to_owned();
     match *node_id {

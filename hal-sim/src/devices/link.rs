@@ -1,4 +1,4 @@
-//! A shaft that follows a valve as it is written: `VALVE=SENSOR[,key=value…]`.
+//! The text form of a link: `VALVE=SENSOR[,key=value…]`.
 
 use std::ops::RangeInclusive;
 use std::str::FromStr;
@@ -9,12 +9,12 @@ use super::{NamedDevice, NamedLink};
 use crate::Kind;
 use crate::world::Link;
 
-/// The most that a shaft can turn in a second at full stroke, in 1/100 degree: 6,000 turns a minute (A).
+/// The highest speed of a shaft at full stroke, in 1/100 degree per second: 6,000 turns per minute (A).
 const RATE_MAX: i32 = 3_600_000;
 
 const ANGLES: RangeInclusive<u32> = 0..=TURN_CDEG - 1;
 
-/// A link as it was asked for.
+/// A link as requested.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LinkSpec(NamedLink);
 
@@ -62,7 +62,7 @@ fn angle(text: &str) -> Result<u32, String> {
 /// Returns the links between these devices.
 ///
 /// # Errors
-/// One line about a name that is no such device, or a sensor that follows two valves.
+/// One line about an unknown device, or a sensor that would follow two valves.
 pub fn links(devices: &[NamedDevice], specs: Vec<LinkSpec>) -> Result<Vec<NamedLink>, String> {
     let known = |name: &str, wanted: fn(Kind) -> bool, what: &str| {
         let fits = |device: &&NamedDevice| wanted(device.setup.kind);

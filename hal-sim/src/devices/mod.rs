@@ -1,8 +1,8 @@
-//! The devices on a bus and the links between them, as they are written, and as they are put into a world.
+//! The devices on a bus and the links between them: their text form, and their addition to a world.
 //!
 //! ```text
 //! spec   one device: KIND[@ID][,key=value…]
-//! link   a shaft that follows a valve: VALVE=SENSOR[,key=value…]
+//! link   a link: VALVE=SENSOR[,key=value…]
 //! heard  devices at another bit rate than the bus
 //! ```
 
@@ -25,25 +25,25 @@ use crate::Kind;
 use crate::memory::Memory;
 use crate::world::{Link, NodeId, World};
 
-/// A device with the name by which everything calls it.
+/// A device with its unique name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NamedDevice {
-    /// Its name; no other device has it.
+    /// The name, unique on the bus.
     pub name: String,
-    /// The kind, and the values for a new memory.
+    /// The kind, and the content of a new memory.
     pub setup: Setup,
-    /// The times of its spool, of a valve.
+    /// The spool times; for valves.
     pub spool_times: SpoolTimes,
 }
 
 impl NamedDevice {
-    /// A device of a kind, or with a setup, whose spool has the usual times.
+    /// Returns a device of a kind, or with a setup, with the default spool times.
     #[must_use]
     pub fn new(name: &str, setup: impl Into<Setup>) -> Self {
         Self { name: name.to_owned(), setup: setup.into(), spool_times: SpoolTimes::default() }
     }
 
-    /// Adds the device to a world, healthy and not yet powered.
+    /// Adds the device to a world, healthy and unpowered.
     pub fn add_to(&self, world: &mut World, memory: Memory) -> NodeId {
         let node = world.add_with(&self.name, self.setup, memory);
         let mut senses = *world.senses(node);
@@ -55,14 +55,14 @@ impl NamedDevice {
     }
 }
 
-/// A shaft that follows a valve. Both are devices on the bus, a valve and a sensor, and no sensor follows two valves.
+/// A link between two devices on the bus: a valve, and a sensor that follows no other valve.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NamedLink {
     /// The name of the valve.
     pub valve: String,
     /// The name of the sensor.
     pub sensor: String,
-    /// How the one follows the other.
+    /// The parameters of the link.
     pub link: Link,
 }
 
@@ -70,18 +70,18 @@ pub struct NamedLink {
 pub fn link_in(world: &mut World, links: &[NamedLink]) {
     for NamedLink { valve, sensor, link } in links {
         if let (Some(valve), Some(sensor)) = (world.find(valve), world.find(sensor)) {
-            // The names were checked: this is a valve and a free sensor.
+            // The names have been checked: a valve and a sensor without a link.
             let linked = world.link(valve, sensor, *link);
             debug_assert_eq!(linked, Ok(()));
         }
     }
 }
 
-/// Returns the devices with a name each, that of their kind, then kind-2, kind-3 …, as far as they are free, and with a
-/// serial number each.
+/// Returns the devices, each with a name and a serial number. Default names are the kind, then kind-2, kind-3 …, as far
+/// as they are free.
 ///
 /// # Errors
-/// One line about a name that is given twice.
+/// One line about a duplicate name.
 pub fn named(specs: Vec<DeviceSpec>) -> Result<Vec<NamedDevice>, String> {
     let mut taken: Vec<String> = Vec::new();
     for name in specs.iter().filter_map(|spec| spec.name.as_ref()) {
@@ -109,8 +109,8 @@ pub fn named(specs: Vec<DeviceSpec>) -> Result<Vec<NamedDevice>, String> {
     Ok(devices)
 }
 
-/// Gives each device without a serial number the next free one, from the kind's default on. Explicit numbers are taken
-/// first.
+/// Assigns the next free serial number to each device without one, from the kind's default on. Explicit numbers take
+/// precedence.
 fn number(devices: &mut [NamedDevice]) {
     let mut taken: Vec<_> =
         devices.iter().filter_map(|device| Some(device.setup.kind.known_by(device.setup.serial?))).collect();
@@ -123,8 +123,8 @@ fn number(devices: &mut [NamedDevice]) {
     }
 }
 
-/// Gives each device without a bit rate that of the bus, if it can run at it, and returns that: the one that was asked
-/// for, or else the first device's.
+/// Assigns the bit rate of the bus to each device without one, if it supports it, and returns that rate: the requested
+/// one, or that of the first device.
 pub fn share_bit_rate(devices: &mut [NamedDevice], bus: Option<BitRate>) -> BitRate {
     let of_first = |first: &NamedDevice| first.setup.bit_rate.or(first.setup.kind.bit_rates().first().copied());
     let bus = bus.or_else(|| devices.first().and_then(of_first)).unwrap_or(BitRate::Kbit250);

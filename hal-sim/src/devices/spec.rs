@@ -1,4 +1,4 @@
-//! One device as it is written: `KIND[@ID][,key=value…]`.
+//! The text form of a device: `KIND[@ID][,key=value…]`.
 
 use std::str::FromStr;
 
@@ -14,26 +14,26 @@ const KEYS: &str = "name=, serial=, bit-rate=, stroke-ms=, return-ms=, blank";
 /// The longest name of a device, in characters.
 const NAME_MAX: usize = 32;
 
-/// A device as it was asked for.
+/// A device as requested.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DeviceSpec {
-    /// The kind, and the values for a new memory.
+    /// The kind, and the content of a new memory.
     pub setup: Setup,
-    /// The name that was given; `None`: it gets one after its kind.
+    /// The requested name; `None` for a default one.
     pub name: Option<String>,
-    /// The times of its spool, of a valve.
+    /// The spool times; for valves.
     pub spool_times: SpoolTimes,
 }
 
 impl DeviceSpec {
-    /// Returns a device of this kind as it leaves the factory.
+    /// Returns a device of this kind in factory state.
     #[must_use]
     pub fn new(kind: Kind) -> Self {
         Self { setup: kind.into(), name: None, spool_times: SpoolTimes::DEFAULT }
     }
 }
 
-/// The name of the control interface in traces: a device has another one.
+/// The name of the control interface in traces: no device may have it.
 pub const CONTROL: &str = "http";
 
 impl FromStr for DeviceSpec {
@@ -103,7 +103,7 @@ fn node_id(kind: Kind, text: &str) -> Result<u8, String> {
     })
 }
 
-/// Returns a bit rate that a kind can run at, in bit/s, or as in `250k`.
+/// Returns a bit rate that the kind supports, from a text in bit/s, or as in `250k`.
 fn bit_rate_of(kind: Kind, text: &str) -> Result<BitRate, String> {
     let rates = kind.bit_rates();
     bit_rate(text).filter(|rate| rates.contains(rate)).ok_or_else(|| {
@@ -114,7 +114,7 @@ fn bit_rate_of(kind: Kind, text: &str) -> Result<BitRate, String> {
     })
 }
 
-/// Returns the bit rate of CiA 301 of a text: in bit/s, or as in `250k` and `1M`.
+/// Returns a bit rate of CiA 301 from a text: in bit/s, or as in `250k` and `1M`.
 #[must_use]
 pub fn bit_rate(text: &str) -> Option<BitRate> {
     let (digits, unit) = match text.char_indices().next_back() {
@@ -126,7 +126,7 @@ pub fn bit_rate(text: &str) -> Option<BitRate> {
     bits.and_then(BitRate::from_bits_per_second)
 }
 
-/// Returns a time of the spool, in milliseconds.
+/// Returns a spool time, in milliseconds.
 fn spool_time(text: &str) -> Result<u16, String> {
     let range = SpoolTimes::RANGE_MS;
     text.parse().ok().filter(|time| range.contains(time)).ok_or_else(|| {
@@ -154,7 +154,7 @@ fn device_name(text: &str) -> Result<String, String> {
     Ok(text.to_owned())
 }
 
-/// Returns true for the names of devices that Windows has in every folder, with any ending: `con.nvm` is the console.
+/// Returns whether a name is reserved by Windows in every folder, with any extension: `con.nvm` is the console.
 fn is_reserved_by_windows(name: &str) -> bool {
     let (word, number) = name.split_at(name.len().min(3));
     match word {
@@ -164,7 +164,7 @@ fn is_reserved_by_windows(name: &str) -> bool {
     }
 }
 
-/// Returns a number in decimal, or in hex after `0x`; no sign, no blanks.
+/// Parses a number, decimal or in hex after `0x`, without a sign or blanks.
 fn number(text: &str) -> Option<u32> {
     let (digits, radix) = match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
         Some(hex) => (hex, 16),

@@ -1,4 +1,4 @@
-//! Devices as they are written, in a world.
+//! The text form of devices, in a world.
 
 use protocol_core::time::Duration;
 
@@ -8,7 +8,7 @@ fn devices(texts: &[&str]) -> Vec<NamedDevice> {
     named(texts.iter().map(|text| text.parse().expect(text)).collect()).expect("names")
 }
 
-/// A measured spool moves at its own pace, through a power cut and beside one of the defaults.
+/// A spool moves with its measured times, also after a power cut and next to a default spool.
 #[test]
 fn a_spool_takes_the_times_that_are_written() {
     let devices = devices(&["pvea-canopen@1,name=slow,stroke-ms=500,return-ms=400", "pvea-canopen@2,name=usual"]);
@@ -19,7 +19,7 @@ fn a_spool_takes_the_times_that_are_written() {
         nodes.iter().for_each(|node| world.power(*node, true));
         world.run_for(Duration::from_millis(20));
         world.send(client, "000: 01 00".parse().expect("a frame"));
-        // Sends a set-point, and tells where the spools are so many milliseconds after the first one.
+        // Sends a set-point, and returns the positions at these milliseconds after the first one.
         let positions = |world: &mut World, set_point: &str, millis: [u64; 3]| {
             let mut passed = 0;
             millis.map(|at| {
@@ -31,7 +31,7 @@ fn a_spool_takes_the_times_that_are_written() {
                 nodes.iter().map(|node| world.view(*node).expect("power").position).collect::<Vec<_>>()
             })
         };
-        // Through DISABLED and HOLD to ACTIVE, in which the set-point acts.
+        // Through DISABLED and HOLD to ACTIVE, the state in which the set-point is effective.
         positions(&mut world, "00 00", [100, 200, 300]);
         let [at_once, later, at_last] = positions(&mut world, "00 40", [125, 250, 490]);
         for (seen, wanted) in [(&at_once, [4096, 8192]), (&later, [8192, 16384]), (&at_last, [16056, 16384])] {
@@ -42,7 +42,7 @@ fn a_spool_takes_the_times_that_are_written() {
     }
 }
 
-/// What Windows keeps for itself in every folder, and no more than that.
+/// Exactly the file names that Windows reserves are refused.
 #[test]
 fn a_name_is_one_of_a_file_everywhere() {
     let read = |name: &str| format!("pvea-canopen,name={name}").parse::<DeviceSpec>();

@@ -10,10 +10,10 @@ use super::{Entry, ErrorFrame, Timestamp, write_hex};
 /// Linux's mark of an error frame in an identifier.
 pub const ERROR_FLAG: u32 = 0x2000_0000;
 
-/// Writes a frame, without the end of the line. A 29-bit identifier has eight digits, a remote frame `R` and its
-/// length, unless that is 0, in place of the data.
+/// Writes a frame without the end of the line. A 29-bit identifier has eight digits; a remote frame has `R` and a
+/// non-zero length instead of data.
 pub fn write_frame(out: &mut String, at: Timestamp, bus: &str, frame: &Frame) {
-    // Writing to a string can't fail.
+    // Writing to a string cannot fail.
     let _ = match frame.id() {
         Id::Standard(id) => write!(out, "({at}) {bus} {:03X}#", id.as_raw()),
         Id::Extended(id) => write!(out, "({at}) {bus} {:08X}#", id.as_raw()),
@@ -42,19 +42,19 @@ pub fn write_entry(out: &mut String, at: Timestamp, bus: &str, entry: &Entry) {
     }
 }
 
-/// Why a line has no frame.
+/// The reason why a line has no frame.
 pub type Reason = &'static str;
 
-/// What a CAN FD frame is refused as, in each format.
+/// The refusal of a CAN FD frame, in each format.
 pub(crate) const FD: Reason = "a CAN FD frame, which the devices do not know";
 
 pub(crate) const NO_LINE: Reason = "no line of candump";
 
-/// Reads a line of a log or of the screen: its time, where it has one, the name of the bus, and the entry. After the
-/// frame of a log may stand the direction, `R` or `T`, or two blanks and what the trace of `pve-sim` says of it.
+/// Reads a line of a log or of the screen: its time, if any, the name of the bus, and the entry. After the frame of a
+/// log, the direction may follow, `R` or `T`, or two blanks and the explanation of `pve-sim`.
 ///
 /// # Errors
-/// Why the line has no entry.
+/// The reason why the line has no entry.
 pub fn parse(line: &str) -> Result<(Option<Timestamp>, &str, Entry), Reason> {
     let line = line.trim();
     let (at, rest) = match line.strip_prefix('(').map(|rest| rest.split_once(')')) {

@@ -1,5 +1,5 @@
-//! Which frames of a recording are of the devices that stand-ins stand for: those with identifiers of their node IDs
-//! and addresses, and those that the stand-ins themselves have sent under.
+//! The attribution of recorded frames to replayed devices: by the identifiers of their node IDs and addresses, and
+//! those that their stand-ins have sent.
 
 use std::collections::BTreeSet;
 
@@ -12,12 +12,12 @@ use super::identifier::{is_claim, is_of};
 use super::timeline::Timeline;
 use crate::explain::Node;
 
-/// Answers to LSS: whoever is asked by LSS sends them.
+/// The identifier of LSS answers, which any device may send.
 const LSS_ANSWER: u16 = 0x7E4;
 
-/// Returns whether a frame is of a device. `keys` are identifiers that stand-ins have sent under.
+/// Returns whether a frame belongs to a replayed device. `keys` are identifiers that stand-ins have sent.
 pub(super) fn is_own(frame: &Frame, nodes: &[Node], keys: &BTreeSet<u32>, timeline: &Timeline) -> bool {
-    // A remote frame has the identifier of the answer that it asks for.
+    // A remote frame has the identifier of the requested answer.
     if frame.is_remote() {
         return false;
     }
@@ -30,8 +30,8 @@ pub(super) fn is_own(frame: &Frame, nodes: &[Node], keys: &BTreeSet<u32>, timeli
         || keys.contains(&frame.key())
 }
 
-/// Returns whether a claim is of a device: by its NAME, that of the stand-in or that of its first claim in the log.
-/// Where the log has none, another NAME of the same product at the address of the device is taken for its own.
+/// Returns whether a claim belongs to a replayed device: by the NAME of the stand-in or of its first claim in the log.
+/// Without such a claim, another NAME of the same product at the device's address counts as its own.
 fn is_own_claim(frame: &Frame, nodes: &[Node], timeline: &Timeline) -> bool {
     let name_of = |frame: &Frame| frame.eight().map(|bytes| Name::from_bytes(*bytes));
     let Some(name) = name_of(frame) else { return false };

@@ -15,17 +15,17 @@ use crate::Kind;
 /// The value of 0x6301 while the spool floats (SPEC 2).
 const FLOAT: i32 = 32_767;
 
-/// The value of an AVEF for no flow (SPEC 5).
+/// The value of an AVEF without flow (SPEC 5).
 const NO_FLOW: i32 = 125;
 
-/// The fields of a frame that carry the position of its sender.
+/// The position fields of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Fields([Option<Field>; 8]);
 
 /// A number in the data of a frame, least significant bit first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Field {
-    /// The place of its lowest bit.
+    /// The position of the lowest bit.
     shift: u8,
     bits: u8,
     pub(super) encoding: Encoding,
@@ -51,7 +51,7 @@ pub(super) enum Encoding {
 }
 
 impl Encoding {
-    /// Returns the encoding of an object that holds the position, and its length in bits; `None` for another object.
+    /// Returns the encoding and the bit length of an object that holds the position; `None` for other objects.
     const fn of_object(index: u16, sub: u8) -> Option<(Self, u8)> {
         match (index, sub) {
             (0x6301, 1) => Some((Self::Spool, 16)),
@@ -63,7 +63,7 @@ impl Encoding {
         }
     }
 
-    /// Returns every position that a device can be at.
+    /// Returns all possible positions.
     const fn positions(self) -> RangeInclusive<i32> {
         match self {
             Self::Shaft => 0..=POSITION_MAX as i32,
@@ -88,7 +88,7 @@ impl Encoding {
         matches!(self, Self::Inverted | Self::Retract)
     }
 
-    /// Returns the value of the field while the spool floats; `None` for a field that still holds the position then.
+    /// Returns the value of the field while the spool floats; `None` for a field that then still holds the position.
     pub(super) fn encode_float(self) -> Option<i32> {
         match self {
             Self::Spool => Some(FLOAT),
@@ -97,7 +97,7 @@ impl Encoding {
         }
     }
 
-    /// Returns the positions at which the field holds a value; empty when there is none.
+    /// Returns the positions at which the field holds a value; empty for an impossible value.
     pub(super) fn decode(self, value: i32) -> RangeInclusive<i32> {
         let value = if self.falls() { -value } else { value };
         let rising = |position: i32| if self.falls() { -self.encode(position) } else { self.encode(position) };
@@ -107,7 +107,7 @@ impl Encoding {
     }
 }
 
-/// Returns the first position of a range from which on `is` holds; the one after the range when it never does.
+/// Returns the first position of a range for which `is` holds, and that beyond the range if it never does.
 fn first(positions: RangeInclusive<i32>, is: impl Fn(i32) -> bool) -> i32 {
     let (mut low, mut high) = (*positions.start(), *positions.end() + 1);
     while low < high {
@@ -138,7 +138,7 @@ pub(super) const fn bits(frame: &Frame) -> u64 {
 }
 
 impl Fields {
-    /// Returns the fields of a frame that a device of this kind has sent, while its TPDO has this key and mapping.
+    /// Returns the position fields of a frame from a device of this kind, by the key and mapping of its TPDO.
     pub(super) fn of(frame: &Frame, kind: Kind, tpdo: Option<(u32, &[MappingEntry])>) -> Self {
         let mut fields = Self::default();
         let mut places = fields.0.iter_mut();
@@ -156,7 +156,7 @@ impl Fields {
                 }
             }
             (_, Id::Standard(id), Protocol::Canopen) if matches!(classify(id), Some((Function::SdoAnswer, _))) => {
-                // An answer to the upload of at most four bytes.
+                // The answer to an expedited upload.
                 if let &[0x42..=0x43 | 0x47 | 0x4B | 0x4F, low, high, sub, ..] = frame.data() {
                     Encoding::of_object(u16::from_le_bytes([low, high]), sub)
                         .into_iter()

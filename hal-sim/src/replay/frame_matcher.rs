@@ -1,7 +1,7 @@
-//! The frames of one identifier, as logged and as the stand-in sent them, and which of them are a pair.
+//! The frame matcher: it pairs the logged and the sent frames of one identifier.
 //!
-//! Frames that are alike and near in time are a pair. Where the heads of both are none, the best way on is looked for
-//! among the next frames, so that one frame too many or too few does not put all that follow out of step.
+//! Equal frames that are close in time are a pair. If the two oldest frames are not, the cheapest alignment of the next
+//! frames decides, so that a missing or additional frame does not shift all later pairs.
 
 use std::collections::VecDeque;
 
@@ -11,26 +11,26 @@ use super::identifier::is_cannot_claim;
 use super::item::{Item, PATIENCE};
 use super::position::PositionTolerance;
 
-/// How much later than another one a cannot-claim may come: its delay is random, so that those that lose together do
-/// not collide (SAE J1939-81).
+/// The extra tolerance of a cannot-claim, whose delay is random so that several losers do not collide (SAE J1939-81).
 const CANNOT_CLAIM: Duration = Duration::from_micros(255 * 600);
 
-/// How many frames on either side are looked at for the best way on.
+/// The number of frames on either side that the alignment considers.
 const AHEAD: usize = 16;
 
-/// What a way costs: a pair with different data, or a frame without a partner; a pair that is too far apart in time.
+/// The cost of an alignment step: a pair with different data, or a frame without a partner; and a pair too far apart in
+/// time.
 const UNLIKE: u32 = 2;
 const ALONE: u32 = 2;
 const APART: u32 = 3;
 
-/// What has become of one frame, or two.
+/// The verdict on a frame or a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Verdict {
-    /// Logged and sent alike, within the tolerance.
+    /// Logged and sent with the same data, within the tolerance.
     AsLogged,
-    /// Logged, and not sent.
+    /// Logged but not sent.
     Missing(Item),
-    /// Sent, and not logged.
+    /// Sent but not logged.
     Additional(Item),
     /// Logged and sent with other data.
     Different(Item, Item),
@@ -40,14 +40,14 @@ pub(super) enum Verdict {
     Late(Item, Item),
 }
 
-/// The frames of an identifier that have no verdict, oldest first.
+/// The frames of an identifier without a verdict, oldest first.
 #[derive(Debug, Default)]
 pub(super) struct FrameMatcher {
     pub(super) logged: VecDeque<Item>,
     pub(super) sent: VecDeque<Item>,
 }
 
-/// A step on the way.
+/// A step of an alignment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     Pair,
@@ -56,7 +56,7 @@ enum Step {
 }
 
 impl FrameMatcher {
-    /// Returns the next verdict, with all frames known up to an instant; `None` when it has to wait for more.
+    /// Returns the next verdict, given all frames up to an instant; `None` if it needs later frames.
     pub(super) fn next(
         &mut self,
         known: Instant,
@@ -94,11 +94,11 @@ impl FrameMatcher {
         }
     }
 
-    /// Returns the first step of the cheapest way through the next frames.
+    /// Returns the first step of the cheapest alignment of the next frames.
     fn best(&self, known: Instant, tolerance: Duration, positions: &PositionTolerance) -> Step {
         let logged: Vec<&Item> = self.logged.iter().take(AHEAD).collect();
         let sent: Vec<&Item> = self.sent.iter().take(AHEAD).collect();
-        // Frames at the end whose partners may be beyond what is looked at cost nothing.
+        // Frames at the end, whose partners may lie beyond the look-ahead, cost nothing.
         let rest = |items: &[&Item], others: &VecDeque<Item>| {
             let whole = others.len() <= AHEAD;
             let alone = items.iter().filter(|item| whole && after(item.at, tolerance) < known).count();
@@ -118,7 +118,7 @@ impl FrameMatcher {
                     Some((ALONE + costs[at + 1][other], Step::Missing)),
                     Some((ALONE + costs[at][other + 1], Step::Additional)),
                 ];
-                // Of equal ways the first: a pair; and of two frames without partners the earlier one.
+                // Among equal costs: a pair first, then the earlier of two frames without a partner.
                 let earlier = if one.at <= two.at { Step::Missing } else { Step::Additional };
                 let rank = |step: Step| (step != Step::Pair, step != earlier);
                 if let Some((cost, step)) = ways.into_iter().flatten().min_by_key(|(cost, step)| (*cost, rank(*step))) {
@@ -131,7 +131,7 @@ impl FrameMatcher {
     }
 }
 
-/// Returns what two frames cost as a pair; `None` when they are none.
+/// Returns the cost of two frames as a pair; `None` if they cannot be one.
 fn pair(logged: &Item, sent: &Item, tolerance: Duration, positions: &PositionTolerance) -> Option<u32> {
     let tolerance = if is_cannot_claim(&logged.frame) { tolerance + CANNOT_CLAIM } else { tolerance };
     let apart = since(logged.at, sent.at).max(since(sent.at, logged.at));

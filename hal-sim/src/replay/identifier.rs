@@ -1,4 +1,4 @@
-//! Identifiers: of a device, and of address claims.
+//! Identifiers of a device, and of address claims.
 
 use protocol_core::device::Protocol;
 use protocol_core::frame::{Frame, Id};
@@ -23,19 +23,19 @@ pub(super) fn is_of(frame: &Frame, protocol: Protocol, node_id: u8) -> bool {
     }
 }
 
-/// Returns the identifier of a [key](Frame::key), as frames are printed.
+/// Returns the identifier of a [key](Frame::key), in the printed form.
 pub(super) fn id_of_key(key: u32) -> String {
     if key & EXTENDED == 0 { format!("{key:03X}") } else { format!("{:08X}", key & !EXTENDED) }
 }
 
-/// Returns whether a [key](Frame::key) is of an address claim, or of a cannot-claim.
+/// Returns whether a [key](Frame::key) belongs to an address claim or cannot-claim.
 pub(super) fn is_claim(key: u32) -> bool {
     key & EXTENDED != 0
         && uds::parse_id(key & !EXTENDED).is_none()
         && J1939Id::from_raw(key & !EXTENDED).pgn() == Pgn::ADDRESS_CLAIMED
 }
 
-/// Returns whether a frame says that its sender has no address.
+/// Returns whether a frame is a cannot-claim.
 pub(super) fn is_cannot_claim(frame: &Frame) -> bool {
     match frame.id() {
         Id::Extended(id) => is_claim(frame.key()) && J1939Id::from_raw(id.as_raw()).source() == Address::NULL,

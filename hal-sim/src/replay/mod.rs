@@ -1,26 +1,26 @@
-//! `pve-sim replay`: a recording of devices against their stand-ins, in virtual time.
+//! `pve-sim replay`: compares a recording of devices with their stand-ins, in virtual time.
 //!
 //! ```text
-//! mod           from the recording to the summary: rounds
-//! timeline      the instant at which each device was switched on
-//! identifier    identifiers of a device, and of address claims
-//! replay_bus    the simulated devices on a bus, in virtual time, with the frames they send
-//! attribution   the frames of the recording that are those of the replayed devices
-//! item          a frame, as logged or as sent
-//! frame_matcher frames of one identifier, as logged and as sent, in pairs
-//! fields        the fields of a frame that hold a position
+//! mod           the replay in rounds, from the recording to the outcome
+//! timeline      the power-up of each device
+//! identifier    identifiers of devices, and of address claims
+//! replay_bus    the stand-ins on a bus, in virtual time
+//! attribution   the recorded frames that belong to the replayed devices
+//! item          a logged or a sent frame
+//! frame_matcher pairs of logged and sent frames of one identifier
+//! fields        the position fields of a frame
 //! position      the tolerance of a position
 //! report        differences in words
 //! ```
 //!
-//! The log has no instant of power-up; each stand-in is switched on so that its first frame (boot-up, or address claim)
-//! ends when that of the log does, and without such a frame some time before the log. A frame of somebody else is sent
-//! so that it ends when it did in the log, through the port of an ordinary client. It may lose an arbitration that it
-//! won in the log, and come a frame's length later.
+//! The log has no power-up; each stand-in is switched on so that its first frame (boot-up or address claim) ends at the
+//! same instant as in the log, and without such a frame some time before the log. Frames of other nodes are sent
+//! through a client so that they end as logged. Such a frame may lose an arbitration that it won in the log, and come a
+//! frame's length later.
 //!
-//! A stand-in may turn out to send under an identifier that it was not known to have when the log had it first, as a
-//! PDO with another COB-ID. Then that frame was played as one of somebody else, and the round is played once more with
-//! what is known now.
+//! A stand-in may turn out to send an identifier that was not known as its own when it first occurred in the log, such
+//! as a PDO with another COB-ID. That frame was then sent as a frame of another node, and the next round repeats the
+//! replay with the new identifier.
 
 mod attribution;
 mod fields;
@@ -52,88 +52,88 @@ use crate::devices::{NamedDevice, NamedLink};
 use crate::log::Entry;
 use crate::recording::{Logged, ReadError, Reader};
 
-/// How many rounds there are at most. Each is for identifiers that the one before made known.
+/// The most rounds. Each round but the first is for identifiers found in the previous one.
 const ROUNDS: usize = 4;
 
-/// A longer time without any entry is a clock that was set, or a time that is wrong.
+/// The longest gap between two entries: a longer one means that the clock was set, or that a time is wrong.
 const GAP: Duration = Duration::from_secs(24 * 60 * 60);
 
-/// The most differences, and entries that are none, that are told one by one.
+/// The most differences, and the most unreadable entries, that are reported one by one.
 const TOLD: usize = 1000;
 
-/// Pairs are looked for so often, in virtual time.
+/// The interval of pairing, in virtual time.
 const PAIRING: Duration = Duration::from_millis(100);
 
-/// The options of `replay`. Their devices were checked against each other.
+/// The options of `replay`. Their devices have been checked against each other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReplayOptions {
     /// The recording.
     pub file: PathBuf,
     /// The stand-ins, with new memories.
     pub devices: Vec<NamedDevice>,
-    /// The shafts that follow a valve.
+    /// The links: shafts that follow a valve.
     pub links: Vec<NamedLink>,
-    /// How much earlier or later a frame may come.
+    /// The tolerance of a frame's time.
     pub tolerance: Duration,
-    /// Whether all is left out that is before the first boot-up, or address claim, of a device.
+    /// All entries before the first boot-up or address claim of a device are left out.
     pub from_boot_up: bool,
 }
 
-/// What came of a replay.
+/// The outcome of a replay.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Outcome {
-    /// The frames of the log that were compared.
+    /// The number of compared frames of the log.
     pub compared: u64,
-    /// The frames of the log that were sent to the stand-ins.
+    /// The number of frames of the log that were sent to the stand-ins.
     pub played: u64,
-    /// The error frames of the log, which are left out.
+    /// The number of error frames in the log, which are left out.
     pub error_frames: u64,
-    /// The differences that are told, in the order of time.
+    /// The reported differences, in the order of time.
     pub told: Vec<Difference>,
-    /// All differences.
+    /// The number of all differences.
     pub differences: u64,
-    /// Entries of the log that are none, the first of them.
+    /// The first unreadable entries of the log.
     pub unread: Vec<String>,
-    /// Of each device the entry that gave its power-up; `None`: it counts as on before the log.
+    /// For each device, the entry that determined its power-up; `None`: it counts as on before the log.
     pub power_ups: Vec<Option<u64>>,
 }
 
 impl Outcome {
-    /// Returns whether the whole log was read, and the stand-ins answer as it says.
+    /// Returns whether the whole log was read and the stand-ins match it.
     #[must_use]
     pub fn is_as_logged(&self) -> bool {
         self.differences == 0 && self.unread.is_empty()
     }
 }
 
-/// Why a recording cannot be replayed.
+/// The reason why a recording cannot be replayed.
 #[derive(Debug, thiserror::Error)]
 pub enum ReplayError {
-    /// It cannot be read.
+    /// The file cannot be read.
     #[error("{}: {source}", path.display())]
     Read {
         /// The file.
         path: PathBuf,
-        /// Why not.
+        /// The cause.
         source: io::Error,
     },
-    /// There is no frame in it.
+    /// The file has no frame.
     #[error("{}: no frame to replay", path.display())]
     Empty {
         /// The file.
         path: PathBuf,
     },
-    /// There is nothing of a device in it.
+    /// The file has no frame of a device.
     #[error("{}: no {what} of {name} in it", path.display())]
     NotThere {
         /// The file.
         path: PathBuf,
-        /// What was looked for.
+        /// The missing frames.
         what: &'static str,
         /// The device.
         name: String,
     },
-    /// Frames were sent to the stand-ins that they send themselves, in the last round, too.
+    /// Even the last round sent frames to the stand-ins that they send themselves.
     #[error("{}: played as frames of others in {ROUNDS} rounds, though a stand-in sends them: {ids}", path.display())]
     Misplayed {
         /// The file.
@@ -157,7 +157,7 @@ pub fn replay(options: &ReplayOptions) -> Result<Outcome, ReplayError> {
     play_rounds(options, &timeline, ROUNDS)
 }
 
-/// Plays a recording until every frame of the stand-ins is known as theirs, so many times at the most.
+/// Plays rounds until the frames of all stand-ins are known, up to a limit.
 fn play_rounds(options: &ReplayOptions, timeline: &Timeline, rounds: usize) -> Result<Outcome, ReplayError> {
     let mut own = BTreeSet::new();
     let mut misplayed = BTreeSet::new();
@@ -178,20 +178,19 @@ fn play_rounds(options: &ReplayOptions, timeline: &Timeline, rounds: usize) -> R
     Err(ReplayError::Misplayed { path: options.file.clone(), ids: ids.join(", ") })
 }
 
-/// One round.
+/// A round.
 struct Player<'a> {
     options: &'a ReplayOptions,
     timeline: &'a Timeline,
     bus: ReplayBus,
-    /// The identifiers that the stand-ins are known to send under, beside those of their node IDs, as
-    /// [keys](Frame::key).
+    /// The known identifiers of the stand-ins beyond those of their node IDs, as [keys](Frame::key).
     own: BTreeSet<u32>,
-    /// The identifiers under which frames of the log were sent.
+    /// The identifiers of the frames that were sent from the log.
     played: BTreeSet<u32>,
     matchers: BTreeMap<u32, FrameMatcher>,
-    /// The places of the stand-ins that have sent something.
+    /// The places of the stand-ins that have sent a frame.
     heard: BTreeSet<usize>,
-    /// The last time that pairs were looked for.
+    /// The instant of the last pairing.
     paired: Instant,
     outcome: Outcome,
 }
@@ -248,14 +247,14 @@ impl<'a> Player<'a> {
         Ok(())
     }
 
-    /// Names an entry that is none.
+    /// Records an unreadable entry.
     fn name(&mut self, what: &dyn Display) {
         if self.outcome.unread.len() < TOLD {
             self.outcome.unread.push(format!("{}:{what}", self.options.file.display()));
         }
     }
 
-    /// Takes a frame of the log: to be compared, or to be sent.
+    /// Takes a frame of the log, to be compared or sent.
     fn take(&mut self, logged: &Logged, frame: Frame, at: Instant) {
         self.bus.run_to_start(&frame, at);
         self.collect();
@@ -269,7 +268,7 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Takes what the stand-ins have sent.
+    /// Takes the frames of the stand-ins.
     fn collect(&mut self) {
         for item in self.bus.take_sent() {
             self.heard.extend(item.device);
@@ -277,8 +276,8 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Finds pairs in what is known up to an instant. What the stand-ins send before the first entry of the log, or
-    /// after its end, is not missing there.
+    /// Pairs the frames up to an instant. Frames of the stand-ins before the first entry of the log, or after its end,
+    /// are not additional.
     fn pair(&mut self, known: Instant, end: Option<Instant>) {
         let tolerance = self.options.tolerance;
         for matcher in self.matchers.values_mut() {
@@ -307,16 +306,16 @@ impl<'a> Player<'a> {
         self.bus.forget(known);
     }
 
-    /// Returns the name of a stand-in that has sent nothing, as a blank one that LSS never asks: nothing of it was
-    /// compared.
+    /// Returns the name of a stand-in that has sent nothing, such as a blank one without LSS requests: nothing of it
+    /// was compared.
     fn silent(&self) -> Option<&'a str> {
         let options = self.options;
         let mut devices = options.devices.iter().enumerate();
         devices.find(|(place, _)| !self.heard.contains(place)).map(|(_, device)| device.name.as_str())
     }
 
-    /// Returns the identifiers that the stand-ins have sent under, and that frames of the log were played under. Claims
-    /// for one address are of several.
+    /// Returns the identifiers that both stand-ins and the log's other nodes have sent; address claims for one address
+    /// are excluded.
     fn misplayed(&self) -> BTreeSet<u32> {
         let sent = self.bus.sent_keys().iter().copied().filter(|key| !is_claim(*key));
         sent.filter(|key| self.played.contains(key) && !self.own.contains(key)).collect()

@@ -1,8 +1,8 @@
-//! The tolerance of positions: a frame may hold any position that the stand-in passes within the tolerance of time.
+//! The tolerance of positions: a frame may hold any position that the stand-in passes within the time tolerance.
 //!
-//! The mapping or the message of a frame tells which of its fields hold the position. A logged frame matches the frame
-//! of the stand-in when all other bits are equal, and one position that the stand-in passes gives all these fields the
-//! logged values. A device at rest has one position: frames then match when they are equal.
+//! The mapping or the message of a frame defines its position fields. A logged frame matches the frame of the stand-in
+//! when all other bits are equal, and one passed position gives all these fields their logged values. A device at rest
+//! has a single position: its frames must be equal.
 
 use std::collections::VecDeque;
 use std::ops::RangeInclusive;
@@ -25,9 +25,9 @@ pub(super) const GRID: Duration = Duration::from_millis(1);
 struct Sample {
     at: Instant,
     position: i32,
-    /// The spool floats, and its objects say so.
+    /// The spool floats, and the objects hold float.
     floats: bool,
-    /// The device came here from the sample before through all positions between; otherwise it jumped.
+    /// The device moved here from the previous sample through all positions between; otherwise it jumped.
     moved: bool,
 }
 
@@ -36,12 +36,12 @@ struct Sample {
 struct Track {
     kind: Kind,
     samples: VecDeque<Sample>,
-    /// The instant of the last look at the device.
+    /// The instant of the last sample.
     looked: Instant,
 }
 
 impl Track {
-    /// Returns the samples from the one in force at an instant up to another instant.
+    /// Returns the samples from the one in force at `from` up to `until`.
     fn between(&self, from: Instant, until: Instant) -> impl Iterator<Item = &Sample> + Clone {
         let first = self.samples.partition_point(|sample| sample.at <= from).saturating_sub(1);
         self.samples.iter().skip(first).take_while(move |sample| sample.at <= until)
@@ -63,7 +63,7 @@ impl Track {
         }
     }
 
-    /// Returns whether the device comes to one of these positions between two instants.
+    /// Returns whether the device reaches one of these positions between two instants.
     fn passes(&self, positions: &RangeInclusive<i32>, from: Instant, until: Instant) -> bool {
         let samples = self.between(from, until);
         let is_at = |sample: &Sample| !sample.floats && positions.contains(&sample.position);
@@ -74,7 +74,7 @@ impl Track {
     }
 }
 
-/// The positions of all stand-ins over time, and how much frames may differ by them.
+/// The positions of all stand-ins over time, and the resulting tolerance of frames.
 #[derive(Debug)]
 pub(super) struct PositionTolerance {
     tracks: Vec<Track>,
@@ -100,12 +100,12 @@ impl PositionTolerance {
         }
     }
 
-    /// Returns the fields that carry a position in a frame that a device has just sent.
+    /// Returns the position fields of a frame that a device has just sent.
     pub(super) fn fields(&self, device: usize, frame: &Frame, tpdo: Option<(u32, &[MappingEntry])>) -> Fields {
         self.tracks.get(device).map(|track| Fields::of(frame, track.kind, tpdo)).unwrap_or_default()
     }
 
-    /// Forgets positions that no pair is looked for any more at `known`.
+    /// Drops the samples that no pair needs any more at `known`.
     pub(super) fn forget(&mut self, known: Instant) {
         let needed = (PATIENCE + self.tolerance + GRID) * 4;
         let from = Instant::from_ticks(known.as_ticks().saturating_sub(needed.as_ticks()));
@@ -116,8 +116,7 @@ impl PositionTolerance {
         }
     }
 
-    /// Returns whether two frames of an identifier say the same: equal, but for a position that the stand-in comes to
-    /// within the tolerance.
+    /// Returns whether two frames match: equal, except for a position that the stand-in reaches within the tolerance.
     pub(super) fn alike(&self, logged: &Item, sent: &Item) -> bool {
         logged.frame == sent.frame || self.differ_in_position(logged, sent).unwrap_or(false)
     }

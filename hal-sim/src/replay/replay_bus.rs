@@ -1,4 +1,4 @@
-//! The stand-ins on a bus, in virtual time, with one client that has what the others in the log sent.
+//! The stand-ins on a bus, in virtual time, with one client that sends the frames of all other nodes in the log.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -22,7 +22,7 @@ use crate::world::{ClientPortId, EventKind, NodeId, World};
 pub(super) struct ReplayBus {
     world: World,
     others: ClientPortId,
-    /// The devices that are not switched on yet, the last one first.
+    /// The devices not switched on yet, the last one first.
     to_come: Vec<(Instant, NodeId)>,
     /// The place of each device, by its name.
     places: BTreeMap<Arc<str>, usize>,
@@ -43,7 +43,7 @@ impl ReplayBus {
         for device in &options.devices {
             nodes.push(device.add_to(&mut world, Memory::in_ram()));
         }
-        // After the devices: where one of them and the log send the same frame at once, it is the device's.
+        // Behind the devices: if a device and the log send the same frame at once, it counts as the device's.
         let others = world.add_gateway("the log");
         link_in(&mut world, &options.links);
         let mut to_come: Vec<_> = timeline.power_ups().iter().map(|power_up| power_up.at).zip(nodes.clone()).collect();
@@ -73,13 +73,14 @@ impl ReplayBus {
         self.world.now()
     }
 
-    /// Goes to the instant at which a frame has to start that ends at `end`: what is due there is still to come.
+    /// Advances to the instant at which a frame that ends at `end` has to start; events at that instant are still to
+    /// come.
     pub(super) fn run_to_start(&mut self, frame: &Frame, end: Instant) {
         let takes = length(frame, self.world.bit_rate().bits_per_second());
         self.run_before(Instant::from_ticks(end.as_ticks().saturating_sub(takes.as_ticks())));
     }
 
-    /// Goes to an instant through all that is due before; one that has passed is now.
+    /// Advances to an instant, through all that is due before it; not at all if it has passed.
     pub(super) fn run_before(&mut self, end: Instant) {
         loop {
             let power_up = self.to_come.last().map(|(at, _)| *at).filter(|at| *at <= end);
@@ -101,8 +102,7 @@ impl ReplayBus {
         }
     }
 
-    /// Returns when positions are to be noted next, at `end` at the latest: while nothing moves, there is nothing to
-    /// note.
+    /// Returns the next position-sample time, at `end` at the latest; `end` while nothing moves.
     fn next_sample(&self, end: Instant) -> Instant {
         let sample = after(self.world.now(), GRID);
         if sample >= end {
@@ -112,7 +112,7 @@ impl ReplayBus {
         sample.max(moves.unwrap_or(end))
     }
 
-    /// Takes note of what has happened at an instant.
+    /// Records the events and positions of an instant.
     fn look(&mut self) {
         self.positions.sample(&mut self.world, &self.nodes);
         let first = self.sent.len();
@@ -128,7 +128,7 @@ impl ReplayBus {
                 item.fields = self.positions.fields(place, &item.frame, self.world.tpdo(node));
             }
         }
-        // The others have changed their bit rate with the device: the log goes on.
+        // The other nodes change their bit rate with the device: the log goes on.
         let rate = self.nodes.first().and_then(|node| self.world.device(*node)).map(Device::bit_rate);
         if let Some(rate) = rate.filter(|rate| *rate != self.world.bit_rate()) {
             self.world.set_bit_rate(rate);
@@ -139,12 +139,12 @@ impl ReplayBus {
         self.world.send(self.others, frame);
     }
 
-    /// Takes what the stand-ins have sent, oldest first.
+    /// Takes the frames of the stand-ins, oldest first.
     pub(super) fn take_sent(&mut self) -> std::vec::Drain<'_, Item> {
         self.sent.drain(..)
     }
 
-    /// Returns the identifiers that the stand-ins have sent under, as [keys](Frame::key).
+    /// Returns the identifiers that the stand-ins have sent, as [keys](Frame::key).
     pub(super) const fn sent_keys(&self) -> &BTreeSet<u32> {
         &self.sent_keys
     }
@@ -153,18 +153,18 @@ impl ReplayBus {
         &self.positions
     }
 
-    /// Forgets positions that no pair is looked for any more at `known`.
+    /// Drops the samples that no pair needs any more at `known`.
     pub(super) fn forget(&mut self, known: Instant) {
         self.positions.forget(known);
     }
 
-    /// Returns whether a frame of the log is of a device that a stand-in stands for.
+    /// Returns whether a frame of the log belongs to a replayed device.
     pub(super) fn is_own(&mut self, frame: &Frame, keys: &BTreeSet<u32>, timeline: &Timeline) -> bool {
         self.update_ids();
         attribution::is_own(frame, self.explainer.nodes_mut(), keys, timeline)
     }
 
-    /// Takes the node IDs of devices that are switched on; of the others those that they were made with.
+    /// Updates the node IDs of powered devices; the others keep the ones of their setup.
     fn update_ids(&mut self) {
         for (known, node) in self.explainer.nodes_mut().iter_mut().zip(&self.nodes) {
             if let Some(device) = self.world.device(*node) {

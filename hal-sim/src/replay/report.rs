@@ -1,4 +1,4 @@
-//! Differences between a log and its replay, in words.
+//! The report: differences between a log and its replay, in words.
 
 use std::fmt;
 
@@ -8,22 +8,22 @@ use protocol_core::time::Duration;
 use super::{Outcome, ReplayOptions};
 use crate::log::Timestamp;
 
-/// A frame of the log that the stand-in did not send as it was, or one that it sent besides.
+/// A difference: a frame of the log that the stand-in did not send as logged, or an additional frame of the stand-in.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Difference {
-    /// When the frame was logged; of an additional one when it was sent, in the time of the log.
+    /// The time of the logged frame; for an additional frame, the time of sending in the time of the log.
     pub at: Timestamp,
     /// The line or packet of the log; `None` for an additional frame.
     pub number: Option<u64>,
-    /// How they differ.
+    /// The kind of the difference.
     pub what: What,
-    /// The frame of the log, and what it means.
+    /// The logged frame and its meaning.
     pub logged: Option<(Frame, String)>,
-    /// The frame of the stand-in, and what it means.
+    /// The sent frame and its meaning.
     pub sent: Option<(Frame, String)>,
 }
 
-/// How a replay differs from the log.
+/// The kind of a difference between a replay and its log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum What {
     /// The frame was not sent.
@@ -32,9 +32,9 @@ pub enum What {
     Additional,
     /// The frame was sent with other data.
     Different,
-    /// The frame was sent so much earlier.
+    /// The frame was sent this much earlier.
     Early(Duration),
-    /// The frame was sent so much later.
+    /// The frame was sent this much later.
     Late(Duration),
 }
 
@@ -68,7 +68,7 @@ impl fmt::Display for Difference {
 }
 
 impl Outcome {
-    /// Returns the differences and a summary, a line and more each.
+    /// Returns the differences and a summary, in lines.
     #[must_use]
     pub fn report(&self, options: &ReplayOptions) -> String {
         let names: Vec<&str> = options.devices.iter().map(|device| device.name.as_str()).collect();

@@ -1,4 +1,4 @@
-//! When each device of a recording was switched on: told by its first frame.
+//! The power-up of each device of a recording, derived from its first frame.
 
 use protocol_core::frame::{Frame, Id};
 use protocol_core::time::{Duration, Instant, after, since};
@@ -12,10 +12,10 @@ use crate::log::{Entry, Timestamp};
 use crate::recording::{Logged, ReadError, Reader};
 use crate::world::{EventKind, World};
 
-/// How long after its power-up a device has said something, or says nothing by itself (A).
+/// The time after power-up within which a device sends its first frame, if it sends one without a request (A).
 const SILENT: Duration = Duration::from_secs(2);
 
-/// How long before the first entry a device is switched on whose first frame is not in the log: it has booted by then.
+/// The lead before the first entry for a device whose first frame is not in the log: it has booted by then.
 const LEAD: Duration = Duration::from_secs(1);
 
 /// The time line of a replay.
@@ -25,40 +25,40 @@ pub(super) struct Timeline {
     zero: Timestamp,
     /// The first entry that counts, and its time.
     first: (u64, Timestamp),
-    /// Of each device, in the order of the options.
+    /// The power-up of each device, in the order of the options.
     devices: Vec<PowerUp>,
 }
 
 /// The power-up of a device.
 #[derive(Debug)]
 pub(super) struct PowerUp {
-    /// When it is switched on.
+    /// The instant of the power-up.
     pub(super) at: Instant,
-    /// What it sends first; `None` for a blank one, which says nothing.
+    /// The device's first frame; `None` for a blank device, which sends none.
     pub(super) frame: Option<Frame>,
-    /// What it sent first in the log: the same, or one like it of another unit.
+    /// The first frame of the device in the log: the same, or the equivalent of another unit.
     pub(super) logged: Option<Frame>,
     /// The entry of the log with that frame.
     number: Option<u64>,
 }
 
-/// The first frame of a stand-in, and how long after its power-up that ends.
+/// The first frame of a stand-in, and its delay after the power-up.
 struct First {
     frame: Frame,
     delay: Duration,
 }
 
-/// What is known of the first frame of a device in the log.
+/// The state of the search for a device's first frame in the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Search {
-    /// Nothing.
+    /// Nothing is found.
     Open,
-    /// It is this entry.
+    /// The entry is found.
     Found(FirstFrame),
-    /// It is this claim with another NAME, unless the device's own one comes: then that was of a contender. `spoke`:
-    /// something else was sent from the address since then.
+    /// A claim with another NAME was found: it counts unless the device's own claim follows, which makes it a
+    /// contender's. `spoke`: the address has sent another frame since.
     Perhaps { claim: FirstFrame, spoke: bool },
-    /// It was before the log: the device has sent something else.
+    /// The first frame was before the log: the device has sent another frame.
     Before,
 }
 
@@ -82,7 +82,7 @@ impl Search {
         matches!(self, Self::Found(_) | Self::Before)
     }
 
-    /// Goes on with a frame of the log; `first` is what the stand-in sends first.
+    /// Continues the search with a frame of the log; `first` is the first frame of the stand-in.
     fn look(self, entry: FirstFrame, first: &First, device: &NamedDevice, exactly: bool) -> Self {
         let frame = &entry.frame;
         let is_own =
@@ -107,7 +107,7 @@ impl Search {
 }
 
 impl Timeline {
-    /// Looks for the first frames of the devices.
+    /// Finds the first frames of the devices.
     pub(super) fn find(options: &ReplayOptions) -> Result<Self, ReplayError> {
         let firsts: Vec<Option<First>> = options.devices.iter().map(first_frame).collect();
         let mut found = vec![Search::Open; firsts.len()];
@@ -151,7 +151,7 @@ impl Timeline {
             _ => start.1.as_micros().saturating_sub(LEAD.as_micros()),
         };
         let power_ups: Vec<u64> = firsts.iter().zip(&found).map(power_up).collect();
-        // A log from the power-up of its first device has its instants, on which random delays depend.
+        // A log from its first power-up keeps its instants, because random delays depend on them.
         let zero = power_ups.iter().copied().chain([start.1.as_micros()]).min().unwrap_or_default();
         let devices = firsts.into_iter().zip(found).zip(power_ups).map(|((first, found), at)| PowerUp {
             at: Instant::from_micros(at - zero),
@@ -162,13 +162,13 @@ impl Timeline {
         Ok(Self { zero: Timestamp::from_micros(zero), first: start, devices: devices.collect() })
     }
 
-    /// Returns the virtual instant of an entry of the log; `None` for one that is left out.
+    /// Returns the virtual instant of an entry of the log; `None` for an entry that is left out.
     pub(super) fn instant(&self, logged: &Logged) -> Option<Instant> {
         let micros = logged.record.at.as_micros().saturating_sub(self.zero.as_micros());
         (logged.number >= self.first.0).then(|| Instant::from_micros(micros))
     }
 
-    /// Returns the virtual instant of the first entry that counts: before it the log tells nothing.
+    /// Returns the virtual instant of the first entry that counts: the log covers no earlier time.
     pub(super) fn opened(&self) -> Instant {
         Instant::from_micros(self.first.1.as_micros().saturating_sub(self.zero.as_micros()))
     }
@@ -183,7 +183,7 @@ impl Timeline {
         self.devices.iter().any(|device| device.number == Some(number))
     }
 
-    /// Returns of each device the entry that is its first frame; `None` for one that was on before the log.
+    /// Returns the entry of each device's first frame; `None` for a device that was on before the log.
     pub(super) fn entries(&self) -> Vec<Option<u64>> {
         self.devices.iter().map(|device| device.number).collect()
     }
@@ -194,15 +194,15 @@ impl Timeline {
     }
 }
 
-/// Returns whether a frame can be the first one with other data: it has its identifier, and is no heartbeat, which has
-/// that of the boot-up.
+/// Returns whether a frame can be the first one with other data: it has the same identifier and is not a heartbeat,
+/// which shares that of the boot-up.
 fn is_like(first: &Frame, frame: &Frame) -> bool {
     let is_heartbeat = matches!(frame.id(), Id::Standard(id) if matches!(classify(id), Some((Function::Heartbeat, _))))
         && matches!(frame.data(), [0x04 | 0x05 | 0x7F]);
     first.key() == frame.key() && !frame.is_remote() && !is_heartbeat
 }
 
-/// Returns what a device sends first when it is alone on a bus of its own bit rate.
+/// Returns the first frame of a device alone on a bus at its own bit rate.
 fn first_frame(device: &NamedDevice) -> Option<First> {
     let rate = device.setup.bit_rate.or(device.setup.kind.bit_rates().first().copied())?;
     let mut world = World::new(rate, 0);
@@ -224,7 +224,7 @@ fn first_frame(device: &NamedDevice) -> Option<First> {
     None
 }
 
-/// Returns how long a frame is on the wire, rounded up to microseconds.
+/// Returns the length of a frame on the wire, rounded up to microseconds.
 pub(super) fn length(frame: &Frame, bits_per_second: u32) -> Duration {
     let bits = u64::from(FrameBits::of(frame).on_wire());
     Duration::from_micros((bits * 1_000_000).div_ceil(bits_per_second.into()))

@@ -1,4 +1,4 @@
-//! The file of a scenario as it is written: keys and values, each with its line, not yet checked against each other.
+//! The file format of a scenario: keys and values, each with its line, before they are checked against each other.
 
 use protocol_core::time::Duration;
 use serde::Deserialize;
@@ -12,12 +12,12 @@ use super::ReadError;
 use crate::state::schema::{Place, Schemas};
 use crate::state::{BitsPerSecond, BusChange, Disturb, Identifier, PlantChange, PowerChange, StateCondition};
 
-/// A scenario: devices on a bus, and what happens to them and has to come of it, step by step in virtual time.
+/// A scenario: devices on a bus, and the actions and expectations of a test, step by step in virtual time.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[schema(as = Scenario)]
 pub(super) struct ScenarioFile {
-    /// What the scenario shows.
+    /// The title of the scenario.
     #[serde(default)]
     pub(super) title: String,
     /// The devices on the bus. They are switched on together, at 0 ms.
@@ -35,10 +35,10 @@ pub(super) struct ScenarioFile {
     /// Accepts devices with the same node ID, or the same address.
     #[serde(default)]
     pub(super) allow_clash: bool,
-    /// True: each frame of a device has to be expected by a step, in this order. By default others may come between.
+    /// True: a step has to expect each frame of a device, in this order. By default other frames may come in between.
     #[serde(default)]
     pub(super) strict: bool,
-    /// What happens, from top to bottom.
+    /// The steps, in order.
     #[serde(default)]
     #[schema(value_type = Vec<StepTable>, required)]
     pub(super) steps: Vec<Spanned<StepTable>>,
@@ -54,11 +54,11 @@ pub(super) struct ScenarioFile {
 pub(super) enum DeviceEntry {
     /// As in --device: KIND[@ID][,KEY=VALUE…], with name, serial, bit-rate, stroke-ms, return-ms, blank.
     Text(String),
-    /// The same with what the scenario asks of it.
+    /// The same text, with requirements of the scenario.
     Table(DeviceTable),
 }
 
-/// A device on the bus, and what the scenario asks of it.
+/// A device on the bus, with requirements of the scenario.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[schema(as = DeviceTable)]
@@ -71,10 +71,10 @@ pub(super) struct DeviceTable {
 }
 
 impl DeviceEntry {
-    /// Reads an entry: the text, and whether the device has to be heard.
+    /// Reads an entry: its text, and whether the device has to run at the bit rate of the bus.
     ///
     /// # Errors
-    /// What is accepted.
+    /// The accepted forms.
     pub(super) fn read(value: toml::Value) -> Result<(String, bool), String> {
         Self::deserialize(json(value)).map_err(|error| error.to_string()).map(|entry| match entry {
             Self::Text(device) => (device, true),
@@ -83,71 +83,69 @@ impl DeviceEntry {
     }
 }
 
-/// A step: when it begins, one thing that is done, and one that is expected; each of them can be left out. A step
-/// begins when the one before is over.
+/// A step: its begin, at most one action and at most one expectation. A step begins when the previous one is over.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[schema(as = Step)]
 pub(super) struct StepTable {
-    /// What the step is for; shown when it fails.
+    /// The purpose of the step; shown when it fails.
     #[serde(default)]
     pub(super) note: Option<String>,
     /// The step begins at this virtual time, in milliseconds since the devices were switched on.
     #[serde(default)]
     #[schema(minimum = 0, maximum = 4294967295_i64)]
     pub(super) at_ms: Option<u32>,
-    /// The step begins so many milliseconds after the one before.
+    /// The step begins so many milliseconds after the previous one.
     #[serde(default)]
     #[schema(minimum = 0, maximum = 4294967295_i64)]
     pub(super) after_ms: Option<u32>,
-    /// The name of the device that plant, power or a state is about; needed with several devices on the bus.
+    /// The name of the device for plant, power or a state; required with several devices on the bus.
     #[serde(default)]
     pub(super) device: Option<String>,
     /// Sends a frame, as in "220#0F00 0020".
     #[serde(default)]
     pub(super) send: Option<String>,
-    /// Sends the frame again and again with this period, in the place of an earlier cyclic frame of the same
-    /// identifier. In a strict scenario, in a step that sends nothing: the expected frame comes again and again with
-    /// this period, until a frame of that identifier is expected or stopped.
+    /// Repeats the frame with this period; replaces an earlier cyclic frame with the same identifier. In a strict
+    /// scenario, in a step without send: the expected frame repeats with this period, until a frame with that
+    /// identifier is expected or stopped.
     #[serde(default)]
     #[schema(minimum = 1, maximum = 4294967295_i64)]
     pub(super) every_ms: Option<u32>,
-    /// Ends the cyclic frame of an identifier, as in "220", which there has to be; or of "all". In a strict scenario
-    /// also one that is expected.
+    /// Stops the cyclic frame with an identifier, as in "220", which has to be active; or "all". In a strict scenario,
+    /// also an expected cyclic frame.
     #[serde(default)]
     #[schema(value_type = Option<Stop>)]
     pub(super) stop: Option<Identifier>,
-    /// Changes what acts on the device from outside.
+    /// Changes the plant of the device.
     #[serde(default)]
     #[schema(value_type = Option<PlantChange>)]
     pub(super) plant: Option<toml::Table>,
-    /// Switches the device, or resets its processor.
+    /// Switches the power of the device, or resets its processor.
     #[serde(default)]
     #[schema(value_type = Option<PowerChange>)]
     pub(super) power: Option<toml::Table>,
-    /// Changes the bit rate of the bus and of the one who sends the frames: the master that changes its rate.
+    /// Changes the bit rate of the bus and of the sender of the frames, as a master that changes its rate.
     #[serde(default)]
     #[schema(value_type = Option<BusChange>)]
     pub(super) bus: Option<toml::Table>,
-    /// Destroys the next attempts to send a frame by a bit error each.
+    /// Destroys the next attempts to send a frame, by a bit error each.
     #[serde(default)]
     #[schema(value_type = Option<Disturb>)]
     pub(super) disturb: Option<toml::Table>,
-    /// A frame of a device, several frames one after the other, or a state of the device, that has to come.
+    /// Expects a frame of a device, several frames in order, or a state of the device.
     #[serde(default)]
     pub(super) expect: Option<Expected>,
-    /// The frames may come in any order.
+    /// The expected frames may come in any order.
     #[serde(default)]
     pub(super) any_order: Option<bool>,
-    /// How long the step waits for what it expects, in milliseconds; 1000 by default.
+    /// The time limit of the expectation, in milliseconds; 1000 by default.
     #[serde(default)]
     #[schema(minimum = 0, maximum = 4294967295_i64)]
     pub(super) within_ms: Option<u32>,
-    /// A frame of a device, several of them, or a state of the device, that must not come from now on, while the next
-    /// steps go on.
+    /// Forbids a frame of a device, several frames, or a state of the device from now on, during the next steps.
     #[serde(default)]
     pub(super) never: Option<Expected>,
-    /// How long it must not come, in milliseconds; up to the end of the scenario by default.
+    /// The duration of never, in milliseconds; up to the end of the scenario by default.
     #[serde(default)]
     #[schema(minimum = 0, maximum = 4294967295_i64)]
     pub(super) for_ms: Option<u32>,
@@ -167,7 +165,7 @@ pub(super) enum Expected {
     State(toml::Table),
 }
 
-/// The schema of what a step stops: an identifier, or all.
+/// The schema of `stop`: an identifier, or all.
 pub(super) struct Stop;
 
 impl PartialSchema for Stop {
@@ -179,13 +177,13 @@ impl PartialSchema for Stop {
 
 impl ToSchema for Stop {}
 
-/// How long a step waits for what it expects, when it does not say.
+/// The default time limit of an expectation.
 pub(super) const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Reads the text of a scenario.
 ///
 /// # Errors
-/// [`ReadError`] with the line of what is not accepted.
+/// [`ReadError`] with the line of the error.
 pub(super) fn read(text: &str) -> Result<ScenarioFile, ReadError> {
     let refuse = |error: toml::de::Error| {
         let line = error.span().map_or(1, |span| line_of(text, span.start));
@@ -194,7 +192,7 @@ pub(super) fn read(text: &str) -> Result<ScenarioFile, ReadError> {
     };
     let document = toml::from_str(text).map(|table| document(toml::Value::Table(table), 0)).map_err(refuse)?;
     match Schemas::of::<ScenarioFile>().check("Scenario", &document, NONE) {
-        // A scenario without devices or steps is told by an example.
+        // Missing devices or steps: the message has an example.
         Err(mismatch) if !mismatch.path.is_empty() => {
             let place = DeTable::parse(text).ok().and_then(|table| place_of(table.get_ref(), &mismatch.path));
             let step = mismatch.path.get(1).map_or_else(String::new, |place| match place {
@@ -210,7 +208,7 @@ pub(super) fn read(text: &str) -> Result<ScenarioFile, ReadError> {
     }
 }
 
-/// Returns the place of a member in the text, as far as the way to it is there.
+/// Returns the place of a member in the text, as far as its path exists.
 fn place_of(table: &DeTable<'_>, path: &[Place]) -> Option<usize> {
     let (first, mut rest) = path.split_first()?;
     let Place::Key(key) = first else { return None };
@@ -228,15 +226,15 @@ fn place_of(table: &DeTable<'_>, path: &[Place]) -> Option<usize> {
     }
 }
 
-/// Returns the number of the line of a place in a text.
+/// Returns the line number of a place in a text.
 pub(super) fn line_of(text: &str, place: usize) -> usize {
     1 + text.bytes().take(place).filter(|byte| *byte == b'\n').count()
 }
 
-/// The word for what is null in the control interface.
+/// The word for null of the control interface.
 const NONE: &str = "\"none\"";
 
-/// The depth of the tables of a step, in which null is "none".
+/// The depth of the tables of a step, within which "none" stands for null.
 const TABLES: usize = 4;
 
 /// Returns a document of this depth as JSON.
@@ -250,10 +248,10 @@ fn document(value: toml::Value, depth: usize) -> serde_json::Value {
     }
 }
 
-/// Reads a table by the types of the control interface: what is null there is "none" here.
+/// Reads a table by the types of the control interface, with "none" for null.
 ///
 /// # Errors
-/// What is not accepted.
+/// The reason why the table is refused.
 pub(super) fn table<T: for<'de> Deserialize<'de>>(table: toml::Table) -> Result<T, String> {
     T::deserialize(json(toml::Value::Table(table))).map_err(|error| error.to_string())
 }

@@ -6,20 +6,20 @@ use protocol_core::time::Instant;
 use crate::simulation::{Heard, History};
 use crate::state::Pattern;
 
-/// Frames that have to come.
+/// The expected frames of a step.
 pub(super) struct Frames<'a> {
-    /// Each with the frame that fulfils it; `None`: it has not come.
+    /// Each pattern with the frame that matched it; `None` until a frame matches.
     pub(super) wanted: Vec<(&'a Pattern, Option<Frame>)>,
     pub(super) any_order: bool,
-    /// The next event to be looked at.
+    /// The number of the next event to look at.
     pub(super) next: u64,
-    /// The event after the last one that was expected, and its time.
+    /// The number of the event after the last expected frame, and its time.
     pub(super) mark: u64,
     pub(super) last: Instant,
 }
 
 impl Frames<'_> {
-    /// Looks at what has come since the last look.
+    /// Matches the frames since the last look.
     pub(super) fn look(&mut self, history: &History) {
         if self.next == history.next() {
             return;
@@ -32,7 +32,7 @@ impl Frames<'_> {
         self.next = history.next();
     }
 
-    /// Lets a frame fulfil one of those that have not come; returns whether it does.
+    /// Matches a frame with an open pattern; returns whether one matches.
     pub(super) fn claim(&mut self, heard: &Heard) -> bool {
         let fulfils = self.take(heard.frame);
         if fulfils {
@@ -55,8 +55,8 @@ impl Frames<'_> {
         fulfilled.is_some_and(|(_, place)| place.replace(frame).is_none())
     }
 
-    /// Finds a place for a frame that may come at any. One in its place makes room when there is another place for
-    /// that: a pattern for many frames takes none away from one for few.
+    /// Assigns a frame in any order. A frame already assigned moves to another pattern if that frees one: a pattern for
+    /// many frames never blocks one for few.
     fn place(&mut self, frame: Frame, tried: &mut [bool]) -> bool {
         for place in 0..self.wanted.len() {
             let (pattern, holder) = self.wanted[place];

@@ -1,13 +1,13 @@
-//! Scenarios: devices, what happens to them, and what has to come of it, as files in TOML, in virtual time.
+//! Scenarios in virtual time: TOML files with devices, actions and expectations.
 //!
 //! ```text
-//! file     the file as it is written        script   the same, checked: everything in it can be done
-//! runner   goes through one                 schema   the format for editors
-//! strict   each frame claimed by a step     report   what came of it, in words
-//! frames   those that are expected           target   a simulation, or one with a board in it
+//! file     the file format                  script   the checked scenario: every step can be executed
+//! runner   executes a scenario              schema   the format for editors
+//! strict   each frame claimed by a step     report   failures, in words
+//! frames   expected frames                  target   a simulation, perhaps with an emulated board in it
 //! ```
 //!
-//! Each scenario has a world of its own: many run at once, and two runs with one seed are the same to the last byte.
+//! Each scenario has a world of its own, so that many can run at once; two runs with the same seed are byte-identical.
 
 mod file;
 mod frames;
@@ -31,15 +31,15 @@ pub use target::Target;
 use crate::simulation::Simulation;
 use crate::world::SUPPLY_JITTER;
 
-/// Who sends the frames of a scenario, in traces. No device can have that name.
+/// The name of the sender of a scenario's frames in traces. No device can have it.
 pub const OWN: &str = "the master";
 
-/// A scenario that cannot be read.
+/// The error of a scenario that cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReadError {
-    /// The line, from 1 on; `None`: the file as a whole.
+    /// The line, from 1; `None` for the file as a whole.
     pub line: Option<usize>,
-    /// What is wrong, and what is accepted.
+    /// The reason, and the accepted forms.
     pub reason: String,
 }
 
@@ -50,27 +50,27 @@ impl Scenario {
         runner::run(self, &mut self.powered(seed), false, &mut |_| {})
     }
 
-    /// Runs the scenario, and keeps the [trace](Outcome::trace) of it.
+    /// Runs the scenario and keeps its [trace](Outcome::trace).
     #[must_use]
     pub fn run_traced(&self, seed: u64) -> Outcome {
         self.play(&mut self.powered(seed))
     }
 
-    /// Runs the scenario as [`run_traced`](Self::run_traced) does, and calls `watch` after everything that happens in
-    /// its simulation. A clone that is put in the place of the simulation goes on as that would.
+    /// Runs the scenario as [`run_traced`](Self::run_traced) does, and calls `watch` after every step of its
+    /// simulation. `watch` may replace the simulation by a clone.
     #[must_use]
     pub fn run_watched(&self, seed: u64, mut watch: impl FnMut(&mut Simulation)) -> Outcome {
         runner::run(self, &mut self.powered(seed), true, &mut watch)
     }
 
-    /// Plays the scenario on a target whose devices are powered, and keeps the [trace](Outcome::trace) of it. Where the
-    /// target cannot look at a state that the scenario expects, nothing happens, and that is a failure.
+    /// Plays the scenario on a target whose devices are powered, and keeps the [trace](Outcome::trace). If the target
+    /// cannot read a state that the scenario expects, the scenario fails before it begins.
     #[must_use]
     pub fn play(&self, target: &mut impl Target) -> Outcome {
         runner::run(self, target, true, &mut |_| {})
     }
 
-    /// Returns a simulation of the scenario, with power.
+    /// Returns a powered simulation of the scenario.
     fn powered(&self, seed: u64) -> Simulation {
         let mut simulation = self.simulation(seed);
         simulation.send_as(OWN);

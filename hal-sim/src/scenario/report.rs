@@ -1,4 +1,4 @@
-//! What came of a scenario: each failure with what was expected, what was seen, and the last frames before it.
+//! The outcome of a scenario: each failure with the expectation, the observation, and the last frames before it.
 
 use std::fmt::{self, Write as _};
 
@@ -11,7 +11,7 @@ use crate::simulation::{Heard, History};
 use crate::state::{DeviceState, Pattern};
 use crate::text::in_one_line;
 
-/// What came of a scenario.
+/// The outcome of a scenario.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Outcome {
     pub(super) title: String,
@@ -19,48 +19,48 @@ pub struct Outcome {
     /// The virtual time at the end.
     pub(super) end: Instant,
     pub(super) failures: Vec<Failure>,
-    /// All that was on the bus, with the notes of the steps; empty unless it was asked for.
+    /// The trace of the bus, with the notes of the steps; empty if none was requested.
     pub(super) trace: String,
 }
 
-/// What was not as expected.
+/// A failure.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Failure {
     /// The line of the step.
     pub(super) line: usize,
     note: Option<String>,
-    /// What was expected, in one line.
+    /// The failed expectation, in one line.
     pub(super) headline: String,
-    /// Expected and seen.
+    /// The expectation and the observation.
     details: Vec<String>,
-    /// The event after the last one that belongs to it; `None`: all.
+    /// The number of the event after the last one that belongs to the failure; `None` for all events.
     until: Option<u64>,
     at: Instant,
-    /// The last events before it.
+    /// The last events before the failure.
     excerpt: Vec<String>,
-    /// A device was not heard: the errors of the bus are shown in the place of the last events.
+    /// A device ran at another bit rate: the errors of the bus replace the last events.
     is_not_heard: bool,
 }
 
 impl Outcome {
-    /// Returns whether everything was as expected.
+    /// Returns whether the scenario passed.
     #[must_use]
     pub const fn is_success(&self) -> bool {
         self.failures.is_empty()
     }
 
-    /// Returns all that was on the bus, with the notes of the steps, of a scenario that was run for it.
+    /// Returns the trace of the bus, with the notes of the steps, if the run was traced.
     #[must_use]
     pub fn trace(&self) -> &str {
         &self.trace
     }
 
-    /// Returns each failure in one line, of a scenario from this file.
+    /// Returns the headline of each failure, for a scenario from this file.
     pub fn headlines(&self, file: &str) -> impl Iterator<Item = String> {
         self.failures.iter().map(move |failure| format!("{file}:{}: {}", failure.line, failure.headline))
     }
 
-    /// Returns the failures in words, of a scenario from this file: lines with a margin, empty when there are none.
+    /// Returns the report of the failures, for a scenario from this file: indented lines, empty for a passed scenario.
     #[must_use]
     pub fn failures(&self, file: &str) -> String {
         let mut text = String::new();
@@ -102,14 +102,14 @@ impl Failure {
         }
     }
 
-    /// Shows the errors of the bus with a device that was not heard.
+    /// Replaces the excerpt of a bit rate failure by the errors of the bus.
     pub(super) fn show_errors(&mut self, errors: &[String]) {
         if self.is_not_heard {
             self.excerpt = errors.to_vec();
         }
     }
 
-    /// Returns the failure of a step that begins late: the steps before took too long.
+    /// Returns the failure of a step that begins late, because the previous steps took too long.
     pub(super) fn late(step: &Step, begin: Instant) -> Self {
         let details = vec![format!("the steps before it were not over at {}", time(begin))];
         let ms = match step.begin {
@@ -119,13 +119,13 @@ impl Failure {
         Self::new(step, format!("at_ms = {ms}"), details)
     }
 
-    /// Returns the failure of a step that was not carried out.
+    /// Returns the failure of a step whose action was refused.
     pub(super) fn undone(step: &Step, what: &str, reason: &str) -> Self {
         Self::new(step, what.to_owned(), vec![reason.to_owned()])
     }
 
-    /// Frames did not come: `missing` of `patterns`, in the events from `from` on, the last of the others before
-    /// `mark`.
+    /// Returns the failure of missing frames: `missing` of `patterns`, in the events from `from` on; the other ones all
+    /// came before `mark`.
     pub(super) fn frames(
         step: &Step,
         patterns: &[Pattern],
@@ -151,7 +151,7 @@ impl Failure {
 
     /// Adds a deviation from a strict scenario to the failure of missing frames.
     pub(super) fn because(mut self, deviation: &Deviation, history: &History) -> Self {
-        // The frame that was seen in its place needs no further words.
+        // The frame observed instead explains itself.
         let is_told = |heard: &Heard| {
             let seen = format!("seen      {}  at {}", heard.frame, time(heard.at));
             self.details.iter().any(|line| line.starts_with(&seen))
@@ -162,12 +162,12 @@ impl Failure {
         self
     }
 
-    /// Returns the failure of a step in which something was not as a strict scenario expects.
+    /// Returns the failure of a step that deviates from a strict scenario.
     pub(super) fn deviation(step: &Step, deviation: &Deviation, history: &History) -> Self {
         Self::new(step, "strict".to_owned(), vec![format!("strict    {}", deviation.reason(history))])
     }
 
-    /// Returns the failure of a state that did not come.
+    /// Returns the failure of an expected state.
     pub(super) fn state(step: &Step, wanted: &Wanted, state: &DeviceState) -> Self {
         let keys = wanted.keys.iter().filter(|(.., alone)| !alone.holds(state));
         let mut details: Vec<String> =
@@ -178,7 +178,7 @@ impl Failure {
         Self::new(step, format!("expect a state of {}{}", state.name, within(step)), details)
     }
 
-    /// Returns the failure of a frame that must not come.
+    /// Returns the failure of a forbidden frame.
     pub(super) fn came(step: &Step, pattern: &Pattern, heard: &Heard, history: &History) -> Self {
         let Heard { number, at, frame } = heard;
         let details = vec![format!("seen      {frame}  at {}  {}", time(*at), history.explain(frame))];
@@ -186,7 +186,7 @@ impl Failure {
         Self { until: Some(number + 1), ..failure }
     }
 
-    /// Returns the failure of a state that must not come.
+    /// Returns the failure of a forbidden state.
     pub(super) fn held(step: &Step, wanted: &Wanted, state: &DeviceState) -> Self {
         let seen = |(key, ..): &(String, String, _)| format!("seen      {key} = {}", value_of(key, state));
         let details = wanted.keys.iter().map(seen).collect();
@@ -198,16 +198,16 @@ impl Failure {
         self.until
     }
 
-    /// Adds when it was found, and what was on the bus before.
+    /// Adds the instant of the failure and the events before it.
     pub(super) fn with(self, at: Instant, excerpt: Vec<String>) -> Self {
         Self { at, excerpt, ..self }
     }
 
-    /// Writes the failure of a step of this file, in lines with a margin; the first one shows what was on the bus
-    /// before.
+    /// Writes the failure, for a scenario from this file, in indented lines; the first failure has the excerpt of the
+    /// bus.
     fn write(&self, out: &mut String, file: &str, is_first: bool) {
         let Self { line, note, headline, details, at, excerpt, .. } = self;
-        // Writing to a string can't fail.
+        // Writing to a string cannot fail.
         let _ = writeln!(out, "  {file}:{line}: {headline}: failed at {}", time(*at));
         for line in note.iter().flat_map(|note| note.lines()) {
             let _ = writeln!(out, "    -- {line}");
@@ -228,7 +228,7 @@ impl Failure {
 }
 
 impl Deviation {
-    /// Returns what is wrong, in one line.
+    /// Returns the deviation in one line.
     fn reason(&self, history: &History) -> String {
         let came = |Heard { at, frame, .. }: &Heard| format!("{frame}  at {}  {}", time(*at), history.explain(frame));
         match self {
@@ -241,12 +241,13 @@ impl Deviation {
     }
 }
 
-/// Returns the meaning of a frame, where just one is meant.
+/// Returns the meaning of a pattern that matches a single frame.
 fn meaning(pattern: &Pattern, history: &History) -> String {
     pattern.frame().map_or_else(String::new, |frame| format!("  {}", history.explain(&frame)))
 }
 
-/// Returns what was seen in the place of a frame, in the events from `mark` on; `from`: the first event of the step.
+/// Returns the frame observed instead of a wanted one, in the events from `mark` on. `from`: the first event of the
+/// step.
 fn seen(wanted: &Pattern, (from, mark): (u64, u64), history: &History) -> Vec<String> {
     let mut lines = Vec::new();
     let distance = |frame: &Frame| wanted.differences(frame).map_or(usize::MAX, |bytes| bytes.len());
@@ -280,7 +281,7 @@ fn seen(wanted: &Pattern, (from, mark): (u64, u64), history: &History) -> Vec<St
     lines
 }
 
-/// Marks below the bytes of a printed frame.
+/// Returns carets that mark bytes of a printed frame.
 fn carets(frame: &Frame, bytes: &[usize]) -> String {
     let head = frame.to_string().find(':').map_or(0, |colon| colon + 2);
     let mut line = " ".repeat(head);
@@ -299,7 +300,7 @@ fn during(step: &Step) -> String {
     span.map_or_else(String::new, |span| format!(" for {} ms", span.as_millis()))
 }
 
-/// Returns the value of a key of a state, as a scenario has it.
+/// Returns the value of a state's key, as a scenario writes it.
 fn value_of(key: &str, state: &DeviceState) -> String {
     let mut values = serde_json::to_value(state).unwrap_or_default();
     match key {
@@ -331,7 +332,7 @@ fn span(span: Duration) -> String {
     format!("{}.{:03} ms", micros / 1000, micros % 1000)
 }
 
-/// In one line: how much there was, and how long it took.
+/// The summary in one line: counts and duration.
 impl fmt::Display for Outcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if !self.title.is_empty() {

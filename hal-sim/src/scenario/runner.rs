@@ -1,4 +1,4 @@
-//! Goes through a scenario in a simulation of its own, step by step, and gathers what was not as expected.
+//! Executes a scenario step by step and collects its failures.
 
 use protocol_core::time::{Duration, Instant, NEVER, after, since};
 
@@ -12,8 +12,8 @@ use crate::simulation::{Command, Executed, Heard, Refusal, Reply, Simulation, Ti
 use crate::state::Pattern;
 use crate::trace::Layout;
 
-/// Runs a scenario on a target whose devices are powered; `traced`: with all of its trace. Calls `watch` after everything
-/// that happens.
+/// Runs a scenario on a target whose devices are powered, with a full trace if `traced`. Calls `watch` after every step
+/// of the simulation.
 pub(super) fn run(
     scenario: &Scenario,
     target: &mut impl Target,
@@ -37,7 +37,7 @@ pub(super) fn run(
     }
     for step in &scenario.steps {
         runner.step(step);
-        // What comes after a frame that is not as expected means nothing.
+        // After the first deviation from a strict scenario, further ones mean nothing.
         if runner.claims.is_some() && !runner.failures.is_empty() {
             return runner.outcome();
         }
@@ -59,17 +59,17 @@ struct Runner<'a, B> {
     scenario: &'a Scenario,
     target: &'a mut B,
     watch: &'a mut dyn FnMut(&mut Simulation),
-    /// Of a strict scenario: which frames of devices were expected.
+    /// The claimed frames of a strict scenario.
     claims: Option<Claims<'a>>,
-    /// All that happened, laid out as it does.
+    /// The full trace, laid out while the scenario runs.
     trace: Option<Trace>,
-    /// The step that goes on.
+    /// The current step.
     step: Option<&'a Step>,
-    /// The commands that have come to their ends.
+    /// The completed commands.
     ended: Vec<(Ticket, Result<Reply, Refusal>)>,
     guards: Vec<Guard<'a>>,
     failures: Vec<Failure>,
-    /// The first event that no failure has shown.
+    /// The number of the first event that no failure has shown.
     shown: u64,
 }
 
@@ -78,34 +78,34 @@ struct Trace {
     text: String,
 }
 
-/// What must not come.
+/// A forbidden state or forbidden frames.
 struct Guard<'a> {
     step: &'a Step,
     since: Instant,
     until: Instant,
     what: Guarded<'a>,
-    /// The wait for the state, or for the end of the time.
+    /// The wait for the state, or for the end of the guard.
     ticket: Ticket,
 }
 
 #[derive(Clone, Copy)]
 enum Guarded<'a> {
-    /// Frames, in the events from that number on.
+    /// Frames, in the events from this number on.
     Frames(&'a [Pattern], u64),
     State(&'a Wanted),
 }
 
-/// What the time that passes is for.
+/// The goal of passing time.
 enum Goal<'a> {
-    /// It passes.
+    /// No goal.
     None,
-    /// A command comes to its end.
+    /// The completion of a command.
     Command(Ticket),
     Frames(Frames<'a>),
 }
 
 impl<'a, B: Target> Runner<'a, B> {
-    /// Refuses states of devices that the target cannot ask for them, before anything happens; returns whether it did.
+    /// Fails the scenario before it begins if it expects states that the target cannot read; returns whether it did.
     fn refuse_states(&mut self) -> bool {
         for step in &self.scenario.steps {
             let expected = step.expect.as_ref().map(|expect| &expect.what);
@@ -128,7 +128,7 @@ impl<'a, B: Target> Runner<'a, B> {
             return;
         }
         self.step = Some(step);
-        // The first event that counts for the step: a frame from before it fulfils nothing.
+        // The first event of the step: earlier frames match none of its patterns.
         let mark = self.target.simulation().history().next();
         if let (Some(note), Some(trace)) = (&step.note, &mut self.trace) {
             trace.note(note);
@@ -149,7 +149,7 @@ impl<'a, B: Target> Runner<'a, B> {
     }
 
     fn act(&mut self, step: &'a Step, act: &Command) {
-        // What the devices send meanwhile is for the step's own expectation.
+        // Frames of the devices during the action count for the step's expectation.
         let expects = matches!(&step.expect, Some(Expect { what: What::Frames(_), .. }));
         let claims = self.claims.take_if(|_| expects);
         let done = self.run(act);
@@ -162,7 +162,7 @@ impl<'a, B: Target> Runner<'a, B> {
         }
     }
 
-    /// Fails a step in which something came that nobody claims, or did not come again.
+    /// Fails a step of a strict scenario with an unclaimed frame, or without a cyclic one.
     fn settle(&mut self, step: &Step) {
         if let Some(deviation) = self.claims.as_mut().and_then(Claims::take_deviation) {
             let failure = Failure::deviation(step, &deviation, self.target.simulation().history());
@@ -170,12 +170,12 @@ impl<'a, B: Target> Runner<'a, B> {
         }
     }
 
-    /// Returns whether something is not as a strict scenario expects.
+    /// Returns whether a strict scenario has a deviation.
     fn is_broken(&self) -> bool {
         self.claims.as_ref().is_some_and(Claims::are_broken)
     }
 
-    /// Lets time pass until a step begins.
+    /// Advances to the beginning of a step.
     fn begin(&mut self, step: &Step) {
         let now = self.target.simulation().now();
         let begin = match step.begin {
@@ -190,7 +190,7 @@ impl<'a, B: Target> Runner<'a, B> {
         self.pass(begin);
     }
 
-    /// Carries out a command, and lets time pass until it has come to its end.
+    /// Executes a command, and advances until it completes.
     fn run(&mut self, command: &Command) -> Result<Reply, Refusal> {
         let executed = self.target.execute(command.clone());
         self.look();
@@ -235,7 +235,7 @@ impl<'a, B: Target> Runner<'a, B> {
         }
     }
 
-    /// Lets frames or a state not come from now on.
+    /// Forbids frames or a state from now on.
     fn never(&mut self, step: &'a Step, Never { what, span }: &'a Never) {
         let since_now = self.target.simulation().now();
         let until = span.map_or(NEVER, |span| after(since_now, span));
@@ -252,13 +252,12 @@ impl<'a, B: Target> Runner<'a, B> {
         self.look();
     }
 
-    /// Lets time pass until an instant, with everything that is due by then.
+    /// Advances to an instant, with all that is due by then.
     fn pass(&mut self, end: Instant) {
         self.pass_until(end, &mut Goal::None);
     }
 
-    /// Lets time pass until an instant, with everything that is due by then, or until a goal is reached; returns
-    /// whether it was.
+    /// Advances to an instant, with all that is due by then, or until a goal is reached; returns whether it was.
     fn pass_until(&mut self, end: Instant, goal: &mut Goal<'_>) -> bool {
         loop {
             if self.is_reached(goal) {
@@ -296,7 +295,7 @@ impl<'a, B: Target> Runner<'a, B> {
         }
     }
 
-    /// Takes note of what happened, and does what is due.
+    /// Processes new events, and completes what they complete.
     fn look(&mut self) {
         while let Some(happened) = self.target.simulation_mut().take_event() {
             if let Some(Trace { layout, text }) = &mut self.trace {
@@ -305,7 +304,7 @@ impl<'a, B: Target> Runner<'a, B> {
         }
         self.target.simulation_mut().poll();
         self.ended.extend(self.target.simulation_mut().take_completed());
-        // What must not come was claimed of the time up to its end.
+        // A guard ends before its last instant.
         let now = self.target.simulation().now();
         if self.guards.iter().any(|guard| guard.until == now) {
             self.target.simulation_mut().rates_mut().find_at(now);
@@ -314,8 +313,8 @@ impl<'a, B: Target> Runner<'a, B> {
         self.guard();
     }
 
-    /// Adds a failure for each device that was found not to be heard: at the device when that was so from the start, else
-    /// at the step that goes on.
+    /// Adds a failure for each device found at another bit rate: at the device if the rates differed from the start,
+    /// otherwise at the current step.
     fn fail_unheard(&mut self) {
         for NotHeard { device, since, reason, .. } in self.target.simulation_mut().rates_mut().take_found() {
             let place = self.scenario.devices.iter().position(|known| known.name == device);
@@ -327,7 +326,7 @@ impl<'a, B: Target> Runner<'a, B> {
         }
     }
 
-    /// Looks whether something came that must not.
+    /// Checks the guards.
     fn guard(&mut self) {
         for mut guard in std::mem::take(&mut self.guards) {
             let ended = self.ended.iter().position(|(known, _)| *known == guard.ticket);
@@ -343,14 +342,14 @@ impl<'a, B: Target> Runner<'a, B> {
         }
     }
 
-    /// Ends what must not come, and has not, with the scenario.
+    /// Ends the guards with the scenario.
     fn end_guards(&mut self) {
         for guard in std::mem::take(&mut self.guards) {
             self.end_guard(&guard);
         }
     }
 
-    /// Fails a step whose condition could not have come: no time has passed since, or its instant was not in it.
+    /// Fails a step whose guard watched no instant: no time has passed since, or its instant was missed.
     fn end_guard(&mut self, guard: &Guard<'_>) {
         let end = guard.until.min(self.target.simulation().now());
         let instant = match &guard.what {
@@ -367,7 +366,7 @@ impl<'a, B: Target> Runner<'a, B> {
         self.fail(Failure::undone(guard.step, "never", reason));
     }
 
-    /// Returns what came that must not; `ended`: how the wait of the guard came to its end.
+    /// Returns the violation of a guard. `ended`: the result of its wait.
     fn violation(&mut self, guard: &mut Guard<'_>, ended: Option<&Result<Reply, Refusal>>) -> Option<Failure> {
         let history = self.target.simulation().history();
         match (&mut guard.what, ended) {
@@ -382,7 +381,7 @@ impl<'a, B: Target> Runner<'a, B> {
         }
     }
 
-    /// Adds a failure at this instant, with what was on the bus before it.
+    /// Adds a failure at this instant, with the events before it.
     fn fail(&mut self, failure: Failure) {
         let (at, history) = (self.target.simulation().now(), self.target.simulation().history());
         let until = failure.until().unwrap_or_else(|| history.next());
@@ -419,7 +418,7 @@ impl Trace {
     }
 }
 
-/// Returns the command of a step as a failure names it.
+/// Returns the command's key, for failures.
 fn name(command: &Command) -> String {
     match command {
         Command::Send(frame, _) => format!("send {frame}"),

@@ -1,4 +1,4 @@
-//! The format of scenarios as a JSON schema, for editors.
+//! The JSON schema of scenarios, for editors.
 
 use serde_json::{Map, Value, json};
 use utoipa::ToSchema as _;
@@ -26,7 +26,7 @@ pub fn schema() -> String {
     text.replace("#/components/schemas/", "#/$defs/") + "\n"
 }
 
-/// Puts "none" in the place of null, where a member accepts it.
+/// Replaces null by "none" in the schema of a member that accepts null.
 fn with_none(member: &mut Value) {
     let Some(fields) = member.as_object_mut() else { return };
     let description = fields.remove("description");
@@ -67,7 +67,7 @@ mod tests {
         assert!(copy == super::schema(), "pve-sim scenario --schema > docs/scenario.schema.json");
     }
 
-    /// The keys are those that the reader names.
+    /// The schema and the reader have the same keys.
     #[test]
     fn the_schema_has_the_keys_of_the_reader() {
         let schema = schema();
@@ -92,7 +92,7 @@ mod tests {
         assert!(!schema.to_string().contains("\"null\"") && !schema.to_string().contains("components"), "{schema:#}");
     }
 
-    /// Where the reader takes "none" for some device the schema does, and nowhere else.
+    /// The schema accepts "none" exactly where the reader does for some device.
     #[test]
     fn none_is_where_null_is() {
         let schema = schema();

@@ -1,4 +1,4 @@
-//! A scenario that was read and checked: everything in it can be done.
+//! A checked scenario: every step can be executed.
 
 use protocol_core::controller::BitRate;
 use protocol_core::device::{Protocol, Setup};
@@ -30,16 +30,16 @@ pub struct Scenario {
     pub(super) entries: Vec<Entry>,
     links: Vec<NamedLink>,
     bit_rate: BitRate,
-    /// Whether each frame of a device has to be expected.
+    /// A step has to expect each frame of a device.
     pub(super) strict: bool,
     pub(super) steps: Vec<Step>,
 }
 
-/// A device in the file.
+/// The entry of a device in the file.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Entry {
     pub(super) line: usize,
-    /// True where the device has to run at the bit rate of the bus.
+    /// The device has to run at the bit rate of the bus.
     pub(super) heard: bool,
 }
 
@@ -55,32 +55,32 @@ pub(super) struct Step {
     pub(super) never: Option<Never>,
 }
 
-/// When a step begins.
+/// The beginning of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Begin {
-    /// When the one before is over.
+    /// The end of the previous step.
     Now,
-    /// So long after.
+    /// A time after the end of the previous step.
     After(Duration),
-    /// At an instant, by its distance from the start.
+    /// An instant, from the start of the scenario.
     At(Duration),
 }
 
-/// What has to come.
+/// An expectation.
 #[derive(Debug)]
 pub(super) struct Expect {
     pub(super) what: What,
     pub(super) any_order: bool,
     pub(super) within: Duration,
-    /// The period in which the frame comes again, after that.
+    /// The period in which the frame repeats afterwards.
     pub(super) every: Option<Duration>,
 }
 
-/// What must not come.
+/// A prohibition.
 #[derive(Debug)]
 pub(super) struct Never {
     pub(super) what: What,
-    /// `None`: up to the end.
+    /// Its duration; `None` up to the end.
     pub(super) span: Option<Duration>,
 }
 
@@ -97,7 +97,7 @@ pub(super) struct Wanted {
     /// The name of the device.
     device: String,
     pub(super) condition: StateCondition,
-    /// The condition of each key alone, with the key and its value as in the file.
+    /// A separate condition for each key, with the key and its value as in the file.
     pub(super) keys: Vec<(String, String, StateCondition)>,
 }
 
@@ -105,7 +105,7 @@ impl Scenario {
     /// Reads a scenario.
     ///
     /// # Errors
-    /// [`ReadError`] with the line of the first thing that is not accepted.
+    /// [`ReadError`] with the line of the first error.
     pub fn parse(text: &str) -> Result<Self, ReadError> {
         Self::read(text).map_err(|ReadError { line, reason }| ReadError { line, reason: in_one_line(&reason) })
     }
@@ -146,7 +146,7 @@ impl Scenario {
             return Err(at(0)("no steps; accepted: steps = [{ expect = \"720#00\" }]".to_owned()));
         }
         let mut scenario = Self { title, devices, entries, links, bit_rate, strict, steps: Vec::new() };
-        // What cannot be done in a world is refused before anything runs.
+        // Impossible steps are refused before anything runs.
         let mut trial = Trial::new(&scenario);
         for step in steps {
             let line = file::line_of(text, step.span().start);
@@ -187,9 +187,9 @@ impl Scenario {
     }
 }
 
-/// Refuses what must not come when no time passes after it: it would be looked at for one instant, or not at all.
+/// Refuses a prohibition after which no time passes: at most one instant of it would be checked.
 fn refuse_unwatched(steps: &[Step]) -> Result<(), ReadError> {
-    // The scenario goes on until all of these are over.
+    // The scenario goes on until all prohibitions with a duration end.
     if steps.iter().any(|step| step.never.as_ref().is_some_and(|never| never.span.is_some())) {
         return Ok(());
     }
@@ -218,7 +218,7 @@ impl Wanted {
 }
 
 impl What {
-    /// Returns the frames; none for a state.
+    /// Returns the frames; empty for a state.
     fn frames(&self) -> &[Pattern] {
         match self {
             Self::Frames(frames) => frames,
@@ -240,7 +240,7 @@ impl Step {
     }
 }
 
-/// What the steps are tried on.
+/// The trial run of the steps: devices and active cyclic frames.
 struct Trial {
     simulation: Simulation,
     devices: Vec<NamedDevice>,
@@ -255,7 +255,7 @@ impl Trial {
         Self { simulation, devices, strict: scenario.strict, cyclic: Vec::new() }
     }
 
-    /// Checks a step, and does to the trial what it does to the plant.
+    /// Checks a step, and applies its plant change to the trial.
     fn check(&mut self, line: usize, table: StepTable) -> Result<Step, String> {
         let about_device = table.plant.is_some()
             || table.power.is_some()
@@ -326,7 +326,7 @@ impl Trial {
         Ok(Some(Expect { what, any_order: any_order.unwrap_or(false), within, every: None }))
     }
 
-    /// Lets a step of a strict scenario expect its frame again and again.
+    /// Checks that a step of a strict scenario can expect its frame cyclically.
     fn expect_again(&mut self, expect: Option<&mut Expect>, period: Duration) -> Result<(), String> {
         let expect = expect.filter(|_| self.strict);
         let expect = expect.and_then(|expect| match expect.what.frames() {
@@ -364,7 +364,7 @@ impl Trial {
         }
     }
 
-    /// Returns the device of that name, or the only one; any where none is meant.
+    /// Returns the named device, or the only one; `is_meant` selects the candidates.
     fn device(&self, name: Option<&str>, is_meant: bool) -> Result<NamedDevice, String> {
         let names = || self.devices.iter().map(|device| device.name.as_str()).collect::<Vec<_>>().join(", ");
         let found = match (name, self.devices.as_slice()) {
@@ -386,7 +386,7 @@ impl Trial {
         Ok(Command::Send(frame, period))
     }
 
-    /// Returns the identifier whose cyclic frame ends, which there has to be; `None`: all end.
+    /// Returns the identifier of the cyclic frame to stop, which has to be active; `None` stops all.
     fn stop(&mut self, which: &Identifier) -> Result<Option<Id>, String> {
         let Some(id) = stopped(which)? else {
             self.cyclic.clear();
@@ -410,13 +410,14 @@ impl Trial {
         Ok(command)
     }
 
-    /// Returns the frames of a text, which a device on the bus can send.
+    /// Returns the pattern of a text, which a device on the bus has to be able to send.
     fn frame_to_come(&self, text: &str) -> Result<Pattern, String> {
         let pattern: Pattern = text.parse()?;
         if pattern.is_remote() {
             return Err(format!("'{text}': no device sends remote frames; accepted: data frames"));
         }
-        // Every kind can send under 29 bits: valves answer UDS so, and a COB-ID of an angle sensor can have them.
+        // Every kind can send 29-bit identifiers: valves answer UDS with them, and a COB-ID of an angle sensor can have
+        // 29 bits.
         let is_canopen = |device: &NamedDevice| device.setup.kind.protocol() == Protocol::Canopen;
         if !pattern.is_extended() && !self.devices.iter().any(is_canopen) {
             return Err(format!("'{text}': no device on the bus sends identifiers of 11 bits; accepted: 8 digits"));
@@ -462,7 +463,7 @@ impl Trial {
     }
 }
 
-/// Returns an identifier as a scenario has it: three digits, or eight.
+/// Returns an identifier as scenarios write it: three digits, or eight.
 fn digits(id: Id) -> String {
     match id {
         Id::Standard(id) => format!("{:03X}", id.as_raw()),
@@ -480,7 +481,7 @@ fn millis(ms: u32) -> Duration {
 
 fn power(change: toml::Table) -> Result<Power, String> {
     let change: PowerChange = file::table(change)?;
-    // The control interface words it in JSON.
+    // The control interface has the JSON form of this message.
     let accepted = "accepted: { on = true }, { on = false } or { reset = \"watchdog\" }";
     change.power().map_err(|_| accepted.to_owned())
 }
@@ -525,7 +526,7 @@ fn one_frame(text: &str) -> Result<Frame, String> {
     frame.ok_or_else(|| format!("send: '{text}' is no single frame; accepted: all digits, as in \"220#0F00 0020\""))
 }
 
-/// Returns the identifier whose cyclic frame ends; `None`: all of them.
+/// Returns the identifier of the cyclic frame to stop; `None` for all.
 fn stopped(which: &Identifier) -> Result<Option<Id>, String> {
     match which {
         Identifier::Text(text) if text == "all" => Ok(None),

@@ -1,4 +1,4 @@
-//! A strict scenario: each frame of a device is claimed by the step that expects it.
+//! Strict scenarios: a step has to claim each frame of a device.
 
 use protocol_core::frame::Id;
 use protocol_core::time::{Duration, Instant, after, since};
@@ -7,16 +7,16 @@ use super::frames::Frames;
 use crate::simulation::{Heard, History};
 use crate::state::Pattern;
 
-/// The frames that came, up to the first one that nobody claims.
+/// The claimed frames, up to the first deviation.
 #[derive(Default)]
 pub(super) struct Claims<'a> {
-    /// The next event to be looked at.
+    /// The number of the next event to look at.
     next: u64,
     again: Vec<Again<'a>>,
     deviation: Option<Deviation>,
 }
 
-/// A frame that comes again and again.
+/// A cyclic frame that is expected.
 struct Again<'a> {
     pattern: &'a Pattern,
     period: Duration,
@@ -25,16 +25,16 @@ struct Again<'a> {
 
 /// A deviation from a strict scenario.
 pub(super) enum Deviation {
-    /// A frame came that no step expects.
+    /// A frame that no step expects.
     Unclaimed(Heard),
-    /// A frame came again so long after the one before: too early.
+    /// A cyclic frame that came too early, this long after the previous one.
     Early(Heard, Duration),
-    /// A frame did not come again.
+    /// A cyclic frame that did not come.
     Missing { pattern: Pattern, period: Duration, last: Instant },
 }
 
 impl<'a> Claims<'a> {
-    /// Looks at what has come up to now, for the frames that are wanted first.
+    /// Matches the frames up to now, with the wanted ones first.
     pub(super) fn look(&mut self, now: Instant, history: &History, mut wanted: Option<&mut Frames<'_>>) {
         for heard in history.heard_since(self.next) {
             if self.deviation.is_some() || wanted.as_ref().is_some_and(|wanted| wanted.are_all_there()) {
@@ -52,7 +52,7 @@ impl<'a> Claims<'a> {
         self.find_missing(now);
     }
 
-    /// Takes a frame as one that comes again, or finds that it is none.
+    /// Matches a frame with an expected cyclic one; returns a deviation otherwise.
     fn repeat(&mut self, heard: Heard) -> Option<Deviation> {
         let known = self.again.iter_mut().find(|again| again.pattern.matches(&heard.frame));
         let Some(again) = known else { return Some(Deviation::Unclaimed(heard)) };
@@ -69,12 +69,12 @@ impl<'a> Claims<'a> {
         }
     }
 
-    /// From now on a frame that has just come comes again and again.
+    /// Expects the frame that has just come cyclically from now on.
     pub(super) fn begin(&mut self, pattern: &'a Pattern, period: Duration, last: Instant) {
         self.again.push(Again { pattern, period, last });
     }
 
-    /// The frame of an identifier does not come again; `None`: none does.
+    /// Stops expecting the cyclic frame with an identifier; `None` stops all.
     pub(super) fn end(&mut self, id: Option<Id>) {
         self.again.retain(|again| id.is_some() && again.pattern.identifier() != id);
     }

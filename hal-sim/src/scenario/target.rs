@@ -1,18 +1,18 @@
-//! The target of a scenario: a simulation, or a simulation with an emulated board in it.
+//! The target of a scenario: a simulation, perhaps with an emulated board in it.
 
 use protocol_core::time::Instant;
 
 use crate::simulation::{Command, Executed, Refusal, Simulation};
 
-/// The target of a scenario: a simulation, in which a device can be something else, such as a board.
+/// The target of a scenario: a simulation in which a device can be something else, such as an emulated board.
 pub trait Target {
-    /// The bus, with the devices of which the state is known, and what has happened.
+    /// Returns the simulation: the bus, its history, and the devices whose state can be read.
     fn simulation(&self) -> &Simulation;
 
-    /// The same, to be changed; time passes by [`go`](Self::go) alone.
+    /// Returns the simulation, to be changed. Only [`go`](Self::go) may let time pass.
     fn simulation_mut(&mut self) -> &mut Simulation;
 
-    /// Lets time pass like [`Simulation::go`].
+    /// Advances time like [`Simulation::go`].
     fn go(&mut self, end: Instant) -> bool {
         self.simulation_mut().go(end)
     }
@@ -20,7 +20,7 @@ pub trait Target {
     /// Executes a command like [`Simulation::execute`].
     ///
     /// # Errors
-    /// [`Refusal`]; nothing has changed then.
+    /// [`Refusal`]; nothing has changed.
     fn execute(&mut self, command: Command) -> Result<Executed, Refusal> {
         self.simulation_mut().execute(command)
     }

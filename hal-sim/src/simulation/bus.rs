@@ -1,4 +1,4 @@
-//! The state of the bus, as JSON.
+//! The state of the bus, for JSON.
 
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -11,38 +11,38 @@ use crate::world::World;
 /// The state of the bus.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
 pub struct BusState {
-    /// The instant of which all of it is true, in microseconds of virtual time.
+    /// The instant of this state, in microseconds of virtual time.
     pub t_us: u64,
     /// The bit rate, in bit/s.
     #[schema(value_type = BitsPerSecond)]
     pub bit_rate: u32,
-    /// How busy the bus was in the last second, in percent.
+    /// The load of the bus in the last second, in percent.
     pub load: u8,
-    /// The frames that are going to be destroyed.
+    /// The pending disturbance.
     pub disturb: DisturbState,
-    /// The devices that run at another bit rate than the bus, and those that did for longer than a change takes.
+    /// The devices that run at another bit rate than the bus, and those that did so for longer than a change takes.
     pub not_heard: Vec<NotHeard>,
 }
 
-/// A device that runs at another bit rate than the bus, or did: it cannot communicate.
+/// A device that runs, or ran, at another bit rate than the bus: it cannot communicate.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
 pub struct NotHeard {
     /// The name of the device.
     pub device: String,
     /// The instant from which the rates differed, in microseconds of virtual time.
     pub t_us: u64,
-    /// True once the two rates agree again.
+    /// True once the rates agree again.
     pub is_over: bool,
-    /// The sentence with cause and remedy.
+    /// The cause and the remedy.
     pub reason: String,
 }
 
-/// Frames that are going to be destroyed.
+/// The pending disturbance.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
 pub struct DisturbState {
-    /// The number of attempts.
+    /// The number of attempts left to destroy.
     pub frames: u32,
-    /// Their identifier; null: any.
+    /// The identifier of the destroyed frames; null for all.
     #[schema(required, maximum = 536870911)]
     pub id: Option<u32>,
     /// Whether the identifier has 29 bits.
@@ -50,7 +50,7 @@ pub struct DisturbState {
 }
 
 impl BusState {
-    /// Returns the state of the bus now, by what watches its bit rate.
+    /// Returns the present state of the bus; `rates` has the devices at another bit rate.
     pub(super) fn of(world: &World, rates: &RateWatch) -> Self {
         let disturbance = world.disturbance();
         let id = disturbance.id.filter(|_| disturbance.frames > 0).map(raw);

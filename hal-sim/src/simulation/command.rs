@@ -1,4 +1,4 @@
-//! What can be asked of a simulation, and what comes of it.
+//! The commands to a simulation, and their replies.
 
 use protocol_core::controller::BitRate;
 use protocol_core::frame::{Frame, Id};
@@ -12,122 +12,123 @@ use crate::bus::Disturbance;
 use crate::state::{Condition, DeviceState, PlantChange, Power};
 use crate::world::PlantError;
 
-/// A command to a simulation. It takes effect at the instant at which the simulation is.
+/// A command to a simulation. It takes effect at the simulation's present instant.
 #[derive(Clone, Debug)]
 pub enum Command {
-    /// Changes what acts on the device of this name: all of it, or nothing. Comes to [`Reply::Device`].
+    /// Changes the plant of the named device, completely or not at all. Returns [`Reply::Device`].
     Plant(String, PlantChange),
-    /// Switches the device of this name. Comes to [`Reply::Device`].
+    /// Switches the power of the named device. Returns [`Reply::Device`].
     Power(String, Power),
-    /// Changes the bit rate of the bus and of all its clients. Comes to [`Reply::Bus`].
+    /// Changes the bit rate of the bus and of all its clients. Returns [`Reply::Bus`].
     BitRate(BitRate),
-    /// Destroys the next frames, in the place of an earlier such command. Comes to [`Reply::Bus`].
+    /// Destroys the next frames; replaces an earlier disturbance. Returns [`Reply::Bus`].
     Disturb(Disturbance),
-    /// Sends a frame; with a period again and again, in the place of an earlier one of that identifier. Comes to
-    /// [`Reply::Sent`] when the first one is on the bus, or is refused after a second.
+    /// Sends a frame; with a period, cyclically, in place of an earlier cyclic frame with that identifier. Returns
+    /// [`Reply::Sent`] when the first frame is on the bus; refused after a second without it.
     Send(Frame, Option<Duration>),
-    /// Ends the cyclic frames of an identifier, or all. Comes to [`Reply::Stopped`].
+    /// Stops the cyclic frames with an identifier, or all. Returns [`Reply::Stopped`].
     Stop(Option<Id>),
-    /// Waits until a condition holds, so long at most. Comes to [`Reply::Device`] or [`Reply::Frame`].
+    /// Waits for a condition, with a time limit. Returns [`Reply::Device`] or [`Reply::Frame`].
     Wait(Condition, Duration),
-    /// Lets time pass. Comes to [`Reply::Advanced`].
+    /// Lets time pass. Returns [`Reply::Advanced`].
     Advance(Duration),
 }
 
-/// What came of a command.
+/// The reply to a command.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 #[serde(untagged)]
 pub enum Reply {
-    /// The device after it, or at the first instant at which the condition held.
+    /// The device after the command, or at the first instant at which the condition held.
     Device(Box<DeviceState>),
-    /// The bus after it.
+    /// The bus after the command.
     Bus(BusState),
-    /// A frame was sent.
+    /// The frame was sent.
     Sent(Sent),
-    /// Cyclic frames were ended.
+    /// Cyclic frames were stopped.
     Stopped(Stopped),
-    /// The frame that was waited for.
+    /// The awaited frame.
     Frame(FrameRecord),
     /// Time has passed.
     Advanced(Advanced),
 }
 
-/// A frame was on the bus.
+/// The reply to a sent frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
 pub struct Sent {
-    /// Its end, in microseconds of virtual time.
+    /// The end of the frame, in microseconds of virtual time.
     pub t_us: u64,
 }
 
-/// Cyclic frames were ended.
+/// The reply to stopped cyclic frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
 pub struct Stopped {
-    /// How many.
+    /// The number of stopped cyclic frames.
     pub stopped: usize,
 }
 
-/// Time has passed.
+/// The reply to passed time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
 pub struct Advanced {
     /// The virtual time, in microseconds since the start.
     pub now_us: u64,
 }
 
-/// A command that takes time, by its number in one simulation.
+/// The number of a pending command, unique in its simulation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Ticket(pub(super) u64);
 
-/// How far a command has come.
+/// The result of executing a command.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Executed {
-    /// To its end.
+    /// The command has completed.
     Done(Reply),
-    /// It takes time: [`Simulation::take_completed`](super::Simulation::take_completed) tells its end.
+    /// The command takes time: [`Simulation::take_completed`](super::Simulation::take_completed) returns its
+    /// completion.
     Pending(Ticket),
 }
 
-/// Why a command was refused; nothing has changed then.
+/// The reason why a command was refused; nothing has changed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Refusal {
-    /// There is no such device.
+    /// No device has this name.
     #[error("no device '{name}'; there are: {known}")]
     UnknownDevice {
-        /// The name.
+        /// The unknown name.
         name: String,
-        /// The names that there are.
+        /// The known names.
         known: String,
     },
-    /// What acts on the device cannot be so.
+    /// The plant change is refused.
     #[error(transparent)]
     Plant(#[from] PlantError),
-    /// A value that cannot be.
+    /// A value is invalid.
     #[error("{0}")]
     Invalid(String),
-    /// Not as things are now.
+    /// The present state does not allow the command.
     #[error("{0}")]
     Conflict(String),
-    /// A condition did not hold in time.
+    /// The condition did not hold within the time limit.
     #[error("{}", .0.error)]
     TimedOut(Box<TimedOut>),
-    /// More of it than there is room for.
+    /// A capacity is exhausted.
     #[error("{0}")]
     TooMany(&'static str),
 }
 
-/// A condition did not hold in time.
+/// The report of a condition that did not hold within the time limit.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct TimedOut {
-    /// What did not happen.
+    /// The condition that did not hold.
     pub error: String,
-    /// The end of the time, in microseconds of virtual time.
+    /// The instant of the time limit, in microseconds of virtual time.
     pub t_us: u64,
-    /// The state of the device then; null when a frame was waited for.
+    /// The state of the device at that instant; null for an awaited frame.
     #[schema(required)]
     pub state: Option<DeviceState>,
 }
 
 impl Command {
-    /// Returns whether time has to pass for the command to come to its end.
+    /// Returns whether the command completes only as time passes.
     #[must_use]
     pub const fn takes_time(&self) -> bool {
         matches!(self, Self::Send(..) | Self::Wait(..) | Self::Advance(_))

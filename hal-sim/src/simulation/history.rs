@@ -1,4 +1,4 @@
-//! What happened on the bus, the last of which is kept, with what explains it.
+//! The history of the bus: its last events, with the state to explain them.
 
 use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
@@ -14,10 +14,10 @@ use crate::log::{ErrorClass, write_hex};
 use crate::trace::{Errors, Layout};
 use crate::world::{Event, EventKind, NodeId, World};
 
-/// The most frames and errors that are kept: a second of a bus under full load, and minutes of a usual one.
+/// The capacity of the history in frames and errors: a second of a fully loaded bus, minutes of a usual one.
 pub const KEPT: usize = 4096;
 
-/// The most entries that an excerpt shows, repeats of cyclic frames included.
+/// The most entries of an excerpt, repeated cyclic frames included.
 const SHOWN: usize = 256;
 
 /// The most lines of an excerpt.
@@ -26,7 +26,7 @@ const LINES: usize = 12;
 /// A frame that was on the bus.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
 pub struct FrameRecord {
-    /// Its end, in microseconds of virtual time.
+    /// The end of the frame, in microseconds of virtual time.
     pub t_us: u64,
     /// The identifier.
     #[schema(maximum = 536870911)]
@@ -35,20 +35,19 @@ pub struct FrameRecord {
     pub extended: bool,
     /// The data, in hex.
     pub data: String,
-    /// Who sent it: a device by its name, `http`, or the gateway of other clients.
+    /// The sender: the name of a device, `http`, or the gateway of other clients.
     pub from: String,
-    /// What it means.
+    /// The meaning of the frame.
     pub meaning: String,
 }
 
-/// An error of the bus: the first error frame of a frame that is being destroyed, a change of an error mode, or frames
-/// that were dropped.
+/// An error of the bus: the first error frame of an attempt, a change of an error mode, or dropped frames.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BusTrouble {
-    /// When, in microseconds of virtual time.
+    /// The instant, in microseconds of virtual time.
     pub t_us: u64,
-    /// Whose frame was destroyed, or who changed its error mode.
+    /// The sender of the destroyed frame, or the controller whose error mode changed.
     pub from: String,
     /// The meaning, as in the trace.
     pub meaning: String,
@@ -67,7 +66,7 @@ pub enum TraceRecord {
 /// A frame with its end and its sender.
 #[derive(Clone, Debug)]
 pub struct Passed {
-    /// Its end.
+    /// The end of the frame.
     pub at: Instant,
     /// The frame.
     pub frame: Frame,
@@ -75,52 +74,52 @@ pub struct Passed {
     pub from: Arc<str>,
 }
 
-/// Something that happened on the bus, as it is kept.
+/// An event on the bus, as recorded.
 #[derive(Clone, Debug)]
 pub struct Happened {
     /// The event.
     pub event: Event,
-    /// The class and the words of an error that users are told of.
+    /// The class and the text of an error that is reported to users.
     pub error: Option<(ErrorClass, String)>,
-    /// Whether a device sent it.
+    /// A device sent the frame.
     pub is_from_device: bool,
 }
 
-/// The last events of a bus, by their numbers from the start.
+/// The last events of a bus, numbered from the start.
 #[derive(Clone, Debug, Default)]
 pub struct History {
-    /// The name of the controller that sends what is commanded.
+    /// The name of the controller that sends commanded frames.
     own: String,
-    /// The devices by their names, with their places.
+    /// The devices by name, with their places.
     places: HashMap<Arc<str>, (NodeId, usize)>,
     errors: Errors,
-    /// What explains the oldest entry that is kept.
+    /// The explainer before the oldest recorded entry.
     oldest: Explainer,
-    /// What explains the latest entry, or the next one when none is kept.
+    /// The explainer after the latest entry.
     latest: Explainer,
-    /// The number of the oldest entry that is kept.
+    /// The number of the oldest recorded entry.
     first: u64,
     entries: VecDeque<Entry>,
 }
 
-/// An event that is kept.
+/// A recorded event.
 #[derive(Clone, Debug)]
 struct Entry {
     at: Instant,
     who: Arc<str>,
     what: Kept,
-    /// The device that sent it, by its place, with its node ID after that.
+    /// The sending device, by its place, with its node ID after the event.
     device: Option<(usize, Option<u8>)>,
 }
 
 #[derive(Clone, Debug)]
 enum Kept {
     Frame(Frame),
-    /// An error that is told.
+    /// A reported error.
     Error(String),
 }
 
-/// A frame of somebody else than the sender of commands.
+/// A frame of any other sender than the commands'.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Heard {
     /// The number of the event.
@@ -131,11 +130,11 @@ pub struct Heard {
     pub frame: Frame,
 }
 
-/// The last frames and errors, and what explains them: that is left to others than the world.
+/// The last frames and errors with their explainer, so that another thread can explain them.
 #[derive(Clone, Debug)]
 pub struct Excerpt {
     entries: Vec<Entry>,
-    /// The number of entries at the begin that are not asked for.
+    /// The number of leading entries that are only context.
     skipped: usize,
     explainer: Explainer,
 }
@@ -156,7 +155,7 @@ impl Excerpt {
 }
 
 impl History {
-    /// Notes a device that was added to the world.
+    /// Adds a device of the world.
     pub(super) fn add_device(&mut self, name: &str, kind: Kind, node: NodeId) {
         self.places.insert(name.into(), (node, self.places.len()));
         for explainer in [&mut self.oldest, &mut self.latest] {
@@ -164,12 +163,12 @@ impl History {
         }
     }
 
-    /// Notes the name of the controller that sends what is commanded.
+    /// Sets the name of the controller that sends commanded frames.
     pub(super) fn set_own(&mut self, name: &str) {
         name.clone_into(&mut self.own);
     }
 
-    /// Learns the node IDs that devices have now, before anything has happened.
+    /// Sets the node IDs of the devices, before the first event.
     pub(super) fn learn(&mut self, world: &World) {
         for (node, place) in self.places.values() {
             for explainer in [&mut self.oldest, &mut self.latest] {
@@ -178,7 +177,7 @@ impl History {
         }
     }
 
-    /// Keeps an event.
+    /// Records an event.
     pub(super) fn keep(&mut self, event: Event, world: &World) -> Happened {
         let error = self.errors.note(&event);
         let device = self.places.get(&event.who).copied();
@@ -208,18 +207,18 @@ impl History {
         self.entries.push_back(entry);
     }
 
-    /// Returns what explains the event that was kept last, with the node IDs before it: the frame may change them.
+    /// Returns the explainer of the event recorded last, with the node IDs before it: the frame may change them.
     pub const fn explainer(&self) -> &Explainer {
         &self.latest
     }
 
-    /// Returns the number that the next event gets.
+    /// Returns the number of the next event.
     #[must_use]
     pub fn next(&self) -> u64 {
         self.first + self.entries.len() as u64
     }
 
-    /// Returns the last frames and errors, so many at most.
+    /// Returns the last frames and errors, at most `limit`.
     #[must_use]
     pub fn last(&self, limit: usize) -> Excerpt {
         Excerpt {
@@ -229,8 +228,7 @@ impl History {
         }
     }
 
-    /// Returns the frames of others than the sender of commands, from the event of that number on, as far as they are
-    /// kept.
+    /// Returns the recorded frames of all senders but the commands', from the event with this number on.
     pub fn heard_since(&self, number: u64) -> impl Iterator<Item = Heard> {
         let skipped = self.place(number);
         let numbered = (self.first + skipped as u64..).zip(self.entries.range(skipped..));
@@ -240,12 +238,12 @@ impl History {
         })
     }
 
-    /// Returns the place of the event of a number among those that are kept.
+    /// Returns the place of an event among the recorded ones.
     fn place(&self, number: u64) -> usize {
         usize::try_from(number.saturating_sub(self.first)).unwrap_or(usize::MAX).min(self.entries.len())
     }
 
-    /// Returns what a frame means that a device sends, with the node IDs of now.
+    /// Returns the meaning of a frame that a device sends now.
     #[must_use]
     pub fn explain(&self, frame: &Frame) -> String {
         let mut explainer = self.latest.clone();
@@ -253,7 +251,7 @@ impl History {
         explainer.explain(frame, None)
     }
 
-    /// Returns the errors of the bus, the first ones that are kept, laid out as the trace does: a line each.
+    /// Returns the first errors of the bus that are still recorded, one line each, in the layout of the trace.
     #[must_use]
     pub fn errors(&self) -> Vec<String> {
         let (mut layout, mut text) = (Layout::new(false, false), String::new());
@@ -264,7 +262,7 @@ impl History {
         text.lines().map(str::to_owned).collect()
     }
 
-    /// Returns the last events from one number up to another, laid out as the trace does: a line each.
+    /// Returns the last events from one number up to another, one line each, in the layout of the trace.
     #[must_use]
     pub fn excerpt(&self, from: u64, until: u64) -> Vec<String> {
         let end = self.place(until);
@@ -306,7 +304,7 @@ impl Entry {
         }
     }
 
-    /// Lets an explainer know what happened.
+    /// Updates an explainer with the event.
     fn teach(&self, explainer: &mut Explainer) {
         if let Kept::Frame(frame) = &self.what {
             explainer.observe(frame);
@@ -320,14 +318,14 @@ impl Entry {
 }
 
 impl Happened {
-    /// Returns the frame, if it was one.
+    /// Returns the frame of the event, if any.
     #[must_use]
     pub fn passed(&self) -> Option<Passed> {
         let Event { at, who, .. } = &self.event;
         self.event.frame().map(|frame| Passed { at: *at, frame: *frame, from: Arc::clone(who) })
     }
 
-    /// Returns the error that users are told of, if it was one.
+    /// Returns the reported error of the event, if any.
     #[must_use]
     pub fn trouble(&self) -> Option<BusTrouble> {
         self.error.as_ref().map(|(_, meaning)| BusTrouble::new(self.event.at, &self.event.who, meaning))

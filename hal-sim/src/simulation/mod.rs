@@ -1,15 +1,15 @@
-//! A world with everything that is asked of it: devices by their names, commands to them, and what has happened.
+//! A simulation: a world with named devices, commands to it, and the history of its bus.
 //!
 //! ```text
-//! command    what can be asked of a simulation, and what comes of it
-//! sender     frames that are sent on command, once or again and again
-//! waits      commands that wait: for a state, for a frame, for time to pass
-//! history    what happened on the bus, and what explains it
+//! command    the commands and their replies
+//! sender     frames sent on command, once or cyclically
+//! waits      commands that wait: for a state, a frame, or time to pass
+//! history    the history of the bus
 //! bus        the state of the bus
 //! ```
 //!
-//! A call of the control interface, a step of a scenario and a line that somebody types are read into a [`Command`], and
-//! [`Simulation::execute`] is the one place that carries it out.
+//! Calls of the control interface, steps of scenarios and console lines are parsed into a [`Command`];
+//! [`Simulation::execute`] alone executes it.
 
 mod bus;
 mod command;
@@ -37,12 +37,12 @@ use crate::world::{Event, NodeId, World};
 use sender::{Completed, Sender};
 use waits::{Awaited, Waits};
 
-/// A world, and commands to it.
+/// A world with commands.
 ///
-/// Time passes event by event: [`go`](Self::go), then [`take_event`](Self::take_event) for what happened, then
-/// [`poll`](Self::poll). [`run`](Self::run) and [`run_until`](Self::run_until) do all of it.
+/// Time passes event by event: [`go`](Self::go), then [`take_event`](Self::take_event) for the events, then
+/// [`poll`](Self::poll). [`run`](Self::run) and [`run_until`](Self::run_until) combine these.
 ///
-/// The clone of a simulation goes on as the original would, with the same commands under way.
+/// The clone of a simulation continues as the original would, with the same pending commands.
 #[derive(Clone)]
 pub struct Simulation {
     world: World,
@@ -51,7 +51,7 @@ pub struct Simulation {
     waits: Waits,
     rates: RateWatch,
     history: History,
-    /// What happened and was not taken yet; the allocation is used again.
+    /// The events not taken yet; the queue is kept for its capacity.
     events: VecDeque<Event>,
     completed: Completed,
     /// The number of commands so far that take time.
@@ -59,7 +59,7 @@ pub struct Simulation {
 }
 
 impl Simulation {
-    /// An empty simulation at instant 0.
+    /// Returns an empty simulation at instant 0.
     #[must_use]
     pub fn new(bit_rate: BitRate, seed: u64) -> Self {
         let mut world = World::new(bit_rate, seed);
@@ -77,7 +77,7 @@ impl Simulation {
         }
     }
 
-    /// Adds a device with this memory, healthy and not yet powered.
+    /// Adds a healthy, unpowered device with this memory.
     pub fn add(&mut self, device: &NamedDevice, memory: Memory) -> NodeId {
         let node = device.add_to(&mut self.world, memory);
         self.devices.push((node, device.setup.kind));
@@ -86,64 +86,64 @@ impl Simulation {
         node
     }
 
-    /// Links shafts to the valves that they follow.
+    /// Links shafts to valves.
     pub fn link(&mut self, links: &[NamedLink]) {
         devices::link_in(&mut self.world, links);
     }
 
-    /// Puts the controller on the bus that sends what is commanded, by its name in traces.
+    /// Adds the controller that sends commanded frames, with its name in traces.
     pub fn send_as(&mut self, name: &str) {
         self.sender = Some(Sender::new(name, &mut self.world));
         self.history.set_own(name);
     }
 
-    /// Powers all devices that are off, each at its own moment up to `jitter` from now.
+    /// Powers all devices that are off, each at a random moment within `jitter`.
     pub fn power_up(&mut self, jitter: Duration) {
         self.world.power_all(jitter);
         self.history.learn(&self.world);
         self.rates.look(&mut self.world);
     }
 
-    /// The world.
+    /// Returns the world.
     #[must_use]
     pub const fn world(&self) -> &World {
         &self.world
     }
 
-    /// The world, to be changed; time passes by [`go`](Self::go) alone.
+    /// Returns the world, to be changed. Only [`go`](Self::go) may let time pass.
     pub const fn world_mut(&mut self) -> &mut World {
         &mut self.world
     }
 
-    /// The virtual time.
+    /// Returns the virtual time.
     #[must_use]
     pub const fn now(&self) -> Instant {
         self.world.now()
     }
 
-    /// The devices with their kinds, in the order in which they were added.
+    /// Returns the devices with their kinds, in the order of their addition.
     #[must_use]
     pub fn devices(&self) -> &[(NodeId, Kind)] {
         &self.devices
     }
 
-    /// What happened on the bus.
+    /// Returns the history of the bus.
     #[must_use]
     pub const fn history(&self) -> &History {
         &self.history
     }
 
-    /// What watches that devices run at the bit rate of their bus.
+    /// Returns the watch over the devices' bit rates.
     pub const fn rates_mut(&mut self) -> &mut RateWatch {
         &mut self.rates
     }
 
-    /// The states of all devices.
+    /// Returns the states of all devices.
     pub fn states(&mut self) -> Vec<DeviceState> {
         self.devices.iter().map(|(node, kind)| DeviceState::of(*node, *kind, &mut self.world)).collect()
     }
 
-    /// The state of the device of a name.
+    /// Returns the state of the named device.
     ///
     /// # Errors
     /// [`Refusal::UnknownDevice`]
@@ -152,13 +152,13 @@ impl Simulation {
         Ok(DeviceState::of(node, kind, &mut self.world))
     }
 
-    /// The state of the bus.
+    /// Returns the state of the bus.
     pub fn bus(&mut self) -> BusState {
         self.rates.look(&mut self.world);
         BusState::of(&self.world, &self.rates)
     }
 
-    /// The device of a name, and its kind.
+    /// Returns the named device and its kind.
     ///
     /// # Errors
     /// [`Refusal::UnknownDevice`]
@@ -167,15 +167,15 @@ impl Simulation {
         found.copied().ok_or_else(|| Refusal::UnknownDevice { name: name.to_owned(), known: self.names() })
     }
 
-    /// The names of the devices, with commas.
+    /// Returns the names of the devices, separated by commas.
     fn names(&self) -> String {
         self.devices.iter().map(|(node, _)| self.world.name(*node)).collect::<Vec<_>>().join(", ")
     }
 
-    /// Carries out a command, at this instant.
+    /// Executes a command at the present instant.
     ///
     /// # Errors
-    /// [`Refusal`]; nothing has changed then.
+    /// [`Refusal`]; nothing has changed.
     pub fn execute(&mut self, command: Command) -> Result<Executed, Refusal> {
         let reply = match command {
             Command::Plant(name, change) => {
@@ -243,7 +243,7 @@ impl Simulation {
         }
     }
 
-    /// Lets go of somebody who waited for the end of a command. A frame is sent all the same.
+    /// Drops the caller's interest in a pending command. A frame is sent all the same.
     pub fn forget(&mut self, ticket: Ticket) {
         self.waits.forget(ticket);
         if let Some(sender) = &mut self.sender {
@@ -252,14 +252,13 @@ impl Simulation {
         self.completed.retain(|(known, _)| *known != ticket);
     }
 
-    /// Takes the commands that have come to their ends since this was last called.
+    /// Takes the commands completed since the last call.
     pub fn take_completed(&mut self) -> Vec<(Ticket, Result<Reply, Refusal>)> {
         std::mem::take(&mut self.completed)
     }
 
-    /// Goes to the next event, to what is due although nothing happens, or to `end` when there is neither until then;
-    /// returns whether it got there. What happened is to be [taken](Self::take_event) then, before the next
-    /// [`poll`](Self::poll).
+    /// Advances to the next event or due time, or to `end` if that comes first; returns whether it reached `end`.
+    /// [Take](Self::take_event) the events before the next [`poll`](Self::poll).
     pub fn go(&mut self, end: Instant) -> bool {
         let (event, due) = (self.world.next_event(), self.due());
         if event.min(due) > end || event.min(due) == NEVER {
@@ -274,8 +273,7 @@ impl Simulation {
         false
     }
 
-    /// Takes the next thing that happened on the bus. As long as it is the last one that was taken,
-    /// [`History::explainer`] explains it.
+    /// Takes the next event on the bus. [`History::explainer`] explains it until the next one is taken.
     pub fn take_event(&mut self) -> Option<Happened> {
         if self.events.is_empty() {
             self.events.extend(self.world.take_events());
@@ -291,7 +289,7 @@ impl Simulation {
         Some(happened)
     }
 
-    /// Does what is due at this instant, and looks at what is waited for: to be called after everything that happens.
+    /// Processes due commands and waits; to be called after each [`go`](Self::go) and its events.
     pub fn poll(&mut self) {
         if let Some(sender) = &mut self.sender {
             sender.poll(&mut self.world, &mut self.completed);
@@ -300,7 +298,7 @@ impl Simulation {
         self.rates.look(&mut self.world);
     }
 
-    /// Returns when there is next something to do: an event of the world, or what is due although nothing happens.
+    /// Returns the next event of the world or due time of a command.
     #[must_use]
     pub fn next(&self) -> Instant {
         self.world.next_event().min(self.due())
@@ -312,23 +310,23 @@ impl Simulation {
         if self.waits.is_empty() { sender } else { sender.min(self.waits.due(&self.world)) }
     }
 
-    /// Returns how far time has to pass for the commands that are under way; `None` when there are none.
+    /// Returns the advance limit: how far time has to pass for the pending commands; `None` without any.
     #[must_use]
     pub fn advance_limit(&self) -> Option<Instant> {
         let sender = self.sender.as_ref().and_then(|sender| sender.advance_limit(self.world.now()));
         self.waits.advance_limit().max(sender)
     }
 
-    /// Returns whether something is waited for, or to be sent.
+    /// Returns whether a command is pending, or a frame waits to be sent.
     #[must_use]
     pub fn is_busy(&self) -> bool {
         !self.waits.is_empty() || self.sender.as_ref().is_some_and(|sender| !sender.is_idle())
     }
 
-    /// Carries out a command, and lets time pass until it has come to its end.
+    /// Executes a command, and advances until it completes.
     ///
     /// # Errors
-    /// [`Refusal`]; of a command that has not come to its end when time has, [`Refusal::Conflict`].
+    /// [`Refusal`]; [`Refusal::Conflict`] for a command that is still pending at its advance limit.
     pub fn run(&mut self, command: Command) -> Result<Reply, Refusal> {
         let ticket = match self.execute(command)? {
             Executed::Done(reply) => return Ok(reply),
@@ -347,7 +345,7 @@ impl Simulation {
         }
     }
 
-    /// Lets everything happen that is due until `end`, and goes there.
+    /// Advances to `end` and processes all events up to and including `end`.
     pub fn run_until(&mut self, end: Instant) {
         loop {
             let has_arrived = self.go(end);

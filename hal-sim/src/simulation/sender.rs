@@ -1,4 +1,4 @@
-//! Frames sent on command by a controller of their own: one after the other, each once or again and again.
+//! The sender: frames sent on command by a controller of their own, in sequence, once or cyclically.
 
 use protocol_core::frame::{Frame, Id};
 use protocol_core::time::{Duration, Instant, NEVER, after};
@@ -6,48 +6,48 @@ use protocol_core::time::{Duration, Instant, NEVER, after};
 use super::command::{Refusal, Reply, Sent, Ticket};
 use crate::world::{ClientPortId, World};
 
-/// How long a frame waits for the bus before it is withdrawn.
+/// The time that a frame waits for the bus before it is withdrawn.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// Why a cyclic frame was not sent.
+/// The refusal of a stopped cyclic frame.
 const STOPPED: &str = "the cyclic frame was stopped";
 
-/// Why a frame was not sent in time.
+/// The refusal of a frame that was not sent in time.
 const LATE: &str = "the frame was not on the bus within 1 s of virtual time: it was withdrawn";
 
-/// The most frames that wait for the bus.
+/// The capacity for waiting frames.
 const WAITING: usize = 256;
 
-/// The most cyclic frames.
+/// The capacity for cyclic frames.
 const CYCLIC: usize = 64;
 
-/// The ends of commands, for those who gave them.
+/// The completed commands.
 pub(super) type Completed = Vec<(Ticket, Result<Reply, Refusal>)>;
 
 /// A controller with its frames.
 #[derive(Clone, Debug)]
 pub(super) struct Sender {
     port: ClientPortId,
-    /// The frame that the controller has.
+    /// The frame in the controller.
     sending: Option<Outgoing>,
-    /// The frames after it.
+    /// The frames behind it.
     waiting: Vec<Outgoing>,
     cyclic: Vec<Cyclic>,
 }
 
-/// A frame on its way.
+/// A frame to be sent.
 #[derive(Clone, Debug)]
 struct Outgoing {
     frame: Frame,
-    /// When it is withdrawn.
+    /// The instant of its withdrawal.
     deadline: Instant,
-    /// Who is told its end; a cyclic frame tells that once.
+    /// The command to complete; a cyclic frame completes it with its first sending.
     ticket: Option<Ticket>,
-    /// Whether it is one of a cyclic frame.
+    /// The frame belongs to a cyclic one.
     is_cyclic: bool,
 }
 
-/// A frame that is sent again and again.
+/// A cyclic frame.
 #[derive(Clone, Debug)]
 struct Cyclic {
     frame: Frame,
@@ -56,12 +56,12 @@ struct Cyclic {
 }
 
 impl Sender {
-    /// Puts the controller on the bus, by its name in traces.
+    /// Adds the controller to the bus, with its name in traces.
     pub(super) fn new(name: &str, world: &mut World) -> Self {
         Self { port: world.add_gateway(name), sending: None, waiting: Vec::new(), cyclic: Vec::new() }
     }
 
-    /// Sends a frame, again and again with a period: in the place of an earlier cyclic frame of the same identifier.
+    /// Sends a frame; with a period cyclically, in place of an earlier cyclic frame with the same identifier.
     pub(super) fn send(
         &mut self,
         frame: Frame,
@@ -86,7 +86,7 @@ impl Sender {
         Ok(())
     }
 
-    /// Ends the cyclic frames of an identifier, or all; returns how many there were.
+    /// Stops the cyclic frames with an identifier, or all; returns their number.
     pub(super) fn stop(&mut self, id: Option<Id>, world: &mut World, completed: &mut Completed) -> usize {
         let meant = |frame: &Frame| id.is_none_or(|id| frame.id() == id);
         let before = self.cyclic.len();
@@ -97,7 +97,7 @@ impl Sender {
         }
         if let Some(outgoing) = self.sending.as_mut().filter(|outgoing| outgoing.is_cyclic && meant(&outgoing.frame)) {
             if world.is_sending(self.port) {
-                // A frame on the wire goes to its end. One that is destroyed there is not sent again.
+                // A frame on the wire completes. If it is destroyed, it is not repeated.
                 outgoing.is_cyclic = false;
                 outgoing.deadline = world.now();
             } else if let Some(outgoing) = self.sending.take() {
@@ -109,7 +109,7 @@ impl Sender {
         before - self.cyclic.len()
     }
 
-    /// Tells what was sent, withdraws what waits for too long, and sends what is due.
+    /// Completes sent frames, withdraws late ones, and sends due ones.
     pub(super) fn poll(&mut self, world: &mut World, completed: &mut Completed) {
         if self.is_idle() {
             return;
@@ -139,7 +139,7 @@ impl Sender {
         self.load(world);
     }
 
-    /// Puts cyclic frames that are due behind the others. One that has not gone out since the last time does so once.
+    /// Queues the due cyclic frames. A frame that is still queued from the last period is not queued again.
     fn repeat(&mut self, now: Instant) {
         let Self { sending, waiting, cyclic, .. } = self;
         for Cyclic { frame, period, next } in cyclic.iter_mut().filter(|cyclic| cyclic.next <= now) {
@@ -152,7 +152,7 @@ impl Sender {
         }
     }
 
-    /// Gives the controller its next frame, the most urgent one, of equals the one that waits longest.
+    /// Loads the most urgent frame into the controller; among equals, the oldest.
     fn load(&mut self, world: &mut World) {
         if self.sending.is_some() {
             return;
@@ -164,28 +164,27 @@ impl Sender {
         self.sending = Some(outgoing);
     }
 
-    /// Lets go of somebody who waited for the end of a frame. The frame is sent all the same.
+    /// Drops the caller's interest in a frame, which is sent all the same.
     pub(super) fn forget(&mut self, ticket: Ticket) {
         for outgoing in self.sending.iter_mut().chain(&mut self.waiting) {
             outgoing.ticket.take_if(|known| *known == ticket);
         }
     }
 
-    /// Returns when there is next something to do, after now.
+    /// Returns the next due time after now.
     pub(super) fn due(&self, now: Instant) -> Instant {
         let deadlines = self.sending.iter().chain(&self.waiting).map(|outgoing| outgoing.deadline);
         let repeats = self.cyclic.iter().map(|cyclic| cyclic.next);
         deadlines.chain(repeats).filter(|due| *due > now).min().unwrap_or(NEVER)
     }
 
-    /// Returns the end of the time in which somebody still waits to be told; `None` when nobody does. A frame on the
-    /// wire has no such end.
+    /// Returns the latest deadline of a command; `None` without one. A frame on the wire has no deadline.
     pub(super) fn advance_limit(&self, now: Instant) -> Option<Instant> {
         let awaited = self.sending.iter().chain(&self.waiting).filter(|outgoing| outgoing.ticket.is_some());
         awaited.map(|outgoing| if outgoing.deadline > now { outgoing.deadline } else { NEVER }).max()
     }
 
-    /// Returns whether nothing is to be sent.
+    /// Returns whether no frame waits to be sent.
     pub(super) const fn is_idle(&self) -> bool {
         self.sending.is_none() && self.waiting.is_empty() && self.cyclic.is_empty()
     }

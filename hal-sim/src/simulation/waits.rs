@@ -9,7 +9,7 @@ use super::sender::Completed;
 use crate::state::{Pattern, StateWatch};
 use crate::world::World;
 
-/// What is waited for, oldest first.
+/// The pending waits, oldest first.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Waits(Vec<Wait>);
 
@@ -20,23 +20,23 @@ struct Wait {
     ticket: Ticket,
 }
 
-/// What is waited for.
+/// The subject of a wait.
 #[derive(Clone, Debug)]
 pub(super) enum Awaited {
     State(StateWatch),
-    /// A frame, and the last other frame of that identifier.
+    /// A frame, and the last other frame with that identifier.
     Frame(Pattern, Option<Frame>),
-    /// The end of the time.
+    /// The passing of time.
     Time,
 }
 
 impl Waits {
-    /// Waits from now on.
+    /// Begins to wait.
     pub(super) fn begin(&mut self, what: Awaited, until: Instant, ticket: Ticket) {
         self.0.push(Wait { what, until, ticket });
     }
 
-    /// Ends the waits for what is so now, and those whose time is up: all that happens at the last instant counts.
+    /// Completes the waits whose condition holds now, and those that time out: all events of the last instant count.
     pub(super) fn poll(&mut self, world: &mut World, completed: &mut Completed) {
         if self.0.is_empty() {
             return;
@@ -62,7 +62,7 @@ impl Waits {
         });
     }
 
-    /// Ends the waits for this frame.
+    /// Completes the waits for this frame.
     pub(super) fn show(&mut self, passed: &Passed, record: impl Fn() -> FrameRecord, completed: &mut Completed) {
         self.0.retain_mut(|Wait { what, ticket, .. }| {
             let Awaited::Frame(pattern, other) = what else { return true };
@@ -77,12 +77,12 @@ impl Waits {
         });
     }
 
-    /// Gives a wait up.
+    /// Drops a wait.
     pub(super) fn forget(&mut self, ticket: Ticket) {
         self.0.retain(|wait| wait.ticket != ticket);
     }
 
-    /// Returns when a condition can next hold although nothing happens, or the time of one is up.
+    /// Returns the next instant at which a condition can hold without an event, or a wait times out.
     pub(super) fn due(&self, world: &World) -> Instant {
         let due = |Wait { what, until, .. }: &Wait| match what {
             Awaited::State(watch) => watch.due(*until, world),
@@ -91,18 +91,18 @@ impl Waits {
         self.0.iter().map(due).min().unwrap_or(NEVER)
     }
 
-    /// Returns the end of the time of the one that may take longest; `None` when there is none.
+    /// Returns the latest time-out; `None` without a wait.
     pub(super) fn advance_limit(&self) -> Option<Instant> {
         self.0.iter().map(|wait| wait.until).max()
     }
 
-    /// Returns whether nothing is waited for.
+    /// Returns whether there is no wait.
     pub(super) const fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 }
 
-/// Returns which frame did not come, and which one of its identifier came last instead.
+/// Returns the message about a missing frame, with the last other frame of its identifier.
 fn missing(pattern: &Pattern, other: Option<&Frame>) -> String {
     let Some(other) = other else {
         return format!("the frame {pattern} did not come, and no other of its identifier");

@@ -1,4 +1,4 @@
-//! Conditions that a client waits for: a subset of a device's state, or a frame.
+//! Conditions to wait for: a subset of a device's state, or a frame.
 
 use std::ops::RangeInclusive;
 
@@ -11,7 +11,7 @@ use super::given::{Object, given, object, present};
 use super::{BitsPerSecond, Pattern, possible};
 use crate::Kind;
 
-/// What is waited for.
+/// A condition.
 #[derive(Clone, Debug)]
 pub enum Condition {
     /// A device is in a state.
@@ -100,7 +100,7 @@ pub enum PositionCondition {
     Within(Limits),
 }
 
-/// Limits, inclusive; one that is not given is none.
+/// Limits, inclusive; a missing limit does not restrict.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Limits {
@@ -126,7 +126,7 @@ pub struct LedCondition {
     pub flashing: Option<bool>,
 }
 
-/// Reads an object that may be null, and is told apart from one that is missing.
+/// Reads an object that may be null; null differs from a missing member.
 fn present_object<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<Option<T>>, D::Error> {
     present(value).map(|value| value.map(|value: Option<Object<T>>| value.map(|Object(value)| value)))
 }
@@ -135,7 +135,7 @@ impl StateCondition {
     /// Refuses a condition that a device of this kind and name never fulfils. `none` is the word for null.
     ///
     /// # Errors
-    /// A line with the key, and the values that it can have.
+    /// A line with the key and its possible values.
     pub fn check(&self, name: &str, kind: Kind, none: &str) -> Result<(), Invalid> {
         let known = kind.fault_names();
         if let Some(fault) = self.faults.iter().flatten().find(|fault| !known.contains(&fault.as_str())) {
@@ -149,7 +149,7 @@ impl StateCondition {
         possible::is_always_so(&self.keys(), kind, name)
     }
 
-    /// Returns each key that is given, with its value.
+    /// Returns the given keys with their values.
     fn keys(&self) -> Vec<(String, serde_json::Value)> {
         match serde_json::to_value(self) {
             Ok(serde_json::Value::Object(keys)) => keys.into_iter().collect(),
@@ -175,8 +175,7 @@ impl StateCondition {
             && self.faults.as_ref().is_none_or(|wanted| are_active(wanted, state))
     }
 
-    /// Returns the positions that are still wanted in a state that does not fulfil the condition; `None` when it is not
-    /// for the position that it does not.
+    /// Returns the wanted positions, if a state misses the condition only by its position; otherwise `None`.
     pub fn wanted_positions(&self, state: &DeviceState) -> Option<RangeInclusive<i16>> {
         let (wanted, found) = (self.position.flatten()?, state.position?);
         (!wanted.holds(&found)).then(|| wanted.range())
@@ -187,7 +186,7 @@ fn is<T: PartialEq>(wanted: Option<&T>, found: &T) -> bool {
     wanted.is_none_or(|wanted| wanted == found)
 }
 
-/// Returns whether a value that can be null is as wanted.
+/// Returns whether a nullable value is the wanted one.
 fn fits<W, T>(wanted: Option<&Option<W>>, found: Option<&T>, holds: impl FnOnce(&W, &T) -> bool) -> bool {
     match (wanted, found) {
         (None, _) | (Some(None), None) => true,

@@ -12,17 +12,17 @@ use super::plant::PlantState;
 use crate::Kind;
 use crate::world::{NodeId, World};
 
-/// The state of a device at one instant of virtual time. Without power there is none of node ID, bit rate, NMT state,
-/// device state machine, command and set-point.
+/// The state of a device at one instant of virtual time. Without power, node ID, bit rate, NMT state, device state
+/// machine, command and set-point are null.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct DeviceState {
-    /// The instant of which all of it is true, in microseconds of virtual time.
+    /// The instant of this state, in microseconds of virtual time.
     pub t_us: u64,
     /// The name.
     pub name: String,
     /// The kind, as in `--device`.
     pub kind: &'static str,
-    /// The node ID, on ISOBUS the address, in force.
+    /// The node ID in force; on ISOBUS the address.
     #[schema(required, maximum = 255)]
     pub node_id: Option<u8>,
     /// The bit rate in force, in bit/s.
@@ -36,14 +36,14 @@ pub struct DeviceState {
     /// The device state machine; CANopen valves only.
     #[schema(required)]
     pub dsm: Option<DeviceStateMachine>,
-    /// The state of the auxiliary valve as AVEF tells it; ISOBUS only.
+    /// The state of the auxiliary valve as in AVEF; ISOBUS only.
     #[schema(required)]
     pub command: Option<Command>,
     /// The set-point; null for an angle sensor.
     #[schema(required)]
     pub set_point: Option<SetPointValue>,
-    /// The position of the spool, −16384…16384, in neutral without power; of an angle sensor object 0x6004, null
-    /// without power.
+    /// The position of the spool, −16384…16384, neutral without power; of an angle sensor object 0x6004, null without
+    /// power.
     #[schema(required, minimum = -16384, maximum = 16384)]
     pub position: Option<i16>,
     /// Whether the solenoids are energised; null for an angle sensor.
@@ -54,7 +54,7 @@ pub struct DeviceState {
     pub led: Option<Led>,
     /// Every fault of the kind.
     pub faults: Vec<Fault>,
-    /// What acts on the device from outside.
+    /// The plant of the device.
     pub plant: PlantState,
 }
 
@@ -62,13 +62,13 @@ pub struct DeviceState {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Nmt {
-    /// Not on the bus yet.
+    /// Before the boot-up message.
     Initialising,
     /// Configuration: no PDOs.
     PreOperational,
-    /// Everything.
+    /// All services.
     Operational,
-    /// Nothing but NMT and heartbeat.
+    /// NMT and heartbeat only.
     Stopped,
 }
 
@@ -82,7 +82,7 @@ pub enum DeviceStateMachine {
     Disabled,
     /// Held in neutral.
     Hold,
-    /// At work.
+    /// Active.
     Active,
     /// Shut down after a fault.
     FaultHold,
@@ -124,7 +124,7 @@ pub enum FloatWord {
     Float,
 }
 
-/// What the LED shows.
+/// The state of the LED.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
 pub struct Led {
     /// The colour.
@@ -154,8 +154,8 @@ pub struct Fault {
     pub fault: &'static str,
     /// Whether it is active.
     pub active: bool,
-    /// The occurrence counter, on CANopen that of both spool faults; of an angle sensor the number of its entries in
-    /// 0x1003. Null without power.
+    /// The occurrence counter; on CANopen the shared counter of both spool faults; of an angle sensor the number of
+    /// entries in 0x1003. Null without power.
     #[schema(required, maximum = 255)]
     pub count: Option<u8>,
 }

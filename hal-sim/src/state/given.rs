@@ -1,4 +1,4 @@
-//! Readers of values that are told apart: given or missing, null or not, an object or a list.
+//! Deserializers that distinguish missing, null and given values, and objects from lists.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -7,33 +7,33 @@ use serde::de::value::MapAccessDeserializer;
 use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
-/// Reads a value that must not be null where it is given.
+/// Reads a value that may be missing but not null.
 ///
 /// # Errors
-/// Those of the value.
+/// The errors of the value.
 pub fn given<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<T>, D::Error> {
     T::deserialize(value).map(Some)
 }
 
-/// Reads a value that may be null, and is told apart from one that is missing.
+/// Reads a value that may be null; null differs from a missing member.
 pub(crate) fn present<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<Option<T>>, D::Error> {
     Option::deserialize(value).map(Some)
 }
 
-/// Reads a JSON object, and no list: of one, the derived readers take the fields in their order.
+/// Reads a JSON object and refuses a list, from which derived deserializers would take the fields in order.
 pub(crate) fn object<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<T, D::Error> {
     Object::deserialize(value).map(|Object(value)| value)
 }
 
-/// Reads an object that must not be null where it is given.
+/// Reads an object that may be missing but not null.
 ///
 /// # Errors
-/// Those of the value.
+/// The errors of the value.
 pub fn given_object<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<T>, D::Error> {
     object(value).map(Some)
 }
 
-/// A value whose JSON is an object.
+/// A value in the form of a JSON object.
 #[derive(Debug)]
 pub(crate) struct Object<T>(pub(crate) T);
 

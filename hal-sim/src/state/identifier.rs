@@ -1,4 +1,4 @@
-//! CAN identifiers as they are given: a number, or a text in hex.
+//! CAN identifiers as users write them: a number, or hexadecimal text.
 
 use protocol_core::frame::{ExtendedId, Id, StandardId};
 use serde::Deserialize;
@@ -16,16 +16,16 @@ use super::schema::IDENTIFIER;
 pub enum Identifier {
     /// A number.
     Number(u32),
-    /// A text in hex; one of eight digits has 29 bits.
+    /// A text in hex; with eight digits it has 29 bits.
     Text(String),
 }
 
 impl Identifier {
-    /// Returns the identifier of 11 or 29 bits. Where `extended` does not say, a text of eight digits has 29 bits, as in
-    /// a log of candump, and everything else 11.
+    /// Returns the identifier of 11 or 29 bits. Without `extended`, a text of eight digits has 29 bits, as in a candump
+    /// log, and all others 11.
     ///
     /// # Errors
-    /// [`Invalid`] for what is no identifier of that size.
+    /// [`Invalid`] for a value that is not an identifier of that size.
     pub fn id(&self, extended: Option<bool>) -> Result<Id, Invalid> {
         let (number, is_long) = match self {
             Self::Number(number) => (Some(*number), false),
@@ -49,7 +49,7 @@ impl Identifier {
         })
     }
 
-    /// Returns whether the identifier fits in 29 bits only.
+    /// Returns whether the identifier needs 29 bits.
     pub fn needs_29_bits(&self) -> bool {
         self.id(Some(true)).is_ok() && self.id(None).is_err()
     }

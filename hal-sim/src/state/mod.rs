@@ -1,14 +1,14 @@
-//! The state of a device, what acts on it, and conditions on both, in the words of the control interface. JSON of the
-//! control interface and scenarios in TOML are read by the same types.
+//! The state of a device, its plant, and conditions on both, in the words of the control interface. The same types read
+//! the JSON of the control interface and the TOML of scenarios.
 //!
 //! ```text
-//! device     a device's state          plant   what acts on it from outside, and changes of that
-//! condition  what can be waited for    watch   a condition that is looked at whenever it may hold
+//! device     the state of a device      plant   the plant of a device, and its changes
+//! condition  conditions to wait for     watch   a condition, checked whenever it may hold
 //! power      power and resets          bus     bit rate and disturbances
 //! possible   the values that each key of a state can have, by kind
-//! identifier CAN identifiers           pattern frames that are meant
-//! schema     what is accepted, as JSON schemas, and the reader that follows them
-//! given      readers of values that are told apart from missing ones
+//! identifier CAN identifiers            pattern patterns of frames
+//! schema     the accepted values, as JSON schemas, and their validation
+//! given      missing, null and given values
 //! ```
 
 mod bus;
@@ -34,7 +34,7 @@ pub use possible::accepted;
 pub use power::{Power, PowerChange, ResetCause};
 pub use watch::StateWatch;
 
-/// A value that cannot be: one line that says what is accepted.
+/// A value that is not accepted: one line that says what is.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct Invalid(pub String);

@@ -1,5 +1,5 @@
-//! Patterns of frames, in scenarios and in the control interface: `1A0#0F00 0020`. Bytes are exact, `?` stands for any
-//! hex digit, and `..` at the end for any bytes that follow.
+//! Patterns of frames, in scenarios and in the control interface: `1A0#0F00 0020`. Bytes are exact, `?` matches any hex
+//! digit, and `..` at the end any further bytes.
 
 use std::fmt;
 use std::str::FromStr;
@@ -8,28 +8,28 @@ use protocol_core::frame::{ExtendedId, Frame, Id, MAX_LEN, StandardId};
 
 use super::Invalid;
 
-/// The form of a frame, for the user.
+/// The accepted form of a frame.
 const ACCEPTED: &str =
     "accepted: IDENTIFIER#DATA in hex, as in \"1A0#0F00 0020\"; 3 digits up to 7FF, or 8 up to 1FFFFFFF; up to 8 bytes";
 
-/// Hex digits, some of which may be any.
+/// Hex digits with wildcards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Digits {
     value: u32,
-    /// The bits that matter.
+    /// The bits that have to match.
     mask: u32,
 }
 
-/// The form of the data alone, for the user.
+/// The accepted form of the data alone.
 const DATA_ACCEPTED: &str = "accepted: up to 8 bytes in hex, as in \"0F00 0020\"; in a wait also ? for any digit and .. at the end for any rest";
 
-/// The texts of the data of one frame, as a regular expression: bytes, or a remote frame.
+/// A regular expression for the data of a frame: bytes, or a remote frame.
 pub const DATA: &str = r"^[ \t]*((([0-9A-Fa-f][ \t]*){2}){0,8}|R[ \t]*([0-8][ \t]*)?)$";
 
-/// The texts of patterns of data, as a regular expression: bytes and any bytes after them, or a remote frame.
+/// A regular expression for patterns of data: bytes and any further bytes, or a remote frame.
 pub const DATA_PATTERN: &str = r"^[ \t]*((([0-9A-Fa-f?][ \t]*){2}){0,8}(\.[ \t]*\.[ \t]*)?|R[ \t]*([0-8][ \t]*)?)$";
 
-/// The frames that are meant.
+/// A pattern of frames.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pattern {
     is_extended: bool,
@@ -39,15 +39,15 @@ pub struct Pattern {
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Content {
-    /// Of data frames any data.
+    /// Data frames with any data.
     Any,
-    /// These bytes, and any bytes after them or none.
+    /// Data frames with these bytes, and perhaps further ones.
     Data(Vec<Digits>, More),
-    /// A remote frame with this length.
+    /// Remote frames with this length.
     Remote(u8),
 }
 
-/// Whether bytes may follow.
+/// Whether further bytes match.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum More {
     No,
@@ -55,7 +55,7 @@ enum More {
 }
 
 impl Digits {
-    /// Returns the digits of a text: hex digits and `?`, at most eight.
+    /// Returns the digits of a text: at most eight hex digits or `?`.
     fn parse(text: &str) -> Option<Self> {
         text.chars().try_fold(Self { value: 0, mask: 0 }, |Self { value, mask }, digit| match digit {
             '?' => Some(Self { value: value << 4, mask: mask << 4 }),
@@ -71,7 +71,7 @@ impl Digits {
         self.mask.count_ones() == 4 * digits
     }
 
-    /// Writes so many digits.
+    /// Writes this many digits.
     fn write(self, f: &mut fmt::Formatter<'_>, digits: u32) -> fmt::Result {
         (0..digits).rev().try_for_each(|place| {
             let shift = 4 * place;
@@ -131,10 +131,10 @@ fn parse_content(text: &str) -> Result<Content, &'static str> {
 }
 
 impl Pattern {
-    /// Returns the pattern of the frames of an identifier with the data that a text means; without a text any data.
+    /// Returns the pattern of an identifier with the data of a text; without a text, any data.
     ///
     /// # Errors
-    /// [`Invalid`] for a text that means no data.
+    /// [`Invalid`] for a text that is not data.
     pub fn of_data(id: Id, data: Option<&str>) -> Result<Self, Invalid> {
         let (is_extended, value, mask) = match id {
             Id::Standard(id) => (false, id.as_raw().into(), 0xFFF),
@@ -148,22 +148,22 @@ impl Pattern {
         Ok(Self { is_extended, id: Digits { value, mask }, content })
     }
 
-    /// Returns whether a frame is one of those that are meant.
+    /// Returns whether a frame matches.
     pub fn matches(&self, frame: &Frame) -> bool {
         self.has_id_of(frame) && self.differences(frame).is_some_and(|bytes| bytes.is_empty())
     }
 
-    /// Returns whether remote frames are meant.
+    /// Returns whether the pattern matches remote frames.
     pub const fn is_remote(&self) -> bool {
         matches!(self.content, Content::Remote(_))
     }
 
-    /// Returns whether identifiers of 29 bits are meant.
+    /// Returns whether the pattern matches 29-bit identifiers.
     pub const fn is_extended(&self) -> bool {
         self.is_extended
     }
 
-    /// Returns whether a frame has an identifier that is meant.
+    /// Returns whether the identifier of a frame matches.
     pub fn has_id_of(&self, frame: &Frame) -> bool {
         match frame.id() {
             Id::Standard(id) => !self.is_extended && self.id.fit(id.as_raw().into()),
@@ -171,8 +171,8 @@ impl Pattern {
         }
     }
 
-    /// Returns the places of the bytes in which a frame differs, missing ones and those beyond among them; `None` when
-    /// it is a remote frame instead of a data frame, or the other way round, or asks for another length.
+    /// Returns the indices of the bytes that do not match, missing and surplus ones included; `None` for a data frame
+    /// instead of a remote one, the reverse, or another requested length.
     pub fn differences(&self, frame: &Frame) -> Option<Vec<usize>> {
         match (&self.content, frame.is_remote()) {
             (Content::Any, false) => Some(Vec::new()),
@@ -190,7 +190,7 @@ impl Pattern {
         }
     }
 
-    /// Returns in words that a frame which is not meant differs in its length alone; `None` when it differs otherwise.
+    /// Returns the difference in words if only the length does not match; otherwise `None`.
     pub fn difference_in_length(&self, frame: &Frame) -> Option<String> {
         let (wanted, is_least) = match &self.content {
             Content::Data(bytes, more) if !frame.is_remote() => (bytes.len(), *more == More::Any),
@@ -214,7 +214,7 @@ impl Pattern {
         })
     }
 
-    /// Returns the identifier, when just one is meant.
+    /// Returns the identifier if the pattern has no wildcard in it.
     pub fn identifier(&self) -> Option<Id> {
         let digits = if self.is_extended { 8 } else { 3 };
         if !self.id.are_exact(digits) {
@@ -227,7 +227,7 @@ impl Pattern {
         }
     }
 
-    /// Returns the frame, when just one is meant.
+    /// Returns the frame if the pattern has no wildcard.
     pub fn frame(&self) -> Option<Frame> {
         let id = self.identifier()?;
         match &self.content {
@@ -241,7 +241,7 @@ impl Pattern {
     }
 }
 
-/// As the manuals print a frame: `1A0: 0F 00 ?? ..`.
+/// Writes the frame as the manuals do: `1A0: 0F 00 ?? ..`.
 impl fmt::Display for Pattern {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.id.write(f, if self.is_extended { 8 } else { 3 })?;
@@ -321,7 +321,7 @@ mod tests {
     }
 
     proptest! {
-        /// Any text is read or refused, and a frame as it is printed is read as itself.
+        /// Any text is parsed or refused, and a printed frame is parsed as itself.
         #[test]
         fn nothing_panics(text in "[0-9A-Fa-f?#:.R é]{0,24}", id in 0_u16..0x800, data in prop::collection::vec(0_u8.., 0..=8)) {
             if let Ok(read) = text.parse::<Pattern>() {

@@ -1,4 +1,4 @@
-//! What acts on a device from outside, as JSON: its state, and changes of it.
+//! The plant of a device, for JSON: its state and its changes.
 
 use protocol_core::actuator::SpoolFault;
 use serde::{Deserialize, Serialize};
@@ -7,17 +7,17 @@ use utoipa::ToSchema;
 use super::given::{given, object, present};
 use crate::world::{NodeId, Plant, PlantError, World};
 
-/// What acts on a device from outside.
+/// The plant of a device.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(untagged)]
 pub enum PlantState {
-    /// That of a valve.
+    /// The plant of a valve.
     Valve(ValvePlant),
-    /// That of an angle sensor.
+    /// The plant of an angle sensor.
     Encoder(EncoderPlant),
 }
 
-/// What acts on a valve.
+/// The plant of a valve.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
 pub struct ValvePlant {
     /// The supply, in millivolt.
@@ -26,23 +26,23 @@ pub struct ValvePlant {
     pub temperature_c: i16,
     /// The spool.
     pub spool: Spool,
-    /// The position that the spool is pushed to by hand; null: it is let go.
+    /// The position that the lever pushes the spool to; null when released.
     #[schema(required)]
     pub lever: Option<i16>,
     /// An internal fault.
     pub internal_fault: bool,
     /// The non-volatile memory.
     pub memory: Memory,
-    /// The CAN controller is kept bus-off.
+    /// The CAN controller is forced bus-off.
     pub bus_off: bool,
 }
 
-/// What acts on an angle sensor.
+/// The plant of an angle sensor.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
 pub struct EncoderPlant {
     /// The angle of the shaft, 0…35999 1/100 degree.
     pub angle_cdeg: u32,
-    /// The speed of the shaft in turns a minute, positive clockwise.
+    /// The speed of the shaft in turns per minute, positive clockwise.
     pub speed_rpm: i32,
     /// A measuring error.
     pub measuring_error: bool,
@@ -50,7 +50,7 @@ pub struct EncoderPlant {
     pub internal_fault: bool,
     /// The non-volatile memory.
     pub memory: Memory,
-    /// The CAN controller is kept bus-off.
+    /// The CAN controller is forced bus-off.
     pub bus_off: bool,
 }
 
@@ -58,13 +58,13 @@ pub struct EncoderPlant {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Spool {
-    /// The fault of the spool; null or "ok": none.
+    /// The fault of the spool; null or "ok" for a healthy one.
     #[schema(required)]
     #[serde(deserialize_with = "Option::deserialize")]
     pub fault: Option<SpoolFaultName>,
 }
 
-/// A change of the spool: a word alone, or in an object as the state has it.
+/// A change of the spool: a word alone, or an object as in the state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, ToSchema)]
 #[serde(untagged)]
 pub enum SpoolChange {
@@ -75,17 +75,17 @@ pub enum SpoolChange {
     Object(Spool),
 }
 
-/// What can be wrong with a spool.
+/// A fault of the spool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum SpoolFaultName {
-    /// Nothing. A state has null instead.
+    /// Healthy. The state has null instead.
     Ok,
-    /// Stays where it is.
+    /// Does not move.
     Stuck,
     /// Moves slowly.
     Slow,
-    /// Does not stay where it is put.
+    /// Leaves its position.
     Drifting,
     /// Does not reach float.
     NoFloat,
@@ -99,11 +99,11 @@ pub enum Memory {
     Ok,
     /// Every write fails.
     WriteFails,
-    /// The next start cannot read it.
+    /// The next start cannot read the memory.
     Damaged,
 }
 
-/// A change of what acts on a device: any subset of its fields.
+/// A change of the plant: any subset of its fields.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PlantChange {
@@ -116,14 +116,15 @@ pub struct PlantChange {
     /// Valves: the spool.
     #[serde(default, deserialize_with = "given")]
     pub spool: Option<SpoolChange>,
-    /// Valves: the position that the spool is pushed to by hand, −16384…16384; null: it is let go.
+    /// Valves: the position that the lever pushes the spool to, −16384…16384; null releases it.
     #[serde(default, deserialize_with = "present")]
     #[schema(value_type = Option<i16>)]
     pub lever: Option<Option<i16>>,
     /// Angle sensors: the angle of the shaft, 0…35999 1/100 degree.
     #[serde(default, deserialize_with = "given")]
     pub angle_cdeg: Option<u32>,
-    /// Angle sensors: the speed of the shaft in turns a minute, positive clockwise; 0 for a shaft that follows a valve.
+    /// Angle sensors: the speed of the shaft in turns per minute, positive clockwise; 0 for a shaft that follows a
+    /// valve.
     #[serde(default, deserialize_with = "given")]
     pub speed_rpm: Option<i32>,
     /// Angle sensors: a measuring error.
@@ -135,13 +136,13 @@ pub struct PlantChange {
     /// The non-volatile memory.
     #[serde(default, deserialize_with = "given")]
     pub memory: Option<Memory>,
-    /// Keeps the CAN controller bus-off.
+    /// Forces the CAN controller bus-off.
     #[serde(default, deserialize_with = "given")]
     pub bus_off: Option<bool>,
 }
 
 impl PlantState {
-    /// Returns what acts on a device now.
+    /// Returns the present plant of a device.
     pub fn of(node: NodeId, world: &World) -> Self {
         let senses = world.senses(node);
         let (internal_fault, bus_off) = (senses.internal_fault, world.is_bus_off_forced(node));
@@ -172,7 +173,7 @@ impl PlantState {
         })
     }
 
-    /// Returns the same without the angle, which moves by itself.
+    /// Returns the plant without the angle, which changes by itself.
     pub fn at_rest(&self) -> Self {
         match self {
             Self::Encoder(plant) => Self::Encoder(EncoderPlant { angle_cdeg: 0, ..plant.clone() }),
@@ -182,10 +183,10 @@ impl PlantState {
 }
 
 impl PlantChange {
-    /// Makes the change, all of it or nothing.
+    /// Makes the change, completely or not at all.
     ///
     /// # Errors
-    /// [`PlantError`] for the first thing that cannot be; nothing has changed then.
+    /// [`PlantError`] for the first refused change; nothing has changed.
     pub fn make(self, node: NodeId, world: &mut World) -> Result<(), PlantError> {
         world.set_plants(node, &self.plants())?;
         if let Some(memory) = self.memory {
@@ -196,7 +197,7 @@ impl PlantChange {
         Ok(())
     }
 
-    /// Returns the changes one by one, without that of the memory.
+    /// Returns the single changes, except for that of the memory.
     pub fn plants(&self) -> Vec<Plant> {
         let Self { supply_mv, temperature_c, spool, lever, angle_cdeg, speed_rpm, measuring_error, .. } = *self;
         let plants = [
@@ -245,7 +246,7 @@ impl SpoolChange {
     }
 }
 
-/// The spool faults by their names; a healthy one has no name in a state.
+/// The spool faults by name; a healthy spool has no name in a state.
 const FAULTS: [(SpoolFaultName, SpoolFault); 4] = [
     (SpoolFaultName::Stuck, SpoolFault::Stuck),
     (SpoolFaultName::Slow, SpoolFault::Slow),

@@ -1,5 +1,5 @@
-//! Values that each key of a device's state can have, by kind, with power and without (SPEC 1, 2, 4.3, 5, 9). A
-//! condition outside of them never holds.
+//! The possible values of each key of a device's state, by kind, with and without power (SPEC 1, 2, 4.3, 5, 9). A
+//! condition on other values never holds.
 
 use std::ops::RangeInclusive;
 
@@ -15,10 +15,10 @@ use crate::Kind;
 /// The full stroke of a spool, in both directions (SPEC 2).
 const STROKE: RangeInclusive<i64> = -16384..=16384;
 
-/// The least and the greatest 0x6004 of an angle sensor (SPEC 9).
+/// The range of 0x6004 of an angle sensor (SPEC 9).
 const TURN: RangeInclusive<i64> = 0..=POSITION_MAX as i64;
 
-/// Every state of the LED with power (SPEC 2).
+/// All states of the LED with power (SPEC 2).
 const LEDS: [Led; 5] = [
     Led { color: Color::Green, flashing: false },
     Led { color: Color::Green, flashing: true },
@@ -36,22 +36,22 @@ const DSM: [DeviceStateMachine; 5] = [
     DeviceStateMachine::FaultHold,
 ];
 
-/// The states of an auxiliary valve that AVEF tells (SPEC 5).
+/// The states of an auxiliary valve in AVEF (SPEC 5).
 const COMMANDS: [Command; 6] =
     [Command::Blocked, Command::Extend, Command::Retract, Command::Float, Command::Hand, Command::EmergencyStop];
 
-/// Values of a key.
+/// The possible values of a key.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Values {
     /// Whole numbers.
     Numbers(RangeInclusive<i64>),
-    /// A value that is no number: a word, a truth value, null, an LED.
+    /// A value other than a number: a word, a Boolean, null, an LED.
     One(Json),
-    /// Any set of these names.
+    /// Any subset of these names.
     Sets(Vec<&'static str>),
 }
 
-/// Part of some values that fulfil a condition.
+/// How many of the possible values fulfil a condition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Share {
     None,
@@ -59,16 +59,16 @@ enum Share {
     All,
 }
 
-/// Keys of a state with the values that each can have, in the order of [`DeviceState`](super::DeviceState).
+/// The keys of a state with their possible values, in the order of [`DeviceState`](super::DeviceState).
 type Table = [(&'static str, Vec<Values>); 14];
 
-/// Returns the values that each key of a device of this kind and name can have, with power or without.
+/// Returns the possible values of each key, for a device of this kind and name, with or without power.
 pub(crate) fn table(kind: Kind, name: &str, powered: bool) -> Table {
     let is_valve = matches!(kind, Kind::Pve(_));
     let is_canopen = kind.protocol() == Protocol::Canopen;
     let (first, last) = kind.node_ids().into_inner();
     let faults = if powered { kind.fault_names().iter().copied().collect() } else { Vec::new() };
-    // Null, unless the device has both: power, and something to show.
+    // Null, unless the device is powered and has the key.
     let shown = |has: bool, values: Vec<Values>| if has && powered { values } else { null() };
     [
         ("t_us", vec![Values::Numbers(0..=i64::MAX)]),
@@ -111,11 +111,11 @@ fn bit_rates(kind: Kind) -> Vec<Values> {
     rates.into_iter().map(|rate| Values::Numbers(rate..=rate)).collect()
 }
 
-/// Refuses keys with values of which a device of this kind and name never has one, or not all at once. `none` is the
-/// word for null.
+/// Refuses keys whose values a device of this kind and name never has, or never has together. `none` is the word for
+/// null.
 ///
 /// # Errors
-/// A line with the key, its value, and the values that it can have.
+/// A line with the key, its value, and its possible values.
 pub(super) fn check(wanted: &[(String, Json)], kind: Kind, name: &str, none: &str) -> Result<(), String> {
     let [on, off] = [true, false].map(|powered| table(kind, name, powered));
     let (mut needs_on, mut needs_off) = (None, None);
@@ -152,7 +152,7 @@ pub(super) fn is_always_so(wanted: &[(String, Json)], kind: Kind, name: &str) ->
     wanted.iter().all(|(key, value)| tables.iter().all(|table| share(table, key, value) == Share::All))
 }
 
-/// Returns the values of a key in words, for a device of this kind and name. `none` is the word for null.
+/// Returns the possible values of a key in words, for a device of this kind and name. `none` is the word for null.
 pub fn accepted(key: &str, kind: Kind, name: &str, none: &str) -> String {
     let mut accepted: Vec<Values> = Vec::new();
     for powered in [true, false] {
@@ -199,7 +199,7 @@ impl Values {
         }
     }
 
-    /// Returns whether all of some other values are among these.
+    /// Returns whether these values include all of some others.
     fn include(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Numbers(range), Self::Numbers(other)) => {
@@ -220,7 +220,7 @@ impl Values {
     }
 }
 
-/// Returns the numbers that a value stands for: itself, or those between limits; `None`: it is no number.
+/// Returns the range of a number or of limits; `None` for other values.
 fn bounds(value: &Json) -> Option<RangeInclusive<i64>> {
     if let Some(fields) = value.as_object() {
         let limit = |key, open| fields.get(key).map_or(Some(open), Json::as_i64);
@@ -232,7 +232,7 @@ fn bounds(value: &Json) -> Option<RangeInclusive<i64>> {
     value.as_i64().map(|number| number..=number)
 }
 
-/// Returns whether a value is the wanted one; of an object, whether it has all that is wanted.
+/// Returns whether a value equals the wanted one, or for an object, contains it.
 fn is_part(wanted: &Json, value: &Json) -> bool {
     match (wanted, value) {
         (Json::Object(wanted), Json::Object(fields)) => {

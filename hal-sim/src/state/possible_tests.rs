@@ -111,7 +111,7 @@ impl Rig {
         self.pass(400);
     }
 
-    /// Fails unless everything in the table was shown by one of the benches: words, faults, and how far a position goes.
+    /// Fails unless everything in the table was shown by one of the rigs: words, faults, and how far a position goes.
     fn assert_all_seen(benches: &[Self]) {
         let kind = benches[0].kind;
         for powered in [true, false] {

@@ -8,39 +8,39 @@ use super::Invalid;
 use super::given::given;
 use crate::world::{NodeId, World};
 
-/// What a device is switched to.
+/// A change of a device's power.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Power {
-    /// Off: at this instant.
+    /// Cuts the power at this instant.
     Off,
-    /// On: it boots; one that is on stays so.
+    /// Switches the power on; the device boots, unless it is on.
     On,
-    /// The watchdog resets its processor.
+    /// Resets the processor as its watchdog does.
     Watchdog,
 }
 
-/// What a device is switched to: one of the two.
+/// A change of a device's power: exactly one of the two members.
 #[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PowerChange {
-    /// Whether it has power from now on; one that gets it boots.
+    /// The power from now on; a device that gets it boots.
     #[serde(default, deserialize_with = "given")]
     pub on: Option<bool>,
-    /// A reset of its processor.
+    /// A reset of the processor.
     #[serde(default, deserialize_with = "given")]
     pub reset: Option<ResetCause>,
 }
 
-/// A reset of a device's processor.
+/// The cause of a reset of a device's processor.
 #[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ResetCause {
-    /// By its watchdog.
+    /// The watchdog.
     Watchdog,
 }
 
 impl PowerChange {
-    /// Returns what the device is switched to.
+    /// Returns the change.
     pub fn power(self) -> Result<Power, Invalid> {
         match (self.on, self.reset) {
             (Some(false), None) => Ok(Power::Off),
@@ -52,7 +52,7 @@ impl PowerChange {
 }
 
 impl Power {
-    /// Switches a device, now; the error is why a device without power is not reset.
+    /// Switches a device now. The error: why a device without power cannot be reset.
     pub fn switch(self, node: NodeId, world: &mut World) -> Result<(), &'static str> {
         match self {
             Self::Off => world.power(node, false),

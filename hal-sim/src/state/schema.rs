@@ -1,5 +1,5 @@
-//! The JSON schemas of the values that are read, and the reader that follows them: what the descriptions of the
-//! interfaces say is accepted is accepted, and nothing else.
+//! The JSON schemas of all input, and the validation by them: the descriptions of the interfaces and the accepted input
+//! agree.
 
 use std::any::TypeId;
 use std::collections::BTreeMap;
@@ -14,7 +14,7 @@ use utoipa::openapi::{RefOr, schema};
 use super::Invalid;
 use crate::Kind;
 
-/// The members that may be null, by their schemas. Every other member that is left out may not be null instead.
+/// The nullable members, by schema. All other optional members may be missing but not null.
 const NULLABLE: &[(&str, &[&str])] = &[
     ("StateCondition", &["node_id", "bit_rate", "nmt", "dsm", "command", "set_point", "position", "solenoids", "led"]),
     ("PlantChange", &["lever"]),
@@ -25,7 +25,7 @@ const NULLABLE: &[(&str, &[&str])] = &[
 #[derive(Clone, Debug)]
 pub struct Schemas(Map<String, Value>);
 
-/// The way to a member of a value.
+/// A step of the path to a member.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Place {
     /// A member of an object.
@@ -37,14 +37,14 @@ pub enum Place {
 /// A value that a schema does not accept.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mismatch {
-    /// The way to the member that is not accepted.
+    /// The path to the refused member.
     pub path: Vec<Place>,
-    /// The reason, with the name of the member and what is accepted there.
+    /// The reason, with the name of the member and its accepted values.
     pub reason: String,
 }
 
 impl Schemas {
-    /// Returns the schema of a type that is read, with all that it refers to. It is made once.
+    /// Returns the schema of an input type with all referenced schemas. It is built once.
     pub fn of<T: ToSchema + 'static>() -> &'static Self {
         static MADE: Mutex<BTreeMap<TypeId, &'static Schemas>> = Mutex::new(BTreeMap::new());
         MADE.lock().unwrap_or_else(PoisonError::into_inner).entry(TypeId::of::<T>()).or_insert_with(|| {
@@ -54,8 +54,8 @@ impl Schemas {
         })
     }
 
-    /// Returns schemas of types that are read: a member that may be left out is an `Option`, which is null only where
-    /// [`NULLABLE`] says so.
+    /// Returns the schemas of input types. An optional member is an `Option` in Rust, but nullable only where
+    /// [`NULLABLE`] lists it.
     fn requests(named: impl IntoIterator<Item = (String, RefOr<schema::Schema>)>) -> Self {
         let schemas = named.into_iter().map(|(name, schema)| {
             let mut schema = serde_json::to_value(schema).unwrap_or_default();
@@ -72,7 +72,7 @@ impl Schemas {
         &self.0
     }
 
-    /// Returns the value of a text that stands for the member of a schema: a number or a switch where one is accepted.
+    /// Returns the value of a text for the member of a schema: a number or a Boolean where the schema accepts one.
     pub fn value_of(&self, name: &str, key: &str, text: &str) -> Value {
         let kind = self.0.get(name).and_then(|schema| schema["properties"][key]["type"].as_str());
         let is_number = !text.is_empty() && text.bytes().all(|digit| digit.is_ascii_digit());
@@ -84,10 +84,10 @@ impl Schemas {
         }
     }
 
-    /// Checks a value against the schema of that name. `null` is the word for null in the reason.
+    /// Checks a value against the named schema. `null` is the word for null in the reason.
     ///
     /// # Errors
-    /// The first member that is not accepted.
+    /// The first refused member.
     pub fn check(&self, name: &str, value: &Value, null: &str) -> Result<(), Mismatch> {
         let Some(schema) = self.0.get(name) else { return Ok(()) };
         match (Checker { schemas: self, null }.mismatch(schema, value, &mut Vec::new())) {
@@ -103,7 +103,7 @@ impl From<Mismatch> for Invalid {
     }
 }
 
-/// Takes null out of what the members of a schema accept, unless it is accepted.
+/// Removes null from the members of a schema that are not nullable.
 fn without_null(name: &str, schema: &mut Value) {
     let nullable = NULLABLE.iter().find(|(known, _)| *known == name).map_or(&[][..], |(_, keys)| keys);
     let Some(members) = schema.get_mut("properties").and_then(Value::as_object_mut) else { return };
@@ -122,7 +122,7 @@ fn without_null(name: &str, schema: &mut Value) {
     }
 }
 
-/// Takes the formats of integers out of a schema, of which none is that of a number without a sign: limits say more.
+/// Removes the formats of integers from a schema: its limits are exact.
 pub fn without_formats(schema: &mut Value) {
     match schema {
         Value::Object(members) => {
@@ -136,11 +136,11 @@ pub fn without_formats(schema: &mut Value) {
     }
 }
 
-/// Adds what no attribute of a field can say: the dependencies between members, and what tables of the core hold.
+/// Adds the constraints that attributes cannot express: dependencies between members, and the tables of the core.
 fn restrict(name: &str, schema: &mut Value) {
     let members = schema.get("properties").and_then(Value::as_object);
     if members.is_some_and(|members| members.contains_key("id") && members.contains_key("extended")) {
-        // Eleven bits; 29 bits, because `extended` says so; and 29 bits, because the text has eight digits.
+        // Eleven bits; 29 bits by `extended`; and 29 bits by a text of eight digits.
         schema["anyOf"] = json!([
             {
                 "properties": {
@@ -193,19 +193,19 @@ fn restrict(name: &str, schema: &mut Value) {
     }
 }
 
-/// The texts of identifiers of 11 bits.
+/// A regular expression for 11-bit identifiers.
 const STANDARD: &str = "^(0[xX])?0{0,4}[0-7]?[0-9A-Fa-f]{1,2}$";
 
-/// The texts of identifiers that have 29 bits by themselves.
+/// A regular expression for texts with 29 bits by their length.
 const EIGHT_DIGITS: &str = "^(0[xX])?[01][0-9A-Fa-f]{7}$";
 
-/// The texts of all identifiers.
+/// A regular expression for all identifiers.
 pub const IDENTIFIER: &str = "^(0[xX])?([01][0-9A-Fa-f]{7}|[0-9A-Fa-f]{1,7})$";
 
-/// The words for what a step of a scenario expects.
+/// The accepted forms of a step's expectation.
 const EXPECTED: &str = "a frame as in \"1A0#0F00 0020\", a list of frames, or a state as in { dsm = \"active\" }";
 
-/// The walk through a value and its schema at once.
+/// The validation of a value, with its schema.
 struct Checker<'a> {
     schemas: &'a Schemas,
     null: &'a str,
@@ -220,14 +220,14 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// Returns whether a schema accepts an object, itself or by one of its choices.
+    /// Returns whether a schema, or one of its choices, accepts an object.
     fn has_members(&self, schema: &'a Value) -> bool {
         let schema = self.resolved(schema);
         schema["properties"].is_object()
             || choices(schema).is_some_and(|choices| choices.iter().any(|choice| self.has_members(choice)))
     }
 
-    /// Returns the first member that is not accepted.
+    /// Returns the first refused member.
     fn mismatch(&self, schema: &'a Value, value: &Value, path: &mut Vec<Place>) -> Option<Mismatch> {
         let schema = self.resolved(schema);
         if let Some(choices) = choices(schema) {
@@ -235,7 +235,7 @@ impl<'a> Checker<'a> {
             if !choices.iter().all(|choice| fails(&choice)) {
                 return None;
             }
-            // An object is told what is wrong inside it.
+            // The error of an object is inside it.
             let same = choices.iter().find(|choice| value.is_object() && self.has_members(choice));
             return match (same, choices.as_slice()) {
                 (Some(only), _) | (None, [only]) => self.mismatch(only, value, path),
@@ -307,7 +307,7 @@ impl<'a> Checker<'a> {
         Mismatch { path: path.to_vec(), reason }
     }
 
-    /// Returns the words that a schema accepts, itself or by its choices.
+    /// Returns the words that a schema, or one of its choices, accepts.
     fn words(&self, schema: &'a Value) -> Vec<&'a str> {
         let schema = self.resolved(schema);
         match choices(schema) {
@@ -316,7 +316,7 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// Returns what a schema accepts, in words.
+    /// Returns the accepted values in words.
     fn accepted(&self, schema: &'a Value) -> String {
         let schema = self.resolved(schema);
         if self.is_expected(schema) {
@@ -337,7 +337,7 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// Returns the choices of a schema that have none themselves.
+    /// Returns the innermost choices of a schema.
     fn leaves(&self, schema: &'a Value) -> Vec<&'a Value> {
         let schema = self.resolved(schema);
         match choices(schema).filter(|_| !self.is_expected(schema)) {
@@ -346,7 +346,7 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// Returns whether a schema is that of what a step of a scenario expects.
+    /// Returns whether a schema is that of a step's expectation.
     fn is_expected(&self, schema: &Value) -> bool {
         self.schemas.0.get("Expected").is_some_and(|expected| std::ptr::eq(expected, schema))
     }
@@ -377,7 +377,7 @@ impl<'a> Checker<'a> {
     }
 }
 
-/// Returns the schemas of which a value has to fit one, where there are such and no members beside them.
+/// Returns the choices of a schema, if it has choices and no members.
 fn choices(schema: &Value) -> Option<&Vec<Value>> {
     let has_members = schema["properties"].is_object();
     ["oneOf", "anyOf"].iter().find_map(|several| schema[several].as_array()).filter(|_| !has_members)
@@ -403,9 +403,9 @@ fn is_within(schema: &Value, value: &Value) -> bool {
         && whole(&schema["maximum"]).is_none_or(|max| number <= max)
 }
 
-/// Returns a value whose whole numbers are written without a fraction: to JSON, 8.0 and 8 are one number.
+/// Returns a value with whole numbers as integers: in JSON, 8.0 and 8 are the same number.
 pub fn with_whole_numbers(value: Value) -> Value {
-    /// All whole numbers up to here are numbers of this type.
+    /// All whole numbers up to this limit have an exact representation.
     const EXACT: f64 = (1_u64 << 53) as f64;
     match value {
         Value::Number(number) => match number.as_f64().filter(|_| number.is_f64()) {
@@ -418,7 +418,7 @@ pub fn with_whole_numbers(value: Value) -> Value {
     }
 }
 
-/// Returns the name of a member: `steps[2].plant.supply_mv`.
+/// Returns the path of a member: `steps[2].plant.supply_mv`.
 fn named(path: &[Place]) -> String {
     path.iter().fold(String::new(), |name, place| match place {
         Place::Key(key) if name.is_empty() => key.clone(),
@@ -431,14 +431,14 @@ fn prefix(place: &str) -> String {
     if place.is_empty() { String::new() } else { format!("{place}: ") }
 }
 
-/// Returns the known word that was perhaps meant by another one, as a question.
+/// Returns a question about the most similar known word, if one is similar.
 fn meant(word: &str, known: &[&str]) -> String {
     let near = known.iter().map(|known| (strsim::jaro_winkler(word, known), known));
     let near = near.filter(|(likeness, _)| *likeness > 0.75).max_by(|one, other| one.0.total_cmp(&other.0));
     near.map_or_else(String::new, |(_, near)| format!("; did you mean '{near}'?"))
 }
 
-/// Returns choices as a list of words.
+/// Returns choices as a list in words.
 fn list(choices: Vec<String>) -> String {
     match choices.as_slice() {
         [] => String::new(),

@@ -1,4 +1,4 @@
-//! A condition on a device's state, looked at at every instant at which it may begin to hold.
+//! A condition on a device's state, checked at every instant at which it can begin to hold.
 
 use protocol_core::time::{Duration, Instant, NEVER, after};
 
@@ -6,27 +6,26 @@ use super::{DeviceState, StateCondition};
 use crate::Kind;
 use crate::world::{NodeId, World};
 
-/// How far ahead a position is sought at once: that of a shaft that follows a valve is, step by step.
+/// The look-ahead for positions; a linked shaft is searched step by step.
 const FORESIGHT: Duration = Duration::from_secs(1);
 
-/// A condition on the state of a device. It is looked at after everything that happens in the world, and when it is
-/// due.
+/// A condition on the state of a device, to be checked after every event of the world and when it is due.
 #[derive(Clone, Debug)]
 pub struct StateWatch {
     node: NodeId,
     kind: Kind,
     condition: Box<StateCondition>,
-    /// From when on the condition can hold although nothing happens, as the position is then a wanted one.
+    /// The instant from which the position can be a wanted one without an event.
     moves_there: Instant,
 }
 
 impl StateWatch {
-    /// Watches a device of this kind.
+    /// Begins to watch a device of this kind.
     pub const fn new((node, kind): (NodeId, Kind), condition: Box<StateCondition>) -> Self {
         Self { node, kind, condition, moves_there: NEVER }
     }
 
-    /// Returns the state of the device now, and whether the condition holds.
+    /// Returns the present state of the device, and whether the condition holds.
     pub fn look(&mut self, world: &mut World) -> (DeviceState, bool) {
         let state = DeviceState::of(self.node, self.kind, world);
         let holds = self.condition.holds(&state);
@@ -35,7 +34,7 @@ impl StateWatch {
         (state, holds)
     }
 
-    /// Returns when the condition can next hold although nothing happens; `until` when not before.
+    /// Returns the next instant at which the condition can hold without an event; `until` if none is earlier.
     pub fn due(&self, until: Instant, world: &World) -> Instant {
         let asked = self.condition.t_us.map_or(NEVER, Instant::from_micros);
         let limit = if asked > world.now() { asked.min(until) } else { until };
