@@ -1,5 +1,5 @@
-//! Block transfers of SDO under way (CiA 301 7.2.4.3.9 to 7.2.4.3.16): a segment has a sequence number in the place of
-//! the command, and only the frames before it tell that.
+//! SDO block transfers in progress (CiA 301 7.2.4.3.9 to 7.2.4.3.16): a segment has a sequence number instead of a
+//! command, so that only the earlier frames identify it.
 
 use std::collections::BTreeMap;
 
@@ -15,21 +15,21 @@ pub(super) enum Party {
     Server,
 }
 
-/// The block transfers of a bus. Client and server are a pair by their COB-IDs, 0x600 and 0x580 + node ID: at most one
-/// transfer for each of the 127 node IDs.
+/// The block transfers of a bus. A client and its server share COB-IDs 0x600 and 0x580 + node ID: at most one transfer
+/// per node ID.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Blocks(BTreeMap<u8, Transfer>);
 
 /// A block transfer.
 #[derive(Clone, Copy, Debug)]
 struct Transfer {
-    /// The party that sends the segments.
+    /// The sender of the segments.
     sender: Party,
-    /// Segments in a block, as the receiver asked for.
+    /// The number of segments in a block, as requested by the receiver.
     size: u8,
     /// The number of the next segment; `None` between blocks.
     next: Option<u8>,
-    /// The number of the last segment of the transfer, once it was sent.
+    /// The number of the last segment of the transfer, after its transmission.
     last: Option<u8>,
 }
 
@@ -42,7 +42,7 @@ impl Transfer {
         self.sender == from && self.next == Some(command & !LAST)
     }
 
-    /// Counts the segment that this command begins.
+    /// Counts the segment with this command byte.
     fn count(&mut self, command: u8) {
         let number = command & !LAST;
         let is_last = command & LAST != 0;
@@ -51,11 +51,11 @@ impl Transfer {
     }
 }
 
-/// The bit of the last segment; the others are its number.
+/// The bit of the last segment; the other bits are its number.
 const LAST: u8 = 1 << 7;
 
 impl Blocks {
-    /// Returns what a segment of the transfer of this node ID says; `None` if the frame is not one.
+    /// Returns the explanation of a segment in the transfer of this node ID; `None` for other frames.
     pub(super) fn segment(&self, node: u8, from: Party, bytes: &[u8; 8]) -> Option<String> {
         let [command, data @ ..] = bytes;
         self.0.get(&node).filter(|transfer| transfer.is_segment(from, *command))?;
@@ -67,7 +67,7 @@ impl Blocks {
         Some(format!("SDO block {direction}, {last} {}: {}", command & !LAST, text_or_hex(data)))
     }
 
-    /// Takes notice of a frame on the bus.
+    /// Updates the transfers by a frame on the bus.
     pub(super) fn observe(&mut self, frame: &Frame) {
         let (Id::Standard(id), Some(&bytes)) = (frame.id(), frame.eight()) else { return };
         let (from, node) = match classify(id) {

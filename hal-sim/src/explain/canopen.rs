@@ -1,5 +1,5 @@
-//! CANopen by the predefined connection set (CiA 301 7.3.3): NMT, SYNC, EMCY, TIME, the first PDOs, heartbeat; SDO and
-//! LSS by their own files.
+//! CANopen by the predefined connection set (CiA 301 7.3.3): NMT, SYNC, EMCY, TIME, the first PDOs, heartbeat. SDO and
+//! LSS have files of their own.
 
 use protocol_core::device::hat;
 use protocol_core::device::pve::FAULT_CODES;
@@ -31,7 +31,7 @@ pub(super) fn explain(id: StandardId, frame: &Frame, context: &Context<'_>) -> O
             None => text,
         }),
         0x7E5 => Some(format!("master: {}", lss::request(frame.eight()?))),
-        // PDOs 2 to 4, which the stand-ins do not have
+        // PDOs 2 to 4, which the stand-ins lack
         0x281..=0x2FF | 0x381..=0x3FF | 0x481..=0x4FF => {
             Some(format!("{}: TPDO {}: {}", context.sender(node), id >> 8, hex(data)))
         }
@@ -92,7 +92,7 @@ fn heartbeat(data: &[u8]) -> Option<String> {
     Some(format!("NMT state {state}"))
 }
 
-/// Explains SYNC, with its counter where 0x1019 is set (CiA 301 7.2.5).
+/// Explains SYNC, with its counter if 0x1019 is set (CiA 301 7.2.5).
 fn sync(data: &[u8]) -> Option<String> {
     match data {
         [] => Some("SYNC".to_owned()),
@@ -131,7 +131,7 @@ fn emergency(frame: &Frame, kind: Option<Kind>) -> Option<String> {
         );
         return Some(format!("EMCY: {what}, register 0x{register:02X}"));
     }
-    // What follows the register is the manufacturer's own.
+    // The manufacturer defines the bytes after the register.
     if kind.is_none() {
         let what = named(error_class(code), code);
         return Some(format!("EMCY: {what}, register 0x{register:02X}, {}", hex(&manufacturer)));
@@ -184,7 +184,7 @@ fn rpdo(data: &[u8]) -> String {
     format!("RPDO control word 0x{word:04X} ({}), set-point {}", command(word), stroke(i16::from_le_bytes([c, d])))
 }
 
-/// Explains a TPDO by the default mapping: of a valve status word and position, of an angle sensor the position.
+/// Explains a TPDO by the default mapping: status word and position of a valve, position of an angle sensor.
 fn tpdo(data: &[u8], kind: Option<Kind>) -> String {
     let &[a, b, c, d] = data else { return format!("TPDO {}", hex(data)) };
     if let Some(Kind::Hat(_)) = kind {

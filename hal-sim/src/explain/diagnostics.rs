@@ -19,7 +19,7 @@ pub const fn fault(fault: Fault) -> &'static str {
     }
 }
 
-/// Returns what a DM1 or DM2 tells in a single frame; `none` when there is no fault in it.
+/// Returns the content of a single-frame DM1 or DM2; `none` for one without a fault.
 pub(super) fn troubles(data: &[u8], none: &str) -> Option<String> {
     let (lamp, troubles) = dm::parse(data)?;
     let troubles: Vec<String> = troubles.map(|(dtc, count)| format!("{}, count {count}", trouble(dtc))).collect();

@@ -1,4 +1,4 @@
-//! What is remarkable about a frame beside its meaning: for colours, and for what a trace may leave out.
+//! The highlight of a frame: for colours, and for the frames that a trace may leave out.
 
 use protocol_core::frame::{Frame, Id};
 use protocol_core::wire::cob_id::{Function, LSS_ANSWER, LSS_REQUEST, NMT, classify};
@@ -9,16 +9,16 @@ use protocol_core::wire::uds::parse_id;
 
 use super::{Context, uds};
 
-/// What is remarkable about a frame.
+/// The highlight of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mark {
-    /// Nothing.
+    /// No highlight.
     Plain,
-    /// It tells of a fault: an EMCY with an error, a DM1 with a trouble code.
+    /// A fault: an EMCY with an error, a DM1 with a trouble code.
     Fault,
-    /// A client sent it under an identifier of a device.
+    /// An identifier of a device, sent by a client.
     Impersonation,
-    /// Nobody knows what it means.
+    /// An unknown meaning.
     Unknown,
 }
 
@@ -32,9 +32,9 @@ pub(super) fn mark(frame: &Frame, context: &Context<'_>) -> Mark {
     }
 }
 
-/// Returns the node ID, or the address, that a frame names as its source.
+/// Returns the node ID or address that a frame names as its source.
 fn source(frame: &Frame) -> Option<u8> {
-    // Whoever asks by a remote frame uses the identifier of the answer.
+    // A remote frame has the identifier of the requested answer.
     if frame.is_remote() {
         return None;
     }
@@ -59,8 +59,7 @@ fn tells_fault(frame: &Frame) -> bool {
     }
 }
 
-/// Returns whether a frame is of a kind that is sent in a cycle, and not a request, an answer or a change that counts
-/// each time.
+/// Returns whether a frame is cyclic by its nature, and not a request, an answer, or a change of which each one counts.
 #[must_use]
 pub fn is_cyclic(frame: &Frame) -> bool {
     match frame.id() {

@@ -1,5 +1,5 @@
-//! J1939 messages on ISOBUS (SPEC 5): address claim, requests, acknowledgement, transport, and by their own files what
-//! is in words of the valve: AVC and AVEF here, trouble codes in `diagnostics`.
+//! J1939 messages on ISOBUS (SPEC 5): address claim, requests, acknowledgement, transport, AVC and AVEF; trouble codes
+//! are in `diagnostics`.
 
 use protocol_core::frame::Frame;
 use protocol_core::wire::j1939_id::{Address, J1939Id, Pgn};
@@ -10,16 +10,16 @@ use protocol_core::wire::valve::{Command, EstimatedFlow, Ignored, MAX_FLOW, Stat
 
 use super::{Context, diagnostics, hex};
 
-/// The addresses of valves; the low four bits of one number its AVC and AVEF (SPEC 5).
+/// The lowest address of a valve; the low four bits of the address number its AVC and AVEF (SPEC 5).
 const FIRST_VALVE: u8 = 0x80;
 
-/// The groups of AVC, and of AVEF, begin with these.
+/// The lowest groups of AVC and of AVEF.
 const AVC: u32 = Pgn::avc(0).raw();
 const AVEF: u32 = Pgn::avef(0).raw();
-/// They end so much higher.
+/// The distance of the highest group of AVC and AVEF from the lowest.
 const LAST: u32 = 0xF;
 
-/// The highest group of data page 0. The other pages are explained nowhere.
+/// The highest group of data page 0. Groups of other pages are not explained.
 const PAGE_END: u32 = 0xFFFF;
 
 pub(super) fn explain(id: u32, frame: &Frame, context: &Context<'_>) -> Option<String> {
@@ -54,7 +54,7 @@ fn is_one_of(pgn: Pgn, first: u32) -> bool {
     (first..=first + LAST).contains(&pgn.raw())
 }
 
-/// Returns the name of somebody on the bus: a device by its name, all, or an address.
+/// Returns the name of a node: a device by its name, all, or an address.
 fn party(address: Address, context: &Context<'_>) -> String {
     match address {
         Address::GLOBAL => "all".to_owned(),
@@ -67,12 +67,12 @@ fn number(address: Address) -> String {
     format!("0x{:02X}", address.get())
 }
 
-/// Returns the valve that an AVC is for.
+/// Returns the valve addressed by an AVC.
 fn valve(pgn: Pgn, context: &Context<'_>) -> String {
     party(Address::new(FIRST_VALVE | (pgn.raw() & LAST) as u8), context)
 }
 
-/// Returns a group by its name, where there is one.
+/// Returns the name of a group, if it has one.
 fn group(pgn: Pgn) -> String {
     match pgn {
         Pgn::ADDRESS_CLAIMED => "address claim".to_owned(),
@@ -120,7 +120,7 @@ fn broadcast(announcement: Announcement) -> String {
     format!("BAM, {} follows, {size} bytes in {packets} packets{sound}", group(pgn))
 }
 
-/// Returns a connection between two nodes (SAE J1939-21 5.10.3): valves take part in none.
+/// Explains a connection between two nodes (SAE J1939-21 5.10.3), which valves never open.
 fn connection(bytes: &[u8; 8]) -> String {
     let &[control, a, b, packets, _, low, middle, high] = bytes;
     let size = format!("{} bytes in {packets} packets", u16::from_le_bytes([a, b]));

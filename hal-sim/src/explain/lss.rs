@@ -38,7 +38,7 @@ pub(super) fn request(bytes: &[u8; 8]) -> String {
     format!("LSS {text}")
 }
 
-/// Returns an answer in words. Its command is that of its request, but for the four that select and identify.
+/// Explains an answer. Its command equals that of the request, except for the four that select and identify.
 pub(super) fn answer(bytes: &[u8; 8]) -> Option<String> {
     let &[command, error, ..] = bytes;
     let [_, a, b, c, d, ..] = *bytes;
@@ -64,7 +64,7 @@ pub(super) fn answer(bytes: &[u8; 8]) -> Option<String> {
     Some(format!("LSS {text}"))
 }
 
-/// Returns a number of the LSS address.
+/// Returns the name of a part of the LSS address.
 fn name(part: Part) -> String {
     match part {
         0 => "vendor ID".to_owned(),

@@ -1,18 +1,18 @@
-//! What a frame means, in one short line: for the trace.
+//! The meaning of a frame, in one short line for the trace.
 //!
-//! A frame is explained by itself and the table of the devices on the bus, so a line is right wherever the trace
-//! begins. Two frames need those before them, which are remembered: a segment of an SDO block transfer does not tell
-//! that it is one, and the answer to a write of the node ID by UDS not whose it is. PDOs are read by the default mapping
-//! and the default identifiers (SPEC 4.1).
+//! The explanation of a frame needs the frame and the table of devices only, so that a line is correct wherever the
+//! trace begins. Two exceptions need earlier frames: a segment of an SDO block transfer looks like other frames, and
+//! the answer to a write of the node ID by UDS does not name its sender. PDOs are decoded by the default mapping and
+//! identifiers (SPEC 4.1).
 //!
 //! ```text
 //! canopen   NMT, SYNC, EMCY, PDOs, boot-up and heartbeat        object   objects and their values
 //! sdo       SDO requests and answers                            lss      LSS requests and answers
-//! block     SDO block transfers under way
+//! block     SDO block transfers in progress
 //! isobus    address claim, requests, transport, AVC, AVEF       diagnostics   faults, DM1, DM2
 //! uds       UDS lite                                            valve    control word, status word, stroke
-//! recorded  what a recording tells of devices that nobody has named, and its error frames
-//! highlight    whether a frame is of a cycle, is trouble, or comes from somebody else than it seems
+//! recorded  devices of a recording that the user has not named, and its error frames
+//! highlight cyclic frames, faults, and frames under the identifier of another sender
 //! ```
 //!
 //! Imports run one way: `canopen` → `sdo` → `object` → `valve`.
@@ -44,26 +44,26 @@ use self::uds::Writes;
 use crate::Kind;
 use crate::bus::BusError;
 
-/// A device as the explanations know it.
+/// A device in the explanations.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Node {
     /// Its name.
     pub name: String,
-    /// What it is.
+    /// Its kind.
     pub kind: Kind,
-    /// Its node ID, or its address, now.
+    /// Its present node ID or address.
     pub node_id: Option<u8>,
 }
 
-/// Explains frames by the devices that are on the bus.
+/// The explainer of frames, by the devices on the bus.
 #[derive(Clone, Debug, Default)]
 pub struct Explainer {
     nodes: Vec<Node>,
     blocks: Blocks,
     writes: Writes,
-    /// The number of nodes that were given; the others were [learned](Self::learn).
+    /// The number of given nodes; the others were [learned](Self::learn).
     given: usize,
-    /// What those are known by.
+    /// The evidence for the learned nodes.
     learned: BTreeMap<u8, Evidence>,
 }
 
@@ -80,27 +80,26 @@ impl Explainer {
         self.given += 1;
     }
 
-    /// Returns the devices; their node IDs change.
+    /// Returns the devices, to update their node IDs.
     pub fn nodes_mut(&mut self) -> &mut [Node] {
         &mut self.nodes
     }
 
-    /// Takes notice of a frame on the bus, after its own explanation: it decides what later segments of an SDO block
-    /// transfer are taken for, and whose an answer to a write of the node ID is.
+    /// Updates the explainer by a frame on the bus, after the frame's own explanation: it identifies later segments of
+    /// an SDO block transfer, and the sender of the answer to a write of the node ID.
     pub fn observe(&mut self, frame: &Frame) {
         self.blocks.observe(frame);
         self.writes.observe(frame);
     }
 
-    /// Returns what a frame means. `from` is the name of its sender, where that is known: a device is then called by
-    /// its name whatever identifier it sends under, and a client that uses the identifier of a device is not taken for
-    /// it.
+    /// Returns the meaning of a frame. `from` is the name of its sender, if known: a device is then named regardless of
+    /// its identifier, and a client that uses the identifier of a device is not taken for it.
     #[must_use]
     pub fn explain(&self, frame: &Frame, from: Option<&str>) -> String {
         self.meaning(frame, &self.context(from)).unwrap_or_else(|| "unknown".to_owned())
     }
 
-    /// Returns what a frame means, as [`explain`](Self::explain), and what is remarkable about it.
+    /// Returns the meaning of a frame, as [`explain`](Self::explain) does, and its highlight.
     #[must_use]
     pub fn explain_and_mark(&self, frame: &Frame, from: Option<&str>) -> (String, Mark) {
         let context = self.context(from);
@@ -129,7 +128,7 @@ impl Explainer {
     }
 }
 
-/// Returns what an error frame means that destroyed `frame`.
+/// Returns the meaning of an error frame that destroyed `frame`.
 #[must_use]
 pub fn explain_error(error: BusError, frame: &Frame, from: &str) -> String {
     let why = match error {
@@ -140,34 +139,35 @@ pub fn explain_error(error: BusError, frame: &Frame, from: &str) -> String {
     format!("error frame: {why} {frame} of {from}")
 }
 
-/// What an explanation may look at beside the frame.
+/// The context of an explanation.
 struct Context<'a> {
     nodes: &'a [Node],
     blocks: &'a Blocks,
     writes: &'a Writes,
     /// The device that sent the frame.
     sender: Option<&'a Node>,
-    /// Whether a client sent it, and no device.
+    /// A client sent the frame.
     from_client: bool,
 }
 
 impl Context<'_> {
-    /// Returns the device of a node ID.
+    /// Returns the device with a node ID.
     fn node(&self, id: u8) -> Option<&Node> {
         self.nodes.iter().find(|node| node.node_id == Some(id))
     }
 
-    /// Returns the name of the device of a node ID, or what to call one that is not known.
+    /// Returns the name of the device with a node ID, or a description of an unknown one.
     fn name(&self, id: u8) -> String {
         self.node(id).map_or_else(|| format!("node 0x{id:02X}"), |node| node.name.clone())
     }
 
-    /// Returns the name of the sender of a frame that belongs to a node ID.
+    /// Returns the name of the sender of a frame with a node ID in its identifier.
     fn sender(&self, id: u8) -> String {
         self.sender_or(id, || self.name(id))
     }
 
-    /// Returns the name of the sender of a frame that belongs to a node ID; `otherwise` when no device has that.
+    /// Returns the name of the sender of a frame with a node ID in its identifier; `otherwise` if no device has that
+    /// node ID.
     fn sender_or(&self, id: u8, otherwise: impl FnOnce() -> String) -> String {
         match (self.sender, self.impersonated(id)) {
             (Some(sender), _) => sender.name.clone(),
@@ -176,17 +176,17 @@ impl Context<'_> {
         }
     }
 
-    /// Returns the device whose node ID a client uses for a frame of its own.
+    /// Returns the device whose node ID a client uses.
     fn impersonated(&self, id: u8) -> Option<&Node> {
         self.node(id).filter(|_| self.from_client)
     }
 
-    /// Returns who tells a device what to do: another device by its name, or the master.
+    /// Returns the sender of commands: another device by its name, or the master.
     fn commander(&self) -> &str {
         self.sender.map_or("master", |sender| &sender.name)
     }
 
-    /// Returns the kind of the device that a frame of a node ID is about.
+    /// Returns the kind of the device with a node ID.
     fn kind(&self, id: u8) -> Option<Kind> {
         self.sender.or_else(|| self.node(id)).map(|node| node.kind)
     }
@@ -197,7 +197,7 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" ")
 }
 
-/// Bytes as a quoted text when they are one, else in hex.
+/// Bytes as a quoted text if they are printable, otherwise in hex.
 fn text_or_hex(bytes: &[u8]) -> String {
     let printable = !bytes.is_empty() && bytes.iter().all(|byte| (b' '..=b'~').contains(byte));
     if printable { format!("\"{}\"", String::from_utf8_lossy(bytes)) } else { hex(bytes) }

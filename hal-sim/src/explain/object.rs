@@ -16,20 +16,19 @@ fn entry(object: Multiplexer, kind: Option<Kind>) -> Option<&'static Entry> {
     }
 }
 
-/// Returns index, sub-index where there is one or it is not 0, and the name where it is known.
+/// Returns the index, the sub-index of an array or record, and the name of a known object.
 pub(super) fn object(object: Multiplexer, kind: Option<Kind>) -> String {
     let Multiplexer { index, sub } = object;
     let number = format!("0x{index:04X}:{sub}");
     entry(object, kind).map_or(number.clone(), |entry| format!("{number} ({})", entry.name))
 }
 
-/// Returns the size of an object that is a number, in bytes.
+/// Returns the size of a numeric object, in bytes.
 pub(super) fn size(object: Multiplexer, kind: Option<Kind>) -> Option<u8> {
     entry(object, kind).filter(|entry| !entry.is_text()).map(Entry::size)
 }
 
-/// Returns what an object holds, of the type that the dictionary gives it; bytes of another length are shown as they
-/// are.
+/// Returns the value of an object in the type of the dictionary; bytes of another length are shown in hex.
 pub(super) fn value(object: Multiplexer, bytes: &[u8], kind: Option<Kind>) -> String {
     if size(object, kind).is_some_and(|size| usize::from(size) != bytes.len()) {
         return raw(bytes);
@@ -60,7 +59,7 @@ pub(super) fn angle(position: u32) -> String {
     format!("{position} ({:.2}°)", f64::from(position) * 360.0 / f64::from(encoder::STEPS))
 }
 
-/// Returns the data of an object that is not known: up to four bytes as a number.
+/// Returns the data of an unknown object: up to four bytes as a number.
 fn raw(bytes: &[u8]) -> String {
     match bytes {
         [_] | [_, _] | [_, _, _, _] => {

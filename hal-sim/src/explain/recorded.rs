@@ -1,5 +1,4 @@
-//! Recordings of a bus whose devices nobody has named: what the frames tell of them, and error frames as Linux has
-//! them.
+//! Recordings without named devices: evidence of the devices in their frames; and error frames in the form of Linux.
 
 use protocol_core::device::pve::DeviceState;
 use protocol_core::device::{hat, pve};
@@ -13,8 +12,8 @@ use super::{Explainer, Node};
 use crate::Kind;
 use crate::log::ErrorFrame;
 
-/// What all valves on CANopen are taken for, and all angle sensors, and all valves on ISOBUS: within each family the
-/// same frames mean the same.
+/// The kinds that stand for all CANopen valves, all angle sensors and all ISOBUS valves: the kinds of a family share
+/// the meanings of frames.
 const VALVE: Kind = Kind::Pve(pve::Kind::PveaCanopen);
 const SENSOR: Kind = Kind::Hat(hat::Kind::Hat1000);
 const ISOBUS_VALVE: Kind = Kind::Pve(pve::Kind::PveaIsobus);
@@ -23,18 +22,18 @@ const ISOBUS_VALVE: Kind = Kind::Pve(pve::Kind::PveaIsobus);
 const FLUID_POWER: u16 = 408;
 const ENCODER: u16 = 406;
 
-/// How sure a frame makes of the kind of its sender.
+/// The evidence of a sender's kind in a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Evidence {
-    /// A PDO that looks as one of a valve.
+    /// A PDO that resembles a valve's.
     Likeness,
-    /// An object, or a NAME, that another kind of device does not have.
+    /// An object or a NAME that no other kind of device has.
     Proof,
 }
 
 impl Explainer {
-    /// Takes notice of what a frame tells of its sender: what it is, and so how the frames about it are to be read.
-    /// Devices that were given stay as they are. To be called before the frame's own explanation.
+    /// Learns the kind of a frame's sender, by which its frames are explained. Given devices stay as they are. Call it
+    /// before the frame's own explanation.
     pub fn learn(&mut self, frame: &Frame) {
         let Some((id, kind, evidence)) = told(frame) else { return };
         if self.nodes.iter().take(self.given).any(|node| node.node_id == Some(id)) {
@@ -56,7 +55,7 @@ impl Explainer {
     }
 }
 
-/// Returns the node ID or address of a sender, and the kind that its frame shows.
+/// Returns the node ID or address of a sender, its kind, and the evidence.
 fn told(frame: &Frame) -> Option<(u8, Kind, Evidence)> {
     match frame.id() {
         Id::Standard(id) => {
@@ -77,7 +76,7 @@ fn told(frame: &Frame) -> Option<(u8, Kind, Evidence)> {
     }
 }
 
-/// Returns the kind that has an object which was read or written.
+/// Returns the kind with the object that was read or written.
 fn by_object(answer: Answer) -> Option<Kind> {
     match answer {
         Answer::UploadExpedited { object: Multiplexer { index: 0x1000, .. }, data, .. } => match data as u16 {
@@ -94,7 +93,7 @@ fn by_object(answer: Answer) -> Option<Kind> {
     }
 }
 
-/// Status word and position, by the default mapping.
+/// Recognises the status word and position of the default mapping.
 fn by_pdo(data: &[u8]) -> Option<Kind> {
     let &[a, b, _, _] = data else { return None };
     let word = u16::from_le_bytes([a, b]);
@@ -109,7 +108,7 @@ fn is_valve(name: Name) -> bool {
     (fields.manufacturer_code, fields.function) == (MANUFACTURER, FUNCTION)
 }
 
-/// Returns what an error frame of a recording says (`linux/can/error.h`).
+/// Returns the meaning of an error frame in a recording (`linux/can/error.h`).
 #[must_use]
 pub fn explain_error_frame(error: &ErrorFrame) -> String {
     const CLASSES: [(u32, &str); 9] = [
@@ -152,7 +151,7 @@ mod tests {
     use super::*;
     use crate::log::ErrorClass;
 
-    /// What is said of a frame, after the frames before it.
+    /// Returns the explanation of a frame after some earlier frames.
     fn said(before: &[&str], text: &str) -> String {
         let mut explainer = Explainer::default();
         for text in before.iter().chain([&text]) {
@@ -161,7 +160,7 @@ mod tests {
         explainer.explain(&text.parse().unwrap(), None)
     }
 
-    /// What a valve and an angle sensor have at one identifier.
+    /// The identifiers of valves and angle sensors overlap.
     #[test]
     fn frames_tell_what_a_device_is() {
         const PDO: &str = "1A0: 0A 10 00 00";
@@ -184,7 +183,7 @@ mod tests {
                 "{frame}"
             );
         }
-        // A device of another profile, another node, and a refusal.
+        // A device with another profile, another node, and a refusal.
         for frame in ["5A0: 43 00 10 00 92 01 00 00", "5A1: 43 00 10 00 98 01 00 00", "5A0: 80 01 63 01 00 00 02 06"] {
             assert_eq!(said(&[frame], EMCY), said(&[], EMCY), "{frame}");
         }
@@ -198,7 +197,7 @@ mod tests {
         assert_eq!(said(&["18EEFF83: 01 00 20 07 08 FF 02 20"], READ), said(&[], READ), "another one");
     }
 
-    /// What is given is not guessed.
+    /// Learning does not change given devices.
     #[test]
     fn devices_that_are_given_stay() {
         let node = Node { name: "boom".to_owned(), kind: VALVE, node_id: Some(0x20) };

@@ -12,7 +12,7 @@ pub(super) fn request(bytes: &[u8; 8], kind: Option<Kind>) -> String {
         Request::UploadSegment { toggle } => format!("SDO read, next segment, toggle {}", u8::from(toggle)),
         Request::DownloadExpedited { object: target, size, data } => {
             let bytes = data.to_le_bytes();
-            // Without a size, that of the object.
+            // A command without a size: that of the object.
             let size = size.or_else(|| object::size(target, kind)).map_or(4, usize::from);
             let bytes = bytes.get(..size).unwrap_or(&bytes);
             format!("SDO write {} = {}", object(target, kind), value(target, bytes, kind))
@@ -47,8 +47,8 @@ pub(super) fn answer(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
     })
 }
 
-/// Returns the requests of a block transfer (CiA 301 7.2.4.3.9 to 7.2.4.3.16), which the stand-ins refuse. Its segments
-/// are in `block`.
+/// Explains the requests of a block transfer (CiA 301 7.2.4.3.9 to 7.2.4.3.16), which the stand-ins refuse. Its
+/// segments are in `block`.
 fn block_request(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
     let &[command, a, b, ..] = bytes;
     let target = || object(multiplexer(bytes), kind);
@@ -63,7 +63,7 @@ fn block_request(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
     })
 }
 
-/// Returns the answers of a block transfer.
+/// Explains the answers of a block transfer.
 fn block_answer(bytes: &[u8; 8], kind: Option<Kind>) -> Option<String> {
     let &[command, a, b, ..] = bytes;
     let target = || object(multiplexer(bytes), kind);
@@ -81,7 +81,7 @@ fn multiplexer(&[_, low, high, sub, ..]: &[u8; 8]) -> Multiplexer {
     Multiplexer { index: u16::from_le_bytes([low, high]), sub }
 }
 
-/// Returns the size of a block transfer, where bit 1 of the command says that it is told.
+/// Returns the size of a block transfer, if bit 1 of the command indicates one.
 fn block_size(&[command, .., a, b, c, d]: &[u8; 8]) -> String {
     let told = command & 0b10 != 0;
     if told { format!(", {} bytes", u32::from_le_bytes([a, b, c, d])) } else { String::new() }
@@ -98,7 +98,7 @@ fn segment(part: &Segment) -> String {
 }
 
 fn abort(object: &str, code: AbortCode) -> String {
-    // Codes that others send, beside those of the stand-ins (CiA 301 table 22).
+    // Abort codes of other nodes, beside those of the stand-ins (CiA 301 table 22).
     let meaning = match code.0 {
         0x0504_0002 => "invalid block size",
         0x0504_0003 => "invalid sequence number",

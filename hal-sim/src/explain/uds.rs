@@ -8,7 +8,7 @@ use protocol_core::wire::uds::{Address, Identifier, NegativeCode, READ, WRITE, p
 
 use super::{Context, hex, text_or_hex};
 
-/// What a positive answer adds to the service, and what a negative one has in its place (ISO 14229-1).
+/// The bit of a positive answer in the service, and the first byte of a negative one (ISO 14229-1).
 const POSITIVE: u8 = 0x40;
 const NEGATIVE: u8 = 0x7F;
 const WRITTEN: u8 = WRITE | POSITIVE;
@@ -47,26 +47,26 @@ pub(super) fn explain(id: u32, data: &[u8], context: &Context<'_>) -> Option<Str
     Some(format!("{parties}: UDS {meaning}{length}"))
 }
 
-/// The devices that were asked to write their node ID, and whose answer was not seen: it does not tell who sends it.
+/// The devices with a pending write of their node ID: the answer does not name its sender.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Writes(BTreeSet<u8>);
 
 impl Writes {
-    /// Takes notice of a frame on the bus.
+    /// Updates the pending writes by a frame on the bus.
     pub(super) fn observe(&mut self, frame: &Frame) {
         let Id::Extended(id) = frame.id() else { return };
         let (Some((_, destination)), Some((message, _))) = (parse_id(id.as_raw()), single_frame(frame.data())) else {
             return;
         };
         if answers_write(id.as_raw(), message) {
-            // Of several it may be any.
+            // The answer may be that of any of several devices.
             self.0.clear();
         } else if let [WRITE, 0x10, 0x01, ..] = message {
             self.0.extend(device(destination));
         }
     }
 
-    /// The name of the device that was asked.
+    /// Returns the name of the device that was asked.
     fn asked(&self, context: &Context<'_>) -> String {
         match self.0.iter().collect::<Vec<_>>()[..] {
             [id] => context.name(*id),
@@ -75,20 +75,20 @@ impl Writes {
     }
 }
 
-/// Whether a message is the answer to a write of the node ID, which has one identifier of all valves.
+/// Returns whether a message is the answer to a write of the node ID, whose identifier all valves share.
 fn answers_write(id: u32, message: &[u8]) -> bool {
     id == NODE_ID_ANSWER && matches!(message, [WRITTEN, 0x10, 0x01] | [NEGATIVE, WRITE, ..])
 }
 
-/// The highest number of a device: an address on ISOBUS.
+/// The highest node number of a device: an address on ISOBUS.
 const LAST_DEVICE: u8 = 0x8F;
 
-/// Returns a device by its name, a tool by its address.
+/// Returns the name of a device, or the address of a tool.
 fn party(address: Address, context: &Context<'_>) -> String {
     device(address).map_or_else(|| format!("tool 0x{:02X}", address.raw()), |id| context.name(id))
 }
 
-/// Returns the device of an address.
+/// Returns the device number of an address.
 pub(super) fn device(address: Address) -> Option<u8> {
     u8::try_from(address.raw()).ok().filter(|id| (1..=LAST_DEVICE).contains(id))
 }
@@ -111,7 +111,7 @@ fn identifier(bytes: &[u8]) -> String {
     format!("0x{id:04X}{name}")
 }
 
-/// Returns what an identifier holds in words; versions are texts.
+/// Returns the content of an identifier in words; versions are texts.
 fn content(identifier: &[u8], value: &[u8]) -> String {
     if matches!(identifier, [0xF1, 0x93 | 0x95]) { text_or_hex(value) } else { hex(value) }
 }

@@ -110,18 +110,18 @@ fn number(digits: &str) -> Result<Number, Reason> {
     id.map(Number::Of).ok_or("an identifier beyond the highest one")
 }
 
-/// Returns whether a text has hex digits alone: the parsers of numbers take a sign, too.
+/// Returns whether a text consists of hex digits: number parsers also accept a sign.
 fn is_hex(text: &str) -> bool {
     text.bytes().all(|digit| digit.is_ascii_hexdigit())
 }
 
-/// Returns the part of a log's line after the name of the bus.
+/// Parses the part of a log's line after the name of the bus.
 fn logged(id: &str, data: &str) -> Result<Entry, Reason> {
     let id = number(id)?;
     if data.starts_with('#') {
         return Err(FD);
     }
-    // Newer versions add a length code above 8, which means 8.
+    // Newer versions append a length code above 8, which means 8.
     let data = data.split_once('_').map_or(data, |(data, _)| data);
     if let Some(length) = data.strip_prefix(['R', 'r']) {
         return remote(id, if length.is_empty() { "0" } else { length });
@@ -132,7 +132,7 @@ fn logged(id: &str, data: &str) -> Result<Entry, Reason> {
     entry(id, (0..data.len()).step_by(2).filter_map(|at| data.get(at..at + 2)))
 }
 
-/// Returns the part of a screen's line from the length on.
+/// Parses the part of a screen's line from the length on.
 fn shown(id: &str, rest: &str) -> Result<Entry, Reason> {
     let (length, rest) = word(rest);
     let length = length.strip_prefix('[').and_then(|length| length.strip_suffix(']')).ok_or(NO_LINE)?;
@@ -140,7 +140,7 @@ fn shown(id: &str, rest: &str) -> Result<Entry, Reason> {
     if rest.trim_start().starts_with("remote request") {
         return remote(id, length);
     }
-    // Two digits tell a CAN FD frame.
+    // A length of two digits indicates a CAN FD frame.
     let wanted = length.parse().ok().filter(|wanted| *wanted <= 8 && length.len() == 1).ok_or(FD)?;
     let bytes: Vec<&str> = rest.split_whitespace().take(wanted).collect();
     if bytes.len() < wanted {
@@ -215,7 +215,7 @@ mod tests {
         assert_eq!(line(ErrorClass::Restarted), "(0.000005) pve0 20000100#0000000000000000");
     }
 
-    /// What was written is read, whatever stands after it.
+    /// Written lines are parsed, whatever follows the frame.
     #[test]
     fn a_log_is_read_as_it_was_written() {
         for text in ["5A0: 43 18 10 01 19 00 00 01", "080:", "00000080: 01", "720: R0", "00000720: R8", "7FF: R1"] {
@@ -232,7 +232,7 @@ mod tests {
         assert_eq!(parse(&line), Ok((Some(Timestamp::from_micros(5)), "can0", error)));
     }
 
-    /// With and without -t, -x and -a.
+    /// Lines with and without -t, -x and -a.
     #[test]
     fn the_screen_is_read() {
         let at = Some(Timestamp::from_micros(1_700_000_000_000_042));

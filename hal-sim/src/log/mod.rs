@@ -25,7 +25,7 @@ pub fn write_hex(out: &mut String, bytes: &[u8]) {
 /// The classes of error frames of Linux (`linux/can/error.h`), which logs and gateways share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ErrorClass {
-    /// Nobody acknowledged a frame.
+    /// No controller acknowledged a frame.
     NoAcknowledge,
     /// A frame was destroyed.
     BusError,
@@ -37,12 +37,12 @@ pub enum ErrorClass {
     BusOff,
     /// A controller was bus-off and takes part again.
     Restarted,
-    /// A device dropped frames that it had to send.
+    /// A device dropped frames unsent.
     TransmitOverflow,
 }
 
 impl ErrorClass {
-    /// Returns the class as Linux numbers it.
+    /// Returns the class in the numbering of Linux.
     #[must_use]
     pub const fn code(self) -> u32 {
         match self {
@@ -54,11 +54,11 @@ impl ErrorClass {
         }
     }
 
-    /// Returns the data bytes of the error frame: of what the class leaves open, byte 1 has what the controller tells.
+    /// Returns the data bytes of the error frame; byte 1 has the state of the controller.
     #[must_use]
     pub const fn data(self) -> [u8; 8] {
         let controller = match self {
-            // receive or transmit counter: one bit for each
+            // one bit each for the receive and the transmit counter
             Self::ErrorPassive => 0x30,
             Self::ErrorActive => 0x40,
             Self::TransmitOverflow => 0x02,

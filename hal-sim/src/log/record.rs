@@ -1,19 +1,19 @@
-//! What a log has of the bus: frames and error frames, each with its time.
+//! The records of a log: frames and error frames with their times.
 
 use protocol_core::frame::Frame;
 
 use super::{ErrorClass, Timestamp};
 
-/// An entry of a log.
+/// A record of a log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Record {
     /// The end of the frame.
     pub at: Timestamp,
-    /// What was on the bus.
+    /// The entry.
     pub entry: Entry,
 }
 
-/// What was on the bus.
+/// An entry on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Entry {
     /// A frame.
@@ -25,14 +25,14 @@ pub enum Entry {
 /// An error frame in the classes of Linux (`linux/can/error.h`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ErrorFrame {
-    /// The classes, a bit each: 29 bits. 0 where a format does not tell them.
+    /// The classes, one bit each: 29 bits. 0 in formats without classes.
     pub class: u32,
     /// The details.
     pub data: [u8; 8],
 }
 
 impl ErrorFrame {
-    /// Of a format that tells no class.
+    /// An error frame of a format without classes.
     pub const UNTOLD: Self = Self { class: 0, data: [0; 8] };
 }
 

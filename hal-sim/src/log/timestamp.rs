@@ -1,4 +1,4 @@
-//! The time of a frame as traces and clients see it.
+//! The time of a frame in traces and for clients.
 
 use std::fmt;
 use std::str::FromStr;
@@ -11,7 +11,7 @@ use protocol_core::time::Instant;
 pub struct Timestamp(u64);
 
 impl Timestamp {
-    /// Returns the time so many microseconds since 1970.
+    /// Returns the time from microseconds since 1970.
     #[must_use]
     pub const fn from_micros(micros: u64) -> Self {
         Self(micros)
@@ -23,14 +23,14 @@ impl Timestamp {
         self.0
     }
 
-    /// Returns the wall time now; a clock that is set before 1970 counts as 1970.
+    /// Returns the present wall time; a clock before 1970 counts as 1970.
     #[must_use]
     pub fn now() -> Self {
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         Self(u64::try_from(since.as_micros()).unwrap_or(u64::MAX))
     }
 
-    /// Returns the time at a virtual instant of a world that was started at this time.
+    /// Returns the time of a virtual instant, for a world that started at this time.
     #[must_use]
     pub const fn at(self, instant: Instant) -> Self {
         Self(self.0.saturating_add(instant.as_micros()))
@@ -43,7 +43,7 @@ impl fmt::Display for Timestamp {
     }
 }
 
-/// Reads what [`Display`](fmt::Display) prints; digits beyond the microseconds are left out.
+/// Parses the format of [`Display`](fmt::Display); digits beyond the microseconds are truncated.
 impl FromStr for Timestamp {
     type Err = ParseTimestampError;
 
@@ -60,7 +60,7 @@ impl FromStr for Timestamp {
     }
 }
 
-/// A text that is no time in seconds, or one beyond 584,000 years.
+/// The error of a text that is not a time in seconds, or beyond 584,000 years.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("no time in seconds")]
 pub struct ParseTimestampError;

@@ -1,20 +1,20 @@
-//! The cells of a flash, as far as they were ever written: hundreds of devices on one host use little of theirs.
+//! The cells of a flash, stored up to the last written one: hundreds of devices on one host use little of theirs.
 
-/// The bytes of a sector: what is erased at once. Sectors 12 and 13 of the board's STM32F429.
+/// The bytes of a sector, the unit of erasing. Sectors 12 and 13 of the board's STM32F429.
 pub const SECTOR: usize = 16 * 1024;
 /// The bytes of the whole flash.
 pub const SIZE: usize = 2 * SECTOR;
 /// The value of an erased byte.
 pub const ERASED: u8 = 0xFF;
 
-/// The cells of each sector up to the last one that was written; the rest is erased and takes no room.
+/// The cells of each sector up to the last written one; the rest is erased and not stored.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Cells {
     sectors: [Vec<u8>; SIZE / SECTOR],
 }
 
 impl Cells {
-    /// Returns the cells that hold `image`, as long as a flash.
+    /// Returns the cells of an image of the whole flash.
     pub(super) fn of(image: &[u8]) -> Self {
         let mut cells = Self::default();
         for (sector, content) in cells.sectors.iter_mut().zip(image.chunks(SECTOR)) {
@@ -39,7 +39,7 @@ impl Cells {
         }
     }
 
-    /// Cells of one sector, to be changed.
+    /// Returns cells of one sector, to be changed.
     pub(super) fn change(&mut self, start: usize, len: usize) -> &mut [u8] {
         let (sector, place) = (&mut self.sectors[start / SECTOR], start % SECTOR);
         if sector.len() < place + len {

@@ -1,25 +1,25 @@
-//! The file that keeps a memory beyond the process: a trait, as this library touches no file system.
+//! The file behind a memory: a trait, because this library uses no file system.
 
 use std::error::Error;
 use std::fmt::Debug;
 
 use super::Flash;
 
-/// The reason for which a file cannot be written or put aside, in one line that names the file.
+/// The reason why a file cannot be written or put aside, in one line with the file's name.
 pub type MemoryFileError = Box<dyn Error + Send + Sync>;
 
-/// A file that keeps the image of a flash.
+/// A file with the image of a flash.
 pub trait MemoryFile: Debug + Send {
     /// Replaces the image; it is on disk when this returns.
     ///
     /// # Errors
-    /// When it cannot be written. The file holds the earlier image then.
+    /// When the file cannot be written. It still holds the earlier image.
     fn write(&self, image: &[u8]) -> Result<(), MemoryFileError>;
 
-    /// Puts what is kept aside for the user; the next write begins anew. Returns a line about it.
+    /// Puts the content aside for the user; the next write creates the file anew. Returns a line for the user.
     ///
     /// # Errors
-    /// When it cannot be put aside. It is not changed then.
+    /// When the file cannot be put aside. It is unchanged.
     fn put_aside(&self) -> Result<String, MemoryFileError>;
 }
 
@@ -30,6 +30,6 @@ pub enum Content {
     New,
     /// The image of a flash.
     Image(Flash),
-    /// Something else.
+    /// Not the image of a flash.
     Damaged,
 }

@@ -1,4 +1,4 @@
-//! A NOR flash in RAM, with the board's geometry, that can fail as a real one does.
+//! A NOR flash in RAM with the geometry of the board's, and with its failures.
 
 use embedded_storage::nor_flash::{
     ErrorType, MultiwriteNorFlash, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
@@ -6,10 +6,10 @@ use embedded_storage::nor_flash::{
 
 use super::cells::{Cells, ERASED, SECTOR, SIZE};
 
-/// The bytes of a word: what is written at once.
+/// The bytes of a word, the unit of writing.
 pub const WORD: usize = 4;
 
-/// A NOR flash in RAM: two sectors, words of four bytes, bits that writing only clears.
+/// A NOR flash in RAM: two sectors, words of four bytes; writing only clears bits.
 #[derive(Clone, Debug)]
 pub struct Flash {
     cells: Cells,
@@ -18,29 +18,29 @@ pub struct Flash {
     erases: u64,
     faults: Faults,
     torn_erase: TornErase,
-    /// The bits that a torn write or erase leaves behind.
+    /// The noise of torn writes and erases.
     noise: fastrand::Rng,
 }
 
-/// What an erase leaves behind that was torn by a power cut or a failure: a real flash may leave every cell anywhere
-/// between what it held and erased; these are the extremes (A).
+/// The result of an erase torn by a power cut or a failure. A real flash may leave each cell anywhere between its old
+/// value and erased; these are the extremes (A).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TornErase {
-    /// The front of the sector is erased, then comes a word of noise, the rest is as it was.
+    /// The front of the sector is erased, then follows a word of noise; the rest is unchanged.
     #[default]
     Front,
     /// The same from the end of the sector.
     Back,
-    /// All bits are 0: they are programmed before they are erased.
+    /// All bits are 0: an erase programs them first.
     Zeros,
-    /// Every bit is anything.
+    /// Every bit is random.
     Noise,
-    /// Every bit that was 0 is anything: erasing had hardly begun.
+    /// Every 0 bit is random: the erase had hardly begun.
     Faded,
 }
 
 impl TornErase {
-    /// All of them.
+    /// All variants.
     pub const ALL: [Self; 5] = [Self::Front, Self::Back, Self::Zeros, Self::Noise, Self::Faded];
 
     fn tear(self, sector: &mut [u8], noise: &mut fastrand::Rng) {
@@ -60,7 +60,7 @@ impl TornErase {
             };
         }
         if self == Self::Faded {
-            // A bit in two to one in 256 are erased.
+            // Between one bit in 2 and one in 256 is erased.
             let halvings = noise.u32(1..=8);
             for cell in sector {
                 *cell |= (0..halvings).fold(ERASED, |bits, _| bits & noise.u8(..));
@@ -69,26 +69,26 @@ impl TornErase {
     }
 }
 
-/// What is wrong with a flash.
+/// The faults of a flash.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Faults {
-    /// Writes and erases fail and change nothing.
+    /// Writes and erases fail without a change.
     write_fails: bool,
-    /// How many more word writes and erases succeed before the power is cut.
+    /// The number of word writes and erases before a power cut.
     power_for: Option<u64>,
-    /// How many more word writes and erases succeed before one fails.
+    /// The number of word writes and erases before a single failure.
     fails_after: Option<u64>,
     /// The power was cut.
     dead: bool,
 }
 
-/// Why the flash did not do what it was asked for.
+/// The error of a flash operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FlashError {
-    /// Not on word or sector boundaries.
+    /// The address is not on a word or sector boundary.
     #[error("not aligned")]
     NotAligned,
-    /// Beyond the end.
+    /// The address is beyond the end.
     #[error("out of bounds")]
     OutOfBounds,
     /// The write or the erase failed.
@@ -122,7 +122,7 @@ impl Flash {
         Self::of(Cells::default())
     }
 
-    /// Returns a flash that holds `image`; `None` unless that has the right size.
+    /// Returns a flash with this image; `None` for a wrong size.
     #[must_use]
     pub fn from_image(image: Vec<u8>) -> Option<Self> {
         (image.len() == SIZE).then(|| Self::of(Cells::of(&image)))
@@ -133,7 +133,7 @@ impl Flash {
         Self { cells, reads: 0, word_writes: 0, erases: 0, faults: Faults::default(), torn_erase, noise }
     }
 
-    /// Returns a copy of everything in it.
+    /// Returns a copy of the content.
     #[must_use]
     pub fn image(&self) -> Vec<u8> {
         let mut image = vec![ERASED; SIZE];
@@ -141,41 +141,41 @@ impl Flash {
         image
     }
 
-    /// Returns what is in it.
+    /// Returns the content.
     pub(super) const fn cells(&self) -> &Cells {
         &self.cells
     }
 
-    /// Puts other content in the place of all that is in it. What is counted, and what is wrong with it, stays.
+    /// Replaces the content; counters and faults stay.
     pub(super) fn set_cells(&mut self, cells: Cells) {
         self.cells = cells;
     }
 
-    /// Returns how often it was read since it was made.
+    /// Returns the number of reads since the flash was made.
     #[must_use]
     pub const fn reads(&self) -> u64 {
         self.reads
     }
 
-    /// Returns how many words were written since it was made.
+    /// Returns the number of written words since the flash was made.
     #[must_use]
     pub const fn word_writes(&self) -> u64 {
         self.word_writes
     }
 
-    /// Returns how many sectors were erased since it was made.
+    /// Returns the number of erased sectors since the flash was made.
     #[must_use]
     pub const fn erases(&self) -> u64 {
         self.erases
     }
 
-    /// Returns how many words are not erased.
+    /// Returns the number of words that are not erased.
     #[must_use]
     pub fn words_in_use(&self) -> usize {
         self.image().chunks_exact(WORD).filter(|word| *word != [ERASED; WORD]).count()
     }
 
-    /// Lets writes and erases fail from now on, or succeed again.
+    /// Lets writes and erases fail, or succeed again.
     pub const fn set_write_fails(&mut self, fails: bool) {
         self.faults.write_fails = fails;
     }
@@ -186,24 +186,24 @@ impl Flash {
         self.faults.write_fails
     }
 
-    /// Cuts the power after `operations` more word writes and sector erases: the one after them is torn, and nothing
-    /// works any more until [`restore_power`](Self::restore_power).
+    /// Cuts the power after `operations` more word writes and sector erases: the next one is torn, and all fail until
+    /// [`restore_power`](Self::restore_power).
     pub const fn cut_power_after(&mut self, operations: u64) {
         self.faults.power_for = Some(operations);
     }
 
-    /// Lets one operation fail, after `operations` more word writes and sector erases: it is torn, and those after it
-    /// work.
+    /// Fails one operation after `operations` more word writes and sector erases: that one is torn, and later ones
+    /// succeed.
     pub const fn fail_once_after(&mut self, operations: u64) {
         self.faults.fails_after = Some(operations);
     }
 
-    /// Sets what a torn erase leaves behind from now on.
+    /// Sets the result of torn erases.
     pub const fn set_torn_erase(&mut self, torn_erase: TornErase) {
         self.torn_erase = torn_erase;
     }
 
-    /// Restores the power, with no cut planned.
+    /// Restores the power and cancels a planned cut.
     pub const fn restore_power(&mut self) {
         self.faults.power_for = None;
         self.faults.dead = false;
@@ -215,24 +215,24 @@ impl Flash {
         self.faults.dead
     }
 
-    /// Returns whether writes and erases have a chance.
+    /// Returns whether writes and erases can succeed.
     pub(super) const fn can_be_written(&self) -> bool {
         !self.faults.dead && !self.faults.write_fails
     }
 
-    /// Seeds the noise in what is torn.
+    /// Seeds the noise of torn operations.
     pub fn seed_noise(&mut self, seed: u64) {
         self.noise = fastrand::Rng::with_seed(seed);
     }
 
-    /// Turns a bit over, counted from 0; beyond the end nothing happens.
+    /// Flips a bit, counted from 0; ignores a number beyond the end.
     pub fn flip_bit(&mut self, bit: usize) {
         if bit / 8 < SIZE {
             self.cells.change(bit / 8, 1)[0] ^= 1 << (bit % 8);
         }
     }
 
-    /// Overwrites everything, as a hand with a programmer would.
+    /// Overwrites the whole flash, as a programmer would.
     pub fn fill(&mut self, content: impl FnMut(usize) -> u8) {
         self.cells = Cells::of(&(0..SIZE).map(content).collect::<Vec<u8>>());
     }
@@ -247,7 +247,7 @@ impl Flash {
         }
     }
 
-    /// Returns what becomes of one more operation.
+    /// Returns the outcome of one more operation.
     fn attempt(&mut self) -> Result<Attempt, FlashError> {
         if self.faults.dead {
             return Err(FlashError::PowerCut);
@@ -266,7 +266,7 @@ impl Flash {
     }
 }
 
-/// Returns whether what was to happen after so many operations happens at this one; it is not to happen again then.
+/// Returns whether a counted fault strikes at this operation; it strikes once.
 fn count_down(left: &mut Option<u64>) -> bool {
     match left {
         None => false,
@@ -281,10 +281,10 @@ fn count_down(left: &mut Option<u64>) -> bool {
     }
 }
 
-/// What becomes of an operation.
+/// The outcome of an operation.
 enum Attempt {
     Done,
-    /// It has done part of its work, with this error.
+    /// Interrupted part-way by this error.
     Torn(FlashError),
 }
 
@@ -329,7 +329,7 @@ impl NorFlash for Flash {
         Ok(())
     }
 
-    /// Writes words. A torn write has cleared some of the bits of its word.
+    /// Writes words. A torn write clears some bits of its word.
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
         let range = Self::range(offset, bytes.len(), WORD)?;
         for (start, word) in range.step_by(WORD).zip(bytes.chunks_exact(WORD)) {
@@ -347,5 +347,5 @@ impl NorFlash for Flash {
     }
 }
 
-/// The STM32F4's flash has no error correction: a word may be written again, which clears more bits.
+/// The STM32F4's flash has no error correction: another write to a word clears more bits.
 impl MultiwriteNorFlash for Flash {}

@@ -1,4 +1,4 @@
-//! The non-volatile memory of one device: a flash with a record store on it, in RAM alone or kept in a file.
+//! The non-volatile memory of one device: a flash with a record store, in RAM alone or kept in a file.
 
 mod cells;
 mod file;
@@ -23,7 +23,7 @@ pub use flash::{Flash, FlashError, TornErase, WORD};
 
 use nvm::{BUFFER, Contents, Records, Unreadable};
 
-/// What fills a flash that cannot be read: no map writes so.
+/// The filler of an unreadable flash: no record store writes it.
 const SPOILT: u8 = 0xA5;
 
 /// The non-volatile memory of one device.
@@ -31,16 +31,16 @@ const SPOILT: u8 = 0xA5;
 pub struct Memory {
     flash: Flash,
     file: Option<Box<dyn MemoryFile>>,
-    /// What was there could not be read and was put aside: to be told with the next image.
+    /// The content was unreadable and was put aside: the next image reports it.
     damaged: bool,
-    /// The next image is to find the flash unreadable.
+    /// The next read of the image will find the flash unreadable.
     spoilt: bool,
-    /// What was in the flash before it was erased because it could not be read; a file keeps it in a file.
+    /// The unreadable content before it was erased; with a file, it is in a file.
     put_aside: Option<Vec<u8>>,
     warnings: Vec<String>,
 }
 
-/// The clone of a memory in a file is in RAM, with what the file holds.
+/// The clone of a memory with a file is in RAM, with the content of the file.
 impl Clone for Memory {
     fn clone(&self) -> Self {
         let Self { flash, file: _, damaged, spoilt, put_aside, warnings } = self;
@@ -56,47 +56,47 @@ impl Clone for Memory {
 }
 
 impl Memory {
-    /// A new memory that is lost with the process.
+    /// Returns a new memory that is lost with the process.
     #[must_use]
     pub fn in_ram() -> Self {
         Self::default()
     }
 
-    /// A memory with this flash.
+    /// Returns a memory with this flash.
     #[must_use]
     pub fn with_flash(flash: Flash) -> Self {
         Self { flash, ..Self::default() }
     }
 
-    /// Returns the memory that a file keeps; a new one where the file is new.
+    /// Returns the memory in a file; a new memory for a new file.
     ///
     /// Damaged content is put aside, and the memory starts empty and damaged: see
     /// [`take_warnings`](Self::take_warnings).
     ///
     /// # Errors
-    /// When the file cannot be written or put aside. It is not changed then.
+    /// When the file cannot be written or put aside. It is unchanged.
     pub fn kept_in(file: Box<dyn MemoryFile>, content: Content) -> Result<Self, MemoryFileError> {
         let mut memory = Self { file: Some(file), ..Self::default() };
         match content {
             Content::New => {}
-            // A copy is looked at: opening it may finish what a power cut left half done.
+            // Reads a copy: opening the store may complete an operation that a power cut interrupted.
             Content::Image(flash) if read(&mut flash.clone()).is_ok() => memory.flash = flash,
             Content::Image(_) | Content::Damaged => memory.put_file_aside()?,
         }
-        // A folder that cannot be written to is found out now.
+        // A folder without write permission fails here.
         memory.persist()?;
         Ok(memory)
     }
 
-    /// Everything stored, as a device finds it when it starts.
+    /// Reads all records, as a device does when it starts.
     ///
-    /// A memory that cannot be read as a whole is put aside and erased, so that it can be written again; the image says
-    /// that it was damaged, once.
+    /// An unreadable memory is put aside and erased, so that it can be written again; the next image is marked as
+    /// damaged, once.
     pub fn read_image(&mut self) -> Image {
         if std::mem::take(&mut self.spoilt) {
             self.flash.fill(|_| SPOILT);
         }
-        // Opening it may finish what a power cut left half done, and that must not spoil what is to be put aside.
+        // Opening the store may complete an interrupted operation, which must not change the content to be put aside.
         let found = self.flash.clone();
         let mut image = read(&mut self.flash).unwrap_or_else(|Unreadable| {
             self.give_up(&found);
@@ -108,7 +108,7 @@ impl Memory {
         image
     }
 
-    /// Returns what a device would find if it started now, and leaves everything as it is.
+    /// Returns the image of a start now, without any change.
     #[must_use]
     pub fn peek_image(&self) -> Image {
         let mut flash = self.flash.clone();
@@ -125,8 +125,8 @@ impl Memory {
     /// Writes a record.
     ///
     /// # Errors
-    /// [`StoreError`] when the flash or the file cannot be written. Neither holds the record then: the next write would
-    /// bring it back, or the next start.
+    /// [`StoreError`] when the flash or the file cannot be written. Neither holds the record then: the next write or
+    /// start would otherwise restore it.
     pub fn store(&mut self, key: RecordKey, record: &Record) -> Result<(), StoreError> {
         let kept = self.file.as_ref().map(|_| self.flash.cells().clone());
         let stored = store(&mut self.flash, key, record);
@@ -134,7 +134,7 @@ impl Memory {
             self.warnings.push(error.to_string());
             if let Some(cells) = kept {
                 self.flash.set_cells(cells);
-                // A folder that cannot be synced may have the new file already.
+                // The folder may already hold the new file even if its sync failed.
                 let _ = self.persist();
             }
             return Err(StoreError);
@@ -142,72 +142,72 @@ impl Memory {
         stored
     }
 
-    /// Writes a record, of which the power cut leaves the part `numerator / denominator`, in words.
+    /// Writes a record up to a power cut, after the part `numerator / denominator` of its words.
     pub fn store_cut(&mut self, key: RecordKey, record: &Record, numerator: u64, denominator: u64) {
         let mut trial = self.flash.clone();
         let before = trial.word_writes() + trial.erases();
-        // How it would have ended does not matter, only how many operations it takes.
+        // The trial run only counts operations; its result does not matter.
         let _ = store(&mut trial, key, record);
         let operations = trial.word_writes() + trial.erases() - before;
         let reached = u128::from(operations) * u128::from(numerator) / u128::from(denominator.max(1));
         self.flash.cut_power_after(u64::try_from(reached).unwrap_or(u64::MAX));
-        // The device that waits for the answer is without power, too.
+        // The device is without power, and does not see the result.
         let _ = self.store(key, record);
         self.flash.restore_power();
     }
 
-    /// The power came back: a flash that lost it in the middle of a write works again.
+    /// Restores the power: a flash with a torn write works again.
     pub fn power_up(&mut self) {
         if self.flash.is_dead() {
             self.flash.restore_power();
         }
     }
 
-    /// The flash.
+    /// Returns the flash.
     #[must_use]
     pub const fn flash(&self) -> &Flash {
         &self.flash
     }
 
-    /// The flash, to inject faults into.
+    /// Returns the flash, to inject faults.
     pub const fn flash_mut(&mut self) -> &mut Flash {
         &mut self.flash
     }
 
-    /// From now on writes fail, or do so no longer.
+    /// Lets writes fail, or succeed again.
     pub const fn set_write_fails(&mut self, fails: bool) {
         self.flash.set_write_fails(fails);
     }
 
-    /// Whether writes fail.
+    /// Returns whether writes fail.
     #[must_use]
     pub const fn write_fails(&self) -> bool {
         self.flash.write_fails()
     }
 
-    /// The next [`read_image`](Self::read_image) cannot read the memory, or can again.
+    /// Makes the memory unreadable for the next [`read_image`](Self::read_image), or readable again.
     pub const fn set_spoilt(&mut self, spoilt: bool) {
         self.spoilt = spoilt;
     }
 
-    /// Whether the next [`read_image`](Self::read_image) cannot read the memory.
+    /// Returns whether the next [`read_image`](Self::read_image) will find the memory unreadable.
     #[must_use]
     pub const fn is_spoilt(&self) -> bool {
         self.spoilt
     }
 
-    /// What the user should know, a line each: once.
+    /// Takes the warnings for the user, a line each.
     pub fn take_warnings(&mut self) -> Vec<String> {
         std::mem::take(&mut self.warnings)
     }
 
-    /// The flash image that could not be read and was erased, of a memory without a file.
+    /// Returns the unreadable flash image that was erased, of a memory without a file.
     #[must_use]
     pub fn put_aside(&self) -> Option<&[u8]> {
         self.put_aside.as_deref()
     }
 
-    /// The flash cannot be read: keeps what is in it aside, and erases it. One that cannot be erased stays as it is.
+    /// Puts the content of an unreadable flash aside and erases it. A flash that cannot be erased stays as it is.
     fn give_up(&mut self, found: &Flash) {
         self.damaged = true;
         if !self.flash.can_be_written() {

@@ -1,7 +1,7 @@
-//! Vector's ASC: text, a line an event, with times from the start of the measurement.
+//! Vector's ASC: a text format with one event per line, and times from the start of the measurement.
 //!
-//! Only frames and error frames of classic CAN are taken; whatever else the tools log (statistics, chip states,
-//! variables, comments) is no frame and passed over. An error frame has no class in this format.
+//! Only frames and error frames of classic CAN are read; other events (statistics, chip states, variables, comments)
+//! are skipped. An error frame has no class in this format.
 
 use std::io::{self, Write};
 
@@ -11,11 +11,11 @@ use super::date::{self, Date};
 use crate::log::candump::{FD, Reason};
 use crate::log::{Entry, ErrorFrame, Record, Timestamp};
 
-/// The channel that all frames are on.
+/// The channel of all written frames.
 const CHANNEL: u8 = 1;
 
-/// Writes the head of a file whose measurement starts at a time; returns that time in whole milliseconds, as the date
-/// has it: the origin of all others.
+/// Writes the head of a file whose measurement starts at a time; returns that time in whole milliseconds, as in the
+/// date: the origin of all other times.
 pub(super) fn write_head(out: &mut impl Write, start: Timestamp) -> io::Result<Timestamp> {
     let origin = Timestamp::from_micros(start.as_micros() / 1000 * 1000);
     let date = Date(origin);
@@ -24,7 +24,7 @@ pub(super) fn write_head(out: &mut impl Write, start: Timestamp) -> io::Result<T
     Ok(origin)
 }
 
-/// Writes an entry. One before the origin counts as at it.
+/// Writes an entry. An entry before the origin gets the time of the origin.
 pub(super) fn write(out: &mut impl Write, origin: Timestamp, Record { at, entry }: &Record) -> io::Result<()> {
     let micros = at.as_micros().saturating_sub(origin.as_micros());
     write!(out, "{:>4}.{:06} {CHANNEL}  ", micros / 1_000_000, micros % 1_000_000)?;
@@ -46,7 +46,7 @@ pub(super) fn write_end(out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "End TriggerBlock")
 }
 
-/// Returns whether a line is one that a file begins with.
+/// Returns whether a line can begin a file.
 pub(super) fn is_head(line: &str) -> bool {
     let mut words = line.split_whitespace();
     let first = words.next().unwrap_or_default().to_ascii_lowercase();
@@ -57,18 +57,18 @@ pub(super) fn is_head(line: &str) -> bool {
     }
 }
 
-/// Reads a file line by line.
+/// The parser of a file, line by line.
 #[derive(Debug)]
 pub(super) struct Parser {
     /// The base of identifiers, lengths and data.
     radix: u32,
-    /// Times count from the event before, and not from the start.
+    /// Times count from the previous event, not from the start.
     relative: bool,
     /// The start of the measurement.
     origin: Timestamp,
-    /// Whether a block has told the origin. Another block of the same measurement leaves it.
+    /// A block has set the origin, which later blocks of the same measurement keep.
     is_begun: bool,
-    /// The time of the event before.
+    /// The time of the previous event.
     last: Timestamp,
     /// The channel of the last frame.
     channel: u16,
@@ -82,10 +82,10 @@ impl Default for Parser {
 }
 
 impl Parser {
-    /// Reads a line; `None` for one that is no frame and has none to have.
+    /// Reads a line; `None` for a line without a frame that is valid as such.
     ///
     /// # Errors
-    /// Why the line is none of the format.
+    /// The reason why the line is not ASC.
     pub(super) fn line(&mut self, line: &str) -> Result<Option<Record>, Reason> {
         let line = line.trim();
         let (first, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
@@ -113,13 +113,13 @@ impl Parser {
         self.channel
     }
 
-    /// Sets the origin to a date; one that is not understood leaves the origin as it is.
+    /// Sets the origin to a date; an unreadable date leaves the origin as it is.
     fn start(&mut self, date: Option<Timestamp>) {
         self.origin = date.unwrap_or(self.origin);
         self.last = self.origin;
     }
 
-    /// Takes the line of the base: `hex  timestamps absolute`.
+    /// Reads the line of the base: `hex  timestamps absolute`.
     fn base(&mut self, rest: &str) -> Result<(), Reason> {
         let words: Vec<&str> = rest.split_whitespace().collect();
         self.radix = words.first().and_then(|base| radix(base)).ok_or("a base that is neither hex nor dec")?;
@@ -139,7 +139,7 @@ impl Parser {
                 Entry::Frame(self.frame_of_fd_controller(rest)?)
             }
             [device, ..] if device.eq_ignore_ascii_case("CANFD") => return Err(FD),
-            // Without a channel it is an event of the tools.
+            // A line without a channel is another event.
             [channel, ..] if channel.parse::<u16>().is_err() => return Ok(None),
             [channel, error, ..] if error.eq_ignore_ascii_case("ErrorFrame") => {
                 self.channel = channel.parse().unwrap_or(self.channel);
@@ -149,7 +149,7 @@ impl Parser {
                 self.channel = channel.parse().unwrap_or(self.channel);
                 Entry::Frame(self.frame(id, rest)?)
             }
-            // A frame that is asked for is logged once more when it is on the bus.
+            // A transmit request: the frame itself has a line of its own.
             [_, _, direction, ..] if direction.eq_ignore_ascii_case("TxRq") => return Ok(None),
             [_, event, ..] if is_other_event(event) => return Ok(None),
             _ => return Err("no frame, and no other event of an ASC file"),
@@ -157,10 +157,10 @@ impl Parser {
         Ok(Some(Record { at, entry }))
     }
 
-    /// Returns a frame of classic CAN as a controller for CAN FD logs it: identifier, name, BRS, ESI, length code,
-    /// length, data, two measures of the frame, flags.
+    /// Returns a classic CAN frame in the form of a CAN FD controller's log: identifier, name, BRS, ESI, length code,
+    /// length, data, two durations, flags.
     fn frame_of_fd_controller(&self, words: &[&str]) -> Result<Frame, Reason> {
-        /// The marks of a remote frame and of CAN FD in the flags.
+        /// The flags of a remote frame and of CAN FD.
         const REMOTE: u32 = 1 << 4;
         const EXTENDED_DATA_LENGTH: u32 = 1 << 12;
         let words: Vec<&str> = match words {
@@ -178,7 +178,7 @@ impl Parser {
         }
     }
 
-    /// Returns the identifier, and what stands after the direction.
+    /// Parses the identifier, and the text after the direction.
     fn frame(&self, id: &str, rest: &[&str]) -> Result<Frame, Reason> {
         let number = |text: &str| u32::from_str_radix(text, self.radix).ok().filter(|_| !text.starts_with('+'));
         let id = match id.strip_suffix(['x', 'X']) {
@@ -217,7 +217,7 @@ fn is_on_bus(direction: &str) -> bool {
     direction.eq_ignore_ascii_case("Rx") || direction.eq_ignore_ascii_case("Tx")
 }
 
-/// Returns whether a word after a channel begins an event that is no frame: `Statistic:`, `CAN Status:`, `J1939TP`.
+/// Returns whether the word after a channel begins another event: `Statistic:`, `CAN Status:`, `J1939TP`.
 fn is_other_event(word: &str) -> bool {
     word.ends_with(':') || ["CAN", "J1939TP", "OverloadFrame"].iter().any(|known| word.eq_ignore_ascii_case(known))
 }

@@ -1,4 +1,4 @@
-//! Dates as ASC has them: `Tue Nov 14 10:13:20.042 pm 2023`, in UTC.
+//! The date format of ASC: `Tue Nov 14 10:13:20.042 pm 2023`, in UTC.
 
 use std::fmt;
 
@@ -6,7 +6,7 @@ use crate::log::Timestamp;
 
 const WEEKDAYS: [&str; 7] = ["Thu", "Fri", "Sat", "Sun", "Mon", "Tue", "Wed"];
 const MONTHS: [&str; 12] = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"];
-/// Months that a German installation writes otherwise.
+/// The German names of months that differ from the English ones.
 const GERMAN: [(&str, u32); 4] = [("mär", 3), ("mai", 5), ("okt", 10), ("dez", 12)];
 
 const SECOND: u64 = 1_000_000;
@@ -30,7 +30,7 @@ impl fmt::Display for Date {
     }
 }
 
-/// Reads a date; `None` when it is none from 1970 to 9999.
+/// Parses a date from 1970 to 9999; `None` for other texts.
 pub(super) fn parse(text: &str) -> Option<Timestamp> {
     let words: Vec<String> = text.split_whitespace().map(str::to_lowercase).collect();
     let month = |word: &String| {
@@ -39,7 +39,7 @@ pub(super) fn parse(text: &str) -> Option<Timestamp> {
         let german = GERMAN.iter().find(|(name, _)| *name == start);
         english.map(|(_, number)| number).or(german.map(|(_, number)| *number))
     };
-    // The weekday has as many letters as a month, and no month has its name.
+    // The weekday has as many letters as a month, but another name.
     let (at, month) = words.iter().enumerate().find_map(|(at, word)| Some((at, month(word)?)))?;
     let (day, time, half, year) = match &words[at + 1..] {
         [day, time, half, year, ..] if matches!(half.as_str(), "am" | "pm") => (day, time, half.as_str(), year),
@@ -62,7 +62,7 @@ pub(super) fn parse(text: &str) -> Option<Timestamp> {
     Some(Timestamp::from_micros(days(year, month, day) * DAY + (hours * 60 + minutes) * 60 * SECOND + seconds))
 }
 
-/// Returns the days from 1970-01-01 to a date. Years begin in March here: the leap day is the last one.
+/// Returns the days from 1970-01-01 to a date. Years begin in March here, so that the leap day is the last one.
 const fn days(year: u64, month: u32, day: u32) -> u64 {
     let year = if month <= 2 { year - 1 } else { year };
     let day_of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;
@@ -72,7 +72,7 @@ const fn days(year: u64, month: u32, day: u32) -> u64 {
 /// The days from 0000-03-01 to 1970-01-01.
 const EPOCH: u64 = 719_468;
 
-/// Returns year, month and day of a day since 1970-01-01.
+/// Returns the year, month and day of a day counted from 1970-01-01.
 const fn civil(days: u64) -> (u64, u32, u32) {
     const ERA: u64 = 146_097;
     let days = days + EPOCH;
@@ -107,7 +107,7 @@ mod tests {
         }
     }
 
-    /// Every day of 250 years, among them leap days and the year 2100, which has none.
+    /// Every day of 250 years, including leap days and the year 2100, which has none.
     #[test]
     fn every_day_is_read_as_it_was_written() {
         for day in 0..250 * 365 {

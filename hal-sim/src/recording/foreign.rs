@@ -10,17 +10,17 @@ macro_rules! refusal {
     };
 }
 
-/// Lines at the begin of a text that may fail to parse before the text is no recording.
+/// The number of leading lines that may fail to parse before a text is refused as a whole.
 pub(super) const LINES: usize = 10;
 
 pub(super) const EMPTY: &str = refusal!("nothing in it");
 pub(super) const UNKNOWN: &str = refusal!("no recording of a known format");
 
-/// First bytes of the older format of Wireshark: either byte order, times in microseconds or nanoseconds.
+/// The first bytes of Wireshark's older format, in both byte orders, with times in microseconds or nanoseconds.
 const PCAP: [&[u8]; 4] =
     [&[0xD4, 0xC3, 0xB2, 0xA1], &[0xA1, 0xB2, 0xC3, 0xD4], &[0x4D, 0x3C, 0xB2, 0xA1], &[0xA1, 0xB2, 0x3C, 0x4D]];
 
-/// Returns why a file that begins with these four bytes is none; `None` for one that may be a recording.
+/// Returns the refusal of a file by its first four bytes; `None` for a possible recording.
 pub(super) fn by_magic(head: &[u8]) -> Option<&'static str> {
     match head {
         b"LOGG" => Some(refusal!("a file of BLF")),
@@ -34,9 +34,9 @@ pub(super) fn by_magic(head: &[u8]) -> Option<&'static str> {
     }
 }
 
-/// Returns why a text with this first line, which is none of a recording, is none; `None` for a line like any other.
+/// Returns the refusal of a text by its first unreadable line; `None` for a line without a clue.
 pub(super) fn by_line(line: &str) -> Option<&'static str> {
-    // Room that was never written has zeros, colours of a terminal have escapes.
+    // Unwritten space has zeros; colours of a terminal have escapes.
     let is_binary = |char: char| {
         char == char::REPLACEMENT_CHARACTER
             || char.is_control() && !char.is_whitespace() && !matches!(char, '\0' | '\x1B')

@@ -1,9 +1,9 @@
-//! Recordings of a bus as files: written by `--log`, read by `decode` and `replay`.
+//! Recordings of a bus in files: written by `--log`, read by `decode` and `replay`.
 //!
 //! ```text
-//! writer   a file of any format
-//! reader   the same, entry by entry, whatever is in it
-//! asc      the format of Vector's tools; candump's is in `trace`
+//! writer   writes a file in any format
+//! reader   reads a file in any format, entry by entry
+//! asc      the format of Vector's tools; candump's is in `log`
 //! pcapng   the format of Wireshark
 //! date     dates of ASC
 //! foreign  files of other formats, which are refused
@@ -35,7 +35,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// Returns the format by the ending of a file's name: `.asc`, `.pcapng`, and that of `candump -L` for every other.
+    /// Returns the format for a file name: `.asc`, `.pcapng`, and that of `candump -L` for all others.
     #[must_use]
     pub fn of(path: &Path) -> Self {
         let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! pcapng with the link type of SocketCAN, 227: a packet a frame, as Linux has it in a `struct can_frame`.
+//! pcapng with the link type of SocketCAN, 227: one packet per frame, in the form of Linux's `struct can_frame`.
 
 use std::io::{self, Cursor, Read, Write};
 
@@ -9,39 +9,39 @@ use protocol_core::frame::{ExtendedId, Frame, Id, StandardId};
 use crate::log::candump::{ERROR_FLAG, FD, Reason};
 use crate::log::{Entry, ErrorFrame, Record, Timestamp};
 
-/// The bytes that a file begins with, whatever its byte order.
+/// The first bytes of a file, in either byte order.
 pub(super) const MAGIC: [u8; 4] = [0x0A, 0x0D, 0x0D, 0x0A];
 
 /// `LINKTYPE_CAN_SOCKETCAN`: the identifier in network byte order, length, flags, two bytes that are 0, data.
 const SOCKETCAN: u16 = 227;
 const HEAD: usize = 8;
 
-/// Marks in the identifier.
+/// Flags in the identifier.
 const EXTENDED_FLAG: u32 = 0x8000_0000;
 const REMOTE_FLAG: u32 = 0x4000_0000;
-/// The mark of CAN FD in the flags.
+/// The flag of CAN FD.
 const FD_FLAG: u8 = 0x04;
 
 const SECTION_HEADER: u32 = 0x0A0D_0D0A;
 const INTERFACE_DESCRIPTION: u32 = 1;
 const ENHANCED_PACKET: u32 = 6;
 
-/// The largest block that is read: beyond all that a capture of CAN has.
+/// The size limit of a block: far above that of any capture of CAN.
 const BLOCK_MAX: usize = 1 << 16;
 
-/// Writes the head of a file: a section, and the interface, by the name of the bus, with times in microseconds.
+/// Writes the head of a file: a section, and an interface with the name of the bus and times in microseconds.
 pub(super) fn write_head(out: &mut impl Write, bus: &str) -> io::Result<()> {
     let mut section = Vec::new();
     section.extend(0x1A2B_3C4D_u32.to_le_bytes());
     section.extend([1_u16, 0].map(u16::to_le_bytes).as_flattened());
-    // The length of the section is not told.
+    // The length of the section is unknown.
     section.extend(u64::MAX.to_le_bytes());
     write_block(out, SECTION_HEADER, &section)?;
     let mut interface = Vec::new();
     interface.extend([SOCKETCAN, 0].map(u16::to_le_bytes).as_flattened());
-    // No limit of the length.
+    // The capture length is unlimited.
     interface.extend(0_u32.to_le_bytes());
-    // Its name; times in 10^-6 s; no more options.
+    // The options: the name, times in 10^-6 s, end.
     for (code, value) in [(2_u16, bus.as_bytes()), (9, &[6]), (0, &[])] {
         let length = u16::try_from(value.len()).unwrap_or_default();
         interface.extend([code, length].map(u16::to_le_bytes).as_flattened());
@@ -67,7 +67,7 @@ pub(super) fn write(out: &mut impl Write, Record { at, entry }: &Record) -> io::
     let length_of_packet = (HEAD + data.len()) as u32;
     let (high, low) = ((at.as_micros() >> 32) as u32, at.as_micros() as u32);
     let mut body = Vec::with_capacity(40);
-    // The first interface, the time, the length as captured and as it was.
+    // The first interface, the time, the captured and the original length.
     for number in [0, high, low, length_of_packet, length_of_packet] {
         body.extend(number.to_le_bytes());
     }
@@ -87,18 +87,18 @@ fn write_block(out: &mut impl Write, kind: u32, body: &[u8]) -> io::Result<()> {
     out.write_all(&length.to_le_bytes())
 }
 
-/// An interface of the section that is being read.
+/// An interface of the current section.
 #[derive(Debug)]
 struct Interface {
     name: String,
     link_type: i32,
-    /// Units of time in a second.
+    /// The units of time in a second.
     resolution: u128,
-    /// Seconds that are added to each time.
+    /// The offset of all times, in seconds.
     offset: i64,
 }
 
-/// Reads a file packet by packet.
+/// The reader of a file, packet by packet.
 pub(super) struct Packets {
     reader: PcapNGReader<Box<dyn Read + Send>>,
     interfaces: Vec<Interface>,
@@ -106,20 +106,20 @@ pub(super) struct Packets {
     last: usize,
 }
 
-/// Why there is no entry.
+/// The reason for a missing entry.
 pub(super) enum PacketError {
-    /// This packet has none; the next one may.
+    /// This packet has no entry; later ones may have.
     Packet(Reason),
-    /// The file ends here.
+    /// The file ends here, with an error.
     End(Reason),
-    /// It cannot be read.
+    /// A read error.
     Io,
 }
 
 impl Packets {
-    /// Begins to read.
+    /// Begins to read a file.
     pub(super) fn new(mut source: Box<dyn Read + Send>) -> Result<Self, PacketError> {
-        // The first read has to give the whole first block, which a pipe may not.
+        // The first read has to return the whole first block, which a pipe may not.
         let mut head = vec![0; 12];
         let whole = source.read_exact(&mut head);
         whole.map_err(|_| PacketError::End(CUT_OFF))?;
@@ -142,12 +142,12 @@ impl Packets {
         self.interfaces.get(self.last).map_or("can0", |interface| &interface.name)
     }
 
-    /// Returns whether the next packet may have to be waited for.
+    /// Returns whether the next read may block.
     pub(super) fn may_wait(&self) -> bool {
         self.reader.data().is_empty()
     }
 
-    /// Returns the next packet's entry; `None` at the end.
+    /// Returns the entry of the next packet; `None` at the end.
     pub(super) fn next(&mut self) -> Option<Result<Record, PacketError>> {
         loop {
             let (length, found) = match self.reader.next() {
@@ -171,7 +171,7 @@ impl Packets {
 const CUT_OFF: Reason = "a file that is cut off here";
 const BROKEN: Reason = "no block of pcapng; the rest cannot be found";
 
-/// Returns the entry of a block that is a packet.
+/// Returns the entry of a packet block.
 fn take(
     interfaces: &mut Vec<Interface>,
     last: &mut usize,
@@ -202,14 +202,14 @@ fn take(
     None
 }
 
-/// Returns the name of a bus in a line of candump, which a blank would end.
+/// Returns the name of a bus for a line of candump, without blanks.
 fn name(told: &str) -> String {
     let name = if told.is_empty() { "can0" } else { told };
     name.replace(|char: char| char.is_whitespace() || char.is_control(), "_")
 }
 
-/// Returns the units in a second: a power of 10, or with the highest bit one of 2. One beyond all clocks counts as the
-/// finest that a number of 64 bits can have.
+/// Returns the units in a second: a power of 10, or with the highest bit set, of 2. A finer resolution than 64 bits can
+/// express counts as the finest.
 fn resolution(told: u8) -> u128 {
     match (told & 0x80, told & 0x7F) {
         (0, power) => 10_u128.pow(u32::from(power.min(19))),

@@ -1,5 +1,5 @@
-//! A recording that is being read, in any format: what is in the file decides, and for a text that says nothing its
-//! ending.
+//! The reader of recordings in any format: the content determines the format, and the extension that of an ambiguous
+//! text.
 
 use std::collections::VecDeque;
 use std::fs::File;
@@ -11,23 +11,23 @@ use super::{Format, asc, foreign};
 use crate::log::candump::{self, Reason};
 use crate::log::{Record, Timestamp};
 
-/// The longest line that is read, in bytes: more than any line of a log has.
+/// The length limit of a line, in bytes: far above that of any log.
 const LINE_MAX: u64 = 4096;
 
-/// How much of a line that is none is shown, in characters.
+/// The length of an unreadable line in messages, in characters.
 const SHOWN: usize = 80;
 
 const UNREADABLE: &str = "cannot be read on";
 
-/// Reads a recording, entry by entry.
+/// The reader of a recording, entry by entry.
 pub struct Reader {
     source: Source,
-    /// The number of the line or the packet that was read last, from 1.
+    /// The number of the last line or packet, from 1.
     number: u64,
     ended: bool,
     /// True after the first entry: the file is a recording.
     is_known: bool,
-    /// The lines that are none before the first entry, and that entry.
+    /// The unreadable lines before the first entry, and that entry.
     held: VecDeque<Result<Logged, ReadError>>,
 }
 
@@ -44,19 +44,19 @@ struct Text {
     /// The bus of the last entry.
     bus: String,
     line: Vec<u8>,
-    /// Whether the line was longer than what is kept of it.
+    /// The line was longer than the limit.
     is_too_long: bool,
 }
 
 /// The format of a text.
 enum Style {
-    /// The first line decides, and where that says nothing the ending.
+    /// The first line determines the format, and otherwise the extension.
     Unseen(Format),
     Candump,
     Asc(asc::Parser),
 }
 
-/// An entry, and the line or the packet that it is in, from 1.
+/// An entry with its line or packet number, from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Logged {
     /// The number of the line, or of the packet.
@@ -65,20 +65,20 @@ pub struct Logged {
     pub record: Record,
 }
 
-/// Why there is no entry.
+/// The reason for a missing entry.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
-    /// A line or a packet that is none; the next one is read as if it was not there.
+    /// An unreadable line or packet; reading continues with the next one.
     #[error("{number}: {reason}{}", quoted(text))]
     NoEntry {
         /// The number of the line, or of the packet.
         number: u64,
-        /// What it is.
+        /// The reason.
         reason: &'static str,
-        /// The begin of the line; empty for a packet.
+        /// The beginning of the line; empty for a packet.
         text: String,
     },
-    /// The file cannot be read on.
+    /// A read error.
     #[error("{0}")]
     Io(#[from] io::Error),
 }
@@ -103,11 +103,10 @@ impl Reader {
         Self::new(file, Format::of(path))
     }
 
-    /// Reads `source`, in the format of what is in it; a text whose first line is none of ASC has the format of
-    /// `ending`.
+    /// Reads `source` in the format of its content; a text whose first line is not ASC has the format of `ending`.
     ///
     /// # Errors
-    /// When nothing can be read from `source`.
+    /// When `source` cannot be read.
     pub fn new(mut source: impl Read + Send + 'static, ending: Format) -> io::Result<Self> {
         let mut head = Vec::new();
         (&mut source).take(MAGIC.len() as u64).read_to_end(&mut head)?;
@@ -138,7 +137,7 @@ impl Reader {
         Ok(Self { source, number: 0, ended: false, is_known, held: VecDeque::new() })
     }
 
-    /// Returns the name of the bus that the last entry was on.
+    /// Returns the bus of the last entry.
     #[must_use]
     pub fn bus(&self) -> &str {
         match &self.source {
@@ -147,7 +146,7 @@ impl Reader {
         }
     }
 
-    /// Returns whether the next entry may have to be waited for, at a pipe.
+    /// Returns whether the next read may block, as on a pipe.
     #[must_use]
     pub fn may_wait(&self) -> bool {
         match &self.source {
@@ -156,7 +155,7 @@ impl Reader {
         }
     }
 
-    /// Reads the next entry, or what is none.
+    /// Reads the next entry or unreadable line.
     fn read_one(&mut self) -> Option<Result<Logged, ReadError>> {
         loop {
             self.number += 1;
@@ -194,7 +193,7 @@ fn refusal(reason: &'static str) -> ReadError {
     io::Error::new(io::ErrorKind::InvalidData, reason).into()
 }
 
-/// Returns whether this is a line of another text, not a damaged one of a recording.
+/// Returns whether this line belongs to another kind of text, rather than being damaged.
 fn is_no_line(read: &Result<Logged, ReadError>) -> bool {
     matches!(read, Err(ReadError::NoEntry { reason: candump::NO_LINE, .. }))
 }
@@ -223,7 +222,7 @@ impl Iterator for Reader {
 }
 
 impl Text {
-    /// Reads the next line, as far as it is kept; returns whether there is one.
+    /// Reads the next line up to the limit; returns false at the end.
     fn next_line(&mut self) -> io::Result<bool> {
         self.line.clear();
         if (&mut self.input).take(LINE_MAX).read_until(b'\n', &mut self.line)? == 0 {
@@ -236,7 +235,7 @@ impl Text {
         Ok(true)
     }
 
-    /// Returns why the text is no recording, where its first line tells that.
+    /// Returns the refusal of the text by its first line, if any.
     fn refusal(&self) -> Option<&'static str> {
         let line = String::from_utf8_lossy(&self.line);
         let line = line.trim_start_matches('\u{FEFF}').trim();
@@ -245,14 +244,14 @@ impl Text {
         if is_first && !is_known() { foreign::by_line(line) } else { None }
     }
 
-    /// Returns the entry of the line; `None` when it has none to have.
+    /// Returns the entry of the line; `None` for a line that needs none.
     fn entry(&mut self) -> Result<Option<Record>, Reason> {
         if self.is_too_long {
             return Err("a line that is too long");
         }
-        // ASC is written in the encoding of its machine.
+        // ASC files have the encoding of their machine.
         let line = String::from_utf8_lossy(&self.line);
-        // Editors of Windows put a byte order mark before the first line.
+        // Windows editors put a byte order mark before the first line.
         let line = line.trim_start_matches('\u{FEFF}');
         if line.trim().is_empty() || line.starts_with('#') {
             return Ok(None);

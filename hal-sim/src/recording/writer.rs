@@ -1,4 +1,4 @@
-//! A recording that is being written, in any format.
+//! The writer of recordings in any format.
 
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -7,17 +7,17 @@ use super::{Format, asc, pcapng};
 use crate::log::candump::write_entry;
 use crate::log::{Record, Timestamp};
 
-/// Writes a recording of a bus.
+/// The writer of a recording.
 #[derive(Debug)]
 pub struct Writer<W> {
     out: W,
     bus: String,
     style: Style,
-    /// The current line; the allocation is used again.
+    /// The current line, kept for its capacity.
     line: String,
 }
 
-/// What a format has to remember.
+/// The state of a format.
 #[derive(Debug)]
 enum Style {
     Candump,
@@ -27,10 +27,10 @@ enum Style {
 }
 
 impl<W: Write> Writer<W> {
-    /// Begins a recording at a time, with the head that its format has.
+    /// Begins a recording at a time, with the head of its format.
     ///
     /// # Errors
-    /// Those of `out`.
+    /// The errors of `out`.
     pub fn new(mut out: W, format: Format, bus: &str, start: Timestamp) -> io::Result<Self> {
         let style = match format {
             Format::Candump => Style::Candump,
@@ -46,13 +46,13 @@ impl<W: Write> Writer<W> {
     /// Adds an entry.
     ///
     /// # Errors
-    /// Those of `out`.
+    /// The errors of `out`.
     pub fn write(&mut self, record: &Record) -> io::Result<()> {
         match self.style {
             Style::Candump => {
                 self.line.clear();
                 write_entry(&mut self.line, record.at, &self.bus, &record.entry);
-                // Writing to a string can't fail.
+                // Writing to a string cannot fail.
                 let _ = self.line.write_char('\n');
                 self.out.write_all(self.line.as_bytes())
             }
@@ -61,18 +61,18 @@ impl<W: Write> Writer<W> {
         }
     }
 
-    /// Hands everything to `out`, and that to the system.
+    /// Flushes the recording to the system.
     ///
     /// # Errors
-    /// Those of `out`.
+    /// The errors of `out`.
     pub fn flush(&mut self) -> io::Result<()> {
         self.out.flush()
     }
 
-    /// Writes the end that the format has, and flushes.
+    /// Writes the end of the format and flushes.
     ///
     /// # Errors
-    /// Those of `out`.
+    /// The errors of `out`.
     pub fn finish(mut self) -> io::Result<W> {
         if let Style::Asc(_) = self.style {
             asc::write_end(&mut self.out)?;

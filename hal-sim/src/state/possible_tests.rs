@@ -112,12 +112,12 @@ impl Rig {
     }
 
     /// Fails unless everything in the table was shown by one of the rigs: words, faults, and how far a position goes.
-    fn assert_all_seen(benches: &[Self]) {
-        let kind = benches[0].kind;
+    fn assert_all_seen(rigs: &[Self]) {
+        let kind = rigs[0].kind;
         for powered in [true, false] {
             for (key, values) in table(kind, NAME, powered) {
                 let seen: Vec<&Json> =
-                    benches.iter().filter_map(|rig| rig.seen.get(&(powered, key.to_owned()))).flatten().collect();
+                    rigs.iter().filter_map(|rig| rig.seen.get(&(powered, key.to_owned()))).flatten().collect();
                 let has = |value: &Json| seen.iter().any(|seen| is_part(value, seen));
                 for value in values {
                     let missing: Vec<Json> = match value {

@@ -1,5 +1,5 @@
-//! The errors of the bus that users are told of: the first error frame of a frame that is being destroyed, and each
-//! change of an error mode. A controller repeats a destroyed frame thousands of times a second.
+//! The reported errors of the bus: the first error frame of each destroyed frame, and each change of an error mode. A
+//! controller repeats a destroyed frame thousands of times a second.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -13,24 +13,24 @@ use crate::explain::explain_error;
 use crate::log::ErrorClass;
 use crate::world::{Event, EventKind};
 
-/// An error frame after a pause longer than this is a first one again.
+/// The pause after which an error frame is reported as a new one.
 const OVER: Duration = Duration::from_secs(1);
 
-/// The errors of the bus, and those that were told.
+/// The errors of the bus, and the reported ones among them.
 #[derive(Clone, Debug, Default)]
 pub struct Errors {
-    /// The number of error frames since the trouble began.
+    /// The number of error frames since the first reported one.
     count: u64,
-    /// The last error frame.
+    /// The instant of the last error frame.
     last: Option<Instant>,
     /// The frame of each sender that is being destroyed, with its last error frame.
     failing: HashMap<Arc<str>, (Frame, Instant)>,
-    /// The controllers that are not error-active: mode and its begin.
+    /// The controllers that are not error-active: their modes with the beginnings.
     troubled: HashMap<Arc<str>, (BusErrorMode, Instant)>,
 }
 
 impl Errors {
-    /// Takes note of an event; returns the class and the words of an error that is told.
+    /// Records an event; returns the class and the text of an error to be reported.
     pub fn note(&mut self, event: &Event) -> Option<(ErrorClass, String)> {
         match &event.what {
             EventKind::Frame { .. } => {
@@ -60,7 +60,7 @@ impl Errors {
         (!told).then(|| (class(error), explain_error(error, frame, &event.who)))
     }
 
-    /// The words have the length of the mode before, not its begin: traces count from the start or by the clock.
+    /// The text has the duration of the previous mode, not its beginning: traces count from the start or by the clock.
     fn change(&mut self, event: &Event, to: BusErrorMode) -> (ErrorClass, String) {
         let before = match to {
             BusErrorMode::ErrorActive => self.troubled.remove(&event.who),

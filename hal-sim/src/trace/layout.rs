@@ -1,4 +1,4 @@
-//! The trace for people: aligned columns, arrows, colours, and repeats of a cyclic frame as a count.
+//! The trace for people: aligned columns, arrows, colours, and repeated cyclic frames as a count.
 //!
 //! ```text
 //!    300.768 ms  ->  220: 0F 00 00 20               master → pvea-canopen: RPDO …   a client sent it
@@ -17,25 +17,25 @@ use protocol_core::time::{Duration, Instant, since};
 use crate::explain::{Mark, is_cyclic};
 use crate::log::write_hex;
 
-/// A frame that comes again as it was, and later than this, is news again.
+/// The period beyond which an unchanged frame counts as new.
 const CYCLE: Duration = Duration::from_secs(2);
 
-/// Repeats are told at the latest after this.
+/// The longest time without a report of repeats.
 const REMINDER: Duration = Duration::from_secs(5);
 
-/// How late a repeat may be before its cycle counts as over.
+/// The delay after which a cycle counts as ended.
 const LATE: Duration = Duration::from_millis(20);
 
-/// Times from here on are written as h:mm:ss.mmm, in milliseconds.
+/// The time from which times are written as h:mm:ss.mmm, in milliseconds.
 const MINUTE: u64 = 60_000;
 
 /// The columns before the frame: time, unit, arrow.
 const MARGIN: usize = 19;
 
-/// With fewer columns the bytes of a frame stand together.
+/// The number of columns below which the bytes of a frame are written without blanks.
 const ROOMY: usize = 100;
 
-/// A meaning is not broken into lines shorter than this.
+/// The width below which meanings are not wrapped.
 const NARROWEST: usize = 20;
 
 const TIME: Style = Style::new().dimmed();
@@ -45,47 +45,47 @@ const FAULT: Style = AnsiColor::Red.on_default();
 const WARNING: Style = AnsiColor::Yellow.on_default().bold();
 const MINOR: Style = Style::new().dimmed();
 
-/// Lays the trace out.
+/// The layout of a trace.
 pub struct Layout {
     color: bool,
-    /// Whether repeats are shown.
+    /// Repeated frames are shown.
     verbose: bool,
-    /// The columns of the terminal, where it tells them.
+    /// The columns of the terminal, if known.
     columns: Option<usize>,
-    /// Whether 29-bit identifiers need room.
+    /// 29-bit identifiers need space.
     extended: bool,
-    /// What was printed last, of each sender and identifier.
+    /// The last printed frame of each sender and identifier.
     latest: HashMap<(Arc<str>, Id), Latest>,
 }
 
-/// A frame that was printed, and its repeats.
+/// A printed frame and its repeats.
 struct Latest {
     frame: Frame,
-    /// The last one.
+    /// The instant of the last repeat.
     at: Instant,
-    /// Repeats that are not told yet, and the time of the one before them.
+    /// The number of unreported repeats, and the time of the frame before them.
     again: u32,
     told: Instant,
 }
 
 impl Layout {
-    /// Returns a layout, in color or not, that tells each frame or sums up repeated ones.
+    /// Returns a layout, in colour or not, that shows every frame or counts repeated ones.
     #[must_use]
     pub fn new(color: bool, verbose: bool) -> Self {
         Self { color, verbose, columns: None, extended: false, latest: HashMap::new() }
     }
 
-    /// Learns how many columns there are; `None`: lines are not broken.
+    /// Sets the number of columns; `None`: lines are not wrapped.
     pub fn fit(&mut self, columns: Option<usize>) {
         self.columns = columns;
     }
 
-    /// Makes room for 29-bit identifiers from the first line on.
+    /// Reserves space for 29-bit identifiers from the first line on.
     pub fn expect_extended(&mut self) {
         self.extended = true;
     }
 
-    /// Writes a frame, or counts it as a repeat. `from_device`: whether a device sent it.
+    /// Writes a frame, or counts it as a repeat. `from_device`: a device sent it.
     pub fn frame(
         &mut self,
         out: &mut String,
@@ -120,12 +120,12 @@ impl Layout {
         out.push('\n');
     }
 
-    /// Tells every repeat that was not told.
+    /// Reports all unreported repeats.
     pub fn finish(&mut self, out: &mut String) {
         self.tell_repeats(out, |_| true);
     }
 
-    /// Returns whether a frame is a repeat, which is counted.
+    /// Returns whether a frame is a repeat, and counts it.
     fn repeats(&mut self, out: &mut String, at: Instant, who: &Arc<str>, frame: &Frame) -> bool {
         if !is_cyclic(frame) {
             return false;
@@ -148,7 +148,7 @@ impl Layout {
         false
     }
 
-    /// Tells the repeats of cycles that are over.
+    /// Reports the repeats of ended cycles.
     fn tell_ended(&mut self, out: &mut String, now: Instant) {
         self.tell_repeats(out, |(_, latest)| since(now, latest.at).as_micros() > latest.period_us() + LATE.as_micros());
     }
@@ -163,7 +163,7 @@ impl Layout {
                 (latest.again, latest.told) = (0, latest.at);
             }
         }
-        // The map has no order of its own.
+        // The order of the map is random.
         told.sort_by_key(|(at, frame, _)| (*at, frame.arbitration()));
         for (_, frame, text) in told {
             let blank = " ".repeat(MARGIN);
@@ -186,7 +186,7 @@ impl Layout {
         out.push_str("  ");
     }
 
-    /// Returns a frame, as wide as the widest.
+    /// Returns a frame padded to the width of the widest one.
     fn columns_of(&self, frame: &Frame) -> String {
         let mut text = frame.to_string();
         if !self.is_roomy() && !frame.is_remote() {
@@ -208,7 +208,7 @@ impl Layout {
         self.columns.is_none_or(|columns| columns >= ROOMY)
     }
 
-    /// Writes the end of a line: a text, in lines below each other where it is too long.
+    /// Writes the end of a line: a text, wrapped if it is too long.
     fn text(&self, out: &mut String, style: Style, text: &str) {
         let indent = MARGIN + self.frame_width() + 2;
         let width = self.columns.map_or(usize::MAX, |columns| columns.saturating_sub(indent).max(NARROWEST));
@@ -224,7 +224,7 @@ impl Layout {
     }
 
     fn styled(&self, out: &mut String, style: Style, text: &str) {
-        // Writing to a string can't fail.
+        // Writing to a string cannot fail.
         let _ = if self.color { write!(out, "{style}{text}{style:#}") } else { write!(out, "{text}") };
     }
 }
@@ -240,7 +240,7 @@ impl Latest {
     }
 }
 
-/// Returns a text in lines of at most so many characters, broken between words.
+/// Returns a text in lines with at most this many characters, wrapped between words.
 fn broken(text: &str, width: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
     let mut length = 0;

@@ -1,7 +1,7 @@
-//! Traces: what happened on the bus, laid out for people.
+//! Traces: events on the bus, laid out for people.
 //!
 //! ```text
-//! layout     the columns of a trace         errors     the error frames and error modes that are told
+//! layout     the columns of a trace         errors     the reported error frames and error modes
 //! ```
 
 mod errors;
