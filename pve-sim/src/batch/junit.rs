@@ -1,4 +1,4 @@
-//! Outcomes as JUnit XML: a test case for each scenario, by the name of its file.
+//! Outcomes as JUnit XML: a test case for each scenario, named after its file.
 
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 
@@ -7,7 +7,7 @@ use hal_sim::scenario::Outcome;
 /// The name of the test suite.
 const SUITE: &str = "pve-sim scenario";
 
-/// Returns the report of scenarios, by file. It has no times of the wall clock: two runs are the same.
+/// Returns the report of scenarios, by file. It has no wall-clock times: two runs are identical.
 pub(super) fn report(files: &[String], outcomes: &[Outcome]) -> String {
     let mut suite = TestSuite::new(SUITE);
     for (file, outcome) in files.iter().zip(outcomes) {
@@ -20,7 +20,7 @@ pub(super) fn report(files: &[String], outcomes: &[Outcome]) -> String {
     report.to_string().unwrap_or_default()
 }
 
-/// Returns every failure of a scenario in one: a test case has one.
+/// Returns all failures of a scenario as one: a test case has only one.
 fn status(file: &str, outcome: &Outcome) -> TestCaseStatus {
     if outcome.is_success() {
         return TestCaseStatus::success();

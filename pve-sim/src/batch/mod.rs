@@ -1,4 +1,4 @@
-//! Scenarios of a command line: read, run over the cores, told in their order.
+//! Scenarios of a command line: read, run on all cores, reported in order.
 
 mod junit;
 
@@ -14,23 +14,23 @@ use hal_sim::scenario::{Outcome, ReadError, Scenario};
 
 use crate::use_case::UseCase;
 
-/// What is to be run.
+/// The options of `scenario`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Options {
-    /// The files, in the order in which they are told.
+    /// The files, in the order of the report.
     pub files: Vec<PathBuf>,
-    /// Where results are written for CI; `None`: nowhere.
+    /// The file of the results for CI, if any.
     pub junit: Option<PathBuf>,
     /// The seed of everything random.
     pub seed: u64,
-    /// Whether the trace of each scenario is told, too.
+    /// The trace of each scenario is printed, too.
     pub verbose: bool,
 }
 
-/// Why scenarios did not run, or their results were not kept.
+/// The reason why scenarios did not run, or their results were not saved.
 #[derive(Debug, thiserror::Error)]
 pub enum BatchError {
-    /// Files that cannot be read: a line each. Nothing was run.
+    /// Files that cannot be read: a line each. No scenario was run.
     #[error("{}", .0.join("\n"))]
     Unreadable(Vec<String>),
     /// The file of `--junit` cannot be written.
@@ -38,7 +38,7 @@ pub enum BatchError {
     Junit {
         /// The file.
         path: PathBuf,
-        /// Why not.
+        /// The cause.
         source: io::Error,
     },
 }
@@ -49,8 +49,8 @@ struct Named<'a> {
     scenario: Scenario,
 }
 
-/// Reads all files, then runs the scenarios and tells the outcome of each on `out`; returns whether all was as
-/// expected. An `out` that takes nothing changes nothing.
+/// Reads all files, runs the scenarios and writes their outcomes to `out`; returns whether all passed. Errors of `out`
+/// are ignored.
 ///
 /// # Errors
 /// [`BatchError`].
@@ -64,7 +64,7 @@ pub fn run(options: &Options, out: &mut dyn Write) -> Result<bool, BatchError> {
     Ok(outcomes.iter().all(Outcome::is_success))
 }
 
-/// Runs use cases, and tells all that is on the bus; returns whether all was as expected.
+/// Runs use cases and prints their traces; returns whether all passed.
 ///
 /// # Errors
 /// [`BatchError::Unreadable`]
@@ -80,7 +80,7 @@ fn all_or_none<'a>(read: impl Iterator<Item = Result<Named<'a>, String>>) -> Res
     if refused.is_empty() { Ok(read.into_iter().flatten().collect()) } else { Err(BatchError::Unreadable(refused)) }
 }
 
-/// Runs the scenarios and tells the outcome of each; returns their files and outcomes.
+/// Runs the scenarios and reports their outcomes; returns their files and outcomes.
 fn run_all(scenarios: &[Named<'_>], options: &Options, out: &mut dyn Write) -> (Vec<String>, Vec<Outcome>) {
     let mut outcomes = Vec::with_capacity(scenarios.len());
     let files: Vec<String> = scenarios.iter().map(|named| named.file.display().to_string()).collect();
@@ -106,7 +106,7 @@ fn parse<'a>(file: &'a Path, text: &str) -> Result<Named<'a>, String> {
     Ok(Named { file, scenario })
 }
 
-/// Runs scenarios on as many threads as there are cores, and hands their outcomes on in their order.
+/// Runs scenarios on one thread per core, and passes on their outcomes in order.
 fn over_the_cores(scenarios: &[Named<'_>], options: &Options, mut tell: impl FnMut(Outcome)) {
     let threads = thread::available_parallelism().map_or(1, usize::from).min(scenarios.len());
     let (next, (sender, receiver)) = (&AtomicUsize::new(0), mpsc::channel());

@@ -1,4 +1,4 @@
-//! What happens, for those who follow it: frames, and changes of devices.
+//! The event stream of the control interface: frames, errors and device changes for its followers.
 
 use std::sync::{Arc, OnceLock};
 
@@ -13,17 +13,16 @@ use hal_sim::simulation::{BusTrouble, Happened, Passed, Refusal, Simulation};
 use hal_sim::state::{DeviceState, PlantState};
 use hal_sim::world::{NodeId, World};
 
-/// The most events that wait for a follower: about a second of a bus under full load. One that is slower loses the
-/// oldest.
+/// The capacity of a follower's queue: about a second of a fully loaded bus. A slower follower loses the oldest events.
 const WAITING: usize = 4096;
 
 /// The most followers.
 pub(crate) const FOLLOWERS: usize = 64;
 
-/// How often a position that moves is told, in wall time.
+/// The interval of positions while they change, in wall time.
 const SAMPLE: Duration = Duration::from_millis(20);
 
-/// Something that happened, put into JSON once for all who follow.
+/// An event, serialised once for all followers.
 #[derive(Debug)]
 pub(crate) struct ControlEvent {
     what: What,
@@ -32,11 +31,11 @@ pub(crate) struct ControlEvent {
 
 #[derive(Debug)]
 enum What {
-    /// A frame was on the bus; what it means.
+    /// A frame on the bus, with its meaning.
     Frame(Passed, String),
-    /// Something went wrong on the bus.
+    /// An error of the bus.
     Error(BusTrouble),
-    /// A device has changed.
+    /// A changed device.
     Device(DeviceState),
 }
 
@@ -60,40 +59,40 @@ impl ControlEvent {
     }
 }
 
-/// Returns a value as JSON. The numbers and texts of this interface have no value that JSON has not.
+/// Returns a value as JSON. All numbers and texts of this interface have a JSON form.
 pub(crate) fn json(value: &impl Serialize) -> String {
     serde_json::to_string(value).unwrap_or_default()
 }
 
-/// What happens from an instant on.
+/// A subscription to events from an instant on.
 #[derive(Debug)]
 pub struct Subscription {
     /// The devices at that instant.
     pub(crate) states: Vec<DeviceState>,
     pub(crate) events: broadcast::Receiver<Arc<ControlEvent>>,
-    /// As long as it is there, somebody follows.
+    /// The handle of the follower, which counts until it is dropped.
     pub(crate) follower: Follower,
 }
 
-/// One of those who follow.
+/// The handle of a follower.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Follower(Arc<()>);
 
-/// Tells followers what happens.
+/// The sender of events to followers.
 #[derive(Debug)]
 pub(crate) struct Events {
     channel: broadcast::Sender<Arc<ControlEvent>>,
-    /// The one that stands for this end.
+    /// The handle of this end.
     follower: Follower,
-    /// What was told of each device.
+    /// The last reported state of each device.
     told: Vec<(NodeId, Kind, Told)>,
-    /// When positions are told next.
+    /// The next position-sample time.
     sample_at: Instant,
-    /// How often they are, in virtual time.
+    /// The position-sample interval, in virtual time.
     sample: Duration,
 }
 
-/// What was told of a device.
+/// The last reported state of a device.
 #[derive(Clone, Debug, PartialEq)]
 struct Told {
     view: Option<View>,
@@ -101,7 +100,7 @@ struct Told {
 }
 
 impl Events {
-    /// Begins to watch; `speed` is that of virtual time.
+    /// Starts without followers; `speed` is that of virtual time.
     pub(crate) fn new(speed: f64, simulation: &mut Simulation) -> Self {
         let devices = simulation.devices().to_vec();
         let world = simulation.world_mut();
@@ -116,12 +115,12 @@ impl Events {
         }
     }
 
-    /// Lets a client follow.
+    /// Adds a follower.
     pub(crate) fn subscribe(&mut self, simulation: &mut Simulation) -> Result<Subscription, Refusal> {
         if self.followers() >= FOLLOWERS {
             return Err(Refusal::TooMany("too many clients follow the events"));
         }
-        // What others follow is told to them before; what nobody follows is new.
+        // Earlier followers get pending changes first; without followers, the states are reset.
         self.poll(simulation);
         if !self.is_followed() {
             let world = simulation.world_mut();
@@ -134,7 +133,7 @@ impl Events {
         })
     }
 
-    /// Returns whether anybody follows.
+    /// Returns whether there is a follower.
     pub(crate) fn is_followed(&self) -> bool {
         self.followers() > 0
     }
@@ -143,7 +142,7 @@ impl Events {
         Arc::strong_count(&self.follower.0) - 1
     }
 
-    /// Tells what happened on the bus, by what explains it.
+    /// Sends an event on the bus, explained by `explainer`.
     pub(crate) fn show(&self, happened: &Happened, explainer: &Explainer) {
         if !self.is_followed() {
             return;
@@ -156,7 +155,7 @@ impl Events {
         }
     }
 
-    /// Tells which devices have changed; of one that only moves, every now and then.
+    /// Sends the changed devices; positions only at sample times.
     pub(crate) fn poll(&mut self, simulation: &mut Simulation) {
         if !self.is_followed() {
             return;
@@ -177,13 +176,13 @@ impl Events {
         }
     }
 
-    /// Returns when positions are told next.
+    /// Returns the next position-sample time.
     pub(crate) fn due(&self) -> Instant {
         if self.is_followed() { self.sample_at } else { NEVER }
     }
 }
 
-/// Tells all followers; without any it is lost, as it should be.
+/// Sends an event to all followers, if there are any.
 fn tell(channel: &broadcast::Sender<Arc<ControlEvent>>, what: What) {
     let _ = channel.send(Arc::new(ControlEvent { what, json: OnceLock::new() }));
 }
@@ -193,7 +192,7 @@ impl Told {
         Self { view: world.view(node), plant: PlantState::of(node, world) }
     }
 
-    /// Returns the same without what moves by itself.
+    /// Returns the state without the values that change by themselves.
     fn at_rest(&self) -> Self {
         let view = self.view.clone().map(|view| View { position: 0, ..view });
         Self { view, plant: self.plant.at_rest() }

@@ -9,38 +9,38 @@ use super::events::Subscription;
 use hal_sim::simulation::{BusState, Command, Excerpt, Refusal, Reply};
 use hal_sim::state::DeviceState;
 
-/// A message to the world. Each takes effect at the virtual instant of its arrival, and its answer tells of one
+/// A message to the world. It takes effect at the virtual instant of its arrival, and its answer describes a single
 /// instant.
 #[derive(Debug)]
 pub enum Message {
-    /// A command; answers what came of it.
+    /// Executes a command; answers with its reply.
     Execute(Command, Answer<Reply>),
-    /// The states of all devices.
+    /// Reads the states of all devices.
     Devices(Answer<Vec<DeviceState>>),
-    /// The state of a device.
+    /// Reads the state of a device.
     Device(String, Answer<DeviceState>),
-    /// The state of the bus.
+    /// Reads the state of the bus.
     Bus(Answer<BusState>),
-    /// The virtual time.
+    /// Reads the virtual time.
     Time(Answer<Time>),
-    /// Lets virtual time pass, where it is stepped.
+    /// Advances stepped virtual time.
     Advance(Duration, Answer<Time>),
-    /// The last frames, so many at most.
+    /// Reads the last frames, up to a number.
     Trace(usize, Answer<Excerpt>),
-    /// What happens from now on.
+    /// Subscribes to events from now on.
     Subscribe(Answer<Subscription>),
 }
 
-/// The way of an answer back to the client.
+/// The return path of an answer to its client.
 #[derive(Debug)]
 pub struct Answer<T>(oneshot::Sender<Result<T, Refusal>>);
 
 /// The virtual time.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Time {
-    /// In microseconds since the start.
+    /// The virtual time, in microseconds since the start.
     pub now_us: u64,
-    /// How fast it passes: a factor against wall time, or `"step"`.
+    /// The speed: a factor against wall time, or `"step"`.
     pub speed: SpeedValue,
 }
 
@@ -50,11 +50,11 @@ pub struct Time {
 pub enum SpeedValue {
     /// A factor against wall time.
     Factor(f64),
-    /// Time moves only when told.
+    /// Time advances only on command.
     Step(StepWord),
 }
 
-/// The word for time that moves only when told.
+/// The word for stepped time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum StepWord {
@@ -63,14 +63,14 @@ pub enum StepWord {
 }
 
 impl<T> Answer<T> {
-    /// Returns the way, and its end.
+    /// Returns both ends of a new path.
     #[must_use]
     pub fn new() -> (Self, oneshot::Receiver<Result<T, Refusal>>) {
         let (sender, receiver) = oneshot::channel();
         (Self(sender), receiver)
     }
 
-    /// Sends the answer. A client that is gone gets nothing.
+    /// Sends the answer, unless the client is gone.
     pub(crate) fn send(self, answer: Result<T, Refusal>) {
         let _ = self.0.send(answer);
     }

@@ -1,13 +1,13 @@
 //! The control interface at the world's end: it executes messages and watches the world for waiting and following clients.
 //!
 //! ```text
-//! message     what is asked of the world, and its answers
-//! server      hands commands to the simulation, and answers to those who gave them
-//! events      clients that follow
+//! message     messages to the world, and their answers
+//! server      executes messages and returns their answers
+//! events      the event stream for followers
 //! ```
 //!
-//! The world executes each message at the virtual instant of its arrival, and an answer tells of one instant. Nobody but
-//! the server touches the world, and it waits for nobody.
+//! The world executes each message at the virtual instant of its arrival, and an answer describes a single instant.
+//! Only the server touches the world, and it never waits for a client.
 
 pub(crate) mod events;
 pub(crate) mod message;

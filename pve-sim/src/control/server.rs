@@ -1,4 +1,4 @@
-//! The world's end of the control interface: hands commands to the simulation, and answers to those who gave them.
+//! The control server: the world's end of the control interface.
 
 use std::collections::VecDeque;
 
@@ -9,18 +9,18 @@ use hal_sim::devices::CONTROL;
 use hal_sim::simulation::{Command, Executed, Happened, Refusal, Reply, Simulation, Ticket};
 use protocol_core::time::Instant;
 
-/// The world's end of the control interface.
+/// The control server: it hands commands to the simulation, and replies to their callers.
 #[derive(Debug)]
 pub(crate) struct ControlServer {
     speed: Speed,
     events: Events,
-    /// The commands under way.
+    /// The pending commands.
     pending: Vec<(Ticket, Caller)>,
-    /// Those that take time, when time is stepped: one after the other.
+    /// The queued commands that take time, for stepped time: executed one after the other.
     queue: VecDeque<(Command, Caller)>,
 }
 
-/// Who waits for the end of a command.
+/// The caller of a command.
 #[derive(Debug)]
 enum Caller {
     Reply(Answer<Reply>),
@@ -28,7 +28,7 @@ enum Caller {
 }
 
 impl ControlServer {
-    /// Puts the control interface in charge of a simulation.
+    /// Adds the control interface to a simulation.
     pub(crate) fn new(speed: Speed, simulation: &mut Simulation) -> Self {
         simulation.send_as(CONTROL);
         let factor = match speed {
@@ -39,7 +39,7 @@ impl ControlServer {
         Self { speed, events, pending: Vec::new(), queue: VecDeque::new() }
     }
 
-    /// Obeys a message at the world's instant.
+    /// Executes a message at the world's instant.
     pub(crate) fn execute(&mut self, message: Message, simulation: &mut Simulation) {
         match message {
             Message::Execute(command, answer) => self.take(command, Caller::Reply(answer), simulation),
@@ -57,10 +57,10 @@ impl ControlServer {
         self.poll(simulation);
     }
 
-    /// Begins a command at once, or, where time is stepped and the command takes time, when it is its turn.
+    /// Begins a command at once; with stepped time, a command that takes time waits for its turn.
     fn take(&mut self, command: Command, caller: Caller, simulation: &mut Simulation) {
         if self.speed == Speed::Step && command.takes_time() {
-            // The others are as many as calls may wait.
+            // The limit of waiting calls bounds the rest of the queue.
             self.queue.retain(|(_, caller)| !caller.is_gone());
             self.queue.push_back((command, caller));
         } else {
@@ -77,13 +77,12 @@ impl ControlServer {
         self.poll(simulation);
     }
 
-    /// Shows what happened to those who follow. To be called with each event in their order, before
-    /// [`poll`](Self::poll).
+    /// Sends an event to the followers. To be called for each event in order, before [`poll`](Self::poll).
     pub(crate) fn show(&self, happened: &Happened, simulation: &Simulation) {
         self.events.show(happened, simulation.history().explainer());
     }
 
-    /// Answers the commands that have come to their ends: to be called after everything that happens.
+    /// Replies to completed commands; to be called after every step of the simulation.
     pub(crate) fn poll(&mut self, simulation: &mut Simulation) {
         for (gone, _) in self.pending.extract_if(.., |(_, caller)| caller.is_gone()) {
             simulation.forget(gone);
@@ -104,17 +103,17 @@ impl ControlServer {
         }
     }
 
-    /// Returns when those who follow are next told something although nothing happens.
+    /// Returns the next due time of the event stream.
     pub(crate) fn due(&self) -> Instant {
         self.events.due()
     }
 
-    /// Returns whether somebody follows what happens.
+    /// Returns whether there is a follower.
     pub(crate) fn is_followed(&self) -> bool {
         self.events.is_followed()
     }
 
-    /// Returns how far stepped time is to pass for the command whose turn it is; `None` when nobody lets it pass.
+    /// Returns the advance limit of stepped time for the current command; `None` without one.
     pub(crate) fn advance_limit(&mut self, simulation: &mut Simulation) -> Option<Instant> {
         loop {
             self.poll(simulation);
@@ -122,7 +121,7 @@ impl ControlServer {
                 return simulation.advance_limit();
             }
             let (command, caller) = self.queue.pop_front()?;
-            // The turn of a client that is gone is over.
+            // A client that is gone loses its turn.
             if !caller.is_gone() {
                 self.begin(command, caller, simulation);
             }

@@ -1,5 +1,4 @@
-//! What every gateway is to the simulator: a scheme of URLs, an address that such a URL names, and the gateway that is
-//! opened there.
+//! The interface of gateways: a URL scheme, the address in such a URL, and the gateway opened there.
 
 use std::fmt::{Debug, Display};
 use std::io;
@@ -13,39 +12,39 @@ use crate::inbox::WorldSender;
 /// The name of a bus whose URL has none.
 const UNNAMED: &str = "pve0";
 
-/// A kind of URL that `--bus` takes.
+/// A URL scheme of `--bus`.
 #[derive(Debug)]
 pub struct Scheme {
-    /// The beginning of such a URL, which no other scheme has.
+    /// The prefix of its URLs, unique among the schemes.
     pub prefix: &'static str,
-    /// Such a URL, as the user is told.
+    /// The form of its URLs, for messages.
     pub form: &'static str,
-    /// Reads what comes after the prefix.
+    /// The parser of the text after the prefix.
     pub parse: Parse,
 }
 
-/// How the rest of a URL is read.
+/// The parser of a URL.
 #[derive(Debug)]
 pub enum Parse {
-    /// By a function, whose error says what is wrong and what is accepted.
+    /// A function; its error has the reason and the accepted form.
     With(fn(&str) -> Result<Arc<dyn Address>, String>),
-    /// Not on this system; the error names those that have it.
+    /// A refusal on this system; the error names the systems that support the scheme.
     OnlyOn(&'static str),
 }
 
-/// Where a bus is to be reachable. It prints as its URL.
+/// The address of a bus. It prints as its URL.
 pub trait Address: Debug + Display + Send + Sync {
     /// Returns the name of the bus in traces and logs.
     fn name(&self) -> &str {
         UNNAMED
     }
 
-    /// Returns whether other programs, or a real bus, are there in wall time alone.
+    /// Returns whether the peers run in wall time only.
     fn is_real_time(&self) -> bool {
         false
     }
 
-    /// Returns whether others have a bus there already. Given twice, it would pass each frame round for ever.
+    /// Returns whether the address is a bus shared with others. Joined twice, it would circulate each frame forever.
     fn is_shared(&self) -> bool {
         false
     }
@@ -54,37 +53,37 @@ pub trait Address: Debug + Display + Send + Sync {
     fn open(&self, access: Access) -> Opening<'_>;
 }
 
-/// A gateway on its way.
+/// The opening of a gateway.
 pub type Opening<'a> = Pin<Box<dyn Future<Output = Result<Box<dyn Gateway>, OpenError>> + Send + 'a>>;
 
-/// Who may find and reach a bus.
+/// The visibility of a bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Access {
-    /// Whether beacons announce it.
+    /// Beacons announce it.
     pub beacon: bool,
-    /// Whether frames pass between this machine and others, where the URL leaves that open.
+    /// Frames pass between this machine and others, where the URL does not decide.
     pub remote: bool,
 }
 
-/// A gateway that is open and serves nobody yet. Dropped, it closes.
+/// An open gateway without clients. Dropping it closes it.
 pub trait Gateway: Send {
     /// Returns the URL at which the bus is reachable, with the port that was bound.
     fn url(&self) -> String;
 
-    /// Returns what to type to join.
+    /// Returns an example command for joining.
     fn hint(&self) -> String;
 
-    /// Serves clients on the runtime of the caller, until that ends. Each client of a server takes one of the places.
+    /// Serves clients on the caller's runtime until that ends. Each client of a server takes one of the places.
     fn start(self: Box<Self>, world: WorldSender, places: Arc<Semaphore>);
 }
 
-/// Why a gateway cannot be opened.
+/// The reason why a gateway cannot be opened.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct OpenError(String);
 
 impl OpenError {
-    /// Returns an error in words.
+    /// Returns an error with this text.
     pub fn new(reason: impl Into<String>) -> Self {
         Self(reason.into())
     }

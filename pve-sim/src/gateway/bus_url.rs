@@ -1,4 +1,4 @@
-//! Where a bus is reachable: the URLs of `--bus`.
+//! The URLs of `--bus`.
 
 use std::fmt;
 use std::str::FromStr;
@@ -7,23 +7,23 @@ use std::sync::Arc;
 use super::address::{Address, Parse, Scheme};
 use super::{slcan, socketcan, socketcand, udp_multicast};
 
-/// Every gateway has one line here.
+/// All gateways, one line each.
 const SCHEMES: [&Scheme; 5] =
     [&socketcand::SCHEME, &socketcan::SCHEME, &slcan::TCP, &slcan::PTY, &udp_multicast::SCHEME];
 
-/// Where a bus is reachable. Two are equal when they print the same.
+/// The URL of a bus. URLs are equal when they print the same.
 #[derive(Clone, Debug)]
 pub struct BusUrl(Arc<dyn Address>);
 
 impl BusUrl {
-    /// Returns the address that the URL names.
+    /// Returns the address in the URL.
     #[must_use]
     pub fn address(&self) -> &dyn Address {
         &*self.0
     }
 }
 
-/// What `--bus` is when it is not given.
+/// The default of `--bus`.
 impl Default for BusUrl {
     fn default() -> Self {
         Self(Arc::new(socketcand::ServerAddress::default()))

@@ -1,9 +1,9 @@
 //! The guard of gateways over TCP: no web page drives the bus.
 //!
-//! A page can make its browser connect to any port of this machine and chooses the body of the request. The first bytes
-//! are the browser's: a request line begins with a method and a blank (RFC 9112 3; `fetch` lets a page take any token as
-//! the method, so `t1230`, too), TLS begins with 0x16, STUN over TCP (WebRTC) with 0x00. A connection is closed before
-//! anything is obeyed when it begins with a byte that no client of the protocol sends there.
+//! A page can make its browser connect to any port of this machine, and chooses the body of the request. The browser
+//! writes the first bytes: a request line begins with a method and a blank (RFC 9112 3; `fetch` accepts any token as
+//! the method, even `t1230`), TLS begins with 0x16, STUN over TCP (WebRTC) with 0x00. A connection whose first bytes no
+//! client of the protocol would send is closed before any of it takes effect.
 
 use std::io;
 use std::pin::Pin;
@@ -18,19 +18,19 @@ use crate::inbox::{ToWorld, WorldSender};
 /// The verdict on the first bytes of a connection.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Verdict {
-    /// Bytes that begin both a message of the protocol and a request of a browser.
+    /// The bytes can begin both a message of the protocol and a browser's request.
     #[default]
     Undecided,
-    /// Bytes that only a client of the protocol sends.
+    /// The bytes begin a message of the protocol only.
     Client,
-    /// Bytes that no client of the protocol sends first.
+    /// The bytes begin no message of the protocol.
     Foreign,
 }
 
-/// Judges one byte; all bytes before it were undecided.
+/// The judge of one byte; all earlier bytes were undecided.
 pub type Judge = fn(u8) -> Verdict;
 
-/// A reader that fails for good at the first foreign byte, and passes nothing of the read that has it.
+/// A reader that fails permanently at the first foreign byte, and drops the read that has it.
 #[derive(Debug)]
 pub(super) struct Guarded<R> {
     reader: R,
@@ -40,7 +40,7 @@ pub(super) struct Guarded<R> {
 }
 
 impl<R> Guarded<R> {
-    /// Returns a reader with its judge, and the warning of its bus.
+    /// Returns a reader with a judge, and the warning of its bus.
     pub(super) fn new(reader: R, judge: Judge, warning: Arc<ForeignWarning>) -> Self {
         Self { reader, judge, verdict: Verdict::Undecided, warning }
     }
@@ -67,7 +67,7 @@ impl<R: AsyncRead + Unpin> AsyncRead for Guarded<R> {
     }
 }
 
-/// The warning of foreign connections to one bus, told once.
+/// The warning about foreign connections to one bus, reported once.
 #[derive(Debug)]
 pub struct ForeignWarning {
     url: String,

@@ -1,4 +1,4 @@
-//! Connections of browsers, byte by byte and at once, against the judges of both protocols over TCP.
+//! Browser connections, byte by byte and at once, against the judges of both protocols over TCP.
 
 use proptest::prelude::*;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, duplex};
@@ -7,11 +7,11 @@ use super::*;
 use crate::gateway::{Dialogue as _, slcan, socketcand};
 use crate::inbox::Inbox;
 
-/// Both protocols, each with a text that sends a frame.
+/// Both protocols, each with a text that would send a frame.
 const PROTOCOLS: [(Judge, &str); 2] =
     [(socketcand::Session::JUDGE, "< open pve0 >< send 123 1 1 >"), (slcan::Session::JUDGE, "\rO\rt123101\r")];
 
-/// The bytes that a session gets of a connection which sends these parts and ends, and the warnings of the user.
+/// Returns the bytes that a session reads from a connection with these parts, and the warnings for the user.
 fn taken(judge: Judge, parts: &[&[u8]]) -> (Vec<u8>, Vec<String>) {
     let (world, Inbox { messages, .. }) = WorldSender::new();
     let warning = Arc::new(ForeignWarning::new("socketcand://".to_owned(), world));
@@ -23,7 +23,7 @@ fn taken(judge: Judge, parts: &[&[u8]]) -> (Vec<u8>, Vec<String>) {
         for part in parts {
             client.write_all(part).await.expect("room");
             let mut bytes = [0; 4096];
-            // A session ends with the first error; here it goes on, to get what comes after.
+            // A session ends with the first error; this test reads on, to catch later bytes.
             if let Ok(len) = guarded.read(&mut bytes).await {
                 taken.extend_from_slice(&bytes[..len]);
             }
@@ -39,7 +39,7 @@ fn taken(judge: Judge, parts: &[&[u8]]) -> (Vec<u8>, Vec<String>) {
     (taken, warnings.collect())
 }
 
-/// Nothing of a connection is obeyed: no message of socketcand begins, and no line of slcan ends.
+/// Fails if a connection has any effect: a message of socketcand, or a line of slcan.
 #[track_caller]
 fn assert_harmless(judge: Judge, parts: &[&[u8]]) {
     let (taken, warnings) = taken(judge, parts);
@@ -54,7 +54,7 @@ fn nothing_that_a_browser_sends_is_taken() {
             "POST / HTTP/1.1\r\nContent-Type: text/plain\r\n\r\n",
             "GET / HTTP/1.1\r\nUpgrade: websocket\r\n\r\n",
             "OPTIONS / HTTP/1.1\r\nAccess-Control-Request-Method: O\r\n\r\n",
-            // Any token is a method: some begin as lines of slcan do.
+            // Any token is a method: some begin like lines of slcan.
             "t1230 / HTTP/1.1\r\n\r\n",
             "O / HTTP/1.1\r\n\r\n",
             "S5 /O HTTP/1.1\r\n\r\n",
@@ -62,7 +62,7 @@ fn nothing_that_a_browser_sends_is_taken() {
             "!#$%&'*+-.^_`|~ / HTTP/1.1\r\n\r\n",
             "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n",
             "CONNECT pve0:29536 HTTP/1.1\r\n\r\n",
-            // A hello of TLS, and a request of STUN over TCP.
+            // A TLS client hello, and a STUN request over TCP.
             "\u{16}\u{3}\u{1}\u{2}",
             "\0\u{14}\0\u{1}\0\0",
         ] {

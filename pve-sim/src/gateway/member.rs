@@ -1,23 +1,23 @@
-//! Gateways that are one client of the world for as long as it runs: a multicast group, an interface of the kernel.
+//! Gateways that are a single client of the world for the whole run: a multicast group, a kernel interface.
 
 use crate::inbox::{ClientEnd, ClientId, ToWorld, WorldSender};
 
-/// A gateway that is one client of the world.
+/// A gateway that is a single client of the world.
 pub(super) trait Member: Send + Sized {
-    /// Passes frames. Ends only when more of them came than the gateway takes.
+    /// Passes frames in both directions. Returns only when the gateway's queue overruns.
     fn pass(&mut self, id: ClientId, client_end: ClientEnd, world: &WorldSender) -> impl Future<Output = ()> + Send;
 
-    /// Joins the world at once, so that a world that starts later sends its first frame to the gateway, too; the returned
-    /// future passes frames for ever.
+    /// Joins the world at once, so that a world started later sends its first frame to the gateway, too. The returned
+    /// future passes frames forever.
     fn run(mut self, world: WorldSender) -> impl Future<Output = ()> + Send {
         let mut joined = world.join();
         async move {
             loop {
                 let (id, client_end) = joined;
-                // What the world gives back for joining.
+                // The permit that the world returns for joining.
                 client_end.permits.spend().await;
                 self.pass(id, client_end, &world).await;
-                // What waits is dropped, and the gateway joins anew.
+                // An overrun drops the waiting frames, and the gateway joins again.
                 world.tell(ToWorld::Leave(id));
                 joined = world.join();
             }

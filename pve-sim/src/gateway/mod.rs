@@ -1,16 +1,16 @@
-//! Gateways: clients of the bus that live outside of the world.
+//! Gateways: clients of the bus outside of the world.
 //!
 //! ```text
-//! bus_url      the URLs of --bus: every gateway has one line there
-//! address      what a gateway is to the simulator: Scheme, Address, Gateway
-//! tcp          gateways over TCP: the listening socket, and the one way in for their clients
-//! guard        the first bytes over TCP: connections of web pages are closed before anything is obeyed
-//! session      one client over a stream, from its first byte to its last
+//! bus_url      the URLs of --bus, with a line for every gateway
+//! address      the interface of gateways: Scheme, Address, Gateway
+//! tcp          gateways over TCP: the listening socket and its clients
+//! guard        the guard of connections over TCP against web pages
+//! session      the session of one client over a stream
 //! socketcand/  a bus over TCP in readable text
 //! socketcan/   an interface of the Linux kernel
 //! slcan/       an adapter on a serial line, over TCP or on a pseudo-terminal
 //! udp_multicast/ the bus of python-can's udp_multicast
-//! member       gateways that are one client for as long as the world runs
+//! member       gateways that are a single client for the whole run
 //! ```
 
 mod address;

@@ -1,4 +1,4 @@
-//! One client over a stream: it joins the world, is heard and answered in its protocol, and leaves.
+//! The session of one client over a stream: it joins the world, exchanges messages in its protocol, and leaves.
 
 use std::pin::pin;
 use std::time::Duration;
@@ -10,24 +10,25 @@ use tokio::time::{Instant, sleep, timeout, timeout_at};
 use super::guard::Judge;
 use crate::inbox::{BATCH, ClientEnd, ClientId, ClientQueue, Permits, Reply, ToClient, ToWorld, WorldSender};
 
-/// The protocol of one client: its requests, and how it gets answers and frames.
+/// The protocol of one client: the handling of its requests, and the form of answers and frames.
 pub trait Dialogue: Send {
-    /// Judges the first bytes of a connection over TCP.
+    /// The judge of the first bytes of a connection over TCP.
     const JUDGE: Judge;
 
-    /// The answer to a client over TCP that finds no place.
+    /// The answer to a client over TCP for which no place is free.
     const NO_PLACE: &'static str;
 
-    /// The first words to a client.
+    /// The greeting of a client.
     const GREETING: Option<&'static str>;
 
-    /// Returns whether the client has ever opened the bus; one that has not is let go after a time.
+    /// Returns whether the client has ever opened the bus; otherwise its session times out.
     fn is_opened(&self) -> bool;
 
-    /// Carries out the requests that end in these bytes.
+    /// Executes the requests that end within these bytes.
     fn hear(&mut self, bytes: &[u8], client: &Client) -> impl Future<Output = ()> + Send;
 
-    /// Returns the writer of messages: it appends each in the client's protocol, and returns how long nothing follows it.
+    /// Returns the writer of messages: it appends each message in the client's protocol, and returns the pause after
+    /// it.
     fn emitter(&self) -> impl FnMut(&mut String, ToClient) -> Duration + Send + use<Self>;
 }
 
@@ -40,32 +41,32 @@ pub struct Client {
 }
 
 impl Client {
-    /// Sends the world a message of this client, as soon as the client has a permit for it.
+    /// Sends a message of this client to the world, once the client has a permit.
     pub(super) async fn tell(&self, message: ToWorld) {
         self.permits.spend().await;
         self.world.tell(message);
     }
 }
 
-/// The time that a client has.
+/// The time limits of a client.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
-    /// To open the bus; `None`: all the time that it takes.
+    /// The time to open the bus; `None`: unlimited.
     pub(super) patience: Option<Duration>,
-    /// To read its last answers after its own last word.
+    /// The time to read its last answers after its end of stream.
     pub(super) farewell: Duration,
 }
 
-/// Why a session has ended.
+/// The reason for the end of a session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
     /// The client is gone.
     Left,
-    /// The client did not read what it was sent.
+    /// The client did not read its messages in time.
     Dismissed,
 }
 
-/// Serves one client until it leaves, fails, or is told to go because it does not keep up.
+/// Serves one client until it leaves, fails, or is dismissed because it does not keep up.
 pub(super) async fn serve(
     reader: impl AsyncRead + Unpin,
     writer: impl AsyncWrite + Unpin,
@@ -82,9 +83,10 @@ pub(super) async fn serve(
         () = client.permits.dismissed() => End::Dismissed,
         () = async {
             tokio::select! {
-                // A client that has said its last word still gets the answers: the queue ends when the world has let it go.
+                // After its end of stream, a client still gets its answers: the queue ends when the world has removed
+                // the client.
                 () = &mut listen => drop(timeout(limits.farewell, write).await),
-                // A client that takes nothing more may have said something before.
+                // A client that stopped reading may still have sent requests.
                 written = &mut write => if written.is_err() { listen.await },
             }
         } => End::Left,
@@ -93,7 +95,7 @@ pub(super) async fn serve(
     end
 }
 
-/// Hears the client until its last word, or until it has not opened the bus in time.
+/// Reads from the client until its end of stream, or until it exceeds the time to open the bus.
 async fn listen<D: Dialogue>(
     mut reader: impl AsyncRead + Unpin,
     mut dialogue: D,
@@ -119,7 +121,7 @@ async fn listen<D: Dialogue>(
     client.world.tell(ToWorld::Leave(client.id));
 }
 
-/// Writes what is in the queue, in as few writes as possible, until the world lets go of it or the client is gone.
+/// Writes the queue, in as few writes as possible, until the world removes the client or the client is gone.
 async fn write(
     mut writer: impl AsyncWrite + Unpin,
     mut queue: Receiver<ToClient>,

@@ -1,4 +1,4 @@
-//! Gateways over TCP: the address to listen at, the listening socket, and the one way in for the clients that it accepts.
+//! Gateways over TCP: the listening address, the listening socket, and the single way in for accepted clients.
 
 use std::fmt;
 use std::io;
@@ -19,19 +19,19 @@ use super::guard::{ForeignWarning, Guarded};
 use super::session::{Dialogue, End, Limits, serve};
 use crate::inbox::WorldSender;
 
-/// How long to wait before the next try when no connection can be accepted, as when the process has no descriptor left.
+/// The delay after a failed accept, such as without a free descriptor.
 const RETRY: Duration = Duration::from_millis(50);
 
-/// A client without a place waits so long for one: the world may not have noticed yet that another has left.
+/// The time that a client waits for a place: another client's leaving may still be on its way to the world.
 const WAIT_FOR_PLACE: Duration = Duration::from_secs(1);
 
-/// The most clients of one listener that wait for a place; further ones are refused at once.
+/// The most clients of a listener that wait for a place; others are refused at once.
 pub(crate) const WAITING: usize = 8;
 
-/// The time that a client has to open the bus: places are few.
+/// The time to open the bus: places are few.
 pub(super) const HANDSHAKE: Duration = Duration::from_secs(60);
 
-/// The time that a client has to read its last answers after its own last word.
+/// The time to read the last answers after the client's end of stream.
 pub(super) const FAREWELL: Duration = Duration::from_secs(10);
 
 /// An address to listen at.
@@ -47,7 +47,7 @@ impl Endpoint {
     /// Reads `HOST:PORT`, a part of a URL of this form.
     ///
     /// # Errors
-    /// What is wrong, and what is accepted.
+    /// The error, and the accepted form.
     pub(super) fn parse(text: &str, form: &str) -> Result<Self, String> {
         let (host, port) = text.rsplit_once(':').ok_or_else(|| format!("the port is missing; accepted: {form}"))?;
         if host.is_empty() || (host.contains(':') && !(host.starts_with('[') && host.ends_with(']'))) {
@@ -57,7 +57,7 @@ impl Endpoint {
         Ok(Self { host: host.to_owned(), port })
     }
 
-    /// Binds it. `url` writes the URL with another endpoint: the way out where the port is in use.
+    /// Binds the address. `url` writes the URL with another endpoint, for the remedy when the port is in use.
     ///
     /// # Errors
     /// When the host cannot be resolved, or the port is in use.
@@ -79,17 +79,17 @@ impl fmt::Display for Endpoint {
     }
 }
 
-/// A socket that listens.
+/// A listening socket.
 #[derive(Debug)]
 pub(super) struct Listener {
     listener: TcpListener,
-    /// The address that was bound.
+    /// The bound address.
     pub(super) address: SocketAddr,
 }
 
 impl Listener {
-    /// Serves clients for ever, each in a dialogue of its own and on one of the places. A client that finds none is told so
-    /// and let go. The first foreign connection is told to the user; `url` names the bus there.
+    /// Serves clients forever, each with a dialogue and a place of its own. A client without a place is told so and
+    /// disconnected. The first foreign connection is reported to the user; `url` names the bus in that report.
     pub(super) async fn run<D: Dialogue + 'static>(
         self,
         url: String,
@@ -119,8 +119,8 @@ impl Listener {
     }
 }
 
-/// Serves a client over TCP that has a place, until it leaves or is told to go. A connection that does not begin as a client
-/// does is closed before anything is obeyed.
+/// Serves a client over TCP that has a place, until it leaves or is dismissed. A connection that does not begin like a
+/// client's is closed before any of it takes effect.
 pub async fn enter<D: Dialogue>(
     reader: impl AsyncRead + Unpin,
     writer: impl AsyncWrite + Unpin,
@@ -132,7 +132,7 @@ pub async fn enter<D: Dialogue>(
     serve(Guarded::new(reader, D::JUDGE, warning), writer, world, limits, dialogue).await
 }
 
-/// Returns one of the places. Where there is none, it waits for one, if few others do.
+/// Returns a free place; if there is none, waits for one unless too many clients wait already.
 async fn place(places: Arc<Semaphore>, waiting: &Semaphore) -> Option<OwnedSemaphorePermit> {
     if let Ok(place) = Arc::clone(&places).try_acquire_owned() {
         return Some(place);
@@ -142,15 +142,15 @@ async fn place(places: Arc<Semaphore>, waiting: &Semaphore) -> Option<OwnedSemap
 }
 
 fn halves(stream: TcpStream) -> (Prompt, OwnedWriteHalf) {
-    // Without it, frames would wait for the client's acknowledgement of those before; with a socket that refuses it the
-    // client is served all the same, only later.
+    // Without TCP_NODELAY, frames would wait for the acknowledgement of earlier ones. If the socket refuses it, the
+    // client is only served later.
     let _ = stream.set_nodelay(true);
     let (reader, writer) = stream.into_split();
     (Prompt(reader), writer)
 }
 
-/// A connection whose reads are acknowledged at once: a client that has not set TCP_NODELAY holds its next frame back
-/// until then. Linux forgets the option, so it is set again after each read.
+/// A connection whose reads are acknowledged at once: a client without TCP_NODELAY holds its next frame back until
+/// then. Linux resets the option, so it is set again after each read.
 pub(super) struct Prompt(OwnedReadHalf);
 
 impl AsyncRead for Prompt {
@@ -164,8 +164,8 @@ impl AsyncRead for Prompt {
     }
 }
 
-/// Returns the address at which this machine reaches a bound one: nobody connects to 0.0.0.0, and a socket at \[::\]
-/// takes IPv4, too.
+/// Returns the address at which this machine reaches a bound one: 0.0.0.0 is no destination, and a socket at \[::\]
+/// accepts IPv4, too.
 pub(crate) fn joinable(bound: SocketAddr) -> SocketAddr {
     let ip = if bound.ip().is_unspecified() { IpAddr::V4(Ipv4Addr::LOCALHOST) } else { bound.ip() };
     SocketAddr::new(ip, bound.port())

@@ -1,7 +1,7 @@
 //! slcan: an adapter on a serial line, in the ASCII of Lawicel's CAN232 and CANUSB, over TCP or on a pseudo-terminal.
 //!
-//! Each line ends with CR. The adapter answers a line that it carried out with CR (a frame with `z` or `Z` before it),
-//! and any other with BEL:
+//! Each line ends with CR. The adapter answers an executed line with CR (after `z` or `Z` for a frame), and any other
+//! line with BEL:
 //!
 //! ```text
 //! client                             adapter
@@ -13,7 +13,7 @@
 //! ```
 //!
 //! ```text
-//! protocol  bytes ↔ commands and answers, no I/O
+//! protocol  commands and answers to and from bytes, no I/O
 //! session   one client
 //! server    the gateway over TCP
 //! pty       the gateway on a pseudo-terminal

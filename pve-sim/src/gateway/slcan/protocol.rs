@@ -1,4 +1,4 @@
-//! The lines of slcan: bytes to commands, and frames to bytes. No I/O, no state but that of a line half read.
+//! The lines of slcan: bytes to commands, and frames to bytes. No I/O, and no state but that of an incomplete line.
 
 use std::fmt::Write;
 
@@ -10,7 +10,7 @@ use hal_sim::log::{Timestamp, write_hex};
 /// The longest line without its CR: a frame with a 29-bit identifier, its length and eight bytes.
 const LINE_MAX: usize = 1 + 8 + 1 + 2 * MAX_LEN;
 
-/// The answer to a command that was carried out.
+/// The answer to an executed command.
 pub(super) const OK: &str = "\r";
 /// The answer to any other line.
 pub(super) const BELL: &str = "\x07";
@@ -18,7 +18,7 @@ pub(super) const BELL: &str = "\x07";
 pub(super) const SENT_STANDARD: &str = "z\r";
 /// The answer to a frame with a 29-bit identifier.
 pub(super) const SENT_EXTENDED: &str = "Z\r";
-/// The hardware's version, 1.0, and that of the program.
+/// The versions of the hardware, 1.0, and of the program.
 pub(super) const VERSION: &str = concat!("V10", env!("CARGO_PKG_VERSION_MAJOR"), env!("CARGO_PKG_VERSION_MINOR"), "\r");
 /// The serial number of the adapter: four characters.
 pub(super) const SERIAL: &str = "NPVE0\r";
@@ -26,20 +26,20 @@ pub(super) const SERIAL: &str = "NPVE0\r";
 /// The bit rates of `S0` to `S8`, in bit/s.
 const RATES: [u32; 9] = [10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];
 
-/// The clock of the bit timing registers of `s`, in Hz: half that of the adapters' controller, an SJA1000 at 16 MHz.
+/// The clock of the bit timing registers of `s`, in Hz: half the SJA1000's 16 MHz, as in such adapters.
 const TIMING_CLOCK: u32 = 8_000_000;
 
-/// Time stamps count milliseconds from 0 to one less than this.
+/// The end of the time stamps, which count milliseconds from 0.
 const STAMP_END: u64 = 60_000;
 
-/// What a client asks for.
+/// A command of a client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command {
     /// `S0` to `S8`, `sXXYY`: the bit rate of the client's bus, in bit/s, with the channel closed.
     SetRate(u32),
     /// `O`
     Open,
-    /// `L`: open, and send nothing.
+    /// `L`: open, without sending.
     Listen,
     /// `C`
     Close,
@@ -51,27 +51,27 @@ pub enum Command {
     Version,
     /// `N`: the serial number.
     Serial,
-    /// `Z1`, `Z0`: frames are to have time stamps, or none.
+    /// `Z1`, `Z0`: time stamps on or off.
     Stamps(bool),
-    /// `X1`: frames come by themselves, as they always do.
+    /// `X1`: automatic reception, which is always on.
     AutoSend,
-    /// An empty line, by which clients begin anew.
+    /// An empty line, with which clients start over.
     Nothing,
 }
 
-/// A line that is no command, or that asks for what there is not.
+/// An unknown or unsupported command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Refused;
 
-/// Finds the lines in a stream of bytes, however it is cut into reads.
+/// The parser of lines in a stream of bytes, however its reads are divided.
 #[derive(Debug, Default)]
 pub struct Parser {
-    /// At most one byte more than [`LINE_MAX`]: the line is too long then, and its rest is skipped.
+    /// At most one byte more than [`LINE_MAX`]: the line is too long then, and skipped.
     line: Vec<u8>,
 }
 
 impl Parser {
-    /// Takes the next byte; returns a command when this was the last of its line.
+    /// Takes the next byte; returns a command if the byte ends a line.
     pub fn push(&mut self, byte: u8) -> Option<Result<Command, Refused>> {
         match byte {
             b'\r' => {
@@ -79,7 +79,7 @@ impl Parser {
                 self.line.clear();
                 Some(command)
             }
-            // Of those who end a line with both.
+            // For clients that end a line with CR LF.
             b'\n' => None,
             _ => {
                 if self.line.len() <= LINE_MAX {
@@ -91,8 +91,8 @@ impl Parser {
     }
 }
 
-/// Judges a byte of the first line of a connection. A command has letters and digits alone and is obeyed at its CR; a
-/// request line has a blank before its CR.
+/// Judges a byte of the first line of a connection. A command has only letters and digits before its CR; a request line
+/// has a blank before its CR.
 #[must_use]
 pub(super) const fn judge(byte: u8) -> Verdict {
     match byte {
@@ -130,7 +130,7 @@ fn parse(line: &[u8]) -> Option<Command> {
     }
 }
 
-/// Returns a length of one digit, and as many bytes as it says; of a remote frame none.
+/// Parses a length of one digit and as many bytes; none for a remote frame.
 fn frame(id: Id, text: &[u8], is_remote: bool) -> Option<Frame> {
     let (digit, text) = text.split_first()?;
     let len = digit.checked_sub(b'0').filter(|len| usize::from(*len) <= MAX_LEN)?;
@@ -147,7 +147,7 @@ fn frame(id: Id, text: &[u8], is_remote: bool) -> Option<Frame> {
     Some(Frame::with_len(id, data, len))
 }
 
-/// Returns a number of at most eight hex digits.
+/// Parses a number of at most eight hex digits.
 fn hex(digits: &[u8]) -> Option<u32> {
     digits.iter().try_fold(0, |number, digit| Some(number << 4 | char::from(*digit).to_digit(16)?))
 }
@@ -160,10 +160,10 @@ const fn timing(registers: u32) -> u32 {
     TIMING_CLOCK / (prescaler * (1 + segment_1 + segment_2))
 }
 
-/// Appends a frame as a line, with the time in milliseconds where it is to have a stamp.
+/// Appends a frame as a line, with a time stamp in milliseconds if requested.
 pub fn emit_frame(out: &mut String, frame: &Frame, stamp: Option<Timestamp>) {
     let is_remote = frame.is_remote();
-    // Writing to a string can't fail.
+    // Writing to a string cannot fail.
     let _ = match frame.id() {
         Id::Standard(id) => write!(out, "{}{:03X}{}", if is_remote { 'r' } else { 't' }, id.as_raw(), frame.len()),
         Id::Extended(id) => write!(out, "{}{:08X}{}", if is_remote { 'R' } else { 'T' }, id.as_raw(), frame.len()),
@@ -175,7 +175,7 @@ pub fn emit_frame(out: &mut String, frame: &Frame, stamp: Option<Timestamp>) {
     out.push('\r');
 }
 
-/// Returns the answer to `F`: bit 7 tells of an error on the bus.
+/// Returns the answer to `F`: bit 7 indicates an error on the bus.
 pub(super) const fn flags(has_error: bool) -> &'static str {
     if has_error { "F80\r" } else { "F00\r" }
 }

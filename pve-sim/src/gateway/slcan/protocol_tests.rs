@@ -2,7 +2,7 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// What the lines of a text are taken for.
+/// Returns the commands in a text.
 fn commands(text: &[u8]) -> Vec<Result<Command, Refused>> {
     let mut parser = Parser::default();
     text.iter().filter_map(|byte| parser.push(*byte)).collect()
@@ -19,7 +19,7 @@ fn of(id: Id, data: &[u8]) -> Frame {
     Frame::of(id, data).expect("a frame")
 }
 
-/// Lines of the manual and of its clients, in both directions where they are frames.
+/// Examples of the manual and of its clients; frames in both directions.
 #[test]
 fn frames_are_the_lines_of_the_manual() {
     for (line, frame) in [
@@ -35,7 +35,7 @@ fn frames_are_the_lines_of_the_manual() {
         emit_frame(&mut out, &frame, None);
         assert_eq!(out, format!("{line}\r"));
     }
-    // small letters, as some clients write hex
+    // lower-case hex of some clients
     assert_eq!(command("t1a0109"), command("t1A0109"));
     assert_eq!(command("t1a01ff"), Ok(Command::Send(of(standard(0x1A0).into(), &[0xFF]))));
 }
@@ -57,7 +57,7 @@ fn bit_rates_by_index_and_by_register() {
         ("S5", 250_000),
         ("S7", 800_000),
         ("S8", 1_000_000),
-        // the registers that the CiA recommends for an SJA1000 at 16 MHz
+        // the registers recommended by CiA for an SJA1000 at 16 MHz
         ("s311C", 10_000),
         ("s031C", 125_000),
         ("s011C", 250_000),
@@ -131,7 +131,7 @@ fn a_line_feed_is_no_part_of_a_line_and_an_empty_line_is_nothing() {
     assert_eq!(commands(b"\r\r\nC\r\n"), [Ok(Command::Nothing), Ok(Command::Nothing), Ok(Command::Close)]);
 }
 
-/// One answer for each, whatever its length, and the next line counts.
+/// A line of any length gets one answer, and the next line counts.
 #[test]
 fn a_line_without_end_takes_no_room() {
     let mut parser = Parser::default();

@@ -19,13 +19,13 @@ const FORM: &str = "slcan+pty:PATH";
 /// The URLs of this gateway.
 pub(in crate::gateway) const SCHEME: Scheme = Scheme { prefix: "slcan+pty:", form: FORM, parse: Parse::With(parse) };
 
-/// How often to look for a client while there is none: the system tells of none that opens the terminal.
+/// The interval of looking for a client: the system does not report when one opens the terminal.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// How long to wait after an error before the next try.
+/// The delay after an error.
 const RETRY: Duration = Duration::from_secs(1);
 
-/// Where the link to the terminal is to be.
+/// The path of the link to the terminal.
 #[derive(Clone, Debug)]
 struct LinkPath(PathBuf);
 
@@ -54,7 +54,7 @@ impl Address for LinkPath {
     }
 }
 
-/// An adapter on a terminal.
+/// An adapter on a pseudo-terminal.
 #[derive(Debug)]
 struct Pty {
     address: LinkPath,
@@ -82,11 +82,11 @@ impl Gateway for Pty {
 }
 
 impl Pty {
-    /// Serves one client after the other, for ever.
+    /// Serves one client after the other, forever.
     async fn run(mut self: Box<Self>, world: WorldSender) {
         let url = self.url();
         let name: Arc<str> = url.as_str().into();
-        // Nobody else waits for the place.
+        // No other client waits for the place.
         let limits = Limits { patience: None, farewell: Duration::ZERO };
         loop {
             while !self.terminal.is_in_use() {
@@ -95,8 +95,8 @@ impl Pty {
             let done = match self.terminal.halves() {
                 Ok((reader, writer)) => {
                     let end = serve(reader, writer, world.clone(), limits, Session::new(Arc::clone(&name))).await;
-                    // The next client may have opened it already, and keeps it. One who is dismissed sees it go away,
-                    // as when an adapter is pulled out.
+                    // The next client may have opened the terminal already, and keeps it. A dismissed client sees it
+                    // hang up, as when an adapter is unplugged.
                     if end == End::Left && self.terminal.reset().is_ok() { Ok(()) } else { self.terminal.renew() }
                 }
                 Err(error) => Err(error),

@@ -1,4 +1,4 @@
-//! Where there are no pseudo-terminals.
+//! Systems without pseudo-terminals.
 
 use crate::gateway::{Parse, Scheme};
 

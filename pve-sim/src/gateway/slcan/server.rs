@@ -1,4 +1,4 @@
-//! The gateway over TCP, which clients reach as they reach a serial port server: `socket://HOST:PORT`.
+//! The gateway over TCP, which clients reach like a serial port server: `socket://HOST:PORT`.
 
 use std::fmt;
 use std::sync::Arc;
@@ -15,7 +15,7 @@ const FORM: &str = "slcan://HOST:PORT";
 /// The URLs of this gateway.
 pub(in crate::gateway) const SCHEME: Scheme = Scheme { prefix: "slcan://", form: FORM, parse: Parse::With(parse) };
 
-/// Where the adapter is to be served.
+/// The address of the served adapter.
 #[derive(Clone, Debug)]
 struct ServerAddress(Endpoint);
 
@@ -38,7 +38,7 @@ impl Address for ServerAddress {
     }
 }
 
-/// An adapter that is served at an address: each client has one of its own.
+/// An adapter served at an address: each client has one of its own.
 #[derive(Debug)]
 struct Server(Listener);
 

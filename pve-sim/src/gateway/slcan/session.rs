@@ -1,4 +1,4 @@
-//! One client: what becomes of its lines, and how it gets answers and frames.
+//! One client: the execution of its lines, and its answers and frames.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -11,7 +11,7 @@ use crate::gateway::guard::Judge;
 use crate::gateway::session::{Client, Dialogue};
 use crate::inbox::{Reply, ToClient, ToWorld};
 
-/// The dialogue with one client: the adapter that it sees.
+/// The dialogue with one client: an adapter of its own.
 #[derive(Debug)]
 pub struct Session {
     /// The URL of the adapter, for warnings.
@@ -20,38 +20,38 @@ pub struct Session {
     state: State,
     /// The bit rate that the client has set, in bit/s.
     rate: Option<u32>,
-    /// Whether frames have time stamps from the next opening on.
+    /// Frames have time stamps from the next opening on.
     has_stamps: bool,
-    /// Whether the channel was open at any time.
+    /// The channel has been open at some time.
     was_open: bool,
-    /// Whether the user knows that the client has set another bit rate than that of the bus.
+    /// The user knows that the client has set another bit rate than that of the bus.
     has_told: bool,
     talk: Arc<Mutex<Talk>>,
 }
 
-/// State of the client's channel.
+/// The state of the client's channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     Closed,
     Open,
-    /// Open, and sends nothing.
+    /// Open, without sending.
     Listening,
 }
 
-/// What the reader of commands and the writer of answers have to tell each other.
+/// The data common to the reader of commands and the writer of answers.
 #[derive(Debug, Default)]
 struct Talk {
-    /// The answers that were asked for.
+    /// The number of requested answers.
     asked: u64,
-    /// The openings whose answer was not written yet: the number of that answer, and whether frames have time stamps from it
-    /// on. A frame before it came to the channel as it was opened before.
+    /// The openings with pending answers: the number of the answer, and whether frames have time stamps after it.
+    /// Earlier frames follow the previous opening.
     opened: VecDeque<(u64, bool)>,
-    /// Whether there was an error since the client last asked for the flags.
+    /// An error has occurred since the client last read the flags.
     has_error: bool,
 }
 
 impl Talk {
-    /// Counts an answer; one that opens the channel says whether frames have time stamps.
+    /// Counts an answer; `has_stamps` for one that opens the channel.
     fn note(&mut self, has_stamps: Option<bool>) {
         self.asked += 1;
         self.opened.extend(has_stamps.map(|has_stamps| (self.asked, has_stamps)));
@@ -59,7 +59,7 @@ impl Talk {
 }
 
 impl Session {
-    /// Returns the dialogue with a client that has just come, at this URL.
+    /// Returns the dialogue with a new client of this URL.
     #[must_use]
     pub fn new(url: Arc<str>) -> Self {
         Self {
@@ -74,7 +74,7 @@ impl Session {
         }
     }
 
-    /// Carries a line out, and answers it.
+    /// Executes a line and answers it.
     async fn execute(&mut self, command: Result<Command, Refused>, client: &Client) {
         let answer = match (command, self.state) {
             (Ok(Command::Nothing | Command::AutoSend), _) => OK,
@@ -109,19 +109,19 @@ impl Session {
         self.ask(client, ToWorld::Reply(client.id, Reply::new(answer)), None).await;
     }
 
-    /// Asks the world for an answer; one that opens the channel says whether frames have time stamps from then on.
+    /// Asks the world for an answer; `has_stamps` for one that opens the channel.
     async fn ask(&self, client: &Client, message: ToWorld, has_stamps: Option<bool>) {
         lock(&self.talk).note(has_stamps);
         client.tell(message).await;
     }
 
-    /// Returns whether the bus has the bit rate that the client has set, if it has set one. Tells the user the first
-    /// time that it has not.
+    /// Returns whether the bus has the client's bit rate, if the client has set one. Reports the first mismatch to the
+    /// user.
     async fn is_at_rate(&mut self, client: &Client) -> bool {
         let Some(rate) = self.rate else { return true };
         let (asked, answer) = oneshot::channel();
         client.world.tell(ToWorld::AskBitRate(asked));
-        // A world that has ended answers nobody, and nobody reads what comes of it.
+        // The world has ended: no answer comes, and the client is about to go.
         let Ok(bus) = answer.await.map(|bus| bus.bits_per_second()) else { return false };
         if bus != rate && !std::mem::replace(&mut self.has_told, true) {
             client.world.tell(ToWorld::Warn(format!(

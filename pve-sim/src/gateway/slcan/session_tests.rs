@@ -1,4 +1,4 @@
-//! One client over a stream in memory. The world's end is the test's.
+//! One client over a stream in memory. The test plays the world.
 
 use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _, DuplexStream, duplex, split};
 use tokio::task::JoinHandle;
@@ -12,7 +12,7 @@ use crate::inbox::{ClientQueue, Inbox, PERMITS, QUEUE, WorldSender};
 use hal_sim::log::Timestamp;
 use protocol_core::frame::{Frame, standard};
 
-/// Serves a client over a stream of so many bytes.
+/// Serves a client over a stream with this buffer size.
 fn serve(room: usize) -> (DuplexStream, Inbox, JoinHandle<End>) {
     let (client, server) = duplex(room);
     let (reader, writer) = split(server);
@@ -29,7 +29,7 @@ fn serve_halves(
     (inbox, tokio::spawn(enter(reader, writer, world, warning, Session::new("slcan://".into()))))
 }
 
-/// The queue of the client that has joined.
+/// Returns the queue of the client that has joined.
 fn joined(inbox: &Inbox) -> ClientQueue {
     match inbox.messages.try_recv().expect("a message").message {
         ToWorld::Join(_, to_client) => to_client,
@@ -37,7 +37,7 @@ fn joined(inbox: &Inbox) -> ClientQueue {
     }
 }
 
-/// Lets the session run until it waits.
+/// Runs the session until it waits.
 async fn pass() {
     for _ in 0..10 {
         tokio::task::yield_now().await;
@@ -53,7 +53,7 @@ async fn a_client_that_never_opens_the_channel_is_let_go() {
     assert!(start.elapsed() >= HANDSHAKE, "after {:?}", start.elapsed());
 }
 
-/// After it has closed the channel, too.
+/// Even after it has closed the channel.
 #[tokio::test(start_paused = true)]
 async fn a_client_that_has_opened_the_channel_may_be_quiet() {
     let (mut client, _inbox, session) = serve(64);
@@ -81,7 +81,7 @@ async fn a_client_that_does_not_read_is_dismissed() {
     assert_eq!(session.await.expect("no panic"), End::Dismissed);
 }
 
-/// It gets no farewell: there is nothing that it could still read.
+/// It gets no time to read its last answers: it has stopped reading.
 #[tokio::test(start_paused = true)]
 async fn a_client_that_takes_nothing_more_is_heard_to_its_last_word() {
     let (mut client, reader) = duplex(64);
@@ -106,7 +106,7 @@ async fn a_client_that_floods_is_not_read_beyond_its_credit() {
         client.write_all(b"O\r").await.expect("room");
         while client.write_all(b"t1230\r").await.is_ok() {}
     });
-    // Both ends run until the one waits for a permit and the other for room: many times the turns that takes.
+    // Both ends run until one waits for a permit and the other for space: far more turns than needed.
     for _ in 0..100 * PERMITS {
         tokio::task::yield_now().await;
     }
@@ -137,7 +137,7 @@ async fn the_flags_tell_of_an_error_once() {
     }
 }
 
-/// In one write, while a frame waits for the client: the frame was there before the channel was closed.
+/// In one write, while a frame waits for the client: the frame came before the channel was closed.
 #[tokio::test]
 async fn a_frame_comes_as_it_was_asked_for_when_it_came() {
     let (mut client, inbox, _session) = serve(4096);

@@ -17,25 +17,25 @@ use rustix::termios::{LocalModes, OptionalActions, QueueSelector, tcflush, tcget
 use tokio::io::{AsyncRead, ReadBuf};
 use tokio::net::unix::pipe::{Receiver, Sender};
 
-/// A pseudo-terminal in raw mode. Clients open its other end; while none has, there is nothing to wait for.
+/// A pseudo-terminal in raw mode. Clients open its other end.
 #[derive(Debug)]
 pub(super) struct Terminal {
-    /// This end. It does not block.
+    /// This end, non-blocking.
     end: OwnedFd,
     link: Link,
 }
 
 impl Terminal {
-    /// Makes a terminal, and the link to it.
+    /// Creates a terminal and the link to it.
     ///
     /// # Errors
-    /// When the system has no terminal to give, or the path holds something that is no stale link.
+    /// When the system has no free terminal, or the path holds anything but a stale link.
     pub(super) fn open(path: &Path) -> io::Result<Self> {
         let (end, device) = make()?;
         Ok(Self { end, link: Link::make(path, device)? })
     }
 
-    /// Returns whether a client has opened the terminal, or what it has written is still to be read.
+    /// Returns whether a client has opened the terminal, or unread data of a client remain.
     pub(super) fn is_in_use(&self) -> bool {
         let mut fds = [PollFd::new(&self.end, PollFlags::IN)];
         let now = Timespec { tv_sec: 0, tv_nsec: 0 };
@@ -49,25 +49,25 @@ impl Terminal {
     /// # Errors
     /// When the process has no descriptor left.
     pub(super) fn halves(&self) -> io::Result<(Deaf, Sender)> {
-        // They read, write and wait for any descriptor that does not block.
+        // Both types work for any non-blocking descriptor.
         let reader = Receiver::from_owned_fd_unchecked(self.end.try_clone()?)?;
         let writer = Sender::from_owned_fd_unchecked(self.end.try_clone()?)?;
         Ok((Deaf(reader), writer))
     }
 
-    /// Takes away what a client has left: its mode, and what it has not read. The next one may be there already.
+    /// Resets what a client has left: terminal modes and unread output. The next client may be there already.
     ///
     /// # Errors
     /// When the client has locked the terminal.
     pub(super) fn reset(&self) -> io::Result<()> {
         let client = open(&self.link.device)?;
-        // On its way to the client, and there.
+        // Unread output of both ends.
         tcflush(&self.end, QueueSelector::OFlush)?;
         tcflush(&client, QueueSelector::IFlush)?;
         set_raw(&client)
     }
 
-    /// Puts a new terminal in the place of this one, on which whoever has it open is hung up.
+    /// Replaces the terminal by a new one; its client is hung up.
     ///
     /// # Errors
     /// As [`open`](Self::open).
@@ -79,19 +79,19 @@ impl Terminal {
     }
 }
 
-/// Makes a terminal that no client has opened; returns this end and the path of the other.
+/// Creates an unopened terminal; returns this end and the path of the other.
 fn make() -> io::Result<(OwnedFd, PathBuf)> {
     let end = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
     grantpt(&end)?;
     unlockpt(&end)?;
     rustix::io::ioctl_fionbio(&end, true)?;
     let device = PathBuf::from(OsStr::from_bytes(ptsname(&end, Vec::new())?.as_bytes()));
-    // Before the other end was open once, the system does not tell that nobody has it open.
+    // The system reports a hang-up only after the other end was open once.
     set_raw(&open(&device)?)?;
     Ok((end, device))
 }
 
-/// Opens the other end, without making it the terminal of this process.
+/// Opens the other end, without making it the controlling terminal of this process.
 fn open(device: &Path) -> io::Result<File> {
     let no_control = i32::try_from(OFlags::NOCTTY.bits()).unwrap_or_default();
     OpenOptions::new().read(true).write(true).custom_flags(no_control).open(device)
@@ -103,15 +103,15 @@ fn set_raw(terminal: impl AsFd) -> io::Result<()> {
     Ok(tcsetattr(&terminal, OptionalActions::Now, &attributes)?)
 }
 
-/// What clients write. It has no echo: the adapter would take its own answers and frames for commands of the client,
-/// and answer them in turn.
+/// The input from clients, without echo: the adapter would execute its own echoed answers and frames, and answer them
+/// in turn.
 #[derive(Debug)]
 pub(super) struct Deaf(Receiver);
 
 impl AsyncRead for Deaf {
     fn poll_read(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
         let poll = Pin::new(&mut self.0).poll_read(cx, buf);
-        // A client can ask for an echo at any time. What was echoed by then has come with this read.
+        // A client can switch the echo on at any time. Any echo until now is part of this read.
         if poll.is_ready()
             && let Ok(mut attributes) = tcgetattr(&self.0)
             && attributes.local_modes.contains(LocalModes::ECHO)
@@ -123,7 +123,7 @@ impl AsyncRead for Deaf {
     }
 }
 
-/// A link to a device, which goes when this does.
+/// A link to a device, which is removed on drop.
 #[derive(Debug)]
 struct Link {
     path: PathBuf,
@@ -151,7 +151,7 @@ impl Link {
         Ok(())
     }
 
-    /// Removes the link, unless somebody has put something else in its place.
+    /// Removes the link, unless the path now holds something else.
     fn remove(&self) {
         if fs::read_link(&self.path).is_ok_and(|device| device == self.device) {
             let _ = fs::remove_file(&self.path);
@@ -165,14 +165,13 @@ impl Drop for Link {
     }
 }
 
-/// Returns whether a link is one that a simulator has left behind: to a terminal that is gone, or whose number the new
-/// one has.
+/// Returns whether a simulator has left the link behind: its terminal is gone, or has the number of the new one.
 fn is_stale(path: &Path, device: &Path) -> bool {
     fs::read_link(path).is_ok_and(|old| old.parent() == device.parent() && (old == device || !old.exists()))
 }
 
-/// What the user is told of that which is at the path. A link that was left behind can lead to a terminal that somebody else has
-/// been given since; it looks as the one of a simulator that runs.
+/// Returns the message about the occupant of the path. A stale link may lead to a terminal that now belongs to another
+/// program; it looks like that of a running simulator.
 fn in_the_way(path: &Path, device: &Path) -> String {
     match fs::read_link(path) {
         Ok(old) if old.parent() == device.parent() => {

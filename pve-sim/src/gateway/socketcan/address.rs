@@ -1,4 +1,4 @@
-//! The URL of an interface, and what to type to join it.
+//! The URL of a kernel interface, and an example command for joining.
 
 use crate::gateway::{Parse, Scheme};
 
@@ -23,10 +23,10 @@ mod linux {
     use crate::gateway::{Access, Address, Gateway, OpenError, Opening};
     use crate::inbox::WorldSender;
 
-    /// The longest name of an interface that Linux gives, in characters.
+    /// The longest name of an interface in Linux, in characters.
     const NAME_MAX: usize = 15;
 
-    /// An interface, by its name. Whether there is one shows when it is opened.
+    /// The name of an interface, which may not exist until it is opened.
     #[derive(Clone, Debug)]
     struct InterfaceName(String);
 
@@ -65,7 +65,7 @@ mod linux {
         }
     }
 
-    /// Returns why an interface cannot be opened, with the way out where there is none of that name.
+    /// Returns the reason why an interface cannot be opened, with a remedy for an unknown one.
     fn refusal(name: &str, error: &io::Error) -> OpenError {
         let is_missing = Errno::from_io_error(error) == Some(Errno::NODEV);
         let way_out =
@@ -73,7 +73,7 @@ mod linux {
         OpenError::new(format!("{error}{}", if is_missing { &way_out } else { "" }))
     }
 
-    /// An interface that is open.
+    /// An open interface.
     struct Joined {
         name: InterfaceName,
         interface: Interface,

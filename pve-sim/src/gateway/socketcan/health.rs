@@ -1,20 +1,20 @@
-//! The health of an interface: whether a refused frame is tried again, and what the user is told. No I/O.
+//! The health of an interface: the decision to retry a refused frame, and the messages to the user. No I/O.
 
 use std::io;
 
 use rustix::io::Errno;
 
-/// How often a frame is tried while the interface's queue is full, a millisecond or more apart. The slowest bus, of 10
-/// kbit/s, takes a frame in 15 ms: a queue that stands still for longer has nobody who acknowledges. Tries are counted,
-/// and not time: a process that stood still has not tried.
+/// The number of attempts for a frame while the interface's queue is full, a millisecond or more apart. Even a bus of
+/// 10 kbit/s takes a frame within 15 ms: a queue that stays full for longer has no acknowledgement. Attempts count, not
+/// time: a paused process has made none.
 const TRIES: u32 = 100;
 
-/// What becomes of a frame that the interface has refused.
+/// The verdict on a frame that the interface has refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Verdict {
-    /// It is tried again.
+    /// Try again.
     Retry,
-    /// It is lost.
+    /// The frame is lost.
     Lost,
 }
 
@@ -22,38 +22,38 @@ pub(super) enum Verdict {
 #[derive(Debug)]
 pub(super) struct Health {
     name: String,
-    /// `None` while frames pass.
+    /// The trouble; `None` while frames pass.
     trouble: Option<Trouble>,
 }
 
-/// Why frames do not pass.
+/// The reason why frames do not pass.
 #[derive(Debug)]
 struct Trouble {
-    /// The number of frames that were lost since then.
+    /// The number of frames lost since then.
     lost: u64,
-    /// Whether the queue stands still: frames may come in all the same.
+    /// The transmit queue is full; reception may still work.
     is_full: bool,
 }
 
 impl Health {
-    /// Returns that of an interface which takes frames.
+    /// Returns the health of a working interface.
     pub(super) const fn new(name: String) -> Self {
         Self { name, trouble: None }
     }
 
-    /// Takes note of a frame that came in; returns what the user is told.
+    /// Records a received frame; returns a message for the user, if any.
     pub(super) fn hear(&mut self) -> Option<String> {
         if self.trouble.as_ref()?.is_full { None } else { self.pass() }
     }
 
-    /// Takes note of a frame that the interface took; returns what the user is told.
+    /// Records an accepted frame; returns a message for the user, if any.
     pub(super) fn pass(&mut self) -> Option<String> {
         let Trouble { lost, .. } = self.trouble.take()?;
         let frames = if lost == 1 { "1 frame was".to_owned() } else { format!("{lost} frames were") };
         Some(format!("socketcan:{}: frames pass again; {frames} not sent", self.name))
     }
 
-    /// Takes note of an error without a frame; returns what the user is told.
+    /// Records an error without a frame; returns a message for the user, if any.
     pub(super) fn fail(&mut self, error: &io::Error) -> Option<String> {
         if self.trouble.is_some() {
             return None;
@@ -62,9 +62,9 @@ impl Health {
         Some(format!("socketcan:{}: {}: nothing is sent until frames pass again", self.name, reason(error)))
     }
 
-    /// Decides about a frame that was refused for the `tries`th time; returns what the user is told, too.
+    /// Returns the verdict on a frame refused for the `tries`th time, and a message for the user, if any.
     pub(super) fn refuse(&mut self, error: &io::Error, tries: u32) -> (Verdict, Option<String>) {
-        // A queue that is known to stand still gets one try a frame, or frames would pile up behind it.
+        // While the queue is known to be full, each frame gets one attempt; otherwise frames would pile up.
         if is_full(error) && self.trouble.is_none() && tries < TRIES {
             return (Verdict::Retry, None);
         }
@@ -76,12 +76,12 @@ impl Health {
     }
 }
 
-/// Returns whether the interface's queue, or the socket's, is full.
+/// Returns whether the queue of the interface or of the socket is full.
 fn is_full(error: &io::Error) -> bool {
     matches!(Errno::from_io_error(error), Some(Errno::NOBUFS | Errno::AGAIN))
 }
 
-/// Returns whether the interface is not there any more, so that the socket is bound to none.
+/// Returns whether the interface is gone, which leaves the socket unbound.
 pub(super) fn is_gone(error: &io::Error) -> bool {
     matches!(Errno::from_io_error(error), Some(Errno::NODEV | Errno::NXIO))
 }

@@ -1,4 +1,4 @@
-//! An interface: its socket, and the way of frames through it.
+//! A kernel interface: its socket, and the frames through it.
 
 use std::future::pending;
 use std::io;
@@ -13,20 +13,20 @@ use super::health::{Health, Verdict, is_gone};
 use crate::gateway::member::Member;
 use crate::inbox::{ClientEnd, ClientId, ToClient, ToWorld, WorldSender};
 
-/// How long to wait before a frame is tried again while the interface's queue is full.
+/// The delay between attempts while the interface's queue is full.
 const RETRY: Duration = Duration::from_millis(1);
 
-/// How often an interface that is gone is looked for, and the pause after an error of a read.
+/// The interval of looking for a missing interface, and the delay after a read error.
 const PAUSE: Duration = Duration::from_millis(100);
 
-/// An interface that is open.
+/// An open interface.
 #[derive(Debug)]
 pub(super) struct Interface {
     name: String,
-    /// The crate's own asynchronous socket sleeps through an interface that goes down.
+    /// Not the crate's asynchronous socket, which misses that an interface goes down.
     socket: AsyncFd<CanSocket>,
     health: Health,
-    /// When to look for the interface next, as the socket is bound to one that is gone.
+    /// The next look for a missing interface; `None` while it is bound.
     next_look: Option<Instant>,
 }
 
@@ -42,13 +42,13 @@ impl Interface {
     /// Opens an interface, which may be down. Needs a Tokio runtime.
     ///
     /// # Errors
-    /// When there is no CAN interface of that name, or the kernel has no SocketCAN.
+    /// When no CAN interface has that name, or the kernel lacks SocketCAN.
     pub(super) fn open(name: &str) -> io::Result<Self> {
         let socket = open(name)?;
         Ok(Self { name: name.to_owned(), socket, health: Health::new(name.to_owned()), next_look: None })
     }
 
-    /// Gives a frame to the interface. Returns one that is to be tried again.
+    /// Sends a frame to the interface. Returns it if it has to be tried again.
     fn send(&mut self, waiting: Waiting, world: &WorldSender) -> Option<Waiting> {
         match self.socket.get_ref().write_frame(&waiting.frame) {
             Ok(()) => {
@@ -65,14 +65,14 @@ impl Interface {
         }
     }
 
-    /// Takes note of an error that tells that the interface is gone.
+    /// Records an error; one that reveals a missing interface starts the search for it.
     fn note(&mut self, error: &io::Error) {
         if is_gone(error) && self.next_look.is_none() {
             self.next_look = Some(Instant::now() + PAUSE);
         }
     }
 
-    /// Opens the interface anew, if there is one of that name again.
+    /// Reopens the interface, if it exists again.
     fn look_for_it(&mut self) {
         self.next_look = match open(&self.name) {
             Ok(socket) => {
@@ -91,13 +91,13 @@ impl Member for Interface {
             let next_try = waiting.as_ref().map(|waiting| waiting.next_try);
             tokio::select! {
                 () = permits.dismissed() => return,
-                // A bus that takes nothing more is still heard.
+                // Reception continues while the bus accepts no frame.
                 (permit, read) = async {
                     (permits.permit().await, read(&self.socket).await)
                 }, if self.next_look.is_none() => match read {
                     Ok(frame) => {
                         tell(world, self.health.hear());
-                        // Neither error frames nor frames of CAN FD come: nobody has asked the kernel for them.
+                        // Error frames and CAN FD frames are not requested from the kernel.
                         if let Some(frame) = same(&frame) {
                             permit.spend();
                             world.tell(ToWorld::Send(id, frame));
@@ -125,7 +125,7 @@ impl Member for Interface {
     }
 }
 
-/// Waits until an instant, or for ever.
+/// Waits until an instant, or forever.
 async fn until(instant: Option<Instant>) {
     match instant {
         Some(instant) => sleep_until(instant).await,
@@ -143,7 +143,7 @@ fn open(name: &str) -> io::Result<AsyncFd<CanSocket>> {
     AsyncFd::with_interest(socket, Interest::READABLE | Interest::ERROR)
 }
 
-/// Waits for a frame, or for an error: an interface that goes down is one.
+/// Waits for a frame or an error, such as the interface going down.
 async fn read(socket: &AsyncFd<CanSocket>) -> io::Result<CanFrame> {
     socket.async_io(Interest::READABLE | Interest::ERROR, CanSocket::read_frame).await
 }
@@ -154,7 +154,7 @@ fn tell(world: &WorldSender, warning: Option<String>) {
     }
 }
 
-/// Returns the same frame of another type; `None` for one with more than eight bytes.
+/// Converts a frame to another type; `None` for more than eight bytes.
 fn same<A: embedded_can::Frame, B: embedded_can::Frame>(frame: &A) -> Option<B> {
     if frame.is_remote_frame() { B::new_remote(frame.id(), frame.dlc()) } else { B::new(frame.id(), frame.data()) }
 }

@@ -1,4 +1,4 @@
-//! The beacon by which clients find a bus: a datagram in XML to UDP port 42000, as the reference daemon sends it.
+//! The beacon that announces a bus: an XML datagram to UDP port 42000, as of the reference daemon.
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
@@ -6,13 +6,13 @@ use std::time::Duration;
 
 use tokio::net::UdpSocket;
 
-/// The port that clients listen at.
+/// The port of the beacons.
 const PORT: u16 = 42000;
 
-/// A beacon comes so often: clients look for one for some three seconds.
+/// The interval of beacons: clients listen for some three seconds.
 const EVERY: Duration = Duration::from_secs(2);
 
-/// A beacon of one bus.
+/// The beacon of one bus.
 #[derive(Debug)]
 pub(super) struct Beacon {
     socket: UdpSocket,
@@ -21,11 +21,11 @@ pub(super) struct Beacon {
 }
 
 impl Beacon {
-    /// Returns a beacon of the bus that is served at an address. One that this machine alone reaches is announced to
-    /// this machine alone, and so is one at all addresses, as 127.0.0.1.
+    /// Returns the beacon of a bus served at an address. A bus that only this machine can reach is announced on this
+    /// machine only; so is a bus at all addresses, as 127.0.0.1.
     ///
     /// # Errors
-    /// When the address is none of IPv4, which has no broadcast, or the system refuses.
+    /// When the address is not IPv4, which alone has broadcast, or the system refuses.
     pub(super) async fn new(served: SocketAddr, bus: &str) -> io::Result<Self> {
         let IpAddr::V4(served_ip) = served.ip() else {
             return Err(io::Error::new(io::ErrorKind::Unsupported, "a beacon needs an IPv4 address"));
@@ -41,7 +41,7 @@ impl Beacon {
         Ok(Self { socket, target, text: text(ip, port, bus) })
     }
 
-    /// Sends the beacon for ever. One that the system does not take is followed by the next.
+    /// Sends the beacon forever; errors are ignored until the next one.
     pub(super) async fn run(self) {
         let mut every = tokio::time::interval(EVERY);
         loop {
@@ -51,7 +51,7 @@ impl Beacon {
     }
 }
 
-/// Returns the text of the beacon. The name of a bus has no character that XML would have to write in another way.
+/// Returns the text of the beacon. The name of a bus needs no escaping in XML.
 fn text(ip: Ipv4Addr, port: u16, bus: &str) -> String {
     format!(
         "<CANBeacon name=\"pve-sim\" type=\"SocketCAN\" description=\"stand-in devices\">\n\

@@ -1,6 +1,7 @@
-//! socketcand: a CAN bus over TCP in readable text, as the daemon of that name serves it.
+//! socketcand: a CAN bus over TCP in readable text, compatible with the daemon of that name.
 //!
-//! A client is greeted with `< hi >`, opens the bus by its name, asks for raw mode, and then sends and receives frames:
+//! The server greets a client with `< hi >`; the client opens the bus by name, requests raw mode, and then sends and
+//! receives frames:
 //!
 //! ```text
 //! server                                          client
@@ -13,11 +14,11 @@
 //! < frame 1A0 1795223549.715344 0100 >
 //! ```
 //!
-//! The reference daemon's other modes (`bcmmode`, `controlmode`, `isotpmode`) do not exist here: no client of the README's
-//! table asks for them.
+//! The other modes of the reference daemon (`bcmmode`, `controlmode`, `isotpmode`) are not supported: no client in the
+//! README's table uses them.
 //!
-//! Remote frames: the text has no sign for them. A `send` with a length and no byte is what python-can makes of one,
-//! and is taken as one; remote frames that others send are not passed on, as they could only be passed on as data.
+//! The protocol has no form for remote frames. python-can sends one as a `send` with a length and no bytes, which is
+//! accepted as one; remote frames of others are not passed on, because they would become data frames.
 
 mod beacon;
 mod protocol;

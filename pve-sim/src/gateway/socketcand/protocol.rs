@@ -1,4 +1,5 @@
-//! The text of socketcand: bytes to requests, and replies to bytes. No I/O, no state but that of a message half read.
+//! The text of socketcand: bytes to requests, and replies to bytes. No I/O, and no state but that of an incomplete
+//! message.
 
 use std::fmt::Write;
 
@@ -7,17 +8,17 @@ use protocol_core::frame::{Frame, Id, MAX_LEN, extended, standard};
 use crate::gateway::guard::Verdict;
 use hal_sim::log::{ErrorClass, Timestamp, write_hex};
 
-/// The longest message, in bytes between `<` and `>`: that of a client that sends every number in 64 bits has 160.
+/// The longest message, in bytes between `<` and `>`; 160 for a client that sends every number in 64 bits.
 pub const MESSAGE_MAX: usize = 256;
 
-/// What a client is greeted with.
+/// The greeting of a client.
 pub const HI: &str = "< hi >";
 /// The answer to `< echo >`.
 pub const ECHO: &str = "< echo >";
-/// The answer to a request that was carried out.
+/// The answer to an executed request.
 pub const OK: &str = "< ok >";
 
-/// What a client asks for.
+/// A request of a client.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Request {
     /// `< open NAME >`
@@ -30,39 +31,39 @@ pub enum Request {
     Send(Frame),
 }
 
-/// Why a message was refused; the text goes to the client.
+/// The reason why a message was refused; its text goes to the client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RequestError {
-    /// No such command.
+    /// Unknown command.
     #[error("unknown command; accepted: open, rawmode, send, echo")]
     UnknownCommand,
-    /// A known command with more or fewer words than it has.
+    /// Wrong number of words for the command.
     #[error("wrong number of arguments")]
     Arguments,
-    /// No hex number of at most 29 bits.
+    /// Not a hex number of at most 29 bits.
     #[error("bad identifier")]
     Identifier,
-    /// Above 7FF, and not marked as extended.
+    /// An identifier above 7FF without the mark of an extended one.
     #[error("an identifier above 7FF needs eight digits")]
     NotExtended,
-    /// No length of a classic CAN frame.
+    /// Not a length of a classic CAN frame.
     #[error("bad length, 0 to 8 is accepted")]
     Length,
-    /// Not as many bytes as the length says.
+    /// A number of bytes that differs from the length.
     #[error("length and number of bytes differ")]
     Count,
-    /// No hex number of at most eight bits.
+    /// Not a hex number of at most eight bits.
     #[error("bad data byte")]
     Byte,
     /// More than [`MESSAGE_MAX`] bytes without an end.
     #[error("message too long")]
     TooLong,
-    /// Another message began before this one's end.
+    /// A message that began before the previous one ended.
     #[error("message without end")]
     Interrupted,
 }
 
-/// Finds the messages in a stream of bytes, however it is cut into reads; what stands between them is skipped.
+/// The parser of messages in a stream of bytes, however its reads are divided; bytes between messages are skipped.
 #[derive(Debug, Default)]
 pub struct Parser {
     state: State,
@@ -74,12 +75,12 @@ enum State {
     #[default]
     Between,
     Inside,
-    /// In a message that was too long: its rest is skipped.
+    /// The rest of a message that was too long.
     Skipping,
 }
 
 impl Parser {
-    /// Takes the next byte; returns a message when this was its last, or what is wrong when it went wrong here.
+    /// Takes the next byte; returns a message if the byte ends one, or the error that it causes.
     pub fn push(&mut self, byte: u8) -> Option<Result<Request, RequestError>> {
         match (self.state, byte) {
             (State::Inside, b'<') => {
@@ -112,7 +113,7 @@ impl Parser {
     }
 }
 
-/// Judges a byte at the begin of a connection: a client sends `<`, after blanks at the most. No method of HTTP has either.
+/// Judges the first bytes of a connection: a client begins with `<`, perhaps after blanks. No HTTP method has either.
 #[must_use]
 pub(super) const fn judge(byte: u8) -> Verdict {
     match byte {
@@ -122,7 +123,7 @@ pub(super) const fn judge(byte: u8) -> Verdict {
     }
 }
 
-/// Returns what stands between `<` and `>`.
+/// Parses the text between `<` and `>`.
 fn parse(message: &str) -> Result<Request, RequestError> {
     let words: Vec<&str> = message.split_ascii_whitespace().collect();
     match words.as_slice() {
@@ -153,8 +154,8 @@ fn send(id: &str, len: &str, bytes: &[&str]) -> Result<Frame, RequestError> {
     Ok(Frame::with_len(id, data, len))
 }
 
-/// Reads an identifier. Eight digits make an extended identifier, and so does bit 31, the mark of clients that know
-/// SocketCAN's `can_id`: also as the sign of a number.
+/// Parses an identifier. Eight digits make an extended identifier; so does bit 31, the mark in SocketCAN's `can_id`,
+/// also as the sign of a number.
 fn identifier(word: &str) -> Result<Id, RequestError> {
     const EXTENDED: u32 = 1 << 31;
     const MAX: u32 = 0x1FFF_FFFF;
@@ -168,8 +169,8 @@ fn identifier(word: &str) -> Result<Id, RequestError> {
     }
 }
 
-/// Returns a hex number of so many bits, as the reference daemon reads it: with or without `0x`, and with a sign or
-/// widened to 32 or 64 bits by clients that take it for a signed one, so that 80 becomes -80 or ffffff80.
+/// Parses a hex number of `bits` bits, as the reference daemon does: with or without `0x`, and with a sign or
+/// sign-extended to 32 or 64 bits by clients that treat it as signed, so that 80 becomes -80 or ffffff80.
 fn hex(word: &str, bits: u32) -> Option<u32> {
     let (negative, digits) = word.strip_prefix('-').map_or((false, word), |digits| (true, digits));
     let digits = digits.strip_prefix("0x").or_else(|| digits.strip_prefix("0X")).unwrap_or(digits);
@@ -179,21 +180,21 @@ fn hex(word: &str, bits: u32) -> Option<u32> {
     let number = u64::from_str_radix(digits, 16).ok()?;
     let wide = if negative { number.wrapping_neg() } else { number };
     let narrow = wide & ((1 << bits) - 1);
-    // The highest bit is the sign, and fills all above it.
+    // The highest bit is the sign; the extension repeats it.
     let widened = narrow | u64::MAX << (bits - 1);
     let fits = [narrow, widened, widened & u64::from(u32::MAX)].contains(&wide);
     u32::try_from(narrow).ok().filter(|_| fits)
 }
 
-/// Writes `< frame 18A 1795223549.715344 0102 >`: no blank between the bytes, and two before the end when there is
-/// none.
+/// Writes `< frame 18A 1795223549.715344 0102 >`: the bytes without blanks, and two blanks before the end of an empty
+/// frame.
 ///
-/// A remote frame leaves nothing: the text has no sign for it.
+/// Writes nothing for a remote frame, which the protocol cannot express.
 pub fn emit_frame(out: &mut String, at: Timestamp, frame: &Frame) {
     if frame.is_remote() {
         return;
     }
-    // Writing to a string can't fail.
+    // Writing to a string cannot fail.
     let _ = match frame.id() {
         Id::Standard(id) => write!(out, "< frame {:03X} {at} ", id.as_raw()),
         Id::Extended(id) => write!(out, "< frame {:08X} {at} ", id.as_raw()),
@@ -207,7 +208,7 @@ pub fn emit_error(out: &mut String, at: Timestamp, class: ErrorClass) {
     let _ = write!(out, "< error {:03X} {at} >", class.code());
 }
 
-/// Returns `< error … >`: a message that was refused, and why.
+/// Returns `< error … >` with the reason why a message was refused.
 #[must_use]
 pub fn emit_refusal(error: RequestError) -> String {
     format!("< error {error} >")
