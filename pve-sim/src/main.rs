@@ -1,4 +1,4 @@
-//! `pve-sim`: the stand-in devices on the host. What it does is in the library; here are the exit codes.
+//! `pve-sim`: the commands and their exit codes; the rest is in the library.
 
 use std::fmt::{Arguments, Display};
 use std::io::{BufWriter, StdoutLock, Write};
@@ -16,12 +16,12 @@ use pve_sim::output::{Output, outlive_file_size_limit};
 use pve_sim::remote::{self, StatusOptions};
 use pve_sim::run;
 
-/// Something is in the way: a port in use, a file that cannot be opened.
+/// A failure, such as a port in use or a file that cannot be opened.
 const FAILURE: u8 = 1;
 /// Wrong usage.
 const USAGE: u8 = 2;
 
-/// How long the end waits for a reader of stderr.
+/// The time that the end waits for a reader of stderr.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 fn main() -> ExitCode {
@@ -29,7 +29,7 @@ fn main() -> ExitCode {
     match cli::parse(std::env::args_os()) {
         Ok(Request::Run(options)) => match run::run(&options) {
             Ok(true) => ExitCode::SUCCESS,
-            // The user was told when it happened.
+            // The user has been told when it happened.
             Ok(false) => ExitCode::from(FAILURE),
             Err(error) => fail(FAILURE, &error),
         },
@@ -51,19 +51,19 @@ fn stdout() -> Output<StdoutLock<'static>> {
     Output::new(std::io::stdout().lock())
 }
 
-/// Writes a text; the [`end`] tells what became of it.
+/// Writes a text; [`end`] reports an error.
 fn print(stdout: &mut impl Write, text: Arguments<'_>) {
     let _ = stdout.write_fmt(text);
 }
 
-/// Writes a text that is all that a command has to say.
+/// Writes the complete output of a command.
 fn print_all(text: &str) -> ExitCode {
     let mut stdout = stdout();
     print(&mut stdout, format_args!("{text}"));
     end(stdout, true)
 }
 
-/// Ends a command that has done, or found, what it was to, or has not. Output that was cut is a failure.
+/// Ends a command with its result. Truncated output is a failure.
 fn end(stdout: Output<impl Write>, success: bool) -> ExitCode {
     match stdout.finish() {
         Err(error) => fail(FAILURE, &format_args!("stdout: {error}")),
@@ -81,7 +81,7 @@ fn run_scenarios(run: impl FnOnce(&mut dyn Write) -> Result<bool, BatchError>) -
     }
 }
 
-/// Explains a recording; lines that are none are told on stderr.
+/// Explains a recording; unreadable lines are reported on stderr.
 fn explain(options: &DecodeOptions) -> ExitCode {
     let mut stdout = BufWriter::with_capacity(1 << 16, std::io::stdout().lock());
     match decode(options, &mut stdout, warn) {
@@ -91,7 +91,7 @@ fn explain(options: &DecodeOptions) -> ExitCode {
     }
 }
 
-/// Replays a recording; differences and the summary are told on stdout, lines that are none on stderr.
+/// Replays a recording; differences and the summary go to stdout, unreadable lines to stderr.
 fn compare(options: &ReplayOptions) -> ExitCode {
     let outcome = match replay(options) {
         Ok(outcome) => outcome,
@@ -115,8 +115,8 @@ fn warn(line: &str) {
     let _ = writeln!(std::io::stderr(), "pve-sim: {line}");
 }
 
-/// Tells on stderr why the program ends, and returns how. Writes on a thread of its own: a full pipe that nobody reads must not
-/// hold up the end, as a run that has begun to listen to signals is not ended by one.
+/// Reports an error on stderr, and returns the exit code. Writes on a thread of its own: a full pipe without a reader
+/// must not block the end, because signals no longer end a run.
 fn fail(code: u8, error: &dyn Display) -> ExitCode {
     let line = format!("pve-sim: {error}\n");
     let tell = |line: String| std::io::stderr().write_all(line.as_bytes());
@@ -129,9 +129,9 @@ fn fail(code: u8, error: &dyn Display) -> ExitCode {
         }
     });
     match writer {
-        // Nothing is ever sent: the channel closes with the end of the thread.
+        // The channel carries no message: it closes with the end of the thread.
         Ok(_) => drop(ended.recv_timeout(PATIENCE)),
-        // A system without threads is what the line tells of.
+        // The error may be that the system has no threads left.
         Err(_) => drop(tell(line)),
     }
     ExitCode::from(code)

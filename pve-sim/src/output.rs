@@ -1,8 +1,8 @@
-//! Output of the commands: every byte reaches its place, or the program ends with an error.
+//! The output of commands: every byte is written, or the program ends with an error.
 
 use std::io::{self, Write};
 
-/// The output of a command that goes on when nothing more can be written, and tells that at its end.
+/// The output of a command: after an error, writes are dropped, and the end reports it.
 #[derive(Debug)]
 pub struct Output<W: Write> {
     out: W,
@@ -15,10 +15,10 @@ impl<W: Write> Output<W> {
         Self { out, failure: None }
     }
 
-    /// Hands everything on.
+    /// Flushes the output.
     ///
     /// # Errors
-    /// The first error of `out`; a reader that has gone is none, as it has seen what it wanted.
+    /// The first error of `out`; a reader that has gone is not an error, because it has seen enough.
     pub fn finish(mut self) -> io::Result<()> {
         let flushed = self.flush();
         debug_assert!(flushed.is_ok());
@@ -53,13 +53,13 @@ impl<W: Write> Write for Output<W> {
     }
 }
 
-/// Lets a write beyond the largest file size (`ulimit -f`) fail, as one to a full disk does. Unix ends a process that
-/// does not handle the signal for it.
+/// Makes a write beyond the file size limit (`ulimit -f`) fail, as on a full disk. Unix otherwise ends the process by a
+/// signal.
 #[cfg(unix)]
 pub fn outlive_file_size_limit() {
     use tokio::signal::unix::{SignalKind, signal};
 
-    // The handler stays for as long as the process lives. Without one, the signal does what it did.
+    // The handler stays installed for the rest of the process. If it fails, the signal keeps its effect.
     if let Ok(runtime) = tokio::runtime::Builder::new_current_thread().enable_io().build() {
         let _context = runtime.enter();
         drop(signal(SignalKind::from_raw(rustix::process::Signal::XFSZ.as_raw())));
@@ -74,7 +74,7 @@ pub const fn outlive_file_size_limit() {}
 mod tests {
     use super::*;
 
-    /// Has room for some bytes.
+    /// A writer with space for some bytes.
     struct Room(usize, io::ErrorKind);
 
     impl Write for Room {

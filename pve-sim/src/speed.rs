@@ -1,17 +1,17 @@
-//! How virtual time passes against wall time.
+//! The speed of virtual time against wall time.
 
 use std::fmt;
 
-/// How virtual time passes.
+/// The speed of virtual time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Speed {
-    /// By itself, so many times as fast as wall time: finite and above 0.
+    /// A factor of wall time, finite and above 0.
     Factor(f64),
-    /// When the control interface tells it to.
+    /// Steps, on command of the control interface.
     Step,
 }
 
-/// As it is given to `--speed`.
+/// The form of `--speed`.
 impl fmt::Display for Speed {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

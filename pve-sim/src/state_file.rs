@@ -1,14 +1,14 @@
 //! A memory kept in a file: a header of 16 bytes and the raw flash image.
 //!
-//! Every change writes the whole file anew, under a name that nobody else has, syncs it, renames it over the old one
-//! and syncs the folder, which Windows cannot. Whatever instant the process is killed at, or the machine loses its
-//! power, the file is the old one or the new one, and it is the new one from the moment that the write has returned.
-//! Writing only the changed words would be faster, but could leave half a store behind that the *simulated* flash never
-//! saw; at 32 KiB and a handful of stores a second the whole file costs nothing.
+//! Every change writes the whole file anew under a unique name, syncs it, renames it over the old one and syncs the
+//! folder, which Windows cannot. Whenever the process is killed or the machine loses power, the file is the old one or
+//! the new one, and it is the new one once the write has returned. Writing only the changed words would be faster, but
+//! could leave a partial store that the *simulated* flash never saw; at 32 KiB and a few stores a second, the whole
+//! file costs nothing.
 //!
-//! Only one simulator may have it: another one would not see what this one stores, and overwrite it. What is locked is
-//! a file beside it, for the file itself is another one after each write, and there is none before the first. The lock
-//! goes with the process, its file stays: to remove it would let two others lock two different ones.
+//! Only one simulator may use the file: another one would not see its changes, and overwrite them. The lock is on a
+//! file beside it, because each write replaces the file, and there is none before the first. The lock ends with the
+//! process; the lock file stays, because removing it would let two other processes lock two different files.
 
 use std::ffi::OsString;
 use std::fs::{self, DirEntry, File, OpenOptions, TryLockError};
@@ -24,58 +24,58 @@ use hal_sim::memory::{Content, Flash, MemoryFile, MemoryFileError, SIZE};
 
 const MAGIC: [u8; 4] = *b"PNVM";
 const VERSION: u32 = 1;
-/// How the memory is laid out, beside the number of the kind: 0 was that of programs before this one. They take a file of
-/// another layout for one of another kind, refuse it, and leave it as it is.
+/// The version of the memory layout, stored beside the number of the kind; 0 was that of earlier programs. A program
+/// takes a file with another layout for one of another kind, refuses it, and leaves it unchanged.
 const LAYOUT: u32 = 1;
-/// The number of the kind has so many bits, the layout has the others.
+/// The number of bits for the kind; the layout has the others.
 const KIND_BITS: u32 = 8;
 const HEADER: usize = 16;
-/// Letters and digits that make the name of an unfinished file unique.
+/// The number of random characters in the name of an unfinished file.
 const UNFINISHED_SUFFIX: usize = 6;
-/// Pauses before a rename is tried again, in milliseconds: on Windows, a program that has the file open prevents it.
+/// The pauses before a rename is retried, in milliseconds: on Windows, a program that has the file open prevents it.
 const RENAME_PAUSES: [u64; if cfg!(windows) { 5 } else { 0 }] = [20; if cfg!(windows) { 5 } else { 0 }];
 
-/// A state file cannot be used.
+/// The reason why a state file cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum StateFileError {
-    /// It keeps the memory of a device of another kind.
+    /// The file belongs to a device of another kind.
     #[error("{}: the memory of another kind of device ({found}, not {expected})", path.display())]
     OtherKind {
         /// The file.
         path: PathBuf,
-        /// The kind that it belongs to.
+        /// The kind in the file.
         found: u32,
-        /// The kind that it was opened for.
+        /// The expected kind.
         expected: u32,
     },
-    /// A later program wrote it.
+    /// A later program wrote the file.
     #[error("{}: written by a later pve-sim", path.display())]
     Later {
         /// The file.
         path: PathBuf,
     },
-    /// Another simulator has it.
+    /// Another simulator uses the file.
     #[error("{} is in use by another pve-sim", path.display())]
     InUse {
         /// The file.
         path: PathBuf,
     },
-    /// The memory cannot be kept in it.
+    /// The file cannot be written or put aside.
     #[error(transparent)]
     Unkept(#[from] MemoryFileError),
-    /// The file system refuses.
+    /// A file system error.
     #[error("{}: cannot {action}: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// What could not be done.
+        /// The failed action.
         action: &'static str,
-        /// Why.
+        /// The cause.
         source: io::Error,
     },
 }
 
-/// A state file that was opened and read, and is not changed yet.
+/// A state file that is opened and read, but unchanged.
 #[derive(Debug)]
 pub struct Opened {
     file: StateFile,
@@ -83,41 +83,40 @@ pub struct Opened {
 }
 
 impl Opened {
-    /// Returns the memory in the file; a new one when there is none.
+    /// Returns the memory in the file; a new one for a missing file.
     ///
-    /// A file that is damaged is put aside as `name.nvm.bad`, and the memory starts empty and damaged.
+    /// A damaged file is put aside as `name.nvm.bad`, and the memory starts empty and damaged.
     ///
     /// # Errors
-    /// When the file cannot be written or put aside. It is not changed then.
+    /// When the file cannot be written or put aside. It is unchanged then.
     pub fn memory(self) -> Result<Memory, StateFileError> {
         self.file.sweep();
         Ok(Memory::kept_in(Box::new(self.file), self.content)?)
     }
 }
 
-/// The file that keeps a memory. Nobody else has it for as long as this lives.
+/// The file behind a memory, locked while this exists.
 #[derive(Debug)]
 pub struct StateFile {
     path: PathBuf,
     kind: u32,
-    /// None where the file system has no locks.
+    /// `None` on a file system without locks.
     _lock: Option<File>,
 }
 
 impl StateFile {
-    /// Opens and reads `dir/name.nvm` for a device of this kind; there may be no such file yet. The folder is made if
-    /// there is none.
+    /// Opens and reads `dir/name.nvm`, which may not exist yet, for a device of this kind. Creates a missing folder.
     ///
     /// # Errors
-    /// When the file belongs to a device of another kind or is in use, or cannot be read.
+    /// When the file belongs to a device of another kind, is in use, or cannot be read.
     pub fn open(dir: &Path, name: &str, kind: u32) -> Result<Opened, StateFileError> {
         let mut file = Self { path: dir.join(format!("{name}.nvm")), kind, _lock: None };
         fs::create_dir_all(dir).map_err(|error| file.error("make the directory", error))?;
-        // What a link leads to is replaced there, and two names of one file are one file.
+        // A link is resolved, so that its target is replaced, and both names lock the same file.
         if file.path.is_symlink() {
             file.path = fs::canonicalize(&file.path).map_err(|error| file.error("follow the link", error))?;
         }
-        // Before anything is opened or made: opening a pipe waits for somebody to write into it.
+        // Before opening: to open a pipe would wait for a writer.
         if fs::metadata(&file.path).is_ok_and(|found| !found.is_file()) {
             return Err(file.error("read", io::Error::other("not a file")));
         }
@@ -141,14 +140,14 @@ impl StateFile {
         }
     }
 
-    /// Returns what is in it, up to the byte with which it is too long.
+    /// Returns the content, with at most one byte beyond the valid size.
     fn read(&self) -> io::Result<Vec<u8>> {
         let mut bytes = Vec::new();
         File::open(&self.path)?.take((HEADER + SIZE + 1) as u64).read_to_end(&mut bytes)?;
         Ok(bytes)
     }
 
-    /// Returns the name of the file with one more ending.
+    /// Returns the name of the file with a further extension.
     fn beside(&self, ending: &str) -> PathBuf {
         let mut name = OsString::from(&self.path);
         name.push(".");
@@ -173,7 +172,7 @@ impl StateFile {
         Ok(Flash::from_image(image.to_vec()).map_or(Content::Damaged, Content::Image))
     }
 
-    /// Returns how the names of unfinished files begin; [`UNFINISHED_SUFFIX`] letters and digits follow.
+    /// Returns the beginning of unfinished files' names; [`UNFINISHED_SUFFIX`] letters and digits follow.
     fn unfinished_prefix(&self) -> OsString {
         let mut prefix = OsString::from(".");
         prefix.push(self.path.file_name().unwrap_or_default());
@@ -181,8 +180,8 @@ impl StateFile {
         prefix
     }
 
-    /// Removes the unfinished files that killed processes left beside this one: `.name.nvm.` and six letters or digits.
-    /// A name that ends in a plain word is somebody's copy.
+    /// Removes the unfinished files that killed processes left beside this one: `.name.nvm.` with six letters or
+    /// digits. A name that ends in a plain word is a user's copy.
     fn sweep(&self) {
         let Some(folder) = self.path.parent() else { return };
         let prefix = self.unfinished_prefix();
@@ -196,7 +195,7 @@ impl StateFile {
                 && found.file_type().is_ok_and(|kind| kind.is_file())
         };
         for found in fs::read_dir(folder).into_iter().flatten().flatten().filter(is_left_behind) {
-            // One that cannot be removed is in nobody's way.
+            // An unfinished file that cannot be removed does no harm.
             let _ = fs::remove_file(found.path());
         }
     }
@@ -238,15 +237,15 @@ impl MemoryFile for StateFile {
         replace().map_err(|error| self.error("write", error).into())
     }
 
-    /// Renames the file to the first free one of `name.nvm.bad`, `name.nvm.bad.2` and so on; a line about it. The
-    /// folder is synced by the write that follows.
+    /// Renames the file to the first free name of `name.nvm.bad`, `name.nvm.bad.2` and so on; returns a line about it.
+    /// The next write syncs the folder.
     fn put_aside(&self) -> Result<String, MemoryFileError> {
         let name = |number: u32| match number {
             1 => self.beside("bad"),
             _ => self.beside(&format!("bad.{number}")),
         };
         for aside in (1..).map(name) {
-            // Making the name first, and only if nobody has it, so that nothing is ever overwritten.
+            // Creates the name exclusively first, so that no file is ever overwritten.
             match OpenOptions::new().write(true).create_new(true).open(&aside) {
                 Ok(_) => {}
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => continue,
@@ -259,7 +258,7 @@ impl MemoryFile for StateFile {
                     aside.display()
                 )),
                 Err(error) => {
-                    // The name is taken for nothing, and is still as empty as it was made.
+                    // The reserved name is unused, and its file still empty.
                     let _ = fs::remove_file(&aside);
                     Err(self.error("put the damaged file aside", error).into())
                 }
@@ -269,7 +268,7 @@ impl MemoryFile for StateFile {
     }
 }
 
-/// Renames a finished file over the one at the path; where that fails, the file is removed.
+/// Renames a finished file over the one at the path; removes it if that fails.
 fn take_the_place(mut file: NamedTempFile, path: &Path) -> io::Result<()> {
     for pause in RENAME_PAUSES {
         match file.persist(path) {
@@ -282,7 +281,7 @@ fn take_the_place(mut file: NamedTempFile, path: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Gives a file to the owner of another one, where that is allowed: root may run a simulator on somebody's files.
+/// Gives a file to the owner of another one, if permitted: root may run a simulator on a user's files.
 #[cfg(unix)]
 fn give_to_owner_of(present: &fs::Metadata, file: &File) {
     use std::os::unix::fs::{MetadataExt as _, fchown};

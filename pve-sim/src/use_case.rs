@@ -1,19 +1,19 @@
-//! The use cases of the manuals: strict scenarios that the program carries.
+//! The use cases of the manuals, as built-in strict scenarios.
 
 /// A use case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UseCase {
-    /// How it is called for on the command line.
+    /// The name on the command line.
     pub name: &'static str,
-    /// Its file in the repository.
+    /// The file in the repository.
     pub file: &'static str,
-    /// What the file holds.
+    /// The text of the file.
     pub text: &'static str,
 }
 
 macro_rules! use_cases {
     ($($name:literal)*) => {
-        /// Every use case there is, in order.
+        /// All use cases, in order.
         pub const ALL: &[UseCase] = &[$(UseCase {
             name: $name,
             file: concat!("scenarios/use-case-", $name, ".toml"),
@@ -25,7 +25,7 @@ macro_rules! use_cases {
 use_cases! { "1" "2" "3" "4" "5" "6" "isobus" "hat" }
 
 impl UseCase {
-    /// Returns what it shows: its title without its name.
+    /// Returns the title without the name.
     #[must_use]
     pub fn title(&self) -> &'static str {
         let title = self.text.lines().find_map(|line| line.strip_prefix("title = \"")?.strip_suffix('"'));

@@ -1,4 +1,4 @@
-//! The connections of clients: so many at once, and when there are more the one that has been quiet for longest goes.
+//! The connections of clients, limited in number: a new one replaces the one that has been idle for longest.
 
 use std::io;
 use std::net::SocketAddr;
@@ -14,40 +14,40 @@ use tokio::sync::{Notify, Semaphore, SemaphorePermit};
 /// A connection.
 #[derive(Debug)]
 pub(super) struct Connection {
-    /// The address that it was accepted at.
+    /// The local address of the connection.
     local: SocketAddr,
     born: Instant,
-    /// When bytes last went either way, in milliseconds since `born`.
+    /// The last traffic in either direction, in milliseconds since `born`.
     last: AtomicU64,
-    /// The number of questions to the world that have no answer yet.
+    /// The number of pending requests to the world.
     asking: AtomicUsize,
     dismissed: Notify,
-    /// The places of calls that wait for virtual time, on all connections.
+    /// The permits of calls that wait for virtual time, shared by all connections.
     waits: Arc<Semaphore>,
 }
 
-/// A question to the world: as long as it is there, the connection is not quiet.
+/// The guard of a pending request: while it exists, the connection is not idle.
 #[derive(Debug)]
 pub(super) struct Asking<'a>(&'a Connection);
 
 impl Connection {
-    /// Returns the address that it was accepted at.
+    /// Returns the local address of the connection.
     pub(super) const fn local(&self) -> SocketAddr {
         self.local
     }
 
-    /// Notes that the world is asked.
+    /// Marks a request to the world as pending.
     pub(super) fn ask(&self) -> Asking<'_> {
         self.asking.fetch_add(1, Ordering::Relaxed);
         Asking(self)
     }
 
-    /// Returns a place of a call that waits for virtual time; `None` when there is none.
+    /// Returns a permit to wait for virtual time; `None` when all are taken.
     pub(super) fn wait(&self) -> Option<SemaphorePermit<'_>> {
         self.waits.try_acquire().ok()
     }
 
-    /// Waits until the connection has to go.
+    /// Waits until the connection is dismissed.
     pub(super) async fn dismissed(&self) {
         self.dismissed.notified().await;
     }
@@ -57,7 +57,7 @@ impl Connection {
         self.last.store(millis, Ordering::Relaxed);
     }
 
-    /// Returns since when no byte has gone either way; `None` while the client waits for the world.
+    /// Returns when the connection became idle; `None` while a request is pending.
     fn quiet_since(&self) -> Option<Instant> {
         let last = std::time::Duration::from_millis(self.last.load(Ordering::Relaxed));
         (self.asking.load(Ordering::Relaxed) == 0).then(|| self.born + last)
@@ -79,14 +79,14 @@ pub(super) struct Connections {
 }
 
 impl Connections {
-    /// Returns room for so many connections. Calls that wait for virtual time may take half of it: a connection of such
-    /// a call never goes, and others are to be served.
+    /// Returns a set with a capacity. Calls that wait for virtual time may take half of it: their connections are never
+    /// dismissed, and others must be served, too.
     pub(super) fn new(places: usize) -> Self {
         let waits = Arc::new(Semaphore::new((places / 2).max(1)));
         Self { places, waits, all: Mutex::default() }
     }
 
-    /// Gives a new connection a place, that of the quietest if need be; `None` when all wait for the world.
+    /// Admits a new connection, if need be in place of the longest idle one; `None` when all have pending requests.
     pub(super) fn admit(&self, local: SocketAddr) -> Option<Arc<Connection>> {
         let mut all = self.lock();
         if all.len() >= self.places {
@@ -106,7 +106,7 @@ impl Connections {
         Some(connection)
     }
 
-    /// Takes the place of a connection that has ended.
+    /// Removes a connection that has ended.
     pub(super) fn leave(&self, connection: &Arc<Connection>) {
         self.lock().retain(|other| !Arc::ptr_eq(other, connection));
     }
@@ -116,7 +116,7 @@ impl Connections {
     }
 }
 
-/// The stream of a connection, which notes when bytes go.
+/// The stream of a connection, which records its traffic.
 #[derive(Debug)]
 pub(super) struct Watched<S> {
     pub(super) stream: S,

@@ -1,4 +1,4 @@
-//! Refusals as JSON, and what reads a request.
+//! Refusals as JSON, and the readers of requests.
 
 use std::time::Duration;
 
@@ -18,34 +18,34 @@ use hal_sim::simulation::Refusal;
 use hal_sim::state::Invalid;
 use hal_sim::state::schema::{Schemas, with_whole_numbers};
 
-/// Why a request was refused; nothing has changed then.
+/// The reason why a request was refused; nothing has changed.
 #[derive(Debug, Serialize, ToSchema)]
 pub(super) struct Error {
-    /// What is wrong.
+    /// The reason.
     pub(super) error: String,
 }
 
 /// A refusal with its status.
 #[derive(Debug)]
 pub(super) enum Failure {
-    /// Refused before it came to the world.
+    /// Refused before it reached the world.
     Request(StatusCode, String),
     /// Refused by the world.
     World(Refusal),
 }
 
 impl Failure {
-    /// Returns the refusal of a value that cannot be.
+    /// Returns the refusal of an invalid value.
     pub(super) fn bad_request(error: impl Into<String>) -> Self {
         Self::Request(StatusCode::BAD_REQUEST, error.into())
     }
 
-    /// Returns the refusal of a simulator that ends.
+    /// Returns the refusal of a simulator that is ending.
     pub(super) fn ending() -> Self {
         Self::Request(StatusCode::SERVICE_UNAVAILABLE, "the simulator ends".to_owned())
     }
 
-    /// Returns the refusal of one more call that would wait.
+    /// Returns the refusal of a waiting call beyond the limit.
     pub(super) fn crowded() -> Self {
         let error = "too many calls wait for virtual time; try again when one of them is answered".to_owned();
         Self::Request(StatusCode::SERVICE_UNAVAILABLE, error)
@@ -87,7 +87,7 @@ const fn status(refusal: &Refusal) -> StatusCode {
     }
 }
 
-/// A client has so long to send the body of a request.
+/// The time to send the body of a request.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// The body of a request, as JSON.
@@ -112,7 +112,7 @@ impl<T: DeserializeOwned + ToSchema + 'static, S: Send + Sync> FromRequest<S> fo
             Err(error) => return Err(Failure::Request(error.status(), error.body_text())),
         };
         Schemas::of::<T>().check(&T::name(), &value, "null").map_err(Invalid::from)?;
-        // From the text itself first: of a member that is there twice, the value has the last one.
+        // Parsed from the text first: a JSON value would keep only the last of duplicate members.
         match serde_json::from_slice(&bytes) {
             Err(error) if !error.to_string().starts_with(TWICE) => serde_json::from_value(value),
             read => read,
@@ -122,10 +122,10 @@ impl<T: DeserializeOwned + ToSchema + 'static, S: Send + Sync> FromRequest<S> fo
     }
 }
 
-/// The begin of the words about a member that is there twice.
+/// The beginning of the message about a duplicate member.
 const TWICE: &str = "duplicate field `";
 
-/// Returns the refusal of a body that is no JSON, or has a member twice, without the words of the framework around it.
+/// Returns the refusal of an invalid JSON body, or one with a duplicate member, without the framework's own words.
 fn not_json(error: &dyn std::error::Error) -> Failure {
     let first = std::iter::successors(Some(error), |error| error.source()).last();
     let reason = first.map_or_else(String::new, ToString::to_string);

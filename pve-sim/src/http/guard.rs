@@ -1,5 +1,5 @@
-//! Which requests are refused, whatever they ask for: those of a name that somebody else has bound to this address (DNS
-//! rebinding), and those of the pages of others.
+//! The guard of the control interface: it refuses requests for a host name that another site has bound to this address
+//! (DNS rebinding), and requests of other sites' pages.
 
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
@@ -16,7 +16,7 @@ use super::error::Failure;
 
 const FETCH_SITE: HeaderName = HeaderName::from_static("sec-fetch-site");
 
-/// Lets a request pass, or refuses it.
+/// Passes or refuses a request.
 pub(super) async fn guard(Extension(connection): Extension<Arc<Connection>>, request: Request, next: Next) -> Response {
     match check(&request, connection.local()) {
         Ok(()) => next.run(request).await,
@@ -42,7 +42,7 @@ fn check(request: &Request, local: SocketAddr) -> Result<(), &'static str> {
     }
 }
 
-/// Returns the value of a header that must not be there twice.
+/// Returns the value of a header, which must not be duplicated.
 fn only<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Result<Option<&'a str>, &'static str> {
     let mut values = headers.get_all(name).iter();
     match (values.next(), values.next()) {
@@ -52,11 +52,11 @@ fn only<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Result<Option<&'a str>
     }
 }
 
-/// Returns whether a host, with a port or without, is loopback or the address that the connection was accepted at. Nothing
-/// else may be in it, such as a user or the zone of an address.
+/// Returns whether a host, with or without a port, is loopback or the local address of the connection. Anything else in
+/// it is refused, such as a user or the zone of an address.
 fn is_own(host: &str, local: IpAddr) -> bool {
     let name = match host.rsplit_once(':') {
-        // A colon of an IPv6 address.
+        // A colon inside an IPv6 address.
         Some((_, rest)) if rest.ends_with(']') => host,
         Some((name, port)) if port.bytes().all(|digit| digit.is_ascii_digit()) && port.parse::<u16>().is_ok() => name,
         Some(_) => return false,
@@ -150,7 +150,7 @@ mod tests {
         }
         for (site, accepted) in [("same-origin", true), ("none", true), ("same-site", false), ("cross-site", false)] {
             assert_eq!(checked("POST", &[host, ("sec-fetch-site", site)]), accepted, "{site}");
-            // A link to the panel on somebody's page.
+            // A link to the panel on another site's page.
             assert!(checked("GET", &[host, ("sec-fetch-site", site)]), "{site}");
         }
     }

@@ -1,9 +1,9 @@
 //! The control interface over HTTP, under `/api/v1`, and the panel, which uses it.
 //!
 //! ```text
-//! server      the socket                connection the connections, and which goes when there are too many
-//! guard       which requests are refused: foreign hosts, foreign pages
-//! error       refusals as JSON, and what reads a request
+//! server      the socket                connection the connections, limited in number
+//! guard       the guard against foreign hosts and pages
+//! error       refusals as JSON, and the readers of requests
 //! routes/     the calls, by resource, their description in OpenAPI, and the panel at `/`
 //! ```
 

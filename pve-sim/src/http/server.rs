@@ -18,13 +18,13 @@ use super::connection::{Connection, Connections, Watched};
 use super::routes::router;
 use crate::inbox::WorldSender;
 
-/// How long to wait before the next try when no connection can be accepted, as when the process has no descriptor left.
+/// The delay after a failed accept, such as without a free descriptor.
 const RETRY: Duration = Duration::from_millis(50);
 
-/// A client has so long to send the head of a request.
+/// The time to send the head of a request.
 const HEAD: Duration = Duration::from_secs(60);
 
-/// The answer to a connection that finds no place, because all others wait for the world.
+/// The answer to a connection without a place, because all others have pending requests.
 const FULL: &[u8] = b"HTTP/1.1 503 Service Unavailable\r\nContent-Type: application/json\r\nConnection: close\r\n\r\n\
                       {\"error\":\"too many connections wait for answers; try again when one of them has its own\"}";
 
@@ -42,13 +42,13 @@ impl Server {
         Ok(Self { listener })
     }
 
-    /// Returns the address that was bound.
+    /// Returns the bound address.
     pub(crate) fn address(&self) -> io::Result<SocketAddr> {
         self.listener.local_addr()
     }
 
-    /// Serves clients for as long as the process lives, so many at once, on a thread of its own: however much they ask
-    /// for, no client of the bus waits for it.
+    /// Serves clients for the rest of the process, up to a number of connections, on a thread of its own, so that no
+    /// client of the bus ever waits for them.
     pub(crate) fn start(self, world: WorldSender, places: usize) -> io::Result<()> {
         let runtime = runtime::Builder::new_current_thread().enable_all().build()?;
         let listener = {
@@ -72,7 +72,7 @@ async fn accept(listener: TcpListener, router: Router, places: usize) {
             let _ = stream.try_write(FULL);
             continue;
         };
-        // Without it the events of the bus would wait for each other.
+        // Without TCP_NODELAY, the events of the bus would wait for each other.
         let _ = stream.set_nodelay(true);
         let (router, connections) = (router.clone(), Arc::clone(&connections));
         tokio::spawn(async move {
@@ -85,7 +85,7 @@ async fn accept(listener: TcpListener, router: Router, places: usize) {
     }
 }
 
-/// Serves one client over any stream, which counts as accepted at an address, until it leaves.
+/// Serves one client over a stream accepted at an address, until it leaves.
 pub async fn serve(stream: impl AsyncRead + AsyncWrite + Unpin, local: SocketAddr, world: WorldSender) {
     if let Some(connection) = Connections::new(1).admit(local) {
         converse(stream, router(world), connection).await;
@@ -95,7 +95,7 @@ pub async fn serve(stream: impl AsyncRead + AsyncWrite + Unpin, local: SocketAdd
 async fn converse(stream: impl AsyncRead + AsyncWrite + Unpin, router: Router, connection: Arc<Connection>) {
     let service = TowerToHyperService::new(router.layer(Extension(Arc::clone(&connection))));
     let stream = TokioIo::new(Watched { stream, connection });
-    // Whatever ends a connection ends that one alone.
+    // An error ends this connection only.
     let _ = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(HEAD)

@@ -1,4 +1,4 @@
-//! What ties one client to the world: a bounded queue towards it, and the permits that bound what it may send.
+//! The link between a client and the world: a bounded queue towards the client, and permits for its messages.
 
 use std::sync::Arc;
 
@@ -6,14 +6,14 @@ use tokio::sync::{Notify, Semaphore, SemaphorePermit, mpsc};
 
 use super::ToClient;
 
-/// How much may wait for a client that reads slowly: more than a second of a bus at 500 kbit/s under full load, beside
-/// what the system's buffers hold.
+/// The capacity of a client's queue: more than a second of a fully loaded bus at 500 kbit/s, in addition to the
+/// system's buffers.
 pub const QUEUE: usize = 8192;
 
-/// How many messages of one client may wait for the world and the bus; beyond that its socket is not read.
+/// The most messages of one client that wait for the world and the bus; beyond that its socket is not read.
 pub const PERMITS: usize = 1024;
 
-/// How many messages to a client go out in one write, at most.
+/// The most messages to a client in one write.
 pub(crate) const BATCH: usize = 256;
 
 /// The world's end of one client.
@@ -23,28 +23,28 @@ pub struct ClientQueue {
     permits: Permits,
 }
 
-/// The client's end of a [`ClientQueue`]. When the world drops the queue, the end closes.
+/// The client's end of a [`ClientQueue`]. It closes when the world drops the queue.
 #[derive(Debug)]
 pub struct ClientEnd {
-    /// What the client is to get.
+    /// The messages to the client.
     pub queue: mpsc::Receiver<ToClient>,
-    /// What the client may do, and whether it still may.
+    /// The permits of the client.
     pub permits: Permits,
 }
 
-/// What the client may do, and whether it still may.
+/// The permits of a client, and its dismissal.
 #[derive(Clone, Debug)]
 pub struct Permits {
     dismissed: Arc<Notify>,
     free: Arc<Semaphore>,
 }
 
-/// The right to send one message to the world. Dropped, it goes back.
+/// The permit to send one message to the world, which is returned on drop.
 #[derive(Debug)]
 pub struct Permit<'a>(Option<SemaphorePermit<'a>>);
 
 impl Permit<'_> {
-    /// Sends the message: the world gives the permit back when it is done.
+    /// Spends the permit: the world returns it when it has processed the message.
     pub fn spend(self) {
         if let Some(permit) = self.0 {
             permit.forget();
@@ -57,7 +57,7 @@ impl Permit<'_> {
 pub struct Overrun;
 
 impl ClientQueue {
-    /// Returns the queue, and the client's end of it.
+    /// Returns both ends of a new queue.
     #[must_use]
     pub fn new() -> (Self, ClientEnd) {
         let (sender, queue) = mpsc::channel(QUEUE);
@@ -65,14 +65,14 @@ impl ClientQueue {
         (Self { queue: sender, permits: permits.clone() }, ClientEnd { queue, permits })
     }
 
-    /// Puts something into the queue, never waiting.
+    /// Queues a message without waiting.
     ///
     /// # Errors
-    /// [`Overrun`] when the queue is full: the client is told to go, and nothing more will reach it.
+    /// [`Overrun`] when the queue is full: the client is dismissed, and gets no further message.
     pub fn post(&self, message: ToClient) -> Result<(), Overrun> {
         match self.queue.try_send(message) {
             Ok(()) => Ok(()),
-            // The session has ended by itself, and says so on its own.
+            // The session has ended by itself, and reports that on its own.
             Err(mpsc::error::TrySendError::Closed(_)) => Ok(()),
             Err(mpsc::error::TrySendError::Full(_)) => {
                 self.permits.dismissed.notify_one();
@@ -81,24 +81,24 @@ impl ClientQueue {
         }
     }
 
-    /// Gives permits back for messages that are done: replied to, or sent on the bus.
+    /// Returns permits for processed messages: replied to, or sent on the bus.
     pub fn refund(&self, messages: usize) {
         self.permits.free.add_permits(messages);
     }
 }
 
 impl Permits {
-    /// Waits until one more message may be sent to the world.
+    /// Waits for a permit and spends it.
     pub async fn spend(&self) {
         self.permit().await.spend();
     }
 
-    /// Waits until one more message may be sent to the world, for a gateway that has other things to do while it waits.
+    /// Waits for a permit, for a gateway that has other work at the same time.
     pub async fn permit(&self) -> Permit<'_> {
         Permit(self.free.acquire().await.ok())
     }
 
-    /// Waits until the world tells the client to go.
+    /// Waits until the world dismisses the client.
     pub async fn dismissed(&self) {
         self.dismissed.notified().await;
     }

@@ -1,12 +1,12 @@
-//! The messages between clients and the world, and their two ways.
+//! The messages between clients and the world, and their two paths.
 //!
-//! The world runs on a thread of its own and never waits for a client. What a client wants comes to it as [`ToWorld`]
-//! messages over one channel, the [`WorldSender`], each with the wall instant of its arrival; what the client is to see
-//! goes into the client's own bounded queue, its [`ClientQueue`], and a client whose queue is full is disconnected.
+//! The world runs on a thread of its own and never waits for a client. Requests of a client reach it as [`ToWorld`]
+//! messages over one channel, the [`WorldSender`], each with the wall instant of its arrival; messages to the client go
+//! into its own bounded queue, its [`ClientQueue`]. A client whose queue is full is disconnected.
 //!
 //! ```text
-//! world_sender the way from clients into the world
-//! client_queue the way from the world to a client, and what bounds both
+//! world_sender the path from clients to the world
+//! client_queue the path from the world to a client, and the limits of both
 //! ```
 
 mod client_queue;
@@ -27,12 +27,12 @@ use tokio::sync::oneshot;
 use crate::control::Message;
 use hal_sim::log::{ErrorClass, Timestamp};
 
-/// A client, for as long as it is connected; the number is not used again.
+/// The number of a client, unique in the process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ClientId(u64);
 
 impl ClientId {
-    /// Returns a number that no other client has.
+    /// Returns a new number.
     #[must_use]
     pub fn next() -> Self {
         static COUNT: AtomicU64 = AtomicU64::new(1);
@@ -40,37 +40,37 @@ impl ClientId {
     }
 }
 
-/// What a client wants of the world. Messages of one client take effect in their order.
+/// A message to the world. Messages of one client take effect in order.
 #[derive(Debug)]
 pub enum ToWorld {
-    /// It is there, and hears nothing yet.
+    /// The client joins, without frames yet.
     Join(ClientId, ClientQueue),
-    /// It gets what is on the bus from now on, after this reply.
+    /// The client gets all frames from now on, after this reply.
     Listen(ClientId, Reply),
-    /// It sends a frame.
+    /// The client sends a frame.
     Send(ClientId, Frame),
-    /// It gets nothing more of what is on the bus, after this reply.
+    /// The client gets no more frames, after this reply.
     Unlisten(ClientId, Reply),
-    /// It is to get this reply when everything before has taken effect.
+    /// The client gets this reply once all earlier messages have taken effect.
     Reply(ClientId, Reply),
-    /// It is gone; what it sent before is still sent, but no frame twice.
+    /// The client is gone; its frames are still sent, but not retried.
     Leave(ClientId),
-    /// Somebody is to know the bit rate of the bus.
+    /// A client asks for the bit rate of the bus.
     AskBitRate(oneshot::Sender<BitRate>),
-    /// The user is to read this line.
+    /// A warning for the user.
     Warn(String),
     /// A call of the control interface.
     Control(Message),
-    /// The user typed this line. The sender is dropped when the line has taken effect.
+    /// A line that the user typed. The sender is dropped when the line has taken effect.
     Typed(String, oneshot::Sender<()>),
-    /// The simulator is to end: see [`WorldSender::end`].
+    /// The simulator ends: see [`WorldSender::end`].
     End,
 }
 
-/// What a client gets.
+/// A message to a client.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ToClient {
-    /// A frame that somebody else sent.
+    /// A frame of another sender.
     Frame(Timestamp, Frame),
     /// An error frame, or a change of a controller's error mode.
     Error(Timestamp, ErrorClass),
@@ -81,14 +81,14 @@ pub enum ToClient {
 /// A reply in the client's own protocol, which only its gateway understands.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reply {
-    /// The bytes that go to the client.
+    /// The bytes for the client.
     pub text: Cow<'static, str>,
-    /// How long nothing else goes to the client after it.
+    /// The pause before the next message to the client.
     pub pause: Duration,
 }
 
 impl Reply {
-    /// Returns a reply that anything may follow at once.
+    /// Returns a reply without a pause.
     #[must_use]
     pub fn new(text: impl Into<Cow<'static, str>>) -> Self {
         Self { text: text.into(), pause: Duration::ZERO }

@@ -1,4 +1,4 @@
-//! The way from clients into the world: one channel, on which each message carries the wall instant of its arrival.
+//! The path from clients to the world: one channel, whose messages carry the wall instant of their arrival.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -40,12 +40,12 @@ impl WorldSender {
         (Self { messages: sender, ending: Arc::clone(&ending) }, Inbox { messages, ending })
     }
 
-    /// Sends a message that arrives now. A world that has ended drops it: the simulator ends with the world.
+    /// Sends a message that arrives now. A world that has ended drops it: the simulator ends, too.
     pub fn tell(&self, message: ToWorld) {
         let _ = self.messages.send(Arrival { at: WallInstant::now(), message });
     }
 
-    /// Joins as a new client that gets everything from now on. The world gives a permit back for it.
+    /// Joins as a new client that gets all frames from now on. The world returns a permit for it.
     #[must_use]
     pub fn join(&self) -> (ClientId, ClientEnd) {
         let (to_client, client_end) = ClientQueue::new();
@@ -55,16 +55,16 @@ impl WorldSender {
         (id, client_end)
     }
 
-    /// Ends the simulator, before messages that still wait for the world.
+    /// Ends the simulator, ahead of messages that still wait for the world.
     pub fn end(&self) {
         self.ending.store(true, Ordering::Release);
-        // Wakes up a world that waits.
+        // Wakes up a waiting world.
         self.tell(ToWorld::End);
     }
 }
 
 impl Inbox {
-    /// Returns whether the simulator is to end.
+    /// Returns whether the simulator is ending.
     #[must_use]
     pub fn is_ending(&self) -> bool {
         self.ending.load(Ordering::Acquire)

@@ -1,8 +1,8 @@
-//! `pve-sim set` and `pve-sim status`: a running simulator, over its control interface.
+//! `pve-sim set` and `pve-sim status`: requests to a running simulator's control interface.
 //!
 //! ```text
 //! mod    requests, answers and failures
-//! words  plant words as they are typed, as JSON
+//! words  typed plant words, as JSON
 //! table  device states for people
 //! ```
 
@@ -20,7 +20,7 @@ use ureq::{Agent, Body, http};
 
 pub use words::PlantWord;
 
-/// The longest wait for an answer. The simulator answers these requests at once, however slow its time is.
+/// The time limit of an answer. The simulator answers these requests at once, at any speed.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// The options of `set`.
@@ -30,7 +30,7 @@ pub struct SetOptions {
     pub http: SocketAddr,
     /// The name of the device.
     pub device: String,
-    /// The words, each of them once.
+    /// The words, each at most once.
     pub words: Vec<PlantWord>,
 }
 
@@ -48,13 +48,13 @@ pub struct StatusOptions {
 /// A failed request.
 #[derive(Debug, thiserror::Error)]
 pub enum RemoteError {
-    /// The simulator refused the request, in its own words.
+    /// The simulator refused the request; its own words.
     #[error("{0}")]
     Refused(String),
     /// The address cannot be reached.
     #[error("no simulator at {0}: {1}; {REMEDY}")]
     Unreachable(SocketAddr, std::io::Error),
-    /// The address accepts connections and does not answer in time.
+    /// The address accepts connections but does not answer in time.
     #[error("no answer from {0} within {1:?}; {REMEDY}")]
     Silent(SocketAddr, Duration),
     /// Another program answers at the address.
@@ -64,7 +64,7 @@ pub enum RemoteError {
 
 const REMEDY: &str = "start pve-sim, or give the address from its ready line as --http ADDR:PORT";
 
-/// Changes plant words of a device, all of them or none.
+/// Changes plant words of a device, completely or not at all.
 ///
 /// # Errors
 /// [`RemoteError`]; nothing has changed if the simulator refused it.
@@ -99,7 +99,7 @@ struct Simulator {
 
 impl Simulator {
     fn at(address: SocketAddr, patience: Duration) -> Self {
-        // A proxy from the environment cannot reach the loopback addresses of this machine.
+        // A proxy from the environment cannot reach this machine's loopback addresses.
         let config = Agent::config_builder().proxy(None).max_redirects(0).http_status_as_error(false);
         Self { address, patience, agent: config.timeout_global(Some(patience)).build().into() }
     }
@@ -145,13 +145,13 @@ impl Simulator {
     }
 }
 
-/// The body of an answer that refuses a request.
+/// The body of a refusal.
 #[derive(Deserialize)]
 struct Refusal {
     error: String,
 }
 
-/// Returns the part of a path that names a device, whatever characters the name has.
+/// Returns the part of a path that names a device, with any characters escaped.
 fn in_path(name: &str) -> String {
     format!("/{}", utf8_percent_encode(name, NON_ALPHANUMERIC))
 }

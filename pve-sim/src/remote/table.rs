@@ -48,13 +48,13 @@ type Row = [String; COLUMNS];
 
 const HEAD: [&str; COLUMNS] = ["name", "kind", "node_id", "state", "set_point", "position", "led", "faults"];
 
-/// A member that the kind does not have, or that a device without power does not have.
+/// The cell of a member that the kind, or an unpowered device, does not have.
 const ABSENT: &str = "-";
 
 /// Returns the table of an answer of the control interface, with a line for each device.
 ///
 /// # Errors
-/// The JSON is not that of device states.
+/// When the JSON is not that of device states.
 pub(super) fn of(answer: &str) -> serde_json::Result<String> {
     let devices = match serde_json::from_str(answer)? {
         Answer::All(devices) => devices,

@@ -1,4 +1,4 @@
-//! Plant words as they are typed, as the JSON that the control interface reads.
+//! Typed plant words, as the JSON of the control interface.
 
 use std::str::FromStr;
 
@@ -6,7 +6,7 @@ use hal_sim::world::Plant;
 use protocol_core::device::plant;
 use serde_json::Value;
 
-/// A plant word and its value, as typed: `supply_mv=8000`. The simulator judges both.
+/// A typed plant word with its value: `supply_mv=8000`. The simulator validates both.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PlantWord {
     /// The word.
@@ -27,8 +27,8 @@ impl FromStr for PlantWord {
 }
 
 impl PlantWord {
-    /// Returns the value as JSON: a value that the console accepts keeps its meaning, any other one is read as JSON, or
-    /// is a text.
+    /// Returns the value as JSON: a console value keeps its meaning; any other value is parsed as JSON, or becomes a
+    /// string.
     pub(super) fn json(&self) -> Value {
         match Plant::parse(&self.name, &self.value) {
             Some(change) => of_console(change),
@@ -37,7 +37,7 @@ impl PlantWord {
     }
 }
 
-/// Returns the JSON of a change. The console's words for a switch and for a free lever are no words in JSON.
+/// Returns the JSON of a change. The console's words for a switch and for a released lever have other forms in JSON.
 fn of_console(change: Plant) -> Value {
     match change {
         Plant::Lever(None) => Value::Null,

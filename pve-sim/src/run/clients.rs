@@ -1,8 +1,8 @@
-//! The world's end of every gateway: who is there, what they send, and what they get.
+//! The world's end of all gateways: the connected clients, their frames and their messages.
 //!
-//! Clients share one controller, as the programs on a machine share its adapter: what two of them send at once goes out
-//! one after the other. With a controller each, equal frames would become one on the wire, and frames of one identifier
-//! with different data, as when two masters read from one valve, would destroy each other.
+//! Clients share one controller, as the programs on a machine share its adapter: simultaneous frames go out one after
+//! the other. With separate controllers, equal frames would become one on the wire, and different frames with the same
+//! identifier, as when two masters read from one valve, would destroy each other.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -12,29 +12,29 @@ use crate::inbox::{ClientId, ClientQueue, Overrun, ToClient, ToWorld};
 use hal_sim::log::{ErrorClass, Timestamp};
 use hal_sim::world::{ClientPortId, Event, EventKind, World};
 
-/// The name of their controller in traces. No device's name has a blank.
+/// The name of the clients' controller in traces. No device's name has a blank.
 const NAME: &str = "the gateway";
 
-/// The most frames that wait for the bus after their clients have left: half a second of a bus at 250 kbit/s.
+/// The most waiting frames of clients that have left: half a second of a bus at 250 kbit/s.
 pub(super) const LEFT_BEHIND: usize = 1024;
 
-/// Everybody who is connected, by any gateway.
+/// The connected clients of all gateways.
 pub(super) struct Clients {
     clients: BTreeMap<ClientId, Client>,
     /// Whether clients get error frames.
     error_frames: bool,
-    /// Their controller. It keeps nothing of what it hears: that comes to the clients by the events, in which frames
-    /// and error frames are in their order.
+    /// The clients' controller. It discards received frames: clients get them from the events, which have frames and
+    /// error frames in order.
     port: ClientPortId,
-    /// Whose frame the controller has.
+    /// The sender of the frame in the controller.
     sending: Option<ClientId>,
-    /// What else waits for the bus, also of clients that have left. No queue is empty.
+    /// The frames behind it, also of clients that have left. No queue is empty.
     waiting: BTreeMap<ClientId, VecDeque<Waiting>>,
     /// The number of waiting frames whose clients have left.
     left_behind: usize,
     /// The number of such frames that were dropped.
     dropped: usize,
-    /// How many frames there were.
+    /// The number of frames so far.
     count: u64,
 }
 
@@ -43,15 +43,15 @@ struct Client {
     listening: bool,
 }
 
-/// A frame, and the number that it came in as.
+/// A waiting frame with its number.
 struct Waiting {
     frame: Frame,
     number: u64,
 }
 
 impl Clients {
-    /// Returns no clients yet. A gateway is on the bus without one, too, or a lone device would have nobody to
-    /// acknowledge what it sends.
+    /// Returns an empty set of clients. A gateway acknowledges even without clients; otherwise nobody would acknowledge
+    /// a lone device.
     pub(super) fn new(world: &mut World, error_frames: bool) -> Self {
         Self {
             clients: BTreeMap::new(),
@@ -65,7 +65,7 @@ impl Clients {
         }
     }
 
-    /// Lets a message take effect; an error tells that the client was dismissed.
+    /// Executes a message of a client. The error: the client was dismissed.
     pub(super) fn apply(&mut self, message: ToWorld, world: &mut World) -> Result<(), Overrun> {
         match message {
             ToWorld::Join(id, to_client) => {
@@ -110,8 +110,8 @@ impl Clients {
         self.clients.values().any(|client| client.listening)
     }
 
-    /// Sends a frame to all listening clients but its sender, and an error that is told to all of them, if they want
-    /// it. Returns the number of clients that were dismissed.
+    /// Sends a frame to all listening clients but its sender, and a reported error to all that want errors. Returns the
+    /// number of dismissed clients.
     pub(super) fn show(&mut self, event: &Event, at: Timestamp, told: Option<ErrorClass>) -> usize {
         let own = *event.who == *NAME;
         let (message, sender) = match (&event.what, told) {
@@ -127,8 +127,8 @@ impl Clients {
         overrun.len()
     }
 
-    /// Withdraws a frame that was destroyed and whose client has left: it could be destroyed for ever. To be called
-    /// after every event, before [`send`](Self::send).
+    /// Withdraws a destroyed frame whose client has left; otherwise it could be retried forever. To be called after
+    /// every event, before [`send`](Self::send).
     pub(super) fn give_up(&mut self, event: &Event, world: &mut World) {
         let left = self.sending.is_some_and(|sender| !self.clients.contains_key(&sender));
         if event.is_error_frame() && *event.who == *NAME && left {
@@ -136,7 +136,7 @@ impl Clients {
         }
     }
 
-    /// Gives the controller its next frame once it has sent the last one, and a permit back for that: to be called after
+    /// Loads the next frame into the controller once the last one is sent, and returns its permit. To be called after
     /// every event, before the next frame starts.
     pub(super) fn send(&mut self, world: &mut World) {
         if world.pending(self.port) > 0 {
@@ -145,7 +145,7 @@ impl Clients {
         if let Some(client) = self.sending.take().and_then(|sender| self.clients.get(&sender)) {
             client.to_client.refund(1);
         }
-        // The most urgent frame of those that are next for their clients; of equals the one that waits longest.
+        // The most urgent of the clients' next frames; among equals, the oldest.
         let heads = self.waiting.iter().filter_map(|(id, queue)| Some((*id, queue.front()?)));
         let next = heads.min_by_key(|(_, head)| (head.frame.arbitration(), head.number));
         let Some(id) = next.map(|(id, _)| id) else { return };
@@ -178,7 +178,7 @@ impl Clients {
         std::mem::take(&mut self.dropped)
     }
 
-    /// Lets a client go. Its frames still go out; beyond [`LEFT_BEHIND`], the departed client with the most frames
+    /// Removes a client. Its frames still go out; beyond [`LEFT_BEHIND`], the departed client with the most frames
     /// loses the later half of them.
     fn let_go(&mut self, id: ClientId) {
         if self.clients.remove(&id).is_none() {

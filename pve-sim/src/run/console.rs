@@ -1,4 +1,4 @@
-//! Faults by hand: the words of the plant on stdin, as the console of the board takes them, a line each.
+//! The console: plant words on stdin, one line each, as on the board's console.
 //!
 //! ```text
 //! supply_mv 8000          with one device
@@ -19,13 +19,13 @@ use hal_sim::simulation::{Command, Refusal, Simulation};
 use hal_sim::state::{self, DeviceStateMachine, Led, Nmt, SetPointValue};
 use hal_sim::world::{NodeId, Plant, PlantError, World};
 
-/// Obeys a line; returns the answer, or why the line was refused. Of an empty line nothing is said.
+/// Executes a line; returns the answer, or the reason for a refusal. An empty line has no answer.
 pub(super) fn execute(line: &str, simulation: &mut Simulation) -> Result<Option<String>, String> {
     let words: Vec<&str> = line.split_ascii_whitespace().collect();
     let world = simulation.world_mut();
     let (name, words) = match words.as_slice() {
         [] => return Ok(None),
-        // A device can be called like a word: `status` alone is the word, and `spool stuck` a change.
+        // A device may have a word as its name: `status` alone is the word, and `spool stuck` a change.
         [name, rest @ ..] if world.find(name).is_some() && !is_word(name, rest) => (Some(*name), rest),
         all => (None, all),
     };
@@ -48,8 +48,8 @@ pub(super) fn execute(line: &str, simulation: &mut Simulation) -> Result<Option<
     }
 }
 
-/// Returns the words that may follow these in a line: names, words, and values that are words. Whether a value is out of
-/// range is no matter here.
+/// Returns the words that may follow these in a line: names, plant words, and values that are words. Ranges are not
+/// checked here.
 pub(super) fn candidates(before: &[&str], devices: &[NamedDevice]) -> Vec<String> {
     let (named, words) = match before {
         [name, rest @ ..] if let Some(device) = devices.iter().find(|device| device.name == *name) => {
@@ -82,7 +82,7 @@ const fn product(kind: Kind) -> Product {
     }
 }
 
-/// Returns whether a line is one without the name of a device.
+/// Returns whether a line begins with a plant word rather than a device name.
 fn is_word(word: &str, rest: &[&str]) -> bool {
     match rest {
         [] => true,
@@ -109,7 +109,7 @@ fn change(node: NodeId, word: &str, value: &str, simulation: &mut Simulation) ->
     Err(format!("'{word} {value}' {why}; {}", accepted(Some(node), simulation.world())))
 }
 
-/// Returns the words of the devices there are, or of this one, in the order in which they are told.
+/// Returns the plant words of a device, or of all, in the order of messages.
 fn words(node: Option<NodeId>, world: &World) -> impl Iterator<Item = &'static Word> {
     let devices = world.devices().filter(move |id| node.is_none_or(|node| *id == node));
     let products: Vec<Product> = devices.map(|id| (&world.senses(id).product).into()).collect();
@@ -136,10 +136,10 @@ fn accepted(node: Option<NodeId>, world: &World) -> String {
     format!("accepted: {words}status, help")
 }
 
-/// Returns one line about a device: what the bus shows of it, its bus state, and what acts on it.
+/// Returns one line about a device: its state, its error mode and its plant.
 fn status(id: NodeId, world: &mut World) -> String {
     let mut text = format!("{}: ", world.name(id));
-    // Writing to a string can't fail.
+    // Writing to a string cannot fail.
     let _ = match world.view(id) {
         Some(view) => write!(text, "{}", shown(&view)),
         None => write!(text, "no power"),
@@ -157,7 +157,7 @@ fn status(id: NodeId, world: &mut World) -> String {
     text
 }
 
-/// Returns a device's state in the words of the control interface, without what its kind does not have.
+/// Returns a device's state in the words of the control interface, without the members that its kind lacks.
 fn shown(view: &View) -> String {
     let node_id = view.node_id.map_or_else(|| "none".to_owned(), |node_id| format!("0x{node_id:02X}"));
     let mut text = format!("node_id {node_id}, bit_rate {}", view.bit_rate.bits_per_second());
@@ -185,12 +185,12 @@ fn shown(view: &View) -> String {
     text
 }
 
-/// Returns a value as JSON has it, without quotation marks.
+/// Returns a JSON value without quotation marks.
 fn word(value: impl Serialize) -> String {
     serde_json::to_string(&value).unwrap_or_default().trim_matches('"').to_owned()
 }
 
-/// Returns the device, where there is one alone.
+/// Returns the only device, if there is just one.
 fn only(world: &World) -> Option<NodeId> {
     let mut devices = world.devices();
     devices.next().filter(|_| devices.next().is_none())
@@ -231,7 +231,7 @@ mod tests {
         execute(line, simulation).unwrap_or_else(|refusal| panic!("{line}: {refusal}")).unwrap_or_default()
     }
 
-    /// A world with one device, switched off.
+    /// Returns a world with one device, switched off.
     fn simulation_of(kind: &str, name: &str) -> (Simulation, NodeId) {
         let kind = Kind::from_name(kind).expect("a kind");
         let mut simulation = Simulation::new(BitRate::Kbit500, 1);

@@ -1,8 +1,8 @@
-//! The thread of the world: keeps its time, lets messages of clients take effect, and shows what was on the bus.
+//! The thread of the world: it advances time, executes messages of clients, and shows the events of the bus.
 //!
-//! A message takes effect at the virtual time of its arrival, after the world has caught up with that completely. The
-//! work between two looks at the clock is bounded by a number of events, so a world that is behind skips nothing and
-//! keeps nobody waiting for long.
+//! A message takes effect at the virtual time of its arrival, after the world has caught up completely. The work
+//! between two looks at the clock is bounded by a number of events, so that a late world skips nothing and messages
+//! never wait long.
 
 use std::collections::VecDeque;
 use std::io::{self, Write};
@@ -27,10 +27,10 @@ use hal_sim::world::SUPPLY_JITTER;
 /// The most events between two looks at the clock: some milliseconds of work.
 const EVENT_BATCH: usize = 1000;
 
-/// A wait longer than this has room for handing out the trace.
+/// The wait beyond which there is time to print the trace.
 const IDLE_GAP: WallDuration = WallDuration::from_millis(1);
 
-/// A simulation with everything that is connected to it.
+/// A simulation with its connections.
 pub struct Driver<O> {
     simulation: Simulation,
     clients: Clients,
@@ -38,23 +38,23 @@ pub struct Driver<O> {
     control: Option<ControlServer>,
     platform: O,
     time: Timekeeper,
-    /// Time passes only when the control interface tells it to.
+    /// Time advances only by the control interface.
     is_stepped: bool,
     /// The wall time of virtual instant 0, for traces and clients.
     start: Timestamp,
     trace: Trace,
-    /// Messages that have not taken effect, oldest first.
+    /// The messages that have not taken effect yet, oldest first.
     arrivals: VecDeque<Arrival>,
-    /// The end of the start-up: all devices have power.
+    /// The end of the start-up, when all devices have power.
     open: Instant,
-    /// The last time that the trace was handed out.
+    /// The last time that the trace was printed.
     handed_out: WallInstant,
     /// The end of [`SPIN_TIME`] after the last message.
     awake_until: WallInstant,
 }
 
 impl<O: Platform> Driver<O> {
-    /// Returns a driver of a simulation whose devices are not powered yet. `start` is the wall time of virtual instant 0.
+    /// Returns a driver of an unpowered simulation. `start` is the wall time of virtual instant 0.
     pub(super) fn new(
         simulation: Simulation,
         clients: Clients,
@@ -85,8 +85,8 @@ impl<O: Platform> Driver<O> {
         }
     }
 
-    /// Returns a driver for a program that has a wall clock and clients of its own, at a speed that is finite and above
-    /// zero. Powers the devices, and keeps no log. Call [`turn`](Self::turn) again and again.
+    /// Returns a driver for a program with its own wall clock and clients, at a finite speed above zero. Powers the
+    /// devices, and keeps no log. Call [`turn`](Self::turn) repeatedly.
     ///
     /// # Errors
     /// When the thread that writes to `stdout` and `stderr` cannot be started.
@@ -106,8 +106,7 @@ impl<O: Platform> Driver<O> {
         Ok(driver)
     }
 
-    /// Puts a control interface in charge; time passes from now on as `speed` has it, which is the driver's or
-    /// [`Speed::Step`].
+    /// Adds a control interface; time then advances by `speed`, which is the driver's or [`Speed::Step`].
     #[must_use]
     pub fn controlled(mut self, speed: Speed) -> Self {
         self.is_stepped = speed == Speed::Step;
@@ -115,9 +114,9 @@ impl<O: Platform> Driver<O> {
         self
     }
 
-    /// Powers the devices and runs until the end comes; then lets the devices store what they have to.
+    /// Powers the devices and runs until the end; then lets the devices store their pending records.
     ///
-    /// Returns whether everything was stored, and the log and stdout took all that was written.
+    /// Returns whether everything was stored, and the log and stdout are complete.
     pub(super) fn run(mut self) -> bool {
         self.power_on();
         while !self.platform.is_ending() {
@@ -130,7 +129,7 @@ impl<O: Platform> Driver<O> {
         self.trace.finish() && is_stored
     }
 
-    /// Powers the first device at once, and the others with it, each at its own moment.
+    /// Powers the first device at once, and the others at random moments after it.
     fn power_on(&mut self) {
         self.let_join();
         let world = self.simulation.world_mut();
@@ -140,11 +139,11 @@ impl<O: Platform> Driver<O> {
         self.simulation.power_up(SUPPLY_JITTER);
         self.open = after(self.simulation.now(), SUPPLY_JITTER);
         self.trace.fit(&self.simulation);
-        // At once, so that nobody waits for it however slow time is; the wall clock follows. Stepped time stands at 0.
+        // At once, so that clients do not wait at a slow speed; the pace starts afterwards. Stepped time stays at 0.
         while !self.is_stepped && !self.go(self.open) {}
     }
 
-    /// Lets those join that are there before the first device has power: a gateway to a network hears the boot-up.
+    /// Lets gateways join before the first device has power: a gateway to a network receives the boot-up.
     fn let_join(&mut self) {
         while let Some(arrival) = self.platform.take() {
             self.arrivals.push_back(arrival);
@@ -155,8 +154,8 @@ impl<O: Platform> Driver<O> {
         }
     }
 
-    /// Lets the world catch up with the next message, which then takes effect, or with the clock, and waits. Stepped time
-    /// passes as far as a call of the control interface has it.
+    /// Lets the world catch up with the next message and executes it, or with the clock, and waits. Stepped time
+    /// advances to the limit of the current call.
     pub fn turn(&mut self) {
         if self.is_stepped {
             return self.turn_stepped();
@@ -183,8 +182,7 @@ impl<O: Platform> Driver<O> {
         }
     }
 
-    /// Lets the messages that have come take effect, and then time pass, as far as a call of the control interface has
-    /// it.
+    /// Executes the received messages, and then advances time to the limit of the current call.
     fn turn_stepped(&mut self) {
         while self.arrivals.len() < EVENT_BATCH
             && let Some(arrival) = self.platform.take()
@@ -207,10 +205,11 @@ impl<O: Platform> Driver<O> {
         self.hand_out();
     }
 
-    /// Waits for a message, or for the next event. Hands out the trace before a sleep, unless a client would wait for
-    /// that, and at least as often as the thread looks at the clock.
+    /// Waits for a message or the next event. Prints the trace before a sleep, unless that would delay a client, and at
+    /// least as often as the thread looks at the clock.
     ///
-    /// When nobody listens, the looks at the clock do for the events: each still happens at its own virtual instant.
+    /// Without listeners, the thread wakes up only for its looks at the clock: each event still has its own virtual
+    /// instant.
     fn wait(&mut self, due: Instant) {
         let now = self.time.looked();
         let is_watched = self.simulation.is_busy() || self.control.as_ref().is_some_and(ControlServer::is_followed);
@@ -227,7 +226,7 @@ impl<O: Platform> Driver<O> {
         let until = limit.into_iter().chain(next).min();
         let spin = match until {
             _ if is_at_work => SPIN_TIME,
-            // The listeners get the event on time: the thread wakes up before it.
+            // For listeners, the thread wakes up before the event.
             Some(_) if is_heard && until == next => WAKE_UP,
             _ => WallDuration::ZERO,
         };
@@ -235,12 +234,12 @@ impl<O: Platform> Driver<O> {
         self.arrivals.extend(arrival);
     }
 
-    /// Goes to `end` through all events until then, or through [`EVENT_BATCH`] of them; returns whether it got there.
+    /// Advances to `end`, or through [`EVENT_BATCH`] events; returns whether it reached `end`.
     fn catch_up(&mut self, end: Instant) -> bool {
         (0..EVENT_BATCH).any(|_| self.go(end))
     }
 
-    /// Goes to the next event, or to `end` when there is none until then; returns whether it got there.
+    /// Advances to the next event, or to `end` if that comes first; returns whether it reached `end`.
     fn go(&mut self, end: Instant) -> bool {
         let followers = self.control.as_ref().map_or(NEVER, ControlServer::due);
         let has_arrived = if followers <= end && followers < self.simulation.next() {
@@ -255,12 +254,12 @@ impl<O: Platform> Driver<O> {
         has_arrived
     }
 
-    /// Returns when there is next something to do: an event, or what is due although nothing happens.
+    /// Returns the next event or due time.
     fn next(&self) -> Instant {
         self.control.as_ref().map_or(NEVER, ControlServer::due).min(self.simulation.next())
     }
 
-    /// Does what is due, and answers those who wait for it.
+    /// Processes what is due, and sends the replies.
     fn poll(&mut self) {
         self.simulation.poll();
         self.warn_of_bit_rates();
@@ -317,7 +316,7 @@ impl<O: Platform> Driver<O> {
         }
     }
 
-    /// Hands everything to the readers of stdout, stderr and the log.
+    /// Flushes stdout, stderr and the log.
     fn hand_out(&mut self) {
         self.trace.hand_out();
         self.warn_of_memories();
@@ -328,14 +327,14 @@ impl<O: Platform> Driver<O> {
         }
     }
 
-    /// Tells which devices are not heard.
+    /// Warns about devices at another bit rate.
     fn warn_of_bit_rates(&mut self) {
         for found in self.simulation.rates_mut().take_found() {
             self.trace.warn(found.reason);
         }
     }
 
-    /// Tells what the memories could not keep; returns whether there was anything.
+    /// Warns about memories that could not be saved; returns whether there were any.
     fn warn_of_memories(&mut self) -> bool {
         let mut warned = false;
         let world = self.simulation.world_mut();

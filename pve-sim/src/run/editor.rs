@@ -1,4 +1,4 @@
-//! The lines that are typed on a terminal, by a line editor: apart from the trace, with history and completion.
+//! The line editor of the console on a terminal: apart from the trace, with history and completion.
 
 use std::borrow::Cow;
 use std::io::{self, IsTerminal as _};
@@ -22,13 +22,13 @@ use super::{console, system};
 use crate::inbox::WorldSender;
 use hal_sim::devices::NamedDevice;
 
-/// What stands before the line.
+/// The prompt.
 const PROMPT: &str = "> ";
 
-/// How long the bytes of one key may take, in milliseconds.
+/// The time limit for the bytes of one key, in milliseconds.
 const KEY_MS: u16 = 100;
 
-/// An editor of lines on the terminal of the run, which leaves the terminal as it was when this is dropped.
+/// The line editor on the terminal of the run; dropping it restores the terminal.
 pub(super) struct Typing {
     screen: Screen,
     modes: Modes,
@@ -38,7 +38,7 @@ pub(super) struct Typing {
 type Modes = Arc<Mutex<system::Modes>>;
 
 impl Typing {
-    /// Returns the editor where stdin, stdout and stderr are one terminal, of a kind that it can draw on.
+    /// Returns the editor if stdin, stdout and stderr are one terminal of a supported kind.
     pub(super) fn new() -> Option<Self> {
         let are_terminals = io::stdin().is_terminal() && io::stdout().is_terminal() && io::stderr().is_terminal();
         let modes = system::Modes::of_the_terminal().filter(|_| are_terminals)?;
@@ -47,12 +47,12 @@ impl Typing {
         Some(Self { screen, modes: Arc::new(Mutex::new(modes)) })
     }
 
-    /// Returns where text is printed above the line.
+    /// Returns the screen, which prints text above the line.
     pub(super) fn screen(&self) -> Screen {
         self.screen.clone()
     }
 
-    /// Starts the thread that reads lines; it tells when Ctrl-C ends the run. Nobody waits for the thread.
+    /// Starts the thread that reads lines; Ctrl-C on it ends the run. The thread is never joined.
     pub(super) fn listen(&self, world: WorldSender, devices: &[NamedDevice], end: watch::Sender<bool>) {
         let (screen, modes, devices) = (self.screen.clone(), Arc::clone(&self.modes), Arc::from(devices));
         let _ = std::thread::Builder::new().name("stdin".to_owned()).spawn(move || {
@@ -82,8 +82,8 @@ impl Drop for Typing {
 fn edit(screen: &Screen, modes: &Modes, world: &WorldSender, devices: &Arc<[NamedDevice]>) -> Typed {
     let (mut lines, mut history) = (Lines::default(), Vec::new());
     loop {
-        // A job in the background must not touch its terminal. Each stay in the foreground has an editor of its own: the
-        // screen may wait for an editor until that is dropped.
+        // A background job must not touch its terminal. Each stay in the foreground has an editor of its own, because
+        // the screen may wait for an editor until that is dropped.
         system::wait_for_foreground();
         if let Some(found) = system::Modes::of_the_terminal() {
             *modes.lock().unwrap_or_else(PoisonError::into_inner) = found;
@@ -105,18 +105,18 @@ fn edit(screen: &Screen, modes: &Modes, world: &WorldSender, devices: &Arc<[Name
     }
 }
 
-/// What was typed.
+/// The result of reading a line.
 #[derive(Debug, PartialEq)]
 enum Typed {
     /// A line, without its end.
     Line(String),
-    /// Bytes that are no text.
+    /// Bytes that are not UTF-8.
     Garbage,
     /// Ctrl-Z.
     Suspend,
     /// Ctrl-C.
     Interrupt,
-    /// Nothing: SIGINT came, which the editor takes for itself.
+    /// SIGINT, which the editor intercepts.
     Signal,
     /// Ctrl-D; or the terminal has gone.
     End,
@@ -128,15 +128,15 @@ struct Editor {
 }
 
 impl Editor {
-    /// Returns an editor; `None` where the terminal cannot be drawn on.
+    /// Returns an editor; `None` on a terminal that it cannot draw on.
     fn new(screen: &Screen, devices: &Arc<[NamedDevice]>, history: &[String]) -> Option<Self> {
         let config = Config::builder()
             .auto_add_history(true)
-            // A list of candidates would ask page by page, and keep the trace waiting.
+            // A list of candidates would page, and block the trace.
             .completion_type(CompletionType::Circular)
             .bracketed_paste(false)
             .keyseq_timeout(Some(KEY_MS))
-            // The editor asks for the colours of the prompt with each redraw: that is when it fetches the trace.
+            // The editor asks for the colours of the prompt at each redraw, which is when it fetches the trace.
             .color_mode(ColorMode::Forced)
             .build();
         let mut editor = rustyline::Editor::with_config(config).ok()?;
@@ -150,7 +150,7 @@ impl Editor {
         for leaves in leaving {
             editor.bind_sequence(*leaves, EventHandler::Conditional(Box::new(Leave(Arc::clone(&key)))));
         }
-        // A search, or a key that waits for another one, would keep the trace waiting.
+        // A search, or a key that waits for another one, would block the trace.
         for waits in ['R', 'S', 'V', 'Q', 'X', ']'] {
             editor.bind_sequence(KeyEvent::ctrl(waits), Cmd::Noop);
         }
@@ -183,10 +183,10 @@ impl Editor {
 const INTERRUPT: KeyEvent = KeyEvent(KeyCode::Char('C'), Modifiers::CTRL);
 const SUSPEND: KeyEvent = KeyEvent(KeyCode::Char('Z'), Modifiers::CTRL);
 
-/// The key that has left the line.
+/// The key that ended the line.
 type Key = Arc<Mutex<Option<KeyEvent>>>;
 
-/// Leaves the line, and notes the key.
+/// Ends the line, and records the key.
 struct Leave(Key);
 
 impl ConditionalEventHandler for Leave {
@@ -196,7 +196,7 @@ impl ConditionalEventHandler for Leave {
     }
 }
 
-/// What the editor asks while a line is being typed.
+/// The helper of the editor while a line is being typed.
 struct Assistant {
     screen: Screen,
     devices: Arc<[NamedDevice]>,
@@ -217,7 +217,7 @@ impl Completer for Assistant {
 }
 
 impl Highlighter for Assistant {
-    /// Returns the prompt, with the lines above it that are not printed yet.
+    /// Returns the prompt, with the unprinted lines above it.
     fn highlight_prompt<'b, 's: 'b, 'p: 'b>(&'s self, prompt: &'p str, _: bool) -> Cow<'b, str> {
         Cow::Owned(self.screen.draw() + prompt)
     }

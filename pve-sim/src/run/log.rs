@@ -1,4 +1,4 @@
-//! The file of `--log`: every frame, in the format of its name.
+//! The file of `--log`: every frame, in the format of its extension.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter};
@@ -9,7 +9,7 @@ use super::{LogOptions, RunError};
 use hal_sim::log::{Record, Timestamp};
 use hal_sim::recording::{Format, Writer};
 
-/// The file of `--log`, which nobody else writes for as long as this lives.
+/// The file of `--log`, which no other run writes while this exists.
 #[derive(Debug)]
 pub(super) struct Log {
     path: PathBuf,
@@ -17,12 +17,11 @@ pub(super) struct Log {
 }
 
 impl Log {
-    /// Refuses a file that a log must not replace; changes nothing. To be called before any file is made.
+    /// Refuses a file that a log must not replace, without changing anything. To be called before any file is created.
     ///
     /// # Errors
-    /// [`RunError::Log`] for what is no regular file, for anything in the folder of the state files or a state file
-    /// under another name, for the log of another run, and for a file that has something in it, unless it may be
-    /// overwritten.
+    /// [`RunError::Log`] for anything but a regular file, for files in the folder of the state files, for a state file
+    /// under another name, for the log of another run, and for a non-empty file unless it may be overwritten.
     pub(super) fn check(log: &LogOptions, state: Option<&Path>) -> Result<(), RunError> {
         Self::check_place(log, state)?;
         if matches!(open_alone(OpenOptions::new().write(true), &log.path), Ok(None)) {
@@ -52,11 +51,11 @@ impl Log {
         }
     }
 
-    /// Opens the file, empties it, and begins the log of a bus at a time, once the state files are there.
+    /// Opens the file, truncates it, and begins the log of a bus at a time, after the state files exist.
     ///
     /// # Errors
-    /// [`RunError::File`] when the file cannot be opened, and the refusals of [`check`](Self::check), which is made
-    /// again: links and folders lead somewhere now that led nowhere before.
+    /// [`RunError::File`] when the file cannot be opened, and the refusals of [`check`](Self::check), which is
+    /// repeated: links and folders may have appeared since.
     pub(super) fn create(
         log: &LogOptions,
         state: Option<&Path>,
@@ -64,7 +63,7 @@ impl Log {
         start: Timestamp,
     ) -> Result<Self, RunError> {
         let failed = |source| RunError::File { path: log.path.clone(), source };
-        // Nothing is lost before the second check.
+        // Truncated only after the second check.
         let mut options = OpenOptions::new();
         let file = open_alone(options.write(true).create(true).truncate(false), &log.path).map_err(failed)?;
         let Some(file) = file else { return refuse(log, IN_USE) };
@@ -75,17 +74,17 @@ impl Log {
         Ok(Self { path: log.path.clone(), writer })
     }
 
-    /// Adds an entry; the error is the line for the user.
+    /// Adds an entry. The error: the message for the user.
     pub(super) fn write(&mut self, record: &Record) -> Result<(), String> {
         self.writer.write(record).map_err(|error| complaint(&self.path, &error))
     }
 
-    /// Hands everything to the system; the error is the line for the user.
+    /// Flushes the log to the system. The error: the message for the user.
     pub(super) fn flush(&mut self) -> Result<(), String> {
         self.writer.flush().map_err(|error| complaint(&self.path, &error))
     }
 
-    /// Writes the end of the log; the error is the line for the user.
+    /// Writes the end of the log. The error: the message for the user.
     pub(super) fn finish(self) -> Result<(), String> {
         self.writer.finish().map(drop).map_err(|error| complaint(&self.path, &error))
     }

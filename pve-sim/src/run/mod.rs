@@ -1,26 +1,26 @@
 //! `pve-sim run`: the world paced by the wall clock, with its clients, its trace and its memory.
 //!
 //! ```text
-//! mod         from the options to a running simulator, and to its end
-//! options     what the user asks for
+//! mod         a run, from its options to its end
+//! options     the options of run
 //! setup       devices with their memories, put into a world
-//! end         signals, and a stdout that nobody reads
+//! end         signals, and the reader of stdout
 //! driver      the thread of the world: its time, its clients, its trace
-//! timekeeper  the virtual time of a run, and time that gets lost
+//! timekeeper  the virtual time of a run, and lost time
 //! pace        wall time ↔ virtual time
-//! platform     the wall clock and the messages of clients, as the driver sees them
-//! clients     the world's end of every gateway
+//! platform    the wall clock and the messages of clients, as the driver sees them
+//! clients     the world's end of all gateways
 //! trace       the bus on stdout and in the log
-//! stdin       lines that the user types
-//! editor      such lines on a terminal: apart from the trace, with history and completion
+//! stdin       the lines on stdin
+//! editor      the line editor on a terminal, with history and completion
 //! screen      that terminal: the trace above the line being typed
-//! console     faults by hand: what such a line does
-//! printer     stdout and stderr, on a thread of their own: neither may hold the world up
+//! console     the execution of such a line
+//! printer     stdout and stderr, on a thread of their own, so that neither blocks the world
 //! log         the file of --log
-//! system      what each operating system does in its own way
+//! system      the differences between operating systems
 //! ```
 //!
-//! The world has one thread and shares nothing. The gateways run on another, which is also the one that waits for the
+//! The world has a thread of its own and shares nothing. The gateways run on another thread, which also waits for the
 //! end.
 
 mod clients;
@@ -68,25 +68,25 @@ use platform::System;
 use printer::Printer;
 use trace::Trace;
 
-/// Why the simulator could not start; one line that names what is in the way.
+/// The reason why the simulator could not start, in one line.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// An address in use, or none of this machine; an interface that is not there.
+    /// The address of a bus is in use or not of this machine, or its interface does not exist.
     #[error("{url}: {source}{}", also_in_use(*http))]
     Bind {
-        /// The bus that was to be served.
+        /// The URL of the bus.
         url: BusUrl,
-        /// Why not.
+        /// The cause.
         source: OpenError,
-        /// The control interface's address, where that is in use as well.
+        /// The control interface's address, if that is in use as well.
         http: Option<SocketAddr>,
     },
-    /// The control interface's address in use, or none of this machine.
+    /// The control interface's address is in use or not of this machine.
     #[error("--http {address}: {source}{}", http_way_out(source))]
     Http {
-        /// The address that was to be served.
+        /// The address.
         address: SocketAddr,
-        /// Why not.
+        /// The cause.
         source: io::Error,
     },
     /// A file or folder that cannot be opened.
@@ -94,7 +94,7 @@ pub enum RunError {
     File {
         /// The file.
         path: PathBuf,
-        /// Why not.
+        /// The cause.
         source: io::Error,
     },
     /// A file that a log must not replace.
@@ -102,28 +102,28 @@ pub enum RunError {
     Log {
         /// The file.
         path: PathBuf,
-        /// Why not.
+        /// The reason.
         reason: String,
     },
-    /// A state file that belongs to a device of another kind.
+    /// A state file belongs to a device of another kind.
     #[error("{}: the memory of {found}, not of a {expected}", path.display())]
     OtherKind {
         /// The file.
         path: PathBuf,
-        /// Whose memory it is.
+        /// The kind in the file.
         found: String,
-        /// Whose it was taken for.
+        /// The expected kind.
         expected: &'static str,
     },
     /// A state file that cannot be used.
     #[error(transparent)]
     StateFile(#[from] StateFileError),
-    /// The system has no threads, signals or events to give.
+    /// The system has no threads, signals or events left.
     #[error("the system refuses: {0}")]
     System(#[from] io::Error),
 }
 
-/// Returns what to do about a port of the control interface in use.
+/// Returns the remedy for a control interface's port in use.
 fn http_way_out(error: &io::Error) -> &'static str {
     match error.kind() {
         io::ErrorKind::AddrInUse => {
@@ -133,32 +133,32 @@ fn http_way_out(error: &io::Error) -> &'static str {
     }
 }
 
-/// Returns the way out of a port that would be in use next.
+/// Returns the remedy for the other port if that is in use as well.
 fn also_in_use(http: Option<SocketAddr>) -> String {
     http.map_or_else(String::new, |address| format!("; {address} is in use as well: --http 127.0.0.1:0"))
 }
 
-/// Returns true where the address belongs to somebody else.
+/// Returns whether another program uses the address.
 fn is_in_use(address: SocketAddr) -> bool {
     http::Server::bind(address).is_err_and(|error| error.kind() == io::ErrorKind::AddrInUse)
 }
 
-/// The most clients, on all buses together.
+/// The most clients on all buses together.
 const CLIENTS: usize = 128;
 
 /// The most connections of the control interface.
 const HTTP_CLIENTS: usize = 256;
 
-/// The file descriptors beside those of clients, buses with those who wait for a place there, and devices: what is open anyway, and state files while they are
-/// written.
+/// The file descriptors beside those of clients, buses with their waiting clients, and devices: the ones always open,
+/// and state files during a write.
 const DESCRIPTORS: usize = 32;
 
-/// Runs until a signal (on Unix SIGINT, SIGTERM or SIGHUP), or until nobody reads stdout; everything that devices had
-/// to store is stored then. Returns whether everything was stored, and the log and stdout took all that was written;
-/// stderr has why not.
+/// Runs until a signal (on Unix SIGINT, SIGTERM or SIGHUP), or until the reader of stdout has gone; all devices have
+/// stored their records then. Returns whether everything was stored, and the log and stdout are complete; stderr has
+/// the reasons otherwise.
 ///
 /// # Errors
-/// [`RunError`] when it cannot start. Nothing is on stdout then.
+/// [`RunError`] when it cannot start. Nothing has been printed on stdout then.
 pub fn run(options: &RunOptions) -> Result<bool, RunError> {
     let runtime = runtime::Builder::new_current_thread().enable_all().build()?;
     let result = runtime.block_on(async {
@@ -171,7 +171,7 @@ pub fn run(options: &RunOptions) -> Result<bool, RunError> {
         };
         Ok(running.until(&mut end).await)
     });
-    // Somebody may still be looking up a name: not waited for.
+    // A pending name look-up must not delay the end.
     runtime.shutdown_background();
     result
 }
@@ -180,9 +180,9 @@ pub fn run(options: &RunOptions) -> Result<bool, RunError> {
 struct Running {
     world_sender: WorldSender,
     world: JoinHandle<bool>,
-    /// Ends with the world's thread.
+    /// Resolves with the end of the world's thread.
     ended: oneshot::Receiver<()>,
-    /// Restores the terminal when all is over.
+    /// Restores the terminal on drop.
     _typing: Option<Typing>,
 }
 
@@ -201,8 +201,8 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
         control = Some((server.address().map_err(bind)?, server));
     }
     let http = control.as_ref().map(|(address, _)| *address);
-    // Only now: a second simulator that finds the port taken must not touch the files of the first. And nothing is made
-    // before the log was found to be in nobody's way.
+    // Only now: a second simulator that finds the port in use must not touch the files of the first. And no file is
+    // created before the check of the log.
     if let Some(log) = &options.log {
         Log::check(log, options.state.as_deref())?;
     }
@@ -249,12 +249,12 @@ async fn start(options: &RunOptions, reader_gone: watch::Sender<bool>) -> Result
 }
 
 impl Running {
-    /// Waits for the end, or for the end of the world's thread; then until all is stored. Returns whether all was
-    /// written.
+    /// Waits for the end, or for the end of the world's thread; then until all records are stored. Returns whether all
+    /// output is complete.
     async fn until(self, end: &mut End) -> bool {
         tokio::select! {
             () = end.come() => {}
-            // The sender is never used: the receiver wakes up when the thread is gone.
+            // The sender is never used: the receiver resolves when the thread ends.
             _ = self.ended => {}
         }
         self.world_sender.end();
@@ -262,8 +262,8 @@ impl Running {
     }
 }
 
-/// Returns the most clients of the buses, and connections of the control interface, that leave enough file descriptors
-/// for devices to store.
+/// Returns the most clients of the buses and of the control interface that leave enough file descriptors for the
+/// devices' files.
 fn places(options: &RunOptions) -> (usize, usize) {
     let taken = DESCRIPTORS + options.devices.len() + options.buses.len() * (1 + WAITING);
     let limit = system::max_open_files().and_then(|limit| usize::try_from(limit).ok());
@@ -272,7 +272,7 @@ fn places(options: &RunOptions) -> (usize, usize) {
     (clients, left.saturating_sub(clients).clamp(1, HTTP_CLIENTS))
 }
 
-/// Does work that may block, on a thread of its own: a signal ends the wait for it, and the process does not wait.
+/// Runs blocking work on a thread of its own: a signal ends the wait for it, and the process does not join it.
 async fn aside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
     match tokio::task::spawn_blocking(work).await {
         Ok(done) => done,
@@ -280,8 +280,8 @@ async fn aside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> 
     }
 }
 
-/// Prints the warnings of the start on stderr, the ready line on stdout and the hint on stderr. Whoever has seen the
-/// ready line finds the warnings there.
+/// Prints the warnings of the start on stderr, the ready line on stdout and the hints on stderr. The warnings come
+/// before the ready line.
 fn announce(printer: &Printer, gateways: &[Box<dyn Gateway>], http: Option<SocketAddr>, warnings: Vec<String>) {
     warnings.into_iter().for_each(|warning| printer.warn(warning));
     let urls: String = gateways.iter().map(|gateway| format!(" bus={}", gateway.url())).collect();

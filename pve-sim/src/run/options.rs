@@ -12,43 +12,43 @@ use hal_sim::devices::{NamedDevice, NamedLink};
 /// The options of `run`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RunOptions {
-    /// The devices, in their order on the bus. Each has another name.
+    /// The devices, in their order on the bus, with unique names.
     pub devices: Vec<NamedDevice>,
-    /// The shafts that follow a valve.
+    /// The links.
     pub links: Vec<NamedLink>,
-    /// Where the bus is served; at least one.
+    /// The addresses of the bus; at least one.
     pub buses: Vec<BusUrl>,
-    /// Whether beacons announce the buses.
+    /// Beacons announce the buses.
     pub beacon: bool,
-    /// Whether frames pass between this machine and others, where a URL leaves that open.
+    /// Frames pass between this machine and others, where a URL does not decide.
     pub allow_remote: bool,
-    /// The rate of the bus; `None`: that of the first device.
+    /// The bit rate of the bus; `None`: that of the first device.
     pub bit_rate: Option<BitRate>,
-    /// Where memories are kept; `None`: nowhere.
+    /// The folder of the state files, if any.
     pub state: Option<PathBuf>,
-    /// How virtual time passes.
+    /// The speed of virtual time.
     pub speed: Speed,
-    /// Where the control interface is served; `None`: nowhere.
+    /// The address of the control interface, if any.
     pub http: Option<SocketAddr>,
-    /// Where every frame is logged; `None`: nowhere.
+    /// The log, if any.
     pub log: Option<LogOptions>,
-    /// Whether clients get error frames.
+    /// Clients get error frames.
     pub error_frames: bool,
-    /// Whether the trace has colour.
+    /// The use of colour in the trace.
     pub color: ColorChoice,
-    /// Whether a trace for people shows every frame, repeats of cyclic frames among them.
+    /// A trace for people shows every frame, including repeated cyclic ones.
     pub verbose: bool,
     /// The seed of everything random.
     pub seed: u64,
 }
 
-/// Whether the trace has colour, and with it whether it is laid out for people.
+/// The use of colour, which also decides whether the trace is laid out for people.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum ColorChoice {
-    /// Laid out on a terminal, with colour unless the environment asks for none.
+    /// Laid out on a terminal, with colour unless the environment disables it.
     #[default]
     Auto,
-    /// Laid out with colour, into a pipe, too.
+    /// Laid out with colour, even into a pipe.
     Always,
     /// Laid out on a terminal, without colour.
     Never,
@@ -59,6 +59,6 @@ pub enum ColorChoice {
 pub struct LogOptions {
     /// The file.
     pub path: PathBuf,
-    /// Whether what is in it already may be lost.
+    /// An existing log may be overwritten.
     pub overwrite: bool,
 }

@@ -4,11 +4,11 @@ use std::time::{Duration as WallDuration, Instant as WallInstant};
 
 use protocol_core::time::{Duration, Instant, after, since};
 
-/// The last instant of a pace, after 584 years: the bus counts nanoseconds in 64 bits. The day before their end is for
-/// frames that begin now.
+/// The last instant of a pace, after 584 years: the bus counts nanoseconds in 64 bits. The last day is reserved for the
+/// ends of frames.
 pub(super) const LAST: Instant = Instant::from_ticks(u64::MAX / 1000 - 86_400_000_000);
 
-/// Virtual time that runs a factor as fast as wall time, from an anchor on that both times have in common.
+/// The pace of virtual time: a factor of wall time, from a common anchor on.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pace {
     speed: f64,
@@ -23,13 +23,13 @@ impl Pace {
         Self { speed, wall, instant: Instant::from_ticks(0) }
     }
 
-    /// Returns the virtual seconds to a wall second.
+    /// Returns the virtual seconds per wall second.
     #[must_use]
     pub(super) const fn speed(&self) -> f64 {
         self.speed
     }
 
-    /// Makes these two instants the common ones: time before them, wall or virtual, counts no longer.
+    /// Sets a new anchor: earlier times no longer count.
     pub(super) const fn anchor(&mut self, wall: WallInstant, instant: Instant) {
         self.wall = wall;
         self.instant = instant;
@@ -45,7 +45,7 @@ impl Pace {
         after(self.instant, Duration::from_ticks((passed * self.speed * 1e6) as u64)).min(LAST)
     }
 
-    /// Returns the wall instant at which a virtual instant has come; `None` when it never comes.
+    /// Returns the wall instant of a virtual instant; `None` if it is out of range.
     #[must_use]
     pub(super) fn when(&self, instant: Instant) -> Option<WallInstant> {
         if instant > LAST {
@@ -53,7 +53,7 @@ impl Pace {
         }
         let passed = since(instant, self.instant).as_micros() as f64 / 1e6 / self.speed;
         let passed = WallDuration::try_from_secs_f64(passed).ok()?;
-        // Rounded up, so that it has come by then.
+        // Rounded up, so that the virtual instant has come by then.
         self.wall.checked_add(passed)?.checked_add(WallDuration::from_nanos(1))
     }
 }

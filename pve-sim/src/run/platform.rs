@@ -5,42 +5,42 @@ use std::time::{Duration, Instant as WallInstant};
 
 use crate::inbox::{Arrival, Inbox};
 
-/// The wall clock, and messages of clients. In tests the clock runs only while the driver waits.
+/// The wall clock and the messages of clients. In tests the clock advances only while the driver waits.
 pub trait Platform {
     /// Returns the wall time.
     fn now(&mut self) -> WallInstant;
 
-    /// Returns whether the simulator is to end.
+    /// Returns whether the simulator is ending.
     fn is_ending(&self) -> bool;
 
     /// Takes the next message, if there is one.
     fn take(&mut self) -> Option<Arrival>;
 
-    /// Waits for the next message, until an instant or for ever; `None` when the time is up. The thread is awake for the
-    /// last `spin` of the time, and then returns without the delay of waking up.
+    /// Waits for the next message, until an instant or forever; `None` when the time is up. The thread spins for the
+    /// last `spin` of the time, and then returns without a wake-up delay.
     fn wait(&mut self, until: Option<WallInstant>, spin: Duration) -> Option<Arrival>;
 }
 
-/// The time that a system mostly takes to wake a thread up: the spin before an event that somebody listens to.
+/// The usual time of a system to wake up a thread: the spin before an event with listeners.
 pub(super) const WAKE_UP: Duration = Duration::from_micros(50);
 
-/// The spin after a message, above speed 1. A client that works back to back sends the next one by then, and a wake-up
-/// would take more of its time than the bus does.
+/// The spin after a message, above speed 1. A client that works back to back sends its next message by then, and a
+/// wake-up would cost it more time than the bus does.
 pub(super) const SPIN_TIME: Duration = Duration::from_micros(200);
 
-/// The gateway and its clients give a yielded processor back sooner than this.
+/// The longest usual time of the gateway and its clients to return a yielded processor.
 const TAKEN: Duration = Duration::from_micros(100);
 
-/// So long a processor that was taken counts as wanted by others.
+/// The time for which a processor taken by others counts as contended.
 const SHARED: Duration = Duration::from_millis(100);
 
 /// The system's clock, and the clients of the gateways.
 #[derive(Debug)]
 pub(super) struct System {
     inbox: Inbox,
-    /// Whether all gateways have ended.
+    /// All gateways have ended.
     deserted: bool,
-    /// Until then others want the processor.
+    /// The end of the time in which the processor counts as contended.
     shared_until: WallInstant,
 }
 
@@ -65,8 +65,8 @@ impl Platform for System {
         taken.ok()
     }
 
-    /// While others want the processor the thread sleeps instead of spinning: one that has used up its share waits
-    /// longer for the next one than a wake-up takes. What is due sooner than a sleep would end is waited for awake.
+    /// On a contended processor the thread sleeps instead of spinning: after using up its share, it would wait longer
+    /// for the next one than a wake-up takes. It still spins for times shorter than a sleep.
     fn wait(&mut self, until: Option<WallInstant>, spin: Duration) -> Option<Arrival> {
         let Some(until) = until else { return self.sleep(None) };
         let mut now = WallInstant::now();

@@ -1,5 +1,4 @@
-//! stdout and stderr, on a thread of their own: somebody who starts the simulator through a pipe and does not read it,
-//! or closes it, must not hold the world up.
+//! stdout and stderr, on a thread of their own: a pipe that is closed or not read must not block the world.
 
 use std::io::{self, Write};
 use std::sync::Arc;
@@ -10,13 +9,13 @@ use std::time::Duration;
 
 use tokio::sync::watch;
 
-/// How many texts may wait for a reader before lines of the trace are left out.
+/// The most waiting texts before lines of the trace are dropped.
 const QUEUE: usize = 4096;
 
-/// How much is written at once, at most by a line more, in bytes.
+/// The most bytes in one write, apart from the last line.
 const BATCH: usize = 64 * 1024;
 
-/// How long the end waits for a reader.
+/// The time that the end waits for a reader.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 enum Text {
@@ -24,7 +23,7 @@ enum Text {
     Trace(String),
     /// A line for the user.
     Warning(String),
-    /// What the user is told besides: after the lines before it.
+    /// Other information for the user, after the lines before it.
     Note(String),
 }
 
@@ -38,7 +37,7 @@ pub(super) struct Printer {
 }
 
 impl Printer {
-    /// Starts the thread. Who waits for the end is told when nobody reads stdout.
+    /// Starts the thread. `reader_gone` is set when stdout has lost its reader.
     pub(super) fn start(reader_gone: watch::Sender<bool>) -> io::Result<Self> {
         Self::start_with(io::stdout(), io::stderr(), reader_gone)
     }
@@ -60,7 +59,7 @@ impl Printer {
         Ok(Self { queue, lost, is_cut, ended })
     }
 
-    /// Prints lines of the trace, or leaves them out when nobody reads.
+    /// Prints lines of the trace, or drops them without a reader.
     pub(super) fn trace(&self, lines: String) {
         if let Err(TrySendError::Full(Text::Trace(lines))) = self.queue.try_send(Text::Trace(lines)) {
             let count = lines.bytes().filter(|byte| *byte == b'\n').count();
@@ -70,16 +69,16 @@ impl Printer {
 
     /// Prints a line on stderr.
     pub(super) fn warn(&self, line: String) {
-        // When not even a warning finds room, nobody reads.
+        // If even a warning finds no space, nobody reads.
         let _ = self.queue.try_send(Text::Warning(line));
     }
 
-    /// Prints a text on stderr, where it is not taken for a frame.
+    /// Prints a text on stderr, where it cannot be taken for a frame.
     pub(super) fn note(&self, text: String) {
         let _ = self.queue.try_send(Text::Note(text));
     }
 
-    /// Waits until everything is printed, or nobody reads it; returns whether stdout took what was written to it.
+    /// Waits until everything is printed, or the reader does not read; returns whether stdout is complete.
     pub(super) fn finish(self) -> bool {
         drop(self.queue);
         let end = self.ended.recv_timeout(PATIENCE);
@@ -89,11 +88,11 @@ impl Printer {
 }
 
 struct Writer<O, E> {
-    /// `None` when it can't be written any more.
+    /// `None` after it has failed.
     stdout: Option<O>,
     stderr: E,
     lost: Arc<AtomicU64>,
-    /// Set when stdout refuses what is written to it.
+    /// Set when stdout fails.
     is_cut: Arc<AtomicBool>,
     reader_gone: watch::Sender<bool>,
 }
@@ -157,7 +156,7 @@ mod tests {
 
     use super::*;
 
-    /// Hands on what is written to it; a write waits until the one before was taken.
+    /// A writer that passes on its input; a write waits until the previous one was taken.
     struct Pipe(SyncSender<String>);
 
     impl Write for Pipe {
@@ -209,7 +208,7 @@ mod tests {
         let (stdout, pipe) = sync_channel(0);
         let (stderr, said) = channel();
         let printer = Printer::start_with(Pipe(stdout), Collect(stderr), watch::Sender::new(false)).unwrap();
-        // One batch is taken out and waits for the reader, the queue fills up, and the rest has no room.
+        // One batch waits for the reader, the queue fills up, and the rest finds no space.
         let lines = 4 * QUEUE;
         for _ in 0..lines {
             printer.trace("line\n".to_owned());

@@ -1,8 +1,8 @@
-//! One terminal for the trace and for the line being typed: text is printed above that line.
+//! One terminal for the trace and the line being typed: text is printed above that line.
 //!
-//! `rustyline` prints above the line by messages to it, and a message that it has not read when the line ends is lost.
-//! Text waits here instead: the editor fetches it with each redraw, a message only makes it redraw, and what still
-//! waits at the end of the line is printed then.
+//! `rustyline` prints above the line by messages, and loses a message that it has not read by the end of the line. Text
+//! waits here instead: the editor fetches it at each redraw, a message only triggers a redraw, and the rest is printed
+//! at the end of the line.
 
 use std::io::{self, Write};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -10,7 +10,8 @@ use std::time::Duration;
 
 use rustyline::ExternalPrinter;
 
-/// Makes the editor redraw its line. The editor ends each message with a new line; the way up before it takes that back.
+/// The message that makes the editor redraw its line. The editor ends each message with a new line; the cursor movement
+/// before it undoes that.
 const REDRAW: &str = "\x1b[A\n";
 
 /// The longest wait for an editor that is about to change the modes of the terminal.
@@ -19,7 +20,7 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Asks the editor to redraw its line.
 type Redraw = Box<dyn ExternalPrinter + Send>;
 
-/// The terminal; clones share it. What is written is shown at each flush.
+/// The terminal, shared by clones. Text is shown at each flush.
 #[derive(Clone, Default)]
 pub(super) struct Screen {
     shared: Arc<Shared>,
@@ -30,21 +31,21 @@ pub(super) struct Screen {
 struct Shared {
     state: Mutex<State>,
     changed: Condvar,
-    /// Locked for as long as the editor has not taken a message.
+    /// Locked until the editor has taken a message.
     redraw: Mutex<Option<Redraw>>,
 }
 
 #[derive(Default)]
 struct State {
     line: Line,
-    /// Lines that the editor is to print above its own.
+    /// The lines for the editor to print above its own.
     waiting: String,
 }
 
 /// The line being typed.
 #[derive(Clone, Copy, Default, PartialEq)]
 enum Line {
-    /// None: text is written to the terminal.
+    /// No line: text is written to the terminal.
     #[default]
     None,
     /// The editor is about to take the terminal.
@@ -61,7 +62,7 @@ impl Screen {
         *self.shared.redraw.lock().unwrap_or_else(PoisonError::into_inner) = Some(redraw);
     }
 
-    /// Gives the terminal to the editor; returns whether the run still goes on.
+    /// Hands the terminal to the editor; returns whether the run still goes on.
     pub(super) fn begin_line(&self) -> bool {
         let mut state = self.state();
         if state.line != Line::Over {
@@ -70,7 +71,7 @@ impl Screen {
         state.line != Line::Over
     }
 
-    /// Returns what is to be printed above the line, which is being drawn.
+    /// Returns the text to print above the line, which is being drawn.
     pub(super) fn draw(&self) -> String {
         let mut state = self.state();
         if state.line == Line::Begun {
@@ -91,8 +92,8 @@ impl Screen {
         self.shared.changed.notify_all();
     }
 
-    /// Ends the typing of lines; returns whether one is being typed, in which case the editor has changed the modes of
-    /// the terminal.
+    /// Ends the typing of lines; returns whether a line is being typed, in which case the editor has changed the modes
+    /// of the terminal.
     pub(super) fn close(&self) -> bool {
         let state = self.state();
         let is_begun = |state: &mut State| state.line == Line::Begun;
@@ -112,7 +113,7 @@ impl Write for Screen {
         Ok(bytes.len())
     }
 
-    /// Prints what was written. Waits for the editor, as for any terminal that does not take more.
+    /// Prints the text. Waits for the editor, as for any terminal whose output is blocked.
     fn flush(&mut self) -> io::Result<()> {
         let text = std::mem::take(&mut self.text);
         let mut state = self.state();
@@ -123,7 +124,7 @@ impl Write for Screen {
         drop(state);
         // Without the lock: the editor may be drawing.
         if let Some(redraw) = &mut *self.shared.redraw.lock().unwrap_or_else(PoisonError::into_inner) {
-            // An editor that has gone prints the text at the end of its line.
+            // An editor at the end of its line prints the text then.
             let _ = redraw.print(REDRAW.to_owned());
         }
         let is_waiting = |state: &mut State| !state.waiting.is_empty();
@@ -134,7 +135,7 @@ impl Write for Screen {
 
 /// Writes to the terminal.
 pub(super) fn print(text: &[u8]) {
-    // The printer notices a terminal that has gone with its next text.
+    // The printer notices a closed terminal with its next text.
     let _ = print_to(io::stdout(), text);
 }
 

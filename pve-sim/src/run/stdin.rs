@@ -1,4 +1,4 @@
-//! The lines that are typed on stdin, on a thread of their own. The end of stdin ends nothing else.
+//! The lines on stdin, read on a thread of its own. The end of stdin does not end the run.
 
 use std::io::{self, Read};
 
@@ -7,13 +7,13 @@ use tokio::sync::oneshot;
 use super::system;
 use crate::inbox::{ToWorld, WorldSender};
 
-/// The longest line, in bytes; longer ones are cut, and end with [`CUT`].
+/// The longest line, in bytes; longer ones are cut and marked with [`CUT`].
 const LINE: usize = 256;
 
-/// The end of a line that was cut, which is part of no word.
+/// The mark of a cut line, which no word contains.
 const CUT: char = '…';
 
-/// Starts the thread, which nobody waits for. Without it nothing can be typed.
+/// Starts the thread, which is never joined. If it cannot start, there is no console.
 pub(super) fn listen(world: WorldSender) {
     let _ = std::thread::Builder::new().name("stdin".to_owned()).spawn(move || {
         let stdin = io::stdin();
@@ -21,7 +21,7 @@ pub(super) fn listen(world: WorldSender) {
     });
 }
 
-/// Executes the lines of an input, one at a time: a writer that is faster than the world waits, and others
+/// Executes the lines of an input, one at a time: a writer that is faster than the world waits, and others' messages
 /// come between its lines.
 fn execute(world: &WorldSender, mut read: impl FnMut(&mut [u8]) -> io::Result<usize>) {
     let mut lines = Lines::default();
@@ -43,7 +43,7 @@ pub(super) fn tell(world: &WorldSender, line: String) {
     let _ = done.blocking_recv();
 }
 
-/// Lines out of bytes as they come.
+/// The parser of lines.
 #[derive(Debug, Default)]
 pub struct Lines {
     /// At most one byte more than [`LINE`]: the line is too long then.
@@ -51,7 +51,7 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// Takes bytes, and tells each line that ends in them.
+    /// Takes bytes, and passes on each line that ends within them.
     pub fn push(&mut self, bytes: &[u8], mut tell: impl FnMut(String)) {
         for byte in bytes {
             match byte {
@@ -88,7 +88,7 @@ mod tests {
         assert_eq!(told, ["status", "help\r", ""]);
     }
 
-    /// Neither a word nor a number of a line that was cut is taken for a shorter one.
+    /// A cut line is not taken for a shorter word or number.
     #[test]
     fn a_line_that_is_too_long_says_so_at_its_end() {
         let (mut lines, mut told) = (Lines::default(), Vec::new());

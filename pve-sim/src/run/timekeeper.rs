@@ -1,4 +1,4 @@
-//! The virtual time of a run: the pace of the wall clock, and the time that gets lost.
+//! The virtual time of a run: the pace of the wall clock, and lost time.
 //!
 //! Two events lose time, and the world goes on from its own instant after each:
 //! - **A stall**, at a speed up to 1: the process was stopped, the machine slept, or the host was overloaded. Masters
@@ -11,31 +11,31 @@ use protocol_core::time::{Instant, since};
 
 use super::pace::{LAST, Pace};
 
-/// The process stood still when it did not look at the clock for longer than this. A master that sends every 200 ms may
-/// be late by 50 ms before its valve faults.
+/// The gap between two looks at the clock from which the process counts as stalled. A master that sends every 200 ms
+/// may be 50 ms late before its valve faults.
 const STALL: WallDuration = WallDuration::from_millis(50);
 
-/// The longest sleep at a speed up to 1: a stall shows only to a thread that looks at the clock. The rest of [`STALL`]
-/// is for a system that wakes the thread up late.
+/// The longest sleep at a speed up to 1: stalls show only when the thread looks at the clock. The rest of [`STALL`]
+/// allows for a late wake-up.
 pub(super) const MAX_SLEEP: WallDuration = WallDuration::from_millis(20);
 
-/// A speed is out of reach when the world has worked for longer than this without getting nearer.
+/// The working time without progress after which a speed counts as out of reach.
 const BEHIND: WallDuration = WallDuration::from_secs(1);
 
 /// The shortest time between two warnings of stalls.
 const REMINDER: WallDuration = WallDuration::from_secs(60);
 
-/// Keeps the virtual time of a run.
+/// The virtual time of a run.
 #[derive(Debug)]
 pub(super) struct Timekeeper {
     pace: Pace,
     /// The last look at the clock.
     looked: WallInstant,
-    /// How the world has done since it is behind.
+    /// The state of a world that is behind.
     behind: Option<Behind>,
-    /// Whether the user knows that the speed is out of reach.
+    /// The user knows that the speed is out of reach.
     out_of_reach: bool,
-    /// Whether virtual time is at its end, and the user knows.
+    /// Virtual time is at its end, and the user knows.
     over: bool,
     stalls: Stalls,
 }
@@ -43,13 +43,13 @@ pub(super) struct Timekeeper {
 /// A world that is behind.
 #[derive(Clone, Copy, Debug)]
 struct Behind {
-    /// How long it has worked since `from`. A stall counts as [`STALL`]: it is no proof of a slow machine.
+    /// The working time since `from`. A stall counts as [`STALL`]: it does not prove a slow machine.
     worked: WallDuration,
-    /// The virtual instant that it had come to.
+    /// The virtual instant at the beginning of the work.
     from: Instant,
 }
 
-/// Stalls that the user does not know of.
+/// The stalls that have not been reported yet.
 #[derive(Debug, Default)]
 struct Stalls {
     count: u32,
@@ -59,7 +59,7 @@ struct Stalls {
 }
 
 impl Timekeeper {
-    /// Starts virtual time now, at a speed that is finite and above 0.
+    /// Starts virtual time now, at a finite speed above 0.
     pub(super) const fn start(speed: f64, now: WallInstant) -> Self {
         let stalls = Stalls { count: 0, time: WallDuration::ZERO, told: None };
         Self { pace: Pace::start(speed, now), looked: now, behind: None, out_of_reach: false, over: false, stalls }
@@ -75,12 +75,12 @@ impl Timekeeper {
         self.looked
     }
 
-    /// Returns whether stalls are lost time: up to the speed of the wall clock.
+    /// Returns whether stalls lose time: at speeds up to 1.
     pub(super) const fn minds_stalls(&self) -> bool {
         self.pace.speed() <= 1.0
     }
 
-    /// Takes a look at the clock, with the world at `world`; returns a warning for the user.
+    /// Looks at the clock, with the world at `world`; returns a warning for the user, if any.
     pub(super) fn look(&mut self, now: WallInstant, world: Instant) -> Option<String> {
         let passed = now.saturating_duration_since(std::mem::replace(&mut self.looked, now));
         if let Some(behind) = &mut self.behind {
@@ -102,7 +102,7 @@ impl Timekeeper {
         Some(format!("the host paused for {seconds:.3} s{times}; virtual time was held"))
     }
 
-    /// Notes that the world, at `world`, has done a go of work and is still behind; returns a warning for the user.
+    /// Records that the world, at `world`, has worked and is still behind; returns a warning for the user, if any.
     pub(super) fn fell_behind(&mut self, world: Instant) -> Option<String> {
         let begun = Behind { worked: WallDuration::ZERO, from: world };
         let speed = self.pace.speed();
@@ -112,7 +112,7 @@ impl Timekeeper {
                 return None;
             }
             if since(world, behind.from).as_micros() as f64 > behind.worked.as_micros() as f64 * speed {
-                // It catches up.
+                // The world catches up.
                 self.behind = Some(begun);
                 return None;
             }
@@ -122,7 +122,7 @@ impl Timekeeper {
         (!told).then(|| format!("--speed {speed} is out of reach: time runs as fast as this machine can"))
     }
 
-    /// Notes that the world, at `world`, has caught up; returns a warning for the user.
+    /// Records that the world, at `world`, has caught up; returns a warning for the user, if any.
     pub(super) fn caught_up(&mut self, world: Instant) -> Option<String> {
         self.behind = None;
         let over = world >= LAST && !std::mem::replace(&mut self.over, true);

@@ -1,5 +1,4 @@
-//! The trace of a run, on stdout and in the log: there as `candump -L`, with what a frame means, and for people laid
-//! out.
+//! The trace of a run, on stdout and in the log: as `candump -L` with meanings, or laid out for people.
 
 use std::io::IsTerminal as _;
 
@@ -16,21 +15,21 @@ use hal_sim::log::{Entry, Record, Timestamp};
 use hal_sim::simulation::{Happened, Simulation};
 use hal_sim::trace::Layout;
 
-/// Lines are printed at the latest when they have so many bytes.
+/// The number of bytes at which waiting lines are printed.
 const BATCH: usize = 32 * 1024;
 
-/// Returns the layout that stdout gets: none, unless it is a terminal or colour is asked for.
+/// Returns the layout of stdout: `None`, unless it is a terminal or colour is requested.
 pub(super) fn layout(color: ColorChoice, verbose: bool) -> Option<Layout> {
     let stdout = std::io::stdout();
     let wished = match color {
         ColorChoice::Always => true,
         ColorChoice::Never => false,
-        // Looks at NO_COLOR, CLICOLOR and TERM.
+        // Respects NO_COLOR, CLICOLOR and TERM.
         ColorChoice::Auto => AutoStream::choice(&stdout) != anstream::ColorChoice::Never,
     };
     let people = stdout.is_terminal() || color == ColorChoice::Always;
     if people && wished {
-        // Tells a console of Windows to interpret escape sequences; elsewhere this does nothing.
+        // Enables escape sequences on a Windows console; does nothing elsewhere.
         let _ = AutoStream::always_ansi(stdout);
     }
     people.then(|| {
@@ -46,13 +45,13 @@ pub(super) struct Trace {
     bus: String,
     printer: Printer,
     log: Option<Log>,
-    /// True when the log has ended before the run.
+    /// The log has failed before the end of the run.
     log_is_cut: bool,
-    /// The layout for people; `None`: lines as `candump -L` writes them.
+    /// The layout for people; `None`: lines as in `candump -L`.
     layout: Option<Layout>,
-    /// The current line; the allocation is used again.
+    /// The current line, kept for its capacity.
     line: String,
-    /// Lines that are not printed yet.
+    /// The lines not printed yet.
     lines: String,
 }
 
@@ -62,7 +61,7 @@ impl Trace {
         Self { layout, bus: bus.to_owned(), printer, log, log_is_cut: false, line: String::new(), lines: String::new() }
     }
 
-    /// Makes room for the identifiers of these devices.
+    /// Reserves space for the identifiers of these devices.
     pub(super) fn fit(&mut self, simulation: &Simulation) {
         let is_isobus = simulation.devices().iter().any(|(_, kind)| kind.protocol() == Protocol::Isobus);
         if let Some(layout) = self.layout.as_mut().filter(|_| is_isobus) {
@@ -70,7 +69,7 @@ impl Trace {
         }
     }
 
-    /// Writes the line of a frame, or of an error that is told.
+    /// Writes the line of a frame, or of a reported error.
     pub(super) fn tell(&mut self, happened: &Happened, at: Timestamp, explainer: &Explainer) {
         let Happened { event, error, .. } = happened;
         let entry = match (event.frame(), error) {
@@ -92,14 +91,14 @@ impl Trace {
         }
     }
 
-    /// Adds the line, with what it means.
+    /// Adds the line with its meaning.
     fn plain(&mut self, meaning: &str) {
         for part in [&self.line, "  ", meaning, "\n"] {
             self.lines.push_str(part);
         }
     }
 
-    /// Hands all lines to their readers.
+    /// Flushes all lines.
     pub(super) fn hand_out(&mut self) {
         if let Some(layout) = &mut self.layout {
             layout.fit(terminal_size().map(|(Width(columns), _)| columns.into()));
@@ -110,18 +109,18 @@ impl Trace {
         }
     }
 
-    /// Prints the answer to what the user typed.
+    /// Prints the answer to a line that the user typed.
     pub(super) fn answer(&self, text: String) {
         self.printer.note(text);
     }
 
-    /// Prints a line for the user.
+    /// Prints a warning for the user.
     pub(super) fn warn(&self, line: String) {
         self.printer.warn(line);
     }
 
-    /// Hands all lines out, and waits until they are printed or nobody reads them. Returns whether stdout and the log
-    /// took all; the user has been told why not.
+    /// Flushes all lines, and waits until they are printed or the reader has gone. Returns whether stdout and the log
+    /// are complete; the user has been told otherwise.
     pub(super) fn finish(mut self) -> bool {
         if let Some(layout) = &mut self.layout {
             layout.finish(&mut self.lines);

@@ -1,4 +1,4 @@
-//! The traps of socketcand's text, each with the bytes that clients send.
+//! The pitfalls of socketcand's text, each with the bytes that clients send.
 
 use super::*;
 
@@ -50,7 +50,7 @@ fn messages_in_one_read_or_in_many() {
         whole,
         [Ok(Request::Open("pve0".to_owned())), Ok(Request::RawMode), Ok(Request::Send(frame(0x18A, &[1, 15])))]
     );
-    // A parser that keeps its state across reads cannot tell where a read ended: it is fed byte by byte.
+    // The parser keeps its state across reads: it is fed byte by byte.
     let mut parser = Parser::default();
     let (before, after) = bytes.split_at(20);
     let mut cut: Vec<_> = before.iter().filter_map(|byte| parser.push(*byte)).collect();
@@ -79,7 +79,7 @@ fn over_long_messages_are_refused_once_and_not_kept() {
     let all: Vec<_> = bytes.iter().filter_map(|byte| parser.push(*byte)).collect();
     assert_eq!(all, [Err(RequestError::TooLong), Ok(Request::Echo)]);
     assert!(parser.message.capacity() <= 2 * MESSAGE_MAX);
-    // the next message is found even when the long one never ends
+    // the next message is found even if the long one never ends
     let endless = format!("<{}< echo >", "x".repeat(1000));
     assert_eq!(messages(endless.as_bytes()), [Err(RequestError::TooLong), Ok(Request::Echo)]);
 }
@@ -108,7 +108,7 @@ fn frames_as_savvycan_sends_them() {
     assert_eq!(sent(&widest), long(0x1BC7_8805, &[0x80; 8]));
 }
 
-/// SavvyCAN built with Qt 6 has signs, other clients have 32 bits or `0x`; the reference daemon takes them all.
+/// SavvyCAN built with Qt 6 sends signs, other clients 32 bits or `0x`; the reference daemon accepts them all.
 #[test]
 fn frames_as_the_reference_daemon_reads_them() {
     assert_eq!(sent("< send -643877e0 2 -20 ffffff80 >"), long(0x1BC7_8820, &[0xE0, 0x80]));

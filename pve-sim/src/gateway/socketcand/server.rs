@@ -1,4 +1,4 @@
-//! A bus that is served over TCP: its URL, and what to type to join it.
+//! A bus served over TCP: its URL, and an example command for joining.
 
 use std::fmt;
 use std::net::{IpAddr, SocketAddr};
@@ -17,10 +17,10 @@ const FORM: &str = "socketcand://HOST:PORT/NAME";
 /// The URLs of this gateway.
 pub(in crate::gateway) const SCHEME: Scheme = Scheme { prefix: "socketcand://", form: FORM, parse: Parse::With(parse) };
 
-/// The longest name of a bus, in characters: fits a line of the trace and every client's field for it.
+/// The longest name of a bus, in characters: it fits a line of the trace and the field of every client.
 const NAME_MAX: usize = 32;
 
-/// Where a bus is to be served.
+/// The address of the served bus.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ServerAddress {
     endpoint: Endpoint,
@@ -76,7 +76,7 @@ fn url(endpoint: impl fmt::Display, name: &str) -> String {
     format!("socketcand://{endpoint}/{name}")
 }
 
-/// A bus that is served at an address.
+/// A bus served at an address.
 #[derive(Debug)]
 struct Server {
     listener: Listener,
@@ -103,7 +103,7 @@ impl Gateway for Server {
     }
 }
 
-/// Returns what to type to join a bus, at an address that this machine reaches.
+/// Returns an example command for joining a bus, at an address that this machine reaches.
 fn hint(bound: SocketAddr, name: &str) -> String {
     let address = joinable(bound);
     let port = address.port();

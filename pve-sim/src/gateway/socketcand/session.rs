@@ -1,4 +1,4 @@
-//! One client: what becomes of its requests, and how it gets answers and frames.
+//! One client: the execution of its requests, and its answers and frames.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -8,8 +8,8 @@ use crate::gateway::guard::Judge;
 use crate::gateway::session::{Client, Dialogue};
 use crate::inbox::{ClientId, Reply, ToClient, ToWorld};
 
-/// How long frames are held back after raw mode was answered: python-can takes what comes in one read with the answer
-/// for a wrong answer.
+/// The pause before the first frame after the answer to raw mode: python-can treats frames in the same read as a wrong
+/// answer.
 const HOLD_BACK: Duration = Duration::from_millis(20);
 
 /// The dialogue with one client.
@@ -20,7 +20,7 @@ pub struct Session {
     stage: Stage,
 }
 
-/// How far a client has got with the handshake.
+/// The progress of the handshake.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
     Greeted,
@@ -28,7 +28,7 @@ enum Stage {
 }
 
 impl Session {
-    /// Returns the dialogue with a client that has just come, on the bus of this name.
+    /// Returns the dialogue with a new client, on the bus of this name.
     #[must_use]
     pub fn new(bus: Arc<str>) -> Self {
         Self { bus, parser: Parser::default(), stage: Stage::Greeted }

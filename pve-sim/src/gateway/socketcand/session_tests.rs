@@ -1,4 +1,4 @@
-//! One client over a stream in memory, with a stand-in for the world that replies in order and keeps what is sent.
+//! One client over a stream in memory; a thread plays the world: it replies in order and keeps the sent frames.
 
 use protocol_core::frame::{Frame, standard};
 use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _, DuplexStream, duplex, split};
@@ -13,7 +13,7 @@ use crate::gateway::{ForeignWarning, enter};
 use crate::inbox::{Arrival, Inbox, QUEUE, WorldSender};
 use hal_sim::log::{ErrorClass, Timestamp};
 
-/// How many bytes the stream takes in before somebody reads them.
+/// The buffer size of the stream.
 const STREAM: usize = 64 * 1024;
 
 fn frame(data: &[u8]) -> Frame {
@@ -24,14 +24,14 @@ fn seen(data: &[u8]) -> ToClient {
     ToClient::Frame(Timestamp::from_micros(1_000_000), frame(data))
 }
 
-/// A client's end of a session that is being served, and the world's end of all its messages.
+/// A client's end of a session, and the world's end of all its messages.
 struct Setup {
     client: DuplexStream,
-    /// What the client sent, once it has left.
+    /// The frames that the client sent, once it has left.
     sent: oneshot::Receiver<Vec<Frame>>,
 }
 
-/// Serves a client over a stream of so many bytes.
+/// Serves a client over a stream with this buffer size.
 fn serve(room: usize) -> (DuplexStream, Inbox, JoinHandle<End>) {
     let (client, server) = duplex(room);
     let (sender, inbox) = WorldSender::new();
@@ -64,7 +64,7 @@ fn world(inbox: &Inbox, on_listen: &[ToClient]) -> Vec<Frame> {
                     ToWorld::Reply(_, reply) => to_client.post(ToClient::Reply(reply)).expect("room"),
                     ToWorld::Listen(_, reply) => {
                         to_client.post(ToClient::Reply(reply)).expect("room");
-                        // the client that is told to go learns it from the session
+                        // a dismissed client learns of it from the session
                         let _ = on_listen.iter().try_for_each(|message| to_client.post(message.clone()));
                     }
                     _ => {}
@@ -75,7 +75,7 @@ fn world(inbox: &Inbox, on_listen: &[ToClient]) -> Vec<Frame> {
     sent
 }
 
-/// The next message, exactly as many bytes as are expected.
+/// Reads the next message, with exactly the expected number of bytes.
 async fn expect(client: &mut (impl AsyncRead + Unpin), text: &str) {
     let mut bytes = vec![0; text.len()];
     client.read_exact(&mut bytes).await.expect(text);
@@ -137,7 +137,7 @@ async fn a_client_that_never_opens_the_bus_is_let_go() {
 async fn a_client_that_has_opened_the_bus_may_be_quiet() {
     let Setup { mut client, sent } = setup(Vec::new());
     say(&mut client, "< open pve0 >").await;
-    // The session takes the request before the time passes, and would end after that.
+    // The session takes the request before the time passes, and would time out afterwards.
     for time in [0, 10] {
         tokio::time::advance(time * HANDSHAKE).await;
         for _ in 0..10 {
@@ -160,7 +160,7 @@ async fn what_was_sent_before_the_end_counts_and_is_answered() {
     assert_eq!(sent.await.expect("the world"), [frame(&[7])]);
 }
 
-/// Places are few: a client that has hung up halfway and reads nothing must not keep one.
+/// Places are few: a client that has closed its half and does not read must not keep one.
 #[tokio::test(start_paused = true)]
 async fn a_client_that_says_its_last_word_and_does_not_read_is_let_go() {
     let (client, inbox, session) = serve(64);
@@ -186,7 +186,7 @@ async fn a_client_that_does_not_keep_up_is_disconnected() {
     let Setup { client, sent } = setup(vec![seen(&[0; 8]); 2 * QUEUE]);
     let (mut reader, mut writer) = split(client);
     say(&mut writer, "< open pve0 >< rawmode >").await;
-    // The world is done with the client while that has not read a byte yet.
+    // The world has finished with the client before it has read a byte.
     assert_eq!(sent.await.expect("the world"), []);
     let mut all = Vec::new();
     reader.read_to_end(&mut all).await.expect("the end");
@@ -203,7 +203,7 @@ async fn a_client_that_floods_is_not_read_beyond_its_credit() {
             say(&mut writer, "< send 18A 0 >").await;
         }
     });
-    // Both ends run until the one waits for a permit and the other for room: many times the turns that takes.
+    // Both ends run until one waits for a permit and the other for space: far more turns than needed.
     for _ in 0..100 * crate::inbox::PERMITS {
         tokio::task::yield_now().await;
     }

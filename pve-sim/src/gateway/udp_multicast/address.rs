@@ -1,4 +1,4 @@
-//! The URL of a group, and what to type to join it.
+//! The URL of a group, and an example command for joining.
 
 use std::fmt;
 use std::net::{IpAddr, SocketAddr};
@@ -17,7 +17,7 @@ const FORM: &str = "udp-multicast://GROUP:PORT";
 pub(in crate::gateway) const SCHEME: Scheme =
     Scheme { prefix: "udp-multicast://", form: FORM, parse: Parse::With(parse) };
 
-/// The port of a URL that has none: python-can's default.
+/// The default port, as in python-can.
 const PORT: u16 = 43113;
 
 /// A group with its port.
@@ -53,7 +53,7 @@ impl Address for GroupAddress {
     }
 }
 
-/// A group that was joined.
+/// A joined group.
 #[derive(Debug)]
 struct Joined {
     address: GroupAddress,

@@ -1,4 +1,4 @@
-//! A multicast group: its sockets, and the way of frames through them.
+//! A multicast group: its sockets, and the frames through them.
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket as StdSocket};
@@ -13,36 +13,35 @@ use super::message::{emit, parse};
 use crate::gateway::member::Member;
 use crate::inbox::{ClientEnd, ClientId, ToClient, ToWorld, WorldSender};
 
-/// The hops of a datagram that is to reach other machines: python-can's default, the local network.
+/// The hop limit towards other machines: python-can's default, the local network.
 const HOPS: u32 = 1;
 
-/// The longest datagram that is read: longer ones are cut off, and are no message then. That of a frame has some 200
-/// bytes.
+/// The longest datagram that is read: longer ones are truncated and therefore invalid. A frame takes some 200 bytes.
 const DATAGRAM_MAX: usize = 4096;
 
-/// How long to wait after an error of a read.
+/// The delay after a read error.
 const PAUSE: Duration = Duration::from_millis(100);
 
-/// A group that was joined.
+/// A joined group.
 #[derive(Debug)]
 pub(super) struct Group {
     address: SocketAddr,
     incoming: UdpSocket,
     outgoing: UdpSocket,
     intake: Intake,
-    /// Whether the user knows that frames do not get out.
+    /// The user knows that frames cannot be sent.
     is_in_trouble: bool,
 }
 
-/// What becomes of a datagram of the group.
+/// The filter of received datagrams.
 #[derive(Debug)]
 struct Intake {
     group: SocketAddr,
-    /// Where datagrams of this gateway come from: they come back.
+    /// The address of this gateway's sender, whose datagrams come back.
     own: SocketAddr,
-    /// Whether other machines take part.
+    /// Other machines may take part.
     is_remote: bool,
-    /// Whether the user knows that datagrams are ignored.
+    /// The user knows that datagrams are ignored.
     has_told: bool,
 }
 
@@ -50,7 +49,7 @@ impl Group {
     /// Joins a group. Needs a Tokio runtime.
     ///
     /// # Errors
-    /// When no interface takes multicast, or another program has the port for itself.
+    /// When no interface supports multicast, or another program has the port exclusively.
     pub(super) fn join(address: SocketAddr, is_remote: bool) -> io::Result<Self> {
         let incoming = incoming(address)?;
         let outgoing = outgoing(address, if is_remote { HOPS } else { 0 })?;
@@ -58,7 +57,7 @@ impl Group {
         Ok(Self { address, incoming, outgoing, intake, is_in_trouble: false })
     }
 
-    /// Takes note of a datagram that was sent, or was not; returns what the user is told.
+    /// Records the result of sending a datagram; returns a message for the user, if any.
     fn note(&mut self, error: Option<io::Error>) -> Option<String> {
         let was_in_trouble = std::mem::replace(&mut self.is_in_trouble, error.is_some());
         let text = match (was_in_trouble, error) {
@@ -76,7 +75,7 @@ impl Member for Group {
         loop {
             tokio::select! {
                 () = permits.dismissed() => return,
-                // A bus that takes nothing more is still heard.
+                // Reception continues while the bus accepts no frame.
                 (permit, read) = async {
                     (permits.permit().await, self.incoming.recv_from(&mut datagram).await)
                 } => match read {
@@ -106,10 +105,10 @@ impl Member for Group {
 }
 
 impl Intake {
-    /// Returns the frame of a datagram that is one, and none of one's own.
+    /// Returns the frame of a datagram; `None` for this gateway's own.
     ///
     /// # Errors
-    /// What the user is told of the first datagram that is ignored.
+    /// The message to the user about the first ignored datagram.
     fn take(&mut self, datagram: &[u8], from: SocketAddr) -> Result<Option<Frame>, String> {
         if from == self.own {
             return Ok(None);
@@ -129,21 +128,21 @@ impl Intake {
     }
 }
 
-/// Returns whether an address is one of this machine: no other can be bound.
+/// Returns whether an address belongs to this machine: no other can be bound.
 fn is_of_this_machine(mut address: SocketAddr) -> bool {
     address.set_port(0);
     StdSocket::bind(address).is_ok()
 }
 
-/// Returns a socket that gets what is sent to the group, on the interface to which the system sends it: python-can has
-/// it so.
+/// Returns a socket that receives the group's datagrams on the interface to which the system sends them, as python-can
+/// does.
 fn incoming(group: SocketAddr) -> io::Result<UdpSocket> {
     let socket = Socket::new(Domain::for_address(group), Type::DGRAM, None)?;
-    // Others on this machine have the port, too.
+    // Other programs on this machine use the port, too.
     socket.set_reuse_address(true)?;
     #[cfg(unix)]
     socket.set_reuse_port(true)?;
-    // Only Unix binds a group, which keeps other datagrams of the port away.
+    // Only Unix can bind to a group, which filters other datagrams to the port.
     let bound = if cfg!(unix) { group } else { SocketAddr::new(unspecified(group), group.port()) };
     socket.bind(&bound.into())?;
     match group.ip() {
@@ -215,7 +214,7 @@ mod tests {
         assert_eq!(self::intake(true).take(&datagram, from("192.0.2.1:1")), Ok(Some(frame)));
     }
 
-    /// A gateway whose datagrams come from the one socket and go to the other.
+    /// Returns a gateway with sockets for its input and output.
     async fn group() -> (Group, UdpSocket, UdpSocket) {
         let bind = || UdpSocket::bind("127.0.0.1:0");
         let (incoming, outgoing) = (bind().await.expect("a socket"), bind().await.expect("a socket"));
@@ -227,7 +226,7 @@ mod tests {
         (group, sender, listener)
     }
 
-    /// The world's end of a gateway that has joined.
+    /// Returns the queue of a gateway that has joined.
     fn joined(inbox: &Inbox) -> ClientQueue {
         let messages = std::iter::from_fn(|| inbox.messages.try_recv().ok()).map(|arrival| arrival.message);
         let to_client = messages
@@ -247,7 +246,7 @@ mod tests {
             }
         }
         sender.send(&datagram).await.expect("room");
-        // A gateway that would take it has done so by then.
+        // A gateway that wrongly read the datagram would have done so by then.
         sleep(PAUSE).await;
         assert!(inbox.messages.try_recv().is_err(), "the permits are spent");
     }

@@ -1,4 +1,4 @@
-//! Datagrams to frames and back: the keys of python-can's `Message` in a map of MessagePack. No I/O.
+//! Datagrams to frames and back: python-can's `Message` as a map in MessagePack. No I/O.
 
 use protocol_core::frame::{Frame, Id, MAX_LEN, extended, standard};
 use serde::{Deserialize, Serialize};
@@ -6,10 +6,10 @@ use serde_bytes::Bytes;
 
 use hal_sim::log::Timestamp;
 
-/// A message as this gateway sends it: with all keys.
+/// A sent message, with all keys.
 #[derive(Debug, Serialize)]
 struct Sent<'a> {
-    /// Seconds since 1970. python-can puts the time of the arrival in its place.
+    /// Seconds since 1970. python-can replaces it by the time of the arrival.
     timestamp: f64,
     arbitration_id: u32,
     is_extended_id: bool,
@@ -23,7 +23,7 @@ struct Sent<'a> {
     error_state_indicator: bool,
 }
 
-/// The keys of a message that make a frame. A missing one is what it is in python-can's constructor.
+/// The keys of a message that define a frame, with the defaults of python-can's constructor.
 #[derive(Debug, Deserialize)]
 struct Received<'a> {
     arbitration_id: u32,
@@ -44,16 +44,16 @@ const fn yes() -> bool {
     true
 }
 
-/// Why a datagram is no frame of this bus.
+/// The reason why a datagram is not a frame of this bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoFrame {
-    /// Something else.
+    /// Not a message.
     #[error("no message of python-can")]
     Nonsense,
-    /// Identifier, length or data that no frame has.
+    /// An identifier, length or data that no frame can have.
     #[error("no valid frame")]
     Invalid,
-    /// A frame of CAN FD.
+    /// A CAN FD frame.
     #[error("a frame of CAN FD")]
     Fd,
     /// An error frame.
@@ -64,9 +64,9 @@ pub enum NoFrame {
 /// Reads a datagram.
 ///
 /// # Errors
-/// [`NoFrame`] for what is no frame of classic CAN.
+/// [`NoFrame`] for everything but a classic CAN frame.
 pub fn parse(datagram: &[u8]) -> Result<Frame, NoFrame> {
-    // A list without keys would be read, too, member by member.
+    // A list would be parsed, too, member by member.
     if !matches!(datagram.first(), Some(0x80..=0x8F | 0xDE | 0xDF)) {
         return Err(NoFrame::Nonsense);
     }
@@ -115,7 +115,7 @@ pub fn emit(at: Timestamp, frame: &Frame) -> Vec<u8> {
         bitrate_switch: false,
         error_state_indicator: false,
     };
-    // Nothing of this has a type that MessagePack lacks, and a vector takes it all.
+    // MessagePack has all these types, and writing to a vector cannot fail.
     rmp_serde::to_vec_named(&message).unwrap_or_default()
 }
 
@@ -125,7 +125,7 @@ mod tests {
 
     use super::*;
 
-    /// What python-can 4.6.1 with msgpack 1.2.4 makes of `can.Message(timestamp=1.5, arbitration_id=0x1A0,
+    /// The output of python-can 4.6.1 with msgpack 1.2.4 for `can.Message(timestamp=1.5, arbitration_id=0x1A0,
     /// is_extended_id=False, data=[9, 0, 255, 1])`.
     const OF_PYTHON: &str = "8ba974696d657374616d70cb3ff8000000000000ae6172626974726174696f6e5f6964cd01a0ae69735f657874656e6465645f6964c2af69735f72656d6f74655f6672616d65c2ae69735f6572726f725f6672616d65c2a76368616e6e656cc0a3646c6304a464617461c4040900ff01a569735f6664c2ae626974726174655f737769746368c2b56572726f725f73746174655f696e64696361746f72c2";
 
@@ -133,7 +133,7 @@ mod tests {
         (0..hex.len()).step_by(2).map(|at| u8::from_str_radix(&hex[at..at + 2], 16).expect("hex")).collect()
     }
 
-    /// A map of these pairs, each a short text and a value.
+    /// Returns a map of these pairs, each of a short text and a value.
     fn map(pairs: &[(&str, &[u8])]) -> Vec<u8> {
         let mut out = vec![0x80 | u8::try_from(pairs.len()).expect("a short map")];
         for (key, value) in pairs {

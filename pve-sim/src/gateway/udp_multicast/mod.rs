@@ -1,10 +1,10 @@
-//! python-can's `udp_multicast`: a bus of datagrams to a multicast group, a frame each. Who is in the group is on the
-//! bus.
+//! python-can's `udp_multicast`: a bus of datagrams to a multicast group, one per frame. Every member of the group is
+//! on the bus.
 //!
 //! ```text
 //! message  datagrams ↔ frames, no I/O
-//! group    the sockets, and the way of frames through them
-//! address  the URL, and what to type to join
+//! group    the sockets, and the frames through them
+//! address  the URL, and an example command for joining
 //! ```
 
 mod address;

@@ -14,7 +14,7 @@ pub(super) async fn show(control: Control) -> Result<Json<BusState>, Failure> {
     control.ask(Message::Bus).await.map(Json)
 }
 
-/// Changes the bit rate of the bus and of every client: the master that changes its rate
+/// Changes the bit rate of the bus and of every client, as a master that changes its rate
 #[utoipa::path(
     patch, path = "/bus", operation_id = "changeBus", tag = "bus",
     request_body = BusChange,
@@ -24,7 +24,7 @@ pub(super) async fn change(control: Control, Body(change): Body<BusChange>) -> R
     control.execute(Command::BitRate(change.bit_rate()?)).await
 }
 
-/// Destroys the next attempts to send a frame by a bit error each, in the place of an earlier disturbance
+/// Destroys the next attempts to send a frame, by a bit error each; replaces an earlier disturbance
 #[utoipa::path(
     post, path = "/bus/disturb", operation_id = "disturbBus", tag = "bus",
     request_body = Disturb,

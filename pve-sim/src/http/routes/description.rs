@@ -13,7 +13,7 @@ use hal_sim::simulation::TimedOut;
 use hal_sim::state::schema::{Schemas, without_formats};
 use hal_sim::state::{BusChange, Disturb, PlantChange, PowerChange};
 
-/// The calls and their schemas, as far as attributes say them.
+/// The calls and their schemas, as far as attributes can express them.
 #[derive(OpenApi)]
 #[openapi(
     info(
@@ -53,7 +53,7 @@ static DESCRIPTION: LazyLock<Value> = LazyLock::new(|| {
     describe::<frames::FrameToSend>(schemas);
     describe::<wait::Wait>(schemas);
     describe::<time::Advance>(schemas);
-    // A text about a wait is one about a body, too.
+    // An error of a wait has the form of an error of its body, too.
     schemas["NotInTime"] = json!({ "anyOf": schemas["NotInTime"]["oneOf"] });
     let paths = description["paths"].as_object_mut().into_iter().flat_map(|paths| paths.values_mut());
     paths.filter_map(Value::as_object_mut).flat_map(|path| path.values_mut()).for_each(add_refusals);
@@ -65,14 +65,14 @@ pub(super) async fn show() -> Json<&'static Value> {
     Json(&DESCRIPTION)
 }
 
-/// Puts the schemas by which a body is read in the place of those that the attributes say.
+/// Replaces the schemas derived from attributes by those that validate request bodies.
 fn describe<T: ToSchema + 'static>(schemas: &mut Value) {
     for (name, schema) in Schemas::of::<T>().by_name() {
         schemas[name] = schema.clone();
     }
 }
 
-/// Adds the refusals that every call has, and those of every body and every parameter.
+/// Adds the refusals common to all calls, and those of bodies and parameters.
 fn add_refusals(call: &mut Value) {
     let has_body = call["requestBody"].is_object();
     let refusals = [
@@ -93,7 +93,7 @@ fn add_refusals(call: &mut Value) {
             response["description"] = description.into();
         }
     }
-    // The remaining ones are those of a device, a frame or a state.
+    // The other ones refuse a device, a frame or a state.
     let responses = call["responses"].as_object_mut().into_iter().flatten();
     for (status, response) in responses.filter(|(_, response)| response["description"] == "") {
         let description = if status == "404" { "No device of this name" } else { "Done" };

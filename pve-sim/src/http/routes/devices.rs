@@ -24,7 +24,7 @@ pub(super) async fn show(control: Control, Name(name): Name) -> Result<Json<Devi
     control.ask(|answer| Message::Device(name, answer)).await.map(Json)
 }
 
-/// Changes what acts on a device from outside, now: all of it, or nothing
+/// Changes the plant of a device, now: completely or not at all
 #[utoipa::path(
     patch, path = "/devices/{name}/plant", operation_id = "changePlant", tag = "devices",
     params(("name" = String, Path, description = "The name of the device")),

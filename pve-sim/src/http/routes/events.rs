@@ -1,4 +1,4 @@
-//! `/events`: what happens, as server-sent events.
+//! `/events`: server-sent events.
 
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -16,22 +16,21 @@ use crate::control::events::{ControlEvent, Follower, Subscription, json};
 use crate::control::message::Message;
 use crate::http::error::{Error, Failure};
 
-/// A quiet bus sends a comment so often: a client that is gone is noticed.
+/// The interval of comments on a quiet bus: they reveal a client that is gone.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
 
 /// The data of a `lost` event: the client was too slow.
 #[derive(Serialize, ToSchema)]
 pub(super) struct LostEvent {
-    /// How many events were lost.
+    /// The number of lost events.
     events: u64,
 }
 
-/// What happens from now on, as server-sent events
+/// Streams server-sent events from now on
 ///
 /// First a `device` event for each device; then `frame` for each frame on the bus, `device` for each change of a
-/// device, its position up to 50 times a second, and `error` as the trace tells it: the first error frame of a frame
-/// that is being destroyed, and changes of error modes. A client that is too slow loses events, and is told by `lost`
-/// how many.
+/// device, with its position up to 50 times a second, and `error` as in the trace: the first error frame of each
+/// destroyed frame, and changes of error modes. A client that is too slow loses events; `lost` has their number.
 #[utoipa::path(
     get, path = "/events", operation_id = "followEvents", tag = "events",
     responses(
@@ -47,7 +46,7 @@ pub(super) async fn follow(control: Control) -> Result<Sse<impl Stream<Item = Re
 }
 
 impl Follower {
-    /// The event of something that happened, or that was missed.
+    /// Returns the event for a control event, or for lost ones.
     fn event(&self, received: Result<Arc<ControlEvent>, BroadcastStreamRecvError>) -> Event {
         match received {
             Ok(received) => event(received.name(), received.json()),

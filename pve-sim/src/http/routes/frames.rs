@@ -24,21 +24,21 @@ pub(super) struct FrameToSend {
     /// Up to eight bytes, in hex; `R`, `R1` … for a remote frame.
     #[schema(value_type = Data)]
     data: String,
-    /// Sends it again and again, with this period.
+    /// The period of a cyclic frame.
     #[serde(default, deserialize_with = "given")]
     #[schema(minimum = 1, maximum = 4294967295_i64)]
     every_ms: Option<u32>,
 }
 
-/// The cyclic frames that end.
+/// The cyclic frames to stop.
 #[derive(Clone, Debug, Deserialize, IntoParams, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct WhichFrames {
-    /// The identifier in hex, with or without 0x; without it all.
+    /// The identifier in hex, with or without 0x; all without it.
     #[param(pattern = "^(0[xX])?([01][0-9A-Fa-f]{7}|[0-9A-Fa-f]{1,7})$")]
     id: Option<String>,
-    /// True for an identifier of 29 bits; by default those of eight digits and those above 0x7FF are.
+    /// True for an identifier of 29 bits; the default for eight digits and for values above 0x7FF.
     extended: Option<bool>,
 }
 
@@ -64,7 +64,7 @@ pub(super) async fn send(control: Control, Body(frame): Body<FrameToSend>) -> Re
     control.execute(Command::Send(frame, period)).await
 }
 
-/// Ends cyclic frames
+/// Stops cyclic frames
 #[utoipa::path(
     delete, path = "/bus/frames", operation_id = "stopFrames", tag = "bus",
     params(WhichFrames),
@@ -79,7 +79,7 @@ pub(super) async fn stop(control: Control, Query(which): Query<WhichFrames>) -> 
     control.execute(Command::Stop(id)).await
 }
 
-/// The schema of the data of one frame.
+/// The schema of the data of a frame.
 pub(super) struct Data;
 
 /// The schema of a pattern of data.

@@ -28,7 +28,7 @@ use hal_sim::simulation::{Command, Reply};
 /// The longest body of a request, in bytes.
 const BODY: usize = 64 * 1024;
 
-/// The way of the calls to the world.
+/// The connection of the calls to the world.
 #[derive(Clone, Debug)]
 pub(super) struct Control {
     world: WorldSender,
@@ -36,7 +36,7 @@ pub(super) struct Control {
 }
 
 impl Control {
-    /// Asks the world, and waits for the answer.
+    /// Sends a message to the world, and waits for the answer.
     async fn ask<T>(&self, message: impl FnOnce(Answer<T>) -> Message) -> Result<T, Failure> {
         let _asking = self.connection.ask();
         let (answer, receiver) = Answer::new();
@@ -44,13 +44,13 @@ impl Control {
         Ok(receiver.await.map_err(|_| Failure::ending())??)
     }
 
-    /// Asks the world for an answer that takes virtual time, which can be long: such calls leave room for others.
+    /// Sends a message whose answer may take long in virtual time: the number of such calls is limited.
     async fn ask_and_wait<T>(&self, message: impl FnOnce(Answer<T>) -> Message) -> Result<T, Failure> {
         let _waits = self.connection.wait().ok_or_else(Failure::crowded)?;
         self.ask(message).await
     }
 
-    /// Has a command carried out, and waits for its end.
+    /// Executes a command, and waits for its completion.
     async fn execute(&self, command: Command) -> Result<Json<Reply>, Failure> {
         let takes_time = command.takes_time();
         let message = |answer| Message::Execute(command, answer);
@@ -63,7 +63,7 @@ impl FromRequestParts<WorldSender> for Control {
     type Rejection = Failure;
 
     async fn from_request_parts(parts: &mut Parts, world: &WorldSender) -> Result<Self, Failure> {
-        // Every connection has it.
+        // Every connection has the extension.
         let connection = parts.extensions.get::<Arc<Connection>>().ok_or_else(Failure::ending)?;
         Ok(Self { world: world.clone(), connection: Arc::clone(connection) })
     }

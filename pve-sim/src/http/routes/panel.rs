@@ -1,4 +1,4 @@
-//! The panel: one page, embedded with everything that it needs.
+//! The panel: one page, embedded with all its files.
 
 use axum::http::{HeaderName, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -26,7 +26,7 @@ macro_rules! file {
 
 const PAGE: File = file!("index.html", HTML);
 
-/// What the page asks for, at `/panel/NAME`.
+/// The files of the page, at `/panel/NAME`.
 const FILES: [File; 17] = [
     file!("panel.css", CSS),
     file!("icon.svg", SVG),
@@ -47,11 +47,11 @@ const FILES: [File; 17] = [
     file!("words.js", SCRIPT),
 ];
 
-/// What the page may load and reach: nothing but this server, and no script or style inside the page.
+/// The content security policy: the page loads and reaches only this server, and has no inline script or style.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; \
                       base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
-/// With every file; after an update the browser is to have the new one.
+/// The headers of every file; without caching, so that the browser has the current files after an update.
 const HEADERS: [(HeaderName, &str); 4] = [
     (header::CONTENT_SECURITY_POLICY, POLICY),
     (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
@@ -85,7 +85,7 @@ mod tests {
 
     use super::*;
 
-    /// The size that the panel may have, in bytes.
+    /// The size limit of the panel, in bytes.
     const BUDGET: usize = 60_000;
 
     #[test]
@@ -105,7 +105,7 @@ mod tests {
         assert_eq!(written.collect::<BTreeSet<_>>(), served);
     }
 
-    /// The page reaches nobody else, runs nothing that stands in itself, and stands in no other page.
+    /// The page reaches no other server, has no inline script, and cannot be framed.
     #[test]
     fn every_file_has_the_policy() {
         for file in FILES.iter().chain([&PAGE]) {

@@ -9,11 +9,11 @@ use super::Control;
 use crate::control::message::{Message, Time};
 use crate::http::error::{Body, Error, Failure};
 
-/// The time that is to pass.
+/// An advance of virtual time.
 #[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Advance {
-    /// In milliseconds of virtual time.
+    /// The duration in milliseconds of virtual time.
     #[schema(maximum = 4294967295_i64)]
     advance_ms: u32,
 }
@@ -24,7 +24,7 @@ pub(super) async fn show(control: Control) -> Result<Json<Time>, Failure> {
     control.ask(Message::Time).await.map(Json)
 }
 
-/// Lets virtual time pass, with `--speed step`; answers when it has
+/// Advances virtual time, with `--speed step`; answers afterwards
 #[utoipa::path(
     post, path = "/time", operation_id = "advanceTime", tag = "time",
     request_body = Advance,

@@ -9,10 +9,10 @@ use crate::control::message::Message;
 use crate::http::error::{Error, Failure, Query};
 use hal_sim::simulation::{KEPT, TraceRecord};
 
-/// How many frames, when nobody says.
+/// The default number of entries.
 const LIMIT: usize = 100;
 
-/// How much is asked for.
+/// The requested part of the trace.
 #[derive(Clone, Copy, Debug, Deserialize, IntoParams, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]

@@ -1,4 +1,4 @@
-//! `/wait`: a state, or a frame.
+//! `/wait`: waits for a state or a frame.
 
 use axum::Json;
 use protocol_core::time::Duration;
@@ -12,7 +12,7 @@ use crate::http::error::{Body, Error, Failure};
 use hal_sim::simulation::{Command, FrameRecord, Refusal, Reply, TimedOut};
 use hal_sim::state::{Condition, DeviceState, Identifier, Pattern, StateCondition, given, given_object};
 
-/// What is waited for, and how long: a device with a state, or a frame.
+/// A wait: for a state of a device, or for a frame.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Wait {
@@ -26,12 +26,12 @@ pub(super) struct Wait {
     /// The frame.
     #[serde(default, deserialize_with = "given_object")]
     frame: Option<FrameToCome>,
-    /// The time in milliseconds of virtual time.
+    /// The time limit in milliseconds of virtual time.
     #[schema(maximum = 4294967295_i64)]
     within_ms: u32,
 }
 
-/// A frame that is waited for.
+/// A frame to wait for.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct FrameToCome {
@@ -40,14 +40,14 @@ pub(super) struct FrameToCome {
     /// Whether the identifier has 29 bits.
     #[serde(default, deserialize_with = "given")]
     extended: Option<bool>,
-    /// The data, in hex: these bytes and no others; `..` at the end stands for any rest, `?` for any digit, `R`, `R1` …
-    /// for a remote frame. Without it any data.
+    /// The data, in hex: exactly these bytes; `..` at the end stands for any further bytes, `?` for any digit, `R`,
+    /// `R1` … for a remote frame. Without it, any data.
     #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<DataPattern>)]
     data: Option<String>,
 }
 
-/// A condition holds.
+/// The condition holds.
 #[derive(serde::Serialize, ToSchema)]
 #[serde(untagged)]
 #[expect(dead_code, reason = "described, and never made")]
@@ -58,7 +58,7 @@ enum Waited {
     Frame(FrameRecord),
 }
 
-/// The answer when the time is over: that of the wait, or that of the body.
+/// The answer 408: the time limit of the wait, or that of the body.
 #[derive(serde::Serialize, ToSchema)]
 #[serde(untagged)]
 #[expect(dead_code, reason = "described, and never made")]
@@ -69,7 +69,7 @@ enum NotInTime {
 
 /// Waits until a device is in a state, or a frame is on the bus
 ///
-/// Answers at the first instant when it holds, which can be now. With `--speed step` this lets time pass.
+/// Answers at the first instant when the condition holds, which can be now. With `--speed step` this lets time pass.
 #[utoipa::path(
     post, path = "/wait", operation_id = "wait", tag = "wait",
     request_body = Wait,
@@ -97,7 +97,7 @@ pub(super) async fn wait(control: Control, Body(wait): Body<Wait>) -> Result<Jso
     control.execute(Command::Wait(condition, within)).await
 }
 
-/// Waits for a state; a refusal says which of its members differ.
+/// Waits for a state; a refusal lists the members that differ.
 async fn for_state(
     control: &Control,
     device: String,
@@ -121,7 +121,7 @@ fn condition(members: Map<String, Value>) -> Result<StateCondition, Failure> {
     serde_json::from_value(Value::Object(members)).map_err(|error| Failure::bad_request(error.to_string()))
 }
 
-/// Returns the members of a state that are not as wanted, in words.
+/// Returns the members of a state that differ from the wanted ones, in words.
 fn differences(wanted: Map<String, Value>, state: &DeviceState) -> String {
     let mut seen = json!(state);
     seen["faults"] = state.faults.iter().filter(|fault| fault.active).map(|fault| fault.fault).collect();

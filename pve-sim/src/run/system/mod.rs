@@ -1,4 +1,4 @@
-//! What a run asks of the operating system beyond the standard library; each system answers in a file of its own.
+//! Functions of the operating system beyond the standard library, with a file for each system.
 //!
 //! | | Linux | macOS | Windows |
 //! | --- | --- | --- | --- |
@@ -12,7 +12,7 @@
 //! | a log has one writer | by a lock | by a lock | by how it is opened |
 //! | wake-ups without slack | yes | no | no |
 //!
-//! Windows and macOS are compiled only: nothing was run there.
+//! Windows and macOS are compile-tested only.
 
 #[cfg(unix)]
 #[path = "unix.rs"]

@@ -15,7 +15,7 @@ use rustix::process::{Resource, Signal, getpgrp, getrlimit, kill_current_process
 use rustix::termios::{OptionalActions, Termios, tcgetattr, tcgetpgrp, tcsetattr};
 use tokio::signal::unix::{self, SignalKind, signal};
 
-/// The time between two looks at whose the terminal is: the shell reads what is typed now, and needs time to do so.
+/// The interval of looking for the terminal's foreground job: until then the shell reads the input.
 const BACKGROUND: Duration = Duration::from_millis(200);
 
 /// The signals that end a run.
@@ -23,7 +23,7 @@ const BACKGROUND: Duration = Duration::from_millis(200);
 pub(in crate::run) struct Signals(Vec<unix::Signal>);
 
 impl Signals {
-    /// Listens to SIGINT, SIGTERM and SIGHUP; not to a SIGHUP that is ignored, as under `nohup`.
+    /// Installs handlers of SIGINT, SIGTERM and SIGHUP; not of a SIGHUP that is ignored, as under `nohup`.
     pub(in crate::run) fn listen() -> io::Result<Self> {
         let mut kinds = vec![SignalKind::interrupt(), SignalKind::terminate()];
         if !hangup_is_ignored() {
@@ -42,23 +42,23 @@ impl Signals {
     }
 }
 
-/// Returns whether this process was started with SIGHUP ignored. Only Linux tells that to safe code.
+/// Returns whether this process was started with SIGHUP ignored. Only Linux reveals that to safe code.
 fn hangup_is_ignored() -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     ignores_hangup(&status)
 }
 
-/// Reads the mask of ignored signals, a hex number; SIGHUP is its lowest bit.
+/// Returns whether a mask of ignored signals, a hex number, includes SIGHUP, its lowest bit.
 fn ignores_hangup(status: &str) -> bool {
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).is_some_and(|mask| mask & 1 != 0)
 }
 
-/// Waits until nobody reads stdout; returns whether that was found out. A file has no reader.
+/// Waits until the reader of stdout has gone; returns whether that can be detected. A file has no reader.
 pub(in crate::run) fn wait_for_hangup() -> bool {
     let stdout = io::stdout();
     loop {
-        // With no event asked for, poll returns for an error or a hang-up only.
+        // Without requested events, poll returns only for an error or a hang-up.
         let mut polled = [PollFd::from_borrowed_fd(stdout.as_fd(), PollFlags::empty())];
         match poll(&mut polled, None) {
             Err(Errno::INTR) => {}
@@ -68,8 +68,8 @@ pub(in crate::run) fn wait_for_hangup() -> bool {
     }
 }
 
-/// Waits until stdin can be read; returns whether there is one. A job in the background must not read from its
-/// terminal: the system would stop it.
+/// Waits until stdin is readable; returns whether there is a stdin. A background job must not read from its terminal:
+/// the system would stop it.
 pub(in crate::run) fn wait_for_input() -> bool {
     let stdin = io::stdin();
     loop {
@@ -93,18 +93,19 @@ pub(in crate::run) fn wait_for_foreground() {
     }
 }
 
-/// Returns false in the foreground, and without a terminal.
+/// Returns whether this job is in the background of its terminal.
 fn is_in_background() -> bool {
     tcgetpgrp(io::stdin()).is_ok_and(|foreground| foreground != getpgrp())
 }
 
-/// Whether a key stops a job, which the shell continues in the background or in the foreground.
+/// A key stops the job, which the shell can continue in the background or foreground.
 pub(in crate::run) const HAS_JOBS: bool = true;
 
-/// Stops this job, as the terminal does for Ctrl-Z. Returns when it goes on, or when nobody could continue it.
+/// Stops this job, as the terminal does for Ctrl-Z. Returns after its continuation, or at once if no shell could
+/// continue it.
 pub(in crate::run) fn suspend() {
     let _ = kill_current_process_group(Signal::TSTP);
-    // Another thread may take the signal, and stops this one a little later.
+    // Another thread may take the signal, and stop this one a little later.
     std::thread::sleep(BACKGROUND);
 }
 
@@ -118,35 +119,35 @@ pub(in crate::run) fn interrupt() {
 pub(in crate::run) struct Modes(Termios);
 
 impl Modes {
-    /// Returns the modes of the terminal that is stdin, stdout and stderr; `None` when they are not one.
+    /// Returns the modes of the terminal, if stdin, stdout and stderr are the same one.
     pub(in crate::run) fn of_the_terminal() -> Option<Self> {
         let device = fstat(io::stdin()).ok()?.st_rdev;
         let is_one = fstat(io::stdout()).ok()?.st_rdev == device && fstat(io::stderr()).ok()?.st_rdev == device;
         tcgetattr(io::stdin()).ok().filter(|_| is_one).map(Self)
     }
 
-    /// Restores them, unless the terminal is another job's.
+    /// Restores the modes, unless the terminal belongs to another job.
     pub(in crate::run) fn restore(&self) {
         if !is_in_background() {
-            // At once: a terminal that takes no output would never drain.
+            // At once: a terminal with blocked output would never drain.
             let _ = tcsetattr(io::stdin(), OptionalActions::Now, &self.0);
         }
     }
 }
 
-/// Returns how many files this process may have open; `None` without a limit.
+/// Returns the limit of open files; `None` without a limit.
 pub(in crate::run) fn max_open_files() -> Option<u64> {
     getrlimit(Resource::Nofile).current
 }
 
-/// Takes the timer slack from this thread: Linux would delay each wake-up by 50 µs to wake several threads at once.
+/// Removes the timer slack of this thread: Linux would delay each wake-up by 50 µs to combine several.
 pub(in crate::run) fn be_punctual() {
     #[cfg(target_os = "linux")]
     let _ = rustix::thread::set_current_timer_slack(std::num::NonZeroU64::new(1));
 }
 
-/// Opens a file to write, and keeps others from doing so by this function; `None` when another process has it. Where
-/// the file system has no locks, nobody looks after that.
+/// Opens a file for writing, with a lock against other calls of this function; `None` when another process has it. File
+/// systems without locks are not protected.
 pub(in crate::run) fn open_alone(options: &OpenOptions, path: &Path) -> io::Result<Option<File>> {
     let file = options.open(path)?;
     match file.try_lock() {
@@ -157,7 +158,7 @@ pub(in crate::run) fn open_alone(options: &OpenOptions, path: &Path) -> io::Resu
     }
 }
 
-/// Returns whether both are one file under two names.
+/// Returns whether both are the same file.
 pub(in crate::run) fn is_same_file(one: &Metadata, other: &Metadata) -> bool {
     (one.dev(), one.ino()) == (other.dev(), other.ino())
 }

@@ -9,7 +9,7 @@ use tokio::signal::windows::{
     CtrlBreak, CtrlC, CtrlClose, CtrlLogoff, CtrlShutdown, ctrl_break, ctrl_c, ctrl_close, ctrl_logoff, ctrl_shutdown,
 };
 
-/// The events of the console that end a run.
+/// The console events that end a run.
 #[derive(Debug)]
 pub(in crate::run) struct Signals {
     interrupt: CtrlC,
@@ -20,7 +20,7 @@ pub(in crate::run) struct Signals {
 }
 
 impl Signals {
-    /// Listens to Ctrl-C, Ctrl-Break, the closed window, the end of the session and of the system.
+    /// Listens to Ctrl-C, Ctrl-Break, the closed window, and the end of the session and of the system.
     pub(in crate::run) fn listen() -> io::Result<Self> {
         Ok(Self {
             interrupt: ctrl_c()?,
@@ -31,7 +31,7 @@ impl Signals {
         })
     }
 
-    /// Waits for one of the events. After the last three Windows leaves the process some seconds to end.
+    /// Waits for one of the events. After the last three, Windows grants the process some seconds.
     pub(in crate::run) async fn come(&mut self) {
         tokio::select! {
             _ = self.interrupt.recv() => {}
@@ -43,12 +43,12 @@ impl Signals {
     }
 }
 
-/// Returns at once that nothing was found out: the next line that is written to stdout notices a reader that is gone.
+/// Returns false at once: the next line on stdout reveals that its reader has gone.
 pub(in crate::run) const fn wait_for_hangup() -> bool {
     false
 }
 
-/// Returns at once: a read waits by itself, and no job is stopped for it.
+/// Returns at once: reads block, and no job is stopped for them.
 pub(in crate::run) const fn wait_for_input() -> bool {
     true
 }
@@ -56,13 +56,13 @@ pub(in crate::run) const fn wait_for_input() -> bool {
 /// Returns at once, as [`wait_for_input`].
 pub(in crate::run) const fn wait_for_foreground() {}
 
-/// Whether a key stops a job: none does.
+/// No key stops a job.
 pub(in crate::run) const HAS_JOBS: bool = false;
 
-/// Does nothing: no key asks for it.
+/// Does nothing: no key requests it.
 pub(in crate::run) const fn suspend() {}
 
-/// Does nothing: whoever calls this ends the run.
+/// Does nothing: the caller ends the run.
 pub(in crate::run) const fn interrupt() {}
 
 /// The modes of the console, which only its line editor restores: the standard library cannot.
@@ -76,20 +76,20 @@ impl Modes {
         Some(Self)
     }
 
-    /// Does nothing: the shell sets its own.
+    /// Does nothing: the shell sets its own modes.
     #[expect(clippy::unused_self, reason = "the one of Unix has them")]
     pub(in crate::run) const fn restore(&self) {}
 }
 
-/// Returns that files and sockets have no common limit.
+/// Returns `None`: files and sockets have no common limit.
 pub(in crate::run) const fn max_open_files() -> Option<u64> {
     None
 }
 
-/// Does nothing: Windows has no timer slack of a thread.
+/// Does nothing: threads have no timer slack.
 pub(in crate::run) const fn be_punctual() {}
 
-/// Opens a file to write, and lets others read it only; `None` when another process has it. A lock would keep readers
+/// Opens a file for writing, which others may only read; `None` when another process has it. A lock would keep readers
 /// out, too.
 pub(in crate::run) fn open_alone(options: &OpenOptions, path: &Path) -> io::Result<Option<File>> {
     const FILE_SHARE_READ: u32 = 1;
@@ -102,7 +102,7 @@ pub(in crate::run) fn open_alone(options: &OpenOptions, path: &Path) -> io::Resu
     }
 }
 
-/// Returns false: the standard library does not tell which file a hard link leads to.
+/// Returns false: the standard library cannot compare the files behind hard links.
 pub(in crate::run) const fn is_same_file(_: &Metadata, _: &Metadata) -> bool {
     false
 }
