@@ -94,7 +94,7 @@ function slider(label, symbol, { min, max, limit = max, step, unit }, send) {
 /** Makes the hand lever: a slider in percent of the stroke, and a button that lets it go. */
 function lever(send) {
   const range = el("input", { type: "range", min: -100, max: 100, step: 1, value: 0, "aria-label": "Hand lever in percent" });
-  const release = el("button", { type: "button", onclick: () => send(null) }, "Let go");
+  const release = el("button", { type: "button", onclick: () => send(null) }, "Release");
   range.addEventListener("input", () => send(Math.round((range.valueAsNumber / 100) * FULL)));
   return {
     element: el("div", { class: "control" }, el("span", { class: "label" }, "Hand lever"), range, el("span", { class: "unit" }, release)),

@@ -152,7 +152,7 @@ export class Trace {
     setText(byId("trace-note"), this.note());
     const isEmpty = this.list.childElementCount === 0;
     byId("trace-empty").hidden = !isEmpty;
-    if (isEmpty) setText(byId("trace-empty"), this.lines.length === 0 ? "No frame yet" : "No kept frame matches the filter");
+    if (isEmpty) setText(byId("trace-empty"), this.lines.length === 0 ? "No frame yet" : "No recorded frame matches the filter");
   }
 
   /** Shows a line in a row; the oldest one is used again when there are enough. */

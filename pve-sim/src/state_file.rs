@@ -49,7 +49,7 @@ pub enum StateFileError {
         expected: u32,
     },
     /// A later program wrote the file.
-    #[error("{}: written by a later pve-sim", path.display())]
+    #[error("{}: written by a newer pve-sim", path.display())]
     Later {
         /// The file.
         path: PathBuf,

@@ -223,7 +223,7 @@ def full():
 
         run("tc", "qdisc", "change", "dev", INTERFACE, "root", "tbf", "rate", "8bit", "burst", "32", "limit", "200")
         burst(COUNT)
-        take(said, lambda line: line.endswith(f"{INTERFACE}: its queue is full and stands still: nothing is sent until frames pass again"))
+        take(said, lambda line: line.endswith(f"{INTERFACE}: its transmit queue is full and does not drain: nothing is sent until frames pass again"))
         run("tc", "qdisc", "del", "dev", INTERFACE, "root")
         burst(1)
         take(said, lambda line: re.search("frames pass again; [0-9]+ frames were not sent", line))

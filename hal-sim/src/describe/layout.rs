@@ -144,7 +144,7 @@ pub(super) fn messages(valve: Address) -> Vec<Message> {
             ..eight(format!("AddressClaim_{address:02X}"), global(Priority::DEFAULT, Pgn::ADDRESS_CLAIMED), name())
         },
         Message {
-            comment: "Answer to a request that is no message of its own".to_owned(),
+            comment: "Answer to a request without a message of its own".to_owned(),
             ..eight(
                 format!("Acknowledgement_{address:02X}"),
                 global(Priority::DEFAULT, Pgn::ACKNOWLEDGEMENT),

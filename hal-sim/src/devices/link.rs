@@ -25,7 +25,7 @@ impl FromStr for LinkSpec {
         let mut parts = text.split(',');
         let head = parts.next().unwrap_or_default();
         let (valve, sensor) =
-            head.split_once('=').ok_or_else(|| format!("'{head}' links nothing; accepted: VALVE=SENSOR"))?;
+            head.split_once('=').ok_or_else(|| format!("'{head}' is not a link; accepted: VALVE=SENSOR"))?;
         let mut link = Link::default();
         let mut seen = Vec::new();
         for part in parts {
@@ -50,12 +50,14 @@ impl FromStr for LinkSpec {
 
 fn rate(text: &str) -> Result<i32, String> {
     let rate = text.parse().ok().filter(|rate: &i32| rate.unsigned_abs() <= RATE_MAX.unsigned_abs());
-    rate.ok_or_else(|| format!("'{text}' is no rate; accepted: -{RATE_MAX}–{RATE_MAX}, in 1/100 degree a second"))
+    rate.ok_or_else(|| {
+        format!("'{text}' is not a valid rate; accepted: -{RATE_MAX}–{RATE_MAX}, in 1/100 degree a second")
+    })
 }
 
 fn angle(text: &str) -> Result<u32, String> {
     text.parse().ok().filter(|angle| ANGLES.contains(angle)).ok_or_else(|| {
-        format!("'{text}' is no end stop; accepted: {}–{}, in 1/100 degree", ANGLES.start(), ANGLES.end())
+        format!("'{text}' is not a valid end stop; accepted: {}–{}, in 1/100 degree", ANGLES.start(), ANGLES.end())
     })
 }
 
@@ -70,15 +72,15 @@ pub fn links(devices: &[NamedDevice], specs: Vec<LinkSpec>) -> Result<Vec<NamedL
             return Ok(());
         }
         let names: Vec<&str> = devices.iter().filter(fits).map(|device| device.name.as_str()).collect();
-        let accepted = if names.is_empty() { format!("add one: there is no {what}") } else { names.join(", ") };
-        Err(format!("'{name}' is no {what} on the bus; accepted: {accepted}"))
+        let remedy = if names.is_empty() { "add one".to_owned() } else { format!("accepted: {}", names.join(", ")) };
+        Err(format!("no {what} '{name}' on the bus; {remedy}"))
     };
     let mut links: Vec<NamedLink> = Vec::new();
     for LinkSpec(link) in specs {
         known(&link.valve, |kind| matches!(kind, Kind::Pve(_)), "valve")?;
         known(&link.sensor, |kind| matches!(kind, Kind::Hat(_)), "angle sensor")?;
         if links.iter().any(|other| other.sensor == link.sensor) {
-            return Err(format!("{} is linked twice; one valve moves it", link.sensor));
+            return Err(format!("{} is linked twice; accepted: one valve per sensor", link.sensor));
         }
         links.push(link);
     }

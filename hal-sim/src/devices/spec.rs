@@ -70,7 +70,7 @@ impl FromStr for DeviceSpec {
                 ("bit-rate", Some(rate)) => spec.setup.bit_rate = Some(bit_rate_of(kind, rate)?),
                 ("serial", Some(serial)) => spec.setup.serial = Some(serial_number(serial)?),
                 ("stroke-ms" | "return-ms", _) if matches!(kind, Kind::Hat(_)) => {
-                    return Err(format!("'{key}' is of a valve's spool; a {kind} has none"));
+                    return Err(format!("'{key}' applies to a valve's spool; a {kind} has none"));
                 }
                 ("stroke-ms", Some(time)) => stroke_ms = spool_time(time)?,
                 ("return-ms", Some(time)) => return_ms = spool_time(time)?,
@@ -97,7 +97,7 @@ fn node_id(kind: Kind, text: &str) -> Result<u8, String> {
     number(text).and_then(|id| u8::try_from(id).ok()).filter(|id| range.contains(id)).ok_or_else(|| {
         let (low, high) = (range.start(), range.end());
         format!(
-            "'{text}' is no {} of {kind}; accepted: {low}–{high}, or 0x{low:02X}–0x{high:02X}",
+            "'{text}' is not a valid {} of {kind}; accepted: {low}–{high}, or 0x{low:02X}–0x{high:02X}",
             kind.protocol().id_name()
         )
     })
@@ -110,7 +110,7 @@ fn bit_rate_of(kind: Kind, text: &str) -> Result<BitRate, String> {
         let mut rates: Vec<u32> = rates.iter().map(|rate| rate.bits_per_second()).collect();
         rates.sort_unstable();
         let rates: Vec<String> = rates.iter().map(ToString::to_string).collect();
-        format!("'{text}' is no bit rate of {kind}; accepted: {}", rates.join(", "))
+        format!("'{text}' is not a valid bit rate of {kind}; accepted: {}", rates.join(", "))
     })
 }
 
@@ -130,26 +130,27 @@ pub fn bit_rate(text: &str) -> Option<BitRate> {
 fn spool_time(text: &str) -> Result<u16, String> {
     let range = SpoolTimes::RANGE_MS;
     text.parse().ok().filter(|time| range.contains(time)).ok_or_else(|| {
-        format!("'{text}' is no time of a spool; accepted: {}–{}, in milliseconds", range.start(), range.end())
+        format!("'{text}' is not a valid spool time; accepted: {}–{}, in milliseconds", range.start(), range.end())
     })
 }
 
 fn serial_number(text: &str) -> Result<u32, String> {
-    number(text).ok_or_else(|| format!("'{text}' is no serial number; accepted: 0–{}, or 0x0–0xFFFFFFFF", u32::MAX))
+    number(text)
+        .ok_or_else(|| format!("'{text}' is not a valid serial number; accepted: 0–{}, or 0x0–0xFFFFFFFF", u32::MAX))
 }
 
 fn device_name(text: &str) -> Result<String, String> {
     let allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
     if text.is_empty() || text.len() > NAME_MAX || !text.chars().all(allowed) {
-        return Err(format!("'{text}' is no name of a device; accepted: 1–{NAME_MAX} characters of a–z, 0–9 and '-'"));
+        return Err(format!(
+            "'{text}' is not a valid device name; accepted: 1–{NAME_MAX} characters of a–z, 0–9 and '-'"
+        ));
     }
     if text == CONTROL {
-        return Err(format!("'{text}' is the name of the control interface in traces; accepted: another one"));
+        return Err(format!("'{text}' is reserved for the control interface; accepted: another name"));
     }
     if is_reserved_by_windows(text) {
-        return Err(format!(
-            "'{text}' cannot name a file on Windows, and so no device anywhere; accepted: another one"
-        ));
+        return Err(format!("'{text}' is reserved as a file name on Windows; accepted: another name"));
     }
     Ok(text.to_owned())
 }

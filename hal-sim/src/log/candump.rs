@@ -46,9 +46,9 @@ pub fn write_entry(out: &mut String, at: Timestamp, bus: &str, entry: &Entry) {
 pub type Reason = &'static str;
 
 /// The refusal of a CAN FD frame, in each format.
-pub(crate) const FD: Reason = "a CAN FD frame, which the devices do not know";
+pub(crate) const FD: Reason = "a CAN FD frame, which the devices do not support";
 
-pub(crate) const NO_LINE: Reason = "no line of candump";
+pub(crate) const NO_LINE: Reason = "not a line of candump";
 
 /// Reads a line of a log or of the screen: its time, if any, the name of the bus, and the entry. After the frame of a
 /// log, the direction may follow, `R` or `T`, or two blanks and the explanation of `pve-sim`.
@@ -66,7 +66,7 @@ pub fn parse(line: &str) -> Result<(Option<Timestamp>, &str, Entry), Reason> {
     let (token, rest) = word(rest);
     if let Some((id, data)) = token.split_once('#') {
         if !rest.starts_with("  ") && !matches!(rest.trim(), "" | "R" | "T") {
-            return Err("more than a frame");
+            return Err("text after the frame");
         }
         return Ok((at, bus, logged(id, data)?));
     }
@@ -107,7 +107,7 @@ fn number(digits: &str) -> Result<Number, Reason> {
         8 => ExtendedId::new(raw).map(Id::Extended),
         _ => return Err(LENGTH),
     };
-    id.map(Number::Of).ok_or("an identifier beyond the highest one")
+    id.map(Number::Of).ok_or("an identifier above the maximum")
 }
 
 /// Returns whether a text consists of hex digits: number parsers also accept a sign.
@@ -127,7 +127,7 @@ fn logged(id: &str, data: &str) -> Result<Entry, Reason> {
         return remote(id, if length.is_empty() { "0" } else { length });
     }
     if !data.is_ascii() || !data.len().is_multiple_of(2) {
-        return Err("data that are no whole bytes in hex");
+        return Err("data that are not whole bytes in hex");
     }
     entry(id, (0..data.len()).step_by(2).filter_map(|at| data.get(at..at + 2)))
 }
@@ -144,7 +144,7 @@ fn shown(id: &str, rest: &str) -> Result<Entry, Reason> {
     let wanted = length.parse().ok().filter(|wanted| *wanted <= 8 && length.len() == 1).ok_or(FD)?;
     let bytes: Vec<&str> = rest.split_whitespace().take(wanted).collect();
     if bytes.len() < wanted {
-        return Err("fewer bytes than the length says");
+        return Err("fewer bytes than the length");
     }
     entry(id, bytes.into_iter())
 }
@@ -162,7 +162,7 @@ fn entry<'a>(id: Number, pairs: impl Iterator<Item = &'a str>) -> Result<Entry, 
     for pair in pairs {
         let byte = data.get_mut(usize::from(length)).ok_or("more than 8 bytes of data")?;
         let number = u8::from_str_radix(pair, 16).ok().filter(|_| pair.len() == 2 && is_hex(pair));
-        *byte = number.ok_or("data that are no whole bytes in hex")?;
+        *byte = number.ok_or("data that are not whole bytes in hex")?;
         length += 1;
     }
     Ok(match id {
@@ -251,7 +251,7 @@ mod tests {
 
     #[test]
     fn a_line_that_is_none_says_why() {
-        const BYTES: &str = "data that are no whole bytes in hex";
+        const BYTES: &str = "data that are not whole bytes in hex";
         for (line, reason) in [
             ("", NO_LINE),
             ("pve-sim ready", NO_LINE),
@@ -259,16 +259,16 @@ mod tests {
             ("(1.0) pve0 #00", NO_LINE),
             ("(2023-11-14 22:13:20) pve0 5A0#", "a time that is not in seconds"),
             ("(1.0) pve0 5A#00", "an identifier that has neither three nor eight digits"),
-            ("(1.0) pve0 800#00", "an identifier beyond the highest one"),
-            ("(1.0) pve0 40000000#00", "an identifier beyond the highest one"),
+            ("(1.0) pve0 800#00", "an identifier above the maximum"),
+            ("(1.0) pve0 40000000#00", "an identifier above the maximum"),
             ("(1.0) pve0 5A0#0", BYTES),
             ("(1.0) pve0 5A0#+1", BYTES),
             ("(1.0) pve0 5A0#ä", BYTES),
             ("(1.0) pve0 5A0#000102030405060708", "more than 8 bytes of data"),
             ("(1.0) pve0 5A0#R9", "a remote frame of more than 8 bytes"),
             ("(1.0) pve0 5A0##100", FD),
-            ("(1.0) pve0 5A0#00 and more", "more than a frame"),
-            ("(1.0) pve0 5A0 [2] 00", "fewer bytes than the length says"),
+            ("(1.0) pve0 5A0#00 and more", "text after the frame"),
+            ("(1.0) pve0 5A0 [2] 00", "fewer bytes than the length"),
             ("(1.0) pve0 5A0 [12] 00", FD),
         ] {
             assert_eq!(parse(line), Err(reason), "{line}");

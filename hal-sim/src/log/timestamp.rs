@@ -62,5 +62,5 @@ impl FromStr for Timestamp {
 
 /// The error of a text that is not a time in seconds, or beyond 584,000 years.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("no time in seconds")]
+#[error("not a time in seconds")]
 pub struct ParseTimestampError;

@@ -128,7 +128,7 @@ impl Parser {
     }
 
     fn event(&mut self, time: &str, rest: &str) -> Result<Option<Record>, Reason> {
-        let passed: Timestamp = time.parse().map_err(|_| "no line of an ASC file")?;
+        let passed: Timestamp = time.parse().map_err(|_| "not a line of an ASC file")?;
         let from = if self.relative { self.last } else { self.origin };
         let at = Timestamp::from_micros(from.as_micros().saturating_add(passed.as_micros()));
         self.last = at;
@@ -152,7 +152,7 @@ impl Parser {
             // A transmit request: the frame itself has a line of its own.
             [_, _, direction, ..] if direction.eq_ignore_ascii_case("TxRq") => return Ok(None),
             [_, event, ..] if is_other_event(event) => return Ok(None),
-            _ => return Err("no frame, and no other event of an ASC file"),
+            _ => return Err("neither a frame nor another event of an ASC file"),
         };
         Ok(Some(Record { at, entry }))
     }
@@ -194,9 +194,9 @@ impl Parser {
             ["d" | "D", code, ref rest @ ..] => {
                 let wanted = length(code).ok_or("invalid length")?.min(8);
                 let mut data = [0; 8];
-                let bytes = rest.get(..usize::from(wanted)).ok_or("fewer bytes than the length says")?;
+                let bytes = rest.get(..usize::from(wanted)).ok_or("fewer bytes than the length")?;
                 for (room, byte) in data.iter_mut().zip(bytes) {
-                    *room = number(byte).and_then(|byte| u8::try_from(byte).ok()).ok_or("data that are no bytes")?;
+                    *room = number(byte).and_then(|byte| u8::try_from(byte).ok()).ok_or("data that are not bytes")?;
                 }
                 Ok(Frame::with_len(id, data, wanted))
             }

@@ -5,7 +5,7 @@ macro_rules! refusal {
     ($what:literal) => {
         concat!(
             $what,
-            "; accepted: candump's log or screen, ASC, pcapng; can_logconvert of python-can makes ASC of others"
+            "; accepted: candump's log or screen, ASC, pcapng; python-can's can_logconvert converts others to ASC"
         )
     };
 }
@@ -13,8 +13,8 @@ macro_rules! refusal {
 /// The number of leading lines that may fail to parse before a text is refused as a whole.
 pub(super) const LINES: usize = 10;
 
-pub(super) const EMPTY: &str = refusal!("nothing in it");
-pub(super) const UNKNOWN: &str = refusal!("no recording of a known format");
+pub(super) const EMPTY: &str = refusal!("an empty file");
+pub(super) const UNKNOWN: &str = refusal!("not a recording in a known format");
 
 /// The first bytes of Wireshark's older format, in both byte orders, with times in microseconds or nanoseconds.
 const PCAP: [&[u8]; 4] =
@@ -23,12 +23,12 @@ const PCAP: [&[u8]; 4] =
 /// Returns the refusal of a file by its first four bytes; `None` for a possible recording.
 pub(super) fn by_magic(head: &[u8]) -> Option<&'static str> {
     match head {
-        b"LOGG" => Some(refusal!("a file of BLF")),
-        b"MDF " | b"UnFi" => Some(refusal!("a file of MDF (MF4)")),
-        b"SQLi" => Some(refusal!("a database of SQLite")),
-        [0x1F, 0x8B, ..] => Some("a file of gzip; accepted: what is packed in it"),
+        b"LOGG" => Some(refusal!("a BLF file")),
+        b"MDF " | b"UnFi" => Some(refusal!("an MDF file (MF4)")),
+        b"SQLi" => Some(refusal!("an SQLite database")),
+        [0x1F, 0x8B, ..] => Some("a gzip file; accepted: its unpacked content"),
         head if PCAP.contains(&head) => {
-            Some("a file of pcap; accepted: pcapng, as `editcap -F pcapng` makes it, ASC, and candump's")
+            Some("a pcap file; accepted: pcapng, as `editcap -F pcapng` writes it, ASC, and candump's log")
         }
         _ => None,
     }
@@ -42,9 +42,9 @@ pub(super) fn by_line(line: &str) -> Option<&'static str> {
             || char.is_control() && !char.is_whitespace() && !matches!(char, '\0' | '\x1B')
     };
     if line.starts_with(';') {
-        Some(refusal!("a file of TRC"))
+        Some(refusal!("a TRC file"))
     } else if line.starts_with("timestamp,") {
-        Some(refusal!("a file of CSV"))
+        Some(refusal!("a CSV file"))
     } else {
         line.contains(is_binary).then_some(UNKNOWN)
     }

@@ -168,8 +168,8 @@ impl Packets {
     }
 }
 
-const CUT_OFF: Reason = "a file that is cut off here";
-const BROKEN: Reason = "no block of pcapng; the rest cannot be found";
+const CUT_OFF: Reason = "the file is truncated here";
+const BROKEN: Reason = "not a pcapng block; the rest is unreadable";
 
 /// Returns the entry of a packet block.
 fn take(
@@ -188,9 +188,9 @@ fn take(
         PcapBlockOwned::NG(Block::EnhancedPacket(packet)) => {
             *last = usize::try_from(packet.if_id).unwrap_or(usize::MAX);
             let interface = interfaces.get(*last);
-            let Some(interface) = interface else { return Some(Err("a packet of an interface that is not there")) };
+            let Some(interface) = interface else { return Some(Err("a packet of an unknown interface")) };
             if interface.link_type != i32::from(SOCKETCAN) {
-                return Some(Err("a packet that is not of SocketCAN (link type 227)"));
+                return Some(Err("a packet of another link type than SocketCAN (227)"));
             }
             let at = interface.time(u64::from(packet.ts_high) << 32 | u64::from(packet.ts_low));
             let entry = entry(packet.packet_data());
@@ -247,12 +247,12 @@ fn entry(packet: &[u8]) -> Result<Entry, Reason> {
     } else {
         u16::try_from(number).ok().and_then(StandardId::new).map(Id::Standard)
     };
-    let id = id.ok_or("an identifier beyond the highest one")?;
+    let id = id.ok_or("an identifier above the maximum")?;
     if raw & REMOTE_FLAG != 0 {
         return Ok(Entry::Frame(Frame::remote(id, length)));
     }
     if data.len() < usize::from(length) {
-        return Err("fewer bytes than the length says");
+        return Err("fewer bytes than the length");
     }
     Ok(Entry::Frame(Frame::with_len(id, bytes, length)))
 }

@@ -190,7 +190,7 @@ fn texts_as_editors_write_them() {
     assert_eq!(text(asc), (vec![frame(2_000_000, "720: 00")], vec![]));
     // Room that was never written, as after a power cut of the logger.
     let (_, errors) = text(&"\0".repeat(100));
-    assert!(errors.len() == 1 && errors[0].starts_with("1: no line of candump: "), "{errors:?}");
+    assert!(errors.len() == 1 && errors[0].starts_with("1: not a line of candump: "), "{errors:?}");
 }
 
 /// A line of candump has the name of its bus as one word.
@@ -229,21 +229,21 @@ fn what_is_no_recording_is_refused_as_a_whole() {
         (b";$FILEVERSION=1.1\n;$STARTTIME=43008.920986006946\n;\n", "TRC"),
         (b"\n;   Start time: 11.09.2002 16:03:19.4\n", "TRC"),
         (b"timestamp,arbitration_id,extended,remote,error,dlc,data\n", "CSV"),
-        (&rubbish, "no recording"),
-        (b"\x89PNG\r\n\x1A\n", "no recording"),
-        (b"[package]\nname = 'x'\n\n", "no recording"),
-        (b"", "nothing in it"),
-        (b"\n# a remark\n", "nothing in it"),
+        (&rubbish, "not a recording"),
+        (b"\x89PNG\r\n\x1A\n", "not a recording"),
+        (b"[package]\nname = 'x'\n\n", "not a recording"),
+        (b"", "an empty file"),
+        (b"\n# a remark\n", "an empty file"),
     ] {
         for ending in [Format::Candump, Format::Asc] {
-            let rest = if named == "nothing in it" { vec![] } else { b"1,2 0.5 words\n".repeat(100) };
+            let rest = if named == "an empty file" { vec![] } else { b"1,2 0.5 words\n".repeat(100) };
             let (records, errors) = read(Slow(Cursor::new([begin, &rest].concat())), ending);
             assert_eq!((records.len(), errors.len()), (0, 1), "{begin:?}: {errors:?}");
             assert!(errors[0].contains(named) && errors[0].contains("can_logconvert"), "{errors:?}");
         }
     }
     let (_, errors) = read(Cursor::new(b"\x1F\x8B\x08\0".to_vec()), Format::Candump);
-    assert_eq!(errors, ["a file of gzip; accepted: what is packed in it"]);
+    assert_eq!(errors, ["a gzip file; accepted: its unpacked content"]);
     // Some lines before the first entry are named, one by one.
     let (records, errors) = text("Script started\n$ candump -L can0\n(1.0) can0 080#\nhello\n");
     assert_eq!((records.len(), errors.len()), (1, 3), "{errors:?}");
@@ -310,12 +310,12 @@ fn what_is_no_line_is_named_and_the_rest_is_read() {
     assert_eq!(records, [frame(1_000_000, "080:"), frame(3_000_000, "181: 00")]);
     assert_eq!(
         errors,
-        ["3: no line of candump: \"hello\"", "4: data that are no whole bytes in hex: \"(2.000000) can0 181#0\"",]
+        ["3: not a line of candump: \"hello\"", "4: data that are not whole bytes in hex: \"(2.000000) can0 181#0\"",]
     );
     let (records, errors) = text("base hex\n0.1 1 1A0 Rx d 1 00\n0.1 1 1A0 Rx d 2 00\n0.1 1 1A0x\n0.2 CANFD 1 Rx\n?\n");
     assert_eq!(records, [frame(100_000, "1A0: 00")]);
     assert_eq!(errors.len(), 4, "{errors:?}");
-    assert_eq!(errors[0], "3: fewer bytes than the length says: \"0.1 1 1A0 Rx d 2 00\"");
+    assert_eq!(errors[0], "3: fewer bytes than the length: \"0.1 1 1A0 Rx d 2 00\"");
 }
 
 /// A text of fewer than ten lines, as a report of JUnit, is refused in one line as a longer one is.
@@ -323,7 +323,7 @@ fn what_is_no_line_is_named_and_the_rest_is_read() {
 fn a_short_text_of_another_kind_is_refused_as_a_whole() {
     let (records, errors) = text("<testsuites>\n<testsuite>\n</testsuite>\n</testsuites>\n");
     assert_eq!((records.len(), errors.len()), (0, 1), "{errors:?}");
-    assert!(errors[0].starts_with("no recording of a known format; accepted: "), "{errors:?}");
+    assert!(errors[0].starts_with("not a recording in a known format; accepted: "), "{errors:?}");
     let (_, errors) = text("(1.000000) can0 181#0\n(2.000000) can0 181#1\n");
     assert_eq!(errors.len(), 2, "damaged lines of a log are named: {errors:?}");
 }
@@ -365,7 +365,7 @@ fn pcapng_as_others_write_it() {
     let nanos = 1_700_000_000_000_042_999;
     let file = [section, can, ethernet, statistics, packet(0, nanos, &data), packet(1, nanos, &data)].concat();
     let (records, errors) = read(Slow(Cursor::new(file)), Format::Candump);
-    assert_eq!(errors, ["2: a packet that is not of SocketCAN (link type 227)"]);
+    assert_eq!(errors, ["2: a packet of another link type than SocketCAN (227)"]);
     assert_eq!(records, [frame(START, "5A0: 43 18")]);
     // In units of 2^-20 s.
     let binary = block(1, &numbers(&[227 << 16, 0, 0x0009_0001, 0x9400_0000, 0]));

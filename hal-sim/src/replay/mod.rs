@@ -124,7 +124,7 @@ pub enum ReplayError {
         path: PathBuf,
     },
     /// The file has no frame of a device.
-    #[error("{}: no {what} of {name} in it", path.display())]
+    #[error("{}: no {what} of {name} in the log", path.display())]
     NotThere {
         /// The file.
         path: PathBuf,
@@ -134,7 +134,7 @@ pub enum ReplayError {
         name: String,
     },
     /// Even the last round sent frames to the stand-ins that they send themselves.
-    #[error("{}: played as frames of others in {ROUNDS} rounds, though a stand-in sends them: {ids}", path.display())]
+    #[error("{}: identifiers of a stand-in, still sent as other nodes' frames after {ROUNDS} rounds: {ids}", path.display())]
     Misplayed {
         /// The file.
         path: PathBuf,
@@ -150,7 +150,7 @@ pub enum ReplayError {
 pub fn replay(options: &ReplayOptions) -> Result<Outcome, ReplayError> {
     let unread = |source| ReplayError::Read { path: options.file.clone(), source };
     if !fs::metadata(&options.file).map_err(unread)?.is_file() {
-        let twice = "a replay reads more than once: accepted is a regular file";
+        let twice = "a replay reads the file more than once; accepted: a regular file";
         return Err(unread(io::Error::new(io::ErrorKind::InvalidInput, twice)));
     }
     let timeline = Timeline::find(options)?;
@@ -224,11 +224,11 @@ impl<'a> Player<'a> {
             };
             let Some(at) = self.timeline.instant(&logged) else { continue };
             if since(at, end) > GAP && end > Instant::from_ticks(0) {
-                self.name(&format_args!("{}: more than a day after the entry before it", logged.number));
+                self.name(&format_args!("{}: more than a day after the previous entry", logged.number));
                 continue;
             }
             if since(end, at) > self.options.tolerance {
-                self.name(&format_args!("{}: earlier than the entry before it", logged.number));
+                self.name(&format_args!("{}: earlier than the previous entry", logged.number));
             }
             end = end.max(at);
             match logged.record.entry {

@@ -135,7 +135,7 @@ impl Timeline {
         for ((first, found), device) in firsts.iter().zip(&found).zip(&options.devices) {
             if first.is_some() && *found == Search::Open {
                 let (path, name) = (options.file.clone(), device.name.clone());
-                let what = if options.from_boot_up { "boot-up, or address claim," } else { "frame" };
+                let what = if options.from_boot_up { "boot-up or address claim" } else { "frame" };
                 return Err(ReplayError::NotThere { path, what, name });
             }
         }

@@ -1,7 +1,8 @@
 //! Scenarios in virtual time: TOML files with devices, actions and expectations.
 //!
 //! ```text
-//! file     the file format                  script   the checked scenario: every step can be executed
+//! file     the file format                  script   the checked scenario
+//! step     its steps                        trial    the check that each step can be executed
 //! runner   executes a scenario              schema   the format for editors
 //! strict   each frame claimed by a step     report   failures, in words
 //! frames   expected frames                  target   a simulation, perhaps with an emulated board in it
@@ -15,8 +16,10 @@ mod report;
 mod runner;
 mod schema;
 mod script;
+mod step;
 mod strict;
 mod target;
+mod trial;
 
 #[cfg(test)]
 mod heard_tests;

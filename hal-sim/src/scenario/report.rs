@@ -5,7 +5,7 @@ use std::fmt::{self, Write as _};
 use protocol_core::frame::Frame;
 use protocol_core::time::{Duration, Instant, since};
 
-use super::script::{Begin, Step, Wanted};
+use super::step::{Begin, Step, Wanted};
 use super::strict::Deviation;
 use crate::simulation::{Heard, History};
 use crate::state::{DeviceState, Pattern};
@@ -89,7 +89,7 @@ impl Failure {
 
     /// Returns the failure of a device that runs at another bit rate than the bus.
     pub(super) fn not_heard(line: usize, reason: String) -> Self {
-        let accept = "a scenario that wants this says so of the device: { device = \"…\", heard = false }".to_owned();
+        let accept = "if this is intended, state it at the device: { device = \"…\", heard = false }".to_owned();
         Self {
             line,
             note: None,
@@ -111,7 +111,7 @@ impl Failure {
 
     /// Returns the failure of a step that begins late, because the previous steps took too long.
     pub(super) fn late(step: &Step, begin: Instant) -> Self {
-        let details = vec![format!("the steps before it were not over at {}", time(begin))];
+        let details = vec![format!("the previous steps were not over at {}", time(begin))];
         let ms = match step.begin {
             Begin::At(distance) => distance.as_millis(),
             Begin::Now | Begin::After(_) => 0,
@@ -173,7 +173,7 @@ impl Failure {
         let mut details: Vec<String> =
             keys.map(|(key, value, _)| format!("{key:<10}expected {value}, seen {}", value_of(key, state))).collect();
         if details.is_empty() {
-            details.push("each key came, but not all of them at once".to_owned());
+            details.push("each key had its value, but not all at the same time".to_owned());
         }
         Self::new(step, format!("expect a state of {}{}", state.name, within(step)), details)
     }
@@ -190,7 +190,7 @@ impl Failure {
     pub(super) fn held(step: &Step, wanted: &Wanted, state: &DeviceState) -> Self {
         let seen = |(key, ..): &(String, String, _)| format!("seen      {key} = {}", value_of(key, state));
         let details = wanted.keys.iter().map(seen).collect();
-        Self::new(step, format!("never that state of {}{}", state.name, during(step)), details)
+        Self::new(step, format!("never a state of {}{}", state.name, during(step)), details)
     }
 
     /// Returns the number of the event after the last one that belongs to the failure.
@@ -218,7 +218,7 @@ impl Failure {
         let (nothing, since) = match is_first {
             _ if self.is_not_heard => ("no error frame was on the bus", "errors of the bus:"),
             true => ("nothing was on the bus", "on the bus before:"),
-            false => ("nothing was on the bus since the failure before", "on the bus since the failure before:"),
+            false => ("nothing was on the bus since the previous failure", "on the bus since the previous failure:"),
         };
         let _ = writeln!(out, "    {}", if excerpt.is_empty() { nothing } else { since });
         for line in excerpt {
@@ -233,9 +233,9 @@ impl Deviation {
         let came = |Heard { at, frame, .. }: &Heard| format!("{frame}  at {}  {}", time(*at), history.explain(frame));
         match self {
             Self::Unclaimed(heard) => format!("no step expects  {}", came(heard)),
-            Self::Early(heard, pause) => format!("again after {} already  {}", span(*pause), came(heard)),
+            Self::Early(heard, pause) => format!("again after only {}  {}", span(*pause), came(heard)),
             Self::Missing { pattern, period, last } => {
-                format!("not again since {}, every {} ms: {pattern}", time(*last), period.as_millis())
+                format!("not again since {}, expected every {} ms: {pattern}", time(*last), period.as_millis())
             }
         }
     }
@@ -261,22 +261,22 @@ fn seen(wanted: &Pattern, (from, mark): (u64, u64), history: &History) -> Vec<St
             lines.extend(wanted.difference_in_length(&frame).map(|length| format!("          {length}")));
             let more = of_id().count() - 1;
             if more > 0 {
-                lines.push(format!("          and {more} more of that identifier"));
+                lines.push(format!("          and {more} more with that identifier"));
             }
         }
         None => {
             let others = history.heard_since(mark).count();
             let others = match others {
                 0 => "no frame of a device".to_owned(),
-                1 => "1 frame of a device, of another identifier".to_owned(),
-                _ => format!("{others} frames of devices, of other identifiers"),
+                1 => "1 frame of a device, with another identifier".to_owned(),
+                _ => format!("{others} frames of devices, with other identifiers"),
             };
             lines.push(format!("seen      {others}"));
         }
     }
     let earlier = history.heard_since(0).take_while(|heard| heard.number < from);
     if let Some(heard) = earlier.filter(|heard| wanted.matches(&heard.frame)).last() {
-        lines.push(format!("          such a frame came before the step, at {}", time(heard.at)));
+        lines.push(format!("          a matching frame came before the step, at {}", time(heard.at)));
     }
     lines
 }

@@ -4,7 +4,8 @@ use protocol_core::time::{Duration, Instant, NEVER, after, since};
 
 use super::frames::Frames;
 use super::report::{Failure, Outcome};
-use super::script::{Begin, Expect, Never, Scenario, Step, Wanted, What};
+use super::script::Scenario;
+use super::step::{Begin, Expect, Never, Step, Wanted, What};
 use super::strict::Claims;
 use super::target::Target;
 use crate::devices::NotHeard;
@@ -113,7 +114,7 @@ impl<'a, B: Target> Runner<'a, B> {
                 if let What::State(wanted) = what
                     && self.target.simulation().find(wanted.device()).is_err()
                 {
-                    let reason = "its state cannot be looked at here; accepted: frames";
+                    let reason = "its state cannot be read here; accepted: frames";
                     self.fail(Failure::undone(step, &format!("a state of {}", wanted.device()), reason));
                 }
             }
@@ -199,7 +200,7 @@ impl<'a, B: Target> Runner<'a, B> {
             Executed::Pending(ticket) => {
                 self.pass_until(NEVER, &mut Goal::Command(ticket));
                 let place = self.ended.iter().position(|(known, _)| *known == ticket);
-                place.map_or(Err(Refusal::Conflict("time is at its end".to_owned())), |place| {
+                place.map_or(Err(Refusal::Conflict("virtual time has ended".to_owned())), |place| {
                     self.ended.swap_remove(place).1
                 })
             }
@@ -357,9 +358,9 @@ impl<'a, B: Target> Runner<'a, B> {
             Guarded::Frames(..) => None,
         };
         let reason = match instant {
-            _ if end <= guard.since => "no time has passed since: nothing could come",
+            _ if end <= guard.since => "no time has passed: nothing was checked",
             Some(instant) if instant < guard.since || instant > end => {
-                "t_us was not in the time since: nothing could come"
+                "t_us was not in the checked time: nothing was checked"
             }
             _ => return,
         };

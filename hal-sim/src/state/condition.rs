@@ -139,7 +139,7 @@ impl StateCondition {
     pub fn check(&self, name: &str, kind: Kind, none: &str) -> Result<(), Invalid> {
         let known = kind.fault_names();
         if let Some(fault) = self.faults.iter().flatten().find(|fault| !known.contains(&fault.as_str())) {
-            return Err(Invalid(format!("'{fault}' is no fault of {name}; accepted: {}", known.join(", "))));
+            return Err(Invalid(format!("'{fault}' is not a fault of {name}; accepted: {}", known.join(", "))));
         }
         possible::check(&self.keys(), kind, name, none).map_err(Invalid)
     }

@@ -21,7 +21,7 @@ struct Digits {
 }
 
 /// The accepted form of the data alone.
-const DATA_ACCEPTED: &str = "accepted: up to 8 bytes in hex, as in \"0F00 0020\"; in a wait also ? for any digit and .. at the end for any rest";
+const DATA_ACCEPTED: &str = "accepted: up to 8 bytes in hex, as in \"0F00 0020\"; in a wait also ? for any digit and .. at the end for any further bytes";
 
 /// A regular expression for the data of a frame: bytes, or a remote frame.
 pub const DATA: &str = r"^[ \t]*((([0-9A-Fa-f][ \t]*){2}){0,8}|R[ \t]*([0-8][ \t]*)?)$";
@@ -93,10 +93,10 @@ impl FromStr for Pattern {
         let (is_extended, max) = match id.len() {
             3 => (false, u32::from(StandardId::MAX.as_raw())),
             8 => (true, ExtendedId::MAX.as_raw()),
-            _ => return refuse("no identifier"),
+            _ => return refuse("not an identifier"),
         };
         let Some(digits) = Digits::parse(id).filter(|digits| digits.value <= max) else {
-            return refuse("no identifier");
+            return refuse("not an identifier");
         };
         let content = match content.map(parse_content) {
             None => Content::Any,
@@ -115,14 +115,14 @@ fn parse_content(text: &str) -> Result<Content, &'static str> {
             [digit @ b'0'..=b'8'] => Some(digit - b'0'),
             _ => None,
         };
-        return length.map(Content::Remote).ok_or("no length of a remote frame");
+        return length.map(Content::Remote).ok_or("not a length of a remote frame");
     }
     let (bytes, more) = text.strip_suffix("..").map_or((&*text, More::No), |bytes| (bytes, More::Any));
     if !bytes.is_ascii() || !bytes.len().is_multiple_of(2) {
-        return Err("no whole bytes");
+        return Err("not whole bytes");
     }
     let pairs = (0..bytes.len()).step_by(2).map(|place| Digits::parse(&bytes[place..place + 2]));
-    let bytes = pairs.collect::<Option<Vec<Digits>>>().ok_or("no hex digits")?;
+    let bytes = pairs.collect::<Option<Vec<Digits>>>().ok_or("not hex digits")?;
     match (bytes.len(), more) {
         (0, More::Any) => Ok(Content::Any),
         (0..=MAX_LEN, _) => Ok(Content::Data(bytes, more)),
@@ -208,9 +208,13 @@ impl Pattern {
         let is_other = if is_least { found < wanted } else { found != wanted };
         let bytes = |count: usize| if count == 1 { "1 byte".to_owned() } else { format!("{count} bytes") };
         (self.has_id_of(frame) && is_equal && is_other).then(|| {
-            let tip = if found > wanted && !frame.is_remote() { "; \"..\" at the end stands for any rest" } else { "" };
+            let tip = if found > wanted && !frame.is_remote() {
+                "; \"..\" at the end stands for any further bytes"
+            } else {
+                ""
+            };
             let wanted = format!("{}{}", bytes(wanted), if is_least { " or more" } else { "" });
-            format!("differs in its length alone: {} instead of {wanted}{tip}", bytes(found))
+            format!("differs only in its length: {} instead of {wanted}{tip}", bytes(found))
         })
     }
 
@@ -298,18 +302,18 @@ mod tests {
     #[test]
     fn what_is_no_frame() {
         for (text, why) in [
-            ("", "no identifier"),
-            ("1A#00", "no identifier"),
-            ("1A00#00", "no identifier"),
-            ("800#00", "no identifier"),
-            ("20000000#00", "no identifier"),
-            ("+A0#00", "no identifier"),
-            ("1A0#0", "no whole bytes"),
-            ("1A0#0x10", "no hex digits"),
-            ("1A0#é", "no whole bytes"),
-            ("1A0#00..00", "no hex digits"),
+            ("", "not an identifier"),
+            ("1A#00", "not an identifier"),
+            ("1A00#00", "not an identifier"),
+            ("800#00", "not an identifier"),
+            ("20000000#00", "not an identifier"),
+            ("+A0#00", "not an identifier"),
+            ("1A0#0", "not whole bytes"),
+            ("1A0#0x10", "not hex digits"),
+            ("1A0#é", "not whole bytes"),
+            ("1A0#00..00", "not hex digits"),
             ("1A0#000102030405060708", "more than 8 bytes"),
-            ("1A0#R9", "no length"),
+            ("1A0#R9", "not a length"),
         ] {
             let error = text.parse::<Pattern>().expect_err(text);
             assert!(error.contains(why) && error.contains("accepted: IDENTIFIER#DATA"), "{text}: {error}");

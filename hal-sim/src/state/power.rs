@@ -58,7 +58,7 @@ impl Power {
             Self::Off => world.power(node, false),
             Self::On => world.power(node, true),
             Self::Watchdog if !world.is_powered(node) => {
-                return Err("the device has no power: its watchdog resets nothing");
+                return Err("the device has no power: its watchdog cannot reset it");
             }
             Self::Watchdog => world.power_with(node, StartCause::Watchdog),
         }

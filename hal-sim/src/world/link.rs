@@ -43,7 +43,7 @@ pub enum LinkError {
     #[error("the sensor is linked already")]
     Linked,
     /// The end stops are out of order, or not below a turn.
-    #[error("no end stops: 0 to 35999 1/100 degree, the lower first")]
+    #[error("invalid end stops; accepted: 0 to 35999 in 1/100 degree, the lower one first")]
     Stops,
 }
 

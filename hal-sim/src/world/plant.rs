@@ -10,7 +10,7 @@ use super::{NodeId, World};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PlantError {
     /// The device is another product, without this word.
-    #[error("{0}: no plant word of this kind of device")]
+    #[error("{0}: not a plant word of this kind of device")]
     OtherProduct(Plant),
     /// The value is out of range.
     #[error("{0}: out of range, {values}", values = .0.word().values)]

@@ -1,4 +1,4 @@
-//! The command line of `pve-sim`: what is accepted, and the one line that says why something is not.
+//! The command line of `pve-sim`: parsing, and one-line refusals.
 
 mod options;
 mod recordings;
@@ -27,10 +27,10 @@ use hal_sim::replay::ReplayOptions;
 use hal_sim::text::in_one_line;
 use scenario::ScenarioArgs;
 
-/// What the user asked for.
+/// A request of the user.
 #[derive(Debug)]
 pub enum Request {
-    /// Put devices on a bus.
+    /// Run devices on a bus.
     Run(RunOptions),
     /// Play these use cases.
     UseCases(Vec<UseCase>),
@@ -40,11 +40,11 @@ pub enum Request {
     Decode(DecodeOptions),
     /// Replay a recording.
     Replay(ReplayOptions),
-    /// Change what a device of a running simulator senses.
+    /// Change the plant of a device in a running simulator.
     Set(SetOptions),
-    /// Show the devices of a running simulator.
+    /// Show the devices in a running simulator.
     Status(StatusOptions),
-    /// Print this on stdout: the help, the version, the description of a kind, or what a shell reads.
+    /// Print a text on stdout: the help, the version, the description of a kind, or a script for a shell.
     Print(String),
 }
 
@@ -64,19 +64,24 @@ Examples:
   pve-sim eds pvea-canopen > pvea.eds
   pve-sim dbc pvea-isobus > pvea.dbc
 
-SIGINT, SIGTERM, SIGHUP and a reader of stdout that is gone end it; everything stored, exit 0.
-Exit codes: 1 a port in use, an interface that is not there, a file that cannot be opened, written or replaced, a
-state file of another kind, a use case or a replay that differs, an expectation of a scenario that fails, a line of a log that is
-none, a simulator that refuses or cannot be reached; 2 wrong usage, a scenario that cannot be read.";
+Exit codes:
+  0  success; run ends so by SIGINT, SIGTERM, SIGHUP, or without
+     a reader of stdout, after all devices have stored their memory
+  1  run: a port in use, a missing interface, a state file of
+     another kind, a file that cannot be opened, written or replaced
+     scenario: a failed expectation; use-case, replay: a difference
+     decode, replay: a line that cannot be parsed
+     set, status: a refusal, or a simulator that cannot be reached
+  2  wrong usage, or a scenario that cannot be read";
 
-/// Wrong usage: one line that says what is wrong and what is accepted.
+/// Wrong usage: one line with the error and the accepted form.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct UsageError(pub String);
 
-/// A stand-in for CAN hydraulic valves on a virtual bus that any tool can join.
+/// A simulator for Danfoss PVE valves and HYDAC HAT sensors on CAN.
 ///
-/// Without a command it runs: the options of `run` can be given right away.
+/// Without a command, the options of `run` apply.
 #[derive(Debug, Parser)]
 #[command(
     name = "pve-sim",
@@ -94,28 +99,27 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// A stand-in device, or several, on a bus (the default command)
+    /// Runs devices on a bus (the default command)
     Run(Box<RunArgs>),
-    /// Plays the manuals' use cases, a valve on ISOBUS or an angle sensor in virtual time, each frame with what it
-    /// means; exit 1 if any frame differs
+    /// Plays the manuals' use cases, an ISOBUS valve or an angle sensor in virtual time and explains each frame; exit 1
+    /// if a frame differs
     UseCase {
-        /// Which one, or all; without it the titles are listed
+        /// The use case, or all; without it, the titles are listed
         #[arg(value_name = "1-6|isobus|hat|all", value_parser = use_cases)]
         which: Option<UseCases>,
     },
-    /// Runs scenarios from files in virtual time: devices, what happens to them, what has to come of it; exit 1 if an
-    /// expectation fails, 2 before anything runs if a file cannot be read
+    /// Runs scenario files in virtual time: devices, actions and expectations; exit 1 if an expectation fails, 2 before
+    /// anything runs if a file cannot be read
     Scenario(ScenarioArgs),
-    /// Explains a recorded log line by line, as the trace does; exit 1 if a line is none
+    /// Explains a recorded log line by line, as the trace does; exit 1 if a line cannot be parsed
     Decode(DecodeArgs),
-    /// Plays a recorded log against stand-ins, from their power-up and in virtual time: what they send is compared with
-    /// the log, all else is sent to them; exit 1 on differences
+    /// Replays a recorded log against simulated devices, from their power-up and in virtual time: compares their frames
+    /// with the log, and sends them all others; exit 1 on differences
     Replay(ReplayArgs),
-    /// Changes what a device of a running simulator senses, as lines on its stdin do; exit 1 if the simulator refuses
-    /// the change or cannot be reached
+    /// Changes the plant of a device in a running simulator, as its console does; exit 1 if the simulator refuses the
+    /// change or cannot be reached
     Set(SetArgs),
-    /// Prints the states of the devices of a running simulator; exit 1 if it has no such device or cannot be
-    /// reached
+    /// Prints the states of the devices in a running simulator; exit 1 if it has no such device or cannot be reached
     Status(StatusArgs),
     /// Prints the EDS of a CANopen kind, from its object dictionary
     Eds {
@@ -153,8 +157,8 @@ fn dbc(word: &str) -> Result<Description, String> {
 
 type Describe = fn(Kind) -> Option<String>;
 
-/// Returns the description of the kind that a word on the command line names. Where the kind has only the other one,
-/// the refusal names that command.
+/// Returns the description of the named kind. For a kind with only the other description, the refusal names that
+/// command.
 fn description(
     word: &str,
     (command, describe): (&str, Describe),
@@ -164,17 +168,17 @@ fn description(
     let text = kind.and_then(describe).map(Description);
     text.ok_or_else(|| match kind.and_then(has_other) {
         Some(_) => format!("this kind has no {}: pve-sim {other} {word}", command.to_uppercase()),
-        None => format!("no kind that has {} {}", if command == "eds" { "an" } else { "a" }, command.to_uppercase()),
+        None => format!("not a kind with {} {}", if command == "eds" { "an" } else { "a" }, command.to_uppercase()),
     })
 }
 
-/// Returns the use cases by name and title, a line each.
+/// Returns the names and titles of the use cases, a line each.
 fn titles() -> String {
     let lines = use_case::ALL.iter().map(|case| format!("{:<8}{}\n", case.name, case.title()));
     lines.chain(["all     all of them, in this order\n".to_owned()]).collect()
 }
 
-/// The use cases that a word on the command line stands for.
+/// The use cases named on the command line.
 #[derive(Clone, Debug)]
 struct UseCases(Vec<UseCase>);
 
@@ -188,11 +192,11 @@ fn use_cases(word: &str) -> Result<UseCases, String> {
     Ok(UseCases(cases))
 }
 
-/// Reads the arguments, the program's name first. A CR at the end of an argument, from a script with lines as Windows
-/// writes them, is not part of it.
+/// Parses the arguments, the program's name first. Removes a CR at the end of an argument, which comes from a script
+/// with Windows line ends.
 ///
 /// # Errors
-/// [`UsageError`] for anything that is not accepted.
+/// [`UsageError`] for arguments that are not accepted.
 pub fn parse<I, T>(args: I) -> Result<Request, UsageError>
 where
     I: IntoIterator<Item = T>,
@@ -235,8 +239,7 @@ fn without_cr(argument: OsString) -> OsString {
     }
 }
 
-/// Returns clap's message without its paragraphs of usage, with its tip, and with what is accepted where clap leaves
-/// that out.
+/// Returns clap's message in one line: without the usage, with its tip, and with the accepted forms that clap omits.
 fn one_line(error: &clap::Error) -> String {
     let text = error.to_string();
     let first: Vec<&str> = text.lines().take_while(|line| !line.is_empty()).map(str::trim).collect();
@@ -262,7 +265,7 @@ fn names(names: Vec<String>) -> String {
     format!("; accepted: {}", names.join(", "))
 }
 
-/// Returns the options of `run` that the help shows.
+/// Returns the options of `run` in the help.
 fn option_names() -> Vec<String> {
     let mut command = Cli::command();
     command.build();

@@ -1,4 +1,4 @@
-//! The options of `run`: as clap reads them, and as the simulator uses them, checked against each other.
+//! The arguments of `run`, and their conversion to checked options.
 
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
 use std::path::PathBuf;
@@ -14,16 +14,16 @@ use crate::speed::Speed;
 use hal_sim::Kind;
 use hal_sim::devices::{self, DeviceSpec, LinkSpec, NamedDevice, NamedLink};
 
-/// The seed of a run that was given none: two runs with the same seed and the same input are the same.
+/// The default seed: two runs with the same seed and input are identical.
 pub(super) const DEFAULT_SEED: u64 = 1;
 
-/// Where the control interface is reachable when nobody says.
+/// The default address of the control interface.
 pub(super) const DEFAULT_HTTP: SocketAddr = SocketAddr::V4(SocketAddrV4::new(Ipv4Addr::LOCALHOST, 8408));
 
-/// What runs when no device is given.
+/// The default device.
 const DEFAULT_KIND: Kind = Kind::Pve(pve::Kind::PveaCanopen);
 
-/// The options of `run`, as they were written.
+/// The arguments of `run`.
 #[derive(Args, Debug)]
 pub struct RunArgs {
     /// A device on the bus; repeatable [default: pvea-canopen@0x20]
@@ -37,27 +37,27 @@ pub struct RunArgs {
     ///   hat3000       angle sensor on CANopen
     ///
     /// ID, decimal or 0x, is
-    ///   on CANopen the node ID, 1–127, by default 0x20, of an angle sensor 1
+    ///   on CANopen the node ID, 1–127, by default 0x20, for an angle sensor 1
     ///   on ISOBUS the address, 0x80–0x8F, by default 0x80
     ///
     /// The keys:
     ///   name=NAME  1–32 of a–z, 0–9 and '-'; by default the kind, then kind-2 …
     ///   serial=N   decimal or 0x; by default the next free one; part of the NAME on ISOBUS
-    ///   bit-rate=N by default that of the bus; of a valve on CANopen 125k, 250k or 500k, and
-    ///              250k alone on ISOBUS; of an angle sensor as --bit-rate
+    ///   bit-rate=N by default that of the bus; for a valve on CANopen 125k, 250k or 500k, on
+    ///              ISOBUS only 250k; for an angle sensor any rate of --bit-rate
     ///   stroke-ms=N, return-ms=N
-    ///              of a valve: 10–5000 ms, in which its spool goes from neutral to full
-    ///              stroke, by default 250, and back by springs, by default 150
+    ///              valves only, 10–5000 ms: the time of the spool from neutral to full stroke,
+    ///              by default 250, and of its return by springs, by default 150
     ///   blank      CANopen only: no node ID, waits for LSS
     ///
-    /// With --state a memory that exists decides; ID, serial and bit-rate fill a new one only.
+    /// With --state, an existing memory decides; ID, serial and bit-rate fill a new one only.
     #[arg(long, value_name = "KIND[@ID][,KEY=VALUE…]", help_heading = "Devices", verbatim_doc_comment)]
     device: Vec<DeviceSpec>,
 
-    /// The shaft of SENSOR follows the spool of VALVE, as a boom that the valve moves; repeatable
+    /// Let the shaft of SENSOR follow the spool of VALVE, as on a boom moved by it; repeatable
     ///
     /// VALVE and SENSOR are names of devices. The keys:
-    ///   rate=N  1/100 degree a second at full stroke, signed, by default 3000
+    ///   rate=N  1/100 degree per second at full stroke, signed, by default 3000
     ///   min=N   the lower end stop, inclusive, 1/100 degree, by default 0
     ///   max=N   the upper end stop, by default 9000
     #[arg(long, value_name = "VALVE=SENSOR[,KEY=VALUE…]", help_heading = "Devices", verbatim_doc_comment)]
@@ -67,18 +67,19 @@ pub struct RunArgs {
     #[arg(long, help_heading = "Devices")]
     allow_clash: bool,
 
-    /// Keep each device's memory in DIR/NAME.nvm; without it the memory is lost at exit
+    /// Keep each device's memory in DIR/NAME.nvm; without it, the memory is lost at exit
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, help_heading = "Devices")]
     state: Option<PathBuf>,
 
-    /// Where the bus is reachable; repeatable: all of them are one bus [default: socketcand://127.0.0.1:29536/pve0]
+    /// The address of the bus; repeatable, all for one bus [default: socketcand://127.0.0.1:29536/pve0]
     ///
     /// URL is one of
     ///   socketcand://HOST:PORT/NAME  served over TCP, port 0 takes a free one
-    ///   slcan://HOST:PORT            an adapter on a serial line, over TCP
+    ///   slcan://HOST:PORT            a serial-line adapter, over TCP
     ///   slcan+pty:PATH               the same on a pseudo-terminal, with a link at PATH; Unix
-    ///   socketcan:IFACE              an interface of Linux
-    ///   udp-multicast://GROUP:PORT   python-can's udp_multicast, on this machine unless --allow-remote
+    ///   socketcan:IFACE              a Linux interface
+    ///   udp-multicast://GROUP:PORT   python-can's udp_multicast; beyond this machine only
+    ///                                with --allow-remote
     #[arg(long, value_name = "URL", help_heading = "Bus", verbatim_doc_comment)]
     bus: Vec<BusUrl>,
 
@@ -86,16 +87,17 @@ pub struct RunArgs {
     #[arg(long, help_heading = "Bus")]
     beacon: bool,
 
-    /// The rate of the bus, in bit/s, or as in 250k and 1M [default: the rate of the first device: of a valve 250k, of an angle sensor 500k]
+    /// The bit rate of the bus, in bit/s, or as in 250k and 1M [default: that of the first device, by default 250k for a
+    /// valve and 500k for an angle sensor]
     #[arg(long, value_name = "N", value_parser = bit_rate, help_heading = "Bus")]
     bit_rate: Option<BitRate>,
 
-    /// Virtual time against wall time: a number above 0; or step: time moves only when the control interface tells it
-    /// to, and what clients send waits for that
+    /// The speed of virtual time: a factor of wall time above 0; or step: time advances only by the control interface,
+    /// and frames of clients wait for that
     #[arg(long, value_name = "FACTOR|step", value_parser = speed, default_value = "1", help_heading = "Time")]
     speed: Speed,
 
-    /// The seed of everything random: 0–18446744073709551615
+    /// The seed of all random values: 0–18446744073709551615
     #[arg(long, value_name = "N", value_parser = seed, default_value_t = DEFAULT_SEED, help_heading = "Time")]
     seed: u64,
 
@@ -103,24 +105,24 @@ pub struct RunArgs {
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Output")]
     log: Option<PathBuf>,
 
-    /// Write to the file of --log even if it has something in it, which is lost
+    /// Overwrite a non-empty file of --log
     #[arg(long, requires = "log", help_heading = "Output")]
     log_overwrite: bool,
 
-    /// Send error frames to clients, too: the first one, and each change of an error mode
+    /// Send error frames to clients: the first one, and each change of an error mode
     #[arg(long, help_heading = "Output")]
     error_frames: bool,
 
-    /// Colour in the trace: auto, as the terminal and NO_COLOR have it; always, which lays the trace out as on a
-    /// terminal into a pipe, too; never
+    /// Colour in the trace: auto, by the terminal and NO_COLOR; always, which lays the trace out as on a terminal even
+    /// in a pipe; never
     #[arg(long, value_name = "WHEN", default_value = "auto", hide_possible_values = true, help_heading = "Output")]
     color: ColorChoice,
 
-    /// Show every cyclic frame on a terminal, also one that comes again as it was
+    /// Show every cyclic frame on a terminal, including unchanged repeats
     #[arg(long, help_heading = "Output")]
     verbose: bool,
 
-    /// Where the control interface is reachable, port 0 takes a free one [default: 127.0.0.1:8408]
+    /// The address of the control interface, port 0 takes a free one [default: 127.0.0.1:8408]
     #[arg(long, value_name = "ADDR:PORT", value_parser = http, conflicts_with = "no_http", help_heading = "Control")]
     http: Option<SocketAddr>,
 
@@ -128,8 +130,8 @@ pub struct RunArgs {
     #[arg(long, help_heading = "Control")]
     no_http: bool,
 
-    /// Let --http be an address that other machines reach, whoever does can switch everything; and let a bus of
-    /// udp-multicast reach them
+    /// Allow an address of --http that other machines can reach, which gives them full control; and let a udp-multicast
+    /// bus reach them
     #[arg(long, help_heading = "Control")]
     allow_remote: bool,
 }
@@ -141,12 +143,12 @@ impl TryFrom<RunArgs> for RunOptions {
         let http = (!args.no_http).then(|| args.http.unwrap_or(DEFAULT_HTTP));
         if let Some(address) = http.filter(|address| !address.ip().is_loopback() && !args.allow_remote) {
             return Err(UsageError(format!(
-                "--http {address}: other machines could reach it; accepted: an address of loopback, as in {DEFAULT_HTTP}, or \
+                "--http {address}: other machines could reach it; accepted: a loopback address, as in {DEFAULT_HTTP}, or \
                  --allow-remote"
             )));
         }
         if http.is_none() && args.speed == Speed::Step {
-            return Err(UsageError("--speed step: the control interface moves time; leave --no-http out".to_owned()));
+            return Err(UsageError("--speed step: the control interface advances time; omit --no-http".to_owned()));
         }
         let specs = if args.device.is_empty() { vec![DeviceSpec::new(DEFAULT_KIND)] } else { args.device };
         let devices = on_one_bus(specs, args.allow_clash)?;
@@ -172,8 +174,7 @@ impl TryFrom<RunArgs> for RunOptions {
     }
 }
 
-/// Returns the devices of one bus, each with a name and a serial number of its own, and a node ID unless they may
-/// clash.
+/// Returns the devices of one bus, with unique names and serial numbers, and unique node IDs unless they may clash.
 pub(super) fn on_one_bus(specs: Vec<DeviceSpec>, may_clash: bool) -> Result<Vec<NamedDevice>, UsageError> {
     let devices = devices::named(specs).map_err(|error| UsageError(format!("--device: {error} name=")))?;
     if !may_clash {
@@ -188,14 +189,14 @@ pub(super) fn between(devices: &[NamedDevice], links: Vec<LinkSpec>) -> Result<V
     devices::links(devices, links).map_err(|error| UsageError(format!("--link: {error}")))
 }
 
-/// Checks the buses: an interface of the kernel lives in wall time; a bus that others have is joined once.
+/// Checks the buses: a kernel interface runs in wall time only, and a shared bus is joined once.
 fn check_buses(buses: &[BusUrl], speed: Speed) -> Result<(), UsageError> {
     for (position, bus) in buses.iter().enumerate() {
         if bus.address().is_real_time() && speed != Speed::Factor(1.0) {
             return Err(UsageError(format!("--speed {speed} with --bus {bus}: an interface runs at --speed 1 only")));
         }
         if bus.address().is_shared() && buses.iter().take(position).any(|other| other == bus) {
-            return Err(UsageError(format!("--bus {bus} is given twice; give each of its kind once")));
+            return Err(UsageError(format!("--bus {bus} is given twice; accepted: once")));
         }
     }
     Ok(())
@@ -204,7 +205,7 @@ fn check_buses(buses: &[BusUrl], speed: Speed) -> Result<(), UsageError> {
 fn bit_rate(text: &str) -> Result<BitRate, String> {
     devices::bit_rate(text).ok_or_else(|| {
         let rates: Vec<String> = BitRate::ALL.iter().rev().map(|rate| rate.bits_per_second().to_string()).collect();
-        format!("no bit rate of CiA 301; accepted: {}", rates.join(", "))
+        format!("not a bit rate of CiA 301; accepted: {}", rates.join(", "))
     })
 }
 

@@ -10,15 +10,15 @@ use super::options::DEFAULT_HTTP;
 use crate::gateway::joinable;
 use crate::remote::{PlantWord, SetOptions, StatusOptions};
 
-/// The options of `set`, as they were written.
+/// The arguments of `set`.
 #[derive(Args, Debug)]
 pub(super) struct SetArgs {
     /// The name of the device
     #[arg(value_name = "DEVICE", value_parser = NonEmptyStringValueParser::new())]
     device: String,
 
-    /// A plant word and its value, as stdin of the simulator or PATCH /devices/NAME/plant accept them: supply_mv=8000
-    /// spool=stuck lever=off; several words change at the same instant, or none of them
+    /// A plant word and its value, as on the console or in PATCH /devices/NAME/plant: supply_mv=8000 spool=stuck
+    /// lever=off; several words change at the same instant, or none of them
     #[arg(value_name = "WORD=VALUE", required = true)]
     words: Vec<PlantWord>,
 
@@ -26,14 +26,14 @@ pub(super) struct SetArgs {
     simulator: SimulatorArgs,
 }
 
-/// The options of `status`, as they were written.
+/// The arguments of `status`.
 #[derive(Args, Debug)]
 pub(super) struct StatusArgs {
     /// The name of the device; without it, all devices are shown
     #[arg(value_name = "DEVICE", value_parser = NonEmptyStringValueParser::new())]
     device: Option<String>,
 
-    /// Print the answer of GET /devices, or of GET /devices/NAME, as it is
+    /// Print the JSON of GET /devices or GET /devices/NAME
     #[arg(long)]
     json: bool,
 
@@ -41,7 +41,7 @@ pub(super) struct StatusArgs {
     simulator: SimulatorArgs,
 }
 
-/// The simulator that is asked.
+/// The address of the simulator.
 #[derive(Args, Debug)]
 struct SimulatorArgs {
     /// The control interface of the simulator, as in its ready line
@@ -69,7 +69,7 @@ impl From<StatusArgs> for StatusOptions {
     }
 }
 
-/// Reads the address of a simulator. An interface that is bound to all addresses is reached by loopback.
+/// Parses the address of a simulator. A simulator at all addresses is reached by loopback.
 fn address(text: &str) -> Result<SocketAddr, String> {
     let address: Option<SocketAddr> = text.parse().ok();
     let address = address.filter(|address| address.port() != 0).map(joinable);

@@ -9,10 +9,10 @@ use super::{Request, UsageError};
 use crate::batch::Options;
 use hal_sim::scenario;
 
-/// The options of `scenario`, as they were written.
+/// The arguments of `scenario`.
 #[derive(Args, Debug)]
 pub(super) struct ScenarioArgs {
-    /// The scenarios, in the order in which they are told; the format: docs/scenarios.md
+    /// The scenarios, in the order of the report; the format: docs/scenarios.md
     #[arg(value_name = "FILE.toml", required_unless_present = "schema")]
     files: Vec<PathBuf>,
 
@@ -20,11 +20,11 @@ pub(super) struct ScenarioArgs {
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
 
-    /// The seed of everything random: 0–18446744073709551615
+    /// The seed of all random values: 0–18446744073709551615
     #[arg(long, value_name = "N", value_parser = seed, default_value_t = DEFAULT_SEED)]
     seed: u64,
 
-    /// Show all that is on the bus, with the notes of the steps
+    /// Print the traces, with the notes of the steps
     #[arg(long)]
     verbose: bool,
 
@@ -40,7 +40,7 @@ impl TryFrom<ScenarioArgs> for Request {
         if args.schema {
             return Ok(Self::Print(scenario::schema()));
         }
-        // A scenario behind --junit would be lost.
+        // The results would overwrite a scenario after --junit.
         if let Some(path) = args.junit.as_ref().filter(|path| path.extension().is_some_and(|end| end == "toml")) {
             return Err(UsageError(format!(
                 "--junit {}: that is a scenario; accepted: a file for the results, as in results.xml",

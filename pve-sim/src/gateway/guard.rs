@@ -86,7 +86,7 @@ impl ForeignWarning {
         if !self.has_told.swap(true, Ordering::Relaxed) {
             self.world.tell(ToWorld::Warn(format!(
                 "{}: closed a connection that does not speak this protocol, perhaps a web page's; further ones are \
-                 closed without a word",
+                 closed without a warning",
                 self.url
             )));
         }

@@ -51,9 +51,10 @@ impl Endpoint {
     pub(super) fn parse(text: &str, form: &str) -> Result<Self, String> {
         let (host, port) = text.rsplit_once(':').ok_or_else(|| format!("the port is missing; accepted: {form}"))?;
         if host.is_empty() || (host.contains(':') && !(host.starts_with('[') && host.ends_with(']'))) {
-            return Err(format!("'{host}' is no host; accepted: {form}"));
+            return Err(format!("'{host}' is not a valid host; accepted: {form}"));
         }
-        let port = port.parse().map_err(|_| format!("'{port}' is no port; accepted: 0–65535, 0 takes a free one"))?;
+        let port =
+            port.parse().map_err(|_| format!("'{port}' is not a valid port; accepted: 0–65535, 0 takes a free one"))?;
         Ok(Self { host: host.to_owned(), port })
     }
 

@@ -42,12 +42,12 @@ impl Failure {
 
     /// Returns the refusal of a simulator that is ending.
     pub(super) fn ending() -> Self {
-        Self::Request(StatusCode::SERVICE_UNAVAILABLE, "the simulator ends".to_owned())
+        Self::Request(StatusCode::SERVICE_UNAVAILABLE, "the simulator is ending".to_owned())
     }
 
     /// Returns the refusal of a waiting call beyond the limit.
     pub(super) fn crowded() -> Self {
-        let error = "too many calls wait for virtual time; try again when one of them is answered".to_owned();
+        let error = "too many calls wait for virtual time; try again later".to_owned();
         Self::Request(StatusCode::SERVICE_UNAVAILABLE, error)
     }
 }
@@ -102,7 +102,7 @@ impl<T: DeserializeOwned + ToSchema + 'static, S: Send + Sync> FromRequest<S> fo
         let (parts, body) = request.into_parts();
         let collected = Bytes::from_request(Request::from_parts(parts.clone(), body), state);
         let Ok(collected) = timeout(PATIENCE, collected).await else {
-            return Err(Failure::Request(StatusCode::REQUEST_TIMEOUT, "the body did not come".to_owned()));
+            return Err(Failure::Request(StatusCode::REQUEST_TIMEOUT, "the body was not received in time".to_owned()));
         };
         let bytes = collected.map_err(|error| Failure::Request(error.status(), error.body_text()))?;
         let request = Request::from_parts(parts, bytes.clone().into());
@@ -132,7 +132,7 @@ fn not_json(error: &dyn std::error::Error) -> Failure {
     let twice = reason.strip_prefix(TWICE).and_then(|rest| rest.split_once('`'));
     Failure::bad_request(match twice {
         Some((member, _)) => format!("{member} is given twice; accepted: once"),
-        None => format!("the body is no JSON: {reason}"),
+        None => format!("the body is not JSON: {reason}"),
     })
 }
 

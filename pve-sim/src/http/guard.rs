@@ -34,10 +34,12 @@ fn check(request: &Request, local: SocketAddr) -> Result<(), &'static str> {
     if let Some(origin) = only(headers, &header::ORIGIN)?
         && origin.strip_prefix("http://") != Some(host)
     {
-        return Err("requests of other pages are refused");
+        return Err("requests of other sites' pages are refused");
     }
     match only(headers, &FETCH_SITE)? {
-        Some("cross-site" | "same-site") if !request.method().is_safe() => Err("requests of other pages are refused"),
+        Some("cross-site" | "same-site") if !request.method().is_safe() => {
+            Err("requests of other sites' pages are refused")
+        }
         _ => Ok(()),
     }
 }
@@ -47,8 +49,8 @@ fn only<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Result<Option<&'a str>
     let mut values = headers.get_all(name).iter();
     match (values.next(), values.next()) {
         (None, _) => Ok(None),
-        (Some(value), None) => value.to_str().map(Some).map_err(|_| "a header is no text"),
-        (Some(_), Some(_)) => Err("a header is there twice"),
+        (Some(value), None) => value.to_str().map(Some).map_err(|_| "a header is not text"),
+        (Some(_), Some(_)) => Err("a header is duplicated"),
     }
 }
 

@@ -97,7 +97,7 @@ fn change(node: NodeId, word: &str, value: &str, simulation: &mut Simulation) ->
     let why = match change.map(|change| simulation.execute(change)) {
         Some(Ok(_)) => return Ok(()),
         Some(Err(Refusal::Plant(PlantError::Linked(_)))) => {
-            return Err(format!("'{word} {value}' is refused: a valve turns this shaft"));
+            return Err(format!("'{word} {value}' is refused: a valve moves this shaft"));
         }
         Some(Err(Refusal::Plant(PlantError::OtherProduct(_)))) => "is a word of another kind of device".to_owned(),
         Some(Err(Refusal::Plant(PlantError::OutOfRange(plant)))) => {
@@ -117,18 +117,18 @@ fn words(node: Option<NodeId>, world: &World) -> impl Iterator<Item = &'static W
 }
 
 fn help(world: &World) -> String {
-    let mut text = "[NAME] WORD VALUE changes what a device senses; NAME may be left out with one device:".to_owned();
+    let mut text = "[NAME] WORD VALUE changes the plant of a device; NAME is optional with a single device:".to_owned();
     for word in words(None, world) {
         text += "\n  ";
         word.tell(21, &mut |part| text += part);
         if let (Some(_), Some(healthy)) = (word.values.range(), word.healthy()) {
-            text += &format!("; at first {healthy}");
+            text += &format!("; initially {healthy}");
         }
     }
     text + "
 [NAME] status          state, position, LED and active faults of a device, or of all of them
-Ctrl-C                 ends the run, with everything stored
-help                   this"
+Ctrl-C                 ends the run; all devices store their memory first
+help                   this text"
 }
 
 fn accepted(node: Option<NodeId>, world: &World) -> String {
@@ -271,7 +271,7 @@ mod tests {
         }
         let help = answer("help", &mut simulation);
         assert!(
-            help.contains("\n  angle_cdeg           angle of the shaft: 0 to 35999 1/100 degree; at first 0\n")
+            help.contains("\n  angle_cdeg           angle of the shaft: 0 to 35999 1/100 degree; initially 0\n")
                 && !help.contains("supply_mv"),
             "{help}"
         );
@@ -287,13 +287,13 @@ mod tests {
         assert_eq!(answer("angle speed_rpm 0", &mut simulation), "ok");
         assert_eq!(
             execute("angle speed_rpm 1", &mut simulation),
-            Err("'speed_rpm 1' is refused: a valve turns this shaft".to_owned())
+            Err("'speed_rpm 1' is refused: a valve moves this shaft".to_owned())
         );
         let status = answer("angle status", &mut simulation);
         assert!(status.contains("angle_cdeg 4500, speed_rpm 0, "), "{status}");
         let help = answer("help", &mut simulation);
         assert!(
-            help.contains("\n  angle_cdeg ") && help.contains("supply voltage: 0 to 100000 mV; at first 24000\n"),
+            help.contains("\n  angle_cdeg ") && help.contains("supply voltage: 0 to 100000 mV; initially 24000\n"),
             "{help}"
         );
     }

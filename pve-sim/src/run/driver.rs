@@ -323,7 +323,7 @@ impl<O: Platform> Driver<O> {
         let dropped = self.clients.take_dropped();
         if dropped > 0 {
             self.trace
-                .warn(format!("clients left more frames behind than the bus takes: {dropped} of them were dropped"));
+                .warn(format!("dropped {dropped} frames of clients that have left: the bus is too slow for them"));
         }
     }
 

@@ -381,7 +381,7 @@ fn the_end_of_virtual_time_is_told_once() {
         }
         rig.run_until(WallDuration::from_secs(5));
         let said = rig.end();
-        let told = "pve-sim: virtual time is at its end, after 584 years: nothing happens on the bus any more";
+        let told = "pve-sim: virtual time has ended, after 584 years: the bus has stopped";
         assert_eq!(said, [told], "{speed}");
     }
 }

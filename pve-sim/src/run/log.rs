@@ -34,19 +34,17 @@ impl Log {
         if let Some(state) = state
             && is_kept_in(&log.path, state)
         {
-            return refuse(log, "a log is not written into the folder of --state, nor over a state file");
+            return refuse(log, "a log must not be in the folder of --state, nor replace a state file");
         }
         match fs::metadata(&log.path) {
-            Ok(found) if !found.is_file() => refuse(log, "a log is written to a regular file only"),
+            Ok(found) if !found.is_file() => refuse(log, "a log must be a regular file"),
             _ => Ok(()),
         }
     }
 
     fn check_content(log: &LogOptions) -> Result<(), RunError> {
         match fs::metadata(&log.path) {
-            Ok(found) if found.len() > 0 && !log.overwrite => {
-                refuse(log, "has something in it already; --log-overwrite replaces it")
-            }
+            Ok(found) if found.len() > 0 && !log.overwrite => refuse(log, "is not empty; --log-overwrite replaces it"),
             _ => Ok(()),
         }
     }
@@ -90,14 +88,14 @@ impl Log {
     }
 }
 
-const IN_USE: &str = "the log of another pve-sim, which still writes it";
+const IN_USE: &str = "another pve-sim is writing its log there";
 
 fn refuse<T>(log: &LogOptions, reason: &str) -> Result<T, RunError> {
     Err(RunError::Log { path: log.path.clone(), reason: reason.to_owned() })
 }
 
 fn complaint(path: &Path, error: &io::Error) -> String {
-    format!("{}: {error}; nothing more is logged", path.display())
+    format!("{}: {error}; the log ends", path.display())
 }
 
 /// Returns whether a path leads into a folder, or is another name of a file in it.

@@ -39,7 +39,7 @@ fn what_is_no_regular_file_is_refused() {
     for path in [dir.path(), Path::new("/dev/null"), Path::new("/dev/full")] {
         for overwrite in [false, true] {
             let line = refusal(path, overwrite, None);
-            assert!(line.contains("a regular file only"), "{line}");
+            assert!(line.contains("must be a regular file"), "{line}");
         }
     }
 }

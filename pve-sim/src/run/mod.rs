@@ -119,7 +119,7 @@ pub enum RunError {
     #[error(transparent)]
     StateFile(#[from] StateFileError),
     /// The system has no threads, signals or events left.
-    #[error("the system refuses: {0}")]
+    #[error("system error: {0}")]
     System(#[from] io::Error),
 }
 
@@ -293,5 +293,5 @@ fn announce(printer: &Printer, gateways: &[Box<dyn Gateway>], http: Option<Socke
     if let Some(address) = http {
         printer.note(format!("Panel: http://{}/", joinable(address)));
     }
-    printer.note("Type help for the words that change what a device senses, and status".to_owned());
+    printer.note("Type help for the console commands".to_owned());
 }

@@ -126,6 +126,6 @@ impl Timekeeper {
     pub(super) fn caught_up(&mut self, world: Instant) -> Option<String> {
         self.behind = None;
         let over = world >= LAST && !std::mem::replace(&mut self.over, true);
-        over.then(|| "virtual time is at its end, after 584 years: nothing happens on the bus any more".to_owned())
+        over.then(|| "virtual time has ended, after 584 years: the bus has stopped".to_owned())
     }
 }

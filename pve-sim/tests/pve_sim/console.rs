@@ -36,7 +36,7 @@ fn the_start_names_the_panel_and_the_words() {
     let panel = format!("\nPanel: http://{}/\n", simulator.http());
     let (_, said) = simulator.end(Signal::TERM);
     assert!(said.contains(&panel), "{said}");
-    assert!(said.contains("\nType help for the words that change what a device senses, and status\n"), "{said}");
+    assert!(said.contains("\nType help for the console commands\n"), "{said}");
 }
 
 /// Before the ready line, so that whoever has read that line finds the warning.

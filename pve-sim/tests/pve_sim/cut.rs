@@ -108,7 +108,7 @@ fn a_log_that_is_cut_is_exit_1() {
         let stderr = std::io::read_to_string(simulator.process.stderr.take().expect("a pipe")).expect("text");
         assert_eq!(simulator.process.wait().expect("it ends").code(), Some(1), "{name}: {stderr}");
         let lines: Vec<&str> = stderr.lines().filter(|line| line.contains(name)).collect();
-        assert_eq!(lines, [format!("pve-sim: {path}: File too large (os error 27); nothing more is logged")]);
+        assert_eq!(lines, [format!("pve-sim: {path}: File too large (os error 27); the log ends")]);
     }
 }
 
@@ -161,7 +161,7 @@ fn a_log_has_one_writer() {
             let state = path("state");
             let log = path(name);
             let line = refusal(&[&bus[..], &["--state", &state, "--log", &log], overwrite].concat(), 1);
-            assert_eq!(line, format!("pve-sim: {log}: the log of another pve-sim, which still writes it"));
+            assert_eq!(line, format!("pve-sim: {log}: another pve-sim is writing its log there"));
             assert!(!Path::new(&state).exists(), "nothing is made");
         }
     }

@@ -38,7 +38,7 @@ fn wrong_usage_is_exit_2_with_one_line() {
     );
     for (devices, line) in [
         (&["pvex-canopen"][..], "unknown kind 'pvex-canopen'"),
-        (&["pvea-canopen@0"], "'0' is no node ID"),
+        (&["pvea-canopen@0"], "'0' is not a valid node ID"),
         (&["pvea-canopen@128"], "accepted: 1–127"),
         (&["pvea-isobus@0x90"], "0x80–0x8F"),
         (&["pvea-canopen@5", "pveo-canopen@5"], "both have node ID 0x05"),

@@ -68,7 +68,7 @@ const PARTS: &[Line] = &[
         "return-ms=",
         "--device pvea-canopen,return-ms=5000",
         "--device hat1000,return-ms=100",
-        "'return-ms' is of a valve's spool",
+        "'return-ms' applies to a valve's spool",
     ),
     ("blank", "--device pvea-canopen,blank", "--device pvea-isobus,blank", "accepted: @ID"),
 ];
@@ -209,7 +209,7 @@ fn type_words(kind: &str, lines: &[Line]) {
     for (name, right, wrong, accepted) in lines {
         let told = match *name {
             "status" => "pvea-canopen: ",
-            "help" => "help                   this",
+            "help" => "help                   this text",
             _ => "ok",
         };
         answer(right, told);

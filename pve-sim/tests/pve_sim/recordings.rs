@@ -87,10 +87,10 @@ fn a_line_that_is_none_is_named() {
     let (decoded, errors, code) = run(&["decode", path]);
     assert_eq!(decoded.lines().count(), 2);
     assert!(decoded.starts_with("(1.000000) can0 720#00  node 0x20: boot-up\n"), "{decoded}");
-    assert_eq!(errors, format!("pve-sim: {path}:2: no line of candump: \"nonsense\"\n"));
+    assert_eq!(errors, format!("pve-sim: {path}:2: not a line of candump: \"nonsense\"\n"));
     assert_eq!(code, Some(1));
     let (_, errors, code) = run(&["replay", path, "--device", "pvea-canopen"]);
-    assert!(errors.ends_with(":2: no line of candump: \"nonsense\"\n"), "{errors}");
+    assert!(errors.ends_with(":2: not a line of candump: \"nonsense\"\n"), "{errors}");
     assert_eq!(code, Some(1));
 }
 

@@ -76,6 +76,6 @@ fn the_manual_page_has_every_option_and_no_fault() {
     man.args(format).env("MANWIDTH", "80").env("LC_ALL", "C");
     if let Some((text, warnings)) = told_by(&mut man, &page) {
         assert_eq!(warnings, "");
-        assert!(text.contains("pve-sim - A stand-in for CAN hydraulic valves"), "{text}");
+        assert!(text.contains("A simulator for Danfoss PVE valves"), "{text}");
     }
 }

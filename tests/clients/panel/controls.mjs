@@ -86,7 +86,7 @@ await withPage({ url: simulator.url, expected: /status of 400/ }, async (page) =
     }
     await press(valve.getByRole("slider", { name: "Hand lever in percent" }), "End");
     assert.equal((await plant(name)).lever, 16384);
-    await press(valve.getByRole("button", { name: "Let go" }), "Enter");
+    await press(valve.getByRole("button", { name: "Release" }), "Enter");
     assert.equal((await plant(name)).lever, null);
   }
 

@@ -53,7 +53,7 @@ await withPage({ url: simulator.url, viewport: { width: 1920, height: 1080 } }, 
   await until(page, () => [...document.querySelectorAll("#frames .id")].some((id) => id.textContent === "0A0"));
   assert(await page.locator("#trace-empty").isHidden());
   await filter.fill("0x0A0 nothing-of-this-name");
-  await page.getByText("No kept frame matches the filter").waitFor();
+  await page.getByText("No recorded frame matches the filter").waitFor();
   await filter.fill("");
   await until(page, () => document.querySelector("#trace-empty").hidden);
 });

@@ -16,24 +16,24 @@ _pve-sim() {
     local context curcontext="$curcontext" state line
     _arguments "${_arguments_options[@]}" : \
 '*--device=[A device on the bus; repeatable \[default\: pvea-canopen@0x20\]]:KIND[@ID][,KEY=VALUE…]:_default' \
-'*--link=[The shaft of SENSOR follows the spool of VALVE, as a boom that the valve moves; repeatable]:VALVE=SENSOR[,KEY=VALUE…]:_default' \
-'--state=[Keep each device'\''s memory in DIR/NAME.nvm; without it the memory is lost at exit]:DIR:_files -/' \
-'*--bus=[Where the bus is reachable; repeatable\: all of them are one bus \[default\: socketcand\://127.0.0.1\:29536/pve0\]]:URL:_default' \
-'--bit-rate=[The rate of the bus, in bit/s, or as in 250k and 1M \[default\: the rate of the first device\: of a valve 250k, of an angle sensor 500k\]]:N:_default' \
-'--speed=[Virtual time against wall time\: a number above 0; or step\: time moves only when the control interface tells it to, and what clients send waits for that]:FACTOR|step:_default' \
-'--seed=[The seed of everything random\: 0–18446744073709551615]:N:_default' \
+'*--link=[Let the shaft of SENSOR follow the spool of VALVE, as on a boom moved by it; repeatable]:VALVE=SENSOR[,KEY=VALUE…]:_default' \
+'--state=[Keep each device'\''s memory in DIR/NAME.nvm; without it, the memory is lost at exit]:DIR:_files -/' \
+'*--bus=[The address of the bus; repeatable, all for one bus \[default\: socketcand\://127.0.0.1\:29536/pve0\]]:URL:_default' \
+'--bit-rate=[The bit rate of the bus, in bit/s, or as in 250k and 1M \[default\: that of the first device, by default 250k for a valve and 500k for an angle sensor\]]:N:_default' \
+'--speed=[The speed of virtual time\: a factor of wall time above 0; or step\: time advances only by the control interface, and frames of clients wait for that]:FACTOR|step:_default' \
+'--seed=[The seed of all random values\: 0–18446744073709551615]:N:_default' \
 '--log=[Write every frame to FILE\: .asc as ASC, .pcapng as pcapng, all others in the format of candump -L]:FILE:_files' \
-'--color=[Colour in the trace\: auto, as the terminal and NO_COLOR have it; always, which lays the trace out as on a terminal into a pipe, too; never]:WHEN:((auto\:"Laid out on a terminal, with colour unless the environment asks for none"
-always\:"Laid out with colour, into a pipe, too"
+'--color=[Colour in the trace\: auto, by the terminal and NO_COLOR; always, which lays the trace out as on a terminal even in a pipe; never]:WHEN:((auto\:"Laid out on a terminal, with colour unless the environment disables it"
+always\:"Laid out with colour, even into a pipe"
 never\:"Laid out on a terminal, without colour"))' \
-'(--no-http)--http=[Where the control interface is reachable, port 0 takes a free one \[default\: 127.0.0.1\:8408\]]:ADDR:PORT:_default' \
+'(--no-http)--http=[The address of the control interface, port 0 takes a free one \[default\: 127.0.0.1\:8408\]]:ADDR:PORT:_default' \
 '--allow-clash[Accept devices with the same node ID, or the same address]' \
 '--beacon[Announce the bus by UDP to port 42000, so that python-can and SavvyCAN find it]' \
-'--log-overwrite[Write to the file of --log even if it has something in it, which is lost]' \
-'--error-frames[Send error frames to clients, too\: the first one, and each change of an error mode]' \
-'--verbose[Show every cyclic frame on a terminal, also one that comes again as it was]' \
+'--log-overwrite[Overwrite a non-empty file of --log]' \
+'--error-frames[Send error frames to clients\: the first one, and each change of an error mode]' \
+'--verbose[Show every cyclic frame on a terminal, including unchanged repeats]' \
 '--no-http[Serve no control interface]' \
-'--allow-remote[Let --http be an address that other machines reach, whoever does can switch everything; and let a bus of udp-multicast reach them]' \
+'--allow-remote[Allow an address of --http that other machines can reach, which gives them full control; and let a udp-multicast bus reach them]' \
 '-h[Print help (see more with '\''--help'\'')]' \
 '--help[Print help (see more with '\''--help'\'')]' \
 '-V[Print version]' \
@@ -50,24 +50,24 @@ never\:"Laid out on a terminal, without colour"))' \
             (run)
 _arguments "${_arguments_options[@]}" : \
 '*--device=[A device on the bus; repeatable \[default\: pvea-canopen@0x20\]]:KIND[@ID][,KEY=VALUE…]:_default' \
-'*--link=[The shaft of SENSOR follows the spool of VALVE, as a boom that the valve moves; repeatable]:VALVE=SENSOR[,KEY=VALUE…]:_default' \
-'--state=[Keep each device'\''s memory in DIR/NAME.nvm; without it the memory is lost at exit]:DIR:_files -/' \
-'*--bus=[Where the bus is reachable; repeatable\: all of them are one bus \[default\: socketcand\://127.0.0.1\:29536/pve0\]]:URL:_default' \
-'--bit-rate=[The rate of the bus, in bit/s, or as in 250k and 1M \[default\: the rate of the first device\: of a valve 250k, of an angle sensor 500k\]]:N:_default' \
-'--speed=[Virtual time against wall time\: a number above 0; or step\: time moves only when the control interface tells it to, and what clients send waits for that]:FACTOR|step:_default' \
-'--seed=[The seed of everything random\: 0–18446744073709551615]:N:_default' \
+'*--link=[Let the shaft of SENSOR follow the spool of VALVE, as on a boom moved by it; repeatable]:VALVE=SENSOR[,KEY=VALUE…]:_default' \
+'--state=[Keep each device'\''s memory in DIR/NAME.nvm; without it, the memory is lost at exit]:DIR:_files -/' \
+'*--bus=[The address of the bus; repeatable, all for one bus \[default\: socketcand\://127.0.0.1\:29536/pve0\]]:URL:_default' \
+'--bit-rate=[The bit rate of the bus, in bit/s, or as in 250k and 1M \[default\: that of the first device, by default 250k for a valve and 500k for an angle sensor\]]:N:_default' \
+'--speed=[The speed of virtual time\: a factor of wall time above 0; or step\: time advances only by the control interface, and frames of clients wait for that]:FACTOR|step:_default' \
+'--seed=[The seed of all random values\: 0–18446744073709551615]:N:_default' \
 '--log=[Write every frame to FILE\: .asc as ASC, .pcapng as pcapng, all others in the format of candump -L]:FILE:_files' \
-'--color=[Colour in the trace\: auto, as the terminal and NO_COLOR have it; always, which lays the trace out as on a terminal into a pipe, too; never]:WHEN:((auto\:"Laid out on a terminal, with colour unless the environment asks for none"
-always\:"Laid out with colour, into a pipe, too"
+'--color=[Colour in the trace\: auto, by the terminal and NO_COLOR; always, which lays the trace out as on a terminal even in a pipe; never]:WHEN:((auto\:"Laid out on a terminal, with colour unless the environment disables it"
+always\:"Laid out with colour, even into a pipe"
 never\:"Laid out on a terminal, without colour"))' \
-'(--no-http)--http=[Where the control interface is reachable, port 0 takes a free one \[default\: 127.0.0.1\:8408\]]:ADDR:PORT:_default' \
+'(--no-http)--http=[The address of the control interface, port 0 takes a free one \[default\: 127.0.0.1\:8408\]]:ADDR:PORT:_default' \
 '--allow-clash[Accept devices with the same node ID, or the same address]' \
 '--beacon[Announce the bus by UDP to port 42000, so that python-can and SavvyCAN find it]' \
-'--log-overwrite[Write to the file of --log even if it has something in it, which is lost]' \
-'--error-frames[Send error frames to clients, too\: the first one, and each change of an error mode]' \
-'--verbose[Show every cyclic frame on a terminal, also one that comes again as it was]' \
+'--log-overwrite[Overwrite a non-empty file of --log]' \
+'--error-frames[Send error frames to clients\: the first one, and each change of an error mode]' \
+'--verbose[Show every cyclic frame on a terminal, including unchanged repeats]' \
 '--no-http[Serve no control interface]' \
-'--allow-remote[Let --http be an address that other machines reach, whoever does can switch everything; and let a bus of udp-multicast reach them]' \
+'--allow-remote[Allow an address of --http that other machines can reach, which gives them full control; and let a udp-multicast bus reach them]' \
 '-h[Print help (see more with '\''--help'\'')]' \
 '--help[Print help (see more with '\''--help'\'')]' \
 && ret=0
@@ -76,37 +76,37 @@ never\:"Laid out on a terminal, without colour"))' \
 _arguments "${_arguments_options[@]}" : \
 '-h[Print help]' \
 '--help[Print help]' \
-'::which -- Which one, or all; without it the titles are listed:_default' \
+'::which -- The use case, or all; without it, the titles are listed:_default' \
 && ret=0
 ;;
 (scenario)
 _arguments "${_arguments_options[@]}" : \
 '--junit=[Write the results to FILE as JUnit XML, a test case for each scenario]:FILE:_files' \
-'--seed=[The seed of everything random\: 0–18446744073709551615]:N:_default' \
-'--verbose[Show all that is on the bus, with the notes of the steps]' \
+'--seed=[The seed of all random values\: 0–18446744073709551615]:N:_default' \
+'--verbose[Print the traces, with the notes of the steps]' \
 '--schema[Print the format of a scenario as a JSON schema, for editors]' \
 '-h[Print help]' \
 '--help[Print help]' \
-'*::files -- The scenarios, in the order in which they are told; the format\: docs/scenarios.md:_files' \
+'*::files -- The scenarios, in the order of the report; the format\: docs/scenarios.md:_files' \
 && ret=0
 ;;
 (decode)
 _arguments "${_arguments_options[@]}" : \
-'*--device=[A device that is known to be on the bus, as for run; repeatable. Without it, the frames tell]:KIND[@ID][,KEY=VALUE…]:_default' \
+'*--device=[A device known to be on the bus, as for run; repeatable. Without it, the frames reveal the devices]:KIND[@ID][,KEY=VALUE…]:_default' \
 '-h[Print help]' \
 '--help[Print help]' \
-':file -- The recording\: candump -L, the screen of candump, ASC or pcapng, by what is in it; - is stdin:_files' \
+':file -- The recording\: a candump -L log, a candump screen, ASC or pcapng, detected by its content; - is stdin:_files' \
 && ret=0
 ;;
 (replay)
 _arguments "${_arguments_options[@]}" : \
-'*--device=[A stand-in that takes the place of a device in the recording, as for run; repeatable]:KIND[@ID][,KEY=VALUE…]:_default' \
-'*--link=[The shaft of SENSOR follows the spool of VALVE, as for run; repeatable]:VALVE=SENSOR[,KEY=VALUE…]:_default' \
-'--tolerance-ms=[How much earlier or later a frame may come, in milliseconds; a position may differ by what is travelled in that time]:N:_default' \
-'--from-boot-up[Begin with the first boot-up, or address claim, of a device, and leave out all that is before]' \
+'*--device=[A simulated device in the place of one in the recording, as for run; repeatable]:KIND[@ID][,KEY=VALUE…]:_default' \
+'*--link=[Let the shaft of SENSOR follow the spool of VALVE, as for run; repeatable]:VALVE=SENSOR[,KEY=VALUE…]:_default' \
+'--tolerance-ms=[The tolerance of the times of frames, in milliseconds; a position may differ by the movement within it]:N:_default' \
+'--from-boot-up[Begin with the first boot-up or address claim of a device, and ignore all earlier frames]' \
 '-h[Print help]' \
 '--help[Print help]' \
-':file -- The recording\: candump -L, the screen of candump with times, ASC or pcapng, by what is in it:_files' \
+':file -- The recording\: a candump -L log, a candump screen with times, ASC or pcapng, detected by its content:_files' \
 && ret=0
 ;;
 (set)
@@ -115,13 +115,13 @@ _arguments "${_arguments_options[@]}" : \
 '-h[Print help]' \
 '--help[Print help]' \
 ':device -- The name of the device:_default' \
-'*::words -- A plant word and its value, as stdin of the simulator or PATCH /devices/NAME/plant accept them\: supply_mv=8000 spool=stuck lever=off; several words change at the same instant, or none of them:_default' \
+'*::words -- A plant word and its value, as on the console or in PATCH /devices/NAME/plant\: supply_mv=8000 spool=stuck lever=off; several words change at the same instant, or none of them:_default' \
 && ret=0
 ;;
 (status)
 _arguments "${_arguments_options[@]}" : \
 '--http=[The control interface of the simulator, as in its ready line]:ADDR:PORT:_default' \
-'--json[Print the answer of GET /devices, or of GET /devices/NAME, as it is]' \
+'--json[Print the JSON of GET /devices or GET /devices/NAME]' \
 '-h[Print help]' \
 '--help[Print help]' \
 '::device -- The name of the device; without it, all devices are shown:_default' \
@@ -226,13 +226,13 @@ esac
 (( $+functions[_pve-sim_commands] )) ||
 _pve-sim_commands() {
     local commands; commands=(
-'run:A stand-in device, or several, on a bus (the default command)' \
-'use-case:Plays the manuals'\'' use cases, a valve on ISOBUS or an angle sensor in virtual time, each frame with what it means; exit 1 if any frame differs' \
-'scenario:Runs scenarios from files in virtual time\: devices, what happens to them, what has to come of it; exit 1 if an expectation fails, 2 before anything runs if a file cannot be read' \
-'decode:Explains a recorded log line by line, as the trace does; exit 1 if a line is none' \
-'replay:Plays a recorded log against stand-ins, from their power-up and in virtual time\: what they send is compared with the log, all else is sent to them; exit 1 on differences' \
-'set:Changes what a device of a running simulator senses, as lines on its stdin do; exit 1 if the simulator refuses the change or cannot be reached' \
-'status:Prints the states of the devices of a running simulator; exit 1 if it has no such device or cannot be reached' \
+'run:Runs devices on a bus (the default command)' \
+'use-case:Plays the manuals'\'' use cases, an ISOBUS valve or an angle sensor in virtual time and explains each frame; exit 1 if a frame differs' \
+'scenario:Runs scenario files in virtual time\: devices, actions and expectations; exit 1 if an expectation fails, 2 before anything runs if a file cannot be read' \
+'decode:Explains a recorded log line by line, as the trace does; exit 1 if a line cannot be parsed' \
+'replay:Replays a recorded log against simulated devices, from their power-up and in virtual time\: compares their frames with the log, and sends them all others; exit 1 on differences' \
+'set:Changes the plant of a device in a running simulator, as its console does; exit 1 if the simulator refuses the change or cannot be reached' \
+'status:Prints the states of the devices in a running simulator; exit 1 if it has no such device or cannot be reached' \
 'eds:Prints the EDS of a CANopen kind, from its object dictionary' \
 'dbc:Prints the DBC of an ISOBUS kind, with its messages at each address' \
 'completions:Prints the completion script for a shell' \
@@ -264,13 +264,13 @@ _pve-sim__subcmd__eds_commands() {
 (( $+functions[_pve-sim__subcmd__help_commands] )) ||
 _pve-sim__subcmd__help_commands() {
     local commands; commands=(
-'run:A stand-in device, or several, on a bus (the default command)' \
-'use-case:Plays the manuals'\'' use cases, a valve on ISOBUS or an angle sensor in virtual time, each frame with what it means; exit 1 if any frame differs' \
-'scenario:Runs scenarios from files in virtual time\: devices, what happens to them, what has to come of it; exit 1 if an expectation fails, 2 before anything runs if a file cannot be read' \
-'decode:Explains a recorded log line by line, as the trace does; exit 1 if a line is none' \
-'replay:Plays a recorded log against stand-ins, from their power-up and in virtual time\: what they send is compared with the log, all else is sent to them; exit 1 on differences' \
-'set:Changes what a device of a running simulator senses, as lines on its stdin do; exit 1 if the simulator refuses the change or cannot be reached' \
-'status:Prints the states of the devices of a running simulator; exit 1 if it has no such device or cannot be reached' \
+'run:Runs devices on a bus (the default command)' \
+'use-case:Plays the manuals'\'' use cases, an ISOBUS valve or an angle sensor in virtual time and explains each frame; exit 1 if a frame differs' \
+'scenario:Runs scenario files in virtual time\: devices, actions and expectations; exit 1 if an expectation fails, 2 before anything runs if a file cannot be read' \
+'decode:Explains a recorded log line by line, as the trace does; exit 1 if a line cannot be parsed' \
+'replay:Replays a recorded log against simulated devices, from their power-up and in virtual time\: compares their frames with the log, and sends them all others; exit 1 on differences' \
+'set:Changes the plant of a device in a running simulator, as its console does; exit 1 if the simulator refuses the change or cannot be reached' \
+'status:Prints the states of the devices in a running simulator; exit 1 if it has no such device or cannot be reached' \
 'eds:Prints the EDS of a CANopen kind, from its object dictionary' \
 'dbc:Prints the DBC of an ISOBUS kind, with its messages at each address' \
 'completions:Prints the completion script for a shell' \

@@ -17,10 +17,10 @@ fn a_refusal_and_a_verdict_are_one_line_whatever_they_quote() {
 fn only_a_cyclic_frame_is_stopped() {
     let cyclic = r#"{ send = "220#00", every_ms = 10 }, { send = "18EEFF27#", every_ms = 10 }"#;
     for (steps, reason) in [
-        (r#"{ stop = "220" }"#.to_owned(), "stop: no frame \"220\" is sent in a cycle here; accepted: \"all\""),
+        (r#"{ stop = "220" }"#.to_owned(), "stop: there is no cyclic frame \"220\"; accepted: \"all\""),
         (r#"{ send = "220#00" }, { stop = "220" }"#.to_owned(), "accepted: \"all\""),
         (format!(r#"{cyclic}, {{ stop = "221" }}"#), "accepted: \"220\", \"18EEFF27\", \"all\""),
-        (format!(r#"{cyclic}, {{ stop = "00000220" }}"#), "no frame \"00000220\" is sent"),
+        (format!(r#"{cyclic}, {{ stop = "00000220" }}"#), "no cyclic frame \"00000220\""),
         (format!(r#"{cyclic}, {{ stop = "220" }}, {{ stop = "220" }}"#), "accepted: \"18EEFF27\", \"all\""),
         (format!(r#"{cyclic}, {{ stop = "all" }}, {{ stop = "220" }}"#), "accepted: \"all\""),
     ] {
@@ -46,56 +46,56 @@ fn a_state_that_can_never_be_is_refused() {
         expect
     };
     for (device, state, reason) in [
-        ("pvea-isobus", r#"dsm = "active""#, "dsm \"active\": never so on boom; accepted: \"none\""),
-        ("pvea-canopen", r#"command = "extend""#, "command \"extend\": never so on boom; accepted: \"none\""),
-        ("pvea-isobus", r#"nmt = "operational""#, "nmt \"operational\": never so on boom; accepted: \"none\""),
-        ("hat1000", "set_point = 0", "set_point 0: never so on boom; accepted: \"none\""),
+        ("pvea-isobus", r#"dsm = "active""#, "dsm \"active\": never on boom; accepted: \"none\""),
+        ("pvea-canopen", r#"command = "extend""#, "command \"extend\": never on boom; accepted: \"none\""),
+        ("pvea-isobus", r#"nmt = "operational""#, "nmt \"operational\": never on boom; accepted: \"none\""),
+        ("hat1000", "set_point = 0", "set_point 0: never on boom; accepted: \"none\""),
         ("hat1000", "solenoids = false", "accepted: \"none\""),
-        ("hat1000", r#"led = { color = "green" }"#, "led green: never so on boom; accepted: \"none\""),
-        ("pvea-canopen", r#"name = "bom""#, "name \"bom\": never so on boom; accepted: \"boom\""),
-        ("pvea-canopen", r#"kind = "pvea""#, "kind \"pvea\": never so on boom; accepted: \"pvea-canopen\""),
+        ("hat1000", r#"led = { color = "green" }"#, "led green: never on boom; accepted: \"none\""),
+        ("pvea-canopen", r#"name = "bom""#, "name \"bom\": never on boom; accepted: \"boom\""),
+        ("pvea-canopen", r#"kind = "pvea""#, "kind \"pvea\": never on boom; accepted: \"pvea-canopen\""),
         (
             "pvea-canopen",
             "bit_rate = 800000",
-            "bit_rate 800000: never so on boom; accepted: 125000, 250000, 500000, \"none\"",
+            "bit_rate 800000: never on boom; accepted: 125000, 250000, 500000, \"none\"",
         ),
-        ("pvea-isobus", "bit_rate = 500000", "bit_rate 500000: never so on boom; accepted: 250000, \"none\""),
-        ("pvea-canopen", "node_id = 200", "node_id 200: never so on boom; accepted: 1 to 127, \"none\""),
+        ("pvea-isobus", "bit_rate = 500000", "bit_rate 500000: never on boom; accepted: 250000, \"none\""),
+        ("pvea-canopen", "node_id = 200", "node_id 200: never on boom; accepted: 1 to 127, \"none\""),
         ("hat3000", "node_id = 0", "accepted: 1 to 127, \"none\""),
         ("pvea-canopen", "bit_rate = 251000", "bit_rate 251000: accepted: 1000000, 800000, 500000, "),
         ("pvea-canopen", "bit_rate = \"fast\"", "bit_rate \"fast\": accepted: 1000000, 800000, 500000, "),
-        ("pveo-isobus", "node_id = 0x20", "node_id 32: never so on boom; accepted: 128 to 143, \"none\""),
+        ("pveo-isobus", "node_id = 0x20", "node_id 32: never on boom; accepted: 128 to 143, \"none\""),
         ("pvea-canopen", "position = { min = 100, max = -100 }", "position: min 100 is above max -100"),
         ("pvea-canopen", "set_point = { min = 100, max = -100 }", "set_point: min 100 is above max -100"),
-        ("pvea-canopen", "position = {}", "position: an empty value says nothing; accepted: min, max, or both"),
-        ("pvea-canopen", "set_point = {}", "set_point: an empty value says nothing; accepted: min, max, or both"),
-        ("pvea-canopen", "led = {}", "led: an empty value says nothing; accepted: color, flashing, or both"),
+        ("pvea-canopen", "position = {}", "position: the condition is empty; accepted: min, max, or both"),
+        ("pvea-canopen", "set_point = {}", "set_point: the condition is empty; accepted: min, max, or both"),
+        ("pvea-canopen", "led = {}", "led: the condition is empty; accepted: color, flashing, or both"),
         ("pvea-canopen", "position = 16385", "position 16385: accepted: a whole number from -16384 to 16384"),
         ("pvea-canopen", "position = { min = 20000 }", "-16384 to 16384"),
-        ("pvea-canopen", "position = \"none\"", "position \"none\": never so on boom; accepted: -16384 to 16384"),
+        ("pvea-canopen", "position = \"none\"", "position \"none\": never on boom; accepted: -16384 to 16384"),
         ("pvea-isobus", "set_point = -16385", "-16384 to 16384"),
-        ("hat1000", "position = -1", "position -1: never so on boom; accepted: 0 to 16383, \"none\""),
+        ("hat1000", "position = -1", "position -1: never on boom; accepted: 0 to 16383, \"none\""),
         ("hat1000", "position = { max = -1 }", "accepted: 0 to 16383, \"none\""),
         (
             "pvea-canopen",
             r#"led = { color = "yellow", flashing = true }"#,
-            "led yellow flashing: never so on boom; accepted: green constant, green flashing, yellow constant, red constant, red flashing, off constant",
+            "led yellow flashing: never on boom; accepted: green constant, green flashing, yellow constant, red constant, red flashing, off constant",
         ),
         ("pvea-canopen", r#"solenoids = "none""#, "accepted: false, true"),
         (
             "pvea-canopen",
             r#"powered = false, dsm = "active""#,
-            "dsm and powered: never so at once on boom: powered is so without power alone",
+            "dsm and powered: never together on boom: powered occurs only without power",
         ),
         (
             "pvea-isobus",
             r#"faults = ["can-bus"], led = { color = "off" }"#,
-            "faults and led: never so at once on boom: led is so without power alone",
+            "faults and led: never together on boom: led occurs only without power",
         ),
-        ("pvea-isobus", r#"dsm = "none""#, "every state of boom is so"),
-        ("hat1000", r#"led = "none", set_point = "none""#, "every state of boom is so"),
-        ("hat1000", r#"name = "boom", kind = "hat1000""#, "every state of boom is so"),
-        ("pvea-canopen", "position = { min = -16384 }", "every state of boom is so"),
+        ("pvea-isobus", r#"dsm = "none""#, "every state of boom fulfils this"),
+        ("hat1000", r#"led = "none", set_point = "none""#, "every state of boom fulfils this"),
+        ("hat1000", r#"name = "boom", kind = "hat1000""#, "every state of boom fulfils this"),
+        ("pvea-canopen", "position = { min = -16384 }", "every state of boom fulfils this"),
     ] {
         let said = refused(device, state);
         assert!(said.contains(reason), "{device} {state}\n{said}");
@@ -145,7 +145,7 @@ fn what_cannot_be_read_names_line_and_what_is_accepted() {
         (
             "devices = [\"pvea-canopen\"]\nlinks = [\"a=b\"]\nsteps = [{}]",
             2,
-            "'a' is no valve on the bus; accepted: pvea-canopen",
+            "no valve 'a' on the bus; accepted: pvea-canopen",
         ),
         ("devices = [\"pvea-canopen\"]\nbit_rate = 300\nsteps = [{}]", 2, "bit_rate 300: accepted: "),
         (
@@ -165,9 +165,9 @@ fn what_cannot_be_read_names_line_and_what_is_accepted() {
 fn what_a_step_cannot_be() {
     for (step, reason) in [
         (r#"{ sent = "000#0100" }"#, "unknown key 'sent'; did you mean 'send'?; accepted: after_ms, any_order, at_ms,"),
-        (r#"{ send = "000#01?0" }"#, "send: '000#01?0' is no single frame"),
-        (r#"{ send = "00#01" }"#, "send: '00#01': no identifier; accepted: IDENTIFIER#DATA"),
-        (r#"{ expect = "1A0#0" }"#, "expect: '1A0#0': no whole bytes"),
+        (r#"{ send = "000#01?0" }"#, "send: '000#01?0' is not a single frame"),
+        (r#"{ send = "00#01" }"#, "send: '00#01': not an identifier; accepted: IDENTIFIER#DATA"),
+        (r#"{ expect = "1A0#0" }"#, "expect: '1A0#0': not whole bytes"),
         ("{ expect = [] }", "expect: no frames"),
         ("{ expect = {} }", "expect: an empty state"),
         ("{ expect = 5 }", "expect 5: accepted: a frame as in \"1A0#0F00 0020\", a list of frames, or a state"),
@@ -181,7 +181,7 @@ fn what_a_step_cannot_be() {
         ),
         (
             r#"{ expect = { faults = ["set-up"] } }"#,
-            "expect: 'set-up' is no fault of pvea-canopen; accepted: spool-not-at",
+            "expect: 'set-up' is not a fault of pvea-canopen; accepted: spool-not-at",
         ),
         (
             r#"{ never = { position = "far" } }"#,
@@ -194,14 +194,14 @@ fn what_a_step_cannot_be() {
             r#"{ plant = { spool = "bent" } }"#,
             "plant.spool: unknown value 'bent'; accepted: ok, stuck, slow, drifting, no-float, or",
         ),
-        ("{ plant = { angle_cdeg = 5 } }", "plant: angle_cdeg 5: no plant word of this kind"),
+        ("{ plant = { angle_cdeg = 5 } }", "plant: angle_cdeg 5: not a plant word of this kind"),
         (r#"{ plant = { supply_mv = "none" } }"#, "plant.supply_mv \"none\": accepted: a whole number"),
         ("{ plant = {} }", "plant: an empty change; accepted: any of its keys"),
-        (r#"{ expect = "1A0", within_ms = 0 }"#, "within_ms 0: no frame comes in no time; accepted: 1 and more"),
+        (r#"{ expect = "1A0", within_ms = 0 }"#, "within_ms 0: a frame takes time; accepted: 1 and more"),
         ("{ power = { on = true, reset = \"watchdog\" } }", "power: accepted: { on = true }"),
         ("{ bus = { bit_rate = 1 } }", "bit_rate 1: accepted: "),
         ("{ disturb = { frames = 1, extended = true } }", "disturb: extended without an id"),
-        (r#"{ stop = "22G" }"#, "stop: \"22G\" is no identifier; accepted: as in \"220\", or \"all\""),
+        (r#"{ stop = "22G" }"#, "stop: \"22G\" is not an identifier; accepted: as in \"220\", or \"all\""),
         (r#"{ disturb = { frames = 1, id = "22G" } }"#, "disturb: id \"22G\": accepted: 0 to 2047, or a text in hex"),
         (r#"{ send = "220#00", every_ms = 0 }"#, "every_ms 0: accepted: a whole number from 1 to 4294967295"),
         ("{ every_ms = 10 }", "every_ms: accepted with send"),
@@ -218,7 +218,7 @@ fn what_a_step_cannot_be() {
         assert!(said.contains(reason), "{step}\n{said}");
     }
     let two = "devices = [\"pvea-canopen\", \"hat1000\"]\nsteps = [{ expect = { position = 0 } }]";
-    assert_eq!(refusal(two).1, "device is missing, which one is meant? accepted: pvea-canopen, hat1000");
+    assert_eq!(refusal(two).1, "device is missing; accepted: pvea-canopen, hat1000");
 }
 
 /// The line is that of the key, wherever the step begins.

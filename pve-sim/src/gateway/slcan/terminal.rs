@@ -177,7 +177,7 @@ fn in_the_way(path: &Path, device: &Path) -> String {
         Ok(old) if old.parent() == device.parent() => {
             format!("a link to {}, which is in use; if no other pve-sim runs there, remove the link", old.display())
         }
-        _ => "there is something already, and no link that was left behind".to_owned(),
+        _ => "the path exists and is not a stale link".to_owned(),
     }
 }
 

@@ -33,7 +33,9 @@ mod linux {
     pub(super) fn parse(name: &str) -> Result<Arc<dyn Address>, String> {
         let allowed = |c: char| c.is_ascii_graphic() && c != '/' && c != ':';
         if name.is_empty() || name.len() > NAME_MAX || !name.chars().all(allowed) {
-            return Err(format!("'{name}' is no name of an interface; accepted: 1–{NAME_MAX} characters, as in vcan0"));
+            return Err(format!(
+                "'{name}' is not a valid interface name; accepted: 1–{NAME_MAX} characters, as in vcan0"
+            ));
         }
         Ok(Arc::new(InterfaceName(name.to_owned())))
     }
@@ -87,7 +89,7 @@ mod linux {
         fn hint(&self) -> String {
             let InterfaceName(name) = &self.name;
             format!(
-                "Join the bus with any tool of SocketCAN:\n  candump {name}\n  \
+                "Join the bus with any SocketCAN tool:\n  candump {name}\n  \
                  can.Bus(interface=\"socketcan\", channel=\"{name}\")"
             )
         }

@@ -87,7 +87,7 @@ pub(super) fn is_gone(error: &io::Error) -> bool {
 }
 
 fn reason(error: &io::Error) -> String {
-    if is_full(error) { "its queue is full and stands still".to_owned() } else { error.to_string() }
+    if is_full(error) { "its transmit queue is full and does not drain".to_owned() } else { error.to_string() }
 }
 
 #[cfg(test)]
@@ -116,7 +116,8 @@ mod tests {
     fn a_queue_that_stands_still_is_told_once_and_gets_one_try_a_frame() {
         let mut health = health();
         let (verdict, told) = health.refuse(&error(Errno::NOBUFS), TRIES);
-        let expected = "socketcan:can0: its queue is full and stands still: nothing is sent until frames pass again";
+        let expected =
+            "socketcan:can0: its transmit queue is full and does not drain: nothing is sent until frames pass again";
         assert_eq!((verdict, told.as_deref()), (Verdict::Lost, Some(expected)));
         assert_eq!(health.hear(), None, "what comes in says nothing of what goes out");
         assert_eq!(health.refuse(&error(Errno::NOBUFS), 1), (Verdict::Lost, None));

@@ -34,7 +34,7 @@ fn parse(rest: &str) -> Result<Arc<dyn Address>, String> {
     let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
     if name.is_empty() || name.len() > NAME_MAX || !name.chars().all(allowed) {
         return Err(format!(
-            "'{name}' is no name of a bus; accepted: 1–{NAME_MAX} letters, digits, '-', '_' and '.', as in pve0"
+            "'{name}' is not a valid bus name; accepted: 1–{NAME_MAX} letters, digits, '-', '_' and '.', as in pve0"
         ));
     }
     Ok(Arc::new(ServerAddress { endpoint, name: name.to_owned() }))

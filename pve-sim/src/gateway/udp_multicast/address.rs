@@ -29,7 +29,7 @@ fn parse(rest: &str) -> Result<Arc<dyn Address>, String> {
     match rest.parse().or_else(|_| without_port()) {
         Ok(address) if address.ip().is_multicast() && address.port() != 0 => Ok(Arc::new(GroupAddress(address))),
         _ => Err(format!(
-            "'{rest}' is no multicast group with a port; accepted: {FORM}, as in udp-multicast://239.74.163.2:{PORT}"
+            "'{rest}' is not a multicast group with a port; accepted: {FORM}, as in udp-multicast://239.74.163.2:{PORT}"
         )),
     }
 }

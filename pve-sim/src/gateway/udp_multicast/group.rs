@@ -124,7 +124,10 @@ impl Intake {
         if std::mem::replace(&mut self.has_told, true) {
             return Ok(None);
         }
-        Err(format!("udp-multicast://{}: {ignored} was ignored; more of them are not told", self.group))
+        Err(format!(
+            "udp-multicast://{}: {ignored} was ignored; further ones are ignored without a warning",
+            self.group
+        ))
     }
 }
 
@@ -207,7 +210,7 @@ mod tests {
         assert_eq!(intake.take(&datagram, from("127.0.0.1:2")), Ok(Some(frame)), "another program");
         let told = intake.take(&datagram, from("192.0.2.1:1")).expect_err("it is told");
         let expected = "udp-multicast://239.74.163.2:43113: a datagram of another machine, 192.0.2.1, without --allow-remote was \
-                        ignored; more of them are not told";
+                        ignored; further ones are ignored without a warning";
         assert_eq!(told, expected);
         assert_eq!(intake.take(&datagram, from("192.0.2.1:1")), Ok(None));
         assert_eq!(intake.take(b"GET / HTTP/1.1", from("127.0.0.1:2")), Ok(None), "told once, of whatever kind");
@@ -275,7 +278,7 @@ mod tests {
         let from: SocketAddr = "127.0.0.1:2".parse().expect("an address");
         let mut intake = intake(false);
         let told = intake.take(b"", from).expect_err("it is told");
-        assert!(told.contains(": no message of python-can was ignored"), "{told}");
+        assert!(told.contains(": not a message of python-can was ignored"), "{told}");
         assert_eq!(intake.take(b"", from), Ok(None));
     }
 }

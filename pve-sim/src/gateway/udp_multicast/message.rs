@@ -48,13 +48,13 @@ const fn yes() -> bool {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoFrame {
     /// Not a message.
-    #[error("no message of python-can")]
+    #[error("not a message of python-can")]
     Nonsense,
     /// An identifier, length or data that no frame can have.
-    #[error("no valid frame")]
+    #[error("an invalid frame")]
     Invalid,
     /// A CAN FD frame.
-    #[error("a frame of CAN FD")]
+    #[error("a CAN FD frame")]
     Fd,
     /// An error frame.
     #[error("an error frame")]

@@ -79,10 +79,10 @@ fn add_refusals(call: &mut Value) {
         ("400", has_body || call["parameters"].is_array(), "A value that is not accepted"),
         ("403", true, "A Host that is neither loopback nor the address of this server, or the page of another origin"),
         ("405", true, "Another method"),
-        ("408", has_body, "The body did not come within 10 s"),
+        ("408", has_body, "The body was not received within 10 s"),
         ("413", has_body, "A body of more than 64 KiB"),
         ("415", has_body, "Another Content-Type than application/json"),
-        ("503", true, "More than there is room for, or the simulator ends"),
+        ("503", true, "A capacity is exhausted, or the simulator is ending"),
     ];
     for (status, _, description) in refusals.into_iter().filter(|(_, applies, _)| *applies) {
         let error = json!({ "$ref": "#/components/schemas/Error" });

@@ -60,7 +60,7 @@ pub(super) async fn send(control: Control, Body(frame): Body<FrameToSend>) -> Re
     let period = frame.every_ms.map(|period| Duration::from_millis(period.into()));
     let one = Pattern::of_data(id, Some(&frame.data))?.frame();
     let frame =
-        one.ok_or_else(|| Failure::bad_request(format!("data \"{}\": accepted: bytes in hex alone", frame.data)))?;
+        one.ok_or_else(|| Failure::bad_request(format!("data \"{}\": accepted: bytes in hex only", frame.data)))?;
     control.execute(Command::Send(frame, period)).await
 }
 

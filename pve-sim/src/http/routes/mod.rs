@@ -100,6 +100,6 @@ async fn not_found() -> Failure {
 }
 
 async fn method_not_allowed() -> Failure {
-    let error = "the resource does not take this method; see /api/v1/openapi.json".to_owned();
+    let error = "the resource does not support this method; see /api/v1/openapi.json".to_owned();
     Failure::Request(StatusCode::METHOD_NOT_ALLOWED, error)
 }

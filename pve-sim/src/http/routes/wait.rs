@@ -77,7 +77,7 @@ enum NotInTime {
         (status = 200, body = Waited),
         (status = 400, body = Error, description = "An unknown key or value"),
         (status = 404, body = Error),
-        (status = 408, body = NotInTime, description = "It did not hold within the time: what differs; or the body did not come")
+        (status = 408, body = NotInTime, description = "The condition did not hold within the time limit: the differences; or the body was not received in time")
     )
 )]
 pub(super) async fn wait(control: Control, Body(wait): Body<Wait>) -> Result<Json<Reply>, Failure> {

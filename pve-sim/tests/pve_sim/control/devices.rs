@@ -143,7 +143,7 @@ fn what_cannot_be_changes_nothing() {
     let before = rig.get("/devices");
     for (device, change, words) in [
         ("boom", r#"{"supply_mv": 8000, "supply": 1}"#, "unknown key 'supply'; did you mean 'supply_mv'?"),
-        ("boom", r#"{"supply_mv": 8000, "angle_cdeg": 1}"#, "angle_cdeg 1: no plant word of this kind"),
+        ("boom", r#"{"supply_mv": 8000, "angle_cdeg": 1}"#, "angle_cdeg 1: not a plant word of this kind"),
         (
             "boom",
             r#"{"supply_mv": 8000, "lever": 16385}"#,
@@ -189,14 +189,14 @@ fn what_cannot_be_changes_nothing() {
         ("boom", "[]", "the body []: accepted: an object"),
         ("boom", "", "EOF"),
         ("boom", r#"{"supply_mv": 8000}{}"#, "trailing"),
-        ("angle", r#"{"measuring_error": true, "supply_mv": 8000}"#, "supply_mv 8000: no plant word of this kind"),
+        ("angle", r#"{"measuring_error": true, "supply_mv": 8000}"#, "supply_mv 8000: not a plant word of this kind"),
         (
             "angle",
             r#"{"measuring_error": true, "angle_cdeg": 36000}"#,
             "angle_cdeg 36000: accepted: a whole number from 0 to 35999",
         ),
         ("angle", r#"{"measuring_error": true, "speed_rpm": 1}"#, "linked to a valve"),
-        ("angle", r#"{"measuring_error": true, "lever": null}"#, "no plant word of this kind"),
+        ("angle", r#"{"measuring_error": true, "lever": null}"#, "not a plant word of this kind"),
     ] {
         let error = rig.refused("PATCH", &format!("/devices/{device}/plant"), Some(change), 400);
         assert!(error.contains(words) && !error.contains('\n'), "{change}: {error}");

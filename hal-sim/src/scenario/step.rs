@@ -1,0 +1,101 @@
+//! The steps of a checked scenario.
+
+use protocol_core::time::Duration;
+
+use crate::simulation::Command;
+use crate::state::{Condition, Pattern, StateCondition};
+
+const NO_TIME: Duration = Duration::from_ticks(0);
+
+/// A step.
+#[derive(Debug)]
+pub(super) struct Step {
+    /// The line of the file.
+    pub(super) line: usize,
+    pub(super) note: Option<String>,
+    pub(super) begin: Begin,
+    pub(super) act: Option<Command>,
+    pub(super) expect: Option<Expect>,
+    pub(super) never: Option<Never>,
+}
+
+/// The beginning of a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Begin {
+    /// The end of the previous step.
+    Now,
+    /// A time after the end of the previous step.
+    After(Duration),
+    /// An instant, from the start of the scenario.
+    At(Duration),
+}
+
+/// An expectation.
+#[derive(Debug)]
+pub(super) struct Expect {
+    pub(super) what: What,
+    pub(super) any_order: bool,
+    pub(super) within: Duration,
+    /// The period in which the frame repeats afterwards.
+    pub(super) every: Option<Duration>,
+}
+
+/// A prohibition.
+#[derive(Debug)]
+pub(super) struct Never {
+    pub(super) what: What,
+    /// Its duration; `None` up to the end.
+    pub(super) span: Option<Duration>,
+}
+
+/// Frames, or a state.
+#[derive(Debug)]
+pub(super) enum What {
+    Frames(Vec<Pattern>),
+    State(Wanted),
+}
+
+/// A state of a device.
+#[derive(Debug)]
+pub(super) struct Wanted {
+    /// The name of the device.
+    pub(super) device: String,
+    pub(super) condition: StateCondition,
+    /// A separate condition for each key, with the key and its value as in the file.
+    pub(super) keys: Vec<(String, String, StateCondition)>,
+}
+
+impl Wanted {
+    /// Returns the name of the device.
+    pub(super) fn device(&self) -> &str {
+        &self.device
+    }
+
+    /// Returns the condition of a wait.
+    pub(super) fn condition(&self) -> Condition {
+        Condition::State(self.device.clone(), Box::new(self.condition.clone()))
+    }
+}
+
+impl What {
+    /// Returns the frames; empty for a state.
+    pub(super) fn frames(&self) -> &[Pattern] {
+        match self {
+            Self::Frames(frames) => frames,
+            Self::State(_) => &[],
+        }
+    }
+}
+
+impl Step {
+    /// Returns whether time can pass in the step.
+    pub(super) fn can_take_time(&self) -> bool {
+        let waits = match self.begin {
+            Begin::Now => false,
+            Begin::After(pause) => pause > NO_TIME,
+            Begin::At(_) => true,
+        };
+        let expects = matches!(&self.expect, Some(expect) if expect.within > NO_TIME);
+        waits || expects || matches!(self.act, Some(Command::Send(..)))
+    }
+}

@@ -1,0 +1,313 @@
+//! The trial run of a scenario's steps: steps that cannot be executed are refused.
+
+use protocol_core::controller::BitRate;
+use protocol_core::device::{Protocol, Setup};
+use protocol_core::frame::{Frame, Id};
+use protocol_core::time::Duration;
+
+use super::file::{self, Expected, PATIENCE, StepTable};
+use super::step::{Begin, Expect, Never, Step, Wanted, What};
+use crate::bus::Disturbance;
+use crate::devices::NamedDevice;
+use crate::simulation::{Command, Simulation};
+use crate::state::{self, BusChange, Disturb, Identifier, Invalid, Pattern, Power, PowerChange, StateCondition};
+
+/// The word for null.
+const NONE: &str = "\"none\"";
+
+/// The trial run of the steps: devices and active cyclic frames.
+pub(super) struct Trial {
+    simulation: Simulation,
+    devices: Vec<NamedDevice>,
+    strict: bool,
+    /// The identifiers of the cyclic frames.
+    cyclic: Vec<Id>,
+}
+
+impl Trial {
+    pub(super) const fn new(simulation: Simulation, devices: Vec<NamedDevice>, strict: bool) -> Self {
+        Self { simulation, devices, strict, cyclic: Vec::new() }
+    }
+
+    /// Checks a step, and applies its plant change to the trial.
+    pub(super) fn check(&mut self, line: usize, table: StepTable) -> Result<Step, String> {
+        let about_device = table.plant.is_some()
+            || table.power.is_some()
+            || matches!(table.expect, Some(Expected::State(_)))
+            || matches!(table.never, Some(Expected::State(_)));
+        if table.device.is_some() && !about_device {
+            return Err("device: accepted with plant, power, or a state".to_owned());
+        }
+        if table.expect.is_some() && table.never.is_some() {
+            return Err("expect and never in one step; accepted: a step for each".to_owned());
+        }
+        refuse_two_acts(&table)?;
+        let device = &self.device(table.device.as_deref(), about_device)?;
+        let begin = match (table.at_ms, table.after_ms) {
+            (None, None) => Begin::Now,
+            (Some(at), None) => Begin::At(millis(at)),
+            (None, Some(after)) => Begin::After(millis(after)),
+            (Some(_), Some(_)) => return Err("at_ms and after_ms: accepted: one of them in a step".to_owned()),
+        };
+        let mut expect = self.expect(device, table.expect, table.any_order, table.within_ms)?;
+        let never = self.never(device, table.never, table.for_ms)?;
+        let mut act = None;
+        if let Some(frame) = table.send {
+            act = Some(self.send(&frame, table.every_ms)?);
+        } else if let Some(period) = period(table.every_ms)? {
+            self.expect_again(expect.as_mut(), period)?;
+        }
+        if let Some(which) = table.stop {
+            act = Some(Command::Stop(self.stop(&which)?));
+        }
+        if let Some(change) = table.plant {
+            act = Some(self.plant(device, change).map_err(within("plant"))?);
+        }
+        if let Some(change) = table.power {
+            act = Some(Command::Power(device.name.clone(), power(change).map_err(within("power"))?));
+        }
+        if let Some(change) = table.bus {
+            act = Some(Command::BitRate(bit_rate(change).map_err(within("bus"))?));
+        }
+        if let Some(change) = table.disturb {
+            act = Some(Command::Disturb(disturbance(change).map_err(within("disturb"))?));
+        }
+        Ok(Step { line, note: table.note, begin, act, expect, never })
+    }
+
+    fn expect(
+        &self,
+        device: &NamedDevice,
+        expected: Option<Expected>,
+        any_order: Option<bool>,
+        within_ms: Option<u32>,
+    ) -> Result<Option<Expect>, String> {
+        let Some(expected) = expected else {
+            return match (within_ms, any_order) {
+                (Some(_), _) => Err("within_ms: accepted with expect".to_owned()),
+                (None, Some(_)) => Err("any_order: accepted with expect".to_owned()),
+                (None, None) => Ok(None),
+            };
+        };
+        let what = self.what(device, expected).map_err(within("expect"))?;
+        if any_order.is_some() && !matches!(&what, What::Frames(frames) if frames.len() > 1) {
+            return Err("any_order: accepted with several frames".to_owned());
+        }
+        if matches!(what, What::Frames(_)) && within_ms == Some(0) {
+            return Err("within_ms 0: a frame takes time; accepted: 1 and more, or a state".to_owned());
+        }
+        let within = within_ms.map_or(PATIENCE, millis);
+        Ok(Some(Expect { what, any_order: any_order.unwrap_or(false), within, every: None }))
+    }
+
+    /// Checks that a step of a strict scenario can expect its frame cyclically.
+    fn expect_again(&mut self, expect: Option<&mut Expect>, period: Duration) -> Result<(), String> {
+        let expect = expect.filter(|_| self.strict);
+        let expect = expect.and_then(|expect| match expect.what.frames() {
+            [frame] => frame.identifier().map(|id| (expect, id)),
+            _ => None,
+        });
+        let Some((expect, id)) = expect else {
+            return Err("every_ms: accepted with send; in a strict scenario also with one expected frame".to_owned());
+        };
+        if !self.cyclic.contains(&id) {
+            self.cyclic.push(id);
+        }
+        expect.every = Some(period);
+        Ok(())
+    }
+
+    fn never(
+        &self,
+        device: &NamedDevice,
+        expected: Option<Expected>,
+        for_ms: Option<u32>,
+    ) -> Result<Option<Never>, String> {
+        match expected {
+            Some(_) if for_ms == Some(0) => Err("for_ms 0: accepted: 1 and more".to_owned()),
+            Some(expected) => {
+                let what = self.what(device, expected).map_err(within("never"))?;
+                if self.strict && matches!(what, What::Frames(_)) {
+                    let accepted = "accepted: a state, or no strict = true";
+                    return Err(format!("never: a strict scenario forbids unexpected frames anyway; {accepted}"));
+                }
+                Ok(Some(Never { what, span: for_ms.map(millis) }))
+            }
+            None if for_ms.is_some() => Err("for_ms: accepted with never".to_owned()),
+            None => Ok(None),
+        }
+    }
+
+    /// Returns the named device, or the only one; `is_meant` selects the candidates.
+    fn device(&self, name: Option<&str>, is_meant: bool) -> Result<NamedDevice, String> {
+        let names = || self.devices.iter().map(|device| device.name.as_str()).collect::<Vec<_>>().join(", ");
+        let found = match (name, self.devices.as_slice()) {
+            (Some(name), devices) => {
+                devices.iter().find(|known| known.name == name).ok_or(format!("no '{name}' on the bus"))
+            }
+            (None, [only]) => Ok(only),
+            (None, [any, ..]) if !is_meant => Ok(any),
+            (None, _) => return Err(format!("device is missing; accepted: {}", names())),
+        };
+        found.cloned().map_err(|reason| format!("device: {reason}; accepted: {}", names()))
+    }
+
+    fn send(&mut self, text: &str, every_ms: Option<u32>) -> Result<Command, String> {
+        let (frame, period) = (one_frame(text)?, period(every_ms)?);
+        if period.is_some() && !self.cyclic.contains(&frame.id()) {
+            self.cyclic.push(frame.id());
+        }
+        Ok(Command::Send(frame, period))
+    }
+
+    /// Returns the identifier of the cyclic frame to stop, which has to be active; `None` stops all.
+    fn stop(&mut self, which: &Identifier) -> Result<Option<Id>, String> {
+        let Some(id) = stopped(which)? else {
+            self.cyclic.clear();
+            return Ok(None);
+        };
+        let Some(place) = self.cyclic.iter().position(|cyclic| *cyclic == id) else {
+            let cyclic = self.cyclic.iter().map(|id| format!("\"{}\"", digits(*id))).chain(["\"all\"".to_owned()]);
+            let accepted = cyclic.collect::<Vec<_>>().join(", ");
+            return Err(format!("stop: there is no cyclic frame {which}; accepted: {accepted}"));
+        };
+        self.cyclic.remove(place);
+        Ok(Some(id))
+    }
+
+    fn plant(&mut self, device: &NamedDevice, change: toml::Table) -> Result<Command, String> {
+        if change.is_empty() {
+            return Err("an empty change; accepted: any of its keys, as in { supply_mv = 8000 }".to_owned());
+        }
+        let command = Command::Plant(device.name.clone(), file::table(change)?);
+        self.simulation.execute(command.clone()).map_err(|refusal| refusal.to_string())?;
+        Ok(command)
+    }
+
+    /// Returns the pattern of a text, which a device on the bus has to be able to send.
+    fn frame_to_come(&self, text: &str) -> Result<Pattern, String> {
+        let pattern: Pattern = text.parse()?;
+        if pattern.is_remote() {
+            return Err(format!("'{text}': no device sends remote frames; accepted: data frames"));
+        }
+        // Every kind can send 29-bit identifiers: valves answer UDS with them, and a COB-ID of an angle sensor can have
+        // 29 bits.
+        let is_canopen = |device: &NamedDevice| device.setup.kind.protocol() == Protocol::Canopen;
+        if !pattern.is_extended() && !self.devices.iter().any(is_canopen) {
+            return Err(format!("'{text}': no device on the bus sends identifiers of 11 bits; accepted: 8 digits"));
+        }
+        Ok(pattern)
+    }
+
+    fn what(&self, device: &NamedDevice, expected: Expected) -> Result<What, String> {
+        let state = match expected {
+            Expected::Frame(frame) => return self.frame_to_come(&frame).map(|frame| What::Frames(vec![frame])),
+            Expected::Frames(frames) if frames.is_empty() => {
+                return Err("no frames; accepted: [\"720#00\", \"0A0#..\"]".to_owned());
+            }
+            Expected::Frames(frames) => {
+                return frames
+                    .iter()
+                    .map(|frame| self.frame_to_come(frame))
+                    .collect::<Result<_, _>>()
+                    .map(What::Frames);
+            }
+            Expected::State(state) if state.is_empty() => {
+                return Err("an empty state; accepted: any of its keys, as in { dsm = \"active\" }".to_owned());
+            }
+            Expected::State(state) => state,
+        };
+        let NamedDevice { name, setup: Setup { kind, .. }, .. } = device;
+        let keys = state.clone().into_iter().map(|(key, value)| {
+            let alone: Result<StateCondition, String> =
+                file::table([(key.clone(), value.clone())].into_iter().collect());
+            match alone {
+                Ok(alone) => Ok((key, value.to_string(), alone)),
+                Err(reason) if !reason.starts_with("invalid ") => Err(reason),
+                Err(_) => Err(format!("{key} {value}: accepted: {}", state::accepted(&key, *kind, name, NONE))),
+            }
+        });
+        let keys = keys.collect::<Result<_, String>>()?;
+        let condition: StateCondition = file::table(state)?;
+        condition.check(name, *kind, NONE).map_err(|Invalid(reason)| reason)?;
+        if condition.is_always_so(name, *kind) {
+            return Err(format!("every state of {name} fulfils this; accepted: values that it does not always have"));
+        }
+        Ok(What::State(Wanted { device: name.clone(), condition, keys }))
+    }
+}
+
+/// Returns an identifier as scenarios write it: three digits, or eight.
+fn digits(id: Id) -> String {
+    match id {
+        Id::Standard(id) => format!("{:03X}", id.as_raw()),
+        Id::Extended(id) => format!("{:08X}", id.as_raw()),
+    }
+}
+
+fn within(key: &'static str) -> impl FnOnce(String) -> String {
+    move |reason| format!("{key}: {reason}")
+}
+
+fn millis(ms: u32) -> Duration {
+    Duration::from_millis(ms.into())
+}
+
+fn power(change: toml::Table) -> Result<Power, String> {
+    let change: PowerChange = file::table(change)?;
+    // The control interface has the JSON form of this message.
+    let accepted = "accepted: { on = true }, { on = false } or { reset = \"watchdog\" }";
+    change.power().map_err(|_| accepted.to_owned())
+}
+
+fn bit_rate(change: toml::Table) -> Result<BitRate, String> {
+    let change: BusChange = file::table(change)?;
+    change.bit_rate().map_err(|Invalid(reason)| reason)
+}
+
+fn disturbance(change: toml::Table) -> Result<Disturbance, String> {
+    let change: Disturb = file::table(change)?;
+    change.disturbance().map_err(|Invalid(reason)| reason)
+}
+
+fn period(every_ms: Option<u32>) -> Result<Option<Duration>, String> {
+    match every_ms {
+        Some(0) => Err("every_ms 0: accepted: 1 and more".to_owned()),
+        every_ms => Ok(every_ms.map(millis)),
+    }
+}
+
+fn refuse_two_acts(table: &StepTable) -> Result<(), String> {
+    let acts = [
+        ("send", table.send.is_some()),
+        ("stop", table.stop.is_some()),
+        ("plant", table.plant.is_some()),
+        ("power", table.power.is_some()),
+        ("bus", table.bus.is_some()),
+        ("disturb", table.disturb.is_some()),
+    ];
+    let mut given = acts.iter().filter(|(_, is_given)| *is_given).map(|(key, _)| key);
+    match (given.next(), given.next()) {
+        (Some(one), Some(other)) => {
+            Err(format!("{one} and {other} in one step; accepted: one of send, stop, plant, power, bus, disturb"))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn one_frame(text: &str) -> Result<Frame, String> {
+    let frame = text.parse::<Pattern>().map_err(within("send"))?.frame();
+    frame.ok_or_else(|| format!("send: '{text}' is not a single frame; accepted: all digits, as in \"220#0F00 0020\""))
+}
+
+/// Returns the identifier of the cyclic frame to stop; `None` for all.
+fn stopped(which: &Identifier) -> Result<Option<Id>, String> {
+    match which {
+        Identifier::Text(text) if text == "all" => Ok(None),
+        _ => {
+            let extended = which.needs_29_bits().then_some(true);
+            let refuse = |_| format!("stop: {which} is not an identifier; accepted: as in \"220\", or \"all\"");
+            which.id(extended).map(Some).map_err(refuse)
+        }
+    }
+}
