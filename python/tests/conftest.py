@@ -7,7 +7,7 @@ import select
 
 pytest_plugins = ["pytester"]
 
-#: Longest wait for anything, in seconds: a busy machine is no fault.
+#: Longest wait for anything, in seconds: a busy machine is not a fault.
 PATIENCE = 120
 
 

@@ -60,7 +60,7 @@ def test_what_cannot_start_says_why(start: Callable[[], Simulator], text: str) -
 
 
 def test_another_program_is_no_simulator() -> None:
-    with pytest.raises(StartError, match="is no pve-sim"):
+    with pytest.raises(StartError, match="is not pve-sim"):
         Simulator(executable=shutil.which("echo"))
 
 

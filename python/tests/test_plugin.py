@@ -21,7 +21,7 @@ def test_a_failure_shows_the_last_frames(pytester: pytest.Pytester) -> None:
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(
         [
-            "*WaitTimeout: boom did not get there within 10 ms*",
+            "*WaitTimeout: boom did not reach this state within 10 ms*",
             "*dsm: 'init', waited for 'fault-hold'",
             "*pve-sim: the last frames of <Simulator boom at socketcand://*",
             "*720: 00 *boom: boot-up",

@@ -136,7 +136,7 @@ def test_a_wait_in_vain_tells_what_was(stepped: Simulator) -> None:
     assert isinstance(error, TimeoutError) and isinstance(error, SimulatorError)
     assert error.t_us - since == 300_000
     assert isinstance(error.state, ValveState) and error.state.position == 8192
-    assert "boom did not get there within 300 ms" in str(error)
+    assert "boom did not reach this state within 300 ms" in str(error)
     assert "dsm: 'active', waited for 'fault-hold'" in str(error)
     assert "faults: [], waited for ['supply-low']" in str(error)
 
@@ -179,7 +179,7 @@ def test_the_trace_for_people_counts_what_comes_again(stepped: Simulator) -> Non
 def test_a_frame_that_cannot_be_is_refused(stepped: Simulator) -> None:
     with pytest.raises(InvalidValue, match="id 2048: accepted: 0 to 2047"):
         stepped.send(0x800, extended=False)
-    with pytest.raises(InvalidValue, match='data "0F0": no whole bytes; accepted: up to 8 bytes in hex'):
+    with pytest.raises(InvalidValue, match='data "0F0": not whole bytes; accepted: up to 8 bytes in hex'):
         stepped.send(1, "0F0")
     with pytest.raises(InvalidValue, match="more than 8 bytes; accepted: up to 8 bytes"):
         stepped.send(1, bytes(9))
@@ -322,7 +322,7 @@ def test_a_pattern_means_what_it_means_in_a_scenario(stepped: Simulator) -> None
     assert answered("43 18 10 01 ?? ?? ?? ??")
     assert not answered("43181001")
     assert not answered(bytes.fromhex("43181001"))
-    with pytest.raises(WaitTimeout, match="differs in its length alone: 8 bytes instead of 4 bytes"):
+    with pytest.raises(WaitTimeout, match="differs only in its length: 8 bytes instead of 4 bytes"):
         stepped.wait_frame(0x5A0, "43181001", within_ms=150)
 
 

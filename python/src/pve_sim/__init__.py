@@ -1,4 +1,4 @@
-"""A stand-in for CAN hydraulic valves and angle sensors, driven and broken from Python.
+"""A simulator of CAN hydraulic valves and angle sensors, controlled from Python.
 
 with Simulator("pvea-canopen@0x20") as sim:
     bus = sim.bus()

@@ -1,4 +1,4 @@
-"""`python -m pve_sim`: the command, where the folder of scripts is not in the search path."""
+"""`python -m pve_sim`: the command, even if the scripts folder is not in PATH."""
 
 import subprocess
 import sys

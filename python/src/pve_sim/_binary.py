@@ -1,4 +1,4 @@
-"""Where the command is."""
+"""The location of the binary."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ _NAME = "pve-sim.exe" if os.name == "nt" else "pve-sim"
 
 
 def find_binary() -> str:
-    """Returns the path of pve-sim: that of the environment variable `PVE_SIM`, of this package, or of the search path."""
+    """Returns the path of pve-sim: from the environment variable `PVE_SIM`, this package, or PATH."""
     given = os.environ.get("PVE_SIM")
     if given:
         return given
     found = _installed() or shutil.which(_NAME)
     if found is None:
-        raise StartError("pve-sim was not found: neither PVE_SIM names it, nor is it beside this package or in PATH")
+        raise StartError("pve-sim was not found by PVE_SIM, in this package or in PATH")
     return found
 
 
 def _installed() -> str | None:
-    """Returns the binary of the wheel, whose list of files knows where the installer put it."""
+    """Returns the binary of the wheel, by its list of installed files."""
     try:
         files = metadata.files("pve-sim") or []
     except metadata.PackageNotFoundError:

@@ -20,7 +20,7 @@ D = TypeVar("D")
 
 
 class Device(Generic[S]):
-    """A device. Every answer is its state at the instant of the call."""
+    """A device. Every answer is the device's state at the instant of the call."""
 
     def __init__(self, process: Process, name: str, kind: str) -> None:
         self._process = process
@@ -33,7 +33,7 @@ class Device(Generic[S]):
         return f"<{type(self).__name__} {self.name!r}, {self.kind}>"
 
     def state(self) -> S:
-        """Returns the state of now."""
+        """Returns the present state."""
         return self._call("GET", "")
 
     def power_off(self) -> S:
@@ -41,11 +41,11 @@ class Device(Generic[S]):
         return self._call("POST", "/power", {"on": False})
 
     def power_on(self) -> S:
-        """Gives power; a device that had none boots."""
+        """Switches the power on; a device without power boots."""
         return self._call("POST", "/power", {"on": True})
 
     def reset(self) -> S:
-        """Resets the processor, as its watchdog does."""
+        """Resets the processor as the watchdog does."""
         return self._call("POST", "/power", {"reset": "watchdog"})
 
     def _plant(self, change: Mapping[str, object]) -> S:
@@ -69,7 +69,7 @@ class Device(Generic[S]):
         seen["faults"] = [fault["fault"] for fault in seen["faults"] if fault["active"]]
         differ: list[str] = [f"  {key}: {seen.get(key)!r}, waited for {value!r}" for key, value in wanted.items()]
         rest = ", ".join(f"{key} {value!r}" for key, value in seen.items() if key not in {*wanted, *_UNTOLD})
-        text = f"{self.name} did not get there within {within_ms} ms. At {milliseconds(answer['t_us'])}:"
+        text = f"{self.name} did not reach this state within {within_ms} ms. At {milliseconds(answer['t_us'])}:"
         error = WaitTimeout("\n".join([text, *differ, f"  and {rest}"]))
         error.t_us, error.state = answer["t_us"], state_of(answer["state"])
         return error
@@ -83,7 +83,7 @@ class Valve(Device[ValveState]):
     """A valve."""
 
     def plant(self, **change: Unpack[ValveChange]) -> ValveState:
-        """Changes what acts on the valve: all of it, or nothing.
+        """Changes the plant of the valve, completely or not at all.
 
         `supply_mv` 0 to 100000 mV; `temperature_c` -273 to 1000 °C; `spool` "ok", "stuck", "slow", "drifting" or
         "no-float", alone or as `{"fault": …}`, or None for "ok"; `lever` the position that the spool is pushed to by
@@ -98,7 +98,7 @@ class Valve(Device[ValveState]):
         return self._plant(fields)
 
     def wait(self, *, within_ms: int = 5000, **state: Unpack[ValveCondition]) -> ValveState:
-        """Waits until all of this holds, and returns the state at the first such instant: now, if it holds now.
+        """Waits for a state, and returns the state at the first instant when it holds, which can be now.
 
         Values are equal; `position` and `set_point` can be `{"min": …, "max": …}`, `led` a part of it; `faults` are the
         names of the active faults, exactly.
@@ -118,7 +118,7 @@ class Sensor(Device[SensorState]):
     """An angle sensor."""
 
     def plant(self, **change: Unpack[SensorChange]) -> SensorState:
-        """Changes what acts on the sensor: all of it, or nothing.
+        """Changes the plant of the sensor, completely or not at all.
 
         `angle_cdeg` 0 to 35999 1/100 degree; `speed_rpm` -2147483648 to 2147483647 turns a minute, positive clockwise;
         `measuring_error`; `internal_fault`; `memory` "ok", "write-fails" or "damaged"; `bus_off`.
@@ -135,7 +135,7 @@ class Sensor(Device[SensorState]):
 
 
 class Devices(dict[str, D]):
-    """Devices by name, in the order of the start."""
+    """Devices by name, in the order of their creation."""
 
     def __init__(self, devices: Mapping[str, D], known: list[str]) -> None:
         super().__init__(devices)
@@ -145,7 +145,7 @@ class Devices(dict[str, D]):
         raise UnknownDevice(f"no such device {name!r}; there are: {', '.join(self._known)}")
 
     def first(self, what: str) -> D:
-        """Returns the first one."""
+        """Returns the first device."""
         for device in self.values():
             return device
         raise UnknownDevice(f"there is no {what}; there are: {', '.join(self._known)}")

@@ -1,4 +1,4 @@
-"""What can go wrong."""
+"""The errors of this package."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class SimulatorError(Exception):
 
 
 class StartError(SimulatorError):
-    """pve-sim is not installed, or did not start. The text has what it wrote to stderr."""
+    """pve-sim is not installed, or did not start. The text has its stderr."""
 
 
 class SimulatorEnded(SimulatorError):
@@ -21,7 +21,7 @@ class SimulatorEnded(SimulatorError):
 
 
 class Refused(SimulatorError):
-    """pve-sim refused a call, and nothing changed. The text is its own."""
+    """pve-sim refused a call, and nothing changed. The text is that of pve-sim."""
 
 
 class InvalidValue(Refused, ValueError):
@@ -29,11 +29,11 @@ class InvalidValue(Refused, ValueError):
 
 
 class Conflict(Refused):
-    """A call that cannot be served as things are: a frame that does not get onto the bus, time that passes by itself."""
+    """A call that the present state does not allow: a frame that cannot be sent, or an advance of unstepped time."""
 
 
 class UnknownDevice(SimulatorError, KeyError):
-    """No device has this name. The text has the names that there are."""
+    """No device has this name. The text has the known names."""
 
     def __str__(self) -> str:
         # A KeyError would quote its text.
@@ -41,11 +41,11 @@ class UnknownDevice(SimulatorError, KeyError):
 
 
 class NotHeard(SimulatorError):
-    """A device runs at another bit rate than the bus, or did: it cannot communicate. The text names the remedy."""
+    """A device runs, or ran, at another bit rate than the bus and cannot communicate. The text has the remedy."""
 
 
 class WaitTimeout(SimulatorError, TimeoutError):
-    """A state or a frame did not come in time. The text has what came instead."""
+    """A state or a frame did not come in time. The text has the last state or frame instead."""
 
     #: The end of the time, in microseconds of virtual time.
     t_us: int = 0

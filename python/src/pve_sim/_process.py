@@ -1,4 +1,4 @@
-"""A running pve-sim: its start, its calls over HTTP, and its end in every case."""
+"""The process of pve-sim: start, calls over HTTP, and a guaranteed end."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from ._errors import (
 )
 
 #: Longest wait for the ready line, for an answer that takes no virtual time, and for the end, in seconds: a busy machine
-#: is no fault.
+#: is not a fault.
 _START_S = 120.0
 _ANSWER_S = 60.0
 _END_S = 10.0
@@ -44,7 +44,7 @@ _READY = re.compile(r"pve-sim ready (?P<buses>(?:bus=\S+ )+)http=(?P<http>\S+)\s
 
 
 class Process:
-    """A running pve-sim. It ends with `close`, when nothing refers to it any more, and with this process."""
+    """A running pve-sim. It ends with `close`, when it is no longer referenced, and with this process."""
 
     def __init__(self, arguments: Sequence[str], executable: str | None) -> None:
         command = [executable or find_binary(), *arguments]
@@ -72,7 +72,7 @@ class Process:
             ready = _READY.match(self._first_line(first))
             if ready is None:
                 raise StartError(
-                    f"{command[0]} is no pve-sim, or another version: its first line is not the ready line"
+                    f"{command[0]} is not pve-sim, or another version: its first line is not the ready line"
                 )
             self.buses = [bus.removeprefix("bus=") for bus in ready["buses"].split()]
             self.http = ready["http"]
@@ -89,7 +89,7 @@ class Process:
             return line
         status = self._popen.wait()
         self._stderr.thread.join()
-        raise StartError(f"pve-sim did not start ({_meaning(status)}): {self._stderr.text() or 'it said nothing'}")
+        raise StartError(f"pve-sim did not start ({_meaning(status)}): {self._stderr.text() or 'stderr is empty'}")
 
     @property
     def pid(self) -> int:
@@ -97,16 +97,16 @@ class Process:
         return self._popen.pid
 
     def has_died(self) -> bool:
-        """Whether it ended before it was told to."""
+        """Whether the process ended before `close`."""
         return not self._closed and self._popen.poll() is not None
 
     def close(self) -> None:
-        """Ends it, which stores what is to be stored. More than once is allowed."""
+        """Ends the process; the devices store their memory first. Further calls do nothing."""
         self._closed = True
         self._end()
 
     def ended(self) -> SimulatorEnded:
-        """Returns the error of a call to a simulator that is not there any more."""
+        """Returns the error of a call to a simulator that has ended."""
         if self._closed:
             return SimulatorEnded("the simulator is closed")
         status = self._popen.wait()
@@ -115,13 +115,13 @@ class Process:
         return SimulatorEnded(f"pve-sim ended by itself ({_meaning(status)}); its stderr:\n{said}")
 
     def printed(self, lines: int) -> list[str]:
-        """Returns the last lines of stdout, the trace; of a process that has ended, to its end."""
+        """Returns the last lines of the trace on stdout, complete for a process that has ended."""
         if self._popen.poll() is not None:
             self._stdout.thread.join()
         return self._stdout.last(lines)
 
     def call(self, method: str, path: str, body: object = None, *, takes_time: bool = False) -> Any:
-        """Returns the answer to a call; 408 is answered like success. One that takes virtual time may take any real time."""
+        """Returns the answer to a call, also with status 408. Calls that take virtual time may take any real time."""
         connection = self._connection(None if takes_time else _ANSWER_S)
         try:
             answer = self._ask(connection, method, path, body)
@@ -135,7 +135,7 @@ class Process:
         raise self._refused(answer.status, text)
 
     def check_heard(self) -> None:
-        """Raises `NotHeard` when a device runs at another bit rate than the bus, or did, and was not told of."""
+        """Raises `NotHeard` for unreported devices that run, or ran, at another bit rate than the bus."""
         __tracebackhide__ = True
         devices = self.call("GET", "/bus")["not_heard"]
         told = [device for device in devices if device["device"] not in self.not_heard]
@@ -144,7 +144,7 @@ class Process:
             raise NotHeard("\n".join(device["reason"] for device in told))
 
     def open(self, path: str) -> tuple[HTTPConnection, HTTPResponse]:
-        """Returns the answer to a GET that has no end, and its connection."""
+        """Returns the streaming answer to a GET, and its connection."""
         connection = self._connection(None)
         try:
             answer = self._ask(connection, "GET", path, None)
@@ -169,7 +169,7 @@ class Process:
         return connection.getresponse()
 
     def _refused(self, status: int, text: bytes) -> SimulatorError:
-        """Returns the error of an answer. 503 is for too much that was asked, and at the end."""
+        """Returns the error of an answer. Status 503: a capacity is exhausted, or the simulator is ending."""
         refusal = _refusal(status, json.loads(text)["error"])
         return self._ending(refusal) if status == 503 else refusal
 
@@ -177,7 +177,7 @@ class Process:
         return self._ending(SimulatorError(f"{method} {path}: pve-sim did not answer: {error}"))
 
     def _ending(self, otherwise: SimulatorError) -> SimulatorError:
-        """Returns that the process ended, if it does: its connections break a moment before it is gone."""
+        """Returns the error of an ended process, if it is ending: its connections break shortly before it exits."""
         try:
             if not self._closed:
                 self._popen.wait(timeout=_ENDING_S)
@@ -187,7 +187,7 @@ class Process:
 
 
 class _Drain:
-    """Reads a pipe to its end in a thread, so that it never fills up, and keeps its last lines."""
+    """Reads a pipe in a thread, so that it never fills up, and keeps its last lines."""
 
     def __init__(self, pipe: IO[str] | None, first: queue.SimpleQueue[str] | None = None) -> None:
         self._lines: deque[str] = deque(maxlen=_KEPT)
@@ -214,7 +214,7 @@ def _drain(pipe: IO[str], lines: deque[str], lock: threading.Lock, first: queue.
 
 
 def _end(popen: subprocess.Popen[str], drains: list[threading.Thread]) -> None:
-    """Ends a process. In a fork of the one that started it, `Popen` knows of no child, and nothing happens."""
+    """Ends a process. Does nothing in a fork of the process that started it."""
     _ask_to_end(popen)
     try:
         popen.wait(timeout=_END_S)
@@ -226,7 +226,7 @@ def _end(popen: subprocess.Popen[str], drains: list[threading.Thread]) -> None:
 
 
 def _ask_to_end(popen: subprocess.Popen[str]) -> None:
-    """Asks a process to store everything and to end."""
+    """Asks a process to end after all devices have stored their memory."""
     if sys.platform == "win32":
         try:
             # The process is a group of its own, so that nobody else gets it.

@@ -43,7 +43,7 @@ running: WeakSet[Simulator] = WeakSet()
 
 
 class Simulator:
-    """Devices on a virtual CAN bus. It runs from its making to `close`, the end of `with`, or the end of this process.
+    """Devices on a virtual CAN bus. Runs until `close`, the end of `with`, or the end of this process.
 
     Its ports are free ones, so that any number of simulators run beside each other. Every time is virtual time.
     """
@@ -65,7 +65,7 @@ class Simulator:
 
         Args:
             devices: As for `--device`, for example "pvea-canopen@0x20,name=boom". Without any, one valve on CANopen.
-            links: As for `--link`: "boom=hat1000" lets a valve move the shaft of a sensor.
+            links: As for `--link`: in "boom=hat1000" a valve moves the shaft of a sensor.
             speed: How fast virtual time passes, against wall time; "step": it moves only in `advance`, `wait`,
                 `wait_frame` and `send`.
             bit_rate: The rate of the bus in bit/s; that of the first device without it.
@@ -132,22 +132,22 @@ class Simulator:
 
     @property
     def bus_url(self) -> str:
-        """The bus, as in `--bus`, with its port."""
+        """The URL of the bus, as in `--bus`, with its port."""
         return self._process.buses[0]
 
     @property
     def http_url(self) -> str:
-        """The control interface and the panel, which a browser shows."""
+        """The URL of the control interface and of the panel."""
         return self._process.http
 
     @property
     def can_options(self) -> dict[str, Any]:
-        """What `can.Bus` and `canopen.Network.connect` take to join the bus."""
+        """The arguments of `can.Bus` and `canopen.Network.connect` to join the bus."""
         at = urlsplit(self.bus_url)
         return {"interface": "socketcand", "host": at.hostname, "port": at.port, "channel": at.path.strip("/")}
 
     def bus(self, **options: Any) -> can.BusABC:
-        """Returns a new client of the bus, by python-can, whose options these are.
+        """Returns a new python-can client of the bus, with these options.
 
         The simulator shuts it down at its end.
         """
@@ -166,11 +166,11 @@ class Simulator:
         return BusState.of(self._process.call("GET", "/bus"))
 
     def set_bit_rate(self, bit_rate: int) -> BusState:
-        """Changes the rate of the bus, in bit/s, and of every client: the master that changes its rate."""
+        """Changes the bit rate of the bus and of every client, in bit/s, as a master that changes its rate."""
         return BusState.of(self._process.call("PATCH", "/bus", {"bit_rate": bit_rate}))
 
     def disturb(self, frames: int, id: int | str | None = None, *, extended: bool | None = None) -> BusState:
-        """Destroys the next attempts to send, of an identifier or of any, in the place of an earlier disturbance.
+        """Destroys the next attempts to send a frame, with an identifier or any; replaces an earlier disturbance.
 
         32 in a row take a sender bus-off; 0 ends a disturbance.
         """
@@ -191,7 +191,7 @@ class Simulator:
         extended: bool | None = None,
         every_ms: int | None = None,
     ) -> int:
-        """Sends a frame as a client does, and returns its end on the bus, in microseconds.
+        """Sends a frame as a client, and returns its end on the bus, in microseconds.
 
         Args:
             id: The identifier; a text is in hex: "220".
@@ -214,7 +214,7 @@ class Simulator:
         return sent
 
     def stop(self, id: int | str | None = None, *, extended: bool | None = None) -> int:
-        """Ends cyclic frames, those of an identifier or all, and returns how many there were."""
+        """Stops the cyclic frames with an identifier, or all, and returns their number."""
         if id is None and extended is not None:
             raise InvalidValue("extended without an id")
         query: Json = {} if id is None else identifier(id, extended)
@@ -263,7 +263,7 @@ class Simulator:
         return [Frame.of(entry) if "id" in entry else BusError.of(entry) for entry in entries]
 
     def trace_text(self, limit: int = 30) -> str:
-        """Returns the last frames, explained, for people; of a simulator that has ended, what it printed of them.
+        """Returns the last frames with explanations, for people; for a simulator that has ended, those it has printed.
 
         A frame that is like the one before it of its identifier is only counted.
         """
@@ -273,7 +273,7 @@ class Simulator:
             return "".join(self._process.printed(limit)).rstrip()
 
     def events(self) -> Events:
-        """Follows what happens from now on; the first events are the states of all devices."""
+        """Follows the events from now on; the first ones are the states of all devices."""
         return Events(self._process)
 
     # Time.
@@ -284,10 +284,10 @@ class Simulator:
         return now
 
     def advance(self, ms: int) -> int:
-        """Lets so many milliseconds pass, and returns the time, in microseconds.
+        """Advances time by milliseconds, and returns the time, in microseconds.
 
         Raises:
-            Conflict: time passes by itself, unless it is `speed="step"`.
+            Conflict: time is not stepped by `speed="step"`.
         """
         now: int = self._process.call("POST", "/time", {"advance_ms": ms}, takes_time=True)["now_us"]
         return now
@@ -300,7 +300,7 @@ class Simulator:
         return self._process.pid
 
     def check_heard(self) -> None:
-        """Checks that every device runs at the bit rate of the bus, and always has: changes may take a second.
+        """Checks that every device runs, and always ran, at the bit rate of the bus; a change may take a second.
 
         The start, a wait in vain and the end do so by themselves.
 
@@ -310,12 +310,12 @@ class Simulator:
         self._process.check_heard()
 
     def close(self) -> None:
-        """Shuts the clients of `bus` down and ends the process, which stores what is to be stored.
+        """Shuts down the clients of `bus` and ends the process after all devices have stored their memory.
 
         More than once is allowed.
 
         Raises:
-            NotHeard: a device was not heard; the process has ended all the same.
+            NotHeard: a device ran at another bit rate; the process has ended all the same.
         """
         deaf: NotHeard | None = None
         try:
@@ -357,7 +357,7 @@ class Simulator:
 
 
 class Events(Iterator[Event]):
-    """What happens, from the call on, until it is closed or the simulator ends."""
+    """The stream of events, from the call until it is closed or the simulator ends."""
 
     def __init__(self, process: Process) -> None:
         self._connection, self._lines = process.open("/events")
@@ -378,7 +378,7 @@ class Events(Iterator[Event]):
         raise StopIteration
 
     def close(self) -> None:
-        """Ends it."""
+        """Closes the stream."""
         self._lines.close()
         self._connection.close()
 

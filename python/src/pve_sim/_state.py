@@ -1,4 +1,4 @@
-"""States and frames as pve-sim tells them, and the changes and conditions that it takes. Units are part of the names."""
+"""States, frames, changes and conditions of the control interface. Names include the units."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Led:
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault that a device knows."""
+    """A fault of a device."""
 
     fault: str
     active: bool
@@ -38,7 +38,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class ValvePlant:
-    """What acts on a valve from outside."""
+    """The plant of a valve."""
 
     supply_mv: int
     temperature_c: int
@@ -54,7 +54,7 @@ class ValvePlant:
 
 @dataclass(frozen=True)
 class SensorPlant:
-    """What acts on an angle sensor from outside."""
+    """The plant of an angle sensor."""
 
     #: The angle of the shaft, 0 to 35999 1/100 degree.
     angle_cdeg: int
@@ -69,7 +69,7 @@ class SensorPlant:
 
 @dataclass(frozen=True)
 class DeviceState:
-    """The state of a device at one instant. What it has only with power is None without."""
+    """The state of a device at one instant. Members that need power are None without."""
 
     #: The instant of which all of it is true, in microseconds of virtual time.
     t_us: int
@@ -87,7 +87,7 @@ class DeviceState:
 
     @property
     def active_faults(self) -> tuple[str, ...]:
-        """The names of the faults that are active."""
+        """The names of the active faults."""
         return tuple(fault.fault for fault in self.faults if fault.active)
 
 
@@ -110,7 +110,7 @@ class ValveState(DeviceState):
 
     @classmethod
     def of(cls, state: Json) -> ValveState:
-        """Returns the state that a JSON object tells."""
+        """Returns the state in a JSON object."""
         plant = state["plant"]
         return cls(
             **_common(state),
@@ -134,7 +134,7 @@ class SensorState(DeviceState):
 
     @classmethod
     def of(cls, state: Json) -> SensorState:
-        """Returns the state that a JSON object tells."""
+        """Returns the state in a JSON object."""
         plant = SensorPlant(**_fields(SensorPlant, state["plant"]))
         return cls(**_common(state), position=state["position"], plant=plant)
 
@@ -145,12 +145,12 @@ def _common(state: Json) -> Json:
 
 
 def _fields(kind: type, values: Json) -> Json:
-    """Returns the values that a class has fields for: a newer pve-sim may tell more."""
+    """Returns the values for the fields of a class: a newer pve-sim may send more."""
     return {name: values[name] for name in kind.__dataclass_fields__}  # type: ignore[attr-defined]
 
 
 class Limits(TypedDict, total=False):
-    """Limits, inclusive; a missing one is none."""
+    """Limits, inclusive; a missing limit does not restrict."""
 
     min: int
     max: int
@@ -170,13 +170,13 @@ class _Change(TypedDict, total=False):
 
 
 class Spool(TypedDict):
-    """The spool as the control interface has it."""
+    """The spool of the control interface."""
 
     fault: SpoolFault | None
 
 
 class ValveChange(_Change, total=False):
-    """A change of what acts on a valve, as in `ValvePlant`."""
+    """A change of the plant of a valve, as in `ValvePlant`."""
 
     supply_mv: int
     temperature_c: int
@@ -185,7 +185,7 @@ class ValveChange(_Change, total=False):
 
 
 class SensorChange(_Change, total=False):
-    """A change of what acts on an angle sensor, as in `SensorPlant`."""
+    """A change of the plant of an angle sensor, as in `SensorPlant`."""
 
     angle_cdeg: int
     speed_rpm: int
@@ -303,7 +303,7 @@ class BusState:
 
     @classmethod
     def of(cls, state: Json) -> BusState:
-        """Returns the state that a JSON object tells."""
+        """Returns the state in a JSON object."""
         disturb = Disturbance(**_fields(Disturbance, state["disturb"]))
         not_heard = tuple(Unheard(**_fields(Unheard, device)) for device in state["not_heard"])
         return cls(**{**_fields(BusState, state), "disturb": disturb, "not_heard": not_heard})

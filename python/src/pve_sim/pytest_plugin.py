@@ -57,7 +57,7 @@ def valve(pve_sim: Simulator) -> Valve:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call() -> Generator[None, Any, Any]:
-    """Fails a test in which a device was not heard: what it did not see proves nothing."""
+    """Fails a test in which a device ran at another bit rate than the bus: the absence of its frames proves nothing."""
     outcome = yield
     for simulator in list(running):
         # Of one that has ended its end tells.
