@@ -1,5 +1,7 @@
 //! Logs of sessions in virtual time, replayed as they are and with something changed.
 
+mod changes;
+mod logs;
 mod mutations;
 mod positions;
 
@@ -7,7 +9,6 @@ use std::fs;
 use std::io::Write as _;
 use std::sync::Arc;
 
-use proptest::prelude::*;
 use protocol_core::frame::{extended, standard};
 use protocol_core::time::{after, since};
 use tempfile::NamedTempFile;
@@ -166,111 +167,10 @@ fn a_session_replays_in_every_format() {
     assert!(as_logged("--device pvea-canopen@0x20 --tolerance-ms 0", &at_rest().log()) > 20);
 }
 
-/// A frame of the valve, its place in the log, and what is done to it.
-#[derive(Clone, Copy, Debug)]
-enum Change {
-    Byte(usize, u8),
-    Remove,
-    Insert,
-    Later,
-}
-
-fn changes() -> impl Strategy<Value = Change> {
-    prop_oneof![
-        (0..8_usize, 1..=255_u8).prop_map(|(at, bits)| Change::Byte(at, bits)),
-        Just(Change::Remove),
-        Just(Change::Insert),
-        Just(Change::Later)
-    ]
-}
-
-/// Whether a frame is of node 0x20.
+/// Returns whether a frame is of node 0x20.
 fn is_of_valve(record: &Record) -> bool {
     let Entry::Frame(frame) = record.entry else { return false };
     ["0A0:", "1A0:", "5A0:", "720:"].iter().any(|id| frame.to_string().starts_with(id))
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases.div_ceil(5)))]
-
-    /// Whatever is changed of one frame of the valve but its first, exactly that is told.
-    #[test]
-    fn exactly_what_is_changed_is_told(at in any::<prop::sample::Index>(), change in changes()) {
-        let mut records = at_rest().records;
-        let own: Vec<usize> = (1..records.len()).filter(|place| is_of_valve(&records[*place])).collect();
-        let place = own[at.index(own.len())];
-        let Record { at, entry: Entry::Frame(frame) } = records[place] else { unreachable!() };
-        let mut line = Some(place as u64 + 1);
-        let what = match change {
-            Change::Byte(byte, bits) => {
-                let mut data = *frame.bytes();
-                data[byte % usize::from(frame.len())] ^= bits;
-                records[place].entry = Entry::Frame(frame.refilled(data));
-                What::Different
-            }
-            Change::Remove => {
-                records.remove(place);
-                line = None;
-                What::Additional
-            }
-            Change::Insert => {
-                // Between the frame and the next one, with data that no frame there has.
-                let at = Timestamp::from_micros(at.as_micros() + 1);
-                records.insert(place + 1, Record { at, entry: Entry::Frame(frame.refilled([0xA5; 8])) });
-                line = line.map(|line| line + 1);
-                What::Missing
-            }
-            Change::Later => {
-                let late = Timestamp::from_micros(at.as_micros() + 20_000);
-                let mut moved = records.remove(place);
-                moved.at = late;
-                let after = records.partition_point(|record| record.at <= late);
-                records.insert(after, moved);
-                line = Some(after as u64 + 1);
-                What::Early(Duration::from_millis(20))
-            }
-        };
-        // Frames of the same identifier right before and after it are not told from a swap.
-        let near = |other: &usize| *other != place && {
-            let Some(Record { at: other_at, entry: Entry::Frame(other) }) = at_rest().records.get(*other).copied() else {
-                return false;
-            };
-            other.key() == frame.key() && other_at.as_micros().abs_diff(at.as_micros()) < 30_000
-        };
-        prop_assume!(!matches!(change, Change::Later) || !own.iter().any(near));
-        let is_last = Some(&place) == own.last();
-        prop_assume!(!matches!(change, Change::Remove | Change::Later) || !is_last);
-        let options = options(VALVE, &log(&records, Format::Candump));
-        let file = log(&records, Format::Candump);
-        let outcome = replayed(VALVE, &file);
-        prop_assert_eq!(outcome.differences, 1, "{:?} {}\n{}", change, frame, outcome.report(&options));
-        prop_assert_eq!(outcome.told[0].number, line);
-        match what {
-            What::Early(_) => {
-                let What::Early(by) = outcome.told[0].what else { panic!("{}", outcome.report(&options)) };
-                prop_assert!(since(Instant::from_ticks(by.as_ticks()), Instant::from_millis(19)) < Duration::from_millis(2));
-            }
-            what => prop_assert_eq!(outcome.told[0].what, what, "{}", outcome.report(&options)),
-        }
-    }
-}
-
-/// Every second heartbeat was lost by the logger: each is told, and nothing else.
-#[test]
-fn many_frames_may_be_lost() {
-    let mut records = at_rest().records;
-    let mut heartbeats = 0;
-    let before = records.len();
-    records.retain(|record| {
-        let is_heartbeat = matches!(record.entry, Entry::Frame(frame) if frame.to_string() == "720: 05");
-        heartbeats += usize::from(is_heartbeat);
-        !(is_heartbeat && heartbeats % 2 == 0)
-    });
-    let lost = before - records.len();
-    assert!(lost > 5);
-    let outcome = replayed(VALVE, &log(&records, Format::Candump));
-    assert_eq!(outcome.differences, lost as u64);
-    assert!(outcome.told.iter().all(|difference| difference.what == What::Additional));
 }
 
 /// The stand-in does not answer for what is after the log.
@@ -409,139 +309,4 @@ fn identifiers_that_change() {
     let options = options(blank, &file);
     let error = play_rounds(&options, &Timeline::find(&options).unwrap(), 1).unwrap_err().to_string();
     assert!(error.ends_with("after 4 rounds: 1C2"), "{error}");
-}
-
-/// No log has the instant of a power-up: the first frame of each device gives it, or it was on before. Said, as another
-/// time of that frame changes nothing.
-#[test]
-fn what_gives_the_power_up_is_said() {
-    let both = "--device pvea-canopen@0x20 --device hat1000@1,bit-rate=250k";
-    let mut session = Session::new(both);
-    session.send(30, &["601: 40 04 60 00 00 00 00 00"; 3]);
-    let place_of =
-        |text: &str| session.records.iter().position(|record| record.entry == Entry::Frame(frame(text))).unwrap();
-    let (valve, sensor) = (place_of("720: 00"), place_of("701: 00"));
-    let said = |records: &[Record]| {
-        let file = log(records, Format::Candump);
-        as_logged(both, &file);
-        let options = options(both, &file);
-        replay(&options).unwrap().report(&options).split_once("; power-up").unwrap().1.to_owned()
-    };
-    let by_line = format!(" not compared: pvea-canopen by line {}, hat1000 by line {}\n", valve + 1, sensor + 1);
-    assert_eq!(said(&session.records), by_line);
-    session.records.remove(sensor);
-    assert_eq!(said(&session.records), " not compared: pvea-canopen by line 1, hat1000 before the log\n");
-}
-
-/// The logger ran before: frames of an earlier life have the identifier of the boot-up.
-#[test]
-fn a_log_may_begin_with_an_earlier_life() {
-    let session = at_rest();
-    let earlier = |ms: u64, text: &str| Record {
-        at: Timestamp::from_micros(START.as_micros() - ms * 1000),
-        entry: Entry::Frame(frame(text)),
-    };
-    let mut records = vec![earlier(900, "720: 05"), earlier(850, "220: 0F 00 00 00"), earlier(800, "720: 05")];
-    records.extend(&session.records);
-    let file = log(&records, Format::Candump);
-    assert!(replayed(VALVE, &file).differences > 0);
-    assert!(as_logged(&format!("{VALVE} --from-boot-up"), &file) > 20);
-    let file = log(&records[..3], Format::Candump);
-    let error = replay(&options(&format!("{VALVE} --from-boot-up"), &file)).unwrap_err().to_string();
-    assert!(error.ends_with(": no boot-up or address claim of pvea-canopen in the log"), "{error}");
-}
-
-/// The logger came later: the valve has booted before.
-#[test]
-fn a_log_may_begin_after_the_boot_up() {
-    let records = at_rest().records;
-    assert!(as_logged(VALVE, &log(&records[2..], Format::Candump)) > 20);
-}
-
-#[test]
-fn what_is_no_frame_is_told_and_the_rest_is_played() {
-    let session = at_rest();
-    let mut file = session.log();
-    file.as_file_mut().write_all(&fs::read(session.log().path()).unwrap()).unwrap();
-    file.as_file_mut().write_all(b"hello\n").unwrap();
-    let outcome = replayed(VALVE, &file);
-    assert_eq!((outcome.differences, outcome.unread.len()), (0, 1));
-    assert!(!outcome.is_as_logged() && outcome.unread[0].ends_with(": not a line of candump: \"hello\""));
-    let mut records = session.records.clone();
-    records.insert(3, Record { entry: Entry::Error(ErrorClass::BusError.into()), ..records[3] });
-    let outcome = replayed(VALVE, &log(&records, Format::Candump));
-    assert_eq!((outcome.differences, outcome.error_frames), (0, 1));
-    let other = replay(&options("--device pvea-canopen@0x21", &session.log())).unwrap_err();
-    assert!(other.to_string().ends_with(": no frame of pvea-canopen in the log"), "{other}");
-    let empty = replay(&options(VALVE, &log(&[], Format::Asc))).unwrap_err();
-    assert!(empty.to_string().ends_with(": no frame to replay"), "{empty}");
-}
-
-/// A blank device that nobody asks says nothing: a log without it is not as logged.
-#[test]
-fn a_device_of_which_nothing_is_compared_is_told() {
-    let file = at_rest().log();
-    for (line, name) in [
-        ("--device hat1000,blank", "hat1000"),
-        ("--device pvea-canopen,blank", "pvea-canopen"),
-        ("--device pvea-canopen@0x20 --device hat1000,blank", "hat1000"),
-    ] {
-        let error = replay(&options(line, &file)).map(|outcome| outcome.differences).unwrap_err();
-        assert!(error.to_string().ends_with(&format!(": no frame of {name} in the log")), "{line}: {error}");
-    }
-}
-
-/// A clock that was set must not make the stand-in live for years.
-#[test]
-fn a_time_that_is_wrong_is_told() {
-    let mut records = at_rest().records;
-    let place = records.len() - 1;
-    records[place].at = Timestamp::from_micros(u64::MAX);
-    let outcome = replayed(VALVE, &log(&records, Format::Candump));
-    assert_eq!((outcome.differences, outcome.unread.len()), (0, 1));
-    let named = format!(":{}: more than a day after the previous entry", records.len());
-    assert!(outcome.unread[0].ends_with(&named), "{:?}", outcome.unread);
-}
-
-/// Times that go back are of two logs, or are counted from the entry before: they tell no order.
-#[test]
-fn a_time_that_goes_back_is_told() {
-    let records = at_rest().records;
-    let twice = [&records[..], &records[..]].concat();
-    let outcome = replayed(VALVE, &log(&twice, Format::Candump));
-    assert!(!outcome.is_as_logged());
-    let named = format!(":{}: earlier than the previous entry", records.len() + 1);
-    assert!(outcome.unread[0].ends_with(&named), "{:?}", outcome.unread[0]);
-    // Two loggers that write into one file are apart by less than the tolerance.
-    let mut records = records;
-    let place = records.iter().position(is_of_valve).unwrap() + 4;
-    records[place].at = Timestamp::from_micros(records[place - 1].at.as_micros() - 1000);
-    as_logged(VALVE, &log(&records, Format::Candump));
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases.div_ceil(4)))]
-
-    /// Whatever a log has, in whatever order of time.
-    #[test]
-    fn any_log_comes_to_its_end(
-        frames in prop::collection::vec((0..2_000_000_u64, 0..0x800_u16, any::<[u8; 8]>(), 0..=8_u8, any::<u32>()), 0..60),
-        isobus in any::<bool>()
-    ) {
-        let (device, first) = if isobus {
-            ("--device pvea-isobus@0x83 --tolerance-ms 0", "18EEFF83: 01 00 20 07 08 FF 02 20")
-        } else {
-            ("--device hat1000@1 --device pvea-canopen@0x20,bit-rate=500k", "701: 00")
-        };
-        let at = |micros| Timestamp::from_micros(START.as_micros() + micros);
-        let mut records = vec![Record { at: at(0), entry: Entry::Frame(frame(first)) }];
-        records.push(Record { at: at(300), entry: Entry::Frame(frame("720: 00")) });
-        records.extend(frames.into_iter().map(|(micros, id, data, len, raw)| {
-            let id = if isobus { extended(raw).into() } else { standard(id).into() };
-            let frame = if raw % 7 == 0 { Frame::remote(id, len) } else { Frame::with_len(id, data, len) };
-            Record { at: at(micros), entry: Entry::Frame(frame) }
-        }));
-        let outcome = replayed(device, &log(&records, Format::Candump));
-        prop_assert_eq!(outcome.compared + outcome.played, records.len() as u64);
-    }
 }

@@ -1,0 +1,140 @@
+//! Logs that begin late, have gaps, or are damaged.
+
+use proptest::prelude::*;
+
+use super::*;
+
+/// No log has the instant of a power-up: the first frame of each device gives it, or it was on before. Said, as another
+/// time of that frame changes nothing.
+#[test]
+fn what_gives_the_power_up_is_said() {
+    let both = "--device pvea-canopen@0x20 --device hat1000@1,bit-rate=250k";
+    let mut session = Session::new(both);
+    session.send(30, &["601: 40 04 60 00 00 00 00 00"; 3]);
+    let place_of =
+        |text: &str| session.records.iter().position(|record| record.entry == Entry::Frame(frame(text))).unwrap();
+    let (valve, sensor) = (place_of("720: 00"), place_of("701: 00"));
+    let said = |records: &[Record]| {
+        let file = log(records, Format::Candump);
+        as_logged(both, &file);
+        let options = options(both, &file);
+        replay(&options).unwrap().report(&options).split_once("; power-up").unwrap().1.to_owned()
+    };
+    let by_line = format!(" not compared: pvea-canopen by line {}, hat1000 by line {}\n", valve + 1, sensor + 1);
+    assert_eq!(said(&session.records), by_line);
+    session.records.remove(sensor);
+    assert_eq!(said(&session.records), " not compared: pvea-canopen by line 1, hat1000 before the log\n");
+}
+
+/// The logger ran before: frames of an earlier life have the identifier of the boot-up.
+#[test]
+fn a_log_may_begin_with_an_earlier_life() {
+    let session = at_rest();
+    let earlier = |ms: u64, text: &str| Record {
+        at: Timestamp::from_micros(START.as_micros() - ms * 1000),
+        entry: Entry::Frame(frame(text)),
+    };
+    let mut records = vec![earlier(900, "720: 05"), earlier(850, "220: 0F 00 00 00"), earlier(800, "720: 05")];
+    records.extend(&session.records);
+    let file = log(&records, Format::Candump);
+    assert!(replayed(VALVE, &file).differences > 0);
+    assert!(as_logged(&format!("{VALVE} --from-boot-up"), &file) > 20);
+    let file = log(&records[..3], Format::Candump);
+    let error = replay(&options(&format!("{VALVE} --from-boot-up"), &file)).unwrap_err().to_string();
+    assert!(error.ends_with(": no boot-up or address claim of pvea-canopen in the log"), "{error}");
+}
+
+/// The logger came later: the valve has booted before.
+#[test]
+fn a_log_may_begin_after_the_boot_up() {
+    let records = at_rest().records;
+    assert!(as_logged(VALVE, &log(&records[2..], Format::Candump)) > 20);
+}
+
+#[test]
+fn what_is_no_frame_is_told_and_the_rest_is_played() {
+    let session = at_rest();
+    let mut file = session.log();
+    file.as_file_mut().write_all(&fs::read(session.log().path()).unwrap()).unwrap();
+    file.as_file_mut().write_all(b"hello\n").unwrap();
+    let outcome = replayed(VALVE, &file);
+    assert_eq!((outcome.differences, outcome.unread.len()), (0, 1));
+    assert!(!outcome.is_as_logged() && outcome.unread[0].ends_with(": not a line of candump: \"hello\""));
+    let mut records = session.records.clone();
+    records.insert(3, Record { entry: Entry::Error(ErrorClass::BusError.into()), ..records[3] });
+    let outcome = replayed(VALVE, &log(&records, Format::Candump));
+    assert_eq!((outcome.differences, outcome.error_frames), (0, 1));
+    let other = replay(&options("--device pvea-canopen@0x21", &session.log())).unwrap_err();
+    assert!(other.to_string().ends_with(": no frame of pvea-canopen in the log"), "{other}");
+    let empty = replay(&options(VALVE, &log(&[], Format::Asc))).unwrap_err();
+    assert!(empty.to_string().ends_with(": no frame to replay"), "{empty}");
+}
+
+/// A blank device that nobody asks says nothing: a log without it is not as logged.
+#[test]
+fn a_device_of_which_nothing_is_compared_is_told() {
+    let file = at_rest().log();
+    for (line, name) in [
+        ("--device hat1000,blank", "hat1000"),
+        ("--device pvea-canopen,blank", "pvea-canopen"),
+        ("--device pvea-canopen@0x20 --device hat1000,blank", "hat1000"),
+    ] {
+        let error = replay(&options(line, &file)).map(|outcome| outcome.differences).unwrap_err();
+        assert!(error.to_string().ends_with(&format!(": no frame of {name} in the log")), "{line}: {error}");
+    }
+}
+
+/// A clock that was set must not make the stand-in live for years.
+#[test]
+fn a_time_that_is_wrong_is_told() {
+    let mut records = at_rest().records;
+    let place = records.len() - 1;
+    records[place].at = Timestamp::from_micros(u64::MAX);
+    let outcome = replayed(VALVE, &log(&records, Format::Candump));
+    assert_eq!((outcome.differences, outcome.unread.len()), (0, 1));
+    let named = format!(":{}: more than a day after the previous entry", records.len());
+    assert!(outcome.unread[0].ends_with(&named), "{:?}", outcome.unread);
+}
+
+/// Times that go back are of two logs, or are counted from the entry before: they tell no order.
+#[test]
+fn a_time_that_goes_back_is_told() {
+    let records = at_rest().records;
+    let twice = [&records[..], &records[..]].concat();
+    let outcome = replayed(VALVE, &log(&twice, Format::Candump));
+    assert!(!outcome.is_as_logged());
+    let named = format!(":{}: earlier than the previous entry", records.len() + 1);
+    assert!(outcome.unread[0].ends_with(&named), "{:?}", outcome.unread[0]);
+    // Two loggers that write into one file are apart by less than the tolerance.
+    let mut records = records;
+    let place = records.iter().position(is_of_valve).unwrap() + 4;
+    records[place].at = Timestamp::from_micros(records[place - 1].at.as_micros() - 1000);
+    as_logged(VALVE, &log(&records, Format::Candump));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases.div_ceil(4)))]
+
+    /// Whatever a log has, in whatever order of time.
+    #[test]
+    fn any_log_comes_to_its_end(
+        frames in prop::collection::vec((0..2_000_000_u64, 0..0x800_u16, any::<[u8; 8]>(), 0..=8_u8, any::<u32>()), 0..60),
+        isobus in any::<bool>()
+    ) {
+        let (device, first) = if isobus {
+            ("--device pvea-isobus@0x83 --tolerance-ms 0", "18EEFF83: 01 00 20 07 08 FF 02 20")
+        } else {
+            ("--device hat1000@1 --device pvea-canopen@0x20,bit-rate=500k", "701: 00")
+        };
+        let at = |micros| Timestamp::from_micros(START.as_micros() + micros);
+        let mut records = vec![Record { at: at(0), entry: Entry::Frame(frame(first)) }];
+        records.push(Record { at: at(300), entry: Entry::Frame(frame("720: 00")) });
+        records.extend(frames.into_iter().map(|(micros, id, data, len, raw)| {
+            let id = if isobus { extended(raw).into() } else { standard(id).into() };
+            let frame = if raw % 7 == 0 { Frame::remote(id, len) } else { Frame::with_len(id, data, len) };
+            Record { at: at(micros), entry: Entry::Frame(frame) }
+        }));
+        let outcome = replayed(device, &log(&records, Format::Candump));
+        prop_assert_eq!(outcome.compared + outcome.played, records.len() as u64);
+    }
+}
